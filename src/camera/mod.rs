@@ -1,0 +1,7 @@
+//! Pinhole cameras: their rays, and reading them from `transforms.json`.
+
+mod pinhole;
+mod transforms;
+
+pub use pinhole::PinholeCamera;
+pub use transforms::{CameraError, read_transforms};

@@ -1,0 +1,253 @@
+//! NeRF's, nerfstudio's and instant-ngp's camera files.
+
+use std::{
+    fs, io,
+    path::{Path, PathBuf},
+};
+
+use glam::{DMat3, DMat4, DVec4};
+use serde::Deserialize;
+
+use super::PinholeCamera;
+
+/// Why a camera file could not be used.
+#[derive(Debug, thiserror::Error)]
+pub enum CameraError {
+    /// The file could not be read.
+    #[error("{}: {source}", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// The file is not JSON, or a value has the wrong type.
+    #[error("{}: not a transforms.json: {source}", path.display())]
+    Json {
+        /// The file.
+        path: PathBuf,
+        /// Where and why.
+        source: serde_json::Error,
+    },
+    /// A key is missing or holds what no camera has.
+    #[error("{}: {key}: found {found}, expected {expected}", path.display())]
+    Value {
+        /// The file.
+        path: PathBuf,
+        /// The key.
+        key: String,
+        /// What it holds.
+        found: String,
+        /// What it should hold.
+        expected: &'static str,
+    },
+}
+
+/// Intrinsics, for all frames or, where a frame has its own, for that one.
+#[derive(Clone, Copy, Default, Deserialize)]
+struct Intrinsics {
+    w: Option<f64>,
+    h: Option<f64>,
+    fl_x: Option<f64>,
+    fl_y: Option<f64>,
+    cx: Option<f64>,
+    cy: Option<f64>,
+    camera_angle_x: Option<f64>,
+    camera_angle_y: Option<f64>,
+}
+
+impl Intrinsics {
+    fn or(self, other: Self) -> Self {
+        Self {
+            w: self.w.or(other.w),
+            h: self.h.or(other.h),
+            fl_x: self.fl_x.or(other.fl_x),
+            fl_y: self.fl_y.or(other.fl_y),
+            cx: self.cx.or(other.cx),
+            cy: self.cy.or(other.cy),
+            camera_angle_x: self.camera_angle_x.or(other.camera_angle_x),
+            camera_angle_y: self.camera_angle_y.or(other.camera_angle_y),
+        }
+    }
+}
+
+#[derive(Deserialize)]
+struct File {
+    #[serde(flatten)]
+    intrinsics: Intrinsics,
+    frames: Vec<Frame>,
+}
+
+#[derive(Deserialize)]
+struct Frame {
+    #[serde(flatten)]
+    intrinsics: Intrinsics,
+    transform_matrix: Vec<Vec<f64>>,
+}
+
+/// Picture size where neither the file nor the caller says one.
+const DEFAULT_SIZE: (u32, u32) = (800, 800);
+/// Pixels a side that a picture may have.
+const MAX_SIZE: f64 = 16384.0;
+
+/// The cameras of a `transforms.json`, one a frame, in the file's order and frame of reference.
+///
+/// `w`, `h`, `fl_x`, `fl_y`, `cx` and `cy` count where they are given, in the frame or for all; the focal length else
+/// comes from `camera_angle_x`. With `size` the views are rescaled to that many pixels. Lens distortion is not modelled.
+pub fn read_transforms(path: impl AsRef<Path>, size: Option<(u32, u32)>) -> Result<Vec<PinholeCamera>, CameraError> {
+    let path = path.as_ref();
+    let text = fs::read(path).map_err(|source| CameraError::Io { path: path.into(), source })?;
+    let file: File = serde_json::from_slice(&text).map_err(|source| CameraError::Json { path: path.into(), source })?;
+    let value = |key: String, found: String, expected| CameraError::Value { path: path.into(), key, found, expected };
+    if file.frames.is_empty() {
+        return Err(value("frames".into(), "none".into(), "at least one"));
+    }
+    (file.frames.iter().enumerate())
+        .map(|(index, frame)| {
+            let pose = pose(&frame.transform_matrix).map_err(|found| {
+                let key = format!("frames[{index}].transform_matrix");
+                value(key, found, "a 4x4 matrix from camera to world, a rotation and a position")
+            })?;
+            pinhole(frame.intrinsics.or(file.intrinsics), pose, size)
+                .map_err(|(key, found, expected)| value(key.into(), found, expected))
+        })
+        .collect()
+}
+
+/// The matrix, made a pure rotation and a translation; what was found where that is impossible.
+fn pose(rows: &[Vec<f64>]) -> Result<DMat4, String> {
+    if !(3..=4).contains(&rows.len()) || rows.iter().any(|row| row.len() != 4) {
+        return Err(format!("{} rows of {} values", rows.len(), rows.first().map_or(0, Vec::len)));
+    }
+    let row = |i: usize| DVec4::from_slice(&rows[i]);
+    let matrix = DMat4::from_cols(row(0), row(1), row(2), DVec4::W).transpose();
+    if !matrix.is_finite() {
+        return Err("a number that is not finite".into());
+    }
+    let axes = DMat3::from_mat4(matrix);
+    let determinant = axes.determinant();
+    let rotation = axes * determinant.cbrt().recip();
+    let skew = rotation * rotation.transpose() - DMat3::IDENTITY;
+    if determinant <= 0.0 || !skew.to_cols_array().iter().all(|x| x.abs() < 1e-2) {
+        return Err(format!("axes that are no rotation (determinant {determinant:.3})"));
+    }
+    let mut pose = DMat4::from_mat3(rotation);
+    pose.w_axis = matrix.w_axis;
+    Ok(pose)
+}
+
+fn pinhole(
+    given: Intrinsics,
+    pose: DMat4,
+    size: Option<(u32, u32)>,
+) -> Result<PinholeCamera, (&'static str, String, &'static str)> {
+    let pixels = |key, value: f64| {
+        if value.fract() == 0.0 && (1.0..=MAX_SIZE).contains(&value) {
+            Ok(value as u32)
+        } else {
+            Err((key, value.to_string(), "a whole number of pixels from 1 to 16384"))
+        }
+    };
+    let own_size = match (given.w, given.h) {
+        (Some(w), Some(h)) => Some((pixels("w", w)?, pixels("h", h)?)),
+        _ => None,
+    };
+    let (width, height) = own_size.or(size).unwrap_or(DEFAULT_SIZE);
+    let focal = |key, focal: f64| {
+        if focal.is_finite() && focal > 0.0 { Ok(focal) } else { Err((key, focal.to_string(), "a positive number")) }
+    };
+    let from_angle = |key, angle: f64, pixels: u32| {
+        if angle > 0.0 && angle < std::f64::consts::PI {
+            Ok(0.5 * f64::from(pixels) / (0.5 * angle).tan())
+        } else {
+            Err((key, angle.to_string(), "an angle between 0 and pi"))
+        }
+    };
+    let focal_x = match (given.fl_x, given.camera_angle_x) {
+        (Some(fl_x), _) => focal("fl_x", fl_x)?,
+        (None, Some(angle)) => from_angle("camera_angle_x", angle, width)?,
+        (None, None) => return Err(("camera_angle_x", "nothing".into(), "it or fl_x")),
+    };
+    let focal_y = match (given.fl_y, given.camera_angle_y) {
+        (Some(fl_y), _) => focal("fl_y", fl_y)?,
+        (None, Some(angle)) => from_angle("camera_angle_y", angle, height)?,
+        (None, None) => focal_x,
+    };
+    let camera = PinholeCamera {
+        width,
+        height,
+        focal_x,
+        focal_y,
+        center_x: given.cx.unwrap_or(0.5 * f64::from(width)),
+        center_y: given.cy.unwrap_or(0.5 * f64::from(height)),
+        rotation: DMat3::from_mat4(pose),
+        position: pose.w_axis.truncate(),
+    };
+    Ok(match size {
+        Some((width, height)) => camera.resized(width, height),
+        None => camera,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(json: &str, size: Option<(u32, u32)>) -> Result<Vec<PinholeCamera>, CameraError> {
+        let directory = std::env::temp_dir().join(format!("plenoctree-cameras-{:?}", std::thread::current().id()));
+        fs::create_dir_all(&directory).unwrap();
+        let path = directory.join("transforms.json");
+        fs::write(&path, json).unwrap();
+        let cameras = read_transforms(&path, size);
+        fs::remove_dir_all(&directory).unwrap();
+        cameras
+    }
+
+    const POSE: &str = r#""transform_matrix": [[1,0,0,4],[0,1,0,5],[0,0,1,6],[0,0,0,1]]"#;
+
+    #[test]
+    fn nerf_files_have_square_pixels_and_a_central_axis() {
+        let json = format!(r#"{{"camera_angle_x": 1.5707963267948966, "frames": [{{"file_path": "a", {POSE}}}]}}"#);
+        let camera = read(&json, Some((200, 100))).unwrap()[0];
+        let (origin, direction) = camera.ray(100.0, 50.0);
+        assert_eq!(origin.to_array(), [4.0, 5.0, 6.0]);
+        assert_eq!(direction.to_array(), [0.0, 0.0, -1.0]);
+        // 45 degrees to the edge, and square pixels: the upper edge is half as far.
+        let (_, corner) = camera.ray(0.0, 0.0);
+        assert!((corner / -corner.z - glam::DVec3::new(-1.0, 0.5, -1.0)).length() < 1e-12);
+    }
+
+    #[test]
+    fn intrinsics_are_taken_from_the_file_and_rescaled() {
+        let json = format!(
+            r#"{{"w": 100, "h": 50, "fl_x": 80, "fl_y": 90, "cx": 40, "cy": 30, "frames": [{{{POSE}}}, {{"cx": 10, {POSE}}}]}}"#
+        );
+        let own = read(&json, None).unwrap();
+        assert_eq!((own[0].width, own[0].height, own[0].center_x, own[1].center_x), (100, 50, 40.0, 10.0));
+        let half = read(&json, Some((50, 100))).unwrap()[0];
+        assert_eq!((half.focal_x, half.focal_y, half.center_x, half.center_y), (40.0, 180.0, 20.0, 60.0));
+        // The same ray goes through the same place of the picture.
+        assert!((own[0].ray(70.0, 20.0).1 - half.ray(35.0, 40.0).1).length() < 1e-12);
+    }
+
+    #[test]
+    fn what_is_no_camera_is_named() {
+        for (json, named) in [
+            ("{}", "frames"),
+            (r#"{"frames": []}"#, "frames"),
+            ("[", "transforms.json"),
+            (&format!(r#"{{"frames": [{{{POSE}}}]}}"#), "camera_angle_x"),
+            (&format!(r#"{{"camera_angle_x": 4.0, "frames": [{{{POSE}}}]}}"#), "camera_angle_x"),
+            (&format!(r#"{{"fl_x": -1, "frames": [{{{POSE}}}]}}"#), "fl_x"),
+            (&format!(r#"{{"w": 1e9, "h": 3, "fl_x": 1, "frames": [{{{POSE}}}]}}"#), "w"),
+            (r#"{"fl_x": 1, "frames": [{"transform_matrix": [[1,2],[3,4]]}]}"#, "frames[0].transform_matrix"),
+            (
+                r#"{"fl_x": 1, "frames": [{"transform_matrix": [[0,0,0,0],[0,0,0,0],[0,0,0,0],[0,0,0,1]]}]}"#,
+                "frames[0].transform_matrix",
+            ),
+        ] {
+            let message = read(json, None).unwrap_err().to_string();
+            assert!(message.contains(named), "{json}: {message}");
+        }
+    }
+}

@@ -1,0 +1,85 @@
+//! Visibility-weighted radiance samples, section 3 of the method, steps 1 to 5 (equation 8 of the paper).
+
+use std::{f64::consts::TAU, ops::ControlFlow};
+
+use glam::DVec3;
+
+use super::march;
+use crate::{
+    field::PlenOctree,
+    palette::{ExtractionSettings, Histograms, InvalidHistogram, Observers},
+};
+
+/// The histograms of the whole field, sample by sample, in float64 and on one core.
+pub fn sample_histograms(field: &PlenOctree, settings: &ExtractionSettings) -> Result<Histograms, InvalidHistogram> {
+    let bins = [settings.fine_bins, settings.coarse_bins];
+    let mut weights = bins.map(|bins| vec![0.0; bins.pow(3)]);
+    let cells = f64::from(1u32 << field.depth());
+    let directions = observers(settings);
+    for cell in field.leaf_cells() {
+        let centre = field.frame().to_world((cell.corner.as_dvec3() + 0.5 * f64::from(cell.size)) / cells);
+        let density = f64::from(field.densities()[cell.leaf as usize]);
+        for rays in &directions {
+            // The rays of a direction cell are one anti-aliased sample: step 4.
+            let (mut weight, mut color) = (0.0, DVec3::ZERO);
+            for &observer in rays {
+                let visibility = density * transmittance(field, centre, observer, settings.stop_transmittance);
+                weight += visibility;
+                color += visibility * field.radiance(cell.leaf, -observer);
+            }
+            if weight > 0.0 {
+                for (bins, weights) in bins.iter().zip(&mut weights) {
+                    weights[bin(color / weight, *bins)] += weight / rays.len() as f64;
+                }
+            }
+        }
+    }
+    let samples = field.leaves() * directions.len();
+    let [fine, coarse] = weights;
+    Histograms::new(settings.fine_bins, fine, settings.coarse_bins, coarse, samples as u64)
+}
+
+/// Index of the bin of a colour: step 5.
+fn bin(color: DVec3, bins: usize) -> usize {
+    let [r, g, b] = color.to_array().map(|c| (c.clamp(0.0, 0.999) * bins as f64).floor() as usize);
+    (r * bins + g) * bins + b
+}
+
+/// Unit vectors to the observers: step 2. One inner list per cell of directions.
+fn observers(settings: &ExtractionSettings) -> Vec<Vec<DVec3>> {
+    let n = settings.directions;
+    let (columns, rows, lowest) = match settings.observers {
+        Observers::UpperHemisphere => (4 * n, n, 0.0),
+        Observers::Sphere => (4 * n, 2 * n, -1.0),
+    };
+    let m = settings.multisamples;
+    let mut cells = Vec::new();
+    for row in 0..rows {
+        for column in 0..columns {
+            let mut rays = Vec::new();
+            for i in 0..m {
+                for j in 0..m {
+                    let u = ((row * m + i) as f64 + 0.5) / (rows * m) as f64;
+                    let v = ((column * m + j) as f64 + 0.5) / (columns * m) as f64;
+                    let cos_theta = lowest + (1.0 - lowest) * u;
+                    let sin_theta = (1.0 - cos_theta * cos_theta).sqrt();
+                    let phi = TAU * v;
+                    rays.push(DVec3::new(sin_theta * phi.cos(), sin_theta * phi.sin(), cos_theta));
+                }
+            }
+            cells.push(rays);
+        }
+    }
+    cells
+}
+
+/// Transmittance from `point` to the edge of the field, 0 where it falls under `stop`.
+fn transmittance(field: &PlenOctree, point: DVec3, towards: DVec3, stop: f64) -> f64 {
+    let mut depth = 0.0_f64;
+    march(field, point, towards, |crossing| {
+        depth += f64::from(field.densities()[crossing.leaf as usize]) * crossing.length;
+        if (-depth).exp() < stop { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    });
+    let transmittance = (-depth).exp();
+    if transmittance < stop { 0.0 } else { transmittance }
+}
