@@ -1,0 +1,149 @@
+//! From a field to its palette: the steps of section 3 of the method, one after the other.
+
+use std::time::Instant;
+
+use glam::DVec3;
+
+use super::{
+    ExtractionSettings, Histograms, InvalidSetting, Palette, Progress,
+    histogram::Bins,
+    kmeans::{self, Clusters},
+    sampling::{Cancelled, sample_unchecked},
+    simplify::simplify,
+};
+use crate::field::PlenOctree;
+
+/// A palette and how it came about.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Extraction {
+    /// The palette, every channel in [0, 1]. The weights are shares of the visible weight and sum to 1.
+    pub palette: Palette,
+    /// Radiance samples: leaves times cells of directions, whatever weight they have.
+    pub radiance_samples: u64,
+    /// The visible weight of all samples.
+    pub total_weight: f64,
+    /// K, the number of clusters.
+    pub clusters: usize,
+    /// Corners of the clusters' convex hull before it was simplified.
+    pub hull_vertices: usize,
+    /// How long it took.
+    pub seconds: Seconds,
+}
+
+/// Time spent on each part of an extraction, in seconds, as table 1 of the paper divides it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Seconds {
+    /// Steps 1 to 5: radiance samples and histograms. 0 if the histograms were given.
+    pub sampling: f64,
+    /// Steps 6 and 7: k-means.
+    pub filtering: f64,
+    /// Steps 8 and 9: the convex hull, its simplification and the order.
+    pub hull: f64,
+}
+
+/// Why there is no palette.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum ExtractionError {
+    /// A setting is out of its range.
+    #[error(transparent)]
+    Setting(#[from] InvalidSetting),
+    /// The field has no leaves, or none that can be seen.
+    #[error("nothing is visible in the field")]
+    NothingVisible,
+    /// [`Progress::cancel`] was called.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
+}
+
+/// Extracts the palette of a whole field, on all cores. The same field and settings give the same bits every time.
+pub fn extract(
+    field: &PlenOctree,
+    settings: &ExtractionSettings,
+    progress: &Progress,
+) -> Result<Extraction, ExtractionError> {
+    settings.validate()?;
+    let start = Instant::now();
+    let histograms = sample_unchecked(field, settings, progress)?;
+    let sampling = start.elapsed().as_secs_f64();
+    let mut extraction = extract_from_histograms(&histograms, settings)?;
+    extraction.seconds.sampling = sampling;
+    Ok(extraction)
+}
+
+/// Extracts the palette from histograms, which may have any number of bins: steps 6 to 9.
+pub fn extract_from_histograms(
+    histograms: &Histograms,
+    settings: &ExtractionSettings,
+) -> Result<Extraction, ExtractionError> {
+    settings.validate()?;
+    let start = Instant::now();
+    let total_weight = histograms.total_weight();
+    let clusters = filter(histograms, settings).ok_or(ExtractionError::NothingVisible)?;
+    let filtering = start.elapsed().as_secs_f64();
+
+    let start = Instant::now();
+    let centers: Vec<DVec3> = clusters.centers.iter().map(|&center| center.into()).collect();
+    let simplified = simplify(&centers, settings.colors);
+    let corners: Vec<[f64; 3]> =
+        simplified.corners.iter().map(|corner| corner.clamp(DVec3::ZERO, DVec3::ONE).into()).collect();
+    let palette = order(corners, &clusters);
+    let hull = start.elapsed().as_secs_f64();
+    Ok(Extraction {
+        palette,
+        radiance_samples: histograms.samples(),
+        total_weight,
+        clusters: clusters.centers.len(),
+        hull_vertices: simplified.before,
+        seconds: Seconds { sampling: 0.0, filtering, hull },
+    })
+}
+
+/// Steps 6 and 7: representative colours; `None` if there is no weight.
+fn filter(histograms: &Histograms, settings: &ExtractionSettings) -> Option<Clusters> {
+    let total = histograms.total_weight();
+    let bins = histograms.fine_bins();
+    let (points, weights): (Vec<_>, Vec<_>) = bins
+        .weights
+        .iter()
+        .enumerate()
+        .map(|(bin, weight)| (bins.center(bin), weight / total))
+        .filter(|(_, weight)| *weight > 0.0)
+        .unzip();
+    let centers = initial_centers(histograms.coarse_bins(), settings.coarse_threshold);
+    if points.is_empty() || centers.is_empty() {
+        return None;
+    }
+    Some(kmeans::cluster(&points, &weights, centers, settings.max_iterations, settings.tolerance))
+}
+
+/// The centres of the bins that hold more than `threshold` of the weight, in the order of their indices.
+///
+/// If no bin does, the weight is spread over more bins than could be above the threshold, `1 / threshold`: then so many
+/// of the heaviest are taken.
+fn initial_centers(bins: &Bins, threshold: f64) -> Vec<[f64; 3]> {
+    let total: f64 = bins.weights.iter().sum();
+    let mut chosen: Vec<usize> = (0..bins.weights.len()).filter(|&i| bins.weights[i] / total > threshold).collect();
+    if chosen.is_empty() {
+        let most = (1.0 / threshold) as usize;
+        chosen = (0..bins.weights.len()).filter(|&i| bins.weights[i] > 0.0).collect();
+        chosen.sort_by(|&a, &b| bins.weights[b].total_cmp(&bins.weights[a]).then(a.cmp(&b)));
+        chosen.truncate(most);
+        chosen.sort_unstable();
+    }
+    chosen.into_iter().map(|bin| bins.center(bin)).collect()
+}
+
+/// Step 9: heaviest first, by the weight of the clusters nearest to each colour; equal weights by r, g, b.
+fn order(mut colors: Vec<[f64; 3]>, clusters: &Clusters) -> Palette {
+    let by_channels = |a: &[f64; 3], b: &[f64; 3]| {
+        a.iter().zip(b).map(|(a, b)| a.total_cmp(b)).find(|order| order.is_ne()).unwrap_or(std::cmp::Ordering::Equal)
+    };
+    colors.sort_by(by_channels);
+    let mut weights = vec![0.0; colors.len()];
+    for (center, weight) in clusters.centers.iter().zip(&clusters.weights) {
+        weights[kmeans::nearest(center, &colors)] += weight;
+    }
+    let mut order: Vec<usize> = (0..colors.len()).collect();
+    order.sort_by(|&a, &b| f64::total_cmp(&weights[b], &weights[a]));
+    Palette { colors: order.iter().map(|&i| colors[i]).collect(), weights: order.iter().map(|&i| weights[i]).collect() }
+}

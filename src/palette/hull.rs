@@ -1,0 +1,191 @@
+//! What a cloud of colours spans: the corners of its convex hull.
+//!
+//! Which side of a face a point is on is decided by exact arithmetic, so that the hull is sound on the degenerate clouds
+//! that lattices of bins give. What is nearer to the others' hull than [`ROUNDING`] is no corner: hulls are built again
+//! and again from corners that were computed to lie on planes of the last one.
+
+use glam::DVec3;
+use robust::{Coord3D, orient3d};
+
+/// Lengths in RGB that are due to rounding.
+pub(super) const ROUNDING: f64 = 1e-11;
+
+/// A cloud thinner than this has no volume, area or length.
+const FLAT: f64 = 1e-9;
+
+/// What points span.
+#[derive(Clone, Debug)]
+pub(super) enum Span {
+    /// A point, or two ends of a line.
+    Corners(Vec<DVec3>),
+    /// A part of the plane through `.0`, whose points are `.0[0] + u .0[1] + v .0[2]`: all points as (u, v).
+    Plane([DVec3; 3], Vec<glam::DVec2>),
+    /// A volume.
+    Solid(Hull),
+}
+
+/// A convex polyhedron with triangles for faces.
+#[derive(Clone, Debug)]
+pub(super) struct Hull {
+    /// Its corners, and nothing else.
+    pub vertices: Vec<DVec3>,
+    /// Indices of corners, counterclockwise as seen from outside.
+    pub faces: Vec<[usize; 3]>,
+}
+
+/// A plane with a unit normal: `normal . x = offset`.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Plane {
+    pub normal: DVec3,
+    pub offset: f64,
+}
+
+impl Plane {
+    /// The plane through three points, which lie counterclockwise as seen from its positive side; `None` if they lie on
+    /// a line.
+    pub fn through([a, b, c]: [DVec3; 3]) -> Option<Self> {
+        let normal = (b - a).cross(c - a).try_normalize()?;
+        Some(Self { normal, offset: normal.dot(a) })
+    }
+
+    /// Signed distance.
+    pub fn distance(&self, point: DVec3) -> f64 {
+        self.normal.dot(point) - self.offset
+    }
+}
+
+/// What `points` span. There must be one; all must be finite.
+pub(super) fn span(points: &[DVec3]) -> Span {
+    let first = farthest(points, |p| -p.x);
+    let second = farthest(points, |p| p.distance(first));
+    let Some(along) = (second - first).try_normalize().filter(|_| second.distance(first) > FLAT) else {
+        return Span::Corners(vec![first]);
+    };
+    let off_line = |p: DVec3| (p - first).reject_from_normalized(along);
+    let third = farthest(points, |p| off_line(p).length());
+    let Some(across) = off_line(third).try_normalize().filter(|_| off_line(third).length() > FLAT) else {
+        return Span::Corners(vec![first, second]);
+    };
+    let normal = along.cross(across);
+    let fourth = farthest(points, |p| normal.dot(p - first).abs());
+    if normal.dot(fourth - first).abs() <= FLAT {
+        let flat = |&p: &DVec3| glam::DVec2::new(along.dot(p - first), across.dot(p - first));
+        return Span::Plane([first, along, across], points.iter().map(flat).collect());
+    }
+    let mut hull = build([first, second, third, fourth], points);
+    match hull.flattest_corner() {
+        Some(flattest) => {
+            hull.vertices.remove(flattest);
+            span(&hull.vertices)
+        }
+        None => Span::Solid(hull),
+    }
+}
+
+/// The point where `measure` is largest; of several the one with the largest coordinates, which makes it a corner
+/// if the measure is linear.
+fn farthest(points: &[DVec3], measure: impl Fn(DVec3) -> f64) -> DVec3 {
+    let key = |p: DVec3| [measure(p), p.x, p.y, p.z];
+    points.iter().copied().reduce(|best, p| if key(p) > key(best) { p } else { best }).unwrap_or_default()
+}
+
+/// How far `point` is above the plane of a face, up to a positive factor; exact in sign.
+fn above([a, b, c]: [DVec3; 3], point: DVec3) -> f64 {
+    let coord = |p: DVec3| Coord3D { x: p.x, y: p.y, z: p.z };
+    -orient3d(coord(a), coord(b), coord(c), coord(point))
+}
+
+/// The hull of a tetrahedron and more points. The farthest point outside is added, until there is none.
+fn build(mut tetrahedron: [DVec3; 4], points: &[DVec3]) -> Hull {
+    if above([tetrahedron[0], tetrahedron[1], tetrahedron[2]], tetrahedron[3]) > 0.0 {
+        tetrahedron.swap(0, 1);
+    }
+    let mut hull = Hull { vertices: tetrahedron.to_vec(), faces: vec![[0, 1, 2], [0, 3, 1], [1, 3, 2], [2, 3, 0]] };
+    let mut outside = points.to_vec();
+    loop {
+        let planes: Vec<Plane> = hull.faces.iter().filter_map(|&face| Plane::through(hull.triangle(face))).collect();
+        let height = |p: DVec3| planes.iter().map(|plane| plane.distance(p)).fold(f64::NEG_INFINITY, f64::max);
+        outside.retain(|&p| height(p) > ROUNDING);
+        if outside.is_empty() {
+            break;
+        }
+        let next = farthest(&outside, height);
+        outside.retain(|&p| p != next);
+        hull.add(next);
+    }
+    hull.drop_unused()
+}
+
+impl Hull {
+    /// The corners of a face.
+    pub fn triangle(&self, face: [usize; 3]) -> [DVec3; 3] {
+        face.map(|corner| self.vertices[corner])
+    }
+
+    /// Adds a point: the faces that it sees give way to a cone over their rim.
+    fn add(&mut self, point: DVec3) {
+        let (seen, mut faces): (Vec<_>, Vec<_>) =
+            self.faces.iter().partition(|&&face| above(self.triangle(face), point) > 0.0);
+        let edges: Vec<(usize, usize)> = seen.iter().flat_map(|&face| edges(face)).collect();
+        let index = self.vertices.len();
+        let rim = edges.iter().filter(|&&(a, b)| !edges.contains(&(b, a)));
+        faces.extend(rim.map(|&(a, b)| [a, b, index]));
+        self.vertices.push(point);
+        self.faces = faces;
+    }
+
+    /// Forgets vertices that no face touches any more.
+    fn drop_unused(self) -> Self {
+        let mut used = vec![false; self.vertices.len()];
+        self.faces.iter().flatten().for_each(|&corner| used[corner] = true);
+        let mut index = vec![0; used.len()];
+        let mut vertices = Vec::new();
+        for (old, &point) in self.vertices.iter().enumerate().filter(|&(old, _)| used[old]) {
+            index[old] = vertices.len();
+            vertices.push(point);
+        }
+        Self { vertices, faces: self.faces.iter().map(|face| face.map(|corner| index[corner])).collect() }
+    }
+
+    /// The corner that is least above the hull of all others, if that is within rounding.
+    fn flattest_corner(&self) -> Option<usize> {
+        let mut neighbours = vec![Vec::new(); self.vertices.len()];
+        for &face in &self.faces {
+            edges(face).iter().for_each(|&(a, b)| neighbours[a].push(self.vertices[b]));
+        }
+        (0..self.vertices.len())
+            .map(|corner| (prominence(self.vertices[corner], &neighbours[corner]), corner))
+            .filter(|&(height, _)| height <= ROUNDING)
+            .min_by(|a, b| a.0.total_cmp(&b.0))
+            .map(|(_, corner)| corner)
+    }
+}
+
+/// The three directed edges of a face.
+pub(super) fn edges([a, b, c]: [usize; 3]) -> [(usize, usize); 3] {
+    [(a, b), (b, c), (c, a)]
+}
+
+/// How far a corner is outside the hull of its neighbours, which closes the hole where the corner is taken away: its
+/// height over the highest plane through three of them that has all others on its other side.
+fn prominence(corner: DVec3, neighbours: &[DVec3]) -> f64 {
+    let mut highest = 0.0f64;
+    for (i, &a) in neighbours.iter().enumerate() {
+        for (j, &b) in neighbours.iter().enumerate().skip(i + 1) {
+            for &c in &neighbours[j + 1..] {
+                let Some(mut plane) = Plane::through([a, b, c]) else { continue };
+                if plane.distance(corner) < 0.0 {
+                    plane = Plane { normal: -plane.normal, offset: -plane.offset };
+                }
+                let height = plane.distance(corner);
+                if height > highest && neighbours.iter().all(|&p| plane.distance(p) <= ROUNDING) {
+                    highest = height;
+                    if highest > ROUNDING {
+                        return highest;
+                    }
+                }
+            }
+        }
+    }
+    highest
+}

@@ -1,0 +1,178 @@
+//! Weighted k-means (Lloyd), step 7 of section 3 of the method.
+//!
+//! Agrees with scikit-learn's `KMeans(init=centres, n_init=1, algorithm="elkan")` in the rule by which it stops and in
+//! what becomes of a centre that loses all its points. Points and first centres lie on lattices and many points are
+//! equally far from two centres, so ties are settled by rule: the lowest index. Nothing is centred on the mean before,
+//! which would make the distances inexact.
+
+type Point = [f64; 3];
+
+/// Centres and the weight of the points nearest to each.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Clusters {
+    pub centers: Vec<Point>,
+    pub weights: Vec<f64>,
+}
+
+/// Clusters `points`, starting from `centers`. There must be a point and a centre, and every weight be positive.
+pub(super) fn cluster(
+    points: &[Point],
+    weights: &[f64],
+    mut centers: Vec<Point>,
+    max_iterations: usize,
+    tolerance: f64,
+) -> Clusters {
+    let tolerance = tolerance * mean_variance(points);
+    let mut labels = vec![usize::MAX; points.len()];
+    for _ in 0..max_iterations {
+        let changed = assign(points, &centers, &mut labels);
+        let moved = update(points, weights, &labels, &centers);
+        let shift: f64 = centers.iter().zip(&moved).map(|(a, b)| distance_squared(a, b)).sum();
+        centers = moved;
+        if !changed || shift <= tolerance {
+            break;
+        }
+    }
+    assign(points, &centers, &mut labels);
+    let mut in_cluster = vec![0.0; centers.len()];
+    labels.iter().zip(weights).for_each(|(&label, weight)| in_cluster[label] += weight);
+    Clusters { centers, weights: in_cluster }
+}
+
+/// Labels every point with the nearest centre, and tells whether a label changed.
+fn assign(points: &[Point], centers: &[Point], labels: &mut [usize]) -> bool {
+    let mut changed = false;
+    for (point, label) in points.iter().zip(labels) {
+        let nearest = nearest(point, centers);
+        changed |= nearest != *label;
+        *label = nearest;
+    }
+    changed
+}
+
+/// The index of the centre nearest to `point`, the lowest if there are several.
+pub(super) fn nearest(point: &Point, centers: &[Point]) -> usize {
+    let mut best = (f64::INFINITY, 0);
+    for (index, center) in centers.iter().enumerate() {
+        let distance = distance_squared(point, center);
+        if distance < best.0 {
+            best = (distance, index);
+        }
+    }
+    best.1
+}
+
+/// The weighted mean of every cluster.
+///
+/// Centres without points each take one of the points that are farthest from their own centres; where all points lie
+/// on their centres, they join the heaviest.
+fn update(points: &[Point], weights: &[f64], labels: &[usize], centers: &[Point]) -> Vec<Point> {
+    let mut sums = vec![[0.0; 3]; centers.len()];
+    let mut in_cluster = vec![0.0; centers.len()];
+    let mut counts = vec![0usize; centers.len()];
+    for ((point, &weight), &label) in points.iter().zip(weights).zip(labels) {
+        add(&mut sums[label], point, weight);
+        in_cluster[label] += weight;
+        counts[label] += 1;
+    }
+    let empty: Vec<usize> = (0..centers.len()).filter(|&center| counts[center] == 0).collect();
+    if !empty.is_empty() {
+        let mut far: Vec<(f64, usize)> = points
+            .iter()
+            .zip(labels)
+            .map(|(point, &label)| distance_squared(point, &centers[label]))
+            .zip(0..)
+            .collect();
+        far.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        if far[0].0 > 0.0 {
+            for (&center, &(_, point)) in empty.iter().zip(&far) {
+                let (label, weight) = (labels[point], weights[point]);
+                add(&mut sums[label], &points[point], -weight);
+                in_cluster[label] -= weight;
+                counts[label] -= 1;
+                add(&mut sums[center], &points[point], weight);
+                in_cluster[center] = weight;
+                counts[center] = 1;
+            }
+        }
+    }
+    let heaviest = (0..centers.len()).fold(0, |best, i| if in_cluster[i] > in_cluster[best] { i } else { best });
+    (0..centers.len())
+        .map(|center| {
+            let center = if counts[center] > 0 { center } else { heaviest };
+            sums[center].map(|sum| sum / in_cluster[center])
+        })
+        .collect()
+}
+
+fn add(sum: &mut Point, point: &Point, weight: f64) {
+    sum.iter_mut().zip(point).for_each(|(sum, x)| *sum += x * weight);
+}
+
+fn distance_squared(a: &Point, b: &Point) -> f64 {
+    let [x, y, z] = [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
+    x * x + y * y + z * z
+}
+
+/// The variance of the points, without their weights, averaged over the axes.
+fn mean_variance(points: &[Point]) -> f64 {
+    let count = points.len() as f64;
+    (0..3)
+        .map(|axis| {
+            let mean = points.iter().map(|p| p[axis]).sum::<f64>() / count;
+            points.iter().map(|p| (p[axis] - mean).powi(2)).sum::<f64>() / count
+        })
+        .sum::<f64>()
+        / 3.0
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// Points equally far from two centres go to the first, and the mean is weighted.
+    #[test]
+    fn ties_go_to_the_lowest_index() {
+        let points = [[0.25, 0.0, 0.0], [0.5, 0.0, 0.0], [0.75, 0.0, 0.0]];
+        let clusters = cluster(&points, &[1.0, 3.0, 2.0], vec![[0.25, 0.0, 0.0], [0.75, 0.0, 0.0]], 1, 0.0);
+        assert_eq!(clusters.centers, [[0.4375, 0.0, 0.0], [0.75, 0.0, 0.0]]);
+        assert_eq!(clusters.weights, [4.0, 2.0]);
+    }
+
+    /// A centre that no point is nearest to takes the point farthest from its centre.
+    #[test]
+    fn a_lost_centre_takes_the_farthest_point() {
+        let points = [[0.0; 3], [0.1, 0.0, 0.0], [1.0, 0.0, 0.0]];
+        let clusters = cluster(&points, &[1.0, 1.0, 1.0], vec![[0.0; 3], [0.0, 9.0, 0.0]], 300, 1e-4);
+        assert_eq!(clusters.centers, [[0.05, 0.0, 0.0], [1.0, 0.0, 0.0]]);
+        assert_eq!(clusters.weights, [2.0, 1.0]);
+    }
+
+    #[test]
+    fn more_centres_than_points_end_on_points() {
+        let clusters = cluster(&[[0.5; 3]], &[2.0], vec![[0.1; 3], [0.9; 3], [0.4; 3]], 300, 1e-4);
+        assert!(clusters.centers.iter().all(|center| *center == [0.5; 3]));
+        assert_eq!(clusters.weights, [2.0, 0.0, 0.0]);
+    }
+
+    proptest! {
+        /// Run to the end, every centre is the weighted mean of the points nearest to it: Lloyd's fixed point.
+        #[test]
+        fn centres_are_means_of_their_points(
+            points in prop::collection::vec((prop::array::uniform3(0.0..1.0f64), 0.01..10.0f64), 8..200),
+            count in 1usize..8,
+        ) {
+            let (points, weights): (Vec<_>, Vec<_>) = points.into_iter().unzip();
+            let clusters = cluster(&points, &weights, points[..count].to_vec(), 100_000, 0.0);
+            let mut labels = vec![0; points.len()];
+            assign(&points, &clusters.centers, &mut labels);
+            let means = update(&points, &weights, &labels, &clusters.centers);
+            for (center, mean) in clusters.centers.iter().zip(&means) {
+                prop_assert!(distance_squared(center, mean) < 1e-20);
+            }
+            prop_assert!((clusters.weights.iter().sum::<f64>() / weights.iter().sum::<f64>() - 1.0).abs() < 1e-12);
+        }
+    }
+}

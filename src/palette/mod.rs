@@ -1,0 +1,22 @@
+//! Palette extraction: section 3 of the method (Tojo and Umetani, EGSR 2022, section 4.1).
+//!
+//! [`extract`] looks at every leaf of a field from many directions, gathers the radiance that is visible in histograms
+//! ([`sample`]), clusters them, and simplifies the convex hull of the clusters to a few colours. It runs on all cores and
+//! needs no app; [`Progress`] tells another thread how far it is, and cancels it.
+
+mod extract;
+mod histogram;
+mod hull;
+mod kmeans;
+#[allow(clippy::module_inception)]
+mod palette;
+mod polygon;
+mod sampling;
+mod settings;
+mod simplify;
+
+pub use extract::{Extraction, ExtractionError, Seconds, extract, extract_from_histograms};
+pub use histogram::{Histograms, InvalidHistogram};
+pub use palette::{InvalidPalette, Palette, PaletteFileError};
+pub use sampling::{Cancelled, Progress, SamplingError, sample};
+pub use settings::{ExtractionSettings, InvalidSetting, Observers};

@@ -1,0 +1,124 @@
+//! Hull and simplification of clouds of colours that lie on a plane.
+
+use glam::DVec2;
+use robust::{Coord, orient2d};
+
+use super::hull::ROUNDING;
+
+/// The corners of the convex hull, counterclockwise.
+pub(super) fn corners(points: &[DVec2]) -> Vec<DVec2> {
+    let mut sorted = points.to_vec();
+    sorted.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
+    let mut chain = half(sorted.iter());
+    chain.extend(half(sorted.iter().rev()));
+    // What rounding leaves of edges with more than two points on them.
+    while chain.len() > 2 {
+        let count = chain.len();
+        let height = |i: usize| height(chain[(i + count - 1) % count], chain[i], chain[(i + 1) % count]);
+        let Some(flattest) = (0..count).min_by(|&a, &b| height(a).total_cmp(&height(b))) else { break };
+        if height(flattest) > ROUNDING {
+            break;
+        }
+        chain.remove(flattest);
+    }
+    chain
+}
+
+/// The lower or the upper half of the hull of sorted points, without its last point.
+fn half<'a>(sorted: impl Iterator<Item = &'a DVec2>) -> Vec<DVec2> {
+    let coord = |p: DVec2| Coord { x: p.x, y: p.y };
+    let mut chain: Vec<DVec2> = Vec::new();
+    for &point in sorted {
+        while let [.., a, b] = chain[..]
+            && orient2d(coord(a), coord(b), coord(point)) <= 0.0
+        {
+            chain.pop();
+        }
+        chain.push(point);
+    }
+    chain.pop();
+    chain
+}
+
+/// The distance of `point` from the line through its neighbours.
+fn height(previous: DVec2, point: DVec2, next: DVec2) -> f64 {
+    let along = (next - previous).normalize_or_zero();
+    along.perp_dot(previous - point).abs()
+}
+
+/// Collapses edges of a convex polygon (counterclockwise) until at most `wanted` corners are left or no edge can be
+/// collapsed.
+///
+/// An edge collapses to where the edges beside it meet, which is what the linear programme of the solid case comes to
+/// in a plane; the edge that adds the least area goes first.
+pub(super) fn simplify(mut polygon: Vec<DVec2>, wanted: usize) -> Vec<DVec2> {
+    while polygon.len() > wanted.max(3) {
+        let count = polygon.len();
+        let collapses = (0..count).filter_map(|i| {
+            let at = |step: usize| polygon[(i + step) % count];
+            let (a, b) = (at(1), at(2));
+            let corner = meeting(at(0), a, b, at(3))?;
+            Some((i, corner, (b - a).perp_dot(corner - a).abs()))
+        });
+        let Some((i, corner, _)) = collapses.min_by(|a, b| a.2.total_cmp(&b.2)) else { break };
+        polygon[(i + 1) % count] = corner;
+        polygon.remove((i + 2) % count);
+        polygon = corners(&polygon);
+    }
+    polygon
+}
+
+/// Where the edges p-a and q-b of a convex polygon meet beyond the edge a-b between them.
+fn meeting(p: DVec2, a: DVec2, b: DVec2, q: DVec2) -> Option<DVec2> {
+    let (u, v) = (a - p, b - q);
+    let cross = u.perp_dot(v);
+    let t = (b - a).perp_dot(v) / cross;
+    (cross > ROUNDING * u.length() * v.length()).then(|| a + t * u).filter(|corner| corner.is_finite())
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// How far `point` is outside a counterclockwise polygon.
+    fn outside(polygon: &[DVec2], point: DVec2) -> f64 {
+        (0..polygon.len())
+            .map(|i| {
+                let (a, b) = (polygon[i], polygon[(i + 1) % polygon.len()]);
+                -(b - a).normalize().perp_dot(point - a)
+            })
+            .fold(f64::NEG_INFINITY, f64::max)
+    }
+
+    #[test]
+    fn only_corners_are_corners() {
+        let grid: Vec<DVec2> = (0..35).map(|i| DVec2::new(f64::from(i % 7) * 0.1, f64::from(i / 7) * 0.3)).collect();
+        assert_eq!(corners(&grid).len(), 4);
+    }
+
+    /// A square with its four corners cut: collapsing gives the square back, and a square stays.
+    #[test]
+    fn cut_corners_grow_back() {
+        let octagon = [(0.1, 0.0), (0.9, 0.0), (1.0, 0.1), (1.0, 0.9), (0.9, 1.0), (0.1, 1.0), (0.0, 0.9), (0.0, 0.1)];
+        let octagon: Vec<DVec2> = octagon.into_iter().map(|(x, y)| DVec2::new(x, y)).collect();
+        let mut square = simplify(corners(&octagon), 3);
+        square.iter_mut().for_each(|p| *p = (*p * 1e9).round() / 1e9);
+        assert_eq!(corners(&square), [DVec2::ZERO, DVec2::X, DVec2::ONE, DVec2::Y]);
+    }
+
+    proptest! {
+        /// Simplification reaches the wanted number (a polygon of five or more corners can always lose one) and never
+        /// cuts off what it began with.
+        #[test]
+        fn simplification_contains(points in prop::collection::vec((0.0..1.0f64, 0.0..1.0f64), 3..40), wanted in 4usize..8) {
+            let points: Vec<DVec2> = points.into_iter().map(|(x, y)| DVec2::new(x, y)).collect();
+            let polygon = simplify(corners(&points), wanted);
+            prop_assert!(polygon.len() <= wanted);
+            for &point in &points {
+                prop_assert!(outside(&polygon, point) < 1e-9, "{polygon:?} {point}");
+            }
+        }
+    }
+}

@@ -1,0 +1,46 @@
+//! One ray through the octree, cell by cell.
+
+use glam::DVec3;
+
+use crate::field::{LeafCell, PlenOctree};
+
+/// The integral of density (optical depth) from the centre of `leaf` to the edge of the field, or some value above
+/// `limit` if it is more.
+///
+/// `direction` is in finest cells a world unit. Where the ray goes on is counted in whole cells, so that none is missed
+/// and none entered twice, however small; lengths are exact crossings.
+pub(super) fn optical_depth(field: &PlenOctree, leaf: LeafCell, direction: DVec3, limit: f64) -> f64 {
+    let origin = leaf.corner.as_dvec3() + 0.5 * f64::from(leaf.size);
+    let forward = direction.cmpge(DVec3::ZERO);
+    let per_cell = direction.abs().recip();
+    let end = 1u32 << field.depth();
+    let (mut corner, mut size) = (leaf.corner, leaf.size);
+    let mut depth = 0.0;
+    let mut density = f64::from(field.densities()[leaf.leaf as usize]);
+    let mut travelled = 0.0;
+    loop {
+        let far = DVec3::select(forward, (corner + size).as_dvec3(), corner.as_dvec3());
+        let exits = (far - origin).abs() * per_cell;
+        let exit = exits.min_element();
+        depth += density * (exit - travelled).max(0.0);
+        if depth > limit {
+            return depth;
+        }
+        travelled = exit.max(travelled);
+        let axis = exits.to_array().iter().position(|&t| t == exit).unwrap_or(0);
+        let mut position = (origin + direction * travelled).as_uvec3().clamp(corner, corner + (size - 1));
+        if forward.test(axis) {
+            position[axis] = corner[axis] + size;
+        } else if corner[axis] > 0 {
+            position[axis] = corner[axis] - 1;
+        } else {
+            return depth;
+        }
+        if position[axis] >= end {
+            return depth;
+        }
+        let cell;
+        (cell, corner, size) = field.locate(position);
+        density = cell.as_leaf().map_or(0.0, |leaf| f64::from(field.densities()[leaf as usize]));
+    }
+}

@@ -1,0 +1,109 @@
+//! The way of a ray through the lattice of finest cells.
+
+use std::ops::Range;
+
+use glam::{DVec3, IVec3, UVec3};
+
+use super::bricks::SIDE;
+
+/// How every ray in one direction that starts in the middle of a finest cell goes on: which cells it crosses, counted
+/// from its own, and how long it is in each.
+pub(super) struct Path {
+    /// The cells in order.
+    pub steps: Vec<Step>,
+    /// The same cells by bricks.
+    pub runs: Vec<Run>,
+}
+
+/// A cell that is crossed. Its offset from the first is that of the [`Run`], in whole bricks, and the rest.
+pub(super) struct Step {
+    /// The rest of the offset along x and y, as a number of rows, `SIDE x + y`.
+    pub rows: u8,
+    /// The rest of the offset along z.
+    pub lane: u8,
+    /// Path length, in world units.
+    pub length: f32,
+}
+
+impl Step {
+    /// After this step the cells of a block of `SIDE` cubed lie in two by two bricks, `quadrant` 0 to 3 (`2x + y`): how
+    /// many rows further on in that brick's order they are, and which rows (as bits) lie in it at all.
+    pub fn into_quadrant(&self, quadrant: usize) -> (i32, u64) {
+        let (x, y) = (self.rows / SIDE as u8, self.rows % SIDE as u8);
+        let before_x = u64::MAX >> (SIDE as u8 * x);
+        let before_y = 0x0101_0101_0101_0101 * (0xff >> y);
+        let mask_x = if quadrant & 2 == 0 { before_x } else { !before_x };
+        let mask_y = if quadrant & 1 == 0 { before_y } else { !before_y };
+        let back = (quadrant & 2) / 2 * SIDE * SIDE + (quadrant & 1) * SIDE;
+        (i32::from(self.rows) - back as i32, mask_x & mask_y)
+    }
+}
+
+/// Consecutive cells with the same offset in whole bricks.
+pub(super) struct Run {
+    /// The offset, in bricks, rounded down.
+    pub bricks: IVec3,
+    /// The cells, as indices into [`Path::steps`].
+    pub steps: Range<usize>,
+}
+
+impl Path {
+    /// The path along `direction`, in finest cells a world unit, until it has left a box of `extent` finest cells from
+    /// wherever in it it started.
+    pub fn new(direction: DVec3, extent: UVec3) -> Self {
+        let sign = direction.signum().as_ivec3();
+        let per_cell = direction.abs().recip();
+        let mut path = Self { steps: Vec::new(), runs: Vec::new() };
+        let mut crossed = UVec3::ZERO;
+        let mut travelled = 0.0;
+        while crossed.cmplt(extent).all() {
+            let next = (crossed.as_dvec3() + 0.5) * per_cell;
+            let exit = next.min_element();
+            path.push(crossed.as_ivec3() * sign, exit - travelled);
+            travelled = exit;
+            let axis = next.to_array().iter().position(|&t| t == exit).unwrap_or(0);
+            crossed[axis] += 1;
+        }
+        path
+    }
+
+    fn push(&mut self, offset: IVec3, length: f64) {
+        let side = IVec3::splat(SIDE as i32);
+        let (bricks, rest) = (offset.div_euclid(side), offset.rem_euclid(side));
+        let index = self.steps.len();
+        match self.runs.last_mut() {
+            Some(run) if run.bricks == bricks => run.steps.end = index + 1,
+            _ => self.runs.push(Run { bricks, steps: index..index + 1 }),
+        }
+        self.steps.push(Step { rows: (rest.x * side.y + rest.y) as u8, lane: rest.z as u8, length: length as f32 });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        /// The middle of every step lies in the cell that the step names, and the steps add up to the way to the box.
+        #[test]
+        fn steps_follow_the_ray(direction in prop::array::uniform3(-1.0..1.0f64), extent in 1u32..40) {
+            let direction = DVec3::from_array(direction);
+            prop_assume!(direction.length() > 0.1);
+            let path = Path::new(direction, UVec3::splat(extent));
+            let mut travelled = 0.0;
+            for run in &path.runs {
+                for step in &path.steps[run.steps.clone()] {
+                    let middle = 0.5 + direction * (travelled + 0.5 * f64::from(step.length));
+                    let rest = IVec3::new(i32::from(step.rows) / 8, i32::from(step.rows) % 8, i32::from(step.lane));
+                    let inside = middle - (run.bricks * 8 + rest).as_dvec3();
+                    prop_assert!(inside.min_element() > -1e-4 && inside.max_element() < 1.0 + 1e-4);
+                    travelled += f64::from(step.length);
+                }
+            }
+            let expected = (f64::from(extent) - 0.5) / direction.abs().max_element();
+            prop_assert!((travelled - expected).abs() < 1e-4 * expected, "{travelled} {expected}");
+        }
+    }
+}

@@ -1,0 +1,43 @@
+//! How far a computation is, and whether it should go on.
+
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+
+/// Tells other threads how far sampling is, and sampling whether to stop. Share it in an `Arc`; use a new one for each
+/// extraction.
+#[derive(Debug, Default)]
+pub struct Progress {
+    done: AtomicUsize,
+    total: AtomicUsize,
+    cancelled: AtomicBool,
+}
+
+/// The computation was cancelled.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("cancelled")]
+pub struct Cancelled;
+
+impl Progress {
+    /// The share of the leaves that is sampled, 0 to 1. Sampling is nearly all the work of an extraction.
+    pub fn fraction(&self) -> f32 {
+        let total = self.total.load(Ordering::Relaxed);
+        if total == 0 { 0.0 } else { self.done.load(Ordering::Relaxed) as f32 / total as f32 }
+    }
+
+    /// Asks the computation to stop. It will within milliseconds.
+    pub fn cancel(&self) {
+        self.cancelled.store(true, Ordering::Relaxed);
+    }
+
+    /// Whether [`Self::cancel`] was called.
+    pub fn is_cancelled(&self) -> bool {
+        self.cancelled.load(Ordering::Relaxed)
+    }
+
+    pub(super) fn begin(&self, total: usize) {
+        self.total.store(total, Ordering::Relaxed);
+    }
+
+    pub(super) fn advance(&self, leaves: usize) {
+        self.done.fetch_add(leaves, Ordering::Relaxed);
+    }
+}
