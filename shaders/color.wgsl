@@ -1,0 +1,36 @@
+// Colour spaces. Radiance, palettes and labels are encoded sRGB; a linear target is decoded to at the last write.
+#define_import_path bevy_plenoctree::color
+
+// The nearest half float. Devices may cut what they store in half-float textures, and a value that is cut in each of the
+// filter's passes drifts.
+fn to_half(value: vec4<f32>) -> vec4<f32> {
+    return bitcast<vec4<f32>>((bitcast<vec4<u32>>(value) + 0x1000u) & vec4(0xffffe000u));
+}
+
+fn decode(encoded: vec3<f32>) -> vec3<f32> {
+    let low = encoded / 12.92;
+    let high = pow(max((encoded + 0.055) / 1.055, vec3(0.0)), vec3(2.4));
+    return select(high, low, encoded <= vec3(0.04045));
+}
+
+fn encode(linear: vec3<f32>) -> vec3<f32> {
+    let low = linear * 12.92;
+    let high = 1.055 * pow(max(linear, vec3(0.0)), vec3(1.0 / 2.4)) - 0.055;
+    return select(high, low, linear <= vec3(0.0031308));
+}
+
+// Encoded sRGB to CIELAB under D65.
+fn cielab(encoded: vec3<f32>) -> vec3<f32> {
+    let linear = decode(encoded);
+    // Each row is divided by its sum, the white point.
+    let xyz = vec3(
+        dot(linear, vec3(0.4124, 0.3576, 0.1805) / 0.9505),
+        dot(linear, vec3(0.2126, 0.7152, 0.0722)),
+        dot(linear, vec3(0.0193, 0.1192, 0.9505) / 1.089),
+    );
+    let edge = 6.0 / 29.0;
+    let low = xyz / (3.0 * edge * edge) + 4.0 / 29.0;
+    let high = pow(max(xyz, vec3(0.0)), vec3(1.0 / 3.0));
+    let f = select(low, high, xyz > vec3(edge * edge * edge));
+    return vec3(116.0 * f.y - 16.0, 500.0 * (f.x - f.y), 200.0 * (f.y - f.z));
+}

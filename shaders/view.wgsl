@@ -1,0 +1,50 @@
+// What the passes of one view share: bind group 0.
+#define_import_path bevy_plenoctree::view
+
+struct Prop {
+    // Corners of the unit cube to the corners of the box around the leaves, in clip space.
+    clip_from_box: mat4x4<f32>,
+    // The ray through the point p of the viewport, in pixels, in the field's frame: origin[0] + p.x origin[1] + p.y origin[2],
+    // in tree units, and likewise its direction, in world units of the field, not normalised.
+    origin: mat3x3<f32>,
+    direction: mat3x3<f32>,
+    // Tree units a world unit of the field.
+    scale: vec3<f32>,
+    // 1 if the transform mirrors, else 0.
+    mirrored: u32,
+    // The box around the leaves, in tree units.
+    low: vec3<f32>,
+    // Palette colours; 0 if the prop is not posterised.
+    colors: u32,
+    high: vec3<f32>,
+    // Where the palette's extracted colours begin in `colors`; the shown ones follow.
+    first_color: u32,
+    blend_steps: u32,
+    softness: f32,
+    min_opacity: f32,
+    iterations: u32,
+    radius: i32,
+    // 1 / (2 sigma^2) of the bilateral filter's two Gaussians.
+    spatial_falloff: f32,
+    range_falloff: f32,
+}
+
+struct View {
+    // Upper left corner of the viewport in the target, and its size, in pixels.
+    corner: vec2<u32>,
+    size: vec2<u32>,
+    // The z and w rows of clip_from_view's z and w columns: P22, P32, P23, P33.
+    depth: vec4<f32>,
+}
+
+@group(0) @binding(0) var<uniform> view: View;
+@group(0) @binding(1) var<storage, read> props: array<Prop>;
+@group(0) @binding(2) var<storage, read> colors: array<vec4<f32>>;
+
+// Distance along the view axis for a value of the depth buffer (reverse z).
+fn view_distance(ndc: f32) -> f32 {
+    let slope = view.depth.x - ndc * view.depth.z;
+    let offset = view.depth.y - ndc * view.depth.w;
+    // An infinite far plane has slope 0 where nothing was drawn.
+    return select(1e30, offset / slope, abs(slope) > 1e-30 * abs(offset));
+}

@@ -1,0 +1,29 @@
+//! The field on the GPU.
+
+mod field;
+mod shaders;
+
+pub(crate) use field::{FieldLayout, words_per_channel};
+pub use field::{FieldTooLarge, GpuField};
+pub(crate) use shaders::Shaders;
+
+use bevy::{
+    prelude::*,
+    render::{RenderApp, render_asset::RenderAssetPlugin},
+};
+
+/// Uploads every loaded [`PlenOctree`](crate::field::PlenOctree).
+pub(crate) struct GpuFieldPlugin;
+
+impl Plugin for GpuFieldPlugin {
+    fn build(&self, app: &mut App) {
+        if app.get_sub_app(RenderApp).is_none() {
+            return;
+        }
+        let shaders = Shaders::add_to(app);
+        app.add_plugins(RenderAssetPlugin::<GpuField>::default());
+        if let Some(render_app) = app.get_sub_app_mut(RenderApp) {
+            render_app.insert_resource(shaders).init_resource::<FieldLayout>();
+        }
+    }
+}

@@ -1,0 +1,71 @@
+//! The prop on screen: a volume pass and a posterise pass in the `Core3d` schedule, between the opaque and the
+//! transparent main pass.
+
+mod extract;
+mod posterize;
+mod prop;
+mod rays;
+mod textures;
+mod view;
+mod volume;
+
+pub use posterize::POSTERIZE_SPAN;
+pub use prop::{Abstraction, MAX_FILTER_ITERATIONS, MAX_FILTER_RADIUS, Posterize, Prop};
+pub(crate) use rays::local_from_field;
+pub use volume::VOLUME_SPAN;
+
+use bevy::{
+    camera::visibility::VisibilitySystems,
+    core_pipeline::{
+        core_3d::{main_opaque_pass_3d, main_transparent_pass_3d, prepare_core_3d_depth_textures},
+        schedule::{Core3d, Core3dSystems},
+    },
+    prelude::*,
+    render::{
+        ExtractSchedule, GpuResourceAppExt, Render, RenderApp, RenderStartup, RenderSystems,
+        render_resource::{SpecializedComputePipelines, SpecializedRenderPipelines},
+    },
+};
+
+/// Draws every [`Prop`].
+pub(crate) struct PicturePlugin;
+
+impl Plugin for PicturePlugin {
+    fn build(&self, app: &mut App) {
+        app.add_systems(PostUpdate, prop::update_bounds.in_set(VisibilitySystems::CalculateBounds));
+        let Some(render_app) = app.get_sub_app_mut(RenderApp) else {
+            return;
+        };
+        render_app
+            .init_resource::<extract::ExtractedProps>()
+            .init_gpu_resource::<SpecializedRenderPipelines<volume::VolumePipeline>>()
+            .init_gpu_resource::<SpecializedRenderPipelines<posterize::LabelPipeline>>()
+            .init_gpu_resource::<SpecializedComputePipelines<posterize::CompositePipeline>>()
+            .add_systems(RenderStartup, (view::init_layouts, (volume::init, posterize::init)).chain())
+            .add_systems(ExtractSchedule, extract::extract_props)
+            .add_systems(
+                Render,
+                (
+                    (
+                        view::read_depth.before(prepare_core_3d_depth_textures),
+                        textures::prepare_textures,
+                        view::prepare_views.after(prepare_core_3d_depth_textures),
+                    )
+                        .in_set(RenderSystems::PrepareResources),
+                    (volume::prepare_pipelines, posterize::prepare_pipelines)
+                        .after(view::prepare_views)
+                        .in_set(RenderSystems::PrepareResources),
+                    (volume::prepare_bind_groups, posterize::prepare_bind_groups)
+                        .in_set(RenderSystems::PrepareBindGroups),
+                ),
+            )
+            .add_systems(
+                Core3d,
+                (volume::volume_pass, posterize::posterize_pass)
+                    .chain()
+                    .after(main_opaque_pass_3d)
+                    .before(main_transparent_pass_3d)
+                    .in_set(Core3dSystems::MainPass),
+            );
+    }
+}

@@ -1,0 +1,97 @@
+//! What a user puts on an entity.
+
+use bevy::{
+    camera::{
+        primitives::Aabb,
+        visibility::{self, VisibilityClass},
+    },
+    prelude::*,
+};
+
+use super::rays::local_from_field;
+use crate::field::PlenOctree;
+
+/// A radiance field in the scene.
+///
+/// The field stands where the entity's transform puts it, in its own world units, turned so that its up axis is y. How
+/// large the entity is scaled does not change how dense the field looks, and highlights turn with it. Alone it is shown
+/// as trained; add [`Posterize`] for the stylised look.
+#[derive(Component, Clone, Debug)]
+#[require(Transform, Visibility, VisibilityClass)]
+#[component(on_add = visibility::add_visibility_class::<Prop>)]
+pub struct Prop(pub Handle<PlenOctree>);
+
+/// The most iterations that the bilateral filter can do.
+pub const MAX_FILTER_ITERATIONS: u32 = 16;
+/// The largest radius of the bilateral filter, in pixels.
+pub const MAX_FILTER_RADIUS: u32 = 6;
+
+/// The stylised look of a [`Prop`]: section 4 of the method.
+///
+/// Needs a palette in [`Palettes`](crate::Palettes), which is extracted when none is there; until it is ready the prop is
+/// shown as trained.
+#[derive(Component, Clone, Copy, Debug, PartialEq)]
+pub struct Posterize {
+    /// `d`: steps from one palette colour to another; 1 makes labels of the palette colours alone. 1 to 8; 3 by default.
+    pub blend_steps: u32,
+    /// `D`: distance in encoded RGB over which neighbouring labels blend; 0 is a hard edge. 0 to 0.4 is useful; 0.2 by
+    /// default.
+    pub softness: f32,
+    /// `lambda`: pixels whose opacity is lower are shown as trained. 0 to 1; 80/255 by default.
+    pub min_opacity: f32,
+    /// The filter that flattens colours before labels are assigned.
+    pub abstraction: Abstraction,
+}
+
+impl Default for Posterize {
+    fn default() -> Self {
+        Self { blend_steps: 3, softness: 0.2, min_opacity: 80.0 / 255.0, abstraction: Abstraction::default() }
+    }
+}
+
+/// A separable bilateral filter: section 4, step 2 of the method.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Abstraction {
+    /// How often it runs, horizontally and vertically each time. 0 (no filter) to [`MAX_FILTER_ITERATIONS`]; 4 by default.
+    pub iterations: u32,
+    /// Radius in pixels. 0 to [`MAX_FILTER_RADIUS`]; 2 by default.
+    pub radius: u32,
+    /// Spatial sigma in pixels. Positive; 3 by default.
+    pub spatial_sigma: f32,
+    /// Range sigma in CIELAB. Positive; 4.25 by default.
+    pub range_sigma: f32,
+}
+
+impl Default for Abstraction {
+    fn default() -> Self {
+        Self { iterations: 4, radius: 2, spatial_sigma: 3.0, range_sigma: 4.25 }
+    }
+}
+
+/// Gives props the box around their leaves, for culling, when their field arrives or changes.
+pub(super) fn update_bounds(
+    mut commands: Commands,
+    fields: Res<Assets<PlenOctree>>,
+    mut events: MessageReader<AssetEvent<PlenOctree>>,
+    props: Query<(Entity, Ref<Prop>, Has<Aabb>)>,
+) {
+    let changed: Vec<_> = events
+        .read()
+        .filter_map(|event| match event {
+            AssetEvent::Added { id } | AssetEvent::Modified { id } => Some(*id),
+            _ => None,
+        })
+        .collect();
+    for (entity, prop, has_bounds) in &props {
+        if has_bounds && !prop.is_changed() && !changed.contains(&prop.0.id()) {
+            continue;
+        }
+        if let Some((low, high)) = fields.get(&prop.0).and_then(PlenOctree::bounds)
+            && let Some(field) = fields.get(&prop.0)
+        {
+            let turn = local_from_field(field.up());
+            let (a, b) = ((turn * low).as_vec3(), (turn * high).as_vec3());
+            commands.entity(entity).insert(Aabb::from_min_max(a.min(b), a.max(b)));
+        }
+    }
+}

@@ -1,0 +1,205 @@
+//! What the passes of one view share: its props, their palettes, its depth.
+
+use bevy::{
+    prelude::*,
+    render::{
+        camera::ExtractedCamera,
+        render_asset::RenderAssets,
+        render_resource::{
+            BindGroupLayoutDescriptor, BindGroupLayoutEntries, ShaderStages, ShaderType, StorageBuffer, TextureUsages,
+            UniformBuffer,
+            binding_types::{
+                storage_buffer_read_only, texture_depth_2d, texture_depth_2d_multisampled, uniform_buffer,
+            },
+        },
+        renderer::{RenderDevice, RenderQueue},
+        view::ExtractedView,
+    },
+};
+
+use super::{
+    MAX_FILTER_ITERATIONS, MAX_FILTER_RADIUS, Posterize,
+    extract::{ExtractedProp, ExtractedProps, VisibleProps},
+};
+use crate::{field::PlenOctree, gpu::GpuField};
+
+/// `Prop` of `view.wgsl`.
+#[derive(ShaderType, Clone, Copy)]
+pub(super) struct PropUniform {
+    clip_from_box: Mat4,
+    origin: Mat3,
+    direction: Mat3,
+    scale: Vec3,
+    mirrored: u32,
+    low: Vec3,
+    colors: u32,
+    high: Vec3,
+    first_color: u32,
+    blend_steps: u32,
+    softness: f32,
+    min_opacity: f32,
+    iterations: u32,
+    radius: i32,
+    spatial_falloff: f32,
+    range_falloff: f32,
+}
+
+/// `View` of `view.wgsl`.
+#[derive(ShaderType, Clone, Copy, Default)]
+pub(super) struct ViewUniform {
+    corner: UVec2,
+    size: UVec2,
+    depth: Vec4,
+}
+
+/// The props of one view, back to front, in GPU memory.
+#[derive(Component, Default)]
+pub(super) struct ViewProps {
+    /// The field of every prop, in the order in which they are drawn.
+    pub fields: Vec<AssetId<PlenOctree>>,
+    /// Most iterations of the filter that a prop asks for; `None` if no prop is posterised.
+    pub iterations: Option<u32>,
+    pub view: UniformBuffer<ViewUniform>,
+    pub props: StorageBuffer<Vec<PropUniform>>,
+    pub colors: StorageBuffer<Vec<Vec4>>,
+}
+
+/// Layouts of bind group 0.
+#[derive(Resource)]
+pub(super) struct ViewLayouts {
+    /// With the depth of the scene, one sample a pixel.
+    pub volume: BindGroupLayoutDescriptor,
+    /// With the depth of the scene, multisampled.
+    pub volume_multisampled: BindGroupLayoutDescriptor,
+    /// Without it.
+    pub picture: BindGroupLayoutDescriptor,
+}
+
+pub(super) fn init_layouts(mut commands: Commands) {
+    let shared = || {
+        (
+            uniform_buffer::<ViewUniform>(false),
+            storage_buffer_read_only::<Vec<PropUniform>>(false),
+            storage_buffer_read_only::<Vec<Vec4>>(false),
+        )
+    };
+    let stages = ShaderStages::VERTEX_FRAGMENT;
+    let volume = |depth| {
+        let (view, props, colors) = shared();
+        let entries = BindGroupLayoutEntries::sequential(stages, (view, props, colors, depth));
+        BindGroupLayoutDescriptor::new("plenoctree_volume_view", &entries)
+    };
+    commands.insert_resource(ViewLayouts {
+        volume: volume(texture_depth_2d()),
+        volume_multisampled: volume(texture_depth_2d_multisampled()),
+        picture: BindGroupLayoutDescriptor::new(
+            "plenoctree_picture_view",
+            &BindGroupLayoutEntries::sequential(ShaderStages::COMPUTE | ShaderStages::FRAGMENT, shared()),
+        ),
+    });
+}
+
+/// Lets the volume pass read the depth of cameras that see a prop.
+pub(super) fn read_depth(mut cameras: Query<(&mut Camera3d, &VisibleProps)>) {
+    for (mut camera, visible) in &mut cameras {
+        if !visible.0.is_empty() {
+            camera.depth_texture_usages.0 |= TextureUsages::TEXTURE_BINDING.bits();
+        }
+    }
+}
+
+pub(super) fn prepare_views(
+    extracted: Res<ExtractedProps>,
+    fields: Res<RenderAssets<GpuField>>,
+    device: Res<RenderDevice>,
+    queue: Res<RenderQueue>,
+    mut views: Query<(&ExtractedView, &ExtractedCamera, &VisibleProps, &mut ViewProps)>,
+) {
+    for (view, camera, visible, mut buffers) in &mut views {
+        buffers.fields.clear();
+        buffers.iterations = None;
+        let Some(size) = camera.physical_viewport_size else {
+            continue;
+        };
+
+        let eye = view.world_from_view.translation().as_dvec3();
+        let distance = |prop: &&ExtractedProp| prop.placement.center().distance_squared(eye);
+        let mut seen: Vec<_> = visible
+            .0
+            .iter()
+            .map(|index| &extracted.props[*index])
+            .filter(|prop| fields.get(prop.field).is_some_and(|field| field.bind_group.is_some()))
+            .collect();
+        seen.sort_by(|a, b| distance(b).total_cmp(&distance(a)));
+
+        let ViewProps { fields: drawn, iterations, view: uniform, props, colors } = &mut *buffers;
+        props.get_mut().clear();
+        colors.get_mut().clear();
+        for prop in seen {
+            let Some(rays) = prop.placement.rays(&view.world_from_view, view.clip_from_view, size) else {
+                continue;
+            };
+            let first_color = colors.get().len() as u32;
+            let mut count = 0;
+            if let Some((_, palette)) = &prop.look {
+                count = palette.extracted.len() as u32;
+                colors.get_mut().extend(palette.extracted.iter().chain(&palette.shown).map(|c| c.extend(0.0)));
+            }
+            let look = sound(prop.look.as_ref().map(|(look, _)| *look).unwrap_or_default());
+            if count > 0 {
+                *iterations = Some(iterations.unwrap_or(0).max(look.abstraction.iterations));
+            }
+            let matrix = |columns: [glam::DVec3; 3]| {
+                Mat3::from_cols(columns[0].as_vec3(), columns[1].as_vec3(), columns[2].as_vec3())
+            };
+            let falloff = |sigma: f32| 0.5 / (sigma * sigma);
+            drawn.push(prop.field);
+            props.get_mut().push(PropUniform {
+                clip_from_box: rays.clip_from_box.as_mat4(),
+                origin: matrix(rays.origin),
+                direction: matrix(rays.direction),
+                scale: prop.placement.frame.scale.as_vec3(),
+                mirrored: u32::from(rays.mirrored),
+                low: prop.placement.low.as_vec3(),
+                colors: count,
+                high: prop.placement.high.as_vec3(),
+                first_color,
+                blend_steps: look.blend_steps,
+                softness: look.softness,
+                min_opacity: look.min_opacity,
+                iterations: look.abstraction.iterations,
+                radius: look.abstraction.radius as i32,
+                spatial_falloff: falloff(look.abstraction.spatial_sigma),
+                range_falloff: falloff(look.abstraction.range_sigma),
+            });
+        }
+        if drawn.is_empty() {
+            continue;
+        }
+        if colors.get().is_empty() {
+            colors.get_mut().push(Vec4::ZERO);
+        }
+        let [z, w] = [view.clip_from_view.z_axis, view.clip_from_view.w_axis];
+        let corner = camera.viewport.as_ref().map_or(UVec2::ZERO, |viewport| viewport.physical_position);
+        *uniform.get_mut() = ViewUniform { corner, size, depth: Vec4::new(z.z, w.z, z.w, w.w) };
+        uniform.write_buffer(&device, &queue);
+        props.write_buffer(&device, &queue);
+        colors.write_buffer(&device, &queue);
+    }
+}
+
+/// The look with every value in its range, so that no shader divides by zero or loops for long.
+fn sound(look: Posterize) -> Posterize {
+    let Posterize { blend_steps, softness, min_opacity, mut abstraction } = look;
+    abstraction.iterations = abstraction.iterations.min(MAX_FILTER_ITERATIONS);
+    abstraction.radius = abstraction.radius.min(MAX_FILTER_RADIUS);
+    // f32::max takes the other one for NaN.
+    abstraction.spatial_sigma = abstraction.spatial_sigma.max(1e-3);
+    abstraction.range_sigma = abstraction.range_sigma.max(1e-3);
+    Posterize {
+        blend_steps: blend_steps.clamp(1, 64),
+        softness: softness.max(0.0),
+        min_opacity: min_opacity.max(0.0),
+        abstraction,
+    }
+}
