@@ -1,0 +1,152 @@
+//! The main job: pictures of a field as rendered, posterised and recoloured, and the palette that made them.
+//!
+//! ```sh
+//! cargo run --release --example stylize -- field.npz --cameras transforms.json --recolor '1=#2060ff'
+//! ```
+
+mod arguments;
+mod output;
+mod renderers;
+mod report;
+
+use std::{path::PathBuf, process::ExitCode, sync::Arc, time::Duration};
+
+use bevy_plenoctree::{
+    Palette, PlenOctree,
+    camera::{PinholeCamera, read_transforms},
+    field::LoadSettings,
+    palette::{Extraction, Progress, extract},
+};
+use clap::Parser;
+use glam::{DMat4, DVec3};
+use indicatif::{ProgressBar, ProgressStyle};
+
+use arguments::{Arguments, Renderer};
+use renderers::{FrameTimes, GpuRenderer, Job, ReferenceRenderer, Render};
+
+fn main() -> ExitCode {
+    match run(&Arguments::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::from(2)
+        }
+    }
+}
+
+type Result<T, E = Box<dyn std::error::Error>> = std::result::Result<T, E>;
+
+fn run(arguments: &Arguments) -> Result<()> {
+    let path = arguments.field.clone().unwrap_or_else(default_prop);
+    let cameras = arguments.cameras.as_ref().map(|path| read_transforms(path, arguments.size)).transpose()?;
+    let given = arguments.palette.as_ref().map(Palette::read).transpose()?;
+
+    let spinner = bar(arguments, 0, "loading");
+    spinner.enable_steady_tick(Duration::from_millis(100));
+    let field = PlenOctree::read(&path, &LoadSettings::default())?;
+    spinner.finish_and_clear();
+
+    let mut cameras = match cameras {
+        Some(cameras) => cameras,
+        None => turntable(&field, arguments.size.unwrap_or((800, 800)), arguments.frames().unwrap_or(8))?,
+    };
+    if let Some(frames) = arguments.frames() {
+        cameras.truncate(frames);
+    }
+
+    let (palette, extraction) = match given {
+        Some(palette) => (palette, None),
+        None => {
+            let extraction =
+                extract_with_progress(&field, arguments).map_err(|error| format!("{}: {error}", path.display()))?;
+            (extraction.palette.clone(), Some(extraction))
+        }
+    };
+    let recolored = arguments.recolored(&palette)?;
+
+    std::fs::create_dir_all(&arguments.out).map_err(|error| format!("{}: {error}", arguments.out.display()))?;
+    output::write_palette(&palette, &arguments.out)?;
+
+    let job = Job {
+        field: field.clone(),
+        palette: palette.clone(),
+        recolored,
+        look: arguments.look(),
+        background: arguments.background(),
+    };
+    let size = cameras.iter().fold((1, 1), |size, camera| (size.0.max(camera.width), size.1.max(camera.height)));
+    let mut renderer: Box<dyn Render> = match arguments.renderer {
+        Renderer::Gpu => Box::new(GpuRenderer::new(job, size).map_err(|error| format!("{}: {error}", path.display()))?),
+        Renderer::Reference => Box::new(ReferenceRenderer::new(job)),
+    };
+
+    let progress = bar(arguments, cameras.len() as u64, "rendering");
+    let mut times = Vec::new();
+    for (index, camera) in cameras.iter().enumerate() {
+        let (pictures, milliseconds) = renderer.render(camera)?;
+        let files = output::write_frame(&pictures, index, &arguments.out)?;
+        times.push((files, milliseconds));
+        progress.inc(1);
+    }
+    progress.finish_and_clear();
+
+    report::write(&arguments.out, &field, &renderer.adapter(), extraction.as_ref(), &palette, &times)?;
+    if !arguments.quiet {
+        println!("{} views of {} in {}", cameras.len(), path.display(), arguments.out.display());
+    }
+    Ok(())
+}
+
+/// The prop of our own that is shown when no field is named.
+fn default_prop() -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("assets/drum.npz")
+}
+
+fn bar(arguments: &Arguments, length: u64, message: &'static str) -> ProgressBar {
+    if arguments.quiet {
+        return ProgressBar::hidden();
+    }
+    let template = if length == 0 { "{spinner} {msg}" } else { "{msg:12} [{bar:40}] {pos}/{len} {eta}" };
+    let style = ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar());
+    ProgressBar::new(length).with_style(style).with_message(message)
+}
+
+/// Extracts in another thread, so that this one can show how far it is.
+fn extract_with_progress(field: &PlenOctree, arguments: &Arguments) -> Result<Extraction> {
+    let progress = Arc::new(Progress::default());
+    let (field, settings, shared) = (field.clone(), arguments.extraction(), progress.clone());
+    let bar = bar(arguments, 100, "extracting");
+    let worker = std::thread::spawn(move || extract(&field, &settings, &shared));
+    while !worker.is_finished() {
+        bar.set_position((100.0 * progress.fraction()) as u64);
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    bar.finish_and_clear();
+    Ok(worker.join().map_err(|_| "extraction stopped unexpectedly")??)
+}
+
+/// Views from all around and a little above, that show the whole field.
+fn turntable(field: &PlenOctree, (width, height): (u32, u32), frames: usize) -> Result<Vec<PinholeCamera>> {
+    let (low, high) = field.bounds().ok_or("the field is empty")?;
+    let (center, radius) = (0.5 * (low + high), 0.5 * (high - low).length());
+    let fov = 0.6_f64;
+    // The narrower side of the picture decides how far the camera stands back.
+    let camera = PinholeCamera::new(width, height, fov, DMat4::IDENTITY);
+    let narrow = (0.5 * f64::from(width.min(height)) / camera.focal_x).atan();
+    let distance = radius / narrow.sin();
+    let up = match field.up() {
+        bevy_plenoctree::field::UpAxis::Y => DVec3::Y,
+        bevy_plenoctree::field::UpAxis::Z => DVec3::Z,
+    };
+    let right = up.any_orthonormal_vector();
+    let front = up.cross(right);
+    let elevation = 25.0_f64.to_radians();
+    Ok((0..frames)
+        .map(|frame| {
+            let angle = std::f64::consts::TAU * frame as f64 / frames as f64 + 0.6;
+            let around = angle.cos() * right + angle.sin() * front;
+            let position = center + distance * (elevation.cos() * around + elevation.sin() * up);
+            camera.looking_at(position, center, up)
+        })
+        .collect())
+}

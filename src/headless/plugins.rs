@@ -1,0 +1,47 @@
+//! What an app needs to render without a window.
+
+use bevy::{
+    app::{PluginGroupBuilder, TaskPoolPlugin},
+    asset::AssetPlugin,
+    camera::CameraPlugin,
+    core_pipeline::CorePipelinePlugin,
+    diagnostic::{DiagnosticsPlugin, FrameCountPlugin},
+    image::ImagePlugin,
+    input::InputPlugin,
+    mesh::MeshPlugin,
+    prelude::*,
+    render::RenderPlugin,
+    time::TimePlugin,
+    transform::TransformPlugin,
+    window::{ExitCondition, WindowPlugin},
+};
+
+/// The plugins of an app that renders into pictures: no window, pipelines ready when they are first used, rendering on
+/// the thread that updates the app.
+pub struct HeadlessPlugins;
+
+impl PluginGroup for HeadlessPlugins {
+    fn build(self) -> PluginGroupBuilder {
+        PluginGroupBuilder::start::<Self>()
+            .add(TaskPoolPlugin::default())
+            .add(FrameCountPlugin)
+            .add(TimePlugin)
+            .add(TransformPlugin)
+            .add(DiagnosticsPlugin)
+            .add(InputPlugin)
+            .add(WindowPlugin { primary_window: None, exit_condition: ExitCondition::DontExit, ..default() })
+            .add(AssetPlugin::default())
+            .add(RenderPlugin { synchronous_pipeline_compilation: true, ..default() })
+            .add(ImagePlugin::default())
+            .add(MeshPlugin)
+            .add(CameraPlugin)
+            .add(CorePipelinePlugin)
+    }
+}
+
+/// Whether there is an adapter at all: Bevy's renderer panics where there is none.
+pub(super) fn check_adapter() -> Result<(), String> {
+    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
+    let request = instance.request_adapter(&wgpu::RequestAdapterOptions::default());
+    bevy::tasks::block_on(request).map(drop).map_err(|error| error.to_string())
+}

@@ -1,0 +1,88 @@
+//! A pinhole camera as a camera of Bevy's.
+
+use bevy::{
+    camera::{CameraProjection, SubCameraView},
+    math::{Affine3A, Vec3A, Vec4},
+    prelude::*,
+};
+
+use crate::{camera::PinholeCamera, field::UpAxis, picture::local_from_field};
+
+/// The projection of a [`PinholeCamera`], off-centre or not, with an infinite far plane.
+#[derive(Clone, Copy, Debug)]
+struct PinholeProjection(PinholeCamera);
+
+/// Distance of the near plane, in world units: nothing but meshes is cut there.
+const NEAR: f64 = 0.01;
+
+impl CameraProjection for PinholeProjection {
+    fn get_clip_from_view(&self) -> Mat4 {
+        let camera = &self.0;
+        let (width, height) = (f64::from(camera.width), f64::from(camera.height));
+        // The picture's y grows downwards, the clip space's upwards.
+        glam::DMat4::from_cols(
+            glam::DVec4::X * (2.0 * camera.focal_x / width),
+            glam::DVec4::Y * (2.0 * camera.focal_y / height),
+            glam::DVec4::new(1.0 - 2.0 * camera.center_x / width, 2.0 * camera.center_y / height - 1.0, 0.0, -1.0),
+            glam::DVec4::Z * NEAR,
+        )
+        .as_mat4()
+    }
+
+    fn get_clip_from_view_for_sub(&self, _: &SubCameraView) -> Mat4 {
+        self.get_clip_from_view()
+    }
+
+    fn update(&mut self, _: f32, _: f32) {}
+
+    fn far(&self) -> f32 {
+        f32::INFINITY
+    }
+
+    fn get_frustum_corners(&self, near: f32, far: f32) -> [Vec3A; 8] {
+        let view_from_clip = self.get_clip_from_view().inverse();
+        let corners = [(1.0, -1.0), (1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0)];
+        std::array::from_fn(|index| {
+            let (x, y) = corners[index % 4];
+            let point = view_from_clip * Vec4::new(x, y, 1.0, 1.0);
+            let distance = if index < 4 { near } else { far };
+            Vec3A::from(point.truncate() / -point.z * distance)
+        })
+    }
+}
+
+/// A pinhole camera as components for an entity that has a `Camera3d`: it sees a field whose up axis is `up`, and whose
+/// prop stands untransformed in the scene, as the pinhole camera sees the field.
+pub fn pinhole_view(camera: &PinholeCamera, up: UpAxis) -> (Projection, Transform) {
+    let turn = local_from_field(up);
+    let (rotation, position) = (turn * camera.rotation, turn * camera.position);
+    let affine = Affine3A::from_mat3_translation(rotation.as_mat3(), position.as_vec3());
+    (Projection::custom(PinholeProjection(*camera)), Transform::from_matrix(affine.into()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::{DMat4, DVec3};
+
+    /// A point in the scene lands on the pixel whose ray goes through it.
+    #[test]
+    fn projects_onto_the_pixel_of_the_ray() {
+        let mut camera = PinholeCamera::new(400, 300, 1.0, DMat4::IDENTITY).looking_at(
+            DVec3::new(3.0, 1.0, 2.0),
+            DVec3::ZERO,
+            DVec3::Z,
+        );
+        (camera.center_x, camera.center_y, camera.focal_y) = (150.0, 170.0, 300.0);
+        let (projection, transform) = pinhole_view(&camera, UpAxis::Z);
+        let Projection::Custom(projection) = projection else { panic!("not a custom projection") };
+        let clip_from_world = projection.get_clip_from_view() * transform.to_matrix().inverse();
+        for (x, y) in [(0.0, 0.0), (150.0, 170.0), (399.0, 20.0)] {
+            let (origin, direction) = camera.ray(x, y);
+            let point = local_from_field(UpAxis::Z) * (origin + 2.5 * direction);
+            let ndc = clip_from_world.project_point3(point.as_vec3());
+            assert!((200.0 * (1.0 + ndc.x) - x as f32).abs() < 1e-2, "{ndc} for {x}, {y}");
+            assert!((150.0 * (1.0 - ndc.y) - y as f32).abs() < 1e-2, "{ndc} for {x}, {y}");
+        }
+    }
+}
