@@ -127,7 +127,7 @@ fn extract_with_progress(field: &PlenOctree, arguments: &Arguments) -> Result<Ex
 
 /// Views from all around and a little above, that show the whole field.
 fn turntable(field: &PlenOctree, (width, height): (u32, u32), frames: usize) -> Result<Vec<PinholeCamera>> {
-    let (low, high) = field.bounds().ok_or("the field is empty")?;
+    let (low, high) = field.dense_bounds().ok_or("the field is empty")?;
     let (center, radius) = (0.5 * (low + high), 0.5 * (high - low).length());
     let fov = 0.6_f64;
     // The narrower side of the picture decides how far the camera stands back.

@@ -108,6 +108,12 @@ pub enum InvalidField {
         /// The node that was reached again.
         node: u32,
     },
+    /// Two cells name one leaf.
+    #[error("leaf {leaf} is reached twice")]
+    SharedLeaf {
+        /// The leaf that was reached again.
+        leaf: u32,
+    },
     /// The tree is deeper than [`MAX_DEPTH`].
     #[error("the tree is deeper than {MAX_DEPTH} levels")]
     TooDeep,
@@ -205,6 +211,7 @@ impl PlenOctree {
             return Err(InvalidField::Dangling { node: 0 });
         }
         let mut reached = vec![false; self.nodes.len()];
+        let mut leaves_reached = vec![false; self.density.len()];
         let mut leaves = 0;
         let mut deepest = 0;
         let mut stack = vec![(0u32, 1u32)];
@@ -223,8 +230,10 @@ impl PlenOctree {
                     }
                     stack.push((child, level + 1));
                 } else if let Some(leaf) = cell.as_leaf() {
-                    if leaf as usize >= self.density.len() {
-                        return Err(InvalidField::Dangling { node });
+                    match leaves_reached.get_mut(leaf as usize) {
+                        None => return Err(InvalidField::Dangling { node }),
+                        Some(true) => return Err(InvalidField::SharedLeaf { leaf }),
+                        Some(reached) => *reached = true,
                     }
                     leaves += 1;
                 }
@@ -293,6 +302,27 @@ impl PlenOctree {
         self.bounds.map(|(low, high)| {
             (self.frame.to_world(low.as_dvec3() / cells), self.frame.to_world(high.as_dvec3() / cells))
         })
+    }
+
+    /// The box in which most of the field lies, in the field's frame: along each axis it leaves out a two-hundredth of
+    /// the leaves at either end, the floaters that training leaves behind. For cameras that are to show the field;
+    /// `None` for an empty one.
+    pub fn dense_bounds(&self) -> Option<(DVec3, DVec3)> {
+        if self.leaves() == 0 {
+            return None;
+        }
+        let mut low = DVec3::ZERO;
+        let mut high = DVec3::ZERO;
+        for axis in 0..3 {
+            let mut ends: Vec<(u32, u32)> =
+                self.leaf_cells().map(|cell| (cell.corner[axis], cell.corner[axis] + cell.size)).collect();
+            let left_out = ends.len() / 200;
+            let last = ends.len() - 1 - left_out;
+            low[axis] = f64::from(ends.select_nth_unstable_by_key(left_out, |end| end.0).1.0);
+            high[axis] = f64::from(ends.select_nth_unstable_by_key(last, |end| end.1).1.1);
+        }
+        let cells = f64::from(1u32 << self.depth);
+        Some((self.frame.to_world(low / cells), self.frame.to_world(high / cells)))
     }
 
     /// Every leaf and where it lies, in the order of the octree.

@@ -11,10 +11,12 @@ use bevy::{
     mesh::MeshPlugin,
     prelude::*,
     render::RenderPlugin,
+    tasks::block_on,
     time::TimePlugin,
     transform::TransformPlugin,
     window::{ExitCondition, WindowPlugin},
 };
+use wgpu::{Backends, Instance, InstanceDescriptor, RequestAdapterOptions};
 
 /// The plugins of an app that renders into pictures: no window, pipelines ready when they are first used, rendering on
 /// the thread that updates the app.
@@ -39,9 +41,10 @@ impl PluginGroup for HeadlessPlugins {
     }
 }
 
-/// Whether there is an adapter at all: Bevy's renderer panics where there is none.
+/// Whether there is an adapter at all, on a backend that Bevy would use: its renderer panics where there is none.
 pub(super) fn check_adapter() -> Result<(), String> {
-    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
-    let request = instance.request_adapter(&wgpu::RequestAdapterOptions::default());
-    bevy::tasks::block_on(request).map(drop).map_err(|error| error.to_string())
+    let backends = Backends::from_env().unwrap_or(Backends::all());
+    let instance = Instance::new(InstanceDescriptor { backends, ..InstanceDescriptor::new_without_display_handle() });
+    let request = instance.request_adapter(&RequestAdapterOptions::default());
+    block_on(request).map(drop).map_err(|error| error.to_string())
 }

@@ -6,7 +6,7 @@ use glam::DVec3;
 
 use super::march;
 use crate::{
-    field::PlenOctree,
+    field::{PlenOctree, UpAxis},
     palette::{ExtractionSettings, Histograms, InvalidHistogram, Observers},
 };
 
@@ -15,7 +15,7 @@ pub fn sample_histograms(field: &PlenOctree, settings: &ExtractionSettings) -> R
     let bins = [settings.fine_bins, settings.coarse_bins];
     let mut weights = bins.map(|bins| vec![0.0; bins.pow(3)]);
     let cells = f64::from(1u32 << field.depth());
-    let directions = observers(settings);
+    let directions = observers(field.up(), settings);
     for cell in field.leaf_cells() {
         let centre = field.frame().to_world((cell.corner.as_dvec3() + 0.5 * f64::from(cell.size)) / cells);
         let density = f64::from(field.densities()[cell.leaf as usize]);
@@ -46,7 +46,7 @@ fn bin(color: DVec3, bins: usize) -> usize {
 }
 
 /// Unit vectors to the observers: step 2. One inner list per cell of directions.
-fn observers(settings: &ExtractionSettings) -> Vec<Vec<DVec3>> {
+fn observers(up: UpAxis, settings: &ExtractionSettings) -> Vec<Vec<DVec3>> {
     let n = settings.directions;
     let (columns, rows, lowest) = match settings.observers {
         Observers::UpperHemisphere => (4 * n, n, 0.0),
@@ -64,7 +64,11 @@ fn observers(settings: &ExtractionSettings) -> Vec<Vec<DVec3>> {
                     let cos_theta = lowest + (1.0 - lowest) * u;
                     let sin_theta = (1.0 - cos_theta * cos_theta).sqrt();
                     let phi = TAU * v;
-                    rays.push(DVec3::new(sin_theta * phi.cos(), sin_theta * phi.sin(), cos_theta));
+                    let z_up = DVec3::new(sin_theta * phi.cos(), sin_theta * phi.sin(), cos_theta);
+                    rays.push(match up {
+                        UpAxis::Z => z_up,
+                        UpAxis::Y => DVec3::new(z_up.x, z_up.z, -z_up.y),
+                    });
                 }
             }
             cells.push(rays);

@@ -1,0 +1,309 @@
+//! What stands before the elements of a `.npy` array: its element type, order and shape.
+
+use std::fmt::Display;
+use std::io::{self, Read};
+
+use bytemuck::Pod;
+use half::f16;
+
+/// The longest header that is read, in bytes. numpy's own take 118 for arrays of plain numbers.
+const LONGEST_HEADER: usize = 1 << 16;
+
+/// An element type that a header names.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Dtype {
+    /// As the header writes it, such as `<f2`.
+    pub name: String,
+    /// The letter for the kind of element: `f`, `i`, `u`, `U`, `S`, `O`, ...
+    pub kind: char,
+    /// Bytes an element.
+    pub size: u64,
+    /// Whether the bytes of a number are in the order that this machine does not use.
+    pub swapped: bool,
+}
+
+impl Dtype {
+    fn parse(name: &str) -> Option<Self> {
+        let mut letters = name.chars();
+        let mut kind = letters.next()?;
+        let mut big = cfg!(target_endian = "big");
+        if "<>|=".contains(kind) {
+            big = kind == '>' || (big && kind != '<');
+            kind = letters.next()?;
+        }
+        let count = match letters.as_str() {
+            "" => 0,
+            digits => digits.parse().ok()?,
+        };
+        // numpy counts the size of a unicode string in characters of four bytes.
+        let size = if kind == 'U' { 4u64.checked_mul(count)? } else { count };
+        Some(Self { name: name.to_owned(), kind, size, swapped: big != cfg!(target_endian = "big") })
+    }
+}
+
+/// The header of an array.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Header {
+    pub dtype: Dtype,
+    /// Whether the first axis runs fastest instead of the last.
+    pub fortran: bool,
+    pub shape: Vec<u64>,
+}
+
+impl Header {
+    /// Reads a header and leaves `reader` at the first element; also gives the header's length in bytes.
+    ///
+    /// The parser of `npyz` is not used because it reserves what the length field asks for, recurses as deeply as the
+    /// header nests, and multiplies the shape without a check.
+    pub fn read(reader: &mut impl Read) -> io::Result<(Self, u64)> {
+        let broken = |what: String| io::Error::new(io::ErrorKind::InvalidData, what);
+        let mut start = [0; 8];
+        reader.read_exact(&mut start)?;
+        let [b'\x93', b'N', b'U', b'M', b'P', b'Y', version, _] = start else {
+            return Err(broken("no npy header".into()));
+        };
+        let mut length = [0; 4];
+        let digits = match version {
+            1 => 2,
+            2 | 3 => 4,
+            _ => return Err(broken(format!("npy version {version}"))),
+        };
+        reader.read_exact(&mut length[..digits])?;
+        let length = u32::from_le_bytes(length) as usize;
+        if length > LONGEST_HEADER {
+            return Err(broken(format!("an npy header of {length} bytes")));
+        }
+        let mut text = vec![0; length];
+        reader.read_exact(&mut text)?;
+        let header = std::str::from_utf8(&text).ok().and_then(Self::parse);
+        let header = header.ok_or_else(|| broken("an npy header that does not parse".into()))?;
+        Ok((header, (8 + digits + length) as u64))
+    }
+
+    /// Parses the Python literal `{'descr': '<f2', 'fortran_order': False, 'shape': (1, 2), }`.
+    fn parse(text: &str) -> Option<Self> {
+        let (mut dtype, mut fortran, mut shape) = (None, None, None);
+        let mut rest = text.trim().strip_prefix('{')?.trim_start();
+        while !rest.starts_with('}') {
+            let (key, value) = quoted(rest)?;
+            rest = value.trim_start().strip_prefix(':')?.trim_start();
+            match key {
+                "descr" if rest.starts_with('[') => {
+                    // A structure: nothing of a PlenOctree is one, so its fields are not looked at.
+                    let end = matching(rest)?;
+                    dtype = Some(Dtype { name: rest[..end].into(), kind: 'V', size: 0, swapped: false });
+                    rest = &rest[end..];
+                }
+                "descr" => {
+                    let (name, after) = quoted(rest)?;
+                    dtype = Some(Dtype::parse(name)?);
+                    rest = after;
+                }
+                "fortran_order" => {
+                    let word = rest.find(|c: char| !c.is_alphabetic())?;
+                    fortran = Some(match &rest[..word] {
+                        "True" => true,
+                        "False" => false,
+                        _ => return None,
+                    });
+                    rest = &rest[word..];
+                }
+                "shape" => {
+                    let (axes, after) = rest.strip_prefix('(')?.split_once(')')?;
+                    // Python 2 wrote long integers with an L.
+                    let axes =
+                        axes.trim().trim_end_matches(',').split(',').map(|axis| axis.trim().trim_end_matches('L'));
+                    shape = Some(match axes.clone().next() {
+                        Some("") => Vec::new(),
+                        _ => axes.map(|axis| axis.parse().ok()).collect::<Option<_>>()?,
+                    });
+                    rest = after;
+                }
+                _ => return None,
+            }
+            rest = rest.trim_start();
+            rest = rest.strip_prefix(',').unwrap_or(rest).trim_start();
+        }
+        Some(Self { dtype: dtype?, fortran: fortran?, shape: shape? })
+    }
+
+    /// Elements; `None` when there are more than can be counted.
+    pub fn elements(&self) -> Option<u64> {
+        self.shape.iter().try_fold(1u64, |product, &axis| product.checked_mul(axis))
+    }
+}
+
+/// Splits a Python string without escapes off the start of `text`.
+fn quoted(text: &str) -> Option<(&str, &str)> {
+    let quote = text.chars().next().filter(|quote| "'\"".contains(*quote))?;
+    text[1..].split_once(quote)
+}
+
+/// The end of the bracketed literal that `text` starts with.
+fn matching(text: &str) -> Option<usize> {
+    let mut open = 0;
+    for (at, letter) in text.char_indices() {
+        match letter {
+            '[' => open += 1,
+            ']' => open -= 1,
+            _ => {}
+        }
+        if open == 0 {
+            return Some(at + 1);
+        }
+    }
+    None
+}
+
+/// The dtypes of [`Real`], for messages.
+pub(super) const REALS: &str = "<f2, <f4 or <f8";
+/// The dtypes of [`Whole`], for messages.
+pub(super) const WHOLES: &str = "a whole number";
+
+/// A number that arrays hold.
+pub(super) trait Number: Pod {
+    /// With its bytes in the opposite order.
+    fn swap(self) -> Self;
+}
+
+/// A number that leaves hold.
+pub(super) trait Real: Number + Display {
+    /// As it is.
+    fn to_f64(self) -> f64;
+    /// To the nearest float32; infinite beyond its range.
+    fn to_f32(self) -> f32;
+    /// To the nearest float16; `None` if it is not a number or beyond +-65504.
+    fn to_f16(self) -> Option<f16>;
+}
+
+/// A whole number.
+pub(super) trait Whole: Number + TryInto<i64> {
+    /// Its value; the largest possible for what no `i64` holds.
+    fn to_i64(self) -> i64 {
+        self.try_into().unwrap_or(i64::MAX)
+    }
+}
+
+macro_rules! numbers {
+    ($($number:ty),*) => { $(
+        impl Number for $number {
+            fn swap(self) -> Self {
+                let mut bytes = self.to_ne_bytes();
+                bytes.reverse();
+                Self::from_ne_bytes(bytes)
+            }
+        }
+    )* };
+}
+numbers!(f16, f32, f64, i8, i16, i32, i64, u8, u16, u32, u64);
+
+macro_rules! wholes {
+    ($($number:ty),*) => { $( impl Whole for $number {} )* };
+}
+wholes!(i8, i16, i32, i64, u8, u16, u32, u64);
+
+impl Real for f16 {
+    fn to_f64(self) -> f64 {
+        f16::to_f64(self)
+    }
+
+    fn to_f32(self) -> f32 {
+        f16::to_f32(self)
+    }
+
+    fn to_f16(self) -> Option<f16> {
+        self.is_finite().then_some(self)
+    }
+}
+
+impl Real for f32 {
+    fn to_f64(self) -> f64 {
+        self.into()
+    }
+
+    fn to_f32(self) -> f32 {
+        self
+    }
+
+    fn to_f16(self) -> Option<f16> {
+        (self.abs() <= f16::MAX.to_f32()).then(|| f16::from_f32(self))
+    }
+}
+
+impl Real for f64 {
+    fn to_f64(self) -> f64 {
+        self
+    }
+
+    fn to_f32(self) -> f32 {
+        self as f32
+    }
+
+    fn to_f16(self) -> Option<f16> {
+        (self.abs() <= f16::MAX.to_f64()).then(|| f16::from_f64(self))
+    }
+}
+
+/// Runs `$body` with `$number` standing for the Rust type of a floating-point dtype; gives `None` for other dtypes.
+macro_rules! with_real {
+    ($dtype:expr, $number:ident => $body:expr) => {
+        match ($dtype.kind, $dtype.size) {
+            ('f', 2) => {
+                type $number = half::f16;
+                Some($body)
+            }
+            ('f', 4) => {
+                type $number = f32;
+                Some($body)
+            }
+            ('f', 8) => {
+                type $number = f64;
+                Some($body)
+            }
+            _ => None,
+        }
+    };
+}
+
+/// Runs `$body` with `$number` standing for the Rust type of an integer dtype; gives `None` for other dtypes.
+macro_rules! with_whole {
+    ($dtype:expr, $number:ident => $body:expr) => {
+        match ($dtype.kind, $dtype.size) {
+            ('i', 1) => {
+                type $number = i8;
+                Some($body)
+            }
+            ('i', 2) => {
+                type $number = i16;
+                Some($body)
+            }
+            ('i', 4) => {
+                type $number = i32;
+                Some($body)
+            }
+            ('i', 8) => {
+                type $number = i64;
+                Some($body)
+            }
+            ('u', 1) => {
+                type $number = u8;
+                Some($body)
+            }
+            ('u', 2) => {
+                type $number = u16;
+                Some($body)
+            }
+            ('u', 4) => {
+                type $number = u32;
+                Some($body)
+            }
+            ('u', 8) => {
+                type $number = u64;
+                Some($body)
+            }
+            _ => None,
+        }
+    };
+}
+
+pub(super) use {with_real, with_whole};

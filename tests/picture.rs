@@ -1,0 +1,302 @@
+//! The real plugin through the real renderer, against the float64 reference and against what must be seen.
+
+use std::time::Duration;
+
+use bevy::{
+    camera::Viewport,
+    core_pipeline::tonemapping::{DebandDither, Tonemapping},
+    pbr::PbrPlugin,
+    prelude::*,
+};
+use bevy_plenoctree::{
+    FieldPalette, Palette, Palettes, PlenOctree, PlenOctreePlugin, Posterize, Prop,
+    camera::PinholeCamera,
+    field::{Activation, BakeSettings, Basis, UpAxis, bake},
+    headless::{Headless, pinhole_view},
+    reference,
+};
+use glam::{DMat4, DVec3};
+use image::RgbaImage;
+
+const SIZE: u32 = 96;
+
+/// A soft ball whose colour depends on place and direction.
+fn ball(basis: Basis) -> PlenOctree {
+    let settings = BakeSettings {
+        depth: 5,
+        min: DVec3::new(-1.0, -1.5, -1.0),
+        max: DVec3::new(1.0, 1.0, 1.2),
+        basis,
+        ..Default::default()
+    };
+    bake(
+        &settings,
+        |at| (30.0 * (0.8 - at.length())).clamp(0.0, 12.0),
+        |at| {
+            move |direction: DVec3| {
+                let tint = 0.5 + 0.4 * (7.0 * at).map(f64::sin);
+                tint + 0.2 * direction.dot(at.normalize_or_zero()) * DVec3::new(1.0, -0.5, 0.3)
+            }
+        },
+    )
+    .unwrap()
+}
+
+/// A box that no light passes, of one colour.
+fn solid(color: DVec3) -> PlenOctree {
+    let settings = BakeSettings { depth: 3, basis: Basis::Rgba, ..Default::default() };
+    bake(&settings, |at| if at.abs().max_element() < 0.5 { 1e4 } else { 0.0 }, |_| move |_| color).unwrap()
+}
+
+fn with_activation(field: &PlenOctree, activation: Activation) -> PlenOctree {
+    PlenOctree::new(
+        field.frame(),
+        field.basis(),
+        activation,
+        field.up(),
+        field.nodes().to_vec(),
+        field.densities().to_vec(),
+        field.coefficients().to_vec(),
+    )
+    .unwrap()
+}
+
+fn pinhole() -> PinholeCamera {
+    PinholeCamera::new(SIZE, SIZE, 0.7, DMat4::IDENTITY).looking_at(DVec3::new(2.0, -2.2, 1.4), DVec3::ZERO, DVec3::Z)
+}
+
+fn palette() -> Palette {
+    Palette::new(vec![[0.9, 0.1, 0.1], [0.1, 0.8, 0.2], [0.15, 0.2, 0.9], [0.95, 0.9, 0.85], [0.05, 0.05, 0.1]])
+        .unwrap()
+}
+
+struct Scene {
+    headless: Headless,
+    prop: Entity,
+    camera: Entity,
+    field: Handle<PlenOctree>,
+}
+
+impl Scene {
+    fn new(field: &PlenOctree) -> Self {
+        let mut headless = Headless::new(UVec2::splat(SIZE), |app| {
+            app.add_plugins((bevy::light::LightPlugin, PbrPlugin::default(), PlenOctreePlugin));
+        })
+        .unwrap();
+        let target = headless.target();
+        let world = headless.app.world_mut();
+        let handle = world.resource_mut::<Assets<PlenOctree>>().add(field.clone());
+        world.resource_mut::<Palettes>().insert(&handle, FieldPalette::new(palette()));
+        let prop = world.spawn(Prop(handle.clone())).id();
+        let camera = world
+            .spawn((
+                Camera3d::default(),
+                Camera { clear_color: Color::WHITE.into(), ..default() },
+                target,
+                Msaa::Off,
+                Tonemapping::None,
+                DebandDither::Disabled,
+                pinhole_view(&pinhole(), field.up()),
+            ))
+            .id();
+        headless.wait_until_ready(Duration::from_secs(120)).unwrap();
+        Self { headless, prop, camera, field: handle }
+    }
+
+    fn world(&mut self) -> &mut World {
+        self.headless.app.world_mut()
+    }
+
+    fn picture(&mut self) -> RgbaImage {
+        self.headless.picture().unwrap()
+    }
+
+    fn show(&mut self, index: usize, color: Color) {
+        let field = self.field.clone();
+        self.world().resource_mut::<Palettes>().get_mut(&field).unwrap().set(index, color);
+    }
+
+    /// An unlit square of `size` at `position`, facing the camera.
+    fn spawn_square(&mut self, position: DVec3, size: f32, color: Color) -> Entity {
+        let world = self.headless.app.world_mut();
+        let mesh = world.resource_mut::<Assets<Mesh>>().add(Rectangle::new(size, size));
+        let material = world.resource_mut::<Assets<StandardMaterial>>().add(StandardMaterial {
+            base_color: color,
+            unlit: true,
+            ..default()
+        });
+        let camera = *world.get::<Transform>(self.camera).unwrap();
+        // The field's z is up, the scene's y.
+        let position = DVec3::new(position.x, position.z, -position.y).as_vec3();
+        let transform = Transform::from_translation(position).with_rotation(camera.rotation);
+        world.spawn((Mesh3d(mesh), MeshMaterial3d(material), transform)).id()
+    }
+}
+
+/// Root mean square difference from colours of the reference, in 8-bit steps.
+fn difference(picture: &RgbaImage, expected: &[DVec3]) -> f64 {
+    let squares = picture.pixels().zip(expected).map(|(pixel, color)| {
+        let seen = DVec3::new(pixel[0].into(), pixel[1].into(), pixel[2].into());
+        (seen - 255.0 * color.clamp(DVec3::ZERO, DVec3::ONE)).length_squared() / 3.0
+    });
+    (squares.sum::<f64>() / expected.len() as f64).sqrt()
+}
+
+#[test]
+fn every_basis_is_rendered_as_the_reference_renders_it() {
+    for basis in Basis::ALL {
+        for activation in [Activation::Sigmoid, Activation::ShiftedRelu, Activation::Identity] {
+            let field = with_activation(&ball(basis), activation);
+            let expected = reference::render(&field, &pinhole()).over(DVec3::ONE);
+            let difference = difference(&Scene::new(&field).picture(), &expected);
+            // Rounding to 8 bits alone makes 0.29; 50 dB are 0.8.
+            assert!(difference < 0.4, "{basis:?} {activation:?}: {difference}");
+        }
+    }
+}
+
+#[test]
+fn posterised_and_recoloured_as_the_reference_does_it() {
+    let field = ball(Basis::Sh9);
+    let picture = reference::render(&field, &pinhole());
+    let extracted: Vec<DVec3> = palette().colors.into_iter().map(DVec3::from).collect();
+    let mut shown = extracted.clone();
+    let mut scene = Scene::new(&field);
+    for (look, recolored) in [
+        (Posterize::default(), false),
+        (Posterize { softness: 0.0, blend_steps: 2, ..default() }, true),
+        (Posterize { softness: 0.4, blend_steps: 1, min_opacity: 0.9, ..default() }, true),
+    ] {
+        if recolored {
+            shown[0] = DVec3::new(0.2, 0.4, 1.0);
+            scene.show(0, Color::srgb(0.2, 0.4, 1.0));
+        }
+        let prop = scene.prop;
+        scene.world().entity_mut(prop).insert(look);
+        let settings = reference::Posterization {
+            blend_steps: look.blend_steps,
+            softness: look.softness.into(),
+            min_opacity: look.min_opacity.into(),
+            ..Default::default()
+        };
+        let expected = reference::posterize(&picture, DVec3::ONE, &extracted, &shown, &settings);
+        let picture = scene.picture();
+        let near = picture.pixels().zip(&expected).filter(|(pixel, color)| {
+            (0..3).all(|c| (f64::from(pixel[c]) - 255.0 * color[c].clamp(0.0, 1.0)).abs() <= 2.0)
+        });
+        let share = near.count() as f64 / expected.len() as f64;
+        // Half floats move a pixel in a thousand over the border between two labels.
+        assert!(share > 0.99, "{look:?}: {share}");
+    }
+}
+
+#[test]
+fn colours_that_a_user_sets_come_out_exactly() {
+    let color = DVec3::new(0.6, 0.3, 0.8);
+    let mut scene = Scene::new(&solid(color));
+    let (prop, field) = (scene.prop, scene.field.clone());
+    scene.world().entity_mut(prop).insert(Posterize::default());
+    let single = Palette::new(vec![color.to_array(), [0.0; 3]]).unwrap();
+    scene.world().resource_mut::<Palettes>().insert(&field, FieldPalette::new(single));
+    for step in 0..=51u8 {
+        let set = [5 * step, 255 - 5 * step, step.wrapping_mul(83)];
+        scene.show(0, Color::srgb_u8(set[0], set[1], set[2]));
+        let pixel = *scene.picture().get_pixel(SIZE / 2, SIZE / 2);
+        let off = (0..3).map(|c| pixel[c].abs_diff(set[c])).max().unwrap();
+        assert!(off <= 1, "{set:?} came out as {pixel:?}");
+    }
+}
+
+#[test]
+fn the_same_scene_gives_the_same_bytes() {
+    let field = ball(Basis::Sh4);
+    let picture = || {
+        let mut scene = Scene::new(&field);
+        let prop = scene.prop;
+        scene.world().entity_mut(prop).insert(Posterize::default());
+        scene.picture()
+    };
+    assert_eq!(picture(), picture());
+}
+
+#[test]
+fn opaque_meshes_hide_and_show_through() {
+    let red = Color::srgb_u8(200, 20, 20);
+    for msaa in [Msaa::Off, Msaa::Sample4] {
+        let color = DVec3::new(51.0, 128.0, 229.0) / 255.0;
+        let mut scene = Scene::new(&solid(color));
+        let camera = scene.camera;
+        scene.world().entity_mut(camera).insert(msaa);
+        let middle = |scene: &mut Scene| {
+            let pixel = *scene.picture().get_pixel(SIZE / 2, SIZE / 2);
+            [pixel[0], pixel[1], pixel[2]]
+        };
+        let blue = [51, 128, 229];
+        let towards_camera = pinhole().position.normalize();
+        assert_eq!(middle(&mut scene), blue, "{msaa:?}: alone");
+        let square = scene.spawn_square(-1.5 * towards_camera, 6.0, red);
+        assert_eq!(middle(&mut scene), blue, "{msaa:?}: before a mesh");
+        let corner = *scene.picture().get_pixel(2, 2);
+        assert_eq!([corner[0], corner[1], corner[2]], [200, 20, 20], "{msaa:?}: the mesh beside the prop");
+        scene.world().entity_mut(square).despawn();
+        scene.spawn_square(1.5 * towards_camera, 0.5, red);
+        assert_eq!(middle(&mut scene), [200, 20, 20], "{msaa:?}: behind a mesh");
+    }
+}
+
+/// Scaling a prop and the camera's distance alike changes nothing: optical depth is measured in the field's own units.
+#[test]
+fn a_scaled_prop_looks_the_same() {
+    let field = ball(Basis::Sh9);
+    let mut scene = Scene::new(&field);
+    let before = scene.picture();
+    let (prop, camera) = (scene.prop, scene.camera);
+    for scale in [1e-2, 50.0] {
+        let mut far = pinhole();
+        far.position *= f64::from(scale);
+        scene.world().entity_mut(prop).insert(Transform::from_scale(Vec3::splat(scale)));
+        scene.world().entity_mut(camera).insert(pinhole_view(&far, UpAxis::Z));
+        let after = scene.picture();
+        let largest = before.iter().zip(after.iter()).map(|(a, b)| a.abs_diff(*b)).max().unwrap();
+        assert!(largest <= 1, "scaled by {scale}: {largest}");
+    }
+}
+
+#[test]
+fn a_viewport_shows_the_same_picture() {
+    let field = ball(Basis::Sh1);
+    let mut scene = Scene::new(&field);
+    let (prop, camera) = (scene.prop, scene.camera);
+    scene.world().entity_mut(prop).insert(Posterize::default());
+    let half = pinhole().resized(SIZE / 2, SIZE / 2);
+    let expected = {
+        let mut alone = Scene::new(&field);
+        let (prop, camera) = (alone.prop, alone.camera);
+        alone.headless.resize(UVec2::splat(SIZE / 2));
+        alone.world().entity_mut(prop).insert(Posterize::default());
+        alone.world().entity_mut(camera).insert(pinhole_view(&half, UpAxis::Z));
+        alone.picture()
+    };
+    scene.world().entity_mut(camera).insert(pinhole_view(&half, UpAxis::Z));
+    scene.world().get_mut::<Camera>(camera).unwrap().viewport = Some(Viewport {
+        physical_position: UVec2::new(SIZE / 2, SIZE / 4),
+        physical_size: UVec2::splat(SIZE / 2),
+        ..default()
+    });
+    let picture = scene.picture();
+    let part = image::imageops::crop_imm(&picture, SIZE / 2, SIZE / 4, SIZE / 2, SIZE / 2).to_image();
+    assert_eq!(part, expected);
+}
+
+#[test]
+fn a_prop_without_a_palette_gets_one() {
+    let mut scene = Scene::new(&ball(Basis::Sh4));
+    let (prop, field) = (scene.prop, scene.field.clone());
+    scene.world().resource_mut::<Palettes>().remove(&field);
+    scene.world().entity_mut(prop).insert(Posterize::default());
+    scene.headless.wait_until_ready(Duration::from_secs(120)).unwrap();
+    let palettes = scene.world().resource::<Palettes>();
+    let palette = palettes.get(&field).unwrap();
+    assert!(palette.extraction().is_some());
+    assert!((2..=6).contains(&palette.shown().len()));
+}
