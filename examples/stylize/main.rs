@@ -14,7 +14,7 @@ use std::{path::PathBuf, process::ExitCode, sync::Arc, time::Duration};
 use bevy_plenoctree::{
     Palette, PlenOctree,
     camera::{PinholeCamera, read_transforms},
-    field::LoadSettings,
+    field::{LoadSettings, UpAxis},
     palette::{Extraction, Progress, extract},
 };
 use clap::Parser;
@@ -99,7 +99,7 @@ fn run(arguments: &Arguments) -> Result<()> {
 
 /// The prop of our own that is shown when no field is named.
 fn default_prop() -> PathBuf {
-    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("assets/drum.npz")
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("assets/toadstool.npz")
 }
 
 fn bar(arguments: &Arguments, length: u64, message: &'static str) -> ProgressBar {
@@ -134,17 +134,16 @@ fn turntable(field: &PlenOctree, (width, height): (u32, u32), frames: usize) -> 
     let camera = PinholeCamera::new(width, height, fov, DMat4::IDENTITY);
     let narrow = (0.5 * f64::from(width.min(height)) / camera.focal_x).atan();
     let distance = radius / narrow.sin();
-    let up = match field.up() {
-        bevy_plenoctree::field::UpAxis::Y => DVec3::Y,
-        bevy_plenoctree::field::UpAxis::Z => DVec3::Z,
+    // Fields face -y where z is up, and +z where y is.
+    let (up, right, front) = match field.up() {
+        UpAxis::Y => (DVec3::Y, DVec3::X, DVec3::Z),
+        UpAxis::Z => (DVec3::Z, DVec3::X, DVec3::NEG_Y),
     };
-    let right = up.any_orthonormal_vector();
-    let front = up.cross(right);
-    let elevation = 25.0_f64.to_radians();
+    let elevation = 20.0_f64.to_radians();
     Ok((0..frames)
         .map(|frame| {
-            let angle = std::f64::consts::TAU * frame as f64 / frames as f64 + 0.6;
-            let around = angle.cos() * right + angle.sin() * front;
+            let azimuth = 25.0_f64.to_radians() + std::f64::consts::TAU * frame as f64 / frames as f64;
+            let around = azimuth.sin() * right + azimuth.cos() * front;
             let position = center + distance * (elevation.cos() * around + elevation.sin() * up);
             camera.looking_at(position, center, up)
         })

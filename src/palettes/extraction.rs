@@ -1,6 +1,9 @@
 //! Extraction beside the running app.
 
-use std::{collections::HashMap, sync::Arc};
+use std::{
+    collections::{HashMap, HashSet},
+    sync::Arc,
+};
 
 use bevy::{
     prelude::*,
@@ -21,11 +24,14 @@ use crate::{
 pub struct PaletteExtraction {
     /// Settings of the extractions that start from now on.
     pub settings: ExtractionSettings,
+    wanted: HashSet<AssetId<PlenOctree>>,
     running: HashMap<AssetId<PlenOctree>, Running>,
     failed: HashMap<AssetId<PlenOctree>, ExtractionError>,
 }
 
 struct Running {
+    /// Whether a palette that the field was given in the meantime is to be replaced.
+    replaces: bool,
     progress: Arc<Progress>,
     task: Task<Result<Extraction, ExtractionError>>,
 }
@@ -40,6 +46,23 @@ impl PaletteExtraction {
     pub fn error(&self, field: impl Into<AssetId<PlenOctree>>) -> Option<&ExtractionError> {
         self.failed.get(&field.into())
     }
+
+    /// Extracts a field's palette anew, with the settings as they are now; one that is under way is given up.
+    ///
+    /// The palette that the field has stays until the new one is there, and is then replaced: changed colours and a
+    /// palette that was given as well.
+    pub fn restart(&mut self, field: impl Into<AssetId<PlenOctree>>) {
+        let id = field.into();
+        self.give_up(id);
+        self.wanted.insert(id);
+    }
+
+    fn give_up(&mut self, id: AssetId<PlenOctree>) {
+        self.failed.remove(&id);
+        if let Some(running) = self.running.remove(&id) {
+            running.progress.cancel();
+        }
+    }
 }
 
 /// Drops what was found out about fields that changed or are gone.
@@ -52,11 +75,11 @@ pub(super) fn forget(
         let (AssetEvent::Modified { id } | AssetEvent::Removed { id }) = event else {
             continue;
         };
-        extraction.failed.remove(id);
-        if let Some(running) = extraction.running.remove(id) {
-            running.progress.cancel();
-        }
+        extraction.give_up(*id);
         let removed = matches!(event, AssetEvent::Removed { .. });
+        if removed {
+            extraction.wanted.remove(id);
+        }
         // A palette that a user gave survives a hot reload.
         if palettes.get(*id).is_some_and(|palette| removed || palette.extraction().is_some()) {
             palettes.remove(*id);
@@ -70,17 +93,19 @@ pub(super) fn start(
     fields: Res<Assets<PlenOctree>>,
     props: Query<&Prop, With<Posterize>>,
 ) {
-    for Prop(handle) in &props {
-        let id = handle.id();
-        let known =
-            palettes.get(id).is_some() || extraction.running.contains_key(&id) || extraction.failed.contains_key(&id);
-        let Some(field) = fields.get(handle).filter(|_| !known) else {
+    let missing = props.iter().map(|prop| prop.0.id()).filter(|id| {
+        palettes.get(*id).is_none() && !extraction.failed.contains_key(id) && !extraction.running.contains_key(id)
+    });
+    let ids: HashSet<_> = extraction.wanted.iter().copied().chain(missing).collect();
+    for id in ids {
+        let Some(field) = fields.get(id) else {
             continue;
         };
         let progress = Arc::new(Progress::default());
         let (field, settings, shared) = (field.clone(), extraction.settings.clone(), progress.clone());
         let task = AsyncComputeTaskPool::get().spawn(async move { extract(&field, &settings, &shared) });
-        extraction.running.insert(id, Running { progress, task });
+        let replaces = extraction.wanted.remove(&id);
+        extraction.running.insert(id, Running { replaces, progress, task });
     }
 }
 
@@ -94,6 +119,7 @@ pub(super) fn finish(mut extraction: ResMut<PaletteExtraction>, mut palettes: Re
             return true;
         };
         match result {
+            Ok(_) if !running.replaces && palettes.get(*id).is_some() => {}
             Ok(found) => palettes.insert(*id, FieldPalette::extracted_by(found)),
             Err(error) => {
                 error!("{id} has no palette: {error}");

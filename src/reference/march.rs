@@ -39,7 +39,7 @@ pub fn march(field: &PlenOctree, origin: DVec3, direction: DVec3, mut visit: imp
             return;
         }
     }
-    if !(t < end) {
+    if t >= end {
         return;
     }
 
