@@ -6,22 +6,22 @@
 @group(1) @binding(0) var layer: texture_2d<f32>;
 @group(1) @binding(1) var owner: texture_2d<f32>;
 @group(1) @binding(2) var scene: texture_2d<f32>;
-@group(1) @binding(3) var even: texture_storage_2d<rgba16float, write>;
-@group(1) @binding(4) var odd: texture_storage_2d<rgba16float, write>;
 
-@compute @workgroup_size(8, 8)
-fn composite(@builtin(global_invocation_id) pixel: vec3<u32>) {
-    if any(pixel.xy >= view.size) {
-        return;
-    }
-    let over = textureLoad(layer, pixel.xy, 0);
-    var background = textureLoad(scene, pixel.xy + view.corner, 0).rgb;
+// Both pictures of the filter hold the composite, so that it need not write the pixels that it leaves alone.
+struct Fragment {
+    @location(0) even: vec4<f32>,
+    @location(1) odd: vec4<f32>,
+}
+
+@fragment
+fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
+    let pixel = vec2<u32>(position.xy);
+    let over = textureLoad(layer, pixel, 0);
+    var background = textureLoad(scene, pixel + view.corner, 0).rgb;
 #ifndef ENCODED_TARGET
     background = encode(background);
 #endif
-    // Alpha carries the prop that posterises the pixel. Both textures hold the picture, so that the filter need not
-    // write the pixels that it leaves alone.
-    let value = to_half(vec4(over.rgb + (1.0 - over.a) * background, textureLoad(owner, pixel.xy, 0).r));
-    textureStore(even, pixel.xy, value);
-    textureStore(odd, pixel.xy, value);
+    // Alpha carries the prop that posterises the pixel.
+    let value = to_half(vec4(over.rgb + (1.0 - over.a) * background, textureLoad(owner, pixel, 0).r));
+    return Fragment(value, value);
 }

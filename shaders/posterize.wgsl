@@ -6,12 +6,6 @@
 @group(1) @binding(0) var filtered: texture_2d<f32>;
 @group(1) @binding(1) var layer: texture_2d<f32>;
 
-@vertex
-fn vertex(@builtin(vertex_index) index: u32) -> @builtin(position) vec4<f32> {
-    // One triangle over the whole viewport.
-    return vec4(vec2(f32((index << 1u) & 2u), f32(index & 2u)) * 2.0 - 1.0, 0.0, 1.0);
-}
-
 // The two labels that are nearest in encoded RGB so far.
 struct Nearest {
     first: f32,

@@ -6,6 +6,7 @@ use bevy::{prelude::*, shader::Shader};
 #[derive(Resource, Clone)]
 pub(crate) struct Shaders {
     pub volume: Handle<Shader>,
+    pub fullscreen: Handle<Shader>,
     pub composite: Handle<Shader>,
     pub bilateral: Handle<Shader>,
     pub posterize: Handle<Shader>,
@@ -26,6 +27,7 @@ impl Shaders {
         }
         Self {
             volume: shader!("volume.wgsl"),
+            fullscreen: shader!("fullscreen.wgsl"),
             composite: shader!("composite.wgsl"),
             bilateral: shader!("bilateral.wgsl"),
             posterize: shader!("posterize.wgsl"),

@@ -23,7 +23,7 @@ use bevy::{
     prelude::*,
     render::{
         ExtractSchedule, GpuResourceAppExt, Render, RenderApp, RenderStartup, RenderSystems,
-        render_resource::{SpecializedComputePipelines, SpecializedRenderPipelines},
+        render_resource::SpecializedRenderPipelines,
     },
 };
 
@@ -40,7 +40,7 @@ impl Plugin for PicturePlugin {
             .init_resource::<extract::ExtractedProps>()
             .init_gpu_resource::<SpecializedRenderPipelines<volume::VolumePipeline>>()
             .init_gpu_resource::<SpecializedRenderPipelines<posterize::LabelPipeline>>()
-            .init_gpu_resource::<SpecializedComputePipelines<posterize::CompositePipeline>>()
+            .init_gpu_resource::<SpecializedRenderPipelines<posterize::CompositePipeline>>()
             .add_systems(RenderStartup, (view::init_layouts, (volume::init, posterize::init)).chain())
             .add_systems(ExtractSchedule, extract::extract_props)
             .add_systems(

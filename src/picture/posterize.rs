@@ -1,5 +1,7 @@
 //! The posterise pass: composite, bilateral filter, labels. Section 4 of the method.
 
+use std::num::NonZero;
+
 use bevy::{
     camera::CompositingSpace,
     prelude::*,
@@ -8,12 +10,12 @@ use bevy::{
         diagnostic::RecordDiagnostics,
         render_resource::{
             BindGroup, BindGroupEntries, BindGroupLayoutDescriptor, BindGroupLayoutEntries, BlendComponent, BlendState,
-            Buffer, BufferBinding, BufferInitDescriptor, BufferUsages, CachedComputePipelineId, CachedRenderPipelineId,
-            ColorTargetState, ColorWrites, ComputePassDescriptor, ComputePipelineDescriptor, FragmentState,
-            PipelineCache, RenderPassDescriptor, RenderPipelineDescriptor, ShaderStages, SpecializedComputePipeline,
-            SpecializedComputePipelines, SpecializedRenderPipeline, SpecializedRenderPipelines, StorageTextureAccess,
-            TextureFormat, TextureSampleType, TextureViewId, VertexState,
-            binding_types::{texture_2d, texture_storage_2d, uniform_buffer},
+            Buffer, BufferBinding, BufferInitDescriptor, BufferUsages, CachedRenderPipelineId, ColorTargetState,
+            ColorWrites, FragmentState, LoadOp, Operations, PipelineCache, RenderPassColorAttachment,
+            RenderPassDescriptor, RenderPipeline, RenderPipelineDescriptor, ShaderStages, SpecializedRenderPipeline,
+            SpecializedRenderPipelines, StoreOp, TextureFormat, TextureSampleType, TextureView, TextureViewId,
+            VertexState,
+            binding_types::{texture_2d, uniform_buffer},
         },
         renderer::{RenderContext, RenderDevice, ViewQuery},
         view::{ExtractedView, ViewTarget},
@@ -22,7 +24,7 @@ use bevy::{
 };
 
 use super::{
-    MAX_FILTER_ITERATIONS, MAX_FILTER_RADIUS,
+    MAX_FILTER_ITERATIONS,
     textures::{LAYER_FORMAT, PropTextures},
     view::{ViewLayouts, ViewProps},
 };
@@ -33,40 +35,56 @@ pub const POSTERIZE_SPAN: &str = "plenoctree_posterize";
 
 /// The target stores encoded sRGB, so nothing is decoded for it.
 const ENCODED_TARGET: &str = "ENCODED_TARGET";
-/// Pixels a side of a workgroup of `composite.wgsl` and of `bilateral.wgsl`.
-const COMPOSITE_TILE: u32 = 8;
-const FILTER_TILE: u32 = 16;
 /// Distance of two values in the buffer of iterations: no device asks for more.
 const ITERATION_STRIDE: u32 = 256;
 
 #[derive(Resource)]
-pub(super) struct CompositePipeline {
-    shader: Handle<Shader>,
-    view: BindGroupLayoutDescriptor,
-    layout: BindGroupLayoutDescriptor,
-}
+pub(super) struct CompositePipeline(Fullscreen);
 
 #[derive(Resource)]
 pub(super) struct FilterPipelines {
     layout: BindGroupLayoutDescriptor,
-    horizontal: CachedComputePipelineId,
-    vertical: CachedComputePipelineId,
+    horizontal: CachedRenderPipelineId,
+    vertical: CachedRenderPipelineId,
     /// 0, 1, 2, ... at distances of [`ITERATION_STRIDE`].
     iterations: Buffer,
 }
 
 #[derive(Resource)]
-pub(super) struct LabelPipeline {
-    shader: Handle<Shader>,
+pub(super) struct LabelPipeline(Fullscreen);
+
+/// What the pipelines of the pass have in common: a triangle over the viewport, and the view's bind group first.
+struct Fullscreen {
+    label: &'static str,
+    vertex: Handle<Shader>,
+    fragment: Handle<Shader>,
     view: BindGroupLayoutDescriptor,
     layout: BindGroupLayoutDescriptor,
 }
 
-#[derive(Clone, Copy, PartialEq, Eq, Hash)]
-pub(super) struct LabelKey {
-    format: TextureFormat,
-    samples: u32,
-    encoded: bool,
+impl Fullscreen {
+    fn pipeline(&self, shader_defs: Vec<ShaderDefVal>, targets: &[ColorTargetState]) -> RenderPipelineDescriptor {
+        RenderPipelineDescriptor {
+            label: Some(self.label.into()),
+            layout: vec![self.view.clone(), self.layout.clone()],
+            vertex: VertexState { shader: self.vertex.clone(), entry_point: Some("vertex".into()), ..default() },
+            fragment: Some(FragmentState {
+                shader: self.fragment.clone(),
+                shader_defs,
+                entry_point: Some("fragment".into()),
+                targets: targets.iter().cloned().map(Some).collect(),
+            }),
+            ..default()
+        }
+    }
+}
+
+fn target(format: TextureFormat, blend: Option<BlendState>) -> ColorTargetState {
+    ColorTargetState { format, blend, write_mask: ColorWrites::ALL }
+}
+
+fn encoded_definitions(encoded: bool) -> Vec<ShaderDefVal> {
+    if encoded { vec![ENCODED_TARGET.into()] } else { vec![] }
 }
 
 pub(super) fn init(
@@ -77,101 +95,72 @@ pub(super) fn init(
     device: Res<RenderDevice>,
 ) {
     let picture = || texture_2d(TextureSampleType::Float { filterable: false });
-    let store = || texture_storage_2d(LAYER_FORMAT, StorageTextureAccess::WriteOnly);
-    commands.insert_resource(CompositePipeline {
-        shader: shaders.composite.clone(),
+    let fullscreen = |label, fragment: &Handle<Shader>, entries: &[_]| Fullscreen {
+        label,
+        vertex: shaders.fullscreen.clone(),
+        fragment: fragment.clone(),
         view: views.picture.clone(),
-        layout: BindGroupLayoutDescriptor::new(
-            "plenoctree_composite",
-            &BindGroupLayoutEntries::sequential(
-                ShaderStages::COMPUTE,
-                (picture(), picture(), picture(), store(), store()),
-            ),
-        ),
-    });
-
-    let layout = BindGroupLayoutDescriptor::new(
-        "plenoctree_filter",
-        &BindGroupLayoutEntries::sequential(ShaderStages::COMPUTE, (picture(), store(), uniform_buffer::<UVec4>(true))),
-    );
-    let filter = shaders.bilateral.clone();
-    let direction = |horizontal: bool| {
-        let mut shader_defs = vec![ShaderDefVal::UInt("MAX_RADIUS".into(), MAX_FILTER_RADIUS)];
-        if horizontal {
-            shader_defs.push("HORIZONTAL".into());
-        }
-        cache.queue_compute_pipeline(ComputePipelineDescriptor {
-            label: Some("plenoctree_filter".into()),
-            layout: vec![views.picture.clone(), layout.clone()],
-            shader: filter.clone(),
-            shader_defs,
-            entry_point: Some("bilateral".into()),
-            ..default()
-        })
+        layout: BindGroupLayoutDescriptor::new(label, entries),
     };
-    let words: Vec<u32> = (0..MAX_FILTER_ITERATIONS)
-        .flat_map(|iteration| {
-            std::iter::once(iteration).chain(std::iter::repeat_n(0, ITERATION_STRIDE as usize / 4 - 1))
-        })
-        .collect();
+    let stages = ShaderStages::FRAGMENT;
+    commands.insert_resource(CompositePipeline(fullscreen(
+        "plenoctree_composite",
+        &shaders.composite,
+        &BindGroupLayoutEntries::sequential(stages, (picture(), picture(), picture())),
+    )));
+    commands.insert_resource(LabelPipeline(fullscreen(
+        "plenoctree_label",
+        &shaders.posterize,
+        &BindGroupLayoutEntries::sequential(stages, (picture(), picture())),
+    )));
+
+    let filter = fullscreen(
+        "plenoctree_filter",
+        &shaders.bilateral,
+        &BindGroupLayoutEntries::sequential(stages, (picture(), uniform_buffer::<UVec4>(true))),
+    );
+    let direction =
+        |definitions| cache.queue_render_pipeline(filter.pipeline(definitions, &[target(LAYER_FORMAT, None)]));
+    let mut words = vec![0u32; (MAX_FILTER_ITERATIONS * ITERATION_STRIDE / 4) as usize];
+    for (iteration, value) in words.chunks_exact_mut(ITERATION_STRIDE as usize / 4).enumerate() {
+        value[0] = iteration as u32;
+    }
     commands.insert_resource(FilterPipelines {
-        horizontal: direction(true),
-        vertical: direction(false),
-        layout,
+        horizontal: direction(vec!["HORIZONTAL".into()]),
+        vertical: direction(vec![]),
+        layout: filter.layout,
         iterations: device.create_buffer_with_data(&BufferInitDescriptor {
             label: Some("plenoctree_iterations"),
             contents: bytemuck::cast_slice(&words),
             usage: BufferUsages::UNIFORM,
         }),
     });
-
-    commands.insert_resource(LabelPipeline {
-        shader: shaders.posterize.clone(),
-        view: views.picture.clone(),
-        layout: BindGroupLayoutDescriptor::new(
-            "plenoctree_label",
-            &BindGroupLayoutEntries::sequential(ShaderStages::FRAGMENT, (picture(), picture())),
-        ),
-    });
 }
 
-impl SpecializedComputePipeline for CompositePipeline {
+impl SpecializedRenderPipeline for CompositePipeline {
     /// Whether the target is encoded.
     type Key = bool;
 
-    fn specialize(&self, encoded: bool) -> ComputePipelineDescriptor {
-        ComputePipelineDescriptor {
-            label: Some("plenoctree_composite".into()),
-            layout: vec![self.view.clone(), self.layout.clone()],
-            shader: self.shader.clone(),
-            shader_defs: if encoded { vec![ENCODED_TARGET.into()] } else { vec![] },
-            entry_point: Some("composite".into()),
-            ..default()
-        }
+    fn specialize(&self, encoded: bool) -> RenderPipelineDescriptor {
+        let picture = || target(LAYER_FORMAT, None);
+        self.0.pipeline(encoded_definitions(encoded), &[picture(), picture()])
     }
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, Hash)]
+pub(super) struct LabelKey {
+    format: TextureFormat,
+    samples: u32,
+    encoded: bool,
 }
 
 impl SpecializedRenderPipeline for LabelPipeline {
     type Key = LabelKey;
 
     fn specialize(&self, key: LabelKey) -> RenderPipelineDescriptor {
-        let mut descriptor = RenderPipelineDescriptor {
-            label: Some("plenoctree_label".into()),
-            layout: vec![self.view.clone(), self.layout.clone()],
-            vertex: VertexState { shader: self.shader.clone(), entry_point: Some("vertex".into()), ..default() },
-            fragment: Some(FragmentState {
-                shader: self.shader.clone(),
-                shader_defs: if key.encoded { vec![ENCODED_TARGET.into()] } else { vec![] },
-                entry_point: Some("fragment".into()),
-                targets: vec![Some(ColorTargetState {
-                    format: key.format,
-                    // The colour is composited already; only what the target knows of opacity is added to.
-                    blend: Some(BlendState { color: BlendComponent::REPLACE, alpha: BlendComponent::OVER }),
-                    write_mask: ColorWrites::ALL,
-                })],
-            }),
-            ..default()
-        };
+        // The colour is composited already; only what the target knows of opacity is added to.
+        let blend = BlendState { color: BlendComponent::REPLACE, alpha: BlendComponent::OVER };
+        let mut descriptor = self.0.pipeline(encoded_definitions(key.encoded), &[target(key.format, Some(blend))]);
         descriptor.multisample.count = key.samples;
         descriptor
     }
@@ -180,7 +169,7 @@ impl SpecializedRenderPipeline for LabelPipeline {
 /// The pipelines of one view.
 #[derive(Component)]
 pub(super) struct PosterizePipelines {
-    composite: CachedComputePipelineId,
+    composite: CachedRenderPipelineId,
     label: CachedRenderPipelineId,
 }
 
@@ -189,7 +178,7 @@ pub(super) fn prepare_pipelines(
     cache: Res<PipelineCache>,
     composite: Res<CompositePipeline>,
     label: Res<LabelPipeline>,
-    mut composites: ResMut<SpecializedComputePipelines<CompositePipeline>>,
+    mut composites: ResMut<SpecializedRenderPipelines<CompositePipeline>>,
     mut labels: ResMut<SpecializedRenderPipelines<LabelPipeline>>,
     views: Query<(Entity, &ExtractedView, &ExtractedCamera, &Msaa), With<ViewProps>>,
 ) {
@@ -234,9 +223,9 @@ pub(super) fn prepare_bind_groups(
         let group = |name: &'static str, layout, entries: &[_]| {
             device.create_bind_group(name, &cache.get_bind_group_layout(layout), entries)
         };
-        let filter_group = |from, to| {
-            let iteration = BufferBinding { buffer: &filter.iterations, offset: 0, size: std::num::NonZero::new(16) };
-            group("plenoctree_filter", &filter.layout, &BindGroupEntries::sequential((from, to, iteration)))
+        let filter_group = |from| {
+            let iteration = BufferBinding { buffer: &filter.iterations, offset: 0, size: NonZero::new(16) };
+            group("plenoctree_filter", &filter.layout, &BindGroupEntries::sequential((from, iteration)))
         };
         commands.entity(entity).insert(PosterizeBindGroups {
             view: group(
@@ -245,14 +234,14 @@ pub(super) fn prepare_bind_groups(
                 &BindGroupEntries::sequential((view, list, colors)),
             ),
             composite: [target.main_texture_view(), target.main_texture_other_view()].map(|scene| {
-                let entries = (&textures.layer, &textures.owner, scene, &textures.even, &textures.odd);
-                (scene.id(), group("plenoctree_composite", &composite.layout, &BindGroupEntries::sequential(entries)))
+                let entries = (&textures.layer, &textures.owner, scene);
+                (scene.id(), group(composite.0.label, &composite.0.layout, &BindGroupEntries::sequential(entries)))
             }),
-            horizontal: filter_group(&textures.even, &textures.odd),
-            vertical: filter_group(&textures.odd, &textures.even),
+            horizontal: filter_group(&textures.even),
+            vertical: filter_group(&textures.odd),
             label: group(
-                "plenoctree_label",
-                &label.layout,
+                label.0.label,
+                &label.0.layout,
                 &BindGroupEntries::sequential((&textures.even, &textures.layer)),
             ),
         });
@@ -260,57 +249,71 @@ pub(super) fn prepare_bind_groups(
 }
 
 pub(super) fn posterize_pass(
-    view: ViewQuery<(&ExtractedCamera, &ViewTarget, &ViewProps, &PosterizePipelines, &PosterizeBindGroups)>,
+    view: ViewQuery<(
+        &ExtractedCamera,
+        &ViewTarget,
+        &ViewProps,
+        &PropTextures,
+        &PosterizePipelines,
+        &PosterizeBindGroups,
+    )>,
     cache: Res<PipelineCache>,
     filter: Res<FilterPipelines>,
     mut ctx: RenderContext,
 ) {
-    let (camera, target, props, pipelines, groups) = view.into_inner();
+    let (camera, target, props, textures, pipelines, groups) = view.into_inner();
     let scene = target.main_texture_view().id();
     let Some((_, scene)) = groups.composite.iter().find(|(id, _)| *id == scene) else {
         return;
     };
-    let (Some(composite), Some(horizontal), Some(vertical), Some(label), Some(size)) = (
-        cache.get_compute_pipeline(pipelines.composite),
-        cache.get_compute_pipeline(filter.horizontal),
-        cache.get_compute_pipeline(filter.vertical),
+    let (Some(composite), Some(horizontal), Some(vertical), Some(label)) = (
+        cache.get_render_pipeline(pipelines.composite),
+        cache.get_render_pipeline(filter.horizontal),
+        cache.get_render_pipeline(filter.vertical),
         cache.get_render_pipeline(pipelines.label),
-        camera.physical_viewport_size,
     ) else {
         return;
     };
+    if props.rect.is_empty() {
+        return;
+    }
     let diagnostics = ctx.diagnostic_recorder();
     let diagnostics = diagnostics.as_deref();
     let span = diagnostics.time_span(ctx.command_encoder(), POSTERIZE_SPAN);
-    {
-        let descriptor = ComputePassDescriptor { label: Some(POSTERIZE_SPAN), timestamp_writes: None };
-        let mut pass = ctx.command_encoder().begin_compute_pass(&descriptor);
-        pass.set_bind_group(0, &groups.view, &[]);
-        pass.set_pipeline(composite);
-        pass.set_bind_group(1, scene, &[]);
-        pass.dispatch_workgroups(size.x.div_ceil(COMPOSITE_TILE), size.y.div_ceil(COMPOSITE_TILE), 1);
-        let tiles = size.map(|pixels| pixels.div_ceil(FILTER_TILE));
-        for iteration in 0..props.iterations.unwrap_or(0) {
-            for (pipeline, group) in [(horizontal, &groups.horizontal), (vertical, &groups.vertical)] {
-                pass.set_pipeline(pipeline);
-                pass.set_bind_group(1, group, &[iteration * ITERATION_STRIDE]);
-                pass.dispatch_workgroups(tiles.x, tiles.y, 1);
-            }
-        }
-    }
-    {
+
+    let mut draw = |attachments: &[_], pipeline: &RenderPipeline, group, offsets: &[u32], on_screen: bool| {
         let mut pass = ctx.begin_tracked_render_pass(RenderPassDescriptor {
             label: Some(POSTERIZE_SPAN),
-            color_attachments: &[Some(target.get_color_attachment())],
+            color_attachments: attachments,
             ..default()
         });
-        if let Some(viewport) = camera.viewport.as_ref() {
+        let (mut corner, size) = (props.rect.min, props.rect.size());
+        if let (true, Some(viewport)) = (on_screen, &camera.viewport) {
             pass.set_camera_viewport(viewport);
+            corner += viewport.physical_position;
         }
-        pass.set_render_pipeline(label);
+        pass.set_scissor_rect(corner.x, corner.y, size.x, size.y);
+        pass.set_render_pipeline(pipeline);
         pass.set_bind_group(0, &groups.view, &[]);
-        pass.set_bind_group(1, &groups.label, &[]);
+        pass.set_bind_group(1, group, offsets);
         pass.draw(0..3, 0..1);
+    };
+    draw(&[onto(&textures.even), onto(&textures.odd)], composite, scene, &[], false);
+    for iteration in 0..props.iterations {
+        let offset = [iteration * ITERATION_STRIDE];
+        draw(&[onto(&textures.odd)], horizontal, &groups.horizontal, &offset, false);
+        draw(&[onto(&textures.even)], vertical, &groups.vertical, &offset, false);
     }
+    draw(&[Some(target.get_color_attachment())], label, &groups.label, &[], true);
     span.end(ctx.command_encoder());
+}
+
+/// An attachment that keeps the pixels that are not drawn.
+fn onto(view: &TextureView) -> Option<RenderPassColorAttachment<'_>> {
+    Some(RenderPassColorAttachment {
+        view,
+        depth_slice: None,
+        resolve_target: None,
+        ops: Operations { load: LoadOp::Load, store: StoreOp::Store },
+    })
 }

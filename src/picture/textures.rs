@@ -41,7 +41,7 @@ pub(super) fn prepare_textures(
             commands.entity(entity).remove::<PropTextures>();
             continue;
         };
-        let mut texture = |label, format, usage| {
+        let mut texture = |label, format| {
             let descriptor = TextureDescriptor {
                 label: Some(label),
                 size: Extent3d { width: size.x, height: size.y, depth_or_array_layers: 1 },
@@ -49,16 +49,16 @@ pub(super) fn prepare_textures(
                 sample_count: 1,
                 dimension: TextureDimension::D2,
                 format,
-                usage: usage | TextureUsages::TEXTURE_BINDING,
+                usage: TextureUsages::RENDER_ATTACHMENT | TextureUsages::TEXTURE_BINDING,
                 view_formats: &[],
             };
             cache.get(&device, descriptor).default_view
         };
         let textures = PropTextures {
-            layer: texture("plenoctree_layer", LAYER_FORMAT, TextureUsages::RENDER_ATTACHMENT),
-            owner: texture("plenoctree_owner", OWNER_FORMAT, TextureUsages::RENDER_ATTACHMENT),
-            even: texture("plenoctree_even", LAYER_FORMAT, TextureUsages::STORAGE_BINDING),
-            odd: texture("plenoctree_odd", LAYER_FORMAT, TextureUsages::STORAGE_BINDING),
+            layer: texture("plenoctree_layer", LAYER_FORMAT),
+            owner: texture("plenoctree_owner", OWNER_FORMAT),
+            even: texture("plenoctree_even", LAYER_FORMAT),
+            odd: texture("plenoctree_odd", LAYER_FORMAT),
         };
         commands.entity(entity).insert(textures);
     }

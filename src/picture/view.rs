@@ -57,8 +57,10 @@ pub(super) struct ViewUniform {
 pub(super) struct ViewProps {
     /// The field of every prop, in the order in which they are drawn.
     pub fields: Vec<AssetId<PlenOctree>>,
-    /// Most iterations of the filter that a prop asks for; `None` if no prop is posterised.
-    pub iterations: Option<u32>,
+    /// Most iterations of the filter that a prop asks for.
+    pub iterations: u32,
+    /// The part of the viewport in which the props are, and what the filter reads around it, in pixels.
+    pub rect: URect,
     pub view: UniformBuffer<ViewUniform>,
     pub props: StorageBuffer<Vec<PropUniform>>,
     pub colors: StorageBuffer<Vec<Vec4>>,
@@ -117,7 +119,8 @@ pub(super) fn prepare_views(
 ) {
     for (view, camera, visible, mut buffers) in &mut views {
         buffers.fields.clear();
-        buffers.iterations = None;
+        buffers.iterations = 0;
+        buffers.rect = URect::EMPTY;
         let Some(size) = camera.physical_viewport_size else {
             continue;
         };
@@ -132,7 +135,7 @@ pub(super) fn prepare_views(
             .collect();
         seen.sort_by(|a, b| distance(b).total_cmp(&distance(a)));
 
-        let ViewProps { fields: drawn, iterations, view: uniform, props, colors } = &mut *buffers;
+        let ViewProps { fields: drawn, iterations, rect, view: uniform, props, colors } = &mut *buffers;
         props.get_mut().clear();
         colors.get_mut().clear();
         for prop in seen {
@@ -147,13 +150,14 @@ pub(super) fn prepare_views(
             }
             let look = sound(prop.look.as_ref().map(|(look, _)| *look).unwrap_or_default());
             if count > 0 {
-                *iterations = Some(iterations.unwrap_or(0).max(look.abstraction.iterations));
+                *iterations = (*iterations).max(look.abstraction.iterations);
             }
             let matrix = |columns: [glam::DVec3; 3]| {
                 Mat3::from_cols(columns[0].as_vec3(), columns[1].as_vec3(), columns[2].as_vec3())
             };
             let falloff = |sigma: f32| 0.5 / (sigma * sigma);
             drawn.push(prop.field);
+            *rect = rect.union(covered(rays.clip_from_box, size));
             props.get_mut().push(PropUniform {
                 clip_from_box: rays.clip_from_box.as_mat4(),
                 origin: matrix(rays.origin),
@@ -186,6 +190,25 @@ pub(super) fn prepare_views(
         props.write_buffer(&device, &queue);
         colors.write_buffer(&device, &queue);
     }
+}
+
+/// The pixels that the image of the unit cube can cover, and the filter's reach around them.
+fn covered(clip_from_box: glam::DMat4, size: UVec2) -> URect {
+    let everything = URect::from_corners(UVec2::ZERO, size);
+    let mut rect = Rect::EMPTY;
+    for corner in 0..8 {
+        let corner = UVec3::new(corner & 1, corner >> 1 & 1, corner >> 2);
+        let clip = clip_from_box * corner.as_dvec3().extend(1.0);
+        if clip.w <= 0.0 {
+            return everything;
+        }
+        let ndc = glam::DVec2::new(clip.x, -clip.y) / clip.w;
+        rect = rect.union_point((0.5 * (ndc + 1.0) * size.as_dvec2()).as_vec2());
+    }
+    let reach = MAX_FILTER_RADIUS as f32 + 1.0;
+    let (low, high) = (rect.min - reach, rect.max + reach);
+    // The cast saturates.
+    everything.intersect(URect::from_corners(low.as_uvec2(), high.as_uvec2()))
 }
 
 /// The look with every value in its range, so that no shader divides by zero or loops for long.
