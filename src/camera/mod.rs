@@ -1,5 +1,6 @@
 //! Pinhole cameras: their rays, and reading them from `transforms.json`.
 
+mod around;
 mod pinhole;
 mod transforms;
 

@@ -8,7 +8,7 @@ use super::{
     ExtractionSettings, Histograms, InvalidSetting, Palette, Progress,
     histogram::Bins,
     kmeans::{self, Clusters},
-    sampling::{Cancelled, sample_unchecked},
+    sampling::{Cancelled, SamplingError, sample_unchecked},
     simplify::simplify,
 };
 use crate::field::PlenOctree;
@@ -53,6 +53,15 @@ pub enum ExtractionError {
     /// [`Progress::cancel`] was called.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
+}
+
+impl From<SamplingError> for ExtractionError {
+    fn from(error: SamplingError) -> Self {
+        match error {
+            SamplingError::Setting(setting) => Self::Setting(setting),
+            SamplingError::Cancelled(cancelled) => Self::Cancelled(cancelled),
+        }
+    }
 }
 
 /// Extracts the palette of a whole field, on all cores. The same field and settings give the same bits every time.
@@ -134,7 +143,7 @@ fn initial_centers(bins: &Bins, threshold: f64) -> Vec<[f64; 3]> {
 }
 
 /// Step 9: heaviest first, by the weight of the clusters nearest to each colour; equal weights by r, g, b.
-fn order(mut colors: Vec<[f64; 3]>, clusters: &Clusters) -> Palette {
+pub(super) fn order(mut colors: Vec<[f64; 3]>, clusters: &Clusters) -> Palette {
     let by_channels = |a: &[f64; 3], b: &[f64; 3]| {
         a.iter().zip(b).map(|(a, b)| a.total_cmp(b)).find(|order| order.is_ne()).unwrap_or(std::cmp::Ordering::Equal)
     };
@@ -146,4 +155,83 @@ fn order(mut colors: Vec<[f64; 3]>, clusters: &Clusters) -> Palette {
     let mut order: Vec<usize> = (0..colors.len()).collect();
     order.sort_by(|&a, &b| f64::total_cmp(&weights[b], &weights[a]));
     Palette { colors: order.iter().map(|&i| colors[i]).collect(), weights: order.iter().map(|&i| weights[i]).collect() }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// Histograms of 24 and 8 bins a channel: the centres of the coarse bins are centres of fine ones.
+    fn histograms(colors: &[([f64; 3], f64)]) -> Histograms {
+        let bins = |n: usize| {
+            let mut weights = vec![0.0; n * n * n];
+            for (color, weight) in colors {
+                let [r, g, b] = color.map(|c| (c * n as f64) as usize);
+                weights[(r * n + g) * n + b] += weight;
+            }
+            weights
+        };
+        Histograms::new(24, bins(24), 8, bins(8), 0).unwrap()
+    }
+
+    const RED: [f64; 3] = [15.0 / 16.0, 1.0 / 16.0, 1.0 / 16.0];
+    const GREEN: [f64; 3] = [1.0 / 16.0, 15.0 / 16.0, 1.0 / 16.0];
+    const BLUE: [f64; 3] = [1.0 / 16.0, 1.0 / 16.0, 15.0 / 16.0];
+    const BLACK: [f64; 3] = [1.0 / 16.0; 3];
+    const GREY: [f64; 3] = [3.0 / 16.0; 3];
+
+    /// Colours at the corners of the cloud are found, heaviest first, and one inside adds to the nearest.
+    #[test]
+    fn corners_come_heaviest_first() {
+        let weights = [(RED, 1.0), (GREEN, 3.0), (BLUE, 1.0), (BLACK, 1.0), (GREY, 1.5)];
+        let extraction = extract_from_histograms(&histograms(&weights), &ExtractionSettings::default()).unwrap();
+        let expected = [GREEN, BLACK, BLUE, RED];
+        for (found, expected) in extraction.palette.colors.iter().zip(expected) {
+            assert!(found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-12), "{found:?} {expected:?}");
+        }
+        let shares: Vec<f64> = extraction.palette.weights.iter().map(|weight| weight * 7.5).collect();
+        assert!(shares.iter().zip([3.0, 2.5, 1.0, 1.0]).all(|(a, b)| (a - b).abs() < 1e-12), "{shares:?}");
+        assert_eq!((extraction.clusters, extraction.hull_vertices, extraction.total_weight), (5, 4, 7.5));
+    }
+
+    #[test]
+    fn one_colour_is_a_palette() {
+        let extraction = extract_from_histograms(&histograms(&[(RED, 2.0)]), &ExtractionSettings::default()).unwrap();
+        assert_eq!(extraction.palette.weights, [1.0]);
+        assert_eq!(extraction.palette.colors.len(), 1);
+    }
+
+    /// Weight that is spread so evenly that no bin is above the threshold still has a palette, of the heaviest bins.
+    #[test]
+    fn evenly_spread_weight_has_a_palette() {
+        let even: Vec<([f64; 3], f64)> =
+            (0..512).map(|i| ([i / 64, i / 8 % 8, i % 8].map(|x| (f64::from(x) + 0.5) / 8.0), 1.0)).collect();
+        let extraction = extract_from_histograms(&histograms(&even), &ExtractionSettings::default()).unwrap();
+        assert_eq!(extraction.clusters, 125);
+    }
+
+    #[test]
+    fn nothing_visible_is_an_error() {
+        let result = extract_from_histograms(&histograms(&[]), &ExtractionSettings::default());
+        assert_eq!(result, Err(ExtractionError::NothingVisible));
+    }
+
+    proptest! {
+        /// Any histogram with weight has a palette: colours in the cube, a valid file, weights that sum to 1 in falling
+        /// order.
+        #[test]
+        fn any_weight_has_a_palette(
+            colors in prop::collection::vec((prop::array::uniform3(0.0..1.0f64), 1e-6..10.0f64), 1..100),
+            wanted in 1usize..=12,
+        ) {
+            let settings = ExtractionSettings { colors: wanted, ..Default::default() };
+            let palette = extract_from_histograms(&histograms(&colors), &settings).unwrap().palette;
+            prop_assert_eq!(palette.validate(), Ok(()));
+            prop_assert!(palette.colors.iter().flatten().all(|channel| (0.0..=1.0).contains(channel)));
+            prop_assert!((palette.weights.iter().sum::<f64>() - 1.0).abs() < 1e-12);
+            prop_assert!(palette.weights.is_sorted_by(|a, b| a >= b));
+        }
+    }
 }

@@ -116,7 +116,7 @@ impl Tally {
     /// Empty histograms, for weights whose sum is at most `most` (0 if there are none).
     pub fn new(fine_bins: usize, coarse_bins: usize, most: f64) -> Self {
         // A power of two, so that scaling is exact; two bits are left for rounding.
-        let exponent = if most > 0.0 { most.log2().ceil().clamp(-900.0, 900.0) } else { 0.0 };
+        let exponent = if most > 0.0 { most.log2().ceil().max(-900.0) } else { 0.0 };
         let scale = (62.0 - exponent).exp2();
         Self { fine: Counts::new(fine_bins), coarse: Counts::new(coarse_bins), scale }
     }
@@ -135,11 +135,11 @@ impl Tally {
         self
     }
 
-    /// The weights.
-    pub fn finish(self, samples: u64) -> Histograms {
+    /// The weights, each times `share`.
+    pub fn finish(self, share: f64, samples: u64) -> Histograms {
         let bins = |counts: Counts| Bins {
             per_channel: counts.per_channel,
-            weights: counts.counts.into_iter().map(|count| count as f64 / self.scale).collect(),
+            weights: counts.counts.into_iter().map(|count| count as f64 * share / self.scale).collect(),
         };
         Histograms { fine: bins(self.fine), coarse: bins(self.coarse), samples }
     }
@@ -176,7 +176,7 @@ mod tests {
             let total: f64 = samples.iter().map(|(_, weight)| weight).sum();
             let mut tally = Tally::new(32, 8, total);
             samples.iter().for_each(|&(color, weight)| tally.add(color, weight));
-            let histograms = tally.finish(samples.len() as u64);
+            let histograms = tally.finish(1.0, samples.len() as u64);
             prop_assert!((histograms.total_weight() - total).abs() <= 1e-12 * total);
             prop_assert!((histograms.coarse().iter().sum::<f64>() - total).abs() <= 1e-12 * total);
         }
@@ -188,7 +188,7 @@ mod tests {
             let mut tally = Tally::new(per_channel, 1, 1.0);
             let center = Bins { per_channel, weights: vec![] }.center(bin);
             tally.add(center, 1.0);
-            prop_assert_eq!(tally.finish(1).fine()[bin], 1.0);
+            prop_assert_eq!(tally.finish(1.0, 1).fine()[bin], 1.0);
         }
     }
 
@@ -196,7 +196,7 @@ mod tests {
     fn bins_follow_the_method() {
         let mut tally = Tally::new(32, 8, 8.0);
         tally.add([1.0, 0.5, -3.0], 2.0);
-        let histograms = tally.finish(1);
+        let histograms = tally.finish(1.0, 1);
         assert_eq!(histograms.fine()[31 * 1024 + 16 * 32], 2.0);
         assert_eq!(histograms.coarse()[7 * 64 + 4 * 8], 2.0);
     }
@@ -207,7 +207,7 @@ mod tests {
         for most in [1e-30, 1.0, 3.0, 1e12, 1e300] {
             let mut tally = Tally::new(1, 1, most);
             (0..1000).for_each(|_| tally.add([0.5; 3], most / 1000.0));
-            let total = tally.finish(1000).total_weight();
+            let total = tally.finish(1.0, 1000).total_weight();
             assert!((total / most - 1.0).abs() < 1e-12, "{total} of {most}");
         }
     }

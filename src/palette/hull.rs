@@ -189,3 +189,86 @@ fn prominence(corner: DVec3, neighbours: &[DVec3]) -> f64 {
     }
     highest
 }
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// Points with coordinates on a coarse lattice: many coincide or lie on common lines and planes.
+    fn lattice() -> impl Strategy<Value = Vec<DVec3>> {
+        let point =
+            prop::array::uniform3(0..4u8).prop_map(|p| DVec3::from_array(p.map(|x| (f64::from(x) + 0.5) / 8.0)));
+        prop::collection::vec(point, 1..60)
+    }
+
+    fn cloud() -> impl Strategy<Value = Vec<DVec3>> {
+        prop::collection::vec(prop::array::uniform3(0.0..1.0f64).prop_map(DVec3::from_array), 1..60)
+    }
+
+    fn solid(points: &[DVec3]) -> Option<Hull> {
+        match span(points) {
+            Span::Solid(hull) => Some(hull),
+            _ => None,
+        }
+    }
+
+    proptest! {
+        /// A hull is closed, has the topology of a ball, contains all points, and has only points as corners.
+        #[test]
+        fn hulls_are_hulls(points in prop_oneof![lattice(), cloud()]) {
+            if let Some(hull) = solid(&points) {
+                let edges: Vec<_> = hull.faces.iter().flat_map(|&face| edges(face)).collect();
+                prop_assert!(edges.iter().all(|&(a, b)| edges.iter().filter(|&&edge| edge == (b, a)).count() == 1));
+                prop_assert_eq!(hull.vertices.len() + hull.faces.len(), edges.len() / 2 + 2);
+                for &face in &hull.faces {
+                    let plane = Plane::through(hull.triangle(face)).unwrap();
+                    prop_assert!(points.iter().all(|&p| plane.distance(p) < 1e-9));
+                }
+                prop_assert!(hull.vertices.iter().all(|corner| points.contains(corner)));
+            }
+        }
+
+        /// Every corner of a hull is one: without it, the hull is smaller.
+        #[test]
+        fn corners_stand_out(points in lattice()) {
+            if let Some(hull) = solid(&points) {
+                for corner in 0..hull.vertices.len() {
+                    let mut rest = hull.vertices.clone();
+                    let corner = rest.remove(corner);
+                    if let Some(rest) = solid(&rest) {
+                        let outside = |&face: &[usize; 3]| above(rest.triangle(face), corner) > 0.0;
+                        prop_assert!(rest.faces.iter().any(outside), "{corner}");
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_full_lattice_has_eight_corners() {
+        let coordinates = (0..512).map(|i| DVec3::new(f64::from(i / 64), f64::from(i / 8 % 8), f64::from(i % 8)) * 0.1);
+        let hull = solid(&coordinates.collect::<Vec<_>>()).unwrap();
+        assert_eq!((hull.vertices.len(), hull.faces.len()), (8, 12));
+    }
+
+    /// A corner that rounding alone lifts above an edge, or beside another corner, is none.
+    #[test]
+    fn rounding_makes_no_corners() {
+        let mut points = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
+        points.extend([DVec3::new(0.5, 0.5, 1e-13), DVec3::new(0.3, 0.7, -1e-12), DVec3::new(1.0, 1e-12, -1e-12)]);
+        points.extend([DVec3::new(-1e-12, 0.4, 0.4), DVec3::splat(1.0 / 3.0) + 1e-13]);
+        assert_eq!(solid(&points).unwrap().vertices.len(), 4);
+    }
+
+    #[test]
+    fn flat_clouds_are_told_apart() {
+        let point = DVec3::new(0.1, 0.2, 0.3);
+        let line = [point, point + 0.3 * DVec3::ONE, point - 0.1 * DVec3::ONE, point];
+        assert!(matches!(span(&[point, point]), Span::Corners(corners) if corners == [point]));
+        assert!(matches!(span(&line), Span::Corners(corners) if corners == [line[2], line[1]]));
+        let plane = [point, point + DVec3::X, point + DVec3::new(0.3, 0.5, 1e-10), point + DVec3::Y];
+        assert!(matches!(span(&plane), Span::Plane(_, flat) if flat.len() == 4));
+    }
+}

@@ -5,6 +5,8 @@
 //! equally far from two centres, so ties are settled by rule: the lowest index. Nothing is centred on the mean before,
 //! which would make the distances inexact.
 
+use rayon::prelude::*;
+
 type Point = [f64; 3];
 
 /// Centres and the weight of the points nearest to each.
@@ -41,13 +43,11 @@ pub(super) fn cluster(
 
 /// Labels every point with the nearest centre, and tells whether a label changed.
 fn assign(points: &[Point], centers: &[Point], labels: &mut [usize]) -> bool {
-    let mut changed = false;
-    for (point, label) in points.iter().zip(labels) {
+    let assign = |(point, label): (&Point, &mut usize)| {
         let nearest = nearest(point, centers);
-        changed |= nearest != *label;
-        *label = nearest;
-    }
-    changed
+        std::mem::replace(label, nearest) != nearest
+    };
+    points.par_iter().zip(labels).with_min_len(1024).map(assign).reduce(|| false, |a, b| a | b)
 }
 
 /// The index of the centre nearest to `point`, the lowest if there are several.

@@ -8,6 +8,7 @@ mod extract;
 mod histogram;
 mod hull;
 mod kmeans;
+mod of_colors;
 #[allow(clippy::module_inception)]
 mod palette;
 mod polygon;
@@ -17,6 +18,8 @@ mod simplify;
 
 pub use extract::{Extraction, ExtractionError, Seconds, extract, extract_from_histograms};
 pub use histogram::{Histograms, InvalidHistogram};
+pub use of_colors::simplify_hull;
 pub use palette::{InvalidPalette, Palette, PaletteFileError};
 pub use sampling::{Cancelled, Progress, SamplingError, sample};
+pub(crate) use sampling::{chosen_leaves, observers, weight_bound};
 pub use settings::{ExtractionSettings, InvalidSetting, Observers};

@@ -70,7 +70,7 @@ pub(super) fn simplify(mut polygon: Vec<DVec2>, wanted: usize) -> Vec<DVec2> {
 
 /// Where the edges p-a and q-b of a convex polygon meet beyond the edge a-b between them.
 fn meeting(p: DVec2, a: DVec2, b: DVec2, q: DVec2) -> Option<DVec2> {
-    let (u, v) = (a - p, b - q);
+    let (u, v) = (a - p, q - b);
     let cross = u.perp_dot(v);
     let t = (b - a).perp_dot(v) / cross;
     (cross > ROUNDING * u.length() * v.length()).then(|| a + t * u).filter(|corner| corner.is_finite())

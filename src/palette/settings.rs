@@ -27,6 +27,9 @@ pub struct ExtractionSettings {
     pub directions: usize,
     /// Each cell of directions is the mean of this many squared. 1 to 16, 2 by default.
     pub multisamples: usize,
+    /// The share of the leaves that is sampled, evenly over the field: 1 for all, less for speed. Above 0 to 1, 1 by
+    /// default.
+    pub sample_fraction: f64,
     /// Transmittance under which a leaf counts as hidden. 0 to below 1, 1e-2 by default.
     pub stop_transmittance: f64,
     /// Bins a channel of the histogram that is clustered. 1 to 128, 32 by default.
@@ -51,6 +54,7 @@ impl Default for ExtractionSettings {
             observers: Observers::UpperHemisphere,
             directions: 2,
             multisamples: 2,
+            sample_fraction: 1.0,
             stop_transmittance: 1e-2,
             fine_bins: 32,
             coarse_bins: 8,
@@ -86,6 +90,8 @@ impl ExtractionSettings {
         let share = |setting, found: f64| check((0.0..1.0).contains(&found), setting, found, "0 to below 1");
         count("directions", self.directions, 64, "1 to 64")?;
         count("multisamples", self.multisamples, 16, "1 to 16")?;
+        let fraction = self.sample_fraction;
+        check(fraction > 0.0 && fraction <= 1.0, "sample_fraction", fraction, "above 0 to 1")?;
         share("stop_transmittance", self.stop_transmittance)?;
         count("fine_bins", self.fine_bins, 128, "1 to 128")?;
         count("coarse_bins", self.coarse_bins, 32, "1 to 32")?;
@@ -124,6 +130,7 @@ mod tests {
         for (settings, setting) in [
             (ExtractionSettings { directions: 0, ..default() }, "directions"),
             (ExtractionSettings { multisamples: 17, ..default() }, "multisamples"),
+            (ExtractionSettings { sample_fraction: 0.0, ..default() }, "sample_fraction"),
             (ExtractionSettings { stop_transmittance: 1.0, ..default() }, "stop_transmittance"),
             (ExtractionSettings { fine_bins: 0, ..default() }, "fine_bins"),
             (ExtractionSettings { coarse_bins: 1000, ..default() }, "coarse_bins"),

@@ -123,3 +123,113 @@ fn nearest_outside(planes: &[Plane]) -> Option<DVec3> {
     }
     best.map(|(_, point)| point)
 }
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn lattice() -> impl Strategy<Value = Vec<DVec3>> {
+        let point =
+            prop::array::uniform3(0..6u8).prop_map(|p| DVec3::from_array(p.map(|x| (f64::from(x) + 0.5) / 8.0)));
+        prop::collection::vec(point, 1..40)
+    }
+
+    fn cloud() -> impl Strategy<Value = Vec<DVec3>> {
+        prop::collection::vec(prop::array::uniform3(0.0..1.0f64).prop_map(DVec3::from_array), 1..40)
+    }
+
+    proptest! {
+        /// Collapsing an edge never cuts off a colour, at no step, and always makes the hull simpler.
+        #[test]
+        fn every_step_contains_the_cloud(points in prop_oneof![lattice(), cloud()]) {
+            if let Span::Solid(mut hull) = span(&points) {
+                while let Some(next) = collapse_an_edge(&hull) {
+                    prop_assert!(next.vertices.len() < hull.vertices.len());
+                    hull = next;
+                    for &face in &hull.faces {
+                        let plane = Plane::through(hull.triangle(face)).unwrap();
+                        for &point in &points {
+                            prop_assert!(plane.distance(point) < 1e-9, "{point} of {points:?}");
+                        }
+                    }
+                }
+            }
+        }
+
+        /// Whatever the cloud, there is a palette of finite colours, and with volume or area it is as small as wanted.
+        #[test]
+        fn any_cloud_has_corners(points in prop_oneof![lattice(), cloud()], wanted in 1usize..12) {
+            let simplified = simplify(&points, wanted);
+            prop_assert!(!simplified.corners.is_empty());
+            prop_assert!(simplified.corners.len() <= wanted.max(6), "{:?}", simplified.corners);
+            prop_assert!(simplified.corners.len() <= simplified.before);
+            prop_assert!(simplified.corners.iter().all(|corner| corner.is_finite()));
+        }
+
+        /// The optimum is that of all corners of what the planes bound, found by trying all triples.
+        #[test]
+        fn programmes_are_solved(normals in prop::collection::vec(prop::array::uniform3(-1.0..1.0f64), 3..10)) {
+            let normals: Vec<DVec3> = normals.into_iter().map(DVec3::from_array).collect();
+            prop_assume!(normals.iter().all(|normal| normal.length() > 0.1));
+            // Planes that touch a ball, all but one of whose normals look the same way: often feasible.
+            let planes: Vec<Plane> = normals
+                .iter()
+                .enumerate()
+                .map(|(i, n)| (if n.z < 0.0 && i > 0 { -*n } else { *n }).normalize())
+                .map(|normal| Plane { normal, offset: 1.0 })
+                .collect();
+            let mut best = f64::INFINITY;
+            for (i, a) in planes.iter().enumerate() {
+                for (j, b) in planes.iter().enumerate().skip(i + 1) {
+                    for c in &planes[j + 1..] {
+                        let rows = glam::DMat3::from_cols(a.normal, b.normal, c.normal).transpose();
+                        if rows.determinant().abs() > 1e-9 {
+                            let point = rows.inverse() * DVec3::ONE;
+                            if planes.iter().all(|plane| plane.distance(point) > -1e-9) {
+                                best = best.min(planes.iter().map(|plane| plane.distance(point)).sum());
+                            }
+                        }
+                    }
+                }
+            }
+            let sum = |point: DVec3| planes.iter().map(|plane| plane.distance(point)).sum::<f64>();
+            let found = nearest_outside(&planes).map_or(f64::INFINITY, sum);
+            prop_assert!(found == best || (found - best).abs() < 1e-6 * (1.0 + best), "{found} {best}");
+        }
+    }
+
+    /// A tetrahedron has no edge to collapse, and a polyhedron that has few corners already is left as it is.
+    #[test]
+    fn simple_hulls_stay() {
+        let tetrahedron = [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
+        assert_eq!(simplify(&tetrahedron, 1).corners.len(), 4);
+        let octahedron = [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| [axis, -axis]).concat();
+        let corners = simplify(&octahedron, 6).corners;
+        assert!(corners.len() == 6 && octahedron.iter().all(|corner| corners.contains(corner)));
+    }
+
+    /// A tetrahedron with a corner cut off gets it back: the least volume to add.
+    #[test]
+    fn a_cut_corner_grows_back() {
+        let cut = 0.9;
+        let points = [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z * cut];
+        let points = [&points[..], &[DVec3::new(1.0 - cut, 0.0, cut), DVec3::new(0.0, 1.0 - cut, cut)]].concat();
+        let mut corners = simplify(&points, 4).corners;
+        corners.sort_by(|a, b| a.z.total_cmp(&b.z));
+        assert!(corners[3].distance(DVec3::Z) < 1e-12, "{corners:?}");
+    }
+
+    #[test]
+    fn flat_clouds_give_their_corners() {
+        let corner = DVec3::splat(0.25);
+        assert_eq!(simplify(&[corner; 5], 6).corners, [corner]);
+        assert_eq!(simplify(&[corner, DVec3::ONE, DVec3::splat(0.5)], 6).corners, [corner, DVec3::ONE]);
+        let square = [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::X + DVec3::Y, DVec3::X * 0.5];
+        assert_eq!(simplify(&square, 6).corners.len(), 4);
+        let circle: Vec<DVec3> = (0..20).map(|i| DVec3::new(f64::from(i).sin(), f64::from(i).cos(), 0.5)).collect();
+        let simplified = simplify(&circle, 6);
+        assert_eq!((simplified.before, simplified.corners.len()), (20, 6));
+    }
+}

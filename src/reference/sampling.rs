@@ -20,16 +20,18 @@ pub fn sample_histograms(field: &PlenOctree, settings: &ExtractionSettings) -> R
         let centre = field.frame().to_world((cell.corner.as_dvec3() + 0.5 * f64::from(cell.size)) / cells);
         let density = f64::from(field.densities()[cell.leaf as usize]);
         for rays in &directions {
-            // The rays of a direction cell are one anti-aliased sample: step 4.
+            // The rays of a direction cell are one anti-aliased sample: step 4. Colours are averaged as differences from
+            // the first, so that one that is the same from everywhere stays exactly itself, also on a bin's border.
+            let first = field.radiance(cell.leaf, -rays[0]);
             let (mut weight, mut color) = (0.0, DVec3::ZERO);
             for &observer in rays {
                 let visibility = density * transmittance(field, centre, observer, settings.stop_transmittance);
                 weight += visibility;
-                color += visibility * field.radiance(cell.leaf, -observer);
+                color += visibility * (field.radiance(cell.leaf, -observer) - first);
             }
             if weight > 0.0 {
                 for (bins, weights) in bins.iter().zip(&mut weights) {
-                    weights[bin(color / weight, *bins)] += weight / rays.len() as f64;
+                    weights[bin(first + color / weight, *bins)] += weight / rays.len() as f64;
                 }
             }
         }

@@ -24,13 +24,13 @@ const MOST_ENTRIES: u64 = 1 << 24;
 const MOST_ROWS: u64 = 1 << 22;
 
 /// Densities of the finest cells in bricks of 8 x 8 x 8, of which only rows that are not empty are kept.
-#[derive(Default)]
 pub(super) struct Bricks {
     /// The lowest place of the map, in bricks, and the number of places along each axis.
     low: IVec3,
     size: UVec3,
-    /// The brick at every place, x slowest, as an index into `bricks` plus one; 0 where there is none.
+    /// The brick at every place, x slowest, as an index into `bricks`.
     map: Vec<u32>,
+    /// The first is empty, and stands for all that are.
     bricks: Vec<Brick>,
     rows: Vec<Row>,
 }
@@ -58,7 +58,8 @@ impl Bricks {
         if entries > MOST_ENTRIES || rows > MOST_ROWS + 2 * field.leaves() as u64 {
             return None;
         }
-        let mut bricks = Self { low, size, map: vec![0; entries as usize], bricks: Vec::new(), rows: Vec::new() };
+        let mut bricks =
+            Self { low, size, map: vec![0; entries as usize], bricks: vec![Brick::EMPTY], rows: Vec::new() };
         for (place, row, _) in field.leaf_cells().flat_map(touched_rows) {
             bricks.occupy(place, row);
         }
@@ -74,9 +75,8 @@ impl Bricks {
         for cell in field.leaf_cells() {
             let density = field.densities()[cell.leaf as usize];
             for (place, row, lanes) in touched_rows(cell) {
-                if let Some(index) = bricks.get(place).map(|brick| brick.index(row)) {
-                    bricks.rows[index][lanes].fill(density);
-                }
+                let index = bricks.get(place).index(row);
+                bricks.rows[index][lanes].fill(density);
             }
         }
         Some(bricks)
@@ -90,43 +90,36 @@ impl Bricks {
         inside.then(|| (x as usize * self.size.y as usize + y as usize) * self.size.z as usize + z as usize)
     }
 
-    fn get(&self, place: IVec3) -> Option<&Brick> {
-        self.bricks.get((self.map[self.entry(place)?] as usize).wrapping_sub(1))
+    fn get(&self, place: IVec3) -> &Brick {
+        &self.bricks[self.entry(place).map_or(0, |entry| self.map[entry] as usize)]
     }
 
     fn occupy(&mut self, place: IVec3, row: usize) {
         let Some(entry) = self.entry(place) else { return };
         if self.map[entry] == 0 {
-            self.bricks.push(Brick { occupied: 0, first: 0, rank: [0; ROWS] });
             self.map[entry] = self.bricks.len() as u32;
+            self.bricks.push(Brick::EMPTY);
         }
-        self.bricks[self.map[entry] as usize - 1].occupied |= 1 << row;
+        self.bricks[self.map[entry] as usize].occupied |= 1 << row;
     }
 
     /// Adds the optical depths along `path` to those of the rays from the cells of the brick at `place`.
     ///
     /// A row of rays is given up once all are deeper than `limit`, or infinite.
     pub fn march(&self, place: IVec3, path: &Path, limit: f32, depths: &mut Depths) {
-        let hidden = |row: &[f32; SIDE]| row.iter().all(|&depth| depth > limit);
+        let hidden = |row: &[f32; SIDE]| row.iter().fold(true, |all, &depth| all & (depth > limit));
         let mut live = (0..ROWS).filter(|&row| !hidden(&depths[row])).fold(0, |live, row| live | 1 << row);
         for run in &path.runs {
+            // The block has moved into two by two bricks, whose rows reach into those above.
             let corner = place + run.bricks;
-            // The cells that the block has moved to lie in two by two bricks, or rather in their rows.
             let bricks = [(0, 0), (0, 1), (1, 0), (1, 1)].map(|(x, y)| self.get(corner + IVec3::new(x, y, 0)));
-            if bricks.iter().all(Option::is_none) {
+            if bricks.iter().all(|brick| brick.occupied == 0) {
                 continue;
             }
             for step in &path.steps[run.steps.clone()] {
-                for (quadrant, brick) in bricks.iter().enumerate() {
-                    if let Some(brick) = brick {
-                        self.cross(brick, quadrant, step, live, depths);
-                    }
-                }
+                self.cross(bricks, step, live, depths);
             }
-            let mut rest = live;
-            while rest != 0 {
-                let row = rest.trailing_zeros() as usize;
-                rest &= rest - 1;
+            for row in bits(live) {
                 if hidden(&depths[row]) {
                     live &= !(1 << row);
                 }
@@ -137,17 +130,14 @@ impl Bricks {
         }
     }
 
-    /// The part of a step that leads into one of the four bricks that the block lies in by now.
-    fn cross(&self, brick: &Brick, quadrant: usize, step: &Step, live: u64, depths: &mut Depths) {
-        let (moved, mask) = step.into_quadrant(quadrant);
-        // Rows of the brick, renumbered as the rows of the block that lie on them.
-        let onto = if moved >= 0 { brick.occupied >> moved } else { brick.occupied << -moved };
-        let mut rows = live & mask & onto;
-        let lane = usize::from(step.lane) % SIDE;
-        while rows != 0 {
-            let row = rows.trailing_zeros() as usize;
-            rows &= rows - 1;
-            let densities = &self.rows[brick.index((row as i32 + moved) as usize)][lane..lane + SIDE];
+    /// A step of the rows of rays that are alive.
+    fn cross(&self, bricks: [&Brick; 4], step: &Step, live: u64, depths: &mut Depths) {
+        let [x, y, lane] = step.rest.map(|x| usize::from(x) % SIDE);
+        for row in bits(live & occupied(bricks, x, y)) {
+            // x and y of the row, four bits each: the highest tell the brick.
+            let at = row + row / SIDE * SIDE + x * 2 * SIDE + y;
+            let brick = bricks[(at >> 6) & 2 | (at >> 3) & 1];
+            let densities = &self.rows[brick.index((at >> 1) & 0o70 | at & 7)][lane..lane + SIDE];
             for (depth, density) in depths[row].iter_mut().zip(densities) {
                 *depth += density * step.length;
             }
@@ -155,7 +145,28 @@ impl Bricks {
     }
 }
 
+/// The rows of a block, as bits, that lie on occupied rows once it has moved `x` and `y` cells from the first of two by
+/// two bricks towards the others.
+fn occupied(bricks: [&Brick; 4], x: usize, y: usize) -> u64 {
+    // In every byte, the bits that do not come from the next brick along y.
+    let stay = 0x0101_0101_0101_0101 * (0xff_u64 >> y);
+    let along_y = |first: &Brick, next: &Brick| (first.occupied >> y) & stay | (next.occupied << (7 - y) << 1) & !stay;
+    let (first, next) = (along_y(bricks[0], bricks[1]), along_y(bricks[2], bricks[3]));
+    first >> (8 * x) | next << (8 * (7 - x)) << 8
+}
+
+/// The places of the bits that are set, from the lowest.
+fn bits(mut set: u64) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        let lowest = (set != 0).then(|| set.trailing_zeros() as usize);
+        set &= set.wrapping_sub(1);
+        lowest
+    })
+}
+
 impl Brick {
+    const EMPTY: Self = Self { occupied: 0, first: 0, rank: [0; ROWS] };
+
     /// Where an occupied row is kept.
     fn index(&self, row: usize) -> usize {
         self.first as usize + usize::from(self.rank[row % ROWS])

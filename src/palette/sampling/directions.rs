@@ -10,7 +10,7 @@ use crate::{
 };
 
 /// Unit vectors from a leaf to the observers, in the field's frame: the rays of each cell of directions.
-pub(super) fn observers(up: UpAxis, settings: &ExtractionSettings) -> Vec<Vec<DVec3>> {
+pub(crate) fn observers(up: UpAxis, settings: &ExtractionSettings) -> Vec<Vec<DVec3>> {
     let (n, m) = (settings.directions, settings.multisamples);
     // cos theta goes from -1 or 0 to 1.
     let (rows, lowest) = match settings.observers {

@@ -7,11 +7,14 @@
 
 mod bricks;
 mod directions;
+mod leaves;
 mod march;
 mod path;
 mod progress;
 mod sampler;
 
+pub(crate) use directions::observers;
+pub(crate) use leaves::{chosen_leaves, weight_bound};
 pub use progress::{Cancelled, Progress};
 pub(super) use sampler::sample_unchecked;
 pub use sampler::{SamplingError, sample};

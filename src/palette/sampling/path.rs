@@ -17,26 +17,10 @@ pub(super) struct Path {
 
 /// A cell that is crossed. Its offset from the first is that of the [`Run`], in whole bricks, and the rest.
 pub(super) struct Step {
-    /// The rest of the offset along x and y, as a number of rows, `SIDE x + y`.
-    pub rows: u8,
-    /// The rest of the offset along z.
-    pub lane: u8,
+    /// The rest of the offset along each axis, below [`SIDE`].
+    pub rest: [u8; 3],
     /// Path length, in world units.
     pub length: f32,
-}
-
-impl Step {
-    /// After this step the cells of a block of `SIDE` cubed lie in two by two bricks, `quadrant` 0 to 3 (`2x + y`): how
-    /// many rows further on in that brick's order they are, and which rows (as bits) lie in it at all.
-    pub fn into_quadrant(&self, quadrant: usize) -> (i32, u64) {
-        let (x, y) = (self.rows / SIDE as u8, self.rows % SIDE as u8);
-        let before_x = u64::MAX >> (SIDE as u8 * x);
-        let before_y = 0x0101_0101_0101_0101 * (0xff >> y);
-        let mask_x = if quadrant & 2 == 0 { before_x } else { !before_x };
-        let mask_y = if quadrant & 1 == 0 { before_y } else { !before_y };
-        let back = (quadrant & 2) / 2 * SIDE * SIDE + (quadrant & 1) * SIDE;
-        (i32::from(self.rows) - back as i32, mask_x & mask_y)
-    }
 }
 
 /// Consecutive cells with the same offset in whole bricks.
@@ -75,7 +59,7 @@ impl Path {
             Some(run) if run.bricks == bricks => run.steps.end = index + 1,
             _ => self.runs.push(Run { bricks, steps: index..index + 1 }),
         }
-        self.steps.push(Step { rows: (rest.x * side.y + rest.y) as u8, lane: rest.z as u8, length: length as f32 });
+        self.steps.push(Step { rest: rest.to_array().map(|x| x as u8), length: length as f32 });
     }
 }
 
@@ -96,7 +80,7 @@ mod tests {
             for run in &path.runs {
                 for step in &path.steps[run.steps.clone()] {
                     let middle = 0.5 + direction * (travelled + 0.5 * f64::from(step.length));
-                    let rest = IVec3::new(i32::from(step.rows) / 8, i32::from(step.rows) % 8, i32::from(step.lane));
+                    let rest = IVec3::from_array(step.rest.map(i32::from));
                     let inside = middle - (run.bricks * 8 + rest).as_dvec3();
                     prop_assert!(inside.min_element() > -1e-4 && inside.max_element() < 1.0 + 1e-4);
                     travelled += f64::from(step.length);

@@ -33,11 +33,11 @@ impl Progress {
         self.cancelled.load(Ordering::Relaxed)
     }
 
-    pub(super) fn begin(&self, total: usize) {
+    pub(crate) fn begin(&self, total: usize) {
         self.total.store(total, Ordering::Relaxed);
     }
 
-    pub(super) fn advance(&self, leaves: usize) {
+    pub(crate) fn advance(&self, leaves: usize) {
         self.done.fetch_add(leaves, Ordering::Relaxed);
     }
 }
