@@ -2,7 +2,10 @@
 #define_import_path bevy_plenoctree::octree
 
 struct Field {
+    // Levels of cells.
     depth: u32,
+    // Leaves whose coefficients are in one binding.
+    leaves_per_part: u32,
 }
 
 @group(1) @binding(0) var<uniform> field: Field;

@@ -1,8 +1,40 @@
-// Radiance of a leaf: section 1 of the method. FUNCTIONS is the number of basis functions, WORDS that of the words that
-// a channel's coefficients take, two half floats each.
+// Radiance of a leaf: section 1 of the method. WORDS is the number of words that a channel's coefficients take, two half
+// floats each.
 #define_import_path bevy_plenoctree::radiance
 
+#import bevy_plenoctree::octree::field
+
+// A field that is larger than one binding lies in several, `field.leaves_per_part` leaves in each.
 @group(1) @binding(3) var<storage, read> coefficients: array<u32>;
+#ifdef PARTS_2
+@group(1) @binding(4) var<storage, read> coefficients_1: array<u32>;
+#endif
+#ifdef PARTS_3
+@group(1) @binding(5) var<storage, read> coefficients_2: array<u32>;
+#endif
+#ifdef PARTS_4
+@group(1) @binding(6) var<storage, read> coefficients_3: array<u32>;
+#endif
+
+// Two coefficients.
+fn pair(part: u32, index: u32) -> vec2<f32> {
+#ifdef PARTS_4
+    if part == 3u {
+        return unpack2x16float(coefficients_3[index]);
+    }
+#endif
+#ifdef PARTS_3
+    if part == 2u {
+        return unpack2x16float(coefficients_2[index]);
+    }
+#endif
+#ifdef PARTS_2
+    if part == 1u {
+        return unpack2x16float(coefficients_1[index]);
+    }
+#endif
+    return unpack2x16float(coefficients[index]);
+}
 
 // The basis in one direction, in the pairs in which coefficients are stored.
 struct Harmonics {
@@ -51,17 +83,27 @@ fn harmonics(d: vec3<f32>) -> Harmonics {
     return h;
 }
 
-fn channel(first: u32, h: ptr<function, Harmonics>) -> f32 {
+fn channel(part: u32, first: u32, h: ptr<function, Harmonics>) -> f32 {
     var sum = 0.0;
     for (var word = 0u; word < #{WORDS}u; word++) {
-        sum += dot(unpack2x16float(coefficients[first + word]), (*h).y[word]);
+        sum += dot(pair(part, first + word), (*h).y[word]);
     }
     return sum;
 }
 
 fn radiance(leaf: u32, h: ptr<function, Harmonics>) -> vec3<f32> {
+#ifdef PARTS_2
+    let part = leaf / field.leaves_per_part;
+    let first = (leaf - part * field.leaves_per_part) * (3u * #{WORDS}u);
+#else
+    let part = 0u;
     let first = leaf * (3u * #{WORDS}u);
-    let sum = vec3(channel(first, h), channel(first + #{WORDS}u, h), channel(first + 2u * #{WORDS}u, h));
+#endif
+    let sum = vec3(
+        channel(part, first, h),
+        channel(part, first + #{WORDS}u, h),
+        channel(part, first + 2u * #{WORDS}u, h),
+    );
 #ifdef SIGMOID
     return 1.0 / (1.0 + exp(-sum));
 #else ifdef SHIFTED_RELU

@@ -12,6 +12,7 @@ use bevy_plenoctree::{
     FieldPalette, Palette, Palettes, PlenOctree, PlenOctreePlugin, Posterize, Prop,
     camera::PinholeCamera,
     field::{Activation, BakeSettings, Basis, UpAxis, bake},
+    gpu::GpuField,
     headless::{Headless, pinhole_view},
     reference,
 };
@@ -79,10 +80,13 @@ struct Scene {
 
 impl Scene {
     fn new(field: &PlenOctree) -> Self {
-        let mut headless = Headless::new(UVec2::splat(SIZE), |app| {
+        let plugins = |app: &mut App| {
             app.add_plugins((bevy::light::LightPlugin, PbrPlugin::default(), PlenOctreePlugin));
-        })
-        .unwrap();
+        };
+        Self::in_app(field, Headless::new(UVec2::splat(SIZE), plugins).unwrap())
+    }
+
+    fn in_app(field: &PlenOctree, mut headless: Headless) -> Self {
         let target = headless.target();
         let world = headless.app.world_mut();
         let handle = world.resource_mut::<Assets<PlenOctree>>().add(field.clone());
@@ -299,4 +303,30 @@ fn a_prop_without_a_palette_gets_one() {
     let palette = palettes.get(&field).unwrap();
     assert!(palette.extraction().is_some());
     assert!((2..=6).contains(&palette.shown().len()));
+}
+
+/// A field whose coefficients do not fit in one binding, or not in two, looks as it does where they fit in one.
+#[test]
+fn a_field_in_parts_looks_the_same() {
+    let field = ball(Basis::Sh9);
+    let whole = Scene::new(&field).picture();
+    let bytes = 60 * field.leaves() as u64;
+    for parts in [2, 3, 4] {
+        let limits =
+            wgpu::Limits { max_storage_buffer_binding_size: bytes.div_ceil(parts) + 60, ..wgpu::Limits::default() };
+        let headless = Headless::with_limits(UVec2::splat(SIZE), limits, |app| {
+            app.add_plugins(PlenOctreePlugin);
+        });
+        assert_eq!(Scene::in_app(&field, headless.unwrap()).picture(), whole, "in {parts} parts");
+    }
+}
+
+#[test]
+fn a_field_that_does_not_fit_is_refused_with_the_numbers() {
+    let field = ball(Basis::Sh9);
+    let bytes = 60 * field.leaves() as u64;
+    let limits = wgpu::Limits { max_storage_buffer_binding_size: bytes / 5, ..wgpu::Limits::default() };
+    let error = GpuField::check(&field, &limits).unwrap_err();
+    assert_eq!((error.what, error.bytes), ("coefficients", bytes));
+    assert!(error.to_string().contains(&bytes.to_string()) && error.to_string().contains(&error.limit.to_string()));
 }

@@ -7,7 +7,7 @@ use bevy::{
     render::{
         render_asset::{AssetExtractionError, PrepareAssetError, RenderAsset},
         render_resource::{
-            BindGroup, BindGroupEntries, BindGroupLayoutDescriptor, BindGroupLayoutEntries, Buffer,
+            BindGroup, BindGroupEntry, BindGroupLayout, BindGroupLayoutDescriptor, BindGroupLayoutEntries, Buffer,
             BufferInitDescriptor, BufferUsages, PipelineCache, ShaderStages, ShaderType,
             binding_types::{storage_buffer_read_only_sized, uniform_buffer},
         },
@@ -21,15 +21,16 @@ use crate::field::{Activation, Basis, PlenOctree};
 /// A field that the GPU cannot bind.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "the field's {what} need {bytes} bytes on the GPU, which binds at most {limit} at once; \
-     a smaller field, or spherical harmonics of a lower degree, would fit"
+    "the field's {what} need {bytes} bytes on the GPU, which can bind {limit} of them; a field with fewer leaves, or \
+     spherical harmonics of a lower degree, would fit"
 )]
 pub struct FieldTooLarge {
     /// Which of the field's arrays does not fit.
     pub what: &'static str,
     /// Its size.
     pub bytes: u64,
-    /// The device's `max_storage_buffer_binding_size` or `max_buffer_size`, the lower of both.
+    /// How much of them the device can bind: its `max_storage_buffer_binding_size` or `max_buffer_size`, the lower of
+    /// both, and four times that for coefficients.
     pub limit: u64,
 }
 
@@ -38,34 +39,43 @@ pub struct GpuField {
     pub(crate) bind_group: Option<BindGroup>,
     pub(crate) basis: Basis,
     pub(crate) activation: Activation,
+    /// Bindings over which the coefficients are split.
+    pub(crate) parts: usize,
     bytes: u64,
 }
 
-/// What a shader must know of a field beside its arrays.
+/// `Field` of `octree.wgsl`.
 #[derive(Clone, Copy, ShaderType)]
 struct FieldUniform {
-    /// Levels of cells.
     depth: u32,
+    leaves_per_part: u32,
 }
 
-/// Layout of the bind group of a field: its uniform, nodes, densities and coefficients.
-#[derive(Resource)]
-pub struct FieldLayout(pub(crate) BindGroupLayoutDescriptor);
+/// The most bindings over which the coefficients of a field are split: with them a shader uses the eight storage buffers
+/// that every device has.
+const MOST_PARTS: usize = 4;
 
-impl Default for FieldLayout {
+/// Layouts of the bind group of a field: its uniform, nodes, densities, and coefficients in one part, in two, and so on.
+#[derive(Resource, Clone)]
+pub struct FieldLayouts([BindGroupLayoutDescriptor; MOST_PARTS]);
+
+impl FieldLayouts {
+    /// The layout for a field whose coefficients are in so many parts.
+    pub(crate) fn get(&self, parts: usize) -> &BindGroupLayoutDescriptor {
+        &self.0[parts.clamp(1, MOST_PARTS) - 1]
+    }
+}
+
+impl Default for FieldLayouts {
     fn default() -> Self {
-        Self(BindGroupLayoutDescriptor::new(
-            "plenoctree_field",
-            &BindGroupLayoutEntries::sequential(
-                ShaderStages::FRAGMENT | ShaderStages::COMPUTE,
-                (
-                    uniform_buffer::<FieldUniform>(false),
-                    storage_buffer_read_only_sized(false, None),
-                    storage_buffer_read_only_sized(false, None),
-                    storage_buffer_read_only_sized(false, None),
-                ),
-            ),
-        ))
+        Self(std::array::from_fn(|index| {
+            let stages = ShaderStages::FRAGMENT | ShaderStages::COMPUTE;
+            let array = || storage_buffer_read_only_sized(false, None);
+            let uniform = uniform_buffer::<FieldUniform>(false);
+            let mut entries = BindGroupLayoutEntries::sequential(stages, (uniform, array(), array())).to_vec();
+            entries.extend((3..4 + index as u32).map(|binding| array().build(binding, stages)));
+            BindGroupLayoutDescriptor::new("plenoctree_field", &entries)
+        }))
     }
 }
 
@@ -75,13 +85,18 @@ impl GpuField {
         Self::arrays(field).iter().map(|(_, bytes)| bytes).sum()
     }
 
-    /// Whether a device with these `limits` can bind the field.
+    /// Whether a device with these `limits` can bind the field. Coefficients may take up to four bindings.
     pub fn check(field: &PlenOctree, limits: &wgpu::Limits) -> Result<(), FieldTooLarge> {
-        let limit = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
-        match Self::arrays(field).into_iter().find(|(_, bytes)| *bytes > limit) {
-            Some((what, bytes)) => Err(FieldTooLarge { what, bytes, limit }),
-            None => Ok(()),
+        let limit = binding_limit(limits);
+        let [nodes, densities, (what, bytes)] = Self::arrays(field);
+        if let Some((what, bytes)) = [nodes, densities].into_iter().find(|(_, bytes)| *bytes > limit) {
+            return Err(FieldTooLarge { what, bytes, limit });
         }
+        let room = leaves_per_part(field.basis(), limits) * MOST_PARTS as u64;
+        if field.leaves() as u64 > room {
+            return Err(FieldTooLarge { what, bytes, limit: limit * MOST_PARTS as u64 });
+        }
+        Ok(())
     }
 
     /// Bytes in GPU memory.
@@ -101,12 +116,21 @@ pub(crate) fn words_per_channel(basis: Basis) -> usize {
     basis.functions().div_ceil(2)
 }
 
-/// The coefficients with every channel padded to whole words, so that a shader reads pairs.
-fn pack_coefficients(field: &PlenOctree) -> Vec<u32> {
-    let functions = field.basis().functions();
-    let words = words_per_channel(field.basis());
-    let mut packed = Vec::with_capacity(field.leaves() * 3 * words);
-    for channel in field.coefficients().chunks_exact(functions) {
+/// The most bytes that a storage binding holds.
+fn binding_limit(limits: &wgpu::Limits) -> u64 {
+    limits.max_storage_buffer_binding_size.min(limits.max_buffer_size)
+}
+
+/// Leaves whose coefficients a binding holds.
+fn leaves_per_part(basis: Basis, limits: &wgpu::Limits) -> u64 {
+    binding_limit(limits) / (12 * words_per_channel(basis) as u64)
+}
+
+/// Coefficients with every channel padded to whole words, so that a shader reads pairs.
+fn pack_coefficients(basis: Basis, coefficients: &[f16]) -> Vec<u32> {
+    let functions = basis.functions();
+    let mut packed = Vec::with_capacity(coefficients.len() / functions * words_per_channel(basis));
+    for channel in coefficients.chunks_exact(functions) {
         for pair in channel.chunks(2) {
             let high = pair.get(1).copied().unwrap_or(f16::ZERO);
             packed.push(u32::from(pair[0].to_bits()) | u32::from(high.to_bits()) << 16);
@@ -117,7 +141,7 @@ fn pack_coefficients(field: &PlenOctree) -> Vec<u32> {
 
 impl RenderAsset for GpuField {
     type SourceAsset = PlenOctree;
-    type Param = (SRes<RenderDevice>, SRes<PipelineCache>, SRes<FieldLayout>);
+    type Param = (SRes<RenderDevice>, SRes<PipelineCache>, SRes<FieldLayouts>);
 
     fn asset_usage(_: &PlenOctree) -> RenderAssetUsages {
         // The main world keeps the field, for extraction; the arrays are shared, so the copy costs nothing.
@@ -135,11 +159,14 @@ impl RenderAsset for GpuField {
     fn prepare_asset(
         field: PlenOctree,
         id: AssetId<PlenOctree>,
-        (device, pipelines, layout): &mut SystemParamItem<Self::Param>,
+        (device, pipelines, layouts): &mut SystemParamItem<Self::Param>,
         _: Option<&Self>,
     ) -> Result<Self, PrepareAssetError<PlenOctree>> {
-        let bind_group = match Self::check(&field, &device.limits()) {
-            Ok(()) => Some(bind(&field, device, &pipelines.get_bind_group_layout(&layout.0))),
+        let limits = device.limits();
+        let per_part = leaves_per_part(field.basis(), &limits) as usize;
+        let parts = field.leaves().div_ceil(per_part.max(1)).max(1);
+        let bind_group = match Self::check(&field, &limits) {
+            Ok(()) => Some(bind(&field, per_part, device, &pipelines.get_bind_group_layout(layouts.get(parts)))),
             Err(error) => {
                 error!("{id} is not drawn: {error}");
                 None
@@ -150,40 +177,35 @@ impl RenderAsset for GpuField {
             bind_group,
             basis: field.basis(),
             activation: field.activation(),
+            parts,
         })
     }
 }
 
-fn bind(
-    field: &PlenOctree,
-    device: &RenderDevice,
-    layout: &bevy::render::render_resource::BindGroupLayout,
-) -> BindGroup {
-    let storage = |label, contents: &[u8]| -> Buffer {
+fn bind(field: &PlenOctree, leaves_per_part: usize, device: &RenderDevice, layout: &BindGroupLayout) -> BindGroup {
+    let buffer = |label, contents: &[u8], usage| -> Buffer {
         // A binding of no bytes is not allowed, and an empty field still has a root to look at.
         let contents = if contents.is_empty() { &[0; 4] } else { contents };
-        device.create_buffer_with_data(&BufferInitDescriptor {
-            label: Some(label),
-            contents,
-            usage: BufferUsages::STORAGE,
-        })
+        device.create_buffer_with_data(&BufferInitDescriptor { label: Some(label), contents, usage })
     };
-    let uniform = device.create_buffer_with_data(&BufferInitDescriptor {
-        label: Some("plenoctree_field"),
-        contents: bytemuck::cast_slice(&[field.depth(), 0, 0, 0]),
-        usage: BufferUsages::UNIFORM,
-    });
-    let nodes = storage("plenoctree_nodes", bytemuck::cast_slice(field.nodes()));
-    let densities = storage("plenoctree_densities", bytemuck::cast_slice(field.densities()));
-    let coefficients = storage("plenoctree_coefficients", bytemuck::cast_slice(&pack_coefficients(field)));
-    device.create_bind_group(
-        "plenoctree_field",
-        layout,
-        &BindGroupEntries::sequential((
-            uniform.as_entire_buffer_binding(),
-            nodes.as_entire_buffer_binding(),
-            densities.as_entire_buffer_binding(),
-            coefficients.as_entire_buffer_binding(),
-        )),
-    )
+    let storage = |label, contents: &[u8]| buffer(label, contents, BufferUsages::STORAGE);
+    let uniform = [field.depth(), leaves_per_part as u32, 0, 0];
+    let mut buffers = vec![
+        buffer("plenoctree_field", bytemuck::cast_slice(&uniform), BufferUsages::UNIFORM),
+        storage("plenoctree_nodes", bytemuck::cast_slice(field.nodes())),
+        storage("plenoctree_densities", bytemuck::cast_slice(field.densities())),
+    ];
+    // Part by part, so that no more than one is in memory twice.
+    let all = field.coefficients();
+    let mut rest = Some(all);
+    while let Some(left) = rest {
+        let (part, after) = left.split_at((leaves_per_part * field.basis().coefficients()).min(left.len()));
+        let packed = pack_coefficients(field.basis(), part);
+        buffers.push(storage("plenoctree_coefficients", bytemuck::cast_slice(&packed)));
+        rest = Some(after).filter(|after| !after.is_empty());
+    }
+    let entries: Vec<BindGroupEntry> = (buffers.iter().zip(0..))
+        .map(|(buffer, binding)| BindGroupEntry { binding, resource: buffer.as_entire_binding() })
+        .collect();
+    device.create_bind_group("plenoctree_field", layout, &entries)
 }

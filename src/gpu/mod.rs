@@ -3,9 +3,9 @@
 mod field;
 mod shaders;
 
-pub(crate) use field::{FieldLayout, words_per_channel};
+pub(crate) use field::FieldLayouts;
 pub use field::{FieldTooLarge, GpuField};
-pub(crate) use shaders::Shaders;
+pub(crate) use shaders::{Shaders, radiance_definitions};
 
 use bevy::{
     prelude::*,
@@ -23,7 +23,7 @@ impl Plugin for GpuFieldPlugin {
         let shaders = Shaders::add_to(app);
         app.add_plugins(RenderAssetPlugin::<GpuField>::default());
         if let Some(render_app) = app.get_sub_app_mut(RenderApp) {
-            render_app.insert_resource(shaders).init_resource::<FieldLayout>();
+            render_app.insert_resource(shaders).init_resource::<FieldLayouts>();
         }
     }
 }

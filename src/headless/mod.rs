@@ -17,6 +17,7 @@ use bevy::{
         RenderApp,
         render_asset::RenderAssets,
         render_resource::{TextureFormat, TextureUsages},
+        settings::WgpuSettings,
     },
 };
 use image::RgbaImage;
@@ -72,9 +73,22 @@ pub struct Headless {
 impl Headless {
     /// Builds an app of [`HeadlessPlugins`] and whatever `configure` adds, with a target of `size` pixels.
     pub fn new(size: UVec2, configure: impl FnOnce(&mut App)) -> Result<Self, HeadlessError> {
+        Self::build(size, WgpuSettings::default(), configure)
+    }
+
+    /// The same on a device that can do no more than `limits`, to see what happens on lesser machines than this.
+    pub fn with_limits(
+        size: UVec2,
+        limits: wgpu::Limits,
+        configure: impl FnOnce(&mut App),
+    ) -> Result<Self, HeadlessError> {
+        Self::build(size, WgpuSettings { constrained_limits: Some(limits), ..default() }, configure)
+    }
+
+    fn build(size: UVec2, settings: WgpuSettings, configure: impl FnOnce(&mut App)) -> Result<Self, HeadlessError> {
         plugins::check_adapter().map_err(HeadlessError::NoAdapter)?;
         let mut app = App::new();
-        app.add_plugins(HeadlessPlugins);
+        app.add_plugins(HeadlessPlugins.set(plugins::render_plugin(settings)));
         configure(&mut app);
         app.finish();
         app.cleanup();

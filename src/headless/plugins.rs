@@ -10,7 +10,7 @@ use bevy::{
     input::InputPlugin,
     mesh::MeshPlugin,
     prelude::*,
-    render::RenderPlugin,
+    render::{RenderPlugin, settings::WgpuSettings},
     tasks::block_on,
     time::TimePlugin,
     transform::TransformPlugin,
@@ -33,12 +33,17 @@ impl PluginGroup for HeadlessPlugins {
             .add(InputPlugin)
             .add(WindowPlugin { primary_window: None, exit_condition: ExitCondition::DontExit, ..default() })
             .add(AssetPlugin::default())
-            .add(RenderPlugin { synchronous_pipeline_compilation: true, ..default() })
+            .add(render_plugin(WgpuSettings::default()))
             .add(ImagePlugin::default())
             .add(MeshPlugin)
             .add(CameraPlugin)
             .add(CorePipelinePlugin)
     }
+}
+
+/// A renderer whose pipelines are ready when they are first used.
+pub(super) fn render_plugin(settings: WgpuSettings) -> RenderPlugin {
+    RenderPlugin { render_creation: settings.into(), synchronous_pipeline_compilation: true, ..default() }
 }
 
 /// Whether there is an adapter at all, on a backend that Bevy would use: its renderer panics where there is none.

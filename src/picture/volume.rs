@@ -6,15 +6,15 @@ use bevy::{
         diagnostic::RecordDiagnostics,
         render_asset::RenderAssets,
         render_resource::{
-            BindGroup, BindGroupEntries, BlendComponent, BlendFactor, BlendOperation, BlendState,
-            CachedRenderPipelineId, ColorTargetState, ColorWrites, Face, FragmentState, LoadOp, Operations,
+            BindGroup, BindGroupEntries, BindGroupLayoutDescriptor, BlendComponent, BlendFactor, BlendOperation,
+            BlendState, CachedRenderPipelineId, ColorTargetState, ColorWrites, Face, FragmentState, LoadOp, Operations,
             PipelineCache, PrimitiveState, RenderPassColorAttachment, RenderPassDescriptor, RenderPipelineDescriptor,
             SpecializedRenderPipeline, SpecializedRenderPipelines, StoreOp, VertexState,
         },
         renderer::{RenderContext, RenderDevice, ViewQuery},
         view::ViewDepthTexture,
     },
-    shader::{Shader, ShaderDefVal},
+    shader::Shader,
 };
 
 use super::{
@@ -23,7 +23,7 @@ use super::{
 };
 use crate::{
     field::{Activation, Basis},
-    gpu::{FieldLayout, GpuField, Shaders, words_per_channel},
+    gpu::{FieldLayouts, GpuField, Shaders, radiance_definitions},
 };
 
 /// Name of the pass's span in Bevy's render diagnostics.
@@ -32,8 +32,8 @@ pub const VOLUME_SPAN: &str = "plenoctree_volume";
 #[derive(Resource)]
 pub(super) struct VolumePipeline {
     shader: Handle<Shader>,
-    view: [bevy::render::render_resource::BindGroupLayoutDescriptor; 2],
-    field: bevy::render::render_resource::BindGroupLayoutDescriptor,
+    view: [BindGroupLayoutDescriptor; 2],
+    fields: FieldLayouts,
 }
 
 /// What the shader is compiled for: a field of SH1 runs no arithmetic of SH9.
@@ -41,41 +41,28 @@ pub(super) struct VolumePipeline {
 pub(super) struct VolumeKey {
     basis: Basis,
     activation: Activation,
+    parts: usize,
     multisampled: bool,
 }
 
-pub(super) fn init(mut commands: Commands, layouts: Res<ViewLayouts>, field: Res<FieldLayout>, shaders: Res<Shaders>) {
+pub(super) fn init(
+    mut commands: Commands,
+    layouts: Res<ViewLayouts>,
+    fields: Res<FieldLayouts>,
+    shaders: Res<Shaders>,
+) {
     commands.insert_resource(VolumePipeline {
         shader: shaders.volume.clone(),
         view: [layouts.volume.clone(), layouts.volume_multisampled.clone()],
-        field: field.0.clone(),
+        fields: fields.clone(),
     });
-}
-
-/// The definitions that `radiance.wgsl` needs.
-fn radiance_definitions(basis: Basis, activation: Activation) -> Vec<ShaderDefVal> {
-    let mut definitions = vec![ShaderDefVal::UInt("WORDS".into(), words_per_channel(basis) as u32)];
-    if basis == Basis::Rgba {
-        definitions.push("RGBA".into());
-    }
-    for (degree, name) in ["DEGREE_1", "DEGREE_2", "DEGREE_3", "DEGREE_4"].into_iter().enumerate() {
-        if basis.functions() > (degree + 1) * (degree + 1) {
-            definitions.push(name.into());
-        }
-    }
-    match activation {
-        Activation::Sigmoid => definitions.push("SIGMOID".into()),
-        Activation::ShiftedRelu => definitions.push("SHIFTED_RELU".into()),
-        Activation::Identity => {}
-    }
-    definitions
 }
 
 impl SpecializedRenderPipeline for VolumePipeline {
     type Key = VolumeKey;
 
     fn specialize(&self, key: VolumeKey) -> RenderPipelineDescriptor {
-        let mut definitions = radiance_definitions(key.basis, key.activation);
+        let mut definitions = radiance_definitions(key.basis, key.activation, key.parts);
         if key.multisampled {
             definitions.push("MULTISAMPLED".into());
         }
@@ -91,7 +78,7 @@ impl SpecializedRenderPipeline for VolumePipeline {
             |format, blend| Some(ColorTargetState { format, blend: Some(blend), write_mask: ColorWrites::ALL });
         RenderPipelineDescriptor {
             label: Some("plenoctree_volume".into()),
-            layout: vec![self.view[usize::from(key.multisampled)].clone(), self.field.clone()],
+            layout: vec![self.view[usize::from(key.multisampled)].clone(), self.fields.get(key.parts).clone()],
             vertex: VertexState {
                 shader: self.shader.clone(),
                 shader_defs: definitions.clone(),
@@ -129,7 +116,12 @@ pub(super) fn prepare_pipelines(
 ) {
     for (entity, props, msaa) in &views {
         let ids = props.fields.iter().filter_map(|id| fields.get(*id)).map(|field| {
-            let key = VolumeKey { basis: field.basis, activation: field.activation, multisampled: msaa.samples() > 1 };
+            let key = VolumeKey {
+                basis: field.basis,
+                activation: field.activation,
+                parts: field.parts,
+                multisampled: msaa.samples() > 1,
+            };
             specialized.specialize(&cache, &pipeline, key)
         });
         commands.entity(entity).insert(VolumePipelines(ids.collect()));

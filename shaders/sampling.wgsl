@@ -1,0 +1,99 @@
+// Visibility-weighted radiance samples of a slice of leaves, added to histograms: section 3 of the method, steps 2 to 5.
+// A thread takes one leaf and one cell of directions, neighbours in a workgroup take neighbours in space.
+
+#import bevy_plenoctree::octree::{LEAF, advance, begin, densities, field, is_inside, make_ray}
+#import bevy_plenoctree::radiance::{harmonics, radiance}
+
+struct Slice {
+    // Tree units a world unit of the field.
+    frame_scale: vec3<f32>,
+    first: u32,
+    leaves: u32,
+    rays_per_cell: u32,
+    fine_bins: u32,
+    coarse_bins: u32,
+    // The optical depth above which a leaf is hidden.
+    limit: f32,
+    // What makes integers of weights.
+    weight_scale: f32,
+}
+
+@group(0) @binding(0) var<uniform> slice: Slice;
+// Twice the centre of a leaf in finest cells, and its index.
+@group(0) @binding(1) var<storage, read> leaves: array<vec4<u32>>;
+// Unit vectors to the observers, those of a cell of directions together.
+@group(0) @binding(2) var<storage, read> observers: array<vec4<f32>>;
+// The fine and the coarse bins, two words each, the low one first: sums of integers do not depend on their order.
+@group(0) @binding(3) var<storage, read_write> bins: array<atomic<u32>>;
+
+const WORD: f32 = 4294967296.0;
+
+fn add(bin: u32, weight: f32) {
+    let scaled = weight * slice.weight_scale;
+    let high = floor(scaled / WORD);
+    let low = u32(scaled - high * WORD);
+    let before = atomicAdd(&bins[2u * bin], low);
+    let carry = select(0u, 1u, before + low < before);
+    let above = u32(high) + carry;
+    if above > 0u {
+        atomicAdd(&bins[2u * bin + 1u], above);
+    }
+}
+
+fn bin_of(color: vec3<f32>, count: u32) -> u32 {
+    let bin = vec3<u32>(clamp(color, vec3(0.0), vec3(0.999)) * f32(count));
+    return (bin.r * count + bin.g) * count + bin.b;
+}
+
+// Optical depth from the middle of a leaf to the edge of the field; no more than a little over the limit counts.
+fn optical_depth(center: vec3<f32>, observer: vec3<f32>) -> f32 {
+    let ray = make_ray(center, observer * slice.frame_scale * f32(1u << field.depth));
+    var walk = begin(ray, 0.0);
+    var depth = 0.0;
+    loop {
+        let start = walk.t;
+        let step = advance(ray, &walk);
+        if (step.cell & LEAF) != 0u {
+            depth += densities[step.cell & ~LEAF] * (step.exit - start);
+        }
+        if depth > slice.limit || !is_inside(walk) {
+            break;
+        }
+    }
+    return depth;
+}
+
+@compute @workgroup_size(64)
+fn sample(@builtin(global_invocation_id) id: vec3<u32>) {
+    if id.x >= slice.leaves {
+        return;
+    }
+    let entry = leaves[slice.first + id.x];
+    let center = 0.5 * vec3<f32>(entry.xyz);
+    // Colours are averaged as differences from the first, so that one that is the same from everywhere stays exactly
+    // itself, also on the border of two bins.
+    var first = vec3(0.0);
+    var color = vec3(0.0);
+    var visible = 0.0;
+    for (var ray = 0u; ray < slice.rays_per_cell; ray++) {
+        let observer = observers[id.y * slice.rays_per_cell + ray].xyz;
+        let depth = optical_depth(center, observer);
+        if depth <= slice.limit {
+            let transmittance = exp(-depth);
+            var h = harmonics(-observer);
+            let seen = radiance(entry.w, &h);
+            if visible == 0.0 {
+                first = seen;
+            }
+            color += transmittance * (seen - first);
+            visible += transmittance;
+        }
+    }
+    if visible > 0.0 {
+        let weight = densities[entry.w] * visible / f32(slice.rays_per_cell);
+        let mean = first + color / visible;
+        let fine = slice.fine_bins * slice.fine_bins * slice.fine_bins;
+        add(bin_of(mean, slice.fine_bins), weight);
+        add(fine + bin_of(mean, slice.coarse_bins), weight);
+    }
+}

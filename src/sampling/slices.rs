@@ -1,0 +1,271 @@
+//! Working through the leaves of a field, slice by slice.
+
+use std::sync::Arc;
+
+use bevy::{
+    prelude::*,
+    render::{
+        render_asset::RenderAssets,
+        render_resource::{
+            BindGroup, BindGroupEntries, BindGroupLayout, Buffer, BufferDescriptor, BufferInitDescriptor, BufferUsages,
+            CachedPipelineState, CommandEncoderDescriptor, ComputePassDescriptor, ComputePipeline, MapMode,
+            PipelineCache, SpecializedComputePipelines, UniformBuffer,
+        },
+        renderer::{RenderDevice, RenderQueue},
+    },
+};
+
+use super::{
+    SamplingFailure, SamplingJob, SamplingJobs,
+    clock::SliceClock,
+    pipeline::{SamplingPipeline, SliceUniform},
+};
+use crate::{
+    gpu::GpuField,
+    palette::{Histograms, chosen_leaves, observers, weight_bound},
+};
+
+/// Threads of a workgroup of `sampling.wgsl`.
+const WORKGROUP: u32 = 64;
+/// Leaves of the first slice, when nothing is known about the GPU's speed, and the fewest of any.
+const FEWEST_LEAVES: u32 = 1024;
+/// The most leaves of a slice: a dispatch has at most 65535 workgroups along an axis.
+const MOST_LEAVES: u32 = 65535 * WORKGROUP;
+/// Slices that the GPU may be behind.
+const MOST_IN_FLIGHT: usize = 2;
+
+/// The job under way.
+#[derive(Resource, Default)]
+pub(super) struct ActiveSampling(Option<Active>);
+
+struct Active {
+    job: Arc<SamplingJob>,
+    field: BindGroup,
+    /// Parts of the field's coefficients.
+    parts: usize,
+    layout: BindGroupLayout,
+    uniform: SliceUniform,
+    leaf_cells: Buffer,
+    observers: Buffer,
+    bins: Buffer,
+    /// Cells of directions.
+    cells: u32,
+    leaves: u32,
+    next: u32,
+    /// What a weight in the histograms must be multiplied with.
+    unit: f64,
+    samples: u64,
+    /// Leaves a second, measured.
+    speed: Option<f64>,
+    in_flight: Vec<SliceClock>,
+    /// Leaves of the last slice.
+    last_leaves: u32,
+    /// All is submitted, and the histograms are on their way back.
+    reading: bool,
+}
+
+/// Starts, continues and ends jobs: one slice a frame, or all at once without a budget.
+pub(super) fn advance_sampling(
+    mut active: ResMut<ActiveSampling>,
+    jobs: Res<SamplingJobs>,
+    fields: Res<RenderAssets<GpuField>>,
+    pipeline: Res<SamplingPipeline>,
+    mut pipelines: ResMut<SpecializedComputePipelines<SamplingPipeline>>,
+    cache: Res<PipelineCache>,
+    device: Res<RenderDevice>,
+    queue: Res<RenderQueue>,
+) {
+    if active.0.as_ref().is_some_and(|active| !active.job.is_open()) {
+        active.0 = None;
+    }
+    if active.0.is_none() {
+        let waiting = jobs.0.iter().filter(|job| job.is_open());
+        let Some((job, field)) = waiting.filter_map(|job| Some((job, fields.get(job.id)?))).next() else {
+            return;
+        };
+        match Active::new(job, field, &pipeline, &cache, &device) {
+            Ok(started) => active.0 = Some(started),
+            Err(failure) => return job.end(Err(failure)),
+        }
+    }
+    let Some(current) = &mut active.0 else { return };
+    let key = (current.job.field.basis(), current.job.field.activation(), current.parts);
+    let id = pipelines.specialize(&cache, &pipeline, key);
+    if let CachedPipelineState::Err(error) = cache.get_compute_pipeline_state(id) {
+        current.job.end(Err(SamplingFailure::Pipeline(error.to_string())));
+    } else if let Some(pipeline) = cache.get_compute_pipeline(id) {
+        current.advance(pipeline, &device, &queue);
+    }
+}
+
+impl Active {
+    fn new(
+        job: &Arc<SamplingJob>,
+        field: &GpuField,
+        pipeline: &SamplingPipeline,
+        cache: &PipelineCache,
+        device: &RenderDevice,
+    ) -> Result<Self, SamplingFailure> {
+        let settings = &job.settings;
+        let field_group = field.bind_group.clone().ok_or(SamplingFailure::TooLarge)?;
+        let chosen = chosen_leaves(&job.field, settings);
+        let leaves: Vec<[u32; 4]> = chosen
+            .iter()
+            .map(|cell| {
+                let center = 2 * cell.corner + cell.size;
+                [center.x, center.y, center.z, cell.leaf]
+            })
+            .collect();
+        let directions = observers(job.field.up(), settings);
+        let rays: Vec<[f32; 4]> = directions.iter().flatten().map(|ray| ray.as_vec3().extend(0.0).to_array()).collect();
+        let limit = u64::from(device.limits().max_storage_buffer_binding_size);
+        if leaves.len() as u64 * 16 > limit || leaves.len() > u32::MAX as usize {
+            return Err(SamplingFailure::TooLarge);
+        }
+
+        // Room for the heaviest sum, in a power of two so that scaling is exact.
+        let bound = weight_bound(&job.field, settings);
+        let exponent = if bound > 0.0 { bound.log2().ceil().clamp(-30.0, 60.0) } else { 0.0 };
+        let weight_scale = (62.0 - exponent).exp2();
+        let uniform = SliceUniform {
+            frame_scale: job.field.frame().scale.as_vec3(),
+            first: 0,
+            leaves: 0,
+            rays_per_cell: (settings.multisamples * settings.multisamples) as u32,
+            fine_bins: settings.fine_bins as u32,
+            coarse_bins: settings.coarse_bins as u32,
+            limit: (-settings.stop_transmittance.ln()).min(1e30) as f32,
+            weight_scale: weight_scale as f32,
+        };
+
+        let storage = |label, contents: &[u8]| {
+            let contents = if contents.is_empty() { &[0; 16] } else { contents };
+            device.create_buffer_with_data(&BufferInitDescriptor {
+                label: Some(label),
+                contents,
+                usage: BufferUsages::STORAGE,
+            })
+        };
+        let bins = device.create_buffer(&BufferDescriptor {
+            label: Some("plenoctree_histograms"),
+            size: 8 * (settings.fine_bins.pow(3) + settings.coarse_bins.pow(3)) as u64,
+            usage: BufferUsages::STORAGE | BufferUsages::COPY_SRC,
+            mapped_at_creation: false,
+        });
+        let share = job.field.leaves() as f64 / leaves.len().max(1) as f64;
+        job.progress.begin(leaves.len());
+        Ok(Self {
+            job: job.clone(),
+            field: field_group,
+            parts: field.parts,
+            layout: cache.get_bind_group_layout(&pipeline.layout),
+            uniform,
+            leaf_cells: storage("plenoctree_leaf_cells", bytemuck::cast_slice(&leaves)),
+            observers: storage("plenoctree_observers", bytemuck::cast_slice(&rays)),
+            bins,
+            cells: directions.len() as u32,
+            samples: (leaves.len() * directions.len()) as u64,
+            leaves: leaves.len() as u32,
+            next: 0,
+            unit: share / weight_scale,
+            speed: None,
+            in_flight: Vec::new(),
+            last_leaves: 0,
+            reading: false,
+        })
+    }
+
+    /// Submits what may be done in this frame.
+    fn advance(&mut self, pipeline: &ComputePipeline, device: &RenderDevice, queue: &RenderQueue) {
+        for clock in &self.in_flight {
+            if let Some(seconds) = clock.seconds() {
+                self.speed = Some(f64::from(clock.leaves) / seconds.max(1e-6));
+                self.job.progress.advance(clock.leaves as usize);
+            }
+        }
+        self.in_flight.retain(|clock| clock.seconds().is_none());
+        match self.job.budget {
+            None => {
+                while self.next < self.leaves {
+                    self.submit(MOST_LEAVES, pipeline, device, queue);
+                }
+            }
+            Some(_) if self.in_flight.len() >= MOST_IN_FLIGHT => {}
+            Some(budget) => {
+                let leaves = self.speed.map_or(0.0, |speed| speed * budget.as_secs_f64());
+                // Speeds of small slices are rough, hence the bound on growth.
+                let leaves =
+                    (leaves as u32).clamp(FEWEST_LEAVES, MOST_LEAVES).min(4 * self.last_leaves.max(FEWEST_LEAVES / 4));
+                self.submit(leaves, pipeline, device, queue);
+            }
+        }
+        if self.next == self.leaves && !self.reading {
+            self.reading = true;
+            self.read_back(device, queue);
+        }
+    }
+
+    fn submit(&mut self, most: u32, pipeline: &ComputePipeline, device: &RenderDevice, queue: &RenderQueue) {
+        let leaves = most.min(self.leaves - self.next);
+        if leaves == 0 {
+            return;
+        }
+        let mut uniform = UniformBuffer::from(SliceUniform { first: self.next, leaves, ..self.uniform });
+        uniform.write_buffer(device, queue);
+        let Some(slice) = uniform.binding() else { return };
+        let bind_group = device.create_bind_group(
+            "plenoctree_sampling",
+            &self.layout,
+            &BindGroupEntries::sequential((
+                slice,
+                self.leaf_cells.as_entire_buffer_binding(),
+                self.observers.as_entire_buffer_binding(),
+                self.bins.as_entire_buffer_binding(),
+            )),
+        );
+        let clock = SliceClock::new(leaves, device);
+        let mut encoder = device.create_command_encoder(&CommandEncoderDescriptor::default());
+        {
+            let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor {
+                label: Some("plenoctree_sampling"),
+                timestamp_writes: clock.writes(),
+            });
+            pass.set_pipeline(pipeline);
+            pass.set_bind_group(0, &bind_group, &[]);
+            pass.set_bind_group(1, &self.field, &[]);
+            pass.dispatch_workgroups(leaves.div_ceil(WORKGROUP), self.cells, 1);
+        }
+        clock.resolve(&mut encoder);
+        queue.submit([encoder.finish()]);
+        clock.start(queue);
+        self.next += leaves;
+        self.last_leaves = leaves;
+        self.in_flight.push(clock);
+    }
+
+    /// Hands the histograms to the job once the GPU is done with them.
+    fn read_back(&self, device: &RenderDevice, queue: &RenderQueue) {
+        let readable = device.create_buffer(&BufferDescriptor {
+            label: Some("plenoctree_histograms_readback"),
+            size: self.bins.size(),
+            usage: BufferUsages::MAP_READ | BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        let mut encoder = device.create_command_encoder(&CommandEncoderDescriptor::default());
+        encoder.copy_buffer_to_buffer(&self.bins, 0, &readable, 0, self.bins.size());
+        queue.submit([encoder.finish()]);
+        let (job, buffer, unit, samples) = (self.job.clone(), readable.clone(), self.unit, self.samples);
+        readable.slice(..).map_async(MapMode::Read, move |result| {
+            let outcome = result.map_err(|error| SamplingFailure::Readback(error.to_string())).and_then(|()| {
+                let mapped = buffer.slice(..).get_mapped_range();
+                let weights = mapped.chunks_exact(8).map(bytemuck::pod_read_unaligned::<u64>).map(|n| n as f64 * unit);
+                let mut fine: Vec<f64> = weights.collect();
+                let (fine_bins, coarse_bins) = (job.settings.fine_bins, job.settings.coarse_bins);
+                let coarse = fine.split_off(fine_bins.pow(3));
+                Histograms::new(fine_bins, fine, coarse_bins, coarse, samples)
+                    .map_err(|error| SamplingFailure::Readback(error.to_string()))
+            });
+            job.end(outcome);
+        });
+    }
+}

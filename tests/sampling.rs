@@ -1,0 +1,139 @@
+//! Palettes in a running app: sampled on the GPU and on the CPU, against the float64 reference.
+
+use std::time::{Duration, Instant};
+
+use bevy::prelude::*;
+use bevy_plenoctree::{
+    ExtractionSettings, PaletteExtraction, Palettes, PlenOctree, PlenOctreePlugin, Posterize, Prop, Sampled, Sampler,
+    field::{BakeSettings, Basis, bake},
+    headless::Headless,
+    palette::{Histograms, Observers, Progress, sample},
+    reference::sample_histograms,
+};
+use glam::DVec3;
+
+/// Two lumps that hide each other, with colours by place and direction, faint fog around them, and a wide box so that
+/// cells are no cubes.
+fn lumps(basis: Basis) -> PlenOctree {
+    let settings = BakeSettings {
+        depth: 5,
+        min: DVec3::new(-1.0, -1.0, -1.0),
+        max: DVec3::new(1.4, 1.0, 1.1),
+        basis,
+        ..Default::default()
+    };
+    let lump = |at: DVec3, center: DVec3| 40.0 * (0.5 - at.distance(center)).max(0.0);
+    bake(
+        &settings,
+        |at| {
+            let fog = if at.length() < 0.9 { 0.03 } else { 0.0 };
+            fog + lump(at, DVec3::new(-0.3, 0.0, 0.1)) + lump(at, DVec3::new(0.5, 0.2, -0.2))
+        },
+        |at| move |direction: DVec3| 0.5 + 0.3 * (5.0 * at).map(f64::sin) + 0.2 * direction,
+    )
+    .unwrap()
+}
+
+/// Extracts in an app and returns what was sampled, the palette's colours, and how many frames it took.
+fn extract_in_app(
+    field: &PlenOctree,
+    settings: &ExtractionSettings,
+    sampler: Sampler,
+    budget: Option<Duration>,
+) -> (Sampled, Vec<[f64; 3]>, u32) {
+    let mut headless = Headless::new(UVec2::ONE, |app| {
+        app.add_plugins(PlenOctreePlugin);
+    })
+    .unwrap();
+    let world = headless.app.world_mut();
+    let mut extraction = world.resource_mut::<PaletteExtraction>();
+    extraction.settings = settings.clone();
+    extraction.sampler = sampler;
+    extraction.budget = budget;
+    let handle = world.resource_mut::<Assets<PlenOctree>>().add(field.clone());
+    world.spawn((Prop(handle.clone()), Posterize::default()));
+    let start = Instant::now();
+    let mut progress = 0.0;
+    for frame in 1.. {
+        headless.update();
+        let world = headless.app.world();
+        let extraction = world.resource::<PaletteExtraction>();
+        if let Some(sampled) = extraction.sampled(&handle) {
+            let colors = world.resource::<Palettes>().get(&handle).unwrap().extracted().colors.clone();
+            return (sampled.clone(), colors, frame);
+        }
+        assert!(extraction.error(&handle).is_none(), "{:?}", extraction.error(&handle));
+        let now = extraction.progress(&handle).unwrap_or(0.0);
+        assert!((progress..=1.0).contains(&now), "progress went from {progress} to {now}");
+        progress = now;
+        assert!(start.elapsed() < Duration::from_secs(120), "still extracting");
+    }
+    unreachable!()
+}
+
+/// Sum of absolute differences over the total, of both histograms.
+fn difference(found: &Histograms, expected: &Histograms) -> f64 {
+    let of = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (a - b).abs()).sum::<f64>() / b.iter().sum::<f64>();
+    of(found.fine(), expected.fine()).max(of(found.coarse(), expected.coarse()))
+}
+
+#[test]
+fn the_gpu_samples_as_the_reference_does() {
+    let default = ExtractionSettings::default;
+    for (basis, settings) in [
+        (Basis::Sh9, default()),
+        (Basis::Rgba, ExtractionSettings { directions: 1, multisamples: 3, ..default() }),
+        (Basis::Sh4, ExtractionSettings { observers: Observers::Sphere, fine_bins: 20, coarse_bins: 5, ..default() }),
+    ] {
+        let field = lumps(basis);
+        let expected = sample_histograms(&field, &settings).unwrap();
+        let (sampled, colors, _) = extract_in_app(&field, &settings, Sampler::Gpu, None);
+        assert!(sampled.on_gpu);
+        assert_eq!(sampled.histograms.samples(), expected.samples());
+        let off = difference(&sampled.histograms, &expected);
+        assert!(off < 1e-4, "{basis:?}: {off}");
+        let reference = bevy_plenoctree::palette::extract_from_histograms(&expected, &settings).unwrap();
+        for (color, expected) in colors.iter().zip(&reference.palette.colors) {
+            assert!(DVec3::from(*color).distance(DVec3::from(*expected)) < 0.005, "{colors:?}");
+        }
+    }
+}
+
+#[test]
+fn the_cpu_samples_as_the_reference_does() {
+    let settings = ExtractionSettings::default();
+    let field = lumps(Basis::Sh9);
+    let expected = sample_histograms(&field, &settings).unwrap();
+    let (sampled, ..) = extract_in_app(&field, &settings, Sampler::Cpu, None);
+    assert!(!sampled.on_gpu);
+    assert!(difference(&sampled.histograms, &expected) < 1e-5);
+}
+
+/// Sums of integers do not depend on the order in which slices and threads bring them.
+#[test]
+fn slices_of_any_size_give_the_same_bits() {
+    let field = lumps(Basis::Sh1);
+    let settings = ExtractionSettings::default();
+    let (at_once, colors, _) = extract_in_app(&field, &settings, Sampler::Gpu, None);
+    let (sliced, sliced_colors, frames) =
+        extract_in_app(&field, &settings, Sampler::Gpu, Some(Duration::from_micros(1)));
+    assert!(frames > 3, "{frames} frames");
+    assert_eq!(at_once.histograms, sliced.histograms);
+    assert_eq!(colors, sliced_colors);
+}
+
+/// A fraction of the leaves stands for all: the weight stays, and so do, roughly, the colours.
+#[test]
+fn a_fraction_of_the_leaves_stands_for_all() {
+    let field = lumps(Basis::Sh4);
+    let whole = sample(&field, &ExtractionSettings::default(), &Progress::default()).unwrap();
+    for fraction in [0.5, 0.2] {
+        let settings = ExtractionSettings { sample_fraction: fraction, ..Default::default() };
+        let some = sample(&field, &settings, &Progress::default()).unwrap();
+        let weight = some.total_weight() / whole.total_weight();
+        assert!((weight - 1.0).abs() < 0.1, "{fraction}: {weight} of the weight");
+        assert!(difference(&some, &whole) > 1e-3, "{fraction} changed nothing");
+        let (on_gpu, ..) = extract_in_app(&field, &settings, Sampler::Gpu, None);
+        assert!(difference(&on_gpu.histograms, &some) < 1e-4, "the GPU chose other leaves");
+    }
+}
