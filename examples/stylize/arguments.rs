@@ -5,6 +5,8 @@ use std::path::PathBuf;
 use bevy_plenoctree::{ExtractionSettings, Palette, Posterize};
 use clap::{Parser, ValueEnum};
 
+use crate::size::parse_size;
+
 /// Renders a PlenOctree, extracts its palette, and posterises and recolours the views.
 #[derive(Parser)]
 pub struct Arguments {
@@ -28,6 +30,15 @@ pub struct Arguments {
     /// Colours that the palette is simplified to.
     #[arg(long, default_value_t = 6, value_parser = clap::value_parser!(u32).range(1..=64))]
     colors: u32,
+    /// What samples the field's radiance; the GPU, or the CPU where graphics are in software, by default.
+    #[arg(long, value_enum)]
+    pub sampling: Option<Sampling>,
+    /// The share of the leaves that is sampled, above 0 to 1.
+    #[arg(long, default_value_t = 1.0, value_parser = parse_fraction)]
+    sample_fraction: f64,
+    /// Where to write the histograms, as an .npz of `fine` and `coarse`.
+    #[arg(long, value_name = "FILE.npz", conflicts_with = "palette")]
+    pub histograms: Option<PathBuf>,
     /// Steps from one palette colour to another.
     #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=8))]
     blend_steps: u32,
@@ -60,6 +71,17 @@ pub enum Renderer {
     Reference,
 }
 
+/// What samples radiance for the palette.
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Sampling {
+    /// Compute shaders in the render world.
+    Gpu,
+    /// All cores.
+    Cpu,
+    /// The float64 reference, on one core.
+    Reference,
+}
+
 impl Arguments {
     pub fn frames(&self) -> Option<usize> {
         self.frames.map(|frames| frames as usize)
@@ -75,7 +97,11 @@ impl Arguments {
     }
 
     pub fn extraction(&self) -> ExtractionSettings {
-        ExtractionSettings { colors: self.colors as usize, ..ExtractionSettings::default() }
+        ExtractionSettings {
+            colors: self.colors as usize,
+            sample_fraction: self.sample_fraction,
+            ..ExtractionSettings::default()
+        }
     }
 
     /// The colour behind the field, encoded sRGB.
@@ -100,13 +126,6 @@ impl Arguments {
     }
 }
 
-fn parse_size(text: &str) -> Result<(u32, u32), String> {
-    let side = |text: &str| text.parse().ok().filter(|pixels| (1..=16384).contains(pixels));
-    text.split_once(['x', 'X'])
-        .and_then(|(width, height)| Some((side(width)?, side(height)?)))
-        .ok_or_else(|| "expected WxH, each from 1 to 16384".into())
-}
-
 fn parse_color(text: &str) -> Result<[u8; 3], String> {
     let digits = text.strip_prefix('#').unwrap_or(text);
     if digits.len() != 6 || !digits.bytes().all(|digit| digit.is_ascii_hexdigit()) {
@@ -126,6 +145,13 @@ fn parse_number(text: &str, most: f32) -> Result<f32, String> {
         .ok()
         .filter(|number| (0.0..=most).contains(number))
         .ok_or_else(|| format!("expected a number from 0 to {most}"))
+}
+
+fn parse_fraction(text: &str) -> Result<f64, String> {
+    text.parse()
+        .ok()
+        .filter(|fraction| *fraction > 0.0 && *fraction <= 1.0)
+        .ok_or_else(|| "expected a number above 0 to 1".into())
 }
 
 fn parse_softness(text: &str) -> Result<f32, String> {

@@ -5,20 +5,23 @@
 //! ```
 
 mod arguments;
+mod extraction;
 mod output;
 mod renderers;
 mod report;
+#[path = "../common/size.rs"]
+mod size;
+#[path = "../common/text.rs"]
+mod text;
 
-use std::{path::PathBuf, process::ExitCode, sync::Arc, time::Duration};
+use std::{path::PathBuf, process::ExitCode, time::Duration};
 
 use bevy_plenoctree::{
     Palette, PlenOctree,
     camera::{PinholeCamera, read_transforms},
-    field::{LoadSettings, UpAxis},
-    palette::{Extraction, Progress, extract},
+    field::LoadSettings,
 };
 use clap::Parser;
-use glam::{DMat4, DVec3};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use arguments::{Arguments, Renderer};
@@ -48,18 +51,24 @@ fn run(arguments: &Arguments) -> Result<()> {
 
     let mut cameras = match cameras {
         Some(cameras) => cameras,
-        None => turntable(&field, arguments.size.unwrap_or((800, 800)), arguments.frames().unwrap_or(8))?,
+        None => turntable(&field, arguments.size.unwrap_or((800, 800)), arguments.frames().unwrap_or(8))
+            .map_err(|error| format!("{}: {error}", path.display()))?,
     };
     if let Some(frames) = arguments.frames() {
         cameras.truncate(frames);
     }
 
-    let (palette, extraction) = match given {
+    let (palette, extracted) = match given {
         Some(palette) => (palette, None),
         None => {
-            let extraction =
-                extract_with_progress(&field, arguments).map_err(|error| format!("{}: {error}", path.display()))?;
-            (extraction.palette.clone(), Some(extraction))
+            let progress = bar(arguments, 100, "extracting");
+            let extracted = extraction::extract(&field, arguments, &progress)
+                .map_err(|error| format!("{}: {error}", path.display()))?;
+            progress.finish_and_clear();
+            if let Some(path) = &arguments.histograms {
+                extraction::write_histograms(&extracted.histograms, arguments, path)?;
+            }
+            (extracted.extraction.palette.clone(), Some(extracted))
         }
     };
     let recolored = arguments.recolored(&palette)?;
@@ -90,7 +99,7 @@ fn run(arguments: &Arguments) -> Result<()> {
     }
     progress.finish_and_clear();
 
-    report::write(&arguments.out, &field, &renderer.adapter(), extraction.as_ref(), &palette, &times)?;
+    report::write(&arguments.out, &field, &renderer.adapter(), extracted.as_ref(), &palette, &times)?;
     if !arguments.quiet {
         println!("{} views of {} in {}", cameras.len(), path.display(), arguments.out.display());
     }
@@ -111,41 +120,12 @@ fn bar(arguments: &Arguments, length: u64, message: &'static str) -> ProgressBar
     ProgressBar::new(length).with_style(style).with_message(message)
 }
 
-/// Extracts in another thread, so that this one can show how far it is.
-fn extract_with_progress(field: &PlenOctree, arguments: &Arguments) -> Result<Extraction> {
-    let progress = Arc::new(Progress::default());
-    let (field, settings, shared) = (field.clone(), arguments.extraction(), progress.clone());
-    let bar = bar(arguments, 100, "extracting");
-    let worker = std::thread::spawn(move || extract(&field, &settings, &shared));
-    while !worker.is_finished() {
-        bar.set_position((100.0 * progress.fraction()) as u64);
-        std::thread::sleep(Duration::from_millis(20));
-    }
-    bar.finish_and_clear();
-    Ok(worker.join().map_err(|_| "extraction stopped unexpectedly")??)
-}
-
 /// Views from all around and a little above, that show the whole field.
 fn turntable(field: &PlenOctree, (width, height): (u32, u32), frames: usize) -> Result<Vec<PinholeCamera>> {
-    let (low, high) = field.dense_bounds().ok_or("the field is empty")?;
-    let (center, radius) = (0.5 * (low + high), 0.5 * (high - low).length());
-    let fov = 0.6_f64;
-    // The narrower side of the picture decides how far the camera stands back.
-    let camera = PinholeCamera::new(width, height, fov, DMat4::IDENTITY);
-    let narrow = (0.5 * f64::from(width.min(height)) / camera.focal_x).atan();
-    let distance = radius / narrow.sin();
-    // Fields face -y where z is up, and +z where y is.
-    let (up, right, front) = match field.up() {
-        UpAxis::Y => (DVec3::Y, DVec3::X, DVec3::Z),
-        UpAxis::Z => (DVec3::Z, DVec3::X, DVec3::NEG_Y),
-    };
     let elevation = 20.0_f64.to_radians();
-    Ok((0..frames)
-        .map(|frame| {
-            let azimuth = 25.0_f64.to_radians() + std::f64::consts::TAU * frame as f64 / frames as f64;
-            let around = azimuth.sin() * right + azimuth.cos() * front;
-            let position = center + distance * (elevation.cos() * around + elevation.sin() * up);
-            camera.looking_at(position, center, up)
-        })
-        .collect())
+    let azimuth = |frame| 25.0_f64.to_radians() + std::f64::consts::TAU * frame as f64 / frames as f64;
+    (0..frames)
+        .map(|frame| PinholeCamera::around(field, width, height, azimuth(frame), elevation))
+        .collect::<Option<_>>()
+        .ok_or_else(|| "nothing is visible in the field".into())
 }

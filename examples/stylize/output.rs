@@ -3,10 +3,9 @@
 use std::path::Path;
 
 use bevy_plenoctree::Palette;
-use font8x8::UnicodeFonts;
 use image::{Rgb, RgbImage};
 
-use crate::Result;
+use crate::{Result, text};
 
 /// The pictures of one view.
 pub struct Pictures {
@@ -42,9 +41,8 @@ pub fn write_palette(palette: &Palette, folder: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Pixels a side of a swatch, and of a dot of its letters.
+/// Pixels a side of a swatch.
 const SWATCH: u32 = 160;
-const DOT: u32 = 2;
 
 /// A square for every colour, with its index, hex code and share of the weight.
 fn swatches(palette: &Palette) -> RgbImage {
@@ -62,22 +60,10 @@ fn swatches(palette: &Palette) -> RgbImage {
         let [r, g, b] = color;
         let share = 100.0 * palette.weights.get(index).copied().unwrap_or(0.0);
         let lines = [index.to_string(), format!("#{r:02x}{g:02x}{b:02x}"), format!("{share:.1}%")];
-        for (line, text) in lines.iter().enumerate() {
-            write(&mut picture, text, left + 8, 8 + 12 * DOT * line as u32, Rgb(ink));
+        for (line, content) in lines.iter().enumerate() {
+            let place = (f64::from(left + 8), 16.0 + 24.0 * line as f64);
+            text::write(&mut picture, content, place, 0.0, Rgb(ink));
         }
     }
     picture
-}
-
-fn write(picture: &mut RgbImage, text: &str, left: u32, top: u32, ink: Rgb<u8>) {
-    for (column, glyph) in text.chars().filter_map(|letter| font8x8::BASIC_FONTS.get(letter)).enumerate() {
-        for (y, row) in glyph.iter().enumerate() {
-            for x in (0..8).filter(|x| row >> x & 1 == 1) {
-                let (x, y) = (left + DOT * (8 * column as u32 + x), top + DOT * y as u32);
-                for (dx, dy) in (0..DOT).flat_map(|dy| (0..DOT).map(move |dx| (dx, dy))) {
-                    picture.put_pixel(x + dx, y + dy, ink);
-                }
-            }
-        }
-    }
 }

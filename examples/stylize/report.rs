@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
-use bevy_plenoctree::{Palette, PlenOctree, gpu::GpuField, palette::Extraction};
+use bevy_plenoctree::{Palette, PlenOctree, gpu::GpuField};
 use serde_json::{Value, json};
 
-use crate::{FrameTimes, Result};
+use crate::{FrameTimes, Result, extraction::Extracted};
 
 /// The adapter that rendered.
 pub struct Adapter {
@@ -18,7 +18,7 @@ pub fn write(
     folder: &Path,
     field: &PlenOctree,
     adapter: &Adapter,
-    extraction: Option<&Extraction>,
+    extracted: Option<&Extracted>,
     palette: &Palette,
     frames: &[(Vec<String>, FrameTimes)],
 ) -> Result<()> {
@@ -37,7 +37,7 @@ pub fn write(
             "basis": field.basis().name(),
             "gpu_bytes": GpuField::byte_size(field),
         },
-        "palette": palette_report(extraction, palette),
+        "palette": palette_report(extracted, palette),
         "frames": frames
             .iter()
             .map(|(files, milliseconds)| json!({"file": files[0], "files": files, "milliseconds": times(milliseconds)}))
@@ -51,9 +51,11 @@ pub fn write(
 }
 
 /// A palette that was given has no history: its entries are null.
-fn palette_report(extraction: Option<&Extraction>, palette: &Palette) -> Value {
+fn palette_report(extracted: Option<&Extracted>, palette: &Palette) -> Value {
+    let extraction = extracted.map(|extracted| &extracted.extraction);
     json!({
         "colors": palette.colors.len(),
+        "sampling_on": extracted.map(|extracted| extracted.sampling_on),
         "radiance_samples": extraction.map(|e| e.radiance_samples),
         "total_weight": extraction.map(|e| e.total_weight),
         "clusters": extraction.map(|e| e.clusters),
