@@ -1,0 +1,226 @@
+//! Fields from files: read in a task, shown when they are whole, and read again when their file changes.
+
+use std::{
+    fs::File,
+    io::{self, BufReader, Read, Seek, SeekFrom},
+    path::{Path, PathBuf},
+    sync::{
+        Arc,
+        atomic::{AtomicU64, Ordering},
+    },
+    time::SystemTime,
+};
+
+use bevy::{
+    prelude::*,
+    render::renderer::RenderDevice,
+    tasks::{AsyncComputeTaskPool, Task, block_on, poll_once},
+};
+use bevy_plenoctree::{
+    FieldPalette, Palette, Palettes, PlenOctree, Posterize, Prop,
+    field::{LoadSettings, ReadError},
+    gpu::{FieldTooLarge, GpuField},
+    palette::PaletteFileError,
+};
+
+use crate::{
+    action::Action,
+    extent::{Extent, visible_extent},
+    notices::Notices,
+    palette_file::extracted_beside,
+};
+
+#[derive(Resource)]
+pub struct Loader {
+    settings: LoadSettings,
+    /// The first field's palette, if the command line names one.
+    palette: Option<Palette>,
+    reading: Option<Reading>,
+    shown: Option<Shown>,
+}
+
+/// A file that is being read.
+struct Reading {
+    path: PathBuf,
+    version: Option<Version>,
+    read: Arc<AtomicU64>,
+    task: Task<Result<Arrival, ReadError>>,
+}
+
+/// The file that is shown.
+struct Shown {
+    path: PathBuf,
+    extent: Extent,
+    /// What was read last.
+    version: Option<Version>,
+    /// What was there when the watcher looked last.
+    seen: Option<Version>,
+}
+
+/// What has been read.
+struct Arrival {
+    field: PlenOctree,
+    extent: Option<Extent>,
+    /// The palette beside the field, if there is one.
+    palette: Option<Result<Palette, PaletteFileError>>,
+}
+
+/// When a file was written, and its length in bytes.
+type Version = (SystemTime, u64);
+
+impl Loader {
+    pub fn new(settings: LoadSettings, palette: Option<Palette>) -> Self {
+        Self { settings, palette, reading: None, shown: None }
+    }
+
+    /// The file that is being read, and how much of it has been, 0 to 1.
+    pub fn reading(&self) -> Option<(&Path, f32)> {
+        let reading = self.reading.as_ref()?;
+        let length = reading.version.map_or(1, |(_, length)| length.max(1));
+        Some((&reading.path, (reading.read.load(Ordering::Relaxed) as f32 / length as f32).min(1.0)))
+    }
+
+    /// The file that is shown.
+    pub fn shown(&self) -> Option<&Path> {
+        self.shown.as_ref().map(|shown| shown.path.as_path())
+    }
+
+    /// Where there is something to see.
+    pub fn extent(&self) -> Option<Extent> {
+        self.shown.as_ref().map(|shown| shown.extent)
+    }
+
+    fn start(&mut self, path: PathBuf) {
+        let read = Arc::new(AtomicU64::new(0));
+        let (settings, counter, file) = (self.settings.clone(), read.clone(), path.clone());
+        let task = AsyncComputeTaskPool::get().spawn(async move {
+            let field = read_counted(&file, counter, &settings)?;
+            let extent = visible_extent(&field);
+            let beside = extracted_beside(&file);
+            let palette = beside.exists().then(|| Palette::read(beside));
+            Ok(Arrival { field, extent, palette })
+        });
+        self.reading = Some(Reading { version: version(&path), path, read, task });
+    }
+}
+
+/// Starts to read the file that the user opens last.
+pub fn open(mut actions: MessageReader<Action>, mut loader: ResMut<Loader>) {
+    for action in actions.read() {
+        if let Action::Open(path) = action {
+            loader.start(path.clone());
+        }
+    }
+}
+
+/// Once a second: has the file changed, and is whoever writes it done?
+pub fn watch(mut loader: ResMut<Loader>, time: Res<Time<Real>>, mut last: Local<f32>) {
+    if time.elapsed_secs() - *last < 1.0 || loader.reading.is_some() {
+        return;
+    }
+    *last = time.elapsed_secs();
+    let Some(shown) = &mut loader.shown else {
+        return;
+    };
+    let now = version(&shown.path);
+    let settled = std::mem::replace(&mut shown.seen, now) == now;
+    if settled && now.is_some() && now != shown.version {
+        let path = shown.path.clone();
+        loader.start(path);
+    }
+}
+
+/// Shows a field that has been read; if it cannot be, the one before stays.
+pub fn arrive(
+    mut commands: Commands,
+    mut loader: ResMut<Loader>,
+    mut fields: ResMut<Assets<PlenOctree>>,
+    mut palettes: ResMut<Palettes>,
+    mut notices: ResMut<Notices>,
+    device: Option<Res<RenderDevice>>,
+    props: Query<(Entity, &Prop)>,
+) {
+    let Some(result) = loader.reading.as_mut().and_then(|reading| block_on(poll_once(&mut reading.task))) else {
+        return;
+    };
+    let Some(Reading { path, version, .. }) = loader.reading.take() else {
+        return;
+    };
+    let again = loader.shown.as_ref().is_some_and(|shown| shown.path == path);
+    if let Some(shown) = loader.shown.as_mut().filter(|_| again) {
+        // A file that is broken is not read again before it changes.
+        shown.version = version;
+    }
+    let Arrival { field, extent, palette } = match result {
+        Ok(arrival) => arrival,
+        Err(error) => return notices.error(error.to_string()),
+    };
+    let Some(extent) = extent else {
+        return notices.error(format!("{}: nothing is visible in the field", path.display()));
+    };
+    if let Err(error) = check(&field, device.as_deref()) {
+        return notices.error(format!("{}: {error}", path.display()));
+    }
+    notices.forget_errors();
+    let prop = props.iter().next();
+    if let Some((_, prop)) = prop.filter(|_| again) {
+        match fields.insert(&prop.0, field) {
+            Ok(()) => notices.info(format!("{} has changed and was read again", path.display())),
+            Err(error) => notices.error(error.to_string()),
+        }
+        return;
+    }
+    let field = fields.add(field);
+    match loader.palette.take().map(Ok).or(palette) {
+        Some(Ok(palette)) => palettes.insert(&field, FieldPalette::new(palette)),
+        Some(Err(error)) => notices.error(error.to_string()),
+        None => {}
+    }
+    match prop {
+        Some((entity, _)) => {
+            commands.entity(entity).insert(Prop(field));
+        }
+        None => {
+            commands.spawn((Prop(field), Posterize::default()));
+        }
+    }
+    loader.shown = Some(Shown { path, extent, version, seen: version });
+}
+
+/// Whether the GPU can hold the field.
+fn check(field: &PlenOctree, device: Option<&RenderDevice>) -> Result<(), FieldTooLarge> {
+    device.map_or(Ok(()), |device| GpuField::check(field, &device.limits()))
+}
+
+fn version(path: &Path) -> Option<Version> {
+    let metadata = std::fs::metadata(path).ok()?;
+    Some((metadata.modified().ok()?, metadata.len()))
+}
+
+fn read_counted(path: &Path, read: Arc<AtomicU64>, settings: &LoadSettings) -> Result<PlenOctree, ReadError> {
+    let label = path.display().to_string();
+    match File::open(path) {
+        Ok(file) => PlenOctree::read_from(BufReader::new(Counted { file, read }), &label, settings),
+        Err(error) => Err(ReadError { file: label, fault: error.into() }),
+    }
+}
+
+/// A file that counts the bytes that are read.
+struct Counted {
+    file: File,
+    read: Arc<AtomicU64>,
+}
+
+impl Read for Counted {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        let bytes = self.file.read(buffer)?;
+        self.read.fetch_add(bytes as u64, Ordering::Relaxed);
+        Ok(bytes)
+    }
+}
+
+impl Seek for Counted {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        self.file.seek(to)
+    }
+}

@@ -1,0 +1,102 @@
+//! Palettes to and from files.
+
+use std::path::{Path, PathBuf};
+
+use bevy::prelude::*;
+use bevy_plenoctree::{FieldPalette, Palette, PaletteOverride, Palettes, PlenOctree, Prop};
+
+use crate::{
+    action::{Action, Colors},
+    notices::Notices,
+};
+
+/// The file of a field's palette, from which games read it: beside the field.
+pub fn extracted_beside(field: &Path) -> PathBuf {
+    field.with_extension("palette.json")
+}
+
+/// A file for the colours that are shown in its place. They are no palette to extract labels by, so that it is another.
+pub fn shown_beside(field: &Path) -> PathBuf {
+    field.with_extension("shown.palette.json")
+}
+
+/// Saves and loads what the user asks for.
+pub fn transfer(
+    mut actions: MessageReader<Action>,
+    mut palettes: ResMut<Palettes>,
+    mut notices: ResMut<Notices>,
+    props: Query<(&Prop, Option<&PaletteOverride>)>,
+) {
+    for action in actions.read() {
+        let prop = props.iter().next().ok_or("There is no field yet that a palette could belong to.".to_string());
+        let (path, result) = match action {
+            Action::Save(path, colors) => {
+                (path, prop.and_then(|(Prop(field), own)| save(path, *colors, palettes.get(field), own)))
+            }
+            Action::Load(path, colors) => {
+                (path, prop.and_then(|(Prop(field), _)| load(path, *colors, field.id(), &mut palettes)))
+            }
+            _ => continue,
+        };
+        match result {
+            Ok(what) => notices.info(format!("{what}: {}", path.display())),
+            Err(error) => notices.error(error),
+        }
+    }
+}
+
+/// Returns what was done.
+fn save(
+    path: &Path,
+    colors: Colors,
+    palette: Option<&FieldPalette>,
+    own: Option<&PaletteOverride>,
+) -> Result<&'static str, String> {
+    let palette = palette.ok_or("There is no palette yet that could be saved.")?;
+    let (saved, what) = match colors {
+        Colors::Extracted => (palette.extracted().clone(), "Saved the extracted colours"),
+        Colors::Shown | Colors::Either => (shown(palette, own), "Saved the shown colours"),
+    };
+    saved.write(path).map_err(|error| error.to_string())?;
+    Ok(what)
+}
+
+fn shown(palette: &FieldPalette, own: Option<&PaletteOverride>) -> Palette {
+    let colors = palette.shown().iter().enumerate();
+    let colors = colors.map(|(index, color)| own.and_then(|own| own.get(index)).unwrap_or(*color));
+    Palette {
+        colors: colors.map(|color| Srgba::from(color).to_f32_array_no_alpha().map(f64::from)).collect(),
+        weights: palette.extracted().weights.clone(),
+    }
+}
+
+/// Returns what was done.
+fn load(
+    path: &Path,
+    colors: Colors,
+    field: AssetId<PlenOctree>,
+    palettes: &mut Palettes,
+) -> Result<&'static str, String> {
+    let read = Palette::read(path).map_err(|error| error.to_string())?;
+    let found = read.colors.len();
+    let fitting = palettes.get(field).is_some_and(|palette| palette.shown().len() == found);
+    match (colors, palettes.get_mut(field)) {
+        (Colors::Shown | Colors::Either, Some(palette)) if fitting => {
+            for (index, [r, g, b]) in read.colors.into_iter().enumerate() {
+                palette.set(index, Color::srgb(r as f32, g as f32, b as f32));
+            }
+            Ok("Loaded the shown colours")
+        }
+        (Colors::Shown, Some(palette)) => {
+            let (path, expected) = (path.display(), palette.shown().len());
+            Err(format!(
+                "palette {path}: found {found} colours, expected {expected} to show in place of the extracted ones"
+            ))
+        }
+        (Colors::Shown, None) => Err("There are no extracted colours yet that others could be shown for.".into()),
+        (Colors::Extracted | Colors::Either, _) => {
+            palettes.insert(field, FieldPalette::new(read));
+            Ok("Loaded a palette in place of the extracted one")
+        }
+    }
+}

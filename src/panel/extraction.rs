@@ -1,0 +1,100 @@
+//! How the palette is extracted: section 3 of the method.
+
+use bevy::prelude::*;
+use bevy_egui::egui;
+
+use super::{PaletteEditor, look::row};
+use crate::{
+    field::PlenOctree,
+    palette::{Extraction, ExtractionSettings, Observers},
+};
+
+pub(super) fn show(ui: &mut egui::Ui, field: AssetId<PlenOctree>, editor: &mut PaletteEditor) {
+    ui.strong("Extraction");
+    if let Some(progress) = editor.extraction.progress(field) {
+        ui.add(egui::ProgressBar::new(progress).show_percentage());
+    }
+    if let Some(error) = editor.extraction.error(field) {
+        ui.colored_label(ui.visuals().error_fg_color, format!("The palette was not extracted: {error}"));
+    }
+    let palette = editor.palettes.get(field);
+    if let Some(extraction) = palette.and_then(|palette| palette.extraction()) {
+        let by = editor.extraction.sampled(field).map_or("", |s| if s.on_gpu { " by the GPU" } else { " by the CPU" });
+        ui.weak(format!("{}{by}", summary(extraction)));
+    } else if palette.is_some() {
+        ui.weak("The palette was given or read, not extracted.");
+    }
+
+    let mut settings = editor.extraction.settings.clone();
+    let changed = egui::CollapsingHeader::new("Settings").show(ui, |ui| sliders(ui, &mut settings)).body_returned;
+    if changed == Some(true) {
+        editor.extraction.settings = settings;
+    }
+    let invalid = editor.extraction.settings.validate().err();
+    let label = if palette.is_some() { "Extract again" } else { "Extract" };
+    let button = ui.add_enabled(invalid.is_none(), egui::Button::new(label));
+    if button.on_hover_text("Replaces the palette, changed colours included").clicked() {
+        editor.extraction.restart(field);
+    }
+    if let Some(invalid) = invalid {
+        ui.colored_label(ui.visuals().error_fg_color, invalid.to_string());
+    }
+}
+
+fn summary(extraction: &Extraction) -> String {
+    let seconds = extraction.seconds;
+    format!(
+        "{} radiance samples, {} clusters, {:.1} s",
+        rounded(extraction.radiance_samples),
+        extraction.clusters,
+        seconds.sampling + seconds.filtering + seconds.hull
+    )
+}
+
+fn rounded(count: u64) -> String {
+    match count {
+        0..1_000 => count.to_string(),
+        1_000..1_000_000 => format!("{:.1} k", count as f64 * 1e-3),
+        _ => format!("{:.1} M", count as f64 * 1e-6),
+    }
+}
+
+/// Returns whether the user changed something.
+fn sliders(ui: &mut egui::Ui, settings: &mut ExtractionSettings) -> bool {
+    let ExtractionSettings { observers, directions, multisamples, sample_fraction, coarse_threshold, colors, .. } =
+        settings;
+    egui::Grid::new("extraction")
+        .num_columns(2)
+        .show(ui, |ui| {
+            let hint = "Colours that the palette is simplified to";
+            let colors = row(ui, "Colours", hint, egui::Slider::new(colors, 3..=16));
+            let observers = choose(ui, observers);
+            let hint = "n: every leaf is looked at from 4n x n directions, twice as many for all around";
+            let directions = row(ui, "Directions", hint, egui::Slider::new(directions, 1..=8));
+            let hint = "Every direction is the mean of this many squared";
+            let multisamples = row(ui, "Multisamples", hint, egui::Slider::new(multisamples, 1..=4));
+            let hint = "Share of the leaves that is sampled: less is faster";
+            let leaves = row(ui, "Leaves", hint, egui::Slider::new(sample_fraction, 0.01..=1.0).max_decimals(2));
+            let hint = "Share of what is visible above which a colour starts a cluster: less finds rarer colours";
+            let threshold = egui::Slider::new(coarse_threshold, 1e-4..=0.1).logarithmic(true).max_decimals(4);
+            let threshold = row(ui, "Threshold", hint, threshold);
+            colors | observers | directions | multisamples | leaves | threshold
+        })
+        .inner
+}
+
+fn choose(ui: &mut egui::Ui, observers: &mut Observers) -> bool {
+    let name = |observers| match observers {
+        Observers::UpperHemisphere => "from above",
+        Observers::Sphere => "from all around",
+    };
+    let before = *observers;
+    ui.label("Seen").on_hover_text("From where the field is looked at");
+    egui::ComboBox::from_id_salt("observers").selected_text(name(before)).show_ui(ui, |ui| {
+        for choice in [Observers::UpperHemisphere, Observers::Sphere] {
+            ui.selectable_value(observers, choice, name(choice));
+        }
+    });
+    ui.end_row();
+    *observers != before
+}

@@ -1,0 +1,134 @@
+//! The palette's colours.
+
+use bevy::prelude::*;
+use bevy_egui::egui;
+
+use super::PaletteEditor;
+use crate::{
+    field::PlenOctree,
+    palettes::{FieldPalette, PaletteOverride},
+};
+
+const SWATCH: egui::Vec2 = egui::vec2(64.0, 24.0);
+
+/// What the user does to the shown colours.
+pub(super) enum Edit {
+    Set(usize, Color),
+    Reset(usize),
+    ResetAll,
+}
+
+pub(super) fn show(ui: &mut egui::Ui, prop: Entity, field: AssetId<PlenOctree>, editor: &mut PaletteEditor) {
+    let mut edit = None;
+    let mut alone = editor.own_colors(prop).is_some();
+    let colors = editor.palettes.get(field).map(|palette| Colors { palette, own: editor.own_colors(prop) });
+    ui.horizontal(|ui| {
+        ui.strong("Palette");
+        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+            let edited = colors.as_ref().is_some_and(Colors::any_edited);
+            if ui.add_enabled(edited, egui::Button::new("Reset all")).clicked() {
+                edit = Some(Edit::ResetAll);
+            }
+        });
+    });
+    match &colors {
+        Some(colors) => edit = grid(ui, colors).or(edit),
+        None => {
+            ui.weak("There is none yet. A posterised prop gets one.");
+        }
+    }
+    // Only here, so that looking at the panel is no change.
+    if let Some(edit) = edit {
+        editor.recolor(prop, field, edit);
+    }
+    let hint = "Whether colours are changed for this prop only, or for all that show the same field";
+    if ui.checkbox(&mut alone, "Colours of its own").on_hover_text(hint).changed() {
+        editor.set_own_colors(prop, alone);
+    }
+}
+
+/// What a prop shows.
+struct Colors<'a> {
+    palette: &'a FieldPalette,
+    own: Option<&'a PaletteOverride>,
+}
+
+impl Colors<'_> {
+    fn shown(&self, index: usize) -> Color {
+        let own = self.own.and_then(|own| own.get(index));
+        own.or_else(|| self.palette.shown().get(index).copied()).unwrap_or_default()
+    }
+
+    /// Whether there is something to reset.
+    fn is_edited(&self, index: usize) -> bool {
+        match self.own {
+            Some(own) => own.get(index).is_some(),
+            None => self.shown(index) != extracted(self.palette, index),
+        }
+    }
+
+    fn any_edited(&self) -> bool {
+        (0..self.palette.shown().len()).any(|index| self.is_edited(index))
+    }
+}
+
+fn grid(ui: &mut egui::Ui, colors: &Colors) -> Option<Edit> {
+    let mut edit = None;
+    let weights = &colors.palette.extracted().weights;
+    let total: f64 = weights.iter().sum();
+    egui::Grid::new("swatches").num_columns(5).min_col_width(0.0).show(ui, |ui| {
+        for heading in ["", "extracted", "shown", "weight"] {
+            ui.weak(heading);
+        }
+        ui.end_row();
+        for index in 0..colors.palette.shown().len() {
+            ui.weak(index.to_string());
+            swatch(ui, extracted(colors.palette, index));
+            if let Some(color) = edit_swatch(ui, colors.shown(index)) {
+                edit = Some(Edit::Set(index, color));
+            }
+            let weight = weights.get(index).copied().unwrap_or_default();
+            let share = if total > 0.0 { 100.0 * weight / total } else { 0.0 };
+            ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| ui.label(format!("{share:.1} %")));
+            if ui.add_enabled(colors.is_edited(index), egui::Button::new("Reset").small()).clicked() {
+                edit = Some(Edit::Reset(index));
+            }
+            ui.end_row();
+        }
+    });
+    edit
+}
+
+/// A colour to look at.
+fn swatch(ui: &mut egui::Ui, color: Color) {
+    let [r, g, b] = bytes(color);
+    egui::color_picker::show_color(ui, egui::Color32::from_rgb(r, g, b), SWATCH).on_hover_text(hex(color));
+}
+
+/// A colour to click; returns what it is changed to.
+fn edit_swatch(ui: &mut egui::Ui, color: Color) -> Option<Color> {
+    ui.scope(|ui| {
+        ui.spacing_mut().interact_size = SWATCH;
+        let mut channels = bytes(color);
+        let button = ui.color_edit_button_srgb(&mut channels);
+        let [r, g, b] = channels;
+        let changed = button.changed();
+        button.on_hover_text(format!("{} (click to change)", hex(color)));
+        changed.then(|| Color::srgb_u8(r, g, b))
+    })
+    .inner
+}
+
+/// An extracted colour; black if there is no such.
+pub(super) fn extracted(palette: &FieldPalette, index: usize) -> Color {
+    palette.extracted().colors.get(index).map_or(Color::BLACK, |c| Color::srgb(c[0] as f32, c[1] as f32, c[2] as f32))
+}
+
+fn bytes(color: Color) -> [u8; 3] {
+    Srgba::from(color).to_u8_array_no_alpha()
+}
+
+fn hex(color: Color) -> String {
+    let [r, g, b] = bytes(color);
+    format!("#{r:02x}{g:02x}{b:02x}")
+}

@@ -1,0 +1,147 @@
+//! The panel with a pointer and no window.
+
+use bevy::{ecs::system::RunSystemOnce, prelude::*};
+use bevy_egui::egui;
+use glam::DVec3;
+use half::f16;
+
+use super::{PaletteEditor, palette_ui};
+use crate::{
+    field::{Activation, Basis, Cell, Frame, PlenOctree, UpAxis},
+    palette::Palette,
+    palettes::{FieldPalette, PaletteExtraction, PaletteOverride, Palettes},
+    picture::{Posterize, Prop},
+};
+
+struct Panel {
+    world: World,
+    context: egui::Context,
+    prop: Entity,
+    field: Handle<PlenOctree>,
+}
+
+impl Panel {
+    fn new() -> Self {
+        let mut node = [Cell::EMPTY; 8];
+        node[0] = Cell::leaf(0);
+        let frame = Frame::spanning(DVec3::ZERO, DVec3::ONE);
+        let field = PlenOctree::new(
+            frame,
+            Basis::Rgba,
+            Activation::Sigmoid,
+            UpAxis::Y,
+            vec![node],
+            vec![1.0],
+            vec![f16::ZERO; 3],
+        );
+        let mut world = World::new();
+        let mut fields = Assets::<PlenOctree>::default();
+        let field = fields.add(field.unwrap());
+        let mut palettes = Palettes::default();
+        let palette = Palette { colors: vec![[0.1, 0.2, 0.3], [0.9, 0.8, 0.7]], weights: vec![0.75, 0.25] };
+        palettes.insert(&field, FieldPalette::new(palette));
+        world.insert_resource(fields);
+        world.insert_resource(palettes);
+        world.init_resource::<PaletteExtraction>();
+        let look = Posterize { blend_steps: 20, softness: 0.7, ..default() };
+        let prop = world.spawn((Prop(field.clone()), look)).id();
+        Self { world, context: egui::Context::default(), prop, field }
+    }
+
+    fn frame(&mut self, events: Vec<egui::Event>) -> egui::FullOutput {
+        let (context, prop) = (self.context.clone(), self.prop);
+        let screen = egui::Rect::from_min_size(egui::Pos2::ZERO, egui::vec2(400.0, 900.0));
+        let input = egui::RawInput { screen_rect: Some(screen), events, ..default() };
+        let show =
+            move |mut editor: PaletteEditor| context.run_ui(input.clone(), |ui| palette_ui(ui, prop, &mut editor));
+        self.world.run_system_once(show).unwrap()
+    }
+
+    fn click(&mut self, label: &str) {
+        self.frame(vec![]);
+        let shapes = self.frame(vec![]).shapes;
+        let at = shapes.iter().find_map(|clipped| match &clipped.shape {
+            egui::Shape::Text(text) if text.galley.text() == label => Some(text.visual_bounding_rect().center()),
+            _ => None,
+        });
+        let pos = at.unwrap_or_else(|| panic!("{label} is not shown"));
+        let button = |pressed| egui::Event::PointerButton {
+            pos,
+            button: egui::PointerButton::Primary,
+            pressed,
+            modifiers: egui::Modifiers::NONE,
+        };
+        self.frame(vec![egui::Event::PointerMoved(pos)]);
+        self.frame(vec![button(true)]);
+        self.frame(vec![button(false)]);
+    }
+
+    fn look(&self) -> Option<Posterize> {
+        self.world.get(self.prop).copied()
+    }
+
+    fn shown(&self) -> Vec<Color> {
+        self.world.resource::<Palettes>().get(&self.field).unwrap().shown().to_vec()
+    }
+}
+
+/// Settings that are out of the sliders' ranges are kept as well.
+#[test]
+fn looking_changes_nothing() {
+    let mut panel = Panel::new();
+    let look = panel.look();
+    panel.world.clear_trackers();
+    for x in 0..40 {
+        panel.frame(vec![egui::Event::PointerMoved(egui::pos2(10.0 * x as f32, 20.0 * x as f32))]);
+    }
+    assert!(!panel.world.is_resource_changed::<Palettes>());
+    assert!(!panel.world.is_resource_changed::<PaletteExtraction>());
+    assert!(!panel.world.entity(panel.prop).get_ref::<Posterize>().unwrap().is_changed());
+    assert_eq!(panel.look(), look);
+}
+
+#[test]
+fn a_look_that_is_switched_off_comes_back() {
+    let mut panel = Panel::new();
+    let look = panel.look();
+    panel.click("Posterise");
+    assert_eq!(panel.look(), None);
+    panel.click("Posterise");
+    assert_eq!(panel.look(), look);
+    panel.click("Defaults");
+    assert_eq!(panel.look(), Some(Posterize::default()));
+}
+
+#[test]
+fn colours_are_reset_one_by_one_and_together() {
+    let mut panel = Panel::new();
+    let original = panel.shown();
+    let paint = |panel: &mut Panel| {
+        let mut palettes = panel.world.resource_mut::<Palettes>();
+        palettes.get_mut(&panel.field).unwrap().shown_mut().fill(Color::srgb(1.0, 0.0, 0.0));
+    };
+    paint(&mut panel);
+    panel.click("Reset");
+    assert_eq!(panel.shown()[0], original[0]);
+    assert_ne!(panel.shown()[1], original[1]);
+    paint(&mut panel);
+    panel.click("Reset all");
+    assert_eq!(panel.shown(), original);
+}
+
+/// Colours of a prop of its own leave those of other props alone, and are reset to what they show.
+#[test]
+fn own_colours_are_the_props_alone() {
+    let mut panel = Panel::new();
+    panel.click("Colours of its own");
+    let field = panel.shown();
+    let mut own = panel.world.get_mut::<PaletteOverride>(panel.prop).unwrap();
+    own.set(0, Color::srgb(1.0, 0.0, 0.0));
+    own.set(1, Color::srgb(0.0, 1.0, 0.0));
+    panel.click("Reset");
+    let own = panel.world.get::<PaletteOverride>(panel.prop).unwrap();
+    assert_eq!((own.get(0), own.get(1)), (None, Some(Color::srgb(0.0, 1.0, 0.0))));
+    assert_eq!(panel.shown(), field);
+    panel.click("Colours of its own");
+    assert!(panel.world.get::<PaletteOverride>(panel.prop).is_none());
+}
