@@ -1,6 +1,8 @@
 // What the passes of one view share: bind group 0.
 #define_import_path bevy_plenoctree::view
 
+#import bevy_plenoctree::color::to_half
+
 struct Prop {
     // Corners of the unit cube to the corners of the box around the leaves, in clip space.
     clip_from_box: mat4x4<f32>,
@@ -46,5 +48,39 @@ fn view_distance(ndc: f32) -> f32 {
     let slope = view.depth.x - ndc * view.depth.z;
     let offset = view.depth.y - ndc * view.depth.w;
     // An infinite far plane has slope 0 where nothing was drawn.
-    return select(1e30, offset / slope, abs(slope) > 1e-30 * abs(offset));
+    return select(FAR_AWAY, offset / slope, abs(slope) > 1e-30 * abs(offset));
+}
+
+// Value of the depth buffer for a distance along the view axis.
+fn depth_value(distance: f32) -> f32 {
+    return (view.depth.y - distance * view.depth.x) / (view.depth.w - distance * view.depth.z);
+}
+
+// What the owner texture holds: which prop is in front, if it is opaque enough, and where. Alpha is 1 where a prop takes the
+// pixel from those behind it, so that blending picks whole values. Half floats hold the logarithm of the distance in two
+// parts, to 5e-6 of it.
+struct Owner {
+    // 1 + index of the prop that posterises the pixel, or 0.
+    prop: f32,
+    // Distance along the view axis at which half of the light is gone, or `FAR_AWAY`.
+    distance: f32,
+}
+
+const FAR_AWAY: f32 = 1e30;
+const NOWHERE: f32 = 1000.0;
+
+fn pack_owner(owner: Owner, takes: f32) -> vec4<f32> {
+    if owner.distance >= FAR_AWAY {
+        return vec4(owner.prop, NOWHERE, 0.0, takes);
+    }
+    let exponent = log2(max(owner.distance, 1e-30));
+    let high = to_half(vec4(exponent)).x;
+    return vec4(owner.prop, high, to_half(vec4(exponent - high)).x, takes);
+}
+
+fn unpack_owner(texel: vec4<f32>) -> Owner {
+    if texel.y >= NOWHERE {
+        return Owner(texel.x, FAR_AWAY);
+    }
+    return Owner(texel.x, exp2(texel.y + texel.z));
 }

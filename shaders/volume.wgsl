@@ -3,7 +3,7 @@
 #import bevy_plenoctree::color::to_half
 #import bevy_plenoctree::octree::{LEAF, advance, begin, clip, densities, field, is_inside, make_ray}
 #import bevy_plenoctree::radiance::{harmonics, radiance}
-#import bevy_plenoctree::view::{props, view, view_distance}
+#import bevy_plenoctree::view::{FAR_AWAY, Owner, pack_owner, props, view, view_distance}
 
 #ifdef MULTISAMPLED
 @group(0) @binding(3) var scene_depth: texture_depth_multisampled_2d;
@@ -41,8 +41,8 @@ fn vertex(@builtin(vertex_index) index: u32, @builtin(instance_index) instance: 
 struct Fragment {
     // Colour weighed by opacity, encoded sRGB, and opacity.
     @location(0) color: vec4<f32>,
-    // 1 + index of the prop that posterises the pixel, or 0; taken where alpha is 1.
-    @location(1) prop: vec4<f32>,
+    // What `pack_owner` makes.
+    @location(1) owner: vec4<f32>,
 }
 
 const STOP_TRANSMITTANCE: f32 = 1e-2;
@@ -72,6 +72,7 @@ fn fragment(in: Varying) -> Fragment {
     var color = vec3(0.0);
     var opacity = 0.0;
     var transmittance = 1.0;
+    var half_way = FAR_AWAY;
     var walk = begin(ray, span.x);
     loop {
         let start = walk.t;
@@ -82,7 +83,11 @@ fn fragment(in: Varying) -> Fragment {
             let weight = transmittance * absorbed(depth);
             color += weight * radiance(leaf, &h);
             opacity += weight;
+            let before = transmittance;
             transmittance *= exp(-depth);
+            if before > 0.5 && transmittance <= 0.5 {
+                half_way = start + log(2.0 * before) / densities[leaf];
+            }
             if transmittance < STOP_TRANSMITTANCE {
                 break;
             }
@@ -98,5 +103,6 @@ fn fragment(in: Varying) -> Fragment {
     }
     let covers = select(0.0, 1.0, opacity >= props[in.prop].min_opacity);
     let posterized = select(0.0, f32(in.prop + 1u), props[in.prop].colors > 0u);
-    return Fragment(to_half(vec4(color, opacity)), vec4(posterized, 0.0, 0.0, covers));
+    let distance = select(FAR_AWAY, half_way / length(toward), half_way < FAR_AWAY);
+    return Fragment(to_half(vec4(color, opacity)), pack_owner(Owner(posterized, distance), covers));
 }

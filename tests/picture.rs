@@ -127,6 +127,7 @@ impl Scene {
         let material = world.resource_mut::<Assets<StandardMaterial>>().add(StandardMaterial {
             base_color: color,
             unlit: true,
+            alpha_mode: if color.is_fully_opaque() { AlphaMode::Opaque } else { AlphaMode::Blend },
             ..default()
         });
         let camera = *world.get::<Transform>(self.camera).unwrap();
@@ -245,6 +246,24 @@ fn opaque_meshes_hide_and_show_through() {
         scene.world().entity_mut(square).despawn();
         scene.spawn_square(1.5 * towards_camera, 0.5, red);
         assert_eq!(middle(&mut scene), [200, 20, 20], "{msaa:?}: behind a mesh");
+    }
+}
+
+/// Glass before the prop tints it, in linear light as Bevy blends; glass behind it is hidden.
+#[test]
+fn transparent_meshes_blend_over_the_prop() {
+    let blue = DVec3::new(51.0, 128.0, 229.0) / 255.0;
+    let glass = Color::srgba_u8(200, 20, 20, 128);
+    let share = 128.0 / 255.0;
+    for (distance, tinted) in [(1.5, true), (-1.5, false)] {
+        let mut scene = Scene::new(&solid(blue));
+        scene.spawn_square(distance * pinhole().position.normalize(), 0.5, glass);
+        let pixel = *scene.picture().get_pixel(SIZE / 2, SIZE / 2);
+        let prop = Color::srgb(blue.x as f32, blue.y as f32, blue.z as f32).to_linear();
+        let mixed = Srgba::from(glass.to_linear().with_alpha(1.0) * share + prop * (1.0 - share)).to_u8_array();
+        let expected = if tinted { mixed } else { [51, 128, 229, 255] };
+        let off = (0..3).map(|c| pixel[c].abs_diff(expected[c])).max().unwrap();
+        assert!(off <= 1, "at {distance}: {pixel:?}, expected {expected:?}");
     }
 }
 

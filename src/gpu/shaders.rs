@@ -16,6 +16,7 @@ pub(crate) struct Shaders {
     pub composite: Handle<Shader>,
     pub bilateral: Handle<Shader>,
     pub posterize: Handle<Shader>,
+    pub depth: Handle<Shader>,
     pub sampling: Handle<Shader>,
     _imported: [Handle<Shader>; 4],
 }
@@ -38,6 +39,7 @@ impl Shaders {
             composite: shader!("composite.wgsl"),
             bilateral: shader!("bilateral.wgsl"),
             posterize: shader!("posterize.wgsl"),
+            depth: shader!("depth.wgsl"),
             sampling: shader!("sampling.wgsl"),
             _imported: [shader!("color.wgsl"), shader!("view.wgsl"), shader!("octree.wgsl"), shader!("radiance.wgsl")],
         }

@@ -4,6 +4,7 @@ use std::num::NonZero;
 
 use bevy::{
     camera::CompositingSpace,
+    core_pipeline::core_3d::CORE_3D_DEPTH_FORMAT,
     prelude::*,
     render::{
         camera::ExtractedCamera,
@@ -11,14 +12,14 @@ use bevy::{
         render_resource::{
             BindGroup, BindGroupEntries, BindGroupLayoutDescriptor, BindGroupLayoutEntries, BlendComponent, BlendState,
             Buffer, BufferBinding, BufferInitDescriptor, BufferUsages, CachedRenderPipelineId, ColorTargetState,
-            ColorWrites, FragmentState, LoadOp, Operations, PipelineCache, RenderPassColorAttachment,
-            RenderPassDescriptor, RenderPipeline, RenderPipelineDescriptor, ShaderStages, SpecializedRenderPipeline,
-            SpecializedRenderPipelines, StoreOp, TextureFormat, TextureSampleType, TextureView, TextureViewId,
-            VertexState,
+            ColorWrites, CompareFunction, DepthStencilState, FragmentState, LoadOp, Operations, PipelineCache,
+            RenderPassColorAttachment, RenderPassDescriptor, RenderPipeline, RenderPipelineDescriptor, ShaderStages,
+            SpecializedRenderPipeline, SpecializedRenderPipelines, StoreOp, TextureFormat, TextureSampleType,
+            TextureView, TextureViewId, VertexState,
             binding_types::{texture_2d, uniform_buffer},
         },
         renderer::{RenderContext, RenderDevice, ViewQuery},
-        view::{ExtractedView, ViewTarget},
+        view::{ExtractedView, ViewDepthTexture, ViewTarget},
     },
     shader::{Shader, ShaderDefVal},
 };
@@ -52,6 +53,10 @@ pub(super) struct FilterPipelines {
 
 #[derive(Resource)]
 pub(super) struct LabelPipeline(Fullscreen);
+
+/// Writes the props' depth, after the labels.
+#[derive(Resource)]
+pub(super) struct DepthPipeline(Fullscreen);
 
 /// What the pipelines of the pass have in common: a triangle over the viewport, and the view's bind group first.
 struct Fullscreen {
@@ -107,6 +112,11 @@ pub(super) fn init(
         "plenoctree_composite",
         &shaders.composite,
         &BindGroupLayoutEntries::sequential(stages, (picture(), picture(), picture())),
+    )));
+    commands.insert_resource(DepthPipeline(fullscreen(
+        "plenoctree_depth",
+        &shaders.depth,
+        &BindGroupLayoutEntries::sequential(stages, (picture(),)),
     )));
     commands.insert_resource(LabelPipeline(fullscreen(
         "plenoctree_label",
@@ -166,11 +176,31 @@ impl SpecializedRenderPipeline for LabelPipeline {
     }
 }
 
+impl SpecializedRenderPipeline for DepthPipeline {
+    /// Samples a pixel.
+    type Key = u32;
+
+    fn specialize(&self, samples: u32) -> RenderPipelineDescriptor {
+        let mut descriptor = self.0.pipeline(vec![], &[]);
+        descriptor.multisample.count = samples;
+        descriptor.depth_stencil = Some(DepthStencilState {
+            format: CORE_3D_DEPTH_FORMAT,
+            depth_write_enabled: Some(true),
+            // What is nearer has the greater value.
+            depth_compare: Some(CompareFunction::Greater),
+            stencil: default(),
+            bias: default(),
+        });
+        descriptor
+    }
+}
+
 /// The pipelines of one view.
 #[derive(Component)]
 pub(super) struct PosterizePipelines {
     composite: CachedRenderPipelineId,
     label: CachedRenderPipelineId,
+    depth: CachedRenderPipelineId,
 }
 
 pub(super) fn prepare_pipelines(
@@ -178,8 +208,10 @@ pub(super) fn prepare_pipelines(
     cache: Res<PipelineCache>,
     composite: Res<CompositePipeline>,
     label: Res<LabelPipeline>,
+    depth: Res<DepthPipeline>,
     mut composites: ResMut<SpecializedRenderPipelines<CompositePipeline>>,
     mut labels: ResMut<SpecializedRenderPipelines<LabelPipeline>>,
+    mut depths: ResMut<SpecializedRenderPipelines<DepthPipeline>>,
     views: Query<(Entity, &ExtractedView, &ExtractedCamera, &Msaa), With<ViewProps>>,
 ) {
     for (entity, view, camera, msaa) in &views {
@@ -188,6 +220,7 @@ pub(super) fn prepare_pipelines(
         commands.entity(entity).insert(PosterizePipelines {
             composite: composites.specialize(&cache, &composite, encoded),
             label: labels.specialize(&cache, &label, key),
+            depth: depths.specialize(&cache, &depth, msaa.samples()),
         });
     }
 }
@@ -201,6 +234,7 @@ pub(super) struct PosterizeBindGroups {
     horizontal: BindGroup,
     vertical: BindGroup,
     label: BindGroup,
+    depth: BindGroup,
 }
 
 pub(super) fn prepare_bind_groups(
@@ -211,6 +245,7 @@ pub(super) fn prepare_bind_groups(
     composite: Res<CompositePipeline>,
     filter: Res<FilterPipelines>,
     label: Res<LabelPipeline>,
+    depth: Res<DepthPipeline>,
     views: Query<(Entity, &ViewProps, &PropTextures, &ViewTarget)>,
 ) {
     for (entity, props, textures, target) in &views {
@@ -244,6 +279,7 @@ pub(super) fn prepare_bind_groups(
                 &label.0.layout,
                 &BindGroupEntries::sequential((&textures.even, &textures.layer)),
             ),
+            depth: group(depth.0.label, &depth.0.layout, &BindGroupEntries::sequential((&textures.owner,))),
         });
     }
 }
@@ -252,6 +288,7 @@ pub(super) fn posterize_pass(
     view: ViewQuery<(
         &ExtractedCamera,
         &ViewTarget,
+        &ViewDepthTexture,
         &ViewProps,
         &PropTextures,
         &PosterizePipelines,
@@ -261,16 +298,17 @@ pub(super) fn posterize_pass(
     filter: Res<FilterPipelines>,
     mut ctx: RenderContext,
 ) {
-    let (camera, target, props, textures, pipelines, groups) = view.into_inner();
-    let scene = target.main_texture_view().id();
+    let (camera, view_target, scene_depth, props, textures, pipelines, groups) = view.into_inner();
+    let scene = view_target.main_texture_view().id();
     let Some((_, scene)) = groups.composite.iter().find(|(id, _)| *id == scene) else {
         return;
     };
-    let (Some(composite), Some(horizontal), Some(vertical), Some(label)) = (
+    let (Some(composite), Some(horizontal), Some(vertical), Some(label), Some(depth)) = (
         cache.get_render_pipeline(pipelines.composite),
         cache.get_render_pipeline(filter.horizontal),
         cache.get_render_pipeline(filter.vertical),
         cache.get_render_pipeline(pipelines.label),
+        cache.get_render_pipeline(pipelines.depth),
     ) else {
         return;
     };
@@ -281,14 +319,22 @@ pub(super) fn posterize_pass(
     let diagnostics = diagnostics.as_deref();
     let span = diagnostics.time_span(ctx.command_encoder(), POSTERIZE_SPAN);
 
-    let mut draw = |attachments: &[_], pipeline: &RenderPipeline, group, offsets: &[u32], on_screen: bool| {
-        let mut pass = ctx.begin_tracked_render_pass(RenderPassDescriptor {
-            label: Some(POSTERIZE_SPAN),
-            color_attachments: attachments,
-            ..default()
-        });
+    let mut draw = |target: Target, pipeline: &RenderPipeline, group, offsets: &[u32]| {
+        let mut descriptor = RenderPassDescriptor { label: Some(POSTERIZE_SPAN), ..default() };
+        let attachments;
+        match &target {
+            Target::Pictures(pictures) => descriptor.color_attachments = pictures,
+            Target::Screen => {
+                attachments = [Some(view_target.get_color_attachment())];
+                descriptor.color_attachments = &attachments;
+            }
+            Target::Depth => {
+                descriptor.depth_stencil_attachment = Some(scene_depth.get_attachment(StoreOp::Store));
+            }
+        }
+        let mut pass = ctx.begin_tracked_render_pass(descriptor);
         let (mut corner, size) = (props.rect.min, props.rect.size());
-        if let (true, Some(viewport)) = (on_screen, &camera.viewport) {
+        if let (Target::Screen | Target::Depth, Some(viewport)) = (target, &camera.viewport) {
             pass.set_camera_viewport(viewport);
             corner += viewport.physical_position;
         }
@@ -298,14 +344,26 @@ pub(super) fn posterize_pass(
         pass.set_bind_group(1, group, offsets);
         pass.draw(0..3, 0..1);
     };
-    draw(&[onto(&textures.even), onto(&textures.odd)], composite, scene, &[], false);
+    draw(Target::Pictures(&[onto(&textures.even), onto(&textures.odd)]), composite, scene, &[]);
     for iteration in 0..props.iterations {
         let offset = [iteration * ITERATION_STRIDE];
-        draw(&[onto(&textures.odd)], horizontal, &groups.horizontal, &offset, false);
-        draw(&[onto(&textures.even)], vertical, &groups.vertical, &offset, false);
+        draw(Target::Pictures(&[onto(&textures.odd)]), horizontal, &groups.horizontal, &offset);
+        draw(Target::Pictures(&[onto(&textures.even)]), vertical, &groups.vertical, &offset);
     }
-    draw(&[Some(target.get_color_attachment())], label, &groups.label, &[], true);
+    draw(Target::Screen, label, &groups.label, &[]);
+    draw(Target::Depth, depth, &groups.depth, &[]);
     span.end(ctx.command_encoder());
+}
+
+/// What a draw of the pass writes.
+#[derive(Clone, Copy)]
+enum Target<'a> {
+    /// Pictures of the view's own, as large as its viewport.
+    Pictures(&'a [Option<RenderPassColorAttachment<'a>>]),
+    /// The view's target.
+    Screen,
+    /// The view's depth.
+    Depth,
 }
 
 /// An attachment that keeps the pixels that are not drawn.

@@ -14,15 +14,15 @@ use super::extract::VisibleProps;
 
 /// Colour and opacity: half floats, since eight bits after each pass of the filter would move labels.
 pub(super) const LAYER_FORMAT: TextureFormat = TextureFormat::Rgba16Float;
-/// Which prop posterises a pixel.
-pub(super) const OWNER_FORMAT: TextureFormat = TextureFormat::R16Float;
+/// Which prop is in front, and where.
+pub(super) const OWNER_FORMAT: TextureFormat = TextureFormat::Rgba16Float;
 
 /// The pictures of one view, as large as its viewport.
 #[derive(Component)]
 pub(super) struct PropTextures {
     /// The props alone: colour weighed by opacity, and opacity.
     pub layer: TextureView,
-    /// 1 + index of the prop that posterises the pixel, 0 for none.
+    /// What `pack_owner` of `view.wgsl` makes.
     pub owner: TextureView,
     /// The composite, before and after every iteration of the filter.
     pub even: TextureView,

@@ -29,6 +29,9 @@ use crate::{
 /// Name of the pass's span in Bevy's render diagnostics.
 pub const VOLUME_SPAN: &str = "plenoctree_volume";
 
+/// No prop, nowhere: `NOWHERE` of `view.wgsl`.
+const NO_OWNER: wgpu::Color = wgpu::Color { r: 0.0, g: 1000.0, b: 0.0, a: 0.0 };
+
 #[derive(Resource)]
 pub(super) struct VolumePipeline {
     shader: Handle<Shader>,
@@ -167,17 +170,17 @@ pub(super) fn volume_pass(
     let diagnostics = diagnostics.as_deref();
     let span = diagnostics.time_span(ctx.command_encoder(), VOLUME_SPAN);
     {
-        let clear = |view| {
+        let clear = |view, color| {
             Some(RenderPassColorAttachment {
                 view,
                 depth_slice: None,
                 resolve_target: None,
-                ops: Operations { load: LoadOp::Clear(default()), store: StoreOp::Store },
+                ops: Operations { load: LoadOp::Clear(color), store: StoreOp::Store },
             })
         };
         let mut pass = ctx.begin_tracked_render_pass(RenderPassDescriptor {
             label: Some(VOLUME_SPAN),
-            color_attachments: &[clear(&textures.layer), clear(&textures.owner)],
+            color_attachments: &[clear(&textures.layer, default()), clear(&textures.owner, NO_OWNER)],
             ..default()
         });
         pass.set_bind_group(0, &bind_group.0, &[]);
