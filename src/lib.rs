@@ -1,4 +1,4 @@
-#![doc = "Stylised radiance-field props for Bevy."]
+#![doc = include_str!("../README.md")]
 #![forbid(unsafe_code)]
 #![warn(missing_docs)]
 
@@ -9,12 +9,17 @@ pub mod gpu;
 pub mod headless;
 pub mod palette;
 mod palettes;
+#[cfg(feature = "egui")]
+pub mod panel;
 pub mod picture;
 pub mod reference;
+mod sampling;
 
 pub use field::PlenOctree;
 pub use palette::{ExtractionSettings, Palette};
-pub use palettes::{FieldPalette, PaletteExtraction, Palettes};
+pub use palettes::{
+    BlendSpace, FieldPalette, PaletteExtraction, PaletteOverride, PaletteReady, Palettes, Sampled, Sampler,
+};
 pub use picture::{Abstraction, Posterize, Prop};
 
 use bevy::prelude::*;
@@ -26,6 +31,7 @@ impl Plugin for PlenOctreePlugin {
     fn build(&self, app: &mut App) {
         app.init_asset::<PlenOctree>().init_asset_loader::<asset::PlenOctreeLoader>().add_plugins((
             gpu::GpuFieldPlugin,
+            sampling::SamplingPlugin,
             palettes::PalettesPlugin,
             picture::PicturePlugin,
         ));

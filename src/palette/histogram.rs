@@ -2,7 +2,7 @@
 
 /// Visible weight over the RGB cube (encoded sRGB), in bins of two sizes, not normalised.
 ///
-/// Bin [r][g][b] is at index `(r * bins + g) * bins + b`; a channel's bin is `floor(clamp(c, 0, 0.999) * bins)`. Both
+/// Bin `[r][g][b]` is at index `(r * bins + g) * bins + b`; a channel's bin is `floor(clamp(c, 0, 0.999) * bins)`. Both
 /// histograms hold the whole weight.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Histograms {

@@ -3,48 +3,106 @@
 use std::{
     collections::{HashMap, HashSet},
     sync::Arc,
+    time::{Duration, Instant},
 };
 
 use bevy::{
     prelude::*,
+    render::renderer::RenderAdapterInfo,
     tasks::{AsyncComputeTaskPool, Task, block_on, poll_once},
 };
+use wgpu::DeviceType;
 
 use super::{FieldPalette, Palettes};
 use crate::{
     field::PlenOctree,
-    palette::{Extraction, ExtractionError, ExtractionSettings, Progress, extract},
+    palette::{Extraction, ExtractionError, ExtractionSettings, Histograms, Progress, extract_from_histograms, sample},
     picture::{Posterize, Prop},
+    sampling::{SamplingJob, SamplingJobs},
 };
+
+/// What samples the radiance of a field.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
+pub enum Sampler {
+    /// The GPU if it is one, the CPU where graphics are in software: there the same cores would do both.
+    #[default]
+    Auto,
+    /// Compute shaders in the render world; the CPU if they cannot.
+    Gpu,
+    /// All cores, in a task.
+    Cpu,
+}
+
+/// What was sampled for a palette that was extracted.
+#[derive(Clone, Debug)]
+pub struct Sampled {
+    /// The visible weight of all radiance samples.
+    pub histograms: Arc<Histograms>,
+    /// Whether the GPU sampled, or the CPU.
+    pub on_gpu: bool,
+}
 
 /// The palettes that are being extracted, and how.
 ///
-/// A field of a posterised prop that has no palette gets one: in a task, on all cores, while the app keeps running.
-#[derive(Resource, Default)]
+/// A field of a posterised prop that has no palette gets one while the app keeps running. The GPU samples it in slices,
+/// some every frame, or the CPU does in a task; k-means and hull follow in a task.
+#[derive(Resource)]
 pub struct PaletteExtraction {
     /// Settings of the extractions that start from now on.
     pub settings: ExtractionSettings,
+    /// What samples.
+    pub sampler: Sampler,
+    /// GPU time that sampling may take of a frame; `None` takes all it needs in one, for apps without a window. 4 ms by
+    /// default.
+    pub budget: Option<Duration>,
     wanted: HashSet<AssetId<PlenOctree>>,
     running: HashMap<AssetId<PlenOctree>, Running>,
     failed: HashMap<AssetId<PlenOctree>, ExtractionError>,
+    sampled: HashMap<AssetId<PlenOctree>, Sampled>,
+}
+
+impl Default for PaletteExtraction {
+    fn default() -> Self {
+        Self {
+            settings: ExtractionSettings::default(),
+            sampler: Sampler::default(),
+            budget: Some(Duration::from_millis(4)),
+            wanted: HashSet::new(),
+            running: HashMap::new(),
+            failed: HashMap::new(),
+            sampled: HashMap::new(),
+        }
+    }
 }
 
 struct Running {
     /// Whether a palette that the field was given in the meantime is to be replaced.
     replaces: bool,
     progress: Arc<Progress>,
-    task: Task<Result<Extraction, ExtractionError>>,
+    stage: Stage,
+}
+
+enum Stage {
+    /// The render world samples, since then.
+    Sampling(Arc<SamplingJob>, Instant),
+    /// A task does the rest, or everything.
+    Computing(Task<Result<(Extraction, Sampled), ExtractionError>>),
 }
 
 impl PaletteExtraction {
     /// How far the extraction of a field's palette is, 0 to 1; `None` if there is none under way.
     pub fn progress(&self, field: impl Into<AssetId<PlenOctree>>) -> Option<f32> {
-        self.running.get(&field.into()).map(|running| running.progress.fraction() as f32)
+        self.running.get(&field.into()).map(|running| running.progress.fraction())
     }
 
     /// Why a field's palette could not be extracted.
     pub fn error(&self, field: impl Into<AssetId<PlenOctree>>) -> Option<&ExtractionError> {
         self.failed.get(&field.into())
+    }
+
+    /// What a field's last extraction sampled.
+    pub fn sampled(&self, field: impl Into<AssetId<PlenOctree>>) -> Option<&Sampled> {
+        self.sampled.get(&field.into())
     }
 
     /// Extracts a field's palette anew, with the settings as they are now; one that is under way is given up.
@@ -76,6 +134,7 @@ pub(super) fn forget(
             continue;
         };
         extraction.give_up(*id);
+        extraction.sampled.remove(id);
         let removed = matches!(event, AssetEvent::Removed { .. });
         if removed {
             extraction.wanted.remove(id);
@@ -89,38 +148,91 @@ pub(super) fn forget(
 
 pub(super) fn start(
     mut extraction: ResMut<PaletteExtraction>,
+    mut jobs: ResMut<SamplingJobs>,
     palettes: Res<Palettes>,
     fields: Res<Assets<PlenOctree>>,
+    adapter: Option<Res<RenderAdapterInfo>>,
     props: Query<&Prop, With<Posterize>>,
 ) {
     let missing = props.iter().map(|prop| prop.0.id()).filter(|id| {
-        palettes.get(*id).is_none() && !extraction.failed.contains_key(id) && !extraction.running.contains_key(id)
+        palettes.lacks(*id) && !extraction.failed.contains_key(id) && !extraction.running.contains_key(id)
     });
     let ids: HashSet<_> = extraction.wanted.iter().copied().chain(missing).collect();
+    let on_gpu = adapter.is_some_and(|adapter| match extraction.sampler {
+        Sampler::Auto => adapter.device_type != DeviceType::Cpu,
+        Sampler::Gpu => true,
+        Sampler::Cpu => false,
+    });
     for id in ids {
         let Some(field) = fields.get(id) else {
             continue;
         };
         let progress = Arc::new(Progress::default());
-        let (field, settings, shared) = (field.clone(), extraction.settings.clone(), progress.clone());
-        let task = AsyncComputeTaskPool::get().spawn(async move { extract(&field, &settings, &shared) });
+        let settings = extraction.settings.clone();
+        let stage = match settings.validate() {
+            Ok(()) if on_gpu => {
+                let job = SamplingJob::new(id, field.clone(), settings, extraction.budget, progress.clone());
+                let job = Arc::new(job);
+                jobs.0.push(job.clone());
+                Stage::Sampling(job, Instant::now())
+            }
+            _ => on_cpu(field.clone(), settings, progress.clone()),
+        };
         let replaces = extraction.wanted.remove(&id);
-        extraction.running.insert(id, Running { replaces, progress, task });
+        extraction.running.insert(id, Running { replaces, progress, stage });
     }
 }
 
-pub(super) fn finish(mut extraction: ResMut<PaletteExtraction>, mut palettes: ResMut<Palettes>) {
+fn on_cpu(field: PlenOctree, settings: ExtractionSettings, progress: Arc<Progress>) -> Stage {
+    Stage::Computing(AsyncComputeTaskPool::get().spawn(async move {
+        let start = Instant::now();
+        let histograms = sample(&field, &settings, &progress)?;
+        finish_sampled(histograms, false, start.elapsed(), &settings)
+    }))
+}
+
+fn finish_sampled(
+    histograms: Histograms,
+    on_gpu: bool,
+    sampling: Duration,
+    settings: &ExtractionSettings,
+) -> Result<(Extraction, Sampled), ExtractionError> {
+    let mut extraction = extract_from_histograms(&histograms, settings)?;
+    extraction.seconds.sampling = sampling.as_secs_f64();
+    Ok((extraction, Sampled { histograms: Arc::new(histograms), on_gpu }))
+}
+
+pub(super) fn finish(
+    mut extraction: ResMut<PaletteExtraction>,
+    mut jobs: ResMut<SamplingJobs>,
+    mut palettes: ResMut<Palettes>,
+) {
+    if jobs.0.iter().any(|job| !job.is_open()) {
+        jobs.0.retain(|job| job.is_open());
+    }
     if extraction.running.is_empty() {
         return;
     }
-    let PaletteExtraction { running, failed, .. } = &mut *extraction;
+    let PaletteExtraction { running, failed, sampled, .. } = &mut *extraction;
     running.retain(|id, running| {
-        let Some(result) = block_on(poll_once(&mut running.task)) else {
+        let task = match &mut running.stage {
+            Stage::Computing(task) => task,
+            Stage::Sampling(job, start) => {
+                if let Some(outcome) = job.take_outcome() {
+                    running.stage = after_sampling(job, outcome, start.elapsed());
+                }
+                return true;
+            }
+        };
+        let Some(result) = block_on(poll_once(task)) else {
             return true;
         };
         match result {
             Ok(_) if !running.replaces && palettes.get(*id).is_some() => {}
-            Ok(found) => palettes.insert(*id, FieldPalette::extracted_by(found)),
+            Ok((found, from)) => {
+                palettes.arrive(*id, FieldPalette::extracted_by(found));
+                sampled.insert(*id, from);
+            }
             Err(error) => {
                 error!("{id} has no palette: {error}");
                 failed.insert(*id, error);
@@ -128,4 +240,21 @@ pub(super) fn finish(mut extraction: ResMut<PaletteExtraction>, mut palettes: Re
         }
         false
     });
+}
+
+fn after_sampling(
+    job: &SamplingJob,
+    outcome: Result<Histograms, crate::sampling::SamplingFailure>,
+    sampling: Duration,
+) -> Stage {
+    let settings = job.settings.clone();
+    match outcome {
+        Ok(histograms) => Stage::Computing(
+            AsyncComputeTaskPool::get().spawn(async move { finish_sampled(histograms, true, sampling, &settings) }),
+        ),
+        Err(failure) => {
+            warn!("{} is sampled on the CPU: {failure}", job.id);
+            on_cpu(job.field.clone(), settings, job.progress.clone())
+        }
+    }
 }

@@ -1,45 +1,65 @@
 //! Palettes by field.
 
-use std::collections::HashMap;
+use std::{collections::HashMap, path::Path};
 
 use bevy::prelude::*;
 
+use super::{BlendSpace, file::PaletteFile};
 use crate::{
     field::PlenOctree,
-    palette::{Extraction, Palette},
+    palette::{Extraction, InvalidPalette, Palette, PaletteFileError},
 };
 
-/// The palette of every field that has one. Any system may change it in any frame; the change is in the next picture.
+/// The palette of every field that has one. Any system may change it in any frame; the change is in the same frame's
+/// picture, and nothing is allocated for it.
+///
+/// A posterised prop whose field has no palette gets one: from the file `x.palette.json` beside the field's `x.npz` if
+/// there is one, by extraction if there is none. [`PaletteReady`](super::PaletteReady) says when. Palettes that are
+/// inserted here take the place of both.
 ///
 /// ```
 /// # use bevy::prelude::*;
-/// # use bevy_plenoctree::{Palettes, PlenOctree};
+/// # use bevy_plenoctree::{BlendSpace, Palettes, PlenOctree};
 /// fn paint_it_blue(field: Handle<PlenOctree>, mut palettes: ResMut<Palettes>) {
 ///     if let Some(palette) = palettes.get_mut(&field) {
 ///         palette.set(0, Color::srgb(0.1, 0.2, 0.9));
 ///     }
 /// }
 /// ```
-#[derive(Resource, Default)]
+#[derive(Resource, Default, Reflect)]
+#[reflect(Resource, Default)]
 pub struct Palettes {
-    by_field: HashMap<AssetId<PlenOctree>, FieldPalette>,
+    pub(super) by_field: HashMap<AssetId<PlenOctree>, FieldPalette>,
+    #[reflect(ignore)]
+    pub(super) files: HashMap<AssetId<PlenOctree>, PaletteFile>,
+    /// Fields whose palettes came by themselves, since that was last announced.
+    #[reflect(ignore)]
+    pub(super) arrived: Vec<AssetId<PlenOctree>>,
 }
 
 /// The palette of one field: the colours that were extracted, by which pixels get their labels, and as many colours that
 /// are shown in their place.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Reflect)]
+#[reflect(Clone, Debug)]
 pub struct FieldPalette {
     extracted: Palette,
     shown: Vec<Color>,
+    #[reflect(ignore)]
     extraction: Option<Extraction>,
 }
 
 impl FieldPalette {
     /// A palette that comes from elsewhere than an extraction; shown as it is.
     pub fn new(palette: Palette) -> Self {
-        let mut new = Self { extracted: palette, shown: Vec::new(), extraction: None };
-        new.reset();
-        new
+        let shown = colors(&palette).collect();
+        Self { extracted: palette, shown, extraction: None }
+    }
+
+    /// A palette of colours that weigh the same; shown as it is. An error if there are none, more than
+    /// [`Palette::MAX_COLORS`], or some that are not finite.
+    pub fn from_colors(colors: impl IntoIterator<Item = impl Into<Color>>) -> Result<Self, InvalidPalette> {
+        let encoded = |color: Color| Srgba::from(color).to_f32_array_no_alpha().map(f64::from);
+        Palette::new(colors.into_iter().map(|color| encoded(color.into())).collect()).map(Self::new)
     }
 
     /// An extraction's palette, shown as it is.
@@ -74,12 +94,44 @@ impl FieldPalette {
         }
     }
 
+    /// Shows the blend of two palettes, colour by colour: `from` at `t` = 0, `to` at `t` = 1, and one of the two beyond.
+    /// Colours that one of them does not have stay as they are.
+    ///
+    /// ```
+    /// # use bevy::prelude::*;
+    /// # use bevy_plenoctree::{BlendSpace, FieldPalette};
+    /// fn fall_asleep(palette: &mut FieldPalette, day: &[Color], night: &[Color], time: &Time) {
+    ///     palette.blend(day, night, time.elapsed_secs() / 10.0, BlendSpace::Oklab);
+    /// }
+    /// ```
+    pub fn blend(&mut self, from: &[Color], to: &[Color], t: f32, space: BlendSpace) {
+        self.shown.iter_mut().zip(space.mix_all(from, to, t)).for_each(|(shown, color)| *shown = color);
+    }
+
+    /// Shows the blend of the extracted colours and others: as extracted at `t` = 0, `to` at `t` = 1, and one of the two
+    /// beyond. Colours that `to` does not have stay as they are.
+    pub fn fade(&mut self, to: &[Color], t: f32, space: BlendSpace) {
+        for ((shown, from), to) in self.shown.iter_mut().zip(colors(&self.extracted)).zip(to) {
+            *shown = space.mix(from, *to, t);
+        }
+    }
+
     /// Shows the extracted colours again.
     pub fn reset(&mut self) {
-        let colors = self.extracted.colors.iter().map(|c| Color::srgb(c[0] as f32, c[1] as f32, c[2] as f32));
         self.shown.clear();
-        self.shown.extend(colors);
+        self.shown.extend(colors(&self.extracted));
     }
+
+    /// Writes the extracted palette to a file, replacing what is there. Saved as `x.palette.json` beside the field
+    /// `x.npz`, it is used from then on in place of extraction: what to ship with a game.
+    pub fn save(&self, path: impl AsRef<Path>) -> Result<(), PaletteFileError> {
+        self.extracted.write(path)
+    }
+}
+
+/// A palette's colours as Bevy's.
+fn colors(palette: &Palette) -> impl Iterator<Item = Color> {
+    palette.colors.iter().map(|c| Color::srgb(c[0] as f32, c[1] as f32, c[2] as f32))
 }
 
 impl Palettes {
@@ -95,11 +147,41 @@ impl Palettes {
 
     /// Gives a field a palette; one that has a palette is not extracted from.
     pub fn insert(&mut self, field: impl Into<AssetId<PlenOctree>>, palette: FieldPalette) {
-        self.by_field.insert(field.into(), palette);
+        let id = field.into();
+        self.files.remove(&id);
+        self.by_field.insert(id, palette);
     }
 
-    /// Takes a field's palette away. If a posterised prop shows the field, another is extracted.
+    /// Gives a field the palette of a handle as soon as it is loaded, and again whenever its file changes. If it does not
+    /// load, the field keeps the palette that it has, or is extracted from.
+    ///
+    /// ```
+    /// # use bevy::prelude::*;
+    /// # use bevy_plenoctree::{Palettes, PlenOctree};
+    /// fn winter(field: Handle<PlenOctree>, assets: Res<AssetServer>, mut palettes: ResMut<Palettes>) {
+    ///     palettes.insert_handle(&field, assets.load("winter.palette.json"));
+    /// }
+    /// ```
+    pub fn insert_handle(&mut self, field: impl Into<AssetId<PlenOctree>>, palette: Handle<Palette>) {
+        self.files.insert(field.into(), PaletteFile::Expected(palette));
+    }
+
+    /// Takes a field's palette away. If a posterised prop shows the field, it gets another one as at first: from the file
+    /// beside the field, or by extraction.
     pub fn remove(&mut self, field: impl Into<AssetId<PlenOctree>>) -> Option<FieldPalette> {
-        self.by_field.remove(&field.into())
+        let id = field.into();
+        self.files.remove(&id);
+        self.by_field.remove(&id)
+    }
+
+    /// Inserts a palette that came by itself, which is announced.
+    pub(super) fn arrive(&mut self, field: AssetId<PlenOctree>, palette: FieldPalette) {
+        self.insert(field, palette);
+        self.arrived.push(field);
+    }
+
+    /// Whether a field has no palette, and no file to expect one from.
+    pub(super) fn lacks(&self, field: AssetId<PlenOctree>) -> bool {
+        !self.by_field.contains_key(&field) && matches!(self.files.get(&field), Some(PaletteFile::Missing))
     }
 }

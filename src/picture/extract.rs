@@ -1,4 +1,6 @@
-//! From the main world to the render world.
+//! From the main world to the render world, in buffers that are used again in every frame.
+
+use std::any::TypeId;
 
 use bevy::{
     camera::visibility::VisibleEntities,
@@ -8,12 +10,17 @@ use bevy::{
 };
 
 use super::{Posterize, Prop, rays::Placement, view::ViewProps};
-use crate::{field::PlenOctree, palettes::Palettes};
+use crate::{
+    field::PlenOctree,
+    palettes::{FieldPalette, PaletteOverride, Palettes},
+};
 
 /// Every prop that some camera may see, in this frame.
 #[derive(Resource, Default)]
 pub(super) struct ExtractedProps {
     pub props: Vec<ExtractedProp>,
+    /// The colours of all props.
+    pub colors: Vec<Vec4>,
     index: EntityHashMap<usize>,
 }
 
@@ -24,29 +31,49 @@ pub(super) struct ExtractedProp {
     pub look: Option<(Posterize, PaletteColors)>,
 }
 
-/// The palette of one prop, encoded sRGB: the extracted colours and as many shown ones.
-#[derive(Clone)]
+/// The palette of one prop in [`ExtractedProps::colors`]: the extracted colours, encoded sRGB, and as many shown ones.
+#[derive(Clone, Copy)]
 pub(super) struct PaletteColors {
-    pub extracted: Vec<Vec3>,
-    pub shown: Vec<Vec3>,
+    pub first: u32,
+    /// How many extracted colours there are.
+    pub count: u32,
+}
+
+impl PaletteColors {
+    fn write(colors: &mut Vec<Vec4>, palette: &FieldPalette, own: Option<&PaletteOverride>) -> Self {
+        let first = colors.len() as u32;
+        let extracted = &palette.extracted().colors;
+        colors.extend(extracted.iter().map(|c| glam::DVec3::from(*c).as_vec3().extend(0.0)));
+        colors.extend(extracted.iter().enumerate().map(|(index, extracted)| {
+            let shown = own.and_then(|own| own.get(index)).or_else(|| palette.shown().get(index).copied());
+            let encoded = shown.map(|color| Srgba::from(color).to_vec3());
+            encoded.unwrap_or_else(|| glam::DVec3::from(*extracted).as_vec3()).extend(0.0)
+        }));
+        Self { first, count: extracted.len() as u32 }
+    }
 }
 
 /// The props that a camera sees, by their place in [`ExtractedProps`].
 #[derive(Component, Default)]
 pub(super) struct VisibleProps(pub Vec<usize>);
 
+/// What decides on a prop's colours, besides its field's palette.
+type Look = (Option<&'static Posterize>, Option<&'static PaletteOverride>);
+
 pub(super) fn extract_props(
     mut commands: Commands,
     mut extracted: ResMut<ExtractedProps>,
+    mut views: Query<&mut VisibleProps>,
     fields: Extract<Res<Assets<PlenOctree>>>,
     palettes: Extract<Res<Palettes>>,
-    props: Extract<Query<(Entity, &Prop, Option<&Posterize>, &GlobalTransform, &ViewVisibility)>>,
+    props: Extract<Query<(Entity, &Prop, Look, &GlobalTransform, &ViewVisibility)>>,
     cameras: Extract<Query<(RenderEntity, &VisibleEntities), With<Camera3d>>>,
 ) {
-    let ExtractedProps { props: list, index } = &mut *extracted;
+    let ExtractedProps { props: list, colors, index } = &mut *extracted;
     list.clear();
+    colors.clear();
     index.clear();
-    for (entity, prop, look, transform, visibility) in &props {
+    for (entity, prop, (look, own), transform, visibility) in &props {
         let Some(field) = fields.get(&prop.0).filter(|_| visibility.get()) else {
             continue;
         };
@@ -54,10 +81,7 @@ pub(super) fn extract_props(
             continue;
         };
         let cells = f64::from(1u32 << field.depth());
-        let colors = palettes.get(&prop.0).map(|palette| PaletteColors {
-            extracted: palette.extracted().colors.iter().map(|c| glam::DVec3::from(*c).as_vec3()).collect(),
-            shown: palette.shown().iter().map(|color| Srgba::from(*color).to_vec3()).collect(),
-        });
+        let look = look.zip(palettes.get(&prop.0));
         index.insert(entity, list.len());
         list.push(ExtractedProp {
             field: prop.0.id(),
@@ -68,11 +92,16 @@ pub(super) fn extract_props(
                 low: low.as_dvec3() / cells,
                 high: high.as_dvec3() / cells,
             },
-            look: look.copied().zip(colors),
+            look: look.map(|(look, palette)| (*look, PaletteColors::write(colors, palette, own))),
         });
     }
     for (camera, visible) in &cameras {
-        let seen = visible.iter(std::any::TypeId::of::<Prop>()).filter_map(|entity| index.get(entity).copied());
-        commands.entity(camera).insert(VisibleProps(seen.collect())).insert_if_new(ViewProps::default());
+        let seen = visible.iter(TypeId::of::<Prop>()).filter_map(|entity| index.get(entity).copied());
+        if let Ok(mut view) = views.get_mut(camera) {
+            view.0.clear();
+            view.0.extend(seen);
+        } else {
+            commands.entity(camera).insert((VisibleProps(seen.collect()), ViewProps::default()));
+        }
     }
 }

@@ -32,6 +32,7 @@ pub(crate) struct PicturePlugin;
 
 impl Plugin for PicturePlugin {
     fn build(&self, app: &mut App) {
+        app.register_type::<Prop>().register_type::<Posterize>();
         app.add_systems(PostUpdate, prop::update_bounds.in_set(VisibilitySystems::CalculateBounds));
         let Some(render_app) = app.get_sub_app_mut(RenderApp) else {
             return;
@@ -41,6 +42,7 @@ impl Plugin for PicturePlugin {
             .init_gpu_resource::<SpecializedRenderPipelines<volume::VolumePipeline>>()
             .init_gpu_resource::<SpecializedRenderPipelines<posterize::LabelPipeline>>()
             .init_gpu_resource::<SpecializedRenderPipelines<posterize::CompositePipeline>>()
+            .init_gpu_resource::<SpecializedRenderPipelines<posterize::DepthPipeline>>()
             .add_systems(RenderStartup, (view::init_layouts, (volume::init, posterize::init)).chain())
             .add_systems(ExtractSchedule, extract::extract_props)
             .add_systems(

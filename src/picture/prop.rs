@@ -16,7 +16,8 @@ use crate::field::PlenOctree;
 /// The field stands where the entity's transform puts it, in its own world units, turned so that its up axis is y. How
 /// large the entity is scaled does not change how dense the field looks, and highlights turn with it. Alone it is shown
 /// as trained; add [`Posterize`] for the stylised look.
-#[derive(Component, Clone, Debug)]
+#[derive(Component, Clone, Debug, FromTemplate, Reflect)]
+#[reflect(Component, Clone, Debug)]
 #[require(Transform, Visibility, VisibilityClass)]
 #[component(on_add = visibility::add_visibility_class::<Prop>)]
 pub struct Prop(pub Handle<PlenOctree>);
@@ -28,9 +29,10 @@ pub const MAX_FILTER_RADIUS: u32 = 6;
 
 /// The stylised look of a [`Prop`]: section 4 of the method.
 ///
-/// Needs a palette in [`Palettes`](crate::Palettes), which is extracted when none is there; until it is ready the prop is
-/// shown as trained.
-#[derive(Component, Clone, Copy, Debug, PartialEq)]
+/// Needs a palette in [`Palettes`](crate::Palettes), which is read or extracted when none is there; until it is ready the
+/// prop is shown as trained. [`PaletteOverride`](crate::PaletteOverride) gives the entity colours of its own.
+#[derive(Component, Clone, Copy, Debug, PartialEq, Reflect)]
+#[reflect(Component, Default, Clone, Debug, PartialEq)]
 pub struct Posterize {
     /// `d`: steps from one palette colour to another; 1 makes labels of the palette colours alone. 1 to 8; 3 by default.
     pub blend_steps: u32,
@@ -50,7 +52,8 @@ impl Default for Posterize {
 }
 
 /// A separable bilateral filter: section 4, step 2 of the method.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Reflect)]
+#[reflect(Default, Clone, Debug, PartialEq)]
 pub struct Abstraction {
     /// How often it runs, horizontally and vertically each time. 0 (no filter) to [`MAX_FILTER_ITERATIONS`]; 4 by default.
     pub iterations: u32,
@@ -75,6 +78,7 @@ pub(super) fn update_bounds(
     mut events: MessageReader<AssetEvent<PlenOctree>>,
     props: Query<(Entity, Ref<Prop>, Has<Aabb>)>,
 ) {
+    // Empty in most frames, and then nothing is allocated.
     let changed: Vec<_> = events
         .read()
         .filter_map(|event| match event {

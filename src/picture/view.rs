@@ -19,7 +19,7 @@ use bevy::{
 
 use super::{
     MAX_FILTER_ITERATIONS, MAX_FILTER_RADIUS, Posterize,
-    extract::{ExtractedProp, ExtractedProps, VisibleProps},
+    extract::{ExtractedProps, PaletteColors, VisibleProps},
 };
 use crate::{field::PlenOctree, gpu::GpuField};
 
@@ -55,6 +55,8 @@ pub(super) struct ViewUniform {
 /// The props of one view, back to front, in GPU memory.
 #[derive(Component, Default)]
 pub(super) struct ViewProps {
+    /// The squared distance of every prop, and its place among the extracted ones.
+    order: Vec<(f64, usize)>,
     /// The field of every prop, in the order in which they are drawn.
     pub fields: Vec<AssetId<PlenOctree>>,
     /// Most iterations of the filter that a prop asks for.
@@ -126,29 +128,25 @@ pub(super) fn prepare_views(
         };
 
         let eye = view.world_from_view.translation().as_dvec3();
-        let distance = |prop: &&ExtractedProp| prop.placement.center().distance_squared(eye);
-        let mut seen: Vec<_> = visible
-            .0
-            .iter()
-            .map(|index| &extracted.props[*index])
-            .filter(|prop| fields.get(prop.field).is_some_and(|field| field.bind_group.is_some()))
-            .collect();
-        seen.sort_by(|a, b| distance(b).total_cmp(&distance(a)));
+        let ViewProps { order, fields: drawn, iterations, rect, view: uniform, props, colors } = &mut *buffers;
+        order.clear();
+        order.extend(visible.0.iter().filter_map(|index| {
+            let prop = extracted.props.get(*index)?;
+            fields.get(prop.field)?.bind_group.as_ref()?;
+            Some((prop.placement.center().distance_squared(eye), *index))
+        }));
+        // The index makes the order of props at the same distance certain, and a stable sort would allocate.
+        order.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
 
-        let ViewProps { fields: drawn, iterations, rect, view: uniform, props, colors } = &mut *buffers;
         props.get_mut().clear();
-        colors.get_mut().clear();
-        for prop in seen {
+        for (_, index) in order {
+            let prop = &extracted.props[*index];
             let Some(rays) = prop.placement.rays(&view.world_from_view, view.clip_from_view, size) else {
                 continue;
             };
-            let first_color = colors.get().len() as u32;
-            let mut count = 0;
-            if let Some((_, palette)) = &prop.look {
-                count = palette.extracted.len() as u32;
-                colors.get_mut().extend(palette.extracted.iter().chain(&palette.shown).map(|c| c.extend(0.0)));
-            }
-            let look = sound(prop.look.as_ref().map(|(look, _)| *look).unwrap_or_default());
+            let palette = prop.look.map(|(_, palette)| palette);
+            let PaletteColors { first, count } = palette.unwrap_or(PaletteColors { first: 0, count: 0 });
+            let look = sound(prop.look.map(|(look, _)| look).unwrap_or_default());
             if count > 0 {
                 *iterations = (*iterations).max(look.abstraction.iterations);
             }
@@ -167,7 +165,7 @@ pub(super) fn prepare_views(
                 low: prop.placement.low.as_vec3(),
                 colors: count,
                 high: prop.placement.high.as_vec3(),
-                first_color,
+                first_color: first,
                 blend_steps: look.blend_steps,
                 softness: look.softness,
                 min_opacity: look.min_opacity,
@@ -180,6 +178,8 @@ pub(super) fn prepare_views(
         if drawn.is_empty() {
             continue;
         }
+        // Those of all props, so that their places are the same in every view.
+        colors.get_mut().clone_from(&extracted.colors);
         if colors.get().is_empty() {
             colors.get_mut().push(Vec4::ZERO);
         }

@@ -118,7 +118,7 @@ impl Active {
             .collect();
         let directions = observers(job.field.up(), settings);
         let rays: Vec<[f32; 4]> = directions.iter().flatten().map(|ray| ray.as_vec3().extend(0.0).to_array()).collect();
-        let limit = u64::from(device.limits().max_storage_buffer_binding_size);
+        let limit = device.limits().max_storage_buffer_binding_size;
         if leaves.len() as u64 * 16 > limit || leaves.len() > u32::MAX as usize {
             return Err(SamplingFailure::TooLarge);
         }

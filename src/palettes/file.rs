@@ -1,0 +1,167 @@
+//! Palettes from files: beside a field, or by a handle.
+
+use std::path::Path;
+
+use bevy::{
+    asset::{
+        AssetLoader, AssetPath, AssetServerMode, LoadContext, LoadState, UntypedAssetId, VisitAssetDependencies,
+        io::{AssetReaderError, Reader},
+    },
+    prelude::*,
+    tasks::{IoTaskPool, Task, block_on, poll_once},
+};
+
+use super::{FieldPalette, Palettes};
+use crate::{
+    field::PlenOctree,
+    palette::{Palette, PaletteFileError},
+    picture::{Posterize, Prop},
+};
+
+/// How a palette's file ends: `x.palette.json` belongs to `x.npz`.
+const EXTENSION: &str = "palette.json";
+
+impl Asset for Palette {}
+
+impl VisitAssetDependencies for Palette {
+    fn visit_dependencies(&self, _visit: &mut impl FnMut(UntypedAssetId)) {}
+}
+
+/// Loads `.palette.json` files as [`Palette`]s.
+#[derive(Default, TypePath)]
+pub struct PaletteLoader;
+
+impl AssetLoader for PaletteLoader {
+    type Asset = Palette;
+    type Settings = ();
+    type Error = PaletteFileError;
+
+    async fn load(
+        &self,
+        reader: &mut dyn Reader,
+        _settings: &(),
+        context: &mut LoadContext<'_>,
+    ) -> Result<Palette, PaletteFileError> {
+        let path = || context.path().path().to_path_buf();
+        let mut bytes = Vec::new();
+        reader.read_to_end(&mut bytes).await.map_err(|source| PaletteFileError::Io { path: path(), source })?;
+        serde_json::from_slice(&bytes).map_err(|source| PaletteFileError::Json { path: path(), source })
+    }
+
+    fn extensions(&self) -> &[&str] {
+        &[EXTENSION]
+    }
+}
+
+/// What is known of the file of a field's palette.
+pub(super) enum PaletteFile {
+    /// Whether there is one beside the field is being found out.
+    Sought(Task<Option<AssetPath<'static>>>),
+    /// It loads.
+    Expected(Handle<Palette>),
+    /// It is the field's palette, and will be when it changes.
+    Loaded(Handle<Palette>),
+    /// There is none.
+    Missing,
+}
+
+/// Looks beside the fields of posterised props that have no palette.
+pub(super) fn seek(
+    mut palettes: ResMut<Palettes>,
+    server: Option<Res<AssetServer>>,
+    props: Query<&Prop, With<Posterize>>,
+) {
+    let palettes = palettes.bypass_change_detection();
+    for id in props.iter().map(|prop| prop.0.id()) {
+        if palettes.by_field.contains_key(&id) || palettes.files.contains_key(&id) {
+            continue;
+        }
+        let path = server.as_ref().and_then(|server| Some((server, server.get_path(id)?.into_owned())));
+        let file = path.map_or(PaletteFile::Missing, |(server, field)| {
+            let path = field.path().with_extension(EXTENSION);
+            let path = AssetPath::from_path_buf(path).with_source(field.source().clone_owned());
+            let server = AssetServer::clone(server);
+            PaletteFile::Sought(IoTaskPool::get().spawn(async move { exists(&server, &path).await.then_some(path) }))
+        });
+        palettes.files.insert(id, file);
+    }
+}
+
+/// Asks the source first: the server would report a file that is not there as an error.
+async fn exists(server: &AssetServer, path: &AssetPath<'_>) -> bool {
+    let Ok(source) = server.get_source(path.source()) else {
+        return false;
+    };
+    let reader = match server.mode() {
+        AssetServerMode::Unprocessed => source.reader(),
+        AssetServerMode::Processed => match source.processed_reader() {
+            Ok(reader) => reader,
+            Err(_) => return false,
+        },
+    };
+    let path: &Path = path.path();
+    match reader.read(path).await.map(drop) {
+        Ok(()) => true,
+        Err(AssetReaderError::NotFound(_)) => false,
+        Err(error) => {
+            warn!("palette {}: {error}", path.display());
+            false
+        }
+    }
+}
+
+/// Hands over what has loaded, and what has changed.
+pub(super) fn load(
+    mut palettes: ResMut<Palettes>,
+    server: Option<Res<AssetServer>>,
+    loaded: Res<Assets<Palette>>,
+    mut changes: MessageReader<AssetEvent<Palette>>,
+    mut fields: MessageReader<AssetEvent<PlenOctree>>,
+) {
+    let Palettes { by_field, files, arrived } = palettes.bypass_change_detection();
+    for event in fields.read() {
+        if let AssetEvent::Removed { id } = event {
+            files.remove(id);
+        }
+    }
+    for event in changes.read() {
+        for file in files.values_mut() {
+            if let PaletteFile::Loaded(handle) = file
+                && event.is_modified(&*handle)
+            {
+                *file = PaletteFile::Expected(handle.clone());
+            }
+        }
+    }
+    let news = arrived.len();
+    for (field, file) in files {
+        match file {
+            PaletteFile::Sought(task) => {
+                if let Some(path) = block_on(poll_once(task)) {
+                    let handle = path.zip(server.as_ref()).map(|(path, server)| server.load(path));
+                    *file = handle.map_or(PaletteFile::Missing, PaletteFile::Expected);
+                }
+            }
+            PaletteFile::Expected(handle) => {
+                if let Some(palette) = loaded.get(&*handle) {
+                    // A palette that was saved just now comes back as it is, and the shown colours stay.
+                    if by_field.get(field).is_none_or(|known| known.extracted() != palette) {
+                        by_field.insert(*field, FieldPalette::new(palette.clone()));
+                        arrived.push(*field);
+                    }
+                    *file = PaletteFile::Loaded(handle.clone());
+                } else if server.as_ref().is_some_and(|server| has_failed(server, handle)) {
+                    *file = PaletteFile::Missing;
+                }
+            }
+            PaletteFile::Loaded(_) | PaletteFile::Missing => {}
+        }
+    }
+    if arrived.len() > news {
+        palettes.set_changed();
+    }
+}
+
+fn has_failed(server: &AssetServer, handle: &Handle<Palette>) -> bool {
+    matches!(server.get_load_state(handle), Some(LoadState::Failed(_)))
+}

@@ -1,0 +1,435 @@
+//! Palettes as a game plays with them: in pictures, from files, and without allocations.
+
+use std::{
+    any::TypeId,
+    path::{Path, PathBuf},
+    time::Duration,
+};
+
+use bevy::{
+    app::AppLabel,
+    asset::LoadState,
+    color::Mix,
+    core_pipeline::tonemapping::{DebandDither, Tonemapping},
+    prelude::*,
+    reflect::{
+        TypeRegistry,
+        serde::{TypedReflectDeserializer, TypedReflectSerializer},
+    },
+    render::RenderApp,
+};
+use bevy_plenoctree::{
+    Abstraction, BlendSpace, ExtractionSettings, FieldPalette, Palette, PaletteExtraction, PaletteOverride,
+    PaletteReady, Palettes, PlenOctree, PlenOctreePlugin, Posterize, Prop,
+    field::{BakeSettings, Basis, bake},
+    headless::Headless,
+    palette::Observers,
+};
+use glam::DVec3;
+use image::RgbaImage;
+use serde::de::DeserializeSeed;
+
+const SIZE: UVec2 = UVec2::new(64, 32);
+const COLORS: [Color; 2] = [Color::srgb(0.8, 0.2, 0.2), Color::srgb(0.1, 0.1, 0.6)];
+const RED: Color = COLORS[0];
+
+/// A box of the first colour.
+fn solid(density: f64) -> PlenOctree {
+    let settings = BakeSettings { depth: 3, basis: Basis::Rgba, ..default() };
+    let [r, g, b] = Srgba::from(RED).to_f32_array_no_alpha().map(f64::from);
+    bake(&settings, |at| if at.abs().max_element() < 0.5 { density } else { 0.0 }, |_| move |_| DVec3::new(r, g, b))
+        .unwrap()
+}
+
+/// Two props of one field, side by side.
+struct Scene {
+    headless: Headless,
+    left: Entity,
+    field: Handle<PlenOctree>,
+}
+
+impl Scene {
+    fn new(configure: impl FnOnce(&mut App)) -> Self {
+        let mut headless = Headless::new(SIZE, |app| {
+            app.add_plugins(PlenOctreePlugin);
+            configure(app);
+        })
+        .unwrap();
+        let target = headless.target();
+        let world = headless.app.world_mut();
+        let field = world.resource_mut::<Assets<PlenOctree>>().add(solid(1e4));
+        let palette = FieldPalette::from_colors(COLORS).unwrap();
+        world.resource_mut::<Palettes>().insert(&field, palette);
+        let mut spawn = |x: f32| {
+            // What is beside a prop is no part of its colour.
+            let look = Posterize { abstraction: Abstraction { iterations: 0, ..default() }, ..default() };
+            world.spawn((Prop(field.clone()), look, Transform::from_xyz(x, 0.0, 0.0))).id()
+        };
+        let left = spawn(-1.0);
+        spawn(1.0);
+        world.spawn((
+            Camera3d::default(),
+            target,
+            Msaa::Off,
+            Tonemapping::None,
+            DebandDither::Disabled,
+            Transform::from_xyz(0.0, 0.0, 3.0),
+        ));
+        headless.wait_until_ready(Duration::from_secs(120)).unwrap();
+        Self { headless, left, field }
+    }
+
+    fn world(&mut self) -> &mut World {
+        self.headless.app.world_mut()
+    }
+
+    fn palette(&mut self) -> Mut<'_, FieldPalette> {
+        let field = self.field.clone();
+        let palettes = self.headless.app.world_mut().resource_mut::<Palettes>();
+        palettes.map_unchanged(move |palettes| palettes.get_mut(&field).unwrap())
+    }
+
+    /// The colours of the two props in the next picture.
+    fn colors(&mut self) -> [[u8; 3]; 2] {
+        let picture = self.headless.picture().unwrap();
+        [SIZE.x / 4, 3 * SIZE.x / 4].map(|x| at(&picture, x))
+    }
+
+    #[track_caller]
+    fn assert_both_show(&mut self, expected: Color) {
+        for found in self.colors() {
+            assert_shown(found, expected);
+        }
+    }
+
+    /// The way to the render world, Bevy's own included.
+    fn extract(&mut self) {
+        let apps = self.headless.app.sub_apps_mut();
+        let render = apps.sub_apps.get_mut(&RenderApp.intern()).unwrap();
+        render.extract(apps.main.world_mut());
+    }
+}
+
+fn at(picture: &RgbaImage, x: u32) -> [u8; 3] {
+    let [r, g, b, _] = picture.get_pixel(x, SIZE.y / 2).0;
+    [r, g, b]
+}
+
+fn bytes(color: Color) -> [u8; 3] {
+    Srgba::from(color).to_u8_array_no_alpha()
+}
+
+#[track_caller]
+fn assert_shown(found: [u8; 3], expected: Color) {
+    let expected = bytes(expected);
+    assert!((0..3).all(|c| found[c].abs_diff(expected[c]) <= 1), "{found:?} for {expected:?}");
+}
+
+#[test]
+fn two_copies_of_a_prop_wear_different_colours() {
+    let mut scene = Scene::new(|_| {});
+    let left = scene.left;
+    let [ours, theirs] = [Color::srgb(0.2, 0.7, 0.3), Color::srgb(0.9, 0.8, 0.1)];
+    scene.assert_both_show(RED);
+
+    scene.world().entity_mut(left).insert(PaletteOverride::default().with(0, ours));
+    let [found_left, found_right] = scene.colors();
+    assert_shown(found_left, ours);
+    assert_shown(found_right, RED);
+
+    // The field's colours still count where the prop has none of its own.
+    scene.palette().set(0, theirs);
+    let mut own = PaletteOverride::default().with(1, ours);
+    scene.world().entity_mut(left).insert(own.clone());
+    scene.assert_both_show(theirs);
+
+    own.set(0, ours);
+    own.unset(0);
+    own.set(Palette::MAX_COLORS, ours);
+    assert_eq!([0, 1, 2, Palette::MAX_COLORS].map(|index| own.get(index)), [None, Some(ours), None, None]);
+    own.reset();
+    assert_eq!(own.get(1), None);
+}
+
+#[test]
+fn a_change_is_in_the_picture_of_its_frame() {
+    #[derive(Resource)]
+    struct Wanted(Color);
+    fn paint(wanted: Option<Res<Wanted>>, mut palettes: ResMut<Palettes>, props: Query<&Prop>) {
+        for prop in &props {
+            if let (Some(wanted), Some(palette)) = (&wanted, palettes.get_mut(&prop.0)) {
+                palette.set(0, wanted.0);
+            }
+        }
+    }
+    let mut scene = Scene::new(|app| {
+        app.add_systems(Update, paint);
+    });
+    for step in 0..8u8 {
+        let color = Color::srgb_u8(32 * step, 255 - 20 * step, step.wrapping_mul(83));
+        scene.world().insert_resource(Wanted(color));
+        // One update, in which the system runs and the picture is made.
+        scene.assert_both_show(color);
+    }
+    scene.world().remove_resource::<Wanted>();
+    scene.palette().reset();
+    scene.assert_both_show(RED);
+}
+
+#[test]
+fn blends_reach_the_screen() {
+    let mut scene = Scene::new(|_| {});
+    let (from, to) = ([Color::srgb(1.0, 1.0, 0.0), RED], [Color::srgb(0.0, 0.0, 1.0), RED]);
+    // Half-way between yellow and blue in Oklab, by Bevy's conversions.
+    let oklab = Color::from(Oklaba::from(from[0]).mix(&to[0].into(), 0.5));
+    for (space, halfway) in [(BlendSpace::Encoded, Color::srgb(0.5, 0.5, 0.5)), (BlendSpace::Oklab, oklab)] {
+        for (t, expected) in [(0.0, from[0]), (0.5, halfway), (1.0, to[0]), (7.0, to[0])] {
+            scene.palette().blend(&from, &to, t, space);
+            scene.assert_both_show(expected);
+        }
+        for (t, expected) in [(0.0, RED), (1.0, to[0])] {
+            scene.palette().fade(&to, t, space);
+            scene.assert_both_show(expected);
+        }
+    }
+}
+
+/// A prop's blend is the field's, and a palette that is too short changes what it can.
+#[test]
+fn palettes_of_another_length_change_what_they_can() {
+    let white = [Color::WHITE; 5];
+    let mut palette = FieldPalette::from_colors(COLORS).unwrap();
+    palette.blend(&white, &white[..1], 0.5, BlendSpace::Oklab);
+    assert_eq!(palette.shown().iter().map(|color| bytes(*color)).collect::<Vec<_>>(), [[255; 3], bytes(COLORS[1])]);
+    palette.fade(&white, 1.0, BlendSpace::Encoded);
+    assert_eq!(palette.shown(), &white[..2]);
+    palette.reset();
+    assert_eq!(palette.shown(), COLORS);
+}
+
+#[test]
+fn a_change_allocates_nothing() {
+    let mut scene = Scene::new(|_| {});
+    let left = scene.left;
+    scene.world().entity_mut(left).insert(PaletteOverride::default());
+    let allocations = |scene: &mut Scene, change: bool, t: f32| {
+        allocation_counter::measure(|| {
+            if change {
+                let white = [Color::WHITE; 2];
+                scene.palette().blend(&COLORS, &white, t, BlendSpace::Oklab);
+                scene.palette().set(0, Color::hsv(30.0, 1.0, t));
+                let mut own = scene.headless.app.world_mut().get_mut::<PaletteOverride>(left).unwrap();
+                own.reset();
+                own.blend(&COLORS, &white, t, BlendSpace::Encoded);
+            }
+            scene.extract();
+        })
+        .count_total
+    };
+    // Buffers find their size.
+    for _ in 0..4 {
+        allocations(&mut scene, true, 0.5);
+    }
+    let least = |change, scene: &mut Scene| (0..20).map(|i| allocations(scene, change, 0.05 * i as f32)).min();
+    let (without, with) = (least(false, &mut scene), least(true, &mut scene));
+    assert_eq!(with, without);
+}
+
+/// What came of the messages.
+#[derive(Resource, Default)]
+struct Ready(Vec<AssetId<PlenOctree>>);
+
+/// An app that loads fields and palettes from a folder, and draws nothing.
+struct Files {
+    app: App,
+    folder: PathBuf,
+}
+
+impl Files {
+    /// In a folder of this name, with `x.npz` in it.
+    fn new(name: &str) -> Self {
+        let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("{name}-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).unwrap();
+        solid(10.0).write(folder.join("x.npz")).unwrap();
+        let mut files = Self { app: App::new(), folder };
+        files.restart();
+        files
+    }
+
+    /// Another app, in the same folder.
+    fn restart(&mut self) {
+        let hear = |mut ready: MessageReader<PaletteReady>, mut heard: ResMut<Ready>| {
+            heard.0.extend(ready.read().map(|ready| ready.field));
+        };
+        self.app = App::new();
+        let assets = AssetPlugin { file_path: self.folder.to_string_lossy().into(), ..default() };
+        self.app.add_plugins((MinimalPlugins, assets, PlenOctreePlugin)).init_resource::<Ready>();
+        self.app.add_systems(Update, hear);
+        self.app.finish();
+        self.app.cleanup();
+    }
+
+    fn write(&self, name: &str, text: &str) {
+        std::fs::write(self.folder.join(name), text).unwrap();
+    }
+
+    fn load<T: Asset>(&self, name: &'static str) -> Handle<T> {
+        self.app.world().resource::<AssetServer>().load(name)
+    }
+
+    fn spawn(&mut self) -> Handle<PlenOctree> {
+        let field = self.load("x.npz");
+        self.app.world_mut().spawn((Prop(field.clone()), Posterize::default()));
+        field
+    }
+
+    /// Runs until it is so.
+    fn run_until(&mut self, what: &str, done: impl Fn(&World) -> bool) {
+        let start = std::time::Instant::now();
+        while !done(self.app.world()) {
+            assert!(start.elapsed() < Duration::from_secs(120), "{what}: not yet");
+            self.app.update();
+            std::thread::sleep(Duration::from_millis(1));
+        }
+    }
+
+    /// Runs until the field has a palette, and returns it.
+    fn palette(&mut self, field: &Handle<PlenOctree>) -> FieldPalette {
+        self.run_until("a palette", |world| {
+            let error = world.resource::<PaletteExtraction>().error(field);
+            assert!(error.is_none(), "{}", error.map(ToString::to_string).unwrap_or_default());
+            world.resource::<Palettes>().get(field).is_some()
+        });
+        self.app.world().resource::<Palettes>().get(field).unwrap().clone()
+    }
+
+    fn heard(&self) -> &[AssetId<PlenOctree>] {
+        &self.app.world().resource::<Ready>().0
+    }
+}
+
+impl Drop for Files {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir_all(&self.folder);
+    }
+}
+
+#[test]
+fn a_palette_beside_a_field_takes_the_place_of_extraction() {
+    let mut files = Files::new("beside");
+    files.write("x.palette.json", r#"{"colors": [[0.25, 0.5, 0.75], [1.5, 0, 0]]}"#);
+    let field = files.spawn();
+    let palette = files.palette(&field);
+    assert_eq!(palette.extracted().colors, [[0.25, 0.5, 0.75], [1.5, 0.0, 0.0]]);
+    assert_eq!(palette.shown(), [Color::srgb(0.25, 0.5, 0.75), Color::srgb(1.5, 0.0, 0.0)]);
+    assert!(palette.extraction().is_none());
+    // Not later either.
+    let loaded = field.clone();
+    files.run_until("the field", move |world| world.resource::<Assets<PlenOctree>>().contains(&loaded));
+    for _ in 0..20 {
+        files.app.update();
+        assert!(files.app.world().resource::<PaletteExtraction>().progress(&field).is_none());
+    }
+    assert_eq!(files.heard(), [field.id()]);
+}
+
+#[test]
+fn an_extracted_palette_is_saved_and_shipped() {
+    let mut files = Files::new("shipped");
+    let field = files.spawn();
+    let extracted = files.palette(&field);
+    assert!(extracted.extraction().is_some());
+    assert_eq!(files.heard(), [field.id()]);
+    extracted.save(files.folder.join("x.palette.json")).unwrap();
+
+    files.restart();
+    let field = files.spawn();
+    let shipped = files.palette(&field);
+    assert!(shipped.extraction().is_none());
+    assert_eq!(shipped.extracted(), extracted.extracted());
+}
+
+#[test]
+fn a_file_that_is_no_palette_is_extracted_instead() {
+    let mut files = Files::new("broken");
+    files.write("x.palette.json", r#"{"colors": []}"#);
+    let field = files.spawn();
+    assert!(files.palette(&field).extraction().is_some());
+
+    let handle = files.load::<Palette>("x.palette.json");
+    let error = |world: &World| match world.resource::<AssetServer>().load_state(&handle) {
+        LoadState::Failed(error) => Some(error.to_string()),
+        _ => None,
+    };
+    files.run_until("an error", |world| error(world).is_some());
+    let error = error(files.app.world()).unwrap();
+    assert!(error.contains("found 0 colours, expected 1 to 64"), "{error}");
+}
+
+#[test]
+fn a_handle_gives_a_field_its_palette() {
+    let mut files = Files::new("handle");
+    files.write("winter.palette.json", r#"{"colors": [[0.9, 0.95, 1]]}"#);
+    files.write("x.palette.json", r#"{"colors": [[0, 0, 0]]}"#);
+    let field = files.spawn();
+    let winter = files.load::<Palette>("winter.palette.json");
+    files.app.world_mut().resource_mut::<Palettes>().insert_handle(&field, winter.clone());
+    assert_eq!(files.palette(&field).extracted().colors, [[0.9, 0.95, 1.0]]);
+
+    // When the file changes, so does the palette; when it comes back as it was, the shown colours stay.
+    let colors = |files: &Files| {
+        let palette = files.app.world().resource::<Palettes>().get(&field).unwrap();
+        (palette.extracted().colors.clone(), palette.shown().to_vec())
+    };
+    for (change, shown) in [(0.0, RED), (0.1, Color::srgb(0.8, 0.95, 1.0))] {
+        files.app.world_mut().resource_mut::<Palettes>().get_mut(&field).unwrap().set(0, RED);
+        files.app.world_mut().resource_mut::<Assets<Palette>>().get_mut(&winter).unwrap().colors[0][0] -= change;
+        // The change is known at the end of one frame, and acted upon in the next.
+        files.app.update();
+        files.app.update();
+        assert_eq!(bytes(colors(&files).1[0]), bytes(shown));
+    }
+
+    // A palette that is given in code stays, whatever the file does.
+    let given = FieldPalette::from_colors(COLORS).unwrap();
+    files.app.world_mut().resource_mut::<Palettes>().insert(&field, given);
+    files.app.world_mut().resource_mut::<Assets<Palette>>().get_mut(&winter).unwrap().colors[0][0] = 0.0;
+    (0..5).for_each(|_| files.app.update());
+    assert_eq!(colors(&files).1, COLORS);
+
+    // One that is taken away is looked for as at first.
+    files.app.world_mut().resource_mut::<Palettes>().remove(&field);
+    assert_eq!(files.palette(&field).extracted().colors, [[0.0; 3]]);
+}
+
+#[test]
+fn a_palette_has_colours() {
+    assert!(FieldPalette::from_colors([Color::NONE; 0]).is_err());
+    assert!(FieldPalette::from_colors([Color::WHITE; Palette::MAX_COLORS + 1]).is_err());
+    assert!(FieldPalette::from_colors([Color::srgb(f32::NAN, 0.0, 0.0)]).is_err());
+}
+
+/// What inspectors and scenes need: registered, and the same after a way through text.
+#[test]
+fn settings_are_reflected() {
+    fn through_text<T: FromReflect + TypePath>(value: &T, registry: &TypeRegistry) -> T {
+        let text = serde_json::to_string(&TypedReflectSerializer::new(value, registry)).unwrap();
+        let registration = registry.get(TypeId::of::<T>()).unwrap();
+        let deserializer = TypedReflectDeserializer::new(registration, registry);
+        let read = deserializer.deserialize(&mut serde_json::Deserializer::from_str(&text)).unwrap();
+        T::from_reflect(&*read).unwrap()
+    }
+    let mut app = App::new();
+    app.add_plugins((MinimalPlugins, AssetPlugin::default(), PlenOctreePlugin));
+    let registry = app.world().resource::<AppTypeRegistry>().read();
+    let look = Posterize { softness: 0.125, abstraction: Abstraction { radius: 3, ..default() }, ..default() };
+    assert_eq!(through_text(&look, &registry), look);
+    let own = PaletteOverride::default().with(2, Color::oklab(0.5, 0.1, -0.1));
+    assert_eq!(through_text(&own, &registry), own);
+    let settings = ExtractionSettings { colors: 9, observers: Observers::Sphere, ..default() };
+    assert_eq!(through_text(&settings, &registry), settings);
+    for path in ["picture::prop::Posterize", "picture::prop::Prop", "palettes::overrides::PaletteOverride"] {
+        let registration = registry.get_with_type_path(&format!("bevy_plenoctree::{path}")).unwrap();
+        assert!(registration.data::<ReflectComponent>().is_some(), "{path}");
+    }
+}
