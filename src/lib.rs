@@ -12,6 +12,7 @@ mod palettes;
 #[cfg(feature = "egui")]
 pub mod panel;
 pub mod picture;
+pub mod prop;
 pub mod reference;
 mod sampling;
 
@@ -20,7 +21,7 @@ pub use palette::{ExtractionSettings, Palette};
 pub use palettes::{
     BlendSpace, FieldPalette, PaletteExtraction, PaletteOverride, PaletteReady, Palettes, Sampled, Sampler,
 };
-pub use picture::{Abstraction, Posterize, Prop};
+pub use prop::{Abstraction, Posterize, Prop};
 
 use bevy::prelude::*;
 
@@ -33,6 +34,7 @@ impl Plugin for PlenOctreePlugin {
             gpu::GpuFieldPlugin,
             sampling::SamplingPlugin,
             palettes::PalettesPlugin,
+            prop::PropPlugin,
             picture::PicturePlugin,
         ));
     }

@@ -1,7 +1,7 @@
 //! Where a field has something to see.
 
-use bevy::math::{DVec3, Vec3};
-use bevy_plenoctree::{PlenOctree, field::UpAxis};
+use bevy::math::Vec3;
+use bevy_plenoctree::PlenOctree;
 
 /// A box in a prop's space.
 #[derive(Clone, Copy)]
@@ -13,14 +13,6 @@ pub struct Extent {
 /// The box in which most of a field lies; `None` if it is empty.
 pub fn visible_extent(field: &PlenOctree) -> Option<Extent> {
     let (low, high) = field.dense_bounds()?;
-    let (a, b) = (to_prop(field.up(), low), to_prop(field.up(), high));
+    let (a, b) = (field.up().to_y_up() * low, field.up().to_y_up() * high);
     Some(Extent { center: (0.5 * (a + b)).as_vec3(), half_size: (0.5 * (b - a)).abs().as_vec3() })
-}
-
-/// A prop is its field with the up axis turned to y.
-fn to_prop(up: UpAxis, point: DVec3) -> DVec3 {
-    match up {
-        UpAxis::Y => point,
-        UpAxis::Z => DVec3::new(point.x, point.z, -point.y),
-    }
 }

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use glam::{DVec3, UVec3};
+use glam::{DMat3, DVec3, UVec3};
 use half::f16;
 use serde::{Deserialize, Serialize};
 
@@ -53,6 +53,17 @@ pub enum UpAxis {
     /// NeRF's convention: a prop's field is turned by -90 degrees about x.
     #[default]
     Z,
+}
+
+impl UpAxis {
+    /// The turn that makes the up axis y: from a field's frame to that of its prop.
+    pub fn to_y_up(self) -> DMat3 {
+        match self {
+            Self::Y => DMat3::IDENTITY,
+            // -90 degrees about x, exactly.
+            Self::Z => DMat3::from_cols(DVec3::X, DVec3::NEG_Z, DVec3::Y),
+        }
+    }
 }
 
 /// Where the tree's unit cube lies: `tree = offset + scale * world`, axis by axis. "World" is the field's own frame.

@@ -6,7 +6,7 @@ use bevy::{
     prelude::*,
 };
 
-use crate::{camera::PinholeCamera, field::UpAxis, picture::local_from_field};
+use crate::{camera::PinholeCamera, field::UpAxis};
 
 /// The projection of a [`PinholeCamera`], off-centre or not, with an infinite far plane.
 #[derive(Clone, Copy, Debug)]
@@ -54,7 +54,7 @@ impl CameraProjection for PinholeProjection {
 /// A pinhole camera as components for an entity that has a `Camera3d`: it sees a field whose up axis is `up`, and whose
 /// prop stands untransformed in the scene, as the pinhole camera sees the field.
 pub fn pinhole_view(camera: &PinholeCamera, up: UpAxis) -> (Projection, Transform) {
-    let turn = local_from_field(up);
+    let turn = up.to_y_up();
     let (rotation, position) = (turn * camera.rotation, turn * camera.position);
     let affine = Affine3A::from_mat3_translation(rotation.as_mat3(), position.as_vec3());
     (Projection::custom(PinholeProjection(*camera)), Transform::from_matrix(affine.into()))
@@ -79,7 +79,7 @@ mod tests {
         let clip_from_world = projection.get_clip_from_view() * transform.to_matrix().inverse();
         for (x, y) in [(0.0, 0.0), (150.0, 170.0), (399.0, 20.0)] {
             let (origin, direction) = camera.ray(x, y);
-            let point = local_from_field(UpAxis::Z) * (origin + 2.5 * direction);
+            let point = UpAxis::Z.to_y_up() * (origin + 2.5 * direction);
             let ndc = clip_from_world.project_point3(point.as_vec3());
             assert!((200.0 * (1.0 + ndc.x) - x as f32).abs() < 1e-2, "{ndc} for {x}, {y}");
             assert!((150.0 * (1.0 - ndc.y) - y as f32).abs() < 1e-2, "{ndc} for {x}, {y}");

@@ -17,7 +17,7 @@ use super::{FieldPalette, Palettes};
 use crate::{
     field::PlenOctree,
     palette::{Extraction, ExtractionError, ExtractionSettings, Histograms, Progress, extract_from_histograms, sample},
-    picture::{Posterize, Prop},
+    prop::{Posterize, Prop},
     sampling::{SamplingJob, SamplingJobs},
 };
 

@@ -15,7 +15,7 @@ use super::{FieldPalette, Palettes};
 use crate::{
     field::PlenOctree,
     palette::{Palette, PaletteFileError},
-    picture::{Posterize, Prop},
+    prop::{Posterize, Prop},
 };
 
 /// How a palette's file ends: `x.palette.json` belongs to `x.npz`.

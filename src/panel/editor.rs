@@ -10,7 +10,7 @@ use super::{
 use crate::{
     field::PlenOctree,
     palettes::{PaletteExtraction, PaletteOverride, Palettes},
-    picture::{Posterize, Prop},
+    prop::{Posterize, Prop},
 };
 
 /// What [`palette_ui`] reads and changes: a parameter of the system that calls it.

@@ -4,7 +4,7 @@ use bevy::prelude::*;
 use bevy_egui::egui;
 
 use super::PaletteEditor;
-use crate::picture::{Abstraction, MAX_FILTER_ITERATIONS, MAX_FILTER_RADIUS, Posterize};
+use crate::prop::{Abstraction, MAX_FILTER_ITERATIONS, MAX_FILTER_RADIUS, Posterize};
 
 pub(super) fn show(ui: &mut egui::Ui, prop: Entity, editor: &mut PaletteEditor) {
     let posterized = editor.is_posterized(prop);

@@ -10,7 +10,7 @@ use crate::{
     field::{Activation, Basis, Cell, Frame, PlenOctree, UpAxis},
     palette::Palette,
     palettes::{FieldPalette, PaletteExtraction, PaletteOverride, Palettes},
-    picture::{Posterize, Prop},
+    prop::{Posterize, Prop},
 };
 
 struct Panel {

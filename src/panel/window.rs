@@ -4,7 +4,7 @@ use bevy::prelude::*;
 use bevy_egui::{EguiContexts, EguiPlugin, EguiPrimaryContextPass, egui};
 
 use super::{PaletteEditor, palette_ui};
-use crate::picture::Prop;
+use crate::prop::Prop;
 
 /// Shows the palette and the look of one prop in an egui window, to change them.
 ///

@@ -9,10 +9,11 @@ use bevy::{
     render::{Extract, sync_world::RenderEntity},
 };
 
-use super::{Posterize, Prop, rays::Placement, view::ViewProps};
+use super::{rays::Placement, view::ViewProps};
 use crate::{
     field::PlenOctree,
     palettes::{FieldPalette, PaletteOverride, Palettes},
+    prop::{Posterize, Prop},
 };
 
 /// Every prop that some camera may see, in this frame.

@@ -3,19 +3,15 @@
 
 mod extract;
 mod posterize;
-mod prop;
 mod rays;
 mod textures;
 mod view;
 mod volume;
 
 pub use posterize::POSTERIZE_SPAN;
-pub use prop::{Abstraction, MAX_FILTER_ITERATIONS, MAX_FILTER_RADIUS, Posterize, Prop};
-pub(crate) use rays::local_from_field;
 pub use volume::VOLUME_SPAN;
 
 use bevy::{
-    camera::visibility::VisibilitySystems,
     core_pipeline::{
         core_3d::{main_opaque_pass_3d, main_transparent_pass_3d, prepare_core_3d_depth_textures},
         schedule::{Core3d, Core3dSystems},
@@ -27,13 +23,11 @@ use bevy::{
     },
 };
 
-/// Draws every [`Prop`].
+/// Draws every [`Prop`](crate::Prop).
 pub(crate) struct PicturePlugin;
 
 impl Plugin for PicturePlugin {
     fn build(&self, app: &mut App) {
-        app.register_type::<Prop>().register_type::<Posterize>();
-        app.add_systems(PostUpdate, prop::update_bounds.in_set(VisibilitySystems::CalculateBounds));
         let Some(render_app) = app.get_sub_app_mut(RenderApp) else {
             return;
         };

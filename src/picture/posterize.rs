@@ -25,11 +25,10 @@ use bevy::{
 };
 
 use super::{
-    MAX_FILTER_ITERATIONS,
     textures::{LAYER_FORMAT, PropTextures},
     view::{ViewLayouts, ViewProps},
 };
-use crate::gpu::Shaders;
+use crate::{gpu::Shaders, prop::MAX_FILTER_ITERATIONS};
 
 /// Name of the pass's span in Bevy's render diagnostics.
 pub const POSTERIZE_SPAN: &str = "plenoctree_posterize";

@@ -5,15 +5,6 @@ use glam::{DAffine3, DMat3, DMat4, DVec3, DVec4};
 
 use crate::field::{Frame, UpAxis};
 
-/// The turn that makes a field's up axis Bevy's y.
-pub(crate) fn local_from_field(up: UpAxis) -> DMat3 {
-    match up {
-        UpAxis::Y => DMat3::IDENTITY,
-        // -90 degrees about x, exactly.
-        UpAxis::Z => DMat3::from_cols(DVec3::X, DVec3::NEG_Z, DVec3::Y),
-    }
-}
-
 /// A view's rays in a field's frame, affine in the point (x, y) of the viewport in pixels: `a[0] + x a[1] + y a[2]`.
 pub(super) struct Rays {
     /// Origins in tree units.
@@ -38,7 +29,7 @@ pub(super) struct Placement {
 
 impl Placement {
     fn world_from_field(&self) -> DAffine3 {
-        affine(&self.world_from_prop) * DAffine3::from_mat3(local_from_field(self.up))
+        affine(&self.world_from_prop) * DAffine3::from_mat3(self.up.to_y_up())
     }
 
     /// The middle of the field's leaves, in the scene.
@@ -118,7 +109,7 @@ mod tests {
         let fov_y = 2.0 * ((0.5 * fov_x).tan() * 200.0 / 320.0).atan();
         let projection = Mat4::perspective_infinite_reverse_rh(fov_y as f32, 1.6, 0.1);
         // Bevy's world is the field's, turned.
-        let turn = local_from_field(UpAxis::Z);
+        let turn = UpAxis::Z.to_y_up();
         let view = GlobalTransform::from(bevy::math::Affine3A::from_mat3_translation(
             (turn * pinhole.rotation).as_mat3(),
             (turn * pinhole.position).as_vec3(),

@@ -17,11 +17,12 @@ use bevy::{
     },
 };
 
-use super::{
-    MAX_FILTER_ITERATIONS, MAX_FILTER_RADIUS, Posterize,
-    extract::{ExtractedProps, PaletteColors, VisibleProps},
+use super::extract::{ExtractedProps, PaletteColors, VisibleProps};
+use crate::{
+    field::PlenOctree,
+    gpu::GpuField,
+    prop::{MAX_FILTER_ITERATIONS, MAX_FILTER_RADIUS, Posterize},
 };
-use crate::{field::PlenOctree, gpu::GpuField};
 
 /// `Prop` of `view.wgsl`.
 #[derive(ShaderType, Clone, Copy)]

@@ -3,12 +3,11 @@
 use bevy::{
     camera::{
         primitives::Aabb,
-        visibility::{self, VisibilityClass},
+        visibility::{self, VisibilityClass, VisibilitySystems},
     },
     prelude::*,
 };
 
-use super::rays::local_from_field;
 use crate::field::PlenOctree;
 
 /// A radiance field in the scene.
@@ -71,8 +70,19 @@ impl Default for Abstraction {
     }
 }
 
+/// Keeps the bounds of props.
+pub(crate) struct PropPlugin;
+
+impl Plugin for PropPlugin {
+    fn build(&self, app: &mut App) {
+        app.register_type::<Prop>()
+            .register_type::<Posterize>()
+            .add_systems(PostUpdate, update_bounds.in_set(VisibilitySystems::CalculateBounds));
+    }
+}
+
 /// Gives props the box around their leaves, for culling, when their field arrives or changes.
-pub(super) fn update_bounds(
+fn update_bounds(
     mut commands: Commands,
     fields: Res<Assets<PlenOctree>>,
     mut events: MessageReader<AssetEvent<PlenOctree>>,
@@ -93,7 +103,7 @@ pub(super) fn update_bounds(
         if let Some((low, high)) = fields.get(&prop.0).and_then(PlenOctree::bounds)
             && let Some(field) = fields.get(&prop.0)
         {
-            let turn = local_from_field(field.up());
+            let turn = field.up().to_y_up();
             let (a, b) = ((turn * low).as_vec3(), (turn * high).as_vec3());
             commands.entity(entity).insert(Aabb::from_min_max(a.min(b), a.max(b)));
         }
