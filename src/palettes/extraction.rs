@@ -46,7 +46,8 @@ pub struct Sampled {
 ///
 /// A field of a posterised prop that has no palette gets one while the app keeps running. The GPU samples it in slices,
 /// some every frame, or the CPU does in a task; k-means and hull follow in a task.
-#[derive(Resource)]
+#[derive(Resource, Reflect)]
+#[reflect(Resource, Default)]
 pub struct PaletteExtraction {
     /// Settings of the extractions that start from now on.
     pub settings: ExtractionSettings,
@@ -55,9 +56,13 @@ pub struct PaletteExtraction {
     /// GPU time that sampling may take of a frame; `None` takes all it needs in one, for apps without a window. 4 ms by
     /// default.
     pub budget: Option<Duration>,
+    #[reflect(ignore)]
     wanted: HashSet<AssetId<PlenOctree>>,
+    #[reflect(ignore)]
     running: HashMap<AssetId<PlenOctree>, Running>,
+    #[reflect(ignore)]
     failed: HashMap<AssetId<PlenOctree>, ExtractionError>,
+    #[reflect(ignore)]
     sampled: HashMap<AssetId<PlenOctree>, Sampled>,
 }
 

@@ -31,6 +31,7 @@ impl Plugin for PalettesPlugin {
             .add_message::<PaletteReady>()
             .register_type::<ExtractionSettings>()
             .register_type::<Palettes>()
+            .register_type::<PaletteExtraction>()
             .register_type::<PaletteOverride>()
             .add_systems(
                 // Before any system of `Update`, so that a new palette is shown as the game likes it from the start.
