@@ -7,6 +7,11 @@ use bevy::{
     core_pipeline::tonemapping::{DebandDither, Tonemapping},
     pbr::PbrPlugin,
     prelude::*,
+    render::{
+        RenderApp,
+        error_handler::{RenderErrorHandler, RenderErrorPolicy},
+        renderer::RenderDevice,
+    },
 };
 use bevy_plenoctree::{
     FieldPalette, Palette, Palettes, PlenOctree, PlenOctreePlugin, Posterize, Prop,
@@ -348,4 +353,25 @@ fn a_field_that_does_not_fit_is_refused_with_the_numbers() {
     let error = GpuField::check(&field, &limits).unwrap_err();
     assert_eq!((error.what, error.bytes), ("coefficients", bytes));
     assert!(error.to_string().contains(&bytes.to_string()) && error.to_string().contains(&error.limit.to_string()));
+}
+
+#[test]
+fn a_lost_device_is_recovered_from() {
+    let field = ball(Basis::Sh4);
+    let headless = Headless::new(UVec2::splat(SIZE), |app| {
+        app.add_plugins(PlenOctreePlugin);
+    });
+    let mut scene = Scene::in_app(&field, headless.unwrap());
+    let prop = scene.prop;
+    scene.world().entity_mut(prop).insert(Posterize::default());
+    let before = scene.picture();
+    scene.world().insert_resource(RenderErrorHandler(|_, _, _| RenderErrorPolicy::Recover(Default::default())));
+    scene.headless.app.sub_app(RenderApp).world().resource::<RenderDevice>().wgpu_device().destroy();
+    // The new device is made beside the running app.
+    for _ in 0..100 {
+        scene.headless.update();
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    scene.headless.wait_until_ready(Duration::from_secs(60)).unwrap();
+    assert_eq!(scene.picture(), before);
 }

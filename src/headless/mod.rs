@@ -16,7 +16,8 @@ use bevy::{
     render::{
         RenderApp,
         render_asset::RenderAssets,
-        render_resource::{TextureFormat, TextureUsages},
+        render_resource::{PollType, TextureFormat, TextureUsages},
+        renderer::RenderDevice,
         settings::WgpuSettings,
     },
 };
@@ -114,6 +115,12 @@ impl Headless {
     /// Runs one frame, to its end on the GPU's queue.
     pub fn update(&mut self) {
         self.app.update();
+        // Nobody else asks whether the GPU has something to say, be it that the device is lost.
+        let render = self.app.get_sub_app(RenderApp);
+        if let Some(device) = render.and_then(|render| render.world().get_resource::<RenderDevice>()) {
+            // An error is told to Bevy's handler too.
+            let _ = device.poll(PollType::Poll);
+        }
     }
 
     /// Runs frames until every [`Prop`]'s field is on the GPU and every [`Posterize`]d one has its palette.

@@ -37,7 +37,7 @@ impl Plugin for PicturePlugin {
             .init_gpu_resource::<SpecializedRenderPipelines<posterize::LabelPipeline>>()
             .init_gpu_resource::<SpecializedRenderPipelines<posterize::CompositePipeline>>()
             .init_gpu_resource::<SpecializedRenderPipelines<posterize::DepthPipeline>>()
-            .add_systems(RenderStartup, (view::init_layouts, (volume::init, posterize::init)).chain())
+            .add_systems(RenderStartup, (forget_views, view::init_layouts, (volume::init, posterize::init)).chain())
             .add_systems(ExtractSchedule, extract::extract_props)
             .add_systems(
                 Render,
@@ -63,5 +63,20 @@ impl Plugin for PicturePlugin {
                     .before(main_transparent_pass_3d)
                     .in_set(Core3dSystems::MainPass),
             );
+    }
+}
+
+/// Drops what views hold of a device that was lost; the next extraction begins anew.
+fn forget_views(mut commands: Commands, views: Query<Entity, With<view::ViewProps>>) {
+    for view in &views {
+        commands.entity(view).remove::<(
+            view::ViewProps,
+            extract::VisibleProps,
+            textures::PropTextures,
+            volume::VolumeBindGroup,
+            volume::VolumePipelines,
+            posterize::PosterizeBindGroups,
+            posterize::PosterizePipelines,
+        )>();
     }
 }
