@@ -4,7 +4,8 @@
 // The nearest half float. Devices may cut what they store in half-float textures, and a value that is cut in each of the
 // filter's passes drifts.
 fn to_half(value: vec4<f32>) -> vec4<f32> {
-    return bitcast<vec4<f32>>((bitcast<vec4<u32>>(value) + 0x1000u) & vec4(0xffffe000u));
+    let held = clamp(value, vec4(-65504.0), vec4(65504.0));
+    return bitcast<vec4<f32>>((bitcast<vec4<u32>>(held) + 0x1000u) & vec4(0xffffe000u));
 }
 
 fn decode(encoded: vec3<f32>) -> vec3<f32> {

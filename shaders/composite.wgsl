@@ -18,6 +18,8 @@ fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
     let pixel = vec2<u32>(position.xy);
     let over = textureLoad(layer, pixel, 0);
     var background = textureLoad(scene, pixel + view.corner, 0).rgb;
+    // An infinite light behind an opaque prop is no light.
+    background = clamp(background, vec3(0.0), vec3(65504.0));
 #ifndef ENCODED_TARGET
     background = encode(background);
 #endif

@@ -56,31 +56,19 @@ fn depth_value(distance: f32) -> f32 {
     return (view.depth.y - distance * view.depth.x) / (view.depth.w - distance * view.depth.z);
 }
 
-// What the owner texture holds: which prop is in front, if it is opaque enough, and where. Alpha is 1 where a prop takes the
-// pixel from those behind it, so that blending picks whole values. Half floats hold the logarithm of the distance in two
-// parts, to 5e-6 of it.
-struct Owner {
-    // 1 + index of the prop that posterises the pixel, or 0.
-    prop: f32,
-    // Distance along the view axis at which half of the light is gone, or `FAR_AWAY`.
-    distance: f32,
-}
-
 const FAR_AWAY: f32 = 1e30;
 const NOWHERE: f32 = 1000.0;
 
-fn pack_owner(owner: Owner, takes: f32) -> vec4<f32> {
-    if owner.distance >= FAR_AWAY {
-        return vec4(owner.prop, NOWHERE, 0.0, takes);
+// A distance along the view axis in half floats: its logarithm in two parts, to 5e-6 of the distance.
+fn pack_distance(distance: f32) -> vec2<f32> {
+    if distance >= FAR_AWAY {
+        return vec2(NOWHERE, 0.0);
     }
-    let exponent = log2(max(owner.distance, 1e-30));
+    let exponent = log2(max(distance, 1e-30));
     let high = to_half(vec4(exponent)).x;
-    return vec4(owner.prop, high, to_half(vec4(exponent - high)).x, takes);
+    return vec2(high, to_half(vec4(exponent - high)).x);
 }
 
-fn unpack_owner(texel: vec4<f32>) -> Owner {
-    if texel.y >= NOWHERE {
-        return Owner(texel.x, FAR_AWAY);
-    }
-    return Owner(texel.x, exp2(texel.y + texel.z));
+fn unpack_distance(parts: vec2<f32>) -> f32 {
+    return select(exp2(parts.x + parts.y), FAR_AWAY, parts.x >= NOWHERE);
 }

@@ -3,7 +3,7 @@
 #import bevy_plenoctree::color::to_half
 #import bevy_plenoctree::octree::{LEAF, advance, begin, clip, densities, field, is_inside, make_ray}
 #import bevy_plenoctree::radiance::{harmonics, radiance}
-#import bevy_plenoctree::view::{FAR_AWAY, Owner, pack_owner, props, view, view_distance}
+#import bevy_plenoctree::view::{FAR_AWAY, pack_distance, props, view, view_distance}
 
 #ifdef MULTISAMPLED
 @group(0) @binding(3) var scene_depth: texture_depth_multisampled_2d;
@@ -41,8 +41,10 @@ fn vertex(@builtin(vertex_index) index: u32, @builtin(instance_index) instance: 
 struct Fragment {
     // Colour weighed by opacity, encoded sRGB, and opacity.
     @location(0) color: vec4<f32>,
-    // What `pack_owner` makes.
+    // 1 + index of the prop that posterises the pixel, or 0; blending takes it where alpha is 1.
     @location(1) owner: vec4<f32>,
+    // What `pack_distance` makes of where half of the light is gone; taken likewise.
+    @location(2) distance: vec4<f32>,
 }
 
 const STOP_TRANSMITTANCE: f32 = 1e-2;
@@ -101,8 +103,12 @@ fn fragment(in: Varying) -> Fragment {
         color /= opacity;
         opacity = 1.0;
     }
-    let covers = select(0.0, 1.0, opacity >= props[in.prop].min_opacity);
+    let covers = select(0.0, 1.0, opacity > 0.0 && opacity >= props[in.prop].min_opacity);
     let posterized = select(0.0, f32(in.prop + 1u), props[in.prop].colors > 0u);
-    let distance = select(FAR_AWAY, half_way / length(toward), half_way < FAR_AWAY);
-    return Fragment(to_half(vec4(color, opacity)), pack_owner(Owner(posterized, distance), covers));
+    let solid = select(0.0, 1.0, half_way < FAR_AWAY);
+    return Fragment(
+        to_half(vec4(color, opacity)),
+        vec4(posterized, 0.0, 0.0, covers),
+        vec4(pack_distance(select(FAR_AWAY, half_way / length(toward), solid > 0.0)), 0.0, solid),
+    );
 }

@@ -30,12 +30,15 @@ pub struct PlenOctreePlugin;
 
 impl Plugin for PlenOctreePlugin {
     fn build(&self, app: &mut App) {
-        app.init_asset::<PlenOctree>().init_asset_loader::<asset::PlenOctreeLoader>().add_plugins((
-            gpu::GpuFieldPlugin,
-            sampling::SamplingPlugin,
-            palettes::PalettesPlugin,
-            prop::PropPlugin,
-            picture::PicturePlugin,
-        ));
+        app.init_asset::<PlenOctree>()
+            .init_asset_loader::<asset::PlenOctreeLoader>()
+            .register_type::<field::LoadSettings>()
+            .add_plugins((
+                gpu::GpuFieldPlugin,
+                sampling::SamplingPlugin,
+                palettes::PalettesPlugin,
+                prop::PropPlugin,
+                picture::PicturePlugin,
+            ));
     }
 }

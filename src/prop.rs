@@ -21,6 +21,8 @@ use crate::field::PlenOctree;
 #[component(on_add = visibility::add_visibility_class::<Prop>)]
 pub struct Prop(pub Handle<PlenOctree>);
 
+/// The most steps from one palette colour to another.
+pub const MAX_BLEND_STEPS: u32 = 8;
 /// The most iterations that the bilateral filter can do.
 pub const MAX_FILTER_ITERATIONS: u32 = 16;
 /// The largest radius of the bilateral filter, in pixels.
@@ -33,7 +35,8 @@ pub const MAX_FILTER_RADIUS: u32 = 6;
 #[derive(Component, Clone, Copy, Debug, PartialEq, Reflect)]
 #[reflect(Component, Default, Clone, Debug, PartialEq)]
 pub struct Posterize {
-    /// `d`: steps from one palette colour to another; 1 makes labels of the palette colours alone. 1 to 8; 3 by default.
+    /// `d`: steps from one palette colour to another; 1 makes labels of the palette colours alone. 1 to
+    /// [`MAX_BLEND_STEPS`]; 3 by default.
     pub blend_steps: u32,
     /// `D`: distance in encoded RGB over which neighbouring labels blend; 0 is a hard edge. 0 to 0.4 is useful; 0.2 by
     /// default.
@@ -105,7 +108,7 @@ fn update_bounds(
         {
             let turn = field.up().to_y_up();
             let (a, b) = ((turn * low).as_vec3(), (turn * high).as_vec3());
-            commands.entity(entity).insert(Aabb::from_min_max(a.min(b), a.max(b)));
+            commands.entity(entity).try_insert(Aabb::from_min_max(a.min(b), a.max(b)));
         }
     }
 }

@@ -428,7 +428,7 @@ fn settings_are_reflected() {
     assert_eq!(through_text(&own, &registry), own);
     let settings = ExtractionSettings { colors: 9, observers: Observers::Sphere, ..default() };
     assert_eq!(through_text(&settings, &registry), settings);
-    for path in ["picture::prop::Posterize", "picture::prop::Prop", "palettes::overrides::PaletteOverride"] {
+    for path in ["prop::Posterize", "prop::Prop", "palettes::overrides::PaletteOverride"] {
         let registration = registry.get_with_type_path(&format!("bevy_plenoctree::{path}")).unwrap();
         assert!(registration.data::<ReflectComponent>().is_some(), "{path}");
     }

@@ -137,3 +137,35 @@ fn a_fraction_of_the_leaves_stands_for_all() {
         assert!(difference(&on_gpu.histograms, &some) < 1e-4, "the GPU chose other leaves");
     }
 }
+
+/// One job after the other, and one that is asked for again, in one app.
+#[test]
+fn every_field_gets_its_turn_on_the_gpu() {
+    let mut headless = Headless::new(UVec2::ONE, |app| {
+        app.add_plugins(PlenOctreePlugin);
+    })
+    .unwrap();
+    headless.app.world_mut().resource_mut::<PaletteExtraction>().sampler = Sampler::Gpu;
+    let fields: Vec<_> = [Basis::Sh1, Basis::Sh4]
+        .into_iter()
+        .map(|basis| {
+            let world = headless.app.world_mut();
+            let handle = world.resource_mut::<Assets<PlenOctree>>().add(lumps(basis));
+            world.spawn((Prop(handle.clone()), Posterize::default()));
+            handle
+        })
+        .collect();
+    headless.wait_until_ready(Duration::from_secs(120)).unwrap();
+    let mut extraction = headless.app.world_mut().resource_mut::<PaletteExtraction>();
+    assert!(fields.iter().all(|field| extraction.sampled(field).is_some_and(|sampled| sampled.on_gpu)));
+    extraction.settings.colors = 4;
+    extraction.restart(&fields[0]);
+    let start = Instant::now();
+    let colors = |headless: &Headless| {
+        headless.app.world().resource::<Palettes>().get(&fields[0]).unwrap().extracted().colors.len()
+    };
+    while colors(&headless) != 4 {
+        headless.update();
+        assert!(start.elapsed() < Duration::from_secs(60), "still {} colours", colors(&headless));
+    }
+}

@@ -28,13 +28,13 @@ pub struct Arguments {
     #[arg(long)]
     pub palette: Option<PathBuf>,
     /// Colours that the palette is simplified to.
-    #[arg(long, default_value_t = 6, value_parser = clap::value_parser!(u32).range(1..=64))]
+    #[arg(long, default_value_t = 6, value_parser = clap::value_parser!(u32).range(1..=64), conflicts_with = "palette")]
     colors: u32,
     /// What samples the field's radiance; the GPU, or the CPU where graphics are in software, by default.
-    #[arg(long, value_enum)]
+    #[arg(long, value_enum, conflicts_with = "palette")]
     pub sampling: Option<Sampling>,
     /// The share of the leaves that is sampled, above 0 to 1.
-    #[arg(long, default_value_t = 1.0, value_parser = parse_fraction)]
+    #[arg(long, default_value_t = 1.0, value_parser = parse_fraction, conflicts_with = "palette")]
     sample_fraction: f64,
     /// Where to write the histograms, as an .npz of `fine` and `coarse`.
     #[arg(long, value_name = "FILE.npz", conflicts_with = "palette")]

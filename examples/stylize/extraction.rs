@@ -30,6 +30,9 @@ pub struct Extracted {
 pub fn extract(field: &PlenOctree, arguments: &Arguments, bar: &ProgressBar) -> Result<Extracted> {
     match arguments.sampling {
         Some(Sampling::Cpu) => on_cpu(field, arguments, bar, false),
+        Some(Sampling::Reference) if arguments.extraction().sample_fraction < 1.0 => {
+            Err("--sampling reference samples every leaf: leave --sample-fraction out".into())
+        }
         Some(Sampling::Reference) => on_cpu(field, arguments, bar, true),
         Some(Sampling::Gpu) => on_gpu(field, arguments, bar, Sampler::Gpu),
         // Where there is no app the CPU needs none.

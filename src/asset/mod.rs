@@ -5,10 +5,10 @@ use std::io::Cursor;
 use bevy::{
     asset::{AssetLoader, LoadContext, UntypedAssetId, VisitAssetDependencies, io::Reader},
     prelude::*,
-    reflect::TypePath,
+    reflect::{TypePath, impl_reflect},
 };
 
-use crate::field::{LoadSettings, PlenOctree, ReadError};
+use crate::field::{Activation, LoadSettings, PlenOctree, ReadError, UpAxis};
 
 // The field itself knows nothing of Bevy; this is all that makes an asset of it.
 impl Asset for PlenOctree {}
@@ -26,6 +26,35 @@ impl TypePath for PlenOctree {
         "PlenOctree"
     }
 }
+
+impl_reflect!(
+    #[reflect(Clone, Debug, PartialEq)]
+    #[type_path = "bevy_plenoctree::field"]
+    struct LoadSettings {
+        activation: Option<Activation>,
+        up: UpAxis,
+        density_threshold: f32,
+    }
+);
+
+impl_reflect!(
+    #[reflect(Clone, Debug, PartialEq, Hash)]
+    #[type_path = "bevy_plenoctree::field"]
+    enum Activation {
+        Sigmoid,
+        ShiftedRelu,
+        Identity,
+    }
+);
+
+impl_reflect!(
+    #[reflect(Clone, Debug, PartialEq, Hash)]
+    #[type_path = "bevy_plenoctree::field"]
+    enum UpAxis {
+        Y,
+        Z,
+    }
+);
 
 /// Loads `.npz` files as [`PlenOctree`]s, off the main thread, hot reload included.
 ///

@@ -23,7 +23,7 @@ pub struct BakeSettings {
     pub up: UpAxis,
     /// Density, per world unit, under which a cell is empty. Renderers skip what is under 1e-2.
     pub min_density: f64,
-    /// Density of a cell is the mean over this many points along each of its axes, at least 1.
+    /// Density of a cell is the mean over this many points along each of its axes, 1 to 64.
     pub density_samples: u32,
     /// Directions, spread evenly over the sphere, in which radiance is asked for; at least the basis' functions.
     pub directions: u32,
@@ -176,7 +176,7 @@ where
     /// Adds the finest cell at `corner` to the leaves, unless it is empty.
     fn leaf(&self, corner: UVec3, part: &mut Part) -> bool {
         let place = |offset: DVec3| self.settings.min + (corner.as_dvec3() + offset) * self.cell;
-        let n = self.settings.density_samples.max(1);
+        let n = self.settings.density_samples.clamp(1, 64);
         let mut sum = 0.0;
         for point in 0..n.pow(3) {
             let offset = UVec3::new(point / (n * n), point / n % n, point % n).as_dvec3() + 0.5;

@@ -50,6 +50,18 @@ impl Histograms {
         Ok(Self { fine: Bins::new(fine_bins, fine)?, coarse: Bins::new(coarse_bins, coarse)?, samples })
     }
 
+    /// [`Self::new`] for weights that are known to be as many as the bins, finite and not negative.
+    pub(crate) fn from_weights(
+        fine_bins: usize,
+        fine: Vec<f64>,
+        coarse_bins: usize,
+        coarse: Vec<f64>,
+        samples: u64,
+    ) -> Self {
+        let bins = |per_channel, weights| Bins { per_channel, weights };
+        Self { fine: bins(fine_bins, fine), coarse: bins(coarse_bins, coarse), samples }
+    }
+
     /// Weights of the fine bins, which are clustered.
     pub fn fine(&self) -> &[f64] {
         &self.fine.weights

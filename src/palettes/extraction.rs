@@ -88,6 +88,8 @@ struct Running {
 }
 
 enum Stage {
+    /// A task works out what the render world needs to know.
+    Planning(Task<SamplingJob>, Instant),
     /// The render world samples, since then.
     Sampling(Arc<SamplingJob>, Instant),
     /// A task does the rest, or everything.
@@ -153,7 +155,6 @@ pub(super) fn forget(
 
 pub(super) fn start(
     mut extraction: ResMut<PaletteExtraction>,
-    mut jobs: ResMut<SamplingJobs>,
     palettes: Res<Palettes>,
     fields: Res<Assets<PlenOctree>>,
     adapter: Option<Res<RenderAdapterInfo>>,
@@ -176,10 +177,9 @@ pub(super) fn start(
         let settings = extraction.settings.clone();
         let stage = match settings.validate() {
             Ok(()) if on_gpu => {
-                let job = SamplingJob::new(id, field.clone(), settings, extraction.budget, progress.clone());
-                let job = Arc::new(job);
-                jobs.0.push(job.clone());
-                Stage::Sampling(job, Instant::now())
+                let (field, budget, progress) = (field.clone(), extraction.budget, progress.clone());
+                let plan = async move { SamplingJob::new(id, field, settings, budget, progress) };
+                Stage::Planning(AsyncComputeTaskPool::get().spawn(plan), Instant::now())
             }
             _ => on_cpu(field.clone(), settings, progress.clone()),
         };
@@ -222,6 +222,13 @@ pub(super) fn finish(
     running.retain(|id, running| {
         let task = match &mut running.stage {
             Stage::Computing(task) => task,
+            Stage::Planning(task, start) => {
+                if let Some(job) = block_on(poll_once(task)).map(Arc::new) {
+                    jobs.0.push(job.clone());
+                    running.stage = Stage::Sampling(job, *start);
+                }
+                return true;
+            }
             Stage::Sampling(job, start) => {
                 if let Some(outcome) = job.take_outcome() {
                     running.stage = after_sampling(job, outcome, start.elapsed());
@@ -233,7 +240,8 @@ pub(super) fn finish(
             return true;
         };
         match result {
-            Ok(_) if !running.replaces && palettes.get(*id).is_some() => {}
+            // Meanwhile the field was given one, or one to wait for.
+            Ok(_) if !running.replaces && !palettes.lacks(*id) => {}
             Ok((found, from)) => {
                 palettes.arrive(*id, FieldPalette::extracted_by(found));
                 sampled.insert(*id, from);

@@ -12,6 +12,7 @@ use bevy::{
 use super::{rays::Placement, view::ViewProps};
 use crate::{
     field::PlenOctree,
+    palette::Palette,
     palettes::{FieldPalette, PaletteOverride, Palettes},
     prop::{Posterize, Prop},
 };
@@ -43,7 +44,8 @@ pub(super) struct PaletteColors {
 impl PaletteColors {
     fn write(colors: &mut Vec<Vec4>, palette: &FieldPalette, own: Option<&PaletteOverride>) -> Self {
         let first = colors.len() as u32;
-        let extracted = &palette.extracted().colors;
+        // What no shader can go through in time is not shown.
+        let extracted = palette.extracted().colors.get(..Palette::MAX_COLORS).unwrap_or(&palette.extracted().colors);
         colors.extend(extracted.iter().map(|c| glam::DVec3::from(*c).as_vec3().extend(0.0)));
         colors.extend(extracted.iter().enumerate().map(|(index, extracted)| {
             let shown = own.and_then(|own| own.get(index)).or_else(|| palette.shown().get(index).copied());

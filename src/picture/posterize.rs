@@ -3,7 +3,7 @@
 use std::num::NonZero;
 
 use bevy::{
-    camera::CompositingSpace,
+    camera::{CompositingSpace, MainPassResolutionOverride},
     core_pipeline::core_3d::CORE_3D_DEPTH_FORMAT,
     prelude::*,
     render::{
@@ -25,7 +25,7 @@ use bevy::{
 };
 
 use super::{
-    textures::{LAYER_FORMAT, PropTextures},
+    textures::{LAYER_FORMAT, PropTextures, drawn_viewport},
     view::{ViewLayouts, ViewProps},
 };
 use crate::{gpu::Shaders, prop::MAX_FILTER_ITERATIONS};
@@ -278,7 +278,7 @@ pub(super) fn prepare_bind_groups(
                 &label.0.layout,
                 &BindGroupEntries::sequential((&textures.even, &textures.layer)),
             ),
-            depth: group(depth.0.label, &depth.0.layout, &BindGroupEntries::sequential((&textures.owner,))),
+            depth: group(depth.0.label, &depth.0.layout, &BindGroupEntries::sequential((&textures.distance,))),
         });
     }
 }
@@ -286,6 +286,7 @@ pub(super) fn prepare_bind_groups(
 pub(super) fn posterize_pass(
     view: ViewQuery<(
         &ExtractedCamera,
+        Option<&MainPassResolutionOverride>,
         &ViewTarget,
         &ViewDepthTexture,
         &ViewProps,
@@ -297,7 +298,7 @@ pub(super) fn posterize_pass(
     filter: Res<FilterPipelines>,
     mut ctx: RenderContext,
 ) {
-    let (camera, view_target, scene_depth, props, textures, pipelines, groups) = view.into_inner();
+    let (camera, resolution, view_target, scene_depth, props, textures, pipelines, groups) = view.into_inner();
     let scene = view_target.main_texture_view().id();
     let Some((_, scene)) = groups.composite.iter().find(|(id, _)| *id == scene) else {
         return;
@@ -314,6 +315,7 @@ pub(super) fn posterize_pass(
     if props.rect.is_empty() {
         return;
     }
+    let viewport = drawn_viewport(camera, resolution);
     let diagnostics = ctx.diagnostic_recorder();
     let diagnostics = diagnostics.as_deref();
     let span = diagnostics.time_span(ctx.command_encoder(), POSTERIZE_SPAN);
@@ -333,7 +335,7 @@ pub(super) fn posterize_pass(
         }
         let mut pass = ctx.begin_tracked_render_pass(descriptor);
         let (mut corner, size) = (props.rect.min, props.rect.size());
-        if let (Target::Screen | Target::Depth, Some(viewport)) = (target, &camera.viewport) {
+        if let (Target::Screen | Target::Depth, Some(viewport)) = (target, &viewport) {
             pass.set_camera_viewport(viewport);
             corner += viewport.physical_position;
         }

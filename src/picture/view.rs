@@ -1,6 +1,7 @@
 //! What the passes of one view share: its props, their palettes, its depth.
 
 use bevy::{
+    camera::MainPassResolutionOverride,
     prelude::*,
     render::{
         camera::ExtractedCamera,
@@ -17,11 +18,14 @@ use bevy::{
     },
 };
 
-use super::extract::{ExtractedProps, PaletteColors, VisibleProps};
+use super::{
+    extract::{ExtractedProps, PaletteColors, VisibleProps},
+    textures::drawn_viewport,
+};
 use crate::{
     field::PlenOctree,
     gpu::GpuField,
-    prop::{MAX_FILTER_ITERATIONS, MAX_FILTER_RADIUS, Posterize},
+    prop::{MAX_BLEND_STEPS, MAX_FILTER_ITERATIONS, MAX_FILTER_RADIUS, Posterize},
 };
 
 /// `Prop` of `view.wgsl`.
@@ -118,15 +122,22 @@ pub(super) fn prepare_views(
     fields: Res<RenderAssets<GpuField>>,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
-    mut views: Query<(&ExtractedView, &ExtractedCamera, &VisibleProps, &mut ViewProps)>,
+    mut views: Query<(
+        &ExtractedView,
+        &ExtractedCamera,
+        Option<&MainPassResolutionOverride>,
+        &VisibleProps,
+        &mut ViewProps,
+    )>,
 ) {
-    for (view, camera, visible, mut buffers) in &mut views {
+    for (view, camera, resolution, visible, mut buffers) in &mut views {
         buffers.fields.clear();
         buffers.iterations = 0;
         buffers.rect = URect::EMPTY;
-        let Some(size) = camera.physical_viewport_size else {
+        let Some(viewport) = drawn_viewport(camera, resolution) else {
             continue;
         };
+        let size = viewport.physical_size;
 
         let eye = view.world_from_view.translation().as_dvec3();
         let ViewProps { order, fields: drawn, iterations, rect, view: uniform, props, colors } = &mut *buffers;
@@ -185,8 +196,8 @@ pub(super) fn prepare_views(
             colors.get_mut().push(Vec4::ZERO);
         }
         let [z, w] = [view.clip_from_view.z_axis, view.clip_from_view.w_axis];
-        let corner = camera.viewport.as_ref().map_or(UVec2::ZERO, |viewport| viewport.physical_position);
-        *uniform.get_mut() = ViewUniform { corner, size, depth: Vec4::new(z.z, w.z, z.w, w.w) };
+        *uniform.get_mut() =
+            ViewUniform { corner: viewport.physical_position, size, depth: Vec4::new(z.z, w.z, z.w, w.w) };
         uniform.write_buffer(&device, &queue);
         props.write_buffer(&device, &queue);
         colors.write_buffer(&device, &queue);
@@ -221,7 +232,7 @@ fn sound(look: Posterize) -> Posterize {
     abstraction.spatial_sigma = abstraction.spatial_sigma.max(1e-3);
     abstraction.range_sigma = abstraction.range_sigma.max(1e-3);
     Posterize {
-        blend_steps: blend_steps.clamp(1, 64),
+        blend_steps: blend_steps.clamp(1, MAX_BLEND_STEPS),
         softness: softness.max(0.0),
         min_opacity: min_opacity.max(0.0),
         abstraction,

@@ -18,7 +18,7 @@ use bevy::{
 };
 
 use super::{
-    textures::{LAYER_FORMAT, OWNER_FORMAT, PropTextures},
+    textures::{DISTANCE_FORMAT, LAYER_FORMAT, OWNER_FORMAT, PropTextures},
     view::{ViewLayouts, ViewProps},
 };
 use crate::{
@@ -29,8 +29,8 @@ use crate::{
 /// Name of the pass's span in Bevy's render diagnostics.
 pub const VOLUME_SPAN: &str = "plenoctree_volume";
 
-/// No prop, nowhere: `NOWHERE` of `view.wgsl`.
-const NO_OWNER: wgpu::Color = wgpu::Color { r: 0.0, g: 1000.0, b: 0.0, a: 0.0 };
+/// `NOWHERE` of `view.wgsl`.
+const NOWHERE: wgpu::Color = wgpu::Color { r: 1000.0, g: 0.0, b: 0.0, a: 0.0 };
 
 #[derive(Resource)]
 pub(super) struct VolumePipeline {
@@ -98,6 +98,7 @@ impl SpecializedRenderPipeline for VolumePipeline {
                     target(LAYER_FORMAT, over(BlendFactor::One)),
                     // The nearest prop that is opaque enough owns the pixel.
                     target(OWNER_FORMAT, over(BlendFactor::SrcAlpha)),
+                    target(DISTANCE_FORMAT, over(BlendFactor::SrcAlpha)),
                 ],
             }),
             ..default()
@@ -180,7 +181,11 @@ pub(super) fn volume_pass(
         };
         let mut pass = ctx.begin_tracked_render_pass(RenderPassDescriptor {
             label: Some(VOLUME_SPAN),
-            color_attachments: &[clear(&textures.layer, default()), clear(&textures.owner, NO_OWNER)],
+            color_attachments: &[
+                clear(&textures.layer, default()),
+                clear(&textures.owner, default()),
+                clear(&textures.distance, NOWHERE),
+            ],
             ..default()
         });
         pass.set_bind_group(0, &bind_group.0, &[]);

@@ -9,6 +9,6 @@ mod render;
 mod sampling;
 
 pub use march::{Crossing, march};
-pub use posterize::{Posterization, bilateral, labels, posterize};
+pub use posterize::{Posterization, labels, posterize};
 pub use render::{Picture, render, render_ray};
 pub use sampling::sample_histograms;

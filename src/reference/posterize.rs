@@ -53,7 +53,7 @@ pub fn labels(palette: &[DVec3], blend_steps: u32) -> Vec<DVec3> {
 }
 
 /// The posterised picture over `background`, in encoded sRGB: filtered, every pixel of the object replaced by its label.
-/// `reference` and `shown` are the extracted and the edited palette.
+/// `reference` and `shown` are the extracted and the edited palette, of the same length.
 pub fn posterize(
     picture: &Picture,
     background: DVec3,
@@ -62,7 +62,7 @@ pub fn posterize(
     settings: &Posterization,
 ) -> Vec<DVec3> {
     let thin: Vec<bool> = picture.opacity.iter().map(|&a| a < settings.min_opacity).collect();
-    let filtered = bilateral(&picture.over(background), &thin, picture.width, settings);
+    let filtered = bilateral(&picture.over(background), &thin, picture.width.max(1), settings);
     let reference = labels(reference, settings.blend_steps);
     let shown = labels(shown, settings.blend_steps);
     filtered
@@ -74,26 +74,26 @@ pub fn posterize(
 
 /// Steps 3 and 4: the two nearest labels, blended softly.
 fn assign(color: DVec3, reference: &[DVec3], shown: &[DVec3], softness: f64) -> DVec3 {
-    let (mut nearest, mut second) = ((f64::INFINITY, 0), (f64::INFINITY, 0));
-    for (index, label) in reference.iter().enumerate() {
+    let (mut nearest, mut second) = ((f64::INFINITY, color), (f64::INFINITY, color));
+    for (label, &shown) in reference.iter().zip(shown) {
         let distance = color.distance(*label);
         if distance < nearest.0 {
             second = nearest;
-            nearest = (distance, index);
+            nearest = (distance, shown);
         } else if distance < second.0 {
-            second = (distance, index);
+            second = (distance, shown);
         }
     }
     if softness == 0.0 || !second.0.is_finite() {
-        return shown[nearest.1];
+        return nearest.1;
     }
     let step = (0.5 + (second.0 - nearest.0) / (2.0 * softness)).clamp(0.5, 1.0);
     let share = step * step * (3.0 - 2.0 * step);
-    share * shown[nearest.1] + (1.0 - share) * shown[second.1]
+    share * nearest.1 + (1.0 - share) * second.1
 }
 
 /// Step 2: the separable bilateral filter. Pixels marked `thin` are read but stay as they are.
-pub fn bilateral(picture: &[DVec3], thin: &[bool], width: usize, settings: &Posterization) -> Vec<DVec3> {
+fn bilateral(picture: &[DVec3], thin: &[bool], width: usize, settings: &Posterization) -> Vec<DVec3> {
     let mut picture = picture.to_vec();
     for _ in 0..settings.iterations {
         for along_rows in [true, false] {
@@ -105,7 +105,7 @@ pub fn bilateral(picture: &[DVec3], thin: &[bool], width: usize, settings: &Post
 
 fn pass(picture: &[DVec3], thin: &[bool], width: usize, along_rows: bool, settings: &Posterization) -> Vec<DVec3> {
     let lab: Vec<DVec3> = picture.iter().map(|&color| cielab(color)).collect();
-    let height = picture.len() / width.max(1);
+    let height = picture.len() / width;
     let radius = settings.radius as isize;
     let gauss = |squared: f64, sigma: f64| (-squared / (2.0 * sigma * sigma)).exp();
     (0..picture.len())

@@ -7,11 +7,13 @@ use glam::DVec3;
 use super::march;
 use crate::{
     field::{PlenOctree, UpAxis},
-    palette::{ExtractionSettings, Histograms, InvalidHistogram, Observers},
+    palette::{ExtractionSettings, Histograms, InvalidSetting, Observers},
 };
 
-/// The histograms of the whole field, sample by sample, in float64 and on one core.
-pub fn sample_histograms(field: &PlenOctree, settings: &ExtractionSettings) -> Result<Histograms, InvalidHistogram> {
+/// The histograms of the whole field, sample by sample, in float64 and on one core. Every leaf is sampled, whatever
+/// [`ExtractionSettings::sample_fraction`] says.
+pub fn sample_histograms(field: &PlenOctree, settings: &ExtractionSettings) -> Result<Histograms, InvalidSetting> {
+    settings.validate()?;
     let bins = [settings.fine_bins, settings.coarse_bins];
     let mut weights = bins.map(|bins| vec![0.0; bins.pow(3)]);
     let cells = f64::from(1u32 << field.depth());
@@ -38,7 +40,7 @@ pub fn sample_histograms(field: &PlenOctree, settings: &ExtractionSettings) -> R
     }
     let samples = field.leaves() * directions.len();
     let [fine, coarse] = weights;
-    Histograms::new(settings.fine_bins, fine, settings.coarse_bins, coarse, samples as u64)
+    Ok(Histograms::from_weights(settings.fine_bins, fine, settings.coarse_bins, coarse, samples as u64))
 }
 
 /// Index of the bin of a colour: step 5.

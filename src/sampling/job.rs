@@ -1,7 +1,7 @@
 //! What the main world asks the render world for.
 
 use std::{
-    sync::{Arc, Mutex, PoisonError},
+    sync::{Arc, Mutex, MutexGuard, PoisonError},
     time::Duration,
 };
 
@@ -9,7 +9,7 @@ use bevy::{prelude::*, render::extract_resource::ExtractResource};
 
 use crate::{
     field::PlenOctree,
-    palette::{ExtractionSettings, Histograms, Progress},
+    palette::{ExtractionSettings, Histograms, Progress, chosen_leaves, observers, weight_bound},
 };
 
 /// Why the GPU gives no histograms; the CPU does then.
@@ -34,10 +34,23 @@ pub(crate) struct SamplingJob {
     /// GPU time a frame; `None` for as much as there is.
     pub budget: Option<Duration>,
     pub progress: Arc<Progress>,
-    outcome: Mutex<Option<Result<Histograms, SamplingFailure>>>,
+    /// Twice the centre of every sampled leaf, in finest cells, and its index.
+    pub leaves: Vec<[u32; 4]>,
+    /// Unit vectors to the observers, those of a cell of directions together.
+    pub observers: Vec<[f32; 4]>,
+    /// No less than what all samples weigh.
+    pub weight_bound: f64,
+    state: Mutex<State>,
+}
+
+enum State {
+    Open,
+    Ended(Result<Histograms, SamplingFailure>),
+    Taken,
 }
 
 impl SamplingJob {
+    /// Works out what the GPU needs to know, which takes a while for a large field: call it in a task.
     pub fn new(
         id: AssetId<PlenOctree>,
         field: PlenOctree,
@@ -45,19 +58,46 @@ impl SamplingJob {
         budget: Option<Duration>,
         progress: Arc<Progress>,
     ) -> Self {
-        Self { id, field, settings, budget, progress, outcome: Mutex::new(None) }
+        let leaves = chosen_leaves(&field, &settings).into_iter().map(|cell| {
+            let center = 2 * cell.corner + cell.size;
+            [center.x, center.y, center.z, cell.leaf]
+        });
+        let observers = observers(field.up(), &settings).into_iter().flatten();
+        Self {
+            leaves: leaves.collect(),
+            observers: observers.map(|ray| ray.as_vec3().extend(0.0).to_array()).collect(),
+            weight_bound: weight_bound(&field, &settings),
+            id,
+            field,
+            settings,
+            budget,
+            progress,
+            state: Mutex::new(State::Open),
+        }
     }
 
     pub fn end(&self, outcome: Result<Histograms, SamplingFailure>) {
-        *self.outcome.lock().unwrap_or_else(PoisonError::into_inner) = Some(outcome);
+        *self.state() = State::Ended(outcome);
     }
 
     pub fn is_open(&self) -> bool {
-        !self.progress.is_cancelled() && self.outcome.lock().unwrap_or_else(PoisonError::into_inner).is_none()
+        !self.progress.is_cancelled() && matches!(*self.state(), State::Open)
     }
 
+    /// The outcome, once.
     pub fn take_outcome(&self) -> Option<Result<Histograms, SamplingFailure>> {
-        self.outcome.lock().unwrap_or_else(PoisonError::into_inner).take()
+        let mut state = self.state();
+        match std::mem::replace(&mut *state, State::Taken) {
+            State::Ended(outcome) => Some(outcome),
+            other => {
+                *state = other;
+                None
+            }
+        }
+    }
+
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 

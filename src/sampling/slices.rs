@@ -20,17 +20,16 @@ use super::{
     clock::SliceClock,
     pipeline::{SamplingPipeline, SliceUniform},
 };
-use crate::{
-    gpu::GpuField,
-    palette::{Histograms, chosen_leaves, observers, weight_bound},
-};
+use crate::{gpu::GpuField, palette::Histograms};
 
 /// Threads of a workgroup of `sampling.wgsl`.
 const WORKGROUP: u32 = 64;
-/// Leaves of the first slice, when nothing is known about the GPU's speed, and the fewest of any.
-const FEWEST_LEAVES: u32 = 1024;
-/// The most leaves of a slice: a dispatch has at most 65535 workgroups along an axis.
-const MOST_LEAVES: u32 = 65535 * WORKGROUP;
+/// Storage buffers of the pipeline beside the parts of the field's coefficients.
+const OTHER_BUFFERS: u32 = 5;
+/// Rays of the first slice, when nothing is known about the GPU's speed, and about the fewest of any.
+const FEWEST_RAYS: usize = 1 << 16;
+/// About the most rays of a slice: a GPU that is busy for seconds is taken for dead.
+const MOST_RAYS: usize = 1 << 26;
 /// Slices that the GPU may be behind.
 const MOST_IN_FLIGHT: usize = 2;
 
@@ -51,6 +50,9 @@ struct Active {
     /// Cells of directions.
     cells: u32,
     leaves: u32,
+    /// Leaves of the smallest and of the largest slice.
+    fewest: u32,
+    most: u32,
     next: u32,
     /// What a weight in the histograms must be multiplied with.
     unit: f64,
@@ -107,24 +109,18 @@ impl Active {
         device: &RenderDevice,
     ) -> Result<Self, SamplingFailure> {
         let settings = &job.settings;
+        let cells = settings.direction_cells();
         let field_group = field.bind_group.clone().ok_or(SamplingFailure::TooLarge)?;
-        let chosen = chosen_leaves(&job.field, settings);
-        let leaves: Vec<[u32; 4]> = chosen
-            .iter()
-            .map(|cell| {
-                let center = 2 * cell.corner + cell.size;
-                [center.x, center.y, center.z, cell.leaf]
-            })
-            .collect();
-        let directions = observers(job.field.up(), settings);
-        let rays: Vec<[f32; 4]> = directions.iter().flatten().map(|ray| ray.as_vec3().extend(0.0).to_array()).collect();
-        let limit = device.limits().max_storage_buffer_binding_size;
-        if leaves.len() as u64 * 16 > limit || leaves.len() > u32::MAX as usize {
+        let limits = device.limits();
+        let buffers = OTHER_BUFFERS + field.parts as u32;
+        if job.leaves.len() as u64 * 16 > limits.max_storage_buffer_binding_size
+            || buffers > limits.max_storage_buffers_per_shader_stage
+        {
             return Err(SamplingFailure::TooLarge);
         }
 
         // Room for the heaviest sum, in a power of two so that scaling is exact.
-        let bound = weight_bound(&job.field, settings);
+        let bound = job.weight_bound;
         let exponent = if bound > 0.0 { bound.log2().ceil().clamp(-30.0, 60.0) } else { 0.0 };
         let weight_scale = (62.0 - exponent).exp2();
         let uniform = SliceUniform {
@@ -152,20 +148,22 @@ impl Active {
             usage: BufferUsages::STORAGE | BufferUsages::COPY_SRC,
             mapped_at_creation: false,
         });
-        let share = job.field.leaves() as f64 / leaves.len().max(1) as f64;
-        job.progress.begin(leaves.len());
+        let share = job.field.leaves() as f64 / job.leaves.len().max(1) as f64;
+        job.progress.begin(job.leaves.len());
         Ok(Self {
             job: job.clone(),
             field: field_group,
             parts: field.parts,
             layout: cache.get_bind_group_layout(&pipeline.layout),
             uniform,
-            leaf_cells: storage("plenoctree_leaf_cells", bytemuck::cast_slice(&leaves)),
-            observers: storage("plenoctree_observers", bytemuck::cast_slice(&rays)),
+            leaf_cells: storage("plenoctree_leaf_cells", bytemuck::cast_slice(&job.leaves)),
+            observers: storage("plenoctree_observers", bytemuck::cast_slice(&job.observers)),
             bins,
-            cells: directions.len() as u32,
-            samples: (leaves.len() * directions.len()) as u64,
-            leaves: leaves.len() as u32,
+            cells: cells as u32,
+            samples: (job.leaves.len() * cells) as u64,
+            leaves: job.leaves.len() as u32,
+            fewest: slice_for(FEWEST_RAYS, job),
+            most: slice_for(MOST_RAYS, job),
             next: 0,
             unit: share / weight_scale,
             speed: None,
@@ -187,15 +185,14 @@ impl Active {
         match self.job.budget {
             None => {
                 while self.next < self.leaves {
-                    self.submit(MOST_LEAVES, pipeline, device, queue);
+                    self.submit(self.most, pipeline, device, queue);
                 }
             }
             Some(_) if self.in_flight.len() >= MOST_IN_FLIGHT => {}
             Some(budget) => {
                 let leaves = self.speed.map_or(0.0, |speed| speed * budget.as_secs_f64());
                 // Speeds of small slices are rough, hence the bound on growth.
-                let leaves =
-                    (leaves as u32).clamp(FEWEST_LEAVES, MOST_LEAVES).min(4 * self.last_leaves.max(FEWEST_LEAVES / 4));
+                let leaves = (leaves as u32).clamp(self.fewest, self.most).min((4 * self.last_leaves).max(self.fewest));
                 self.submit(leaves, pipeline, device, queue);
             }
         }
@@ -268,4 +265,10 @@ impl Active {
             job.end(outcome);
         });
     }
+}
+
+/// Leaves whose rays are about so many, in whole workgroups; a dispatch has at most 65535 of them along an axis.
+fn slice_for(rays: usize, job: &SamplingJob) -> u32 {
+    let workgroups = rays / job.observers.len().max(1) / WORKGROUP as usize;
+    workgroups.clamp(1, 65535) as u32 * WORKGROUP
 }

@@ -34,6 +34,7 @@ impl Progress {
     }
 
     pub(crate) fn begin(&self, total: usize) {
+        self.done.store(0, Ordering::Relaxed);
         self.total.store(total, Ordering::Relaxed);
     }
 
