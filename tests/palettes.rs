@@ -433,3 +433,34 @@ fn settings_are_reflected() {
         assert!(registration.data::<ReflectComponent>().is_some(), "{path}");
     }
 }
+
+/// A field that changes on disk is loaded again, with a palette of its own; a palette that was given stays.
+#[test]
+fn a_field_is_reloaded() {
+    let mut files = Files::new("reload");
+    let field = files.spawn();
+    let extracted = files.palette(&field);
+    let thinner = solid(0.5);
+    let colors = [Color::srgb(0.0, 0.0, 0.0), Color::srgb(1.0, 0.0, 0.0)];
+    for given in [false, true] {
+        if given {
+            let palette = FieldPalette::from_colors(colors).unwrap();
+            files.app.world_mut().resource_mut::<Palettes>().insert(&field, palette);
+        }
+        let expected = if given { solid(10.0) } else { thinner.clone() };
+        expected.write(files.folder.join("x.npz")).unwrap();
+        files.app.world().resource::<AssetServer>().reload("x.npz");
+        let (id, density) = (field.id(), expected.densities()[0]);
+        files.run_until("the new field", move |world| {
+            world.resource::<Assets<PlenOctree>>().get(id).is_some_and(|field| field.densities()[0] == density)
+        });
+        files.app.update();
+        let palette = files.palette(&field);
+        if given {
+            assert_eq!(palette.shown(), colors);
+        } else {
+            let weight = |palette: &FieldPalette| palette.extraction().unwrap().total_weight;
+            assert!(weight(&palette) < weight(&extracted));
+        }
+    }
+}
