@@ -10,7 +10,6 @@ use bevy::{
     app::AppLabel,
     asset::LoadState,
     color::Mix,
-    core_pipeline::tonemapping::{DebandDither, Tonemapping},
     prelude::*,
     reflect::{
         TypeRegistry,
@@ -22,7 +21,7 @@ use bevy_plenoctree::{
     Abstraction, BlendSpace, ExtractionSettings, FieldPalette, Palette, PaletteExtraction, PaletteOverride,
     PaletteReady, Palettes, PlenOctree, PlenOctreePlugin, Posterize, Prop,
     field::{BakeSettings, Basis, bake},
-    headless::Headless,
+    headless::{Headless, exact_camera},
     palette::Observers,
 };
 use glam::DVec3;
@@ -67,14 +66,7 @@ impl Scene {
         };
         let left = spawn(-1.0);
         spawn(1.0);
-        world.spawn((
-            Camera3d::default(),
-            target,
-            Msaa::Off,
-            Tonemapping::None,
-            DebandDither::Disabled,
-            Transform::from_xyz(0.0, 0.0, 3.0),
-        ));
+        world.spawn((exact_camera(Color::BLACK), target, Transform::from_xyz(0.0, 0.0, 3.0)));
         headless.wait_until_ready(Duration::from_secs(120)).unwrap();
         Self { headless, left, field }
     }

@@ -4,7 +4,6 @@ use std::time::Duration;
 
 use bevy::{
     camera::Viewport,
-    core_pipeline::tonemapping::{DebandDither, Tonemapping},
     pbr::PbrPlugin,
     prelude::*,
     render::{
@@ -18,7 +17,7 @@ use bevy_plenoctree::{
     camera::PinholeCamera,
     field::{Activation, BakeSettings, Basis, UpAxis, bake},
     gpu::GpuField,
-    headless::{Headless, pinhole_view},
+    headless::{Headless, exact_camera, pinhole_view},
     reference,
 };
 use glam::{DMat4, DVec3};
@@ -97,17 +96,8 @@ impl Scene {
         let handle = world.resource_mut::<Assets<PlenOctree>>().add(field.clone());
         world.resource_mut::<Palettes>().insert(&handle, FieldPalette::new(palette()));
         let prop = world.spawn(Prop(handle.clone())).id();
-        let camera = world
-            .spawn((
-                Camera3d::default(),
-                Camera { clear_color: Color::WHITE.into(), ..default() },
-                target,
-                Msaa::Off,
-                Tonemapping::None,
-                DebandDither::Disabled,
-                pinhole_view(&pinhole(), field.up()),
-            ))
-            .id();
+        let view = pinhole_view(&pinhole(), field.up());
+        let camera = world.spawn((exact_camera(Color::WHITE), target, view)).id();
         headless.wait_until_ready(Duration::from_secs(120)).unwrap();
         Self { headless, prop, camera, field: handle }
     }

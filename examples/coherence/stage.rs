@@ -3,7 +3,6 @@
 use std::time::Duration;
 
 use bevy::{
-    core_pipeline::tonemapping::{DebandDither, Tonemapping},
     prelude::*,
     render::{RenderApp, renderer::RenderDevice},
 };
@@ -12,7 +11,7 @@ use bevy_plenoctree::{
     camera::PinholeCamera,
     field::UpAxis,
     gpu::GpuField,
-    headless::{Headless, pinhole_view},
+    headless::{Headless, exact_camera, pinhole_view},
     palette::simplify_hull,
 };
 use image::{DynamicImage, RgbImage, RgbaImage};
@@ -50,15 +49,8 @@ impl Stage {
         let field = world.resource_mut::<Assets<PlenOctree>>().add(field);
         let prop = world.spawn(Prop(field.clone())).id();
         let camera = world
-            .spawn((
-                Camera3d::default(),
-                // White to look at, but transparent: a plain frame's alpha is the field's opacity.
-                Camera { clear_color: Color::srgba(1.0, 1.0, 1.0, 0.0).into(), ..default() },
-                target,
-                Msaa::Off,
-                Tonemapping::None,
-                DebandDither::Disabled,
-            ))
+            // White to look at, but transparent: a plain frame's alpha is the field's opacity.
+            .spawn((exact_camera(Color::srgba(1.0, 1.0, 1.0, 0.0)), target))
             .id();
         headless.wait_until_ready(UPLOAD_TIMEOUT)?;
         Ok(Self { headless, look: Posterize::default(), up, palette, field, prop, camera })

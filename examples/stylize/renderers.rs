@@ -3,7 +3,6 @@
 use std::time::{Duration, Instant};
 
 use bevy::{
-    core_pipeline::tonemapping::{DebandDither, Tonemapping},
     diagnostic::{DiagnosticPath, DiagnosticsStore},
     prelude::*,
     render::{
@@ -16,7 +15,7 @@ use bevy_plenoctree::{
     FieldPalette, Palette, Palettes, PlenOctree, PlenOctreePlugin, Posterize, Prop,
     camera::PinholeCamera,
     gpu::GpuField,
-    headless::{Headless, pinhole_view},
+    headless::{Headless, exact_camera, pinhole_view},
     picture::{POSTERIZE_SPAN, VOLUME_SPAN},
     reference::{Picture, Posterization, posterize, render},
 };
@@ -77,16 +76,7 @@ impl GpuRenderer {
         world.resource_mut::<Palettes>().insert(&field, FieldPalette::new(job.palette.clone()));
         let [r, g, b] = job.background;
         let prop = world.spawn(Prop(field.clone())).id();
-        let camera = world
-            .spawn((
-                Camera3d::default(),
-                Camera { clear_color: Color::srgb_u8(r, g, b).into(), ..default() },
-                target,
-                Msaa::Off,
-                Tonemapping::None,
-                DebandDither::Disabled,
-            ))
-            .id();
+        let camera = world.spawn((exact_camera(Color::srgb_u8(r, g, b)), target)).id();
         headless.wait_until_ready(UPLOAD_TIMEOUT)?;
         Ok(Self { headless, job, prop, camera, field })
     }

@@ -53,7 +53,6 @@ impl PanelState {
     }
 }
 
-#[allow(clippy::too_many_arguments)]
 pub fn show(
     mut contexts: EguiContexts,
     mut state: ResMut<PanelState>,

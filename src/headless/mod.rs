@@ -1,11 +1,11 @@
 //! An app without a window: for tests, for pictures from a command line.
 
+mod camera;
 mod plugins;
-mod projection;
 mod readback;
 
+pub use camera::{exact_camera, pinhole_view};
 pub use plugins::HeadlessPlugins;
-pub use projection::pinhole_view;
 
 use std::time::{Duration, Instant};
 

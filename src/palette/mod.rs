@@ -4,22 +4,21 @@
 //! ([`sample`]), clusters them, and simplifies the convex hull of the clusters to a few colours. It runs on all cores and
 //! needs no app; [`Progress`] tells another thread how far it is, and cancels it.
 
+mod colors;
 mod extract;
 mod histogram;
 mod hull;
 mod kmeans;
 mod of_colors;
-#[allow(clippy::module_inception)]
-mod palette;
 mod polygon;
 mod sampling;
 mod settings;
 mod simplify;
 
+pub use colors::{InvalidPalette, Palette, PaletteFileError};
 pub use extract::{Extraction, ExtractionError, Seconds, extract, extract_from_histograms};
 pub use histogram::{Histograms, InvalidHistogram};
 pub use of_colors::simplify_hull;
-pub use palette::{InvalidPalette, Palette, PaletteFileError};
 pub use sampling::{Cancelled, Progress, SamplingError, sample};
 pub(crate) use sampling::{chosen_leaves, observers, weight_bound};
 pub use settings::{ExtractionSettings, InvalidSetting, Observers};

@@ -1,7 +1,8 @@
-//! A pinhole camera as a camera of Bevy's.
+//! Cameras for pictures: a pinhole camera as one of Bevy's, and exact colours.
 
 use bevy::{
     camera::{CameraProjection, SubCameraView},
+    core_pipeline::tonemapping::{DebandDither, Tonemapping},
     math::{Affine3A, Vec3A, Vec4},
     prelude::*,
 };
@@ -58,6 +59,17 @@ pub fn pinhole_view(camera: &PinholeCamera, up: UpAxis) -> (Projection, Transfor
     let (rotation, position) = (turn * camera.rotation, turn * camera.position);
     let affine = Affine3A::from_mat3_translation(rotation.as_mat3(), position.as_vec3());
     (Projection::custom(PinholeProjection(*camera)), Transform::from_matrix(affine.into()))
+}
+
+/// A camera whose pictures show colours as they are, over `background`: one sample a pixel, no tonemapping, no dithering.
+pub fn exact_camera(background: Color) -> impl Bundle {
+    (
+        Camera3d::default(),
+        Camera { clear_color: background.into(), ..default() },
+        Msaa::Off,
+        Tonemapping::None,
+        DebandDither::Disabled,
+    )
 }
 
 #[cfg(test)]
