@@ -21,7 +21,7 @@ pub struct Arguments {
     /// Views: 8 of a turntable, or all of the cameras, by default.
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     frames: Option<u32>,
-    /// Size of the pictures in pixels; 800x800, or what the cameras say, by default.
+    /// Size of the pictures in pixels, each side 1 to 16384; 800x800, or what the cameras say, by default.
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     pub size: Option<(u32, u32)>,
     /// A palette.json to use instead of extracting one.

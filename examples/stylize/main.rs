@@ -73,7 +73,8 @@ fn run(arguments: &Arguments) -> Result<()> {
     };
     let recolored = arguments.recolored(&palette)?;
 
-    std::fs::create_dir_all(&arguments.out).map_err(|error| format!("{}: {error}", arguments.out.display()))?;
+    std::fs::create_dir_all(&arguments.out)
+        .map_err(|error| format!("{}: cannot be created: {error}", arguments.out.display()))?;
     output::write_palette(&palette, &arguments.out)?;
 
     let job = Job {

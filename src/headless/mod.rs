@@ -47,7 +47,9 @@ pub enum HeadlessError {
 
 /// An app that renders into a picture instead of a window, stepped by hand.
 ///
-/// Everything runs on the calling thread, frame by frame: a call of [`Self::update`] has rendered when it returns.
+/// Everything runs on the calling thread, frame by frame: a call of [`Self::update`] has rendered when it returns. Time
+/// runs by the clock on the wall; insert Bevy's `TimeUpdateStrategy::ManualDuration` for pictures that repeat. Waiting and
+/// taking a picture run frames too. [`HeadlessPlugins`] says what else an app may need.
 ///
 /// ```no_run
 /// # use bevy::prelude::*;

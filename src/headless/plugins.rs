@@ -20,6 +20,10 @@ use wgpu::{Backends, Instance, InstanceDescriptor, RequestAdapterOptions};
 
 /// The plugins of an app that renders into pictures: no window, pipelines ready when they are first used, rendering on
 /// the thread that updates the app.
+///
+/// They are only what props and unlit pictures need: tasks, time, transforms, diagnostics, input, windows, assets, the
+/// renderer, images, meshes, cameras and the core pipelines. For lit meshes add Bevy's `LightPlugin` and `PbrPlugin`, for
+/// bloom and its like `PostProcessPlugin`, for messages `LogPlugin`.
 pub struct HeadlessPlugins;
 
 impl PluginGroup for HeadlessPlugins {
