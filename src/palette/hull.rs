@@ -122,6 +122,12 @@ impl Hull {
         face.map(|corner| self.vertices[corner])
     }
 
+    /// Whether no point is outside, but for little more than rounding.
+    pub fn contains(&self, points: &[DVec3]) -> bool {
+        let planes = self.faces.iter().filter_map(|&face| Plane::through(self.triangle(face)));
+        planes.flat_map(|plane| points.iter().map(move |&p| plane.distance(p))).all(|height| height <= 10.0 * ROUNDING)
+    }
+
     /// Adds a point: the faces that it sees give way to a cone over their rim.
     fn add(&mut self, point: DVec3) {
         let (seen, mut faces): (Vec<_>, Vec<_>) =
