@@ -103,8 +103,8 @@ fn update_bounds(
         if has_bounds && !prop.is_changed() && !changed.contains(&prop.0.id()) {
             continue;
         }
-        if let Some((low, high)) = fields.get(&prop.0).and_then(PlenOctree::bounds)
-            && let Some(field) = fields.get(&prop.0)
+        if let Some(field) = fields.get(&prop.0)
+            && let Some((low, high)) = field.bounds()
         {
             let turn = field.up().to_y_up();
             let (a, b) = ((turn * low).as_vec3(), (turn * high).as_vec3());

@@ -197,12 +197,10 @@ fn bind(field: &PlenOctree, leaves_per_part: usize, device: &RenderDevice, layou
     ];
     // Part by part, so that no more than one is in memory twice.
     let all = field.coefficients();
-    let mut rest = Some(all);
-    while let Some(left) = rest {
-        let (part, after) = left.split_at((leaves_per_part * field.basis().coefficients()).min(left.len()));
+    let parts = all.chunks((leaves_per_part * field.basis().coefficients()).max(1));
+    for part in parts.chain(all.is_empty().then_some(all)) {
         let packed = pack_coefficients(field.basis(), part);
         buffers.push(storage("plenoctree_coefficients", bytemuck::cast_slice(&packed)));
-        rest = Some(after).filter(|after| !after.is_empty());
     }
     let entries: Vec<BindGroupEntry> = (buffers.iter().zip(0..))
         .map(|(buffer, binding)| BindGroupEntry { binding, resource: buffer.as_entire_binding() })

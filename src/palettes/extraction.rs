@@ -18,7 +18,7 @@ use crate::{
     field::PlenOctree,
     palette::{Extraction, ExtractionError, ExtractionSettings, Histograms, Progress, extract_from_histograms, sample},
     prop::{Posterize, Prop},
-    sampling::{SamplingJob, SamplingJobs},
+    sampling::{SamplingFailure, SamplingJob, SamplingJobs},
 };
 
 /// What samples the radiance of a field.
@@ -255,11 +255,7 @@ pub(super) fn finish(
     });
 }
 
-fn after_sampling(
-    job: &SamplingJob,
-    outcome: Result<Histograms, crate::sampling::SamplingFailure>,
-    sampling: Duration,
-) -> Stage {
+fn after_sampling(job: &SamplingJob, outcome: Result<Histograms, SamplingFailure>, sampling: Duration) -> Stage {
     let settings = job.settings.clone();
     match outcome {
         Ok(histograms) => Stage::Computing(

@@ -248,9 +248,7 @@ pub(super) fn prepare_bind_groups(
     views: Query<(Entity, &ViewProps, &PropTextures, &ViewTarget)>,
 ) {
     for (entity, props, textures, target) in &views {
-        let (Some(view), Some(list), Some(colors), false) =
-            (props.view.binding(), props.props.binding(), props.colors.binding(), props.fields.is_empty())
-        else {
+        let Some((view, list, colors)) = props.bindings() else {
             commands.entity(entity).remove::<PosterizeBindGroups>();
             continue;
         };

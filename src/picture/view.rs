@@ -7,8 +7,8 @@ use bevy::{
         camera::ExtractedCamera,
         render_asset::RenderAssets,
         render_resource::{
-            BindGroupLayoutDescriptor, BindGroupLayoutEntries, ShaderStages, ShaderType, StorageBuffer, TextureUsages,
-            UniformBuffer,
+            BindGroupLayoutDescriptor, BindGroupLayoutEntries, BindingResource, ShaderStages, ShaderType,
+            StorageBuffer, TextureUsages, UniformBuffer,
             binding_types::{
                 storage_buffer_read_only, texture_depth_2d, texture_depth_2d_multisampled, uniform_buffer,
             },
@@ -68,9 +68,19 @@ pub(super) struct ViewProps {
     pub iterations: u32,
     /// The part of the viewport in which the props are, and what the filter reads around it, in pixels.
     pub rect: URect,
-    pub view: UniformBuffer<ViewUniform>,
-    pub props: StorageBuffer<Vec<PropUniform>>,
-    pub colors: StorageBuffer<Vec<Vec4>>,
+    view: UniformBuffer<ViewUniform>,
+    props: StorageBuffer<Vec<PropUniform>>,
+    colors: StorageBuffer<Vec<Vec4>>,
+}
+
+impl ViewProps {
+    /// What bind group 0 begins with; `None` if the view draws no prop.
+    pub fn bindings(&self) -> Option<(BindingResource<'_>, BindingResource<'_>, BindingResource<'_>)> {
+        if self.fields.is_empty() {
+            return None;
+        }
+        Some((self.view.binding()?, self.props.binding()?, self.colors.binding()?))
+    }
 }
 
 /// Layouts of bind group 0.
@@ -103,7 +113,7 @@ pub(super) fn init_layouts(mut commands: Commands) {
         volume_multisampled: volume(texture_depth_2d_multisampled()),
         picture: BindGroupLayoutDescriptor::new(
             "plenoctree_picture_view",
-            &BindGroupLayoutEntries::sequential(ShaderStages::COMPUTE | ShaderStages::FRAGMENT, shared()),
+            &BindGroupLayoutEntries::sequential(ShaderStages::FRAGMENT, shared()),
         ),
     });
 }

@@ -144,9 +144,7 @@ pub(super) fn prepare_bind_groups(
     views: Query<(Entity, &ViewProps, &ViewDepthTexture, &Msaa)>,
 ) {
     for (entity, props, depth, msaa) in &views {
-        let (Some(view), Some(list), Some(colors), false) =
-            (props.view.binding(), props.props.binding(), props.colors.binding(), props.fields.is_empty())
-        else {
+        let Some((view, list, colors)) = props.bindings() else {
             commands.entity(entity).remove::<VolumeBindGroup>();
             continue;
         };

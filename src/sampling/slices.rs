@@ -47,16 +47,12 @@ struct Active {
     leaf_cells: Buffer,
     observers: Buffer,
     bins: Buffer,
-    /// Cells of directions.
-    cells: u32,
-    leaves: u32,
     /// Leaves of the smallest and of the largest slice.
     fewest: u32,
     most: u32,
     next: u32,
     /// What a weight in the histograms must be multiplied with.
     unit: f64,
-    samples: u64,
     /// Leaves a second, measured.
     speed: Option<f64>,
     in_flight: Vec<SliceClock>,
@@ -109,7 +105,6 @@ impl Active {
         device: &RenderDevice,
     ) -> Result<Self, SamplingFailure> {
         let settings = &job.settings;
-        let cells = settings.direction_cells();
         let field_group = field.bind_group.clone().ok_or(SamplingFailure::TooLarge)?;
         let limits = device.limits();
         let buffers = OTHER_BUFFERS + field.parts as u32;
@@ -159,9 +154,6 @@ impl Active {
             leaf_cells: storage("plenoctree_leaf_cells", bytemuck::cast_slice(&job.leaves)),
             observers: storage("plenoctree_observers", bytemuck::cast_slice(&job.observers)),
             bins,
-            cells: cells as u32,
-            samples: (job.leaves.len() * cells) as u64,
-            leaves: job.leaves.len() as u32,
             fewest: slice_for(FEWEST_RAYS, job),
             most: slice_for(MOST_RAYS, job),
             next: 0,
@@ -171,6 +163,10 @@ impl Active {
             last_leaves: 0,
             reading: false,
         })
+    }
+
+    fn leaves(&self) -> u32 {
+        self.job.leaves.len() as u32
     }
 
     /// Submits what may be done in this frame.
@@ -184,7 +180,7 @@ impl Active {
         self.in_flight.retain(|clock| clock.seconds().is_none());
         match self.job.budget {
             None => {
-                while self.next < self.leaves {
+                while self.next < self.leaves() {
                     self.submit(self.most, pipeline, device, queue);
                 }
             }
@@ -196,14 +192,14 @@ impl Active {
                 self.submit(leaves, pipeline, device, queue);
             }
         }
-        if self.next == self.leaves && !self.reading {
+        if self.next == self.leaves() && !self.reading {
             self.reading = true;
             self.read_back(device, queue);
         }
     }
 
     fn submit(&mut self, most: u32, pipeline: &ComputePipeline, device: &RenderDevice, queue: &RenderQueue) {
-        let leaves = most.min(self.leaves - self.next);
+        let leaves = most.min(self.leaves() - self.next);
         if leaves == 0 {
             return;
         }
@@ -230,7 +226,7 @@ impl Active {
             pass.set_pipeline(pipeline);
             pass.set_bind_group(0, &bind_group, &[]);
             pass.set_bind_group(1, &self.field, &[]);
-            pass.dispatch_workgroups(leaves.div_ceil(WORKGROUP), self.cells, 1);
+            pass.dispatch_workgroups(leaves.div_ceil(WORKGROUP), self.job.settings.direction_cells() as u32, 1);
         }
         clock.resolve(&mut encoder);
         queue.submit([encoder.finish()]);
@@ -251,7 +247,7 @@ impl Active {
         let mut encoder = device.create_command_encoder(&CommandEncoderDescriptor::default());
         encoder.copy_buffer_to_buffer(&self.bins, 0, &readable, 0, self.bins.size());
         queue.submit([encoder.finish()]);
-        let (job, buffer, unit, samples) = (self.job.clone(), readable.clone(), self.unit, self.samples);
+        let (job, buffer, unit) = (self.job.clone(), readable.clone(), self.unit);
         readable.slice(..).map_async(MapMode::Read, move |result| {
             let outcome = result.map_err(|error| SamplingFailure::Readback(error.to_string())).and_then(|()| {
                 let mapped = buffer.slice(..).get_mapped_range();
@@ -259,7 +255,8 @@ impl Active {
                 let mut fine: Vec<f64> = weights.collect();
                 let (fine_bins, coarse_bins) = (job.settings.fine_bins, job.settings.coarse_bins);
                 let coarse = fine.split_off(fine_bins.pow(3));
-                Histograms::new(fine_bins, fine, coarse_bins, coarse, samples)
+                let samples = job.leaves.len() * job.settings.direction_cells();
+                Histograms::new(fine_bins, fine, coarse_bins, coarse, samples as u64)
                     .map_err(|error| SamplingFailure::Readback(error.to_string()))
             });
             job.end(outcome);
