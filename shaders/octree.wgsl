@@ -1,19 +1,29 @@
-// The octree and a ray's way through it: bind group 1.
+// The octree and a ray's way through it: bind group 1. `src/gpu/records.rs` says how records are made.
 #define_import_path bevy_plenoctree::octree
 
 struct Field {
     // Levels of cells.
     depth: u32,
-    // Leaves whose coefficients are in one binding.
-    leaves_per_part: u32,
+    // The level whose cells the table lists.
+    table_level: u32,
+    // The width of textures is this power of two.
+    row: u32,
 }
 
 @group(1) @binding(0) var<uniform> field: Field;
-// Eight cells a node. 0 is empty, the high bit marks a leaf, the rest is an index.
-@group(1) @binding(1) var<storage, read> nodes: array<u32>;
-@group(1) @binding(2) var<storage, read> densities: array<f32>;
+@group(1) @binding(1) var table: texture_3d<u32>;
+#ifdef INNER_RECORDS
+@group(1) @binding(2) var records: texture_2d<u32>;
+#endif
+@group(1) @binding(3) var densities: texture_2d<f32>;
 
-const LEAF: u32 = 0x80000000u;
+// Kinds of records, in the high bits of w. An empty one is 0.
+const KIND: u32 = 0xc0000000u;
+const BRICK: u32 = 0x40000000u;
+const INNER: u32 = 0x80000000u;
+const WHOLE: u32 = 0xc0000000u;
+
+const NO_LEAF: u32 = 0xffffffffu;
 
 // A ray in finest cells. `t` is measured in world units of the field.
 struct Ray {
@@ -30,10 +40,10 @@ struct Walk {
     t: f32,
 }
 
-struct Step {
-    // The cell's word in `nodes`.
-    cell: u32,
-    // Where the ray leaves the cell.
+// A leaf on a ray's way, or none, and where the ray enters and leaves it.
+struct Crossing {
+    leaf: u32,
+    enter: f32,
     exit: f32,
 }
 
@@ -43,13 +53,13 @@ fn make_ray(origin: vec3<f32>, direction: vec3<f32>) -> Ray {
     return Ray(origin, safe, 1.0 / safe, vec3<i32>(safe > vec3(0.0)));
 }
 
-// Where the ray enters and leaves a box, both at least 0.
-fn clip(ray: Ray, low: vec3<f32>, high: vec3<f32>) -> vec2<f32> {
+// Where the ray enters and leaves a box, both at least `least`.
+fn clip(ray: Ray, low: vec3<f32>, high: vec3<f32>, least: f32) -> vec2<f32> {
     let a = (low - ray.origin) * ray.inverse;
     let b = (high - ray.origin) * ray.inverse;
     let enter = min(a, b);
     let leave = max(a, b);
-    return vec2(max(max(max(enter.x, enter.y), enter.z), 0.0), min(min(leave.x, leave.y), leave.z));
+    return vec2(max(max(max(enter.x, enter.y), enter.z), least), min(min(leave.x, leave.y), leave.z));
 }
 
 fn begin(ray: Ray, t: f32) -> Walk {
@@ -57,41 +67,94 @@ fn begin(ray: Ray, t: f32) -> Walk {
     return Walk(clamp(vec3<i32>(floor(ray.origin + t * ray.direction)), vec3(0), vec3(last)), t);
 }
 
-// Visits one cell and moves on to the neighbour behind the face through which the ray leaves. Positions are integers, so
-// that no cell is lost or visited twice, however short the way through it.
-fn advance(ray: Ray, walk: ptr<function, Walk>) -> Step {
-    let position = (*walk).position;
-    var level = field.depth;
-    var node = 0u;
-    var cell = 0u;
-    loop {
-        level -= 1u;
-        let part = (vec3<u32>(position) >> vec3(level)) & vec3(1u);
-        cell = nodes[8u * node + 4u * part.x + 2u * part.y + part.z];
-        if cell == 0u || (cell & LEAF) != 0u || level == 0u {
-            break;
-        }
-        node = cell;
-    }
-    let size = 1i << level;
-    let low = position & vec3(-size);
-    let planes = (vec3<f32>(low + size * ray.forward) - ray.origin) * ray.inverse;
-    let exit = max(min(min(planes.x, planes.y), planes.z), (*walk).t);
-
-    var next = clamp(vec3<i32>(floor(ray.origin + exit * ray.direction)), low, low + size - 1);
-    let beyond = low - 1 + ray.forward * (size + 1);
-    if planes.x <= planes.y && planes.x <= planes.z {
-        next.x = beyond.x;
-    } else if planes.y <= planes.z {
-        next.y = beyond.y;
-    } else {
-        next.z = beyond.z;
-    }
-    *walk = Walk(next, exit);
-    return Step(cell, exit);
+fn is_inside(walk: Walk) -> bool {
+    return all(vec3<u32>(walk.position) < vec3(1u << field.depth));
 }
 
-fn is_inside(walk: Walk) -> bool {
-    let cells = 1i << field.depth;
-    return all(walk.position >= vec3(0)) && all(walk.position < vec3(cells));
+// Through the cell of `size` at `low` to the neighbour behind the face through which the ray leaves. Positions are
+// integers, so that no cell is lost or visited twice, however short the way through it.
+fn leave(ray: Ray, walk: Walk, low: vec3<i32>, size: i32) -> Walk {
+    let planes = (vec3<f32>(low + size * ray.forward) - ray.origin) * ray.inverse;
+    let exit = max(min(min(planes.x, planes.y), planes.z), walk.t);
+    let next = clamp(vec3<i32>(floor(ray.origin + exit * ray.direction)), low, low + size - 1);
+    let beyond = low - 1 + ray.forward * (size + 1);
+    return Walk(select(next, beyond, planes <= vec3(exit)), exit);
+}
+
+// Bits of the parts before the one at `index` (below 64).
+fn count_before(record: vec4<u32>, index: u32) -> u32 {
+    let below = (1u << (index & 31u)) - 1u;
+    return select(countOneBits(record.x & below), countOneBits(record.x) + countOneBits(record.y & below), index >= 32u);
+}
+
+struct Cell {
+    leaf: u32,
+    // Its width is this power of two.
+    shift: u32,
+}
+
+// The cell around a finest cell.
+fn locate(position: vec3<u32>) -> Cell {
+    var shift = field.depth - field.table_level;
+    var record = textureLoad(table, (position >> vec3(shift)).zyx, 0);
+#ifdef INNER_RECORDS
+    loop {
+        if (record.w & KIND) != INNER {
+            break;
+        }
+        shift -= 2u;
+        let part = part_at(position, shift);
+        let octant = (select(record.x, record.y, part >= 32u) >> (part & 24u)) & 255u;
+        if ((octant >> (part & 7u)) & 1u) == 0u {
+            // An empty part has no record: one of its level stands for it.
+            record = vec4(0u, 0u, 0u, field.depth - shift - select(0u, 1u, octant == 0u));
+        } else {
+            let index = record.z + count_before(record, part);
+            record = textureLoad(records, vec2(index & ((1u << field.row) - 1u), index >> field.row), 0);
+        }
+    }
+#endif
+    let kind = record.w & KIND;
+    let part = part_at(position, 0u);
+    let octant = (select(record.x, record.y, part >= 32u) >> (part & 24u)) & 255u;
+    let merged = ((record.w >> (part >> 3u)) & 1u) != 0u;
+    let first = select(part, part & 56u, merged);
+    let is_brick = kind == BRICK;
+    let in_brick = record.z + count_before(record, first);
+    let leaf_in_brick = select(NO_LEAF, in_brick, ((octant >> (first & 7u)) & 1u) != 0u);
+    let leaf_alone = select(NO_LEAF, record.z, kind == WHOLE);
+    return Cell(
+        select(leaf_alone, leaf_in_brick, is_brick),
+        select(field.depth - (record.w & 31u), select(0u, 1u, merged || octant == 0u), is_brick),
+    );
+}
+
+// Which of the 64 parts of a record holds a finest cell, if the parts are 2^shift wide.
+fn part_at(position: vec3<u32>, shift: u32) -> u32 {
+    let q = position >> vec3(shift);
+    let high = (q >> vec3(1u)) & vec3(1u);
+    let low = q & vec3(1u);
+    return 32u * high.x + 16u * high.y + 8u * high.z + 4u * low.x + 2u * low.y + low.z;
+}
+
+// The next leaf on the way to `end`. Lanes that have found theirs wait here for the others, so that all work on leaves
+// at once.
+fn next_leaf(ray: Ray, walk: ptr<function, Walk>, end: f32) -> Crossing {
+    var crossing = Crossing(NO_LEAF, 0.0, 0.0);
+    // The condition comes first, since Mesa's software rasteriser mixes up the lanes of what a loop's end leaves behind.
+    loop {
+        if crossing.leaf != NO_LEAF || (*walk).t >= end || !is_inside(*walk) {
+            break;
+        }
+        let cell = locate(vec3<u32>((*walk).position));
+        let size = 1i << cell.shift;
+        let enter = (*walk).t;
+        *walk = leave(ray, *walk, (*walk).position & vec3(-size), size);
+        crossing = Crossing(cell.leaf, enter, min((*walk).t, end));
+    }
+    return crossing;
+}
+
+fn density(leaf: u32) -> f32 {
+    return textureLoad(densities, vec2(leaf & ((1u << field.row) - 1u), leaf >> field.row), 0).x;
 }

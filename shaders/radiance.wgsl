@@ -1,51 +1,21 @@
-// Radiance of a leaf: section 1 of the method. WORDS is the number of words that a channel's coefficients take, two half
-// floats each.
+// Radiance of a leaf: section 1 of the method. `src/gpu/payload.rs` says how its coefficients lie in TEXELS texels: WORDS
+// words a channel, and before them two more if they are COMPACT.
 #define_import_path bevy_plenoctree::radiance
 
 #import bevy_plenoctree::octree::field
 
-// A field that is larger than one binding lies in several, `field.leaves_per_part` leaves in each.
-@group(1) @binding(3) var<storage, read> coefficients: array<u32>;
-#ifdef PARTS_2
-@group(1) @binding(4) var<storage, read> coefficients_1: array<u32>;
-#endif
-#ifdef PARTS_3
-@group(1) @binding(5) var<storage, read> coefficients_2: array<u32>;
-#endif
-#ifdef PARTS_4
-@group(1) @binding(6) var<storage, read> coefficients_3: array<u32>;
-#endif
+@group(1) @binding(4) var coefficients: texture_2d<u32>;
 
-// Two coefficients.
-fn pair(part: u32, index: u32) -> vec2<f32> {
-#ifdef PARTS_4
-    if part == 3u {
-        return unpack2x16float(coefficients_3[index]);
-    }
-#endif
-#ifdef PARTS_3
-    if part == 2u {
-        return unpack2x16float(coefficients_2[index]);
-    }
-#endif
-#ifdef PARTS_2
-    if part == 1u {
-        return unpack2x16float(coefficients_1[index]);
-    }
-#endif
-    return unpack2x16float(coefficients[index]);
-}
-
-// The basis in one direction, in the pairs in which coefficients are stored.
+// The basis in one direction; functions that are not asked for are 0.
 struct Harmonics {
-    y: array<vec2<f32>, #{WORDS}>,
+    y: array<f32, 28>,
 }
 
 // `d` is a unit vector from the eye into the scene, in the field's frame.
 fn harmonics(d: vec3<f32>) -> Harmonics {
     var h: Harmonics;
 #ifdef RGBA
-    h.y[0] = vec2(1.0, 0.0);
+    h.y[0] = 1.0;
 #else
     let xx = d.x * d.x;
     let yy = d.y * d.y;
@@ -53,57 +23,84 @@ fn harmonics(d: vec3<f32>) -> Harmonics {
     let xy = d.x * d.y;
     let yz = d.y * d.z;
     let xz = d.x * d.z;
-    h.y[0] = vec2(0.28209479177387814, 0.0);
+    h.y[0] = 0.28209479177387814;
 #ifdef DEGREE_1
-    h.y[0].y = -0.4886025119029199 * d.y;
-    h.y[1] = vec2(0.4886025119029199 * d.z, -0.4886025119029199 * d.x);
+    h.y[1] = -0.4886025119029199 * d.y;
+    h.y[2] = 0.4886025119029199 * d.z;
+    h.y[3] = -0.4886025119029199 * d.x;
 #endif
 #ifdef DEGREE_2
-    h.y[2] = vec2(1.0925484305920792 * xy, -1.0925484305920792 * yz);
-    h.y[3] = vec2(0.31539156525252005 * (2.0 * zz - xx - yy), -1.0925484305920792 * xz);
-    h.y[4] = vec2(0.5462742152960396 * (xx - yy), 0.0);
+    h.y[4] = 1.0925484305920792 * xy;
+    h.y[5] = -1.0925484305920792 * yz;
+    h.y[6] = 0.31539156525252005 * (2.0 * zz - xx - yy);
+    h.y[7] = -1.0925484305920792 * xz;
+    h.y[8] = 0.5462742152960396 * (xx - yy);
 #endif
 #ifdef DEGREE_3
-    h.y[4].y = -0.5900435899266435 * d.y * (3.0 * xx - yy);
-    h.y[5] = vec2(2.890611442640554 * xy * d.z, -0.4570457994644658 * d.y * (4.0 * zz - xx - yy));
-    h.y[6] = vec2(
-        0.3731763325901154 * d.z * (2.0 * zz - 3.0 * xx - 3.0 * yy),
-        -0.4570457994644658 * d.x * (4.0 * zz - xx - yy),
-    );
-    h.y[7] = vec2(1.445305721320277 * d.z * (xx - yy), -0.5900435899266435 * d.x * (xx - 3.0 * yy));
+    h.y[9] = -0.5900435899266435 * d.y * (3.0 * xx - yy);
+    h.y[10] = 2.890611442640554 * xy * d.z;
+    h.y[11] = -0.4570457994644658 * d.y * (4.0 * zz - xx - yy);
+    h.y[12] = 0.3731763325901154 * d.z * (2.0 * zz - 3.0 * xx - 3.0 * yy);
+    h.y[13] = -0.4570457994644658 * d.x * (4.0 * zz - xx - yy);
+    h.y[14] = 1.445305721320277 * d.z * (xx - yy);
+    h.y[15] = -0.5900435899266435 * d.x * (xx - 3.0 * yy);
 #endif
 #ifdef DEGREE_4
-    h.y[8] = vec2(2.5033429417967046 * xy * (xx - yy), -1.7701307697799304 * yz * (3.0 * xx - yy));
-    h.y[9] = vec2(0.9461746957575601 * xy * (7.0 * zz - 1.0), -0.6690465435572892 * yz * (7.0 * zz - 3.0));
-    h.y[10] = vec2(0.10578554691520431 * (zz * (35.0 * zz - 30.0) + 3.0), -0.6690465435572892 * xz * (7.0 * zz - 3.0));
-    h.y[11] = vec2(0.47308734787878004 * (xx - yy) * (7.0 * zz - 1.0), -1.7701307697799304 * xz * (xx - 3.0 * yy));
-    h.y[12] = vec2(0.6258357354491761 * (xx * (xx - 3.0 * yy) - yy * (3.0 * xx - yy)), 0.0);
+    h.y[16] = 2.5033429417967046 * xy * (xx - yy);
+    h.y[17] = -1.7701307697799304 * yz * (3.0 * xx - yy);
+    h.y[18] = 0.9461746957575601 * xy * (7.0 * zz - 1.0);
+    h.y[19] = -0.6690465435572892 * yz * (7.0 * zz - 3.0);
+    h.y[20] = 0.10578554691520431 * (zz * (35.0 * zz - 30.0) + 3.0);
+    h.y[21] = -0.6690465435572892 * xz * (7.0 * zz - 3.0);
+    h.y[22] = 0.47308734787878004 * (xx - yy) * (7.0 * zz - 1.0);
+    h.y[23] = -1.7701307697799304 * xz * (xx - 3.0 * yy);
+    h.y[24] = 0.6258357354491761 * (xx * (xx - 3.0 * yy) - yy * (3.0 * xx - yy));
 #endif
 #endif
     return h;
 }
 
-fn channel(part: u32, first: u32, h: ptr<function, Harmonics>) -> f32 {
-    var sum = 0.0;
-    for (var word = 0u; word < #{WORDS}u; word++) {
-        sum += dot(pair(part, first + word), (*h).y[word]);
-    }
-    return sum;
+struct Leaf {
+    texels: array<vec4<u32>, #{TEXELS}>,
 }
 
-fn radiance(leaf: u32, h: ptr<function, Harmonics>) -> vec3<f32> {
-#ifdef PARTS_2
-    let part = leaf / field.leaves_per_part;
-    let first = (leaf - part * field.leaves_per_part) * (3u * #{WORDS}u);
+fn load(leaf: u32) -> Leaf {
+    var texels: Leaf;
+    for (var index = 0u; index < #{TEXELS}u; index++) {
+        let texel = leaf * #{TEXELS}u + index;
+        texels.texels[index] = textureLoad(coefficients, vec2(texel & ((1u << field.row) - 1u), texel >> field.row), 0);
+    }
+    return texels;
+}
+
+fn word(leaf: ptr<function, Leaf>, index: u32) -> u32 {
+    return (*leaf).texels[index / 4u][index % 4u];
+}
+
+// The sum of a channel's harmonics. USED words hold all coefficients of the degree that is asked for.
+fn channel(leaf: ptr<function, Leaf>, index: u32, h: ptr<function, Harmonics>) -> f32 {
+#ifdef COMPACT
+    let constants = vec3(unpack2x16float(word(leaf, 0u)), unpack2x16float(word(leaf, 1u)).x);
+    var others = 0.0;
+    for (var w = 0u; w < #{USED}u; w++) {
+        let bytes = unpack4x8snorm(word(leaf, 2u + index * #{WORDS}u + w));
+        let y = vec4((*h).y[4u * w + 1u], (*h).y[4u * w + 2u], (*h).y[4u * w + 3u], (*h).y[4u * w + 4u]);
+        others += dot(bytes, y);
+    }
+    return constants[index] * (*h).y[0] + unpack2x16float(word(leaf, 1u)).y * others;
 #else
-    let part = 0u;
-    let first = leaf * (3u * #{WORDS}u);
+    var sum = 0.0;
+    for (var w = 0u; w < #{USED}u; w++) {
+        let pair = unpack2x16float(word(leaf, index * #{WORDS}u + w));
+        sum += pair.x * (*h).y[2u * w] + pair.y * (*h).y[2u * w + 1u];
+    }
+    return sum;
 #endif
-    let sum = vec3(
-        channel(part, first, h),
-        channel(part, first + #{WORDS}u, h),
-        channel(part, first + 2u * #{WORDS}u, h),
-    );
+}
+
+fn radiance(index: u32, h: ptr<function, Harmonics>) -> vec3<f32> {
+    var leaf = load(index);
+    let sum = vec3(channel(&leaf, 0u, h), channel(&leaf, 1u, h), channel(&leaf, 2u, h));
 #ifdef SIGMOID
     return 1.0 / (1.0 + exp(-sum));
 #else ifdef SHIFTED_RELU

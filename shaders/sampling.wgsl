@@ -1,7 +1,7 @@
 // Visibility-weighted radiance samples of a slice of leaves, added to histograms: section 3 of the method, steps 2 to 5.
 // A thread takes one leaf and one cell of directions, neighbours in a workgroup take neighbours in space.
 
-#import bevy_plenoctree::octree::{LEAF, advance, begin, densities, field, is_inside, make_ray}
+#import bevy_plenoctree::octree::{NO_LEAF, begin, density, field, make_ray, next_leaf}
 #import bevy_plenoctree::radiance::{harmonics, radiance}
 
 struct Slice {
@@ -25,6 +25,9 @@ struct Slice {
 @group(0) @binding(2) var<storage, read> observers: array<vec4<f32>>;
 // The fine and the coarse bins, two words each, the low one first: sums of integers do not depend on their order.
 @group(0) @binding(3) var<storage, read_write> bins: array<atomic<u32>>;
+
+// No ray goes so far.
+const FAR: f32 = 1e30;
 
 const WORD: f32 = 4294967296.0;
 
@@ -51,14 +54,14 @@ fn optical_depth(center: vec3<f32>, observer: vec3<f32>) -> f32 {
     var walk = begin(ray, 0.0);
     var depth = 0.0;
     loop {
-        let start = walk.t;
-        let step = advance(ray, &walk);
-        if (step.cell & LEAF) != 0u {
-            depth += densities[step.cell & ~LEAF] * (step.exit - start);
-        }
-        if depth > slice.limit || !is_inside(walk) {
+        if depth > slice.limit {
             break;
         }
+        let crossing = next_leaf(ray, &walk, FAR);
+        if crossing.leaf == NO_LEAF {
+            break;
+        }
+        depth += density(crossing.leaf) * (crossing.exit - crossing.enter);
     }
     return depth;
 }
@@ -90,7 +93,7 @@ fn sample(@builtin(global_invocation_id) id: vec3<u32>) {
         }
     }
     if visible > 0.0 {
-        let weight = densities[entry.w] * visible / f32(slice.rays_per_cell);
+        let weight = density(entry.w) * visible / f32(slice.rays_per_cell);
         let mean = first + color / visible;
         let fine = slice.fine_bins * slice.fine_bins * slice.fine_bins;
         add(bin_of(mean, slice.fine_bins), weight);

@@ -8,7 +8,7 @@ use bevy::{
     reflect::{TypePath, impl_reflect},
 };
 
-use crate::field::{Activation, LoadSettings, PlenOctree, ReadError, UpAxis};
+use crate::field::{Activation, LoadSettings, PlenOctree, Precision, ReadError, UpAxis};
 
 // The field itself knows nothing of Bevy; this is all that makes an asset of it.
 impl Asset for PlenOctree {}
@@ -34,6 +34,16 @@ impl_reflect!(
         activation: Option<Activation>,
         up: UpAxis,
         density_threshold: f32,
+        precision: Precision,
+    }
+);
+
+impl_reflect!(
+    #[reflect(Clone, Debug, PartialEq, Hash)]
+    #[type_path = "bevy_plenoctree::field"]
+    enum Precision {
+        Half,
+        Byte,
     }
 );
 

@@ -6,6 +6,7 @@
 mod activation;
 mod bake;
 mod basis;
+mod coarser;
 mod error;
 mod leaves;
 mod npy;
@@ -20,5 +21,5 @@ pub use activation::Activation;
 pub use bake::{BakeError, BakeSettings, bake};
 pub use basis::Basis;
 pub use error::{ReadError, ReadFault, WriteError};
-pub use octree::{Cell, Frame, InvalidField, LeafCell, MAX_DEPTH, PlenOctree, UpAxis};
+pub use octree::{Cell, Frame, InvalidField, LeafCell, MAX_DEPTH, PlenOctree, Precision, UpAxis};
 pub use read::LoadSettings;

@@ -8,6 +8,8 @@ use half::f16;
 
 /// The longest header that is read, in bytes. numpy's own take 118 for arrays of plain numbers.
 const LONGEST_HEADER: usize = 1 << 16;
+/// Axes that an array may have, as in numpy.
+const MOST_AXES: usize = 64;
 
 /// An element type that a header names.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -115,7 +117,7 @@ impl Header {
                         axes.trim().trim_end_matches(',').split(',').map(|axis| axis.trim().trim_end_matches('L'));
                     shape = Some(match axes.clone().next() {
                         Some("") => Vec::new(),
-                        _ => axes.map(|axis| axis.parse().ok()).collect::<Option<_>>()?,
+                        _ => axes.take(MOST_AXES + 1).map(|axis| axis.parse().ok()).collect::<Option<_>>()?,
                     });
                     rest = after;
                 }
@@ -124,6 +126,7 @@ impl Header {
             rest = rest.trim_start();
             rest = rest.strip_prefix(',').unwrap_or(rest).trim_start();
         }
+        let shape = shape.filter(|shape| shape.len() <= MOST_AXES);
         Some(Self { dtype: dtype?, fortran: fortran?, shape: shape? })
     }
 

@@ -45,6 +45,11 @@ impl<R: Read + Seek> Archive<R> {
         self.zip.file_names().any(|name| name.strip_suffix(".npy") == Some(key))
     }
 
+    /// The memory that what the file says about `key` may take.
+    pub fn room(&self, key: &'static str) -> Room {
+        Room { key, packed: self.bytes }
+    }
+
     /// Opens the array `key`, which holds what `meaning` says.
     pub fn array(&mut self, key: &'static str, meaning: &'static str) -> Result<Array<'_>, ReadFault> {
         let fault = |found: String, expected| ReadFault::Member { key, found, expected };
@@ -85,6 +90,21 @@ impl<R: Read + Seek> Archive<R> {
             });
         }
         Ok(Array { key, header, packed, reader })
+    }
+}
+
+/// How much memory an array may take.
+#[derive(Clone, Copy)]
+pub(super) struct Room {
+    key: &'static str,
+    /// Bytes that it takes in the file.
+    packed: u64,
+}
+
+impl Room {
+    /// Refuses what would take so many bytes in memory and so few in the file that it is likelier a bomb.
+    pub fn check(self, bytes: u64) -> Result<(), ReadFault> {
+        check_ratio(self.key, bytes, self.packed, LARGE_IN_MEMORY)
     }
 }
 
@@ -200,9 +220,9 @@ impl Array<'_> {
         if self.header.shape == expected { Ok(()) } else { Err(self.shape_fault(format!("{expected:?}"))) }
     }
 
-    /// Refuses an array that would take so many bytes in memory and so few in the file that it is likelier a bomb.
-    pub fn check_memory(&self, bytes: u64) -> Result<(), ReadFault> {
-        check_ratio(self.key, bytes, self.packed, LARGE_IN_MEMORY)
+    /// The memory that it may take.
+    pub fn room(&self) -> Room {
+        Room { key: self.key, packed: self.packed }
     }
 
     /// The one string in the array, from bytes or unicode.

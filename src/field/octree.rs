@@ -66,6 +66,19 @@ impl UpAxis {
     }
 }
 
+/// How the coefficients of a field's leaves are kept on the GPU.
+///
+/// In memory of the CPU, and for palettes, they are always half floats.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+pub enum Precision {
+    /// As half floats: exact.
+    #[default]
+    Half,
+    /// All but the constant function's as signed bytes, in parts of the largest of the leaf: half the memory for SH9, SH16
+    /// and SH25. Smaller bases, which would gain nothing, stay exact.
+    Byte,
+}
+
 /// Where the tree's unit cube lies: `tree = offset + scale * world`, axis by axis. "World" is the field's own frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Frame {
@@ -152,14 +165,15 @@ pub enum InvalidField {
 
 /// A radiance field: a sparse octree over a box, with a density and spherical harmonics in every leaf that is not empty.
 ///
-/// Cloning is cheap: the arrays are shared. Cells are in depth-first order, so that neighbours in space are mostly
-/// neighbours in memory.
+/// Cloning is cheap: the arrays are shared. Leaves are counted in depth-first order, so that neighbours in space are mostly
+/// neighbours in memory, and those of one cell always follow one another.
 #[derive(Clone, Debug)]
 pub struct PlenOctree {
     frame: Frame,
     basis: Basis,
     activation: Activation,
     up: UpAxis,
+    precision: Precision,
     depth: u32,
     bounds: Option<(UVec3, UVec3)>,
     nodes: Arc<Vec<[Cell; 8]>>,
@@ -169,7 +183,8 @@ pub struct PlenOctree {
 
 impl PlenOctree {
     /// Puts a field together. `nodes[0]` is the root; a node's cells are in the order x, y, z with z fastest
-    /// (index 4x + 2y + z); `coefficients` holds [`Basis::coefficients`] values a leaf.
+    /// (index 4x + 2y + z); `coefficients` holds [`Basis::coefficients`] values a leaf. Leaves that are not in depth-first
+    /// order are put into it.
     pub fn new(
         frame: Frame,
         basis: Basis,
@@ -202,6 +217,7 @@ impl PlenOctree {
             basis,
             activation,
             up,
+            precision: Precision::default(),
             depth: 0,
             bounds: None,
             nodes: Arc::new(nodes),
@@ -209,6 +225,7 @@ impl PlenOctree {
             coefficients: Arc::new(coefficients),
         };
         field.depth = field.validate()?;
+        field.sort_leaves();
         field.bounds = field
             .leaf_cells()
             .map(|cell| (cell.corner, cell.corner + cell.size))
@@ -257,6 +274,28 @@ impl PlenOctree {
         Ok(deepest)
     }
 
+    /// Renames the leaves in depth-first order.
+    fn sort_leaves(&mut self) {
+        if self.leaf_cells().map(|cell| cell.leaf).eq(0..self.leaves() as u32) {
+            return;
+        }
+        let order: Vec<usize> = self.leaf_cells().map(|cell| cell.leaf as usize).collect();
+        let mut renamed = vec![0; order.len()];
+        for (new, old) in order.iter().enumerate() {
+            renamed[*old] = new as u32;
+        }
+        let nodes = Arc::make_mut(&mut self.nodes).as_flattened_mut();
+        for cell in nodes {
+            if let Some(renamed) = cell.as_leaf().and_then(|leaf| renamed.get(leaf as usize)) {
+                *cell = Cell::leaf(*renamed);
+            }
+        }
+        let width = self.basis.coefficients();
+        let coefficients = order.iter().flat_map(|leaf| &self.coefficients[leaf * width..][..width]);
+        self.coefficients = Arc::new(coefficients.copied().collect());
+        self.density = Arc::new(order.iter().map(|leaf| self.density[*leaf]).collect());
+    }
+
     /// Where the tree's cube lies in the field's frame.
     pub fn frame(&self) -> Frame {
         self.frame
@@ -275,6 +314,16 @@ impl PlenOctree {
     /// The axis that points up.
     pub fn up(&self) -> UpAxis {
         self.up
+    }
+
+    /// How the GPU keeps the coefficients.
+    pub fn precision(&self) -> Precision {
+        self.precision
+    }
+
+    /// The same field, kept otherwise on the GPU.
+    pub fn with_precision(self, precision: Precision) -> Self {
+        Self { precision, ..self }
     }
 
     /// Levels of cells: a field of 2^8 cells a side has depth 8.

@@ -38,6 +38,8 @@ fn read_coefficients(
 ) -> Result<Vec<f16>, ReadFault> {
     let (cells, nodes) = (tree.cells(), tree.file_nodes());
     let (count, functions) = (basis.coefficients(), basis.functions());
+    // A codebook makes much of little.
+    archive.room("quant_map").check(2 * (tree.leaves * count) as u64)?;
     let mut coefficients = zeros(tree.leaves * count)?;
     let mut retained = 0;
     if archive.has("data_retained") {
@@ -102,7 +104,7 @@ fn read_codebook(archive: &mut Archive<impl Read + Seek>, functions: usize) -> R
         _ => return Err(array.shape_fault(format!("[{functions}, rows, 3]"))),
     };
     let fault = array.dtype_fault(REALS);
-    array.check_memory(6 * (functions * rows) as u64)?;
+    array.room().check(6 * (functions * rows) as u64)?;
     let mut codebook = vec![[f16::ZERO; 3]; functions * rows];
     with_real!(array.dtype(), T => array.stream::<T>(3, 3 * codebook.len(), |first, numbers| {
         for (number, value) in codebook.as_flattened_mut()[first..].iter_mut().zip(numbers) {

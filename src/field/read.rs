@@ -13,7 +13,7 @@ use super::npy::{REALS, Real, WHOLES, Whole, with_real, with_whole};
 use super::npz::{Archive, Array};
 use super::quantised::{QUANTISED, read_quantised};
 use super::walk::Tree;
-use super::{Activation, Basis, Frame, PlenOctree, UpAxis};
+use super::{Activation, Basis, Frame, PlenOctree, Precision, UpAxis};
 
 /// The most nodes that a file may have, so that its cells can be counted in 31 bits.
 const MAX_NODES: u64 = (1 << 28) - 1;
@@ -30,11 +30,13 @@ pub struct LoadSettings {
     /// Leaves with less density than this (per world unit) are empty and are not kept; neither are those with a density
     /// of 0 or below.
     pub density_threshold: f32,
+    /// How the GPU keeps the coefficients.
+    pub precision: Precision,
 }
 
 impl Default for LoadSettings {
     fn default() -> Self {
-        Self { activation: None, up: UpAxis::default(), density_threshold: 0.01 }
+        Self { activation: None, up: UpAxis::default(), density_threshold: 0.01, precision: Precision::default() }
     }
 }
 
@@ -75,7 +77,9 @@ fn read(reader: impl Read + Seek, settings: &LoadSettings) -> Result<PlenOctree,
         read_data(&mut archive, basis, &mut tree, keep)?
     };
     let activation = settings.activation.unwrap_or(basis.default_activation());
-    PlenOctree::new(frame, basis, activation, settings.up, tree.nodes, density, coefficients).map_err(ReadFault::Field)
+    PlenOctree::new(frame, basis, activation, settings.up, tree.nodes, density, coefficients)
+        .map(|field| field.with_precision(settings.precision))
+        .map_err(ReadFault::Field)
 }
 
 fn read_basis(archive: &mut Archive<impl Read + Seek>) -> Result<Basis, ReadFault> {
@@ -135,18 +139,28 @@ fn read_frame(archive: &mut Archive<impl Read + Seek>) -> Result<Frame, ReadFaul
         array.check_shape(&[3])?;
         DVec3::from_array(read_numbers(array)?)
     };
+    let refused = |key, numbers: DVec3, expected: &str| {
+        Err(ReadFault::Value { key, found: format!("{:?}", numbers.to_array()), expected: expected.into() })
+    };
     if !scale.is_finite() || scale.min_element() <= 0.0 {
-        let expected = "finite numbers over 0".into();
-        return Err(ReadFault::Value { key, found: format!("{:?}", scale.to_array()), expected });
+        return refused(key, scale, "finite numbers over 0");
     }
     let array = archive.array("offset", "the cube's place")?;
     array.check_shape(&[3])?;
     let offset = DVec3::from_array(read_numbers(array)?);
     if !offset.is_finite() {
-        let (found, expected) = (format!("{:?}", offset.to_array()), "finite numbers".into());
-        return Err(ReadFault::Value { key: "offset", found, expected });
+        return refused("offset", offset, "finite numbers");
     }
-    Ok(Frame { offset, scale })
+    // Files hold frames in float32, and props have their places in it.
+    let frame = Frame { offset, scale };
+    if !offset.as_vec3().is_finite() {
+        return refused("offset", offset, "numbers that are finite in float32");
+    }
+    let corners = [DVec3::ZERO, DVec3::ONE].map(|corner| frame.to_world(corner).as_vec3());
+    if !scale.as_vec3().is_finite() || !corners.iter().all(|corner| corner.is_finite()) {
+        return refused(key, scale, "the scale of a cube that is finite in float32");
+    }
+    Ok(frame)
 }
 
 fn read_tree(archive: &mut Archive<impl Read + Seek>) -> Result<Tree, ReadFault> {
@@ -156,7 +170,7 @@ fn read_tree(archive: &mut Archive<impl Read + Seek>) -> Result<Tree, ReadFault>
     };
     let fault = array.dtype_fault(WHOLES);
     let cells = 8 * nodes as usize;
-    array.check_memory(4 * cells as u64)?;
+    array.room().check(4 * cells as u64)?;
     let mut child = vec![0; cells];
     with_whole!(array.dtype(), T => array.stream::<T>(8, cells, |first, offsets| {
         for (child, offset) in child[first..].iter_mut().zip(offsets) {

@@ -1,4 +1,6 @@
-//! A field's buffers.
+//! A field's textures.
+
+use std::sync::Arc;
 
 use bevy::{
     asset::RenderAssetUsages,
@@ -7,141 +9,196 @@ use bevy::{
     render::{
         render_asset::{AssetExtractionError, PrepareAssetError, RenderAsset},
         render_resource::{
-            BindGroup, BindGroupEntry, BindGroupLayout, BindGroupLayoutDescriptor, BindGroupLayoutEntries, Buffer,
-            BufferInitDescriptor, BufferUsages, PipelineCache, ShaderStages, ShaderType,
-            binding_types::{storage_buffer_read_only_sized, uniform_buffer},
+            BindGroup, BindGroupEntries, BindGroupLayoutDescriptor, BindGroupLayoutEntries, BufferInitDescriptor,
+            BufferUsages, PipelineCache, ShaderStages, TextureSampleType,
+            binding_types::{texture_2d, texture_3d, uniform_buffer},
         },
-        renderer::RenderDevice,
+        renderer::{RenderDevice, RenderQueue},
     },
+    tasks::block_on,
 };
-use half::f16;
 
-use crate::field::{Activation, Basis, PlenOctree};
+use super::{
+    payload::Payload,
+    records::Records,
+    upload::{Row, upload_table},
+};
+use crate::field::{Activation, PlenOctree};
 
-/// A field that the GPU cannot bind.
+/// A field that the GPU cannot hold.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "the field's {what} need {bytes} bytes on the GPU, which can bind {limit} of them; a field with fewer leaves, or \
-     spherical harmonics of a lower degree, would fit"
+    "the field's {what} need {bytes} bytes on the GPU, which can hold {limit} of them; a field with fewer leaves or \
+     spherical harmonics of a lower degree would fit, and compact ones (`Precision::Byte`) take half as much"
 )]
 pub struct FieldTooLarge {
-    /// Which of the field's arrays does not fit.
+    /// Which of the field's parts does not fit.
     pub what: &'static str,
     /// Its size.
     pub bytes: u64,
-    /// How much of them the device can bind: its `max_storage_buffer_binding_size` or `max_buffer_size`, the lower of
-    /// both, and four times that for coefficients.
+    /// How much of them the device can hold: a texture of four words a texel, `max_texture_dimension_2d` high and as wide,
+    /// but at most 8192 wide; or what was left of its memory.
     pub limit: u64,
 }
 
 /// A [`PlenOctree`] in GPU memory, in the render world's `RenderAssets<GpuField>`.
 pub struct GpuField {
-    pub(crate) bind_group: Option<BindGroup>,
-    pub(crate) basis: Basis,
-    pub(crate) activation: Activation,
-    /// Bindings over which the coefficients are split.
-    pub(crate) parts: usize,
+    source: PlenOctree,
+    /// The field, then coarser ones that were asked for; `None` where the GPU cannot hold one.
+    levels: Vec<Option<Arc<GpuLevel>>>,
+}
+
+/// A field, or a coarser one, as shaders see it.
+pub(crate) struct GpuLevel {
+    pub bind_group: BindGroup,
+    pub shape: FieldShape,
     bytes: u64,
 }
 
+/// What pipelines that read a field are compiled for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(crate) struct FieldShape {
+    pub payload: Payload,
+    pub activation: Activation,
+    /// Whether there are records besides the table.
+    pub inner_records: bool,
+}
+
 /// `Field` of `octree.wgsl`.
-#[derive(Clone, Copy, ShaderType)]
+#[derive(Clone, Copy, bevy::render::render_resource::ShaderType)]
 struct FieldUniform {
     depth: u32,
-    leaves_per_part: u32,
+    table_level: u32,
+    row: u32,
 }
 
-/// The most bindings over which the coefficients of a field are split: with them a shader uses the eight storage buffers
-/// that every device has.
-const MOST_PARTS: usize = 4;
-
-/// Layouts of the bind group of a field: its uniform, nodes, densities, and coefficients in one part, in two, and so on.
+/// The layout of the bind group of a field: its uniform, the records of its octree, densities and coefficients.
 #[derive(Resource, Clone)]
-pub struct FieldLayouts([BindGroupLayoutDescriptor; MOST_PARTS]);
+pub struct FieldLayout(pub(crate) BindGroupLayoutDescriptor);
 
-impl FieldLayouts {
-    /// The layout for a field whose coefficients are in so many parts.
-    pub(crate) fn get(&self, parts: usize) -> &BindGroupLayoutDescriptor {
-        &self.0[parts.clamp(1, MOST_PARTS) - 1]
-    }
-}
-
-impl Default for FieldLayouts {
+impl Default for FieldLayout {
     fn default() -> Self {
-        Self(std::array::from_fn(|index| {
-            let stages = ShaderStages::FRAGMENT | ShaderStages::COMPUTE;
-            let array = || storage_buffer_read_only_sized(false, None);
-            let uniform = uniform_buffer::<FieldUniform>(false);
-            let mut entries = BindGroupLayoutEntries::sequential(stages, (uniform, array(), array())).to_vec();
-            entries.extend((3..4 + index as u32).map(|binding| array().build(binding, stages)));
-            BindGroupLayoutDescriptor::new("plenoctree_field", &entries)
-        }))
+        let words = || texture_2d(TextureSampleType::Uint);
+        Self(BindGroupLayoutDescriptor::new(
+            "plenoctree_field",
+            &BindGroupLayoutEntries::sequential(
+                ShaderStages::FRAGMENT | ShaderStages::COMPUTE,
+                (
+                    uniform_buffer::<FieldUniform>(false),
+                    texture_3d(TextureSampleType::Uint),
+                    words(),
+                    texture_2d(TextureSampleType::Float { filterable: false }),
+                    words(),
+                ),
+            ),
+        ))
     }
 }
 
 impl GpuField {
-    /// Bytes that `field` takes in GPU memory.
+    /// Bytes that `field` takes in GPU memory, at most: without coarser levels.
     pub fn byte_size(field: &PlenOctree) -> u64 {
-        Self::arrays(field).iter().map(|(_, bytes)| bytes).sum()
+        Records::most_bytes(field, table_allowance(field))
+            + Self::arrays(field).iter().map(|(_, bytes)| bytes).sum::<u64>()
     }
 
-    /// Whether a device with these `limits` can bind the field. Coefficients may take up to four bindings.
+    /// Whether a device with these `limits` can hold the field.
     pub fn check(field: &PlenOctree, limits: &wgpu::Limits) -> Result<(), FieldTooLarge> {
-        let limit = binding_limit(limits);
-        let [nodes, densities, (what, bytes)] = Self::arrays(field);
-        if let Some((what, bytes)) = [nodes, densities].into_iter().find(|(_, bytes)| *bytes > limit) {
-            return Err(FieldTooLarge { what, bytes, limit });
-        }
-        let room = leaves_per_part(field.basis(), limits) * MOST_PARTS as u64;
-        if field.leaves() as u64 > room {
-            return Err(FieldTooLarge { what, bytes, limit: limit * MOST_PARTS as u64 });
-        }
-        Ok(())
+        let row = Row::new(limits);
+        let limit = row.most_texels() * 16;
+        let too_large = Self::arrays(field).into_iter().find(|(_, bytes)| *bytes > limit);
+        too_large.map_or(Ok(()), |(what, bytes)| Err(FieldTooLarge { what, bytes, limit }))
     }
 
-    /// Bytes in GPU memory.
+    /// Bytes in GPU memory, those of coarser levels that were asked for included.
     pub fn bytes(&self) -> u64 {
-        self.bytes
+        self.levels.iter().flatten().map(|level| level.bytes).sum()
     }
 
-    fn arrays(field: &PlenOctree) -> [(&'static str, u64); 3] {
-        let leaves = field.leaves().max(1) as u64;
-        let words = 3 * words_per_channel(field.basis()) as u64;
-        [("nodes", field.nodes().len() as u64 * 32), ("densities", leaves * 4), ("coefficients", leaves * words * 4)]
+    /// The field with cells as large as those of a field `coarser` levels less deep, or the coarsest there is.
+    pub(crate) fn level(&self, coarser: u32) -> Option<&Arc<GpuLevel>> {
+        self.levels.get(coarser as usize).or(self.levels.last())?.as_ref()
     }
-}
 
-/// 32-bit words, of two half floats each, that one channel of one leaf takes.
-pub(crate) fn words_per_channel(basis: Basis) -> usize {
-    basis.functions().div_ceil(2)
-}
-
-/// The most bytes that a storage binding holds.
-fn binding_limit(limits: &wgpu::Limits) -> u64 {
-    limits.max_storage_buffer_binding_size.min(limits.max_buffer_size)
-}
-
-/// Leaves whose coefficients a binding holds.
-fn leaves_per_part(basis: Basis, limits: &wgpu::Limits) -> u64 {
-    binding_limit(limits) / (12 * words_per_channel(basis) as u64)
-}
-
-/// Coefficients with every channel padded to whole words, so that a shader reads pairs.
-fn pack_coefficients(basis: Basis, coefficients: &[f16]) -> Vec<u32> {
-    let functions = basis.functions();
-    let mut packed = Vec::with_capacity(coefficients.len() / functions * words_per_channel(basis));
-    for channel in coefficients.chunks_exact(functions) {
-        for pair in channel.chunks(2) {
-            let high = pair.get(1).copied().unwrap_or(f16::ZERO);
-            packed.push(u32::from(pair[0].to_bits()) | u32::from(high.to_bits()) << 16);
+    /// Makes coarser levels until there are so many, or none is left to make.
+    pub(crate) fn make_levels(&mut self, coarser: u32, uploader: &Uploader) {
+        while self.levels.len() <= coarser as usize
+            && let Some(next) = self.source.coarser(self.levels.len() as u32)
+        {
+            self.levels.push(uploader.upload(&next));
         }
     }
-    packed
+
+    fn arrays(field: &PlenOctree) -> [(&'static str, u64); 2] {
+        let leaves = field.leaves().max(1) as u64;
+        [("densities", leaves * 4), ("coefficients", leaves * 16 * Payload::of(field).texels() as u64)]
+    }
+}
+
+/// An eighth of what the coefficients take.
+fn table_allowance(field: &PlenOctree) -> u64 {
+    let [_, (_, coefficients)] = GpuField::arrays(field);
+    coefficients / 8
+}
+
+/// What it takes to put fields into GPU memory.
+pub(crate) struct Uploader<'a> {
+    pub device: &'a RenderDevice,
+    pub queue: &'a RenderQueue,
+    pub pipelines: &'a PipelineCache,
+    pub layout: &'a FieldLayout,
+}
+
+impl Uploader<'_> {
+    /// `None`, with an error in the log, if the GPU cannot hold the field.
+    fn upload(&self, field: &PlenOctree) -> Option<Arc<GpuLevel>> {
+        // What the driver refuses, be it for want of memory, is found out here and not in the middle of a frame.
+        let memory = self.device.wgpu_device().push_error_scope(wgpu::ErrorFilter::OutOfMemory);
+        let level = GpuField::check(field, &self.device.limits()).map(|()| self.level(field));
+        let level = match (block_on(memory.pop()), level) {
+            (Some(_), Ok(level)) => Err(FieldTooLarge { what: "textures", bytes: level.bytes, limit: 0 }),
+            (_, level) => level,
+        };
+        level.inspect_err(|error| error!("a field is not drawn: {error}")).ok().map(Arc::new)
+    }
+
+    fn level(&self, field: &PlenOctree) -> GpuLevel {
+        let records = Records::new(field, table_allowance(field));
+        let payload = Payload::of(field);
+        let row = Row::new(&self.device.limits());
+        let uniform = [records.depth, records.table_level, row.log2(), 0];
+        let uniform = self.device.create_buffer_with_data(&BufferInitDescriptor {
+            label: Some("plenoctree_field"),
+            contents: bytemuck::cast_slice(&uniform),
+            usage: BufferUsages::UNIFORM,
+        });
+        let (device, queue) = (self.device, self.queue);
+        let table = upload_table(device, queue, &records.table, records.table_level);
+        let below = row.upload_words(device, queue, "plenoctree_records", &records.below);
+        let densities = row.upload_densities(device, queue, field.densities());
+        let coefficients = row.upload_coefficients(device, queue, payload, field.coefficients());
+        let views = [&table, &below, &densities, &coefficients].map(|texture| texture.create_view(&default()));
+        let bytes = [&table, &below, &densities, &coefficients].map(|texture| {
+            let size = texture.size();
+            let texel = texture.format().block_copy_size(None).unwrap_or(0);
+            u64::from(size.width) * u64::from(size.height) * u64::from(size.depth_or_array_layers) * u64::from(texel)
+        });
+        let bind_group = self.device.create_bind_group(
+            "plenoctree_field",
+            &self.pipelines.get_bind_group_layout(&self.layout.0),
+            &BindGroupEntries::sequential((uniform.as_entire_binding(), &views[0], &views[1], &views[2], &views[3])),
+        );
+        GpuLevel {
+            bind_group,
+            shape: FieldShape { payload, activation: field.activation(), inner_records: !records.below.is_empty() },
+            bytes: bytes.iter().sum(),
+        }
+    }
 }
 
 impl RenderAsset for GpuField {
     type SourceAsset = PlenOctree;
-    type Param = (SRes<RenderDevice>, SRes<PipelineCache>, SRes<FieldLayouts>);
+    type Param = (SRes<RenderDevice>, SRes<RenderQueue>, SRes<PipelineCache>, SRes<FieldLayout>);
 
     fn asset_usage(_: &PlenOctree) -> RenderAssetUsages {
         // The main world keeps the field, for extraction; the arrays are shared, so the copy costs nothing.
@@ -158,52 +215,11 @@ impl RenderAsset for GpuField {
 
     fn prepare_asset(
         field: PlenOctree,
-        id: AssetId<PlenOctree>,
-        (device, pipelines, layouts): &mut SystemParamItem<Self::Param>,
+        _: AssetId<PlenOctree>,
+        (device, queue, pipelines, layout): &mut SystemParamItem<Self::Param>,
         _: Option<&Self>,
     ) -> Result<Self, PrepareAssetError<PlenOctree>> {
-        let limits = device.limits();
-        let per_part = leaves_per_part(field.basis(), &limits) as usize;
-        let parts = field.leaves().div_ceil(per_part.max(1)).max(1);
-        let bind_group = match Self::check(&field, &limits) {
-            Ok(()) => Some(bind(&field, per_part, device, &pipelines.get_bind_group_layout(layouts.get(parts)))),
-            Err(error) => {
-                error!("{id} is not drawn: {error}");
-                None
-            }
-        };
-        Ok(Self {
-            bytes: if bind_group.is_some() { Self::byte_size(&field) } else { 0 },
-            bind_group,
-            basis: field.basis(),
-            activation: field.activation(),
-            parts,
-        })
+        let level = Uploader { device, queue, pipelines, layout }.upload(&field);
+        Ok(Self { source: field, levels: vec![level] })
     }
-}
-
-fn bind(field: &PlenOctree, leaves_per_part: usize, device: &RenderDevice, layout: &BindGroupLayout) -> BindGroup {
-    let buffer = |label, contents: &[u8], usage| -> Buffer {
-        // A binding of no bytes is not allowed, and an empty field still has a root to look at.
-        let contents = if contents.is_empty() { &[0; 4] } else { contents };
-        device.create_buffer_with_data(&BufferInitDescriptor { label: Some(label), contents, usage })
-    };
-    let storage = |label, contents: &[u8]| buffer(label, contents, BufferUsages::STORAGE);
-    let uniform = [field.depth(), leaves_per_part as u32, 0, 0];
-    let mut buffers = vec![
-        buffer("plenoctree_field", bytemuck::cast_slice(&uniform), BufferUsages::UNIFORM),
-        storage("plenoctree_nodes", bytemuck::cast_slice(field.nodes())),
-        storage("plenoctree_densities", bytemuck::cast_slice(field.densities())),
-    ];
-    // Part by part, so that no more than one is in memory twice.
-    let all = field.coefficients();
-    let parts = all.chunks((leaves_per_part * field.basis().coefficients()).max(1));
-    for part in parts.chain(all.is_empty().then_some(all)) {
-        let packed = pack_coefficients(field.basis(), part);
-        buffers.push(storage("plenoctree_coefficients", bytemuck::cast_slice(&packed)));
-    }
-    let entries: Vec<BindGroupEntry> = (buffers.iter().zip(0..))
-        .map(|(buffer, binding)| BindGroupEntry { binding, resource: buffer.as_entire_binding() })
-        .collect();
-    device.create_bind_group("plenoctree_field", layout, &entries)
 }

@@ -1,11 +1,14 @@
 //! The field on the GPU.
 
 mod field;
+mod payload;
+mod records;
 mod shaders;
+mod upload;
 
-pub(crate) use field::FieldLayouts;
+pub(crate) use field::{FieldLayout, FieldShape, GpuLevel, Uploader};
 pub use field::{FieldTooLarge, GpuField};
-pub(crate) use shaders::{Shaders, radiance_definitions};
+pub(crate) use shaders::{Shaders, field_definitions};
 
 use bevy::{
     prelude::*,
@@ -23,7 +26,7 @@ impl Plugin for GpuFieldPlugin {
         let shaders = Shaders::add_to(app);
         app.add_plugins(RenderAssetPlugin::<GpuField>::default());
         if let Some(render_app) = app.get_sub_app_mut(RenderApp) {
-            render_app.insert_resource(shaders).init_resource::<FieldLayouts>();
+            render_app.insert_resource(shaders).init_resource::<FieldLayout>();
         }
     }
 }

@@ -5,7 +5,7 @@ use bevy::{
     shader::{Shader, ShaderDefVal},
 };
 
-use super::field::words_per_channel;
+use super::field::FieldShape;
 use crate::field::{Activation, Basis};
 
 /// Handles of the shaders, in the render world. Those that only others import are kept too, to keep them loaded.
@@ -17,8 +17,9 @@ pub(crate) struct Shaders {
     pub bilateral: Handle<Shader>,
     pub posterize: Handle<Shader>,
     pub depth: Handle<Shader>,
+    pub upsample: Handle<Shader>,
     pub sampling: Handle<Shader>,
-    _imported: [Handle<Shader>; 4],
+    _imported: [Handle<Shader>; 5],
 }
 
 impl Shaders {
@@ -40,32 +41,39 @@ impl Shaders {
             bilateral: shader!("bilateral.wgsl"),
             posterize: shader!("posterize.wgsl"),
             depth: shader!("depth.wgsl"),
+            upsample: shader!("upsample.wgsl"),
             sampling: shader!("sampling.wgsl"),
-            _imported: [shader!("color.wgsl"), shader!("view.wgsl"), shader!("octree.wgsl"), shader!("radiance.wgsl")],
+            _imported: [
+                shader!("color.wgsl"),
+                shader!("view.wgsl"),
+                shader!("target.wgsl"),
+                shader!("octree.wgsl"),
+                shader!("radiance.wgsl"),
+            ],
         }
     }
 }
 
-/// The definitions that `radiance.wgsl` needs, for coefficients in so many parts.
-pub(crate) fn radiance_definitions(basis: Basis, activation: Activation, parts: usize) -> Vec<ShaderDefVal> {
-    let mut definitions = vec![ShaderDefVal::UInt("WORDS".into(), words_per_channel(basis) as u32)];
-    if basis == Basis::Rgba {
-        definitions.push("RGBA".into());
-    }
+/// The definitions that `octree.wgsl` and `radiance.wgsl` need, for harmonics of at most `degree`.
+pub(crate) fn field_definitions(shape: FieldShape, degree: u32) -> Vec<ShaderDefVal> {
+    let FieldShape { payload, activation, inner_records } = shape;
+    let functions = payload.basis.functions().min(((degree + 1) * (degree + 1)) as usize);
+    let used = if payload.compact { (functions - 1).div_ceil(4) } else { functions.div_ceil(2) };
+    let number = |name: &str, value: usize| ShaderDefVal::UInt(name.into(), value as u32);
+    let mut definitions =
+        vec![number("TEXELS", payload.texels()), number("WORDS", payload.words_per_channel()), number("USED", used)];
+    let mut define = |name: &str, holds: bool| {
+        if holds {
+            definitions.push(name.into());
+        }
+    };
+    define("INNER_RECORDS", inner_records);
+    define("COMPACT", payload.compact);
+    define("RGBA", payload.basis == Basis::Rgba);
     for (degree, name) in ["DEGREE_1", "DEGREE_2", "DEGREE_3", "DEGREE_4"].into_iter().enumerate() {
-        if basis.functions() > (degree + 1) * (degree + 1) {
-            definitions.push(name.into());
-        }
+        define(name, functions > (degree + 1) * (degree + 1));
     }
-    for (name, least) in [("PARTS_2", 2), ("PARTS_3", 3), ("PARTS_4", 4)] {
-        if parts >= least {
-            definitions.push(name.into());
-        }
-    }
-    match activation {
-        Activation::Sigmoid => definitions.push("SIGMOID".into()),
-        Activation::ShiftedRelu => definitions.push("SHIFTED_RELU".into()),
-        Activation::Identity => {}
-    }
+    define("SIGMOID", activation == Activation::Sigmoid);
+    define("SHIFTED_RELU", activation == Activation::ShiftedRelu);
     definitions
 }

@@ -10,10 +10,7 @@ use bevy::{
     shader::Shader,
 };
 
-use crate::{
-    field::{Activation, Basis},
-    gpu::{FieldLayouts, Shaders, radiance_definitions},
-};
+use crate::gpu::{FieldLayout, FieldShape, Shaders, field_definitions};
 
 /// `Slice` of `sampling.wgsl`.
 #[derive(ShaderType, Clone, Copy)]
@@ -28,14 +25,17 @@ pub(super) struct SliceUniform {
     pub weight_scale: f32,
 }
 
+/// That of SH25.
+const MOST_DEGREE: u32 = 4;
+
 #[derive(Resource)]
 pub(super) struct SamplingPipeline {
     shader: Handle<Shader>,
     pub layout: BindGroupLayoutDescriptor,
-    fields: FieldLayouts,
+    field: FieldLayout,
 }
 
-pub(super) fn init(mut commands: Commands, shaders: Res<Shaders>, fields: Res<FieldLayouts>) {
+pub(super) fn init(mut commands: Commands, shaders: Res<Shaders>, field: Res<FieldLayout>) {
     commands.insert_resource(SamplingPipeline {
         shader: shaders.sampling.clone(),
         layout: BindGroupLayoutDescriptor::new(
@@ -50,20 +50,19 @@ pub(super) fn init(mut commands: Commands, shaders: Res<Shaders>, fields: Res<Fi
                 ),
             ),
         ),
-        fields: fields.clone(),
+        field: field.clone(),
     });
 }
 
 impl SpecializedComputePipeline for SamplingPipeline {
-    /// Basis and activation of the field, and the parts of its coefficients.
-    type Key = (Basis, Activation, usize);
+    type Key = FieldShape;
 
-    fn specialize(&self, (basis, activation, parts): Self::Key) -> ComputePipelineDescriptor {
+    fn specialize(&self, shape: FieldShape) -> ComputePipelineDescriptor {
         ComputePipelineDescriptor {
             label: Some("plenoctree_sampling".into()),
-            layout: vec![self.layout.clone(), self.fields.get(parts).clone()],
+            layout: vec![self.layout.clone(), self.field.0.clone()],
             shader: self.shader.clone(),
-            shader_defs: radiance_definitions(basis, activation, parts),
+            shader_defs: field_definitions(shape, MOST_DEGREE),
             entry_point: Some("sample".into()),
             ..default()
         }

@@ -7,7 +7,7 @@ use bevy::{
     render::{
         render_asset::RenderAssets,
         render_resource::{
-            BindGroup, BindGroupEntries, BindGroupLayout, Buffer, BufferDescriptor, BufferInitDescriptor, BufferUsages,
+            BindGroupEntries, BindGroupLayout, Buffer, BufferDescriptor, BufferInitDescriptor, BufferUsages,
             CachedPipelineState, CommandEncoderDescriptor, ComputePassDescriptor, ComputePipeline, MapMode,
             PipelineCache, SpecializedComputePipelines, UniformBuffer,
         },
@@ -20,12 +20,13 @@ use super::{
     clock::SliceClock,
     pipeline::{SamplingPipeline, SliceUniform},
 };
-use crate::{gpu::GpuField, palette::Histograms};
+use crate::{
+    gpu::{GpuField, GpuLevel},
+    palette::Histograms,
+};
 
 /// Threads of a workgroup of `sampling.wgsl`.
 const WORKGROUP: u32 = 64;
-/// Storage buffers of the pipeline beside the parts of the field's coefficients.
-const OTHER_BUFFERS: u32 = 5;
 /// Rays of the first slice, when nothing is known about the GPU's speed, and about the fewest of any.
 const FEWEST_RAYS: usize = 1 << 16;
 /// About the most rays of a slice: a GPU that is busy for seconds is taken for dead.
@@ -39,9 +40,7 @@ pub(super) struct ActiveSampling(Option<Active>);
 
 struct Active {
     job: Arc<SamplingJob>,
-    field: BindGroup,
-    /// Parts of the field's coefficients.
-    parts: usize,
+    field: Arc<GpuLevel>,
     layout: BindGroupLayout,
     uniform: SliceUniform,
     leaf_cells: Buffer,
@@ -87,8 +86,7 @@ pub(super) fn advance_sampling(
         }
     }
     let Some(current) = &mut active.0 else { return };
-    let key = (current.job.field.basis(), current.job.field.activation(), current.parts);
-    let id = pipelines.specialize(&cache, &pipeline, key);
+    let id = pipelines.specialize(&cache, &pipeline, current.field.shape);
     if let CachedPipelineState::Err(error) = cache.get_compute_pipeline_state(id) {
         current.job.end(Err(SamplingFailure::Pipeline(error.to_string())));
     } else if let Some(pipeline) = cache.get_compute_pipeline(id) {
@@ -105,12 +103,8 @@ impl Active {
         device: &RenderDevice,
     ) -> Result<Self, SamplingFailure> {
         let settings = &job.settings;
-        let field_group = field.bind_group.clone().ok_or(SamplingFailure::TooLarge)?;
-        let limits = device.limits();
-        let buffers = OTHER_BUFFERS + field.parts as u32;
-        if job.leaves.len() as u64 * 16 > limits.max_storage_buffer_binding_size
-            || buffers > limits.max_storage_buffers_per_shader_stage
-        {
+        let field = field.level(0).ok_or(SamplingFailure::TooLarge)?;
+        if job.leaves.len() as u64 * 16 > device.limits().max_storage_buffer_binding_size {
             return Err(SamplingFailure::TooLarge);
         }
 
@@ -147,8 +141,7 @@ impl Active {
         job.progress.begin(job.leaves.len());
         Ok(Self {
             job: job.clone(),
-            field: field_group,
-            parts: field.parts,
+            field: field.clone(),
             layout: cache.get_bind_group_layout(&pipeline.layout),
             uniform,
             leaf_cells: storage("plenoctree_leaf_cells", bytemuck::cast_slice(&job.leaves)),
@@ -225,7 +218,7 @@ impl Active {
             });
             pass.set_pipeline(pipeline);
             pass.set_bind_group(0, &bind_group, &[]);
-            pass.set_bind_group(1, &self.field, &[]);
+            pass.set_bind_group(1, &self.field.bind_group, &[]);
             pass.dispatch_workgroups(leaves.div_ceil(WORKGROUP), self.job.settings.direction_cells() as u32, 1);
         }
         clock.resolve(&mut encoder);

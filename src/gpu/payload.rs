@@ -1,0 +1,82 @@
+//! Coefficients of leaves as texels of four words.
+
+use half::f16;
+
+use crate::field::{Basis, PlenOctree, Precision};
+
+/// How the coefficients of one leaf lie in texels, as shaders need to know it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(crate) struct Payload {
+    pub basis: Basis,
+    pub compact: bool,
+}
+
+impl Payload {
+    pub fn of(field: &PlenOctree) -> Self {
+        // With few functions bytes would take as many texels.
+        let compact = field.precision() == Precision::Byte && field.basis().functions() >= 9;
+        Self { basis: field.basis(), compact }
+    }
+
+    /// 32-bit words that one channel takes, besides the two of a compact leaf.
+    pub fn words_per_channel(self) -> usize {
+        let functions = self.basis.functions();
+        if self.compact { (functions - 1).div_ceil(4) } else { functions.div_ceil(2) }
+    }
+
+    /// Texels of four words that one leaf takes.
+    pub fn texels(self) -> usize {
+        (3 * self.words_per_channel() + if self.compact { 2 } else { 0 }).div_ceil(4)
+    }
+
+    /// The texels of some leaves, one after another.
+    pub fn pack(self, coefficients: &[f16]) -> Vec<u32> {
+        let leaves = coefficients.chunks_exact(self.basis.coefficients());
+        let mut words = Vec::with_capacity(leaves.len() * self.texels() * 4);
+        for leaf in leaves {
+            let end = words.len() + self.texels() * 4;
+            if self.compact {
+                self.pack_bytes(leaf, &mut words);
+            } else {
+                self.pack_halves(leaf, &mut words);
+            }
+            words.resize(end, 0);
+        }
+        words
+    }
+
+    /// Every channel in pairs of half floats.
+    fn pack_halves(self, leaf: &[f16], words: &mut Vec<u32>) {
+        for channel in leaf.chunks_exact(self.basis.functions()) {
+            words.extend(channel.chunks(2).map(|pair| halves(pair[0], pair.get(1).copied().unwrap_or(f16::ZERO))));
+        }
+    }
+
+    /// The constant functions of the three channels and the largest of the other coefficients as half floats, then those
+    /// others as signed bytes, in parts of the largest.
+    fn pack_bytes(self, leaf: &[f16], words: &mut Vec<u32>) {
+        let channels = || leaf.chunks_exact(self.basis.functions());
+        let largest = channels().flat_map(|channel| &channel[1..]).map(|k| k.to_f32().abs()).fold(0.0, f32::max);
+        // Rounded up, so that no quotient is above one.
+        let mut scale = f16::from_f32(largest);
+        if scale.to_f32() < largest {
+            scale = f16::from_bits(scale.to_bits() + 1);
+        }
+        let quotient = 127.0 / scale.to_f32().max(f32::MIN_POSITIVE);
+        let functions = self.basis.functions();
+        words.push(halves(leaf[0], leaf[functions]));
+        words.push(halves(leaf[2 * functions], scale));
+        for channel in channels() {
+            words.extend(channel[1..].chunks(4).map(|four| {
+                let bytes: [u8; 4] = std::array::from_fn(|index| {
+                    four.get(index).map_or(0, |k| (k.to_f32() * quotient).round() as i8 as u8)
+                });
+                u32::from_le_bytes(bytes)
+            }));
+        }
+    }
+}
+
+fn halves(low: f16, high: f16) -> u32 {
+    u32::from(low.to_bits()) | u32::from(high.to_bits()) << 16
+}
