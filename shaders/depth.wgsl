@@ -1,14 +1,15 @@
-// The depth of the props, for what is drawn after them: where half of the light is gone.
+// The depth of the props where they are solid, for what is drawn after them.
 
-#import bevy_plenoctree::view::{FAR_AWAY, depth_value, unpack_distance, view}
+#import bevy_plenoctree::view::view
 
-@group(1) @binding(0) var distances: texture_2d<f32>;
+@group(1) @binding(0) var owner: texture_2d<f32>;
+@group(1) @binding(1) var depth: texture_depth_2d;
 
 @fragment
 fn fragment(@builtin(position) position: vec4<f32>) -> @builtin(frag_depth) f32 {
-    let distance = unpack_distance(textureLoad(distances, vec2<u32>(position.xy) - view.corner, 0).xy);
-    if distance >= FAR_AWAY {
+    let pixel = vec2<u32>(position.xy) - view.corner;
+    if textureLoad(owner, pixel, 0).g == 0.0 {
         discard;
     }
-    return clamp(depth_value(distance), 0.0, 1.0);
+    return textureLoad(depth, pixel, 0);
 }

@@ -1,6 +1,6 @@
 // The last pass: labels for the pixels that are posterised, the composite for the others. Section 4, steps 1 and 3 to 5.
 
-#import bevy_plenoctree::color::decode
+#import bevy_plenoctree::target::to_target
 #import bevy_plenoctree::view::{colors, props, view}
 
 @group(1) @binding(0) var filtered: texture_2d<f32>;
@@ -63,18 +63,16 @@ fn assign(color: vec3<f32>, prop: u32) -> vec3<f32> {
 fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
     let pixel = vec2<u32>(position.xy) - view.corner;
     let opacity = textureLoad(layer, pixel, 0).a;
-    if opacity == 0.0 {
+    let value = textureLoad(filtered, pixel, 0);
+    if opacity == 0.0 && value.a == 0.0 {
         discard;
     }
-    let value = textureLoad(filtered, pixel, 0);
     var color = value.rgb;
     var alpha = opacity;
     if value.a > 0.0 {
         color = assign(color, u32(value.a) - 1u);
-        alpha = 1.0;
+        // A posterised prop is opaque; the rest is as opaque as it was.
+        alpha = select(1.0, opacity, u32(value.a) == view.everything);
     }
-#ifndef ENCODED_TARGET
-    color = decode(color);
-#endif
-    return vec4(color, alpha);
+    return vec4(to_target(color), alpha);
 }

@@ -1,13 +1,12 @@
 // What the passes of one view share: bind group 0.
 #define_import_path bevy_plenoctree::view
 
-#import bevy_plenoctree::color::to_half
-
 struct Prop {
     // Corners of the unit cube to the corners of the box around the leaves, in clip space.
     clip_from_box: mat4x4<f32>,
-    // The ray through the point p of the viewport, in pixels, in the field's frame: origin[0] + p.x origin[1] + p.y origin[2],
-    // in tree units, and likewise its direction, in world units of the field, not normalised.
+    // The ray through the point `reference` + p of the viewport, in pixels, in the field's frame: origin[0] + p.x origin[1]
+    // + p.y origin[2], in tree units, and likewise its direction, in world units of the field, not normalised. It begins
+    // where the box does, `near` along the view axis, so that numbers are small however far away the camera is.
     origin: mat3x3<f32>,
     direction: mat3x3<f32>,
     // Tree units a world unit of the field.
@@ -29,6 +28,10 @@ struct Prop {
     // 1 / (2 sigma^2) of the bilateral filter's two Gaussians.
     spatial_falloff: f32,
     range_falloff: f32,
+    reference: vec2<f32>,
+    near: f32,
+    // Where transmittance falls to this, the prop is solid and has a depth.
+    solid_transmittance: f32,
 }
 
 struct View {
@@ -37,6 +40,16 @@ struct View {
     size: vec2<u32>,
     // The z and w rows of clip_from_view's z and w columns: P22, P32, P23, P33.
     depth: vec4<f32>,
+    // What the camera makes of the props' light: 1 at Bevy's default exposure, and after tonemapping.
+    exposure: f32,
+    // 1 + place in `props` of what posterises the pixels that no posterised prop owns, or 0.
+    everything: u32,
+    // Pixels of the viewport a pixel of the volume pass.
+    pixel: vec2<f32>,
+    // Of the camera's quality.
+    stop_transmittance: f32,
+    density_threshold: f32,
+    min_weight: f32,
 }
 
 @group(0) @binding(0) var<uniform> view: View;
@@ -57,18 +70,3 @@ fn depth_value(distance: f32) -> f32 {
 }
 
 const FAR_AWAY: f32 = 1e30;
-const NOWHERE: f32 = 1000.0;
-
-// A distance along the view axis in half floats: its logarithm in two parts, to 5e-6 of the distance.
-fn pack_distance(distance: f32) -> vec2<f32> {
-    if distance >= FAR_AWAY {
-        return vec2(NOWHERE, 0.0);
-    }
-    let exponent = log2(max(distance, 1e-30));
-    let high = to_half(vec4(exponent)).x;
-    return vec2(high, to_half(vec4(exponent - high)).x);
-}
-
-fn unpack_distance(parts: vec2<f32>) -> f32 {
-    return select(exp2(parts.x + parts.y), FAR_AWAY, parts.x >= NOWHERE);
-}

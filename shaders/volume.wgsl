@@ -1,9 +1,9 @@
 // The volume pass: section 2 of the method, for the pixels of the box around a prop's leaves.
 
 #import bevy_plenoctree::color::to_half
-#import bevy_plenoctree::octree::{LEAF, advance, begin, clip, densities, field, is_inside, make_ray}
+#import bevy_plenoctree::octree::{NO_LEAF, begin, clip, density, field, make_ray, next_leaf}
 #import bevy_plenoctree::radiance::{harmonics, radiance}
-#import bevy_plenoctree::view::{FAR_AWAY, pack_distance, props, view, view_distance}
+#import bevy_plenoctree::view::{depth_value, props, view, view_distance}
 
 #ifdef MULTISAMPLED
 @group(0) @binding(3) var scene_depth: texture_depth_multisampled_2d;
@@ -41,13 +41,13 @@ fn vertex(@builtin(vertex_index) index: u32, @builtin(instance_index) instance: 
 struct Fragment {
     // Colour weighed by opacity, encoded sRGB, and opacity.
     @location(0) color: vec4<f32>,
-    // 1 + index of the prop that posterises the pixel, or 0; blending takes it where alpha is 1.
+    // 1 + index of the prop that posterises the pixel, or 0; and whether it is solid there. Blending takes them where
+    // alpha is 1.
     @location(1) owner: vec4<f32>,
-    // What `pack_distance` makes of where half of the light is gone; taken likewise.
-    @location(2) distance: vec4<f32>,
+    // Of the solid part, or of the first leaf where nothing is: what is behind it is not drawn over it, in whichever order
+    // props are drawn.
+    @builtin(frag_depth) depth: f32,
 }
-
-const STOP_TRANSMITTANCE: f32 = 1e-2;
 
 // 1 - exp(-depth) without the cancellation that eats thin fog.
 fn absorbed(depth: f32) -> f32 {
@@ -57,15 +57,17 @@ fn absorbed(depth: f32) -> f32 {
 
 @fragment
 fn fragment(in: Varying) -> Fragment {
-    let point = vec3(1.0, in.position.xy);
+    let at = in.position.xy * view.pixel;
+    let point = vec3(1.0, at - props[in.prop].reference);
     let cells = f32(1u << field.depth);
     let toward = props[in.prop].direction * point;
-    let unit = normalize(toward);
+    let length = length(toward);
+    let unit = toward / length;
     let ray = make_ray(props[in.prop].origin * point * cells, unit * props[in.prop].scale * cells);
 
-    let span = clip(ray, props[in.prop].low * cells, props[in.prop].high * cells);
-    let nearest = textureLoad(scene_depth, vec2<u32>(in.position.xy) + view.corner, 0);
-    let end = min(span.y, view_distance(nearest) * length(toward));
+    let span = clip(ray, props[in.prop].low * cells, props[in.prop].high * cells, 0.0);
+    let nearest = textureLoad(scene_depth, vec2<u32>(at) + view.corner, 0);
+    let end = min(span.y, (view_distance(nearest) - props[in.prop].near) * length);
     if span.x >= end {
         discard;
     }
@@ -74,41 +76,49 @@ fn fragment(in: Varying) -> Fragment {
     var color = vec3(0.0);
     var opacity = 0.0;
     var transmittance = 1.0;
-    var half_way = FAR_AWAY;
+    var first = -1.0;
+    var solid = -1.0;
     var walk = begin(ray, span.x);
     loop {
-        let start = walk.t;
-        let step = advance(ray, &walk);
-        if (step.cell & LEAF) != 0u {
-            let leaf = step.cell & ~LEAF;
-            let depth = densities[leaf] * (min(step.exit, end) - start);
-            let weight = transmittance * absorbed(depth);
-            color += weight * radiance(leaf, &h);
-            opacity += weight;
-            let before = transmittance;
-            transmittance *= exp(-depth);
-            if before > 0.5 && transmittance <= 0.5 {
-                half_way = start + log(2.0 * before) / densities[leaf];
-            }
-            if transmittance < STOP_TRANSMITTANCE {
-                break;
-            }
-        }
-        if step.exit >= end || !is_inside(walk) {
+        if transmittance < view.stop_transmittance {
             break;
         }
+        let crossing = next_leaf(ray, &walk, end);
+        if crossing.leaf == NO_LEAF {
+            break;
+        }
+        let sigma = density(crossing.leaf);
+        if sigma >= view.density_threshold {
+            let depth = sigma * (crossing.exit - crossing.enter);
+            let weight = transmittance * absorbed(depth);
+            if weight >= view.min_weight {
+                color += weight * radiance(crossing.leaf, &h);
+                opacity += weight;
+            }
+            let before = transmittance;
+            transmittance *= exp(-depth);
+            first = select(first, crossing.enter, first < 0.0);
+            let limit = props[in.prop].solid_transmittance;
+            let inside = crossing.enter + max(log(before / limit), 0.0) / sigma;
+            solid = select(solid, inside, solid < 0.0 && transmittance <= limit);
+        }
     }
-
-    if transmittance < STOP_TRANSMITTANCE {
-        color /= opacity;
-        opacity = 1.0;
+    if opacity == 0.0 {
+        discard;
     }
-    let covers = select(0.0, 1.0, opacity > 0.0 && opacity >= props[in.prop].min_opacity);
-    let posterized = select(0.0, f32(in.prop + 1u), props[in.prop].colors > 0u);
-    let solid = select(0.0, 1.0, half_way < FAR_AWAY);
+    // What was not asked for its colour has that of the rest.
+    let gone = select(1.0 - transmittance, 1.0, transmittance < view.stop_transmittance);
+    if transmittance < view.stop_transmittance || view.min_weight > 0.0 {
+        color *= gone / opacity;
+        opacity = gone;
+    }
+    let covers = opacity >= props[in.prop].min_opacity;
+    let posterized = select(0.0, f32(in.prop + 1u), covers && props[in.prop].colors > 0u);
+    let is_solid = solid >= 0.0;
+    let distance = props[in.prop].near + select(first, solid, is_solid) / length;
     return Fragment(
         to_half(vec4(color, opacity)),
-        vec4(posterized, 0.0, 0.0, covers),
-        vec4(pack_distance(select(FAR_AWAY, half_way / length(toward), solid > 0.0)), 0.0, solid),
+        vec4(posterized, select(0.0, 1.0, is_solid), 0.0, select(0.0, 1.0, covers || is_solid)),
+        clamp(depth_value(distance), 0.0, 1.0),
     );
 }

@@ -1,14 +1,22 @@
 //! What a user puts on an entity.
 
+use std::any::TypeId;
+
 use bevy::{
     camera::{
         primitives::Aabb,
         visibility::{self, VisibilityClass, VisibilitySystems},
     },
+    ecs::{lifecycle::HookContext, world::DeferredWorld},
     prelude::*,
 };
 
-use crate::field::PlenOctree;
+use glam::DAffine3;
+
+use crate::{
+    field::{PlenOctree, UpAxis},
+    quality::Quality,
+};
 
 /// A radiance field in the scene.
 ///
@@ -17,9 +25,28 @@ use crate::field::PlenOctree;
 /// as trained; add [`Posterize`] for the stylised look.
 #[derive(Component, Clone, Debug, FromTemplate, Reflect)]
 #[reflect(Component, Clone, Debug)]
-#[require(Transform, Visibility, VisibilityClass)]
-#[component(on_add = visibility::add_visibility_class::<Prop>)]
+#[require(SolidOpacity, Transform, Visibility, VisibilityClass)]
+#[component(on_add = visibility::add_visibility_class::<Prop>, on_remove = leave_visibility_class)]
 pub struct Prop(pub Handle<PlenOctree>);
+
+/// Undoes what happened when the prop was added; else an entity to which it is added again would be seen twice.
+fn leave_visibility_class(mut world: DeferredWorld, HookContext { entity, .. }: HookContext) {
+    if let Some(mut classes) = world.get_mut::<VisibilityClass>(entity) {
+        classes.retain(|class| *class != TypeId::of::<Prop>());
+    }
+}
+
+/// Where a [`Prop`] is solid: it writes depth where its opacity along a pixel's ray reaches this share, for what is drawn
+/// later or looks at the scene's depth. 0 to 1; half by default. Above 1 it writes none.
+#[derive(Component, Clone, Copy, Debug, PartialEq, Reflect)]
+#[reflect(Component, Default, Clone, Debug, PartialEq)]
+pub struct SolidOpacity(pub f32);
+
+impl Default for SolidOpacity {
+    fn default() -> Self {
+        Self(0.5)
+    }
+}
 
 /// The most steps from one palette colour to another.
 pub const MAX_BLEND_STEPS: u32 = 8;
@@ -31,7 +58,8 @@ pub const MAX_FILTER_RADIUS: u32 = 6;
 /// The stylised look of a [`Prop`]: section 4 of the method.
 ///
 /// Needs a palette in [`Palettes`](crate::Palettes), which is read or extracted when none is there; until it is ready the
-/// prop is shown as trained. [`PaletteOverride`](crate::PaletteOverride) gives the entity colours of its own.
+/// prop is shown as trained. [`PaletteOverride`](crate::PaletteOverride) gives the entity colours of its own. On a camera
+/// it is the look of a [`PosterizeView`](crate::PosterizeView).
 #[derive(Component, Clone, Copy, Debug, PartialEq, Reflect)]
 #[reflect(Component, Default, Clone, Debug, PartialEq)]
 pub struct Posterize {
@@ -73,6 +101,11 @@ impl Default for Abstraction {
     }
 }
 
+/// From a field's own frame to the scene, for a prop that stands at `transform`.
+pub(crate) fn world_from_field(transform: &GlobalTransform, up: UpAxis) -> DAffine3 {
+    transform.affine().as_daffine3() * DAffine3::from_mat3(up.to_y_up())
+}
+
 /// Keeps the bounds of props.
 pub(crate) struct PropPlugin;
 
@@ -80,6 +113,8 @@ impl Plugin for PropPlugin {
     fn build(&self, app: &mut App) {
         app.register_type::<Prop>()
             .register_type::<Posterize>()
+            .register_type::<SolidOpacity>()
+            .register_type::<Quality>()
             .add_systems(PostUpdate, update_bounds.in_set(VisibilitySystems::CalculateBounds));
     }
 }

@@ -16,14 +16,16 @@ use bevy::{
     render::{
         RenderApp,
         render_asset::RenderAssets,
-        render_resource::{PollType, TextureFormat, TextureUsages},
+        render_resource::{PipelineCache, PollType, TextureFormat, TextureUsages},
         renderer::RenderDevice,
         settings::WgpuSettings,
     },
 };
 use image::RgbaImage;
 
-use crate::{PaletteExtraction, Palettes, PlenOctree, Posterize, Prop, gpu::GpuField, palette::ExtractionError};
+use crate::{
+    PaletteExtraction, Palettes, PlenOctree, Posterize, PosterizeView, Prop, gpu::GpuField, palette::ExtractionError,
+};
 
 /// Why a headless app gives no picture.
 #[derive(Debug, thiserror::Error)]
@@ -31,10 +33,10 @@ pub enum HeadlessError {
     /// There is no GPU, nor a software one.
     #[error("no usable graphics adapter: install a Vulkan driver (Mesa's lavapipe will do): {0}")]
     NoAdapter(String),
-    /// A prop's field could not be loaded.
+    /// The field of a prop or of a posterised view could not be loaded.
     #[error("{0}")]
     Field(String),
-    /// A prop's palette could not be extracted.
+    /// A palette could not be extracted.
     #[error(transparent)]
     Palette(ExtractionError),
     /// The scene was not ready in time.
@@ -125,7 +127,9 @@ impl Headless {
         }
     }
 
-    /// Runs frames until every [`Prop`]'s field is on the GPU and every [`Posterize`]d one has its palette.
+    /// Runs frames until every [`Prop`]'s field is on the GPU, every [`Posterize`]d one and every posterised
+    /// [view](PosterizeView) has its palette, and no pipeline waits for its shader: until Bevy has loaded its own, cameras
+    /// draw nothing.
     pub fn wait_until_ready(&mut self, timeout: Duration) -> Result<(), HeadlessError> {
         let start = Instant::now();
         loop {
@@ -144,18 +148,36 @@ impl Headless {
         let world = self.app.world_mut();
         let mut props = world.query::<(&Prop, Has<Posterize>)>();
         let props: Vec<_> = props.iter(world).map(|(prop, posterized)| (prop.0.clone(), posterized)).collect();
-        let mut ready = true;
+        let mut views = world.query_filtered::<&PosterizeView, With<Posterize>>();
+        let views: Vec<_> = views.iter(world).map(|view| view.0.clone()).collect();
+        let mut ready = self.has_pipelines();
         for (field, posterized) in props {
             ready &= self.has_field(&field)? && (!posterized || self.has_palette(&field)?);
+        }
+        for field in views {
+            if !self.has_palette(&field)? {
+                self.check_loads(&field)?;
+                ready = false;
+            }
         }
         Ok(ready)
     }
 
-    fn has_field(&self, field: &Handle<PlenOctree>) -> Result<bool, HeadlessError> {
-        let state = self.app.world().resource::<AssetServer>().load_state(field);
-        if let LoadState::Failed(error) = state {
-            return Err(HeadlessError::Field(error.to_string()));
+    fn has_pipelines(&self) -> bool {
+        let render = self.app.get_sub_app(RenderApp);
+        let cache = render.and_then(|render| render.world().get_resource::<PipelineCache>());
+        cache.is_none_or(|cache| cache.waiting_pipelines().next().is_none())
+    }
+
+    fn check_loads(&self, field: &Handle<PlenOctree>) -> Result<(), HeadlessError> {
+        match self.app.world().resource::<AssetServer>().load_state(field) {
+            LoadState::Failed(error) => Err(HeadlessError::Field(error.to_string())),
+            _ => Ok(()),
         }
+    }
+
+    fn has_field(&self, field: &Handle<PlenOctree>) -> Result<bool, HeadlessError> {
+        self.check_loads(field)?;
         let render = self.app.get_sub_app(RenderApp);
         let uploaded = render.and_then(|render| render.world().get_resource::<RenderAssets<GpuField>>()?.get(field));
         Ok(uploaded.is_some())

@@ -13,11 +13,10 @@ use bevy::{
 };
 use wgpu::DeviceType;
 
-use super::{FieldPalette, Palettes};
+use super::{FieldPalette, Palettes, posterized::Posterized};
 use crate::{
     field::PlenOctree,
     palette::{Extraction, ExtractionError, ExtractionSettings, Histograms, Progress, extract_from_histograms, sample},
-    prop::{Posterize, Prop},
     sampling::{SamplingFailure, SamplingJob, SamplingJobs},
 };
 
@@ -44,8 +43,8 @@ pub struct Sampled {
 
 /// The palettes that are being extracted, and how.
 ///
-/// A field of a posterised prop that has no palette gets one while the app keeps running. The GPU samples it in slices,
-/// some every frame, or the CPU does in a task; k-means and hull follow in a task.
+/// A field of a posterised prop or view that has no palette gets one while the app keeps running. The GPU samples it in
+/// slices, some every frame, or the CPU does in a task; k-means and hull follow in a task.
 #[derive(Resource, Reflect)]
 #[reflect(Resource, Default)]
 pub struct PaletteExtraction {
@@ -158,9 +157,9 @@ pub(super) fn start(
     palettes: Res<Palettes>,
     fields: Res<Assets<PlenOctree>>,
     adapter: Option<Res<RenderAdapterInfo>>,
-    props: Query<&Prop, With<Posterize>>,
+    posterized: Posterized,
 ) {
-    let missing = props.iter().map(|prop| prop.0.id()).filter(|id| {
+    let missing = posterized.fields().filter(|id| {
         palettes.lacks(*id) && !extraction.failed.contains_key(id) && !extraction.running.contains_key(id)
     });
     let ids: HashSet<_> = extraction.wanted.iter().copied().chain(missing).collect();

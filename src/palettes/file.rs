@@ -11,11 +11,10 @@ use bevy::{
     tasks::{IoTaskPool, Task, block_on, poll_once},
 };
 
-use super::{FieldPalette, Palettes};
+use super::{FieldPalette, Palettes, posterized::Posterized};
 use crate::{
     field::PlenOctree,
     palette::{Palette, PaletteFileError},
-    prop::{Posterize, Prop},
 };
 
 /// How a palette's file ends: `x.palette.json` belongs to `x.npz`.
@@ -65,14 +64,10 @@ pub(super) enum PaletteFile {
     Missing,
 }
 
-/// Looks beside the fields of posterised props that have no palette.
-pub(super) fn seek(
-    mut palettes: ResMut<Palettes>,
-    server: Option<Res<AssetServer>>,
-    props: Query<&Prop, With<Posterize>>,
-) {
+/// Looks beside the fields that need a palette and have none.
+pub(super) fn seek(mut palettes: ResMut<Palettes>, server: Option<Res<AssetServer>>, posterized: Posterized) {
     let palettes = palettes.bypass_change_detection();
-    for id in props.iter().map(|prop| prop.0.id()) {
+    for id in posterized.fields() {
         if palettes.by_field.contains_key(&id) || palettes.files.contains_key(&id) {
             continue;
         }

@@ -5,6 +5,7 @@ mod extraction;
 mod file;
 mod oklab;
 mod overrides;
+mod posterized;
 mod ready;
 mod reflect;
 mod resource;

@@ -7,9 +7,9 @@ use crate::palette::Palette;
 
 /// Colours that one prop shows in place of those of its field's palette: two copies of a prop in two colours.
 ///
-/// Goes on the entity of a [`Prop`](crate::Prop). Colours that it does not set are those that
-/// [`Palettes`](crate::Palettes) shows, so that a team colour leaves the rest to day and night. Which pixels get which
-/// colour is still up to the field's extracted palette.
+/// Goes on the entity of a [`Prop`](crate::Prop), or of a camera with a [`PosterizeView`](crate::PosterizeView). Colours
+/// that it does not set are those that [`Palettes`](crate::Palettes) shows, so that a team colour leaves the rest to day
+/// and night. Which pixels get which colour is still up to the field's extracted palette.
 ///
 /// ```
 /// # use bevy::prelude::*;

@@ -13,9 +13,9 @@ use crate::{
 /// The palette of every field that has one. Any system may change it in any frame; the change is in the same frame's
 /// picture, and nothing is allocated for it.
 ///
-/// A posterised prop whose field has no palette gets one: from the file `x.palette.json` beside the field's `x.npz` if
-/// there is one, by extraction if there is none. [`PaletteReady`](super::PaletteReady) says when. Palettes that are
-/// inserted here take the place of both.
+/// A posterised prop or [view](crate::PosterizeView) whose field has no palette gets one: from the file `x.palette.json`
+/// beside the field's `x.npz` if there is one, by extraction if there is none. [`PaletteReady`](super::PaletteReady) says
+/// when. Palettes that are inserted here take the place of both.
 ///
 /// ```
 /// # use bevy::prelude::*;

@@ -14,7 +14,9 @@ use crate::{
     field::PlenOctree,
     palette::Palette,
     palettes::{FieldPalette, PaletteOverride, Palettes},
-    prop::{Posterize, Prop},
+    prop::{Posterize, Prop, SolidOpacity},
+    quality::Quality,
+    view::{PosterizeView, PropStage},
 };
 
 /// Every prop that some camera may see, in this frame.
@@ -29,21 +31,28 @@ pub(super) struct ExtractedProps {
 pub(super) struct ExtractedProp {
     pub field: AssetId<PlenOctree>,
     pub placement: Placement,
-    /// The look and its palette, if the prop has both.
-    pub look: Option<(Posterize, PaletteColors)>,
+    pub solid: SolidOpacity,
+    pub look: Option<ExtractedLook>,
 }
 
-/// The palette of one prop in [`ExtractedProps::colors`]: the extracted colours, encoded sRGB, and as many shown ones.
+/// A look and its palette, where there are both.
 #[derive(Clone, Copy)]
-pub(super) struct PaletteColors {
-    pub first: u32,
+pub(super) struct ExtractedLook {
+    pub settings: Posterize,
+    /// Where in [`ExtractedProps::colors`] the extracted colours begin, encoded sRGB; as many shown ones follow.
+    pub first_color: u32,
     /// How many extracted colours there are.
-    pub count: u32,
+    pub colors: u32,
 }
 
-impl PaletteColors {
-    fn write(colors: &mut Vec<Vec4>, palette: &FieldPalette, own: Option<&PaletteOverride>) -> Self {
-        let first = colors.len() as u32;
+impl ExtractedLook {
+    fn write(
+        colors: &mut Vec<Vec4>,
+        settings: &Posterize,
+        palette: &FieldPalette,
+        own: Option<&PaletteOverride>,
+    ) -> Self {
+        let first_color = colors.len() as u32;
         // What no shader can go through in time is not shown.
         let extracted = palette.extracted().colors.get(..Palette::MAX_COLORS).unwrap_or(&palette.extracted().colors);
         colors.extend(extracted.iter().map(|c| glam::DVec3::from(*c).as_vec3().extend(0.0)));
@@ -52,16 +61,38 @@ impl PaletteColors {
             let encoded = shown.map(|color| Srgba::from(color).to_vec3());
             encoded.unwrap_or_else(|| glam::DVec3::from(*extracted).as_vec3()).extend(0.0)
         }));
-        Self { first, count: extracted.len() as u32 }
+        Self { settings: *settings, first_color, colors: extracted.len() as u32 }
     }
 }
 
-/// The props that a camera sees, by their place in [`ExtractedProps`].
+/// What a camera draws.
 #[derive(Component, Default)]
-pub(super) struct VisibleProps(pub Vec<usize>);
+pub(super) struct VisibleProps {
+    /// The props that it sees, by their place in [`ExtractedProps`].
+    pub props: Vec<usize>,
+    /// What posterises the pixels that no posterised prop owns.
+    pub everything: Option<ExtractedLook>,
+    pub stage: PropStage,
+    pub quality: Quality,
+}
+
+impl VisibleProps {
+    /// Whether there is nothing to draw.
+    pub fn is_empty(&self) -> bool {
+        self.props.is_empty() && self.everything.is_none()
+    }
+}
 
 /// What decides on a prop's colours, besides its field's palette.
 type Look = (Option<&'static Posterize>, Option<&'static PaletteOverride>);
+
+/// What decides on what a camera draws.
+type CameraSettings = (
+    Option<&'static PropStage>,
+    Option<&'static Quality>,
+    Option<(&'static PosterizeView, &'static Posterize)>,
+    Option<&'static PaletteOverride>,
+);
 
 pub(super) fn extract_props(
     mut commands: Commands,
@@ -69,14 +100,14 @@ pub(super) fn extract_props(
     mut views: Query<&mut VisibleProps>,
     fields: Extract<Res<Assets<PlenOctree>>>,
     palettes: Extract<Res<Palettes>>,
-    props: Extract<Query<(Entity, &Prop, Look, &GlobalTransform, &ViewVisibility)>>,
-    cameras: Extract<Query<(RenderEntity, &VisibleEntities), With<Camera3d>>>,
+    props: Extract<Query<(Entity, &Prop, &SolidOpacity, Look, &GlobalTransform, &ViewVisibility)>>,
+    cameras: Extract<Query<(RenderEntity, &VisibleEntities, CameraSettings), With<Camera3d>>>,
 ) {
     let ExtractedProps { props: list, colors, index } = &mut *extracted;
     list.clear();
     colors.clear();
     index.clear();
-    for (entity, prop, (look, own), transform, visibility) in &props {
+    for (entity, prop, solid, (look, own), transform, visibility) in &props {
         let Some(field) = fields.get(&prop.0).filter(|_| visibility.get()) else {
             continue;
         };
@@ -94,17 +125,27 @@ pub(super) fn extract_props(
                 frame: field.frame(),
                 low: low.as_dvec3() / cells,
                 high: high.as_dvec3() / cells,
+                cells,
             },
-            look: look.map(|(look, palette)| (*look, PaletteColors::write(colors, palette, own))),
+            solid: *solid,
+            look: look.map(|(look, palette)| ExtractedLook::write(colors, look, palette, own)),
         });
     }
-    for (camera, visible) in &cameras {
+    for (camera, visible, (stage, quality, everything, own)) in &cameras {
         let seen = visible.iter(TypeId::of::<Prop>()).filter_map(|entity| index.get(entity).copied());
+        let everything = everything.and_then(|(view, look)| {
+            let palette = palettes.get(&view.0)?;
+            Some(ExtractedLook::write(colors, look, palette, own))
+        });
+        let stage = stage.copied().unwrap_or_default();
+        let quality = quality.copied().unwrap_or_default().sound();
         if let Ok(mut view) = views.get_mut(camera) {
-            view.0.clear();
-            view.0.extend(seen);
+            view.props.clear();
+            view.props.extend(seen);
+            (view.everything, view.stage, view.quality) = (everything, stage, quality);
         } else {
-            commands.entity(camera).insert((VisibleProps(seen.collect()), ViewProps::default()));
+            let view = VisibleProps { props: seen.collect(), everything, stage, quality };
+            commands.entity(camera).insert((view, ViewProps::default()));
         }
     }
 }

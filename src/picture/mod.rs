@@ -1,10 +1,15 @@
-//! The prop on screen: a volume pass and a posterise pass in the `Core3d` schedule, between the opaque and the
-//! transparent main pass.
+//! The prop on screen: a volume pass and a posterise pass in the `Core3d` schedule.
+//!
+//! The first comes between the opaque and the transparent main pass, and so does the second, or last of all
+//! post-processing: [`PropStage`] says which.
 
 mod extract;
+mod last;
+mod pipelines;
 mod posterize;
 mod rays;
 mod textures;
+mod uniforms;
 mod view;
 mod volume;
 
@@ -23,6 +28,8 @@ use bevy::{
     },
 };
 
+use crate::view::PropStage;
+
 /// Draws every [`Prop`](crate::Prop).
 pub(crate) struct PicturePlugin;
 
@@ -34,10 +41,10 @@ impl Plugin for PicturePlugin {
         render_app
             .init_resource::<extract::ExtractedProps>()
             .init_gpu_resource::<SpecializedRenderPipelines<volume::VolumePipeline>>()
-            .init_gpu_resource::<SpecializedRenderPipelines<posterize::LabelPipeline>>()
-            .init_gpu_resource::<SpecializedRenderPipelines<posterize::CompositePipeline>>()
-            .init_gpu_resource::<SpecializedRenderPipelines<posterize::DepthPipeline>>()
-            .add_systems(RenderStartup, (forget_views, view::init_layouts, (volume::init, posterize::init)).chain())
+            .init_gpu_resource::<SpecializedRenderPipelines<pipelines::LabelPipeline>>()
+            .init_gpu_resource::<SpecializedRenderPipelines<pipelines::CompositePipeline>>()
+            .init_gpu_resource::<SpecializedRenderPipelines<pipelines::DepthPipeline>>()
+            .add_systems(RenderStartup, (forget_views, view::init_layouts, (volume::init, pipelines::init)).chain())
             .add_systems(ExtractSchedule, extract::extract_props)
             .add_systems(
                 Render,
@@ -48,7 +55,7 @@ impl Plugin for PicturePlugin {
                         view::prepare_views.after(prepare_core_3d_depth_textures),
                     )
                         .in_set(RenderSystems::PrepareResources),
-                    (volume::prepare_pipelines, posterize::prepare_pipelines)
+                    (volume::prepare_pipelines, pipelines::prepare_pipelines)
                         .after(view::prepare_views)
                         .in_set(RenderSystems::PrepareResources),
                     (volume::prepare_bind_groups, posterize::prepare_bind_groups)
@@ -57,14 +64,26 @@ impl Plugin for PicturePlugin {
             )
             .add_systems(
                 Core3d,
-                (volume::volume_pass, posterize::posterize_pass)
-                    .chain()
-                    .after(main_opaque_pass_3d)
-                    .before(main_transparent_pass_3d)
-                    .in_set(Core3dSystems::MainPass),
-            );
+                (
+                    (volume::volume_pass, posterize::posterize_pass.with_input(PropStage::Scene))
+                        .chain()
+                        .after(main_opaque_pass_3d)
+                        .before(main_transparent_pass_3d)
+                        .in_set(Core3dSystems::MainPass),
+                    posterize::posterize_pass.with_input(PropStage::Display).in_set(DisplayPass),
+                ),
+            )
+            // Tonemapping, and effects of other plugins too, swap the view's textures: what is not ordered with them may
+            // draw into the wrong one.
+            .edit_schedule(Core3d, |schedule| {
+                last::order_last(schedule, DisplayPass, Core3dSystems::PostProcess);
+            });
     }
 }
+
+/// The posterise pass at [`PropStage::Display`].
+#[derive(SystemSet, Clone, Debug, PartialEq, Eq, Hash)]
+struct DisplayPass;
 
 /// Drops what views hold of a device that was lost; the next extraction begins anew.
 fn forget_views(mut commands: Commands, views: Query<Entity, With<view::ViewProps>>) {
@@ -73,10 +92,10 @@ fn forget_views(mut commands: Commands, views: Query<Entity, With<view::ViewProp
             view::ViewProps,
             extract::VisibleProps,
             textures::PropTextures,
-            volume::VolumeBindGroup,
+            volume::VolumeBindGroups,
             volume::VolumePipelines,
             posterize::PosterizeBindGroups,
-            posterize::PosterizePipelines,
+            pipelines::PosterizePipelines,
         )>();
     }
 }

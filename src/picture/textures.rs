@@ -15,24 +15,45 @@ use super::extract::VisibleProps;
 
 /// Colour and opacity: half floats, since eight bits after each pass of the filter would move labels.
 pub(super) const LAYER_FORMAT: TextureFormat = TextureFormat::Rgba16Float;
-/// Which prop posterises a pixel.
-pub(super) const OWNER_FORMAT: TextureFormat = TextureFormat::R16Float;
-/// Where a prop is.
-pub(super) const DISTANCE_FORMAT: TextureFormat = TextureFormat::Rg16Float;
+/// Which prop posterises a pixel, and whether one is solid there.
+pub(super) const OWNER_FORMAT: TextureFormat = TextureFormat::Rg16Float;
+/// CIELAB: the filter multiplies the differences of near colours.
+pub(super) const LAB_FORMAT: TextureFormat = TextureFormat::Rgba32Float;
+/// The props' own depth, reversed like the scene's.
+pub(super) const DEPTH_FORMAT: TextureFormat = TextureFormat::Depth32Float;
+
+/// What the volume pass draws: the props alone.
+pub(super) struct Layer {
+    /// Colour weighed by opacity, and opacity.
+    pub color: TextureView,
+    /// 1 + index of the prop that posterises the pixel, 0 for none; and whether a prop is solid there.
+    pub owner: TextureView,
+    pub depth: TextureView,
+}
+
+/// A picture of the filter: the composite in encoded sRGB, and in CIELAB.
+pub(super) struct Filtered {
+    pub color: TextureView,
+    pub lab: TextureView,
+}
 
 /// The pictures of one view, as large as its viewport.
 #[derive(Component)]
 pub(super) struct PropTextures {
-    /// The props alone: colour weighed by opacity, and opacity.
-    pub layer: TextureView,
-    /// 1 + index of the prop that posterises the pixel, 0 for none.
-    pub owner: TextureView,
-    /// What `pack_distance` of `view.wgsl` makes.
-    pub distance: TextureView,
+    pub layer: Layer,
+    /// The same with fewer pixels, if the camera's quality asks for that: then it is what the volume pass draws.
+    pub coarse: Option<Layer>,
     /// The composite, before and after every iteration of the filter.
-    pub even: TextureView,
+    pub even: Filtered,
     /// The composite, in the middle of an iteration.
-    pub odd: TextureView,
+    pub odd: Filtered,
+}
+
+impl PropTextures {
+    /// What the volume pass draws to.
+    pub fn volume(&self) -> &Layer {
+        self.coarse.as_ref().unwrap_or(&self.layer)
+    }
 }
 
 /// The part of a view's target that its main pass draws to, in pixels; `None` if there is nothing of it.
@@ -55,12 +76,11 @@ pub(super) fn prepare_textures(
     views: Query<(Entity, &ExtractedCamera, Option<&MainPassResolutionOverride>, &VisibleProps)>,
 ) {
     for (entity, camera, resolution, visible) in &views {
-        let (Some(viewport), false) = (drawn_viewport(camera, resolution), visible.0.is_empty()) else {
+        let (Some(viewport), false) = (drawn_viewport(camera, resolution), visible.is_empty()) else {
             commands.entity(entity).remove::<PropTextures>();
             continue;
         };
-        let size = viewport.physical_size;
-        let mut texture = |label, format| {
+        let mut texture = |label, format, size: UVec2| {
             let descriptor = TextureDescriptor {
                 label: Some(label),
                 size: Extent3d { width: size.x, height: size.y, depth_or_array_layers: 1 },
@@ -73,13 +93,23 @@ pub(super) fn prepare_textures(
             };
             cache.get(&device, descriptor).default_view
         };
-        let textures = PropTextures {
-            layer: texture("plenoctree_layer", LAYER_FORMAT),
-            owner: texture("plenoctree_owner", OWNER_FORMAT),
-            distance: texture("plenoctree_distance", DISTANCE_FORMAT),
-            even: texture("plenoctree_even", LAYER_FORMAT),
-            odd: texture("plenoctree_odd", LAYER_FORMAT),
+        let mut layer = |size| Layer {
+            color: texture("plenoctree_layer", LAYER_FORMAT, size),
+            owner: texture("plenoctree_owner", OWNER_FORMAT, size),
+            depth: texture("plenoctree_depth", DEPTH_FORMAT, size),
         };
-        commands.entity(entity).insert(textures);
+        let size = viewport.physical_size;
+        let coarse = coarse_size(size, visible.quality.resolution);
+        let (layer, coarse) = (layer(size), (coarse != size).then(|| layer(coarse)));
+        let mut filtered =
+            |color, lab| Filtered { color: texture(color, LAYER_FORMAT, size), lab: texture(lab, LAB_FORMAT, size) };
+        let (even, odd) =
+            (filtered("plenoctree_even", "plenoctree_even_lab"), filtered("plenoctree_odd", "plenoctree_odd_lab"));
+        commands.entity(entity).insert(PropTextures { layer, coarse, even, odd });
     }
+}
+
+/// Pixels of the volume pass in a viewport of `size`.
+pub(super) fn coarse_size(size: UVec2, resolution: f32) -> UVec2 {
+    (size.as_vec2() * resolution).ceil().as_uvec2().clamp(UVec2::ONE, size)
 }

@@ -1,13 +1,13 @@
 //! What the passes of one view share: its props, their palettes, its depth.
 
 use bevy::{
-    camera::MainPassResolutionOverride,
+    camera::{Exposure, MainPassResolutionOverride},
     prelude::*,
     render::{
         camera::ExtractedCamera,
         render_asset::RenderAssets,
         render_resource::{
-            BindGroupLayoutDescriptor, BindGroupLayoutEntries, BindingResource, ShaderStages, ShaderType,
+            BindGroupLayoutDescriptor, BindGroupLayoutEntries, BindingResource, PipelineCache, ShaderStages,
             StorageBuffer, TextureUsages, UniformBuffer,
             binding_types::{
                 storage_buffer_read_only, texture_depth_2d, texture_depth_2d_multisampled, uniform_buffer,
@@ -19,64 +19,41 @@ use bevy::{
 };
 
 use super::{
-    extract::{ExtractedProps, PaletteColors, VisibleProps},
-    textures::drawn_viewport,
+    extract::{ExtractedProps, VisibleProps},
+    textures::{coarse_size, drawn_viewport},
+    uniforms::{PropUniform, ViewUniform},
 };
 use crate::{
     field::PlenOctree,
-    gpu::GpuField,
-    prop::{MAX_BLEND_STEPS, MAX_FILTER_ITERATIONS, MAX_FILTER_RADIUS, Posterize},
+    gpu::{FieldLayout, GpuField, Uploader},
+    prop::MAX_FILTER_RADIUS,
+    view::PropStage,
 };
-
-/// `Prop` of `view.wgsl`.
-#[derive(ShaderType, Clone, Copy)]
-pub(super) struct PropUniform {
-    clip_from_box: Mat4,
-    origin: Mat3,
-    direction: Mat3,
-    scale: Vec3,
-    mirrored: u32,
-    low: Vec3,
-    colors: u32,
-    high: Vec3,
-    first_color: u32,
-    blend_steps: u32,
-    softness: f32,
-    min_opacity: f32,
-    iterations: u32,
-    radius: i32,
-    spatial_falloff: f32,
-    range_falloff: f32,
-}
-
-/// `View` of `view.wgsl`.
-#[derive(ShaderType, Clone, Copy, Default)]
-pub(super) struct ViewUniform {
-    corner: UVec2,
-    size: UVec2,
-    depth: Vec4,
-}
 
 /// The props of one view, back to front, in GPU memory.
 #[derive(Component, Default)]
 pub(super) struct ViewProps {
-    /// The squared distance of every prop, and its place among the extracted ones.
+    /// How far along the view the middle of every prop is, and its place among the extracted ones.
     order: Vec<(f64, usize)>,
-    /// The field of every prop, in the order in which they are drawn.
-    pub fields: Vec<AssetId<PlenOctree>>,
-    /// Most iterations of the filter that a prop asks for.
+    /// The field of every prop, in the order in which they are drawn, and how much coarser it is.
+    pub fields: Vec<(AssetId<PlenOctree>, u32)>,
+    /// The highest degree of spherical harmonics to evaluate.
+    pub degree: u32,
+    /// Most iterations of the filter that a look asks for.
     pub iterations: u32,
-    /// The part of the viewport in which the props are, and what the filter reads around it, in pixels.
+    /// The part of the viewport in which there is something to draw, and what the filter reads around it, in pixels.
     pub rect: URect,
+    pub stage: PropStage,
     view: UniformBuffer<ViewUniform>,
+    /// After the props, the look of everything else, if it is posterised.
     props: StorageBuffer<Vec<PropUniform>>,
     colors: StorageBuffer<Vec<Vec4>>,
 }
 
 impl ViewProps {
-    /// What bind group 0 begins with; `None` if the view draws no prop.
+    /// What bind group 0 begins with; `None` if the view draws nothing.
     pub fn bindings(&self) -> Option<(BindingResource<'_>, BindingResource<'_>, BindingResource<'_>)> {
-        if self.fields.is_empty() {
+        if self.rect.is_empty() {
             return None;
         }
         Some((self.view.binding()?, self.props.binding()?, self.colors.binding()?))
@@ -86,10 +63,8 @@ impl ViewProps {
 /// Layouts of bind group 0.
 #[derive(Resource)]
 pub(super) struct ViewLayouts {
-    /// With the depth of the scene, one sample a pixel.
-    pub volume: BindGroupLayoutDescriptor,
-    /// With the depth of the scene, multisampled.
-    pub volume_multisampled: BindGroupLayoutDescriptor,
+    /// With the depth of the scene: one sample a pixel, multisampled.
+    pub depth: [BindGroupLayoutDescriptor; 2],
     /// Without it.
     pub picture: BindGroupLayoutDescriptor,
 }
@@ -103,14 +78,13 @@ pub(super) fn init_layouts(mut commands: Commands) {
         )
     };
     let stages = ShaderStages::VERTEX_FRAGMENT;
-    let volume = |depth| {
+    let with_depth = |depth| {
         let (view, props, colors) = shared();
         let entries = BindGroupLayoutEntries::sequential(stages, (view, props, colors, depth));
-        BindGroupLayoutDescriptor::new("plenoctree_volume_view", &entries)
+        BindGroupLayoutDescriptor::new("plenoctree_depth_view", &entries)
     };
     commands.insert_resource(ViewLayouts {
-        volume: volume(texture_depth_2d()),
-        volume_multisampled: volume(texture_depth_2d_multisampled()),
+        depth: [with_depth(texture_depth_2d()), with_depth(texture_depth_2d_multisampled())],
         picture: BindGroupLayoutDescriptor::new(
             "plenoctree_picture_view",
             &BindGroupLayoutEntries::sequential(ShaderStages::FRAGMENT, shared()),
@@ -118,10 +92,10 @@ pub(super) fn init_layouts(mut commands: Commands) {
     });
 }
 
-/// Lets the volume pass read the depth of cameras that see a prop.
+/// Lets the volume pass read the depth of cameras that draw something.
 pub(super) fn read_depth(mut cameras: Query<(&mut Camera3d, &VisibleProps)>) {
     for (mut camera, visible) in &mut cameras {
-        if !visible.0.is_empty() {
+        if !visible.is_empty() {
             camera.depth_texture_usages.0 |= TextureUsages::TEXTURE_BINDING.bits();
         }
     }
@@ -129,9 +103,11 @@ pub(super) fn read_depth(mut cameras: Query<(&mut Camera3d, &VisibleProps)>) {
 
 pub(super) fn prepare_views(
     extracted: Res<ExtractedProps>,
-    fields: Res<RenderAssets<GpuField>>,
+    mut fields: ResMut<RenderAssets<GpuField>>,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
+    pipelines: Res<PipelineCache>,
+    layout: Res<FieldLayout>,
     mut views: Query<(
         &ExtractedView,
         &ExtractedCamera,
@@ -140,78 +116,89 @@ pub(super) fn prepare_views(
         &mut ViewProps,
     )>,
 ) {
+    let uploader = Uploader { device: &device, queue: &queue, pipelines: &pipelines, layout: &layout };
     for (view, camera, resolution, visible, mut buffers) in &mut views {
-        buffers.fields.clear();
-        buffers.iterations = 0;
-        buffers.rect = URect::EMPTY;
+        let ViewProps { order, fields: drawn, degree, iterations, rect, stage, view: uniform, props, colors } =
+            &mut *buffers;
+        let quality = &visible.quality;
+        *degree = quality.degree;
+        drawn.clear();
+        props.get_mut().clear();
+        (*iterations, *rect) = (0, URect::EMPTY);
         let Some(viewport) = drawn_viewport(camera, resolution) else {
             continue;
         };
         let size = viewport.physical_size;
+        // After an upscaling, pictures of the main pass's size fit no more.
+        *stage = if resolution.is_some() { PropStage::Scene } else { visible.stage };
 
-        let eye = view.world_from_view.translation().as_dvec3();
-        let ViewProps { order, fields: drawn, iterations, rect, view: uniform, props, colors } = &mut *buffers;
+        let (eye, forward) = (view.world_from_view.translation(), view.world_from_view.forward());
         order.clear();
-        order.extend(visible.0.iter().filter_map(|index| {
+        order.extend(visible.props.iter().filter_map(|index| {
             let prop = extracted.props.get(*index)?;
-            fields.get(prop.field)?.bind_group.as_ref()?;
-            Some((prop.placement.center().distance_squared(eye), *index))
+            fields.get(prop.field)?.level(0)?;
+            Some(((prop.placement.center() - eye.as_dvec3()).dot(forward.as_dvec3()), *index))
         }));
         // The index makes the order of props at the same distance certain, and a stable sort would allocate.
         order.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-
-        props.get_mut().clear();
         for (_, index) in order {
             let prop = &extracted.props[*index];
             let Some(rays) = prop.placement.rays(&view.world_from_view, view.clip_from_view, size) else {
                 continue;
             };
-            let palette = prop.look.map(|(_, palette)| palette);
-            let PaletteColors { first, count } = palette.unwrap_or(PaletteColors { first: 0, count: 0 });
-            let look = sound(prop.look.map(|(look, _)| look).unwrap_or_default());
-            if count > 0 {
-                *iterations = (*iterations).max(look.abstraction.iterations);
+            let coarser = levels_coarser(rays.cell_size, quality.cell_size);
+            if let Some(field) = fields.get_mut(prop.field) {
+                field.make_levels(coarser, &uploader);
             }
-            let matrix = |columns: [glam::DVec3; 3]| {
-                Mat3::from_cols(columns[0].as_vec3(), columns[1].as_vec3(), columns[2].as_vec3())
-            };
-            let falloff = |sigma: f32| 0.5 / (sigma * sigma);
-            drawn.push(prop.field);
+            drawn.push((prop.field, coarser));
             *rect = rect.union(covered(rays.clip_from_box, size));
-            props.get_mut().push(PropUniform {
-                clip_from_box: rays.clip_from_box.as_mat4(),
-                origin: matrix(rays.origin),
-                direction: matrix(rays.direction),
-                scale: prop.placement.frame.scale.as_vec3(),
-                mirrored: u32::from(rays.mirrored),
-                low: prop.placement.low.as_vec3(),
-                colors: count,
-                high: prop.placement.high.as_vec3(),
-                first_color: first,
-                blend_steps: look.blend_steps,
-                softness: look.softness,
-                min_opacity: look.min_opacity,
-                iterations: look.abstraction.iterations,
-                radius: look.abstraction.radius as i32,
-                spatial_falloff: falloff(look.abstraction.spatial_sigma),
-                range_falloff: falloff(look.abstraction.range_sigma),
-            });
+            props.get_mut().push(PropUniform::new(prop, &rays, quality));
         }
-        if drawn.is_empty() {
+        let everything = visible.everything.filter(|look| look.colors > 0);
+        if everything.is_some() {
+            *rect = URect::from_corners(UVec2::ZERO, size);
+            props.get_mut().push(PropUniform::look(everything, quality));
+        }
+        if rect.is_empty() {
             continue;
         }
+        *iterations = props.get().iter().map(PropUniform::filtered).max().unwrap_or(0);
         // Those of all props, so that their places are the same in every view.
         colors.get_mut().clone_from(&extracted.colors);
         if colors.get().is_empty() {
             colors.get_mut().push(Vec4::ZERO);
         }
         let [z, w] = [view.clip_from_view.z_axis, view.clip_from_view.w_axis];
-        *uniform.get_mut() =
-            ViewUniform { corner: viewport.physical_position, size, depth: Vec4::new(z.z, w.z, z.w, w.w) };
+        *uniform.get_mut() = ViewUniform {
+            corner: viewport.physical_position,
+            size,
+            depth: Vec4::new(z.z, w.z, z.w, w.w),
+            exposure: exposure(camera, *stage),
+            everything: everything.map_or(0, |_| props.get().len() as u32),
+            pixel: size.as_vec2() / coarse_size(size, quality.resolution).as_vec2(),
+            stop_transmittance: quality.stop_transmittance,
+            density_threshold: quality.density_threshold,
+            min_weight: quality.min_weight,
+        };
         uniform.write_buffer(&device, &queue);
         props.write_buffer(&device, &queue);
         colors.write_buffer(&device, &queue);
     }
+}
+
+/// What a camera makes of the props' light: 1 at the exposure that a camera has without a setting.
+fn exposure(camera: &ExtractedCamera, stage: PropStage) -> f32 {
+    match stage {
+        // Shaders divide by it.
+        PropStage::Scene => (camera.exposure / Exposure::default().exposure()).clamp(1e-6, 1e6),
+        PropStage::Display => 1.0,
+    }
+}
+
+/// How many times cells of `size` pixels can be doubled without growing beyond what is `wanted`.
+fn levels_coarser(size: f64, wanted: f32) -> u32 {
+    // The cast saturates, and makes 0 of NaN.
+    (f64::from(wanted) / size).log2().floor().min(32.0) as u32
 }
 
 /// The pixels that the image of the unit cube can cover, and the filter's reach around them.
@@ -231,20 +218,4 @@ fn covered(clip_from_box: glam::DMat4, size: UVec2) -> URect {
     let (low, high) = (rect.min - reach, rect.max + reach);
     // The cast saturates.
     everything.intersect(URect::from_corners(low.as_uvec2(), high.as_uvec2()))
-}
-
-/// The look with every value in its range, so that no shader divides by zero or loops for long.
-fn sound(look: Posterize) -> Posterize {
-    let Posterize { blend_steps, softness, min_opacity, mut abstraction } = look;
-    abstraction.iterations = abstraction.iterations.min(MAX_FILTER_ITERATIONS);
-    abstraction.radius = abstraction.radius.min(MAX_FILTER_RADIUS);
-    // f32::max takes the other one for NaN.
-    abstraction.spatial_sigma = abstraction.spatial_sigma.max(1e-3);
-    abstraction.range_sigma = abstraction.range_sigma.max(1e-3);
-    Posterize {
-        blend_steps: blend_steps.clamp(1, MAX_BLEND_STEPS),
-        softness: softness.max(0.0),
-        min_opacity: min_opacity.max(0.0),
-        abstraction,
-    }
 }

@@ -7,9 +7,10 @@ use bevy::{
         render_asset::RenderAssets,
         render_resource::{
             BindGroup, BindGroupEntries, BindGroupLayoutDescriptor, BlendComponent, BlendFactor, BlendOperation,
-            BlendState, CachedRenderPipelineId, ColorTargetState, ColorWrites, Face, FragmentState, LoadOp, Operations,
-            PipelineCache, PrimitiveState, RenderPassColorAttachment, RenderPassDescriptor, RenderPipelineDescriptor,
-            SpecializedRenderPipeline, SpecializedRenderPipelines, StoreOp, VertexState,
+            BlendState, CachedRenderPipelineId, ColorTargetState, ColorWrites, CompareFunction, DepthStencilState,
+            Face, FragmentState, LoadOp, Operations, PipelineCache, PrimitiveState, RenderPassColorAttachment,
+            RenderPassDepthStencilAttachment, RenderPassDescriptor, RenderPipelineDescriptor,
+            SpecializedRenderPipeline, SpecializedRenderPipelines, StoreOp, TextureView, VertexState,
         },
         renderer::{RenderContext, RenderDevice, ViewQuery},
         view::ViewDepthTexture,
@@ -18,46 +19,39 @@ use bevy::{
 };
 
 use super::{
-    textures::{DISTANCE_FORMAT, LAYER_FORMAT, OWNER_FORMAT, PropTextures},
+    pipelines::UpsamplePipeline,
+    posterize::onto,
+    textures::{DEPTH_FORMAT, LAYER_FORMAT, OWNER_FORMAT, PropTextures},
     view::{ViewLayouts, ViewProps},
 };
 use crate::{
-    field::{Activation, Basis},
-    gpu::{FieldLayouts, GpuField, Shaders, radiance_definitions},
+    field::PlenOctree,
+    gpu::{FieldLayout, FieldShape, GpuField, GpuLevel, Shaders, field_definitions},
 };
 
 /// Name of the pass's span in Bevy's render diagnostics.
 pub const VOLUME_SPAN: &str = "plenoctree_volume";
 
-/// `NOWHERE` of `view.wgsl`.
-const NOWHERE: wgpu::Color = wgpu::Color { r: 1000.0, g: 0.0, b: 0.0, a: 0.0 };
-
 #[derive(Resource)]
 pub(super) struct VolumePipeline {
     shader: Handle<Shader>,
     view: [BindGroupLayoutDescriptor; 2],
-    fields: FieldLayouts,
+    field: FieldLayout,
 }
 
 /// What the shader is compiled for: a field of SH1 runs no arithmetic of SH9.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 pub(super) struct VolumeKey {
-    basis: Basis,
-    activation: Activation,
-    parts: usize,
+    shape: FieldShape,
+    degree: u32,
     multisampled: bool,
 }
 
-pub(super) fn init(
-    mut commands: Commands,
-    layouts: Res<ViewLayouts>,
-    fields: Res<FieldLayouts>,
-    shaders: Res<Shaders>,
-) {
+pub(super) fn init(mut commands: Commands, layouts: Res<ViewLayouts>, field: Res<FieldLayout>, shaders: Res<Shaders>) {
     commands.insert_resource(VolumePipeline {
         shader: shaders.volume.clone(),
-        view: [layouts.volume.clone(), layouts.volume_multisampled.clone()],
-        fields: fields.clone(),
+        view: layouts.depth.clone(),
+        field: field.clone(),
     });
 }
 
@@ -65,7 +59,7 @@ impl SpecializedRenderPipeline for VolumePipeline {
     type Key = VolumeKey;
 
     fn specialize(&self, key: VolumeKey) -> RenderPipelineDescriptor {
-        let mut definitions = radiance_definitions(key.basis, key.activation, key.parts);
+        let mut definitions = field_definitions(key.shape, key.degree);
         if key.multisampled {
             definitions.push("MULTISAMPLED".into());
         }
@@ -81,13 +75,21 @@ impl SpecializedRenderPipeline for VolumePipeline {
             |format, blend| Some(ColorTargetState { format, blend: Some(blend), write_mask: ColorWrites::ALL });
         RenderPipelineDescriptor {
             label: Some("plenoctree_volume".into()),
-            layout: vec![self.view[usize::from(key.multisampled)].clone(), self.fields.get(key.parts).clone()],
+            layout: vec![self.view[usize::from(key.multisampled)].clone(), self.field.0.clone()],
             vertex: VertexState {
                 shader: self.shader.clone(),
                 shader_defs: definitions.clone(),
                 entry_point: Some("vertex".into()),
                 ..default()
             },
+            depth_stencil: Some(DepthStencilState {
+                format: DEPTH_FORMAT,
+                depth_write_enabled: Some(true),
+                // What is nearer has the greater value.
+                depth_compare: Some(CompareFunction::GreaterEqual),
+                stencil: default(),
+                bias: default(),
+            }),
             // Back faces: each pixel of the box once, also from inside it.
             primitive: PrimitiveState { cull_mode: Some(Face::Front), ..default() },
             fragment: Some(FragmentState {
@@ -98,7 +100,6 @@ impl SpecializedRenderPipeline for VolumePipeline {
                     target(LAYER_FORMAT, over(BlendFactor::One)),
                     // The nearest prop that is opaque enough owns the pixel.
                     target(OWNER_FORMAT, over(BlendFactor::SrcAlpha)),
-                    target(DISTANCE_FORMAT, over(BlendFactor::SrcAlpha)),
                 ],
             }),
             ..default()
@@ -119,86 +120,117 @@ pub(super) fn prepare_pipelines(
     views: Query<(Entity, &ViewProps, &Msaa)>,
 ) {
     for (entity, props, msaa) in &views {
-        let ids = props.fields.iter().filter_map(|id| fields.get(*id)).map(|field| {
-            let key = VolumeKey {
-                basis: field.basis,
-                activation: field.activation,
-                parts: field.parts,
-                multisampled: msaa.samples() > 1,
-            };
+        let levels = props.fields.iter().filter_map(|field| level(&fields, field));
+        let ids = levels.map(|level| {
+            let key = VolumeKey { shape: level.shape, degree: props.degree, multisampled: msaa.samples() > 1 };
             specialized.specialize(&cache, &pipeline, key)
         });
         commands.entity(entity).insert(VolumePipelines(ids.collect()));
     }
 }
 
-/// Bind group 0 of the pass.
+/// What a view draws of a field.
+fn level<'a>(fields: &'a RenderAssets<GpuField>, (id, coarser): &(AssetId<PlenOctree>, u32)) -> Option<&'a GpuLevel> {
+    fields.get(*id)?.level(*coarser).map(AsRef::as_ref)
+}
+
+/// The bind groups of one view.
 #[derive(Component)]
-pub(super) struct VolumeBindGroup(BindGroup);
+pub(super) struct VolumeBindGroups {
+    /// Bind group 0 of the pass.
+    view: BindGroup,
+    /// What the pass has drawn, if it must be brought to the size of the viewport.
+    coarse: Option<BindGroup>,
+}
 
 pub(super) fn prepare_bind_groups(
     mut commands: Commands,
     device: Res<RenderDevice>,
     cache: Res<PipelineCache>,
     layouts: Res<ViewLayouts>,
-    views: Query<(Entity, &ViewProps, &ViewDepthTexture, &Msaa)>,
+    upsample: Res<UpsamplePipeline>,
+    views: Query<(Entity, &ViewProps, &PropTextures, &ViewDepthTexture, &Msaa)>,
 ) {
-    for (entity, props, depth, msaa) in &views {
+    for (entity, props, textures, depth, msaa) in &views {
         let Some((view, list, colors)) = props.bindings() else {
-            commands.entity(entity).remove::<VolumeBindGroup>();
+            commands.entity(entity).remove::<VolumeBindGroups>();
             continue;
         };
-        let layout = if msaa.samples() > 1 { &layouts.volume_multisampled } else { &layouts.volume };
-        let group = device.create_bind_group(
-            "plenoctree_volume_view",
+        let layout = &layouts.depth[usize::from(msaa.samples() > 1)];
+        let view = device.create_bind_group(
+            "plenoctree_depth_view",
             &cache.get_bind_group_layout(layout),
             &BindGroupEntries::sequential((view, list, colors, depth.view())),
         );
-        commands.entity(entity).insert(VolumeBindGroup(group));
+        let coarse = textures.coarse.as_ref().map(|coarse| {
+            device.create_bind_group(
+                upsample.shared.label,
+                &cache.get_bind_group_layout(&upsample.shared.layout),
+                &BindGroupEntries::sequential((&coarse.color, &coarse.owner, &coarse.depth)),
+            )
+        });
+        commands.entity(entity).insert(VolumeBindGroups { view, coarse });
     }
 }
 
 pub(super) fn volume_pass(
-    view: ViewQuery<(&PropTextures, &ViewProps, &VolumePipelines, &VolumeBindGroup)>,
+    view: ViewQuery<(&PropTextures, &ViewProps, &VolumePipelines, &VolumeBindGroups, &Msaa)>,
     cache: Res<PipelineCache>,
+    upsample: Res<UpsamplePipeline>,
     fields: Res<RenderAssets<GpuField>>,
     mut ctx: RenderContext,
 ) {
-    let (textures, props, pipelines, bind_group) = view.into_inner();
+    let (textures, props, pipelines, groups, msaa) = view.into_inner();
     let diagnostics = ctx.diagnostic_recorder();
     let diagnostics = diagnostics.as_deref();
     let span = diagnostics.time_span(ctx.command_encoder(), VOLUME_SPAN);
     {
-        let clear = |view, color| {
-            Some(RenderPassColorAttachment {
-                view,
-                depth_slice: None,
-                resolve_target: None,
-                ops: Operations { load: LoadOp::Clear(color), store: StoreOp::Store },
-            })
-        };
+        let layer = textures.volume();
         let mut pass = ctx.begin_tracked_render_pass(RenderPassDescriptor {
             label: Some(VOLUME_SPAN),
-            color_attachments: &[
-                clear(&textures.layer, default()),
-                clear(&textures.owner, default()),
-                clear(&textures.distance, NOWHERE),
-            ],
+            color_attachments: &[cleared(&layer.color), cleared(&layer.owner)],
+            depth_stencil_attachment: Some(depth_attachment(&layer.depth)),
             ..default()
         });
-        pass.set_bind_group(0, &bind_group.0, &[]);
-        for (index, (id, pipeline)) in props.fields.iter().zip(&pipelines.0).enumerate() {
-            let Some(group) = fields.get(*id).and_then(|field| field.bind_group.as_ref()) else {
-                continue;
-            };
-            let Some(pipeline) = cache.get_render_pipeline(*pipeline) else {
+        pass.set_bind_group(0, &groups.view, &[]);
+        for (index, (field, pipeline)) in props.fields.iter().zip(&pipelines.0).enumerate() {
+            let (Some(level), Some(pipeline)) = (level(&fields, field), cache.get_render_pipeline(*pipeline)) else {
                 continue;
             };
             pass.set_render_pipeline(pipeline);
-            pass.set_bind_group(1, group, &[]);
+            pass.set_bind_group(1, &level.bind_group, &[]);
             let instance = index as u32;
             pass.draw(0..36, instance..instance + 1);
         }
     }
+    if let (Some(group), Some(pipeline)) = (&groups.coarse, cache.get_render_pipeline(upsample.id(msaa))) {
+        let layer = &textures.layer;
+        let mut pass = ctx.begin_tracked_render_pass(RenderPassDescriptor {
+            label: Some(VOLUME_SPAN),
+            color_attachments: &[cleared(&layer.color), cleared(&layer.owner)],
+            depth_stencil_attachment: Some(depth_attachment(&layer.depth)),
+            ..default()
+        });
+        let (corner, size) = (props.rect.min, props.rect.size());
+        pass.set_scissor_rect(corner.x, corner.y, size.x, size.y);
+        pass.set_render_pipeline(pipeline);
+        pass.set_bind_group(0, &groups.view, &[]);
+        pass.set_bind_group(1, group, &[]);
+        pass.draw(0..3, 0..1);
+    }
     span.end(ctx.command_encoder());
+}
+
+fn cleared(view: &TextureView) -> Option<RenderPassColorAttachment<'_>> {
+    let attachment = onto(view)?;
+    let ops = Operations { load: LoadOp::Clear(default()), store: StoreOp::Store };
+    Some(RenderPassColorAttachment { ops, ..attachment })
+}
+
+fn depth_attachment(view: &TextureView) -> RenderPassDepthStencilAttachment<'_> {
+    RenderPassDepthStencilAttachment {
+        view,
+        depth_ops: Some(Operations { load: LoadOp::Clear(0.0), store: StoreOp::Store }),
+        stencil_ops: None,
+    }
 }

@@ -1,0 +1,60 @@
+// From the pixels of a coarser volume pass to those of the viewport: bilinear, but not across edges of the scene's depth.
+
+#import bevy_plenoctree::color::to_half
+#import bevy_plenoctree::view::{view, view_distance}
+
+#ifdef MULTISAMPLED
+@group(0) @binding(3) var scene_depth: texture_depth_multisampled_2d;
+#else
+@group(0) @binding(3) var scene_depth: texture_depth_2d;
+#endif
+@group(1) @binding(0) var layer: texture_2d<f32>;
+@group(1) @binding(1) var owner: texture_2d<f32>;
+@group(1) @binding(2) var depth: texture_depth_2d;
+
+struct Fragment {
+    @location(0) color: vec4<f32>,
+    @location(1) owner: vec4<f32>,
+    @builtin(frag_depth) depth: f32,
+}
+
+fn distance_at(pixel: vec2<u32>) -> f32 {
+    return view_distance(textureLoad(scene_depth, pixel + view.corner, 0));
+}
+
+@fragment
+fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
+    let here = distance_at(vec2<u32>(position.xy));
+    let at = position.xy / view.pixel - 0.5;
+    let corner = vec2<i32>(floor(at));
+    let share = at - floor(at);
+    let last = vec2<i32>(textureDimensions(layer)) - 1;
+    var color = vec4(0.0);
+    var total = 0.0;
+    var best = 0.0;
+    var nearest = vec2(0);
+    for (var tap = 0; tap < 4; tap++) {
+        let offset = vec2(tap & 1, tap >> 1u);
+        let pixel = clamp(corner + offset, vec2(0), last);
+        let value = textureLoad(layer, pixel, 0);
+        let along = mix(1.0 - share, share, vec2<f32>(offset));
+        // The ray of that pixel ended at the depth of the scene there.
+        let there = distance_at(vec2<u32>((vec2<f32>(pixel) + 0.5) * view.pixel));
+        let likeness = pow(min(here, there) / max(here, there), 16.0);
+        let weight = along.x * along.y * (likeness + 1e-4);
+        color += weight * value;
+        total += weight;
+        if weight * value.a > best {
+            best = weight * value.a;
+            nearest = pixel;
+        }
+    }
+    if best == 0.0 {
+        discard;
+    }
+    return Fragment(
+        to_half(color / total),
+        textureLoad(owner, nearest, 0),
+        textureLoad(depth, nearest, 0),
+    );
+}

@@ -1,0 +1,23 @@
+//! Whose palettes are shown.
+
+use bevy::{ecs::system::SystemParam, prelude::*};
+
+use crate::{
+    field::PlenOctree,
+    prop::{Posterize, Prop},
+    view::PosterizeView,
+};
+
+/// What needs a palette: posterised props and posterised views.
+#[derive(SystemParam)]
+pub(super) struct Posterized<'w, 's> {
+    props: Query<'w, 's, &'static Prop, With<Posterize>>,
+    views: Query<'w, 's, &'static PosterizeView, With<Posterize>>,
+}
+
+impl Posterized<'_, '_> {
+    /// Their fields, some more than once.
+    pub fn fields(&self) -> impl Iterator<Item = AssetId<PlenOctree>> {
+        self.props.iter().map(|prop| prop.0.id()).chain(self.views.iter().map(|view| view.0.id()))
+    }
+}

@@ -1,0 +1,114 @@
+//! What `view.wgsl` declares.
+
+use bevy::{prelude::*, render::render_resource::ShaderType};
+
+use super::{
+    extract::{ExtractedLook, ExtractedProp},
+    rays::Rays,
+};
+use crate::{
+    prop::{MAX_BLEND_STEPS, MAX_FILTER_ITERATIONS, MAX_FILTER_RADIUS, Posterize, SolidOpacity},
+    quality::Quality,
+};
+
+/// `Prop` of `view.wgsl`.
+#[derive(ShaderType, Clone, Copy, Default)]
+pub(super) struct PropUniform {
+    clip_from_box: Mat4,
+    origin: Mat3,
+    direction: Mat3,
+    scale: Vec3,
+    mirrored: u32,
+    low: Vec3,
+    colors: u32,
+    high: Vec3,
+    first_color: u32,
+    blend_steps: u32,
+    softness: f32,
+    min_opacity: f32,
+    iterations: u32,
+    radius: i32,
+    spatial_falloff: f32,
+    range_falloff: f32,
+    reference: Vec2,
+    near: f32,
+    solid_transmittance: f32,
+}
+
+impl PropUniform {
+    pub fn new(prop: &ExtractedProp, rays: &Rays, quality: &Quality) -> Self {
+        let matrix =
+            |columns: [glam::DVec3; 3]| Mat3::from_cols_array_2d(&columns.map(|column| column.as_vec3().into()));
+        Self {
+            clip_from_box: rays.clip_from_box.as_mat4(),
+            origin: matrix(rays.origin),
+            direction: matrix(rays.direction),
+            scale: prop.placement.frame.scale.as_vec3(),
+            mirrored: u32::from(rays.mirrored),
+            low: prop.placement.low.as_vec3(),
+            high: prop.placement.high.as_vec3(),
+            reference: rays.reference.as_vec2(),
+            near: rays.near as f32,
+            solid_transmittance: solid_transmittance(prop.solid, quality),
+            ..Self::look(prop.look, quality)
+        }
+    }
+
+    /// A look without a prop.
+    pub fn look(look: Option<ExtractedLook>, quality: &Quality) -> Self {
+        let settings = sound(look.map(|look| look.settings).unwrap_or_default());
+        let falloff = |sigma: f32| 0.5 / (sigma * sigma);
+        Self {
+            colors: look.map_or(0, |look| look.colors),
+            first_color: look.map_or(0, |look| look.first_color),
+            blend_steps: settings.blend_steps,
+            softness: settings.softness,
+            min_opacity: settings.min_opacity,
+            iterations: settings.abstraction.iterations.min(quality.filter_iterations),
+            radius: settings.abstraction.radius.min(quality.filter_radius) as i32,
+            spatial_falloff: falloff(settings.abstraction.spatial_sigma),
+            range_falloff: falloff(settings.abstraction.range_sigma),
+            ..default()
+        }
+    }
+
+    /// How often the filter runs for it.
+    pub fn filtered(&self) -> u32 {
+        if self.colors > 0 { self.iterations } else { 0 }
+    }
+}
+
+/// `View` of `view.wgsl`.
+#[derive(ShaderType, Clone, Copy, Default)]
+pub(super) struct ViewUniform {
+    pub corner: UVec2,
+    pub size: UVec2,
+    pub depth: Vec4,
+    pub exposure: f32,
+    pub everything: u32,
+    pub pixel: Vec2,
+    pub stop_transmittance: f32,
+    pub density_threshold: f32,
+    pub min_weight: f32,
+}
+
+/// What is left of the light where a prop is solid; a ray that ends there is solid too. Negative for never.
+fn solid_transmittance(solid: SolidOpacity, quality: &Quality) -> f32 {
+    if solid.0 > 1.0 { -1.0 } else { (1.0 - solid.0.max(0.0)).max(quality.stop_transmittance) }
+}
+
+/// The look with every value in its range, so that no shader divides by zero or loops for long.
+fn sound(look: Posterize) -> Posterize {
+    let Posterize { blend_steps, softness, min_opacity, mut abstraction } = look;
+    abstraction.iterations = abstraction.iterations.min(MAX_FILTER_ITERATIONS);
+    abstraction.radius = abstraction.radius.min(MAX_FILTER_RADIUS);
+    // f32::max takes the other one for NaN.
+    abstraction.spatial_sigma = abstraction.spatial_sigma.max(1e-3);
+    abstraction.range_sigma = abstraction.range_sigma.max(1e-3);
+    Posterize {
+        blend_steps: blend_steps.clamp(1, MAX_BLEND_STEPS),
+        softness: softness.max(0.0),
+        min_opacity: min_opacity.max(0.0),
+        abstraction,
+    }
+}

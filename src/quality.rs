@@ -1,0 +1,134 @@
+//! How much accuracy a camera gives up for speed.
+
+use bevy::prelude::*;
+
+use crate::{
+    palette::ExtractionSettings,
+    prop::{MAX_FILTER_ITERATIONS, MAX_FILTER_RADIUS},
+};
+
+/// How exactly a camera draws props. On an entity with a `Camera3d`; without it, [`Quality::EXACT`].
+///
+/// Every knob can be turned alone: `Quality { cell_size: 1.0, ..Quality::EXACT }`. What each costs and gains on a field of
+/// yours is what the example `tradeoff` measures.
+#[derive(Component, Clone, Copy, Debug, PartialEq, Reflect)]
+#[reflect(Component, Default, Clone, Debug, PartialEq)]
+pub struct Quality {
+    /// A ray ends where transmittance is less than this, and the pixel counts as opaque. 0 to 1; 0.01, the method's, by
+    /// default.
+    pub stop_transmittance: f32,
+    /// Leaves that are less dense are passed by, besides those that are dropped at loading. Per world unit of the field;
+    /// 0 by default.
+    pub density_threshold: f32,
+    /// A leaf that adds less than this to the opacity of a pixel is not asked for its colour; the others make up for it. 0
+    /// to 1; 0 by default.
+    pub min_weight: f32,
+    /// The highest degree of spherical harmonics that is evaluated: 0 leaves no highlights. 4, all that there are, by
+    /// default.
+    pub degree: u32,
+    /// The level of detail: cells of a prop are averaged as long as they stay smaller than this, in pixels, where the prop
+    /// is nearest to the camera. 0, never, by default; 1 is hardly seen.
+    pub cell_size: f32,
+    /// Pixels of the volume pass along each axis, as a share of the viewport's. They are interpolated, but not across the
+    /// edges of meshes. 0.1 to 1; 1 by default.
+    pub resolution: f32,
+    /// Most iterations of the bilateral filter, whatever a look asks for.
+    pub filter_iterations: u32,
+    /// Largest radius of the bilateral filter in pixels, whatever a look asks for.
+    pub filter_radius: u32,
+}
+
+impl Default for Quality {
+    fn default() -> Self {
+        Self::EXACT
+    }
+}
+
+impl Quality {
+    /// What the method asks for.
+    pub const EXACT: Self = Self {
+        stop_transmittance: 0.01,
+        density_threshold: 0.0,
+        min_weight: 0.0,
+        degree: 4,
+        cell_size: 0.0,
+        resolution: 1.0,
+        filter_iterations: MAX_FILTER_ITERATIONS,
+        filter_radius: MAX_FILTER_RADIUS,
+    };
+    /// Hardly to be told from the exact picture.
+    pub const HIGH: Self = Self { stop_transmittance: 0.02, cell_size: 0.7, ..Self::EXACT };
+    /// For most games.
+    pub const BALANCED: Self =
+        Self { stop_transmittance: 0.03, cell_size: 1.0, resolution: 0.6, filter_iterations: 2, ..Self::EXACT };
+    /// For many props, or little of a graphics card.
+    pub const FAST: Self =
+        Self { stop_transmittance: 0.05, cell_size: 1.5, resolution: 0.34, filter_iterations: 1, ..Self::EXACT };
+
+    /// With every knob in its range, so that no shader divides by zero or loops for long.
+    pub(crate) fn sound(self) -> Self {
+        // f32::max takes the other one for NaN.
+        Self {
+            stop_transmittance: self.stop_transmittance.max(1e-30),
+            density_threshold: self.density_threshold.max(0.0),
+            min_weight: self.min_weight.max(0.0),
+            degree: self.degree.min(4),
+            cell_size: self.cell_size.max(0.0),
+            resolution: if self.resolution.is_nan() { 1.0 } else { self.resolution.clamp(0.1, 1.0) },
+            filter_iterations: self.filter_iterations,
+            filter_radius: self.filter_radius,
+        }
+    }
+}
+
+/// A named choice for all that trades accuracy for speed.
+///
+/// What it keeps, tested with the hardest of our props (thin rails, gloss) in small pictures of 160 x 160 pixels, where
+/// the prop's details are as large as pixels: PSNR against float64, and the share of its pixels whose label changes if
+/// labels do not blend. Larger pictures keep more; the example `tradeoff` says what a field of yours keeps.
+///
+/// | | PSNR at least | labels changed at most |
+/// |---|---|---|
+/// | [`Self::Exact`] | 55 dB | none |
+/// | [`Self::High`] | 45 dB | 5 % |
+/// | [`Self::Balanced`] | 23 dB | 60 % |
+/// | [`Self::Fast`] | 20 dB | 75 % |
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
+#[reflect(Default, Clone, Debug, PartialEq, Hash)]
+pub enum Preset {
+    /// What the method asks for.
+    #[default]
+    Exact,
+    /// Hardly to be told from it.
+    High,
+    /// For most games.
+    Balanced,
+    /// For many props, or little of a graphics card.
+    Fast,
+}
+
+impl Preset {
+    /// All of them, the most exact first.
+    pub const ALL: [Self; 4] = [Self::Exact, Self::High, Self::Balanced, Self::Fast];
+
+    /// For cameras.
+    pub fn quality(self) -> Quality {
+        match self {
+            Self::Exact => Quality::EXACT,
+            Self::High => Quality::HIGH,
+            Self::Balanced => Quality::BALANCED,
+            Self::Fast => Quality::FAST,
+        }
+    }
+
+    /// For [`PaletteExtraction`](crate::PaletteExtraction): fewer samples. The colours move, a little or more: extract with
+    /// the exact one what you ship.
+    pub fn extraction(self) -> ExtractionSettings {
+        let sample_fraction = match self {
+            Self::Exact | Self::High => 1.0,
+            Self::Balanced => 0.5,
+            Self::Fast => 0.25,
+        };
+        ExtractionSettings { sample_fraction, ..default() }
+    }
+}
