@@ -11,17 +11,27 @@ pub mod palette;
 mod palettes;
 #[cfg(feature = "egui")]
 pub mod panel;
+#[cfg(feature = "picking")]
+mod picking;
 pub mod picture;
 pub mod prop;
+pub mod quality;
+mod ray_cast;
 pub mod reference;
 mod sampling;
+pub mod view;
 
 pub use field::PlenOctree;
-pub use palette::{ExtractionSettings, Palette};
+pub use palette::{ExtractionSettings, Label, Palette};
 pub use palettes::{
     BlendSpace, FieldPalette, PaletteExtraction, PaletteOverride, PaletteReady, Palettes, Sampled, Sampler,
 };
-pub use prop::{Abstraction, Posterize, Prop};
+#[cfg(feature = "picking")]
+pub use picking::PropPickingPlugin;
+pub use prop::{Abstraction, Posterize, Prop, SolidOpacity};
+pub use quality::{Preset, Quality};
+pub use ray_cast::{FieldHit, PropHit, PropRayCast};
+pub use view::{PosterizeView, PropStage};
 
 use bevy::prelude::*;
 
@@ -38,6 +48,7 @@ impl Plugin for PlenOctreePlugin {
                 sampling::SamplingPlugin,
                 palettes::PalettesPlugin,
                 prop::PropPlugin,
+                view::ViewPlugin,
                 picture::PicturePlugin,
             ));
     }

@@ -1,0 +1,360 @@
+//! Rays and pointers against props: what they hit, where, and in which region.
+
+use std::time::Duration;
+
+use bevy::{
+    camera::{RenderTarget, visibility::RenderLayers},
+    ecs::system::RunSystemOnce,
+    math::Affine3A,
+    picking::{
+        DefaultPickingPlugins,
+        backend::PointerHits,
+        pointer::{Location, PointerAction, PointerId, PointerInput},
+    },
+    prelude::*,
+    window::PrimaryWindow,
+};
+use bevy_plenoctree::{
+    FieldPalette, Palettes, PlenOctree, PlenOctreePlugin, Posterize, Prop, PropHit, PropPickingPlugin, PropRayCast,
+    field::{BakeSettings, Basis, UpAxis, bake},
+    headless::{Headless, exact_camera},
+    prop::Abstraction,
+};
+use glam::{DAffine3, DVec3};
+use proptest::prelude::*;
+
+const RADIUS: f64 = 0.8;
+/// Width of a cell of the balls.
+const CELL: f64 = 2.0 / 64.0;
+
+fn ball(density: f64, up: UpAxis) -> PlenOctree {
+    let settings = BakeSettings { depth: 6, basis: Basis::Rgba, up, density_samples: 4, ..Default::default() };
+    let radiance = |at: DVec3| move |_: DVec3| 0.5 + 0.4 * (4.0 * at).map(f64::sin);
+    bake(&settings, |at| if at.length() < RADIUS { density } else { 0.0 }, radiance).unwrap()
+}
+
+/// A world that can do no more than cast rays.
+fn world() -> World {
+    let mut world = World::new();
+    world.init_resource::<Assets<PlenOctree>>();
+    world.init_resource::<Palettes>();
+    world
+}
+
+fn spawn(world: &mut World, field: &PlenOctree, transform: impl Into<GlobalTransform>) -> Entity {
+    let field = world.resource_mut::<Assets<PlenOctree>>().add(field.clone());
+    world.spawn((Prop(field), transform.into(), InheritedVisibility::VISIBLE)).id()
+}
+
+fn cast(world: &mut World, ray: Ray3d) -> Option<PropHit> {
+    world.run_system_once(move |props: PropRayCast| props.cast_ray(ray)).unwrap()
+}
+
+fn vector(range: std::ops::Range<f64>) -> impl Strategy<Value = DVec3> {
+    prop::array::uniform3(range).prop_map(DVec3::from)
+}
+
+fn direction() -> impl Strategy<Value = DVec3> {
+    vector(-1.0..1.0).prop_filter_map("short", |v| (v.length() > 0.2).then(|| v.normalize()))
+}
+
+/// Turned, scaled unevenly, sheared, mirrored or not, far from the origin or not.
+fn placement() -> impl Strategy<Value = Affine3A> {
+    (direction(), 0.0..6.0f64, vector(0.4..2.5), vector(-0.4..0.4), any::<bool>(), vector(-50.0..50.0)).prop_map(
+        |(axis, angle, scale, shear, mirrored, position)| {
+            let mut matrix = glam::DMat3::from_axis_angle(axis, angle) * glam::DMat3::from_diagonal(scale);
+            matrix *= glam::DMat3::from_cols(
+                if mirrored { DVec3::NEG_X } else { DVec3::X },
+                DVec3::new(shear.x, 1.0, 0.0),
+                DVec3::new(shear.y, shear.z, 1.0),
+            );
+            Affine3A::from_mat3_translation(matrix.as_mat3(), position.as_vec3())
+        },
+    )
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    /// However the ball stands, a hit is where the analytic one is: at the surface of a dense ball, and as deep in fog as
+    /// half of the light goes. The normal is that of the sphere around the middle through that point.
+    #[test]
+    fn a_ball_is_hit_where_it_is(
+        dense in any::<bool>(),
+        up in prop_oneof![Just(UpAxis::Y), Just(UpAxis::Z)],
+        placement in placement(),
+        from in direction(),
+        aim in vector(-0.35..0.35),
+    ) {
+        let density = if dense { 1e3 } else { 3.0 };
+        let mut world = world();
+        let entity = spawn(&mut world, &ball(density, up), GlobalTransform::from(placement));
+        let world_from_field = placement.as_daffine3() * DAffine3::from_mat3(up.to_y_up());
+        let field_from_world = world_from_field.inverse();
+
+        // The ray in the scene, and where it meets the sphere in the field.
+        let origin = world_from_field.transform_point3(4.0 * from).as_vec3();
+        let target = world_from_field.transform_point3(aim).as_vec3();
+        let ray = Ray3d::new(origin, Dir3::new(target - origin).unwrap());
+        let start = field_from_world.transform_point3(ray.origin.as_dvec3());
+        let step = field_from_world.transform_vector3(ray.direction.as_dvec3());
+        let way = step.normalize();
+        let middle = -start.dot(way);
+        let enters = middle - (RADIUS * RADIUS - (start + middle * way).length_squared()).sqrt();
+        let length = enters + std::f64::consts::LN_2 / density;
+
+        let hit = cast(&mut world, ray).unwrap();
+        prop_assert_eq!(hit.entity, entity);
+        let off = (f64::from(hit.distance) * step.length() - length).abs();
+        prop_assert!(off < CELL, "distance off by {} cells", off / CELL);
+        let along = ray.origin + hit.distance * ray.direction;
+        prop_assert!((along - hit.point).length() < 1e-4 * (1.0 + hit.point.length()));
+
+        // What lies in the plane of the normal in the scene spans that plane in the field, too.
+        let inward = |v: Vec3| field_from_world.transform_vector3(v.as_dvec3());
+        let (a, b) = hit.normal.any_orthonormal_pair();
+        let across = inward(a).cross(inward(b));
+        let normal = across * across.dot(inward(*hit.normal)).signum();
+        let radial = field_from_world.transform_point3(hit.point.as_dvec3());
+        let angle = normal.angle_between(radial).to_degrees();
+        prop_assert!(angle < 6.0, "normal off by {angle} degrees");
+    }
+}
+
+#[test]
+fn the_colour_is_what_is_seen_along_the_ray() {
+    let field = ball(2.0, UpAxis::Y);
+    let (origin, direction) = (DVec3::new(0.2, 0.1, 3.0), DVec3::NEG_Z);
+    let (color, opacity) = bevy_plenoctree::reference::render_ray(&field, origin, direction);
+    let hit = field.cast_ray(origin, direction).unwrap();
+    assert!((hit.color * hit.opacity - color).length() < 1e-12 && (hit.opacity - opacity).abs() < 1e-12);
+    assert!(hit.opacity > 0.9 && hit.opacity < 1.0);
+}
+
+#[test]
+fn thin_fog_is_not_hit() {
+    // Its middle takes just under and just over half of the light.
+    let through = std::f64::consts::LN_2 / (2.0 * RADIUS);
+    for (density, hit) in [(0.97 * through, false), (1.03 * through, true)] {
+        let field = ball(density, UpAxis::Y);
+        assert_eq!(field.cast_ray(DVec3::new(0.01, 0.01, 3.0), DVec3::NEG_Z).is_some(), hit);
+    }
+}
+
+#[test]
+fn inside_of_even_fog_the_normal_points_back() {
+    let settings = BakeSettings { depth: 5, basis: Basis::Rgba, ..Default::default() };
+    let fog = bake(&settings, |_| 20.0, |_| |_| DVec3::splat(0.5)).unwrap();
+    let direction = DVec3::new(1.0, 2.0, -2.0) / 3.0;
+    let hit = fog.cast_ray(DVec3::ZERO, direction).unwrap();
+    assert!((hit.distance - std::f64::consts::LN_2 / 20.0).abs() < 1e-6);
+    assert_eq!(hit.normal, -direction);
+}
+
+#[test]
+fn the_nearest_that_is_shown_is_hit() {
+    let mut world = world();
+    let field = ball(1e3, UpAxis::Z);
+    let far = spawn(&mut world, &field, Transform::from_xyz(0.0, 0.0, -5.0));
+    let near = spawn(&mut world, &field, Transform::from_xyz(0.0, 0.0, 5.0));
+    let ray = Ray3d::new(Vec3::new(0.1, 0.0, 20.0), Dir3::NEG_Z);
+    assert_eq!(cast(&mut world, ray).unwrap().entity, near);
+    world.entity_mut(near).insert(InheritedVisibility::HIDDEN);
+    assert_eq!(cast(&mut world, ray).unwrap().entity, far);
+    // Who asks for hidden ones gets them, in order.
+    let all = world.run_system_once(move |props: PropRayCast| props.cast_ray_among(ray, [far, near])).unwrap();
+    assert_eq!(all.iter().map(|hit| hit.entity).collect::<Vec<_>>(), [near, far]);
+    // There is nothing to see in what is flat.
+    world.entity_mut(far).insert(GlobalTransform::from(Transform::from_scale(Vec3::new(1.0, 0.0, 1.0))));
+    assert_eq!(cast(&mut world, ray), None);
+}
+
+const SIZE: UVec2 = UVec2::new(96, 64);
+
+/// A scene with a camera at z = 6 that looks back along z, and pointers.
+struct Scene {
+    headless: Headless,
+    camera: Entity,
+    field: Handle<PlenOctree>,
+}
+
+impl Scene {
+    fn new() -> Self {
+        let mut headless = Headless::new(SIZE, |app| {
+            app.add_plugins((PlenOctreePlugin, DefaultPickingPlugins, PropPickingPlugin)).init_resource::<Seen>();
+        })
+        .unwrap();
+        let target = headless.target();
+        let world = headless.app.world_mut();
+        let field = world.resource_mut::<Assets<PlenOctree>>().add(ball(1e3, UpAxis::Y));
+        let camera = world.spawn((exact_camera(Color::WHITE), target, Transform::from_xyz(0.0, 0.0, 6.0))).id();
+        // Bevy asks for a window before it asks which target a pointer is in.
+        world.spawn((Window::default(), PrimaryWindow));
+        Self { headless, camera, field }
+    }
+
+    fn world(&mut self) -> &mut World {
+        self.headless.app.world_mut()
+    }
+
+    fn spawn(&mut self, z: f32, with: impl Bundle) -> Entity {
+        let prop = (Prop(self.field.clone()), Transform::from_xyz(0.0, 0.0, z), with);
+        self.world().spawn(prop).observe(see::<Over>).observe(see::<Click>).id()
+    }
+
+    /// The mouse moves to `position`, and then does this. Returns what observers of props saw.
+    fn mouse(&mut self, position: Vec2, actions: &[PointerAction]) -> Vec<(&'static str, Entity, PropHit)> {
+        let window = self.world().query_filtered::<Entity, With<PrimaryWindow>>().single(self.world()).unwrap();
+        let target: RenderTarget = self.headless.target();
+        let location = Location { target: target.normalize(Some(window)).unwrap(), position };
+        self.world().resource_mut::<Seen>().0.clear();
+        for &action in [PointerAction::Move { delta: Vec2::ONE }].iter().chain(actions) {
+            self.world().write_message(PointerInput::new(PointerId::Mouse, location.clone(), action));
+            self.headless.update();
+        }
+        self.world().resource::<Seen>().0.clone()
+    }
+}
+
+#[derive(Resource, Default)]
+struct Seen(Vec<(&'static str, Entity, PropHit)>);
+
+trait Named {
+    const NAME: &'static str;
+    fn hit(&self) -> &bevy::picking::backend::HitData;
+}
+
+impl Named for Over {
+    const NAME: &'static str = "over";
+    fn hit(&self) -> &bevy::picking::backend::HitData {
+        &self.hit
+    }
+}
+
+impl Named for Click {
+    const NAME: &'static str = "click";
+    fn hit(&self) -> &bevy::picking::backend::HitData {
+        &self.hit
+    }
+}
+
+fn see<E: Named + Clone + Reflect + std::fmt::Debug>(event: On<Pointer<E>>, mut seen: ResMut<Seen>) {
+    let data = event.event().event.hit();
+    let hit = *data.extra_as::<PropHit>().unwrap();
+    assert_eq!((data.position, data.normal, data.depth), (Some(hit.point), Some(*hit.normal), hit.distance));
+    seen.0.push((E::NAME, event.entity, hit));
+}
+
+#[test]
+fn pointers_reach_observers() {
+    let mut scene = Scene::new();
+    let far = scene.spawn(-3.0, ());
+    let near = scene.spawn(0.0, ());
+    for _ in 0..3 {
+        scene.headless.update();
+    }
+    let click = [PointerAction::Press(PointerButton::Primary), PointerAction::Release(PointerButton::Primary)];
+    let middle = 0.5 * SIZE.as_vec2();
+    let seen = scene.mouse(middle, &click);
+    assert_eq!(
+        seen.iter().map(|(name, entity, _)| (*name, *entity)).collect::<Vec<_>>(),
+        [("over", near), ("click", near)]
+    );
+    let hit = seen[0].2;
+    assert!((hit.point - Vec3::new(0.0, 0.0, RADIUS as f32)).length() < CELL as f32, "{hit:?}");
+    assert!(hit.normal.z > 0.99, "{hit:?}");
+    // Beside the ball there is nothing.
+    assert!(scene.mouse(Vec2::splat(2.0), &click).is_empty());
+    // What is to be ignored, or on another layer, or hidden, leaves the pointer to what is behind it.
+    for nothing in [
+        |near: &mut EntityWorldMut| _ = near.insert(Pickable::IGNORE),
+        |near: &mut EntityWorldMut| _ = near.remove::<Pickable>().insert(RenderLayers::layer(1)),
+        |near: &mut EntityWorldMut| _ = near.remove::<RenderLayers>().insert(Visibility::Hidden),
+    ] {
+        scene.mouse(Vec2::splat(2.0), &[]);
+        nothing(&mut scene.world().entity_mut(near));
+        scene.headless.update();
+        let seen = scene.mouse(middle, &[]);
+        assert_eq!(seen.iter().map(|(name, entity, _)| (*name, *entity)).collect::<Vec<_>>(), [("over", far)]);
+    }
+}
+
+/// Hits of a camera that is drawn later are above those of others.
+#[test]
+fn hits_have_the_order_of_their_camera() {
+    let mut scene = Scene::new();
+    let prop = scene.spawn(0.0, ());
+    let camera = scene.camera;
+    scene.world().get_mut::<Camera>(camera).unwrap().order = 7;
+    for _ in 0..3 {
+        scene.headless.update();
+    }
+    scene.mouse(0.5 * SIZE.as_vec2(), &[]);
+    let hits = scene.world().resource_mut::<Messages<PointerHits>>().drain().collect::<Vec<_>>();
+    let of_prop = hits.iter().find(|hits| hits.picks.iter().any(|(entity, _)| *entity == prop)).unwrap();
+    assert_eq!((of_prop.order, of_prop.pointer), (7.0, PointerId::Mouse));
+}
+
+/// Every pixel is of the label that a ray through it finds; the filter, which rays know nothing of, moves some borders.
+#[test]
+fn labels_are_those_of_the_picture() {
+    let extracted = [[0.8, 0.2, 0.3], [0.2, 0.7, 0.4], [0.3, 0.3, 0.9], [0.9, 0.9, 0.7]];
+    // No two labels are shown in the same colour.
+    let shown = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.1], [0.0, 0.2, 1.0], [0.9, 0.8, 0.0]].map(DVec3::from);
+    for (filtered, least) in [(false, 0.995), (true, 0.8)] {
+        let mut scene = Scene::new();
+        let colors = extracted.map(|[r, g, b]: [f32; 3]| Color::srgb(r, g, b));
+        let mut palette = FieldPalette::from_colors(colors).unwrap();
+        for (index, color) in shown.iter().enumerate() {
+            palette.set(index, Color::srgb(color.x as f32, color.y as f32, color.z as f32));
+        }
+        let field = scene.field.clone();
+        scene.world().resource_mut::<Palettes>().insert(&field, palette);
+        let abstraction = if filtered { default() } else { Abstraction { iterations: 0, ..default() } };
+        let prop = scene.spawn(0.0, Posterize { softness: 0.0, abstraction, ..default() });
+        scene.headless.wait_until_ready(Duration::from_secs(60)).unwrap();
+        let picture = scene.headless.picture().unwrap();
+
+        let camera = scene.camera;
+        let labels = move |props: PropRayCast, cameras: Query<(&Camera, &GlobalTransform)>| {
+            let (camera, transform) = cameras.get(camera).unwrap();
+            let pixels = (0..SIZE.y).flat_map(|y| (0..SIZE.x).map(move |x| (x, y)));
+            let of_pixel = |(x, y): (u32, u32)| {
+                let ray = camera.viewport_to_world(transform, UVec2::new(x, y).as_vec2() + 0.5).unwrap();
+                props.cast_ray(ray).map(|hit| ((x, y), hit))
+            };
+            pixels.filter_map(of_pixel).collect::<Vec<_>>()
+        };
+        let hits = scene.world().run_system_once(labels).unwrap();
+        assert!(hits.len() > 250);
+        let mut different = std::collections::HashSet::new();
+        let right = hits.iter().filter(|((x, y), hit)| {
+            assert_eq!(hit.entity, prop);
+            let label = hit.label.unwrap();
+            different.insert(label.index);
+            let expected = 255.0 * (label.share * shown[label.first] + (1.0 - label.share) * shown[label.second]);
+            let pixel = picture.get_pixel(*x, *y);
+            (0..3).all(|c| (f64::from(pixel[c]) - expected[c]).abs() <= 2.0)
+        });
+        let share = right.count() as f64 / hits.len() as f64;
+        assert!(share >= least, "{share} with {different:?}, filtered: {filtered}");
+        assert!(different.len() > 6, "{different:?}");
+    }
+}
+
+#[test]
+fn there_are_no_labels_where_no_picture_has_them() {
+    let mut world = world();
+    let entity = spawn(&mut world, &ball(1.2, UpAxis::Y), GlobalTransform::IDENTITY);
+    let field = world.get::<Prop>(entity).unwrap().0.id();
+    let ray = Ray3d::new(Vec3::new(0.0, 0.0, 3.0), Dir3::NEG_Z);
+    let label = |world: &mut World| cast(world, ray).unwrap().label;
+    assert_eq!(label(&mut world), None, "without a look");
+    world.entity_mut(entity).insert(Posterize::default());
+    assert_eq!(label(&mut world), None, "without a palette");
+    let palette = FieldPalette::from_colors([Color::WHITE, Color::BLACK]).unwrap();
+    world.resource_mut::<Palettes>().insert(field, palette);
+    assert!(label(&mut world).is_some());
+    world.entity_mut(entity).insert(Posterize { min_opacity: 0.95, ..default() });
+    assert_eq!(label(&mut world), None, "too thin for one");
+}
