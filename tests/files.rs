@@ -89,7 +89,12 @@ fn leaves_are_where_and_what_the_file_says() {
 fn settings_say_what_the_file_does_not() {
     let file = example(Basis::Sh4).stored();
     for density_threshold in [-1.0, 0.0, 0.01, 50.0] {
-        let settings = LoadSettings { activation: Some(Activation::ShiftedRelu), up: UpAxis::Y, density_threshold };
+        let settings = LoadSettings {
+            activation: Some(Activation::ShiftedRelu),
+            up: UpAxis::Y,
+            density_threshold,
+            ..Default::default()
+        };
         let field = read_with(&file, &settings).unwrap();
         assert_eq!((field.activation(), field.up()), (Activation::ShiftedRelu, UpAxis::Y));
         assert_is_example(&field, density_threshold.into());
@@ -422,6 +427,15 @@ fn values_out_of_range_are_refused() {
     }
     let file = example(Basis::Sh9).with("offset", npy(c("<f4"), &[3], &[0.5, f64::NAN, 0.5]));
     assert_refused(&file, value, "offset: found [0.5, NaN, 0.5], expected finite numbers");
+    // What single precision does not hold could be neither written nor drawn.
+    for (key, numbers, found) in [
+        ("invradius3", [0.5, 1e39, 0.5], "[0.5, 1e39, 0.5], expected the scale of a cube that is finite in float32"),
+        ("invradius3", [0.5, 1e-39, 0.5], "[0.5, 1e-39, 0.5], expected the scale of a cube that is finite in float32"),
+        ("offset", [0.5, 0.5, -1e39], "[0.5, 0.5, -1e39], expected numbers that are finite in float32"),
+    ] {
+        let file = example(Basis::Sh9).with(key, npy(c("<f8"), &[3], &numbers));
+        assert_refused(&file, value, &format!("{key}: found {found}"));
+    }
 }
 
 #[test]
@@ -496,6 +510,7 @@ fn headers_that_lie_are_refused() {
         "{'descr': '<i4', 'fortran_order': False, 'shape': (99999999999999999999999, 2, 2, 2), }",
         "{'descr': '<i99999999999999999999999', 'fortran_order': False, 'shape': (6, 2, 2, 2), }",
         "{'descr': '', 'fortran_order': False, 'shape': (6, 2, 2, 2), }",
+        &format!("{{'descr': '<i4', 'fortran_order': False, 'shape': ({}), }}", "1, ".repeat(65)),
         &"{'descr': ".repeat(5000),
         &format!("{{'descr': {}", "[".repeat(60000)),
     ] {
@@ -599,6 +614,40 @@ fn members_that_promise_too_much_are_refused() {
     assert_changed_refused("a member outside the file", moved, "child: found its end too early");
     let checksum = |bytes: &mut Vec<u8>| entry(bytes, "child", 16, &[1, 2, 3, 4]);
     assert_changed_refused("another checksum", checksum, "child: found Invalid checksum, expected a whole npy array");
+}
+
+/// Adds the child offsets of a tree in which all cells are divided, `levels` deep, in depth-first order.
+fn divide(levels: u32, child: &mut Vec<f64>) {
+    let node = child.len() / 8;
+    child.extend([0.0; 8]);
+    for cell in 0..if levels > 1 { 8 } else { 0 } {
+        child[8 * node + cell] = (child.len() / 8 - node) as f64;
+        divide(levels - 1, child);
+    }
+}
+
+/// A file of less than a megabyte does not become a field of more than 128.
+#[test]
+fn fields_that_are_far_larger_than_their_files_are_refused() {
+    let mut child = vec![0.0; 8];
+    for cell in 0..4 {
+        child[cell] = (child.len() / 8) as f64;
+        divide(6, &mut child);
+    }
+    let nodes = child.len() / 8;
+    let ones = |shape: &[usize]| {
+        let content = f16::ONE.to_le_bytes().repeat(shape.iter().product());
+        npz::npy_with_header(1, &npz::header(c("<f2"), shape), &content)
+    };
+    let tree = || example(Basis::Sh25).with("child", npy(c("<i4"), &[nodes, 2, 2, 2], &child));
+    let plain = tree().with("data", ones(&[nodes, 2, 2, 2, 76]));
+    let coded = tree().without("data").with("sigma", ones(&[nodes, 2, 2, 2]));
+    for (arrays, refused) in [(plain, "data: "), (coded, "quant_map: ")] {
+        let file = arrays.zip(CompressionMethod::Deflated);
+        let error = read(&file).unwrap_err();
+        assert!(matches!(error.fault, ReadFault::Member { .. }) && file.len() < 1 << 20, "{error}");
+        assert!(error.to_string().contains(refused), "{error}");
+    }
 }
 
 proptest! {

@@ -2,6 +2,7 @@
 
 use std::{
     fs, io,
+    ops::RangeInclusive,
     path::{Path, PathBuf},
 };
 
@@ -89,6 +90,10 @@ struct Frame {
 const DEFAULT_SIZE: (u32, u32) = (800, 800);
 /// Pixels a side that a picture may have.
 const MAX_SIZE: f64 = 16384.0;
+/// Focal lengths, in pixels, with which every ray has a direction.
+const FOCAL: RangeInclusive<f64> = 1e-6..=1e9;
+/// Pixels by which the optical axis may miss the picture.
+const MAX_CENTER: f64 = 1e9;
 
 /// The cameras of a `transforms.json`, one a frame, in the file's order and frame of reference.
 ///
@@ -121,8 +126,8 @@ fn pose(rows: &[Vec<f64>]) -> Result<DMat4, String> {
     }
     let row = |i: usize| DVec4::from_slice(&rows[i]);
     let matrix = DMat4::from_cols(row(0), row(1), row(2), DVec4::W).transpose();
-    if !matrix.is_finite() {
-        return Err("a number that is not finite".into());
+    if !matrix.as_mat4().is_finite() {
+        return Err("a number that is not finite in float32".into());
     }
     let axes = DMat3::from_mat4(matrix);
     let determinant = axes.determinant();
@@ -154,14 +159,19 @@ fn pinhole(
     };
     let (width, height) = own_size.or(size).unwrap_or(DEFAULT_SIZE);
     let focal = |key, focal: f64| {
-        if focal.is_finite() && focal > 0.0 { Ok(focal) } else { Err((key, focal.to_string(), "a positive number")) }
+        if FOCAL.contains(&focal) { Ok(focal) } else { Err((key, focal.to_string(), "1e-6 to 1e9 pixels")) }
     };
     let from_angle = |key, angle: f64, pixels: u32| {
-        if angle > 0.0 && angle < std::f64::consts::PI {
-            Ok(0.5 * f64::from(pixels) / (0.5 * angle).tan())
+        let focal = 0.5 * f64::from(pixels) / (0.5 * angle).tan();
+        if angle > 0.0 && angle < std::f64::consts::PI && FOCAL.contains(&focal) {
+            Ok(focal)
         } else {
             Err((key, angle.to_string(), "an angle between 0 and pi"))
         }
+    };
+    let center = |key, given: Option<f64>, pixels: u32| {
+        let center = given.unwrap_or(0.5 * f64::from(pixels));
+        if center.abs() <= MAX_CENTER { Ok(center) } else { Err((key, center.to_string(), "at most +-1e9 pixels")) }
     };
     let focal_x = match (given.fl_x, given.camera_angle_x) {
         (Some(fl_x), _) => focal("fl_x", fl_x)?,
@@ -178,8 +188,8 @@ fn pinhole(
         height,
         focal_x,
         focal_y,
-        center_x: given.cx.unwrap_or(0.5 * f64::from(width)),
-        center_y: given.cy.unwrap_or(0.5 * f64::from(height)),
+        center_x: center("cx", given.cx, width)?,
+        center_y: center("cy", given.cy, height)?,
         rotation: DMat3::from_mat4(pose),
         position: pose.w_axis.truncate(),
     };
@@ -238,11 +248,19 @@ mod tests {
             ("[", "transforms.json"),
             (&format!(r#"{{"frames": [{{{POSE}}}]}}"#), "camera_angle_x"),
             (&format!(r#"{{"camera_angle_x": 4.0, "frames": [{{{POSE}}}]}}"#), "camera_angle_x"),
+            (&format!(r#"{{"camera_angle_x": 1e-320, "frames": [{{{POSE}}}]}}"#), "camera_angle_x"),
             (&format!(r#"{{"fl_x": -1, "frames": [{{{POSE}}}]}}"#), "fl_x"),
+            (&format!(r#"{{"fl_x": 1, "fl_y": 1e-320, "frames": [{{{POSE}}}]}}"#), "fl_y"),
+            (&format!(r#"{{"fl_x": 1, "cx": -1e300, "frames": [{{{POSE}}}]}}"#), "cx"),
+            (&format!(r#"{{"fl_x": 1, "cy": 1e300, "frames": [{{{POSE}}}]}}"#), "cy"),
             (&format!(r#"{{"w": 1e9, "h": 3, "fl_x": 1, "frames": [{{{POSE}}}]}}"#), "w"),
             (r#"{"fl_x": 1, "frames": [{"transform_matrix": [[1,2],[3,4]]}]}"#, "frames[0].transform_matrix"),
             (
                 r#"{"fl_x": 1, "frames": [{"transform_matrix": [[0,0,0,0],[0,0,0,0],[0,0,0,0],[0,0,0,1]]}]}"#,
+                "frames[0].transform_matrix",
+            ),
+            (
+                r#"{"fl_x": 1, "frames": [{"transform_matrix": [[1,0,0,1e39],[0,1,0,0],[0,0,1,0]]}]}"#,
                 "frames[0].transform_matrix",
             ),
         ] {

@@ -1,0 +1,117 @@
+//! What a field's file must give: a field that can be used, or a message; and neither at any price.
+
+use std::io::Cursor;
+
+use allocation_counter::measure;
+use glam::{DVec3, UVec3};
+use half::f16;
+
+use crate::{
+    Settings,
+    camera::PinholeCamera,
+    check_message,
+    field::{Frame, LoadSettings, PlenOctree, ReadError},
+    palette::{ExtractionError, ExtractionSettings, Progress, extract},
+    reference::render_ray,
+};
+
+/// Bytes that reading may take whatever the file holds: buffers, the state of the decompressor, and room for the 4096
+/// members that a directory may claim.
+const BASE_MEMORY: u64 = 2 << 20;
+/// Bytes of memory for one of an unpacked array. The most is that of a codebook's row, one byte for three float16.
+const MEMORY_RATIO: u64 = 16;
+/// How many times larger than the file its arrays can be.
+const DEFLATE_RATIO: u64 = 1032;
+/// Leaves of fields from which palettes are extracted.
+const MOST_EXTRACTED: usize = 512;
+/// Their depth. Extraction spreads coarse leaves over finest cells as long as that is worth its memory.
+const DEEPEST_EXTRACTED: u32 = 6;
+
+/// Reads `bytes`, whose arrays have `unpacked` bytes if that is known, and checks what comes of it.
+pub fn check_field(bytes: &[u8], unpacked: Option<u64>, settings: &Settings) {
+    let mut result = None;
+    let peak = measure(|| result = Some(read(bytes, &settings.load()))).bytes_max;
+    let unpacked = unpacked.unwrap_or(DEFLATE_RATIO * bytes.len() as u64);
+    assert!(peak <= BASE_MEMORY + MEMORY_RATIO * unpacked, "{peak} bytes of memory for {unpacked} of arrays");
+    match result {
+        Some(Ok(field)) => {
+            check_written(&field);
+            check_seen(&field);
+            if settings.extract && field.leaves() <= MOST_EXTRACTED && field.depth() <= DEEPEST_EXTRACTED {
+                check_extracted(&field);
+            }
+        }
+        Some(Err(error)) => check_message(&error, 0),
+        None => unreachable!(),
+    }
+}
+
+fn read(bytes: &[u8], settings: &LoadSettings) -> Result<PlenOctree, ReadError> {
+    PlenOctree::read_from(Cursor::new(bytes), "fuzz.npz", settings)
+}
+
+/// What was read is written and read again, the same but for the two documented roundings.
+fn check_written(field: &PlenOctree) {
+    let mut bytes = Cursor::new(Vec::new());
+    field.write_to(&mut bytes).expect("what was read can be written");
+    let settings = LoadSettings { activation: Some(field.activation()), up: field.up(), density_threshold: 0.0 };
+    let again = read(bytes.get_ref(), &settings).expect("what was written can be read");
+    let single = |v: DVec3| v.as_vec3().as_dvec3();
+    let frame = field.frame();
+    assert_eq!(again.frame(), Frame { offset: single(frame.offset), scale: single(frame.scale) });
+    let parts = |field: &PlenOctree| (field.basis(), field.activation(), field.up(), field.depth());
+    assert_eq!(parts(&again), parts(field));
+    assert_eq!(again.nodes(), field.nodes());
+    assert_eq!(again.coefficients(), field.coefficients());
+    let half = |&density: &f32| f16::from_f32(density).clamp(f16::MIN_POSITIVE_SUBNORMAL, f16::MAX).to_f32();
+    assert!(again.densities().iter().copied().eq(field.densities().iter().map(half)));
+}
+
+/// The field has a place, and finite colours from everywhere.
+fn check_seen(field: &PlenOctree) {
+    assert_eq!(field.leaf_cells().count(), field.leaves());
+    let Some((low, high)) = field.bounds() else {
+        assert_eq!(field.leaves(), 0);
+        return;
+    };
+    assert!(low.as_vec3().is_finite() && high.as_vec3().is_finite(), "the box from {low} to {high}");
+    let directions = [DVec3::X, DVec3::NEG_Y, DVec3::Z, DVec3::new(0.36, 0.48, -0.8)];
+    let cells = f64::from(1u32 << field.depth());
+    for leaf in field.leaf_cells().step_by(1 + field.leaves() / 16) {
+        let (cell, corner, size) = field.locate(leaf.corner + UVec3::splat(leaf.size - 1));
+        assert_eq!((cell.as_leaf(), corner, size), (Some(leaf.leaf), leaf.corner, leaf.size));
+        let middle = field.frame().to_world((leaf.corner.as_dvec3() + 0.5 * f64::from(leaf.size)) / cells);
+        for direction in directions {
+            assert!(field.radiance(leaf.leaf, direction).is_finite());
+            check_ray(field, middle, direction);
+        }
+    }
+    for (azimuth, elevation) in [(0.0, 0.0), (2.1, 0.7)] {
+        let camera = PinholeCamera::around(field, 3, 2, azimuth, elevation).expect("the field is not empty");
+        for (x, y) in [(0.5, 0.5), (1.5, 1.0), (2.5, 1.5)] {
+            let (origin, direction) = camera.ray(x, y);
+            check_ray(field, origin, direction);
+        }
+    }
+}
+
+fn check_ray(field: &PlenOctree, origin: DVec3, direction: DVec3) {
+    let (color, opacity) = render_ray(field, origin, direction);
+    assert!(color.is_finite() && (0.0..=1.0).contains(&opacity), "{color}, {opacity} from {origin} along {direction}");
+}
+
+/// A palette, or the word that there is none to see.
+fn check_extracted(field: &PlenOctree) {
+    let settings =
+        ExtractionSettings { directions: 1, multisamples: 1, fine_bins: 8, coarse_bins: 4, ..Default::default() };
+    match extract(field, &settings, &Progress::default()) {
+        Ok(extraction) => {
+            let palette = extraction.palette;
+            palette.validate().expect("a palette that a file may hold");
+            assert!(palette.colors.as_flattened().iter().all(|channel| (0.0..=1.0).contains(channel)));
+            assert!((palette.weights.iter().sum::<f64>() - 1.0).abs() < 1e-9, "{:?}", palette.weights);
+        }
+        Err(ExtractionError::NothingVisible) => {}
+        Err(error) => panic!("{error}"),
+    }
+}

@@ -1,0 +1,41 @@
+//! What a palette's file must give.
+
+use arbitrary::Arbitrary;
+
+use crate::{Scratch, check_message, palette::Palette};
+
+/// The content of a file.
+#[derive(Arbitrary, Debug)]
+pub enum PaletteFile<'a> {
+    Text(&'a [u8]),
+    Numbers { colors: Vec<[f64; 3]>, weights: Option<Vec<f64>> },
+}
+
+impl PaletteFile<'_> {
+    pub fn text(&self) -> Vec<u8> {
+        match self {
+            Self::Text(text) => text.to_vec(),
+            Self::Numbers { colors, weights: None } => format!(r#"{{"colors": {colors:?}}}"#).into_bytes(),
+            Self::Numbers { colors, weights: Some(weights) } => {
+                format!(r#"{{"colors": {colors:?}, "weights": {weights:?}}}"#).into_bytes()
+            }
+        }
+    }
+}
+
+/// A palette that is written and read again as it was, or a message; and the same from a file as from memory.
+pub fn check_palette(text: &[u8]) {
+    let file = Scratch::with("palette.json", text);
+    let palette = match Palette::read(file.path()) {
+        Ok(palette) => palette,
+        Err(error) => {
+            check_message(&error, text.len());
+            assert!(serde_json::from_slice::<Palette>(text).is_err());
+            return;
+        }
+    };
+    assert_eq!(serde_json::from_slice::<Palette>(text).expect("a file that was read"), palette);
+    palette.validate().expect("a palette that a file may hold");
+    palette.write(file.path()).expect("what was read can be written");
+    assert_eq!(Palette::read(file.path()).expect("what was written can be read"), palette);
+}

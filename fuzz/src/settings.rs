@@ -1,0 +1,30 @@
+//! Settings of loading.
+
+use arbitrary::Arbitrary;
+
+use crate::field::{Activation, LoadSettings, UpAxis};
+
+/// [`LoadSettings`], and what to do with the field.
+#[derive(Arbitrary, Clone, Copy, Debug)]
+pub struct Settings {
+    activation: u8,
+    y_up: bool,
+    density_threshold: f32,
+    /// Whether a palette is extracted too.
+    pub extract: bool,
+}
+
+impl Settings {
+    pub fn load(&self) -> LoadSettings {
+        LoadSettings {
+            activation: match self.activation % 4 {
+                0 => None,
+                1 => Some(Activation::Sigmoid),
+                2 => Some(Activation::ShiftedRelu),
+                _ => Some(Activation::Identity),
+            },
+            up: if self.y_up { UpAxis::Y } else { UpAxis::Z },
+            density_threshold: self.density_threshold,
+        }
+    }
+}
