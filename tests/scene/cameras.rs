@@ -1,0 +1,214 @@
+//! Cameras of every kind, and what they do not see.
+
+use std::{
+    f32::consts::FRAC_PI_2,
+    sync::{Arc, Mutex},
+};
+
+use bevy::{
+    camera::{Hdr, RenderTarget, visibility::RenderLayers},
+    prelude::*,
+    render::{
+        render_resource::TextureFormat,
+        view::screenshot::{Screenshot, ScreenshotCaptured},
+    },
+};
+use bevy_plenoctree::headless::exact_camera;
+use glam::DVec2;
+
+use crate::stage::{
+    BACKGROUND, BLUE, GREEN, PIXELS, RED, SOLID, Side, Stage, color, cube, density, flat, in_cube, seen, shape,
+};
+
+/// A camera that sees 90 degrees: a ray goes from it along (x / 2, y / 2, -1).
+fn wide() -> Projection {
+    Projection::Perspective(PerspectiveProjection { fov: FRAC_PI_2, aspect_ratio: 1.0, ..default() })
+}
+
+/// The front camera anew.
+fn place_camera(stage: &mut Stage, projection: Projection, transform: Transform) {
+    let [front, _] = stage.cameras;
+    stage.world().entity_mut(front).insert((projection, transform));
+}
+
+/// In the middle of a cube of fog, whose far side is at distance 1: every ray of a perspective camera leaves there.
+#[test]
+fn a_camera_in_the_fog_sees_what_is_before_it() {
+    let mut stage = Stage::new();
+    stage.spawn_prop(&shape(0.5, GREEN, |_| true), default());
+    stage.wait();
+    place_camera(&mut stage, wide(), default());
+    stage.check("perspective", |side, place| {
+        let opacity = 1.0 - (-0.5 * (0.5 * place).extend(1.0).length()).exp();
+        (side == Side::Front).then_some(BACKGROUND.lerp(GREEN, opacity))
+    });
+    place_camera(&mut stage, flat(), default());
+    stage.check("orthographic", |side, place| {
+        let opacity = if place.abs().max_element() < 1.0 { 1.0 - (-0.5f64).exp() } else { 0.0 };
+        (side == Side::Front).then_some(BACKGROUND.lerp(GREEN, opacity))
+    });
+}
+
+/// The near side of the cube is at distance 2, the far side at 4. A ray that misses the near side misses the cube, and
+/// others leave through the far side or through one beside it.
+#[test]
+fn rays_of_a_perspective_camera_diverge() {
+    let mut stage = Stage::new();
+    stage.spawn_prop(&shape(0.5, GREEN, |_| true), default());
+    stage.wait();
+    place_camera(&mut stage, wide(), Transform::from_xyz(0.0, 0.0, 3.0));
+    stage.check("perspective", |side, place| {
+        let slope = 0.5 * place;
+        let end = (1.0 / slope.abs().max_element()).min(4.0);
+        let path = (end - 2.0).max(0.0) * slope.extend(1.0).length();
+        (side == Side::Front).then_some(BACKGROUND.lerp(GREEN, 1.0 - (-0.5 * path).exp()))
+    });
+}
+
+/// An orthographic camera sees what is behind it as far as its near plane, as it does of meshes.
+#[test]
+fn a_near_plane_behind_the_camera_is_where_rays_begin() {
+    let mut stage = Stage::new();
+    stage.spawn_prop(&cube(density(0.4), GREEN), default());
+    stage.wait();
+    let Projection::Orthographic(projection) = flat() else { panic!() };
+    place_camera(&mut stage, Projection::Orthographic(OrthographicProjection { near: -10.0, ..projection }), default());
+    stage.check("behind", |side, place| {
+        seen(side, &in_cube(place).then_some((0.0, GREEN, 0.4)).into_iter().collect::<Vec<_>>())
+    });
+}
+
+/// A camera that is mirrored, as one is that draws a mirror's picture, sees what is at the left at the right.
+#[test]
+fn a_mirrored_camera_sees_everything_mirrored() {
+    let mut stage = Stage::new();
+    stage.spawn_prop(&cube(density(0.4), GREEN), Transform::from_xyz(0.25, 0.0, 0.0));
+    stage.wait();
+    let mirrored = Transform::from_xyz(0.0, 0.0, 5.0).with_scale(Vec3::new(-1.0, 1.0, 1.0));
+    place_camera(&mut stage, flat(), mirrored);
+    let [front, _] = stage.cameras;
+    stage.world().get_mut::<Camera>(front).unwrap().invert_culling = true;
+    stage.check("mirrored", |side, place| {
+        // The front camera's pixels are not where they were.
+        let x = if side == Side::Front { -place.x } else { place.x };
+        let covers = in_cube(DVec2::new(x - 0.25, place.y));
+        seen(side, &covers.then_some((0.0, GREEN, 0.4)).into_iter().collect::<Vec<_>>())
+    });
+}
+
+/// What is in an image that cameras draw to.
+fn capture(stage: &mut Stage, image: &Handle<Image>) -> Image {
+    let captured = Arc::new(Mutex::new(None));
+    let result = captured.clone();
+    stage.world().spawn(Screenshot::image(image.clone())).observe(move |event: On<ScreenshotCaptured>| {
+        *result.lock().unwrap() = Some(event.image.clone());
+    });
+    for _ in 0..1000 {
+        stage.headless.update();
+        if let Some(image) = captured.lock().unwrap().take() {
+            return image;
+        }
+    }
+    panic!("no picture was captured");
+}
+
+/// One camera each for targets of other formats, each half a unit further to the right than the one before it.
+#[test]
+fn cameras_draw_to_targets_of_every_format_at_once() {
+    let mut stage = Stage::new();
+    stage.spawn_prop(&cube(density(0.4), GREEN), default());
+    stage.spawn_prop(&cube(SOLID, BLUE), Transform::from_xyz(0.0, 0.75, -1.0));
+    let targets = [
+        (TextureFormat::Rgba16Float, true, Msaa::Sample4),
+        (TextureFormat::Rgba16Float, false, Msaa::Off),
+        (TextureFormat::Bgra8UnormSrgb, false, Msaa::Sample4),
+        (TextureFormat::Bgra8UnormSrgb, true, Msaa::Off),
+        (TextureFormat::Rgba8Unorm, false, Msaa::Off),
+    ];
+    let mut images = Vec::new();
+    for (index, (format, hdr, msaa)) in targets.into_iter().enumerate() {
+        let image = Image::new_target_texture(PIXELS, PIXELS, format, None);
+        let world = stage.world();
+        let image = world.resource_mut::<Assets<Image>>().add(image);
+        let target = RenderTarget::Image(image.clone().into());
+        let transform = Transform::from_xyz(0.5 * index as f32, 0.0, 5.0);
+        let mut camera = world.spawn((exact_camera(color(BACKGROUND)), target, flat(), transform));
+        camera.insert(msaa);
+        if hdr {
+            camera.insert(Hdr);
+        }
+        images.push(image);
+    }
+    stage.wait();
+    let expected = |side, place: DVec2| {
+        let mut layers = Vec::new();
+        layers.extend(in_cube(place).then_some((0.0, GREEN, 0.4)));
+        layers.extend(in_cube(place - DVec2::new(0.0, 0.75)).then_some((-1.0, BLUE, 1.0)));
+        seen(side, &layers)
+    };
+    for (index, (image, target)) in images.iter().zip(targets).enumerate() {
+        let picture = capture(&mut stage, image);
+        for (x, y) in (0..PIXELS).flat_map(|y| (0..PIXELS).map(move |x| (x, y))) {
+            let place = (DVec2::new(x.into(), y.into()) + 0.5) / 8.0 - 2.0;
+            let expected = expected(Side::Front, DVec2::new(place.x + 0.5 * index as f64, -place.y));
+            // What the target holds is linear light, or encoded: 2/255 of that.
+            let pixel = picture.get_color_at(x, y).unwrap();
+            let off = if target.0.is_srgb() {
+                pixel.to_srgba().to_vec3() - expected.as_vec3()
+            } else {
+                pixel.to_linear().to_vec3() - color(expected).to_linear().to_vec3()
+            };
+            assert!(off.abs().max_element() <= 2.0 / 255.0, "{target:?}: {pixel:?} at {x}, {y}, expected {expected}");
+        }
+    }
+    stage.check("the stage", expected);
+}
+
+/// One prop that nobody sees: the picture is to the byte what it is without.
+#[test]
+fn props_that_are_not_seen_change_nothing() {
+    let mut stage = Stage::new();
+    stage.spawn_prop(&cube(density(0.4), GREEN), default());
+    stage.wait();
+    let alone = stage.picture();
+    let other = stage.spawn_prop(&cube(SOLID, RED), Transform::from_xyz(0.25, 0.25, 0.75));
+    stage.wait();
+    assert!(stage.picture() != alone, "seen");
+    let mut insert_and_check = |what, change: fn(&mut EntityWorldMut)| {
+        change(&mut stage.world().entity_mut(other));
+        assert!(stage.picture() == alone, "{what}");
+    };
+    insert_and_check("on another layer", |prop| {
+        prop.insert(RenderLayers::layer(1));
+    });
+    insert_and_check("hidden", |prop| {
+        prop.insert((RenderLayers::layer(0), Visibility::Hidden));
+    });
+    insert_and_check("beside the picture", |prop| {
+        prop.insert((Visibility::Inherited, Transform::from_xyz(3.0, 0.0, 0.0)));
+    });
+    insert_and_check("flattened to nothing", |prop| {
+        prop.insert(Transform::from_scale(Vec3::new(1.0, 0.0, 1.0)));
+    });
+}
+
+#[test]
+fn a_camera_sees_the_props_on_its_layers() {
+    let mut stage = Stage::new();
+    let red = stage.spawn_prop(&cube(density(0.4), RED), Transform::from_xyz(-0.25, 0.0, 0.0));
+    let blue = stage.spawn_prop(&cube(SOLID, BLUE), Transform::from_xyz(0.25, 0.0, 0.0));
+    let [_, behind] = stage.cameras;
+    stage.world().entity_mut(red).insert(RenderLayers::from_layers(&[0, 1]));
+    stage.world().entity_mut(blue).insert(RenderLayers::layer(1));
+    stage.world().entity_mut(behind).insert(RenderLayers::layer(1));
+    stage.wait();
+    // They overlap in space too, but the sides see only what is on their layers.
+    stage.world().get_mut::<Transform>(blue).unwrap().translation = Vec3::new(0.5, 0.0, -1.0);
+    stage.check("layers", |side, place| {
+        let mut layers = Vec::new();
+        layers.extend(in_cube(place + DVec2::new(0.25, 0.0)).then_some((0.0, RED, 0.4)));
+        let blue = side == Side::Behind && in_cube(place - DVec2::new(0.5, 0.0));
+        layers.extend(blue.then_some((-1.0, BLUE, 1.0)));
+        seen(side, &layers)
+    });
+}

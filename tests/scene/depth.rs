@@ -1,0 +1,247 @@
+//! What hides what: meshes, panes, gizmos and props, before, behind and in a prop.
+
+use bevy::{
+    camera::Hdr,
+    prelude::*,
+    render::{
+        render_resource::TextureFormat,
+        renderer::{RenderAdapter, RenderDevice},
+    },
+};
+use glam::{DVec2, DVec3};
+
+use crate::stage::{
+    BACKGROUND, BLUE, GREEN, Layer, RED, SOLID, Side, Stage, color, cube, density, in_cube, seen, shape, within,
+};
+
+/// The left half of the stage's middle.
+fn in_left(place: DVec2) -> bool {
+    within(place, (-1.0, -1.0), (0.0, 1.0))
+}
+
+/// The upper half of the stage's middle.
+fn in_top(place: DVec2) -> bool {
+    within(place, (-1.0, 0.0), (1.0, 1.0))
+}
+
+fn spawn_left(stage: &mut Stage, z: f32, encoded: DVec3, alpha: f32) -> Entity {
+    stage.spawn_rectangle((-1.0, -1.0), (0.0, 1.0), z, encoded, alpha)
+}
+
+fn spawn_top(stage: &mut Stage, z: f32, encoded: DVec3, alpha: f32) -> Entity {
+    stage.spawn_rectangle((-1.0, 0.0), (1.0, 1.0), z, encoded, alpha)
+}
+
+/// The sample counts that the adapter has for all that a camera draws to.
+fn sample_counts(stage: &mut Stage) -> Vec<Msaa> {
+    let world = stage.world();
+    let adapter = world.resource::<RenderAdapter>();
+    let any =
+        world.resource::<RenderDevice>().features().contains(wgpu::Features::TEXTURE_ADAPTER_SPECIFIC_FORMAT_FEATURES);
+    let formats = [TextureFormat::Rgba8UnormSrgb, TextureFormat::Rgba16Float, TextureFormat::Depth32Float];
+    let all = [Msaa::Off, Msaa::Sample2, Msaa::Sample4, Msaa::Sample8];
+    let supported = |msaa: &Msaa| match msaa {
+        Msaa::Off | Msaa::Sample4 => true,
+        _ => {
+            any && formats
+                .iter()
+                .all(|f| adapter.get_texture_format_features(*f).flags.sample_count_supported(msaa.samples()))
+        }
+    };
+    all.into_iter().filter(supported).collect()
+}
+
+/// Runs `check` with every sample count, with HDR and without.
+fn in_every_mode(stage: &mut Stage, mut check: impl FnMut(&mut Stage, &str)) {
+    for msaa in sample_counts(stage) {
+        for hdr in [false, true] {
+            for camera in stage.cameras {
+                let mut camera = stage.world().entity_mut(camera);
+                camera.insert(msaa);
+                if hdr {
+                    camera.insert(Hdr)
+                } else {
+                    camera.remove::<Hdr>()
+                };
+            }
+            check(stage, &format!("{msaa:?}, HDR {hdr}"));
+        }
+    }
+}
+
+/// Fog through which 6/10 of the light comes, between two opaque rectangles: alone, over one of them, behind the other,
+/// over the background; and the rectangles swapped.
+#[test]
+fn fog_is_between_what_is_before_and_behind_it() {
+    let mut stage = Stage::with_meshes();
+    stage.spawn_prop(&cube(density(0.4), GREEN), default());
+    let left = spawn_left(&mut stage, 1.0, RED, 1.0);
+    let top = spawn_top(&mut stage, -1.0, BLUE, 1.0);
+    stage.wait();
+    in_every_mode(&mut stage, |stage, mode| {
+        for z in [1.0, -1.0] {
+            stage.world().get_mut::<Transform>(left).unwrap().translation.z = z;
+            stage.world().get_mut::<Transform>(top).unwrap().translation.z = -z;
+            stage.check(format!("{mode}, red at {z}"), |side, place| {
+                let mut layers = Vec::new();
+                layers.extend(in_left(place).then_some((f64::from(z), RED, 1.0)));
+                layers.extend(in_top(place).then_some((f64::from(-z), BLUE, 1.0)));
+                layers.extend(in_cube(place).then_some((0.0, GREEN, 0.4)));
+                seen(side, &layers)
+            });
+        }
+    });
+}
+
+/// A mesh in the fog is behind a quarter of it from one side, and three quarters from the other.
+#[test]
+fn fog_ends_at_a_mesh_that_stands_in_it() {
+    let mut stage = Stage::with_meshes();
+    stage.spawn_prop(&cube(2.0, GREEN), default());
+    spawn_left(&mut stage, 0.25, RED, 1.0);
+    stage.wait();
+    in_every_mode(&mut stage, |stage, mode| {
+        stage.check(mode, |side, place| {
+            let path: f64 = match (in_left(place), side) {
+                (false, _) => 1.0,
+                (true, Side::Front) => 0.25,
+                (true, Side::Behind) => 0.75,
+            };
+            let behind = if in_left(place) { RED } else { BACKGROUND };
+            let opacity = if in_cube(place) { 1.0 - (-2.0 * path).exp() } else { 0.0 };
+            behind.lerp(GREEN, opacity)
+        });
+    });
+}
+
+/// Four times as bright as white is 1.8248 encoded; of that, 45/100 come through the fog.
+#[test]
+fn a_light_brighter_than_white_shines_through_fog() {
+    let mut stage = Stage::new();
+    stage.spawn_prop(&cube(density(0.55), GREEN), default());
+    for camera in stage.cameras {
+        let mut camera = stage.world().entity_mut(camera);
+        camera.insert(Hdr);
+        camera.get_mut::<Camera>().unwrap().clear_color = Color::linear_rgb(4.0, 4.0, 4.0).into();
+    }
+    stage.wait();
+    stage.check("bright", |_, place| {
+        let through = DVec3::splat(0.45 * 1.8248) + 0.55 * GREEN;
+        if in_cube(place) { through.min(DVec3::ONE) } else { DVec3::ONE }
+    });
+}
+
+/// What a pane that takes half of the light shows of a colour, encoded, as Bevy blends.
+fn through_pane(pane: DVec3, behind: DVec3) -> DVec3 {
+    let mixed = color(pane).to_linear() * 0.5 + color(behind).to_linear() * 0.5;
+    let encoded = Srgba::from(mixed);
+    DVec3::new(encoded.red.into(), encoded.green.into(), encoded.blue.into())
+}
+
+#[test]
+fn panes_blend_over_a_solid_prop_and_are_hidden_by_it() {
+    let mut stage = Stage::with_meshes();
+    stage.spawn_prop(&cube(SOLID, GREEN), default());
+    spawn_left(&mut stage, 1.0, RED, 0.5);
+    spawn_top(&mut stage, -1.0, BLUE, 0.5);
+    stage.wait();
+    in_every_mode(&mut stage, |stage, mode| {
+        stage.check(mode, |side, place| {
+            let left = (in_left(place), RED);
+            let top = (in_top(place), BLUE);
+            let (near, far) = if side == Side::Front { (left, top) } else { (top, left) };
+            let mut color = if far.0 { through_pane(far.1, BACKGROUND) } else { BACKGROUND };
+            if in_cube(place) {
+                color = GREEN;
+            }
+            if near.0 { through_pane(near.1, color) } else { color }
+        });
+    });
+}
+
+/// A line that is half a unit thick.
+fn spawn_line(stage: &mut Stage, z: f32, encoded: DVec3, vertical: bool) {
+    let along = if vertical { Vec3::Y } else { Vec3::X };
+    let mut gizmo = GizmoAsset::default();
+    gizmo.line(-1.5 * along + z * Vec3::Z, 1.5 * along + z * Vec3::Z, color(encoded));
+    let world = stage.world();
+    let handle = world.resource_mut::<Assets<GizmoAsset>>().add(gizmo);
+    world.spawn(Gizmo { handle, line_config: GizmoLineConfig { width: 4.0, ..default() }, ..default() });
+}
+
+#[test]
+fn gizmos_are_drawn_before_a_prop_and_hidden_behind_it() {
+    let mut stage = Stage::with_meshes();
+    stage.spawn_prop(&cube(SOLID, GREEN), default());
+    spawn_line(&mut stage, 1.0, RED, false);
+    spawn_line(&mut stage, -1.0, BLUE, true);
+    stage.wait();
+    in_every_mode(&mut stage, |stage, mode| {
+        stage.check(mode, |side, place| {
+            let mut layers = Vec::new();
+            layers.extend(in_cube(place).then_some((0.0, GREEN, 1.0)));
+            layers.extend(within(place, (-1.5, -0.25), (1.5, 0.25)).then_some((1.0, RED, 1.0)));
+            layers.extend(within(place, (-0.25, -1.5), (0.25, 1.5)).then_some((-1.0, BLUE, 1.0)));
+            seen(side, &layers)
+        });
+    });
+}
+
+/// Every pair of a fog and a solid prop, one before the other; the cameras see them in both orders.
+#[test]
+fn props_are_composited_over_each_other() {
+    for (red, blue) in [(0.4, 0.3), (0.4, 1.0), (1.0, 1.0)] {
+        let density = |opacity| if opacity < 1.0 { density(opacity) } else { SOLID };
+        let mut stage = Stage::new();
+        stage.spawn_prop(&cube(density(red), RED), Transform::from_xyz(-0.25, 0.0, 0.75));
+        stage.spawn_prop(&cube(density(blue), BLUE), Transform::from_xyz(0.25, 0.25, -0.75));
+        stage.wait();
+        stage.check(format!("{red} and {blue}"), |side, place| {
+            let layers: [Option<Layer>; 2] = [
+                in_cube(place + DVec2::new(0.25, 0.0)).then_some((0.75, RED, red)),
+                in_cube(place - DVec2::new(0.25, 0.25)).then_some((-0.75, BLUE, blue)),
+            ];
+            seen(side, &layers.into_iter().flatten().collect::<Vec<_>>())
+        });
+    }
+}
+
+/// The large prop is a wall at the back of the box around it, which is as deep as the stage because of a speck in a corner.
+/// The small one stands in that box: before the wall from one side, behind it from the other, though its centre is farther
+/// than the large one's in the first case and nearer in the second.
+#[test]
+fn a_prop_in_the_box_of_another_is_hidden_only_by_what_is_there() {
+    let mut stage = Stage::new();
+    let wall = shape(SOLID, BLUE, |at| at.z < -0.75 || at.min_element() > 0.875);
+    stage.spawn_prop(&wall, default());
+    stage.spawn_prop(&cube(SOLID, RED), Transform::from_xyz(0.0, 0.0, -0.375).with_scale(Vec3::splat(0.5)));
+    stage.wait();
+    in_every_mode(&mut stage, |stage, mode| {
+        stage.check(mode, |side, place| {
+            let mut layers = Vec::new();
+            layers.extend(within(place, (-1.0, -1.0), (1.0, 1.0)).then_some((-0.875, BLUE, 1.0)));
+            layers.extend(within(place, (-0.25, -0.25), (0.25, 0.25)).then_some((-0.375, RED, 1.0)));
+            seen(side, &layers)
+        });
+    });
+}
+
+/// A fog so wide that its centre is farther from the camera than that of the fog behind it.
+#[test]
+fn props_are_in_order_along_the_view() {
+    let mut stage = Stage::new();
+    stage.spawn_prop(
+        &cube(density(0.4), RED),
+        Transform::from_xyz(1.75, 0.0, 0.75).with_scale(Vec3::new(4.5, 1.0, 1.0)),
+    );
+    stage.spawn_prop(&cube(density(0.3), BLUE), Transform::from_xyz(0.0, 0.0, -0.25));
+    stage.wait();
+    let [front, _] = stage.cameras;
+    stage.world().entity_mut(front).insert(Transform::from_xyz(0.0, 0.0, 1.5));
+    stage.check("order", |side, place| {
+        let mut layers = Vec::new();
+        layers.extend(within(place, (-0.5, -0.5), (4.0, 0.5)).then_some((0.75, RED, 0.4)));
+        layers.extend(in_cube(place).then_some((-0.25, BLUE, 0.3)));
+        seen(side, &layers)
+    });
+}

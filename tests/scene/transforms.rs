@@ -1,0 +1,111 @@
+//! Props that are turned, scaled, mirrored and sheared. Optical depth is in the field's own units: no scale changes it.
+
+use std::f32::consts::{FRAC_PI_2, FRAC_PI_4, PI};
+
+use bevy::prelude::*;
+use bevy_plenoctree::field::{BakeSettings, Basis, UpAxis, bake};
+use glam::DVec3;
+
+use crate::stage::{BLUE, GREEN, RED, SOLID, Stage, cube, density, in_cube, seen, within};
+
+#[test]
+fn scale_does_not_change_opacity() {
+    let mut stage = Stage::new();
+    let scale = Vec3::new(1.5, 0.5, 3.0);
+    stage.spawn_prop(&cube(density(0.4), GREEN), Transform::from_scale(scale));
+    stage.wait();
+    stage.check("scaled", |side, place| {
+        let covers = within(place, (-0.75, -0.25), (0.75, 0.25));
+        seen(side, &covers.then_some((0.0, GREEN, 0.4)).into_iter().collect::<Vec<_>>())
+    });
+}
+
+/// A cube on its edge: at x, a ray goes `sqrt(2) - 2 |x|` through it. Its parent makes it twice as wide and three times as
+/// deep, which shears it: at x, a ray goes what it went at x / 2.
+#[test]
+fn a_sheared_prop_is_as_opaque_as_its_field() {
+    let mut stage = Stage::new();
+    let parent = Transform::from_scale(Vec3::new(2.0, 1.0, 3.0));
+    let parent = stage.world().spawn((parent, Visibility::default())).id();
+    let turned = Transform::from_rotation(Quat::from_rotation_y(FRAC_PI_4));
+    let prop = stage.spawn_prop(&cube(1.0, GREEN), turned);
+    stage.world().entity_mut(prop).insert(ChildOf(parent));
+    stage.wait();
+    stage.check("sheared", |side, place| {
+        let path = if place.y.abs() < 0.5 { 2f64.sqrt() - place.x.abs() } else { 0.0 };
+        seen(side, &[(0.0, GREEN, 1.0 - (-path.max(0.0)).exp())])
+    });
+}
+
+/// A fog of 6/10 at the left and 3/10 at the right, mirrored in every way and turned.
+#[test]
+fn a_mirrored_prop_is_mirrored() {
+    let field = bake(
+        &BakeSettings { depth: 4, basis: Basis::Rgba, up: UpAxis::Y, ..default() },
+        |at| match at.abs().max_element() < 0.5 {
+            true => density(if at.x < 0.0 { 0.6 } else { 0.3 }),
+            false => 0.0,
+        },
+        |at| move |_| if at.x < 0.0 { RED } else { BLUE },
+    );
+    let mut stage = Stage::new();
+    let prop = stage.spawn_prop(&field.unwrap(), default());
+    stage.wait();
+    let scaled = |x, y, z| Transform::from_scale(Vec3::new(x, y, z));
+    for (transform, swapped) in [
+        (scaled(1.0, 1.0, 1.0), false),
+        (scaled(-1.0, 1.0, 1.0), true),
+        (scaled(1.0, -1.0, 1.0), false),
+        (scaled(1.0, -1.0, -1.0), false),
+        (scaled(-1.0, -1.0, -1.0), true),
+        (scaled(1.0, 1.0, -1.0).with_rotation(Quat::from_rotation_z(PI)), true),
+    ] {
+        stage.world().entity_mut(prop).insert(transform);
+        stage.check(format!("{transform:?}"), |side, place| {
+            let layer = if (place.x < 0.0) != swapped { (0.0, RED, 0.6) } else { (0.0, BLUE, 0.3) };
+            seen(side, &in_cube(place).then_some(layer).into_iter().collect::<Vec<_>>())
+        });
+    }
+}
+
+fn sigmoid(x: DVec3) -> DVec3 {
+    x.map(|x| 1.0 / (1.0 + (-x).exp()))
+}
+
+/// The colour of every leaf is the sigmoid of the direction in which it is looked at.
+/// The front camera looks along -z, the other along z.
+#[test]
+fn highlights_turn_with_the_prop() {
+    let field = |up| {
+        let settings = BakeSettings { depth: 2, basis: Basis::Sh4, up, ..default() };
+        bake(&settings, |at| if at.abs().max_element() < 0.5 { SOLID } else { 0.0 }, |_| sigmoid).unwrap()
+    };
+    let turned = Transform::from_rotation;
+    let mut stage = Stage::new();
+    let half = std::f64::consts::FRAC_1_SQRT_2;
+    for (what, up, transform, direction) in [
+        ("untouched", UpAxis::Y, default(), [0.0, 0.0, -1.0]),
+        // The field's y is the scene's -z.
+        ("with z up", UpAxis::Z, default(), [0.0, 1.0, 0.0]),
+        // The prop's x turns to -z, and so on.
+        ("turned about y", UpAxis::Y, turned(Quat::from_rotation_y(FRAC_PI_2)), [1.0, 0.0, 0.0]),
+        ("turned about x", UpAxis::Y, turned(Quat::from_rotation_x(FRAC_PI_2)), [0.0, -1.0, 0.0]),
+        ("turned by 45 degrees", UpAxis::Y, turned(Quat::from_rotation_y(FRAC_PI_4)), [half, 0.0, -half]),
+        ("mirrored", UpAxis::Y, Transform::from_scale(Vec3::new(1.0, 1.0, -1.0)), [0.0, 0.0, 1.0]),
+        // Turned back, -z is along (1, 0, -1), and in a prop that is twice as wide along (1/2, 0, -1).
+        (
+            "scaled and turned",
+            UpAxis::Y,
+            turned(Quat::from_rotation_y(FRAC_PI_4)).with_scale(Vec3::new(2.0, 1.0, 1.0)),
+            [1.0 / 5f64.sqrt(), 0.0, -2.0 / 5f64.sqrt()],
+        ),
+    ] {
+        let prop = stage.spawn_prop(&field(up), transform);
+        stage.wait();
+        stage.check(what, |side, place| {
+            // The silhouettes differ, but all have the middle.
+            in_cube(2.0 * place).then_some(sigmoid(side.sign() * DVec3::from(direction)))
+        });
+        stage.world().despawn(prop);
+    }
+}

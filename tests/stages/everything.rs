@@ -1,0 +1,211 @@
+//! [`PosterizeView`]: everything in view in one palette.
+
+use std::time::Duration;
+
+use bevy::{
+    camera::{Exposure, Hdr, Viewport},
+    core_pipeline::tonemapping::{DebandDither, Tonemapping},
+    diagnostic::{DiagnosticPath, DiagnosticsStore},
+    prelude::*,
+    render::diagnostic::RenderDiagnosticsPlugin,
+};
+use bevy_plenoctree::{
+    Abstraction, FieldPalette, PaletteOverride, Palettes, PlenOctree, Posterize, PosterizeView, PropStage,
+    picture::{POSTERIZE_SPAN, VOLUME_SPAN},
+};
+use image::RgbaImage;
+
+use crate::scene::{COLOR, PALETTE, SHOWN, SIZE, SOLID, Scene, assert_near, at, cube, is_near, middle, over};
+
+const HARD: Posterize = Posterize {
+    blend_steps: 1,
+    softness: 0.0,
+    min_opacity: 0.3,
+    abstraction: Abstraction { iterations: 2, radius: 2, spatial_sigma: 3.0, range_sigma: 4.25 },
+};
+/// Nearest the second colour of the palette, and the third.
+const SKY: Color = Color::srgb(0.2, 0.2, 0.15);
+const STRAW: Color = Color::srgb(0.8, 0.8, 0.4);
+
+/// A square of straw in the left half, and no prop.
+fn without_a_prop() -> Scene {
+    let mut scene = Scene::new(SOLID);
+    let (prop, field) = (scene.prop, scene.field.clone());
+    scene.world().despawn(prop);
+    scene.set_background(SKY);
+    scene.set((PosterizeView(field), HARD));
+    scene.spawn_square(Vec3::new(-0.6, 0.0, 0.0), 0.8, STRAW);
+    scene
+}
+
+/// Where the square is, and where the sky.
+const MESH: (u32, u32) = (SIZE / 4, SIZE / 2);
+const NOTHING: (u32, u32) = (SIZE * 3 / 4, SIZE / 2);
+
+fn strangers(picture: &RgbaImage) -> usize {
+    let pixels = picture.pixels().map(|pixel| [pixel[0], pixel[1], pixel[2]]);
+    pixels.filter(|pixel| !SHOWN.iter().any(|color| is_near(*pixel, *color, 1))).count()
+}
+
+#[test]
+fn meshes_and_sky_show_nothing_but_labels() {
+    let mut scene = without_a_prop();
+    for (msaa, stage) in [Msaa::Off, Msaa::Sample4]
+        .into_iter()
+        .flat_map(|msaa| [PropStage::Scene, PropStage::Display].map(|stage| (msaa, stage)))
+    {
+        scene.set((msaa, stage));
+        for hdr in [false, true] {
+            scene.set_if(hdr, Hdr);
+            let (picture, what) = (scene.picture(), format!("{msaa:?}, {stage:?}, hdr {hdr}"));
+            assert_eq!(strangers(&picture), 0, "{what}");
+            assert_near(at(&picture, MESH.0, MESH.1), SHOWN[2], 1, &what);
+            assert_near(at(&picture, NOTHING.0, NOTHING.1), SHOWN[1], 1, &what);
+        }
+    }
+    // What tonemapping makes of a scene is posterised too.
+    scene.set((Hdr, Tonemapping::TonyMcMapface, DebandDither::Enabled, Exposure::OVERCAST));
+    assert_eq!(strangers(&scene.picture()), 0);
+    scene.set(PropStage::Scene);
+    assert_ne!(strangers(&scene.picture()), 0);
+}
+
+#[test]
+fn exposure_scales_a_view_in_its_own_units() {
+    let mut scene = without_a_prop();
+    let ev100 = Exposure::default().ev100;
+    // Half the light: what is half as light as straw is straw, and its label comes out half as light.
+    scene.set(Exposure { ev100: ev100 + 1.0 });
+    scene.set_background((STRAW.to_linear() * 0.5).into());
+    let half = (SHOWN[2].to_linear() * 0.5).into();
+    assert_near(at(&scene.picture(), NOTHING.0, NOTHING.1), half, 1, "at half the light");
+}
+
+#[test]
+fn transparent_things_are_posterised_at_the_display_alone() {
+    let mut scene = without_a_prop();
+    let red = Color::srgba(1.0, 0.0, 0.0, 0.5);
+    scene.spawn_square(Vec3::new(0.6, 0.0, 0.0), 0.8, red);
+    let label = SHOWN[1].to_linear();
+    let tinted = Color::from(label * 0.5 + red.to_linear().with_alpha(1.0) * 0.5);
+    assert_near(at(&scene.picture(), NOTHING.0, NOTHING.1), tinted, 2, "in the scene");
+    scene.set(PropStage::Display);
+    assert_eq!(strangers(&scene.picture()), 0);
+}
+
+/// Props that are posterised keep their own palette, all else is the view's.
+#[test]
+fn props_are_posterised_once() {
+    let mut scene = Scene::new(SOLID);
+    let prop = scene.prop;
+    let other = scene.world().resource_mut::<Assets<PlenOctree>>().add(cube(1.0));
+    let [pink, teal] = [Color::srgb(0.9, 0.5, 0.6), Color::srgb(0.1, 0.5, 0.5)];
+    // One colour: everything is it.
+    let single = FieldPalette::from_colors([pink]).unwrap();
+    scene.world().resource_mut::<Palettes>().insert(&other, single);
+    scene.set((PosterizeView(other.clone()), HARD));
+    assert!(scene.picture().pixels().all(|pixel| is_near([pixel[0], pixel[1], pixel[2]], pink, 1)));
+
+    scene.world().entity_mut(prop).insert(HARD);
+    let picture = scene.picture();
+    assert_near(middle(&picture), SHOWN[0], 1, "the prop");
+    assert_near(at(&picture, 1, 1), pink, 1, "beside it");
+
+    // Edits of the palette, and the view's own colours.
+    scene.world().resource_mut::<Palettes>().get_mut(&other).unwrap().set(0, teal);
+    assert_near(at(&scene.picture(), 1, 1), teal, 1, "recoloured");
+    scene.set(PaletteOverride::default().with(0, COLOR));
+    assert_near(at(&scene.picture(), 1, 1), COLOR, 1, "in colours of its own");
+    assert_near(middle(&scene.picture()), SHOWN[0], 1, "the prop, then");
+
+    // Pixels that are too thin for the prop's look are the view's.
+    scene.world().entity_mut(prop).insert(Posterize { min_opacity: 2.0, ..HARD });
+    assert_near(middle(&scene.picture()), COLOR, 1, "a thin prop");
+}
+
+#[test]
+fn a_view_without_its_look_is_as_it_was() {
+    let mut scene = Scene::new(1.0);
+    let (camera, field) = (scene.camera, scene.field.clone());
+    scene.set_background(SKY);
+    let before = scene.picture();
+    assert_near(middle(&before), over(1.0 - (-1f32).exp(), COLOR, SKY, 1.0), 2, "the fog");
+    scene.set(PosterizeView(field));
+    assert!(scene.picture() != before);
+    scene.world().entity_mut(camera).remove::<Posterize>();
+    assert!(scene.picture() == before);
+}
+
+#[test]
+fn a_viewport_is_posterised_and_nothing_else() {
+    let mut scene = without_a_prop();
+    let camera = scene.camera;
+    let (physical_position, physical_size) = (UVec2::new(5, 11), UVec2::new(30, 20));
+    scene.world().get_mut::<Camera>(camera).unwrap().viewport =
+        Some(Viewport { physical_position, physical_size, ..default() });
+    for stage in [PropStage::Scene, PropStage::Display] {
+        scene.set(stage);
+        let picture = scene.picture();
+        let view = image::imageops::crop_imm(&picture, 5, 11, 30, 20).to_image();
+        assert_eq!(strangers(&view), 0, "{stage:?}");
+        let outside = strangers(&picture);
+        assert_eq!(outside as u32, SIZE * SIZE - 30 * 20, "{stage:?}");
+    }
+}
+
+/// Softness and steps blend the view's labels as a prop's.
+#[test]
+fn labels_of_a_view_blend() {
+    let mut scene = without_a_prop();
+    let abstraction = Abstraction { iterations: 0, ..default() };
+    // Two thirds of the way from the second colour to the third.
+    let third = |a: Color, b: Color| {
+        let mixed = Srgba::from(a).to_vec3().lerp(Srgba::from(b).to_vec3(), 2.0 / 3.0);
+        Color::srgb(mixed.x, mixed.y, mixed.z)
+    };
+    scene.set_background(third(PALETTE[1], PALETTE[2]));
+    scene.set(Posterize { blend_steps: 3, softness: 0.0, min_opacity: 0.0, abstraction });
+    assert_near(at(&scene.picture(), NOTHING.0, NOTHING.1), third(SHOWN[1], SHOWN[2]), 1, "a blend");
+}
+
+/// The passes run where there is something to draw, and only there.
+#[test]
+fn nothing_is_drawn_where_nothing_is_to_see() {
+    let mut scene = Scene::with(SOLID, |app| {
+        app.add_plugins(RenderDiagnosticsPlugin);
+    });
+    // When each of the passes was last measured, which is known some frames later.
+    let mut last_run = |change: &mut dyn FnMut(&mut Scene)| {
+        change(&mut scene);
+        (0..8).for_each(|_| scene.headless.update());
+        let diagnostics = scene.world().resource::<DiagnosticsStore>();
+        [VOLUME_SPAN, POSTERIZE_SPAN].map(|span| {
+            let path = DiagnosticPath::new(format!("render/{span}/elapsed_cpu"));
+            diagnostics.get(&path).unwrap().measurement().unwrap().time
+        })
+    };
+    let with_a_prop = last_run(&mut |_| {});
+    let without = last_run(&mut |scene| {
+        let prop = scene.prop;
+        scene.world().despawn(prop);
+    });
+    assert_eq!(last_run(&mut |_| {}), without);
+    let posterized = last_run(&mut |scene| {
+        let field = scene.field.clone();
+        scene.set(PosterizeView(field));
+    });
+    assert!((0..2).all(|pass| with_a_prop[pass] <= without[pass] && without[pass] < posterized[pass]));
+}
+
+#[test]
+fn a_view_gets_the_palette_that_it_lacks() {
+    let mut scene = without_a_prop();
+    let fog = scene.world().resource_mut::<Assets<PlenOctree>>().add(cube(1.0));
+    scene.set(PosterizeView(fog.clone()));
+    scene.headless.wait_until_ready(Duration::from_secs(120)).unwrap();
+    let palette = scene.world().resource::<Palettes>().get(&fog).unwrap();
+    assert!(palette.extraction().is_some());
+    let only = palette.shown()[0];
+    assert_eq!(palette.shown().len(), 1);
+    assert_near(middle(&scene.picture()), only, 1, "a view in the field's only colour");
+}
