@@ -1,0 +1,79 @@
+//! What palettes and looks may be.
+
+use bevy::prelude::*;
+use bevy_plenoctree::{
+    Palette, Palettes, Posterize,
+    camera::PinholeCamera,
+    field::{BakeSettings, Basis, UpAxis, bake},
+    reference,
+};
+use glam::DVec3;
+
+use crate::stage::{Stage, looking};
+
+fn ball() -> bevy_plenoctree::PlenOctree {
+    let settings = BakeSettings {
+        depth: 4,
+        min: DVec3::NEG_ONE,
+        max: DVec3::ONE,
+        basis: Basis::Sh1,
+        up: UpAxis::Y,
+        ..Default::default()
+    };
+    let density = |at: DVec3| (30.0 * (0.8 - at.length())).clamp(0.0, 12.0);
+    bake(&settings, density, |at| move |_: DVec3| 0.5 + 0.4 * (4.0 * at).map(f64::sin)).unwrap()
+}
+
+fn camera() -> PinholeCamera {
+    looking(DVec3::new(1.5, 1.0, 3.0), DVec3::ZERO)
+}
+
+#[test]
+fn palettes_and_looks_at_their_ends() {
+    let field = ball();
+    let picture = reference::render(&field, &camera());
+    let grey = [0.4; 3];
+    let many: Vec<[f64; 3]> = (0..16u32).map(|i| [i & 3, i >> 2 & 1, i >> 3].map(|c| f64::from(c) / 3.0)).collect();
+    for (name, colors) in [
+        ("one", vec![grey]),
+        ("equal", vec![grey, grey, grey]),
+        ("two", vec![[0.9, 0.1, 0.1], [0.1, 0.2, 0.9]]),
+        ("sixteen", many),
+    ] {
+        let extracted: Vec<DVec3> = colors.iter().map(|color| DVec3::from(*color)).collect();
+        let mut stage = Stage::with_palette(&field, Palette::new(colors).unwrap());
+        for (blend_steps, softness) in [(1, 0.0), (8, 0.0), (1, 1e-9), (8, 0.2), (3, 10.0)] {
+            let look = Posterize { blend_steps, softness, ..default() };
+            let settings = reference::Posterization { blend_steps, softness: softness.into(), ..Default::default() };
+            let prop = stage.prop;
+            stage.headless.app.world_mut().entity_mut(prop).insert(look);
+            let expected = reference::posterize(&picture, DVec3::ZERO, &extracted, &extracted, &settings);
+            let near = stage
+                .picture(&camera())
+                .pixels()
+                .zip(&expected)
+                .filter(|(pixel, color)| {
+                    (0..3).all(|c| (f64::from(pixel[c]) - 255.0 * color[c].clamp(0.0, 1.0)).abs() <= 2.0)
+                })
+                .count();
+            let share = near as f64 / expected.len() as f64;
+            assert!(share > 0.97, "{name}, {look:?}: {share}");
+        }
+    }
+}
+
+/// Colours outside of what displays show are legal, and end at its borders.
+#[test]
+fn neon_ends_at_the_borders_of_the_screen() {
+    let field = ball();
+    let mut stage = Stage::with_palette(&field, Palette::new(vec![[0.4; 3]]).unwrap());
+    let (prop, handle) = (stage.prop, stage.field.clone());
+    stage.headless.app.world_mut().entity_mut(prop).insert(Posterize::default());
+    for (color, expected) in
+        [(Color::srgb(3.0, -1.0, 0.5), [255, 0, 128]), (Color::linear_rgb(1e4, 0.0, -1e4), [255, 0, 0])]
+    {
+        stage.headless.app.world_mut().resource_mut::<Palettes>().get_mut(&handle).unwrap().set(0, color);
+        let pixel = *stage.picture(&camera()).get_pixel(16, 16);
+        assert!((0..3).all(|c| pixel[c].abs_diff(expected[c]) <= 1), "{color:?}: {pixel:?}");
+    }
+}

@@ -1,0 +1,111 @@
+//! Where cameras and props may stand.
+
+use bevy::prelude::*;
+use bevy_plenoctree::{camera::PinholeCamera, field::UpAxis, headless::pinhole_view};
+use glam::DVec3;
+
+use crate::stage::{SIZE, Stage, chain, is_near, looking};
+
+/// The middle ray runs along an axis, in faces, through edges and corners of cells; components are 0, -0 and tiny.
+#[test]
+fn rays_along_axes_and_in_faces() {
+    let field = chain(6, 7, Some(0.7), 3.0);
+    let mut stage = Stage::new(&field);
+    for axis in [DVec3::X, DVec3::Y, DVec3::Z, DVec3::NEG_X, DVec3::NEG_Y, DVec3::NEG_Z] {
+        for offset in [DVec3::ZERO, DVec3::splat(1e-30), DVec3::splat(-1e-30), DVec3::splat(0.5), DVec3::splat(0.25)] {
+            let offset = offset - axis * offset.dot(axis);
+            stage.check(&field, &looking(4.0 * axis + offset, offset), &format!("along {axis} at {offset}"));
+        }
+    }
+    for target in [DVec3::ONE, DVec3::new(1.0, 1.0, 0.5), DVec3::new(-1.0, 1.0, 0.0)] {
+        stage.check(&field, &looking(-3.0 * target, target), &format!("through {target}"));
+    }
+}
+
+#[test]
+fn cameras_on_faces_in_corners_and_inside() {
+    let field = chain(5, 7, Some(0.7), 3.0);
+    let mut stage = Stage::new(&field);
+    for position in [
+        DVec3::new(0.0, 0.0, 1.0),
+        DVec3::ONE,
+        DVec3::new(1.0, 1.0, 0.0),
+        DVec3::ZERO,
+        DVec3::new(0.5, 0.5, 0.5),
+        DVec3::new(0.1, -0.2, 0.3),
+    ] {
+        stage.check(&field, &looking(position, DVec3::new(-0.4, -0.5, -0.6)), &format!("from {position}"));
+    }
+}
+
+/// A million sizes away, through a lens that makes up for it.
+#[test]
+fn cameras_far_away_see_what_near_ones_see() {
+    let field = chain(5, 7, Some(0.7), 3.0);
+    let mut stage = Stage::new(&field);
+    // Bevy keeps the camera's place and turn in float32, whose steps move the picture by a pixel at last.
+    for (distance, most) in [(1e2, 0.6), (1e4, 0.6), (1e6, 8.0)] {
+        let far = looking(distance * DVec3::new(0.48, 0.36, 0.8), DVec3::ZERO);
+        let focal = 0.4 * f64::from(SIZE) * distance;
+        let camera = PinholeCamera { focal_x: focal, focal_y: focal, ..far };
+        let difference = stage.difference(&field, &camera);
+        assert!(difference < most, "{distance} away: {difference}");
+    }
+}
+
+/// Scaled by a lot, with the camera's distance, nothing changes; nor does a mirror or a shear of parent and camera alike.
+#[test]
+fn scales_and_shears_change_nothing() {
+    let field = chain(4, 7, Some(0.7), 3.0);
+    let near = looking(DVec3::new(1.5, 1.0, 3.0), DVec3::ZERO);
+    let mut stage = Stage::new(&field);
+    let before = stage.picture(&near);
+    let same = |after: &image::RgbaImage| before.iter().zip(after.iter()).all(|(a, b)| a.abs_diff(*b) <= 1);
+    for scale in [1e-4, 1e4] {
+        let prop = stage.prop;
+        stage.headless.app.world_mut().entity_mut(prop).insert(Transform::from_scale(Vec3::splat(scale)));
+        let camera = PinholeCamera { position: near.position * f64::from(scale), ..near };
+        assert!(same(&stage.picture(&camera)), "scaled by {scale}");
+    }
+    // The prop in a parent that is scaled unevenly and turned: sheared. So is the camera's way to it.
+    let parent = Transform::from_scale(Vec3::new(2.0, 0.5, -1.5)).with_rotation(Quat::from_rotation_z(0.7));
+    let own = Transform::from_rotation(Quat::from_rotation_x(0.4)).with_scale(Vec3::new(1.0, 3.0, 0.5));
+    let (prop, camera) = (stage.prop, stage.camera);
+    let world = stage.headless.app.world_mut();
+    let above = world.spawn((parent, Visibility::default())).id();
+    world.entity_mut(prop).insert((own, ChildOf(above)));
+    let view = pinhole_view(&near, UpAxis::Y);
+    world.entity_mut(camera).insert(view);
+    let picture = stage.headless.picture().unwrap();
+    assert!(picture.pixels().any(|pixel| pixel[2] > 20) && picture.pixels().all(|pixel| pixel[3] == 255));
+}
+
+/// 1e5 units from the origin, where a step of float32 is 0.008: the prop is where it is, to within that.
+#[test]
+fn far_from_the_origin_of_the_world() {
+    let field = chain(1, 0, Some(1e4), 1e4);
+    let mut stage = Stage::new(&field);
+    let place = DVec3::new(1e5, -1e5, 1e5);
+    let prop = stage.prop;
+    stage.headless.app.world_mut().entity_mut(prop).insert(Transform::from_translation(place.as_vec3()));
+    let camera = looking(DVec3::new(0.0, 0.0, 6.0), DVec3::ZERO);
+    let picture = stage.picture(&PinholeCamera { position: place + camera.position, ..camera });
+    assert!(is_near(picture.get_pixel(16, 16).0, [64, 128, 255, 255]));
+    assert_eq!(picture.get_pixel(1, 1).0, [0, 0, 0, 255]);
+}
+
+#[test]
+fn targets_of_one_pixel_and_of_four_thousand() {
+    let field = chain(1, 0, Some(1e4), 1e4);
+    let mut stage = Stage::new(&field);
+    let prop = stage.prop;
+    stage.headless.app.world_mut().entity_mut(prop).insert(bevy_plenoctree::Posterize::default());
+    for (width, height) in [(1, 1), (4096, 3), (1, 4096)] {
+        stage.headless.resize(UVec2::new(width, height));
+        let camera = looking(DVec3::new(0.0, 0.0, 6.0), DVec3::ZERO).resized(width, height);
+        let picture = stage.picture(&camera);
+        assert_eq!(picture.dimensions(), (width, height));
+        assert_eq!(picture.get_pixel(width / 2, height / 2)[3], 255);
+        assert!(picture.get_pixel(width / 2, height / 2)[2] > 100, "{width} x {height}");
+    }
+}

@@ -1,0 +1,164 @@
+//! What presets and knobs of quality promise, through the real renderer against the float64 reference.
+
+use std::time::Duration;
+
+use bevy::prelude::*;
+use bevy_plenoctree::{
+    FieldPalette, Palette, Palettes, PlenOctree, PlenOctreePlugin, Posterize, Preset, Prop, Quality,
+    camera::PinholeCamera,
+    field::{BakeSettings, Basis, LoadSettings, Precision, UpAxis, bake},
+    headless::{Headless, exact_camera, pinhole_view},
+    reference,
+};
+use glam::{DMat4, DVec3};
+use image::RgbaImage;
+
+const SIZE: u32 = 160;
+
+/// One of our own props, which has all that is hard: thin rails, gloss, and regions of one colour.
+fn drum() -> PlenOctree {
+    PlenOctree::read(concat!(env!("CARGO_MANIFEST_DIR"), "/assets/drum.npz"), &LoadSettings::default()).unwrap()
+}
+
+struct Stage {
+    headless: Headless,
+    camera: Entity,
+    prop: Entity,
+    field: Handle<PlenOctree>,
+    up: UpAxis,
+}
+
+impl Stage {
+    fn new(field: &PlenOctree, palette: Palette) -> Self {
+        let mut headless = Headless::new(UVec2::splat(SIZE), |app| {
+            app.add_plugins(PlenOctreePlugin);
+        })
+        .unwrap();
+        let target = headless.target();
+        let world = headless.app.world_mut();
+        let handle = world.resource_mut::<Assets<PlenOctree>>().add(field.clone());
+        world.resource_mut::<Palettes>().insert(&handle, FieldPalette::new(palette));
+        let prop = world.spawn(Prop(handle.clone())).id();
+        let camera = world.spawn((exact_camera(Color::WHITE), target)).id();
+        headless.wait_until_ready(Duration::from_secs(120)).unwrap();
+        Self { headless, camera, prop, field: handle, up: field.up() }
+    }
+
+    fn picture(&mut self, camera: &PinholeCamera, quality: Quality) -> RgbaImage {
+        let view = pinhole_view(camera, self.up);
+        self.headless.app.world_mut().entity_mut(self.camera).insert((view, quality));
+        self.headless.picture().unwrap()
+    }
+}
+
+fn psnr(picture: &RgbaImage, truth: &[DVec3]) -> f64 {
+    let squares = picture.pixels().zip(truth).map(|(pixel, truth)| {
+        let seen = DVec3::new(pixel[0].into(), pixel[1].into(), pixel[2].into()) / 255.0;
+        (seen - truth.clamp(DVec3::ZERO, DVec3::ONE)).length_squared() / 3.0
+    });
+    -10.0 * (squares.sum::<f64>() / truth.len() as f64).log10()
+}
+
+#[test]
+fn presets_keep_what_they_promise() {
+    let field = drum();
+    let palette = Palette::read(concat!(env!("CARGO_MANIFEST_DIR"), "/assets/drum.palette.json")).unwrap();
+    let camera = PinholeCamera::around(&field, SIZE, SIZE, 0.5, 0.4).unwrap();
+    let truth = reference::render(&field, &camera);
+    let over = truth.over(DVec3::ONE);
+    let mut stage = Stage::new(&field, palette);
+    let hard = Posterize { softness: 0.0, ..default() };
+    let mut exact = None;
+    for preset in Preset::ALL {
+        let prop = stage.prop;
+        stage.headless.app.world_mut().entity_mut(prop).remove::<Posterize>();
+        let psnr = psnr(&stage.picture(&camera, preset.quality()), &over);
+        stage.headless.app.world_mut().entity_mut(prop).insert(hard);
+        let labels = stage.picture(&camera, preset.quality());
+        let exact = exact.get_or_insert(labels.clone());
+        let owned = truth.opacity.iter().filter(|opacity| **opacity >= 80.0 / 255.0).count();
+        let changed = labels.pixels().zip(exact.pixels()).filter(|(a, b)| a != b).count();
+        let changed = changed as f64 / owned as f64;
+        let (least, most) = promise(preset);
+        assert!(psnr >= least && changed <= most, "{preset:?}: {psnr:.1} dB, {:.1} % of labels", 100.0 * changed);
+    }
+}
+
+/// PSNR in dB at least, and the share of labels that change at most, as `Preset` documents them.
+fn promise(preset: Preset) -> (f64, f64) {
+    match preset {
+        Preset::Exact => (55.0, 0.0),
+        Preset::High => (45.0, 0.05),
+        Preset::Balanced => (23.0, 0.6),
+        Preset::Fast => (20.0, 0.75),
+    }
+}
+
+/// From afar, averaged cells look like the field in many more pixels, averaged: more so than rays through the field
+/// itself, which hit or miss.
+#[test]
+fn averaged_cells_look_like_the_field_from_afar() {
+    let field = drum();
+    let palette = Palette::new(vec![[0.5; 3]]).unwrap();
+    let mut stage = Stage::new(&field, palette);
+    let far = |size: u32| {
+        let near = PinholeCamera::around(&field, size, size, 0.5, 0.4).unwrap();
+        PinholeCamera { focal_x: near.focal_x / 6.0, focal_y: near.focal_y / 6.0, ..near }
+    };
+    const FINE: u32 = 4;
+    let fine = reference::render(&field, &far(FINE * SIZE)).over(DVec3::ONE);
+    let truth: Vec<DVec3> = (0..SIZE * SIZE)
+        .map(|pixel| {
+            let (x, y) = (pixel % SIZE * FINE, pixel / SIZE * FINE);
+            let taps = (0..FINE * FINE).map(|tap| fine[((y + tap / FINE) * FINE * SIZE + x + tap % FINE) as usize]);
+            taps.sum::<DVec3>() / f64::from(FINE * FINE)
+        })
+        .collect();
+    let leaves = psnr(&stage.picture(&far(SIZE), Quality::EXACT), &truth);
+    let averaged = psnr(&stage.picture(&far(SIZE), Quality { cell_size: 1.0, ..Quality::EXACT }), &truth);
+    assert!(averaged > leaves, "{averaged:.1} dB averaged, {leaves:.1} dB of leaves");
+}
+
+#[test]
+fn bytes_come_close_to_half_floats() {
+    let settings = BakeSettings { depth: 5, basis: Basis::Sh16, ..default() };
+    let ball = |at: DVec3| (30.0 * (0.8 - at.length())).clamp(0.0, 12.0);
+    let tint = |at: DVec3| move |direction: DVec3| 0.5 + 0.4 * (7.0 * at).map(f64::sin) * direction.x;
+    let field = bake(&settings, ball, tint).unwrap();
+    let camera = PinholeCamera::new(SIZE, SIZE, 0.7, DMat4::IDENTITY).looking_at(
+        DVec3::new(2.0, -2.2, 1.4),
+        DVec3::ZERO,
+        DVec3::Z,
+    );
+    let truth = reference::render(&field, &camera).over(DVec3::ONE);
+    let palette = Palette::new(vec![[0.5; 3]]).unwrap();
+    for (precision, least) in [(Precision::Half, 55.0), (Precision::Byte, 45.0)] {
+        let mut stage = Stage::new(&field.clone().with_precision(precision), palette.clone());
+        let psnr = psnr(&stage.picture(&camera, Quality::EXACT), &truth);
+        assert!(psnr >= least, "{precision:?}: {psnr:.1} dB");
+    }
+}
+
+/// Every knob by itself, at and beyond the ends of its range, draws something finite.
+#[test]
+fn knobs_beyond_their_range_are_harmless() {
+    let field = drum();
+    let camera = PinholeCamera::around(&field, SIZE, SIZE, 0.5, 0.4).unwrap();
+    let mut stage = Stage::new(&field, Palette::new(vec![[0.9, 0.1, 0.1], [0.1, 0.1, 0.9]]).unwrap());
+    let prop = stage.prop;
+    stage.headless.app.world_mut().entity_mut(prop).insert(Posterize::default());
+    for value in [f32::NAN, f32::NEG_INFINITY, -1.0, 0.0, 1e30, f32::INFINITY] {
+        for quality in [
+            Quality { stop_transmittance: value, ..default() },
+            Quality { density_threshold: value, ..default() },
+            Quality { min_weight: value, ..default() },
+            Quality { cell_size: value, ..default() },
+            Quality { resolution: value, ..default() },
+            Quality { degree: u32::MAX, filter_iterations: u32::MAX, filter_radius: u32::MAX, ..default() },
+        ] {
+            stage.picture(&camera, quality);
+        }
+    }
+    let fields = stage.field.clone();
+    assert!(stage.headless.app.world().resource::<Assets<PlenOctree>>().get(&fields).is_some());
+}
