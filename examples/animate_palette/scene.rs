@@ -6,11 +6,7 @@ use bevy_plenoctree::{BlendSpace, PaletteOverride, Posterize, Prop};
 use crate::game::{ByNight, Night, Target, Team};
 
 pub fn plugin(app: &mut App) {
-    app.add_systems(Startup, spawn).add_systems(PostUpdate, paint_sky_and_ground);
-    // A window has its camera from the start; a picture gets one when it is taken.
-    if app.is_plugin_added::<bevy::winit::WinitPlugin>() {
-        app.add_systems(Startup, spawn_camera);
-    }
+    app.add_systems(Startup, (spawn_camera, spawn)).add_systems(PostUpdate, paint_sky_and_ground);
 }
 
 const SKY: [&str; 2] = ["#bfe3f2", "#141a3c"];
@@ -21,18 +17,14 @@ const SHADOW: [&str; 2] = ["#7bb878", "#1a3242"];
 #[derive(Component)]
 struct Painted([&'static str; 2]);
 
-pub fn camera() -> impl Bundle {
-    (
+fn spawn_camera(mut commands: Commands) {
+    commands.spawn((
         Camera3d::default(),
         Tonemapping::None,
         Msaa::Off,
         Projection::from(PerspectiveProjection { fov: 0.43, ..default() }),
         Transform::from_xyz(0.0, 2.4, 9.6).looking_at(Vec3::new(0.0, 1.12, 0.0), Vec3::Y),
-    )
-}
-
-fn spawn_camera(mut commands: Commands) {
-    commands.spawn(camera());
+    ));
 }
 
 fn spawn(

@@ -5,6 +5,8 @@ use std::path::PathBuf;
 use bevy_plenoctree::field::{LoadSettings, UpAxis};
 use clap::{Parser, ValueEnum};
 
+use crate::{quality::Level, show::Show};
+
 /// Shows a PlenOctree in a window, posterises it and changes its palette.
 #[derive(Parser)]
 pub struct Arguments {
@@ -16,15 +18,11 @@ pub struct Arguments {
     /// The axis of the field that points up.
     #[arg(long, value_enum, default_value_t = Up::Z)]
     up: Up,
-    /// Size of the window, or of the picture, in pixels.
-    #[arg(long, value_name = "WxH", default_value = "1280x800", value_parser = parse_size)]
-    pub size: (u32, u32),
-    /// Opens no window: writes one picture to this file as soon as field and palette are there.
-    #[arg(long, value_name = "FILE.png")]
-    pub headless: Option<PathBuf>,
-    /// How many more frames pass before the picture is taken.
-    #[arg(long, value_name = "N", requires = "headless", default_value_t = 0)]
-    pub at_frame: u32,
+    /// How exactly to draw.
+    #[arg(long, value_enum, default_value_t)]
+    pub quality: Level,
+    #[command(flatten)]
+    pub show: Show,
     /// Takes the picture with the panel beside the field.
     #[arg(long, requires = "headless")]
     pub panel: bool,
@@ -49,11 +47,4 @@ impl Arguments {
         };
         LoadSettings { up, ..LoadSettings::default() }
     }
-}
-
-fn parse_size(text: &str) -> Result<(u32, u32), String> {
-    let side = |text: &str| text.parse().ok().filter(|pixels| (64..=8192).contains(pixels));
-    text.split_once(['x', 'X'])
-        .and_then(|(width, height)| Some((side(width)?, side(height)?)))
-        .ok_or_else(|| "expected WxH, each from 64 to 8192".into())
 }

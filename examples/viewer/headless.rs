@@ -1,21 +1,16 @@
-//! One picture and no window.
+//! When a picture without a window can be taken.
 
-use std::{path::Path, time::Duration};
+use std::time::Duration;
 
-use bevy::prelude::*;
 use bevy_plenoctree::headless::Headless;
 
-use crate::{Result, Viewer, arguments::Arguments, loader::Loader, notices::Notices, scene};
+use crate::{Result, loader::Loader, notices::Notices, show::wait_for_props};
 
-const PATIENCE: Duration = Duration::from_secs(3600);
 /// Frames until the camera has found the field and the interface its size.
 const SETTLING: u32 = 3;
 
-pub fn picture(viewer: Viewer, arguments: &Arguments, file: &Path) -> Result<()> {
-    let mut headless = Headless::new(arguments.size.into(), |app| viewer.build(app))?;
-    let target = headless.target();
-    scene::spawn_cameras(headless.app.world_mut(), target);
-
+/// Steps the viewer until it shows what the command line names.
+pub fn wait(headless: &mut Headless) -> Result {
     loop {
         headless.update();
         let world = headless.app.world();
@@ -27,11 +22,9 @@ pub fn picture(viewer: Viewer, arguments: &Arguments, file: &Path) -> Result<()>
         }
         std::thread::sleep(Duration::from_millis(1));
     }
-    headless.wait_until_ready(PATIENCE)?;
-    for _ in 0..SETTLING + arguments.at_frame {
+    wait_for_props(headless)?;
+    for _ in 0..SETTLING {
         headless.update();
     }
-    headless.picture()?.save(file).map_err(|error| format!("{}: {error}", file.display()))?;
-    println!("{}", file.display());
     Ok(())
 }

@@ -1,14 +1,14 @@
 //! The cameras, and where they look from.
 
 use bevy::{
-    camera::{CameraOutputMode, RenderTarget, visibility::RenderLayers},
+    camera::{CameraOutputMode, visibility::RenderLayers},
     core_pipeline::tonemapping::Tonemapping,
     prelude::*,
     render::render_resource::BlendState,
 };
 use bevy_egui::PrimaryEguiContext;
 use bevy_panorbit_camera::PanOrbitCamera;
-use bevy_plenoctree::{PlenOctree, Prop};
+use bevy_plenoctree::{PlenOctree, Prop, Quality};
 
 use crate::{action::Action, loader::Loader};
 
@@ -16,20 +16,23 @@ use crate::{action::Action, loader::Loader};
 const YAW: f32 = 0.6;
 const PITCH: f32 = 0.45;
 
+/// How exactly the field is drawn.
+#[derive(Resource)]
+pub struct CameraQuality(pub Quality);
+
 /// A camera for the field and, over it, one for the interface.
-pub fn spawn_cameras(world: &mut World, target: RenderTarget) {
-    world.insert_resource(ClearColor(Color::WHITE));
-    world.spawn((
+pub fn spawn_cameras(mut commands: Commands, quality: Res<CameraQuality>) {
+    commands.insert_resource(ClearColor(Color::WHITE));
+    commands.spawn((
         Camera3d::default(),
-        target.clone(),
+        quality.0,
         Tonemapping::None,
         Msaa::Off,
         PanOrbitCamera { yaw: Some(YAW), pitch: Some(PITCH), ..default() },
     ));
-    world.spawn((
+    commands.spawn((
         PrimaryEguiContext,
         Camera2d,
-        target,
         Msaa::Off,
         // It draws nothing but the interface.
         RenderLayers::none(),

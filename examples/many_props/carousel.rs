@@ -1,0 +1,113 @@
+//! A cake of turning rings, as high as the toys on it need, and a camera that sees all of it.
+
+use bevy::{
+    light::{CascadeShadowConfigBuilder, GlobalAmbientLight},
+    prelude::*,
+};
+
+use crate::{
+    build::{Builder, color},
+    toys::spawn_toy,
+};
+
+/// The carousel of `count` toys.
+pub fn plugin(count: u32) -> impl Plugin {
+    move |app: &mut App| {
+        app.insert_resource(ClearColor(color("#fde8d7")))
+            .insert_resource(GlobalAmbientLight { brightness: 900.0, ..default() })
+            .add_systems(Startup, move |builder: Builder, assets: Res<AssetServer>| spawn(builder, &assets, count))
+            .add_systems(Update, turn);
+    }
+}
+
+/// Between two rings, and between two toys of a ring.
+const SPACING: f32 = 2.3;
+/// How much higher a ring is than the next one outwards.
+const STEP: f32 = 0.9;
+/// Radians a second.
+const PACE: f32 = 0.06;
+
+/// Turns by so many radians a second.
+#[derive(Component)]
+struct Turning(f32);
+
+/// How many toys stand on each ring, from the middle, where one does, outwards: about as dense everywhere.
+fn rings(count: u32) -> Vec<u32> {
+    let around = count.saturating_sub(1);
+    let places = |ring: u32| (std::f32::consts::TAU * ring as f32) as u32;
+    let (mut outermost, mut room) = (0, 0);
+    while room < around {
+        outermost += 1;
+        room += places(outermost);
+    }
+    let mut rings = vec![count.min(1)];
+    let mut left = around;
+    for ring in 1..=outermost {
+        // Its share of those that are left.
+        let share = left * places(ring) / room;
+        room -= places(ring);
+        left -= share;
+        rings.push(share);
+    }
+    rings
+}
+
+fn spawn(mut builder: Builder, assets: &AssetServer, count: u32) {
+    let rings = rings(count);
+    let outermost = rings.len() - 1;
+    for (ring, places) in rings.into_iter().enumerate() {
+        let height = STEP * (outermost - ring) as f32;
+        build_tier(&mut builder, ring, height);
+        let pace = if ring % 2 == 0 { PACE } else { -PACE };
+        let turntable = (Transform::from_xyz(0.0, height, 0.0), Visibility::default(), Turning(pace));
+        let turntable = builder.commands.spawn(turntable).id();
+        for place in 0..places {
+            let around = std::f32::consts::TAU * (place as f32 + 0.5 * (ring % 2) as f32) / places as f32;
+            let at = Quat::from_rotation_y(around) * (SPACING * ring as f32 * Vec3::Z);
+            let toy = spawn_toy(&mut builder.commands, assets, ring, place, at, around);
+            builder.commands.entity(turntable).add_child(toy);
+        }
+    }
+    let edge = SPACING * (outermost as f32 + 0.5);
+    let plate = Cylinder::new(edge + 0.9, 0.16).mesh().resolution(128).build();
+    builder.put(plate, color("#6fa8c9"), Transform::from_xyz(0.0, -0.55, 0.0));
+    spawn_camera(&mut builder.commands, edge, STEP * outermost as f32 + 2.0);
+}
+
+fn build_tier(builder: &mut Builder, ring: usize, height: f32) {
+    let cake = ["#fbe3b8", "#f59fb4", "#9fdcc4", "#fbd07c", "#b9aef0"];
+    let edge = SPACING * (ring as f32 + 0.5);
+    let sponge = StandardMaterial { perceptual_roughness: 0.9, ..color(cake[ring % cake.len()]).into() };
+    let tier = Cylinder::new(edge, height + 0.5).mesh().resolution(128).build();
+    builder.put(tier, sponge, Transform::from_xyz(0.0, 0.5 * (height - 0.5), 0.0));
+    let cream = Torus { minor_radius: 0.09, major_radius: edge - 0.06 };
+    let cream = cream.mesh().major_resolution(128).minor_resolution(8).build();
+    builder.put(cream, color("#fffaf0"), Transform::from_xyz(0.0, height, 0.0));
+}
+
+/// From the front and above, as far away as a cake of this radius and height needs.
+fn spawn_camera(commands: &mut Commands, edge: f32, height: f32) {
+    let (pitch, fov) = (0.42f32, 0.5f32);
+    // What it covers, seen from there.
+    let half_height = edge * pitch.sin() + 0.5 * height * pitch.cos();
+    let half_width = edge + 1.0;
+    let distance = edge * pitch.cos() + half_height.max(half_width / 1.5) / (0.5 * fov).tan();
+    let middle = 0.42 * height * Vec3::Y;
+    let eye = middle + distance * Vec3::new(0.0, pitch.sin(), pitch.cos());
+    commands.spawn((
+        Camera3d::default(),
+        Projection::from(PerspectiveProjection { fov, far: 4.0 * distance, ..default() }),
+        Transform::from_translation(eye).looking_at(middle, Vec3::Y),
+    ));
+    commands.spawn((
+        DirectionalLight { illuminance: 9_000.0, shadow_maps_enabled: true, ..default() },
+        Transform::default().looking_to(Vec3::new(0.6, -1.0, -0.5), Vec3::Y),
+        CascadeShadowConfigBuilder { num_cascades: 1, maximum_distance: distance + 1.5 * edge, ..default() }.build(),
+    ));
+}
+
+fn turn(time: Res<Time>, mut rings: Query<(&Turning, &mut Transform)>) {
+    for (Turning(pace), mut place) in &mut rings {
+        place.rotate_y(pace * time.delta_secs());
+    }
+}

@@ -1,0 +1,51 @@
+//! A carousel of many toys: four fields, each copy with a place, a size and colours of its own.
+//!
+//! In a window it says once a second how long a frame takes; without one, how long frames of all toys took, to be compared
+//! with `--count 1`.
+//!
+//! ```sh
+//! cargo run --release --example many_props -- --count 256
+//! cargo run --release --example many_props -- --count 256 --headless carousel.png
+//! ```
+
+#[path = "../common/build.rs"]
+mod build;
+mod carousel;
+mod measure;
+#[path = "../common/show.rs"]
+mod show;
+#[path = "../common/stand.rs"]
+mod stand;
+mod toys;
+
+use std::process::ExitCode;
+
+use bevy::prelude::*;
+use bevy_plenoctree::PlenOctreePlugin;
+use clap::Parser;
+
+use show::Show;
+
+/// Shows a carousel of many toys, and how long a frame of it takes.
+#[derive(Parser)]
+struct Arguments {
+    /// How many toys there are.
+    #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=4096))]
+    count: u32,
+    #[command(flatten)]
+    show: Show,
+}
+
+fn main() -> ExitCode {
+    let Arguments { count, show } = Arguments::parse();
+    let build = |app: &mut App| {
+        app.add_plugins((PlenOctreePlugin, stand::plugin, toys::plugin, carousel::plugin(count)));
+        if show.headless.is_none() {
+            app.add_systems(Update, measure::print_pace);
+        }
+    };
+    show::exit_code(show.run("Many props", build, |headless| {
+        show::wait_for_props(headless)?;
+        measure::time_frames(headless, count)
+    }))
+}

@@ -1,0 +1,108 @@
+//! The props, each with a look of its own.
+
+use bevy::prelude::*;
+use bevy_plenoctree::{Abstraction, BlendSpace, Palettes, Posterize, Prop};
+
+use crate::{
+    build::color,
+    game::Night,
+    room,
+    stand::{Footprint, standing},
+};
+
+pub fn plugin(app: &mut App) {
+    app.add_systems(Startup, spawn).add_systems(Update, (change_colors, march));
+}
+
+/// Flat, hard-edged areas of the palette's own colours.
+const POSTER: Posterize = Posterize {
+    blend_steps: 1,
+    softness: 0.0,
+    min_opacity: 0.4,
+    abstraction: Abstraction { iterations: 6, radius: 3, spatial_sigma: 3.0, range_sigma: 6.0 },
+};
+
+/// Many tones that run into each other.
+const PASTEL: Posterize = Posterize {
+    blend_steps: 4,
+    softness: 0.35,
+    min_opacity: 0.3,
+    abstraction: Abstraction { iterations: 2, radius: 2, spatial_sigma: 3.0, range_sigma: 4.25 },
+};
+
+/// What a field's palette becomes by night.
+#[derive(Component)]
+struct ByNight(Vec<Color>);
+
+/// Marches around the jar by night: seconds that it has marched, and radians that it has come.
+#[derive(Component)]
+struct Marching {
+    seconds: f32,
+}
+
+/// Radius of the way around the jar, radians a second, and where it begins.
+const WAY: f32 = 2.2;
+const PACE: f32 = 0.45;
+const START: f32 = -0.75;
+
+fn spawn(mut commands: Commands, assets: Res<AssetServer>) {
+    // Light that is brighter than white: the spots and the windows bloom.
+    let toadstool = [
+        Color::linear_rgb(0.09, 0.03, 0.3),
+        Color::linear_rgb(0.01, 0.1, 0.12),
+        Color::linear_rgb(0.0, 0.004, 0.02),
+        Color::linear_rgb(0.25, 1.5, 1.9),
+        Color::linear_rgb(2.2, 1.1, 0.2),
+        Color::linear_rgb(0.02, 0.05, 0.3),
+    ];
+    commands.spawn((
+        Prop(assets.load("toadstool.npz")),
+        Posterize::default(),
+        ByNight(toadstool.into()),
+        Footprint::of("toadstool.npz"),
+        standing(room::JAR, 1.3, 0.2),
+    ));
+    let drum = ["#8391d6", "#173f63", "#632455", "#c08a4a", "#0d2440", "#060814"];
+    commands.spawn((
+        Prop(assets.load("drum.npz")),
+        PASTEL,
+        ByNight(drum.map(color).into()),
+        Footprint::of("drum.npz"),
+        standing(Vec3::new(-3.2, 0.0, -0.5), 1.0, 0.35),
+    ));
+    let robot = ["#1f6f8f", "#0a0c18", "#8f2a4c", "#a8642e", "#fff0a0", "#8d9bd0"];
+    commands.spawn((
+        Prop(assets.load("robot.npz")),
+        POSTER,
+        ByNight(robot.map(color).into()),
+        Footprint::of("robot.npz"),
+        Marching { seconds: 0.0 },
+        standing(Vec3::ZERO, 0.85, 0.0),
+    ));
+    // As it was trained: no palette changes it, so that it stands in the light of the lamp.
+    commands.spawn((
+        Prop(assets.load("gumballs.npz")),
+        Footprint::of("gumballs.npz"),
+        standing(room::TABLE, 0.95, -0.3),
+    ));
+}
+
+fn change_colors(night: Res<Night>, mut palettes: ResMut<Palettes>, props: Query<(&Prop, &ByNight)>) {
+    for (prop, by_night) in &props {
+        if let Some(palette) = palettes.get_mut(&prop.0) {
+            palette.fade(&by_night.0, night.0, BlendSpace::Oklab);
+        }
+    }
+}
+
+fn march(time: Res<Time>, night: Res<Night>, mut robots: Query<(&mut Marching, &mut Transform)>) {
+    for (mut marching, mut place) in &mut robots {
+        marching.seconds += night.0 * time.delta_secs();
+        let angle = START + PACE * marching.seconds;
+        let way = Vec3::new(angle.sin(), 0.0, angle.cos());
+        let hop = 0.1 * (8.0 * marching.seconds).sin().abs();
+        // It looks where it goes.
+        let ahead = angle + std::f32::consts::FRAC_PI_2;
+        *place = standing(room::JAR.with_y(0.05 + hop) + WAY * way, 0.85, ahead);
+    }
+}

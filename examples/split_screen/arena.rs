@@ -1,0 +1,82 @@
+//! The ground, and what stands in the way.
+
+use bevy::{
+    light::{CascadeShadowConfigBuilder, GlobalAmbientLight},
+    prelude::*,
+};
+use bevy_plenoctree::{PaletteOverride, Posterize, Prop};
+
+use crate::{
+    balls::Machine,
+    build::{Builder, color},
+    stand::{Footprint, standing},
+};
+
+pub fn plugin(app: &mut App) {
+    app.insert_resource(ClearColor(color("#bfe3f2")))
+        .insert_resource(GlobalAmbientLight { brightness: 700.0, ..default() })
+        .add_systems(Startup, (build_ground, place_props));
+}
+
+/// How far the robots get from the middle.
+pub const RADIUS: f32 = 9.0;
+
+/// What robots cannot walk through: its radius on the ground.
+#[derive(Component)]
+pub struct Obstacle(pub f32);
+
+fn build_ground(mut builder: Builder) {
+    builder.commands.spawn((
+        DirectionalLight { illuminance: 9_000.0, shadow_maps_enabled: true, ..default() },
+        Transform::default().looking_to(Vec3::new(-0.5, -1.0, -0.35), Vec3::Y),
+        CascadeShadowConfigBuilder { num_cascades: 1, maximum_distance: 24.0, ..default() }.build(),
+    ));
+    // Lawn, mown in rings.
+    let lawn = ["#8fcf86", "#83c57b"];
+    for ring in 0..7 {
+        let paint = StandardMaterial { perceptual_roughness: 1.0, ..color(lawn[ring % 2]).into() };
+        let disc = Cylinder::new(RADIUS + 1.0 - 1.5 * ring as f32, 0.02).mesh().resolution(96).build();
+        builder.put(disc, paint, Transform::from_xyz(0.0, 0.002 * ring as f32 - 0.012, 0.0));
+    }
+    let meadow = StandardMaterial { perceptual_roughness: 1.0, ..color("#6fae6b").into() };
+    builder.put(Circle::new(80.0), meadow, Transform::from_xyz(0.0, -0.03, 0.0).looking_to(Vec3::NEG_Y, Vec3::Z));
+    // The fence, in both teams' colours.
+    let posts = 44;
+    for post in 0..posts {
+        let around = Quat::from_rotation_y(std::f32::consts::TAU * post as f32 / posts as f32);
+        let at = around * ((RADIUS + 0.7) * Vec3::Z);
+        let paint = ["#f4f0e6", "#d9534a", "#f4f0e6", "#3f7fe0"][post % 4];
+        builder.put(Capsule3d::new(0.13, 0.6), color(paint), Transform::from_translation(at + 0.3 * Vec3::Y));
+    }
+}
+
+fn place_props(mut commands: Commands, assets: Res<AssetServer>) {
+    commands.spawn((
+        Prop(assets.load("gumballs.npz")),
+        Posterize::default(),
+        PaletteOverride::default(),
+        Footprint::of("gumballs.npz"),
+        Obstacle(1.3),
+        Machine,
+        standing(Vec3::ZERO, 1.7, 0.0),
+    ));
+    for (x, z, turn, cap) in [(-4.8, 3.0, 0.8, "#d8344e"), (5.2, 1.2, -0.9, "#e38a1f"), (-1.0, -6.4, 0.2, "#8a4fd0")] {
+        commands.spawn((
+            Prop(assets.load("toadstool.npz")),
+            Posterize::default(),
+            PaletteOverride::default().with(0, color(cap)),
+            Footprint::of("toadstool.npz"),
+            Obstacle(1.25),
+            standing(Vec3::new(x, 0.0, z), 1.35, turn),
+        ));
+    }
+    for (x, z) in [(2.6, 6.0), (-5.8, -3.0), (5.0, -4.6)] {
+        commands.spawn((
+            Prop(assets.load("drum.npz")),
+            Posterize::default(),
+            Footprint::of("drum.npz"),
+            Obstacle(0.9),
+            standing(Vec3::new(x, 0.0, z), 0.85, x),
+        ));
+    }
+}

@@ -1,0 +1,140 @@
+//! The robots and who drives them.
+
+use bevy::prelude::*;
+use bevy_plenoctree::{PaletteOverride, Posterize, Prop};
+
+use crate::{
+    arena::{Obstacle, RADIUS},
+    balls::Ball,
+    build::color,
+    stand::{Footprint, standing},
+};
+
+pub fn plugin(app: &mut App) {
+    app.add_systems(Startup, spawn).add_systems(Update, (press_keys, play_alone, drive).chain());
+}
+
+/// The robots' metal among the colours of their palette.
+const METAL: usize = 0;
+/// The top of a robot's head.
+pub const HEAD: f32 = 1.97;
+/// Around a robot, for what it bumps into.
+const GIRTH: f32 = 0.55;
+/// Metres a second.
+const SPEED: f32 = 3.2;
+/// How fast speed and heading become what is wanted, in shares a second.
+const EASE: f32 = 9.0;
+/// How near to an obstacle a robot that plays alone gives way to it.
+const CAUTION: f32 = 0.9;
+
+/// Who drives a robot.
+#[derive(Component)]
+pub struct Player {
+    /// From 0.
+    pub index: usize,
+    pub team: Color,
+    /// Away from the camera, towards it, left and right.
+    keys: [KeyCode; 4],
+    /// Nobody has touched a key yet.
+    absent: bool,
+}
+
+#[derive(Component, Default)]
+pub struct Robot {
+    pub at: Vec3,
+    /// Gumballs on its head.
+    pub load: usize,
+    /// Where its driver wants to go, at most 1 long.
+    wish: Vec3,
+    velocity: Vec3,
+    /// Radians from +z.
+    turn: f32,
+    /// Metres that it has walked.
+    walked: f32,
+}
+
+fn spawn(mut commands: Commands, assets: Res<AssetServer>) {
+    use KeyCode::*;
+    let players = [
+        ("#e2473f", [KeyW, KeyS, KeyA, KeyD], Vec3::new(-2.5, 0.0, 5.5)),
+        ("#2f78e6", [ArrowUp, ArrowDown, ArrowLeft, ArrowRight], Vec3::new(3.0, 0.0, -2.5)),
+    ];
+    for (index, (team, keys, at)) in players.into_iter().enumerate() {
+        let team = color(team);
+        commands.spawn((
+            Prop(assets.load("robot.npz")),
+            Posterize::default(),
+            PaletteOverride::default().with(METAL, team),
+            Footprint::of("robot.npz"),
+            Player { index, team, keys, absent: true },
+            Robot { at, ..default() },
+        ));
+    }
+}
+
+fn press_keys(keys: Res<ButtonInput<KeyCode>>, mut robots: Query<(&mut Player, &mut Robot)>) {
+    for (mut player, mut robot) in &mut robots {
+        let pressed = player.keys.map(|key| f32::from(u8::from(keys.pressed(key))));
+        let [away, near, left, right] = pressed;
+        player.absent &= pressed == [0.0; 4];
+        robot.wish = Vec3::new(right - left, 0.0, near - away).normalize_or_zero();
+    }
+}
+
+/// A robot whose player is absent goes for the nearest ball, around what is in its way.
+fn play_alone(
+    mut robots: Query<(&Player, &mut Robot)>,
+    balls: Query<(&Ball, &Transform)>,
+    obstacles: Query<(&Obstacle, &Transform)>,
+) {
+    for (_, mut robot) in robots.iter_mut().filter(|(player, _)| player.absent) {
+        let free = balls.iter().filter(|(ball, _)| ball.is_free()).map(|(_, place)| place.translation.with_y(0.0));
+        let distance = |at: &Vec3| at.distance_squared(robot.at);
+        let Some(goal) = free.min_by(|a, b| distance(a).total_cmp(&distance(b))) else {
+            continue;
+        };
+        let mut way = (goal - robot.at).normalize_or_zero();
+        for (Obstacle(radius), place) in &obstacles {
+            let away = robot.at - place.translation.with_y(0.0);
+            let gap = away.length() - radius - GIRTH;
+            let inwards = -way.dot(away.normalize_or_zero());
+            if gap < CAUTION && inwards > 0.0 {
+                // Around it, to the side that is nearer to where it goes.
+                let side = away.cross(Vec3::Y).normalize_or_zero();
+                let side = if side.dot(way) < 0.0 { -side } else { side };
+                way = way.lerp(side, (1.0 - gap / CAUTION).min(1.0)).normalize_or_zero();
+            }
+        }
+        robot.wish = way;
+    }
+}
+
+pub fn drive(
+    time: Res<Time>,
+    mut robots: Query<(&mut Robot, &mut Transform), Without<Obstacle>>,
+    obstacles: Query<(&Obstacle, &Transform)>,
+) {
+    let seconds = time.delta_secs();
+    let ease = 1.0 - (-EASE * seconds).exp();
+    for (mut robot, mut place) in &mut robots {
+        let goal = SPEED * robot.wish;
+        robot.velocity = robot.velocity.lerp(goal, ease);
+        let step = robot.velocity * seconds;
+        robot.at += step;
+        robot.walked += step.length();
+        for (Obstacle(radius), obstacle) in &obstacles {
+            let middle = obstacle.translation.with_y(0.0);
+            let away = robot.at - middle;
+            robot.at = middle + away.normalize_or(Vec3::Z) * away.length().max(radius + GIRTH);
+        }
+        robot.at = robot.at.clamp_length_max(RADIUS - GIRTH);
+        // It turns to where it goes.
+        if robot.wish != Vec3::ZERO {
+            let ahead = Vec3::new(robot.turn.sin(), 0.0, robot.turn.cos());
+            let off = ahead.cross(robot.wish).y.atan2(ahead.dot(robot.wish));
+            robot.turn += ease * off;
+        }
+        let hop = 0.1 * (3.2 * robot.walked).sin().abs();
+        *place = standing(robot.at + hop * Vec3::Y, 1.0, robot.turn);
+    }
+}
