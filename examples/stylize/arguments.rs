@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use bevy_plenoctree::{ExtractionSettings, Palette, Posterize};
 use clap::{Parser, ValueEnum};
 
-use crate::size::parse_size;
+use crate::{quality::Level, size::parse_size};
 
 /// Renders a PlenOctree, extracts its palette, and posterises and recolours the views.
 #[derive(Parser)]
@@ -54,6 +54,9 @@ pub struct Arguments {
     /// The colour behind the field.
     #[arg(long, value_name = "#RRGGBB", default_value = "#ffffff", value_parser = parse_color)]
     background: [u8; 3],
+    /// How exactly the GPU draws; the palette's sampling has settings of its own.
+    #[arg(long, value_enum, default_value_t)]
+    pub quality: Level,
     /// What renders.
     #[arg(long, value_enum, default_value_t = Renderer::Gpu)]
     pub renderer: Renderer,

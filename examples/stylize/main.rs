@@ -7,6 +7,8 @@
 mod arguments;
 mod extraction;
 mod output;
+#[path = "../common/quality.rs"]
+mod quality;
 mod renderers;
 mod report;
 #[path = "../common/size.rs"]
@@ -82,6 +84,7 @@ fn run(arguments: &Arguments) -> Result<()> {
         palette: palette.clone(),
         recolored,
         look: arguments.look(),
+        quality: arguments.quality.preset(),
         background: arguments.background(),
     };
     let size = cameras.iter().fold((1, 1), |size, camera| (size.0.max(camera.width), size.1.max(camera.height)));

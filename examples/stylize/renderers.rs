@@ -12,7 +12,7 @@ use bevy::{
     },
 };
 use bevy_plenoctree::{
-    FieldPalette, Palette, Palettes, PlenOctree, PlenOctreePlugin, Posterize, Prop,
+    FieldPalette, Palette, Palettes, PlenOctree, PlenOctreePlugin, Posterize, Preset, Prop,
     camera::PinholeCamera,
     gpu::GpuField,
     headless::{Headless, exact_camera, pinhole_view},
@@ -31,6 +31,8 @@ pub struct Job {
     /// The palette to recolour with.
     pub recolored: Option<Vec<[f64; 3]>>,
     pub look: Posterize,
+    /// For the GPU; the reference is always exact.
+    pub quality: Preset,
     /// Encoded sRGB.
     pub background: [u8; 3],
 }
@@ -76,7 +78,7 @@ impl GpuRenderer {
         world.resource_mut::<Palettes>().insert(&field, FieldPalette::new(job.palette.clone()));
         let [r, g, b] = job.background;
         let prop = world.spawn(Prop(field.clone())).id();
-        let camera = world.spawn((exact_camera(Color::srgb_u8(r, g, b)), target)).id();
+        let camera = world.spawn((exact_camera(Color::srgb_u8(r, g, b)), target, job.quality.quality())).id();
         headless.wait_until_ready(UPLOAD_TIMEOUT)?;
         Ok(Self { headless, job, prop, camera, field })
     }
@@ -166,7 +168,7 @@ impl ReferenceRenderer {
 
 impl Render for ReferenceRenderer {
     fn render(&mut self, camera: &PinholeCamera) -> Result<(Pictures, FrameTimes)> {
-        let Job { field, palette, recolored, look, background } = &self.job;
+        let Job { field, palette, recolored, look, background, .. } = &self.job;
         let background = DVec3::from(background.map(|c| f64::from(c) / 255.0));
         let settings = Posterization {
             blend_steps: look.blend_steps,

@@ -1,0 +1,69 @@
+//! The plugin, drawing one prop at some quality.
+
+use std::time::{Duration, Instant};
+
+use bevy::prelude::*;
+use bevy_plenoctree::{
+    FieldPalette, Palette, Palettes, PlenOctree, PlenOctreePlugin, Posterize, Prop,
+    camera::PinholeCamera,
+    field::Precision,
+    headless::{Headless, exact_camera, pinhole_view},
+};
+use image::RgbaImage;
+
+use crate::{Result, variants::Variant};
+
+const PATIENCE: Duration = Duration::from_secs(600);
+
+pub struct Stage {
+    headless: Headless,
+    field: PlenOctree,
+    prop: Entity,
+    camera: Entity,
+    /// The field at every precision.
+    handles: [Handle<PlenOctree>; 2],
+}
+
+impl Stage {
+    pub fn new(field: &PlenOctree, palette: &Palette, size: (u32, u32)) -> Result<Self> {
+        let mut headless = Headless::new(size.into(), |app| {
+            app.add_plugins(PlenOctreePlugin);
+        })?;
+        let target = headless.target();
+        let world = headless.app.world_mut();
+        let handles = [Precision::Half, Precision::Byte].map(|precision| {
+            let handle = world.resource_mut::<Assets<PlenOctree>>().add(field.clone().with_precision(precision));
+            world.resource_mut::<Palettes>().insert(&handle, FieldPalette::new(palette.clone()));
+            handle
+        });
+        let prop = world.spawn(Prop(handles[0].clone())).id();
+        let camera = world.spawn((exact_camera(Color::WHITE), target)).id();
+        headless.wait_until_ready(PATIENCE)?;
+        Ok(Self { headless, field: field.clone(), prop, camera, handles })
+    }
+
+    /// From now on; the first picture makes what it needs.
+    pub fn set(&mut self, variant: &Variant, look: Option<Posterize>) {
+        let handle = self.handles[usize::from(variant.precision == Precision::Byte)].clone();
+        let world = self.headless.app.world_mut();
+        world.entity_mut(self.camera).insert(variant.quality);
+        let mut prop = world.entity_mut(self.prop);
+        prop.insert(Prop(handle)).remove::<Posterize>();
+        if let Some(look) = look {
+            prop.insert(look);
+        }
+    }
+
+    pub fn picture(&mut self, camera: &PinholeCamera) -> Result<RgbaImage> {
+        let view = pinhole_view(camera, self.field.up());
+        self.headless.app.world_mut().entity_mut(self.camera).insert(view);
+        Ok(self.headless.picture()?)
+    }
+
+    /// Seconds until a picture is in memory.
+    pub fn time(&mut self, camera: &PinholeCamera) -> Result<f64> {
+        let start = Instant::now();
+        self.picture(camera)?;
+        Ok(start.elapsed().as_secs_f64())
+    }
+}

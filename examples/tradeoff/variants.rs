@@ -1,0 +1,51 @@
+//! What is tried.
+
+use bevy_plenoctree::{ExtractionSettings, Preset, Quality, field::Precision};
+
+/// One value of one knob, or a preset.
+#[derive(Clone)]
+pub struct Variant {
+    pub setting: &'static str,
+    pub value: String,
+    pub quality: Quality,
+    pub precision: Precision,
+}
+
+/// The exact picture first.
+pub fn rendering() -> Vec<Variant> {
+    let variant = |setting, value: String, quality, precision| Variant { setting, value, quality, precision };
+    let mut all = vec![variant("exact", String::new(), Quality::EXACT, Precision::Half)];
+    let mut knob = |setting, values: &[f32], turn: fn(&mut Quality, f32)| {
+        for value in values {
+            let mut quality = Quality::EXACT;
+            turn(&mut quality, *value);
+            all.push(variant(setting, value.to_string(), quality, Precision::Half));
+        }
+    };
+    knob("stop_transmittance", &[0.02, 0.05, 0.1], |quality, value| quality.stop_transmittance = value);
+    knob("density_threshold", &[0.5, 2.0, 8.0], |quality, value| quality.density_threshold = value);
+    knob("min_weight", &[0.001, 0.004, 0.016], |quality, value| quality.min_weight = value);
+    knob("degree", &[1.0, 0.0], |quality, value| quality.degree = value as u32);
+    knob("cell_size", &[0.7, 1.0, 1.5, 2.0, 3.0], |quality, value| quality.cell_size = value);
+    knob("resolution", &[0.75, 0.5, 0.34], |quality, value| quality.resolution = value);
+    knob("filter_iterations", &[3.0, 2.0, 1.0, 0.0], |quality, value| quality.filter_iterations = value as u32);
+    knob("filter_radius", &[1.0], |quality, value| quality.filter_radius = value as u32);
+    all.push(variant("precision", "byte".into(), Quality::EXACT, Precision::Byte));
+    for (preset, name) in Preset::ALL.into_iter().zip(["exact", "high", "balanced", "fast"]).skip(1) {
+        all.push(variant("preset", name.into(), preset.quality(), Precision::Half));
+    }
+    all
+}
+
+/// Knobs of extraction, the exact ones first.
+pub fn extraction() -> Vec<(&'static str, String, ExtractionSettings)> {
+    let exact = ExtractionSettings::default();
+    let mut all = vec![("extraction", "exact".into(), exact.clone())];
+    for sample_fraction in [0.5, 0.25, 0.1] {
+        let settings = ExtractionSettings { sample_fraction, ..exact.clone() };
+        all.push(("sample_fraction", sample_fraction.to_string(), settings));
+    }
+    all.push(("directions", "1".into(), ExtractionSettings { directions: 1, ..exact.clone() }));
+    all.push(("multisamples", "1".into(), ExtractionSettings { multisamples: 1, ..exact }));
+    all
+}
