@@ -1,7 +1,11 @@
-//! Props on the ground: where they stand, and a soft dark spot beneath each, since a prop casts no shadow.
+//! Props on the ground: where they stand, and how they keep light from it. A prop casts no shadow, so that simple meshes
+//! that only lights see cast one in its place, and a soft dark spot lies beneath it.
+
+use std::collections::HashMap;
 
 use bevy::{
     asset::RenderAssetUsages,
+    camera::visibility::RenderLayers,
     image::{Image, ImageSampler},
     light::{NotShadowCaster, NotShadowReceiver},
     prelude::*,
@@ -9,7 +13,7 @@ use bevy::{
 };
 
 pub fn plugin(app: &mut App) {
-    app.init_resource::<Spot>().add_observer(add_spot);
+    app.init_resource::<Shadows>().add_observer(add_shadow).add_observer(show_casters);
 }
 
 /// How far below their origin our props stand.
@@ -22,49 +26,88 @@ pub fn standing(at: Vec3, scale: f32, turn: f32) -> Transform {
         .with_scale(Vec3::splat(scale))
 }
 
-/// Half of what a prop covers of the ground along its x and z axes; a dark spot is put there.
+/// The dark on the ground that one of our props makes, on the prop's entity.
 #[derive(Component, Clone, Copy)]
-pub struct Footprint(Vec2);
+pub struct Footprint(&'static str);
 
 impl Footprint {
-    /// That of one of our props.
-    pub fn of(file: &str) -> Self {
-        Self(match file {
-            "toadstool.npz" => Vec2::new(0.9, 0.9),
-            "drum.npz" => Vec2::new(0.96, 0.96),
-            "gumballs.npz" => Vec2::new(0.7, 0.7),
-            "robot.npz" => Vec2::new(0.46, 0.32),
-            _ => Vec2::ONE,
-        })
+    /// That of the prop of a file.
+    pub fn of(file: &'static str) -> Self {
+        Self(file)
+    }
+
+    /// Half of what the prop covers of the ground, along x and z.
+    fn half_size(self) -> Vec2 {
+        match self.0 {
+            "toadstool.npz" => Vec2::splat(0.9),
+            "drum.npz" => Vec2::splat(0.96),
+            "gumballs.npz" => Vec2::splat(0.7),
+            _ => Vec2::new(0.48, 0.34),
+        }
+    }
+
+    /// What casts the prop's shadow: its outline in a few words, each with the height of its middle.
+    fn casters(self) -> Vec<(Mesh, f32)> {
+        match self.0 {
+            "toadstool.npz" => vec![
+                (Cylinder::new(0.85, 0.14).into(), -0.86),
+                (Cylinder::new(0.42, 1.0).into(), -0.3),
+                (Mesh::from(Sphere::new(0.85)).scaled_by(Vec3::new(1.0, 0.6, 1.0)), 0.3),
+            ],
+            "drum.npz" => vec![(Cylinder::new(0.1, 0.8).into(), -0.5), (Cylinder::new(0.7, 0.62).into(), 0.12)],
+            "gumballs.npz" => vec![
+                (ConicalFrustum { radius_top: 0.42, radius_bottom: 0.64, height: 0.85 }.into(), -0.5),
+                (Sphere::new(0.6).into(), 0.28),
+                (Sphere::new(0.22).into(), 0.85),
+            ],
+            _ => vec![
+                (Cuboid::new(0.56, 0.56, 0.36).into(), -0.63),
+                (Cuboid::new(0.72, 0.56, 0.42).into(), -0.08),
+                (Cuboid::new(1.2, 0.16, 0.16).into(), 0.0),
+                (Cuboid::new(0.56, 0.48, 0.42).into(), 0.48),
+                (Cylinder::new(0.05, 0.3).into(), 0.85),
+            ],
+        }
     }
 }
 
-/// How far the spot reaches beyond the footprint.
-const REACH: f32 = 1.45;
-/// How dark it is in its middle, and its pixels a side.
-const DARKNESS: f32 = 0.6;
-const PIXELS: u32 = 64;
+/// The layer of what casts shadows and is not seen.
+const UNSEEN: usize = 1;
 
-#[derive(Resource)]
-struct Spot {
-    mesh: Handle<Mesh>,
-    material: Handle<StandardMaterial>,
+/// Lets every light see what casts the shadows of props.
+fn show_casters(added: On<Add, (DirectionalLight, PointLight)>, mut commands: Commands) {
+    commands.entity(added.entity).insert(RenderLayers::from_layers(&[0, UNSEEN]));
 }
 
-impl FromWorld for Spot {
+/// How far the spot reaches beyond the footprint.
+const REACH: f32 = 1.3;
+/// How dark it is in its middle, and its pixels a side.
+const DARKNESS: f32 = 0.55;
+const PIXELS: u32 = 64;
+
+/// What all shadows are made of; copies of a prop share its casters.
+#[derive(Resource)]
+struct Shadows {
+    casters: HashMap<&'static str, Vec<(Handle<Mesh>, f32)>>,
+    plain: Handle<StandardMaterial>,
+    plane: Handle<Mesh>,
+    spot: Handle<StandardMaterial>,
+}
+
+impl FromWorld for Shadows {
     fn from_world(world: &mut World) -> Self {
         let image = world.resource_mut::<Assets<Image>>().add(soft_disc());
-        let material = StandardMaterial {
+        let spot = StandardMaterial {
             base_color: Color::BLACK,
             base_color_texture: Some(image),
             alpha_mode: AlphaMode::Blend,
             unlit: true,
             ..default()
         };
-        Self {
-            mesh: world.resource_mut::<Assets<Mesh>>().add(Plane3d::new(Vec3::Y, Vec2::ONE)),
-            material: world.resource_mut::<Assets<StandardMaterial>>().add(material),
-        }
+        let mut materials = world.resource_mut::<Assets<StandardMaterial>>();
+        let (plain, spot) = (materials.add(StandardMaterial::default()), materials.add(spot));
+        let plane = world.resource_mut::<Assets<Mesh>>().add(Plane3d::new(Vec3::Y, Vec2::ONE));
+        Self { casters: HashMap::new(), plain, plane, spot }
     }
 }
 
@@ -80,16 +123,36 @@ fn soft_disc() -> Image {
     image
 }
 
-fn add_spot(added: On<Add, Footprint>, footprints: Query<&Footprint>, spot: Res<Spot>, mut commands: Commands) {
-    let Ok(Footprint(half_size)) = footprints.get(added.entity) else {
+fn add_shadow(
+    added: On<Add, Footprint>,
+    props: Query<&Footprint>,
+    mut shadows: ResMut<Shadows>,
+    mut meshes: ResMut<Assets<Mesh>>,
+    mut commands: Commands,
+) {
+    let Ok(footprint) = props.get(added.entity) else {
         return;
     };
-    let size = REACH * *half_size;
-    commands.entity(added.entity).with_child((
-        Mesh3d(spot.mesh.clone()),
-        MeshMaterial3d(spot.material.clone()),
-        Transform::from_xyz(0.0, 0.01 - GROUND, 0.0).with_scale(Vec3::new(size.x, 1.0, size.y)),
-        NotShadowCaster,
-        NotShadowReceiver,
-    ));
+    let Shadows { casters, plain, plane, spot } = &mut *shadows;
+    let casters = casters
+        .entry(footprint.0)
+        .or_insert_with(|| footprint.casters().into_iter().map(|(mesh, height)| (meshes.add(mesh), height)).collect());
+    let size = REACH * footprint.half_size();
+    commands.entity(added.entity).with_children(|prop| {
+        prop.spawn((
+            Mesh3d(plane.clone()),
+            MeshMaterial3d(spot.clone()),
+            Transform::from_xyz(0.0, 0.01 - GROUND, 0.0).with_scale(Vec3::new(size.x, 1.0, size.y)),
+            NotShadowCaster,
+            NotShadowReceiver,
+        ));
+        for (mesh, height) in casters {
+            prop.spawn((
+                Mesh3d(mesh.clone()),
+                MeshMaterial3d(plain.clone()),
+                Transform::from_xyz(0.0, *height, 0.0),
+                RenderLayers::layer(UNSEEN),
+            ));
+        }
+    });
 }

@@ -24,6 +24,8 @@ pub fn plugin(count: u32) -> impl Plugin {
 const SPACING: f32 = 2.3;
 /// How much higher a ring is than the next one outwards.
 const STEP: f32 = 0.9;
+/// The toy in the middle, at the height of its hops.
+const TALLEST: f32 = 2.6;
 /// Radians a second.
 const PACE: f32 = 0.06;
 
@@ -71,7 +73,7 @@ fn spawn(mut builder: Builder, assets: &AssetServer, count: u32) {
     let edge = SPACING * (outermost as f32 + 0.5);
     let plate = Cylinder::new(edge + 0.9, 0.16).mesh().resolution(128).build();
     builder.put(plate, color("#6fa8c9"), Transform::from_xyz(0.0, -0.55, 0.0));
-    spawn_camera(&mut builder.commands, edge, STEP * outermost as f32 + 2.0);
+    spawn_camera(&mut builder.commands, edge, STEP * outermost as f32 + TALLEST);
 }
 
 fn build_tier(builder: &mut Builder, ring: usize, height: f32) {
@@ -85,24 +87,30 @@ fn build_tier(builder: &mut Builder, ring: usize, height: f32) {
     builder.put(cream, color("#fffaf0"), Transform::from_xyz(0.0, height, 0.0));
 }
 
-/// From the front and above, as far away as a cake of this radius and height needs.
+/// From the front and above, as near as it sees the whole of a cake of this radius and height.
 fn spawn_camera(commands: &mut Commands, edge: f32, height: f32) {
-    let (pitch, fov) = (0.42f32, 0.5f32);
-    // What it covers, seen from there.
-    let half_height = edge * pitch.sin() + 0.5 * height * pitch.cos();
-    let half_width = edge + 1.0;
-    let distance = edge * pitch.cos() + half_height.max(half_width / 1.5) / (0.5 * fov).tan();
-    let middle = 0.42 * height * Vec3::Y;
-    let eye = middle + distance * Vec3::new(0.0, pitch.sin(), pitch.cos());
+    let (pitch, fov, aspect) = (0.42f32, 0.5f32, 1.5);
+    let turn = Quat::from_rotation_x(-pitch);
+    let up = 0.96 * (0.5 * fov).tan();
+    let across = aspect * up;
+    let plate = (0..32).map(|i| Quat::from_rotation_y(0.2 * i as f32) * ((edge + 0.9) * Vec3::Z) - 0.6 * Vec3::Y);
+    // As the camera is turned, each point bounds where it may be: above and below, and how far back.
+    let (mut above, mut below, mut back) = (f32::MIN, f32::MAX, f32::MIN);
+    for point in plate.chain([height * Vec3::Y]).map(|point| turn.inverse() * point) {
+        above = above.max(point.y + up * point.z);
+        below = below.min(point.y - up * point.z);
+        back = back.max(point.z + point.x.abs() / across);
+    }
+    let eye = Vec3::new(0.0, 0.5 * (above + below), back.max(0.5 * (above - below) / up));
     commands.spawn((
         Camera3d::default(),
-        Projection::from(PerspectiveProjection { fov, far: 4.0 * distance, ..default() }),
-        Transform::from_translation(eye).looking_at(middle, Vec3::Y),
+        Projection::from(PerspectiveProjection { fov, far: 4.0 * eye.z, ..default() }),
+        Transform::from_translation(turn * eye).with_rotation(turn),
     ));
     commands.spawn((
         DirectionalLight { illuminance: 9_000.0, shadow_maps_enabled: true, ..default() },
         Transform::default().looking_to(Vec3::new(0.6, -1.0, -0.5), Vec3::Y),
-        CascadeShadowConfigBuilder { num_cascades: 1, maximum_distance: distance + 1.5 * edge, ..default() }.build(),
+        CascadeShadowConfigBuilder { num_cascades: 1, maximum_distance: eye.z + 1.5 * edge, ..default() }.build(),
     ));
 }
 

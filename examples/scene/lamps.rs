@@ -9,6 +9,7 @@ use bevy_plenoctree::BlendSpace;
 use crate::{
     build::{Builder, color},
     game::Night,
+    room::BOTTLE,
 };
 
 pub fn plugin(app: &mut App) {
@@ -24,40 +25,40 @@ struct Dimmed([f32; 2]);
 #[derive(Component)]
 struct Glow([LinearRgba; 2]);
 
-const AMBIENT: [f32; 2] = [900.0, 110.0];
+const AMBIENT: [f32; 2] = [1_000.0, 120.0];
 const AMBIENT_COLORS: [&str; 2] = ["#fff3df", "#6f86e8"];
 
 fn light_sun(mut commands: Commands) {
     commands.spawn((
         DirectionalLight { color: color("#ffe3b0"), shadow_maps_enabled: true, ..default() },
-        Dimmed([26_000.0, 0.0]),
+        Dimmed([34_000.0, 0.0]),
         // Through the window, into the middle of the room.
         Transform::default().looking_to(Vec3::new(0.62, -0.62, 0.95), Vec3::Y),
         CascadeShadowConfigBuilder { num_cascades: 1, maximum_distance: 18.0, ..default() }.build(),
     ));
     // What the walls throw back, from where the camera is.
     commands.spawn((
-        PointLight { color: color("#ffe9cf"), range: 20.0, ..default() },
+        PointLight { color: color("#ffe9cf"), shadow_maps_enabled: true, range: 20.0, ..default() },
         Dimmed([900_000.0, 60_000.0]),
         Transform::from_xyz(-1.0, 3.6, 5.0),
     ));
 }
 
 fn spawn_lamp(mut builder: Builder) {
-    let foot = Vec3::new(4.0, 0.0, -2.2);
+    let foot = Vec3::new(3.9, 0.0, -1.9);
     let brass = StandardMaterial { metallic: 0.6, perceptual_roughness: 0.4, ..color("#b08a3e").into() };
     builder.put(Cylinder::new(0.42, 0.08), brass.clone(), Transform::from_translation(foot + 0.04 * Vec3::Y));
     builder.put(Cylinder::new(0.05, 2.5), brass, Transform::from_translation(foot + 1.25 * Vec3::Y));
     let shade = ConicalFrustum { radius_top: 0.34, radius_bottom: 0.66, height: 0.72 };
     let bulb = foot + 2.75 * Vec3::Y;
     // Its light comes from inside.
-    let warm = LinearRgba::rgb(2.6, 1.5, 0.6);
+    let warm = LinearRgba::rgb(2.4, 1.3, 0.45);
     builder
         .put(shade, color("#f3dfb8"), Transform::from_translation(bulb))
         .insert((NotShadowCaster, Glow([LinearRgba::BLACK, warm])));
     builder.commands.spawn((
         PointLight { color: color("#ffc98a"), shadow_maps_enabled: true, range: 14.0, radius: 0.2, ..default() },
-        Dimmed([0.0, 460_000.0]),
+        Dimmed([0.0, 300_000.0]),
         Transform::from_translation(bulb),
     ));
 }
@@ -95,17 +96,13 @@ fn fill_bottle(mut builder: Builder) {
     {
         let light = LinearRgba::rgb(2.4, 3.6, 0.6);
         builder
-            .put(
-                Sphere::new(0.028),
-                Color::BLACK,
-                Transform::from_translation(crate::room::BOTTLE + Vec3::new(x, y, z)),
-            )
+            .put(Sphere::new(0.028), Color::BLACK, Transform::from_translation(BOTTLE + Vec3::new(x, y, z)))
             .insert((NotShadowCaster, Glow([0.2 * light, 3.0 * light])));
     }
     builder.commands.spawn((
         PointLight { color: color("#d8ff8a"), range: 4.0, ..default() },
-        Dimmed([0.0, 22_000.0]),
-        Transform::from_translation(crate::room::BOTTLE + 0.4 * Vec3::Y),
+        Dimmed([0.0, 60_000.0]),
+        Transform::from_translation(BOTTLE + 0.4 * Vec3::Y),
     ));
 }
 

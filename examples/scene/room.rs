@@ -18,7 +18,7 @@ pub const BOTTLE: Vec3 = Vec3::new(-2.35, 0.0, 1.9);
 /// The top of the table.
 pub const TABLE: Vec3 = Vec3::new(2.75, 0.72, -1.35);
 
-const WALL: &str = "#9db8b4";
+const WALL: &str = "#93b4cc";
 const PANEL: &str = "#e8dcc0";
 const WOOD: &str = "#8a5a36";
 
@@ -112,7 +112,7 @@ fn glass(tint: &str, opacity: f32) -> StandardMaterial {
         // Premultiplied, so that the lamps' reflections are bright, however thin the glass is.
         base_color: (color(tint).to_linear() * opacity).with_alpha(opacity).into(),
         perceptual_roughness: 0.08,
-        reflectance: 0.9,
+        reflectance: 0.45,
         alpha_mode: AlphaMode::Premultiplied,
         ..default()
     }
@@ -126,7 +126,7 @@ fn set_glass(mut builder: Builder) {
             .put(Capsule3d::new(radius, length).mesh().latitudes(32).longitudes(64), material, place)
             .insert(NotShadowCaster);
     };
-    let pane = glass("#bfe6ee", 0.07);
+    let pane = glass("#bfe6ee", 0.035);
     // Its far side, seen from within, is behind the toadstool; its near side is before it.
     bell(
         1.5,
@@ -142,7 +142,7 @@ fn set_glass(mut builder: Builder) {
         .put(Sphere::new(0.13), glass("#bfe6ee", 0.4), Transform::from_translation(JAR + 2.97 * Vec3::Y))
         .insert(NotShadowCaster);
 
-    let green = glass("#5fbf7a", 0.3);
+    let green = glass("#4fae6a", 0.35);
     for (shape, height) in [
         (Mesh::from(Cylinder::new(0.25, 0.66)), 0.33),
         (Mesh::from(ConicalFrustum { radius_top: 0.1, radius_bottom: 0.25, height: 0.2 }), 0.76),

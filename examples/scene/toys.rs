@@ -70,7 +70,7 @@ fn spawn(mut commands: Commands, assets: Res<AssetServer>) {
         Footprint::of("drum.npz"),
         standing(Vec3::new(-3.2, 0.0, -0.5), 1.0, 0.35),
     ));
-    let robot = ["#1f6f8f", "#0a0c18", "#8f2a4c", "#a8642e", "#fff0a0", "#8d9bd0"];
+    let robot = ["#1f6f8f", "#2c3160", "#8f2a4c", "#a8642e", "#fff0a0", "#8d9bd0"];
     commands.spawn((
         Prop(assets.load("robot.npz")),
         POSTER,

@@ -13,7 +13,7 @@ use crate::{
 };
 
 pub fn plugin(app: &mut App) {
-    app.insert_resource(ClearColor(color("#bfe3f2")))
+    app.insert_resource(ClearColor(color("#20303c")))
         .insert_resource(GlobalAmbientLight { brightness: 700.0, ..default() })
         .add_systems(Startup, (build_ground, place_props));
 }
@@ -28,17 +28,17 @@ pub struct Obstacle(pub f32);
 fn build_ground(mut builder: Builder) {
     builder.commands.spawn((
         DirectionalLight { illuminance: 9_000.0, shadow_maps_enabled: true, ..default() },
-        Transform::default().looking_to(Vec3::new(-0.5, -1.0, -0.35), Vec3::Y),
+        Transform::default().looking_to(Vec3::new(0.55, -1.0, -0.45), Vec3::Y),
         CascadeShadowConfigBuilder { num_cascades: 1, maximum_distance: 24.0, ..default() }.build(),
     ));
     // Lawn, mown in rings.
-    let lawn = ["#8fcf86", "#83c57b"];
+    let lawn = ["#84d672", "#76c964"];
     for ring in 0..7 {
         let paint = StandardMaterial { perceptual_roughness: 1.0, ..color(lawn[ring % 2]).into() };
         let disc = Cylinder::new(RADIUS + 1.0 - 1.5 * ring as f32, 0.02).mesh().resolution(96).build();
         builder.put(disc, paint, Transform::from_xyz(0.0, 0.002 * ring as f32 - 0.012, 0.0));
     }
-    let meadow = StandardMaterial { perceptual_roughness: 1.0, ..color("#6fae6b").into() };
+    let meadow = StandardMaterial { perceptual_roughness: 1.0, ..color("#62ad57").into() };
     builder.put(Circle::new(80.0), meadow, Transform::from_xyz(0.0, -0.03, 0.0).looking_to(Vec3::NEG_Y, Vec3::Z));
     // The fence, in both teams' colours.
     let posts = 44;
@@ -60,7 +60,7 @@ fn place_props(mut commands: Commands, assets: Res<AssetServer>) {
         Machine,
         standing(Vec3::ZERO, 1.7, 0.0),
     ));
-    for (x, z, turn, cap) in [(-4.8, 3.0, 0.8, "#d8344e"), (5.2, 1.2, -0.9, "#e38a1f"), (-1.0, -6.4, 0.2, "#8a4fd0")] {
+    for (x, z, turn, cap) in [(-5.0, -3.2, 0.5, "#d8344e"), (5.2, -2.8, -0.5, "#e38a1f"), (0.2, -6.0, 0.0, "#8a4fd0")] {
         commands.spawn((
             Prop(assets.load("toadstool.npz")),
             Posterize::default(),
@@ -70,7 +70,7 @@ fn place_props(mut commands: Commands, assets: Res<AssetServer>) {
             standing(Vec3::new(x, 0.0, z), 1.35, turn),
         ));
     }
-    for (x, z) in [(2.6, 6.0), (-5.8, -3.0), (5.0, -4.6)] {
+    for (x, z) in [(1.6, 6.2), (-6.4, 2.2), (6.2, 2.6)] {
         commands.spawn((
             Prop(assets.load("drum.npz")),
             Posterize::default(),

@@ -14,8 +14,8 @@ pub fn plugin(app: &mut App) {
         .add_systems(Update, (pick_up, carry, end_round, wear_lead).chain().after(drive));
 }
 
-const BALLS: usize = 20;
-const SIZE: f32 = 0.19;
+const BALLS: usize = 18;
+const SIZE: f32 = 0.16;
 /// How near a robot must come.
 const GRASP: f32 = 0.75;
 /// Balls that win a round.
@@ -37,8 +37,9 @@ pub struct Ball {
 }
 
 impl Ball {
-    pub fn is_free(&self) -> bool {
-        self.carried.is_none()
+    /// Whether it lies where it can be picked up; after a round it has to get there first.
+    pub fn lies_at(&self, place: &Transform) -> bool {
+        self.carried.is_none() && place.translation.distance(self.home) < SIZE
     }
 }
 
@@ -53,7 +54,7 @@ fn scatter(mut builder: Builder, obstacles: Query<(&Obstacle, &Transform)>) {
             let away = home - middle;
             home = middle + away.normalize_or(Vec3::Z) * away.length().max(radius + 0.7);
         }
-        let home = home.with_y(SIZE);
+        let home = home.clamp_length_max(RADIUS - 0.7) + SIZE * Vec3::Y;
         let candy = StandardMaterial { perceptual_roughness: 0.25, ..candy.into() };
         builder
             .put(Sphere::new(SIZE).mesh().uv(32, 16), candy, Transform::from_translation(home))
@@ -64,7 +65,7 @@ fn scatter(mut builder: Builder, obstacles: Query<(&Obstacle, &Transform)>) {
 fn pick_up(mut robots: Query<(Entity, &mut Robot)>, mut balls: Query<(&mut Ball, &Transform), Without<Robot>>) {
     for (mut ball, place) in &mut balls {
         for (entity, mut robot) in &mut robots {
-            if ball.is_free() && robot.at.distance(place.translation.with_y(0.0)) < GRASP {
+            if ball.lies_at(place) && robot.at.distance(place.translation.with_y(0.0)) < GRASP {
                 ball.carried = Some((entity, robot.load));
                 robot.load += 1;
             }

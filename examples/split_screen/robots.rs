@@ -21,7 +21,7 @@ pub const HEAD: f32 = 1.97;
 /// Around a robot, for what it bumps into.
 const GIRTH: f32 = 0.55;
 /// Metres a second.
-const SPEED: f32 = 3.2;
+const SPEED: f32 = 2.8;
 /// How fast speed and heading become what is wanted, in shares a second.
 const EASE: f32 = 9.0;
 /// How near to an obstacle a robot that plays alone gives way to it.
@@ -88,7 +88,8 @@ fn play_alone(
     obstacles: Query<(&Obstacle, &Transform)>,
 ) {
     for (_, mut robot) in robots.iter_mut().filter(|(player, _)| player.absent) {
-        let free = balls.iter().filter(|(ball, _)| ball.is_free()).map(|(_, place)| place.translation.with_y(0.0));
+        let free =
+            balls.iter().filter(|(ball, place)| ball.lies_at(place)).map(|(_, place)| place.translation.with_y(0.0));
         let distance = |at: &Vec3| at.distance_squared(robot.at);
         let Some(goal) = free.min_by(|a, b| distance(a).total_cmp(&distance(b))) else {
             continue;

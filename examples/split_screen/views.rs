@@ -18,8 +18,8 @@ const PACE: f32 = 4.0;
 struct ViewOf(Entity);
 
 /// Where a camera is from its robot, and what it looks at.
-const EYE: Vec3 = Vec3::new(0.0, 6.4, 8.2);
-const FOCUS: Vec3 = Vec3::new(0.0, 1.3, 0.0);
+const EYE: Vec3 = Vec3::new(0.0, 6.0, 7.6);
+const FOCUS: Vec3 = Vec3::new(0.0, 1.6, 0.0);
 
 fn spawn(mut commands: Commands, players: Query<(Entity, &Player, &Robot)>) {
     for (entity, player, robot) in &players {
