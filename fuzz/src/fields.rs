@@ -37,6 +37,9 @@ pub fn check_field(bytes: &[u8], unpacked: Option<u64>, settings: &Settings) {
         Some(Ok(field)) => {
             check_written(&field);
             check_seen(&field);
+            let coarser = field.coarser(1);
+            assert_eq!(coarser.is_some(), field.depth() > 1);
+            coarser.iter().for_each(check_seen);
             if settings.extract && field.leaves() <= MOST_EXTRACTED && field.depth() <= DEEPEST_EXTRACTED {
                 check_extracted(&field);
             }
@@ -54,7 +57,12 @@ fn read(bytes: &[u8], settings: &LoadSettings) -> Result<PlenOctree, ReadError> 
 fn check_written(field: &PlenOctree) {
     let mut bytes = Cursor::new(Vec::new());
     field.write_to(&mut bytes).expect("what was read can be written");
-    let settings = LoadSettings { activation: Some(field.activation()), up: field.up(), density_threshold: 0.0 };
+    let settings = LoadSettings {
+        activation: Some(field.activation()),
+        up: field.up(),
+        density_threshold: 0.0,
+        ..Default::default()
+    };
     let again = read(bytes.get_ref(), &settings).expect("what was written can be read");
     let single = |v: DVec3| v.as_vec3().as_dvec3();
     let frame = field.frame();

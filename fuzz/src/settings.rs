@@ -25,6 +25,7 @@ impl Settings {
             },
             up: if self.y_up { UpAxis::Y } else { UpAxis::Z },
             density_threshold: self.density_threshold,
+            ..Default::default()
         }
     }
 }

@@ -33,7 +33,8 @@ impl PlenOctree {
         let widths = (self.frame().scale * f64::from(1u32 << self.depth())).recip();
         let densities = leaves.par_iter().map(|leaf| match leaf {
             NewLeaf::Same(leaf) => self.densities()[*leaf as usize],
-            NewLeaf::Merged(node) => density(self.node_densities(*node), widths) as f32,
+            // No leaf is empty, however little of it is left.
+            NewLeaf::Merged(node) => (density(self.node_densities(*node), widths) as f32).max(f32::MIN_POSITIVE),
         });
         let coefficients = leaves.par_iter().flat_map_iter(|leaf| match leaf {
             NewLeaf::Same(leaf) => self.leaf_coefficients(*leaf).to_vec(),
@@ -82,8 +83,8 @@ fn density(cells: [f64; 8], widths: DVec3) -> f64 {
         let (bit, width) = (4 >> axis, widths[axis]);
         let columns = (0..8).filter(|cell| cell & bit == 0).map(|cell| (cells[cell] + cells[cell | bit]) * width);
         let least = columns.clone().fold(f64::INFINITY, f64::min);
-        let let_through = columns.map(|depth| (least - depth).exp()).sum::<f64>() / 4.0;
-        (least - let_through.ln()) / (2.0 * width)
+        let taken = columns.map(|depth| (least - depth).exp_m1()).sum::<f64>() / 4.0;
+        (least - taken.ln_1p()) / (2.0 * width)
     };
     (along(0) + along(1) + along(2)) / 3.0
 }
@@ -122,5 +123,43 @@ impl Merge<'_> {
     fn leaf(&mut self, leaf: NewLeaf) -> Cell {
         self.leaves.push(leaf);
         Cell::leaf(self.leaves.len() as u32 - 1)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::field::{Activation, BakeSettings, Basis, Frame, UpAxis, bake};
+
+    /// However faint or dense cells are, and however small.
+    #[test]
+    fn fog_stays_the_fog_that_it_is() {
+        for density in [1e-37, 1e-3, 1.0, 1e38] {
+            for half in [1e-20, 1.0, 1e30] {
+                let (min, max) = (DVec3::splat(-half), DVec3::splat(half));
+                let settings =
+                    BakeSettings { depth: 2, min, max, basis: Basis::Rgba, min_density: 0.0, ..Default::default() };
+                let field = bake(&settings, |_| density, |_| |_| DVec3::ONE).unwrap().coarser(1).unwrap();
+                assert_eq!((field.depth(), field.leaves()), (1, 8));
+                assert!(
+                    field.densities().iter().all(|&d| (f64::from(d) / density - 1.0).abs() < 1e-6),
+                    "{density} {half}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_left_of_one_faint_leaf_is_a_leaf() {
+        let mut root = [Cell::EMPTY; 8];
+        root[0] = Cell::node(1);
+        let mut part = [Cell::EMPTY; 8];
+        part[0] = Cell::leaf(0);
+        let frame = Frame::spanning(DVec3::ZERO, DVec3::ONE);
+        let (density, color) = (vec![f32::from_bits(1)], vec![f16::ONE; 3]);
+        let field =
+            PlenOctree::new(frame, Basis::Rgba, Activation::Identity, UpAxis::Z, vec![root, part], density, color)
+                .unwrap();
+        assert_eq!(field.coarser(1).unwrap().leaves(), 1);
     }
 }
