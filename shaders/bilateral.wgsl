@@ -1,56 +1,56 @@
 // One direction of the bilateral filter: section 4, step 2 of the method.
 
-#import bevy_plenoctree::color::{cielab, to_half}
+#import bevy_plenoctree::filtered::{Pixel, pack, unpack}
 #import bevy_plenoctree::view::{props, view}
 
-@group(1) @binding(0) var source: texture_2d<f32>;
-// CIELAB of the source: worked out once a pixel, not once a tap.
-@group(1) @binding(1) var source_lab: texture_2d<f32>;
+@group(1) @binding(0) var source: texture_2d<u32>;
 // How many iterations came before.
-@group(1) @binding(2) var<uniform> iteration: vec4<u32>;
+@group(1) @binding(1) var<uniform> iteration: vec4<u32>;
 
 #ifdef HORIZONTAL
+const HORIZONTAL: bool = true;
 const ALONG: vec2<i32> = vec2(1, 0);
 #else
+const HORIZONTAL: bool = false;
 const ALONG: vec2<i32> = vec2(0, 1);
 #endif
 
-struct Fragment {
-    @location(0) color: vec4<f32>,
-    @location(1) lab: vec4<f32>,
+// Colours so far and their weights.
+struct Sum {
+    color: vec3<f32>,
+    weight: f32,
 }
 
 @fragment
-fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
-    let pixel = vec2<i32>(position.xy);
-    let center = textureLoad(source, pixel, 0);
-    let lab = textureLoad(source_lab, pixel, 0);
-    if center.a == 0.0 {
-#ifdef HORIZONTAL
-        // Afterwards both pictures hold what is left alone, and it need not be written again.
-        if iteration.x == 0u {
-            return Fragment(center, lab);
-        }
-#endif
+fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<u32> {
+    let at = vec2<i32>(position.xy);
+    let texel = textureLoad(source, at, 0);
+    let center = unpack(texel);
+    // After the first pass both pictures hold what is left alone, and it need not be written again.
+    if center.owner == 0u && (!HORIZONTAL || iteration.x > 0u) {
         discard;
     }
-    let prop = u32(center.a) - 1u;
-    if iteration.x >= props[prop].iterations {
-        return Fragment(center, lab);
+    let prop = max(center.owner, 1u) - 1u;
+    if center.owner == 0u || iteration.x >= props[prop].iterations {
+        return texel;
     }
-    var sum = center.rgb;
-    var total = 1.0;
-    let radius = props[prop].radius;
-    for (var offset = -radius; offset <= radius; offset++) {
-        let at = pixel + offset * ALONG;
-        if offset != 0 && all(at >= vec2(0)) && all(at < vec2<i32>(view.size)) {
-            let difference = textureLoad(source_lab, at, 0).rgb - lab.rgb;
-            let weight = exp(-f32(offset * offset) * props[prop].spatial_falloff
-                - dot(difference, difference) * props[prop].range_falloff);
-            sum += weight * textureLoad(source, at, 0).rgb;
-            total += weight;
-        }
+    let spatial = props[prop].spatial_falloff;
+    let range = props[prop].range_falloff;
+    var sum = Sum(center.color, 1.0);
+    for (var offset = 1; offset <= props[prop].radius; offset++) {
+        let closeness = -f32(offset * offset) * spatial;
+        add(&sum, at - offset * ALONG, center.lab, closeness, range);
+        add(&sum, at + offset * ALONG, center.lab, closeness, range);
     }
-    let value = to_half(vec4(sum / total, center.a));
-    return Fragment(value, vec4(cielab(value.rgb), 0.0));
+    return pack(sum.color / sum.weight, center.owner);
+}
+
+fn add(sum: ptr<function, Sum>, at: vec2<i32>, lab: vec3<f32>, closeness: f32, range: f32) {
+    // Beyond the edge nothing is loaded, and nothing counts.
+    let pixel = unpack(textureLoad(source, at, 0));
+    let difference = pixel.lab - lab;
+    let inside = all(at >= vec2(0)) && all(at < vec2<i32>(view.size));
+    let weight = select(0.0, exp(closeness - dot(difference, difference) * range), inside);
+    (*sum).color += weight * pixel.color;
+    (*sum).weight += weight;
 }

@@ -1,30 +1,39 @@
 // The last pass: labels for the pixels that are posterised, the composite for the others. Section 4, steps 1 and 3 to 5.
 
+#import bevy_plenoctree::filtered::unpack
 #import bevy_plenoctree::target::to_target
 #import bevy_plenoctree::view::{colors, props, view}
 
-@group(1) @binding(0) var filtered: texture_2d<f32>;
+@group(1) @binding(0) var filtered: texture_2d<u32>;
 @group(1) @binding(1) var layer: texture_2d<f32>;
 
-// The two labels that are nearest in encoded RGB so far.
-struct Nearest {
-    first: f32,
-    second: f32,
-    first_shown: vec3<f32>,
-    second_shown: vec3<f32>,
+// A label: colours `first` and `second` of a palette, and how much of the first there is.
+struct Label {
+    first: u32,
+    second: u32,
+    share: f32,
+    // How far it is from a pixel's colour in encoded RGB, squared.
+    distance: f32,
 }
 
-fn consider(nearest: ptr<function, Nearest>, color: vec3<f32>, label: vec3<f32>, shown: vec3<f32>) {
-    let distance = distance(color, label);
-    if distance < (*nearest).first {
+// The two labels that are nearest so far.
+struct Nearest {
+    first: Label,
+    second: Label,
+}
+
+fn consider(nearest: ptr<function, Nearest>, label: Label) {
+    if label.distance < (*nearest).first.distance {
         (*nearest).second = (*nearest).first;
-        (*nearest).second_shown = (*nearest).first_shown;
-        (*nearest).first = distance;
-        (*nearest).first_shown = shown;
-    } else if distance < (*nearest).second {
-        (*nearest).second = distance;
-        (*nearest).second_shown = shown;
+        (*nearest).first = label;
+    } else if label.distance < (*nearest).second.distance {
+        (*nearest).second = label;
     }
+}
+
+// A label in the palette that begins at `palette`.
+fn shown(palette: u32, label: Label) -> vec3<f32> {
+    return mix(colors[palette + label.second].rgb, colors[palette + label.first].rgb, label.share);
 }
 
 const FAR: f32 = 1e30;
@@ -34,45 +43,49 @@ fn assign(color: vec3<f32>, prop: u32) -> vec3<f32> {
     let extracted = props[prop].first_color;
     let edited = extracted + count;
     let steps = props[prop].blend_steps;
-    var nearest = Nearest(FAR, FAR, vec3(0.0), vec3(0.0));
+    let none = Label(0u, 0u, 1.0, FAR);
+    var nearest = Nearest(none, none);
     // Labels in the order of equation 7: the palette, then the blends of every pair.
     for (var i = 0u; i < count; i++) {
-        consider(&nearest, color, colors[extracted + i].rgb, colors[edited + i].rgb);
+        let off = color - colors[extracted + i].rgb;
+        consider(&nearest, Label(i, i, 1.0, dot(off, off)));
     }
     for (var i = 0u; i < count; i++) {
+        let first = colors[extracted + i].rgb;
         for (var j = i + 1u; j < count; j++) {
+            let second = colors[extracted + j].rgb;
             for (var k = 1u; k < steps; k++) {
                 let share = f32(k) / f32(steps);
-                let label = mix(colors[extracted + j].rgb, colors[extracted + i].rgb, share);
-                let shown = mix(colors[edited + j].rgb, colors[edited + i].rgb, share);
-                consider(&nearest, color, label, shown);
+                let off = color - mix(second, first, share);
+                consider(&nearest, Label(i, j, share, dot(off, off)));
             }
         }
     }
     let softness = props[prop].softness;
-    let lead = nearest.second - nearest.first;
+    let lead = sqrt(nearest.second.distance) - sqrt(nearest.first.distance);
+    let first = shown(edited, nearest.first);
     // Softness 0 is a hard edge, and a palette of one colour has no second label.
-    if lead >= softness || nearest.second == FAR {
-        return nearest.first_shown;
+    if lead >= softness || nearest.second.distance == FAR {
+        return first;
     }
     let step = 0.5 + 0.5 * lead / softness;
-    return mix(nearest.second_shown, nearest.first_shown, step * step * (3.0 - 2.0 * step));
+    return mix(shown(edited, nearest.second), first, step * step * (3.0 - 2.0 * step));
 }
 
 @fragment
 fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
     let pixel = vec2<u32>(position.xy) - view.corner;
     let opacity = textureLoad(layer, pixel, 0).a;
-    let value = textureLoad(filtered, pixel, 0);
-    if opacity == 0.0 && value.a == 0.0 {
+    let value = unpack(textureLoad(filtered, pixel, 0));
+    if opacity == 0.0 && value.owner == 0u {
         discard;
     }
-    var color = value.rgb;
+    var color = value.color;
     var alpha = opacity;
-    if value.a > 0.0 {
-        color = assign(color, u32(value.a) - 1u);
+    if value.owner > 0u {
+        color = assign(color, value.owner - 1u);
         // A posterised prop is opaque; the rest is as opaque as it was.
-        alpha = select(1.0, opacity, u32(value.a) == view.everything);
+        alpha = select(1.0, opacity, value.owner == view.everything);
     }
     return vec4(to_target(color), alpha);
 }

@@ -22,6 +22,13 @@ fn distance_at(pixel: vec2<u32>) -> f32 {
     return view_distance(textureLoad(scene_depth, pixel + view.corner, 0));
 }
 
+fn pow16(x: f32) -> f32 {
+    let x2 = x * x;
+    let x4 = x2 * x2;
+    let x8 = x4 * x4;
+    return x8 * x8;
+}
+
 @fragment
 fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
     let here = distance_at(vec2<u32>(position.xy));
@@ -40,7 +47,7 @@ fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
         let along = mix(1.0 - share, share, vec2<f32>(offset));
         // The ray of that pixel ended at the depth of the scene there.
         let there = distance_at(vec2<u32>((vec2<f32>(pixel) + 0.5) * view.pixel));
-        let likeness = pow(min(here, there) / max(here, there), 16.0);
+        let likeness = pow16(min(here, there) / max(here, there));
         let weight = along.x * along.y * (likeness + 1e-4);
         color += weight * value;
         total += weight;

@@ -19,7 +19,7 @@ pub(crate) struct Shaders {
     pub depth: Handle<Shader>,
     pub upsample: Handle<Shader>,
     pub sampling: Handle<Shader>,
-    _imported: [Handle<Shader>; 5],
+    _imported: [Handle<Shader>; 6],
 }
 
 impl Shaders {
@@ -45,6 +45,7 @@ impl Shaders {
             sampling: shader!("sampling.wgsl"),
             _imported: [
                 shader!("color.wgsl"),
+                shader!("filtered.wgsl"),
                 shader!("view.wgsl"),
                 shader!("target.wgsl"),
                 shader!("octree.wgsl"),

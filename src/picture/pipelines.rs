@@ -20,7 +20,7 @@ use bevy::{
 };
 
 use super::{
-    textures::{DEPTH_FORMAT, LAB_FORMAT, LAYER_FORMAT, OWNER_FORMAT},
+    textures::{DEPTH_FORMAT, FILTERED_FORMAT, LAYER_FORMAT, OWNER_FORMAT},
     view::{ViewLayouts, ViewProps},
 };
 use crate::{gpu::Shaders, prop::MAX_FILTER_ITERATIONS, view::PropStage};
@@ -91,11 +91,6 @@ impl Fullscreen {
     }
 }
 
-/// A picture of the filter.
-fn filtered() -> [ColorTargetState; 2] {
-    [target(LAYER_FORMAT, None), target(LAB_FORMAT, None)]
-}
-
 fn target(format: TextureFormat, blend: Option<BlendState>) -> ColorTargetState {
     ColorTargetState { format, blend, write_mask: ColorWrites::ALL }
 }
@@ -117,6 +112,7 @@ pub(super) fn init(
     device: Res<RenderDevice>,
 ) {
     let picture = || texture_2d(TextureSampleType::Float { filterable: false });
+    let filtered = || texture_2d(TextureSampleType::Uint);
     let fullscreen = |label, fragment: &Handle<Shader>, entries: &[_]| Fullscreen {
         label,
         vertex: shaders.fullscreen.clone(),
@@ -138,7 +134,7 @@ pub(super) fn init(
     commands.insert_resource(LabelPipeline(fullscreen(
         "plenoctree_label",
         &shaders.posterize,
-        &BindGroupLayoutEntries::sequential(stages, (picture(), picture())),
+        &BindGroupLayoutEntries::sequential(stages, (filtered(), picture())),
     )));
 
     let upsample = fullscreen(
@@ -165,9 +161,10 @@ pub(super) fn init(
     let filter = fullscreen(
         "plenoctree_filter",
         &shaders.bilateral,
-        &BindGroupLayoutEntries::sequential(stages, (picture(), picture(), uniform_buffer::<UVec4>(true))),
+        &BindGroupLayoutEntries::sequential(stages, (filtered(), uniform_buffer::<UVec4>(true))),
     );
-    let direction = |definitions| cache.queue_render_pipeline(filter.pipeline(definitions, &filtered()));
+    let direction =
+        |definitions| cache.queue_render_pipeline(filter.pipeline(definitions, &[target(FILTERED_FORMAT, None)]));
     let mut words = vec![0u32; (MAX_FILTER_ITERATIONS * ITERATION_STRIDE / 4) as usize];
     for (iteration, value) in words.chunks_exact_mut(ITERATION_STRIDE as usize / 4).enumerate() {
         value[0] = iteration as u32;
@@ -185,11 +182,15 @@ pub(super) fn init(
 }
 
 impl SpecializedRenderPipeline for CompositePipeline {
-    /// What the view's target stores.
-    type Key = Option<CompositingSpace>;
+    /// What the view's target stores, and whether the filter reads the picture.
+    type Key = (Option<CompositingSpace>, bool);
 
-    fn specialize(&self, space: Self::Key) -> RenderPipelineDescriptor {
-        self.0.pipeline(target_definitions(space), &filtered())
+    fn specialize(&self, (space, filtered): Self::Key) -> RenderPipelineDescriptor {
+        let mut definitions = target_definitions(space);
+        if !filtered {
+            definitions.push("UNFILTERED".into());
+        }
+        self.0.pipeline(definitions, &[target(FILTERED_FORMAT, None)])
     }
 }
 
@@ -258,7 +259,7 @@ pub(super) fn prepare_pipelines(
         };
         let key = LabelKey { format: view.target_format, samples, space };
         commands.entity(entity).insert(PosterizePipelines {
-            composite: composites.specialize(&cache, &composite, space),
+            composite: composites.specialize(&cache, &composite, (space, props.iterations > 0)),
             label: labels.specialize(&cache, &label, key),
             depth: depths.specialize(&cache, &depth, msaa.samples()),
         });

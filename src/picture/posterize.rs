@@ -21,7 +21,7 @@ use super::{
     pipelines::{
         CompositePipeline, DepthPipeline, FilterPipelines, ITERATION_STRIDE, LabelPipeline, PosterizePipelines,
     },
-    textures::{Filtered, PropTextures, drawn_viewport},
+    textures::{PropTextures, drawn_viewport},
     view::{ViewLayouts, ViewProps},
 };
 use crate::view::PropStage;
@@ -60,9 +60,9 @@ pub(super) fn prepare_bind_groups(
         let group = |name: &'static str, layout, entries: &[_]| {
             device.create_bind_group(name, &cache.get_bind_group_layout(layout), entries)
         };
-        let filter_group = |color, lab| {
+        let filter_group = |source| {
             let iteration = BufferBinding { buffer: &filter.iterations, offset: 0, size: NonZero::new(16) };
-            group("plenoctree_filter", &filter.layout, &BindGroupEntries::sequential((color, lab, iteration)))
+            group("plenoctree_filter", &filter.layout, &BindGroupEntries::sequential((source, iteration)))
         };
         commands.entity(entity).insert(PosterizeBindGroups {
             view: group(
@@ -74,12 +74,12 @@ pub(super) fn prepare_bind_groups(
                 let entries = (&textures.layer.color, &textures.layer.owner, scene);
                 (scene.id(), group(composite.0.label, &composite.0.layout, &BindGroupEntries::sequential(entries)))
             }),
-            horizontal: filter_group(&textures.even.color, &textures.even.lab),
-            vertical: filter_group(&textures.odd.color, &textures.odd.lab),
+            horizontal: filter_group(&textures.even),
+            vertical: filter_group(&textures.odd),
             label: group(
                 label.0.label,
                 &label.0.layout,
-                &BindGroupEntries::sequential((&textures.even.color, &textures.layer.color)),
+                &BindGroupEntries::sequential((&textures.even, &textures.layer.color)),
             ),
             depth: group(
                 depth.0.label,
@@ -133,7 +133,10 @@ pub(super) fn posterize_pass(
         let mut descriptor = RenderPassDescriptor { label: Some(POSTERIZE_SPAN), ..default() };
         let attachments;
         match &target {
-            Target::Pictures(pictures) => descriptor.color_attachments = pictures,
+            Target::Picture(picture) => {
+                attachments = [onto(picture)];
+                descriptor.color_attachments = &attachments;
+            }
             Target::Screen => {
                 attachments = [Some(match props.stage {
                     PropStage::Scene => view_target.get_color_attachment(),
@@ -158,11 +161,11 @@ pub(super) fn posterize_pass(
         pass.set_bind_group(1, group, offsets);
         pass.draw(0..3, 0..1);
     };
-    draw(Target::Pictures(&both(&textures.even)), composite, scene, &[]);
+    draw(Target::Picture(&textures.even), composite, scene, &[]);
     for iteration in 0..props.iterations {
         let offset = [iteration * ITERATION_STRIDE];
-        draw(Target::Pictures(&both(&textures.odd)), horizontal, &groups.horizontal, &offset);
-        draw(Target::Pictures(&both(&textures.even)), vertical, &groups.vertical, &offset);
+        draw(Target::Picture(&textures.odd), horizontal, &groups.horizontal, &offset);
+        draw(Target::Picture(&textures.even), vertical, &groups.vertical, &offset);
     }
     draw(Target::Screen, label, &groups.label, &[]);
     draw(Target::Depth, depth, &groups.depth, &[]);
@@ -172,16 +175,12 @@ pub(super) fn posterize_pass(
 /// What a draw of the pass writes.
 #[derive(Clone, Copy)]
 enum Target<'a> {
-    /// Pictures of the view's own, as large as its viewport.
-    Pictures(&'a [Option<RenderPassColorAttachment<'a>>]),
+    /// A picture of the view's own, as large as its viewport.
+    Picture(&'a TextureView),
     /// The view's target.
     Screen,
     /// The view's depth.
     Depth,
-}
-
-fn both(picture: &Filtered) -> [Option<RenderPassColorAttachment<'_>>; 2] {
-    [onto(&picture.color), onto(&picture.lab)]
 }
 
 /// An attachment that keeps the pixels that are not drawn.

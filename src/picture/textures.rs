@@ -17,8 +17,8 @@ use super::extract::VisibleProps;
 pub(super) const LAYER_FORMAT: TextureFormat = TextureFormat::Rgba16Float;
 /// Which prop posterises a pixel, and whether one is solid there.
 pub(super) const OWNER_FORMAT: TextureFormat = TextureFormat::Rg16Float;
-/// CIELAB: the filter multiplies the differences of near colours.
-pub(super) const LAB_FORMAT: TextureFormat = TextureFormat::Rgba32Float;
+/// Colour, owner and CIELAB of a pixel of the filter: `filtered.wgsl`.
+pub(super) const FILTERED_FORMAT: TextureFormat = TextureFormat::Rgba32Uint;
 /// The props' own depth, reversed like the scene's.
 pub(super) const DEPTH_FORMAT: TextureFormat = TextureFormat::Depth32Float;
 
@@ -31,12 +31,6 @@ pub(super) struct Layer {
     pub depth: TextureView,
 }
 
-/// A picture of the filter: the composite in encoded sRGB, and in CIELAB.
-pub(super) struct Filtered {
-    pub color: TextureView,
-    pub lab: TextureView,
-}
-
 /// The pictures of one view, as large as its viewport.
 #[derive(Component)]
 pub(super) struct PropTextures {
@@ -44,9 +38,9 @@ pub(super) struct PropTextures {
     /// The same with fewer pixels, if the camera's quality asks for that: then it is what the volume pass draws.
     pub coarse: Option<Layer>,
     /// The composite, before and after every iteration of the filter.
-    pub even: Filtered,
+    pub even: TextureView,
     /// The composite, in the middle of an iteration.
-    pub odd: Filtered,
+    pub odd: TextureView,
 }
 
 impl PropTextures {
@@ -101,10 +95,7 @@ pub(super) fn prepare_textures(
         let size = viewport.physical_size;
         let coarse = coarse_size(size, visible.quality.resolution);
         let (layer, coarse) = (layer(size), (coarse != size).then(|| layer(coarse)));
-        let mut filtered =
-            |color, lab| Filtered { color: texture(color, LAYER_FORMAT, size), lab: texture(lab, LAB_FORMAT, size) };
-        let (even, odd) =
-            (filtered("plenoctree_even", "plenoctree_even_lab"), filtered("plenoctree_odd", "plenoctree_odd_lab"));
+        let [even, odd] = ["plenoctree_even", "plenoctree_odd"].map(|label| texture(label, FILTERED_FORMAT, size));
         commands.entity(entity).insert(PropTextures { layer, coarse, even, odd });
     }
 }
