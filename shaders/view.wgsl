@@ -48,7 +48,6 @@ struct View {
     pixel: vec2<f32>,
     // Of the camera's quality.
     stop_transmittance: f32,
-    density_threshold: f32,
     min_weight: f32,
 }
 

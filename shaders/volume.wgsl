@@ -88,20 +88,18 @@ fn fragment(in: Varying) -> Fragment {
             break;
         }
         let sigma = density(crossing.leaf);
-        if sigma >= view.density_threshold {
-            let depth = sigma * (crossing.exit - crossing.enter);
-            let weight = transmittance * absorbed(depth);
-            if weight >= view.min_weight {
-                color += weight * radiance(crossing.leaf, &h);
-                opacity += weight;
-            }
-            let before = transmittance;
-            transmittance *= exp(-depth);
-            first = select(first, crossing.enter, first < 0.0);
-            let limit = props[in.prop].solid_transmittance;
-            let inside = crossing.enter + max(log(before / limit), 0.0) / sigma;
-            solid = select(solid, inside, solid < 0.0 && transmittance <= limit);
+        let depth = sigma * (crossing.exit - crossing.enter);
+        let weight = transmittance * absorbed(depth);
+        if weight >= view.min_weight {
+            color += weight * radiance(crossing.leaf, &h);
+            opacity += weight;
         }
+        let before = transmittance;
+        transmittance *= exp(-depth);
+        first = select(first, crossing.enter, first < 0.0);
+        let limit = props[in.prop].solid_transmittance;
+        let inside = crossing.enter + max(log(before / limit), 0.0) / sigma;
+        solid = select(solid, inside, solid < 0.0 && transmittance <= limit);
     }
     if opacity == 0.0 {
         discard;

@@ -17,9 +17,16 @@ pub struct Quality {
     /// A ray ends where transmittance is less than this, and the pixel counts as opaque. 0 to 1; 0.01, the method's, by
     /// default.
     pub stop_transmittance: f32,
-    /// Leaves that are less dense are passed by, besides those that are dropped at loading. Per world unit of the field;
-    /// 0 by default.
+    /// Leaves that are less dense are left out, besides those that are dropped at loading. Per world unit of the field; 0
+    /// by default.
     pub density_threshold: f32,
+    /// Faint leaves are left out, the faintest first, as many as can be without rays' losing more than this of their opacity
+    /// (root mean square over rays along the field's axes). 0, none, by default; 0.002 is hardly seen. Fog, all of which is
+    /// faint, stays.
+    ///
+    /// Such a form of the field, and every level of detail, is made when a camera first asks for it, and has memory of its
+    /// own on the GPU, next to the field's: do not animate these knobs.
+    pub opacity_loss: f32,
     /// A leaf that adds less than this to the opacity of a pixel is not asked for its colour; the others make up for it. 0
     /// to 1; 0 by default.
     pub min_weight: f32,
@@ -49,6 +56,7 @@ impl Quality {
     pub const EXACT: Self = Self {
         stop_transmittance: 0.01,
         density_threshold: 0.0,
+        opacity_loss: 0.0,
         min_weight: 0.0,
         degree: 4,
         cell_size: 0.0,
@@ -57,13 +65,25 @@ impl Quality {
         filter_radius: MAX_FILTER_RADIUS,
     };
     /// Hardly to be told from the exact picture.
-    pub const HIGH: Self = Self { stop_transmittance: 0.02, cell_size: 0.7, ..Self::EXACT };
+    pub const HIGH: Self = Self { stop_transmittance: 0.02, opacity_loss: 0.005, cell_size: 0.7, ..Self::EXACT };
     /// For most games.
-    pub const BALANCED: Self =
-        Self { stop_transmittance: 0.03, cell_size: 1.0, resolution: 0.6, filter_iterations: 2, ..Self::EXACT };
+    pub const BALANCED: Self = Self {
+        stop_transmittance: 0.03,
+        opacity_loss: 0.04,
+        cell_size: 1.0,
+        resolution: 0.6,
+        filter_iterations: 2,
+        ..Self::EXACT
+    };
     /// For many props, or little of a graphics card.
-    pub const FAST: Self =
-        Self { stop_transmittance: 0.05, cell_size: 1.5, resolution: 0.34, filter_iterations: 1, ..Self::EXACT };
+    pub const FAST: Self = Self {
+        stop_transmittance: 0.05,
+        opacity_loss: 0.06,
+        cell_size: 1.5,
+        resolution: 0.34,
+        filter_iterations: 1,
+        ..Self::EXACT
+    };
 
     /// With every knob in its range, so that no shader divides by zero or loops for long.
     pub(crate) fn sound(self) -> Self {
@@ -71,6 +91,7 @@ impl Quality {
         Self {
             stop_transmittance: self.stop_transmittance.max(1e-30),
             density_threshold: self.density_threshold.max(0.0),
+            opacity_loss: self.opacity_loss.max(0.0),
             min_weight: self.min_weight.max(0.0),
             degree: self.degree.min(4),
             cell_size: self.cell_size.max(0.0),

@@ -139,6 +139,26 @@ fn bytes_come_close_to_half_floats() {
     }
 }
 
+/// Pictures lose no more than rays may lose of their opacity, and a fog of faint leaves stays as it is.
+#[test]
+fn faint_leaves_are_left_out_within_bounds() {
+    let settings = BakeSettings { depth: 6, basis: Basis::Sh4, min_density: 0.0, ..default() };
+    let haze = |at: DVec3| 0.1 * (1.5 - at.length()).max(0.01) + if at.length() < 0.6 { 90.0 } else { 0.0 };
+    let fog = |at: DVec3| if at.length() < 0.9 { 0.4 } else { 0.0 };
+    let tint = |at: DVec3| move |_: DVec3| 0.5 + 0.5 * (5.0 * at).map(f64::sin);
+    let [haze, fog] = [bake(&settings, haze, tint).unwrap(), bake(&settings, fog, tint).unwrap()];
+    let palette = Palette::new(vec![[0.5; 3]]).unwrap();
+    for (field, loss, least) in [(&haze, 0.03, 30.5), (&fog, 0.03, 40.0)] {
+        let camera = PinholeCamera::around(field, SIZE, SIZE, 0.5, 0.4).unwrap();
+        let truth = reference::render(field, &camera).over(DVec3::ONE);
+        let mut stage = Stage::new(field, palette.clone());
+        let all = stage.picture(&camera, Quality::EXACT);
+        let fewer = stage.picture(&camera, Quality { opacity_loss: loss, ..Quality::EXACT });
+        let psnr = psnr(&fewer, &truth);
+        assert!(fewer != all && psnr >= least, "{psnr:.1} dB");
+    }
+}
+
 /// Every knob by itself, at and beyond the ends of its range, draws something finite.
 #[test]
 fn knobs_beyond_their_range_are_harmless() {
@@ -151,6 +171,7 @@ fn knobs_beyond_their_range_are_harmless() {
         for quality in [
             Quality { stop_transmittance: value, ..default() },
             Quality { density_threshold: value, ..default() },
+            Quality { opacity_loss: value, ..default() },
             Quality { min_weight: value, ..default() },
             Quality { cell_size: value, ..default() },
             Quality { resolution: value, ..default() },

@@ -24,6 +24,7 @@ pub fn rendering() -> Vec<Variant> {
     };
     knob("stop_transmittance", &[0.02, 0.05, 0.1], |quality, value| quality.stop_transmittance = value);
     knob("density_threshold", &[0.5, 2.0, 8.0], |quality, value| quality.density_threshold = value);
+    knob("opacity_loss", &[0.002, 0.01, 0.02, 0.05], |quality, value| quality.opacity_loss = value);
     knob("min_weight", &[0.001, 0.004, 0.016], |quality, value| quality.min_weight = value);
     knob("degree", &[1.0, 0.0], |quality, value| quality.degree = value as u32);
     knob("cell_size", &[0.7, 1.0, 1.5, 2.0, 3.0], |quality, value| quality.cell_size = value);

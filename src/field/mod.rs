@@ -14,6 +14,7 @@ mod npz;
 mod octree;
 mod quantised;
 mod read;
+mod thinned;
 mod walk;
 mod write;
 

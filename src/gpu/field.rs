@@ -7,7 +7,7 @@ use bevy::{
     ecs::system::{SystemParamItem, lifetimeless::SRes},
     prelude::*,
     render::{
-        render_asset::{AssetExtractionError, PrepareAssetError, RenderAsset},
+        render_asset::{AssetExtractionError, PrepareAssetError, RenderAsset, RenderAssets},
         render_resource::{
             BindGroup, BindGroupEntries, BindGroupLayoutDescriptor, BindGroupLayoutEntries, BufferInitDescriptor,
             BufferUsages, PipelineCache, ShaderStages, TextureSampleType,
@@ -19,11 +19,15 @@ use bevy::{
 };
 
 use super::{
+    levels::{Level, Levels},
     payload::Payload,
     records::Records,
     upload::{Row, upload_table},
 };
-use crate::field::{Activation, PlenOctree};
+use crate::{
+    field::{Activation, PlenOctree},
+    quality::Quality,
+};
 
 /// A field that the GPU cannot hold.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -42,13 +46,9 @@ pub struct FieldTooLarge {
 }
 
 /// A [`PlenOctree`] in GPU memory, in the render world's `RenderAssets<GpuField>`.
-pub struct GpuField {
-    source: PlenOctree,
-    /// The field, then coarser ones that were asked for; `None` where the GPU cannot hold one.
-    levels: Vec<Option<Arc<GpuLevel>>>,
-}
+pub struct GpuField(Levels);
 
-/// A field, or a coarser one, as shaders see it.
+/// One form of a field, as shaders see it.
 pub(crate) struct GpuLevel {
     pub bind_group: BindGroup,
     pub shape: FieldShape,
@@ -96,7 +96,8 @@ impl Default for FieldLayout {
 }
 
 impl GpuField {
-    /// Bytes that `field` takes in GPU memory, at most: without coarser levels.
+    /// Bytes that `field` takes in GPU memory, at most: without the forms that cameras'
+    /// [`Quality`](crate::Quality) may ask for.
     pub fn byte_size(field: &PlenOctree) -> u64 {
         Records::most_bytes(field, table_allowance(field))
             + Self::arrays(field).iter().map(|(_, bytes)| bytes).sum::<u64>()
@@ -110,23 +111,19 @@ impl GpuField {
         too_large.map_or(Ok(()), |(what, bytes)| Err(FieldTooLarge { what, bytes, limit }))
     }
 
-    /// Bytes in GPU memory, those of coarser levels that were asked for included.
+    /// Bytes in GPU memory, those of the forms that cameras ask for included.
     pub fn bytes(&self) -> u64 {
-        self.levels.iter().flatten().map(|level| level.bytes).sum()
+        self.0.iter().map(|level| level.bytes).sum()
     }
 
-    /// The field with cells as large as those of a field `coarser` levels less deep, or the coarsest there is.
-    pub(crate) fn level(&self, coarser: u32) -> Option<&Arc<GpuLevel>> {
-        self.levels.get(coarser as usize).or(self.levels.last())?.as_ref()
+    /// A form of the field that was made; `None` if the GPU cannot hold it.
+    pub(crate) fn level(&self, level: Level) -> Option<&Arc<GpuLevel>> {
+        self.0.get(level)
     }
 
-    /// Makes coarser levels until there are so many, or none is left to make.
-    pub(crate) fn make_levels(&mut self, coarser: u32, uploader: &Uploader) {
-        while self.levels.len() <= coarser as usize
-            && let Some(next) = self.source.coarser(self.levels.len() as u32)
-        {
-            self.levels.push(uploader.upload(&next));
-        }
+    /// The form that a `quality` asks for, with cells wider by `coarser` powers of two.
+    pub(crate) fn make_level(&mut self, coarser: u32, quality: &Quality, uploader: &Uploader) -> Level {
+        self.0.make(coarser, quality, uploader)
     }
 
     fn arrays(field: &PlenOctree) -> [(&'static str, u64); 2] {
@@ -151,7 +148,7 @@ pub(crate) struct Uploader<'a> {
 
 impl Uploader<'_> {
     /// `None`, with an error in the log, if the GPU cannot hold the field.
-    fn upload(&self, field: &PlenOctree) -> Option<Arc<GpuLevel>> {
+    pub(super) fn upload(&self, field: &PlenOctree) -> Option<Arc<GpuLevel>> {
         // What the driver refuses, be it for want of memory, is found out here and not in the middle of a frame.
         let memory = self.device.wgpu_device().push_error_scope(wgpu::ErrorFilter::OutOfMemory);
         let level = GpuField::check(field, &self.device.limits()).map(|()| self.level(field));
@@ -219,7 +216,13 @@ impl RenderAsset for GpuField {
         (device, queue, pipelines, layout): &mut SystemParamItem<Self::Param>,
         _: Option<&Self>,
     ) -> Result<Self, PrepareAssetError<PlenOctree>> {
-        let level = Uploader { device, queue, pipelines, layout }.upload(&field);
-        Ok(Self { source: field, levels: vec![level] })
+        Ok(Self(Levels::new(field, &Uploader { device, queue, pipelines, layout })))
+    }
+}
+
+/// Drops forms of fields that no camera has drawn for long.
+pub(super) fn drop_idle_levels(mut fields: ResMut<RenderAssets<GpuField>>) {
+    for (_, field) in fields.iter_mut() {
+        field.0.age();
     }
 }

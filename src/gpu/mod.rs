@@ -1,6 +1,8 @@
 //! The field on the GPU.
 
+mod faintness;
 mod field;
+mod levels;
 mod payload;
 mod records;
 mod shaders;
@@ -8,11 +10,12 @@ mod upload;
 
 pub(crate) use field::{FieldLayout, FieldShape, GpuLevel, Uploader};
 pub use field::{FieldTooLarge, GpuField};
+pub(crate) use levels::Level;
 pub(crate) use shaders::{Shaders, field_definitions};
 
 use bevy::{
     prelude::*,
-    render::{RenderApp, render_asset::RenderAssetPlugin},
+    render::{Render, RenderApp, RenderSystems, render_asset::RenderAssetPlugin},
 };
 
 /// Uploads every loaded [`PlenOctree`](crate::field::PlenOctree).
@@ -26,7 +29,10 @@ impl Plugin for GpuFieldPlugin {
         let shaders = Shaders::add_to(app);
         app.add_plugins(RenderAssetPlugin::<GpuField>::default());
         if let Some(render_app) = app.get_sub_app_mut(RenderApp) {
-            render_app.insert_resource(shaders).init_resource::<FieldLayout>();
+            render_app
+                .insert_resource(shaders)
+                .init_resource::<FieldLayout>()
+                .add_systems(Render, field::drop_idle_levels.in_set(RenderSystems::Cleanup));
         }
     }
 }

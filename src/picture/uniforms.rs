@@ -88,7 +88,6 @@ pub(super) struct ViewUniform {
     pub everything: u32,
     pub pixel: Vec2,
     pub stop_transmittance: f32,
-    pub density_threshold: f32,
     pub min_weight: f32,
 }
 

@@ -25,7 +25,7 @@ use super::{
 };
 use crate::{
     field::PlenOctree,
-    gpu::{FieldLayout, GpuField, Uploader},
+    gpu::{FieldLayout, GpuField, Level, Uploader},
     prop::MAX_FILTER_RADIUS,
     view::PropStage,
 };
@@ -35,8 +35,8 @@ use crate::{
 pub(super) struct ViewProps {
     /// How far along the view the middle of every prop is, and its place among the extracted ones.
     order: Vec<(f64, usize)>,
-    /// The field of every prop, in the order in which they are drawn, and how much coarser it is.
-    pub fields: Vec<(AssetId<PlenOctree>, u32)>,
+    /// The field of every prop, in the order in which they are drawn, and its form.
+    pub fields: Vec<(AssetId<PlenOctree>, Level)>,
     /// The highest degree of spherical harmonics to evaluate.
     pub degree: u32,
     /// Most iterations of the filter that a look asks for.
@@ -136,7 +136,7 @@ pub(super) fn prepare_views(
         order.clear();
         order.extend(visible.props.iter().filter_map(|index| {
             let prop = extracted.props.get(*index)?;
-            fields.get(prop.field)?.level(0)?;
+            fields.get(prop.field)?.level(Level::default())?;
             Some(((prop.placement.center() - eye.as_dvec3()).dot(forward.as_dvec3()), *index))
         }));
         // The index makes the order of props at the same distance certain, and a stable sort would allocate.
@@ -147,10 +147,10 @@ pub(super) fn prepare_views(
                 continue;
             };
             let coarser = levels_coarser(rays.cell_size, quality.cell_size);
-            if let Some(field) = fields.get_mut(prop.field) {
-                field.make_levels(coarser, &uploader);
-            }
-            drawn.push((prop.field, coarser));
+            let Some(field) = fields.get_mut(prop.field) else {
+                continue;
+            };
+            drawn.push((prop.field, field.make_level(coarser, quality, &uploader)));
             *rect = rect.union(covered(rays.clip_from_box, size));
             props.get_mut().push(PropUniform::new(prop, &rays, quality));
         }
@@ -177,7 +177,6 @@ pub(super) fn prepare_views(
             everything: everything.map_or(0, |_| props.get().len() as u32),
             pixel: size.as_vec2() / coarse_size(size, quality.resolution).as_vec2(),
             stop_transmittance: quality.stop_transmittance,
-            density_threshold: quality.density_threshold,
             min_weight: quality.min_weight,
         };
         uniform.write_buffer(&device, &queue);

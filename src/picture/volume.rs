@@ -26,7 +26,7 @@ use super::{
 };
 use crate::{
     field::PlenOctree,
-    gpu::{FieldLayout, FieldShape, GpuField, GpuLevel, Shaders, field_definitions},
+    gpu::{FieldLayout, FieldShape, GpuField, GpuLevel, Level, Shaders, field_definitions},
 };
 
 /// Name of the pass's span in Bevy's render diagnostics.
@@ -130,8 +130,8 @@ pub(super) fn prepare_pipelines(
 }
 
 /// What a view draws of a field.
-fn level<'a>(fields: &'a RenderAssets<GpuField>, (id, coarser): &(AssetId<PlenOctree>, u32)) -> Option<&'a GpuLevel> {
-    fields.get(*id)?.level(*coarser).map(AsRef::as_ref)
+fn level<'a>(fields: &'a RenderAssets<GpuField>, (id, level): &(AssetId<PlenOctree>, Level)) -> Option<&'a GpuLevel> {
+    fields.get(*id)?.level(*level).map(AsRef::as_ref)
 }
 
 /// The bind groups of one view.

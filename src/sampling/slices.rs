@@ -21,7 +21,7 @@ use super::{
     pipeline::{SamplingPipeline, SliceUniform},
 };
 use crate::{
-    gpu::{GpuField, GpuLevel},
+    gpu::{GpuField, GpuLevel, Level},
     palette::Histograms,
 };
 
@@ -103,7 +103,7 @@ impl Active {
         device: &RenderDevice,
     ) -> Result<Self, SamplingFailure> {
         let settings = &job.settings;
-        let field = field.level(0).ok_or(SamplingFailure::TooLarge)?;
+        let field = field.level(Level::default()).ok_or(SamplingFailure::TooLarge)?;
         if job.leaves.len() as u64 * 16 > device.limits().max_storage_buffer_binding_size {
             return Err(SamplingFailure::TooLarge);
         }
