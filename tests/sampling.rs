@@ -5,12 +5,13 @@ use std::time::{Duration, Instant};
 use bevy::prelude::*;
 use bevy_plenoctree::{
     ExtractionSettings, PaletteExtraction, Palettes, PlenOctree, PlenOctreePlugin, Posterize, Prop, Sampled, Sampler,
-    field::{BakeSettings, Basis, bake},
+    field::{Activation, BakeSettings, Basis, Cell, Frame, UpAxis, bake},
     headless::Headless,
     palette::{Histograms, Observers, Progress, sample},
     reference::sample_histograms,
 };
 use glam::DVec3;
+use half::f16;
 
 /// Two lumps that hide each other, with colours by place and direction, faint fog around them, and a wide box so that
 /// cells are no cubes.
@@ -107,6 +108,29 @@ fn the_cpu_samples_as_the_reference_does() {
     let (sampled, ..) = extract_in_app(&field, &settings, Sampler::Cpu, None);
     assert!(!sampled.on_gpu);
     assert!(difference(&sampled.histograms, &expected) < 1e-5);
+}
+
+/// A leaf that weighs a trillionth of another is counted, and as exactly.
+#[test]
+fn weights_a_trillion_apart_are_both_counted() {
+    let frame = Frame::spanning(DVec3::splat(-1e-5), DVec3::splat(1e-5));
+    let mut cells = [Cell::EMPTY; 8];
+    (cells[0], cells[7]) = (Cell::leaf(0), Cell::leaf(1));
+    let coefficients = [0.9, 0.1, 0.1, 0.1, 0.1, 0.9].map(f16::from_f32).to_vec();
+    let densities = vec![6e4, 4e-8];
+    let field =
+        PlenOctree::new(frame, Basis::Rgba, Activation::Identity, UpAxis::Z, vec![cells], densities, coefficients)
+            .unwrap();
+    let settings = ExtractionSettings::default();
+    let expected = sample_histograms(&field, &settings).unwrap();
+    let filled = expected.fine().iter().filter(|weight| **weight > 0.0);
+    assert!(filled.clone().fold(0.0f64, |a, b| a.max(*b)) > 1e12 * filled.clone().fold(f64::MAX, |a, b| a.min(*b)));
+    for sampler in [Sampler::Gpu, Sampler::Cpu] {
+        let (sampled, ..) = extract_in_app(&field, &settings, sampler, None);
+        for (found, expected) in sampled.histograms.fine().iter().zip(expected.fine()) {
+            assert!((found - expected).abs() <= 1e-5 * expected, "{sampler:?}: {found}, expected {expected}");
+        }
+    }
 }
 
 /// Sums of integers do not depend on the order in which slices and threads bring them.

@@ -8,7 +8,7 @@ use std::{
 use bevy::{prelude::*, render::extract_resource::ExtractResource};
 
 use crate::{
-    field::PlenOctree,
+    field::{MAX_DEPTH, PlenOctree},
     palette::{ExtractionSettings, Histograms, Progress, chosen_leaves, observers, weight_bound},
 };
 
@@ -34,7 +34,7 @@ pub(crate) struct SamplingJob {
     /// GPU time a frame; `None` for as much as there is.
     pub budget: Option<Duration>,
     pub progress: Arc<Progress>,
-    /// Twice the centre of every sampled leaf, in finest cells, and its index.
+    /// Twice the centre of every sampled leaf, in cells of the deepest tree that there can be, and its index.
     pub leaves: Vec<[u32; 4]>,
     /// Unit vectors to the observers, those of a cell of directions together.
     pub observers: Vec<[f32; 4]>,
@@ -59,7 +59,7 @@ impl SamplingJob {
         progress: Arc<Progress>,
     ) -> Self {
         let leaves = chosen_leaves(&field, &settings).into_iter().map(|cell| {
-            let center = 2 * cell.corner + cell.size;
+            let center = (2 * cell.corner + cell.size) << (MAX_DEPTH - field.depth());
             [center.x, center.y, center.z, cell.leaf]
         });
         let observers = observers(field.up(), &settings).into_iter().flatten();
