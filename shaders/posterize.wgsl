@@ -64,8 +64,8 @@ fn assign(color: vec3<f32>, prop: u32) -> vec3<f32> {
     let softness = props[prop].softness;
     let lead = sqrt(nearest.second.distance) - sqrt(nearest.first.distance);
     let first = shown(edited, nearest.first);
-    // Softness 0 is a hard edge, and a palette of one colour has no second label.
-    if lead >= softness || nearest.second.distance == FAR {
+    // Softness 0 is a hard edge. A palette of one colour has no second label, which is as far as can be.
+    if lead >= softness {
         return first;
     }
     let step = 0.5 + 0.5 * lead / softness;

@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 
 use bevy_plenoctree::{
     PlenOctree,
-    field::{Activation, Basis, Cell, Frame, InvalidField, UpAxis},
+    field::{Activation, BakeSettings, Basis, Cell, Frame, InvalidField, UpAxis, bake},
     reference,
 };
 use glam::DVec3;
@@ -52,6 +52,61 @@ fn any_optical_depth_is_drawn() {
     let solid = chain(1, 0, Some(5e5), 5e5);
     let pixel = *Stage::new(&solid).picture(&camera).get_pixel(16, 16);
     assert!(is_near(pixel.0, [64, 128, 255, 255]), "{pixel:?}");
+}
+
+/// What 262,144 thin leaves absorb, 64 on a ray, made visible by a radiance of 65504: a picture's byte then stands for an
+/// opacity of 6e-8, and where `1 - exp(-x)` cancels, a tenth of the light is missing.
+#[test]
+fn thin_fog_absorbs_all_that_it_should() {
+    const CELLS: i32 = 64;
+    let settings = BakeSettings { depth: 6, up: UpAxis::Y, basis: Basis::Rgba, min_density: 0.0, ..Default::default() };
+    for depth in [1.2e-7, 3e-8] {
+        let density = f64::from(CELLS) * depth / 2.0;
+        let fog = bake(&settings, |_| density, |_| |_| DVec3::ONE).unwrap();
+        assert_eq!(fog.leaves(), CELLS.pow(3) as usize);
+        let radiance = vec![f16::MAX; 3 * fog.leaves()];
+        let nodes = fog.nodes().to_vec();
+        let glow = field(Basis::Rgba, nodes, fog.densities().to_vec(), radiance);
+        let expected = 255.0 * f64::from(f16::MAX) * f64::from(CELLS) * depth;
+        let camera = looking(DVec3::new(0.01, 0.01, 6.0), DVec3::new(0.01, 0.01, 0.0));
+        let middle = *Stage::new(&glow).picture(&camera).get_pixel(16, 16);
+        assert!((f64::from(middle[2]) - expected).abs() <= 2.0, "{middle:?} at {depth}, expected {expected}");
+    }
+}
+
+/// How far a ray goes through fog, to 1e-5 of it: what the fog adds and a wall behind it takes away are 30,000 times as bright
+/// as the difference that is left, so that an error of 1e-5 in the path is a fifth of the screen's range.
+#[test]
+fn the_way_through_fog_is_exact_on_the_gpu() {
+    let (glow, wall) = (f16::from_f32(30_000.0), f16::from_f32(-30_016.0));
+    // 1/2 = glow (1 - T) + wall T
+    let (g, w) = (f64::from(glow), f64::from(wall));
+    let density = -(((g - 0.5) / (g - w)).ln()) as f32;
+    let left = g + (w - g) * (-f64::from(density)).exp();
+    for depth in 1..=16 {
+        // The root's cells with lower z are the wall; cells get smaller towards the middle of its top.
+        let (mut nodes, mut densities, mut colors) = (Vec::new(), Vec::new(), Vec::new());
+        for level in 1..=depth {
+            let finer = if level == 1 { 7 } else { 1 };
+            nodes.push(std::array::from_fn(|cell| {
+                if cell == finer && level < depth {
+                    return Cell::node(level);
+                }
+                let is_wall = level == 1 && cell & 1 == 0;
+                densities.push(if is_wall { 1e6 } else { density });
+                colors.extend([if is_wall { wall } else { glow }; 3]);
+                Cell::leaf(densities.len() as u32 - 1)
+            }));
+        }
+        let fog = field(Basis::Rgba, nodes, densities, colors);
+        let mut stage = Stage::new(&fog);
+        for side in [0.3, 0.02, 1e-3, 2f64.powi(-17)] {
+            let at = DVec3::new(side, side, 0.0);
+            let middle = *stage.picture(&looking(at + 6.0 * DVec3::Z, at)).get_pixel(16, 16);
+            // A fifth of 255.
+            assert!((f64::from(middle[0]) - 255.0 * left).abs() < 51.0, "{middle:?} at {side}, depth {depth}");
+        }
+    }
 }
 
 #[test]

@@ -4,12 +4,13 @@ use bevy::prelude::*;
 use bevy_plenoctree::{
     Palette, Palettes, Posterize,
     camera::PinholeCamera,
-    field::{BakeSettings, Basis, UpAxis, bake},
+    field::{BakeSettings, Basis, Cell, UpAxis, bake},
     reference,
 };
 use glam::DVec3;
+use half::f16;
 
-use crate::stage::{Stage, looking};
+use crate::stage::{Stage, field, looking};
 
 fn ball() -> bevy_plenoctree::PlenOctree {
     let settings = BakeSettings {
@@ -75,5 +76,22 @@ fn neon_ends_at_the_borders_of_the_screen() {
         stage.headless.app.world_mut().resource_mut::<Palettes>().get_mut(&handle).unwrap().set(0, color);
         let pixel = *stage.picture(&camera()).get_pixel(16, 16);
         assert!((0..3).all(|c| pixel[c].abs_diff(expected[c]) <= 1), "{color:?}: {pixel:?}");
+    }
+}
+
+/// The ends of what half floats hold are the palette's colours that are nearest to them, filtered or not.
+#[test]
+fn the_brightest_and_the_darkest_get_labels() {
+    let (black, white) = ([0.0; 3], [1.0; 3]);
+    let node = std::array::from_fn(|cell| Cell::leaf(cell as u32));
+    for (value, expected) in [(f16::MAX, [255; 3]), (f16::MIN, [0; 3])] {
+        let field = field(Basis::Rgba, vec![node], vec![30.0; 8], vec![value; 24]);
+        // The wrong one comes first.
+        let colors = if value == f16::MAX { vec![black, white] } else { vec![white, black] };
+        let mut stage = Stage::with_palette(&field, Palette::new(colors).unwrap());
+        let prop = stage.prop;
+        stage.headless.app.world_mut().entity_mut(prop).insert(Posterize { softness: 0.0, ..default() });
+        let pixel = *stage.picture(&camera()).get_pixel(16, 16);
+        assert_eq!(pixel.0[..3], expected, "{value}");
     }
 }
