@@ -24,8 +24,9 @@ pub struct Quality {
     /// (root mean square over rays along the field's axes). 0, none, by default; 0.002 is hardly seen. Fog, all of which is
     /// faint, stays.
     ///
-    /// Such a form of the field, and every level of detail, is made when a camera first asks for it, and has memory of its
-    /// own on the GPU, next to the field's: do not animate these knobs.
+    /// Such a form of the field, and every level of detail, is made in the background when a camera first asks for it; the
+    /// field is drawn as it is meanwhile. It has memory of its own on the GPU until no camera has asked for 600 frames: do
+    /// not animate these knobs.
     pub opacity_loss: f32,
     /// A leaf that adds less than this to the opacity of a pixel is not asked for its colour; the others make up for it. 0
     /// to 1; 0 by default.
@@ -65,7 +66,7 @@ impl Quality {
         filter_radius: MAX_FILTER_RADIUS,
     };
     /// Hardly to be told from the exact picture.
-    pub const HIGH: Self = Self { stop_transmittance: 0.02, opacity_loss: 0.005, cell_size: 0.7, ..Self::EXACT };
+    pub const HIGH: Self = Self { stop_transmittance: 0.02, opacity_loss: 0.005, cell_size: 0.5, ..Self::EXACT };
     /// For most games.
     pub const BALANCED: Self = Self {
         stop_transmittance: 0.03,

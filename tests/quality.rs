@@ -2,11 +2,15 @@
 
 use std::time::Duration;
 
-use bevy::prelude::*;
+use bevy::{
+    prelude::*,
+    render::{RenderApp, render_asset::RenderAssets},
+};
 use bevy_plenoctree::{
     FieldPalette, Palette, Palettes, PlenOctree, PlenOctreePlugin, Posterize, Preset, Prop, Quality,
     camera::PinholeCamera,
     field::{BakeSettings, Basis, LoadSettings, Precision, UpAxis, bake},
+    gpu::GpuField,
     headless::{Headless, exact_camera, pinhole_view},
     reference,
 };
@@ -157,6 +161,39 @@ fn faint_leaves_are_left_out_within_bounds() {
         let psnr = psnr(&fewer, &truth);
         assert!(fewer != all && psnr >= least, "{psnr:.1} dB");
     }
+}
+
+/// Other forms of a field have memory of their own, which is given back when cameras are content with what there was.
+#[test]
+fn forms_that_nobody_asks_for_are_dropped() {
+    let field = drum();
+    let camera = PinholeCamera::around(&field, SIZE, SIZE, 0.5, 0.4).unwrap();
+    let mut stage = Stage::new(&field, Palette::new(vec![[0.5; 3]]).unwrap());
+    let bytes = |stage: &Stage| {
+        let render = stage.headless.app.get_sub_app(RenderApp).unwrap().world();
+        render.resource::<RenderAssets<GpuField>>().get(&stage.field).unwrap().bytes()
+    };
+    stage.picture(&camera, Quality::EXACT);
+    let alone = bytes(&stage);
+    stage.picture(&camera, Quality { density_threshold: 1.0, cell_size: 5.0, ..Quality::EXACT });
+    stage.picture(&camera, Quality { opacity_loss: 0.01, ..Quality::EXACT });
+    assert!(bytes(&stage) > alone + alone / 2);
+    let camera = stage.camera;
+    stage.headless.app.world_mut().get_mut::<Camera>(camera).unwrap().is_active = false;
+    (0..610).for_each(|_| stage.headless.update());
+    assert_eq!(bytes(&stage), alone);
+}
+
+/// Where no leaf is asked for its colour, nothing is drawn.
+#[test]
+fn what_has_no_color_is_not_there() {
+    let settings = BakeSettings { depth: 4, basis: Basis::Rgba, ..default() };
+    let fog = bake(&settings, |_| 0.3, |_| |_| DVec3::new(1.0, 0.0, 0.0)).unwrap();
+    let camera = PinholeCamera::around(&fog, SIZE, SIZE, 0.5, 0.4).unwrap();
+    let mut stage = Stage::new(&fog, Palette::new(vec![[0.5; 3]]).unwrap());
+    assert!(stage.picture(&camera, Quality::EXACT).pixels().any(|pixel| pixel[1] < 200));
+    let nothing = stage.picture(&camera, Quality { min_weight: 0.5, ..Quality::EXACT });
+    assert!(nothing.pixels().all(|pixel| pixel.0 == [255; 4]));
 }
 
 /// Every knob by itself, at and beyond the ends of its range, draws something finite.

@@ -24,10 +24,7 @@ use super::{
     records::Records,
     upload::{Row, upload_table},
 };
-use crate::{
-    field::{Activation, PlenOctree},
-    quality::Quality,
-};
+use crate::field::{Activation, PlenOctree};
 
 /// A field that the GPU cannot hold.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -121,9 +118,14 @@ impl GpuField {
         self.0.get(level)
     }
 
-    /// The form that a `quality` asks for, with cells wider by `coarser` powers of two.
-    pub(crate) fn make_level(&mut self, coarser: u32, quality: &Quality, uploader: &Uploader) -> Level {
-        self.0.make(coarser, quality, uploader)
+    /// The form of the field to draw where one is wanted: that, or what stands in for it while it is made.
+    pub(crate) fn ask(&mut self, wanted: Level, uploader: &Uploader) -> Level {
+        self.0.ask(wanted, uploader)
+    }
+
+    /// Whether a form that a camera asked for in the last frame is still being made.
+    pub(crate) fn is_busy(&self) -> bool {
+        self.0.is_busy()
     }
 
     fn arrays(field: &PlenOctree) -> [(&'static str, u64); 2] {

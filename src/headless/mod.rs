@@ -169,6 +169,12 @@ impl Headless {
         cache.is_none_or(|cache| cache.waiting_pipelines().next().is_none())
     }
 
+    fn makes_levels(&self) -> bool {
+        let render = self.app.get_sub_app(RenderApp);
+        let fields = render.and_then(|render| render.world().get_resource::<RenderAssets<GpuField>>());
+        fields.is_some_and(|fields| fields.iter().any(|(_, field)| field.is_busy()))
+    }
+
     fn check_loads(&self, field: &Handle<PlenOctree>) -> Result<(), HeadlessError> {
         match self.app.world().resource::<AssetServer>().load_state(field) {
             LoadState::Failed(error) => Err(HeadlessError::Field(error.to_string())),
@@ -191,9 +197,14 @@ impl Headless {
         }
     }
 
-    /// Runs one more frame and returns the picture, rows from the top, encoded sRGB.
+    /// Runs one more frame and returns the picture, rows from the top, encoded sRGB. Where it asks for a level of detail that is
+    /// not made yet, frames run until it is.
     pub fn picture(&mut self) -> Result<RgbaImage, HeadlessError> {
         self.update();
+        while self.makes_levels() {
+            std::thread::sleep(Duration::from_millis(1));
+            self.update();
+        }
         readback::read(&self.app, &self.target)
     }
 }

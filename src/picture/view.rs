@@ -150,7 +150,7 @@ pub(super) fn prepare_views(
             let Some(field) = fields.get_mut(prop.field) else {
                 continue;
             };
-            drawn.push((prop.field, field.make_level(coarser, quality, &uploader)));
+            drawn.push((prop.field, field.ask(Level::new(coarser, quality), &uploader)));
             *rect = rect.union(covered(rays.clip_from_box, size));
             props.get_mut().push(PropUniform::new(prop, &rays, quality));
         }

@@ -4,13 +4,13 @@ use bevy::prelude::*;
 use bevy_plenoctree::{
     Palette, Palettes, Posterize,
     camera::PinholeCamera,
-    field::{BakeSettings, Basis, Cell, UpAxis, bake},
+    field::{Activation, BakeSettings, Basis, Cell, UpAxis, bake},
     reference,
 };
 use glam::DVec3;
 use half::f16;
 
-use crate::stage::{Stage, field, looking};
+use crate::stage::{Stage, activated, field, looking};
 
 fn ball() -> bevy_plenoctree::PlenOctree {
     let settings = BakeSettings {
@@ -79,13 +79,15 @@ fn neon_ends_at_the_borders_of_the_screen() {
     }
 }
 
-/// The ends of what half floats hold are the palette's colours that are nearest to them, filtered or not.
+/// Sums of harmonics beyond the ends of what half floats hold have the palette's colours that are nearest to them.
 #[test]
 fn the_brightest_and_the_darkest_get_labels() {
     let (black, white) = ([0.0; 3], [1.0; 3]);
     let node = std::array::from_fn(|cell| Cell::leaf(cell as u32));
     for (value, expected) in [(f16::MAX, [255; 3]), (f16::MIN, [0; 3])] {
-        let field = field(Basis::Rgba, vec![node], vec![30.0; 8], vec![value; 24]);
+        // The constant and the three functions that are linear in the direction, all of one sign as seen from the camera.
+        let coefficients = [value, value, -value, value].repeat(3 * 8);
+        let field = activated(&field(Basis::Sh4, vec![node], vec![30.0; 8], coefficients), Activation::Identity);
         // The wrong one comes first.
         let colors = if value == f16::MAX { vec![black, white] } else { vec![white, black] };
         let mut stage = Stage::with_palette(&field, Palette::new(colors).unwrap());
