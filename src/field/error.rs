@@ -64,7 +64,7 @@ pub enum ReadFault {
         expected: &'static str,
     },
     /// The shape is not the one that the array must have, or that goes with the other arrays.
-    #[error("{key}: found shape {found:?}, expected {expected}")]
+    #[error("{key}: found shape {}, expected {expected}", shape(found))]
     Shape {
         /// The array.
         key: &'static str,
@@ -120,4 +120,25 @@ pub enum WriteError {
 /// The start of a text from a file, fit for one line of a message.
 pub(super) fn printable(text: &str) -> String {
     text.chars().take(60).flat_map(char::escape_debug).collect()
+}
+
+/// A shape, for messages; only the first of many axes.
+fn shape(axes: &[u64]) -> String {
+    const SHOWN: usize = 8;
+    match axes.get(..SHOWN) {
+        Some(first) if axes.len() > SHOWN => format!("{first:?} and {} axes more", axes.len() - SHOWN),
+        _ => format!("{axes:?}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::shape;
+
+    #[test]
+    fn shapes_of_many_axes_are_cut_short() {
+        assert_eq!(shape(&[]), "[]");
+        assert_eq!(shape(&[2; 8]), "[2, 2, 2, 2, 2, 2, 2, 2]");
+        assert_eq!(shape(&[1; 46]), "[1, 1, 1, 1, 1, 1, 1, 1] and 38 axes more");
+    }
 }

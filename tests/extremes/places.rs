@@ -38,6 +38,25 @@ fn cameras_on_faces_in_corners_and_inside() {
     }
 }
 
+/// The sides of a mirrored box are wound the other way round; a camera in it sees them from inside all the same.
+#[test]
+fn a_camera_inside_a_mirrored_prop_sees_it() {
+    let field = chain(3, 7, Some(0.7), 3.0);
+    let mut stage = Stage::new(&field);
+    let position = DVec3::new(0.1, -0.2, 0.3);
+    let camera = looking(position, position + DVec3::X);
+    let before = stage.picture(&camera);
+    let prop = stage.prop;
+    stage.headless.app.world_mut().entity_mut(prop).insert(Transform::from_scale(Vec3::new(1.0, 1.0, -1.0)));
+    let other = position * DVec3::new(1.0, 1.0, -1.0);
+    let mirrored = stage.picture(&looking(other, other + DVec3::X));
+    assert!(before.pixels().all(|pixel| pixel[2] > 50));
+    let same = |(x, y, pixel): (u32, u32, &image::Rgba<u8>)| {
+        pixel.0.iter().zip(mirrored.get_pixel(SIZE - 1 - x, y).0).all(|(a, b)| a.abs_diff(b) <= 1)
+    };
+    assert!(before.enumerate_pixels().all(same));
+}
+
 /// A million sizes away, through a lens that makes up for it.
 #[test]
 fn cameras_far_away_see_what_near_ones_see() {
