@@ -8,10 +8,8 @@
 @group(1) @binding(1) var<uniform> iteration: vec4<u32>;
 
 #ifdef HORIZONTAL
-const HORIZONTAL: bool = true;
 const ALONG: vec2<i32> = vec2(1, 0);
 #else
-const HORIZONTAL: bool = false;
 const ALONG: vec2<i32> = vec2(0, 1);
 #endif
 
@@ -26,12 +24,12 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<u32> {
     let at = vec2<i32>(position.xy);
     let texel = textureLoad(source, at, 0);
     let center = unpack(texel);
-    // After the first pass both pictures hold what is left alone, and it need not be written again.
-    if center.owner == 0u && (!HORIZONTAL || iteration.x > 0u) {
+    // Both pictures hold what no prop owns.
+    if center.owner == 0u {
         discard;
     }
-    let prop = max(center.owner, 1u) - 1u;
-    if center.owner == 0u || iteration.x >= props[prop].iterations {
+    let prop = center.owner - 1u;
+    if iteration.x >= props[prop].iterations {
         return texel;
     }
     let spatial = props[prop].spatial_falloff;

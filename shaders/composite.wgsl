@@ -8,12 +8,29 @@
 @group(1) @binding(1) var owner: texture_2d<f32>;
 @group(1) @binding(2) var scene: texture_2d<f32>;
 
+#ifdef UNFILTERED
+struct Fragment {
+    @location(0) even: vec4<u32>,
+}
+#else
+// The filter reads what it leaves alone in either of its pictures.
+struct Fragment {
+    @location(0) even: vec4<u32>,
+    @location(1) odd: vec4<u32>,
+}
+#endif
+
 @fragment
-fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<u32> {
+fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
     let pixel = vec2<u32>(position.xy);
     let over = textureLoad(layer, pixel, 0);
     let background = from_target(textureLoad(scene, pixel + view.corner, 0).rgb);
     let prop = textureLoad(owner, pixel, 0).r;
     let posterized = select(u32(prop), view.everything, prop == 0.0);
-    return pack(over.rgb + (1.0 - over.a) * background, posterized);
+    let texel = pack(over.rgb + (1.0 - over.a) * background, posterized);
+#ifdef UNFILTERED
+    return Fragment(texel);
+#else
+    return Fragment(texel, texel);
+#endif
 }

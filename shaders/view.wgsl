@@ -69,3 +69,6 @@ fn depth_value(distance: f32) -> f32 {
 }
 
 const FAR_AWAY: f32 = 1e30;
+
+// The least depth of a pixel in which there is something of a prop: 0 stands for none.
+const LEAST_DEPTH: f32 = 1e-30;

@@ -3,7 +3,7 @@
 #import bevy_plenoctree::color::to_half
 #import bevy_plenoctree::octree::{NO_LEAF, begin, clip, density, field, make_ray, next_leaf}
 #import bevy_plenoctree::radiance::{harmonics, radiance}
-#import bevy_plenoctree::view::{depth_value, props, view, view_distance}
+#import bevy_plenoctree::view::{LEAST_DEPTH, depth_value, props, view, view_distance}
 
 #ifdef MULTISAMPLED
 @group(0) @binding(3) var scene_depth: texture_depth_multisampled_2d;
@@ -117,6 +117,6 @@ fn fragment(in: Varying) -> Fragment {
     return Fragment(
         to_half(vec4(color, opacity)),
         vec4(posterized, select(0.0, 1.0, is_solid), 0.0, select(0.0, 1.0, covers || is_solid)),
-        clamp(depth_value(distance), 0.0, 1.0),
+        clamp(depth_value(distance), LEAST_DEPTH, 1.0),
     );
 }

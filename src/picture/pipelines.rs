@@ -163,8 +163,18 @@ pub(super) fn init(
         &shaders.bilateral,
         &BindGroupLayoutEntries::sequential(stages, (filtered(), uniform_buffer::<UVec4>(true))),
     );
-    let direction =
-        |definitions| cache.queue_render_pipeline(filter.pipeline(definitions, &[target(FILTERED_FORMAT, None)]));
+    let direction = |definitions| {
+        let mut descriptor = filter.pipeline(definitions, &[target(FILTERED_FORMAT, None)]);
+        // Where no prop is, `fullscreen.wgsl` is behind the depth that was cleared: no work for the fragment shader.
+        descriptor.depth_stencil = Some(DepthStencilState {
+            format: DEPTH_FORMAT,
+            depth_write_enabled: Some(false),
+            depth_compare: Some(CompareFunction::LessEqual),
+            stencil: default(),
+            bias: default(),
+        });
+        cache.queue_render_pipeline(descriptor)
+    };
     let mut words = vec![0u32; (MAX_FILTER_ITERATIONS * ITERATION_STRIDE / 4) as usize];
     for (iteration, value) in words.chunks_exact_mut(ITERATION_STRIDE as usize / 4).enumerate() {
         value[0] = iteration as u32;
@@ -190,7 +200,8 @@ impl SpecializedRenderPipeline for CompositePipeline {
         if !filtered {
             definitions.push("UNFILTERED".into());
         }
-        self.0.pipeline(definitions, &[target(FILTERED_FORMAT, None)])
+        let pictures = if filtered { 2 } else { 1 };
+        self.0.pipeline(definitions, &vec![target(FILTERED_FORMAT, None); pictures])
     }
 }
 

@@ -10,7 +10,8 @@ use bevy::{
         diagnostic::RecordDiagnostics,
         render_resource::{
             BindGroup, BindGroupEntries, BufferBinding, LoadOp, Operations, PipelineCache, RenderPassColorAttachment,
-            RenderPassDescriptor, RenderPipeline, StoreOp, TextureView, TextureViewId,
+            RenderPassDepthStencilAttachment, RenderPassDescriptor, RenderPipeline, StoreOp, TextureView,
+            TextureViewId,
         },
         renderer::{RenderContext, RenderDevice, ViewQuery},
         view::{ViewDepthTexture, ViewTarget},
@@ -131,11 +132,21 @@ pub(super) fn posterize_pass(
 
     let mut draw = |target: Target, pipeline: &RenderPipeline, group, offsets: &[u32]| {
         let mut descriptor = RenderPassDescriptor { label: Some(POSTERIZE_SPAN), ..default() };
-        let attachments;
+        let (attachments, composited);
         match &target {
-            Target::Picture(picture) => {
+            Target::Composite => {
+                composited = [onto(&textures.even), onto(&textures.odd)];
+                descriptor.color_attachments = &composited[..if props.iterations > 0 { 2 } else { 1 }];
+            }
+            Target::Filtered(picture) => {
                 attachments = [onto(picture)];
                 descriptor.color_attachments = &attachments;
+                // Only for its test.
+                descriptor.depth_stencil_attachment = Some(RenderPassDepthStencilAttachment {
+                    view: &textures.layer.depth,
+                    depth_ops: None,
+                    stencil_ops: None,
+                });
             }
             Target::Screen => {
                 attachments = [Some(match props.stage {
@@ -161,11 +172,11 @@ pub(super) fn posterize_pass(
         pass.set_bind_group(1, group, offsets);
         pass.draw(0..3, 0..1);
     };
-    draw(Target::Picture(&textures.even), composite, scene, &[]);
+    draw(Target::Composite, composite, scene, &[]);
     for iteration in 0..props.iterations {
         let offset = [iteration * ITERATION_STRIDE];
-        draw(Target::Picture(&textures.odd), horizontal, &groups.horizontal, &offset);
-        draw(Target::Picture(&textures.even), vertical, &groups.vertical, &offset);
+        draw(Target::Filtered(&textures.odd), horizontal, &groups.horizontal, &offset);
+        draw(Target::Filtered(&textures.even), vertical, &groups.vertical, &offset);
     }
     draw(Target::Screen, label, &groups.label, &[]);
     draw(Target::Depth, depth, &groups.depth, &[]);
@@ -175,8 +186,10 @@ pub(super) fn posterize_pass(
 /// What a draw of the pass writes.
 #[derive(Clone, Copy)]
 enum Target<'a> {
-    /// A picture of the view's own, as large as its viewport.
-    Picture(&'a TextureView),
+    /// The pictures of the filter.
+    Composite,
+    /// One of them, where there is something of a prop.
+    Filtered(&'a TextureView),
     /// The view's target.
     Screen,
     /// The view's depth.

@@ -87,7 +87,7 @@ pub(super) fn init_layouts(mut commands: Commands) {
         depth: [with_depth(texture_depth_2d()), with_depth(texture_depth_2d_multisampled())],
         picture: BindGroupLayoutDescriptor::new(
             "plenoctree_picture_view",
-            &BindGroupLayoutEntries::sequential(ShaderStages::FRAGMENT, shared()),
+            &BindGroupLayoutEntries::sequential(stages, shared()),
         ),
     });
 }
