@@ -1,7 +1,7 @@
 // From the pixels of a coarser volume pass to those of the viewport: bilinear, but not across edges of the scene's depth.
 
 #import bevy_plenoctree::color::to_half
-#import bevy_plenoctree::view::{view, view_distance}
+#import bevy_plenoctree::view::{props, view, view_distance}
 
 #ifdef MULTISAMPLED
 @group(0) @binding(3) var scene_depth: texture_depth_multisampled_2d;
@@ -59,9 +59,10 @@ fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
     if best == 0.0 {
         discard;
     }
-    return Fragment(
-        to_half(color / total),
-        textureLoad(owner, nearest, 0),
-        textureLoad(depth, nearest, 0),
-    );
+    let mixed = to_half(color / total);
+    var owned = textureLoad(owner, nearest, 0);
+    // The outline is that of the opacity here, not that of larger pixels.
+    let prop = max(u32(owned.r), 1u) - 1u;
+    owned.r = select(0.0, owned.r, mixed.a >= props[prop].min_opacity);
+    return Fragment(mixed, owned, textureLoad(depth, nearest, 0));
 }
