@@ -97,10 +97,19 @@ impl GpuRenderer {
         }
     }
 
-    /// The last measurement of a pass.
-    fn milliseconds(&self, span: &str) -> Option<f64> {
-        let path = DiagnosticPath::new(format!("render/{span}/elapsed_gpu"));
-        self.headless.app.world().resource::<DiagnosticsStore>().get(&path)?.value()
+    /// What the last frame since `start` took in the two passes; none where the adapter has no timestamps.
+    fn measure(&mut self, start: Instant) -> [Option<f64>; 2] {
+        // Measurements arrive this many frames later at most, which draw nothing.
+        const FRAMES: usize = 4;
+        self.activate(false);
+        (0..FRAMES).for_each(|_| self.headless.update());
+        self.activate(true);
+        let diagnostics = self.headless.app.world().resource::<DiagnosticsStore>();
+        [VOLUME_SPAN, POSTERIZE_SPAN].map(|span| {
+            let path = DiagnosticPath::new(format!("render/{span}/elapsed_gpu"));
+            let measurement = diagnostics.get(&path)?.measurement()?;
+            (measurement.time > start).then_some(measurement.value)
+        })
     }
 
     fn activate(&mut self, active: bool) {
@@ -119,22 +128,17 @@ impl Render for GpuRenderer {
         world.entity_mut(self.camera).insert(view);
         world.entity_mut(self.prop).remove::<Posterize>();
         self.show(None);
+        let start = Instant::now();
         let original = self.shoot()?;
+        // Its times must not be taken for those of the next.
+        self.measure(start);
 
         self.headless.app.world_mut().entity_mut(self.prop).insert(look);
         let start = Instant::now();
         let posterized = self.shoot()?;
         let total = start.elapsed().as_secs_f64() * 1e3;
-
-        // Measurements arrive with the next frame; this one draws nothing.
-        self.activate(false);
-        self.headless.update();
-        let times = FrameTimes {
-            volume: self.milliseconds(VOLUME_SPAN),
-            posterize: self.milliseconds(POSTERIZE_SPAN),
-            total: Some(total),
-        };
-        self.activate(true);
+        let [volume, posterize] = self.measure(start);
+        let times = FrameTimes { volume, posterize, total: Some(total) };
 
         let recolored = match self.job.recolored.clone() {
             Some(colors) => {
