@@ -17,6 +17,7 @@ use bevy::{
     },
     tasks::block_on,
 };
+use glam::DVec3;
 
 use super::{
     levels::{Level, Levels},
@@ -49,6 +50,8 @@ pub struct GpuField(Levels);
 pub(crate) struct GpuLevel {
     pub bind_group: BindGroup,
     pub shape: FieldShape,
+    /// The box around the leaves, in tree units.
+    pub bounds: Option<(DVec3, DVec3)>,
     bytes: u64,
 }
 
@@ -190,6 +193,10 @@ impl Uploader<'_> {
         GpuLevel {
             bind_group,
             shape: FieldShape { payload, activation: field.activation(), inner_records: !records.below.is_empty() },
+            bounds: field.cell_bounds().map(|(low, high)| {
+                let cells = f64::from(1u32 << field.depth());
+                (low.as_dvec3() / cells, high.as_dvec3() / cells)
+            }),
             bytes: bytes.iter().sum(),
         }
     }

@@ -23,11 +23,15 @@ pub(super) struct Rays {
     pub direction: [DVec3; 3],
     /// The box from `low` to `high` (tree units), as the image of the unit cube, in clip space.
     pub clip_from_box: DMat4,
+    /// The box in tree units.
+    pub low: DVec3,
+    pub high: DVec3,
     /// Whether the way from the field to the view mirrors.
     pub mirrored: bool,
 }
 
 /// Where a field stands: `world_from_prop` is the entity's transform.
+#[derive(Clone, Copy)]
 pub(super) struct Placement {
     pub world_from_prop: GlobalTransform,
     pub up: UpAxis,
@@ -109,6 +113,8 @@ impl Placement {
             origin: slopes(base.0, right.0, down.0),
             direction: slopes(base.1, right.1, down.1),
             clip_from_box,
+            low: self.low,
+            high: self.high,
             mirrored: (determinant < 0.0) != (world_from_view.matrix3.determinant() < 0.0),
         })
     }

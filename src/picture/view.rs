@@ -20,6 +20,7 @@ use bevy::{
 
 use super::{
     extract::{ExtractedProps, VisibleProps},
+    rays::Placement,
     textures::{coarse_size, drawn_viewport},
     uniforms::{PropUniform, ViewUniform},
 };
@@ -143,14 +144,22 @@ pub(super) fn prepare_views(
         order.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
         for (_, index) in order {
             let prop = &extracted.props[*index];
-            let Some(rays) = prop.placement.rays(&view.world_from_view, view.clip_from_view, size) else {
+            let rays = |placement: &Placement| placement.rays(&view.world_from_view, view.clip_from_view, size);
+            let (Some(all), Some(field)) = (rays(&prop.placement), fields.get_mut(prop.field)) else {
                 continue;
             };
-            let coarser = levels_coarser(rays.cell_size, quality.cell_size);
-            let Some(field) = fields.get_mut(prop.field) else {
+            let coarser = levels_coarser(all.cell_size, quality.cell_size);
+            let level = field.ask(Level::new(coarser, quality), &uploader);
+            // What has fewer leaves may be smaller.
+            let bounds = field.level(level).and_then(|level| level.bounds);
+            let rays = match bounds {
+                Some((low, high)) if level != Level::default() => rays(&Placement { low, high, ..prop.placement }),
+                _ => Some(all),
+            };
+            let Some(rays) = rays else {
                 continue;
             };
-            drawn.push((prop.field, field.ask(Level::new(coarser, quality), &uploader)));
+            drawn.push((prop.field, level));
             *rect = rect.union(covered(rays.clip_from_box, size));
             props.get_mut().push(PropUniform::new(prop, &rays, quality));
         }
