@@ -2,7 +2,7 @@
 
 #import bevy_plenoctree::filtered::pack
 #import bevy_plenoctree::target::from_target
-#import bevy_plenoctree::view::view
+#import bevy_plenoctree::view::{owner_of, view}
 
 @group(1) @binding(0) var layer: texture_2d<f32>;
 @group(1) @binding(1) var owner: texture_2d<f32>;
@@ -25,8 +25,8 @@ fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
     let pixel = vec2<u32>(position.xy);
     let over = textureLoad(layer, pixel, 0);
     let background = from_target(textureLoad(scene, pixel + view.corner, 0).rgb);
-    let prop = textureLoad(owner, pixel, 0).r;
-    let posterized = select(u32(prop), view.everything, prop == 0.0);
+    let prop = owner_of(textureLoad(owner, pixel, 0));
+    let posterized = select(prop, view.everything, prop == 0u);
     let texel = pack(over.rgb + (1.0 - over.a) * background, posterized);
 #ifdef UNFILTERED
     return Fragment(texel);

@@ -20,7 +20,8 @@ fn from_target(stored: vec3<f32>) -> vec3<f32> {
 }
 
 fn to_target(color: vec3<f32>) -> vec3<f32> {
-    let light = view.exposure * decode(color);
+    // What half floats hold: infinite light is a hole after bloom.
+    let light = clamp(view.exposure * decode(color), vec3(-65504.0), vec3(65504.0));
 #ifdef SRGB_TARGET
     return encode(light);
 #else ifdef OKLAB_TARGET

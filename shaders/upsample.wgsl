@@ -1,7 +1,7 @@
 // From the pixels of a coarser volume pass to those of the viewport: bilinear, but not across edges of the scene's depth.
 
 #import bevy_plenoctree::color::to_half
-#import bevy_plenoctree::view::{props, view, view_distance}
+#import bevy_plenoctree::view::{owner_of, pack_owner, props, solid_at, view, view_distance}
 
 #ifdef MULTISAMPLED
 @group(0) @binding(3) var scene_depth: texture_depth_multisampled_2d;
@@ -47,7 +47,8 @@ fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
         let along = mix(1.0 - share, share, vec2<f32>(offset));
         // The ray of that pixel ended at the depth of the scene there.
         let there = distance_at(vec2<u32>((vec2<f32>(pixel) + 0.5) * view.pixel));
-        let likeness = pow16(min(here, there) / max(here, there));
+        // Distances of parallel rays may be negative.
+        let likeness = pow16(1.0 - min(abs(here - there) / max(max(abs(here), abs(there)), 1e-30), 1.0));
         let weight = along.x * along.y * (likeness + 1e-4);
         color += weight * value;
         total += weight;
@@ -60,9 +61,10 @@ fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
         discard;
     }
     let mixed = to_half(color / total);
-    var owned = textureLoad(owner, nearest, 0);
+    let there = textureLoad(owner, nearest, 0);
     // The outline is that of the opacity here, not that of larger pixels.
-    let prop = max(u32(owned.r), 1u) - 1u;
-    owned.r = select(0.0, owned.r, mixed.a >= props[prop].min_opacity);
-    return Fragment(mixed, owned, textureLoad(depth, nearest, 0));
+    let prop = owner_of(there);
+    let covers = mixed.a >= props[max(prop, 1u) - 1u].min_opacity;
+    let owned = pack_owner(select(0u, prop, covers), solid_at(there));
+    return Fragment(mixed, vec4(owned, 0.0, 1.0), textureLoad(depth, nearest, 0));
 }

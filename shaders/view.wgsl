@@ -70,5 +70,19 @@ fn depth_value(distance: f32) -> f32 {
 
 const FAR_AWAY: f32 = 1e30;
 
+// What the volume pass says of a pixel, in two half floats, which hold integers up to 2048: which prop posterises it (1 +
+// place in `props`, or 0) and whether a prop is solid there.
+fn pack_owner(owner: u32, is_solid: bool) -> vec2<f32> {
+    return vec2(f32(owner & 2047u), f32(2u * (owner >> 11u) + select(0u, 1u, is_solid)));
+}
+
+fn owner_of(texel: vec4<f32>) -> u32 {
+    return u32(texel.r) + ((u32(texel.g) >> 1u) << 11u);
+}
+
+fn solid_at(texel: vec4<f32>) -> bool {
+    return (u32(texel.g) & 1u) == 1u;
+}
+
 // The least depth of a pixel in which there is something of a prop: 0 stands for none.
 const LEAST_DEPTH: f32 = 1e-30;

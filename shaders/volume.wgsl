@@ -3,7 +3,7 @@
 #import bevy_plenoctree::color::to_half
 #import bevy_plenoctree::octree::{NO_LEAF, begin, clip, density, field, make_ray, next_leaf}
 #import bevy_plenoctree::radiance::{harmonics, radiance}
-#import bevy_plenoctree::view::{LEAST_DEPTH, depth_value, props, view, view_distance}
+#import bevy_plenoctree::view::{LEAST_DEPTH, depth_value, pack_owner, props, view, view_distance}
 
 #ifdef MULTISAMPLED
 @group(0) @binding(3) var scene_depth: texture_depth_multisampled_2d;
@@ -41,13 +41,16 @@ fn vertex(@builtin(vertex_index) index: u32, @builtin(instance_index) instance: 
 struct Fragment {
     // Colour weighed by opacity, encoded sRGB, and opacity.
     @location(0) color: vec4<f32>,
-    // 1 + index of the prop that posterises the pixel, or 0; and whether it is solid there. Blending takes them where
-    // alpha is 1.
+    // `pack_owner`. Blending takes it where alpha is 1.
     @location(1) owner: vec4<f32>,
     // Of the solid part, or of the first leaf where nothing is: what is behind it is not drawn over it, in whichever order
-    // props are drawn.
+    // props are drawn. What is hardly there hides nothing.
     @builtin(frag_depth) depth: f32,
 }
+
+// The opacity of a pixel under which its prop is hidden by others that are solid there, wherever it is, and hides none:
+// a floater must not cut a hole into another prop.
+const HARDLY_THERE: f32 = 0.05;
 
 // 1 - exp(-depth) without the cancellation that eats thin fog.
 fn absorbed(depth: f32) -> f32 {
@@ -111,12 +114,13 @@ fn fragment(in: Varying) -> Fragment {
         opacity = gone;
     }
     let covers = opacity >= props[in.prop].min_opacity;
-    let posterized = select(0.0, f32(in.prop + 1u), covers && props[in.prop].colors > 0u);
+    let posterized = select(0u, in.prop + 1u, covers && props[in.prop].colors > 0u);
     let is_solid = solid >= 0.0;
     let distance = props[in.prop].near + select(first, solid, is_solid) / length;
+    let depth = clamp(depth_value(distance), LEAST_DEPTH, 1.0);
     return Fragment(
         to_half(vec4(color, opacity)),
-        vec4(posterized, select(0.0, 1.0, is_solid), 0.0, select(0.0, 1.0, covers || is_solid)),
-        clamp(depth_value(distance), LEAST_DEPTH, 1.0),
+        vec4(pack_owner(posterized, is_solid), 0.0, select(0.0, 1.0, covers || is_solid)),
+        select(depth, LEAST_DEPTH, opacity < HARDLY_THERE && !is_solid && !covers),
     );
 }

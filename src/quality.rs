@@ -88,15 +88,18 @@ impl Quality {
 
     /// With every knob in its range, so that no shader divides by zero or loops for long.
     pub(crate) fn sound(self) -> Self {
-        // f32::max takes the other one for NaN.
+        let within = |value: f32, low: f32, high: f32, exact: f32| {
+            if value.is_nan() { exact } else { value.clamp(low, high) }
+        };
+        let exact = Self::EXACT;
         Self {
-            stop_transmittance: self.stop_transmittance.max(1e-30),
-            density_threshold: self.density_threshold.max(0.0),
-            opacity_loss: self.opacity_loss.max(0.0),
-            min_weight: self.min_weight.max(0.0),
+            stop_transmittance: within(self.stop_transmittance, 1e-30, 1.0, exact.stop_transmittance),
+            density_threshold: within(self.density_threshold, 0.0, f32::INFINITY, exact.density_threshold),
+            opacity_loss: within(self.opacity_loss, 0.0, 1.0, exact.opacity_loss),
+            min_weight: within(self.min_weight, 0.0, 1.0, exact.min_weight),
             degree: self.degree.min(4),
-            cell_size: self.cell_size.max(0.0),
-            resolution: if self.resolution.is_nan() { 1.0 } else { self.resolution.clamp(0.1, 1.0) },
+            cell_size: within(self.cell_size, 0.0, f32::INFINITY, exact.cell_size),
+            resolution: within(self.resolution, 0.1, 1.0, exact.resolution),
             filter_iterations: self.filter_iterations,
             filter_radius: self.filter_radius,
         }
@@ -106,12 +109,12 @@ impl Quality {
 /// A named choice for all that trades accuracy for speed.
 ///
 /// What it keeps, tested with the hardest of our props (thin rails, gloss) in small pictures of 160 x 160 pixels, where
-/// the prop's details are as large as pixels: PSNR against float64, and the share of its pixels whose label changes if
-/// labels do not blend. Larger pictures keep more; the example `tradeoff` says what a field of yours keeps.
+/// the prop's details are as large as pixels: PSNR against float64, and the share of its pixels whose label is another than
+/// float64's if labels do not blend. Larger pictures keep more; the example `tradeoff` says what a field of yours keeps.
 ///
-/// | | PSNR at least | labels changed at most |
+/// | | PSNR at least | other labels at most |
 /// |---|---|---|
-/// | [`Self::Exact`] | 55 dB | none |
+/// | [`Self::Exact`] | 55 dB | 1 % |
 /// | [`Self::High`] | 45 dB | 5 % |
 /// | [`Self::Balanced`] | 23 dB | 60 % |
 /// | [`Self::Fast`] | 20 dB | 75 % |

@@ -70,18 +70,23 @@ fn presets_keep_what_they_promise() {
     let camera = PinholeCamera::around(&field, SIZE, SIZE, 0.5, 0.4).unwrap();
     let truth = reference::render(&field, &camera);
     let over = truth.over(DVec3::ONE);
-    let mut stage = Stage::new(&field, palette);
+    let colors: Vec<DVec3> = palette.colors.iter().map(|color| DVec3::from(*color)).collect();
     let hard = Posterize { softness: 0.0, ..default() };
-    let mut exact = None;
+    let settings = reference::Posterization { softness: 0.0, ..Default::default() };
+    // With hard edges a pixel's colour says its label.
+    let expected = reference::posterize(&truth, DVec3::ONE, &colors, &colors, &settings);
+    let mut stage = Stage::new(&field, palette);
     for preset in Preset::ALL {
         let prop = stage.prop;
         stage.headless.app.world_mut().entity_mut(prop).remove::<Posterize>();
         let psnr = psnr(&stage.picture(&camera, preset.quality()), &over);
         stage.headless.app.world_mut().entity_mut(prop).insert(hard);
         let labels = stage.picture(&camera, preset.quality());
-        let exact = exact.get_or_insert(labels.clone());
         let owned = truth.opacity.iter().filter(|opacity| **opacity >= 80.0 / 255.0).count();
-        let changed = labels.pixels().zip(exact.pixels()).filter(|(a, b)| a != b).count();
+        let changed = labels.pixels().zip(&expected).filter(|(pixel, color)| {
+            (0..3).any(|channel| (f64::from(pixel[channel]) - 255.0 * color[channel]).abs() > 2.0)
+        });
+        let changed = changed.count();
         let changed = changed as f64 / owned as f64;
         let (least, most) = promise(preset);
         assert!(psnr >= least && changed <= most, "{preset:?}: {psnr:.1} dB, {:.1} % of labels", 100.0 * changed);
@@ -91,7 +96,7 @@ fn presets_keep_what_they_promise() {
 /// PSNR in dB at least, and the share of labels that change at most, as `Preset` documents them.
 fn promise(preset: Preset) -> (f64, f64) {
     match preset {
-        Preset::Exact => (55.0, 0.0),
+        Preset::Exact => (55.0, 0.01),
         Preset::High => (45.0, 0.05),
         Preset::Balanced => (23.0, 0.6),
         Preset::Fast => (20.0, 0.75),

@@ -30,8 +30,9 @@ use crate::field::{Activation, PlenOctree};
 /// A field that the GPU cannot hold.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "the field's {what} need {bytes} bytes on the GPU, which can hold {limit} of them; a field with fewer leaves or \
-     spherical harmonics of a lower degree would fit, and compact ones (`Precision::Byte`) take half as much"
+    "the field's {what} need {bytes} bytes on the GPU, {}; a field with fewer leaves or spherical harmonics of a lower \
+     degree would fit, and compact ones (`Precision::Byte`) take half as much",
+    .limit.map_or("which has no more so much memory".into(), |limit| format!("which can hold {limit} of them"))
 )]
 pub struct FieldTooLarge {
     /// Which of the field's parts does not fit.
@@ -39,8 +40,8 @@ pub struct FieldTooLarge {
     /// Its size.
     pub bytes: u64,
     /// How much of them the device can hold: a texture of four words a texel, `max_texture_dimension_2d` high and as wide,
-    /// but at most 8192 wide; or what was left of its memory.
-    pub limit: u64,
+    /// but at most 8192 wide. `None` if the driver found no room, and did not say how much there is.
+    pub limit: Option<u64>,
 }
 
 /// A [`PlenOctree`] in GPU memory, in the render world's `RenderAssets<GpuField>`.
@@ -108,7 +109,7 @@ impl GpuField {
         let row = Row::new(limits);
         let limit = row.most_texels() * 16;
         let too_large = Self::arrays(field).into_iter().find(|(_, bytes)| *bytes > limit);
-        too_large.map_or(Ok(()), |(what, bytes)| Err(FieldTooLarge { what, bytes, limit }))
+        too_large.map_or(Ok(()), |(what, bytes)| Err(FieldTooLarge { what, bytes, limit: Some(limit) }))
     }
 
     /// Bytes in GPU memory, those of the forms that cameras ask for included.
@@ -143,6 +144,20 @@ fn table_allowance(field: &PlenOctree) -> u64 {
     coefficients / 8
 }
 
+/// A field that is ready to be uploaded.
+pub(super) struct Form {
+    pub field: PlenOctree,
+    records: Records,
+}
+
+impl Form {
+    /// Works as long as it takes to look at all leaves.
+    pub fn new(field: PlenOctree) -> Self {
+        let records = Records::new(&field, table_allowance(&field));
+        Self { field, records }
+    }
+}
+
 /// What it takes to put fields into GPU memory.
 pub(crate) struct Uploader<'a> {
     pub device: &'a RenderDevice,
@@ -153,19 +168,18 @@ pub(crate) struct Uploader<'a> {
 
 impl Uploader<'_> {
     /// `None`, with an error in the log, if the GPU cannot hold the field.
-    pub(super) fn upload(&self, field: &PlenOctree) -> Option<Arc<GpuLevel>> {
+    pub(super) fn upload(&self, form: &Form) -> Option<Arc<GpuLevel>> {
         // What the driver refuses, be it for want of memory, is found out here and not in the middle of a frame.
         let memory = self.device.wgpu_device().push_error_scope(wgpu::ErrorFilter::OutOfMemory);
-        let level = GpuField::check(field, &self.device.limits()).map(|()| self.level(field));
+        let level = GpuField::check(&form.field, &self.device.limits()).map(|()| self.level(form));
         let level = match (block_on(memory.pop()), level) {
-            (Some(_), Ok(level)) => Err(FieldTooLarge { what: "textures", bytes: level.bytes, limit: 0 }),
+            (Some(_), Ok(level)) => Err(FieldTooLarge { what: "textures", bytes: level.bytes, limit: None }),
             (_, level) => level,
         };
         level.inspect_err(|error| error!("a field is not drawn: {error}")).ok().map(Arc::new)
     }
 
-    fn level(&self, field: &PlenOctree) -> GpuLevel {
-        let records = Records::new(field, table_allowance(field));
+    fn level(&self, Form { field, records }: &Form) -> GpuLevel {
         let payload = Payload::of(field);
         let row = Row::new(&self.device.limits());
         let uniform = [records.depth, records.table_level, row.log2(), 0];

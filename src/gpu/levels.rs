@@ -6,7 +6,7 @@ use bevy::tasks::{AsyncComputeTaskPool, Task, block_on, poll_once};
 
 use super::{
     faintness::Faintness,
-    field::{GpuLevel, Uploader},
+    field::{Form, GpuLevel, Uploader},
 };
 use crate::{field::PlenOctree, quality::Quality};
 
@@ -69,15 +69,20 @@ struct Made {
 
 enum State {
     /// Made in the background, since that takes longer than a frame may.
-    Making(Task<PlenOctree>),
+    Making(Task<Form>),
     /// `None` if the GPU cannot hold it.
     Ready(Option<Arc<GpuLevel>>),
 }
 
 impl Levels {
     pub fn new(source: PlenOctree, uploader: &Uploader) -> Self {
-        let state = State::Ready(uploader.upload(&source));
-        Self { source, faintness: Arc::default(), made: vec![Made { level: Level::default(), state, idle: 0 }] }
+        let form = Form::new(source);
+        let state = State::Ready(uploader.upload(&form));
+        Self {
+            source: form.field,
+            faintness: Arc::default(),
+            made: vec![Made { level: Level::default(), state, idle: 0 }],
+        }
     }
 
     pub fn get(&self, level: Level) -> Option<&Arc<GpuLevel>> {
@@ -88,16 +93,16 @@ impl Levels {
     pub fn ask(&mut self, wanted: Level, uploader: &Uploader) -> Level {
         let place = self.made.iter().position(|made| made.level == wanted).unwrap_or_else(|| {
             let (field, faintness) = (self.source.clone(), self.faintness.clone());
-            let task = AsyncComputeTaskPool::get().spawn(async move { wanted.of(&field, &faintness) });
+            let task = AsyncComputeTaskPool::get().spawn(async move { Form::new(wanted.of(&field, &faintness)) });
             self.made.push(Made { level: wanted, state: State::Making(task), idle: 0 });
             self.made.len() - 1
         });
         let made = &mut self.made[place];
         made.idle = 0;
         if let State::Making(task) = &mut made.state
-            && let Some(field) = block_on(poll_once(task))
+            && let Some(form) = block_on(poll_once(task))
         {
-            made.state = State::Ready(uploader.upload(&field));
+            made.state = State::Ready(uploader.upload(&form));
         }
         if made.state.ready().is_some() {
             return wanted;

@@ -26,7 +26,7 @@ pub(super) const DEPTH_FORMAT: TextureFormat = TextureFormat::Depth32Float;
 pub(super) struct Layer {
     /// Colour weighed by opacity, and opacity.
     pub color: TextureView,
-    /// 1 + index of the prop that posterises the pixel, 0 for none; and whether a prop is solid there.
+    /// `pack_owner` of `view.wgsl`.
     pub owner: TextureView,
     pub depth: TextureView,
 }

@@ -40,6 +40,8 @@ pub(super) struct ViewProps {
     pub fields: Vec<(AssetId<PlenOctree>, Level)>,
     /// The highest degree of spherical harmonics to evaluate.
     pub degree: u32,
+    /// Whether fields may be drawn in other forms than their own.
+    pub changes_levels: bool,
     /// Most iterations of the filter that a look asks for.
     pub iterations: u32,
     /// The part of the viewport in which there is something to draw, and what the filter reads around it, in pixels.
@@ -119,10 +121,11 @@ pub(super) fn prepare_views(
 ) {
     let uploader = Uploader { device: &device, queue: &queue, pipelines: &pipelines, layout: &layout };
     for (view, camera, resolution, visible, mut buffers) in &mut views {
-        let ViewProps { order, fields: drawn, degree, iterations, rect, stage, view: uniform, props, colors } =
-            &mut *buffers;
         let quality = &visible.quality;
-        *degree = quality.degree;
+        buffers.degree = quality.degree;
+        buffers.changes_levels = quality.cell_size > 0.0 || Level::new(0, quality) != Level::default();
+        let ViewProps { order, fields: drawn, iterations, rect, stage, view: uniform, props, colors, .. } =
+            &mut *buffers;
         drawn.clear();
         props.get_mut().clear();
         (*iterations, *rect) = (0, URect::EMPTY);
@@ -148,7 +151,7 @@ pub(super) fn prepare_views(
             let (Some(all), Some(field)) = (rays(&prop.placement), fields.get_mut(prop.field)) else {
                 continue;
             };
-            let coarser = levels_coarser(all.cell_size, quality.cell_size);
+            let coarser = levels_coarser(all.cell_size, quality.cell_size).min(prop.placement.cells.log2() as u32);
             let level = field.ask(Level::new(coarser, quality), &uploader);
             // What has fewer leaves may be smaller.
             let bounds = field.level(level).and_then(|level| level.bounds);
@@ -160,7 +163,10 @@ pub(super) fn prepare_views(
                 continue;
             };
             drawn.push((prop.field, level));
-            *rect = rect.union(covered(rays.clip_from_box, size));
+            let covered = covered(rays.clip_from_box, size);
+            if !covered.is_empty() {
+                *rect = rect.union(covered);
+            }
             props.get_mut().push(PropUniform::new(prop, &rays, quality));
         }
         let everything = visible.everything.filter(|look| look.colors > 0);

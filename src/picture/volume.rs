@@ -123,6 +123,15 @@ pub(super) fn prepare_pipelines(
         let levels = props.fields.iter().filter_map(|field| level(&fields, field));
         let ids = levels.map(|level| {
             let key = VolumeKey { shape: level.shape, degree: props.degree, multisampled: msaa.samples() > 1 };
+            if props.changes_levels {
+                // A level that is drawn next must not wait for its pipeline.
+                let inner_records = !level.shape.inner_records;
+                specialized.specialize(
+                    &cache,
+                    &pipeline,
+                    VolumeKey { shape: FieldShape { inner_records, ..level.shape }, ..key },
+                );
+            }
             specialized.specialize(&cache, &pipeline, key)
         });
         commands.entity(entity).insert(VolumePipelines(ids.collect()));

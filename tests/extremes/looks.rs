@@ -2,7 +2,7 @@
 
 use bevy::prelude::*;
 use bevy_plenoctree::{
-    Palette, Palettes, Posterize,
+    Palette, PaletteOverride, Palettes, Posterize, Prop,
     camera::PinholeCamera,
     field::{Activation, BakeSettings, Basis, Cell, UpAxis, bake},
     reference,
@@ -10,7 +10,7 @@ use bevy_plenoctree::{
 use glam::DVec3;
 use half::f16;
 
-use crate::stage::{Stage, activated, field, looking};
+use crate::stage::{Stage, activated, field, is_near, looking};
 
 fn ball() -> bevy_plenoctree::PlenOctree {
     let settings = BakeSettings {
@@ -77,6 +77,25 @@ fn neon_ends_at_the_borders_of_the_screen() {
         let pixel = *stage.picture(&camera()).get_pixel(16, 16);
         assert!((0..3).all(|c| pixel[c].abs_diff(expected[c]) <= 1), "{color:?}: {pixel:?}");
     }
+}
+
+/// The nearest of more props than half floats can count has its own colour.
+#[test]
+fn the_last_of_two_thousand_props_has_its_colors() {
+    let node = std::array::from_fn(|cell| Cell::leaf(cell as u32));
+    let solid = field(Basis::Rgba, vec![node], vec![1e4; 8], vec![f16::ZERO; 24]);
+    let mut stage = Stage::with_palette(&solid, Palette::new(vec![[0.0; 3]]).unwrap());
+    let (nearest, handle) = (stage.prop, stage.field.clone());
+    let world = stage.headless.app.world_mut();
+    let mut own = PaletteOverride::default();
+    own.set(0, Color::srgb(0.2, 0.4, 0.8));
+    world.entity_mut(nearest).insert((Posterize::default(), own));
+    for index in 1..=2100 {
+        let behind = camera().position.normalize().as_vec3() * -0.01 * index as f32;
+        world.spawn((Prop(handle.clone()), Transform::from_translation(behind)));
+    }
+    let pixel = *stage.picture(&camera()).get_pixel(16, 16);
+    assert!(is_near(pixel.0, [51, 102, 204, 255]), "{pixel:?}");
 }
 
 /// Sums of harmonics beyond the ends of what half floats hold have the palette's colours that are nearest to them.

@@ -119,7 +119,7 @@ fn targets_of_one_pixel_and_of_four_thousand() {
     let mut stage = Stage::new(&field);
     let prop = stage.prop;
     stage.headless.app.world_mut().entity_mut(prop).insert(bevy_plenoctree::Posterize::default());
-    for (width, height) in [(1, 1), (4096, 3), (1, 4096)] {
+    for (width, height) in [(1, 1), (4096, 3), (1, 4096), (4096, 4096)] {
         stage.headless.resize(UVec2::new(width, height));
         let camera = looking(DVec3::new(0.0, 0.0, 6.0), DVec3::ZERO).resized(width, height);
         let picture = stage.picture(&camera);

@@ -206,6 +206,17 @@ fn props_are_composited_over_each_other() {
     }
 }
 
+/// A prop that is farther by its middle has haze before the other, which takes a hundredth of the light.
+#[test]
+fn haze_does_not_cut_holes_into_other_props() {
+    let mut stage = Stage::new();
+    let haze = shape(8.0 * density(0.01), BLUE, |at| at.z > 0.875 || at.max_element() < -0.875);
+    stage.spawn_prop(&haze, Transform::from_xyz(0.0, 0.0, -0.4));
+    stage.spawn_prop(&cube(SOLID, RED), Transform::from_xyz(0.0, 0.0, -0.1));
+    stage.wait();
+    stage.check("haze", |_, place| in_cube(place).then_some(RED));
+}
+
 /// The large prop is a wall at the back of the box around it, which is as deep as the stage because of a speck in a corner.
 /// The small one stands in that box: before the wall from one side, behind it from the other, though its centre is farther
 /// than the large one's in the first case and nearer in the second.
