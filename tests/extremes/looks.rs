@@ -2,7 +2,7 @@
 
 use bevy::prelude::*;
 use bevy_plenoctree::{
-    Palette, PaletteOverride, Palettes, Posterize, Prop,
+    Abstraction, Palette, PaletteOverride, Palettes, Posterize, Prop,
     camera::PinholeCamera,
     field::{Activation, BakeSettings, Basis, Cell, UpAxis, bake},
     reference,
@@ -96,6 +96,38 @@ fn the_last_of_two_thousand_props_has_its_colors() {
     }
     let pixel = *stage.picture(&camera()).get_pixel(16, 16);
     assert!(is_near(pixel.0, [51, 102, 204, 255]), "{pixel:?}");
+}
+
+/// A prop of one colour has that colour, whatever numbers a look is made of.
+#[test]
+fn looks_beyond_their_range_are_harmless() {
+    let node = std::array::from_fn(|cell| Cell::leaf(cell as u32));
+    let colors = [0.25, 0.5, 1.0].map(f16::from_f32).repeat(8);
+    let solid = field(Basis::Rgba, vec![node], vec![1e4; 8], colors);
+    let mut stage = Stage::with_palette(&solid, Palette::new(vec![[1.0; 3], [0.25, 0.5, 1.0]]).unwrap());
+    let looks = [f32::NAN, f32::NEG_INFINITY, -1.0, 0.0, f32::INFINITY].into_iter().flat_map(|number| {
+        let abstraction = Abstraction::default();
+        [
+            Posterize { softness: number.min(0.2), ..default() },
+            Posterize { min_opacity: number.min(1.0), ..default() },
+            Posterize { abstraction: Abstraction { spatial_sigma: number, ..abstraction }, ..default() },
+            Posterize { abstraction: Abstraction { range_sigma: number, ..abstraction }, ..default() },
+        ]
+    });
+    let counts = [0, u32::MAX].into_iter().flat_map(|number| {
+        let abstraction = Abstraction::default();
+        [
+            Posterize { blend_steps: number, softness: 0.0, ..default() },
+            Posterize { abstraction: Abstraction { iterations: number, ..abstraction }, ..default() },
+            Posterize { abstraction: Abstraction { radius: number, ..abstraction }, ..default() },
+        ]
+    });
+    for look in looks.chain(counts) {
+        let prop = stage.prop;
+        stage.headless.app.world_mut().entity_mut(prop).insert(look);
+        let pixel = *stage.picture(&camera()).get_pixel(16, 16);
+        assert!(is_near(pixel.0, [64, 128, 255, 255]), "{look:?}: {pixel:?}");
+    }
 }
 
 /// Sums of harmonics beyond the ends of what half floats hold have the palette's colours that are nearest to them.

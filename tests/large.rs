@@ -1,0 +1,90 @@
+//! A field as large as any that was published: 5.5 million leaves of SH9, from a file to a picture and a palette.
+
+use std::{io::Cursor, time::Duration};
+
+use bevy::prelude::*;
+use bevy_plenoctree::{
+    ExtractionSettings, PlenOctree, PlenOctreePlugin, Prop,
+    camera::PinholeCamera,
+    field::{Activation, Basis, Cell, Frame, LoadSettings, UpAxis},
+    gpu::GpuField,
+    headless::{Headless, exact_camera, pinhole_view},
+    palette, reference,
+};
+use glam::{DVec3, UVec3};
+use half::f16;
+
+const SIZE: u32 = 64;
+const DEPTH: u32 = 9;
+/// In finest cells: a shell of this radius and thickness.
+const RADIUS: f64 = 210.0;
+const THICKNESS: f64 = 10.0;
+
+/// The nodes under a cell at `corner`, as far as the shell meets them.
+fn grow(nodes: &mut Vec<[Cell; 8]>, leaves: &mut Vec<DVec3>, corner: UVec3, size: u32) -> u32 {
+    let (node, half) = (nodes.len(), size / 2);
+    nodes.push([Cell::EMPTY; 8]);
+    for index in 0..8 {
+        let corner = corner + half * UVec3::new(index >> 2, index >> 1 & 1, index & 1);
+        let center = corner.as_dvec3() + 0.5 * f64::from(half) - f64::from(1u32 << (DEPTH - 1));
+        let slack = if half == 1 { 0.0 } else { 0.87 * f64::from(half) };
+        if (center.length() - RADIUS).abs() <= 0.5 * THICKNESS + slack {
+            nodes[node][index as usize] = if half == 1 {
+                leaves.push(center / RADIUS);
+                Cell::leaf(leaves.len() as u32 - 1)
+            } else {
+                Cell::node(grow(nodes, leaves, corner, half))
+            };
+        }
+    }
+    node as u32
+}
+
+fn shell() -> PlenOctree {
+    let (mut nodes, mut leaves) = (Vec::new(), Vec::new());
+    grow(&mut nodes, &mut leaves, UVec3::ZERO, 1 << DEPTH);
+    let width = Basis::Sh9.coefficients();
+    // Each channel by its place, and glossy: the constant, and functions of the direction.
+    let coefficients = leaves.iter().flat_map(|at| {
+        (0..width).map(move |index| {
+            let (channel, function) = (index / 9, index % 9);
+            let place = (7.0 * at[channel] + function as f64).sin();
+            f16::from_f64(if function == 0 { 4.0 * place } else { 0.5 * place })
+        })
+    });
+    let frame = Frame::spanning(DVec3::splat(-256.0 / RADIUS), DVec3::splat(256.0 / RADIUS));
+    let (densities, coefficients) = (vec![40.0; leaves.len()], coefficients.collect());
+    PlenOctree::new(frame, Basis::Sh9, Activation::Sigmoid, UpAxis::Z, nodes, densities, coefficients).unwrap()
+}
+
+#[test]
+fn five_and_a_half_million_leaves_are_read_drawn_and_sampled() {
+    let mut file = Cursor::new(Vec::new());
+    shell().write_to(&mut file).unwrap();
+    let field = PlenOctree::read_from(Cursor::new(file.into_inner()), "shell.npz", &LoadSettings::default()).unwrap();
+    assert!(field.leaves() >= 5_500_000, "{} leaves", field.leaves());
+    // More than one binding of WebGPU's holds.
+    assert!(GpuField::byte_size(&field) > 2 * (128 << 20));
+
+    let camera = PinholeCamera::around(&field, SIZE, SIZE, 0.5, 0.4).unwrap();
+    let mut headless = Headless::new(UVec2::splat(SIZE), |app| {
+        app.add_plugins(PlenOctreePlugin);
+    })
+    .unwrap();
+    let target = headless.target();
+    let world = headless.app.world_mut();
+    let handle = world.resource_mut::<Assets<PlenOctree>>().add(field.clone());
+    world.spawn(Prop(handle));
+    world.spawn((exact_camera(Color::BLACK), target, pinhole_view(&camera, field.up())));
+    headless.wait_until_ready(Duration::from_secs(300)).unwrap();
+    let picture = headless.picture().unwrap();
+    let expected = reference::render(&field, &camera).over(DVec3::ZERO);
+    let wrong = picture.pixels().zip(&expected).filter(|(pixel, color)| {
+        (0..3).any(|channel| (f64::from(pixel[channel]) - 255.0 * color[channel].clamp(0.0, 1.0)).abs() > 1.5)
+    });
+    assert_eq!(wrong.count(), 0);
+
+    let settings = ExtractionSettings { sample_fraction: 0.01, ..default() };
+    let extraction = palette::extract(&field, &settings, &default()).unwrap();
+    assert_eq!(extraction.palette.colors.len(), settings.colors);
+}
