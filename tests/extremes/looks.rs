@@ -104,7 +104,7 @@ fn looks_beyond_their_range_are_harmless() {
     let node = std::array::from_fn(|cell| Cell::leaf(cell as u32));
     let colors = [0.25, 0.5, 1.0].map(f16::from_f32).repeat(8);
     let solid = field(Basis::Rgba, vec![node], vec![1e4; 8], colors);
-    let mut stage = Stage::with_palette(&solid, Palette::new(vec![[1.0; 3], [0.25, 0.5, 1.0]]).unwrap());
+    let mut stage = Stage::with_palette(&solid, Palette::new(vec![[0.0; 3], [0.25, 0.5, 1.0], [1.0; 3]]).unwrap());
     let looks = [f32::NAN, f32::NEG_INFINITY, -1.0, 0.0, f32::INFINITY].into_iter().flat_map(|number| {
         let abstraction = Abstraction::default();
         [
