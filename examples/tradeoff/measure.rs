@@ -24,6 +24,9 @@ pub struct Row {
     pub palette_error: Option<f64>,
 }
 
+/// What pictures without a difference are said to have, in dB: plots and tables have no place for infinity.
+const MOST_PSNR: f64 = 120.0;
+
 /// Half a degree.
 const TURN: f64 = std::f64::consts::PI / 360.0;
 
@@ -68,7 +71,7 @@ pub fn rendering(field: &PlenOctree, palette: &Palette, cameras: &[PinholeCamera
             value: variant.value.clone(),
             milliseconds: 0.0,
             ratio_to_exact: 0.0,
-            psnr_db: Some(-10.0 * (squares / values as f64).log10()),
+            psnr_db: Some((-10.0 * (squares / values as f64).log10()).min(MOST_PSNR)),
             label_changes: Some(changed as f64 / owned),
             flicker: Some(flicker / owned),
             palette_error: None,

@@ -233,3 +233,33 @@ fn covered(clip_from_box: glam::DMat4, size: UVec2) -> URect {
     // The cast saturates.
     everything.intersect(URect::from_corners(low.as_uvec2(), high.as_uvec2()))
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::{DMat4, DVec3};
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        /// Also when corners of the box are behind the camera.
+        #[test]
+        fn what_is_seen_of_a_box_is_covered(
+            eye in prop::array::uniform3(-1.0..2.0f64),
+            target in prop::array::uniform3(-0.5..1.5f64),
+            point in prop::array::uniform3(0.0..=1.0f64),
+        ) {
+            let (eye, target, size) = (DVec3::from(eye), DVec3::from(target), UVec2::new(64, 48));
+            prop_assume!((target - eye).length() > 0.01);
+            let view = DMat4::look_at_rh(eye, target, DVec3::new(0.1, 1.0, 0.2).normalize());
+            let clip_from_box = DMat4::perspective_infinite_reverse_rh(1.0, 4.0 / 3.0, 0.01) * view;
+            let clip = clip_from_box * DVec3::from(point).extend(1.0);
+            let ndc = glam::DVec2::new(clip.x, -clip.y) / clip.w;
+            if clip.w > 0.0 && ndc.abs().max_element() < 1.0 {
+                let pixel = (0.5 * (ndc + 1.0) * size.as_dvec2()).as_uvec2();
+                let rect = covered(clip_from_box, size);
+                prop_assert!(pixel.cmpge(rect.min).all() && pixel.cmplt(rect.max).all(), "{pixel} in {rect:?}");
+            }
+        }
+    }
+}
