@@ -242,17 +242,22 @@ mod tests {
     use super::*;
 
     proptest! {
+        #![proptest_config(ProptestConfig::with_cases(20_000))]
+
         /// Also when corners of the box are behind the camera.
         #[test]
         fn what_is_seen_of_a_box_is_covered(
             eye in prop::array::uniform3(-1.0..2.0f64),
             target in prop::array::uniform3(-0.5..1.5f64),
             point in prop::array::uniform3(0.0..=1.0f64),
+            size_of_box in prop::array::uniform3(0.01..1.0f64),
         ) {
-            let (eye, target, size) = (DVec3::from(eye), DVec3::from(target), UVec2::new(64, 48));
+            let (eye, target, size) = (DVec3::from(eye), DVec3::from(target), UVec2::new(1600, 1200));
             prop_assume!((target - eye).length() > 0.01);
             let view = DMat4::look_at_rh(eye, target, DVec3::new(0.1, 1.0, 0.2).normalize());
-            let clip_from_box = DMat4::perspective_infinite_reverse_rh(1.0, 4.0 / 3.0, 0.01) * view;
+            let clip_from_box = DMat4::perspective_infinite_reverse_rh(1.0, 4.0 / 3.0, 0.01)
+                * view
+                * DMat4::from_scale(size_of_box.into());
             let clip = clip_from_box * DVec3::from(point).extend(1.0);
             let ndc = glam::DVec2::new(clip.x, -clip.y) / clip.w;
             if clip.w > 0.0 && ndc.abs().max_element() < 1.0 {
