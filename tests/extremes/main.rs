@@ -3,4 +3,5 @@
 mod fields;
 mod looks;
 mod places;
+mod random;
 mod stage;
