@@ -32,7 +32,7 @@ use crate::field::{Activation, PlenOctree};
 #[error(
     "the field's {what} need {bytes} bytes on the GPU, {}; a field with fewer leaves or spherical harmonics of a lower \
      degree would fit, and compact ones (`Precision::Byte`) take half as much",
-    .limit.map_or("which has no more so much memory".into(), |limit| format!("which can hold {limit} of them"))
+    .limit.map_or("which has less memory left".into(), |limit| format!("which can hold {limit} of them"))
 )]
 pub struct FieldTooLarge {
     /// Which of the field's parts does not fit.
