@@ -41,7 +41,7 @@ fn run(arguments: &Arguments) -> Result<()> {
     let field = PlenOctree::read(arguments.field(), &LoadSettings::default())?;
     let cameras = cameras(&field, arguments)?;
     let exact = palette::extract(&field, &ExtractionSettings::default(), &Default::default())?.palette;
-    let mut rows = measure::rendering(&field, &exact, &cameras, arguments.rounds)?;
+    let (mut rows, noise) = measure::rendering(&field, &exact, &cameras, arguments.rounds)?;
     rows.extend(measure::extraction(&field, &exact, arguments.rounds)?);
 
     let out = &arguments.out;
@@ -51,13 +51,13 @@ fn run(arguments: &Arguments) -> Result<()> {
     };
     fs::create_dir_all(out).map_err(|error| format!("{}: {error}", out.display()))?;
     written("tradeoff.csv", report::csv(&rows))?;
-    written("tradeoff.md", report::markdown(&rows))?;
+    written("tradeoff.md", report::markdown(&rows, noise))?;
     written("psnr.svg", plot::svg(&rows, "PSNR, dB", true, |row| row.psnr_db))?;
     written(
         "labels.svg",
         plot::svg(&rows, "label changes, %", false, |row| row.label_changes.map(|share| 100.0 * share)),
     )?;
-    println!("{}", report::markdown(&rows));
+    println!("{}", report::markdown(&rows, noise));
     println!("{}", out.display());
     Ok(())
 }

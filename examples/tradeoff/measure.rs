@@ -30,7 +30,13 @@ const MOST_PSNR: f64 = 120.0;
 /// Half a degree.
 const TURN: f64 = std::f64::consts::PI / 360.0;
 
-pub fn rendering(field: &PlenOctree, palette: &Palette, cameras: &[PinholeCamera], rounds: u32) -> Result<Vec<Row>> {
+/// The rows of rendering, and by how much the ratio of two series of the exact picture differs from 1.
+pub fn rendering(
+    field: &PlenOctree,
+    palette: &Palette,
+    cameras: &[PinholeCamera],
+    rounds: u32,
+) -> Result<(Vec<Row>, f64)> {
     let size = (cameras[0].width, cameras[0].height);
     let mut stage = Stage::new(field, palette, size)?;
     let variants = variants::rendering();
@@ -90,12 +96,13 @@ pub fn rendering(field: &PlenOctree, palette: &Palette, cameras: &[PinholeCamera
             times.push((total(&variants[0])?, total(variant)?));
         }
     }
+    let noise = median(times[0].iter().map(|(exact, own)| (own / exact - 1.0).abs()));
     for (row, times) in rows.iter_mut().zip(times) {
         row.milliseconds = 1e3 * median(times.iter().map(|(_, own)| own / cameras.len() as f64));
         row.ratio_to_exact =
             if row.setting == "exact" { 1.0 } else { median(times.iter().map(|(exact, own)| own / exact)) };
     }
-    Ok(rows)
+    Ok((rows, noise))
 }
 
 pub fn extraction(field: &PlenOctree, exact: &Palette, rounds: u32) -> Result<Vec<Row>> {

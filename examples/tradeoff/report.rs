@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use crate::measure::Row;
 
-/// A knob is worth having if some value of it saves at least this share of the time.
+/// A knob is worth having if some value of it saves at least this share of the time, and twice what is noise.
 const WORTH: f64 = 0.05;
 
 pub fn csv(rows: &[Row]) -> String {
@@ -27,7 +27,7 @@ pub fn csv(rows: &[Row]) -> String {
     text
 }
 
-pub fn markdown(rows: &[Row]) -> String {
+pub fn markdown(rows: &[Row], noise: f64) -> String {
     let mut text = String::from(
         "| setting | value | ms | of exact | PSNR, dB | labels changed | flicker | palette | best |\n|---|---|---|---|---|---|---|---|---|\n",
     );
@@ -49,9 +49,12 @@ pub fn markdown(rows: &[Row]) -> String {
         );
     }
     text += "\n\\* nothing else is both faster and nearer to the exact picture.\n";
-    let worthless = not_worth_having(rows);
+    text += &format!("\nRatios of two series of the exact picture are off by {:.1} %.\n", 100.0 * noise);
+    let saved = WORTH.max(2.0 * noise);
+    let worthless = not_worth_having(rows, saved);
     if !worthless.is_empty() {
-        text += &format!("\nNot worth having here, they save less than 5 % of the time: {}.\n", worthless.join(", "));
+        let list = worthless.join(", ");
+        text += &format!("\nNot worth having here, they save less than {:.0} % of the time: {list}.\n", 100.0 * saved);
     }
     text
 }
@@ -66,11 +69,11 @@ pub fn is_best(row: &Row, rows: &[Row]) -> bool {
     })
 }
 
-fn not_worth_having(rows: &[Row]) -> Vec<&'static str> {
+fn not_worth_having(rows: &[Row], saved: f64) -> Vec<&'static str> {
     let mut best = BTreeMap::new();
     for row in rows.iter().filter(|row| !["exact", "preset", "extraction"].contains(&row.setting)) {
         let least = best.entry(row.setting).or_insert(f64::INFINITY);
         *least = row.ratio_to_exact.min(*least);
     }
-    best.into_iter().filter(|(_, ratio)| *ratio > 1.0 - WORTH).map(|(setting, _)| setting).collect()
+    best.into_iter().filter(|(_, ratio)| *ratio > 1.0 - saved).map(|(setting, _)| setting).collect()
 }
