@@ -57,12 +57,8 @@ impl Payload {
     fn pack_bytes(self, leaf: &[f16], words: &mut Vec<u32>) {
         let channels = || leaf.chunks_exact(self.basis.functions());
         let largest = channels().flat_map(|channel| &channel[1..]).map(|k| k.to_f32().abs()).fold(0.0, f32::max);
-        // Rounded up, so that no quotient is above one.
-        let mut scale = f16::from_f32(largest);
-        if scale.to_f32() < largest {
-            scale = f16::from_bits(scale.to_bits() + 1);
-        }
-        let quotient = 127.0 / scale.to_f32().max(f32::MIN_POSITIVE);
+        let scale = f16::from_f32(largest);
+        let quotient = 127.0 / largest.max(f32::MIN_POSITIVE);
         let functions = self.basis.functions();
         words.push(halves(leaf[0], leaf[functions]));
         words.push(halves(leaf[2 * functions], scale));
