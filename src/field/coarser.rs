@@ -149,6 +149,13 @@ mod tests {
         }
     }
 
+    /// Where light is lost so little that one minus it is one.
+    #[test]
+    fn what_is_thin_has_the_mean_density() {
+        let cells = std::array::from_fn(|cell| 1e-14 * cell as f64);
+        assert!((density(cells, DVec3::ONE) / 3.5e-14 - 1.0).abs() < 1e-9);
+    }
+
     #[test]
     fn what_is_left_of_one_faint_leaf_is_a_leaf() {
         let mut root = [Cell::EMPTY; 8];
