@@ -34,15 +34,18 @@ impl Picture {
 /// Colour `C` and opacity `A` seen along one ray of the field's frame. `direction` is a unit vector.
 pub fn render_ray(field: &PlenOctree, origin: DVec3, direction: DVec3) -> (DVec3, f64) {
     let y = field.basis().evaluate(direction);
-    let (mut color, mut transmittance) = (DVec3::ZERO, 1.0);
+    // The sum of the weights is 1 - transmittance, without its cancellation where little is lost.
+    let (mut color, mut transmittance, mut sum) = (DVec3::ZERO, 1.0, 0.0);
     march(field, origin, direction, |crossing| {
         let depth = f64::from(field.densities()[crossing.leaf as usize]) * crossing.length;
         let opacity = -(-depth).exp_m1();
-        color += transmittance * opacity * field.radiance_with(crossing.leaf, &y);
+        let weight = transmittance * opacity;
+        sum += weight;
+        color += weight * field.radiance_with(crossing.leaf, &y);
         transmittance *= 1.0 - opacity;
         if transmittance < STOP_TRANSMITTANCE { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     });
-    if transmittance < STOP_TRANSMITTANCE { (color / (1.0 - transmittance), 1.0) } else { (color, 1.0 - transmittance) }
+    if transmittance < STOP_TRANSMITTANCE { (color / sum, 1.0) } else { (color, sum) }
 }
 
 /// The field as `camera` sees it: one ray through the centre of every pixel. The camera stands in the field's frame.

@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 
 use bevy_plenoctree::{
     PlenOctree,
-    field::{Activation, BakeSettings, Basis, Cell, Frame, InvalidField, UpAxis, bake},
+    field::{Activation, BakeSettings, Basis, Cell, Frame, InvalidField, MAX_DEPTH, UpAxis, bake},
     reference,
 };
 use glam::DVec3;
@@ -44,6 +44,9 @@ fn any_optical_depth_is_drawn() {
     for exponent in -12..=4 {
         let depth = 10f64.powi(exponent);
         let fog = chain(1, 0, Some((0.5 * depth) as f32), (0.5 * depth) as f32);
+        let (color, opacity) = reference::render_ray(&fog, DVec3::new(0.1, 0.2, 6.0), DVec3::NEG_Z);
+        let exact = if depth > 4.7 { 1.0 } else { -(-2.0 * f64::from(fog.densities()[0])).exp_m1() };
+        assert!((opacity / exact - 1.0).abs() < 1e-12 && (color.z / exact - 1.0).abs() < 1e-12, "{opacity} at {depth}");
         let middle = *Stage::new(&fog).picture(&camera).get_pixel(16, 16);
         let expected = if depth > 4.7 { 255.0 } else { -255.0 * (-depth).exp_m1() };
         assert!((f64::from(middle[2]) - expected).abs() <= 1.0, "{middle:?} at {depth}, expected {expected}");
@@ -158,6 +161,21 @@ fn the_largest_harmonics_are_colours() {
             }
             assert!(picture.pixels().all(|pixel| pixel[3] == 255));
         }
+    }
+}
+
+/// Finest cells are counted in 32 bits, and as floats.
+#[test]
+fn trees_of_too_many_levels_are_refused() {
+    for (levels, fits) in [(MAX_DEPTH, true), (MAX_DEPTH + 1, false)] {
+        let node = |level| {
+            let below = if level == levels { Cell::leaf(0) } else { Cell::node(level) };
+            std::array::from_fn(|cell| if cell == 7 { below } else { Cell::EMPTY })
+        };
+        let (frame, nodes) = (Frame::spanning(DVec3::NEG_ONE, DVec3::ONE), (1..=levels).map(node).collect());
+        let coefficients = vec![f16::ONE; 3];
+        let made = PlenOctree::new(frame, Basis::Rgba, Activation::Identity, UpAxis::Y, nodes, vec![1.0], coefficients);
+        assert!(if fits { made.is_ok() } else { matches!(made, Err(InvalidField::TooDeep)) });
     }
 }
 
