@@ -7,7 +7,7 @@ use bevy::{
     render::{RenderApp, render_asset::RenderAssets},
 };
 use bevy_plenoctree::{
-    FieldPalette, Palette, Palettes, PlenOctree, PlenOctreePlugin, Posterize, Preset, Prop, Quality,
+    FieldPalette, Palette, Palettes, PlenOctree, PlenOctreePlugin, Posterize, Preset, Prop, Quality, SolidOpacity,
     camera::PinholeCamera,
     field::{BakeSettings, Basis, LoadSettings, Precision, UpAxis, bake},
     gpu::GpuField,
@@ -187,6 +187,20 @@ fn forms_that_nobody_asks_for_are_dropped() {
     stage.headless.app.world_mut().get_mut::<Camera>(camera).unwrap().is_active = false;
     (0..610).for_each(|_| stage.headless.update());
     assert_eq!(bytes(&stage), alone);
+}
+
+/// Where all light is lost, rays that never stop, for props that are never solid before that, see what others do.
+#[test]
+fn rays_that_never_stop_end_in_a_solid_prop() {
+    let settings = BakeSettings { depth: 3, basis: Basis::Rgba, ..default() };
+    let solid = bake(&settings, |_| 1e6, |_| |_| DVec3::new(0.2, 0.4, 0.6)).unwrap();
+    let camera = PinholeCamera::around(&solid, SIZE, SIZE, 0.5, 0.4).unwrap();
+    let mut stage = Stage::new(&solid, Palette::new(vec![[0.5; 3]]).unwrap());
+    let prop = stage.prop;
+    stage.headless.app.world_mut().entity_mut(prop).insert(SolidOpacity(1.0));
+    let stopped = stage.picture(&camera, Quality::EXACT);
+    let never = stage.picture(&camera, Quality { stop_transmittance: 0.0, ..Quality::EXACT });
+    assert!(stopped.iter().zip(never.iter()).all(|(a, b)| a.abs_diff(*b) <= 1));
 }
 
 /// Where no leaf is asked for its colour, nothing is drawn.
