@@ -1,6 +1,6 @@
 // One direction of the bilateral filter: section 4, step 2 of the method.
 
-#import bevy_plenoctree::filtered::{Pixel, pack, unpack}
+#import bevy_plenoctree::filtered::{pack, unpack}
 #import bevy_plenoctree::view::{props, view}
 
 @group(1) @binding(0) var source: texture_2d<u32>;

@@ -358,10 +358,13 @@ impl PlenOctree {
 
     /// The box around all leaves in the field's frame; `None` for an empty field.
     pub fn bounds(&self) -> Option<(DVec3, DVec3)> {
+        self.tree_bounds().map(|(low, high)| (self.frame.to_world(low), self.frame.to_world(high)))
+    }
+
+    /// The same in tree units.
+    pub(crate) fn tree_bounds(&self) -> Option<(DVec3, DVec3)> {
         let cells = f64::from(1u32 << self.depth);
-        self.bounds.map(|(low, high)| {
-            (self.frame.to_world(low.as_dvec3() / cells), self.frame.to_world(high.as_dvec3() / cells))
-        })
+        self.bounds.map(|(low, high)| (low.as_dvec3() / cells, high.as_dvec3() / cells))
     }
 
     /// The box in which most of the field lies, in the field's frame: along each axis it leaves out a two-hundredth of

@@ -207,10 +207,7 @@ impl Uploader<'_> {
         GpuLevel {
             bind_group,
             shape: FieldShape { payload, activation: field.activation(), inner_records: !records.below.is_empty() },
-            bounds: field.cell_bounds().map(|(low, high)| {
-                let cells = f64::from(1u32 << field.depth());
-                (low.as_dvec3() / cells, high.as_dvec3() / cells)
-            }),
+            bounds: field.tree_bounds(),
             bytes: bytes.iter().sum(),
         }
     }

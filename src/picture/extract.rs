@@ -111,10 +111,9 @@ pub(super) fn extract_props(
         let Some(field) = fields.get(&prop.0).filter(|_| visibility.get()) else {
             continue;
         };
-        let Some((low, high)) = field.cell_bounds() else {
+        let Some((low, high)) = field.tree_bounds() else {
             continue;
         };
-        let cells = f64::from(1u32 << field.depth());
         let look = look.zip(palettes.get(&prop.0));
         index.insert(entity, list.len());
         list.push(ExtractedProp {
@@ -123,9 +122,9 @@ pub(super) fn extract_props(
                 world_from_prop: *transform,
                 up: field.up(),
                 frame: field.frame(),
-                low: low.as_dvec3() / cells,
-                high: high.as_dvec3() / cells,
-                cells,
+                low,
+                high,
+                cells: f64::from(1u32 << field.depth()),
             },
             solid: *solid,
             look: look.map(|(look, palette)| ExtractedLook::write(colors, look, palette, own)),

@@ -95,6 +95,17 @@ fn target(format: TextureFormat, blend: Option<BlendState>) -> ColorTargetState 
     ColorTargetState { format, blend, write_mask: ColorWrites::ALL }
 }
 
+/// How a pipeline tests and writes depth. What is nearer has the greater value.
+pub(super) fn depth_test(format: TextureFormat, writes: bool, compare: CompareFunction) -> DepthStencilState {
+    DepthStencilState {
+        format,
+        depth_write_enabled: Some(writes),
+        depth_compare: Some(compare),
+        stencil: default(),
+        bias: default(),
+    }
+}
+
 /// The definitions that `target.wgsl` needs.
 fn target_definitions(space: Option<CompositingSpace>) -> Vec<ShaderDefVal> {
     match space {
@@ -147,13 +158,7 @@ pub(super) fn init(
         let targets = [target(LAYER_FORMAT, None), target(OWNER_FORMAT, None)];
         let mut descriptor = upsample.pipeline(definitions, &targets);
         descriptor.layout[0] = views.depth[samples].clone();
-        descriptor.depth_stencil = Some(DepthStencilState {
-            format: DEPTH_FORMAT,
-            depth_write_enabled: Some(true),
-            depth_compare: Some(CompareFunction::Always),
-            stencil: default(),
-            bias: default(),
-        });
+        descriptor.depth_stencil = Some(depth_test(DEPTH_FORMAT, true, CompareFunction::Always));
         cache.queue_render_pipeline(descriptor)
     });
     commands.insert_resource(UpsamplePipeline { shared: upsample, ids });
@@ -166,13 +171,7 @@ pub(super) fn init(
     let direction = |definitions| {
         let mut descriptor = filter.pipeline(definitions, &[target(FILTERED_FORMAT, None)]);
         // Where no prop is, `fullscreen.wgsl` is behind the depth that was cleared: no work for the fragment shader.
-        descriptor.depth_stencil = Some(DepthStencilState {
-            format: DEPTH_FORMAT,
-            depth_write_enabled: Some(false),
-            depth_compare: Some(CompareFunction::LessEqual),
-            stencil: default(),
-            bias: default(),
-        });
+        descriptor.depth_stencil = Some(depth_test(DEPTH_FORMAT, false, CompareFunction::LessEqual));
         cache.queue_render_pipeline(descriptor)
     };
     let mut words = vec![0u32; (MAX_FILTER_ITERATIONS * ITERATION_STRIDE / 4) as usize];
@@ -231,14 +230,7 @@ impl SpecializedRenderPipeline for DepthPipeline {
     fn specialize(&self, samples: u32) -> RenderPipelineDescriptor {
         let mut descriptor = self.0.pipeline(vec![], &[]);
         descriptor.multisample.count = samples;
-        descriptor.depth_stencil = Some(DepthStencilState {
-            format: CORE_3D_DEPTH_FORMAT,
-            depth_write_enabled: Some(true),
-            // What is nearer has the greater value.
-            depth_compare: Some(CompareFunction::Greater),
-            stencil: default(),
-            bias: default(),
-        });
+        descriptor.depth_stencil = Some(depth_test(CORE_3D_DEPTH_FORMAT, true, CompareFunction::Greater));
         descriptor
     }
 }

@@ -7,8 +7,8 @@ use bevy::{
         render_asset::RenderAssets,
         render_resource::{
             BindGroup, BindGroupEntries, BindGroupLayoutDescriptor, BlendComponent, BlendFactor, BlendOperation,
-            BlendState, CachedRenderPipelineId, ColorTargetState, ColorWrites, CompareFunction, DepthStencilState,
-            Face, FragmentState, LoadOp, Operations, PipelineCache, PrimitiveState, RenderPassColorAttachment,
+            BlendState, CachedRenderPipelineId, ColorTargetState, ColorWrites, CompareFunction, Face, FragmentState,
+            LoadOp, Operations, PipelineCache, PrimitiveState, RenderPassColorAttachment,
             RenderPassDepthStencilAttachment, RenderPassDescriptor, RenderPipelineDescriptor,
             SpecializedRenderPipeline, SpecializedRenderPipelines, StoreOp, TextureView, VertexState,
         },
@@ -19,7 +19,7 @@ use bevy::{
 };
 
 use super::{
-    pipelines::UpsamplePipeline,
+    pipelines::{UpsamplePipeline, depth_test},
     posterize::onto,
     textures::{DEPTH_FORMAT, LAYER_FORMAT, OWNER_FORMAT, PropTextures},
     view::{ViewLayouts, ViewProps},
@@ -82,14 +82,7 @@ impl SpecializedRenderPipeline for VolumePipeline {
                 entry_point: Some("vertex".into()),
                 ..default()
             },
-            depth_stencil: Some(DepthStencilState {
-                format: DEPTH_FORMAT,
-                depth_write_enabled: Some(true),
-                // What is nearer has the greater value.
-                depth_compare: Some(CompareFunction::GreaterEqual),
-                stencil: default(),
-                bias: default(),
-            }),
+            depth_stencil: Some(depth_test(DEPTH_FORMAT, true, CompareFunction::GreaterEqual)),
             // Back faces: each pixel of the box once, also from inside it.
             primitive: PrimitiveState { cull_mode: Some(Face::Front), ..default() },
             fragment: Some(FragmentState {
