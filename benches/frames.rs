@@ -1,4 +1,4 @@
-//! Processor time a frame by preset, as trained and posterised: `cargo bench --bench frames -- [FIELD] [CAMERAS]`.
+//! Processor time a frame by preset, as trained and posterized: `cargo bench --bench frames -- [FIELD] [CAMERAS]`.
 //!
 //! A view of 800 x 800 pixels, the first of the cameras; by turns, the least of five rounds, with the picture's way into memory.
 //! Where a GPU draws, it is the driver's time.
@@ -63,7 +63,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             }
         }
     }
-    println!("| preset | as trained, ms | of exact | posterised, ms | of exact |\n|---|---|---|---|---|");
+    println!("| preset | as trained, ms | of exact | posterized, ms | of exact |\n|---|---|---|---|---|");
     for (preset, [trained, posterized]) in Preset::ALL.into_iter().zip(least) {
         let ratios = [trained / least[0][0], posterized / least[0][1]];
         println!("| {preset:?} | {trained:.0} | {:.2} | {posterized:.0} | {:.2} |", ratios[0], ratios[1]);

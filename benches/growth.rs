@@ -82,7 +82,7 @@ impl Shell {
     }
 }
 
-/// Colours that have a hull with many corners.
+/// Colors that have a hull with many corners.
 fn colors(count: usize) -> Vec<[f64; 3]> {
     let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
     let ball = |index: usize| {
@@ -183,7 +183,7 @@ fn traversal_by_row_of_props(bencher: Bencher, side: i32) {
     bencher.bench_local(|| stage.headless.picture().unwrap());
 }
 
-/// A frame with labels by colours of the palette, without the filter.
+/// A frame with labels by colors of the palette, without the filter.
 #[divan::bench(args = [2, 4, 8, 16], sample_count = 10, sample_size = 1)]
 fn labels_by_colors(bencher: Bencher, colors: usize) {
     let mut stage = Stage::with_props(SIZE, shell(SOME_LEAVES), 1, colors);
@@ -218,7 +218,7 @@ fn clusters(bencher: Bencher, bins: usize) {
     bencher.bench_local(|| extract_from_histograms(&histograms, &settings).unwrap());
 }
 
-/// The hull and its simplification to six colours, by points.
+/// The hull and its simplification to six colors, by points.
 #[divan::bench(args = [32, 100, 316, 1_000], sample_count = 5, sample_size = 1)]
 fn hull(bencher: Bencher, points: usize) {
     let points = colors(points);

@@ -1,6 +1,6 @@
 //! What animated palettes cost the processor: `cargo bench --bench palettes`.
 //!
-//! A hundred props of a hundred fields, six colours each, all of them changed in every frame. `change` is what a game does
+//! A hundred props of a hundred fields, six colors each, all of them changed in every frame. `change` is what a game does
 //! in the main world. `track` is `PreUpdate`, where palettes are looked for, and `extract` is the way to the render world:
 //! both do Bevy's own work too, so that what counts is what a hundred props add to none.
 

@@ -13,7 +13,7 @@ const ALONG: vec2<i32> = vec2(1, 0);
 const ALONG: vec2<i32> = vec2(0, 1);
 #endif
 
-// Colours so far and their weights.
+// Colors so far and their weights.
 struct Sum {
     color: vec3<f32>,
     weight: f32,

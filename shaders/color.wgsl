@@ -1,4 +1,4 @@
-// Colour spaces. Radiance, palettes and labels are encoded sRGB; a linear target is decoded to at the last write.
+// Color spaces. Radiance, palettes and labels are encoded sRGB; a linear target is decoded to at the last write.
 #define_import_path bevy_plenoctree::color
 
 // The nearest half float. Devices may cut what they store in half-float textures, and a value that is cut in each of the

@@ -1,4 +1,4 @@
-// The field over what was drawn before it, in encoded sRGB: what the posterisation works on.
+// The field over what was drawn before it, in encoded sRGB: what the posterization works on.
 
 #import bevy_plenoctree::filtered::pack
 #import bevy_plenoctree::target::from_target

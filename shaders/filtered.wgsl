@@ -7,9 +7,9 @@
 struct Pixel {
     // Encoded sRGB, of half floats.
     color: vec3<f32>,
-    // 1 + place in `props` of what posterises the pixel, or 0.
+    // 1 + place in `props` of what posterizes the pixel, or 0.
     owner: u32,
-    // CIELAB of the colour if the picture is to be filtered, worked out once a pixel, not once a tap: from -1024 to 1024,
+    // CIELAB of the color if the picture is to be filtered, worked out once a pixel, not once a tap: from -1024 to 1024,
     // in steps of 1/1024.
     lab: vec3<f32>,
 }

@@ -71,7 +71,7 @@ fn is_inside(walk: Walk) -> bool {
     return all(vec3<u32>(walk.position) < vec3(1u << field.depth));
 }
 
-// Through the cell of `size` at `low` to the neighbour behind the face through which the ray leaves. Positions are
+// Through the cell of `size` at `low` to the neighbor behind the face through which the ray leaves. Positions are
 // integers, so that no cell is lost or visited twice, however short the way through it.
 fn leave(ray: Ray, walk: Walk, low: vec3<i32>, size: i32) -> Walk {
     let planes = (vec3<f32>(low + size * ray.forward) - ray.origin) * ray.inverse;
@@ -141,7 +141,7 @@ fn part_at(position: vec3<u32>, shift: u32) -> u32 {
 // at once.
 fn next_leaf(ray: Ray, walk: ptr<function, Walk>, end: f32) -> Crossing {
     var crossing = Crossing(NO_LEAF, 0.0, 0.0);
-    // The condition comes first, since Mesa's software rasteriser mixes up the lanes of what a loop's end leaves behind.
+    // The condition comes first, since Mesa's software rasterizer mixes up the lanes of what a loop's end leaves behind.
     loop {
         if crossing.leaf != NO_LEAF || (*walk).t >= end || !is_inside(*walk) {
             break;

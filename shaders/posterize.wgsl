@@ -1,4 +1,4 @@
-// The last pass: labels for the pixels that are posterised, the composite for the others. Section 4, steps 1 and 3 to 5.
+// The last pass: labels for the pixels that are posterized, the composite for the others. Section 4, steps 1 and 3 to 5.
 
 #import bevy_plenoctree::filtered::unpack
 #import bevy_plenoctree::target::to_target
@@ -7,12 +7,12 @@
 @group(1) @binding(0) var filtered: texture_2d<u32>;
 @group(1) @binding(1) var layer: texture_2d<f32>;
 
-// A label: colours `first` and `second` of a palette, and how much of the first there is.
+// A label: colors `first` and `second` of a palette, and how much of the first there is.
 struct Label {
     first: u32,
     second: u32,
     share: f32,
-    // How far it is from a pixel's colour in encoded RGB, squared.
+    // How far it is from a pixel's color in encoded RGB, squared.
     distance: f32,
 }
 
@@ -64,7 +64,7 @@ fn assign(color: vec3<f32>, prop: u32) -> vec3<f32> {
     let softness = props[prop].softness;
     let lead = sqrt(nearest.second.distance) - sqrt(nearest.first.distance);
     let first = shown(edited, nearest.first);
-    // Softness 0 is a hard edge. A palette of one colour has no second label, which is as far as can be.
+    // Softness 0 is a hard edge. A palette of one color has no second label, which is as far as can be.
     if lead >= softness {
         return first;
     }
@@ -84,7 +84,7 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
     var alpha = opacity;
     if value.owner > 0u {
         color = assign(color, value.owner - 1u);
-        // A posterised prop is opaque; the rest is as opaque as it was.
+        // A posterized prop is opaque; the rest is as opaque as it was.
         alpha = select(1.0, opacity, value.owner == view.everything);
     }
     return vec4(to_target(color), alpha);

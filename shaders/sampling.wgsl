@@ -1,5 +1,5 @@
 // Visibility-weighted radiance samples of a slice of leaves, added to histograms: section 3 of the method, steps 2 to 5.
-// A thread takes one leaf and one cell of directions, neighbours in a workgroup take neighbours in space.
+// A thread takes one leaf and one cell of directions, neighbors in a workgroup take neighbors in space.
 
 #import bevy_plenoctree::octree::{NO_LEAF, begin, density, field, make_ray, next_leaf}
 #import bevy_plenoctree::radiance::{harmonics, radiance}
@@ -19,7 +19,7 @@ struct Slice {
 }
 
 @group(0) @binding(0) var<uniform> slice: Slice;
-// Twice the centre of a leaf, in cells of the deepest tree that there can be, and its index.
+// Twice the center of a leaf, in cells of the deepest tree that there can be, and its index.
 @group(0) @binding(1) var<storage, read> leaves: array<vec4<u32>>;
 // Unit vectors to the observers, those of a cell of directions together.
 @group(0) @binding(2) var<storage, read> observers: array<vec4<f32>>;
@@ -73,7 +73,7 @@ fn sample(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let entry = leaves[slice.first + id.x];
     let center = vec3<f32>(entry.xyz) * (f32(1u << field.depth) / f32(2u << #{MAX_DEPTH}u));
-    // Colours are averaged as differences from the first, so that one that is the same from everywhere stays exactly
+    // Colors are averaged as differences from the first, so that one that is the same from everywhere stays exactly
     // itself, also on the border of two bins.
     var first = vec3(0.0);
     var color = vec3(0.0);

@@ -5,7 +5,7 @@ struct Prop {
     // Corners of the unit cube to the corners of the box around the leaves, in clip space.
     clip_from_box: mat4x4<f32>,
     // The ray through the point `reference` + p of the viewport, in pixels, in the field's frame: origin[0] + p.x origin[1]
-    // + p.y origin[2], in tree units, and likewise its direction, in world units of the field, not normalised. It begins
+    // + p.y origin[2], in tree units, and likewise its direction, in world units of the field, not normalized. It begins
     // where the box does, `near` along the view axis, so that numbers are small however far away the camera is.
     origin: mat3x3<f32>,
     direction: mat3x3<f32>,
@@ -15,10 +15,10 @@ struct Prop {
     mirrored: u32,
     // The box around the leaves, in tree units.
     low: vec3<f32>,
-    // Palette colours; 0 if the prop is not posterised.
+    // Palette colors; 0 if the prop is not posterized.
     colors: u32,
     high: vec3<f32>,
-    // Where the palette's extracted colours begin in `colors`; the shown ones follow.
+    // Where the palette's extracted colors begin in `colors`; the shown ones follow.
     first_color: u32,
     blend_steps: u32,
     softness: f32,
@@ -42,7 +42,7 @@ struct View {
     depth: vec4<f32>,
     // What the camera makes of the props' light: 1 at Bevy's default exposure, and after tonemapping.
     exposure: f32,
-    // 1 + place in `props` of what posterises the pixels that no posterised prop owns, or 0.
+    // 1 + place in `props` of what posterizes the pixels that no posterized prop owns, or 0.
     everything: u32,
     // Pixels of the viewport a pixel of the volume pass.
     pixel: vec2<f32>,
@@ -70,7 +70,7 @@ fn depth_value(distance: f32) -> f32 {
 
 const FAR_AWAY: f32 = 1e30;
 
-// What the volume pass says of a pixel, in two half floats, which hold integers up to 2048: which prop posterises it (1 +
+// What the volume pass says of a pixel, in two half floats, which hold integers up to 2048: which prop posterizes it (1 +
 // place in `props`, or 0) and whether a prop is solid there.
 fn pack_owner(owner: u32, is_solid: bool) -> vec2<f32> {
     return vec2(f32(owner & 2047u), f32(2u * (owner >> 11u) + select(0u, 1u, is_solid)));

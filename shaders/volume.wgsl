@@ -39,7 +39,7 @@ fn vertex(@builtin(vertex_index) index: u32, @builtin(instance_index) instance: 
 }
 
 struct Fragment {
-    // Colour weighed by opacity, encoded sRGB, and opacity.
+    // Color weighed by opacity, encoded sRGB, and opacity.
     @location(0) color: vec4<f32>,
     // `pack_owner`. Blending takes it where alpha is 1.
     @location(1) owner: vec4<f32>,
@@ -107,7 +107,7 @@ fn fragment(in: Varying) -> Fragment {
     if opacity == 0.0 {
         discard;
     }
-    // What was not asked for its colour has that of the rest.
+    // What was not asked for its color has that of the rest.
     let gone = select(1.0 - transmittance, 1.0, transmittance < view.stop_transmittance);
     if transmittance < view.stop_transmittance || view.min_weight > 0.0 {
         color *= gone / opacity;

@@ -22,7 +22,7 @@ use crate::{
 ///
 /// The field stands where the entity's transform puts it, in its own world units, turned so that its up axis is y. How
 /// large the entity is scaled does not change how dense the field looks, and highlights turn with it. Alone it is shown
-/// as trained; add [`Posterize`] for the stylised look.
+/// as trained; add [`Posterize`] for the stylized look.
 #[derive(Component, Clone, Debug, FromTemplate, Reflect)]
 #[reflect(Component, Clone, Debug)]
 #[require(SolidOpacity, Transform, Visibility, VisibilityClass)]
@@ -48,30 +48,30 @@ impl Default for SolidOpacity {
     }
 }
 
-/// The most steps from one palette colour to another.
+/// The most steps from one palette color to another.
 pub const MAX_BLEND_STEPS: u32 = 8;
 /// The most iterations that the bilateral filter can do.
 pub const MAX_FILTER_ITERATIONS: u32 = 16;
 /// The largest radius of the bilateral filter, in pixels.
 pub const MAX_FILTER_RADIUS: u32 = 6;
 
-/// The stylised look of a [`Prop`]: section 4 of the method.
+/// The stylized look of a [`Prop`]: section 4 of the method.
 ///
 /// Needs a palette in [`Palettes`](crate::Palettes), which is read or extracted when none is there; until it is ready the
-/// prop is shown as trained. [`PaletteOverride`](crate::PaletteOverride) gives the entity colours of its own. On a camera
+/// prop is shown as trained. [`PaletteOverride`](crate::PaletteOverride) gives the entity colors of its own. On a camera
 /// it is the look of a [`PosterizeView`](crate::PosterizeView).
 #[derive(Component, Clone, Copy, Debug, PartialEq, Reflect)]
 #[reflect(Component, Default, Clone, Debug, PartialEq)]
 pub struct Posterize {
-    /// `d`: steps from one palette colour to another; 1 makes labels of the palette colours alone. 1 to
+    /// `d`: steps from one palette color to another; 1 makes labels of the palette colors alone. 1 to
     /// [`MAX_BLEND_STEPS`]; 3 by default.
     pub blend_steps: u32,
-    /// `D`: distance in encoded RGB over which neighbouring labels blend; 0 is a hard edge. 0 to 0.4 is useful; 0.2 by
+    /// `D`: distance in encoded RGB over which neighboring labels blend; 0 is a hard edge. 0 to 0.4 is useful; 0.2 by
     /// default.
     pub softness: f32,
     /// `lambda`: pixels whose opacity is lower are shown as trained. 0 to 1; 80/255 by default.
     pub min_opacity: f32,
-    /// The filter that flattens colours before labels are assigned.
+    /// The filter that flattens colors before labels are assigned.
     pub abstraction: Abstraction,
 }
 

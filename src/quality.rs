@@ -28,7 +28,7 @@ pub struct Quality {
     /// field is drawn as it is meanwhile. It has memory of its own on the GPU until no camera has asked for 600 frames: do
     /// not animate these knobs.
     pub opacity_loss: f32,
-    /// A leaf that adds less than this to the opacity of a pixel is not asked for its colour; the others make up for it. 0
+    /// A leaf that adds less than this to the opacity of a pixel is not asked for its color; the others make up for it. 0
     /// to 1; 0 by default.
     pub min_weight: f32,
     /// The highest degree of spherical harmonics that is evaluated: 0 leaves no highlights. 4, all that there are, by
@@ -146,7 +146,7 @@ impl Preset {
         }
     }
 
-    /// For [`PaletteExtraction`](crate::PaletteExtraction): fewer samples. The colours move, a little or more: extract with
+    /// For [`PaletteExtraction`](crate::PaletteExtraction): fewer samples. The colors move, a little or more: extract with
     /// the exact one what you ship.
     pub fn extraction(self) -> ExtractionSettings {
         let sample_fraction = match self {

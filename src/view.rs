@@ -4,7 +4,7 @@ use bevy::prelude::*;
 
 use crate::{field::PlenOctree, prop::Posterize};
 
-/// Where in a camera's frame its props are drawn, and what [`PosterizeView`] posterises with them.
+/// Where in a camera's frame its props are drawn, and what [`PosterizeView`] posterizes with them.
 ///
 /// ```
 /// # use bevy::prelude::*;
@@ -19,14 +19,14 @@ pub enum PropStage {
     /// Among the scene's things, between the opaque and the transparent ones: what is transparent blends over the props
     /// and is hidden by them. The default.
     ///
-    /// A prop counts as light: its colours are what it emits, as a display would show them at Bevy's default [`Exposure`].
+    /// A prop counts as light: its colors are what it emits, as a display would show them at Bevy's default [`Exposure`].
     /// Another `Exposure` of the camera makes them lighter or darker by as much as lit meshes, and with `Hdr` bloom,
     /// tonemapping and other effects change them like everything else.
     ///
     /// [`Exposure`]: bevy::camera::Exposure
     #[default]
     Scene,
-    /// After tonemapping and all other effects, below the user interface: colours of the palette reach the screen exactly,
+    /// After tonemapping and all other effects, below the user interface: colors of the palette reach the screen exactly,
     /// whatever `Hdr`, `Tonemapping`, bloom, dithering and exposure do to the rest.
     ///
     /// Opaque meshes still hide props, but what is transparent does not: props are drawn over it. Their depth is written
@@ -35,12 +35,12 @@ pub enum PropStage {
     Display,
 }
 
-/// Posterises all that a camera sees in one field's palette: meshes, the sky, props without a [`Posterize`].
+/// Posterizes all that a camera sees in one field's palette: meshes, the sky, props without a [`Posterize`].
 ///
-/// Pixels that no posterised prop owns get the filter and the labels of section 4 of the method, and the shown colours of
+/// Pixels that no posterized prop owns get the filter and the labels of section 4 of the method, and the shown colors of
 /// the field's palette in [`Palettes`](crate::Palettes), which is read or extracted when none is there, as for a
 /// [`Prop`](crate::Prop); no prop need be in view. The camera's own [`Posterize`] is the look, without its `min_opacity`;
-/// taking it away turns the view's off. A [`PaletteOverride`](crate::PaletteOverride) on the camera gives the view colours
+/// taking it away turns the view's off. A [`PaletteOverride`](crate::PaletteOverride) on the camera gives the view colors
 /// of its own.
 ///
 /// At [`PropStage::Scene`] it covers what is drawn before the transparent pass, at [`PropStage::Display`] everything below

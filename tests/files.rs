@@ -155,14 +155,14 @@ fn older_files_have_one_scale() {
 #[test]
 fn data_format_may_only_be_missed_where_it_does_not_matter() {
     let rgba = read(&example(Basis::Sh1).without("data_format").stored()).unwrap();
-    assert_eq!(rgba.basis(), Basis::Rgba, "four values without a format are a colour");
+    assert_eq!(rgba.basis(), Basis::Rgba, "four values without a format are a color");
     for basis in [Basis::Sh4, Basis::Sh16, Basis::Sh25] {
         assert_eq!(read(&example(basis).without("data_format").stored()).unwrap().basis(), basis);
     }
 }
 
-/// A quantised file of the example: function b of cell n is row `rows - 1 - n` of a codebook of its own.
-fn quantised(basis: Basis, retained: usize, rows: usize, layout: npz::Layout, map: npz::Layout) -> Arrays {
+/// A quantized file of the example: function b of cell n is row `rows - 1 - n` of a codebook of its own.
+fn quantized(basis: Basis, retained: usize, rows: usize, layout: npz::Layout, map: npz::Layout) -> Arrays {
     let functions = basis.functions();
     let coded = functions - retained;
     let value = |function: usize, cell: usize, channel| npz::coefficient(cell, channel * functions + function);
@@ -187,7 +187,7 @@ fn quantised(basis: Basis, retained: usize, rows: usize, layout: npz::Layout, ma
 }
 
 #[test]
-fn quantised_files_expand_to_the_same_field() {
+fn quantized_files_expand_to_the_same_field() {
     for (basis, retained) in
         [(Basis::Sh9, 0), (Basis::Sh9, 4), (Basis::Sh9, 9), (Basis::Sh25, 1), (Basis::Sh1, 0), (Basis::Rgba, 0)]
     {
@@ -199,7 +199,7 @@ fn quantised_files_expand_to_the_same_field() {
             (fortran(">f8"), fortran("|u1")),
         ] {
             for rows in [CELLS, 100] {
-                let file = quantised(basis, retained, rows, layout, map).stored();
+                let file = quantized(basis, retained, rows, layout, map).stored();
                 assert_same(&plain, &read(&file).unwrap(), &format!("{basis:?}, {retained} retained"));
             }
         }
@@ -323,7 +323,7 @@ fn every_missing_array_is_named() {
         assert!(matches!(error.fault, ReadFault::Missing { key: found, .. } if found == key), "{error}");
     }
     for key in ["sigma", "quant_colors", "quant_map"] {
-        let error = read(&quantised(Basis::Sh9, 2, CELLS, c("<f2"), c("<u2")).without(key).stored()).unwrap_err();
+        let error = read(&quantized(Basis::Sh9, 2, CELLS, c("<f2"), c("<u2")).without(key).stored()).unwrap_err();
         assert!(matches!(error.fault, ReadFault::Missing { key: found, .. } if found == key), "{error}");
     }
 }
@@ -357,7 +357,7 @@ fn shapes_that_disagree_are_refused() {
         let arrays = file().with(key, zeros(layout, &found));
         assert_refused(&arrays, shape, &format!("{key}: found shape {found:?}, {message}"));
     }
-    let file = || quantised(Basis::Sh9, 4, CELLS, c("<f2"), c("<u2"));
+    let file = || quantized(Basis::Sh9, 4, CELLS, c("<f2"), c("<u2"));
     for (key, layout, found, message) in [
         ("sigma", c("<f2"), vec![5, 2, 2, 2], "expected [6, 2, 2, 2]"),
         ("quant_map", c("<u2"), vec![4, 6, 2, 2, 2], "expected [5, 6, 2, 2, 2]"),
@@ -483,7 +483,7 @@ fn numbers_that_are_none_are_refused_in_leaves_that_count() {
 
     let mut map = vec![0.0; 9 * CELLS];
     map[2 * CELLS + leaf] = 48.0;
-    let file = || quantised(Basis::Sh9, 0, CELLS, c("<f2"), c("<u2"));
+    let file = || quantized(Basis::Sh9, 0, CELLS, c("<f2"), c("<u2"));
     let message = "quant_map: found 48 at node 1, cell 1, expected a row of the 48 of quant_colors";
     let map_shape = [9, NODES, 2, 2, 2];
     let flat = npy(c("<f2"), &[9, 48, 3], &vec![1.0; 9 * 48 * 3]);
@@ -660,7 +660,7 @@ proptest! {
         end in any::<prop::sample::Index>(),
         cut in prop::bool::weighted(0.2),
     ) {
-        let arrays = if coded { quantised(basis, 0, CELLS, c("<f2"), c("<u2")) } else { example(basis) };
+        let arrays = if coded { quantized(basis, 0, CELLS, c("<f2"), c("<u2")) } else { example(basis) };
         let method = if packed { CompressionMethod::Deflated } else { CompressionMethod::Stored };
         let mut bytes = arrays.zip(method);
         for (at, bit) in changes {

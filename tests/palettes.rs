@@ -32,7 +32,7 @@ const SIZE: UVec2 = UVec2::new(64, 32);
 const COLORS: [Color; 2] = [Color::srgb(0.8, 0.2, 0.2), Color::srgb(0.1, 0.1, 0.6)];
 const RED: Color = COLORS[0];
 
-/// A box of the first colour.
+/// A box of the first color.
 fn solid(density: f64) -> PlenOctree {
     let settings = BakeSettings { depth: 3, basis: Basis::Rgba, ..default() };
     let [r, g, b] = Srgba::from(RED).to_f32_array_no_alpha().map(f64::from);
@@ -60,7 +60,7 @@ impl Scene {
         let palette = FieldPalette::from_colors(COLORS).unwrap();
         world.resource_mut::<Palettes>().insert(&field, palette);
         let mut spawn = |x: f32| {
-            // What is beside a prop is no part of its colour.
+            // What is beside a prop is no part of its color.
             let look = Posterize { abstraction: Abstraction { iterations: 0, ..default() }, ..default() };
             world.spawn((Prop(field.clone()), look, Transform::from_xyz(x, 0.0, 0.0))).id()
         };
@@ -81,7 +81,7 @@ impl Scene {
         palettes.map_unchanged(move |palettes| palettes.get_mut(&field).unwrap())
     }
 
-    /// The colours of the two props in the next picture.
+    /// The colors of the two props in the next picture.
     fn colors(&mut self) -> [[u8; 3]; 2] {
         let picture = self.headless.picture().unwrap();
         [SIZE.x / 4, 3 * SIZE.x / 4].map(|x| at(&picture, x))
@@ -118,7 +118,7 @@ fn assert_shown(found: [u8; 3], expected: Color) {
 }
 
 #[test]
-fn two_copies_of_a_prop_wear_different_colours() {
+fn two_copies_of_a_prop_wear_different_colors() {
     let mut scene = Scene::new(|_| {});
     let left = scene.left;
     let [ours, theirs] = [Color::srgb(0.2, 0.7, 0.3), Color::srgb(0.9, 0.8, 0.1)];
@@ -129,7 +129,7 @@ fn two_copies_of_a_prop_wear_different_colours() {
     assert_shown(found_left, ours);
     assert_shown(found_right, RED);
 
-    // The field's colours still count where the prop has none of its own.
+    // The field's colors still count where the prop has none of its own.
     scene.palette().set(0, theirs);
     let mut own = PaletteOverride::default().with(1, ours);
     scene.world().entity_mut(left).insert(own.clone());
@@ -355,7 +355,7 @@ fn a_file_that_is_no_palette_is_extracted_instead() {
     };
     files.run_until("an error", |world| error(world).is_some());
     let error = error(files.app.world()).unwrap();
-    assert!(error.contains("found 0 colours, expected 1 to 64"), "{error}");
+    assert!(error.contains("found 0 colors, expected 1 to 64"), "{error}");
 }
 
 #[test]
@@ -368,7 +368,7 @@ fn a_handle_gives_a_field_its_palette() {
     files.app.world_mut().resource_mut::<Palettes>().insert_handle(&field, winter.clone());
     assert_eq!(files.palette(&field).extracted().colors, [[0.9, 0.95, 1.0]]);
 
-    // When the file changes, so does the palette; when it comes back as it was, the shown colours stay.
+    // When the file changes, so does the palette; when it comes back as it was, the shown colors stay.
     let colors = |files: &Files| {
         let palette = files.app.world().resource::<Palettes>().get(&field).unwrap();
         (palette.extracted().colors.clone(), palette.shown().to_vec())
@@ -395,7 +395,7 @@ fn a_handle_gives_a_field_its_palette() {
 }
 
 #[test]
-fn a_palette_has_colours() {
+fn a_palette_has_colors() {
     assert!(FieldPalette::from_colors([Color::NONE; 0]).is_err());
     assert!(FieldPalette::from_colors([Color::WHITE; Palette::MAX_COLORS + 1]).is_err());
     assert!(FieldPalette::from_colors([Color::srgb(f32::NAN, 0.0, 0.0)]).is_err());

@@ -122,7 +122,7 @@ proptest! {
 }
 
 #[test]
-fn the_colour_is_what_is_seen_along_the_ray() {
+fn the_color_is_what_is_seen_along_the_ray() {
     let field = ball(2.0, UpAxis::Y);
     let (origin, direction) = (DVec3::new(0.2, 0.1, 3.0), DVec3::NEG_Z);
     let (color, opacity) = bevy_plenoctree::reference::render_ray(&field, origin, direction);
@@ -299,7 +299,7 @@ fn hits_have_the_order_of_their_camera() {
 #[test]
 fn labels_are_those_of_the_picture() {
     let extracted = [[0.8, 0.2, 0.3], [0.2, 0.7, 0.4], [0.3, 0.3, 0.9], [0.9, 0.9, 0.7]];
-    // No two labels are shown in the same colour.
+    // No two labels are shown in the same color.
     let shown = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.1], [0.0, 0.2, 1.0], [0.9, 0.8, 0.0]].map(DVec3::from);
     for (filtered, least) in [(false, 0.995), (true, 0.8)] {
         let mut scene = Scene::new();

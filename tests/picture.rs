@@ -25,7 +25,7 @@ use image::RgbaImage;
 
 const SIZE: u32 = 96;
 
-/// A soft ball whose colour depends on place and direction.
+/// A soft ball whose color depends on place and direction.
 fn ball(basis: Basis) -> PlenOctree {
     let settings = BakeSettings {
         depth: 5,
@@ -47,7 +47,7 @@ fn ball(basis: Basis) -> PlenOctree {
     .unwrap()
 }
 
-/// A box that no light passes, of one colour.
+/// A box that no light passes, of one color.
 fn solid(color: DVec3) -> PlenOctree {
     let settings = BakeSettings { depth: 3, basis: Basis::Rgba, ..Default::default() };
     bake(&settings, |at| if at.abs().max_element() < 0.5 { 1e4 } else { 0.0 }, |_| move |_| color).unwrap()
@@ -138,7 +138,7 @@ impl Scene {
     }
 }
 
-/// Root mean square difference from colours of the reference, in 8-bit steps.
+/// Root mean square difference from colors of the reference, in 8-bit steps.
 fn difference(picture: &RgbaImage, expected: &[DVec3]) -> f64 {
     let squares = picture.pixels().zip(expected).map(|(pixel, color)| {
         let seen = DVec3::new(pixel[0].into(), pixel[1].into(), pixel[2].into());
@@ -161,7 +161,7 @@ fn every_basis_is_rendered_as_the_reference_renders_it() {
 }
 
 #[test]
-fn posterised_and_recoloured_as_the_reference_does_it() {
+fn posterized_and_recolored_as_the_reference_does_it() {
     let field = ball(Basis::Sh9);
     let picture = reference::render(&field, &pinhole());
     let extracted: Vec<DVec3> = palette().colors.into_iter().map(DVec3::from).collect();
@@ -196,7 +196,7 @@ fn posterised_and_recoloured_as_the_reference_does_it() {
 }
 
 #[test]
-fn colours_that_a_user_sets_come_out_exactly() {
+fn colors_that_a_user_sets_come_out_exactly() {
     let color = DVec3::new(0.6, 0.3, 0.8);
     let mut scene = Scene::new(&solid(color));
     let (prop, field) = (scene.prop, scene.field.clone());
@@ -237,14 +237,14 @@ fn opaque_meshes_hide_and_show_through() {
             [pixel[0], pixel[1], pixel[2]]
         };
         let blue = [51, 128, 229];
-        let towards_camera = pinhole().position.normalize();
+        let toward_camera = pinhole().position.normalize();
         assert_eq!(middle(&mut scene), blue, "{msaa:?}: alone");
-        let square = scene.spawn_square(-1.5 * towards_camera, 6.0, red);
+        let square = scene.spawn_square(-1.5 * toward_camera, 6.0, red);
         assert_eq!(middle(&mut scene), blue, "{msaa:?}: before a mesh");
         let corner = *scene.picture().get_pixel(2, 2);
         assert_eq!([corner[0], corner[1], corner[2]], [200, 20, 20], "{msaa:?}: the mesh beside the prop");
         scene.world().entity_mut(square).despawn();
-        scene.spawn_square(1.5 * towards_camera, 0.5, red);
+        scene.spawn_square(1.5 * toward_camera, 0.5, red);
         assert_eq!(middle(&mut scene), [200, 20, 20], "{msaa:?}: behind a mesh");
     }
 }

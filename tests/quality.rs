@@ -19,7 +19,7 @@ use image::RgbaImage;
 
 const SIZE: u32 = 160;
 
-/// One of our own props, which has all that is hard: thin rails, gloss, and regions of one colour.
+/// One of our own props, which has all that is hard: thin rails, gloss, and regions of one color.
 fn drum() -> PlenOctree {
     PlenOctree::read(concat!(env!("CARGO_MANIFEST_DIR"), "/assets/drum.npz"), &LoadSettings::default()).unwrap()
 }
@@ -73,7 +73,7 @@ fn presets_keep_what_they_promise() {
     let colors: Vec<DVec3> = palette.colors.iter().map(|color| DVec3::from(*color)).collect();
     let hard = Posterize { softness: 0.0, ..default() };
     let settings = reference::Posterization { softness: 0.0, ..Default::default() };
-    // With hard edges a pixel's colour says its label.
+    // With hard edges a pixel's color says its label.
     let expected = reference::posterize(&truth, DVec3::ONE, &colors, &colors, &settings);
     let mut stage = Stage::new(&field, palette);
     for preset in Preset::ALL {
@@ -203,7 +203,7 @@ fn rays_that_never_stop_end_in_a_solid_prop() {
     assert!(stopped.iter().zip(never.iter()).all(|(a, b)| a.abs_diff(*b) <= 1));
 }
 
-/// Where no leaf is asked for its colour, nothing is drawn.
+/// Where no leaf is asked for its color, nothing is drawn.
 #[test]
 fn what_has_no_color_is_not_there() {
     let settings = BakeSettings { depth: 4, basis: Basis::Rgba, ..default() };

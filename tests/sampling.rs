@@ -13,7 +13,7 @@ use bevy_plenoctree::{
 use glam::DVec3;
 use half::f16;
 
-/// Two lumps that hide each other, with colours by place and direction, faint fog around them, and a wide box so that
+/// Two lumps that hide each other, with colors by place and direction, faint fog around them, and a wide box so that
 /// cells are no cubes.
 fn lumps(basis: Basis) -> PlenOctree {
     let settings = BakeSettings {
@@ -35,7 +35,7 @@ fn lumps(basis: Basis) -> PlenOctree {
     .unwrap()
 }
 
-/// Extracts in an app and returns what was sampled, the palette's colours, and how many frames it took.
+/// Extracts in an app and returns what was sampled, the palette's colors, and how many frames it took.
 fn extract_in_app(
     field: &PlenOctree,
     settings: &ExtractionSettings,
@@ -146,7 +146,7 @@ fn slices_of_any_size_give_the_same_bits() {
     assert_eq!(colors, sliced_colors);
 }
 
-/// A fraction of the leaves stands for all: the weight stays, and so do, roughly, the colours.
+/// A fraction of the leaves stands for all: the weight stays, and so do, roughly, the colors.
 #[test]
 fn a_fraction_of_the_leaves_stands_for_all() {
     let field = lumps(Basis::Sh4);
@@ -190,6 +190,6 @@ fn every_field_gets_its_turn_on_the_gpu() {
     };
     while colors(&headless) != 4 {
         headless.update();
-        assert!(start.elapsed() < Duration::from_secs(60), "still {} colours", colors(&headless));
+        assert!(start.elapsed() < Duration::from_secs(60), "still {} colors", colors(&headless));
     }
 }

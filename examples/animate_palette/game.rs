@@ -24,7 +24,7 @@ pub struct Night(pub f32);
 #[derive(Component)]
 pub struct ByNight(pub [Color; 6]);
 
-/// The colour of a robot's metal, by day and by night.
+/// The color of a robot's metal, by day and by night.
 #[derive(Component)]
 pub struct Team {
     pub by_day: Color,
@@ -43,7 +43,7 @@ struct Hit(Entity);
 #[derive(Component)]
 struct Flashing(f32);
 
-/// The robots' metal among the colours of their palette.
+/// The robots' metal among the colors of their palette.
 const METAL: usize = 0;
 
 fn set_sun(time: Res<Time>, mut night: ResMut<Night>) {
@@ -60,7 +60,7 @@ fn paint_by_night(night: Res<Night>, mut palettes: ResMut<Palettes>, props: Quer
     }
 }
 
-/// The robots share a field and its palette, but not the colour of their metal.
+/// The robots share a field and its palette, but not the color of their metal.
 fn wear_team_colors(night: Res<Night>, mut robots: Query<(&Team, &mut PaletteOverride)>) {
     for (team, mut colors) in &mut robots {
         colors.set(METAL, BlendSpace::Oklab.mix(team.by_day, team.by_night, night.0));

@@ -13,7 +13,7 @@ const SKY: [&str; 2] = ["#bfe3f2", "#141a3c"];
 const GROUND: [&str; 2] = ["#9ad08f", "#22404f"];
 const SHADOW: [&str; 2] = ["#7bb878", "#1a3242"];
 
-/// A mesh whose material goes from a colour of the day to one of the night.
+/// A mesh whose material goes from a color of the day to one of the night.
 #[derive(Component)]
 struct Painted([&'static str; 2]);
 
@@ -86,7 +86,7 @@ fn paint_sky_and_ground(
     }
 }
 
-/// The colour of a hex code of this file.
+/// The color of a hex code of this file.
 fn color(hex: &str) -> Color {
     Srgba::hex(hex).unwrap_or(Srgba::BLACK).into()
 }

@@ -21,7 +21,7 @@ pub enum Part {
     Tassel,
 }
 
-/// The drum's centre, its radius and half its height.
+/// The drum's center, its radius and half its height.
 const CENTER: DVec3 = DVec3::new(0.0, 0.0, 0.13);
 const RADIUS: f64 = 0.60;
 const HALF: f64 = 0.31;
@@ -29,7 +29,7 @@ const LUGS: usize = 8;
 /// Where the rug's top is.
 const FLOOR: f64 = -0.86;
 
-/// The drum stands tilted towards whoever plays it.
+/// The drum stands tilted toward whoever plays it.
 fn to_drum(p: DVec3) -> DVec3 {
     turn_x(p - CENTER, -0.17)
 }

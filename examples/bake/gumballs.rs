@@ -1,4 +1,4 @@
-//! A gumball machine: glass to look through, and every colour behind it.
+//! A gumball machine: glass to look through, and every color behind it.
 
 use std::f64::consts::PI;
 
@@ -25,7 +25,7 @@ pub enum Part {
     Ball(usize),
 }
 
-/// The globe's centre and its radius.
+/// The globe's center and its radius.
 const GLOBE: DVec3 = DVec3::new(0.0, 0.0, 0.26);
 const RADIUS: f64 = 0.56;
 const BALL: f64 = 0.108;

@@ -32,7 +32,7 @@ pub fn noise(position: DVec3, seed: u64) -> f64 {
     2.0 * sum - 1.0
 }
 
-/// A loud colour: full saturation, any hue.
+/// A loud color: full saturation, any hue.
 pub fn loud(place: I64Vec3, seed: u64) -> DVec3 {
     let hue = 6.0 * hash(place, seed);
     let channel = |shift: f64| (((hue + shift).rem_euclid(6.0) - 3.0).abs() - 1.0).clamp(0.0, 1.0);

@@ -44,7 +44,7 @@ pub struct Glass {
     pub material: Material,
 }
 
-/// Bakes a prop as training leaves one: a soft shell that shows what the cameras saw, loud colours under it that none
+/// Bakes a prop as training leaves one: a soft shell that shows what the cameras saw, loud colors under it that none
 /// saw, and faint flecks in the air.
 pub fn bake_prop<T: Prop>(prop: &T, depth: Option<u32>) -> Result<PlenOctree, BakeError> {
     let settings = BakeSettings {
@@ -68,7 +68,7 @@ pub fn bake_prop<T: Prop>(prop: &T, depth: Option<u32>) -> Result<PlenOctree, Ba
 /// What a cell shows.
 enum Look {
     Surface(Lit),
-    /// What no camera saw: a colour, and how it changes with the direction.
+    /// What no camera saw: a color, and how it changes with the direction.
     Unseen(DVec3, DVec3),
 }
 
@@ -187,7 +187,7 @@ impl<'a, T: Prop> Scene<'a, T> {
                 return unseen(I64Vec3::new(index as i64, 0, 0));
             }
         }
-        // The whole shell shows the surface. Four points around its place in the cell soften the borders of colours.
+        // The whole shell shows the surface. Four points around its place in the cell soften the borders of colors.
         let at = position - nearest.distance * self.normal(position);
         let corners = [(1.0, 1.0, 1.0), (1.0, -1.0, -1.0), (-1.0, 1.0, -1.0), (-1.0, -1.0, 1.0)];
         let material = Material::mean(corners.map(|(x, y, z)| {

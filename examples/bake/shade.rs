@@ -7,18 +7,18 @@ use crate::sdf::{half_sphere, smoothstep};
 /// What a prop is made of at a point of its surface.
 #[derive(Clone, Copy, Debug)]
 pub struct Material {
-    /// Encoded sRGB: the colour of the paint, or a metal's tint.
+    /// Encoded sRGB: the color of the paint, or a metal's tint.
     pub color: DVec3,
     /// 0 is chalk, 1 is lacquer: how much the surface mirrors, and how tight its highlights are.
     pub gloss: f64,
     /// Metals, 1, have no paint: all they show is mirrored.
     pub metal: f64,
-    /// Light that the surface gives by itself, as a share of its colour.
+    /// Light that the surface gives by itself, as a share of its color.
     pub glow: f64,
 }
 
 impl Material {
-    /// Paint of a colour (encoded sRGB) and a gloss.
+    /// Paint of a color (encoded sRGB) and a gloss.
     pub fn paint(color: [f64; 3], gloss: f64) -> Self {
         Self { color: DVec3::from_array(color), gloss, metal: 0.0, glow: 0.0 }
     }
@@ -50,7 +50,7 @@ impl Material {
         self
     }
 
-    /// The same material, its colour mixed with another (encoded sRGB).
+    /// The same material, its color mixed with another (encoded sRGB).
     pub fn mixed(mut self, color: [f64; 3], share: f64) -> Self {
         self.color = self.color.lerp(DVec3::from_array(color), share.clamp(0.0, 1.0));
         self
@@ -101,7 +101,7 @@ impl Lit {
         let seen = (0.6 + 0.4 * metal) * seen;
         let glossy = fresnel * gloss * (seen + 2.6 * highlight * lambert * self.shadow * KEY_LIGHT);
 
-        // Light between walls of one colour takes on that colour: corners are deep, not grey.
+        // Light between walls of one color takes on that color: corners are deep, not gray.
         let open = DVec3::splat(self.open) / (1.0 - 0.8 * albedo * (1.0 - self.open));
         let ambient = FLOOR.lerp(SKY, 0.5 + 0.5 * self.normal.z) * open;
         let matte = albedo * (ambient + lambert * self.shadow * KEY_LIGHT);
@@ -123,10 +123,10 @@ fn surroundings(direction: DVec3) -> DVec3 {
 }
 
 /// How much of the key light reaches `point`, 0 to 1; the penumbra widens with the distance of what is in the way.
-fn shadow(point: DVec3, towards: DVec3, distance: &impl Fn(DVec3) -> f64) -> f64 {
+fn shadow(point: DVec3, toward: DVec3, distance: &impl Fn(DVec3) -> f64) -> f64 {
     let (mut light, mut t) = (1.0_f64, 0.015);
     for _ in 0..48 {
-        let free = distance(point + t * towards);
+        let free = distance(point + t * toward);
         light = light.min(0.5 + 0.5 * 9.0 * free / t);
         if light <= 0.0 {
             return 0.0;

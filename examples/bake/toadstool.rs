@@ -19,7 +19,7 @@ pub struct Toadstool {
 
 /// A white spot on the cap.
 struct Spot {
-    /// Unit vector from the cap's centre, in its frame.
+    /// Unit vector from the cap's center, in its frame.
     direction: DVec3,
     radius: f64,
 }

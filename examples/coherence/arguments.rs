@@ -6,7 +6,7 @@ use clap::Parser;
 
 use crate::size::parse_size;
 
-/// Measures how much neighbouring frames differ with one palette for the field and with one for each frame.
+/// Measures how much neighboring frames differ with one palette for the field and with one for each frame.
 #[derive(Parser)]
 pub struct Arguments {
     /// The field, an .npz file; one of our own props if none is given.

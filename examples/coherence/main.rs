@@ -5,17 +5,17 @@
 //! cargo run --release --example coherence -- [FIELD] [--out DIR] [--frames N] [--size WxH] [--quiet]
 //! ```
 //!
-//! The camera turns by 90 degrees around the field. Every frame is rendered plainly, posterised with the field's palette,
-//! and posterised with a palette of its own, the simplified convex hull of its pixels (Tan et al. 2016); and both again
-//! recoloured, every colour of the palette by one of the opposite hue. `coherence.csv` holds how much neighbouring frames
+//! The camera turns by 90 degrees around the field. Every frame is rendered plainly, posterized with the field's palette,
+//! and posterized with a palette of its own, the simplified convex hull of its pixels (Tan et al. 2016); and both again
+//! recolored, every color of the palette by one of the opposite hue. `coherence.csv` holds how much neighboring frames
 //! differ, and `coherence.png` plots it:
 //!
 //! | column | |
 //! |---|---|
 //! | `frame` | the second frame of the pair, counted from 0 |
 //! | `plain` | mean absolute difference of encoded sRGB, in [0, 1], over all pixels and channels, of the plain frames |
-//! | `field`, `per_frame` | the same of the frames that were posterised with the field's palette, and with their own |
-//! | `field_recolored`, `per_frame_recolored` | the same of those that were also recoloured |
+//! | `field`, `per_frame` | the same of the frames that were posterized with the field's palette, and with their own |
+//! | `field_recolored`, `per_frame_recolored` | the same of those that were also recolored |
 
 mod arguments;
 mod plot;

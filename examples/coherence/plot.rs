@@ -24,20 +24,20 @@ struct Style {
     dashed: bool,
 }
 
-/// In the order of [`COLUMNS`]. The colours are told apart by those who see red and green as one.
+/// In the order of [`COLUMNS`]. The colors are told apart by those who see red and green as one.
 const STYLES: [Style; COLUMNS.len()] = [
     Style { label: "as rendered", color: Rgb([130, 130, 136]), dashed: false },
     Style { label: "field's palette", color: Rgb([0, 94, 178]), dashed: false },
     Style { label: "frame's palette", color: Rgb([213, 94, 0]), dashed: false },
-    Style { label: "field's, recoloured", color: Rgb([86, 160, 226]), dashed: true },
-    Style { label: "frame's, recoloured", color: Rgb([236, 158, 60]), dashed: true },
+    Style { label: "field's, recolored", color: Rgb([86, 160, 226]), dashed: true },
+    Style { label: "frame's, recolored", color: Rgb([236, 158, 60]), dashed: true },
 ];
 
 /// Lines over frames, with axes, a legend and means.
 pub fn draw(series: &Series, name: &str) -> RgbImage {
     let mut picture = RgbImage::from_pixel(SIZE.0, SIZE.1, Rgb([255; 3]));
     let center = 0.5 * f64::from(SIZE.0);
-    let title = format!("Mean absolute difference of neighbouring frames, {name}");
+    let title = format!("Mean absolute difference of neighboring frames, {name}");
     write(&mut picture, &title, (center, 30.0), 0.5, INK);
     legend(&mut picture, series);
 

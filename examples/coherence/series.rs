@@ -1,4 +1,4 @@
-//! Differences of neighbouring frames: the measure, the file and the summary.
+//! Differences of neighboring frames: the measure, the file and the summary.
 
 use std::{fmt::Write, path::Path};
 

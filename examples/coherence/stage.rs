@@ -20,7 +20,7 @@ use crate::{Result, series::Frame};
 
 /// Longest wait for the field to be on the GPU.
 const UPLOAD_TIMEOUT: Duration = Duration::from_secs(120);
-/// Degrees by which recolouring turns a hue. By 120 the channels would only change places, and no difference change.
+/// Degrees by which recoloring turns a hue. By 120 the channels would only change places, and no difference change.
 const HUE_TURN: f32 = 180.0;
 
 /// A field alone before a white background, and its camera.
@@ -64,7 +64,7 @@ impl Stage {
         let plain = self.headless.picture()?;
         let colors = self.object_colors(&plain);
         if colors.is_empty() {
-            return Err("no pixel is opaque enough to be posterised".into());
+            return Err("no pixel is opaque enough to be posterized".into());
         }
         let palette_of_frame = simplify_hull(&colors, self.palette.colors.len())?;
 
@@ -75,14 +75,14 @@ impl Stage {
         Ok(Frame { pictures: [plain, field, per_frame, field_recolored, per_frame_recolored] })
     }
 
-    /// The colours, encoded sRGB in [0, 1], of the pixels that posterisation gives labels to.
+    /// The colors, encoded sRGB in [0, 1], of the pixels that posterization gives labels to.
     fn object_colors(&self, plain: &RgbaImage) -> Vec<[f64; 3]> {
         let share = |channel: u8| f64::from(channel) / 255.0;
         let pixels = plain.pixels().filter(|pixel| share(pixel[3]) >= f64::from(self.look.min_opacity));
         pixels.map(|pixel| [pixel[0], pixel[1], pixel[2]].map(share)).collect()
     }
 
-    /// The view posterised with a palette: as it is, and recoloured.
+    /// The view posterized with a palette: as it is, and recolored.
     fn posterized(&mut self, palette: Palette) -> Result<[RgbImage; 2]> {
         let mut palette = FieldPalette::new(palette);
         let as_it_is = self.shoot_with(palette.clone())?;

@@ -23,7 +23,7 @@ impl Builder<'_, '_> {
     }
 }
 
-/// The colour of a hex code of the source.
+/// The color of a hex code of the source.
 pub fn color(hex: &str) -> Color {
     Srgba::hex(hex).unwrap_or(Srgba::BLACK).into()
 }

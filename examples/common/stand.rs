@@ -19,7 +19,7 @@ pub fn plugin(app: &mut App) {
 /// How far below their origin our props stand.
 const GROUND: f32 = 0.93;
 
-/// Where a prop stands on the ground, how large it is, and which way it looks: 0 is towards +z.
+/// Where a prop stands on the ground, how large it is, and which way it looks: 0 is toward +z.
 pub fn standing(at: Vec3, scale: f32, turn: f32) -> Transform {
     Transform::from_translation(at + GROUND * scale * Vec3::Y)
         .with_rotation(Quat::from_rotation_y(turn))

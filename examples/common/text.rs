@@ -8,7 +8,7 @@ const DOT: u32 = 2;
 /// Pixels a side of a letter.
 pub const LETTER: u32 = 8 * DOT;
 
-/// Writes one line, vertically centred at `y`, of which `anchor` (0 for none, 1 for all) lies left of `x`; what is outside the picture is cut off.
+/// Writes one line, vertically centered at `y`, of which `anchor` (0 for none, 1 for all) lies left of `x`; what is outside the picture is cut off.
 pub fn write(picture: &mut RgbImage, text: &str, (x, y): (f64, f64), anchor: f64, ink: Rgb<u8>) {
     let width = f64::from(LETTER) * text.chars().count() as f64;
     let left = x - anchor * width;

@@ -1,4 +1,4 @@
-//! A carousel of many toys: four fields, each copy with a place, a size and colours of its own.
+//! A carousel of many toys: four fields, each copy with a place, a size and colors of its own.
 //!
 //! In a window it says once a second how long a frame takes; without one, how long frames of all toys took, to be compared
 //! with `--count 1`.

@@ -9,10 +9,10 @@ pub fn plugin(app: &mut App) {
     app.add_systems(Update, (hop, change_colors));
 }
 
-/// The fields of the rings, from the middle outwards: file, and which of its colours is painted.
+/// The fields of the rings, from the middle outwards: file, and which of its colors is painted.
 const TOYS: [(&str, usize); 4] = [("toadstool.npz", 0), ("robot.npz", 0), ("gumballs.npz", 0), ("drum.npz", 2)];
 
-/// The hue of a toy, in degrees, and which of its palette's colours has it.
+/// The hue of a toy, in degrees, and which of its palette's colors has it.
 #[derive(Component)]
 struct Painted {
     hue: f32,
@@ -58,7 +58,7 @@ fn hop(time: Res<Time>, mut toys: Query<(&Hopping, &mut Transform)>) {
     }
 }
 
-/// The colours go once around in half a minute.
+/// The colors go once around in half a minute.
 fn change_colors(time: Res<Time>, mut toys: Query<(&Painted, &mut PaletteOverride)>) {
     for (painted, mut colors) in &mut toys {
         let hue = (painted.hue + 12.0 * time.elapsed_secs()) % 360.0;

@@ -30,7 +30,7 @@ pub struct Brush {
     pub paint: usize,
 }
 
-/// The paint on each colour of a toy's palette; bare wood is none.
+/// The paint on each color of a toy's palette; bare wood is none.
 pub type Coat = [Option<usize>; 6];
 
 /// What is painted.
@@ -76,7 +76,7 @@ pub fn dip(click: On<Pointer<Click>>, tins: Query<&Tin>, mut brush: ResMut<Brush
     }
 }
 
-/// For the toys: a click paints the region, and with it all that has its colour.
+/// For the toys: a click paints the region, and with it all that has its color.
 pub fn paint(click: On<Pointer<Click>>, brush: Res<Brush>, mut toys: Query<&mut Toy>) {
     let hit = click.hit.extra_as::<PropHit>();
     if let (Ok(mut toy), Some(color)) = (toys.get_mut(click.entity), hit.and_then(region)) {
@@ -84,7 +84,7 @@ pub fn paint(click: On<Pointer<Click>>, brush: Res<Brush>, mut toys: Query<&mut 
     }
 }
 
-/// The palette colour of what was hit.
+/// The palette color of what was hit.
 fn region(hit: &PropHit) -> Option<usize> {
     hit.label.map(|label| label.main_color()).filter(|color| *color < 6)
 }
@@ -94,13 +94,13 @@ fn painted(coat: Option<usize>, brush: &Brush) -> Option<usize> {
     (coat != Some(brush.paint)).then_some(brush.paint)
 }
 
-/// A palette colour under a coat.
+/// A palette color under a coat.
 fn covered(palette: &FieldPalette, color: usize, coat: Option<usize>) -> Option<Color> {
     let bare = palette.extracted().colors.get(color)?.map(|channel| channel as f32);
     Some(coat.map_or(Color::srgb_from_array(bare), |paint| PAINTS[paint]))
 }
 
-/// Paint does not jump: every colour of a toy's palette goes to that of its coat.
+/// Paint does not jump: every color of a toy's palette goes to that of its coat.
 fn dry(time: Res<Time>, mut palettes: ResMut<Palettes>, toys: Query<(&Prop, &Toy)>) {
     let share = 1.0 - (-9.0 * time.delta_secs()).exp();
     for (prop, toy) in &toys {

@@ -1,4 +1,4 @@
-//! A tin of paint, baked when the game starts. All tins are one field: the colour of the paint is the prop's own.
+//! A tin of paint, baked when the game starts. All tins are one field: the color of the paint is the prop's own.
 
 use bevy::prelude::{Color, default};
 use bevy_plenoctree::{
@@ -8,7 +8,7 @@ use bevy_plenoctree::{
 };
 use glam::{DVec2, DVec3};
 
-/// The colour of the paint in the palette.
+/// The color of the paint in the palette.
 pub const PAINT: usize = 0;
 
 const COLORS: [DVec3; 4] = [
@@ -39,7 +39,7 @@ pub fn field() -> Result<PlenOctree, BakeError> {
     bake(&settings, |at| if surface(at).0 < 0.0 { 400.0 } else { 0.0 }, |at| move |_| shade(at))
 }
 
-/// The signed distance to the tin, and the colour of what is nearest.
+/// The signed distance to the tin, and the color of what is nearest.
 fn surface(at: DVec3) -> (f64, usize) {
     let around = DVec2::new(at.truncate().length(), at.z);
     let boxed = |center: DVec2, half: DVec2| {
@@ -72,7 +72,7 @@ fn drips(at: DVec3) -> f64 {
     distances.into_iter().fold(f64::INFINITY, f64::min)
 }
 
-/// The colour of the nearest surface under a lamp from above left.
+/// The color of the nearest surface under a lamp from above left.
 fn shade(at: DVec3) -> DVec3 {
     let (_, color) = surface(at);
     let step = 0.03;

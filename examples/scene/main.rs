@@ -2,7 +2,7 @@
 //! marches. Turn the camera with the mouse.
 //!
 //! Lit meshes with shadows, glass before and behind props, HDR with bloom and tonemapping, and props of four looks: flat
-//! and soft posterisation, a palette that glows in the dark, and a field as it was trained.
+//! and soft posterization, a palette that glows in the dark, and a field as it was trained.
 //!
 //! ```sh
 //! cargo run --release --example scene
@@ -49,7 +49,7 @@ fn build(app: &mut App) {
 fn spawn_camera(mut commands: Commands) {
     let focus = Vec3::new(0.0, 1.4, 0.0);
     commands.spawn((
-        // It keeps colours that are not very bright as they are, those of palettes among them.
+        // It keeps colors that are not very bright as they are, those of palettes among them.
         Tonemapping::KhronosPbrNeutral,
         Bloom { intensity: 0.12, ..Bloom::NATURAL },
         Projection::from(PerspectiveProjection { fov: 0.5, ..default() }),

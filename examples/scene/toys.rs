@@ -14,7 +14,7 @@ pub fn plugin(app: &mut App) {
     app.add_systems(Startup, spawn).add_systems(Update, (change_colors, march));
 }
 
-/// Flat, hard-edged areas of the palette's own colours.
+/// Flat, hard-edged areas of the palette's own colors.
 const POSTER: Posterize = Posterize {
     blend_steps: 1,
     softness: 0.0,

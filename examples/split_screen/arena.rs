@@ -40,7 +40,7 @@ fn build_ground(mut builder: Builder) {
     }
     let meadow = StandardMaterial { perceptual_roughness: 1.0, ..color("#62ad57").into() };
     builder.put(Circle::new(80.0), meadow, Transform::from_xyz(0.0, -0.03, 0.0).looking_to(Vec3::NEG_Y, Vec3::Z));
-    // The fence, in both teams' colours.
+    // The fence, in both teams' colors.
     let posts = 44;
     for post in 0..posts {
         let around = Quat::from_rotation_y(std::f32::consts::TAU * post as f32 / posts as f32);

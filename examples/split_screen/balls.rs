@@ -21,11 +21,11 @@ const GRASP: f32 = 0.75;
 /// Balls that win a round.
 const WIN: usize = 7;
 
-/// The gumball machine, which wears the colour of who leads.
+/// The gumball machine, which wears the color of who leads.
 #[derive(Component)]
 pub struct Machine;
 
-/// The machine's body among the colours of its palette.
+/// The machine's body among the colors of its palette.
 const BODY: usize = 0;
 
 #[derive(Component)]

@@ -1,8 +1,8 @@
 //! Two players, two robots, one arena: gumballs are carried on the head, and the first who has seven wins a round. The red
 //! robot goes by WASD, the blue one by the arrows; until its player touches a key, a robot plays by itself.
 //!
-//! Both robots are one field, in the colours of their teams (`PaletteOverride`); so is the gumball machine in the middle,
-//! which wears the colour of who leads.
+//! Both robots are one field, in the colors of their teams (`PaletteOverride`); so is the gumball machine in the middle,
+//! which wears the color of who leads.
 //!
 //! ```sh
 //! cargo run --release --example split_screen

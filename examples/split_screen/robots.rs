@@ -14,7 +14,7 @@ pub fn plugin(app: &mut App) {
     app.add_systems(Startup, spawn).add_systems(Update, (press_keys, play_alone, drive).chain());
 }
 
-/// The robots' metal among the colours of their palette.
+/// The robots' metal among the colors of their palette.
 const METAL: usize = 0;
 /// The top of a robot's head.
 pub const HEAD: f32 = 1.97;
@@ -33,7 +33,7 @@ pub struct Player {
     /// From 0.
     pub index: usize,
     pub team: Color,
-    /// Away from the camera, towards it, left and right.
+    /// Away from the camera, toward it, left and right.
     keys: [KeyCode; 4],
     /// Nobody has touched a key yet.
     absent: bool,

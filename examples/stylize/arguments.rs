@@ -7,7 +7,7 @@ use clap::{Parser, ValueEnum};
 
 use crate::{quality::Level, size::parse_size};
 
-/// Renders a PlenOctree, extracts its palette, and posterises and recolours the views.
+/// Renders a PlenOctree, extracts its palette, and posterizes and recolors the views.
 #[derive(Parser)]
 pub struct Arguments {
     /// The field, an .npz file; one of our own props if none is given.
@@ -27,7 +27,7 @@ pub struct Arguments {
     /// A palette.json to use instead of extracting one.
     #[arg(long)]
     pub palette: Option<PathBuf>,
-    /// Colours that the palette is simplified to.
+    /// Colors that the palette is simplified to.
     #[arg(long, default_value_t = 6, value_parser = clap::value_parser!(u32).range(1..=64), conflicts_with = "palette")]
     colors: u32,
     /// What samples the field's radiance; the GPU, or the CPU where graphics are in software, by default.
@@ -39,7 +39,7 @@ pub struct Arguments {
     /// Where to write the histograms, as an .npz of `fine` and `coarse`.
     #[arg(long, value_name = "FILE.npz", conflicts_with = "palette")]
     pub histograms: Option<PathBuf>,
-    /// Steps from one palette colour to another.
+    /// Steps from one palette color to another.
     #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=8))]
     blend_steps: u32,
     /// Distance in encoded RGB over which labels blend; 0 is a hard edge.
@@ -48,10 +48,10 @@ pub struct Arguments {
     /// Opacity under which a pixel is shown as rendered.
     #[arg(long, default_value_t = 80.0 / 255.0, value_parser = parse_share)]
     min_opacity: f32,
-    /// Shows a palette colour as another; may be given several times.
+    /// Shows a palette color as another; may be given several times.
     #[arg(long, value_name = "INDEX=#RRGGBB", value_parser = parse_recolor)]
     recolor: Vec<(usize, [u8; 3])>,
-    /// The colour behind the field.
+    /// The color behind the field.
     #[arg(long, value_name = "#RRGGBB", default_value = "#ffffff", value_parser = parse_color)]
     background: [u8; 3],
     /// How exactly the GPU draws; the palette's sampling has settings of its own.
@@ -107,12 +107,12 @@ impl Arguments {
         }
     }
 
-    /// The colour behind the field, encoded sRGB.
+    /// The color behind the field, encoded sRGB.
     pub fn background(&self) -> [u8; 3] {
         self.background
     }
 
-    /// The palette's colours with those changed that the command line says; `None` if it says none.
+    /// The palette's colors with those changed that the command line says; `None` if it says none.
     pub fn recolored(&self, palette: &Palette) -> Result<Option<Vec<[f64; 3]>>, String> {
         if self.recolor.is_empty() {
             return Ok(None);
@@ -122,7 +122,7 @@ impl Arguments {
             let count = colors.len();
             let slot = colors
                 .get_mut(*index)
-                .ok_or_else(|| format!("--recolor {index}: the palette has {count} colours, 0 to {}", count - 1))?;
+                .ok_or_else(|| format!("--recolor {index}: the palette has {count} colors, 0 to {}", count - 1))?;
             *slot = color.map(|c| f64::from(c) / 255.0);
         }
         Ok(Some(colors))

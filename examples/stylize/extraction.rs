@@ -101,7 +101,7 @@ fn on_gpu(field: &PlenOctree, arguments: &Arguments, bar: &ProgressBar, sampler:
     }
 }
 
-/// Writes `fine` and `coarse`, float64, index [r, g, b], not normalised.
+/// Writes `fine` and `coarse`, float64, index [r, g, b], not normalized.
 pub fn write_histograms(histograms: &Histograms, arguments: &Arguments, path: &Path) -> Result<()> {
     let settings = arguments.extraction();
     let failed = |error: std::io::Error| format!("{}: {error}", path.display());

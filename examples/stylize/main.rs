@@ -1,4 +1,4 @@
-//! The main job: pictures of a field as rendered, posterised and recoloured, and the palette that made them.
+//! The main job: pictures of a field as rendered, posterized and recolored, and the palette that made them.
 //!
 //! ```sh
 //! cargo run --release --example stylize -- field.npz --cameras transforms.json --recolor '1=#2060ff'

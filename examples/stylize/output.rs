@@ -44,7 +44,7 @@ pub fn write_palette(palette: &Palette, folder: &Path) -> Result<()> {
 /// Pixels a side of a swatch.
 const SWATCH: u32 = 160;
 
-/// A square for every colour, with its index, hex code and share of the weight.
+/// A square for every color, with its index, hex code and share of the weight.
 fn swatches(palette: &Palette) -> RgbImage {
     let mut picture = RgbImage::new(SWATCH * palette.colors.len() as u32, SWATCH);
     for (index, color) in palette.colors.iter().enumerate() {

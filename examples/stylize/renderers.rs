@@ -28,7 +28,7 @@ use crate::{Result, output::Pictures, report::Adapter};
 pub struct Job {
     pub field: PlenOctree,
     pub palette: Palette,
-    /// The palette to recolour with.
+    /// The palette to recolor with.
     pub recolored: Option<Vec<[f64; 3]>>,
     pub look: Posterize,
     /// For the GPU; the reference is always exact.
@@ -37,12 +37,12 @@ pub struct Job {
     pub background: [u8; 3],
 }
 
-/// Milliseconds that a posterised view took; `None` where it could not be measured.
+/// Milliseconds that a posterized view took; `None` where it could not be measured.
 #[derive(Clone, Copy, Default)]
 pub struct FrameTimes {
     /// The volume pass.
     pub volume: Option<f64>,
-    /// The posterise pass.
+    /// The posterize pass.
     pub posterize: Option<f64>,
     /// The whole frame, until its picture was in memory.
     pub total: Option<f64>,

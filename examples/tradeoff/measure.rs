@@ -18,7 +18,7 @@ pub struct Row {
     pub psnr_db: Option<f64>,
     /// The share of the prop's pixels that get another label.
     pub label_changes: Option<f64>,
-    /// Mean difference of a channel, 0 to 1, between posterised pictures half a degree apart, over the prop's pixels.
+    /// Mean difference of a channel, 0 to 1, between posterized pictures half a degree apart, over the prop's pixels.
     pub flicker: Option<f64>,
     /// Largest difference of a palette's channel, 0 to 1.
     pub palette_error: Option<f64>,
@@ -42,7 +42,7 @@ pub fn rendering(
     let variants = variants::rendering();
     let references: Vec<_> = cameras.iter().map(|camera| reference::render(field, camera)).collect();
     let truths: Vec<_> = references.iter().map(|picture| picture.over(DVec3::ONE)).collect();
-    // With hard labels a pixel's colour says its label.
+    // With hard labels a pixel's color says its label.
     let hard = Posterize { softness: 0.0, ..Posterize::default() };
     let colors: Vec<_> = palette.colors.iter().map(|color| DVec3::from(*color)).collect();
     let labels = reference::labels(&colors, hard.blend_steps);
@@ -158,7 +158,7 @@ fn turned(field: &PlenOctree, camera: &PinholeCamera) -> PinholeCamera {
     PinholeCamera { rotation: turn * camera.rotation, position: turn * camera.position, ..*camera }
 }
 
-/// Largest difference of a channel between colours and those nearest to them.
+/// Largest difference of a channel between colors and those nearest to them.
 fn difference(palette: &Palette, exact: &Palette) -> f64 {
     let colors = |palette: &Palette| palette.colors.iter().map(|color| DVec3::from(*color)).collect::<Vec<_>>();
     let (own, exact) = (colors(palette), colors(exact));

@@ -8,9 +8,9 @@ use bevy::prelude::*;
 pub enum Action {
     /// Shows another field.
     Open(PathBuf),
-    /// Writes colours to a palette's file.
+    /// Writes colors to a palette's file.
     Save(PathBuf, Colors),
-    /// Reads colours from a palette's file.
+    /// Reads colors from a palette's file.
     Load(PathBuf, Colors),
     /// Moves the camera to where the whole field is in view.
     FrameView,
@@ -18,7 +18,7 @@ pub enum Action {
     Screenshot,
 }
 
-/// Which colours of a field's palette.
+/// Which colors of a field's palette.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub enum Colors {
     /// Those on screen.

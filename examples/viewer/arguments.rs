@@ -7,7 +7,7 @@ use clap::{Parser, ValueEnum};
 
 use crate::{quality::Level, show::Show};
 
-/// Shows a PlenOctree in a window, posterises it and changes its palette.
+/// Shows a PlenOctree in a window, posterizes it and changes its palette.
 #[derive(Parser)]
 pub struct Arguments {
     /// The field, an .npz file; one of our own props if none is given.

@@ -14,11 +14,11 @@ use crate::{
 /// The keys, for the panel to show.
 pub const KEYS: [(&str, &str); 6] = [
     ("F", "frame the field"),
-    ("P", "posterise or not"),
+    ("P", "posterize or not"),
     ("H", "hide the panel"),
     ("F12", "screenshot"),
-    ("Ctrl+S", "save the shown colours"),
-    ("Ctrl+O", "load the shown colours"),
+    ("Ctrl+S", "save the shown colors"),
+    ("Ctrl+O", "load the shown colors"),
 ];
 
 pub fn press_keys(

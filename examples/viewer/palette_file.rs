@@ -15,7 +15,7 @@ pub fn extracted_beside(field: &Path) -> PathBuf {
     field.with_extension("palette.json")
 }
 
-/// A file for the colours that are shown in its place. They are no palette to extract labels by, so that it is another.
+/// A file for the colors that are shown in its place. They are no palette to extract labels by, so that it is another.
 pub fn shown_beside(field: &Path) -> PathBuf {
     field.with_extension("shown.palette.json")
 }
@@ -54,8 +54,8 @@ fn save(
 ) -> Result<&'static str, String> {
     let palette = palette.ok_or("There is no palette yet that could be saved.")?;
     let (saved, what) = match colors {
-        Colors::Extracted => (palette.extracted().clone(), "Saved the extracted colours"),
-        Colors::Shown | Colors::Either => (shown(palette, own), "Saved the shown colours"),
+        Colors::Extracted => (palette.extracted().clone(), "Saved the extracted colors"),
+        Colors::Shown | Colors::Either => (shown(palette, own), "Saved the shown colors"),
     };
     saved.write(path).map_err(|error| error.to_string())?;
     Ok(what)
@@ -85,15 +85,15 @@ fn load(
             for (index, [r, g, b]) in read.colors.into_iter().enumerate() {
                 palette.set(index, Color::srgb(r as f32, g as f32, b as f32));
             }
-            Ok("Loaded the shown colours")
+            Ok("Loaded the shown colors")
         }
         (Colors::Shown, Some(palette)) => {
             let (path, expected) = (path.display(), palette.shown().len());
             Err(format!(
-                "palette {path}: found {found} colours, expected {expected} to show in place of the extracted ones"
+                "palette {path}: found {found} colors, expected {expected} to show in place of the extracted ones"
             ))
         }
-        (Colors::Shown, None) => Err("There are no extracted colours yet that others could be shown for.".into()),
+        (Colors::Shown, None) => Err("There are no extracted colors yet that others could be shown for.".into()),
         (Colors::Extracted | Colors::Either, _) => {
             palettes.insert(field, FieldPalette::new(read));
             Ok("Loaded a palette in place of the extracted one")

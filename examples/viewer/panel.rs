@@ -25,7 +25,7 @@ pub struct PanelState {
     of: Option<PathBuf>,
     /// The field's file, as the user edits it.
     field: String,
-    /// The files of the extracted and of the shown colours, as the user edits them.
+    /// The files of the extracted and of the shown colors, as the user edits them.
     extracted: String,
     shown: String,
 }
@@ -35,7 +35,7 @@ impl PanelState {
         Self { open, of: None, field: String::new(), extracted: String::new(), shown: String::new() }
     }
 
-    /// Where the shown colours are saved to and loaded from.
+    /// Where the shown colors are saved to and loaded from.
     pub fn shown_file(&self) -> PathBuf {
         PathBuf::from(self.shown.trim())
     }
@@ -145,7 +145,7 @@ fn file_section(ui: &mut egui::Ui, state: &mut PanelState, actions: &mut Message
             &mut state.extracted,
             "The palette: beside its field, games read it from here",
         ),
-        ("Shown", Colors::Shown, &mut state.shown, "The colours that are shown in place of the extracted ones"),
+        ("Shown", Colors::Shown, &mut state.shown, "The colors that are shown in place of the extracted ones"),
     ];
     for (label, colors, path, hint) in rows {
         ui.horizontal(|ui| {
@@ -173,7 +173,7 @@ fn view_section(ui: &mut egui::Ui, background: &mut ClearColor, actions: &mut Me
             actions.write(Action::Screenshot);
         }
         let mut color = Srgba::from(background.0).to_u8_array_no_alpha();
-        if ui.color_edit_button_srgb(&mut color).on_hover_text("The colour behind the field").changed() {
+        if ui.color_edit_button_srgb(&mut color).on_hover_text("The color behind the field").changed() {
             let [r, g, b] = color;
             background.0 = Color::srgb_u8(r, g, b);
         }

@@ -75,7 +75,7 @@ fn check_written(field: &PlenOctree) {
     assert!(again.densities().iter().copied().eq(field.densities().iter().map(half)));
 }
 
-/// The field has a place, and finite colours from everywhere.
+/// The field has a place, and finite colors from everywhere.
 fn check_seen(field: &PlenOctree) {
     assert_eq!(field.leaf_cells().count(), field.leaves());
     let Some((low, high)) = field.bounds() else {

@@ -41,7 +41,7 @@ enum Tree<'a> {
 #[derive(Arbitrary, Debug)]
 enum Content {
     Data,
-    Quantised { retained: u8, rows: u8 },
+    Quantized { retained: u8, rows: u8 },
 }
 
 /// A part of the file that is not as it should be. `key` counts through [`KEYS`].
@@ -268,7 +268,7 @@ impl FieldFile<'_> {
                 let values = |at: usize| number(at, if at % (count + 1) == count { 1.0 } else { 0.25 });
                 arrays.push(Array::new(DATA, layout(DATA), &REALS, &[nodes, 2, 2, 2, count + 1], values));
             }
-            Content::Quantised { retained, rows } => {
+            Content::Quantized { retained, rows } => {
                 let (retained, rows) = (usize::from(retained) % (functions + 1), usize::from(rows) + 1);
                 let coded = functions - retained;
                 let row = |at: usize| number(at, 0.0).abs().min(255.0).floor() % rows as f64;

@@ -57,7 +57,7 @@ impl PinholeCamera {
         self
     }
 
-    /// Origin and unit direction of the ray through the point (`x`, `y`) of the picture, in pixels. Pixel centres lie
+    /// Origin and unit direction of the ray through the point (`x`, `y`) of the picture, in pixels. Pixel centers lie
     /// at halves.
     pub fn ray(&self, x: f64, y: f64) -> (DVec3, DVec3) {
         let direction = DVec3::new((x - self.center_x) / self.focal_x, (self.center_y - y) / self.focal_y, -1.0);

@@ -98,7 +98,7 @@ const MAX_CENTER: f64 = 1e9;
 /// The cameras of a `transforms.json`, one a frame, in the file's order and frame of reference.
 ///
 /// `w`, `h`, `fl_x`, `fl_y`, `cx` and `cy` count where they are given, in the frame or for all; the focal length else
-/// comes from `camera_angle_x`. With `size` the views are rescaled to that many pixels. Lens distortion is not modelled.
+/// comes from `camera_angle_x`. With `size` the views are rescaled to that many pixels. Lens distortion is not modeled.
 pub fn read_transforms(path: impl AsRef<Path>, size: Option<(u32, u32)>) -> Result<Vec<PinholeCamera>, CameraError> {
     let path = path.as_ref();
     let text = fs::read(path).map_err(|source| CameraError::Io { path: path.into(), source })?;

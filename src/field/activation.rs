@@ -9,7 +9,7 @@ pub enum Activation {
     Sigmoid,
     /// `max(x + 0.5, 0)`: fields converted from Plenoxels (svox2).
     ShiftedRelu,
-    /// `x`: the default for RGBA fields, whose colours are stored as they are.
+    /// `x`: the default for RGBA fields, whose colors are stored as they are.
     Identity,
 }
 

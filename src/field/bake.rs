@@ -77,9 +77,9 @@ pub enum BakeError {
 
 /// Bakes a volume into a field, on all cores; the result does not depend on their number.
 ///
-/// `density` gives density per world unit at a point of the field's frame. `radiance` is asked once for the centre of
+/// `density` gives density per world unit at a point of the field's frame. `radiance` is asked once for the center of
 /// every cell that holds density, and what it returns once for every direction: a unit vector from the eye into the
-/// scene. Colours are encoded sRGB, 0 to 1. So work that needs no direction is done once:
+/// scene. Colors are encoded sRGB, 0 to 1. So work that needs no direction is done once:
 ///
 /// ```
 /// use bevy_plenoctree::field::{BakeSettings, bake};
@@ -324,7 +324,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn fog_keeps_its_density_and_colour(density in 0.01..500.0, color in prop::array::uniform3(0.01..0.99), basis in 0..6usize, direction in unit()) {
+        fn fog_keeps_its_density_and_color(density in 0.01..500.0, color in prop::array::uniform3(0.01..0.99), basis in 0..6usize, direction in unit()) {
             let color = DVec3::from_array(color);
             let settings = BakeSettings { basis: Basis::ALL[basis], ..settings(2) };
             let field = bake(&settings, |_| density, |_| move |_| color).unwrap();
@@ -355,9 +355,9 @@ mod tests {
             let settings = BakeSettings { basis, ..settings(1) };
             let field = bake(&settings, |_| 1.0, |position| move |direction| truth(position, direction)).unwrap();
             for cell in field.leaf_cells() {
-                let centre = (cell.corner.as_dvec3() + 0.5) - 1.0;
+                let center = (cell.corner.as_dvec3() + 0.5) - 1.0;
                 for &direction in &directions {
-                    let error = field.radiance(cell.leaf, direction).distance(truth(centre, direction));
+                    let error = field.radiance(cell.leaf, direction).distance(truth(center, direction));
                     prop_assert!(error < 1e-3, "{:?}: {}", basis, error);
                 }
             }

@@ -7,7 +7,7 @@ use super::Activation;
 /// What a leaf's coefficients are coefficients of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Basis {
-    /// One colour for all directions, stored as it is.
+    /// One color for all directions, stored as it is.
     Rgba,
     /// Degree 0: one function.
     Sh1,
@@ -49,7 +49,7 @@ impl Basis {
         }
     }
 
-    /// Basis functions a colour channel, B; 1 for RGBA.
+    /// Basis functions a color channel, B; 1 for RGBA.
     pub fn functions(self) -> usize {
         match self {
             Self::Rgba | Self::Sh1 => 1,

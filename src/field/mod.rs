@@ -12,7 +12,7 @@ mod leaves;
 mod npy;
 mod npz;
 mod octree;
-mod quantised;
+mod quantized;
 mod read;
 mod thinned;
 mod walk;

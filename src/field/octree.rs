@@ -165,8 +165,8 @@ pub enum InvalidField {
 
 /// A radiance field: a sparse octree over a box, with a density and spherical harmonics in every leaf that is not empty.
 ///
-/// Cloning is cheap: the arrays are shared. Leaves are counted in depth-first order, so that neighbours in space are mostly
-/// neighbours in memory, and those of one cell always follow one another.
+/// Cloning is cheap: the arrays are shared. Leaves are counted in depth-first order, so that neighbors in space are mostly
+/// neighbors in memory, and those of one cell always follow one another.
 #[derive(Clone, Debug)]
 pub struct PlenOctree {
     frame: Frame,

@@ -11,7 +11,7 @@ use super::error::{ReadError, ReadFault, printable};
 use super::leaves::read_data;
 use super::npy::{REALS, Real, WHOLES, Whole, with_real, with_whole};
 use super::npz::{Archive, Array};
-use super::quantised::{QUANTISED, read_quantised};
+use super::quantized::{QUANTIZED, read_quantized};
 use super::walk::Tree;
 use super::{Activation, Basis, Frame, PlenOctree, Precision, UpAxis};
 
@@ -70,9 +70,9 @@ fn read(reader: impl Read + Seek, settings: &LoadSettings) -> Result<PlenOctree,
     let mut tree = read_tree(&mut archive)?;
     let threshold = settings.density_threshold;
     let keep = |density: f32| density > 0.0 && density >= threshold;
-    let quantised = !archive.has("data") && QUANTISED.iter().any(|key| archive.has(key));
-    let (density, coefficients) = if quantised {
-        read_quantised(&mut archive, basis, &mut tree, keep)?
+    let quantized = !archive.has("data") && QUANTIZED.iter().any(|key| archive.has(key));
+    let (density, coefficients) = if quantized {
+        read_quantized(&mut archive, basis, &mut tree, keep)?
     } else {
         read_data(&mut archive, basis, &mut tree, keep)?
     };

@@ -1,4 +1,4 @@
-//! Cameras for pictures: a pinhole camera as one of Bevy's, and exact colours.
+//! Cameras for pictures: a pinhole camera as one of Bevy's, and exact colors.
 
 use bevy::{
     camera::{CameraProjection, SubCameraView},
@@ -9,7 +9,7 @@ use bevy::{
 
 use crate::{camera::PinholeCamera, field::UpAxis};
 
-/// The projection of a [`PinholeCamera`], off-centre or not, with an infinite far plane.
+/// The projection of a [`PinholeCamera`], off-center or not, with an infinite far plane.
 #[derive(Clone, Copy, Debug)]
 struct PinholeProjection(PinholeCamera);
 
@@ -61,7 +61,7 @@ pub fn pinhole_view(camera: &PinholeCamera, up: UpAxis) -> (Projection, Transfor
     (Projection::custom(PinholeProjection(*camera)), Transform::from_matrix(affine.into()))
 }
 
-/// A camera whose pictures show colours as they are, over `background`: one sample a pixel, no tonemapping, no dithering.
+/// A camera whose pictures show colors as they are, over `background`: one sample a pixel, no tonemapping, no dithering.
 pub fn exact_camera(background: Color) -> impl Bundle {
     (
         Camera3d::default(),

@@ -33,7 +33,7 @@ pub enum HeadlessError {
     /// There is no GPU, nor a software one.
     #[error("no usable graphics adapter: install a Vulkan driver (Mesa's lavapipe will do): {0}")]
     NoAdapter(String),
-    /// The field of a prop or of a posterised view could not be loaded.
+    /// The field of a prop or of a posterized view could not be loaded.
     #[error("{0}")]
     Field(String),
     /// A palette could not be extracted.
@@ -127,7 +127,7 @@ impl Headless {
         }
     }
 
-    /// Runs frames until every [`Prop`]'s field is on the GPU, every [`Posterize`]d one and every posterised
+    /// Runs frames until every [`Prop`]'s field is on the GPU, every [`Posterize`]d one and every posterized
     /// [view](PosterizeView) has its palette, and no pipeline waits for its shader: until Bevy has loaded its own, cameras
     /// draw nothing.
     pub fn wait_until_ready(&mut self, timeout: Duration) -> Result<(), HeadlessError> {

@@ -4,16 +4,16 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-/// A few colours that stand for all that a field shows, the most important first.
+/// A few colors that stand for all that a field shows, the most important first.
 ///
-/// Its file is JSON: `{"colors": [[r, g, b], ...], "weights": [...]}`. A file without weights is one whose colours
+/// Its file is JSON: `{"colors": [[r, g, b], ...], "weights": [...]}`. A file without weights is one whose colors
 /// weigh the same.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "PaletteFile")]
 pub struct Palette {
-    /// Encoded sRGB. Extraction stays in [0, 1]; a palette made by hand may leave it (neon colours).
+    /// Encoded sRGB. Extraction stays in [0, 1]; a palette made by hand may leave it (neon colors).
     pub colors: Vec<[f64; 3]>,
-    /// How much of what is visible lies nearest to each colour. Extracted palettes sum to 1.
+    /// How much of what is visible lies nearest to each color. Extracted palettes sum to 1.
     pub weights: Vec<f64>,
 }
 
@@ -24,27 +24,27 @@ struct PaletteFile {
     weights: Option<Vec<f64>>,
 }
 
-/// Why colours and weights do not make a palette.
+/// Why colors and weights do not make a palette.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum InvalidPalette {
     /// There are none, or too many.
-    #[error("found {found} colours, expected 1 to {}", Palette::MAX_COLORS)]
+    #[error("found {found} colors, expected 1 to {}", Palette::MAX_COLORS)]
     Colors {
-        /// Colours given.
+        /// Colors given.
         found: usize,
     },
-    /// Colours and weights must belong together.
-    #[error("found {found} weights, expected one for each of {expected} colours")]
+    /// Colors and weights must belong together.
+    #[error("found {found} weights, expected one for each of {expected} colors")]
     Weights {
         /// Weights given.
         found: usize,
-        /// Colours given.
+        /// Colors given.
         expected: usize,
     },
-    /// A colour is infinite or not a number.
-    #[error("found {found:?} as colour {index}, expected finite numbers")]
+    /// A color is infinite or not a number.
+    #[error("found {found:?} as color {index}, expected finite numbers")]
     Color {
-        /// Which colour, from 0.
+        /// Which color, from 0.
         index: usize,
         /// What it is.
         found: [f64; 3],
@@ -89,10 +89,10 @@ pub enum PaletteFileError {
 }
 
 impl Palette {
-    /// Colours that a palette may have at most.
+    /// Colors that a palette may have at most.
     pub const MAX_COLORS: usize = 64;
 
-    /// A palette of colours (encoded sRGB) that weigh the same.
+    /// A palette of colors (encoded sRGB) that weigh the same.
     pub fn new(colors: Vec<[f64; 3]>) -> Result<Self, InvalidPalette> {
         PaletteFile { colors, weights: None }.try_into()
     }
@@ -190,9 +190,9 @@ mod tests {
     fn errors_say_what_was_found_and_expected() {
         let colors = format!(r#"{{"colors": {:?}}}"#, [[0.5; 3]; 65]);
         for (text, message) in [
-            (r#"{"colors": []}"#, "found 0 colours, expected 1 to 64"),
-            (&colors, "found 65 colours, expected 1 to 64"),
-            (r#"{"colors": [[0, 0, 0]], "weights": []}"#, "found 0 weights, expected one for each of 1 colours"),
+            (r#"{"colors": []}"#, "found 0 colors, expected 1 to 64"),
+            (&colors, "found 65 colors, expected 1 to 64"),
+            (r#"{"colors": [[0, 0, 0]], "weights": []}"#, "found 0 weights, expected one for each of 1 colors"),
             (r#"{"colors": [[0, 0, 0]], "weights": [-1]}"#, "found -1 as weight 0, expected a finite number"),
             (r#"{"colors": [[0, 0]]}"#, "invalid length 2, expected an array of length 3"),
             (r#"{"colors": [[0, 0, 1e999]]}"#, "number out of range"),
@@ -203,7 +203,7 @@ mod tests {
             assert!(error.contains(message), "{error}");
         }
         let error = Palette::new(vec![[0.0; 3], [0.0, f64::NAN, 0.0]]).unwrap_err();
-        assert_eq!(error.to_string(), "found [0.0, NaN, 0.0] as colour 1, expected finite numbers");
+        assert_eq!(error.to_string(), "found [0.0, NaN, 0.0] as color 1, expected finite numbers");
     }
 
     #[test]

@@ -8,7 +8,7 @@ use super::{
     ExtractionSettings, Histograms, InvalidSetting, Palette, Progress,
     histogram::Bins,
     kmeans::{self, Clusters},
-    sampling::{Cancelled, SamplingError, sample_unchecked},
+    sampling::{Canceled, SamplingError, sample_unchecked},
     simplify::simplify,
 };
 use crate::field::PlenOctree;
@@ -52,14 +52,14 @@ pub enum ExtractionError {
     NothingVisible,
     /// [`Progress::cancel`] was called.
     #[error(transparent)]
-    Cancelled(#[from] Cancelled),
+    Canceled(#[from] Canceled),
 }
 
 impl From<SamplingError> for ExtractionError {
     fn from(error: SamplingError) -> Self {
         match error {
             SamplingError::Setting(setting) => Self::Setting(setting),
-            SamplingError::Cancelled(cancelled) => Self::Cancelled(cancelled),
+            SamplingError::Canceled(canceled) => Self::Canceled(canceled),
         }
     }
 }
@@ -107,7 +107,7 @@ pub fn extract_from_histograms(
     })
 }
 
-/// Steps 6 and 7: representative colours; `None` if there is no weight.
+/// Steps 6 and 7: representative colors; `None` if there is no weight.
 fn filter(histograms: &Histograms, settings: &ExtractionSettings) -> Option<Clusters> {
     let total = histograms.total_weight();
     let bins = histograms.fine_bins();
@@ -125,7 +125,7 @@ fn filter(histograms: &Histograms, settings: &ExtractionSettings) -> Option<Clus
     Some(kmeans::cluster(&points, &weights, centers, settings.max_iterations, settings.tolerance))
 }
 
-/// The centres of the bins that hold more than `threshold` of the weight, in the order of their indices.
+/// The centers of the bins that hold more than `threshold` of the weight, in the order of their indices.
 ///
 /// If no bin does, the weight is spread over more bins than could be above the threshold, `1 / threshold`: then so many
 /// of the heaviest are taken.
@@ -142,7 +142,7 @@ fn initial_centers(bins: &Bins, threshold: f64) -> Vec<[f64; 3]> {
     chosen.into_iter().map(|bin| bins.center(bin)).collect()
 }
 
-/// Step 9: heaviest first, by the weight of the clusters nearest to each colour; equal weights by r, g, b.
+/// Step 9: heaviest first, by the weight of the clusters nearest to each color; equal weights by r, g, b.
 pub(super) fn order(mut colors: Vec<[f64; 3]>, clusters: &Clusters) -> Palette {
     let by_channels = |a: &[f64; 3], b: &[f64; 3]| {
         a.iter().zip(b).map(|(a, b)| a.total_cmp(b)).find(|order| order.is_ne()).unwrap_or(std::cmp::Ordering::Equal)
@@ -163,7 +163,7 @@ mod tests {
 
     use super::*;
 
-    /// Histograms of 24 and 8 bins a channel: the centres of the coarse bins are centres of fine ones.
+    /// Histograms of 24 and 8 bins a channel: the centers of the coarse bins are centers of fine ones.
     fn histograms(colors: &[([f64; 3], f64)]) -> Histograms {
         let bins = |n: usize| {
             let mut weights = vec![0.0; n * n * n];
@@ -180,12 +180,12 @@ mod tests {
     const GREEN: [f64; 3] = [1.0 / 16.0, 15.0 / 16.0, 1.0 / 16.0];
     const BLUE: [f64; 3] = [1.0 / 16.0, 1.0 / 16.0, 15.0 / 16.0];
     const BLACK: [f64; 3] = [1.0 / 16.0; 3];
-    const GREY: [f64; 3] = [3.0 / 16.0; 3];
+    const GRAY: [f64; 3] = [3.0 / 16.0; 3];
 
-    /// Colours at the corners of the cloud are found, heaviest first, and one inside adds to the nearest.
+    /// Colors at the corners of the cloud are found, heaviest first, and one inside adds to the nearest.
     #[test]
     fn corners_come_heaviest_first() {
-        let weights = [(RED, 1.0), (GREEN, 3.0), (BLUE, 1.0), (BLACK, 1.0), (GREY, 1.5)];
+        let weights = [(RED, 1.0), (GREEN, 3.0), (BLUE, 1.0), (BLACK, 1.0), (GRAY, 1.5)];
         let extraction = extract_from_histograms(&histograms(&weights), &ExtractionSettings::default()).unwrap();
         let expected = [GREEN, BLACK, BLUE, RED];
         for (found, expected) in extraction.palette.colors.iter().zip(expected) {
@@ -197,7 +197,7 @@ mod tests {
     }
 
     #[test]
-    fn one_colour_is_a_palette() {
+    fn one_color_is_a_palette() {
         let extraction = extract_from_histograms(&histograms(&[(RED, 2.0)]), &ExtractionSettings::default()).unwrap();
         assert_eq!(extraction.palette.weights, [1.0]);
         assert_eq!(extraction.palette.colors.len(), 1);
@@ -219,7 +219,7 @@ mod tests {
     }
 
     proptest! {
-        /// Any histogram with weight has a palette: colours in the cube, a valid file, weights that sum to 1 in falling
+        /// Any histogram with weight has a palette: colors in the cube, a valid file, weights that sum to 1 in falling
         /// order.
         #[test]
         fn any_weight_has_a_palette(

@@ -1,6 +1,6 @@
 //! Where in the RGB cube the visible weight lies.
 
-/// Visible weight over the RGB cube (encoded sRGB), in bins of two sizes, not normalised.
+/// Visible weight over the RGB cube (encoded sRGB), in bins of two sizes, not normalized.
 ///
 /// Bin `[r][g][b]` is at index `(r * bins + g) * bins + b`; a channel's bin is `floor(clamp(c, 0, 0.999) * bins)`. Both
 /// histograms hold the whole weight.
@@ -67,7 +67,7 @@ impl Histograms {
         &self.fine.weights
     }
 
-    /// Weights of the coarse bins, which give the initial centres.
+    /// Weights of the coarse bins, which give the initial centers.
     pub fn coarse(&self) -> &[f64] {
         &self.coarse.weights
     }
@@ -103,7 +103,7 @@ impl Bins {
         }
     }
 
-    /// The colour in the middle of a bin.
+    /// The color in the middle of a bin.
     pub fn center(&self, bin: usize) -> [f64; 3] {
         let n = self.per_channel;
         [bin / (n * n), bin / n % n, bin % n].map(|i| (i as f64 + 0.5) / n as f64)
@@ -180,7 +180,7 @@ mod tests {
     use super::*;
 
     proptest! {
-        /// Conservative: no weight is lost, whatever the colours, and both histograms hold all of it.
+        /// Conservative: no weight is lost, whatever the colors, and both histograms hold all of it.
         #[test]
         fn weight_is_preserved(
             samples in prop::collection::vec((prop::array::uniform3(-0.5..1.5f64), 0.0..6e4f64), 1..200),
@@ -193,9 +193,9 @@ mod tests {
             prop_assert!((histograms.coarse().iter().sum::<f64>() - total).abs() <= 1e-12 * total);
         }
 
-        /// The centre of a bin falls into that bin.
+        /// The center of a bin falls into that bin.
         #[test]
-        fn centres_lie_in_their_bins(per_channel in 1usize..=64, bin: prop::sample::Index) {
+        fn centers_lie_in_their_bins(per_channel in 1usize..=64, bin: prop::sample::Index) {
             let bin = bin.index(per_channel.pow(3));
             let mut tally = Tally::new(per_channel, 1, 1.0);
             let center = Bins { per_channel, weights: vec![] }.center(bin);

@@ -1,4 +1,4 @@
-//! What a cloud of colours spans: the corners of its convex hull.
+//! What a cloud of colors spans: the corners of its convex hull.
 //!
 //! Which side of a face a point is on is decided by exact arithmetic, so that the hull is sound on the degenerate clouds
 //! that lattices of bins give. What is nearer to the others' hull than [`ROUNDING`] is no corner: hulls are built again
@@ -155,12 +155,12 @@ impl Hull {
 
     /// The corner that is least above the hull of all others, if that is within rounding.
     fn flattest_corner(&self) -> Option<usize> {
-        let mut neighbours = vec![Vec::new(); self.vertices.len()];
+        let mut neighbors = vec![Vec::new(); self.vertices.len()];
         for &face in &self.faces {
-            edges(face).iter().for_each(|&(a, b)| neighbours[a].push(self.vertices[b]));
+            edges(face).iter().for_each(|&(a, b)| neighbors[a].push(self.vertices[b]));
         }
         (0..self.vertices.len())
-            .map(|corner| (prominence(self.vertices[corner], &neighbours[corner]), corner))
+            .map(|corner| (prominence(self.vertices[corner], &neighbors[corner]), corner))
             .filter(|&(height, _)| height <= ROUNDING)
             .min_by(|a, b| a.0.total_cmp(&b.0))
             .map(|(_, corner)| corner)
@@ -172,19 +172,19 @@ pub(super) fn edges([a, b, c]: [usize; 3]) -> [(usize, usize); 3] {
     [(a, b), (b, c), (c, a)]
 }
 
-/// How far a corner is outside the hull of its neighbours, which closes the hole where the corner is taken away: its
+/// How far a corner is outside the hull of its neighbors, which closes the hole where the corner is taken away: its
 /// height over the highest plane through three of them that has all others on its other side.
-fn prominence(corner: DVec3, neighbours: &[DVec3]) -> f64 {
+fn prominence(corner: DVec3, neighbors: &[DVec3]) -> f64 {
     let mut highest = 0.0f64;
-    for (i, &a) in neighbours.iter().enumerate() {
-        for (j, &b) in neighbours.iter().enumerate().skip(i + 1) {
-            for &c in &neighbours[j + 1..] {
+    for (i, &a) in neighbors.iter().enumerate() {
+        for (j, &b) in neighbors.iter().enumerate().skip(i + 1) {
+            for &c in &neighbors[j + 1..] {
                 let Some(mut plane) = Plane::through([a, b, c]) else { continue };
                 if plane.distance(corner) < 0.0 {
                     plane = Plane { normal: -plane.normal, offset: -plane.offset };
                 }
                 let height = plane.distance(corner);
-                if height > highest && neighbours.iter().all(|&p| plane.distance(p) <= ROUNDING) {
+                if height > highest && neighbors.iter().all(|&p| plane.distance(p) <= ROUNDING) {
                     highest = height;
                     if highest > ROUNDING {
                         return highest;

@@ -1,22 +1,22 @@
 //! Weighted k-means (Lloyd), step 7 of section 3 of the method.
 //!
-//! Agrees with scikit-learn's `KMeans(init=centres, n_init=1, algorithm="elkan")` in the rule by which it stops and in
-//! what becomes of a centre that loses all its points. Points and first centres lie on lattices and many points are
-//! equally far from two centres, so ties are settled by rule: the lowest index. Nothing is centred on the mean before,
+//! Agrees with scikit-learn's `KMeans(init=centers, n_init=1, algorithm="elkan")` in the rule by which it stops and in
+//! what becomes of a center that loses all its points. Points and first centers lie on lattices and many points are
+//! equally far from two centers, so ties are settled by rule: the lowest index. Nothing is centered on the mean before,
 //! which would make the distances inexact.
 
 use rayon::prelude::*;
 
 type Point = [f64; 3];
 
-/// Centres and the weight of the points nearest to each.
+/// Centers and the weight of the points nearest to each.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Clusters {
     pub centers: Vec<Point>,
     pub weights: Vec<f64>,
 }
 
-/// Clusters `points`, starting from `centers`. There must be a point and a centre, and every weight be positive.
+/// Clusters `points`, starting from `centers`. There must be a point and a center, and every weight be positive.
 pub(super) fn cluster(
     points: &[Point],
     weights: &[f64],
@@ -41,7 +41,7 @@ pub(super) fn cluster(
     Clusters { centers, weights: in_cluster }
 }
 
-/// Labels every point with the nearest centre, and tells whether a label changed.
+/// Labels every point with the nearest center, and tells whether a label changed.
 fn assign(points: &[Point], centers: &[Point], labels: &mut [usize]) -> bool {
     let assign = |(point, label): (&Point, &mut usize)| {
         let nearest = nearest(point, centers);
@@ -50,7 +50,7 @@ fn assign(points: &[Point], centers: &[Point], labels: &mut [usize]) -> bool {
     points.par_iter().zip(labels).with_min_len(1024).map(assign).reduce(|| false, |a, b| a | b)
 }
 
-/// The index of the centre nearest to `point`, the lowest if there are several.
+/// The index of the center nearest to `point`, the lowest if there are several.
 pub(super) fn nearest(point: &Point, centers: &[Point]) -> usize {
     let mut best = (f64::INFINITY, 0);
     for (index, center) in centers.iter().enumerate() {
@@ -64,8 +64,8 @@ pub(super) fn nearest(point: &Point, centers: &[Point]) -> usize {
 
 /// The weighted mean of every cluster.
 ///
-/// Centres without points each take one of the points that are farthest from their own centres; where all points lie
-/// on their centres, they join the heaviest.
+/// Centers without points each take one of the points that are farthest from their own centers; where all points lie
+/// on their centers, they join the heaviest.
 fn update(points: &[Point], weights: &[f64], labels: &[usize], centers: &[Point]) -> Vec<Point> {
     let mut sums = vec![[0.0; 3]; centers.len()];
     let mut in_cluster = vec![0.0; centers.len()];
@@ -132,7 +132,7 @@ mod tests {
 
     use super::*;
 
-    /// Points equally far from two centres go to the first, and the mean is weighted.
+    /// Points equally far from two centers go to the first, and the mean is weighted.
     #[test]
     fn ties_go_to_the_lowest_index() {
         let points = [[0.25, 0.0, 0.0], [0.5, 0.0, 0.0], [0.75, 0.0, 0.0]];
@@ -141,9 +141,9 @@ mod tests {
         assert_eq!(clusters.weights, [4.0, 2.0]);
     }
 
-    /// A centre that no point is nearest to takes the point farthest from its centre.
+    /// A center that no point is nearest to takes the point farthest from its center.
     #[test]
-    fn a_lost_centre_takes_the_farthest_point() {
+    fn a_lost_center_takes_the_farthest_point() {
         let points = [[0.0; 3], [0.1, 0.0, 0.0], [1.0, 0.0, 0.0]];
         let clusters = cluster(&points, &[1.0, 1.0, 1.0], vec![[0.0; 3], [0.0, 9.0, 0.0]], 300, 1e-4);
         assert_eq!(clusters.centers, [[0.05, 0.0, 0.0], [1.0, 0.0, 0.0]]);
@@ -151,16 +151,16 @@ mod tests {
     }
 
     #[test]
-    fn more_centres_than_points_end_on_points() {
+    fn more_centers_than_points_end_on_points() {
         let clusters = cluster(&[[0.5; 3]], &[2.0], vec![[0.1; 3], [0.9; 3], [0.4; 3]], 300, 1e-4);
         assert!(clusters.centers.iter().all(|center| *center == [0.5; 3]));
         assert_eq!(clusters.weights, [2.0, 0.0, 0.0]);
     }
 
     proptest! {
-        /// Run to the end, every centre is the weighted mean of the points nearest to it: Lloyd's fixed point.
+        /// Run to the end, every center is the weighted mean of the points nearest to it: Lloyd's fixed point.
         #[test]
-        fn centres_are_means_of_their_points(
+        fn centers_are_means_of_their_points(
             points in prop::collection::vec((prop::array::uniform3(0.0..1.0f64), 0.01..10.0f64), 8..200),
             count in 1usize..8,
         ) {

@@ -1,12 +1,12 @@
-//! What a posterised picture is made of.
+//! What a posterized picture is made of.
 
 use glam::DVec3;
 
 use super::Palette;
 
-/// A colour of the posterised look: a palette colour, or a blend of two. Equation 7, section 4 of the method.
+/// A color of the posterized look: a palette color, or a blend of two. Equation 7, section 4 of the method.
 ///
-/// As a colour it is `share` of palette colour `first` and `1 - share` of `second`: of the extracted colours where labels
+/// As a color it is `share` of palette color `first` and `1 - share` of `second`: of the extracted colors where labels
 /// are found, of the shown ones where they are painted.
 ///
 /// ```
@@ -14,25 +14,25 @@ use super::Palette;
 ///
 /// let palette = Palette::new(vec![[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])?;
 /// let label = Label::nearest([0.7, 0.0, 0.3].into(), &palette, 3).unwrap();
-/// // After the two palette colours come the blends: a third of red, and two thirds of it.
+/// // After the two palette colors come the blends: a third of red, and two thirds of it.
 /// assert_eq!((label.index, label.first, label.second, label.share), (3, 0, 1, 2.0 / 3.0));
 /// assert_eq!(label.main_color(), 0);
 /// # Ok::<(), bevy_plenoctree::palette::InvalidPalette>(())
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Label {
-    /// Its place among all labels: the palette colours come first, then the blends of every pair.
+    /// Its place among all labels: the palette colors come first, then the blends of every pair.
     pub index: usize,
-    /// A palette colour, from 0.
+    /// A palette color, from 0.
     pub first: usize,
-    /// The other palette colour of a blend, above `first`; `first` itself if the label is no blend.
+    /// The other palette color of a blend, above `first`; `first` itself if the label is no blend.
     pub second: usize,
     /// Share of `first`: `k / d` in a blend, 1 if the label is none.
     pub share: f64,
 }
 
 impl Label {
-    /// All labels of a palette of `colors` colours, in order. `blend_steps` is `d`, at least 1.
+    /// All labels of a palette of `colors` colors, in order. `blend_steps` is `d`, at least 1.
     pub fn all(colors: usize, blend_steps: u32) -> impl Iterator<Item = Self> {
         let single = (0..colors).map(|color| (color, color, 1.0));
         let pairs = (0..colors).flat_map(move |first| (first + 1..colors).map(move |second| (first, second)));
@@ -42,7 +42,7 @@ impl Label {
         single.chain(blends).enumerate().map(|(index, (first, second, share))| Self { index, first, second, share })
     }
 
-    /// The label that is nearest to a colour in encoded sRGB, the first of those that are equally near. `None` if the
+    /// The label that is nearest to a color in encoded sRGB, the first of those that are equally near. `None` if the
     /// palette is empty.
     pub fn nearest(color: DVec3, palette: &Palette, blend_steps: u32) -> Option<Self> {
         let distance = |label: &Self| color.distance_squared(label.mix(&palette.colors));
@@ -50,7 +50,7 @@ impl Label {
         labels.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, label)| label)
     }
 
-    /// The palette colour that the label has most of: the one to change if the label is to look different.
+    /// The palette color that the label has most of: the one to change if the label is to look different.
     pub fn main_color(&self) -> usize {
         if self.share < 0.5 { self.second } else { self.first }
     }
@@ -87,7 +87,7 @@ mod tests {
     }
 
     #[test]
-    fn every_label_is_nearest_to_its_own_colour() {
+    fn every_label_is_nearest_to_its_own_color() {
         let palette = palette(6);
         for label in Label::all(6, 4) {
             assert_eq!(Label::nearest(label.mix(&palette.colors), &palette, 4), Some(label));
@@ -95,7 +95,7 @@ mod tests {
     }
 
     #[test]
-    fn equal_colours_have_the_first_label() {
+    fn equal_colors_have_the_first_label() {
         let palette = Palette::new(vec![[0.5; 3]; 3]).unwrap();
         assert_eq!(Label::nearest(DVec3::ONE, &palette, 3).map(|label| label.index), Some(0));
     }

@@ -1,7 +1,7 @@
 //! Palette extraction: section 3 of the method (Tojo and Umetani, EGSR 2022, section 4.1).
 //!
 //! [`extract`] looks at every leaf of a field from many directions, gathers the radiance that is visible in histograms
-//! ([`sample`]), clusters them, and simplifies the convex hull of the clusters to a few colours. It runs on all cores and
+//! ([`sample`]), clusters them, and simplifies the convex hull of the clusters to a few colors. It runs on all cores and
 //! needs no app; [`Progress`] tells another thread how far it is, and cancels it.
 
 mod colors;
@@ -21,6 +21,6 @@ pub use extract::{Extraction, ExtractionError, Seconds, extract, extract_from_hi
 pub use histogram::{Histograms, InvalidHistogram};
 pub use label::Label;
 pub use of_colors::simplify_hull;
-pub use sampling::{Cancelled, Progress, SamplingError, sample};
+pub use sampling::{Canceled, Progress, SamplingError, sample};
 pub(crate) use sampling::{chosen_leaves, observers, weight_bound};
 pub use settings::{ExtractionSettings, InvalidSetting, Observers};

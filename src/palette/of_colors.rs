@@ -1,4 +1,4 @@
-//! The palette of colours that are at hand, such as a picture's pixels.
+//! The palette of colors that are at hand, such as a picture's pixels.
 
 use glam::DVec3;
 
@@ -7,13 +7,13 @@ use super::{InvalidPalette, Palette, extract::order, kmeans::Clusters, simplify:
 /// The corners of the convex hull of `colors` (encoded sRGB), simplified to `wanted` of them: steps 8 and 9 of section 3 of
 /// the method, on their own.
 ///
-/// Of a picture's pixels this is the palette of Tan et al. (2016), which the method is compared to. A cloud of colours with
-/// a volume has at least four corners, so that four is the least it can give. The colours are in [0, 1]; the
-/// weights are the shares of the given colours that lie nearest to each, heaviest first.
+/// Of a picture's pixels this is the palette of Tan et al. (2016), which the method is compared to. A cloud of colors with
+/// a volume has at least four corners, so that four is the least it can give. The colors are in [0, 1]; the
+/// weights are the shares of the given colors that lie nearest to each, heaviest first.
 ///
 /// # Errors
 ///
-/// If there are no colours, if one is not finite, or if the hull keeps more than [`Palette::MAX_COLORS`] corners.
+/// If there are no colors, if one is not finite, or if the hull keeps more than [`Palette::MAX_COLORS`] corners.
 pub fn simplify_hull(colors: &[[f64; 3]], wanted: usize) -> Result<Palette, InvalidPalette> {
     if colors.is_empty() {
         return Err(InvalidPalette::Colors { found: 0 });
@@ -33,8 +33,8 @@ pub fn simplify_hull(colors: &[[f64; 3]], wanted: usize) -> Result<Palette, Inva
     Ok(palette)
 }
 
-/// Of all colours on a line along an axis, keeps the two at its ends: the others cannot be corners. That leaves the surface
-/// of the thousands of colours on the lattice that a picture of 8 bits has.
+/// Of all colors on a line along an axis, keeps the two at its ends: the others cannot be corners. That leaves the surface
+/// of the thousands of colors on the lattice that a picture of 8 bits has.
 fn keep_ends(colors: &mut Vec<[f64; 3]>, axis: usize) {
     let line = |color: &[f64; 3]| [color[(axis + 1) % 3], color[(axis + 2) % 3]];
     colors.sort_unstable_by(|a, b| {
@@ -58,7 +58,7 @@ mod tests {
     }
 
     proptest! {
-        /// Colours that cannot be corners do not matter, and any picture has a palette.
+        /// Colors that cannot be corners do not matter, and any picture has a palette.
         #[test]
         fn only_the_surface_matters(colors in picture(), wanted in 4usize..10) {
             let palette = simplify_hull(&colors, wanted).unwrap();
@@ -80,7 +80,7 @@ mod tests {
         }
     }
 
-    /// A picture whose colours fill the cube has its corners as palette.
+    /// A picture whose colors fill the cube has its corners as palette.
     #[test]
     fn a_full_cube_has_its_corners() {
         let colors: Vec<[f64; 3]> =

@@ -1,4 +1,4 @@
-//! Hull and simplification of clouds of colours that lie on a plane.
+//! Hull and simplification of clouds of colors that lie on a plane.
 
 use glam::DVec2;
 use robust::{Coord, orient2d};
@@ -40,7 +40,7 @@ fn half<'a>(sorted: impl Iterator<Item = &'a DVec2>) -> Vec<DVec2> {
     chain
 }
 
-/// The distance of `point` from the line through its neighbours.
+/// The distance of `point` from the line through its neighbors.
 fn height(previous: DVec2, point: DVec2, next: DVec2) -> f64 {
     let along = (next - previous).normalize_or_zero();
     along.perp_dot(previous - point).abs()
@@ -49,7 +49,7 @@ fn height(previous: DVec2, point: DVec2, next: DVec2) -> f64 {
 /// Collapses edges of a convex polygon (counterclockwise) until at most `wanted` corners are left or no edge can be
 /// collapsed.
 ///
-/// An edge collapses to where the edges beside it meet, which is what the linear programme of the solid case comes to
+/// An edge collapses to where the edges beside it meet, which is what the linear program of the solid case comes to
 /// in a plane; the edge that adds the least area goes first.
 pub(super) fn simplify(mut polygon: Vec<DVec2>, wanted: usize) -> Vec<DVec2> {
     while polygon.len() > wanted.max(3) {

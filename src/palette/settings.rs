@@ -34,16 +34,16 @@ pub struct ExtractionSettings {
     pub stop_transmittance: f64,
     /// Bins a channel of the histogram that is clustered. 1 to 128, 32 by default.
     pub fine_bins: usize,
-    /// Bins a channel of the histogram that gives the initial centres. 1 to 32, 8 by default.
+    /// Bins a channel of the histogram that gives the initial centers. 1 to 32, 8 by default.
     pub coarse_bins: usize,
-    /// tau, the share of the weight above which a coarse bin is an initial centre. 0 to below 1, 8e-3 by default.
+    /// tau, the share of the weight above which a coarse bin is an initial center. 0 to below 1, 8e-3 by default.
     pub coarse_threshold: f64,
     /// Rounds of k-means at most. At least 1, 300 by default.
     pub max_iterations: usize,
-    /// k-means ends when the summed squared shift of the centres is at most this times the variance of the bins. Not
+    /// k-means ends when the summed squared shift of the centers is at most this times the variance of the bins. Not
     /// negative, 1e-4 by default.
     pub tolerance: f64,
-    /// Colours wanted, 1 to 64, 6 by default. A cloud of colours with a volume has at least four corners, so that four
+    /// Colors wanted, 1 to 64, 6 by default. A cloud of colors with a volume has at least four corners, so that four
     /// is the least it can give.
     pub colors: usize,
 }

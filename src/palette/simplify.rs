@@ -1,7 +1,7 @@
 //! Simplification of convex hulls, step 8 of section 3 of the method.
 //!
-//! The linear programmes have three unknowns and a dozen constraints. They are solved by walking all lines in which two
-//! constraints meet: exact where general solvers stop at a tolerance, which here would cut off colours.
+//! The linear programs have three unknowns and a dozen constraints. They are solved by walking all lines in which two
+//! constraints meet: exact where general solvers stop at a tolerance, which here would cut off colors.
 
 use glam::DVec3;
 
@@ -142,7 +142,7 @@ mod tests {
     }
 
     proptest! {
-        /// Collapsing an edge never cuts off a colour, at no step, and always makes the hull simpler.
+        /// Collapsing an edge never cuts off a color, at no step, and always makes the hull simpler.
         #[test]
         fn every_step_contains_the_cloud(points in prop_oneof![lattice(), cloud()]) {
             if let Span::Solid(mut hull) = span(&points) {
@@ -159,7 +159,7 @@ mod tests {
             }
         }
 
-        /// Whatever the cloud, there is a palette of finite colours, and it is as small as wanted or as can be.
+        /// Whatever the cloud, there is a palette of finite colors, and it is as small as wanted or as can be.
         #[test]
         fn any_cloud_has_corners(points in prop_oneof![lattice(), cloud()], wanted in 1usize..12) {
             let simplified = simplify(&points, wanted);
@@ -176,7 +176,7 @@ mod tests {
 
         /// The optimum is that of all corners of what the planes bound, found by trying all triples.
         #[test]
-        fn programmes_are_solved(normals in prop::collection::vec(prop::array::uniform3(-1.0..1.0f64), 3..10)) {
+        fn programs_are_solved(normals in prop::collection::vec(prop::array::uniform3(-1.0..1.0f64), 3..10)) {
             let normals: Vec<DVec3> = normals.into_iter().map(DVec3::from_array).collect();
             prop_assume!(normals.iter().all(|normal| normal.length() > 0.1));
             // Planes that touch a ball, all but one of whose normals look the same way: often feasible.
@@ -229,7 +229,7 @@ mod tests {
     /// The only corner that could take the last edge's place lies 30,000 away, where rounding would cut a point off by 8e-9:
     /// then the edge stays.
     #[test]
-    fn no_corner_is_so_far_that_rounding_cuts_off_a_colour() {
+    fn no_corner_is_so_far_that_rounding_cuts_off_a_color() {
         let points = [
             [7, 1, 3],
             [1, 9, 3],

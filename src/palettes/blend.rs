@@ -1,14 +1,14 @@
-//! Colours between colours.
+//! Colors between colors.
 
 use bevy::{color::Mix, prelude::*};
 
 use super::oklab;
 
-/// The space in which two colours are blended.
+/// The space in which two colors are blended.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
 #[reflect(Default, Clone, PartialEq, Hash)]
 pub enum BlendSpace {
-    /// Encoded sRGB, as image editors do it: simple, but complementary colours meet in a dull grey.
+    /// Encoded sRGB, as image editors do it: simple, but complementary colors meet in a dull gray.
     Encoded,
     /// Oklab, which is perceptual: lightness and hue change evenly.
     #[default]
@@ -16,7 +16,7 @@ pub enum BlendSpace {
 }
 
 impl BlendSpace {
-    /// The colour that is the share `t` of the way from `from` to `to`, in encoded sRGB. 0 and everything below it is
+    /// The color that is the share `t` of the way from `from` to `to`, in encoded sRGB. 0 and everything below it is
     /// `from`, 1 and everything above is `to`, exactly; so is not-a-number `from`.
     pub fn mix(self, from: Color, to: Color, t: f32) -> Color {
         if t >= 1.0 {
@@ -31,7 +31,7 @@ impl BlendSpace {
         from
     }
 
-    /// The blends of two palettes, colour by colour, as far as both go.
+    /// The blends of two palettes, color by color, as far as both go.
     pub(super) fn mix_all(self, from: &[Color], to: &[Color], t: f32) -> impl Iterator<Item = Color> {
         from.iter().zip(to).map(move |(from, to)| self.mix(*from, *to, t))
     }

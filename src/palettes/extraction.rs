@@ -43,7 +43,7 @@ pub struct Sampled {
 
 /// The palettes that are being extracted, and how.
 ///
-/// A field of a posterised prop or view that has no palette gets one while the app keeps running. The GPU samples it in
+/// A field of a posterized prop or view that has no palette gets one while the app keeps running. The GPU samples it in
 /// slices, some every frame, or the CPU does in a task; k-means and hull follow in a task.
 #[derive(Resource, Reflect)]
 #[reflect(Resource, Default)]
@@ -113,7 +113,7 @@ impl PaletteExtraction {
 
     /// Extracts a field's palette anew, with the settings as they are now; one that is under way is given up.
     ///
-    /// The palette that the field has stays until the new one is there, and is then replaced: changed colours and a
+    /// The palette that the field has stays until the new one is there, and is then replaced: changed colors and a
     /// palette that was given as well.
     pub fn restart(&mut self, field: impl Into<AssetId<PlenOctree>>) {
         let id = field.into();

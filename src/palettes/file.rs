@@ -139,7 +139,7 @@ pub(super) fn load(
             }
             PaletteFile::Expected(handle) => {
                 if let Some(palette) = loaded.get(&*handle) {
-                    // A palette that was saved just now comes back as it is, and the shown colours stay.
+                    // A palette that was saved just now comes back as it is, and the shown colors stay.
                     if by_field.get(field).is_none_or(|known| known.extracted() != palette) {
                         by_field.insert(*field, FieldPalette::new(palette.clone()));
                         arrived.push(*field);

@@ -33,7 +33,7 @@ const LINEAR_FROM_CONES: Mat3A = Mat3A::from_cols_array(&[
     1.7076147,
 ]);
 
-/// The colour that is the share `t` of the way from one colour to another. Encoded sRGB; out of [0, 1] the encoding goes
+/// The color that is the share `t` of the way from one color to another. Encoded sRGB; out of [0, 1] the encoding goes
 /// on as its own reflection in 0.
 pub(super) fn mix(from: Srgba, to: Srgba, t: f32) -> Srgba {
     let roots = |color: Srgba| signed_root(CONES_FROM_LINEAR * decode(color.to_vec3().into()));
@@ -101,7 +101,7 @@ mod tests {
             prop_assert!(visible(found).distance(visible(expected)) < 1e-4, "{found} for {expected}");
         }
 
-        /// A blend of a colour with itself is the colour, of neon colours as well.
+        /// A blend of a color with itself is the color, of neon colors as well.
         #[test]
         fn there_and_back_is_the_same(channels in prop::array::uniform3(-1.0..=2.0f32), t in 0.0..=1.0f32) {
             let color = Srgba::rgb(channels[0], channels[1], channels[2]);

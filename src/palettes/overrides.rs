@@ -1,15 +1,15 @@
-//! Colours of a single prop.
+//! Colors of a single prop.
 
 use bevy::prelude::*;
 
 use super::BlendSpace;
 use crate::palette::Palette;
 
-/// Colours that one prop shows in place of those of its field's palette: two copies of a prop in two colours.
+/// Colors that one prop shows in place of those of its field's palette: two copies of a prop in two colors.
 ///
-/// Goes on the entity of a [`Prop`](crate::Prop), or of a camera with a [`PosterizeView`](crate::PosterizeView). Colours
-/// that it does not set are those that [`Palettes`](crate::Palettes) shows, so that a team colour leaves the rest to day
-/// and night. Which pixels get which colour is still up to the field's extracted palette.
+/// Goes on the entity of a [`Prop`](crate::Prop), or of a camera with a [`PosterizeView`](crate::PosterizeView). Colors
+/// that it does not set are those that [`Palettes`](crate::Palettes) shows, so that a team color leaves the rest to day
+/// and night. Which pixels get which color is still up to the field's extracted palette.
 ///
 /// ```
 /// # use bevy::prelude::*;
@@ -28,18 +28,18 @@ pub struct PaletteOverride {
 }
 
 impl PaletteOverride {
-    /// This, and `color` in place of colour `index`.
+    /// This, and `color` in place of color `index`.
     pub fn with(mut self, index: usize, color: impl Into<Color>) -> Self {
         self.set(index, color);
         self
     }
 
-    /// What is shown in place of colour `index`; `None` if that is up to the field's palette.
+    /// What is shown in place of color `index`; `None` if that is up to the field's palette.
     pub fn get(&self, index: usize) -> Option<Color> {
         self.colors.get(index).copied().flatten()
     }
 
-    /// Shows `color` in place of colour `index`; an index that no palette has changes nothing.
+    /// Shows `color` in place of color `index`; an index that no palette has changes nothing.
     pub fn set(&mut self, index: usize, color: impl Into<Color>) {
         if index < Palette::MAX_COLORS {
             if index >= self.colors.len() {
@@ -57,14 +57,14 @@ impl PaletteOverride {
         }
     }
 
-    /// Leaves colour `index` to the field's palette.
+    /// Leaves color `index` to the field's palette.
     pub fn unset(&mut self, index: usize) {
         if let Some(color) = self.colors.get_mut(index) {
             *color = None;
         }
     }
 
-    /// Leaves every colour to the field's palette.
+    /// Leaves every color to the field's palette.
     pub fn reset(&mut self) {
         self.colors.clear();
     }

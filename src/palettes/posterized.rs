@@ -8,7 +8,7 @@ use crate::{
     view::PosterizeView,
 };
 
-/// What needs a palette: posterised props and posterised views.
+/// What needs a palette: posterized props and posterized views.
 #[derive(SystemParam)]
 pub(super) struct Posterized<'w, 's> {
     props: Query<'w, 's, &'static Prop, With<Posterize>>,

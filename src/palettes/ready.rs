@@ -9,7 +9,7 @@ use crate::field::PlenOctree;
 /// [inserted](Palettes::insert) are no news.
 ///
 /// It is written in [`PreUpdate`], before the palette is first shown: a system of [`Update`] that reads it can still
-/// change the colours of the very first picture.
+/// change the colors of the very first picture.
 ///
 /// ```
 /// # use bevy::prelude::*;

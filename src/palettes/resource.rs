@@ -13,7 +13,7 @@ use crate::{
 /// The palette of every field that has one. Any system may change it in any frame; the change is in the same frame's
 /// picture, and nothing is allocated for it.
 ///
-/// A posterised prop or [view](crate::PosterizeView) whose field has no palette gets one: from the file `x.palette.json`
+/// A posterized prop or [view](crate::PosterizeView) whose field has no palette gets one: from the file `x.palette.json`
 /// beside the field's `x.npz` if there is one, by extraction if there is none. [`PaletteReady`](super::PaletteReady) says
 /// when. Palettes that are inserted here take the place of both.
 ///
@@ -37,7 +37,7 @@ pub struct Palettes {
     pub(super) arrived: Vec<AssetId<PlenOctree>>,
 }
 
-/// The palette of one field: the colours that were extracted, by which pixels get their labels, and as many colours that
+/// The palette of one field: the colors that were extracted, by which pixels get their labels, and as many colors that
 /// are shown in their place.
 #[derive(Clone, Debug, Reflect)]
 #[reflect(Clone, Debug)]
@@ -55,7 +55,7 @@ impl FieldPalette {
         Self { extracted: palette, shown, extraction: None }
     }
 
-    /// A palette of colours that weigh the same; shown as it is. An error if there are none, more than
+    /// A palette of colors that weigh the same; shown as it is. An error if there are none, more than
     /// [`Palette::MAX_COLORS`], or some that are not finite.
     pub fn from_colors(colors: impl IntoIterator<Item = impl Into<Color>>) -> Result<Self, InvalidPalette> {
         let encoded = |color: Color| Srgba::from(color).to_f32_array_no_alpha().map(f64::from);
@@ -67,7 +67,7 @@ impl FieldPalette {
         Self { extraction: Some(extraction.clone()), ..Self::new(extraction.palette) }
     }
 
-    /// The extracted colours, encoded sRGB, and their weights.
+    /// The extracted colors, encoded sRGB, and their weights.
     pub fn extracted(&self) -> &Palette {
         &self.extracted
     }
@@ -77,25 +77,25 @@ impl FieldPalette {
         self.extraction.as_ref()
     }
 
-    /// The colours that are shown, in the order of the extracted ones.
+    /// The colors that are shown, in the order of the extracted ones.
     pub fn shown(&self) -> &[Color] {
         &self.shown
     }
 
-    /// The colours that are shown, to change.
+    /// The colors that are shown, to change.
     pub fn shown_mut(&mut self) -> &mut [Color] {
         &mut self.shown
     }
 
-    /// Shows `color` in place of the extracted colour `index`; an index that is not there changes nothing.
+    /// Shows `color` in place of the extracted color `index`; an index that is not there changes nothing.
     pub fn set(&mut self, index: usize, color: impl Into<Color>) {
         if let Some(shown) = self.shown.get_mut(index) {
             *shown = color.into();
         }
     }
 
-    /// Shows the blend of two palettes, colour by colour: `from` at `t` = 0, `to` at `t` = 1, and one of the two beyond.
-    /// Colours that one of them does not have stay as they are.
+    /// Shows the blend of two palettes, color by color: `from` at `t` = 0, `to` at `t` = 1, and one of the two beyond.
+    /// Colors that one of them does not have stay as they are.
     ///
     /// ```
     /// # use bevy::prelude::*;
@@ -108,15 +108,15 @@ impl FieldPalette {
         self.shown.iter_mut().zip(space.mix_all(from, to, t)).for_each(|(shown, color)| *shown = color);
     }
 
-    /// Shows the blend of the extracted colours and others: as extracted at `t` = 0, `to` at `t` = 1, and one of the two
-    /// beyond. Colours that `to` does not have stay as they are.
+    /// Shows the blend of the extracted colors and others: as extracted at `t` = 0, `to` at `t` = 1, and one of the two
+    /// beyond. Colors that `to` does not have stay as they are.
     pub fn fade(&mut self, to: &[Color], t: f32, space: BlendSpace) {
         for ((shown, from), to) in self.shown.iter_mut().zip(colors(&self.extracted)).zip(to) {
             *shown = space.mix(from, *to, t);
         }
     }
 
-    /// Shows the extracted colours again.
+    /// Shows the extracted colors again.
     pub fn reset(&mut self) {
         self.shown.clear();
         self.shown.extend(colors(&self.extracted));
@@ -129,7 +129,7 @@ impl FieldPalette {
     }
 }
 
-/// A palette's colours as Bevy's.
+/// A palette's colors as Bevy's.
 fn colors(palette: &Palette) -> impl Iterator<Item = Color> {
     palette.colors.iter().map(|c| Color::srgb(c[0] as f32, c[1] as f32, c[2] as f32))
 }
@@ -166,7 +166,7 @@ impl Palettes {
         self.files.insert(field.into(), PaletteFile::Expected(palette));
     }
 
-    /// Takes a field's palette away. If a posterised prop shows the field, it gets another one as at first: from the file
+    /// Takes a field's palette away. If a posterized prop shows the field, it gets another one as at first: from the file
     /// beside the field, or by extraction.
     pub fn remove(&mut self, field: impl Into<AssetId<PlenOctree>>) -> Option<FieldPalette> {
         let id = field.into();

@@ -27,12 +27,12 @@ pub struct PaletteEditor<'w, 's> {
 type PropData =
     (&'static Prop, Option<&'static mut Posterize>, Option<&'static PutAside>, Option<&'static mut PaletteOverride>);
 
-/// The look of a prop that is shown as trained at the moment, for when it is posterised again.
+/// The look of a prop that is shown as trained at the moment, for when it is posterized again.
 #[derive(Component)]
 struct PutAside(Posterize);
 
 impl PaletteEditor<'_, '_> {
-    /// Whether `prop` is posterised.
+    /// Whether `prop` is posterized.
     pub fn is_posterized(&self, prop: Entity) -> bool {
         matches!(self.props.get(prop), Ok((_, Some(_), ..)))
     }
@@ -69,14 +69,14 @@ impl PaletteEditor<'_, '_> {
         }
     }
 
-    /// Changes the look of `prop`, if it is posterised.
+    /// Changes the look of `prop`, if it is posterized.
     pub(super) fn set_look(&mut self, prop: Entity, new: Posterize) {
         if let Ok((_, Some(mut look), ..)) = self.props.get_mut(prop) {
             *look = new;
         }
     }
 
-    /// The colours that `prop` shows in place of its field's.
+    /// The colors that `prop` shows in place of its field's.
     pub(super) fn own_colors(&self, prop: Entity) -> Option<&PaletteOverride> {
         self.props.get(prop).ok().and_then(|(.., own)| own)
     }
@@ -91,7 +91,7 @@ impl PaletteEditor<'_, '_> {
         }
     }
 
-    /// Changes the prop's own colours if it has some, else those of its field.
+    /// Changes the prop's own colors if it has some, else those of its field.
     pub(super) fn recolor(&mut self, prop: Entity, field: AssetId<PlenOctree>, edit: Edit) {
         if let Ok((.., Some(mut own))) = self.props.get_mut(prop) {
             match edit {

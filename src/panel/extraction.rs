@@ -33,7 +33,7 @@ pub(super) fn show(ui: &mut egui::Ui, field: AssetId<PlenOctree>, editor: &mut P
     let invalid = editor.extraction.settings.validate().err();
     let label = if palette.is_some() { "Extract again" } else { "Extract" };
     let button = ui.add_enabled(invalid.is_none(), egui::Button::new(label));
-    if button.on_hover_text("Replaces the palette, changed colours included").clicked() {
+    if button.on_hover_text("Replaces the palette, changed colors included").clicked() {
         editor.extraction.restart(field);
     }
     if let Some(invalid) = invalid {
@@ -66,8 +66,8 @@ fn sliders(ui: &mut egui::Ui, settings: &mut ExtractionSettings) -> bool {
     egui::Grid::new("extraction")
         .num_columns(2)
         .show(ui, |ui| {
-            let hint = "Colours that the palette is simplified to";
-            let colors = row(ui, "Colours", hint, egui::Slider::new(colors, 3..=16));
+            let hint = "Colors that the palette is simplified to";
+            let colors = row(ui, "Colors", hint, egui::Slider::new(colors, 3..=16));
             let observers = choose(ui, observers);
             let hint = "n: every leaf is looked at from 4n x n directions, twice as many for all around";
             let directions = row(ui, "Directions", hint, egui::Slider::new(directions, 1..=8));
@@ -75,7 +75,7 @@ fn sliders(ui: &mut egui::Ui, settings: &mut ExtractionSettings) -> bool {
             let multisamples = row(ui, "Multisamples", hint, egui::Slider::new(multisamples, 1..=4));
             let hint = "Share of the leaves that is sampled: less is faster";
             let leaves = row(ui, "Leaves", hint, egui::Slider::new(sample_fraction, 0.01..=1.0).max_decimals(2));
-            let hint = "Share of what is visible above which a colour starts a cluster: less finds rarer colours";
+            let hint = "Share of what is visible above which a color starts a cluster: less finds rarer colors";
             let threshold = egui::Slider::new(coarse_threshold, 1e-4..=0.1).logarithmic(true).max_decimals(4);
             let threshold = row(ui, "Threshold", hint, threshold);
             colors | observers | directions | multisamples | leaves | threshold

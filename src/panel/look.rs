@@ -1,4 +1,4 @@
-//! The settings of the stylised look: section 4 of the method.
+//! The settings of the stylized look: section 4 of the method.
 
 use bevy::prelude::*;
 use bevy_egui::egui;
@@ -10,8 +10,8 @@ pub(super) fn show(ui: &mut egui::Ui, prop: Entity, editor: &mut PaletteEditor) 
     let posterized = editor.is_posterized(prop);
     ui.horizontal(|ui| {
         let mut wanted = posterized;
-        let hint = "Whether the prop is shown in the colours of its palette or as it was trained";
-        if ui.checkbox(&mut wanted, egui::RichText::new("Posterise").strong()).on_hover_text(hint).changed() {
+        let hint = "Whether the prop is shown in the colors of its palette or as it was trained";
+        if ui.checkbox(&mut wanted, egui::RichText::new("Posterize").strong()).on_hover_text(hint).changed() {
             editor.set_posterized(prop, wanted);
         }
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
@@ -32,9 +32,9 @@ fn sliders(ui: &mut egui::Ui, look: &mut Posterize) -> bool {
     let Posterize { blend_steps, softness, min_opacity, abstraction } = look;
     let Abstraction { iterations, radius, spatial_sigma, range_sigma } = abstraction;
     let labels = egui::Grid::new("labels").num_columns(2).show(ui, |ui| {
-        let hint = "Steps from one palette colour to another; 1 is the palette colours alone";
+        let hint = "Steps from one palette color to another; 1 is the palette colors alone";
         let steps = row(ui, "Blend steps", hint, egui::Slider::new(blend_steps, 1..=8));
-        let hint = "Distance in RGB over which neighbouring colours blend; 0 is a hard edge";
+        let hint = "Distance in RGB over which neighboring colors blend; 0 is a hard edge";
         let softness = row(ui, "Softness", hint, egui::Slider::new(softness, 0.0..=0.4));
         let hint = "Pixels with less opacity are shown as trained";
         let opacity = row(ui, "Min. opacity", hint, egui::Slider::new(min_opacity, 0.0..=1.0));
@@ -48,7 +48,7 @@ fn sliders(ui: &mut egui::Ui, look: &mut Posterize) -> bool {
             let radius = row(ui, "Radius", hint, egui::Slider::new(radius, 0..=MAX_FILTER_RADIUS));
             let hint = "Spatial sigma in pixels";
             let spatial = row(ui, "Spatial sigma", hint, egui::Slider::new(spatial_sigma, 0.5..=10.0));
-            let hint = "Range sigma in CIELAB: colours further apart are kept apart";
+            let hint = "Range sigma in CIELAB: colors further apart are kept apart";
             let range = row(ui, "Range sigma", hint, egui::Slider::new(range_sigma, 0.5..=30.0).logarithmic(true));
             iterations | radius | spatial | range
         })

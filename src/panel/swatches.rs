@@ -1,4 +1,4 @@
-//! The palette's colours.
+//! The palette's colors.
 
 use bevy::prelude::*;
 use bevy_egui::egui;
@@ -11,7 +11,7 @@ use crate::{
 
 const SWATCH: egui::Vec2 = egui::vec2(64.0, 24.0);
 
-/// What the user does to the shown colours.
+/// What the user does to the shown colors.
 pub(super) enum Edit {
     Set(usize, Color),
     Reset(usize),
@@ -34,15 +34,15 @@ pub(super) fn show(ui: &mut egui::Ui, prop: Entity, field: AssetId<PlenOctree>, 
     match &colors {
         Some(colors) => edit = grid(ui, colors).or(edit),
         None => {
-            ui.weak("There is none yet. A posterised prop gets one.");
+            ui.weak("There is none yet. A posterized prop gets one.");
         }
     }
     // Only here, so that looking at the panel is no change.
     if let Some(edit) = edit {
         editor.recolor(prop, field, edit);
     }
-    let hint = "Whether colours are changed for this prop only, or for all that show the same field";
-    if ui.checkbox(&mut alone, "Colours of its own").on_hover_text(hint).changed() {
+    let hint = "Whether colors are changed for this prop only, or for all that show the same field";
+    if ui.checkbox(&mut alone, "Colors of its own").on_hover_text(hint).changed() {
         editor.set_own_colors(prop, alone);
     }
 }
@@ -99,13 +99,13 @@ fn grid(ui: &mut egui::Ui, colors: &Colors) -> Option<Edit> {
     edit
 }
 
-/// A colour to look at.
+/// A color to look at.
 fn swatch(ui: &mut egui::Ui, color: Color) {
     let [r, g, b] = bytes(color);
     egui::color_picker::show_color(ui, egui::Color32::from_rgb(r, g, b), SWATCH).on_hover_text(hex(color));
 }
 
-/// A colour to click; returns what it is changed to.
+/// A color to click; returns what it is changed to.
 fn edit_swatch(ui: &mut egui::Ui, color: Color) -> Option<Color> {
     ui.scope(|ui| {
         ui.spacing_mut().interact_size = SWATCH;
@@ -119,7 +119,7 @@ fn edit_swatch(ui: &mut egui::Ui, color: Color) -> Option<Color> {
     .inner
 }
 
-/// An extracted colour; black if there is no such.
+/// An extracted color; black if there is no such.
 pub(super) fn extracted(palette: &FieldPalette, index: usize) -> Color {
     palette.extracted().colors.get(index).map_or(Color::BLACK, |c| Color::srgb(c[0] as f32, c[1] as f32, c[2] as f32))
 }

@@ -104,16 +104,16 @@ fn looking_changes_nothing() {
 fn a_look_that_is_switched_off_comes_back() {
     let mut panel = Panel::new();
     let look = panel.look();
-    panel.click("Posterise");
+    panel.click("Posterize");
     assert_eq!(panel.look(), None);
-    panel.click("Posterise");
+    panel.click("Posterize");
     assert_eq!(panel.look(), look);
     panel.click("Defaults");
     assert_eq!(panel.look(), Some(Posterize::default()));
 }
 
 #[test]
-fn colours_are_reset_one_by_one_and_together() {
+fn colors_are_reset_one_by_one_and_together() {
     let mut panel = Panel::new();
     let original = panel.shown();
     let paint = |panel: &mut Panel| {
@@ -129,11 +129,11 @@ fn colours_are_reset_one_by_one_and_together() {
     assert_eq!(panel.shown(), original);
 }
 
-/// Colours of a prop of its own leave those of other props alone, and are reset to what they show.
+/// Colors of a prop of its own leave those of other props alone, and are reset to what they show.
 #[test]
-fn own_colours_are_the_props_alone() {
+fn own_colors_are_the_props_alone() {
     let mut panel = Panel::new();
-    panel.click("Colours of its own");
+    panel.click("Colors of its own");
     let field = panel.shown();
     let mut own = panel.world.get_mut::<PaletteOverride>(panel.prop).unwrap();
     own.set(0, Color::srgb(1.0, 0.0, 0.0));
@@ -142,6 +142,6 @@ fn own_colours_are_the_props_alone() {
     let own = panel.world.get::<PaletteOverride>(panel.prop).unwrap();
     assert_eq!((own.get(0), own.get(1)), (None, Some(Color::srgb(0.0, 1.0, 0.0))));
     assert_eq!(panel.shown(), field);
-    panel.click("Colours of its own");
+    panel.click("Colors of its own");
     assert!(panel.world.get::<PaletteOverride>(panel.prop).is_none());
 }

@@ -23,7 +23,7 @@ use crate::{
 #[derive(Resource, Default)]
 pub(super) struct ExtractedProps {
     pub props: Vec<ExtractedProp>,
-    /// The colours of all props.
+    /// The colors of all props.
     pub colors: Vec<Vec4>,
     index: EntityHashMap<usize>,
 }
@@ -39,9 +39,9 @@ pub(super) struct ExtractedProp {
 #[derive(Clone, Copy)]
 pub(super) struct ExtractedLook {
     pub settings: Posterize,
-    /// Where in [`ExtractedProps::colors`] the extracted colours begin, encoded sRGB; as many shown ones follow.
+    /// Where in [`ExtractedProps::colors`] the extracted colors begin, encoded sRGB; as many shown ones follow.
     pub first_color: u32,
-    /// How many extracted colours there are.
+    /// How many extracted colors there are.
     pub colors: u32,
 }
 
@@ -70,7 +70,7 @@ impl ExtractedLook {
 pub(super) struct VisibleProps {
     /// The props that it sees, by their place in [`ExtractedProps`].
     pub props: Vec<usize>,
-    /// What posterises the pixels that no posterised prop owns.
+    /// What posterizes the pixels that no posterized prop owns.
     pub everything: Option<ExtractedLook>,
     pub stage: PropStage,
     pub quality: Quality,
@@ -83,7 +83,7 @@ impl VisibleProps {
     }
 }
 
-/// What decides on a prop's colours, besides its field's palette.
+/// What decides on a prop's colors, besides its field's palette.
 type Look = (Option<&'static Posterize>, Option<&'static PaletteOverride>);
 
 /// What decides on what a camera draws.

@@ -1,4 +1,4 @@
-//! The prop on screen: a volume pass and a posterise pass in the `Core3d` schedule.
+//! The prop on screen: a volume pass and a posterize pass in the `Core3d` schedule.
 //!
 //! The first comes between the opaque and the transparent main pass, and so does the second, or last of all
 //! post-processing: [`PropStage`] says which.
@@ -81,7 +81,7 @@ impl Plugin for PicturePlugin {
     }
 }
 
-/// The posterise pass at [`PropStage::Display`].
+/// The posterize pass at [`PropStage::Display`].
 #[derive(SystemSet, Clone, Debug, PartialEq, Eq, Hash)]
 struct DisplayPass;
 

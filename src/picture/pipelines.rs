@@ -1,4 +1,4 @@
-//! The pipelines of the posterise pass.
+//! The pipelines of the posterize pass.
 
 use bevy::{
     camera::CompositingSpace,
@@ -42,7 +42,7 @@ pub(super) struct FilterPipelines {
     pub iterations: Buffer,
 }
 
-/// Writes labels, and what is not posterised.
+/// Writes labels, and what is not posterized.
 #[derive(Resource)]
 pub(super) struct LabelPipeline(pub Fullscreen);
 
@@ -215,7 +215,7 @@ impl SpecializedRenderPipeline for LabelPipeline {
     type Key = LabelKey;
 
     fn specialize(&self, key: LabelKey) -> RenderPipelineDescriptor {
-        // The colour is composited already; only what the target knows of opacity is added to.
+        // The color is composited already; only what the target knows of opacity is added to.
         let blend = BlendState { color: BlendComponent::REPLACE, alpha: BlendComponent::OVER };
         let mut descriptor = self.0.pipeline(target_definitions(key.space), &[target(key.format, Some(blend))]);
         descriptor.multisample.count = key.samples;

@@ -1,4 +1,4 @@
-//! The posterise pass: composite, bilateral filter, labels. Section 4 of the method.
+//! The posterize pass: composite, bilateral filter, labels. Section 4 of the method.
 
 use std::num::NonZero;
 

@@ -13,18 +13,18 @@ use bevy::{
 
 use super::extract::VisibleProps;
 
-/// Colour and opacity: half floats, since eight bits after each pass of the filter would move labels.
+/// Color and opacity: half floats, since eight bits after each pass of the filter would move labels.
 pub(super) const LAYER_FORMAT: TextureFormat = TextureFormat::Rgba16Float;
-/// Which prop posterises a pixel, and whether one is solid there.
+/// Which prop posterizes a pixel, and whether one is solid there.
 pub(super) const OWNER_FORMAT: TextureFormat = TextureFormat::Rg16Float;
-/// Colour, owner and CIELAB of a pixel of the filter: `filtered.wgsl`.
+/// Color, owner and CIELAB of a pixel of the filter: `filtered.wgsl`.
 pub(super) const FILTERED_FORMAT: TextureFormat = TextureFormat::Rgba32Uint;
 /// The props' own depth, reversed like the scene's.
 pub(super) const DEPTH_FORMAT: TextureFormat = TextureFormat::Depth32Float;
 
 /// What the volume pass draws: the props alone.
 pub(super) struct Layer {
-    /// Colour weighed by opacity, and opacity.
+    /// Color weighed by opacity, and opacity.
     pub color: TextureView,
     /// `pack_owner` of `view.wgsl`.
     pub owner: TextureView,

@@ -48,7 +48,7 @@ pub(super) struct ViewProps {
     pub rect: URect,
     pub stage: PropStage,
     view: UniformBuffer<ViewUniform>,
-    /// After the props, the look of everything else, if it is posterised.
+    /// After the props, the look of everything else, if it is posterized.
     props: StorageBuffer<Vec<PropUniform>>,
     colors: StorageBuffer<Vec<Vec4>>,
 }

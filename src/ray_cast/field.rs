@@ -20,7 +20,7 @@ pub struct FieldHit {
     /// The direction in which opacity falls off around the point, smoothed over a few cells; a unit vector. Where it
     /// falls off in no direction, back along the ray.
     pub normal: DVec3,
-    /// The colour that is seen along the whole ray: the accumulated radiance over the opacity, encoded sRGB.
+    /// The color that is seen along the whole ray: the accumulated radiance over the opacity, encoded sRGB.
     pub color: DVec3,
     /// Opacity along the whole ray, one half to 1.
     pub opacity: f64,

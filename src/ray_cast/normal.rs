@@ -4,11 +4,11 @@ use glam::{DVec3, IVec3};
 
 use crate::field::PlenOctree;
 
-/// Radius of the neighbourhood, in steps of its lattice.
+/// Radius of the neighborhood, in steps of its lattice.
 const RADIUS: f64 = 4.5;
 /// The same in whole steps: those further away weigh nothing.
 const REACH: i32 = 4;
-/// Radius of the neighbourhood, in lengths after which light has fallen to 1/e.
+/// Radius of the neighborhood, in lengths after which light has fallen to 1/e.
 const DEPTHS: f64 = 1.5;
 /// The widest step, in finest cells.
 const WIDEST: f64 = 16.0;

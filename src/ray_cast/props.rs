@@ -21,17 +21,17 @@ pub struct PropHit {
     pub distance: f32,
     /// The direction in which opacity falls off around the point, smoothed over a few cells.
     pub normal: Dir3,
-    /// The colour of the field as trained, as it is seen along the whole ray.
+    /// The color of the field as trained, as it is seen along the whole ray.
     pub color: Srgba,
     /// Opacity along the whole ray, one half to 1.
     pub opacity: f32,
-    /// The label in which this colour is shown; `None` if the prop is not posterised, or has no palette yet, or if the
-    /// opacity is under [`Posterize::min_opacity`]. Found without the filter that flattens a picture's colours first
+    /// The label in which this color is shown; `None` if the prop is not posterized, or has no palette yet, or if the
+    /// opacity is under [`Posterize::min_opacity`]. Found without the filter that flattens a picture's colors first
     /// ([`Posterize::abstraction`]), so that at the border of two regions it can be the other one's.
     pub label: Option<Label>,
 }
 
-/// Casts rays at props, from any system: what is aimed at, what is walked on, which region is to be recoloured. Props are
+/// Casts rays at props, from any system: what is aimed at, what is walked on, which region is to be recolored. Props are
 /// hit where the opacity along the ray reaches one half, and not at all where it does not.
 ///
 /// Works with the fields and transforms of the main world, so that it needs neither a GPU nor a camera. Transforms are
@@ -50,7 +50,7 @@ pub struct PropHit {
 /// ) {
 ///     for sight in &sights {
 ///         let Some(hit) = ray_cast.cast_ray(Ray3d::new(sight.translation(), sight.forward())) else { continue };
-///         // Whatever was hit turns red, and everything of its colour.
+///         // Whatever was hit turns red, and everything of its color.
 ///         if let (Ok(prop), Some(label)) = (props.get(hit.entity), hit.label)
 ///             && let Some(palette) = palettes.get_mut(&prop.0)
 ///         {

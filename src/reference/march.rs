@@ -19,7 +19,7 @@ pub struct Crossing {
 
 /// Calls `visit` for every leaf that is not empty on the ray `origin + t direction`, t >= 0, in order, until it breaks.
 ///
-/// Cells are integers: a step leaves a cell through one of its faces and enters the neighbour there, so no cell is lost
+/// Cells are integers: a step leaves a cell through one of its faces and enters the neighbor there, so no cell is lost
 /// or visited twice however small it is, and the lengths add up to the way through the field.
 pub fn march(field: &PlenOctree, origin: DVec3, direction: DVec3, mut visit: impl FnMut(Crossing) -> ControlFlow<()>) {
     // In units of the finest cell; `t` keeps its world length.

@@ -1,4 +1,4 @@
-//! Posterisation at run time, section 4 of the method.
+//! Posterization at run time, section 4 of the method.
 
 use glam::{DMat3, DVec3};
 
@@ -7,7 +7,7 @@ use super::Picture;
 /// The values of section 4, the paper's by default.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Posterization {
-    /// `d`: how many steps lead from one palette colour to another. 1 makes labels of the palette colours alone.
+    /// `d`: how many steps lead from one palette color to another. 1 makes labels of the palette colors alone.
     pub blend_steps: u32,
     /// `D`: distance over which labels blend, in encoded RGB; 0 is a hard edge.
     pub softness: f64,
@@ -37,8 +37,8 @@ impl Default for Posterization {
     }
 }
 
-/// Equation 7: the palette, then the blends of every pair. Call it with the extracted palette for the colours that
-/// distances are measured to, with the edited one for the colours that are shown.
+/// Equation 7: the palette, then the blends of every pair. Call it with the extracted palette for the colors that
+/// distances are measured to, with the edited one for the colors that are shown.
 pub fn labels(palette: &[DVec3], blend_steps: u32) -> Vec<DVec3> {
     let mut labels = palette.to_vec();
     for (i, first) in palette.iter().enumerate() {
@@ -52,7 +52,7 @@ pub fn labels(palette: &[DVec3], blend_steps: u32) -> Vec<DVec3> {
     labels
 }
 
-/// The posterised picture over `background`, in encoded sRGB: filtered, every pixel of the object replaced by its label.
+/// The posterized picture over `background`, in encoded sRGB: filtered, every pixel of the object replaced by its label.
 /// `reference` and `shown` are the extracted and the edited palette, of the same length.
 pub fn posterize(
     picture: &Picture,

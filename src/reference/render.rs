@@ -18,7 +18,7 @@ pub struct Picture {
     pub width: usize,
     /// Rows.
     pub height: usize,
-    /// Accumulated colour `C` of every pixel, encoded sRGB weighed by opacity (premultiplied).
+    /// Accumulated color `C` of every pixel, encoded sRGB weighed by opacity (premultiplied).
     pub color: Vec<DVec3>,
     /// Accumulated opacity `A` of every pixel, 0 to 1.
     pub opacity: Vec<f64>,
@@ -31,7 +31,7 @@ impl Picture {
     }
 }
 
-/// Colour `C` and opacity `A` seen along one ray of the field's frame. `direction` is a unit vector.
+/// Color `C` and opacity `A` seen along one ray of the field's frame. `direction` is a unit vector.
 pub fn render_ray(field: &PlenOctree, origin: DVec3, direction: DVec3) -> (DVec3, f64) {
     let y = field.basis().evaluate(direction);
     // The sum of the weights is 1 - transmittance, without its cancellation where little is lost.
@@ -48,7 +48,7 @@ pub fn render_ray(field: &PlenOctree, origin: DVec3, direction: DVec3) -> (DVec3
     if transmittance < STOP_TRANSMITTANCE { (color / sum, 1.0) } else { (color, sum) }
 }
 
-/// The field as `camera` sees it: one ray through the centre of every pixel. The camera stands in the field's frame.
+/// The field as `camera` sees it: one ray through the center of every pixel. The camera stands in the field's frame.
 pub fn render(field: &PlenOctree, camera: &PinholeCamera) -> Picture {
     let (width, height) = (camera.width as usize, camera.height as usize);
     let (color, opacity) = (0..width * height)

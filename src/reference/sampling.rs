@@ -19,15 +19,15 @@ pub fn sample_histograms(field: &PlenOctree, settings: &ExtractionSettings) -> R
     let cells = f64::from(1u32 << field.depth());
     let directions = observers(field.up(), settings);
     for cell in field.leaf_cells() {
-        let centre = field.frame().to_world((cell.corner.as_dvec3() + 0.5 * f64::from(cell.size)) / cells);
+        let center = field.frame().to_world((cell.corner.as_dvec3() + 0.5 * f64::from(cell.size)) / cells);
         let density = f64::from(field.densities()[cell.leaf as usize]);
         for rays in &directions {
-            // The rays of a direction cell are one anti-aliased sample: step 4. Colours are averaged as differences from
+            // The rays of a direction cell are one anti-aliased sample: step 4. Colors are averaged as differences from
             // the first, so that one that is the same from everywhere stays exactly itself, also on a bin's border.
             let first = field.radiance(cell.leaf, -rays[0]);
             let (mut weight, mut color) = (0.0, DVec3::ZERO);
             for &observer in rays {
-                let visibility = density * transmittance(field, centre, observer, settings.stop_transmittance);
+                let visibility = density * transmittance(field, center, observer, settings.stop_transmittance);
                 weight += visibility;
                 color += visibility * (field.radiance(cell.leaf, -observer) - first);
             }
@@ -43,7 +43,7 @@ pub fn sample_histograms(field: &PlenOctree, settings: &ExtractionSettings) -> R
     Ok(Histograms::from_weights(settings.fine_bins, fine, settings.coarse_bins, coarse, samples as u64))
 }
 
-/// Index of the bin of a colour: step 5.
+/// Index of the bin of a color: step 5.
 fn bin(color: DVec3, bins: usize) -> usize {
     let [r, g, b] = color.to_array().map(|c| (c.clamp(0.0, 0.999) * bins as f64).floor() as usize);
     (r * bins + g) * bins + b
@@ -82,9 +82,9 @@ fn observers(up: UpAxis, settings: &ExtractionSettings) -> Vec<Vec<DVec3>> {
 }
 
 /// Transmittance from `point` to the edge of the field, 0 where it falls under `stop`.
-fn transmittance(field: &PlenOctree, point: DVec3, towards: DVec3, stop: f64) -> f64 {
+fn transmittance(field: &PlenOctree, point: DVec3, toward: DVec3, stop: f64) -> f64 {
     let mut depth = 0.0_f64;
-    march(field, point, towards, |crossing| {
+    march(field, point, toward, |crossing| {
         depth += f64::from(field.densities()[crossing.leaf as usize]) * crossing.length;
         if (-depth).exp() < stop { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     });

@@ -34,7 +34,7 @@ pub(crate) struct SamplingJob {
     /// GPU time a frame; `None` for as much as there is.
     pub budget: Option<Duration>,
     pub progress: Arc<Progress>,
-    /// Twice the centre of every sampled leaf, in cells of the deepest tree that there can be, and its index.
+    /// Twice the center of every sampled leaf, in cells of the deepest tree that there can be, and its index.
     pub leaves: Vec<[u32; 4]>,
     /// Unit vectors to the observers, those of a cell of directions together.
     pub observers: Vec<[f32; 4]>,
@@ -81,7 +81,7 @@ impl SamplingJob {
     }
 
     pub fn is_open(&self) -> bool {
-        !self.progress.is_cancelled() && matches!(*self.state(), State::Open)
+        !self.progress.is_canceled() && matches!(*self.state(), State::Open)
     }
 
     /// The outcome, once.

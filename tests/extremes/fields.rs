@@ -87,7 +87,7 @@ fn the_way_through_fog_is_exact_on_the_gpu() {
     let density = -(((g - 0.5) / (g - w)).ln()) as f32;
     let left = g + (w - g) * (-f64::from(density)).exp();
     for depth in 1..=16 {
-        // The root's cells with lower z are the wall; cells get smaller towards the middle of its top.
+        // The root's cells with lower z are the wall; cells get smaller toward the middle of its top.
         let (mut nodes, mut densities, mut colors) = (Vec::new(), Vec::new(), Vec::new());
         for level in 1..=depth {
             let finer = if level == 1 { 7 } else { 1 };
@@ -113,7 +113,7 @@ fn the_way_through_fog_is_exact_on_the_gpu() {
 }
 
 #[test]
-fn thin_and_dense_leaves_are_neighbours() {
+fn thin_and_dense_leaves_are_neighbors() {
     let camera = looking(DVec3::new(1.5, 1.0, 3.0), DVec3::ZERO);
     for (beside, last) in [(1e-8, 65504.0), (65504.0, 1e-8), (0.01, 65504.0)] {
         for depth in [1, 3, 7] {
@@ -125,7 +125,7 @@ fn thin_and_dense_leaves_are_neighbours() {
 
 #[test]
 fn a_single_chain_of_sixteen_levels_is_one_small_leaf() {
-    // Towards the corner at (1, 1, 1), in finest cells of 2^-15.
+    // Toward the corner at (1, 1, 1), in finest cells of 2^-15.
     let leaf = chain(16, 7, None, 65504.0);
     let side = 2f64.powi(-15);
     let middle = DVec3::splat(1.0 - 0.5 * side);
@@ -145,9 +145,9 @@ fn one_leaf_and_none() {
     assert!(black.pixels().all(|pixel| pixel.0 == [0, 0, 0, 255]));
 }
 
-/// Sums of harmonics at the ends of what half floats hold make colours, under every activation.
+/// Sums of harmonics at the ends of what half floats hold make colors, under every activation.
 #[test]
-fn the_largest_harmonics_are_colours() {
+fn the_largest_harmonics_are_colors() {
     let camera = looking(DVec3::new(1.5, 1.0, 3.0), DVec3::ZERO);
     for value in [-65504.0, -1e4, 0.0, 1e4, 65504.0] {
         let node = std::array::from_fn(|cell| Cell::leaf(cell as u32));

@@ -33,11 +33,11 @@ fn camera() -> PinholeCamera {
 fn palettes_and_looks_at_their_ends() {
     let field = ball();
     let picture = reference::render(&field, &camera());
-    let grey = [0.4; 3];
+    let gray = [0.4; 3];
     let many: Vec<[f64; 3]> = (0..16u32).map(|i| [i & 3, i >> 2 & 1, i >> 3].map(|c| f64::from(c) / 3.0)).collect();
     for (name, colors) in [
-        ("one", vec![grey]),
-        ("equal", vec![grey, grey, grey]),
+        ("one", vec![gray]),
+        ("equal", vec![gray, gray, gray]),
         ("two", vec![[0.9, 0.1, 0.1], [0.1, 0.2, 0.9]]),
         ("sixteen", many),
     ] {
@@ -63,7 +63,7 @@ fn palettes_and_looks_at_their_ends() {
     }
 }
 
-/// Colours outside of what displays show are legal, and end at its borders.
+/// Colors outside of what displays show are legal, and end at its borders.
 #[test]
 fn neon_ends_at_the_borders_of_the_screen() {
     let field = ball();
@@ -79,7 +79,7 @@ fn neon_ends_at_the_borders_of_the_screen() {
     }
 }
 
-/// The nearest of more props than half floats can count has its own colour.
+/// The nearest of more props than half floats can count has its own color.
 #[test]
 fn the_last_of_two_thousand_props_has_its_colors() {
     let node = std::array::from_fn(|cell| Cell::leaf(cell as u32));
@@ -98,7 +98,7 @@ fn the_last_of_two_thousand_props_has_its_colors() {
     assert!(is_near(pixel.0, [51, 102, 204, 255]), "{pixel:?}");
 }
 
-/// A prop of one colour has that colour, whatever numbers a look is made of.
+/// A prop of one color has that color, whatever numbers a look is made of.
 #[test]
 fn looks_beyond_their_range_are_harmless() {
     let node = std::array::from_fn(|cell| Cell::leaf(cell as u32));
@@ -130,7 +130,7 @@ fn looks_beyond_their_range_are_harmless() {
     }
 }
 
-/// Sums of harmonics beyond the ends of what half floats hold have the palette's colours that are nearest to them.
+/// Sums of harmonics beyond the ends of what half floats hold have the palette's colors that are nearest to them.
 #[test]
 fn the_brightest_and_the_darkest_get_labels() {
     let (black, white) = ([0.0; 3], [1.0; 3]);

@@ -1,4 +1,4 @@
-//! Whatever tree, densities, colours and place.
+//! Whatever tree, densities, colors and place.
 
 use bevy_plenoctree::{
     PlenOctree,
@@ -10,7 +10,7 @@ use proptest::prelude::*;
 
 use crate::stage::{Stage, field, looking};
 
-/// What a cell of a random tree holds: a node, a leaf of some density and colour, or nothing.
+/// What a cell of a random tree holds: a node, a leaf of some density and color, or nothing.
 #[derive(Clone, Debug)]
 struct Choice {
     kind: u8,

@@ -80,7 +80,7 @@ pub fn field(basis: Basis, nodes: Vec<[Cell; 8]>, density: Vec<f32>, coefficient
     PlenOctree::new(frame, basis, basis.default_activation(), UpAxis::Y, nodes, density, coefficients).unwrap()
 }
 
-/// Leaves of one colour, down to `depth` along a chain towards `corner` (a cell's index); other cells hold `beside`.
+/// Leaves of one color, down to `depth` along a chain toward `corner` (a cell's index); other cells hold `beside`.
 pub fn chain(depth: u32, corner: usize, beside: Option<f32>, last: f32) -> PlenOctree {
     let (mut nodes, mut density) = (Vec::new(), Vec::new());
     let leaf = |value: f32, density: &mut Vec<f32>| {

@@ -131,7 +131,7 @@ fn a_light_brighter_than_white_shines_through_fog() {
     });
 }
 
-/// What a pane that takes half of the light shows of a colour, encoded, as Bevy blends.
+/// What a pane that takes half of the light shows of a color, encoded, as Bevy blends.
 fn through_pane(pane: DVec3, behind: DVec3) -> DVec3 {
     let mixed = color(pane).to_linear() * 0.5 + color(behind).to_linear() * 0.5;
     let encoded = Srgba::from(mixed);
@@ -218,7 +218,7 @@ fn haze_does_not_cut_holes_into_other_props() {
 }
 
 /// The large prop is a wall at the back of the box around it, which is as deep as the stage because of a speck in a corner.
-/// The small one stands in that box: before the wall from one side, behind it from the other, though its centre is farther
+/// The small one stands in that box: before the wall from one side, behind it from the other, though its center is farther
 /// than the large one's in the first case and nearer in the second.
 #[test]
 fn a_prop_in_the_box_of_another_is_hidden_only_by_what_is_there() {
@@ -237,7 +237,7 @@ fn a_prop_in_the_box_of_another_is_hidden_only_by_what_is_there() {
     });
 }
 
-/// A fog so wide that its centre is farther from the camera than that of the fog behind it.
+/// A fog so wide that its center is farther from the camera than that of the fog behind it.
 #[test]
 fn props_are_in_order_along_the_view() {
     let mut stage = Stage::new();

@@ -141,7 +141,7 @@ fn nothing_is_left_of_a_thousand_props() {
     }
 }
 
-/// Two cameras, one multisampled, see a posterised prop beside one that is not, on a new device as on the one that is lost.
+/// Two cameras, one multisampled, see a posterized prop beside one that is not, on a new device as on the one that is lost.
 #[test]
 fn a_new_device_shows_what_the_lost_one_did() {
     let mut stage = Stage::new();

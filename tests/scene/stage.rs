@@ -61,7 +61,7 @@ impl Side {
     }
 }
 
-/// Something that covers a pixel: its z, its encoded colour, its opacity.
+/// Something that covers a pixel: its z, its encoded color, its opacity.
 pub type Layer = (f64, DVec3, f64);
 
 /// What is seen of a pixel's layers over the background: one over the other in encoded sRGB, as props are composited.
@@ -91,7 +91,7 @@ pub fn flat() -> Projection {
     Projection::Orthographic(OrthographicProjection { scaling_mode, ..OrthographicProjection::default_3d() })
 }
 
-/// A field of one colour, which has a `density` where `inside` says so. It is made of cells of 1/8 in the cube from -1 to 1.
+/// A field of one color, which has a `density` where `inside` says so. It is made of cells of 1/8 in the cube from -1 to 1.
 pub fn shape(density: f64, color: DVec3, inside: impl Fn(DVec3) -> bool + Sync) -> PlenOctree {
     let settings = BakeSettings { depth: 4, basis: Basis::Rgba, up: UpAxis::Y, ..default() };
     bake(&settings, |at| if inside(at) { density } else { 0.0 }, |_| move |_| color).unwrap()

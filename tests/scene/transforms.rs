@@ -72,7 +72,7 @@ fn sigmoid(x: DVec3) -> DVec3 {
     x.map(|x| 1.0 / (1.0 + (-x).exp()))
 }
 
-/// The colour of every leaf is the sigmoid of the direction in which it is looked at.
+/// The color of every leaf is the sigmoid of the direction in which it is looked at.
 /// The front camera looks along -z, the other along z.
 #[test]
 fn highlights_turn_with_the_prop() {

@@ -1,4 +1,4 @@
-//! [`PropStage::Display`]: palette colours reach the screen exactly.
+//! [`PropStage::Display`]: palette colors reach the screen exactly.
 
 use bevy::{
     camera::{CompositingSpace, Exposure, Hdr, MsaaWriteback, RenderTarget, Viewport},
@@ -34,7 +34,7 @@ const TONEMAPPINGS: [Tonemapping; 9] = [
     Tonemapping::KhronosPbrNeutral,
 ];
 
-/// Whatever Bevy does to colours, except for tonemapping.
+/// Whatever Bevy does to colors, except for tonemapping.
 fn effects() -> impl Bundle {
     let global = ColorGradingGlobal { exposure: 0.7, temperature: 0.02, post_saturation: 0.6, ..default() };
     (DebandDither::Enabled, Exposure::OVERCAST, ColorGrading { global, ..default() })
@@ -60,7 +60,7 @@ fn assert_exact(picture: &image::RgbaImage, what: &str) {
 }
 
 #[test]
-fn nothing_changes_palette_colours() {
+fn nothing_changes_palette_colors() {
     let mut scene = posterized();
     for (tonemapping, msaa) in TONEMAPPINGS.into_iter().flat_map(|t| [(t, Msaa::Off), (t, Msaa::Sample4)]) {
         scene.set((effects(), tonemapping, msaa));
@@ -78,7 +78,7 @@ fn nothing_changes_palette_colours() {
 
 /// Whatever the view's textures hold, and whatever is done in them.
 #[test]
-fn compositing_spaces_are_honoured() {
+fn compositing_spaces_are_honored() {
     let mut scene = posterized();
     for (hdr, space) in [
         (false, CompositingSpace::Linear),
@@ -162,7 +162,7 @@ fn each_viewport_has_its_own_stage() {
 
 /// A camera draws into a texture, which hangs in the scene of another.
 #[test]
-fn a_texture_holds_palette_colours() {
+fn a_texture_holds_palette_colors() {
     for format in [TextureFormat::Rgba8UnormSrgb, TextureFormat::Bgra8UnormSrgb, TextureFormat::Rgba16Float] {
         let mut scene = posterized();
         let (prop, camera, target) = (scene.prop, scene.camera, scene.headless.target());

@@ -23,7 +23,7 @@ const HARD: Posterize = Posterize {
     min_opacity: 0.3,
     abstraction: Abstraction { iterations: 2, radius: 2, spatial_sigma: 3.0, range_sigma: 4.25 },
 };
-/// Nearest the second colour of the palette, and the third.
+/// Nearest the second color of the palette, and the third.
 const SKY: Color = Color::srgb(0.2, 0.2, 0.15);
 const STRAW: Color = Color::srgb(0.8, 0.8, 0.4);
 
@@ -63,7 +63,7 @@ fn meshes_and_sky_show_nothing_but_labels() {
             assert_near(at(&picture, NOTHING.0, NOTHING.1), SHOWN[1], 1, &what);
         }
     }
-    // What tonemapping makes of a scene is posterised too.
+    // What tonemapping makes of a scene is posterized too.
     scene.set((Hdr, Tonemapping::TonyMcMapface, DebandDither::Enabled, Exposure::OVERCAST));
     assert_eq!(strangers(&scene.picture()), 0);
     scene.set(PropStage::Scene);
@@ -82,7 +82,7 @@ fn exposure_scales_a_view_in_its_own_units() {
 }
 
 #[test]
-fn transparent_things_are_posterised_at_the_display_alone() {
+fn transparent_things_are_posterized_at_the_display_alone() {
     let mut scene = without_a_prop();
     let red = Color::srgba(1.0, 0.0, 0.0, 0.5);
     scene.spawn_square(Vec3::new(0.6, 0.0, 0.0), 0.8, red);
@@ -93,14 +93,14 @@ fn transparent_things_are_posterised_at_the_display_alone() {
     assert_eq!(strangers(&scene.picture()), 0);
 }
 
-/// Props that are posterised keep their own palette, all else is the view's.
+/// Props that are posterized keep their own palette, all else is the view's.
 #[test]
-fn props_are_posterised_once() {
+fn props_are_posterized_once() {
     let mut scene = Scene::new(SOLID);
     let prop = scene.prop;
     let other = scene.world().resource_mut::<Assets<PlenOctree>>().add(cube(1.0));
     let [pink, teal] = [Color::srgb(0.9, 0.5, 0.6), Color::srgb(0.1, 0.5, 0.5)];
-    // One colour: everything is it.
+    // One color: everything is it.
     let single = FieldPalette::from_colors([pink]).unwrap();
     scene.world().resource_mut::<Palettes>().insert(&other, single);
     scene.set((PosterizeView(other.clone()), HARD));
@@ -111,11 +111,11 @@ fn props_are_posterised_once() {
     assert_near(middle(&picture), SHOWN[0], 1, "the prop");
     assert_near(at(&picture, 1, 1), pink, 1, "beside it");
 
-    // Edits of the palette, and the view's own colours.
+    // Edits of the palette, and the view's own colors.
     scene.world().resource_mut::<Palettes>().get_mut(&other).unwrap().set(0, teal);
-    assert_near(at(&scene.picture(), 1, 1), teal, 1, "recoloured");
+    assert_near(at(&scene.picture(), 1, 1), teal, 1, "recolored");
     scene.set(PaletteOverride::default().with(0, COLOR));
-    assert_near(at(&scene.picture(), 1, 1), COLOR, 1, "in colours of its own");
+    assert_near(at(&scene.picture(), 1, 1), COLOR, 1, "in colors of its own");
     assert_near(middle(&scene.picture()), SHOWN[0], 1, "the prop, then");
 
     // Pixels that are too thin for the prop's look are the view's.
@@ -137,7 +137,7 @@ fn a_view_without_its_look_is_as_it_was() {
 }
 
 #[test]
-fn a_viewport_is_posterised_and_nothing_else() {
+fn a_viewport_is_posterized_and_nothing_else() {
     let mut scene = without_a_prop();
     let camera = scene.camera;
     let (physical_position, physical_size) = (UVec2::new(5, 11), UVec2::new(30, 20));
@@ -158,7 +158,7 @@ fn a_viewport_is_posterised_and_nothing_else() {
 fn labels_of_a_view_blend() {
     let mut scene = without_a_prop();
     let abstraction = Abstraction { iterations: 0, ..default() };
-    // Two thirds of the way from the second colour to the third.
+    // Two thirds of the way from the second color to the third.
     let third = |a: Color, b: Color| {
         let mixed = Srgba::from(a).to_vec3().lerp(Srgba::from(b).to_vec3(), 2.0 / 3.0);
         Color::srgb(mixed.x, mixed.y, mixed.z)
@@ -207,5 +207,5 @@ fn a_view_gets_the_palette_that_it_lacks() {
     assert!(palette.extraction().is_some());
     let only = palette.shown()[0];
     assert_eq!(palette.shown().len(), 1);
-    assert_near(middle(&scene.picture()), only, 1, "a view in the field's only colour");
+    assert_near(middle(&scene.picture()), only, 1, "a view in the field's only color");
 }

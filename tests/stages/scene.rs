@@ -16,7 +16,7 @@ use image::RgbaImage;
 
 /// Pixels each way.
 pub const SIZE: u32 = 48;
-/// What the field emits, its palette's first colour.
+/// What the field emits, its palette's first color.
 pub const COLOR: Color = Color::srgb(0.6, 0.3, 0.8);
 /// The palette, and what is shown instead.
 pub const PALETTE: [Color; 3] = [COLOR, Color::srgb(0.1, 0.15, 0.1), Color::srgb(0.9, 0.85, 0.3)];
@@ -97,7 +97,7 @@ impl Scene {
         self.headless.picture().unwrap()
     }
 
-    /// A square in the plane z, facing the camera, unlit; opaque if its colour is.
+    /// A square in the plane z, facing the camera, unlit; opaque if its color is.
     pub fn spawn_square(&mut self, center: Vec3, size: f32, color: Color) -> Entity {
         let material = StandardMaterial {
             base_color: color,
@@ -130,7 +130,7 @@ pub fn orthographic() -> Projection {
     Projection::Orthographic(OrthographicProjection { scaling_mode, ..OrthographicProjection::default_3d() })
 }
 
-/// The colour of a prop of this opacity over a background, where the camera makes `exposure` of the prop's light.
+/// The color of a prop of this opacity over a background, where the camera makes `exposure` of the prop's light.
 pub fn over(opacity: f32, prop: Color, background: Color, exposure: f32) -> Color {
     let encoded = Srgba::from(background.to_linear() * (1.0 / exposure)).to_vec3();
     let mixed = Srgba::from(prop).to_vec3() * opacity + encoded * (1.0 - opacity);

@@ -146,7 +146,7 @@ impl Bricks {
 }
 
 /// The rows of a block, as bits, that lie on occupied rows once it has moved `x` and `y` cells from the first of two by
-/// two bricks towards the others.
+/// two bricks toward the others.
 fn occupied(bricks: [&Brick; 4], x: usize, y: usize) -> u64 {
     // In every byte, the bits that do not come from the next brick along y.
     let stay = 0x0101_0101_0101_0101 * (0xff_u64 >> y);

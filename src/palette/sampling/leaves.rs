@@ -6,7 +6,7 @@ use crate::{
 };
 
 /// The leaves that are sampled, in the order of the octree: all, or one of every stratum of `1 / sample_fraction`
-/// consecutive ones, which are neighbours in space.
+/// consecutive ones, which are neighbors in space.
 pub(crate) fn chosen_leaves(field: &PlenOctree, settings: &ExtractionSettings) -> Vec<LeafCell> {
     let leaves: Vec<LeafCell> = field.leaf_cells().collect();
     if settings.sample_fraction >= 1.0 {

@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use crate::field::{LeafCell, PlenOctree};
 
-/// The integral of density (optical depth) from the centre of `leaf` to the edge of the field, or some value above
+/// The integral of density (optical depth) from the center of `leaf` to the edge of the field, or some value above
 /// `limit` if it is more.
 ///
 /// `direction` is in finest cells a world unit. Where the ray goes on is counted in whole cells, so that none is missed
@@ -17,18 +17,18 @@ pub(super) fn optical_depth(field: &PlenOctree, leaf: LeafCell, direction: DVec3
     let (mut corner, mut size) = (leaf.corner, leaf.size);
     let mut depth = 0.0;
     let mut density = f64::from(field.densities()[leaf.leaf as usize]);
-    let mut travelled = 0.0;
+    let mut traveled = 0.0;
     loop {
         let far = DVec3::select(forward, (corner + size).as_dvec3(), corner.as_dvec3());
         let exits = (far - origin).abs() * per_cell;
         let exit = exits.min_element();
-        depth += density * (exit - travelled).max(0.0);
+        depth += density * (exit - traveled).max(0.0);
         if depth > limit {
             return depth;
         }
-        travelled = exit.max(travelled);
+        traveled = exit.max(traveled);
         let axis = exits.to_array().iter().position(|&t| t == exit).unwrap_or(0);
-        let mut position = (origin + direction * travelled).as_uvec3().clamp(corner, corner + (size - 1));
+        let mut position = (origin + direction * traveled).as_uvec3().clamp(corner, corner + (size - 1));
         if forward.test(axis) {
             position[axis] = corner[axis] + size;
         } else if corner[axis] > 0 {

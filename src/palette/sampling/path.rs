@@ -39,12 +39,12 @@ impl Path {
         let per_cell = direction.abs().recip();
         let mut path = Self { steps: Vec::new(), runs: Vec::new() };
         let mut crossed = UVec3::ZERO;
-        let mut travelled = 0.0;
+        let mut traveled = 0.0;
         while crossed.cmplt(extent).all() {
             let next = (crossed.as_dvec3() + 0.5) * per_cell;
             let exit = next.min_element();
-            path.push(crossed.as_ivec3() * sign, exit - travelled);
-            travelled = exit;
+            path.push(crossed.as_ivec3() * sign, exit - traveled);
+            traveled = exit;
             let axis = next.to_array().iter().position(|&t| t == exit).unwrap_or(0);
             crossed[axis] += 1;
         }
@@ -76,18 +76,18 @@ mod tests {
             let direction = DVec3::from_array(direction);
             prop_assume!(direction.length() > 0.1);
             let path = Path::new(direction, UVec3::splat(extent));
-            let mut travelled = 0.0;
+            let mut traveled = 0.0;
             for run in &path.runs {
                 for step in &path.steps[run.steps.clone()] {
-                    let middle = 0.5 + direction * (travelled + 0.5 * f64::from(step.length));
+                    let middle = 0.5 + direction * (traveled + 0.5 * f64::from(step.length));
                     let rest = IVec3::from_array(step.rest.map(i32::from));
                     let inside = middle - (run.bricks * 8 + rest).as_dvec3();
                     prop_assert!(inside.min_element() > -1e-4 && inside.max_element() < 1.0 + 1e-4);
-                    travelled += f64::from(step.length);
+                    traveled += f64::from(step.length);
                 }
             }
             let expected = (f64::from(extent) - 0.5) / direction.abs().max_element();
-            prop_assert!((travelled - expected).abs() < 1e-4 * expected, "{travelled} {expected}");
+            prop_assert!((traveled - expected).abs() < 1e-4 * expected, "{traveled} {expected}");
         }
     }
 }

@@ -8,13 +8,13 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 pub struct Progress {
     done: AtomicUsize,
     total: AtomicUsize,
-    cancelled: AtomicBool,
+    canceled: AtomicBool,
 }
 
-/// The computation was cancelled.
+/// The computation was canceled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("cancelled")]
-pub struct Cancelled;
+#[error("canceled")]
+pub struct Canceled;
 
 impl Progress {
     /// The share of the leaves that is sampled, 0 to 1. Sampling is nearly all the work of an extraction.
@@ -25,12 +25,12 @@ impl Progress {
 
     /// Asks the computation to stop. It will within milliseconds.
     pub fn cancel(&self) {
-        self.cancelled.store(true, Ordering::Relaxed);
+        self.canceled.store(true, Ordering::Relaxed);
     }
 
     /// Whether [`Self::cancel`] was called.
-    pub fn is_cancelled(&self) -> bool {
-        self.cancelled.load(Ordering::Relaxed)
+    pub fn is_canceled(&self) -> bool {
+        self.canceled.load(Ordering::Relaxed)
     }
 
     pub(crate) fn begin(&self, total: usize) {

@@ -4,7 +4,7 @@ use glam::{DVec3, IVec3};
 use rayon::prelude::*;
 
 use super::{
-    Cancelled, Progress,
+    Canceled, Progress,
     bricks::{Bricks, Depths, ROWS, SIDE},
     directions::observers,
     leaves::{chosen_leaves, weight_bound},
@@ -24,12 +24,12 @@ pub enum SamplingError {
     Setting(#[from] InvalidSetting),
     /// [`Progress::cancel`] was called.
     #[error(transparent)]
-    Cancelled(#[from] Cancelled),
+    Canceled(#[from] Canceled),
 }
 
 /// Gathers what is visible of a field in histograms, on all cores.
 ///
-/// Every leaf counts, seen from its centre: its density times the transmittance to the edge of the field is the weight of
+/// Every leaf counts, seen from its center: its density times the transmittance to the edge of the field is the weight of
 /// its radiance in that direction. The upper hemisphere is above the field's own up axis. The result has the same bits
 /// whatever the number of cores; it differs from float64 by less than 1e-6 of the total.
 pub fn sample(
@@ -46,7 +46,7 @@ pub(in crate::palette) fn sample_unchecked(
     field: &PlenOctree,
     settings: &ExtractionSettings,
     progress: &Progress,
-) -> Result<Histograms, Cancelled> {
+) -> Result<Histograms, Canceled> {
     let bricks = Bricks::new(field);
     Sampler::new(field, settings, bricks).run(progress)
 }
@@ -63,7 +63,7 @@ struct Sampler<'a> {
 
 /// A direction in which all leaves are looked at.
 struct Ray {
-    /// Towards the observer, in finest cells a world unit.
+    /// Toward the observer, in finest cells a world unit.
     direction: DVec3,
     /// The basis for the view from the observer.
     basis: [f64; 25],
@@ -105,7 +105,7 @@ impl<'a> Sampler<'a> {
         Self { field, settings, bricks, cells, limit }
     }
 
-    fn run(&self, progress: &Progress) -> Result<Histograms, Cancelled> {
+    fn run(&self, progress: &Progress) -> Result<Histograms, Canceled> {
         let chosen = chosen_leaves(self.field, self.settings);
         progress.begin(chosen.len());
         let most = weight_bound(self.field, self.settings);
@@ -118,15 +118,15 @@ impl<'a> Sampler<'a> {
             .units(&chosen)
             .par_iter()
             .fold(start, |mut worker, unit| {
-                if !progress.is_cancelled() {
+                if !progress.is_canceled() {
                     progress.advance(self.sample(&mut worker, unit));
                 }
                 worker
             })
             .map(|worker| worker.tally)
             .reduce(|| start().tally, Tally::merge);
-        if progress.is_cancelled() {
-            return Err(Cancelled);
+        if progress.is_canceled() {
+            return Err(Canceled);
         }
         // Every leaf stands for those of its stratum.
         let share = self.field.leaves() as f64 / chosen.len().max(1) as f64;
@@ -194,7 +194,7 @@ impl<'a> Sampler<'a> {
     /// Adds the radiance sample of a leaf and a cell of directions, given the optical depth along each ray.
     fn add(&self, tally: &mut Tally, leaf: u32, coefficients: &[f64], cell: &[Ray], depth: impl Fn(usize) -> f64) {
         let functions = self.field.basis().functions();
-        // Colours are averaged as differences from the first, so that one that is the same from everywhere stays exactly
+        // Colors are averaged as differences from the first, so that one that is the same from everywhere stays exactly
         // itself, also on the border of two bins.
         let mut first = [0.0; 3];
         let mut color = [0.0; 3];
@@ -388,7 +388,7 @@ mod tests {
     }
 
     #[test]
-    fn progress_ends_at_one_and_can_be_cancelled() {
+    fn progress_ends_at_one_and_can_be_canceled() {
         let field = field(1, 4, [0.4; 3], UpAxis::Z);
         let progress = Progress::default();
         assert_eq!(progress.fraction(), 0.0);
@@ -397,6 +397,6 @@ mod tests {
         let progress = Progress::default();
         progress.cancel();
         let result = sample(&field, &ExtractionSettings::default(), &progress);
-        assert_eq!(result, Err(SamplingError::Cancelled(Cancelled)));
+        assert_eq!(result, Err(SamplingError::Canceled(Canceled)));
     }
 }

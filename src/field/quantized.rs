@@ -1,4 +1,4 @@
-//! Densities and coefficients of the leaves, from the codebooks of a quantised file.
+//! Densities and coefficients of the leaves, from the codebooks of a quantized file.
 
 use std::io::{Read, Seek};
 
@@ -11,11 +11,11 @@ use super::npy::{REALS, Real, WHOLES, Whole, with_real, with_whole};
 use super::npz::Archive;
 use super::walk::Tree;
 
-/// Arrays that only quantised files have.
-pub(super) const QUANTISED: [&str; 3] = ["sigma", "quant_colors", "quant_map"];
+/// Arrays that only quantized files have.
+pub(super) const QUANTIZED: [&str; 3] = ["sigma", "quant_colors", "quant_map"];
 
 /// Reads densities and coefficients of the leaves for whose density `keep` is true, and drops the others.
-pub(super) fn read_quantised(
+pub(super) fn read_quantized(
     archive: &mut Archive<impl Read + Seek>,
     basis: Basis,
     tree: &mut Tree,
@@ -43,7 +43,7 @@ fn read_coefficients(
     let mut coefficients = zeros(tree.leaves * count)?;
     let mut retained = 0;
     if archive.has("data_retained") {
-        let array = archive.array("data_retained", "the coefficients that are not quantised")?;
+        let array = archive.array("data_retained", "the coefficients that are not quantized")?;
         let &[planes, n, 2, 2, 2, 3] = array.shape() else {
             return Err(array.shape_fault(format!("[Br, {nodes}, 2, 2, 2, 3]")));
         };
@@ -64,17 +64,17 @@ fn read_coefficients(
         }))
         .unwrap_or(Err(fault))?;
     }
-    let quantised = functions - retained;
-    if quantised == 0 {
+    let quantized = functions - retained;
+    if quantized == 0 {
         return Ok(coefficients);
     }
-    let codebook = read_codebook(archive, quantised)?;
-    let rows = codebook.len() / quantised;
+    let codebook = read_codebook(archive, quantized)?;
+    let rows = codebook.len() / quantized;
 
     let array = archive.array("quant_map", "the rows of the codebooks")?;
-    array.check_shape(&[quantised as u64, nodes, 2, 2, 2])?;
+    array.check_shape(&[quantized as u64, nodes, 2, 2, 2])?;
     let fault = array.dtype_fault(WHOLES);
-    with_whole!(array.dtype(), T => array.stream::<T>(8, cells * quantised, |first, numbers| {
+    with_whole!(array.dtype(), T => array.stream::<T>(8, cells * quantized, |first, numbers| {
         for (index, number) in (first..).zip(numbers) {
             let (function, cell) = (index / cells, index % cells);
             let Some(leaf) = tree.leaf(cell) else { continue };
@@ -96,7 +96,7 @@ fn read_coefficients(
     Ok(coefficients)
 }
 
-/// The codebooks, one after the other: a colour a row. Numbers out of range become NaN, since files need not use every row.
+/// The codebooks, one after the other: a color a row. Numbers out of range become NaN, since files need not use every row.
 fn read_codebook(archive: &mut Archive<impl Read + Seek>, functions: usize) -> Result<Vec<[f16; 3]>, ReadFault> {
     let array = archive.array("quant_colors", "the codebooks")?;
     let rows = match *array.shape() {
