@@ -7,13 +7,14 @@ use std::{path::PathBuf, time::Duration};
 
 use bevy::prelude::*;
 use bevy_plenoctree::{
-    FieldPalette, Palettes, PlenOctree, PlenOctreePlugin, Posterize, Preset, Prop,
-    camera::{PinholeCamera, read_transforms},
-    field::LoadSettings,
+    FieldPalette, LoadSettings, Palettes, PlenOctree, PlenOctreePlugin, Posterize, Prop, QualityPreset,
     headless::{Headless, exact_camera, pinhole_view},
-    palette,
 };
 use cpu_time::ProcessTime;
+use plenoctree::{
+    camera::{PinholeCamera, read_transforms},
+    palette,
+};
 
 const SIZE: u32 = 800;
 const ROUNDS: usize = 5;
@@ -30,7 +31,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         None => PinholeCamera::around(&field, SIZE, SIZE, 0.5, 0.4),
     };
     let camera = camera.ok_or("there is nothing to see")?;
-    let palette = palette::extract(&field, &Preset::Fast.extraction(), &default())?.palette;
+    let palette = palette::extract(&field, &QualityPreset::Fast.extraction(), &default())?.palette;
 
     let mut headless = Headless::new(UVec2::splat(SIZE), |app| {
         app.add_plugins(PlenOctreePlugin);
@@ -43,9 +44,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let camera = world.spawn((exact_camera(Color::WHITE), target, pinhole_view(&camera, up))).id();
     headless.wait_until_ready(PATIENCE)?;
 
-    let mut least = [[f64::INFINITY; 2]; Preset::ALL.len()];
+    let mut least = [[f64::INFINITY; 2]; QualityPreset::ALL.len()];
     for _ in 0..ROUNDS {
-        for (preset, least) in Preset::ALL.into_iter().zip(&mut least) {
+        for (preset, least) in QualityPreset::ALL.into_iter().zip(&mut least) {
             for (look, least) in [None, Some(Posterize::default())].into_iter().zip(least) {
                 let world = headless.app.world_mut();
                 world.entity_mut(camera).insert(preset.quality());
@@ -54,17 +55,17 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                     None => world.entity_mut(prop).remove::<Posterize>(),
                 };
                 headless.wait_until_ready(PATIENCE)?;
-                headless.picture()?;
+                headless.capture()?;
                 let start = ProcessTime::now();
                 for _ in 0..FRAMES {
-                    headless.picture()?;
+                    headless.capture()?;
                 }
                 *least = least.min(1e3 * start.elapsed().as_secs_f64() / f64::from(FRAMES));
             }
         }
     }
     println!("| preset | as trained, ms | of exact | posterized, ms | of exact |\n|---|---|---|---|---|");
-    for (preset, [trained, posterized]) in Preset::ALL.into_iter().zip(least) {
+    for (preset, [trained, posterized]) in QualityPreset::ALL.into_iter().zip(least) {
         let ratios = [trained / least[0][0], posterized / least[0][1]];
         println!("| {preset:?} | {trained:.0} | {:.2} | {posterized:.0} | {:.2} |", ratios[0], ratios[1]);
     }

@@ -7,15 +7,19 @@ use std::{io::Cursor, time::Duration};
 
 use bevy::prelude::*;
 use bevy_plenoctree::{
-    Abstraction, ExtractionSettings, FieldPalette, Palette, Palettes, PlenOctree, PlenOctreePlugin, Posterize, Prop,
-    camera::PinholeCamera,
-    field::{Activation, Basis, Cell, Frame, LoadSettings, UpAxis},
+    Activation, BilateralFilter, ExtractionSettings, FieldPalette, LoadSettings, Palette, Palettes, PlenOctree,
+    PlenOctreePlugin, Posterize, Prop, UpAxis,
     headless::{Headless, exact_camera, pinhole_view},
-    palette::{Histograms, extract_from_histograms, sample, simplify_hull},
 };
 use divan::{Bencher, black_box};
 use glam::{DVec3, UVec3};
 use half::f16;
+use plenoctree::{
+    Basis, Cell, Frame,
+    camera::PinholeCamera,
+    palette::{extract_from_histograms, simplify_hull},
+    sampling::{Histograms, sample},
+};
 
 /// 10^4 to 10^6.5.
 const LEAVES: [usize; 6] = [10_000, 31_623, 100_000, 316_228, 1_000_000, 3_162_278];
@@ -166,31 +170,31 @@ fn upload(bencher: Bencher, leaves: usize) {
 #[divan::bench(args = LEAVES, sample_count = 10, sample_size = 1)]
 fn traversal_by_leaves(bencher: Bencher, leaves: usize) {
     let mut stage = Stage::with_props(SIZE, shell(leaves), 1, 6);
-    bencher.bench_local(|| stage.headless.picture().unwrap());
+    bencher.bench_local(|| stage.headless.capture().unwrap());
 }
 
 /// The same by pixels along a side.
 #[divan::bench(args = [128, 256, 512, 1024], sample_count = 10, sample_size = 1)]
 fn traversal_by_side(bencher: Bencher, size: u32) {
     let mut stage = Stage::with_props(size, shell(SOME_LEAVES), 1, 6);
-    bencher.bench_local(|| stage.headless.picture().unwrap());
+    bencher.bench_local(|| stage.headless.capture().unwrap());
 }
 
 /// The same by props along each side of a square, which stays as large.
 #[divan::bench(args = [1, 2, 4, 8, 16], sample_count = 10, sample_size = 1)]
 fn traversal_by_row_of_props(bencher: Bencher, side: i32) {
     let mut stage = Stage::with_props(SIZE, shell(SOME_LEAVES), side, 6);
-    bencher.bench_local(|| stage.headless.picture().unwrap());
+    bencher.bench_local(|| stage.headless.capture().unwrap());
 }
 
 /// A frame with labels by colors of the palette, without the filter.
 #[divan::bench(args = [2, 4, 8, 16], sample_count = 10, sample_size = 1)]
 fn labels_by_colors(bencher: Bencher, colors: usize) {
     let mut stage = Stage::with_props(SIZE, shell(SOME_LEAVES), 1, colors);
-    let abstraction = Abstraction { iterations: 0, ..default() };
-    stage.look(Posterize { abstraction, ..default() });
+    let filter = BilateralFilter { iterations: 0, ..default() };
+    stage.look(Posterize { filter, ..default() });
     stage.headless.wait_until_ready(PATIENCE).unwrap();
-    bencher.bench_local(|| stage.headless.picture().unwrap());
+    bencher.bench_local(|| stage.headless.capture().unwrap());
 }
 
 /// On the processor, all directions, every leaf.
@@ -198,14 +202,14 @@ fn labels_by_colors(bencher: Bencher, colors: usize) {
 fn sampling(bencher: Bencher, leaves: usize) {
     let field = shell(leaves);
     let settings = ExtractionSettings::default();
-    bencher.bench_local(|| sample(&field, &settings, &default()).unwrap());
+    bencher.bench_local(|| sample(&field, &settings.sampling, &default()).unwrap());
 }
 
 /// K-means and the hull, by bins of the fine histogram that hold something.
 #[divan::bench(args = [100, 316, 1_000, 3_162, 10_000], sample_count = 5, sample_size = 1)]
 fn clusters(bencher: Bencher, bins: usize) {
     let settings = ExtractionSettings::default();
-    let (fine, coarse) = (settings.fine_bins, settings.coarse_bins);
+    let (fine, coarse) = (settings.sampling.fine_bins, settings.sampling.coarse_bins);
     let mut weights = [vec![0.0; fine.pow(3)], vec![0.0; coarse.pow(3)]];
     for color in colors(bins) {
         for (weights, bins) in weights.iter_mut().zip([fine, coarse]) {

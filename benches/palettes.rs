@@ -9,11 +9,11 @@ use std::time::Duration;
 use bevy::{app::AppLabel, core_pipeline::tonemapping::Tonemapping, prelude::*, render::RenderApp};
 use bevy_plenoctree::{
     BlendSpace, FieldPalette, PaletteOverride, Palettes, PlenOctree, PlenOctreePlugin, Posterize, Prop,
-    field::{BakeSettings, Basis, bake},
     headless::Headless,
 };
 use divan::Bencher;
 use glam::DVec3;
+use plenoctree::{BakeSettings, Basis, bake};
 
 const PROPS: usize = 100;
 

@@ -1,6 +1,6 @@
 // The field over what was drawn before it, in encoded sRGB: what the posterization works on.
 
-#import bevy_plenoctree::filtered::pack
+#import bevy_plenoctree::filter_texel::pack
 #import bevy_plenoctree::target::from_target
 #import bevy_plenoctree::view::{owner_of, view}
 

@@ -1,6 +1,8 @@
 // The octree and a ray's way through it: bind group 1. `src/gpu/records.rs` says how records are made.
 #define_import_path bevy_plenoctree::octree
 
+#import bevy_plenoctree::constants::{BRICK, INNER, KIND, NO_LEAF, WHOLE}
+
 struct Field {
     // Levels of cells.
     depth: u32,
@@ -16,14 +18,6 @@ struct Field {
 @group(1) @binding(2) var records: texture_2d<u32>;
 #endif
 @group(1) @binding(3) var densities: texture_2d<f32>;
-
-// Kinds of records, in the high bits of w. An empty one is 0.
-const KIND: u32 = 0xc0000000u;
-const BRICK: u32 = 0x40000000u;
-const INNER: u32 = 0x80000000u;
-const WHOLE: u32 = 0xc0000000u;
-
-const NO_LEAF: u32 = 0xffffffffu;
 
 // A ray in finest cells. `t` is measured in world units of the field.
 struct Ray {

@@ -2,6 +2,7 @@
 // words a channel, and before them two more if they are COMPACT.
 #define_import_path bevy_plenoctree::radiance
 
+#import bevy_plenoctree::constants::HARMONICS
 #import bevy_plenoctree::octree::field
 
 @group(1) @binding(4) var coefficients: texture_2d<u32>;
@@ -23,38 +24,38 @@ fn harmonics(d: vec3<f32>) -> Harmonics {
     let xy = d.x * d.y;
     let yz = d.y * d.z;
     let xz = d.x * d.z;
-    h.y[0] = 0.28209479177387814;
+    h.y[0] = HARMONICS[0];
 #ifdef DEGREE_1
-    h.y[1] = -0.4886025119029199 * d.y;
-    h.y[2] = 0.4886025119029199 * d.z;
-    h.y[3] = -0.4886025119029199 * d.x;
+    h.y[1] = HARMONICS[1] * d.y;
+    h.y[2] = HARMONICS[2] * d.z;
+    h.y[3] = HARMONICS[3] * d.x;
 #endif
 #ifdef DEGREE_2
-    h.y[4] = 1.0925484305920792 * xy;
-    h.y[5] = -1.0925484305920792 * yz;
-    h.y[6] = 0.31539156525252005 * (2.0 * zz - xx - yy);
-    h.y[7] = -1.0925484305920792 * xz;
-    h.y[8] = 0.5462742152960396 * (xx - yy);
+    h.y[4] = HARMONICS[4] * xy;
+    h.y[5] = HARMONICS[5] * yz;
+    h.y[6] = HARMONICS[6] * (2.0 * zz - xx - yy);
+    h.y[7] = HARMONICS[7] * xz;
+    h.y[8] = HARMONICS[8] * (xx - yy);
 #endif
 #ifdef DEGREE_3
-    h.y[9] = -0.5900435899266435 * d.y * (3.0 * xx - yy);
-    h.y[10] = 2.890611442640554 * xy * d.z;
-    h.y[11] = -0.4570457994644658 * d.y * (4.0 * zz - xx - yy);
-    h.y[12] = 0.3731763325901154 * d.z * (2.0 * zz - 3.0 * xx - 3.0 * yy);
-    h.y[13] = -0.4570457994644658 * d.x * (4.0 * zz - xx - yy);
-    h.y[14] = 1.445305721320277 * d.z * (xx - yy);
-    h.y[15] = -0.5900435899266435 * d.x * (xx - 3.0 * yy);
+    h.y[9] = HARMONICS[9] * d.y * (3.0 * xx - yy);
+    h.y[10] = HARMONICS[10] * xy * d.z;
+    h.y[11] = HARMONICS[11] * d.y * (4.0 * zz - xx - yy);
+    h.y[12] = HARMONICS[12] * d.z * (2.0 * zz - 3.0 * xx - 3.0 * yy);
+    h.y[13] = HARMONICS[13] * d.x * (4.0 * zz - xx - yy);
+    h.y[14] = HARMONICS[14] * d.z * (xx - yy);
+    h.y[15] = HARMONICS[15] * d.x * (xx - 3.0 * yy);
 #endif
 #ifdef DEGREE_4
-    h.y[16] = 2.5033429417967046 * xy * (xx - yy);
-    h.y[17] = -1.7701307697799304 * yz * (3.0 * xx - yy);
-    h.y[18] = 0.9461746957575601 * xy * (7.0 * zz - 1.0);
-    h.y[19] = -0.6690465435572892 * yz * (7.0 * zz - 3.0);
-    h.y[20] = 0.10578554691520431 * (zz * (35.0 * zz - 30.0) + 3.0);
-    h.y[21] = -0.6690465435572892 * xz * (7.0 * zz - 3.0);
-    h.y[22] = 0.47308734787878004 * (xx - yy) * (7.0 * zz - 1.0);
-    h.y[23] = -1.7701307697799304 * xz * (xx - 3.0 * yy);
-    h.y[24] = 0.6258357354491761 * (xx * (xx - 3.0 * yy) - yy * (3.0 * xx - yy));
+    h.y[16] = HARMONICS[16] * xy * (xx - yy);
+    h.y[17] = HARMONICS[17] * yz * (3.0 * xx - yy);
+    h.y[18] = HARMONICS[18] * xy * (7.0 * zz - 1.0);
+    h.y[19] = HARMONICS[19] * yz * (7.0 * zz - 3.0);
+    h.y[20] = HARMONICS[20] * (zz * (35.0 * zz - 30.0) + 3.0);
+    h.y[21] = HARMONICS[21] * xz * (7.0 * zz - 3.0);
+    h.y[22] = HARMONICS[22] * (xx - yy) * (7.0 * zz - 1.0);
+    h.y[23] = HARMONICS[23] * xz * (xx - 3.0 * yy);
+    h.y[24] = HARMONICS[24] * (xx * (xx - 3.0 * yy) - yy * (3.0 * xx - yy));
 #endif
 #endif
     return h;

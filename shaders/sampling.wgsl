@@ -1,7 +1,8 @@
 // Visibility-weighted radiance samples of a slice of leaves, added to histograms: section 3 of the method, steps 2 to 5.
 // A thread takes one leaf and one cell of directions, neighbors in a workgroup take neighbors in space.
 
-#import bevy_plenoctree::octree::{NO_LEAF, begin, density, field, make_ray, next_leaf}
+#import bevy_plenoctree::constants::{MAX_CHANNEL, MAX_DEPTH, NO_LEAF, SAMPLING_WORKGROUP}
+#import bevy_plenoctree::octree::{begin, density, field, make_ray, next_leaf}
 #import bevy_plenoctree::radiance::{harmonics, radiance}
 
 struct Slice {
@@ -44,7 +45,7 @@ fn add(bin: u32, weight: f32) {
 }
 
 fn bin_of(color: vec3<f32>, count: u32) -> u32 {
-    let bin = vec3<u32>(clamp(color, vec3(0.0), vec3(0.999)) * f32(count));
+    let bin = vec3<u32>(clamp(color, vec3(0.0), vec3(MAX_CHANNEL)) * f32(count));
     return (bin.r * count + bin.g) * count + bin.b;
 }
 
@@ -66,13 +67,13 @@ fn optical_depth(center: vec3<f32>, observer: vec3<f32>) -> f32 {
     return depth;
 }
 
-@compute @workgroup_size(64)
+@compute @workgroup_size(SAMPLING_WORKGROUP)
 fn sample(@builtin(global_invocation_id) id: vec3<u32>) {
     if id.x >= slice.leaves {
         return;
     }
     let entry = leaves[slice.first + id.x];
-    let center = vec3<f32>(entry.xyz) * (f32(1u << field.depth) / f32(2u << #{MAX_DEPTH}u));
+    let center = vec3<f32>(entry.xyz) * (f32(1u << field.depth) / f32(2u << MAX_DEPTH));
     // Colors are averaged as differences from the first, so that one that is the same from everywhere stays exactly
     // itself, also on the border of two bins.
     var first = vec3(0.0);

@@ -1,7 +1,8 @@
 // The volume pass: section 2 of the method, for the pixels of the box around a prop's leaves.
 
 #import bevy_plenoctree::color::to_half
-#import bevy_plenoctree::octree::{NO_LEAF, begin, clip, density, field, make_ray, next_leaf}
+#import bevy_plenoctree::constants::NO_LEAF
+#import bevy_plenoctree::octree::{begin, clip, density, field, make_ray, next_leaf}
 #import bevy_plenoctree::radiance::{harmonics, radiance}
 #import bevy_plenoctree::view::{LEAST_DEPTH, depth_value, pack_owner, props, view, view_distance}
 

@@ -2,18 +2,18 @@
 
 use bevy::prelude::*;
 
-use crate::{
-    palette::ExtractionSettings,
-    prop::{MAX_FILTER_ITERATIONS, MAX_FILTER_RADIUS},
-};
+use plenoctree::{palette::ExtractionSettings, sampling::SamplingSettings};
 
-/// How exactly a camera draws props. On an entity with a `Camera3d`; without it, [`Quality::EXACT`].
+use crate::posterize::{MAX_FILTER_ITERATIONS, MAX_FILTER_RADIUS};
+
+/// How exactly a camera draws props. On an entity with a `Camera3d`; without it, [`PropQuality::EXACT`].
 ///
-/// Every knob can be turned alone: `Quality { cell_size: 1.0, ..Quality::EXACT }`. What each costs and gains on a field of
+/// Every knob can be turned alone: `PropQuality { cell_size: 1.0, ..PropQuality::EXACT }`. What each costs and gains on a field of
 /// yours is what the example `tradeoff` measures.
 #[derive(Component, Clone, Copy, Debug, PartialEq, Reflect)]
 #[reflect(Component, Default, Clone, Debug, PartialEq)]
-pub struct Quality {
+#[type_path = "bevy_plenoctree"]
+pub struct PropQuality {
     /// A ray ends where transmittance is less than this, and the pixel counts as opaque. 0 to 1; 0.01, the method's, by
     /// default.
     pub stop_transmittance: f32,
@@ -46,13 +46,13 @@ pub struct Quality {
     pub filter_radius: u32,
 }
 
-impl Default for Quality {
+impl Default for PropQuality {
     fn default() -> Self {
         Self::EXACT
     }
 }
 
-impl Quality {
+impl PropQuality {
     /// What the method asks for.
     pub const EXACT: Self = Self {
         stop_transmittance: 0.01,
@@ -120,7 +120,8 @@ impl Quality {
 /// | [`Self::Fast`] | 20 dB | 75 % |
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
 #[reflect(Default, Clone, Debug, PartialEq, Hash)]
-pub enum Preset {
+#[type_path = "bevy_plenoctree"]
+pub enum QualityPreset {
     /// What the method asks for.
     #[default]
     Exact,
@@ -132,17 +133,17 @@ pub enum Preset {
     Fast,
 }
 
-impl Preset {
+impl QualityPreset {
     /// All of them, the most exact first.
     pub const ALL: [Self; 4] = [Self::Exact, Self::High, Self::Balanced, Self::Fast];
 
     /// For cameras.
-    pub fn quality(self) -> Quality {
+    pub fn quality(self) -> PropQuality {
         match self {
-            Self::Exact => Quality::EXACT,
-            Self::High => Quality::HIGH,
-            Self::Balanced => Quality::BALANCED,
-            Self::Fast => Quality::FAST,
+            Self::Exact => PropQuality::EXACT,
+            Self::High => PropQuality::HIGH,
+            Self::Balanced => PropQuality::BALANCED,
+            Self::Fast => PropQuality::FAST,
         }
     }
 
@@ -154,6 +155,6 @@ impl Preset {
             Self::Balanced => 0.5,
             Self::Fast => 0.25,
         };
-        ExtractionSettings { sample_fraction, ..default() }
+        ExtractionSettings { sampling: SamplingSettings { sample_fraction, ..default() }, ..default() }
     }
 }

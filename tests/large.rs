@@ -4,15 +4,13 @@ use std::{io::Cursor, time::Duration};
 
 use bevy::prelude::*;
 use bevy_plenoctree::{
-    ExtractionSettings, PlenOctree, PlenOctreePlugin, Prop,
-    camera::PinholeCamera,
-    field::{Activation, Basis, Cell, Frame, LoadSettings, UpAxis},
-    gpu::GpuField,
+    Activation, ExtractionSettings, GpuField, LoadSettings, PlenOctree, PlenOctreePlugin, Prop, SamplingSettings,
+    UpAxis,
     headless::{Headless, exact_camera, pinhole_view},
-    palette, reference,
 };
 use glam::{DVec3, UVec3};
 use half::f16;
+use plenoctree::{Basis, Cell, Frame, camera::PinholeCamera, palette, reference};
 
 const SIZE: u32 = 64;
 const DEPTH: u32 = 9;
@@ -77,14 +75,15 @@ fn five_and_a_half_million_leaves_are_read_drawn_and_sampled() {
     world.spawn(Prop(handle));
     world.spawn((exact_camera(Color::BLACK), target, pinhole_view(&camera, field.up())));
     headless.wait_until_ready(Duration::from_secs(300)).unwrap();
-    let picture = headless.picture().unwrap();
+    let picture = headless.capture().unwrap();
     let expected = reference::render(&field, &camera).over(DVec3::ZERO);
     let wrong = picture.pixels().zip(&expected).filter(|(pixel, color)| {
         (0..3).any(|channel| (f64::from(pixel[channel]) - 255.0 * color[channel].clamp(0.0, 1.0)).abs() > 1.5)
     });
     assert_eq!(wrong.count(), 0);
 
-    let settings = ExtractionSettings { sample_fraction: 0.01, ..default() };
+    let settings =
+        ExtractionSettings { sampling: SamplingSettings { sample_fraction: 0.01, ..default() }, ..default() };
     let extraction = palette::extract(&field, &settings, &default()).unwrap();
     assert_eq!(extraction.palette.colors.len(), settings.colors);
 }

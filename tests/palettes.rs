@@ -18,14 +18,13 @@ use bevy::{
     render::RenderApp,
 };
 use bevy_plenoctree::{
-    Abstraction, BlendSpace, ExtractionSettings, FieldPalette, Palette, PaletteExtraction, PaletteOverride,
-    PaletteReady, Palettes, PlenOctree, PlenOctreePlugin, Posterize, Prop,
-    field::{BakeSettings, Basis, bake},
+    BilateralFilter, BlendSpace, ExtractionSettings, FieldPalette, Observers, Palette, PaletteExtraction,
+    PaletteOverride, PaletteReady, Palettes, PlenOctree, PlenOctreePlugin, Posterize, Prop, SamplingSettings,
     headless::{Headless, exact_camera},
-    palette::Observers,
 };
 use glam::DVec3;
 use image::RgbaImage;
+use plenoctree::{BakeSettings, Basis, bake};
 use serde::de::DeserializeSeed;
 
 const SIZE: UVec2 = UVec2::new(64, 32);
@@ -61,7 +60,7 @@ impl Scene {
         world.resource_mut::<Palettes>().insert(&field, palette);
         let mut spawn = |x: f32| {
             // What is beside a prop is no part of its color.
-            let look = Posterize { abstraction: Abstraction { iterations: 0, ..default() }, ..default() };
+            let look = Posterize { filter: BilateralFilter { iterations: 0, ..default() }, ..default() };
             world.spawn((Prop(field.clone()), look, Transform::from_xyz(x, 0.0, 0.0))).id()
         };
         let left = spawn(-1.0);
@@ -83,7 +82,7 @@ impl Scene {
 
     /// The colors of the two props in the next picture.
     fn colors(&mut self) -> [[u8; 3]; 2] {
-        let picture = self.headless.picture().unwrap();
+        let picture = self.headless.capture().unwrap();
         [SIZE.x / 4, 3 * SIZE.x / 4].map(|x| at(&picture, x))
     }
 
@@ -312,7 +311,7 @@ fn a_palette_beside_a_field_takes_the_place_of_extraction() {
     files.write("x.palette.json", r#"{"colors": [[0.25, 0.5, 0.75], [1.5, 0, 0]]}"#);
     let field = files.spawn();
     let palette = files.palette(&field);
-    assert_eq!(palette.extracted().colors, [[0.25, 0.5, 0.75], [1.5, 0.0, 0.0]]);
+    assert_eq!(palette.source().colors, [[0.25, 0.5, 0.75], [1.5, 0.0, 0.0]]);
     assert_eq!(palette.shown(), [Color::srgb(0.25, 0.5, 0.75), Color::srgb(1.5, 0.0, 0.0)]);
     assert!(palette.extraction().is_none());
     // Not later either.
@@ -338,7 +337,7 @@ fn an_extracted_palette_is_saved_and_shipped() {
     let field = files.spawn();
     let shipped = files.palette(&field);
     assert!(shipped.extraction().is_none());
-    assert_eq!(shipped.extracted(), extracted.extracted());
+    assert_eq!(shipped.source(), extracted.source());
 }
 
 #[test]
@@ -366,12 +365,12 @@ fn a_handle_gives_a_field_its_palette() {
     let field = files.spawn();
     let winter = files.load::<Palette>("winter.palette.json");
     files.app.world_mut().resource_mut::<Palettes>().insert_handle(&field, winter.clone());
-    assert_eq!(files.palette(&field).extracted().colors, [[0.9, 0.95, 1.0]]);
+    assert_eq!(files.palette(&field).source().colors, [[0.9, 0.95, 1.0]]);
 
     // When the file changes, so does the palette; when it comes back as it was, the shown colors stay.
     let colors = |files: &Files| {
         let palette = files.app.world().resource::<Palettes>().get(&field).unwrap();
-        (palette.extracted().colors.clone(), palette.shown().to_vec())
+        (palette.source().colors.clone(), palette.shown().to_vec())
     };
     for (change, shown) in [(0.0, RED), (0.1, Color::srgb(0.8, 0.95, 1.0))] {
         files.app.world_mut().resource_mut::<Palettes>().get_mut(&field).unwrap().set(0, RED);
@@ -391,7 +390,7 @@ fn a_handle_gives_a_field_its_palette() {
 
     // One that is taken away is looked for as at first.
     files.app.world_mut().resource_mut::<Palettes>().remove(&field);
-    assert_eq!(files.palette(&field).extracted().colors, [[0.0; 3]]);
+    assert_eq!(files.palette(&field).source().colors, [[0.0; 3]]);
 }
 
 #[test]
@@ -414,13 +413,17 @@ fn settings_are_reflected() {
     let mut app = App::new();
     app.add_plugins((MinimalPlugins, AssetPlugin::default(), PlenOctreePlugin));
     let registry = app.world().resource::<AppTypeRegistry>().read();
-    let look = Posterize { softness: 0.125, abstraction: Abstraction { radius: 3, ..default() }, ..default() };
+    let look = Posterize { softness: 0.125, filter: BilateralFilter { radius: 3, ..default() }, ..default() };
     assert_eq!(through_text(&look, &registry), look);
     let own = PaletteOverride::default().with(2, Color::oklab(0.5, 0.1, -0.1));
     assert_eq!(through_text(&own, &registry), own);
-    let settings = ExtractionSettings { colors: 9, observers: Observers::Sphere, ..default() };
+    let settings = ExtractionSettings {
+        sampling: SamplingSettings { observers: Observers::Sphere, ..default() },
+        colors: 9,
+        ..default()
+    };
     assert_eq!(through_text(&settings, &registry), settings);
-    for path in ["prop::Posterize", "prop::Prop", "palettes::overrides::PaletteOverride"] {
+    for path in ["Posterize", "Prop", "PaletteOverride"] {
         let registration = registry.get_with_type_path(&format!("bevy_plenoctree::{path}")).unwrap();
         assert!(registration.data::<ReflectComponent>().is_some(), "{path}");
     }

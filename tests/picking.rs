@@ -15,12 +15,12 @@ use bevy::{
     window::PrimaryWindow,
 };
 use bevy_plenoctree::{
-    FieldPalette, Palettes, PlenOctree, PlenOctreePlugin, Posterize, Prop, PropHit, PropPickingPlugin, PropRayCast,
-    field::{BakeSettings, Basis, UpAxis, bake},
+    BilateralFilter, FieldPalette, Palettes, PlenOctree, PlenOctreePlugin, Posterize, Prop, PropHit, PropPickingPlugin,
+    PropRayCast, UpAxis,
     headless::{Headless, exact_camera},
-    prop::Abstraction,
 };
 use glam::{DAffine3, DVec3};
+use plenoctree::{BakeSettings, Basis, bake};
 use proptest::prelude::*;
 
 const RADIUS: f64 = 0.8;
@@ -125,7 +125,7 @@ proptest! {
 fn the_color_is_what_is_seen_along_the_ray() {
     let field = ball(2.0, UpAxis::Y);
     let (origin, direction) = (DVec3::new(0.2, 0.1, 3.0), DVec3::NEG_Z);
-    let (color, opacity) = bevy_plenoctree::reference::render_ray(&field, origin, direction);
+    let (color, opacity) = field.render_ray(origin, direction);
     let hit = field.cast_ray(origin, direction).unwrap();
     assert!((hit.color * hit.opacity - color).length() < 1e-12 && (hit.opacity - opacity).abs() < 1e-12);
     assert!(hit.opacity > 0.9 && hit.opacity < 1.0);
@@ -310,10 +310,10 @@ fn labels_are_those_of_the_picture() {
         }
         let field = scene.field.clone();
         scene.world().resource_mut::<Palettes>().insert(&field, palette);
-        let abstraction = if filtered { default() } else { Abstraction { iterations: 0, ..default() } };
-        let prop = scene.spawn(0.0, Posterize { softness: 0.0, abstraction, ..default() });
+        let filter = if filtered { default() } else { BilateralFilter { iterations: 0, ..default() } };
+        let prop = scene.spawn(0.0, Posterize { softness: 0.0, filter, ..default() });
         scene.headless.wait_until_ready(Duration::from_secs(60)).unwrap();
-        let picture = scene.headless.picture().unwrap();
+        let picture = scene.headless.capture().unwrap();
 
         let camera = scene.camera;
         let labels = move |props: PropRayCast, cameras: Query<(&Camera, &GlobalTransform)>| {

@@ -13,15 +13,12 @@ use bevy::{
     },
 };
 use bevy_plenoctree::{
-    FieldPalette, Palette, Palettes, PlenOctree, PlenOctreePlugin, Posterize, Prop,
-    camera::PinholeCamera,
-    field::{Activation, BakeSettings, Basis, UpAxis, bake},
-    gpu::GpuField,
+    Activation, FieldPalette, GpuField, Palette, Palettes, PlenOctree, PlenOctreePlugin, Posterize, Prop, UpAxis,
     headless::{Headless, exact_camera, pinhole_view},
-    reference,
 };
 use glam::{DMat4, DVec3};
 use image::RgbaImage;
+use plenoctree::{BakeSettings, Basis, bake, camera::PinholeCamera, reference};
 
 const SIZE: u32 = 96;
 
@@ -112,7 +109,7 @@ impl Scene {
     }
 
     fn picture(&mut self) -> RgbaImage {
-        self.headless.picture().unwrap()
+        self.headless.capture().unwrap()
     }
 
     fn show(&mut self, index: usize, color: Color) {

@@ -7,15 +7,13 @@ use bevy::{
     render::{RenderApp, render_asset::RenderAssets},
 };
 use bevy_plenoctree::{
-    FieldPalette, Palette, Palettes, PlenOctree, PlenOctreePlugin, Posterize, Preset, Prop, Quality, SolidOpacity,
-    camera::PinholeCamera,
-    field::{BakeSettings, Basis, LoadSettings, Precision, UpAxis, bake},
-    gpu::GpuField,
+    FieldPalette, GpuField, LoadSettings, Palette, Palettes, PlenOctree, PlenOctreePlugin, Posterize, Precision, Prop,
+    PropQuality, QualityPreset, SolidOpacity, UpAxis,
     headless::{Headless, exact_camera, pinhole_view},
-    reference,
 };
 use glam::{DMat4, DVec3};
 use image::RgbaImage;
+use plenoctree::{BakeSettings, Basis, bake, camera::PinholeCamera, reference};
 
 const SIZE: u32 = 160;
 
@@ -48,10 +46,10 @@ impl Stage {
         Self { headless, camera, prop, field: handle, up: field.up() }
     }
 
-    fn picture(&mut self, camera: &PinholeCamera, quality: Quality) -> RgbaImage {
+    fn picture(&mut self, camera: &PinholeCamera, quality: PropQuality) -> RgbaImage {
         let view = pinhole_view(camera, self.up);
         self.headless.app.world_mut().entity_mut(self.camera).insert((view, quality));
-        self.headless.picture().unwrap()
+        self.headless.capture().unwrap()
     }
 }
 
@@ -76,7 +74,7 @@ fn presets_keep_what_they_promise() {
     // With hard edges a pixel's color says its label.
     let expected = reference::posterize(&truth, DVec3::ONE, &colors, &colors, &settings);
     let mut stage = Stage::new(&field, palette);
-    for preset in Preset::ALL {
+    for preset in QualityPreset::ALL {
         let prop = stage.prop;
         stage.headless.app.world_mut().entity_mut(prop).remove::<Posterize>();
         let psnr = psnr(&stage.picture(&camera, preset.quality()), &over);
@@ -93,13 +91,13 @@ fn presets_keep_what_they_promise() {
     }
 }
 
-/// PSNR in dB at least, and the share of labels that change at most, as `Preset` documents them.
-fn promise(preset: Preset) -> (f64, f64) {
+/// PSNR in dB at least, and the share of labels that change at most, as `QualityPreset` documents them.
+fn promise(preset: QualityPreset) -> (f64, f64) {
     match preset {
-        Preset::Exact => (55.0, 0.01),
-        Preset::High => (45.0, 0.05),
-        Preset::Balanced => (23.0, 0.6),
-        Preset::Fast => (20.0, 0.75),
+        QualityPreset::Exact => (55.0, 0.01),
+        QualityPreset::High => (45.0, 0.05),
+        QualityPreset::Balanced => (23.0, 0.6),
+        QualityPreset::Fast => (20.0, 0.75),
     }
 }
 
@@ -123,8 +121,8 @@ fn averaged_cells_look_like_the_field_from_afar() {
             taps.sum::<DVec3>() / f64::from(FINE * FINE)
         })
         .collect();
-    let leaves = psnr(&stage.picture(&far(SIZE), Quality::EXACT), &truth);
-    let averaged = psnr(&stage.picture(&far(SIZE), Quality { cell_size: 1.0, ..Quality::EXACT }), &truth);
+    let leaves = psnr(&stage.picture(&far(SIZE), PropQuality::EXACT), &truth);
+    let averaged = psnr(&stage.picture(&far(SIZE), PropQuality { cell_size: 1.0, ..PropQuality::EXACT }), &truth);
     assert!(averaged > leaves, "{averaged:.1} dB averaged, {leaves:.1} dB of leaves");
 }
 
@@ -143,7 +141,7 @@ fn bytes_come_close_to_half_floats() {
     let palette = Palette::new(vec![[0.5; 3]]).unwrap();
     for (precision, least) in [(Precision::Half, 55.0), (Precision::Byte, 45.0)] {
         let mut stage = Stage::new(&field.clone().with_precision(precision), palette.clone());
-        let psnr = psnr(&stage.picture(&camera, Quality::EXACT), &truth);
+        let psnr = psnr(&stage.picture(&camera, PropQuality::EXACT), &truth);
         assert!(psnr >= least, "{precision:?}: {psnr:.1} dB");
     }
 }
@@ -161,8 +159,8 @@ fn faint_leaves_are_left_out_within_bounds() {
         let camera = PinholeCamera::around(field, SIZE, SIZE, 0.5, 0.4).unwrap();
         let truth = reference::render(field, &camera).over(DVec3::ONE);
         let mut stage = Stage::new(field, palette.clone());
-        let all = stage.picture(&camera, Quality::EXACT);
-        let fewer = stage.picture(&camera, Quality { opacity_loss: loss, ..Quality::EXACT });
+        let all = stage.picture(&camera, PropQuality::EXACT);
+        let fewer = stage.picture(&camera, PropQuality { opacity_loss: loss, ..PropQuality::EXACT });
         let psnr = psnr(&fewer, &truth);
         assert!(fewer != all && psnr >= least, "{psnr:.1} dB");
     }
@@ -178,10 +176,10 @@ fn forms_that_nobody_asks_for_are_dropped() {
         let render = stage.headless.app.get_sub_app(RenderApp).unwrap().world();
         render.resource::<RenderAssets<GpuField>>().get(&stage.field).unwrap().bytes()
     };
-    stage.picture(&camera, Quality::EXACT);
+    stage.picture(&camera, PropQuality::EXACT);
     let alone = bytes(&stage);
-    stage.picture(&camera, Quality { density_threshold: 1.0, cell_size: 5.0, ..Quality::EXACT });
-    stage.picture(&camera, Quality { opacity_loss: 0.01, ..Quality::EXACT });
+    stage.picture(&camera, PropQuality { density_threshold: 1.0, cell_size: 5.0, ..PropQuality::EXACT });
+    stage.picture(&camera, PropQuality { opacity_loss: 0.01, ..PropQuality::EXACT });
     assert!(bytes(&stage) > alone + alone / 2);
     let camera = stage.camera;
     stage.headless.app.world_mut().get_mut::<Camera>(camera).unwrap().is_active = false;
@@ -197,9 +195,9 @@ fn rays_that_never_stop_end_in_a_solid_prop() {
     let camera = PinholeCamera::around(&solid, SIZE, SIZE, 0.5, 0.4).unwrap();
     let mut stage = Stage::new(&solid, Palette::new(vec![[0.5; 3]]).unwrap());
     let prop = stage.prop;
-    stage.headless.app.world_mut().entity_mut(prop).insert(SolidOpacity(1.0));
-    let stopped = stage.picture(&camera, Quality::EXACT);
-    let never = stage.picture(&camera, Quality { stop_transmittance: 0.0, ..Quality::EXACT });
+    stage.headless.app.world_mut().entity_mut(prop).insert(SolidOpacity::At(1.0));
+    let stopped = stage.picture(&camera, PropQuality::EXACT);
+    let never = stage.picture(&camera, PropQuality { stop_transmittance: 0.0, ..PropQuality::EXACT });
     assert!(stopped.iter().zip(never.iter()).all(|(a, b)| a.abs_diff(*b) <= 1));
 }
 
@@ -210,8 +208,8 @@ fn what_has_no_color_is_not_there() {
     let fog = bake(&settings, |_| 0.3, |_| |_| DVec3::new(1.0, 0.0, 0.0)).unwrap();
     let camera = PinholeCamera::around(&fog, SIZE, SIZE, 0.5, 0.4).unwrap();
     let mut stage = Stage::new(&fog, Palette::new(vec![[0.5; 3]]).unwrap());
-    assert!(stage.picture(&camera, Quality::EXACT).pixels().any(|pixel| pixel[1] < 200));
-    let nothing = stage.picture(&camera, Quality { min_weight: 0.5, ..Quality::EXACT });
+    assert!(stage.picture(&camera, PropQuality::EXACT).pixels().any(|pixel| pixel[1] < 200));
+    let nothing = stage.picture(&camera, PropQuality { min_weight: 0.5, ..PropQuality::EXACT });
     assert!(nothing.pixels().all(|pixel| pixel.0 == [255; 4]));
 }
 
@@ -225,13 +223,13 @@ fn knobs_beyond_their_range_are_harmless() {
     stage.headless.app.world_mut().entity_mut(prop).insert(Posterize::default());
     for value in [f32::NAN, f32::NEG_INFINITY, -1.0, 0.0, 1e30, f32::INFINITY] {
         for quality in [
-            Quality { stop_transmittance: value, ..default() },
-            Quality { density_threshold: value, ..default() },
-            Quality { opacity_loss: value, ..default() },
-            Quality { min_weight: value, ..default() },
-            Quality { cell_size: value, ..default() },
-            Quality { resolution: value, ..default() },
-            Quality { degree: u32::MAX, filter_iterations: u32::MAX, filter_radius: u32::MAX, ..default() },
+            PropQuality { stop_transmittance: value, ..default() },
+            PropQuality { density_threshold: value, ..default() },
+            PropQuality { opacity_loss: value, ..default() },
+            PropQuality { min_weight: value, ..default() },
+            PropQuality { cell_size: value, ..default() },
+            PropQuality { resolution: value, ..default() },
+            PropQuality { degree: u32::MAX, filter_iterations: u32::MAX, filter_radius: u32::MAX, ..default() },
         ] {
             stage.picture(&camera, quality);
         }

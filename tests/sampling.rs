@@ -4,14 +4,16 @@ use std::time::{Duration, Instant};
 
 use bevy::prelude::*;
 use bevy_plenoctree::{
-    ExtractionSettings, PaletteExtraction, Palettes, PlenOctree, PlenOctreePlugin, Posterize, Prop, Sampled, Sampler,
-    field::{Activation, BakeSettings, Basis, Cell, Frame, UpAxis, bake},
-    headless::Headless,
-    palette::{Histograms, Observers, Progress, sample},
-    reference::sample_histograms,
+    Activation, ExtractionSamples, ExtractionSettings, Observers, PaletteExtraction, PaletteSampler, Palettes,
+    PlenOctree, PlenOctreePlugin, Posterize, Prop, SamplingSettings, UpAxis, headless::Headless,
 };
 use glam::DVec3;
 use half::f16;
+use plenoctree::{
+    BakeSettings, Basis, Cell, Frame, bake,
+    reference::sample_histograms,
+    sampling::{Histograms, Progress, sample},
+};
 
 /// Two lumps that hide each other, with colors by place and direction, faint fog around them, and a wide box so that
 /// cells are no cubes.
@@ -39,9 +41,9 @@ fn lumps(basis: Basis) -> PlenOctree {
 fn extract_in_app(
     field: &PlenOctree,
     settings: &ExtractionSettings,
-    sampler: Sampler,
+    sampler: PaletteSampler,
     budget: Option<Duration>,
-) -> (Sampled, Vec<[f64; 3]>, u32) {
+) -> (ExtractionSamples, Vec<[f64; 3]>, u32) {
     let mut headless = Headless::new(UVec2::ONE, |app| {
         app.add_plugins(PlenOctreePlugin);
     })
@@ -60,7 +62,7 @@ fn extract_in_app(
         let world = headless.app.world();
         let extraction = world.resource::<PaletteExtraction>();
         if let Some(sampled) = extraction.sampled(&handle) {
-            let colors = world.resource::<Palettes>().get(&handle).unwrap().extracted().colors.clone();
+            let colors = world.resource::<Palettes>().get(&handle).unwrap().source().colors.clone();
             return (sampled.clone(), colors, frame);
         }
         assert!(extraction.error(&handle).is_none(), "{:?}", extraction.error(&handle));
@@ -80,20 +82,23 @@ fn difference(found: &Histograms, expected: &Histograms) -> f64 {
 
 #[test]
 fn the_gpu_samples_as_the_reference_does() {
-    let default = ExtractionSettings::default;
+    let settings = |sampling| ExtractionSettings { sampling, ..default() };
     for (basis, settings) in [
-        (Basis::Sh9, default()),
-        (Basis::Rgba, ExtractionSettings { directions: 1, multisamples: 3, ..default() }),
-        (Basis::Sh4, ExtractionSettings { observers: Observers::Sphere, fine_bins: 20, coarse_bins: 5, ..default() }),
+        (Basis::Sh9, ExtractionSettings::default()),
+        (Basis::Rgba, settings(SamplingSettings { directions: 1, multisamples: 3, ..default() })),
+        (
+            Basis::Sh4,
+            settings(SamplingSettings { observers: Observers::Sphere, fine_bins: 20, coarse_bins: 5, ..default() }),
+        ),
     ] {
         let field = lumps(basis);
-        let expected = sample_histograms(&field, &settings).unwrap();
-        let (sampled, colors, _) = extract_in_app(&field, &settings, Sampler::Gpu, None);
+        let expected = sample_histograms(&field, &settings.sampling).unwrap();
+        let (sampled, colors, _) = extract_in_app(&field, &settings, PaletteSampler::Gpu, None);
         assert!(sampled.on_gpu);
         assert_eq!(sampled.histograms.samples(), expected.samples());
         let off = difference(&sampled.histograms, &expected);
         assert!(off < 1e-4, "{basis:?}: {off}");
-        let reference = bevy_plenoctree::palette::extract_from_histograms(&expected, &settings).unwrap();
+        let reference = plenoctree::palette::extract_from_histograms(&expected, &settings).unwrap();
         for (color, expected) in colors.iter().zip(&reference.palette.colors) {
             assert!(DVec3::from(*color).distance(DVec3::from(*expected)) < 0.005, "{colors:?}");
         }
@@ -104,8 +109,8 @@ fn the_gpu_samples_as_the_reference_does() {
 fn the_cpu_samples_as_the_reference_does() {
     let settings = ExtractionSettings::default();
     let field = lumps(Basis::Sh9);
-    let expected = sample_histograms(&field, &settings).unwrap();
-    let (sampled, ..) = extract_in_app(&field, &settings, Sampler::Cpu, None);
+    let expected = sample_histograms(&field, &settings.sampling).unwrap();
+    let (sampled, ..) = extract_in_app(&field, &settings, PaletteSampler::Cpu, None);
     assert!(!sampled.on_gpu);
     assert!(difference(&sampled.histograms, &expected) < 1e-5);
 }
@@ -122,10 +127,10 @@ fn weights_a_trillion_apart_are_both_counted() {
         PlenOctree::new(frame, Basis::Rgba, Activation::Identity, UpAxis::Z, vec![cells], densities, coefficients)
             .unwrap();
     let settings = ExtractionSettings::default();
-    let expected = sample_histograms(&field, &settings).unwrap();
+    let expected = sample_histograms(&field, &settings.sampling).unwrap();
     let filled = expected.fine().iter().filter(|weight| **weight > 0.0);
     assert!(filled.clone().fold(0.0f64, |a, b| a.max(*b)) > 1e12 * filled.clone().fold(f64::MAX, |a, b| a.min(*b)));
-    for sampler in [Sampler::Gpu, Sampler::Cpu] {
+    for sampler in [PaletteSampler::Gpu, PaletteSampler::Cpu] {
         let (sampled, ..) = extract_in_app(&field, &settings, sampler, None);
         for (found, expected) in sampled.histograms.fine().iter().zip(expected.fine()) {
             assert!((found - expected).abs() <= 1e-5 * expected, "{sampler:?}: {found}, expected {expected}");
@@ -138,9 +143,9 @@ fn weights_a_trillion_apart_are_both_counted() {
 fn slices_of_any_size_give_the_same_bits() {
     let field = lumps(Basis::Sh1);
     let settings = ExtractionSettings::default();
-    let (at_once, colors, _) = extract_in_app(&field, &settings, Sampler::Gpu, None);
+    let (at_once, colors, _) = extract_in_app(&field, &settings, PaletteSampler::Gpu, None);
     let (sliced, sliced_colors, frames) =
-        extract_in_app(&field, &settings, Sampler::Gpu, Some(Duration::from_micros(1)));
+        extract_in_app(&field, &settings, PaletteSampler::Gpu, Some(Duration::from_micros(1)));
     assert!(frames > 3, "{frames} frames");
     assert_eq!(at_once.histograms, sliced.histograms);
     assert_eq!(colors, sliced_colors);
@@ -150,14 +155,17 @@ fn slices_of_any_size_give_the_same_bits() {
 #[test]
 fn a_fraction_of_the_leaves_stands_for_all() {
     let field = lumps(Basis::Sh4);
-    let whole = sample(&field, &ExtractionSettings::default(), &Progress::default()).unwrap();
+    let whole = sample(&field, &SamplingSettings::default(), &Progress::default()).unwrap();
     for fraction in [0.5, 0.2] {
-        let settings = ExtractionSettings { sample_fraction: fraction, ..Default::default() };
-        let some = sample(&field, &settings, &Progress::default()).unwrap();
+        let settings = ExtractionSettings {
+            sampling: SamplingSettings { sample_fraction: fraction, ..default() },
+            ..Default::default()
+        };
+        let some = sample(&field, &settings.sampling, &Progress::default()).unwrap();
         let weight = some.total_weight() / whole.total_weight();
         assert!((weight - 1.0).abs() < 0.1, "{fraction}: {weight} of the weight");
         assert!(difference(&some, &whole) > 1e-3, "{fraction} changed nothing");
-        let (on_gpu, ..) = extract_in_app(&field, &settings, Sampler::Gpu, None);
+        let (on_gpu, ..) = extract_in_app(&field, &settings, PaletteSampler::Gpu, None);
         assert!(difference(&on_gpu.histograms, &some) < 1e-4, "the GPU chose other leaves");
     }
 }
@@ -169,7 +177,7 @@ fn every_field_gets_its_turn_on_the_gpu() {
         app.add_plugins(PlenOctreePlugin);
     })
     .unwrap();
-    headless.app.world_mut().resource_mut::<PaletteExtraction>().sampler = Sampler::Gpu;
+    headless.app.world_mut().resource_mut::<PaletteExtraction>().sampler = PaletteSampler::Gpu;
     let fields: Vec<_> = [Basis::Sh1, Basis::Sh4]
         .into_iter()
         .map(|basis| {
@@ -186,7 +194,7 @@ fn every_field_gets_its_turn_on_the_gpu() {
     extraction.restart(&fields[0]);
     let start = Instant::now();
     let colors = |headless: &Headless| {
-        headless.app.world().resource::<Palettes>().get(&fields[0]).unwrap().extracted().colors.len()
+        headless.app.world().resource::<Palettes>().get(&fields[0]).unwrap().source().colors.len()
     };
     while colors(&headless) != 4 {
         headless.update();

@@ -85,7 +85,7 @@ impl Show {
         set_frame_time(&mut headless, Duration::from_secs(1) / 60);
         play_unseen(&mut headless, self.at_frame);
         set_frame_time(&mut headless, Duration::ZERO);
-        headless.picture()?.save(file).map_err(|error| format!("{}: {error}", file.display()))?;
+        headless.capture()?.save(file).map_err(|error| format!("{}: {error}", file.display()))?;
         Ok(())
     }
 }

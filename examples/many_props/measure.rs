@@ -23,10 +23,10 @@ pub fn print_pace(time: Res<Time<Real>>, mut frames: Local<u32>, mut elapsed: Lo
 /// Frames from their beginning until the picture is in memory: what the CPU and the GPU, or its software, do for them.
 pub fn time_frames(headless: &mut Headless, count: u32) -> Result {
     // The first one compiles.
-    headless.picture()?;
+    headless.capture()?;
     let start = Instant::now();
     for _ in 0..FRAMES {
-        headless.picture()?;
+        headless.capture()?;
     }
     println!("{count} props: {:.1} ms a frame, the mean of {FRAMES}", milliseconds(start.elapsed(), FRAMES));
     Ok(())

@@ -96,7 +96,7 @@ fn painted(coat: Option<usize>, brush: &Brush) -> Option<usize> {
 
 /// A palette color under a coat.
 fn covered(palette: &FieldPalette, color: usize, coat: Option<usize>) -> Option<Color> {
-    let bare = palette.extracted().colors.get(color)?.map(|channel| channel as f32);
+    let bare = palette.source().colors.get(color)?.map(|channel| channel as f32);
     Some(coat.map_or(Color::srgb_from_array(bare), |paint| PAINTS[paint]))
 }
 

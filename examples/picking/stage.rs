@@ -1,7 +1,7 @@
 //! The shop: a bench with toys and tins, and a wall with pictures of the toys that are wanted.
 
 use bevy::{core_pipeline::tonemapping::Tonemapping, prelude::*};
-use bevy_plenoctree::{PaletteOverride, Palettes, PlenOctree, Posterize, Prop, prop::Abstraction};
+use bevy_plenoctree::{BilateralFilter, PaletteOverride, Palettes, PlenOctree, Posterize, Prop};
 
 use crate::{
     build::{Builder, color},
@@ -88,7 +88,7 @@ fn spawn_toys(mut commands: Commands, assets: Res<AssetServer>) {
         let hung = Transform::from_xyz(x, 3.15, WALL + 0.1)
             .with_rotation(Quat::from_rotation_y(0.3 * turn))
             .with_scale(Vec3::new(0.52, 0.52, 0.04));
-        let look = Posterize { abstraction: Abstraction { iterations: 1, ..default() }, ..default() };
+        let look = Posterize { filter: BilateralFilter { iterations: 1, ..default() }, ..default() };
         let picture =
             commands.spawn((Prop(field.clone()), look, PaletteOverride::default(), hung, Pickable::IGNORE)).id();
         let home = standing(Vec3::new(x, 0.12, 0.0), 1.0, turn);

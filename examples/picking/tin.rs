@@ -1,12 +1,9 @@
 //! A tin of paint, baked when the game starts. All tins are one field: the color of the paint is the prop's own.
 
 use bevy::prelude::{Color, default};
-use bevy_plenoctree::{
-    FieldPalette, PlenOctree,
-    field::{BakeError, BakeSettings, Basis, bake},
-    palette::InvalidPalette,
-};
+use bevy_plenoctree::{FieldPalette, PlenOctree};
 use glam::{DVec2, DVec3};
+use plenoctree::{BakeError, BakeSettings, Basis, bake, palette::InvalidPalette};
 
 /// The color of the paint in the palette.
 pub const PAINT: usize = 0;

@@ -1,7 +1,7 @@
 //! The props, each with a look of its own.
 
 use bevy::prelude::*;
-use bevy_plenoctree::{Abstraction, BlendSpace, Palettes, Posterize, Prop};
+use bevy_plenoctree::{BilateralFilter, BlendSpace, Palettes, Posterize, Prop};
 
 use crate::{
     build::color,
@@ -19,7 +19,7 @@ const POSTER: Posterize = Posterize {
     blend_steps: 1,
     softness: 0.0,
     min_opacity: 0.4,
-    abstraction: Abstraction { iterations: 6, radius: 3, spatial_sigma: 3.0, range_sigma: 6.0 },
+    filter: BilateralFilter { iterations: 6, radius: 3, spatial_sigma: 3.0, range_sigma: 6.0 },
 };
 
 /// Many tones that run into each other.
@@ -27,7 +27,7 @@ const PASTEL: Posterize = Posterize {
     blend_steps: 4,
     softness: 0.35,
     min_opacity: 0.3,
-    abstraction: Abstraction { iterations: 2, radius: 2, spatial_sigma: 3.0, range_sigma: 4.25 },
+    filter: BilateralFilter { iterations: 2, radius: 2, spatial_sigma: 3.0, range_sigma: 4.25 },
 };
 
 /// What a field's palette becomes by night.

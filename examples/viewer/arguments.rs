@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use bevy_plenoctree::field::{LoadSettings, UpAxis};
+use bevy_plenoctree::{LoadSettings, UpAxis};
 use clap::{Parser, ValueEnum};
 
 use crate::{quality::Level, show::Show};

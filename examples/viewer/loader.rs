@@ -17,11 +17,9 @@ use bevy::{
     tasks::{AsyncComputeTaskPool, Task, block_on, poll_once},
 };
 use bevy_plenoctree::{
-    FieldPalette, Palette, Palettes, PlenOctree, Posterize, Prop,
-    field::{LoadSettings, ReadError},
-    gpu::{FieldTooLarge, GpuField},
-    palette::PaletteFileError,
+    FieldPalette, FieldTooLarge, GpuField, LoadSettings, Palette, Palettes, PlenOctree, Posterize, Prop,
 };
+use plenoctree::{ReadError, palette::PaletteFileError};
 
 use crate::{
     action::Action,

@@ -15,7 +15,6 @@ mod notices;
 mod pace;
 mod palette_file;
 mod panel;
-#[path = "../common/quality.rs"]
 mod quality;
 mod scene;
 mod screenshot;

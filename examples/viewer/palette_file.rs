@@ -54,7 +54,7 @@ fn save(
 ) -> Result<&'static str, String> {
     let palette = palette.ok_or("There is no palette yet that could be saved.")?;
     let (saved, what) = match colors {
-        Colors::Extracted => (palette.extracted().clone(), "Saved the extracted colors"),
+        Colors::Extracted => (palette.source().clone(), "Saved the extracted colors"),
         Colors::Shown | Colors::Either => (shown(palette, own), "Saved the shown colors"),
     };
     saved.write(path).map_err(|error| error.to_string())?;
@@ -66,7 +66,7 @@ fn shown(palette: &FieldPalette, own: Option<&PaletteOverride>) -> Palette {
     let colors = colors.map(|(index, color)| own.and_then(|own| own.get(index)).unwrap_or(*color));
     Palette {
         colors: colors.map(|color| Srgba::from(color).to_f32_array_no_alpha().map(f64::from)).collect(),
-        weights: palette.extracted().weights.clone(),
+        weights: palette.source().weights.clone(),
     }
 }
 

@@ -5,8 +5,7 @@ use std::path::PathBuf;
 use bevy::{camera::Viewport, prelude::*};
 use bevy_egui::{EguiContexts, egui};
 use bevy_plenoctree::{
-    PlenOctree, Prop,
-    gpu::GpuField,
+    GpuField, PlenOctree, Prop,
     panel::{PaletteEditor, palette_ui},
 };
 

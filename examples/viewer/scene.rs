@@ -8,7 +8,7 @@ use bevy::{
 };
 use bevy_egui::PrimaryEguiContext;
 use bevy_panorbit_camera::PanOrbitCamera;
-use bevy_plenoctree::{PlenOctree, Prop, Quality};
+use bevy_plenoctree::{PlenOctree, Prop, PropQuality};
 
 use crate::{action::Action, loader::Loader};
 
@@ -18,7 +18,7 @@ const PITCH: f32 = 0.45;
 
 /// How exactly the field is drawn.
 #[derive(Resource)]
-pub struct CameraQuality(pub Quality);
+pub struct CameraQuality(pub PropQuality);
 
 /// A camera for the field and, over it, one for the interface.
 pub fn spawn_cameras(mut commands: Commands, quality: Res<CameraQuality>) {

@@ -1,66 +1,26 @@
-//! The forms of a field that cameras ask for: with all its leaves, without faint ones, with larger cells.
+//! The levels of one field that cameras ask for.
 
 use std::sync::{Arc, OnceLock};
 
 use bevy::tasks::{AsyncComputeTaskPool, Task, block_on, poll_once};
+use plenoctree::{Faintness, PlenOctree};
 
 use super::{
-    faintness::Faintness,
-    field::{Form, GpuLevel, Uploader},
+    level::Level,
+    upload::{FieldTooLarge, GpuLevel, LevelData, Upload, Uploaded, Uploader},
 };
-use crate::{field::PlenOctree, quality::Quality};
 
-/// So many frames after a form was asked for last, its memory is given back.
-const KEPT: u32 = 600;
+/// Frames that an unused level is kept before it is evicted.
+const KEPT_FRAMES: u32 = 600;
 
-/// Which form of a field.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct Level {
-    /// How many times the width of cells is doubled, if there are as large ones.
-    coarser: u32,
-    /// Leaves that are less dense are left out.
-    density_threshold: f32,
-    /// Faint leaves are left out until rays lose so much.
-    opacity_loss: f32,
-}
-
-impl Level {
-    /// What a `quality` asks for where cells are to be doubled `coarser` times.
-    pub fn new(coarser: u32, quality: &Quality) -> Self {
-        Self { coarser, density_threshold: quality.density_threshold, opacity_loss: quality.opacity_loss }
-    }
-
-    /// The field in this form.
-    fn of(self, field: &PlenOctree, faintness: &OnceLock<Faintness>) -> PlenOctree {
-        let mut threshold = self.density_threshold;
-        if self.opacity_loss > 0.0 {
-            threshold = threshold.max(faintness.get_or_init(|| Faintness::of(field)).threshold(self.opacity_loss));
-        }
-        let mut field = field.thinned(threshold);
-        for _ in 0..self.coarser {
-            let Some(next) = field.coarser(1) else { break };
-            field = next;
-        }
-        field
-    }
-
-    /// Whether this form can stand in for `wanted` until that is made: it shows no less.
-    fn stands_in_for(self, wanted: Self) -> bool {
-        self.coarser <= wanted.coarser
-            && self.density_threshold <= wanted.density_threshold
-            && self.opacity_loss <= wanted.opacity_loss
-    }
-}
-
-/// A field's forms in GPU memory.
+/// A field's levels in GPU memory: the field itself for good, others while cameras ask for them.
 pub(super) struct Levels {
     source: PlenOctree,
     faintness: Arc<OnceLock<Faintness>>,
-    /// The field itself, for ever, and others while they are asked for.
-    made: Vec<Made>,
+    slots: Vec<Slot>,
 }
 
-struct Made {
+struct Slot {
     level: Level,
     state: State,
     /// Frames since it was asked for.
@@ -69,71 +29,108 @@ struct Made {
 
 enum State {
     /// Made in the background, since that takes longer than a frame may.
-    Making(Task<Form>),
-    /// `None` if the GPU cannot hold it.
-    Ready(Option<Arc<GpuLevel>>),
+    Making(Task<LevelData>),
+    Uploading(Upload),
+    Ready(Arc<GpuLevel>),
+    Failed(FieldTooLarge),
 }
 
 impl Levels {
     pub fn new(source: PlenOctree, uploader: &Uploader) -> Self {
-        let form = Form::new(source);
-        let state = State::Ready(uploader.upload(&form));
-        Self {
-            source: form.field,
-            faintness: Arc::default(),
-            made: vec![Made { level: Level::default(), state, idle: 0 }],
-        }
+        let data = LevelData::new(source);
+        let state = State::from(uploader.upload(&data));
+        let slot = Slot { level: Level::default(), state, idle: 0 };
+        Self { source: data.field, faintness: Arc::default(), slots: vec![slot] }
     }
 
     pub fn get(&self, level: Level) -> Option<&Arc<GpuLevel>> {
-        self.made.iter().find(|made| made.level == level)?.state.ready()
+        self.slots.iter().find(|slot| slot.level == level)?.state.ready()
     }
 
-    /// The form to draw where one is wanted: that, or what stands in for it while it is made.
-    pub fn ask(&mut self, wanted: Level, uploader: &Uploader) -> Level {
-        let place = self.made.iter().position(|made| made.level == wanted).unwrap_or_else(|| {
-            let (field, faintness) = (self.source.clone(), self.faintness.clone());
-            let task = AsyncComputeTaskPool::get().spawn(async move { Form::new(wanted.of(&field, &faintness)) });
-            self.made.push(Made { level: wanted, state: State::Making(task), idle: 0 });
-            self.made.len() - 1
-        });
-        let made = &mut self.made[place];
-        made.idle = 0;
-        if let State::Making(task) = &mut made.state
-            && let Some(form) = block_on(poll_once(task))
-        {
-            made.state = State::Ready(uploader.upload(&form));
+    /// Whether the field itself can be drawn; `None` while that is still unknown.
+    pub fn outcome(&self) -> Option<Result<(), &FieldTooLarge>> {
+        match &self.slots.first()?.state {
+            State::Ready(_) => Some(Ok(())),
+            State::Failed(error) => Some(Err(error)),
+            State::Making(_) | State::Uploading(_) => None,
         }
-        if made.state.ready().is_some() {
+    }
+
+    /// Asks for a level in this frame.
+    pub fn request(&mut self, level: Level) {
+        if let Some(slot) = self.slots.iter_mut().find(|slot| slot.level == level) {
+            slot.idle = 0;
+            return;
+        }
+        let (field, faintness) = (self.source.clone(), self.faintness.clone());
+        let make = async move { LevelData::new(level.make(&field, &faintness)) };
+        let state = State::Making(AsyncComputeTaskPool::get().spawn(make));
+        self.slots.push(Slot { level, state, idle: 0 });
+    }
+
+    /// Uploads the levels that were asked for in this frame and have been made. Returns why one of them failed.
+    pub fn upload(&mut self, uploader: &Uploader) -> Option<FieldTooLarge> {
+        let mut failure = None;
+        for slot in self.slots.iter_mut().filter(|slot| slot.idle == 0) {
+            let next = match &mut slot.state {
+                State::Making(task) => block_on(poll_once(task)).map(|data| uploader.upload(&data).into()),
+                State::Uploading(upload) => upload.poll().map(|outcome| Uploaded::Now(outcome).into()),
+                State::Ready(_) | State::Failed(_) => None,
+            };
+            if let Some(next) = next {
+                if let State::Failed(error) = &next {
+                    failure = Some(error.clone());
+                }
+                slot.state = next;
+            }
+        }
+        failure
+    }
+
+    /// The level to draw where one is wanted: that one, or the one that stands in for it until it is ready.
+    pub fn resolve(&self, wanted: Level) -> Level {
+        if self.get(wanted).is_some() {
             return wanted;
         }
-        let ready = self.made.iter().filter(|made| made.state.ready().is_some() && made.level.stands_in_for(wanted));
-        ready.map(|made| made.level).max_by_key(|level| level.coarser).unwrap_or_default()
+        let ready = self.slots.iter().filter(|slot| slot.state.ready().is_some());
+        let ready = ready.map(|slot| slot.level).filter(|level| level.stands_in_for(wanted));
+        ready.max_by_key(|level| level.coarser()).unwrap_or_default()
     }
 
-    /// Whether a form that was asked for in the last frame is still being made.
+    /// Whether a level that was asked for in the last frame is not ready yet.
     pub fn is_busy(&self) -> bool {
-        self.made.iter().any(|made| made.idle <= 1 && matches!(made.state, State::Making(_)))
+        let waits = |state: &State| matches!(state, State::Making(_) | State::Uploading(_));
+        self.slots.iter().any(|slot| slot.idle <= 1 && waits(&slot.state))
     }
 
-    /// Ends a frame: what was not asked for in a long time is dropped.
+    /// Ends a frame: evicts what was not asked for in a long time.
     pub fn age(&mut self) {
-        for made in &mut self.made {
-            made.idle = made.idle.saturating_add(1);
+        for slot in &mut self.slots {
+            slot.idle = slot.idle.saturating_add(1);
         }
-        self.made.retain(|made| made.level == Level::default() || made.idle < KEPT);
+        self.slots.retain(|slot| slot.level == Level::default() || slot.idle < KEPT_FRAMES);
     }
 
     pub fn iter(&self) -> impl Iterator<Item = &GpuLevel> {
-        self.made.iter().filter_map(|made| made.state.ready()).map(AsRef::as_ref)
+        self.slots.iter().filter_map(|slot| slot.state.ready()).map(AsRef::as_ref)
     }
 }
 
 impl State {
     fn ready(&self) -> Option<&Arc<GpuLevel>> {
         match self {
-            Self::Ready(level) => level.as_ref(),
-            Self::Making(_) => None,
+            Self::Ready(level) => Some(level),
+            Self::Making(_) | Self::Uploading(_) | Self::Failed(_) => None,
+        }
+    }
+}
+
+impl From<Uploaded> for State {
+    fn from(uploaded: Uploaded) -> Self {
+        match uploaded {
+            Uploaded::Now(Ok(level)) => Self::Ready(level),
+            Uploaded::Now(Err(error)) => Self::Failed(error),
+            Uploaded::Later(upload) => Self::Uploading(upload),
         }
     }
 }

@@ -1,38 +1,55 @@
-//! The field on the GPU.
+//! Fields on the GPU: their levels, how these are packed and uploaded, and what shaders need to know of them.
 
-mod faintness;
+mod constants;
 mod field;
+mod level;
 mod levels;
 mod payload;
 mod records;
+mod report;
 mod shaders;
+mod systems;
+mod textures;
 mod upload;
 
-pub(crate) use field::{FieldLayout, FieldShape, GpuLevel, Uploader};
-pub use field::{FieldTooLarge, GpuField};
-pub(crate) use levels::Level;
+pub(crate) use constants::{MAX_PROPS_IN_VIEW, SAMPLING_WORKGROUP};
+pub use field::GpuField;
+pub(crate) use level::Level;
+pub use report::{FieldFailed, FieldReady};
 pub(crate) use shaders::{Shaders, field_definitions};
+pub use upload::FieldTooLarge;
+pub(crate) use upload::{FieldLayout, FieldShape, GpuLevel};
 
 use bevy::{
     prelude::*,
     render::{Render, RenderApp, RenderSystems, render_asset::RenderAssetPlugin},
 };
 
-/// Uploads every loaded [`PlenOctree`](crate::field::PlenOctree).
+use crate::sets::{PlenOctreeRenderSystems, PlenOctreeSystems};
+
+/// Uploads every loaded [`PlenOctree`](plenoctree::PlenOctree).
 pub(crate) struct GpuFieldPlugin;
 
 impl Plugin for GpuFieldPlugin {
     fn build(&self, app: &mut App) {
+        let reports = report::FieldReports::default();
+        app.insert_resource(reports.clone())
+            .add_message::<FieldReady>()
+            .add_message::<FieldFailed>()
+            .add_systems(PreUpdate, report::receive.in_set(PlenOctreeSystems::ReportFields));
         if app.get_sub_app(RenderApp).is_none() {
             return;
         }
         let shaders = Shaders::add_to(app);
         app.add_plugins(RenderAssetPlugin::<GpuField>::default());
         if let Some(render_app) = app.get_sub_app_mut(RenderApp) {
-            render_app
-                .insert_resource(shaders)
-                .init_resource::<FieldLayout>()
-                .add_systems(Render, field::drop_idle_levels.in_set(RenderSystems::Cleanup));
+            render_app.insert_resource(shaders).insert_resource(reports).init_resource::<FieldLayout>().add_systems(
+                Render,
+                (
+                    systems::upload_levels.in_set(PlenOctreeRenderSystems::UploadLevels),
+                    systems::evict_levels.in_set(RenderSystems::Cleanup),
+                ),
+            );
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use half::f16;
 
-use crate::field::{Basis, PlenOctree, Precision};
+use plenoctree::{Basis, PlenOctree, Precision};
 
 /// How the coefficients of one leaf lie in texels, as shaders need to know it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

@@ -4,7 +4,7 @@
 //! 64 bits which of its cells begin a leaf; since leaves are counted in depth-first order, the number of bits before a
 //! cell's is its leaf, and no index need be stored. That takes 16 bytes where a node's eight cells took 32.
 
-use crate::field::{Cell, PlenOctree};
+use plenoctree::{Cell, PlenOctree};
 
 /// What a shader knows of a cell: `Record` of `octree.wgsl`, four words.
 ///
@@ -18,10 +18,12 @@ use crate::field::{Cell, PlenOctree};
 /// Parts are counted as x y z (bits of the octant), x y z (bits of the part within it). Level `l` has `2^l` cells a side.
 type Record = [u32; 4];
 
+/// The bits of the last word that hold the kind.
+pub(super) const KIND: u32 = 3 << 30;
 const EMPTY: u32 = 0;
-const BRICK: u32 = 1 << 30;
-const INNER: u32 = 2 << 30;
-const LEAF: u32 = 3 << 30;
+pub(super) const BRICK: u32 = 1 << 30;
+pub(super) const INNER: u32 = 2 << 30;
+pub(super) const LEAF: u32 = 3 << 30;
 
 /// Texels of the largest side of the table.
 const MOST_TABLE_LEVEL: u32 = 8;
@@ -36,7 +38,7 @@ pub(super) struct Records {
     /// A record for every cell of that level, z fastest.
     pub table: Vec<Record>,
     /// What inner records point to.
-    pub below: Vec<Record>,
+    pub children: Vec<Record>,
 }
 
 impl Records {
@@ -45,7 +47,7 @@ impl Records {
         let depth = field.depth().max(2);
         let table_level = table_level(depth, allowance);
         let mut records =
-            Self { depth, table_level, table: vec![[EMPTY; 4]; 1 << (3 * table_level)], below: Vec::new() };
+            Self { depth, table_level, table: vec![[EMPTY; 4]; 1 << (3 * table_level)], children: Vec::new() };
         records.fill(field, Part::Node(0), 0, [0; 3]);
         records
     }
@@ -54,8 +56,8 @@ impl Records {
     pub fn most_bytes(field: &PlenOctree, allowance: u64) -> u64 {
         let depth = field.depth().max(2);
         let level = table_level(depth, allowance);
-        let below = if level + 2 < depth { 8 * field.nodes().len() as u64 } else { 0 };
-        16 * ((1 << (3 * level)) + below)
+        let children = if level + 2 < depth { 8 * field.nodes().len() as u64 } else { 0 };
+        16 * ((1 << (3 * level)) + children)
     }
 
     fn fill(&mut self, field: &PlenOctree, part: Part, level: u32, corner: [u32; 3]) {
@@ -110,12 +112,12 @@ impl Records {
                 None => [0, 0, 0, EMPTY | level],
             };
         }
-        let first = self.below.len();
-        self.below.resize(first + mask.count_ones() as usize, [EMPTY; 4]);
+        let first = self.children.len();
+        self.children.resize(first + mask.count_ones() as usize, [EMPTY; 4]);
         let mut next = first;
         for (parts, is_leaf) in octants {
             for part in parts.into_iter().filter(|part| !matches!(part, Part::Empty)) {
-                self.below[next] = self.record(field, part, level + if is_leaf { 1 } else { 2 });
+                self.children[next] = self.record(field, part, level + if is_leaf { 1 } else { 2 });
                 next += 1;
             }
         }
@@ -154,9 +156,9 @@ fn table_level(depth: u32, allowance: u64) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::field::{Activation, Basis, Frame, LeafCell, UpAxis};
     use glam::{DVec3, UVec3};
     use half::f16;
+    use plenoctree::{Activation, Basis, Frame, LeafCell, UpAxis};
     use proptest::prelude::*;
 
     /// What a shader does with the records: the leaf at `position`, its corner and its width, in finest cells.
@@ -172,7 +174,7 @@ mod tests {
                 4 * q.x + 2 * q.y + q.z
             };
             let mask = u64::from(record[1]) << 32 | u64::from(record[0]);
-            let kind = record[3] & (3 << 30);
+            let kind = record[3] & KIND;
             if kind == EMPTY || kind == LEAF {
                 let (corner, size) = cell(records.depth - (record[3] & 31));
                 return ((kind == LEAF).then_some(record[2]), corner, size);
@@ -194,7 +196,7 @@ mod tests {
                 let (corner, size) = cell(shift + u32::from(mask >> (8 * octant) & 0xff == 0));
                 return (None, corner, size);
             }
-            record = records.below[record[2] as usize + (mask & ((1 << index) - 1)).count_ones() as usize];
+            record = records.children[record[2] as usize + (mask & ((1 << index) - 1)).count_ones() as usize];
         }
     }
 

@@ -4,26 +4,27 @@ use bevy::{
     prelude::*,
     shader::{Shader, ShaderDefVal},
 };
+use plenoctree::{Activation, Basis};
 
-use super::field::FieldShape;
-use crate::field::{Activation, Basis};
+use super::{constants, upload::FieldShape};
 
 /// Handles of the shaders, in the render world. Those that only others import are kept too, to keep them loaded.
 #[derive(Resource, Clone)]
 pub(crate) struct Shaders {
     pub volume: Handle<Shader>,
+    pub upsample: Handle<Shader>,
     pub fullscreen: Handle<Shader>,
     pub composite: Handle<Shader>,
-    pub bilateral: Handle<Shader>,
-    pub posterize: Handle<Shader>,
+    pub filter: Handle<Shader>,
+    pub label: Handle<Shader>,
+    pub present: Handle<Shader>,
     pub depth: Handle<Shader>,
-    pub upsample: Handle<Shader>,
     pub sampling: Handle<Shader>,
-    _imported: [Handle<Shader>; 6],
+    _imported: [Handle<Shader>; 7],
 }
 
 impl Shaders {
-    /// Adds all shaders to the app. They are there at once: nothing waits for an asset server.
+    /// Adds all shaders to the app. They are available at once: nothing waits for an asset server.
     pub fn add_to(app: &mut App) -> Self {
         let mut assets = app.world_mut().resource_mut::<Assets<Shader>>();
         macro_rules! shader {
@@ -36,20 +37,22 @@ impl Shaders {
         }
         Self {
             volume: shader!("volume.wgsl"),
+            upsample: shader!("upsample.wgsl"),
             fullscreen: shader!("fullscreen.wgsl"),
             composite: shader!("composite.wgsl"),
-            bilateral: shader!("bilateral.wgsl"),
-            posterize: shader!("posterize.wgsl"),
+            filter: shader!("filter.wgsl"),
+            label: shader!("label.wgsl"),
+            present: shader!("present.wgsl"),
             depth: shader!("depth.wgsl"),
-            upsample: shader!("upsample.wgsl"),
             sampling: shader!("sampling.wgsl"),
             _imported: [
                 shader!("color.wgsl"),
-                shader!("filtered.wgsl"),
+                shader!("filter_texel.wgsl"),
                 shader!("view.wgsl"),
                 shader!("target.wgsl"),
                 shader!("octree.wgsl"),
                 shader!("radiance.wgsl"),
+                assets.add(Shader::from_wgsl(constants::wgsl(), "bevy_plenoctree/shaders/constants.wgsl")),
             ],
         }
     }

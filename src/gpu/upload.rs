@@ -1,137 +1,217 @@
-//! Textures that hold arrays: unlike buffers, they are bound whole however large they are.
+//! From a field to its textures and bind group.
 
-use bevy::render::{
-    render_resource::{
-        Extent3d, Origin3d, TexelCopyBufferLayout, TexelCopyTextureInfo, Texture, TextureAspect, TextureDescriptor,
-        TextureDimension, TextureFormat, TextureUsages,
+use std::sync::Arc;
+
+use bevy::{
+    ecs::system::SystemParam,
+    prelude::*,
+    render::{
+        render_resource::{
+            BindGroup, BindGroupEntries, BindGroupLayoutDescriptor, BindGroupLayoutEntries, BufferInitDescriptor,
+            BufferUsages, PipelineCache, ShaderStages, ShaderType, TextureSampleType,
+            binding_types::{texture_2d, texture_3d, uniform_buffer},
+        },
+        renderer::{RenderDevice, RenderQueue},
     },
-    renderer::{RenderDevice, RenderQueue},
+    tasks::{AsyncComputeTaskPool, Task, block_on, poll_once},
 };
-use half::f16;
+use glam::DVec3;
+use plenoctree::{Activation, PlenOctree};
 
-use super::payload::Payload;
+use super::{
+    payload::Payload,
+    records::Records,
+    textures::{Row, upload_table},
+};
 
-/// The widest row of a texture, in texels.
-const MOST_WIDTH: u32 = 8192;
-/// Texels that are handed over at a time: the queue copies them.
-const BAND: usize = 1 << 22;
-
-/// An array in the rows of a texture: element `i` is texel `i` modulo the width, in row `i` over the width.
-#[derive(Clone, Copy)]
-pub(super) struct Row {
-    width: u32,
-    most_rows: u32,
+/// A field that the GPU cannot hold.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "the field's {what} need {bytes} bytes on the GPU, {}; a field with fewer leaves or spherical harmonics of a lower \
+     degree would fit, and compact ones (`Precision::Byte`) take half as much",
+    .limit.map_or("which has less memory left".into(), |limit| format!("which can hold {limit} of them"))
+)]
+pub struct FieldTooLarge {
+    /// Which of the field's parts does not fit.
+    pub what: &'static str,
+    /// Its size.
+    pub bytes: u64,
+    /// How much of them the device can hold: a texture of four words a texel, `max_texture_dimension_2d` high and as wide,
+    /// but at most 8192 wide. `None` if the driver found no room, and did not say how much there is.
+    pub limit: Option<u64>,
 }
 
-impl Row {
-    pub fn new(limits: &wgpu::Limits) -> Self {
-        let most_rows = limits.max_texture_dimension_2d.max(1);
-        // A power of two, so that shaders need not divide.
-        Self { width: 1 << MOST_WIDTH.min(most_rows).ilog2(), most_rows }
-    }
+/// A level of a field in GPU memory, as shaders read it.
+pub(crate) struct GpuLevel {
+    pub bind_group: BindGroup,
+    pub shape: FieldShape,
+    /// The box around the leaves, in tree units.
+    pub bounds: Option<(DVec3, DVec3)>,
+    pub bytes: u64,
+}
 
-    /// The width as a power of two.
-    pub fn log2(self) -> u32 {
-        self.width.ilog2()
-    }
+/// What pipelines that read a field are compiled for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(crate) struct FieldShape {
+    pub payload: Payload,
+    pub activation: Activation,
+    /// Whether there are records besides the table.
+    pub inner_records: bool,
+}
 
-    /// Elements that a texture can hold.
-    pub fn most_texels(self) -> u64 {
-        u64::from(self.width) * u64::from(self.most_rows)
-    }
+/// `Field` of `octree.wgsl`.
+#[derive(Clone, Copy, ShaderType)]
+struct FieldUniform {
+    depth: u32,
+    table_level: u32,
+    row: u32,
+}
 
-    pub fn upload_words(
-        self,
-        device: &RenderDevice,
-        queue: &RenderQueue,
-        label: &'static str,
-        words: &[[u32; 4]],
-    ) -> Texture {
-        let texture = self.texture(device, label, TextureFormat::Rgba32Uint, words.len());
-        self.write(queue, &texture, 0, bytemuck::cast_slice(words), 16);
-        texture
-    }
+/// The layout of the bind group of a field: its uniform, the records of its octree, densities and coefficients.
+#[derive(Resource, Clone)]
+pub struct FieldLayout(pub(crate) BindGroupLayoutDescriptor);
 
-    pub fn upload_densities(self, device: &RenderDevice, queue: &RenderQueue, densities: &[f32]) -> Texture {
-        let texture = self.texture(device, "plenoctree_densities", TextureFormat::R32Float, densities.len());
-        self.write(queue, &texture, 0, bytemuck::cast_slice(densities), 4);
-        texture
+impl Default for FieldLayout {
+    fn default() -> Self {
+        let words = || texture_2d(TextureSampleType::Uint);
+        Self(BindGroupLayoutDescriptor::new(
+            "plenoctree_field",
+            &BindGroupLayoutEntries::sequential(
+                ShaderStages::FRAGMENT | ShaderStages::COMPUTE,
+                (
+                    uniform_buffer::<FieldUniform>(false),
+                    texture_3d(TextureSampleType::Uint),
+                    words(),
+                    texture_2d(TextureSampleType::Float { filterable: false }),
+                    words(),
+                ),
+            ),
+        ))
     }
+}
 
-    /// Band by band, so that no more than one is in memory twice.
-    pub fn upload_coefficients(
-        self,
-        device: &RenderDevice,
-        queue: &RenderQueue,
-        payload: Payload,
-        coefficients: &[f16],
-    ) -> Texture {
-        let leaves = coefficients.len() / payload.basis.coefficients();
-        let texels = payload.texels();
-        let texture = self.texture(device, "plenoctree_coefficients", TextureFormat::Rgba32Uint, leaves * texels);
-        // As many leaves as there are texels in a row fill whole rows.
-        let width = self.width as usize;
-        let rows = (BAND / (width * texels)).max(1);
-        for (band, leaves) in coefficients.chunks(rows * width * payload.basis.coefficients()).enumerate() {
-            let words = payload.pack(leaves);
-            self.write(queue, &texture, (band * rows * texels) as u32, bytemuck::cast_slice(&words), 16);
-            // What the queue has copied it lets go when it is submitted.
-            queue.submit([]);
+/// Bytes of a field's densities and of its coefficients on the GPU.
+pub(super) fn arrays(field: &PlenOctree) -> [(&'static str, u64); 2] {
+    let leaves = field.leaves().max(1) as u64;
+    [("densities", leaves * 4), ("coefficients", leaves * 16 * Payload::of(field).texels() as u64)]
+}
+
+/// The bytes that a field's table may take: an eighth of what its coefficients take.
+pub(super) fn table_allowance(field: &PlenOctree) -> u64 {
+    let [_, (_, coefficients)] = arrays(field);
+    coefficients / 8
+}
+
+/// Whether a device with these `limits` can hold the field.
+pub(super) fn check(field: &PlenOctree, limits: &wgpu::Limits) -> Result<(), FieldTooLarge> {
+    let limit = Row::new(limits).most_texels() * 16;
+    let too_large = arrays(field).into_iter().find(|(_, bytes)| *bytes > limit);
+    too_large.map_or(Ok(()), |(what, bytes)| Err(FieldTooLarge { what, bytes, limit: Some(limit) }))
+}
+
+/// A level that is ready to be uploaded.
+pub(super) struct LevelData {
+    pub field: PlenOctree,
+    records: Records,
+}
+
+impl LevelData {
+    /// Visits every leaf, which takes a moment for a large field.
+    pub fn new(field: PlenOctree) -> Self {
+        let records = Records::new(&field, table_allowance(&field));
+        Self { field, records }
+    }
+}
+
+/// An upload whose outcome the driver has still to tell.
+pub(super) struct Upload {
+    level: Arc<GpuLevel>,
+    error: Task<Option<wgpu::Error>>,
+}
+
+impl Upload {
+    /// The outcome, as soon as there is one.
+    pub fn poll(&mut self) -> Option<Result<Arc<GpuLevel>, FieldTooLarge>> {
+        let error = block_on(poll_once(&mut self.error))?;
+        Some(outcome(&self.level, error))
+    }
+}
+
+/// What comes of an upload at once.
+pub(super) enum Uploaded {
+    Now(Result<Arc<GpuLevel>, FieldTooLarge>),
+    Later(Upload),
+}
+
+fn outcome(level: &Arc<GpuLevel>, error: Option<wgpu::Error>) -> Result<Arc<GpuLevel>, FieldTooLarge> {
+    match error {
+        Some(_) => Err(FieldTooLarge { what: "textures", bytes: level.bytes, limit: None }),
+        None => Ok(level.clone()),
+    }
+}
+
+/// What it takes to put fields into GPU memory.
+#[derive(SystemParam)]
+pub struct Uploader<'w> {
+    device: Res<'w, RenderDevice>,
+    queue: Res<'w, RenderQueue>,
+    pipelines: Res<'w, PipelineCache>,
+    layout: Res<'w, FieldLayout>,
+}
+
+impl Uploader<'_> {
+    pub(super) fn upload(&self, data: &LevelData) -> Uploaded {
+        if let Err(error) = check(&data.field, &self.device.limits()) {
+            return Uploaded::Now(Err(error));
         }
-        texture
+        // What the driver refuses, be it for want of memory, is found out here and not in the middle of a frame. Textures
+        // without memory make what uses them invalid too.
+        let device = self.device.wgpu_device();
+        let invalid = device.push_error_scope(wgpu::ErrorFilter::Validation);
+        let memory = device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
+        let level = Arc::new(self.level(data));
+        let (memory, invalid) = (memory.pop(), invalid.pop());
+        let mut error = Box::pin(async move {
+            let memory = memory.await;
+            memory.or(invalid.await)
+        });
+        // Native drivers know at once; browsers tell later.
+        match block_on(poll_once(&mut error)) {
+            Some(error) => Uploaded::Now(outcome(&level, error)),
+            None => Uploaded::Later(Upload { level, error: AsyncComputeTaskPool::get().spawn(error) }),
+        }
     }
 
-    fn texture(self, device: &RenderDevice, label: &'static str, format: TextureFormat, texels: usize) -> Texture {
-        let rows = texels.div_ceil(self.width as usize).max(1) as u32;
-        // A short array needs no whole row.
-        let width = if rows == 1 { texels.max(1) as u32 } else { self.width };
-        device.create_texture(&TextureDescriptor {
-            label: Some(label),
-            size: Extent3d { width, height: rows, depth_or_array_layers: 1 },
-            mip_level_count: 1,
-            sample_count: 1,
-            dimension: TextureDimension::D2,
-            format,
-            usage: TextureUsages::TEXTURE_BINDING | TextureUsages::COPY_DST,
-            view_formats: &[],
-        })
+    fn level(&self, LevelData { field, records }: &LevelData) -> GpuLevel {
+        let payload = Payload::of(field);
+        let row = Row::new(&self.device.limits());
+        let uniform = [records.depth, records.table_level, row.log2(), 0];
+        let uniform = self.device.create_buffer_with_data(&BufferInitDescriptor {
+            label: Some("plenoctree_field"),
+            contents: bytemuck::cast_slice(&uniform),
+            usage: BufferUsages::UNIFORM,
+        });
+        let (device, queue) = (&self.device, &self.queue);
+        let table = upload_table(device, queue, &records.table, records.table_level);
+        let children = row.upload_words(device, queue, "plenoctree_records", &records.children);
+        let densities = row.upload_densities(device, queue, field.densities());
+        let coefficients = row.upload_coefficients(device, queue, payload, field.coefficients());
+        let views = [&table, &children, &densities, &coefficients].map(|texture| texture.create_view(&default()));
+        let bytes = [&table, &children, &densities, &coefficients].map(|texture| {
+            let size = texture.size();
+            let texel = texture.format().block_copy_size(None).unwrap_or(0);
+            u64::from(size.width) * u64::from(size.height) * u64::from(size.depth_or_array_layers) * u64::from(texel)
+        });
+        let bind_group = self.device.create_bind_group(
+            "plenoctree_field",
+            &self.pipelines.get_bind_group_layout(&self.layout.0),
+            &BindGroupEntries::sequential((uniform.as_entire_binding(), &views[0], &views[1], &views[2], &views[3])),
+        );
+        GpuLevel {
+            bind_group,
+            shape: FieldShape { payload, activation: field.activation(), inner_records: !records.children.is_empty() },
+            bounds: field.tree_bounds(),
+            bytes: bytes.iter().sum(),
+        }
     }
-
-    /// Texels from the beginning of a row on.
-    fn write(self, queue: &RenderQueue, texture: &Texture, row: u32, bytes: &[u8], texel: usize) {
-        let row_bytes = self.width as usize * texel;
-        let whole = bytes.len() / row_bytes;
-        let (body, rest) = bytes.split_at(whole * row_bytes);
-        write(queue, texture, row, [self.width, whole as u32, 1], body, texel);
-        write(queue, texture, row + whole as u32, [(rest.len() / texel) as u32, 1, 1], rest, texel);
-    }
-}
-
-/// A cube of texels, the last axis fastest.
-pub(super) fn upload_table(device: &RenderDevice, queue: &RenderQueue, table: &[[u32; 4]], level: u32) -> Texture {
-    let side = 1 << level;
-    let texture = device.create_texture(&TextureDescriptor {
-        label: Some("plenoctree_table"),
-        size: Extent3d { width: side, height: side, depth_or_array_layers: side },
-        mip_level_count: 1,
-        sample_count: 1,
-        dimension: TextureDimension::D3,
-        format: TextureFormat::Rgba32Uint,
-        usage: TextureUsages::TEXTURE_BINDING | TextureUsages::COPY_DST,
-        view_formats: &[],
-    });
-    write(queue, &texture, 0, [side; 3], bytemuck::cast_slice(table), 16);
-    texture
-}
-
-fn write(queue: &RenderQueue, texture: &Texture, y: u32, [width, height, depth]: [u32; 3], bytes: &[u8], texel: usize) {
-    if bytes.is_empty() {
-        return;
-    }
-    queue.write_texture(
-        TexelCopyTextureInfo { texture, mip_level: 0, origin: Origin3d { x: 0, y, z: 0 }, aspect: TextureAspect::All },
-        bytes,
-        TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(width * texel as u32), rows_per_image: Some(height) },
-        Extent3d { width, height, depth_or_array_layers: depth },
-    );
 }

@@ -6,8 +6,7 @@ use bevy::{
     math::{Affine3A, Vec3A, Vec4},
     prelude::*,
 };
-
-use crate::{camera::PinholeCamera, field::UpAxis};
+use plenoctree::{UpAxis, camera::PinholeCamera};
 
 /// The projection of a [`PinholeCamera`], off-center or not, with an infinite far plane.
 #[derive(Clone, Copy, Debug)]

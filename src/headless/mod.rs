@@ -22,9 +22,14 @@ use bevy::{
     },
 };
 use image::RgbaImage;
+use plenoctree::{PlenOctree, palette::ExtractionError};
 
 use crate::{
-    PaletteExtraction, Palettes, PlenOctree, Posterize, PosterizeView, Prop, gpu::GpuField, palette::ExtractionError,
+    gpu::{FieldTooLarge, GpuField},
+    palette::{PaletteExtraction, Palettes},
+    posterize::Posterize,
+    prop::Prop,
+    stage::PosterizeView,
 };
 
 /// Why a headless app gives no picture.
@@ -36,6 +41,9 @@ pub enum HeadlessError {
     /// The field of a prop or of a posterized view could not be loaded.
     #[error("{0}")]
     Field(String),
+    /// The GPU cannot hold the field of a prop.
+    #[error(transparent)]
+    TooLarge(FieldTooLarge),
     /// A palette could not be extracted.
     #[error(transparent)]
     Palette(ExtractionError),
@@ -66,7 +74,7 @@ pub enum HeadlessError {
 /// world.spawn((Prop(field), Posterize::default()));
 /// world.spawn((Camera3d::default(), target, Transform::from_xyz(0.0, 1.0, 4.0).looking_at(Vec3::ZERO, Vec3::Y)));
 /// headless.wait_until_ready(std::time::Duration::from_secs(60))?;
-/// headless.picture()?.save("drum.png")?;
+/// headless.capture()?.save("drum.png")?;
 /// # Ok(()) }
 /// ```
 pub struct Headless {
@@ -185,8 +193,11 @@ impl Headless {
     fn has_field(&self, field: &Handle<PlenOctree>) -> Result<bool, HeadlessError> {
         self.check_loads(field)?;
         let render = self.app.get_sub_app(RenderApp);
-        let uploaded = render.and_then(|render| render.world().get_resource::<RenderAssets<GpuField>>()?.get(field));
-        Ok(uploaded.is_some())
+        let fields = render.and_then(|render| render.world().get_resource::<RenderAssets<GpuField>>());
+        match fields.and_then(|fields| fields.get(field)?.outcome()) {
+            Some(outcome) => outcome.map(|()| true).map_err(|error| HeadlessError::TooLarge(error.clone())),
+            None => Ok(false),
+        }
     }
 
     fn has_palette(&self, field: &Handle<PlenOctree>) -> Result<bool, HeadlessError> {
@@ -199,7 +210,7 @@ impl Headless {
 
     /// Runs one more frame and returns the picture, rows from the top, encoded sRGB. Where it asks for a level of detail that is
     /// not made yet, frames run until it is.
-    pub fn picture(&mut self) -> Result<RgbaImage, HeadlessError> {
+    pub fn capture(&mut self) -> Result<RgbaImage, HeadlessError> {
         self.update();
         while self.makes_levels() {
             std::thread::sleep(Duration::from_millis(1));

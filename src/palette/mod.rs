@@ -1,26 +1,48 @@
-//! Palette extraction: section 3 of the method (Tojo and Umetani, EGSR 2022, section 4.1).
-//!
-//! [`extract`] looks at every leaf of a field from many directions, gathers the radiance that is visible in histograms
-//! ([`sample`]), clusters them, and simplifies the convex hull of the clusters to a few colors. It runs on all cores and
-//! needs no app; [`Progress`] tells another thread how far it is, and cancels it.
+//! The palettes of a running app: read or extracted when they are missing, and changed by whoever likes to.
 
-mod colors;
-mod extract;
-mod histogram;
-mod hull;
-mod kmeans;
-mod label;
-mod of_colors;
-mod polygon;
-mod sampling;
-mod settings;
-mod simplify;
+mod blend;
+mod extraction;
+mod file;
+mod oklab;
+mod overrides;
+mod posterized;
+mod ready;
+mod resource;
+mod source;
 
-pub use colors::{InvalidPalette, Palette, PaletteFileError};
-pub use extract::{Extraction, ExtractionError, Seconds, extract, extract_from_histograms};
-pub use histogram::{Histograms, InvalidHistogram};
-pub use label::Label;
-pub use of_colors::simplify_hull;
-pub use sampling::{Canceled, Progress, SamplingError, sample};
-pub(crate) use sampling::{chosen_leaves, observers, weight_bound};
-pub use settings::{ExtractionSettings, InvalidSetting, Observers};
+pub use blend::BlendSpace;
+pub use extraction::{ExtractionSamples, PaletteExtraction, PaletteSampler};
+pub use file::PaletteLoader;
+pub use overrides::PaletteOverride;
+pub use ready::PaletteReady;
+pub use resource::{FieldPalette, Palettes};
+
+use bevy::{asset::AssetTrackingSystems, prelude::*};
+use plenoctree::palette::{ExtractionSettings, Palette};
+
+use crate::sets::PlenOctreeSystems;
+
+/// Keeps [`Palettes`] filled.
+pub(crate) struct PalettePlugin;
+
+impl Plugin for PalettePlugin {
+    fn build(&self, app: &mut App) {
+        app.init_asset::<Palette>()
+            .init_asset_loader::<PaletteLoader>()
+            .init_resource::<Palettes>()
+            .init_resource::<PaletteExtraction>()
+            .add_message::<PaletteReady>()
+            .register_type::<ExtractionSettings>()
+            .register_type::<Palettes>()
+            .register_type::<PaletteExtraction>()
+            .register_type::<PaletteOverride>()
+            // Before any system of `Update`, so that a new palette is shown as the game likes it from the start.
+            .configure_sets(PreUpdate, PlenOctreeSystems::UpdatePalettes.after(AssetTrackingSystems))
+            .add_systems(
+                PreUpdate,
+                (extraction::forget, file::seek, file::load, extraction::start, extraction::finish, ready::announce)
+                    .chain()
+                    .in_set(PlenOctreeSystems::UpdatePalettes),
+            );
+    }
+}

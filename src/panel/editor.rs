@@ -1,33 +1,30 @@
-//! The panel's contents, and what they read and change.
+//! What the panel reads and changes.
 
-use bevy::{asset::LoadState, ecs::system::SystemParam, prelude::*};
-use bevy_egui::egui;
+use bevy::{ecs::system::SystemParam, prelude::*};
 
-use super::{
-    extraction, look,
-    swatches::{self, Edit},
-};
+use plenoctree::PlenOctree;
+
 use crate::{
-    field::PlenOctree,
-    palettes::{PaletteExtraction, PaletteOverride, Palettes},
-    prop::{Posterize, Prop},
+    palette::{FieldPalette, PaletteExtraction, PaletteOverride, Palettes},
+    posterize::Posterize,
+    prop::Prop,
 };
 
-/// What [`palette_ui`] reads and changes: a parameter of the system that calls it.
+/// What [`palette_ui`](super::palette_ui) reads and changes: a parameter of the system that calls it.
 #[derive(SystemParam)]
 pub struct PaletteEditor<'w, 's> {
     pub(super) commands: Commands<'w, 's>,
     pub(super) palettes: ResMut<'w, Palettes>,
     pub(super) extraction: ResMut<'w, PaletteExtraction>,
     pub(super) fields: Res<'w, Assets<PlenOctree>>,
-    server: Option<Res<'w, AssetServer>>,
+    pub(super) server: Option<Res<'w, AssetServer>>,
     props: Query<'w, 's, PropData>,
 }
 
 type PropData =
     (&'static Prop, Option<&'static mut Posterize>, Option<&'static PutAside>, Option<&'static mut PaletteOverride>);
 
-/// The look of a prop that is shown as trained at the moment, for when it is posterized again.
+/// The settings of a prop that is shown as trained at the moment, for when it is posterized again.
 #[derive(Component)]
 struct PutAside(Posterize);
 
@@ -37,42 +34,42 @@ impl PaletteEditor<'_, '_> {
         matches!(self.props.get(prop), Ok((_, Some(_), ..)))
     }
 
-    /// Adds or removes the [`Posterize`] of `prop`. A look that is removed comes back with its settings.
+    /// Adds or removes the [`Posterize`] of `prop`. When it is added again, it has the settings that it had.
     pub fn set_posterized(&mut self, prop: Entity, posterized: bool) {
-        let Ok((_, look, aside, _)) = self.props.get(prop) else {
+        let Ok((_, settings, aside, _)) = self.props.get(prop) else {
             return;
         };
         let mut prop = self.commands.entity(prop);
-        match (look, posterized) {
+        match (settings, posterized) {
             (None, true) => {
-                let look = aside.map(|aside| aside.0).unwrap_or_default();
-                prop.try_insert(look).try_remove::<PutAside>();
+                let settings = aside.map(|aside| aside.0).unwrap_or_default();
+                prop.try_insert(settings).try_remove::<PutAside>();
             }
-            (Some(look), false) => {
-                prop.try_insert(PutAside(*look)).try_remove::<Posterize>();
+            (Some(settings), false) => {
+                prop.try_insert(PutAside(*settings)).try_remove::<Posterize>();
             }
             _ => {}
         }
     }
 
     /// The field that `prop` shows.
-    fn field(&self, prop: Entity) -> Option<AssetId<PlenOctree>> {
+    pub(super) fn field(&self, prop: Entity) -> Option<AssetId<PlenOctree>> {
         self.props.get(prop).ok().map(|(Prop(field), ..)| field.id())
     }
 
-    /// The look that `prop` has, or would have.
-    pub(super) fn look(&self, prop: Entity) -> Posterize {
+    /// The [`Posterize`] that `prop` has, or would have.
+    pub(super) fn posterize(&self, prop: Entity) -> Posterize {
         match self.props.get(prop) {
-            Ok((_, Some(look), ..)) => *look,
+            Ok((_, Some(settings), ..)) => *settings,
             Ok((_, _, Some(aside), _)) => aside.0,
             _ => Posterize::default(),
         }
     }
 
-    /// Changes the look of `prop`, if it is posterized.
-    pub(super) fn set_look(&mut self, prop: Entity, new: Posterize) {
-        if let Ok((_, Some(mut look), ..)) = self.props.get_mut(prop) {
-            *look = new;
+    /// Changes the [`Posterize`] of `prop`, if it is posterized.
+    pub(super) fn set_posterize(&mut self, prop: Entity, new: Posterize) {
+        if let Ok((_, Some(mut settings), ..)) = self.props.get_mut(prop) {
+            *settings = new;
         }
     }
 
@@ -102,58 +99,21 @@ impl PaletteEditor<'_, '_> {
         } else if let Some(palette) = self.palettes.get_mut(field) {
             match edit {
                 Edit::Set(index, color) => palette.set(index, color),
-                Edit::Reset(index) => palette.set(index, swatches::extracted(palette, index)),
+                Edit::Reset(index) => palette.set(index, source_color(palette, index)),
                 Edit::ResetAll => palette.reset(),
             }
         }
     }
 }
 
-/// The palette and the look of the entity `prop`: swatches, settings, extraction.
-///
-/// Nothing is marked as changed unless the user changes it.
-///
-/// ```no_run
-/// # use bevy::prelude::*;
-/// # use bevy_egui::{EguiContexts, egui};
-/// # use bevy_plenoctree::{Prop, panel::{PaletteEditor, palette_ui}};
-/// // A system of `EguiPrimaryContextPass`.
-/// fn my_tools(mut contexts: EguiContexts, mut editor: PaletteEditor, prop: Single<Entity, With<Prop>>) -> Result {
-///     egui::Window::new("My tools").show(contexts.ctx_mut()?, |ui| palette_ui(ui, *prop, &mut editor));
-///     Ok(())
-/// }
-/// ```
-pub fn palette_ui(ui: &mut egui::Ui, prop: Entity, editor: &mut PaletteEditor) {
-    let Some(field) = editor.field(prop) else {
-        ui.weak("This entity is no prop.");
-        return;
-    };
-    ui.push_id(prop, |ui| {
-        if !editor.fields.contains(field) {
-            loading(ui, field, editor);
-            return;
-        }
-        swatches::show(ui, prop, field, editor);
-        ui.separator();
-        look::show(ui, prop, editor);
-        ui.separator();
-        extraction::show(ui, field, editor);
-    });
+/// What the user does to the shown colors.
+pub(super) enum Edit {
+    Set(usize, Color),
+    Reset(usize),
+    ResetAll,
 }
 
-fn loading(ui: &mut egui::Ui, field: AssetId<PlenOctree>, editor: &PaletteEditor) {
-    match editor.server.as_ref().and_then(|server| server.get_load_state(field)) {
-        Some(LoadState::Failed(error)) => {
-            ui.colored_label(ui.visuals().error_fg_color, error.to_string());
-        }
-        Some(LoadState::Loading) => {
-            ui.horizontal(|ui| {
-                ui.spinner();
-                ui.label("Loading");
-            });
-        }
-        _ => {
-            ui.weak("The prop's field is not loaded.");
-        }
-    }
+/// An extracted color; black if there is no such.
+pub(super) fn source_color(palette: &FieldPalette, index: usize) -> Color {
+    palette.source().colors.get(index).map_or(Color::BLACK, |c| Color::srgb(c[0] as f32, c[1] as f32, c[2] as f32))
 }

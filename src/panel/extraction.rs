@@ -3,10 +3,11 @@
 use bevy::prelude::*;
 use bevy_egui::egui;
 
-use super::{PaletteEditor, look::row};
-use crate::{
-    field::PlenOctree,
-    palette::{Extraction, ExtractionSettings, Observers},
+use super::{editor::PaletteEditor, posterize::row};
+use plenoctree::{
+    PlenOctree,
+    palette::{Extraction, ExtractionSettings},
+    sampling::{Observers, SamplingSettings},
 };
 
 pub(super) fn show(ui: &mut egui::Ui, field: AssetId<PlenOctree>, editor: &mut PaletteEditor) {
@@ -61,8 +62,8 @@ fn rounded(count: u64) -> String {
 
 /// Returns whether the user changed something.
 fn sliders(ui: &mut egui::Ui, settings: &mut ExtractionSettings) -> bool {
-    let ExtractionSettings { observers, directions, multisamples, sample_fraction, coarse_threshold, colors, .. } =
-        settings;
+    let ExtractionSettings { sampling, coarse_threshold, colors, .. } = settings;
+    let SamplingSettings { observers, directions, multisamples, sample_fraction, .. } = sampling;
     egui::Grid::new("extraction")
         .num_columns(2)
         .show(ui, |ui| {

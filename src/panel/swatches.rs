@@ -3,20 +3,12 @@
 use bevy::prelude::*;
 use bevy_egui::egui;
 
-use super::PaletteEditor;
-use crate::{
-    field::PlenOctree,
-    palettes::{FieldPalette, PaletteOverride},
-};
+use plenoctree::PlenOctree;
+
+use super::editor::{Edit, PaletteEditor, source_color};
+use crate::palette::{FieldPalette, PaletteOverride};
 
 const SWATCH: egui::Vec2 = egui::vec2(64.0, 24.0);
-
-/// What the user does to the shown colors.
-pub(super) enum Edit {
-    Set(usize, Color),
-    Reset(usize),
-    ResetAll,
-}
 
 pub(super) fn show(ui: &mut egui::Ui, prop: Entity, field: AssetId<PlenOctree>, editor: &mut PaletteEditor) {
     let mut edit = None;
@@ -63,7 +55,7 @@ impl Colors<'_> {
     fn is_edited(&self, index: usize) -> bool {
         match self.own {
             Some(own) => own.get(index).is_some(),
-            None => self.shown(index) != extracted(self.palette, index),
+            None => self.shown(index) != source_color(self.palette, index),
         }
     }
 
@@ -74,7 +66,7 @@ impl Colors<'_> {
 
 fn grid(ui: &mut egui::Ui, colors: &Colors) -> Option<Edit> {
     let mut edit = None;
-    let weights = &colors.palette.extracted().weights;
+    let weights = &colors.palette.source().weights;
     let total: f64 = weights.iter().sum();
     egui::Grid::new("swatches").num_columns(5).min_col_width(0.0).show(ui, |ui| {
         for heading in ["", "extracted", "shown", "weight"] {
@@ -83,7 +75,7 @@ fn grid(ui: &mut egui::Ui, colors: &Colors) -> Option<Edit> {
         ui.end_row();
         for index in 0..colors.palette.shown().len() {
             ui.weak(index.to_string());
-            swatch(ui, extracted(colors.palette, index));
+            swatch(ui, source_color(colors.palette, index));
             if let Some(color) = edit_swatch(ui, colors.shown(index)) {
                 edit = Some(Edit::Set(index, color));
             }
@@ -117,11 +109,6 @@ fn edit_swatch(ui: &mut egui::Ui, color: Color) -> Option<Color> {
         changed.then(|| Color::srgb_u8(r, g, b))
     })
     .inner
-}
-
-/// An extracted color; black if there is no such.
-pub(super) fn extracted(palette: &FieldPalette, index: usize) -> Color {
-    palette.extracted().colors.get(index).map_or(Color::BLACK, |c| Color::srgb(c[0] as f32, c[1] as f32, c[2] as f32))
 }
 
 fn bytes(color: Color) -> [u8; 3] {

@@ -6,11 +6,12 @@ use glam::DVec3;
 use half::f16;
 
 use super::{PaletteEditor, palette_ui};
+use plenoctree::{Activation, Basis, Cell, Frame, PlenOctree, UpAxis, palette::Palette};
+
 use crate::{
-    field::{Activation, Basis, Cell, Frame, PlenOctree, UpAxis},
-    palette::Palette,
-    palettes::{FieldPalette, PaletteExtraction, PaletteOverride, Palettes},
-    prop::{Posterize, Prop},
+    palette::{FieldPalette, PaletteExtraction, PaletteOverride, Palettes},
+    posterize::Posterize,
+    prop::Prop,
 };
 
 struct Panel {

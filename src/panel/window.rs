@@ -3,7 +3,7 @@
 use bevy::prelude::*;
 use bevy_egui::{EguiContexts, EguiPlugin, EguiPrimaryContextPass, egui};
 
-use super::{PaletteEditor, palette_ui};
+use super::{contents::palette_ui, editor::PaletteEditor};
 use crate::prop::Prop;
 
 /// Shows the palette and the look of one prop in an egui window, to change them.

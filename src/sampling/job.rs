@@ -6,10 +6,10 @@ use std::{
 };
 
 use bevy::{prelude::*, render::extract_resource::ExtractResource};
-
-use crate::{
-    field::{MAX_DEPTH, PlenOctree},
-    palette::{ExtractionSettings, Histograms, Progress, chosen_leaves, observers, weight_bound},
+use plenoctree::{
+    MAX_DEPTH, PlenOctree,
+    palette::ExtractionSettings,
+    sampling::{Histograms, Progress, SamplingPlan},
 };
 
 /// Why the GPU gives no histograms; the CPU does then.
@@ -58,15 +58,16 @@ impl SamplingJob {
         budget: Option<Duration>,
         progress: Arc<Progress>,
     ) -> Self {
-        let leaves = chosen_leaves(&field, &settings).into_iter().map(|cell| {
+        let plan = SamplingPlan::new(&field, &settings.sampling);
+        let leaves = plan.leaves.into_iter().map(|cell| {
             let center = (2 * cell.corner + cell.size) << (MAX_DEPTH - field.depth());
             [center.x, center.y, center.z, cell.leaf]
         });
-        let observers = observers(field.up(), &settings).into_iter().flatten();
+        let observers = plan.observers.into_iter().flatten();
         Self {
             leaves: leaves.collect(),
             observers: observers.map(|ray| ray.as_vec3().extend(0.0).to_array()).collect(),
-            weight_bound: weight_bound(&field, &settings),
+            weight_bound: plan.weight_bound,
             id,
             field,
             settings,

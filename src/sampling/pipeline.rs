@@ -7,13 +7,10 @@ use bevy::{
         SpecializedComputePipeline,
         binding_types::{storage_buffer_read_only_sized, storage_buffer_sized, uniform_buffer},
     },
-    shader::{Shader, ShaderDefVal},
+    shader::Shader,
 };
 
-use crate::{
-    field::MAX_DEPTH,
-    gpu::{FieldLayout, FieldShape, Shaders, field_definitions},
-};
+use crate::gpu::{FieldLayout, FieldShape, Shaders, field_definitions};
 
 /// `Slice` of `sampling.wgsl`.
 #[derive(ShaderType, Clone, Copy)]
@@ -61,13 +58,11 @@ impl SpecializedComputePipeline for SamplingPipeline {
     type Key = FieldShape;
 
     fn specialize(&self, shape: FieldShape) -> ComputePipelineDescriptor {
-        let mut shader_defs = field_definitions(shape, MOST_DEGREE);
-        shader_defs.push(ShaderDefVal::UInt("MAX_DEPTH".into(), MAX_DEPTH));
         ComputePipelineDescriptor {
             label: Some("plenoctree_sampling".into()),
             layout: vec![self.layout.clone(), self.field.0.clone()],
             shader: self.shader.clone(),
-            shader_defs,
+            shader_defs: field_definitions(shape, MOST_DEGREE),
             entry_point: Some("sample".into()),
             ..default()
         }

@@ -15,18 +15,15 @@ use bevy::{
     },
 };
 
+use plenoctree::sampling::Histograms;
+
 use super::{
     SamplingFailure, SamplingJob, SamplingJobs,
     clock::SliceClock,
     pipeline::{SamplingPipeline, SliceUniform},
 };
-use crate::{
-    gpu::{GpuField, GpuLevel, Level},
-    palette::Histograms,
-};
+use crate::gpu::{GpuField, GpuLevel, Level, SAMPLING_WORKGROUP};
 
-/// Threads of a workgroup of `sampling.wgsl`.
-const WORKGROUP: u32 = 64;
 /// Rays of the first slice, when nothing is known about the GPU's speed, and about the fewest of any.
 const FEWEST_RAYS: usize = 1 << 16;
 /// About the most rays of a slice: a GPU that is busy for seconds is taken for dead.
@@ -102,7 +99,7 @@ impl Active {
         cache: &PipelineCache,
         device: &RenderDevice,
     ) -> Result<Self, SamplingFailure> {
-        let settings = &job.settings;
+        let settings = &job.settings.sampling;
         let field = field.level(Level::default()).ok_or(SamplingFailure::TooLarge)?;
         if job.leaves.len() as u64 * 16 > device.limits().max_storage_buffer_binding_size {
             return Err(SamplingFailure::TooLarge);
@@ -219,7 +216,11 @@ impl Active {
             pass.set_pipeline(pipeline);
             pass.set_bind_group(0, &bind_group, &[]);
             pass.set_bind_group(1, &self.field.bind_group, &[]);
-            pass.dispatch_workgroups(leaves.div_ceil(WORKGROUP), self.job.settings.direction_cells() as u32, 1);
+            pass.dispatch_workgroups(
+                leaves.div_ceil(SAMPLING_WORKGROUP),
+                self.job.settings.sampling.direction_cells() as u32,
+                1,
+            );
         }
         clock.resolve(&mut encoder);
         queue.submit([encoder.finish()]);
@@ -246,9 +247,9 @@ impl Active {
                 let mapped = buffer.slice(..).get_mapped_range();
                 let weights = mapped.chunks_exact(8).map(bytemuck::pod_read_unaligned::<u64>).map(|n| n as f64 * unit);
                 let mut fine: Vec<f64> = weights.collect();
-                let (fine_bins, coarse_bins) = (job.settings.fine_bins, job.settings.coarse_bins);
+                let (fine_bins, coarse_bins) = (job.settings.sampling.fine_bins, job.settings.sampling.coarse_bins);
                 let coarse = fine.split_off(fine_bins.pow(3));
-                let samples = job.leaves.len() * job.settings.direction_cells();
+                let samples = job.leaves.len() * job.settings.sampling.direction_cells();
                 Histograms::new(fine_bins, fine, coarse_bins, coarse, samples as u64)
                     .map_err(|error| SamplingFailure::Readback(error.to_string()))
             });
@@ -259,6 +260,6 @@ impl Active {
 
 /// Leaves whose rays are about so many, in whole workgroups; a dispatch has at most 65535 of them along an axis.
 fn slice_for(rays: usize, job: &SamplingJob) -> u32 {
-    let workgroups = rays / job.observers.len().max(1) / WORKGROUP as usize;
-    workgroups.clamp(1, 65535) as u32 * WORKGROUP
+    let workgroups = rays / job.observers.len().max(1) / SAMPLING_WORKGROUP as usize;
+    workgroups.clamp(1, 65535) as u32 * SAMPLING_WORKGROUP
 }

@@ -2,13 +2,10 @@
 
 use std::ops::ControlFlow;
 
-use bevy_plenoctree::{
-    PlenOctree,
-    field::{Activation, BakeSettings, Basis, Cell, Frame, InvalidField, MAX_DEPTH, UpAxis, bake},
-    reference,
-};
+use bevy_plenoctree::{Activation, PlenOctree, UpAxis};
 use glam::DVec3;
 use half::f16;
+use plenoctree::{BakeSettings, Basis, Cell, Frame, InvalidField, MAX_DEPTH, bake};
 
 use crate::stage::{Stage, activated, chain, field, is_near, looking};
 
@@ -22,7 +19,7 @@ fn fog_is_as_dense_at_every_depth() {
             let fog = chain(depth, 6, Some(density), density);
             for origin in [DVec3::new(0.5 - 1e-9, 0.5 - 1e-9, 6.0), DVec3::new(-0.3, 0.2, 6.0)] {
                 let mut path = 0.0;
-                reference::march(&fog, origin, DVec3::NEG_Z, |crossing| {
+                fog.march(origin, DVec3::NEG_Z, |crossing| {
                     path += crossing.length;
                     ControlFlow::Continue(())
                 });
@@ -44,7 +41,7 @@ fn any_optical_depth_is_drawn() {
     for exponent in -12..=4 {
         let depth = 10f64.powi(exponent);
         let fog = chain(1, 0, Some((0.5 * depth) as f32), (0.5 * depth) as f32);
-        let (color, opacity) = reference::render_ray(&fog, DVec3::new(0.1, 0.2, 6.0), DVec3::NEG_Z);
+        let (color, opacity) = fog.render_ray(DVec3::new(0.1, 0.2, 6.0), DVec3::NEG_Z);
         let exact = if depth > 4.7 { 1.0 } else { -(-2.0 * f64::from(fog.densities()[0])).exp_m1() };
         assert!((opacity / exact - 1.0).abs() < 1e-12 && (color.z / exact - 1.0).abs() < 1e-12, "{opacity} at {depth}");
         let middle = *Stage::new(&fog).picture(&camera).get_pixel(16, 16);

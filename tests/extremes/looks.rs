@@ -1,14 +1,10 @@
 //! What palettes and looks may be.
 
 use bevy::prelude::*;
-use bevy_plenoctree::{
-    Abstraction, Palette, PaletteOverride, Palettes, Posterize, Prop,
-    camera::PinholeCamera,
-    field::{Activation, BakeSettings, Basis, Cell, UpAxis, bake},
-    reference,
-};
+use bevy_plenoctree::{Activation, BilateralFilter, Palette, PaletteOverride, Palettes, Posterize, Prop, UpAxis};
 use glam::DVec3;
 use half::f16;
+use plenoctree::{BakeSettings, Basis, Cell, bake, camera::PinholeCamera, reference};
 
 use crate::stage::{Stage, activated, field, is_near, looking};
 
@@ -106,20 +102,20 @@ fn looks_beyond_their_range_are_harmless() {
     let solid = field(Basis::Rgba, vec![node], vec![1e4; 8], colors);
     let mut stage = Stage::with_palette(&solid, Palette::new(vec![[0.0; 3], [0.25, 0.5, 1.0], [1.0; 3]]).unwrap());
     let looks = [f32::NAN, f32::NEG_INFINITY, -1.0, 0.0, f32::INFINITY].into_iter().flat_map(|number| {
-        let abstraction = Abstraction::default();
+        let filter = BilateralFilter::default();
         [
             Posterize { softness: number.min(0.2), ..default() },
             Posterize { min_opacity: number.min(1.0), ..default() },
-            Posterize { abstraction: Abstraction { spatial_sigma: number, ..abstraction }, ..default() },
-            Posterize { abstraction: Abstraction { range_sigma: number, ..abstraction }, ..default() },
+            Posterize { filter: BilateralFilter { spatial_sigma: number, ..filter }, ..default() },
+            Posterize { filter: BilateralFilter { range_sigma: number, ..filter }, ..default() },
         ]
     });
     let counts = [0, u32::MAX].into_iter().flat_map(|number| {
-        let abstraction = Abstraction::default();
+        let filter = BilateralFilter::default();
         [
             Posterize { blend_steps: number, softness: 0.0, ..default() },
-            Posterize { abstraction: Abstraction { iterations: number, ..abstraction }, ..default() },
-            Posterize { abstraction: Abstraction { radius: number, ..abstraction }, ..default() },
+            Posterize { filter: BilateralFilter { iterations: number, ..filter }, ..default() },
+            Posterize { filter: BilateralFilter { radius: number, ..filter }, ..default() },
         ]
     });
     for look in looks.chain(counts) {

@@ -1,8 +1,9 @@
 //! Where cameras and props may stand.
 
 use bevy::prelude::*;
-use bevy_plenoctree::{camera::PinholeCamera, field::UpAxis, headless::pinhole_view};
+use bevy_plenoctree::{UpAxis, headless::pinhole_view};
 use glam::DVec3;
+use plenoctree::camera::PinholeCamera;
 
 use crate::stage::{SIZE, Stage, chain, is_near, looking};
 
@@ -95,7 +96,7 @@ fn scales_and_shears_change_nothing() {
     world.entity_mut(prop).insert((own, ChildOf(above)));
     let view = pinhole_view(&near, UpAxis::Y);
     world.entity_mut(camera).insert(view);
-    let picture = stage.headless.picture().unwrap();
+    let picture = stage.headless.capture().unwrap();
     assert!(picture.pixels().any(|pixel| pixel[2] > 20) && picture.pixels().all(|pixel| pixel[3] == 255));
 }
 

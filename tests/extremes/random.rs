@@ -1,11 +1,9 @@
 //! Whatever tree, densities, colors and place.
 
-use bevy_plenoctree::{
-    PlenOctree,
-    field::{Basis, Cell},
-};
+use bevy_plenoctree::PlenOctree;
 use glam::DVec3;
 use half::f16;
+use plenoctree::{Basis, Cell};
 use proptest::prelude::*;
 
 use crate::stage::{Stage, field, looking};

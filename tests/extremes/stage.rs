@@ -4,15 +4,13 @@ use std::time::Duration;
 
 use bevy::prelude::*;
 use bevy_plenoctree::{
-    FieldPalette, Palette, Palettes, PlenOctree, PlenOctreePlugin, Prop,
-    camera::PinholeCamera,
-    field::{Activation, Basis, Cell, Frame, UpAxis},
+    Activation, FieldPalette, Palette, Palettes, PlenOctree, PlenOctreePlugin, Prop, UpAxis,
     headless::{Headless, exact_camera, pinhole_view},
-    reference,
 };
 use glam::{DMat4, DVec3};
 use half::f16;
 use image::RgbaImage;
+use plenoctree::{Basis, Cell, Frame, camera::PinholeCamera, reference};
 
 pub const SIZE: u32 = 33;
 
@@ -46,7 +44,7 @@ impl Stage {
     pub fn picture(&mut self, camera: &PinholeCamera) -> RgbaImage {
         let view = pinhole_view(camera, UpAxis::Y);
         self.headless.app.world_mut().entity_mut(self.camera).insert(view);
-        self.headless.picture().unwrap()
+        self.headless.capture().unwrap()
     }
 
     /// The picture is that of float64, over black.

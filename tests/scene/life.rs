@@ -14,8 +14,7 @@ use bevy::{
     },
 };
 use bevy_plenoctree::{
-    FieldPalette, Palettes, PlenOctree, PlenOctreePlugin, Posterize, Prop,
-    gpu::GpuField,
+    FieldPalette, GpuField, Palettes, PlenOctree, PlenOctreePlugin, Posterize, Prop,
     headless::{Headless, exact_camera},
 };
 use glam::{DVec2, DVec3};

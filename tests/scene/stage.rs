@@ -11,12 +11,12 @@ use bevy::{
     prelude::*,
 };
 use bevy_plenoctree::{
-    PlenOctree, PlenOctreePlugin, Prop,
-    field::{BakeSettings, Basis, UpAxis, bake},
+    PlenOctree, PlenOctreePlugin, Prop, UpAxis,
     headless::{Headless, exact_camera},
 };
 use glam::{DVec2, DVec3};
 use image::RgbaImage;
+use plenoctree::{BakeSettings, Basis, bake};
 
 /// Pixels of a viewport, which shows x and y from -2 to 2: eight pixels a unit.
 pub const PIXELS: u32 = 32;
@@ -180,7 +180,7 @@ impl Stage {
     }
 
     pub fn picture(&mut self) -> RgbaImage {
-        self.headless.picture().unwrap()
+        self.headless.capture().unwrap()
     }
 
     /// Runs one frame: every pixel of both viewports must be within 2/255 of what is expected where it lies, if anything is.

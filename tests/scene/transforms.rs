@@ -3,8 +3,9 @@
 use std::f32::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 
 use bevy::prelude::*;
-use bevy_plenoctree::field::{BakeSettings, Basis, UpAxis, bake};
+use bevy_plenoctree::UpAxis;
 use glam::DVec3;
+use plenoctree::{BakeSettings, Basis, bake};
 
 use crate::stage::{BLUE, GREEN, RED, SOLID, Stage, cube, density, in_cube, seen, within};
 

@@ -10,8 +10,8 @@ use bevy::{
     render::diagnostic::RenderDiagnosticsPlugin,
 };
 use bevy_plenoctree::{
-    Abstraction, FieldPalette, PaletteOverride, Palettes, PlenOctree, Posterize, PosterizeView, PropStage,
-    picture::{POSTERIZE_SPAN, VOLUME_SPAN},
+    BilateralFilter, FieldPalette, PaletteOverride, Palettes, PlenOctree, Posterize, PosterizeView, PropStage,
+    render::{POSTERIZE_SPANS, VOLUME_SPANS},
 };
 use image::RgbaImage;
 
@@ -21,7 +21,7 @@ const HARD: Posterize = Posterize {
     blend_steps: 1,
     softness: 0.0,
     min_opacity: 0.3,
-    abstraction: Abstraction { iterations: 2, radius: 2, spatial_sigma: 3.0, range_sigma: 4.25 },
+    filter: BilateralFilter { iterations: 2, radius: 2, spatial_sigma: 3.0, range_sigma: 4.25 },
 };
 /// Nearest the second color of the palette, and the third.
 const SKY: Color = Color::srgb(0.2, 0.2, 0.15);
@@ -157,14 +157,14 @@ fn a_viewport_is_posterized_and_nothing_else() {
 #[test]
 fn labels_of_a_view_blend() {
     let mut scene = without_a_prop();
-    let abstraction = Abstraction { iterations: 0, ..default() };
+    let filter = BilateralFilter { iterations: 0, ..default() };
     // Two thirds of the way from the second color to the third.
     let third = |a: Color, b: Color| {
         let mixed = Srgba::from(a).to_vec3().lerp(Srgba::from(b).to_vec3(), 2.0 / 3.0);
         Color::srgb(mixed.x, mixed.y, mixed.z)
     };
     scene.set_background(third(PALETTE[1], PALETTE[2]));
-    scene.set(Posterize { blend_steps: 3, softness: 0.0, min_opacity: 0.0, abstraction });
+    scene.set(Posterize { blend_steps: 3, softness: 0.0, min_opacity: 0.0, filter });
     assert_near(at(&scene.picture(), NOTHING.0, NOTHING.1), third(SHOWN[1], SHOWN[2]), 1, "a blend");
 }
 
@@ -179,8 +179,8 @@ fn nothing_is_drawn_where_nothing_is_to_see() {
         change(&mut scene);
         (0..8).for_each(|_| scene.headless.update());
         let diagnostics = scene.world().resource::<DiagnosticsStore>();
-        [VOLUME_SPAN, POSTERIZE_SPAN].map(|span| {
-            let path = DiagnosticPath::new(format!("render/{span}/elapsed_cpu"));
+        [VOLUME_SPANS, POSTERIZE_SPANS].map(|spans| {
+            let path = DiagnosticPath::new(format!("render/{}/elapsed_cpu", spans[0]));
             diagnostics.get(&path).unwrap().measurement().unwrap().time
         })
     };

@@ -8,11 +8,11 @@ use bevy::{
 };
 use bevy_plenoctree::{
     FieldPalette, Palette, Palettes, PlenOctree, PlenOctreePlugin, Prop,
-    field::{BakeSettings, Basis, bake},
     headless::{Headless, exact_camera},
 };
 use glam::DVec3;
 use image::RgbaImage;
+use plenoctree::{BakeSettings, Basis, bake};
 
 /// Pixels each way.
 pub const SIZE: u32 = 48;
@@ -94,7 +94,7 @@ impl Scene {
     }
 
     pub fn picture(&mut self) -> RgbaImage {
-        self.headless.picture().unwrap()
+        self.headless.capture().unwrap()
     }
 
     /// A square in the plane z, facing the camera, unlit; opaque if its color is.

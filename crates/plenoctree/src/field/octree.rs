@@ -1,0 +1,365 @@
+//! The octree in memory.
+
+use std::sync::Arc;
+
+#[cfg(feature = "bevy")]
+use bevy_reflect::std_traits::ReflectDefault;
+use glam::{DVec3, UVec3};
+use half::f16;
+use serde::{Deserialize, Serialize};
+
+use super::{
+    activation::Activation,
+    basis::Basis,
+    cell::{Cell, LeafCell},
+    frame::{Frame, UpAxis},
+};
+
+/// Levels of cells that a field may have: its finest cells are `2^-MAX_DEPTH` of the cube. svox builds trees of at
+/// most 10 or 11 levels.
+pub const MAX_DEPTH: u32 = 20;
+
+/// How the coefficients of a field's leaves are kept on the GPU.
+///
+/// In memory of the CPU, and for palettes, they are always half floats.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[cfg_attr(
+    feature = "bevy",
+    derive(bevy_reflect::Reflect),
+    reflect(Default, Clone, Debug, PartialEq, Hash),
+    type_path = "plenoctree"
+)]
+pub enum Precision {
+    /// As half floats: exact.
+    #[default]
+    Half,
+    /// All but the constant function's as signed bytes, in parts of the largest of the leaf: half the memory for SH9, SH16
+    /// and SH25. Smaller bases, which would gain nothing, stay exact.
+    Byte,
+}
+
+/// Why parts do not make a field.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum InvalidField {
+    /// The tree has no root, or a cell names a node or leaf that is not there.
+    #[error("a cell of node {node} points outside the tree")]
+    Dangling {
+        /// The node with the cell.
+        node: u32,
+    },
+    /// Two cells name one node, or a cell names a node above it.
+    #[error("node {node} is reached twice: the tree has a cycle or a shared node")]
+    Shared {
+        /// The node that was reached again.
+        node: u32,
+    },
+    /// Two cells name one leaf.
+    #[error("leaf {leaf} is reached twice")]
+    SharedLeaf {
+        /// The leaf that was reached again.
+        leaf: u32,
+    },
+    /// The tree is deeper than [`MAX_DEPTH`].
+    #[error("the tree is deeper than {MAX_DEPTH} levels")]
+    TooDeep,
+    /// Arrays that must belong together have different lengths.
+    #[error("{leaves} leaves have {found} {what}, expected {expected}")]
+    Lengths {
+        /// Leaves, by the number of densities.
+        leaves: usize,
+        /// What is miscounted.
+        what: &'static str,
+        /// Values given.
+        found: usize,
+        /// Values needed.
+        expected: usize,
+    },
+    /// The frame's scale is not positive, or a number is not finite.
+    #[error("{what} must be finite{}", if *.positive { " and positive" } else { "" })]
+    Number {
+        /// What holds the number.
+        what: &'static str,
+        /// Whether it also must be positive.
+        positive: bool,
+    },
+}
+
+/// A radiance field: a sparse octree over a box, with a density and spherical harmonics in every leaf that is not empty.
+///
+/// Cloning is cheap: the arrays are shared. Leaves are counted in depth-first order, so that neighbors in space are mostly
+/// neighbors in memory, and those of one cell always follow one another.
+#[derive(Clone, Debug)]
+#[cfg_attr(feature = "bevy", derive(bevy_asset::Asset, bevy_reflect::TypePath), type_path = "plenoctree")]
+pub struct PlenOctree {
+    frame: Frame,
+    basis: Basis,
+    activation: Activation,
+    up: UpAxis,
+    precision: Precision,
+    depth: u32,
+    bounds: Option<(UVec3, UVec3)>,
+    nodes: Arc<Vec<[Cell; 8]>>,
+    density: Arc<Vec<f32>>,
+    coefficients: Arc<Vec<f16>>,
+}
+
+impl PlenOctree {
+    /// Puts a field together. `nodes[0]` is the root; a node's cells are in the order x, y, z with z fastest
+    /// (index 4x + 2y + z); `coefficients` holds [`Basis::coefficients`] values a leaf. Leaves that are not in depth-first
+    /// order are put into it.
+    pub fn new(
+        frame: Frame,
+        basis: Basis,
+        activation: Activation,
+        up: UpAxis,
+        nodes: Vec<[Cell; 8]>,
+        density: Vec<f32>,
+        coefficients: Vec<f16>,
+    ) -> Result<Self, InvalidField> {
+        let number = |what, positive| Err(InvalidField::Number { what, positive });
+        if !frame.offset.is_finite() {
+            return number("the offset", false);
+        }
+        if !frame.scale.is_finite() || frame.scale.min_element() <= 0.0 {
+            return number("the scale", true);
+        }
+        if density.iter().any(|d| !d.is_finite() || *d <= 0.0) {
+            return number("the density of a leaf", true);
+        }
+        if coefficients.iter().any(|k| !k.is_finite()) {
+            return number("a coefficient", false);
+        }
+        let expected = density.len() * basis.coefficients();
+        if coefficients.len() != expected {
+            let (leaves, found) = (density.len(), coefficients.len());
+            return Err(InvalidField::Lengths { leaves, what: "coefficients", found, expected });
+        }
+        let mut field = Self {
+            frame,
+            basis,
+            activation,
+            up,
+            precision: Precision::default(),
+            depth: 0,
+            bounds: None,
+            nodes: Arc::new(nodes),
+            density: Arc::new(density),
+            coefficients: Arc::new(coefficients),
+        };
+        field.depth = field.validate()?;
+        field.sort_leaves();
+        field.bounds = field
+            .leaf_cells()
+            .map(|cell| (cell.corner, cell.corner + cell.size))
+            .reduce(|(low, high), (corner, end)| (low.min(corner), high.max(end)));
+        Ok(field)
+    }
+
+    /// Walks the tree once and returns its depth.
+    fn validate(&self) -> Result<u32, InvalidField> {
+        if self.nodes.is_empty() {
+            return Err(InvalidField::Dangling { node: 0 });
+        }
+        let mut reached = vec![false; self.nodes.len()];
+        let mut leaves_reached = vec![false; self.density.len()];
+        let mut leaves = 0;
+        let mut deepest = 0;
+        let mut stack = vec![(0u32, 1u32)];
+        while let Some((node, level)) = stack.pop() {
+            if level > MAX_DEPTH {
+                return Err(InvalidField::TooDeep);
+            }
+            if std::mem::replace(&mut reached[node as usize], true) {
+                return Err(InvalidField::Shared { node });
+            }
+            deepest = deepest.max(level);
+            for cell in self.nodes[node as usize] {
+                if let Some(child) = cell.as_node() {
+                    if child as usize >= self.nodes.len() {
+                        return Err(InvalidField::Dangling { node });
+                    }
+                    stack.push((child, level + 1));
+                } else if let Some(leaf) = cell.as_leaf() {
+                    match leaves_reached.get_mut(leaf as usize) {
+                        None => return Err(InvalidField::Dangling { node }),
+                        Some(true) => return Err(InvalidField::SharedLeaf { leaf }),
+                        Some(reached) => *reached = true,
+                    }
+                    leaves += 1;
+                }
+            }
+        }
+        if leaves != self.density.len() {
+            let (leaves, found) = (leaves, self.density.len());
+            return Err(InvalidField::Lengths { leaves, what: "densities", found, expected: leaves });
+        }
+        Ok(deepest)
+    }
+
+    /// Renames the leaves in depth-first order.
+    fn sort_leaves(&mut self) {
+        if self.leaf_cells().map(|cell| cell.leaf).eq(0..self.leaves() as u32) {
+            return;
+        }
+        let order: Vec<usize> = self.leaf_cells().map(|cell| cell.leaf as usize).collect();
+        let mut renamed = vec![0; order.len()];
+        for (new, old) in order.iter().enumerate() {
+            renamed[*old] = new as u32;
+        }
+        let nodes = Arc::make_mut(&mut self.nodes).as_flattened_mut();
+        for cell in nodes {
+            if let Some(renamed) = cell.as_leaf().and_then(|leaf| renamed.get(leaf as usize)) {
+                *cell = Cell::leaf(*renamed);
+            }
+        }
+        let width = self.basis.coefficients();
+        let coefficients = order.iter().flat_map(|leaf| &self.coefficients[leaf * width..][..width]);
+        self.coefficients = Arc::new(coefficients.copied().collect());
+        self.density = Arc::new(order.iter().map(|leaf| self.density[*leaf]).collect());
+    }
+
+    /// Where the tree's cube lies in the field's frame.
+    pub fn frame(&self) -> Frame {
+        self.frame
+    }
+
+    /// What the coefficients are coefficients of.
+    pub fn basis(&self) -> Basis {
+        self.basis
+    }
+
+    /// How their sum becomes radiance.
+    pub fn activation(&self) -> Activation {
+        self.activation
+    }
+
+    /// The axis that points up.
+    pub fn up(&self) -> UpAxis {
+        self.up
+    }
+
+    /// How the GPU keeps the coefficients.
+    pub fn precision(&self) -> Precision {
+        self.precision
+    }
+
+    /// The same field, kept otherwise on the GPU.
+    pub fn with_precision(self, precision: Precision) -> Self {
+        Self { precision, ..self }
+    }
+
+    /// Levels of cells: a field of 2^8 cells a side has depth 8.
+    pub fn depth(&self) -> u32 {
+        self.depth
+    }
+
+    /// Leaves that are not empty.
+    pub fn leaves(&self) -> usize {
+        self.density.len()
+    }
+
+    /// All nodes, the root first.
+    pub fn nodes(&self) -> &[[Cell; 8]] {
+        &self.nodes
+    }
+
+    /// Density of every leaf, per world unit.
+    pub fn densities(&self) -> &[f32] {
+        &self.density
+    }
+
+    /// Coefficients of all leaves, [`Basis::coefficients`] a leaf.
+    pub fn coefficients(&self) -> &[f16] {
+        &self.coefficients
+    }
+
+    /// The box around all leaves, in finest cells (lowest corner, highest corner); `None` for an empty field.
+    pub fn cell_bounds(&self) -> Option<(UVec3, UVec3)> {
+        self.bounds
+    }
+
+    /// The box around all leaves in the field's frame; `None` for an empty field.
+    pub fn bounds(&self) -> Option<(DVec3, DVec3)> {
+        self.tree_bounds().map(|(low, high)| (self.frame.to_world(low), self.frame.to_world(high)))
+    }
+
+    /// The same in tree units.
+    pub fn tree_bounds(&self) -> Option<(DVec3, DVec3)> {
+        let cells = f64::from(1u32 << self.depth);
+        self.bounds.map(|(low, high)| (low.as_dvec3() / cells, high.as_dvec3() / cells))
+    }
+
+    /// The box in which most of the field lies, in the field's frame: along each axis it leaves out a two-hundredth of
+    /// the leaves at either end, the floaters that training leaves behind. For cameras that are to show the field;
+    /// `None` for an empty one.
+    pub fn dense_bounds(&self) -> Option<(DVec3, DVec3)> {
+        if self.leaves() == 0 {
+            return None;
+        }
+        let mut low = DVec3::ZERO;
+        let mut high = DVec3::ZERO;
+        for axis in 0..3 {
+            let mut ends: Vec<(u32, u32)> =
+                self.leaf_cells().map(|cell| (cell.corner[axis], cell.corner[axis] + cell.size)).collect();
+            let left_out = ends.len() / 200;
+            let last = ends.len() - 1 - left_out;
+            low[axis] = f64::from(ends.select_nth_unstable_by_key(left_out, |end| end.0).1.0);
+            high[axis] = f64::from(ends.select_nth_unstable_by_key(last, |end| end.1).1.1);
+        }
+        let cells = f64::from(1u32 << self.depth);
+        Some((self.frame.to_world(low / cells), self.frame.to_world(high / cells)))
+    }
+
+    /// Every leaf and where it lies, in the order of the octree.
+    pub fn leaf_cells(&self) -> impl Iterator<Item = LeafCell> + '_ {
+        let root = (0u32, UVec3::ZERO, 1u32 << (self.depth.max(1) - 1));
+        let mut stack: Vec<(u32, UVec3, u32, u32)> = vec![(root.0, root.1, root.2, 0)];
+        std::iter::from_fn(move || {
+            while let Some((node, corner, size, next)) = stack.pop() {
+                if next == 8 {
+                    continue;
+                }
+                stack.push((node, corner, size, next + 1));
+                let corner = corner + size * UVec3::new(next >> 2, (next >> 1) & 1, next & 1);
+                let cell = self.nodes[node as usize][next as usize];
+                if let Some(child) = cell.as_node() {
+                    stack.push((child, corner, size / 2, 0));
+                } else if let Some(leaf) = cell.as_leaf() {
+                    return Some(LeafCell { leaf, corner, size });
+                }
+            }
+            None
+        })
+    }
+
+    /// The cell at `position` (in finest cells, below `2^depth`), its lowest corner and its width.
+    pub fn locate(&self, position: UVec3) -> (Cell, UVec3, u32) {
+        let mut node = 0;
+        let mut level = self.depth;
+        loop {
+            level -= 1;
+            let part = (position >> level) & UVec3::ONE;
+            let cell = self.nodes[node as usize][(4 * part.x + 2 * part.y + part.z) as usize];
+            match cell.as_node() {
+                Some(child) => node = child,
+                None => return (cell, (position >> level) << level, 1 << level),
+            }
+        }
+    }
+
+    /// Radiance of `leaf` seen along `direction` (unit vector from the eye into the scene, field's frame), encoded sRGB,
+    /// in float64: section 1 of the method.
+    pub fn radiance(&self, leaf: u32, direction: DVec3) -> DVec3 {
+        self.radiance_with(leaf, &self.basis.evaluate(direction))
+    }
+
+    /// [`Self::radiance`] with the basis already evaluated.
+    pub fn radiance_with(&self, leaf: u32, y: &[f64; 25]) -> DVec3 {
+        let functions = self.basis.functions();
+        let first = leaf as usize * self.basis.coefficients();
+        DVec3::from_array(std::array::from_fn(|channel| {
+            let k = &self.coefficients[first + channel * functions..][..functions];
+            self.activation.apply(k.iter().zip(y).map(|(k, y)| k.to_f64() * y).sum())
+        }))
+    }
+}

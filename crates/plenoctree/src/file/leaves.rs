@@ -1,0 +1,143 @@
+//! Densities and coefficients of the leaves, from the `data` of a file.
+
+use std::fmt::Display;
+use std::io::{self, Read, Seek};
+
+use half::f16;
+
+use super::error::ReadFault;
+use super::npy::{REALS, Real, with_real};
+use super::npz::{Archive, Array};
+use super::walk::Tree;
+use crate::field::Basis;
+
+/// What a coefficient must be, for messages.
+pub(super) const COEFFICIENT: &str = "a finite coefficient of at most +-65504";
+
+/// Reads densities and coefficients of the leaves for whose density `keep` is true, and drops the others.
+pub(super) fn read_data(
+    archive: &mut Archive<impl Read + Seek>,
+    basis: Basis,
+    tree: &mut Tree,
+    keep: impl Fn(f32) -> bool,
+) -> Result<(Vec<f32>, Vec<f16>), ReadFault> {
+    let values = basis.coefficients() + 1;
+    let array = open(archive, tree, values)?;
+    if !array.fortran() {
+        return read_rows(array, values, tree, keep);
+    }
+    // All densities come last, and tell which coefficients to keep: hence two passes.
+    let density = read_density(array, values, tree)?;
+    let density = tree.keep(density, keep);
+    let coefficients = read_columns(open(archive, tree, values)?, values, tree)?;
+    Ok((density, coefficients))
+}
+
+fn open<'a>(archive: &'a mut Archive<impl Read + Seek>, tree: &Tree, values: usize) -> Result<Array<'a>, ReadFault> {
+    let array = archive.array("data", "the coefficients and densities")?;
+    array.check_shape(&[tree.file_nodes(), 2, 2, 2, values as u64])?;
+    Ok(array)
+}
+
+/// Reads the density of every leaf, the last of `values` numbers a cell.
+pub(super) fn read_density(array: Array, values: usize, tree: &Tree) -> Result<Vec<f32>, ReadFault> {
+    let fault = array.dtype_fault(REALS);
+    let key = array.key();
+    let mut density = zeros(tree.leaves)?;
+    with_real!(array.dtype(), T => array.stream::<T>(values, tree.end() * values, |first, numbers| {
+        let (cell, end) = (first / values, first % values + numbers.len());
+        if let (Some(leaf), Some(&sigma), true) = (tree.leaf(cell), numbers.last(), end == values) {
+            density[leaf] = finite_density(key, sigma, cell)?;
+        }
+        Ok(())
+    }))
+    .unwrap_or(Err(fault))?;
+    Ok(density)
+}
+
+/// Reads densities and coefficients in one pass over an array in C order, in which every cell's are together.
+fn read_rows(
+    array: Array,
+    values: usize,
+    tree: &mut Tree,
+    keep: impl Fn(f32) -> bool,
+) -> Result<(Vec<f32>, Vec<f16>), ReadFault> {
+    let fault = array.dtype_fault(REALS);
+    let room = array.room();
+    let mut density = zeros(tree.leaves)?;
+    let mut rows = Vec::new();
+    with_real!(array.dtype(), T => array.stream::<T>(values, tree.end() * values, |first, numbers| {
+        let cell = first / values;
+        if let (Some(leaf), Some((&sigma, coefficients))) = (tree.leaf(cell), numbers.split_last()) {
+            density[leaf] = finite_density("data", sigma, cell)?;
+            if keep(density[leaf]) {
+                room.check(2 * (rows.len() + coefficients.len()) as u64)?;
+                for &number in coefficients {
+                    rows.push(coefficient("data", number, cell)?);
+                }
+            }
+        }
+        Ok(())
+    }))
+    .unwrap_or(Err(fault))?;
+    rows.shrink_to_fit();
+    let density = tree.keep(density, keep);
+    // The rows are in the order of the file's cells; now it is known where each belongs.
+    move_rows(&mut rows, values - 1, (0..tree.cells()).filter_map(|cell| tree.leaf(cell)).collect());
+    Ok((density, rows))
+}
+
+/// Reads the coefficients of every leaf from an array in Fortran order.
+fn read_columns(array: Array, values: usize, tree: &Tree) -> Result<Vec<f16>, ReadFault> {
+    let fault = array.dtype_fault(REALS);
+    let count = values - 1;
+    array.room().check(2 * (tree.leaves * count) as u64)?;
+    let mut coefficients = zeros(tree.leaves * count)?;
+    with_real!(array.dtype(), T => array.stream::<T>(1, tree.end() * values, |index, number| {
+        let (cell, place) = (index / values, index % values);
+        if let Some(leaf) = tree.leaf(cell).filter(|_| place < count) {
+            coefficients[leaf * count + place] = coefficient("data", number[0], cell)?;
+        }
+        Ok(())
+    }))
+    .unwrap_or(Err(fault))?;
+    Ok(coefficients)
+}
+
+/// Moves row `i` to row `targets[i]`, in place: twice the memory would be more than a large field can have.
+fn move_rows(rows: &mut [f16], width: usize, mut targets: Vec<usize>) {
+    for row in 0..targets.len() {
+        while targets[row] != row {
+            let target = targets[row];
+            let (low, high) = rows.split_at_mut(row.max(target) * width);
+            low[row.min(target) * width..][..width].swap_with_slice(&mut high[..width]);
+            targets.swap(row, target);
+        }
+    }
+}
+
+fn finite_density(key: &'static str, sigma: impl Real, cell: usize) -> Result<f32, ReadFault> {
+    let density = sigma.to_f32();
+    let finite = density.is_finite().then_some(density);
+    finite.ok_or_else(|| number_fault(key, sigma, cell, "a density that is finite in float32"))
+}
+
+/// A coefficient in the precision in which it is kept.
+pub(super) fn coefficient(key: &'static str, number: impl Real, cell: usize) -> Result<f16, ReadFault> {
+    number.to_f16().ok_or_else(|| number_fault(key, number, cell, COEFFICIENT))
+}
+
+/// The refusal of a number of a cell of the file.
+#[cold]
+pub(super) fn number_fault(key: &'static str, number: impl Display, cell: usize, expected: &str) -> ReadFault {
+    let found = format!("{number} at node {}, cell {}", cell / 8, cell % 8);
+    ReadFault::Value { key, found, expected: expected.into() }
+}
+
+/// Room for as many numbers, or an error instead of an abort.
+pub(super) fn zeros<T: bytemuck::Zeroable + Clone>(count: usize) -> Result<Vec<T>, ReadFault> {
+    let mut numbers = Vec::new();
+    numbers.try_reserve_exact(count).map_err(|_| io::Error::from(io::ErrorKind::OutOfMemory))?;
+    numbers.resize(count, T::zeroed());
+    Ok(numbers)
+}

@@ -1,0 +1,16 @@
+//! PlenOctree files: the `.npz` archives of svox, plenoctree, volrend and svox2, in and out.
+
+mod error;
+mod leaves;
+mod npy;
+mod npz;
+mod quantized;
+mod read;
+mod walk;
+#[cfg(feature = "write")]
+mod write;
+
+#[cfg(feature = "write")]
+pub use error::WriteError;
+pub use error::{ReadError, ReadFault};
+pub use read::LoadSettings;

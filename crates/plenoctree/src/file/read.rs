@@ -1,0 +1,215 @@
+//! Reading a PlenOctree: what the arrays of the file mean.
+
+use std::fs::File;
+use std::io::{BufReader, Read, Seek};
+use std::path::Path;
+
+#[cfg(feature = "bevy")]
+use bevy_reflect::std_traits::ReflectDefault;
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+use super::error::{ReadError, ReadFault, printable};
+use super::leaves::read_data;
+use super::npy::{REALS, Real, WHOLES, Whole, with_real, with_whole};
+use super::npz::{Archive, Array};
+use super::quantized::{QUANTIZED, read_quantized};
+use super::walk::Tree;
+use crate::field::{Activation, Basis, Frame, PlenOctree, Precision, UpAxis};
+
+/// The most nodes that a file may have, so that its cells can be counted in 31 bits.
+const MAX_NODES: u64 = (1 << 28) - 1;
+
+/// What a file does not say about its field, or says too much of.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+#[cfg_attr(
+    feature = "bevy",
+    derive(bevy_reflect::Reflect),
+    reflect(Default, Clone, Debug, PartialEq),
+    type_path = "plenoctree"
+)]
+pub struct LoadSettings {
+    /// How the sum of the coefficients becomes radiance; `None` for [`Basis::default_activation`]. Fields converted from
+    /// Plenoxels need [`Activation::ShiftedRelu`].
+    pub activation: Option<Activation>,
+    /// The axis of the field that points up.
+    pub up: UpAxis,
+    /// Leaves with less density than this (per world unit) are empty and are not kept; neither are those with a density
+    /// of 0 or below.
+    pub density_threshold: f32,
+    /// How the GPU keeps the coefficients.
+    pub precision: Precision,
+}
+
+impl Default for LoadSettings {
+    fn default() -> Self {
+        Self { activation: None, up: UpAxis::default(), density_threshold: 0.01, precision: Precision::default() }
+    }
+}
+
+impl PlenOctree {
+    /// Reads a PlenOctree file: an `.npz` as svox, plenoctree, volrend's compression and svox2's conversion write it.
+    ///
+    /// Only leaves that are not empty take memory; the file's arrays are streamed. Nodes and leaves are put in depth-first
+    /// order and nodes that the root does not reach are dropped. Numbers are taken in any order and width that converts
+    /// without loss of meaning: coefficients are rounded to float16 and refused beyond its range, densities to float32.
+    ///
+    /// Errors name the file, the array, what was found and what was expected.
+    pub fn read(path: impl AsRef<Path>, settings: &LoadSettings) -> Result<Self, ReadError> {
+        let path = path.as_ref();
+        let label = path.display().to_string();
+        match File::open(path) {
+            Ok(file) => Self::read_from(BufReader::new(file), &label, settings),
+            Err(error) => Err(ReadError::new(&label, error.into())),
+        }
+    }
+
+    /// [`Self::read`] for a file that is already open or in memory. `label` stands for its name in errors.
+    pub fn read_from(reader: impl Read + Seek, label: &str, settings: &LoadSettings) -> Result<Self, ReadError> {
+        read(reader, settings).map_err(|fault| ReadError::new(label, fault))
+    }
+}
+
+fn read(reader: impl Read + Seek, settings: &LoadSettings) -> Result<PlenOctree, ReadFault> {
+    let mut archive = Archive::open(reader)?;
+    let basis = read_basis(&mut archive)?;
+    let frame = read_frame(&mut archive)?;
+    let mut tree = read_tree(&mut archive)?;
+    let threshold = settings.density_threshold;
+    let keep = |density: f32| density > 0.0 && density >= threshold;
+    let quantized = !archive.has("data") && QUANTIZED.iter().any(|key| archive.has(key));
+    let (density, coefficients) = if quantized {
+        read_quantized(&mut archive, basis, &mut tree, keep)?
+    } else {
+        read_data(&mut archive, basis, &mut tree, keep)?
+    };
+    let activation = settings.activation.unwrap_or(basis.default_activation());
+    PlenOctree::new(frame, basis, activation, settings.up, tree.nodes, density, coefficients)
+        .map(|field| field.with_precision(settings.precision))
+        .map_err(ReadFault::Field)
+}
+
+fn read_basis(archive: &mut Archive<impl Read + Seek>) -> Result<Basis, ReadFault> {
+    let values = read_data_dim(archive)?;
+    let by_values = || match values {
+        4 => Some(Basis::Rgba),
+        3.. if values % 3 == 1 => Basis::from_functions(usize::try_from(values / 3).ok()?),
+        _ => None,
+    };
+    let basis = if archive.has("data_format") {
+        let format = archive.array("data_format", "the basis")?.text()?;
+        match Basis::ALL.into_iter().find(|basis| basis.name() == format) {
+            Some(basis) => Some(basis),
+            None if format.starts_with("SG") || format.starts_with("ASG") => {
+                return Err(ReadFault::Gaussians { format: printable(&format) });
+            }
+            None => {
+                return Err(ReadFault::Value {
+                    key: "data_format",
+                    found: printable(&format),
+                    expected: "RGBA, SH1, SH4, SH9, SH16 or SH25".into(),
+                });
+            }
+        }
+    } else {
+        by_values()
+    };
+    let expected = match basis {
+        Some(basis) if values == basis.coefficients() as i64 + 1 => return Ok(basis),
+        Some(basis) => format!("{} for {}", basis.coefficients() + 1, basis.name()),
+        None => "4, 13, 28, 49 or 76".into(),
+    };
+    Err(ReadFault::Value { key: "data_dim", found: values.to_string(), expected })
+}
+
+/// Values a leaf.
+fn read_data_dim(archive: &mut Archive<impl Read + Seek>) -> Result<i64, ReadFault> {
+    let array = archive.array("data_dim", "the number of values a leaf")?;
+    check_single(&array)?;
+    let fault = array.dtype_fault(WHOLES);
+    let mut values = 0;
+    with_whole!(array.dtype(), T => array.stream::<T>(1, 1, |_, number| {
+        values = number[0].to_i64();
+        Ok(())
+    }))
+    .unwrap_or(Err(fault))?;
+    Ok(values)
+}
+
+fn read_frame(archive: &mut Archive<impl Read + Seek>) -> Result<Frame, ReadFault> {
+    let key = if !archive.has("invradius3") && archive.has("invradius") { "invradius" } else { "invradius3" };
+    let array = archive.array(key, "the inverse of the cube's width")?;
+    let scale = if key == "invradius" {
+        check_single(&array)?;
+        DVec3::splat(read_numbers::<1>(array)?[0])
+    } else {
+        array.check_shape(&[3])?;
+        DVec3::from_array(read_numbers(array)?)
+    };
+    let refused = |key, numbers: DVec3, expected: &str| {
+        Err(ReadFault::Value { key, found: format!("{:?}", numbers.to_array()), expected: expected.into() })
+    };
+    if !scale.is_finite() || scale.min_element() <= 0.0 {
+        return refused(key, scale, "finite numbers over 0");
+    }
+    let array = archive.array("offset", "the cube's place")?;
+    array.check_shape(&[3])?;
+    let offset = DVec3::from_array(read_numbers(array)?);
+    if !offset.is_finite() {
+        return refused("offset", offset, "finite numbers");
+    }
+    // Files hold frames in float32, and props have their places in it.
+    let frame = Frame { offset, scale };
+    if !offset.as_vec3().is_finite() {
+        return refused("offset", offset, "numbers that are finite in float32");
+    }
+    let corners = [DVec3::ZERO, DVec3::ONE].map(|corner| frame.to_world(corner).as_vec3());
+    if !scale.as_vec3().is_finite() || !corners.iter().all(|corner| corner.is_finite()) {
+        return refused(key, scale, "the scale of a cube that is finite in float32");
+    }
+    Ok(frame)
+}
+
+fn read_tree(archive: &mut Archive<impl Read + Seek>) -> Result<Tree, ReadFault> {
+    let array = archive.array("child", "the tree")?;
+    let &[nodes @ 1..=MAX_NODES, 2, 2, 2] = array.shape() else {
+        return Err(array.shape_fault(format!("[n, 2, 2, 2] with n from 1 to {MAX_NODES}")));
+    };
+    let fault = array.dtype_fault(WHOLES);
+    let cells = 8 * nodes as usize;
+    array.room().check(4 * cells as u64)?;
+    let mut child = vec![0; cells];
+    with_whole!(array.dtype(), T => array.stream::<T>(8, cells, |first, offsets| {
+        for (child, offset) in child[first..].iter_mut().zip(offsets) {
+            // What is beyond 32 bits leaves the array either way.
+            *child = offset.to_i64().clamp(i32::MIN.into(), i32::MAX.into()) as i32;
+        }
+        Ok(())
+    }))
+    .unwrap_or(Err(fault))?;
+    Tree::walk(child).map_err(ReadFault::Tree)
+}
+
+/// The numbers of a small array of any type of number.
+fn read_numbers<const N: usize>(array: Array) -> Result<[f64; N], ReadFault> {
+    let fault = array.dtype_fault(REALS);
+    let mut result = [0.0; N];
+    let done = if array.dtype().kind == 'f' {
+        with_real!(array.dtype(), T => array.stream::<T>(1, N, |at, number| {
+            result[at] = number[0].to_f64();
+            Ok(())
+        }))
+    } else {
+        with_whole!(array.dtype(), T => array.stream::<T>(1, N, |at, number| {
+            result[at] = number[0].to_i64() as f64;
+            Ok(())
+        }))
+    };
+    done.unwrap_or(Err(fault))?;
+    Ok(result)
+}
+
+fn check_single(array: &Array) -> Result<(), ReadFault> {
+    if array.shape().iter().all(|&axis| axis == 1) { Ok(()) } else { Err(array.shape_fault("[]")) }
+}

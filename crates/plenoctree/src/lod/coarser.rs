@@ -1,0 +1,175 @@
+//! Levels of detail: the same field with larger cells.
+
+use glam::DVec3;
+use half::f16;
+use rayon::prelude::*;
+
+use crate::field::{Cell, PlenOctree};
+
+impl PlenOctree {
+    /// The field with its finest cells averaged, eight to one, `levels` times over; `None` if it is not that deep. It stands
+    /// in for the field where a pixel is no smaller than its cells.
+    ///
+    /// A cell gets the density that lets as much light through as its parts do, on average over rays along the three axes:
+    /// their mean where they are thin, less where rays could slip by what is dense. Its coefficients are the means of its
+    /// parts', weighed by the light that each part absorbs. The harmonics' sums are averaged, not the radiance
+    /// that an activation makes of them.
+    pub fn coarser(&self, levels: u32) -> Option<Self> {
+        let mut field = self.clone();
+        for _ in 0..levels {
+            field = field.merge_finest()?;
+        }
+        Some(field)
+    }
+
+    fn merge_finest(&self) -> Option<Self> {
+        if self.depth() < 2 {
+            return None;
+        }
+        let mut merge = Merge { field: self, nodes: vec![[Cell::EMPTY; 8]], leaves: Vec::new() };
+        merge.copy(0, 0, 1);
+        let Merge { nodes, leaves, .. } = merge;
+        // Widths of the finest cells, in world units.
+        let widths = (self.frame().scale * f64::from(1u32 << self.depth())).recip();
+        let densities = leaves.par_iter().map(|leaf| match leaf {
+            NewLeaf::Same(leaf) => self.densities()[*leaf as usize],
+            // No leaf is empty, however little of it is left.
+            NewLeaf::Merged(node) => (density(self.node_densities(*node), widths) as f32).max(f32::MIN_POSITIVE),
+        });
+        let coefficients = leaves.par_iter().flat_map_iter(|leaf| match leaf {
+            NewLeaf::Same(leaf) => self.leaf_coefficients(*leaf).to_vec(),
+            NewLeaf::Merged(node) => self.mean_coefficients(*node, widths.element_product().cbrt()),
+        });
+        let field = Self::new(
+            self.frame(),
+            self.basis(),
+            self.activation(),
+            self.up(),
+            nodes,
+            densities.collect(),
+            coefficients.collect(),
+        );
+        field.ok().map(|field| field.with_precision(self.precision()))
+    }
+
+    fn leaf_coefficients(&self, leaf: u32) -> &[f16] {
+        let width = self.basis().coefficients();
+        &self.coefficients()[leaf as usize * width..][..width]
+    }
+
+    /// Densities of a node's eight cells, none of which is a node.
+    fn node_densities(&self, node: u32) -> [f64; 8] {
+        self.nodes()[node as usize]
+            .map(|cell| cell.as_leaf().map_or(0.0, |leaf| f64::from(self.densities()[leaf as usize])))
+    }
+
+    fn mean_coefficients(&self, node: u32, width: f64) -> Vec<f16> {
+        let mut sums = vec![0.0f64; self.basis().coefficients()];
+        let mut total = 0.0;
+        for leaf in self.nodes()[node as usize].iter().filter_map(|cell| cell.as_leaf()) {
+            let weight = -(-f64::from(self.densities()[leaf as usize]) * width).exp_m1();
+            total += weight;
+            for (sum, k) in sums.iter_mut().zip(self.leaf_coefficients(leaf)) {
+                *sum += weight * k.to_f64();
+            }
+        }
+        sums.into_iter().map(|sum| f16::from_f64(sum / total)).collect()
+    }
+}
+
+/// The density of the cell that eight cells of these `widths` make.
+fn density(cells: [f64; 8], widths: DVec3) -> f64 {
+    let along = |axis: usize| {
+        let (bit, width) = (4 >> axis, widths[axis]);
+        let columns = (0..8).filter(|cell| cell & bit == 0).map(|cell| (cells[cell] + cells[cell | bit]) * width);
+        let least = columns.clone().fold(f64::INFINITY, f64::min);
+        let taken = columns.map(|depth| (least - depth).exp_m1()).sum::<f64>() / 4.0;
+        (least - taken.ln_1p()) / (2.0 * width)
+    };
+    (along(0) + along(1) + along(2)) / 3.0
+}
+
+/// Leaves of the coarser field, by what they were.
+enum NewLeaf {
+    Same(u32),
+    Merged(u32),
+}
+
+struct Merge<'a> {
+    field: &'a PlenOctree,
+    nodes: Vec<[Cell; 8]>,
+    leaves: Vec<NewLeaf>,
+}
+
+impl Merge<'_> {
+    /// Copies the cells of node `from`, which are at `level`, to node `to`.
+    fn copy(&mut self, from: u32, to: usize, level: u32) {
+        for (index, cell) in self.field.nodes()[from as usize].iter().enumerate() {
+            if let Some(leaf) = cell.as_leaf() {
+                self.nodes[to][index] = self.leaf(NewLeaf::Same(leaf));
+            } else if let Some(node) = cell.as_node() {
+                if level + 1 < self.field.depth() {
+                    let below = self.nodes.len();
+                    self.nodes.push([Cell::EMPTY; 8]);
+                    self.nodes[to][index] = Cell::node(below as u32);
+                    self.copy(node, below, level + 1);
+                } else if self.field.nodes()[node as usize].iter().any(|cell| cell.as_leaf().is_some()) {
+                    self.nodes[to][index] = self.leaf(NewLeaf::Merged(node));
+                }
+            }
+        }
+    }
+
+    fn leaf(&mut self, leaf: NewLeaf) -> Cell {
+        self.leaves.push(leaf);
+        Cell::leaf(self.leaves.len() as u32 - 1)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        bake::{BakeSettings, bake},
+        field::{Activation, Basis, Frame, UpAxis},
+    };
+
+    /// However faint or dense cells are, and however small.
+    #[test]
+    fn fog_stays_the_fog_that_it_is() {
+        for density in [1e-37, 1e-3, 1.0, 1e38] {
+            for half in [1e-20, 1.0, 1e30] {
+                let (min, max) = (DVec3::splat(-half), DVec3::splat(half));
+                let settings =
+                    BakeSettings { depth: 2, min, max, basis: Basis::Rgba, min_density: 0.0, ..Default::default() };
+                let field = bake(&settings, |_| density, |_| |_| DVec3::ONE).unwrap().coarser(1).unwrap();
+                assert_eq!((field.depth(), field.leaves()), (1, 8));
+                assert!(
+                    field.densities().iter().all(|&d| (f64::from(d) / density - 1.0).abs() < 1e-6),
+                    "{density} {half}"
+                );
+            }
+        }
+    }
+
+    /// Where light is lost so little that one minus it is one.
+    #[test]
+    fn what_is_thin_has_the_mean_density() {
+        let cells = std::array::from_fn(|cell| 1e-14 * cell as f64);
+        assert!((density(cells, DVec3::ONE) / 3.5e-14 - 1.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn what_is_left_of_one_faint_leaf_is_a_leaf() {
+        let mut root = [Cell::EMPTY; 8];
+        root[0] = Cell::node(1);
+        let mut part = [Cell::EMPTY; 8];
+        part[0] = Cell::leaf(0);
+        let frame = Frame::spanning(DVec3::ZERO, DVec3::ONE);
+        let (density, color) = (vec![f32::from_bits(1)], vec![f16::ONE; 3]);
+        let field =
+            PlenOctree::new(frame, Basis::Rgba, Activation::Identity, UpAxis::Z, vec![root, part], density, color)
+                .unwrap();
+        assert_eq!(field.coarser(1).unwrap().leaves(), 1);
+    }
+}

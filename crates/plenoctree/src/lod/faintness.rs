@@ -1,0 +1,118 @@
+//! Which leaves are too faint to matter.
+
+use std::ops::ControlFlow;
+
+use glam::{DVec2, DVec3};
+use rayon::prelude::*;
+
+use crate::field::PlenOctree;
+
+/// Rays along each side of the box around the leaves.
+const RAYS: usize = 64;
+/// Bins of density, in fourths of an octave of opaqueness across a finest cell, from 2^-24 up.
+const BINS: usize = 4 * 32;
+const LEAST: f64 = -24.0;
+/// Transmittance at which a ray has seen all that it can see.
+const STOP: f64 = 0.01;
+
+/// What is lost by leaving out faint leaves, seen along rays through the whole field, there and back along every axis.
+pub struct Faintness {
+    /// The width of a finest cell, in world units.
+    width: f64,
+    /// For every bin, the root mean square, over rays that meet a leaf, of the opacity that leaves up to that bin add.
+    lost: [f64; BINS],
+}
+
+impl Faintness {
+    /// Marches rays through the whole field, on all cores.
+    pub fn of(field: &PlenOctree) -> Self {
+        let width = (field.frame().scale * f64::from(1u32 << field.depth())).element_product().cbrt().recip();
+        let mut lost = [0.0; BINS];
+        let Some((low, high)) = field.bounds() else {
+            return Self { width, lost };
+        };
+        let rays = (0..6 * RAYS * RAYS).into_par_iter().filter_map(|ray| {
+            let (side, at) = (ray / (RAYS * RAYS), ray % (RAYS * RAYS));
+            let across = (DVec2::new((at % RAYS) as f64, (at / RAYS) as f64) + 0.5) / RAYS as f64;
+            let (axis, backward) = (side % 3, side >= 3);
+            let mut place = DVec3::ZERO;
+            (place[(axis + 1) % 3], place[(axis + 2) % 3]) = across.into();
+            // A little outside of the box, since a ray begins where it is put.
+            place[axis] = if backward { 1.01 } else { -0.01 };
+            let mut direction = DVec3::ZERO;
+            direction[axis] = if backward { -1.0 } else { 1.0 };
+            opacity_by_bin(field, width, low + place * (high - low), direction)
+        });
+        let (sums, count) = rays.map(|ray| (ray, 1usize)).reduce(
+            || ([0.0; BINS], 0),
+            |(mut a, count), (b, more)| {
+                a.iter_mut().zip(b).for_each(|(a, b)| *a += b);
+                (a, count + more)
+            },
+        );
+        for (lost, sum) in lost.iter_mut().zip(sums) {
+            *lost = (sum / count.max(1) as f64).sqrt();
+        }
+        Self { width, lost }
+    }
+
+    /// The density under which leaves can be left out without rays' losing more than `loss` of their opacity.
+    pub fn threshold(&self, loss: f32) -> f32 {
+        let bins = self.lost.iter().take_while(|lost| **lost <= f64::from(loss)).count();
+        if bins == 0 { 0.0 } else { ((bins as f64 / 4.0 + LEAST).exp2() / self.width) as f32 }
+    }
+}
+
+/// The square of the opacity that leaves up to each bin add to a ray; `None` if it meets no leaf.
+fn opacity_by_bin(field: &PlenOctree, width: f64, origin: DVec3, direction: DVec3) -> Option<[f64; BINS]> {
+    let mut added = [0.0; BINS];
+    let (mut transmittance, mut met) = (1.0f64, false);
+    field.march(origin, direction, |crossing| {
+        met = true;
+        let density = f64::from(field.densities()[crossing.leaf as usize]);
+        let opacity = -(-density * crossing.length).exp_m1();
+        let bin = (4.0 * ((density * width).log2() - LEAST)).clamp(0.0, (BINS - 1) as f64) as usize;
+        added[bin] += transmittance * opacity;
+        transmittance *= 1.0 - opacity;
+        if transmittance < STOP { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    });
+    let mut sum = 0.0;
+    met.then(|| {
+        added.map(|added| {
+            sum += added;
+            sum * sum
+        })
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        bake::{BakeSettings, bake},
+        field::Basis,
+    };
+
+    fn ball(density: impl Fn(f64) -> f64 + Sync) -> PlenOctree {
+        let settings = BakeSettings { depth: 6, basis: Basis::Rgba, min_density: 0.0, ..Default::default() };
+        bake(&settings, |at| density(at.length()), |_| |_| DVec3::splat(0.5)).unwrap()
+    }
+
+    #[test]
+    fn haze_around_a_ball_goes_and_the_ball_stays() {
+        let field = ball(|radius| if radius < 0.6 { 300.0 } else { 0.001 });
+        let faintness = Faintness::of(&field);
+        let threshold = faintness.threshold(0.005);
+        assert!((0.002..200.0).contains(&threshold), "{threshold}");
+        assert_eq!(field.thinned(faintness.threshold(1e-3)).leaves(), field.leaves());
+    }
+
+    /// Leaves that are faint one by one, but all that there is, save for those cut by the fog's edge.
+    #[test]
+    fn fog_stays() {
+        let field = ball(|radius| if radius < 0.9 { 0.5 } else { 0.0 });
+        let thinned = field.thinned(Faintness::of(&field).threshold(0.05));
+        assert!(thinned.leaves() as f64 > 0.9 * field.leaves() as f64);
+        assert!(thinned.densities().iter().all(|density| *density > 0.2));
+    }
+}

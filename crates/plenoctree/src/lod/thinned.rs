@@ -1,0 +1,80 @@
+//! The same field without its faintest leaves.
+
+use crate::field::{Cell, PlenOctree};
+
+impl PlenOctree {
+    /// The field without the leaves that are less dense than `density_threshold`, per world unit: rays have less to visit.
+    /// [`LoadSettings::density_threshold`](crate::LoadSettings::density_threshold) does the same to a file.
+    pub fn thinned(&self, density_threshold: f32) -> Self {
+        if self.densities().iter().all(|density| *density >= density_threshold) {
+            return self.clone();
+        }
+        let mut thin = Thin { field: self, density_threshold, nodes: vec![[Cell::EMPTY; 8]], leaves: Vec::new() };
+        thin.copy(0, 0);
+        let Thin { nodes, leaves, .. } = thin;
+        let width = self.basis().coefficients();
+        let coefficients =
+            leaves.iter().flat_map(|leaf| &self.coefficients()[*leaf as usize * width..][..width]).copied().collect();
+        let densities = leaves.iter().map(|leaf| self.densities()[*leaf as usize]).collect();
+        Self::new(self.frame(), self.basis(), self.activation(), self.up(), nodes, densities, coefficients)
+            .map_or_else(|_| self.clone(), |field| field.with_precision(self.precision()))
+    }
+}
+
+struct Thin<'a> {
+    field: &'a PlenOctree,
+    density_threshold: f32,
+    nodes: Vec<[Cell; 8]>,
+    /// The leaves that stay.
+    leaves: Vec<u32>,
+}
+
+impl Thin<'_> {
+    /// Copies what stays of node `from` to node `to`, and no node that would be empty.
+    fn copy(&mut self, from: u32, to: usize) {
+        for (index, cell) in self.field.nodes()[from as usize].iter().enumerate() {
+            if let Some(leaf) = cell.as_leaf() {
+                if self.field.densities()[leaf as usize] >= self.density_threshold {
+                    self.nodes[to][index] = Cell::leaf(self.leaves.len() as u32);
+                    self.leaves.push(leaf);
+                }
+            } else if let Some(node) = cell.as_node() {
+                let (below, before) = (self.nodes.len(), self.leaves.len());
+                self.nodes.push([Cell::EMPTY; 8]);
+                self.copy(node, below);
+                if self.leaves.len() > before {
+                    self.nodes[to][index] = Cell::node(below as u32);
+                } else {
+                    self.nodes.truncate(below);
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use crate::{
+        bake::{BakeSettings, bake},
+        field::Basis,
+    };
+
+    #[test]
+    fn only_what_is_dense_enough_stays_and_looks_the_same() {
+        let settings = BakeSettings { depth: 5, basis: Basis::Sh4, min_density: 0.0, ..Default::default() };
+        let tint = |at: DVec3| move |direction: DVec3| 0.5 + 0.2 * at + 0.1 * direction;
+        let field = bake(&settings, |at| 9.0 * at.x.abs(), tint).unwrap();
+        let thinned = field.thinned(4.0);
+        let dense = field.densities().iter().filter(|density| **density >= 4.0);
+        assert!(thinned.leaves() > 100 && thinned.densities().iter().eq(dense));
+        for cell in thinned.leaf_cells() {
+            let fine = cell.corner << (field.depth() - thinned.depth());
+            let leaf = field.locate(fine).0.as_leaf().unwrap();
+            assert_eq!(thinned.radiance(cell.leaf, DVec3::X), field.radiance(leaf, DVec3::X));
+        }
+        assert_eq!(field.thinned(1e9).leaves(), 0);
+        assert_eq!(field.thinned(0.0).leaves(), field.leaves());
+    }
+}

@@ -1,0 +1,101 @@
+//! Rays through the octree, cell by cell and in float64: section 2 of the method.
+
+use std::ops::ControlFlow;
+
+use glam::{DVec3, I64Vec3};
+
+use crate::field::PlenOctree;
+
+/// Transmittance under which a march stops and the pixel counts as opaque.
+const STOP_TRANSMITTANCE: f64 = 1e-2;
+
+/// One leaf on the way of a ray.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Crossing {
+    /// The leaf's index.
+    pub leaf: u32,
+    /// Distance from the ray's origin to where it enters the leaf, in lengths of the direction.
+    pub start: f64,
+    /// Length of the way inside the leaf, likewise: world units of the field for a unit direction.
+    pub length: f64,
+}
+
+impl PlenOctree {
+    /// Calls `visit` for every leaf that is not empty on the ray `origin + t direction`, t >= 0, in order, until it breaks.
+    ///
+    /// Cells are integers: a step leaves a cell through one of its faces and enters the neighbor there, so no cell is lost
+    /// or visited twice however small it is, and the lengths add up to the way through the self.
+    pub fn march(&self, origin: DVec3, direction: DVec3, mut visit: impl FnMut(Crossing) -> ControlFlow<()>) {
+        // In units of the finest cell; `t` keeps its world length.
+        let cells = f64::from(1u32 << self.depth());
+        let frame = self.frame();
+        let origin = frame.to_tree(origin) * cells;
+        let direction = direction * frame.scale * cells;
+
+        let (mut t, mut end) = (0.0_f64, f64::INFINITY);
+        for axis in 0..3 {
+            if direction[axis] != 0.0 {
+                let a = -origin[axis] / direction[axis];
+                let b = (cells - origin[axis]) / direction[axis];
+                t = t.max(a.min(b));
+                end = end.min(a.max(b));
+            } else if !(0.0..=cells).contains(&origin[axis]) {
+                return;
+            }
+        }
+        if t >= end {
+            return;
+        }
+
+        let last = I64Vec3::splat((1i64 << self.depth()) - 1);
+        let mut position = (origin + t * direction).floor().as_i64vec3().clamp(I64Vec3::ZERO, last);
+        loop {
+            let (cell, corner, size) = self.locate(position.as_uvec3());
+            let low = corner.as_i64vec3();
+            let high = low + i64::from(size);
+
+            // The face through which the ray leaves.
+            let (mut exit, mut through) = (f64::INFINITY, 0);
+            for axis in 0..3 {
+                let plane = if direction[axis] > 0.0 { high[axis] } else { low[axis] } as f64;
+                if direction[axis] != 0.0 && (plane - origin[axis]) / direction[axis] < exit {
+                    exit = (plane - origin[axis]) / direction[axis];
+                    through = axis;
+                }
+            }
+            let exit = exit.max(t);
+            if !exit.is_finite() {
+                return;
+            }
+            if let Some(leaf) = cell.as_leaf()
+                && visit(Crossing { leaf, start: t, length: exit - t }).is_break()
+            {
+                return;
+            }
+            t = exit;
+            let inside = (origin + t * direction).floor().as_i64vec3().clamp(low, high - 1);
+            position = inside;
+            position[through] = if direction[through] > 0.0 { high[through] } else { low[through] - 1 };
+            if position[through] < 0 || position[through] > last[through] {
+                return;
+            }
+        }
+    }
+
+    /// Color `C` and opacity `A` seen along one ray of the field's frame. `direction` is a unit vector.
+    pub fn render_ray(&self, origin: DVec3, direction: DVec3) -> (DVec3, f64) {
+        let y = self.basis().evaluate(direction);
+        // The sum of the weights is 1 - transmittance, without its cancellation where little is lost.
+        let (mut color, mut transmittance, mut sum) = (DVec3::ZERO, 1.0, 0.0);
+        self.march(origin, direction, |crossing| {
+            let depth = f64::from(self.densities()[crossing.leaf as usize]) * crossing.length;
+            let opacity = -(-depth).exp_m1();
+            let weight = transmittance * opacity;
+            sum += weight;
+            color += weight * self.radiance_with(crossing.leaf, &y);
+            transmittance *= 1.0 - opacity;
+            if transmittance < STOP_TRANSMITTANCE { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        });
+        if transmittance < STOP_TRANSMITTANCE { (color / sum, 1.0) } else { (color, sum) }
+    }
+}

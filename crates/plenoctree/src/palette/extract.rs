@@ -1,0 +1,239 @@
+//! From a field to its palette: the steps of section 3 of the method, one after the other.
+
+use std::time::Instant;
+
+use glam::DVec3;
+
+use super::{
+    kmeans::{self, Clusters},
+    palette::Palette,
+    settings::ExtractionSettings,
+    simplify::simplify,
+};
+use crate::{
+    field::PlenOctree,
+    sampling::{Bins, Canceled, Histograms, InvalidSetting, Progress, SamplingError, sample},
+};
+
+/// A palette and how it came about.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Extraction {
+    /// The palette, every channel in [0, 1]. The weights are shares of the visible weight and sum to 1.
+    pub palette: Palette,
+    /// Radiance samples: leaves times cells of directions, whatever weight they have.
+    pub radiance_samples: u64,
+    /// The visible weight of all samples.
+    pub total_weight: f64,
+    /// K, the number of clusters.
+    pub clusters: usize,
+    /// Corners of the clusters' convex hull before it was simplified.
+    pub hull_vertices: usize,
+    /// How long it took.
+    pub seconds: ExtractionTimes,
+}
+
+/// Time spent on each part of an extraction, in seconds, as table 1 of the paper divides it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ExtractionTimes {
+    /// Steps 1 to 5: radiance samples and histograms. 0 if the histograms were given.
+    pub sampling: f64,
+    /// Steps 6 and 7: k-means.
+    pub filtering: f64,
+    /// Steps 8 and 9: the convex hull, its simplification and the order.
+    pub hull: f64,
+}
+
+/// Why there is no palette.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum ExtractionError {
+    /// A setting is out of its range.
+    #[error(transparent)]
+    Setting(#[from] InvalidSetting),
+    /// The field has no leaves, or none that can be seen.
+    #[error("nothing is visible in the field")]
+    NothingVisible,
+    /// [`Progress::cancel`] was called.
+    #[error(transparent)]
+    Canceled(#[from] Canceled),
+}
+
+impl From<SamplingError> for ExtractionError {
+    fn from(error: SamplingError) -> Self {
+        match error {
+            SamplingError::Setting(setting) => Self::Setting(setting),
+            SamplingError::Canceled(canceled) => Self::Canceled(canceled),
+        }
+    }
+}
+
+/// Extracts the palette of a whole field, on all cores. The same field and settings give the same bits every time.
+pub fn extract(
+    field: &PlenOctree,
+    settings: &ExtractionSettings,
+    progress: &Progress,
+) -> Result<Extraction, ExtractionError> {
+    settings.validate()?;
+    let start = Instant::now();
+    let histograms = sample(field, &settings.sampling, progress)?;
+    let sampling = start.elapsed().as_secs_f64();
+    let mut extraction = extract_from_histograms(&histograms, settings)?;
+    extraction.seconds.sampling = sampling;
+    Ok(extraction)
+}
+
+/// Extracts the palette from histograms, which may have any number of bins: steps 6 to 9.
+pub fn extract_from_histograms(
+    histograms: &Histograms,
+    settings: &ExtractionSettings,
+) -> Result<Extraction, ExtractionError> {
+    settings.validate()?;
+    let start = Instant::now();
+    let total_weight = histograms.total_weight();
+    let clusters = filter(histograms, settings).ok_or(ExtractionError::NothingVisible)?;
+    let filtering = start.elapsed().as_secs_f64();
+
+    let start = Instant::now();
+    let centers: Vec<DVec3> = clusters.centers.iter().map(|&center| center.into()).collect();
+    let simplified = simplify(&centers, settings.colors);
+    let corners: Vec<[f64; 3]> =
+        simplified.corners.iter().map(|corner| corner.clamp(DVec3::ZERO, DVec3::ONE).into()).collect();
+    let palette = order(corners, &clusters);
+    let hull = start.elapsed().as_secs_f64();
+    Ok(Extraction {
+        palette,
+        radiance_samples: histograms.samples(),
+        total_weight,
+        clusters: clusters.centers.len(),
+        hull_vertices: simplified.before,
+        seconds: ExtractionTimes { sampling: 0.0, filtering, hull },
+    })
+}
+
+/// Steps 6 and 7: representative colors; `None` if there is no weight.
+fn filter(histograms: &Histograms, settings: &ExtractionSettings) -> Option<Clusters> {
+    let total = histograms.total_weight();
+    let bins = histograms.fine_bins();
+    let (points, weights): (Vec<_>, Vec<_>) = bins
+        .weights
+        .iter()
+        .enumerate()
+        .map(|(bin, weight)| (bins.center(bin), weight / total))
+        .filter(|(_, weight)| *weight > 0.0)
+        .unzip();
+    let centers = initial_centers(histograms.coarse_bins(), settings.coarse_threshold);
+    if points.is_empty() || centers.is_empty() {
+        return None;
+    }
+    Some(kmeans::cluster(&points, &weights, centers, settings.max_iterations, settings.tolerance))
+}
+
+/// The centers of the bins that hold more than `threshold` of the weight, in the order of their indices.
+///
+/// If no bin does, the weight is spread over more bins than could be above the threshold, `1 / threshold`: then so many
+/// of the heaviest are taken.
+fn initial_centers(bins: &Bins, threshold: f64) -> Vec<[f64; 3]> {
+    let total: f64 = bins.weights.iter().sum();
+    let mut chosen: Vec<usize> = (0..bins.weights.len()).filter(|&i| bins.weights[i] / total > threshold).collect();
+    if chosen.is_empty() {
+        let most = (1.0 / threshold) as usize;
+        chosen = (0..bins.weights.len()).filter(|&i| bins.weights[i] > 0.0).collect();
+        chosen.sort_by(|&a, &b| bins.weights[b].total_cmp(&bins.weights[a]).then(a.cmp(&b)));
+        chosen.truncate(most);
+        chosen.sort_unstable();
+    }
+    chosen.into_iter().map(|bin| bins.center(bin)).collect()
+}
+
+/// Step 9: heaviest first, by the weight of the clusters nearest to each color; equal weights by r, g, b.
+pub(super) fn order(mut colors: Vec<[f64; 3]>, clusters: &Clusters) -> Palette {
+    let by_channels = |a: &[f64; 3], b: &[f64; 3]| {
+        a.iter().zip(b).map(|(a, b)| a.total_cmp(b)).find(|order| order.is_ne()).unwrap_or(std::cmp::Ordering::Equal)
+    };
+    colors.sort_by(by_channels);
+    let mut weights = vec![0.0; colors.len()];
+    for (center, weight) in clusters.centers.iter().zip(&clusters.weights) {
+        weights[kmeans::nearest(center, &colors)] += weight;
+    }
+    let mut order: Vec<usize> = (0..colors.len()).collect();
+    order.sort_by(|&a, &b| f64::total_cmp(&weights[b], &weights[a]));
+    Palette { colors: order.iter().map(|&i| colors[i]).collect(), weights: order.iter().map(|&i| weights[i]).collect() }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// Histograms of 24 and 8 bins a channel: the centers of the coarse bins are centers of fine ones.
+    fn histograms(colors: &[([f64; 3], f64)]) -> Histograms {
+        let bins = |n: usize| {
+            let mut weights = vec![0.0; n * n * n];
+            for (color, weight) in colors {
+                let [r, g, b] = color.map(|c| (c * n as f64) as usize);
+                weights[(r * n + g) * n + b] += weight;
+            }
+            weights
+        };
+        Histograms::new(24, bins(24), 8, bins(8), 0).unwrap()
+    }
+
+    const RED: [f64; 3] = [15.0 / 16.0, 1.0 / 16.0, 1.0 / 16.0];
+    const GREEN: [f64; 3] = [1.0 / 16.0, 15.0 / 16.0, 1.0 / 16.0];
+    const BLUE: [f64; 3] = [1.0 / 16.0, 1.0 / 16.0, 15.0 / 16.0];
+    const BLACK: [f64; 3] = [1.0 / 16.0; 3];
+    const GRAY: [f64; 3] = [3.0 / 16.0; 3];
+
+    /// Colors at the corners of the cloud are found, heaviest first, and one inside adds to the nearest.
+    #[test]
+    fn corners_come_heaviest_first() {
+        let weights = [(RED, 1.0), (GREEN, 3.0), (BLUE, 1.0), (BLACK, 1.0), (GRAY, 1.5)];
+        let extraction = extract_from_histograms(&histograms(&weights), &ExtractionSettings::default()).unwrap();
+        let expected = [GREEN, BLACK, BLUE, RED];
+        for (found, expected) in extraction.palette.colors.iter().zip(expected) {
+            assert!(found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-12), "{found:?} {expected:?}");
+        }
+        let shares: Vec<f64> = extraction.palette.weights.iter().map(|weight| weight * 7.5).collect();
+        assert!(shares.iter().zip([3.0, 2.5, 1.0, 1.0]).all(|(a, b)| (a - b).abs() < 1e-12), "{shares:?}");
+        assert_eq!((extraction.clusters, extraction.hull_vertices, extraction.total_weight), (5, 4, 7.5));
+    }
+
+    #[test]
+    fn one_color_is_a_palette() {
+        let extraction = extract_from_histograms(&histograms(&[(RED, 2.0)]), &ExtractionSettings::default()).unwrap();
+        assert_eq!(extraction.palette.weights, [1.0]);
+        assert_eq!(extraction.palette.colors.len(), 1);
+    }
+
+    /// Weight that is spread so evenly that no bin is above the threshold still has a palette, of the heaviest bins.
+    #[test]
+    fn evenly_spread_weight_has_a_palette() {
+        let even: Vec<([f64; 3], f64)> =
+            (0..512).map(|i| ([i / 64, i / 8 % 8, i % 8].map(|x| (f64::from(x) + 0.5) / 8.0), 1.0)).collect();
+        let extraction = extract_from_histograms(&histograms(&even), &ExtractionSettings::default()).unwrap();
+        assert_eq!(extraction.clusters, 125);
+    }
+
+    #[test]
+    fn nothing_visible_is_an_error() {
+        let result = extract_from_histograms(&histograms(&[]), &ExtractionSettings::default());
+        assert_eq!(result, Err(ExtractionError::NothingVisible));
+    }
+
+    proptest! {
+        /// Any histogram with weight has a palette: colors in the cube, a valid file, weights that sum to 1 in falling
+        /// order.
+        #[test]
+        fn any_weight_has_a_palette(
+            colors in prop::collection::vec((prop::array::uniform3(0.0..1.0f64), 1e-6..10.0f64), 1..100),
+            wanted in 1usize..=12,
+        ) {
+            let settings = ExtractionSettings { colors: wanted, ..Default::default() };
+            let palette = extract_from_histograms(&histograms(&colors), &settings).unwrap().palette;
+            prop_assert_eq!(palette.validate(), Ok(()));
+            prop_assert!(palette.colors.iter().flatten().all(|channel| (0.0..=1.0).contains(channel)));
+            prop_assert!((palette.weights.iter().sum::<f64>() - 1.0).abs() < 1e-12);
+            prop_assert!(palette.weights.is_sorted_by(|a, b| a >= b));
+        }
+    }
+}

@@ -1,0 +1,226 @@
+//! The palette and its file.
+
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+/// A few colors that stand for all that a field shows, the most important first.
+///
+/// Its file is JSON: `{"colors": [[r, g, b], ...], "weights": [...]}`. A file without weights is one whose colors
+/// weigh the same.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "PaletteJson")]
+#[cfg_attr(
+    feature = "bevy",
+    derive(bevy_asset::Asset, bevy_reflect::Reflect),
+    reflect(Clone, Debug, PartialEq),
+    type_path = "plenoctree"
+)]
+pub struct Palette {
+    /// Encoded sRGB. Extraction stays in [0, 1]; a palette made by hand may leave it (neon colors).
+    pub colors: Vec<[f64; 3]>,
+    /// How much of what is visible lies nearest to each color. Extracted palettes sum to 1.
+    pub weights: Vec<f64>,
+}
+
+/// What a palette's file holds.
+#[derive(Deserialize)]
+struct PaletteJson {
+    colors: Vec<[f64; 3]>,
+    weights: Option<Vec<f64>>,
+}
+
+/// Why colors and weights do not make a palette.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum InvalidPalette {
+    /// There are none, or too many.
+    #[error("found {found} colors, expected 1 to {}", Palette::MAX_COLORS)]
+    Colors {
+        /// Colors given.
+        found: usize,
+    },
+    /// Colors and weights must belong together.
+    #[error("found {found} weights, expected one for each of {expected} colors")]
+    Weights {
+        /// Weights given.
+        found: usize,
+        /// Colors given.
+        expected: usize,
+    },
+    /// A color is infinite or not a number.
+    #[error("found {found:?} as color {index}, expected finite numbers")]
+    Color {
+        /// Which color, from 0.
+        index: usize,
+        /// What it is.
+        found: [f64; 3],
+    },
+    /// A weight is negative, infinite or not a number.
+    #[error("found {found} as weight {index}, expected a finite number that is not negative")]
+    Weight {
+        /// Which weight, from 0.
+        index: usize,
+        /// What it is.
+        found: f64,
+    },
+}
+
+/// Why a palette's file was not read or written.
+#[derive(Debug, thiserror::Error)]
+pub enum PaletteFileError {
+    /// The file cannot be opened, read or written.
+    #[error("palette {}: {source}", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// It is not JSON, or holds something else than `colors` and `weights`.
+    #[error("palette {}: {source}", path.display())]
+    Json {
+        /// The file.
+        path: PathBuf,
+        /// Where, what was found and what was expected.
+        source: serde_json::Error,
+    },
+    /// Its numbers do not make a palette.
+    #[error("palette {}: {source}", path.display())]
+    Invalid {
+        /// The file.
+        path: PathBuf,
+        /// What was found and what was expected.
+        source: InvalidPalette,
+    },
+}
+
+impl Palette {
+    /// Colors that a palette may have at most.
+    pub const MAX_COLORS: usize = 64;
+
+    /// A palette of colors (encoded sRGB) that weigh the same.
+    pub fn new(colors: Vec<[f64; 3]>) -> Result<Self, InvalidPalette> {
+        PaletteJson { colors, weights: None }.try_into()
+    }
+
+    /// Whether this is a palette that a file may hold: the fields are public, so it need not be.
+    pub fn validate(&self) -> Result<(), InvalidPalette> {
+        let (found, expected) = (self.weights.len(), self.colors.len());
+        if expected == 0 || expected > Self::MAX_COLORS {
+            return Err(InvalidPalette::Colors { found: expected });
+        }
+        if found != expected {
+            return Err(InvalidPalette::Weights { found, expected });
+        }
+        for (index, &found) in self.colors.iter().enumerate() {
+            if !found.iter().all(|channel| channel.is_finite()) {
+                return Err(InvalidPalette::Color { index, found });
+            }
+        }
+        for (index, &found) in self.weights.iter().enumerate() {
+            if !found.is_finite() || found < 0.0 {
+                return Err(InvalidPalette::Weight { index, found });
+            }
+        }
+        Ok(())
+    }
+
+    /// Reads a palette's file.
+    pub fn read(path: impl AsRef<Path>) -> Result<Self, PaletteFileError> {
+        let path = path.as_ref();
+        let json = std::fs::read(path);
+        Self::from_json(&json.map_err(|source| PaletteFileError::Io { path: path.to_path_buf(), source })?, path)
+    }
+
+    /// Parses the content of a palette's file. `path` stands for its name in errors.
+    pub fn from_json(json: &[u8], path: &Path) -> Result<Self, PaletteFileError> {
+        let path = || path.to_path_buf();
+        let file: PaletteJson =
+            serde_json::from_slice(json).map_err(|source| PaletteFileError::Json { path: path(), source })?;
+        file.try_into().map_err(|source| PaletteFileError::Invalid { path: path(), source })
+    }
+
+    /// Writes a palette's file, replacing what is there.
+    pub fn write(&self, path: impl AsRef<Path>) -> Result<(), PaletteFileError> {
+        let path = || path.as_ref().to_path_buf();
+        self.validate().map_err(|source| PaletteFileError::Invalid { path: path(), source })?;
+        let text =
+            serde_json::to_string(self).map_err(|source| PaletteFileError::Json { path: path(), source })? + "\n";
+        std::fs::write(path(), text).map_err(|source| PaletteFileError::Io { path: path(), source })
+    }
+}
+
+impl TryFrom<PaletteJson> for Palette {
+    type Error = InvalidPalette;
+
+    fn try_from(PaletteJson { colors, weights }: PaletteJson) -> Result<Self, InvalidPalette> {
+        let equal = || vec![1.0 / colors.len() as f64; colors.len()];
+        let weights = weights.unwrap_or_else(equal);
+        let palette = Self { colors, weights };
+        palette.validate()?;
+        Ok(palette)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn parse(text: &str) -> Result<Palette, String> {
+        serde_json::from_str(text).map_err(|error| error.to_string())
+    }
+
+    proptest! {
+        /// What is written is read back, in the same order.
+        #[test]
+        fn files_keep_palettes(colors in prop::collection::vec(prop::array::uniform3(-2.0..3.0f64), 1..=64)) {
+            let mut palette = Palette::new(colors).unwrap();
+            palette.weights.iter_mut().enumerate().for_each(|(i, w)| *w = (i as f64).sqrt());
+            let read = parse(&serde_json::to_string(&palette).unwrap()).unwrap();
+            let numbers = |palette: &Palette| [palette.colors.as_flattened(), &palette.weights].concat();
+            let (read, written) = (numbers(&read), numbers(&palette));
+            prop_assert_eq!(read.len(), written.len());
+            prop_assert!(read.iter().zip(&written).all(|(a, b)| (a - b).abs() <= 1e-15 * b.abs()));
+        }
+    }
+
+    #[test]
+    fn the_file_has_two_keys() {
+        let palette = Palette { colors: vec![[0.0, 0.5, 1.0], [1.5, -0.25, 0.0]], weights: vec![0.75, 0.25] };
+        let text = serde_json::to_string(&palette).unwrap();
+        assert_eq!(text, r#"{"colors":[[0.0,0.5,1.0],[1.5,-0.25,0.0]],"weights":[0.75,0.25]}"#);
+    }
+
+    #[test]
+    fn weights_may_be_left_out() {
+        assert_eq!(parse(r#"{"colors": [[0, 0, 0], [1, 1, 1]]}"#).unwrap().weights, [0.5, 0.5]);
+    }
+
+    #[test]
+    fn errors_say_what_was_found_and_expected() {
+        let colors = format!(r#"{{"colors": {:?}}}"#, [[0.5; 3]; 65]);
+        for (text, message) in [
+            (r#"{"colors": []}"#, "found 0 colors, expected 1 to 64"),
+            (&colors, "found 65 colors, expected 1 to 64"),
+            (r#"{"colors": [[0, 0, 0]], "weights": []}"#, "found 0 weights, expected one for each of 1 colors"),
+            (r#"{"colors": [[0, 0, 0]], "weights": [-1]}"#, "found -1 as weight 0, expected a finite number"),
+            (r#"{"colors": [[0, 0]]}"#, "invalid length 2, expected an array of length 3"),
+            (r#"{"colors": [[0, 0, 1e999]]}"#, "number out of range"),
+            (r#"{"colors": [[0, 0, null]]}"#, "invalid type: null, expected f64"),
+            (r#"{"weights": [1]}"#, "missing field `colors`"),
+        ] {
+            let error = parse(text).unwrap_err();
+            assert!(error.contains(message), "{error}");
+        }
+        let error = Palette::new(vec![[0.0; 3], [0.0, f64::NAN, 0.0]]).unwrap_err();
+        assert_eq!(error.to_string(), "found [0.0, NaN, 0.0] as color 1, expected finite numbers");
+    }
+
+    #[test]
+    fn files_are_named_in_errors() {
+        let error = Palette::read("no/such/palette.json").unwrap_err();
+        assert!(error.to_string().contains("no/such/palette.json"), "{error}");
+    }
+}

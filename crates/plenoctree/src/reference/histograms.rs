@@ -1,0 +1,92 @@
+//! Visibility-weighted radiance samples, section 3 of the method, steps 1 to 5 (equation 8 of the paper).
+
+use std::{f64::consts::TAU, ops::ControlFlow};
+
+use glam::DVec3;
+
+use crate::{
+    field::{PlenOctree, UpAxis},
+    sampling::{Histograms, InvalidSetting, Observers, SamplingSettings},
+};
+
+/// The histograms of the whole field, sample by sample, in float64 and on one core. Every leaf is sampled, whatever
+/// [`SamplingSettings::sample_fraction`] says.
+pub fn sample_histograms(field: &PlenOctree, settings: &SamplingSettings) -> Result<Histograms, InvalidSetting> {
+    settings.validate()?;
+    let bins = [settings.fine_bins, settings.coarse_bins];
+    let mut weights = bins.map(|bins| vec![0.0; bins.pow(3)]);
+    let cells = f64::from(1u32 << field.depth());
+    let directions = observers(field.up(), settings);
+    for cell in field.leaf_cells() {
+        let center = field.frame().to_world((cell.corner.as_dvec3() + 0.5 * f64::from(cell.size)) / cells);
+        let density = f64::from(field.densities()[cell.leaf as usize]);
+        for rays in &directions {
+            // The rays of a direction cell are one anti-aliased sample: step 4. Colors are averaged as differences from
+            // the first, so that one that is the same from everywhere stays exactly itself, also on a bin's border.
+            let first = field.radiance(cell.leaf, -rays[0]);
+            let (mut weight, mut color) = (0.0, DVec3::ZERO);
+            for &observer in rays {
+                let visibility = density * transmittance(field, center, observer, settings.stop_transmittance);
+                weight += visibility;
+                color += visibility * (field.radiance(cell.leaf, -observer) - first);
+            }
+            if weight > 0.0 {
+                for (bins, weights) in bins.iter().zip(&mut weights) {
+                    weights[bin(first + color / weight, *bins)] += weight / rays.len() as f64;
+                }
+            }
+        }
+    }
+    let samples = field.leaves() * directions.len();
+    let [fine, coarse] = weights;
+    Ok(Histograms::from_weights(settings.fine_bins, fine, settings.coarse_bins, coarse, samples as u64))
+}
+
+/// Index of the bin of a color: step 5.
+fn bin(color: DVec3, bins: usize) -> usize {
+    let [r, g, b] = color.to_array().map(|c| (c.clamp(0.0, 0.999) * bins as f64).floor() as usize);
+    (r * bins + g) * bins + b
+}
+
+/// Unit vectors to the observers: step 2. One inner list per cell of directions.
+fn observers(up: UpAxis, settings: &SamplingSettings) -> Vec<Vec<DVec3>> {
+    let n = settings.directions;
+    let (columns, rows, lowest) = match settings.observers {
+        Observers::UpperHemisphere => (4 * n, n, 0.0),
+        Observers::Sphere => (4 * n, 2 * n, -1.0),
+    };
+    let m = settings.multisamples;
+    let mut cells = Vec::new();
+    for row in 0..rows {
+        for column in 0..columns {
+            let mut rays = Vec::new();
+            for i in 0..m {
+                for j in 0..m {
+                    let u = ((row * m + i) as f64 + 0.5) / (rows * m) as f64;
+                    let v = ((column * m + j) as f64 + 0.5) / (columns * m) as f64;
+                    let cos_theta = lowest + (1.0 - lowest) * u;
+                    let sin_theta = (1.0 - cos_theta * cos_theta).sqrt();
+                    let phi = TAU * v;
+                    let z_up = DVec3::new(sin_theta * phi.cos(), sin_theta * phi.sin(), cos_theta);
+                    rays.push(match up {
+                        UpAxis::Z => z_up,
+                        UpAxis::Y => DVec3::new(z_up.x, z_up.z, -z_up.y),
+                    });
+                }
+            }
+            cells.push(rays);
+        }
+    }
+    cells
+}
+
+/// Transmittance from `point` to the edge of the field, 0 where it falls under `stop`.
+fn transmittance(field: &PlenOctree, point: DVec3, toward: DVec3, stop: f64) -> f64 {
+    let mut depth = 0.0_f64;
+    field.march(point, toward, |crossing| {
+        depth += f64::from(field.densities()[crossing.leaf as usize]) * crossing.length;
+        if (-depth).exp() < stop { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    });
+    let transmittance = (-depth).exp();
+    if transmittance < stop { 0.0 } else { transmittance }
+}

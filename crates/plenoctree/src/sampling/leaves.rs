@@ -1,0 +1,69 @@
+//! Which leaves are sampled, and what they can weigh.
+
+use super::settings::SamplingSettings;
+use crate::field::{LeafCell, PlenOctree};
+
+/// The leaves that are sampled, in the order of the octree: all, or one of every stratum of `1 / sample_fraction`
+/// consecutive ones, which are neighbors in space.
+pub(super) fn chosen_leaves(field: &PlenOctree, settings: &SamplingSettings) -> Vec<LeafCell> {
+    let leaves: Vec<LeafCell> = field.leaf_cells().collect();
+    if settings.sample_fraction >= 1.0 {
+        return leaves;
+    }
+    let strata = (leaves.len() as f64 * settings.sample_fraction).ceil() as usize;
+    let begin = |stratum: usize| (stratum as u128 * leaves.len() as u128 / strata as u128) as usize;
+    // A fixed place in every stratum would beat with the octree's order.
+    (0..strata)
+        .map(|stratum| {
+            let (first, end) = (begin(stratum), begin(stratum + 1));
+            leaves[first + scramble(stratum as u64) as usize % (end - first)]
+        })
+        .collect()
+}
+
+/// A number from which nothing of `n` can be seen (splitmix64).
+fn scramble(n: u64) -> u64 {
+    let mut z = n.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    z ^ (z >> 31)
+}
+
+/// A bound of the total weight of a field's radiance samples: no leaf weighs more than what its own half leaves of it.
+pub(super) fn weight_bound(field: &PlenOctree, settings: &SamplingSettings) -> f64 {
+    let finest = f64::from(1u32 << field.depth());
+    let half_cell = 0.5 / (finest * field.frame().scale.max_element());
+    let weights = field.leaf_cells().map(|cell| {
+        let density = f64::from(field.densities()[cell.leaf as usize]);
+        density * (-density * half_cell * f64::from(cell.size)).exp()
+    });
+    weights.sum::<f64>() * settings.direction_cells() as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::HashSet;
+
+    use super::*;
+    use crate::{
+        bake::{BakeSettings, bake},
+        field::Basis,
+    };
+    use glam::DVec3;
+
+    #[test]
+    fn a_fraction_of_the_leaves_is_chosen_evenly() {
+        let settings = BakeSettings { depth: 4, basis: Basis::Sh1, ..Default::default() };
+        let field = bake(&settings, |at| if at.length() < 0.9 { 5.0 } else { 0.0 }, |_| |_| DVec3::ONE).unwrap();
+        for fraction in [1.0, 0.7, 0.5, 0.1, 0.01] {
+            let settings = SamplingSettings { sample_fraction: fraction, ..Default::default() };
+            let chosen = chosen_leaves(&field, &settings);
+            let distinct: HashSet<u32> = chosen.iter().map(|cell| cell.leaf).collect();
+            assert_eq!(distinct.len(), chosen.len());
+            assert_eq!(chosen.len(), (fraction * field.leaves() as f64).ceil() as usize);
+            // Every run of three strata holds at least one.
+            let longest = chosen.windows(2).map(|pair| pair[1].leaf - pair[0].leaf).max().unwrap_or(0);
+            assert!(f64::from(longest) < 2.0 / fraction + 2.0, "{fraction}: {longest}");
+        }
+    }
+}

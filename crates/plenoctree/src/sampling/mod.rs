@@ -1,0 +1,24 @@
+//! Radiance sampling: how much of each color is visible from outside, section 3 of the method, steps 1 to 5.
+//!
+//! All leaves are looked at from the same few directions. Rays from the centers of equal cells in one direction cross the
+//! lattice of cells in the same way, so the way is found once (`path`) and followed for the leaves of a block of
+//! 8 x 8 x 8 cells together, eight in a row (`blocks`). Leaves that are coarser than the finest cells, and trees that are
+//! too deep for a lattice, are marched ray by ray (`march`).
+
+mod blocks;
+mod directions;
+mod histogram;
+mod leaves;
+mod march;
+mod path;
+mod plan;
+mod progress;
+mod sampler;
+mod settings;
+
+pub(crate) use histogram::Bins;
+pub use histogram::{Histograms, InvalidHistogram, MAX_CHANNEL};
+pub use plan::SamplingPlan;
+pub use progress::{Canceled, Progress};
+pub use sampler::{SamplingError, sample};
+pub use settings::{InvalidSetting, Observers, SamplingSettings};

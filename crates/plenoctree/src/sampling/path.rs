@@ -1,0 +1,94 @@
+//! The way of a ray through the lattice of finest cells.
+
+use std::ops::Range;
+
+use glam::{DVec3, IVec3, UVec3};
+
+/// Finest cells along the side of a block.
+pub(super) const SIDE: usize = 8;
+
+/// How every ray in one direction that starts in the middle of a finest cell goes on: which cells it crosses, counted
+/// from its own, and how long it is in each.
+pub(super) struct Path {
+    /// The cells in order.
+    pub steps: Vec<Step>,
+    /// The same cells by blocks.
+    pub runs: Vec<Run>,
+}
+
+/// A cell that is crossed. Its offset from the first is that of the [`Run`], in whole blocks, and the rest.
+pub(super) struct Step {
+    /// The rest of the offset along each axis, below [`SIDE`].
+    pub rest: [u8; 3],
+    /// Path length, in world units.
+    pub length: f32,
+}
+
+/// Consecutive cells with the same offset in whole blocks.
+pub(super) struct Run {
+    /// The offset, in blocks, rounded down.
+    pub blocks: IVec3,
+    /// The cells, as indices into [`Path::steps`].
+    pub steps: Range<usize>,
+}
+
+impl Path {
+    /// The path along `direction`, in finest cells a world unit, until it has left a box of `extent` finest cells from
+    /// wherever in it it started.
+    pub fn new(direction: DVec3, extent: UVec3) -> Self {
+        let sign = direction.signum().as_ivec3();
+        let per_cell = direction.abs().recip();
+        let mut path = Self { steps: Vec::new(), runs: Vec::new() };
+        let mut crossed = UVec3::ZERO;
+        let mut traveled = 0.0;
+        while crossed.cmplt(extent).all() {
+            let next = (crossed.as_dvec3() + 0.5) * per_cell;
+            let exit = next.min_element();
+            path.push(crossed.as_ivec3() * sign, exit - traveled);
+            traveled = exit;
+            let axis = next.to_array().iter().position(|&t| t == exit).unwrap_or(0);
+            crossed[axis] += 1;
+        }
+        path
+    }
+
+    fn push(&mut self, offset: IVec3, length: f64) {
+        let side = IVec3::splat(SIDE as i32);
+        let (blocks, rest) = (offset.div_euclid(side), offset.rem_euclid(side));
+        let index = self.steps.len();
+        match self.runs.last_mut() {
+            Some(run) if run.blocks == blocks => run.steps.end = index + 1,
+            _ => self.runs.push(Run { blocks, steps: index..index + 1 }),
+        }
+        self.steps.push(Step { rest: rest.to_array().map(|x| x as u8), length: length as f32 });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        /// The middle of every step lies in the cell that the step names, and the steps add up to the way to the box.
+        #[test]
+        fn steps_follow_the_ray(direction in prop::array::uniform3(-1.0..1.0f64), extent in 1u32..40) {
+            let direction = DVec3::from_array(direction);
+            prop_assume!(direction.length() > 0.1);
+            let path = Path::new(direction, UVec3::splat(extent));
+            let mut traveled = 0.0;
+            for run in &path.runs {
+                for step in &path.steps[run.steps.clone()] {
+                    let middle = 0.5 + direction * (traveled + 0.5 * f64::from(step.length));
+                    let rest = IVec3::from_array(step.rest.map(i32::from));
+                    let inside = middle - (run.blocks * 8 + rest).as_dvec3();
+                    prop_assert!(inside.min_element() > -1e-4 && inside.max_element() < 1.0 + 1e-4);
+                    traveled += f64::from(step.length);
+                }
+            }
+            let expected = (f64::from(extent) - 0.5) / direction.abs().max_element();
+            prop_assert!((traveled - expected).abs() < 1e-4 * expected, "{traveled} {expected}");
+        }
+    }
+}

@@ -1,0 +1,391 @@
+//! Gathering radiance samples on all cores.
+
+use glam::{DVec3, IVec3};
+use rayon::prelude::*;
+
+use super::{
+    blocks::{Blocks, Depths, ROWS},
+    directions::observers,
+    histogram::{Histograms, Tally},
+    leaves::{chosen_leaves, weight_bound},
+    march::optical_depth,
+    path::{Path, SIDE},
+    progress::{Canceled, Progress},
+    settings::{InvalidSetting, SamplingSettings},
+};
+use crate::field::{LeafCell, PlenOctree};
+
+/// Why a field was not sampled.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum SamplingError {
+    /// A setting is out of its range.
+    #[error(transparent)]
+    Setting(#[from] InvalidSetting),
+    /// [`Progress::cancel`] was called.
+    #[error(transparent)]
+    Canceled(#[from] Canceled),
+}
+
+/// Gathers what is visible of a field in histograms, on all cores.
+///
+/// Every leaf counts, seen from its center: its density times the transmittance to the edge of the field is the weight of
+/// its radiance in that direction. The upper hemisphere is above the field's own up axis. The result has the same bits
+/// whatever the number of cores; it differs from float64 by less than 1e-6 of the total.
+pub fn sample(
+    field: &PlenOctree,
+    settings: &SamplingSettings,
+    progress: &Progress,
+) -> Result<Histograms, SamplingError> {
+    settings.validate()?;
+    Ok(Sampler::new(field, settings, Blocks::new(field)).run(progress)?)
+}
+
+struct Sampler<'a> {
+    field: &'a PlenOctree,
+    settings: &'a SamplingSettings,
+    blocks: Option<Blocks>,
+    /// The rays of every cell of directions.
+    cells: Vec<Vec<Ray>>,
+    /// The optical depth above which a leaf is hidden.
+    limit: f64,
+}
+
+/// A direction in which all leaves are looked at.
+struct Ray {
+    /// Toward the observer, in finest cells a world unit.
+    direction: DVec3,
+    /// The basis for the view from the observer.
+    basis: [f64; 25],
+    path: Path,
+}
+
+/// Leaves that are sampled together.
+enum Unit {
+    /// Leaves of finest size in the same block: the block, and each leaf with its row and lane.
+    Block(IVec3, Vec<(u32, usize, usize)>),
+    /// Any leaf.
+    Alone(LeafCell),
+}
+
+/// What each thread works with.
+struct Worker {
+    tally: Tally,
+    /// Optical depths of the rays of a cell of directions.
+    depths: Vec<Depths>,
+    /// Coefficients of the leaves at hand.
+    coefficients: Vec<f64>,
+}
+
+impl<'a> Sampler<'a> {
+    fn new(field: &'a PlenOctree, settings: &'a SamplingSettings, blocks: Option<Blocks>) -> Self {
+        let finest = f64::from(1u32 << field.depth());
+        let extent = match (&blocks, field.cell_bounds()) {
+            (Some(_), Some((low, high))) => high - low,
+            _ => glam::UVec3::ZERO,
+        };
+        let ray = |observer: DVec3| {
+            let direction = observer * field.frame().scale * finest;
+            Ray { direction, basis: field.basis().evaluate(-observer), path: Path::new(direction, extent) }
+        };
+        let cells =
+            observers(field.up(), settings).into_iter().map(|cell| cell.into_iter().map(ray).collect()).collect();
+        // Where transmittance may fall to 0, this is infinite and nothing is hidden.
+        let limit = -settings.stop_transmittance.ln();
+        Self { field, settings, blocks, cells, limit }
+    }
+
+    fn run(&self, progress: &Progress) -> Result<Histograms, Canceled> {
+        let chosen = chosen_leaves(self.field, self.settings);
+        progress.begin(chosen.len());
+        let most = weight_bound(self.field, self.settings);
+        let start = || Worker {
+            tally: Tally::new(self.settings.fine_bins, self.settings.coarse_bins, most),
+            depths: vec![[[0.0; SIDE]; ROWS]; self.settings.multisamples.pow(2)],
+            coefficients: Vec::new(),
+        };
+        let tally = self
+            .units(&chosen)
+            .par_iter()
+            .fold(start, |mut worker, unit| {
+                if !progress.is_canceled() {
+                    progress.advance(self.sample(&mut worker, unit));
+                }
+                worker
+            })
+            .map(|worker| worker.tally)
+            .reduce(|| start().tally, Tally::merge);
+        if progress.is_canceled() {
+            return Err(Canceled);
+        }
+        // Every leaf stands for those of its stratum.
+        let share = self.field.leaves() as f64 / chosen.len().max(1) as f64;
+        Ok(tally.finish(share, (chosen.len() * self.cells.len()) as u64))
+    }
+
+    fn units(&self, leaves: &[LeafCell]) -> Vec<Unit> {
+        let mut units = Vec::new();
+        for &cell in leaves {
+            if cell.size > 1 || self.blocks.is_none() {
+                units.push(Unit::Alone(cell));
+                continue;
+            }
+            let side = SIDE as u32;
+            let (place, inside) = ((cell.corner / side).as_ivec3(), cell.corner % side);
+            let leaf = (cell.leaf, (inside.x * side + inside.y) as usize, inside.z as usize);
+            // Leaves come in the order of the octree, so that those of a block follow each other.
+            match units.last_mut() {
+                Some(Unit::Block(block, leaves)) if *block == place => leaves.push(leaf),
+                _ => units.push(Unit::Block(place, vec![leaf])),
+            }
+        }
+        units
+    }
+
+    /// Samples leaves from all directions, and tells how many they are.
+    fn sample(&self, worker: &mut Worker, unit: &Unit) -> usize {
+        let Worker { tally, depths, coefficients } = worker;
+        coefficients.clear();
+        match unit {
+            Unit::Block(place, leaves) => {
+                leaves.iter().for_each(|&(leaf, ..)| self.decode(leaf, coefficients));
+                let per_leaf = self.field.basis().coefficients();
+                let Some(blocks) = &self.blocks else { return leaves.len() };
+                for cell in &self.cells {
+                    for (ray, depths) in cell.iter().zip(&mut *depths) {
+                        depths.as_flattened_mut().fill(f32::INFINITY);
+                        leaves.iter().for_each(|&(_, row, lane)| depths[row][lane] = 0.0);
+                        blocks.march(*place, &ray.path, self.limit as f32, depths);
+                    }
+                    for (&(leaf, row, lane), coefficients) in leaves.iter().zip(coefficients.chunks_exact(per_leaf)) {
+                        let depth = |ray: usize| f64::from(depths[ray][row][lane]);
+                        self.add(tally, leaf, coefficients, cell, depth);
+                    }
+                }
+                leaves.len()
+            }
+            Unit::Alone(leaf) => {
+                self.decode(leaf.leaf, coefficients);
+                for cell in &self.cells {
+                    let depth = |ray: usize| optical_depth(self.field, *leaf, cell[ray].direction, self.limit);
+                    self.add(tally, leaf.leaf, coefficients, cell, depth);
+                }
+                1
+            }
+        }
+    }
+
+    fn decode(&self, leaf: u32, coefficients: &mut Vec<f64>) {
+        let count = self.field.basis().coefficients();
+        let stored = &self.field.coefficients()[leaf as usize * count..][..count];
+        coefficients.extend(stored.iter().map(|k| k.to_f64()));
+    }
+
+    /// Adds the radiance sample of a leaf and a cell of directions, given the optical depth along each ray.
+    fn add(&self, tally: &mut Tally, leaf: u32, coefficients: &[f64], cell: &[Ray], depth: impl Fn(usize) -> f64) {
+        let functions = self.field.basis().functions();
+        // Colors are averaged as differences from the first, so that one that is the same from everywhere stays exactly
+        // itself, also on the border of two bins.
+        let mut first = [0.0; 3];
+        let mut color = [0.0; 3];
+        let mut transmittance = 0.0;
+        for (index, ray) in cell.iter().enumerate() {
+            let depth = depth(index);
+            if depth > self.limit {
+                continue;
+            }
+            let visible = (-depth).exp();
+            for (channel, k) in coefficients.chunks_exact(functions).enumerate() {
+                let sum = k.iter().zip(&ray.basis).map(|(k, y)| k * y).sum();
+                let seen = self.field.activation().apply(sum);
+                if transmittance == 0.0 {
+                    first[channel] = seen;
+                }
+                color[channel] += visible * (seen - first[channel]);
+            }
+            transmittance += visible;
+        }
+        if transmittance > 0.0 {
+            let density = f64::from(self.field.densities()[leaf as usize]);
+            let mean = std::array::from_fn(|channel| first[channel] + color[channel] / transmittance);
+            tally.add(mean, density * transmittance / cell.len() as f64);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::UVec3;
+    use half::f16;
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::{
+        field::{Activation, Basis, Cell, Frame, UpAxis},
+        reference::sample_histograms,
+        sampling::Observers,
+    };
+
+    /// A sequence of numbers in [0, 1) that depends on the seed.
+    fn numbers(seed: u64) -> impl FnMut() -> f64 {
+        let mut state = seed.wrapping_mul(2).wrapping_add(1);
+        move || {
+            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            ((state >> 33) as f64) / (1u64 << 31) as f64
+        }
+    }
+
+    /// A field of at most `depth` levels, in which cells of all levels are leaves, empty or divided.
+    fn field(seed: u64, depth: u32, scale: [f64; 3], up: UpAxis) -> PlenOctree {
+        let mut next = numbers(seed);
+        let mut nodes = vec![[Cell::EMPTY; 8]];
+        let mut density = Vec::new();
+        let mut queue = vec![(0, 1)];
+        while let Some((node, level)) = queue.pop() {
+            for part in 0..8 {
+                let kind = next();
+                nodes[node as usize][part] = if level < depth && kind < 0.6 {
+                    let child = nodes.len() as u32;
+                    nodes.push([Cell::EMPTY; 8]);
+                    queue.push((child, level + 1));
+                    Cell::node(child)
+                } else if kind < if level == depth { 0.5 } else { 0.65 } {
+                    density.push((40.0f64 * next() * next() + 0.01) as f32);
+                    Cell::leaf(density.len() as u32 - 1)
+                } else {
+                    Cell::EMPTY
+                };
+            }
+        }
+        let coefficients = (0..density.len() * 27).map(|_| f16::from_f64(4.0 * next() - 2.0)).collect();
+        let frame = Frame { offset: DVec3::new(0.5, 0.4, 0.3), scale: scale.into() };
+        PlenOctree::new(frame, Basis::Sh9, Activation::Sigmoid, up, nodes, density, coefficients).unwrap()
+    }
+
+    fn settings(observers: Observers) -> SamplingSettings {
+        SamplingSettings { observers, ..Default::default() }
+    }
+
+    fn difference(a: &Histograms, b: &Histograms) -> f64 {
+        let of = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (a - b).abs()).sum::<f64>();
+        (of(a.fine(), b.fine()) + of(a.coarse(), b.coarse())) / b.total_weight()
+    }
+
+    /// Leaves of all sizes, every direction, a frame that is not a cube: all as float64 has it. A sample that is next to
+    /// the border of a bin may change sides, so the trees are always the same.
+    #[test]
+    fn histograms_are_those_of_float64() {
+        for (seed, scale, observers, up) in [
+            (1, [0.4, 0.4, 0.4], Observers::UpperHemisphere, UpAxis::Z),
+            (2, [0.4, 0.9, 0.1], Observers::Sphere, UpAxis::Z),
+            (3, [2.0, 0.3, 0.5], Observers::UpperHemisphere, UpAxis::Y),
+        ] {
+            let field = field(seed, 5, scale, up);
+            let settings = settings(observers);
+            let found = sample(&field, &settings, &Progress::default()).unwrap();
+            let expected = sample_histograms(&field, &settings).unwrap();
+            assert!(found.total_weight() > 0.0 && Blocks::new(&field).is_some());
+            assert!(difference(&found, &expected) < 1e-6, "{}", difference(&found, &expected));
+            assert_eq!(found.samples(), expected.samples());
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(16))]
+        /// Marching rows in blocks and marching ray by ray see the same, whatever the tree. (With a single bin: nothing
+        /// hinges on borders.)
+        #[test]
+        fn blocks_and_single_rays_agree(
+            seed: u64,
+            depth in 1u32..6,
+            scale in prop::array::uniform3(0.1..3.0f64),
+            stop in prop_oneof![Just(0.0), Just(1e-2), 0.0..0.9f64],
+        ) {
+            let field = field(seed, depth, scale, UpAxis::Z);
+            let settings = SamplingSettings {
+                stop_transmittance: stop,
+                fine_bins: 1,
+                coarse_bins: 1,
+                ..settings(Observers::Sphere)
+            };
+            let blocks = Sampler::new(&field, &settings, Blocks::new(&field)).run(&Progress::default()).unwrap();
+            let single = Sampler::new(&field, &settings, None).run(&Progress::default()).unwrap();
+            prop_assert!((blocks.total_weight() - single.total_weight()).abs() <= 1e-5 * single.total_weight());
+        }
+    }
+
+    /// A leaf alone in its field hides only itself: its weight is known.
+    #[test]
+    fn a_leaf_alone_has_its_own_half_before_it() {
+        let mut nodes = vec![[Cell::EMPTY; 8]; 3];
+        (nodes[0][3], nodes[1][5], nodes[2][6]) = (Cell::node(1), Cell::node(2), Cell::leaf(0));
+        let frame = Frame { offset: DVec3::ZERO, scale: DVec3::splat(0.5) };
+        let coefficients = vec![f16::from_f64(0.75), f16::from_f64(0.25), f16::from_f64(0.5)];
+        let field =
+            PlenOctree::new(frame, Basis::Rgba, Activation::Identity, UpAxis::Z, nodes, vec![3.0], coefficients)
+                .unwrap();
+        let histograms = sample(&field, &settings(Observers::UpperHemisphere), &Progress::default()).unwrap();
+        // The cell is 1/8 of the cube, so 1/4 of a world unit wide.
+        let rays: Vec<DVec3> =
+            observers(UpAxis::Z, &settings(Observers::UpperHemisphere)).into_iter().flatten().collect();
+        let weight = |ray: &DVec3| 3.0 * (-3.0 * 0.125 / ray.abs().max_element()).exp();
+        let expected = rays.iter().map(weight).sum::<f64>() / 4.0;
+        let found = histograms.fine()[(24 * 32 + 8) * 32 + 16];
+        assert!((found / expected - 1.0).abs() < 1e-6, "{found} {expected}");
+        assert!((histograms.total_weight() / found - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn any_number_of_threads_gives_the_same_bits() {
+        let field = field(7, 5, [0.4; 3], UpAxis::Z);
+        let on = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| sample(&field, &settings(Observers::UpperHemisphere), &Progress::default())).unwrap()
+        };
+        assert_eq!(on(1), on(2));
+        assert_eq!(on(1), on(5));
+    }
+
+    /// A tree as deep as trees may be is not laid out as a lattice, and sampled all the same.
+    #[test]
+    fn deep_trees_are_sampled() {
+        let depth = crate::field::MAX_DEPTH as usize;
+        let mut nodes = vec![[Cell::EMPTY; 8]; depth];
+        for (level, node) in nodes.iter_mut().enumerate().take(depth - 1) {
+            (node[0], node[7]) = (Cell::leaf(level as u32), Cell::node(level as u32 + 1));
+        }
+        nodes[depth - 1][3] = Cell::leaf(depth as u32 - 1);
+        let frame = Frame::spanning(DVec3::ZERO, DVec3::ONE);
+        let coefficients = vec![f16::ZERO; 3 * depth];
+        let densities = vec![1.0; depth];
+        let field =
+            PlenOctree::new(frame, Basis::Sh1, Activation::Sigmoid, UpAxis::Z, nodes, densities, coefficients).unwrap();
+        assert!(Blocks::new(&field).is_none());
+        let settings = settings(Observers::Sphere);
+        let found = sample(&field, &settings, &Progress::default()).unwrap();
+        let expected = sample_histograms(&field, &settings).unwrap();
+        assert!(difference(&found, &expected) < 1e-9);
+    }
+
+    #[test]
+    fn empty_fields_have_no_weight() {
+        let frame = Frame::spanning(DVec3::ZERO, DVec3::ONE);
+        let nodes = vec![[Cell::EMPTY; 8]];
+        let field = PlenOctree::new(frame, Basis::Sh1, Activation::Sigmoid, UpAxis::Z, nodes, vec![], vec![]).unwrap();
+        assert_eq!(field.cell_bounds(), None::<(UVec3, UVec3)>);
+        let histograms = sample(&field, &SamplingSettings::default(), &Progress::default()).unwrap();
+        assert_eq!((histograms.total_weight(), histograms.samples()), (0.0, 0));
+    }
+
+    #[test]
+    fn progress_ends_at_one_and_can_be_canceled() {
+        let field = field(1, 4, [0.4; 3], UpAxis::Z);
+        let progress = Progress::default();
+        assert_eq!(progress.fraction(), 0.0);
+        sample(&field, &SamplingSettings::default(), &progress).unwrap();
+        assert_eq!(progress.fraction(), 1.0);
+        let progress = Progress::default();
+        progress.cancel();
+        let result = sample(&field, &SamplingSettings::default(), &progress);
+        assert_eq!(result, Err(SamplingError::Canceled(Canceled)));
+    }
+}

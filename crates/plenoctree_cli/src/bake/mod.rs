@@ -1,0 +1,56 @@
+//! `bake`: the repository's own props, procedural scenes that are made into fields like trained ones.
+
+mod arguments;
+mod drum;
+mod gumballs;
+mod noise;
+mod prop;
+mod robot;
+mod sdf;
+mod shade;
+mod toadstool;
+mod visits;
+
+pub use arguments::Arguments;
+
+use std::{fs, time::Instant};
+
+use indicatif::ProgressBar;
+use plenoctree::{BakeError, PlenOctree};
+
+use self::{drum::Drum, gumballs::Gumballs, prop::bake_prop, robot::Robot, toadstool::Toadstool};
+use crate::{Result, files, progress};
+
+/// Bakes at a depth, or at the prop's own, and shows how far it is.
+type Bake = fn(Option<u32>, &ProgressBar) -> Result<PlenOctree, BakeError>;
+
+/// Every prop by its name.
+const PROPS: [(&str, Bake); 4] = [
+    ("toadstool", |depth, bar| bake_prop(&Toadstool::new(), depth, bar)),
+    ("drum", |depth, bar| bake_prop(&Drum, depth, bar)),
+    ("gumballs", |depth, bar| bake_prop(&Gumballs::new(), depth, bar)),
+    ("robot", |depth, bar| bake_prop(&Robot, depth, bar)),
+];
+
+/// Bakes the props that are named, or all.
+pub fn run(arguments: &Arguments) -> Result {
+    if let Some(name) = arguments.names.iter().find(|name| PROPS.iter().all(|(known, _)| known != name)) {
+        return Err(format!("no prop is called {name}; there are {}", PROPS.map(|(name, _)| name).join(", ")).into());
+    }
+    files::create_folder(&arguments.out)?;
+    for (name, bake) in PROPS {
+        if !arguments.names.is_empty() && arguments.names.iter().all(|wanted| wanted != name) {
+            continue;
+        }
+        let start = Instant::now();
+        let path = arguments.out.join(name).with_extension("npz");
+        let named = |error: &dyn std::error::Error| format!("{}: {error}", path.display());
+        let bar = progress::bar(name, 0, false);
+        let field = bake(arguments.depth, &bar).map_err(|error| named(&error))?;
+        bar.finish_and_clear();
+        field.write(&path).map_err(|error| named(&error))?;
+        let size = fs::metadata(&path).map_err(|error| named(&error))?.len() as f64 / 1e6;
+        println!("{}: {} leaves, {size:.2} MB, {:.1} s", path.display(), field.leaves(), start.elapsed().as_secs_f64());
+    }
+    Ok(())
+}

@@ -1,0 +1,220 @@
+//! From a prop's distances and materials to a field that looks trained.
+
+use glam::{DVec3, I64Vec3};
+use indicatif::ProgressBar;
+use plenoctree::{BakeError, BakeSettings, PlenOctree, bake};
+use rayon::prelude::*;
+
+use super::{
+    noise::{hash, loud, random},
+    sdf::{Nearest, smoothstep},
+    shade::{Lit, Material},
+    visits::Visits,
+};
+
+/// A solid to bake. It stands on about z = -0.9; its front looks along -y, its top along +z.
+pub trait Prop: Sync {
+    /// The parts that differ in material.
+    type Part: Copy + Send;
+
+    /// Levels of the baked field.
+    const DEPTH: u32;
+
+    /// Half the width of the baked box around the origin.
+    const HALF: f64;
+
+    /// The part nearest to `position` and its signed distance.
+    fn nearest(&self, position: DVec3) -> Nearest<Self::Part>;
+
+    /// What `part` is made of at `position`.
+    fn material(&self, part: Self::Part, position: DVec3) -> Material;
+
+    /// The prop's glass as seen from `position`, if it has any.
+    fn glass(&self, _position: DVec3) -> Option<Glass> {
+        None
+    }
+}
+
+/// What is seen through.
+pub struct Glass {
+    /// Signed distance to it.
+    pub distance: f64,
+    /// Per world unit.
+    pub density: f64,
+    /// Its outward direction, a unit vector.
+    pub normal: DVec3,
+    /// What it is made of.
+    pub material: Material,
+}
+
+/// Bakes a prop as training leaves one: a soft shell that shows what the cameras saw, loud colors under it that none
+/// saw, and faint flecks in the air. `bar` shows how far it is.
+pub fn bake_prop<T: Prop>(prop: &T, depth: Option<u32>, bar: &ProgressBar) -> Result<PlenOctree, BakeError> {
+    let settings = BakeSettings {
+        depth: depth.unwrap_or(T::DEPTH),
+        min: DVec3::splat(-T::HALF),
+        max: DVec3::splat(T::HALF),
+        coefficient_step: 1.0 / 16.0,
+        ..Default::default()
+    };
+    let scene = Scene::new(prop, settings.depth, bar);
+    bake(
+        &settings,
+        |position| scene.density(position),
+        |position| {
+            let look = scene.look(position);
+            move |direction| look.radiance(direction)
+        },
+    )
+}
+
+/// What a cell shows.
+enum Look {
+    Surface(Lit),
+    /// What no camera saw: a color, and how it changes with the direction.
+    Unseen(DVec3, DVec3),
+}
+
+impl Look {
+    fn radiance(&self, direction: DVec3) -> DVec3 {
+        match self {
+            Self::Surface(lit) => lit.radiance(direction),
+            Self::Unseen(color, change) => {
+                (color + change * change.dot(direction)).clamp(DVec3::splat(0.02), DVec3::splat(0.98))
+            }
+        }
+    }
+}
+
+struct Scene<'a, T> {
+    prop: &'a T,
+    /// Width of a finest cell.
+    cell: f64,
+    /// Which blocks of the box hold anything: most do not, and need no distances.
+    blocks: Vec<bool>,
+    /// Which of those baking has come to.
+    visits: Visits<'a>,
+    floaters: Vec<Floater>,
+}
+
+/// A fleck in the air: a ball of thin fog.
+struct Floater {
+    center: DVec3,
+    radius: f64,
+    density: f64,
+}
+
+/// Blocks along an axis.
+const BLOCKS: i64 = 64;
+/// Where the shell ends and the unseen begins, and where that ends, in cells under the surface.
+const SHELL: f64 = -1.4;
+const UNSEEN: f64 = -2.4;
+/// Half of the shell's ramp, in cells.
+const RAMP: f64 = 0.75;
+
+impl<'a, T: Prop> Scene<'a, T> {
+    fn new(prop: &'a T, depth: u32, bar: &'a ProgressBar) -> Self {
+        let cell = 2.0 * T::HALF / f64::from(1u32 << depth);
+        let floaters: Vec<Floater> = (0..400)
+            .map(|index| Floater {
+                center: DVec3::from_array([1, 2, 3].map(|seed| 2.1 * random(index, seed) - 1.05)),
+                radius: cell * (1.0 + 1.5 * random(index, 4)),
+                density: 0.02 + 0.28 * random(index, 5),
+            })
+            .filter(|floater| prop.nearest(floater.center).distance > 4.0 * cell)
+            .take(90)
+            .collect();
+        let mut scene = Self { prop, cell, blocks: Vec::new(), visits: Visits::new(&[], bar), floaters };
+        let width = 2.0 * T::HALF / BLOCKS as f64;
+        // Distances may be a little longer than they should be where solids are bent.
+        let reach = 1.3 * 0.87 * width + (1.0 - UNSEEN) * cell;
+        scene.blocks = (0..BLOCKS.pow(3))
+            .into_par_iter()
+            .map(|index| {
+                let block = I64Vec3::new(index / (BLOCKS * BLOCKS), index / BLOCKS % BLOCKS, index % BLOCKS);
+                let center = (block.as_dvec3() + 0.5) * width - T::HALF;
+                let near = |floater: &Floater| floater.center.distance(center) < floater.radius + width;
+                let glazed = prop.glass(center).is_some_and(|glass| glass.distance < reach);
+                let solid = prop.nearest(center).distance.abs() < reach;
+                solid || glazed || scene.floaters.iter().any(near)
+            })
+            .collect();
+        scene.visits = Visits::new(&scene.blocks, bar);
+        scene
+    }
+
+    /// The floater at a point.
+    fn floater(&self, position: DVec3) -> Option<(usize, &Floater)> {
+        self.floaters.iter().enumerate().find(|(_, floater)| floater.center.distance(position) < floater.radius)
+    }
+
+    /// The glass at a point.
+    fn pane(&self, position: DVec3) -> Option<Glass> {
+        self.prop.glass(position).filter(|glass| glass.distance < 0.0)
+    }
+
+    /// The cells of one of the finest nodes are unseen together.
+    fn node(&self, position: DVec3) -> I64Vec3 {
+        ((position + T::HALF) / (2.0 * self.cell)).floor().as_i64vec3()
+    }
+
+    fn density(&self, position: DVec3) -> f64 {
+        let block = ((position / T::HALF + 1.0) * (0.5 * BLOCKS as f64)).floor().as_i64vec3();
+        let block = ((block.x * BLOCKS + block.y) * BLOCKS + block.z) as usize;
+        if !self.blocks[block] {
+            return 0.0;
+        }
+        self.visits.mark(block);
+        let peak = 4.2 / self.cell;
+        let depth = self.prop.nearest(position).distance / self.cell;
+        if depth < UNSEEN {
+            0.0
+        } else if depth < SHELL {
+            peak * (0.1 + hash(self.node(position), 6))
+        } else if depth < RAMP {
+            peak * smoothstep(RAMP, -RAMP, depth)
+        } else if let Some(glass) = self.pane(position) {
+            glass.density
+        } else {
+            self.floater(position).map_or(0.0, |(_, floater)| floater.density)
+        }
+    }
+
+    fn look(&self, position: DVec3) -> Look {
+        let nearest = self.prop.nearest(position);
+        let depth = nearest.distance / self.cell;
+        if depth < SHELL {
+            return unseen(self.node(position));
+        }
+        let distance = |position| self.prop.nearest(position).distance;
+        if depth > 1.5 * RAMP {
+            if let Some(glass) = self.pane(position) {
+                return Look::Surface(Lit::new(glass.material, position, glass.normal, distance));
+            }
+            if let Some((index, _)) = self.floater(position) {
+                return unseen(I64Vec3::new(index as i64, 0, 0));
+            }
+        }
+        // The whole shell shows the surface. Four points around its place in the cell soften the borders of colors.
+        let at = position - nearest.distance * self.normal(position);
+        let corners = [(1.0, 1.0, 1.0), (1.0, -1.0, -1.0), (-1.0, 1.0, -1.0), (-1.0, -1.0, 1.0)];
+        let material = Material::mean(corners.map(|(x, y, z)| {
+            let at = at + 0.3 * self.cell * DVec3::new(x, y, z);
+            self.prop.material(self.prop.nearest(at).part, at)
+        }));
+        Look::Surface(Lit::new(material, at, self.normal(at), distance))
+    }
+
+    fn normal(&self, position: DVec3) -> DVec3 {
+        let step = 0.6 * self.cell;
+        let slope = |axis: DVec3| {
+            self.prop.nearest(position + step * axis).distance - self.prop.nearest(position - step * axis).distance
+        };
+        DVec3::new(slope(DVec3::X), slope(DVec3::Y), slope(DVec3::Z)).normalize_or(DVec3::Z)
+    }
+}
+
+fn unseen(place: I64Vec3) -> Look {
+    let change = [12, 13, 14].map(|seed| hash(place, seed) - 0.5);
+    Look::Unseen(loud(place, 11), DVec3::from_array(change))
+}

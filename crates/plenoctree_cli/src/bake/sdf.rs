@@ -1,0 +1,141 @@
+//! Signed distances: primitives around the origin, and what puts them together. Negative is inside.
+
+use std::f64::consts::{PI, TAU};
+
+use glam::{DVec2, DVec3};
+
+/// The nearest part of a prop and the distance to it.
+#[derive(Clone, Copy, Debug)]
+pub struct Nearest<P> {
+    /// Signed distance, world units.
+    pub distance: f64,
+    /// Which part is nearest.
+    pub part: P,
+}
+
+impl<P> Nearest<P> {
+    /// Starts with one part.
+    pub fn new(distance: f64, part: P) -> Self {
+        Self { distance, part }
+    }
+
+    /// Adds a part.
+    pub fn add(&mut self, distance: f64, part: P) {
+        if distance < self.distance {
+            *self = Self { distance, part };
+        }
+    }
+
+    /// Adds a group of parts, of which none reaches out of the ball at `center` with `radius`; not even looked at where
+    /// the ball is farther away than what is there.
+    pub fn add_group(&mut self, position: DVec3, center: DVec3, radius: f64, add: impl FnOnce(&mut Self)) {
+        if position.distance(center) - radius < self.distance.max(0.0) {
+            add(self);
+        }
+    }
+}
+
+/// A ball.
+pub fn sphere(p: DVec3, radius: f64) -> f64 {
+    p.length() - radius
+}
+
+/// An ellipsoid; exact on its surface, close nearby.
+pub fn ellipsoid(p: DVec3, radii: DVec3) -> f64 {
+    let outer = (p / radii).length();
+    let gradient = (p / (radii * radii)).length();
+    if gradient < 1e-9 { -radii.min_element() } else { outer * (outer - 1.0) / gradient }
+}
+
+/// A box with rounded edges; `half` is half its size, rounding included.
+pub fn cuboid(p: DVec3, half: DVec3, round: f64) -> f64 {
+    let q = p.abs() - half + round;
+    q.max(DVec3::ZERO).length() + q.max_element().min(0.0) - round
+}
+
+/// A cylinder along z with rounded edges.
+pub fn cylinder(p: DVec3, radius: f64, half_height: f64, round: f64) -> f64 {
+    rectangle(DVec2::new(p.truncate().length(), p.z), DVec2::new(radius, half_height), round)
+}
+
+/// A rectangle in the plane with rounded corners.
+pub fn rectangle(p: DVec2, half: DVec2, round: f64) -> f64 {
+    let q = p.abs() - half + round;
+    q.max(DVec2::ZERO).length() + q.max_element().min(0.0) - round
+}
+
+/// A ring around z; `tube` is the radius of what is bent to the ring.
+pub fn torus(p: DVec3, radius: f64, tube: f64) -> f64 {
+    DVec2::new(p.truncate().length() - radius, p.z).length() - tube
+}
+
+/// A rod from `a` to `b` with round ends, its radius changing evenly.
+pub fn rod(p: DVec3, a: DVec3, b: DVec3, radius_a: f64, radius_b: f64) -> f64 {
+    let along = b - a;
+    let t = ((p - a).dot(along) / along.length_squared()).clamp(0.0, 1.0);
+    p.distance(a + t * along) - (radius_a + t * (radius_b - radius_a))
+}
+
+/// A door's or window's outline in the plane: straight sides from 0 up to `height`, a half circle on top.
+pub fn arch(p: DVec2, half_width: f64, height: f64) -> f64 {
+    if p.y > height { (p - DVec2::new(0.0, height)).length() - half_width } else { (p.x.abs() - half_width).max(-p.y) }
+}
+
+/// A flat outline made a solid: `outline` is the distance in its plane, `depth` the distance from that plane.
+pub fn extrude(outline: f64, depth: f64, half: f64, round: f64) -> f64 {
+    let q = DVec2::new(outline + round, depth.abs() - half + round);
+    q.max(DVec2::ZERO).length() + q.max_element().min(0.0) - round
+}
+
+/// The union with a fillet about `width` wide.
+pub fn blend(a: f64, b: f64, width: f64) -> f64 {
+    let h = (width - (a - b).abs()).max(0.0) / width;
+    a.min(b) - 0.25 * h * h * width
+}
+
+/// The intersection with an edge that is rounded about `width` wide.
+pub fn blend_cut(a: f64, b: f64, width: f64) -> f64 {
+    -blend(-a, -b, width)
+}
+
+/// The point turned by `angle` about z.
+pub fn turn_z(p: DVec3, angle: f64) -> DVec3 {
+    let (sin, cos) = angle.sin_cos();
+    DVec3::new(cos * p.x - sin * p.y, sin * p.x + cos * p.y, p.z)
+}
+
+/// The point turned by `angle` about x.
+pub fn turn_x(p: DVec3, angle: f64) -> DVec3 {
+    let (sin, cos) = angle.sin_cos();
+    DVec3::new(p.x, cos * p.y - sin * p.z, sin * p.y + cos * p.z)
+}
+
+/// The point turned by `angle` about y.
+pub fn turn_y(p: DVec3, angle: f64) -> DVec3 {
+    let (sin, cos) = angle.sin_cos();
+    DVec3::new(cos * p.x + sin * p.z, p.y, cos * p.z - sin * p.x)
+}
+
+/// Folds space around z so that one of `count` equal sectors, the one around +x, stands for all. Gives the folded
+/// point and the sector's number.
+pub fn fold(p: DVec3, count: usize) -> (DVec3, usize) {
+    let sector = TAU / count as f64;
+    let index = (p.y.atan2(p.x) / sector).round();
+    (turn_z(p, -index * sector), (index.rem_euclid(count as f64)) as usize % count)
+}
+
+/// 0 below `low`, 1 above `high`, smooth between; `low` may be the greater.
+pub fn smoothstep(low: f64, high: f64, x: f64) -> f64 {
+    let t = ((x - low) / (high - low)).clamp(0.0, 1.0);
+    t * t * (3.0 - 2.0 * t)
+}
+
+/// `count` directions spread evenly over the half sphere around z.
+pub fn half_sphere(count: usize) -> impl Iterator<Item = DVec3> {
+    (0..count).map(move |index| {
+        let z = (index as f64 + 0.5) / count as f64;
+        let phi = PI * (3.0 - 5.0_f64.sqrt()) * index as f64;
+        let r = (1.0 - z * z).sqrt();
+        DVec3::new(r * phi.cos(), r * phi.sin(), z)
+    })
+}

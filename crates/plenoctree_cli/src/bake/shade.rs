@@ -1,0 +1,176 @@
+//! The studio that props are photographed in: a warm key light, a bright sky, and how materials answer them.
+
+use glam::{DVec2, DVec3};
+
+use super::sdf::{half_sphere, smoothstep};
+
+/// What a prop is made of at a point of its surface.
+#[derive(Clone, Copy, Debug)]
+pub struct Material {
+    /// Encoded sRGB: the color of the paint, or a metal's tint.
+    pub color: DVec3,
+    /// 0 is chalk, 1 is lacquer: how much the surface mirrors, and how tight its highlights are.
+    pub gloss: f64,
+    /// Metals, 1, have no paint: all they show is mirrored.
+    pub metal: f64,
+    /// Light that the surface gives by itself, as a share of its color.
+    pub glow: f64,
+}
+
+impl Material {
+    /// Paint of a color (encoded sRGB) and a gloss.
+    pub fn paint(color: [f64; 3], gloss: f64) -> Self {
+        Self { color: DVec3::from_array(color), gloss, metal: 0.0, glow: 0.0 }
+    }
+
+    /// Polished metal of a tint (encoded sRGB).
+    pub fn metal(color: [f64; 3]) -> Self {
+        Self { metal: 1.0, ..Self::paint(color, 0.9) }
+    }
+
+    /// A lit pane or lamp.
+    pub fn lamp(color: [f64; 3], glow: f64) -> Self {
+        Self { glow, ..Self::paint(color, 0.6) }
+    }
+
+    /// The mean of materials, for where they meet within a cell.
+    pub fn mean<const N: usize>(materials: [Self; N]) -> Self {
+        let share = 1.0 / N as f64;
+        materials.iter().fold(Self { color: DVec3::ZERO, gloss: 0.0, metal: 0.0, glow: 0.0 }, |sum, material| Self {
+            color: sum.color + share * material.color,
+            gloss: sum.gloss + share * material.gloss,
+            metal: sum.metal + share * material.metal,
+            glow: sum.glow + share * material.glow,
+        })
+    }
+
+    /// The same material, lighter or darker.
+    pub fn shaded(mut self, factor: f64) -> Self {
+        self.color *= factor;
+        self
+    }
+
+    /// The same material, its color mixed with another (encoded sRGB).
+    pub fn mixed(mut self, color: [f64; 3], share: f64) -> Self {
+        self.color = self.color.lerp(DVec3::from_array(color), share.clamp(0.0, 1.0));
+        self
+    }
+}
+
+/// Where the key light is.
+const KEY: DVec3 = DVec3::new(-0.50, -0.56, 0.66);
+const KEY_LIGHT: DVec3 = DVec3::new(0.78, 0.72, 0.62);
+const SKY: DVec3 = DVec3::new(0.43, 0.47, 0.54);
+const FLOOR: DVec3 = DVec3::new(0.27, 0.25, 0.24);
+
+/// What of the light reaches a point of the surface, for all directions it is seen along.
+pub struct Lit {
+    material: Material,
+    normal: DVec3,
+    key: DVec3,
+    shadow: f64,
+    open: f64,
+}
+
+impl Lit {
+    /// Light at `point`, whose surface looks along `normal`; `distance` is that to the whole prop.
+    pub fn new(material: Material, point: DVec3, normal: DVec3, distance: impl Fn(DVec3) -> f64) -> Self {
+        let key = KEY.normalize();
+        let shadow = if normal.dot(key) > -0.1 { shadow(point + 0.02 * normal, key, &distance) } else { 0.0 };
+        let open = openness(point, normal, &distance);
+        Self { material, normal, key, shadow, open }
+    }
+
+    /// Radiance, encoded sRGB, seen along `direction` (from the eye into the scene).
+    pub fn radiance(&self, direction: DVec3) -> DVec3 {
+        let Material { color, gloss, metal, glow } = self.material;
+        let albedo = color.map(decode);
+        // A surface is never seen from behind: there its radiance is free, and a mirror image is the smoothest.
+        let eye = -direction;
+        let eye = if eye.dot(self.normal) < 0.0 { eye - 2.0 * eye.dot(self.normal) * self.normal } else { eye };
+
+        let half = (eye + self.key).normalize_or(self.normal);
+        let facing = 1.0 - eye.dot(self.normal).clamp(0.0, 1.0);
+        let mirror = DVec3::splat(0.05 * gloss.sqrt()).lerp(albedo, metal);
+        let fresnel = mirror + (0.6 * gloss * (1.0 - mirror).max(DVec3::ZERO)) * facing.powi(4);
+        let power = 6.0 + 70.0 * gloss * gloss;
+        let highlight = (power + 2.0) / 8.0 * half.dot(self.normal).max(0.0).powf(power);
+        let lambert = self.normal.dot(self.key).max(0.0);
+        let mirrored = 2.0 * eye.dot(self.normal) * self.normal - eye;
+        let seen = surroundings(mirrored) * (0.25 + 0.75 * self.open);
+        let seen = (0.6 + 0.4 * metal) * seen;
+        let glossy = fresnel * gloss * (seen + 2.6 * highlight * lambert * self.shadow * KEY_LIGHT);
+
+        // Light between walls of one color takes on that color: corners are deep, not gray.
+        let open = DVec3::splat(self.open) / (1.0 - 0.8 * albedo * (1.0 - self.open));
+        let ambient = FLOOR.lerp(SKY, 0.5 + 0.5 * self.normal.z) * open;
+        let matte = albedo * (ambient + lambert * self.shadow * KEY_LIGHT);
+        let sum = (1.0 - metal) * matte * (1.0 - fresnel) + glossy;
+        (sum + glow * albedo).map(|light| encode(shoulder(light)))
+    }
+}
+
+/// What a mirror sees: a bright sky with the key light's glow in it, a dark floor, and two tall lamps.
+fn surroundings(direction: DVec3) -> DVec3 {
+    let up = direction.z;
+    let sky = DVec3::ONE.lerp(DVec3::new(0.36, 0.50, 0.72), smoothstep(0.1, 0.8, up));
+    let floor = DVec3::new(0.24, 0.23, 0.26).lerp(DVec3::new(0.07, 0.07, 0.09), smoothstep(0.0, -0.7, up));
+    let glow = 0.8 * direction.dot(KEY.normalize()).max(0.0).powi(6);
+    let around = direction.truncate().normalize_or_zero();
+    let lamp = |x: f64, y: f64| smoothstep(0.88, 0.99, around.dot(DVec2::new(x, y))) * smoothstep(0.9, 0.6, up.abs());
+    let lamps = 4.5 * lamp(-0.86, -0.51) + 1.4 * lamp(0.87, 0.50);
+    floor.lerp(sky, smoothstep(-0.12, 0.08, up)) + (glow + lamps) * KEY_LIGHT
+}
+
+/// How much of the key light reaches `point`, 0 to 1; the penumbra widens with the distance of what is in the way.
+fn shadow(point: DVec3, toward: DVec3, distance: &impl Fn(DVec3) -> f64) -> f64 {
+    let (mut light, mut t) = (1.0_f64, 0.015);
+    for _ in 0..48 {
+        let free = distance(point + t * toward);
+        light = light.min(0.5 + 0.5 * 9.0 * free / t);
+        if light <= 0.0 {
+            return 0.0;
+        }
+        t += free.clamp(0.012, 0.12);
+        if t > 2.2 {
+            break;
+        }
+    }
+    smoothstep(0.0, 1.0, light)
+}
+
+/// How much of the sky and floor a point sees, 0 to 1: cones over the half sphere, weighed by the cosine.
+fn openness(point: DVec3, normal: DVec3, distance: &impl Fn(DVec3) -> f64) -> f64 {
+    let (tangent, bitangent) = normal.any_orthonormal_pair();
+    let (mut sum, mut total) = (0.0, 0.0);
+    for local in half_sphere(14) {
+        let direction = local.x * tangent + local.y * bitangent + local.z * normal;
+        let (mut free, mut t) = (1.0_f64, 0.025);
+        while t < 0.75 {
+            let gap = distance(point + t * direction);
+            free = free.min(0.15 + gap / (0.45 * t));
+            if free <= 0.0 {
+                break;
+            }
+            t += gap.max(0.5 * t);
+        }
+        sum += local.z * free.clamp(0.0, 1.0);
+        total += local.z;
+    }
+    sum / total
+}
+
+/// Leaves the lower half alone and bends the rest so that nothing burns out.
+fn shoulder(light: f64) -> f64 {
+    const KNEE: f64 = 0.55;
+    if light < KNEE { light } else { KNEE + (0.97 - KNEE) * (1.0 - (-(light - KNEE) / (0.97 - KNEE)).exp()) }
+}
+
+fn decode(encoded: f64) -> f64 {
+    if encoded <= 0.04045 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
+}
+
+fn encode(linear: f64) -> f64 {
+    let linear = linear.max(0.0);
+    if linear <= 0.0031308 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
+}

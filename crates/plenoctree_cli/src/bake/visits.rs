@@ -1,0 +1,28 @@
+//! How far baking is: which blocks of the box it has come to.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use indicatif::ProgressBar;
+
+/// Counts blocks on a progress bar when they are first visited, from any thread.
+pub struct Visits<'a> {
+    visited: Vec<AtomicBool>,
+    bar: &'a ProgressBar,
+}
+
+impl<'a> Visits<'a> {
+    /// Expects visits to the blocks that are marked.
+    pub fn new(expected: &[bool], bar: &'a ProgressBar) -> Self {
+        bar.set_length(expected.iter().filter(|expected| **expected).count() as u64);
+        Self { visited: expected.iter().map(|_| AtomicBool::new(false)).collect(), bar }
+    }
+
+    /// Counts a block, unless it was counted before.
+    pub fn mark(&self, block: usize) {
+        let visited = &self.visited[block];
+        // Nearly all calls end with the load, which cores need not wait for one another for.
+        if !visited.load(Ordering::Relaxed) && !visited.swap(true, Ordering::Relaxed) {
+            self.bar.inc(1);
+        }
+    }
+}

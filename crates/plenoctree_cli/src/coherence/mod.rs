@@ -1,0 +1,58 @@
+//! `coherence`: how coherent an animation is with one palette for the field, compared to one palette for each of its
+//! frames. Figure 7 of the paper.
+//!
+//! The camera turns by 90 degrees around the field. Every frame is rendered plainly, posterized with the field's
+//! palette, and posterized with a palette of its own, the simplified convex hull of its pixels (Tan et al. 2016). The
+//! posterized frames are also recolored: every color of the palette by one of the opposite hue. `coherence.csv` holds
+//! how much neighboring frames differ, and `coherence.png` plots it:
+//!
+//! | column | |
+//! |---|---|
+//! | `frame` | the second frame of the pair, counted from 0 |
+//! | `plain` | mean absolute difference of encoded sRGB, in [0, 1], over all pixels and channels, of the plain frames |
+//! | `field`, `per_frame` | the same of the frames that were posterized with the field's palette, and with their own |
+//! | `field_recolored`, `per_frame_recolored` | the same of those that were also recolored |
+
+mod arguments;
+mod plot;
+mod series;
+mod stage;
+mod turn;
+
+pub use arguments::Arguments;
+
+use plenoctree::palette::ExtractionSettings;
+
+use crate::{Result, extraction, field, files, progress};
+use series::Series;
+use stage::Stage;
+
+/// Renders the frames, compares them, and writes the table and the plot.
+pub fn run(arguments: &Arguments) -> Result {
+    let path = &field::or_default(arguments.field.as_deref());
+    let named = |error: Box<dyn std::error::Error>| format!("{}: {error}", path.display());
+    let field = field::load(path, arguments.quiet)?;
+    let extracted = extraction::cpu::extract(&field, &ExtractionSettings::default(), arguments.quiet).map_err(named)?;
+    let cameras = turn::quarter(&field, arguments.size, arguments.frames as usize)
+        .ok_or_else(|| format!("{}: the field is empty", path.display()))?;
+    let out = &arguments.out;
+    files::create_folder(out)?;
+
+    let mut stage = Stage::new(field, extracted.extraction.palette, arguments.size).map_err(named)?;
+    let mut series = Series::default();
+    let bar = progress::bar("rendering", cameras.len() as u64, arguments.quiet);
+    for (frame, camera) in cameras.iter().enumerate() {
+        series.push(stage.shoot(camera).map_err(|error| format!("frame {frame}: {error}"))?);
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+
+    series.write(&out.join("coherence.csv"))?;
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    files::write_image(&out.join("coherence.png"), &plot::draw(&series, &name))?;
+    if !arguments.quiet {
+        print!("{}", series.summary());
+        println!("{} frames of {} in {}", cameras.len(), path.display(), out.display());
+    }
+    Ok(())
+}

@@ -1,0 +1,102 @@
+//! The scene, and the images of it that are compared.
+
+use std::time::Duration;
+
+use bevy::{
+    prelude::*,
+    render::{RenderApp, renderer::RenderDevice},
+};
+use bevy_plenoctree::{
+    FieldPalette, GpuField, Palettes, PlenOctreePlugin, Posterize, Prop,
+    headless::{Headless, exact_camera, pinhole_view},
+};
+use image::{DynamicImage, RgbImage, RgbaImage};
+use plenoctree::{
+    PlenOctree, UpAxis,
+    camera::PinholeCamera,
+    palette::{Palette, simplify_hull},
+};
+
+use super::series::Frame;
+use crate::Result;
+
+/// The longest wait for the field to be on the GPU.
+const UPLOAD_TIMEOUT: Duration = Duration::from_secs(120);
+/// Degrees by which recoloring turns a hue. 120 would only swap the channels, and no difference would change.
+const HUE_TURN: f32 = 180.0;
+
+/// A field alone in front of a white background, and its camera.
+pub struct Stage {
+    headless: Headless,
+    look: Posterize,
+    up: UpAxis,
+    /// The field's palette.
+    palette: Palette,
+    field: Handle<PlenOctree>,
+    prop: Entity,
+    camera: Entity,
+}
+
+impl Stage {
+    /// Starts an app and uploads the field.
+    pub fn new(field: PlenOctree, palette: Palette, size: (u32, u32)) -> Result<Self> {
+        let mut headless = Headless::new(size.into(), |app| {
+            app.add_plugins(PlenOctreePlugin);
+        })?;
+        let device = headless.app.sub_app(RenderApp).world().resource::<RenderDevice>();
+        GpuField::check(&field, &device.limits())?;
+
+        let target = headless.target();
+        let world = headless.app.world_mut();
+        let up = field.up();
+        let field = world.resource_mut::<Assets<PlenOctree>>().add(field);
+        let prop = world.spawn(Prop(field.clone())).id();
+        let camera = world
+            // White to look at, but transparent: a plain frame's alpha is the field's opacity.
+            .spawn((exact_camera(Color::srgba(1.0, 1.0, 1.0, 0.0)), target))
+            .id();
+        headless.wait_until_ready(UPLOAD_TIMEOUT)?;
+        Ok(Self { headless, look: Posterize::default(), up, palette, field, prop, camera })
+    }
+
+    /// Renders one view in every way that is compared.
+    pub fn shoot(&mut self, camera: &PinholeCamera) -> Result<Frame> {
+        let world = self.headless.app.world_mut();
+        world.entity_mut(self.camera).insert(pinhole_view(camera, self.up));
+        world.entity_mut(self.prop).remove::<Posterize>();
+        let plain = self.headless.capture()?;
+        let colors = self.object_colors(&plain);
+        if colors.is_empty() {
+            return Err("no pixel is opaque enough to be posterized".into());
+        }
+        let palette_of_frame = simplify_hull(&colors, self.palette.colors.len())?;
+
+        self.headless.app.world_mut().entity_mut(self.prop).insert(self.look);
+        let [field, field_recolored] = self.posterized(self.palette.clone())?;
+        let [per_frame, per_frame_recolored] = self.posterized(palette_of_frame)?;
+        let plain = DynamicImage::from(plain).into_rgb8();
+        Ok(Frame { images: [plain, field, per_frame, field_recolored, per_frame_recolored] })
+    }
+
+    /// The colors, encoded sRGB in [0, 1], of the pixels that posterization gives labels to.
+    fn object_colors(&self, plain: &RgbaImage) -> Vec<[f64; 3]> {
+        let share = |channel: u8| f64::from(channel) / 255.0;
+        let pixels = plain.pixels().filter(|pixel| share(pixel[3]) >= f64::from(self.look.min_opacity));
+        pixels.map(|pixel| [pixel[0], pixel[1], pixel[2]].map(share)).collect()
+    }
+
+    /// The view posterized with a palette, and with the palette recolored.
+    fn posterized(&mut self, palette: Palette) -> Result<[RgbImage; 2]> {
+        let mut palette = FieldPalette::new(palette);
+        let as_it_is = self.shoot_with(palette.clone())?;
+        for color in palette.shown_mut() {
+            *color = Hsva::from(*color).rotate_hue(HUE_TURN).into();
+        }
+        Ok([as_it_is, self.shoot_with(palette)?])
+    }
+
+    fn shoot_with(&mut self, palette: FieldPalette) -> Result<RgbImage> {
+        self.headless.app.world_mut().resource_mut::<Palettes>().insert(&self.field, palette);
+        Ok(DynamicImage::from(self.headless.capture()?).into_rgb8())
+    }
+}

@@ -1,0 +1,44 @@
+//! The command line: which subcommand to run.
+
+use clap::{Parser, Subcommand};
+
+use crate::{Result, bake, info, palette, stylize};
+#[cfg(feature = "bevy")]
+use crate::{coherence, tradeoff};
+
+/// Inspects, bakes and stylizes PlenOctrees.
+#[derive(Parser)]
+#[command(name = "plenoctree", version)]
+pub struct CommandLine {
+    #[command(subcommand)]
+    command: Command,
+}
+
+/// The subcommands. Each one's description is on its arguments.
+#[derive(Subcommand)]
+enum Command {
+    Info(info::Arguments),
+    Palette(palette::Arguments),
+    Stylize(stylize::Arguments),
+    #[cfg(feature = "bevy")]
+    Tradeoff(tradeoff::Arguments),
+    #[cfg(feature = "bevy")]
+    Coherence(coherence::Arguments),
+    Bake(bake::Arguments),
+}
+
+impl CommandLine {
+    /// Runs the subcommand.
+    pub fn run(&self) -> Result {
+        match &self.command {
+            Command::Info(arguments) => info::run(arguments),
+            Command::Palette(arguments) => palette::run(arguments),
+            Command::Stylize(arguments) => stylize::run(arguments),
+            #[cfg(feature = "bevy")]
+            Command::Tradeoff(arguments) => tradeoff::run(arguments),
+            #[cfg(feature = "bevy")]
+            Command::Coherence(arguments) => coherence::run(arguments),
+            Command::Bake(arguments) => bake::run(arguments),
+        }
+    }
+}

@@ -1,0 +1,61 @@
+//! Sampling on the CPU, without an app.
+
+use std::{
+    sync::Arc,
+    thread,
+    time::{Duration, Instant},
+};
+
+use plenoctree::{
+    PlenOctree,
+    palette::{ExtractionSettings, extract_from_histograms},
+    reference::sample_histograms,
+    sampling::{Histograms, Progress, SamplingSettings, sample},
+};
+
+use super::Extracted;
+use crate::{Result, progress};
+
+/// Samples on all cores in another thread, so that this one can show how far it is.
+pub fn extract(field: &PlenOctree, settings: &ExtractionSettings, quiet: bool) -> Result<Extracted> {
+    let bar = progress::bar("extracting", 100, quiet);
+    let progress = Arc::new(Progress::default());
+    let worker = {
+        let (field, settings, progress) = (field.clone(), settings.clone(), progress.clone());
+        thread::spawn(move || {
+            let sampler =
+                |settings: &SamplingSettings| sample(&field, settings, &progress).map_err(|error| error.to_string());
+            sample_and_extract(&settings, "cpu", sampler)
+        })
+    };
+    while !worker.is_finished() {
+        bar.set_position((100.0 * progress.fraction()) as u64);
+        thread::sleep(Duration::from_millis(20));
+    }
+    let extracted = worker.join().map_err(|_| "extraction stopped unexpectedly")??;
+    bar.finish_and_clear();
+    Ok(extracted)
+}
+
+/// Samples every leaf with the float64 reference, which does not say how far it is.
+pub fn extract_by_reference(field: &PlenOctree, settings: &ExtractionSettings, quiet: bool) -> Result<Extracted> {
+    let spinner = progress::spinner("extracting", quiet);
+    let sampler = |settings: &SamplingSettings| sample_histograms(field, settings).map_err(|error| error.to_string());
+    let extracted = sample_and_extract(settings, "reference", sampler)?;
+    spinner.finish_and_clear();
+    Ok(extracted)
+}
+
+fn sample_and_extract(
+    settings: &ExtractionSettings,
+    sampling_on: &'static str,
+    sampler: impl FnOnce(&SamplingSettings) -> Result<Histograms, String>,
+) -> Result<Extracted, String> {
+    settings.validate().map_err(|error| error.to_string())?;
+    let start = Instant::now();
+    let histograms = sampler(&settings.sampling)?;
+    let sampling = start.elapsed().as_secs_f64();
+    let mut extraction = extract_from_histograms(&histograms, settings).map_err(|error| error.to_string())?;
+    extraction.seconds.sampling = sampling;
+    Ok(Extracted { extraction, histograms: Arc::new(histograms), sampling_on })
+}

@@ -1,0 +1,70 @@
+//! Sampling on the GPU, in an app of its own, as a game does it.
+
+use std::{thread, time::Duration};
+
+use bevy::{
+    prelude::*,
+    render::{RenderApp, renderer::RenderAdapterInfo},
+};
+use bevy_plenoctree::{
+    ExtractionSamples, PaletteExtraction, PaletteSampler, Palettes, PlenOctreePlugin, Posterize, Prop,
+    headless::{Headless, HeadlessError},
+};
+use plenoctree::{PlenOctree, palette::ExtractionSettings};
+
+use super::{Extracted, cpu};
+use crate::{Result, progress};
+
+/// Samples with compute shaders.
+pub fn extract(field: &PlenOctree, settings: &ExtractionSettings, quiet: bool) -> Result<Extracted> {
+    run(app()?, field, settings, quiet)
+}
+
+/// Samples with compute shaders if there is a GPU, and on the CPU if there is none or graphics are in software.
+pub fn extract_or_fall_back(field: &PlenOctree, settings: &ExtractionSettings, quiet: bool) -> Result<Extracted> {
+    match app() {
+        Ok(app) if is_hardware(&app) => run(app, field, settings, quiet),
+        Ok(_) | Err(HeadlessError::NoAdapter(_)) => cpu::extract(field, settings, quiet),
+        Err(error) => Err(error.into()),
+    }
+}
+
+fn app() -> Result<Headless, HeadlessError> {
+    Headless::new(UVec2::ONE, |app| {
+        app.add_plugins(PlenOctreePlugin);
+    })
+}
+
+/// Whether something other than the CPU's cores draws.
+fn is_hardware(headless: &Headless) -> bool {
+    let adapter = headless.app.sub_app(RenderApp).world().get_resource::<RenderAdapterInfo>();
+    adapter.is_some_and(|adapter| adapter.device_type != wgpu::DeviceType::Cpu)
+}
+
+/// Updates the app until the palette is there.
+fn run(mut headless: Headless, field: &PlenOctree, settings: &ExtractionSettings, quiet: bool) -> Result<Extracted> {
+    let bar = progress::bar("extracting", 100, quiet);
+    let world = headless.app.world_mut();
+    let mut extraction = world.resource_mut::<PaletteExtraction>();
+    extraction.settings = settings.clone();
+    extraction.sampler = PaletteSampler::Gpu;
+    extraction.budget = None;
+    let handle = world.resource_mut::<Assets<PlenOctree>>().add(field.clone());
+    world.spawn((Prop(handle.clone()), Posterize::default()));
+    loop {
+        headless.update();
+        let world = headless.app.world();
+        let extraction = world.resource::<PaletteExtraction>();
+        if let Some(error) = extraction.error(&handle) {
+            return Err(error.clone().into());
+        }
+        let found = world.resource::<Palettes>().get(&handle).and_then(|palette| palette.extraction());
+        if let (Some(found), Some(ExtractionSamples { histograms, on_gpu })) = (found, extraction.sampled(&handle)) {
+            let sampling_on = if *on_gpu { "gpu" } else { "cpu" };
+            bar.finish_and_clear();
+            return Ok(Extracted { extraction: found.clone(), histograms: histograms.clone(), sampling_on });
+        }
+        bar.set_position((100.0 * extraction.progress(&handle).unwrap_or(0.0)) as u64);
+        thread::sleep(Duration::from_millis(1));
+    }
+}

@@ -1,0 +1,34 @@
+//! The histograms' file.
+
+use std::{
+    fs::File,
+    io::{self, BufWriter, Write},
+    path::Path,
+};
+
+use npyz::WriterBuilder;
+use plenoctree::sampling::{Histograms, SamplingSettings};
+use zip::{ZipWriter, write::FileOptions};
+
+use crate::Result;
+
+/// Writes `fine` and `coarse`, float64, index [r, g, b], not normalized.
+pub fn write(histograms: &Histograms, settings: &SamplingSettings, path: &Path) -> Result {
+    let failed = |error: io::Error| format!("{}: {error}", path.display());
+    let file = File::create(path).map_err(failed)?;
+    let mut archive = ZipWriter::new(BufWriter::new(file));
+    for (name, weights, bins) in
+        [("fine.npy", histograms.fine(), settings.fine_bins), ("coarse.npy", histograms.coarse(), settings.coarse_bins)]
+    {
+        // Without the time of writing, so that the same field gives the same file.
+        let options = FileOptions::default().last_modified_time(Default::default());
+        archive.start_file(name, options).map_err(|error| failed(error.into()))?;
+        let shape = [bins as u64; 3];
+        let array = npyz::WriteOptions::new().default_dtype().shape(&shape).writer(&mut archive).begin_nd();
+        let mut array = array.map_err(failed)?;
+        array.extend(weights.iter().copied()).map_err(failed)?;
+        array.finish().map_err(failed)?;
+    }
+    let mut file = archive.finish().map_err(|error| failed(error.into()))?;
+    Ok(file.flush().map_err(failed)?)
+}

@@ -1,0 +1,70 @@
+//! From a field to its palette, by the sampler that the command line chooses.
+
+mod arguments;
+pub mod cpu;
+#[cfg(feature = "bevy")]
+mod gpu;
+mod histograms;
+
+pub use arguments::{ExtractionArguments, Sampling};
+
+use std::{path::Path, sync::Arc};
+
+use plenoctree::{
+    PlenOctree,
+    palette::{Extraction, ExtractionSettings},
+    sampling::Histograms,
+};
+
+use crate::Result;
+
+/// A palette, what it was made from, and what sampled.
+pub struct Extracted {
+    /// The palette and how it came about.
+    pub extraction: Extraction,
+    /// What was sampled.
+    pub histograms: Arc<Histograms>,
+    /// The sampler's name: `cpu`, `reference` or `gpu`.
+    pub sampling_on: &'static str,
+}
+
+/// Extracts the palette that the command line asks for, writes the histograms if it asks for them, and shows progress
+/// unless `quiet`. Errors name the field's file, `path`.
+///
+/// If no sampler is named, the GPU samples if there is one and this build can use it, else the CPU.
+pub fn extract(
+    field: &PlenOctree,
+    path: &Path,
+    arguments: &ExtractionArguments,
+    sampling: Option<Sampling>,
+    quiet: bool,
+) -> Result<Extracted> {
+    let settings = arguments.settings();
+    let extracted = sample_and_extract(field, &settings, sampling, quiet)
+        .map_err(|error| format!("{}: {error}", path.display()))?;
+    if let Some(path) = &arguments.histograms {
+        histograms::write(&extracted.histograms, &settings.sampling, path)?;
+    }
+    Ok(extracted)
+}
+
+fn sample_and_extract(
+    field: &PlenOctree,
+    settings: &ExtractionSettings,
+    sampling: Option<Sampling>,
+    quiet: bool,
+) -> Result<Extracted> {
+    match sampling {
+        Some(Sampling::Cpu) => cpu::extract(field, settings, quiet),
+        Some(Sampling::Reference) if settings.sampling.sample_fraction < 1.0 => {
+            Err("--sampling reference samples every leaf: leave --sample-fraction out".into())
+        }
+        Some(Sampling::Reference) => cpu::extract_by_reference(field, settings, quiet),
+        #[cfg(feature = "bevy")]
+        Some(Sampling::Gpu) => gpu::extract(field, settings, quiet),
+        #[cfg(feature = "bevy")]
+        None => gpu::extract_or_fall_back(field, settings, quiet),
+        #[cfg(not(feature = "bevy"))]
+        None => cpu::extract(field, settings, quiet),
+    }
+}

@@ -1,0 +1,40 @@
+//! Colors as hex codes.
+
+/// Parses `#RRGGBB`, with or without the `#`.
+pub fn parse(text: &str) -> Result<[u8; 3], String> {
+    let digits = text.strip_prefix('#').unwrap_or(text);
+    if digits.len() != 6 || !digits.bytes().all(|digit| digit.is_ascii_hexdigit()) {
+        return Err("expected #RRGGBB".into());
+    }
+    let value = u32::from_str_radix(digits, 16).map_err(|error| error.to_string())?;
+    Ok([(value >> 16) as u8, (value >> 8) as u8, value as u8])
+}
+
+/// Formats a color as `#rrggbb`.
+pub fn format([r, g, b]: [u8; 3]) -> String {
+    format!("#{r:02x}{g:02x}{b:02x}")
+}
+
+/// Rounds encoded sRGB to 8 bits, clamped to what a screen can show.
+pub fn quantize(color: [f64; 3]) -> [u8; 3] {
+    color.map(|channel| (255.0 * channel.clamp(0.0, 1.0)).round() as u8)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn codes_are_read_and_written() {
+        assert_eq!(parse("#2060ff"), Ok([0x20, 0x60, 0xff]));
+        assert_eq!(parse("2060FF").map(format).as_deref(), Ok("#2060ff"));
+        for wrong in ["", "#", "#fff", "#2060fg", "#+060ff", "#2060ff0"] {
+            assert!(parse(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn neon_colors_are_clamped() {
+        assert_eq!(quantize([-0.5, 0.5, 1.5]), [0, 128, 255]);
+    }
+}

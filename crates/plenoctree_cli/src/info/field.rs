@@ -1,0 +1,80 @@
+//! What a field holds.
+
+use std::path::Path;
+
+use glam::DVec3;
+use plenoctree::PlenOctree;
+use serde_json::{Value, json};
+
+use super::{Report, file_size, text};
+use crate::{Result, field, gpu_memory};
+
+/// A box: its lowest and its highest corner.
+type Bounds = (DVec3, DVec3);
+
+/// The least, the middle and the greatest density.
+struct Densities {
+    min: f32,
+    median: f32,
+    max: f32,
+}
+
+/// Reads a field and describes it.
+pub fn report(path: &Path) -> Result<Report> {
+    let field = field::load(path, false)?;
+    let file_bytes = file_size(path)?;
+    let gpu_bytes = gpu_memory::bytes(&field);
+    let densities = densities(&field);
+
+    let mut lines = vec![
+        ("file size", text::size(file_bytes)),
+        ("basis", field.basis().name().into()),
+        ("leaves", field.leaves().to_string()),
+        ("nodes", field.nodes().len().to_string()),
+        ("depth", field.depth().to_string()),
+        ("bounds", bounds_text(field.bounds())),
+        ("dense bounds", bounds_text(field.dense_bounds())),
+        ("density", densities.as_ref().map_or(text::NONE.into(), Densities::text)),
+    ];
+    lines.extend(gpu_bytes.map(|bytes| ("GPU memory", text::size(bytes))));
+
+    let json = json!({
+        "file": path.display().to_string(),
+        "file_bytes": file_bytes,
+        "basis": field.basis().name(),
+        "leaves": field.leaves(),
+        "nodes": field.nodes().len(),
+        "depth": field.depth(),
+        "bounds": bounds_json(field.bounds()),
+        "dense_bounds": bounds_json(field.dense_bounds()),
+        "density": densities.as_ref().map(Densities::json),
+        "gpu_bytes": gpu_bytes,
+    });
+    Ok(Report { text: text::table(path, &lines), json })
+}
+
+/// `None` for an empty field.
+fn densities(field: &PlenOctree) -> Option<Densities> {
+    let mut sorted = field.densities().to_vec();
+    sorted.sort_unstable_by(f32::total_cmp);
+    Some(Densities { min: *sorted.first()?, median: sorted[sorted.len() / 2], max: *sorted.last()? })
+}
+
+impl Densities {
+    fn text(&self) -> String {
+        format!("min {:.4}, median {:.4}, max {:.4}", self.min, self.median, self.max)
+    }
+
+    fn json(&self) -> Value {
+        json!({"min": self.min, "median": self.median, "max": self.max})
+    }
+}
+
+fn bounds_text(bounds: Option<Bounds>) -> String {
+    let corner = |corner: DVec3| format!("{:.4} {:.4} {:.4}", corner.x, corner.y, corner.z);
+    bounds.map_or(text::NONE.into(), |(low, high)| format!("{} to {}", corner(low), corner(high)))
+}
+
+fn bounds_json(bounds: Option<Bounds>) -> Value {
+    bounds.map_or(Value::Null, |(low, high)| json!({"min": low.to_array(), "max": high.to_array()}))
+}

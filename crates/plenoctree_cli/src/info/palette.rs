@@ -1,0 +1,23 @@
+//! What a palette's file holds.
+
+use std::path::Path;
+
+use plenoctree::palette::Palette;
+use serde_json::{Value, json};
+
+use super::{Report, file_size, text};
+use crate::{Result, hex, swatches};
+
+/// Reads a palette and describes it.
+pub fn report(path: &Path) -> Result<Report> {
+    let palette = Palette::read(path)?;
+    let file_bytes = file_size(path)?;
+    let color = |(color, weight): (&[f64; 3], &f64)| -> Value {
+        json!({"hex": hex::format(hex::quantize(*color)), "color": color, "weight": weight})
+    };
+    let colors: Vec<Value> = palette.colors.iter().zip(&palette.weights).map(color).collect();
+    let json = json!({"file": path.display().to_string(), "file_bytes": file_bytes, "colors": colors});
+
+    let lines = [("file size", text::size(file_bytes)), ("colors", palette.colors.len().to_string())];
+    Ok(Report { text: text::table(path, &lines) + &swatches::lines(&palette), json })
+}

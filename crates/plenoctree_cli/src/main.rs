@@ -1,0 +1,40 @@
+//! `plenoctree`: a command line for PlenOctrees. One module per subcommand, and small ones that they share.
+#![forbid(unsafe_code)]
+
+mod bake;
+#[cfg(feature = "bevy")]
+mod coherence;
+mod command;
+mod extraction;
+mod field;
+mod files;
+mod gpu_memory;
+mod hex;
+mod info;
+mod palette;
+mod preset;
+mod progress;
+mod size;
+mod stylize;
+mod swatches;
+mod text;
+#[cfg(feature = "bevy")]
+mod tradeoff;
+mod turntable;
+
+use std::process::ExitCode;
+
+use clap::Parser;
+
+/// What a step of a command returns. Errors are messages for the user.
+type Result<T = (), E = Box<dyn std::error::Error>> = std::result::Result<T, E>;
+
+fn main() -> ExitCode {
+    match command::CommandLine::parse().run() {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::from(2)
+        }
+    }
+}

@@ -1,0 +1,88 @@
+//! `stylize`: images of a field as rendered, posterized and recolored, and the palette that they were made with.
+
+mod arguments;
+#[cfg(feature = "bevy")]
+mod gpu;
+mod output;
+mod reference;
+mod renderer;
+mod report;
+
+pub use arguments::Arguments;
+
+use plenoctree::{
+    PlenOctree,
+    camera::{PinholeCamera, read_transforms},
+    palette::Palette,
+};
+
+use crate::{Result, extraction, field, files, progress, turntable};
+use arguments::Renderer;
+use renderer::{Job, Render};
+
+/// Renders the views and writes them, the palette and the report.
+pub fn run(arguments: &Arguments) -> Result {
+    let path = &field::or_default(arguments.field.as_deref());
+    let cameras = arguments.cameras.as_ref().map(|path| read_transforms(path, arguments.size)).transpose()?;
+    let given = arguments.palette.as_ref().map(Palette::read).transpose()?;
+    let field = field::load(path, arguments.quiet)?;
+
+    let mut cameras = match cameras {
+        Some(cameras) => cameras,
+        None => turntable(&field, arguments).map_err(|error| format!("{}: {error}", path.display()))?,
+    };
+    if let Some(frames) = arguments.frames() {
+        cameras.truncate(frames);
+    }
+
+    let (palette, extracted) = match given {
+        Some(palette) => (palette, None),
+        None => {
+            let extracted =
+                extraction::extract(&field, path, &arguments.extraction, arguments.sampling, arguments.quiet)?;
+            (extracted.extraction.palette.clone(), Some(extracted))
+        }
+    };
+    let recolored = arguments.recolored(&palette)?;
+
+    files::create_folder(&arguments.out)?;
+    output::write_palette(&palette, &arguments.out)?;
+
+    let job = Job {
+        field: field.clone(),
+        palette: palette.clone(),
+        recolored,
+        look: arguments.look(),
+        quality: arguments.quality,
+        background: arguments.background,
+    };
+    let mut renderer: Box<dyn Render> = match arguments.renderer {
+        #[cfg(feature = "bevy")]
+        Renderer::Gpu => {
+            Box::new(gpu::GpuRenderer::new(job, &cameras).map_err(|error| format!("{}: {error}", path.display()))?)
+        }
+        Renderer::Reference => Box::new(reference::ReferenceRenderer::new(job)),
+    };
+
+    let bar = progress::bar("rendering", cameras.len() as u64, arguments.quiet);
+    let mut times = Vec::new();
+    for (index, camera) in cameras.iter().enumerate() {
+        let (views, milliseconds) = renderer.render(camera)?;
+        let files = output::write_frame(&views, index, &arguments.out)?;
+        times.push((files, milliseconds));
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+
+    report::write(&arguments.out, &field, &renderer.adapter(), extracted.as_ref(), &palette, &times)?;
+    if !arguments.quiet {
+        println!("{} views of {} in {}", cameras.len(), path.display(), arguments.out.display());
+    }
+    Ok(())
+}
+
+/// The views that are rendered when no cameras are given.
+fn turntable(field: &PlenOctree, arguments: &Arguments) -> Result<Vec<PinholeCamera>> {
+    let (size, frames) = (arguments.size.unwrap_or((800, 800)), arguments.frames().unwrap_or(8));
+    turntable::full_turn(field, size, frames).ok_or_else(|| "nothing is visible in the field".into())
+}

@@ -1,0 +1,32 @@
+//! The images' and the palette's files.
+
+use std::path::Path;
+
+use plenoctree::palette::Palette;
+
+use super::renderer::Views;
+use crate::{Result, files, swatches};
+
+/// Writes a view's images and returns the names of the files, the original's first.
+pub fn write_frame(views: &Views, index: usize, folder: &Path) -> Result<Vec<String>> {
+    let kinds = [
+        ("original", Some(&views.original)),
+        ("posterized", Some(&views.posterized)),
+        ("recolored", views.recolored.as_ref()),
+    ];
+    let mut names = Vec::new();
+    for (kind, image) in kinds {
+        if let Some(image) = image {
+            let name = format!("frame_{index:03}.{kind}.png");
+            files::write_image(&folder.join(&name), image)?;
+            names.push(name);
+        }
+    }
+    Ok(names)
+}
+
+/// Writes `palette.json` and `palette.png`.
+pub fn write_palette(palette: &Palette, folder: &Path) -> Result {
+    palette.write(folder.join("palette.json"))?;
+    files::write_image(&folder.join("palette.png"), &swatches::draw(palette))
+}

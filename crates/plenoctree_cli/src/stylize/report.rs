@@ -1,0 +1,73 @@
+//! `report.json`: what was measured.
+
+use std::path::Path;
+
+use plenoctree::{PlenOctree, palette::Palette};
+use serde_json::{Value, json};
+
+use super::renderer::{Adapter, FrameTimes};
+use crate::{Result, extraction::Extracted, files, gpu_memory};
+
+/// Writes the report. `frames` holds the names of every view's files and how long it took.
+pub fn write(
+    folder: &Path,
+    field: &PlenOctree,
+    adapter: &Adapter,
+    extracted: Option<&Extracted>,
+    palette: &Palette,
+    frames: &[(Vec<String>, FrameTimes)],
+) -> Result {
+    let times =
+        |times: &FrameTimes| json!({"volume": times.volume, "posterize": times.posterize, "total": times.total});
+    let medians = FrameTimes {
+        volume: median(frames.iter().filter_map(|(_, times)| times.volume)),
+        posterize: median(frames.iter().filter_map(|(_, times)| times.posterize)),
+        total: median(frames.iter().filter_map(|(_, times)| times.total)),
+    };
+    let report = json!({
+        "adapter": {"name": adapter.name, "backend": adapter.backend, "driver": adapter.driver},
+        "field": {
+            "leaves": field.leaves(),
+            "depth": field.depth(),
+            "basis": field.basis().name(),
+            "gpu_bytes": gpu_memory::bytes(field),
+        },
+        "palette": palette_report(extracted, palette),
+        "frames": frames
+            .iter()
+            .map(|(files, milliseconds)| json!({"file": files[0], "files": files, "milliseconds": times(milliseconds)}))
+            .collect::<Vec<_>>(),
+        "medians": {"milliseconds": times(&medians)},
+    });
+    let text = serde_json::to_string_pretty(&report)?;
+    files::write_text(&folder.join("report.json"), &(text + "\n"))
+}
+
+/// A palette that was given has no history: its entries are null.
+fn palette_report(extracted: Option<&Extracted>, palette: &Palette) -> Value {
+    let extraction = extracted.map(|extracted| &extracted.extraction);
+    json!({
+        "colors": palette.colors.len(),
+        "sampling_on": extracted.map(|extracted| extracted.sampling_on),
+        "radiance_samples": extraction.map(|e| e.radiance_samples),
+        "total_weight": extraction.map(|e| e.total_weight),
+        "clusters": extraction.map(|e| e.clusters),
+        "hull_vertices": extraction.map(|e| e.hull_vertices),
+        "seconds": extraction.map(|e| json!({
+            "sampling": e.seconds.sampling,
+            "filtering": e.seconds.filtering,
+            "hull": e.seconds.hull,
+        })),
+    })
+}
+
+fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let mut values: Vec<f64> = values.collect();
+    values.sort_by(f64::total_cmp);
+    let middle = values.len() / 2;
+    match values.len() {
+        0 => None,
+        n if n % 2 == 1 => Some(values[middle]),
+        _ => Some(0.5 * (values[middle - 1] + values[middle])),
+    }
+}

@@ -1,0 +1,45 @@
+//! A palette as text and as an image.
+
+use image::{Rgb, RgbImage};
+use plenoctree::palette::Palette;
+
+use crate::{hex, text};
+
+/// One line per color: its index, its hex code and its share of the weight.
+pub fn lines(palette: &Palette) -> String {
+    let line = |(index, color): (usize, &[f64; 3])| {
+        let code = hex::format(hex::quantize(*color));
+        format!("{index:2}  {code}  {:5.1}%\n", share(palette, index))
+    };
+    palette.colors.iter().enumerate().map(line).collect()
+}
+
+/// Pixels per side of a swatch.
+const SWATCH: u32 = 160;
+
+/// A square for every color, with its index, hex code and share of the weight.
+pub fn draw(palette: &Palette) -> RgbImage {
+    let mut image = RgbImage::new(SWATCH * palette.colors.len() as u32, SWATCH);
+    for (index, color) in palette.colors.iter().enumerate() {
+        let color = hex::quantize(*color);
+        let left = SWATCH * index as u32;
+        for y in 0..SWATCH {
+            for x in left..left + SWATCH {
+                image.put_pixel(x, y, Rgb(color));
+            }
+        }
+        let luma = color.iter().zip([0.3, 0.59, 0.11]).map(|(c, share)| f32::from(*c) * share).sum::<f32>();
+        let ink = if luma > 128.0 { [0; 3] } else { [255; 3] };
+        let lines = [index.to_string(), hex::format(color), format!("{:.1}%", share(palette, index))];
+        for (line, content) in lines.iter().enumerate() {
+            let place = (f64::from(left + 8), 16.0 + 24.0 * line as f64);
+            text::write(&mut image, content, place, 0.0, Rgb(ink));
+        }
+    }
+    image
+}
+
+/// A color's weight in percent.
+fn share(palette: &Palette, index: usize) -> f64 {
+    100.0 * palette.weights.get(index).copied().unwrap_or(0.0)
+}

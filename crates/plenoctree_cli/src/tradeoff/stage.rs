@@ -1,0 +1,73 @@
+//! The plugin, which draws one prop at any quality.
+
+use std::time::{Duration, Instant};
+
+use bevy::prelude::*;
+use bevy_plenoctree::{
+    FieldPalette, Palettes, PlenOctreePlugin, Posterize, Prop,
+    headless::{Headless, exact_camera, pinhole_view},
+};
+use image::RgbaImage;
+use plenoctree::{PlenOctree, Precision, camera::PinholeCamera, palette::Palette};
+
+use super::variants::Variant;
+use crate::Result;
+
+/// The longest wait for the field to be on the GPU.
+const UPLOAD_TIMEOUT: Duration = Duration::from_secs(600);
+
+/// A field alone in front of a white background, and its camera.
+pub struct Stage {
+    headless: Headless,
+    field: PlenOctree,
+    prop: Entity,
+    camera: Entity,
+    /// The field at every precision.
+    handles: [Handle<PlenOctree>; 2],
+}
+
+impl Stage {
+    /// Starts an app and uploads the field at every precision.
+    pub fn new(field: &PlenOctree, palette: &Palette, size: (u32, u32)) -> Result<Self> {
+        let mut headless = Headless::new(size.into(), |app| {
+            app.add_plugins(PlenOctreePlugin);
+        })?;
+        let target = headless.target();
+        let world = headless.app.world_mut();
+        let handles = [Precision::Half, Precision::Byte].map(|precision| {
+            let handle = world.resource_mut::<Assets<PlenOctree>>().add(field.clone().with_precision(precision));
+            world.resource_mut::<Palettes>().insert(&handle, FieldPalette::new(palette.clone()));
+            handle
+        });
+        let prop = world.spawn(Prop(handles[0].clone())).id();
+        let camera = world.spawn((exact_camera(Color::WHITE), target)).id();
+        headless.wait_until_ready(UPLOAD_TIMEOUT)?;
+        Ok(Self { headless, field: field.clone(), prop, camera, handles })
+    }
+
+    /// Draws at a variant's quality from now on. The first image makes what it needs.
+    pub fn set(&mut self, variant: &Variant, look: Option<Posterize>) {
+        let handle = self.handles[usize::from(variant.precision == Precision::Byte)].clone();
+        let world = self.headless.app.world_mut();
+        world.entity_mut(self.camera).insert(variant.quality);
+        let mut prop = world.entity_mut(self.prop);
+        prop.insert(Prop(handle)).remove::<Posterize>();
+        if let Some(look) = look {
+            prop.insert(look);
+        }
+    }
+
+    /// Captures a view.
+    pub fn capture(&mut self, camera: &PinholeCamera) -> Result<RgbaImage> {
+        let view = pinhole_view(camera, self.field.up());
+        self.headless.app.world_mut().entity_mut(self.camera).insert(view);
+        Ok(self.headless.capture()?)
+    }
+
+    /// Seconds until a view's image is in memory.
+    pub fn time(&mut self, camera: &PinholeCamera) -> Result<f64> {
+        let start = Instant::now();
+        self.capture(camera)?;
+        Ok(start.elapsed().as_secs_f64())
+    }
+}

@@ -1,0 +1,58 @@
+//! The settings that are measured, and their values.
+
+use bevy_plenoctree::{PropQuality, QualityPreset};
+use plenoctree::{Precision, palette::ExtractionSettings, sampling::SamplingSettings};
+
+/// One value of one setting, or a preset.
+#[derive(Clone)]
+pub struct Variant {
+    /// The setting that differs from the exact ones.
+    pub setting: &'static str,
+    /// Its value.
+    pub value: String,
+    /// How exactly the camera draws.
+    pub quality: PropQuality,
+    /// How exactly the GPU keeps the field.
+    pub precision: Precision,
+}
+
+/// The variants of rendering, the exact one first.
+pub fn rendering() -> Vec<Variant> {
+    let variant = |setting, value: String, quality, precision| Variant { setting, value, quality, precision };
+    let mut all = vec![variant("exact", String::new(), PropQuality::EXACT, Precision::Half)];
+    let mut knob = |setting, values: &[f32], turn: fn(&mut PropQuality, f32)| {
+        for value in values {
+            let mut quality = PropQuality::EXACT;
+            turn(&mut quality, *value);
+            all.push(variant(setting, value.to_string(), quality, Precision::Half));
+        }
+    };
+    knob("stop_transmittance", &[0.02, 0.05, 0.1], |quality, value| quality.stop_transmittance = value);
+    knob("density_threshold", &[0.5, 2.0, 8.0], |quality, value| quality.density_threshold = value);
+    knob("opacity_loss", &[0.002, 0.01, 0.02, 0.05], |quality, value| quality.opacity_loss = value);
+    knob("min_weight", &[0.001, 0.004, 0.016], |quality, value| quality.min_weight = value);
+    knob("degree", &[1.0, 0.0], |quality, value| quality.degree = value as u32);
+    knob("cell_size", &[0.7, 1.0, 1.5, 2.0, 3.0], |quality, value| quality.cell_size = value);
+    knob("resolution", &[0.75, 0.5, 0.34], |quality, value| quality.resolution = value);
+    knob("filter_iterations", &[3.0, 2.0, 1.0, 0.0], |quality, value| quality.filter_iterations = value as u32);
+    knob("filter_radius", &[1.0], |quality, value| quality.filter_radius = value as u32);
+    all.push(variant("precision", "byte".into(), PropQuality::EXACT, Precision::Byte));
+    for (preset, name) in QualityPreset::ALL.into_iter().zip(["exact", "high", "balanced", "fast"]).skip(1) {
+        all.push(variant("preset", name.into(), preset.quality(), Precision::Half));
+    }
+    all
+}
+
+/// The variants of extraction, the exact one first.
+pub fn extraction() -> Vec<(&'static str, String, ExtractionSettings)> {
+    let settings = |sampling| ExtractionSettings { sampling, ..ExtractionSettings::default() };
+    let exact = SamplingSettings::default();
+    let mut all = vec![("extraction", "exact".into(), settings(exact.clone()))];
+    for sample_fraction in [0.5, 0.25, 0.1] {
+        let sampling = SamplingSettings { sample_fraction, ..exact.clone() };
+        all.push(("sample_fraction", sample_fraction.to_string(), settings(sampling)));
+    }
+    all.push(("directions", "1".into(), settings(SamplingSettings { directions: 1, ..exact.clone() })));
+    all.push(("multisamples", "1".into(), settings(SamplingSettings { multisamples: 1, ..exact })));
+    all
+}

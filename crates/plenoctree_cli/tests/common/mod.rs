@@ -1,0 +1,56 @@
+//! What the tests share: a tiny field, a folder of their own, and the program.
+#![allow(dead_code, reason = "no test uses everything")]
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+    process::{Command, Output},
+};
+
+use glam::DVec3;
+use plenoctree::{BakeSettings, Basis, bake};
+
+/// An empty folder for one test.
+pub fn folder(test: &str) -> PathBuf {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(test);
+    let _ = fs::remove_dir_all(&folder);
+    fs::create_dir_all(&folder).unwrap();
+    folder
+}
+
+/// Writes a ball whose octants have eight colors, and returns its path.
+pub fn ball(folder: &Path) -> PathBuf {
+    let settings = BakeSettings { depth: 4, basis: Basis::Rgba, directions: 8, ..Default::default() };
+    let density = |at: DVec3| if at.length() < 0.8 { 50.0 } else { 0.0 };
+    let color = |at: DVec3| DVec3::select(at.cmpgt(DVec3::ZERO), DVec3::splat(0.9), DVec3::splat(0.1));
+    let field = bake(&settings, density, |at| move |_| color(at)).unwrap();
+    let path = folder.join("ball.npz");
+    field.write(&path).unwrap();
+    path
+}
+
+/// Runs the program.
+pub fn plenoctree(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_plenoctree")).args(arguments).output().unwrap()
+}
+
+/// Runs the program, which must succeed, and returns what it prints.
+pub fn succeed(arguments: &[&str]) -> String {
+    let output = plenoctree(arguments);
+    assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stdout).unwrap()
+}
+
+/// Runs the program, which must refuse its input, and returns the message.
+pub fn fail(arguments: &[&str]) -> String {
+    let output = plenoctree(arguments);
+    let message = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(2), "{arguments:?}: {message}");
+    assert!(message.starts_with("error: "), "{arguments:?}: {message}");
+    message
+}
+
+/// A path as an argument.
+pub fn text(path: &Path) -> &str {
+    path.to_str().unwrap()
+}

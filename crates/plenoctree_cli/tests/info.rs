@@ -1,0 +1,54 @@
+//! `plenoctree info`.
+
+mod common;
+
+use std::fs;
+
+use common::{ball, fail, folder, succeed, text};
+use plenoctree::{LoadSettings, PlenOctree, palette::Palette};
+use serde_json::Value;
+
+#[test]
+fn a_field_is_described() {
+    let field = ball(&folder("info_field"));
+    let printed = succeed(&["info", text(&field)]);
+    let read = PlenOctree::read(&field, &LoadSettings::default()).unwrap();
+    for expected in ["ball.npz", "RGBA", &read.leaves().to_string(), &read.nodes().len().to_string(), "median 50.0000"]
+    {
+        assert!(printed.contains(expected), "{expected} in {printed}");
+    }
+
+    let json: Value = serde_json::from_str(&succeed(&["info", "--json", text(&field)])).unwrap();
+    assert_eq!(json["basis"], "RGBA");
+    assert_eq!(json["leaves"], read.leaves());
+    assert_eq!(json["nodes"], read.nodes().len());
+    assert_eq!(json["depth"], 4);
+    assert_eq!(json["file_bytes"], fs::metadata(&field).unwrap().len());
+    assert_eq!(json["density"]["max"], 50.0);
+    assert_eq!(json["bounds"]["max"][0].as_f64(), read.bounds().map(|(_, high)| high.x));
+    assert_eq!(json["gpu_bytes"].is_u64(), cfg!(feature = "bevy"));
+}
+
+#[test]
+fn a_palette_is_described() {
+    let path = folder("info_palette").join("two.palette.json");
+    let palette = Palette { colors: vec![[0.0, 0.5, 1.0], [1.0; 3]], weights: vec![0.75, 0.25] };
+    palette.write(&path).unwrap();
+    let printed = succeed(&["info", text(&path)]);
+    assert!(printed.contains("#0080ff   75.0%") && printed.contains("#ffffff   25.0%"), "{printed}");
+
+    let json: Value = serde_json::from_str(&succeed(&["info", text(&path), "--json"])).unwrap();
+    assert_eq!(json["colors"][0]["hex"], "#0080ff");
+    assert_eq!(json["colors"][1]["weight"], 0.25);
+}
+
+#[test]
+fn bad_files_are_named() {
+    let folder = folder("info_bad");
+    for (name, content) in [("no_field.npz", "no archive"), ("no_palette.json", "{}")] {
+        let path = folder.join(name);
+        fs::write(&path, content).unwrap();
+        assert!(fail(&["info", text(&path)]).contains(name));
+    }
+    assert!(fail(&["info", text(&folder.join("missing.npz"))]).contains("missing.npz"));
+}

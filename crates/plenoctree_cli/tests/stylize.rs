@@ -1,0 +1,77 @@
+//! `plenoctree stylize`, by the reference, which needs no GPU.
+
+mod common;
+
+use std::{fs, path::Path, process::Output};
+
+use common::{ball, fail, folder, plenoctree, succeed, text};
+use serde_json::Value;
+
+/// Renders two views of 32 x 32 pixels into a folder.
+fn arguments<'a>(field: &'a Path, out: &'a Path) -> Vec<&'a str> {
+    let arguments = ["stylize", text(field), "--out", text(out), "--renderer", "reference", "--size", "32x32"];
+    [&arguments[..], &["--frames", "2"]].concat()
+}
+
+#[test]
+fn the_promised_files_are_written() {
+    let folder = folder("stylize_files");
+    let (field, out) = (ball(&folder), folder.join("out"));
+    let extraction = ["--sampling", "cpu", "--colors", "4", "--recolor", "1=#2060ff"];
+    let printed = succeed(&[&arguments(&field, &out)[..], &extraction].concat());
+    assert!(printed.starts_with("2 views of "), "{printed}");
+
+    let mut files: Vec<_> =
+        fs::read_dir(&out).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+    files.sort();
+    let frames = ["frame_000", "frame_001"];
+    let kinds = ["original", "posterized", "recolored"];
+    let mut expected: Vec<_> =
+        frames.iter().flat_map(|frame| kinds.map(|kind| format!("{frame}.{kind}.png"))).collect();
+    expected.extend(["palette.json", "palette.png", "report.json"].map(String::from));
+    assert_eq!(files, expected);
+    for file in &files[..6] {
+        assert_eq!(image::image_dimensions(out.join(file)).unwrap(), (32, 32));
+    }
+
+    let report: Value = serde_json::from_str(&fs::read_to_string(out.join("report.json")).unwrap()).unwrap();
+    assert_eq!(report["palette"]["sampling_on"], "cpu");
+    assert_eq!(report["frames"][1]["files"][2], "frame_001.recolored.png");
+    assert!(report["medians"]["milliseconds"]["total"].as_f64().unwrap() > 0.0);
+}
+
+/// A palette that is given is used as it is, and nothing is printed.
+#[test]
+fn a_palette_can_be_given() {
+    let folder = folder("stylize_palette");
+    let (field, out) = (ball(&folder), folder.join("out"));
+    let palette = folder.join("palette.json");
+    fs::write(&palette, r#"{"colors": [[1, 0, 0], [0, 0, 1]]}"#).unwrap();
+    let printed = succeed(&[&arguments(&field, &out)[..], &["--palette", text(&palette), "--quiet"]].concat());
+    assert_eq!(printed, "");
+    let report: Value = serde_json::from_str(&fs::read_to_string(out.join("report.json")).unwrap()).unwrap();
+    assert!(report["palette"]["sampling_on"].is_null());
+    assert_eq!(report["palette"]["colors"], 2);
+}
+
+#[test]
+fn bad_input_is_refused() {
+    let folder = folder("stylize_bad");
+    let (field, out) = (ball(&folder), folder.join("out"));
+    let with = |more: &[&str]| fail(&[&arguments(&field, &out)[..], more].concat());
+    assert!(with(&["--palette", "missing.json"]).contains("missing.json"));
+    assert!(with(&["--cameras", "missing.json"]).contains("missing.json"));
+    assert!(with(&["--sampling", "cpu", "--recolor", "99=#000000"]).contains("--recolor 99"));
+    assert!(with(&["--palette", "palette.json", "--colors", "4"]).contains("cannot be used with"));
+    for wrong in [["--size", "0x1"], ["--background", "red"], ["--softness", "-1"], ["--frames", "0"]] {
+        fail(&["stylize", text(&field), wrong[0], wrong[1]]);
+    }
+    assert!(fail(&arguments(&folder.join("missing.npz"), &out)).contains("missing.npz"));
+}
+
+/// The GPU can be asked for only where it can be used.
+#[test]
+fn builds_without_bevy_have_no_gpu() {
+    let Output { stdout, .. } = plenoctree(&["stylize", "--help"]);
+    assert_eq!(String::from_utf8(stdout).unwrap().contains("gpu"), cfg!(feature = "bevy"));
+}

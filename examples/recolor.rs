@@ -1,0 +1,48 @@
+//! Recoloring: the palette of the field from day to night, and one prop with a color of its own.
+//!
+//! ```sh
+//! cargo run --release --example recolor
+//! ```
+
+use bevy::prelude::*;
+use bevy_plenoctree::prelude::*;
+
+fn main() {
+    App::new()
+        .add_plugins((DefaultPlugins, PlenOctreePlugin))
+        .add_systems(Startup, setup)
+        .add_systems(Update, fade_to_night)
+        .run();
+}
+
+fn setup(mut commands: Commands, assets: Res<AssetServer>) {
+    let field = assets.load("toadstool.npz");
+    commands.spawn((Prop(field.clone()), Posterize::default(), Transform::from_xyz(-1.1, 0.0, 0.0)));
+    // Color 0 of this field's palette is the red of the cap. An override belongs to one entity.
+    commands.spawn((
+        Prop(field),
+        Posterize::default(),
+        PaletteOverride::default().with(0, Color::srgb(0.15, 0.35, 0.85)),
+        Transform::from_xyz(1.1, 0.0, 0.0),
+    ));
+    commands.spawn((Camera3d::default(), Transform::from_xyz(0.0, 1.3, 4.5).looking_at(Vec3::ZERO, Vec3::Y)));
+}
+
+/// All props of a field share its palette, which can change in every frame.
+fn fade_to_night(time: Res<Time>, props: Query<&Prop>, mut palettes: ResMut<Palettes>) {
+    let night = [
+        Color::srgb(0.35, 0.1, 0.3),
+        Color::srgb(0.05, 0.2, 0.2),
+        Color::srgb(0.02, 0.02, 0.08),
+        Color::srgb(0.45, 0.5, 0.75),
+        Color::srgb(0.3, 0.25, 0.35),
+        Color::srgb(0.1, 0.15, 0.5),
+    ];
+    let darkness = 0.5 - 0.5 * (0.5 * time.elapsed_secs()).cos();
+    for prop in &props {
+        // There is none until the palette has been read or extracted.
+        if let Some(palette) = palettes.get_mut(&prop.0) {
+            palette.fade(&night, darkness, BlendSpace::Oklab);
+        }
+    }
+}

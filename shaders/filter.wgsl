@@ -1,0 +1,54 @@
+// One direction of the bilateral filter: section 4, step 2 of the method.
+
+#import bevy_plenoctree::filter_texel::{pack, unpack}
+#import bevy_plenoctree::view::{props, view}
+
+@group(1) @binding(0) var source: texture_2d<u32>;
+// How many iterations came before.
+@group(1) @binding(1) var<uniform> iteration: vec4<u32>;
+
+#ifdef HORIZONTAL
+const ALONG: vec2<i32> = vec2(1, 0);
+#else
+const ALONG: vec2<i32> = vec2(0, 1);
+#endif
+
+// Colors so far and their weights.
+struct Sum {
+    color: vec3<f32>,
+    weight: f32,
+}
+
+@fragment
+fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<u32> {
+    let at = vec2<i32>(position.xy);
+    let texel = textureLoad(source, at, 0);
+    let center = unpack(texel);
+    // Both pictures hold what no prop owns.
+    if center.owner == 0u {
+        discard;
+    }
+    let prop = center.owner - 1u;
+    if iteration.x >= props[prop].iterations {
+        return texel;
+    }
+    let spatial = props[prop].spatial_falloff;
+    let range = props[prop].range_falloff;
+    var sum = Sum(center.color, 1.0);
+    for (var offset = 1; offset <= props[prop].radius; offset++) {
+        let closeness = -f32(offset * offset) * spatial;
+        add(&sum, at - offset * ALONG, center.lab, closeness, range);
+        add(&sum, at + offset * ALONG, center.lab, closeness, range);
+    }
+    return pack(sum.color / sum.weight, center.owner);
+}
+
+fn add(sum: ptr<function, Sum>, at: vec2<i32>, lab: vec3<f32>, closeness: f32, range: f32) {
+    // Beyond the edge nothing is loaded, and nothing counts.
+    let pixel = unpack(textureLoad(source, at, 0));
+    let difference = pixel.lab - lab;
+    let inside = all(at >= vec2(0)) && all(at < vec2<i32>(view.size));
+    let weight = select(0.0, exp(closeness - dot(difference, difference) * range), inside);
+    (*sum).color += weight * pixel.color;
+    (*sum).weight += weight;
+}

@@ -1,0 +1,131 @@
+// The label pass: labels for the pixels that are posterized, the composite for the others. Section 4 of the method, steps 1
+// and 3 to 5.
+
+#import bevy_plenoctree::filter_texel::unpack
+#ifndef LABEL_TEXTURES
+#import bevy_plenoctree::target::to_target
+#endif
+#import bevy_plenoctree::view::{colors, props, view}
+
+@group(1) @binding(0) var filtered: texture_2d<u32>;
+@group(1) @binding(1) var layer: texture_2d<f32>;
+
+// A label: colors `first` and `second` of a palette, and how much of the first there is.
+struct Label {
+    first: u32,
+    second: u32,
+    share: f32,
+    // How far it is from a pixel's color in encoded RGB, squared.
+    distance: f32,
+    // Its place among all labels.
+    index: u32,
+}
+
+// The two labels that are nearest so far.
+struct Nearest {
+    first: Label,
+    second: Label,
+}
+
+fn consider(nearest: ptr<function, Nearest>, label: Label) {
+    if label.distance < (*nearest).first.distance {
+        (*nearest).second = (*nearest).first;
+        (*nearest).first = label;
+    } else if label.distance < (*nearest).second.distance {
+        (*nearest).second = label;
+    }
+}
+
+// A label in the palette that begins at `palette`.
+fn shown(palette: u32, label: Label) -> vec3<f32> {
+    return mix(colors[palette + label.second].rgb, colors[palette + label.first].rgb, label.share);
+}
+
+const FAR: f32 = 1e30;
+
+// What a pixel shows, and the index of its nearest label.
+struct Shown {
+    color: vec3<f32>,
+    label: u32,
+}
+
+fn assign(color: vec3<f32>, prop: u32) -> Shown {
+    let count = props[prop].colors;
+    let source = props[prop].first_color;
+    let edited = source + count;
+    let steps = props[prop].blend_steps;
+    let none = Label(0u, 0u, 1.0, FAR, 0u);
+    var nearest = Nearest(none, none);
+    // Labels in the order of equation 7: the palette, then the blends of every pair.
+    for (var i = 0u; i < count; i++) {
+        let off = color - colors[source + i].rgb;
+        consider(&nearest, Label(i, i, 1.0, dot(off, off), i));
+    }
+    var index = count;
+    for (var i = 0u; i < count; i++) {
+        let first = colors[source + i].rgb;
+        for (var j = i + 1u; j < count; j++) {
+            let second = colors[source + j].rgb;
+            for (var k = 1u; k < steps; k++) {
+                let share = f32(k) / f32(steps);
+                let off = color - mix(second, first, share);
+                consider(&nearest, Label(i, j, share, dot(off, off), index));
+                index++;
+            }
+        }
+    }
+    let softness = props[prop].softness;
+    let lead = sqrt(nearest.second.distance) - sqrt(nearest.first.distance);
+    let first = shown(edited, nearest.first);
+    // Softness 0 is a hard edge. A palette of one color has no second label, which is as far as can be.
+    if lead >= softness {
+        return Shown(first, nearest.first.index);
+    }
+    let step = 0.5 + 0.5 * lead / softness;
+    let soft = mix(shown(edited, nearest.second), first, step * step * (3.0 - 2.0 * step));
+    return Shown(soft, nearest.first.index);
+}
+
+#ifdef LABEL_TEXTURES
+// What custom stages read.
+struct Fragment {
+    // Encoded sRGB, and opacity.
+    @location(0) color: vec4<f32>,
+    // 1 for a pixel that is shown as trained, 2 + the label's index for one that is posterized; 1 + the prop's place or 0.
+    @location(1) label: vec2<u32>,
+}
+#else
+struct Fragment {
+    @location(0) color: vec4<f32>,
+}
+#endif
+
+@fragment
+fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
+#ifdef LABEL_TEXTURES
+    let pixel = vec2<u32>(position.xy);
+#else
+    let pixel = vec2<u32>(position.xy) - view.corner;
+#endif
+    let opacity = textureLoad(layer, pixel, 0).a;
+    let value = unpack(textureLoad(filtered, pixel, 0));
+    if opacity == 0.0 && value.owner == 0u {
+        discard;
+    }
+    var color = value.color;
+    var alpha = opacity;
+    var label = 1u;
+    if value.owner > 0u {
+        let posterized = assign(color, value.owner - 1u);
+        color = posterized.color;
+        label = 2u + posterized.label;
+        // A posterized prop is opaque; the rest is as opaque as it was.
+        alpha = select(1.0, opacity, value.owner == view.everything);
+    }
+#ifdef LABEL_TEXTURES
+    let owner = select(value.owner, 0u, value.owner == view.everything);
+    return Fragment(vec4(color, alpha), vec2(label, owner));
+#else
+    return Fragment(vec4(to_target(color), alpha));
+#endif
+}

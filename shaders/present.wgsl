@@ -1,0 +1,16 @@
+// The present pass: what custom stages made of the labels, written to the view's target.
+
+#import bevy_plenoctree::target::to_target
+#import bevy_plenoctree::view::view
+
+@group(1) @binding(0) var colors: texture_2d<f32>;
+
+@fragment
+fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
+    let color = textureLoad(colors, vec2<u32>(position.xy) - view.corner, 0);
+    // Nothing is shown there.
+    if color.a < 0.0 {
+        discard;
+    }
+    return vec4(to_target(color.rgb), color.a);
+}

@@ -1,0 +1,32 @@
+//! What happens to fields on the GPU in every frame.
+
+use bevy::{prelude::*, render::render_asset::RenderAssets};
+
+use super::{field::GpuField, report::FieldReports, upload::Uploader};
+
+/// Uploads the levels that views asked for in this frame, and reports what the driver said of fields and levels.
+pub(super) fn upload_levels(
+    mut fields: ResMut<RenderAssets<GpuField>>,
+    uploader: Uploader,
+    reports: Res<FieldReports>,
+) {
+    for (id, field) in fields.iter_mut() {
+        let failure = field.upload(&uploader);
+        if let Some(outcome) = field.take_outcome() {
+            if let Err(error) = &outcome {
+                error!("field {id} is not drawn: {error}");
+            }
+            reports.push(id, outcome);
+        } else if let Some(error) = failure {
+            error!("a level of field {id} is not drawn: {error}");
+            reports.push(id, Err(error));
+        }
+    }
+}
+
+/// Evicts levels that no camera has asked for in a long time.
+pub(super) fn evict_levels(mut fields: ResMut<RenderAssets<GpuField>>) {
+    for (_, field) in fields.iter_mut() {
+        field.age();
+    }
+}

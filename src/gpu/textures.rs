@@ -1,0 +1,137 @@
+//! Textures that hold arrays: unlike buffers, they are bound whole however large they are.
+
+use bevy::render::{
+    render_resource::{
+        Extent3d, Origin3d, TexelCopyBufferLayout, TexelCopyTextureInfo, Texture, TextureAspect, TextureDescriptor,
+        TextureDimension, TextureFormat, TextureUsages,
+    },
+    renderer::{RenderDevice, RenderQueue},
+};
+use half::f16;
+
+use super::payload::Payload;
+
+/// The widest row of a texture, in texels.
+const MOST_WIDTH: u32 = 8192;
+/// Texels that are handed over at a time: the queue copies them.
+const BAND: usize = 1 << 22;
+
+/// An array in the rows of a texture: element `i` is texel `i` modulo the width, in row `i` over the width.
+#[derive(Clone, Copy)]
+pub(super) struct Row {
+    width: u32,
+    most_rows: u32,
+}
+
+impl Row {
+    pub fn new(limits: &wgpu::Limits) -> Self {
+        let most_rows = limits.max_texture_dimension_2d.max(1);
+        // A power of two, so that shaders need not divide.
+        Self { width: 1 << MOST_WIDTH.min(most_rows).ilog2(), most_rows }
+    }
+
+    /// The width as a power of two.
+    pub fn log2(self) -> u32 {
+        self.width.ilog2()
+    }
+
+    /// Elements that a texture can hold.
+    pub fn most_texels(self) -> u64 {
+        u64::from(self.width) * u64::from(self.most_rows)
+    }
+
+    pub fn upload_words(
+        self,
+        device: &RenderDevice,
+        queue: &RenderQueue,
+        label: &'static str,
+        words: &[[u32; 4]],
+    ) -> Texture {
+        let texture = self.texture(device, label, TextureFormat::Rgba32Uint, words.len());
+        self.write(queue, &texture, 0, bytemuck::cast_slice(words), 16);
+        texture
+    }
+
+    pub fn upload_densities(self, device: &RenderDevice, queue: &RenderQueue, densities: &[f32]) -> Texture {
+        let texture = self.texture(device, "plenoctree_densities", TextureFormat::R32Float, densities.len());
+        self.write(queue, &texture, 0, bytemuck::cast_slice(densities), 4);
+        texture
+    }
+
+    /// Band by band, so that no more than one is in memory twice.
+    pub fn upload_coefficients(
+        self,
+        device: &RenderDevice,
+        queue: &RenderQueue,
+        payload: Payload,
+        coefficients: &[f16],
+    ) -> Texture {
+        let leaves = coefficients.len() / payload.basis.coefficients();
+        let texels = payload.texels();
+        let texture = self.texture(device, "plenoctree_coefficients", TextureFormat::Rgba32Uint, leaves * texels);
+        // As many leaves as there are texels in a row fill whole rows.
+        let width = self.width as usize;
+        let rows = (BAND / (width * texels)).max(1);
+        for (band, leaves) in coefficients.chunks(rows * width * payload.basis.coefficients()).enumerate() {
+            let words = payload.pack(leaves);
+            self.write(queue, &texture, (band * rows * texels) as u32, bytemuck::cast_slice(&words), 16);
+            // What the queue has copied it lets go when it is submitted.
+            queue.submit([]);
+        }
+        texture
+    }
+
+    fn texture(self, device: &RenderDevice, label: &'static str, format: TextureFormat, texels: usize) -> Texture {
+        let rows = texels.div_ceil(self.width as usize).max(1) as u32;
+        // A short array needs no whole row.
+        let width = if rows == 1 { texels.max(1) as u32 } else { self.width };
+        device.create_texture(&TextureDescriptor {
+            label: Some(label),
+            size: Extent3d { width, height: rows, depth_or_array_layers: 1 },
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: TextureDimension::D2,
+            format,
+            usage: TextureUsages::TEXTURE_BINDING | TextureUsages::COPY_DST,
+            view_formats: &[],
+        })
+    }
+
+    /// Texels from the beginning of a row on.
+    fn write(self, queue: &RenderQueue, texture: &Texture, row: u32, bytes: &[u8], texel: usize) {
+        let row_bytes = self.width as usize * texel;
+        let whole = bytes.len() / row_bytes;
+        let (body, rest) = bytes.split_at(whole * row_bytes);
+        write(queue, texture, row, [self.width, whole as u32, 1], body, texel);
+        write(queue, texture, row + whole as u32, [(rest.len() / texel) as u32, 1, 1], rest, texel);
+    }
+}
+
+/// A cube of texels, the last axis fastest.
+pub(super) fn upload_table(device: &RenderDevice, queue: &RenderQueue, table: &[[u32; 4]], level: u32) -> Texture {
+    let side = 1 << level;
+    let texture = device.create_texture(&TextureDescriptor {
+        label: Some("plenoctree_table"),
+        size: Extent3d { width: side, height: side, depth_or_array_layers: side },
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: TextureDimension::D3,
+        format: TextureFormat::Rgba32Uint,
+        usage: TextureUsages::TEXTURE_BINDING | TextureUsages::COPY_DST,
+        view_formats: &[],
+    });
+    write(queue, &texture, 0, [side; 3], bytemuck::cast_slice(table), 16);
+    texture
+}
+
+fn write(queue: &RenderQueue, texture: &Texture, y: u32, [width, height, depth]: [u32; 3], bytes: &[u8], texel: usize) {
+    if bytes.is_empty() {
+        return;
+    }
+    queue.write_texture(
+        TexelCopyTextureInfo { texture, mip_level: 0, origin: Origin3d { x: 0, y, z: 0 }, aspect: TextureAspect::All },
+        bytes,
+        TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(width * texel as u32), rows_per_image: Some(height) },
+        Extent3d { width, height, depth_or_array_layers: depth },
+    );
+}

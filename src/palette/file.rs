@@ -1,0 +1,149 @@
+//! Palettes from files: beside a field, or by a handle.
+
+use std::path::Path;
+
+use bevy::{
+    asset::{
+        AssetLoader, AssetPath, AssetServerMode, LoadContext, LoadState,
+        io::{AssetReaderError, Reader},
+    },
+    prelude::*,
+    tasks::{IoTaskPool, block_on, poll_once},
+};
+use plenoctree::{
+    PlenOctree,
+    palette::{Palette, PaletteFileError},
+};
+
+use super::{
+    posterized::Posterized,
+    resource::{FieldPalette, Palettes},
+    source::PaletteSource,
+};
+
+/// How a palette's file ends: `x.palette.json` belongs to `x.npz`.
+const EXTENSION: &str = "palette.json";
+
+/// Loads `.palette.json` files as [`Palette`]s.
+#[derive(Default, TypePath)]
+pub struct PaletteLoader;
+
+impl AssetLoader for PaletteLoader {
+    type Asset = Palette;
+    type Settings = ();
+    type Error = PaletteFileError;
+
+    async fn load(
+        &self,
+        reader: &mut dyn Reader,
+        _settings: &(),
+        context: &mut LoadContext<'_>,
+    ) -> Result<Palette, PaletteFileError> {
+        let path = context.path().path();
+        let mut json = Vec::new();
+        let read = reader.read_to_end(&mut json).await;
+        read.map_err(|source| PaletteFileError::Io { path: path.to_path_buf(), source })?;
+        Palette::from_json(&json, path)
+    }
+
+    fn extensions(&self) -> &[&str] {
+        &[EXTENSION]
+    }
+}
+
+/// Looks beside the fields that need a palette and have none.
+pub(super) fn seek(mut palettes: ResMut<Palettes>, server: Option<Res<AssetServer>>, posterized: Posterized) {
+    let palettes = palettes.bypass_change_detection();
+    for id in posterized.fields() {
+        if palettes.by_field.contains_key(&id) || palettes.files.contains_key(&id) {
+            continue;
+        }
+        let path = server.as_ref().and_then(|server| Some((server, server.get_path(id)?.into_owned())));
+        let file = path.map_or(PaletteSource::Missing, |(server, field)| {
+            let path = field.path().with_extension(EXTENSION);
+            let path = AssetPath::from_path_buf(path).with_source(field.source().clone_owned());
+            let server = AssetServer::clone(server);
+            PaletteSource::Sought(IoTaskPool::get().spawn(async move { exists(&server, &path).await.then_some(path) }))
+        });
+        palettes.files.insert(id, file);
+    }
+}
+
+/// Asks the source first: the server would report a file that is not there as an error.
+async fn exists(server: &AssetServer, path: &AssetPath<'_>) -> bool {
+    let Ok(source) = server.get_source(path.source()) else {
+        return false;
+    };
+    let reader = match server.mode() {
+        AssetServerMode::Unprocessed => source.reader(),
+        AssetServerMode::Processed => match source.processed_reader() {
+            Ok(reader) => reader,
+            Err(_) => return false,
+        },
+    };
+    let path: &Path = path.path();
+    match reader.read(path).await.map(drop) {
+        Ok(()) => true,
+        Err(AssetReaderError::NotFound(_)) => false,
+        Err(error) => {
+            warn!("palette {}: {error}", path.display());
+            false
+        }
+    }
+}
+
+/// Hands over what has loaded, and what has changed.
+pub(super) fn load(
+    mut palettes: ResMut<Palettes>,
+    server: Option<Res<AssetServer>>,
+    loaded: Res<Assets<Palette>>,
+    mut changes: MessageReader<AssetEvent<Palette>>,
+    mut fields: MessageReader<AssetEvent<PlenOctree>>,
+) {
+    let Palettes { by_field, files, arrived } = palettes.bypass_change_detection();
+    for event in fields.read() {
+        if let AssetEvent::Removed { id } = event {
+            files.remove(id);
+        }
+    }
+    for event in changes.read() {
+        for file in files.values_mut() {
+            if let PaletteSource::Loaded(handle) = file
+                && event.is_modified(&*handle)
+            {
+                *file = PaletteSource::Expected(handle.clone());
+            }
+        }
+    }
+    let news = arrived.len();
+    for (field, file) in files {
+        match file {
+            PaletteSource::Sought(task) => {
+                if let Some(path) = block_on(poll_once(task)) {
+                    let handle = path.zip(server.as_ref()).map(|(path, server)| server.load(path));
+                    *file = handle.map_or(PaletteSource::Missing, PaletteSource::Expected);
+                }
+            }
+            PaletteSource::Expected(handle) => {
+                if let Some(palette) = loaded.get(&*handle) {
+                    // A palette that was saved just now comes back as it is, and the shown colors stay.
+                    if by_field.get(field).is_none_or(|known| known.source() != palette) {
+                        by_field.insert(*field, FieldPalette::new(palette.clone()));
+                        arrived.push(*field);
+                    }
+                    *file = PaletteSource::Loaded(handle.clone());
+                } else if server.as_ref().is_some_and(|server| has_failed(server, handle)) {
+                    *file = PaletteSource::Missing;
+                }
+            }
+            PaletteSource::Loaded(_) | PaletteSource::Missing => {}
+        }
+    }
+    if arrived.len() > news {
+        palettes.set_changed();
+    }
+}
+
+fn has_failed(server: &AssetServer, handle: &Handle<Palette>) -> bool {
+    matches!(server.get_load_state(handle), Some(LoadState::Failed(_)))
+}

@@ -1,0 +1,56 @@
+//! The panel's contents.
+
+use bevy::{asset::LoadState, prelude::*};
+use bevy_egui::egui;
+use plenoctree::PlenOctree;
+
+use super::{editor::PaletteEditor, extraction, posterize, swatches};
+
+/// Shows the palette of the entity `prop`, its [`Posterize`](crate::Posterize) settings and its extraction.
+///
+/// Nothing is marked as changed unless the user changes it.
+///
+/// ```no_run
+/// # use bevy::prelude::*;
+/// # use bevy_egui::{EguiContexts, egui};
+/// # use bevy_plenoctree::{Prop, panel::{PaletteEditor, palette_ui}};
+/// // A system of `EguiPrimaryContextPass`.
+/// fn my_tools(mut contexts: EguiContexts, mut editor: PaletteEditor, prop: Single<Entity, With<Prop>>) -> Result {
+///     egui::Window::new("My tools").show(contexts.ctx_mut()?, |ui| palette_ui(ui, *prop, &mut editor));
+///     Ok(())
+/// }
+/// ```
+pub fn palette_ui(ui: &mut egui::Ui, prop: Entity, editor: &mut PaletteEditor) {
+    let Some(field) = editor.field(prop) else {
+        ui.weak("This entity is no prop.");
+        return;
+    };
+    ui.push_id(prop, |ui| {
+        if !editor.fields.contains(field) {
+            loading(ui, field, editor);
+            return;
+        }
+        swatches::show(ui, prop, field, editor);
+        ui.separator();
+        posterize::show(ui, prop, editor);
+        ui.separator();
+        extraction::show(ui, field, editor);
+    });
+}
+
+fn loading(ui: &mut egui::Ui, field: AssetId<PlenOctree>, editor: &PaletteEditor) {
+    match editor.server.as_ref().and_then(|server| server.get_load_state(field)) {
+        Some(LoadState::Failed(error)) => {
+            ui.colored_label(ui.visuals().error_fg_color, error.to_string());
+        }
+        Some(LoadState::Loading) => {
+            ui.horizontal(|ui| {
+                ui.spinner();
+                ui.label("Loading");
+            });
+        }
+        _ => {
+            ui.weak("The prop's field is not loaded.");
+        }
+    }
+}

@@ -1,0 +1,6 @@
+//! The types that most games use: `use bevy_plenoctree::prelude::*;`.
+
+pub use crate::{
+    BlendSpace, FieldPalette, PaletteOverride, PaletteReady, Palettes, PlenOctree, PlenOctreePlugin, Posterize,
+    PosterizeView, Prop, PropHit, PropQuality, PropRayCast, PropStage,
+};

@@ -1,0 +1,101 @@
+//! Writes the composite into the textures of the filter.
+
+use bevy::{
+    prelude::*,
+    render::{
+        camera::ExtractedCamera,
+        diagnostic::RecordDiagnostics,
+        render_resource::{
+            BindGroupEntries, CachedRenderPipelineId, PipelineCache, RenderPassDescriptor, SpecializedRenderPipelines,
+            TextureViewId,
+        },
+        renderer::{RenderContext, RenderDevice, ViewQuery},
+        view::ViewTarget,
+    },
+};
+
+use super::pipeline::CompositePipeline;
+use crate::{
+    render::{
+        attachment::kept,
+        bind_group::KeptBindGroup,
+        fullscreen::draw,
+        view::{ViewBindGroups, ViewProps, ViewTextures},
+    },
+    stage::PropStage,
+};
+
+/// Name of the pass's span in Bevy's render diagnostics.
+pub const COMPOSITE_SPAN: &str = "plenoctree_composite";
+
+/// The pipeline of a view, and a bind group for each main texture that the view's target may draw to.
+#[derive(Component, Default)]
+pub(super) struct CompositePass {
+    pipeline: Option<CachedRenderPipelineId>,
+    groups: [(Option<TextureViewId>, KeptBindGroup); 2],
+}
+
+pub(super) fn prepare_pipelines(
+    cache: Res<PipelineCache>,
+    pipeline: Res<CompositePipeline>,
+    mut specialized: ResMut<SpecializedRenderPipelines<CompositePipeline>>,
+    mut views: Query<(&ExtractedCamera, &mut ViewProps, &mut CompositePass)>,
+) {
+    for (camera, mut props, mut pass) in &mut views {
+        let id = specialized.specialize(&cache, &pipeline, (camera.compositing_space, props.iterations > 0));
+        pass.pipeline = Some(id);
+        props.pipelines.push(id);
+    }
+}
+
+pub(super) fn prepare_bind_groups(
+    device: Res<RenderDevice>,
+    cache: Res<PipelineCache>,
+    pipeline: Res<CompositePipeline>,
+    mut views: Query<(Option<&ViewTextures>, &ViewTarget, &mut CompositePass)>,
+) {
+    for (textures, target, mut pass) in &mut views {
+        let Some(textures) = textures else {
+            pass.groups = default();
+            continue;
+        };
+        let scenes = [target.main_texture_view(), target.main_texture_other_view()];
+        for ((id, group), scene) in pass.groups.iter_mut().zip(scenes) {
+            *id = Some(scene.id());
+            let entries = BindGroupEntries::sequential((&textures.layer.color, &textures.layer.owner, scene));
+            group.update(&device, &cache, pipeline.0.label, &pipeline.0.layout, &entries);
+        }
+    }
+}
+
+pub(super) fn composite_pass(
+    InMut(stage): InMut<PropStage>,
+    view: ViewQuery<(&ViewTarget, &ViewProps, &ViewTextures, &ViewBindGroups, &CompositePass)>,
+    cache: Res<PipelineCache>,
+    mut ctx: RenderContext,
+) {
+    let (target, props, textures, groups, pass) = view.into_inner();
+    let scene = target.main_texture_view().id();
+    let group = pass.groups.iter().find(|(id, _)| *id == Some(scene)).and_then(|(_, group)| group.get());
+    let (true, Some(view), Some(group), Some(pipeline)) = (
+        props.posterizes_at(*stage, &cache),
+        groups.plain.get(),
+        group,
+        pass.pipeline.and_then(|id| cache.get_render_pipeline(id)),
+    ) else {
+        return;
+    };
+    let diagnostics = ctx.diagnostic_recorder();
+    let diagnostics = diagnostics.as_deref();
+    let span = diagnostics.time_span(ctx.command_encoder(), COMPOSITE_SPAN);
+    {
+        let attachments = [kept(&textures.even), kept(&textures.odd)];
+        let mut pass = ctx.begin_tracked_render_pass(RenderPassDescriptor {
+            label: Some(COMPOSITE_SPAN),
+            color_attachments: &attachments[..if props.iterations > 0 { 2 } else { 1 }],
+            ..default()
+        });
+        draw(&mut pass, props, None, pipeline, [(view, &[]), (group, &[])]);
+    }
+    span.end(ctx.command_encoder());
+}

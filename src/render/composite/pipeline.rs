@@ -1,0 +1,48 @@
+//! The pipelines of the compositing.
+
+use bevy::{
+    camera::CompositingSpace,
+    prelude::*,
+    render::render_resource::{
+        BindGroupLayoutEntries, RenderPipelineDescriptor, ShaderStages, SpecializedRenderPipeline, TextureSampleType,
+        binding_types::texture_2d,
+    },
+};
+
+use crate::{
+    gpu::Shaders,
+    render::{
+        fullscreen::{Fullscreen, target, target_definitions},
+        view::{FILTER_FORMAT, ViewLayouts},
+    },
+};
+
+/// Blends the props over what was drawn before them.
+#[derive(Resource)]
+pub(super) struct CompositePipeline(pub Fullscreen);
+
+pub(super) fn init(mut commands: Commands, views: Res<ViewLayouts>, shaders: Res<Shaders>) {
+    let texture = || texture_2d(TextureSampleType::Float { filterable: false });
+    let entries = BindGroupLayoutEntries::sequential(ShaderStages::FRAGMENT, (texture(), texture(), texture()));
+    commands.insert_resource(CompositePipeline(Fullscreen::new(
+        "plenoctree_composite",
+        &shaders.composite,
+        &entries,
+        &shaders,
+        &views,
+    )));
+}
+
+impl SpecializedRenderPipeline for CompositePipeline {
+    /// What the view's target stores, and whether the composite is filtered.
+    type Key = (Option<CompositingSpace>, bool);
+
+    fn specialize(&self, (space, filtered): Self::Key) -> RenderPipelineDescriptor {
+        let mut definitions = target_definitions(space);
+        if !filtered {
+            definitions.push("UNFILTERED".into());
+        }
+        let textures = if filtered { 2 } else { 1 };
+        self.0.pipeline(definitions, &vec![target(FILTER_FORMAT, None); textures])
+    }
+}

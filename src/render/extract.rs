@@ -1,0 +1,159 @@
+//! From the main world to the render world, in buffers that are used again in every frame.
+
+use std::any::TypeId;
+
+use bevy::{
+    camera::visibility::VisibleEntities,
+    ecs::entity::EntityHashMap,
+    prelude::*,
+    render::{Extract, sync_world::RenderEntity},
+};
+
+use plenoctree::{PlenOctree, palette::Palette};
+
+use super::view::Placement;
+use crate::{
+    palette::{FieldPalette, PaletteOverride, Palettes},
+    posterize::Posterize,
+    prop::{Prop, SolidOpacity},
+    quality::PropQuality,
+    stage::{LabelStages, PosterizeView, PropStage},
+};
+
+/// Every prop that some camera may see, in this frame.
+#[derive(Resource, Default)]
+pub(super) struct ExtractedProps {
+    pub props: Vec<ExtractedProp>,
+    /// The colors of all props.
+    pub colors: Vec<Vec4>,
+    index: EntityHashMap<usize>,
+}
+
+pub(super) struct ExtractedProp {
+    pub field: AssetId<PlenOctree>,
+    pub placement: Placement,
+    pub solid: SolidOpacity,
+    pub posterize: Option<ExtractedPosterize>,
+}
+
+/// How something is posterized: its settings, and where its palette is.
+#[derive(Clone, Copy)]
+pub(super) struct ExtractedPosterize {
+    pub settings: Posterize,
+    /// Where in [`ExtractedProps::colors`] the source colors begin, encoded sRGB; as many shown ones follow.
+    pub first_color: u32,
+    /// How many source colors there are.
+    pub colors: u32,
+}
+
+impl ExtractedPosterize {
+    fn write(
+        colors: &mut Vec<Vec4>,
+        settings: &Posterize,
+        palette: &FieldPalette,
+        own: Option<&PaletteOverride>,
+    ) -> Self {
+        let first_color = colors.len() as u32;
+        // What no shader can go through in time is not shown.
+        let source = palette.source().colors.get(..Palette::MAX_COLORS).unwrap_or(&palette.source().colors);
+        colors.extend(source.iter().map(|c| glam::DVec3::from(*c).as_vec3().extend(0.0)));
+        colors.extend(source.iter().enumerate().map(|(index, source)| {
+            let shown = own.and_then(|own| own.get(index)).or_else(|| palette.shown().get(index).copied());
+            let encoded = shown.map(|color| Srgba::from(color).to_vec3());
+            encoded.unwrap_or_else(|| glam::DVec3::from(*source).as_vec3()).extend(0.0)
+        }));
+        Self { settings: *settings, first_color, colors: source.len() as u32 }
+    }
+}
+
+/// What a camera draws.
+#[derive(Component, Default)]
+pub(super) struct VisibleProps {
+    /// The props that it sees, by their place in [`ExtractedProps`].
+    pub props: Vec<usize>,
+    /// What posterizes the pixels that no posterized prop owns.
+    pub everything: Option<ExtractedPosterize>,
+    pub stage: PropStage,
+    pub quality: PropQuality,
+    /// Whether labels go into textures of their own, for custom stages.
+    pub has_stages: bool,
+}
+
+impl VisibleProps {
+    /// Whether there is nothing to draw.
+    pub fn is_empty(&self) -> bool {
+        self.props.is_empty() && self.everything.is_none()
+    }
+}
+
+/// What decides on a prop's colors, besides its field's palette.
+type PropColors = (Option<&'static Posterize>, Option<&'static PaletteOverride>);
+
+/// What decides on what a camera draws.
+type CameraSettings = (
+    Option<&'static PropStage>,
+    Option<&'static PropQuality>,
+    Option<(&'static PosterizeView, &'static Posterize)>,
+    Option<&'static PaletteOverride>,
+    Has<LabelStages>,
+);
+
+pub(super) fn extract_props(
+    mut commands: Commands,
+    mut extracted: ResMut<ExtractedProps>,
+    mut views: Query<&mut VisibleProps>,
+    fields: Extract<Res<Assets<PlenOctree>>>,
+    palettes: Extract<Res<Palettes>>,
+    props: Extract<Query<(Entity, &Prop, &SolidOpacity, PropColors, &GlobalTransform, &ViewVisibility)>>,
+    cameras: Extract<Query<(RenderEntity, &VisibleEntities, CameraSettings), With<Camera3d>>>,
+) {
+    let ExtractedProps { props: list, colors, index } = &mut *extracted;
+    list.clear();
+    colors.clear();
+    index.clear();
+    for (entity, prop, solid, (posterize, own), transform, visibility) in &props {
+        let Some(field) = fields.get(&prop.0).filter(|_| visibility.get()) else {
+            continue;
+        };
+        let Some((low, high)) = field.tree_bounds() else {
+            continue;
+        };
+        let posterize = posterize.zip(palettes.get(&prop.0));
+        index.insert(entity, list.len());
+        list.push(ExtractedProp {
+            field: prop.0.id(),
+            placement: Placement {
+                world_from_prop: *transform,
+                up: field.up(),
+                frame: field.frame(),
+                low,
+                high,
+                cells: f64::from(1u32 << field.depth()),
+            },
+            solid: *solid,
+            posterize: posterize.map(|(settings, palette)| ExtractedPosterize::write(colors, settings, palette, own)),
+        });
+    }
+    for (camera, visible, (stage, quality, everything, own, has_stages)) in &cameras {
+        let seen = visible.iter(TypeId::of::<Prop>()).filter_map(|entity| index.get(entity).copied());
+        let everything = everything.and_then(|(view, settings)| {
+            let palette = palettes.get(&view.0)?;
+            Some(ExtractedPosterize::write(colors, settings, palette, own))
+        });
+        let stage = stage.copied().unwrap_or_default();
+        let quality = quality.copied().unwrap_or_default().sound();
+        if let Ok(mut view) = views.get_mut(camera) {
+            view.props.clear();
+            view.props.extend(seen);
+            (view.everything, view.stage, view.quality, view.has_stages) = (everything, stage, quality, has_stages);
+        } else {
+            commands.entity(camera).insert(VisibleProps {
+                props: seen.collect(),
+                everything,
+                stage,
+                quality,
+                has_stages,
+            });
+        }
+    }
+}

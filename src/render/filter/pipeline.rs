@@ -1,0 +1,72 @@
+//! The pipelines of the filter: one for each direction.
+
+use bevy::{
+    prelude::*,
+    render::{
+        render_resource::{
+            BindGroupLayoutDescriptor, BindGroupLayoutEntries, Buffer, BufferInitDescriptor, BufferUsages,
+            CachedRenderPipelineId, CompareFunction, PipelineCache, ShaderStages, TextureSampleType,
+            binding_types::{texture_2d, uniform_buffer},
+        },
+        renderer::RenderDevice,
+    },
+};
+
+use crate::{
+    gpu::Shaders,
+    posterize::MAX_FILTER_ITERATIONS,
+    render::{
+        attachment::depth_test,
+        fullscreen::{Fullscreen, target},
+        view::{DEPTH_FORMAT, FILTER_FORMAT, ViewLayouts},
+    },
+};
+
+/// Distance of two values in the buffer of iterations: no device asks for more.
+pub(super) const ITERATION_STRIDE: u32 = 256;
+
+/// The two directions of the filter.
+#[derive(Resource)]
+pub(super) struct FilterPipelines {
+    pub label: &'static str,
+    pub layout: BindGroupLayoutDescriptor,
+    pub horizontal: CachedRenderPipelineId,
+    pub vertical: CachedRenderPipelineId,
+    /// 0, 1, 2, ... at distances of [`ITERATION_STRIDE`].
+    pub iterations: Buffer,
+}
+
+pub(super) fn init(
+    mut commands: Commands,
+    views: Res<ViewLayouts>,
+    shaders: Res<Shaders>,
+    cache: Res<PipelineCache>,
+    device: Res<RenderDevice>,
+) {
+    let entries = BindGroupLayoutEntries::sequential(
+        ShaderStages::FRAGMENT,
+        (texture_2d(TextureSampleType::Uint), uniform_buffer::<UVec4>(true)),
+    );
+    let filter = Fullscreen::new("plenoctree_filter", &shaders.filter, &entries, &shaders, &views);
+    let direction = |definitions| {
+        let mut descriptor = filter.pipeline(definitions, &[target(FILTER_FORMAT, None)]);
+        // Where no prop is, `fullscreen.wgsl` is behind the depth that was cleared: no work for the fragment shader.
+        descriptor.depth_stencil = Some(depth_test(DEPTH_FORMAT, false, CompareFunction::LessEqual));
+        cache.queue_render_pipeline(descriptor)
+    };
+    let mut words = vec![0u32; (MAX_FILTER_ITERATIONS * ITERATION_STRIDE / 4) as usize];
+    for (iteration, value) in words.chunks_exact_mut(ITERATION_STRIDE as usize / 4).enumerate() {
+        value[0] = iteration as u32;
+    }
+    commands.insert_resource(FilterPipelines {
+        horizontal: direction(vec!["HORIZONTAL".into()]),
+        vertical: direction(vec![]),
+        label: filter.label,
+        layout: filter.layout,
+        iterations: device.create_buffer_with_data(&BufferInitDescriptor {
+            label: Some("plenoctree_iterations"),
+            contents: bytemuck::cast_slice(&words),
+            usage: BufferUsages::UNIFORM,
+        }),
+    });
+}

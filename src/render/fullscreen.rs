@@ -1,0 +1,96 @@
+//! What the passes over the whole viewport share: one triangle, and the view's bind group first.
+
+use bevy::{
+    camera::{CompositingSpace, Viewport},
+    prelude::*,
+    render::{
+        render_phase::TrackedRenderPass,
+        render_resource::{
+            BindGroup, BindGroupLayoutDescriptor, BindGroupLayoutEntry, BlendState, ColorTargetState, ColorWrites,
+            FragmentState, RenderPipeline, RenderPipelineDescriptor, TextureFormat, VertexState,
+        },
+    },
+    shader::{Shader, ShaderDefVal},
+};
+
+use super::view::{ViewLayouts, ViewProps};
+use crate::gpu::Shaders;
+
+/// A pass over the whole viewport.
+pub(super) struct Fullscreen {
+    pub label: &'static str,
+    vertex: Handle<Shader>,
+    fragment: Handle<Shader>,
+    view: BindGroupLayoutDescriptor,
+    /// Bind group 1.
+    pub layout: BindGroupLayoutDescriptor,
+}
+
+impl Fullscreen {
+    pub fn new(
+        label: &'static str,
+        fragment: &Handle<Shader>,
+        entries: &[BindGroupLayoutEntry],
+        shaders: &Shaders,
+        views: &ViewLayouts,
+    ) -> Self {
+        Self {
+            label,
+            vertex: shaders.fullscreen.clone(),
+            fragment: fragment.clone(),
+            view: views.plain.clone(),
+            layout: BindGroupLayoutDescriptor::new(label, entries),
+        }
+    }
+
+    pub fn pipeline(&self, shader_defs: Vec<ShaderDefVal>, targets: &[ColorTargetState]) -> RenderPipelineDescriptor {
+        RenderPipelineDescriptor {
+            label: Some(self.label.into()),
+            layout: vec![self.view.clone(), self.layout.clone()],
+            vertex: VertexState { shader: self.vertex.clone(), entry_point: Some("vertex".into()), ..default() },
+            fragment: Some(FragmentState {
+                shader: self.fragment.clone(),
+                shader_defs,
+                entry_point: Some("fragment".into()),
+                targets: targets.iter().cloned().map(Some).collect(),
+            }),
+            ..default()
+        }
+    }
+}
+
+/// A color target of a pipeline.
+pub(super) fn target(format: TextureFormat, blend: Option<BlendState>) -> ColorTargetState {
+    ColorTargetState { format, blend, write_mask: ColorWrites::ALL }
+}
+
+/// The definitions that `target.wgsl` needs.
+pub(super) fn target_definitions(space: Option<CompositingSpace>) -> Vec<ShaderDefVal> {
+    match space {
+        Some(CompositingSpace::Srgb) => vec!["SRGB_TARGET".into()],
+        Some(CompositingSpace::Oklab) => vec!["OKLAB_TARGET".into()],
+        Some(CompositingSpace::Linear) | None => vec![],
+    }
+}
+
+/// Draws the triangle over the part of the viewport where the view draws something. `viewport` is the one of the view's
+/// target; textures of the plugin's own are as large as the viewport and have none.
+pub(super) fn draw<'a>(
+    pass: &mut TrackedRenderPass<'a>,
+    props: &ViewProps,
+    viewport: Option<&Viewport>,
+    pipeline: &'a RenderPipeline,
+    groups: [(&'a BindGroup, &[u32]); 2],
+) {
+    let (mut corner, size) = (props.rect.min, props.rect.size());
+    if let Some(viewport) = viewport {
+        pass.set_camera_viewport(viewport);
+        corner += viewport.physical_position;
+    }
+    pass.set_scissor_rect(corner.x, corner.y, size.x, size.y);
+    pass.set_render_pipeline(pipeline);
+    for (index, (group, offsets)) in groups.into_iter().enumerate() {
+        pass.set_bind_group(index, group, offsets);
+    }
+    pass.draw(0..3, 0..1);
+}

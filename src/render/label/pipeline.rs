@@ -1,0 +1,64 @@
+//! The pipelines of the label pass.
+
+use bevy::{
+    camera::CompositingSpace,
+    prelude::*,
+    render::render_resource::{
+        BindGroupLayoutEntries, BlendComponent, BlendState, ColorTargetState, RenderPipelineDescriptor, ShaderStages,
+        SpecializedRenderPipeline, TextureFormat, TextureSampleType, binding_types::texture_2d,
+    },
+};
+
+use super::textures::{LABEL_COLOR_FORMAT, LABEL_FORMAT};
+use crate::{
+    gpu::Shaders,
+    render::{
+        fullscreen::{Fullscreen, target, target_definitions},
+        view::ViewLayouts,
+    },
+};
+
+/// Writes labels, and what is not posterized.
+#[derive(Resource)]
+pub(super) struct LabelPipeline(pub Fullscreen);
+
+pub(super) fn init(mut commands: Commands, views: Res<ViewLayouts>, shaders: Res<Shaders>) {
+    let entries = BindGroupLayoutEntries::sequential(
+        ShaderStages::FRAGMENT,
+        (texture_2d(TextureSampleType::Uint), texture_2d(TextureSampleType::Float { filterable: false })),
+    );
+    let pass = Fullscreen::new("plenoctree_label", &shaders.label, &entries, &shaders, &views);
+    commands.insert_resource(LabelPipeline(pass));
+}
+
+/// What the label pass writes.
+#[derive(Clone, Copy, PartialEq, Eq, Hash)]
+pub(super) enum LabelKey {
+    /// The view's target.
+    Target { format: TextureFormat, samples: u32, space: Option<CompositingSpace> },
+    /// The textures that custom stages work on.
+    Textures,
+}
+
+impl SpecializedRenderPipeline for LabelPipeline {
+    type Key = LabelKey;
+
+    fn specialize(&self, key: LabelKey) -> RenderPipelineDescriptor {
+        match key {
+            LabelKey::Target { format, samples, space } => {
+                let mut descriptor = self.0.pipeline(target_definitions(space), &[to_target(format)]);
+                descriptor.multisample.count = samples;
+                descriptor
+            }
+            LabelKey::Textures => {
+                let targets = [target(LABEL_COLOR_FORMAT, None), target(LABEL_FORMAT, None)];
+                self.0.pipeline(vec!["LABEL_TEXTURES".into()], &targets)
+            }
+        }
+    }
+}
+
+/// The view's target, for colors that are composited already: only what the target knows of opacity is added to.
+pub(in crate::render) fn to_target(format: TextureFormat) -> ColorTargetState {
+    target(format, Some(BlendState { color: BlendComponent::REPLACE, alpha: BlendComponent::OVER }))
+}

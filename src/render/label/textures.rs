@@ -1,0 +1,120 @@
+//! The textures that custom stages work on.
+
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use bevy::{
+    camera::MainPassResolutionOverride,
+    prelude::*,
+    render::{
+        camera::ExtractedCamera,
+        render_resource::{Extent3d, TextureDescriptor, TextureDimension, TextureFormat, TextureUsages, TextureView},
+        renderer::RenderDevice,
+        texture::TextureCache,
+    },
+};
+
+use crate::{
+    render::{
+        extract::VisibleProps,
+        view::{ViewProps, drawn_viewport},
+    },
+    stage::PropStage,
+};
+
+pub(super) const LABEL_COLOR_FORMAT: TextureFormat = LabelTextures::COLOR_FORMAT;
+pub(super) const LABEL_FORMAT: TextureFormat = LabelTextures::LABEL_FORMAT;
+
+/// What custom stages read and write: a component of views in the render world. See [`LabelStages`](crate::LabelStages).
+///
+/// The textures have the size of the part of the target that the camera's main pass draws to. Only pixels within
+/// [`Self::rect`] are shown.
+#[derive(Component)]
+pub struct LabelTextures {
+    /// [`Self::LABEL_FORMAT`]: red is 0 where nothing is drawn, 1 where a prop is shown as trained, and otherwise 2 plus
+    /// the [index of the nearest label](plenoctree::palette::PaletteLabel::index); green is 0 or 1 plus the place of the
+    /// prop that is posterized there among those of the view, from back to front.
+    pub labels: TextureView,
+    /// The pixels of the textures that are shown.
+    pub rect: URect,
+    /// Where in the frame the view's props are drawn: stages at the other place must do nothing.
+    pub stage: PropStage,
+    colors: [TextureView; 2],
+    current: AtomicUsize,
+}
+
+/// The textures of one custom stage, which must write every pixel within [`LabelTextures::rect`].
+pub struct StageWrite<'a> {
+    /// [`LabelTextures::COLOR_FORMAT`]: encoded sRGB and opacity so far. Opacity is negative where nothing is shown.
+    pub source: &'a TextureView,
+    /// The same, for the stages after this one and for the screen.
+    pub destination: &'a TextureView,
+}
+
+impl LabelTextures {
+    /// The format of colors.
+    pub const COLOR_FORMAT: TextureFormat = TextureFormat::Rgba16Float;
+    /// The format of labels.
+    pub const LABEL_FORMAT: TextureFormat = TextureFormat::Rg32Uint;
+
+    /// The textures for a stage that changes colors. Call it once a stage and view, and write the destination.
+    pub fn stage_write(&self) -> StageWrite<'_> {
+        let source = self.current.fetch_xor(1, Ordering::SeqCst);
+        StageWrite { source: &self.colors[source], destination: &self.colors[1 - source] }
+    }
+
+    /// The colors as they are now.
+    pub fn colors(&self) -> &TextureView {
+        &self.colors[self.current.load(Ordering::SeqCst)]
+    }
+
+    /// Both textures of colors; one of them is the current one.
+    pub(in crate::render) fn both(&self) -> &[TextureView; 2] {
+        &self.colors
+    }
+}
+
+pub(super) fn prepare_textures(
+    mut commands: Commands,
+    mut cache: ResMut<TextureCache>,
+    device: Res<RenderDevice>,
+    views: Query<(
+        Entity,
+        &ExtractedCamera,
+        Option<&MainPassResolutionOverride>,
+        &VisibleProps,
+        &ViewProps,
+        Has<LabelTextures>,
+    )>,
+) {
+    for (entity, camera, resolution, visible, props, has_textures) in &views {
+        let viewport = drawn_viewport(camera, resolution).filter(|_| visible.has_stages && !props.rect.is_empty());
+        let Some(viewport) = viewport else {
+            if has_textures {
+                commands.entity(entity).remove::<LabelTextures>();
+            }
+            continue;
+        };
+        let size = viewport.physical_size;
+        let mut texture = |label, format| {
+            let descriptor = TextureDescriptor {
+                label: Some(label),
+                size: Extent3d { width: size.x, height: size.y, depth_or_array_layers: 1 },
+                mip_level_count: 1,
+                sample_count: 1,
+                dimension: TextureDimension::D2,
+                format,
+                usage: TextureUsages::RENDER_ATTACHMENT | TextureUsages::TEXTURE_BINDING,
+                view_formats: &[],
+            };
+            cache.get(&device, descriptor).default_view
+        };
+        commands.entity(entity).insert(LabelTextures {
+            labels: texture("plenoctree_labels", LABEL_FORMAT),
+            rect: props.rect,
+            stage: props.stage,
+            colors: ["plenoctree_label_colors_a", "plenoctree_label_colors_b"]
+                .map(|label| texture(label, LABEL_COLOR_FORMAT)),
+            current: AtomicUsize::new(0),
+        });
+    }
+}

@@ -1,0 +1,69 @@
+//! Interpolates the coarse layer.
+
+use bevy::{
+    prelude::*,
+    render::{
+        diagnostic::RecordDiagnostics,
+        render_resource::{BindGroupEntries, PipelineCache, RenderPassDescriptor},
+        renderer::{RenderContext, RenderDevice, ViewQuery},
+    },
+};
+
+use super::pipeline::UpsamplePipeline;
+use crate::render::{
+    attachment::{cleared, cleared_depth},
+    bind_group::KeptBindGroup,
+    fullscreen::draw,
+    view::{ViewBindGroups, ViewProps, ViewTextures},
+};
+
+/// Name of the pass's span in Bevy's render diagnostics.
+pub const UPSAMPLE_SPAN: &str = "plenoctree_upsample";
+
+/// The coarse layer, in views that have one.
+#[derive(Component, Default)]
+pub(super) struct UpsampleBindGroup(KeptBindGroup);
+
+pub(super) fn prepare_bind_groups(
+    device: Res<RenderDevice>,
+    cache: Res<PipelineCache>,
+    pipeline: Res<UpsamplePipeline>,
+    mut views: Query<(Option<&ViewTextures>, &mut UpsampleBindGroup)>,
+) {
+    for (textures, mut group) in &mut views {
+        let Some(coarse) = textures.and_then(|textures| textures.coarse.as_ref()) else {
+            *group = default();
+            continue;
+        };
+        let entries = BindGroupEntries::sequential((&coarse.color, &coarse.owner, &coarse.depth));
+        group.0.update(&device, &cache, pipeline.shared.label, &pipeline.shared.layout, &entries);
+    }
+}
+
+pub(super) fn upsample_pass(
+    view: ViewQuery<(&ViewTextures, &ViewProps, &ViewBindGroups, &UpsampleBindGroup, &Msaa)>,
+    cache: Res<PipelineCache>,
+    upsample: Res<UpsamplePipeline>,
+    mut ctx: RenderContext,
+) {
+    let (textures, props, groups, group, msaa) = view.into_inner();
+    let (Some(view), Some(group), Some(pipeline)) =
+        (groups.with_depth.get(), group.0.get(), cache.get_render_pipeline(upsample.id(msaa)))
+    else {
+        return;
+    };
+    let diagnostics = ctx.diagnostic_recorder();
+    let diagnostics = diagnostics.as_deref();
+    let span = diagnostics.time_span(ctx.command_encoder(), UPSAMPLE_SPAN);
+    {
+        let layer = &textures.layer;
+        let mut pass = ctx.begin_tracked_render_pass(RenderPassDescriptor {
+            label: Some(UPSAMPLE_SPAN),
+            color_attachments: &[cleared(&layer.color), cleared(&layer.owner)],
+            depth_stencil_attachment: Some(cleared_depth(&layer.depth)),
+            ..default()
+        });
+        draw(&mut pass, props, None, pipeline, [(view, &[]), (group, &[])]);
+    }
+    span.end(ctx.command_encoder());
+}

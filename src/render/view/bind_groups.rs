@@ -1,0 +1,41 @@
+//! Bind group 0 of a view's passes.
+
+use bevy::{
+    prelude::*,
+    render::{
+        render_resource::{BindGroupEntries, PipelineCache},
+        renderer::RenderDevice,
+        view::ViewDepthTexture,
+    },
+};
+
+use super::{layout::ViewLayouts, props::ViewProps};
+use crate::render::bind_group::KeptBindGroup;
+
+/// Bind group 0 of a view's passes.
+#[derive(Component, Default)]
+pub(in crate::render) struct ViewBindGroups {
+    /// With the depth of the scene.
+    pub with_depth: KeptBindGroup,
+    /// Without it.
+    pub plain: KeptBindGroup,
+}
+
+pub(super) fn prepare(
+    device: Res<RenderDevice>,
+    cache: Res<PipelineCache>,
+    layouts: Res<ViewLayouts>,
+    mut views: Query<(&ViewProps, &ViewDepthTexture, &Msaa, &mut ViewBindGroups)>,
+) {
+    for (props, depth, msaa, mut groups) in &mut views {
+        let Some((view, list, colors)) = props.bindings() else {
+            *groups = default();
+            continue;
+        };
+        let layout = &layouts.with_depth[usize::from(msaa.samples() > 1)];
+        let entries = BindGroupEntries::sequential((view.clone(), list.clone(), colors.clone(), depth.view()));
+        groups.with_depth.update(&device, &cache, "plenoctree_view_with_depth", layout, &entries);
+        let entries = BindGroupEntries::sequential((view, list, colors));
+        groups.plain.update(&device, &cache, "plenoctree_view", &layouts.plain, &entries);
+    }
+}

@@ -1,0 +1,40 @@
+//! The layouts of bind group 0.
+
+use bevy::{
+    prelude::*,
+    render::render_resource::{
+        BindGroupLayoutDescriptor, BindGroupLayoutEntries, ShaderStages,
+        binding_types::{storage_buffer_read_only, texture_depth_2d, texture_depth_2d_multisampled, uniform_buffer},
+    },
+};
+
+use super::uniforms::{PropUniform, ViewUniform};
+
+/// Layouts of bind group 0.
+#[derive(Resource)]
+pub(in crate::render) struct ViewLayouts {
+    /// With the depth of the scene: one sample a pixel, multisampled.
+    pub with_depth: [BindGroupLayoutDescriptor; 2],
+    /// Without it.
+    pub plain: BindGroupLayoutDescriptor,
+}
+
+pub(super) fn init(mut commands: Commands) {
+    let shared = || {
+        (
+            uniform_buffer::<ViewUniform>(false),
+            storage_buffer_read_only::<Vec<PropUniform>>(false),
+            storage_buffer_read_only::<Vec<Vec4>>(false),
+        )
+    };
+    let stages = ShaderStages::VERTEX_FRAGMENT;
+    let with_depth = |depth| {
+        let (view, props, colors) = shared();
+        let entries = BindGroupLayoutEntries::sequential(stages, (view, props, colors, depth));
+        BindGroupLayoutDescriptor::new("plenoctree_view_with_depth", &entries)
+    };
+    commands.insert_resource(ViewLayouts {
+        with_depth: [with_depth(texture_depth_2d()), with_depth(texture_depth_2d_multisampled())],
+        plain: BindGroupLayoutDescriptor::new("plenoctree_view", &BindGroupLayoutEntries::sequential(stages, shared())),
+    });
+}

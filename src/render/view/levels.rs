@@ -1,0 +1,69 @@
+//! Which level of detail of its field every prop of a view is drawn at.
+
+use bevy::{
+    camera::MainPassResolutionOverride,
+    prelude::*,
+    render::{camera::ExtractedCamera, render_asset::RenderAssets, view::ExtractedView},
+};
+
+use super::{
+    props::{OrderedProp, ViewProps},
+    textures::drawn_viewport,
+};
+use crate::{
+    gpu::{GpuField, Level, MAX_PROPS_IN_VIEW},
+    render::extract::{ExtractedProps, VisibleProps},
+};
+
+/// Orders the props of every view, back to front, and asks for their levels.
+pub(super) fn choose_levels(
+    extracted: Res<ExtractedProps>,
+    mut fields: ResMut<RenderAssets<GpuField>>,
+    mut views: Query<(
+        &ExtractedView,
+        &ExtractedCamera,
+        Option<&MainPassResolutionOverride>,
+        &VisibleProps,
+        &mut ViewProps,
+    )>,
+) {
+    for (view, camera, resolution, visible, mut props) in &mut views {
+        let ViewProps { order, degree, changes_levels, .. } = &mut *props;
+        let quality = &visible.quality;
+        *degree = quality.degree;
+        *changes_levels = quality.cell_size > 0.0 || Level::new(0, quality) != Level::default();
+        order.clear();
+        let Some(viewport) = drawn_viewport(camera, resolution) else {
+            continue;
+        };
+        let (eye, forward) = (view.world_from_view.translation(), view.world_from_view.forward());
+        order.extend(visible.props.iter().filter_map(|&index| {
+            let prop = extracted.props.get(index)?;
+            let field = fields.get_mut(prop.field)?;
+            field.level(Level::default())?;
+            let mut coarser = 0;
+            if quality.cell_size > 0.0 {
+                let size = viewport.physical_size;
+                let rays = prop.placement.rays(&view.world_from_view, view.clip_from_view, size)?;
+                let most = prop.placement.cells.log2() as u32;
+                coarser = levels_coarser(rays.cell_size, quality.cell_size).min(most);
+            }
+            let level = Level::new(coarser, quality);
+            field.request(level);
+            let distance = (prop.placement.center() - eye.as_dvec3()).dot(forward.as_dvec3());
+            Some(OrderedProp { distance, index, level })
+        }));
+        // The index makes the order of props at the same distance certain, and a stable sort would allocate.
+        order.sort_unstable_by(|a, b| b.distance.total_cmp(&a.distance).then(a.index.cmp(&b.index)));
+        if order.len() > MAX_PROPS_IN_VIEW {
+            error_once!("a camera sees {} props, of which it draws only the nearest {MAX_PROPS_IN_VIEW}", order.len());
+            order.drain(..order.len() - MAX_PROPS_IN_VIEW);
+        }
+    }
+}
+
+/// How many times cells of `size` pixels can be doubled without growing beyond what is `wanted`.
+fn levels_coarser(size: f64, wanted: f32) -> u32 {
+    // The cast saturates, and makes 0 of NaN.
+    (f64::from(wanted) / size).log2().floor().min(32.0) as u32
+}

@@ -1,0 +1,63 @@
+//! What the passes of one view share: its props and their palettes, its textures, bind group 0.
+
+mod bind_groups;
+mod layout;
+mod levels;
+mod prepare;
+mod props;
+mod rays;
+mod textures;
+mod uniforms;
+
+pub(super) use bind_groups::ViewBindGroups;
+pub(super) use layout::ViewLayouts;
+pub(super) use props::ViewProps;
+pub(super) use rays::Placement;
+pub(super) use textures::{DEPTH_FORMAT, FILTER_FORMAT, LAYER_FORMAT, OWNER_FORMAT, ViewTextures, drawn_viewport};
+
+use bevy::{
+    core_pipeline::core_3d::prepare_core_3d_depth_textures,
+    prelude::*,
+    render::{Render, RenderApp, RenderStartup, RenderSystems, render_resource::TextureUsages},
+};
+
+use super::extract::VisibleProps;
+use crate::sets::PlenOctreeRenderSystems;
+
+/// Prepares views for the passes.
+pub(super) fn plugin(app: &mut App) {
+    let Some(render_app) = app.get_sub_app_mut(RenderApp) else {
+        return;
+    };
+    render_app.world_mut().register_required_components::<VisibleProps, ViewProps>();
+    render_app.world_mut().register_required_components::<VisibleProps, ViewBindGroups>();
+    render_app.add_systems(RenderStartup, (forget_views, layout::init).chain().in_set(InitViews)).add_systems(
+        Render,
+        (
+            read_depth.before(prepare_core_3d_depth_textures).in_set(RenderSystems::PrepareResources),
+            levels::choose_levels.in_set(PlenOctreeRenderSystems::ChooseLevels),
+            (textures::prepare_textures, prepare::prepare_views).chain().in_set(PlenOctreeRenderSystems::PrepareViews),
+            bind_groups::prepare.in_set(PlenOctreeRenderSystems::PrepareBindGroups),
+        ),
+    );
+}
+
+/// The start of the render world, before the pipelines of the passes are made.
+#[derive(SystemSet, Clone, Debug, PartialEq, Eq, Hash)]
+pub(super) struct InitViews;
+
+/// Drops what views hold of a device that was lost; the next extraction begins anew.
+fn forget_views(mut commands: Commands, views: Query<Entity, With<VisibleProps>>) {
+    for view in &views {
+        commands.entity(view).remove_with_requires::<VisibleProps>().remove::<ViewTextures>();
+    }
+}
+
+/// Lets the volume pass read the depth of cameras that draw something.
+fn read_depth(mut cameras: Query<(&mut Camera3d, &VisibleProps)>) {
+    for (mut camera, visible) in &mut cameras {
+        if !visible.is_empty() {
+            camera.depth_texture_usages.0 |= TextureUsages::TEXTURE_BINDING.bits();
+        }
+    }
+}

@@ -1,0 +1,184 @@
+//! Places the props of every view: their uniforms, their colors, the part of the viewport that they cover.
+
+use bevy::{
+    camera::{Exposure, MainPassResolutionOverride},
+    prelude::*,
+    render::{
+        camera::ExtractedCamera,
+        render_asset::RenderAssets,
+        renderer::{RenderDevice, RenderQueue},
+        view::ExtractedView,
+    },
+};
+
+use super::{
+    props::ViewProps,
+    rays::Placement,
+    textures::{coarse_size, drawn_viewport},
+    uniforms::{PropUniform, ViewUniform},
+};
+use crate::{
+    gpu::{GpuField, Level},
+    posterize::MAX_FILTER_RADIUS,
+    render::extract::{ExtractedProps, VisibleProps},
+    stage::PropStage,
+};
+
+/// Writes the uniforms of every view.
+pub(super) fn prepare_views(
+    extracted: Res<ExtractedProps>,
+    fields: Res<RenderAssets<GpuField>>,
+    device: Res<RenderDevice>,
+    queue: Res<RenderQueue>,
+    mut views: Query<(
+        &ExtractedView,
+        &ExtractedCamera,
+        Option<&MainPassResolutionOverride>,
+        &VisibleProps,
+        &mut ViewProps,
+    )>,
+) {
+    for (view, camera, resolution, visible, mut buffers) in &mut views {
+        let quality = &visible.quality;
+        let ViewProps {
+            order,
+            fields: drawn,
+            iterations,
+            rect,
+            stage,
+            has_stages,
+            pipelines,
+            view: uniform,
+            props,
+            colors,
+            ..
+        } = &mut *buffers;
+        drawn.clear();
+        pipelines.clear();
+        props.get_mut().clear();
+        (*iterations, *rect) = (0, URect::EMPTY);
+        let Some(viewport) = drawn_viewport(camera, resolution) else {
+            continue;
+        };
+        let size = viewport.physical_size;
+        // After an upscaling, textures of the main pass's size fit no more.
+        *stage = if resolution.is_some() { PropStage::Scene } else { visible.stage };
+        *has_stages = visible.has_stages;
+
+        for ordered in order {
+            let (Some(prop), wanted) = (extracted.props.get(ordered.index), ordered.level) else {
+                continue;
+            };
+            let Some(field) = fields.get(prop.field) else {
+                continue;
+            };
+            let level = field.resolve(wanted);
+            // A level with fewer leaves may be smaller.
+            let bounds = field.level(level).and_then(|level| level.bounds);
+            let placement = match bounds {
+                Some((low, high)) if level != Level::default() => Placement { low, high, ..prop.placement },
+                _ => prop.placement,
+            };
+            let Some(rays) = placement.rays(&view.world_from_view, view.clip_from_view, size) else {
+                continue;
+            };
+            drawn.push((prop.field, level));
+            let covered = covered(rays.clip_from_box, size);
+            if !covered.is_empty() {
+                *rect = rect.union(covered);
+            }
+            props.get_mut().push(PropUniform::new(prop, &rays, quality));
+        }
+        let everything = visible.everything.filter(|posterize| posterize.colors > 0);
+        if everything.is_some() {
+            *rect = URect::from_corners(UVec2::ZERO, size);
+            props.get_mut().push(PropUniform::posterize(everything, quality));
+        }
+        if rect.is_empty() {
+            continue;
+        }
+        *iterations = props.get().iter().map(PropUniform::filtered).max().unwrap_or(0);
+        // Those of all props, so that their places are the same in every view.
+        colors.get_mut().clone_from(&extracted.colors);
+        if colors.get().is_empty() {
+            colors.get_mut().push(Vec4::ZERO);
+        }
+        let [z, w] = [view.clip_from_view.z_axis, view.clip_from_view.w_axis];
+        *uniform.get_mut() = ViewUniform {
+            corner: viewport.physical_position,
+            size,
+            depth: Vec4::new(z.z, w.z, z.w, w.w),
+            exposure: exposure(camera, *stage),
+            everything: everything.map_or(0, |_| props.get().len() as u32),
+            pixel: size.as_vec2() / coarse_size(size, quality.resolution).as_vec2(),
+            stop_transmittance: quality.stop_transmittance,
+            min_weight: quality.min_weight,
+        };
+        uniform.write_buffer(&device, &queue);
+        props.write_buffer(&device, &queue);
+        colors.write_buffer(&device, &queue);
+    }
+}
+
+/// What a camera makes of the props' light: 1 at the exposure that a camera has without a setting.
+fn exposure(camera: &ExtractedCamera, stage: PropStage) -> f32 {
+    match stage {
+        // Shaders divide by it.
+        PropStage::Scene => (camera.exposure / Exposure::default().exposure()).clamp(1e-6, 1e6),
+        PropStage::Display => 1.0,
+    }
+}
+
+/// The pixels that the image of the unit cube can cover, and the filter's reach around them.
+fn covered(clip_from_box: glam::DMat4, size: UVec2) -> URect {
+    let everything = URect::from_corners(UVec2::ZERO, size);
+    let mut rect = Rect::EMPTY;
+    for corner in 0..8 {
+        let corner = UVec3::new(corner & 1, corner >> 1 & 1, corner >> 2);
+        let clip = clip_from_box * corner.as_dvec3().extend(1.0);
+        if clip.w <= 0.0 {
+            return everything;
+        }
+        let ndc = glam::DVec2::new(clip.x, -clip.y) / clip.w;
+        rect = rect.union_point((0.5 * (ndc + 1.0) * size.as_dvec2()).as_vec2());
+    }
+    let reach = MAX_FILTER_RADIUS as f32 + 1.0;
+    let (low, high) = (rect.min - reach, rect.max + reach);
+    // The cast saturates.
+    everything.intersect(URect::from_corners(low.as_uvec2(), high.as_uvec2()))
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::{DMat4, DVec3};
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(20_000))]
+
+        /// Also when corners of the box are behind the camera.
+        #[test]
+        fn what_is_seen_of_a_box_is_covered(
+            eye in prop::array::uniform3(-1.0..2.0f64),
+            target in prop::array::uniform3(-0.5..1.5f64),
+            point in prop::array::uniform3(0.0..=1.0f64),
+            size_of_box in prop::array::uniform3(0.01..1.0f64),
+        ) {
+            let (eye, target, size) = (DVec3::from(eye), DVec3::from(target), UVec2::new(1600, 1200));
+            prop_assume!((target - eye).length() > 0.01);
+            let view = DMat4::look_at_rh(eye, target, DVec3::new(0.1, 1.0, 0.2).normalize());
+            let clip_from_box = DMat4::perspective_infinite_reverse_rh(1.0, 4.0 / 3.0, 0.01)
+                * view
+                * DMat4::from_scale(size_of_box.into());
+            let clip = clip_from_box * DVec3::from(point).extend(1.0);
+            let ndc = glam::DVec2::new(clip.x, -clip.y) / clip.w;
+            if clip.w > 0.0 && ndc.abs().max_element() < 1.0 {
+                let pixel = (0.5 * (ndc + 1.0) * size.as_dvec2()).as_uvec2();
+                let rect = covered(clip_from_box, size);
+                prop_assert!(pixel.cmpge(rect.min).all() && pixel.cmplt(rect.max).all(), "{pixel} in {rect:?}");
+            }
+        }
+    }
+}

@@ -1,0 +1,177 @@
+//! From pixels to rays of a field, worked out in float64 so that shaders start from exact numbers.
+
+use bevy::prelude::*;
+use glam::{DAffine3, DMat3, DMat4, DVec2, DVec3, DVec4};
+use plenoctree::{Frame, UpAxis};
+
+use crate::prop::world_from_field;
+
+/// A view's rays in a field's frame, affine in the point `reference + (x, y)` of the viewport in pixels: `a[0] + x a[1] +
+/// y a[2]`. They begin where the box does, so that numbers are small however far away the camera is.
+pub(in crate::render) struct Rays {
+    /// The point of the viewport from which x and y count: near the middle of the box.
+    pub reference: DVec2,
+    /// Where the rays begin, along the view axis, in the scene's units.
+    pub near: f64,
+    /// Width of a finest cell, along its shortest side, where the box is nearest to the camera, in pixels.
+    pub cell_size: f64,
+    /// Origins in tree units.
+    pub origin: [DVec3; 3],
+    /// Directions in the field's world units, as long as a step of one along the view axis.
+    pub direction: [DVec3; 3],
+    /// The box from `low` to `high` (tree units), as the image of the unit cube, in clip space.
+    pub clip_from_box: DMat4,
+    /// The box in tree units.
+    pub low: DVec3,
+    pub high: DVec3,
+    /// Whether the way from the field to the view mirrors.
+    pub mirrored: bool,
+}
+
+/// Where a field stands: `world_from_prop` is the entity's transform.
+#[derive(Clone, Copy)]
+pub(in crate::render) struct Placement {
+    pub world_from_prop: GlobalTransform,
+    pub up: UpAxis,
+    pub frame: Frame,
+    /// Box around the leaves in tree units.
+    pub low: DVec3,
+    pub high: DVec3,
+    /// Finest cells along a side of the tree's cube.
+    pub cells: f64,
+}
+
+impl Placement {
+    fn world_from_field(&self) -> DAffine3 {
+        world_from_field(&self.world_from_prop, self.up)
+    }
+
+    /// The middle of the field's leaves, in the scene.
+    pub fn center(&self) -> DVec3 {
+        self.world_from_field().transform_point3(self.frame.to_world(0.5 * (self.low + self.high)))
+    }
+
+    /// `None` if the transform is degenerate: such a prop has no volume to look into.
+    pub fn rays(&self, world_from_view: &GlobalTransform, clip_from_view: Mat4, viewport: UVec2) -> Option<Rays> {
+        let world_from_field = self.world_from_field();
+        let determinant = world_from_field.matrix3.determinant();
+        if !determinant.is_normal() {
+            return None;
+        }
+        let world_from_view = world_from_view.affine().as_daffine3();
+        let field_from_view = world_from_field.inverse() * world_from_view;
+        let clip_from_view = clip_from_view.as_dmat4();
+        let view_from_clip = clip_from_view.inverse();
+
+        let field_from_box = DAffine3::from_mat3_translation(
+            DMat3::from_diagonal((self.high - self.low) / self.frame.scale),
+            self.frame.to_world(self.low),
+        );
+        let view_from_box = world_from_view.inverse() * world_from_field * field_from_box;
+        let clip_from_box = clip_from_view * DMat4::from(view_from_box);
+        let orthographic = clip_from_view.w_axis.w == 1.0;
+        // A perspective begins at the eye, parallel rays at the near plane, which may be behind the camera.
+        let begin = if orthographic { (clip_from_view.w_axis.z - 1.0) / clip_from_view.z_axis.z } else { 0.0 };
+        let size = viewport.as_dvec2();
+        let corners =
+            (0..8).map(|corner| DVec3::new((corner & 1) as f64, (corner >> 1 & 1) as f64, (corner >> 2) as f64));
+        let near =
+            corners.map(|corner| -view_from_box.transform_point3(corner).z).fold(f64::INFINITY, f64::min).max(begin);
+        let middle = clip_from_box * DVec4::new(0.5, 0.5, 0.5, 1.0);
+        let reference =
+            if middle.w > 0.0 { 0.5 * (1.0 + DVec2::new(middle.x, -middle.y) / middle.w) * size } else { 0.5 * size };
+        // What is far out of sight needs no exact rays.
+        let reference = reference.clamp(-size, 2.0 * size).round();
+
+        // Three points of the viewport say all of an affine function.
+        let at = |x: f64, y: f64| {
+            let ndc = DVec4::new(2.0 * x / size.x - 1.0, 1.0 - 2.0 * y / size.y, 1.0, 1.0);
+            let seen = view_from_clip * ndc;
+            let seen = seen.truncate() / seen.w;
+            let (origin, direction) = if orthographic {
+                (DVec3::new(seen.x, seen.y, 0.0), DVec3::NEG_Z)
+            } else {
+                (DVec3::ZERO, seen / -seen.z)
+            };
+            let origin = origin + near * direction;
+            (self.frame.to_tree(field_from_view.transform_point3(origin)), field_from_view.transform_vector3(direction))
+        };
+        let base = at(reference.x, reference.y);
+        let (right, down) = (at(reference.x + size.x, reference.y), at(reference.x, reference.y + size.y));
+        let slopes = |base: DVec3, right: DVec3, down: DVec3| [base, (right - base) / size.x, (down - base) / size.y];
+        // A unit of the view's space spans so many pixels at distance one, or everywhere.
+        let focal = 0.5 * size * DVec2::new(clip_from_view.x_axis.x, clip_from_view.y_axis.y).abs();
+        let pixels = focal.max_element() / if orthographic { 1.0 } else { near };
+        let axes = view_from_box.matrix3 * DMat3::from_diagonal((self.high - self.low).recip());
+        let unit = axes.x_axis.length().min(axes.y_axis.length()).min(axes.z_axis.length());
+        Some(Rays {
+            reference,
+            near,
+            cell_size: pixels * unit / self.cells,
+            origin: slopes(base.0, right.0, down.0),
+            direction: slopes(base.1, right.1, down.1),
+            clip_from_box,
+            low: self.low,
+            high: self.high,
+            mirrored: (determinant < 0.0) != (world_from_view.matrix3.determinant() < 0.0),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use plenoctree::camera::PinholeCamera;
+
+    /// The rays of a Bevy camera at a turned, scaled and moved prop are those of the same pinhole camera.
+    #[test]
+    fn rays_agree_with_a_pinhole_camera() {
+        let frame = Frame::spanning(DVec3::new(-1.0, -2.0, -3.0), DVec3::new(2.0, 2.0, 1.0));
+        let placement = Placement {
+            world_from_prop: GlobalTransform::IDENTITY,
+            up: UpAxis::Z,
+            frame,
+            low: DVec3::ZERO,
+            high: DVec3::ONE,
+            cells: 256.0,
+        };
+        let viewport = UVec2::new(320, 200);
+        let fov_x = 0.8_f64;
+        let pinhole = PinholeCamera::new(viewport.x, viewport.y, fov_x, DMat4::IDENTITY).looking_at(
+            DVec3::new(4.0, -3.0, 2.0),
+            DVec3::ZERO,
+            DVec3::Z,
+        );
+        let fov_y = 2.0 * ((0.5 * fov_x).tan() * 200.0 / 320.0).atan();
+        let projection = Mat4::perspective_infinite_reverse_rh(fov_y as f32, 1.6, 0.1);
+        // Bevy's world is the field's, turned.
+        let turn = UpAxis::Z.to_y_up();
+        let view = GlobalTransform::from(bevy::math::Affine3A::from_mat3_translation(
+            (turn * pinhole.rotation).as_mat3(),
+            (turn * pinhole.position).as_vec3(),
+        ));
+        let rays = placement.rays(&view, projection, viewport).unwrap();
+        for (x, y) in [(0.5, 0.5), (160.0, 100.0), (319.5, 42.5)] {
+            let (origin, direction) = pinhole.ray(x, y);
+            let of = |a: [DVec3; 3]| a[0] + (x - rays.reference.x) * a[1] + (y - rays.reference.y) * a[2];
+            let toward = of(rays.direction);
+            assert!((toward.normalize() - direction).length() < 1e-6);
+            let begins = frame.to_tree(origin + rays.near * toward.length() * direction);
+            assert!((of(rays.origin) - begins).length() < 1e-6);
+        }
+    }
+
+    #[test]
+    fn a_flat_prop_has_no_rays() {
+        let placement = Placement {
+            world_from_prop: Transform::from_scale(Vec3::new(1.0, 0.0, 1.0)).into(),
+            up: UpAxis::Y,
+            frame: Frame::spanning(DVec3::ZERO, DVec3::ONE),
+            low: DVec3::ZERO,
+            high: DVec3::ONE,
+            cells: 256.0,
+        };
+        let projection = Mat4::perspective_infinite_reverse_rh(1.0, 1.0, 0.1);
+        assert!(placement.rays(&GlobalTransform::IDENTITY, projection, UVec2::splat(8)).is_none());
+    }
+}

@@ -1,0 +1,106 @@
+//! The textures that the passes of a view hand on.
+
+use bevy::{
+    camera::{MainPassResolutionOverride, Viewport},
+    prelude::*,
+    render::{
+        camera::ExtractedCamera,
+        render_resource::{Extent3d, TextureDescriptor, TextureDimension, TextureFormat, TextureUsages, TextureView},
+        renderer::RenderDevice,
+        texture::TextureCache,
+    },
+};
+
+use crate::render::extract::VisibleProps;
+
+/// Color and opacity: half floats, since eight bits after each pass of the filter would move labels.
+pub(in crate::render) const LAYER_FORMAT: TextureFormat = TextureFormat::Rgba16Float;
+/// Which prop posterizes a pixel, and whether one is solid there.
+pub(in crate::render) const OWNER_FORMAT: TextureFormat = TextureFormat::Rg16Float;
+/// Color, owner and CIELAB of a pixel of the filter: `filter_texel.wgsl`.
+pub(in crate::render) const FILTER_FORMAT: TextureFormat = TextureFormat::Rgba32Uint;
+/// The props' own depth, reversed like the scene's.
+pub(in crate::render) const DEPTH_FORMAT: TextureFormat = TextureFormat::Depth32Float;
+
+/// What the volume pass draws: the props alone.
+pub(in crate::render) struct Layer {
+    /// Color weighed by opacity, and opacity.
+    pub color: TextureView,
+    /// `pack_owner` of `view.wgsl`.
+    pub owner: TextureView,
+    pub depth: TextureView,
+}
+
+/// The textures of one view, as large as its viewport.
+#[derive(Component)]
+pub(in crate::render) struct ViewTextures {
+    pub layer: Layer,
+    /// The same with fewer pixels, if the camera's quality asks for that: then it is what the volume pass draws.
+    pub coarse: Option<Layer>,
+    /// The composite, before and after every iteration of the filter.
+    pub even: TextureView,
+    /// The composite, in the middle of an iteration.
+    pub odd: TextureView,
+}
+
+impl ViewTextures {
+    /// What the volume pass draws to.
+    pub fn volume(&self) -> &Layer {
+        self.coarse.as_ref().unwrap_or(&self.layer)
+    }
+}
+
+/// The part of a view's target that its main pass draws to, in pixels; `None` if there is nothing of it.
+pub(in crate::render) fn drawn_viewport(
+    camera: &ExtractedCamera,
+    resolution: Option<&MainPassResolutionOverride>,
+) -> Option<Viewport> {
+    let viewport = camera.viewport.clone().or_else(|| {
+        let physical_size = camera.physical_viewport_size?;
+        Some(Viewport { physical_size, ..default() })
+    });
+    Viewport::from_viewport_and_override(viewport.as_ref(), resolution)
+        .filter(|viewport| viewport.physical_size.min_element() > 0)
+}
+
+pub(super) fn prepare_textures(
+    mut commands: Commands,
+    mut cache: ResMut<TextureCache>,
+    device: Res<RenderDevice>,
+    views: Query<(Entity, &ExtractedCamera, Option<&MainPassResolutionOverride>, &VisibleProps)>,
+) {
+    for (entity, camera, resolution, visible) in &views {
+        let (Some(viewport), false) = (drawn_viewport(camera, resolution), visible.is_empty()) else {
+            commands.entity(entity).remove::<ViewTextures>();
+            continue;
+        };
+        let mut texture = |label, format, size: UVec2| {
+            let descriptor = TextureDescriptor {
+                label: Some(label),
+                size: Extent3d { width: size.x, height: size.y, depth_or_array_layers: 1 },
+                mip_level_count: 1,
+                sample_count: 1,
+                dimension: TextureDimension::D2,
+                format,
+                usage: TextureUsages::RENDER_ATTACHMENT | TextureUsages::TEXTURE_BINDING,
+                view_formats: &[],
+            };
+            cache.get(&device, descriptor).default_view
+        };
+        let mut layer = |size| Layer {
+            color: texture("plenoctree_layer", LAYER_FORMAT, size),
+            owner: texture("plenoctree_owner", OWNER_FORMAT, size),
+            depth: texture("plenoctree_depth", DEPTH_FORMAT, size),
+        };
+        let size = viewport.physical_size;
+        let coarse = coarse_size(size, visible.quality.resolution);
+        let (layer, coarse) = (layer(size), (coarse != size).then(|| layer(coarse)));
+        let [even, odd] = ["plenoctree_even", "plenoctree_odd"].map(|label| texture(label, FILTER_FORMAT, size));
+        commands.entity(entity).insert(ViewTextures { layer, coarse, even, odd });
+    }
+}
+
+/// Pixels of the volume pass in a viewport of `size`.
+pub(super) fn coarse_size(size: UVec2, resolution: f32) -> UVec2 {
+    (size.as_vec2() * resolution).ceil().as_uvec2().clamp(UVec2::ONE, size)
+}

@@ -1,0 +1,27 @@
+//! The volume pass: every visible prop into the view's layer, back to front. Section 2 of the method.
+
+mod pass;
+mod pipeline;
+
+pub use pass::VOLUME_SPAN;
+
+use bevy::{
+    core_pipeline::schedule::Core3d,
+    prelude::*,
+    render::{GpuResourceAppExt, Render, RenderApp, RenderStartup, render_resource::SpecializedRenderPipelines},
+};
+
+use super::{extract::VisibleProps, view::InitViews};
+use crate::sets::PlenOctreeRenderSystems;
+
+pub(super) fn plugin(app: &mut App) {
+    let Some(render_app) = app.get_sub_app_mut(RenderApp) else {
+        return;
+    };
+    render_app.world_mut().register_required_components::<VisibleProps, pass::VolumePipelines>();
+    render_app
+        .init_gpu_resource::<SpecializedRenderPipelines<pipeline::VolumePipeline>>()
+        .add_systems(RenderStartup, pipeline::init.after(InitViews))
+        .add_systems(Render, pass::prepare_pipelines.in_set(PlenOctreeRenderSystems::PreparePipelines))
+        .add_systems(Core3d, pass::volume_pass.in_set(PlenOctreeRenderSystems::Volume));
+}
