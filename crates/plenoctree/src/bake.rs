@@ -82,7 +82,7 @@ pub enum BakeError {
 /// scene. Colors are encoded sRGB, 0 to 1. So work that needs no direction is done once:
 ///
 /// ```
-/// use bevy_plenoctree::field::{BakeSettings, bake};
+/// use plenoctree::{BakeSettings, bake};
 /// use glam::DVec3;
 ///
 /// let settings = BakeSettings { depth: 5, ..Default::default() };
@@ -95,7 +95,7 @@ pub enum BakeError {
 ///     },
 /// )?;
 /// assert_eq!(ball.depth(), 5);
-/// # Ok::<(), bevy_plenoctree::field::BakeError>(())
+/// # Ok::<(), plenoctree::BakeError>(())
 /// ```
 ///
 /// All leaves are finest cells, as in trained fields; empty cells are as large as they can be.

@@ -61,15 +61,17 @@ impl<R: Read + Seek> Archive<R> {
         let name = format!("{key}.npy");
         // Of the ways in which a member can be encrypted, `by_name` refuses one and panics at another. The latter is
         // found by a try with a password, which `by_name_decrypt` uses only where the member says that it needs one.
-        if self.zip.by_name_decrypt(&name, &[]).map_err(zip_fault)?.is_err() {
-            return Err(fault("an encrypted member".into(), "a stored or deflated array"));
+        match self.zip.by_name_decrypt(&name, &[]).map(|member| member.is_ok()) {
+            Ok(true) => {}
+            Ok(false) => return Err(fault("an encrypted member".into(), "a stored or deflated array")),
+            Err(error @ ZipError::UnsupportedArchive(_)) => {
+                let found = self.compression(&name).unwrap_or_else(|| format!("a member that cannot be read ({error})"));
+                return Err(fault(found, "a stored or deflated array"));
+            }
+            Err(error) => return Err(zip_fault(error)),
         }
         let bytes = self.bytes;
         let mut reader = self.zip.by_name(&name).map_err(zip_fault)?;
-        if !matches!(reader.compression(), CompressionMethod::Stored | CompressionMethod::Deflated) {
-            let found = format!("compression method {}", reader.compression());
-            return Err(fault(found, "a stored or deflated array"));
-        }
         let size = reader.size();
         let packed = reader.compressed_size();
         let stored = reader.compression() == CompressionMethod::Stored;
@@ -90,6 +92,25 @@ impl<R: Read + Seek> Archive<R> {
             });
         }
         Ok(Array { key, header, packed, reader })
+    }
+}
+
+impl<R: Read + Seek> Archive<R> {
+    /// How a member is compressed that cannot be unpacked, for messages.
+    fn compression(&mut self, name: &str) -> Option<String> {
+        (0..self.zip.len()).find_map(|index| {
+            let member = self.zip.by_index_raw(index).ok().filter(|member| member.name() == name)?;
+            #[allow(deprecated)]
+            let method = member.compression().to_u16();
+            let known = match method {
+                9 => " (Deflate64)",
+                12 => " (Bzip2)",
+                14 => " (LZMA)",
+                93 => " (Zstd)",
+                _ => "",
+            };
+            Some(format!("compression method {method}{known}"))
+        })
     }
 }
 

@@ -66,12 +66,17 @@ impl PlenOctree {
     }
 
     /// [`Self::read`] for a file that is already open or in memory. `label` stands for its name in errors.
-    pub fn read_from(reader: impl Read + Seek, label: &str, settings: &LoadSettings) -> Result<Self, ReadError> {
-        read(reader, settings).map_err(|fault| ReadError::new(label, fault))
+    pub fn read_from(mut reader: impl Read + Seek, label: &str, settings: &LoadSettings) -> Result<Self, ReadError> {
+        read(&mut reader, settings).map_err(|fault| ReadError::new(label, fault))
     }
 }
 
-fn read(reader: impl Read + Seek, settings: &LoadSettings) -> Result<PlenOctree, ReadFault> {
+/// What an archive is read from: one type for all readers, so that reading is compiled once.
+trait Source: Read + Seek {}
+
+impl<R: Read + Seek> Source for R {}
+
+fn read(reader: &mut dyn Source, settings: &LoadSettings) -> Result<PlenOctree, ReadFault> {
     let mut archive = Archive::open(reader)?;
     let basis = read_basis(&mut archive)?;
     let frame = read_frame(&mut archive)?;

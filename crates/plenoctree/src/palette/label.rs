@@ -10,14 +10,14 @@ use super::palette::Palette;
 /// are found, of the shown ones where they are painted.
 ///
 /// ```
-/// use bevy_plenoctree::{PaletteLabel, Palette};
+/// use plenoctree::palette::{Palette, PaletteLabel};
 ///
 /// let palette = Palette::new(vec![[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])?;
 /// let label = PaletteLabel::nearest([0.7, 0.0, 0.3].into(), &palette, 3).unwrap();
 /// // After the two palette colors come the blends: a third of red, and two thirds of it.
 /// assert_eq!((label.index, label.first, label.second, label.share), (3, 0, 1, 2.0 / 3.0));
 /// assert_eq!(label.main_color(), 0);
-/// # Ok::<(), bevy_plenoctree::palette::InvalidPalette>(())
+/// # Ok::<(), plenoctree::palette::InvalidPalette>(())
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PaletteLabel {

@@ -30,7 +30,7 @@ impl PlenOctree {
     /// a unit vector.
     ///
     /// ```
-    /// use bevy_plenoctree::field::{BakeSettings, bake};
+    /// use plenoctree::{BakeSettings, bake};
     /// use glam::DVec3;
     ///
     /// let settings = BakeSettings { depth: 6, ..Default::default() };
@@ -38,7 +38,7 @@ impl PlenOctree {
     /// let hit = ball.cast_ray(DVec3::new(3.0, 0.0, 0.0), DVec3::NEG_X).unwrap();
     /// assert!((hit.distance - 2.2).abs() < 0.05 && hit.normal.x > 0.99);
     /// assert!(ball.cast_ray(DVec3::new(3.0, 0.0, 0.0), DVec3::X).is_none());
-    /// # Ok::<(), bevy_plenoctree::field::BakeError>(())
+    /// # Ok::<(), plenoctree::BakeError>(())
     /// ```
     pub fn cast_ray(&self, origin: DVec3, direction: DVec3) -> Option<FieldHit> {
         let (distance, density) = half_way(self, origin, direction)?;
