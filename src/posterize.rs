@@ -9,7 +9,7 @@ pub const MAX_FILTER_ITERATIONS: u32 = 16;
 /// The largest radius of the bilateral filter, in pixels.
 pub const MAX_FILTER_RADIUS: u32 = 6;
 
-/// The stylized look of a [`Prop`]: section 4 of the method.
+/// The stylized look of a [`Prop`](crate::Prop): section 4 of the method.
 ///
 /// Needs a palette in [`Palettes`](crate::Palettes), which is read or extracted when none is there; until it is ready the
 /// prop is shown as trained. [`PaletteOverride`](crate::PaletteOverride) gives the entity colors of its own. On a camera

@@ -63,8 +63,7 @@ impl GpuField {
     }
 
     /// Whether a level that a camera asked for in the last frame is not ready yet.
-    #[cfg(feature = "headless")]
-    pub(crate) fn is_busy(&self) -> bool {
+    pub fn is_busy(&self) -> bool {
         self.levels.is_busy()
     }
 

@@ -6,7 +6,7 @@
 //! | [`sampling`] | how much of each color is visible from outside, on all cores |
 //! | [`palette`] | one palette of the whole field, its file, and the labels that are blended from it |
 //! | [`camera`] | pinhole cameras, and the `transforms.json` of NeRF datasets |
-//! | [`reference`] | rendering, sampling and posterization in float64, to judge faster ones by |
+//! | [`mod@reference`] | rendering, sampling and posterization in float64, to judge faster ones by |
 //!
 //! The crate implements the engine-free half of *Recolorable Posterization of Volumetric Radiance Fields Using
 //! Visibility-Weighted Palette Extraction* (Tojo and Umetani, EGSR 2022). The Bevy plugin is

@@ -100,23 +100,6 @@ pub enum ReadFault {
     Field(#[source] InvalidField),
 }
 
-/// Why a field could not be written.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum WriteError {
-    /// The file could not be created or written.
-    #[error("cannot be written: {0}")]
-    Io(#[from] io::Error),
-    /// The frame's offset or scale is outside float32, in which files hold it.
-    #[error("{key}: found {found}, expected a number that float32 can hold")]
-    Frame {
-        /// The array that would hold it.
-        key: &'static str,
-        /// The number.
-        found: f64,
-    },
-}
-
 /// The start of a text from a file, fit for one line of a message.
 pub(super) fn printable(text: &str) -> String {
     text.chars().take(60).flat_map(char::escape_debug).collect()

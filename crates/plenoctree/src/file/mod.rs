@@ -10,7 +10,7 @@ mod walk;
 #[cfg(feature = "write")]
 mod write;
 
-#[cfg(feature = "write")]
-pub use error::WriteError;
 pub use error::{ReadError, ReadFault};
 pub use read::LoadSettings;
+#[cfg(feature = "write")]
+pub use write::WriteError;

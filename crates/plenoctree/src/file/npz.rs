@@ -65,7 +65,8 @@ impl<R: Read + Seek> Archive<R> {
             Ok(true) => {}
             Ok(false) => return Err(fault("an encrypted member".into(), "a stored or deflated array")),
             Err(error @ ZipError::UnsupportedArchive(_)) => {
-                let found = self.compression(&name).unwrap_or_else(|| format!("a member that cannot be read ({error})"));
+                let found =
+                    self.compression(&name).unwrap_or_else(|| format!("a member that cannot be read ({error})"));
                 return Err(fault(found, "a stored or deflated array"));
             }
             Err(error) => return Err(zip_fault(error)),

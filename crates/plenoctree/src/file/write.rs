@@ -9,7 +9,6 @@ use half::f16;
 use npyz::{AutoSerialize, DType, NpyWriter, Serialize, WriteOptions, WriterBuilder};
 use zip::write::{FileOptions, ZipWriter};
 
-use super::error::WriteError;
 use crate::field::PlenOctree;
 
 /// Content from which an array's sizes are written in 64 bits. Under the 4 GiB of 32 bits, since what does not compress
@@ -19,6 +18,23 @@ const LARGE: u64 = 0xf000_0000;
 const DEPTH_LIMIT: i64 = 10;
 /// svox's own value for `geom_resize_fact`.
 const RESIZE_FACTOR: f64 = 1.5;
+
+/// Why a field could not be written.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum WriteError {
+    /// The file could not be created or written.
+    #[error("cannot be written: {0}")]
+    Io(#[from] io::Error),
+    /// The frame's offset or scale is outside float32, in which files hold it.
+    #[error("{key}: found {found}, expected a number that float32 can hold")]
+    Frame {
+        /// The array that would hold it.
+        key: &'static str,
+        /// The number.
+        found: f64,
+    },
+}
 
 impl PlenOctree {
     /// Writes a file that svox, volrend and [`Self::read`] read: a deflated `.npz`. An existing file is overwritten.

@@ -5,8 +5,8 @@ use std::time::Instant;
 use glam::DVec3;
 
 use super::{
+    colors::Palette,
     kmeans::{self, Clusters},
-    palette::Palette,
     settings::ExtractionSettings,
     simplify::simplify,
 };

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::palette::Palette;
+use super::colors::Palette;
 
 /// A color of the posterized look: a palette color, or a blend of two. Equation 7, section 4 of the method.
 ///

@@ -1,21 +1,21 @@
 //! Palette extraction: section 3 of the method (Tojo and Umetani, EGSR 2022, section 4.1).
 //!
 //! [`extract`] looks at every leaf of a field from many directions, gathers the radiance that is visible in histograms
-//! ([`sample`]), clusters them, and simplifies the convex hull of the clusters to a few colors. It runs on all cores and
-//! needs no app; [`Progress`] tells another thread how far it is, and cancels it.
+//! ([`sample`](crate::sampling::sample)), clusters them, and simplifies the convex hull of the clusters to a few colors. It runs on all cores and
+//! needs no app; [`Progress`](crate::sampling::Progress) tells another thread how far it is, and cancels it.
 
+mod colors;
 mod extract;
 mod hull;
 mod kmeans;
 mod label;
 mod of_colors;
-mod palette;
 mod polygon;
 mod settings;
 mod simplify;
 
+pub use colors::{InvalidPalette, Palette, PaletteFileError};
 pub use extract::{Extraction, ExtractionError, ExtractionTimes, extract, extract_from_histograms};
 pub use label::PaletteLabel;
 pub use of_colors::simplify_hull;
-pub use palette::{InvalidPalette, Palette, PaletteFileError};
 pub use settings::ExtractionSettings;

@@ -3,9 +3,9 @@
 use glam::DVec3;
 
 use super::{
+    colors::{InvalidPalette, Palette},
     extract::order,
     kmeans::Clusters,
-    palette::{InvalidPalette, Palette},
     simplify::simplify,
 };
 

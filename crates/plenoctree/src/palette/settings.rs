@@ -4,7 +4,7 @@
 use bevy_reflect::std_traits::ReflectDefault;
 use serde::{Deserialize, Serialize};
 
-use super::palette::Palette;
+use super::colors::Palette;
 use crate::sampling::{InvalidSetting, SamplingSettings};
 
 /// How a palette is extracted; the default is the paper's choice (section 3 of the method).

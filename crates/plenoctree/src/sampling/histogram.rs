@@ -54,6 +54,7 @@ impl Histograms {
     }
 
     /// [`Self::new`] for weights that are known to be as many as the bins, finite and not negative.
+    #[cfg(feature = "reference")]
     pub(crate) fn from_weights(
         fine_bins: usize,
         fine: Vec<f64>,
