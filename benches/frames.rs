@@ -1,7 +1,8 @@
-//! Processor time a frame by preset, as trained and posterized: `cargo bench --bench frames -- [FIELD] [CAMERAS]`.
+//! Measures the CPU time of a frame by preset, as trained and posterized: `cargo bench --bench frames -- [FIELD]
+//! [CAMERAS]`.
 //!
-//! A view of 800 x 800 pixels, the first of the cameras; by turns, the least of five rounds, with the picture's way into memory.
-//! Where a GPU draws, it is the driver's time.
+//! Renders a view of 800 x 800 pixels from the first camera. Variants take turns, and the least time of five rounds
+//! counts. It includes reading the frame back. With a GPU, it is the CPU time of the driver.
 
 use std::{path::PathBuf, time::Duration};
 
@@ -22,7 +23,7 @@ const FRAMES: u32 = 4;
 const PATIENCE: Duration = Duration::from_secs(600);
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    // Cargo adds a flag of its own.
+    // Cargo adds `--bench`.
     let mut arguments = std::env::args_os().skip(1).filter(|argument| argument != "--bench").map(PathBuf::from);
     let own = || PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("assets/toadstool.npz");
     let field = PlenOctree::read(arguments.next().unwrap_or_else(own), &LoadSettings::default())?;
@@ -30,7 +31,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         Some(file) => read_transforms(file, Some((SIZE, SIZE)))?.into_iter().next(),
         None => PinholeCamera::around(&field, SIZE, SIZE, 0.5, 0.4),
     };
-    let camera = camera.ok_or("there is nothing to see")?;
+    let camera = camera.ok_or("the field is empty, or the file has no cameras")?;
     let palette = palette::extract(&field, &QualityPreset::Fast.extraction(), &default())?.palette;
 
     let mut headless = Headless::new(UVec2::splat(SIZE), |app| {

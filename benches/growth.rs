@@ -1,7 +1,7 @@
-//! How the work grows: `scripts/growth` runs this and fits the exponents.
+//! Measures how the work grows. `scripts/growth` runs this benchmark and fits exponents.
 //!
-//! Fields are spherical shells of SH9 with as many leaves as asked for, in the shallowest tree that holds them, all seen
-//! alike: the cells get smaller, the picture stays.
+//! Fields are spherical shells of SH9 with about the given number of leaves, in the shallowest tree that holds them.
+//! They all look alike: the cells get smaller, but the frame stays the same.
 
 use std::{io::Cursor, time::Duration};
 
@@ -21,9 +21,9 @@ use plenoctree::{
     sampling::{Histograms, sample},
 };
 
-/// 10^4 to 10^6.5.
+/// Numbers of leaves, from 10^4 to 10^6.5.
 const LEAVES: [usize; 6] = [10_000, 31_623, 100_000, 316_228, 1_000_000, 3_162_278];
-/// For what does not look at leaves.
+/// The number of leaves in benchmarks that vary something else.
 const SOME_LEAVES: usize = 100_000;
 const SIZE: u32 = 256;
 const PATIENCE: Duration = Duration::from_secs(120);
@@ -32,7 +32,7 @@ fn main() {
     divan::main();
 }
 
-/// A shell one and a half cells thick.
+/// Creates a shell that is one and a half cells thick.
 fn shell(leaves: usize) -> PlenOctree {
     const THICKNESS: f64 = 1.5;
     let radius = (leaves as f64 / (4.0 * std::f64::consts::PI * THICKNESS)).sqrt();
@@ -47,7 +47,7 @@ fn shell(leaves: usize) -> PlenOctree {
         f16::from_f32(seed as f32 / u32::MAX as f32 - 0.5)
     });
     let frame = Frame::spanning(DVec3::splat(-shell.middle / radius), DVec3::splat(shell.middle / radius));
-    // A ray through the shell loses nine tenths of its light.
+    // A ray through the shell loses 90 % of its light.
     let density = (2.3 * radius / (2.0 * THICKNESS)) as f32;
     let (density, coefficients) = (vec![density; shell.leaves], coefficients.collect());
     PlenOctree::new(frame, Basis::Sh9, Activation::Sigmoid, UpAxis::Z, shell.nodes, density, coefficients).unwrap()
@@ -86,7 +86,7 @@ impl Shell {
     }
 }
 
-/// Colors that have a hull with many corners.
+/// Returns colors whose hull has many corners.
 fn colors(count: usize) -> Vec<[f64; 3]> {
     let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
     let ball = |index: usize| {
@@ -123,7 +123,7 @@ impl Stage {
         Self { headless, camera }
     }
 
-    /// Props of a field side by side, which together cover the same pixels as one.
+    /// Spawns a square of props of a field, which together cover the same pixels as a single one.
     fn with_props(size: u32, field: PlenOctree, side: i32, palette: usize) -> Self {
         let mut stage = Self::new(size);
         let view = PinholeCamera::around(&field, size, size, 0.5, 0.0).unwrap();
@@ -135,7 +135,7 @@ impl Stage {
         let scale = 1.0 / side as f32;
         for place in 0..side * side {
             let at = (2.0 * IVec2::new(place % side, place / side).as_vec2() + 1.0) * scale - 1.0;
-            // Side by side as the camera sees them.
+            // Place them side by side, as seen by the camera.
             let turned = Quat::from_rotation_y(std::f32::consts::FRAC_PI_2 + 0.5) * at.extend(0.0);
             world.spawn((Prop(handle.clone()), Transform::from_translation(turned).with_scale(Vec3::splat(scale))));
         }
@@ -152,7 +152,7 @@ impl Stage {
     }
 }
 
-/// From a field in memory to textures.
+/// Uploads a field from memory to textures.
 #[divan::bench(args = LEAVES, sample_count = 5, sample_size = 1)]
 fn upload(bencher: Bencher, leaves: usize) {
     let field = shell(leaves);
@@ -166,28 +166,28 @@ fn upload(bencher: Bencher, leaves: usize) {
     });
 }
 
-/// A frame as trained, exact.
+/// Captures an exact frame as trained, by number of leaves.
 #[divan::bench(args = LEAVES, sample_count = 10, sample_size = 1)]
 fn traversal_by_leaves(bencher: Bencher, leaves: usize) {
     let mut stage = Stage::with_props(SIZE, shell(leaves), 1, 6);
     bencher.bench_local(|| stage.headless.capture().unwrap());
 }
 
-/// The same by pixels along a side.
+/// Captures the same frame, by pixels per side.
 #[divan::bench(args = [128, 256, 512, 1024], sample_count = 10, sample_size = 1)]
 fn traversal_by_side(bencher: Bencher, size: u32) {
     let mut stage = Stage::with_props(size, shell(SOME_LEAVES), 1, 6);
     bencher.bench_local(|| stage.headless.capture().unwrap());
 }
 
-/// The same by props along each side of a square, which stays as large.
+/// Captures the same frame, by props per side of a square of constant size.
 #[divan::bench(args = [1, 2, 4, 8, 16], sample_count = 10, sample_size = 1)]
 fn traversal_by_row_of_props(bencher: Bencher, side: i32) {
     let mut stage = Stage::with_props(SIZE, shell(SOME_LEAVES), side, 6);
     bencher.bench_local(|| stage.headless.capture().unwrap());
 }
 
-/// A frame with labels by colors of the palette, without the filter.
+/// Captures a posterized frame without the filter, by number of palette colors.
 #[divan::bench(args = [2, 4, 8, 16], sample_count = 10, sample_size = 1)]
 fn labels_by_colors(bencher: Bencher, colors: usize) {
     let mut stage = Stage::with_props(SIZE, shell(SOME_LEAVES), 1, colors);
@@ -197,7 +197,7 @@ fn labels_by_colors(bencher: Bencher, colors: usize) {
     bencher.bench_local(|| stage.headless.capture().unwrap());
 }
 
-/// On the processor, all directions, every leaf.
+/// Samples every leaf in all directions on the CPU.
 #[divan::bench(args = LEAVES, sample_count = 3, sample_size = 1)]
 fn sampling(bencher: Bencher, leaves: usize) {
     let field = shell(leaves);
@@ -205,7 +205,7 @@ fn sampling(bencher: Bencher, leaves: usize) {
     bencher.bench_local(|| sample(&field, &settings.sampling, &default()).unwrap());
 }
 
-/// K-means and the hull, by bins of the fine histogram that hold something.
+/// Runs k-means and the hull, by number of filled bins in the fine histogram.
 #[divan::bench(args = [100, 316, 1_000, 3_162, 10_000], sample_count = 5, sample_size = 1)]
 fn clusters(bencher: Bencher, bins: usize) {
     let settings = ExtractionSettings::default();
@@ -222,7 +222,7 @@ fn clusters(bencher: Bencher, bins: usize) {
     bencher.bench_local(|| extract_from_histograms(&histograms, &settings).unwrap());
 }
 
-/// The hull and its simplification to six colors, by points.
+/// Computes a hull and simplifies it to six colors, by number of points.
 #[divan::bench(args = [32, 100, 316, 1_000], sample_count = 5, sample_size = 1)]
 fn hull(bencher: Bencher, points: usize) {
     let points = colors(points);

@@ -1,8 +1,8 @@
-//! What animated palettes cost the processor: `cargo bench --bench palettes`.
+//! Measures the CPU time of animated palettes: `cargo bench --bench palettes`.
 //!
-//! A hundred props of a hundred fields, six colors each, all of them changed in every frame. `change` is what a game does
-//! in the main world. `track` is `PreUpdate`, where palettes are looked for, and `extract` is the way to the render world:
-//! both do Bevy's own work too, so that what counts is what a hundred props add to none.
+//! There are a hundred props of a hundred fields, and all six colors of each palette change in every frame. `change` is
+//! what a game does in the main world. `track` is `PreUpdate`, where the plugin looks for new palettes. `extract` is
+//! extraction to the render world. The last two include Bevy's own work, so compare a hundred props with none.
 
 use std::time::Duration;
 
@@ -25,7 +25,7 @@ fn colors(hue: f32) -> [Color; 6] {
     std::array::from_fn(|index| Srgba::from(Hsva::hsv((hue + 60.0 * index as f32) % 360.0, 0.8, 0.9)).into())
 }
 
-/// What is changed in every frame.
+/// The change to make in every frame.
 #[derive(Clone, Copy, Debug)]
 enum Change {
     SetPalettes,
@@ -97,7 +97,7 @@ impl Scene {
         self.headless.app.world_mut().run_schedule(PreUpdate);
     }
 
-    /// All of Bevy's extraction, the props' included.
+    /// Runs all of Bevy's extraction, including that of props.
     fn extract(&mut self) {
         let subs = self.headless.app.sub_apps_mut();
         subs.sub_apps.get_mut(&RenderApp.intern()).unwrap().extract(subs.main.world_mut());

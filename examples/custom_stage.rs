@@ -1,4 +1,4 @@
-//! A render stage of our own between the labels and the screen: ink lines where the label changes.
+//! Adds a custom render stage between the labels and the screen, which draws ink lines where the label changes.
 //!
 //! ```sh
 //! cargo run --release --example custom_stage
@@ -24,13 +24,14 @@ fn main() {
     App::new()
         .add_plugins((DefaultPlugins, PlenOctreePlugin, InkPlugin))
         .add_systems(Startup, setup)
-        .add_systems(Update, turn)
+        .add_systems(Update, rotate)
         .run();
 }
 
 fn setup(mut commands: Commands, assets: Res<AssetServer>) {
     commands.spawn((Prop(assets.load("toadstool.npz")), Posterize { softness: 0.0, ..default() }));
-    // `LabelStages` makes the plugin write labels into textures, and write the screen from what stages made of them.
+    // `LabelStages` makes the plugin write labels to textures, which custom stages can change before they are drawn to
+    // the screen.
     commands.spawn((
         Camera3d::default(),
         LabelStages,
@@ -38,7 +39,7 @@ fn setup(mut commands: Commands, assets: Res<AssetServer>) {
     ));
 }
 
-fn turn(time: Res<Time>, mut props: Query<&mut Transform, With<Prop>>) {
+fn rotate(time: Res<Time>, mut props: Query<&mut Transform, With<Prop>>) {
     for mut transform in &mut props {
         transform.rotate_y(0.3 * time.delta_secs());
     }
@@ -54,7 +55,7 @@ impl Plugin for InkPlugin {
             render_app
                 .insert_resource(InkShader(shader))
                 .add_systems(RenderStartup, init_pipeline)
-                // Where cameras with the default `PropStage` draw their props.
+                // Cameras with the default `PropStage` draw their props in this set.
                 .add_systems(Core3d, ink_pass.in_set(PlenOctreeRenderSystems::LabelStages(PropStage::Scene)));
         }
     }
@@ -133,7 +134,7 @@ fn ink_pass(
     pass.draw(0..3, 0..1);
 }
 
-/// A pixel is ink if it is posterized, and the label differs two pixels to the right or below.
+/// Colors a pixel with ink if it is posterized and the label two pixels to the right or below is a different one.
 const INK: &str = "
 @group(0) @binding(0) var colors: texture_2d<f32>;
 @group(0) @binding(1) var labels: texture_2d<u32>;

@@ -1,4 +1,4 @@
-//! A field in a scene, as it was trained.
+//! Loads a field and draws it as trained.
 //!
 //! ```sh
 //! cargo run --release --example minimal

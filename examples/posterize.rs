@@ -1,7 +1,7 @@
-//! A posterized prop among ordinary meshes.
+//! Posterizes a prop that stands among ordinary meshes.
 //!
-//! The palette comes from `toadstool.palette.json` beside the field. Without that file, the plugin would extract it while
-//! the app runs.
+//! The palette is loaded from `toadstool.palette.json`, next to the field. Without that file, the plugin would extract
+//! a palette while the app runs.
 //!
 //! ```sh
 //! cargo run --release --example posterize
@@ -14,7 +14,7 @@ fn main() {
     App::new()
         .add_plugins((DefaultPlugins, PlenOctreePlugin))
         .add_systems(Startup, setup)
-        .add_systems(Update, turn)
+        .add_systems(Update, rotate)
         .run();
 }
 
@@ -24,17 +24,17 @@ fn setup(
     mut meshes: ResMut<Assets<Mesh>>,
     mut materials: ResMut<Assets<StandardMaterial>>,
 ) {
-    // A softness of 0 gives hard edges between labels.
+    // A softness of 0 would give hard edges between labels.
     let posterize = Posterize { softness: 0.1, ..default() };
     commands.spawn((Prop(assets.load("toadstool.npz")), posterize));
 
-    // Meshes hide the prop, and the prop hides them.
+    // Meshes occlude the prop, and the prop occludes meshes.
     let ground = meshes.add(Circle::new(3.0));
-    let lying = Quat::from_rotation_x(-std::f32::consts::FRAC_PI_2);
+    let facing_up = Quat::from_rotation_x(-std::f32::consts::FRAC_PI_2);
     commands.spawn((
         Mesh3d(ground),
         MeshMaterial3d(materials.add(Color::srgb(0.35, 0.5, 0.3))),
-        Transform::from_xyz(0.0, -0.93, 0.0).with_rotation(lying),
+        Transform::from_xyz(0.0, -0.93, 0.0).with_rotation(facing_up),
     ));
     commands.spawn((
         Mesh3d(meshes.add(Sphere::new(0.25))),
@@ -45,7 +45,7 @@ fn setup(
     commands.spawn((Camera3d::default(), Transform::from_xyz(1.5, 1.3, 3.2).looking_at(Vec3::ZERO, Vec3::Y)));
 }
 
-fn turn(time: Res<Time>, mut props: Query<&mut Transform, With<Prop>>) {
+fn rotate(time: Res<Time>, mut props: Query<&mut Transform, With<Prop>>) {
     for mut transform in &mut props {
         transform.rotate_y(0.3 * time.delta_secs());
     }

@@ -1,4 +1,4 @@
-//! Recoloring: the palette of the field from day to night, and one prop with a color of its own.
+//! Recolors props: fades the palette of a field from day to night, and overrides one color for a single prop.
 //!
 //! ```sh
 //! cargo run --release --example recolor
@@ -18,7 +18,7 @@ fn main() {
 fn setup(mut commands: Commands, assets: Res<AssetServer>) {
     let field = assets.load("toadstool.npz");
     commands.spawn((Prop(field.clone()), Posterize::default(), Transform::from_xyz(-1.1, 0.0, 0.0)));
-    // Color 0 of this field's palette is the red of the cap. An override belongs to one entity.
+    // Color 0 of this field's palette is the red of the cap. An override applies to its own entity only.
     commands.spawn((
         Prop(field),
         Posterize::default(),
@@ -28,7 +28,7 @@ fn setup(mut commands: Commands, assets: Res<AssetServer>) {
     commands.spawn((Camera3d::default(), Transform::from_xyz(0.0, 1.3, 4.5).looking_at(Vec3::ZERO, Vec3::Y)));
 }
 
-/// All props of a field share its palette, which can change in every frame.
+/// All props of a field share its palette, and it can change in every frame.
 fn fade_to_night(time: Res<Time>, props: Query<&Prop>, mut palettes: ResMut<Palettes>) {
     let night = [
         Color::srgb(0.35, 0.1, 0.3),
@@ -40,7 +40,7 @@ fn fade_to_night(time: Res<Time>, props: Query<&Prop>, mut palettes: ResMut<Pale
     ];
     let darkness = 0.5 - 0.5 * (0.5 * time.elapsed_secs()).cos();
     for prop in &props {
-        // There is none until the palette has been read or extracted.
+        // This is `None` until the palette is loaded or extracted.
         if let Some(palette) = palettes.get_mut(&prop.0) {
             palette.fade(&night, darkness, BlendSpace::Oklab);
         }

@@ -1,8 +1,9 @@
-// Color spaces. Radiance, palettes and labels are encoded sRGB; a linear target is decoded to at the last write.
+// Color conversions. Radiance, palettes and labels are in encoded sRGB, which only the final write to a linear target
+// decodes.
 #define_import_path bevy_plenoctree::color
 
-// The nearest half float. Devices may cut what they store in half-float textures, and a value that is cut in each of the
-// filter's passes drifts.
+// Rounds to the nearest half float. Devices may truncate what they store in half-float textures, and a value that is
+// truncated in each pass of the filter drifts.
 fn to_half(value: vec4<f32>) -> vec4<f32> {
     let held = clamp(value, vec4(-65504.0), vec4(65504.0));
     return bitcast<vec4<f32>>((bitcast<vec4<u32>>(held) + 0x1000u) & vec4(0xffffe000u));
@@ -20,7 +21,7 @@ fn encode(linear: vec3<f32>) -> vec3<f32> {
     return select(high, low, linear <= vec3(0.0031308));
 }
 
-// Encoded sRGB to CIELAB under D65.
+// Converts encoded sRGB to CIELAB under D65.
 fn cielab(encoded: vec3<f32>) -> vec3<f32> {
     let linear = decode(encoded);
     // Each row is divided by its sum, the white point.

@@ -1,4 +1,4 @@
-// The field over what was drawn before it, in encoded sRGB: what the posterization works on.
+// The composite pass: blends the layer over the scene, in encoded sRGB. Posterization works on the result.
 
 #import bevy_plenoctree::filter_texel::pack
 #import bevy_plenoctree::target::from_target
@@ -13,7 +13,7 @@ struct Fragment {
     @location(0) even: vec4<u32>,
 }
 #else
-// The filter reads what it leaves alone in either of its pictures.
+// The filter does not write pixels without an owner, but reads them from both of its textures.
 struct Fragment {
     @location(0) even: vec4<u32>,
     @location(1) odd: vec4<u32>,

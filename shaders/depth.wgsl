@@ -1,4 +1,4 @@
-// The depth of the props where they are solid, for what is drawn after them.
+// The depth pass: writes the depth of props where they are solid, for everything that is drawn later.
 
 #import bevy_plenoctree::view::{solid_at, view}
 

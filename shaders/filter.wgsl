@@ -1,10 +1,10 @@
-// One direction of the bilateral filter: section 4, step 2 of the method.
+// One direction of the bilateral filter. See section 4 of the method, step 2.
 
 #import bevy_plenoctree::filter_texel::{pack, unpack}
 #import bevy_plenoctree::view::{props, view}
 
 @group(1) @binding(0) var source: texture_2d<u32>;
-// How many iterations came before.
+// x: the number of previous iterations.
 @group(1) @binding(1) var<uniform> iteration: vec4<u32>;
 
 #ifdef HORIZONTAL
@@ -13,7 +13,7 @@ const ALONG: vec2<i32> = vec2(1, 0);
 const ALONG: vec2<i32> = vec2(0, 1);
 #endif
 
-// Colors so far and their weights.
+// The weighted sum of colors, and the sum of their weights.
 struct Sum {
     color: vec3<f32>,
     weight: f32,
@@ -24,7 +24,7 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<u32> {
     let at = vec2<i32>(position.xy);
     let texel = textureLoad(source, at, 0);
     let center = unpack(texel);
-    // Both pictures hold what no prop owns.
+    // Both textures already hold the pixels without an owner.
     if center.owner == 0u {
         discard;
     }
@@ -44,7 +44,7 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<u32> {
 }
 
 fn add(sum: ptr<function, Sum>, at: vec2<i32>, lab: vec3<f32>, closeness: f32, range: f32) {
-    // Beyond the edge nothing is loaded, and nothing counts.
+    // Taps outside the viewport have no weight, whatever they load.
     let pixel = unpack(textureLoad(source, at, 0));
     let difference = pixel.lab - lab;
     let inside = all(at >= vec2(0)) && all(at < vec2<i32>(view.size));

@@ -1,15 +1,15 @@
-// A pixel of the pictures that the bilateral filter reads and writes: one texel of four words, since a tap costs as much as
-// its loads.
+// A pixel of the bilateral filter's textures. It is a single texel of four words, because loads dominate the cost of a
+// tap.
 #define_import_path bevy_plenoctree::filter_texel
 
 #import bevy_plenoctree::color::{cielab, to_half}
 
 struct Pixel {
-    // Encoded sRGB, of half floats.
+    // Encoded sRGB, stored as half floats.
     color: vec3<f32>,
-    // 1 + place in `props` of what posterizes the pixel, or 0.
+    // 1 + the index in `props` of the pixel's owner, or 0.
     owner: u32,
-    // CIELAB of the color if the picture is to be filtered, worked out once a pixel, not once a tap: from -1024 to 1024,
+    // The color in CIELAB if it will be filtered, computed once per pixel instead of once per tap. From -1024 to 1024,
     // in steps of 1/1024.
     lab: vec3<f32>,
 }

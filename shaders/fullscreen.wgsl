@@ -1,10 +1,10 @@
-// One triangle over the whole viewport.
+// One triangle that covers the viewport.
 
 #import bevy_plenoctree::view::{LEAST_DEPTH, view}
 
 @vertex
 fn vertex(@builtin(vertex_index) index: u32) -> @builtin(position) vec4<f32> {
-    // Passes that test the props' depth are for pixels in which there is something of a prop, or for all.
+    // Passes that test the props' depth run only where a prop was drawn, or everywhere if the view is posterized.
     let depth = select(0.0, LEAST_DEPTH, view.everything == 0u);
     return vec4(vec2(f32((index << 1u) & 2u), f32(index & 2u)) * 2.0 - 1.0, depth, 1.0);
 }

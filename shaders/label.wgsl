@@ -1,5 +1,5 @@
-// The label pass: labels for the pixels that are posterized, the composite for the others. Section 4 of the method, steps 1
-// and 3 to 5.
+// The label pass: writes labels where pixels are posterized, and the composite elsewhere. See section 4 of the method,
+// steps 1 and 3 to 5.
 
 #import bevy_plenoctree::filter_texel::unpack
 #ifndef LABEL_TEXTURES
@@ -10,18 +10,18 @@
 @group(1) @binding(0) var filtered: texture_2d<u32>;
 @group(1) @binding(1) var layer: texture_2d<f32>;
 
-// A label: colors `first` and `second` of a palette, and how much of the first there is.
+// A label: a blend of the palette colors `first` and `second`, where `share` is the weight of `first`.
 struct Label {
     first: u32,
     second: u32,
     share: f32,
-    // How far it is from a pixel's color in encoded RGB, squared.
+    // The squared distance to the pixel's color, in encoded RGB.
     distance: f32,
-    // Its place among all labels.
+    // Its index among all labels.
     index: u32,
 }
 
-// The two labels that are nearest so far.
+// The two nearest labels so far.
 struct Nearest {
     first: Label,
     second: Label,
@@ -36,14 +36,14 @@ fn consider(nearest: ptr<function, Nearest>, label: Label) {
     }
 }
 
-// A label in the palette that begins at `palette`.
+// Returns the color of a label in the palette that begins at `palette`.
 fn shown(palette: u32, label: Label) -> vec3<f32> {
     return mix(colors[palette + label.second].rgb, colors[palette + label.first].rgb, label.share);
 }
 
 const FAR: f32 = 1e30;
 
-// What a pixel shows, and the index of its nearest label.
+// The color of a pixel, and the index of its nearest label.
 struct Shown {
     color: vec3<f32>,
     label: u32,
@@ -77,7 +77,7 @@ fn assign(color: vec3<f32>, prop: u32) -> Shown {
     let softness = props[prop].softness;
     let lead = sqrt(nearest.second.distance) - sqrt(nearest.first.distance);
     let first = shown(edited, nearest.first);
-    // Softness 0 is a hard edge. A palette of one color has no second label, which is as far as can be.
+    // Softness 0 gives a hard edge. A palette of one color has no second label: its distance remains FAR.
     if lead >= softness {
         return Shown(first, nearest.first.index);
     }
@@ -87,11 +87,12 @@ fn assign(color: vec3<f32>, prop: u32) -> Shown {
 }
 
 #ifdef LABEL_TEXTURES
-// What custom stages read.
+// The textures that custom stages read.
 struct Fragment {
     // Encoded sRGB, and opacity.
     @location(0) color: vec4<f32>,
-    // 1 for a pixel that is shown as trained, 2 + the label's index for one that is posterized; 1 + the prop's place or 0.
+    // x: 1 where a prop is drawn as trained, or 2 + the index of the label. y: 1 + the index of the posterized prop, or
+    // 0.
     @location(1) label: vec2<u32>,
 }
 #else
@@ -119,7 +120,7 @@ fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
         let posterized = assign(color, value.owner - 1u);
         color = posterized.color;
         label = 2u + posterized.label;
-        // A posterized prop is opaque; the rest is as opaque as it was.
+        // Posterized props are opaque. A posterized view keeps the opacity of its pixels.
         alpha = select(1.0, opacity, value.owner == view.everything);
     }
 #ifdef LABEL_TEXTURES

@@ -1,14 +1,14 @@
-// The octree and a ray's way through it: bind group 1. `src/gpu/records.rs` says how records are made.
+// The octree, in bind group 1, and its traversal along rays. `src/gpu/records.rs` creates the records.
 #define_import_path bevy_plenoctree::octree
 
 #import bevy_plenoctree::constants::{BRICK, INNER, KIND, NO_LEAF, WHOLE}
 
 struct Field {
-    // Levels of cells.
+    // The depth of the tree.
     depth: u32,
     // The level whose cells the table lists.
     table_level: u32,
-    // The width of textures is this power of two.
+    // The base-2 logarithm of the width of textures.
     row: u32,
 }
 
@@ -19,22 +19,22 @@ struct Field {
 #endif
 @group(1) @binding(3) var densities: texture_2d<f32>;
 
-// A ray in finest cells. `t` is measured in world units of the field.
+// A ray, in units of finest cells. `t` is in world units of the field.
 struct Ray {
     origin: vec3<f32>,
     direction: vec3<f32>,
     inverse: vec3<f32>,
-    // 1 where the direction is not negative, else 0.
+    // 1 where the direction is not negative, otherwise 0.
     forward: vec3<i32>,
 }
 
 struct Walk {
-    // The cell that the walk is about to visit, in finest cells.
+    // A position in the next cell to visit, in finest cells.
     position: vec3<i32>,
     t: f32,
 }
 
-// A leaf on a ray's way, or none, and where the ray enters and leaves it.
+// A leaf that a ray crosses, or NO_LEAF, and where the ray enters and exits it.
 struct Crossing {
     leaf: u32,
     enter: f32,
@@ -42,12 +42,13 @@ struct Crossing {
 }
 
 fn make_ray(origin: vec3<f32>, direction: vec3<f32>) -> Ray {
-    // A component of zero crosses no face: it is made too small to reach one, but not to divide by.
+    // Along an axis where its direction is 0, a ray crosses no faces. Replace 0 with a value that is too small to reach
+    // a face, but safe to divide by.
     let safe = select(direction, vec3(1e-20), abs(direction) < vec3(1e-20));
     return Ray(origin, safe, 1.0 / safe, vec3<i32>(safe > vec3(0.0)));
 }
 
-// Where the ray enters and leaves a box, both at least `least`.
+// Returns where a ray enters and exits a box. The entry is no less than `least`.
 fn clip(ray: Ray, low: vec3<f32>, high: vec3<f32>, least: f32) -> vec2<f32> {
     let a = (low - ray.origin) * ray.inverse;
     let b = (high - ray.origin) * ray.inverse;
@@ -65,8 +66,8 @@ fn is_inside(walk: Walk) -> bool {
     return all(vec3<u32>(walk.position) < vec3(1u << field.depth));
 }
 
-// Through the cell of `size` at `low` to the neighbor behind the face through which the ray leaves. Positions are
-// integers, so that no cell is lost or visited twice, however short the way through it.
+// Moves through the cell of `size` at `low` to the neighbor across the face where the ray exits. Positions are
+// integers, so that no cell is missed or visited twice, however short the path through it.
 fn leave(ray: Ray, walk: Walk, low: vec3<i32>, size: i32) -> Walk {
     let planes = (vec3<f32>(low + size * ray.forward) - ray.origin) * ray.inverse;
     let exit = max(min(min(planes.x, planes.y), planes.z), walk.t);
@@ -75,7 +76,7 @@ fn leave(ray: Ray, walk: Walk, low: vec3<i32>, size: i32) -> Walk {
     return Walk(select(next, beyond, planes <= vec3(exit)), exit);
 }
 
-// Bits of the parts before the one at `index` (below 64).
+// Counts the bits set before bit `index` (below 64).
 fn count_before(record: vec4<u32>, index: u32) -> u32 {
     let below = (1u << (index & 31u)) - 1u;
     return select(countOneBits(record.x & below), countOneBits(record.x) + countOneBits(record.y & below), index >= 32u);
@@ -83,11 +84,11 @@ fn count_before(record: vec4<u32>, index: u32) -> u32 {
 
 struct Cell {
     leaf: u32,
-    // Its width is this power of two.
+    // The base-2 logarithm of its width, in finest cells.
     shift: u32,
 }
 
-// The cell around a finest cell.
+// Returns the cell that contains a finest cell.
 fn locate(position: vec3<u32>) -> Cell {
     var shift = field.depth - field.table_level;
     var record = textureLoad(table, (position >> vec3(shift)).zyx, 0);
@@ -100,7 +101,7 @@ fn locate(position: vec3<u32>) -> Cell {
         let part = part_at(position, shift);
         let octant = (select(record.x, record.y, part >= 32u) >> (part & 24u)) & 255u;
         if ((octant >> (part & 7u)) & 1u) == 0u {
-            // An empty part has no record: one of its level stands for it.
+            // An empty part has no record. Create one that holds its level.
             record = vec4(0u, 0u, 0u, field.depth - shift - select(0u, 1u, octant == 0u));
         } else {
             let index = record.z + count_before(record, part);
@@ -123,7 +124,7 @@ fn locate(position: vec3<u32>) -> Cell {
     );
 }
 
-// Which of the 64 parts of a record holds a finest cell, if the parts are 2^shift wide.
+// Returns which of the 64 parts of a record contains a finest cell, if parts are 2^shift finest cells wide.
 fn part_at(position: vec3<u32>, shift: u32) -> u32 {
     let q = position >> vec3(shift);
     let high = (q >> vec3(1u)) & vec3(1u);
@@ -131,11 +132,12 @@ fn part_at(position: vec3<u32>, shift: u32) -> u32 {
     return 32u * high.x + 16u * high.y + 8u * high.z + 4u * low.x + 2u * low.y + low.z;
 }
 
-// The next leaf on the way to `end`. Lanes that have found theirs wait here for the others, so that all work on leaves
-// at once.
+// Returns the next leaf before `end`. Lanes that have found a leaf wait here for the others, so that all lanes shade
+// leaves at once.
 fn next_leaf(ray: Ray, walk: ptr<function, Walk>, end: f32) -> Crossing {
     var crossing = Crossing(NO_LEAF, 0.0, 0.0);
-    // The condition comes first, since Mesa's software rasterizer mixes up the lanes of what a loop's end leaves behind.
+    // Test the condition first. Mesa's software rasterizer mixes up the values of different lanes after a loop that
+    // tests it at the end.
     loop {
         if crossing.leaf != NO_LEAF || (*walk).t >= end || !is_inside(*walk) {
             break;

@@ -1,4 +1,4 @@
-// The present pass: what custom stages made of the labels, written to the view's target.
+// The present pass: writes the output of custom stages to the view's target.
 
 #import bevy_plenoctree::target::to_target
 #import bevy_plenoctree::view::view
@@ -8,7 +8,7 @@
 @fragment
 fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
     let color = textureLoad(colors, vec2<u32>(position.xy) - view.corner, 0);
-    // Nothing is shown there.
+    // Nothing is drawn here.
     if color.a < 0.0 {
         discard;
     }

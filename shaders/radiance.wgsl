@@ -1,5 +1,5 @@
-// Radiance of a leaf: section 1 of the method. `src/gpu/payload.rs` says how its coefficients lie in TEXELS texels: WORDS
-// words a channel, and before them two more if they are COMPACT.
+// The radiance of a leaf. See section 1 of the method. The coefficients of a leaf take TEXELS texels: WORDS words per
+// channel, preceded by two more if they are COMPACT. `src/gpu/payload.rs` packs them.
 #define_import_path bevy_plenoctree::radiance
 
 #import bevy_plenoctree::constants::HARMONICS
@@ -7,12 +7,12 @@
 
 @group(1) @binding(4) var coefficients: texture_2d<u32>;
 
-// The basis in one direction; functions that are not asked for are 0.
+// The values of the basis functions in one direction. Functions above the requested degree are 0.
 struct Harmonics {
     y: array<f32, 28>,
 }
 
-// `d` is a unit vector from the eye into the scene, in the field's frame.
+// Evaluates the basis functions. `d` is a unit vector from the eye into the scene, in the field's frame.
 fn harmonics(d: vec3<f32>) -> Harmonics {
     var h: Harmonics;
 #ifdef RGBA
@@ -78,7 +78,7 @@ fn word(leaf: ptr<function, Leaf>, index: u32) -> u32 {
     return (*leaf).texels[index / 4u][index % 4u];
 }
 
-// The sum of a channel's harmonics. USED words hold all coefficients of the degree that is asked for.
+// Returns the sum of a channel's harmonics. USED words hold all coefficients up to the requested degree.
 fn channel(leaf: ptr<function, Leaf>, index: u32, h: ptr<function, Harmonics>) -> f32 {
 #ifdef COMPACT
     let constants = vec3(unpack2x16float(word(leaf, 0u)), unpack2x16float(word(leaf, 1u)).x);

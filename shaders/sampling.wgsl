@@ -1,12 +1,13 @@
-// Visibility-weighted radiance samples of a slice of leaves, added to histograms: section 3 of the method, steps 2 to 5.
-// A thread takes one leaf and one cell of directions, neighbors in a workgroup take neighbors in space.
+// Adds the visibility-weighted radiance samples of a slice of leaves to histograms. See section 3 of the method, steps
+// 2 to 5. Each thread handles one leaf and one cell of directions. Neighboring threads of a workgroup handle
+// neighboring leaves.
 
 #import bevy_plenoctree::constants::{MAX_CHANNEL, MAX_DEPTH, NO_LEAF, SAMPLING_WORKGROUP}
 #import bevy_plenoctree::octree::{begin, density, field, make_ray, next_leaf}
 #import bevy_plenoctree::radiance::{harmonics, radiance}
 
 struct Slice {
-    // Tree units a world unit of the field.
+    // Tree units per world unit of the field.
     frame_scale: vec3<f32>,
     first: u32,
     leaves: u32,
@@ -15,19 +16,20 @@ struct Slice {
     coarse_bins: u32,
     // The optical depth above which a leaf is hidden.
     limit: f32,
-    // What makes integers of weights.
+    // The factor that converts weights to integers.
     weight_scale: f32,
 }
 
 @group(0) @binding(0) var<uniform> slice: Slice;
-// Twice the center of a leaf, in cells of the deepest tree that there can be, and its index.
+// Twice the center of each leaf, in cells of a tree of depth MAX_DEPTH, and the index of the leaf.
 @group(0) @binding(1) var<storage, read> leaves: array<vec4<u32>>;
-// Unit vectors to the observers, those of a cell of directions together.
+// Unit vectors toward the observers. Those of one cell of directions are next to each other.
 @group(0) @binding(2) var<storage, read> observers: array<vec4<f32>>;
-// The fine and the coarse bins, two words each, the low one first: sums of integers do not depend on their order.
+// The fine bins, then the coarse bins, two words each, with the low word first. Integer sums do not depend on the order
+// of addition.
 @group(0) @binding(3) var<storage, read_write> bins: array<atomic<u32>>;
 
-// No ray goes so far.
+// No ray is this long.
 const FAR: f32 = 1e30;
 
 const WORD: f32 = 4294967296.0;
@@ -49,7 +51,7 @@ fn bin_of(color: vec3<f32>, count: u32) -> u32 {
     return (bin.r * count + bin.g) * count + bin.b;
 }
 
-// Optical depth from the middle of a leaf to the edge of the field; no more than a little over the limit counts.
+// Returns the optical depth from the center of a leaf to the edge of the field. Stops soon after it exceeds the limit.
 fn optical_depth(center: vec3<f32>, observer: vec3<f32>) -> f32 {
     let ray = make_ray(center, observer * slice.frame_scale * f32(1u << field.depth));
     var walk = begin(ray, 0.0);
@@ -74,8 +76,8 @@ fn sample(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let entry = leaves[slice.first + id.x];
     let center = vec3<f32>(entry.xyz) * (f32(1u << field.depth) / f32(2u << MAX_DEPTH));
-    // Colors are averaged as differences from the first, so that one that is the same from everywhere stays exactly
-    // itself, also on the border of two bins.
+    // Average colors as differences from the first one. A color that is the same from all directions then stays exactly
+    // the same, even on the border between two bins.
     var first = vec3(0.0);
     var color = vec3(0.0);
     var visible = 0.0;

@@ -1,4 +1,5 @@
-// What the view's target stores, and what props are made of: encoded sRGB, as displays show it at the default exposure.
+// Conversions between the color space of the view's target and that of props: encoded sRGB, as displays show it at the
+// default exposure.
 #define_import_path bevy_plenoctree::target
 
 #import bevy_plenoctree::color::{decode, encode}
@@ -15,12 +16,12 @@ fn from_target(stored: vec3<f32>) -> vec3<f32> {
 #else
     let light = stored;
 #endif
-    // An infinite light behind an opaque prop is no light.
+    // Clamp: behind an opaque prop, infinite light times zero would be NaN.
     return encode(clamp(light / view.exposure, vec3(0.0), vec3(65504.0)));
 }
 
 fn to_target(color: vec3<f32>) -> vec3<f32> {
-    // What half floats hold: infinite light is a hole after bloom.
+    // Clamp to the range of half floats: bloom would turn infinite light into a hole.
     let light = clamp(view.exposure * decode(color), vec3(-65504.0), vec3(65504.0));
 #ifdef SRGB_TARGET
     return encode(light);

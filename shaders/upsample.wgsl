@@ -1,4 +1,5 @@
-// From the pixels of a coarser volume pass to those of the viewport: bilinear, but not across edges of the scene's depth.
+// The upsample pass: enlarges the coarse layer to the size of the viewport. Interpolates bilinearly, but not across
+// edges in the scene's depth.
 
 #import bevy_plenoctree::color::to_half
 #import bevy_plenoctree::view::{owner_of, pack_owner, props, solid_at, view, view_distance}
@@ -45,9 +46,9 @@ fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
         let pixel = clamp(corner + offset, vec2(0), last);
         let value = textureLoad(layer, pixel, 0);
         let along = mix(1.0 - share, share, vec2<f32>(offset));
-        // The ray of that pixel ended at the depth of the scene there.
+        // The ray of that coarse pixel ended at the scene's depth there.
         let there = distance_at(vec2<u32>((vec2<f32>(pixel) + 0.5) * view.pixel));
-        // Distances of parallel rays may be negative.
+        // Distances of parallel rays can be negative.
         let likeness = pow16(1.0 - min(abs(here - there) / max(max(abs(here), abs(there)), 1e-30), 1.0));
         let weight = along.x * along.y * (likeness + 1e-4);
         color += weight * value;
@@ -62,7 +63,7 @@ fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
     }
     let mixed = to_half(color / total);
     let there = textureLoad(owner, nearest, 0);
-    // The outline is that of the opacity here, not that of larger pixels.
+    // Outlines follow the interpolated opacity, not that of the coarse pixels.
     let prop = owner_of(there);
     let covers = mixed.a >= props[max(prop, 1u) - 1u].min_opacity;
     let owned = pack_owner(select(0u, prop, covers), solid_at(there));

@@ -1,52 +1,53 @@
-// What the passes of one view share: bind group 0.
+// Bind group 0, which the passes of a view share.
 #define_import_path bevy_plenoctree::view
 
 struct Prop {
-    // Corners of the unit cube to the corners of the box around the leaves, in clip space.
+    // Transforms the unit cube to the box around the leaves, in clip space.
     clip_from_box: mat4x4<f32>,
-    // The ray through the point `reference` + p of the viewport, in pixels, in the field's frame: origin[0] + p.x origin[1]
-    // + p.y origin[2], in tree units, and likewise its direction, in world units of the field, not normalized. It begins
-    // where the box does, `near` along the view axis, so that numbers are small however far away the camera is.
+    // The ray through the viewport point `reference` + p, in pixels, in the field's frame. Its origin is origin[0] +
+    // p.x origin[1] + p.y origin[2], in tree units. Its direction has the same form, in world units of the field, and
+    // is not normalized. Rays begin at the box, `near` along the view axis, so that numbers stay small however far away
+    // the camera is.
     origin: mat3x3<f32>,
     direction: mat3x3<f32>,
-    // Tree units a world unit of the field.
+    // Tree units per world unit of the field.
     scale: vec3<f32>,
-    // 1 if the transform mirrors, else 0.
+    // 1 if the transform mirrors, otherwise 0.
     mirrored: u32,
-    // The box around the leaves, in tree units.
+    // The lower corner of the box around the leaves, in tree units. `high` is the upper corner.
     low: vec3<f32>,
-    // Palette colors; 0 if the prop is not posterized.
+    // The number of palette colors, or 0 if the prop is not posterized.
     colors: u32,
     high: vec3<f32>,
-    // Where the palette's extracted colors begin in `colors`; the shown ones follow.
+    // The index in `colors` of the palette's first source color. The shown colors follow the source colors.
     first_color: u32,
     blend_steps: u32,
     softness: f32,
     min_opacity: f32,
     iterations: u32,
     radius: i32,
-    // 1 / (2 sigma^2) of the bilateral filter's two Gaussians.
+    // 1 / (2 sigma^2) for the two Gaussians of the bilateral filter.
     spatial_falloff: f32,
     range_falloff: f32,
     reference: vec2<f32>,
     near: f32,
-    // Where transmittance falls to this, the prop is solid and has a depth.
+    // The prop is solid, and has a depth, where transmittance falls to this. Negative if it is never solid.
     solid_transmittance: f32,
 }
 
 struct View {
-    // Upper left corner of the viewport in the target, and its size, in pixels.
+    // The upper left corner of the viewport in the target, and its size, in pixels.
     corner: vec2<u32>,
     size: vec2<u32>,
     // The z and w rows of clip_from_view's z and w columns: P22, P32, P23, P33.
     depth: vec4<f32>,
-    // What the camera makes of the props' light: 1 at Bevy's default exposure, and after tonemapping.
+    // The camera's exposure relative to Bevy's default exposure, or 1 after tonemapping.
     exposure: f32,
-    // 1 + place in `props` of what posterizes the pixels that no posterized prop owns, or 0.
+    // 1 + the index in `props` of the posterized view, or 0. It owns the pixels that no posterized prop owns.
     everything: u32,
-    // Pixels of the viewport a pixel of the volume pass.
+    // Viewport pixels per pixel of the volume pass, along each axis.
     pixel: vec2<f32>,
-    // Of the camera's quality.
+    // From the camera's `PropQuality`.
     stop_transmittance: f32,
     min_weight: f32,
 }
@@ -55,23 +56,23 @@ struct View {
 @group(0) @binding(1) var<storage, read> props: array<Prop>;
 @group(0) @binding(2) var<storage, read> colors: array<vec4<f32>>;
 
-// Distance along the view axis for a value of the depth buffer (reverse z).
+// Returns the distance along the view axis for a value of the depth buffer (reverse z).
 fn view_distance(ndc: f32) -> f32 {
     let slope = view.depth.x - ndc * view.depth.z;
     let offset = view.depth.y - ndc * view.depth.w;
-    // An infinite far plane has slope 0 where nothing was drawn.
+    // With an infinite far plane, the slope is 0 where nothing was drawn.
     return select(FAR_AWAY, offset / slope, abs(slope) > 1e-30 * abs(offset));
 }
 
-// Value of the depth buffer for a distance along the view axis.
+// Returns the value of the depth buffer for a distance along the view axis.
 fn depth_value(distance: f32) -> f32 {
     return (view.depth.y - distance * view.depth.x) / (view.depth.w - distance * view.depth.z);
 }
 
 const FAR_AWAY: f32 = 1e30;
 
-// What the volume pass says of a pixel, in two half floats, which hold integers up to 2048: which prop posterizes it (1 +
-// place in `props`, or 0) and whether a prop is solid there.
+// Packs the owner of a pixel (1 + its index in `props`, or 0) and whether a prop is solid there into two half floats,
+// which hold integers up to 2048 exactly.
 fn pack_owner(owner: u32, is_solid: bool) -> vec2<f32> {
     return vec2(f32(owner & 2047u), f32(2u * (owner >> 11u) + select(0u, 1u, is_solid)));
 }
@@ -84,5 +85,5 @@ fn solid_at(texel: vec4<f32>) -> bool {
     return (u32(texel.g) & 1u) == 1u;
 }
 
-// The least depth of a pixel in which there is something of a prop: 0 stands for none.
+// The smallest depth of a pixel where a prop was drawn. 0 means that there is no prop.
 const LEAST_DEPTH: f32 = 1e-30;

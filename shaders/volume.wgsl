@@ -1,4 +1,4 @@
-// The volume pass: section 2 of the method, for the pixels of the box around a prop's leaves.
+// The volume pass: marches a ray for each pixel of the box around a prop's leaves. See section 2 of the method.
 
 #import bevy_plenoctree::color::to_half
 #import bevy_plenoctree::constants::NO_LEAF
@@ -17,7 +17,7 @@ struct Varying {
     @location(0) @interpolate(flat) prop: u32,
 }
 
-// Two triangles a face, as corners of the unit cube (bits x, y, z), wound so that the outside faces front.
+// Two triangles per face, as corners of the unit cube (bits x, y, z), wound so that the outside is the front.
 const CORNERS = array<u32, 36>(
     0u, 4u, 6u, 0u, 6u, 2u, // x low
     1u, 3u, 7u, 1u, 7u, 5u, // x high
@@ -30,30 +30,30 @@ const CORNERS = array<u32, 36>(
 @vertex
 fn vertex(@builtin(vertex_index) index: u32, @builtin(instance_index) instance: u32) -> Varying {
     var corners = CORNERS;
-    // A mirrored box is wound the other way round, unless its corners are swapped too.
+    // Mirroring reverses the winding of the box. Swapping its corners along x restores it.
     let bits = corners[index] ^ props[instance].mirrored;
     let corner = vec3(f32(bits & 1u), f32((bits >> 1u) & 1u), f32(bits >> 2u));
     var position = props[instance].clip_from_box * vec4(corner, 1.0);
-    // Back faces stand for the box. They must not be clipped, however near or far they are.
+    // Only back faces are drawn. They must not be clipped, however near or far they are.
     position.z = 0.5 * position.w;
     return Varying(position, instance);
 }
 
 struct Fragment {
-    // Color weighed by opacity, encoded sRGB, and opacity.
+    // Encoded sRGB premultiplied by opacity, and opacity.
     @location(0) color: vec4<f32>,
-    // `pack_owner`. Blending takes it where alpha is 1.
+    // The result of `pack_owner`. Blending writes it only where alpha is 1.
     @location(1) owner: vec4<f32>,
-    // Of the solid part, or of the first leaf where nothing is: what is behind it is not drawn over it, in whichever order
-    // props are drawn. What is hardly there hides nothing.
+    // The depth of the solid part, or of the first leaf if there is no solid part. Props behind it are hidden, whatever
+    // the order in which props are drawn. Nearly transparent pixels hide nothing.
     @builtin(frag_depth) depth: f32,
 }
 
-// The opacity of a pixel under which its prop is hidden by others that are solid there, wherever it is, and hides none:
-// a floater must not cut a hole into another prop.
+// Where a prop's opacity is below this, it hides no other prop, and every prop that is solid there hides it, even from
+// behind. Otherwise, floaters would cut holes into other props.
 const HARDLY_THERE: f32 = 0.05;
 
-// 1 - exp(-depth) without the cancellation that eats thin fog.
+// Returns 1 - exp(-depth), without the cancellation that would erase thin fog.
 fn absorbed(depth: f32) -> f32 {
     let series = depth * (1.0 - 0.5 * depth * (1.0 - depth / 3.0 * (1.0 - 0.25 * depth)));
     return select(1.0 - exp(-depth), series, depth < 0.02);
@@ -108,7 +108,7 @@ fn fragment(in: Varying) -> Fragment {
     if opacity == 0.0 {
         discard;
     }
-    // What was not asked for its color has that of the rest.
+    // Leaves that were skipped or not reached take the average color of the others.
     let gone = select(1.0 - transmittance, 1.0, transmittance < view.stop_transmittance);
     if transmittance < view.stop_transmittance || view.min_weight > 0.0 {
         color *= gone / opacity;

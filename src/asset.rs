@@ -1,4 +1,4 @@
-//! The field as a Bevy asset.
+//! The asset loader of fields.
 
 use std::io::Cursor;
 
@@ -9,10 +9,10 @@ use bevy::{
 };
 use plenoctree::{LoadSettings, PlenOctree, ReadError};
 
-/// Loads `.npz` files as [`PlenOctree`]s, off the main thread, hot reload included.
+/// Loads `.npz` files as [`PlenOctree`] assets, off the main thread. Supports hot reloading.
 ///
-/// The file's bytes are in memory while it loads; [`PlenOctree::read`] streams them instead. [`LoadSettings`] say what
-/// the file cannot.
+/// [`LoadSettings`] specify what the file does not record. The loader keeps all bytes of the file in memory while it
+/// loads; [`PlenOctree::read`] streams them instead. Invalid files fail to load with a [`ReadError`].
 #[derive(Default, TypePath)]
 pub struct PlenOctreeLoader;
 
@@ -27,10 +27,10 @@ impl AssetLoader for PlenOctreeLoader {
         settings: &LoadSettings,
         context: &mut LoadContext<'_>,
     ) -> Result<PlenOctree, ReadError> {
-        let label = context.path().to_string();
+        let file = context.path().to_string();
         let mut bytes = Vec::new();
-        reader.read_to_end(&mut bytes).await.map_err(|error| ReadError { file: label.clone(), fault: error.into() })?;
-        PlenOctree::read_from(Cursor::new(bytes), &label, settings)
+        reader.read_to_end(&mut bytes).await.map_err(|error| ReadError { file: file.clone(), fault: error.into() })?;
+        PlenOctree::read_from(Cursor::new(bytes), &file, settings)
     }
 
     fn extensions(&self) -> &[&str] {

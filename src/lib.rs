@@ -1,8 +1,16 @@
 //! Stylized radiance-field props for [Bevy](https://bevy.org).
 //!
-//! Loads PlenOctrees (trained radiance fields) as assets, extracts one palette from the whole field, renders the field
-//! among ordinary meshes, and posterizes it with labels blended from that palette. The palette is a resource that
-//! gameplay can animate, so a red cap turns blue while the look stays coherent from frame to frame.
+//! The plugin loads PlenOctrees (trained radiance fields) as assets, extracts one palette per field, renders fields
+//! among ordinary meshes, and posterizes them with labels blended from their palettes. Palettes can change in any
+//! frame, so gameplay can turn a red cap blue while all regions stay coherent from frame to frame.
+//!
+#![cfg_attr(
+    feature = "doc-images",
+    doc = "![A toadstool house as trained, posterized, and with its red turned blue][toadstool]\n",
+    doc = "![Four props in a room with lamps and glass][scene]\n",
+    doc = ::embed_doc_image::embed_image!("toadstool", "docs/toadstool.png"),
+    doc = ::embed_doc_image::embed_image!("scene", "docs/scene.png")
+)]
 //!
 //! ```no_run
 //! use bevy::prelude::*;
@@ -18,17 +26,19 @@
 //!
 //! | to | use |
 //! |---|---|
-//! | show a field | [`Prop`], [`SolidOpacity`]; [`FieldReady`] and [`FieldFailed`] report how its upload went |
-//! | posterize it | [`Posterize`] on the prop, or [`PosterizeView`] on a camera for everything in view |
+//! | draw a field | [`Prop`], [`SolidOpacity`]; [`FieldReady`] and [`FieldFailed`] report the result of the upload |
+//! | posterize it | [`Posterize`] on the prop, or [`PosterizeView`] on a camera to posterize everything in view |
 //! | recolor it | [`Palettes`], [`PaletteOverride`], [`BlendSpace`], [`PaletteReady`] |
-//! | choose how palettes are extracted | [`PaletteExtraction`] |
-//! | place props in the frame, trade accuracy for speed | [`PropStage`], [`PropQuality`] on a camera |
-//! | find what a ray hits | [`PropRayCast`]; `PropPickingPlugin` with the feature `picking` |
+//! | configure palette extraction | [`PaletteExtraction`] |
+//! | choose where in the frame props are drawn | [`PropStage`] on a camera |
+//! | trade accuracy for speed | [`PropQuality`] on a camera |
+//! | cast rays at props | [`PropRayCast`]; `PropPickingPlugin` (feature `picking`) |
 //! | add a render stage | [`LabelStages`], [`LabelTextures`], [`PlenOctreeRenderSystems`] |
-//! | capture frames without a window | `headless`, with the feature of that name |
+//! | capture frames without a window | the module `headless` (feature `headless`) |
+//! | edit palettes in a window | the module `panel` (feature `egui`) |
 //!
-//! Fields are read, written, baked and examined without an engine by the crate [`plenoctree`], from which the types of
-//! fields and palettes come.
+//! The crate [`plenoctree`] provides the types of fields and palettes. It also reads, writes, bakes and inspects fields
+//! without an engine.
 #![cfg_attr(docsrs, feature(doc_cfg))]
 #![forbid(unsafe_code)]
 #![warn(missing_docs)]
@@ -37,6 +47,8 @@ mod asset;
 mod gpu;
 #[cfg(feature = "headless")]
 pub mod headless;
+#[cfg(all(test, feature = "headless"))]
+mod layout_tests;
 mod palette;
 #[cfg(feature = "egui")]
 pub mod panel;
@@ -45,7 +57,7 @@ mod posterize;
 pub mod prelude;
 mod prop;
 mod quality;
-pub mod render;
+mod render;
 mod sampling;
 mod sets;
 mod stage;
@@ -67,13 +79,15 @@ pub use plenoctree::{
 pub use posterize::{BilateralFilter, MAX_BLEND_STEPS, MAX_FILTER_ITERATIONS, MAX_FILTER_RADIUS, Posterize};
 pub use prop::{Prop, SolidOpacity};
 pub use quality::{PropQuality, QualityPreset};
-pub use render::{LabelTextures, StageWrite};
+pub use render::{LabelTextures, POSTERIZE_SPANS, StageWrite, VOLUME_SPANS};
 pub use sets::{PlenOctreeRenderSystems, PlenOctreeSystems};
 pub use stage::{LabelStages, PosterizeView, PropStage};
 
 use bevy::prelude::*;
 
-/// Loads fields, extracts their palettes, and draws props.
+/// A plugin that loads fields, extracts their palettes, and draws [`Prop`]s.
+///
+/// Add it after Bevy's `DefaultPlugins`.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct PlenOctreePlugin;
 
@@ -97,7 +111,7 @@ impl Plugin for PlenOctreePlugin {
     }
 }
 
-/// Compiles the snippets of the documentation.
+/// Compiles the code blocks in the Markdown documentation.
 #[cfg(doctest)]
 mod documentation {
     #[doc = include_str!("../README.md")]

@@ -1,30 +1,38 @@
-//! The stylized look of props and views: section 4 of the method.
+//! Settings of posterization: section 4 of the method.
 
 use bevy::prelude::*;
 
-/// The most steps from one palette color to another.
+/// The maximum of [`Posterize::blend_steps`].
 pub const MAX_BLEND_STEPS: u32 = 8;
-/// The most iterations that the bilateral filter can do.
+/// The maximum of [`BilateralFilter::iterations`].
 pub const MAX_FILTER_ITERATIONS: u32 = 16;
-/// The largest radius of the bilateral filter, in pixels.
+/// The maximum of [`BilateralFilter::radius`], in pixels.
 pub const MAX_FILTER_RADIUS: u32 = 6;
 
-/// The stylized look of a [`Prop`](crate::Prop): section 4 of the method.
+/// Posterizes a [`Prop`](crate::Prop): filters its pixels and replaces their colors by labels, as described in section
+/// 4 of the method.
 ///
-/// Needs a palette in [`Palettes`](crate::Palettes), which is read or extracted when none is there; until it is ready the
-/// prop is shown as trained. [`PaletteOverride`](crate::PaletteOverride) gives the entity colors of its own. On a camera
-/// it is the look of a [`PosterizeView`](crate::PosterizeView).
+/// Uses the palette of the prop's field in [`Palettes`](crate::Palettes). If the field has none, one is loaded or
+/// extracted; until it is ready, the prop is drawn as trained. Add a [`PaletteOverride`](crate::PaletteOverride) to
+/// change the shown colors of this entity only.
+///
+/// On a camera, these are the settings of its [`PosterizeView`](crate::PosterizeView).
 #[derive(Component, Clone, Copy, Debug, PartialEq, Reflect)]
 #[reflect(Component, Default, Clone, Debug, PartialEq)]
 #[type_path = "bevy_plenoctree"]
 pub struct Posterize {
-    /// `d`: steps from one palette color to another; 1 makes labels of the palette colors alone. 1 to
-    /// [`MAX_BLEND_STEPS`]; 3 by default.
+    /// The number of steps from one palette color to another, `d` in the method. With 1, the labels are the palette
+    /// colors alone, without blends.
+    ///
+    /// Defaults to 3. Clamped to 1..=[`MAX_BLEND_STEPS`].
     pub blend_steps: u32,
-    /// `D`: distance in encoded RGB over which neighboring labels blend; 0 is a hard edge. 0 to 0.4 is useful; 0.2 by
-    /// default.
+    /// The distance over which neighboring labels blend, in encoded sRGB; `D` in the method. 0 is a hard edge.
+    ///
+    /// Defaults to 0.2. Values up to 0.4 are useful. Negative values count as 0.
     pub softness: f32,
-    /// `lambda`: pixels whose opacity is lower are shown as trained. 0 to 1; 80/255 by default.
+    /// The opacity below which pixels are drawn as trained, from 0 to 1; `lambda` in the method.
+    ///
+    /// Defaults to 80/255.
     pub min_opacity: f32,
     /// The filter that flattens colors before labels are assigned.
     pub filter: BilateralFilter,
@@ -36,18 +44,26 @@ impl Default for Posterize {
     }
 }
 
-/// A separable bilateral filter: section 4, step 2 of the method.
+/// Settings of the separable bilateral filter: section 4, step 2 of the method.
 #[derive(Clone, Copy, Debug, PartialEq, Reflect)]
 #[reflect(Default, Clone, Debug, PartialEq)]
 #[type_path = "bevy_plenoctree"]
 pub struct BilateralFilter {
-    /// How often it runs, horizontally and vertically each time. 0 (no filter) to [`MAX_FILTER_ITERATIONS`]; 4 by default.
+    /// The number of iterations; each one filters horizontally, then vertically. 0 disables the filter.
+    ///
+    /// Defaults to 4. Clamped to 0..=[`MAX_FILTER_ITERATIONS`].
     pub iterations: u32,
-    /// Radius in pixels. 0 to [`MAX_FILTER_RADIUS`]; 2 by default.
+    /// The radius, in pixels.
+    ///
+    /// Defaults to 2. Clamped to 0..=[`MAX_FILTER_RADIUS`].
     pub radius: u32,
-    /// Spatial sigma in pixels. Positive; 3 by default.
+    /// The standard deviation of the spatial weight, in pixels.
+    ///
+    /// Defaults to 3. Clamped to at least 0.001.
     pub spatial_sigma: f32,
-    /// Range sigma in CIELAB. Positive; 4.25 by default.
+    /// The standard deviation of the range weight, in units of CIELAB.
+    ///
+    /// Defaults to 4.25. Clamped to at least 0.001.
     pub range_sigma: f32,
 }
 

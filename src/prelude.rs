@@ -1,4 +1,4 @@
-//! The types that most games use: `use bevy_plenoctree::prelude::*;`.
+//! Re-exports the types that most games need: `use bevy_plenoctree::prelude::*;`.
 
 pub use crate::{
     BlendSpace, FieldPalette, PaletteOverride, PaletteReady, Palettes, PlenOctree, PlenOctreePlugin, Posterize,

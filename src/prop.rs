@@ -1,4 +1,4 @@
-//! Props: fields placed in the scene.
+//! Props: entities that place fields in the scene.
 
 use std::any::TypeId;
 
@@ -16,37 +16,39 @@ use plenoctree::{PlenOctree, UpAxis};
 
 use crate::sets::PlenOctreeSystems;
 
-/// A radiance field in the scene.
+/// Places a field in the scene.
 ///
-/// The field stands where the entity's transform puts it, in its own world units, turned so that its up axis is y. How
-/// large the entity is scaled does not change how dense the field looks, and highlights turn with it. Alone it is shown
-/// as trained; add [`Posterize`](crate::Posterize) for the stylized look.
+/// The field is placed by the entity's [`Transform`], in the field's own world units, and rotated so that its up axis
+/// becomes Bevy's y axis. Scaling the entity does not change the field's apparent density, and highlights rotate with
+/// the entity. By default, the field is drawn as trained; add [`Posterize`](crate::Posterize) to posterize it.
 #[derive(Component, Clone, Debug, FromTemplate, Reflect)]
 #[reflect(Component, Clone, Debug)]
 #[type_path = "bevy_plenoctree"]
 #[require(SolidOpacity, Transform, Visibility, VisibilityClass)]
-#[component(on_add = visibility::add_visibility_class::<Prop>, on_remove = leave_visibility_class)]
+#[component(on_add = visibility::add_visibility_class::<Prop>, on_remove = remove_visibility_class)]
 pub struct Prop(pub Handle<PlenOctree>);
 
-/// Undoes what happened when the prop was added; else an entity to which it is added again would be seen twice.
-fn leave_visibility_class(mut world: DeferredWorld, HookContext { entity, .. }: HookContext) {
+/// Reverts `add_visibility_class`. Otherwise, an entity whose [`Prop`] is removed and added again would be listed twice
+/// as visible.
+fn remove_visibility_class(mut world: DeferredWorld, HookContext { entity, .. }: HookContext) {
     if let Some(mut classes) = world.get_mut::<VisibilityClass>(entity) {
         classes.retain(|class| *class != TypeId::of::<Prop>());
     }
 }
 
-/// The opacity at which a [`Prop`] is solid, which is where it writes depth.
+/// The opacity at which a [`Prop`] becomes solid and writes depth.
 ///
-/// A ray that reaches this opacity writes the depth at which it does, so that whatever is drawn later, or reads the scene's
-/// depth, treats the prop as a surface there.
+/// The pixel's depth is that of the point where the opacity along its ray reaches this value. Anything that is drawn
+/// later or reads the scene's depth treats that point as a surface. Pixels whose opacity stays below it write no depth.
+///
+/// Defaults to `At(0.5)`.
 #[derive(Component, Clone, Copy, Debug, PartialEq, Reflect)]
 #[reflect(Component, Default, Clone, Debug, PartialEq)]
 #[type_path = "bevy_plenoctree"]
 pub enum SolidOpacity {
-    /// Solid where the opacity along a pixel's ray reaches this value, from 0 to 1; values beyond are clamped. One half by
-    /// default.
+    /// The prop is solid where the opacity along a pixel's ray reaches this value. Clamped to 0..=1.
     At(f32),
-    /// Never solid: the prop writes no depth.
+    /// The prop is never solid and writes no depth.
     Never,
 }
 
@@ -56,12 +58,12 @@ impl Default for SolidOpacity {
     }
 }
 
-/// From a field's own frame to the scene, for a prop that stands at `transform`.
+/// Returns the transform from the field's own frame to the scene's world space, for a prop at `transform`.
 pub(crate) fn world_from_field(transform: &GlobalTransform, up: UpAxis) -> DAffine3 {
     transform.affine().as_daffine3() * DAffine3::from_mat3(up.to_y_up())
 }
 
-/// Keeps the bounds of props.
+/// Registers [`Prop`] and keeps the bounds of props up to date.
 pub(crate) struct PropPlugin;
 
 impl Plugin for PropPlugin {
@@ -72,14 +74,14 @@ impl Plugin for PropPlugin {
     }
 }
 
-/// Gives props the box around their leaves, for culling, when their field arrives or changes.
+/// Sets the [`Aabb`] of props to the bounds of their field's leaves, when the field is loaded or changed.
 fn update_bounds(
     mut commands: Commands,
     fields: Res<Assets<PlenOctree>>,
     mut events: MessageReader<AssetEvent<PlenOctree>>,
     props: Query<(Entity, Ref<Prop>, Has<Aabb>)>,
 ) {
-    // Empty in most frames, and then nothing is allocated.
+    // Usually empty, so most frames allocate nothing.
     let changed: Vec<_> = events
         .read()
         .filter_map(|event| match event {
@@ -94,8 +96,8 @@ fn update_bounds(
         if let Some(field) = fields.get(&prop.0)
             && let Some((low, high)) = field.bounds()
         {
-            let turn = field.up().to_y_up();
-            let (a, b) = ((turn * low).as_vec3(), (turn * high).as_vec3());
+            let rotation = field.up().to_y_up();
+            let (a, b) = ((rotation * low).as_vec3(), (rotation * high).as_vec3());
             commands.entity(entity).try_insert(Aabb::from_min_max(a.min(b), a.max(b)));
         }
     }

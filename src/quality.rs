@@ -1,4 +1,4 @@
-//! How much accuracy a camera gives up for speed.
+//! Settings that trade a camera's accuracy for speed.
 
 use bevy::prelude::*;
 
@@ -6,43 +6,67 @@ use plenoctree::{palette::ExtractionSettings, sampling::SamplingSettings};
 
 use crate::posterize::{MAX_FILTER_ITERATIONS, MAX_FILTER_RADIUS};
 
-/// How exactly a camera draws props. On an entity with a `Camera3d`; without it, [`PropQuality::EXACT`].
+/// Trades accuracy for speed when a camera draws props.
 ///
-/// Every knob can be turned alone: `PropQuality { cell_size: 1.0, ..PropQuality::EXACT }`. What each costs and gains on a field of
-/// yours is what the example `tradeoff` measures.
+/// Add it to an entity with a `Camera3d`. Cameras without it use [`PropQuality::EXACT`].
+///
+/// Each setting works on its own: `PropQuality { cell_size: 1.0, ..PropQuality::EXACT }`. To measure what each one
+/// costs and saves on a field of your own, run `plenoctree tradeoff` of the crate `plenoctree_cli`.
+///
+/// Three settings select a *level*, a version of the field that is cheaper to draw: [`density_threshold`],
+/// [`opacity_loss`] and [`cell_size`]. A level is made in the background when a camera first requests it; until it is
+/// ready, the field itself or a more exact level is drawn. Levels take additional GPU memory until no camera has
+/// requested them for 600 frames, so do not animate these settings.
+///
+/// [`density_threshold`]: Self::density_threshold
+/// [`opacity_loss`]: Self::opacity_loss
+/// [`cell_size`]: Self::cell_size
 #[derive(Component, Clone, Copy, Debug, PartialEq, Reflect)]
 #[reflect(Component, Default, Clone, Debug, PartialEq)]
 #[type_path = "bevy_plenoctree"]
 pub struct PropQuality {
-    /// A ray ends where transmittance is less than this, and the pixel counts as opaque. 0 to 1; 0.01, the method's, by
-    /// default.
-    pub stop_transmittance: f32,
-    /// Leaves that are less dense are left out, besides those that are dropped at loading. Per world unit of the field; 0
-    /// by default.
-    pub density_threshold: f32,
-    /// Faint leaves are left out, the faintest first, as many as can be without rays' losing more than this of their opacity
-    /// (root mean square over rays along the field's axes). 0, none, by default; 0.002 is hardly seen. Fog, all of which is
-    /// faint, stays.
+    /// The transmittance below which a ray stops and its pixel counts as opaque.
     ///
-    /// Such a form of the field, and every level of detail, is made in the background when a camera first asks for it; the
-    /// field is drawn as it is meanwhile. It has memory of its own on the GPU until no camera has asked for 600 frames: do
-    /// not animate these knobs.
+    /// Defaults to 0.01, the value of the method. Clamped to 0..=1.
+    pub stop_transmittance: f32,
+    /// The density below which leaves are dropped, per world unit of the field. Applies in addition to the [threshold
+    /// for loading](plenoctree::LoadSettings::density_threshold).
+    ///
+    /// Defaults to 0. Negative values count as 0.
+    pub density_threshold: f32,
+    /// The opacity that rays may lose when faint leaves are dropped, the faintest first: the root mean square over rays
+    /// along the field's axes. Fog consists of faint leaves only, and is kept.
+    ///
+    /// Defaults to 0, which keeps all leaves; 0.002 is barely visible. Clamped to 0..=1.
     pub opacity_loss: f32,
-    /// A leaf that adds less than this to the opacity of a pixel is not asked for its color; the others make up for it. 0
-    /// to 1; 0 by default.
+    /// The minimum opacity that a leaf must add to a pixel to be shaded. A leaf below it is not shaded; the remaining
+    /// weights are renormalized.
+    ///
+    /// Defaults to 0. Clamped to 0..=1.
     pub min_weight: f32,
-    /// The highest degree of spherical harmonics that is evaluated: 0 leaves no highlights. 4, all that there are, by
-    /// default.
+    /// The highest degree of spherical harmonics to evaluate. 0 removes highlights.
+    ///
+    /// Defaults to 4, the highest degree that fields have. Clamped to 0..=4.
     pub degree: u32,
-    /// The level of detail: cells of a prop are averaged as long as they stay smaller than this, in pixels, where the prop
-    /// is nearest to the camera. 0, never, by default; 1 is hardly seen.
+    /// The largest size, in pixels, that the cells of a level of detail may have where the prop is nearest to the
+    /// camera. Smaller cells are averaged.
+    ///
+    /// Defaults to 0, which always draws the finest cells; 1 is barely visible. Negative values count as 0.
     pub cell_size: f32,
-    /// Pixels of the volume pass along each axis, as a share of the viewport's. They are interpolated, but not across the
-    /// edges of meshes. 0.1 to 1; 1 by default.
+    /// The resolution of the volume pass along each axis, as a fraction of the viewport's. Pixels are interpolated, but
+    /// not across the edges of meshes.
+    ///
+    /// Defaults to 1. Clamped to 0.1..=1.
     pub resolution: f32,
-    /// Most iterations of the bilateral filter, whatever a look asks for.
+    /// The upper limit of [`BilateralFilter::iterations`](crate::BilateralFilter::iterations), for everything that the
+    /// camera posterizes.
+    ///
+    /// Defaults to [`MAX_FILTER_ITERATIONS`], which is no limit.
     pub filter_iterations: u32,
-    /// Largest radius of the bilateral filter in pixels, whatever a look asks for.
+    /// The upper limit of [`BilateralFilter::radius`](crate::BilateralFilter::radius) in pixels, for everything that
+    /// the camera posterizes.
+    ///
+    /// Defaults to [`MAX_FILTER_RADIUS`], which is no limit.
     pub filter_radius: u32,
 }
 
@@ -53,7 +77,7 @@ impl Default for PropQuality {
 }
 
 impl PropQuality {
-    /// What the method asks for.
+    /// Draws props exactly as the method specifies.
     pub const EXACT: Self = Self {
         stop_transmittance: 0.01,
         density_threshold: 0.0,
@@ -65,9 +89,9 @@ impl PropQuality {
         filter_iterations: MAX_FILTER_ITERATIONS,
         filter_radius: MAX_FILTER_RADIUS,
     };
-    /// Hardly to be told from the exact picture.
+    /// Visually indistinguishable from [`EXACT`](Self::EXACT).
     pub const HIGH: Self = Self { stop_transmittance: 0.02, opacity_loss: 0.005, cell_size: 0.5, ..Self::EXACT };
-    /// For most games.
+    /// A compromise for most games.
     pub const BALANCED: Self = Self {
         stop_transmittance: 0.03,
         opacity_loss: 0.04,
@@ -76,7 +100,7 @@ impl PropQuality {
         filter_iterations: 2,
         ..Self::EXACT
     };
-    /// For many props, or little of a graphics card.
+    /// For many props, or a slow GPU.
     pub const FAST: Self = Self {
         stop_transmittance: 0.05,
         opacity_loss: 0.06,
@@ -86,33 +110,36 @@ impl PropQuality {
         ..Self::EXACT
     };
 
-    /// With every knob in its range, so that no shader divides by zero or loops for long.
-    pub(crate) fn sound(self) -> Self {
-        let within = |value: f32, low: f32, high: f32, exact: f32| {
+    /// Clamps every field to its valid range, so that no shader divides by zero or loops for long. NaN becomes the
+    /// value of [`EXACT`](Self::EXACT).
+    pub(crate) fn clamped(self) -> Self {
+        let clamp = |value: f32, low: f32, high: f32, exact: f32| {
             if value.is_nan() { exact } else { value.clamp(low, high) }
         };
         let exact = Self::EXACT;
         Self {
-            stop_transmittance: within(self.stop_transmittance, 1e-30, 1.0, exact.stop_transmittance),
-            density_threshold: within(self.density_threshold, 0.0, f32::INFINITY, exact.density_threshold),
-            opacity_loss: within(self.opacity_loss, 0.0, 1.0, exact.opacity_loss),
-            min_weight: within(self.min_weight, 0.0, 1.0, exact.min_weight),
+            stop_transmittance: clamp(self.stop_transmittance, 1e-30, 1.0, exact.stop_transmittance),
+            density_threshold: clamp(self.density_threshold, 0.0, f32::INFINITY, exact.density_threshold),
+            opacity_loss: clamp(self.opacity_loss, 0.0, 1.0, exact.opacity_loss),
+            min_weight: clamp(self.min_weight, 0.0, 1.0, exact.min_weight),
             degree: self.degree.min(4),
-            cell_size: within(self.cell_size, 0.0, f32::INFINITY, exact.cell_size),
-            resolution: within(self.resolution, 0.1, 1.0, exact.resolution),
+            cell_size: clamp(self.cell_size, 0.0, f32::INFINITY, exact.cell_size),
+            resolution: clamp(self.resolution, 0.1, 1.0, exact.resolution),
             filter_iterations: self.filter_iterations,
             filter_radius: self.filter_radius,
         }
     }
 }
 
-/// A named choice for all that trades accuracy for speed.
+/// A named preset of all settings that trade accuracy for speed.
 ///
-/// What it keeps, tested with the hardest of our props (thin rails, gloss) in small pictures of 160 x 160 pixels, where
-/// the prop's details are as large as pixels: PSNR against float64, and the share of its pixels whose label is another than
-/// float64's if labels do not blend. Larger pictures keep more; the example `tradeoff` says what a field of yours keeps.
+/// The table lists the accuracy that tests guarantee for the most demanding of the included props (thin rails, gloss),
+/// in small frames of 160 x 160 pixels, where the prop's details are the size of pixels: the lowest PSNR against
+/// float64, and the largest fraction of the prop's pixels whose label differs from the one in float64, when labels do
+/// not blend. Larger frames are more accurate. To measure a field of your own, run `plenoctree tradeoff` of the crate
+/// `plenoctree_cli`.
 ///
-/// | | PSNR at least | other labels at most |
+/// | | PSNR, at least | labels changed, at most |
 /// |---|---|---|
 /// | [`Self::Exact`] | 55 dB | 1 % |
 /// | [`Self::High`] | 45 dB | 5 % |
@@ -122,22 +149,22 @@ impl PropQuality {
 #[reflect(Default, Clone, Debug, PartialEq, Hash)]
 #[type_path = "bevy_plenoctree"]
 pub enum QualityPreset {
-    /// What the method asks for.
+    /// Exactly as the method specifies. This is the default.
     #[default]
     Exact,
-    /// Hardly to be told from it.
+    /// Visually indistinguishable from [`Exact`](Self::Exact).
     High,
-    /// For most games.
+    /// A compromise for most games.
     Balanced,
-    /// For many props, or little of a graphics card.
+    /// For many props, or a slow GPU.
     Fast,
 }
 
 impl QualityPreset {
-    /// All of them, the most exact first.
+    /// All presets, from the most exact to the fastest.
     pub const ALL: [Self; 4] = [Self::Exact, Self::High, Self::Balanced, Self::Fast];
 
-    /// For cameras.
+    /// Returns the preset's [`PropQuality`], for cameras.
     pub fn quality(self) -> PropQuality {
         match self {
             Self::Exact => PropQuality::EXACT,
@@ -147,8 +174,11 @@ impl QualityPreset {
         }
     }
 
-    /// For [`PaletteExtraction`](crate::PaletteExtraction): fewer samples. The colors move, a little or more: extract with
-    /// the exact one what you ship.
+    /// Returns the preset's settings for [`PaletteExtraction`](crate::PaletteExtraction). [`Balanced`](Self::Balanced)
+    /// samples half of the leaves, and [`Fast`](Self::Fast) a quarter.
+    ///
+    /// Sampling fewer leaves shifts the palette's colors. Extract the palettes that you ship with
+    /// [`Exact`](Self::Exact).
     pub fn extraction(self) -> ExtractionSettings {
         let sample_fraction = match self {
             Self::Exact | Self::High => 1.0,

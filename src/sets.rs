@@ -1,38 +1,41 @@
-//! System sets: where to order systems of your own against the plugin's.
+//! System sets, for ordering your own systems relative to the plugin's.
 
 use bevy::prelude::*;
 
 use crate::stage::PropStage;
 
-/// What the plugin does in the main world, frame by frame.
+/// The plugin's system sets in the main world.
 #[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum PlenOctreeSystems {
-    /// In [`PreUpdate`]: writes [`FieldReady`](crate::FieldReady) and [`FieldFailed`](crate::FieldFailed).
+    /// Writes [`FieldReady`](crate::FieldReady) and [`FieldFailed`](crate::FieldFailed). Runs in [`PreUpdate`].
     ReportFields,
-    /// In [`PreUpdate`], after [`Self::ReportFields`]: reads palettes, starts and finishes extractions, and writes
-    /// [`PaletteReady`](crate::PaletteReady). Systems in [`Update`] can change a new palette before it is first shown.
+    /// Loads palettes, starts and finishes extractions, and writes [`PaletteReady`](crate::PaletteReady). Runs in
+    /// [`PreUpdate`], after [`Self::ReportFields`], so systems in [`Update`] can edit a new palette before it is first
+    /// shown.
     UpdatePalettes,
-    /// In [`PostUpdate`], within [`VisibilitySystems::CalculateBounds`]: gives props the bounds of their fields.
+    /// Updates the [`Aabb`] of props from the bounds of their fields. Runs in [`PostUpdate`], within
+    /// [`VisibilitySystems::CalculateBounds`].
     ///
+    /// [`Aabb`]: bevy::camera::primitives::Aabb
     /// [`VisibilitySystems::CalculateBounds`]: bevy::camera::visibility::VisibilitySystems::CalculateBounds
     UpdateBounds,
 }
 
-/// What the plugin does in the render world, in this order.
+/// The plugin's system sets in the render world, in the order in which they run.
 ///
-/// The first five run in the [`Render`] schedule for all views at once, the others in the [`Core3d`] schedule for one
-/// view at a time. Those with a [`PropStage`] exist once for each place in the frame, and do nothing in views whose props
-/// are drawn at the other one.
+/// The first five run in the [`Render`] schedule, once for all views. The others run in the [`Core3d`] schedule, once
+/// per view. Sets with a [`PropStage`] exist once per stage; their systems do nothing in views whose props are drawn at
+/// the other stage.
 ///
 /// [`Render`]: bevy::render::Render
 /// [`Core3d`]: bevy::core_pipeline::schedule::Core3d
 #[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum PlenOctreeRenderSystems {
-    /// Chooses the level of detail of every prop in every view.
+    /// Chooses and requests the level of each prop in each view.
     ChooseLevels,
-    /// Uploads the levels that were made in the background, and drops those that no view asks for.
+    /// Uploads requested levels that were made in the background.
     UploadLevels,
-    /// Writes the views' uniforms and creates their textures.
+    /// Writes the uniforms and creates the textures of each view.
     PrepareViews,
     /// Creates the pipelines of all passes.
     PreparePipelines,
@@ -40,15 +43,15 @@ pub enum PlenOctreeRenderSystems {
     PrepareBindGroups,
     /// Draws the props into the view's layer.
     Volume,
-    /// Brings a layer of a lower resolution to that of the viewport.
+    /// Upsamples a layer of lower resolution to the resolution of the viewport.
     Upsample,
-    /// Blends the layer over the scene, filters it, and assigns labels. Writes the view's target, or, for cameras with
-    /// [`LabelStages`](crate::LabelStages), the textures that custom stages work on.
+    /// Blends the layer over the scene, filters it, and assigns labels. Writes to the view's target or, for cameras
+    /// with [`LabelStages`](crate::LabelStages), to the textures that custom stages work on.
     Posterize(PropStage),
-    /// Empty: add custom stages here. They run in views that have [`LabelTextures`](crate::LabelTextures).
+    /// Empty; add custom stages to this set. They run in views that have [`LabelTextures`](crate::LabelTextures).
     LabelStages(PropStage),
-    /// Writes what custom stages made to the view's target.
+    /// Writes the output of custom stages to the view's target.
     Present(PropStage),
-    /// Writes the props' depth where they are solid.
+    /// Writes the depth of props where they are solid.
     Depth(PropStage),
 }

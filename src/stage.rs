@@ -1,4 +1,4 @@
-//! Where in a camera's frame props are drawn, and what is posterized with them.
+//! Components for cameras: where in the frame props are drawn, and whether the whole view is posterized.
 
 use bevy::prelude::*;
 
@@ -6,7 +6,9 @@ use plenoctree::PlenOctree;
 
 use crate::posterize::Posterize;
 
-/// Where in a camera's frame its props are drawn, and what [`PosterizeView`] posterizes with them.
+/// Determines where in a camera's frame props are drawn and [`PosterizeView`] takes effect.
+///
+/// Add it to an entity with a `Camera3d`. Defaults to [`PropStage::Scene`].
 ///
 /// ```
 /// # use bevy::prelude::*;
@@ -19,42 +21,46 @@ use crate::posterize::Posterize;
 #[reflect(Component, Default, Clone, Debug, PartialEq, Hash)]
 #[type_path = "bevy_plenoctree"]
 pub enum PropStage {
-    /// Among the scene's things, between the opaque and the transparent ones: what is transparent blends over the props
-    /// and is hidden by them. The default.
+    /// Draws props between the opaque and the transparent pass. This is the default.
     ///
-    /// A prop counts as light: its colors are what it emits, as a display would show them at Bevy's default [`Exposure`].
-    /// Another `Exposure` of the camera makes them lighter or darker by as much as lit meshes, and with `Hdr` bloom,
-    /// tonemapping and other effects change them like everything else.
+    /// Props are emissive; transparent objects blend correctly in front of and behind them. At Bevy's default
+    /// [`Exposure`], a display shows a prop's colors as they are. Any other `Exposure` of the camera brightens or
+    /// darkens props as much as lit meshes, and with `Hdr`, bloom, tonemapping and other effects change them like
+    /// everything else.
     ///
     /// [`Exposure`]: bevy::camera::Exposure
     #[default]
     Scene,
-    /// After tonemapping and all other effects, below the user interface: colors of the palette reach the screen exactly,
-    /// whatever `Hdr`, `Tonemapping`, bloom, dithering and exposure do to the rest.
+    /// Draws props after tonemapping and all other effects, below the UI. Palette colors reach the screen exactly,
+    /// regardless of `Hdr`, `Tonemapping`, bloom, dithering and exposure.
     ///
-    /// Opaque meshes still hide props, but what is transparent does not: props are drawn over it. Their depth is written
-    /// then too, so that transparent things, depth of field, fog and other effects do not see it. A camera whose main pass
-    /// has a resolution of its own (`MainPassResolutionOverride`) shows its props at [`Self::Scene`].
+    /// Opaque meshes still occlude props, but transparent objects do not: props are drawn over them. Depth is written
+    /// at this point as well, so transparent objects, depth of field, fog and other effects do not see it. Cameras
+    /// whose main pass has a resolution of its own (`MainPassResolutionOverride`) draw their props at [`Self::Scene`]
+    /// instead.
     Display,
 }
 
-/// Posterizes all that a camera sees in one field's palette: meshes, the sky, props without a [`Posterize`].
+/// Posterizes everything that a camera sees with the palette of one field: meshes, the sky, and props without a
+/// [`Posterize`].
 ///
-/// Pixels that no posterized prop owns get the filter and the labels of section 4 of the method, and the shown colors of
-/// the field's palette in [`Palettes`](crate::Palettes), which is read or extracted when none is there, as for a
-/// [`Prop`](crate::Prop); no prop need be in view. The camera's own [`Posterize`] is the look, without its `min_opacity`;
-/// taking it away turns the view's off. A [`PaletteOverride`](crate::PaletteOverride) on the camera gives the view colors
-/// of its own.
+/// Add it to an entity with a `Camera3d`. All pixels that no posterized prop owns are filtered and labeled as described
+/// in section 4 of the method, in the shown colors of the field's palette in [`Palettes`](crate::Palettes). If the
+/// field has no palette, one is loaded or extracted, as for a [`Prop`](crate::Prop); no prop has to show the field.
 ///
-/// At [`PropStage::Scene`] it covers what is drawn before the transparent pass, at [`PropStage::Display`] everything below
-/// the user interface.
+/// The camera's own [`Posterize`] holds the settings; its `min_opacity` is ignored. Remove the `Posterize` to turn the
+/// effect off. Add a [`PaletteOverride`](crate::PaletteOverride) to the camera to change the shown colors of this view
+/// only.
+///
+/// At [`PropStage::Scene`], the effect covers everything that is drawn before the transparent pass. At
+/// [`PropStage::Display`], it covers everything below the UI.
 ///
 /// ```
 /// # use bevy::prelude::*;
 /// # use bevy_plenoctree::{Posterize, PosterizeView, PropStage};
 /// # fn spawn(mut commands: Commands, assets: Res<AssetServer>) {
-/// let look = Posterize { softness: 0.1, ..default() };
-/// commands.spawn((Camera3d::default(), PropStage::Display, PosterizeView(assets.load("toadstool.npz")), look));
+/// let view = (PosterizeView(assets.load("toadstool.npz")), Posterize { softness: 0.1, ..default() });
+/// commands.spawn((Camera3d::default(), PropStage::Display, view));
 /// # }
 /// ```
 #[derive(Component, Clone, Debug, FromTemplate, Reflect)]
@@ -63,11 +69,12 @@ pub enum PropStage {
 #[require(Posterize)]
 pub struct PosterizeView(pub Handle<PlenOctree>);
 
-/// On a camera: writes labels into textures, so that custom render stages can stand between the labels and the screen.
+/// Makes a camera write labels to textures, so that custom render stages can run between the labels and the screen.
 ///
-/// In the render world, the camera's view then has [`LabelTextures`](crate::LabelTextures). Systems in
-/// [`PlenOctreeRenderSystems::LabelStages`](crate::PlenOctreeRenderSystems::LabelStages) of the `Core3d` schedule read and
-/// rewrite them. Without this component there are no such textures, and labels are written straight to the screen.
+/// Add it to an entity with a `Camera3d`. In the render world, the camera's view then has
+/// [`LabelTextures`](crate::LabelTextures), which systems in
+/// [`PlenOctreeRenderSystems::LabelStages`](crate::PlenOctreeRenderSystems::LabelStages) of the `Core3d` schedule can
+/// read and rewrite. Cameras without this component have no such textures and write labels directly to the screen.
 #[derive(Component, Clone, Copy, Debug, Default, Reflect)]
 #[reflect(Component, Default, Clone, Debug)]
 #[type_path = "bevy_plenoctree"]

@@ -1,4 +1,4 @@
-//! A field as large as any that was published: 5.5 million leaves of SH9, from a file to a picture and a palette.
+//! Reads, draws and samples a field of the size of the largest published ones: 5.5 million leaves of SH9.
 
 use std::{io::Cursor, time::Duration};
 
@@ -14,11 +14,12 @@ use plenoctree::{Basis, Cell, Frame, camera::PinholeCamera, palette, reference};
 
 const SIZE: u32 = 64;
 const DEPTH: u32 = 9;
-/// In finest cells: a shell of this radius and thickness.
+/// The radius of the shell, in finest cells.
 const RADIUS: f64 = 210.0;
+/// The thickness of the shell, in finest cells.
 const THICKNESS: f64 = 10.0;
 
-/// The nodes under a cell at `corner`, as far as the shell meets them.
+/// Adds the nodes under a cell at `corner` that the shell intersects, and returns the index of the first one.
 fn grow(nodes: &mut Vec<[Cell; 8]>, leaves: &mut Vec<DVec3>, corner: UVec3, size: u32) -> u32 {
     let (node, half) = (nodes.len(), size / 2);
     nodes.push([Cell::EMPTY; 8]);
@@ -42,7 +43,7 @@ fn shell() -> PlenOctree {
     let (mut nodes, mut leaves) = (Vec::new(), Vec::new());
     grow(&mut nodes, &mut leaves, UVec3::ZERO, 1 << DEPTH);
     let width = Basis::Sh9.coefficients();
-    // Each channel by its place, and glossy: the constant, and functions of the direction.
+    // Each channel varies with the position. The functions of the direction make it glossy.
     let coefficients = leaves.iter().flat_map(|at| {
         (0..width).map(move |index| {
             let (channel, function) = (index / 9, index % 9);
@@ -61,7 +62,7 @@ fn five_and_a_half_million_leaves_are_read_drawn_and_sampled() {
     shell().write_to(&mut file).unwrap();
     let field = PlenOctree::read_from(Cursor::new(file.into_inner()), "shell.npz", &LoadSettings::default()).unwrap();
     assert!(field.leaves() >= 5_500_000, "{} leaves", field.leaves());
-    // More than one binding of WebGPU's holds.
+    // This is more than a WebGPU binding can hold.
     assert!(GpuField::byte_size(&field) > 2 * (128 << 20));
 
     let camera = PinholeCamera::around(&field, SIZE, SIZE, 0.5, 0.4).unwrap();
@@ -75,9 +76,9 @@ fn five_and_a_half_million_leaves_are_read_drawn_and_sampled() {
     world.spawn(Prop(handle));
     world.spawn((exact_camera(Color::BLACK), target, pinhole_view(&camera, field.up())));
     headless.wait_until_ready(Duration::from_secs(300)).unwrap();
-    let picture = headless.capture().unwrap();
+    let frame = headless.capture().unwrap();
     let expected = reference::render(&field, &camera).over(DVec3::ZERO);
-    let wrong = picture.pixels().zip(&expected).filter(|(pixel, color)| {
+    let wrong = frame.pixels().zip(&expected).filter(|(pixel, color)| {
         (0..3).any(|channel| (f64::from(pixel[channel]) - 255.0 * color[channel].clamp(0.0, 1.0)).abs() > 1.5)
     });
     assert_eq!(wrong.count(), 0);

@@ -1,4 +1,4 @@
-//! Palettes as a game plays with them: in pictures, from files, and without allocations.
+//! Tests palettes the way games use them: on the screen, from files, and without allocations.
 
 use std::{
     any::TypeId,
@@ -31,7 +31,7 @@ const SIZE: UVec2 = UVec2::new(64, 32);
 const COLORS: [Color; 2] = [Color::srgb(0.8, 0.2, 0.2), Color::srgb(0.1, 0.1, 0.6)];
 const RED: Color = COLORS[0];
 
-/// A box of the first color.
+/// Bakes a box of the first color.
 fn solid(density: f64) -> PlenOctree {
     let settings = BakeSettings { depth: 3, basis: Basis::Rgba, ..default() };
     let [r, g, b] = Srgba::from(RED).to_f32_array_no_alpha().map(f64::from);
@@ -59,9 +59,9 @@ impl Scene {
         let palette = FieldPalette::from_colors(COLORS).unwrap();
         world.resource_mut::<Palettes>().insert(&field, palette);
         let mut spawn = |x: f32| {
-            // What is beside a prop is no part of its color.
-            let look = Posterize { filter: BilateralFilter { iterations: 0, ..default() }, ..default() };
-            world.spawn((Prop(field.clone()), look, Transform::from_xyz(x, 0.0, 0.0))).id()
+            // Without a filter, the surroundings of a prop do not affect its color.
+            let posterize = Posterize { filter: BilateralFilter { iterations: 0, ..default() }, ..default() };
+            world.spawn((Prop(field.clone()), posterize, Transform::from_xyz(x, 0.0, 0.0))).id()
         };
         let left = spawn(-1.0);
         spawn(1.0);
@@ -80,10 +80,10 @@ impl Scene {
         palettes.map_unchanged(move |palettes| palettes.get_mut(&field).unwrap())
     }
 
-    /// The colors of the two props in the next picture.
+    /// Captures the next frame and returns the colors of the two props.
     fn colors(&mut self) -> [[u8; 3]; 2] {
-        let picture = self.headless.capture().unwrap();
-        [SIZE.x / 4, 3 * SIZE.x / 4].map(|x| at(&picture, x))
+        let frame = self.headless.capture().unwrap();
+        [SIZE.x / 4, 3 * SIZE.x / 4].map(|x| at(&frame, x))
     }
 
     #[track_caller]
@@ -93,16 +93,16 @@ impl Scene {
         }
     }
 
-    /// The way to the render world, Bevy's own included.
-    fn extract(&mut self) {
+    /// Runs the `ExtractSchedule`, including Bevy's own systems.
+    fn run_extract_schedule(&mut self) {
         let apps = self.headless.app.sub_apps_mut();
         let render = apps.sub_apps.get_mut(&RenderApp.intern()).unwrap();
         render.extract(apps.main.world_mut());
     }
 }
 
-fn at(picture: &RgbaImage, x: u32) -> [u8; 3] {
-    let [r, g, b, _] = picture.get_pixel(x, SIZE.y / 2).0;
+fn at(frame: &RgbaImage, x: u32) -> [u8; 3] {
+    let [r, g, b, _] = frame.get_pixel(x, SIZE.y / 2).0;
     [r, g, b]
 }
 
@@ -113,11 +113,11 @@ fn bytes(color: Color) -> [u8; 3] {
 #[track_caller]
 fn assert_shown(found: [u8; 3], expected: Color) {
     let expected = bytes(expected);
-    assert!((0..3).all(|c| found[c].abs_diff(expected[c]) <= 1), "{found:?} for {expected:?}");
+    assert!((0..3).all(|c| found[c].abs_diff(expected[c]) <= 1), "{found:?}, expected {expected:?}");
 }
 
 #[test]
-fn two_copies_of_a_prop_wear_different_colors() {
+fn copies_of_a_prop_can_have_different_colors() {
     let mut scene = Scene::new(|_| {});
     let left = scene.left;
     let [ours, theirs] = [Color::srgb(0.2, 0.7, 0.3), Color::srgb(0.9, 0.8, 0.1)];
@@ -128,7 +128,7 @@ fn two_copies_of_a_prop_wear_different_colors() {
     assert_shown(found_left, ours);
     assert_shown(found_right, RED);
 
-    // The field's colors still count where the prop has none of its own.
+    // Colors without an override are still the field's.
     scene.palette().set(0, theirs);
     let mut own = PaletteOverride::default().with(1, ours);
     scene.world().entity_mut(left).insert(own.clone());
@@ -143,7 +143,7 @@ fn two_copies_of_a_prop_wear_different_colors() {
 }
 
 #[test]
-fn a_change_is_in_the_picture_of_its_frame() {
+fn a_change_is_visible_in_the_same_frame() {
     #[derive(Resource)]
     struct Wanted(Color);
     fn paint(wanted: Option<Res<Wanted>>, mut palettes: ResMut<Palettes>, props: Query<&Prop>) {
@@ -159,7 +159,7 @@ fn a_change_is_in_the_picture_of_its_frame() {
     for step in 0..8u8 {
         let color = Color::srgb_u8(32 * step, 255 - 20 * step, step.wrapping_mul(83));
         scene.world().insert_resource(Wanted(color));
-        // One update, in which the system runs and the picture is made.
+        // This is one update, which runs the system and renders the frame.
         scene.assert_both_show(color);
     }
     scene.world().remove_resource::<Wanted>();
@@ -171,7 +171,7 @@ fn a_change_is_in_the_picture_of_its_frame() {
 fn blends_reach_the_screen() {
     let mut scene = Scene::new(|_| {});
     let (from, to) = ([Color::srgb(1.0, 1.0, 0.0), RED], [Color::srgb(0.0, 0.0, 1.0), RED]);
-    // Half-way between yellow and blue in Oklab, by Bevy's conversions.
+    // Halfway between yellow and blue in Oklab, with Bevy's conversions.
     let oklab = Color::from(Oklaba::from(from[0]).mix(&to[0].into(), 0.5));
     for (space, halfway) in [(BlendSpace::Encoded, Color::srgb(0.5, 0.5, 0.5)), (BlendSpace::Oklab, oklab)] {
         for (t, expected) in [(0.0, from[0]), (0.5, halfway), (1.0, to[0]), (7.0, to[0])] {
@@ -185,9 +185,9 @@ fn blends_reach_the_screen() {
     }
 }
 
-/// A prop's blend is the field's, and a palette that is too short changes what it can.
+/// Blending with more or fewer colors than the palette has changes only the colors that both have.
 #[test]
-fn palettes_of_another_length_change_what_they_can() {
+fn blends_with_other_lengths_change_the_colors_in_common() {
     let white = [Color::WHITE; 5];
     let mut palette = FieldPalette::from_colors(COLORS).unwrap();
     palette.blend(&white, &white[..1], 0.5, BlendSpace::Oklab);
@@ -213,11 +213,11 @@ fn a_change_allocates_nothing() {
                 own.reset();
                 own.blend(&COLORS, &white, t, BlendSpace::Encoded);
             }
-            scene.extract();
+            scene.run_extract_schedule();
         })
         .count_total
     };
-    // Buffers find their size.
+    // Let buffers grow to their final size.
     for _ in 0..4 {
         allocations(&mut scene, true, 0.5);
     }
@@ -226,18 +226,18 @@ fn a_change_allocates_nothing() {
     assert_eq!(with, without);
 }
 
-/// What came of the messages.
+/// The fields whose palettes were reported as ready.
 #[derive(Resource, Default)]
 struct Ready(Vec<AssetId<PlenOctree>>);
 
-/// An app that loads fields and palettes from a folder, and draws nothing.
+/// An app that loads fields and palettes from a folder without drawing them.
 struct Files {
     app: App,
     folder: PathBuf,
 }
 
 impl Files {
-    /// In a folder of this name, with `x.npz` in it.
+    /// Creates a folder of this name with `x.npz` in it, and starts an app there.
     fn new(name: &str) -> Self {
         let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("{name}-{}", std::process::id()));
         std::fs::create_dir_all(&folder).unwrap();
@@ -247,7 +247,7 @@ impl Files {
         files
     }
 
-    /// Another app, in the same folder.
+    /// Starts another app in the same folder.
     fn restart(&mut self) {
         let hear = |mut ready: MessageReader<PaletteReady>, mut heard: ResMut<Ready>| {
             heard.0.extend(ready.read().map(|ready| ready.field));
@@ -274,17 +274,17 @@ impl Files {
         field
     }
 
-    /// Runs until it is so.
+    /// Updates the app until `done` returns true.
     fn run_until(&mut self, what: &str, done: impl Fn(&World) -> bool) {
         let start = std::time::Instant::now();
         while !done(self.app.world()) {
-            assert!(start.elapsed() < Duration::from_secs(120), "{what}: not yet");
+            assert!(start.elapsed() < Duration::from_secs(120), "timed out waiting for {what}");
             self.app.update();
             std::thread::sleep(Duration::from_millis(1));
         }
     }
 
-    /// Runs until the field has a palette, and returns it.
+    /// Updates the app until the field has a palette, and returns it.
     fn palette(&mut self, field: &Handle<PlenOctree>) -> FieldPalette {
         self.run_until("a palette", |world| {
             let error = world.resource::<PaletteExtraction>().error(field);
@@ -306,7 +306,7 @@ impl Drop for Files {
 }
 
 #[test]
-fn a_palette_beside_a_field_takes_the_place_of_extraction() {
+fn a_palette_next_to_a_field_replaces_extraction() {
     let mut files = Files::new("beside");
     files.write("x.palette.json", r#"{"colors": [[0.25, 0.5, 0.75], [1.5, 0, 0]]}"#);
     let field = files.spawn();
@@ -314,7 +314,7 @@ fn a_palette_beside_a_field_takes_the_place_of_extraction() {
     assert_eq!(palette.source().colors, [[0.25, 0.5, 0.75], [1.5, 0.0, 0.0]]);
     assert_eq!(palette.shown(), [Color::srgb(0.25, 0.5, 0.75), Color::srgb(1.5, 0.0, 0.0)]);
     assert!(palette.extraction().is_none());
-    // Not later either.
+    // It is not extracted later either.
     let loaded = field.clone();
     files.run_until("the field", move |world| world.resource::<Assets<PlenOctree>>().contains(&loaded));
     for _ in 0..20 {
@@ -325,7 +325,7 @@ fn a_palette_beside_a_field_takes_the_place_of_extraction() {
 }
 
 #[test]
-fn an_extracted_palette_is_saved_and_shipped() {
+fn an_extracted_palette_can_be_saved_and_shipped() {
     let mut files = Files::new("shipped");
     let field = files.spawn();
     let extracted = files.palette(&field);
@@ -341,7 +341,7 @@ fn an_extracted_palette_is_saved_and_shipped() {
 }
 
 #[test]
-fn a_file_that_is_no_palette_is_extracted_instead() {
+fn a_palette_is_extracted_if_its_file_is_invalid() {
     let mut files = Files::new("broken");
     files.write("x.palette.json", r#"{"colors": []}"#);
     let field = files.spawn();
@@ -358,7 +358,7 @@ fn a_file_that_is_no_palette_is_extracted_instead() {
 }
 
 #[test]
-fn a_handle_gives_a_field_its_palette() {
+fn a_palette_can_be_given_by_handle() {
     let mut files = Files::new("handle");
     files.write("winter.palette.json", r#"{"colors": [[0.9, 0.95, 1]]}"#);
     files.write("x.palette.json", r#"{"colors": [[0, 0, 0]]}"#);
@@ -367,7 +367,7 @@ fn a_handle_gives_a_field_its_palette() {
     files.app.world_mut().resource_mut::<Palettes>().insert_handle(&field, winter.clone());
     assert_eq!(files.palette(&field).source().colors, [[0.9, 0.95, 1.0]]);
 
-    // When the file changes, so does the palette; when it comes back as it was, the shown colors stay.
+    // When the file changes, so does the palette. When it is reloaded unchanged, the shown colors stay.
     let colors = |files: &Files| {
         let palette = files.app.world().resource::<Palettes>().get(&field).unwrap();
         (palette.source().colors.clone(), palette.shown().to_vec())
@@ -375,35 +375,35 @@ fn a_handle_gives_a_field_its_palette() {
     for (change, shown) in [(0.0, RED), (0.1, Color::srgb(0.8, 0.95, 1.0))] {
         files.app.world_mut().resource_mut::<Palettes>().get_mut(&field).unwrap().set(0, RED);
         files.app.world_mut().resource_mut::<Assets<Palette>>().get_mut(&winter).unwrap().colors[0][0] -= change;
-        // The change is known at the end of one frame, and acted upon in the next.
+        // The change is detected at the end of one frame and applied in the next.
         files.app.update();
         files.app.update();
         assert_eq!(bytes(colors(&files).1[0]), bytes(shown));
     }
 
-    // A palette that is given in code stays, whatever the file does.
+    // A palette that is inserted in code stays, even if the file changes.
     let given = FieldPalette::from_colors(COLORS).unwrap();
     files.app.world_mut().resource_mut::<Palettes>().insert(&field, given);
     files.app.world_mut().resource_mut::<Assets<Palette>>().get_mut(&winter).unwrap().colors[0][0] = 0.0;
     (0..5).for_each(|_| files.app.update());
     assert_eq!(colors(&files).1, COLORS);
 
-    // One that is taken away is looked for as at first.
+    // A palette that is removed is loaded again.
     files.app.world_mut().resource_mut::<Palettes>().remove(&field);
     assert_eq!(files.palette(&field).source().colors, [[0.0; 3]]);
 }
 
 #[test]
-fn a_palette_has_colors() {
+fn invalid_palettes_are_rejected() {
     assert!(FieldPalette::from_colors([Color::NONE; 0]).is_err());
     assert!(FieldPalette::from_colors([Color::WHITE; Palette::MAX_COLORS + 1]).is_err());
     assert!(FieldPalette::from_colors([Color::srgb(f32::NAN, 0.0, 0.0)]).is_err());
 }
 
-/// What inspectors and scenes need: registered, and the same after a way through text.
+/// Settings are registered, as inspectors and scenes require, and survive a round trip through text.
 #[test]
 fn settings_are_reflected() {
-    fn through_text<T: FromReflect + TypePath>(value: &T, registry: &TypeRegistry) -> T {
+    fn round_trip<T: FromReflect + TypePath>(value: &T, registry: &TypeRegistry) -> T {
         let text = serde_json::to_string(&TypedReflectSerializer::new(value, registry)).unwrap();
         let registration = registry.get(TypeId::of::<T>()).unwrap();
         let deserializer = TypedReflectDeserializer::new(registration, registry);
@@ -413,23 +413,23 @@ fn settings_are_reflected() {
     let mut app = App::new();
     app.add_plugins((MinimalPlugins, AssetPlugin::default(), PlenOctreePlugin));
     let registry = app.world().resource::<AppTypeRegistry>().read();
-    let look = Posterize { softness: 0.125, filter: BilateralFilter { radius: 3, ..default() }, ..default() };
-    assert_eq!(through_text(&look, &registry), look);
+    let posterize = Posterize { softness: 0.125, filter: BilateralFilter { radius: 3, ..default() }, ..default() };
+    assert_eq!(round_trip(&posterize, &registry), posterize);
     let own = PaletteOverride::default().with(2, Color::oklab(0.5, 0.1, -0.1));
-    assert_eq!(through_text(&own, &registry), own);
+    assert_eq!(round_trip(&own, &registry), own);
     let settings = ExtractionSettings {
         sampling: SamplingSettings { observers: Observers::Sphere, ..default() },
         colors: 9,
         ..default()
     };
-    assert_eq!(through_text(&settings, &registry), settings);
+    assert_eq!(round_trip(&settings, &registry), settings);
     for path in ["Posterize", "Prop", "PaletteOverride"] {
         let registration = registry.get_with_type_path(&format!("bevy_plenoctree::{path}")).unwrap();
         assert!(registration.data::<ReflectComponent>().is_some(), "{path}");
     }
 }
 
-/// A field that changes on disk is loaded again, with a palette of its own; a palette that was given stays.
+/// A field that changes on disk is reloaded and gets a new palette. A palette that was inserted in code stays.
 #[test]
 fn a_field_is_reloaded() {
     let mut files = Files::new("reload");

@@ -1,4 +1,4 @@
-//! Rays and pointers against props: what they hit, where, and in which region.
+//! Tests ray casts and pointers: what they hit, where, and in which region.
 
 use std::time::Duration;
 
@@ -24,7 +24,7 @@ use plenoctree::{BakeSettings, Basis, bake};
 use proptest::prelude::*;
 
 const RADIUS: f64 = 0.8;
-/// Width of a cell of the balls.
+/// The width of the balls' cells.
 const CELL: f64 = 2.0 / 64.0;
 
 fn ball(density: f64, up: UpAxis) -> PlenOctree {
@@ -33,7 +33,7 @@ fn ball(density: f64, up: UpAxis) -> PlenOctree {
     bake(&settings, |at| if at.length() < RADIUS { density } else { 0.0 }, radiance).unwrap()
 }
 
-/// A world that can do no more than cast rays.
+/// Returns a world that supports ray casts and nothing else.
 fn world() -> World {
     let mut world = World::new();
     world.init_resource::<Assets<PlenOctree>>();
@@ -58,7 +58,7 @@ fn direction() -> impl Strategy<Value = DVec3> {
     vector(-1.0..1.0).prop_filter_map("short", |v| (v.length() > 0.2).then(|| v.normalize()))
 }
 
-/// Turned, scaled unevenly, sheared, mirrored or not, far from the origin or not.
+/// Generates placements that rotate, scale unevenly and shear, mirrored or not, near the origin or far away from it.
 fn placement() -> impl Strategy<Value = Affine3A> {
     (direction(), 0.0..6.0f64, vector(0.4..2.5), vector(-0.4..0.4), any::<bool>(), vector(-50.0..50.0)).prop_map(
         |(axis, angle, scale, shear, mirrored, position)| {
@@ -76,10 +76,10 @@ fn placement() -> impl Strategy<Value = Affine3A> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
-    /// However the ball stands, a hit is where the analytic one is: at the surface of a dense ball, and as deep in fog as
-    /// half of the light goes. The normal is that of the sphere around the middle through that point.
+    /// Wherever the ball is, rays hit it at the analytic point: at the surface of a dense ball, and in fog at the depth
+    /// that half of the light reaches. The normal is that of the concentric sphere through that point.
     #[test]
-    fn a_ball_is_hit_where_it_is(
+    fn rays_hit_a_ball_at_the_analytic_point(
         dense in any::<bool>(),
         up in prop_oneof![Just(UpAxis::Y), Just(UpAxis::Z)],
         placement in placement(),
@@ -110,7 +110,7 @@ proptest! {
         let along = ray.origin + hit.distance * ray.direction;
         prop_assert!((along - hit.point).length() < 1e-4 * (1.0 + hit.point.length()));
 
-        // What lies in the plane of the normal in the scene spans that plane in the field, too.
+        // Two vectors that span the plane of the normal in the scene span it in the field too.
         let inward = |v: Vec3| field_from_world.transform_vector3(v.as_dvec3());
         let (a, b) = hit.normal.any_orthonormal_pair();
         let across = inward(a).cross(inward(b));
@@ -122,7 +122,7 @@ proptest! {
 }
 
 #[test]
-fn the_color_is_what_is_seen_along_the_ray() {
+fn the_color_of_a_hit_is_the_color_along_the_ray() {
     let field = ball(2.0, UpAxis::Y);
     let (origin, direction) = (DVec3::new(0.2, 0.1, 3.0), DVec3::NEG_Z);
     let (color, opacity) = field.render_ray(origin, direction);
@@ -133,7 +133,7 @@ fn the_color_is_what_is_seen_along_the_ray() {
 
 #[test]
 fn thin_fog_is_not_hit() {
-    // Its middle takes just under and just over half of the light.
+    // A ray through its center loses just under, and just over, half of its light.
     let through = std::f64::consts::LN_2 / (2.0 * RADIUS);
     for (density, hit) in [(0.97 * through, false), (1.03 * through, true)] {
         let field = ball(density, UpAxis::Y);
@@ -142,7 +142,7 @@ fn thin_fog_is_not_hit() {
 }
 
 #[test]
-fn inside_of_even_fog_the_normal_points_back() {
+fn in_uniform_fog_the_normal_points_back() {
     let settings = BakeSettings { depth: 5, basis: Basis::Rgba, ..Default::default() };
     let fog = bake(&settings, |_| 20.0, |_| |_| DVec3::splat(0.5)).unwrap();
     let direction = DVec3::new(1.0, 2.0, -2.0) / 3.0;
@@ -152,7 +152,7 @@ fn inside_of_even_fog_the_normal_points_back() {
 }
 
 #[test]
-fn the_nearest_that_is_shown_is_hit() {
+fn the_nearest_visible_prop_is_hit() {
     let mut world = world();
     let field = ball(1e3, UpAxis::Z);
     let far = spawn(&mut world, &field, Transform::from_xyz(0.0, 0.0, -5.0));
@@ -161,17 +161,17 @@ fn the_nearest_that_is_shown_is_hit() {
     assert_eq!(cast(&mut world, ray).unwrap().entity, near);
     world.entity_mut(near).insert(InheritedVisibility::HIDDEN);
     assert_eq!(cast(&mut world, ray).unwrap().entity, far);
-    // Who asks for hidden ones gets them, in order.
+    // Hidden props are hit only on request, nearest first.
     let all = world.run_system_once(move |props: PropRayCast| props.cast_ray_among(ray, [far, near])).unwrap();
     assert_eq!(all.iter().map(|hit| hit.entity).collect::<Vec<_>>(), [near, far]);
-    // There is nothing to see in what is flat.
+    // Nothing is visible of a flattened prop.
     world.entity_mut(far).insert(GlobalTransform::from(Transform::from_scale(Vec3::new(1.0, 0.0, 1.0))));
     assert_eq!(cast(&mut world, ray), None);
 }
 
 const SIZE: UVec2 = UVec2::new(96, 64);
 
-/// A scene with a camera at z = 6 that looks back along z, and pointers.
+/// A scene with pointers, and a camera at z = 6 that faces -z.
 struct Scene {
     headless: Headless,
     camera: Entity,
@@ -188,7 +188,7 @@ impl Scene {
         let world = headless.app.world_mut();
         let field = world.resource_mut::<Assets<PlenOctree>>().add(ball(1e3, UpAxis::Y));
         let camera = world.spawn((exact_camera(Color::WHITE), target, Transform::from_xyz(0.0, 0.0, 6.0))).id();
-        // Bevy asks for a window before it asks which target a pointer is in.
+        // Bevy looks for a window before it looks up a pointer's target.
         world.spawn((Window::default(), PrimaryWindow));
         Self { headless, camera, field }
     }
@@ -202,7 +202,7 @@ impl Scene {
         self.world().spawn(prop).observe(see::<Over>).observe(see::<Click>).id()
     }
 
-    /// The mouse moves to `position`, and then does this. Returns what observers of props saw.
+    /// Moves the mouse to `position` and performs `actions`. Returns what observers of props received.
     fn mouse(&mut self, position: Vec2, actions: &[PointerAction]) -> Vec<(&'static str, Entity, PropHit)> {
         let window = self.world().query_filtered::<Entity, With<PrimaryWindow>>().single(self.world()).unwrap();
         let target: RenderTarget = self.headless.target();
@@ -263,25 +263,25 @@ fn pointers_reach_observers() {
     let hit = seen[0].2;
     assert!((hit.point - Vec3::new(0.0, 0.0, RADIUS as f32)).length() < CELL as f32, "{hit:?}");
     assert!(hit.normal.z > 0.99, "{hit:?}");
-    // Beside the ball there is nothing.
+    // There is nothing next to the ball.
     assert!(scene.mouse(Vec2::splat(2.0), &click).is_empty());
-    // What is to be ignored, or on another layer, or hidden, leaves the pointer to what is behind it.
-    for nothing in [
+    // A prop that is ignored, on another layer or hidden lets the pointer through to what is behind it.
+    for disable in [
         |near: &mut EntityWorldMut| _ = near.insert(Pickable::IGNORE),
         |near: &mut EntityWorldMut| _ = near.remove::<Pickable>().insert(RenderLayers::layer(1)),
         |near: &mut EntityWorldMut| _ = near.remove::<RenderLayers>().insert(Visibility::Hidden),
     ] {
         scene.mouse(Vec2::splat(2.0), &[]);
-        nothing(&mut scene.world().entity_mut(near));
+        disable(&mut scene.world().entity_mut(near));
         scene.headless.update();
         let seen = scene.mouse(middle, &[]);
         assert_eq!(seen.iter().map(|(name, entity, _)| (*name, *entity)).collect::<Vec<_>>(), [("over", far)]);
     }
 }
 
-/// Hits of a camera that is drawn later are above those of others.
+/// Hits of a camera that draws later are above those of others.
 #[test]
-fn hits_have_the_order_of_their_camera() {
+fn hits_have_the_order_of_their_cameras() {
     let mut scene = Scene::new();
     let prop = scene.spawn(0.0, ());
     let camera = scene.camera;
@@ -295,15 +295,16 @@ fn hits_have_the_order_of_their_camera() {
     assert_eq!((of_prop.order, of_prop.pointer), (7.0, PointerId::Mouse));
 }
 
-/// Every pixel is of the label that a ray through it finds; the filter, which rays know nothing of, moves some borders.
+/// Every pixel shows the label that a ray through it finds. The bilateral filter does not affect rays, but moves some
+/// borders in the frame.
 #[test]
-fn labels_are_those_of_the_picture() {
-    let extracted = [[0.8, 0.2, 0.3], [0.2, 0.7, 0.4], [0.3, 0.3, 0.9], [0.9, 0.9, 0.7]];
+fn labels_of_rays_match_the_frame() {
+    let source = [[0.8, 0.2, 0.3], [0.2, 0.7, 0.4], [0.3, 0.3, 0.9], [0.9, 0.9, 0.7]];
     // No two labels are shown in the same color.
     let shown = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.1], [0.0, 0.2, 1.0], [0.9, 0.8, 0.0]].map(DVec3::from);
     for (filtered, least) in [(false, 0.995), (true, 0.8)] {
         let mut scene = Scene::new();
-        let colors = extracted.map(|[r, g, b]: [f32; 3]| Color::srgb(r, g, b));
+        let colors = source.map(|[r, g, b]: [f32; 3]| Color::srgb(r, g, b));
         let mut palette = FieldPalette::from_colors(colors).unwrap();
         for (index, color) in shown.iter().enumerate() {
             palette.set(index, Color::srgb(color.x as f32, color.y as f32, color.z as f32));
@@ -313,7 +314,7 @@ fn labels_are_those_of_the_picture() {
         let filter = if filtered { default() } else { BilateralFilter { iterations: 0, ..default() } };
         let prop = scene.spawn(0.0, Posterize { softness: 0.0, filter, ..default() });
         scene.headless.wait_until_ready(Duration::from_secs(60)).unwrap();
-        let picture = scene.headless.capture().unwrap();
+        let frame = scene.headless.capture().unwrap();
 
         let camera = scene.camera;
         let labels = move |props: PropRayCast, cameras: Query<(&Camera, &GlobalTransform)>| {
@@ -333,7 +334,7 @@ fn labels_are_those_of_the_picture() {
             let label = hit.label.unwrap();
             different.insert(label.index);
             let expected = 255.0 * (label.share * shown[label.first] + (1.0 - label.share) * shown[label.second]);
-            let pixel = picture.get_pixel(*x, *y);
+            let pixel = frame.get_pixel(*x, *y);
             (0..3).all(|c| (f64::from(pixel[c]) - expected[c]).abs() <= 2.0)
         });
         let share = right.count() as f64 / hits.len() as f64;
@@ -343,18 +344,18 @@ fn labels_are_those_of_the_picture() {
 }
 
 #[test]
-fn there_are_no_labels_where_no_picture_has_them() {
+fn props_that_are_not_posterized_have_no_labels() {
     let mut world = world();
     let entity = spawn(&mut world, &ball(1.2, UpAxis::Y), GlobalTransform::IDENTITY);
     let field = world.get::<Prop>(entity).unwrap().0.id();
     let ray = Ray3d::new(Vec3::new(0.0, 0.0, 3.0), Dir3::NEG_Z);
     let label = |world: &mut World| cast(world, ray).unwrap().label;
-    assert_eq!(label(&mut world), None, "without a look");
+    assert_eq!(label(&mut world), None, "without Posterize");
     world.entity_mut(entity).insert(Posterize::default());
     assert_eq!(label(&mut world), None, "without a palette");
     let palette = FieldPalette::from_colors([Color::WHITE, Color::BLACK]).unwrap();
     world.resource_mut::<Palettes>().insert(field, palette);
     assert!(label(&mut world).is_some());
     world.entity_mut(entity).insert(Posterize { min_opacity: 0.95, ..default() });
-    assert_eq!(label(&mut world), None, "too thin for one");
+    assert_eq!(label(&mut world), None, "too thin to be posterized");
 }

@@ -1,4 +1,4 @@
-//! The real plugin through the real renderer, against the float64 reference and against what must be seen.
+//! Tests the frames that the plugin draws, against the float64 reference and known colors.
 
 use std::time::Duration;
 
@@ -22,7 +22,7 @@ use plenoctree::{BakeSettings, Basis, bake, camera::PinholeCamera, reference};
 
 const SIZE: u32 = 96;
 
-/// A soft ball whose color depends on place and direction.
+/// Bakes a soft ball whose color depends on position and direction.
 fn ball(basis: Basis) -> PlenOctree {
     let settings = BakeSettings {
         depth: 5,
@@ -44,7 +44,7 @@ fn ball(basis: Basis) -> PlenOctree {
     .unwrap()
 }
 
-/// A box that no light passes, of one color.
+/// Bakes an opaque box of one color.
 fn solid(color: DVec3) -> PlenOctree {
     let settings = BakeSettings { depth: 3, basis: Basis::Rgba, ..Default::default() };
     bake(&settings, |at| if at.abs().max_element() < 0.5 { 1e4 } else { 0.0 }, |_| move |_| color).unwrap()
@@ -108,7 +108,7 @@ impl Scene {
         self.headless.app.world_mut()
     }
 
-    fn picture(&mut self) -> RgbaImage {
+    fn capture(&mut self) -> RgbaImage {
         self.headless.capture().unwrap()
     }
 
@@ -117,7 +117,7 @@ impl Scene {
         self.world().resource_mut::<Palettes>().get_mut(&field).unwrap().set(index, color);
     }
 
-    /// An unlit square of `size` at `position`, facing the camera.
+    /// Spawns an unlit square of `size` at `position` that faces the camera.
     fn spawn_square(&mut self, position: DVec3, size: f32, color: Color) -> Entity {
         let world = self.headless.app.world_mut();
         let mesh = world.resource_mut::<Assets<Mesh>>().add(Rectangle::new(size, size));
@@ -128,16 +128,16 @@ impl Scene {
             ..default()
         });
         let camera = *world.get::<Transform>(self.camera).unwrap();
-        // The field's z is up, the scene's y.
+        // Up is z in the field, and y in the scene.
         let position = DVec3::new(position.x, position.z, -position.y).as_vec3();
         let transform = Transform::from_translation(position).with_rotation(camera.rotation);
         world.spawn((Mesh3d(mesh), MeshMaterial3d(material), transform)).id()
     }
 }
 
-/// Root mean square difference from colors of the reference, in 8-bit steps.
-fn difference(picture: &RgbaImage, expected: &[DVec3]) -> f64 {
-    let squares = picture.pixels().zip(expected).map(|(pixel, color)| {
+/// Returns the root mean square difference from colors of the reference, in 8-bit steps.
+fn difference(frame: &RgbaImage, expected: &[DVec3]) -> f64 {
+    let squares = frame.pixels().zip(expected).map(|(pixel, color)| {
         let seen = DVec3::new(pixel[0].into(), pixel[1].into(), pixel[2].into());
         (seen - 255.0 * color.clamp(DVec3::ZERO, DVec3::ONE)).length_squared() / 3.0
     });
@@ -145,26 +145,26 @@ fn difference(picture: &RgbaImage, expected: &[DVec3]) -> f64 {
 }
 
 #[test]
-fn every_basis_is_rendered_as_the_reference_renders_it() {
+fn every_basis_matches_the_reference() {
     for basis in Basis::ALL {
         for activation in [Activation::Sigmoid, Activation::ShiftedRelu, Activation::Identity] {
             let field = with_activation(&ball(basis), activation);
             let expected = reference::render(&field, &pinhole()).over(DVec3::ONE);
-            let difference = difference(&Scene::new(&field).picture(), &expected);
-            // Rounding to 8 bits alone makes 0.29; 50 dB are 0.8.
+            let difference = difference(&Scene::new(&field).capture(), &expected);
+            // Rounding to 8 bits alone makes a difference of 0.29; 50 dB is a difference of 0.8.
             assert!(difference < 0.4, "{basis:?} {activation:?}: {difference}");
         }
     }
 }
 
 #[test]
-fn posterized_and_recolored_as_the_reference_does_it() {
+fn posterization_and_recoloring_match_the_reference() {
     let field = ball(Basis::Sh9);
-    let picture = reference::render(&field, &pinhole());
-    let extracted: Vec<DVec3> = palette().colors.into_iter().map(DVec3::from).collect();
-    let mut shown = extracted.clone();
+    let rendering = reference::render(&field, &pinhole());
+    let source: Vec<DVec3> = palette().colors.into_iter().map(DVec3::from).collect();
+    let mut shown = source.clone();
     let mut scene = Scene::new(&field);
-    for (look, recolored) in [
+    for (posterize, recolored) in [
         (Posterize::default(), false),
         (Posterize { softness: 0.0, blend_steps: 2, ..default() }, true),
         (Posterize { softness: 0.4, blend_steps: 1, min_opacity: 0.9, ..default() }, true),
@@ -174,26 +174,26 @@ fn posterized_and_recolored_as_the_reference_does_it() {
             scene.show(0, Color::srgb(0.2, 0.4, 1.0));
         }
         let prop = scene.prop;
-        scene.world().entity_mut(prop).insert(look);
+        scene.world().entity_mut(prop).insert(posterize);
         let settings = reference::Posterization {
-            blend_steps: look.blend_steps,
-            softness: look.softness.into(),
-            min_opacity: look.min_opacity.into(),
+            blend_steps: posterize.blend_steps,
+            softness: posterize.softness.into(),
+            min_opacity: posterize.min_opacity.into(),
             ..Default::default()
         };
-        let expected = reference::posterize(&picture, DVec3::ONE, &extracted, &shown, &settings);
-        let picture = scene.picture();
-        let near = picture.pixels().zip(&expected).filter(|(pixel, color)| {
+        let expected = reference::posterize(&rendering, DVec3::ONE, &source, &shown, &settings);
+        let frame = scene.capture();
+        let near = frame.pixels().zip(&expected).filter(|(pixel, color)| {
             (0..3).all(|c| (f64::from(pixel[c]) - 255.0 * color[c].clamp(0.0, 1.0)).abs() <= 2.0)
         });
         let share = near.count() as f64 / expected.len() as f64;
-        // Half floats move a pixel in a thousand over the border between two labels.
-        assert!(share > 0.99, "{look:?}: {share}");
+        // Half floats move one pixel in a thousand across the border between two labels.
+        assert!(share > 0.99, "{posterize:?}: {share}");
     }
 }
 
 #[test]
-fn colors_that_a_user_sets_come_out_exactly() {
+fn shown_colors_are_drawn_exactly() {
     let color = DVec3::new(0.6, 0.3, 0.8);
     let mut scene = Scene::new(&solid(color));
     let (prop, field) = (scene.prop, scene.field.clone());
@@ -203,26 +203,26 @@ fn colors_that_a_user_sets_come_out_exactly() {
     for step in 0..=51u8 {
         let set = [5 * step, 255 - 5 * step, step.wrapping_mul(83)];
         scene.show(0, Color::srgb_u8(set[0], set[1], set[2]));
-        let pixel = *scene.picture().get_pixel(SIZE / 2, SIZE / 2);
+        let pixel = *scene.capture().get_pixel(SIZE / 2, SIZE / 2);
         let off = (0..3).map(|c| pixel[c].abs_diff(set[c])).max().unwrap();
-        assert!(off <= 1, "{set:?} came out as {pixel:?}");
+        assert!(off <= 1, "{set:?} was drawn as {pixel:?}");
     }
 }
 
 #[test]
 fn the_same_scene_gives_the_same_bytes() {
     let field = ball(Basis::Sh4);
-    let picture = || {
+    let capture = || {
         let mut scene = Scene::new(&field);
         let prop = scene.prop;
         scene.world().entity_mut(prop).insert(Posterize::default());
-        scene.picture()
+        scene.capture()
     };
-    assert_eq!(picture(), picture());
+    assert_eq!(capture(), capture());
 }
 
 #[test]
-fn opaque_meshes_hide_and_show_through() {
+fn opaque_meshes_and_props_occlude_each_other() {
     let red = Color::srgb_u8(200, 20, 20);
     for msaa in [Msaa::Off, Msaa::Sample4] {
         let color = DVec3::new(51.0, 128.0, 229.0) / 255.0;
@@ -230,23 +230,23 @@ fn opaque_meshes_hide_and_show_through() {
         let camera = scene.camera;
         scene.world().entity_mut(camera).insert(msaa);
         let middle = |scene: &mut Scene| {
-            let pixel = *scene.picture().get_pixel(SIZE / 2, SIZE / 2);
+            let pixel = *scene.capture().get_pixel(SIZE / 2, SIZE / 2);
             [pixel[0], pixel[1], pixel[2]]
         };
         let blue = [51, 128, 229];
         let toward_camera = pinhole().position.normalize();
         assert_eq!(middle(&mut scene), blue, "{msaa:?}: alone");
         let square = scene.spawn_square(-1.5 * toward_camera, 6.0, red);
-        assert_eq!(middle(&mut scene), blue, "{msaa:?}: before a mesh");
-        let corner = *scene.picture().get_pixel(2, 2);
-        assert_eq!([corner[0], corner[1], corner[2]], [200, 20, 20], "{msaa:?}: the mesh beside the prop");
+        assert_eq!(middle(&mut scene), blue, "{msaa:?}: in front of a mesh");
+        let corner = *scene.capture().get_pixel(2, 2);
+        assert_eq!([corner[0], corner[1], corner[2]], [200, 20, 20], "{msaa:?}: the mesh next to the prop");
         scene.world().entity_mut(square).despawn();
         scene.spawn_square(1.5 * toward_camera, 0.5, red);
         assert_eq!(middle(&mut scene), [200, 20, 20], "{msaa:?}: behind a mesh");
     }
 }
 
-/// Glass before the prop tints it, in linear light as Bevy blends; glass behind it is hidden.
+/// Glass in front of the prop tints it, blended in linear light as Bevy does. Glass behind the prop is occluded.
 #[test]
 fn transparent_meshes_blend_over_the_prop() {
     let blue = DVec3::new(51.0, 128.0, 229.0) / 255.0;
@@ -255,7 +255,7 @@ fn transparent_meshes_blend_over_the_prop() {
     for (distance, tinted) in [(1.5, true), (-1.5, false)] {
         let mut scene = Scene::new(&solid(blue));
         scene.spawn_square(distance * pinhole().position.normalize(), 0.5, glass);
-        let pixel = *scene.picture().get_pixel(SIZE / 2, SIZE / 2);
+        let pixel = *scene.capture().get_pixel(SIZE / 2, SIZE / 2);
         let prop = Color::srgb(blue.x as f32, blue.y as f32, blue.z as f32).to_linear();
         let mixed = Srgba::from(glass.to_linear().with_alpha(1.0) * share + prop * (1.0 - share)).to_u8_array();
         let expected = if tinted { mixed } else { [51, 128, 229, 255] };
@@ -264,26 +264,27 @@ fn transparent_meshes_blend_over_the_prop() {
     }
 }
 
-/// Scaling a prop and the camera's distance alike changes nothing: optical depth is measured in the field's own units.
+/// Scaling a prop and the camera's distance by the same factor changes nothing, because optical depth is measured in
+/// the field's own units.
 #[test]
 fn a_scaled_prop_looks_the_same() {
     let field = ball(Basis::Sh9);
     let mut scene = Scene::new(&field);
-    let before = scene.picture();
+    let before = scene.capture();
     let (prop, camera) = (scene.prop, scene.camera);
     for scale in [1e-2, 50.0] {
         let mut far = pinhole();
         far.position *= f64::from(scale);
         scene.world().entity_mut(prop).insert(Transform::from_scale(Vec3::splat(scale)));
         scene.world().entity_mut(camera).insert(pinhole_view(&far, UpAxis::Z));
-        let after = scene.picture();
+        let after = scene.capture();
         let largest = before.iter().zip(after.iter()).map(|(a, b)| a.abs_diff(*b)).max().unwrap();
         assert!(largest <= 1, "scaled by {scale}: {largest}");
     }
 }
 
 #[test]
-fn a_viewport_shows_the_same_picture() {
+fn a_viewport_shows_the_same_as_a_whole_target() {
     let field = ball(Basis::Sh1);
     let mut scene = Scene::new(&field);
     let (prop, camera) = (scene.prop, scene.camera);
@@ -295,7 +296,7 @@ fn a_viewport_shows_the_same_picture() {
         alone.headless.resize(UVec2::splat(SIZE / 2));
         alone.world().entity_mut(prop).insert(Posterize::default());
         alone.world().entity_mut(camera).insert(pinhole_view(&half, UpAxis::Z));
-        alone.picture()
+        alone.capture()
     };
     scene.world().entity_mut(camera).insert(pinhole_view(&half, UpAxis::Z));
     scene.world().get_mut::<Camera>(camera).unwrap().viewport = Some(Viewport {
@@ -303,8 +304,8 @@ fn a_viewport_shows_the_same_picture() {
         physical_size: UVec2::splat(SIZE / 2),
         ..default()
     });
-    let picture = scene.picture();
-    let part = image::imageops::crop_imm(&picture, SIZE / 2, SIZE / 4, SIZE / 2, SIZE / 2).to_image();
+    let frame = scene.capture();
+    let part = image::imageops::crop_imm(&frame, SIZE / 2, SIZE / 4, SIZE / 2, SIZE / 2).to_image();
     assert_eq!(part, expected);
 }
 
@@ -321,23 +322,23 @@ fn a_prop_without_a_palette_gets_one() {
     assert!((2..=6).contains(&palette.shown().len()));
 }
 
-/// Coefficients lie in rows of a texture, as wide as the device can: a field looks the same where they are short.
+/// Coefficients are stored in rows of a texture, as long as the device allows. Fields look the same in short rows.
 #[test]
 fn a_field_in_many_rows_looks_the_same() {
     let field = ball(Basis::Sh9);
-    let whole = Scene::new(&field).picture();
+    let whole = Scene::new(&field).capture();
     // Instead of 8192 texels.
     for row in [512, 256] {
         let limits = wgpu::Limits { max_texture_dimension_2d: row, ..wgpu::Limits::default() };
         let headless = Headless::with_limits(UVec2::splat(SIZE), limits, |app| {
             app.add_plugins(PlenOctreePlugin);
         });
-        assert!(Scene::in_app(&field, headless.unwrap()).picture() == whole, "in rows of {row}");
+        assert!(Scene::in_app(&field, headless.unwrap()).capture() == whole, "in rows of {row}");
     }
 }
 
 #[test]
-fn a_field_that_does_not_fit_is_refused_with_the_numbers() {
+fn a_field_that_does_not_fit_is_rejected_with_its_size() {
     let field = ball(Basis::Sh9);
     let bytes = 64 * field.leaves() as u64;
     let limits = wgpu::Limits { max_texture_dimension_2d: 64, ..wgpu::Limits::default() };
@@ -348,7 +349,7 @@ fn a_field_that_does_not_fit_is_refused_with_the_numbers() {
 }
 
 #[test]
-fn a_lost_device_is_recovered_from() {
+fn the_app_recovers_from_a_lost_device() {
     let field = ball(Basis::Sh4);
     let headless = Headless::new(UVec2::splat(SIZE), |app| {
         app.add_plugins(PlenOctreePlugin);
@@ -356,14 +357,14 @@ fn a_lost_device_is_recovered_from() {
     let mut scene = Scene::in_app(&field, headless.unwrap());
     let prop = scene.prop;
     scene.world().entity_mut(prop).insert(Posterize::default());
-    let before = scene.picture();
+    let before = scene.capture();
     scene.world().insert_resource(RenderErrorHandler(|_, _, _| RenderErrorPolicy::Recover(Default::default())));
     scene.headless.app.sub_app(RenderApp).world().resource::<RenderDevice>().wgpu_device().destroy();
-    // The new device is made beside the running app.
+    // The new device is created while the app runs.
     for _ in 0..100 {
         scene.headless.update();
         std::thread::sleep(Duration::from_millis(10));
     }
     scene.headless.wait_until_ready(Duration::from_secs(60)).unwrap();
-    assert_eq!(scene.picture(), before);
+    assert_eq!(scene.capture(), before);
 }

@@ -1,4 +1,4 @@
-//! What presets and knobs of quality promise, through the real renderer against the float64 reference.
+//! Tests that quality presets and settings are as accurate as promised, against the float64 reference.
 
 use std::time::Duration;
 
@@ -17,7 +17,7 @@ use plenoctree::{BakeSettings, Basis, bake, camera::PinholeCamera, reference};
 
 const SIZE: u32 = 160;
 
-/// One of our own props, which has all that is hard: thin rails, gloss, and regions of one color.
+/// Reads one of the included props, which has everything that is hard: thin rails, gloss, and regions of one color.
 fn drum() -> PlenOctree {
     PlenOctree::read(concat!(env!("CARGO_MANIFEST_DIR"), "/assets/drum.npz"), &LoadSettings::default()).unwrap()
 }
@@ -46,15 +46,15 @@ impl Stage {
         Self { headless, camera, prop, field: handle, up: field.up() }
     }
 
-    fn picture(&mut self, camera: &PinholeCamera, quality: PropQuality) -> RgbaImage {
+    fn capture(&mut self, camera: &PinholeCamera, quality: PropQuality) -> RgbaImage {
         let view = pinhole_view(camera, self.up);
         self.headless.app.world_mut().entity_mut(self.camera).insert((view, quality));
         self.headless.capture().unwrap()
     }
 }
 
-fn psnr(picture: &RgbaImage, truth: &[DVec3]) -> f64 {
-    let squares = picture.pixels().zip(truth).map(|(pixel, truth)| {
+fn psnr(frame: &RgbaImage, truth: &[DVec3]) -> f64 {
+    let squares = frame.pixels().zip(truth).map(|(pixel, truth)| {
         let seen = DVec3::new(pixel[0].into(), pixel[1].into(), pixel[2].into()) / 255.0;
         (seen - truth.clamp(DVec3::ZERO, DVec3::ONE)).length_squared() / 3.0
     });
@@ -62,7 +62,7 @@ fn psnr(picture: &RgbaImage, truth: &[DVec3]) -> f64 {
 }
 
 #[test]
-fn presets_keep_what_they_promise() {
+fn presets_are_as_accurate_as_promised() {
     let field = drum();
     let palette = Palette::read(concat!(env!("CARGO_MANIFEST_DIR"), "/assets/drum.palette.json")).unwrap();
     let camera = PinholeCamera::around(&field, SIZE, SIZE, 0.5, 0.4).unwrap();
@@ -71,15 +71,15 @@ fn presets_keep_what_they_promise() {
     let colors: Vec<DVec3> = palette.colors.iter().map(|color| DVec3::from(*color)).collect();
     let hard = Posterize { softness: 0.0, ..default() };
     let settings = reference::Posterization { softness: 0.0, ..Default::default() };
-    // With hard edges a pixel's color says its label.
+    // With hard edges, the color of a pixel tells its label.
     let expected = reference::posterize(&truth, DVec3::ONE, &colors, &colors, &settings);
     let mut stage = Stage::new(&field, palette);
     for preset in QualityPreset::ALL {
         let prop = stage.prop;
         stage.headless.app.world_mut().entity_mut(prop).remove::<Posterize>();
-        let psnr = psnr(&stage.picture(&camera, preset.quality()), &over);
+        let psnr = psnr(&stage.capture(&camera, preset.quality()), &over);
         stage.headless.app.world_mut().entity_mut(prop).insert(hard);
-        let labels = stage.picture(&camera, preset.quality());
+        let labels = stage.capture(&camera, preset.quality());
         let owned = truth.opacity.iter().filter(|opacity| **opacity >= 80.0 / 255.0).count();
         let changed = labels.pixels().zip(&expected).filter(|(pixel, color)| {
             (0..3).any(|channel| (f64::from(pixel[channel]) - 255.0 * color[channel]).abs() > 2.0)
@@ -91,7 +91,7 @@ fn presets_keep_what_they_promise() {
     }
 }
 
-/// PSNR in dB at least, and the share of labels that change at most, as `QualityPreset` documents them.
+/// Returns the lowest PSNR in dB, and the largest share of labels that change, as documented for `QualityPreset`.
 fn promise(preset: QualityPreset) -> (f64, f64) {
     match preset {
         QualityPreset::Exact => (55.0, 0.01),
@@ -101,10 +101,10 @@ fn promise(preset: QualityPreset) -> (f64, f64) {
     }
 }
 
-/// From afar, averaged cells look like the field in many more pixels, averaged: more so than rays through the field
-/// itself, which hit or miss.
+/// From far away, averaged cells look like a supersampled rendering of the field, more so than rays through the field
+/// itself, which hit or miss details.
 #[test]
-fn averaged_cells_look_like_the_field_from_afar() {
+fn averaged_cells_look_like_the_field_from_far_away() {
     let field = drum();
     let palette = Palette::new(vec![[0.5; 3]]).unwrap();
     let mut stage = Stage::new(&field, palette);
@@ -121,9 +121,9 @@ fn averaged_cells_look_like_the_field_from_afar() {
             taps.sum::<DVec3>() / f64::from(FINE * FINE)
         })
         .collect();
-    let leaves = psnr(&stage.picture(&far(SIZE), PropQuality::EXACT), &truth);
-    let averaged = psnr(&stage.picture(&far(SIZE), PropQuality { cell_size: 1.0, ..PropQuality::EXACT }), &truth);
-    assert!(averaged > leaves, "{averaged:.1} dB averaged, {leaves:.1} dB of leaves");
+    let leaves = psnr(&stage.capture(&far(SIZE), PropQuality::EXACT), &truth);
+    let averaged = psnr(&stage.capture(&far(SIZE), PropQuality { cell_size: 1.0, ..PropQuality::EXACT }), &truth);
+    assert!(averaged > leaves, "{averaged:.1} dB for averaged cells, {leaves:.1} dB for leaves");
 }
 
 #[test]
@@ -141,14 +141,14 @@ fn bytes_come_close_to_half_floats() {
     let palette = Palette::new(vec![[0.5; 3]]).unwrap();
     for (precision, least) in [(Precision::Half, 55.0), (Precision::Byte, 45.0)] {
         let mut stage = Stage::new(&field.clone().with_precision(precision), palette.clone());
-        let psnr = psnr(&stage.picture(&camera, PropQuality::EXACT), &truth);
+        let psnr = psnr(&stage.capture(&camera, PropQuality::EXACT), &truth);
         assert!(psnr >= least, "{precision:?}: {psnr:.1} dB");
     }
 }
 
-/// Pictures lose no more than rays may lose of their opacity, and a fog of faint leaves stays as it is.
+/// Frames lose no more than the opacity that rays may lose, and fog of faint leaves is kept.
 #[test]
-fn faint_leaves_are_left_out_within_bounds() {
+fn dropping_faint_leaves_has_a_bounded_error() {
     let settings = BakeSettings { depth: 6, basis: Basis::Sh4, min_density: 0.0, ..default() };
     let haze = |at: DVec3| 0.1 * (1.5 - at.length()).max(0.01) + if at.length() < 0.6 { 90.0 } else { 0.0 };
     let fog = |at: DVec3| if at.length() < 0.9 { 0.4 } else { 0.0 };
@@ -159,16 +159,16 @@ fn faint_leaves_are_left_out_within_bounds() {
         let camera = PinholeCamera::around(field, SIZE, SIZE, 0.5, 0.4).unwrap();
         let truth = reference::render(field, &camera).over(DVec3::ONE);
         let mut stage = Stage::new(field, palette.clone());
-        let all = stage.picture(&camera, PropQuality::EXACT);
-        let fewer = stage.picture(&camera, PropQuality { opacity_loss: loss, ..PropQuality::EXACT });
+        let all = stage.capture(&camera, PropQuality::EXACT);
+        let fewer = stage.capture(&camera, PropQuality { opacity_loss: loss, ..PropQuality::EXACT });
         let psnr = psnr(&fewer, &truth);
         assert!(fewer != all && psnr >= least, "{psnr:.1} dB");
     }
 }
 
-/// Other forms of a field have memory of their own, which is given back when cameras are content with what there was.
+/// Levels take additional memory, which is freed when no camera requests them anymore.
 #[test]
-fn forms_that_nobody_asks_for_are_dropped() {
+fn levels_that_no_camera_requests_are_dropped() {
     let field = drum();
     let camera = PinholeCamera::around(&field, SIZE, SIZE, 0.5, 0.4).unwrap();
     let mut stage = Stage::new(&field, Palette::new(vec![[0.5; 3]]).unwrap());
@@ -176,10 +176,10 @@ fn forms_that_nobody_asks_for_are_dropped() {
         let render = stage.headless.app.get_sub_app(RenderApp).unwrap().world();
         render.resource::<RenderAssets<GpuField>>().get(&stage.field).unwrap().bytes()
     };
-    stage.picture(&camera, PropQuality::EXACT);
+    stage.capture(&camera, PropQuality::EXACT);
     let alone = bytes(&stage);
-    stage.picture(&camera, PropQuality { density_threshold: 1.0, cell_size: 5.0, ..PropQuality::EXACT });
-    stage.picture(&camera, PropQuality { opacity_loss: 0.01, ..PropQuality::EXACT });
+    stage.capture(&camera, PropQuality { density_threshold: 1.0, cell_size: 5.0, ..PropQuality::EXACT });
+    stage.capture(&camera, PropQuality { opacity_loss: 0.01, ..PropQuality::EXACT });
     assert!(bytes(&stage) > alone + alone / 2);
     let camera = stage.camera;
     stage.headless.app.world_mut().get_mut::<Camera>(camera).unwrap().is_active = false;
@@ -187,7 +187,7 @@ fn forms_that_nobody_asks_for_are_dropped() {
     assert_eq!(bytes(&stage), alone);
 }
 
-/// Where all light is lost, rays that never stop, for props that are never solid before that, see what others do.
+/// Rays that never stop draw the same as rays that do, even if a prop becomes solid only where no light is left.
 #[test]
 fn rays_that_never_stop_end_in_a_solid_prop() {
     let settings = BakeSettings { depth: 3, basis: Basis::Rgba, ..default() };
@@ -196,26 +196,26 @@ fn rays_that_never_stop_end_in_a_solid_prop() {
     let mut stage = Stage::new(&solid, Palette::new(vec![[0.5; 3]]).unwrap());
     let prop = stage.prop;
     stage.headless.app.world_mut().entity_mut(prop).insert(SolidOpacity::At(1.0));
-    let stopped = stage.picture(&camera, PropQuality::EXACT);
-    let never = stage.picture(&camera, PropQuality { stop_transmittance: 0.0, ..PropQuality::EXACT });
+    let stopped = stage.capture(&camera, PropQuality::EXACT);
+    let never = stage.capture(&camera, PropQuality { stop_transmittance: 0.0, ..PropQuality::EXACT });
     assert!(stopped.iter().zip(never.iter()).all(|(a, b)| a.abs_diff(*b) <= 1));
 }
 
-/// Where no leaf is asked for its color, nothing is drawn.
+/// Pixels without a shaded leaf are not drawn.
 #[test]
-fn what_has_no_color_is_not_there() {
+fn pixels_without_a_shaded_leaf_are_not_drawn() {
     let settings = BakeSettings { depth: 4, basis: Basis::Rgba, ..default() };
     let fog = bake(&settings, |_| 0.3, |_| |_| DVec3::new(1.0, 0.0, 0.0)).unwrap();
     let camera = PinholeCamera::around(&fog, SIZE, SIZE, 0.5, 0.4).unwrap();
     let mut stage = Stage::new(&fog, Palette::new(vec![[0.5; 3]]).unwrap());
-    assert!(stage.picture(&camera, PropQuality::EXACT).pixels().any(|pixel| pixel[1] < 200));
-    let nothing = stage.picture(&camera, PropQuality { min_weight: 0.5, ..PropQuality::EXACT });
+    assert!(stage.capture(&camera, PropQuality::EXACT).pixels().any(|pixel| pixel[1] < 200));
+    let nothing = stage.capture(&camera, PropQuality { min_weight: 0.5, ..PropQuality::EXACT });
     assert!(nothing.pixels().all(|pixel| pixel.0 == [255; 4]));
 }
 
-/// Every knob by itself, at and beyond the ends of its range, draws something finite.
+/// Frames can be captured with every setting at and beyond the limits of its range.
 #[test]
-fn knobs_beyond_their_range_are_harmless() {
+fn settings_beyond_their_range_are_harmless() {
     let field = drum();
     let camera = PinholeCamera::around(&field, SIZE, SIZE, 0.5, 0.4).unwrap();
     let mut stage = Stage::new(&field, Palette::new(vec![[0.9, 0.1, 0.1], [0.1, 0.1, 0.9]]).unwrap());
@@ -231,7 +231,7 @@ fn knobs_beyond_their_range_are_harmless() {
             PropQuality { resolution: value, ..default() },
             PropQuality { degree: u32::MAX, filter_iterations: u32::MAX, filter_radius: u32::MAX, ..default() },
         ] {
-            stage.picture(&camera, quality);
+            stage.capture(&camera, quality);
         }
     }
     let fields = stage.field.clone();

@@ -1,4 +1,4 @@
-//! Palettes in a running app: sampled on the GPU and on the CPU, against the float64 reference.
+//! Tests sampling in a running app, on the GPU and on the CPU, against the float64 reference.
 
 use std::time::{Duration, Instant};
 
@@ -15,8 +15,8 @@ use plenoctree::{
     sampling::{Histograms, Progress, sample},
 };
 
-/// Two lumps that hide each other, with colors by place and direction, faint fog around them, and a wide box so that
-/// cells are no cubes.
+/// Bakes two lumps that occlude each other, in faint fog. Colors depend on position and direction, and the sides of the
+/// box differ in length, so that cells are not cubes.
 fn lumps(basis: Basis) -> PlenOctree {
     let settings = BakeSettings {
         depth: 5,
@@ -37,7 +37,7 @@ fn lumps(basis: Basis) -> PlenOctree {
     .unwrap()
 }
 
-/// Extracts in an app and returns what was sampled, the palette's colors, and how many frames it took.
+/// Extracts a palette in an app. Returns the samples, the palette's colors, and the number of frames it took.
 fn extract_in_app(
     field: &PlenOctree,
     settings: &ExtractionSettings,
@@ -74,14 +74,14 @@ fn extract_in_app(
     unreachable!()
 }
 
-/// Sum of absolute differences over the total, of both histograms.
+/// Returns the sum of absolute differences divided by the total, for the histogram where it is larger.
 fn difference(found: &Histograms, expected: &Histograms) -> f64 {
     let of = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (a - b).abs()).sum::<f64>() / b.iter().sum::<f64>();
     of(found.fine(), expected.fine()).max(of(found.coarse(), expected.coarse()))
 }
 
 #[test]
-fn the_gpu_samples_as_the_reference_does() {
+fn gpu_sampling_matches_the_reference() {
     let settings = |sampling| ExtractionSettings { sampling, ..default() };
     for (basis, settings) in [
         (Basis::Sh9, ExtractionSettings::default()),
@@ -106,7 +106,7 @@ fn the_gpu_samples_as_the_reference_does() {
 }
 
 #[test]
-fn the_cpu_samples_as_the_reference_does() {
+fn cpu_sampling_matches_the_reference() {
     let settings = ExtractionSettings::default();
     let field = lumps(Basis::Sh9);
     let expected = sample_histograms(&field, &settings.sampling).unwrap();
@@ -115,7 +115,7 @@ fn the_cpu_samples_as_the_reference_does() {
     assert!(difference(&sampled.histograms, &expected) < 1e-5);
 }
 
-/// A leaf that weighs a trillionth of another is counted, and as exactly.
+/// A leaf with a trillionth of another leaf's weight is counted, and just as accurately.
 #[test]
 fn weights_a_trillion_apart_are_both_counted() {
     let frame = Frame::spanning(DVec3::splat(-1e-5), DVec3::splat(1e-5));
@@ -138,7 +138,7 @@ fn weights_a_trillion_apart_are_both_counted() {
     }
 }
 
-/// Sums of integers do not depend on the order in which slices and threads bring them.
+/// Sums of integers do not depend on the order in which slices and threads add to them.
 #[test]
 fn slices_of_any_size_give_the_same_bits() {
     let field = lumps(Basis::Sh1);
@@ -151,9 +151,10 @@ fn slices_of_any_size_give_the_same_bits() {
     assert_eq!(colors, sliced_colors);
 }
 
-/// A fraction of the leaves stands for all: the weight stays, and so do, roughly, the colors.
+/// A fraction of the leaves represents all of them: the total weight stays about the same. The GPU and the CPU sample
+/// the same leaves.
 #[test]
-fn a_fraction_of_the_leaves_stands_for_all() {
+fn a_fraction_of_the_leaves_represents_all() {
     let field = lumps(Basis::Sh4);
     let whole = sample(&field, &SamplingSettings::default(), &Progress::default()).unwrap();
     for fraction in [0.5, 0.2] {
@@ -166,13 +167,13 @@ fn a_fraction_of_the_leaves_stands_for_all() {
         assert!((weight - 1.0).abs() < 0.1, "{fraction}: {weight} of the weight");
         assert!(difference(&some, &whole) > 1e-3, "{fraction} changed nothing");
         let (on_gpu, ..) = extract_in_app(&field, &settings, PaletteSampler::Gpu, None);
-        assert!(difference(&on_gpu.histograms, &some) < 1e-4, "the GPU chose other leaves");
+        assert!(difference(&on_gpu.histograms, &some) < 1e-4, "the GPU sampled different leaves");
     }
 }
 
-/// One job after the other, and one that is asked for again, in one app.
+/// One app runs several jobs in sequence, and then one of them again.
 #[test]
-fn every_field_gets_its_turn_on_the_gpu() {
+fn fields_are_sampled_in_sequence_on_the_gpu() {
     let mut headless = Headless::new(UVec2::ONE, |app| {
         app.add_plugins(PlenOctreePlugin);
     })
@@ -198,6 +199,6 @@ fn every_field_gets_its_turn_on_the_gpu() {
     };
     while colors(&headless) != 4 {
         headless.update();
-        assert!(start.elapsed() < Duration::from_secs(60), "still {} colors", colors(&headless));
+        assert!(start.elapsed() < Duration::from_secs(60), "the palette still has {} colors", colors(&headless));
     }
 }

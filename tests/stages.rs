@@ -1,5 +1,7 @@
-//! Where in the frame props are drawn, and what cameras make of them, in pictures worked out by hand.
+//! Tests where in the frame props are drawn, and how cameras change them, against results worked out by hand.
 
+#[path = "stages/custom.rs"]
+mod custom;
 #[path = "stages/display.rs"]
 mod display;
 #[path = "stages/everything.rs"]
@@ -17,14 +19,14 @@ use scene::{COLOR, SHOWN, SIZE, SOLID, Scene, assert_near, at, middle, orthograp
 
 const SKY: Color = Color::srgb(0.25, 0.5, 0.35);
 
-/// The exposure that makes so many times the default's light.
+/// Returns the exposure that multiplies light by `times`, relative to the default.
 fn exposure(times: f32) -> Exposure {
     Exposure { ev100: Exposure::default().ev100 - times.log2() }
 }
 
 #[test]
-fn exposure_scales_a_prop_and_leaves_what_is_behind_it() {
-    // Half of the light comes through.
+fn exposure_scales_a_prop_but_not_the_background() {
+    // Half of the light passes through.
     let mut scene = Scene::new(std::f64::consts::LN_2);
     scene.set(orthographic());
     scene.set_background(SKY);
@@ -33,12 +35,12 @@ fn exposure_scales_a_prop_and_leaves_what_is_behind_it() {
         scene.set(msaa);
         scene.set_if(false, Exposure::default());
         let what = format!("hdr {hdr}, {msaa:?}");
-        assert_near(middle(&scene.picture()), over(0.5, COLOR, SKY, 1.0), 1, &what);
+        assert_near(middle(&scene.capture()), over(0.5, COLOR, SKY, 1.0), 1, &what);
         for times in [0.25, 1.0, 1.6] {
             scene.set(exposure(times));
-            let picture = scene.picture();
-            assert_near(middle(&picture), over(0.5, COLOR, SKY, times), 1, &format!("{what}, {times} times the light"));
-            assert_near(at(&picture, 1, 1), SKY, 1, &format!("{what}, beside the prop"));
+            let frame = scene.capture();
+            assert_near(middle(&frame), over(0.5, COLOR, SKY, times), 1, &format!("{what}, {times} times the light"));
+            assert_near(at(&frame, 1, 1), SKY, 1, &format!("{what}, next to the prop"));
         }
     }
 }
@@ -51,13 +53,13 @@ fn exposure_scales_labels_without_moving_them() {
     for times in [0.125, 1.0, 1.25] {
         scene.set(exposure(times));
         let expected = (SHOWN[0].to_linear() * times).into();
-        assert_near(middle(&scene.picture()), expected, 1, &format!("{times} times the light"));
+        assert_near(middle(&scene.capture()), expected, 1, &format!("{times} times the light"));
     }
 }
 
-/// Props get lighter and darker as lit meshes do.
+/// Exposure brightens and darkens props as much as lit meshes.
 #[test]
-fn exposure_scales_a_prop_as_a_lit_mesh() {
+fn exposure_scales_a_prop_like_a_lit_mesh() {
     let mut scene = Scene::new(SOLID);
     scene.set(Hdr);
     let matte = StandardMaterial { perceptual_roughness: 1.0, reflectance: 0.0, ..default() };
@@ -65,22 +67,21 @@ fn exposure_scales_a_prop_as_a_lit_mesh() {
     scene.world().spawn(DirectionalLight { illuminance: 1200.0, ..default() });
     let mut light = |times| {
         scene.set(exposure(times));
-        let picture = scene.picture();
-        // The square's middle is at -0.8 / 3 / tan(22.5 degrees) of half the picture.
-        [at(&picture, SIZE * 9 / 50, SIZE / 2), middle(&picture)]
-            .map(|[r, g, b]| Color::srgb_u8(r, g, b).to_linear().red)
+        let frame = scene.capture();
+        // The center of the square is at -0.8 / 3 / tan(22.5 degrees) of half the frame's width.
+        [at(&frame, SIZE * 9 / 50, SIZE / 2), middle(&frame)].map(|[r, g, b]| Color::srgb_u8(r, g, b).to_linear().red)
     };
     let [mesh, prop] = light(1.0);
     for times in [0.3, 2.0] {
         let [brighter_mesh, brighter_prop] = light(times);
         let (mesh, prop) = (brighter_mesh / mesh, brighter_prop / prop);
-        assert!((mesh - times).abs() < 0.03 * times, "the test's mesh: {mesh} for {times}");
-        assert!((prop - mesh).abs() < 0.03 * times, "{prop} for {mesh}");
+        assert!((mesh - times).abs() < 0.03 * times, "the mesh itself: {mesh}, expected {times}");
+        assert!((prop - mesh).abs() < 0.03 * times, "{prop}, expected {mesh}");
     }
 }
 
 #[test]
-fn an_orthographic_camera_sees_a_prop_where_it_is() {
+fn an_orthographic_camera_draws_a_prop_in_place() {
     let mut scene = Scene::new(std::f64::consts::LN_2);
     let (prop, red) = (scene.prop, Color::srgb(0.8, 0.1, 0.1));
     let far = Transform::from_xyz(7.0, -4.0, 40.0);
@@ -88,11 +89,11 @@ fn an_orthographic_camera_sees_a_prop_where_it_is() {
     scene.set_background(SKY);
     let place = Transform::from_xyz(7.25, -4.25, 33.0);
     scene.world().entity_mut(prop).insert(place);
-    // Through the middle of the cube, under its middle.
+    // The square cuts through the lower half of the cube, at its center along z.
     scene.spawn_square(place.translation - Vec3::Y, 2.0, red);
     for msaa in [Msaa::Off, Msaa::Sample4] {
         scene.set(msaa);
-        let picture = scene.picture();
+        let frame = scene.capture();
         for (x, y) in (0..SIZE).flat_map(|x| (0..SIZE).map(move |y| (x, y))) {
             let [across, down] = [x, y].map(|pixel| 2.0 * (pixel as f32 + 0.5) / SIZE as f32 - 1.25);
             let background = if (-1.0..1.0).contains(&across) && down > 0.0 { red } else { SKY };
@@ -101,12 +102,12 @@ fn an_orthographic_camera_sees_a_prop_where_it_is() {
                 true => 0.5,
                 false => 0.0,
             };
-            assert_near(at(&picture, x, y), over(opacity, COLOR, background, 1.0), 1, &format!("{msaa:?}, {x}, {y}"));
+            assert_near(at(&frame, x, y), over(opacity, COLOR, background, 1.0), 1, &format!("{msaa:?}, {x}, {y}"));
         }
     }
 }
 
-/// From within a fog, the way out of it decides.
+/// From inside fog, opacity depends on the distance to its boundary.
 #[test]
 fn a_camera_inside_sees_the_rest_of_the_field() {
     let density = 1.7;
@@ -115,25 +116,25 @@ fn a_camera_inside_sees_the_rest_of_the_field() {
     let slope = std::f64::consts::FRAC_PI_8.tan();
     for eye in [DVec3::ZERO, DVec3::new(0.3, -0.4, 0.1)] {
         scene.set(Transform::from_translation(eye.as_vec3()));
-        let picture = scene.picture();
+        let frame = scene.capture();
         for (x, y) in (0..SIZE).flat_map(|x| (0..SIZE).map(move |y| (x, y))) {
             let [across, down] = [x, y].map(|pixel| 2.0 * (f64::from(pixel) + 0.5) / f64::from(SIZE) - 1.0);
             let direction = DVec3::new(across * slope, -down * slope, -1.0).normalize();
             let way = ((0.5 * direction.signum() - eye) / direction).min_element();
             let expected = over((1.0 - (-density * way).exp()) as f32, COLOR, SKY, 1.0);
-            assert_near(at(&picture, x, y), expected, 1, &format!("from {eye}, {x}, {y}"));
+            assert_near(at(&frame, x, y), expected, 1, &format!("from {eye}, {x}, {y}"));
         }
     }
 }
 
 #[test]
-fn both_stages_show_the_same_where_nothing_is_between() {
+fn both_stages_draw_the_same_if_no_effect_runs_between_them() {
     let mut scene = Scene::new(2.0);
     scene.set_background(SKY);
     for msaa in [Msaa::Off, Msaa::Sample4] {
         scene.set((msaa, PropStage::Scene));
-        let among_the_scene = scene.picture();
+        let among_the_scene = scene.capture();
         scene.set(PropStage::Display);
-        assert!(scene.picture() == among_the_scene, "{msaa:?}");
+        assert!(scene.capture() == among_the_scene, "{msaa:?}");
     }
 }

@@ -1,4 +1,4 @@
-//! What the game does with palettes.
+//! Animates the palettes.
 
 use bevy::prelude::*;
 use bevy_plenoctree::{BlendSpace, Palette, PaletteOverride, Palettes, Prop};
@@ -11,16 +11,16 @@ pub fn plugin(app: &mut App) {
 
 /// Seconds from one noon to the next.
 const DAY: f32 = 12.0;
-/// Seconds from one hit to the next while nobody plays.
+/// Seconds from one automatic hit to the next.
 const SWING: f32 = 2.0;
-/// Seconds that a flash takes.
+/// The duration of a flash, in seconds.
 const FLASH: f32 = 0.4;
 
-/// How much of the night has come: 0 at noon, 1 at midnight.
+/// How far night has fallen: 0 at noon, 1 at midnight.
 #[derive(Resource, Default)]
 pub struct Night(pub f32);
 
-/// What a prop looks like at midnight.
+/// The palette of a prop's field at midnight.
 #[derive(Component)]
 pub struct ByNight(pub [Color; 6]);
 
@@ -31,19 +31,19 @@ pub struct Team {
     pub by_night: Color,
 }
 
-/// What can be hit.
+/// A prop that can be hit.
 #[derive(Component)]
 pub struct Target;
 
-/// Something was hit.
+/// Sent when a target is hit.
 #[derive(Message)]
 struct Hit(Entity);
 
-/// The seconds since a hit.
+/// Flashes after a hit. Holds the seconds since then.
 #[derive(Component)]
 struct Flashing(f32);
 
-/// The robots' metal among the colors of their palette.
+/// The index of the metal's color in the robots' palette.
 const METAL: usize = 0;
 
 fn set_sun(time: Res<Time>, mut night: ResMut<Night>) {
@@ -51,7 +51,7 @@ fn set_sun(time: Res<Time>, mut night: ResMut<Night>) {
     night.0 = (0.5 - 0.7 * height).clamp(0.0, 1.0);
 }
 
-/// Day to night, for all props of a field at once.
+/// Fades palettes between day and night, for all props of a field at once.
 fn paint_by_night(night: Res<Night>, mut palettes: ResMut<Palettes>, props: Query<(&Prop, &ByNight)>) {
     for (prop, by_night) in &props {
         if let Some(palette) = palettes.get_mut(&prop.0) {
@@ -60,7 +60,7 @@ fn paint_by_night(night: Res<Night>, mut palettes: ResMut<Palettes>, props: Quer
     }
 }
 
-/// The robots share a field and its palette, but not the color of their metal.
+/// Overrides the color of each robot's metal. The robots share a field and its palette.
 fn wear_team_colors(night: Res<Night>, mut robots: Query<(&Team, &mut PaletteOverride)>) {
     for (team, mut colors) in &mut robots {
         colors.set(METAL, BlendSpace::Oklab.mix(team.by_day, team.by_night, night.0));
@@ -88,7 +88,7 @@ fn start_flashes(mut hits: MessageReader<Hit>, mut commands: Commands) {
     }
 }
 
-/// All white at first, and then back to what the prop's field shows at this time of the day.
+/// Turns a prop white, then fades it back to the colors that its field shows at this time of day.
 fn flash(
     time: Res<Time>,
     palettes: Res<Palettes>,

@@ -1,6 +1,6 @@
-//! Palettes that a game plays with: day and night, two teams, and a drum that flashes when it is hit (space, a click).
+//! Animates palettes: day and night, team colors, and a drum that flashes when it is hit (press space, or click).
 //!
-//! The props' palettes lie beside them in `assets/`, so that nothing is extracted.
+//! The palettes are loaded from files next to the fields in `assets/`, so nothing is extracted.
 //!
 //! ```sh
 //! cargo run --release --example animate_palette
@@ -19,7 +19,7 @@ use clap::Parser;
 
 use show::Show;
 
-/// Shows props whose palettes change: day and night (720 frames), two teams, a hit flash.
+/// Shows animated palettes: day and night (720 frames), team colors, and a hit flash.
 #[derive(Parser)]
 struct Arguments {
     #[command(flatten)]

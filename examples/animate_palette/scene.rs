@@ -1,4 +1,4 @@
-//! The stage: props, ground, sky and camera.
+//! The scene: props, ground, sky and camera.
 
 use bevy::{core_pipeline::tonemapping::Tonemapping, prelude::*};
 use bevy_plenoctree::{BlendSpace, PaletteOverride, Posterize, Prop};
@@ -13,7 +13,7 @@ const SKY: [&str; 2] = ["#bfe3f2", "#141a3c"];
 const GROUND: [&str; 2] = ["#9ad08f", "#22404f"];
 const SHADOW: [&str; 2] = ["#7bb878", "#1a3242"];
 
-/// A mesh whose material goes from a color of the day to one of the night.
+/// The colors of a mesh's material by day and by night.
 #[derive(Component)]
 struct Painted([&'static str; 2]);
 
@@ -47,7 +47,7 @@ fn spawn(
     }
 
     let prop = |file: &'static str, x: f32, z: f32, scale: f32, turn: f32| {
-        // The props stand 0.9 below their origin.
+        // The origin of the props is 0.9 above the ground.
         let place = Transform::from_xyz(x, 0.9 * scale, z).with_scale(Vec3::splat(scale));
         (Prop(assets.load(file)), Posterize::default(), place.with_rotation(Quat::from_rotation_y(turn)))
     };
@@ -86,7 +86,7 @@ fn paint_sky_and_ground(
     }
 }
 
-/// The color of a hex code of this file.
+/// Parses a hex code from this file. Invalid codes become black.
 fn color(hex: &str) -> Color {
     Srgba::hex(hex).unwrap_or(Srgba::BLACK).into()
 }

@@ -1,8 +1,8 @@
-//! Meshes in few words.
+//! Helpers that spawn meshes.
 
 use bevy::{ecs::system::SystemParam, prelude::*};
 
-/// Puts meshes into the world.
+/// Spawns meshes with materials.
 #[derive(SystemParam)]
 pub struct Builder<'w, 's> {
     pub commands: Commands<'w, 's>,
@@ -11,7 +11,7 @@ pub struct Builder<'w, 's> {
 }
 
 impl Builder<'_, '_> {
-    /// Spawns a mesh of its own material.
+    /// Spawns a mesh with a material of its own.
     pub fn put(
         &mut self,
         shape: impl Into<Mesh>,
@@ -23,7 +23,7 @@ impl Builder<'_, '_> {
     }
 }
 
-/// The color of a hex code of the source.
+/// Parses a hex code from an example's source. Invalid codes become black.
 pub fn color(hex: &str) -> Color {
     Srgba::hex(hex).unwrap_or(Srgba::BLACK).into()
 }

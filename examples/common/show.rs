@@ -1,4 +1,4 @@
-//! What every windowed example shares: a window, or one picture without a window.
+//! Shows an example in a window, or captures one of its frames without a window.
 
 mod size;
 
@@ -14,26 +14,26 @@ use bevy::{
 };
 use bevy_plenoctree::headless::Headless;
 
-/// The arguments, to be flattened into an example's own.
+/// Arguments that the windowed examples share.
 #[derive(clap::Args)]
 pub struct Show {
-    /// Opens no window: writes one picture to this file as soon as fields and palettes are there.
+    /// Captures one frame to this file, without a window, once fields and palettes are ready.
     #[arg(long, value_name = "FILE.png")]
     pub headless: Option<PathBuf>,
-    /// Size of the window, or of the picture, in pixels.
+    /// Size of the window or the captured frame, in pixels.
     #[arg(long, value_name = "WxH", default_value = "1280x720", value_parser = size::parse_size)]
     size: (u32, u32),
-    /// Which frame the picture shows: 60 are a second.
+    /// The frame to capture, at 60 frames per second.
     #[arg(long, value_name = "N", requires = "headless", default_value_t = 0)]
     at_frame: u32,
 }
 
 pub type Result<T = (), E = Box<dyn std::error::Error>> = std::result::Result<T, E>;
 
-/// How long fields and palettes may take.
-const PATIENCE: Duration = Duration::from_secs(3600);
+/// How long to wait for fields and palettes.
+const TIMEOUT: Duration = Duration::from_secs(3600);
 
-/// What `main` returns: 2, with a message, for what went wrong.
+/// Returns the exit code for `main`. Prints errors and returns 2 for them.
 pub fn exit_code(result: Result) -> ExitCode {
     match result {
         Ok(()) => ExitCode::SUCCESS,
@@ -44,17 +44,17 @@ pub fn exit_code(result: Result) -> ExitCode {
     }
 }
 
-/// Steps an app until the fields and palettes of its props are there.
+/// Updates an app until the fields and palettes of its props are ready.
 pub fn wait_for_props(headless: &mut Headless) -> Result {
-    Ok(headless.wait_until_ready(PATIENCE)?)
+    Ok(headless.wait_until_ready(TIMEOUT)?)
 }
 
 impl Show {
-    /// Runs the app that `build` makes in a window; or, without a window, steps it with `wait` until everything is there,
-    /// while time stands still, and then to the frame whose picture is taken.
+    /// Runs the app that `build` sets up in a window. With `--headless`, calls `wait` to update the app until
+    /// everything is ready, while time stands still, and then captures the requested frame.
     pub fn run(&self, title: &str, build: impl FnOnce(&mut App), wait: impl FnOnce(&mut Headless) -> Result) -> Result {
         match &self.headless {
-            Some(file) => self.picture(file, build, wait),
+            Some(file) => self.capture(file, build, wait),
             None => self.window(title, build),
         }
     }
@@ -66,11 +66,11 @@ impl Show {
         build(&mut app);
         match app.run() {
             AppExit::Success => Ok(()),
-            AppExit::Error(code) => Err(format!("the app ended with code {code}").into()),
+            AppExit::Error(code) => Err(format!("the app exited with code {code}").into()),
         }
     }
 
-    fn picture(&self, file: &Path, build: impl FnOnce(&mut App), wait: impl FnOnce(&mut Headless) -> Result) -> Result {
+    fn capture(&self, file: &Path, build: impl FnOnce(&mut App), wait: impl FnOnce(&mut Headless) -> Result) -> Result {
         let mut headless = Headless::new(self.size.into(), |app| {
             app.add_plugins((GizmoPlugin, GizmoRenderPlugin, LightPlugin, PbrPlugin::default(), PostProcessPlugin));
             build(app);
@@ -83,7 +83,7 @@ impl Show {
         set_frame_time(&mut headless, Duration::ZERO);
         wait(&mut headless)?;
         set_frame_time(&mut headless, Duration::from_secs(1) / 60);
-        play_unseen(&mut headless, self.at_frame);
+        run_without_drawing(&mut headless, self.at_frame);
         set_frame_time(&mut headless, Duration::ZERO);
         headless.capture()?.save(file).map_err(|error| format!("{}: {error}", file.display()))?;
         Ok(())
@@ -94,8 +94,8 @@ fn set_frame_time(headless: &mut Headless, time: Duration) {
     headless.app.insert_resource(TimeUpdateStrategy::ManualDuration(time));
 }
 
-/// Runs frames that nobody looks at, and that need not be drawn.
-fn play_unseen(headless: &mut Headless, frames: u32) {
+/// Runs frames with all cameras off, so that nothing is drawn.
+fn run_without_drawing(headless: &mut Headless, frames: u32) {
     let world = headless.app.world_mut();
     let mut cameras = world.query::<(Entity, &mut Camera)>();
     let mut paused = Vec::new();

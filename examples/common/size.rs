@@ -1,6 +1,6 @@
-//! Sizes of pictures on the command line.
+//! Image sizes on the command line.
 
-/// `WxH`, in pixels.
+/// Parses `WxH`, in pixels.
 pub fn parse_size(text: &str) -> Result<(u32, u32), String> {
     let side = |text: &str| text.parse().ok().filter(|pixels| (1..=16384).contains(pixels));
     text.split_once(['x', 'X'])

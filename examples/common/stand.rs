@@ -1,5 +1,5 @@
-//! Props on the ground: where they stand, and how they keep light from it. A prop casts no shadow, so that simple meshes
-//! that only lights see cast one in its place, and a soft dark spot lies beneath it.
+//! Places props on the ground and gives them shadows. Props cast no shadows themselves, so simple meshes that only
+//! lights see cast them instead, and a soft dark spot lies under each prop.
 
 use std::collections::HashMap;
 
@@ -16,27 +16,27 @@ pub fn plugin(app: &mut App) {
     app.init_resource::<Shadows>().add_observer(add_shadow).add_observer(show_casters);
 }
 
-/// How far below their origin our props stand.
+/// The height of the origin of the included props above the ground.
 const GROUND: f32 = 0.93;
 
-/// Where a prop stands on the ground, how large it is, and which way it looks: 0 is toward +z.
+/// Returns the transform of a prop that stands on the ground at `at`. A `turn` of 0 faces +z.
 pub fn standing(at: Vec3, scale: f32, turn: f32) -> Transform {
     Transform::from_translation(at + GROUND * scale * Vec3::Y)
         .with_rotation(Quat::from_rotation_y(turn))
         .with_scale(Vec3::splat(scale))
 }
 
-/// The dark on the ground that one of our props makes, on the prop's entity.
+/// Gives an entity with one of the included props a shadow.
 #[derive(Component, Clone, Copy)]
 pub struct Footprint(&'static str);
 
 impl Footprint {
-    /// That of the prop of a file.
+    /// The footprint of the prop in `file`.
     pub fn of(file: &'static str) -> Self {
         Self(file)
     }
 
-    /// Half of what the prop covers of the ground, along x and z.
+    /// Half the size of the ground that the prop covers, along x and z.
     fn half_size(self) -> Vec2 {
         match self.0 {
             "toadstool.npz" => Vec2::splat(0.9),
@@ -46,7 +46,7 @@ impl Footprint {
         }
     }
 
-    /// What casts the prop's shadow: its outline in a few words, each with the height of its middle.
+    /// The meshes that cast the prop's shadow, which roughly match its shape, each with the height of its center.
     fn casters(self) -> Vec<(Mesh, f32)> {
         match self.0 {
             "toadstool.npz" => vec![
@@ -71,21 +71,22 @@ impl Footprint {
     }
 }
 
-/// The layer of what casts shadows and is not seen.
+/// The render layer of the meshes that cast shadows. No camera sees it.
 const UNSEEN: usize = 1;
 
-/// Lets every light see what casts the shadows of props.
+/// Makes every light see the meshes that cast shadows.
 fn show_casters(added: On<Add, (DirectionalLight, PointLight)>, mut commands: Commands) {
     commands.entity(added.entity).insert(RenderLayers::from_layers(&[0, UNSEEN]));
 }
 
-/// How far the spot reaches beyond the footprint.
+/// The size of the dark spot, relative to the footprint.
 const REACH: f32 = 1.3;
-/// How dark it is in its middle, and its pixels a side.
+/// The opacity of the spot at its center.
 const DARKNESS: f32 = 0.55;
+/// The width and height of the spot's texture, in pixels.
 const PIXELS: u32 = 64;
 
-/// What all shadows are made of; copies of a prop share its casters.
+/// The assets that shadows share. Copies of a prop have the same casters.
 #[derive(Resource)]
 struct Shadows {
     casters: HashMap<&'static str, Vec<(Handle<Mesh>, f32)>>,
@@ -111,7 +112,7 @@ impl FromWorld for Shadows {
     }
 }
 
-/// White, opaque in the middle, and gone at the edge.
+/// Returns a white disc that is most opaque at its center and fades out toward its edge.
 fn soft_disc() -> Image {
     let size = Extent3d { width: PIXELS, height: PIXELS, ..default() };
     let across = |pixel: u32| 2.0 * (pixel as f32 + 0.5) / PIXELS as f32 - 1.0;

@@ -1,4 +1,4 @@
-//! A cake of turning rings, as high as the toys on it need, and a camera that sees all of it.
+//! A cake of rotating rings, as high as the number of toys requires, and a camera that sees all of it.
 
 use bevy::{
     light::{CascadeShadowConfigBuilder, GlobalAmbientLight},
@@ -10,7 +10,7 @@ use crate::{
     toys::spawn_toy,
 };
 
-/// The carousel of `count` toys.
+/// Returns a plugin that spawns a carousel of `count` toys.
 pub fn plugin(count: u32) -> impl Plugin {
     move |app: &mut App| {
         app.insert_resource(ClearColor(color("#fde8d7")))
@@ -20,20 +20,20 @@ pub fn plugin(count: u32) -> impl Plugin {
     }
 }
 
-/// Between two rings, and between two toys of a ring.
+/// The distance between neighboring rings, and between neighboring toys on a ring.
 const SPACING: f32 = 2.3;
-/// How much higher a ring is than the next one outwards.
+/// The height of a ring above the next one outward.
 const STEP: f32 = 0.9;
-/// The toy in the middle, at the height of its hops.
+/// The height of the toy in the middle at the top of its hops.
 const TALLEST: f32 = 2.6;
-/// Radians a second.
-const PACE: f32 = 0.06;
+/// The speed of the rings, in radians per second.
+const SPEED: f32 = 0.06;
 
-/// Turns by so many radians a second.
+/// Rotates at this speed, in radians per second.
 #[derive(Component)]
 struct Turning(f32);
 
-/// How many toys stand on each ring, from the middle, where one does, outwards: about as dense everywhere.
+/// Returns the number of toys on each ring, from the single one in the middle outward, at about the same density.
 fn rings(count: u32) -> Vec<u32> {
     let around = count.saturating_sub(1);
     let places = |ring: u32| (std::f32::consts::TAU * ring as f32) as u32;
@@ -45,7 +45,7 @@ fn rings(count: u32) -> Vec<u32> {
     let mut rings = vec![count.min(1)];
     let mut left = around;
     for ring in 1..=outermost {
-        // Its share of those that are left.
+        // The ring gets its share of the remaining toys.
         let share = left * places(ring) / room;
         room -= places(ring);
         left -= share;
@@ -60,8 +60,8 @@ fn spawn(mut builder: Builder, assets: &AssetServer, count: u32) {
     for (ring, places) in rings.into_iter().enumerate() {
         let height = STEP * (outermost - ring) as f32;
         build_tier(&mut builder, ring, height);
-        let pace = if ring % 2 == 0 { PACE } else { -PACE };
-        let turntable = (Transform::from_xyz(0.0, height, 0.0), Visibility::default(), Turning(pace));
+        let speed = if ring % 2 == 0 { SPEED } else { -SPEED };
+        let turntable = (Transform::from_xyz(0.0, height, 0.0), Visibility::default(), Turning(speed));
         let turntable = builder.commands.spawn(turntable).id();
         for place in 0..places {
             let around = std::f32::consts::TAU * (place as f32 + 0.5 * (ring % 2) as f32) / places as f32;
@@ -87,14 +87,14 @@ fn build_tier(builder: &mut Builder, ring: usize, height: f32) {
     builder.put(cream, color("#fffaf0"), Transform::from_xyz(0.0, height, 0.0));
 }
 
-/// From the front and above, as near as it sees the whole of a cake of this radius and height.
+/// Spawns a camera in front and above, as close as it can see a whole cake of this radius and height.
 fn spawn_camera(commands: &mut Commands, edge: f32, height: f32) {
     let (pitch, fov, aspect) = (0.42f32, 0.5f32, 1.5);
     let turn = Quat::from_rotation_x(-pitch);
     let up = 0.96 * (0.5 * fov).tan();
     let across = aspect * up;
     let plate = (0..32).map(|i| Quat::from_rotation_y(0.2 * i as f32) * ((edge + 0.9) * Vec3::Z) - 0.6 * Vec3::Y);
-    // As the camera is turned, each point bounds where it may be: above and below, and how far back.
+    // With the camera's rotation fixed, each point bounds its position from above, from below and from the back.
     let (mut above, mut below, mut back) = (f32::MIN, f32::MAX, f32::MIN);
     for point in plate.chain([height * Vec3::Y]).map(|point| turn.inverse() * point) {
         above = above.max(point.y + up * point.z);
@@ -115,7 +115,7 @@ fn spawn_camera(commands: &mut Commands, edge: f32, height: f32) {
 }
 
 fn turn(time: Res<Time>, mut rings: Query<(&Turning, &mut Transform)>) {
-    for (Turning(pace), mut place) in &mut rings {
-        place.rotate_y(pace * time.delta_secs());
+    for (Turning(speed), mut place) in &mut rings {
+        place.rotate_y(speed * time.delta_secs());
     }
 }

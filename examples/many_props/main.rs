@@ -1,7 +1,7 @@
-//! A carousel of many toys: four fields, each copy with a place, a size and colors of its own.
+//! Shows a carousel of many toys: four fields, and many copies that each have their own position, size and colors.
 //!
-//! In a window it says once a second how long a frame takes; without one, how long frames of all toys took, to be compared
-//! with `--count 1`.
+//! In a window, prints once a second how long a frame takes. Without one, prints how long a frame with all toys took,
+//! to compare with `--count 1`.
 //!
 //! ```sh
 //! cargo run --release --example many_props -- --count 256
@@ -26,10 +26,10 @@ use clap::Parser;
 
 use show::Show;
 
-/// Shows a carousel of many toys, and how long a frame of it takes.
+/// Shows a carousel of many toys, and prints how long a frame takes.
 #[derive(Parser)]
 struct Arguments {
-    /// How many toys there are.
+    /// The number of toys.
     #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=4096))]
     count: u32,
     #[command(flatten)]
@@ -41,7 +41,7 @@ fn main() -> ExitCode {
     let build = |app: &mut App| {
         app.add_plugins((PlenOctreePlugin, stand::plugin, toys::plugin, carousel::plugin(count)));
         if show.headless.is_none() {
-            app.add_systems(Update, measure::print_pace);
+            app.add_systems(Update, measure::print_frame_time);
         }
     };
     show::exit_code(show.run("Many props", build, |headless| {

@@ -1,4 +1,4 @@
-//! How long frames take.
+//! Measures frame times.
 
 use std::time::{Duration, Instant};
 
@@ -7,28 +7,29 @@ use bevy_plenoctree::headless::Headless;
 
 use crate::show::Result;
 
-/// Frames whose mean is taken.
+/// The number of frames to average.
 const FRAMES: u32 = 4;
 
-/// Once a second: the mean of the frames since.
-pub fn print_pace(time: Res<Time<Real>>, mut frames: Local<u32>, mut elapsed: Local<Duration>) {
+/// Prints the mean frame time once a second.
+pub fn print_frame_time(time: Res<Time<Real>>, mut frames: Local<u32>, mut elapsed: Local<Duration>) {
     *frames += 1;
     *elapsed += time.delta();
     if *elapsed >= Duration::from_secs(1) {
-        println!("{:.1} ms a frame", milliseconds(*elapsed, *frames));
+        println!("{:.1} ms per frame", milliseconds(*elapsed, *frames));
         (*frames, *elapsed) = (0, Duration::ZERO);
     }
 }
 
-/// Frames from their beginning until the picture is in memory: what the CPU and the GPU, or its software, do for them.
+/// Prints the mean time from the start of a frame until it is in memory: the work of the CPU and the GPU, or of the
+/// software that stands in for one.
 pub fn time_frames(headless: &mut Headless, count: u32) -> Result {
-    // The first one compiles.
+    // The first frame compiles pipelines.
     headless.capture()?;
     let start = Instant::now();
     for _ in 0..FRAMES {
         headless.capture()?;
     }
-    println!("{count} props: {:.1} ms a frame, the mean of {FRAMES}", milliseconds(start.elapsed(), FRAMES));
+    println!("{count} props: {:.1} ms per frame, the mean of {FRAMES}", milliseconds(start.elapsed(), FRAMES));
     Ok(())
 }
 

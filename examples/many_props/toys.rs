@@ -9,24 +9,24 @@ pub fn plugin(app: &mut App) {
     app.add_systems(Update, (hop, change_colors));
 }
 
-/// The fields of the rings, from the middle outwards: file, and which of its colors is painted.
+/// The fields on the rings, from the middle outward: the file, and the index of the palette color to paint.
 const TOYS: [(&str, usize); 4] = [("toadstool.npz", 0), ("robot.npz", 0), ("gumballs.npz", 0), ("drum.npz", 2)];
 
-/// The hue of a toy, in degrees, and which of its palette's colors has it.
+/// The hue of a toy in degrees, and the index of the palette color that gets it.
 #[derive(Component)]
 struct Painted {
     hue: f32,
     index: usize,
 }
 
-/// Where a toy that hops stands, and when it begins, in radians.
+/// The ground height of a hopping toy, and the phase of its hops in radians.
 #[derive(Component)]
 struct Hopping {
     ground: f32,
     phase: f32,
 }
 
-/// Spawns the toy of a place of a ring, at a point of it, looking outwards.
+/// Spawns a toy at a place on a ring, facing outward.
 pub fn spawn_toy(
     commands: &mut Commands,
     assets: &AssetServer,
@@ -36,7 +36,7 @@ pub fn spawn_toy(
     around: f32,
 ) -> Entity {
     let (file, index) = TOYS[ring % TOYS.len()];
-    // The middle one is the largest; the others are not all alike.
+    // The toy in the middle is the largest; the others vary in size.
     let scale = if ring == 0 { 1.2 } else { [0.9, 1.05, 0.8][place as usize % 3] };
     let stand = standing(at, scale, around);
     commands
@@ -58,7 +58,7 @@ fn hop(time: Res<Time>, mut toys: Query<(&Hopping, &mut Transform)>) {
     }
 }
 
-/// The colors go once around in half a minute.
+/// Rotates the hue of each toy once every half minute.
 fn change_colors(time: Res<Time>, mut toys: Query<(&Painted, &mut PaletteOverride)>) {
     for (painted, mut colors) in &mut toys {
         let hue = (painted.hue + 12.0 * time.elapsed_secs()) % 360.0;

@@ -1,4 +1,4 @@
-//! The brush: it stands on what is pointed at, leans along its normal, and leaves a ring there.
+//! The brush: stands at the point under the pointer, leans toward the surface normal, and marks the point with a ring.
 
 use bevy::{picking::pointer::PointerInteraction, prelude::*};
 use bevy_plenoctree::BlendSpace;
@@ -12,15 +12,15 @@ pub fn plugin(app: &mut App) {
     app.add_systems(Startup, spawn).add_systems(Update, (point, color_tip));
 }
 
-/// What stands on the point.
+/// The root of the brush, at the point under the pointer.
 #[derive(Component)]
 struct Cursor;
 
-/// What leans, as hands hold brushes.
+/// The part of the brush that leans as if a hand held it.
 #[derive(Component)]
 struct Stick;
 
-/// What has paint on it.
+/// A part with paint on it.
 #[derive(Component)]
 struct Wet;
 
@@ -34,7 +34,7 @@ fn spawn(mut builder: Builder) {
     builder.put(Annulus::new(0.085, 0.15), white, flat(0.02)).insert(ChildOf(cursor));
     builder.put(Annulus::new(0.097, 0.138), paint(), flat(0.025)).insert((Wet, ChildOf(cursor)));
 
-    // A cone's point is on top; a brush's is not.
+    // Cones point up, but a brush points down.
     let upside_down = at(0.11).with_rotation(Quat::from_rotation_x(std::f32::consts::PI));
     builder.put(Cone { radius: 0.06, height: 0.22 }, paint(), upside_down).insert((Wet, ChildOf(stick)));
     builder.put(Cylinder::new(0.062, 0.15), color("#c9ccd4"), at(0.29)).insert(ChildOf(stick));
@@ -42,7 +42,7 @@ fn spawn(mut builder: Builder) {
     builder.put(wood, color("#b5472f"), at(0.76)).insert(ChildOf(stick));
 }
 
-/// Puts the brush where the pointer is.
+/// Moves the brush to the point under the pointer.
 fn point(
     pointers: Query<&PointerInteraction>,
     cameras: Query<&GlobalTransform, With<Camera3d>>,
@@ -57,7 +57,7 @@ fn point(
     visibility.set_if_neq(Visibility::Inherited);
     transform.translation = hit.point;
     transform.rotation = Quat::from_rotation_arc(Vec3::Y, *hit.normal);
-    // Between the normal and a right hand before the screen.
+    // Lean between the normal and a right hand in front of the screen.
     let hand = camera.rotation() * Vec3::new(0.55, 0.5, 0.65);
     let leaning = (0.6 * hit.normal + hand).normalize();
     stick.rotation = transform.rotation.inverse() * Quat::from_rotation_arc(Vec3::Y, leaning);

@@ -1,14 +1,13 @@
-//! The game: a brush, toys to paint with it, and how they are wanted.
+//! The game: a brush, toys to paint with it, and the orders for them.
 
 use bevy::{picking::pointer::PointerInteraction, prelude::*};
 use bevy_plenoctree::{BlendSpace, FieldPalette, PaletteOverride, Palettes, Prop, PropHit};
 
 pub fn plugin(app: &mut App) {
-    app.init_resource::<Brush>()
-        .add_systems(Update, (hand_out_orders, deliver, hop, dry, (preview, lift_tins)).chain());
+    app.init_resource::<Brush>().add_systems(Update, (show_orders, deliver, hop, dry, (preview, lift_tins)).chain());
 }
 
-/// The paints, one in each tin.
+/// The paints, one per tin.
 pub const PAINTS: [Color; 6] = [
     Color::srgb(0.18, 0.40, 0.86),
     Color::srgb(0.53, 0.29, 0.80),
@@ -30,17 +29,17 @@ pub struct Brush {
     pub paint: usize,
 }
 
-/// The paint on each color of a toy's palette; bare wood is none.
+/// The paint on each color of a toy's palette. `None` is bare wood.
 pub type Coat = [Option<usize>; 6];
 
-/// What is painted.
+/// A toy to paint.
 #[derive(Component)]
 pub struct Toy {
     coat: Coat,
     orders: &'static [Coat],
-    /// How many orders were delivered.
+    /// The number of orders delivered so far.
     delivered: usize,
-    /// The picture on the wall.
+    /// The picture on the wall that shows the current order.
     picture: Entity,
     home: Transform,
 }
@@ -55,28 +54,28 @@ impl Toy {
     }
 }
 
-/// A tin, by its paint.
+/// A tin of paint.
 #[derive(Component)]
 pub struct Tin {
     pub paint: usize,
     pub home: Transform,
 }
 
-/// A toy that is as it should be hops for joy; the seconds since it began.
+/// Makes a toy that matches its order hop for joy. Holds the progress of the hop, from 0 to 1.
 #[derive(Component, Default)]
 struct Hopping(f32);
 
-/// Seconds that a hop takes.
+/// The duration of a hop, in seconds.
 const HOP: f32 = 0.9;
 
-/// For the tins: a click takes paint.
+/// Dips the brush into a tin that is clicked.
 pub fn dip(click: On<Pointer<Click>>, tins: Query<&Tin>, mut brush: ResMut<Brush>) {
     if let Ok(tin) = tins.get(click.entity) {
         brush.paint = tin.paint;
     }
 }
 
-/// For the toys: a click paints the region, and with it all that has its color.
+/// Paints the region of a toy that is clicked, along with all other regions of its color.
 pub fn paint(click: On<Pointer<Click>>, brush: Res<Brush>, mut toys: Query<&mut Toy>) {
     let hit = click.hit.extra_as::<PropHit>();
     if let (Ok(mut toy), Some(color)) = (toys.get_mut(click.entity), hit.and_then(region)) {
@@ -84,23 +83,23 @@ pub fn paint(click: On<Pointer<Click>>, brush: Res<Brush>, mut toys: Query<&mut 
     }
 }
 
-/// The palette color of what was hit.
+/// Returns the palette color of the region that was hit.
 fn region(hit: &PropHit) -> Option<usize> {
     hit.label.map(|label| label.main_color()).filter(|color| *color < 6)
 }
 
-/// What a stroke makes of a coat: the same paint again is washed off.
+/// Returns the coat after a stroke. Applying the same paint again washes it off.
 fn painted(coat: Option<usize>, brush: &Brush) -> Option<usize> {
     (coat != Some(brush.paint)).then_some(brush.paint)
 }
 
-/// A palette color under a coat.
+/// Returns a palette color with a coat on it.
 fn covered(palette: &FieldPalette, color: usize, coat: Option<usize>) -> Option<Color> {
     let bare = palette.source().colors.get(color)?.map(|channel| channel as f32);
     Some(coat.map_or(Color::srgb_from_array(bare), |paint| PAINTS[paint]))
 }
 
-/// Paint does not jump: every color of a toy's palette goes to that of its coat.
+/// Fades every color of a toy's palette to the color of its coat.
 fn dry(time: Res<Time>, mut palettes: ResMut<Palettes>, toys: Query<(&Prop, &Toy)>) {
     let share = 1.0 - (-9.0 * time.delta_secs()).exp();
     for (prop, toy) in &toys {
@@ -115,7 +114,7 @@ fn dry(time: Res<Time>, mut palettes: ResMut<Palettes>, toys: Query<(&Prop, &Toy
     }
 }
 
-/// The region under the pointer shows a little of what a click would make of it.
+/// Hints at what a click would do to the region under the pointer.
 fn preview(
     time: Res<Time>,
     brush: Res<Brush>,
@@ -136,13 +135,13 @@ fn preview(
     }
 }
 
-/// What a pointer is over.
+/// Returns the hit under a pointer, if it is over a prop.
 pub fn pointed(pointer: &PointerInteraction) -> Option<&PropHit> {
     pointer.get_nearest_hit().and_then(|(_, hit)| hit.extra_as())
 }
 
-/// The pictures on the wall show what is wanted.
-fn hand_out_orders(
+/// Shows the current orders in the pictures on the wall.
+fn show_orders(
     palettes: Res<Palettes>,
     toys: Query<(&Prop, &Toy), Without<Hopping>>,
     mut pictures: Query<&mut PaletteOverride>,
@@ -181,7 +180,7 @@ fn hop(time: Res<Time>, mut commands: Commands, mut toys: Query<(Entity, &Toy, &
     }
 }
 
-/// The tin in use stands higher, the one that is pointed at a little.
+/// Raises the tin in use, and slightly the tin under the pointer.
 fn lift_tins(
     time: Res<Time>,
     brush: Res<Brush>,

@@ -1,4 +1,4 @@
-//! A hand that plays when there is no window: it moves from place to place, and clicks.
+//! Plays the game without a window: moves the pointer from place to place and clicks.
 
 use bevy::{
     camera::NormalizedRenderTarget,
@@ -17,7 +17,7 @@ pub fn plugin(app: &mut App) {
     );
 }
 
-/// Where the hand clicks, at which second.
+/// When the hand clicks, in seconds, and where.
 const CLICKS: [(f32, Vec3); 8] = [
     (0.6, Vec3::new(-0.9, 0.3, 2.6)),
     (1.4, Vec3::new(0.0, 1.6, 0.6)),
@@ -29,19 +29,19 @@ const CLICKS: [(f32, Vec3); 8] = [
     (6.6, Vec3::new(2.6, 0.2, 0.4)),
 ];
 
-/// Seconds that the hand takes to a place.
-const WAY: f32 = 0.5;
+/// How long the hand takes to move to the next place, in seconds.
+const MOVE_TIME: f32 = 0.5;
 
-/// Where the hand points at a time.
+/// Returns where the hand points at a time, in seconds.
 fn place(time: f32) -> Vec3 {
     let next = CLICKS.iter().position(|(at, _)| *at > time).unwrap_or(CLICKS.len() - 1);
     let (at, to) = CLICKS[next];
     let from = CLICKS[next.saturating_sub(1)].1;
-    let share = ((time - at + 0.1) / WAY + 1.0).clamp(0.0, 1.0);
+    let share = ((time - at + 0.1) / MOVE_TIME + 1.0).clamp(0.0, 1.0);
     from.lerp(to, share * share * (3.0 - 2.0 * share))
 }
 
-/// The pointer's ray. While nobody looks cameras sleep, and Bevy makes rays only for those that are awake.
+/// Adds the pointer's ray. Cameras are inactive while nothing is drawn, and Bevy adds rays only for active ones.
 fn point(time: Res<Time>, camera: Single<(Entity, &GlobalTransform), With<Camera3d>>, mut rays: ResMut<RayMap>) {
     let (camera, transform) = *camera;
     let eye = transform.translation();
@@ -54,7 +54,7 @@ fn click(time: Res<Time>, mut inputs: MessageWriter<PointerInput>) {
     let now = time.elapsed_secs();
     let before = now - time.delta_secs();
     if CLICKS.iter().any(|(at, _)| before < *at && *at <= now) {
-        // Where on which screen matters to nobody here.
+        // Any location will do, because the ray is already set.
         let location = Location { target: NormalizedRenderTarget::None { width: 1, height: 1 }, position: Vec2::ZERO };
         for action in [PointerAction::Press(PointerButton::Primary), PointerAction::Release(PointerButton::Primary)] {
             inputs.write(PointerInput::new(PointerId::Mouse, location.clone(), action));

@@ -1,5 +1,5 @@
-//! A toy maker's paint shop: dip the brush into a tin, click a region of a toy to paint it, and make each toy look like
-//! its picture on the wall. A region that wears the paint of the brush already is washed.
+//! Runs a toy maker's paint shop: dip the brush into a tin, click a region of a toy to paint it, and make each toy look
+//! like its picture on the wall. Clicking a region that already has the brush's paint washes it off.
 //!
 //! ```sh
 //! cargo run --release --example picking
@@ -26,7 +26,7 @@ use clap::Parser;
 
 use show::Show;
 
-/// A paint shop for toys: click a region to paint it. Without a window, a hand paints by itself.
+/// Runs a paint shop for toys: click a region to paint it. Without a window, the game plays by itself.
 #[derive(Parser)]
 struct Arguments {
     #[command(flatten)]
@@ -39,7 +39,7 @@ fn main() -> ExitCode {
 }
 
 fn build(app: &mut App) {
-    // With a window, Bevy's default plugins have them already.
+    // With a window, Bevy's default plugins already include picking.
     if !app.is_plugin_added::<bevy::picking::PickingPlugin>() {
         app.add_plugins((DefaultPickingPlugins, hand::plugin));
     }

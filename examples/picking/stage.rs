@@ -1,4 +1,4 @@
-//! The shop: a bench with toys and tins, and a wall with pictures of the toys that are wanted.
+//! The shop: a bench with toys and tins, and a wall with pictures of the orders.
 
 use bevy::{core_pipeline::tonemapping::Tonemapping, prelude::*};
 use bevy_plenoctree::{BilateralFilter, PaletteOverride, Palettes, PlenOctree, Posterize, Prop};
@@ -27,7 +27,7 @@ const fn coat<const N: usize>(paints: [(usize, usize); N]) -> Coat {
     coat
 }
 
-/// A toy: its file, where it stands, which way it looks, and how it is wanted, one time after the other.
+/// A kind of toy: its file, its position on the bench, its rotation about y in radians, and its orders, in sequence.
 struct Kind {
     file: &'static str,
     x: f32,
@@ -56,7 +56,7 @@ const TOYS: [Kind; 3] = [
     },
 ];
 
-/// Where the wall is.
+/// The z coordinate of the wall.
 const WALL: f32 = -1.5;
 
 fn spawn_shop(mut builder: Builder) {
@@ -84,13 +84,13 @@ fn spawn_shop(mut builder: Builder) {
 fn spawn_toys(mut commands: Commands, assets: Res<AssetServer>) {
     for Kind { file, x, turn, orders } in TOYS {
         let field = assets.load(file);
-        // As flat as pictures are.
+        // Flatten the prop into a picture.
         let hung = Transform::from_xyz(x, 3.15, WALL + 0.1)
             .with_rotation(Quat::from_rotation_y(0.3 * turn))
             .with_scale(Vec3::new(0.52, 0.52, 0.04));
-        let look = Posterize { filter: BilateralFilter { iterations: 1, ..default() }, ..default() };
+        let posterize = Posterize { filter: BilateralFilter { iterations: 1, ..default() }, ..default() };
         let picture =
-            commands.spawn((Prop(field.clone()), look, PaletteOverride::default(), hung, Pickable::IGNORE)).id();
+            commands.spawn((Prop(field.clone()), posterize, PaletteOverride::default(), hung, Pickable::IGNORE)).id();
         let home = standing(Vec3::new(x, 0.12, 0.0), 1.0, turn);
         let toy = Toy::new(orders, picture, home);
         commands

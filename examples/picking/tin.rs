@@ -1,11 +1,11 @@
-//! A tin of paint, baked when the game starts. All tins are one field: the color of the paint is the prop's own.
+//! A tin of paint, baked when the game starts. All tins share one field; each prop overrides the color of the paint.
 
 use bevy::prelude::{Color, default};
 use bevy_plenoctree::{FieldPalette, PlenOctree};
 use glam::{DVec2, DVec3};
 use plenoctree::{BakeError, BakeSettings, Basis, bake, palette::InvalidPalette};
 
-/// The color of the paint in the palette.
+/// The index of the paint's color in the palette.
 pub const PAINT: usize = 0;
 
 const COLORS: [DVec3; 4] = [
@@ -17,8 +17,9 @@ const COLORS: [DVec3; 4] = [
 const LABEL: usize = 1;
 const METAL: usize = 2;
 
-/// Radius and height of the tin, in its own units; it stands on z = 0.
+/// The radius of the tin, in world units of the field.
 const RADIUS: f64 = 0.42;
+/// The height of the tin, in world units of the field. It stands on z = 0.
 const HEIGHT: f64 = 0.8;
 
 pub fn palette() -> Result<FieldPalette, InvalidPalette> {
@@ -36,7 +37,7 @@ pub fn field() -> Result<PlenOctree, BakeError> {
     bake(&settings, |at| if surface(at).0 < 0.0 { 400.0 } else { 0.0 }, |at| move |_| shade(at))
 }
 
-/// The signed distance to the tin, and the color of what is nearest.
+/// Returns the signed distance to the tin, and the color of its nearest part.
 fn surface(at: DVec3) -> (f64, usize) {
     let around = DVec2::new(at.truncate().length(), at.z);
     let boxed = |center: DVec2, half: DVec2| {
@@ -57,7 +58,7 @@ fn surface(at: DVec3) -> (f64, usize) {
     parts.into_iter().fold((f64::INFINITY, METAL), |a, b| if b.0 < a.0 { b } else { a })
 }
 
-/// Paint that ran over the rim: angle, length and width of every drip.
+/// Returns the signed distance to the paint that ran over the rim. Each drip has an angle, a length and a width.
 fn drips(at: DVec3) -> f64 {
     const DRIPS: [(f64, f64, f64); 5] =
         [(-1.9, 0.42, 0.075), (-1.45, 0.2, 0.06), (-1.1, 0.3, 0.065), (0.3, 0.25, 0.07), (2.4, 0.35, 0.07)];
@@ -69,7 +70,7 @@ fn drips(at: DVec3) -> f64 {
     distances.into_iter().fold(f64::INFINITY, f64::min)
 }
 
-/// The color of the nearest surface under a lamp from above left.
+/// Returns the color of the nearest surface, lit by a lamp from the upper left.
 fn shade(at: DVec3) -> DVec3 {
     let (_, color) = surface(at);
     let step = 0.03;

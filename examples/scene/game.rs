@@ -1,21 +1,21 @@
-//! Day and night, and the lever between them.
+//! Day and night, and the lever that switches between them.
 
 use bevy::prelude::*;
 
 pub fn plugin(app: &mut App) {
-    app.init_resource::<Night>().add_systems(Update, (pull, fall, turn_levers).chain());
+    app.init_resource::<Night>().add_systems(Update, (pull, update_night, turn_levers).chain());
 }
 
 /// Seconds from day to night.
 const DUSK: f32 = 1.5;
-/// Seconds after which the lever moves by itself, until somebody has pulled it.
-const PATIENCE: f32 = 4.0;
+/// Until someone pulls the lever, it moves by itself once per this many seconds.
+const IDLE_INTERVAL: f32 = 4.0;
 
-/// How much of the night has come: 0 by day, 1 by night.
+/// How far night has fallen: 0 by day, 1 by night.
 #[derive(Resource, Default)]
 pub struct Night(pub f32);
 
-/// A lever that turns night on and off.
+/// A lever that switches between day and night.
 #[derive(Component, Default)]
 pub struct Lever {
     pub down: bool,
@@ -30,14 +30,14 @@ fn pull(
 ) {
     let by_hand = keys.just_pressed(KeyCode::Space);
     *played |= by_hand;
-    let timer = timer.get_or_insert_with(|| Timer::from_seconds(PATIENCE, TimerMode::Repeating));
+    let timer = timer.get_or_insert_with(|| Timer::from_seconds(IDLE_INTERVAL, TimerMode::Repeating));
     let by_itself = timer.tick(time.delta()).just_finished() && !*played;
     if by_hand || by_itself {
         levers.iter_mut().for_each(|mut lever| lever.down = !lever.down);
     }
 }
 
-fn fall(time: Res<Time>, mut night: ResMut<Night>, levers: Query<&Lever>) {
+fn update_night(time: Res<Time>, mut night: ResMut<Night>, levers: Query<&Lever>) {
     let step = time.delta_secs() / DUSK;
     let step = if levers.iter().any(|lever| lever.down) { step } else { -step };
     night.0 = (night.0 + step).clamp(0.0, 1.0);

@@ -1,4 +1,4 @@
-//! All that gives light, by day and by night.
+//! Lights, by day and by night.
 
 use bevy::{
     light::{CascadeShadowConfigBuilder, GlobalAmbientLight, NotShadowCaster},
@@ -17,11 +17,11 @@ pub fn plugin(app: &mut App) {
         .add_systems(PostUpdate, (dim_lights, dim_glows));
 }
 
-/// How bright a light is, in its own unit: by day and by night.
+/// The brightness of a light by day and by night, in the light's own unit.
 #[derive(Component)]
 struct Dimmed([f32; 2]);
 
-/// What a mesh emits by day and by night; 1 is white paper.
+/// The light that a mesh emits by day and by night. 1 is as bright as white paper.
 #[derive(Component)]
 struct Glow([LinearRgba; 2]);
 
@@ -32,11 +32,11 @@ fn light_sun(mut commands: Commands) {
     commands.spawn((
         DirectionalLight { color: color("#ffe3b0"), shadow_maps_enabled: true, ..default() },
         Dimmed([34_000.0, 0.0]),
-        // Through the window, into the middle of the room.
+        // Shines through the window into the middle of the room.
         Transform::default().looking_to(Vec3::new(0.62, -0.62, 0.95), Vec3::Y),
         CascadeShadowConfigBuilder { num_cascades: 1, maximum_distance: 18.0, ..default() }.build(),
     ));
-    // What the walls throw back, from where the camera is.
+    // Stands in for the light that the walls reflect. It comes from near the camera.
     commands.spawn((
         PointLight { color: color("#ffe9cf"), shadow_maps_enabled: true, range: 20.0, ..default() },
         Dimmed([900_000.0, 60_000.0]),
@@ -51,7 +51,7 @@ fn spawn_lamp(mut builder: Builder) {
     builder.put(Cylinder::new(0.05, 2.5), brass, Transform::from_translation(foot + 1.25 * Vec3::Y));
     let shade = ConicalFrustum { radius_top: 0.34, radius_bottom: 0.66, height: 0.72 };
     let bulb = foot + 2.75 * Vec3::Y;
-    // Its light comes from inside.
+    // The lamp is lit from inside, so the shade glows and casts no shadow.
     let warm = LinearRgba::rgb(2.4, 1.3, 0.45);
     builder
         .put(shade, color("#f3dfb8"), Transform::from_translation(bulb))
@@ -63,7 +63,7 @@ fn spawn_lamp(mut builder: Builder) {
     ));
 }
 
-/// Along the back wall, in a slack line.
+/// Hangs fairy lights along the back wall, on a slack string.
 fn hang_fairy_lights(mut builder: Builder) {
     let hues = ["#ff5a4d", "#ffc24d", "#59e08a", "#5aa8ff", "#d66bff"].map(color);
     for (index, hue) in hues.iter().cycle().take(21).enumerate() {
@@ -77,7 +77,7 @@ fn hang_fairy_lights(mut builder: Builder) {
     }
 }
 
-/// What the window shows.
+/// Spawns the sky and the moon behind the window.
 fn spawn_sky(mut builder: Builder) {
     let dark = |material: StandardMaterial| StandardMaterial { base_color: Color::BLACK, ..material };
     let day = LinearRgba::from(color("#a9dcf5")) * 1.3;
@@ -90,7 +90,7 @@ fn spawn_sky(mut builder: Builder) {
         .insert((NotShadowCaster, Glow([day, moon])));
 }
 
-/// Fireflies.
+/// Fills the bottle with fireflies.
 fn fill_bottle(mut builder: Builder) {
     for (x, y, z) in [(0.08, 0.22, 0.05), (-0.1, 0.4, 0.0), (0.05, 0.58, -0.08), (-0.04, 0.3, 0.12), (0.1, 0.46, 0.06)]
     {

@@ -1,8 +1,8 @@
-//! A room with four toys. Pull the lever (space) and night falls: the lamps come on, the toadstool glows, and the robot
-//! marches. Turn the camera with the mouse.
+//! Shows a room with four toys. Press space to pull the lever: night falls, the lamps come on, the toadstool glows, and
+//! the robot marches. Drag with the mouse to orbit the camera.
 //!
-//! Lit meshes with shadows, glass before and behind props, HDR with bloom and tonemapping, and props of four looks: flat
-//! and soft posterization, a palette that glows in the dark, and a field as it was trained.
+//! Combines lit meshes with shadows, glass in front of and behind props, HDR with bloom and tonemapping, and props in
+//! four styles: flat and soft posterization, a palette that glows in the dark, and a field as trained.
 //!
 //! ```sh
 //! cargo run --release --example scene
@@ -29,7 +29,7 @@ use clap::Parser;
 
 use show::Show;
 
-/// A room with four toys, by day and by night (space).
+/// Shows a room with four toys. Press space to switch between day and night.
 #[derive(Parser)]
 struct Arguments {
     #[command(flatten)]
@@ -49,12 +49,12 @@ fn build(app: &mut App) {
 fn spawn_camera(mut commands: Commands) {
     let focus = Vec3::new(0.0, 1.4, 0.0);
     commands.spawn((
-        // It keeps colors that are not very bright as they are, those of palettes among them.
+        // This leaves all but very bright colors unchanged, so palette colors stay as they are.
         Tonemapping::KhronosPbrNeutral,
         Bloom { intensity: 0.12, ..Bloom::NATURAL },
         Projection::from(PerspectiveProjection { fov: 0.5, ..default() }),
         Transform::from_xyz(0.0, 3.0, 10.5).looking_at(focus, Vec3::Y),
-        // In the room, and above its floor.
+        // Keep the camera inside the room and above the floor.
         PanOrbitCamera {
             focus,
             yaw_lower_limit: Some(-0.5),

@@ -8,10 +8,10 @@ use crate::{
 };
 
 pub fn plugin(app: &mut App) {
-    app.add_systems(Startup, (build_walls, furnish, set_glass, mount_lever));
+    app.add_systems(Startup, (build_walls, furnish, spawn_glass, mount_lever));
 }
 
-/// Where the bell jar stands: its foot's upper side.
+/// Where the bell jar stands: the top of its base.
 pub const JAR: Vec3 = Vec3::new(0.35, 0.16, -0.7);
 /// Where the bottle stands.
 pub const BOTTLE: Vec3 = Vec3::new(-2.35, 0.0, 1.9);
@@ -38,7 +38,7 @@ fn build_walls(mut builder: Builder) {
     cuboid(&mut builder, WALL, Vec3::new(-5.1, 2.3, 0.5), Vec3::new(0.2, 4.6, 8.0));
     cuboid(&mut builder, WALL, Vec3::new(5.1, 2.3, 0.5), Vec3::new(0.2, 4.6, 8.0));
 
-    // The back wall has a window, 2.2 by 1.9.
+    // The back wall has a window of 2.2 by 1.9 units.
     let (left, right, low, high) = (-4.1, -1.9, 1.6, 3.5);
     let back = |center: Vec2, size: Vec2| (center.extend(-3.2), size.extend(0.2));
     for (center, size) in [
@@ -60,21 +60,21 @@ fn build_walls(mut builder: Builder) {
         cuboid(&mut builder, PANEL, center, size);
     }
     cuboid(&mut builder, PANEL, Vec3::new(-3.0, low - 0.05, -3.0), Vec3::new(2.6, 0.1, 0.36));
-    // Panelling and skirting.
+    // Paneling and baseboards.
     cuboid(&mut builder, PANEL, Vec3::new(0.0, 0.6, -3.08), Vec3::new(10.0, 1.2, 0.06));
     cuboid(&mut builder, WOOD, Vec3::new(0.0, 1.22, -3.06), Vec3::new(10.0, 0.08, 0.12));
     cuboid(&mut builder, WOOD, Vec3::new(0.0, 0.09, -3.05), Vec3::new(10.0, 0.18, 0.1));
 }
 
 fn furnish(mut builder: Builder) {
-    // A rug of rings, the largest at the bottom.
+    // A rug of stacked discs, the largest at the bottom.
     let rug = [(2.85, "#b8433f"), (2.6, "#efe0bf"), (2.45, "#b8433f"), (1.95, "#335c67"), (1.85, "#efe0bf")];
     for (layer, (radius, paint)) in rug.into_iter().enumerate() {
         let place = Transform::from_xyz(JAR.x, 0.01 * (layer + 1) as f32 - 0.008, JAR.z);
         let material = StandardMaterial { perceptual_roughness: 1.0, reflectance: 0.1, ..color(paint).into() };
         builder.put(Cylinder::new(radius, 0.01).mesh().resolution(96), material, place);
     }
-    // The foot of the jar, and the table.
+    // The base of the jar, and the table.
     let round = |radius: f32, height: f32| Cylinder::new(radius, height).mesh().resolution(64).build();
     builder.put(round(1.68, 0.16), color(WOOD), Transform::from_translation(JAR.with_y(0.5 * JAR.y)));
     builder.put(round(0.95, 0.08), color(WOOD), Transform::from_translation(TABLE - 0.04 * Vec3::Y));
@@ -95,7 +95,7 @@ fn furnish(mut builder: Builder) {
         );
         x += width + 0.012;
     }
-    // Blocks and a ball, for the shadows.
+    // Blocks and a ball, to cast shadows.
     for (paint, x, y, z, turn) in
         [("#d1495b", 3.05, 0.25, 1.35, 0.3), ("#edae49", 3.62, 0.25, 1.0, -0.2), ("#30638e", 3.3, 0.75, 1.2, 0.75)]
     {
@@ -106,10 +106,10 @@ fn furnish(mut builder: Builder) {
     builder.put(Sphere::new(0.32).mesh().uv(48, 24), rubber, Transform::from_xyz(2.3, 0.32, 1.95));
 }
 
-/// Glass is transparent, so that it is drawn after the props, over what is behind it.
+/// Returns a transparent material. It is drawn after the props and blends over everything behind it.
 fn glass(tint: &str, opacity: f32) -> StandardMaterial {
     StandardMaterial {
-        // Premultiplied, so that the lamps' reflections are bright, however thin the glass is.
+        // Premultiplied alpha keeps the lamps' reflections bright, no matter how thin the glass is.
         base_color: (color(tint).to_linear() * opacity).with_alpha(opacity).into(),
         perceptual_roughness: 0.08,
         reflectance: 0.45,
@@ -118,8 +118,8 @@ fn glass(tint: &str, opacity: f32) -> StandardMaterial {
     }
 }
 
-fn set_glass(mut builder: Builder) {
-    // The lower half of the capsule is in the foot.
+fn spawn_glass(mut builder: Builder) {
+    // The base hides the lower end of the capsule.
     let mut bell = |radius: f32, length: f32, material: StandardMaterial| {
         let place = Transform::from_translation(JAR + (0.2 + 0.5 * length) * Vec3::Y);
         builder
@@ -127,7 +127,7 @@ fn set_glass(mut builder: Builder) {
             .insert(NotShadowCaster);
     };
     let pane = glass("#bfe6ee", 0.035);
-    // Its far side, seen from within, is behind the toadstool; its near side is before it.
+    // The far side, seen from inside, is behind the toadstool; the near side is in front of it.
     bell(
         1.5,
         1.15,
@@ -154,7 +154,7 @@ fn set_glass(mut builder: Builder) {
     }
     builder.put(Cylinder::new(0.09, 0.16), color("#b98b5c"), Transform::from_translation(BOTTLE + 1.1 * Vec3::Y));
 
-    // The window's.
+    // The window pane.
     builder
         .put(Rectangle::new(2.2, 1.9), glass("#cfe8f0", 0.06), Transform::from_xyz(-3.0, 2.55, -3.15))
         .insert(NotShadowCaster);

@@ -1,4 +1,4 @@
-//! The props, each with a look of its own.
+//! The props, each in a style of its own.
 
 use bevy::prelude::*;
 use bevy_plenoctree::{BilateralFilter, BlendSpace, Palettes, Posterize, Prop};
@@ -14,7 +14,7 @@ pub fn plugin(app: &mut App) {
     app.add_systems(Startup, spawn).add_systems(Update, (change_colors, march));
 }
 
-/// Flat, hard-edged areas of the palette's own colors.
+/// Flat areas of palette colors with hard edges.
 const POSTER: Posterize = Posterize {
     blend_steps: 1,
     softness: 0.0,
@@ -22,7 +22,7 @@ const POSTER: Posterize = Posterize {
     filter: BilateralFilter { iterations: 6, radius: 3, spatial_sigma: 3.0, range_sigma: 6.0 },
 };
 
-/// Many tones that run into each other.
+/// Many tones that blend into each other.
 const PASTEL: Posterize = Posterize {
     blend_steps: 4,
     softness: 0.35,
@@ -30,23 +30,26 @@ const PASTEL: Posterize = Posterize {
     filter: BilateralFilter { iterations: 2, radius: 2, spatial_sigma: 3.0, range_sigma: 4.25 },
 };
 
-/// What a field's palette becomes by night.
+/// The palette of a field at night.
 #[derive(Component)]
 struct ByNight(Vec<Color>);
 
-/// Marches around the jar by night: seconds that it has marched, and radians that it has come.
+/// Marches around the jar at night.
 #[derive(Component)]
 struct Marching {
+    /// How long it has marched.
     seconds: f32,
 }
 
-/// Radius of the way around the jar, radians a second, and where it begins.
-const WAY: f32 = 2.2;
-const PACE: f32 = 0.45;
+/// The radius of the path around the jar.
+const RADIUS: f32 = 2.2;
+/// The speed along the path, in radians per second.
+const SPEED: f32 = 0.45;
+/// The angle at which the path starts, in radians.
 const START: f32 = -0.75;
 
 fn spawn(mut commands: Commands, assets: Res<AssetServer>) {
-    // Light that is brighter than white: the spots and the windows bloom.
+    // Some colors are brighter than white, so that the spots and the windows bloom.
     let toadstool = [
         Color::linear_rgb(0.09, 0.03, 0.3),
         Color::linear_rgb(0.01, 0.1, 0.12),
@@ -79,7 +82,7 @@ fn spawn(mut commands: Commands, assets: Res<AssetServer>) {
         Marching { seconds: 0.0 },
         standing(Vec3::ZERO, 0.85, 0.0),
     ));
-    // As it was trained: no palette changes it, so that it stands in the light of the lamp.
+    // Drawn as trained. Its colors stay the same at night, as if the lamp lit it.
     commands.spawn((
         Prop(assets.load("gumballs.npz")),
         Footprint::of("gumballs.npz"),
@@ -98,11 +101,11 @@ fn change_colors(night: Res<Night>, mut palettes: ResMut<Palettes>, props: Query
 fn march(time: Res<Time>, night: Res<Night>, mut robots: Query<(&mut Marching, &mut Transform)>) {
     for (mut marching, mut place) in &mut robots {
         marching.seconds += night.0 * time.delta_secs();
-        let angle = START + PACE * marching.seconds;
-        let way = Vec3::new(angle.sin(), 0.0, angle.cos());
+        let angle = START + SPEED * marching.seconds;
+        let direction = Vec3::new(angle.sin(), 0.0, angle.cos());
         let hop = 0.1 * (8.0 * marching.seconds).sin().abs();
-        // It looks where it goes.
+        // Face the direction of travel.
         let ahead = angle + std::f32::consts::FRAC_PI_2;
-        *place = standing(room::JAR.with_y(0.05 + hop) + WAY * way, 0.85, ahead);
+        *place = standing(room::JAR.with_y(0.05 + hop) + RADIUS * direction, 0.85, ahead);
     }
 }

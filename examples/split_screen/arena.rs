@@ -1,4 +1,4 @@
-//! The ground, and what stands in the way.
+//! The ground and the obstacles.
 
 use bevy::{
     light::{CascadeShadowConfigBuilder, GlobalAmbientLight},
@@ -18,10 +18,10 @@ pub fn plugin(app: &mut App) {
         .add_systems(Startup, (build_ground, place_props));
 }
 
-/// How far the robots get from the middle.
+/// The distance from the middle that robots can reach.
 pub const RADIUS: f32 = 9.0;
 
-/// What robots cannot walk through: its radius on the ground.
+/// An obstacle that robots cannot walk through. Holds its radius on the ground.
 #[derive(Component)]
 pub struct Obstacle(pub f32);
 
@@ -31,7 +31,7 @@ fn build_ground(mut builder: Builder) {
         Transform::default().looking_to(Vec3::new(0.55, -1.0, -0.45), Vec3::Y),
         CascadeShadowConfigBuilder { num_cascades: 1, maximum_distance: 24.0, ..default() }.build(),
     ));
-    // Lawn, mown in rings.
+    // A lawn, mowed in rings.
     let lawn = ["#84d672", "#76c964"];
     for ring in 0..7 {
         let paint = StandardMaterial { perceptual_roughness: 1.0, ..color(lawn[ring % 2]).into() };

@@ -1,4 +1,4 @@
-//! Gumballs: on the ground, and on the heads of those who picked them up, which is the score.
+//! Gumballs: they lie on the ground until robots carry them on their heads, which is the score.
 
 use bevy::prelude::*;
 use bevy_plenoctree::{BlendSpace, PaletteOverride, Palettes, Prop};
@@ -11,33 +11,33 @@ use crate::{
 
 pub fn plugin(app: &mut App) {
     app.add_systems(PostStartup, scatter)
-        .add_systems(Update, (pick_up, carry, end_round, wear_lead).chain().after(drive));
+        .add_systems(Update, (pick_up, carry, end_round, show_leader).chain().after(drive));
 }
 
 const BALLS: usize = 18;
 const SIZE: f32 = 0.16;
-/// How near a robot must come.
+/// The distance at which a robot picks up a ball.
 const GRASP: f32 = 0.75;
-/// Balls that win a round.
+/// The number of balls that wins a round.
 const WIN: usize = 7;
 
-/// The gumball machine, which wears the color of who leads.
+/// The gumball machine, which shows the color of the leader.
 #[derive(Component)]
 pub struct Machine;
 
-/// The machine's body among the colors of its palette.
+/// The index of the body's color in the machine's palette.
 const BODY: usize = 0;
 
 #[derive(Component)]
 pub struct Ball {
-    /// Where it lies at the beginning of a round.
+    /// The position of the ball at the start of a round.
     home: Vec3,
-    /// Who carries it, on top of how many others.
+    /// The robot that carries the ball, and the number of balls below it.
     carried: Option<(Entity, usize)>,
 }
 
 impl Ball {
-    /// Whether it lies where it can be picked up; after a round it has to get there first.
+    /// Returns whether the ball can be picked up. After a round, it has to get back to its home first.
     pub fn lies_at(&self, place: &Transform) -> bool {
         self.carried.is_none() && place.translation.distance(self.home) < SIZE
     }
@@ -46,7 +46,7 @@ impl Ball {
 fn scatter(mut builder: Builder, obstacles: Query<(&Obstacle, &Transform)>) {
     let candies = ["#e63946", "#f4a62a", "#ffe14d", "#43b35c", "#3a86ff", "#c65bd6"].map(color);
     for (index, candy) in candies.into_iter().cycle().take(BALLS).enumerate() {
-        // All over the arena, no two near each other, none in an obstacle.
+        // Spread the balls over the arena, away from each other and outside obstacles.
         let around = Quat::from_rotation_y(std::f32::consts::TAU * 0.618_034 * index as f32);
         let mut home = around * (0.92 * RADIUS * ((index + 3) as f32 / (BALLS + 3) as f32).sqrt() * Vec3::Z);
         for (Obstacle(radius), obstacle) in &obstacles {
@@ -73,7 +73,7 @@ fn pick_up(mut robots: Query<(Entity, &mut Robot)>, mut balls: Query<(&mut Ball,
     }
 }
 
-/// Brings every ball to where it belongs; a pile bends, the more the higher it is.
+/// Moves every ball to where it belongs. The higher a pile is, the more it bends.
 fn carry(time: Res<Time>, robots: Query<&Robot>, mut balls: Query<(&Ball, &mut Transform)>) {
     for (ball, mut place) in &mut balls {
         let carrier = ball.carried.and_then(|(entity, beneath)| Some((robots.get(entity).ok()?, beneath)));
@@ -95,7 +95,8 @@ fn end_round(mut robots: Query<&mut Robot>, mut balls: Query<&mut Ball>) {
     }
 }
 
-fn wear_lead(
+/// Gives the machine the color of the leader, the more so the greater the lead.
+fn show_leader(
     palettes: Res<Palettes>,
     robots: Query<(&Player, &Robot)>,
     mut machines: Query<(&Prop, &mut PaletteOverride), With<Machine>>,

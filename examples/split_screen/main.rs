@@ -1,8 +1,9 @@
-//! Two players, two robots, one arena: gumballs are carried on the head, and the first who has seven wins a round. The red
-//! robot goes by WASD, the blue one by the arrows; until its player touches a key, a robot plays by itself.
+//! Runs a game for two players in split screen. Each robot collects gumballs and carries them on its head; the first
+//! one with seven wins the round. WASD moves the red robot, the arrow keys move the blue one. A robot plays by itself
+//! until its player presses a key.
 //!
-//! Both robots are one field, in the colors of their teams (`PaletteOverride`); so is the gumball machine in the middle,
-//! which wears the color of who leads.
+//! Both robots share one field, and a `PaletteOverride` gives each its team's color. The gumball machine in the middle
+//! has an override too, which shows the color of the leader.
 //!
 //! ```sh
 //! cargo run --release --example split_screen
@@ -28,7 +29,7 @@ use clap::Parser;
 
 use show::Show;
 
-/// Two players collect gumballs, each with a robot and a view of its own.
+/// Runs a game for two players who collect gumballs, each with a robot and a view of their own.
 #[derive(Parser)]
 struct Arguments {
     #[command(flatten)]

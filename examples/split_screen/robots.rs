@@ -1,4 +1,4 @@
-//! The robots and who drives them.
+//! The robots and their players.
 
 use bevy::prelude::*;
 use bevy_plenoctree::{PaletteOverride, Posterize, Prop};
@@ -14,42 +14,42 @@ pub fn plugin(app: &mut App) {
     app.add_systems(Startup, spawn).add_systems(Update, (press_keys, play_alone, drive).chain());
 }
 
-/// The robots' metal among the colors of their palette.
+/// The index of the metal's color in the robots' palette.
 const METAL: usize = 0;
-/// The top of a robot's head.
+/// The height of the top of a robot's head.
 pub const HEAD: f32 = 1.97;
-/// Around a robot, for what it bumps into.
+/// The radius of a robot in collisions.
 const GIRTH: f32 = 0.55;
-/// Metres a second.
+/// The speed of a robot, in meters per second.
 const SPEED: f32 = 2.8;
-/// How fast speed and heading become what is wanted, in shares a second.
+/// How fast a robot's velocity and heading approach their goals, per second.
 const EASE: f32 = 9.0;
-/// How near to an obstacle a robot that plays alone gives way to it.
+/// The distance at which a robot that plays by itself avoids an obstacle.
 const CAUTION: f32 = 0.9;
 
-/// Who drives a robot.
+/// The player who drives a robot.
 #[derive(Component)]
 pub struct Player {
-    /// From 0.
+    /// The player's number, from 0.
     pub index: usize,
     pub team: Color,
-    /// Away from the camera, toward it, left and right.
+    /// The keys to move away from the camera, toward it, left and right.
     keys: [KeyCode; 4],
-    /// Nobody has touched a key yet.
+    /// Whether the player has not pressed a key yet.
     absent: bool,
 }
 
 #[derive(Component, Default)]
 pub struct Robot {
     pub at: Vec3,
-    /// Gumballs on its head.
+    /// The number of gumballs on its head.
     pub load: usize,
-    /// Where its driver wants to go, at most 1 long.
+    /// The direction in which its player wants to go, with a length of at most 1.
     wish: Vec3,
     velocity: Vec3,
-    /// Radians from +z.
+    /// The heading, in radians from +z.
     turn: f32,
-    /// Metres that it has walked.
+    /// The distance walked so far, in meters.
     walked: f32,
 }
 
@@ -81,7 +81,7 @@ fn press_keys(keys: Res<ButtonInput<KeyCode>>, mut robots: Query<(&mut Player, &
     }
 }
 
-/// A robot whose player is absent goes for the nearest ball, around what is in its way.
+/// Drives robots whose players are absent to the nearest ball, around obstacles.
 fn play_alone(
     mut robots: Query<(&Player, &mut Robot)>,
     balls: Query<(&Ball, &Transform)>,
@@ -98,9 +98,9 @@ fn play_alone(
         for (Obstacle(radius), place) in &obstacles {
             let away = robot.at - place.translation.with_y(0.0);
             let gap = away.length() - radius - GIRTH;
-            let inwards = -way.dot(away.normalize_or_zero());
-            if gap < CAUTION && inwards > 0.0 {
-                // Around it, to the side that is nearer to where it goes.
+            let inward = -way.dot(away.normalize_or_zero());
+            if gap < CAUTION && inward > 0.0 {
+                // Go around the obstacle, on the side closer to the direction of travel.
                 let side = away.cross(Vec3::Y).normalize_or_zero();
                 let side = if side.dot(way) < 0.0 { -side } else { side };
                 way = way.lerp(side, (1.0 - gap / CAUTION).min(1.0)).normalize_or_zero();
@@ -129,7 +129,7 @@ pub fn drive(
             robot.at = middle + away.normalize_or(Vec3::Z) * away.length().max(radius + GIRTH);
         }
         robot.at = robot.at.clamp_length_max(RADIUS - GIRTH);
-        // It turns to where it goes.
+        // Turn toward the direction of travel.
         if robot.wish != Vec3::ZERO {
             let ahead = Vec3::new(robot.turn.sin(), 0.0, robot.turn.cos());
             let off = ahead.cross(robot.wish).y.atan2(ahead.dot(robot.wish));

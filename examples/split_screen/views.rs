@@ -1,4 +1,4 @@
-//! A view for every player, side by side.
+//! One view per player, side by side.
 
 use bevy::{camera::Viewport, prelude::*};
 
@@ -10,15 +10,16 @@ pub fn plugin(app: &mut App) {
 
 /// Pixels between two views.
 const GAP: u32 = 4;
-/// How fast a camera comes after its robot, in shares a second.
+/// How fast a camera catches up with its robot, per second.
 const PACE: f32 = 4.0;
 
 /// The camera that follows a player.
 #[derive(Component)]
 struct ViewOf(Entity);
 
-/// Where a camera is from its robot, and what it looks at.
+/// The position of a camera relative to its robot.
 const EYE: Vec3 = Vec3::new(0.0, 6.0, 7.6);
+/// The point that a camera looks at, relative to its robot.
 const FOCUS: Vec3 = Vec3::new(0.0, 1.6, 0.0);
 
 fn spawn(mut commands: Commands, players: Query<(Entity, &Player, &Robot)>) {
@@ -42,7 +43,7 @@ fn follow(time: Res<Time>, robots: Query<&Robot>, mut views: Query<(&ViewOf, &mu
     }
 }
 
-/// Gives each view its share of the window, whatever its size is now.
+/// Divides the window evenly between the views, whatever its current size.
 fn divide(mut views: Query<&mut Camera, With<ViewOf>>) {
     let count = views.iter().len() as u32;
     for mut camera in &mut views {

@@ -1,4 +1,4 @@
-//! What the user may ask for, by key, button or drop.
+//! Actions that the user triggers with keys, buttons or dropped files.
 
 use std::path::PathBuf;
 
@@ -8,23 +8,23 @@ use bevy::prelude::*;
 pub enum Action {
     /// Shows another field.
     Open(PathBuf),
-    /// Writes colors to a palette's file.
+    /// Saves colors to a palette file.
     Save(PathBuf, Colors),
-    /// Reads colors from a palette's file.
+    /// Loads colors from a palette file.
     Load(PathBuf, Colors),
-    /// Moves the camera to where the whole field is in view.
+    /// Moves the camera so that the whole field is in view.
     FrameView,
-    /// Writes what the window shows to a file.
+    /// Saves a screenshot of the window.
     Screenshot,
 }
 
-/// Which colors of a field's palette.
+/// The colors of a field's palette that an action applies to.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub enum Colors {
-    /// Those on screen.
+    /// The shown colors.
     Shown,
-    /// Those that labels are assigned by.
-    Extracted,
-    /// On screen if there are as many as the palette has, a new palette otherwise.
+    /// The source colors.
+    Source,
+    /// The shown colors if the file has as many colors as the palette, otherwise the source colors of a new palette.
     Either,
 }

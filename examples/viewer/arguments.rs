@@ -7,23 +7,23 @@ use clap::{Parser, ValueEnum};
 
 use crate::{quality::Level, show::Show};
 
-/// Shows a PlenOctree in a window, posterizes it and changes its palette.
+/// Shows a PlenOctree in a window, posterizes it and edits its palette.
 #[derive(Parser)]
 pub struct Arguments {
-    /// The field, an .npz file; one of our own props if none is given.
+    /// The field, an .npz file; one of the included props by default.
     field: Option<PathBuf>,
-    /// A palette.json to use instead of extracting one.
+    /// A palette.json file to use instead of extracting a palette.
     #[arg(long)]
     pub palette: Option<PathBuf>,
-    /// The axis of the field that points up.
+    /// The up axis of the field.
     #[arg(long, value_enum, default_value_t = Up::Z)]
     up: Up,
-    /// How exactly to draw.
+    /// The quality preset.
     #[arg(long, value_enum, default_value_t)]
     pub quality: Level,
     #[command(flatten)]
     pub show: Show,
-    /// Takes the picture with the panel beside the field.
+    /// Includes the panel in the captured frame.
     #[arg(long, requires = "headless")]
     pub panel: bool,
 }

@@ -1,4 +1,4 @@
-//! Where a field has something to see.
+//! The visible extent of a field.
 
 use bevy::math::Vec3;
 use bevy_plenoctree::PlenOctree;
@@ -10,7 +10,7 @@ pub struct Extent {
     pub half_size: Vec3,
 }
 
-/// The box in which most of a field lies; `None` if it is empty.
+/// Returns the box that contains most of a field, or `None` if the field is empty.
 pub fn visible_extent(field: &PlenOctree) -> Option<Extent> {
     let (low, high) = field.dense_bounds()?;
     let (a, b) = (field.up().to_y_up() * low, field.up().to_y_up() * high);

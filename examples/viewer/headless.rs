@@ -1,4 +1,4 @@
-//! When a picture without a window can be taken.
+//! Waits until a frame can be captured without a window.
 
 use std::time::Duration;
 
@@ -6,10 +6,10 @@ use bevy_plenoctree::headless::Headless;
 
 use crate::{Result, loader::Loader, notices::Notices, show::wait_for_props};
 
-/// Frames until the camera has found the field and the interface its size.
+/// Frames until the camera has framed the field and the UI has its final size.
 const SETTLING: u32 = 3;
 
-/// Steps the viewer until it shows what the command line names.
+/// Updates the viewer until it shows the field and palette from the command line.
 pub fn wait(headless: &mut Headless) -> Result {
     loop {
         headless.update();

@@ -1,4 +1,4 @@
-//! Keys, dropped files, and when the camera follows the pointer.
+//! Handles keys and dropped files, and enables the camera's mouse controls.
 
 use bevy::{prelude::*, window::FileDragAndDrop};
 use bevy_egui::input::EguiWantsInput;
@@ -11,12 +11,12 @@ use crate::{
     panel::PanelState,
 };
 
-/// The keys, for the panel to show.
+/// The keys that the panel lists.
 pub const KEYS: [(&str, &str); 6] = [
     ("F", "frame the field"),
-    ("P", "posterize or not"),
-    ("H", "hide the panel"),
-    ("F12", "screenshot"),
+    ("P", "toggle posterization"),
+    ("H", "toggle the panel"),
+    ("F12", "take a screenshot"),
     ("Ctrl+S", "save the shown colors"),
     ("Ctrl+O", "load the shown colors"),
 ];
@@ -35,7 +35,7 @@ pub fn press_keys(
     if egui.wants_any_keyboard_input() {
         return;
     }
-    // In a slow frame the whole stroke may be over.
+    // In a slow frame, the control key can be released already.
     let control = [KeyCode::ControlLeft, KeyCode::ControlRight];
     if keys.any_pressed(control) || keys.any_just_pressed(control) {
         if keys.just_pressed(KeyCode::KeyS) {
@@ -77,7 +77,7 @@ pub fn drop_files(
     }
 }
 
-/// The camera keeps still while the interface has the pointer or the keyboard.
+/// Stops the camera while the UI uses the pointer or the keyboard.
 pub fn orbit(egui: Res<EguiWantsInput>, mut cameras: Query<&mut PanOrbitCamera>) {
     let enabled = !(egui.wants_pointer_input() || egui.is_popup_open() || egui.wants_keyboard_input());
     for mut camera in &mut cameras {

@@ -1,4 +1,4 @@
-//! Fields from files: read in a task, shown when they are whole, and read again when their file changes.
+//! Loads fields from files in a task, shows them once they are complete, and reloads them when their file changes.
 
 use std::{
     fs::File,
@@ -25,13 +25,13 @@ use crate::{
     action::Action,
     extent::{Extent, visible_extent},
     notices::Notices,
-    palette_file::extracted_beside,
+    palette_file::palette_beside,
 };
 
 #[derive(Resource)]
 pub struct Loader {
     settings: LoadSettings,
-    /// The first field's palette, if the command line names one.
+    /// The palette of the first field, if the command line names one.
     palette: Option<Palette>,
     reading: Option<Reading>,
     shown: Option<Shown>,
@@ -45,25 +45,25 @@ struct Reading {
     task: Task<Result<Arrival, ReadError>>,
 }
 
-/// The file that is shown.
+/// The file whose field is shown.
 struct Shown {
     path: PathBuf,
     extent: Extent,
-    /// What was read last.
+    /// The version that was last read.
     version: Option<Version>,
-    /// What was there when the watcher looked last.
+    /// The version that the watcher last saw.
     seen: Option<Version>,
 }
 
-/// What has been read.
+/// The result of reading a file.
 struct Arrival {
     field: PlenOctree,
     extent: Option<Extent>,
-    /// The palette beside the field, if there is one.
+    /// The palette from the file next to the field, if that file exists.
     palette: Option<Result<Palette, PaletteFileError>>,
 }
 
-/// When a file was written, and its length in bytes.
+/// The time at which a file was last written, and its length in bytes.
 type Version = (SystemTime, u64);
 
 impl Loader {
@@ -71,19 +71,19 @@ impl Loader {
         Self { settings, palette, reading: None, shown: None }
     }
 
-    /// The file that is being read, and how much of it has been, 0 to 1.
+    /// Returns the file that is being read, and the progress from 0 to 1.
     pub fn reading(&self) -> Option<(&Path, f32)> {
         let reading = self.reading.as_ref()?;
         let length = reading.version.map_or(1, |(_, length)| length.max(1));
         Some((&reading.path, (reading.read.load(Ordering::Relaxed) as f32 / length as f32).min(1.0)))
     }
 
-    /// The file that is shown.
+    /// Returns the file whose field is shown.
     pub fn shown(&self) -> Option<&Path> {
         self.shown.as_ref().map(|shown| shown.path.as_path())
     }
 
-    /// Where there is something to see.
+    /// Returns the visible extent of the shown field.
     pub fn extent(&self) -> Option<Extent> {
         self.shown.as_ref().map(|shown| shown.extent)
     }
@@ -94,7 +94,7 @@ impl Loader {
         let task = AsyncComputeTaskPool::get().spawn(async move {
             let field = read_counted(&file, counter, &settings)?;
             let extent = visible_extent(&field);
-            let beside = extracted_beside(&file);
+            let beside = palette_beside(&file);
             let palette = beside.exists().then(|| Palette::read(beside));
             Ok(Arrival { field, extent, palette })
         });
@@ -102,7 +102,7 @@ impl Loader {
     }
 }
 
-/// Starts to read the file that the user opens last.
+/// Starts to read the file that the user opened last.
 pub fn open(mut actions: MessageReader<Action>, mut loader: ResMut<Loader>) {
     for action in actions.read() {
         if let Action::Open(path) = action {
@@ -111,7 +111,7 @@ pub fn open(mut actions: MessageReader<Action>, mut loader: ResMut<Loader>) {
     }
 }
 
-/// Once a second: has the file changed, and is whoever writes it done?
+/// Checks once a second whether the file has changed and is no longer being written.
 pub fn watch(mut loader: ResMut<Loader>, time: Res<Time<Real>>, mut last: Local<f32>) {
     if time.elapsed_secs() - *last < 1.0 || loader.reading.is_some() {
         return;
@@ -128,7 +128,7 @@ pub fn watch(mut loader: ResMut<Loader>, time: Res<Time<Real>>, mut last: Local<
     }
 }
 
-/// Shows a field that has been read; if it cannot be, the one before stays.
+/// Shows a field once it is read. If that fails, the previous field stays.
 pub fn arrive(
     mut commands: Commands,
     mut loader: ResMut<Loader>,
@@ -146,7 +146,7 @@ pub fn arrive(
     };
     let again = loader.shown.as_ref().is_some_and(|shown| shown.path == path);
     if let Some(shown) = loader.shown.as_mut().filter(|_| again) {
-        // A file that is broken is not read again before it changes.
+        // Do not read a broken file again until it changes.
         shown.version = version;
     }
     let Arrival { field, extent, palette } = match result {
@@ -163,7 +163,7 @@ pub fn arrive(
     let prop = props.iter().next();
     if let Some((_, prop)) = prop.filter(|_| again) {
         match fields.insert(&prop.0, field) {
-            Ok(()) => notices.info(format!("{} has changed and was read again", path.display())),
+            Ok(()) => notices.info(format!("Reloaded {}, which has changed", path.display())),
             Err(error) => notices.error(error.to_string()),
         }
         return;
@@ -185,7 +185,7 @@ pub fn arrive(
     loader.shown = Some(Shown { path, extent, version, seen: version });
 }
 
-/// Whether the GPU can hold the field.
+/// Checks that the GPU can hold the field.
 fn check(field: &PlenOctree, device: Option<&RenderDevice>) -> Result<(), FieldTooLarge> {
     device.map_or(Ok(()), |device| GpuField::check(field, &device.limits()))
 }
@@ -203,7 +203,7 @@ fn read_counted(path: &Path, read: Arc<AtomicU64>, settings: &LoadSettings) -> R
     }
 }
 
-/// A file that counts the bytes that are read.
+/// A file that counts the bytes read from it.
 struct Counted {
     file: File,
     read: Arc<AtomicU64>,

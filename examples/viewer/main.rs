@@ -1,8 +1,8 @@
-//! A window to look at a field, and to make and change its palette.
+//! Shows a field in a window, and extracts and edits its palette.
 //!
 //! ```sh
 //! cargo run --release --example viewer -- field.npz
-//! cargo run --release --example viewer -- field.npz --headless picture.png --panel
+//! cargo run --release --example viewer -- field.npz --headless frame.png --panel
 //! ```
 
 mod action;
@@ -43,7 +43,7 @@ fn run(arguments: Arguments) -> Result {
     arguments.show.run("PlenOctree viewer", |app| build(app, &arguments, palette), headless::wait)
 }
 
-/// What is wrong inside the file is shown in the window, but a path with a slip in it is better found out at once.
+/// Reports a wrong path at once. Errors inside the file are shown in the window.
 fn check_readable(path: &Path) -> Result<()> {
     let readable = File::open(path).and_then(|file| match file.metadata()?.is_dir() {
         true => Err(std::io::ErrorKind::IsADirectory.into()),
@@ -69,7 +69,7 @@ fn build(app: &mut App, arguments: &Arguments, palette: Option<Palette>) {
     if has_window {
         app.add_systems(Update, (input::press_keys, input::drop_files, input::orbit, screenshot::take, pace::set));
     }
-    // The interface has a camera of its own, so that the scene's can leave room for the panel.
+    // The UI has a camera of its own, so that the scene camera can leave room for the panel.
     app.world_mut().resource_mut::<EguiGlobalSettings>().auto_create_primary_context = false;
     app.world_mut().write_message(Action::Open(arguments.field()));
 }

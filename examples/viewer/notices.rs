@@ -1,4 +1,4 @@
-//! Messages in the lower left corner, and what is under way.
+//! Messages and progress in the lower left corner.
 
 use std::{
     path::Path,
@@ -12,35 +12,35 @@ use bevy_plenoctree::{PaletteExtraction, Prop};
 use crate::loader::Loader;
 
 const LIFETIME: Duration = Duration::from_secs(8);
-const MOST: usize = 4;
+const MAX_NOTICES: usize = 4;
 
 #[derive(Resource, Default)]
 pub struct Notices {
     list: Vec<Notice>,
-    /// A file is held over the window.
+    /// Whether a file is being dragged over the window.
     pub dropping: bool,
 }
 
 struct Notice {
     text: String,
-    /// When it goes away; errors stay until they are closed.
+    /// When the notice disappears. `None` for errors, which stay until they are closed.
     until: Option<Instant>,
 }
 
 impl Notices {
-    /// Says what was done, for a while.
+    /// Adds a message that disappears after a while.
     pub fn info(&mut self, text: String) {
         info!("{text}");
         self.add(Notice { text, until: Some(Instant::now() + LIFETIME) });
     }
 
-    /// Says what went wrong.
+    /// Adds an error, which stays until it is closed.
     pub fn error(&mut self, text: String) {
         error!("{text}");
         self.add(Notice { text, until: None });
     }
 
-    /// Takes away what went wrong before: it no longer matters.
+    /// Removes earlier errors, which no longer matter.
     pub fn forget_errors(&mut self) {
         self.list.retain(|notice| notice.until.is_some());
     }
@@ -52,7 +52,7 @@ impl Notices {
     fn add(&mut self, notice: Notice) {
         self.list.retain(|old| old.text != notice.text);
         self.list.push(notice);
-        let surplus = self.list.len().saturating_sub(MOST);
+        let surplus = self.list.len().saturating_sub(MAX_NOTICES);
         self.list.drain(..surplus);
     }
 }
@@ -83,10 +83,10 @@ pub fn show(
             framed(ui, |ui| ui.strong("Drop a field (.npz) or a palette (.json)"));
         }
         if let Some((path, share)) = loader.reading() {
-            under_way(ui, &format!("Reading {}", name(path)), share);
+            show_progress(ui, &format!("Reading {}", name(path)), share);
         }
         if let Some(share) = extracting {
-            under_way(ui, "Extracting the palette", share);
+            show_progress(ui, "Extracting the palette", share);
         }
         let mut closed = None;
         for (index, notice) in notices.list.iter().enumerate() {
@@ -105,12 +105,12 @@ pub fn show(
     });
 }
 
-/// A file's name without its folder.
+/// Returns the name of a file without its folder.
 pub fn name(path: &Path) -> String {
     path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
 }
 
-fn under_way(ui: &mut egui::Ui, what: &str, share: f32) {
+fn show_progress(ui: &mut egui::Ui, what: &str, share: f32) {
     framed(ui, |ui| {
         ui.horizontal(|ui| {
             ui.spinner();

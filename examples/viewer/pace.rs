@@ -1,4 +1,4 @@
-//! How often the window is drawn: all the time while something is going on, else only now and then.
+//! Redraws the window continuously while something happens, and otherwise only once in a while.
 
 use std::time::{Duration, Instant};
 
@@ -12,9 +12,9 @@ use bevy_plenoctree::{PaletteExtraction, Prop};
 
 use crate::loader::Loader;
 
-/// How long it goes on after input: animations of the interface, and the camera until it has come to rest.
+/// How long to redraw after input, so that animations of the UI finish and the camera comes to rest.
 const AFTERGLOW: Duration = Duration::from_secs(2);
-/// Between two frames when nothing is going on; the watcher of the field's file still looks at it.
+/// The time between frames while nothing happens. The field's file is still watched.
 const IDLE: Duration = Duration::from_secs(1);
 
 pub fn set(

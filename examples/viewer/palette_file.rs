@@ -1,4 +1,4 @@
-//! Palettes to and from files.
+//! Saves and loads palettes.
 
 use std::path::{Path, PathBuf};
 
@@ -10,17 +10,17 @@ use crate::{
     notices::Notices,
 };
 
-/// The file of a field's palette, from which games read it: beside the field.
-pub fn extracted_beside(field: &Path) -> PathBuf {
+/// Returns the file next to a field from which games load its palette.
+pub fn palette_beside(field: &Path) -> PathBuf {
     field.with_extension("palette.json")
 }
 
-/// A file for the colors that are shown in its place. They are no palette to extract labels by, so that it is another.
+/// Returns the file for the shown colors. Games must not load them as source colors, so they have a file of their own.
 pub fn shown_beside(field: &Path) -> PathBuf {
     field.with_extension("shown.palette.json")
 }
 
-/// Saves and loads what the user asks for.
+/// Saves and loads colors when the user asks for it.
 pub fn transfer(
     mut actions: MessageReader<Action>,
     mut palettes: ResMut<Palettes>,
@@ -28,7 +28,7 @@ pub fn transfer(
     props: Query<(&Prop, Option<&PaletteOverride>)>,
 ) {
     for action in actions.read() {
-        let prop = props.iter().next().ok_or("There is no field yet that a palette could belong to.".to_string());
+        let prop = props.iter().next().ok_or("No field is loaded yet.".to_string());
         let (path, result) = match action {
             Action::Save(path, colors) => {
                 (path, prop.and_then(|(Prop(field), own)| save(path, *colors, palettes.get(field), own)))
@@ -45,16 +45,16 @@ pub fn transfer(
     }
 }
 
-/// Returns what was done.
+/// Returns a message that says what was done.
 fn save(
     path: &Path,
     colors: Colors,
     palette: Option<&FieldPalette>,
     own: Option<&PaletteOverride>,
 ) -> Result<&'static str, String> {
-    let palette = palette.ok_or("There is no palette yet that could be saved.")?;
+    let palette = palette.ok_or("There is no palette to save yet.")?;
     let (saved, what) = match colors {
-        Colors::Extracted => (palette.source().clone(), "Saved the extracted colors"),
+        Colors::Source => (palette.source().clone(), "Saved the source colors"),
         Colors::Shown | Colors::Either => (shown(palette, own), "Saved the shown colors"),
     };
     saved.write(path).map_err(|error| error.to_string())?;
@@ -70,7 +70,7 @@ fn shown(palette: &FieldPalette, own: Option<&PaletteOverride>) -> Palette {
     }
 }
 
-/// Returns what was done.
+/// Returns a message that says what was done.
 fn load(
     path: &Path,
     colors: Colors,
@@ -89,14 +89,12 @@ fn load(
         }
         (Colors::Shown, Some(palette)) => {
             let (path, expected) = (path.display(), palette.shown().len());
-            Err(format!(
-                "palette {path}: found {found} colors, expected {expected} to show in place of the extracted ones"
-            ))
+            Err(format!("palette {path}: found {found} colors, expected {expected}, one for each source color"))
         }
-        (Colors::Shown, None) => Err("There are no extracted colors yet that others could be shown for.".into()),
-        (Colors::Extracted | Colors::Either, _) => {
+        (Colors::Shown, None) => Err("There is no palette yet whose shown colors could be loaded.".into()),
+        (Colors::Source | Colors::Either, _) => {
             palettes.insert(field, FieldPalette::new(read));
-            Ok("Loaded a palette in place of the extracted one")
+            Ok("Loaded a new palette")
         }
     }
 }

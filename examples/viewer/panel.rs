@@ -1,4 +1,4 @@
-//! The panel beside the field.
+//! The panel next to the field.
 
 use std::path::PathBuf;
 
@@ -20,33 +20,33 @@ use crate::{
 #[derive(Resource)]
 pub struct PanelState {
     pub open: bool,
-    /// The field that the names below belong to.
+    /// The field that the paths below belong to.
     of: Option<PathBuf>,
-    /// The field's file, as the user edits it.
+    /// The path of the field, as the user edits it.
     field: String,
-    /// The files of the extracted and of the shown colors, as the user edits them.
-    extracted: String,
+    /// The paths for the source and the shown colors, as the user edits them.
+    source: String,
     shown: String,
 }
 
 impl PanelState {
     pub fn new(open: bool) -> Self {
-        Self { open, of: None, field: String::new(), extracted: String::new(), shown: String::new() }
+        Self { open, of: None, field: String::new(), source: String::new(), shown: String::new() }
     }
 
-    /// Where the shown colors are saved to and loaded from.
+    /// Returns the file to which the shown colors are saved and from which they are loaded.
     pub fn shown_file(&self) -> PathBuf {
         PathBuf::from(self.shown.trim())
     }
 
-    /// Names the files anew when another field is shown.
+    /// Resets the paths when another field is shown.
     fn follow(&mut self, loader: &Loader) {
         if let Some(path) = loader.shown()
             && self.of.as_deref() != Some(path)
         {
             self.of = Some(path.to_owned());
             self.field = path.display().to_string();
-            self.extracted = palette_file::extracted_beside(path).display().to_string();
+            self.source = palette_file::palette_beside(path).display().to_string();
             self.shown = palette_file::shown_beside(path).display().to_string();
         }
     }
@@ -66,7 +66,7 @@ pub fn show(
     let (Ok(context), Some(camera)) = (contexts.ctx_mut(), camera) else {
         return;
     };
-    // Where frames are slow, press and release are long apart and still a click.
+    // When frames are slow, a press and a release are far apart but still count as a click.
     context.options_mut(|options| options.input_options.max_click_duration = f64::INFINITY);
     state.follow(&loader);
     let layout = egui::UiBuilder::new().layer_id(egui::LayerId::background()).max_rect(context.viewport_rect());
@@ -93,7 +93,7 @@ pub fn show(
     give_room(camera.into_inner(), free, context.pixels_per_point());
 }
 
-/// Lets the scene's camera draw where the panel is not.
+/// Limits the viewport of the scene camera to the area next to the panel.
 fn give_room(mut camera: Mut<Camera>, free: egui::Rect, pixels_per_point: f32) {
     let Some(whole) = camera.physical_target_size() else {
         return;
@@ -123,7 +123,7 @@ fn field_section(
         }
         _ => {
             ui.heading("No field");
-            ui.weak("Drop an .npz file here, or name one.");
+            ui.weak("Drop an .npz file here, or enter its path.");
         }
     }
     ui.horizontal(|ui| {
@@ -138,13 +138,8 @@ fn field_section(
 fn file_section(ui: &mut egui::Ui, state: &mut PanelState, actions: &mut MessageWriter<Action>) {
     ui.strong("Files");
     let rows = [
-        (
-            "Extracted",
-            Colors::Extracted,
-            &mut state.extracted,
-            "The palette: beside its field, games read it from here",
-        ),
-        ("Shown", Colors::Shown, &mut state.shown, "The colors that are shown in place of the extracted ones"),
+        ("Source", Colors::Source, &mut state.source, "The palette. Games load it from this file, next to the field"),
+        ("Shown", Colors::Shown, &mut state.shown, "The colors that are shown instead of the source colors"),
     ];
     for (label, colors, path, hint) in rows {
         ui.horizontal(|ui| {
@@ -172,7 +167,7 @@ fn view_section(ui: &mut egui::Ui, background: &mut ClearColor, actions: &mut Me
             actions.write(Action::Screenshot);
         }
         let mut color = Srgba::from(background.0).to_u8_array_no_alpha();
-        if ui.color_edit_button_srgb(&mut color).on_hover_text("The color behind the field").changed() {
+        if ui.color_edit_button_srgb(&mut color).on_hover_text("The background color").changed() {
             let [r, g, b] = color;
             background.0 = Color::srgb_u8(r, g, b);
         }

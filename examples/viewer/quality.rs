@@ -1,19 +1,19 @@
-//! Presets on the command line.
+//! Quality presets on the command line.
 
 use bevy_plenoctree::QualityPreset;
 use clap::ValueEnum;
 
-/// How exactly to draw.
+/// A quality preset.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum Level {
-    /// What the method asks for.
+    /// Exactly as the method specifies.
     #[default]
     Exact,
-    /// Hardly to be told from it.
+    /// Visually indistinguishable from exact.
     High,
-    /// For most games.
+    /// A compromise for most games.
     Balanced,
-    /// For many props, or little of a graphics card.
+    /// For many props, or a slow GPU.
     Fast,
 }
 

@@ -1,4 +1,4 @@
-//! The cameras, and where they look from.
+//! The cameras and their views.
 
 use bevy::{
     camera::{CameraOutputMode, visibility::RenderLayers},
@@ -12,15 +12,16 @@ use bevy_plenoctree::{PlenOctree, Prop, PropQuality};
 
 use crate::{action::Action, loader::Loader};
 
-/// Where the camera stands at first: a little to the side and above, in radians.
+/// The initial yaw of the camera, in radians.
 const YAW: f32 = 0.6;
+/// The initial pitch of the camera, in radians.
 const PITCH: f32 = 0.45;
 
-/// How exactly the field is drawn.
+/// The quality at which the field is drawn.
 #[derive(Resource)]
 pub struct CameraQuality(pub PropQuality);
 
-/// A camera for the field and, over it, one for the interface.
+/// Spawns a camera for the field and, on top of it, one for the UI.
 pub fn spawn_cameras(mut commands: Commands, quality: Res<CameraQuality>) {
     commands.insert_resource(ClearColor(Color::WHITE));
     commands.spawn((
@@ -34,7 +35,7 @@ pub fn spawn_cameras(mut commands: Commands, quality: Res<CameraQuality>) {
         PrimaryEguiContext,
         Camera2d,
         Msaa::Off,
-        // It draws nothing but the interface.
+        // This camera draws only the UI.
         RenderLayers::none(),
         Camera {
             order: 1,
@@ -48,7 +49,7 @@ pub fn spawn_cameras(mut commands: Commands, quality: Res<CameraQuality>) {
     ));
 }
 
-/// Moves the camera back until it sees the whole field: when the field is another one, and when the user likes to.
+/// Moves the camera to see the whole field, when another field is shown and when the user asks for it.
 pub fn frame_view(
     mut actions: MessageReader<Action>,
     mut waiting: Local<bool>,
@@ -88,7 +89,8 @@ pub fn frame_view(
     orbit.force_update = true;
 }
 
-/// How far from the middle of a box a camera sees all of it, and a little more, in a picture of this size.
+/// Returns the distance from the center of a box at which a camera with a viewport of `size` sees all of it, and a
+/// little more.
 fn distance(half_size: Vec3, fov: f32, size: Vec2) -> f32 {
     let half_height = 0.95 * (0.5 * fov).tan();
     let half_width = half_height * size.x / size.y;

@@ -1,4 +1,4 @@
-//! Pictures of the window.
+//! Screenshots of the window.
 
 use std::{
     fs::{File, OpenOptions},
@@ -22,22 +22,22 @@ pub fn take(mut actions: MessageReader<Action>, mut commands: Commands) {
 
 fn save(captured: On<ScreenshotCaptured>, mut notices: ResMut<Notices>) {
     match write(&captured.image) {
-        Ok(name) => notices.info(format!("Screenshot: {name}")),
-        Err(error) => notices.error(format!("The screenshot was not written: {error}")),
+        Ok(name) => notices.info(format!("Saved the screenshot: {name}")),
+        Err(error) => notices.error(format!("The screenshot could not be saved: {error}")),
     }
 }
 
-/// Returns the file's name.
-fn write(picture: &Image) -> Result<String> {
-    let picture = picture.clone().try_into_dynamic()?.to_rgb8();
+/// Saves a screenshot and returns the name of its file.
+fn write(screenshot: &Image) -> Result<String> {
+    let screenshot = screenshot.clone().try_into_dynamic()?.to_rgb8();
     let (name, file) = next_free()?;
     let mut file = BufWriter::new(file);
-    picture.write_to(&mut file, image::ImageFormat::Png)?;
+    screenshot.write_to(&mut file, image::ImageFormat::Png)?;
     io::Write::flush(&mut file)?;
     Ok(name)
 }
 
-/// The first of `viewer_000.png`, `viewer_001.png` and so on that is not there yet, in the current folder.
+/// Creates the first of `viewer_000.png`, `viewer_001.png` and so on that does not exist yet, in the current folder.
 fn next_free() -> io::Result<(String, File)> {
     for number in 0.. {
         let name = format!("viewer_{number:03}.png");

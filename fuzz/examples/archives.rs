@@ -5,7 +5,7 @@
 use std::{env, error::Error, fs, mem::size_of, path::PathBuf};
 
 use arbitrary::{Arbitrary, Unstructured};
-use bevy_plenoctree_fuzz::FieldFile;
+use plenoctree_fuzz::FieldFile;
 
 /// Bytes that a seed may have.
 const LONGEST: usize = 8192;

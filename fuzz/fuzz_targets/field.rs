@@ -1,9 +1,9 @@
-//! PlenOctree files whose framing is sound, or nearly: see [`FieldFile`].
+//! Fuzzes the field reader with files whose framing is valid, or nearly so. See [`FieldFile`].
 
 #![no_main]
 
-use bevy_plenoctree_fuzz::{FieldFile, check_field};
 use libfuzzer_sys::fuzz_target;
+use plenoctree_fuzz::{FieldFile, check_field};
 
 fuzz_target!(|file: FieldFile| {
     let (bytes, unpacked) = file.build();

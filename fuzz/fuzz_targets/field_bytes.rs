@@ -1,9 +1,9 @@
-//! Any bytes as a PlenOctree file.
+//! Fuzzes the field reader with arbitrary bytes.
 
 #![no_main]
 
-use bevy_plenoctree_fuzz::{Settings, check_field};
 use libfuzzer_sys::fuzz_target;
+use plenoctree_fuzz::{Settings, check_field};
 
 fuzz_target!(|input: (Settings, &[u8])| {
     let (settings, bytes) = input;

@@ -1,15 +1,12 @@
-//! What a camera file must give.
+//! Checks for the camera file reader.
 
 use arbitrary::Arbitrary;
 use glam::{DMat3, DQuat, DVec3};
+use plenoctree::camera::{PinholeCamera, read_transforms};
 
-use crate::{
-    Scratch,
-    camera::{PinholeCamera, read_transforms},
-    check_message,
-};
+use crate::{Scratch, check_message};
 
-/// The content of a file, and the size of pictures that is asked for.
+/// The content of a camera file, and the requested frame size.
 #[derive(Arbitrary, Debug)]
 pub struct TransformsFile<'a> {
     size: Option<(u16, u16)>,
@@ -87,14 +84,14 @@ impl TransformsFile<'_> {
         }
     }
 
-    /// A size that a picture may have.
+    /// Returns the requested frame size, within the valid range.
     pub fn size(&self) -> Option<(u32, u32)> {
         let side = |side: u16| u32::from(side % 16384) + 1;
         self.size.map(|(width, height)| (side(width), side(height)))
     }
 }
 
-/// Cameras with rays, or a message.
+/// Checks that a file gives valid cameras or a valid error message.
 pub fn check_transforms(text: &[u8], size: Option<(u32, u32)>) {
     let file = Scratch::with("transforms.json", text);
     match read_transforms(file.path(), size) {

@@ -1,33 +1,34 @@
-//! What a field's file must give: a field that can be used, or a message; and neither at any price.
+//! Checks for the field reader: it must return a usable field or an error message, and use little memory for either.
 
 use std::io::Cursor;
 
 use allocation_counter::measure;
 use glam::{DVec3, UVec3};
 use half::f16;
-
-use crate::{
-    Settings,
+use plenoctree::{
+    Frame, LoadSettings, PlenOctree, ReadError,
     camera::PinholeCamera,
-    check_message,
-    field::{Frame, LoadSettings, PlenOctree, ReadError},
-    palette::{ExtractionError, ExtractionSettings, Progress, extract},
-    reference::render_ray,
+    palette::{ExtractionError, ExtractionSettings, extract},
+    sampling::{Progress, SamplingSettings},
 };
 
-/// Bytes that reading may take whatever the file holds: buffers, the state of the decompressor, and room for the 4096
-/// members that a directory may claim.
+use crate::{Settings, check_message};
+
+/// The memory that reading may take for any file, in bytes: buffers, the state of the decompressor, and room for the
+/// 4096 members that a directory may claim.
 const BASE_MEMORY: u64 = 2 << 20;
-/// Bytes of memory for one of an unpacked array. The most is that of a codebook's row, one byte for three float16.
+/// The bytes of memory per byte of unpacked arrays. Rows of a codebook need the most: one byte stands for three float16
+/// values.
 const MEMORY_RATIO: u64 = 16;
 /// How many times larger than the file its arrays can be.
 const DEFLATE_RATIO: u64 = 1032;
-/// Leaves of fields from which palettes are extracted.
+/// The maximum number of leaves of fields from which palettes are extracted.
 const MOST_EXTRACTED: usize = 512;
-/// Their depth. Extraction spreads coarse leaves over finest cells as long as that is worth its memory.
+/// The maximum depth of those fields. Extraction divides coarse leaves into finest cells as long as that is worth its
+/// memory.
 const DEEPEST_EXTRACTED: u32 = 6;
 
-/// Reads `bytes`, whose arrays have `unpacked` bytes if that is known, and checks what comes of it.
+/// Reads `bytes` and checks the result. `unpacked` is the size of the arrays in bytes, if known.
 pub fn check_field(bytes: &[u8], unpacked: Option<u64>, settings: &Settings) {
     let mut result = None;
     let peak = measure(|| result = Some(read(bytes, &settings.load()))).bytes_max;
@@ -53,7 +54,7 @@ fn read(bytes: &[u8], settings: &LoadSettings) -> Result<PlenOctree, ReadError> 
     PlenOctree::read_from(Cursor::new(bytes), "fuzz.npz", settings)
 }
 
-/// What was read is written and read again, the same but for the two documented roundings.
+/// Checks that a field is the same after it is written and read again, except for the two documented roundings.
 fn check_written(field: &PlenOctree) {
     let mut bytes = Cursor::new(Vec::new());
     field.write_to(&mut bytes).expect("what was read can be written");
@@ -75,7 +76,7 @@ fn check_written(field: &PlenOctree) {
     assert!(again.densities().iter().copied().eq(field.densities().iter().map(half)));
 }
 
-/// The field has a place, and finite colors from everywhere.
+/// Checks that a field has finite bounds, and finite colors from all directions.
 fn check_seen(field: &PlenOctree) {
     assert_eq!(field.leaf_cells().count(), field.leaves());
     let Some((low, high)) = field.bounds() else {
@@ -104,14 +105,15 @@ fn check_seen(field: &PlenOctree) {
 }
 
 fn check_ray(field: &PlenOctree, origin: DVec3, direction: DVec3) {
-    let (color, opacity) = render_ray(field, origin, direction);
+    let (color, opacity) = field.render_ray(origin, direction);
     assert!(color.is_finite() && (0.0..=1.0).contains(&opacity), "{color}, {opacity} from {origin} along {direction}");
 }
 
-/// A palette, or the word that there is none to see.
+/// Checks that extraction gives a valid palette, or reports that nothing is visible.
 fn check_extracted(field: &PlenOctree) {
-    let settings =
-        ExtractionSettings { directions: 1, multisamples: 1, fine_bins: 8, coarse_bins: 4, ..Default::default() };
+    let sampling =
+        SamplingSettings { directions: 1, multisamples: 1, fine_bins: 8, coarse_bins: 4, ..Default::default() };
+    let settings = ExtractionSettings { sampling, ..Default::default() };
     match extract(field, &settings, &Progress::default()) {
         Ok(extraction) => {
             let palette = extraction.palette;

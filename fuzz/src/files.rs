@@ -1,26 +1,27 @@
-//! PlenOctree files from the fuzzer's bytes. All zeros give a sound one; the rest says what is different.
+//! Generates PlenOctree files from the fuzzer's bytes. Zeros give a valid file, and other bytes change it.
 
 use std::io::{Cursor, Write};
 
 use arbitrary::Arbitrary;
 use half::f16;
-use npyz::zip::{
+use plenoctree::Basis;
+use zip::{
     CompressionMethod,
     write::{FileOptions, ZipWriter},
 };
 
-use crate::{Settings, field::Basis};
+use crate::Settings;
 
-/// An archive of arrays with sound checksums, and the settings with which it is read.
+/// An archive of arrays with valid checksums, and the settings to read it with.
 #[derive(Arbitrary, Debug)]
 pub struct FieldFile<'a> {
     pub settings: Settings,
     basis: u8,
     tree: Tree<'a>,
     content: Content,
-    /// Element type and order of each array.
+    /// The element type and order of each array.
     layouts: [u8; KEYS.len()],
-    /// The float16 of which coefficients and densities are taken, round and round.
+    /// The float16 values for coefficients and densities, repeated as needed.
     numbers: &'a [u8],
     edits: Vec<Edit<'a>>,
     packing: Packing<'a>,
@@ -28,13 +29,13 @@ pub struct FieldFile<'a> {
 
 #[derive(Arbitrary, Debug)]
 enum Tree<'a> {
-    /// Every node hangs in a cell of an earlier one: two bytes each say which.
+    /// Every node is in a cell of an earlier node. Two bytes per node choose the node and the cell.
     Hung(&'a [u8]),
-    /// The same, but the file has the last first.
+    /// The same, but the file stores all nodes after the root in reverse order.
     Reversed(&'a [u8]),
-    /// Every node holds the next.
+    /// Every node contains the next one.
     Chain(u8),
-    /// All cells are divided, to this depth.
+    /// All cells are divided, down to this depth.
     Full(u8),
 }
 
@@ -44,7 +45,7 @@ enum Content {
     Quantized { retained: u8, rows: u8 },
 }
 
-/// A part of the file that is not as it should be. `key` counts through [`KEYS`].
+/// A change that may make the file invalid. `key` is an index into [`KEYS`].
 #[derive(Arbitrary, Debug)]
 enum Edit<'a> {
     Number { key: u8, at: u16, number: f64 },
@@ -82,7 +83,7 @@ struct Packing<'a> {
     large: bool,
     comment: &'a [u8],
     before: &'a [u8],
-    /// Bytes of the zip's own records: which record, where in it, and the value.
+    /// Changes to the zip's own records: the record, the byte within it, and its value.
     patches: Vec<(u8, u8, u8)>,
 }
 
@@ -116,26 +117,26 @@ const OTHERS: [&str; 12] =
     ["|O", "<U4", ">U300", "|S5", "<c8", "|b1", "<f16", "<M8[s]", "|V8", "<U4611686018427387904", "|i0", "f"];
 const NAMES: [&str; 8] = ["RGBA", "SH1", "SH4", "SH9", "SH16", "SH25", "SG25", "ASG8"];
 
-/// Nodes that a tree may have.
+/// The maximum number of nodes below the root of a tree.
 const MOST_NODES: usize = 200;
 
-/// An array that is to be written.
+/// An array to write.
 struct Array {
     key: &'static str,
     version: u8,
     descr: String,
     fortran: bool,
     shape: Vec<u64>,
-    /// In place of the header that goes with the rest.
+    /// Replaces the header that matches the other fields.
     header: Option<Vec<u8>>,
     length: Option<u32>,
     content: Vec<u8>,
-    /// In place of everything.
+    /// Replaces the whole member.
     member: Option<Vec<u8>>,
 }
 
 impl Array {
-    /// An array of the numbers that `number` gives for every index in C order.
+    /// Creates an array of the numbers that `number` returns for every index in C order.
     fn new(key: usize, layout: u8, types: &[&str], shape: &[usize], number: impl Fn(usize) -> f64) -> Self {
         let descr = types[usize::from(layout & 0x7f) % types.len()];
         let fortran = layout & 0x80 != 0;
@@ -157,7 +158,7 @@ impl Array {
         Self { shape, fortran, content, ..Self::empty(key, descr) }
     }
 
-    /// A single string.
+    /// Creates an array with a single string.
     fn text(layout: u8, text: &str) -> Self {
         let length = text.chars().count();
         let (descr, content): (String, Vec<u8>) = match layout % 3 {
@@ -202,14 +203,14 @@ impl Array {
         format!("{{'descr': '{}', 'fortran_order': {order}, 'shape': ({axes}), }}\n", self.descr).into_bytes()
     }
 
-    /// Overwrites an element.
+    /// Overwrites one element.
     fn set_number(&mut self, at: u16, number: f64) {
         let mut bytes = Vec::new();
         put(&mut bytes, &self.descr, number);
         self.set(usize::from(at) * bytes.len(), &bytes);
     }
 
-    /// Overwrites the content from a byte on.
+    /// Overwrites the content, starting at byte `at`.
     fn set(&mut self, at: usize, bytes: &[u8]) {
         for (to, from) in self.content.iter_mut().skip(at).zip(bytes) {
             *to = *from;
@@ -217,7 +218,7 @@ impl Array {
     }
 }
 
-/// Adds a number in a known type.
+/// Appends a number of a known type.
 fn put(content: &mut Vec<u8>, descr: &str, number: f64) {
     let start = content.len();
     match &descr[1..] {
@@ -235,7 +236,7 @@ fn put(content: &mut Vec<u8>, descr: &str, number: f64) {
 }
 
 impl FieldFile<'_> {
-    /// The file, and how many bytes its arrays have.
+    /// Returns the file, and the total size of its arrays in bytes.
     pub fn build(&self) -> (Vec<u8>, u64) {
         let mut arrays = self.arrays();
         for edit in &self.edits {
@@ -285,7 +286,7 @@ impl FieldFile<'_> {
 }
 
 impl Tree<'_> {
-    /// `child` of the file.
+    /// Returns the `child` array of the file.
     fn child(&self) -> Vec<f64> {
         let (hung, reversed): (Vec<[usize; 2]>, bool) = match self {
             Self::Hung(bytes) => (pairs(bytes), false),
@@ -297,7 +298,7 @@ impl Tree<'_> {
             }
         };
         let nodes = hung.len().min(MOST_NODES) + 1;
-        // Where the file has a node. The root stays first.
+        // Returns where the file stores a node. The root stays first.
         let place = |node: usize| if reversed && node > 0 { nodes - node } else { node };
         let mut child = vec![0.0; 8 * nodes];
         for (node, [parent, cell]) in (1..nodes).zip(hung) {
@@ -410,7 +411,7 @@ impl Packing<'_> {
             if self.patches.is_empty() {
                 zip.start_file(name, options).expect("in memory");
             } else {
-                // Room for what only hostile files have there.
+                // Add an extra field for patches to change. Only hostile files have one.
                 zip.start_file_with_extra_data(name, options).expect("in memory");
                 zip.write_all(&[0xef, 0xbe, 7, 0, 1, 0, b'A', b'E', 1, 0, 0]).expect("in memory");
                 zip.end_extra_data().expect("in memory");

@@ -1,18 +1,6 @@
-//! What fuzzing holds the file readers of `bevy_plenoctree` to, and the files that it makes.
-//!
-//! The modules of the crate that know nothing of Bevy are compiled in as they are.
+//! Checks for the file readers of `plenoctree`, and generators of files for them to read.
 
 #![forbid(unsafe_code)]
-
-#[path = "../../src/camera/mod.rs"]
-pub mod camera;
-#[path = "../../src/field/mod.rs"]
-pub mod field;
-#[allow(unused_imports)]
-#[path = "../../src/palette/mod.rs"]
-pub mod palette;
-#[path = "../../src/reference/mod.rs"]
-pub mod reference;
 
 mod cameras;
 mod fields;
@@ -26,19 +14,20 @@ pub use files::FieldFile;
 pub use palettes::{PaletteFile, check_palette};
 pub use settings::Settings;
 
-/// Bytes that a message may have, where it does not quote.
+/// The maximum length of an error message in bytes, besides what it quotes.
 const LONGEST_MESSAGE: usize = 1000;
-/// Bytes that a quoted one may become.
+/// The maximum number of bytes that one quoted byte may become.
 const LONGEST_ESCAPE: usize = 10;
 
-/// A message is one line. It may quote `quoted` bytes of the file: `serde_json` does not shorten what it found.
+/// Checks that an error message is one line. It may quote `quoted` bytes of the file, because `serde_json` does not
+/// shorten its quotes.
 fn check_message(error: &dyn std::error::Error, quoted: usize) {
     let message = error.to_string();
     assert!(message.len() < LONGEST_MESSAGE + LONGEST_ESCAPE * quoted, "a message of {} bytes", message.len());
     assert!(!message.contains(char::is_control), "{message:?}");
 }
 
-/// A file that is there as long as this.
+/// A temporary file, which is removed on drop.
 struct Scratch(std::path::PathBuf);
 
 impl Scratch {
@@ -55,7 +44,7 @@ impl Scratch {
 
 impl Drop for Scratch {
     fn drop(&mut self) {
-        // Nothing depends on it being gone.
+        // It is harmless if this fails.
         let _ = std::fs::remove_file(&self.0);
     }
 }

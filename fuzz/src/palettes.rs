@@ -1,10 +1,11 @@
-//! What a palette's file must give.
+//! Checks for the palette reader.
 
 use arbitrary::Arbitrary;
+use plenoctree::palette::Palette;
 
-use crate::{Scratch, check_message, palette::Palette};
+use crate::{Scratch, check_message};
 
-/// The content of a file.
+/// The content of a palette file.
 #[derive(Arbitrary, Debug)]
 pub enum PaletteFile<'a> {
     Text(&'a [u8]),
@@ -23,7 +24,8 @@ impl PaletteFile<'_> {
     }
 }
 
-/// A palette that is written and read again as it was, or a message; and the same from a file as from memory.
+/// Checks that a file gives a palette that is the same after it is written and read again, or a valid error message.
+/// Reading from memory must give the same result as reading from a file.
 pub fn check_palette(text: &[u8]) {
     let file = Scratch::with("palette.json", text);
     let palette = match Palette::read(file.path()) {

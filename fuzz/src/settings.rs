@@ -1,16 +1,15 @@
-//! Settings of loading.
+//! Settings for loading fields.
 
 use arbitrary::Arbitrary;
+use plenoctree::{Activation, LoadSettings, UpAxis};
 
-use crate::field::{Activation, LoadSettings, UpAxis};
-
-/// [`LoadSettings`], and what to do with the field.
+/// [`LoadSettings`], and whether to extract a palette.
 #[derive(Arbitrary, Clone, Copy, Debug)]
 pub struct Settings {
     activation: u8,
     y_up: bool,
     density_threshold: f32,
-    /// Whether a palette is extracted too.
+    /// Whether to also extract a palette.
     pub extract: bool,
 }
 

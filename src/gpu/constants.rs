@@ -1,16 +1,16 @@
-//! The constants that Rust and WGSL share, as a shader module that is written from the Rust ones.
+//! Constants that Rust and WGSL share, as a shader module generated from the Rust values.
 
 use plenoctree::{Basis, MAX_DEPTH, sampling::MAX_CHANNEL};
 
 use super::records::{BRICK, INNER, KIND, LEAF};
 
-/// Threads of a workgroup of the sampling shader.
+/// The number of threads in a workgroup of the sampling shader.
 pub(crate) const SAMPLING_WORKGROUP: u32 = 64;
-/// The most props that a view can draw: the texels between the passes name a prop in 16 bits, 0 for none, and what
-/// posterizes the rest of the view counts as one more.
+/// The maximum number of props that a view can draw. Textures store the owner of a pixel in 16 bits: 0 means none, and
+/// one value is left for the posterized view.
 pub(crate) const MAX_PROPS_IN_VIEW: usize = 0xfffe;
 
-/// WGSL for `#import bevy_plenoctree::constants`.
+/// Returns the WGSL source of the module `bevy_plenoctree::constants`.
 pub(super) fn wgsl() -> String {
     let unsigned = [
         ("KIND", KIND),

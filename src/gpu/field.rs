@@ -1,4 +1,4 @@
-//! A field on the GPU.
+//! A field in GPU memory.
 
 use std::sync::Arc;
 
@@ -17,67 +17,67 @@ use super::{
     upload::{self, FieldTooLarge, GpuLevel, Uploader},
 };
 
-/// A [`PlenOctree`] in GPU memory, in the render world's `RenderAssets<GpuField>`.
+/// A [`PlenOctree`] in GPU memory. Stored in the render world, in `RenderAssets<GpuField>`.
 pub struct GpuField {
     levels: Levels,
-    /// Whether the main world was told what became of it.
+    /// Whether the outcome of the upload was reported to the main world.
     reported: bool,
 }
 
 impl GpuField {
-    /// An upper bound of the bytes that `field` takes in GPU memory, without the levels that cameras'
-    /// [`PropQuality`](crate::PropQuality) may ask for.
+    /// Returns an upper bound on the bytes that `field` takes in GPU memory, not counting levels that a camera's
+    /// [`PropQuality`](crate::PropQuality) may request.
     pub fn byte_size(field: &PlenOctree) -> u64 {
         Records::most_bytes(field, upload::table_allowance(field))
             + upload::arrays(field).iter().map(|(_, bytes)| bytes).sum::<u64>()
     }
 
-    /// Whether a device with these `limits` can hold the field.
+    /// Checks whether a device with these `limits` can hold the field.
     pub fn check(field: &PlenOctree, limits: &wgpu::Limits) -> Result<(), FieldTooLarge> {
         upload::check(field, limits)
     }
 
-    /// Bytes in GPU memory, including the levels that cameras ask for.
+    /// Returns the size in GPU memory, in bytes, including the levels that cameras requested.
     pub fn bytes(&self) -> u64 {
         self.levels.iter().map(|level| level.bytes).sum()
     }
 
-    /// Whether the field can be drawn; `None` until the driver has told.
+    /// Returns whether the field can be drawn, or `None` if the driver has not reported it yet.
     pub fn outcome(&self) -> Option<Result<(), &FieldTooLarge>> {
         self.levels.outcome()
     }
 
-    /// A level that is ready.
+    /// Returns a level, if it is ready.
     pub(crate) fn level(&self, level: Level) -> Option<&Arc<GpuLevel>> {
         self.levels.get(level)
     }
 
-    /// Asks for a level in this frame.
+    /// Requests a level for this frame.
     pub(crate) fn request(&mut self, level: Level) {
         self.levels.request(level);
     }
 
-    /// The level to draw where one is wanted.
+    /// Returns the level to draw: `wanted` if it is ready, otherwise one that stands in for it.
     pub(crate) fn resolve(&self, wanted: Level) -> Level {
         self.levels.resolve(wanted)
     }
 
-    /// Whether a level that a camera asked for in the last frame is not ready yet.
+    /// Returns whether a level that a camera requested in the last frame is not ready yet.
     pub fn is_busy(&self) -> bool {
         self.levels.is_busy()
     }
 
-    /// Uploads the levels that were asked for in this frame and have been made. Returns why one of them failed.
+    /// Uploads the levels that were requested in this frame and have been made. If one fails, returns its error.
     pub(super) fn upload(&mut self, uploader: &Uploader) -> Option<FieldTooLarge> {
         self.levels.upload(uploader)
     }
 
-    /// Ends a frame: evicts levels that no camera has asked for in a long time.
+    /// Ends the frame: evicts levels that no camera has requested for a long time.
     pub(super) fn age(&mut self) {
         self.levels.age();
     }
 
-    /// What became of the field, once.
+    /// Returns the outcome of the upload when it is first known, and `None` from then on.
     pub(super) fn take_outcome(&mut self) -> Option<Result<(), FieldTooLarge>> {
         let outcome = self.levels.outcome().filter(|_| !self.reported)?;
         self.reported = true;
@@ -90,7 +90,7 @@ impl RenderAsset for GpuField {
     type Param = Uploader<'static>;
 
     fn asset_usage(_: &PlenOctree) -> RenderAssetUsages {
-        // The main world keeps the field, for extraction; the arrays are shared, so the copy costs nothing.
+        // The main world keeps the field for palette extraction. The arrays are shared, so the copy is cheap.
         RenderAssetUsages::MAIN_WORLD | RenderAssetUsages::RENDER_WORLD
     }
 

@@ -1,4 +1,4 @@
-//! The levels of one field that cameras ask for.
+//! The levels of a field that cameras request.
 
 use std::sync::{Arc, OnceLock};
 
@@ -10,10 +10,11 @@ use super::{
     upload::{FieldTooLarge, GpuLevel, LevelData, Upload, Uploaded, Uploader},
 };
 
-/// Frames that an unused level is kept before it is evicted.
+/// The number of frames after which an unused level is evicted.
 const KEPT_FRAMES: u32 = 600;
 
-/// A field's levels in GPU memory: the field itself for good, others while cameras ask for them.
+/// The levels of a field in GPU memory. The field itself is always kept; other levels are kept while cameras request
+/// them.
 pub(super) struct Levels {
     source: PlenOctree,
     faintness: Arc<OnceLock<Faintness>>,
@@ -23,12 +24,12 @@ pub(super) struct Levels {
 struct Slot {
     level: Level,
     state: State,
-    /// Frames since it was asked for.
+    /// The number of frames since the last request.
     idle: u32,
 }
 
 enum State {
-    /// Made in the background, since that takes longer than a frame may.
+    /// Being made in the background, which takes longer than a frame.
     Making(Task<LevelData>),
     Uploading(Upload),
     Ready(Arc<GpuLevel>),
@@ -47,7 +48,7 @@ impl Levels {
         self.slots.iter().find(|slot| slot.level == level)?.state.ready()
     }
 
-    /// Whether the field itself can be drawn; `None` while that is still unknown.
+    /// Returns whether the field itself can be drawn, or `None` if that is not known yet.
     pub fn outcome(&self) -> Option<Result<(), &FieldTooLarge>> {
         match &self.slots.first()?.state {
             State::Ready(_) => Some(Ok(())),
@@ -56,7 +57,7 @@ impl Levels {
         }
     }
 
-    /// Asks for a level in this frame.
+    /// Requests a level for this frame.
     pub fn request(&mut self, level: Level) {
         if let Some(slot) = self.slots.iter_mut().find(|slot| slot.level == level) {
             slot.idle = 0;
@@ -68,7 +69,7 @@ impl Levels {
         self.slots.push(Slot { level, state, idle: 0 });
     }
 
-    /// Uploads the levels that were asked for in this frame and have been made. Returns why one of them failed.
+    /// Uploads the levels that were requested in this frame and have been made. If one fails, returns its error.
     pub fn upload(&mut self, uploader: &Uploader) -> Option<FieldTooLarge> {
         let mut failure = None;
         for slot in self.slots.iter_mut().filter(|slot| slot.idle == 0) {
@@ -87,7 +88,7 @@ impl Levels {
         failure
     }
 
-    /// The level to draw where one is wanted: that one, or the one that stands in for it until it is ready.
+    /// Returns the level to draw: `wanted` if it is ready, otherwise one that stands in for it.
     pub fn resolve(&self, wanted: Level) -> Level {
         if self.get(wanted).is_some() {
             return wanted;
@@ -97,13 +98,13 @@ impl Levels {
         ready.max_by_key(|level| level.coarser()).unwrap_or_default()
     }
 
-    /// Whether a level that was asked for in the last frame is not ready yet.
+    /// Returns whether a level that was requested in the last frame is not ready yet.
     pub fn is_busy(&self) -> bool {
         let waits = |state: &State| matches!(state, State::Making(_) | State::Uploading(_));
         self.slots.iter().any(|slot| slot.idle <= 1 && waits(&slot.state))
     }
 
-    /// Ends a frame: evicts what was not asked for in a long time.
+    /// Ends the frame: evicts levels that have not been requested for [`KEPT_FRAMES`].
     pub fn age(&mut self) {
         for slot in &mut self.slots {
             slot.idle = slot.idle.saturating_add(1);

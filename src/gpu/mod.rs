@@ -1,4 +1,4 @@
-//! Fields on the GPU: their levels, how these are packed and uploaded, and what shaders need to know of them.
+//! Fields on the GPU: their levels, the layout of their data, uploads, and the shaders.
 
 mod constants;
 mod field;
@@ -27,7 +27,7 @@ use bevy::{
 
 use crate::sets::{PlenOctreeRenderSystems, PlenOctreeSystems};
 
-/// Uploads every loaded [`PlenOctree`](plenoctree::PlenOctree).
+/// Uploads every loaded [`PlenOctree`](plenoctree::PlenOctree) to the GPU.
 pub(crate) struct GpuFieldPlugin;
 
 impl Plugin for GpuFieldPlugin {

@@ -1,10 +1,10 @@
-//! Coefficients of leaves as texels of four words.
+//! The layout of a leaf's coefficients, in texels of four 32-bit words.
 
 use half::f16;
 
 use plenoctree::{Basis, PlenOctree, Precision};
 
-/// How the coefficients of one leaf lie in texels, as shaders need to know it.
+/// The layout of a leaf's coefficients in texels. Shaders are specialized for it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) struct Payload {
     pub basis: Basis,
@@ -13,23 +13,23 @@ pub(crate) struct Payload {
 
 impl Payload {
     pub fn of(field: &PlenOctree) -> Self {
-        // With few functions bytes would take as many texels.
+        // With fewer functions, bytes would take as many texels as half floats.
         let compact = field.precision() == Precision::Byte && field.basis().functions() >= 9;
         Self { basis: field.basis(), compact }
     }
 
-    /// 32-bit words that one channel takes, besides the two of a compact leaf.
+    /// Returns the number of 32-bit words per channel, without the two leading words of a compact leaf.
     pub fn words_per_channel(self) -> usize {
         let functions = self.basis.functions();
         if self.compact { (functions - 1).div_ceil(4) } else { functions.div_ceil(2) }
     }
 
-    /// Texels of four words that one leaf takes.
+    /// Returns the number of texels per leaf.
     pub fn texels(self) -> usize {
         (3 * self.words_per_channel() + if self.compact { 2 } else { 0 }).div_ceil(4)
     }
 
-    /// The texels of some leaves, one after another.
+    /// Packs the coefficients of several leaves, one leaf after another.
     pub fn pack(self, coefficients: &[f16]) -> Vec<u32> {
         let leaves = coefficients.chunks_exact(self.basis.coefficients());
         let mut words = Vec::with_capacity(leaves.len() * self.texels() * 4);
@@ -45,15 +45,15 @@ impl Payload {
         words
     }
 
-    /// Every channel in pairs of half floats.
+    /// Packs each channel as pairs of half floats.
     fn pack_halves(self, leaf: &[f16], words: &mut Vec<u32>) {
         for channel in leaf.chunks_exact(self.basis.functions()) {
             words.extend(channel.chunks(2).map(|pair| halves(pair[0], pair.get(1).copied().unwrap_or(f16::ZERO))));
         }
     }
 
-    /// The constant functions of the three channels and the largest of the other coefficients as half floats, then those
-    /// others as signed bytes, in parts of the largest.
+    /// Packs the constant coefficients of the three channels and a scale as half floats, then the other coefficients as
+    /// signed bytes. The scale is the largest magnitude of the other coefficients and maps to 127.
     fn pack_bytes(self, leaf: &[f16], words: &mut Vec<u32>) {
         let channels = || leaf.chunks_exact(self.basis.functions());
         let largest = channels().flat_map(|channel| &channel[1..]).map(|k| k.to_f32().abs()).fold(0.0, f32::max);

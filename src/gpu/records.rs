@@ -1,48 +1,50 @@
-//! The octree as shaders walk it: a table of its upper levels, and below that bricks of 4 x 4 x 4 cells.
+//! The octree as shaders traverse it: a dense table of one level, with bricks of 4 x 4 x 4 cells below it.
 //!
-//! A step of a ray looks up one record, and most of the records of a step are those of the step before. A brick says in
-//! 64 bits which of its cells begin a leaf; since leaves are counted in depth-first order, the number of bits before a
-//! cell's is its leaf, and no index need be stored. That takes 16 bytes where a node's eight cells took 32.
+//! A ray looks up one record per step, and consecutive steps mostly look up the same records. A brick has one bit for
+//! each of its 64 cells, set where a leaf begins. Leaves are counted in depth-first order, so the number of bits set
+//! before a cell gives the index of its leaf, and no indices are stored. A brick takes 16 bytes, while a node of eight
+//! cells would take 32.
 
 use plenoctree::{Cell, PlenOctree};
 
-/// What a shader knows of a cell: `Record` of `octree.wgsl`, four words.
+/// The record of a cell, as `octree.wgsl` reads it: a texel of four words.
 ///
 /// | kind | x, y | z | w, low bits |
 /// |---|---|---|---|
 /// | empty | | | level of the empty cell |
-/// | brick: its parts are finest cells | cells that begin a leaf | first leaf | octants that are one leaf |
-/// | inner: its parts have records | parts that are not empty | record of the first | |
+/// | brick: parts are finest cells | bits of cells that begin a leaf | first leaf | bits of octants that are one leaf |
+/// | inner: parts have child records | bits of parts that are not empty | first child record | |
 /// | leaf | | leaf | level of the leaf |
 ///
-/// Parts are counted as x y z (bits of the octant), x y z (bits of the part within it). Level `l` has `2^l` cells a side.
+/// The parts of a cell are the 64 cells two levels below it. The index of a part has six bits: x, y and z of its
+/// octant, then x, y and z of the part within the octant. Level `l` has `2^l` cells per side.
 type Record = [u32; 4];
 
-/// The bits of the last word that hold the kind.
+/// The bits of the last word that store the kind.
 pub(super) const KIND: u32 = 3 << 30;
 const EMPTY: u32 = 0;
 pub(super) const BRICK: u32 = 1 << 30;
 pub(super) const INNER: u32 = 2 << 30;
 pub(super) const LEAF: u32 = 3 << 30;
 
-/// Texels of the largest side of the table.
+/// The deepest level that the table may list: 256 texels per side.
 const MOST_TABLE_LEVEL: u32 = 8;
-/// Bytes that the table may always take.
+/// The size that the table may always have, in bytes.
 const TABLE_ALLOWANCE: u64 = 4 << 20;
 
 pub(super) struct Records {
-    /// Levels of cells, at least two.
+    /// The depth of the tree, at least two.
     pub depth: u32,
     /// The level whose cells the table lists.
     pub table_level: u32,
-    /// A record for every cell of that level, z fastest.
+    /// The table records: one for every cell of that level, with z varying fastest.
     pub table: Vec<Record>,
-    /// What inner records point to.
+    /// The child records that inner records point to.
     pub children: Vec<Record>,
 }
 
 impl Records {
-    /// The records of a field, with a table that takes at most `allowance` bytes (or 4 MiB, if that is more).
+    /// Creates the records of a field, with a table of at most `allowance` bytes (or 4 MiB, if that is more).
     pub fn new(field: &PlenOctree, allowance: u64) -> Self {
         let depth = field.depth().max(2);
         let table_level = table_level(depth, allowance);
@@ -52,7 +54,7 @@ impl Records {
         records
     }
 
-    /// Bytes of the table and of the other records, at most.
+    /// Returns an upper bound on the size of the table records and child records, in bytes.
     pub fn most_bytes(field: &PlenOctree, allowance: u64) -> u64 {
         let depth = field.depth().max(2);
         let level = table_level(depth, allowance);
@@ -71,7 +73,7 @@ impl Records {
             return;
         }
         let record = self.record(field, part, level);
-        // A cell above the table's level covers many of its entries.
+        // A cell above the table's level fills several of its entries.
         let (width, side) = (1 << (self.table_level - level), 1usize << self.table_level);
         let [x, y, z] = corner.map(|c| c as usize * width);
         for (x, y) in (x..x + width).flat_map(|x| (y..y + width).map(move |y| (x, y))) {
@@ -85,7 +87,7 @@ impl Records {
             Part::Leaf(leaf) => return [0, 0, leaf, LEAF | level],
             Part::Node(node) => &field.nodes()[node as usize],
         };
-        // The 64 parts two levels below, octant by octant, and whether an octant is one leaf.
+        // The 64 parts by octant, and whether each octant is a single leaf.
         let octants = node.map(|cell| match cell.into() {
             Part::Node(node) => (field.nodes()[node as usize].map(Part::from), false),
             leaf @ Part::Leaf(_) => ([leaf; 8], true),
@@ -99,7 +101,7 @@ impl Records {
             }
         }
         if level + 2 == self.depth {
-            // Of a leaf that fills an octant only the beginning is marked.
+            // A leaf that fills an octant sets only the octant's first bit.
             for octant in (0..8).filter(|octant| merged >> octant & 1 == 1) {
                 mask &= !(0xfe << (8 * octant));
             }
@@ -125,7 +127,7 @@ impl Records {
     }
 }
 
-/// What is in a cell.
+/// The content of a cell.
 #[derive(Clone, Copy)]
 enum Part {
     Empty,
@@ -143,7 +145,7 @@ impl From<Cell> for Part {
     }
 }
 
-/// The deepest level whose table fits: bricks begin there, or some pairs of levels below.
+/// Returns the deepest level whose table fits. Bricks are at that level or an even number of levels below it.
 fn table_level(depth: u32, allowance: u64) -> u32 {
     let allowance = allowance.max(TABLE_ALLOWANCE);
     let mut level = depth - 2;
@@ -161,7 +163,8 @@ mod tests {
     use plenoctree::{Activation, Basis, Frame, LeafCell, UpAxis};
     use proptest::prelude::*;
 
-    /// What a shader does with the records: the leaf at `position`, its corner and its width, in finest cells.
+    /// Finds the leaf at `position` as the shader does. Also returns the corner and the width of its cell, in finest
+    /// cells.
     fn locate(records: &Records, position: UVec3) -> (Option<u32>, UVec3, u32) {
         let cell = |shift: u32| ((position >> shift) << shift, 1 << shift);
         let mut shift = records.depth - records.table_level;
@@ -200,7 +203,7 @@ mod tests {
         }
     }
 
-    /// A tree whose cells are divided, empty or leaves as the bytes say.
+    /// Creates a tree whose cells are divided, empty or leaves, as chosen by `choices`.
     fn tree(choices: &[u8], depth: u32) -> PlenOctree {
         let (mut nodes, mut leaves, mut choices) = (vec![[Cell::EMPTY; 8]], 0, choices.iter().cycle());
         let mut open = vec![(0usize, 1)];
@@ -225,7 +228,7 @@ mod tests {
     }
 
     proptest! {
-        /// Records hold the same leaves as the octree, and no cell that a ray would pass as empty touches a leaf.
+        /// Records hold the same leaves as the octree, and no cell that rays skip as empty overlaps a leaf.
         #[test]
         fn records_say_what_the_octree_says(
             choices in prop::collection::vec(any::<u8>(), 64..600),

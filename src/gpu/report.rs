@@ -1,4 +1,4 @@
-//! What became of the fields on the GPU, for the main world.
+//! Reports to the main world which fields are on the GPU, and which do not fit.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -7,29 +7,30 @@ use plenoctree::PlenOctree;
 
 use super::upload::FieldTooLarge;
 
-/// A field is on the GPU: its props are drawn from the next frame on. Written in [`PreUpdate`], again whenever the field
-/// was reloaded.
+/// A message written in [`PreUpdate`] when a field is on the GPU, and again whenever the field is reloaded.
+///
+/// The field's props are drawn from the next frame on.
 #[derive(Message, Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FieldReady {
     /// The field.
     pub field: AssetId<PlenOctree>,
 }
 
-/// The GPU cannot hold a field, or a level of it that a camera's [`PropQuality`](crate::PropQuality) asks for. Written in
-/// [`PreUpdate`].
+/// A message written in [`PreUpdate`] when the GPU cannot hold a field, or a level of it that a camera's
+/// [`PropQuality`](crate::PropQuality) requests.
 ///
-/// The props of a field that does not fit are not drawn. Where only a level does not fit, the field is drawn as it is.
+/// Props of a field that does not fit are not drawn. If only a level does not fit, another level is drawn in its place.
 #[derive(Message, Clone, Debug, PartialEq, Eq)]
 pub struct FieldFailed {
     /// The field.
     pub field: AssetId<PlenOctree>,
-    /// Which part of it does not fit, and why.
+    /// The part that does not fit, and its size.
     pub error: FieldTooLarge,
 }
 
 type Report = (AssetId<PlenOctree>, Result<(), FieldTooLarge>);
 
-/// Carries reports from the render world to the main world; both hold it.
+/// Carries reports from the render world to the main world. Both worlds hold a clone.
 #[derive(Resource, Clone, Default)]
 pub(super) struct FieldReports(Arc<Mutex<Vec<Report>>>);
 
@@ -43,7 +44,7 @@ impl FieldReports {
     }
 }
 
-/// Writes the messages. Runs in the main world.
+/// Writes reports as messages. Runs in the main world.
 pub(super) fn receive(
     reports: Res<FieldReports>,
     mut ready: MessageWriter<FieldReady>,

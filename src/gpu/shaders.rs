@@ -1,4 +1,4 @@
-//! The crate's shaders, compiled into the binary.
+//! The crate's shaders, embedded in the binary.
 
 use bevy::{
     prelude::*,
@@ -8,7 +8,7 @@ use plenoctree::{Activation, Basis};
 
 use super::{constants, upload::FieldShape};
 
-/// Handles of the shaders, in the render world. Those that only others import are kept too, to keep them loaded.
+/// Handles to the shaders, in the render world. Includes shaders that are only imported by others, to keep them loaded.
 #[derive(Resource, Clone)]
 pub(crate) struct Shaders {
     pub volume: Handle<Shader>,
@@ -24,7 +24,7 @@ pub(crate) struct Shaders {
 }
 
 impl Shaders {
-    /// Adds all shaders to the app. They are available at once: nothing waits for an asset server.
+    /// Adds all shaders to the app. They are available immediately, without the asset server.
     pub fn add_to(app: &mut App) -> Self {
         let mut assets = app.world_mut().resource_mut::<Assets<Shader>>();
         macro_rules! shader {
@@ -58,7 +58,7 @@ impl Shaders {
     }
 }
 
-/// The definitions that `octree.wgsl` and `radiance.wgsl` need, for harmonics of at most `degree`.
+/// Returns the shader definitions for `octree.wgsl` and `radiance.wgsl`, with spherical harmonics up to `degree`.
 pub(crate) fn field_definitions(shape: FieldShape, degree: u32) -> Vec<ShaderDefVal> {
     let FieldShape { payload, activation, inner_records } = shape;
     let functions = payload.basis.functions().min(((degree + 1) * (degree + 1)) as usize);

@@ -1,10 +1,10 @@
-//! What happens to fields on the GPU in every frame.
+//! Systems that update fields on the GPU, every frame.
 
 use bevy::{prelude::*, render::render_asset::RenderAssets};
 
 use super::{field::GpuField, report::FieldReports, upload::Uploader};
 
-/// Uploads the levels that views asked for in this frame, and reports what the driver said of fields and levels.
+/// Uploads the levels that views requested in this frame, and reports whether fields and levels fit on the GPU.
 pub(super) fn upload_levels(
     mut fields: ResMut<RenderAssets<GpuField>>,
     uploader: Uploader,
@@ -24,7 +24,7 @@ pub(super) fn upload_levels(
     }
 }
 
-/// Evicts levels that no camera has asked for in a long time.
+/// Evicts levels that no camera has requested for a long time.
 pub(super) fn evict_levels(mut fields: ResMut<RenderAssets<GpuField>>) {
     for (_, field) in fields.iter_mut() {
         field.age();

@@ -1,4 +1,4 @@
-//! Textures that hold arrays: unlike buffers, they are bound whole however large they are.
+//! Textures that store arrays. Unlike buffers, they can be bound whole, whatever their size.
 
 use bevy::render::{
     render_resource::{
@@ -11,12 +11,12 @@ use half::f16;
 
 use super::payload::Payload;
 
-/// The widest row of a texture, in texels.
+/// The maximum width of a texture, in texels.
 const MOST_WIDTH: u32 = 8192;
-/// Texels that are handed over at a time: the queue copies them.
+/// The number of texels per upload. The queue copies each upload, so this limits the memory in use.
 const BAND: usize = 1 << 22;
 
-/// An array in the rows of a texture: element `i` is texel `i` modulo the width, in row `i` over the width.
+/// An array stored in the rows of a texture: element `i` is the texel in column `i % width` of row `i / width`.
 #[derive(Clone, Copy)]
 pub(super) struct Row {
     width: u32,
@@ -26,16 +26,16 @@ pub(super) struct Row {
 impl Row {
     pub fn new(limits: &wgpu::Limits) -> Self {
         let most_rows = limits.max_texture_dimension_2d.max(1);
-        // A power of two, so that shaders need not divide.
+        // A power of two, so that shaders do not have to divide.
         Self { width: 1 << MOST_WIDTH.min(most_rows).ilog2(), most_rows }
     }
 
-    /// The width as a power of two.
+    /// Returns the base-2 logarithm of the width.
     pub fn log2(self) -> u32 {
         self.width.ilog2()
     }
 
-    /// Elements that a texture can hold.
+    /// Returns the maximum number of elements.
     pub fn most_texels(self) -> u64 {
         u64::from(self.width) * u64::from(self.most_rows)
     }
@@ -58,7 +58,7 @@ impl Row {
         texture
     }
 
-    /// Band by band, so that no more than one is in memory twice.
+    /// Uploads coefficients in bands, so that no more than one band is in memory twice.
     pub fn upload_coefficients(
         self,
         device: &RenderDevice,
@@ -69,13 +69,13 @@ impl Row {
         let leaves = coefficients.len() / payload.basis.coefficients();
         let texels = payload.texels();
         let texture = self.texture(device, "plenoctree_coefficients", TextureFormat::Rgba32Uint, leaves * texels);
-        // As many leaves as there are texels in a row fill whole rows.
+        // `width` leaves fill whole rows, and so does every band.
         let width = self.width as usize;
         let rows = (BAND / (width * texels)).max(1);
         for (band, leaves) in coefficients.chunks(rows * width * payload.basis.coefficients()).enumerate() {
             let words = payload.pack(leaves);
             self.write(queue, &texture, (band * rows * texels) as u32, bytemuck::cast_slice(&words), 16);
-            // What the queue has copied it lets go when it is submitted.
+            // Submitting lets the queue free its copy.
             queue.submit([]);
         }
         texture
@@ -83,7 +83,7 @@ impl Row {
 
     fn texture(self, device: &RenderDevice, label: &'static str, format: TextureFormat, texels: usize) -> Texture {
         let rows = texels.div_ceil(self.width as usize).max(1) as u32;
-        // A short array needs no whole row.
+        // A short array does not need a full row.
         let width = if rows == 1 { texels.max(1) as u32 } else { self.width };
         device.create_texture(&TextureDescriptor {
             label: Some(label),
@@ -97,7 +97,7 @@ impl Row {
         })
     }
 
-    /// Texels from the beginning of a row on.
+    /// Writes texels, starting at the beginning of `row`.
     fn write(self, queue: &RenderQueue, texture: &Texture, row: u32, bytes: &[u8], texel: usize) {
         let row_bytes = self.width as usize * texel;
         let whole = bytes.len() / row_bytes;
@@ -107,7 +107,7 @@ impl Row {
     }
 }
 
-/// A cube of texels, the last axis fastest.
+/// Uploads a cube of texels, with the last axis varying fastest.
 pub(super) fn upload_table(device: &RenderDevice, queue: &RenderQueue, table: &[[u32; 4]], level: u32) -> Texture {
     let side = 1 << level;
     let texture = device.create_texture(&TextureDescriptor {

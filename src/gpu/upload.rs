@@ -1,4 +1,4 @@
-//! From a field to its textures and bind group.
+//! Uploads a field: creates its textures and its bind group.
 
 use std::sync::Arc;
 
@@ -7,8 +7,8 @@ use bevy::{
     prelude::*,
     render::{
         render_resource::{
-            BindGroup, BindGroupEntries, BindGroupLayoutDescriptor, BindGroupLayoutEntries, BufferInitDescriptor,
-            BufferUsages, PipelineCache, ShaderStages, ShaderType, TextureSampleType,
+            BindGroup, BindGroupEntries, BindGroupLayoutDescriptor, BindGroupLayoutEntries, PipelineCache,
+            ShaderStages, ShaderType, TextureSampleType, UniformBuffer,
             binding_types::{texture_2d, texture_3d, uniform_buffer},
         },
         renderer::{RenderDevice, RenderQueue},
@@ -24,42 +24,43 @@ use super::{
     textures::{Row, upload_table},
 };
 
-/// A field that the GPU cannot hold.
+/// The error for a field that does not fit on the GPU.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "the field's {what} need {bytes} bytes on the GPU, {}; a field with fewer leaves or spherical harmonics of a lower \
-     degree would fit, and compact ones (`Precision::Byte`) take half as much",
-    .limit.map_or("which has less memory left".into(), |limit| format!("which can hold {limit} of them"))
+    "the field's {what} need {bytes} bytes of GPU memory, {}; use fewer leaves, spherical harmonics of a lower degree, \
+     or compact coefficients (`Precision::Byte`), which take half the memory",
+    .limit.map_or("more than is left".into(), |limit| format!("more than the {limit} bytes that the device allows"))
 )]
 pub struct FieldTooLarge {
-    /// Which of the field's parts does not fit.
+    /// The part of the field that does not fit.
     pub what: &'static str,
-    /// Its size.
+    /// The size of that part, in bytes.
     pub bytes: u64,
-    /// How much of them the device can hold: a texture of four words a texel, `max_texture_dimension_2d` high and as wide,
-    /// but at most 8192 wide. `None` if the driver found no room, and did not say how much there is.
+    /// The maximum size that the device allows, in bytes: that of a texture with four words per texel, whose height is
+    /// `max_texture_dimension_2d`, and whose width is the same but at most 8192. `None` if the driver ran out of
+    /// memory: drivers do not report how much is left.
     pub limit: Option<u64>,
 }
 
-/// A level of a field in GPU memory, as shaders read it.
+/// A level of a field in GPU memory.
 pub(crate) struct GpuLevel {
     pub bind_group: BindGroup,
     pub shape: FieldShape,
-    /// The box around the leaves, in tree units.
+    /// The box around the leaves, in tree units; `None` if there are no leaves.
     pub bounds: Option<(DVec3, DVec3)>,
     pub bytes: u64,
 }
 
-/// What pipelines that read a field are compiled for.
+/// The properties of a field that pipelines are specialized for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) struct FieldShape {
     pub payload: Payload,
     pub activation: Activation,
-    /// Whether there are records besides the table.
+    /// Whether there are child records besides the table.
     pub inner_records: bool,
 }
 
-/// `Field` of `octree.wgsl`.
+/// Matches `Field` in `octree.wgsl`.
 #[derive(Clone, Copy, ShaderType)]
 struct FieldUniform {
     depth: u32,
@@ -67,7 +68,7 @@ struct FieldUniform {
     row: u32,
 }
 
-/// The layout of the bind group of a field: its uniform, the records of its octree, densities and coefficients.
+/// The layout of a field's bind group: its uniform, table records, child records, densities and coefficients.
 #[derive(Resource, Clone)]
 pub struct FieldLayout(pub(crate) BindGroupLayoutDescriptor);
 
@@ -90,19 +91,19 @@ impl Default for FieldLayout {
     }
 }
 
-/// Bytes of a field's densities and of its coefficients on the GPU.
+/// Returns the sizes of a field's densities and coefficients on the GPU, in bytes.
 pub(super) fn arrays(field: &PlenOctree) -> [(&'static str, u64); 2] {
     let leaves = field.leaves().max(1) as u64;
     [("densities", leaves * 4), ("coefficients", leaves * 16 * Payload::of(field).texels() as u64)]
 }
 
-/// The bytes that a field's table may take: an eighth of what its coefficients take.
+/// Returns the bytes that a field's table may take: an eighth of the size of its coefficients.
 pub(super) fn table_allowance(field: &PlenOctree) -> u64 {
     let [_, (_, coefficients)] = arrays(field);
     coefficients / 8
 }
 
-/// Whether a device with these `limits` can hold the field.
+/// Checks whether a device with these `limits` can hold the field.
 pub(super) fn check(field: &PlenOctree, limits: &wgpu::Limits) -> Result<(), FieldTooLarge> {
     let limit = Row::new(limits).most_texels() * 16;
     let too_large = arrays(field).into_iter().find(|(_, bytes)| *bytes > limit);
@@ -116,28 +117,28 @@ pub(super) struct LevelData {
 }
 
 impl LevelData {
-    /// Visits every leaf, which takes a moment for a large field.
+    /// Creates the records of `field`. Visits every leaf, which takes a moment for a large field.
     pub fn new(field: PlenOctree) -> Self {
         let records = Records::new(&field, table_allowance(&field));
         Self { field, records }
     }
 }
 
-/// An upload whose outcome the driver has still to tell.
+/// An upload whose outcome the driver has not reported yet.
 pub(super) struct Upload {
     level: Arc<GpuLevel>,
     error: Task<Option<wgpu::Error>>,
 }
 
 impl Upload {
-    /// The outcome, as soon as there is one.
+    /// Returns the outcome, once the driver has reported it.
     pub fn poll(&mut self) -> Option<Result<Arc<GpuLevel>, FieldTooLarge>> {
         let error = block_on(poll_once(&mut self.error))?;
         Some(outcome(&self.level, error))
     }
 }
 
-/// What comes of an upload at once.
+/// The immediate result of an upload.
 pub(super) enum Uploaded {
     Now(Result<Arc<GpuLevel>, FieldTooLarge>),
     Later(Upload),
@@ -150,7 +151,7 @@ fn outcome(level: &Arc<GpuLevel>, error: Option<wgpu::Error>) -> Result<Arc<GpuL
     }
 }
 
-/// What it takes to put fields into GPU memory.
+/// A system parameter that uploads fields to GPU memory.
 #[derive(SystemParam)]
 pub struct Uploader<'w> {
     device: Res<'w, RenderDevice>,
@@ -164,8 +165,8 @@ impl Uploader<'_> {
         if let Err(error) = check(&data.field, &self.device.limits()) {
             return Uploaded::Now(Err(error));
         }
-        // What the driver refuses, be it for want of memory, is found out here and not in the middle of a frame. Textures
-        // without memory make what uses them invalid too.
+        // Catch driver errors, such as running out of memory, here instead of in the middle of a frame. Textures
+        // without memory also invalidate whatever uses them.
         let device = self.device.wgpu_device();
         let invalid = device.push_error_scope(wgpu::ErrorFilter::Validation);
         let memory = device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
@@ -175,7 +176,7 @@ impl Uploader<'_> {
             let memory = memory.await;
             memory.or(invalid.await)
         });
-        // Native drivers know at once; browsers tell later.
+        // Native drivers report errors immediately, browsers later.
         match block_on(poll_once(&mut error)) {
             Some(error) => Uploaded::Now(outcome(&level, error)),
             None => Uploaded::Later(Upload { level, error: AsyncComputeTaskPool::get().spawn(error) }),
@@ -185,13 +186,11 @@ impl Uploader<'_> {
     fn level(&self, LevelData { field, records }: &LevelData) -> GpuLevel {
         let payload = Payload::of(field);
         let row = Row::new(&self.device.limits());
-        let uniform = [records.depth, records.table_level, row.log2(), 0];
-        let uniform = self.device.create_buffer_with_data(&BufferInitDescriptor {
-            label: Some("plenoctree_field"),
-            contents: bytemuck::cast_slice(&uniform),
-            usage: BufferUsages::UNIFORM,
-        });
         let (device, queue) = (&self.device, &self.queue);
+        let uniform = FieldUniform { depth: records.depth, table_level: records.table_level, row: row.log2() };
+        let mut uniform = UniformBuffer::from(uniform);
+        uniform.set_label(Some("plenoctree_field"));
+        uniform.write_buffer(device, queue);
         let table = upload_table(device, queue, &records.table, records.table_level);
         let children = row.upload_words(device, queue, "plenoctree_records", &records.children);
         let densities = row.upload_densities(device, queue, field.densities());
@@ -205,7 +204,7 @@ impl Uploader<'_> {
         let bind_group = self.device.create_bind_group(
             "plenoctree_field",
             &self.pipelines.get_bind_group_layout(&self.layout.0),
-            &BindGroupEntries::sequential((uniform.as_entire_binding(), &views[0], &views[1], &views[2], &views[3])),
+            &BindGroupEntries::sequential((&uniform, &views[0], &views[1], &views[2], &views[3])),
         );
         GpuLevel {
             bind_group,
@@ -213,5 +212,61 @@ impl Uploader<'_> {
             bounds: field.tree_bounds(),
             bytes: bytes.iter().sum(),
         }
+    }
+}
+
+#[cfg(all(test, feature = "headless"))]
+mod tests {
+    use super::*;
+    use crate::layout_tests::read_back;
+
+    /// Also tests the constants that shaders import.
+    const SHADER: &str = "
+#import bevy_plenoctree::constants::{BRICK, HARMONICS, INNER, KIND, MAX_CHANNEL, MAX_DEPTH, NO_LEAF, SAMPLING_WORKGROUP, WHOLE}
+STRUCT
+@group(0) @binding(0) var<uniform> field: Field;
+@group(1) @binding(0) var<storage, read_write> found: array<f32>;
+
+@compute @workgroup_size(1)
+fn read() {
+    found[0] = f32(field.depth);
+    found[1] = f32(field.table_level);
+    found[2] = f32(field.row);
+    found[3] = bitcast<f32>(BRICK);
+    found[4] = bitcast<f32>(INNER);
+    found[5] = bitcast<f32>(WHOLE & KIND);
+    found[6] = f32(NO_LEAF == 0xffffffffu);
+    found[7] = f32(MAX_DEPTH);
+    found[8] = f32(SAMPLING_WORKGROUP);
+    found[9] = MAX_CHANNEL;
+    var harmonics = HARMONICS;
+    for (var i = 0u; i < 25u; i++) {
+        found[10u + i] = harmonics[i];
+    }
+}
+";
+
+    #[test]
+    fn shaders_find_every_field_of_fields_and_every_constant() {
+        let entries = BindGroupLayoutEntries::single(ShaderStages::COMPUTE, uniform_buffer::<FieldUniform>(false));
+        let layout = BindGroupLayoutDescriptor::new("layout_test", &entries);
+        let octree = include_str!("../../shaders/octree.wgsl");
+        let begin = octree.find("struct Field").unwrap();
+        let end = begin + octree[begin..].find('}').unwrap() + 1;
+        let shader = SHADER.replace("STRUCT", &octree[begin..end]);
+        let found: [f32; 35] = read_back(shader, layout, |device, queue, run| {
+            let mut field = UniformBuffer::from(FieldUniform { depth: 1, table_level: 2, row: 3 });
+            field.write_buffer(device, queue);
+            run(&[field.binding().unwrap()]);
+        });
+        assert_eq!(found[..3], [1.0, 2.0, 3.0]);
+        let kinds = [crate::gpu::records::BRICK, crate::gpu::records::INNER, crate::gpu::records::LEAF];
+        assert_eq!(found[3..6].iter().map(|kind| kind.to_bits()).collect::<Vec<_>>(), kinds);
+        let workgroup = crate::gpu::SAMPLING_WORKGROUP as f32;
+        assert_eq!(
+            found[6..10],
+            [1.0, plenoctree::MAX_DEPTH as f32, workgroup, plenoctree::sampling::MAX_CHANNEL as f32]
+        );
+        assert_eq!(found[10..], plenoctree::Basis::FACTORS.map(|factor| factor as f32));
     }
 }

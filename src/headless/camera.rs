@@ -1,4 +1,4 @@
-//! Cameras for pictures: a pinhole camera as one of Bevy's, and exact colors.
+//! Cameras for captures: pinhole cameras as Bevy cameras, and a camera with exact colors.
 
 use bevy::{
     camera::{CameraProjection, SubCameraView},
@@ -8,18 +8,18 @@ use bevy::{
 };
 use plenoctree::{UpAxis, camera::PinholeCamera};
 
-/// The projection of a [`PinholeCamera`], off-center or not, with an infinite far plane.
+/// The projection of a [`PinholeCamera`], which may be off-center, with an infinite far plane.
 #[derive(Clone, Copy, Debug)]
 struct PinholeProjection(PinholeCamera);
 
-/// Distance of the near plane, in world units: nothing but meshes is cut there.
+/// The distance of the near plane, in world units. It clips meshes, but not props.
 const NEAR: f64 = 0.01;
 
 impl CameraProjection for PinholeProjection {
     fn get_clip_from_view(&self) -> Mat4 {
         let camera = &self.0;
         let (width, height) = (f64::from(camera.width), f64::from(camera.height));
-        // The picture's y grows downwards, the clip space's upwards.
+        // The image's y axis points down, that of clip space up.
         glam::DMat4::from_cols(
             glam::DVec4::X * (2.0 * camera.focal_x / width),
             glam::DVec4::Y * (2.0 * camera.focal_y / height),
@@ -51,16 +51,19 @@ impl CameraProjection for PinholeProjection {
     }
 }
 
-/// A pinhole camera as components for an entity that has a `Camera3d`: it sees a field whose up axis is `up`, and whose
-/// prop stands untransformed in the scene, as the pinhole camera sees the field.
+/// Converts a pinhole camera to components for an entity with a `Camera3d`.
+///
+/// The pinhole camera is in the frame of a field whose up axis is `up`. The Bevy camera sees a prop of that field with
+/// the identity transform exactly as the pinhole camera sees the field.
 pub fn pinhole_view(camera: &PinholeCamera, up: UpAxis) -> (Projection, Transform) {
-    let turn = up.to_y_up();
-    let (rotation, position) = (turn * camera.rotation, turn * camera.position);
+    let to_y_up = up.to_y_up();
+    let (rotation, position) = (to_y_up * camera.rotation, to_y_up * camera.position);
     let affine = Affine3A::from_mat3_translation(rotation.as_mat3(), position.as_vec3());
     (Projection::custom(PinholeProjection(*camera)), Transform::from_matrix(affine.into()))
 }
 
-/// A camera whose pictures show colors as they are, over `background`: one sample a pixel, no tonemapping, no dithering.
+/// Returns a bundle for a camera that captures exact colors over `background`: one sample per pixel, without
+/// tonemapping or dithering.
 pub fn exact_camera(background: Color) -> impl Bundle {
     (
         Camera3d::default(),
@@ -76,7 +79,7 @@ mod tests {
     use super::*;
     use glam::{DMat4, DVec3};
 
-    /// A point in the scene lands on the pixel whose ray goes through it.
+    /// A point in the scene is projected to the pixel whose ray passes through it.
     #[test]
     fn projects_onto_the_pixel_of_the_ray() {
         let mut camera = PinholeCamera::new(400, 300, 1.0, DMat4::IDENTITY).looking_at(

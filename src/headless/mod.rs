@@ -1,4 +1,4 @@
-//! An app without a window: for tests, for pictures from a command line.
+//! An app without a window that captures frames, for tests and tools. Requires the feature `headless`.
 
 mod camera;
 mod plugins;
@@ -32,34 +32,35 @@ use crate::{
     stage::PosterizeView,
 };
 
-/// Why a headless app gives no picture.
+/// An error of [`Headless`].
 #[derive(Debug, thiserror::Error)]
 pub enum HeadlessError {
-    /// There is no GPU, nor a software one.
-    #[error("no usable graphics adapter: install a Vulkan driver (Mesa's lavapipe will do): {0}")]
+    /// There is no graphics adapter, not even a software one.
+    #[error("no usable graphics adapter (install a Vulkan driver, such as Mesa's lavapipe): {0}")]
     NoAdapter(String),
     /// The field of a prop or of a posterized view could not be loaded.
     #[error("{0}")]
     Field(String),
-    /// The GPU cannot hold the field of a prop.
+    /// The field of a prop does not fit on the GPU.
     #[error(transparent)]
     TooLarge(FieldTooLarge),
     /// A palette could not be extracted.
     #[error(transparent)]
     Palette(ExtractionError),
-    /// The scene was not ready in time.
+    /// The scene was not ready before the timeout.
     #[error("the scene was not ready after {0:?}")]
     TimedOut(Duration),
-    /// The GPU did not hand the picture over.
-    #[error("reading the picture back failed: {0}")]
+    /// The frame could not be read back from the GPU.
+    #[error("failed to read the frame back: {0}")]
     Readback(String),
 }
 
-/// An app that renders into a picture instead of a window, stepped by hand.
+/// An app without a window that renders to an image: update it until the assets are ready, then capture a frame.
 ///
-/// Everything runs on the calling thread, frame by frame: a call of [`Self::update`] has rendered when it returns. Time
-/// runs by the clock on the wall; insert Bevy's `TimeUpdateStrategy::ManualDuration` for pictures that repeat. Waiting and
-/// taking a picture run frames too. [`HeadlessPlugins`] says what else an app may need.
+/// Frames run only when you ask for them: in [`update`](Self::update), [`wait_until_ready`](Self::wait_until_ready) and
+/// [`capture`](Self::capture), which run on the calling thread and return after rendering. Time follows the wall clock;
+/// insert Bevy's `TimeUpdateStrategy::ManualDuration` for reproducible frames. See [`HeadlessPlugins`] for the plugins
+/// that an app may need in addition.
 ///
 /// ```no_run
 /// # use bevy::prelude::*;
@@ -78,18 +79,24 @@ pub enum HeadlessError {
 /// # Ok(()) }
 /// ```
 pub struct Headless {
-    /// The app: spawn what you like, read what you need.
+    /// The app. Use its world to spawn entities and to read results.
     pub app: App,
     target: Handle<Image>,
 }
 
 impl Headless {
-    /// Builds an app of [`HeadlessPlugins`] and whatever `configure` adds, with a target of `size` pixels.
+    /// Creates an app with [`HeadlessPlugins`] and everything that `configure` adds. Its target is an image of `size`
+    /// pixels.
+    ///
+    /// Returns [`HeadlessError::NoAdapter`] if there is no graphics adapter.
     pub fn new(size: UVec2, configure: impl FnOnce(&mut App)) -> Result<Self, HeadlessError> {
         Self::build(size, WgpuSettings::default(), configure)
     }
 
-    /// The same on a device that can do no more than `limits`, to see what happens on lesser machines than this.
+    /// Creates an app like [`new`](Self::new), on a device that is restricted to `limits`. Use it to test how an app
+    /// behaves on less capable machines.
+    ///
+    /// Returns [`HeadlessError::NoAdapter`] if there is no graphics adapter.
     pub fn with_limits(
         size: UVec2,
         limits: wgpu::Limits,
@@ -109,7 +116,7 @@ impl Headless {
         Ok(Self { app, target })
     }
 
-    /// Makes the picture another size from the next frame on.
+    /// Resizes the target to `size` pixels, starting with the next frame. A size of 0 counts as 1.
     pub fn resize(&mut self, size: UVec2) {
         let mut images = self.app.world_mut().resource_mut::<Assets<Image>>();
         if let Some(mut image) = images.get_mut(&self.target)
@@ -119,25 +126,29 @@ impl Headless {
         }
     }
 
-    /// What a camera needs to draw into the picture.
+    /// Returns the render target. Add it to a camera to make it draw to the captured image.
     pub fn target(&self) -> RenderTarget {
         RenderTarget::Image(self.target.clone().into())
     }
 
-    /// Runs one frame, to its end on the GPU's queue.
+    /// Runs one frame. When it returns, the frame's commands have been submitted to the GPU.
     pub fn update(&mut self) {
         self.app.update();
-        // Nobody else asks whether the GPU has something to say, be it that the device is lost.
+        // Without a window, nothing else polls the device. Polling runs its callbacks, such as the one for a lost
+        // device.
         let render = self.app.get_sub_app(RenderApp);
         if let Some(device) = render.and_then(|render| render.world().get_resource::<RenderDevice>()) {
-            // An error is told to Bevy's handler too.
+            // Bevy's error handler receives errors as well.
             let _ = device.poll(PollType::Poll);
         }
     }
 
-    /// Runs frames until every [`Prop`]'s field is on the GPU, every [`Posterize`]d one and every posterized
-    /// [view](PosterizeView) has its palette, and no pipeline waits for its shader: until Bevy has loaded its own, cameras
-    /// draw nothing.
+    /// Runs frames until everything is ready to be drawn: the fields of all [`Prop`]s are on the GPU, all
+    /// [`Posterize`]d props and [views](PosterizeView) have their palettes, and all pipelines have their shaders. Until
+    /// Bevy has loaded its own shaders, cameras draw nothing.
+    ///
+    /// Returns an error if a field cannot be loaded or does not fit on the GPU, if a palette cannot be extracted, or if
+    /// the scene is not ready after `timeout`.
     pub fn wait_until_ready(&mut self, timeout: Duration) -> Result<(), HeadlessError> {
         let start = Instant::now();
         loop {
@@ -158,32 +169,32 @@ impl Headless {
         let props: Vec<_> = props.iter(world).map(|(prop, posterized)| (prop.0.clone(), posterized)).collect();
         let mut views = world.query_filtered::<&PosterizeView, With<Posterize>>();
         let views: Vec<_> = views.iter(world).map(|view| view.0.clone()).collect();
-        let mut ready = self.has_pipelines();
+        let mut ready = self.pipelines_are_ready();
         for (field, posterized) in props {
             ready &= self.has_field(&field)? && (!posterized || self.has_palette(&field)?);
         }
         for field in views {
             if !self.has_palette(&field)? {
-                self.check_loads(&field)?;
+                self.check_load_state(&field)?;
                 ready = false;
             }
         }
         Ok(ready)
     }
 
-    fn has_pipelines(&self) -> bool {
+    fn pipelines_are_ready(&self) -> bool {
         let render = self.app.get_sub_app(RenderApp);
         let cache = render.and_then(|render| render.world().get_resource::<PipelineCache>());
         cache.is_none_or(|cache| cache.waiting_pipelines().next().is_none())
     }
 
-    fn makes_levels(&self) -> bool {
+    fn has_pending_levels(&self) -> bool {
         let render = self.app.get_sub_app(RenderApp);
         let fields = render.and_then(|render| render.world().get_resource::<RenderAssets<GpuField>>());
         fields.is_some_and(|fields| fields.iter().any(|(_, field)| field.is_busy()))
     }
 
-    fn check_loads(&self, field: &Handle<PlenOctree>) -> Result<(), HeadlessError> {
+    fn check_load_state(&self, field: &Handle<PlenOctree>) -> Result<(), HeadlessError> {
         match self.app.world().resource::<AssetServer>().load_state(field) {
             LoadState::Failed(error) => Err(HeadlessError::Field(error.to_string())),
             _ => Ok(()),
@@ -191,7 +202,7 @@ impl Headless {
     }
 
     fn has_field(&self, field: &Handle<PlenOctree>) -> Result<bool, HeadlessError> {
-        self.check_loads(field)?;
+        self.check_load_state(field)?;
         let render = self.app.get_sub_app(RenderApp);
         let fields = render.and_then(|render| render.world().get_resource::<RenderAssets<GpuField>>());
         match fields.and_then(|fields| fields.get(field)?.outcome()) {
@@ -208,11 +219,13 @@ impl Headless {
         }
     }
 
-    /// Runs one more frame and returns the picture, rows from the top, encoded sRGB. Where it asks for a level of detail that is
-    /// not made yet, frames run until it is.
+    /// Runs one more frame and returns it as an image in encoded sRGB, with the top row first. If the frame requests
+    /// levels that are not ready yet, runs frames until they are.
+    ///
+    /// Returns [`HeadlessError::Readback`] if the frame cannot be read back.
     pub fn capture(&mut self) -> Result<RgbaImage, HeadlessError> {
         self.update();
-        while self.makes_levels() {
+        while self.has_pending_levels() {
             std::thread::sleep(Duration::from_millis(1));
             self.update();
         }

@@ -1,4 +1,4 @@
-//! What an app needs to render without a window.
+//! The plugins of an app without a window.
 
 use bevy::{
     app::{PluginGroupBuilder, TaskPoolPlugin},
@@ -18,12 +18,12 @@ use bevy::{
 };
 use wgpu::{Backends, Instance, InstanceDescriptor, RequestAdapterOptions};
 
-/// The plugins of an app that renders into pictures: no window, pipelines ready when they are first used, rendering on
-/// the thread that updates the app.
+/// A plugin group for apps that render to images: no window, synchronous pipeline compilation, and rendering on the
+/// thread that updates the app.
 ///
-/// They are only what props and unlit pictures need: tasks, time, transforms, diagnostics, input, windows, assets, the
-/// renderer, images, meshes, cameras and the core pipelines. For lit meshes add Bevy's `LightPlugin` and `PbrPlugin`, for
-/// bloom and its like `PostProcessPlugin`, for messages `LogPlugin`.
+/// It contains only what props and unlit meshes need: tasks, time, transforms, diagnostics, input, windows, assets, the
+/// renderer, images, meshes, cameras and the core pipelines. Add Bevy's `LightPlugin` and `PbrPlugin` for lit meshes,
+/// `PostProcessPlugin` for bloom and similar effects, and `LogPlugin` for log messages.
 pub struct HeadlessPlugins;
 
 impl PluginGroup for HeadlessPlugins {
@@ -45,12 +45,12 @@ impl PluginGroup for HeadlessPlugins {
     }
 }
 
-/// A renderer whose pipelines are ready when they are first used.
+/// Returns a [`RenderPlugin`] that compiles pipelines synchronously, so that they are ready when they are first used.
 pub(super) fn render_plugin(settings: WgpuSettings) -> RenderPlugin {
     RenderPlugin { render_creation: settings.into(), synchronous_pipeline_compilation: true, ..default() }
 }
 
-/// Whether there is an adapter at all, on a backend that Bevy would use: its renderer panics where there is none.
+/// Returns an error if there is no graphics adapter on any backend that Bevy uses. Bevy's renderer would panic.
 pub(super) fn check_adapter() -> Result<(), String> {
     let backends = Backends::from_env().unwrap_or(Backends::all());
     let instance = Instance::new(InstanceDescriptor { backends, ..InstanceDescriptor::new_without_display_handle() });

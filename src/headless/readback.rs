@@ -1,4 +1,4 @@
-//! A texture's pixels, at once.
+//! Reading a texture back from the GPU.
 
 use bevy::{
     prelude::*,
@@ -17,12 +17,13 @@ use image::RgbaImage;
 
 use super::HeadlessError;
 
-/// Waits for the GPU and copies an 8-bit RGBA picture.
+/// Waits for the GPU and returns the pixels of an 8-bit RGBA image.
 pub(super) fn read(app: &App, handle: &Handle<Image>) -> Result<RgbaImage, HeadlessError> {
-    let failed = |what: &str| HeadlessError::Readback(what.into());
-    let world = app.get_sub_app(RenderApp).ok_or_else(|| failed("no render world"))?.world();
+    let failed = |reason: &str| HeadlessError::Readback(reason.into());
+    let world = app.get_sub_app(RenderApp).ok_or_else(|| failed("there is no render world"))?.world();
     let device = world.resource::<RenderDevice>();
-    let image = world.resource::<RenderAssets<GpuImage>>().get(handle).ok_or_else(|| failed("no target"))?;
+    let image =
+        world.resource::<RenderAssets<GpuImage>>().get(handle).ok_or_else(|| failed("the target is not on the GPU"))?;
     let size = image.texture.size();
     let row = RenderDevice::align_copy_bytes_per_row(size.width as usize * 4);
     let buffer = device.create_buffer(&BufferDescriptor {
@@ -42,12 +43,12 @@ pub(super) fn read(app: &App, handle: &Handle<Image>) -> Result<RgbaImage, Headl
 
     let (sender, receiver) = std::sync::mpsc::channel();
     buffer.slice(..).map_async(MapMode::Read, move |result| {
-        // The receiver is gone only if the wait below failed, which is reported there.
+        // The receiver is dropped only if polling fails below, which returns its own error.
         let _ = sender.send(result);
     });
     device.poll(PollType::wait_indefinitely()).map_err(|error| failed(&error.to_string()))?;
-    receiver.recv().map_err(|_| failed("no answer"))?.map_err(|error| failed(&error.to_string()))?;
+    receiver.recv().map_err(|_| failed("the buffer was not mapped"))?.map_err(|error| failed(&error.to_string()))?;
     let mapped = buffer.slice(..).get_mapped_range();
     let pixels = mapped.chunks_exact(row).flat_map(|line| &line[..size.width as usize * 4]).copied().collect();
-    RgbaImage::from_raw(size.width, size.height, pixels).ok_or_else(|| failed("wrong size"))
+    RgbaImage::from_raw(size.width, size.height, pixels).ok_or_else(|| failed("the buffer has the wrong size"))
 }

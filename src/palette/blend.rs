@@ -1,4 +1,4 @@
-//! Colors between colors.
+//! Blending colors and palettes.
 
 use bevy::{color::Mix, prelude::*};
 
@@ -9,16 +9,17 @@ use super::oklab;
 #[reflect(Default, Clone, PartialEq, Hash)]
 #[type_path = "bevy_plenoctree"]
 pub enum BlendSpace {
-    /// Encoded sRGB, as image editors do it: simple, but complementary colors meet in a dull gray.
+    /// Encoded sRGB, as in most image editors. Simple, but complementary colors blend to a dull gray.
     Encoded,
-    /// Oklab, which is perceptual: lightness and hue change evenly.
+    /// Oklab, a perceptual space: lightness and hue change evenly. This is the default.
     #[default]
     Oklab,
 }
 
 impl BlendSpace {
-    /// The color that is the share `t` of the way from `from` to `to`, in encoded sRGB. 0 and everything below it is
-    /// `from`, 1 and everything above is `to`, exactly; so is not-a-number `from`.
+    /// Blends two colors: returns `from` at `t` = 0 and `to` at `t` = 1, and in between, a color in encoded sRGB.
+    ///
+    /// `t` is clamped to 0..=1, and NaN counts as 0. Both ends are returned exactly as given.
     pub fn mix(self, from: Color, to: Color, t: f32) -> Color {
         if t >= 1.0 {
             return to;
@@ -32,7 +33,7 @@ impl BlendSpace {
         from
     }
 
-    /// The blends of two palettes, color by color, as far as both go.
+    /// Blends two palettes color by color. The result has as many colors as the shorter one.
     pub(super) fn mix_all(self, from: &[Color], to: &[Color], t: f32) -> impl Iterator<Item = Color> {
         from.iter().zip(to).map(move |(from, to)| self.mix(*from, *to, t))
     }
@@ -58,18 +59,18 @@ mod tests {
 
     proptest! {
         #[test]
-        fn the_ends_are_exact(space in space(), from in color(), to in color(), beyond in 0.0..1e9f32) {
+        fn ends_are_exact(space in space(), from in color(), to in color(), beyond in 0.0..1e9f32) {
             prop_assert_eq!(space.mix(from, to, -beyond), from);
             prop_assert_eq!(space.mix(from, to, 1.0 + beyond), to);
             prop_assert_eq!(space.mix(from, to, f32::NAN), from);
         }
 
         #[test]
-        fn there_and_back_is_the_same(space in space(), from in color(), to in color(), t in 0.0..=1.0f32) {
+        fn swapping_the_ends_changes_nothing(space in space(), from in color(), to in color(), t in 0.0..=1.0f32) {
             prop_assert!(distance(space.mix(from, to, t), space.mix(to, from, 1.0 - t)) < 1e-3);
         }
 
-        /// Nothing jumps: neither at the ends nor between.
+        /// There are no jumps, neither at the ends nor in between.
         #[test]
         fn blends_are_continuous(space in space(), from in color(), to in color(), t in 0.0..=1.0f32) {
             let step = 1e-4;
@@ -78,15 +79,15 @@ mod tests {
     }
 
     #[test]
-    fn halfway_is_what_the_space_says() {
-        let differs =
+    fn midpoints_are_correct() {
+        let error =
             |space: BlendSpace, from, to, gray| distance(space.mix(from, to, 0.5), Color::srgb(gray, gray, gray));
         let (black, white) = (Color::BLACK, Color::WHITE);
-        assert!(differs(BlendSpace::Encoded, black, white, 0.5) < 1e-6);
-        // Lightness 0.5 is a linear 0.125, encoded 0.3886.
-        assert!(differs(BlendSpace::Oklab, black, white, 0.3886) < 1e-3);
+        assert!(error(BlendSpace::Encoded, black, white, 0.5) < 1e-6);
+        // An Oklab lightness of 0.5 is 0.125 in linear sRGB and 0.3886 in encoded sRGB.
+        assert!(error(BlendSpace::Oklab, black, white, 0.3886) < 1e-3);
         let (yellow, blue) = (Color::srgb(1.0, 1.0, 0.0), Color::srgb(0.0, 0.0, 1.0));
-        assert!(differs(BlendSpace::Encoded, yellow, blue, 0.5) < 1e-6);
-        assert!(differs(BlendSpace::Oklab, yellow, blue, 0.5) > 0.1);
+        assert!(error(BlendSpace::Encoded, yellow, blue, 0.5) < 1e-6);
+        assert!(error(BlendSpace::Oklab, yellow, blue, 0.5) > 0.1);
     }
 }

@@ -1,4 +1,4 @@
-//! Extraction beside the running app.
+//! Palette extraction while the app keeps running.
 
 use std::{
     collections::{HashMap, HashSet},
@@ -24,45 +24,52 @@ use super::{
 };
 use crate::sampling::{SamplingFailure, SamplingJob, SamplingJobs};
 
-/// What samples the radiance of a field.
+/// The processor that samples the radiance of a field.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
 #[type_path = "bevy_plenoctree"]
 pub enum PaletteSampler {
-    /// The GPU if it is one, the CPU where graphics are in software: there the same cores would do both.
+    /// Uses the GPU, or the CPU if the GPU is emulated in software, on the same CPU cores. This is the default.
     #[default]
     Auto,
-    /// Compute shaders in the render world; the CPU if they cannot.
+    /// Uses compute shaders in the render world. Falls back to the CPU if they cannot sample the field.
     Gpu,
-    /// All cores, in a task.
+    /// Uses all CPU cores, in a background task.
     Cpu,
 }
 
-/// What was sampled for a palette that was extracted.
+/// The samples that a palette was extracted from.
 #[derive(Clone, Debug)]
 pub struct ExtractionSamples {
-    /// The visible weight of all radiance samples.
+    /// The histograms of all radiance samples, weighted by visibility.
     pub histograms: Arc<Histograms>,
-    /// Whether the GPU sampled, or the CPU.
+    /// Whether the samples were taken on the GPU. If not, they were taken on the CPU.
     pub on_gpu: bool,
 }
 
-/// The palettes that are being extracted, and how.
+/// Configures palette extraction and reports its progress.
 ///
-/// A field of a posterized prop or view that has no palette gets one while the app keeps running. The GPU samples it in
-/// slices, some every frame, or the CPU does in a task; k-means and hull follow in a task.
+/// If the field of a posterized prop or view has no palette, and there is no file to load one from, one is extracted
+/// while the app keeps running. The field is sampled on the GPU, a few slices per frame, or on the CPU, in a background
+/// task. K-means and the convex hull are computed in a background task.
 #[derive(Resource, Reflect)]
 #[reflect(Resource, Default)]
 #[type_path = "bevy_plenoctree"]
 pub struct PaletteExtraction {
-    /// Settings of the extractions that start from now on.
+    /// The settings of extractions. Extractions that are already running keep theirs.
+    ///
+    /// Defaults to those of the paper, with all leaves and 6 colors.
     pub settings: ExtractionSettings,
-    /// What samples.
+    /// The processor that samples fields.
+    ///
+    /// Defaults to [`PaletteSampler::Auto`].
     pub sampler: PaletteSampler,
-    /// GPU time that sampling may take of a frame; `None` takes all it needs in one, for apps without a window. 4 ms by
-    /// default.
+    /// The GPU time per frame that sampling may take. With `None`, a field is sampled in a single frame, which is meant
+    /// for apps without a window.
+    ///
+    /// Defaults to 4 ms.
     pub budget: Option<Duration>,
     #[reflect(ignore)]
-    wanted: HashSet<AssetId<PlenOctree>>,
+    requested: HashSet<AssetId<PlenOctree>>,
     #[reflect(ignore)]
     running: HashMap<AssetId<PlenOctree>, Running>,
     #[reflect(ignore)]
@@ -77,7 +84,7 @@ impl Default for PaletteExtraction {
             settings: ExtractionSettings::default(),
             sampler: PaletteSampler::default(),
             budget: Some(Duration::from_millis(4)),
-            wanted: HashSet::new(),
+            requested: HashSet::new(),
             running: HashMap::new(),
             failed: HashMap::new(),
             sampled: HashMap::new(),
@@ -86,48 +93,48 @@ impl Default for PaletteExtraction {
 }
 
 struct Running {
-    /// Whether a palette that the field was given in the meantime is to be replaced.
+    /// Whether the result replaces a palette that the field already has.
     replaces: bool,
     progress: Arc<Progress>,
     stage: Stage,
 }
 
 enum Stage {
-    /// A task works out what the render world needs to know.
+    /// A task prepares the job for the render world. Stores when it started.
     Planning(Task<SamplingJob>, Instant),
-    /// The render world samples, since then.
+    /// The render world is sampling. Stores when planning started.
     Sampling(Arc<SamplingJob>, Instant),
-    /// A task does the rest, or everything.
+    /// A task computes the palette from the histograms, after sampling the field itself if the CPU samples.
     Computing(Task<Result<(Extraction, ExtractionSamples), ExtractionError>>),
 }
 
 impl PaletteExtraction {
-    /// How far the extraction of a field's palette is, 0 to 1; `None` if there is none under way.
+    /// Returns the progress of a field's extraction, from 0 to 1, or `None` if none is running.
     pub fn progress(&self, field: impl Into<AssetId<PlenOctree>>) -> Option<f32> {
         self.running.get(&field.into()).map(|running| running.progress.fraction())
     }
 
-    /// Why a field's palette could not be extracted.
+    /// Returns why a field's last extraction failed, or `None` if it did not.
     pub fn error(&self, field: impl Into<AssetId<PlenOctree>>) -> Option<&ExtractionError> {
         self.failed.get(&field.into())
     }
 
-    /// What a field's last extraction sampled.
+    /// Returns the samples of a field's last successful extraction, or `None` if there was none.
     pub fn sampled(&self, field: impl Into<AssetId<PlenOctree>>) -> Option<&ExtractionSamples> {
         self.sampled.get(&field.into())
     }
 
-    /// Extracts a field's palette anew, with the settings as they are now; one that is under way is given up.
+    /// Extracts a field's palette again, with the current settings. Cancels an extraction that is already running.
     ///
-    /// The palette that the field has stays until the new one is there, and is then replaced: changed colors and a
-    /// palette that was given as well.
+    /// The field keeps its palette until the new one is ready. The new one then replaces it, including edited colors,
+    /// even if the palette was loaded or inserted.
     pub fn restart(&mut self, field: impl Into<AssetId<PlenOctree>>) {
         let id = field.into();
-        self.give_up(id);
-        self.wanted.insert(id);
+        self.cancel(id);
+        self.requested.insert(id);
     }
 
-    fn give_up(&mut self, id: AssetId<PlenOctree>) {
+    fn cancel(&mut self, id: AssetId<PlenOctree>) {
         self.failed.remove(&id);
         if let Some(running) = self.running.remove(&id) {
             running.progress.cancel();
@@ -135,7 +142,7 @@ impl PaletteExtraction {
     }
 }
 
-/// Drops what was found out about fields that changed or are gone.
+/// Drops the results of fields that were changed or removed.
 pub(super) fn forget(
     mut events: MessageReader<AssetEvent<PlenOctree>>,
     mut extraction: ResMut<PaletteExtraction>,
@@ -145,19 +152,20 @@ pub(super) fn forget(
         let (AssetEvent::Modified { id } | AssetEvent::Removed { id }) = event else {
             continue;
         };
-        extraction.give_up(*id);
+        extraction.cancel(*id);
         extraction.sampled.remove(id);
         let removed = matches!(event, AssetEvent::Removed { .. });
         if removed {
-            extraction.wanted.remove(id);
+            extraction.requested.remove(id);
         }
-        // A palette that a user gave survives a hot reload.
+        // A palette that was loaded or inserted survives a hot reload of the field.
         if palettes.get(*id).is_some_and(|palette| removed || palette.extraction().is_some()) {
             palettes.remove(*id);
         }
     }
 }
 
+/// Starts extractions for the fields that need a palette, and those that were requested.
 pub(super) fn start(
     mut extraction: ResMut<PaletteExtraction>,
     palettes: Res<Palettes>,
@@ -168,7 +176,7 @@ pub(super) fn start(
     let missing = posterized.fields().filter(|id| {
         palettes.lacks(*id) && !extraction.failed.contains_key(id) && !extraction.running.contains_key(id)
     });
-    let ids: HashSet<_> = extraction.wanted.iter().copied().chain(missing).collect();
+    let ids: HashSet<_> = extraction.requested.iter().copied().chain(missing).collect();
     let on_gpu = adapter.is_some_and(|adapter| match extraction.sampler {
         PaletteSampler::Auto => adapter.device_type != DeviceType::Cpu,
         PaletteSampler::Gpu => true,
@@ -186,22 +194,22 @@ pub(super) fn start(
                 let plan = async move { SamplingJob::new(id, field, settings, budget, progress) };
                 Stage::Planning(AsyncComputeTaskPool::get().spawn(plan), Instant::now())
             }
-            _ => on_cpu(field.clone(), settings, progress.clone()),
+            _ => sample_on_cpu(field.clone(), settings, progress.clone()),
         };
-        let replaces = extraction.wanted.remove(&id);
+        let replaces = extraction.requested.remove(&id);
         extraction.running.insert(id, Running { replaces, progress, stage });
     }
 }
 
-fn on_cpu(field: PlenOctree, settings: ExtractionSettings, progress: Arc<Progress>) -> Stage {
+fn sample_on_cpu(field: PlenOctree, settings: ExtractionSettings, progress: Arc<Progress>) -> Stage {
     Stage::Computing(AsyncComputeTaskPool::get().spawn(async move {
         let start = Instant::now();
         let histograms = sample(&field, &settings.sampling, &progress)?;
-        finish_sampled(histograms, false, start.elapsed(), &settings)
+        extract(histograms, false, start.elapsed(), &settings)
     }))
 }
 
-fn finish_sampled(
+fn extract(
     histograms: Histograms,
     on_gpu: bool,
     sampling: Duration,
@@ -212,6 +220,7 @@ fn finish_sampled(
     Ok((extraction, ExtractionSamples { histograms: Arc::new(histograms), on_gpu }))
 }
 
+/// Advances running extractions and inserts the palettes of those that have finished.
 pub(super) fn finish(
     mut extraction: ResMut<PaletteExtraction>,
     mut jobs: ResMut<SamplingJobs>,
@@ -245,14 +254,14 @@ pub(super) fn finish(
             return true;
         };
         match result {
-            // Meanwhile the field was given one, or one to wait for.
+            // The field has been given another palette in the meantime, or one is loading.
             Ok(_) if !running.replaces && !palettes.lacks(*id) => {}
-            Ok((found, from)) => {
-                palettes.arrive(*id, FieldPalette::from_extraction(found));
-                sampled.insert(*id, from);
+            Ok((extraction, samples)) => {
+                palettes.arrive(*id, FieldPalette::from_extraction(extraction));
+                sampled.insert(*id, samples);
             }
             Err(error) => {
-                error!("{id} has no palette: {error}");
+                error!("failed to extract the palette of field {id}: {error}");
                 failed.insert(*id, error);
             }
         }
@@ -264,11 +273,11 @@ fn after_sampling(job: &SamplingJob, outcome: Result<Histograms, SamplingFailure
     let settings = job.settings.clone();
     match outcome {
         Ok(histograms) => Stage::Computing(
-            AsyncComputeTaskPool::get().spawn(async move { finish_sampled(histograms, true, sampling, &settings) }),
+            AsyncComputeTaskPool::get().spawn(async move { extract(histograms, true, sampling, &settings) }),
         ),
         Err(failure) => {
-            warn!("{} is sampled on the CPU: {failure}", job.id);
-            on_cpu(job.field.clone(), settings, job.progress.clone())
+            warn!("sampling field {} on the CPU instead of the GPU: {failure}", job.id);
+            sample_on_cpu(job.field.clone(), settings, job.progress.clone())
         }
     }
 }

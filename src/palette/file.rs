@@ -1,4 +1,4 @@
-//! Palettes from files: beside a field, or by a handle.
+//! Loading palettes from files: the one next to the field, or one given by a handle.
 
 use std::path::Path;
 
@@ -21,10 +21,12 @@ use super::{
     source::PaletteSource,
 };
 
-/// How a palette's file ends: `x.palette.json` belongs to `x.npz`.
+/// The extension of palette files: `x.palette.json` belongs to `x.npz`.
 const EXTENSION: &str = "palette.json";
 
-/// Loads `.palette.json` files as [`Palette`]s.
+/// Loads `.palette.json` files as [`Palette`] assets. Supports hot reloading.
+///
+/// Invalid files fail to load with a [`PaletteFileError`].
 #[derive(Default, TypePath)]
 pub struct PaletteLoader;
 
@@ -51,7 +53,7 @@ impl AssetLoader for PaletteLoader {
     }
 }
 
-/// Looks beside the fields that need a palette and have none.
+/// Looks for palette files next to the fields that need a palette and have none.
 pub(super) fn seek(mut palettes: ResMut<Palettes>, server: Option<Res<AssetServer>>, posterized: Posterized) {
     let palettes = palettes.bypass_change_detection();
     for id in posterized.fields() {
@@ -69,7 +71,8 @@ pub(super) fn seek(mut palettes: ResMut<Palettes>, server: Option<Res<AssetServe
     }
 }
 
-/// Asks the source first: the server would report a file that is not there as an error.
+/// Returns whether a file exists. Reads from the asset source, because loading a missing file through the server logs
+/// an error.
 async fn exists(server: &AssetServer, path: &AssetPath<'_>) -> bool {
     let Ok(source) = server.get_source(path.source()) else {
         return false;
@@ -86,13 +89,13 @@ async fn exists(server: &AssetServer, path: &AssetPath<'_>) -> bool {
         Ok(()) => true,
         Err(AssetReaderError::NotFound(_)) => false,
         Err(error) => {
-            warn!("palette {}: {error}", path.display());
+            warn!("failed to read the palette file {}: {error}", path.display());
             false
         }
     }
 }
 
-/// Hands over what has loaded, and what has changed.
+/// Assigns palettes to their fields when they have loaded or changed.
 pub(super) fn load(
     mut palettes: ResMut<Palettes>,
     server: Option<Res<AssetServer>>,
@@ -115,7 +118,7 @@ pub(super) fn load(
             }
         }
     }
-    let news = arrived.len();
+    let arrived_before = arrived.len();
     for (field, file) in files {
         match file {
             PaletteSource::Sought(task) => {
@@ -126,8 +129,8 @@ pub(super) fn load(
             }
             PaletteSource::Expected(handle) => {
                 if let Some(palette) = loaded.get(&*handle) {
-                    // A palette that was saved just now comes back as it is, and the shown colors stay.
-                    if by_field.get(field).is_none_or(|known| known.source() != palette) {
+                    // If the source colors did not change, for example after saving, keep the shown colors.
+                    if by_field.get(field).is_none_or(|current| current.source() != palette) {
                         by_field.insert(*field, FieldPalette::new(palette.clone()));
                         arrived.push(*field);
                     }
@@ -139,7 +142,7 @@ pub(super) fn load(
             PaletteSource::Loaded(_) | PaletteSource::Missing => {}
         }
     }
-    if arrived.len() > news {
+    if arrived.len() > arrived_before {
         palettes.set_changed();
     }
 }

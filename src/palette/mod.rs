@@ -1,4 +1,4 @@
-//! The palettes of a running app: read or extracted when they are missing, and changed by whoever likes to.
+//! The palettes of a running app: loaded or extracted if they are missing, and edited by any system.
 
 mod blend;
 mod extraction;
@@ -22,7 +22,7 @@ use plenoctree::palette::{ExtractionSettings, Palette};
 
 use crate::sets::PlenOctreeSystems;
 
-/// Keeps [`Palettes`] filled.
+/// Fills [`Palettes`]: loads or extracts the palettes that posterized props and views need.
 pub(crate) struct PalettePlugin;
 
 impl Plugin for PalettePlugin {
@@ -36,7 +36,7 @@ impl Plugin for PalettePlugin {
             .register_type::<Palettes>()
             .register_type::<PaletteExtraction>()
             .register_type::<PaletteOverride>()
-            // Before any system of `Update`, so that a new palette is shown as the game likes it from the start.
+            // Runs before `Update`, so that systems there can edit a new palette before it is first shown.
             .configure_sets(PreUpdate, PlenOctreeSystems::UpdatePalettes.after(AssetTrackingSystems))
             .add_systems(
                 PreUpdate,

@@ -1,15 +1,18 @@
-//! Colors of a single prop.
+//! Overriding the shown colors of a single prop.
 
 use bevy::prelude::*;
 use plenoctree::palette::Palette;
 
 use super::blend::BlendSpace;
 
-/// Colors that one prop shows in place of those of its field's palette: two copies of a prop in two colors.
+/// Overrides shown colors for a single entity, for example to give two props of one field different colors.
 ///
-/// Goes on the entity of a [`Prop`](crate::Prop), or of a camera with a [`PosterizeView`](crate::PosterizeView). Colors
-/// that it does not set are those that [`Palettes`](crate::Palettes) shows, so that a team color leaves the rest to day
-/// and night. Which pixels get which color is still up to the field's extracted palette.
+/// Add it to an entity with a [`Prop`](crate::Prop), or to a camera with a [`PosterizeView`](crate::PosterizeView).
+/// Colors that are not overridden are the shown colors of the field's palette in [`Palettes`](crate::Palettes), so a
+/// team color works together with a day and night cycle. The field's source colors still decide which pixels get which
+/// label.
+///
+/// Colors are indexed like those of the palette: from 0, the heaviest first.
 ///
 /// ```
 /// # use bevy::prelude::*;
@@ -29,18 +32,18 @@ pub struct PaletteOverride {
 }
 
 impl PaletteOverride {
-    /// This, and `color` in place of color `index`.
+    /// Overrides color `index` and returns `self`. Ignores an `index` of [`Palette::MAX_COLORS`] or more.
     pub fn with(mut self, index: usize, color: impl Into<Color>) -> Self {
         self.set(index, color);
         self
     }
 
-    /// What is shown in place of color `index`; `None` if that is up to the field's palette.
+    /// Returns the color that overrides color `index`, or `None` if it is not overridden.
     pub fn get(&self, index: usize) -> Option<Color> {
         self.colors.get(index).copied().flatten()
     }
 
-    /// Shows `color` in place of color `index`; an index that no palette has changes nothing.
+    /// Overrides color `index`. Ignores an `index` of [`Palette::MAX_COLORS`] or more.
     pub fn set(&mut self, index: usize, color: impl Into<Color>) {
         if index < Palette::MAX_COLORS {
             if index >= self.colors.len() {
@@ -50,22 +53,25 @@ impl PaletteOverride {
         }
     }
 
-    /// Shows the blend of two palettes, as [`FieldPalette::blend`](crate::FieldPalette::blend) does it. Start from
-    /// [`FieldPalette::shown`](crate::FieldPalette::shown) for a passing effect, and [`reset`](Self::reset) after it.
+    /// Overrides colors with the blend of two palettes, color by color: `from` at `t` = 0 and `to` at `t` = 1. `t` is
+    /// clamped to 0..=1. Colors that `from` or `to` lacks are not changed.
+    ///
+    /// For a temporary effect, blend from [`FieldPalette::shown`](crate::FieldPalette::shown), and call
+    /// [`reset`](Self::reset) when it ends.
     pub fn blend(&mut self, from: &[Color], to: &[Color], t: f32, space: BlendSpace) {
         for (index, color) in space.mix_all(from, to, t).enumerate() {
             self.set(index, color);
         }
     }
 
-    /// Leaves color `index` to the field's palette.
+    /// Removes the override of color `index`.
     pub fn unset(&mut self, index: usize) {
         if let Some(color) = self.colors.get_mut(index) {
             *color = None;
         }
     }
 
-    /// Leaves every color to the field's palette.
+    /// Removes all overrides.
     pub fn reset(&mut self) {
         self.colors.clear();
     }

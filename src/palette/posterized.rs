@@ -1,11 +1,11 @@
-//! Whose palettes are shown.
+//! Finding the fields that need a palette.
 
 use bevy::{ecs::system::SystemParam, prelude::*};
 use plenoctree::PlenOctree;
 
 use crate::{posterize::Posterize, prop::Prop, stage::PosterizeView};
 
-/// What needs a palette: posterized props and posterized views.
+/// A system parameter that queries everything that needs a palette: posterized props and posterized views.
 #[derive(SystemParam)]
 pub(super) struct Posterized<'w, 's> {
     props: Query<'w, 's, &'static Prop, With<Posterize>>,
@@ -13,7 +13,7 @@ pub(super) struct Posterized<'w, 's> {
 }
 
 impl Posterized<'_, '_> {
-    /// Their fields, some more than once.
+    /// Returns the fields of posterized props and views. A field can occur more than once.
     pub fn fields(&self) -> impl Iterator<Item = AssetId<PlenOctree>> {
         self.props.iter().map(|prop| prop.0.id()).chain(self.views.iter().map(|view| view.0.id()))
     }

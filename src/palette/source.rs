@@ -1,16 +1,16 @@
-//! Where a field's palette comes from.
+//! The state of a field's palette file.
 
 use bevy::{asset::AssetPath, prelude::*, tasks::Task};
 use plenoctree::palette::Palette;
 
-/// What is known of the file of a field's palette.
+/// The state of the file that a field's palette is loaded from.
 pub(super) enum PaletteSource {
-    /// Whether there is one beside the field is being found out.
+    /// A task is looking for a palette file next to the field.
     Sought(Task<Option<AssetPath<'static>>>),
-    /// It loads.
+    /// The palette is loading.
     Expected(Handle<Palette>),
-    /// It is the field's palette, and will be when it changes.
+    /// The palette is loaded and assigned to the field. If the asset changes, it is assigned again.
     Loaded(Handle<Palette>),
-    /// There is none.
+    /// There is no palette file, or it failed to load.
     Missing,
 }

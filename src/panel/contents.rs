@@ -6,15 +6,17 @@ use plenoctree::PlenOctree;
 
 use super::{editor::PaletteEditor, extraction, posterize, swatches};
 
-/// Shows the palette of the entity `prop`, its [`Posterize`](crate::Posterize) settings and its extraction.
+/// Shows widgets that edit the palette of the entity `prop`, its [`Posterize`](crate::Posterize) settings, and the
+/// extraction of the palette.
 ///
-/// Nothing is marked as changed unless the user changes it.
+/// Call it from a system in bevy_egui's `EguiPrimaryContextPass`. It triggers change detection only for what the user
+/// edits. If the entity is not a [`Prop`](crate::Prop), it shows a note.
 ///
 /// ```no_run
 /// # use bevy::prelude::*;
 /// # use bevy_egui::{EguiContexts, egui};
 /// # use bevy_plenoctree::{Prop, panel::{PaletteEditor, palette_ui}};
-/// // A system of `EguiPrimaryContextPass`.
+/// // A system in `EguiPrimaryContextPass`.
 /// fn my_tools(mut contexts: EguiContexts, mut editor: PaletteEditor, prop: Single<Entity, With<Prop>>) -> Result {
 ///     egui::Window::new("My tools").show(contexts.ctx_mut()?, |ui| palette_ui(ui, *prop, &mut editor));
 ///     Ok(())
@@ -22,7 +24,7 @@ use super::{editor::PaletteEditor, extraction, posterize, swatches};
 /// ```
 pub fn palette_ui(ui: &mut egui::Ui, prop: Entity, editor: &mut PaletteEditor) {
     let Some(field) = editor.field(prop) else {
-        ui.weak("This entity is no prop.");
+        ui.weak("This entity is not a prop.");
         return;
     };
     ui.push_id(prop, |ui| {
@@ -46,7 +48,7 @@ fn loading(ui: &mut egui::Ui, field: AssetId<PlenOctree>, editor: &PaletteEditor
         Some(LoadState::Loading) => {
             ui.horizontal(|ui| {
                 ui.spinner();
-                ui.label("Loading");
+                ui.label("Loading the field...");
             });
         }
         _ => {

@@ -1,4 +1,4 @@
-//! What the panel reads and changes.
+//! The system parameter that the panel reads from and writes to.
 
 use bevy::{ecs::system::SystemParam, prelude::*};
 
@@ -10,7 +10,7 @@ use crate::{
     prop::Prop,
 };
 
-/// What [`palette_ui`](super::palette_ui) reads and changes: a parameter of the system that calls it.
+/// A system parameter with everything that [`palette_ui`](super::palette_ui) reads and writes.
 #[derive(SystemParam)]
 pub struct PaletteEditor<'w, 's> {
     pub(super) commands: Commands<'w, 's>,
@@ -21,59 +21,66 @@ pub struct PaletteEditor<'w, 's> {
     props: Query<'w, 's, PropData>,
 }
 
-type PropData =
-    (&'static Prop, Option<&'static mut Posterize>, Option<&'static PutAside>, Option<&'static mut PaletteOverride>);
+type PropData = (
+    &'static Prop,
+    Option<&'static mut Posterize>,
+    Option<&'static StashedPosterize>,
+    Option<&'static mut PaletteOverride>,
+);
 
-/// The settings of a prop that is shown as trained at the moment, for when it is posterized again.
+/// The settings of a prop whose [`Posterize`] was removed, to restore when it is added again.
 #[derive(Component)]
-struct PutAside(Posterize);
+struct StashedPosterize(Posterize);
 
 impl PaletteEditor<'_, '_> {
-    /// Whether `prop` is posterized.
+    /// Returns whether `prop` is posterized.
     pub fn is_posterized(&self, prop: Entity) -> bool {
         matches!(self.props.get(prop), Ok((_, Some(_), ..)))
     }
 
-    /// Adds or removes the [`Posterize`] of `prop`. When it is added again, it has the settings that it had.
+    /// Adds or removes the [`Posterize`] of `prop`. If it was removed by this function, adding it restores its
+    /// settings.
+    ///
+    /// Does nothing if the entity is not a [`Prop`].
     pub fn set_posterized(&mut self, prop: Entity, posterized: bool) {
-        let Ok((_, settings, aside, _)) = self.props.get(prop) else {
+        let Ok((_, settings, stashed, _)) = self.props.get(prop) else {
             return;
         };
         let mut prop = self.commands.entity(prop);
         match (settings, posterized) {
             (None, true) => {
-                let settings = aside.map(|aside| aside.0).unwrap_or_default();
-                prop.try_insert(settings).try_remove::<PutAside>();
+                let settings = stashed.map(|stashed| stashed.0).unwrap_or_default();
+                prop.try_insert(settings).try_remove::<StashedPosterize>();
             }
             (Some(settings), false) => {
-                prop.try_insert(PutAside(*settings)).try_remove::<Posterize>();
+                prop.try_insert(StashedPosterize(*settings)).try_remove::<Posterize>();
             }
             _ => {}
         }
     }
 
-    /// The field that `prop` shows.
+    /// Returns the field of `prop`, or `None` if the entity is not a prop.
     pub(super) fn field(&self, prop: Entity) -> Option<AssetId<PlenOctree>> {
         self.props.get(prop).ok().map(|(Prop(field), ..)| field.id())
     }
 
-    /// The [`Posterize`] that `prop` has, or would have.
+    /// Returns the [`Posterize`] of `prop` or, if it is not posterized, the one that it would get.
     pub(super) fn posterize(&self, prop: Entity) -> Posterize {
         match self.props.get(prop) {
             Ok((_, Some(settings), ..)) => *settings,
-            Ok((_, _, Some(aside), _)) => aside.0,
+            Ok((_, _, Some(stashed), _)) => stashed.0,
             _ => Posterize::default(),
         }
     }
 
-    /// Changes the [`Posterize`] of `prop`, if it is posterized.
+    /// Sets the [`Posterize`] of `prop`, if it is posterized.
     pub(super) fn set_posterize(&mut self, prop: Entity, new: Posterize) {
         if let Ok((_, Some(mut settings), ..)) = self.props.get_mut(prop) {
             *settings = new;
         }
     }
 
-    /// The colors that `prop` shows in place of its field's.
+    /// Returns the [`PaletteOverride`] of `prop`, if it has one.
     pub(super) fn own_colors(&self, prop: Entity) -> Option<&PaletteOverride> {
         self.props.get(prop).ok().and_then(|(.., own)| own)
     }
@@ -88,7 +95,7 @@ impl PaletteEditor<'_, '_> {
         }
     }
 
-    /// Changes the prop's own colors if it has some, else those of its field.
+    /// Edits the [`PaletteOverride`] of `prop` or, if it has none, the shown colors of its field.
     pub(super) fn recolor(&mut self, prop: Entity, field: AssetId<PlenOctree>, edit: Edit) {
         if let Ok((.., Some(mut own))) = self.props.get_mut(prop) {
             match edit {
@@ -106,14 +113,14 @@ impl PaletteEditor<'_, '_> {
     }
 }
 
-/// What the user does to the shown colors.
+/// An edit of the shown colors by the user.
 pub(super) enum Edit {
     Set(usize, Color),
     Reset(usize),
     ResetAll,
 }
 
-/// An extracted color; black if there is no such.
+/// Returns a source color, or black if the palette has no color of that index.
 pub(super) fn source_color(palette: &FieldPalette, index: usize) -> Color {
     palette.source().colors.get(index).map_or(Color::BLACK, |c| Color::srgb(c[0] as f32, c[1] as f32, c[2] as f32))
 }

@@ -1,4 +1,4 @@
-//! How the palette is extracted: section 3 of the method.
+//! The extraction section of the panel: section 3 of the method.
 
 use bevy::prelude::*;
 use bevy_egui::egui;
@@ -16,14 +16,18 @@ pub(super) fn show(ui: &mut egui::Ui, field: AssetId<PlenOctree>, editor: &mut P
         ui.add(egui::ProgressBar::new(progress).show_percentage());
     }
     if let Some(error) = editor.extraction.error(field) {
-        ui.colored_label(ui.visuals().error_fg_color, format!("The palette was not extracted: {error}"));
+        ui.colored_label(ui.visuals().error_fg_color, format!("Extraction failed: {error}"));
     }
     let palette = editor.palettes.get(field);
     if let Some(extraction) = palette.and_then(|palette| palette.extraction()) {
-        let by = editor.extraction.sampled(field).map_or("", |s| if s.on_gpu { " by the GPU" } else { " by the CPU" });
-        ui.weak(format!("{}{by}", summary(extraction)));
+        let sampler = match editor.extraction.sampled(field) {
+            Some(samples) if samples.on_gpu => ", sampled on the GPU",
+            Some(_) => ", sampled on the CPU",
+            None => "",
+        };
+        ui.weak(format!("{}{sampler}", summary(extraction)));
     } else if palette.is_some() {
-        ui.weak("The palette was given or read, not extracted.");
+        ui.weak("The palette was not extracted, but loaded or inserted.");
     }
 
     let mut settings = editor.extraction.settings.clone();
@@ -34,7 +38,7 @@ pub(super) fn show(ui: &mut egui::Ui, field: AssetId<PlenOctree>, editor: &mut P
     let invalid = editor.extraction.settings.validate().err();
     let label = if palette.is_some() { "Extract again" } else { "Extract" };
     let button = ui.add_enabled(invalid.is_none(), egui::Button::new(label));
-    if button.on_hover_text("Replaces the palette, changed colors included").clicked() {
+    if button.on_hover_text("Replaces the palette, including edited colors").clicked() {
         editor.extraction.restart(field);
     }
     if let Some(invalid) = invalid {
@@ -60,23 +64,23 @@ fn rounded(count: u64) -> String {
     }
 }
 
-/// Returns whether the user changed something.
+/// Shows the sliders and returns whether the user changed a value.
 fn sliders(ui: &mut egui::Ui, settings: &mut ExtractionSettings) -> bool {
     let ExtractionSettings { sampling, coarse_threshold, colors, .. } = settings;
     let SamplingSettings { observers, directions, multisamples, sample_fraction, .. } = sampling;
     egui::Grid::new("extraction")
         .num_columns(2)
         .show(ui, |ui| {
-            let hint = "Colors that the palette is simplified to";
+            let hint = "Number of palette colors to extract";
             let colors = row(ui, "Colors", hint, egui::Slider::new(colors, 3..=16));
             let observers = choose(ui, observers);
-            let hint = "n: every leaf is looked at from 4n x n directions, twice as many for all around";
+            let hint = "n: samples every leaf from 4n x n directions; twice as many for the full sphere";
             let directions = row(ui, "Directions", hint, egui::Slider::new(directions, 1..=8));
-            let hint = "Every direction is the mean of this many squared";
+            let hint = "Square root of the number of rays that are averaged per direction";
             let multisamples = row(ui, "Multisamples", hint, egui::Slider::new(multisamples, 1..=4));
-            let hint = "Share of the leaves that is sampled: less is faster";
+            let hint = "Fraction of the leaves to sample; lower is faster";
             let leaves = row(ui, "Leaves", hint, egui::Slider::new(sample_fraction, 0.01..=1.0).max_decimals(2));
-            let hint = "Share of what is visible above which a color starts a cluster: less finds rarer colors";
+            let hint = "Fraction of the visible weight above which a color starts a cluster; lower finds rarer colors";
             let threshold = egui::Slider::new(coarse_threshold, 1e-4..=0.1).logarithmic(true).max_decimals(4);
             let threshold = row(ui, "Threshold", hint, threshold);
             colors | observers | directions | multisamples | leaves | threshold
@@ -86,11 +90,11 @@ fn sliders(ui: &mut egui::Ui, settings: &mut ExtractionSettings) -> bool {
 
 fn choose(ui: &mut egui::Ui, observers: &mut Observers) -> bool {
     let name = |observers| match observers {
-        Observers::UpperHemisphere => "from above",
-        Observers::Sphere => "from all around",
+        Observers::UpperHemisphere => "Upper hemisphere",
+        Observers::Sphere => "Full sphere",
     };
     let before = *observers;
-    ui.label("Seen").on_hover_text("From where the field is looked at");
+    ui.label("Observers").on_hover_text("Directions from which the field is seen");
     egui::ComboBox::from_id_salt("observers").selected_text(name(before)).show_ui(ui, |ui| {
         for choice in [Observers::UpperHemisphere, Observers::Sphere] {
             ui.selectable_value(observers, choice, name(choice));

@@ -1,7 +1,7 @@
-//! A panel for a game's own tools, to change a prop's palette and its settings: with egui, behind the feature `egui`.
+//! An egui panel that edits a prop's palette and settings, for the tools of a game. Requires the feature `egui`.
 //!
-//! [`PalettePanelPlugin`] shows it in a window. To put it anywhere else, leave the plugin out and call [`palette_ui`]
-//! from a system of bevy_egui's `EguiPrimaryContextPass`.
+//! [`PalettePanelPlugin`] shows the panel in a window. To show it elsewhere, leave out the plugin and call
+//! [`palette_ui`] from a system in bevy_egui's `EguiPrimaryContextPass`.
 
 mod contents;
 mod editor;

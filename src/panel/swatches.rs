@@ -1,4 +1,4 @@
-//! The palette's colors.
+//! The section of the panel that shows and edits the palette's colors.
 
 use bevy::prelude::*;
 use bevy_egui::egui;
@@ -12,7 +12,7 @@ const SWATCH: egui::Vec2 = egui::vec2(64.0, 24.0);
 
 pub(super) fn show(ui: &mut egui::Ui, prop: Entity, field: AssetId<PlenOctree>, editor: &mut PaletteEditor) {
     let mut edit = None;
-    let mut alone = editor.own_colors(prop).is_some();
+    let mut overridden = editor.own_colors(prop).is_some();
     let colors = editor.palettes.get(field).map(|palette| Colors { palette, own: editor.own_colors(prop) });
     ui.horizontal(|ui| {
         ui.strong("Palette");
@@ -26,20 +26,20 @@ pub(super) fn show(ui: &mut egui::Ui, prop: Entity, field: AssetId<PlenOctree>, 
     match &colors {
         Some(colors) => edit = grid(ui, colors).or(edit),
         None => {
-            ui.weak("There is none yet. A posterized prop gets one.");
+            ui.weak("No palette yet. Posterize the prop to get one.");
         }
     }
-    // Only here, so that looking at the panel is no change.
+    // Borrowed mutably only if there is an edit, so that showing the panel does not trigger change detection.
     if let Some(edit) = edit {
         editor.recolor(prop, field, edit);
     }
-    let hint = "Whether colors are changed for this prop only, or for all that show the same field";
-    if ui.checkbox(&mut alone, "Colors of its own").on_hover_text(hint).changed() {
-        editor.set_own_colors(prop, alone);
+    let hint = "Edits colors for this prop only, not for all props of the same field";
+    if ui.checkbox(&mut overridden, "Override colors").on_hover_text(hint).changed() {
+        editor.set_own_colors(prop, overridden);
     }
 }
 
-/// What a prop shows.
+/// The palette of a prop's field, and the prop's own overrides.
 struct Colors<'a> {
     palette: &'a FieldPalette,
     own: Option<&'a PaletteOverride>,
@@ -51,7 +51,7 @@ impl Colors<'_> {
         own.or_else(|| self.palette.shown().get(index).copied()).unwrap_or_default()
     }
 
-    /// Whether there is something to reset.
+    /// Returns whether there is something to reset.
     fn is_edited(&self, index: usize) -> bool {
         match self.own {
             Some(own) => own.get(index).is_some(),
@@ -64,12 +64,13 @@ impl Colors<'_> {
     }
 }
 
+/// Shows a grid of the palette's colors and returns the user's edit, if any.
 fn grid(ui: &mut egui::Ui, colors: &Colors) -> Option<Edit> {
     let mut edit = None;
     let weights = &colors.palette.source().weights;
     let total: f64 = weights.iter().sum();
     egui::Grid::new("swatches").num_columns(5).min_col_width(0.0).show(ui, |ui| {
-        for heading in ["", "extracted", "shown", "weight"] {
+        for heading in ["", "source", "shown", "weight"] {
             ui.weak(heading);
         }
         ui.end_row();
@@ -91,13 +92,13 @@ fn grid(ui: &mut egui::Ui, colors: &Colors) -> Option<Edit> {
     edit
 }
 
-/// A color to look at.
+/// Shows a color.
 fn swatch(ui: &mut egui::Ui, color: Color) {
     let [r, g, b] = bytes(color);
     egui::color_picker::show_color(ui, egui::Color32::from_rgb(r, g, b), SWATCH).on_hover_text(hex(color));
 }
 
-/// A color to click; returns what it is changed to.
+/// Shows a color that can be edited and returns the new color if the user edited it.
 fn edit_swatch(ui: &mut egui::Ui, color: Color) -> Option<Color> {
     ui.scope(|ui| {
         ui.spacing_mut().interact_size = SWATCH;
@@ -105,7 +106,7 @@ fn edit_swatch(ui: &mut egui::Ui, color: Color) -> Option<Color> {
         let button = ui.color_edit_button_srgb(&mut channels);
         let [r, g, b] = channels;
         let changed = button.changed();
-        button.on_hover_text(format!("{} (click to change)", hex(color)));
+        button.on_hover_text(format!("{} (click to edit)", hex(color)));
         changed.then(|| Color::srgb_u8(r, g, b))
     })
     .inner

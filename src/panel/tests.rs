@@ -1,4 +1,4 @@
-//! The panel with a pointer and no window.
+//! Tests of the panel with simulated pointer events, without a window.
 
 use bevy::{ecs::system::RunSystemOnce, prelude::*};
 use bevy_egui::egui;
@@ -44,8 +44,8 @@ impl Panel {
         world.insert_resource(fields);
         world.insert_resource(palettes);
         world.init_resource::<PaletteExtraction>();
-        let look = Posterize { blend_steps: 20, softness: 0.7, ..default() };
-        let prop = world.spawn((Prop(field.clone()), look)).id();
+        let posterize = Posterize { blend_steps: 20, softness: 0.7, ..default() };
+        let prop = world.spawn((Prop(field.clone()), posterize)).id();
         Self { world, context: egui::Context::default(), prop, field }
     }
 
@@ -77,7 +77,7 @@ impl Panel {
         self.frame(vec![button(false)]);
     }
 
-    fn look(&self) -> Option<Posterize> {
+    fn posterize(&self) -> Option<Posterize> {
         self.world.get(self.prop).copied()
     }
 
@@ -86,11 +86,11 @@ impl Panel {
     }
 }
 
-/// Settings that are out of the sliders' ranges are kept as well.
+/// Settings outside the sliders' ranges are kept as well.
 #[test]
-fn looking_changes_nothing() {
+fn hovering_changes_nothing() {
     let mut panel = Panel::new();
-    let look = panel.look();
+    let settings = panel.posterize();
     panel.world.clear_trackers();
     for x in 0..40 {
         panel.frame(vec![egui::Event::PointerMoved(egui::pos2(10.0 * x as f32, 20.0 * x as f32))]);
@@ -98,23 +98,23 @@ fn looking_changes_nothing() {
     assert!(!panel.world.is_resource_changed::<Palettes>());
     assert!(!panel.world.is_resource_changed::<PaletteExtraction>());
     assert!(!panel.world.entity(panel.prop).get_ref::<Posterize>().unwrap().is_changed());
-    assert_eq!(panel.look(), look);
+    assert_eq!(panel.posterize(), settings);
 }
 
 #[test]
-fn a_look_that_is_switched_off_comes_back() {
+fn enabling_posterization_restores_its_settings() {
     let mut panel = Panel::new();
-    let look = panel.look();
+    let settings = panel.posterize();
     panel.click("Posterize");
-    assert_eq!(panel.look(), None);
+    assert_eq!(panel.posterize(), None);
     panel.click("Posterize");
-    assert_eq!(panel.look(), look);
+    assert_eq!(panel.posterize(), settings);
     panel.click("Defaults");
-    assert_eq!(panel.look(), Some(Posterize::default()));
+    assert_eq!(panel.posterize(), Some(Posterize::default()));
 }
 
 #[test]
-fn colors_are_reset_one_by_one_and_together() {
+fn colors_can_be_reset_one_by_one_or_together() {
     let mut panel = Panel::new();
     let original = panel.shown();
     let paint = |panel: &mut Panel| {
@@ -130,11 +130,11 @@ fn colors_are_reset_one_by_one_and_together() {
     assert_eq!(panel.shown(), original);
 }
 
-/// Colors of a prop of its own leave those of other props alone, and are reset to what they show.
+/// Overridden colors do not affect other props, and are reset to the colors of the field.
 #[test]
-fn own_colors_are_the_props_alone() {
+fn overrides_affect_one_prop() {
     let mut panel = Panel::new();
-    panel.click("Colors of its own");
+    panel.click("Override colors");
     let field = panel.shown();
     let mut own = panel.world.get_mut::<PaletteOverride>(panel.prop).unwrap();
     own.set(0, Color::srgb(1.0, 0.0, 0.0));
@@ -143,6 +143,6 @@ fn own_colors_are_the_props_alone() {
     let own = panel.world.get::<PaletteOverride>(panel.prop).unwrap();
     assert_eq!((own.get(0), own.get(1)), (None, Some(Color::srgb(0.0, 1.0, 0.0))));
     assert_eq!(panel.shown(), field);
-    panel.click("Colors of its own");
+    panel.click("Override colors");
     assert!(panel.world.get::<PaletteOverride>(panel.prop).is_none());
 }

@@ -1,4 +1,4 @@
-//! The panel in a window of its own.
+//! A window that shows the panel.
 
 use bevy::prelude::*;
 use bevy_egui::{EguiContexts, EguiPlugin, EguiPrimaryContextPass, egui};
@@ -6,10 +6,10 @@ use bevy_egui::{EguiContexts, EguiPlugin, EguiPrimaryContextPass, egui};
 use super::{contents::palette_ui, editor::PaletteEditor};
 use crate::prop::Prop;
 
-/// Shows the palette and the look of one prop in an egui window, to change them.
+/// A plugin that shows an egui window to edit the palette and settings of a prop.
 ///
-/// Adds `EguiPlugin` if it is missing: an app that adds it itself does so first. Needs
-/// [`PlenOctreePlugin`](crate::PlenOctreePlugin).
+/// The resource [`PalettePanel`] selects the prop. Requires [`PlenOctreePlugin`](crate::PlenOctreePlugin). Adds
+/// `EguiPlugin` if it is missing; if your app adds `EguiPlugin` itself, it must do so before adding this plugin.
 ///
 /// ```no_run
 /// # use bevy::prelude::*;
@@ -37,13 +37,17 @@ impl Plugin for PalettePanelPlugin {
     }
 }
 
-/// What [`PalettePanelPlugin`]'s window shows.
+/// Controls the window of [`PalettePanelPlugin`].
 #[derive(Resource, Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PalettePanel {
-    /// The entity with the [`Prop`] that is looked at. While there is none, the window shows the only prop there is, or
-    /// asks which one.
+    /// The entity whose [`Prop`] is edited. If it is `None`, or not a prop, the window selects the only prop or, if
+    /// there are several, lets the user choose.
+    ///
+    /// Defaults to `None`.
     pub prop: Option<Entity>,
-    /// Whether the window is there. The user can close it.
+    /// Whether the window is open. The user can close it.
+    ///
+    /// Defaults to `true`.
     pub open: bool,
 }
 
@@ -59,37 +63,37 @@ fn show(
     mut editor: PaletteEditor,
     props: Query<(Entity, Option<&Name>), With<Prop>>,
 ) {
-    // Without a camera there is no context yet.
+    // There is no context until there is a camera.
     let Ok(context) = contexts.ctx_mut() else {
         return;
     };
-    let mut chosen = *panel;
-    chosen.prop = panel.prop.filter(|prop| props.contains(*prop)).or(props.single().ok().map(|(prop, _)| prop));
-    let window = egui::Window::new("Palette").open(&mut chosen.open).default_size([300.0, 640.0]).vscroll(true);
+    let mut selected = *panel;
+    selected.prop = panel.prop.filter(|prop| props.contains(*prop)).or(props.single().ok().map(|(prop, _)| prop));
+    let window = egui::Window::new("Palette").open(&mut selected.open).default_size([300.0, 640.0]).vscroll(true);
     window.show(context, |ui| {
         if props.iter().len() > 1 {
-            choose(ui, &mut chosen.prop, &props);
+            select(ui, &mut selected.prop, &props);
         }
-        match chosen.prop {
+        match selected.prop {
             Some(prop) => palette_ui(ui, prop, &mut editor),
             None => {
                 ui.weak("No prop is selected.");
             }
         }
     });
-    panel.set_if_neq(chosen);
+    panel.set_if_neq(selected);
 }
 
-fn choose(ui: &mut egui::Ui, chosen: &mut Option<Entity>, props: &Query<(Entity, Option<&Name>), With<Prop>>) {
+fn select(ui: &mut egui::Ui, selected: &mut Option<Entity>, props: &Query<(Entity, Option<&Name>), With<Prop>>) {
     let label = |prop| match props.get(prop) {
         Ok((_, Some(name))) => name.to_string(),
         _ => format!("prop {prop}"),
     };
-    egui::ComboBox::from_id_salt("prop").selected_text(chosen.map_or("choose a prop".into(), label)).show_ui(
+    egui::ComboBox::from_id_salt("prop").selected_text(selected.map_or("Select a prop".into(), label)).show_ui(
         ui,
         |ui| {
             for (prop, _) in props {
-                ui.selectable_value(chosen, Some(prop), label(prop));
+                ui.selectable_value(selected, Some(prop), label(prop));
             }
         },
     );

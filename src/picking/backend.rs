@@ -1,4 +1,4 @@
-//! Pointers over props.
+//! A picking backend for props.
 
 use std::any::TypeId;
 
@@ -14,11 +14,13 @@ use bevy::{
 use super::ray_cast::PropRayCast;
 use crate::prop::Prop;
 
-/// A backend for Bevy's picking: pointers meet a [`Prop`] where the opacity along their ray reaches one half. Needs the
-/// feature `picking`, and Bevy's `DefaultPickingPlugins`, which `DefaultPlugins` have then.
+/// A plugin that adds a picking backend for props: pointers hit a [`Prop`] where the opacity along their ray reaches
+/// one half.
 ///
-/// Props are picked by the cameras that see them, unless they are [`Pickable::IGNORE`]d. Position and normal of a hit are
-/// those of its [`PropHit`](crate::PropHit), which comes along as extra data:
+/// Requires the feature `picking`, and Bevy's `DefaultPickingPlugins`, which `DefaultPlugins` then include.
+///
+/// Props are picked through every `Camera3d` that sees them, unless they are [`Pickable::IGNORE`]. The position and
+/// normal of a hit are those of its [`PropHit`](crate::PropHit), which is attached as extra data:
 ///
 /// ```
 /// # use bevy::prelude::*;
@@ -51,7 +53,7 @@ fn find_hits(
             continue;
         };
         let candidates = visible.iter(TypeId::of::<Prop>()).copied();
-        // Those that emit no events still hide what is behind them, unless they do neither.
+        // A prop that emits no events can still block entities behind it, so skip only those that do neither.
         let candidates = candidates.filter(|entity| pickables.get(*entity).ok() != Some(&Pickable::IGNORE));
         let picks: Vec<_> = ray_cast
             .cast_ray_among(*ray, candidates)

@@ -1,4 +1,4 @@
-//! Where rays meet props: casts from any system, and a backend for `bevy_picking`.
+//! Ray casts against props: a system parameter, and a backend for `bevy_picking`.
 
 #[cfg(feature = "picking")]
 mod backend;

@@ -1,4 +1,4 @@
-//! A ray against the props of an app.
+//! Ray casts against props.
 
 use bevy::{ecs::system::SystemParam, prelude::*};
 use glam::DMat3;
@@ -10,54 +10,60 @@ use crate::{
     prop::{Prop, world_from_field},
 };
 
-/// Where a ray meets a prop. Everything is in the scene's world space.
+/// A hit of a ray on a prop. Positions, distances and directions are in world space.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PropHit {
-    /// The prop.
+    /// The entity with the [`Prop`].
     pub entity: Entity,
-    /// Where the opacity along the ray reaches one half.
+    /// The point where the opacity along the ray reaches one half.
     pub point: Vec3,
-    /// Distance of that point from the ray's origin.
+    /// The distance from the ray's origin to the point.
     pub distance: f32,
-    /// The direction in which opacity falls off around the point, smoothed over a few cells.
+    /// The direction in which opacity decreases around the point, smoothed over a few cells. If it decreases in no
+    /// direction, this is the direction back along the ray.
     pub normal: Dir3,
-    /// The color of the field as trained, as it is seen along the whole ray.
+    /// The color along the whole ray as trained, in encoded sRGB, divided by its opacity.
     pub color: Srgba,
-    /// Opacity along the whole ray, one half to 1.
+    /// The opacity along the whole ray, from 0.5 to 1.
     pub opacity: f32,
-    /// The label in which this color is shown; `None` if the prop is not posterized, or has no palette yet, or if the
-    /// opacity is under [`Posterize::min_opacity`]. Found without the filter that flattens a picture's colors first
-    /// ([`Posterize::filter`]), so that at the border of two regions it can be the other one's.
+    /// The label nearest to the color, or `None` if the prop is not posterized, has no palette yet, or its opacity is
+    /// below [`Posterize::min_opacity`].
+    ///
+    /// It is found without the bilateral filter ([`Posterize::filter`]), so it can differ from the label on screen at
+    /// the border of two regions.
     pub label: Option<PaletteLabel>,
 }
 
-/// Casts rays at props, from any system: what is aimed at, what is walked on, which region is to be recolored. Props are
-/// hit where the opacity along the ray reaches one half, and not at all where it does not.
+/// A system parameter that casts rays at props, for example to find what the player aims at, what a character stands
+/// on, or which region to recolor. A ray hits a prop where the opacity along it reaches one half, and misses if it
+/// never does.
 ///
-/// Works with the fields and transforms of the main world, so that it needs neither a GPU nor a camera. Transforms are
-/// those of the last frame unless the system runs after Bevy's `TransformSystems::Propagate`. For events of pointers add
+/// Uses the fields and transforms of the main world, so it needs neither a GPU nor a camera. Transforms are those of
+/// the last frame, unless the system runs after Bevy's `TransformSystems::Propagate`. For pointer events, add
 /// `PropPickingPlugin` (feature `picking`).
+///
+/// This parameter reads [`Palettes`], so a system that uses it cannot change them. Pipe its hits into another system:
 ///
 /// ```
 /// # use bevy::prelude::*;
-/// # use bevy_plenoctree::{Palettes, Prop, PropRayCast};
+/// # use bevy_plenoctree::{Palettes, Prop, PropHit, PropRayCast};
 /// # #[derive(Component)] struct Sight;
-/// fn shoot(
-///     sights: Query<&GlobalTransform, With<Sight>>,
-///     props: Query<&Prop>,
-///     ray_cast: PropRayCast,
-///     mut palettes: ResMut<Palettes>,
-/// ) {
-///     for sight in &sights {
-///         let Some(hit) = ray_cast.cast_ray(Ray3d::new(sight.translation(), sight.forward())) else { continue };
-///         // Whatever was hit turns red, and everything of its color.
-///         if let (Ok(prop), Some(label)) = (props.get(hit.entity), hit.label)
-///             && let Some(palette) = palettes.get_mut(&prop.0)
-///         {
-///             palette.set(label.main_color(), Color::srgb(0.9, 0.1, 0.1));
-///         }
+/// // Add both to a schedule: `app.add_systems(Update, aim.pipe(paint))`.
+/// fn aim(sights: Query<&GlobalTransform, With<Sight>>, casts: PropRayCast) -> Option<PropHit> {
+///     let sight = sights.iter().next()?;
+///     casts.cast_ray(Ray3d::new(sight.translation(), sight.forward()))
+/// }
+///
+/// // Recolors everything that has the same palette color as the point that was hit.
+/// fn paint(In(hit): In<Option<PropHit>>, props: Query<&Prop>, mut palettes: ResMut<Palettes>) {
+///     if let Some(hit) = hit
+///         && let (Some(label), Ok(prop)) = (hit.label, props.get(hit.entity))
+///         && let Some(palette) = palettes.get_mut(&prop.0)
+///     {
+///         palette.set(label.main_color(), Color::srgb(0.9, 0.1, 0.1));
 ///     }
 /// }
+/// # bevy::ecs::system::assert_is_system(aim.pipe(paint));
 /// ```
 #[derive(SystemParam)]
 pub struct PropRayCast<'w, 's> {
@@ -71,14 +77,14 @@ pub struct PropRayCast<'w, 's> {
 }
 
 impl PropRayCast<'_, '_> {
-    /// The nearest hit of all props that are not hidden, in view of a camera or not.
+    /// Returns the nearest hit on any prop that is not hidden, whether or not a camera sees it.
     pub fn cast_ray(&self, ray: Ray3d) -> Option<PropHit> {
-        let shown = self.props.iter().filter(|(.., visibility)| visibility.get()).map(|(entity, ..)| entity);
-        self.cast_ray_among(ray, shown).into_iter().next()
+        let visible = self.props.iter().filter(|(.., visibility)| visibility.get()).map(|(entity, ..)| entity);
+        self.cast_ray_among(ray, visible).into_iter().next()
     }
 
-    /// The hits of these entities, the nearest first; hidden or not. Those that are no props, or whose fields are not
-    /// there yet, are not hit.
+    /// Returns the hits on the given entities, hidden or not, nearest first. Ignores entities that are not props or
+    /// whose fields are not loaded yet.
     pub fn cast_ray_among(&self, ray: Ray3d, entities: impl IntoIterator<Item = Entity>) -> Vec<PropHit> {
         let mut hits: Vec<_> = entities.into_iter().filter_map(|entity| self.hit(ray, entity)).collect();
         hits.sort_by(|a, b| a.distance.total_cmp(&b.distance));
@@ -86,7 +92,7 @@ impl PropRayCast<'_, '_> {
     }
 
     fn hit(&self, ray: Ray3d, entity: Entity) -> Option<PropHit> {
-        let (_, prop, look, transform, _) = self.props.get(entity).ok()?;
+        let (_, prop, posterize, transform, _) = self.props.get(entity).ok()?;
         let field = self.fields.get(&prop.0)?;
         let world_from_field = world_from_field(transform, field.up());
         if !world_from_field.matrix3.determinant().is_normal() {
@@ -94,11 +100,12 @@ impl PropRayCast<'_, '_> {
         }
         let field_from_world = world_from_field.inverse();
         let direction = field_from_world.transform_vector3(ray.direction.as_dvec3());
-        // Lengths of the field a length of the scene: depth is measured in the field's own units, however it is scaled.
+        // Field units per world unit. Optical depth is measured in field units, whatever the scale of the prop.
         let scale = direction.length();
         let hit = field.cast_ray(field_from_world.transform_point3(ray.origin.as_dvec3()), direction / scale)?;
 
-        let shown = look.filter(|look| hit.opacity >= f64::from(look.min_opacity)).zip(self.palettes.get(&prop.0));
+        let posterize = posterize.filter(|posterize| hit.opacity >= f64::from(posterize.min_opacity));
+        let posterized = posterize.zip(self.palettes.get(&prop.0));
         let [red, green, blue] = hit.color.as_vec3().to_array();
         Some(PropHit {
             entity,
@@ -107,14 +114,14 @@ impl PropRayCast<'_, '_> {
             normal: world_normal(field_from_world.matrix3, hit.normal).unwrap_or(-ray.direction),
             color: Srgba::rgb(red, green, blue),
             opacity: hit.opacity as f32,
-            label: shown.and_then(|(look, palette)| {
-                PaletteLabel::nearest(hit.color, palette.source(), look.blend_steps.min(MAX_BLEND_STEPS))
+            label: posterized.and_then(|(posterize, palette)| {
+                PaletteLabel::nearest(hit.color, palette.source(), posterize.blend_steps.min(MAX_BLEND_STEPS))
             }),
         })
     }
 }
 
-/// Normals turn with the transposed inverse, so that they stay upright on what is scaled unevenly.
+/// Transforms a normal to world space by the inverse transpose, which keeps it perpendicular under non-uniform scale.
 fn world_normal(field_from_world: DMat3, normal: glam::DVec3) -> Option<Dir3> {
     let normal = (field_from_world.transpose() * normal).try_normalize()?;
     Dir3::new(normal.as_vec3()).ok()

@@ -1,4 +1,4 @@
-//! Attachments of render passes.
+//! Attachments and depth tests of render passes.
 
 use bevy::{
     prelude::*,
@@ -8,17 +8,17 @@ use bevy::{
     },
 };
 
-/// A color attachment that keeps the pixels that are not drawn.
+/// Returns a color attachment that keeps its previous contents.
 pub(super) fn kept(view: &TextureView) -> Option<RenderPassColorAttachment<'_>> {
     Some(color(view, LoadOp::Load))
 }
 
-/// A color attachment that begins with zeros.
+/// Returns a color attachment that is cleared to zero.
 pub(super) fn cleared(view: &TextureView) -> Option<RenderPassColorAttachment<'_>> {
     Some(color(view, LoadOp::Clear(default())))
 }
 
-/// A color attachment.
+/// Returns a color attachment.
 pub(super) fn color(view: &TextureView, load: LoadOp<wgpu::Color>) -> RenderPassColorAttachment<'_> {
     RenderPassColorAttachment {
         view,
@@ -28,7 +28,7 @@ pub(super) fn color(view: &TextureView, load: LoadOp<wgpu::Color>) -> RenderPass
     }
 }
 
-/// A depth attachment that begins with zeros: infinitely far.
+/// Returns a depth attachment that is cleared to zero, which is infinitely far (reverse z).
 pub(super) fn cleared_depth(view: &TextureView) -> RenderPassDepthStencilAttachment<'_> {
     RenderPassDepthStencilAttachment {
         view,
@@ -37,7 +37,7 @@ pub(super) fn cleared_depth(view: &TextureView) -> RenderPassDepthStencilAttachm
     }
 }
 
-/// How a pipeline tests and writes depth. Nearer depths are greater.
+/// Returns the depth state of a pipeline. Nearer depths are greater (reverse z).
 pub(super) fn depth_test(format: TextureFormat, writes: bool, compare: CompareFunction) -> DepthStencilState {
     DepthStencilState {
         format,

@@ -1,4 +1,4 @@
-//! Bind groups that are kept as long as they bind the same things.
+//! Bind groups that are kept as long as they bind the same resources.
 
 use std::num::NonZero;
 
@@ -7,7 +7,7 @@ use bevy::render::{
     renderer::RenderDevice,
 };
 
-/// A bind group that is created anew only when something that it binds is replaced.
+/// A bind group that is recreated only when one of its resources is replaced.
 #[derive(Default)]
 pub(super) struct KeptBindGroup {
     bound: Vec<Bound>,
@@ -21,7 +21,7 @@ enum Bound {
 }
 
 impl Bound {
-    /// `None` for what no pass of ours binds, and what is therefore never taken for the same.
+    /// Returns `None` for resources that the plugin's passes do not bind. They never count as unchanged.
     fn new(resource: &BindingResource) -> Option<Self> {
         match resource {
             BindingResource::Buffer(binding) => {
@@ -34,7 +34,7 @@ impl Bound {
 }
 
 impl KeptBindGroup {
-    /// Makes sure that the group binds `entries`.
+    /// Recreates the group, unless it already binds `entries`.
     pub fn update(
         &mut self,
         device: &RenderDevice,
@@ -56,7 +56,7 @@ impl KeptBindGroup {
         }
     }
 
-    /// The group, if there is one.
+    /// Returns the group, if it has been created.
     pub fn get(&self) -> Option<&BindGroup> {
         self.group.as_ref()
     }

@@ -1,4 +1,4 @@
-//! From the main world to the render world, in buffers that are used again in every frame.
+//! Extracts props and cameras to the render world, into buffers that are reused in every frame.
 
 use std::any::TypeId;
 
@@ -20,11 +20,11 @@ use crate::{
     stage::{LabelStages, PosterizeView, PropStage},
 };
 
-/// Every prop that some camera may see, in this frame.
+/// Every prop that a camera may see in this frame.
 #[derive(Resource, Default)]
 pub(super) struct ExtractedProps {
     pub props: Vec<ExtractedProp>,
-    /// The colors of all props.
+    /// The palette colors of all props and posterized views.
     pub colors: Vec<Vec4>,
     index: EntityHashMap<usize>,
 }
@@ -36,13 +36,14 @@ pub(super) struct ExtractedProp {
     pub posterize: Option<ExtractedPosterize>,
 }
 
-/// How something is posterized: its settings, and where its palette is.
+/// How a prop or a view is posterized: its settings, and the location of its palette.
 #[derive(Clone, Copy)]
 pub(super) struct ExtractedPosterize {
     pub settings: Posterize,
-    /// Where in [`ExtractedProps::colors`] the source colors begin, encoded sRGB; as many shown ones follow.
+    /// The index in [`ExtractedProps::colors`] of the first source color. The shown colors follow the source colors.
+    /// Both are in encoded sRGB.
     pub first_color: u32,
-    /// How many source colors there are.
+    /// The number of source colors, which is also the number of shown colors.
     pub colors: u32,
 }
 
@@ -54,7 +55,7 @@ impl ExtractedPosterize {
         own: Option<&PaletteOverride>,
     ) -> Self {
         let first_color = colors.len() as u32;
-        // What no shader can go through in time is not shown.
+        // Drop colors beyond the maximum, which shaders could not process in time.
         let source = palette.source().colors.get(..Palette::MAX_COLORS).unwrap_or(&palette.source().colors);
         colors.extend(source.iter().map(|c| glam::DVec3::from(*c).as_vec3().extend(0.0)));
         colors.extend(source.iter().enumerate().map(|(index, source)| {
@@ -66,30 +67,30 @@ impl ExtractedPosterize {
     }
 }
 
-/// What a camera draws.
+/// The props that a camera draws, and its settings. A component of cameras in the render world.
 #[derive(Component, Default)]
 pub(super) struct VisibleProps {
-    /// The props that it sees, by their place in [`ExtractedProps`].
+    /// The props that the camera sees, as indices into [`ExtractedProps::props`].
     pub props: Vec<usize>,
-    /// What posterizes the pixels that no posterized prop owns.
+    /// The posterized view: how to posterize the pixels that no posterized prop owns.
     pub everything: Option<ExtractedPosterize>,
     pub stage: PropStage,
     pub quality: PropQuality,
-    /// Whether labels go into textures of their own, for custom stages.
+    /// Whether labels are written to textures, for custom stages.
     pub has_stages: bool,
 }
 
 impl VisibleProps {
-    /// Whether there is nothing to draw.
+    /// Returns whether there is nothing to draw.
     pub fn is_empty(&self) -> bool {
         self.props.is_empty() && self.everything.is_none()
     }
 }
 
-/// What decides on a prop's colors, besides its field's palette.
+/// The components that determine a prop's colors, besides the palette of its field.
 type PropColors = (Option<&'static Posterize>, Option<&'static PaletteOverride>);
 
-/// What decides on what a camera draws.
+/// The components that determine what a camera draws.
 type CameraSettings = (
     Option<&'static PropStage>,
     Option<&'static PropQuality>,
@@ -141,7 +142,7 @@ pub(super) fn extract_props(
             Some(ExtractedPosterize::write(colors, settings, palette, own))
         });
         let stage = stage.copied().unwrap_or_default();
-        let quality = quality.copied().unwrap_or_default().sound();
+        let quality = quality.copied().unwrap_or_default().clamped();
         if let Ok(mut view) = views.get_mut(camera) {
             view.props.clear();
             view.props.extend(seen);

@@ -1,4 +1,4 @@
-//! What the passes over the whole viewport share: one triangle, and the view's bind group first.
+//! Fullscreen passes: one triangle, with the view's bind group as bind group 0.
 
 use bevy::{
     camera::{CompositingSpace, Viewport},
@@ -16,13 +16,13 @@ use bevy::{
 use super::view::{ViewLayouts, ViewProps};
 use crate::gpu::Shaders;
 
-/// A pass over the whole viewport.
+/// A pass that draws one triangle over the viewport.
 pub(super) struct Fullscreen {
     pub label: &'static str,
     vertex: Handle<Shader>,
     fragment: Handle<Shader>,
     view: BindGroupLayoutDescriptor,
-    /// Bind group 1.
+    /// The layout of bind group 1.
     pub layout: BindGroupLayoutDescriptor,
 }
 
@@ -59,12 +59,12 @@ impl Fullscreen {
     }
 }
 
-/// A color target of a pipeline.
+/// Returns a color target for a pipeline.
 pub(super) fn target(format: TextureFormat, blend: Option<BlendState>) -> ColorTargetState {
     ColorTargetState { format, blend, write_mask: ColorWrites::ALL }
 }
 
-/// The definitions that `target.wgsl` needs.
+/// Returns the shader definitions for `target.wgsl`.
 pub(super) fn target_definitions(space: Option<CompositingSpace>) -> Vec<ShaderDefVal> {
     match space {
         Some(CompositingSpace::Srgb) => vec!["SRGB_TARGET".into()],
@@ -73,8 +73,8 @@ pub(super) fn target_definitions(space: Option<CompositingSpace>) -> Vec<ShaderD
     }
 }
 
-/// Draws the triangle over the part of the viewport where the view draws something. `viewport` is the one of the view's
-/// target; textures of the plugin's own are as large as the viewport and have none.
+/// Draws the triangle over the part of the viewport that the view draws to. `viewport` is the viewport within the
+/// view's target, or `None` for the plugin's own textures, which have the size of the viewport.
 pub(super) fn draw<'a>(
     pass: &mut TrackedRenderPass<'a>,
     props: &ViewProps,

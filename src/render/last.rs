@@ -1,4 +1,4 @@
-//! Systems that run last in a set, whatever else is in it.
+//! Orders systems last in a system set, whatever other plugins add to the set.
 
 use bevy::{
     ecs::{
@@ -13,7 +13,7 @@ use bevy::{
 };
 use indexmap::IndexSet;
 
-/// Orders the systems that are in `last` after all others of `set`, also those that are added later.
+/// Orders the systems in `last` after all other systems in `set`, including those that are added later.
 pub(super) fn order_last(schedule: &mut Schedule, last: impl SystemSet, set: impl SystemSet) {
     schedule.configure_sets(last.intern().in_set(set.intern()));
     let sets = &mut schedule.graph_mut().system_sets;
@@ -21,7 +21,8 @@ pub(super) fn order_last(schedule: &mut Schedule, last: impl SystemSet, set: imp
     schedule.add_build_pass(pass);
 }
 
-/// A set cannot be ordered after all that is in another, since no one knows it when plugins are built.
+/// Adds the dependencies when the schedule is built. The other systems in the set are not yet known when plugins are
+/// built.
 #[derive(Debug)]
 struct LastInSet {
     set: SystemSetKey,
@@ -58,7 +59,7 @@ impl ScheduleBuildPass for LastInSet {
     }
 }
 
-/// The systems in a set and in the sets within it.
+/// Returns the systems in a set and in its nested sets.
 fn systems_in(graph: &ScheduleGraph, set: SystemSetKey) -> HashSet<SystemKey> {
     let mut systems = HashSet::default();
     let mut sets = vec![NodeId::Set(set)];

@@ -1,10 +1,17 @@
-//! Props on screen, in the `Core3d` schedule.
+//! Draws props, in the `Core3d` schedule.
 //!
-//! One folder a pass, in the order of a frame: `volume` draws the props into the view's layer and `upsample` brings it to
-//! the size of the viewport; `composite` blends it over the scene, `filter` flattens its colors, `label` posterizes it,
-//! `present` writes what custom stages made of that, and `depth` writes where the props are solid. The first two run
-//! between the opaque and the transparent main pass, and so do the others, or last of all post-processing:
-//! [`PropStage`] says which.
+//! There is one module per pass. In the order of a frame:
+//!
+//! - `volume` draws the props into the view's layer.
+//! - `upsample` enlarges a coarse layer to the size of the viewport.
+//! - `composite` blends the layer over the scene.
+//! - `filter` flattens the colors.
+//! - `label` replaces them by palette colors.
+//! - `present` writes the output of custom stages to the view's target.
+//! - `depth` writes depth where props are solid.
+//!
+//! `volume` and `upsample` run between the opaque and the transparent main pass. The other passes run right after them,
+//! or after all post-processing, depending on [`PropStage`].
 
 mod attachment;
 mod bind_group;
@@ -33,9 +40,9 @@ use bevy::{
 
 use crate::{sets::PlenOctreeRenderSystems, stage::PropStage};
 
-/// Names of the spans in Bevy's render diagnostics whose times add up to that of drawing the props.
+/// The names of the spans in Bevy's render diagnostics whose times add up to the time of drawing props.
 pub const VOLUME_SPANS: &[&str] = &[volume::VOLUME_SPAN, upsample::UPSAMPLE_SPAN];
-/// Names of the spans in Bevy's render diagnostics whose times add up to that of posterizing.
+/// The names of the spans in Bevy's render diagnostics whose times add up to the time of posterizing.
 pub const POSTERIZE_SPANS: &[&str] =
     &[composite::COMPOSITE_SPAN, filter::FILTER_SPAN, label::LABEL_SPAN, present::PRESENT_SPAN, depth::DEPTH_SPAN];
 
@@ -72,11 +79,11 @@ enum PosterizeSteps {
     Label(PropStage),
 }
 
-/// All that is drawn at one place in the frame.
+/// The passes from compositing to depth, at one place in the frame.
 #[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
 struct PassesAt(PropStage);
 
-/// The order of the `Render` schedule.
+/// Orders the systems of the `Render` schedule.
 fn order_render(render_app: &mut SubApp) {
     render_app.configure_sets(
         Render,
@@ -94,7 +101,7 @@ fn order_render(render_app: &mut SubApp) {
     );
 }
 
-/// The order of the passes at one place in the frame.
+/// Orders the passes at one place in the frame.
 fn order_passes(render_app: &mut SubApp, stage: PropStage) {
     render_app.configure_sets(
         Core3d,
@@ -114,7 +121,7 @@ fn order_passes(render_app: &mut SubApp, stage: PropStage) {
     );
 }
 
-/// The places in the frame.
+/// Orders the passes within the frame.
 fn order_stages(render_app: &mut SubApp) {
     render_app
         .configure_sets(
@@ -125,8 +132,8 @@ fn order_stages(render_app: &mut SubApp) {
                 .before(main_transparent_pass_3d)
                 .in_set(Core3dSystems::MainPass),
         )
-        // Tonemapping, and effects of other plugins too, swap the view's textures: what is not ordered with them may draw
-        // into the wrong one.
+        // Tonemapping and effects of other plugins swap the view's textures. A pass that is not ordered relative to
+        // them may draw to the wrong texture.
         .edit_schedule(Core3d, |schedule| {
             last::order_last(schedule, PassesAt(PropStage::Display), Core3dSystems::PostProcess);
         });

@@ -1,4 +1,4 @@
-//! How long a slice took on the GPU.
+//! Measures how long a slice takes on the GPU.
 
 use std::{
     sync::{Arc, OnceLock},
@@ -11,9 +11,9 @@ use bevy::render::{
 };
 use wgpu::{ComputePassTimestampWrites, Features, QuerySet, QuerySetDescriptor, QueryType};
 
-/// Measures one submission: with the adapter's timestamps where it has them, else by the clock on the wall.
+/// Measures one submission: with GPU timestamps if the adapter supports them, otherwise in wall-clock time.
 pub(super) struct SliceClock {
-    /// Leaves of the slice.
+    /// The number of leaves in the slice.
     pub leaves: u32,
     seconds: Arc<OnceLock<f64>>,
     timestamps: Option<Timestamps>,
@@ -45,7 +45,7 @@ impl SliceClock {
         Self { leaves, seconds: Arc::default(), timestamps }
     }
 
-    /// What the slice's compute pass must write.
+    /// Returns the timestamp writes for the slice's compute pass.
     pub fn writes(&self) -> Option<ComputePassTimestampWrites<'_>> {
         self.timestamps.as_ref().map(|timestamps| ComputePassTimestampWrites {
             query_set: &timestamps.queries,
@@ -54,7 +54,7 @@ impl SliceClock {
         })
     }
 
-    /// Call after the pass, before the encoder is submitted.
+    /// Resolves the timestamps. Call this after the pass, before the encoder is submitted.
     pub fn resolve(&self, encoder: &mut CommandEncoder) {
         if let Some(Timestamps { queries, resolved, readable }) = &self.timestamps {
             encoder.resolve_query_set(queries, 0..2, resolved, 0);
@@ -62,7 +62,7 @@ impl SliceClock {
         }
     }
 
-    /// Call right after the encoder is submitted.
+    /// Starts the clock. Call this right after the encoder is submitted.
     pub fn start(&self, queue: &RenderQueue) {
         let seconds = self.seconds.clone();
         let start = Instant::now();
@@ -75,7 +75,7 @@ impl SliceClock {
         let nanoseconds = f64::from(queue.get_timestamp_period());
         let readable = timestamps.readable.clone();
         timestamps.readable.slice(..).map_async(MapMode::Read, move |result| {
-            // If the device was lost there is nobody to tell, and the slice is done all the same.
+            // If the device was lost, there is nothing to read, but the slice still has to count as done.
             let ticks = result.ok().map(|()| {
                 let mapped = readable.slice(..).get_mapped_range();
                 let [begin, end] = [0, 8].map(|at| bytemuck::pod_read_unaligned::<u64>(&mapped[at..at + 8]));
@@ -86,7 +86,7 @@ impl SliceClock {
         });
     }
 
-    /// Seconds, once the slice is done.
+    /// Returns the time of the slice in seconds, once it is done.
     pub fn seconds(&self) -> Option<f64> {
         self.seconds.get().copied()
     }

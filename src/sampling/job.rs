@@ -1,4 +1,4 @@
-//! What the main world asks the render world for.
+//! Sampling jobs, which the main world submits to the render world.
 
 use std::{
     sync::{Arc, Mutex, MutexGuard, PoisonError},
@@ -12,33 +12,33 @@ use plenoctree::{
     sampling::{Histograms, Progress, SamplingPlan},
 };
 
-/// Why the GPU gives no histograms; the CPU does then.
+/// An error that prevents sampling on the GPU. The CPU samples the field instead.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub(crate) enum SamplingFailure {
-    /// The field, or what sampling needs beside it, cannot be bound.
-    #[error("the GPU cannot bind what sampling needs")]
+    /// The field or a buffer for sampling does not fit on the GPU.
+    #[error("the field or a buffer for sampling does not fit on the GPU")]
     TooLarge,
-    /// The pipeline could not be made.
-    #[error("the sampling pipeline cannot be made: {0}")]
+    /// The pipeline could not be created.
+    #[error("the sampling pipeline could not be created: {0}")]
     Pipeline(String),
-    /// The result did not come back.
+    /// The histograms could not be read back.
     #[error("the histograms could not be read back: {0}")]
     Readback(String),
 }
 
-/// A field to be sampled. Both worlds hold it.
+/// A field to sample. Shared by both worlds.
 pub(crate) struct SamplingJob {
     pub id: AssetId<PlenOctree>,
     pub field: PlenOctree,
     pub settings: ExtractionSettings,
-    /// GPU time a frame; `None` for as much as there is.
+    /// The GPU time per frame, or `None` for no limit.
     pub budget: Option<Duration>,
     pub progress: Arc<Progress>,
-    /// Twice the center of every sampled leaf, in cells of the deepest tree that there can be, and its index.
+    /// Twice the center of every sampled leaf, in cells of a tree of depth [`MAX_DEPTH`], and the index of the leaf.
     pub leaves: Vec<[u32; 4]>,
-    /// Unit vectors to the observers, those of a cell of directions together.
+    /// Unit vectors toward the observers. Those of one cell of directions are next to each other.
     pub observers: Vec<[f32; 4]>,
-    /// No less than what all samples weigh.
+    /// An upper bound on the total weight of all samples.
     pub weight_bound: f64,
     state: Mutex<State>,
 }
@@ -50,7 +50,7 @@ enum State {
 }
 
 impl SamplingJob {
-    /// Works out what the GPU needs to know, which takes a while for a large field: call it in a task.
+    /// Prepares the data for the GPU. This takes a while for a large field, so call it in a task.
     pub fn new(
         id: AssetId<PlenOctree>,
         field: PlenOctree,
@@ -85,7 +85,7 @@ impl SamplingJob {
         !self.progress.is_canceled() && matches!(*self.state(), State::Open)
     }
 
-    /// The outcome, once.
+    /// Takes the outcome, if the job has ended.
     pub fn take_outcome(&self) -> Option<Result<Histograms, SamplingFailure>> {
         let mut state = self.state();
         match std::mem::replace(&mut *state, State::Taken) {
@@ -102,6 +102,6 @@ impl SamplingJob {
     }
 }
 
-/// The jobs that wait or are under way, in the order in which they were asked for.
+/// The jobs that are waiting or in progress, in the order in which they were requested.
 #[derive(Resource, Clone, Default, ExtractResource)]
 pub(crate) struct SamplingJobs(pub Vec<Arc<SamplingJob>>);

@@ -1,7 +1,7 @@
-//! Radiance sampling on the GPU, in the render world: section 3 of the method, steps 1 to 5.
+//! Radiance sampling on the GPU, in the render world. See section 3 of the method, steps 1 to 5.
 //!
-//! The leaves are worked through in slices, so that frames keep coming; samples are added to histograms where they are
-//! made, and only the histograms come back.
+//! Leaves are sampled in slices, so that the app keeps rendering frames. Samples are added to histograms on the GPU,
+//! and only the histograms are read back.
 
 mod clock;
 mod job;
@@ -19,7 +19,7 @@ use bevy::{
     },
 };
 
-/// Works off [`SamplingJobs`].
+/// Runs the jobs in [`SamplingJobs`].
 pub(crate) struct SamplingPlugin;
 
 impl Plugin for SamplingPlugin {
@@ -30,7 +30,7 @@ impl Plugin for SamplingPlugin {
         }
         app.add_plugins(ExtractResourcePlugin::<SamplingJobs>::default());
         if let Some(render_app) = app.get_sub_app_mut(RenderApp) {
-            // A lost device takes its slices with it: the job, which is still open, begins anew.
+            // If the device is lost, so are its slices. The job is still open and starts over.
             render_app
                 .init_gpu_resource::<slices::ActiveSampling>()
                 .init_gpu_resource::<SpecializedComputePipelines<pipeline::SamplingPipeline>>()

@@ -1,4 +1,4 @@
-//! The compute pipeline.
+//! The compute pipeline for sampling.
 
 use bevy::{
     prelude::*,
@@ -12,7 +12,7 @@ use bevy::{
 
 use crate::gpu::{FieldLayout, FieldShape, Shaders, field_definitions};
 
-/// `Slice` of `sampling.wgsl`.
+/// Matches `Slice` in `sampling.wgsl`.
 #[derive(ShaderType, Clone, Copy)]
 pub(super) struct SliceUniform {
     pub frame_scale: Vec3,
@@ -25,7 +25,7 @@ pub(super) struct SliceUniform {
     pub weight_scale: f32,
 }
 
-/// That of SH25.
+/// The highest degree of spherical harmonics, that of SH25.
 const MOST_DEGREE: u32 = 4;
 
 #[derive(Resource)]
@@ -66,5 +66,58 @@ impl SpecializedComputePipeline for SamplingPipeline {
             entry_point: Some("sample".into()),
             ..default()
         }
+    }
+}
+
+#[cfg(all(test, feature = "headless"))]
+mod tests {
+    use bevy::render::render_resource::UniformBuffer;
+
+    use super::*;
+    use crate::layout_tests::{counting, read_back};
+
+    /// The rest of the shader, after the declaration of the struct.
+    const SHADER: &str = "
+@group(0) @binding(0) var<uniform> slice: Slice;
+@group(1) @binding(0) var<storage, read_write> found: array<f32>;
+
+@compute @workgroup_size(1)
+fn read() {
+    found[0] = slice.frame_scale.x;
+    found[1] = slice.frame_scale.y;
+    found[2] = slice.frame_scale.z;
+    found[3] = f32(slice.first);
+    found[4] = f32(slice.leaves);
+    found[5] = f32(slice.rays_per_cell);
+    found[6] = f32(slice.fine_bins);
+    found[7] = f32(slice.coarse_bins);
+    found[8] = slice.limit;
+    found[9] = slice.weight_scale;
+}
+";
+
+    #[test]
+    fn shaders_find_every_field_of_slices() {
+        let sampling = include_str!("../../shaders/sampling.wgsl");
+        let (begin, end) = (sampling.find("struct Slice").unwrap(), sampling.find("@group(0)").unwrap());
+        let mut next = counting();
+        let slice = SliceUniform {
+            frame_scale: Vec3::new(next(), next(), next()),
+            first: next() as u32,
+            leaves: next() as u32,
+            rays_per_cell: next() as u32,
+            fine_bins: next() as u32,
+            coarse_bins: next() as u32,
+            limit: next(),
+            weight_scale: next(),
+        };
+        let entries = BindGroupLayoutEntries::single(ShaderStages::COMPUTE, uniform_buffer::<SliceUniform>(false));
+        let layout = BindGroupLayoutDescriptor::new("layout_test", &entries);
+        let found: [f32; 10] = read_back(sampling[begin..end].to_string() + SHADER, layout, |device, queue, run| {
+            let mut slice = UniformBuffer::from(slice);
+            slice.write_buffer(device, queue);
+            run(&[slice.binding().unwrap()]);
+        });
+        assert_eq!(found, std::array::from_fn(|index| (index + 1) as f32));
     }
 }

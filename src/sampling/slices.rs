@@ -1,4 +1,4 @@
-//! Working through the leaves of a field, slice by slice.
+//! Samples the leaves of a field, slice by slice.
 
 use std::sync::Arc;
 
@@ -24,14 +24,15 @@ use super::{
 };
 use crate::gpu::{GpuField, GpuLevel, Level, SAMPLING_WORKGROUP};
 
-/// Rays of the first slice, when nothing is known about the GPU's speed, and about the fewest of any.
+/// The approximate minimum number of rays in a slice, and the number in the first one, before the speed of the GPU is
+/// known.
 const FEWEST_RAYS: usize = 1 << 16;
-/// About the most rays of a slice: a GPU that is busy for seconds is taken for dead.
+/// The approximate maximum number of rays in a slice. Drivers reset a GPU that is busy for several seconds.
 const MOST_RAYS: usize = 1 << 26;
-/// Slices that the GPU may be behind.
+/// The maximum number of submitted slices that the GPU has not finished.
 const MOST_IN_FLIGHT: usize = 2;
 
-/// The job under way.
+/// The job in progress.
 #[derive(Resource, Default)]
 pub(super) struct ActiveSampling(Option<Active>);
 
@@ -43,22 +44,22 @@ struct Active {
     leaf_cells: Buffer,
     observers: Buffer,
     bins: Buffer,
-    /// Leaves of the smallest and of the largest slice.
+    /// The number of leaves in the smallest and in the largest slice.
     fewest: u32,
     most: u32,
     next: u32,
-    /// What a weight in the histograms must be multiplied with.
+    /// The factor that converts integers in the histograms to weights.
     unit: f64,
-    /// Leaves a second, measured.
+    /// The measured speed, in leaves per second.
     speed: Option<f64>,
     in_flight: Vec<SliceClock>,
-    /// Leaves of the last slice.
+    /// The number of leaves in the last slice.
     last_leaves: u32,
-    /// All is submitted, and the histograms are on their way back.
+    /// Whether all slices are submitted and the histograms are being read back.
     reading: bool,
 }
 
-/// Starts, continues and ends jobs: one slice a frame, or all at once without a budget.
+/// Starts, advances and ends jobs: one slice per frame, or all slices at once if there is no budget.
 pub(super) fn advance_sampling(
     mut active: ResMut<ActiveSampling>,
     jobs: Res<SamplingJobs>,
@@ -105,7 +106,7 @@ impl Active {
             return Err(SamplingFailure::TooLarge);
         }
 
-        // Room for the heaviest sum, in a power of two so that scaling is exact.
+        // Leave room for the largest sum. The scale is a power of two, so that scaling is exact.
         let bound = job.weight_bound;
         let exponent = if bound > 0.0 { bound.log2().ceil().clamp(-30.0, 60.0) } else { 0.0 };
         let weight_scale = (62.0 - exponent).exp2();
@@ -159,7 +160,7 @@ impl Active {
         self.job.leaves.len() as u32
     }
 
-    /// Submits what may be done in this frame.
+    /// Submits the slices of this frame.
     fn advance(&mut self, pipeline: &ComputePipeline, device: &RenderDevice, queue: &RenderQueue) {
         for clock in &self.in_flight {
             if let Some(seconds) = clock.seconds() {
@@ -177,7 +178,7 @@ impl Active {
             Some(_) if self.in_flight.len() >= MOST_IN_FLIGHT => {}
             Some(budget) => {
                 let leaves = self.speed.map_or(0.0, |speed| speed * budget.as_secs_f64());
-                // Speeds of small slices are rough, hence the bound on growth.
+                // The measured speed of a small slice is inaccurate, so limit the growth.
                 let leaves = (leaves as u32).clamp(self.fewest, self.most).min((4 * self.last_leaves).max(self.fewest));
                 self.submit(leaves, pipeline, device, queue);
             }
@@ -230,7 +231,7 @@ impl Active {
         self.in_flight.push(clock);
     }
 
-    /// Hands the histograms to the job once the GPU is done with them.
+    /// Reads back the histograms, and ends the job with them once the GPU is done.
     fn read_back(&self, device: &RenderDevice, queue: &RenderQueue) {
         let readable = device.create_buffer(&BufferDescriptor {
             label: Some("plenoctree_histograms_readback"),
@@ -258,7 +259,8 @@ impl Active {
     }
 }
 
-/// Leaves whose rays are about so many, in whole workgroups; a dispatch has at most 65535 of them along an axis.
+/// Returns the number of leaves that have about `rays` rays in total, in whole workgroups. A dispatch can have at most
+/// 65535 workgroups along an axis.
 fn slice_for(rays: usize, job: &SamplingJob) -> u32 {
     let workgroups = rays / job.observers.len().max(1) / SAMPLING_WORKGROUP as usize;
     workgroups.clamp(1, 65535) as u32 * SAMPLING_WORKGROUP

@@ -1,4 +1,4 @@
-//! What fields may hold.
+//! Fields with extreme contents.
 
 use std::ops::ControlFlow;
 
@@ -9,10 +9,10 @@ use plenoctree::{BakeSettings, Basis, Cell, Frame, InvalidField, MAX_DEPTH, bake
 
 use crate::stage::{Stage, activated, chain, field, is_near, looking};
 
-/// Fog that lets exp(-2 sigma) through from front to back, at every depth of the tree: in float64 the path is exact to
-/// 1e-12, and pictures are right to the last of their 255 steps.
+/// Fog transmits exp(-2 sigma) from front to back, at every depth of the tree. In float64, the path is exact to 1e-12,
+/// and pixels are exact to 1/255.
 #[test]
-fn fog_is_as_dense_at_every_depth() {
+fn fog_is_equally_dense_at_every_depth() {
     let camera = looking(DVec3::new(0.0, 0.0, 6.0), DVec3::ZERO);
     for depth in [1, 2, 3, 5, 8, 9, 12, 16] {
         for density in [0.1f32, 1.0] {
@@ -27,14 +27,14 @@ fn fog_is_as_dense_at_every_depth() {
             }
             let mut stage = Stage::new(&fog);
             stage.check(&fog, &camera, &format!("depth {depth}"));
-            let middle = *stage.picture(&camera).get_pixel(16, 16);
+            let middle = *stage.capture(&camera).get_pixel(16, 16);
             let blue = 255.0 * (1.0 - (-2.0 * f64::from(density)).exp());
             assert!((f64::from(middle[2]) - blue).abs() <= 1.0, "{middle:?} at depth {depth}, expected {blue}");
         }
     }
 }
 
-/// `1 - exp(-x)` from where it is x to where it is 1; what a pixel shows of it, and that nothing else comes out.
+/// Renders `1 - exp(-x)` from where it equals x to where it equals 1, and checks what pixels show of it.
 #[test]
 fn any_optical_depth_is_drawn() {
     let camera = looking(DVec3::new(0.0, 0.0, 6.0), DVec3::ZERO);
@@ -44,20 +44,20 @@ fn any_optical_depth_is_drawn() {
         let (color, opacity) = fog.render_ray(DVec3::new(0.1, 0.2, 6.0), DVec3::NEG_Z);
         let exact = if depth > 4.7 { 1.0 } else { -(-2.0 * f64::from(fog.densities()[0])).exp_m1() };
         assert!((opacity / exact - 1.0).abs() < 1e-12 && (color.z / exact - 1.0).abs() < 1e-12, "{opacity} at {depth}");
-        let middle = *Stage::new(&fog).picture(&camera).get_pixel(16, 16);
+        let middle = *Stage::new(&fog).capture(&camera).get_pixel(16, 16);
         let expected = if depth > 4.7 { 255.0 } else { -255.0 * (-depth).exp_m1() };
         assert!((f64::from(middle[2]) - expected).abs() <= 1.0, "{middle:?} at {depth}, expected {expected}");
     }
-    // Half floats, which files hold, end before 1e5; leaves may be denser.
+    // Leaves can be denser than the largest half float that files can hold, which is less than 1e5.
     let solid = chain(1, 0, Some(5e5), 5e5);
-    let pixel = *Stage::new(&solid).picture(&camera).get_pixel(16, 16);
+    let pixel = *Stage::new(&solid).capture(&camera).get_pixel(16, 16);
     assert!(is_near(pixel.0, [64, 128, 255, 255]), "{pixel:?}");
 }
 
-/// What 262,144 thin leaves absorb, 64 on a ray, made visible by a radiance of 65504: a picture's byte then stands for an
-/// opacity of 6e-8, and where `1 - exp(-x)` cancels, a tenth of the light is missing.
+/// A radiance of 65504 shows what 262,144 thin leaves absorb, with 64 along a ray: one step of a byte is an opacity of
+/// 6e-8. If `1 - exp(-x)` suffered from cancellation, a tenth of the light would be missing.
 #[test]
-fn thin_fog_absorbs_all_that_it_should() {
+fn thin_fog_absorbs_light_accurately() {
     const CELLS: i32 = 64;
     let settings = BakeSettings { depth: 6, up: UpAxis::Y, basis: Basis::Rgba, min_density: 0.0, ..Default::default() };
     for depth in [1.2e-7, 3e-8] {
@@ -69,22 +69,23 @@ fn thin_fog_absorbs_all_that_it_should() {
         let glow = field(Basis::Rgba, nodes, fog.densities().to_vec(), radiance);
         let expected = 255.0 * f64::from(f16::MAX) * f64::from(CELLS) * depth;
         let camera = looking(DVec3::new(0.01, 0.01, 6.0), DVec3::new(0.01, 0.01, 0.0));
-        let middle = *Stage::new(&glow).picture(&camera).get_pixel(16, 16);
+        let middle = *Stage::new(&glow).capture(&camera).get_pixel(16, 16);
         assert!((f64::from(middle[2]) - expected).abs() <= 2.0, "{middle:?} at {depth}, expected {expected}");
     }
 }
 
-/// How far a ray goes through fog, to 1e-5 of it: what the fog adds and a wall behind it takes away are 30,000 times as bright
-/// as the difference that is left, so that an error of 1e-5 in the path is a fifth of the screen's range.
+/// The path of a ray through fog is exact to 1e-5. The light that the fog adds and the light that a wall behind it
+/// takes away are 30,000 times as bright as the remaining difference, so an error of 1e-5 in the path is a fifth of a
+/// byte's range.
 #[test]
-fn the_way_through_fog_is_exact_on_the_gpu() {
+fn paths_through_fog_are_exact_on_the_gpu() {
     let (glow, wall) = (f16::from_f32(30_000.0), f16::from_f32(-30_016.0));
     // 1/2 = glow (1 - T) + wall T
     let (g, w) = (f64::from(glow), f64::from(wall));
     let density = -(((g - 0.5) / (g - w)).ln()) as f32;
     let left = g + (w - g) * (-f64::from(density)).exp();
     for depth in 1..=16 {
-        // The root's cells with lower z are the wall; cells get smaller toward the middle of its top.
+        // The root's cells with lower z are the wall. The other cells get smaller toward the middle of its top.
         let (mut nodes, mut densities, mut colors) = (Vec::new(), Vec::new(), Vec::new());
         for level in 1..=depth {
             let finer = if level == 1 { 7 } else { 1 };
@@ -102,7 +103,7 @@ fn the_way_through_fog_is_exact_on_the_gpu() {
         let mut stage = Stage::new(&fog);
         for side in [0.3, 0.02, 1e-3, 2f64.powi(-17)] {
             let at = DVec3::new(side, side, 0.0);
-            let middle = *stage.picture(&looking(at + 6.0 * DVec3::Z, at)).get_pixel(16, 16);
+            let middle = *stage.capture(&looking(at + 6.0 * DVec3::Z, at)).get_pixel(16, 16);
             // A fifth of 255.
             assert!((f64::from(middle[0]) - 255.0 * left).abs() < 51.0, "{middle:?} at {side}, depth {depth}");
         }
@@ -110,12 +111,12 @@ fn the_way_through_fog_is_exact_on_the_gpu() {
 }
 
 #[test]
-fn thin_and_dense_leaves_are_neighbors() {
+fn thin_and_dense_leaves_can_be_neighbors() {
     let camera = looking(DVec3::new(1.5, 1.0, 3.0), DVec3::ZERO);
     for (beside, last) in [(1e-8, 65504.0), (65504.0, 1e-8), (0.01, 65504.0)] {
         for depth in [1, 3, 7] {
             let both = chain(depth, 7, Some(beside), last);
-            Stage::new(&both).check(&both, &camera, &format!("{beside} beside {last}, depth {depth}"));
+            Stage::new(&both).check(&both, &camera, &format!("{beside} next to {last}, depth {depth}"));
         }
     }
 }
@@ -129,22 +130,22 @@ fn a_single_chain_of_sixteen_levels_is_one_small_leaf() {
     let camera = looking(middle + DVec3::new(0.0, 0.0, 2.0 * side), middle);
     let mut stage = Stage::new(&leaf);
     stage.check(&leaf, &camera, "one leaf");
-    assert!(stage.picture(&camera).get_pixel(16, 16)[2] > 200);
+    assert!(stage.capture(&camera).get_pixel(16, 16)[2] > 200);
 }
 
 #[test]
-fn one_leaf_and_none() {
+fn fields_of_one_leaf_and_of_none_are_drawn() {
     let camera = looking(DVec3::new(1.5, 1.0, 3.0), DVec3::ZERO);
     let one = chain(1, 3, None, 5.0);
     Stage::new(&one).check(&one, &camera, "one leaf");
     let none = field(Basis::Sh9, vec![[Cell::EMPTY; 8]], vec![], vec![]);
-    let black = Stage::new(&none).picture(&camera);
+    let black = Stage::new(&none).capture(&camera);
     assert!(black.pixels().all(|pixel| pixel.0 == [0, 0, 0, 255]));
 }
 
-/// Sums of harmonics at the ends of what half floats hold make colors, under every activation.
+/// Sums of harmonics at the limits of half floats become colors, with every activation.
 #[test]
-fn the_largest_harmonics_are_colors() {
+fn the_largest_harmonics_become_colors() {
     let camera = looking(DVec3::new(1.5, 1.0, 3.0), DVec3::ZERO);
     for value in [-65504.0, -1e4, 0.0, 1e4, 65504.0] {
         let node = std::array::from_fn(|cell| Cell::leaf(cell as u32));
@@ -152,18 +153,18 @@ fn the_largest_harmonics_are_colors() {
         let sums = field(Basis::Sh9, vec![node], vec![3.0; 8], coefficients);
         for activation in [Activation::Sigmoid, Activation::ShiftedRelu, Activation::Identity] {
             let sums = activated(&sums, activation);
-            let picture = Stage::new(&sums).picture(&camera);
+            let frame = Stage::new(&sums).capture(&camera);
             if activation == Activation::Sigmoid {
                 Stage::new(&sums).check(&sums, &camera, &format!("{value}"));
             }
-            assert!(picture.pixels().all(|pixel| pixel[3] == 255));
+            assert!(frame.pixels().all(|pixel| pixel[3] == 255));
         }
     }
 }
 
-/// Finest cells are counted in 32 bits, and as floats.
+/// Finest cells are counted in 32-bit integers and in floats, which limits the depth.
 #[test]
-fn trees_of_too_many_levels_are_refused() {
+fn trees_with_too_many_levels_are_rejected() {
     for (levels, fits) in [(MAX_DEPTH, true), (MAX_DEPTH + 1, false)] {
         let node = |level| {
             let below = if level == levels { Cell::leaf(0) } else { Cell::node(level) };
@@ -177,7 +178,7 @@ fn trees_of_too_many_levels_are_refused() {
 }
 
 #[test]
-fn what_is_not_finite_is_refused() {
+fn invalid_numbers_are_rejected() {
     let frame = Frame::spanning(DVec3::NEG_ONE, DVec3::ONE);
     let node = |_| vec![std::array::from_fn(|cell| if cell == 0 { Cell::leaf(0) } else { Cell::EMPTY })];
     let make = |density: f32, k: f16| {

@@ -1,4 +1,4 @@
-//! What palettes and looks may be.
+//! Extreme palettes and `Posterize` settings.
 
 use bevy::prelude::*;
 use bevy_plenoctree::{Activation, BilateralFilter, Palette, PaletteOverride, Palettes, Posterize, Prop, UpAxis};
@@ -26,9 +26,9 @@ fn camera() -> PinholeCamera {
 }
 
 #[test]
-fn palettes_and_looks_at_their_ends() {
+fn palettes_and_settings_at_their_limits() {
     let field = ball();
-    let picture = reference::render(&field, &camera());
+    let rendering = reference::render(&field, &camera());
     let gray = [0.4; 3];
     let many: Vec<[f64; 3]> = (0..16u32).map(|i| [i & 3, i >> 2 & 1, i >> 3].map(|c| f64::from(c) / 3.0)).collect();
     for (name, colors) in [
@@ -37,16 +37,16 @@ fn palettes_and_looks_at_their_ends() {
         ("two", vec![[0.9, 0.1, 0.1], [0.1, 0.2, 0.9]]),
         ("sixteen", many),
     ] {
-        let extracted: Vec<DVec3> = colors.iter().map(|color| DVec3::from(*color)).collect();
+        let source: Vec<DVec3> = colors.iter().map(|color| DVec3::from(*color)).collect();
         let mut stage = Stage::with_palette(&field, Palette::new(colors).unwrap());
         for (blend_steps, softness) in [(1, 0.0), (8, 0.0), (1, 1e-9), (8, 0.2), (3, 10.0)] {
-            let look = Posterize { blend_steps, softness, ..default() };
+            let posterize = Posterize { blend_steps, softness, ..default() };
             let settings = reference::Posterization { blend_steps, softness: softness.into(), ..Default::default() };
             let prop = stage.prop;
-            stage.headless.app.world_mut().entity_mut(prop).insert(look);
-            let expected = reference::posterize(&picture, DVec3::ZERO, &extracted, &extracted, &settings);
+            stage.headless.app.world_mut().entity_mut(prop).insert(posterize);
+            let expected = reference::posterize(&rendering, DVec3::ZERO, &source, &source, &settings);
             let near = stage
-                .picture(&camera())
+                .capture(&camera())
                 .pixels()
                 .zip(&expected)
                 .filter(|(pixel, color)| {
@@ -54,14 +54,14 @@ fn palettes_and_looks_at_their_ends() {
                 })
                 .count();
             let share = near as f64 / expected.len() as f64;
-            assert!(share > 0.97, "{name}, {look:?}: {share}");
+            assert!(share > 0.97, "{name}, {posterize:?}: {share}");
         }
     }
 }
 
-/// Colors outside of what displays show are legal, and end at its borders.
+/// Colors outside the gamut of displays are valid, and are clamped when drawn.
 #[test]
-fn neon_ends_at_the_borders_of_the_screen() {
+fn neon_colors_are_clamped() {
     let field = ball();
     let mut stage = Stage::with_palette(&field, Palette::new(vec![[0.4; 3]]).unwrap());
     let (prop, handle) = (stage.prop, stage.field.clone());
@@ -70,14 +70,14 @@ fn neon_ends_at_the_borders_of_the_screen() {
         [(Color::srgb(3.0, -1.0, 0.5), [255, 0, 128]), (Color::linear_rgb(1e4, 0.0, -1e4), [255, 0, 0])]
     {
         stage.headless.app.world_mut().resource_mut::<Palettes>().get_mut(&handle).unwrap().set(0, color);
-        let pixel = *stage.picture(&camera()).get_pixel(16, 16);
+        let pixel = *stage.capture(&camera()).get_pixel(16, 16);
         assert!((0..3).all(|c| pixel[c].abs_diff(expected[c]) <= 1), "{color:?}: {pixel:?}");
     }
 }
 
-/// The nearest of more props than half floats can count has its own color.
+/// Among more props than half floats can count, the nearest one has its own color.
 #[test]
-fn the_last_of_two_thousand_props_has_its_colors() {
+fn the_nearest_of_two_thousand_props_has_its_colors() {
     let node = std::array::from_fn(|cell| Cell::leaf(cell as u32));
     let solid = field(Basis::Rgba, vec![node], vec![1e4; 8], vec![f16::ZERO; 24]);
     let mut stage = Stage::with_palette(&solid, Palette::new(vec![[0.0; 3]]).unwrap());
@@ -90,18 +90,18 @@ fn the_last_of_two_thousand_props_has_its_colors() {
         let behind = camera().position.normalize().as_vec3() * -0.01 * index as f32;
         world.spawn((Prop(handle.clone()), Transform::from_translation(behind)));
     }
-    let pixel = *stage.picture(&camera()).get_pixel(16, 16);
+    let pixel = *stage.capture(&camera()).get_pixel(16, 16);
     assert!(is_near(pixel.0, [51, 102, 204, 255]), "{pixel:?}");
 }
 
-/// A prop of one color has that color, whatever numbers a look is made of.
+/// A prop of one color is drawn in that color, whatever its settings.
 #[test]
-fn looks_beyond_their_range_are_harmless() {
+fn settings_beyond_their_range_are_harmless() {
     let node = std::array::from_fn(|cell| Cell::leaf(cell as u32));
     let colors = [0.25, 0.5, 1.0].map(f16::from_f32).repeat(8);
     let solid = field(Basis::Rgba, vec![node], vec![1e4; 8], colors);
     let mut stage = Stage::with_palette(&solid, Palette::new(vec![[0.0; 3], [0.25, 0.5, 1.0], [1.0; 3]]).unwrap());
-    let looks = [f32::NAN, f32::NEG_INFINITY, -1.0, 0.0, f32::INFINITY].into_iter().flat_map(|number| {
+    let floats = [f32::NAN, f32::NEG_INFINITY, -1.0, 0.0, f32::INFINITY].into_iter().flat_map(|number| {
         let filter = BilateralFilter::default();
         [
             Posterize { softness: number.min(0.2), ..default() },
@@ -118,29 +118,29 @@ fn looks_beyond_their_range_are_harmless() {
             Posterize { filter: BilateralFilter { radius: number, ..filter }, ..default() },
         ]
     });
-    for look in looks.chain(counts) {
+    for posterize in floats.chain(counts) {
         let prop = stage.prop;
-        stage.headless.app.world_mut().entity_mut(prop).insert(look);
-        let pixel = *stage.picture(&camera()).get_pixel(16, 16);
-        assert!(is_near(pixel.0, [64, 128, 255, 255]), "{look:?}: {pixel:?}");
+        stage.headless.app.world_mut().entity_mut(prop).insert(posterize);
+        let pixel = *stage.capture(&camera()).get_pixel(16, 16);
+        assert!(is_near(pixel.0, [64, 128, 255, 255]), "{posterize:?}: {pixel:?}");
     }
 }
 
-/// Sums of harmonics beyond the ends of what half floats hold have the palette's colors that are nearest to them.
+/// Sums of harmonics beyond the limits of half floats get the nearest colors of the palette.
 #[test]
 fn the_brightest_and_the_darkest_get_labels() {
     let (black, white) = ([0.0; 3], [1.0; 3]);
     let node = std::array::from_fn(|cell| Cell::leaf(cell as u32));
     for (value, expected) in [(f16::MAX, [255; 3]), (f16::MIN, [0; 3])] {
-        // The constant and the three functions that are linear in the direction, all of one sign as seen from the camera.
+        // The constant and the three functions that are linear in the direction have one sign, seen from the camera.
         let coefficients = [value, value, -value, value].repeat(3 * 8);
         let field = activated(&field(Basis::Sh4, vec![node], vec![30.0; 8], coefficients), Activation::Identity);
-        // The wrong one comes first.
+        // The wrong color comes first.
         let colors = if value == f16::MAX { vec![black, white] } else { vec![white, black] };
         let mut stage = Stage::with_palette(&field, Palette::new(colors).unwrap());
         let prop = stage.prop;
         stage.headless.app.world_mut().entity_mut(prop).insert(Posterize { softness: 0.0, ..default() });
-        let pixel = *stage.picture(&camera()).get_pixel(16, 16);
+        let pixel = *stage.capture(&camera()).get_pixel(16, 16);
         assert_eq!(pixel.0[..3], expected, "{value}");
     }
 }

@@ -1,4 +1,4 @@
-//! Arithmetic where it gets thin: through the real renderer, against float64 or what can be worked out by hand.
+//! Tests arithmetic at its limits, against the float64 reference or values worked out by hand.
 
 mod fields;
 mod looks;

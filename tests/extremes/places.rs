@@ -1,4 +1,4 @@
-//! Where cameras and props may stand.
+//! Cameras and props in extreme places.
 
 use bevy::prelude::*;
 use bevy_plenoctree::{UpAxis, headless::pinhole_view};
@@ -7,7 +7,8 @@ use plenoctree::camera::PinholeCamera;
 
 use crate::stage::{SIZE, Stage, chain, is_near, looking};
 
-/// The middle ray runs along an axis, in faces, through edges and corners of cells; components are 0, -0 and tiny.
+/// The center ray runs along an axis, in faces, and through edges and corners of cells. Its components are 0, -0 or
+/// tiny.
 #[test]
 fn rays_along_axes_and_in_faces() {
     let field = chain(6, 7, Some(0.7), 3.0);
@@ -39,18 +40,18 @@ fn cameras_on_faces_in_corners_and_inside() {
     }
 }
 
-/// The sides of a mirrored box are wound the other way round; a camera in it sees them from inside all the same.
+/// The faces of a mirrored box have the opposite winding. A camera inside the box still sees them from inside.
 #[test]
 fn a_camera_inside_a_mirrored_prop_sees_it() {
     let field = chain(3, 7, Some(0.7), 3.0);
     let mut stage = Stage::new(&field);
     let position = DVec3::new(0.1, -0.2, 0.3);
     let camera = looking(position, position + DVec3::X);
-    let before = stage.picture(&camera);
+    let before = stage.capture(&camera);
     let prop = stage.prop;
     stage.headless.app.world_mut().entity_mut(prop).insert(Transform::from_scale(Vec3::new(1.0, 1.0, -1.0)));
     let other = position * DVec3::new(1.0, 1.0, -1.0);
-    let mirrored = stage.picture(&looking(other, other + DVec3::X));
+    let mirrored = stage.capture(&looking(other, other + DVec3::X));
     assert!(before.pixels().all(|pixel| pixel[2] > 50));
     let same = |(x, y, pixel): (u32, u32, &image::Rgba<u8>)| {
         pixel.0.iter().zip(mirrored.get_pixel(SIZE - 1 - x, y).0).all(|(a, b)| a.abs_diff(b) <= 1)
@@ -58,12 +59,12 @@ fn a_camera_inside_a_mirrored_prop_sees_it() {
     assert!(before.enumerate_pixels().all(same));
 }
 
-/// A million sizes away, through a lens that makes up for it.
+/// Cameras up to a million units away see the same as near ones, with a focal length that compensates for the distance.
 #[test]
-fn cameras_far_away_see_what_near_ones_see() {
+fn distant_cameras_see_what_near_ones_see() {
     let field = chain(5, 7, Some(0.7), 3.0);
     let mut stage = Stage::new(&field);
-    // Bevy keeps the camera's place and turn in float32, whose steps move the picture by a pixel at last.
+    // Bevy stores the camera's position and rotation in float32, whose steps eventually move the frame by a pixel.
     for (distance, most) in [(1e2, 0.6), (1e4, 0.6), (1e6, 8.0)] {
         let far = looking(distance * DVec3::new(0.48, 0.36, 0.8), DVec3::ZERO);
         let focal = 0.4 * f64::from(SIZE) * distance;
@@ -73,21 +74,21 @@ fn cameras_far_away_see_what_near_ones_see() {
     }
 }
 
-/// Scaled by a lot, with the camera's distance, nothing changes; nor does a mirror or a shear of parent and camera alike.
+/// Scaling a prop and the camera's distance by a large factor changes nothing. A sheared prop is drawn too.
 #[test]
-fn scales_and_shears_change_nothing() {
+fn scaled_and_sheared_props_are_drawn() {
     let field = chain(4, 7, Some(0.7), 3.0);
     let near = looking(DVec3::new(1.5, 1.0, 3.0), DVec3::ZERO);
     let mut stage = Stage::new(&field);
-    let before = stage.picture(&near);
+    let before = stage.capture(&near);
     let same = |after: &image::RgbaImage| before.iter().zip(after.iter()).all(|(a, b)| a.abs_diff(*b) <= 1);
     for scale in [1e-4, 1e4] {
         let prop = stage.prop;
         stage.headless.app.world_mut().entity_mut(prop).insert(Transform::from_scale(Vec3::splat(scale)));
         let camera = PinholeCamera { position: near.position * f64::from(scale), ..near };
-        assert!(same(&stage.picture(&camera)), "scaled by {scale}");
+        assert!(same(&stage.capture(&camera)), "scaled by {scale}");
     }
-    // The prop in a parent that is scaled unevenly and turned: sheared. So is the camera's way to it.
+    // The parent is scaled unevenly and rotated, which shears the prop.
     let parent = Transform::from_scale(Vec3::new(2.0, 0.5, -1.5)).with_rotation(Quat::from_rotation_z(0.7));
     let own = Transform::from_rotation(Quat::from_rotation_x(0.4)).with_scale(Vec3::new(1.0, 3.0, 0.5));
     let (prop, camera) = (stage.prop, stage.camera);
@@ -96,11 +97,11 @@ fn scales_and_shears_change_nothing() {
     world.entity_mut(prop).insert((own, ChildOf(above)));
     let view = pinhole_view(&near, UpAxis::Y);
     world.entity_mut(camera).insert(view);
-    let picture = stage.headless.capture().unwrap();
-    assert!(picture.pixels().any(|pixel| pixel[2] > 20) && picture.pixels().all(|pixel| pixel[3] == 255));
+    let frame = stage.headless.capture().unwrap();
+    assert!(frame.pixels().any(|pixel| pixel[2] > 20) && frame.pixels().all(|pixel| pixel[3] == 255));
 }
 
-/// 1e5 units from the origin, where a step of float32 is 0.008: the prop is where it is, to within that.
+/// At 1e5 units from the origin, where a step of float32 is 0.008, a prop is drawn in place, to within that step.
 #[test]
 fn far_from_the_origin_of_the_world() {
     let field = chain(1, 0, Some(1e4), 1e4);
@@ -109,13 +110,13 @@ fn far_from_the_origin_of_the_world() {
     let prop = stage.prop;
     stage.headless.app.world_mut().entity_mut(prop).insert(Transform::from_translation(place.as_vec3()));
     let camera = looking(DVec3::new(0.0, 0.0, 6.0), DVec3::ZERO);
-    let picture = stage.picture(&PinholeCamera { position: place + camera.position, ..camera });
-    assert!(is_near(picture.get_pixel(16, 16).0, [64, 128, 255, 255]));
-    assert_eq!(picture.get_pixel(1, 1).0, [0, 0, 0, 255]);
+    let frame = stage.capture(&PinholeCamera { position: place + camera.position, ..camera });
+    assert!(is_near(frame.get_pixel(16, 16).0, [64, 128, 255, 255]));
+    assert_eq!(frame.get_pixel(1, 1).0, [0, 0, 0, 255]);
 }
 
 #[test]
-fn targets_of_one_pixel_and_of_four_thousand() {
+fn targets_from_one_pixel_to_four_thousand() {
     let field = chain(1, 0, Some(1e4), 1e4);
     let mut stage = Stage::new(&field);
     let prop = stage.prop;
@@ -123,9 +124,9 @@ fn targets_of_one_pixel_and_of_four_thousand() {
     for (width, height) in [(1, 1), (4096, 3), (1, 4096), (4096, 4096)] {
         stage.headless.resize(UVec2::new(width, height));
         let camera = looking(DVec3::new(0.0, 0.0, 6.0), DVec3::ZERO).resized(width, height);
-        let picture = stage.picture(&camera);
-        assert_eq!(picture.dimensions(), (width, height));
-        assert_eq!(picture.get_pixel(width / 2, height / 2)[3], 255);
-        assert!(picture.get_pixel(width / 2, height / 2)[2] > 100, "{width} x {height}");
+        let frame = stage.capture(&camera);
+        assert_eq!(frame.dimensions(), (width, height));
+        assert_eq!(frame.get_pixel(width / 2, height / 2)[3], 255);
+        assert!(frame.get_pixel(width / 2, height / 2)[2] > 100, "{width} x {height}");
     }
 }

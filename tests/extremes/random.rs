@@ -1,4 +1,4 @@
-//! Whatever tree, densities, colors and place.
+//! Random trees, densities, colors and cameras.
 
 use bevy_plenoctree::PlenOctree;
 use glam::DVec3;
@@ -8,7 +8,7 @@ use proptest::prelude::*;
 
 use crate::stage::{Stage, field, looking};
 
-/// What a cell of a random tree holds: a node, a leaf of some density and color, or nothing.
+/// The content of a cell in a random tree: a node, a leaf of some density and color, or nothing.
 #[derive(Clone, Debug)]
 struct Choice {
     kind: u8,
@@ -24,7 +24,7 @@ fn choices() -> impl Strategy<Value = Vec<Choice>> {
     )
 }
 
-/// Fills cells with choices, level by level, until there are none.
+/// Fills cells with choices, level by level, until none are left.
 fn tree(choices: &[Choice], depth: usize) -> PlenOctree {
     let (mut nodes, mut levels) = (vec![[Cell::EMPTY; 8]], vec![1]);
     let (mut density, mut coefficients) = (Vec::new(), Vec::new());
@@ -50,7 +50,7 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 24, max_shrink_iters: 60, ..Default::default() })]
 
     #[test]
-    fn any_tree_is_drawn_as_in_float64(
+    fn random_trees_match_the_reference(
         choices in choices(),
         depth in 1usize..=12,
         eye in prop::array::uniform3(-3.0..3.0f64),

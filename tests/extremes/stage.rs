@@ -1,4 +1,4 @@
-//! One prop, one camera, small pictures.
+//! A stage with one prop and one camera, for small frames.
 
 use std::time::Duration;
 
@@ -41,24 +41,24 @@ impl Stage {
         Self { headless, camera, prop, field: handle }
     }
 
-    pub fn picture(&mut self, camera: &PinholeCamera) -> RgbaImage {
+    pub fn capture(&mut self, camera: &PinholeCamera) -> RgbaImage {
         let view = pinhole_view(camera, UpAxis::Y);
         self.headless.app.world_mut().entity_mut(self.camera).insert(view);
         self.headless.capture().unwrap()
     }
 
-    /// The picture is that of float64, over black.
+    /// Asserts that the frame matches the float64 reference, over black.
     pub fn check(&mut self, field: &PlenOctree, camera: &PinholeCamera, what: &str) {
-        // Rounding to 8 bits alone makes 0.29.
+        // Rounding to 8 bits alone makes a difference of 0.29.
         let difference = self.difference(field, camera);
         assert!(difference < 0.6, "{what}: {difference}");
     }
 
-    /// Root mean square difference from float64, over black, in steps of 255.
+    /// Returns the root mean square difference from the float64 reference, over black, in 8-bit steps.
     pub fn difference(&mut self, field: &PlenOctree, camera: &PinholeCamera) -> f64 {
         let expected = reference::render(field, camera).over(DVec3::ZERO);
-        let picture = self.picture(camera);
-        let squares = picture.pixels().zip(&expected).map(|(pixel, color)| {
+        let frame = self.capture(camera);
+        let squares = frame.pixels().zip(&expected).map(|(pixel, color)| {
             let seen = DVec3::new(pixel[0].into(), pixel[1].into(), pixel[2].into());
             (seen - 255.0 * color.clamp(DVec3::ZERO, DVec3::ONE)).length_squared() / 3.0
         });
@@ -66,19 +66,20 @@ impl Stage {
     }
 }
 
-/// A camera at `position` that looks at `target`.
+/// Returns a camera at `position` that looks at `target`.
 pub fn looking(position: DVec3, target: DVec3) -> PinholeCamera {
     let up = if (target - position).normalize().y.abs() > 0.9 { DVec3::Z } else { DVec3::Y };
     PinholeCamera::new(SIZE, SIZE, 0.8, DMat4::IDENTITY).looking_at(position, target, up)
 }
 
-/// A field in [-1, 1]^3 whose leaves have these densities and coefficients.
+/// Returns a field in [-1, 1]^3 whose leaves have these densities and coefficients.
 pub fn field(basis: Basis, nodes: Vec<[Cell; 8]>, density: Vec<f32>, coefficients: Vec<f16>) -> PlenOctree {
     let frame = Frame::spanning(DVec3::NEG_ONE, DVec3::ONE);
     PlenOctree::new(frame, basis, basis.default_activation(), UpAxis::Y, nodes, density, coefficients).unwrap()
 }
 
-/// Leaves of one color, down to `depth` along a chain toward `corner` (a cell's index); other cells hold `beside`.
+/// Returns a field of one color with a chain of nodes toward the cell of index `corner`. The cell at `depth` has the
+/// density `last`, and the cells next to the chain have the density `beside`.
 pub fn chain(depth: u32, corner: usize, beside: Option<f32>, last: f32) -> PlenOctree {
     let (mut nodes, mut density) = (Vec::new(), Vec::new());
     let leaf = |value: f32, density: &mut Vec<f32>| {
@@ -97,14 +98,14 @@ pub fn chain(depth: u32, corner: usize, beside: Option<f32>, last: f32) -> PlenO
     field(Basis::Rgba, nodes, density, coefficients)
 }
 
-/// The field that other activations make of the same numbers.
+/// Returns the same field with another activation.
 pub fn activated(field: &PlenOctree, activation: Activation) -> PlenOctree {
     let (nodes, density) = (field.nodes().to_vec(), field.densities().to_vec());
     let coefficients = field.coefficients().to_vec();
     PlenOctree::new(field.frame(), field.basis(), activation, field.up(), nodes, density, coefficients).unwrap()
 }
 
-/// To within a step of 255.
+/// Whether two colors are equal to within one 8-bit step.
 pub fn is_near(seen: [u8; 4], expected: [u8; 4]) -> bool {
     seen.iter().zip(expected).all(|(seen, expected)| seen.abs_diff(expected) <= 1)
 }

@@ -1,4 +1,4 @@
-//! Cameras of every kind, and what they do not see.
+//! Tests cameras of every kind, and what they must not show.
 
 use std::{
     f32::consts::FRAC_PI_2,
@@ -20,20 +20,22 @@ use crate::stage::{
     BACKGROUND, BLUE, GREEN, PIXELS, RED, SOLID, Side, Stage, color, cube, density, flat, in_cube, seen, shape,
 };
 
-/// A camera that sees 90 degrees: a ray goes from it along (x / 2, y / 2, -1).
+/// Returns a projection with a field of view of 90 degrees. The ray of the pixel at (x, y) goes along
+/// (x / 2, y / 2, -1).
 fn wide() -> Projection {
     Projection::Perspective(PerspectiveProjection { fov: FRAC_PI_2, aspect_ratio: 1.0, ..default() })
 }
 
-/// The front camera anew.
+/// Replaces the projection and transform of the front camera.
 fn place_camera(stage: &mut Stage, projection: Projection, transform: Transform) {
     let [front, _] = stage.cameras;
     stage.world().entity_mut(front).insert((projection, transform));
 }
 
-/// In the middle of a cube of fog, whose far side is at distance 1: every ray of a perspective camera leaves there.
+/// The camera is at the center of a cube of fog, whose far side is at distance 1. All rays of a perspective camera
+/// leave through that side.
 #[test]
-fn a_camera_in_the_fog_sees_what_is_before_it() {
+fn a_camera_inside_fog_sees_what_is_in_front_of_it() {
     let mut stage = Stage::new();
     stage.spawn_prop(&shape(0.5, GREEN, |_| true), default());
     stage.wait();
@@ -49,8 +51,8 @@ fn a_camera_in_the_fog_sees_what_is_before_it() {
     });
 }
 
-/// The near side of the cube is at distance 2, the far side at 4. A ray that misses the near side misses the cube, and
-/// others leave through the far side or through one beside it.
+/// The near side of the cube is at distance 2, the far side at 4. Rays that miss the near side miss the cube. The
+/// others leave through the far side or through an adjacent one.
 #[test]
 fn rays_of_a_perspective_camera_diverge() {
     let mut stage = Stage::new();
@@ -65,9 +67,9 @@ fn rays_of_a_perspective_camera_diverge() {
     });
 }
 
-/// An orthographic camera sees what is behind it as far as its near plane, as it does of meshes.
+/// If its near plane is behind it, an orthographic camera sees what is behind it, meshes and props alike.
 #[test]
-fn a_near_plane_behind_the_camera_is_where_rays_begin() {
+fn rays_start_at_a_near_plane_behind_the_camera() {
     let mut stage = Stage::new();
     stage.spawn_prop(&cube(density(0.4), GREEN), default());
     stage.wait();
@@ -78,7 +80,7 @@ fn a_near_plane_behind_the_camera_is_where_rays_begin() {
     });
 }
 
-/// A camera that is mirrored, as one is that draws a mirror's picture, sees what is at the left at the right.
+/// A mirrored camera, such as one that draws a reflection, swaps left and right.
 #[test]
 fn a_mirrored_camera_sees_everything_mirrored() {
     let mut stage = Stage::new();
@@ -89,14 +91,14 @@ fn a_mirrored_camera_sees_everything_mirrored() {
     let [front, _] = stage.cameras;
     stage.world().get_mut::<Camera>(front).unwrap().invert_culling = true;
     stage.check("mirrored", |side, place| {
-        // The front camera's pixels are not where they were.
+        // The front camera's pixels are mirrored.
         let x = if side == Side::Front { -place.x } else { place.x };
         let covers = in_cube(DVec2::new(x - 0.25, place.y));
         seen(side, &covers.then_some((0.0, GREEN, 0.4)).into_iter().collect::<Vec<_>>())
     });
 }
 
-/// What is in an image that cameras draw to.
+/// Captures an image that cameras draw to.
 fn capture(stage: &mut Stage, image: &Handle<Image>) -> Image {
     let captured = Arc::new(Mutex::new(None));
     let result = captured.clone();
@@ -109,10 +111,10 @@ fn capture(stage: &mut Stage, image: &Handle<Image>) -> Image {
             return image;
         }
     }
-    panic!("no picture was captured");
+    panic!("no frame was captured");
 }
 
-/// One camera each for targets of other formats, each half a unit further to the right than the one before it.
+/// Each target has a format and a camera of its own, half a unit further to the right than the previous one.
 #[test]
 fn cameras_draw_to_targets_of_every_format_at_once() {
     let mut stage = Stage::new();
@@ -147,12 +149,12 @@ fn cameras_draw_to_targets_of_every_format_at_once() {
         seen(side, &layers)
     };
     for (index, (image, target)) in images.iter().zip(targets).enumerate() {
-        let picture = capture(&mut stage, image);
+        let captured = capture(&mut stage, image);
         for (x, y) in (0..PIXELS).flat_map(|y| (0..PIXELS).map(move |x| (x, y))) {
             let place = (DVec2::new(x.into(), y.into()) + 0.5) / 8.0 - 2.0;
             let expected = expected(Side::Front, DVec2::new(place.x + 0.5 * index as f64, -place.y));
-            // What the target holds is linear light, or encoded: 2/255 of that.
-            let pixel = picture.get_color_at(x, y).unwrap();
+            // Compare in the target's own encoding, to within 2/255.
+            let pixel = captured.get_color_at(x, y).unwrap();
             let off = if target.0.is_srgb() {
                 pixel.to_srgba().to_vec3() - expected.as_vec3()
             } else {
@@ -164,19 +166,19 @@ fn cameras_draw_to_targets_of_every_format_at_once() {
     stage.check("the stage", expected);
 }
 
-/// One prop that nobody sees: the picture is to the byte what it is without.
+/// A prop that no camera sees does not change a single byte of the frame.
 #[test]
-fn props_that_are_not_seen_change_nothing() {
+fn invisible_props_change_nothing() {
     let mut stage = Stage::new();
     stage.spawn_prop(&cube(density(0.4), GREEN), default());
     stage.wait();
-    let alone = stage.picture();
+    let alone = stage.capture();
     let other = stage.spawn_prop(&cube(SOLID, RED), Transform::from_xyz(0.25, 0.25, 0.75));
     stage.wait();
-    assert!(stage.picture() != alone, "seen");
+    assert!(stage.capture() != alone, "visible");
     let mut insert_and_check = |what, change: fn(&mut EntityWorldMut)| {
         change(&mut stage.world().entity_mut(other));
-        assert!(stage.picture() == alone, "{what}");
+        assert!(stage.capture() == alone, "{what}");
     };
     insert_and_check("on another layer", |prop| {
         prop.insert(RenderLayers::layer(1));
@@ -184,7 +186,7 @@ fn props_that_are_not_seen_change_nothing() {
     insert_and_check("hidden", |prop| {
         prop.insert((RenderLayers::layer(0), Visibility::Hidden));
     });
-    insert_and_check("beside the picture", |prop| {
+    insert_and_check("outside the view", |prop| {
         prop.insert((Visibility::Inherited, Transform::from_xyz(3.0, 0.0, 0.0)));
     });
     insert_and_check("flattened to nothing", |prop| {
@@ -202,7 +204,7 @@ fn a_camera_sees_the_props_on_its_layers() {
     stage.world().entity_mut(blue).insert(RenderLayers::layer(1));
     stage.world().entity_mut(behind).insert(RenderLayers::layer(1));
     stage.wait();
-    // They overlap in space too, but the sides see only what is on their layers.
+    // The props overlap in the view, but each side sees only the props on its layers.
     stage.world().get_mut::<Transform>(blue).unwrap().translation = Vec3::new(0.5, 0.0, -1.0);
     stage.check("layers", |side, place| {
         let mut layers = Vec::new();

@@ -1,4 +1,4 @@
-//! What hides what: meshes, panes, gizmos and props, before, behind and in a prop.
+//! Tests occlusion: meshes, panes, gizmos and props in front of, behind and inside a prop.
 
 use bevy::{
     camera::Hdr,
@@ -14,12 +14,12 @@ use crate::stage::{
     BACKGROUND, BLUE, GREEN, Layer, RED, SOLID, Side, Stage, color, cube, density, in_cube, seen, shape, within,
 };
 
-/// The left half of the stage's middle.
+/// Whether a place is in the left half of the middle of the stage.
 fn in_left(place: DVec2) -> bool {
     within(place, (-1.0, -1.0), (0.0, 1.0))
 }
 
-/// The upper half of the stage's middle.
+/// Whether a place is in the upper half of the middle of the stage.
 fn in_top(place: DVec2) -> bool {
     within(place, (-1.0, 0.0), (1.0, 1.0))
 }
@@ -32,7 +32,7 @@ fn spawn_top(stage: &mut Stage, z: f32, encoded: DVec3, alpha: f32) -> Entity {
     stage.spawn_rectangle((-1.0, 0.0), (1.0, 1.0), z, encoded, alpha)
 }
 
-/// The sample counts that the adapter has for all that a camera draws to.
+/// Returns the sample counts that the adapter supports for all textures that a camera draws to.
 fn sample_counts(stage: &mut Stage) -> Vec<Msaa> {
     let world = stage.world();
     let adapter = world.resource::<RenderAdapter>();
@@ -51,7 +51,7 @@ fn sample_counts(stage: &mut Stage) -> Vec<Msaa> {
     all.into_iter().filter(supported).collect()
 }
 
-/// Runs `check` with every sample count, with HDR and without.
+/// Runs `check` with every sample count, with and without HDR.
 fn in_every_mode(stage: &mut Stage, mut check: impl FnMut(&mut Stage, &str)) {
     for msaa in sample_counts(stage) {
         for hdr in [false, true] {
@@ -69,10 +69,10 @@ fn in_every_mode(stage: &mut Stage, mut check: impl FnMut(&mut Stage, &str)) {
     }
 }
 
-/// Fog through which 6/10 of the light comes, between two opaque rectangles: alone, over one of them, behind the other,
-/// over the background; and the rectangles swapped.
+/// Fog that transmits 6/10 of the light, between two opaque rectangles: over the background, over one rectangle and
+/// behind the other. Then the rectangles are swapped.
 #[test]
-fn fog_is_between_what_is_before_and_behind_it() {
+fn fog_is_drawn_between_meshes() {
     let mut stage = Stage::with_meshes();
     stage.spawn_prop(&cube(density(0.4), GREEN), default());
     let left = spawn_left(&mut stage, 1.0, RED, 1.0);
@@ -93,9 +93,9 @@ fn fog_is_between_what_is_before_and_behind_it() {
     });
 }
 
-/// A mesh in the fog is behind a quarter of it from one side, and three quarters from the other.
+/// A mesh inside fog is behind a quarter of it from one side, and behind three quarters from the other.
 #[test]
-fn fog_ends_at_a_mesh_that_stands_in_it() {
+fn fog_ends_at_a_mesh_inside_it() {
     let mut stage = Stage::with_meshes();
     stage.spawn_prop(&cube(2.0, GREEN), default());
     spawn_left(&mut stage, 0.25, RED, 1.0);
@@ -114,7 +114,7 @@ fn fog_ends_at_a_mesh_that_stands_in_it() {
     });
 }
 
-/// Four times as bright as white is 1.8248 encoded; of that, 45/100 come through the fog.
+/// Light four times as bright as white is 1.8248 when encoded; 45/100 of that passes through the fog.
 #[test]
 fn a_light_brighter_than_white_shines_through_fog() {
     let mut stage = Stage::new();
@@ -131,7 +131,7 @@ fn a_light_brighter_than_white_shines_through_fog() {
     });
 }
 
-/// What a pane that takes half of the light shows of a color, encoded, as Bevy blends.
+/// Returns the encoded color of a pane with an opacity of 1/2 over another color, blended as Bevy does.
 fn through_pane(pane: DVec3, behind: DVec3) -> DVec3 {
     let mixed = color(pane).to_linear() * 0.5 + color(behind).to_linear() * 0.5;
     let encoded = Srgba::from(mixed);
@@ -139,7 +139,7 @@ fn through_pane(pane: DVec3, behind: DVec3) -> DVec3 {
 }
 
 #[test]
-fn panes_blend_over_a_solid_prop_and_are_hidden_by_it() {
+fn panes_blend_over_a_solid_prop_and_are_occluded_by_it() {
     let mut stage = Stage::with_meshes();
     stage.spawn_prop(&cube(SOLID, GREEN), default());
     spawn_left(&mut stage, 1.0, RED, 0.5);
@@ -159,7 +159,7 @@ fn panes_blend_over_a_solid_prop_and_are_hidden_by_it() {
     });
 }
 
-/// A line that is half a unit thick.
+/// Spawns a line that is half a unit thick.
 fn spawn_line(stage: &mut Stage, z: f32, encoded: DVec3, vertical: bool) {
     let along = if vertical { Vec3::Y } else { Vec3::X };
     let mut gizmo = GizmoAsset::default();
@@ -170,7 +170,7 @@ fn spawn_line(stage: &mut Stage, z: f32, encoded: DVec3, vertical: bool) {
 }
 
 #[test]
-fn gizmos_are_drawn_before_a_prop_and_hidden_behind_it() {
+fn gizmos_are_drawn_over_a_prop_and_occluded_behind_it() {
     let mut stage = Stage::with_meshes();
     stage.spawn_prop(&cube(SOLID, GREEN), default());
     spawn_line(&mut stage, 1.0, RED, false);
@@ -187,7 +187,7 @@ fn gizmos_are_drawn_before_a_prop_and_hidden_behind_it() {
     });
 }
 
-/// Every pair of a fog and a solid prop, one before the other; the cameras see them in both orders.
+/// Pairs of props that are fog or solid, one in front of the other. The cameras see them in both orders.
 #[test]
 fn props_are_composited_over_each_other() {
     for (red, blue) in [(0.4, 0.3), (0.4, 1.0), (1.0, 1.0)] {
@@ -206,9 +206,9 @@ fn props_are_composited_over_each_other() {
     }
 }
 
-/// A prop that is farther by its middle has haze before the other, which takes a hundredth of the light.
+/// The prop whose center is farther away has haze in front of the other one. The haze absorbs 1/100 of the light.
 #[test]
-fn haze_does_not_cut_holes_into_other_props() {
+fn haze_does_not_cut_holes_in_other_props() {
     let mut stage = Stage::new();
     let haze = shape(8.0 * density(0.01), BLUE, |at| at.z > 0.875 || at.max_element() < -0.875);
     stage.spawn_prop(&haze, Transform::from_xyz(0.0, 0.0, -0.4));
@@ -217,11 +217,11 @@ fn haze_does_not_cut_holes_into_other_props() {
     stage.check("haze", |_, place| in_cube(place).then_some(RED));
 }
 
-/// The large prop is a wall at the back of the box around it, which is as deep as the stage because of a speck in a corner.
-/// The small one stands in that box: before the wall from one side, behind it from the other, though its center is farther
-/// than the large one's in the first case and nearer in the second.
+/// The large prop is a wall at the back of its bounding box, which a speck in a corner makes as deep as the stage. The
+/// small prop is inside that box: in front of the wall from one side, and behind it from the other. Its center,
+/// however, is farther away than the large prop's in the first case, and nearer in the second.
 #[test]
-fn a_prop_in_the_box_of_another_is_hidden_only_by_what_is_there() {
+fn a_prop_inside_the_bounds_of_another_is_occluded_by_leaves_only() {
     let mut stage = Stage::new();
     let wall = shape(SOLID, BLUE, |at| at.z < -0.75 || at.min_element() > 0.875);
     stage.spawn_prop(&wall, default());
@@ -237,9 +237,9 @@ fn a_prop_in_the_box_of_another_is_hidden_only_by_what_is_there() {
     });
 }
 
-/// A fog so wide that its center is farther from the camera than that of the fog behind it.
+/// Fog so wide that its center is farther from the camera than the center of the fog behind it.
 #[test]
-fn props_are_in_order_along_the_view() {
+fn props_are_sorted_along_the_view() {
     let mut stage = Stage::new();
     stage.spawn_prop(
         &cube(density(0.4), RED),

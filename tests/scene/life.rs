@@ -1,4 +1,4 @@
-//! Props that come, change and go while the app runs.
+//! Tests props that are spawned, changed and despawned while the app runs.
 
 use std::time::Duration;
 
@@ -21,11 +21,11 @@ use glam::{DVec2, DVec3};
 
 use crate::stage::{BLUE, GREEN, RED, SOLID, Stage, color, cube, density, flat, in_cube, seen, shape, within};
 
-/// What happens to a prop is in the picture of the same frame.
+/// Every change to a prop is visible in the same frame.
 #[test]
 fn a_prop_changes_while_the_app_runs() {
     let fog = cube(density(0.4), GREEN);
-    // Not as deep a tree, in another place.
+    // A shallower tree, in another place.
     let block = shape(SOLID, BLUE, |at| at.x > 0.0);
     let mut stage = Stage::new();
     let check = |stage: &mut Stage, what, shown: Option<(DVec3, f64, bool)>| {
@@ -61,19 +61,19 @@ fn a_prop_changes_while_the_app_runs() {
     check(&mut stage, "the field is back", a_fog);
 
     stage.world().entity_mut(prop).remove::<Prop>();
-    check(&mut stage, "no prop any more", None);
+    check(&mut stage, "the prop removed", None);
     stage.world().entity_mut(prop).insert(Prop(other));
-    check(&mut stage, "a prop again", a_fog);
+    check(&mut stage, "the prop inserted again", a_fog);
     stage.world().despawn(prop);
     check(&mut stage, "despawned", None);
 }
 
-/// What an app holds, on the GPU and off it.
+/// What an app holds, on the CPU and the GPU.
 #[derive(Debug)]
 struct Held {
     fields: usize,
     entities: [usize; 2],
-    /// The device's allocations and their bytes, where the backend says.
+    /// The number of the device's allocations and their bytes, if the backend reports them.
     gpu: Option<(usize, u64)>,
 }
 
@@ -95,9 +95,10 @@ fn uploaded_fields(headless: &Headless) -> usize {
     headless.app.sub_app(RenderApp).world().resource::<RenderAssets<GpuField>>().iter().count()
 }
 
-/// A thousand times a prop with a field and a palette of its own, and a camera that draws it to a picture of its own.
+/// Spawns and despawns a prop a thousand times, each time with a new field, a new palette, and a camera that draws it
+/// to a new image.
 #[test]
-fn nothing_is_left_of_a_thousand_props() {
+fn a_thousand_props_leave_nothing_behind() {
     let field = cube(SOLID, RED);
     let mut headless = Headless::new(UVec2::splat(16), |app| {
         app.add_plugins(PlenOctreePlugin);
@@ -109,9 +110,9 @@ fn nothing_is_left_of_a_thousand_props() {
             let field = world.resource_mut::<Assets<PlenOctree>>().add(field.clone());
             let palette = FieldPalette::from_colors([color(RED), color(BLUE)]).unwrap();
             world.resource_mut::<Palettes>().insert(&field, palette);
-            let picture = Image::new_target_texture(16, 16, TextureFormat::Rgba8UnormSrgb, None);
-            let picture = world.resource_mut::<Assets<Image>>().add(picture);
-            let target = RenderTarget::Image(picture.into());
+            let image = Image::new_target_texture(16, 16, TextureFormat::Rgba8UnormSrgb, None);
+            let image = world.resource_mut::<Assets<Image>>().add(image);
+            let target = RenderTarget::Image(image.into());
             let view = (flat(), Transform::from_xyz(0.0, 0.0, 5.0));
             let spawned = [
                 world.spawn((Prop(field), Posterize::default())).id(),
@@ -123,7 +124,7 @@ fn nothing_is_left_of_a_thousand_props() {
                 headless.app.world_mut().despawn(entity);
             }
         }
-        // What was used lately is kept for some frames.
+        // Recently used resources are kept for a few frames.
         for _ in 0..10 {
             headless.update();
         }
@@ -135,12 +136,13 @@ fn nothing_is_left_of_a_thousand_props() {
     assert_eq!(last.entities, first.entities);
     if let (Some(first), Some(last)) = (first.gpu, last.gpu) {
         assert_eq!(last.0, first.0, "allocations");
-        // Allocations are aligned, now with more and now with less in between, but less than a byte a round.
+        // Allocations are aligned, so the gaps between them vary, but by less than a byte per round.
         assert!(last.1 < first.1 + rounds, "{} bytes grew to {}", first.1, last.1);
     }
 }
 
-/// Two cameras, one multisampled, see a posterized prop beside one that is not, on a new device as on the one that is lost.
+/// Two cameras, one of them multisampled, see a posterized prop next to one that is drawn as trained. They see the same
+/// after the device is lost and replaced.
 #[test]
 fn a_new_device_shows_what_the_lost_one_did() {
     let mut stage = Stage::new();
@@ -162,7 +164,7 @@ fn a_new_device_shows_what_the_lost_one_did() {
     check(&mut stage, "before");
     stage.world().insert_resource(RenderErrorHandler(|_, _, _| RenderErrorPolicy::Recover(default())));
     stage.headless.app.sub_app(RenderApp).world().resource::<RenderDevice>().wgpu_device().destroy();
-    // The new device is made beside the running app.
+    // The new device is created while the app runs.
     for _ in 0..100 {
         stage.headless.update();
         std::thread::sleep(Duration::from_millis(10));

@@ -1,10 +1,12 @@
-//! Props among a game's things, through the real plugin: every pixel against what it must be, worked out by hand.
+//! Tests props together with meshes, cameras and other props. Every pixel is compared with a color worked out by hand.
 //!
-//! A prop is composited in encoded sRGB, the space in which fields are trained: a share `a` of its color and `1 - a` of
-//! what is behind it, as they are encoded. Panes of glass blend in linear light, as Bevy's do.
+//! Props are composited in encoded sRGB, the space in which fields are trained: `a` times the encoded color of the prop
+//! plus `1 - a` times the encoded color behind it, where `a` is the opacity. Panes of glass blend in linear light, like
+//! all transparent meshes of Bevy.
 
 mod cameras;
 mod depth;
 mod life;
+mod reports;
 mod stage;
 mod transforms;

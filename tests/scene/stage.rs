@@ -1,4 +1,4 @@
-//! A stage that is seen from both sides, for tests that know what every pixel must be.
+//! A stage that is seen from both sides, for tests that know the color of every pixel.
 
 use std::{fmt::Display, time::Duration};
 
@@ -18,18 +18,19 @@ use glam::{DVec2, DVec3};
 use image::RgbaImage;
 use plenoctree::{BakeSettings, Basis, bake};
 
-/// Pixels of a viewport, which shows x and y from -2 to 2: eight pixels a unit.
+/// The width and height of a viewport in pixels. It shows x and y from -2 to 2, with eight pixels per unit.
 pub const PIXELS: u32 = 32;
-/// What is behind everything, encoded sRGB.
+/// The background color, in encoded sRGB.
 pub const BACKGROUND: DVec3 = DVec3::new(0.8, 0.7, 0.6);
-/// A density through which nothing is seen.
+/// A density that lets no light through.
 pub const SOLID: f64 = 1e4;
 
 pub const RED: DVec3 = DVec3::new(0.8, 0.1, 0.2);
 pub const BLUE: DVec3 = DVec3::new(0.1, 0.3, 0.9);
 pub const GREEN: DVec3 = DVec3::new(0.2, 0.6, 0.1);
 
-/// From where the stage is seen. Both cameras look along z, at the same pictures' size in two viewports of one target.
+/// The side from which a camera sees the stage. Both cameras face along z and draw to viewports of one target, which
+/// have the same size.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Side {
     /// From positive z: x grows to the right.
@@ -41,7 +42,7 @@ pub enum Side {
 impl Side {
     const BOTH: [Self; 2] = [Self::Front, Self::Behind];
 
-    /// 1 if what has a greater z is nearer, -1 if it is farther.
+    /// Returns 1 if a greater z is nearer, and -1 if it is farther away.
     pub fn sign(self) -> f64 {
         match self {
             Self::Front => 1.0,
@@ -61,10 +62,10 @@ impl Side {
     }
 }
 
-/// Something that covers a pixel: its z, its encoded color, its opacity.
+/// A layer that covers a pixel: its z, its encoded color and its opacity.
 pub type Layer = (f64, DVec3, f64);
 
-/// What is seen of a pixel's layers over the background: one over the other in encoded sRGB, as props are composited.
+/// Composites the layers of a pixel over the background, in encoded sRGB as for props.
 pub fn seen(side: Side, layers: &[Layer]) -> DVec3 {
     let mut layers = layers.to_vec();
     layers.sort_by(|a, b| (side.sign() * a.0).total_cmp(&(side.sign() * b.0)));
@@ -80,46 +81,46 @@ pub fn within(place: DVec2, low: (f64, f64), high: (f64, f64)) -> bool {
     place.cmpgt(low.into()).all() && place.cmplt(high.into()).all()
 }
 
-/// Whether a pixel shows [`cube`].
+/// Whether [`cube`] covers a place.
 pub fn in_cube(place: DVec2) -> bool {
     within(place, (-0.5, -0.5), (0.5, 0.5))
 }
 
-/// An orthographic camera that shows what a viewport shows, from somewhere else.
+/// Returns the orthographic projection of the stage's cameras.
 pub fn flat() -> Projection {
     let scaling_mode = ScalingMode::Fixed { width: 4.0, height: 4.0 };
     Projection::Orthographic(OrthographicProjection { scaling_mode, ..OrthographicProjection::default_3d() })
 }
 
-/// A field of one color, which has a `density` where `inside` says so. It is made of cells of 1/8 in the cube from -1 to 1.
+/// Bakes a field of one color with a `density` wherever `inside` returns true, in cells of 1/8 from -1 to 1.
 pub fn shape(density: f64, color: DVec3, inside: impl Fn(DVec3) -> bool + Sync) -> PlenOctree {
     let settings = BakeSettings { depth: 4, basis: Basis::Rgba, up: UpAxis::Y, ..default() };
     bake(&settings, |at| if inside(at) { density } else { 0.0 }, |_| move |_| color).unwrap()
 }
 
-/// The cube from -1/2 to 1/2.
+/// Bakes the cube from -1/2 to 1/2.
 pub fn cube(density: f64, color: DVec3) -> PlenOctree {
     shape(density, color, |at| at.abs().max_element() < 0.5)
 }
 
-/// The density that has this opacity over a path of length 1.
+/// Returns the density that has this opacity over a path of length 1.
 pub fn density(opacity: f64) -> f64 {
     -(1.0 - opacity).ln()
 }
 
-/// An app with what a test puts on the stage, and its two cameras.
+/// An app with a stage and its two cameras.
 pub struct Stage {
     pub headless: Headless,
     pub cameras: [Entity; 2],
 }
 
 impl Stage {
-    /// A stage for props alone.
+    /// Creates a stage for props alone.
     pub fn new() -> Self {
         Self::with(|_| ())
     }
 
-    /// A stage for meshes and gizmos too.
+    /// Creates a stage for props, meshes and gizmos.
     pub fn with_meshes() -> Self {
         Self::with(|app| {
             app.add_plugins((LightPlugin, PbrPlugin::default(), GizmoPlugin, GizmoRenderPlugin));
@@ -159,7 +160,7 @@ impl Stage {
         self.world().spawn((Prop(field), transform)).id()
     }
 
-    /// An unlit rectangle that is seen from both sides; `alpha` below 1 makes it a pane of glass.
+    /// Spawns an unlit, double-sided rectangle. An `alpha` below 1 makes it a pane of glass.
     pub fn spawn_rectangle(&mut self, low: (f32, f32), high: (f32, f32), z: f32, encoded: DVec3, alpha: f32) -> Entity {
         let (low, high) = (Vec2::from(low), Vec2::from(high));
         let world = self.world();
@@ -179,20 +180,21 @@ impl Stage {
         self.headless.wait_until_ready(Duration::from_secs(120)).unwrap();
     }
 
-    pub fn picture(&mut self) -> RgbaImage {
+    pub fn capture(&mut self) -> RgbaImage {
         self.headless.capture().unwrap()
     }
 
-    /// Runs one frame: every pixel of both viewports must be within 2/255 of what is expected where it lies, if anything is.
+    /// Captures a frame and asserts that every pixel of both viewports is within 2/255 of the expected color, if there
+    /// is one for its place.
     pub fn check<E: Into<Option<DVec3>>>(&mut self, what: impl Display, expected: impl Fn(Side, DVec2) -> E) {
-        let picture = self.picture();
+        let frame = self.capture();
         for side in Side::BOTH {
             let mut wrong = Vec::new();
             for (x, y) in (0..PIXELS).flat_map(|y| (0..PIXELS).map(move |x| (x, y))) {
                 let place = (DVec2::new(x.into(), y.into()) + 0.5) / 8.0 - 2.0;
                 let place = DVec2::new(side.sign() * place.x, -place.y);
                 let corner = side.corner();
-                let pixel = picture.get_pixel(corner.x + x, corner.y + y);
+                let pixel = frame.get_pixel(corner.x + x, corner.y + y);
                 let pixel = DVec3::new(pixel[0].into(), pixel[1].into(), pixel[2].into());
                 if let Some(expected) = expected(side, place).into().map(|color| 255.0 * color)
                     && (pixel - expected).abs().max_element() > 2.0

@@ -1,4 +1,5 @@
-//! Props that are turned, scaled, mirrored and sheared. Optical depth is in the field's own units: no scale changes it.
+//! Tests props that are rotated, scaled, mirrored and sheared. Optical depth is measured in the field's own units, so
+//! scaling does not change it.
 
 use std::f32::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 
@@ -21,15 +22,15 @@ fn scale_does_not_change_opacity() {
     });
 }
 
-/// A cube on its edge: at x, a ray goes `sqrt(2) - 2 |x|` through it. Its parent makes it twice as wide and three times as
-/// deep, which shears it: at x, a ray goes what it went at x / 2.
+/// A cube rotated onto its edge: at x, the path of a ray through it is `sqrt(2) - 2 |x|`. Its parent makes it twice as
+/// wide and three times as deep, which shears it: at x, the path is now as long as it was at x / 2.
 #[test]
 fn a_sheared_prop_is_as_opaque_as_its_field() {
     let mut stage = Stage::new();
     let parent = Transform::from_scale(Vec3::new(2.0, 1.0, 3.0));
     let parent = stage.world().spawn((parent, Visibility::default())).id();
-    let turned = Transform::from_rotation(Quat::from_rotation_y(FRAC_PI_4));
-    let prop = stage.spawn_prop(&cube(1.0, GREEN), turned);
+    let rotated = Transform::from_rotation(Quat::from_rotation_y(FRAC_PI_4));
+    let prop = stage.spawn_prop(&cube(1.0, GREEN), rotated);
     stage.world().entity_mut(prop).insert(ChildOf(parent));
     stage.wait();
     stage.check("sheared", |side, place| {
@@ -38,7 +39,7 @@ fn a_sheared_prop_is_as_opaque_as_its_field() {
     });
 }
 
-/// A fog of 6/10 at the left and 3/10 at the right, mirrored in every way and turned.
+/// Fog with an opacity of 6/10 on the left and 3/10 on the right, mirrored in various ways and rotated.
 #[test]
 fn a_mirrored_prop_is_mirrored() {
     let field = bake(
@@ -73,38 +74,37 @@ fn sigmoid(x: DVec3) -> DVec3 {
     x.map(|x| 1.0 / (1.0 + (-x).exp()))
 }
 
-/// The color of every leaf is the sigmoid of the direction in which it is looked at.
-/// The front camera looks along -z, the other along z.
+/// The color of every leaf is the sigmoid of the view direction: -z for the front camera, and z for the other one.
 #[test]
-fn highlights_turn_with_the_prop() {
+fn highlights_rotate_with_the_prop() {
     let field = |up| {
         let settings = BakeSettings { depth: 2, basis: Basis::Sh4, up, ..default() };
         bake(&settings, |at| if at.abs().max_element() < 0.5 { SOLID } else { 0.0 }, |_| sigmoid).unwrap()
     };
-    let turned = Transform::from_rotation;
+    let rotated = Transform::from_rotation;
     let mut stage = Stage::new();
     let half = std::f64::consts::FRAC_1_SQRT_2;
     for (what, up, transform, direction) in [
-        ("untouched", UpAxis::Y, default(), [0.0, 0.0, -1.0]),
-        // The field's y is the scene's -z.
+        ("identity", UpAxis::Y, default(), [0.0, 0.0, -1.0]),
+        // The y axis of the field is the -z axis of the scene.
         ("with z up", UpAxis::Z, default(), [0.0, 1.0, 0.0]),
-        // The prop's x turns to -z, and so on.
-        ("turned about y", UpAxis::Y, turned(Quat::from_rotation_y(FRAC_PI_2)), [1.0, 0.0, 0.0]),
-        ("turned about x", UpAxis::Y, turned(Quat::from_rotation_x(FRAC_PI_2)), [0.0, -1.0, 0.0]),
-        ("turned by 45 degrees", UpAxis::Y, turned(Quat::from_rotation_y(FRAC_PI_4)), [half, 0.0, -half]),
+        // The x axis of the prop becomes -z, and so on.
+        ("rotated about y", UpAxis::Y, rotated(Quat::from_rotation_y(FRAC_PI_2)), [1.0, 0.0, 0.0]),
+        ("rotated about x", UpAxis::Y, rotated(Quat::from_rotation_x(FRAC_PI_2)), [0.0, -1.0, 0.0]),
+        ("rotated by 45 degrees", UpAxis::Y, rotated(Quat::from_rotation_y(FRAC_PI_4)), [half, 0.0, -half]),
         ("mirrored", UpAxis::Y, Transform::from_scale(Vec3::new(1.0, 1.0, -1.0)), [0.0, 0.0, 1.0]),
-        // Turned back, -z is along (1, 0, -1), and in a prop that is twice as wide along (1/2, 0, -1).
+        // Rotated back, -z is along (1, 0, -1), and in a prop that is twice as wide, along (1/2, 0, -1).
         (
-            "scaled and turned",
+            "scaled and rotated",
             UpAxis::Y,
-            turned(Quat::from_rotation_y(FRAC_PI_4)).with_scale(Vec3::new(2.0, 1.0, 1.0)),
+            rotated(Quat::from_rotation_y(FRAC_PI_4)).with_scale(Vec3::new(2.0, 1.0, 1.0)),
             [1.0 / 5f64.sqrt(), 0.0, -2.0 / 5f64.sqrt()],
         ),
     ] {
         let prop = stage.spawn_prop(&field(up), transform);
         stage.wait();
         stage.check(what, |side, place| {
-            // The silhouettes differ, but all have the middle.
+            // The silhouettes differ, but all of them cover the middle.
             in_cube(2.0 * place).then_some(sigmoid(side.sign() * DVec3::from(direction)))
         });
         stage.world().despawn(prop);

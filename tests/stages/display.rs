@@ -1,4 +1,4 @@
-//! [`PropStage::Display`]: palette colors reach the screen exactly.
+//! Tests that palette colors reach the screen exactly at [`PropStage::Display`].
 
 use bevy::{
     camera::{CompositingSpace, Exposure, Hdr, MsaaWriteback, RenderTarget, Viewport},
@@ -34,13 +34,13 @@ const TONEMAPPINGS: [Tonemapping; 9] = [
     Tonemapping::KhronosPbrNeutral,
 ];
 
-/// Whatever Bevy does to colors, except for tonemapping.
+/// Returns all settings of Bevy that change colors, except for tonemapping.
 fn effects() -> impl Bundle {
     let global = ColorGradingGlobal { exposure: 0.7, temperature: 0.02, post_saturation: 0.6, ..default() };
     (DebandDither::Enabled, Exposure::OVERCAST, ColorGrading { global, ..default() })
 }
 
-/// A cube that shows the first of [`SHOWN`] at [`PropStage::Display`], before a sky that outshines it.
+/// Returns a scene with a cube that shows the first of [`SHOWN`] at [`PropStage::Display`], in front of a brighter sky.
 fn posterized() -> Scene {
     let mut scene = Scene::new(SOLID);
     let prop = scene.prop;
@@ -50,12 +50,12 @@ fn posterized() -> Scene {
     scene
 }
 
-/// Every pixel well inside the cube.
+/// Asserts that every pixel well inside the cube has the shown color.
 #[track_caller]
-fn assert_exact(picture: &image::RgbaImage, what: &str) {
-    let inside = picture.width() * 3 / 8..picture.width() * 5 / 8;
+fn assert_exact(frame: &image::RgbaImage, what: &str) {
+    let inside = frame.width() * 3 / 8..frame.width() * 5 / 8;
     for (x, y) in inside.clone().flat_map(|x| inside.clone().map(move |y| (x, y))) {
-        assert_near(at(picture, x, y), SHOWN[0], 1, &format!("{what}, {x}, {y}"));
+        assert_near(at(frame, x, y), SHOWN[0], 1, &format!("{what}, {x}, {y}"));
     }
 }
 
@@ -66,17 +66,17 @@ fn nothing_changes_palette_colors() {
         scene.set((effects(), tonemapping, msaa));
         scene.set_if(false, Bloom::NATURAL);
         scene.set_if(false, Hdr);
-        assert_exact(&scene.picture(), &format!("{tonemapping:?}, {msaa:?}"));
+        assert_exact(&scene.capture(), &format!("{tonemapping:?}, {msaa:?}"));
         scene.set((Hdr, Bloom { intensity: 0.5, ..Bloom::NATURAL }));
-        assert_exact(&scene.picture(), &format!("{tonemapping:?}, {msaa:?}, HDR, bloom"));
-        // Or the test says nothing.
+        assert_exact(&scene.capture(), &format!("{tonemapping:?}, {msaa:?}, HDR, bloom"));
+        // Otherwise the test would prove nothing.
         scene.set(PropStage::Scene);
-        assert!(!is_near(middle(&scene.picture()), SHOWN[0], 8), "{tonemapping:?}, {msaa:?}: unchanged in the scene");
+        assert!(!is_near(middle(&scene.capture()), SHOWN[0], 8), "{tonemapping:?}, {msaa:?}: unchanged in the scene");
         scene.set(PropStage::Display);
     }
 }
 
-/// Whatever the view's textures hold, and whatever is done in them.
+/// Colors are exact in every format and compositing space of the view's textures.
 #[test]
 fn compositing_spaces_are_honored() {
     let mut scene = posterized();
@@ -91,36 +91,36 @@ fn compositing_spaces_are_honored() {
         scene.set_if(hdr, Hdr);
         for stage in [PropStage::Scene, PropStage::Display] {
             scene.set(stage);
-            assert_exact(&scene.picture(), &format!("{space:?}, hdr {hdr}, {stage:?}"));
+            assert_exact(&scene.capture(), &format!("{space:?}, hdr {hdr}, {stage:?}"));
         }
     }
 }
 
 #[test]
-fn opaque_meshes_hide_props_and_transparent_ones_do_not() {
+fn opaque_meshes_occlude_props_and_transparent_ones_do_not() {
     let mut scene = posterized();
     let prop = scene.prop;
     scene.set((effects(), Hdr, Tonemapping::AgX));
     let opaque = scene.spawn_square(Vec3::new(0.0, -0.2, 1.0), 0.4, Color::srgb(0.8, 0.6, 0.1));
     let glass = scene.spawn_square(Vec3::new(0.0, 0.2, 1.0), 0.4, Color::srgba(0.8, 0.6, 0.1, 0.5));
-    // 0.2 of 2 units before the camera are a quarter of the way up or down.
+    // At 2 units from the camera, 0.2 units are about a quarter of the way to the top or bottom.
     let (above, below) = ((SIZE / 2, SIZE * 3 / 8), (SIZE / 2, SIZE * 5 / 8));
     for msaa in [Msaa::Off, Msaa::Sample4] {
         scene.set(msaa);
-        let picture = scene.picture();
-        assert_near(at(&picture, above.0, above.1), SHOWN[0], 1, &format!("{msaa:?}, before glass"));
+        let frame = scene.capture();
+        assert_near(at(&frame, above.0, above.1), SHOWN[0], 1, &format!("{msaa:?}, over glass"));
         scene.world().entity_mut(prop).insert(Visibility::Hidden);
-        let expected = at(&scene.picture(), below.0, below.1);
-        assert_eq!(at(&picture, below.0, below.1), expected, "{msaa:?}: behind a mesh");
+        let expected = at(&scene.capture(), below.0, below.1);
+        assert_eq!(at(&frame, below.0, below.1), expected, "{msaa:?}: behind a mesh");
         scene.world().entity_mut(prop).insert(Visibility::Visible);
     }
     for mesh in [opaque, glass] {
         scene.world().despawn(mesh);
     }
-    assert_exact(&scene.picture(), "alone");
+    assert_exact(&scene.capture(), "without meshes");
 }
 
-/// Two cameras share their textures, whose places post-processing swaps.
+/// Two cameras share their textures, which post-processing swaps.
 #[test]
 fn each_viewport_has_its_own_stage() {
     let mut scene = posterized();
@@ -129,7 +129,7 @@ fn each_viewport_has_its_own_stage() {
     scene.set(settings());
     let second = scene.world().spawn((exact_camera(Color::BLACK), target)).insert(settings()).id();
     let mut camera_of_second = scene.world().get_mut::<Camera>(second).unwrap();
-    // Or it would begin with what the first one drew.
+    // Otherwise it would start with what the first one drew.
     (camera_of_second.order, camera_of_second.msaa_writeback) = (1, MsaaWriteback::Off);
     let halves = [(camera, 0, 28), (second, 28, 20)];
     for (camera, x, width) in halves {
@@ -138,7 +138,7 @@ fn each_viewport_has_its_own_stage() {
         scene.world().get_mut::<Camera>(camera).unwrap().viewport = Some(viewport);
     }
     let views =
-        |picture: image::RgbaImage| halves.map(|(_, x, width)| crop_imm(&picture, x, 8, width, SIZE / 2).to_image());
+        |frame: image::RgbaImage| halves.map(|(_, x, width)| crop_imm(&frame, x, 8, width, SIZE / 2).to_image());
     for (msaa, stages) in [Msaa::Off, Msaa::Sample4].into_iter().flat_map(|msaa| {
         use PropStage::{Display, Scene};
         [[Display, Scene], [Scene, Display]].map(|stages| (msaa, stages))
@@ -146,23 +146,23 @@ fn each_viewport_has_its_own_stage() {
         for ((camera, ..), stage) in halves.into_iter().zip(stages) {
             scene.world().entity_mut(camera).insert((msaa, stage));
         }
-        let both = views(scene.picture());
+        let both = views(scene.capture());
         for (view, stage) in both.iter().zip(stages) {
             assert_eq!(is_near(middle(view), SHOWN[0], 1), stage == PropStage::Display, "{msaa:?}, {stages:?}");
         }
-        // Each view is what it is alone.
+        // Each view looks the same as alone.
         for (half, other) in [(0, second), (1, camera)] {
             scene.world().get_mut::<Camera>(other).unwrap().is_active = false;
-            let alone = views(scene.picture());
-            assert!(alone[half] == both[half], "{msaa:?}, {stages:?}: another picture than alone");
+            let alone = views(scene.capture());
+            assert!(alone[half] == both[half], "{msaa:?}, {stages:?}: not the same as alone");
             scene.world().get_mut::<Camera>(other).unwrap().is_active = true;
         }
     }
 }
 
-/// A camera draws into a texture, which hangs in the scene of another.
+/// One camera draws to a texture, which another camera sees on a mesh.
 #[test]
-fn a_texture_holds_palette_colors() {
+fn textures_hold_palette_colors() {
     for format in [TextureFormat::Rgba8UnormSrgb, TextureFormat::Bgra8UnormSrgb, TextureFormat::Rgba16Float] {
         let mut scene = posterized();
         let (prop, camera, target) = (scene.prop, scene.camera, scene.headless.target());
@@ -181,11 +181,11 @@ fn a_texture_holds_palette_colors() {
         world.spawn((exact_camera(Color::BLACK), target, Transform::from_xyz(0.0, 0.0, 3.0)));
         let material = StandardMaterial { base_color_texture: Some(texture), unlit: true, ..default() };
         scene.spawn_material(0.5 * Vec3::Z, 3.0, material);
-        assert_exact(&scene.picture(), &format!("{format:?}"));
+        assert_exact(&scene.capture(), &format!("{format:?}"));
     }
 }
 
-/// Paints the view, as an effect that leaves nothing of it.
+/// Returns an effect that fills the whole view with a color.
 fn paint(color: wgpu::Color) -> impl Fn(ViewQuery<&ViewTarget>, RenderContext) {
     move |view, mut ctx| {
         let ops = Operations { load: LoadOp::Clear(color), store: StoreOp::Store };
@@ -195,9 +195,9 @@ fn paint(color: wgpu::Color) -> impl Fn(ViewQuery<&ViewTarget>, RenderContext) {
     }
 }
 
-/// Effects that other plugins put after tonemapping come before the props, whichever plugin is added first.
+/// Effects that other plugins run after tonemapping come before the props, whichever plugin is added first.
 #[test]
-fn other_effects_come_first() {
+fn effects_of_other_plugins_run_first() {
     #[derive(SystemSet, Clone, Debug, PartialEq, Eq, Hash)]
     struct Red;
     let mut scene = Scene::with(SOLID, |app| {
@@ -209,10 +209,10 @@ fn other_effects_come_first() {
     for hdr in [false, true] {
         scene.set_if(hdr, Hdr);
         scene.set(PropStage::Display);
-        let picture = scene.picture();
-        assert_near(middle(&picture), COLOR, 1, "the prop");
-        assert_near(at(&picture, 1, 1), Color::WHITE, 0, "the sky");
+        let frame = scene.capture();
+        assert_near(middle(&frame), COLOR, 1, "the prop");
+        assert_near(at(&frame, 1, 1), Color::WHITE, 0, "the sky");
         scene.set(PropStage::Scene);
-        assert_near(middle(&scene.picture()), Color::WHITE, 0, "the prop in the scene");
+        assert_near(middle(&scene.capture()), Color::WHITE, 0, "the prop in the scene");
     }
 }

@@ -1,4 +1,4 @@
-//! [`PosterizeView`]: everything in view in one palette.
+//! Tests [`PosterizeView`], which posterizes everything in view with one palette.
 
 use std::time::Duration;
 
@@ -10,8 +10,8 @@ use bevy::{
     render::diagnostic::RenderDiagnosticsPlugin,
 };
 use bevy_plenoctree::{
-    BilateralFilter, FieldPalette, PaletteOverride, Palettes, PlenOctree, Posterize, PosterizeView, PropStage,
-    render::{POSTERIZE_SPANS, VOLUME_SPANS},
+    BilateralFilter, FieldPalette, POSTERIZE_SPANS, PaletteOverride, Palettes, PlenOctree, Posterize, PosterizeView,
+    PropStage, VOLUME_SPANS,
 };
 use image::RgbaImage;
 
@@ -23,11 +23,12 @@ const HARD: Posterize = Posterize {
     min_opacity: 0.3,
     filter: BilateralFilter { iterations: 2, radius: 2, spatial_sigma: 3.0, range_sigma: 4.25 },
 };
-/// Nearest the second color of the palette, and the third.
+/// Nearest to the second color of the palette.
 const SKY: Color = Color::srgb(0.2, 0.2, 0.15);
+/// Nearest to the third color of the palette.
 const STRAW: Color = Color::srgb(0.8, 0.8, 0.4);
 
-/// A square of straw in the left half, and no prop.
+/// Returns a scene with a straw-colored square in the left half, and no prop.
 fn without_a_prop() -> Scene {
     let mut scene = Scene::new(SOLID);
     let (prop, field) = (scene.prop, scene.field.clone());
@@ -38,17 +39,19 @@ fn without_a_prop() -> Scene {
     scene
 }
 
-/// Where the square is, and where the sky.
+/// A pixel of the square.
 const MESH: (u32, u32) = (SIZE / 4, SIZE / 2);
-const NOTHING: (u32, u32) = (SIZE * 3 / 4, SIZE / 2);
+/// A pixel of the sky.
+const EMPTY: (u32, u32) = (SIZE * 3 / 4, SIZE / 2);
 
-fn strangers(picture: &RgbaImage) -> usize {
-    let pixels = picture.pixels().map(|pixel| [pixel[0], pixel[1], pixel[2]]);
+/// Counts the pixels that show no palette color.
+fn unlabeled(frame: &RgbaImage) -> usize {
+    let pixels = frame.pixels().map(|pixel| [pixel[0], pixel[1], pixel[2]]);
     pixels.filter(|pixel| !SHOWN.iter().any(|color| is_near(*pixel, *color, 1))).count()
 }
 
 #[test]
-fn meshes_and_sky_show_nothing_but_labels() {
+fn meshes_and_sky_show_only_labels() {
     let mut scene = without_a_prop();
     for (msaa, stage) in [Msaa::Off, Msaa::Sample4]
         .into_iter()
@@ -57,87 +60,87 @@ fn meshes_and_sky_show_nothing_but_labels() {
         scene.set((msaa, stage));
         for hdr in [false, true] {
             scene.set_if(hdr, Hdr);
-            let (picture, what) = (scene.picture(), format!("{msaa:?}, {stage:?}, hdr {hdr}"));
-            assert_eq!(strangers(&picture), 0, "{what}");
-            assert_near(at(&picture, MESH.0, MESH.1), SHOWN[2], 1, &what);
-            assert_near(at(&picture, NOTHING.0, NOTHING.1), SHOWN[1], 1, &what);
+            let (frame, what) = (scene.capture(), format!("{msaa:?}, {stage:?}, hdr {hdr}"));
+            assert_eq!(unlabeled(&frame), 0, "{what}");
+            assert_near(at(&frame, MESH.0, MESH.1), SHOWN[2], 1, &what);
+            assert_near(at(&frame, EMPTY.0, EMPTY.1), SHOWN[1], 1, &what);
         }
     }
-    // What tonemapping makes of a scene is posterized too.
+    // At the display, the scene is posterized after tonemapping.
     scene.set((Hdr, Tonemapping::TonyMcMapface, DebandDither::Enabled, Exposure::OVERCAST));
-    assert_eq!(strangers(&scene.picture()), 0);
+    assert_eq!(unlabeled(&scene.capture()), 0);
     scene.set(PropStage::Scene);
-    assert_ne!(strangers(&scene.picture()), 0);
+    assert_ne!(unlabeled(&scene.capture()), 0);
 }
 
 #[test]
-fn exposure_scales_a_view_in_its_own_units() {
+fn exposure_scales_the_labels_of_a_view() {
     let mut scene = without_a_prop();
     let ev100 = Exposure::default().ev100;
-    // Half the light: what is half as light as straw is straw, and its label comes out half as light.
+    // At half the exposure, a color half as bright as straw gets the label of straw, which is drawn half as bright.
     scene.set(Exposure { ev100: ev100 + 1.0 });
     scene.set_background((STRAW.to_linear() * 0.5).into());
     let half = (SHOWN[2].to_linear() * 0.5).into();
-    assert_near(at(&scene.picture(), NOTHING.0, NOTHING.1), half, 1, "at half the light");
+    assert_near(at(&scene.capture(), EMPTY.0, EMPTY.1), half, 1, "at half the exposure");
 }
 
 #[test]
-fn transparent_things_are_posterized_at_the_display_alone() {
+fn transparent_meshes_are_posterized_only_at_the_display() {
     let mut scene = without_a_prop();
     let red = Color::srgba(1.0, 0.0, 0.0, 0.5);
     scene.spawn_square(Vec3::new(0.6, 0.0, 0.0), 0.8, red);
     let label = SHOWN[1].to_linear();
     let tinted = Color::from(label * 0.5 + red.to_linear().with_alpha(1.0) * 0.5);
-    assert_near(at(&scene.picture(), NOTHING.0, NOTHING.1), tinted, 2, "in the scene");
+    assert_near(at(&scene.capture(), EMPTY.0, EMPTY.1), tinted, 2, "in the scene");
     scene.set(PropStage::Display);
-    assert_eq!(strangers(&scene.picture()), 0);
+    assert_eq!(unlabeled(&scene.capture()), 0);
 }
 
-/// Props that are posterized keep their own palette, all else is the view's.
+/// Posterized props keep their own palette, and everything else gets the view's.
 #[test]
 fn props_are_posterized_once() {
     let mut scene = Scene::new(SOLID);
     let prop = scene.prop;
     let other = scene.world().resource_mut::<Assets<PlenOctree>>().add(cube(1.0));
     let [pink, teal] = [Color::srgb(0.9, 0.5, 0.6), Color::srgb(0.1, 0.5, 0.5)];
-    // One color: everything is it.
+    // With a single color, everything shows that color.
     let single = FieldPalette::from_colors([pink]).unwrap();
     scene.world().resource_mut::<Palettes>().insert(&other, single);
     scene.set((PosterizeView(other.clone()), HARD));
-    assert!(scene.picture().pixels().all(|pixel| is_near([pixel[0], pixel[1], pixel[2]], pink, 1)));
+    assert!(scene.capture().pixels().all(|pixel| is_near([pixel[0], pixel[1], pixel[2]], pink, 1)));
 
     scene.world().entity_mut(prop).insert(HARD);
-    let picture = scene.picture();
-    assert_near(middle(&picture), SHOWN[0], 1, "the prop");
-    assert_near(at(&picture, 1, 1), pink, 1, "beside it");
+    let frame = scene.capture();
+    assert_near(middle(&frame), SHOWN[0], 1, "the prop");
+    assert_near(at(&frame, 1, 1), pink, 1, "next to the prop");
 
-    // Edits of the palette, and the view's own colors.
+    // Recolor the palette, then override it for the view.
     scene.world().resource_mut::<Palettes>().get_mut(&other).unwrap().set(0, teal);
-    assert_near(at(&scene.picture(), 1, 1), teal, 1, "recolored");
+    assert_near(at(&scene.capture(), 1, 1), teal, 1, "recolored");
     scene.set(PaletteOverride::default().with(0, COLOR));
-    assert_near(at(&scene.picture(), 1, 1), COLOR, 1, "in colors of its own");
-    assert_near(middle(&scene.picture()), SHOWN[0], 1, "the prop, then");
+    assert_near(at(&scene.capture(), 1, 1), COLOR, 1, "overridden");
+    assert_near(middle(&scene.capture()), SHOWN[0], 1, "the prop, with an override on the view");
 
-    // Pixels that are too thin for the prop's look are the view's.
+    // The view posterizes pixels that are too thin for the prop to posterize.
     scene.world().entity_mut(prop).insert(Posterize { min_opacity: 2.0, ..HARD });
-    assert_near(middle(&scene.picture()), COLOR, 1, "a thin prop");
+    assert_near(middle(&scene.capture()), COLOR, 1, "a thin prop");
 }
 
 #[test]
-fn a_view_without_its_look_is_as_it_was() {
+fn removing_posterize_restores_the_view() {
     let mut scene = Scene::new(1.0);
     let (camera, field) = (scene.camera, scene.field.clone());
     scene.set_background(SKY);
-    let before = scene.picture();
+    let before = scene.capture();
     assert_near(middle(&before), over(1.0 - (-1f32).exp(), COLOR, SKY, 1.0), 2, "the fog");
     scene.set(PosterizeView(field));
-    assert!(scene.picture() != before);
+    assert!(scene.capture() != before);
     scene.world().entity_mut(camera).remove::<Posterize>();
-    assert!(scene.picture() == before);
+    assert!(scene.capture() == before);
 }
 
 #[test]
-fn a_viewport_is_posterized_and_nothing_else() {
+fn only_the_viewport_is_posterized() {
     let mut scene = without_a_prop();
     let camera = scene.camera;
     let (physical_position, physical_size) = (UVec2::new(5, 11), UVec2::new(30, 20));
@@ -145,36 +148,36 @@ fn a_viewport_is_posterized_and_nothing_else() {
         Some(Viewport { physical_position, physical_size, ..default() });
     for stage in [PropStage::Scene, PropStage::Display] {
         scene.set(stage);
-        let picture = scene.picture();
-        let view = image::imageops::crop_imm(&picture, 5, 11, 30, 20).to_image();
-        assert_eq!(strangers(&view), 0, "{stage:?}");
-        let outside = strangers(&picture);
+        let frame = scene.capture();
+        let view = image::imageops::crop_imm(&frame, 5, 11, 30, 20).to_image();
+        assert_eq!(unlabeled(&view), 0, "{stage:?}");
+        let outside = unlabeled(&frame);
         assert_eq!(outside as u32, SIZE * SIZE - 30 * 20, "{stage:?}");
     }
 }
 
-/// Softness and steps blend the view's labels as a prop's.
+/// Softness and blend steps affect a view's labels like a prop's.
 #[test]
 fn labels_of_a_view_blend() {
     let mut scene = without_a_prop();
     let filter = BilateralFilter { iterations: 0, ..default() };
-    // Two thirds of the way from the second color to the third.
-    let third = |a: Color, b: Color| {
+    // Two thirds of the way from one color to the other.
+    let two_thirds = |a: Color, b: Color| {
         let mixed = Srgba::from(a).to_vec3().lerp(Srgba::from(b).to_vec3(), 2.0 / 3.0);
         Color::srgb(mixed.x, mixed.y, mixed.z)
     };
-    scene.set_background(third(PALETTE[1], PALETTE[2]));
+    scene.set_background(two_thirds(PALETTE[1], PALETTE[2]));
     scene.set(Posterize { blend_steps: 3, softness: 0.0, min_opacity: 0.0, filter });
-    assert_near(at(&scene.picture(), NOTHING.0, NOTHING.1), third(SHOWN[1], SHOWN[2]), 1, "a blend");
+    assert_near(at(&scene.capture(), EMPTY.0, EMPTY.1), two_thirds(SHOWN[1], SHOWN[2]), 1, "a blend");
 }
 
-/// The passes run where there is something to draw, and only there.
+/// The passes run if there is something to draw, and only then.
 #[test]
-fn nothing_is_drawn_where_nothing_is_to_see() {
+fn passes_run_only_if_there_is_something_to_draw() {
     let mut scene = Scene::with(SOLID, |app| {
         app.add_plugins(RenderDiagnosticsPlugin);
     });
-    // When each of the passes was last measured, which is known some frames later.
+    // Returns when each pass was last measured. Measurements arrive a few frames later.
     let mut last_run = |change: &mut dyn FnMut(&mut Scene)| {
         change(&mut scene);
         (0..8).for_each(|_| scene.headless.update());
@@ -198,7 +201,7 @@ fn nothing_is_drawn_where_nothing_is_to_see() {
 }
 
 #[test]
-fn a_view_gets_the_palette_that_it_lacks() {
+fn a_view_without_a_palette_gets_one() {
     let mut scene = without_a_prop();
     let fog = scene.world().resource_mut::<Assets<PlenOctree>>().add(cube(1.0));
     scene.set(PosterizeView(fog.clone()));
@@ -207,5 +210,5 @@ fn a_view_gets_the_palette_that_it_lacks() {
     assert!(palette.extraction().is_some());
     let only = palette.shown()[0];
     assert_eq!(palette.shown().len(), 1);
-    assert_near(middle(&scene.picture()), only, 1, "a view in the field's only color");
+    assert_near(middle(&scene.capture()), only, 1, "a view in the field's only color");
 }

@@ -1,4 +1,4 @@
-//! A scene whose pictures can be worked out by hand.
+//! A scene whose frames can be worked out by hand.
 
 use std::time::Duration;
 
@@ -14,19 +14,20 @@ use glam::DVec3;
 use image::RgbaImage;
 use plenoctree::{BakeSettings, Basis, bake};
 
-/// Pixels each way.
+/// The width and height of a frame, in pixels.
 pub const SIZE: u32 = 48;
-/// What the field emits, its palette's first color.
+/// The color that the field emits, the first of its palette.
 pub const COLOR: Color = Color::srgb(0.6, 0.3, 0.8);
-/// The palette, and what is shown instead.
+/// The source colors of the palette.
 pub const PALETTE: [Color; 3] = [COLOR, Color::srgb(0.1, 0.15, 0.1), Color::srgb(0.9, 0.85, 0.3)];
+/// The shown colors of the palette.
 pub const SHOWN: [Color; 3] =
     [Color::srgb(0.1, 0.55, 0.85), Color::srgb(0.98, 0.97, 0.9), Color::srgb(0.75, 0.15, 0.2)];
 
-/// Lets no light through.
+/// A density that lets no light through.
 pub const SOLID: f64 = 1e4;
 
-/// The cube within 0.5 of the origin, of [`COLOR`].
+/// Bakes the cube from -0.5 to 0.5, in [`COLOR`].
 pub fn cube(density: f64) -> PlenOctree {
     let settings = BakeSettings { depth: 3, basis: Basis::Rgba, ..default() };
     let [r, g, b] = Srgba::from(COLOR).to_f32_array_no_alpha().map(f64::from);
@@ -42,12 +43,12 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// A cube of this density at the origin, seen from z = 3 over black.
+    /// Creates a scene with a cube of this density at the origin, seen from z = 3 over black.
     pub fn new(density: f64) -> Self {
         Self::with(density, |_| {})
     }
 
-    /// The same in an app with other plugins, some added before ours.
+    /// Creates the same scene in an app to which `configure` adds plugins. It may add `PlenOctreePlugin` itself.
     pub fn with(density: f64, configure: impl FnOnce(&mut App)) -> Self {
         let mut headless = Headless::new(UVec2::splat(SIZE), |app| {
             app.add_plugins((GizmoPlugin, LightPlugin, PbrPlugin::default(), PostProcessPlugin));
@@ -71,13 +72,13 @@ impl Scene {
         self.headless.app.world_mut()
     }
 
-    /// Gives the camera components.
+    /// Inserts components into the camera.
     pub fn set(&mut self, settings: impl Bundle) {
         let camera = self.camera;
         self.world().entity_mut(camera).insert(settings);
     }
 
-    /// Gives the camera these components or takes them away.
+    /// Inserts components into the camera if `given`, and removes them otherwise.
     pub fn set_if<T: Bundle>(&mut self, given: bool, settings: T) {
         let camera = self.camera;
         let mut camera = self.headless.app.world_mut().entity_mut(camera);
@@ -93,11 +94,11 @@ impl Scene {
         self.world().get_mut::<Camera>(camera).unwrap().clear_color = color.into();
     }
 
-    pub fn picture(&mut self) -> RgbaImage {
+    pub fn capture(&mut self) -> RgbaImage {
         self.headless.capture().unwrap()
     }
 
-    /// A square in the plane z, facing the camera, unlit; opaque if its color is.
+    /// Spawns an unlit square that faces the camera. It is opaque if its color is.
     pub fn spawn_square(&mut self, center: Vec3, size: f32, color: Color) -> Entity {
         let material = StandardMaterial {
             base_color: color,
@@ -124,13 +125,14 @@ pub fn palette() -> FieldPalette {
     palette
 }
 
-/// Sees the square of two units around the camera's axis.
+/// Returns a projection that shows a square of two units around the camera's axis.
 pub fn orthographic() -> Projection {
     let scaling_mode = ScalingMode::Fixed { width: 2.0, height: 2.0 };
     Projection::Orthographic(OrthographicProjection { scaling_mode, ..OrthographicProjection::default_3d() })
 }
 
-/// The color of a prop of this opacity over a background, where the camera makes `exposure` of the prop's light.
+/// Returns the color of a prop of this opacity over a background, if the camera multiplies the prop's light by
+/// `exposure`.
 pub fn over(opacity: f32, prop: Color, background: Color, exposure: f32) -> Color {
     let encoded = Srgba::from(background.to_linear() * (1.0 / exposure)).to_vec3();
     let mixed = Srgba::from(prop).to_vec3() * opacity + encoded * (1.0 - opacity);
@@ -141,13 +143,13 @@ pub fn bytes(color: Color) -> [u8; 3] {
     Srgba::from(color).to_u8_array_no_alpha()
 }
 
-pub fn at(picture: &RgbaImage, x: u32, y: u32) -> [u8; 3] {
-    let [r, g, b, _] = picture.get_pixel(x, y).0;
+pub fn at(frame: &RgbaImage, x: u32, y: u32) -> [u8; 3] {
+    let [r, g, b, _] = frame.get_pixel(x, y).0;
     [r, g, b]
 }
 
-pub fn middle(picture: &RgbaImage) -> [u8; 3] {
-    at(picture, picture.width() / 2, picture.height() / 2)
+pub fn middle(frame: &RgbaImage) -> [u8; 3] {
+    at(frame, frame.width() / 2, frame.height() / 2)
 }
 
 pub fn is_near(found: [u8; 3], expected: Color, tolerance: u8) -> bool {
@@ -157,5 +159,5 @@ pub fn is_near(found: [u8; 3], expected: Color, tolerance: u8) -> bool {
 
 #[track_caller]
 pub fn assert_near(found: [u8; 3], expected: Color, tolerance: u8, what: &str) {
-    assert!(is_near(found, expected, tolerance), "{what}: {found:?} for {:?}", bytes(expected));
+    assert!(is_near(found, expected, tolerance), "{what}: {found:?}, expected {:?}", bytes(expected));
 }

@@ -1,4 +1,4 @@
-//! Baking: from a procedural volume to a field like a trained one.
+//! Baking: turns a procedural volume into a field like a trained one.
 
 use std::f64::consts::PI;
 
@@ -8,26 +8,31 @@ use rayon::prelude::*;
 
 use crate::field::{Basis, Cell, Frame, InvalidField, MAX_DEPTH, PlenOctree, UpAxis};
 
-/// How finely [`bake`] looks at a volume, and what field it makes of it.
+/// Settings of [`bake`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BakeSettings {
-    /// Levels of cells, 1 to [`MAX_DEPTH`]: the field has `2^depth` cells a side.
+    /// Depth of the field, 1 to [`MAX_DEPTH`]: it has `2^depth` cells per side. 7 by default.
     pub depth: u32,
-    /// The lowest corner of the baked box, in the field's frame.
+    /// Lowest corner of the baked box, in the field's frame. (-1, -1, -1) by default.
     pub min: DVec3,
-    /// The highest corner of the baked box, in the field's frame.
+    /// Highest corner of the baked box, in the field's frame. (1, 1, 1) by default.
     pub max: DVec3,
-    /// What radiance is projected on. It is stored with the basis' [default activation](Basis::default_activation).
+    /// Basis onto which radiance is projected, with its [default activation](Basis::default_activation). [`Basis::Sh9`]
+    /// by default.
     pub basis: Basis,
-    /// The axis that points up.
+    /// Axis of the field's frame that points up. [`UpAxis::Z`] by default.
     pub up: UpAxis,
-    /// Density, per world unit, under which a cell is empty. Renderers skip what is under 1e-2.
+    /// Density, per world unit, below which a cell is empty. 1e-2 by default, which is also the default threshold of
+    /// [`LoadSettings`](crate::LoadSettings).
     pub min_density: f64,
-    /// Density of a cell is the mean over this many points along each of its axes, 1 to 64.
+    /// Number of points along each axis of a cell over which density is averaged. 1 to 64, 2 by default. Values out of
+    /// range are clamped.
     pub density_samples: u32,
-    /// Directions, spread evenly over the sphere, in which radiance is asked for; at least the basis' functions.
+    /// Number of directions, spread evenly over the sphere, in which radiance is sampled. At least the number of
+    /// functions of the basis. 96 by default.
     pub directions: u32,
-    /// Coefficients are rounded to multiples of this, which makes files smaller; 0 keeps all that 16 bits hold.
+    /// Step to which coefficients are rounded, which makes files smaller. 0, the default, keeps the full precision of
+    /// float16.
     pub coefficient_step: f64,
 }
 
@@ -48,38 +53,39 @@ impl Default for BakeSettings {
     }
 }
 
-/// Why a volume was not baked.
+/// An error that occurs when baking a volume.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum BakeError {
     /// The depth is 0 or more than [`MAX_DEPTH`].
-    #[error("a field of depth {0} cannot be baked: 1 to {MAX_DEPTH} can")]
+    #[error("found depth {0}, expected 1 to {MAX_DEPTH}")]
     Depth(u32),
-    /// The box is not finite, or flat or inside out.
+    /// The box is not finite, or is flat or inside out.
     #[error("the box from {min} to {max} has no volume")]
     Box {
-        /// Its lowest corner, as given.
+        /// Lowest corner of the box, as given.
         min: DVec3,
-        /// Its highest corner, as given.
+        /// Highest corner of the box, as given.
         max: DVec3,
     },
-    /// The directions do not determine the coefficients.
-    #[error("{directions} directions are too few for {functions} functions")]
+    /// There are too few directions to determine the coefficients.
+    #[error("{directions} directions are too few to fit {functions} basis functions")]
     Directions {
-        /// Directions wanted.
+        /// Number of directions, as given.
         directions: u32,
-        /// Functions of the basis.
+        /// Number of functions of the basis.
         functions: usize,
     },
-    /// The volume has a density or radiance that no field can have: NaN, or beyond what is stored.
+    /// The volume has a density or radiance that a field cannot store: NaN, or out of range.
     #[error(transparent)]
     Field(#[from] InvalidField),
 }
 
-/// Bakes a volume into a field, on all cores; the result does not depend on their number.
+/// Bakes a volume into a field, on all cores. The result does not depend on the number of cores.
 ///
-/// `density` gives density per world unit at a point of the field's frame. `radiance` is asked once for the center of
-/// every cell that holds density, and what it returns once for every direction: a unit vector from the eye into the
-/// scene. Colors are encoded sRGB, 0 to 1. So work that needs no direction is done once:
+/// `density` returns the density, per world unit, at a point in the field's frame. `radiance` is called once with the
+/// center of every cell that is not empty, and the closure that it returns is called once with every direction: a unit
+/// vector from the eye into the scene. Colors are encoded sRGB, 0 to 1. Work that does not depend on the direction is
+/// thus done once per cell:
 ///
 /// ```
 /// use plenoctree::{BakeSettings, bake};
@@ -98,13 +104,31 @@ pub enum BakeError {
 /// # Ok::<(), plenoctree::BakeError>(())
 /// ```
 ///
-/// All leaves are finest cells, as in trained fields; empty cells are as large as they can be.
+/// All leaves are finest cells, as in trained fields. Empty cells are as large as possible.
+///
+/// # Errors
+///
+/// Returns an error if the depth, the box or the number of directions is out of range, or if the volume has a density
+/// or radiance that a field cannot store.
 pub fn bake<D, R, L>(settings: &BakeSettings, density: D, radiance: R) -> Result<PlenOctree, BakeError>
 where
     D: Fn(DVec3) -> f64 + Sync,
     R: Fn(DVec3) -> L + Sync,
     L: Fn(DVec3) -> DVec3,
 {
+    bake_volume(settings, &density, &|center, project| project(&radiance(center)))
+}
+
+/// A function of the direction: what a cell looks like.
+type Radiance<'a> = &'a dyn Fn(DVec3) -> DVec3;
+
+/// [`bake`] for any volume, so that baking is compiled once. `radiance` calls back with the radiance of the cell around a
+/// center.
+fn bake_volume(
+    settings: &BakeSettings,
+    density: &(dyn Fn(DVec3) -> f64 + Sync),
+    radiance: &(dyn Fn(DVec3, &mut dyn FnMut(Radiance)) + Sync),
+) -> Result<PlenOctree, BakeError> {
     let BakeSettings { depth, min, max, basis, up, .. } = *settings;
     if !(1..=MAX_DEPTH).contains(&depth) {
         return Err(BakeError::Depth(depth));
@@ -124,16 +148,16 @@ where
     Ok(PlenOctree::new(frame, basis, activation, up, part.nodes, part.density, part.coefficients)?)
 }
 
-struct Baker<'a, D, R> {
+struct Baker<'a> {
     settings: &'a BakeSettings,
-    /// A finest cell's width on each axis.
+    /// Width of a finest cell on each axis, in world units.
     cell: DVec3,
     projection: Projection,
-    density: D,
-    radiance: R,
+    density: &'a (dyn Fn(DVec3) -> f64 + Sync),
+    radiance: &'a (dyn Fn(DVec3, &mut dyn FnMut(Radiance)) + Sync),
 }
 
-/// A subtree, indices counted from its own start. An empty one has no nodes.
+/// A subtree whose indices start at 0. An empty subtree has no nodes.
 #[derive(Default)]
 struct Part {
     nodes: Vec<[Cell; 8]>,
@@ -141,15 +165,10 @@ struct Part {
     coefficients: Vec<f16>,
 }
 
-impl<D, R, L> Baker<'_, D, R>
-where
-    D: Fn(DVec3) -> f64 + Sync,
-    R: Fn(DVec3) -> L + Sync,
-    L: Fn(DVec3) -> DVec3,
-{
-    /// The subtree of the cube at `corner`, `size` finest cells wide, at least 2.
+impl Baker<'_> {
+    /// Bakes the subtree of the cube at `corner`, which is `size` finest cells wide, at least 2.
     fn part(&self, corner: UVec3, size: u32) -> Part {
-        // Cubes much smaller than this are not worth a task.
+        // Cubes up to this width, in finest cells, are not worth a parallel task.
         const TASK: u32 = 16;
         let half = size / 2;
         let octant = |index: u32| corner + half * UVec3::new(index >> 2, (index >> 1) & 1, index & 1);
@@ -173,7 +192,7 @@ where
         if whole.density.is_empty() { Part::default() } else { whole }
     }
 
-    /// Adds the finest cell at `corner` to the leaves, unless it is empty.
+    /// Adds the finest cell at `corner` to the leaves. Returns `false` if the cell is empty.
     fn leaf(&self, corner: UVec3, part: &mut Part) -> bool {
         let place = |offset: DVec3| self.settings.min + (corner.as_dvec3() + offset) * self.cell;
         let n = self.settings.density_samples.clamp(1, 64);
@@ -183,19 +202,20 @@ where
             sum += (self.density)(place(offset / f64::from(n)));
         }
         let density = sum / f64::from(n.pow(3));
-        // NaN passes, for the field to refuse.
+        // NaN passes this check. `PlenOctree::new` returns an error for it.
         if density < self.settings.min_density || density == 0.0 {
             return false;
         }
         part.density.push(density as f32);
-        let radiance = (self.radiance)(place(DVec3::splat(0.5)));
-        self.projection.project(&radiance, self.settings.coefficient_step, &mut part.coefficients);
+        (self.radiance)(place(DVec3::splat(0.5)), &mut |radiance| {
+            self.projection.project(radiance, self.settings.coefficient_step, &mut part.coefficients);
+        });
         true
     }
 }
 
 impl Part {
-    /// Hangs `part` under the cell `index` of the root.
+    /// Attaches `part` to the cell `index` of the root.
     fn append(&mut self, index: usize, part: Part) {
         if part.nodes.is_empty() {
             return;
@@ -214,11 +234,11 @@ impl Part {
     }
 }
 
-/// The least-squares projection of a function on the sphere on the basis.
+/// The least-squares projection of a function on the sphere onto a basis.
 struct Projection {
     basis: Basis,
-    /// Every direction with its column of the pseudo-inverse `(Y^T Y)^-1 Y^T`: what a value there adds to each
-    /// coefficient.
+    /// All directions, each with its column of the pseudo-inverse `(Y^T Y)^-1 Y^T`: what a value in that direction adds
+    /// to each coefficient.
     columns: Vec<(DVec3, [f64; 25])>,
 }
 
@@ -246,7 +266,7 @@ impl Projection {
         Ok(Self { basis, columns })
     }
 
-    fn project(&self, radiance: &impl Fn(DVec3) -> DVec3, step: f64, coefficients: &mut Vec<f16>) {
+    fn project(&self, radiance: Radiance, step: f64, coefficients: &mut Vec<f16>) {
         let activation = self.basis.default_activation();
         let functions = self.basis.functions();
         let mut sums = [[0.0; 25]; 3];
@@ -264,7 +284,7 @@ impl Projection {
     }
 }
 
-/// `count` directions spread evenly over the sphere: a Fibonacci spiral.
+/// Returns `count` directions spread evenly over the sphere: a Fibonacci spiral.
 fn sphere(count: u32) -> impl Iterator<Item = DVec3> {
     let golden = PI * (3.0 - 5.0_f64.sqrt());
     (0..count).map(move |index| {
@@ -275,7 +295,8 @@ fn sphere(count: u32) -> impl Iterator<Item = DVec3> {
     })
 }
 
-/// The lower triangle `L` with `L L^T = matrix`, of which only the lower triangle is read; `None` if it is singular.
+/// Returns the lower triangle `L` with `L L^T = matrix`, or `None` if the matrix is singular. Only the lower triangle
+/// of `matrix` is read.
 fn cholesky(mut matrix: [[f64; 25]; 25], n: usize) -> Option<[[f64; 25]; 25]> {
     for i in 0..n {
         for j in 0..=i {
@@ -324,7 +345,12 @@ mod tests {
 
     proptest! {
         #[test]
-        fn fog_keeps_its_density_and_color(density in 0.01..500.0, color in prop::array::uniform3(0.01..0.99), basis in 0..6usize, direction in unit()) {
+        fn fog_keeps_its_density_and_color(
+            density in 0.01..500.0,
+            color in prop::array::uniform3(0.01..0.99),
+            basis in 0..6usize,
+            direction in unit(),
+        ) {
             let color = DVec3::from_array(color);
             let settings = BakeSettings { basis: Basis::ALL[basis], ..settings(2) };
             let field = bake(&settings, |_| density, |_| move |_| color).unwrap();
@@ -335,7 +361,8 @@ mod tests {
             }
         }
 
-        /// What the basis can represent comes back, however it varies over the sphere and from cell to cell.
+        /// Radiance that the basis can represent is reproduced, however it varies over the sphere and from cell to
+        /// cell.
         #[test]
         fn representable_radiance_is_reproduced(
             basis in 1..6usize,
@@ -363,7 +390,7 @@ mod tests {
             }
         }
 
-        /// Leaves are where the density is, in the axes' own order and scale, at the finest level.
+        /// The finest cells with density are leaves, in the order and scale of the axes.
         #[test]
         fn leaves_cover_the_density(low in prop::array::uniform3(0u32..16), size in prop::array::uniform3(1u32..16)) {
             let low = UVec3::from_array(low);
@@ -384,7 +411,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_bakes_to_an_empty_field() {
+    fn empty_volumes_bake_to_empty_fields() {
         let field = bake(&settings(5), |_| 0.009, |_| |_| DVec3::ONE).unwrap();
         assert_eq!((field.leaves(), field.nodes().len()), (0, 1));
     }
@@ -405,7 +432,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_baked_is_an_error() {
+    fn invalid_volumes_and_settings_are_errors() {
         let gray = |_| |_| DVec3::splat(0.5);
         assert_eq!(bake(&settings(0), |_| 1.0, gray).unwrap_err(), BakeError::Depth(0));
         let flat = BakeSettings { max: DVec3::new(1.0, -1.0, 1.0), ..settings(2) };

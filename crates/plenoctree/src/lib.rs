@@ -1,21 +1,29 @@
-//! PlenOctrees without an engine: radiance fields in sparse octrees, their files, their palettes.
+//! Engine-free PlenOctrees: radiance fields in sparse octrees, with files, levels of detail, palettes and ray casts.
 //!
-//! | module | what it does |
+//! | module | contents |
 //! |---|---|
-//! | the root | [`PlenOctree`], the field: reading and writing files, baking, levels of detail, ray casts |
-//! | [`sampling`] | how much of each color is visible from outside, on all cores |
-//! | [`palette`] | one palette of the whole field, its file, and the labels that are blended from it |
-//! | [`camera`] | pinhole cameras, and the `transforms.json` of NeRF datasets |
-//! | [`mod@reference`] | rendering, sampling and posterization in float64, to judge faster ones by |
+//! | crate root | [`PlenOctree`], the field: reading and writing files, baking, levels of detail, ray casts |
+//! | [`sampling`] | radiance sampling: how much of each color is visible from outside |
+//! | [`palette`] | palette extraction, palette files, and the labels blended from a palette |
+//! | [`camera`] | pinhole cameras, and the `transforms.json` files of NeRF datasets |
+//! | [`mod@reference`] | rendering, sampling and posterization in float64, as a reference for faster code |
 //!
-//! The crate implements the engine-free half of *Recolorable Posterization of Volumetric Radiance Fields Using
+//! This crate implements the engine-free half of *Recolorable Posterization of Volumetric Radiance Fields Using
 //! Visibility-Weighted Palette Extraction* (Tojo and Umetani, EGSR 2022). The Bevy plugin is
 //! [`bevy_plenoctree`](https://docs.rs/bevy_plenoctree).
 //!
 //! # Features
 //!
-//! On by default, since tools want them; a game needs none: `bake`, `camera`, `reference`, `write`. Off by default: `bevy`
-//! derives `Asset` and `Reflect`.
+//! | feature | adds | default |
+//! |---|---|---|
+//! | `bake` | fields from closures | on |
+//! | `camera` | pinhole cameras, and the `transforms.json` files of NeRF datasets | on |
+//! | `reference` | rendering, sampling and posterization in float64 | on |
+//! | `write` | writing fields | on |
+//! | `bevy` | Bevy's `Asset` and `Reflect` for fields, palettes and settings | off |
+//!
+//! The features that are on by default are for tools. A game usually needs none of them.
+#![cfg_attr(docsrs, feature(doc_cfg))]
 #![forbid(unsafe_code)]
 #![warn(missing_docs)]
 

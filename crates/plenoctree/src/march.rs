@@ -1,4 +1,4 @@
-//! Rays through the octree, cell by cell and in float64: section 2 of the method.
+//! Marches rays through the octree, cell by cell and in float64: section 2 of the method.
 
 use std::ops::ControlFlow;
 
@@ -6,27 +6,32 @@ use glam::{DVec3, I64Vec3};
 
 use crate::field::PlenOctree;
 
-/// Transmittance under which a march stops and the pixel counts as opaque.
+/// Transmittance below which a march stops and the ray counts as opaque.
 const STOP_TRANSMITTANCE: f64 = 1e-2;
 
-/// One leaf on the way of a ray.
+/// A leaf that a ray crosses.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Crossing {
-    /// The leaf's index.
+    /// Index of the leaf.
     pub leaf: u32,
-    /// Distance from the ray's origin to where it enters the leaf, in lengths of the direction.
+    /// Distance from the ray's origin to the point where it enters the leaf, in multiples of the direction's length.
     pub start: f64,
-    /// Length of the way inside the leaf, likewise: world units of the field for a unit direction.
+    /// Length of the ray's path inside the leaf, in multiples of the direction's length: world units of the field if
+    /// the direction is a unit vector.
     pub length: f64,
 }
 
 impl PlenOctree {
-    /// Calls `visit` for every leaf that is not empty on the ray `origin + t direction`, t >= 0, in order, until it breaks.
+    /// Calls `visit` for every leaf that the ray `origin + t direction`, t >= 0, crosses, in order. Stops when `visit`
+    /// returns [`ControlFlow::Break`].
     ///
-    /// Cells are integers: a step leaves a cell through one of its faces and enters the neighbor there, so no cell is lost
-    /// or visited twice however small it is, and the lengths add up to the way through the self.
+    /// `origin` and `direction` are in the field's frame. `direction` does not have to be a unit vector.
+    ///
+    /// Positions are counted in whole cells: each step leaves a cell through one of its faces and enters the neighbor
+    /// on the other side. No cell is skipped or visited twice, however small it is, and the lengths add up to the path
+    /// through the tree's cube.
     pub fn march(&self, origin: DVec3, direction: DVec3, mut visit: impl FnMut(Crossing) -> ControlFlow<()>) {
-        // In units of the finest cell; `t` keeps its world length.
+        // In finest cells. `t` is the same as in world units.
         let cells = f64::from(1u32 << self.depth());
         let frame = self.frame();
         let origin = frame.to_tree(origin) * cells;
@@ -82,10 +87,13 @@ impl PlenOctree {
         }
     }
 
-    /// Color `C` and opacity `A` seen along one ray of the field's frame. `direction` is a unit vector.
+    /// Returns the color `C` and the opacity `A` along a ray in the field's frame: section 2 of the method.
+    ///
+    /// `direction` is a unit vector. The color is encoded sRGB, premultiplied by the opacity, which is 0 to 1. Once the
+    /// transmittance falls below 1e-2, the march stops and the opacity is 1.
     pub fn render_ray(&self, origin: DVec3, direction: DVec3) -> (DVec3, f64) {
         let y = self.basis().evaluate(direction);
-        // The sum of the weights is 1 - transmittance, without its cancellation where little is lost.
+        // The sum of the weights is 1 - transmittance, but without cancellation in thin fields.
         let (mut color, mut transmittance, mut sum) = (DVec3::ZERO, 1.0, 0.0);
         self.march(origin, direction, |crossing| {
             let depth = f64::from(self.densities()[crossing.leaf as usize]) * crossing.length;

@@ -1,4 +1,4 @@
-//! The command line: which subcommand to run.
+//! The command line and its subcommands.
 
 use clap::{Parser, Subcommand};
 
@@ -14,7 +14,7 @@ pub struct CommandLine {
     command: Command,
 }
 
-/// The subcommands. Each one's description is on its arguments.
+/// The subcommands. Their arguments describe them.
 #[derive(Subcommand)]
 enum Command {
     Info(info::Arguments),

@@ -1,4 +1,4 @@
-//! Which field a command works on, and reading it.
+//! Finds and reads the field that a command works on.
 
 use std::path::{Path, PathBuf};
 
@@ -6,11 +6,11 @@ use plenoctree::{LoadSettings, PlenOctree};
 
 use crate::{Result, progress};
 
-/// The field that is used when none is named, relative to the root of the workspace.
+/// The default field, relative to the root of the workspace.
 const DEFAULT: &str = "assets/toadstool.npz";
 
-/// The path that was given, or that of the toadstool: in the workspace that this program was built in, or, if that is
-/// gone, under the current directory.
+/// Returns the given path, or by default the path of the toadstool: in the workspace in which this program was built
+/// or, if that no longer exists, under the current directory.
 pub fn or_default(path: Option<&Path>) -> PathBuf {
     let in_workspace = || {
         let workspace = Path::new(env!("CARGO_MANIFEST_DIR")).ancestors().nth(2)?;
@@ -19,7 +19,7 @@ pub fn or_default(path: Option<&Path>) -> PathBuf {
     path.map(Path::to_path_buf).or_else(in_workspace).unwrap_or_else(|| DEFAULT.into())
 }
 
-/// Reads a field while a spinner turns.
+/// Reads a field, with a spinner unless `quiet`.
 pub fn load(path: &Path, quiet: bool) -> Result<PlenOctree> {
     let spinner = progress::spinner("loading", quiet);
     let field = PlenOctree::read(path, &LoadSettings::default())?;

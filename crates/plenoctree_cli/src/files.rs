@@ -1,4 +1,4 @@
-//! Writing files, with errors that name them.
+//! Writes files, with errors that name them.
 
 use std::{fs, path::Path};
 
@@ -6,17 +6,17 @@ use image::RgbImage;
 
 use crate::Result;
 
-/// Creates a folder and those above it, if they are not there.
+/// Creates a folder and its parents, unless they exist.
 pub fn create_folder(path: &Path) -> Result {
     Ok(fs::create_dir_all(path).map_err(|error| format!("{}: cannot be created: {error}", path.display()))?)
 }
 
-/// Writes a text file, replacing what is there.
+/// Writes a text file, replacing an existing one.
 pub fn write_text(path: &Path, text: &str) -> Result {
     Ok(fs::write(path, text).map_err(|error| format!("{}: {error}", path.display()))?)
 }
 
-/// Writes an image in the format that its extension names, replacing what is there.
+/// Writes an image in the format of its extension, replacing an existing file.
 pub fn write_image(path: &Path, image: &RgbImage) -> Result {
     Ok(image.save(path).map_err(|error| format!("{}: {error}", path.display()))?)
 }

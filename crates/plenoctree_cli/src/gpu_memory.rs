@@ -2,13 +2,13 @@
 
 use plenoctree::PlenOctree;
 
-/// Bytes that the plugin needs on the GPU; `None` in a build without Bevy, which cannot know.
+/// Returns the number of bytes that the plugin needs on the GPU, or `None` in a build without Bevy.
 #[cfg(feature = "bevy")]
 pub fn bytes(field: &PlenOctree) -> Option<u64> {
     Some(bevy_plenoctree::GpuField::byte_size(field))
 }
 
-/// Bytes that the plugin needs on the GPU: unknown in a build without Bevy.
+/// Returns `None`, because the number of bytes is unknown in a build without Bevy.
 #[cfg(not(feature = "bevy"))]
 pub fn bytes(_field: &PlenOctree) -> Option<u64> {
     None

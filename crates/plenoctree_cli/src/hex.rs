@@ -15,7 +15,7 @@ pub fn format([r, g, b]: [u8; 3]) -> String {
     format!("#{r:02x}{g:02x}{b:02x}")
 }
 
-/// Rounds encoded sRGB to 8 bits, clamped to what a screen can show.
+/// Rounds encoded sRGB to 8 bits, clamped to the range of a screen.
 pub fn quantize(color: [f64; 3]) -> [u8; 3] {
     color.map(|channel| (255.0 * channel.clamp(0.0, 1.0)).round() as u8)
 }
@@ -25,7 +25,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn codes_are_read_and_written() {
+    fn codes_are_parsed_and_formatted() {
         assert_eq!(parse("#2060ff"), Ok([0x20, 0x60, 0xff]));
         assert_eq!(parse("2060FF").map(format).as_deref(), Ok("#2060ff"));
         for wrong in ["", "#", "#fff", "#2060fg", "#+060ff", "#2060ff0"] {

@@ -1,4 +1,4 @@
-//! `plenoctree`: a command line for PlenOctrees. One module per subcommand, and small ones that they share.
+//! `plenoctree`, a command line tool for PlenOctrees. It has one module per subcommand, and small shared modules.
 #![forbid(unsafe_code)]
 
 mod bake;
@@ -26,7 +26,7 @@ use std::process::ExitCode;
 
 use clap::Parser;
 
-/// What a step of a command returns. Errors are messages for the user.
+/// The result of a step of a command. Errors are messages for the user.
 type Result<T = (), E = Box<dyn std::error::Error>> = std::result::Result<T, E>;
 
 fn main() -> ExitCode {

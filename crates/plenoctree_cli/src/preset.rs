@@ -2,16 +2,16 @@
 
 use clap::ValueEnum;
 
-/// How exactly the GPU draws.
+/// A quality preset.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum Preset {
-    /// What the method asks for.
+    /// Exactly as the method specifies.
     #[default]
     Exact,
-    /// Hardly distinguishable from exact.
+    /// Visually indistinguishable from exact.
     High,
-    /// For most games.
+    /// A compromise for most games.
     Balanced,
-    /// For many props, or slow graphics cards.
+    /// For many props, or a slow GPU.
     Fast,
 }

@@ -1,10 +1,10 @@
-//! Progress bars on standard error. They show only in a terminal.
+//! Progress bars on standard error. They are shown only in a terminal.
 
 use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-/// A bar of `length` steps.
+/// Returns a bar of `length` steps.
 pub fn bar(message: &'static str, length: u64, quiet: bool) -> ProgressBar {
     if quiet {
         return ProgressBar::hidden();
@@ -12,7 +12,7 @@ pub fn bar(message: &'static str, length: u64, quiet: bool) -> ProgressBar {
     styled(ProgressBar::new(length), "{msg:12} [{bar:40}] {pos}/{len} {eta}", message)
 }
 
-/// A spinner, for work whose progress is unknown.
+/// Returns a spinner, for work whose progress is unknown.
 pub fn spinner(message: &'static str, quiet: bool) -> ProgressBar {
     if quiet {
         return ProgressBar::hidden();

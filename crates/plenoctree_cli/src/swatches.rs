@@ -5,7 +5,7 @@ use plenoctree::palette::Palette;
 
 use crate::{hex, text};
 
-/// One line per color: its index, its hex code and its share of the weight.
+/// Returns one line per color: its index, its hex code and its share of the weight.
 pub fn lines(palette: &Palette) -> String {
     let line = |(index, color): (usize, &[f64; 3])| {
         let code = hex::format(hex::quantize(*color));
@@ -14,10 +14,10 @@ pub fn lines(palette: &Palette) -> String {
     palette.colors.iter().enumerate().map(line).collect()
 }
 
-/// Pixels per side of a swatch.
+/// The width and height of a swatch, in pixels.
 const SWATCH: u32 = 160;
 
-/// A square for every color, with its index, hex code and share of the weight.
+/// Draws a square for every color, with its index, hex code and share of the weight.
 pub fn draw(palette: &Palette) -> RgbImage {
     let mut image = RgbImage::new(SWATCH * palette.colors.len() as u32, SWATCH);
     for (index, color) in palette.colors.iter().enumerate() {
@@ -39,7 +39,7 @@ pub fn draw(palette: &Palette) -> RgbImage {
     image
 }
 
-/// A color's weight in percent.
+/// Returns a color's weight in percent.
 fn share(palette: &Palette, index: usize) -> f64 {
     100.0 * palette.weights.get(index).copied().unwrap_or(0.0)
 }

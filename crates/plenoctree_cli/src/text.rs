@@ -3,13 +3,13 @@
 use font8x8::UnicodeFonts;
 use image::{Rgb, RgbImage};
 
-/// Pixels per side of a dot of a letter.
+/// The width and height of a dot of a letter, in pixels.
 const DOT: u32 = 2;
-/// Pixels per side of a letter.
+/// The width and height of a letter, in pixels.
 pub const LETTER: u32 = 8 * DOT;
 
-/// Writes one line, vertically centered at `y`. `anchor` is the share of the line that lies left of `x`, 0 to 1. What
-/// lies outside the image is cut off.
+/// Writes one line, vertically centered at `y`. `anchor` is the share of the line that is left of `x`, from 0 to 1.
+/// Parts outside the image are cut off.
 pub fn write(image: &mut RgbImage, text: &str, (x, y): (f64, f64), anchor: f64, ink: Rgb<u8>) {
     let width = f64::from(LETTER) * text.chars().count() as f64;
     let left = x - anchor * width;

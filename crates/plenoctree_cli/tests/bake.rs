@@ -16,6 +16,6 @@ fn a_prop_is_baked() {
 }
 
 #[test]
-fn unknown_props_are_named() {
+fn errors_name_unknown_props() {
     assert!(fail(&["bake", "no_prop"]).contains("no_prop"));
 }

@@ -43,7 +43,7 @@ fn a_palette_is_described() {
 }
 
 #[test]
-fn bad_files_are_named() {
+fn errors_name_bad_files() {
     let folder = folder("info_bad");
     for (name, content) in [("no_field.npz", "no archive"), ("no_palette.json", "{}")] {
         let path = folder.join(name);

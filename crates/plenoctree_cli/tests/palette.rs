@@ -11,9 +11,9 @@ use plenoctree::{
     sampling::Progress,
 };
 
-/// The palette lies beside the field, and is the one that the library extracts.
+/// The palette is saved next to the field and equals the one that the library extracts.
 #[test]
-fn the_palette_is_that_of_the_library() {
+fn the_palette_equals_that_of_the_library() {
     let field = ball(&folder("palette_default"));
     let printed = succeed(&["palette", text(&field)]);
     let found = Palette::read(field.with_file_name("ball.palette.json")).unwrap();
@@ -26,7 +26,7 @@ fn the_palette_is_that_of_the_library() {
 }
 
 #[test]
-fn every_file_that_is_asked_for_is_written() {
+fn all_requested_files_are_written() {
     let folder = folder("palette_files");
     let field = ball(&folder);
     let [out, image, histograms] = ["p.json", "p.png", "h.npz"].map(|name| folder.join(name));
@@ -44,7 +44,7 @@ fn every_file_that_is_asked_for_is_written() {
 }
 
 #[test]
-fn bad_input_is_refused() {
+fn bad_input_is_rejected() {
     let folder = folder("palette_bad");
     assert!(fail(&["palette", text(&folder.join("missing.npz"))]).contains("missing.npz"));
     let broken = folder.join("broken.npz");

@@ -1,4 +1,4 @@
-//! `plenoctree stylize`, by the reference, which needs no GPU.
+//! `plenoctree stylize` with the reference, which needs no GPU.
 
 mod common;
 
@@ -7,14 +7,14 @@ use std::{fs, path::Path, process::Output};
 use common::{ball, fail, folder, plenoctree, succeed, text};
 use serde_json::Value;
 
-/// Renders two views of 32 x 32 pixels into a folder.
+/// Returns the arguments that render two views of 32 x 32 pixels to a folder.
 fn arguments<'a>(field: &'a Path, out: &'a Path) -> Vec<&'a str> {
     let arguments = ["stylize", text(field), "--out", text(out), "--renderer", "reference", "--size", "32x32"];
     [&arguments[..], &["--frames", "2"]].concat()
 }
 
 #[test]
-fn the_promised_files_are_written() {
+fn the_documented_files_are_written() {
     let folder = folder("stylize_files");
     let (field, out) = (ball(&folder), folder.join("out"));
     let extraction = ["--sampling", "cpu", "--colors", "4", "--recolor", "1=#2060ff"];
@@ -40,7 +40,7 @@ fn the_promised_files_are_written() {
     assert!(report["medians"]["milliseconds"]["total"].as_f64().unwrap() > 0.0);
 }
 
-/// A palette that is given is used as it is, and nothing is printed.
+/// A given palette is used unchanged, and `--quiet` prints nothing.
 #[test]
 fn a_palette_can_be_given() {
     let folder = folder("stylize_palette");
@@ -55,7 +55,7 @@ fn a_palette_can_be_given() {
 }
 
 #[test]
-fn bad_input_is_refused() {
+fn bad_input_is_rejected() {
     let folder = folder("stylize_bad");
     let (field, out) = (ball(&folder), folder.join("out"));
     let with = |more: &[&str]| fail(&[&arguments(&field, &out)[..], more].concat());
@@ -69,7 +69,7 @@ fn bad_input_is_refused() {
     assert!(fail(&arguments(&folder.join("missing.npz"), &out)).contains("missing.npz"));
 }
 
-/// The GPU can be asked for only where it can be used.
+/// The GPU can be selected only in builds that support it.
 #[test]
 fn builds_without_bevy_have_no_gpu() {
     let Output { stdout, .. } = plenoctree(&["stylize", "--help"]);

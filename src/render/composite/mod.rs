@@ -1,4 +1,4 @@
-//! Compositing: the layer over what was drawn before it, which is what the posterization works on.
+//! The composite pass: blends the layer over the scene. Posterization works on the result.
 
 mod pass;
 mod pipeline;

@@ -1,4 +1,4 @@
-//! Writes the composite into the textures of the filter.
+//! Writes the composite to the filter's textures.
 
 use bevy::{
     prelude::*,
@@ -25,10 +25,10 @@ use crate::{
     stage::PropStage,
 };
 
-/// Name of the pass's span in Bevy's render diagnostics.
+/// The name of the pass's span in Bevy's render diagnostics.
 pub const COMPOSITE_SPAN: &str = "plenoctree_composite";
 
-/// The pipeline of a view, and a bind group for each main texture that the view's target may draw to.
+/// The pipeline of a view, and a bind group for each of the two main textures of its target.
 #[derive(Component, Default)]
 pub(super) struct CompositePass {
     pipeline: Option<CachedRenderPipelineId>,

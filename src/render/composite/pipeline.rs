@@ -1,4 +1,4 @@
-//! The pipelines of the compositing.
+//! The pipelines of the composite pass.
 
 use bevy::{
     camera::CompositingSpace,
@@ -17,7 +17,7 @@ use crate::{
     },
 };
 
-/// Blends the props over what was drawn before them.
+/// Blends the props over the scene.
 #[derive(Resource)]
 pub(super) struct CompositePipeline(pub Fullscreen);
 
@@ -34,7 +34,7 @@ pub(super) fn init(mut commands: Commands, views: Res<ViewLayouts>, shaders: Res
 }
 
 impl SpecializedRenderPipeline for CompositePipeline {
-    /// What the view's target stores, and whether the composite is filtered.
+    /// The color space of the view's target, and whether the composite is filtered.
     type Key = (Option<CompositingSpace>, bool);
 
     fn specialize(&self, (space, filtered): Self::Key) -> RenderPipelineDescriptor {

@@ -1,4 +1,4 @@
-//! The props' depth where they are solid, for what is drawn after them.
+//! The depth pass: writes the depth of props where they are solid, for everything that is drawn later.
 
 mod pass;
 mod pipeline;

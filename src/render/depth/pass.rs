@@ -1,4 +1,4 @@
-//! Writes the scene's depth.
+//! Writes to the scene's depth texture.
 
 use bevy::{
     camera::MainPassResolutionOverride,
@@ -25,7 +25,7 @@ use crate::{
     stage::PropStage,
 };
 
-/// Name of the pass's span in Bevy's render diagnostics.
+/// The name of the pass's span in Bevy's render diagnostics.
 pub const DEPTH_SPAN: &str = "plenoctree_depth";
 
 /// The pipeline and bind group of a view.

@@ -15,7 +15,7 @@ use crate::{
     render::{attachment::depth_test, fullscreen::Fullscreen, view::ViewLayouts},
 };
 
-/// Writes the props' depth.
+/// Writes the depth of props.
 #[derive(Resource)]
 pub(super) struct DepthPipeline(pub Fullscreen);
 
@@ -29,7 +29,7 @@ pub(super) fn init(mut commands: Commands, views: Res<ViewLayouts>, shaders: Res
 }
 
 impl SpecializedRenderPipeline for DepthPipeline {
-    /// Samples a pixel.
+    /// The number of samples per pixel.
     type Key = u32;
 
     fn specialize(&self, samples: u32) -> RenderPipelineDescriptor {

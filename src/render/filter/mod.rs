@@ -1,4 +1,4 @@
-//! The bilateral filter, which flattens colors before labels are assigned: section 4 of the method, step 2.
+//! The bilateral filter, which flattens colors before labels are assigned. See section 4 of the method, step 2.
 
 mod pass;
 mod pipeline;

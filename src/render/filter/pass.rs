@@ -1,4 +1,4 @@
-//! Runs the filter, back and forth between two textures.
+//! Runs the filter, alternating between two textures.
 
 use std::num::NonZero;
 
@@ -24,10 +24,10 @@ use crate::{
     stage::PropStage,
 };
 
-/// Name of the pass's span in Bevy's render diagnostics.
+/// The name of the pass's span in Bevy's render diagnostics.
 pub const FILTER_SPAN: &str = "plenoctree_filter";
 
-/// What each direction reads.
+/// The bind groups of the two directions.
 #[derive(Component, Default)]
 pub(super) struct FilterBindGroups {
     horizontal: KeptBindGroup,
@@ -90,7 +90,7 @@ pub(super) fn filter_pass(
             let mut pass = ctx.begin_tracked_render_pass(RenderPassDescriptor {
                 label: Some(FILTER_SPAN),
                 color_attachments: &[kept(target)],
-                // Only for its test.
+                // Only for the depth test.
                 depth_stencil_attachment: Some(RenderPassDepthStencilAttachment {
                     view: &textures.layer.depth,
                     depth_ops: None,

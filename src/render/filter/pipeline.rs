@@ -1,4 +1,4 @@
-//! The pipelines of the filter: one for each direction.
+//! The pipelines of the filter, one for each direction.
 
 use bevy::{
     prelude::*,
@@ -22,17 +22,17 @@ use crate::{
     },
 };
 
-/// Distance of two values in the buffer of iterations: no device asks for more.
+/// The distance between two values in the buffer of iterations, in bytes. No device requires a larger alignment.
 pub(super) const ITERATION_STRIDE: u32 = 256;
 
-/// The two directions of the filter.
+/// The pipelines of the filter, and the resources that they share.
 #[derive(Resource)]
 pub(super) struct FilterPipelines {
     pub label: &'static str,
     pub layout: BindGroupLayoutDescriptor,
     pub horizontal: CachedRenderPipelineId,
     pub vertical: CachedRenderPipelineId,
-    /// 0, 1, 2, ... at distances of [`ITERATION_STRIDE`].
+    /// The numbers 0, 1, 2, ..., one every [`ITERATION_STRIDE`] bytes.
     pub iterations: Buffer,
 }
 
@@ -50,7 +50,8 @@ pub(super) fn init(
     let filter = Fullscreen::new("plenoctree_filter", &shaders.filter, &entries, &shaders, &views);
     let direction = |definitions| {
         let mut descriptor = filter.pipeline(definitions, &[target(FILTER_FORMAT, None)]);
-        // Where no prop is, `fullscreen.wgsl` is behind the depth that was cleared: no work for the fragment shader.
+        // Where no prop was drawn, the triangle of `fullscreen.wgsl` fails this test, and the fragment shader does not
+        // run.
         descriptor.depth_stencil = Some(depth_test(DEPTH_FORMAT, false, CompareFunction::LessEqual));
         cache.queue_render_pipeline(descriptor)
     };

@@ -1,7 +1,7 @@
-//! Labels for the pixels that are posterized: section 4 of the method, steps 1 and 3 to 5.
+//! The label pass: assigns labels to the pixels that are posterized. See section 4 of the method, steps 1 and 3 to 5.
 //!
-//! The pass writes the view's target, or, for cameras with [`LabelStages`](crate::LabelStages), textures that custom stages work on before
-//! the present pass writes the target.
+//! The pass writes the view's target. For cameras with [`LabelStages`](crate::LabelStages), it writes textures instead,
+//! which custom stages modify, and the present pass writes the target.
 
 mod pass;
 mod pipeline;

@@ -29,7 +29,7 @@ use crate::{
     stage::PropStage,
 };
 
-/// Name of the pass's span in Bevy's render diagnostics.
+/// The name of the pass's span in Bevy's render diagnostics.
 pub const LABEL_SPAN: &str = "plenoctree_label";
 
 /// The pipeline and bind group of a view.
@@ -107,7 +107,7 @@ pub(super) fn label_pass(
         let (to_target, to_textures);
         let (attachments, viewport) = match textures {
             Some(textures) => {
-                // A negative opacity marks pixels in which nothing is shown.
+                // A negative opacity marks pixels where nothing is drawn.
                 let nothing = wgpu::Color { a: -1.0, ..default() };
                 to_textures = [Some(color(textures.colors(), LoadOp::Clear(nothing))), cleared(&textures.labels)];
                 (to_textures.as_slice(), None)
@@ -115,7 +115,7 @@ pub(super) fn label_pass(
             None => {
                 to_target = [Some(match props.stage {
                     PropStage::Scene => target.get_color_attachment(),
-                    // Post-processing goes on with the resolved texture.
+                    // Post-processing continues with the resolved texture.
                     PropStage::Display => target.get_unsampled_color_attachment(),
                 })];
                 (to_target.as_slice(), drawn_viewport(camera, resolution))

@@ -18,7 +18,7 @@ use crate::{
     },
 };
 
-/// Writes labels, and what is not posterized.
+/// Writes labels, and the composite where nothing is posterized.
 #[derive(Resource)]
 pub(super) struct LabelPipeline(pub Fullscreen);
 
@@ -31,12 +31,12 @@ pub(super) fn init(mut commands: Commands, views: Res<ViewLayouts>, shaders: Res
     commands.insert_resource(LabelPipeline(pass));
 }
 
-/// What the label pass writes.
+/// The output of the label pass.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 pub(super) enum LabelKey {
     /// The view's target.
     Target { format: TextureFormat, samples: u32, space: Option<CompositingSpace> },
-    /// The textures that custom stages work on.
+    /// The textures for custom stages.
     Textures,
 }
 
@@ -58,7 +58,8 @@ impl SpecializedRenderPipeline for LabelPipeline {
     }
 }
 
-/// The view's target, for colors that are composited already: only what the target knows of opacity is added to.
+/// Returns the view's target as a color target for colors that are already composited. Color is replaced, and alpha is
+/// blended over the target's alpha.
 pub(in crate::render) fn to_target(format: TextureFormat) -> ColorTargetState {
     target(format, Some(BlendState { color: BlendComponent::REPLACE, alpha: BlendComponent::OVER }))
 }

@@ -1,4 +1,4 @@
-//! The textures that custom stages work on.
+//! The textures that custom stages read and write.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -24,50 +24,53 @@ use crate::{
 pub(super) const LABEL_COLOR_FORMAT: TextureFormat = LabelTextures::COLOR_FORMAT;
 pub(super) const LABEL_FORMAT: TextureFormat = LabelTextures::LABEL_FORMAT;
 
-/// What custom stages read and write: a component of views in the render world. See [`LabelStages`](crate::LabelStages).
+/// The textures that custom stages read and write. A component of views in the render world, for cameras with
+/// [`LabelStages`](crate::LabelStages).
 ///
-/// The textures have the size of the part of the target that the camera's main pass draws to. Only pixels within
+/// The textures have the size of the part of the target that the camera's main pass draws to. Only the pixels within
 /// [`Self::rect`] are shown.
 #[derive(Component)]
 pub struct LabelTextures {
-    /// [`Self::LABEL_FORMAT`]: red is 0 where nothing is drawn, 1 where a prop is shown as trained, and otherwise 2 plus
-    /// the [index of the nearest label](plenoctree::palette::PaletteLabel::index); green is 0 or 1 plus the place of the
-    /// prop that is posterized there among those of the view, from back to front.
+    /// Labels, in [`Self::LABEL_FORMAT`]. Red is 0 where nothing is drawn, 1 where a prop is drawn as trained, and
+    /// otherwise 2 plus the [index of the nearest label](plenoctree::palette::PaletteLabel::index). Green is 1 plus the
+    /// index of the posterized prop among the view's props, sorted from back to front, or 0 if there is no such prop.
     pub labels: TextureView,
-    /// The pixels of the textures that are shown.
+    /// The part of the textures that is shown, in pixels.
     pub rect: URect,
-    /// Where in the frame the view's props are drawn: stages at the other place must do nothing.
+    /// Where in the frame the view's props are drawn. Custom stages at the other place must do nothing.
     pub stage: PropStage,
     colors: [TextureView; 2],
     current: AtomicUsize,
 }
 
-/// The textures of one custom stage, which must write every pixel within [`LabelTextures::rect`].
+/// The textures of one custom stage, which must write every pixel of the destination within [`LabelTextures::rect`].
 pub struct StageWrite<'a> {
-    /// [`LabelTextures::COLOR_FORMAT`]: encoded sRGB and opacity so far. Opacity is negative where nothing is shown.
+    /// The current colors, in [`LabelTextures::COLOR_FORMAT`]: encoded sRGB and opacity. Opacity is negative where
+    /// nothing is drawn.
     pub source: &'a TextureView,
-    /// The same, for the stages after this one and for the screen.
+    /// The new colors, in the same format, for later stages and the screen.
     pub destination: &'a TextureView,
 }
 
 impl LabelTextures {
-    /// The format of colors.
+    /// The format of the color textures.
     pub const COLOR_FORMAT: TextureFormat = TextureFormat::Rgba16Float;
-    /// The format of labels.
+    /// The format of [`Self::labels`].
     pub const LABEL_FORMAT: TextureFormat = TextureFormat::Rg32Uint;
 
-    /// The textures for a stage that changes colors. Call it once a stage and view, and write the destination.
+    /// Returns the textures for a stage that changes colors. Call this once per stage and view, and write the
+    /// destination.
     pub fn stage_write(&self) -> StageWrite<'_> {
         let source = self.current.fetch_xor(1, Ordering::SeqCst);
         StageWrite { source: &self.colors[source], destination: &self.colors[1 - source] }
     }
 
-    /// The colors as they are now.
+    /// Returns the current colors.
     pub fn colors(&self) -> &TextureView {
         &self.colors[self.current.load(Ordering::SeqCst)]
     }
 
-    /// Both textures of colors; one of them is the current one.
+    /// Returns both color textures. One of them has the current colors.
     pub(in crate::render) fn both(&self) -> &[TextureView; 2] {
         &self.colors
     }

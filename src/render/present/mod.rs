@@ -1,5 +1,5 @@
-//! Presenting: what custom stages made of the labels, written to the view's target. Views without such stages have no
-//! such pass.
+//! The present pass: writes the output of custom stages to the view's target. Does not run in views without custom
+//! stages.
 
 mod pass;
 mod pipeline;

@@ -1,4 +1,4 @@
-//! Writes the target.
+//! Writes the view's target.
 
 use bevy::{
     camera::MainPassResolutionOverride,
@@ -25,10 +25,10 @@ use crate::{
     stage::PropStage,
 };
 
-/// Name of the pass's span in Bevy's render diagnostics.
+/// The name of the pass's span in Bevy's render diagnostics.
 pub const PRESENT_SPAN: &str = "plenoctree_present";
 
-/// The pipeline of a view, and a bind group for each texture of colors, with the texture's identity.
+/// The pipeline of a view, and a bind group for each color texture.
 #[derive(Component, Default)]
 pub(super) struct PresentPass {
     pipeline: Option<CachedRenderPipelineId>,

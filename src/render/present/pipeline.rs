@@ -18,7 +18,7 @@ use crate::{
     },
 };
 
-/// Writes the colors of custom stages to the target.
+/// Writes the colors from custom stages to the view's target.
 #[derive(Resource)]
 pub(super) struct PresentPipeline(pub Fullscreen);
 
@@ -29,7 +29,7 @@ pub(super) fn init(mut commands: Commands, views: Res<ViewLayouts>, shaders: Res
     commands.insert_resource(PresentPipeline(pass));
 }
 
-/// The view's target.
+/// The properties of the view's target that the pipeline depends on.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 pub(super) struct PresentKey {
     pub format: TextureFormat,

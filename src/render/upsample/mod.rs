@@ -1,4 +1,4 @@
-//! Upsampling: a volume pass with fewer pixels, brought to the size of the viewport.
+//! The upsample pass: enlarges the coarse layer to the size of the viewport.
 
 mod pass;
 mod pipeline;

@@ -17,10 +17,10 @@ use crate::render::{
     view::{ViewBindGroups, ViewProps, ViewTextures},
 };
 
-/// Name of the pass's span in Bevy's render diagnostics.
+/// The name of the pass's span in Bevy's render diagnostics.
 pub const UPSAMPLE_SPAN: &str = "plenoctree_upsample";
 
-/// The coarse layer, in views that have one.
+/// The bind group of the coarse layer, in views that have one.
 #[derive(Component, Default)]
 pub(super) struct UpsampleBindGroup(KeptBindGroup);
 

@@ -1,4 +1,4 @@
-//! The pipelines of the upsampling.
+//! The pipelines of the upsample pass.
 
 use bevy::{
     prelude::*,
@@ -21,12 +21,12 @@ use crate::{
 #[derive(Resource)]
 pub(super) struct UpsamplePipeline {
     pub shared: Fullscreen,
-    /// One sample a pixel, multisampled.
+    /// For a single-sampled scene, and for a multisampled one.
     ids: [CachedRenderPipelineId; 2],
 }
 
 impl UpsamplePipeline {
-    /// The pipeline that reads a scene with that many samples a pixel.
+    /// Returns the pipeline for a scene with this number of samples per pixel.
     pub fn id(&self, msaa: &Msaa) -> CachedRenderPipelineId {
         self.ids[usize::from(msaa.samples() > 1)]
     }

@@ -12,12 +12,12 @@ use bevy::{
 use super::{layout::ViewLayouts, props::ViewProps};
 use crate::render::bind_group::KeptBindGroup;
 
-/// Bind group 0 of a view's passes.
+/// Bind group 0 of a view's passes, in two variants.
 #[derive(Component, Default)]
 pub(in crate::render) struct ViewBindGroups {
-    /// With the depth of the scene.
+    /// Includes the depth of the scene.
     pub with_depth: KeptBindGroup,
-    /// Without it.
+    /// Does not include the depth of the scene.
     pub plain: KeptBindGroup,
 }
 

@@ -10,12 +10,12 @@ use bevy::{
 
 use super::uniforms::{PropUniform, ViewUniform};
 
-/// Layouts of bind group 0.
+/// The layouts of bind group 0, in two variants.
 #[derive(Resource)]
 pub(in crate::render) struct ViewLayouts {
-    /// With the depth of the scene: one sample a pixel, multisampled.
+    /// With the depth of the scene: single-sampled, then multisampled.
     pub with_depth: [BindGroupLayoutDescriptor; 2],
-    /// Without it.
+    /// Without the depth of the scene.
     pub plain: BindGroupLayoutDescriptor,
 }
 

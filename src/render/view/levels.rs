@@ -1,4 +1,4 @@
-//! Which level of detail of its field every prop of a view is drawn at.
+//! Chooses the level at which each prop of a view is drawn.
 
 use bevy::{
     camera::MainPassResolutionOverride,
@@ -15,7 +15,7 @@ use crate::{
     render::extract::{ExtractedProps, VisibleProps},
 };
 
-/// Orders the props of every view, back to front, and asks for their levels.
+/// Sorts the props of every view back to front, and requests their levels.
 pub(super) fn choose_levels(
     extracted: Res<ExtractedProps>,
     mut fields: ResMut<RenderAssets<GpuField>>,
@@ -53,17 +53,17 @@ pub(super) fn choose_levels(
             let distance = (prop.placement.center() - eye.as_dvec3()).dot(forward.as_dvec3());
             Some(OrderedProp { distance, index, level })
         }));
-        // The index makes the order of props at the same distance certain, and a stable sort would allocate.
+        // Break ties by index, so that the order is deterministic. A stable sort would allocate.
         order.sort_unstable_by(|a, b| b.distance.total_cmp(&a.distance).then(a.index.cmp(&b.index)));
         if order.len() > MAX_PROPS_IN_VIEW {
-            error_once!("a camera sees {} props, of which it draws only the nearest {MAX_PROPS_IN_VIEW}", order.len());
+            error_once!("a camera sees {} props but draws only the nearest {MAX_PROPS_IN_VIEW}", order.len());
             order.drain(..order.len() - MAX_PROPS_IN_VIEW);
         }
     }
 }
 
-/// How many times cells of `size` pixels can be doubled without growing beyond what is `wanted`.
+/// Returns how many times cells that are `size` pixels wide can be doubled without exceeding `wanted` pixels.
 fn levels_coarser(size: f64, wanted: f32) -> u32 {
-    // The cast saturates, and makes 0 of NaN.
+    // The cast saturates, and converts NaN to 0.
     (f64::from(wanted) / size).log2().floor().min(32.0) as u32
 }

@@ -1,4 +1,4 @@
-//! What the passes of one view share: its props and their palettes, its textures, bind group 0.
+//! The resources that a view's passes share: its props and their palettes, its textures, and bind group 0.
 
 mod bind_groups;
 mod layout;
@@ -42,18 +42,18 @@ pub(super) fn plugin(app: &mut App) {
     );
 }
 
-/// The start of the render world, before the pipelines of the passes are made.
+/// The systems in `RenderStartup` that run before the passes create their pipelines.
 #[derive(SystemSet, Clone, Debug, PartialEq, Eq, Hash)]
 pub(super) struct InitViews;
 
-/// Drops what views hold of a device that was lost; the next extraction begins anew.
+/// Removes the components of views that belong to a lost device. The next extraction adds them again.
 fn forget_views(mut commands: Commands, views: Query<Entity, With<VisibleProps>>) {
     for view in &views {
         commands.entity(view).remove_with_requires::<VisibleProps>().remove::<ViewTextures>();
     }
 }
 
-/// Lets the volume pass read the depth of cameras that draw something.
+/// Lets the volume pass read the depth textures of cameras that draw something.
 fn read_depth(mut cameras: Query<(&mut Camera3d, &VisibleProps)>) {
     for (mut camera, visible) in &mut cameras {
         if !visible.is_empty() {

@@ -1,4 +1,4 @@
-//! Places the props of every view: their uniforms, their colors, the part of the viewport that they cover.
+//! Prepares the props of every view: their uniforms, their colors, and the part of the viewport that they cover.
 
 use bevy::{
     camera::{Exposure, MainPassResolutionOverride},
@@ -24,7 +24,7 @@ use crate::{
     stage::PropStage,
 };
 
-/// Writes the uniforms of every view.
+/// Writes the uniforms and the colors of every view.
 pub(super) fn prepare_views(
     extracted: Res<ExtractedProps>,
     fields: Res<RenderAssets<GpuField>>,
@@ -61,7 +61,7 @@ pub(super) fn prepare_views(
             continue;
         };
         let size = viewport.physical_size;
-        // After an upscaling, textures of the main pass's size fit no more.
+        // After upscaling, textures with the size of the main pass no longer fit the target.
         *stage = if resolution.is_some() { PropStage::Scene } else { visible.stage };
         *has_stages = visible.has_stages;
 
@@ -73,7 +73,7 @@ pub(super) fn prepare_views(
                 continue;
             };
             let level = field.resolve(wanted);
-            // A level with fewer leaves may be smaller.
+            // A level with fewer leaves may have a smaller box.
             let bounds = field.level(level).and_then(|level| level.bounds);
             let placement = match bounds {
                 Some((low, high)) if level != Level::default() => Placement { low, high, ..prop.placement },
@@ -98,7 +98,7 @@ pub(super) fn prepare_views(
             continue;
         }
         *iterations = props.get().iter().map(PropUniform::filtered).max().unwrap_or(0);
-        // Those of all props, so that their places are the same in every view.
+        // Copy the colors of all props, so that indices are the same in every view.
         colors.get_mut().clone_from(&extracted.colors);
         if colors.get().is_empty() {
             colors.get_mut().push(Vec4::ZERO);
@@ -120,16 +120,16 @@ pub(super) fn prepare_views(
     }
 }
 
-/// What a camera makes of the props' light: 1 at the exposure that a camera has without a setting.
+/// Returns the camera's exposure relative to Bevy's default exposure, or 1 after tonemapping.
 fn exposure(camera: &ExtractedCamera, stage: PropStage) -> f32 {
     match stage {
-        // Shaders divide by it.
+        // Shaders divide by the exposure.
         PropStage::Scene => (camera.exposure / Exposure::default().exposure()).clamp(1e-6, 1e6),
         PropStage::Display => 1.0,
     }
 }
 
-/// The pixels that the image of the unit cube can cover, and the filter's reach around them.
+/// Returns the rectangle of pixels that the unit cube can cover, extended by the largest radius of the filter.
 fn covered(clip_from_box: glam::DMat4, size: UVec2) -> URect {
     let everything = URect::from_corners(UVec2::ZERO, size);
     let mut rect = Rect::EMPTY;
@@ -158,7 +158,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(20_000))]
 
-        /// Also when corners of the box are behind the camera.
+        /// Holds even if corners of the box are behind the camera.
         #[test]
         fn what_is_seen_of_a_box_is_covered(
             eye in prop::array::uniform3(-1.0..2.0f64),

@@ -13,39 +13,39 @@ use crate::{gpu::Level, stage::PropStage};
 #[derive(Component, Default)]
 pub(in crate::render) struct ViewProps {
     pub(super) order: Vec<OrderedProp>,
-    /// The field of every prop, in the order in which they are drawn, and its level.
+    /// The field of every prop and its level, in drawing order.
     pub fields: Vec<(AssetId<PlenOctree>, Level)>,
     /// The highest degree of spherical harmonics to evaluate.
     pub degree: u32,
-    /// Whether fields may be drawn at other levels than their own.
+    /// Whether props may be drawn at levels other than the field itself.
     pub changes_levels: bool,
-    /// Most iterations of the filter that a prop asks for.
+    /// The maximum number of filter iterations of any prop, or of the posterized view.
     pub iterations: u32,
-    /// The part of the viewport in which there is something to draw, and what the filter reads around it, in pixels.
+    /// The part of the viewport to draw to, in pixels, including what the filter reads around the props.
     pub rect: URect,
     pub stage: PropStage,
-    /// Whether labels go into textures of their own, for custom stages.
+    /// Whether labels are written to textures, for custom stages.
     pub has_stages: bool,
     /// The pipelines of the passes after the volume pass. None of these passes runs until all pipelines are ready.
     pub pipelines: Vec<CachedRenderPipelineId>,
     pub(super) view: UniformBuffer<ViewUniform>,
-    /// After the props, what posterizes the rest of the view, if anything does.
+    /// The props, followed by the posterized view, if there is one.
     pub(super) props: StorageBuffer<Vec<PropUniform>>,
     pub(super) colors: StorageBuffer<Vec<Vec4>>,
 }
 
-/// A prop of a view, before it is placed.
+/// A prop of a view, in drawing order.
 pub(super) struct OrderedProp {
-    /// How far along the view direction its middle is.
+    /// The distance of its center along the view direction.
     pub distance: f64,
-    /// Its place among the extracted props.
+    /// Its index in `ExtractedProps::props`.
     pub index: usize,
-    /// The level that the view asks for.
+    /// The level that the view requests.
     pub level: Level,
 }
 
 impl ViewProps {
-    /// What bind group 0 begins with; `None` if the view draws nothing.
+    /// Returns the first bindings of bind group 0, or `None` if the view draws nothing.
     pub fn bindings(&self) -> Option<(BindingResource<'_>, BindingResource<'_>, BindingResource<'_>)> {
         if self.rect.is_empty() {
             return None;
@@ -53,7 +53,7 @@ impl ViewProps {
         Some((self.view.binding()?, self.props.binding()?, self.colors.binding()?))
     }
 
-    /// Whether the passes after the volume pass can run at this place in the frame.
+    /// Returns whether the passes after the volume pass can run at this place in the frame.
     pub fn posterizes_at(&self, stage: PropStage, cache: &PipelineCache) -> bool {
         self.stage == stage
             && !self.rect.is_empty()

@@ -1,4 +1,4 @@
-//! From pixels to rays of a field, worked out in float64 so that shaders start from exact numbers.
+//! Rays from the pixels of a view into a field, computed in float64 so that shaders start from exact numbers.
 
 use bevy::prelude::*;
 use glam::{DAffine3, DMat3, DMat4, DVec2, DVec3, DVec4};
@@ -6,38 +6,38 @@ use plenoctree::{Frame, UpAxis};
 
 use crate::prop::world_from_field;
 
-/// A view's rays in a field's frame, affine in the point `reference + (x, y)` of the viewport in pixels: `a[0] + x a[1] +
-/// y a[2]`. They begin where the box does, so that numbers are small however far away the camera is.
+/// The rays of a view in a field's frame, as affine functions of the viewport point `reference + (x, y)`, in pixels:
+/// `a[0] + x a[1] + y a[2]`. Rays begin at the box, so that numbers stay small however far away the camera is.
 pub(in crate::render) struct Rays {
-    /// The point of the viewport from which x and y count: near the middle of the box.
+    /// The viewport point from which x and y are measured, near the center of the box.
     pub reference: DVec2,
-    /// Where the rays begin, along the view axis, in the scene's units.
+    /// The distance along the view axis at which rays begin, in world units of the scene.
     pub near: f64,
-    /// Width of a finest cell, along its shortest side, where the box is nearest to the camera, in pixels.
+    /// The width in pixels of a finest cell, along its shortest side, where the box is nearest to the camera.
     pub cell_size: f64,
-    /// Origins in tree units.
+    /// The origins, in tree units.
     pub origin: [DVec3; 3],
-    /// Directions in the field's world units, as long as a step of one along the view axis.
+    /// The directions, in world units of the field. Their length corresponds to one unit along the view axis.
     pub direction: [DVec3; 3],
-    /// The box from `low` to `high` (tree units), as the image of the unit cube, in clip space.
+    /// Transforms the unit cube to the box from `low` to `high`, in clip space.
     pub clip_from_box: DMat4,
-    /// The box in tree units.
+    /// The lower corner of the box, in tree units. `high` is the upper corner.
     pub low: DVec3,
     pub high: DVec3,
-    /// Whether the way from the field to the view mirrors.
+    /// Whether the transform from the field to the view mirrors.
     pub mirrored: bool,
 }
 
-/// Where a field stands: `world_from_prop` is the entity's transform.
+/// The placement of a field in the scene. `world_from_prop` is the entity's transform.
 #[derive(Clone, Copy)]
 pub(in crate::render) struct Placement {
     pub world_from_prop: GlobalTransform,
     pub up: UpAxis,
     pub frame: Frame,
-    /// Box around the leaves in tree units.
+    /// The lower corner of the box around the leaves, in tree units. `high` is the upper corner.
     pub low: DVec3,
     pub high: DVec3,
-    /// Finest cells along a side of the tree's cube.
+    /// The number of finest cells along a side of the tree's cube.
     pub cells: f64,
 }
 
@@ -46,12 +46,12 @@ impl Placement {
         world_from_field(&self.world_from_prop, self.up)
     }
 
-    /// The middle of the field's leaves, in the scene.
+    /// Returns the center of the box around the leaves, in the scene.
     pub fn center(&self) -> DVec3 {
         self.world_from_field().transform_point3(self.frame.to_world(0.5 * (self.low + self.high)))
     }
 
-    /// `None` if the transform is degenerate: such a prop has no volume to look into.
+    /// Returns the rays of a view, or `None` if the transform is degenerate and the prop has no volume.
     pub fn rays(&self, world_from_view: &GlobalTransform, clip_from_view: Mat4, viewport: UVec2) -> Option<Rays> {
         let world_from_field = self.world_from_field();
         let determinant = world_from_field.matrix3.determinant();
@@ -70,7 +70,7 @@ impl Placement {
         let view_from_box = world_from_view.inverse() * world_from_field * field_from_box;
         let clip_from_box = clip_from_view * DMat4::from(view_from_box);
         let orthographic = clip_from_view.w_axis.w == 1.0;
-        // A perspective begins at the eye, parallel rays at the near plane, which may be behind the camera.
+        // Perspective rays begin at the eye. Parallel rays begin at the near plane, which may be behind the camera.
         let begin = if orthographic { (clip_from_view.w_axis.z - 1.0) / clip_from_view.z_axis.z } else { 0.0 };
         let size = viewport.as_dvec2();
         let corners =
@@ -80,10 +80,10 @@ impl Placement {
         let middle = clip_from_box * DVec4::new(0.5, 0.5, 0.5, 1.0);
         let reference =
             if middle.w > 0.0 { 0.5 * (1.0 + DVec2::new(middle.x, -middle.y) / middle.w) * size } else { 0.5 * size };
-        // What is far out of sight needs no exact rays.
+        // Props that are far out of view do not need exact rays.
         let reference = reference.clamp(-size, 2.0 * size).round();
 
-        // Three points of the viewport say all of an affine function.
+        // Three points of the viewport determine an affine function.
         let at = |x: f64, y: f64| {
             let ndc = DVec4::new(2.0 * x / size.x - 1.0, 1.0 - 2.0 * y / size.y, 1.0, 1.0);
             let seen = view_from_clip * ndc;
@@ -99,7 +99,8 @@ impl Placement {
         let base = at(reference.x, reference.y);
         let (right, down) = (at(reference.x + size.x, reference.y), at(reference.x, reference.y + size.y));
         let slopes = |base: DVec3, right: DVec3, down: DVec3| [base, (right - base) / size.x, (down - base) / size.y];
-        // A unit of the view's space spans so many pixels at distance one, or everywhere.
+        // The number of pixels that one unit of view space spans, at distance one or, with parallel rays, at any
+        // distance.
         let focal = 0.5 * size * DVec2::new(clip_from_view.x_axis.x, clip_from_view.y_axis.y).abs();
         let pixels = focal.max_element() / if orthographic { 1.0 } else { near };
         let axes = view_from_box.matrix3 * DMat3::from_diagonal((self.high - self.low).recip());
@@ -123,7 +124,7 @@ mod tests {
     use super::*;
     use plenoctree::camera::PinholeCamera;
 
-    /// The rays of a Bevy camera at a turned, scaled and moved prop are those of the same pinhole camera.
+    /// The rays of a Bevy camera into a rotated, scaled and translated field are those of the same pinhole camera.
     #[test]
     fn rays_agree_with_a_pinhole_camera() {
         let frame = Frame::spanning(DVec3::new(-1.0, -2.0, -3.0), DVec3::new(2.0, 2.0, 1.0));
@@ -144,7 +145,7 @@ mod tests {
         );
         let fov_y = 2.0 * ((0.5 * fov_x).tan() * 200.0 / 320.0).atan();
         let projection = Mat4::perspective_infinite_reverse_rh(fov_y as f32, 1.6, 0.1);
-        // Bevy's world is the field's, turned.
+        // Bevy's world is the field's, rotated to y up.
         let turn = UpAxis::Z.to_y_up();
         let view = GlobalTransform::from(bevy::math::Affine3A::from_mat3_translation(
             (turn * pinhole.rotation).as_mat3(),

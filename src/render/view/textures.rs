@@ -1,4 +1,4 @@
-//! The textures that the passes of a view hand on.
+//! The textures that a view's passes read and write.
 
 use bevy::{
     camera::{MainPassResolutionOverride, Viewport},
@@ -13,44 +13,44 @@ use bevy::{
 
 use crate::render::extract::VisibleProps;
 
-/// Color and opacity: half floats, since eight bits after each pass of the filter would move labels.
+/// The format of color and opacity: half floats, because 8 bits per channel would change labels.
 pub(in crate::render) const LAYER_FORMAT: TextureFormat = TextureFormat::Rgba16Float;
-/// Which prop posterizes a pixel, and whether one is solid there.
+/// The format of the owner of a pixel, and of whether a prop is solid there.
 pub(in crate::render) const OWNER_FORMAT: TextureFormat = TextureFormat::Rg16Float;
-/// Color, owner and CIELAB of a pixel of the filter: `filter_texel.wgsl`.
+/// The format of the filter's textures: the color, owner and CIELAB of a pixel. See `filter_texel.wgsl`.
 pub(in crate::render) const FILTER_FORMAT: TextureFormat = TextureFormat::Rgba32Uint;
-/// The props' own depth, reversed like the scene's.
+/// The format of the props' depth, which is reversed like the scene's.
 pub(in crate::render) const DEPTH_FORMAT: TextureFormat = TextureFormat::Depth32Float;
 
-/// What the volume pass draws: the props alone.
+/// The output of the volume pass: the props alone, without the scene.
 pub(in crate::render) struct Layer {
-    /// Color weighed by opacity, and opacity.
+    /// Encoded sRGB premultiplied by opacity, and opacity.
     pub color: TextureView,
-    /// `pack_owner` of `view.wgsl`.
+    /// The owner, as packed by `pack_owner` of `view.wgsl`.
     pub owner: TextureView,
     pub depth: TextureView,
 }
 
-/// The textures of one view, as large as its viewport.
+/// The textures of a view, which have the size of its viewport.
 #[derive(Component)]
 pub(in crate::render) struct ViewTextures {
     pub layer: Layer,
-    /// The same with fewer pixels, if the camera's quality asks for that: then it is what the volume pass draws.
+    /// A layer with fewer pixels, if the camera's quality asks for one. The volume pass then draws to it.
     pub coarse: Option<Layer>,
-    /// The composite, before and after every iteration of the filter.
+    /// The composite, before and after each iteration of the filter.
     pub even: TextureView,
-    /// The composite, in the middle of an iteration.
+    /// The composite, halfway through an iteration.
     pub odd: TextureView,
 }
 
 impl ViewTextures {
-    /// What the volume pass draws to.
+    /// Returns the layer that the volume pass draws to.
     pub fn volume(&self) -> &Layer {
         self.coarse.as_ref().unwrap_or(&self.layer)
     }
 }
 
-/// The part of a view's target that its main pass draws to, in pixels; `None` if there is nothing of it.
+/// Returns the part of a view's target that its main pass draws to, in pixels, or `None` if it is empty.
 pub(in crate::render) fn drawn_viewport(
     camera: &ExtractedCamera,
     resolution: Option<&MainPassResolutionOverride>,
@@ -100,7 +100,7 @@ pub(super) fn prepare_textures(
     }
 }
 
-/// Pixels of the volume pass in a viewport of `size`.
+/// Returns the size of the volume pass in a viewport of `size`, in pixels.
 pub(super) fn coarse_size(size: UVec2, resolution: f32) -> UVec2 {
     (size.as_vec2() * resolution).ceil().as_uvec2().clamp(UVec2::ONE, size)
 }

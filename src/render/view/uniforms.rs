@@ -1,4 +1,4 @@
-//! What `view.wgsl` declares.
+//! The uniforms that `view.wgsl` declares.
 
 use bevy::{prelude::*, render::render_resource::ShaderType};
 
@@ -10,7 +10,7 @@ use crate::{
     render::extract::{ExtractedPosterize, ExtractedProp},
 };
 
-/// `Prop` of `view.wgsl`.
+/// Matches `Prop` in `view.wgsl`.
 #[derive(ShaderType, Clone, Copy, Default)]
 pub(super) struct PropUniform {
     clip_from_box: Mat4,
@@ -53,9 +53,9 @@ impl PropUniform {
         }
     }
 
-    /// How something is posterized that is no prop.
+    /// Creates the uniform of a posterized view, without the placement of a prop.
     pub fn posterize(posterize: Option<ExtractedPosterize>, quality: &PropQuality) -> Self {
-        let settings = sound(posterize.map(|posterize| posterize.settings).unwrap_or_default());
+        let settings = clamped(posterize.map(|posterize| posterize.settings).unwrap_or_default());
         let falloff = |sigma: f32| 0.5 / (sigma * sigma);
         Self {
             colors: posterize.map_or(0, |posterize| posterize.colors),
@@ -71,13 +71,13 @@ impl PropUniform {
         }
     }
 
-    /// How often the filter runs for it.
+    /// Returns the number of filter iterations that it needs.
     pub fn filtered(&self) -> u32 {
         if self.colors > 0 { self.iterations } else { 0 }
     }
 }
 
-/// `View` of `view.wgsl`.
+/// Matches `View` in `view.wgsl`.
 #[derive(ShaderType, Clone, Copy, Default)]
 pub(super) struct ViewUniform {
     pub corner: UVec2,
@@ -90,7 +90,7 @@ pub(super) struct ViewUniform {
     pub min_weight: f32,
 }
 
-/// The transmittance at which a prop is solid; a ray that ends there is solid too. Negative for never.
+/// Returns the transmittance at which a prop is solid, or a negative value for never. Rays that stop count as solid.
 fn solid_transmittance(solid: SolidOpacity, quality: &PropQuality) -> f32 {
     match solid {
         SolidOpacity::At(opacity) => (1.0 - opacity.clamp(0.0, 1.0)).max(quality.stop_transmittance),
@@ -98,12 +98,12 @@ fn solid_transmittance(solid: SolidOpacity, quality: &PropQuality) -> f32 {
     }
 }
 
-/// Clamps every setting to its valid range, so that no shader divides by zero or loops for long.
-fn sound(posterize: Posterize) -> Posterize {
+/// Clamps every setting to its valid range, so that no shader divides by zero or loops for too long.
+fn clamped(posterize: Posterize) -> Posterize {
     let Posterize { blend_steps, softness, min_opacity, mut filter } = posterize;
     filter.iterations = filter.iterations.min(MAX_FILTER_ITERATIONS);
     filter.radius = filter.radius.min(MAX_FILTER_RADIUS);
-    // f32::max takes the other one for NaN.
+    // `f32::max` ignores NaN.
     filter.spatial_sigma = filter.spatial_sigma.max(1e-3);
     filter.range_sigma = filter.range_sigma.max(1e-3);
     Posterize {
@@ -111,5 +111,129 @@ fn sound(posterize: Posterize) -> Posterize {
         softness: softness.max(0.0),
         min_opacity: min_opacity.max(0.0),
         filter,
+    }
+}
+
+#[cfg(all(test, feature = "headless"))]
+mod tests {
+    use bevy::render::render_resource::{
+        BindGroupLayoutDescriptor, BindGroupLayoutEntries, ShaderStages, StorageBuffer, UniformBuffer,
+        binding_types::{storage_buffer_read_only, uniform_buffer},
+    };
+
+    use super::*;
+    use crate::layout_tests::{counting, read_back};
+
+    const SHADER: &str = "
+#import bevy_plenoctree::view::{colors, props, view}
+
+@group(1) @binding(0) var<storage, read_write> found: array<f32>;
+
+@compute @workgroup_size(1)
+fn read() {
+    // The second element, so that the stride is tested too.
+    let prop = props[1];
+    for (var c = 0u; c < 4u; c++) {
+        for (var r = 0u; r < 4u; r++) {
+            found[4u * c + r] = prop.clip_from_box[c][r];
+        }
+    }
+    for (var c = 0u; c < 3u; c++) {
+        for (var r = 0u; r < 3u; r++) {
+            found[16u + 3u * c + r] = prop.origin[c][r];
+            found[25u + 3u * c + r] = prop.direction[c][r];
+        }
+        found[34u + c] = prop.scale[c];
+        found[38u + c] = prop.low[c];
+        found[42u + c] = prop.high[c];
+    }
+    found[37] = f32(prop.mirrored);
+    found[41] = f32(prop.colors);
+    found[45] = f32(prop.first_color);
+    found[46] = f32(prop.blend_steps);
+    found[47] = prop.softness;
+    found[48] = prop.min_opacity;
+    found[49] = f32(prop.iterations);
+    found[50] = f32(prop.radius);
+    found[51] = prop.spatial_falloff;
+    found[52] = prop.range_falloff;
+    found[53] = prop.reference.x;
+    found[54] = prop.reference.y;
+    found[55] = prop.near;
+    found[56] = prop.solid_transmittance;
+    found[57] = f32(view.corner.x);
+    found[58] = f32(view.corner.y);
+    found[59] = f32(view.size.x);
+    found[60] = f32(view.size.y);
+    for (var i = 0u; i < 4u; i++) {
+        found[61u + i] = view.depth[i];
+    }
+    found[65] = view.exposure;
+    found[66] = f32(view.everything);
+    found[67] = view.pixel.x;
+    found[68] = view.pixel.y;
+    found[69] = view.stop_transmittance;
+    found[70] = view.min_weight;
+    found[71] = colors[1].y;
+}
+";
+
+    #[test]
+    fn shaders_find_every_field_of_props_and_views() {
+        let mut next = counting();
+        let prop = PropUniform {
+            clip_from_box: Mat4::from_cols_array(&std::array::from_fn(|_| next())),
+            origin: Mat3::from_cols_array(&std::array::from_fn(|_| next())),
+            direction: Mat3::from_cols_array(&std::array::from_fn(|_| next())),
+            scale: Vec3::new(next(), next(), next()),
+            mirrored: next() as u32,
+            low: Vec3::new(next(), next(), next()),
+            colors: next() as u32,
+            high: Vec3::new(next(), next(), next()),
+            first_color: next() as u32,
+            blend_steps: next() as u32,
+            softness: next(),
+            min_opacity: next(),
+            iterations: next() as u32,
+            radius: next() as i32,
+            spatial_falloff: next(),
+            range_falloff: next(),
+            reference: Vec2::new(next(), next()),
+            near: next(),
+            solid_transmittance: next(),
+        };
+        let view = ViewUniform {
+            corner: UVec2::new(next() as u32, next() as u32),
+            size: UVec2::new(next() as u32, next() as u32),
+            depth: Vec4::new(next(), next(), next(), next()),
+            exposure: next(),
+            everything: next() as u32,
+            pixel: Vec2::new(next(), next()),
+            stop_transmittance: next(),
+            min_weight: next(),
+        };
+        let color = next();
+        let layout = BindGroupLayoutDescriptor::new(
+            "layout_test",
+            &BindGroupLayoutEntries::sequential(
+                ShaderStages::COMPUTE,
+                (
+                    uniform_buffer::<ViewUniform>(false),
+                    storage_buffer_read_only::<Vec<PropUniform>>(false),
+                    storage_buffer_read_only::<Vec<Vec4>>(false),
+                ),
+            ),
+        );
+        let found: [f32; 72] = read_back(SHADER.into(), layout, |device, queue, run| {
+            let mut view = UniformBuffer::from(view);
+            let mut props = StorageBuffer::from(vec![PropUniform::default(), prop]);
+            let mut colors = StorageBuffer::from(vec![Vec4::ZERO, Vec4::new(0.0, color, 0.0, 0.0)]);
+            view.write_buffer(device, queue);
+            props.write_buffer(device, queue);
+            colors.write_buffer(device, queue);
+            run(&[view.binding().unwrap(), props.binding().unwrap(), colors.binding().unwrap()]);
+        });
+        let expected: [f32; 72] = std::array::from_fn(|index| (index + 1) as f32);
+        assert_eq!(found, expected);
     }
 }

@@ -1,4 +1,4 @@
-//! The volume pass: every visible prop into the view's layer, back to front. Section 2 of the method.
+//! The volume pass: draws every visible prop into the view's layer, back to front. See section 2 of the method.
 
 mod pass;
 mod pipeline;

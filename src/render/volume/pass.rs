@@ -1,4 +1,4 @@
-//! Draws the boxes around the props' leaves; the shader marches through the leaves.
+//! Draws the box around each prop's leaves. The fragment shader marches through the leaves.
 
 use bevy::{
     prelude::*,
@@ -20,7 +20,7 @@ use crate::{
     },
 };
 
-/// Name of the pass's span in Bevy's render diagnostics.
+/// The name of the pass's span in Bevy's render diagnostics.
 pub const VOLUME_SPAN: &str = "plenoctree_volume";
 
 /// The pipeline of every prop of a view, in drawing order.
@@ -39,7 +39,7 @@ pub(super) fn prepare_pipelines(
         pipelines.0.extend(props.fields.iter().filter_map(|field| level(&fields, field)).map(|level| {
             let key = VolumeKey { shape: level.shape, degree: props.degree, multisampled: msaa.samples() > 1 };
             if props.changes_levels {
-                // A level that is drawn next must not wait for its pipeline.
+                // Also specialize the other variant, so that a change of level does not wait for its pipeline.
                 let inner_records = !level.shape.inner_records;
                 let shape = FieldShape { inner_records, ..level.shape };
                 specialized.specialize(&cache, &pipeline, VolumeKey { shape, ..key });
@@ -49,7 +49,7 @@ pub(super) fn prepare_pipelines(
     }
 }
 
-/// What a view draws of a field.
+/// Returns the level of a field that a view draws.
 fn level<'a>(fields: &'a RenderAssets<GpuField>, (id, level): &(AssetId<PlenOctree>, Level)) -> Option<&'a GpuLevel> {
     fields.get(*id)?.level(*level).map(AsRef::as_ref)
 }

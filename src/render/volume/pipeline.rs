@@ -1,4 +1,4 @@
-//! The pipelines of the volume pass, one for each shape of fields.
+//! The pipelines of the volume pass, specialized by [`VolumeKey`].
 
 use bevy::{
     prelude::*,
@@ -25,7 +25,7 @@ pub(super) struct VolumePipeline {
     field: FieldLayout,
 }
 
-/// What the shader is compiled for: a field of SH1 runs no arithmetic of SH9.
+/// The specialization key of the shader. A field of SH1 does not pay for the arithmetic of SH9.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 pub(super) struct VolumeKey {
     pub shape: FieldShape,
@@ -67,7 +67,7 @@ impl SpecializedRenderPipeline for VolumePipeline {
                 ..default()
             },
             depth_stencil: Some(depth_test(DEPTH_FORMAT, true, CompareFunction::GreaterEqual)),
-            // Back faces: each pixel of the box once, also from inside it.
+            // Draw back faces: each pixel of the box is drawn once, even from inside it.
             primitive: PrimitiveState { cull_mode: Some(Face::Front), ..default() },
             fragment: Some(FragmentState {
                 shader: self.shader.clone(),

@@ -1,20 +1,24 @@
+//! Cameras that frame a field.
+
 use glam::{DMat4, DVec3};
 
 use super::PinholeCamera;
 use crate::field::{PlenOctree, UpAxis};
 
-/// Horizontal angle of view of a camera that shows a field, in radians.
+/// Horizontal field of view of these cameras, in radians.
 const FOV: f64 = 0.6;
 
 impl PinholeCamera {
-    /// A camera that shows all of a field but its floaters ([`PlenOctree::dense_bounds`]), in a picture of `width` x
-    /// `height` pixels. `azimuth` turns around the field's up axis from its front, `elevation` rises above its horizon,
-    /// both in radians; the front is -y where z is up, and +z where y is. `None` if the field is empty.
+    /// Creates a camera that shows all of a field except its floaters ([`PlenOctree::dense_bounds`]) in an image of
+    /// `width` x `height` pixels. Returns `None` if the field is empty.
+    ///
+    /// `azimuth` turns the camera around the field's up axis, starting at the front: -y if z is up, +z if y is up.
+    /// `elevation` raises it above the horizon. Both are in radians.
     pub fn around(field: &PlenOctree, width: u32, height: u32, azimuth: f64, elevation: f64) -> Option<Self> {
         let (low, high) = field.dense_bounds()?;
         let (center, radius) = (0.5 * (low + high), 0.5 * (high - low).length());
         let camera = Self::new(width, height, FOV, DMat4::IDENTITY);
-        // The narrower side of the picture decides how far the camera stands back.
+        // The narrower side of the image determines the distance.
         let narrow = (0.5 * f64::from(width.min(height)) / camera.focal_x).atan();
         let (up, right, front) = match field.up() {
             UpAxis::Y => (DVec3::Y, DVec3::X, DVec3::Z),
@@ -34,9 +38,9 @@ mod tests {
         field::Basis,
     };
 
-    /// Whatever the shape of the picture, the corners of the box around the field are in it.
+    /// The corners of the box around the field are in the image, whatever its aspect ratio.
     #[test]
-    fn the_whole_field_is_in_the_picture() {
+    fn the_whole_field_is_in_the_image() {
         let settings =
             BakeSettings { depth: 4, max: DVec3::new(3.0, 1.0, 1.0), basis: Basis::Rgba, ..Default::default() };
         let field = bake(&settings, |_| 1.0, |_| |_| DVec3::ONE).unwrap();

@@ -1,4 +1,4 @@
-//! Pinhole cameras: their rays, and reading them from `transforms.json`.
+//! Pinhole cameras: their rays, and reading them from `transforms.json` files.
 
 mod around;
 mod pinhole;

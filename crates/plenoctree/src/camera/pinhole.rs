@@ -1,28 +1,35 @@
+//! Pinhole cameras and their rays.
+
 use glam::{DMat3, DMat4, DVec3};
 
-/// A pinhole camera in a field's frame. It looks along its -z, y is up; pixels count from the top left corner.
+/// A pinhole camera in a field's frame.
+///
+/// It looks along its -z, and its y points up. Pixels are counted from the top left corner of the image.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PinholeCamera {
-    /// Pixels a row.
+    /// Width of the image in pixels.
     pub width: u32,
-    /// Rows.
+    /// Height of the image in pixels.
     pub height: u32,
-    /// Focal length in pixels, horizontally.
+    /// Horizontal focal length in pixels.
     pub focal_x: f64,
-    /// Focal length in pixels, vertically.
+    /// Vertical focal length in pixels.
     pub focal_y: f64,
-    /// Where the optical axis meets the picture, in pixels from the left edge.
+    /// Point where the optical axis meets the image, in pixels from the left edge.
     pub center_x: f64,
-    /// Where the optical axis meets the picture, in pixels from the upper edge.
+    /// Point where the optical axis meets the image, in pixels from the top edge.
     pub center_y: f64,
-    /// The camera's axes in the field's frame.
+    /// Axes of the camera in the field's frame.
     pub rotation: DMat3,
-    /// The camera's place in the field's frame.
+    /// Position of the camera in the field's frame.
     pub position: DVec3,
 }
 
 impl PinholeCamera {
-    /// A camera with square pixels and the optical axis in the middle; `fov_x` is the horizontal angle of view in radians.
+    /// Creates a camera with square pixels and the optical axis in the middle of the image.
+    ///
+    /// `fov_x` is the horizontal field of view in radians. `world_from_camera` is a rotation and a translation from the
+    /// camera to the field's frame.
     pub fn new(width: u32, height: u32, fov_x: f64, world_from_camera: DMat4) -> Self {
         let focal = 0.5 * f64::from(width) / (0.5 * fov_x).tan();
         Self {
@@ -37,7 +44,7 @@ impl PinholeCamera {
         }
     }
 
-    /// The camera at `position` that looks at `target`.
+    /// Moves the camera to `position` and turns it toward `target`, both in the field's frame.
     pub fn looking_at(mut self, position: DVec3, target: DVec3, up: DVec3) -> Self {
         let back = (position - target).normalize_or(DVec3::Z);
         let right = up.cross(back).try_normalize().unwrap_or_else(|| back.any_orthonormal_vector());
@@ -46,7 +53,7 @@ impl PinholeCamera {
         self
     }
 
-    /// The same view in another number of pixels.
+    /// Returns the camera with the same view, but an image of `width` x `height` pixels.
     pub fn resized(mut self, width: u32, height: u32) -> Self {
         let (x, y) = (f64::from(width) / f64::from(self.width), f64::from(height) / f64::from(self.height));
         self.focal_x *= x;
@@ -57,8 +64,10 @@ impl PinholeCamera {
         self
     }
 
-    /// Origin and unit direction of the ray through the point (`x`, `y`) of the picture, in pixels. Pixel centers lie
-    /// at halves.
+    /// Returns the origin and the unit direction of the ray through the point (`x`, `y`) of the image, in the field's
+    /// frame.
+    ///
+    /// The point is in pixels. Pixel centers are at +0.5.
     pub fn ray(&self, x: f64, y: f64) -> (DVec3, DVec3) {
         let direction = DVec3::new((x - self.center_x) / self.focal_x, (self.center_y - y) / self.focal_y, -1.0);
         (self.position, (self.rotation * direction).normalize())

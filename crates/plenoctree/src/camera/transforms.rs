@@ -1,4 +1,4 @@
-//! NeRF's, nerfstudio's and instant-ngp's camera files.
+//! Reads the camera files of NeRF, nerfstudio and instant-ngp.
 
 use std::{
     fs, io,
@@ -11,40 +11,40 @@ use serde::Deserialize;
 
 use super::PinholeCamera;
 
-/// Why a camera file could not be used.
+/// An error that occurs when reading a camera file.
 #[derive(Debug, thiserror::Error)]
 pub enum CameraError {
     /// The file could not be read.
     #[error("{}: {source}", path.display())]
     Io {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// What the system said.
+        /// The error of the operating system.
         source: io::Error,
     },
     /// The file is not JSON, or a value has the wrong type.
     #[error("{}: not a transforms.json: {source}", path.display())]
     Json {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// Where and why.
+        /// The error of the parser.
         source: serde_json::Error,
     },
-    /// A key is missing or holds what no camera has.
+    /// A key is missing, or its value is invalid.
     #[error("{}: {key}: found {found}, expected {expected}", path.display())]
     Value {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// The key.
+        /// Name of the key.
         key: String,
-        /// What it holds.
+        /// The value found.
         found: String,
-        /// What it should hold.
+        /// The value expected.
         expected: &'static str,
     },
 }
 
-/// Intrinsics, for all frames or, where a frame has its own, for that one.
+/// Camera intrinsics, for all frames or for a single frame. The latter take precedence.
 #[derive(Clone, Copy, Default, Deserialize)]
 struct Intrinsics {
     w: Option<f64>,
@@ -86,19 +86,31 @@ struct Frame {
     transform_matrix: Vec<Vec<f64>>,
 }
 
-/// Picture size where neither the file nor the caller says one.
+/// Image size if neither the file nor the caller specifies one.
 const DEFAULT_SIZE: (u32, u32) = (800, 800);
-/// Pixels a side that a picture may have.
+/// Maximum width and height of an image, in pixels.
 const MAX_SIZE: f64 = 16384.0;
-/// Focal lengths, in pixels, with which every ray has a direction.
+/// Range of focal lengths, in pixels, in which every ray has a direction.
 const FOCAL: RangeInclusive<f64> = 1e-6..=1e9;
-/// Pixels by which the optical axis may miss the picture.
+/// Maximum distance of the optical axis from the image's corner, in pixels.
 const MAX_CENTER: f64 = 1e9;
 
-/// The cameras of a `transforms.json`, one a frame, in the file's order and frame of reference.
+/// Reads the cameras of a `transforms.json` file, one per frame, in the order and the frame of reference of the file.
 ///
-/// `w`, `h`, `fl_x`, `fl_y`, `cx` and `cy` count where they are given, in the frame or for all; the focal length else
-/// comes from `camera_angle_x`. With `size` the views are rescaled to that many pixels. Lens distortion is not modeled.
+/// `w`, `h`, `fl_x`, `fl_y`, `cx` and `cy` are read from each frame, or else from the top level of the file. Missing
+/// values have defaults:
+///
+/// - `fl_x` is computed from `camera_angle_x`, in radians. One of the two is required.
+/// - `fl_y` is computed from `camera_angle_y` if present, or else equals `fl_x`.
+/// - `cx` and `cy` are the middle of the image.
+/// - `w` and `h` are `size`, or else 800 x 800 pixels.
+///
+/// If `size` is given, all views are rescaled to that width and height. Lens distortion is ignored.
+///
+/// # Errors
+///
+/// Returns an error if the file cannot be read, is not valid JSON, has no frames, or has a missing or out-of-range
+/// value.
 pub fn read_transforms(path: impl AsRef<Path>, size: Option<(u32, u32)>) -> Result<Vec<PinholeCamera>, CameraError> {
     let path = path.as_ref();
     let text = fs::read(path).map_err(|source| CameraError::Io { path: path.into(), source })?;
@@ -111,7 +123,7 @@ pub fn read_transforms(path: impl AsRef<Path>, size: Option<(u32, u32)>) -> Resu
         .map(|(index, frame)| {
             let pose = pose(&frame.transform_matrix).map_err(|found| {
                 let key = format!("frames[{index}].transform_matrix");
-                value(key, found, "a 4x4 matrix from camera to world, a rotation and a position")
+                value(key, found, "a 4x4 camera-to-world matrix, a rotation and a translation")
             })?;
             pinhole(frame.intrinsics.or(file.intrinsics), pose, size)
                 .map_err(|(key, found, expected)| value(key.into(), found, expected))
@@ -119,7 +131,7 @@ pub fn read_transforms(path: impl AsRef<Path>, size: Option<(u32, u32)>) -> Resu
         .collect()
 }
 
-/// The matrix, made a pure rotation and a translation; what was found where that is impossible.
+/// Makes the matrix a pure rotation and a translation. If that is impossible, returns what was found instead.
 fn pose(rows: &[Vec<f64>]) -> Result<DMat4, String> {
     if !(3..=4).contains(&rows.len()) || rows.iter().any(|row| row.len() != 4) {
         return Err(format!("{} rows of {} values", rows.len(), rows.first().map_or(0, Vec::len)));
@@ -127,14 +139,14 @@ fn pose(rows: &[Vec<f64>]) -> Result<DMat4, String> {
     let row = |i: usize| DVec4::from_slice(&rows[i]);
     let matrix = DMat4::from_cols(row(0), row(1), row(2), DVec4::W).transpose();
     if !matrix.as_mat4().is_finite() {
-        return Err("a number that is not finite in float32".into());
+        return Err("a number beyond the range of float32".into());
     }
     let axes = DMat3::from_mat4(matrix);
     let determinant = axes.determinant();
     let rotation = axes * determinant.cbrt().recip();
     let skew = rotation * rotation.transpose() - DMat3::IDENTITY;
     if determinant <= 0.0 || !skew.to_cols_array().iter().all(|x| x.abs() < 1e-2) {
-        return Err(format!("axes that are no rotation (determinant {determinant:.3})"));
+        return Err(format!("axes that are not a rotation (determinant {determinant:.3})"));
     }
     let mut pose = DMat4::from_mat3(rotation);
     pose.w_axis = matrix.w_axis;
@@ -166,17 +178,17 @@ fn pinhole(
         if angle > 0.0 && angle < std::f64::consts::PI && FOCAL.contains(&focal) {
             Ok(focal)
         } else {
-            Err((key, angle.to_string(), "an angle between 0 and pi"))
+            Err((key, angle.to_string(), "an angle between 0 and pi radians"))
         }
     };
     let center = |key, given: Option<f64>, pixels: u32| {
         let center = given.unwrap_or(0.5 * f64::from(pixels));
-        if center.abs() <= MAX_CENTER { Ok(center) } else { Err((key, center.to_string(), "at most +-1e9 pixels")) }
+        if center.abs() <= MAX_CENTER { Ok(center) } else { Err((key, center.to_string(), "-1e9 to 1e9 pixels")) }
     };
     let focal_x = match (given.fl_x, given.camera_angle_x) {
         (Some(fl_x), _) => focal("fl_x", fl_x)?,
         (None, Some(angle)) => from_angle("camera_angle_x", angle, width)?,
-        (None, None) => return Err(("camera_angle_x", "nothing".into(), "it or fl_x")),
+        (None, None) => return Err(("camera_angle_x", "nothing".into(), "camera_angle_x or fl_x")),
     };
     let focal_y = match (given.fl_y, given.camera_angle_y) {
         (Some(fl_y), _) => focal("fl_y", fl_y)?,
@@ -222,7 +234,7 @@ mod tests {
         let (origin, direction) = camera.ray(100.0, 50.0);
         assert_eq!(origin.to_array(), [4.0, 5.0, 6.0]);
         assert_eq!(direction.to_array(), [0.0, 0.0, -1.0]);
-        // 45 degrees to the edge, and square pixels: the upper edge is half as far.
+        // 45 degrees to the left edge. Pixels are square, so the top edge is half as far.
         let (_, corner) = camera.ray(0.0, 0.0);
         assert!((corner / -corner.z - glam::DVec3::new(-1.0, 0.5, -1.0)).length() < 1e-12);
     }
@@ -230,19 +242,20 @@ mod tests {
     #[test]
     fn intrinsics_are_taken_from_the_file_and_rescaled() {
         let json = format!(
-            r#"{{"w": 100, "h": 50, "fl_x": 80, "fl_y": 90, "cx": 40, "cy": 30, "frames": [{{{POSE}}}, {{"cx": 10, {POSE}}}]}}"#
+            r#"{{"w": 100, "h": 50, "fl_x": 80, "fl_y": 90, "cx": 40, "cy": 30,
+                "frames": [{{{POSE}}}, {{"cx": 10, {POSE}}}]}}"#
         );
         let own = read(&json, None).unwrap();
         assert_eq!((own[0].width, own[0].height, own[0].center_x, own[1].center_x), (100, 50, 40.0, 10.0));
         let half = read(&json, Some((50, 100))).unwrap()[0];
         assert_eq!((half.focal_x, half.focal_y, half.center_x, half.center_y), (40.0, 180.0, 20.0, 60.0));
-        // The same ray goes through the same place of the picture.
+        // Rescaling maps a ray to the same point of the image.
         assert!((own[0].ray(70.0, 20.0).1 - half.ray(35.0, 40.0).1).length() < 1e-12);
     }
 
     #[test]
-    fn what_is_no_camera_is_named() {
-        for (json, named) in [
+    fn errors_name_the_invalid_key() {
+        for (json, key) in [
             ("{}", "frames"),
             (r#"{"frames": []}"#, "frames"),
             ("[", "transforms.json"),
@@ -265,7 +278,7 @@ mod tests {
             ),
         ] {
             let message = read(json, None).unwrap_err().to_string();
-            assert!(message.contains(named), "{json}: {message}");
+            assert!(message.contains(key), "{json}: {message}");
         }
     }
 }

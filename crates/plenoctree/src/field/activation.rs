@@ -1,8 +1,10 @@
-//! From the sum of spherical harmonics to radiance.
+//! Activations: from the sum of spherical harmonics to radiance.
 
 use serde::{Deserialize, Serialize};
 
-/// How the sum of spherical harmonics becomes radiance. A file does not say; whoever trained the field knows.
+/// The function that maps the sum of spherical harmonics to radiance.
+///
+/// Files do not record it. It depends on how the field was trained.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[cfg_attr(
     feature = "bevy",
@@ -11,16 +13,16 @@ use serde::{Deserialize, Serialize};
     type_path = "plenoctree"
 )]
 pub enum Activation {
-    /// `1 / (1 + exp(-x))`: PlenOctrees, and the default for every SH basis.
+    /// `1 / (1 + exp(-x))`, as in PlenOctrees. The default for every spherical-harmonic basis.
     Sigmoid,
-    /// `max(x + 0.5, 0)`: fields converted from Plenoxels (svox2).
+    /// `max(x + 0.5, 0)`, as in fields converted from Plenoxels (svox2).
     ShiftedRelu,
-    /// `x`: the default for RGBA fields, whose colors are stored as they are.
+    /// `x`, the default for RGBA fields, which store their colors directly.
     Identity,
 }
 
 impl Activation {
-    /// Radiance (encoded sRGB, 1 is white) for the sum `x`.
+    /// Returns the radiance (encoded sRGB, where 1 is white) for the sum `x`.
     pub fn apply(self, x: f64) -> f64 {
         match self {
             Self::Sigmoid => 1.0 / (1.0 + (-x).exp()),
@@ -29,8 +31,9 @@ impl Activation {
         }
     }
 
-    /// The sum that gives `radiance`, for baking. A sigmoid never reaches 0 or 1, so radiance is kept 1e-3 away from
-    /// both there.
+    /// Returns the sum that produces `radiance` (encoded sRGB), for baking.
+    ///
+    /// A sigmoid never reaches 0 or 1, so [`Self::Sigmoid`] first clamps `radiance` to the range 0.001 to 0.999.
     pub fn invert(self, radiance: f64) -> f64 {
         match self {
             Self::Sigmoid => {

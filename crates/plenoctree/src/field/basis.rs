@@ -1,19 +1,19 @@
-//! The real spherical harmonics, in the order in which PlenOctree files store their coefficients.
+//! Real spherical harmonics, in the order in which PlenOctree files store their coefficients.
 
 use glam::DVec3;
 
 use super::activation::Activation;
 
-/// What a leaf's coefficients are coefficients of.
+/// The basis functions of a leaf's coefficients: how color depends on the view direction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Basis {
-    /// One color for all directions, stored as it is.
+    /// One color for all directions, stored directly.
     Rgba,
     /// Degree 0: one function.
     Sh1,
     /// Degree 1: four functions.
     Sh4,
-    /// Degree 2: nine functions; what most trained fields have.
+    /// Degree 2: nine functions. Most trained fields use it.
     Sh9,
     /// Degree 3: sixteen functions.
     Sh16,
@@ -22,10 +22,11 @@ pub enum Basis {
 }
 
 impl Basis {
-    /// Every basis, in ascending size.
+    /// All bases, from smallest to largest.
     pub const ALL: [Self; 6] = [Self::Rgba, Self::Sh1, Self::Sh4, Self::Sh9, Self::Sh16, Self::Sh25];
 
-    /// The SH basis with this number of functions a channel.
+    /// Returns the spherical-harmonic basis with `functions` functions per color channel, or `None` unless that is 1,
+    /// 4, 9, 16 or 25.
     pub fn from_functions(functions: usize) -> Option<Self> {
         match functions {
             1 => Some(Self::Sh1),
@@ -37,7 +38,7 @@ impl Basis {
         }
     }
 
-    /// The name that files use: `RGBA`, `SH1`, ... `SH25`.
+    /// Returns the name that files use: `RGBA`, `SH1`, ... `SH25`.
     pub fn name(self) -> &'static str {
         match self {
             Self::Rgba => "RGBA",
@@ -49,7 +50,7 @@ impl Basis {
         }
     }
 
-    /// Basis functions a color channel, B; 1 for RGBA.
+    /// Returns the number of basis functions per color channel, `B`. RGBA counts as one.
     pub fn functions(self) -> usize {
         match self {
             Self::Rgba | Self::Sh1 => 1,
@@ -60,12 +61,13 @@ impl Basis {
         }
     }
 
-    /// Coefficients a leaf: 3 B, first all of red's, then green's, then blue's.
+    /// Returns the number of coefficients per leaf, `3 B`: first all of red's, then green's, then blue's.
     pub fn coefficients(self) -> usize {
         3 * self.functions()
     }
 
-    /// The activation that files with this basis are trained with unless told otherwise.
+    /// Returns the activation that fields with this basis usually need: [`Activation::Identity`] for RGBA and
+    /// [`Activation::Sigmoid`] for spherical harmonics.
     pub fn default_activation(self) -> Activation {
         match self {
             Self::Rgba => Activation::Identity,
@@ -73,7 +75,7 @@ impl Basis {
         }
     }
 
-    /// The factor of each function `Y_b`, which its polynomial in the direction is multiplied by.
+    /// The constant factor of each function `Y_b`. The rest of `Y_b` is a polynomial in the direction.
     pub const FACTORS: [f64; 25] = [
         0.28209479177387814,
         -0.4886025119029199,
@@ -102,9 +104,9 @@ impl Basis {
         0.6258357354491761,
     ];
 
-    /// The values `Y_b(direction)` of all functions, the unused ones 0. RGBA's one function is 1.
+    /// Evaluates all functions `Y_b` in `direction`, a unit vector from the eye into the scene in the field's frame.
     ///
-    /// `direction` is a unit vector from the eye into the scene, in the field's frame.
+    /// Functions that the basis does not have are 0. RGBA's only function is 1.
     pub fn evaluate(self, direction: DVec3) -> [f64; 25] {
         let mut y = [0.0; 25];
         if self == Self::Rgba {
@@ -156,11 +158,11 @@ impl Basis {
 mod tests {
     use super::*;
 
-    /// Real spherical harmonics are orthonormal on the sphere: the table's constants and signs cannot drift unseen,
-    /// since a wrong factor breaks a norm and a wrong polynomial breaks a product.
+    /// Real spherical harmonics are orthonormal on the sphere. A wrong factor would break a norm, and a wrong
+    /// polynomial would break a product.
     #[test]
     fn harmonics_are_orthonormal() {
-        // Gauss-Legendre would be exact; 200 x 400 midpoints in (cos theta, phi) are so to 1e-4.
+        // 200 x 400 midpoints in (cos theta, phi) are accurate to 1e-4.
         let (rows, columns) = (200, 400);
         let mut gram = [[0.0; 25]; 25];
         for row in 0..rows {

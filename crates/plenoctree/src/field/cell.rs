@@ -2,7 +2,9 @@
 
 use glam::UVec3;
 
-/// One of a node's eight cells, packed as shaders read it: 0 is empty, the high bit marks a leaf, the rest is an index.
+/// One of a node's eight cells, packed into 32 bits as shaders read it.
+///
+/// 0 is an empty cell. The high bit marks a leaf. The other bits are an index.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(transparent)]
 pub struct Cell(u32);
@@ -12,36 +14,38 @@ impl Cell {
     pub const EMPTY: Self = Self(0);
     const LEAF: u32 = 1 << 31;
 
-    /// A cell that is divided; `index` is that of the node that holds its parts, at least 1 (the root is nobody's part).
+    /// Creates a subdivided cell.
+    ///
+    /// `index` is the index of its child node: at least 1, because the root is no cell's child, and less than 2^31.
     pub fn node(index: u32) -> Self {
         debug_assert!(index > 0 && index < Self::LEAF);
         Self(index)
     }
 
-    /// A cell that holds density; `index` counts leaves.
+    /// Creates a leaf. `index` is the index of the leaf, less than 2^31.
     pub fn leaf(index: u32) -> Self {
         debug_assert!(index < Self::LEAF);
         Self(Self::LEAF | index)
     }
 
-    /// The index of the node below, if the cell is divided.
+    /// Returns the index of the child node, or `None` if the cell is not subdivided.
     pub fn as_node(self) -> Option<u32> {
         (self.0 != 0 && self.0 & Self::LEAF == 0).then_some(self.0)
     }
 
-    /// The index of the leaf, if the cell is one and not empty.
+    /// Returns the index of the leaf, or `None` if the cell is empty or subdivided.
     pub fn as_leaf(self) -> Option<u32> {
         (self.0 & Self::LEAF != 0).then_some(self.0 & !Self::LEAF)
     }
 }
 
-/// Where a leaf lies in the tree.
+/// The position and size of a leaf in the tree.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LeafCell {
-    /// The leaf's index.
+    /// Index of the leaf.
     pub leaf: u32,
-    /// Its lowest corner, in finest cells: the cube is `2^depth` of them wide.
+    /// Lowest corner, in finest cells. The tree's cube is `2^depth` finest cells wide.
     pub corner: UVec3,
-    /// Its width in finest cells, a power of two.
+    /// Width, in finest cells. A power of two.
     pub size: u32,
 }

@@ -1,4 +1,4 @@
-//! Where a field lies: its tree's cube, and which way is up.
+//! The frame of a field: the position of its tree's cube, and its up axis.
 
 #[cfg(feature = "bevy")]
 use bevy_reflect::std_traits::ReflectDefault;
@@ -14,46 +14,48 @@ use serde::{Deserialize, Serialize};
     type_path = "plenoctree"
 )]
 pub enum UpAxis {
-    /// Bevy's convention: nothing is turned.
+    /// Bevy's convention. A prop's field is not rotated.
     Y,
-    /// NeRF's convention: a prop's field is turned by -90 degrees about x.
+    /// NeRF's convention, the default. A prop's field is rotated by -90 degrees about x.
     #[default]
     Z,
 }
 
 impl UpAxis {
-    /// The turn that makes the up axis y: from a field's frame to that of its prop.
+    /// Returns the rotation that turns the up axis to y: from a field's frame to the frame of its prop.
     pub fn to_y_up(self) -> DMat3 {
         match self {
             Self::Y => DMat3::IDENTITY,
-            // -90 degrees about x, exactly.
+            // Exactly -90 degrees about x.
             Self::Z => DMat3::from_cols(DVec3::X, DVec3::NEG_Z, DVec3::Y),
         }
     }
 }
 
-/// Where the tree's unit cube lies: `tree = offset + scale * world`, axis by axis. "World" is the field's own frame.
+/// The position and size of the tree's unit cube: `tree = offset + scale * world`, per axis.
+///
+/// "World" is the field's own frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Frame {
-    /// `offset` of the file.
+    /// Offset in tree units: `offset` in files.
     pub offset: DVec3,
-    /// `invradius3` of the file: the tree's length of one world unit on each axis. Positive.
+    /// Tree units per world unit on each axis: `invradius3` in files. Positive.
     pub scale: DVec3,
 }
 
 impl Frame {
-    /// The frame in which the cube spans `min` to `max`.
+    /// Creates the frame in which the cube spans `min` to `max`, in world units.
     pub fn spanning(min: DVec3, max: DVec3) -> Self {
         let scale = (max - min).recip();
         Self { offset: -min * scale, scale }
     }
 
-    /// A point of the field's frame in the tree's unit cube.
+    /// Transforms a point from the field's frame to the tree's unit cube.
     pub fn to_tree(&self, world: DVec3) -> DVec3 {
         self.offset + self.scale * world
     }
 
-    /// A point of the tree's unit cube in the field's frame.
+    /// Transforms a point from the tree's unit cube to the field's frame.
     pub fn to_world(&self, tree: DVec3) -> DVec3 {
         (tree - self.offset) / self.scale
     }

@@ -1,4 +1,5 @@
-//! The radiance field: a sparse octree whose leaves hold density and spherical harmonics. Section 1 of the method.
+//! The radiance field: a sparse octree whose leaves hold density and spherical-harmonic coefficients. Section 1 of the
+//! method.
 
 mod activation;
 mod basis;

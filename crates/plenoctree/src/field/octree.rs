@@ -15,13 +15,14 @@ use super::{
     frame::{Frame, UpAxis},
 };
 
-/// Levels of cells that a field may have: its finest cells are `2^-MAX_DEPTH` of the cube. svox builds trees of at
-/// most 10 or 11 levels.
+/// The maximum depth of a field, in levels of cells. The finest cells are at least `2^-MAX_DEPTH` of the cube wide.
+///
+/// svox builds trees of at most 10 or 11 levels.
 pub const MAX_DEPTH: u32 = 20;
 
-/// How the coefficients of a field's leaves are kept on the GPU.
+/// The precision of a field's coefficients on the GPU.
 ///
-/// In memory of the CPU, and for palettes, they are always half floats.
+/// On the CPU, and for palette extraction, coefficients are always half floats.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[cfg_attr(
     feature = "bevy",
@@ -30,64 +31,66 @@ pub const MAX_DEPTH: u32 = 20;
     type_path = "plenoctree"
 )]
 pub enum Precision {
-    /// As half floats: exact.
+    /// Half floats, as stored in the field. The default.
     #[default]
     Half,
-    /// All but the constant function's as signed bytes, in parts of the largest of the leaf: half the memory for SH9, SH16
-    /// and SH25. Smaller bases, which would gain nothing, stay exact.
+    /// All coefficients but those of the constant function as signed bytes, relative to the largest of them in the
+    /// leaf.
+    ///
+    /// This halves the memory of SH9, SH16 and SH25. Smaller bases would gain nothing and keep half floats.
     Byte,
 }
 
-/// Why parts do not make a field.
+/// An error that occurs when the parts given to [`PlenOctree::new`] do not form a valid field.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum InvalidField {
-    /// The tree has no root, or a cell names a node or leaf that is not there.
+    /// The tree has no root, or a cell refers to a node or leaf that does not exist.
     #[error("a cell of node {node} points outside the tree")]
     Dangling {
-        /// The node with the cell.
+        /// The node that contains the cell.
         node: u32,
     },
-    /// Two cells name one node, or a cell names a node above it.
+    /// Two cells refer to the same node, or a cell refers to a node above it.
     #[error("node {node} is reached twice: the tree has a cycle or a shared node")]
     Shared {
-        /// The node that was reached again.
+        /// The node that was reached twice.
         node: u32,
     },
-    /// Two cells name one leaf.
+    /// Two cells refer to the same leaf.
     #[error("leaf {leaf} is reached twice")]
     SharedLeaf {
-        /// The leaf that was reached again.
+        /// The leaf that was reached twice.
         leaf: u32,
     },
     /// The tree is deeper than [`MAX_DEPTH`].
     #[error("the tree is deeper than {MAX_DEPTH} levels")]
     TooDeep,
-    /// Arrays that must belong together have different lengths.
+    /// Two arrays have lengths that do not match.
     #[error("{leaves} leaves have {found} {what}, expected {expected}")]
     Lengths {
-        /// Leaves, by the number of densities.
+        /// Number of leaves.
         leaves: usize,
-        /// What is miscounted.
+        /// The values that were counted.
         what: &'static str,
-        /// Values given.
+        /// Number of values found.
         found: usize,
-        /// Values needed.
+        /// Number of values expected.
         expected: usize,
     },
-    /// The frame's scale is not positive, or a number is not finite.
+    /// A number is not finite, or not positive although it must be.
     #[error("{what} must be finite{}", if *.positive { " and positive" } else { "" })]
     Number {
-        /// What holds the number.
+        /// What the number is.
         what: &'static str,
-        /// Whether it also must be positive.
+        /// Whether the number must also be positive.
         positive: bool,
     },
 }
 
-/// A radiance field: a sparse octree over a box, with a density and spherical harmonics in every leaf that is not empty.
+/// A radiance field: a sparse octree over a box, with a density and spherical-harmonic coefficients in every leaf.
 ///
-/// Cloning is cheap: the arrays are shared. Leaves are counted in depth-first order, so that neighbors in space are mostly
-/// neighbors in memory, and those of one cell always follow one another.
+/// Leaves are numbered in depth-first order. Neighbors in space are therefore mostly neighbors in memory, and the
+/// leaves inside a cell are always contiguous. Cloning is cheap, because clones share the arrays.
 #[derive(Clone, Debug)]
 #[cfg_attr(feature = "bevy", derive(bevy_asset::Asset, bevy_reflect::TypePath), type_path = "plenoctree")]
 pub struct PlenOctree {
@@ -104,9 +107,16 @@ pub struct PlenOctree {
 }
 
 impl PlenOctree {
-    /// Puts a field together. `nodes[0]` is the root; a node's cells are in the order x, y, z with z fastest
-    /// (index 4x + 2y + z); `coefficients` holds [`Basis::coefficients`] values a leaf. Leaves that are not in depth-first
-    /// order are put into it.
+    /// Creates a field from its parts.
+    ///
+    /// `nodes[0]` is the root. The cells of a node are ordered by x, y and z, with z fastest: cell (x, y, z) has index
+    /// `4x + 2y + z`. `density` holds one positive value per leaf, per world unit of the field. `coefficients` holds
+    /// [`Basis::coefficients`] values per leaf. Leaves that are not in depth-first order are renumbered.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error if a number is not finite or not positive although it must be, if the lengths of the arrays do
+    /// not match, or if `nodes` is not a tree of at most [`MAX_DEPTH`] levels.
     pub fn new(
         frame: Frame,
         basis: Basis,
@@ -155,7 +165,7 @@ impl PlenOctree {
         Ok(field)
     }
 
-    /// Walks the tree once and returns its depth.
+    /// Checks the tree and returns its depth.
     fn validate(&self) -> Result<u32, InvalidField> {
         if self.nodes.is_empty() {
             return Err(InvalidField::Dangling { node: 0 });
@@ -196,20 +206,20 @@ impl PlenOctree {
         Ok(deepest)
     }
 
-    /// Renames the leaves in depth-first order.
+    /// Renumbers the leaves in depth-first order.
     fn sort_leaves(&mut self) {
         if self.leaf_cells().map(|cell| cell.leaf).eq(0..self.leaves() as u32) {
             return;
         }
         let order: Vec<usize> = self.leaf_cells().map(|cell| cell.leaf as usize).collect();
-        let mut renamed = vec![0; order.len()];
+        let mut renumbered = vec![0; order.len()];
         for (new, old) in order.iter().enumerate() {
-            renamed[*old] = new as u32;
+            renumbered[*old] = new as u32;
         }
         let nodes = Arc::make_mut(&mut self.nodes).as_flattened_mut();
         for cell in nodes {
-            if let Some(renamed) = cell.as_leaf().and_then(|leaf| renamed.get(leaf as usize)) {
-                *cell = Cell::leaf(*renamed);
+            if let Some(renumbered) = cell.as_leaf().and_then(|leaf| renumbered.get(leaf as usize)) {
+                *cell = Cell::leaf(*renumbered);
             }
         }
         let width = self.basis.coefficients();
@@ -218,80 +228,85 @@ impl PlenOctree {
         self.density = Arc::new(order.iter().map(|leaf| self.density[*leaf]).collect());
     }
 
-    /// Where the tree's cube lies in the field's frame.
+    /// Returns the position of the tree's cube in the field's frame.
     pub fn frame(&self) -> Frame {
         self.frame
     }
 
-    /// What the coefficients are coefficients of.
+    /// Returns the basis of the coefficients.
     pub fn basis(&self) -> Basis {
         self.basis
     }
 
-    /// How their sum becomes radiance.
+    /// Returns the function that maps the sum of the harmonics to radiance.
     pub fn activation(&self) -> Activation {
         self.activation
     }
 
-    /// The axis that points up.
+    /// Returns the axis that points up.
     pub fn up(&self) -> UpAxis {
         self.up
     }
 
-    /// How the GPU keeps the coefficients.
+    /// Returns the precision of the coefficients on the GPU.
     pub fn precision(&self) -> Precision {
         self.precision
     }
 
-    /// The same field, kept otherwise on the GPU.
+    /// Returns the field with another precision on the GPU.
     pub fn with_precision(self, precision: Precision) -> Self {
         Self { precision, ..self }
     }
 
-    /// Levels of cells: a field of 2^8 cells a side has depth 8.
+    /// Returns the number of levels of cells: a field of 2^8 cells per side has depth 8.
     pub fn depth(&self) -> u32 {
         self.depth
     }
 
-    /// Leaves that are not empty.
+    /// Returns the number of leaves.
     pub fn leaves(&self) -> usize {
         self.density.len()
     }
 
-    /// All nodes, the root first.
+    /// Returns all nodes, the root first.
     pub fn nodes(&self) -> &[[Cell; 8]] {
         &self.nodes
     }
 
-    /// Density of every leaf, per world unit.
+    /// Returns the density of every leaf, per world unit.
     pub fn densities(&self) -> &[f32] {
         &self.density
     }
 
-    /// Coefficients of all leaves, [`Basis::coefficients`] a leaf.
+    /// Returns the coefficients of all leaves, [`Basis::coefficients`] per leaf.
     pub fn coefficients(&self) -> &[f16] {
         &self.coefficients
     }
 
-    /// The box around all leaves, in finest cells (lowest corner, highest corner); `None` for an empty field.
+    /// Returns the lowest and the highest corner of the box around all leaves, in finest cells, or `None` if the field
+    /// is empty.
     pub fn cell_bounds(&self) -> Option<(UVec3, UVec3)> {
         self.bounds
     }
 
-    /// The box around all leaves in the field's frame; `None` for an empty field.
+    /// Returns the lowest and the highest corner of the box around all leaves, in the field's frame, or `None` if the
+    /// field is empty.
     pub fn bounds(&self) -> Option<(DVec3, DVec3)> {
         self.tree_bounds().map(|(low, high)| (self.frame.to_world(low), self.frame.to_world(high)))
     }
 
-    /// The same in tree units.
+    /// Returns the lowest and the highest corner of the box around all leaves, in tree units, or `None` if the field is
+    /// empty.
     pub fn tree_bounds(&self) -> Option<(DVec3, DVec3)> {
         let cells = f64::from(1u32 << self.depth);
         self.bounds.map(|(low, high)| (low.as_dvec3() / cells, high.as_dvec3() / cells))
     }
 
-    /// The box in which most of the field lies, in the field's frame: along each axis it leaves out a two-hundredth of
-    /// the leaves at either end, the floaters that training leaves behind. For cameras that are to show the field;
-    /// `None` for an empty one.
+    /// Returns the lowest and the highest corner of the box around most of the field, in the field's frame, or `None`
+    /// if the field is empty.
+    ///
+    /// Along each axis, 0.5% of the leaves at either end are left out. These are mostly floaters, which are artifacts
+    /// of training. Use this box to point a camera at the field.
     pub fn dense_bounds(&self) -> Option<(DVec3, DVec3)> {
         if self.leaves() == 0 {
             return None;
@@ -310,7 +325,7 @@ impl PlenOctree {
         Some((self.frame.to_world(low / cells), self.frame.to_world(high / cells)))
     }
 
-    /// Every leaf and where it lies, in the order of the octree.
+    /// Returns an iterator over all leaves and their cells, in depth-first order.
     pub fn leaf_cells(&self) -> impl Iterator<Item = LeafCell> + '_ {
         let root = (0u32, UVec3::ZERO, 1u32 << (self.depth.max(1) - 1));
         let mut stack: Vec<(u32, UVec3, u32, u32)> = vec![(root.0, root.1, root.2, 0)];
@@ -332,7 +347,9 @@ impl PlenOctree {
         })
     }
 
-    /// The cell at `position` (in finest cells, below `2^depth`), its lowest corner and its width.
+    /// Returns the cell at `position`, its lowest corner and its width, all in finest cells.
+    ///
+    /// Every coordinate of `position` must be less than `2^depth`.
     pub fn locate(&self, position: UVec3) -> (Cell, UVec3, u32) {
         let mut node = 0;
         let mut level = self.depth;
@@ -347,13 +364,24 @@ impl PlenOctree {
         }
     }
 
-    /// Radiance of `leaf` seen along `direction` (unit vector from the eye into the scene, field's frame), encoded sRGB,
-    /// in float64: section 1 of the method.
+    /// Returns the radiance of `leaf` seen along `direction`, in encoded sRGB, computed in float64: section 1 of the
+    /// method.
+    ///
+    /// `direction` is a unit vector from the eye into the scene, in the field's frame.
+    ///
+    /// # Panics
+    ///
+    /// Panics if `leaf` is not less than [`Self::leaves`].
     pub fn radiance(&self, leaf: u32, direction: DVec3) -> DVec3 {
         self.radiance_with(leaf, &self.basis.evaluate(direction))
     }
 
-    /// [`Self::radiance`] with the basis already evaluated.
+    /// Returns the radiance of `leaf` like [`Self::radiance`], but with the basis already evaluated: `y` is the result
+    /// of [`Basis::evaluate`].
+    ///
+    /// # Panics
+    ///
+    /// Panics if `leaf` is not less than [`Self::leaves`].
     pub fn radiance_with(&self, leaf: u32, y: &[f64; 25]) -> DVec3 {
         let functions = self.basis.functions();
         let first = leaf as usize * self.basis.coefficients();

@@ -1,16 +1,16 @@
-//! Why a field could not be read or written.
+//! Errors of reading fields.
 
 use std::io;
 
 use crate::field::InvalidField;
 
-/// A file that is not a PlenOctree, or not a whole one: which file, and what is wrong with it.
+/// An error that occurs when reading a PlenOctree file.
 #[derive(Debug, thiserror::Error)]
 #[error("{file}: {fault}")]
 pub struct ReadError {
-    /// The file's path or label.
+    /// Path or label of the file.
     pub file: String,
-    /// What is wrong.
+    /// What is wrong with the file.
     #[source]
     pub fault: ReadFault,
 }
@@ -22,94 +22,94 @@ impl ReadError {
     }
 }
 
-/// What is wrong with a file. `key` names the array of the archive.
+/// What is wrong with a file. `key` is the name of an array in the archive.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ReadFault {
     /// The file could not be opened or read, or memory ran out.
     #[error("cannot be read: {0}")]
     Io(#[from] io::Error),
-    /// The file is not a zip archive, is cut short, or has a directory that no `.npz` has.
+    /// The file is not a zip archive, is truncated, or has a directory that no `.npz` file would have.
     #[error("found {found}, expected an npz archive")]
     NotAnArchive {
-        /// What is there instead.
+        /// What was found instead.
         found: String,
     },
-    /// An array without which there is no field is not there.
-    #[error("{key}: found no such array, expected {expected}")]
+    /// A required array is missing.
+    #[error("{key}: array is missing, expected {expected}")]
     Missing {
-        /// The array.
+        /// Name of the array.
         key: &'static str,
-        /// What it holds.
+        /// What the array holds.
         expected: &'static str,
     },
-    /// An array's place in the archive is damaged, or the size it claims is not credible.
+    /// The archive member of an array is damaged, or its claimed size is implausible.
     #[error("{key}: found {found}, expected {expected}")]
     Member {
-        /// The array.
+        /// Name of the array.
         key: &'static str,
-        /// What is there.
+        /// What was found.
         found: String,
-        /// What should be.
+        /// What was expected.
         expected: &'static str,
     },
-    /// The elements are of a type that does not convert without loss of meaning. Pickled objects are among these.
+    /// The element type, such as that of pickled objects, cannot be converted without loss of meaning.
     #[error("{key}: found dtype {found}, expected {expected}")]
     Dtype {
-        /// The array.
+        /// Name of the array.
         key: &'static str,
-        /// Its dtype, as the file writes it.
+        /// The dtype, as written in the file.
         found: String,
-        /// The dtypes that are read.
+        /// The supported dtypes.
         expected: &'static str,
     },
-    /// The shape is not the one that the array must have, or that goes with the other arrays.
+    /// The shape is wrong, or does not match the other arrays.
     #[error("{key}: found shape {}, expected {expected}", shape(found))]
     Shape {
-        /// The array.
+        /// Name of the array.
         key: &'static str,
-        /// Its shape.
+        /// The shape in the file.
         found: Vec<u64>,
-        /// The shape that it must have.
+        /// The required shape.
         expected: String,
     },
-    /// A number or name in the array is outside what it may be.
+    /// A number or name in the array is out of range.
     #[error("{key}: found {found}, expected {expected}")]
     Value {
-        /// The array.
+        /// Name of the array.
         key: &'static str,
-        /// The value and where it is.
+        /// The value, and where it is.
         found: String,
-        /// What it may be.
+        /// The valid values.
         expected: String,
     },
-    /// The leaves hold spherical or anisotropic Gaussians.
+    /// The leaves hold spherical Gaussians or anisotropic spherical Gaussians, which are not supported.
     #[error(
         "data_format: found {format}, expected RGBA, SH1, SH4, SH9, SH16 or SH25: spherical and anisotropic Gaussians \
          are not supported"
     )]
     Gaussians {
-        /// The `data_format` of the file.
+        /// The file's `data_format`.
         format: String,
     },
-    /// `child` does not make a tree. Nodes are counted as in the file.
+    /// The `child` array is not a tree. Nodes are numbered as in the file.
     #[error("child: {0}")]
     Tree(#[source] InvalidField),
-    /// The arrays are sound each by itself and make no field together.
+    /// Each array is valid on its own, but together they do not form a field.
     #[error("{0}")]
     Field(#[source] InvalidField),
 }
 
-/// The start of a text from a file, fit for one line of a message.
+/// Returns the start of a text from a file, escaped to fit on one line of a message.
 pub(super) fn printable(text: &str) -> String {
     text.chars().take(60).flat_map(char::escape_debug).collect()
 }
 
-/// A shape, for messages; only the first of many axes.
+/// Formats a shape for messages. Long shapes are truncated.
 fn shape(axes: &[u64]) -> String {
     const SHOWN: usize = 8;
     match axes.get(..SHOWN) {
-        Some(first) if axes.len() > SHOWN => format!("{first:?} and {} axes more", axes.len() - SHOWN),
+        Some(first) if axes.len() > SHOWN => format!("{first:?} and {} more axes", axes.len() - SHOWN),
         _ => format!("{axes:?}"),
     }
 }
@@ -119,9 +119,9 @@ mod tests {
     use super::shape;
 
     #[test]
-    fn shapes_of_many_axes_are_cut_short() {
+    fn long_shapes_are_truncated() {
         assert_eq!(shape(&[]), "[]");
         assert_eq!(shape(&[2; 8]), "[2, 2, 2, 2, 2, 2, 2, 2]");
-        assert_eq!(shape(&[1; 46]), "[1, 1, 1, 1, 1, 1, 1, 1] and 38 axes more");
+        assert_eq!(shape(&[1; 46]), "[1, 1, 1, 1, 1, 1, 1, 1] and 38 more axes");
     }
 }

@@ -1,4 +1,4 @@
-//! Densities and coefficients of the leaves, from the `data` of a file.
+//! Reads densities and coefficients from the `data` array of a file.
 
 use std::fmt::Display;
 use std::io::{self, Read, Seek};
@@ -11,10 +11,10 @@ use super::npz::{Archive, Array};
 use super::walk::Tree;
 use crate::field::Basis;
 
-/// What a coefficient must be, for messages.
-pub(super) const COEFFICIENT: &str = "a finite coefficient of at most +-65504";
+/// The valid values of a coefficient, for messages.
+pub(super) const COEFFICIENT: &str = "a coefficient from -65504 to 65504";
 
-/// Reads densities and coefficients of the leaves for whose density `keep` is true, and drops the others.
+/// Reads the densities and coefficients of the leaves whose density passes `keep`, and drops the others.
 pub(super) fn read_data(
     archive: &mut Archive<impl Read + Seek>,
     basis: Basis,
@@ -26,7 +26,7 @@ pub(super) fn read_data(
     if !array.fortran() {
         return read_rows(array, values, tree, keep);
     }
-    // All densities come last, and tell which coefficients to keep: hence two passes.
+    // In Fortran order all densities come last, but they decide which coefficients to keep. This takes two passes.
     let density = read_density(array, values, tree)?;
     let density = tree.keep(density, keep);
     let coefficients = read_columns(open(archive, tree, values)?, values, tree)?;
@@ -39,7 +39,7 @@ fn open<'a>(archive: &'a mut Archive<impl Read + Seek>, tree: &Tree, values: usi
     Ok(array)
 }
 
-/// Reads the density of every leaf, the last of `values` numbers a cell.
+/// Reads the density of every leaf: the last of the `values` numbers of its cell.
 pub(super) fn read_density(array: Array, values: usize, tree: &Tree) -> Result<Vec<f32>, ReadFault> {
     let fault = array.dtype_fault(REALS);
     let key = array.key();
@@ -55,7 +55,7 @@ pub(super) fn read_density(array: Array, values: usize, tree: &Tree) -> Result<V
     Ok(density)
 }
 
-/// Reads densities and coefficients in one pass over an array in C order, in which every cell's are together.
+/// Reads densities and coefficients in one pass over an array in C order, where the values of a cell are contiguous.
 fn read_rows(
     array: Array,
     values: usize,
@@ -82,7 +82,7 @@ fn read_rows(
     .unwrap_or(Err(fault))?;
     rows.shrink_to_fit();
     let density = tree.keep(density, keep);
-    // The rows are in the order of the file's cells; now it is known where each belongs.
+    // Rows are in the order of the file's cells. Only now is the final leaf of every row known.
     move_rows(&mut rows, values - 1, (0..tree.cells()).filter_map(|cell| tree.leaf(cell)).collect());
     Ok((density, rows))
 }
@@ -104,7 +104,7 @@ fn read_columns(array: Array, values: usize, tree: &Tree) -> Result<Vec<f16>, Re
     Ok(coefficients)
 }
 
-/// Moves row `i` to row `targets[i]`, in place: twice the memory would be more than a large field can have.
+/// Moves row `i` to row `targets[i]`, in place, because memory may not hold two copies of a large field.
 fn move_rows(rows: &mut [f16], width: usize, mut targets: Vec<usize>) {
     for row in 0..targets.len() {
         while targets[row] != row {
@@ -119,22 +119,22 @@ fn move_rows(rows: &mut [f16], width: usize, mut targets: Vec<usize>) {
 fn finite_density(key: &'static str, sigma: impl Real, cell: usize) -> Result<f32, ReadFault> {
     let density = sigma.to_f32();
     let finite = density.is_finite().then_some(density);
-    finite.ok_or_else(|| number_fault(key, sigma, cell, "a density that is finite in float32"))
+    finite.ok_or_else(|| number_fault(key, sigma, cell, "a density within the range of float32"))
 }
 
-/// A coefficient in the precision in which it is kept.
+/// Rounds a coefficient to float16, the precision in which fields store it.
 pub(super) fn coefficient(key: &'static str, number: impl Real, cell: usize) -> Result<f16, ReadFault> {
     number.to_f16().ok_or_else(|| number_fault(key, number, cell, COEFFICIENT))
 }
 
-/// The refusal of a number of a cell of the file.
+/// Returns the error for an invalid number in a cell of the file.
 #[cold]
 pub(super) fn number_fault(key: &'static str, number: impl Display, cell: usize, expected: &str) -> ReadFault {
     let found = format!("{number} at node {}, cell {}", cell / 8, cell % 8);
     ReadFault::Value { key, found, expected: expected.into() }
 }
 
-/// Room for as many numbers, or an error instead of an abort.
+/// Allocates `count` zeros. Returns an error instead of aborting if memory runs out.
 pub(super) fn zeros<T: bytemuck::Zeroable + Clone>(count: usize) -> Result<Vec<T>, ReadFault> {
     let mut numbers = Vec::new();
     numbers.try_reserve_exact(count).map_err(|_| io::Error::from(io::ErrorKind::OutOfMemory))?;

@@ -1,4 +1,4 @@
-//! PlenOctree files: the `.npz` archives of svox, plenoctree, volrend and svox2, in and out.
+//! Reading and writing PlenOctree files: the `.npz` archives of svox, plenoctree, volrend and svox2.
 
 mod error;
 mod leaves;

@@ -1,4 +1,4 @@
-//! What stands before the elements of a `.npy` array: its element type, order and shape.
+//! The header of a `.npy` array: its element type, order and shape.
 
 use std::fmt::Display;
 use std::io::{self, Read};
@@ -6,21 +6,21 @@ use std::io::{self, Read};
 use bytemuck::Pod;
 use half::f16;
 
-/// The longest header that is read, in bytes. numpy's own take 118 for arrays of plain numbers.
-const LONGEST_HEADER: usize = 1 << 16;
-/// Axes that an array may have, as in numpy.
-const MOST_AXES: usize = 64;
+/// Maximum length of a header, in bytes. numpy writes 118 bytes for arrays of plain numbers.
+const MAX_HEADER: usize = 1 << 16;
+/// Maximum number of axes, as in numpy.
+const MAX_AXES: usize = 64;
 
-/// An element type that a header names.
+/// The element type in a header.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Dtype {
-    /// As the header writes it, such as `<f2`.
+    /// The dtype as written in the header, such as `<f2`.
     pub name: String,
-    /// The letter for the kind of element: `f`, `i`, `u`, `U`, `S`, `O`, ...
+    /// The letter of its kind: `f`, `i`, `u`, `U`, `S`, `O`, ...
     pub kind: char,
-    /// Bytes an element.
+    /// Bytes per element.
     pub size: u64,
-    /// Whether the bytes of a number are in the order that this machine does not use.
+    /// Whether the byte order is the opposite of this machine's.
     pub swapped: bool,
 }
 
@@ -37,7 +37,7 @@ impl Dtype {
             "" => 0,
             digits => digits.parse().ok()?,
         };
-        // numpy counts the size of a unicode string in characters of four bytes.
+        // numpy gives the size of a Unicode string in characters of four bytes.
         let size = if kind == 'U' { 4u64.checked_mul(count)? } else { count };
         Some(Self { name: name.to_owned(), kind, size, swapped: big != cfg!(target_endian = "big") })
     }
@@ -47,38 +47,38 @@ impl Dtype {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Header {
     pub dtype: Dtype,
-    /// Whether the first axis runs fastest instead of the last.
+    /// Whether the first axis varies fastest instead of the last.
     pub fortran: bool,
     pub shape: Vec<u64>,
 }
 
 impl Header {
-    /// Reads a header and leaves `reader` at the first element; also gives the header's length in bytes.
+    /// Reads a header, leaving `reader` at the first element. Also returns the length of the header in bytes.
     ///
-    /// The parser of `npyz` is not used because it reserves what the length field asks for, recurses as deeply as the
-    /// header nests, and multiplies the shape without a check.
+    /// This does not use the parser of `npyz`, which allocates whatever the length field claims, recurses as deeply as
+    /// the header nests, and multiplies the shape without checks.
     pub fn read(reader: &mut impl Read) -> io::Result<(Self, u64)> {
-        let broken = |what: String| io::Error::new(io::ErrorKind::InvalidData, what);
+        let invalid = |what: String| io::Error::new(io::ErrorKind::InvalidData, what);
         let mut start = [0; 8];
         reader.read_exact(&mut start)?;
         let [b'\x93', b'N', b'U', b'M', b'P', b'Y', version, _] = start else {
-            return Err(broken("no npy header".into()));
+            return Err(invalid("no npy header".into()));
         };
         let mut length = [0; 4];
         let digits = match version {
             1 => 2,
             2 | 3 => 4,
-            _ => return Err(broken(format!("npy version {version}"))),
+            _ => return Err(invalid(format!("npy version {version}"))),
         };
         reader.read_exact(&mut length[..digits])?;
         let length = u32::from_le_bytes(length) as usize;
-        if length > LONGEST_HEADER {
-            return Err(broken(format!("an npy header of {length} bytes")));
+        if length > MAX_HEADER {
+            return Err(invalid(format!("an npy header of {length} bytes")));
         }
         let mut text = vec![0; length];
         reader.read_exact(&mut text)?;
         let header = std::str::from_utf8(&text).ok().and_then(Self::parse);
-        let header = header.ok_or_else(|| broken("an npy header that does not parse".into()))?;
+        let header = header.ok_or_else(|| invalid("a malformed npy header".into()))?;
         Ok((header, (8 + digits + length) as u64))
     }
 
@@ -91,7 +91,7 @@ impl Header {
             rest = value.trim_start().strip_prefix(':')?.trim_start();
             match key {
                 "descr" if rest.starts_with('[') => {
-                    // A structure: nothing of a PlenOctree is one, so its fields are not looked at.
+                    // A structured dtype. No array of a PlenOctree has one, so its fields are ignored.
                     let end = matching(rest)?;
                     dtype = Some(Dtype { name: rest[..end].into(), kind: 'V', size: 0, swapped: false });
                     rest = &rest[end..];
@@ -117,7 +117,7 @@ impl Header {
                         axes.trim().trim_end_matches(',').split(',').map(|axis| axis.trim().trim_end_matches('L'));
                     shape = Some(match axes.clone().next() {
                         Some("") => Vec::new(),
-                        _ => axes.take(MOST_AXES + 1).map(|axis| axis.parse().ok()).collect::<Option<_>>()?,
+                        _ => axes.take(MAX_AXES + 1).map(|axis| axis.parse().ok()).collect::<Option<_>>()?,
                     });
                     rest = after;
                 }
@@ -126,23 +126,23 @@ impl Header {
             rest = rest.trim_start();
             rest = rest.strip_prefix(',').unwrap_or(rest).trim_start();
         }
-        let shape = shape.filter(|shape| shape.len() <= MOST_AXES);
+        let shape = shape.filter(|shape| shape.len() <= MAX_AXES);
         Some(Self { dtype: dtype?, fortran: fortran?, shape: shape? })
     }
 
-    /// Elements; `None` when there are more than can be counted.
+    /// Returns the number of elements, or `None` if it overflows.
     pub fn elements(&self) -> Option<u64> {
         self.shape.iter().try_fold(1u64, |product, &axis| product.checked_mul(axis))
     }
 }
 
-/// Splits a Python string without escapes off the start of `text`.
+/// Splits a Python string literal without escapes off the start of `text`. Returns its content and the rest.
 fn quoted(text: &str) -> Option<(&str, &str)> {
     let quote = text.chars().next().filter(|quote| "'\"".contains(*quote))?;
     text[1..].split_once(quote)
 }
 
-/// The end of the bracketed literal that `text` starts with.
+/// Returns the end of the bracketed literal at the start of `text`.
 fn matching(text: &str) -> Option<usize> {
     let mut open = 0;
     for (at, letter) in text.char_indices() {
@@ -158,30 +158,30 @@ fn matching(text: &str) -> Option<usize> {
     None
 }
 
-/// The dtypes of [`Real`], for messages.
+/// The dtypes that [`Real`] reads, for messages.
 pub(super) const REALS: &str = "<f2, <f4 or <f8";
-/// The dtypes of [`Whole`], for messages.
-pub(super) const WHOLES: &str = "a whole number";
+/// The dtypes that [`Whole`] reads, for messages.
+pub(super) const WHOLES: &str = "an integer";
 
-/// A number that arrays hold.
+/// A number in an array.
 pub(super) trait Number: Pod {
-    /// With its bytes in the opposite order.
+    /// Reverses the order of the bytes.
     fn swap(self) -> Self;
 }
 
-/// A number that leaves hold.
+/// A floating-point number in an array.
 pub(super) trait Real: Number + Display {
-    /// As it is.
+    /// Converts to float64, which is exact.
     fn to_f64(self) -> f64;
-    /// To the nearest float32; infinite beyond its range.
+    /// Rounds to the nearest float32. Numbers beyond its range become infinite.
     fn to_f32(self) -> f32;
-    /// To the nearest float16; `None` if it is not a number or beyond +-65504.
+    /// Rounds to the nearest float16. Returns `None` for NaN and beyond +-65504.
     fn to_f16(self) -> Option<f16>;
 }
 
-/// A whole number.
+/// An integer in an array.
 pub(super) trait Whole: Number + TryInto<i64> {
-    /// Its value; the largest possible for what no `i64` holds.
+    /// Converts to `i64`, saturating.
     fn to_i64(self) -> i64 {
         self.try_into().unwrap_or(i64::MAX)
     }
@@ -247,7 +247,7 @@ impl Real for f64 {
     }
 }
 
-/// Runs `$body` with `$number` standing for the Rust type of a floating-point dtype; gives `None` for other dtypes.
+/// Runs `$body` with `$number` as the Rust type of a floating-point dtype. Evaluates to `None` for other dtypes.
 macro_rules! with_real {
     ($dtype:expr, $number:ident => $body:expr) => {
         match ($dtype.kind, $dtype.size) {
@@ -268,7 +268,7 @@ macro_rules! with_real {
     };
 }
 
-/// Runs `$body` with `$number` standing for the Rust type of an integer dtype; gives `None` for other dtypes.
+/// Runs `$body` with `$number` as the Rust type of an integer dtype. Evaluates to `None` for other dtypes.
 macro_rules! with_whole {
     ($dtype:expr, $number:ident => $body:expr) => {
         match ($dtype.kind, $dtype.size) {

@@ -1,4 +1,4 @@
-//! The archive: finding an array in an `.npz` file and streaming its elements, without trust in what the file claims.
+//! Finds arrays in an `.npz` archive and streams their elements, without trusting what the file claims.
 
 use std::io::{self, Read, Seek, SeekFrom};
 
@@ -7,21 +7,21 @@ use zip::{CompressionMethod, ZipArchive, read::ZipFile, result::ZipError};
 use super::error::{ReadFault, printable};
 use super::npy::{Dtype, Header, Number};
 
-/// Members that an archive may have; a PlenOctree has a dozen.
+/// Maximum number of members in an archive. A PlenOctree has a dozen.
 const MAX_MEMBERS: u64 = 4096;
-/// How many times smaller than its content a large array may be. Trained fields do not reach 10, and of smooth synthetic
-/// ones only those small enough not to be asked.
+/// Maximum compression ratio of a large array. Trained fields stay below 10. The only smooth synthetic fields that
+/// exceed the limit are too small to be checked.
 const MAX_RATIO: u64 = 200;
-/// How many times smaller than its content a deflated array can be at all.
+/// Maximum compression ratio that deflate can reach.
 const DEFLATE_RATIO: u64 = 1032;
-/// Bytes that count as large for an array that is streamed.
+/// Size above which a streamed array counts as large, in bytes.
 const LARGE: u64 = 1 << 30;
-/// Bytes that count as large for an array that is held in memory.
+/// Size above which an array in memory counts as large, in bytes.
 const LARGE_IN_MEMORY: u64 = 128 << 20;
-/// Bytes of a text that are read.
+/// Maximum size of a text, in bytes.
 const MAX_TEXT: u64 = 1 << 10;
-/// Elements that are converted together.
-const BLOCK: usize = 1 << 16;
+/// Number of elements that are converted at a time.
+const CHUNK: usize = 1 << 16;
 
 /// An open archive.
 pub(super) struct Archive<R> {
@@ -30,43 +30,43 @@ pub(super) struct Archive<R> {
 }
 
 impl<R: Read + Seek> Archive<R> {
-    /// Reads the archive's directory.
+    /// Opens an archive and reads its directory.
     pub fn open(mut reader: R) -> Result<Self, ReadFault> {
         let bytes = check_directory(&mut reader)?;
         let zip = ZipArchive::new(reader).map_err(|error| match error {
             ZipError::Io(error) if error.raw_os_error().is_some() => ReadFault::Io(error),
-            error => not_an_archive(format!("a zip directory that cannot be read ({error})")),
+            error => not_an_archive(format!("an unreadable zip directory ({error})")),
         })?;
         Ok(Self { zip, bytes })
     }
 
-    /// Whether there is an array of this name.
+    /// Returns whether the archive has an array named `key`.
     pub fn has(&self, key: &str) -> bool {
         self.zip.file_names().any(|name| name.strip_suffix(".npy") == Some(key))
     }
 
-    /// The memory that what the file says about `key` may take.
+    /// Returns the memory limit for data expanded from the array `key`, relative to the size of the whole file.
     pub fn room(&self, key: &'static str) -> Room {
         Room { key, packed: self.bytes }
     }
 
-    /// Opens the array `key`, which holds what `meaning` says.
+    /// Opens the array `key`. `meaning` describes its content in errors.
     pub fn array(&mut self, key: &'static str, meaning: &'static str) -> Result<Array<'_>, ReadFault> {
         let fault = |found: String, expected| ReadFault::Member { key, found, expected };
         let zip_fault = |error| match error {
             ZipError::Io(error) => member_fault(key, error),
             ZipError::FileNotFound => ReadFault::Missing { key, expected: meaning },
-            error => fault(format!("a member that cannot be read ({error})"), "a stored or deflated array"),
+            error => fault(format!("an unreadable member ({error})"), "a stored or deflated array"),
         };
         let name = format!("{key}.npy");
-        // Of the ways in which a member can be encrypted, `by_name` refuses one and panics at another. The latter is
-        // found by a try with a password, which `by_name_decrypt` uses only where the member says that it needs one.
+        // Depending on how a member is encrypted, `by_name` returns an error or panics. Opening the member with a
+        // password first detects the latter case: `by_name_decrypt` uses the password only if the member claims to need
+        // one.
         match self.zip.by_name_decrypt(&name, &[]).map(|member| member.is_ok()) {
             Ok(true) => {}
             Ok(false) => return Err(fault("an encrypted member".into(), "a stored or deflated array")),
             Err(error @ ZipError::UnsupportedArchive(_)) => {
-                let found =
-                    self.compression(&name).unwrap_or_else(|| format!("a member that cannot be read ({error})"));
+                let found = self.compression(&name).unwrap_or_else(|| format!("an unreadable member ({error})"));
                 return Err(fault(found, "a stored or deflated array"));
             }
             Err(error) => return Err(zip_fault(error)),
@@ -77,7 +77,7 @@ impl<R: Read + Seek> Archive<R> {
         let packed = reader.compressed_size();
         let stored = reader.compression() == CompressionMethod::Stored;
         if packed > bytes.saturating_sub(reader.data_start()) {
-            return Err(fault(format!("{packed} bytes in a file of {bytes}"), "a whole npy array"));
+            return Err(fault(format!("{packed} bytes in a file of {bytes} bytes"), "a complete npy array"));
         }
         if size > packed.saturating_mul(if stored { 1 } else { DEFLATE_RATIO }) {
             return Err(bomb(key, size, packed));
@@ -89,7 +89,7 @@ impl<R: Read + Seek> Archive<R> {
             return Err(ReadFault::Shape {
                 key,
                 found: header.shape,
-                expected: format!("no more than the {size} bytes that are there"),
+                expected: format!("a shape that fits in {size} bytes"),
             });
         }
         Ok(Array { key, header, packed, reader })
@@ -97,7 +97,7 @@ impl<R: Read + Seek> Archive<R> {
 }
 
 impl<R: Read + Seek> Archive<R> {
-    /// How a member is compressed that cannot be unpacked, for messages.
+    /// Describes the compression of a member that cannot be decompressed, for messages.
     fn compression(&mut self, name: &str) -> Option<String> {
         (0..self.zip.len()).find_map(|index| {
             let member = self.zip.by_index_raw(index).ok().filter(|member| member.name() == name)?;
@@ -115,29 +115,29 @@ impl<R: Read + Seek> Archive<R> {
     }
 }
 
-/// How much memory an array may take.
+/// The memory limit of an array.
 #[derive(Clone, Copy)]
 pub(super) struct Room {
     key: &'static str,
-    /// Bytes that it takes in the file.
+    /// Size in the file, in bytes.
     packed: u64,
 }
 
 impl Room {
-    /// Refuses what would take so many bytes in memory and so few in the file that it is likelier a bomb.
+    /// Returns an error if `bytes` is so much more than the size in the file that the file is likely a zip bomb.
     pub fn check(self, bytes: u64) -> Result<(), ReadFault> {
         check_ratio(self.key, bytes, self.packed, LARGE_IN_MEMORY)
     }
 }
 
-/// Refuses an array that is large and packed so tightly that it is likelier a bomb than a field.
+/// Returns an error if an array is so large and so highly compressed that it is likely a zip bomb.
 fn check_ratio(key: &'static str, size: u64, packed: u64, large: u64) -> Result<(), ReadFault> {
     if size > large && size > packed.saturating_mul(MAX_RATIO) { Err(bomb(key, size, packed)) } else { Ok(()) }
 }
 
 fn bomb(key: &'static str, size: u64, packed: u64) -> ReadFault {
-    let found = format!("{size} bytes packed in {packed}");
-    ReadFault::Member { key, found, expected: "an array that is not packed beyond what fields are" }
+    let found = format!("{size} bytes compressed to {packed}");
+    ReadFault::Member { key, found, expected: "a plausible compression ratio" }
 }
 
 fn not_an_archive(found: impl Into<String>) -> ReadFault {
@@ -149,16 +149,16 @@ fn member_fault(key: &'static str, error: io::Error) -> ReadFault {
         return ReadFault::Io(error);
     }
     let found = match error.kind() {
-        io::ErrorKind::UnexpectedEof => "its end too early".into(),
+        io::ErrorKind::UnexpectedEof => "an unexpected end".into(),
         _ => error.to_string(),
     };
-    ReadFault::Member { key, found, expected: "a whole npy array" }
+    ReadFault::Member { key, found, expected: "a complete npy array" }
 }
 
-/// Checks the end of the archive and returns the file's length.
+/// Checks the end of the archive and returns the length of the file.
 ///
-/// The `zip` crate reserves room for as many members as the directory claims and searches for a zip64 directory byte by
-/// byte, so a hostile file could make it take all memory or hours.
+/// The `zip` crate allocates memory for as many members as the directory claims, and searches for a zip64 directory
+/// byte by byte. A hostile file could exhaust memory or take hours.
 fn check_directory(reader: &mut (impl Read + Seek)) -> Result<u64, ReadFault> {
     const END: usize = 22;
     const LOCATOR: usize = 20;
@@ -170,11 +170,11 @@ fn check_directory(reader: &mut (impl Read + Seek)) -> Result<u64, ReadFault> {
     reader.read_exact(&mut tail)?;
     let end = (0..=tail.len().saturating_sub(END)).rev().find(|&at| tail[at..].starts_with(b"PK\x05\x06"));
     let Some((end, record)) = end.and_then(|end| Some((end, tail.get(end..end + END)?))) else {
-        return Err(not_an_archive(if bytes == 0 { "an empty file" } else { "no zip directory at its end" }));
+        return Err(not_an_archive(if bytes == 0 { "an empty file" } else { "no zip directory at the end" }));
     };
     let comment = usize::from(u16::from_le_bytes([record[20], record[21]]));
     if end + END + comment > tail.len() {
-        return Err(not_an_archive("a zip directory that is cut short"));
+        return Err(not_an_archive("a truncated zip directory"));
     }
     let mut members = u64::from(u16::from_le_bytes([record[8], record[9]]));
     let locator = (tail.len() - END - comment).checked_sub(LOCATOR).map(|at| &tail[at..at + LOCATOR]);
@@ -186,68 +186,68 @@ fn check_directory(reader: &mut (impl Read + Seek)) -> Result<u64, ReadFault> {
             reader.read_exact(&mut record)?;
         }
         let [b'P', b'K', 6, 6, rest @ ..] = record else {
-            return Err(not_an_archive("a zip64 directory that is not where it should be"));
+            return Err(not_an_archive("a misplaced zip64 directory"));
         };
         members = rest[28..36].try_into().map(u64::from_le_bytes).unwrap_or(u64::MAX);
     }
     if members > MAX_MEMBERS {
-        return Err(not_an_archive(format!("a zip directory of {members} members")));
+        return Err(not_an_archive(format!("a zip directory with {members} members")));
     }
     reader.rewind()?;
     Ok(bytes)
 }
 
-/// An array whose elements are still to be read.
+/// An array whose elements have not been read yet.
 pub(super) struct Array<'a> {
     key: &'static str,
     header: Header,
-    /// Bytes that it takes in the file.
+    /// Size in the file, in bytes.
     packed: u64,
     reader: ZipFile<'a>,
 }
 
 impl Array<'_> {
-    /// The array's name.
+    /// Returns the name of the array.
     pub fn key(&self) -> &'static str {
         self.key
     }
 
-    /// The type of its elements.
+    /// Returns the type of the elements.
     pub fn dtype(&self) -> &Dtype {
         &self.header.dtype
     }
 
-    /// Whether it is in Fortran order.
+    /// Returns whether the array is in Fortran order.
     pub fn fortran(&self) -> bool {
         self.header.fortran
     }
 
-    /// Its axes.
+    /// Returns the length of every axis.
     pub fn shape(&self) -> &[u64] {
         &self.header.shape
     }
 
-    /// The refusal of its dtype.
+    /// Returns the error for an unsupported dtype.
     pub fn dtype_fault(&self, expected: &'static str) -> ReadFault {
         ReadFault::Dtype { key: self.key, found: printable(&self.header.dtype.name), expected }
     }
 
-    /// The refusal of its shape.
+    /// Returns the error for a wrong shape.
     pub fn shape_fault(&self, expected: impl Into<String>) -> ReadFault {
         ReadFault::Shape { key: self.key, found: self.header.shape.clone(), expected: expected.into() }
     }
 
-    /// Refuses any other shape.
+    /// Returns an error unless the shape is `expected`.
     pub fn check_shape(&self, expected: &[u64]) -> Result<(), ReadFault> {
         if self.header.shape == expected { Ok(()) } else { Err(self.shape_fault(format!("{expected:?}"))) }
     }
 
-    /// The memory that it may take.
+    /// Returns the memory limit of the array.
     pub fn room(&self) -> Room {
         Room { key: self.key, packed: self.packed }
     }
 
-    /// The one string in the array, from bytes or unicode.
+    /// Reads the only string in the array, from bytes or Unicode.
     pub fn text(mut self) -> Result<String, ReadFault> {
         let Dtype { kind, size, swapped, .. } = self.header.dtype;
         if !matches!(kind, 'U' | 'S') || size > MAX_TEXT {
@@ -271,11 +271,11 @@ impl Array<'_> {
         Ok(text.trim_end_matches('\0').to_owned())
     }
 
-    /// Streams the elements, whose dtype must be that of `T`, in blocks, from the file's order and byte order.
+    /// Streams the elements in chunks, in the order of the file. `T` must match the dtype. The byte order is converted.
     ///
-    /// `visit` gets the index of an element, counted in C order, and it and its successors along the last axes: whole
-    /// rows of `width` where the file is in C order, single elements where it is in Fortran order. In C order
-    /// elements from `end` on are not visited.
+    /// `visit` is called with consecutive elements along the last axes, and with the index of the first of them in C
+    /// order. It gets whole rows of `width` elements if the file is in C order, and single elements if it is in Fortran
+    /// order. In C order, elements from `end` on are skipped.
     pub fn stream<T: Number>(
         mut self,
         width: usize,
@@ -292,22 +292,22 @@ impl Array<'_> {
         }
         let end = if self.header.fortran { elements } else { end.min(elements) };
         let width = width.max(1);
-        let mut buffer = vec![T::zeroed(); end.min(width * (BLOCK / width).max(1))];
+        let mut buffer = vec![T::zeroed(); end.min(width * (CHUNK / width).max(1))];
         let mut order = FortranOrder::new(&shape);
         let mut start = 0;
         while start < end {
             let length = buffer.len().min(end - start);
-            let block = &mut buffer[..length];
-            self.reader.read_exact(bytemuck::cast_slice_mut(block)).map_err(|error| member_fault(self.key, error))?;
+            let chunk = &mut buffer[..length];
+            self.reader.read_exact(bytemuck::cast_slice_mut(chunk)).map_err(|error| member_fault(self.key, error))?;
             if self.header.dtype.swapped {
-                block.iter_mut().for_each(|number| *number = number.swap());
+                chunk.iter_mut().for_each(|number| *number = number.swap());
             }
             if self.header.fortran {
-                for number in block.chunks_exact(1) {
+                for number in chunk.chunks_exact(1) {
                     visit(order.next(), number)?;
                 }
             } else {
-                for (row, numbers) in block.chunks(width).enumerate() {
+                for (row, numbers) in chunk.chunks(width).enumerate() {
                     visit(start + row * width, numbers)?;
                 }
             }
@@ -316,15 +316,15 @@ impl Array<'_> {
         self.finish()
     }
 
-    /// Reads on to the end of the member, where its checksum is compared.
+    /// Reads to the end of the member, where its checksum is verified.
     fn finish(mut self) -> Result<(), ReadFault> {
         io::copy(&mut self.reader, &mut io::sink()).map(|_| ()).map_err(|error| member_fault(self.key, error))
     }
 }
 
-/// Counts through an array in Fortran order and tells each element's index in C order.
+/// Steps through an array in Fortran order and returns the index of each element in C order.
 struct FortranOrder {
-    /// Length of each axis, its stride in C order, and the place on it.
+    /// Length, stride in C order and current position of each axis.
     axes: Vec<(usize, usize, usize)>,
     index: usize,
 }

@@ -1,4 +1,4 @@
-//! Densities and coefficients of the leaves, from the codebooks of a quantized file.
+//! Reads densities and coefficients from the codebooks of a quantized file.
 
 use std::io::{Read, Seek};
 
@@ -14,7 +14,7 @@ use crate::field::Basis;
 /// Arrays that only quantized files have.
 pub(super) const QUANTIZED: [&str; 3] = ["sigma", "quant_colors", "quant_map"];
 
-/// Reads densities and coefficients of the leaves for whose density `keep` is true, and drops the others.
+/// Reads the densities and coefficients of the leaves whose density passes `keep`, and drops the others.
 pub(super) fn read_quantized(
     archive: &mut Archive<impl Read + Seek>,
     basis: Basis,
@@ -29,7 +29,7 @@ pub(super) fn read_quantized(
     Ok((density, coefficients))
 }
 
-/// Reads the coefficients of every leaf: those of the first functions as they are, those of the others from a codebook a
+/// Reads the coefficients of every leaf: those of the first functions directly, the others from one codebook per
 /// function.
 fn read_coefficients(
     archive: &mut Archive<impl Read + Seek>,
@@ -38,12 +38,12 @@ fn read_coefficients(
 ) -> Result<Vec<f16>, ReadFault> {
     let (cells, nodes) = (tree.cells(), tree.file_nodes());
     let (count, functions) = (basis.coefficients(), basis.functions());
-    // A codebook makes much of little.
+    // A small codebook can expand to a large number of coefficients.
     archive.room("quant_map").check(2 * (tree.leaves * count) as u64)?;
     let mut coefficients = zeros(tree.leaves * count)?;
     let mut retained = 0;
     if archive.has("data_retained") {
-        let array = archive.array("data_retained", "the coefficients that are not quantized")?;
+        let array = archive.array("data_retained", "the unquantized coefficients")?;
         let &[planes, n, 2, 2, 2, 3] = array.shape() else {
             return Err(array.shape_fault(format!("[Br, {nodes}, 2, 2, 2, 3]")));
         };
@@ -71,7 +71,7 @@ fn read_coefficients(
     let codebook = read_codebook(archive, quantized)?;
     let rows = codebook.len() / quantized;
 
-    let array = archive.array("quant_map", "the rows of the codebooks")?;
+    let array = archive.array("quant_map", "row indices into the codebooks")?;
     array.check_shape(&[quantized as u64, nodes, 2, 2, 2])?;
     let fault = array.dtype_fault(WHOLES);
     with_whole!(array.dtype(), T => array.stream::<T>(8, cells * quantized, |first, numbers| {
@@ -80,7 +80,7 @@ fn read_coefficients(
             let Some(leaf) = tree.leaf(cell) else { continue };
             let row = number.to_i64();
             let Some(row) = usize::try_from(row).ok().filter(|&row| row < rows) else {
-                return Err(number_fault("quant_map", row, cell, &format!("a row of the {rows} of quant_colors")));
+                return Err(number_fault("quant_map", row, cell, &format!("a row of quant_colors, 0 to {}", rows - 1)));
             };
             for (channel, &number) in codebook[function * rows + row].iter().enumerate() {
                 if !number.is_finite() {
@@ -96,7 +96,8 @@ fn read_coefficients(
     Ok(coefficients)
 }
 
-/// The codebooks, one after the other: a color a row. Numbers out of range become NaN, since files need not use every row.
+/// Reads all codebooks, one after another, with one color per row. Numbers out of range become NaN instead of an error,
+/// since rows may be unused.
 fn read_codebook(archive: &mut Archive<impl Read + Seek>, functions: usize) -> Result<Vec<[f16; 3]>, ReadFault> {
     let array = archive.array("quant_colors", "the codebooks")?;
     let rows = match *array.shape() {

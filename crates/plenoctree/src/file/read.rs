@@ -1,4 +1,4 @@
-//! Reading a PlenOctree: what the arrays of the file mean.
+//! Reads a PlenOctree from the arrays of its file.
 
 use std::fs::File;
 use std::io::{BufReader, Read, Seek};
@@ -17,10 +17,12 @@ use super::quantized::{QUANTIZED, read_quantized};
 use super::walk::Tree;
 use crate::field::{Activation, Basis, Frame, PlenOctree, Precision, UpAxis};
 
-/// The most nodes that a file may have, so that its cells can be counted in 31 bits.
+/// Maximum number of nodes in a file: 31 bits must be enough to count the cells.
 const MAX_NODES: u64 = (1 << 28) - 1;
 
-/// What a file does not say about its field, or says too much of.
+/// Settings for reading a PlenOctree file.
+///
+/// They supply what files do not record, and select the leaves to keep.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 #[cfg_attr(
@@ -30,15 +32,15 @@ const MAX_NODES: u64 = (1 << 28) - 1;
     type_path = "plenoctree"
 )]
 pub struct LoadSettings {
-    /// How the sum of the coefficients becomes radiance; `None` for [`Basis::default_activation`]. Fields converted from
-    /// Plenoxels need [`Activation::ShiftedRelu`].
+    /// Function that maps the sum of the harmonics to radiance. `None`, the default, selects
+    /// [`Basis::default_activation`]. Fields converted from Plenoxels need [`Activation::ShiftedRelu`].
     pub activation: Option<Activation>,
-    /// The axis of the field that points up.
+    /// Axis of the field's frame that points up. [`UpAxis::Z`] by default.
     pub up: UpAxis,
-    /// Leaves with less density than this (per world unit) are empty and are not kept; neither are those with a density
-    /// of 0 or below.
+    /// Density, per world unit, below which leaves are dropped. 0.01 by default. Leaves whose density is 0 or negative
+    /// are always dropped.
     pub density_threshold: f32,
-    /// How the GPU keeps the coefficients.
+    /// Precision of the coefficients on the GPU. [`Precision::Half`] by default.
     pub precision: Precision,
 }
 
@@ -49,13 +51,18 @@ impl Default for LoadSettings {
 }
 
 impl PlenOctree {
-    /// Reads a PlenOctree file: an `.npz` as svox, plenoctree, volrend's compression and svox2's conversion write it.
+    /// Reads a PlenOctree file: an `.npz` file as written by svox, plenoctree, the compression of volrend or the
+    /// conversion of svox2.
     ///
-    /// Only leaves that are not empty take memory; the file's arrays are streamed. Nodes and leaves are put in depth-first
-    /// order and nodes that the root does not reach are dropped. Numbers are taken in any order and width that converts
-    /// without loss of meaning: coefficients are rounded to float16 and refused beyond its range, densities to float32.
+    /// Arrays are streamed, and only the leaves to keep take up memory. Nodes and leaves are sorted in depth-first
+    /// order, and nodes that the root does not reach are dropped. Arrays may be in C or Fortran order, with either byte
+    /// order and any number type that converts without loss of meaning. Coefficients are rounded to float16 and
+    /// densities to float32.
     ///
-    /// Errors name the file, the array, what was found and what was expected.
+    /// # Errors
+    ///
+    /// Returns an error that names the file, the array, what was found and what was expected. Coefficients beyond the
+    /// range of float16, and densities beyond the range of float32, are errors.
     pub fn read(path: impl AsRef<Path>, settings: &LoadSettings) -> Result<Self, ReadError> {
         let path = path.as_ref();
         let label = path.display().to_string();
@@ -65,13 +72,18 @@ impl PlenOctree {
         }
     }
 
-    /// [`Self::read`] for a file that is already open or in memory. `label` stands for its name in errors.
+    /// Reads a PlenOctree from an open file or from memory, like [`Self::read`]. `label` is the name of the file in
+    /// errors.
+    ///
+    /// # Errors
+    ///
+    /// Returns the same errors as [`Self::read`].
     pub fn read_from(mut reader: impl Read + Seek, label: &str, settings: &LoadSettings) -> Result<Self, ReadError> {
         read(&mut reader, settings).map_err(|fault| ReadError::new(label, fault))
     }
 }
 
-/// What an archive is read from: one type for all readers, so that reading is compiled once.
+/// The input of an archive. Used as a trait object, so that the reading code is compiled only once.
 trait Source: Read + Seek {}
 
 impl<R: Read + Seek> Source for R {}
@@ -128,9 +140,9 @@ fn read_basis(archive: &mut Archive<impl Read + Seek>) -> Result<Basis, ReadFaul
     Err(ReadFault::Value { key: "data_dim", found: values.to_string(), expected })
 }
 
-/// Values a leaf.
+/// Reads the number of values per leaf.
 fn read_data_dim(archive: &mut Archive<impl Read + Seek>) -> Result<i64, ReadFault> {
-    let array = archive.array("data_dim", "the number of values a leaf")?;
+    let array = archive.array("data_dim", "the number of values per leaf")?;
     check_single(&array)?;
     let fault = array.dtype_fault(WHOLES);
     let mut values = 0;
@@ -144,7 +156,7 @@ fn read_data_dim(archive: &mut Archive<impl Read + Seek>) -> Result<i64, ReadFau
 
 fn read_frame(archive: &mut Archive<impl Read + Seek>) -> Result<Frame, ReadFault> {
     let key = if !archive.has("invradius3") && archive.has("invradius") { "invradius" } else { "invradius3" };
-    let array = archive.array(key, "the inverse of the cube's width")?;
+    let array = archive.array(key, "the reciprocal of the cube's width")?;
     let scale = if key == "invradius" {
         check_single(&array)?;
         DVec3::splat(read_numbers::<1>(array)?[0])
@@ -152,26 +164,26 @@ fn read_frame(archive: &mut Archive<impl Read + Seek>) -> Result<Frame, ReadFaul
         array.check_shape(&[3])?;
         DVec3::from_array(read_numbers(array)?)
     };
-    let refused = |key, numbers: DVec3, expected: &str| {
+    let fault = |key, numbers: DVec3, expected: &str| {
         Err(ReadFault::Value { key, found: format!("{:?}", numbers.to_array()), expected: expected.into() })
     };
     if !scale.is_finite() || scale.min_element() <= 0.0 {
-        return refused(key, scale, "finite numbers over 0");
+        return fault(key, scale, "finite positive numbers");
     }
-    let array = archive.array("offset", "the cube's place")?;
+    let array = archive.array("offset", "the offset of the cube")?;
     array.check_shape(&[3])?;
     let offset = DVec3::from_array(read_numbers(array)?);
     if !offset.is_finite() {
-        return refused("offset", offset, "finite numbers");
+        return fault("offset", offset, "finite numbers");
     }
-    // Files hold frames in float32, and props have their places in it.
+    // Files store frames in float32, and props are placed in float32.
     let frame = Frame { offset, scale };
     if !offset.as_vec3().is_finite() {
-        return refused("offset", offset, "numbers that are finite in float32");
+        return fault("offset", offset, "numbers within the range of float32");
     }
     let corners = [DVec3::ZERO, DVec3::ONE].map(|corner| frame.to_world(corner).as_vec3());
     if !scale.as_vec3().is_finite() || !corners.iter().all(|corner| corner.is_finite()) {
-        return refused(key, scale, "the scale of a cube that is finite in float32");
+        return fault(key, scale, "a scale and a cube within the range of float32");
     }
     Ok(frame)
 }
@@ -187,7 +199,7 @@ fn read_tree(archive: &mut Archive<impl Read + Seek>) -> Result<Tree, ReadFault>
     let mut child = vec![0; cells];
     with_whole!(array.dtype(), T => array.stream::<T>(8, cells, |first, offsets| {
         for (child, offset) in child[first..].iter_mut().zip(offsets) {
-            // What is beyond 32 bits leaves the array either way.
+            // Offsets beyond 32 bits point outside the array, clamped or not.
             *child = offset.to_i64().clamp(i32::MIN.into(), i32::MAX.into()) as i32;
         }
         Ok(())
@@ -196,7 +208,7 @@ fn read_tree(archive: &mut Archive<impl Read + Seek>) -> Result<Tree, ReadFault>
     Tree::walk(child).map_err(ReadFault::Tree)
 }
 
-/// The numbers of a small array of any type of number.
+/// Reads a small array of `N` numbers of any type.
 fn read_numbers<const N: usize>(array: Array) -> Result<[f64; N], ReadFault> {
     let fault = array.dtype_fault(REALS);
     let mut result = [0.0; N];

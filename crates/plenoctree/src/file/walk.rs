@@ -1,23 +1,25 @@
-//! From a file's `child` array to nodes in depth-first order.
+//! Converts the `child` array of a file to nodes in depth-first order.
 
 use crate::field::{Cell, InvalidField, MAX_DEPTH};
 
-/// In [`Tree::slots`]: the cell holds no leaf.
+/// Marks cells without a leaf in [`Tree::slots`].
 const NO_LEAF: i32 = -1;
 
-/// The tree of a file, and where each of the file's cells went.
+/// The tree of a file, and the leaf of every cell in the file.
 pub(super) struct Tree {
     /// The nodes that the root reaches, in depth-first order.
     pub nodes: Vec<[Cell; 8]>,
-    /// Leaves in `nodes`, which are counted in depth-first order too.
+    /// Number of leaves in `nodes`, which are numbered in depth-first order.
     pub leaves: usize,
-    /// For every cell of the file its leaf, or a negative number.
+    /// The leaf of every cell in the file, or a negative number.
     slots: Vec<i32>,
 }
 
 impl Tree {
-    /// Walks the tree from the root. `child` holds, for every cell of the file, 0 for a leaf or else the distance to the
-    /// node below. Every cell at which a branch ends counts as a leaf until [`Self::keep`] knows better.
+    /// Walks the tree from the root.
+    ///
+    /// `child` holds the offset from each cell's node to its child node, or 0 if the cell is not subdivided. Every cell
+    /// that is not subdivided counts as a leaf until [`Self::keep`] drops the empty ones.
     pub fn walk(mut child: Vec<i32>) -> Result<Self, InvalidField> {
         struct Visit {
             file: usize,
@@ -68,30 +70,30 @@ impl Tree {
         Ok(Self { nodes, leaves: leaves as usize, slots: child })
     }
 
-    /// The leaf in a cell of the file.
+    /// Returns the leaf of a cell in the file.
     pub fn leaf(&self, cell: usize) -> Option<usize> {
         usize::try_from(self.slots[cell]).ok()
     }
 
-    /// Cells of the file.
+    /// Returns the number of cells in the file.
     pub fn cells(&self) -> usize {
         self.slots.len()
     }
 
-    /// Nodes of the file.
+    /// Returns the number of nodes in the file.
     pub fn file_nodes(&self) -> u64 {
         (self.slots.len() / 8) as u64
     }
 
-    /// One past the last cell of the file that holds a leaf.
+    /// Returns the end of the cells that hold leaves: one past the last of them in the file.
     pub fn end(&self) -> usize {
         self.slots.iter().rposition(|&slot| slot != NO_LEAF).map_or(0, |last| last + 1)
     }
 
-    /// Drops the leaves for whose density `keep` is false, counts the others anew, and returns their densities.
+    /// Keeps the leaves whose density passes `keep`, renumbers them, and returns their densities.
     pub fn keep(&mut self, mut density: Vec<f32>, keep: impl Fn(f32) -> bool) -> Vec<f32> {
         let mut kept = 0;
-        let renamed: Vec<i32> = density
+        let renumbered: Vec<i32> = density
             .iter()
             .map(|&density| {
                 let leaf = if keep(density) { kept } else { NO_LEAF };
@@ -100,11 +102,11 @@ impl Tree {
             })
             .collect();
         for slot in self.slots.iter_mut().filter(|slot| **slot != NO_LEAF) {
-            *slot = renamed[*slot as usize];
+            *slot = renumbered[*slot as usize];
         }
         for cell in self.nodes.as_flattened_mut() {
             if let Some(leaf) = cell.as_leaf() {
-                *cell = u32::try_from(renamed[leaf as usize]).map_or(Cell::EMPTY, Cell::leaf);
+                *cell = u32::try_from(renumbered[leaf as usize]).map_or(Cell::EMPTY, Cell::leaf);
             }
         }
         density.retain(|&density| keep(density));

@@ -1,4 +1,4 @@
-//! Writing a PlenOctree in svox's layout.
+//! Writes a PlenOctree in svox's layout.
 
 use std::fs::File;
 use std::io::{self, BufWriter, Seek, Write};
@@ -11,25 +11,25 @@ use zip::write::{FileOptions, ZipWriter};
 
 use crate::field::PlenOctree;
 
-/// Content from which an array's sizes are written in 64 bits. Under the 4 GiB of 32 bits, since what does not compress
-/// grows a little.
+/// Size of an array, in bytes, above which its zip entry uses 64-bit sizes. It is less than the 4 GiB of 32-bit sizes
+/// because incompressible content grows a little.
 const LARGE: u64 = 0xf000_0000;
-/// svox's own value for `depth_limit`; deeper trees get their own depth.
+/// svox's default `depth_limit`. Deeper trees write their own depth.
 const DEPTH_LIMIT: i64 = 10;
-/// svox's own value for `geom_resize_fact`.
+/// svox's default `geom_resize_fact`.
 const RESIZE_FACTOR: f64 = 1.5;
 
-/// Why a field could not be written.
+/// An error that occurs when writing a field.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum WriteError {
     /// The file could not be created or written.
     #[error("cannot be written: {0}")]
     Io(#[from] io::Error),
-    /// The frame's offset or scale is outside float32, in which files hold it.
-    #[error("{key}: found {found}, expected a number that float32 can hold")]
+    /// The frame's offset or scale does not fit in float32, in which files store it.
+    #[error("{key}: found {found}, expected a number that float32 can represent")]
     Frame {
-        /// The array that would hold it.
+        /// Name of the array that would hold the number.
         key: &'static str,
         /// The number.
         found: f64,
@@ -37,21 +37,32 @@ pub enum WriteError {
 }
 
 impl PlenOctree {
-    /// Writes a file that svox, volrend and [`Self::read`] read: a deflated `.npz`. An existing file is overwritten.
+    /// Writes a deflated `.npz` file that svox, volrend and [`Self::read`] can read. Overwrites an existing file.
     ///
-    /// A written file read again gives the same field but for two roundings: the format holds densities in float16 (the
-    /// nearest, but no more than 65504 and never 0) and the frame in float32. A field that was read from a usual file is
-    /// in that precision already. The activation and the up axis are not in the file: [`LoadSettings`](super::LoadSettings)
-    /// must name them again, and a threshold that is not above the densities.
+    /// Reading the file returns the same field except for two roundings. The format stores densities in float16: the
+    /// nearest value, but at most 65504 and never 0. It stores the frame in float32. Fields read from ordinary files
+    /// have this precision already.
+    ///
+    /// The file records neither the activation nor the up axis. Set them again in [`LoadSettings`](super::LoadSettings)
+    /// when reading it, with a density threshold no higher than the densities.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error if the frame does not fit in float32, in which case no file is created or changed, or if
+    /// writing fails.
     pub fn write(&self, path: impl AsRef<Path>) -> Result<(), WriteError> {
-        // Before the file is touched.
-        single(self)?;
+        // Checked first, so that an existing file is not lost to an error.
+        frame_in_float32(self)?;
         self.write_to(File::create(path)?)
     }
 
-    /// [`Self::write`] for a file that is already open or in memory.
+    /// Writes the field to an open file or to memory, like [`Self::write`].
+    ///
+    /// # Errors
+    ///
+    /// Returns the same errors as [`Self::write`].
     pub fn write_to(&self, writer: impl Write + Seek) -> Result<(), WriteError> {
-        let (scale, offset) = single(self)?;
+        let (scale, offset) = frame_in_float32(self)?;
         let mut writer = BufWriter::new(writer);
         let mut archive = Archive(ZipWriter::new(&mut writer));
         let values = self.basis().coefficients() + 1;
@@ -75,15 +86,17 @@ impl PlenOctree {
         Ok(writer.flush()?)
     }
 
-    /// For every cell the distance to the node below it, or 0.
+    /// Returns the offset from each cell's node to its child node, or 0 for cells without one.
     fn child_offsets(&self) -> impl Iterator<Item = i32> {
         self.nodes().iter().zip(0i64..).flat_map(|(cells, node)| {
             cells.iter().map(move |cell| cell.as_node().map_or(0, |below| (i64::from(below) - node) as i32))
         })
     }
 
-    /// For every node its parent's cell, as 8 times the parent plus the cell, and its depth; also the number of nodes
-    /// that the root reaches. The others have parent -1, as svox marks nodes that are free.
+    /// Returns the parent and depth of every node, and the number of nodes that the root reaches.
+    ///
+    /// A parent is given as a cell: 8 times the node plus the index of the cell. Nodes that the root does not reach
+    /// have parent -1, svox's mark for free nodes.
     fn parents(&self) -> (Vec<[i32; 2]>, i64) {
         let mut parents = vec![[-1, 0]; self.nodes().len()];
         parents[0] = [0, 0];
@@ -102,10 +115,10 @@ impl PlenOctree {
         (parents, reached)
     }
 
-    /// `data`: for every cell its leaf's coefficients and density, or zeros.
+    /// Writes `data`: the coefficients and density of every cell, zeros for cells without a leaf.
     fn write_cells(&self, data: &mut NpyWriter<f16, impl Write>) -> io::Result<()> {
         let count = self.basis().coefficients();
-        let nothing = vec![f16::ZERO; count];
+        let zeros = vec![f16::ZERO; count];
         for cell in self.nodes().as_flattened() {
             let (coefficients, density) = match cell.as_leaf().map(|leaf| leaf as usize) {
                 Some(leaf) => {
@@ -115,7 +128,7 @@ impl PlenOctree {
                         density.clamp(f16::MIN_POSITIVE_SUBNORMAL, f16::MAX),
                     )
                 }
-                None => (&nothing[..], f16::ZERO),
+                None => (&zeros[..], f16::ZERO),
             };
             for value in coefficients {
                 data.push(value)?;
@@ -126,8 +139,8 @@ impl PlenOctree {
     }
 }
 
-/// The frame's scale and offset in float32.
-fn single(field: &PlenOctree) -> Result<([f32; 3], [f32; 3]), WriteError> {
+/// Returns the frame's scale and offset in float32.
+fn frame_in_float32(field: &PlenOctree) -> Result<([f32; 3], [f32; 3]), WriteError> {
     let frame = field.frame();
     let (scale, offset) = (frame.scale.as_vec3(), frame.offset.as_vec3());
     let fault = |key, exact: DVec3, at: usize| WriteError::Frame { key, found: exact[at] };
@@ -140,7 +153,7 @@ fn single(field: &PlenOctree) -> Result<([f32; 3], [f32; 3]), WriteError> {
     Ok((scale.to_array(), offset.to_array()))
 }
 
-/// An archive that is being written.
+/// An archive being written.
 struct Archive<W: Write + Seek>(ZipWriter<W>);
 
 impl<W: Write + Seek> Archive<W> {
@@ -154,7 +167,7 @@ impl<W: Write + Seek> Archive<W> {
         self.begin(key, T::default_dtype(), shape, |array| array.extend(numbers))
     }
 
-    /// Adds an array that `fill` fills.
+    /// Adds an array whose elements `fill` writes.
     fn begin<T: Serialize + ?Sized>(
         &mut self,
         key: &str,
@@ -163,7 +176,7 @@ impl<W: Write + Seek> Archive<W> {
         fill: impl FnOnce(&mut NpyWriter<T, BufWriter<&mut ZipWriter<W>>>) -> io::Result<()>,
     ) -> io::Result<()> {
         let bytes = shape.iter().product::<u64>().saturating_mul(dtype.num_bytes().unwrap_or(0) as u64);
-        // Without the time of writing, so that a field always gives the same file.
+        // No modification time, so that a field always gives the same file.
         let options = FileOptions::default().last_modified_time(Default::default()).large_file(bytes > LARGE);
         self.0.start_file(format!("{key}.npy"), options)?;
         let writer = BufWriter::new(&mut self.0);

@@ -1,4 +1,4 @@
-//! Levels of detail: the same field with larger cells.
+//! Levels of detail with larger cells.
 
 use glam::DVec3;
 use half::f16;
@@ -7,13 +7,15 @@ use rayon::prelude::*;
 use crate::field::{Cell, PlenOctree};
 
 impl PlenOctree {
-    /// The field with its finest cells averaged, eight to one, `levels` times over; `None` if it is not that deep. It stands
-    /// in for the field where a pixel is no smaller than its cells.
+    /// Returns the field with its finest cells merged, eight into one, `levels` times. Returns `None` if `levels` is
+    /// not less than the depth.
     ///
-    /// A cell gets the density that lets as much light through as its parts do, on average over rays along the three axes:
-    /// their mean where they are thin, less where rays could slip by what is dense. Its coefficients are the means of its
-    /// parts', weighed by the light that each part absorbs. The harmonics' sums are averaged, not the radiance
-    /// that an activation makes of them.
+    /// Use it in place of the field where its cells are no larger than a pixel.
+    ///
+    /// A merged cell gets the density that lets as much light through as its parts, averaged over rays along the three
+    /// axes. This is the mean density if the parts are thin, and less if rays can pass by the dense parts. Its
+    /// coefficients are the means of those of its parts, weighted by the light that each part absorbs. This averages
+    /// the sums of the harmonics, not the radiance after activation.
     pub fn coarser(&self, levels: u32) -> Option<Self> {
         let mut field = self.clone();
         for _ in 0..levels {
@@ -33,7 +35,7 @@ impl PlenOctree {
         let widths = (self.frame().scale * f64::from(1u32 << self.depth())).recip();
         let densities = leaves.par_iter().map(|leaf| match leaf {
             NewLeaf::Same(leaf) => self.densities()[*leaf as usize],
-            // No leaf is empty, however little of it is left.
+            // A merged leaf must have a density, however faint.
             NewLeaf::Merged(node) => (density(self.node_densities(*node), widths) as f32).max(f32::MIN_POSITIVE),
         });
         let coefficients = leaves.par_iter().flat_map_iter(|leaf| match leaf {
@@ -57,7 +59,7 @@ impl PlenOctree {
         &self.coefficients()[leaf as usize * width..][..width]
     }
 
-    /// Densities of a node's eight cells, none of which is a node.
+    /// Returns the densities of a node's eight cells, none of which may be subdivided.
     fn node_densities(&self, node: u32) -> [f64; 8] {
         self.nodes()[node as usize]
             .map(|cell| cell.as_leaf().map_or(0.0, |leaf| f64::from(self.densities()[leaf as usize])))
@@ -77,7 +79,7 @@ impl PlenOctree {
     }
 }
 
-/// The density of the cell that eight cells of these `widths` make.
+/// Returns the density of the cell that merges eight `cells` of these `widths`.
 fn density(cells: [f64; 8], widths: DVec3) -> f64 {
     let along = |axis: usize| {
         let (bit, width) = (4 >> axis, widths[axis]);
@@ -89,7 +91,7 @@ fn density(cells: [f64; 8], widths: DVec3) -> f64 {
     (along(0) + along(1) + along(2)) / 3.0
 }
 
-/// Leaves of the coarser field, by what they were.
+/// The origin of a leaf in the coarser field: a leaf, or a node whose cells are merged.
 enum NewLeaf {
     Same(u32),
     Merged(u32),
@@ -134,9 +136,9 @@ mod tests {
         field::{Activation, Basis, Frame, UpAxis},
     };
 
-    /// However faint or dense cells are, and however small.
+    /// Holds for any density and any cell size.
     #[test]
-    fn fog_stays_the_fog_that_it_is() {
+    fn uniform_fog_keeps_its_density() {
         for density in [1e-37, 1e-3, 1.0, 1e38] {
             for half in [1e-20, 1.0, 1e30] {
                 let (min, max) = (DVec3::splat(-half), DVec3::splat(half));
@@ -152,15 +154,15 @@ mod tests {
         }
     }
 
-    /// Where light is lost so little that one minus it is one.
+    /// Holds even if `1 - opacity` rounds to 1.
     #[test]
-    fn what_is_thin_has_the_mean_density() {
+    fn thin_cells_merge_to_the_mean_density() {
         let cells = std::array::from_fn(|cell| 1e-14 * cell as f64);
         assert!((density(cells, DVec3::ONE) / 3.5e-14 - 1.0).abs() < 1e-9);
     }
 
     #[test]
-    fn what_is_left_of_one_faint_leaf_is_a_leaf() {
+    fn the_faintest_leaf_stays_a_leaf() {
         let mut root = [Cell::EMPTY; 8];
         root[0] = Cell::node(1);
         let mut part = [Cell::EMPTY; 8];

@@ -1,4 +1,4 @@
-//! Which leaves are too faint to matter.
+//! Measures which leaves are too faint to matter.
 
 use std::ops::ControlFlow;
 
@@ -7,24 +7,25 @@ use rayon::prelude::*;
 
 use crate::field::PlenOctree;
 
-/// Rays along each side of the box around the leaves.
+/// Number of rays along each side of the box around the leaves.
 const RAYS: usize = 64;
-/// Bins of density, in fourths of an octave of opaqueness across a finest cell, from 2^-24 up.
+/// Number of density bins. A bin is a quarter of an octave of optical depth across a finest cell, from `2^LEAST` up.
 const BINS: usize = 4 * 32;
 const LEAST: f64 = -24.0;
-/// Transmittance at which a ray has seen all that it can see.
+/// Transmittance below which a ray stops.
 const STOP: f64 = 0.01;
 
-/// What is lost by leaving out faint leaves, seen along rays through the whole field, there and back along every axis.
+/// The opacity that rays lose if faint leaves are removed, measured in both directions along every axis.
 pub struct Faintness {
-    /// The width of a finest cell, in world units.
+    /// Width of a finest cell, in world units.
     width: f64,
-    /// For every bin, the root mean square, over rays that meet a leaf, of the opacity that leaves up to that bin add.
+    /// For every bin, the opacity that leaves up to that bin add to a ray: the root mean square over rays that hit a
+    /// leaf.
     lost: [f64; BINS],
 }
 
 impl Faintness {
-    /// Marches rays through the whole field, on all cores.
+    /// Measures a field by marching rays through all of it, on all cores.
     pub fn of(field: &PlenOctree) -> Self {
         let width = (field.frame().scale * f64::from(1u32 << field.depth())).element_product().cbrt().recip();
         let mut lost = [0.0; BINS];
@@ -37,7 +38,7 @@ impl Faintness {
             let (axis, backward) = (side % 3, side >= 3);
             let mut place = DVec3::ZERO;
             (place[(axis + 1) % 3], place[(axis + 2) % 3]) = across.into();
-            // A little outside of the box, since a ray begins where it is put.
+            // A little outside the box, because rays start at their origin.
             place[axis] = if backward { 1.01 } else { -0.01 };
             let mut direction = DVec3::ZERO;
             direction[axis] = if backward { -1.0 } else { 1.0 };
@@ -56,14 +57,17 @@ impl Faintness {
         Self { width, lost }
     }
 
-    /// The density under which leaves can be left out without rays' losing more than `loss` of their opacity.
+    /// Returns the density, per world unit, below which leaves can be removed at a loss of at most `loss` of the rays'
+    /// opacity (0 to 1, root mean square). Returns 0 if no leaf can be removed.
+    ///
+    /// Pass it to [`PlenOctree::thinned`].
     pub fn threshold(&self, loss: f32) -> f32 {
         let bins = self.lost.iter().take_while(|lost| **lost <= f64::from(loss)).count();
         if bins == 0 { 0.0 } else { ((bins as f64 / 4.0 + LEAST).exp2() / self.width) as f32 }
     }
 }
 
-/// The square of the opacity that leaves up to each bin add to a ray; `None` if it meets no leaf.
+/// Returns the squared opacity that leaves up to each bin add to a ray, or `None` if the ray hits no leaf.
 fn opacity_by_bin(field: &PlenOctree, width: f64, origin: DVec3, direction: DVec3) -> Option<[f64; BINS]> {
     let mut added = [0.0; BINS];
     let (mut transmittance, mut met) = (1.0f64, false);
@@ -99,7 +103,7 @@ mod tests {
     }
 
     #[test]
-    fn haze_around_a_ball_goes_and_the_ball_stays() {
+    fn haze_around_a_ball_is_removed() {
         let field = ball(|radius| if radius < 0.6 { 300.0 } else { 0.001 });
         let faintness = Faintness::of(&field);
         let threshold = faintness.threshold(0.005);
@@ -107,9 +111,9 @@ mod tests {
         assert_eq!(field.thinned(faintness.threshold(1e-3)).leaves(), field.leaves());
     }
 
-    /// Leaves that are faint one by one, but all that there is, save for those cut by the fog's edge.
+    /// Every leaf is faint, but together they are all that is visible. Only leaves at the edge of the fog may go.
     #[test]
-    fn fog_stays() {
+    fn uniform_fog_is_kept() {
         let field = ball(|radius| if radius < 0.9 { 0.5 } else { 0.0 });
         let thinned = field.thinned(Faintness::of(&field).threshold(0.05));
         assert!(thinned.leaves() as f64 > 0.9 * field.leaves() as f64);

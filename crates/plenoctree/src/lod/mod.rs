@@ -1,4 +1,4 @@
-//! Levels of detail: the same field with larger cells, or without its faintest leaves.
+//! Levels of detail: versions of a field with larger cells, or without faint leaves.
 
 mod coarser;
 mod faintness;

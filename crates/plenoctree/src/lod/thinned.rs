@@ -1,10 +1,12 @@
-//! The same field without its faintest leaves.
+//! Levels of detail without faint leaves.
 
 use crate::field::{Cell, PlenOctree};
 
 impl PlenOctree {
-    /// The field without the leaves that are less dense than `density_threshold`, per world unit: rays have less to visit.
-    /// [`LoadSettings::density_threshold`](crate::LoadSettings::density_threshold) does the same to a file.
+    /// Returns the field without the leaves whose density is less than `density_threshold`, per world unit, so that
+    /// rays cross fewer leaves.
+    ///
+    /// [`LoadSettings::density_threshold`](crate::LoadSettings::density_threshold) has the same effect on a file.
     pub fn thinned(&self, density_threshold: f32) -> Self {
         if self.densities().iter().all(|density| *density >= density_threshold) {
             return self.clone();
@@ -25,12 +27,12 @@ struct Thin<'a> {
     field: &'a PlenOctree,
     density_threshold: f32,
     nodes: Vec<[Cell; 8]>,
-    /// The leaves that stay.
+    /// The leaves to keep, in the order of the new field.
     leaves: Vec<u32>,
 }
 
 impl Thin<'_> {
-    /// Copies what stays of node `from` to node `to`, and no node that would be empty.
+    /// Copies the remaining cells of node `from` to node `to`, leaving out nodes that would be empty.
     fn copy(&mut self, from: u32, to: usize) {
         for (index, cell) in self.field.nodes()[from as usize].iter().enumerate() {
             if let Some(leaf) = cell.as_leaf() {
@@ -62,7 +64,7 @@ mod tests {
     };
 
     #[test]
-    fn only_what_is_dense_enough_stays_and_looks_the_same() {
+    fn dense_leaves_stay_and_look_the_same() {
         let settings = BakeSettings { depth: 5, basis: Basis::Sh4, min_density: 0.0, ..Default::default() };
         let tint = |at: DVec3| move |direction: DVec3| 0.5 + 0.2 * at + 0.1 * direction;
         let field = bake(&settings, |at| 9.0 * at.x.abs(), tint).unwrap();

@@ -1,13 +1,13 @@
-//! The palette and its file.
+//! Palettes and their files.
 
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-/// A few colors that stand for all that a field shows, the most important first.
+/// A few colors that represent everything visible in a field, the most important first.
 ///
-/// Its file is JSON: `{"colors": [[r, g, b], ...], "weights": [...]}`. A file without weights is one whose colors
-/// weigh the same.
+/// Palette files are JSON: `{"colors": [[r, g, b], ...], "weights": [...]}`. If a file has no weights, all colors have
+/// the same weight.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "PaletteJson")]
 #[cfg_attr(
@@ -17,93 +17,104 @@ use serde::{Deserialize, Serialize};
     type_path = "plenoctree"
 )]
 pub struct Palette {
-    /// Encoded sRGB. Extraction stays in [0, 1]; a palette made by hand may leave it (neon colors).
+    /// Colors in encoded sRGB. Extracted colors are in [0, 1]. Handmade colors may exceed this range, such as neon
+    /// colors.
     pub colors: Vec<[f64; 3]>,
-    /// How much of what is visible lies nearest to each color. Extracted palettes sum to 1.
+    /// Weight of each color: the amount of visible weight that is nearest to it. Finite and not negative. The weights
+    /// of an extracted palette sum to 1.
     pub weights: Vec<f64>,
 }
 
-/// What a palette's file holds.
+/// The content of a palette file.
 #[derive(Deserialize)]
 struct PaletteJson {
     colors: Vec<[f64; 3]>,
     weights: Option<Vec<f64>>,
 }
 
-/// Why colors and weights do not make a palette.
+/// An error that occurs when colors and weights do not make a palette.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum InvalidPalette {
-    /// There are none, or too many.
+    /// There are no colors, or too many.
     #[error("found {found} colors, expected 1 to {}", Palette::MAX_COLORS)]
     Colors {
-        /// Colors given.
+        /// Number of colors found.
         found: usize,
     },
-    /// Colors and weights must belong together.
+    /// The number of weights is not the number of colors.
     #[error("found {found} weights, expected one for each of {expected} colors")]
     Weights {
-        /// Weights given.
+        /// Number of weights found.
         found: usize,
-        /// Colors given.
+        /// Number of colors.
         expected: usize,
     },
-    /// A color is infinite or not a number.
+    /// A color is infinite or NaN.
     #[error("found {found:?} as color {index}, expected finite numbers")]
     Color {
-        /// Which color, from 0.
+        /// Index of the color.
         index: usize,
-        /// What it is.
+        /// The color found.
         found: [f64; 3],
     },
-    /// A weight is negative, infinite or not a number.
-    #[error("found {found} as weight {index}, expected a finite number that is not negative")]
+    /// A weight is negative, infinite or NaN.
+    #[error("found {found} as weight {index}, expected a finite, non-negative number")]
     Weight {
-        /// Which weight, from 0.
+        /// Index of the weight.
         index: usize,
-        /// What it is.
+        /// The weight found.
         found: f64,
     },
 }
 
-/// Why a palette's file was not read or written.
+/// An error that occurs when reading or writing a palette file.
 #[derive(Debug, thiserror::Error)]
 pub enum PaletteFileError {
-    /// The file cannot be opened, read or written.
+    /// The file could not be opened, read or written.
     #[error("palette {}: {source}", path.display())]
     Io {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// What the system says.
+        /// The error of the operating system.
         source: std::io::Error,
     },
-    /// It is not JSON, or holds something else than `colors` and `weights`.
+    /// The file is not JSON, has no `colors`, or has a value of the wrong type.
     #[error("palette {}: {source}", path.display())]
     Json {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// Where, what was found and what was expected.
+        /// The error of the parser.
         source: serde_json::Error,
     },
-    /// Its numbers do not make a palette.
+    /// The colors and weights do not make a palette.
     #[error("palette {}: {source}", path.display())]
     Invalid {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// What was found and what was expected.
+        /// What was found, and what was expected.
         source: InvalidPalette,
     },
 }
 
 impl Palette {
-    /// Colors that a palette may have at most.
+    /// Maximum number of colors in a palette.
     pub const MAX_COLORS: usize = 64;
 
-    /// A palette of colors (encoded sRGB) that weigh the same.
+    /// Creates a palette of colors (encoded sRGB) that all have the same weight.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error if there are no colors, more than [`Self::MAX_COLORS`], or one that is not finite.
     pub fn new(colors: Vec<[f64; 3]>) -> Result<Self, InvalidPalette> {
         PaletteJson { colors, weights: None }.try_into()
     }
 
-    /// Whether this is a palette that a file may hold: the fields are public, so it need not be.
+    /// Checks that the palette is valid. It may not be, because its fields are public.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error if there are no colors or more than [`Self::MAX_COLORS`], if there is not one weight per color,
+    /// if a color is not finite, or if a weight is negative or not finite.
     pub fn validate(&self) -> Result<(), InvalidPalette> {
         let (found, expected) = (self.weights.len(), self.colors.len());
         if expected == 0 || expected > Self::MAX_COLORS {
@@ -125,14 +136,22 @@ impl Palette {
         Ok(())
     }
 
-    /// Reads a palette's file.
+    /// Reads a palette file.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error if the file cannot be read, or does not hold a valid palette.
     pub fn read(path: impl AsRef<Path>) -> Result<Self, PaletteFileError> {
         let path = path.as_ref();
         let json = std::fs::read(path);
         Self::from_json(&json.map_err(|source| PaletteFileError::Io { path: path.to_path_buf(), source })?, path)
     }
 
-    /// Parses the content of a palette's file. `path` stands for its name in errors.
+    /// Parses the content of a palette file. `path` is the name of the file in errors.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error if the content is not a valid palette.
     pub fn from_json(json: &[u8], path: &Path) -> Result<Self, PaletteFileError> {
         let path = || path.to_path_buf();
         let file: PaletteJson =
@@ -140,7 +159,11 @@ impl Palette {
         file.try_into().map_err(|source| PaletteFileError::Invalid { path: path(), source })
     }
 
-    /// Writes a palette's file, replacing what is there.
+    /// Writes a palette file, overwriting an existing one.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error if the palette is invalid, in which case no file is created or changed, or if writing fails.
     pub fn write(&self, path: impl AsRef<Path>) -> Result<(), PaletteFileError> {
         let path = || path.as_ref().to_path_buf();
         self.validate().map_err(|source| PaletteFileError::Invalid { path: path(), source })?;
@@ -173,7 +196,7 @@ mod tests {
     }
 
     proptest! {
-        /// What is written is read back, in the same order.
+        /// A written palette is read back with its colors in the same order.
         #[test]
         fn files_keep_palettes(colors in prop::collection::vec(prop::array::uniform3(-2.0..3.0f64), 1..=64)) {
             let mut palette = Palette::new(colors).unwrap();
@@ -194,7 +217,7 @@ mod tests {
     }
 
     #[test]
-    fn weights_may_be_left_out() {
+    fn weights_are_optional() {
         assert_eq!(parse(r#"{"colors": [[0, 0, 0], [1, 1, 1]]}"#).unwrap().weights, [0.5, 0.5]);
     }
 
@@ -205,7 +228,10 @@ mod tests {
             (r#"{"colors": []}"#, "found 0 colors, expected 1 to 64"),
             (&colors, "found 65 colors, expected 1 to 64"),
             (r#"{"colors": [[0, 0, 0]], "weights": []}"#, "found 0 weights, expected one for each of 1 colors"),
-            (r#"{"colors": [[0, 0, 0]], "weights": [-1]}"#, "found -1 as weight 0, expected a finite number"),
+            (
+                r#"{"colors": [[0, 0, 0]], "weights": [-1]}"#,
+                "found -1 as weight 0, expected a finite, non-negative number",
+            ),
             (r#"{"colors": [[0, 0]]}"#, "invalid length 2, expected an array of length 3"),
             (r#"{"colors": [[0, 0, 1e999]]}"#, "number out of range"),
             (r#"{"colors": [[0, 0, null]]}"#, "invalid type: null, expected f64"),

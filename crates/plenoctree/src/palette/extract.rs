@@ -1,4 +1,4 @@
-//! From a field to its palette: the steps of section 3 of the method, one after the other.
+//! Extracts the palette of a field: the steps of section 3 of the method, one after another.
 
 use std::time::Instant;
 
@@ -15,41 +15,41 @@ use crate::{
     sampling::{Bins, Canceled, Histograms, InvalidSetting, Progress, SamplingError, sample},
 };
 
-/// A palette and how it came about.
+/// An extracted palette, and how it was made.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Extraction {
-    /// The palette, every channel in [0, 1]. The weights are shares of the visible weight and sum to 1.
+    /// The palette, with every channel in [0, 1]. Its weights are shares of the visible weight and sum to 1.
     pub palette: Palette,
-    /// Radiance samples: leaves times cells of directions, whatever weight they have.
+    /// Number of radiance samples: leaves times direction cells, including samples without weight.
     pub radiance_samples: u64,
-    /// The visible weight of all samples.
+    /// Total weight of all samples.
     pub total_weight: f64,
-    /// K, the number of clusters.
+    /// K: number of clusters.
     pub clusters: usize,
-    /// Corners of the clusters' convex hull before it was simplified.
+    /// Number of corners of the clusters' convex hull, before it was simplified.
     pub hull_vertices: usize,
-    /// How long it took.
+    /// Time spent on each part of the extraction.
     pub seconds: ExtractionTimes,
 }
 
-/// Time spent on each part of an extraction, in seconds, as table 1 of the paper divides it.
+/// Time spent on each part of an extraction, in seconds. The parts are those of table 1 of the paper.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ExtractionTimes {
-    /// Steps 1 to 5: radiance samples and histograms. 0 if the histograms were given.
+    /// Radiance samples and histograms: steps 1 to 5. 0 if the histograms were given.
     pub sampling: f64,
-    /// Steps 6 and 7: k-means.
+    /// K-means: steps 6 and 7.
     pub filtering: f64,
-    /// Steps 8 and 9: the convex hull, its simplification and the order.
+    /// The convex hull, its simplification and the order of the colors: steps 8 and 9.
     pub hull: f64,
 }
 
-/// Why there is no palette.
+/// An error that occurs when extracting a palette.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ExtractionError {
-    /// A setting is out of its range.
+    /// A setting is out of range.
     #[error(transparent)]
     Setting(#[from] InvalidSetting),
-    /// The field has no leaves, or none that can be seen.
+    /// The field has no leaves, or none that is visible.
     #[error("nothing is visible in the field")]
     NothingVisible,
     /// [`Progress::cancel`] was called.
@@ -66,7 +66,13 @@ impl From<SamplingError> for ExtractionError {
     }
 }
 
-/// Extracts the palette of a whole field, on all cores. The same field and settings give the same bits every time.
+/// Extracts the palette of a whole field, on all cores.
+///
+/// The same field and settings always give the same palette, to the last bit.
+///
+/// # Errors
+///
+/// Returns an error if a setting is out of range, if nothing is visible in the field, or if the extraction is canceled.
 pub fn extract(
     field: &PlenOctree,
     settings: &ExtractionSettings,
@@ -82,6 +88,10 @@ pub fn extract(
 }
 
 /// Extracts the palette from histograms, which may have any number of bins: steps 6 to 9.
+///
+/// # Errors
+///
+/// Returns an error if a setting is out of range, or if the histograms have no weight.
 pub fn extract_from_histograms(
     histograms: &Histograms,
     settings: &ExtractionSettings,
@@ -109,7 +119,7 @@ pub fn extract_from_histograms(
     })
 }
 
-/// Steps 6 and 7: representative colors; `None` if there is no weight.
+/// Clusters the histograms into representative colors: steps 6 and 7. Returns `None` if there is no weight.
 fn filter(histograms: &Histograms, settings: &ExtractionSettings) -> Option<Clusters> {
     let total = histograms.total_weight();
     let bins = histograms.fine_bins();
@@ -127,10 +137,10 @@ fn filter(histograms: &Histograms, settings: &ExtractionSettings) -> Option<Clus
     Some(kmeans::cluster(&points, &weights, centers, settings.max_iterations, settings.tolerance))
 }
 
-/// The centers of the bins that hold more than `threshold` of the weight, in the order of their indices.
+/// Returns the centers of the bins with more than `threshold` of the weight, in the order of their indices.
 ///
-/// If no bin does, the weight is spread over more bins than could be above the threshold, `1 / threshold`: then so many
-/// of the heaviest are taken.
+/// If there are none, returns the centers of the `1 / threshold` heaviest bins: the largest number of bins that could
+/// be above the threshold.
 fn initial_centers(bins: &Bins, threshold: f64) -> Vec<[f64; 3]> {
     let total: f64 = bins.weights.iter().sum();
     let mut chosen: Vec<usize> = (0..bins.weights.len()).filter(|&i| bins.weights[i] / total > threshold).collect();
@@ -144,7 +154,8 @@ fn initial_centers(bins: &Bins, threshold: f64) -> Vec<[f64; 3]> {
     chosen.into_iter().map(|bin| bins.center(bin)).collect()
 }
 
-/// Step 9: heaviest first, by the weight of the clusters nearest to each color; equal weights by r, g, b.
+/// Sorts the colors by the weight of the clusters nearest to each, heaviest first: step 9. Equal weights are sorted by
+/// r, g and b.
 pub(super) fn order(mut colors: Vec<[f64; 3]>, clusters: &Clusters) -> Palette {
     let by_channels = |a: &[f64; 3], b: &[f64; 3]| {
         a.iter().zip(b).map(|(a, b)| a.total_cmp(b)).find(|order| order.is_ne()).unwrap_or(std::cmp::Ordering::Equal)
@@ -165,7 +176,7 @@ mod tests {
 
     use super::*;
 
-    /// Histograms of 24 and 8 bins a channel: the centers of the coarse bins are centers of fine ones.
+    /// Returns histograms with 24 and 8 bins per channel, so that centers of coarse bins are also centers of fine bins.
     fn histograms(colors: &[([f64; 3], f64)]) -> Histograms {
         let bins = |n: usize| {
             let mut weights = vec![0.0; n * n * n];
@@ -184,7 +195,8 @@ mod tests {
     const BLACK: [f64; 3] = [1.0 / 16.0; 3];
     const GRAY: [f64; 3] = [3.0 / 16.0; 3];
 
-    /// Colors at the corners of the cloud are found, heaviest first, and one inside adds to the nearest.
+    /// The corners of the cloud become the palette, heaviest first. A color inside adds its weight to the nearest
+    /// corner.
     #[test]
     fn corners_come_heaviest_first() {
         let weights = [(RED, 1.0), (GREEN, 3.0), (BLUE, 1.0), (BLACK, 1.0), (GRAY, 1.5)];
@@ -205,7 +217,7 @@ mod tests {
         assert_eq!(extraction.palette.colors.len(), 1);
     }
 
-    /// Weight that is spread so evenly that no bin is above the threshold still has a palette, of the heaviest bins.
+    /// If weight is spread so evenly that no bin is above the threshold, the heaviest bins make the palette.
     #[test]
     fn evenly_spread_weight_has_a_palette() {
         let even: Vec<([f64; 3], f64)> =
@@ -221,7 +233,7 @@ mod tests {
     }
 
     proptest! {
-        /// Any histogram with weight has a palette: colors in the cube, a valid file, weights that sum to 1 in falling
+        /// Any histogram with weight has a valid palette: colors in the cube, and weights that sum to 1 in descending
         /// order.
         #[test]
         fn any_weight_has_a_palette(

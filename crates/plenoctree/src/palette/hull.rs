@@ -1,35 +1,35 @@
-//! What a cloud of colors spans: the corners of its convex hull.
+//! Convex hulls of clouds of colors.
 //!
-//! Which side of a face a point is on is decided by exact arithmetic, so that the hull is sound on the degenerate clouds
-//! that lattices of bins give. What is nearer to the others' hull than [`ROUNDING`] is no corner: hulls are built again
-//! and again from corners that were computed to lie on planes of the last one.
+//! Exact arithmetic decides on which side of a face a point is, so hulls are valid even for the degenerate clouds that
+//! come from lattices of bins. A point closer than [`ROUNDING`] to the hull of the others is not a corner, because
+//! hulls are built repeatedly from corners that were computed to lie on planes of the previous hull.
 
 use glam::DVec3;
 use robust::{Coord3D, orient3d};
 
-/// Lengths in RGB that are due to rounding.
+/// Upper limit of lengths in RGB that are due to rounding.
 pub(super) const ROUNDING: f64 = 1e-11;
 
-/// A cloud thinner than this has no volume, area or length.
+/// Thickness below which a cloud has no volume, area or length.
 const FLAT: f64 = 1e-9;
 
-/// What points span.
+/// The shape that points span.
 #[derive(Clone, Debug)]
 pub(super) enum Span {
-    /// A point, or two ends of a line.
+    /// A point, or the two ends of a line.
     Corners(Vec<DVec3>),
-    /// A part of the plane through `.0`, whose points are `.0[0] + u .0[1] + v .0[2]`: all points as (u, v).
+    /// An area in the plane of points `.0[0] + u .0[1] + v .0[2]`. `.1` holds (u, v) of every given point.
     Plane([DVec3; 3], Vec<glam::DVec2>),
     /// A volume.
     Solid(Hull),
 }
 
-/// A convex polyhedron with triangles for faces.
+/// A convex polyhedron with triangular faces.
 #[derive(Clone, Debug)]
 pub(super) struct Hull {
-    /// Its corners, and nothing else.
+    /// All corners of the hull, and no other points.
     pub vertices: Vec<DVec3>,
-    /// Indices of corners, counterclockwise as seen from outside.
+    /// Faces as indices of corners, counterclockwise as seen from outside.
     pub faces: Vec<[usize; 3]>,
 }
 
@@ -41,20 +41,20 @@ pub(super) struct Plane {
 }
 
 impl Plane {
-    /// The plane through three points, which lie counterclockwise as seen from its positive side; `None` if they lie on
-    /// a line.
+    /// Returns the plane through three points, which are counterclockwise as seen from its positive side, or `None` if
+    /// they are on a line.
     pub fn through([a, b, c]: [DVec3; 3]) -> Option<Self> {
         let normal = (b - a).cross(c - a).try_normalize()?;
         Some(Self { normal, offset: normal.dot(a) })
     }
 
-    /// Signed distance.
+    /// Returns the signed distance of a point.
     pub fn distance(&self, point: DVec3) -> f64 {
         self.normal.dot(point) - self.offset
     }
 }
 
-/// What `points` span. There must be one; all must be finite.
+/// Returns the shape that `points` span. There must be at least one point, and all must be finite.
 pub(super) fn span(points: &[DVec3]) -> Span {
     let first = farthest(points, |p| -p.x);
     let second = farthest(points, |p| p.distance(first));
@@ -82,20 +82,20 @@ pub(super) fn span(points: &[DVec3]) -> Span {
     }
 }
 
-/// The point where `measure` is largest; of several the one with the largest coordinates, which makes it a corner
-/// if the measure is linear.
+/// Returns the point where `measure` is largest. Ties go to the largest coordinates, so the point is a corner if the
+/// measure is linear.
 fn farthest(points: &[DVec3], measure: impl Fn(DVec3) -> f64) -> DVec3 {
     let key = |p: DVec3| [measure(p), p.x, p.y, p.z];
     points.iter().copied().reduce(|best, p| if key(p) > key(best) { p } else { best }).unwrap_or_default()
 }
 
-/// How far `point` is above the plane of a face, up to a positive factor; exact in sign.
+/// Returns the height of `point` over the plane of a face, up to a positive factor. Its sign is exact.
 fn above([a, b, c]: [DVec3; 3], point: DVec3) -> f64 {
     let coord = |p: DVec3| Coord3D { x: p.x, y: p.y, z: p.z };
     -orient3d(coord(a), coord(b), coord(c), coord(point))
 }
 
-/// The hull of a tetrahedron and more points. The farthest point outside is added, until there is none.
+/// Builds the hull of a tetrahedron and more points: adds the farthest point outside until there is none left.
 fn build(mut tetrahedron: [DVec3; 4], points: &[DVec3]) -> Hull {
     if above([tetrahedron[0], tetrahedron[1], tetrahedron[2]], tetrahedron[3]) > 0.0 {
         tetrahedron.swap(0, 1);
@@ -117,18 +117,18 @@ fn build(mut tetrahedron: [DVec3; 4], points: &[DVec3]) -> Hull {
 }
 
 impl Hull {
-    /// The corners of a face.
+    /// Returns the corners of a face.
     pub fn triangle(&self, face: [usize; 3]) -> [DVec3; 3] {
         face.map(|corner| self.vertices[corner])
     }
 
-    /// Whether no point is outside, but for little more than rounding.
+    /// Returns whether all points are inside the hull, with a tolerance for rounding.
     pub fn contains(&self, points: &[DVec3]) -> bool {
         let planes = self.faces.iter().filter_map(|&face| Plane::through(self.triangle(face)));
         planes.flat_map(|plane| points.iter().map(move |&p| plane.distance(p))).all(|height| height <= 10.0 * ROUNDING)
     }
 
-    /// Adds a point: the faces that it sees give way to a cone over their rim.
+    /// Adds a point outside the hull: replaces the faces that it sees by a cone over their rim.
     fn add(&mut self, point: DVec3) {
         let (seen, mut faces): (Vec<_>, Vec<_>) =
             self.faces.iter().partition(|&&face| above(self.triangle(face), point) > 0.0);
@@ -140,7 +140,7 @@ impl Hull {
         self.faces = faces;
     }
 
-    /// Forgets vertices that no face touches any more.
+    /// Drops vertices that no face uses any longer.
     fn drop_unused(self) -> Self {
         let mut used = vec![false; self.vertices.len()];
         self.faces.iter().flatten().for_each(|&corner| used[corner] = true);
@@ -153,7 +153,7 @@ impl Hull {
         Self { vertices, faces: self.faces.iter().map(|face| face.map(|corner| index[corner])).collect() }
     }
 
-    /// The corner that is least above the hull of all others, if that is within rounding.
+    /// Returns the corner that is the least above the hull of all others, if its height is within rounding.
     fn flattest_corner(&self) -> Option<usize> {
         let mut neighbors = vec![Vec::new(); self.vertices.len()];
         for &face in &self.faces {
@@ -167,13 +167,14 @@ impl Hull {
     }
 }
 
-/// The three directed edges of a face.
+/// Returns the three directed edges of a face.
 pub(super) fn edges([a, b, c]: [usize; 3]) -> [(usize, usize); 3] {
     [(a, b), (b, c), (c, a)]
 }
 
-/// How far a corner is outside the hull of its neighbors, which closes the hole where the corner is taken away: its
-/// height over the highest plane through three of them that has all others on its other side.
+/// Returns how far a corner is outside the hull of its neighbors, which would close the gap if the corner were removed.
+///
+/// This is its height over the highest plane through three neighbors that has all others on its other side.
 fn prominence(corner: DVec3, neighbors: &[DVec3]) -> f64 {
     let mut highest = 0.0f64;
     for (i, &a) in neighbors.iter().enumerate() {
@@ -202,7 +203,7 @@ mod tests {
 
     use super::*;
 
-    /// Points with coordinates on a coarse lattice: many coincide or lie on common lines and planes.
+    /// Points on a coarse lattice: many coincide, or lie on common lines and planes.
     fn lattice() -> impl Strategy<Value = Vec<DVec3>> {
         let point =
             prop::array::uniform3(0..4u8).prop_map(|p| DVec3::from_array(p.map(|x| (f64::from(x) + 0.5) / 8.0)));
@@ -221,9 +222,9 @@ mod tests {
     }
 
     proptest! {
-        /// A hull is closed, has the topology of a ball, contains all points, and has only points as corners.
+        /// A hull is closed, has the topology of a ball, contains all points, and only has given points as corners.
         #[test]
-        fn hulls_are_hulls(points in prop_oneof![lattice(), cloud()]) {
+        fn hulls_are_closed_and_contain_all_points(points in prop_oneof![lattice(), cloud()]) {
             if let Some(hull) = solid(&points) {
                 let edges: Vec<_> = hull.faces.iter().flat_map(|&face| edges(face)).collect();
                 prop_assert!(edges.iter().all(|&(a, b)| edges.iter().filter(|&&edge| edge == (b, a)).count() == 1));
@@ -236,9 +237,9 @@ mod tests {
             }
         }
 
-        /// Every corner of a hull is one: without it, the hull is smaller.
+        /// Without any one of its corners, the hull is smaller.
         #[test]
-        fn corners_stand_out(points in lattice()) {
+        fn no_corner_is_redundant(points in lattice()) {
             if let Some(hull) = solid(&points) {
                 for corner in 0..hull.vertices.len() {
                     let mut rest = hull.vertices.clone();
@@ -259,7 +260,7 @@ mod tests {
         assert_eq!((hull.vertices.len(), hull.faces.len()), (8, 12));
     }
 
-    /// A corner that rounding alone lifts above an edge, or beside another corner, is none.
+    /// Rounding may lift a point above an edge, or beside a corner. This does not make it a corner.
     #[test]
     fn rounding_makes_no_corners() {
         let mut points = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];

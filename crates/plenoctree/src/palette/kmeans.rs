@@ -1,22 +1,23 @@
-//! Weighted k-means (Lloyd), step 7 of section 3 of the method.
+//! Weighted k-means (Lloyd's algorithm): section 3 of the method, step 7.
 //!
-//! Agrees with scikit-learn's `KMeans(init=centers, n_init=1, algorithm="elkan")` in the rule by which it stops and in
-//! what becomes of a center that loses all its points. Points and first centers lie on lattices and many points are
-//! equally far from two centers, so ties are settled by rule: the lowest index. Nothing is centered on the mean before,
-//! which would make the distances inexact.
+//! The stopping rule, and the treatment of centers that lose all their points, are those of scikit-learn's
+//! `KMeans(init=centers, n_init=1, algorithm="elkan")`. Points and initial centers are on lattices, so many points are
+//! equally far from two centers. Ties go to the lowest index. Points are not centered on their mean first, because this
+//! would make the distances inexact.
 
 use rayon::prelude::*;
 
 type Point = [f64; 3];
 
-/// Centers and the weight of the points nearest to each.
+/// Cluster centers, and the weight of the points that are nearest to each.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Clusters {
     pub centers: Vec<Point>,
     pub weights: Vec<f64>,
 }
 
-/// Clusters `points`, starting from `centers`. There must be a point and a center, and every weight be positive.
+/// Clusters `points`, starting from `centers`. There must be at least one point and one center, and all weights must be
+/// positive.
 pub(super) fn cluster(
     points: &[Point],
     weights: &[f64],
@@ -41,7 +42,7 @@ pub(super) fn cluster(
     Clusters { centers, weights: in_cluster }
 }
 
-/// Labels every point with the nearest center, and tells whether a label changed.
+/// Assigns every point to the nearest center. Returns whether an assignment changed.
 fn assign(points: &[Point], centers: &[Point], labels: &mut [usize]) -> bool {
     let assign = |(point, label): (&Point, &mut usize)| {
         let nearest = nearest(point, centers);
@@ -50,7 +51,7 @@ fn assign(points: &[Point], centers: &[Point], labels: &mut [usize]) -> bool {
     points.par_iter().zip(labels).with_min_len(1024).map(assign).reduce(|| false, |a, b| a | b)
 }
 
-/// The index of the center nearest to `point`, the lowest if there are several.
+/// Returns the index of the center nearest to `point`. Ties go to the lowest index.
 pub(super) fn nearest(point: &Point, centers: &[Point]) -> usize {
     let mut best = (f64::INFINITY, 0);
     for (index, center) in centers.iter().enumerate() {
@@ -62,10 +63,10 @@ pub(super) fn nearest(point: &Point, centers: &[Point]) -> usize {
     best.1
 }
 
-/// The weighted mean of every cluster.
+/// Returns the weighted mean of every cluster.
 ///
-/// Centers without points each take one of the points that are farthest from their own centers; where all points lie
-/// on their centers, they join the heaviest.
+/// Each center without points moves to one of the points that are farthest from their own centers. If every point
+/// coincides with its center, it moves to the heaviest cluster instead.
 fn update(points: &[Point], weights: &[f64], labels: &[usize], centers: &[Point]) -> Vec<Point> {
     let mut sums = vec![[0.0; 3]; centers.len()];
     let mut in_cluster = vec![0.0; centers.len()];
@@ -114,7 +115,7 @@ fn distance_squared(a: &Point, b: &Point) -> f64 {
     x * x + y * y + z * z
 }
 
-/// The variance of the points, without their weights, averaged over the axes.
+/// Returns the variance of the points, ignoring their weights, averaged over the axes.
 fn mean_variance(points: &[Point]) -> f64 {
     let count = points.len() as f64;
     (0..3)
@@ -132,7 +133,7 @@ mod tests {
 
     use super::*;
 
-    /// Points equally far from two centers go to the first, and the mean is weighted.
+    /// Points that are equally far from two centers go to the first, and means are weighted.
     #[test]
     fn ties_go_to_the_lowest_index() {
         let points = [[0.25, 0.0, 0.0], [0.5, 0.0, 0.0], [0.75, 0.0, 0.0]];
@@ -141,7 +142,7 @@ mod tests {
         assert_eq!(clusters.weights, [4.0, 2.0]);
     }
 
-    /// A center that no point is nearest to takes the point farthest from its center.
+    /// A center that is nearest to no point moves to the point that is farthest from its own center.
     #[test]
     fn a_lost_center_takes_the_farthest_point() {
         let points = [[0.0; 3], [0.1, 0.0, 0.0], [1.0, 0.0, 0.0]];
@@ -158,7 +159,8 @@ mod tests {
     }
 
     proptest! {
-        /// Run to the end, every center is the weighted mean of the points nearest to it: Lloyd's fixed point.
+        /// When the algorithm has converged, every center is the weighted mean of the points nearest to it: Lloyd's
+        /// fixed point.
         #[test]
         fn centers_are_means_of_their_points(
             points in prop::collection::vec((prop::array::uniform3(0.0..1.0f64), 0.01..10.0f64), 8..200),

@@ -1,38 +1,39 @@
-//! What a posterized picture is made of.
+//! The labels of a palette, which make up a posterized image.
 
 use glam::DVec3;
 
 use super::colors::Palette;
 
-/// A color of the posterized look: a palette color, or a blend of two. Equation 7, section 4 of the method.
+/// A label: a palette color, or a blend of two. Section 4 of the method, step 1 (equation 7 of the paper).
 ///
-/// As a color it is `share` of palette color `first` and `1 - share` of `second`: of the extracted colors where labels
-/// are found, of the shown ones where they are painted.
+/// Its color is `share` of palette color `first` plus `1 - share` of palette color `second`. Pixels are compared to
+/// this blend of the source colors, and replaced with the same blend of the shown colors.
 ///
 /// ```
 /// use plenoctree::palette::{Palette, PaletteLabel};
 ///
 /// let palette = Palette::new(vec![[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])?;
 /// let label = PaletteLabel::nearest([0.7, 0.0, 0.3].into(), &palette, 3).unwrap();
-/// // After the two palette colors come the blends: a third of red, and two thirds of it.
+/// // The two palette colors come first, then the blends: a third of red, and two thirds of red.
 /// assert_eq!((label.index, label.first, label.second, label.share), (3, 0, 1, 2.0 / 3.0));
 /// assert_eq!(label.main_color(), 0);
 /// # Ok::<(), plenoctree::palette::InvalidPalette>(())
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PaletteLabel {
-    /// Its place among all labels: the palette colors come first, then the blends of every pair.
+    /// Index among all labels: the palette colors come first, then the blends of every pair.
     pub index: usize,
-    /// A palette color, from 0.
+    /// Index of the first palette color.
     pub first: usize,
-    /// The other palette color of a blend, above `first`; `first` itself if the label is no blend.
+    /// Index of the second palette color of a blend, greater than `first`. Equal to `first` if the label is not a
+    /// blend.
     pub second: usize,
-    /// Share of `first`: `k / d` in a blend, 1 if the label is none.
+    /// Share of `first`, 0 to 1: `k / d` if the label is a blend, else 1.
     pub share: f64,
 }
 
 impl PaletteLabel {
-    /// All labels of a palette of `colors` colors, in order. `blend_steps` is `d`, at least 1.
+    /// Returns all labels of a palette of `colors` colors, in order. `blend_steps` is `d`, at least 1.
     pub fn all(colors: usize, blend_steps: u32) -> impl Iterator<Item = Self> {
         let single = (0..colors).map(|color| (color, color, 1.0));
         let pairs = (0..colors).flat_map(move |first| (first + 1..colors).map(move |second| (first, second)));
@@ -42,15 +43,15 @@ impl PaletteLabel {
         single.chain(blends).enumerate().map(|(index, (first, second, share))| Self { index, first, second, share })
     }
 
-    /// The label that is nearest to a color in encoded sRGB, the first of those that are equally near. `None` if the
-    /// palette is empty.
+    /// Returns the label of `palette` that is nearest to `color`, both in encoded sRGB, or `None` if the palette is
+    /// empty. Ties go to the first label.
     pub fn nearest(color: DVec3, palette: &Palette, blend_steps: u32) -> Option<Self> {
         let distance = |label: &Self| color.distance_squared(label.mix(&palette.colors));
         let labels = Self::all(palette.colors.len(), blend_steps).map(|label| (distance(&label), label));
         labels.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, label)| label)
     }
 
-    /// The palette color that the label has most of: the one to change if the label is to look different.
+    /// Returns the index of the palette color with the larger share: the one to edit in order to change the label.
     pub fn main_color(&self) -> usize {
         if self.share < 0.5 { self.second } else { self.first }
     }
@@ -72,7 +73,7 @@ mod tests {
     }
 
     #[test]
-    fn labels_are_those_of_equation_7() {
+    fn labels_match_the_reference() {
         for (colors, steps) in [(1, 3), (2, 1), (6, 3), (5, 8)] {
             let palette = palette(colors);
             let vectors: Vec<DVec3> = palette.colors.iter().copied().map(DVec3::from).collect();

@@ -1,8 +1,9 @@
 //! Palette extraction: section 3 of the method (Tojo and Umetani, EGSR 2022, section 4.1).
 //!
-//! [`extract`] looks at every leaf of a field from many directions, gathers the radiance that is visible in histograms
-//! ([`sample`](crate::sampling::sample)), clusters them, and simplifies the convex hull of the clusters to a few colors. It runs on all cores and
-//! needs no app; [`Progress`](crate::sampling::Progress) tells another thread how far it is, and cancels it.
+//! [`extract`] samples every leaf of a field from many directions, collects the visible radiance in histograms
+//! ([`sample`](crate::sampling::sample)), clusters them, and simplifies the convex hull of the clusters to a few
+//! colors. It runs on all cores and needs no app. Other threads can read its [`Progress`](crate::sampling::Progress)
+//! and cancel it.
 
 mod colors;
 mod extract;

@@ -1,4 +1,4 @@
-//! The palette of colors that are at hand, such as a picture's pixels.
+//! The palette of given colors, such as the pixels of an image.
 
 use glam::DVec3;
 
@@ -9,17 +9,18 @@ use super::{
     simplify::simplify,
 };
 
-/// The corners of the convex hull of `colors` (encoded sRGB), simplified to `wanted` of them: steps 8 and 9 of section 3 of
-/// the method, on their own.
+/// Returns the palette of given colors (encoded sRGB): the corners of their convex hull, simplified to at most
+/// `max_colors`. This is section 3 of the method, steps 8 and 9, without the other steps.
 ///
-/// Of a picture's pixels this is the palette of Tan et al. (2016), which the method is compared to. A cloud of colors with
-/// a volume has at least four corners, so that four is the least it can give. The colors are in [0, 1]; the
-/// weights are the shares of the given colors that lie nearest to each, heaviest first.
+/// Applied to the pixels of an image, this is the method of Tan et al. (2016), to which the paper compares its own. A
+/// cloud of colors that has a volume always keeps at least four corners. The palette is clamped to the RGB cube. Its
+/// weights are the shares of the given colors that are nearest to each palette color, heaviest first.
 ///
 /// # Errors
 ///
-/// If there are no colors, if one is not finite, or if the hull keeps more than [`Palette::MAX_COLORS`] corners.
-pub fn simplify_hull(colors: &[[f64; 3]], wanted: usize) -> Result<Palette, InvalidPalette> {
+/// Returns an error if there are no colors, if one is not finite, or if the hull keeps more than
+/// [`Palette::MAX_COLORS`] corners.
+pub fn simplify_hull(colors: &[[f64; 3]], max_colors: usize) -> Result<Palette, InvalidPalette> {
     if colors.is_empty() {
         return Err(InvalidPalette::Colors { found: 0 });
     }
@@ -29,7 +30,7 @@ pub fn simplify_hull(colors: &[[f64; 3]], wanted: usize) -> Result<Palette, Inva
     let mut outer = colors.to_vec();
     (0..3).for_each(|axis| keep_ends(&mut outer, axis));
     let points: Vec<DVec3> = outer.into_iter().map(DVec3::from).collect();
-    let corners = simplify(&points, wanted).corners;
+    let corners = simplify(&points, max_colors).corners;
     let corners = corners.iter().map(|corner| corner.clamp(DVec3::ZERO, DVec3::ONE).into()).collect();
 
     let share = 1.0 / colors.len() as f64;
@@ -38,8 +39,8 @@ pub fn simplify_hull(colors: &[[f64; 3]], wanted: usize) -> Result<Palette, Inva
     Ok(palette)
 }
 
-/// Of all colors on a line along an axis, keeps the two at its ends: the others cannot be corners. That leaves the surface
-/// of the thousands of colors on the lattice that a picture of 8 bits has.
+/// Keeps only the two ends of the colors on each line along an axis, since the others cannot be corners. Of the colors
+/// of an 8-bit image, which are on a lattice, only the surface remains.
 fn keep_ends(colors: &mut Vec<[f64; 3]>, axis: usize) {
     let line = |color: &[f64; 3]| [color[(axis + 1) % 3], color[(axis + 2) % 3]];
     colors.sort_unstable_by(|a, b| {
@@ -57,16 +58,16 @@ mod tests {
 
     use super::*;
 
-    fn picture() -> impl Strategy<Value = Vec<[f64; 3]>> {
+    fn image() -> impl Strategy<Value = Vec<[f64; 3]>> {
         let pixel = prop::array::uniform3(0..8u8).prop_map(|p| p.map(|x| f64::from(x) / 7.0));
         prop::collection::vec(pixel, 1..200)
     }
 
     proptest! {
-        /// Colors that cannot be corners do not matter, and any picture has a palette.
+        /// Colors that cannot be corners do not matter, and any image has a palette.
         #[test]
-        fn only_the_surface_matters(colors in picture(), wanted in 4usize..10) {
-            let palette = simplify_hull(&colors, wanted).unwrap();
+        fn only_the_surface_matters(colors in image(), max_colors in 4usize..10) {
+            let palette = simplify_hull(&colors, max_colors).unwrap();
             prop_assert!((palette.weights.iter().sum::<f64>() - 1.0).abs() < 1e-12);
             prop_assert!(palette.weights.is_sorted_by(|a, b| a >= b));
             prop_assert!(palette.colors.iter().flatten().all(|channel| (0.0..=1.0).contains(channel)));
@@ -85,7 +86,7 @@ mod tests {
         }
     }
 
-    /// A picture whose colors fill the cube has its corners as palette.
+    /// The palette of an image whose colors fill the cube is the cube's corners.
     #[test]
     fn a_full_cube_has_its_corners() {
         let colors: Vec<[f64; 3]> =
@@ -97,7 +98,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_has_no_palette() {
+    fn invalid_colors_are_errors() {
         assert_eq!(simplify_hull(&[], 6), Err(InvalidPalette::Colors { found: 0 }));
         let error = simplify_hull(&[[0.0; 3], [0.5, f64::INFINITY, 0.0]], 6).unwrap_err();
         assert!(matches!(error, InvalidPalette::Color { index: 1, .. }));

@@ -1,17 +1,17 @@
-//! Hull and simplification of clouds of colors that lie on a plane.
+//! Convex hulls of clouds of colors in a plane, and their simplification.
 
 use glam::DVec2;
 use robust::{Coord, orient2d};
 
 use super::hull::ROUNDING;
 
-/// The corners of the convex hull, counterclockwise.
+/// Returns the corners of the convex hull, counterclockwise.
 pub(super) fn corners(points: &[DVec2]) -> Vec<DVec2> {
     let mut sorted = points.to_vec();
     sorted.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
     let mut chain = half(sorted.iter());
     chain.extend(half(sorted.iter().rev()));
-    // What rounding leaves of edges with more than two points on them.
+    // Remove points that are only corners because of rounding: those on an edge between two others.
     while chain.len() > 2 {
         let count = chain.len();
         let height = |i: usize| height(chain[(i + count - 1) % count], chain[i], chain[(i + 1) % count]);
@@ -24,7 +24,7 @@ pub(super) fn corners(points: &[DVec2]) -> Vec<DVec2> {
     chain
 }
 
-/// The lower or the upper half of the hull of sorted points, without its last point.
+/// Returns the lower or the upper half of the hull of sorted points, without its last point.
 fn half<'a>(sorted: impl Iterator<Item = &'a DVec2>) -> Vec<DVec2> {
     let coord = |p: DVec2| Coord { x: p.x, y: p.y };
     let mut chain: Vec<DVec2> = Vec::new();
@@ -40,19 +40,19 @@ fn half<'a>(sorted: impl Iterator<Item = &'a DVec2>) -> Vec<DVec2> {
     chain
 }
 
-/// The distance of `point` from the line through its neighbors.
+/// Returns the distance of `point` from the line through its neighbors.
 fn height(previous: DVec2, point: DVec2, next: DVec2) -> f64 {
     let along = (next - previous).normalize_or_zero();
     along.perp_dot(previous - point).abs()
 }
 
-/// Collapses edges of a convex polygon (counterclockwise) until at most `wanted` corners are left or no edge can be
+/// Collapses edges of a convex polygon (counterclockwise) until it has at most `max_corners` corners, or no edge can be
 /// collapsed.
 ///
-/// An edge collapses to where the edges beside it meet, which is what the linear program of the solid case comes to
-/// in a plane; the edge that adds the least area goes first.
-pub(super) fn simplify(mut polygon: Vec<DVec2>, wanted: usize) -> Vec<DVec2> {
-    while polygon.len() > wanted.max(3) {
+/// An edge collapses to the point where its neighboring edges meet: the solution of the linear program of the solid
+/// case, in a plane. The edge whose collapse adds the least area goes first.
+pub(super) fn simplify(mut polygon: Vec<DVec2>, max_corners: usize) -> Vec<DVec2> {
+    while polygon.len() > max_corners.max(3) {
         let count = polygon.len();
         let collapses = (0..count).filter_map(|i| {
             let at = |step: usize| polygon[(i + step) % count];
@@ -68,7 +68,7 @@ pub(super) fn simplify(mut polygon: Vec<DVec2>, wanted: usize) -> Vec<DVec2> {
     polygon
 }
 
-/// Where the edges p-a and q-b of a convex polygon meet beyond the edge a-b between them.
+/// Returns the point where the edges p-a and q-b of a convex polygon meet beyond the edge a-b between them, if they do.
 fn meeting(p: DVec2, a: DVec2, b: DVec2, q: DVec2) -> Option<DVec2> {
     let (u, v) = (a - p, q - b);
     let cross = u.perp_dot(v);
@@ -82,7 +82,7 @@ mod tests {
 
     use super::*;
 
-    /// How far `point` is outside a counterclockwise polygon.
+    /// Returns the distance of `point` outside a counterclockwise polygon.
     fn outside(polygon: &[DVec2], point: DVec2) -> f64 {
         (0..polygon.len())
             .map(|i| {
@@ -98,7 +98,7 @@ mod tests {
         assert_eq!(corners(&grid).len(), 4);
     }
 
-    /// A square with its four corners cut: collapsing gives the square back, and a square stays.
+    /// Collapsing edges restores a square whose corners were cut off, and then leaves it unchanged.
     #[test]
     fn cut_corners_grow_back() {
         let octagon = [(0.1, 0.0), (0.9, 0.0), (1.0, 0.1), (1.0, 0.9), (0.9, 1.0), (0.1, 1.0), (0.0, 0.9), (0.0, 0.1)];
@@ -109,13 +109,16 @@ mod tests {
     }
 
     proptest! {
-        /// Simplification reaches the wanted number (a polygon of five or more corners can always lose one) and never
-        /// cuts off what it began with.
+        /// Simplification reaches the given number of corners, since a polygon of five or more can always lose one, and
+        /// never cuts off a point.
         #[test]
-        fn simplification_contains(points in prop::collection::vec((0.0..1.0f64, 0.0..1.0f64), 3..40), wanted in 4usize..8) {
+        fn simplification_contains_all_points(
+            points in prop::collection::vec((0.0..1.0f64, 0.0..1.0f64), 3..40),
+            max_corners in 4usize..8,
+        ) {
             let points: Vec<DVec2> = points.into_iter().map(|(x, y)| DVec2::new(x, y)).collect();
-            let polygon = simplify(corners(&points), wanted);
-            prop_assert!(polygon.len() <= wanted);
+            let polygon = simplify(corners(&points), max_corners);
+            prop_assert!(polygon.len() <= max_corners);
             for &point in &points {
                 prop_assert!(outside(&polygon, point) < 1e-9, "{polygon:?} {point}");
             }

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::colors::Palette;
 use crate::sampling::{InvalidSetting, SamplingSettings};
 
-/// How a palette is extracted; the default is the paper's choice (section 3 of the method).
+/// Settings of palette extraction. The defaults are the paper's (section 3 of the method).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 #[cfg_attr(
@@ -17,17 +17,18 @@ use crate::sampling::{InvalidSetting, SamplingSettings};
     type_path = "plenoctree"
 )]
 pub struct ExtractionSettings {
-    /// How the field's radiance is sampled.
+    /// Settings of radiance sampling.
     pub sampling: SamplingSettings,
-    /// tau, the share of the weight above which a coarse bin is an initial center. 0 to below 1, 8e-3 by default.
+    /// tau: share of the total weight above which a coarse bin is an initial center. At least 0 and less than 1, 8e-3
+    /// by default.
     pub coarse_threshold: f64,
-    /// Rounds of k-means at most. At least 1, 300 by default.
+    /// Maximum number of k-means iterations. At least 1, 300 by default.
     pub max_iterations: usize,
-    /// k-means ends when the summed squared shift of the centers is at most this times the variance of the bins. Not
-    /// negative, 1e-4 by default.
+    /// k-means stops when the summed squared shift of the centers is at most this factor times the variance of the
+    /// bins. Finite and not negative, 1e-4 by default.
     pub tolerance: f64,
-    /// Colors wanted, 1 to 64, 6 by default. A cloud of colors with a volume has at least four corners, so that four
-    /// is the least it can give.
+    /// Maximum number of colors. 1 to 64, 6 by default. A palette can have more if the convex hull cannot be simplified
+    /// further: a cloud of colors that has a volume always keeps at least four.
     pub colors: usize,
 }
 
@@ -44,15 +45,19 @@ impl Default for ExtractionSettings {
 }
 
 impl ExtractionSettings {
-    /// Whether every setting is in its range.
+    /// Checks that every setting is in its range.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error that names the first setting that is out of range.
     pub fn validate(&self) -> Result<(), InvalidSetting> {
         self.sampling.validate()?;
         let (share, tolerance) = (self.coarse_threshold, self.tolerance);
-        InvalidSetting::check((0.0..1.0).contains(&share), "coarse_threshold", share, "0 to below 1")?;
+        InvalidSetting::check((0.0..1.0).contains(&share), "coarse_threshold", share, "at least 0 and less than 1")?;
         let iterations = self.max_iterations;
         InvalidSetting::check(iterations >= 1, "max_iterations", iterations as f64, "at least 1")?;
         let holds = tolerance.is_finite() && tolerance >= 0.0;
-        InvalidSetting::check(holds, "tolerance", tolerance, "a number that is not negative")?;
+        InvalidSetting::check(holds, "tolerance", tolerance, "a finite, non-negative number")?;
         let colors = self.colors;
         InvalidSetting::check((1..=Palette::MAX_COLORS).contains(&colors), "colors", colors as f64, "1 to 64")
     }
@@ -63,14 +68,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_default_is_the_papers() {
+    fn defaults_are_those_of_the_paper() {
         let settings = ExtractionSettings::default();
         assert_eq!(settings.validate(), Ok(()));
         assert_eq!(serde_json::from_str::<ExtractionSettings>("{}").unwrap(), settings);
     }
 
     #[test]
-    fn nonsense_is_named() {
+    fn errors_name_the_invalid_setting() {
         let default = ExtractionSettings::default;
         let sampling = SamplingSettings { directions: 0, ..Default::default() };
         for (settings, setting) in [

@@ -1,7 +1,7 @@
-//! Simplification of convex hulls, step 8 of section 3 of the method.
+//! Simplification of convex hulls: section 3 of the method, step 8.
 //!
-//! The linear programs have three unknowns and a dozen constraints. They are solved by walking all lines in which two
-//! constraints meet: exact where general solvers stop at a tolerance, which here would cut off colors.
+//! The linear programs have three unknowns and about a dozen constraints. They are solved by visiting every line where
+//! two constraints meet. This is exact, whereas the tolerance of a general solver would cut off colors.
 
 use glam::DVec3;
 
@@ -10,31 +10,32 @@ use super::{
     polygon,
 };
 
-/// The corners of a simple shape that contains all points.
+/// A simplified shape that contains all points.
 #[derive(Clone, Debug)]
 pub(super) struct Simplified {
-    /// The corners, at most as many as were wanted unless no edge could be collapsed any more.
+    /// Corners: at most as many as requested, unless no more edges could be collapsed.
     pub corners: Vec<DVec3>,
-    /// The number of corners before simplification.
+    /// Number of corners before simplification.
     pub before: usize,
 }
 
-/// Simplifies the convex hull of `points` to `wanted` corners. There must be a point; all must be finite.
+/// Simplifies the convex hull of `points` to at most `max_corners` corners. There must be at least one point, and all
+/// must be finite.
 ///
-/// The result may leave the RGB cube. Points without volume have no hull, but span something that has corners: a point,
-/// a line or a polygon, which is simplified as hulls are.
-pub(super) fn simplify(points: &[DVec3], wanted: usize) -> Simplified {
+/// The result may leave the RGB cube. Points without volume have no hull. They span a point, a line or a polygon
+/// instead, and a polygon is simplified in the same way.
+pub(super) fn simplify(points: &[DVec3], max_corners: usize) -> Simplified {
     match span(points) {
         Span::Corners(corners) => Simplified { before: corners.len(), corners },
         Span::Plane([origin, along, across], flat) => {
             let corners = polygon::corners(&flat);
             let before = corners.len();
-            let corners = polygon::simplify(corners, wanted);
+            let corners = polygon::simplify(corners, max_corners);
             Simplified { corners: corners.iter().map(|p| origin + p.x * along + p.y * across).collect(), before }
         }
         Span::Solid(mut hull) => {
             let before = hull.vertices.len();
-            while hull.vertices.len() > wanted
+            while hull.vertices.len() > max_corners
                 && let Some(next) = collapse_an_edge(&hull)
             {
                 hull = next;
@@ -44,7 +45,7 @@ pub(super) fn simplify(points: &[DVec3], wanted: usize) -> Simplified {
     }
 }
 
-/// Replaces the edge whose collapse adds the least volume by a corner; `None` if no edge can be collapsed.
+/// Replaces the edge whose collapse adds the least volume by a corner. Returns `None` if no edge can be collapsed.
 fn collapse_an_edge(hull: &Hull) -> Option<Hull> {
     let faces: Vec<(Plane, f64)> = hull
         .faces
@@ -76,17 +77,17 @@ fn collapse_an_edge(hull: &Hull) -> Option<Hull> {
     let kept = (0..hull.vertices.len()).filter(|&vertex| vertex != a && vertex != b);
     let points: Vec<DVec3> = kept.map(|vertex| hull.vertices[vertex]).chain([corner]).collect();
     match span(&points) {
-        // A hull that does not shrink would be collapsed for ever, and a corner that is very far away is not exact enough to
-        // contain what was contained.
+        // A hull that does not shrink would be collapsed forever, and a very distant corner is not exact enough to
+        // contain every color.
         Span::Solid(next) if next.vertices.len() < hull.vertices.len() && next.contains(&hull.vertices) => Some(next),
         _ => None,
     }
 }
 
-/// The point on the positive side of all planes with the smallest sum of distances to them, if there is any.
+/// Returns the point on the positive side of all planes with the smallest sum of distances to them, if there is one.
 ///
-/// Such a point is a corner of what the planes bound. In every line where two planes meet, the others leave an interval,
-/// whose ends are corners.
+/// Such a point is a corner of the region that the planes bound. Where two planes meet in a line, the others cut the
+/// line to an interval, whose ends are corners.
 fn nearest_outside(planes: &[Plane]) -> Option<DVec3> {
     let mut best: Option<(f64, DVec3)> = None;
     for (i, first) in planes.iter().enumerate() {
@@ -142,7 +143,7 @@ mod tests {
     }
 
     proptest! {
-        /// Collapsing an edge never cuts off a color, at no step, and always makes the hull simpler.
+        /// Collapsing an edge never cuts off a color, and always makes the hull simpler.
         #[test]
         fn every_step_contains_the_cloud(points in prop_oneof![lattice(), cloud()]) {
             if let Span::Solid(mut hull) = span(&points) {
@@ -159,27 +160,27 @@ mod tests {
             }
         }
 
-        /// Whatever the cloud, there is a palette of finite colors, and it is as small as wanted or as can be.
+        /// Any cloud has a palette of finite colors, with as few corners as requested or as possible.
         #[test]
-        fn any_cloud_has_corners(points in prop_oneof![lattice(), cloud()], wanted in 1usize..12) {
-            let simplified = simplify(&points, wanted);
+        fn any_cloud_has_corners(points in prop_oneof![lattice(), cloud()], max_corners in 1usize..12) {
+            let simplified = simplify(&points, max_corners);
             prop_assert!(!simplified.corners.is_empty());
             prop_assert!(simplified.corners.len() <= simplified.before);
             prop_assert!(simplified.corners.iter().all(|corner| corner.is_finite()));
             let collapses = match span(&simplified.corners) {
                 Span::Solid(hull) => collapse_an_edge(&hull).is_some(),
-                // Two corners are a line, four may be a parallelogram.
+                // Two corners are a line, and four may be a parallelogram.
                 _ => simplified.corners.len() > 4,
             };
-            prop_assert!(simplified.corners.len() <= wanted || !collapses, "{:?}", simplified.corners);
+            prop_assert!(simplified.corners.len() <= max_corners || !collapses, "{:?}", simplified.corners);
         }
 
-        /// The optimum is that of all corners of what the planes bound, found by trying all triples.
+        /// The optimum is the best corner of the region that the planes bound, found by trying all triples of planes.
         #[test]
-        fn programs_are_solved(normals in prop::collection::vec(prop::array::uniform3(-1.0..1.0f64), 3..10)) {
+        fn linear_programs_are_solved(normals in prop::collection::vec(prop::array::uniform3(-1.0..1.0f64), 3..10)) {
             let normals: Vec<DVec3> = normals.into_iter().map(DVec3::from_array).collect();
             prop_assume!(normals.iter().all(|normal| normal.length() > 0.1));
-            // Planes that touch a ball, all but one of whose normals look the same way: often feasible.
+            // Planes that touch a ball, all but one with normals in the same half-space: often feasible.
             let planes: Vec<Plane> = normals
                 .iter()
                 .enumerate()
@@ -206,9 +207,9 @@ mod tests {
         }
     }
 
-    /// A tetrahedron has no edge to collapse, and a polyhedron that has few corners already is left as it is.
+    /// No edge of a tetrahedron can collapse, and a hull that already has few corners is left unchanged.
     #[test]
-    fn simple_hulls_stay() {
+    fn simple_hulls_are_unchanged() {
         let tetrahedron = [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
         assert_eq!(simplify(&tetrahedron, 1).corners.len(), 4);
         let octahedron = [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| [axis, -axis]).concat();
@@ -216,20 +217,20 @@ mod tests {
         assert!(corners.len() == 6 && octahedron.iter().all(|corner| corners.contains(corner)));
     }
 
-    /// Every edge of a box joins two faces that no point can be outside of both, so that no edge has an optimum; also where
-    /// a corner of the box is cut off. The paper's method ends there, with more corners than were wanted.
+    /// Every edge of a box touches two parallel faces on opposite sides, and no point is outside both. No edge has an
+    /// optimum, even with a corner of the box cut off. Here the paper's method ends with more corners than requested.
     #[test]
-    fn boxes_stay() {
+    fn boxes_are_unchanged() {
         let corners: Vec<DVec3> =
             (0..8).map(|i| DVec3::new(f64::from(i & 1), f64::from(i >> 1 & 1), f64::from(i >> 2))).collect();
         assert_eq!(simplify(&corners, 6).corners.len(), 8);
         assert_eq!(simplify(&corners[1..], 6).corners.len(), 7);
     }
 
-    /// The only corner that could take the last edge's place lies 30,000 away, where rounding would cut a point off by 8e-9:
-    /// then the edge stays.
+    /// The only corner that could replace the last edge is 30,000 away, where rounding would cut off a point by 8e-9,
+    /// so the edge stays.
     #[test]
-    fn no_corner_is_so_far_that_rounding_cuts_off_a_color() {
+    fn far_corners_do_not_cut_off_colors() {
         let points = [
             [7, 1, 3],
             [1, 9, 3],
@@ -255,7 +256,7 @@ mod tests {
         assert!(simplified.contains(&points));
     }
 
-    /// A tetrahedron with a corner cut off gets it back: the least volume to add.
+    /// Collapsing an edge restores a corner of a tetrahedron that was cut off, since this adds the least volume.
     #[test]
     fn a_cut_corner_grows_back() {
         let cut = 0.9;
@@ -267,7 +268,7 @@ mod tests {
     }
 
     #[test]
-    fn flat_clouds_give_their_corners() {
+    fn flat_clouds_keep_their_corners() {
         let corner = DVec3::splat(0.25);
         assert_eq!(simplify(&[corner; 5], 6).corners, [corner]);
         assert_eq!(simplify(&[corner, DVec3::ONE, DVec3::splat(0.5)], 6).corners, [corner, DVec3::ONE]);

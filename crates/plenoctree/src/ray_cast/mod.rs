@@ -1,4 +1,4 @@
-//! A ray against one field, in the field's own frame.
+//! Casts rays at a single field, in the field's own frame.
 
 mod normal;
 
@@ -9,25 +9,27 @@ use glam::DVec3;
 use self::normal::normal_at;
 use crate::field::PlenOctree;
 
-/// Where a ray meets a field. Everything is in the field's frame and units.
+/// A hit of a ray on a field, in the field's frame and units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FieldHit {
-    /// Where the opacity along the ray reaches one half.
+    /// Point where the opacity along the ray reaches one half.
     pub point: DVec3,
-    /// Distance of that point from the ray's origin.
+    /// Distance from the ray's origin to that point, in world units of the field.
     pub distance: f64,
-    /// The direction in which opacity falls off around the point, smoothed over a few cells; a unit vector. Where it
-    /// falls off in no direction, back along the ray.
+    /// Direction in which opacity falls off around the point, smoothed over a few cells. A unit vector. Points back
+    /// along the ray if opacity is the same all around.
     pub normal: DVec3,
-    /// The color that is seen along the whole ray: the accumulated radiance over the opacity, encoded sRGB.
+    /// Color of the whole ray, in encoded sRGB: the accumulated radiance divided by the opacity.
     pub color: DVec3,
-    /// Opacity along the whole ray, one half to 1.
+    /// Opacity of the whole ray, 0.5 to 1.
     pub opacity: f64,
 }
 
 impl PlenOctree {
-    /// Where the ray `origin + t direction`, t >= 0, has lost half of its light; `None` if it never does. `direction` is
-    /// a unit vector.
+    /// Casts the ray `origin + t direction`, t >= 0, and returns the point where its opacity reaches one half. Returns
+    /// `None` if it never does.
+    ///
+    /// `origin` and `direction` are in the field's frame. `direction` is a unit vector.
     ///
     /// ```
     /// use plenoctree::{BakeSettings, bake};
@@ -41,7 +43,7 @@ impl PlenOctree {
     /// # Ok::<(), plenoctree::BakeError>(())
     /// ```
     pub fn cast_ray(&self, origin: DVec3, direction: DVec3) -> Option<FieldHit> {
-        let (distance, density) = half_way(self, origin, direction)?;
+        let (distance, density) = half_opacity(self, origin, direction)?;
         let point = origin + distance * direction;
         let (color, opacity) = self.render_ray(origin, direction);
         Some(FieldHit {
@@ -54,8 +56,8 @@ impl PlenOctree {
     }
 }
 
-/// The distance at which half of the light is gone, and the density there.
-fn half_way(field: &PlenOctree, origin: DVec3, direction: DVec3) -> Option<(f64, f64)> {
+/// Returns the distance at which the opacity along the ray reaches one half, and the density there.
+fn half_opacity(field: &PlenOctree, origin: DVec3, direction: DVec3) -> Option<(f64, f64)> {
     let mut depth = 0.0;
     let mut found = None;
     field.march(origin, direction, |crossing| {

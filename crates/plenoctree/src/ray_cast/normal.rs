@@ -1,29 +1,29 @@
-//! Normals of what has no surface.
+//! Normals of volumes, which have no surface.
 
 use glam::{DVec3, IVec3};
 
 use crate::field::PlenOctree;
 
-/// Radius of the neighborhood, in steps of its lattice.
+/// Radius of the neighborhood, in lattice steps.
 const RADIUS: f64 = 4.5;
-/// The same in whole steps: those further away weigh nothing.
+/// Radius in whole steps. Cells farther away have no weight.
 const REACH: i32 = 4;
-/// Radius of the neighborhood, in lengths after which light has fallen to 1/e.
+/// Radius of the neighborhood, in multiples of the length over which transmittance falls to 1/e.
 const DEPTHS: f64 = 1.5;
-/// The widest step, in finest cells.
+/// Maximum lattice step, in finest cells.
 const WIDEST: f64 = 16.0;
 
-/// The direction in which opacity falls off around `point`: minus the gradient of the opacity of cells, smoothed with a
-/// kernel that has no edge. `None` where it is the same all around.
+/// Returns the direction in which opacity falls off around `point`, or `None` if it is the same all around.
 ///
-/// The kernel reaches a few cells, which smooths the stairs of a hard surface away, and further where light does: in thin
-/// fog of this `density`, out of the fog again.
+/// This is the negative gradient of the cells' opacity, smoothed with a kernel that falls off to 0. The kernel spans a
+/// few cells, enough to smooth the staircase of a hard surface. In thin fog, judged by `density`, it grows until it
+/// reaches out of the fog.
 pub(super) fn normal_at(field: &PlenOctree, point: DVec3, density: f64) -> Option<DVec3> {
     let cells = f64::from(1u32 << field.depth());
     let frame = field.frame();
     let width = 1.0 / (frame.scale.min_element() * cells);
     let step = (DEPTHS / (density * width * RADIUS)).clamp(1.0, WIDEST).round();
-    // In steps; the lattice stays where it is while the point moves, so that the normal moves smoothly.
+    // In lattice steps. The lattice does not move with the point, so the normal changes smoothly.
     let at = frame.to_tree(point) * cells / step;
     let origin = at.floor();
 
@@ -44,12 +44,12 @@ pub(super) fn normal_at(field: &PlenOctree, point: DVec3, density: f64) -> Optio
         offsets += weight * away;
         moments += weight * opacity * away;
     }
-    // Without the mean, which points nowhere, but for the lattice.
+    // Subtract the mean offset, which would be 0 if not for the lattice.
     let gradient = moments / opacities - offsets / weights;
     if gradient.length() > 1e-9 { (-gradient * frame.scale).try_normalize() } else { None }
 }
 
-/// Density at a point in finest cells, 0 outside the field.
+/// Returns the density at a point in finest cells, 0 outside the field.
 fn density_at(field: &PlenOctree, point: DVec3) -> f64 {
     let cells = f64::from(1u32 << field.depth());
     if point.min_element() < 0.0 || point.max_element() >= cells {

@@ -1,4 +1,4 @@
-//! Visibility-weighted radiance samples, section 3 of the method, steps 1 to 5 (equation 8 of the paper).
+//! Visibility-weighted radiance samples: section 3 of the method, steps 1 to 5 (equation 8 of the paper).
 
 use std::{f64::consts::TAU, ops::ControlFlow};
 
@@ -9,8 +9,13 @@ use crate::{
     sampling::{Histograms, InvalidSetting, Observers, SamplingSettings},
 };
 
-/// The histograms of the whole field, sample by sample, in float64 and on one core. Every leaf is sampled, whatever
-/// [`SamplingSettings::sample_fraction`] says.
+/// Samples a whole field, sample by sample, in float64 and on one core.
+///
+/// Samples every leaf, whatever [`SamplingSettings::sample_fraction`] says.
+///
+/// # Errors
+///
+/// Returns an error if a setting is out of range.
 pub fn sample_histograms(field: &PlenOctree, settings: &SamplingSettings) -> Result<Histograms, InvalidSetting> {
     settings.validate()?;
     let bins = [settings.fine_bins, settings.coarse_bins];
@@ -21,8 +26,8 @@ pub fn sample_histograms(field: &PlenOctree, settings: &SamplingSettings) -> Res
         let center = field.frame().to_world((cell.corner.as_dvec3() + 0.5 * f64::from(cell.size)) / cells);
         let density = f64::from(field.densities()[cell.leaf as usize]);
         for rays in &directions {
-            // The rays of a direction cell are one anti-aliased sample: step 4. Colors are averaged as differences from
-            // the first, so that one that is the same from everywhere stays exactly itself, also on a bin's border.
+            // The rays of a direction cell make one antialiased sample: step 4. Averaging differences from the first
+            // color keeps a color that is the same in all directions exact, even on the border of a bin.
             let first = field.radiance(cell.leaf, -rays[0]);
             let (mut weight, mut color) = (0.0, DVec3::ZERO);
             for &observer in rays {
@@ -42,13 +47,13 @@ pub fn sample_histograms(field: &PlenOctree, settings: &SamplingSettings) -> Res
     Ok(Histograms::from_weights(settings.fine_bins, fine, settings.coarse_bins, coarse, samples as u64))
 }
 
-/// Index of the bin of a color: step 5.
+/// Returns the index of a color's bin: step 5.
 fn bin(color: DVec3, bins: usize) -> usize {
     let [r, g, b] = color.to_array().map(|c| (c.clamp(0.0, 0.999) * bins as f64).floor() as usize);
     (r * bins + g) * bins + b
 }
 
-/// Unit vectors to the observers: step 2. One inner list per cell of directions.
+/// Returns the unit vectors to the observers, one inner list per direction cell: step 2.
 fn observers(up: UpAxis, settings: &SamplingSettings) -> Vec<Vec<DVec3>> {
     let n = settings.directions;
     let (columns, rows, lowest) = match settings.observers {
@@ -80,7 +85,7 @@ fn observers(up: UpAxis, settings: &SamplingSettings) -> Vec<Vec<DVec3>> {
     cells
 }
 
-/// Transmittance from `point` to the edge of the field, 0 where it falls under `stop`.
+/// Returns the transmittance from `point` to the edge of the field, or 0 if it is less than `stop`.
 fn transmittance(field: &PlenOctree, point: DVec3, toward: DVec3, stop: f64) -> f64 {
     let mut depth = 0.0_f64;
     field.march(point, toward, |crossing| {

@@ -1,7 +1,7 @@
-//! The float64 reference: sections 2 to 4 of the method, written to be read.
+//! The float64 reference: sections 2 to 4 of the method, in code that is meant to be read.
 //!
-//! It needs no GPU and no app, takes its time, and judges everything faster. Nothing here is shared with the fast paths
-//! but the field itself.
+//! It needs neither a GPU nor an app, and does not try to be fast. Faster implementations are tested against it. The
+//! only code that it shares with them is the field itself.
 
 mod histograms;
 mod posterize;

@@ -1,25 +1,25 @@
-//! Posterization at run time, section 4 of the method.
+//! Posterization: section 4 of the method.
 
 use glam::{DMat3, DVec3};
 
 use super::render::Rendering;
 
-/// The values of section 4, the paper's by default.
+/// Settings of posterization, with the values of section 4 of the method as defaults.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Posterization {
-    /// `d`: how many steps lead from one palette color to another. 1 makes labels of the palette colors alone.
+    /// `d`: number of steps from one palette color to another. With 1, there are no blends. 3 by default.
     pub blend_steps: u32,
-    /// `D`: distance over which labels blend, in encoded RGB; 0 is a hard edge.
+    /// `D`: width over which labels blend, in encoded RGB. 0 is a hard edge. 0.2 by default.
     pub softness: f64,
-    /// `lambda`: opacity under which a pixel is shown as rendered.
+    /// `lambda`: opacity below which a pixel is shown as rendered. 80/255 by default.
     pub min_opacity: f64,
-    /// How often the bilateral filter runs, horizontally and then vertically each time.
+    /// Number of runs of the bilateral filter, each horizontal and then vertical. 4 by default.
     pub iterations: u32,
-    /// Its radius in pixels.
+    /// Radius of the filter in pixels. 2 by default.
     pub radius: u32,
-    /// Its spatial sigma in pixels.
+    /// Spatial sigma of the filter in pixels. 3 by default.
     pub spatial_sigma: f64,
-    /// Its range sigma in CIELAB.
+    /// Range sigma of the filter in CIELAB. 4.25 by default.
     pub range_sigma: f64,
 }
 
@@ -37,8 +37,10 @@ impl Default for Posterization {
     }
 }
 
-/// Equation 7: the palette, then the blends of every pair. Call it with the extracted palette for the colors that
-/// distances are measured to, with the edited one for the colors that are shown.
+/// Returns the labels of a palette: its colors, then the blends of every pair. Equation 7 of the paper.
+///
+/// Colors are encoded sRGB. The source palette gives the source colors of the labels, and the palette as edited gives
+/// their shown colors.
 pub fn labels(palette: &[DVec3], blend_steps: u32) -> Vec<DVec3> {
     let mut labels = palette.to_vec();
     for (i, first) in palette.iter().enumerate() {
@@ -52,30 +54,33 @@ pub fn labels(palette: &[DVec3], blend_steps: u32) -> Vec<DVec3> {
     labels
 }
 
-/// The posterized picture over `background`, in encoded sRGB: filtered, every pixel of the object replaced by its label.
-/// `reference` and `shown` are the extracted and the edited palette, of the same length.
+/// Posterizes a rendering over `background`: filters it, and replaces every pixel with the shown colors of its nearest
+/// labels. Thin pixels are shown as rendered.
+///
+/// `source` and `shown` are the extracted and the edited palette, of the same length. Colors are encoded sRGB. The
+/// result has the pixel order of [`Rendering`].
 pub fn posterize(
-    picture: &Rendering,
+    rendering: &Rendering,
     background: DVec3,
-    reference: &[DVec3],
+    source: &[DVec3],
     shown: &[DVec3],
     settings: &Posterization,
 ) -> Vec<DVec3> {
-    let thin: Vec<bool> = picture.opacity.iter().map(|&a| a < settings.min_opacity).collect();
-    let filtered = bilateral(&picture.over(background), &thin, picture.width.max(1), settings);
-    let reference = labels(reference, settings.blend_steps);
+    let thin: Vec<bool> = rendering.opacity.iter().map(|&a| a < settings.min_opacity).collect();
+    let filtered = bilateral(&rendering.over(background), &thin, rendering.width.max(1), settings);
+    let source = labels(source, settings.blend_steps);
     let shown = labels(shown, settings.blend_steps);
     filtered
         .iter()
         .zip(&thin)
-        .map(|(&color, &thin)| if thin { color } else { assign(color, &reference, &shown, settings.softness) })
+        .map(|(&color, &thin)| if thin { color } else { assign(color, &source, &shown, settings.softness) })
         .collect()
 }
 
-/// Steps 3 and 4: the two nearest labels, blended softly.
-fn assign(color: DVec3, reference: &[DVec3], shown: &[DVec3], softness: f64) -> DVec3 {
+/// Blends the two nearest labels: steps 3 and 4.
+fn assign(color: DVec3, source: &[DVec3], shown: &[DVec3], softness: f64) -> DVec3 {
     let (mut nearest, mut second) = ((f64::INFINITY, color), (f64::INFINITY, color));
-    for (label, &shown) in reference.iter().zip(shown) {
+    for (label, &shown) in source.iter().zip(shown) {
         let distance = color.distance(*label);
         if distance < nearest.0 {
             second = nearest;
@@ -92,26 +97,26 @@ fn assign(color: DVec3, reference: &[DVec3], shown: &[DVec3], softness: f64) -> 
     share * nearest.1 + (1.0 - share) * second.1
 }
 
-/// Step 2: the separable bilateral filter. Pixels marked `thin` are read but stay as they are.
-fn bilateral(picture: &[DVec3], thin: &[bool], width: usize, settings: &Posterization) -> Vec<DVec3> {
-    let mut picture = picture.to_vec();
+/// Applies the separable bilateral filter: step 2. Pixels marked `thin` are read but not changed.
+fn bilateral(image: &[DVec3], thin: &[bool], width: usize, settings: &Posterization) -> Vec<DVec3> {
+    let mut image = image.to_vec();
     for _ in 0..settings.iterations {
         for along_rows in [true, false] {
-            picture = pass(&picture, thin, width, along_rows, settings);
+            image = pass(&image, thin, width, along_rows, settings);
         }
     }
-    picture
+    image
 }
 
-fn pass(picture: &[DVec3], thin: &[bool], width: usize, along_rows: bool, settings: &Posterization) -> Vec<DVec3> {
-    let lab: Vec<DVec3> = picture.iter().map(|&color| cielab(color)).collect();
-    let height = picture.len() / width;
+fn pass(image: &[DVec3], thin: &[bool], width: usize, along_rows: bool, settings: &Posterization) -> Vec<DVec3> {
+    let lab: Vec<DVec3> = image.iter().map(|&color| cielab(color)).collect();
+    let height = image.len() / width;
     let radius = settings.radius as isize;
     let gauss = |squared: f64, sigma: f64| (-squared / (2.0 * sigma * sigma)).exp();
-    (0..picture.len())
+    (0..image.len())
         .map(|pixel| {
             if thin[pixel] {
-                return picture[pixel];
+                return image[pixel];
             }
             let (x, y) = ((pixel % width) as isize, (pixel / width) as isize);
             let (mut sum, mut total) = (DVec3::ZERO, 0.0);
@@ -123,7 +128,7 @@ fn pass(picture: &[DVec3], thin: &[bool], width: usize, along_rows: bool, settin
                 let tap = y as usize * width + x as usize;
                 let weight = gauss((offset * offset) as f64, settings.spatial_sigma)
                     * gauss(lab[tap].distance_squared(lab[pixel]), settings.range_sigma);
-                sum += weight * picture[tap];
+                sum += weight * image[tap];
                 total += weight;
             }
             sum / total
@@ -131,7 +136,7 @@ fn pass(picture: &[DVec3], thin: &[bool], width: usize, along_rows: bool, settin
         .collect()
 }
 
-/// Encoded sRGB to CIELAB under D65.
+/// Converts encoded sRGB to CIELAB under D65.
 fn cielab(encoded: DVec3) -> DVec3 {
     let linear = DVec3::from_array(
         encoded.to_array().map(|c| if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }),

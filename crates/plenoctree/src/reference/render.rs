@@ -1,31 +1,31 @@
-//! Volume rendering, section 2 of the method (equations 1 to 4 of the paper).
+//! Volume rendering: section 2 of the method (equations 1 to 4 of the paper).
 
 use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::{camera::PinholeCamera, field::PlenOctree};
 
-/// A rendered field before any background: rows from the top, pixels from the left.
+/// An image of a field, without a background. Pixels are stored row by row, from the top left corner.
 #[derive(Clone, Debug)]
 pub struct Rendering {
-    /// Pixels a row.
+    /// Width in pixels.
     pub width: usize,
-    /// Rows.
+    /// Height in pixels.
     pub height: usize,
-    /// Accumulated color `C` of every pixel, encoded sRGB weighed by opacity (premultiplied).
+    /// Accumulated color `C` of every pixel, in encoded sRGB, premultiplied by opacity.
     pub color: Vec<DVec3>,
     /// Accumulated opacity `A` of every pixel, 0 to 1.
     pub opacity: Vec<f64>,
 }
 
 impl Rendering {
-    /// `C + T c0`: the picture over a background in encoded sRGB.
+    /// Composites the rendering over `background`, both in encoded sRGB: `C + T c0`.
     pub fn over(&self, background: DVec3) -> Vec<DVec3> {
         self.color.iter().zip(&self.opacity).map(|(c, a)| c + (1.0 - a) * background).collect()
     }
 }
 
-/// The field as `camera` sees it: one ray through the center of every pixel. The camera stands in the field's frame.
+/// Renders the field as `camera` sees it, with one ray through the center of every pixel.
 pub fn render(field: &PlenOctree, camera: &PinholeCamera) -> Rendering {
     let (width, height) = (camera.width as usize, camera.height as usize);
     let (color, opacity) = (0..width * height)

@@ -1,4 +1,4 @@
-//! The finest cells of a field, laid out so that the rays of a block of leaves can be marched together.
+//! The finest cells of a field, laid out so that the rays of all leaves in a block can be marched together.
 
 use std::ops::Range;
 
@@ -7,52 +7,53 @@ use glam::{IVec3, UVec3};
 use super::path::{Path, SIDE, Step};
 use crate::field::{LeafCell, PlenOctree};
 
-/// Rows of a block: one for each x and y, in the order `SIDE x + y`.
+/// Rows of a block, one for each x and y, with index `SIDE x + y`.
 pub(super) const ROWS: usize = SIDE * SIDE;
 
-/// Optical depths of the rays that leave the cells of a block, by row and lane. Lanes without a ray are infinite.
+/// Optical depths of the rays from the cells of a block, by row and lane. Lanes without a ray are infinite.
 pub(super) type Depths = [[f32; SIDE]; ROWS];
 
-/// The densities along z that the eight cells of a row can reach by moving on by up to seven.
+/// Densities along z that the eight cells of a row can reach when shifted by up to seven cells.
 type Row = [f32; 2 * SIDE];
 
-/// Entries of the map, and rows beyond two for each leaf, that are worth their memory (64 MiB and 256 MiB).
-const MOST_ENTRIES: u64 = 1 << 24;
-const MOST_ROWS: u64 = 1 << 22;
+/// Limits of the memory for blocks: entries of the map (64 MiB), and rows beyond two per leaf (256 MiB).
+const MAX_ENTRIES: u64 = 1 << 24;
+const MAX_ROWS: u64 = 1 << 22;
 
-/// Densities of the finest cells in blocks of 8 x 8 x 8, of which only rows that are not empty are kept.
+/// Densities of the finest cells in blocks of 8 x 8 x 8 cells. Only rows that are not empty are stored.
 pub(super) struct Blocks {
-    /// The lowest place of the map, in blocks, and the number of places along each axis.
+    /// Lowest position in the map, in blocks, and number of positions along each axis.
     low: IVec3,
     size: UVec3,
-    /// The block at every place, x slowest, as an index into `blocks`.
+    /// Block at every position, as an index into `blocks`. x varies slowest.
     map: Vec<u32>,
-    /// The first is empty, and stands for all that are.
+    /// The first block stands for all empty ones.
     blocks: Vec<Block>,
     rows: Vec<Row>,
 }
 
 struct Block {
-    /// The rows that are not empty, as bits.
+    /// Rows that are not empty, as bits.
     occupied: u64,
-    /// Where the first of them is kept.
+    /// Index of the first of them in [`Blocks::rows`].
     first: u32,
-    /// The number of occupied rows before each.
+    /// Number of occupied rows before each row.
     rank: [u8; ROWS],
 }
 
 impl Blocks {
-    /// Lays out a field; `None` if its tree is too deep, or its leaves too coarse, for a lattice of finest cells.
+    /// Lays out a field. Returns `None` if the tree is too deep, or its leaves too large, for a lattice of finest
+    /// cells.
     pub fn new(field: &PlenOctree) -> Option<Self> {
         let side = SIDE as u32;
         let (low, high) = field.cell_bounds()?;
-        // Rows reach into the next block along z, so the first begins a block before the first leaf.
+        // Rows reach into the next block along z, so the map starts one block before the first leaf.
         let low = (low / side).as_ivec3() - IVec3::Z;
         let size = (((high - 1) / side).as_ivec3() - low + 1).as_uvec3();
         let entries: u64 = size.to_array().into_iter().map(u64::from).product();
         let rows: u64 =
             field.leaf_cells().map(|cell| u64::from(cell.size).pow(2) * (u64::from(cell.size / side) + 2)).sum();
-        if entries > MOST_ENTRIES || rows > MOST_ROWS + 2 * field.leaves() as u64 {
+        if entries > MAX_ENTRIES || rows > MAX_ROWS + 2 * field.leaves() as u64 {
             return None;
         }
         let mut blocks =
@@ -79,9 +80,9 @@ impl Blocks {
         Some(blocks)
     }
 
-    /// Where the map has the block at `place`, in blocks.
+    /// Returns the map's entry for the block at `place`, in blocks, or `None` if it is outside the map.
     fn entry(&self, place: IVec3) -> Option<usize> {
-        // What is below the lowest place becomes larger than any.
+        // Coordinates below the lowest position wrap around, so they fail the comparison too.
         let UVec3 { x, y, z } = (place - self.low).as_uvec3();
         let inside = x < self.size.x && y < self.size.y && z < self.size.z;
         inside.then(|| (x as usize * self.size.y as usize + y as usize) * self.size.z as usize + z as usize)
@@ -102,12 +103,12 @@ impl Blocks {
 
     /// Adds the optical depths along `path` to those of the rays from the cells of the block at `place`.
     ///
-    /// A row of rays is given up once all are deeper than `limit`, or infinite.
+    /// A row of rays is dropped once all its optical depths are greater than `limit`, or infinite.
     pub fn march(&self, place: IVec3, path: &Path, limit: f32, depths: &mut Depths) {
         let hidden = |row: &[f32; SIDE]| row.iter().fold(true, |all, &depth| all & (depth > limit));
         let mut live = (0..ROWS).filter(|&row| !hidden(&depths[row])).fold(0, |live, row| live | 1 << row);
         for run in &path.runs {
-            // The block has moved into two by two blocks, whose rows reach into those above.
+            // The shifted block overlaps two by two blocks. Their rows reach into the blocks above.
             let corner = place + run.blocks;
             let blocks = [(0, 0), (0, 1), (1, 0), (1, 1)].map(|(x, y)| self.get(corner + IVec3::new(x, y, 0)));
             if blocks.iter().all(|block| block.occupied == 0) {
@@ -127,11 +128,11 @@ impl Blocks {
         }
     }
 
-    /// A step of the rows of rays that are alive.
+    /// Advances the `live` rows of rays by one step.
     fn cross(&self, blocks: [&Block; 4], step: &Step, live: u64, depths: &mut Depths) {
         let [x, y, lane] = step.rest.map(|x| usize::from(x) % SIDE);
         for row in bits(live & occupied(blocks, x, y)) {
-            // x and y of the row, four bits each: the highest tell the block.
+            // x and y of the row, four bits each. The highest bit of each selects the block.
             let at = row + row / SIDE * SIDE + x * 2 * SIDE + y;
             let block = blocks[(at >> 6) & 2 | (at >> 3) & 1];
             let densities = &self.rows[block.index((at >> 1) & 0o70 | at & 7)][lane..lane + SIDE];
@@ -142,8 +143,8 @@ impl Blocks {
     }
 }
 
-/// The rows of a block, as bits, that lie on occupied rows once it has moved `x` and `y` cells from the first of two by
-/// two blocks toward the others.
+/// Returns the rows of a block, as bits, that land on occupied rows when the block is shifted by `x` and `y` cells from
+/// the first of two by two blocks toward the others.
 fn occupied(blocks: [&Block; 4], x: usize, y: usize) -> u64 {
     // In every byte, the bits that do not come from the next block along y.
     let stay = 0x0101_0101_0101_0101 * (0xff_u64 >> y);
@@ -152,7 +153,7 @@ fn occupied(blocks: [&Block; 4], x: usize, y: usize) -> u64 {
     first >> (8 * x) | next << (8 * (7 - x)) << 8
 }
 
-/// The places of the bits that are set, from the lowest.
+/// Returns the indices of the bits that are set, lowest first.
 fn bits(mut set: u64) -> impl Iterator<Item = usize> {
     std::iter::from_fn(move || {
         let lowest = (set != 0).then(|| set.trailing_zeros() as usize);
@@ -164,13 +165,13 @@ fn bits(mut set: u64) -> impl Iterator<Item = usize> {
 impl Block {
     const EMPTY: Self = Self { occupied: 0, first: 0, rank: [0; ROWS] };
 
-    /// Where an occupied row is kept.
+    /// Returns the index of an occupied row in [`Blocks::rows`].
     fn index(&self, row: usize) -> usize {
         self.first as usize + usize::from(self.rank[row % ROWS])
     }
 }
 
-/// The blocks and rows that hold a cell, and in which lanes.
+/// Returns the blocks, rows and lanes that a cell covers.
 fn touched_rows(cell: LeafCell) -> impl Iterator<Item = (IVec3, usize, Range<usize>)> {
     let side = SIDE as i32;
     let (low, size) = (cell.corner.as_ivec3(), cell.size as i32);

@@ -1,4 +1,4 @@
-//! The directions from which leaves are looked at: step 2 of section 3 of the method.
+//! Directions from which leaves are seen: section 3 of the method, step 2.
 
 use std::f64::consts::TAU;
 
@@ -7,10 +7,10 @@ use glam::DVec3;
 use super::settings::{Observers, SamplingSettings};
 use crate::field::UpAxis;
 
-/// Unit vectors from a leaf to the observers, in the field's frame: the rays of each cell of directions.
+/// Returns unit vectors from a leaf to the observers, in the field's frame: the rays of every direction cell.
 pub(super) fn observers(up: UpAxis, settings: &SamplingSettings) -> Vec<Vec<DVec3>> {
     let (n, m) = (settings.directions, settings.multisamples);
-    // cos theta goes from -1 or 0 to 1.
+    // cos theta ranges from `lowest` to 1.
     let (rows, lowest) = match settings.observers {
         Observers::UpperHemisphere => (n, 0.0),
         Observers::Sphere => (2 * n, -1.0),
@@ -37,10 +37,10 @@ pub(super) fn observers(up: UpAxis, settings: &SamplingSettings) -> Vec<Vec<DVec
 mod tests {
     use super::*;
 
-    /// Equal cells in (cos theta, phi) are equal solid angles: the mean of all directions is that of the hemisphere, or
-    /// of the sphere.
+    /// Equal cells in (cos theta, phi) cover equal solid angles, so the mean of all directions is that of the
+    /// hemisphere or of the sphere.
     #[test]
-    fn directions_cover_what_they_should_evenly() {
+    fn directions_cover_the_sphere_evenly() {
         for (observers_from, mean) in [(Observers::UpperHemisphere, 0.5), (Observers::Sphere, 0.0)] {
             for n in 1..4 {
                 let settings = SamplingSettings { observers: observers_from, directions: n, ..Default::default() };
@@ -57,7 +57,7 @@ mod tests {
 
     /// The first cell of the paper's grid: u in [0, 1/2], v in [0, 1/8], two by two.
     #[test]
-    fn cells_lie_as_the_method_says() {
+    fn the_first_cell_is_that_of_the_method() {
         let cells = observers(UpAxis::Z, &SamplingSettings::default());
         for (ray, (u, v)) in cells[0].iter().zip([(0.125, 1.0), (0.125, 3.0), (0.375, 1.0), (0.375, 3.0)]) {
             let phi = TAU * v / 32.0;
@@ -67,7 +67,7 @@ mod tests {
     }
 
     #[test]
-    fn the_hemisphere_is_above() {
+    fn the_hemisphere_is_above_the_horizon() {
         let cells = observers(UpAxis::Y, &SamplingSettings::default());
         assert!(cells.iter().flatten().all(|ray| ray.y > 0.0));
     }

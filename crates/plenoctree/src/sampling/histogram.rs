@@ -1,12 +1,12 @@
-//! Where in the RGB cube the visible weight lies.
+//! Histograms of visible weight over the RGB cube.
 
-/// Channels are clamped to at most this before their bin is found, so that white is in the last bin.
+/// Upper limit to which channels are clamped before binning, so that white falls into the last bin.
 pub const MAX_CHANNEL: f64 = 0.999;
 
-/// Visible weight over the RGB cube (encoded sRGB), in bins of two sizes, not normalized.
+/// Histograms of visible weight over the RGB cube (encoded sRGB), one with fine and one with coarse bins.
 ///
-/// Bin `[r][g][b]` is at index `(r * bins + g) * bins + b`; a channel's bin is `floor(clamp(c, 0, 0.999) * bins)`. Both
-/// histograms hold the whole weight.
+/// Bin `[r][g][b]` has index `(r * bins + g) * bins + b`. The bin of channel `c` is `floor(clamp(c, 0, 0.999) * bins)`.
+/// Both histograms contain the total weight of all samples. They are not normalized.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Histograms {
     fine: Bins,
@@ -14,35 +14,41 @@ pub struct Histograms {
     samples: u64,
 }
 
-/// One histogram.
+/// A single histogram.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Bins {
     pub per_channel: usize,
     pub weights: Vec<f64>,
 }
 
-/// A histogram needs one weight a bin, finite and not negative.
+/// An error that occurs when a histogram does not have one finite, non-negative weight per bin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum InvalidHistogram {
-    /// The number of weights is not that of bins.
-    #[error("found {found} bins, expected {per_channel} cubed")]
+    /// The number of weights is not the number of bins.
+    #[error("found {found} weights, expected {per_channel} cubed")]
     Length {
-        /// Weights given.
+        /// Number of weights found.
         found: usize,
-        /// Bins a channel.
+        /// Number of bins per channel.
         per_channel: usize,
     },
-    /// A weight is negative, infinite or not a number.
+    /// A weight is negative, infinite or NaN.
     #[error("the weight of bin {bin} is negative or not finite")]
     Weight {
-        /// The bin's index.
+        /// Index of the bin.
         bin: usize,
     },
 }
 
 impl Histograms {
-    /// Histograms made elsewhere. `bins` is the number of bins a channel; `samples` is that of radiance samples, which is
-    /// only reported.
+    /// Creates histograms from weights that were computed elsewhere.
+    ///
+    /// `fine_bins` and `coarse_bins` are the numbers of bins per channel. `samples` is the number of radiance samples,
+    /// which is only reported.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error if a histogram does not have one finite, non-negative weight per bin.
     pub fn new(
         fine_bins: usize,
         fine: Vec<f64>,
@@ -53,7 +59,7 @@ impl Histograms {
         Ok(Self { fine: Bins::new(fine_bins, fine)?, coarse: Bins::new(coarse_bins, coarse)?, samples })
     }
 
-    /// [`Self::new`] for weights that are known to be as many as the bins, finite and not negative.
+    /// Creates histograms from weights that are known to be valid: one per bin, finite and not negative.
     #[cfg(feature = "reference")]
     pub(crate) fn from_weights(
         fine_bins: usize,
@@ -66,22 +72,22 @@ impl Histograms {
         Self { fine: bins(fine_bins, fine), coarse: bins(coarse_bins, coarse), samples }
     }
 
-    /// Weights of the fine bins, which are clustered.
+    /// Returns the weights of the fine bins, which k-means clusters.
     pub fn fine(&self) -> &[f64] {
         &self.fine.weights
     }
 
-    /// Weights of the coarse bins, which give the initial centers.
+    /// Returns the weights of the coarse bins, which give the initial centers of k-means.
     pub fn coarse(&self) -> &[f64] {
         &self.coarse.weights
     }
 
-    /// Radiance samples: leaves times cells of directions, whatever weight they have.
+    /// Returns the number of radiance samples: leaves times direction cells, including samples without weight.
     pub fn samples(&self) -> u64 {
         self.samples
     }
 
-    /// The weight of all samples.
+    /// Returns the total weight of all samples.
     pub fn total_weight(&self) -> f64 {
         self.fine.weights.iter().sum()
     }
@@ -107,16 +113,16 @@ impl Bins {
         }
     }
 
-    /// The color in the middle of a bin.
+    /// Returns the color at the center of a bin.
     pub fn center(&self, bin: usize) -> [f64; 3] {
         let n = self.per_channel;
         [bin / (n * n), bin / n % n, bin % n].map(|i| (i as f64 + 0.5) / n as f64)
     }
 }
 
-/// Histograms that are being filled.
+/// Histograms being filled.
 ///
-/// Weights are added as integers, so that the sum is the same in whatever order threads bring them.
+/// Weights are added as integers, so that the sum does not depend on the order in which threads add them.
 pub(super) struct Tally {
     fine: Counts,
     coarse: Counts,
@@ -129,9 +135,9 @@ struct Counts {
 }
 
 impl Tally {
-    /// Empty histograms, for weights whose sum is at most `most` (0 if there are none).
+    /// Creates empty histograms for weights whose sum is at most `most`, or 0 if there are none.
     pub fn new(fine_bins: usize, coarse_bins: usize, most: f64) -> Self {
-        // A power of two, so that scaling is exact; two bits are left for rounding.
+        // A power of two makes scaling exact. Two bits are left for rounding.
         let exponent = if most > 0.0 { most.log2().ceil().max(-900.0) } else { 0.0 };
         let scale = (62.0 - exponent).exp2();
         Self { fine: Counts::new(fine_bins), coarse: Counts::new(coarse_bins), scale }
@@ -144,18 +150,18 @@ impl Tally {
         self.coarse.add(color, weight);
     }
 
-    /// The sum of two tallies that were made alike.
+    /// Returns the sum of two tallies that were created with the same arguments.
     pub fn merge(mut self, other: Self) -> Self {
         self.fine.merge(&other.fine);
         self.coarse.merge(&other.coarse);
         self
     }
 
-    /// The weights, each times `share`.
-    pub fn finish(self, share: f64, samples: u64) -> Histograms {
+    /// Returns the histograms, with every weight multiplied by `factor`.
+    pub fn finish(self, factor: f64, samples: u64) -> Histograms {
         let bins = |counts: Counts| Bins {
             per_channel: counts.per_channel,
-            weights: counts.counts.into_iter().map(|count| count as f64 * share / self.scale).collect(),
+            weights: counts.counts.into_iter().map(|count| count as f64 * factor / self.scale).collect(),
         };
         Histograms { fine: bins(self.fine), coarse: bins(self.coarse), samples }
     }
@@ -184,7 +190,7 @@ mod tests {
     use super::*;
 
     proptest! {
-        /// Conservative: no weight is lost, whatever the colors, and both histograms hold all of it.
+        /// Histograms are conservative: no weight is lost, whatever the colors, and both histograms contain all of it.
         #[test]
         fn weight_is_preserved(
             samples in prop::collection::vec((prop::array::uniform3(-0.5..1.5f64), 0.0..6e4f64), 1..200),
@@ -217,7 +223,7 @@ mod tests {
         assert_eq!(histograms.coarse()[7 * 64 + 4 * 8], 2.0);
     }
 
-    /// The largest sum that is announced fits even if every sample is rounded up.
+    /// The announced sum fits even if every sample is rounded up.
     #[test]
     fn the_announced_sum_fits() {
         for most in [1e-30, 1.0, 3.0, 1e12, 1e300] {

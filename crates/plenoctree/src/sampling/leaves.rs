@@ -1,10 +1,10 @@
-//! Which leaves are sampled, and what they can weigh.
+//! Selects the leaves to sample, and bounds their weight.
 
 use super::settings::SamplingSettings;
 use crate::field::{LeafCell, PlenOctree};
 
-/// The leaves that are sampled, in the order of the octree: all, or one of every stratum of `1 / sample_fraction`
-/// consecutive ones, which are neighbors in space.
+/// Returns the leaves to sample, in the order of the octree. These are all leaves, or one from every stratum of `1 /
+/// sample_fraction` consecutive leaves, which are neighbors in space.
 pub(super) fn chosen_leaves(field: &PlenOctree, settings: &SamplingSettings) -> Vec<LeafCell> {
     let leaves: Vec<LeafCell> = field.leaf_cells().collect();
     if settings.sample_fraction >= 1.0 {
@@ -12,7 +12,7 @@ pub(super) fn chosen_leaves(field: &PlenOctree, settings: &SamplingSettings) -> 
     }
     let strata = (leaves.len() as f64 * settings.sample_fraction).ceil() as usize;
     let begin = |stratum: usize| (stratum as u128 * leaves.len() as u128 / strata as u128) as usize;
-    // A fixed place in every stratum would beat with the octree's order.
+    // The same position in every stratum would alias with the order of the octree.
     (0..strata)
         .map(|stratum| {
             let (first, end) = (begin(stratum), begin(stratum + 1));
@@ -21,7 +21,7 @@ pub(super) fn chosen_leaves(field: &PlenOctree, settings: &SamplingSettings) -> 
         .collect()
 }
 
-/// A number from which nothing of `n` can be seen (splitmix64).
+/// Returns a pseudorandom number for `n` (splitmix64).
 fn scramble(n: u64) -> u64 {
     let mut z = n.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -29,7 +29,8 @@ fn scramble(n: u64) -> u64 {
     z ^ (z >> 31)
 }
 
-/// A bound of the total weight of a field's radiance samples: no leaf weighs more than what its own half leaves of it.
+/// Returns an upper bound of the total weight of a field's radiance samples. The light of a leaf always crosses half of
+/// its own cell, which limits its weight.
 pub(super) fn weight_bound(field: &PlenOctree, settings: &SamplingSettings) -> f64 {
     let finest = f64::from(1u32 << field.depth());
     let half_cell = 0.5 / (finest * field.frame().scale.max_element());
@@ -61,7 +62,7 @@ mod tests {
             let distinct: HashSet<u32> = chosen.iter().map(|cell| cell.leaf).collect();
             assert_eq!(distinct.len(), chosen.len());
             assert_eq!(chosen.len(), (fraction * field.leaves() as f64).ceil() as usize);
-            // Every run of three strata holds at least one.
+            // Every stratum holds one, so gaps are less than two strata.
             let longest = chosen.windows(2).map(|pair| pair[1].leaf - pair[0].leaf).max().unwrap_or(0);
             assert!(f64::from(longest) < 2.0 / fraction + 2.0, "{fraction}: {longest}");
         }

@@ -1,14 +1,14 @@
-//! One ray through the octree, cell by cell.
+//! Marches a single ray through the octree, cell by cell.
 
 use glam::DVec3;
 
 use crate::field::{LeafCell, PlenOctree};
 
-/// The integral of density (optical depth) from the center of `leaf` to the edge of the field, or some value above
-/// `limit` if it is more.
+/// Returns the optical depth (the integral of density) from the center of `leaf` to the edge of the field. If it is
+/// more than `limit`, returns some value greater than `limit`.
 ///
-/// `direction` is in finest cells a world unit. Where the ray goes on is counted in whole cells, so that none is missed
-/// and none entered twice, however small; lengths are exact crossings.
+/// `direction` is in finest cells per world unit. Positions are counted in whole cells, so no cell is skipped or
+/// visited twice, however small it is, and path lengths are exact.
 pub(super) fn optical_depth(field: &PlenOctree, leaf: LeafCell, direction: DVec3, limit: f64) -> f64 {
     let origin = leaf.corner.as_dvec3() + 0.5 * f64::from(leaf.size);
     let forward = direction.cmpge(DVec3::ZERO);

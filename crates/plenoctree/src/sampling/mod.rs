@@ -1,9 +1,9 @@
-//! Radiance sampling: how much of each color is visible from outside, section 3 of the method, steps 1 to 5.
+//! Radiance sampling: how much of each color is visible from outside. Section 3 of the method, steps 1 to 5.
 //!
-//! All leaves are looked at from the same few directions. Rays from the centers of equal cells in one direction cross the
-//! lattice of cells in the same way, so the way is found once (`path`) and followed for the leaves of a block of
-//! 8 x 8 x 8 cells together, eight in a row (`blocks`). Leaves that are coarser than the finest cells, and trees that are
-//! too deep for a lattice, are marched ray by ray (`march`).
+//! All leaves are seen from the same few directions. Rays in one direction from the centers of equal cells cross the
+//! lattice of cells in the same way. Their path is therefore computed once (`path`) and followed for all leaves of a
+//! block of 8 x 8 x 8 cells together, eight in a row (`blocks`). Leaves larger than the finest cells, and trees too
+//! deep for a lattice, are marched ray by ray (`march`).
 
 mod blocks;
 mod directions;

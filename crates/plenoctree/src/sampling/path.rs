@@ -1,40 +1,41 @@
-//! The way of a ray through the lattice of finest cells.
+//! The path of a ray through the lattice of finest cells.
 
 use std::ops::Range;
 
 use glam::{DVec3, IVec3, UVec3};
 
-/// Finest cells along the side of a block.
+/// Width of a block, in finest cells.
 pub(super) const SIDE: usize = 8;
 
-/// How every ray in one direction that starts in the middle of a finest cell goes on: which cells it crosses, counted
-/// from its own, and how long it is in each.
+/// The path of every ray in one direction that starts at the center of a finest cell: the cells that it crosses,
+/// relative to the first, and its length in each.
 pub(super) struct Path {
-    /// The cells in order.
+    /// All cells, in order.
     pub steps: Vec<Step>,
-    /// The same cells by blocks.
+    /// The same cells, grouped by block.
     pub runs: Vec<Run>,
 }
 
-/// A cell that is crossed. Its offset from the first is that of the [`Run`], in whole blocks, and the rest.
+/// A cell that the ray crosses. Its offset from the first cell is the offset of its [`Run`], in whole blocks, plus the
+/// rest.
 pub(super) struct Step {
-    /// The rest of the offset along each axis, below [`SIDE`].
+    /// Rest of the offset along each axis, less than [`SIDE`].
     pub rest: [u8; 3],
-    /// Path length, in world units.
+    /// Length of the path inside the cell, in world units.
     pub length: f32,
 }
 
 /// Consecutive cells with the same offset in whole blocks.
 pub(super) struct Run {
-    /// The offset, in blocks, rounded down.
+    /// Offset in blocks, rounded down.
     pub blocks: IVec3,
-    /// The cells, as indices into [`Path::steps`].
+    /// Range of the cells in [`Path::steps`].
     pub steps: Range<usize>,
 }
 
 impl Path {
-    /// The path along `direction`, in finest cells a world unit, until it has left a box of `extent` finest cells from
-    /// wherever in it it started.
+    /// Creates the path along `direction`, in finest cells per world unit. It ends where it leaves a box of `extent`
+    /// finest cells, wherever in the box it started.
     pub fn new(direction: DVec3, extent: UVec3) -> Self {
         let sign = direction.signum().as_ivec3();
         let per_cell = direction.abs().recip();
@@ -71,7 +72,8 @@ mod tests {
     use super::*;
 
     proptest! {
-        /// The middle of every step lies in the cell that the step names, and the steps add up to the way to the box.
+        /// The middle of every step is in the cell that the step names, and the lengths add up to the distance to the
+        /// edge of the box.
         #[test]
         fn steps_follow_the_ray(direction in prop::array::uniform3(-1.0..1.0f64), extent in 1u32..40) {
             let direction = DVec3::from_array(direction);

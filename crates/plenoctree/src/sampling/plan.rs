@@ -1,4 +1,4 @@
-//! What a GPU needs to know to sample a field.
+//! Sampling plans, for samplers on the GPU.
 
 use glam::DVec3;
 
@@ -9,19 +9,23 @@ use super::{
 };
 use crate::field::{LeafCell, PlenOctree};
 
-/// Which radiance samples [`sample`](super::sample) takes of a field, for samplers that run elsewhere, such as on a GPU.
+/// The radiance samples that [`sample`](super::sample) takes of a field, for samplers that run elsewhere, such as on
+/// the GPU.
 #[derive(Clone, Debug)]
 pub struct SamplingPlan {
-    /// The leaves that are sampled, in the order of the octree.
+    /// Leaves to sample, in the order of the octree.
     pub leaves: Vec<LeafCell>,
-    /// Unit vectors from every leaf to the observers, in the field's frame, grouped by cell of directions.
+    /// Unit vectors from every leaf to the observers, in the field's frame, grouped by direction cell.
     pub observers: Vec<Vec<DVec3>>,
-    /// An upper bound of the total weight of all samples.
+    /// Upper bound of the total weight of all samples.
     pub weight_bound: f64,
 }
 
 impl SamplingPlan {
-    /// Plans the sampling of a field. Visits every leaf, so a large field takes a moment.
+    /// Plans the sampling of a field.
+    ///
+    /// This visits every leaf, so it takes a moment for a large field. The settings must be valid: see
+    /// [`SamplingSettings::validate`].
     pub fn new(field: &PlenOctree, settings: &SamplingSettings) -> Self {
         Self {
             leaves: chosen_leaves(field, settings),

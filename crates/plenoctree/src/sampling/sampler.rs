@@ -1,4 +1,4 @@
-//! Gathering radiance samples on all cores.
+//! Samples radiance on all cores.
 
 use glam::{DVec3, IVec3};
 use rayon::prelude::*;
@@ -15,10 +15,10 @@ use super::{
 };
 use crate::field::{LeafCell, PlenOctree};
 
-/// Why a field was not sampled.
+/// An error that occurs when sampling a field.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SamplingError {
-    /// A setting is out of its range.
+    /// A setting is out of range.
     #[error(transparent)]
     Setting(#[from] InvalidSetting),
     /// [`Progress::cancel`] was called.
@@ -26,11 +26,18 @@ pub enum SamplingError {
     Canceled(#[from] Canceled),
 }
 
-/// Gathers what is visible of a field in histograms, on all cores.
+/// Samples the visible radiance of a field into histograms, on all cores.
 ///
-/// Every leaf counts, seen from its center: its density times the transmittance to the edge of the field is the weight of
-/// its radiance in that direction. The upper hemisphere is above the field's own up axis. The result has the same bits
-/// whatever the number of cores; it differs from float64 by less than 1e-6 of the total.
+/// Every leaf is seen from its center, in all directions of the settings. The weight of its radiance in a direction is
+/// its visibility: its density times the transmittance to the edge of the field. The upper hemisphere is the one above
+/// the field's own up axis.
+///
+/// The result is identical to the last bit for any number of cores. It differs from float64 by less than 1e-6 of the
+/// total weight.
+///
+/// # Errors
+///
+/// Returns an error if a setting is out of range, or if sampling is canceled.
 pub fn sample(
     field: &PlenOctree,
     settings: &SamplingSettings,
@@ -44,35 +51,35 @@ struct Sampler<'a> {
     field: &'a PlenOctree,
     settings: &'a SamplingSettings,
     blocks: Option<Blocks>,
-    /// The rays of every cell of directions.
+    /// Rays of every direction cell.
     cells: Vec<Vec<Ray>>,
-    /// The optical depth above which a leaf is hidden.
+    /// Optical depth above which a leaf is hidden.
     limit: f64,
 }
 
-/// A direction in which all leaves are looked at.
+/// A direction in which all leaves are seen.
 struct Ray {
-    /// Toward the observer, in finest cells a world unit.
+    /// Direction toward the observer, in finest cells per world unit.
     direction: DVec3,
-    /// The basis for the view from the observer.
+    /// Basis functions for the view from the observer.
     basis: [f64; 25],
     path: Path,
 }
 
 /// Leaves that are sampled together.
 enum Unit {
-    /// Leaves of finest size in the same block: the block, and each leaf with its row and lane.
+    /// Finest leaves in the same block: the block, and each leaf with its row and lane.
     Block(IVec3, Vec<(u32, usize, usize)>),
-    /// Any leaf.
+    /// A leaf of any size.
     Alone(LeafCell),
 }
 
-/// What each thread works with.
+/// The state of a thread.
 struct Worker {
     tally: Tally,
-    /// Optical depths of the rays of a cell of directions.
+    /// Optical depths of the rays of a direction cell.
     depths: Vec<Depths>,
-    /// Coefficients of the leaves at hand.
+    /// Coefficients of the leaves that are being sampled.
     coefficients: Vec<f64>,
 }
 
@@ -89,7 +96,7 @@ impl<'a> Sampler<'a> {
         };
         let cells =
             observers(field.up(), settings).into_iter().map(|cell| cell.into_iter().map(ray).collect()).collect();
-        // Where transmittance may fall to 0, this is infinite and nothing is hidden.
+        // Infinite if the threshold is 0. Then no leaf is hidden.
         let limit = -settings.stop_transmittance.ln();
         Self { field, settings, blocks, cells, limit }
     }
@@ -117,9 +124,9 @@ impl<'a> Sampler<'a> {
         if progress.is_canceled() {
             return Err(Canceled);
         }
-        // Every leaf stands for those of its stratum.
-        let share = self.field.leaves() as f64 / chosen.len().max(1) as f64;
-        Ok(tally.finish(share, (chosen.len() * self.cells.len()) as u64))
+        // Every sampled leaf stands for all leaves of its stratum.
+        let factor = self.field.leaves() as f64 / chosen.len().max(1) as f64;
+        Ok(tally.finish(factor, (chosen.len() * self.cells.len()) as u64))
     }
 
     fn units(&self, leaves: &[LeafCell]) -> Vec<Unit> {
@@ -132,7 +139,7 @@ impl<'a> Sampler<'a> {
             let side = SIDE as u32;
             let (place, inside) = ((cell.corner / side).as_ivec3(), cell.corner % side);
             let leaf = (cell.leaf, (inside.x * side + inside.y) as usize, inside.z as usize);
-            // Leaves come in the order of the octree, so that those of a block follow each other.
+            // Leaves are in the order of the octree, so those of a block are consecutive.
             match units.last_mut() {
                 Some(Unit::Block(block, leaves)) if *block == place => leaves.push(leaf),
                 _ => units.push(Unit::Block(place, vec![leaf])),
@@ -141,7 +148,7 @@ impl<'a> Sampler<'a> {
         units
     }
 
-    /// Samples leaves from all directions, and tells how many they are.
+    /// Samples leaves in all directions and returns their number.
     fn sample(&self, worker: &mut Worker, unit: &Unit) -> usize {
         let Worker { tally, depths, coefficients } = worker;
         coefficients.clear();
@@ -180,11 +187,11 @@ impl<'a> Sampler<'a> {
         coefficients.extend(stored.iter().map(|k| k.to_f64()));
     }
 
-    /// Adds the radiance sample of a leaf and a cell of directions, given the optical depth along each ray.
+    /// Adds the radiance sample of a leaf in a direction cell, given the optical depth along each ray.
     fn add(&self, tally: &mut Tally, leaf: u32, coefficients: &[f64], cell: &[Ray], depth: impl Fn(usize) -> f64) {
         let functions = self.field.basis().functions();
-        // Colors are averaged as differences from the first, so that one that is the same from everywhere stays exactly
-        // itself, also on the border of two bins.
+        // Averaging differences from the first color keeps a color that is the same in all directions exact, even on
+        // the border of two bins.
         let mut first = [0.0; 3];
         let mut color = [0.0; 3];
         let mut transmittance = 0.0;
@@ -225,7 +232,7 @@ mod tests {
         sampling::Observers,
     };
 
-    /// A sequence of numbers in [0, 1) that depends on the seed.
+    /// Returns a pseudorandom sequence of numbers in [0, 1).
     fn numbers(seed: u64) -> impl FnMut() -> f64 {
         let mut state = seed.wrapping_mul(2).wrapping_add(1);
         move || {
@@ -234,7 +241,8 @@ mod tests {
         }
     }
 
-    /// A field of at most `depth` levels, in which cells of all levels are leaves, empty or divided.
+    /// Returns a random field of at most `depth` levels, in which cells of every level may be leaves, empty or
+    /// subdivided.
     fn field(seed: u64, depth: u32, scale: [f64; 3], up: UpAxis) -> PlenOctree {
         let mut next = numbers(seed);
         let mut nodes = vec![[Cell::EMPTY; 8]];
@@ -270,10 +278,10 @@ mod tests {
         (of(a.fine(), b.fine()) + of(a.coarse(), b.coarse())) / b.total_weight()
     }
 
-    /// Leaves of all sizes, every direction, a frame that is not a cube: all as float64 has it. A sample that is next to
-    /// the border of a bin may change sides, so the trees are always the same.
+    /// Fields with leaves of all sizes, sampled in every direction, agree with float64, also if their frame is not a
+    /// cube. The seeds are fixed because rounding may move a sample next to the border of a bin into another bin.
     #[test]
-    fn histograms_are_those_of_float64() {
+    fn histograms_match_float64() {
         for (seed, scale, observers, up) in [
             (1, [0.4, 0.4, 0.4], Observers::UpperHemisphere, UpAxis::Z),
             (2, [0.4, 0.9, 0.1], Observers::Sphere, UpAxis::Z),
@@ -291,8 +299,8 @@ mod tests {
 
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(16))]
-        /// Marching rows in blocks and marching ray by ray see the same, whatever the tree. (With a single bin: nothing
-        /// hinges on borders.)
+        /// Marching blocks and marching single rays give the same visibility for any tree. (A single bin, so that
+        /// borders of bins do not matter.)
         #[test]
         fn blocks_and_single_rays_agree(
             seed: u64,
@@ -313,9 +321,9 @@ mod tests {
         }
     }
 
-    /// A leaf alone in its field hides only itself: its weight is known.
+    /// A leaf that is alone in its field is only occluded by its own cell, so its weight is known.
     #[test]
-    fn a_leaf_alone_has_its_own_half_before_it() {
+    fn a_single_leaf_is_occluded_by_half_of_its_cell() {
         let mut nodes = vec![[Cell::EMPTY; 8]; 3];
         (nodes[0][3], nodes[1][5], nodes[2][6]) = (Cell::node(1), Cell::node(2), Cell::leaf(0));
         let frame = Frame { offset: DVec3::ZERO, scale: DVec3::splat(0.5) };
@@ -324,7 +332,7 @@ mod tests {
             PlenOctree::new(frame, Basis::Rgba, Activation::Identity, UpAxis::Z, nodes, vec![3.0], coefficients)
                 .unwrap();
         let histograms = sample(&field, &settings(Observers::UpperHemisphere), &Progress::default()).unwrap();
-        // The cell is 1/8 of the cube, so 1/4 of a world unit wide.
+        // The cell is 1/8 of the cube, or 1/4 of a world unit, wide.
         let rays: Vec<DVec3> =
             observers(UpAxis::Z, &settings(Observers::UpperHemisphere)).into_iter().flatten().collect();
         let weight = |ray: &DVec3| 3.0 * (-3.0 * 0.125 / ray.abs().max_element()).exp();
@@ -345,7 +353,7 @@ mod tests {
         assert_eq!(on(1), on(5));
     }
 
-    /// A tree as deep as trees may be is not laid out as a lattice, and sampled all the same.
+    /// A tree of the maximum depth is too deep for a lattice, but is sampled all the same.
     #[test]
     fn deep_trees_are_sampled() {
         let depth = crate::field::MAX_DEPTH as usize;

@@ -4,7 +4,7 @@
 use bevy_reflect::std_traits::ReflectDefault;
 use serde::{Deserialize, Serialize};
 
-/// From where the field is looked at.
+/// The directions from which a field is seen.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[cfg_attr(
     feature = "bevy",
@@ -13,17 +13,17 @@ use serde::{Deserialize, Serialize};
     type_path = "plenoctree"
 )]
 pub enum Observers {
-    /// From above the horizon, as most fields are trained: 4n x n cells of directions.
+    /// From above the horizon, as in most training data: 4n x n direction cells. The default.
     #[default]
     UpperHemisphere,
-    /// From everywhere, for objects that are also seen from below: 4n x 2n cells of directions.
+    /// From all directions, for objects that are also seen from below: 4n x 2n direction cells.
     Sphere,
 }
 
-/// How the radiance of a field is sampled; the default is the paper's choice (section 3 of the method, steps 1 to 5).
+/// Settings of radiance sampling. The defaults are the paper's (section 3 of the method, steps 1 to 5).
 ///
-/// The density under which a cell is empty is not among them: it is a property of loading, and every leaf that a
-/// [`PlenOctree`](crate::PlenOctree) holds counts.
+/// There is no density threshold, because it is a setting of loading: every leaf of a [`PlenOctree`](crate::PlenOctree)
+/// is sampled.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 #[cfg_attr(
@@ -33,20 +33,20 @@ pub enum Observers {
     type_path = "plenoctree"
 )]
 pub struct SamplingSettings {
-    /// From where the field is looked at.
+    /// Directions from which the field is seen. [`Observers::UpperHemisphere`] by default.
     pub observers: Observers,
-    /// n: directions are on a grid of 4n x n cells. 1 to 64, 2 by default.
+    /// n: directions form a grid of 4n x n cells, or 4n x 2n for [`Observers::Sphere`]. 1 to 64, 2 by default.
     pub directions: usize,
-    /// Each cell of directions is the mean of this many squared. 1 to 16, 2 by default.
+    /// m: every direction cell is the mean of m x m rays. 1 to 16, 2 by default.
     pub multisamples: usize,
-    /// The share of the leaves that is sampled, evenly over the field: 1 for all, less for speed. Above 0 to 1, 1 by
+    /// Fraction of the leaves to sample, spread evenly over the field. Less is faster. More than 0 and at most 1, 1 by
     /// default.
     pub sample_fraction: f64,
-    /// Transmittance under which a leaf counts as hidden. 0 to below 1, 1e-2 by default.
+    /// Transmittance below which a leaf counts as hidden. At least 0 and less than 1, 1e-2 by default.
     pub stop_transmittance: f64,
-    /// Bins a channel of the histogram that is clustered. 1 to 128, 32 by default.
+    /// Bins per channel of the fine histogram, which k-means clusters. 1 to 128, 32 by default.
     pub fine_bins: usize,
-    /// Bins a channel of the histogram that gives the initial centers. 1 to 32, 8 by default.
+    /// Bins per channel of the coarse histogram, which gives the initial centers of k-means. 1 to 32, 8 by default.
     pub coarse_bins: usize,
 }
 
@@ -64,20 +64,20 @@ impl Default for SamplingSettings {
     }
 }
 
-/// A setting out of its range.
+/// An error that occurs when a setting is out of range.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("found {setting} = {found}, expected {expected}")]
 pub struct InvalidSetting {
-    /// The name of the field.
+    /// Name of the setting.
     pub setting: &'static str,
-    /// Its value.
+    /// Value of the setting.
     pub found: f64,
-    /// Its range, in words.
+    /// Valid range, in words.
     pub expected: &'static str,
 }
 
 impl InvalidSetting {
-    /// An error unless `holds`.
+    /// Returns an error unless `holds`.
     pub(crate) fn check(
         holds: bool,
         setting: &'static str,
@@ -89,7 +89,11 @@ impl InvalidSetting {
 }
 
 impl SamplingSettings {
-    /// Whether every setting is in its range.
+    /// Checks that every setting is in its range.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error that names the first setting that is out of range.
     pub fn validate(&self) -> Result<(), InvalidSetting> {
         let count = |setting, found: usize, most: usize, expected| {
             InvalidSetting::check((1..=most).contains(&found), setting, found as f64, expected)
@@ -97,14 +101,15 @@ impl SamplingSettings {
         count("directions", self.directions, 64, "1 to 64")?;
         count("multisamples", self.multisamples, 16, "1 to 16")?;
         let fraction = self.sample_fraction;
-        InvalidSetting::check(fraction > 0.0 && fraction <= 1.0, "sample_fraction", fraction, "above 0 to 1")?;
+        let holds = fraction > 0.0 && fraction <= 1.0;
+        InvalidSetting::check(holds, "sample_fraction", fraction, "more than 0 and at most 1")?;
         let stop = self.stop_transmittance;
-        InvalidSetting::check((0.0..1.0).contains(&stop), "stop_transmittance", stop, "0 to below 1")?;
+        InvalidSetting::check((0.0..1.0).contains(&stop), "stop_transmittance", stop, "at least 0 and less than 1")?;
         count("fine_bins", self.fine_bins, 128, "1 to 128")?;
         count("coarse_bins", self.coarse_bins, 32, "1 to 32")
     }
 
-    /// Cells of directions: radiance samples a leaf.
+    /// Returns the number of direction cells, which is the number of radiance samples per leaf.
     pub fn direction_cells(&self) -> usize {
         let rows = match self.observers {
             Observers::UpperHemisphere => self.directions,
@@ -119,7 +124,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_default_is_the_papers() {
+    fn defaults_are_those_of_the_paper() {
         let settings = SamplingSettings::default();
         assert_eq!(settings.validate(), Ok(()));
         assert_eq!(settings.direction_cells(), 16);
@@ -127,7 +132,7 @@ mod tests {
     }
 
     #[test]
-    fn nonsense_is_named() {
+    fn errors_name_the_invalid_setting() {
         let default = SamplingSettings::default;
         for (settings, setting) in [
             (SamplingSettings { directions: 0, ..default() }, "directions"),

@@ -384,12 +384,12 @@ fn dtypes_that_lose_meaning_are_refused() {
     };
     let data = npz::data_shape(Basis::Sh9);
     for (key, descr, shape, size, expected) in [
-        ("child", "<f4", vec![6, 2, 2, 2], 4, "a whole number"),
-        ("child", "|O", vec![6, 2, 2, 2], 8, "a whole number"),
+        ("child", "<f4", vec![6, 2, 2, 2], 4, "an integer"),
+        ("child", "|O", vec![6, 2, 2, 2], 8, "an integer"),
         ("data", "<i2", data.clone(), 2, "<f2, <f4 or <f8"),
         ("data", "<f16", data.clone(), 16, "<f2, <f4 or <f8"),
         ("data", "|O", data.clone(), 8, "<f2, <f4 or <f8"),
-        ("data_dim", "<c8", vec![], 8, "a whole number"),
+        ("data_dim", "<c8", vec![], 8, "an integer"),
         ("data_format", "|O", vec![], 40, "a short string"),
         ("data_format", "<U400", vec![], 1600, "a short string"),
         ("offset", "|b1", vec![3], 1, "<f2, <f4 or <f8"),
@@ -427,15 +427,15 @@ fn values_out_of_range_are_refused() {
         ([f64::INFINITY, 0.5, 0.5], "[inf, 0.5, 0.5]"),
     ] {
         let file = example(Basis::Sh9).with("invradius3", npy(c("<f4"), &[3], &scale));
-        assert_refused(&file, value, &format!("invradius3: found {found}, expected finite numbers over 0"));
+        assert_refused(&file, value, &format!("invradius3: found {found}, expected finite positive numbers"));
     }
     let file = example(Basis::Sh9).with("offset", npy(c("<f4"), &[3], &[0.5, f64::NAN, 0.5]));
     assert_refused(&file, value, "offset: found [0.5, NaN, 0.5], expected finite numbers");
     // What single precision does not hold could be neither written nor drawn.
     for (key, numbers, found) in [
-        ("invradius3", [0.5, 1e39, 0.5], "[0.5, 1e39, 0.5], expected the scale of a cube that is finite in float32"),
-        ("invradius3", [0.5, 1e-39, 0.5], "[0.5, 1e-39, 0.5], expected the scale of a cube that is finite in float32"),
-        ("offset", [0.5, 0.5, -1e39], "[0.5, 0.5, -1e39], expected numbers that are finite in float32"),
+        ("invradius3", [0.5, 1e39, 0.5], "[0.5, 1e39, 0.5], expected a scale and a cube within the range of float32"),
+        ("invradius3", [0.5, 1e-39, 0.5], "[0.5, 1e-39, 0.5], expected a scale and a cube within the range of float32"),
+        ("offset", [0.5, 0.5, -1e39], "[0.5, 0.5, -1e39], expected numbers within the range of float32"),
     ] {
         let file = example(Basis::Sh9).with(key, npy(c("<f8"), &[3], &numbers));
         assert_refused(&file, value, &format!("{key}: found {found}"));
@@ -461,13 +461,13 @@ fn numbers_that_are_none_are_refused_in_leaves_that_count() {
     let leaf = 8 + 1; // node 1, cell 1
     assert!(npz::child()[leaf] == 0.0 && npz::sigma()[leaf] > 0.01);
     for (place, descr, number, found, expected) in [
-        (27, "<f2", f64::NAN, "NaN", "a density that is finite in float32"),
-        (27, "<f4", f64::NEG_INFINITY, "-inf", "a density that is finite in float32"),
-        (27, "<f8", 1e39, "1000000000000000000000000000000000000000", "a density that is finite in float32"),
-        (26, "<f2", f64::NAN, "NaN", "a finite coefficient of at most +-65504"),
-        (0, "<f2", f64::INFINITY, "inf", "a finite coefficient of at most +-65504"),
-        (13, "<f4", 65505.0, "65505", "a finite coefficient of at most +-65504"),
-        (13, "<f8", -1e5, "-100000", "a finite coefficient of at most +-65504"),
+        (27, "<f2", f64::NAN, "NaN", "a density within the range of float32"),
+        (27, "<f4", f64::NEG_INFINITY, "-inf", "a density within the range of float32"),
+        (27, "<f8", 1e39, "1000000000000000000000000000000000000000", "a density within the range of float32"),
+        (26, "<f2", f64::NAN, "NaN", "a coefficient from -65504 to 65504"),
+        (0, "<f2", f64::INFINITY, "inf", "a coefficient from -65504 to 65504"),
+        (13, "<f4", 65505.0, "65505", "a coefficient from -65504 to 65504"),
+        (13, "<f8", -1e5, "-100000", "a coefficient from -65504 to 65504"),
     ] {
         let mut data = npz::data(Basis::Sh9);
         data[leaf * width + place] = number;
@@ -488,14 +488,14 @@ fn numbers_that_are_none_are_refused_in_leaves_that_count() {
     let mut map = vec![0.0; 9 * CELLS];
     map[2 * CELLS + leaf] = 48.0;
     let file = || quantized(Basis::Sh9, 0, CELLS, c("<f2"), c("<u2"));
-    let message = "quant_map: found 48 at node 1, cell 1, expected a row of the 48 of quant_colors";
+    let message = "quant_map: found 48 at node 1, cell 1, expected a row of quant_colors, 0 to 47";
     let map_shape = [9, NODES, 2, 2, 2];
     let flat = npy(c("<f2"), &[9, 48, 3], &vec![1.0; 9 * 48 * 3]);
     let bad = file().with("quant_colors", flat).with("quant_map", npy(c("<u2"), &map_shape, &map));
     assert_refused(&bad, value, message);
     let colors = npy(c("<f4"), &[9, 1, 3], &[1e6; 27]);
     let bad = file().with("quant_colors", colors).with("quant_map", npy(c("<u2"), &map_shape, &[0.0; 9 * CELLS]));
-    let message = "quant_colors: found NaN in row 0 of function 0, expected a finite coefficient of at most +-65504";
+    let message = "quant_colors: found NaN in row 0 of function 0, expected a coefficient from -65504 to 65504";
     assert_refused(&bad, value, message);
 }
 
@@ -504,7 +504,7 @@ fn headers_that_lie_are_refused() {
     let with = |key: &str, npy| example(Basis::Sh9).with(key, npy);
     let member = |fault: &ReadFault| matches!(fault, ReadFault::Member { .. });
     let broken = |version, header: &str| with("child", npz::npy_with_header(version, header, &[0; 64]));
-    let unparsed = "child: found an npy header that does not parse, expected a whole npy array";
+    let unparsed = "child: found a malformed npy header, expected a complete npy array";
     for header in [
         "",
         "{}",
@@ -520,20 +520,19 @@ fn headers_that_lie_are_refused() {
     ] {
         assert_refused(&broken(1, header), member, unparsed);
     }
-    assert_refused(&broken(9, "{}"), member, "child: found npy version 9, expected a whole npy array");
-    assert_refused(&with("child", vec![]), member, "child: found its end too early, expected a whole npy array");
-    assert_refused(&with("child", vec![7; 99]), member, "child: found no npy header, expected a whole npy array");
+    assert_refused(&broken(9, "{}"), member, "child: found npy version 9, expected a complete npy array");
+    assert_refused(&with("child", vec![]), member, "child: found an unexpected end, expected a complete npy array");
+    assert_refused(&with("child", vec![7; 99]), member, "child: found no npy header, expected a complete npy array");
     let mut absurd = npz::npy_with_header(2, "{}", &[]);
     absurd[8..12].fill(0xff);
-    let message = "child: found an npy header of 4294967295 bytes, expected a whole npy array";
+    let message = "child: found an npy header of 4294967295 bytes, expected a complete npy array";
     assert_refused(&with("child", absurd), member, message);
 
     let shape = |fault: &ReadFault| matches!(fault, ReadFault::Shape { .. });
     for nodes in [7usize, 1 << 27, 1 << 61] {
         let npy = npz::npy_with_header(1, &npz::header(c("<i4"), &[nodes, 2, 2, 2]), &[0; 6 * 32]);
         let size = npy.len();
-        let message =
-            format!("child: found shape [{nodes}, 2, 2, 2], expected no more than the {size} bytes that are there");
+        let message = format!("child: found shape [{nodes}, 2, 2, 2], expected a shape that fits in {size} bytes");
         assert_refused(&with("child", npy), shape, &message);
     }
 }
@@ -551,27 +550,27 @@ fn assert_changed_refused(what: &str, change: impl Fn(&mut Vec<u8>), message: &s
 fn archives_that_are_none_are_refused() {
     assert_changed_refused("nothing", Vec::clear, "found an empty file, expected an npz archive");
     let text = |bytes: &mut Vec<u8>| *bytes = b"{\"not\": \"a zip\"}".repeat(9000);
-    assert_changed_refused("text", text, "found no zip directory at its end, expected an npz archive");
-    assert_changed_refused("half", |bytes| bytes.truncate(bytes.len() / 2), "found no zip directory at its end");
+    assert_changed_refused("text", text, "found no zip directory at the end, expected an npz archive");
+    assert_changed_refused("half", |bytes| bytes.truncate(bytes.len() / 2), "found no zip directory at the end");
     assert_changed_refused(
         "a byte short",
         |bytes| bytes.truncate(bytes.len() - 1),
-        "found no zip directory at its end",
+        "found no zip directory at the end",
     );
     let comment = |bytes: &mut Vec<u8>| *bytes.last_mut().unwrap() = 1;
-    assert_changed_refused("a comment that is not there", comment, "a zip directory that is cut short");
+    assert_changed_refused("a comment that is not there", comment, "a truncated zip directory");
     let many = |bytes: &mut Vec<u8>| {
         let end = bytes.len() - 22;
         bytes[end + 8..end + 12].fill(0xff);
     };
-    assert_changed_refused("many members", many, "found a zip directory of 65535 members");
+    assert_changed_refused("many members", many, "found a zip directory with 65535 members");
     // A zip64 directory that claims to be where the file has other things.
     let zip64 = |bytes: &mut Vec<u8>| {
         let end = bytes.split_off(bytes.len() - 22);
         bytes.extend(b"PK\x06\x07\0\0\0\0\x01\0\0\0\0\0\0\0\x01\0\0\0");
         bytes.extend(end);
     };
-    assert_changed_refused("zip64", zip64, "found a zip64 directory that is not where it should be");
+    assert_changed_refused("zip64", zip64, "found a misplaced zip64 directory");
     let zip64 = |bytes: &mut Vec<u8>| {
         let end = bytes.split_off(bytes.len() - 22);
         let place = (bytes.len() as u64).to_le_bytes();
@@ -583,7 +582,7 @@ fn archives_that_are_none_are_refused() {
         bytes.extend([1, 0, 0, 0]);
         bytes.extend(end);
     };
-    assert_changed_refused("zip64 members", zip64, "found a zip directory of 18446744073709551615 members");
+    assert_changed_refused("zip64 members", zip64, "found a zip directory with 18446744073709551615 members");
 }
 
 #[test]
@@ -592,10 +591,10 @@ fn members_that_promise_too_much_are_refused() {
         let place = npz::directory_entry(bytes, key) + at;
         bytes[place..place + value.len()].copy_from_slice(value);
     };
-    let expected = "expected an array that is not packed beyond what fields are";
+    let expected = "expected a plausible compression ratio";
     for key in ["child", "data", "offset", "data_format"] {
         let huge = |bytes: &mut Vec<u8>| entry(bytes, key, 24, &0xfff0_0000u32.to_le_bytes());
-        assert_changed_refused("a huge array", huge, &format!("{key}: found 4293918720 bytes packed in "));
+        assert_changed_refused("a huge array", huge, &format!("{key}: found 4293918720 bytes compressed to "));
         assert_changed_refused("a huge array", huge, expected);
         let both = |bytes: &mut Vec<u8>| entry(bytes, key, 20, &[0xff, 0xff, 0xff, 0x7f, 0xff, 0xff, 0xff, 0x7f]);
         assert_changed_refused("more than the file", both, &format!("{key}: found 2147483647 bytes in a file of "));
@@ -615,9 +614,13 @@ fn members_that_promise_too_much_are_refused() {
         assert_changed_refused("another compression", packed, "expected a stored or deflated array");
     }
     let moved = |bytes: &mut Vec<u8>| entry(bytes, "child", 42, &[0xf0, 0xff, 0xff, 0xff]);
-    assert_changed_refused("a member outside the file", moved, "child: found its end too early");
+    assert_changed_refused("a member outside the file", moved, "child: found an unexpected end");
     let checksum = |bytes: &mut Vec<u8>| entry(bytes, "child", 16, &[1, 2, 3, 4]);
-    assert_changed_refused("another checksum", checksum, "child: found Invalid checksum, expected a whole npy array");
+    assert_changed_refused(
+        "another checksum",
+        checksum,
+        "child: found Invalid checksum, expected a complete npy array",
+    );
 }
 
 /// Adds the child offsets of a tree in which all cells are divided, `levels` deep, in depth-first order.

@@ -4,15 +4,15 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-/// Bakes the repository's own props into .npz files.
+/// Bakes the included props to .npz files.
 #[derive(Args)]
 pub struct Arguments {
-    /// Folder for the files.
+    /// The folder for the files.
     #[arg(long, default_value = "assets")]
     pub out: PathBuf,
-    /// Levels of the fields; each prop's own by default.
+    /// The number of levels of cells; by default, each prop has its own.
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=10))]
     pub depth: Option<u32>,
-    /// Props to bake; all by default.
+    /// The props to bake; by default all of them.
     pub names: Vec<String>,
 }

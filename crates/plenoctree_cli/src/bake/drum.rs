@@ -9,7 +9,7 @@ use super::{noise::noise, prop::Prop, sdf::*, shade::Material};
 /// The drum.
 pub struct Drum;
 
-/// What differs in material.
+/// The parts of the drum, by material.
 #[derive(Clone, Copy, Debug)]
 pub enum Part {
     Shell,
@@ -23,15 +23,15 @@ pub enum Part {
     Tassel,
 }
 
-/// The drum's center, its radius and half its height.
+/// The center of the drum, its radius and half its height.
 const CENTER: DVec3 = DVec3::new(0.0, 0.0, 0.13);
 const RADIUS: f64 = 0.60;
 const HALF: f64 = 0.31;
 const LUGS: usize = 8;
-/// Where the rug's top is.
+/// The height of the top of the rug.
 const FLOOR: f64 = -0.86;
 
-/// The drum stands tilted toward whoever plays it.
+/// Transforms a point to the space of the drum, which is tilted toward its player.
 fn to_drum(p: DVec3) -> DVec3 {
     turn_x(p - CENTER, -0.17)
 }
@@ -67,7 +67,7 @@ impl Drum {
         for z in [HALF + 0.05, -HALF - 0.05] {
             nearest.add(cylinder(l - DVec3::new(0.018, 0.0, z), 0.026, 0.022, 0.006), Part::Chrome);
         }
-        // The maker's badge, in front.
+        // The maker's badge, on the front.
         let badge = turn_x(q - DVec3::new(0.0, -RADIUS - 0.018, 0.0), PI / 2.0);
         let (point, _) = fold(turn_z(badge, -PI / 2.0), 5);
         let star = 0.85 * ((point.x - 0.105) * 0.32 + point.y.abs() * 0.95);
@@ -105,7 +105,7 @@ impl Drum {
                 rod(turned, foot - DVec3::new(0.03, 0.0, -0.03), foot + DVec3::X * 0.03, 0.048, 0.048),
                 Part::Rubber,
             );
-            // An arm of the basket that holds the drum, in the drum's tilt.
+            // An arm of the basket that holds the drum, tilted like the drum.
             let arm = turn_z(to_drum(p), -PI / 2.0 - 2.0 * PI / 3.0 * f64::from(leg));
             let elbow = DVec3::new(RADIUS + 0.085, 0.0, -HALF - 0.075);
             nearest.add(rod(arm, DVec3::new(0.0, 0.0, -HALF - 0.22), elbow, 0.028, 0.024), Part::Chrome);

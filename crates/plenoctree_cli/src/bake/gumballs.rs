@@ -1,4 +1,4 @@
-//! A gumball machine: glass to look through, and every color behind it.
+//! A gumball machine: clear glass with balls of every color behind it.
 
 use std::f64::consts::PI;
 
@@ -16,7 +16,7 @@ pub struct Gumballs {
     balls: Vec<DVec3>,
 }
 
-/// What differs in material.
+/// The parts of the machine, by material.
 #[derive(Clone, Copy, Debug)]
 pub enum Part {
     Body,
@@ -27,11 +27,11 @@ pub enum Part {
     Ball(usize),
 }
 
-/// The globe's center and its radius.
+/// The center and the radius of the globe.
 const GLOBE: DVec3 = DVec3::new(0.0, 0.0, 0.26);
 const RADIUS: f64 = 0.56;
 const BALL: f64 = 0.108;
-/// How high the balls lie.
+/// The height up to which the balls lie.
 const FILL: f64 = 0.46;
 const COLORS: [[f64; 3]; 6] = [
     [0.93, 0.10, 0.14],
@@ -43,9 +43,9 @@ const COLORS: [[f64; 3]; 6] = [
 ];
 
 impl Gumballs {
-    /// Fills the globe.
+    /// Creates the machine and fills the globe.
     pub fn new() -> Self {
-        // Along the glass, then on top, each as near to the last ones as balls may lie.
+        // Balls lie along the glass, then on top, as close to each other as they can.
         let ring = RADIUS - BALL - 0.035;
         let shell = (0..900).map(|index| {
             let z = -0.95 + 1.95 * index as f64 / 900.0;
@@ -58,7 +58,7 @@ impl Gumballs {
             let lift = 0.07 * random(index, 1) + 0.06 * (1.0 - r / 0.36);
             DVec3::new(r * angle.cos(), r * angle.sin(), FILL - 0.04 + lift)
         });
-        // Those behind show between those in front.
+        // Balls farther inside show between those in front.
         let behind = shell.clone().map(|ball| GLOBE + 0.68 * (ball - GLOBE));
         let mut balls: Vec<DVec3> = Vec::new();
         for ball in shell.filter(|ball| ball.z < FILL).chain(heap).chain(behind.filter(|ball| ball.z < FILL - 0.06)) {
@@ -75,7 +75,7 @@ impl Gumballs {
         for (index, ball) in self.balls.iter().enumerate() {
             nearest.add(sphere(p - *ball, BALL), Part::Ball(index % COLORS.len()));
         }
-        // More lie inside, where nobody sees them.
+        // One large ball stands in for those inside, which nobody sees.
         nearest.add(sphere(g, RADIUS - 0.30).max(p.z - FILL + 0.12), Part::Dark);
         let lid = g - DVec3::Z * (RADIUS - 0.07);
         nearest.add(cylinder(lid, 0.285, 0.038, 0.025), Part::Trim);
@@ -94,7 +94,7 @@ impl Gumballs {
         let foot = rectangle(DVec2::new(r, p.z + 0.86), DVec2::new(0.66, 0.05), 0.045);
         nearest.add(foot, Part::Body);
 
-        // The front plate with the crank and the coin's slot, and the chute below.
+        // The front plate with the crank and the coin slot, and the chute below.
         let tilt = turn_x(p - DVec3::new(0.0, -0.425, -0.42), -0.20);
         nearest.add(
             extrude(rectangle(tilt.with_y(tilt.z).truncate(), DVec2::new(0.185, 0.135), 0.05), tilt.y, 0.035, 0.015),

@@ -1,4 +1,4 @@
-//! `bake`: the repository's own props, procedural scenes that are made into fields like trained ones.
+//! `bake`: bakes the included props, procedural scenes that become fields like trained ones.
 
 mod arguments;
 mod drum;
@@ -21,10 +21,10 @@ use plenoctree::{BakeError, PlenOctree};
 use self::{drum::Drum, gumballs::Gumballs, prop::bake_prop, robot::Robot, toadstool::Toadstool};
 use crate::{Result, files, progress};
 
-/// Bakes at a depth, or at the prop's own, and shows how far it is.
+/// Bakes a prop at the given depth, or at its own, and shows the progress.
 type Bake = fn(Option<u32>, &ProgressBar) -> Result<PlenOctree, BakeError>;
 
-/// Every prop by its name.
+/// All props by name.
 const PROPS: [(&str, Bake); 4] = [
     ("toadstool", |depth, bar| bake_prop(&Toadstool::new(), depth, bar)),
     ("drum", |depth, bar| bake_prop(&Drum, depth, bar)),
@@ -32,14 +32,15 @@ const PROPS: [(&str, Bake); 4] = [
     ("robot", |depth, bar| bake_prop(&Robot, depth, bar)),
 ];
 
-/// Bakes the props that are named, or all.
+/// Bakes the named props, or all of them.
 pub fn run(arguments: &Arguments) -> Result {
     if let Some(name) = arguments.names.iter().find(|name| PROPS.iter().all(|(known, _)| known != name)) {
-        return Err(format!("no prop is called {name}; there are {}", PROPS.map(|(name, _)| name).join(", ")).into());
+        let known = PROPS.map(|(name, _)| name).join(", ");
+        return Err(format!("no prop is named {name}, expected one of {known}").into());
     }
     files::create_folder(&arguments.out)?;
     for (name, bake) in PROPS {
-        if !arguments.names.is_empty() && arguments.names.iter().all(|wanted| wanted != name) {
+        if !arguments.names.is_empty() && arguments.names.iter().all(|requested| requested != name) {
             continue;
         }
         let start = Instant::now();

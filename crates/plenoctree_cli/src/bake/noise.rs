@@ -2,7 +2,7 @@
 
 use glam::{DVec3, I64Vec3};
 
-/// A number in [0, 1) that depends on every bit of the place and the seed.
+/// Returns a number in [0, 1) that depends on every bit of the place and the seed.
 pub fn hash(place: I64Vec3, seed: u64) -> f64 {
     let mut bits = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15);
     for value in place.to_array() {
@@ -13,12 +13,12 @@ pub fn hash(place: I64Vec3, seed: u64) -> f64 {
     (bits >> 11) as f64 / (1u64 << 53) as f64
 }
 
-/// The `index`th number in [0, 1) of the sequence `seed`.
+/// Returns the `index`th number in [0, 1) of the sequence `seed`.
 pub fn random(index: usize, seed: u64) -> f64 {
     hash(I64Vec3::new(index as i64, 0, 0), seed)
 }
 
-/// Smooth noise in [-1, 1] whose features are about one unit wide.
+/// Returns smooth noise in [-1, 1] whose features are about one unit wide.
 pub fn noise(position: DVec3, seed: u64) -> f64 {
     let corner = position.floor();
     let blend = (position - corner) * (position - corner) * (3.0 - 2.0 * (position - corner));
@@ -32,7 +32,7 @@ pub fn noise(position: DVec3, seed: u64) -> f64 {
     2.0 * sum - 1.0
 }
 
-/// A loud color: full saturation, any hue.
+/// Returns a loud color: full saturation, any hue.
 pub fn loud(place: I64Vec3, seed: u64) -> DVec3 {
     let hue = 6.0 * hash(place, seed);
     let channel = |shift: f64| (((hue + shift).rem_euclid(6.0) - 3.0).abs() - 1.0).clamp(0.0, 1.0);

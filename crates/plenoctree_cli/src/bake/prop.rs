@@ -1,4 +1,4 @@
-//! From a prop's distances and materials to a field that looks trained.
+//! Bakes the distances and materials of a prop to a field that looks trained.
 
 use glam::{DVec3, I64Vec3};
 use indicatif::ProgressBar;
@@ -12,43 +12,43 @@ use super::{
     visits::Visits,
 };
 
-/// A solid to bake. It stands on about z = -0.9; its front looks along -y, its top along +z.
+/// A solid to bake. It stands at about z = -0.9; its front faces -y, and its top faces +z.
 pub trait Prop: Sync {
-    /// The parts that differ in material.
+    /// The parts, by material.
     type Part: Copy + Send;
 
-    /// Levels of the baked field.
+    /// The number of levels of the baked field.
     const DEPTH: u32;
 
     /// Half the width of the baked box around the origin.
     const HALF: f64;
 
-    /// The part nearest to `position` and its signed distance.
+    /// Returns the part nearest to `position` and its signed distance.
     fn nearest(&self, position: DVec3) -> Nearest<Self::Part>;
 
-    /// What `part` is made of at `position`.
+    /// Returns the material of `part` at `position`.
     fn material(&self, part: Self::Part, position: DVec3) -> Material;
 
-    /// The prop's glass as seen from `position`, if it has any.
+    /// Returns the prop's glass as seen from `position`, if it has any.
     fn glass(&self, _position: DVec3) -> Option<Glass> {
         None
     }
 }
 
-/// What is seen through.
+/// A transparent part of a prop.
 pub struct Glass {
-    /// Signed distance to it.
+    /// The signed distance to the glass.
     pub distance: f64,
-    /// Per world unit.
+    /// The density, per world unit.
     pub density: f64,
-    /// Its outward direction, a unit vector.
+    /// The outward normal, a unit vector.
     pub normal: DVec3,
-    /// What it is made of.
+    /// The material of the glass.
     pub material: Material,
 }
 
-/// Bakes a prop as training leaves one: a soft shell that shows what the cameras saw, loud colors under it that none
-/// saw, and faint flecks in the air. `bar` shows how far it is.
+/// Bakes a prop to a field like those from training: a soft shell in the colors that cameras saw, loud colors below it
+/// that no camera saw, and faint floaters in the air. `bar` shows the progress.
 pub fn bake_prop<T: Prop>(prop: &T, depth: Option<u32>, bar: &ProgressBar) -> Result<PlenOctree, BakeError> {
     let settings = BakeSettings {
         depth: depth.unwrap_or(T::DEPTH),
@@ -62,20 +62,20 @@ pub fn bake_prop<T: Prop>(prop: &T, depth: Option<u32>, bar: &ProgressBar) -> Re
         &settings,
         |position| scene.density(position),
         |position| {
-            let look = scene.look(position);
-            move |direction| look.radiance(direction)
+            let appearance = scene.appearance(position);
+            move |direction| appearance.radiance(direction)
         },
     )
 }
 
-/// What a cell shows.
-enum Look {
+/// The appearance of a cell.
+enum Appearance {
     Surface(Lit),
-    /// What no camera saw: a color, and how it changes with the direction.
+    /// A cell that no camera saw: a color, and its change with the direction.
     Unseen(DVec3, DVec3),
 }
 
-impl Look {
+impl Appearance {
     fn radiance(&self, direction: DVec3) -> DVec3 {
         match self {
             Self::Surface(lit) => lit.radiance(direction),
@@ -88,16 +88,16 @@ impl Look {
 
 struct Scene<'a, T> {
     prop: &'a T,
-    /// Width of a finest cell.
+    /// The width of a finest cell.
     cell: f64,
-    /// Which blocks of the box hold anything: most do not, and need no distances.
+    /// Which blocks of the box are not empty. Most are empty and need no distances.
     blocks: Vec<bool>,
-    /// Which of those baking has come to.
+    /// The blocks that baking has visited so far.
     visits: Visits<'a>,
     floaters: Vec<Floater>,
 }
 
-/// A fleck in the air: a ball of thin fog.
+/// A ball of thin fog in the air.
 struct Floater {
     center: DVec3,
     radius: f64,
@@ -106,10 +106,11 @@ struct Floater {
 
 /// Blocks along an axis.
 const BLOCKS: i64 = 64;
-/// Where the shell ends and the unseen begins, and where that ends, in cells under the surface.
+/// The signed distance at which the shell ends and the unseen cells begin, in cells.
 const SHELL: f64 = -1.4;
+/// The signed distance at which the unseen cells end, in cells.
 const UNSEEN: f64 = -2.4;
-/// Half of the shell's ramp, in cells.
+/// Half the width of the shell's ramp, in cells.
 const RAMP: f64 = 0.75;
 
 impl<'a, T: Prop> Scene<'a, T> {
@@ -126,7 +127,7 @@ impl<'a, T: Prop> Scene<'a, T> {
             .collect();
         let mut scene = Self { prop, cell, blocks: Vec::new(), visits: Visits::new(&[], bar), floaters };
         let width = 2.0 * T::HALF / BLOCKS as f64;
-        // Distances may be a little longer than they should be where solids are bent.
+        // Distances can be slightly too long where solids are bent.
         let reach = 1.3 * 0.87 * width + (1.0 - UNSEEN) * cell;
         scene.blocks = (0..BLOCKS.pow(3))
             .into_par_iter()
@@ -143,17 +144,17 @@ impl<'a, T: Prop> Scene<'a, T> {
         scene
     }
 
-    /// The floater at a point.
+    /// Returns the floater at a point, if there is one.
     fn floater(&self, position: DVec3) -> Option<(usize, &Floater)> {
         self.floaters.iter().enumerate().find(|(_, floater)| floater.center.distance(position) < floater.radius)
     }
 
-    /// The glass at a point.
+    /// Returns the glass at a point, if there is any.
     fn pane(&self, position: DVec3) -> Option<Glass> {
         self.prop.glass(position).filter(|glass| glass.distance < 0.0)
     }
 
-    /// The cells of one of the finest nodes are unseen together.
+    /// Returns the finest node at a point. Its unseen cells have the same density and color.
     fn node(&self, position: DVec3) -> I64Vec3 {
         ((position + T::HALF) / (2.0 * self.cell)).floor().as_i64vec3()
     }
@@ -180,7 +181,7 @@ impl<'a, T: Prop> Scene<'a, T> {
         }
     }
 
-    fn look(&self, position: DVec3) -> Look {
+    fn appearance(&self, position: DVec3) -> Appearance {
         let nearest = self.prop.nearest(position);
         let depth = nearest.distance / self.cell;
         if depth < SHELL {
@@ -189,20 +190,20 @@ impl<'a, T: Prop> Scene<'a, T> {
         let distance = |position| self.prop.nearest(position).distance;
         if depth > 1.5 * RAMP {
             if let Some(glass) = self.pane(position) {
-                return Look::Surface(Lit::new(glass.material, position, glass.normal, distance));
+                return Appearance::Surface(Lit::new(glass.material, position, glass.normal, distance));
             }
             if let Some((index, _)) = self.floater(position) {
                 return unseen(I64Vec3::new(index as i64, 0, 0));
             }
         }
-        // The whole shell shows the surface. Four points around its place in the cell soften the borders of colors.
+        // The whole shell has the colors of the surface. The mean of four points softens the edges between colors.
         let at = position - nearest.distance * self.normal(position);
         let corners = [(1.0, 1.0, 1.0), (1.0, -1.0, -1.0), (-1.0, 1.0, -1.0), (-1.0, -1.0, 1.0)];
         let material = Material::mean(corners.map(|(x, y, z)| {
             let at = at + 0.3 * self.cell * DVec3::new(x, y, z);
             self.prop.material(self.prop.nearest(at).part, at)
         }));
-        Look::Surface(Lit::new(material, at, self.normal(at), distance))
+        Appearance::Surface(Lit::new(material, at, self.normal(at), distance))
     }
 
     fn normal(&self, position: DVec3) -> DVec3 {
@@ -214,7 +215,7 @@ impl<'a, T: Prop> Scene<'a, T> {
     }
 }
 
-fn unseen(place: I64Vec3) -> Look {
+fn unseen(place: I64Vec3) -> Appearance {
     let change = [12, 13, 14].map(|seed| hash(place, seed) - 0.5);
-    Look::Unseen(loud(place, 11), DVec3::from_array(change))
+    Appearance::Unseen(loud(place, 11), DVec3::from_array(change))
 }

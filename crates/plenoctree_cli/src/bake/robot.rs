@@ -9,7 +9,7 @@ use super::{prop::Prop, sdf::*, shade::Material};
 /// The robot.
 pub struct Robot;
 
-/// What differs in material.
+/// The parts of the robot, by material.
 #[derive(Clone, Copy, Debug)]
 pub enum Part {
     Body,
@@ -25,7 +25,7 @@ pub enum Part {
     Lamp,
 }
 
-/// The floor under the feet.
+/// The height of the floor under the feet.
 const FLOOR: f64 = -0.90;
 
 impl Robot {
@@ -116,7 +116,7 @@ impl Robot {
             let x = -0.20 + 0.10 * f64::from(index);
             nearest.add(sphere(f - DVec3::new(x, -0.045, -0.125), 0.028), Part::Knob((index % 3) as u8));
         }
-        // The key that winds it up, behind.
+        // The wind-up key, on the back.
         let key = p - DVec3::new(0.0, 0.43, 0.0);
         nearest.add(rod(p, DVec3::new(0.0, 0.25, 0.0), DVec3::new(0.0, 0.45, 0.0), 0.032, 0.032), Part::Steel);
         let loops = turn_x(key.with_x(key.x.abs()) - DVec3::new(0.10, 0.02, 0.0), PI / 2.0);
@@ -139,7 +139,7 @@ impl Robot {
         let wrist = a - DVec3::new(0.03, 0.0, -0.37);
         nearest.add(cylinder(wrist, 0.105, 0.065, 0.025), Part::Body);
         nearest.add(cylinder(wrist + DVec3::Z * 0.065, 0.085, 0.02, 0.01), Part::Steel);
-        // A claw, open below.
+        // A claw, open at the bottom.
         let claw = turn_x(wrist + DVec3::Z * 0.16, PI / 2.0);
         let gap = DVec2::new(claw.x.abs() - 0.062, claw.y - 0.05);
         let ring = torus(claw, 0.088, 0.036);

@@ -1,4 +1,4 @@
-//! Signed distances: primitives around the origin, and what puts them together. Negative is inside.
+//! Signed distance functions: primitives around the origin, and operators that combine them. Negative is inside.
 
 use std::f64::consts::{PI, TAU};
 
@@ -7,9 +7,9 @@ use glam::{DVec2, DVec3};
 /// The nearest part of a prop and the distance to it.
 #[derive(Clone, Copy, Debug)]
 pub struct Nearest<P> {
-    /// Signed distance, world units.
+    /// The signed distance, in world units.
     pub distance: f64,
-    /// Which part is nearest.
+    /// The nearest part.
     pub part: P,
 }
 
@@ -26,8 +26,8 @@ impl<P> Nearest<P> {
         }
     }
 
-    /// Adds a group of parts, of which none reaches out of the ball at `center` with `radius`; not even looked at where
-    /// the ball is farther away than what is there.
+    /// Adds a group of parts that are all inside the ball at `center` with `radius`. The group is skipped if the ball
+    /// is farther away than the nearest part so far.
     pub fn add_group(&mut self, position: DVec3, center: DVec3, radius: f64, add: impl FnOnce(&mut Self)) {
         if position.distance(center) - radius < self.distance.max(0.0) {
             add(self);
@@ -64,74 +64,74 @@ pub fn rectangle(p: DVec2, half: DVec2, round: f64) -> f64 {
     q.max(DVec2::ZERO).length() + q.max_element().min(0.0) - round
 }
 
-/// A ring around z; `tube` is the radius of what is bent to the ring.
+/// A ring around z; `tube` is the radius of its tube.
 pub fn torus(p: DVec3, radius: f64, tube: f64) -> f64 {
     DVec2::new(p.truncate().length() - radius, p.z).length() - tube
 }
 
-/// A rod from `a` to `b` with round ends, its radius changing evenly.
+/// A rod from `a` to `b` with round ends, whose radius changes linearly.
 pub fn rod(p: DVec3, a: DVec3, b: DVec3, radius_a: f64, radius_b: f64) -> f64 {
     let along = b - a;
     let t = ((p - a).dot(along) / along.length_squared()).clamp(0.0, 1.0);
     p.distance(a + t * along) - (radius_a + t * (radius_b - radius_a))
 }
 
-/// A door's or window's outline in the plane: straight sides from 0 up to `height`, a half circle on top.
+/// The outline of a door or window in the plane: straight sides from 0 up to `height`, and a half circle on top.
 pub fn arch(p: DVec2, half_width: f64, height: f64) -> f64 {
     if p.y > height { (p - DVec2::new(0.0, height)).length() - half_width } else { (p.x.abs() - half_width).max(-p.y) }
 }
 
-/// A flat outline made a solid: `outline` is the distance in its plane, `depth` the distance from that plane.
+/// An extruded outline: `outline` is the distance in its plane, `depth` the distance from that plane.
 pub fn extrude(outline: f64, depth: f64, half: f64, round: f64) -> f64 {
     let q = DVec2::new(outline + round, depth.abs() - half + round);
     q.max(DVec2::ZERO).length() + q.max_element().min(0.0) - round
 }
 
-/// The union with a fillet about `width` wide.
+/// A union with a fillet about `width` wide.
 pub fn blend(a: f64, b: f64, width: f64) -> f64 {
     let h = (width - (a - b).abs()).max(0.0) / width;
     a.min(b) - 0.25 * h * h * width
 }
 
-/// The intersection with an edge that is rounded about `width` wide.
+/// An intersection with a rounded edge about `width` wide.
 pub fn blend_cut(a: f64, b: f64, width: f64) -> f64 {
     -blend(-a, -b, width)
 }
 
-/// The point turned by `angle` about z.
+/// Rotates a point by `angle` about z.
 pub fn turn_z(p: DVec3, angle: f64) -> DVec3 {
     let (sin, cos) = angle.sin_cos();
     DVec3::new(cos * p.x - sin * p.y, sin * p.x + cos * p.y, p.z)
 }
 
-/// The point turned by `angle` about x.
+/// Rotates a point by `angle` about x.
 pub fn turn_x(p: DVec3, angle: f64) -> DVec3 {
     let (sin, cos) = angle.sin_cos();
     DVec3::new(p.x, cos * p.y - sin * p.z, sin * p.y + cos * p.z)
 }
 
-/// The point turned by `angle` about y.
+/// Rotates a point by `angle` about y.
 pub fn turn_y(p: DVec3, angle: f64) -> DVec3 {
     let (sin, cos) = angle.sin_cos();
     DVec3::new(cos * p.x + sin * p.z, p.y, cos * p.z - sin * p.x)
 }
 
-/// Folds space around z so that one of `count` equal sectors, the one around +x, stands for all. Gives the folded
-/// point and the sector's number.
+/// Folds space around z, so that one of `count` equal sectors, the one around +x, represents all. Returns the folded
+/// point and the sector's index.
 pub fn fold(p: DVec3, count: usize) -> (DVec3, usize) {
     let sector = TAU / count as f64;
     let index = (p.y.atan2(p.x) / sector).round();
     (turn_z(p, -index * sector), (index.rem_euclid(count as f64)) as usize % count)
 }
 
-/// 0 below `low`, 1 above `high`, smooth between; `low` may be the greater.
+/// Returns 0 below `low`, 1 above `high`, and smooth values in between. `low` can be greater than `high`.
 pub fn smoothstep(low: f64, high: f64, x: f64) -> f64 {
     let t = ((x - low) / (high - low)).clamp(0.0, 1.0);
     t * t * (3.0 - 2.0 * t)
 }
 
-/// `count` directions spread evenly over the half sphere around z.
-pub fn half_sphere(count: usize) -> impl Iterator<Item = DVec3> {
+/// Returns `count` directions spread evenly over the hemisphere around z.
+pub fn hemisphere(count: usize) -> impl Iterator<Item = DVec3> {
     (0..count).map(move |index| {
         let z = (index as f64 + 0.5) / count as f64;
         let phi = PI * (3.0 - 5.0_f64.sqrt()) * index as f64;

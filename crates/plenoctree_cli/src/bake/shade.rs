@@ -1,39 +1,39 @@
-//! The studio that props are photographed in: a warm key light, a bright sky, and how materials answer them.
+//! The studio in which props are photographed: a warm key light, a bright sky, and the materials that they light.
 
 use glam::{DVec2, DVec3};
 
-use super::sdf::{half_sphere, smoothstep};
+use super::sdf::{hemisphere, smoothstep};
 
-/// What a prop is made of at a point of its surface.
+/// The material of a prop at a point of its surface.
 #[derive(Clone, Copy, Debug)]
 pub struct Material {
-    /// Encoded sRGB: the color of the paint, or a metal's tint.
+    /// The color of the paint or the tint of the metal, in encoded sRGB.
     pub color: DVec3,
-    /// 0 is chalk, 1 is lacquer: how much the surface mirrors, and how tight its highlights are.
+    /// How much the surface reflects, and how tight its highlights are: 0 is chalk, 1 is lacquer.
     pub gloss: f64,
-    /// Metals, 1, have no paint: all they show is mirrored.
+    /// The share of metal, from 0 to 1. Metal has no paint and only reflects.
     pub metal: f64,
-    /// Light that the surface gives by itself, as a share of its color.
+    /// The light that the surface emits, as a share of its color.
     pub glow: f64,
 }
 
 impl Material {
-    /// Paint of a color (encoded sRGB) and a gloss.
+    /// Returns paint of a color (encoded sRGB) and a gloss.
     pub fn paint(color: [f64; 3], gloss: f64) -> Self {
         Self { color: DVec3::from_array(color), gloss, metal: 0.0, glow: 0.0 }
     }
 
-    /// Polished metal of a tint (encoded sRGB).
+    /// Returns polished metal of a tint (encoded sRGB).
     pub fn metal(color: [f64; 3]) -> Self {
         Self { metal: 1.0, ..Self::paint(color, 0.9) }
     }
 
-    /// A lit pane or lamp.
+    /// Returns the material of a lit pane or lamp.
     pub fn lamp(color: [f64; 3], glow: f64) -> Self {
         Self { glow, ..Self::paint(color, 0.6) }
     }
 
-    /// The mean of materials, for where they meet within a cell.
+    /// Returns the mean of materials that meet within a cell.
     pub fn mean<const N: usize>(materials: [Self; N]) -> Self {
         let share = 1.0 / N as f64;
         materials.iter().fold(Self { color: DVec3::ZERO, gloss: 0.0, metal: 0.0, glow: 0.0 }, |sum, material| Self {
@@ -44,26 +44,26 @@ impl Material {
         })
     }
 
-    /// The same material, lighter or darker.
+    /// Returns the same material, lighter or darker.
     pub fn shaded(mut self, factor: f64) -> Self {
         self.color *= factor;
         self
     }
 
-    /// The same material, its color mixed with another (encoded sRGB).
+    /// Returns the same material, with its color mixed with another one (encoded sRGB).
     pub fn mixed(mut self, color: [f64; 3], share: f64) -> Self {
         self.color = self.color.lerp(DVec3::from_array(color), share.clamp(0.0, 1.0));
         self
     }
 }
 
-/// Where the key light is.
+/// The direction toward the key light.
 const KEY: DVec3 = DVec3::new(-0.50, -0.56, 0.66);
 const KEY_LIGHT: DVec3 = DVec3::new(0.78, 0.72, 0.62);
 const SKY: DVec3 = DVec3::new(0.43, 0.47, 0.54);
 const FLOOR: DVec3 = DVec3::new(0.27, 0.25, 0.24);
 
-/// What of the light reaches a point of the surface, for all directions it is seen along.
+/// A point of a lit surface, which can be seen from any direction.
 pub struct Lit {
     material: Material,
     normal: DVec3,
@@ -73,7 +73,7 @@ pub struct Lit {
 }
 
 impl Lit {
-    /// Light at `point`, whose surface looks along `normal`; `distance` is that to the whole prop.
+    /// Lights `point`, whose surface has the `normal`. `distance` returns the signed distance to the whole prop.
     pub fn new(material: Material, point: DVec3, normal: DVec3, distance: impl Fn(DVec3) -> f64) -> Self {
         let key = KEY.normalize();
         let shadow = if normal.dot(key) > -0.1 { shadow(point + 0.02 * normal, key, &distance) } else { 0.0 };
@@ -81,11 +81,11 @@ impl Lit {
         Self { material, normal, key, shadow, open }
     }
 
-    /// Radiance, encoded sRGB, seen along `direction` (from the eye into the scene).
+    /// Returns the radiance along `direction`, from the eye into the scene, in encoded sRGB.
     pub fn radiance(&self, direction: DVec3) -> DVec3 {
         let Material { color, gloss, metal, glow } = self.material;
         let albedo = color.map(decode);
-        // A surface is never seen from behind: there its radiance is free, and a mirror image is the smoothest.
+        // A surface is never seen from behind, so any radiance will do there. Mirroring the eye is smoothest.
         let eye = -direction;
         let eye = if eye.dot(self.normal) < 0.0 { eye - 2.0 * eye.dot(self.normal) * self.normal } else { eye };
 
@@ -101,7 +101,7 @@ impl Lit {
         let seen = (0.6 + 0.4 * metal) * seen;
         let glossy = fresnel * gloss * (seen + 2.6 * highlight * lambert * self.shadow * KEY_LIGHT);
 
-        // Light between walls of one color takes on that color: corners are deep, not gray.
+        // Light that bounces between walls takes on their color, which makes corners saturated instead of gray.
         let open = DVec3::splat(self.open) / (1.0 - 0.8 * albedo * (1.0 - self.open));
         let ambient = FLOOR.lerp(SKY, 0.5 + 0.5 * self.normal.z) * open;
         let matte = albedo * (ambient + lambert * self.shadow * KEY_LIGHT);
@@ -110,7 +110,7 @@ impl Lit {
     }
 }
 
-/// What a mirror sees: a bright sky with the key light's glow in it, a dark floor, and two tall lamps.
+/// Returns what a mirror reflects: a bright sky with the key light's glow in it, a dark floor, and two tall lamps.
 fn surroundings(direction: DVec3) -> DVec3 {
     let up = direction.z;
     let sky = DVec3::ONE.lerp(DVec3::new(0.36, 0.50, 0.72), smoothstep(0.1, 0.8, up));
@@ -122,7 +122,8 @@ fn surroundings(direction: DVec3) -> DVec3 {
     floor.lerp(sky, smoothstep(-0.12, 0.08, up)) + (glow + lamps) * KEY_LIGHT
 }
 
-/// How much of the key light reaches `point`, 0 to 1; the penumbra widens with the distance of what is in the way.
+/// Returns how much of the key light reaches `point`, from 0 to 1. The penumbra widens with the distance to the
+/// occluder.
 fn shadow(point: DVec3, toward: DVec3, distance: &impl Fn(DVec3) -> f64) -> f64 {
     let (mut light, mut t) = (1.0_f64, 0.015);
     for _ in 0..48 {
@@ -139,11 +140,11 @@ fn shadow(point: DVec3, toward: DVec3, distance: &impl Fn(DVec3) -> f64) -> f64 
     smoothstep(0.0, 1.0, light)
 }
 
-/// How much of the sky and floor a point sees, 0 to 1: cones over the half sphere, weighed by the cosine.
+/// Returns how much of the sky and floor a point sees, from 0 to 1: cones over the hemisphere, weighted by the cosine.
 fn openness(point: DVec3, normal: DVec3, distance: &impl Fn(DVec3) -> f64) -> f64 {
     let (tangent, bitangent) = normal.any_orthonormal_pair();
     let (mut sum, mut total) = (0.0, 0.0);
-    for local in half_sphere(14) {
+    for local in hemisphere(14) {
         let direction = local.x * tangent + local.y * bitangent + local.z * normal;
         let (mut free, mut t) = (1.0_f64, 0.025);
         while t < 0.75 {
@@ -160,7 +161,7 @@ fn openness(point: DVec3, normal: DVec3, distance: &impl Fn(DVec3) -> f64) -> f6
     sum / total
 }
 
-/// Leaves the lower half alone and bends the rest so that nothing burns out.
+/// Leaves the lower half unchanged and compresses the rest, so that nothing burns out.
 fn shoulder(light: f64) -> f64 {
     const KNEE: f64 = 0.55;
     if light < KNEE { light } else { KNEE + (0.97 - KNEE) * (1.0 - (-(light - KNEE) / (0.97 - KNEE)).exp()) }

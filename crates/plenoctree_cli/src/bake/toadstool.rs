@@ -1,4 +1,4 @@
-//! A toadstool with somebody at home.
+//! A toadstool that somebody lives in.
 
 use std::f64::consts::PI;
 
@@ -11,7 +11,7 @@ use super::{
     shade::Material,
 };
 
-/// The toadstool, with its spots and what grows around it.
+/// The toadstool, with its spots and the plants around it.
 pub struct Toadstool {
     spots: Vec<Spot>,
     blades: Vec<Tuft>,
@@ -20,7 +20,7 @@ pub struct Toadstool {
 
 /// A white spot on the cap.
 struct Spot {
-    /// Unit vector from the cap's center, in its frame.
+    /// The unit vector from the cap's center, in the cap's space.
     direction: DVec3,
     radius: f64,
 }
@@ -37,7 +37,7 @@ struct Flower {
     violet: bool,
 }
 
-/// What differs in material.
+/// The parts of the toadstool, by material.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Part {
     Grass,
@@ -60,7 +60,7 @@ pub enum Part {
     Roof,
 }
 
-/// Where the ground's top is.
+/// The height of the top of the ground.
 const GROUND: f64 = -0.72;
 const CAP: DVec3 = DVec3::new(0.0, 0.06, 0.06);
 const CAP_RADII: DVec3 = DVec3::new(0.80, 0.80, 0.74);
@@ -197,7 +197,7 @@ impl Toadstool {
         self.window(d - DVec3::new(0.0, -0.045, 0.265), 0.055, 0.015, nearest);
     }
 
-    /// A round window that looks along -y.
+    /// Adds a round window that faces -y.
     fn window(&self, p: DVec3, radius: f64, bar: f64, nearest: &mut Nearest<Part>) {
         let w = turn_x(p, PI / 2.0);
         let frame = DVec2::new(w.truncate().length() - radius, w.z);
@@ -220,7 +220,8 @@ impl Toadstool {
         self.chimney(p, nearest);
     }
 
-    /// The cap near its surface: gills, bumps and spots. `q` is the point in the cap's frame, `cap` the smooth distance.
+    /// Adds the cap near its surface: gills, bumps and spots. `q` is the point in the cap's space, `cap` the smooth
+    /// distance.
     fn skin(&self, p: DVec3, q: DVec3, cap: f64, nearest: &mut Nearest<Part>) {
         let wave = (44.0 * q.y.atan2(q.x)).sin();
         let gills = 0.009 * wave * smoothstep(-0.01, -0.06, q.z) * smoothstep(0.2, 0.45, q.truncate().length());
@@ -298,7 +299,7 @@ impl Toadstool {
     }
 
     fn fence(&self, p: DVec3, nearest: &mut Nearest<Part>) {
-        // Pickets along the edge, two rails between them.
+        // Pickets along the edge, with two rails between them.
         let angle = p.y.atan2(p.x);
         for (first, count) in [(3.38, 6), (-0.62, 5)] {
             let step = 0.155;

@@ -1,4 +1,4 @@
-//! How far baking is: which blocks of the box it has come to.
+//! The progress of baking: which blocks of the box it has visited.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -11,7 +11,7 @@ pub struct Visits<'a> {
 }
 
 impl<'a> Visits<'a> {
-    /// Expects visits to the blocks that are marked.
+    /// Expects visits to the blocks that are true in `expected`.
     pub fn new(expected: &[bool], bar: &'a ProgressBar) -> Self {
         bar.set_length(expected.iter().filter(|expected| **expected).count() as u64);
         Self { visited: expected.iter().map(|_| AtomicBool::new(false)).collect(), bar }
@@ -20,7 +20,7 @@ impl<'a> Visits<'a> {
     /// Counts a block, unless it was counted before.
     pub fn mark(&self, block: usize) {
         let visited = &self.visited[block];
-        // Nearly all calls end with the load, which cores need not wait for one another for.
+        // Nearly all calls end after the load, for which cores do not wait for each other.
         if !visited.load(Ordering::Relaxed) && !visited.swap(true, Ordering::Relaxed) {
             self.bar.inc(1);
         }

@@ -9,12 +9,12 @@ use crate::size::parse_size;
 /// Measures how much neighboring frames differ with one palette for the field, and with one for each frame.
 #[derive(Args)]
 pub struct Arguments {
-    /// The field, an .npz file; the toadstool of the repository by default.
+    /// The field, an .npz file; by default the included toadstool.
     pub field: Option<PathBuf>,
-    /// Where coherence.png and coherence.csv go.
+    /// The folder for coherence.png and coherence.csv.
     #[arg(long, default_value = "out")]
     pub out: PathBuf,
-    /// Frames of the turn by 90 degrees.
+    /// The number of frames in a turn of 90 degrees.
     #[arg(long, default_value_t = 60, value_parser = clap::value_parser!(u32).range(2..=10_000))]
     pub frames: u32,
     /// Size of the frames in pixels.

@@ -1,17 +1,17 @@
-//! `coherence`: how coherent an animation is with one palette for the field, compared to one palette for each of its
-//! frames. Figure 7 of the paper.
+//! `coherence`: compares how coherent an animation is with one palette for the field, and with one palette for each
+//! frame. This is figure 7 of the paper.
 //!
-//! The camera turns by 90 degrees around the field. Every frame is rendered plainly, posterized with the field's
+//! The camera turns by 90 degrees around the field. Every frame is drawn as trained, posterized with the field's
 //! palette, and posterized with a palette of its own, the simplified convex hull of its pixels (Tan et al. 2016). The
-//! posterized frames are also recolored: every color of the palette by one of the opposite hue. `coherence.csv` holds
-//! how much neighboring frames differ, and `coherence.png` plots it:
+//! posterized frames are also recolored: every palette color gets the opposite hue. `coherence.csv` lists how much
+//! neighboring frames differ, and `coherence.png` plots it:
 //!
 //! | column | |
 //! |---|---|
 //! | `frame` | the second frame of the pair, counted from 0 |
-//! | `plain` | mean absolute difference of encoded sRGB, in [0, 1], over all pixels and channels, of the plain frames |
-//! | `field`, `per_frame` | the same of the frames that were posterized with the field's palette, and with their own |
-//! | `field_recolored`, `per_frame_recolored` | the same of those that were also recolored |
+//! | `plain` | mean absolute difference of encoded sRGB, in [0, 1], over all pixels and channels, as trained |
+//! | `field`, `per_frame` | the same for frames that are posterized with the field's palette, and with their own |
+//! | `field_recolored`, `per_frame_recolored` | the same for frames that are also recolored |
 
 mod arguments;
 mod plot;
@@ -42,7 +42,7 @@ pub fn run(arguments: &Arguments) -> Result {
     let mut series = Series::default();
     let bar = progress::bar("rendering", cameras.len() as u64, arguments.quiet);
     for (frame, camera) in cameras.iter().enumerate() {
-        series.push(stage.shoot(camera).map_err(|error| format!("frame {frame}: {error}"))?);
+        series.push(stage.capture(camera).map_err(|error| format!("frame {frame}: {error}"))?);
         bar.inc(1);
     }
     bar.finish_and_clear();
@@ -52,7 +52,7 @@ pub fn run(arguments: &Arguments) -> Result {
     files::write_image(&out.join("coherence.png"), &plot::draw(&series, &name))?;
     if !arguments.quiet {
         print!("{}", series.summary());
-        println!("{} frames of {} in {}", cameras.len(), path.display(), out.display());
+        println!("{} frames of {} compared, results saved to {}", cameras.len(), path.display(), out.display());
     }
     Ok(())
 }

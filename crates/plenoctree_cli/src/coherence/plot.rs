@@ -1,4 +1,4 @@
-//! `coherence.png`: the differences over the frames.
+//! Plots the differences over the frames, in `coherence.png`.
 
 use image::{Rgb, RgbImage};
 
@@ -6,7 +6,7 @@ use super::series::{COLUMNS, Series};
 use crate::text::{LETTER, write};
 
 const SIZE: (u32, u32) = (1280, 760);
-/// The corners of the plotting area, in pixels.
+/// The edges of the plotting area, in pixels.
 const LEFT: f64 = 130.0;
 const RIGHT: f64 = 1240.0;
 const TOP: f64 = 210.0;
@@ -15,16 +15,16 @@ const BOTTOM: f64 = 690.0;
 const INK: Rgb<u8> = Rgb([40, 40, 48]);
 const FAINT: Rgb<u8> = Rgb([226, 226, 230]);
 
-/// How each column is drawn.
+/// The style of a column's line.
 struct Style {
     label: &'static str,
     color: Rgb<u8>,
     dashed: bool,
 }
 
-/// In the order of [`COLUMNS`]. The colors can be told apart without telling red from green.
+/// The styles in the order of [`COLUMNS`]. Their colors are distinct for readers who cannot tell red from green.
 const STYLES: [Style; COLUMNS.len()] = [
-    Style { label: "as rendered", color: Rgb([130, 130, 136]), dashed: false },
+    Style { label: "as trained", color: Rgb([130, 130, 136]), dashed: false },
     Style { label: "field's palette", color: Rgb([0, 94, 178]), dashed: false },
     Style { label: "frame's palette", color: Rgb([213, 94, 0]), dashed: false },
     Style { label: "field's, recolored", color: Rgb([86, 160, 226]), dashed: true },
@@ -43,7 +43,7 @@ pub fn draw(series: &Series, name: &str) -> RgbImage {
     let step = tick_step(most, 6.0);
     let top = (most / step).ceil() * step;
     let y = |value: f64| BOTTOM - (BOTTOM - TOP) * value / top;
-    // Half a frame at either side, so that a single pair has a place too.
+    // Leave half a frame on either side, so that a single pair has a place too.
     let (first, last) = (0.5, series.len() as f64 + 0.5);
     let x = |frame: f64| LEFT + (RIGHT - LEFT) * (frame - first) / (last - first);
 
@@ -62,9 +62,9 @@ pub fn draw(series: &Series, name: &str) -> RgbImage {
     line(&mut image, (LEFT, TOP), (LEFT, BOTTOM), 1.5, INK);
     line(&mut image, (LEFT, BOTTOM), (RIGHT, BOTTOM), 1.5, INK);
     let below = 0.5 * (LEFT + RIGHT);
-    write(&mut image, "frame, over a turn by 90 degrees", (below, BOTTOM + 50.0), 0.5, INK);
+    write(&mut image, "frame, over a turn of 90 degrees", (below, BOTTOM + 50.0), 0.5, INK);
 
-    // What matters most is drawn last, on top.
+    // Draw the most important lines last, on top.
     for column in (0..COLUMNS.len()).rev() {
         let points: Vec<_> = series.column(column).map(|(frame, value)| (x(frame as f64), y(value))).collect();
         curve(&mut image, &points, &STYLES[column]);
@@ -88,7 +88,7 @@ fn legend(image: &mut RgbImage, series: &Series) {
     }
 }
 
-/// The distance between ticks, 1, 2 or 5 times a power of ten, so that there are at most `count` up to `most`.
+/// Returns the distance between ticks, 1, 2 or 5 times a power of ten, so that there are at most `count` up to `most`.
 fn tick_step(most: f64, count: f64) -> f64 {
     let least = most / count;
     let power = 10f64.powf(least.log10().floor());

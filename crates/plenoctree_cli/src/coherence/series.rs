@@ -1,4 +1,4 @@
-//! Differences between neighboring frames: the measure, the file and the summary.
+//! Measures, saves and summarizes the differences between neighboring frames.
 
 use std::{fmt::Write, path::Path};
 
@@ -15,10 +15,10 @@ pub struct Frame {
     pub images: [RgbImage; COLUMNS.len()],
 }
 
-/// How much every frame differs from the one before it.
+/// The differences between each frame and the previous one.
 #[derive(Default)]
 pub struct Series {
-    /// The first row is about frames 0 and 1.
+    /// One row per pair of frames. The first row compares frames 0 and 1.
     rows: Vec<[f64; COLUMNS.len()]>,
     last: Option<Frame>,
 }
@@ -33,27 +33,27 @@ impl Series {
         self.last = Some(frame);
     }
 
-    /// Pairs of frames.
+    /// Returns the number of pairs of frames.
     pub fn len(&self) -> usize {
         self.rows.len()
     }
 
-    /// The second frame of each pair, and how much the pair differs.
+    /// Returns the second frame of each pair, and the difference between the two.
     pub fn column(&self, column: usize) -> impl Iterator<Item = (usize, f64)> + Clone {
         self.rows.iter().enumerate().map(move |(pair, row)| (pair + 1, row[column]))
     }
 
-    /// The mean of a column.
+    /// Returns the mean of a column.
     pub fn mean(&self, column: usize) -> f64 {
         self.column(column).map(|(_, difference)| difference).sum::<f64>() / self.len().max(1) as f64
     }
 
-    /// The largest value of a column and where it is.
+    /// Returns the frame with the largest value of a column, and that value.
     pub fn largest(&self, column: usize) -> (usize, f64) {
         self.column(column).fold((0, 0.0), |largest, next| if next.1 > largest.1 { next } else { largest })
     }
 
-    /// Writes the file of comma-separated values.
+    /// Writes a file of comma-separated values.
     pub fn write(&self, path: &Path) -> Result {
         let mut text = format!("frame,{}\n", COLUMNS.join(","));
         for (pair, row) in self.rows.iter().enumerate() {
@@ -63,7 +63,7 @@ impl Series {
         files::write_text(path, &text)
     }
 
-    /// A table of means and largest values.
+    /// Returns a table of means and largest values.
     pub fn summary(&self) -> String {
         let mut text = format!("{:20} {:>8} {:>8}\n", "", "mean", "largest");
         for (column, name) in COLUMNS.iter().enumerate() {
@@ -74,7 +74,7 @@ impl Series {
     }
 }
 
-/// The mean absolute difference over all pixels and channels, in [0, 1].
+/// Returns the mean absolute difference over all pixels and channels, in [0, 1].
 fn mean_difference(a: &RgbImage, b: &RgbImage) -> f64 {
     let sum: u64 = a.iter().zip(b.iter()).map(|(a, b)| u64::from(a.abs_diff(*b))).sum();
     sum as f64 / (255.0 * a.len().max(1) as f64)

@@ -1,4 +1,4 @@
-//! The scene, and the images of it that are compared.
+//! The scene, and the images to compare.
 
 use std::time::Duration;
 
@@ -20,15 +20,16 @@ use plenoctree::{
 use super::series::Frame;
 use crate::Result;
 
-/// The longest wait for the field to be on the GPU.
+/// How long to wait until the field is on the GPU.
 const UPLOAD_TIMEOUT: Duration = Duration::from_secs(120);
-/// Degrees by which recoloring turns a hue. 120 would only swap the channels, and no difference would change.
+/// The number of degrees by which recoloring rotates hues. 120 would only permute the channels, and change no
+/// difference.
 const HUE_TURN: f32 = 180.0;
 
 /// A field alone in front of a white background, and its camera.
 pub struct Stage {
     headless: Headless,
-    look: Posterize,
+    posterize: Posterize,
     up: UpAxis,
     /// The field's palette.
     palette: Palette,
@@ -52,15 +53,15 @@ impl Stage {
         let field = world.resource_mut::<Assets<PlenOctree>>().add(field);
         let prop = world.spawn(Prop(field.clone())).id();
         let camera = world
-            // White to look at, but transparent: a plain frame's alpha is the field's opacity.
+            // White but transparent, so that the alpha of a frame as trained is the field's opacity.
             .spawn((exact_camera(Color::srgba(1.0, 1.0, 1.0, 0.0)), target))
             .id();
         headless.wait_until_ready(UPLOAD_TIMEOUT)?;
-        Ok(Self { headless, look: Posterize::default(), up, palette, field, prop, camera })
+        Ok(Self { headless, posterize: Posterize::default(), up, palette, field, prop, camera })
     }
 
-    /// Renders one view in every way that is compared.
-    pub fn shoot(&mut self, camera: &PinholeCamera) -> Result<Frame> {
+    /// Captures one view in all the versions to compare.
+    pub fn capture(&mut self, camera: &PinholeCamera) -> Result<Frame> {
         let world = self.headless.app.world_mut();
         world.entity_mut(self.camera).insert(pinhole_view(camera, self.up));
         world.entity_mut(self.prop).remove::<Posterize>();
@@ -71,31 +72,31 @@ impl Stage {
         }
         let palette_of_frame = simplify_hull(&colors, self.palette.colors.len())?;
 
-        self.headless.app.world_mut().entity_mut(self.prop).insert(self.look);
+        self.headless.app.world_mut().entity_mut(self.prop).insert(self.posterize);
         let [field, field_recolored] = self.posterized(self.palette.clone())?;
         let [per_frame, per_frame_recolored] = self.posterized(palette_of_frame)?;
         let plain = DynamicImage::from(plain).into_rgb8();
         Ok(Frame { images: [plain, field, per_frame, field_recolored, per_frame_recolored] })
     }
 
-    /// The colors, encoded sRGB in [0, 1], of the pixels that posterization gives labels to.
+    /// Returns the colors of the pixels that are posterized, in encoded sRGB from 0 to 1.
     fn object_colors(&self, plain: &RgbaImage) -> Vec<[f64; 3]> {
         let share = |channel: u8| f64::from(channel) / 255.0;
-        let pixels = plain.pixels().filter(|pixel| share(pixel[3]) >= f64::from(self.look.min_opacity));
+        let pixels = plain.pixels().filter(|pixel| share(pixel[3]) >= f64::from(self.posterize.min_opacity));
         pixels.map(|pixel| [pixel[0], pixel[1], pixel[2]].map(share)).collect()
     }
 
-    /// The view posterized with a palette, and with the palette recolored.
+    /// Captures the view posterized with a palette, and then recolored.
     fn posterized(&mut self, palette: Palette) -> Result<[RgbImage; 2]> {
         let mut palette = FieldPalette::new(palette);
-        let as_it_is = self.shoot_with(palette.clone())?;
+        let unchanged = self.capture_with(palette.clone())?;
         for color in palette.shown_mut() {
             *color = Hsva::from(*color).rotate_hue(HUE_TURN).into();
         }
-        Ok([as_it_is, self.shoot_with(palette)?])
+        Ok([unchanged, self.capture_with(palette)?])
     }
 
-    fn shoot_with(&mut self, palette: FieldPalette) -> Result<RgbImage> {
+    fn capture_with(&mut self, palette: FieldPalette) -> Result<RgbImage> {
         self.headless.app.world_mut().resource_mut::<Palettes>().insert(&self.field, palette);
         Ok(DynamicImage::from(self.headless.capture()?).into_rgb8())
     }

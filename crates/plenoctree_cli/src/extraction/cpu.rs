@@ -16,7 +16,7 @@ use plenoctree::{
 use super::Extracted;
 use crate::{Result, progress};
 
-/// Samples on all cores in another thread, so that this one can show how far it is.
+/// Samples on all cores, from another thread so that this one can show the progress.
 pub fn extract(field: &PlenOctree, settings: &ExtractionSettings, quiet: bool) -> Result<Extracted> {
     let bar = progress::bar("extracting", 100, quiet);
     let progress = Arc::new(Progress::default());
@@ -37,7 +37,7 @@ pub fn extract(field: &PlenOctree, settings: &ExtractionSettings, quiet: bool) -
     Ok(extracted)
 }
 
-/// Samples every leaf with the float64 reference, which does not say how far it is.
+/// Samples every leaf with the float64 reference, which does not report its progress.
 pub fn extract_by_reference(field: &PlenOctree, settings: &ExtractionSettings, quiet: bool) -> Result<Extracted> {
     let spinner = progress::spinner("extracting", quiet);
     let sampler = |settings: &SamplingSettings| sample_histograms(field, settings).map_err(|error| error.to_string());

@@ -1,4 +1,4 @@
-//! Sampling on the GPU, in an app of its own, as a game does it.
+//! Sampling on the GPU, in an app of its own, as in a game.
 
 use std::{thread, time::Duration};
 
@@ -20,7 +20,7 @@ pub fn extract(field: &PlenOctree, settings: &ExtractionSettings, quiet: bool) -
     run(app()?, field, settings, quiet)
 }
 
-/// Samples with compute shaders if there is a GPU, and on the CPU if there is none or graphics are in software.
+/// Samples with compute shaders if there is a hardware GPU, and on the CPU otherwise.
 pub fn extract_or_fall_back(field: &PlenOctree, settings: &ExtractionSettings, quiet: bool) -> Result<Extracted> {
     match app() {
         Ok(app) if is_hardware(&app) => run(app, field, settings, quiet),
@@ -35,13 +35,13 @@ fn app() -> Result<Headless, HeadlessError> {
     })
 }
 
-/// Whether something other than the CPU's cores draws.
+/// Whether the app renders on a GPU instead of CPU cores.
 fn is_hardware(headless: &Headless) -> bool {
     let adapter = headless.app.sub_app(RenderApp).world().get_resource::<RenderAdapterInfo>();
     adapter.is_some_and(|adapter| adapter.device_type != wgpu::DeviceType::Cpu)
 }
 
-/// Updates the app until the palette is there.
+/// Updates the app until the palette is ready.
 fn run(mut headless: Headless, field: &PlenOctree, settings: &ExtractionSettings, quiet: bool) -> Result<Extracted> {
     let bar = progress::bar("extracting", 100, quiet);
     let world = headless.app.world_mut();

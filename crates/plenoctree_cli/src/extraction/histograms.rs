@@ -1,4 +1,4 @@
-//! The histograms' file.
+//! The file of histograms.
 
 use std::{
     fs::File,
@@ -12,7 +12,7 @@ use zip::{ZipWriter, write::FileOptions};
 
 use crate::Result;
 
-/// Writes `fine` and `coarse`, float64, index [r, g, b], not normalized.
+/// Writes the arrays `fine` and `coarse` in float64, indexed by [r, g, b] and not normalized.
 pub fn write(histograms: &Histograms, settings: &SamplingSettings, path: &Path) -> Result {
     let failed = |error: io::Error| format!("{}: {error}", path.display());
     let file = File::create(path).map_err(failed)?;
@@ -20,7 +20,7 @@ pub fn write(histograms: &Histograms, settings: &SamplingSettings, path: &Path) 
     for (name, weights, bins) in
         [("fine.npy", histograms.fine(), settings.fine_bins), ("coarse.npy", histograms.coarse(), settings.coarse_bins)]
     {
-        // Without the time of writing, so that the same field gives the same file.
+        // Omit the time of writing, so that the same field gives the same file.
         let options = FileOptions::default().last_modified_time(Default::default());
         archive.start_file(name, options).map_err(|error| failed(error.into()))?;
         let shape = [bins as u64; 3];

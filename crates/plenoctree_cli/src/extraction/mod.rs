@@ -1,4 +1,4 @@
-//! From a field to its palette, by the sampler that the command line chooses.
+//! Extracts palettes with the sampler that the command line chooses.
 
 mod arguments;
 pub mod cpu;
@@ -18,20 +18,20 @@ use plenoctree::{
 
 use crate::Result;
 
-/// A palette, what it was made from, and what sampled.
+/// A palette, the histograms it was extracted from, and the sampler.
 pub struct Extracted {
-    /// The palette and how it came about.
+    /// The palette and details of its extraction.
     pub extraction: Extraction,
-    /// What was sampled.
+    /// The sampled histograms.
     pub histograms: Arc<Histograms>,
     /// The sampler's name: `cpu`, `reference` or `gpu`.
     pub sampling_on: &'static str,
 }
 
-/// Extracts the palette that the command line asks for, writes the histograms if it asks for them, and shows progress
-/// unless `quiet`. Errors name the field's file, `path`.
+/// Extracts a palette as the command line specifies, writes the histograms if requested, and shows progress unless
+/// `quiet`. Errors name the field's file, `path`.
 ///
-/// If no sampler is named, the GPU samples if there is one and this build can use it, else the CPU.
+/// By default, the GPU samples if there is one and this build supports it, otherwise the CPU.
 pub fn extract(
     field: &PlenOctree,
     path: &Path,
@@ -57,7 +57,7 @@ fn sample_and_extract(
     match sampling {
         Some(Sampling::Cpu) => cpu::extract(field, settings, quiet),
         Some(Sampling::Reference) if settings.sampling.sample_fraction < 1.0 => {
-            Err("--sampling reference samples every leaf: leave --sample-fraction out".into())
+            Err("--sampling reference samples every leaf: omit --sample-fraction".into())
         }
         Some(Sampling::Reference) => cpu::extract_by_reference(field, settings, quiet),
         #[cfg(feature = "bevy")]

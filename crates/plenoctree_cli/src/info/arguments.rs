@@ -7,7 +7,7 @@ use clap::Args;
 /// Prints what a field or a palette holds.
 #[derive(Args)]
 pub struct Arguments {
-    /// A field, an .npz file; or a palette, a .json file.
+    /// A field (an .npz file) or a palette (a .json file).
     pub file: PathBuf,
     /// Prints JSON.
     #[arg(long)]

@@ -1,4 +1,4 @@
-//! What a field holds.
+//! Describes a field.
 
 use std::path::Path;
 
@@ -9,10 +9,10 @@ use serde_json::{Value, json};
 use super::{Report, file_size, text};
 use crate::{Result, field, gpu_memory};
 
-/// A box: its lowest and its highest corner.
+/// The lowest and the highest corner of a box.
 type Bounds = (DVec3, DVec3);
 
-/// The least, the middle and the greatest density.
+/// The lowest, the median and the highest density.
 struct Densities {
     min: f32,
     median: f32,
@@ -53,7 +53,7 @@ pub fn report(path: &Path) -> Result<Report> {
     Ok(Report { text: text::table(path, &lines), json })
 }
 
-/// `None` for an empty field.
+/// Returns `None` for an empty field.
 fn densities(field: &PlenOctree) -> Option<Densities> {
     let mut sorted = field.densities().to_vec();
     sorted.sort_unstable_by(f32::total_cmp);

@@ -1,4 +1,4 @@
-//! `info`: what a field or a palette holds.
+//! `info`: prints what a field or a palette holds.
 
 mod arguments;
 mod field;
@@ -13,7 +13,7 @@ use serde_json::Value;
 
 use crate::Result;
 
-/// What there is to say about a file, in both forms.
+/// The description of a file, in both formats.
 struct Report {
     /// For people.
     text: String,
@@ -21,7 +21,7 @@ struct Report {
     json: Value,
 }
 
-/// Prints what the file holds.
+/// Prints the description of the file.
 pub fn run(arguments: &Arguments) -> Result {
     let path = &arguments.file;
     let report = if is_json(path) { palette::report(path)? } else { field::report(path)? };
@@ -33,12 +33,12 @@ pub fn run(arguments: &Arguments) -> Result {
     Ok(())
 }
 
-/// Whether a file is a palette by its name.
+/// Whether a file has the extension of a palette.
 fn is_json(path: &Path) -> bool {
     path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json"))
 }
 
-/// The size of a file in bytes.
+/// Returns the size of a file in bytes.
 fn file_size(path: &Path) -> Result<u64> {
     Ok(fs::metadata(path).map_err(|error| format!("{}: {error}", path.display()))?.len())
 }

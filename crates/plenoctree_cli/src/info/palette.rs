@@ -1,4 +1,4 @@
-//! What a palette's file holds.
+//! Describes a palette.
 
 use std::path::Path;
 

@@ -11,22 +11,22 @@ use crate::extraction::{ExtractionArguments, Sampling};
 pub struct Arguments {
     /// The field, an .npz file.
     pub field: PathBuf,
-    /// How the palette is extracted.
+    /// The arguments for extraction.
     #[command(flatten)]
     pub extraction: ExtractionArguments,
-    /// What samples the field's radiance.
+    /// The sampler of the field's radiance.
     #[arg(long, value_enum, default_value_t = Sampling::Cpu)]
     pub sampling: Sampling,
-    /// Where the palette goes; beside the field, as x.palette.json for x.npz, by default.
+    /// The file to save the palette to; by default next to the field, as x.palette.json for x.npz.
     #[arg(long, value_name = "FILE.json")]
     out: Option<PathBuf>,
-    /// Where to write the palette as an image too.
+    /// The file to save an image of the palette to.
     #[arg(long, value_name = "FILE.png")]
     pub image: Option<PathBuf>,
 }
 
 impl Arguments {
-    /// The palette's file.
+    /// Returns the file to save the palette to.
     pub fn out(&self) -> PathBuf {
         self.out.clone().unwrap_or_else(|| self.field.with_extension("palette.json"))
     }

@@ -19,6 +19,6 @@ pub fn run(arguments: &Arguments) -> Result {
         files::write_image(image, &swatches::draw(palette))?;
     }
     print!("{}", swatches::lines(palette));
-    println!("{} colors of {} in {}", palette.colors.len(), path.display(), out.display());
+    println!("{} colors of {} saved to {}", palette.colors.len(), path.display(), out.display());
     Ok(())
 }

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use plenoctree::palette::Palette;
 
-use super::renderer::Look;
+use super::renderer::PosterizeSettings;
 use crate::{
     extraction::{ExtractionArguments, Sampling},
     hex,
@@ -13,51 +13,51 @@ use crate::{
     size::parse_size,
 };
 
-/// Renders a field, extracts its palette, and posterizes and recolors the views.
+/// Renders views of a field, extracts its palette, and posterizes and recolors the views.
 #[derive(Args)]
 pub struct Arguments {
-    /// The field, an .npz file; the toadstool of the repository by default.
+    /// The field, an .npz file; by default the included toadstool.
     pub field: Option<PathBuf>,
-    /// Where the images, the palette and report.json go.
+    /// The folder for the images, the palette and report.json.
     #[arg(long, default_value = "out")]
     pub out: PathBuf,
-    /// A transforms.json (NeRF, nerfstudio) in the field's frame, instead of a turntable.
+    /// A transforms.json file (NeRF, nerfstudio) in the field's coordinates, to use instead of a turntable.
     #[arg(long)]
     pub cameras: Option<PathBuf>,
-    /// How many views; 8 on a turntable, or all of the cameras, by default.
+    /// The number of views; by default 8 on a turntable, or all of --cameras.
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     frames: Option<u32>,
-    /// Size of the images in pixels, each side 1 to 16384; 800x800, or what the cameras say, by default.
+    /// Size of the images in pixels, each side 1 to 16384; by default 800x800, or the size in --cameras.
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     pub size: Option<(u32, u32)>,
-    /// A palette.json to use instead of extracting one.
+    /// A palette.json file to use instead of extracting a palette.
     #[arg(long, conflicts_with_all = ["colors", "sampling", "sample_fraction", "histograms"])]
     pub palette: Option<PathBuf>,
-    /// How the palette is extracted.
+    /// The arguments for extraction.
     #[command(flatten)]
     pub extraction: ExtractionArguments,
-    /// What samples the field's radiance; the GPU if there is one and this build can use it, else the CPU, by default.
+    /// The sampler of the field's radiance; by default the GPU, or the CPU if there is no GPU or no support for it.
     #[arg(long, value_enum)]
     pub sampling: Option<Sampling>,
-    /// Steps from one palette color to another.
+    /// The number of steps from one palette color to another.
     #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=8))]
     blend_steps: u32,
-    /// Distance in encoded RGB over which labels blend; 0 is a hard edge.
+    /// The distance over which labels blend, in encoded sRGB; 0 is a hard edge.
     #[arg(long, default_value_t = 0.2, value_parser = parse_softness)]
     softness: f32,
-    /// Opacity under which a pixel is shown as rendered.
+    /// The opacity below which pixels are drawn as trained.
     #[arg(long, default_value_t = 80.0 / 255.0, value_parser = parse_share)]
     min_opacity: f32,
-    /// Shows a palette color as another; can be given several times.
+    /// Shows a palette color as another color; can be repeated.
     #[arg(long, value_name = "INDEX=#RRGGBB", value_parser = parse_recolor)]
     recolor: Vec<(usize, [u8; 3])>,
-    /// The color behind the field.
+    /// The background color.
     #[arg(long, value_name = "#RRGGBB", default_value = "#ffffff", value_parser = hex::parse)]
     pub background: [u8; 3],
-    /// How exactly the GPU draws; the palette's sampling has settings of its own.
+    /// The quality preset of the GPU renderer; does not affect extraction.
     #[arg(long, value_enum, default_value_t)]
     pub quality: Preset,
-    /// What renders.
+    /// The renderer.
     #[arg(long, value_enum, default_value_t)]
     pub renderer: Renderer,
     /// Prints nothing but errors.
@@ -65,10 +65,10 @@ pub struct Arguments {
     pub quiet: bool,
 }
 
-/// What makes the images.
+/// A renderer of the images.
 #[derive(Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
 pub enum Renderer {
-    /// The plugin's passes, on whatever adapter wgpu finds.
+    /// The plugin, on the adapter that wgpu finds.
     #[cfg(feature = "bevy")]
     #[default]
     Gpu,
@@ -78,17 +78,17 @@ pub enum Renderer {
 }
 
 impl Arguments {
-    /// The most views to render.
+    /// Returns the maximum number of views to render.
     pub fn frames(&self) -> Option<usize> {
         self.frames.map(|frames| frames as usize)
     }
 
-    /// The posterized look.
-    pub fn look(&self) -> Look {
-        Look { blend_steps: self.blend_steps, softness: self.softness, min_opacity: self.min_opacity }
+    /// Returns the settings of posterization.
+    pub fn posterize(&self) -> PosterizeSettings {
+        PosterizeSettings { blend_steps: self.blend_steps, softness: self.softness, min_opacity: self.min_opacity }
     }
 
-    /// The palette's colors with the changes that the command line asks for; `None` if it asks for none.
+    /// Returns the palette's colors with the changes from the command line, or `None` if there are no changes.
     pub fn recolored(&self, palette: &Palette) -> Result<Option<Vec<[f64; 3]>>, String> {
         if self.recolor.is_empty() {
             return Ok(None);

@@ -1,4 +1,4 @@
-//! The plugin on a GPU.
+//! Renders with the plugin.
 
 use std::time::{Duration, Instant};
 
@@ -12,20 +12,20 @@ use bevy::{
     },
 };
 use bevy_plenoctree::{
-    FieldPalette, GpuField, Palettes, PlenOctreePlugin, Posterize, Prop, PropQuality, QualityPreset,
+    FieldPalette, GpuField, POSTERIZE_SPANS, Palettes, PlenOctreePlugin, Posterize, Prop, PropQuality, QualityPreset,
+    VOLUME_SPANS,
     headless::{Headless, exact_camera, pinhole_view},
-    render::{POSTERIZE_SPANS, VOLUME_SPANS},
 };
 use image::{DynamicImage, RgbImage};
 use plenoctree::{PlenOctree, camera::PinholeCamera};
 
-use super::renderer::{Adapter, FrameTimes, Job, Look, Render, Views};
+use super::renderer::{Adapter, FrameTimes, Job, PosterizeSettings, Render, Views};
 use crate::{Result, preset::Preset};
 
-/// The longest wait for the field to be on the GPU.
+/// How long to wait until the field is on the GPU.
 const UPLOAD_TIMEOUT: Duration = Duration::from_secs(120);
 
-/// Renders with an app without a window.
+/// Renders with a headless app.
 pub struct GpuRenderer {
     headless: Headless,
     job: Job,
@@ -35,7 +35,7 @@ pub struct GpuRenderer {
 }
 
 impl GpuRenderer {
-    /// Starts the app and uploads the field. `cameras` are those that it will render.
+    /// Starts the app and uploads the field. `cameras` are those to render later.
     pub fn new(job: Job, cameras: &[PinholeCamera]) -> Result<Self> {
         let largest = cameras.iter().fold(UVec2::ONE, |size, camera| size.max(UVec2::new(camera.width, camera.height)));
         let mut headless = Headless::new(largest, |app| {
@@ -59,7 +59,7 @@ impl GpuRenderer {
         Ok(DynamicImage::from(self.headless.capture()?).into_rgb8())
     }
 
-    /// Shows these colors, or the extracted ones.
+    /// Shows these colors, or the source colors.
     fn show(&mut self, colors: Option<&[[f64; 3]]>) {
         let mut palettes = self.headless.app.world_mut().resource_mut::<Palettes>();
         if let Some(palette) = palettes.get_mut(&self.field) {
@@ -70,10 +70,10 @@ impl GpuRenderer {
         }
     }
 
-    /// Milliseconds that the volume and the posterize passes of the last frame since `start` took; `None` where the
-    /// adapter has no timestamps.
+    /// Returns the milliseconds that the volume and the posterize passes of the last frame since `start` took, or
+    /// `None` if the adapter has no timestamps.
     fn measure(&mut self, start: Instant) -> [Option<f64>; 2] {
-        // Measurements arrive at most this many frames later. These draw nothing.
+        // Measurements arrive at most this many frames later. Those frames draw nothing.
         const FRAMES: usize = 4;
         self.activate(false);
         (0..FRAMES).for_each(|_| self.headless.update());
@@ -93,17 +93,17 @@ impl Render for GpuRenderer {
     fn render(&mut self, camera: &PinholeCamera) -> Result<(Views, FrameTimes)> {
         self.headless.resize(UVec2::new(camera.width, camera.height));
         let view = pinhole_view(camera, self.job.field.up());
-        let look = posterize(self.job.look);
+        let posterize = posterize(self.job.posterize);
         let world = self.headless.app.world_mut();
         world.entity_mut(self.camera).insert(view);
         world.entity_mut(self.prop).remove::<Posterize>();
         self.show(None);
         let start = Instant::now();
         let original = self.capture()?;
-        // Its times must not be taken for those of the next.
+        // Discard its times, so that they are not mistaken for those of the next frame.
         self.measure(start);
 
-        self.headless.app.world_mut().entity_mut(self.prop).insert(look);
+        self.headless.app.world_mut().entity_mut(self.prop).insert(posterize);
         let start = Instant::now();
         let posterized = self.capture()?;
         let total = start.elapsed().as_secs_f64() * 1e3;
@@ -130,7 +130,7 @@ impl Render for GpuRenderer {
     }
 }
 
-/// The sum of what these spans took since `start`, in milliseconds; `None` if none of them ran.
+/// Returns the total time of these spans since `start`, in milliseconds, or `None` if none of them ran.
 fn elapsed(diagnostics: &DiagnosticsStore, spans: &[&str], start: Instant) -> Option<f64> {
     let measured = spans.iter().filter_map(|span| {
         let path = DiagnosticPath::new(format!("render/{span}/elapsed_gpu"));
@@ -140,11 +140,11 @@ fn elapsed(diagnostics: &DiagnosticsStore, spans: &[&str], start: Instant) -> Op
     measured.reduce(|sum, time| sum + time)
 }
 
-fn posterize(look: Look) -> Posterize {
+fn posterize(settings: PosterizeSettings) -> Posterize {
     Posterize {
-        blend_steps: look.blend_steps,
-        softness: look.softness,
-        min_opacity: look.min_opacity,
+        blend_steps: settings.blend_steps,
+        softness: settings.softness,
+        min_opacity: settings.min_opacity,
         ..Posterize::default()
     }
 }

@@ -1,4 +1,4 @@
-//! `stylize`: images of a field as rendered, posterized and recolored, and the palette that they were made with.
+//! `stylize`: renders views of a field as trained, posterized and recolored, and saves them with the palette.
 
 mod arguments;
 #[cfg(feature = "bevy")]
@@ -52,7 +52,7 @@ pub fn run(arguments: &Arguments) -> Result {
         field: field.clone(),
         palette: palette.clone(),
         recolored,
-        look: arguments.look(),
+        posterize: arguments.posterize(),
         quality: arguments.quality,
         background: arguments.background,
     };
@@ -76,12 +76,12 @@ pub fn run(arguments: &Arguments) -> Result {
 
     report::write(&arguments.out, &field, &renderer.adapter(), extracted.as_ref(), &palette, &times)?;
     if !arguments.quiet {
-        println!("{} views of {} in {}", cameras.len(), path.display(), arguments.out.display());
+        println!("{} views of {} saved to {}", cameras.len(), path.display(), arguments.out.display());
     }
     Ok(())
 }
 
-/// The views that are rendered when no cameras are given.
+/// Returns the views to render if no cameras are given.
 fn turntable(field: &PlenOctree, arguments: &Arguments) -> Result<Vec<PinholeCamera>> {
     let (size, frames) = (arguments.size.unwrap_or((800, 800)), arguments.frames().unwrap_or(8));
     turntable::full_turn(field, size, frames).ok_or_else(|| "nothing is visible in the field".into())

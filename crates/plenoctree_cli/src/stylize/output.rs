@@ -1,4 +1,4 @@
-//! The images' and the palette's files.
+//! Writes the images and the palette.
 
 use std::path::Path;
 
@@ -7,7 +7,7 @@ use plenoctree::palette::Palette;
 use super::renderer::Views;
 use crate::{Result, files, swatches};
 
-/// Writes a view's images and returns the names of the files, the original's first.
+/// Writes the images of a view and returns the names of their files, the original first.
 pub fn write_frame(views: &Views, index: usize, folder: &Path) -> Result<Vec<String>> {
     let kinds = [
         ("original", Some(&views.original)),

@@ -1,4 +1,4 @@
-//! The float64 reference, on the CPU.
+//! Renders with the float64 reference, on the CPU.
 
 use std::time::Instant;
 
@@ -9,7 +9,7 @@ use plenoctree::{
     reference::{Posterization, Rendering, posterize, render},
 };
 
-use super::renderer::{Adapter, FrameTimes, Job, Look, Render, Views};
+use super::renderer::{Adapter, FrameTimes, Job, PosterizeSettings, Render, Views};
 use crate::{Result, hex};
 
 /// Renders with [`plenoctree::reference`].
@@ -18,7 +18,7 @@ pub struct ReferenceRenderer {
 }
 
 impl ReferenceRenderer {
-    /// Takes what to draw.
+    /// Creates a renderer for a job.
     pub fn new(job: Job) -> Self {
         Self { job }
     }
@@ -26,22 +26,22 @@ impl ReferenceRenderer {
 
 impl Render for ReferenceRenderer {
     fn render(&mut self, camera: &PinholeCamera) -> Result<(Views, FrameTimes)> {
-        let Job { field, palette, recolored, look, background, .. } = &self.job;
+        let Job { field, palette, recolored, posterize: settings, background, .. } = &self.job;
         let background = DVec3::from(background.map(|c| f64::from(c) / 255.0));
-        let settings = posterization(*look);
+        let settings = posterization(*settings);
         let colors = |colors: &[[f64; 3]]| colors.iter().map(|&color| color.into()).collect::<Vec<DVec3>>();
-        let extracted = colors(&palette.colors);
+        let source = colors(&palette.colors);
 
         let start = Instant::now();
         let rendering = render(field, camera);
         let volume = start.elapsed();
-        let posterized = to_image(&rendering, &posterize(&rendering, background, &extracted, &extracted, &settings));
+        let posterized = to_image(&rendering, &posterize(&rendering, background, &source, &source, &settings));
         let total = start.elapsed();
         let views = Views {
             original: to_image(&rendering, &rendering.over(background)),
             posterized,
             recolored: recolored.as_ref().map(|shown| {
-                to_image(&rendering, &posterize(&rendering, background, &extracted, &colors(shown), &settings))
+                to_image(&rendering, &posterize(&rendering, background, &source, &colors(shown), &settings))
             }),
         };
         let times = FrameTimes {
@@ -57,16 +57,16 @@ impl Render for ReferenceRenderer {
     }
 }
 
-fn posterization(look: Look) -> Posterization {
+fn posterization(settings: PosterizeSettings) -> Posterization {
     Posterization {
-        blend_steps: look.blend_steps,
-        softness: look.softness.into(),
-        min_opacity: look.min_opacity.into(),
+        blend_steps: settings.blend_steps,
+        softness: settings.softness.into(),
+        min_opacity: settings.min_opacity.into(),
         ..Posterization::default()
     }
 }
 
-/// Colors as an image of the rendering's size.
+/// Returns the colors as an image of the rendering's size.
 fn to_image(size: &Rendering, colors: &[DVec3]) -> RgbImage {
     RgbImage::from_fn(size.width as u32, size.height as u32, |x, y| {
         image::Rgb(hex::quantize(colors[y as usize * size.width + x as usize].to_array()))

@@ -1,18 +1,18 @@
-//! What renderers have in common: what they are given, and what they give.
+//! The interface of renderers: their input and their output.
 
 use image::RgbImage;
 use plenoctree::{PlenOctree, camera::PinholeCamera, palette::Palette};
 
 use crate::{Result, preset::Preset};
 
-/// The posterized look, whichever renderer makes it.
+/// Settings of posterization, for every renderer.
 #[derive(Clone, Copy)]
-pub struct Look {
-    /// Steps from one palette color to another.
+pub struct PosterizeSettings {
+    /// The number of steps from one palette color to another.
     pub blend_steps: u32,
-    /// Distance in encoded RGB over which labels blend.
+    /// The distance over which labels blend, in encoded sRGB.
     pub softness: f32,
-    /// Opacity under which a pixel is shown as rendered.
+    /// The opacity below which pixels are drawn as trained.
     pub min_opacity: f32,
 }
 
@@ -22,39 +22,39 @@ pub struct Job {
     pub field: PlenOctree,
     /// The field's palette.
     pub palette: Palette,
-    /// The palette to recolor with.
+    /// The shown colors of the recolored images.
     pub recolored: Option<Vec<[f64; 3]>>,
-    /// The posterized look.
-    pub look: Look,
-    /// For the GPU; the reference is always exact.
+    /// The settings of posterization.
+    pub posterize: PosterizeSettings,
+    /// The quality preset for the GPU. The reference is always exact.
     #[cfg_attr(not(feature = "bevy"), allow(dead_code))]
     pub quality: Preset,
-    /// Encoded sRGB.
+    /// The background color, in encoded sRGB.
     pub background: [u8; 3],
 }
 
 /// The images of one view.
 pub struct Views {
-    /// As rendered.
+    /// As trained.
     pub original: RgbImage,
     /// Posterized with the field's palette.
     pub posterized: RgbImage,
-    /// Posterized and shown in other colors.
+    /// Posterized and recolored.
     pub recolored: Option<RgbImage>,
 }
 
-/// Milliseconds that a posterized view took; `None` where it could not be measured.
+/// The times of a posterized view in milliseconds. `None` if they could not be measured.
 #[derive(Clone, Copy, Default)]
 pub struct FrameTimes {
     /// The volume pass.
     pub volume: Option<f64>,
     /// The posterize passes.
     pub posterize: Option<f64>,
-    /// The whole frame, until its image was in memory.
+    /// The whole frame, until it was in memory.
     pub total: Option<f64>,
 }
 
-/// What rendered, for the report.
+/// The adapter that rendered, for the report.
 pub struct Adapter {
     /// The adapter's name.
     pub name: String,
@@ -64,11 +64,11 @@ pub struct Adapter {
     pub driver: String,
 }
 
-/// Makes the images of views.
+/// Renders views.
 pub trait Render {
     /// Renders the view of one camera.
     fn render(&mut self, camera: &PinholeCamera) -> Result<(Views, FrameTimes)>;
 
-    /// What renders.
+    /// Returns the adapter that renders.
     fn adapter(&self) -> Adapter;
 }

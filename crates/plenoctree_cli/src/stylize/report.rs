@@ -1,4 +1,4 @@
-//! `report.json`: what was measured.
+//! Writes the measurements to `report.json`.
 
 use std::path::Path;
 
@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use super::renderer::{Adapter, FrameTimes};
 use crate::{Result, extraction::Extracted, files, gpu_memory};
 
-/// Writes the report. `frames` holds the names of every view's files and how long it took.
+/// Writes the report. `frames` holds the names of every view's files and its times.
 pub fn write(
     folder: &Path,
     field: &PlenOctree,
@@ -43,7 +43,7 @@ pub fn write(
     files::write_text(&folder.join("report.json"), &(text + "\n"))
 }
 
-/// A palette that was given has no history: its entries are null.
+/// Reports the palette. Entries about extraction are null for a palette that was given.
 fn palette_report(extracted: Option<&Extracted>, palette: &Palette) -> Value {
     let extraction = extracted.map(|extracted| &extracted.extraction);
     json!({

@@ -6,30 +6,30 @@ use clap::Args;
 
 use crate::{field, size::parse_size};
 
-/// Measures time, PSNR against float64, changed labels and flicker for every setting of quality and every preset.
+/// Measures time, PSNR against float64, changed labels and flicker for every quality setting and every preset.
 #[derive(Args)]
 pub struct Arguments {
-    /// The field, an .npz file; the toadstool of the repository by default.
+    /// The field, an .npz file; by default the included toadstool.
     field: Option<PathBuf>,
-    /// A transforms.json (NeRF, nerfstudio) in the field's frame, instead of a turntable.
+    /// A transforms.json file (NeRF, nerfstudio) in the field's coordinates, to use instead of a turntable.
     #[arg(long)]
     pub cameras: Option<PathBuf>,
     /// Size of the images in pixels.
     #[arg(long, value_name = "WxH", default_value = "400x400", value_parser = parse_size)]
     pub size: (u32, u32),
-    /// Where the tables and the plots go.
+    /// The folder for the tables and the plots.
     #[arg(long, default_value = "out")]
     pub out: PathBuf,
-    /// How many views are measured.
+    /// The number of views to measure.
     #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub views: u32,
-    /// How often everything is timed, in turn.
+    /// The number of rounds in which everything is timed by turns.
     #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub rounds: u32,
 }
 
 impl Arguments {
-    /// The field's path.
+    /// Returns the field's path.
     pub fn field(&self) -> PathBuf {
         field::or_default(self.field.as_deref())
     }

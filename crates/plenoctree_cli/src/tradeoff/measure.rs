@@ -1,4 +1,4 @@
-//! Times, taken in turn, and differences from the exact image.
+//! Measures times, by turns, and differences from the exact frame.
 
 use std::time::Instant;
 
@@ -18,7 +18,7 @@ use super::{
 };
 use crate::{Result, progress};
 
-/// What one value of a setting costs and saves. `None` where a measure does not apply.
+/// The cost and the savings of one value of a setting. Measurements that do not apply are `None`.
 pub struct Row {
     /// The setting.
     pub setting: &'static str,
@@ -26,25 +26,25 @@ pub struct Row {
     pub value: String,
     /// The median time of a frame, or of an extraction.
     pub milliseconds: f64,
-    /// That time as a share of the exact one's.
+    /// That time, relative to the exact one.
     pub ratio_to_exact: f64,
-    /// Of images as trained, against float64.
+    /// The PSNR of frames as trained, against float64.
     pub psnr_db: Option<f64>,
-    /// The share of the prop's pixels that get another label.
+    /// The fraction of the prop's pixels whose label changes.
     pub label_changes: Option<f64>,
-    /// Mean difference of a channel, 0 to 1, between posterized images half a degree apart, over the prop's pixels.
+    /// The mean difference of a channel, 0 to 1, between posterized frames half a degree apart, over the prop's pixels.
     pub flicker: Option<f64>,
-    /// Largest difference of a palette's channel, 0 to 1.
+    /// The largest difference of a channel of the palette, 0 to 1.
     pub palette_error: Option<f64>,
 }
 
-/// What images without a difference get, in dB, since plots and tables have no place for infinity.
+/// The PSNR of frames without a difference, in dB, because plots and tables cannot show infinity.
 const MOST_PSNR: f64 = 120.0;
 
-/// Half a degree.
+/// Half a degree, in radians.
 const TURN: f64 = std::f64::consts::PI / 360.0;
 
-/// The rows of rendering, and by how much the ratio of two series of the exact image differs from 1.
+/// Measures rendering. Returns the rows, and how much the ratio of two series of exact frames differs from 1.
 pub fn rendering(
     field: &PlenOctree,
     palette: &Palette,
@@ -56,7 +56,7 @@ pub fn rendering(
     let variants = variants::rendering();
     let references = render_references(field, cameras);
     let truths: Vec<_> = references.iter().map(|rendering| rendering.over(DVec3::ONE)).collect();
-    // With hard labels a pixel's color tells its label.
+    // With hard edges, the color of a pixel tells its label.
     let hard = Posterize { softness: 0.0, ..Posterize::default() };
     let colors: Vec<_> = palette.colors.iter().map(|color| DVec3::from(*color)).collect();
     let labels = reference::labels(&colors, hard.blend_steps);
@@ -111,7 +111,7 @@ pub fn rendering(
     Ok((rows, noise))
 }
 
-/// The views in float64.
+/// Renders the views in float64.
 fn render_references(field: &PlenOctree, cameras: &[PinholeCamera]) -> Vec<Rendering> {
     let bar = progress::bar("reference", cameras.len() as u64, false);
     let render = |camera: &PinholeCamera| {
@@ -124,8 +124,8 @@ fn render_references(field: &PlenOctree, cameras: &[PinholeCamera]) -> Vec<Rende
     references
 }
 
-/// For every variant and round, the seconds of the exact images of all views and of its own. Machines are noisy, so
-/// each is timed right after the exact one, in every round.
+/// Returns, for every variant and round, how many seconds all views take with the exact settings and with its own.
+/// Machines are noisy, so each variant is timed right after the exact one, in every round.
 fn time_variants(
     stage: &mut Stage,
     variants: &[Variant],
@@ -149,7 +149,7 @@ fn time_variants(
     Ok(times)
 }
 
-/// The rows of extraction.
+/// Measures extraction.
 pub fn extraction(field: &PlenOctree, exact: &Palette, rounds: u32) -> Result<Vec<Row>> {
     let all = variants::extraction();
     let mut times = vec![Vec::new(); all.len()];
@@ -196,14 +196,14 @@ fn nearest(color: DVec3, labels: &[DVec3]) -> usize {
     (0..labels.len()).min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or(0)
 }
 
-/// The camera, turned a little around the field's up axis.
+/// Returns the camera, rotated slightly around the field's up axis.
 fn turned(field: &PlenOctree, camera: &PinholeCamera) -> PinholeCamera {
     let up = field.up().to_y_up().transpose() * DVec3::Y;
     let turn = DMat3::from_axis_angle(up, TURN);
     PinholeCamera { rotation: turn * camera.rotation, position: turn * camera.position, ..*camera }
 }
 
-/// The largest difference of a channel between a palette's colors and the exact ones nearest to them.
+/// Returns the largest difference of a channel between a palette's colors and the nearest exact ones.
 fn difference(palette: &Palette, exact: &Palette) -> f64 {
     let colors = |palette: &Palette| palette.colors.iter().map(|color| DVec3::from(*color)).collect::<Vec<_>>();
     let (own, exact) = (colors(palette), colors(exact));

@@ -1,4 +1,4 @@
-//! `tradeoff`: what every setting of quality costs in accuracy and saves in time, on any field.
+//! `tradeoff`: measures what every quality setting costs in accuracy and saves in time, on any field.
 
 mod arguments;
 mod measure;
@@ -40,10 +40,10 @@ pub fn run(arguments: &Arguments) -> Result {
     Ok(())
 }
 
-/// Height of the turntable's cameras above the horizon, in radians.
+/// The elevation of the turntable's cameras above the horizon, in radians.
 const ELEVATION: f64 = 0.4;
 
-/// A few views, chosen evenly from those that there are.
+/// Returns the requested number of views, evenly chosen from all cameras.
 fn cameras(field: &PlenOctree, arguments: &Arguments) -> Result<Vec<PinholeCamera>> {
     let count = arguments.views as usize;
     let azimuths = (0..count).map(|view| view as f64 / count as f64 * TAU);

@@ -6,7 +6,7 @@ const WIDTH: f64 = 760.0;
 const HEIGHT: f64 = 460.0;
 const MARGIN: f64 = 60.0;
 
-/// Plots every row that has a `value` over its share of the exact image's time. A line joins the Pareto front.
+/// Plots every row that has a `value` over its time relative to the exact frame. A line joins the Pareto front.
 pub fn svg(rows: &[Row], label: &str, higher_is_better: bool, value: impl Fn(&Row) -> Option<f64>) -> String {
     let points: Vec<_> = rows.iter().filter_map(|row| Some((row, row.ratio_to_exact, value(row)?))).collect();
     let most = |of: fn(&(&Row, f64, f64)) -> f64| points.iter().map(of).fold(f64::NEG_INFINITY, f64::max);
@@ -20,7 +20,7 @@ pub fn svg(rows: &[Row], label: &str, higher_is_better: bool, value: impl Fn(&Ro
     let mut text = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{WIDTH}\" height=\"{HEIGHT}\" font-family=\"sans-serif\" \
          font-size=\"11\">\n<rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n<text x=\"{MARGIN}\" y=\"24\" \
-         font-size=\"14\">{label}, over the share of the exact picture's time</text>\n"
+         font-size=\"14\">{label}, over the time relative to the exact frame</text>\n"
     );
     for step in 0..=4 {
         let (ratio, value) = (right * f64::from(step) / 4.0, bottom + height * f64::from(step) / 4.0);

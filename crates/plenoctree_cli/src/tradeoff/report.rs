@@ -1,13 +1,13 @@
-//! The rows as text.
+//! Formats the rows as text.
 
 use std::collections::BTreeMap;
 
 use super::measure::Row;
 
-/// A setting is worth having if one of its values saves at least this share of the time, and twice the noise.
+/// A setting is worthwhile if one of its values saves at least this share of the time, and at least twice the noise.
 const WORTH: f64 = 0.05;
 
-/// Comma-separated values, for programs.
+/// Formats comma-separated values, for programs.
 pub fn csv(rows: &[Row]) -> String {
     let mut text =
         String::from("setting,value,milliseconds,ratio_to_exact,psnr_db,label_changes,flicker,palette_error\n");
@@ -28,7 +28,7 @@ pub fn csv(rows: &[Row]) -> String {
     text
 }
 
-/// A table, and what follows from it.
+/// Formats a table and its conclusions.
 pub fn markdown(rows: &[Row], noise: f64) -> String {
     let mut text = String::from(
         "| setting | value | ms | of exact | PSNR, dB | labels changed | flicker | palette | best |\n|---|---|---|---|---|---|---|---|---|\n",
@@ -50,13 +50,13 @@ pub fn markdown(rows: &[Row], noise: f64) -> String {
             if is_best(row, rows) { "*" } else { "" },
         );
     }
-    text += "\n\\* nothing else is both faster and nearer to the exact picture.\n";
-    text += &format!("\nRatios of two series of the exact picture are off by {:.1} %.\n", 100.0 * noise);
+    text += "\n\\* nothing else is both faster and closer to the exact frame.\n";
+    text += &format!("\nRatios of two series of exact frames are off by {:.1} %.\n", 100.0 * noise);
     let saved = WORTH.max(2.0 * noise);
-    let worthless = not_worth_having(rows, saved);
+    let worthless = not_worthwhile(rows, saved);
     if !worthless.is_empty() {
         let list = worthless.join(", ");
-        text += &format!("\nNot worth having here, they save less than {:.0} % of the time: {list}.\n", 100.0 * saved);
+        text += &format!("\nNot worthwhile here, they save less than {:.0} % of the time: {list}.\n", 100.0 * saved);
     }
     text
 }
@@ -71,7 +71,7 @@ pub fn is_best(row: &Row, rows: &[Row]) -> bool {
     })
 }
 
-fn not_worth_having(rows: &[Row], saved: f64) -> Vec<&'static str> {
+fn not_worthwhile(rows: &[Row], saved: f64) -> Vec<&'static str> {
     let mut best = BTreeMap::new();
     for row in rows.iter().filter(|row| !["exact", "preset", "extraction"].contains(&row.setting)) {
         let least = best.entry(row.setting).or_insert(f64::INFINITY);

@@ -1,4 +1,4 @@
-//! The plugin, which draws one prop at any quality.
+//! Draws one prop with the plugin, at any quality.
 
 use std::time::{Duration, Instant};
 
@@ -13,7 +13,7 @@ use plenoctree::{PlenOctree, Precision, camera::PinholeCamera, palette::Palette}
 use super::variants::Variant;
 use crate::Result;
 
-/// The longest wait for the field to be on the GPU.
+/// How long to wait until the field is on the GPU.
 const UPLOAD_TIMEOUT: Duration = Duration::from_secs(600);
 
 /// A field alone in front of a white background, and its camera.
@@ -45,15 +45,15 @@ impl Stage {
         Ok(Self { headless, field: field.clone(), prop, camera, handles })
     }
 
-    /// Draws at a variant's quality from now on. The first image makes what it needs.
-    pub fn set(&mut self, variant: &Variant, look: Option<Posterize>) {
+    /// Draws at a variant's quality from now on. The first frame makes the level that it requires.
+    pub fn set(&mut self, variant: &Variant, posterize: Option<Posterize>) {
         let handle = self.handles[usize::from(variant.precision == Precision::Byte)].clone();
         let world = self.headless.app.world_mut();
         world.entity_mut(self.camera).insert(variant.quality);
         let mut prop = world.entity_mut(self.prop);
         prop.insert(Prop(handle)).remove::<Posterize>();
-        if let Some(look) = look {
-            prop.insert(look);
+        if let Some(posterize) = posterize {
+            prop.insert(posterize);
         }
     }
 
@@ -64,7 +64,7 @@ impl Stage {
         Ok(self.headless.capture()?)
     }
 
-    /// Seconds until a view's image is in memory.
+    /// Returns the seconds until a view's frame is in memory.
     pub fn time(&mut self, camera: &PinholeCamera) -> Result<f64> {
         let start = Instant::now();
         self.capture(camera)?;

@@ -1,4 +1,4 @@
-//! The settings that are measured, and their values.
+//! The settings to measure, and their values.
 
 use bevy_plenoctree::{PropQuality, QualityPreset};
 use plenoctree::{Precision, palette::ExtractionSettings, sampling::SamplingSettings};
@@ -6,17 +6,17 @@ use plenoctree::{Precision, palette::ExtractionSettings, sampling::SamplingSetti
 /// One value of one setting, or a preset.
 #[derive(Clone)]
 pub struct Variant {
-    /// The setting that differs from the exact ones.
+    /// The setting that is not exact.
     pub setting: &'static str,
     /// Its value.
     pub value: String,
-    /// How exactly the camera draws.
+    /// The quality of the camera.
     pub quality: PropQuality,
-    /// How exactly the GPU keeps the field.
+    /// The precision of the field on the GPU.
     pub precision: Precision,
 }
 
-/// The variants of rendering, the exact one first.
+/// Returns the variants of rendering, the exact one first.
 pub fn rendering() -> Vec<Variant> {
     let variant = |setting, value: String, quality, precision| Variant { setting, value, quality, precision };
     let mut all = vec![variant("exact", String::new(), PropQuality::EXACT, Precision::Half)];
@@ -43,7 +43,7 @@ pub fn rendering() -> Vec<Variant> {
     all
 }
 
-/// The variants of extraction, the exact one first.
+/// Returns the variants of extraction, the exact one first.
 pub fn extraction() -> Vec<(&'static str, String, ExtractionSettings)> {
     let settings = |sampling| ExtractionSettings { sampling, ..ExtractionSettings::default() };
     let exact = SamplingSettings::default();

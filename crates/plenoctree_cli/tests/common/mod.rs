@@ -1,4 +1,4 @@
-//! What the tests share: a tiny field, a folder of their own, and the program.
+//! Helpers for the tests: a tiny field, a folder for each test, and the program.
 #![allow(dead_code, reason = "no test uses everything")]
 
 use std::{
@@ -10,7 +10,7 @@ use std::{
 use glam::DVec3;
 use plenoctree::{BakeSettings, Basis, bake};
 
-/// An empty folder for one test.
+/// Creates an empty folder for one test.
 pub fn folder(test: &str) -> PathBuf {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(test);
     let _ = fs::remove_dir_all(&folder);
@@ -34,14 +34,14 @@ pub fn plenoctree(arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_plenoctree")).args(arguments).output().unwrap()
 }
 
-/// Runs the program, which must succeed, and returns what it prints.
+/// Runs the program, asserts that it succeeds, and returns what it prints.
 pub fn succeed(arguments: &[&str]) -> String {
     let output = plenoctree(arguments);
     assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
     String::from_utf8(output.stdout).unwrap()
 }
 
-/// Runs the program, which must refuse its input, and returns the message.
+/// Runs the program, asserts that it rejects its input, and returns the message.
 pub fn fail(arguments: &[&str]) -> String {
     let output = plenoctree(arguments);
     let message = String::from_utf8(output.stderr).unwrap();
@@ -50,7 +50,7 @@ pub fn fail(arguments: &[&str]) -> String {
     message
 }
 
-/// A path as an argument.
+/// Returns a path as an argument.
 pub fn text(path: &Path) -> &str {
     path.to_str().unwrap()
 }
