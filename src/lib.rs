@@ -47,8 +47,6 @@ mod asset;
 mod gpu;
 #[cfg(feature = "headless")]
 pub mod headless;
-#[cfg(all(test, feature = "headless"))]
-mod layout_tests;
 mod palette;
 #[cfg(feature = "egui")]
 pub mod panel;
@@ -61,6 +59,8 @@ mod render;
 mod sampling;
 mod sets;
 mod stage;
+#[cfg(all(test, feature = "headless"))]
+mod tests;
 
 pub use asset::PlenOctreeLoader;
 pub use gpu::{FieldFailed, FieldReady, FieldTooLarge, GpuField};

@@ -218,7 +218,7 @@ impl Uploader<'_> {
 #[cfg(all(test, feature = "headless"))]
 mod tests {
     use super::*;
-    use crate::layout_tests::read_back;
+    use crate::tests::layouts::read_back;
 
     /// Also tests the constants that shaders import.
     const SHADER: &str = "

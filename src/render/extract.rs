@@ -11,7 +11,7 @@ use bevy::{
 
 use plenoctree::{PlenOctree, palette::Palette};
 
-use super::view::Placement;
+use super::rays::Placement;
 use crate::{
     palette::{FieldPalette, PaletteOverride, Palettes},
     posterize::Posterize,

@@ -23,6 +23,7 @@ mod fullscreen;
 mod label;
 mod last;
 mod present;
+mod rays;
 mod upsample;
 mod view;
 mod volume;

@@ -74,7 +74,7 @@ mod tests {
     use bevy::render::render_resource::UniformBuffer;
 
     use super::*;
-    use crate::layout_tests::{counting, read_back};
+    use crate::tests::layouts::{counting, read_back};
 
     /// The rest of the shader, after the declaration of the struct.
     const SHADER: &str = "

@@ -5,14 +5,12 @@ mod layout;
 mod levels;
 mod prepare;
 mod props;
-mod rays;
 mod textures;
 mod uniforms;
 
 pub(super) use bind_groups::ViewBindGroups;
 pub(super) use layout::ViewLayouts;
 pub(super) use props::ViewProps;
-pub(super) use rays::Placement;
 pub(super) use textures::{DEPTH_FORMAT, FILTER_FORMAT, LAYER_FORMAT, OWNER_FORMAT, ViewTextures, drawn_viewport};
 
 use bevy::{

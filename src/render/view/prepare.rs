@@ -13,14 +13,16 @@ use bevy::{
 
 use super::{
     props::ViewProps,
-    rays::Placement,
     textures::{coarse_size, drawn_viewport},
     uniforms::{PropUniform, ViewUniform},
 };
 use crate::{
     gpu::{GpuField, Level},
     posterize::MAX_FILTER_RADIUS,
-    render::extract::{ExtractedProps, VisibleProps},
+    render::{
+        extract::{ExtractedProps, VisibleProps},
+        rays::Placement,
+    },
     stage::PropStage,
 };
 

@@ -2,12 +2,14 @@
 
 use bevy::{prelude::*, render::render_resource::ShaderType};
 
-use super::rays::Rays;
 use crate::{
     posterize::{MAX_BLEND_STEPS, MAX_FILTER_ITERATIONS, MAX_FILTER_RADIUS, Posterize},
     prop::SolidOpacity,
     quality::PropQuality,
-    render::extract::{ExtractedPosterize, ExtractedProp},
+    render::{
+        extract::{ExtractedPosterize, ExtractedProp},
+        rays::Rays,
+    },
 };
 
 /// Matches `Prop` in `view.wgsl`.
@@ -122,7 +124,7 @@ mod tests {
     };
 
     use super::*;
-    use crate::layout_tests::{counting, read_back};
+    use crate::tests::layouts::{counting, read_back};
 
     const SHADER: &str = "
 #import bevy_plenoctree::view::{colors, props, view}

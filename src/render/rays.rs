@@ -8,7 +8,7 @@ use crate::prop::world_from_field;
 
 /// The rays of a view in a field's frame, as affine functions of the viewport point `reference + (x, y)`, in pixels:
 /// `a[0] + x a[1] + y a[2]`. Rays begin at the box, so that numbers stay small however far away the camera is.
-pub(in crate::render) struct Rays {
+pub(super) struct Rays {
     /// The viewport point from which x and y are measured, near the center of the box.
     pub reference: DVec2,
     /// The distance along the view axis at which rays begin, in world units of the scene.
@@ -30,7 +30,7 @@ pub(in crate::render) struct Rays {
 
 /// The placement of a field in the scene. `world_from_prop` is the entity's transform.
 #[derive(Clone, Copy)]
-pub(in crate::render) struct Placement {
+pub(super) struct Placement {
     pub world_from_prop: GlobalTransform,
     pub up: UpAxis,
     pub frame: Frame,
