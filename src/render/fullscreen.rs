@@ -1,7 +1,7 @@
 //! Fullscreen passes: one triangle, with the view's bind group as bind group 0.
 
 use bevy::{
-    camera::{CompositingSpace, Viewport},
+    camera::Viewport,
     prelude::*,
     render::{
         render_phase::TrackedRenderPass,
@@ -62,15 +62,6 @@ impl Fullscreen {
 /// Returns a color target for a pipeline.
 pub(super) fn target(format: TextureFormat, blend: Option<BlendState>) -> ColorTargetState {
     ColorTargetState { format, blend, write_mask: ColorWrites::ALL }
-}
-
-/// Returns the shader definitions for `target.wgsl`.
-pub(super) fn target_definitions(space: Option<CompositingSpace>) -> Vec<ShaderDefVal> {
-    match space {
-        Some(CompositingSpace::Srgb) => vec!["SRGB_TARGET".into()],
-        Some(CompositingSpace::Oklab) => vec!["OKLAB_TARGET".into()],
-        Some(CompositingSpace::Linear) | None => vec![],
-    }
 }
 
 /// Draws the triangle over the part of the viewport that the view draws to. `viewport` is the viewport within the

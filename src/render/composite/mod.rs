@@ -6,36 +6,24 @@ mod pipeline;
 pub use pass::COMPOSITE_SPAN;
 
 use bevy::{
-    core_pipeline::schedule::Core3d,
     prelude::*,
-    render::{GpuResourceAppExt, Render, RenderApp, RenderStartup, render_resource::SpecializedRenderPipelines},
+    render::{GpuResourceAppExt, RenderApp, render_resource::SpecializedRenderPipelines},
 };
 
-use super::{PosterizeSteps, extract::VisibleProps, view::InitViews};
-use crate::{sets::PlenOctreeRenderSystems, stage::PropStage};
+use super::{
+    PosterizeSteps,
+    pass::{Pass, add_pass},
+};
 
 pub(super) fn plugin(app: &mut App) {
-    let Some(render_app) = app.get_sub_app_mut(RenderApp) else {
-        return;
+    if let Some(render_app) = app.get_sub_app_mut(RenderApp) {
+        render_app.init_gpu_resource::<SpecializedRenderPipelines<pipeline::CompositePipeline>>();
+    }
+    let systems = Pass {
+        init: pipeline::init.into_configs(),
+        prepare_pipelines: pass::prepare_pipelines.into_configs(),
+        prepare_bind_groups: pass::prepare_bind_groups.into_configs(),
+        draw: pass::composite_pass,
     };
-    render_app.world_mut().register_required_components::<VisibleProps, pass::CompositePass>();
-    render_app
-        .init_gpu_resource::<SpecializedRenderPipelines<pipeline::CompositePipeline>>()
-        .add_systems(RenderStartup, pipeline::init.after(InitViews))
-        .add_systems(
-            Render,
-            (
-                pass::prepare_pipelines.in_set(PlenOctreeRenderSystems::PreparePipelines),
-                pass::prepare_bind_groups.in_set(PlenOctreeRenderSystems::PrepareBindGroups),
-            ),
-        )
-        .add_systems(
-            Core3d,
-            (
-                pass::composite_pass.with_input(PropStage::Scene).in_set(PosterizeSteps::Composite(PropStage::Scene)),
-                pass::composite_pass
-                    .with_input(PropStage::Display)
-                    .in_set(PosterizeSteps::Composite(PropStage::Display)),
-            ),
-        );
+    add_pass::<pass::CompositePass, _, _, _>(app, PosterizeSteps::Composite, systems);
 }

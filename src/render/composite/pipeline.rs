@@ -12,7 +12,8 @@ use bevy::{
 use crate::{
     gpu::Shaders,
     render::{
-        fullscreen::{Fullscreen, target, target_definitions},
+        fullscreen::{Fullscreen, target},
+        target::target_definitions,
         view::{FILTER_FORMAT, ViewLayouts},
     },
 };

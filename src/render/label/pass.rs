@@ -24,6 +24,7 @@ use crate::{
         attachment::{cleared, color},
         bind_group::KeptBindGroup,
         fullscreen::draw,
+        target::{TargetKey, target_attachment},
         view::{ViewBindGroups, ViewProps, ViewTextures, drawn_viewport},
     },
     stage::PropStage,
@@ -46,14 +47,10 @@ pub(super) fn prepare_pipelines(
     mut views: Query<(&ExtractedView, &ExtractedCamera, &Msaa, &mut ViewProps, &mut LabelPass)>,
 ) {
     for (view, camera, msaa, mut props, mut pass) in &mut views {
-        let samples = match props.stage {
-            PropStage::Scene => msaa.samples(),
-            PropStage::Display => 1,
-        };
         let key = if props.has_stages {
             LabelKey::Textures
         } else {
-            LabelKey::Target { format: view.target_format, samples, space: camera.compositing_space }
+            LabelKey::Target(TargetKey::new(view, camera, msaa, props.stage))
         };
         let id = specialized.specialize(&cache, &pipeline, key);
         pass.pipeline = Some(id);
@@ -113,11 +110,7 @@ pub(super) fn label_pass(
                 (to_textures.as_slice(), None)
             }
             None => {
-                to_target = [Some(match props.stage {
-                    PropStage::Scene => target.get_color_attachment(),
-                    // Post-processing continues with the resolved texture.
-                    PropStage::Display => target.get_unsampled_color_attachment(),
-                })];
+                to_target = [Some(target_attachment(target, props.stage))];
                 (to_target.as_slice(), drawn_viewport(camera, resolution))
             }
         };

@@ -1,11 +1,10 @@
 //! The pipelines of the label pass.
 
 use bevy::{
-    camera::CompositingSpace,
     prelude::*,
     render::render_resource::{
-        BindGroupLayoutEntries, BlendComponent, BlendState, ColorTargetState, RenderPipelineDescriptor, ShaderStages,
-        SpecializedRenderPipeline, TextureFormat, TextureSampleType, binding_types::texture_2d,
+        BindGroupLayoutEntries, RenderPipelineDescriptor, ShaderStages, SpecializedRenderPipeline, TextureSampleType,
+        binding_types::texture_2d,
     },
 };
 
@@ -13,7 +12,8 @@ use super::textures::{LABEL_COLOR_FORMAT, LABEL_FORMAT};
 use crate::{
     gpu::Shaders,
     render::{
-        fullscreen::{Fullscreen, target, target_definitions},
+        fullscreen::{Fullscreen, target},
+        target::TargetKey,
         view::ViewLayouts,
     },
 };
@@ -35,7 +35,7 @@ pub(super) fn init(mut commands: Commands, views: Res<ViewLayouts>, shaders: Res
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 pub(super) enum LabelKey {
     /// The view's target.
-    Target { format: TextureFormat, samples: u32, space: Option<CompositingSpace> },
+    Target(TargetKey),
     /// The textures for custom stages.
     Textures,
 }
@@ -45,21 +45,11 @@ impl SpecializedRenderPipeline for LabelPipeline {
 
     fn specialize(&self, key: LabelKey) -> RenderPipelineDescriptor {
         match key {
-            LabelKey::Target { format, samples, space } => {
-                let mut descriptor = self.0.pipeline(target_definitions(space), &[to_target(format)]);
-                descriptor.multisample.count = samples;
-                descriptor
-            }
+            LabelKey::Target(target) => target.pipeline(&self.0),
             LabelKey::Textures => {
                 let targets = [target(LABEL_COLOR_FORMAT, None), target(LABEL_FORMAT, None)];
                 self.0.pipeline(vec!["LABEL_TEXTURES".into()], &targets)
             }
         }
     }
-}
-
-/// Returns the view's target as a color target for colors that are already composited. Color is replaced, and alpha is
-/// blended over the target's alpha.
-pub(in crate::render) fn to_target(format: TextureFormat) -> ColorTargetState {
-    target(format, Some(BlendState { color: BlendComponent::REPLACE, alpha: BlendComponent::OVER }))
 }

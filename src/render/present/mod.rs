@@ -7,38 +7,22 @@ mod pipeline;
 pub use pass::PRESENT_SPAN;
 
 use bevy::{
-    core_pipeline::schedule::Core3d,
     prelude::*,
-    render::{GpuResourceAppExt, Render, RenderApp, RenderStartup, render_resource::SpecializedRenderPipelines},
+    render::{GpuResourceAppExt, RenderApp, render_resource::SpecializedRenderPipelines},
 };
 
-use super::{extract::VisibleProps, view::InitViews};
-use crate::{sets::PlenOctreeRenderSystems, stage::PropStage};
+use super::pass::{Pass, add_pass};
+use crate::sets::PlenOctreeRenderSystems;
 
 pub(super) fn plugin(app: &mut App) {
-    let Some(render_app) = app.get_sub_app_mut(RenderApp) else {
-        return;
+    if let Some(render_app) = app.get_sub_app_mut(RenderApp) {
+        render_app.init_gpu_resource::<SpecializedRenderPipelines<pipeline::PresentPipeline>>();
+    }
+    let systems = Pass {
+        init: pipeline::init.into_configs(),
+        prepare_pipelines: pass::prepare_pipelines.into_configs(),
+        prepare_bind_groups: pass::prepare_bind_groups.into_configs(),
+        draw: pass::present_pass,
     };
-    render_app.world_mut().register_required_components::<VisibleProps, pass::PresentPass>();
-    render_app
-        .init_gpu_resource::<SpecializedRenderPipelines<pipeline::PresentPipeline>>()
-        .add_systems(RenderStartup, pipeline::init.after(InitViews))
-        .add_systems(
-            Render,
-            (
-                pass::prepare_pipelines.in_set(PlenOctreeRenderSystems::PreparePipelines),
-                pass::prepare_bind_groups.in_set(PlenOctreeRenderSystems::PrepareBindGroups),
-            ),
-        )
-        .add_systems(
-            Core3d,
-            (
-                pass::present_pass
-                    .with_input(PropStage::Scene)
-                    .in_set(PlenOctreeRenderSystems::Present(PropStage::Scene)),
-                pass::present_pass
-                    .with_input(PropStage::Display)
-                    .in_set(PlenOctreeRenderSystems::Present(PropStage::Display)),
-            ),
-        );
+    add_pass::<pass::PresentPass, _, _, _>(app, PlenOctreeRenderSystems::Present, systems);
 }

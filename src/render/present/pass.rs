@@ -14,12 +14,13 @@ use bevy::{
     },
 };
 
-use super::pipeline::{PresentKey, PresentPipeline};
+use super::pipeline::PresentPipeline;
 use crate::{
     render::{
         bind_group::KeptBindGroup,
         fullscreen::draw,
         label::LabelTextures,
+        target::{TargetKey, target_attachment},
         view::{ViewBindGroups, ViewProps, drawn_viewport},
     },
     stage::PropStage,
@@ -42,14 +43,9 @@ pub(super) fn prepare_pipelines(
     mut views: Query<(&ExtractedView, &ExtractedCamera, &Msaa, &mut ViewProps, &mut PresentPass)>,
 ) {
     for (view, camera, msaa, mut props, mut pass) in &mut views {
-        pass.pipeline = props.has_stages.then(|| {
-            let samples = match props.stage {
-                PropStage::Scene => msaa.samples(),
-                PropStage::Display => 1,
-            };
-            let key = PresentKey { format: view.target_format, samples, space: camera.compositing_space };
-            specialized.specialize(&cache, &pipeline, key)
-        });
+        pass.pipeline = props
+            .has_stages
+            .then(|| specialized.specialize(&cache, &pipeline, TargetKey::new(view, camera, msaa, props.stage)));
         props.pipelines.extend(pass.pipeline);
     }
 }
@@ -101,13 +97,9 @@ pub(super) fn present_pass(
     let diagnostics = diagnostics.as_deref();
     let span = diagnostics.time_span(ctx.command_encoder(), PRESENT_SPAN);
     {
-        let attachment = match props.stage {
-            PropStage::Scene => target.get_color_attachment(),
-            PropStage::Display => target.get_unsampled_color_attachment(),
-        };
         let mut pass = ctx.begin_tracked_render_pass(RenderPassDescriptor {
             label: Some(PRESENT_SPAN),
-            color_attachments: &[Some(attachment)],
+            color_attachments: &[Some(target_attachment(target, props.stage))],
             ..default()
         });
         draw(&mut pass, props, viewport.as_ref(), pipeline, [(view, &[]), (group, &[])]);

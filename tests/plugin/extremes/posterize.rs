@@ -6,7 +6,7 @@ use glam::DVec3;
 use half::f16;
 use plenoctree::{BakeSettings, Basis, Cell, bake, camera::PinholeCamera, reference};
 
-use crate::stage::{Stage, activated, field, is_near, looking};
+use super::stage::{Stage, activated, field, is_near, looking};
 
 fn ball() -> bevy_plenoctree::PlenOctree {
     let settings = BakeSettings {

@@ -7,7 +7,7 @@ use glam::DVec3;
 use half::f16;
 use plenoctree::{BakeSettings, Basis, Cell, Frame, InvalidField, MAX_DEPTH, bake};
 
-use crate::stage::{Stage, activated, chain, field, is_near, looking};
+use super::stage::{Stage, activated, chain, field, is_near, looking};
 
 /// Fog transmits exp(-2 sigma) from front to back, at every depth of the tree. In float64, the path is exact to 1e-12,
 /// and pixels are exact to 1/255.

@@ -15,7 +15,7 @@ use bevy_plenoctree::{
 };
 use image::RgbaImage;
 
-use crate::scene::{COLOR, PALETTE, SHOWN, SIZE, SOLID, Scene, assert_near, at, cube, is_near, middle, over};
+use super::scene::{COLOR, PALETTE, SHOWN, SIZE, SOLID, Scene, assert_near, at, cube, is_near, middle, over};
 
 const HARD: Posterize = Posterize {
     blend_steps: 1,

@@ -10,7 +10,7 @@ use bevy::{
 };
 use glam::{DVec2, DVec3};
 
-use crate::stage::{
+use super::stage::{
     BACKGROUND, BLUE, GREEN, Layer, RED, SOLID, Side, Stage, color, cube, density, in_cube, seen, shape, within,
 };
 

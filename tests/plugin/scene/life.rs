@@ -19,7 +19,7 @@ use bevy_plenoctree::{
 };
 use glam::{DVec2, DVec3};
 
-use crate::stage::{BLUE, GREEN, RED, SOLID, Stage, color, cube, density, flat, in_cube, seen, shape, within};
+use super::stage::{BLUE, GREEN, RED, SOLID, Stage, color, cube, density, flat, in_cube, seen, shape, within};
 
 /// Every change to a prop is visible in the same frame.
 #[test]

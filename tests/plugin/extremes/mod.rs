@@ -1,7 +1,7 @@
 //! Tests arithmetic at its limits, against the float64 reference or values worked out by hand.
 
 mod fields;
-mod looks;
 mod places;
+mod posterize;
 mod random;
 mod stage;

@@ -16,7 +16,7 @@ use bevy::{
 use bevy_plenoctree::headless::exact_camera;
 use glam::DVec2;
 
-use crate::stage::{
+use super::stage::{
     BACKGROUND, BLUE, GREEN, PIXELS, RED, SOLID, Side, Stage, color, cube, density, flat, in_cube, seen, shape,
 };
 

@@ -6,7 +6,7 @@ use half::f16;
 use plenoctree::{Basis, Cell};
 use proptest::prelude::*;
 
-use crate::stage::{Stage, field, looking};
+use super::stage::{Stage, field, looking};
 
 /// The content of a cell in a random tree: a node, a leaf of some density and color, or nothing.
 #[derive(Clone, Debug)]

@@ -1,12 +1,8 @@
 //! Tests where in the frame props are drawn, and how cameras change them, against results worked out by hand.
 
-#[path = "stages/custom.rs"]
 mod custom;
-#[path = "stages/display.rs"]
 mod display;
-#[path = "stages/everything.rs"]
 mod everything;
-#[path = "stages/scene.rs"]
 mod scene;
 
 use bevy::{

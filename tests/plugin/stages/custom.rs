@@ -20,7 +20,7 @@ use bevy_plenoctree::{
     PosterizeView, PropStage,
 };
 
-use crate::scene::{COLOR, PALETTE, SIZE, SOLID, Scene, assert_near, at, middle};
+use super::scene::{COLOR, PALETTE, SIZE, SOLID, Scene, assert_near, at, middle};
 
 /// Draws the label of a pixel in red and its owner in green, in sixteenths.
 const SHADER: &str = "

@@ -5,7 +5,7 @@ use bevy_plenoctree::{UpAxis, headless::pinhole_view};
 use glam::DVec3;
 use plenoctree::camera::PinholeCamera;
 
-use crate::stage::{SIZE, Stage, chain, is_near, looking};
+use super::stage::{SIZE, Stage, chain, is_near, looking};
 
 /// The center ray runs along an axis, in faces, and through edges and corners of cells. Its components are 0, -0 or
 /// tiny.

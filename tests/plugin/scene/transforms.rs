@@ -8,7 +8,7 @@ use bevy_plenoctree::UpAxis;
 use glam::DVec3;
 use plenoctree::{BakeSettings, Basis, bake};
 
-use crate::stage::{BLUE, GREEN, RED, SOLID, Stage, cube, density, in_cube, seen, within};
+use super::stage::{BLUE, GREEN, RED, SOLID, Stage, cube, density, in_cube, seen, within};
 
 #[test]
 fn scale_does_not_change_opacity() {

@@ -20,7 +20,7 @@ use bevy::{
 use bevy_plenoctree::{PlenOctreePlugin, Posterize, PropStage, headless::exact_camera};
 use image::imageops::crop_imm;
 
-use crate::scene::{COLOR, SHOWN, SIZE, SOLID, Scene, assert_near, at, is_near, middle};
+use super::scene::{COLOR, SHOWN, SIZE, SOLID, Scene, assert_near, at, is_near, middle};
 
 const TONEMAPPINGS: [Tonemapping; 9] = [
     Tonemapping::None,

@@ -1,0 +1,11 @@
+//! Tests of the plugin on whatever adapter there is. They are one program, so that Bevy is linked once.
+
+mod extremes;
+mod frames;
+mod large;
+mod palettes;
+mod picking;
+mod quality;
+mod sampling;
+mod scene;
+mod stages;
