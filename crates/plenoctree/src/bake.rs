@@ -23,7 +23,7 @@ pub struct BakeSettings {
     /// Axis of the field's frame that points up. [`UpAxis::Z`] by default.
     pub up: UpAxis,
     /// Density, per world unit, below which a cell is empty. 1e-2 by default, which is also the default threshold of
-    /// [`LoadSettings`](crate::LoadSettings).
+    /// [`LoadSettings`](crate::LoadSettings). Cells whose density float32 rounds to 0 are always empty.
     pub min_density: f64,
     /// Number of points along each axis of a cell over which density is averaged. 1 to 64, 2 by default. Values out of
     /// range are clamped.
@@ -201,12 +201,13 @@ impl Baker<'_> {
             let offset = UVec3::new(point / (n * n), point / n % n, point % n).as_dvec3() + 0.5;
             sum += (self.density)(place(offset / f64::from(n)));
         }
-        let density = sum / f64::from(n.pow(3));
+        let mean = sum / f64::from(n.pow(3));
+        let density = mean as f32;
         // NaN passes this check. `PlenOctree::new` returns an error for it.
-        if density < self.settings.min_density || density == 0.0 {
+        if mean < self.settings.min_density || density == 0.0 {
             return false;
         }
-        part.density.push(density as f32);
+        part.density.push(density);
         (self.radiance)(place(DVec3::splat(0.5)), &mut |radiance| {
             self.projection.project(radiance, self.settings.coefficient_step, &mut part.coefficients);
         });
@@ -414,6 +415,16 @@ mod tests {
     fn empty_volumes_bake_to_empty_fields() {
         let field = bake(&settings(5), |_| 0.009, |_| |_| DVec3::ONE).unwrap();
         assert_eq!((field.leaves(), field.nodes().len()), (0, 1));
+    }
+
+    /// Cells are empty where float32, in which fields store densities, has no positive number that small.
+    #[test]
+    fn densities_too_faint_for_float32_are_empty() {
+        let settings = BakeSettings { min_density: 0.0, ..settings(2) };
+        let field = bake(&settings, |p| if p.x < 0.0 { 1e-60 } else { 1e-40 }, |_| |_| DVec3::ONE).unwrap();
+        assert_eq!(field.leaves(), 32);
+        assert!(field.densities().iter().all(|&density| density == 1e-40));
+        assert_eq!(bake(&settings, |_| -1e-60, |_| |_| DVec3::ONE).unwrap().leaves(), 0);
     }
 
     #[test]
