@@ -86,8 +86,8 @@ struct Frame {
     transform_matrix: Vec<Vec<f64>>,
 }
 
-/// Image size if neither the file nor the caller specifies one.
-const DEFAULT_SIZE: (u32, u32) = (800, 800);
+/// Width of images if the file specifies neither width nor height.
+const DEFAULT_WIDTH: f64 = 800.0;
 /// Maximum width and height of an image, in pixels.
 const MAX_SIZE: f64 = 16384.0;
 /// Range of focal lengths, in pixels, in which every ray has a direction.
@@ -103,9 +103,11 @@ const MAX_CENTER: f64 = 1e9;
 /// - `fl_x` is computed from `camera_angle_x`, in radians. One of the two is required.
 /// - `fl_y` is computed from `camera_angle_y` if present, or else equals `fl_x`.
 /// - `cx` and `cy` are the middle of the image.
-/// - `w` and `h` are `size`, or else 800 x 800 pixels.
+/// - `w` is 800 pixels, or what `h` and the aspect ratio make it. `h` follows from `w` and the aspect ratio, which is
+///   that of `size`, or else a square's.
 ///
-/// If `size` is given, all views are rescaled to that width and height. Lens distortion is ignored.
+/// If `size` is given, all views are rescaled to that width and height, so that they show the same at any size. Lens
+/// distortion is ignored.
 ///
 /// # Errors
 ///
@@ -160,29 +162,30 @@ fn pinhole(
 ) -> Result<PinholeCamera, (&'static str, String, &'static str)> {
     let pixels = |key, value: f64| {
         if value.fract() == 0.0 && (1.0..=MAX_SIZE).contains(&value) {
-            Ok(value as u32)
+            Ok(value)
         } else {
             Err((key, value.to_string(), "a whole number of pixels from 1 to 16384"))
         }
     };
-    let own_size = match (given.w, given.h) {
-        (Some(w), Some(h)) => Some((pixels("w", w)?, pixels("h", h)?)),
-        _ => None,
-    };
-    let (width, height) = own_size.or(size).unwrap_or(DEFAULT_SIZE);
+    // Height by width.
+    let aspect = size.map_or(1.0, |(width, height)| f64::from(height) / f64::from(width));
+    let own_width = given.w.map(|w| pixels("w", w)).transpose()?;
+    let own_height = given.h.map(|h| pixels("h", h)).transpose()?;
+    let width = own_width.or(own_height.map(|height| height / aspect)).unwrap_or(DEFAULT_WIDTH);
+    let height = own_height.unwrap_or(width * aspect);
     let focal = |key, focal: f64| {
         if FOCAL.contains(&focal) { Ok(focal) } else { Err((key, focal.to_string(), "1e-6 to 1e9 pixels")) }
     };
-    let from_angle = |key, angle: f64, pixels: u32| {
-        let focal = 0.5 * f64::from(pixels) / (0.5 * angle).tan();
+    let from_angle = |key, angle: f64, pixels: f64| {
+        let focal = 0.5 * pixels / (0.5 * angle).tan();
         if angle > 0.0 && angle < std::f64::consts::PI && FOCAL.contains(&focal) {
             Ok(focal)
         } else {
             Err((key, angle.to_string(), "an angle between 0 and pi radians"))
         }
     };
-    let center = |key, given: Option<f64>, pixels: u32| {
-        let center = given.unwrap_or(0.5 * f64::from(pixels));
+    let center = |key, given: Option<f64>, pixels: f64| {
+        let center = given.unwrap_or(0.5 * pixels);
         if center.abs() <= MAX_CENTER { Ok(center) } else { Err((key, center.to_string(), "-1e9 to 1e9 pixels")) }
     };
     let focal_x = match (given.fl_x, given.camera_angle_x) {
@@ -195,19 +198,18 @@ fn pinhole(
         (None, Some(angle)) => from_angle("camera_angle_y", angle, height)?,
         (None, None) => focal_x,
     };
-    let camera = PinholeCamera {
-        width,
-        height,
-        focal_x,
-        focal_y,
-        center_x: center("cx", given.cx, width)?,
-        center_y: center("cy", given.cy, height)?,
+    // Without a size, the own one is whole: it is given or square.
+    let (new_width, new_height) = size.unwrap_or((width as u32, height as u32));
+    let (x, y) = (f64::from(new_width) / width, f64::from(new_height) / height);
+    Ok(PinholeCamera {
+        width: new_width,
+        height: new_height,
+        focal_x: x * focal_x,
+        focal_y: y * focal_y,
+        center_x: x * center("cx", given.cx, width)?,
+        center_y: y * center("cy", given.cy, height)?,
         rotation: DMat3::from_mat4(pose),
         position: pose.w_axis.truncate(),
-    };
-    Ok(match size {
-        Some((width, height)) => camera.resized(width, height),
-        None => camera,
     })
 }
 
@@ -251,6 +253,36 @@ mod tests {
         assert_eq!((half.focal_x, half.focal_y, half.center_x, half.center_y), (40.0, 180.0, 20.0, 60.0));
         // Rescaling maps a ray to the same point of the image.
         assert!((own[0].ray(70.0, 20.0).1 - half.ray(35.0, 40.0).1).length() < 1e-12);
+    }
+
+    /// A view shows the same at any size, also if the file does not say the size that its focal length is for.
+    #[test]
+    fn views_of_unknown_size_are_rescaled_too() {
+        for (given, (width, height)) in [
+            ("", (800.0, 800.0)),
+            (r#""w": 100,"#, (100.0, 100.0)),
+            (r#""h": 60,"#, (60.0, 60.0)),
+            (r#""w": 100, "h": 50,"#, (100.0, 50.0)),
+        ] {
+            let json = format!(r#"{{{given} "fl_x": 90, "cx": 30, "frames": [{{{POSE}}}]}}"#);
+            let own = read(&json, None).unwrap()[0];
+            assert_eq!((f64::from(own.width), f64::from(own.height)), (width, height), "{given}");
+            for size in [200, 400] {
+                let resized = read(&json, Some((size, size))).unwrap()[0];
+                assert_eq!((resized.width, resized.height), (size, size));
+                let (x, y) = (f64::from(size) / width, f64::from(size) / height);
+                let (ray, same) = (own.ray(7.0, 11.0).1, resized.ray(7.0 * x, 11.0 * y).1);
+                assert!((ray - same).length() < 1e-12, "{given} {size}: {ray} {same}");
+            }
+        }
+        // Of the missing sides, the caller knows the aspect ratio, and pixels stay square.
+        for given in ["", r#""w": 100,"#, r#""h": 50,"#] {
+            let wide =
+                read(&format!(r#"{{{given} "fl_x": 90, "frames": [{{{POSE}}}]}}"#), Some((400, 200))).unwrap()[0];
+            assert!((wide.focal_x - wide.focal_y).abs() < 1e-9, "{given}: {wide:?}");
+            let width = if given.is_empty() { 800.0 } else { 100.0 };
+            assert!((wide.focal_x - 90.0 * 400.0 / width).abs() < 1e-9, "{given}: {wide:?}");
+        }
     }
 
     #[test]
