@@ -40,6 +40,7 @@ mod ray_cast;
 #[cfg(feature = "reference")]
 pub mod reference;
 pub mod sampling;
+mod save;
 
 #[cfg(feature = "bake")]
 pub use bake::{BakeError, BakeSettings, bake};

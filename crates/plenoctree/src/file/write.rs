@@ -1,6 +1,5 @@
 //! Writes a PlenOctree in svox's layout.
 
-use std::fs::File;
 use std::io::{self, BufWriter, Seek, Write};
 use std::path::Path;
 
@@ -9,7 +8,7 @@ use half::f16;
 use npyz::{AutoSerialize, DType, NpyWriter, Serialize, WriteOptions, WriterBuilder};
 use zip::write::{FileOptions, ZipWriter};
 
-use crate::field::PlenOctree;
+use crate::{field::PlenOctree, save::save};
 
 /// Size of an array, in bytes, above which its zip entry uses 64-bit sizes. It is less than the 4 GiB of 32-bit sizes
 /// because incompressible content grows a little.
@@ -37,7 +36,9 @@ pub enum WriteError {
 }
 
 impl PlenOctree {
-    /// Writes a deflated `.npz` file that svox, volrend and [`Self::read`] can read. Overwrites an existing file.
+    /// Writes a deflated `.npz` file that svox, volrend and [`Self::read`] can read. Replaces an existing file.
+    ///
+    /// The file is first written under another name in the same folder, so that nobody reads half of it.
     ///
     /// Reading the file returns the same field except for two roundings. The format stores densities in float16: the
     /// nearest value, but at most 65504 and never 0. It stores the frame in float32. Fields read from ordinary files
@@ -48,12 +49,9 @@ impl PlenOctree {
     ///
     /// # Errors
     ///
-    /// Returns an error if the frame does not fit in float32, in which case no file is created or changed, or if
-    /// writing fails.
+    /// Returns an error if the frame does not fit in float32, or if writing fails. An existing file is then unchanged.
     pub fn write(&self, path: impl AsRef<Path>) -> Result<(), WriteError> {
-        // Checked first, so that an existing file is not lost to an error.
-        frame_in_float32(self)?;
-        self.write_to(File::create(path)?)
+        save(path.as_ref(), |file| self.write_to(file))
     }
 
     /// Writes the field to an open file or to memory, like [`Self::write`].

@@ -1,8 +1,13 @@
 //! Palettes and their files.
 
-use std::path::{Path, PathBuf};
+use std::{
+    io::Write,
+    path::{Path, PathBuf},
+};
 
 use serde::{Deserialize, Serialize};
+
+use crate::save::save;
 
 /// A few colors that represent everything visible in a field, the most important first.
 ///
@@ -49,8 +54,8 @@ pub enum InvalidPalette {
         /// Number of colors.
         expected: usize,
     },
-    /// A color is infinite or NaN.
-    #[error("found {found:?} as color {index}, expected finite numbers")]
+    /// A color is NaN, infinite, or too large for float32, in which colors are shown.
+    #[error("found {found:?} as color {index}, expected finite numbers within the range of float32")]
     Color {
         /// Index of the color.
         index: usize,
@@ -104,7 +109,7 @@ impl Palette {
     ///
     /// # Errors
     ///
-    /// Returns an error if there are no colors, more than [`Self::MAX_COLORS`], or one that is not finite.
+    /// Returns an error if there are no colors, more than [`Self::MAX_COLORS`], or one that is not finite in float32.
     pub fn new(colors: Vec<[f64; 3]>) -> Result<Self, InvalidPalette> {
         PaletteJson { colors, weights: None }.try_into()
     }
@@ -114,7 +119,7 @@ impl Palette {
     /// # Errors
     ///
     /// Returns an error if there are no colors or more than [`Self::MAX_COLORS`], if there is not one weight per color,
-    /// if a color is not finite, or if a weight is negative or not finite.
+    /// if a color is not finite in float32, or if a weight is negative or not finite.
     pub fn validate(&self) -> Result<(), InvalidPalette> {
         let (found, expected) = (self.weights.len(), self.colors.len());
         if expected == 0 || expected > Self::MAX_COLORS {
@@ -124,7 +129,7 @@ impl Palette {
             return Err(InvalidPalette::Weights { found, expected });
         }
         for (index, &found) in self.colors.iter().enumerate() {
-            if !found.iter().all(|channel| channel.is_finite()) {
+            if !found.iter().all(|channel| (*channel as f32).is_finite()) {
                 return Err(InvalidPalette::Color { index, found });
             }
         }
@@ -159,17 +164,21 @@ impl Palette {
         file.try_into().map_err(|source| PaletteFileError::Invalid { path: path(), source })
     }
 
-    /// Writes a palette file, overwriting an existing one.
+    /// Writes a palette file, or replaces an existing one.
+    ///
+    /// The file is first written under another name in the same folder, so that nobody reads half of it.
     ///
     /// # Errors
     ///
-    /// Returns an error if the palette is invalid, in which case no file is created or changed, or if writing fails.
+    /// Returns an error if the palette is invalid, or if writing fails. An existing file is then unchanged.
     pub fn write(&self, path: impl AsRef<Path>) -> Result<(), PaletteFileError> {
-        let path = || path.as_ref().to_path_buf();
-        self.validate().map_err(|source| PaletteFileError::Invalid { path: path(), source })?;
+        let path = path.as_ref();
+        let name = || path.to_path_buf();
+        self.validate().map_err(|source| PaletteFileError::Invalid { path: name(), source })?;
         let text =
-            serde_json::to_string(self).map_err(|source| PaletteFileError::Json { path: path(), source })? + "\n";
-        std::fs::write(path(), text).map_err(|source| PaletteFileError::Io { path: path(), source })
+            serde_json::to_string(self).map_err(|source| PaletteFileError::Json { path: name(), source })? + "\n";
+        save(path, |file| file.write_all(text.as_bytes()))
+            .map_err(|source| PaletteFileError::Io { path: name(), source })
     }
 }
 
@@ -241,7 +250,31 @@ mod tests {
             assert!(error.contains(message), "{error}");
         }
         let error = Palette::new(vec![[0.0; 3], [0.0, f64::NAN, 0.0]]).unwrap_err();
-        assert_eq!(error.to_string(), "found [0.0, NaN, 0.0] as color 1, expected finite numbers");
+        let expected = "expected finite numbers within the range of float32";
+        assert_eq!(error.to_string(), format!("found [0.0, NaN, 0.0] as color 1, {expected}"));
+        for beyond in [f64::NEG_INFINITY, 1e39, -1e300] {
+            assert_eq!(
+                Palette::new(vec![[beyond, 0.0, 0.0]]),
+                Err(InvalidPalette::Color { index: 0, found: [beyond, 0.0, 0.0] })
+            );
+        }
+        assert!(Palette::new(vec![[f32::MAX.into(), 0.0, 0.0]]).is_ok());
+        assert!(parse(r#"{"colors": [[0, 0, 1e39]]}"#).unwrap_err().contains(expected));
+    }
+
+    /// A palette that cannot be written leaves the old file, and no other.
+    #[test]
+    fn a_failed_write_loses_nothing() {
+        let folder = std::env::temp_dir().join(format!("plenoctree-palette-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).unwrap();
+        let path = folder.join("x.palette.json");
+        let palette = Palette::new(vec![[0.5; 3]; 2]).unwrap();
+        palette.write(&path).unwrap();
+        let invalid = Palette { weights: vec![], ..palette.clone() };
+        assert!(matches!(invalid.write(&path), Err(PaletteFileError::Invalid { .. })));
+        assert_eq!(Palette::read(&path).unwrap(), palette);
+        assert_eq!(std::fs::read_dir(&folder).unwrap().count(), 1);
+        std::fs::remove_dir_all(&folder).unwrap();
     }
 
     #[test]

@@ -18,13 +18,13 @@ use super::{
 ///
 /// # Errors
 ///
-/// Returns an error if there are no colors, if one is not finite, or if the hull keeps more than
+/// Returns an error if there are no colors, if one is not finite in float32, or if the hull keeps more than
 /// [`Palette::MAX_COLORS`] corners.
 pub fn simplify_hull(colors: &[[f64; 3]], max_colors: usize) -> Result<Palette, InvalidPalette> {
     if colors.is_empty() {
         return Err(InvalidPalette::Colors { found: 0 });
     }
-    if let Some(index) = colors.iter().position(|color| !color.iter().all(|channel| channel.is_finite())) {
+    if let Some(index) = colors.iter().position(|color| !color.iter().all(|channel| (*channel as f32).is_finite())) {
         return Err(InvalidPalette::Color { index, found: colors[index] });
     }
     let mut outer = colors.to_vec();

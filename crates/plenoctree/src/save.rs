@@ -1,0 +1,168 @@
+//! Replaces files as a whole, so that nobody reads half of one and a failure loses nothing.
+
+use std::{
+    fs::{self, File, Metadata},
+    io,
+    path::{Path, PathBuf},
+    process,
+    sync::atomic::{AtomicU32, Ordering},
+    time::SystemTime,
+};
+
+/// Creates or replaces the file at `path` with what `fill` writes.
+///
+/// `fill` gets a temporary file in the same folder, which then takes the place of an existing file and keeps its
+/// permissions. If anything fails, the existing file is unchanged and the temporary one is removed. Links are followed,
+/// and what is not an ordinary file, such as a pipe, is written to directly.
+pub(crate) fn save<E: From<io::Error>>(path: &Path, fill: impl FnOnce(&mut File) -> Result<(), E>) -> Result<(), E> {
+    let existing = fs::metadata(path).ok();
+    if existing.as_ref().is_some_and(|existing| !existing.is_file()) {
+        return fill(&mut File::create(path)?);
+    }
+    let target = match &existing {
+        Some(_) => fs::canonicalize(path)?,
+        None => path.to_path_buf(),
+    };
+    let (mut file, temporary) = create_beside(&target)?;
+    let written = fill(&mut file).and_then(|()| Ok(finish(&file, existing)?));
+    drop(file);
+    if let Err(error) = written.and_then(|()| Ok(fs::rename(&temporary, &target)?)) {
+        // The first error says more than a second one could.
+        let _ = fs::remove_file(&temporary);
+        return Err(error);
+    }
+    // Watchers of folders may report a rename only, which Bevy takes for no change. A new time of modification is one.
+    let _ = File::options().append(true).open(&target).and_then(|file| file.set_modified(SystemTime::now()));
+    Ok(())
+}
+
+/// Creates a temporary file in the folder of `target`.
+fn create_beside(target: &Path) -> io::Result<(File, PathBuf)> {
+    static COUNT: AtomicU32 = AtomicU32::new(0);
+    loop {
+        let name = format!(".plenoctree-{}-{}.tmp", process::id(), COUNT.fetch_add(1, Ordering::Relaxed));
+        let temporary = target.with_file_name(name);
+        match File::create_new(&temporary) {
+            Ok(file) => return Ok((file, temporary)),
+            // Left by a process that was killed, which had the same id.
+            Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
+            Err(error) => return Err(error),
+        }
+    }
+}
+
+/// Gives the file the permissions of the existing one, and waits until it is on disk: a rename must not be there first.
+fn finish(file: &File, existing: Option<Metadata>) -> io::Result<()> {
+    if let Some(existing) = existing {
+        if existing.permissions().readonly() {
+            return Err(io::Error::new(io::ErrorKind::PermissionDenied, "the existing file is read-only"));
+        }
+        file.set_permissions(existing.permissions())?;
+    }
+    file.sync_all()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::{
+        io::{Read, Write},
+        sync::atomic::AtomicBool,
+    };
+
+    use super::*;
+
+    /// A folder that is removed with what is in it.
+    struct Folder(PathBuf);
+
+    impl Folder {
+        fn new(name: &str) -> Self {
+            let folder = std::env::temp_dir().join(format!("plenoctree-save-{name}-{}", process::id()));
+            let _ = fs::remove_dir_all(&folder);
+            fs::create_dir_all(&folder).unwrap();
+            Self(folder)
+        }
+
+        fn names(&self) -> Vec<String> {
+            let names = fs::read_dir(&self.0).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap());
+            let mut names: Vec<_> = names.collect();
+            names.sort();
+            names
+        }
+    }
+
+    impl Drop for Folder {
+        fn drop(&mut self) {
+            let _ = fs::remove_dir_all(&self.0);
+        }
+    }
+
+    fn write(path: &Path, text: &str) -> io::Result<()> {
+        save(path, |file| file.write_all(text.as_bytes()))
+    }
+
+    #[test]
+    fn a_failure_leaves_the_old_file_alone() {
+        let folder = Folder::new("failure");
+        let path = folder.0.join("file");
+        let fail = |path: &Path| {
+            save(path, |file| {
+                file.write_all(b"half")?;
+                Err(io::Error::other("the disk is full"))
+            })
+        };
+        assert_eq!(fail(&path).unwrap_err().to_string(), "the disk is full");
+        assert!(folder.names().is_empty(), "{:?}", folder.names());
+        write(&path, "old").unwrap();
+        assert!(fail(&path).is_err());
+        assert_eq!(fs::read_to_string(&path).unwrap(), "old");
+        assert_eq!(folder.names(), ["file"]);
+        assert_eq!(write(&folder.0.join("no/such/folder"), "new").unwrap_err().kind(), io::ErrorKind::NotFound);
+        assert!(write(&folder.0, "new").is_err() && folder.names() == ["file"]);
+    }
+
+    /// Whoever reads the file while it is replaced, over and over, reads all of an old one or all of a new one.
+    #[test]
+    fn readers_see_whole_files_only() {
+        let folder = Folder::new("readers");
+        let path = folder.0.join("file");
+        let texts = ["a".repeat(100_000), "b".repeat(50_000)];
+        write(&path, &texts[0]).unwrap();
+        let done = AtomicBool::new(false);
+        std::thread::scope(|scope| {
+            let reader = scope.spawn(|| {
+                let mut reads = 0;
+                while !done.load(Ordering::Relaxed) || reads == 0 {
+                    let mut text = String::new();
+                    File::open(&path).unwrap().read_to_string(&mut text).unwrap();
+                    assert!(texts.contains(&text), "{} bytes", text.len());
+                    reads += 1;
+                }
+            });
+            for round in 0..50 {
+                write(&path, &texts[round % 2]).unwrap();
+            }
+            done.store(true, Ordering::Relaxed);
+            reader.join().unwrap();
+        });
+        assert_eq!(folder.names(), ["file"]);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn permissions_and_links_stay() {
+        use std::os::unix::fs::{PermissionsExt, symlink};
+        let folder = Folder::new("permissions");
+        let (path, link) = (folder.0.join("file"), folder.0.join("link"));
+        write(&path, "old").unwrap();
+        fs::set_permissions(&path, fs::Permissions::from_mode(0o640)).unwrap();
+        symlink("file", &link).unwrap();
+        write(&link, "new").unwrap();
+        assert_eq!(fs::read_to_string(&path).unwrap(), "new");
+        assert!(fs::symlink_metadata(&link).unwrap().is_symlink());
+        assert_eq!(fs::metadata(&path).unwrap().permissions().mode() & 0o777, 0o640);
+        fs::set_permissions(&path, fs::Permissions::from_mode(0o440)).unwrap();
+        assert_eq!(write(&path, "newer").unwrap_err().kind(), io::ErrorKind::PermissionDenied);
+        assert_eq!(fs::read_to_string(&path).unwrap(), "new");
+        assert_eq!(folder.names(), ["file", "link"]);
+    }
+}
