@@ -2,7 +2,7 @@
 
 use std::io;
 
-use crate::field::InvalidField;
+use crate::{field::InvalidField, sampling::InvalidSetting};
 
 /// An error that occurs when reading a PlenOctree file.
 #[derive(Debug, thiserror::Error)]
@@ -29,6 +29,9 @@ pub enum ReadFault {
     /// The file could not be opened or read, or memory ran out.
     #[error("cannot be read: {0}")]
     Io(#[from] io::Error),
+    /// A load setting is out of range.
+    #[error(transparent)]
+    Setting(#[from] InvalidSetting),
     /// The file is not a zip archive, is truncated, or has a directory that no `.npz` file would have.
     #[error("found {found}, expected an npz archive")]
     NotAnArchive {

@@ -1,6 +1,6 @@
 //! Finds arrays in an `.npz` archive and streams their elements, without trusting what the file claims.
 
-use std::io::{self, Read, Seek, SeekFrom};
+use std::io::{self, Read, Seek, SeekFrom, Take};
 
 use zip::{CompressionMethod, ZipArchive, read::ZipFile, result::ZipError};
 
@@ -37,7 +37,38 @@ impl<R: Read + Seek> Archive<R> {
             ZipError::Io(error) if error.raw_os_error().is_some() => ReadFault::Io(error),
             error => not_an_archive(format!("an unreadable zip directory ({error})")),
         })?;
-        Ok(Self { zip, bytes })
+        let mut archive = Self { zip, bytes };
+        archive.check_overlaps()?;
+        Ok(archive)
+    }
+
+    /// Returns an error if two members share bytes, which lets a small file claim a lot of content.
+    fn check_overlaps(&mut self) -> Result<(), ReadFault> {
+        let mut members = Vec::new();
+        for index in 0..self.zip.len() {
+            match self.zip.by_index_raw(index) {
+                Ok(member) => {
+                    let end = member.data_start().saturating_add(member.compressed_size());
+                    if end <= self.bytes {
+                        members.push((member.header_start(), end, index));
+                    }
+                }
+                Err(ZipError::Io(error)) if error.raw_os_error().is_some() => return Err(ReadFault::Io(error)),
+                // No array is read from it, or opening that array returns an error.
+                Err(_) => {}
+            }
+        }
+        members.sort_unstable();
+        match members.windows(2).find(|pair| pair[1].0 < pair[0].1) {
+            None => Ok(()),
+            Some(pair) => {
+                let name = |(.., index): (u64, u64, usize)| {
+                    self.zip.by_index_raw(index).map_or_else(|_| String::new(), |member| printable(member.name()))
+                };
+                let [first, second] = [pair[0], pair[1]].map(name);
+                Err(not_an_archive(format!("the overlapping members {first} and {second}")))
+            }
+        }
     }
 
     /// Returns whether the archive has an array named `key`.
@@ -72,17 +103,18 @@ impl<R: Read + Seek> Archive<R> {
             Err(error) => return Err(zip_fault(error)),
         }
         let bytes = self.bytes;
-        let mut reader = self.zip.by_name(&name).map_err(zip_fault)?;
-        let size = reader.size();
-        let packed = reader.compressed_size();
-        let stored = reader.compression() == CompressionMethod::Stored;
-        if packed > bytes.saturating_sub(reader.data_start()) {
+        let member = self.zip.by_name(&name).map_err(zip_fault)?;
+        let size = member.size();
+        let packed = member.compressed_size();
+        let stored = member.compression() == CompressionMethod::Stored;
+        if packed > bytes.saturating_sub(member.data_start()) {
             return Err(fault(format!("{packed} bytes in a file of {bytes} bytes"), "a complete npy array"));
         }
         if size > packed.saturating_mul(if stored { 1 } else { DEFLATE_RATIO }) {
             return Err(bomb(key, size, packed));
         }
         check_ratio(key, size, packed, LARGE)?;
+        let mut reader = member.take(size);
         let (header, length) = Header::read(&mut reader).map_err(|error| member_fault(key, error))?;
         let content = header.elements().and_then(|count| count.checked_mul(header.dtype.size.max(1)));
         if content.and_then(|content| content.checked_add(length)).is_none_or(|whole| whole > size) {
@@ -92,7 +124,7 @@ impl<R: Read + Seek> Archive<R> {
                 expected: format!("a shape that fits in {size} bytes"),
             });
         }
-        Ok(Array { key, header, packed, reader })
+        Ok(Array { key, header, packed, size, reader })
     }
 }
 
@@ -203,7 +235,10 @@ pub(super) struct Array<'a> {
     header: Header,
     /// Size in the file, in bytes.
     packed: u64,
-    reader: ZipFile<'a>,
+    /// Size that the directory claims, in bytes.
+    size: u64,
+    /// Reads no more than the claimed size.
+    reader: Take<ZipFile<'a>>,
 }
 
 impl Array<'_> {
@@ -316,9 +351,18 @@ impl Array<'_> {
         self.finish()
     }
 
-    /// Reads to the end of the member, where its checksum is verified.
+    /// Reads to the end of the member, where its checksum is verified, and checks that it has the claimed size.
     fn finish(mut self) -> Result<(), ReadFault> {
-        io::copy(&mut self.reader, &mut io::sink()).map(|_| ()).map_err(|error| member_fault(self.key, error))
+        let fault = |error| member_fault(self.key, error);
+        io::copy(&mut self.reader, &mut io::sink()).map_err(fault)?;
+        if self.reader.limit() > 0 {
+            return Err(fault(io::ErrorKind::UnexpectedEof.into()));
+        }
+        // The end is only known, and the checksum verified, when nothing more can be read.
+        match self.reader.into_inner().read(&mut [0]).map_err(fault)? {
+            0 => Ok(()),
+            _ => Err(fault(io::Error::other(format!("more than the {} bytes that it claims", self.size)))),
+        }
     }
 }
 

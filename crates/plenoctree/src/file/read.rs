@@ -15,7 +15,10 @@ use super::npy::{REALS, Real, WHOLES, Whole, with_real, with_whole};
 use super::npz::{Archive, Array};
 use super::quantized::{QUANTIZED, read_quantized};
 use super::walk::Tree;
-use crate::field::{Activation, Basis, Frame, PlenOctree, Precision, UpAxis};
+use crate::{
+    field::{Activation, Basis, Frame, PlenOctree, Precision, UpAxis},
+    sampling::InvalidSetting,
+};
 
 /// Maximum number of nodes in a file: 31 bits must be enough to count the cells.
 const MAX_NODES: u64 = (1 << 28) - 1;
@@ -38,7 +41,7 @@ pub struct LoadSettings {
     /// Axis of the field's frame that points up. [`UpAxis::Z`] by default.
     pub up: UpAxis,
     /// Density, per world unit, below which leaves are dropped. 0.01 by default. Leaves whose density is 0 or negative
-    /// are always dropped.
+    /// are always dropped. NaN is an error.
     pub density_threshold: f32,
     /// Precision of the coefficients on the GPU. [`Precision::Half`] by default.
     pub precision: Precision,
@@ -62,7 +65,7 @@ impl PlenOctree {
     /// # Errors
     ///
     /// Returns an error that names the file, the array, what was found and what was expected. Coefficients beyond the
-    /// range of float16, and densities beyond the range of float32, are errors.
+    /// range of float16, and densities beyond the range of float32, are errors, and so is a setting out of range.
     pub fn read(path: impl AsRef<Path>, settings: &LoadSettings) -> Result<Self, ReadError> {
         let path = path.as_ref();
         let label = path.display().to_string();
@@ -89,11 +92,12 @@ trait Source: Read + Seek {}
 impl<R: Read + Seek> Source for R {}
 
 fn read(reader: &mut dyn Source, settings: &LoadSettings) -> Result<PlenOctree, ReadFault> {
+    let threshold = settings.density_threshold;
+    InvalidSetting::check(!threshold.is_nan(), "density_threshold", threshold.into(), "a number")?;
     let mut archive = Archive::open(reader)?;
     let basis = read_basis(&mut archive)?;
     let frame = read_frame(&mut archive)?;
     let mut tree = read_tree(&mut archive)?;
-    let threshold = settings.density_threshold;
     let keep = |density: f32| density > 0.0 && density >= threshold;
     let quantized = !archive.has("data") && QUANTIZED.iter().any(|key| archive.has(key));
     let (density, coefficients) = if quantized {
