@@ -1,6 +1,7 @@
 //! Settings of posterization: section 4 of the method.
 
 use bevy::prelude::*;
+use plenoctree::palette::PaletteLabel;
 
 /// The maximum of [`Posterize::blend_steps`].
 pub const MAX_BLEND_STEPS: u32 = 8;
@@ -24,7 +25,9 @@ pub struct Posterize {
     /// The number of steps from one palette color to another, `d` in the method. With 1, the labels are the palette
     /// colors alone, without blends.
     ///
-    /// Defaults to 3. Clamped to 1..=[`MAX_BLEND_STEPS`].
+    /// Defaults to 3. Clamped to 1..=[`MAX_BLEND_STEPS`]. With palettes of more than 17 colors, there may be fewer: no
+    /// more than [`PaletteLabel::most_blend_steps`], so that every pixel is compared to at most
+    /// [`PaletteLabel::MAX_LABELS`] labels. An error is logged then.
     pub blend_steps: u32,
     /// The distance over which neighboring labels blend, in encoded sRGB; `D` in the method. 0 is a hard edge.
     ///
@@ -41,6 +44,22 @@ pub struct Posterize {
 impl Default for Posterize {
     fn default() -> Self {
         Self { blend_steps: 3, softness: 0.2, min_opacity: 80.0 / 255.0, filter: BilateralFilter::default() }
+    }
+}
+
+impl Posterize {
+    /// Returns the number of blend steps that is drawn with a palette of `colors` colors.
+    pub(crate) fn blend_steps_of(&self, colors: usize) -> u32 {
+        let (wanted, most) = (self.blend_steps.clamp(1, MAX_BLEND_STEPS), PaletteLabel::most_blend_steps(colors));
+        if wanted > most {
+            error_once!(
+                "a palette of {colors} colors with {wanted} blend steps has {} labels, expected at most {}: it is drawn \
+                 with {most}",
+                PaletteLabel::count(colors, wanted),
+                PaletteLabel::MAX_LABELS
+            );
+        }
+        wanted.min(most)
     }
 }
 

@@ -6,7 +6,7 @@ use plenoctree::{PlenOctree, palette::PaletteLabel};
 
 use crate::{
     palette::Palettes,
-    posterize::{MAX_BLEND_STEPS, Posterize},
+    posterize::Posterize,
     prop::{Prop, world_from_field},
 };
 
@@ -115,7 +115,8 @@ impl PropRayCast<'_, '_> {
             color: Srgba::rgb(red, green, blue),
             opacity: hit.opacity as f32,
             label: posterized.and_then(|(posterize, palette)| {
-                PaletteLabel::nearest(hit.color, palette.source(), posterize.blend_steps.min(MAX_BLEND_STEPS))
+                let (palette, colors) = (palette.source(), palette.source().colors.len());
+                PaletteLabel::nearest(hit.color, palette, posterize.blend_steps_of(colors))
             }),
         })
     }

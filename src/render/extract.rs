@@ -63,7 +63,8 @@ impl ExtractedPosterize {
             let encoded = shown.map(|color| Srgba::from(color).to_vec3());
             encoded.unwrap_or_else(|| glam::DVec3::from(*source).as_vec3()).extend(0.0)
         }));
-        Self { settings: *settings, first_color, colors: source.len() as u32 }
+        let settings = Posterize { blend_steps: settings.blend_steps_of(source.len()), ..*settings };
+        Self { settings, first_color, colors: source.len() as u32 }
     }
 }
 

@@ -63,6 +63,11 @@ fn bad_input_is_rejected() {
     assert!(with(&["--cameras", "missing.json"]).contains("missing.json"));
     assert!(with(&["--sampling", "cpu", "--recolor", "99=#000000"]).contains("--recolor 99"));
     assert!(with(&["--palette", "palette.json", "--colors", "4"]).contains("cannot be used with"));
+    let palette = folder.join("many.json");
+    fs::write(&palette, format!(r#"{{"colors": {:?}}}"#, vec![[0.5; 3]; 64])).unwrap();
+    let message = "64 colors with 3 blend steps, which make 4096 labels, expected at most 1024: use --blend-steps 1";
+    let printed = with(&["--palette", text(&palette)]);
+    assert!(printed.contains(message), "{printed}");
     for wrong in [["--size", "0x1"], ["--background", "red"], ["--softness", "-1"], ["--frames", "0"]] {
         fail(&["stylize", text(&field), wrong[0], wrong[1]]);
     }

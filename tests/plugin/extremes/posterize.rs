@@ -59,6 +59,36 @@ fn palettes_and_settings_at_their_limits() {
     }
 }
 
+/// A palette of 64 colors has more than 14,000 labels with eight blend steps. So many are not compared to every pixel:
+/// the palette is drawn without blends.
+#[test]
+fn a_palette_with_too_many_labels_has_fewer_blends() {
+    let field = ball();
+    let rendering = reference::render(&field, &camera());
+    for (count, steps) in [(64u32, 1), (32, 3)] {
+        let colors = (0..count).map(|i| [i & 3, i >> 2 & 3, i >> 4].map(|c| f64::from(c) / 3.0 * 0.9 + 0.05));
+        let palette = Palette::new(colors.collect()).unwrap();
+        let source: Vec<DVec3> = palette.colors.iter().map(|color| DVec3::from(*color)).collect();
+        let mut stage = Stage::with_palette(&field, palette);
+        let prop = stage.prop;
+        let posterize = Posterize { blend_steps: 8, softness: 0.0, ..default() };
+        stage.headless.app.world_mut().entity_mut(prop).insert(posterize);
+        let frame = stage.capture(&camera());
+        let share = |blend_steps| {
+            let settings = reference::Posterization { blend_steps, softness: 0.0, ..Default::default() };
+            let expected = reference::posterize(&rendering, DVec3::ZERO, &source, &source, &settings);
+            let owned = frame.pixels().zip(&expected).zip(&rendering.opacity).filter(|(_, opacity)| **opacity > 0.4);
+            let near = |pixel: &image::Rgba<u8>, color: &DVec3| {
+                (0..3).all(|c| (f64::from(pixel[c]) - 255.0 * color[c]).abs() <= 2.0)
+            };
+            let all = owned.clone().count();
+            assert!(all > 100);
+            owned.filter(|((pixel, color), _)| near(pixel, color)).count() as f64 / all as f64
+        };
+        assert!(share(steps) > 0.97 && share(8) < 0.5, "{count} colors: {}, {}", share(steps), share(8));
+    }
+}
+
 /// Colors outside the gamut of displays are valid, and are clamped when drawn.
 #[test]
 fn neon_colors_are_clamped() {

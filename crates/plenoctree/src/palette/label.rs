@@ -33,6 +33,24 @@ pub struct PaletteLabel {
 }
 
 impl PaletteLabel {
+    /// Maximum number of labels of a palette that is drawn, since every pixel is compared to all of them, in every
+    /// frame.
+    pub const MAX_LABELS: usize = 1024;
+
+    /// Returns the number of labels of a palette of `colors` colors. `blend_steps` is `d`, at least 1.
+    pub fn count(colors: usize, blend_steps: u32) -> usize {
+        let (pairs, blends) = (colors * colors.saturating_sub(1) / 2, blend_steps.saturating_sub(1) as usize);
+        colors.saturating_add(pairs.saturating_mul(blends))
+    }
+
+    /// Returns the largest number of blend steps, `d`, with which a palette of `colors` colors has no more than
+    /// [`Self::MAX_LABELS`] labels, but at least 1: 68 for 6 colors, 3 for 32 and 1 for 64.
+    pub fn most_blend_steps(colors: usize) -> u32 {
+        let pairs = colors * colors.saturating_sub(1) / 2;
+        let blends = Self::MAX_LABELS.saturating_sub(colors).checked_div(pairs);
+        blends.map_or(u32::MAX, |blends| blends as u32 + 1)
+    }
+
     /// Returns all labels of a palette of `colors` colors, in order. `blend_steps` is `d`, at least 1.
     pub fn all(colors: usize, blend_steps: u32) -> impl Iterator<Item = Self> {
         let single = (0..colors).map(|color| (color, color, 1.0));
@@ -85,6 +103,19 @@ mod tests {
                 assert!((label.mix(&palette.colors) - expected).length() < 1e-15, "{label:?}");
             }
         }
+    }
+
+    #[test]
+    fn labels_are_bounded() {
+        for colors in 0..=Palette::MAX_COLORS {
+            for steps in 1..=8 {
+                assert_eq!(PaletteLabel::count(colors, steps), PaletteLabel::all(colors, steps).count());
+            }
+            let most = PaletteLabel::most_blend_steps(colors);
+            assert!(PaletteLabel::count(colors, most) <= PaletteLabel::MAX_LABELS, "{colors}: {most}");
+            assert!(colors < 2 || PaletteLabel::count(colors, most + 1) > PaletteLabel::MAX_LABELS, "{colors}: {most}");
+        }
+        assert_eq!([6, 32, 64].map(PaletteLabel::most_blend_steps), [68, 3, 1]);
     }
 
     #[test]

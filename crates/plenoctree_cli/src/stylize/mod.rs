@@ -13,7 +13,7 @@ pub use arguments::Arguments;
 use plenoctree::{
     PlenOctree,
     camera::{PinholeCamera, read_transforms},
-    palette::Palette,
+    palette::{Palette, PaletteLabel},
 };
 
 use crate::{Result, extraction, field, files, progress, turntable};
@@ -43,6 +43,7 @@ pub fn run(arguments: &Arguments) -> Result {
             (extracted.extraction.palette.clone(), Some(extracted))
         }
     };
+    check_labels(&palette, arguments.posterize().blend_steps)?;
     let recolored = arguments.recolored(&palette)?;
 
     files::create_folder(&arguments.out)?;
@@ -79,6 +80,21 @@ pub fn run(arguments: &Arguments) -> Result {
         println!("{} views of {} saved to {}", cameras.len(), path.display(), arguments.out.display());
     }
     Ok(())
+}
+
+/// Returns an error if there are more labels than every pixel can be compared to.
+fn check_labels(palette: &Palette, blend_steps: u32) -> Result {
+    let colors = palette.colors.len();
+    let (labels, most) = (PaletteLabel::count(colors, blend_steps), PaletteLabel::MAX_LABELS);
+    if labels <= most {
+        return Ok(());
+    }
+    let steps = PaletteLabel::most_blend_steps(colors);
+    Err(format!(
+        "found {colors} colors with {blend_steps} blend steps, which make {labels} labels, expected at most {most}: use \
+         --blend-steps {steps}"
+    )
+    .into())
 }
 
 /// Returns the views to render if no cameras are given.
