@@ -29,8 +29,19 @@ impl CameraProjection for PinholeProjection {
         .as_mat4()
     }
 
-    fn get_clip_from_view_for_sub(&self, _: &SubCameraView) -> Mat4 {
-        self.get_clip_from_view()
+    fn get_clip_from_view_for_sub(&self, sub: &SubCameraView) -> Mat4 {
+        // How many times the part fits into the whole, and the part's middle in the clip space of the whole.
+        let (full, size) = (sub.full_size.as_vec2(), sub.size.as_vec2());
+        let middle = 2.0 * (sub.offset + 0.5 * size) / full - 1.0;
+        let scale = full / size;
+        let clip_from_full = Mat4::from_cols(
+            Vec4::X * scale.x,
+            Vec4::Y * scale.y,
+            Vec4::Z,
+            // Offsets count downward.
+            Vec4::new(-middle.x * scale.x, middle.y * scale.y, 0.0, 1.0),
+        );
+        clip_from_full * self.get_clip_from_view()
     }
 
     fn update(&mut self, _: f32, _: f32) {}
@@ -90,13 +101,24 @@ mod tests {
         (camera.center_x, camera.center_y, camera.focal_y) = (150.0, 170.0, 300.0);
         let (projection, transform) = pinhole_view(&camera, UpAxis::Z);
         let Projection::Custom(projection) = projection else { panic!("not a custom projection") };
-        let clip_from_world = projection.get_clip_from_view() * transform.to_matrix().inverse();
+        let view_from_world = transform.to_matrix().inverse();
+        let clip_from_world = projection.get_clip_from_view() * view_from_world;
         for (x, y) in [(0.0, 0.0), (150.0, 170.0), (399.0, 20.0)] {
             let (origin, direction) = camera.ray(x, y);
             let point = UpAxis::Z.to_y_up() * (origin + 2.5 * direction);
             let ndc = clip_from_world.project_point3(point.as_vec3());
             assert!((200.0 * (1.0 + ndc.x) - x as f32).abs() < 1e-2, "{ndc} for {x}, {y}");
             assert!((150.0 * (1.0 - ndc.y) - y as f32).abs() < 1e-2, "{ndc} for {x}, {y}");
+            // A part of the view shows the same pixels, counted from its own corner. Its units are its own.
+            for unit in [1, 3] {
+                let (offset, size) = (UVec2::new(100, 20), UVec2::new(200, 250));
+                let full_size = UVec2::new(400, 300) * unit;
+                let sub = SubCameraView { full_size, offset: (offset * unit).as_vec2(), size: size * unit };
+                let clip_from_view = projection.get_clip_from_view_for_sub(&sub);
+                let ndc = (clip_from_view * view_from_world).project_point3(point.as_vec3());
+                let pixel = Vec2::new(1.0 + ndc.x, 1.0 - ndc.y) * 0.5 * size.as_vec2() + offset.as_vec2();
+                assert!(pixel.distance(Vec2::new(x as f32, y as f32)) < 2e-2, "{pixel} for {x}, {y}");
+            }
         }
     }
 }
