@@ -158,11 +158,28 @@ impl PlenOctree {
         };
         field.depth = field.validate()?;
         field.sort_leaves();
-        field.bounds = field
-            .leaf_cells()
-            .map(|cell| (cell.corner, cell.corner + cell.size))
-            .reduce(|(low, high), (corner, end)| (low.min(corner), high.max(end)));
+        field.bounds = field.leaf_bounds();
         Ok(field)
+    }
+
+    /// Returns the field with another tree, which is known to be valid: derived from this one, with its leaves in
+    /// depth-first order.
+    pub(crate) fn with_tree(&self, nodes: Vec<[Cell; 8]>, density: Vec<f32>, coefficients: Vec<f16>) -> Self {
+        let mut depth = 1;
+        let mut stack = vec![(0u32, 1)];
+        while let Some((node, level)) = stack.pop() {
+            depth = depth.max(level);
+            stack.extend(nodes[node as usize].iter().filter_map(|cell| Some((cell.as_node()?, level + 1))));
+        }
+        let (nodes, density, coefficients) = (Arc::new(nodes), Arc::new(density), Arc::new(coefficients));
+        let field = Self { depth, nodes, density, coefficients, ..self.clone() };
+        Self { bounds: field.leaf_bounds(), ..field }
+    }
+
+    fn leaf_bounds(&self) -> Option<(UVec3, UVec3)> {
+        self.leaf_cells()
+            .map(|cell| (cell.corner, cell.corner + cell.size))
+            .reduce(|(low, high), (corner, end)| (low.min(corner), high.max(end)))
     }
 
     /// Checks the tree and returns its depth.

@@ -36,22 +36,15 @@ impl PlenOctree {
         let densities = leaves.par_iter().map(|leaf| match leaf {
             NewLeaf::Same(leaf) => self.densities()[*leaf as usize],
             // A merged leaf must have a density, however faint.
-            NewLeaf::Merged(node) => (density(self.node_densities(*node), widths) as f32).max(f32::MIN_POSITIVE),
+            NewLeaf::Merged(node) => {
+                (density(self.node_densities(*node), widths) as f32).clamp(f32::MIN_POSITIVE, f32::MAX)
+            }
         });
         let coefficients = leaves.par_iter().flat_map_iter(|leaf| match leaf {
             NewLeaf::Same(leaf) => self.leaf_coefficients(*leaf).to_vec(),
             NewLeaf::Merged(node) => self.mean_coefficients(*node, widths.element_product().cbrt()),
         });
-        let field = Self::new(
-            self.frame(),
-            self.basis(),
-            self.activation(),
-            self.up(),
-            nodes,
-            densities.collect(),
-            coefficients.collect(),
-        );
-        field.ok().map(|field| field.with_precision(self.precision()))
+        Some(self.with_tree(nodes, densities.collect(), coefficients.collect()))
     }
 
     fn leaf_coefficients(&self, leaf: u32) -> &[f16] {
@@ -69,7 +62,8 @@ impl PlenOctree {
         let mut sums = vec![0.0f64; self.basis().coefficients()];
         let mut total = 0.0;
         for leaf in self.nodes()[node as usize].iter().filter_map(|cell| cell.as_leaf()) {
-            let weight = -(-f64::from(self.densities()[leaf as usize]) * width).exp_m1();
+            // Even the faintest leaf counts.
+            let weight = (-(-f64::from(self.densities()[leaf as usize]) * width).exp_m1()).max(f64::MIN_POSITIVE);
             total += weight;
             for (sum, k) in sums.iter_mut().zip(self.leaf_coefficients(leaf)) {
                 *sum += weight * k.to_f64();
@@ -83,7 +77,9 @@ impl PlenOctree {
 fn density(cells: [f64; 8], widths: DVec3) -> f64 {
     let along = |axis: usize| {
         let (bit, width) = (4 >> axis, widths[axis]);
-        let columns = (0..8).filter(|cell| cell & bit == 0).map(|cell| (cells[cell] + cells[cell | bit]) * width);
+        // Limited, so that differences are numbers.
+        let depth = |cell: usize| ((cells[cell] + cells[cell | bit]) * width).min(f64::MAX.sqrt());
+        let columns = (0..8).filter(|cell| cell & bit == 0).map(depth);
         let least = columns.clone().fold(f64::INFINITY, f64::min);
         let taken = columns.map(|depth| (least - depth).exp_m1()).sum::<f64>() / 4.0;
         (least - taken.ln_1p()) / (2.0 * width)
@@ -173,5 +169,24 @@ mod tests {
             PlenOctree::new(frame, Basis::Rgba, Activation::Identity, UpAxis::Z, vec![root, part], density, color)
                 .unwrap();
         assert_eq!(field.coarser(1).unwrap().leaves(), 1);
+    }
+
+    /// Fields with cells of any size can be merged, also where optical depths are 0 or infinite in float64.
+    #[test]
+    fn optical_depths_beyond_float64_are_merged() {
+        for (scale, density) in [(1e300, f32::from_bits(1)), (1e-300, f32::MAX)] {
+            let mut root = [Cell::EMPTY; 8];
+            root[0] = Cell::node(1);
+            let part = std::array::from_fn(|cell| Cell::leaf(cell as u32));
+            let frame = Frame { offset: DVec3::ZERO, scale: DVec3::splat(scale) };
+            let (nodes, densities, colors) = (vec![root, part], vec![density; 8], vec![f16::from_f32(0.25); 24]);
+            let activation = Activation::Identity;
+            let field = PlenOctree::new(frame, Basis::Rgba, activation, UpAxis::Z, nodes, densities, colors).unwrap();
+            let coarser = field.coarser(1).unwrap();
+            let (nodes, densities) = (coarser.nodes().to_vec(), coarser.densities().to_vec());
+            let colors = coarser.coefficients().to_vec();
+            assert!(colors.iter().all(|k| *k == f16::from_f32(0.25)), "{colors:?}");
+            assert!(PlenOctree::new(frame, Basis::Rgba, activation, UpAxis::Z, nodes, densities, colors).is_ok());
+        }
     }
 }

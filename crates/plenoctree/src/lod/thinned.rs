@@ -4,10 +4,12 @@ use crate::field::{Cell, PlenOctree};
 
 impl PlenOctree {
     /// Returns the field without the leaves whose density is less than `density_threshold`, per world unit, so that
-    /// rays cross fewer leaves.
+    /// rays cross fewer leaves. It may be less deep. NaN leaves out nothing, as 0 does.
     ///
     /// [`LoadSettings::density_threshold`](crate::LoadSettings::density_threshold) has the same effect on a file.
     pub fn thinned(&self, density_threshold: f32) -> Self {
+        // Ignores NaN.
+        let density_threshold = density_threshold.max(0.0);
         if self.densities().iter().all(|density| *density >= density_threshold) {
             return self.clone();
         }
@@ -18,8 +20,7 @@ impl PlenOctree {
         let coefficients =
             leaves.iter().flat_map(|leaf| &self.coefficients()[*leaf as usize * width..][..width]).copied().collect();
         let densities = leaves.iter().map(|leaf| self.densities()[*leaf as usize]).collect();
-        Self::new(self.frame(), self.basis(), self.activation(), self.up(), nodes, densities, coefficients)
-            .map_or_else(|_| self.clone(), |field| field.with_precision(self.precision()))
+        self.with_tree(nodes, densities, coefficients)
     }
 }
 
@@ -77,6 +78,9 @@ mod tests {
             assert_eq!(thinned.radiance(cell.leaf, DVec3::X), field.radiance(leaf, DVec3::X));
         }
         assert_eq!(field.thinned(1e9).leaves(), 0);
-        assert_eq!(field.thinned(0.0).leaves(), field.leaves());
+        assert_eq!(field.thinned(f32::INFINITY).cell_bounds(), None);
+        for nothing in [0.0, -1.0, f32::NAN] {
+            assert_eq!(field.thinned(nothing).leaves(), field.leaves());
+        }
     }
 }
