@@ -203,27 +203,34 @@ fn a_change_allocates_nothing() {
     let mut scene = Scene::new(|_| {});
     let left = scene.left;
     scene.world().entity_mut(left).insert(PaletteOverride::default());
-    let allocations = |scene: &mut Scene, change: bool, t: f32| {
-        allocation_counter::measure(|| {
-            if change {
-                let white = [Color::WHITE; 2];
-                scene.palette().blend(&COLORS, &white, t, BlendSpace::Oklab);
-                scene.palette().set(0, Color::hsv(30.0, 1.0, t));
-                let mut own = scene.headless.app.world_mut().get_mut::<PaletteOverride>(left).unwrap();
-                own.reset();
-                own.blend(&COLORS, &white, t, BlendSpace::Encoded);
-            }
-            scene.run_extract_schedule();
-        })
-        .count_total
+    let change = |scene: &mut Scene, t: f32| {
+        let white = [Color::WHITE; 2];
+        scene.palette().blend(&COLORS, &white, t, BlendSpace::Oklab);
+        scene.palette().fade(&white, t, BlendSpace::Encoded);
+        scene.palette().set(0, Color::hsv(30.0, 1.0, t));
+        let mut own = scene.headless.app.world_mut().get_mut::<PaletteOverride>(left).unwrap();
+        own.reset();
+        own.blend(&COLORS, &white, t, BlendSpace::Encoded);
     };
     // Let buffers grow to their final size.
     for _ in 0..4 {
-        allocations(&mut scene, true, 0.5);
+        change(&mut scene, 0.5);
+        scene.run_extract_schedule();
     }
-    let least = |change, scene: &mut Scene| (0..20).map(|i| allocations(scene, change, 0.05 * i as f32)).min();
-    let (without, with) = (least(false, &mut scene), least(true, &mut scene));
-    assert_eq!(with, without);
+    let mut extracting = [Vec::new(), Vec::new()];
+    for step in 0..40 {
+        let changed = step % 2;
+        if changed == 1 {
+            let count = allocation_counter::measure(|| change(&mut scene, 0.025 * step as f32)).count_total;
+            assert_eq!(count, 0, "the change itself allocates, in step {step}");
+        }
+        let count = allocation_counter::measure(|| scene.run_extract_schedule()).count_total;
+        extracting[changed].push(count);
+    }
+    // Bevy's own systems allocate more in some frames than in others, but not in most of them.
+    extracting.iter_mut().for_each(|counts| counts.sort_unstable());
+    let [without, with] = extracting.map(|counts| counts[..=counts.len() / 2].to_vec());
+    assert_eq!(with, without, "extraction allocates after a change");
 }
 
 /// The fields whose palettes were reported as ready.

@@ -56,14 +56,17 @@ impl Stage {
 
     /// Returns the root mean square difference from the float64 reference, over black, in 8-bit steps.
     pub fn difference(&mut self, field: &PlenOctree, camera: &PinholeCamera) -> f64 {
-        let expected = reference::render(field, camera).over(DVec3::ZERO);
-        let frame = self.capture(camera);
-        let squares = frame.pixels().zip(&expected).map(|(pixel, color)| {
-            let seen = DVec3::new(pixel[0].into(), pixel[1].into(), pixel[2].into());
-            (seen - 255.0 * color.clamp(DVec3::ZERO, DVec3::ONE)).length_squared() / 3.0
-        });
-        (squares.sum::<f64>() / expected.len() as f64).sqrt()
+        difference(&self.capture(camera), &reference::render(field, camera).over(DVec3::ZERO))
     }
+}
+
+/// Returns the root mean square difference of a frame from the expected colors, in 8-bit steps.
+pub fn difference(frame: &RgbaImage, expected: &[DVec3]) -> f64 {
+    let squares = frame.pixels().zip(expected).map(|(pixel, color)| {
+        let seen = DVec3::new(pixel[0].into(), pixel[1].into(), pixel[2].into());
+        (seen - 255.0 * color.clamp(DVec3::ZERO, DVec3::ONE)).length_squared() / 3.0
+    });
+    (squares.sum::<f64>() / expected.len() as f64).sqrt()
 }
 
 /// Returns a camera at `position` that looks at `target`.
