@@ -18,7 +18,7 @@ use plenoctree::{
     Basis, Cell, Frame,
     camera::PinholeCamera,
     palette::{extract_from_histograms, simplify_hull},
-    sampling::{Histograms, sample},
+    sampling::{Histograms, Progress, sample},
 };
 
 /// Numbers of leaves, from 10^4 to 10^6.5.
@@ -219,7 +219,7 @@ fn clusters(bencher: Bencher, bins: usize) {
     }
     let [fine_weights, coarse_weights] = weights;
     let histograms = Histograms::new(fine, fine_weights, coarse, coarse_weights, bins as u64).unwrap();
-    bencher.bench_local(|| extract_from_histograms(&histograms, &settings).unwrap());
+    bencher.bench_local(|| extract_from_histograms(&histograms, &settings, &Progress::default()).unwrap());
 }
 
 /// Computes a hull and simplifies it to six colors, by number of points.

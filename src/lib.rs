@@ -44,6 +44,7 @@
 #![warn(missing_docs)]
 
 mod asset;
+mod background;
 mod gpu;
 #[cfg(feature = "headless")]
 pub mod headless;

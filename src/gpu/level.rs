@@ -4,7 +4,7 @@ use std::sync::OnceLock;
 
 use plenoctree::{Faintness, PlenOctree};
 
-use crate::quality::PropQuality;
+use crate::{background::on_cores, quality::PropQuality};
 
 /// A version of a field: with larger cells, without faint leaves, or, by default, unchanged.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -32,14 +32,14 @@ impl Level {
     pub(super) fn make(self, field: &PlenOctree, faintness: &OnceLock<Faintness>) -> PlenOctree {
         let mut threshold = self.density_threshold;
         if self.opacity_loss > 0.0 {
-            threshold = threshold.max(faintness.get_or_init(|| Faintness::of(field)).threshold(self.opacity_loss));
+            let faintness = faintness.get_or_init(|| on_cores(|| Faintness::of(field)));
+            threshold = threshold.max(faintness.threshold(self.opacity_loss));
         }
-        let mut field = field.thinned(threshold);
-        for _ in 0..self.coarser {
-            let Some(next) = field.coarser(1) else { break };
-            field = next;
-        }
-        field
+        let thinned = field.thinned(threshold);
+        // Without its faintest leaves, the field may already be coarser than it was.
+        let lost = field.depth() - thinned.depth();
+        let levels = self.coarser.saturating_sub(lost).min(thinned.depth() - 1);
+        on_cores(|| thinned.coarser(levels)).unwrap_or(thinned)
     }
 
     /// Returns whether this level can be drawn in place of `wanted` until that one is ready: it must not leave out
@@ -48,5 +48,46 @@ impl Level {
         self.coarser <= wanted.coarser
             && self.density_threshold <= wanted.density_threshold
             && self.opacity_loss <= wanted.opacity_loss
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+    use half::f16;
+    use plenoctree::{Activation, Basis, Cell, Frame, UpAxis};
+
+    use super::*;
+
+    /// If the finest leaves are too faint to be kept, the other ones become no larger than asked for.
+    #[test]
+    fn leaving_out_the_finest_leaves_enlarges_no_others() {
+        const DEPTH: u32 = 4;
+        let nodes = (1..=DEPTH).map(|level| {
+            let mut node = [Cell::EMPTY; 8];
+            node[0] = Cell::leaf(level - 1);
+            if level < DEPTH {
+                node[7] = Cell::node(level);
+            }
+            node
+        });
+        let (frame, densities) = (Frame::spanning(DVec3::ZERO, DVec3::ONE), vec![9.0, 9.0, 9.0, 0.1]);
+        let field = PlenOctree::new(
+            frame,
+            Basis::Rgba,
+            Activation::Identity,
+            UpAxis::Y,
+            nodes.collect(),
+            densities,
+            vec![f16::ONE; 3 * DEPTH as usize],
+        )
+        .unwrap();
+        for (coarser, density_threshold, depth) in
+            [(0, 0.0, 4), (1, 0.0, 3), (0, 1.0, 3), (1, 1.0, 3), (2, 1.0, 2), (3, 1.0, 1), (9, 1.0, 1), (9, 0.0, 1)]
+        {
+            let level = Level { coarser, density_threshold, opacity_loss: 0.0 };
+            let made = level.make(&field, &OnceLock::new());
+            assert_eq!(made.depth(), depth, "{level:?}");
+        }
     }
 }

@@ -2,13 +2,14 @@
 
 use std::sync::{Arc, OnceLock};
 
-use bevy::tasks::{AsyncComputeTaskPool, Task, block_on, poll_once};
+use bevy::tasks::{Task, block_on, poll_once};
 use plenoctree::{Faintness, PlenOctree};
 
 use super::{
     level::Level,
     upload::{FieldTooLarge, GpuLevel, LevelData, Upload, Uploaded, Uploader},
 };
+use crate::background;
 
 /// The number of frames after which an unused level is evicted.
 const KEPT_FRAMES: u32 = 600;
@@ -64,8 +65,8 @@ impl Levels {
             return;
         }
         let (field, faintness) = (self.source.clone(), self.faintness.clone());
-        let make = async move { LevelData::new(level.make(&field, &faintness)) };
-        let state = State::Making(AsyncComputeTaskPool::get().spawn(make));
+        let make = move || LevelData::new(level.make(&field, &faintness));
+        let state = State::Making(background::spawn(make));
         self.slots.push(Slot { level, state, idle: 0 });
     }
 

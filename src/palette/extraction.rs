@@ -9,12 +9,12 @@ use std::{
 use bevy::{
     prelude::*,
     render::renderer::RenderAdapterInfo,
-    tasks::{AsyncComputeTaskPool, Task, block_on, poll_once},
+    tasks::{Task, block_on, poll_once},
 };
 use plenoctree::{
     PlenOctree,
     palette::{Extraction, ExtractionError, ExtractionSettings, extract_from_histograms},
-    sampling::{Histograms, Progress, sample},
+    sampling::{Canceled, Histograms, Progress, sample},
 };
 use wgpu::DeviceType;
 
@@ -22,7 +22,13 @@ use super::{
     posterized::Posterized,
     resource::{FieldPalette, Palettes},
 };
-use crate::sampling::{SamplingFailure, SamplingJob, SamplingJobs};
+use crate::{
+    background,
+    sampling::{SamplingFailure, SamplingJob, SamplingJobs},
+};
+
+/// The maximum number of extractions that run at the same time, since each takes memory of its own.
+const MOST_RUNNING: usize = 4;
 
 /// The processor that samples the radiance of a field.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
@@ -33,7 +39,7 @@ pub enum PaletteSampler {
     Auto,
     /// Uses compute shaders in the render world. Falls back to the CPU if they cannot sample the field.
     Gpu,
-    /// Uses all CPU cores, in a background task.
+    /// Uses all CPU cores but one, in the background.
     Cpu,
 }
 
@@ -49,8 +55,8 @@ pub struct ExtractionSamples {
 /// Configures palette extraction and reports its progress.
 ///
 /// If the field of a posterized prop or view has no palette, and there is no file to load one from, one is extracted
-/// while the app keeps running. The field is sampled on the GPU, a few slices per frame, or on the CPU, in a background
-/// task. K-means and the convex hull are computed in a background task.
+/// while the app keeps running, and up to four at the same time. The field is sampled on the GPU, a few slices per frame,
+/// or on the CPU. What the CPU does runs on threads of its own, which leave one core, and Bevy's task pools, to the app.
 #[derive(Resource, Reflect)]
 #[reflect(Resource, Default)]
 #[type_path = "bevy_plenoctree"]
@@ -101,7 +107,7 @@ struct Running {
 
 enum Stage {
     /// A task prepares the job for the render world. Stores when it started.
-    Planning(Task<SamplingJob>, Instant),
+    Planning(Task<Result<SamplingJob, Canceled>>, Instant),
     /// The render world is sampling. Stores when planning started.
     Sampling(Arc<SamplingJob>, Instant),
     /// A task computes the palette from the histograms, after sampling the field itself if the CPU samples.
@@ -183,6 +189,9 @@ pub(super) fn start(
         PaletteSampler::Cpu => false,
     });
     for id in ids {
+        if extraction.running.len() >= MOST_RUNNING {
+            break;
+        }
         let Some(field) = fields.get(id) else {
             continue;
         };
@@ -191,8 +200,8 @@ pub(super) fn start(
         let stage = match settings.validate() {
             Ok(()) if on_gpu => {
                 let (field, budget, progress) = (field.clone(), extraction.budget, progress.clone());
-                let plan = async move { SamplingJob::new(id, field, settings, budget, progress) };
-                Stage::Planning(AsyncComputeTaskPool::get().spawn(plan), Instant::now())
+                let plan = move || SamplingJob::new(id, field, settings, budget, progress);
+                Stage::Planning(background::spawn(plan), Instant::now())
             }
             _ => sample_on_cpu(field.clone(), settings, progress.clone()),
         };
@@ -202,10 +211,12 @@ pub(super) fn start(
 }
 
 fn sample_on_cpu(field: PlenOctree, settings: ExtractionSettings, progress: Arc<Progress>) -> Stage {
-    Stage::Computing(AsyncComputeTaskPool::get().spawn(async move {
-        let start = Instant::now();
-        let histograms = sample(&field, &settings.sampling, &progress)?;
-        extract(histograms, false, start.elapsed(), &settings)
+    Stage::Computing(background::spawn(move || {
+        background::on_cores(|| {
+            let start = Instant::now();
+            let histograms = sample(&field, &settings.sampling, &progress)?;
+            extract(histograms, false, start.elapsed(), &settings, &progress)
+        })
     }))
 }
 
@@ -214,8 +225,9 @@ fn extract(
     on_gpu: bool,
     sampling: Duration,
     settings: &ExtractionSettings,
+    progress: &Progress,
 ) -> Result<(Extraction, ExtractionSamples), ExtractionError> {
-    let mut extraction = extract_from_histograms(&histograms, settings)?;
+    let mut extraction = extract_from_histograms(&histograms, settings, progress)?;
     extraction.seconds.sampling = sampling.as_secs_f64();
     Ok((extraction, ExtractionSamples { histograms: Arc::new(histograms), on_gpu }))
 }
@@ -237,9 +249,14 @@ pub(super) fn finish(
         let task = match &mut running.stage {
             Stage::Computing(task) => task,
             Stage::Planning(task, start) => {
-                if let Some(job) = block_on(poll_once(task)).map(Arc::new) {
-                    jobs.0.push(job.clone());
-                    running.stage = Stage::Sampling(job, *start);
+                match block_on(poll_once(task)) {
+                    None => {}
+                    Some(Ok(job)) => {
+                        let job = Arc::new(job);
+                        jobs.0.push(job.clone());
+                        running.stage = Stage::Sampling(job, *start);
+                    }
+                    Some(Err(Canceled)) => return false,
                 }
                 return true;
             }
@@ -270,14 +287,14 @@ pub(super) fn finish(
 }
 
 fn after_sampling(job: &SamplingJob, outcome: Result<Histograms, SamplingFailure>, sampling: Duration) -> Stage {
-    let settings = job.settings.clone();
+    let (settings, progress) = (job.settings.clone(), job.progress.clone());
     match outcome {
-        Ok(histograms) => Stage::Computing(
-            AsyncComputeTaskPool::get().spawn(async move { extract(histograms, true, sampling, &settings) }),
-        ),
+        Ok(histograms) => Stage::Computing(background::spawn(move || {
+            background::on_cores(|| extract(histograms, true, sampling, &settings, &progress))
+        })),
         Err(failure) => {
             warn!("sampling field {} on the CPU instead of the GPU: {failure}", job.id);
-            sample_on_cpu(job.field.clone(), settings, job.progress.clone())
+            sample_on_cpu(job.field.clone(), settings, progress)
         }
     }
 }

@@ -9,7 +9,7 @@ use bevy::{prelude::*, render::extract_resource::ExtractResource};
 use plenoctree::{
     MAX_DEPTH, PlenOctree,
     palette::ExtractionSettings,
-    sampling::{Histograms, Progress, SamplingPlan},
+    sampling::{Canceled, Histograms, Progress, SamplingPlan},
 };
 
 /// An error that prevents sampling on the GPU. The CPU samples the field instead.
@@ -50,22 +50,23 @@ enum State {
 }
 
 impl SamplingJob {
-    /// Prepares the data for the GPU. This takes a while for a large field, so call it in a task.
+    /// Prepares the data for the GPU. This takes a while for a large field, so call it in the background.
     pub fn new(
         id: AssetId<PlenOctree>,
         field: PlenOctree,
         settings: ExtractionSettings,
         budget: Option<Duration>,
         progress: Arc<Progress>,
-    ) -> Self {
-        let plan = SamplingPlan::new(&field, &settings.sampling);
+    ) -> Result<Self, Canceled> {
+        let plan = SamplingPlan::new(&field, &settings.sampling, &progress)?;
         let leaves = plan.leaves.into_iter().map(|cell| {
             let center = (2 * cell.corner + cell.size) << (MAX_DEPTH - field.depth());
-            [center.x, center.y, center.z, cell.leaf]
+            if progress.is_canceled() { Err(Canceled) } else { Ok([center.x, center.y, center.z, cell.leaf]) }
         });
+        let leaves = leaves.collect::<Result<_, _>>()?;
         let observers = plan.observers.into_iter().flatten();
-        Self {
-            leaves: leaves.collect(),
+        Ok(Self {
+            leaves,
             observers: observers.map(|ray| ray.as_vec3().extend(0.0).to_array()).collect(),
             weight_bound: plan.weight_bound,
             id,
@@ -74,7 +75,7 @@ impl SamplingJob {
             budget,
             progress,
             state: Mutex::new(State::Open),
-        }
+        })
     }
 
     pub fn end(&self, outcome: Result<Histograms, SamplingFailure>) {

@@ -3,6 +3,7 @@
 mod extremes;
 mod frames;
 mod large;
+mod loading;
 mod palettes;
 mod picking;
 mod quality;

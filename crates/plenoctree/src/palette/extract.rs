@@ -82,7 +82,7 @@ pub fn extract(
     let start = Instant::now();
     let histograms = sample(field, &settings.sampling, progress)?;
     let sampling = start.elapsed().as_secs_f64();
-    let mut extraction = extract_from_histograms(&histograms, settings)?;
+    let mut extraction = extract_from_histograms(&histograms, settings, progress)?;
     extraction.seconds.sampling = sampling;
     Ok(extraction)
 }
@@ -91,20 +91,22 @@ pub fn extract(
 ///
 /// # Errors
 ///
-/// Returns an error if a setting is out of range, or if the histograms have no weight.
+/// Returns an error if a setting is out of range, if the histograms have no weight, or if the extraction is canceled.
 pub fn extract_from_histograms(
     histograms: &Histograms,
     settings: &ExtractionSettings,
+    progress: &Progress,
 ) -> Result<Extraction, ExtractionError> {
     settings.validate()?;
     let start = Instant::now();
     let total_weight = histograms.total_weight();
-    let clusters = filter(histograms, settings).ok_or(ExtractionError::NothingVisible)?;
+    let clusters = filter(histograms, settings, progress)?.ok_or(ExtractionError::NothingVisible)?;
     let filtering = start.elapsed().as_secs_f64();
 
     let start = Instant::now();
     let centers: Vec<DVec3> = clusters.centers.iter().map(|&center| center.into()).collect();
-    let simplified = simplify(&centers, settings.colors);
+    let simplified = simplify(&centers, settings.colors, progress);
+    progress.check()?;
     let corners: Vec<[f64; 3]> =
         simplified.corners.iter().map(|corner| corner.clamp(DVec3::ZERO, DVec3::ONE).into()).collect();
     let palette = order(corners, &clusters);
@@ -120,7 +122,11 @@ pub fn extract_from_histograms(
 }
 
 /// Clusters the histograms into representative colors: steps 6 and 7. Returns `None` if there is no weight.
-fn filter(histograms: &Histograms, settings: &ExtractionSettings) -> Option<Clusters> {
+fn filter(
+    histograms: &Histograms,
+    settings: &ExtractionSettings,
+    progress: &Progress,
+) -> Result<Option<Clusters>, Canceled> {
     let total = histograms.total_weight();
     let bins = histograms.fine_bins();
     let (points, weights): (Vec<_>, Vec<_>) = bins
@@ -132,21 +138,24 @@ fn filter(histograms: &Histograms, settings: &ExtractionSettings) -> Option<Clus
         .unzip();
     let centers = initial_centers(histograms.coarse_bins(), settings.coarse_threshold);
     if points.is_empty() || centers.is_empty() {
-        return None;
+        return Ok(None);
     }
-    Some(kmeans::cluster(&points, &weights, centers, settings.max_iterations, settings.tolerance))
+    kmeans::cluster(&points, &weights, centers, settings.max_iterations, settings.tolerance, progress).map(Some)
 }
 
 /// Returns the centers of the bins with more than `threshold` of the weight, in the order of their indices.
 ///
 /// If there are none, returns the centers of the `1 / threshold` heaviest bins: the largest number of bins that could
-/// be above the threshold.
+/// be above the threshold. In any case, returns at most [`ExtractionSettings::MAX_CLUSTERS`], the heaviest.
 fn initial_centers(bins: &Bins, threshold: f64) -> Vec<[f64; 3]> {
     let total: f64 = bins.weights.iter().sum();
     let mut chosen: Vec<usize> = (0..bins.weights.len()).filter(|&i| bins.weights[i] / total > threshold).collect();
+    let mut most = ExtractionSettings::MAX_CLUSTERS;
     if chosen.is_empty() {
-        let most = (1.0 / threshold) as usize;
+        most = most.min((1.0 / threshold) as usize);
         chosen = (0..bins.weights.len()).filter(|&i| bins.weights[i] > 0.0).collect();
+    }
+    if chosen.len() > most {
         chosen.sort_by(|&a, &b| bins.weights[b].total_cmp(&bins.weights[a]).then(a.cmp(&b)));
         chosen.truncate(most);
         chosen.sort_unstable();
@@ -172,9 +181,22 @@ pub(super) fn order(mut colors: Vec<[f64; 3]>, clusters: &Clusters) -> Palette {
 
 #[cfg(test)]
 mod tests {
+    use std::time::Duration;
+
     use proptest::prelude::*;
 
     use super::*;
+    use crate::{
+        bake::{BakeSettings, bake},
+        field::Basis,
+    };
+
+    fn extract_from_histograms(
+        histograms: &Histograms,
+        settings: &ExtractionSettings,
+    ) -> Result<Extraction, ExtractionError> {
+        super::extract_from_histograms(histograms, settings, &Progress::default())
+    }
 
     /// Returns histograms with 24 and 8 bins per channel, so that centers of coarse bins are also centers of fine bins.
     fn histograms(colors: &[([f64; 3], f64)]) -> Histograms {
@@ -224,12 +246,82 @@ mod tests {
             (0..512).map(|i| ([i / 64, i / 8 % 8, i % 8].map(|x| (f64::from(x) + 0.5) / 8.0), 1.0)).collect();
         let extraction = extract_from_histograms(&histograms(&even), &ExtractionSettings::default()).unwrap();
         assert_eq!(extraction.clusters, 125);
+        let all = ExtractionSettings { coarse_threshold: 0.0, ..Default::default() };
+        let extraction = extract_from_histograms(&histograms(&even), &all).unwrap();
+        assert_eq!(extraction.clusters, ExtractionSettings::MAX_CLUSTERS);
     }
 
     #[test]
     fn nothing_visible_is_an_error() {
         let result = extract_from_histograms(&histograms(&[]), &ExtractionSettings::default());
         assert_eq!(result, Err(ExtractionError::NothingVisible));
+    }
+
+    /// Histograms with as many bins as settings allow, all of them filled, and the weight on a shell: k-means has the
+    /// most points and centers, and every center is a corner of the hull.
+    fn largest_histograms() -> Histograms {
+        let weight = |color: [f64; 3]| {
+            let radius = DVec3::from(color).distance(DVec3::splat(0.5));
+            1e-9 + (-((radius - 0.4) / 0.03).powi(2)).exp()
+        };
+        let weights = |n: usize| {
+            let channel = |i: usize| (i as f64 + 0.5) / n as f64;
+            (0..n * n * n).map(|i| weight([i / (n * n), i / n % n, i % n].map(channel))).collect()
+        };
+        Histograms::new(64, weights(64), 16, weights(16), 0).unwrap()
+    }
+
+    /// Cancels after some time, and returns how long the extraction went on.
+    fn time_to_cancel(histograms: &Histograms, settings: &ExtractionSettings, after: Duration) -> Duration {
+        let progress = Progress::default();
+        std::thread::scope(|scope| {
+            let worker = scope.spawn(|| {
+                let result = super::extract_from_histograms(histograms, settings, &progress);
+                (result, Instant::now())
+            });
+            std::thread::sleep(after);
+            let start = Instant::now();
+            progress.cancel();
+            let (result, end) = worker.join().unwrap();
+            assert_eq!(result, Err(ExtractionError::Canceled(Canceled)), "it took less than {after:?}");
+            end.saturating_duration_since(start)
+        })
+    }
+
+    /// The largest settings take seconds for k-means alone, and for the hull alone.
+    #[test]
+    fn every_stage_stops_within_50_milliseconds() {
+        let histograms = largest_histograms();
+        let k_means =
+            ExtractionSettings { coarse_threshold: 0.0, max_iterations: 1000, tolerance: 0.0, ..Default::default() };
+        let hull = ExtractionSettings { max_iterations: 1, ..k_means.clone() };
+        for (stage, settings) in [("k-means", k_means), ("hull", hull)] {
+            for after in [0, 100, 500] {
+                let time = || time_to_cancel(&histograms, &settings, Duration::from_millis(after));
+                // Other processes may need the cores at any one time, but not always.
+                let fastest = (0..3).map(|_| time()).min().unwrap();
+                assert!(fastest.as_millis() < 50, "{stage} after {after} ms: {fastest:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn any_number_of_threads_gives_the_same_palette() {
+        let settings = BakeSettings { depth: 5, basis: Basis::Sh4, ..Default::default() };
+        let density = |at: DVec3| 20.0 * (0.9 - at.length()).max(0.0);
+        let radiance = |at: DVec3| move |direction: DVec3| 0.5 + 0.35 * (5.0 * at).map(f64::sin) + 0.1 * direction;
+        let field = bake(&settings, density, radiance).unwrap();
+        let on = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let settings = ExtractionSettings::default();
+            let extraction = pool.install(|| extract(&field, &settings, &Progress::default())).unwrap();
+            Extraction { seconds: ExtractionTimes::default(), ..extraction }
+        };
+        let alone = on(1);
+        assert!(alone.clusters > 20 && alone.palette.colors.len() == 6, "{alone:?}");
+        for threads in [2, 3, 8] {
+            assert_eq!(alone, on(threads));
+        }
     }
 
     proptest! {

@@ -7,6 +7,8 @@
 use glam::DVec3;
 use robust::{Coord3D, orient3d};
 
+use crate::sampling::Progress;
+
 /// Upper limit of lengths in RGB that are due to rounding.
 pub(super) const ROUNDING: f64 = 1e-11;
 
@@ -55,7 +57,9 @@ impl Plane {
 }
 
 /// Returns the shape that `points` span. There must be at least one point, and all must be finite.
-pub(super) fn span(points: &[DVec3]) -> Span {
+///
+/// Once `progress` is canceled, returns whatever shape it has got to.
+pub(super) fn span(points: &[DVec3], progress: &Progress) -> Span {
     let first = farthest(points, |p| -p.x);
     let second = farthest(points, |p| p.distance(first));
     let Some(along) = (second - first).try_normalize().filter(|_| second.distance(first) > FLAT) else {
@@ -72,11 +76,11 @@ pub(super) fn span(points: &[DVec3]) -> Span {
         let flat = |&p: &DVec3| glam::DVec2::new(along.dot(p - first), across.dot(p - first));
         return Span::Plane([first, along, across], points.iter().map(flat).collect());
     }
-    let mut hull = build([first, second, third, fourth], points);
-    match hull.flattest_corner() {
+    let mut hull = build([first, second, third, fourth], points, progress);
+    match hull.flattest_corner(progress) {
         Some(flattest) => {
             hull.vertices.remove(flattest);
-            span(&hull.vertices)
+            span(&hull.vertices, progress)
         }
         None => Span::Solid(hull),
     }
@@ -96,7 +100,7 @@ fn above([a, b, c]: [DVec3; 3], point: DVec3) -> f64 {
 }
 
 /// Builds the hull of a tetrahedron and more points: adds the farthest point outside until there is none left.
-fn build(mut tetrahedron: [DVec3; 4], points: &[DVec3]) -> Hull {
+fn build(mut tetrahedron: [DVec3; 4], points: &[DVec3], progress: &Progress) -> Hull {
     if above([tetrahedron[0], tetrahedron[1], tetrahedron[2]], tetrahedron[3]) > 0.0 {
         tetrahedron.swap(0, 1);
     }
@@ -106,7 +110,7 @@ fn build(mut tetrahedron: [DVec3; 4], points: &[DVec3]) -> Hull {
         let planes: Vec<Plane> = hull.faces.iter().filter_map(|&face| Plane::through(hull.triangle(face))).collect();
         let height = |p: DVec3| planes.iter().map(|plane| plane.distance(p)).fold(f64::NEG_INFINITY, f64::max);
         outside.retain(|&p| height(p) > ROUNDING);
-        if outside.is_empty() {
+        if outside.is_empty() || progress.is_canceled() {
             break;
         }
         let next = farthest(&outside, height);
@@ -154,13 +158,13 @@ impl Hull {
     }
 
     /// Returns the corner that is the least above the hull of all others, if its height is within rounding.
-    fn flattest_corner(&self) -> Option<usize> {
+    fn flattest_corner(&self, progress: &Progress) -> Option<usize> {
         let mut neighbors = vec![Vec::new(); self.vertices.len()];
         for &face in &self.faces {
             edges(face).iter().for_each(|&(a, b)| neighbors[a].push(self.vertices[b]));
         }
         (0..self.vertices.len())
-            .map(|corner| (prominence(self.vertices[corner], &neighbors[corner]), corner))
+            .map(|corner| (prominence(self.vertices[corner], &neighbors[corner], progress), corner))
             .filter(|&(height, _)| height <= ROUNDING)
             .min_by(|a, b| a.0.total_cmp(&b.0))
             .map(|(_, corner)| corner)
@@ -174,11 +178,15 @@ pub(super) fn edges([a, b, c]: [usize; 3]) -> [(usize, usize); 3] {
 
 /// Returns how far a corner is outside the hull of its neighbors, which would close the gap if the corner were removed.
 ///
-/// This is its height over the highest plane through three neighbors that has all others on its other side.
-fn prominence(corner: DVec3, neighbors: &[DVec3]) -> f64 {
+/// This is its height over the highest plane through three neighbors that has all others on its other side. Once
+/// `progress` is canceled, it is infinite.
+fn prominence(corner: DVec3, neighbors: &[DVec3], progress: &Progress) -> f64 {
     let mut highest = 0.0f64;
     for (i, &a) in neighbors.iter().enumerate() {
         for (j, &b) in neighbors.iter().enumerate().skip(i + 1) {
+            if progress.is_canceled() {
+                return f64::INFINITY;
+            }
             for &c in &neighbors[j + 1..] {
                 let Some(mut plane) = Plane::through([a, b, c]) else { continue };
                 if plane.distance(corner) < 0.0 {
@@ -215,7 +223,7 @@ mod tests {
     }
 
     fn solid(points: &[DVec3]) -> Option<Hull> {
-        match span(points) {
+        match span(points, &Progress::default()) {
             Span::Solid(hull) => Some(hull),
             _ => None,
         }
@@ -273,6 +281,7 @@ mod tests {
     fn flat_clouds_are_told_apart() {
         let point = DVec3::new(0.1, 0.2, 0.3);
         let line = [point, point + 0.3 * DVec3::ONE, point - 0.1 * DVec3::ONE, point];
+        let span = |points: &[DVec3]| span(points, &Progress::default());
         assert!(matches!(span(&[point, point]), Span::Corners(corners) if corners == [point]));
         assert!(matches!(span(&line), Span::Corners(corners) if corners == [line[2], line[1]]));
         let plane = [point, point + DVec3::X, point + DVec3::new(0.3, 0.5, 1e-10), point + DVec3::Y];

@@ -7,6 +7,8 @@
 
 use rayon::prelude::*;
 
+use crate::sampling::{Canceled, Progress};
+
 type Point = [f64; 3];
 
 /// Cluster centers, and the weight of the points that are nearest to each.
@@ -24,11 +26,12 @@ pub(super) fn cluster(
     mut centers: Vec<Point>,
     max_iterations: usize,
     tolerance: f64,
-) -> Clusters {
+    progress: &Progress,
+) -> Result<Clusters, Canceled> {
     let tolerance = tolerance * mean_variance(points);
     let mut labels = vec![usize::MAX; points.len()];
     for _ in 0..max_iterations {
-        let changed = assign(points, &centers, &mut labels);
+        let changed = assign(points, &centers, &mut labels, progress)?;
         let moved = update(points, weights, &labels, &centers);
         let shift: f64 = centers.iter().zip(&moved).map(|(a, b)| distance_squared(a, b)).sum();
         centers = moved;
@@ -36,19 +39,67 @@ pub(super) fn cluster(
             break;
         }
     }
-    assign(points, &centers, &mut labels);
+    assign(points, &centers, &mut labels, progress)?;
     let mut in_cluster = vec![0.0; centers.len()];
     labels.iter().zip(weights).for_each(|(&label, weight)| in_cluster[label] += weight);
-    Clusters { centers, weights: in_cluster }
+    Ok(Clusters { centers, weights: in_cluster })
 }
 
 /// Assigns every point to the nearest center. Returns whether an assignment changed.
-fn assign(points: &[Point], centers: &[Point], labels: &mut [usize]) -> bool {
+fn assign(points: &[Point], centers: &[Point], labels: &mut [usize], progress: &Progress) -> Result<bool, Canceled> {
+    let search = Search::new(centers);
     let assign = |(point, label): (&Point, &mut usize)| {
-        let nearest = nearest(point, centers);
-        std::mem::replace(label, nearest) != nearest
+        progress.check()?;
+        let nearest = search.nearest(point, *label);
+        Ok(std::mem::replace(label, nearest) != nearest)
     };
-    points.par_iter().zip(labels).with_min_len(1024).map(assign).reduce(|| false, |a, b| a | b)
+    points.par_iter().zip(labels).with_min_len(1024).map(assign).try_reduce(|| false, |a, b| Ok(a | b))
+}
+
+/// Centers in the order of the axis along which they are spread the most, so that most of them need not be visited.
+struct Search<'a> {
+    centers: &'a [Point],
+    axis: usize,
+    /// Coordinate along the axis, and index, of every center.
+    sorted: Vec<(f64, usize)>,
+}
+
+impl<'a> Search<'a> {
+    fn new(centers: &'a [Point]) -> Self {
+        let spread = |axis: usize| {
+            let along = centers.iter().map(|center| center[axis]);
+            along.clone().fold(f64::NEG_INFINITY, f64::max) - along.fold(f64::INFINITY, f64::min)
+        };
+        let axis = (1..3).fold(0, |best, axis| if spread(axis) > spread(best) { axis } else { best });
+        let mut sorted: Vec<_> = centers.iter().map(|center| center[axis]).zip(0..).collect();
+        sorted.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        Self { centers, axis, sorted }
+    }
+
+    /// Returns what [`nearest`] returns. `guess` is a center that may be near, or no center.
+    fn nearest(&self, point: &Point, guess: usize) -> usize {
+        let mut best = match self.centers.get(guess) {
+            Some(center) => (distance_squared(point, center), guess),
+            None => (f64::INFINITY, usize::MAX),
+        };
+        // Rounding is monotonic, so the computed distance of a center is never less than that along one axis. Returns
+        // whether centers that are farther along the axis can be nearer.
+        let mut visit = |&(along, index): &(f64, usize)| {
+            let off = point[self.axis] - along;
+            if off * off > best.0 {
+                return false;
+            }
+            let distance = distance_squared(point, &self.centers[index]);
+            if distance < best.0 || distance == best.0 && index < best.1 {
+                best = (distance, index);
+            }
+            true
+        };
+        let (before, after) = self.sorted.split_at(self.sorted.partition_point(|&(along, _)| along < point[self.axis]));
+        after.iter().take_while(|center| visit(center)).for_each(drop);
+        before.iter().rev().take_while(|center| visit(center)).for_each(drop);
+        best.1
+    }
 }
 
 /// Returns the index of the center nearest to `point`. Ties go to the lowest index.
@@ -84,7 +135,12 @@ fn update(points: &[Point], weights: &[f64], labels: &[usize], centers: &[Point]
             .map(|(point, &label)| distance_squared(point, &centers[label]))
             .zip(0..)
             .collect();
-        far.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        let farthest_first = |a: &(f64, usize), b: &(f64, usize)| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1));
+        if empty.len() < far.len() {
+            far.select_nth_unstable_by(empty.len(), farthest_first);
+            far.truncate(empty.len());
+        }
+        far.sort_unstable_by(farthest_first);
         if far[0].0 > 0.0 {
             for (&center, &(_, point)) in empty.iter().zip(&far) {
                 let (label, weight) = (labels[point], weights[point]);
@@ -133,6 +189,10 @@ mod tests {
 
     use super::*;
 
+    fn cluster(points: &[Point], weights: &[f64], centers: Vec<Point>, iterations: usize, tolerance: f64) -> Clusters {
+        super::cluster(points, weights, centers, iterations, tolerance, &Progress::default()).unwrap()
+    }
+
     /// Points that are equally far from two centers go to the first, and means are weighted.
     #[test]
     fn ties_go_to_the_lowest_index() {
@@ -158,7 +218,23 @@ mod tests {
         assert_eq!(clusters.weights, [2.0, 0.0, 0.0]);
     }
 
+    /// Points and centers on one lattice, where many distances tie, or anywhere.
+    fn colors(count: usize) -> impl Strategy<Value = Vec<Point>> {
+        let lattice = prop::array::uniform3(0..8u8).prop_map(|p| p.map(|x| (f64::from(x) + 0.5) / 8.0));
+        let anywhere = prop::array::uniform3(0.0..1.0f64);
+        prop_oneof![prop::collection::vec(lattice, 1..count), prop::collection::vec(anywhere, 1..count)]
+    }
+
     proptest! {
+        /// Leaving out centers changes nothing, whatever the guess.
+        #[test]
+        fn the_search_finds_the_first_of_the_nearest(points in colors(50), centers in colors(100), guess in 0usize..120) {
+            let search = Search::new(&centers);
+            for point in &points {
+                prop_assert_eq!(search.nearest(point, guess), nearest(point, &centers));
+            }
+        }
+
         /// When the algorithm has converged, every center is the weighted mean of the points nearest to it: Lloyd's
         /// fixed point.
         #[test]
@@ -169,7 +245,7 @@ mod tests {
             let (points, weights): (Vec<_>, Vec<_>) = points.into_iter().unzip();
             let clusters = cluster(&points, &weights, points[..count].to_vec(), 100_000, 0.0);
             let mut labels = vec![0; points.len()];
-            assign(&points, &clusters.centers, &mut labels);
+            assign(&points, &clusters.centers, &mut labels, &Progress::default()).unwrap();
             let means = update(&points, &weights, &labels, &clusters.centers);
             for (center, mean) in clusters.centers.iter().zip(&means) {
                 prop_assert!(distance_squared(center, mean) < 1e-20);

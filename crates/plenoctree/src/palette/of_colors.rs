@@ -8,6 +8,7 @@ use super::{
     kmeans::Clusters,
     simplify::simplify,
 };
+use crate::sampling::Progress;
 
 /// Returns the palette of given colors (encoded sRGB): the corners of their convex hull, simplified to at most
 /// `max_colors`. This is section 3 of the method, steps 8 and 9, without the other steps.
@@ -30,7 +31,7 @@ pub fn simplify_hull(colors: &[[f64; 3]], max_colors: usize) -> Result<Palette, 
     let mut outer = colors.to_vec();
     (0..3).for_each(|axis| keep_ends(&mut outer, axis));
     let points: Vec<DVec3> = outer.into_iter().map(DVec3::from).collect();
-    let corners = simplify(&points, max_colors).corners;
+    let corners = simplify(&points, max_colors, &Progress::default()).corners;
     let corners = corners.iter().map(|corner| corner.clamp(DVec3::ZERO, DVec3::ONE).into()).collect();
 
     let share = 1.0 / colors.len() as f64;
@@ -76,7 +77,7 @@ mod tests {
             (0..3).for_each(|axis| keep_ends(&mut outer, axis));
             let points = |colors: &[[f64; 3]]| colors.iter().map(|&color| color.into()).collect::<Vec<DVec3>>();
             let corners = |colors: &[[f64; 3]]| {
-                let mut corners = simplify(&points(colors), usize::MAX).corners;
+                let mut corners = simplify(&points(colors), usize::MAX, &Progress::default()).corners;
                 corners.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)).then(a.z.total_cmp(&b.z)));
                 corners
             };

@@ -20,9 +20,9 @@ pub struct ExtractionSettings {
     /// Settings of radiance sampling.
     pub sampling: SamplingSettings,
     /// tau: share of the total weight above which a coarse bin is an initial center. At least 0 and less than 1, 8e-3
-    /// by default.
+    /// by default. Of more than [`Self::MAX_CLUSTERS`] such bins, the heaviest are taken.
     pub coarse_threshold: f64,
-    /// Maximum number of k-means iterations. At least 1, 300 by default.
+    /// Maximum number of k-means iterations. 1 to 1000, 300 by default.
     pub max_iterations: usize,
     /// k-means stops when the summed squared shift of the centers is at most this factor times the variance of the
     /// bins. Finite and not negative, 1e-4 by default.
@@ -45,6 +45,9 @@ impl Default for ExtractionSettings {
 }
 
 impl ExtractionSettings {
+    /// Maximum number of clusters, whose convex hull takes seconds to simplify.
+    pub const MAX_CLUSTERS: usize = 256;
+
     /// Checks that every setting is in its range.
     ///
     /// # Errors
@@ -55,7 +58,7 @@ impl ExtractionSettings {
         let (share, tolerance) = (self.coarse_threshold, self.tolerance);
         InvalidSetting::check((0.0..1.0).contains(&share), "coarse_threshold", share, "at least 0 and less than 1")?;
         let iterations = self.max_iterations;
-        InvalidSetting::check(iterations >= 1, "max_iterations", iterations as f64, "at least 1")?;
+        InvalidSetting::check((1..=1000).contains(&iterations), "max_iterations", iterations as f64, "1 to 1000")?;
         let holds = tolerance.is_finite() && tolerance >= 0.0;
         InvalidSetting::check(holds, "tolerance", tolerance, "a finite, non-negative number")?;
         let colors = self.colors;
@@ -82,6 +85,7 @@ mod tests {
             (ExtractionSettings { sampling, ..default() }, "directions"),
             (ExtractionSettings { coarse_threshold: f64::NAN, ..default() }, "coarse_threshold"),
             (ExtractionSettings { max_iterations: 0, ..default() }, "max_iterations"),
+            (ExtractionSettings { max_iterations: 1001, ..default() }, "max_iterations"),
             (ExtractionSettings { tolerance: -1.0, ..default() }, "tolerance"),
             (ExtractionSettings { colors: 65, ..default() }, "colors"),
         ] {

@@ -9,6 +9,7 @@ use super::{
     hull::{Hull, Plane, ROUNDING, Span, edges, span},
     polygon,
 };
+use crate::sampling::Progress;
 
 /// A simplified shape that contains all points.
 #[derive(Clone, Debug)]
@@ -22,10 +23,12 @@ pub(super) struct Simplified {
 /// Simplifies the convex hull of `points` to at most `max_corners` corners. There must be at least one point, and all
 /// must be finite.
 ///
+/// Once `progress` is canceled, returns a shape that is not simple enough, or not complete.
+///
 /// The result may leave the RGB cube. Points without volume have no hull. They span a point, a line or a polygon
 /// instead, and a polygon is simplified in the same way.
-pub(super) fn simplify(points: &[DVec3], max_corners: usize) -> Simplified {
-    match span(points) {
+pub(super) fn simplify(points: &[DVec3], max_corners: usize, progress: &Progress) -> Simplified {
+    match span(points, progress) {
         Span::Corners(corners) => Simplified { before: corners.len(), corners },
         Span::Plane([origin, along, across], flat) => {
             let corners = polygon::corners(&flat);
@@ -36,7 +39,7 @@ pub(super) fn simplify(points: &[DVec3], max_corners: usize) -> Simplified {
         Span::Solid(mut hull) => {
             let before = hull.vertices.len();
             while hull.vertices.len() > max_corners
-                && let Some(next) = collapse_an_edge(&hull)
+                && let Some(next) = collapse_an_edge(&hull, progress)
             {
                 hull = next;
             }
@@ -45,8 +48,9 @@ pub(super) fn simplify(points: &[DVec3], max_corners: usize) -> Simplified {
     }
 }
 
-/// Replaces the edge whose collapse adds the least volume by a corner. Returns `None` if no edge can be collapsed.
-fn collapse_an_edge(hull: &Hull) -> Option<Hull> {
+/// Replaces the edge whose collapse adds the least volume by a corner. Returns `None` if no edge can be collapsed, or
+/// once `progress` is canceled.
+fn collapse_an_edge(hull: &Hull, progress: &Progress) -> Option<Hull> {
     let faces: Vec<(Plane, f64)> = hull
         .faces
         .iter()
@@ -67,7 +71,11 @@ fn collapse_an_edge(hull: &Hull) -> Option<Hull> {
             .map(|(_, &face)| face)
             .collect();
         let planes: Vec<Plane> = touching.iter().map(|&(plane, _)| plane).collect();
-        let Some(corner) = nearest_outside(&planes) else { continue };
+        let corner = nearest_outside(&planes, progress);
+        if progress.is_canceled() {
+            return None;
+        }
+        let Some(corner) = corner else { continue };
         let volume: f64 = touching.iter().map(|(plane, area)| plane.distance(corner).abs() * area / 3.0).sum();
         if best.is_none_or(|(least, ..)| volume < least) {
             best = Some((volume, (a, b), corner));
@@ -76,7 +84,7 @@ fn collapse_an_edge(hull: &Hull) -> Option<Hull> {
     let (_, (a, b), corner) = best?;
     let kept = (0..hull.vertices.len()).filter(|&vertex| vertex != a && vertex != b);
     let points: Vec<DVec3> = kept.map(|vertex| hull.vertices[vertex]).chain([corner]).collect();
-    match span(&points) {
+    match span(&points, progress) {
         // A hull that does not shrink would be collapsed forever, and a very distant corner is not exact enough to
         // contain every color.
         Span::Solid(next) if next.vertices.len() < hull.vertices.len() && next.contains(&hull.vertices) => Some(next),
@@ -87,11 +95,14 @@ fn collapse_an_edge(hull: &Hull) -> Option<Hull> {
 /// Returns the point on the positive side of all planes with the smallest sum of distances to them, if there is one.
 ///
 /// Such a point is a corner of the region that the planes bound. Where two planes meet in a line, the others cut the
-/// line to an interval, whose ends are corners.
-fn nearest_outside(planes: &[Plane]) -> Option<DVec3> {
+/// line to an interval, whose ends are corners. Once `progress` is canceled, returns the best point so far.
+fn nearest_outside(planes: &[Plane], progress: &Progress) -> Option<DVec3> {
     let mut best: Option<(f64, DVec3)> = None;
     for (i, first) in planes.iter().enumerate() {
         for (j, second) in planes.iter().enumerate().skip(i + 1) {
+            if progress.is_canceled() {
+                break;
+            }
             let cross = first.normal.cross(second.normal);
             let squared = cross.length_squared();
             if squared < ROUNDING * ROUNDING {
@@ -131,6 +142,18 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+
+    fn span(points: &[DVec3]) -> Span {
+        super::span(points, &Progress::default())
+    }
+
+    fn simplify(points: &[DVec3], max_corners: usize) -> Simplified {
+        super::simplify(points, max_corners, &Progress::default())
+    }
+
+    fn collapse_an_edge(hull: &Hull) -> Option<Hull> {
+        super::collapse_an_edge(hull, &Progress::default())
+    }
 
     fn lattice() -> impl Strategy<Value = Vec<DVec3>> {
         let point =
@@ -202,7 +225,7 @@ mod tests {
                 }
             }
             let sum = |point: DVec3| planes.iter().map(|plane| plane.distance(point)).sum::<f64>();
-            let found = nearest_outside(&planes).map_or(f64::INFINITY, sum);
+            let found = nearest_outside(&planes, &Progress::default()).map_or(f64::INFINITY, sum);
             prop_assert!(found == best || (found - best).abs() < 1e-6 * (1.0 + best), "{found} {best}");
         }
     }

@@ -4,7 +4,10 @@ use std::ops::Range;
 
 use glam::{IVec3, UVec3};
 
-use super::path::{Path, SIDE, Step};
+use super::{
+    path::{Path, SIDE, Step},
+    progress::{Canceled, Progress},
+};
 use crate::field::{LeafCell, PlenOctree};
 
 /// Rows of a block, one for each x and y, with index `SIDE x + y`.
@@ -44,21 +47,25 @@ struct Block {
 impl Blocks {
     /// Lays out a field. Returns `None` if the tree is too deep, or its leaves too large, for a lattice of finest
     /// cells.
-    pub fn new(field: &PlenOctree) -> Option<Self> {
+    pub fn new(field: &PlenOctree, progress: &Progress) -> Result<Option<Self>, Canceled> {
         let side = SIDE as u32;
-        let (low, high) = field.cell_bounds()?;
+        let Some((low, high)) = field.cell_bounds() else { return Ok(None) };
         // Rows reach into the next block along z, so the map starts one block before the first leaf.
         let low = (low / side).as_ivec3() - IVec3::Z;
         let size = (((high - 1) / side).as_ivec3() - low + 1).as_uvec3();
         let entries: u64 = size.to_array().into_iter().map(u64::from).product();
-        let rows: u64 =
-            field.leaf_cells().map(|cell| u64::from(cell.size).pow(2) * (u64::from(cell.size / side) + 2)).sum();
+        let mut rows = 0;
+        for cell in field.leaf_cells() {
+            progress.check()?;
+            rows += u64::from(cell.size).pow(2) * (u64::from(cell.size / side) + 2);
+        }
         if entries > MAX_ENTRIES || rows > MAX_ROWS + 2 * field.leaves() as u64 {
-            return None;
+            return Ok(None);
         }
         let mut blocks =
             Self { low, size, map: vec![0; entries as usize], blocks: vec![Block::EMPTY], rows: Vec::new() };
         for (place, row, _) in field.leaf_cells().flat_map(touched_rows) {
+            progress.check()?;
             blocks.occupy(place, row);
         }
         let mut count = 0;
@@ -73,11 +80,12 @@ impl Blocks {
         for cell in field.leaf_cells() {
             let density = field.densities()[cell.leaf as usize];
             for (place, row, lanes) in touched_rows(cell) {
+                progress.check()?;
                 let index = blocks.get(place).index(row);
                 blocks.rows[index][lanes].fill(density);
             }
         }
-        Some(blocks)
+        Ok(Some(blocks))
     }
 
     /// Returns the map's entry for the block at `place`, in blocks, or `None` if it is outside the map.

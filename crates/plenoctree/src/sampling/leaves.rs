@@ -1,22 +1,34 @@
 //! Selects the leaves to sample, and bounds their weight.
 
-use super::settings::SamplingSettings;
+use super::{
+    progress::{Canceled, Progress},
+    settings::SamplingSettings,
+};
 use crate::field::{LeafCell, PlenOctree};
 
 /// Returns the leaves to sample, in the order of the octree. These are all leaves, or one from every stratum of `1 /
 /// sample_fraction` consecutive leaves, which are neighbors in space.
-pub(super) fn chosen_leaves(field: &PlenOctree, settings: &SamplingSettings) -> Vec<LeafCell> {
-    let leaves: Vec<LeafCell> = field.leaf_cells().collect();
+pub(super) fn chosen_leaves(
+    field: &PlenOctree,
+    settings: &SamplingSettings,
+    progress: &Progress,
+) -> Result<Vec<LeafCell>, Canceled> {
+    let mut leaves = Vec::with_capacity(field.leaves());
+    for cell in field.leaf_cells() {
+        progress.check()?;
+        leaves.push(cell);
+    }
     if settings.sample_fraction >= 1.0 {
-        return leaves;
+        return Ok(leaves);
     }
     let strata = (leaves.len() as f64 * settings.sample_fraction).ceil() as usize;
     let begin = |stratum: usize| (stratum as u128 * leaves.len() as u128 / strata as u128) as usize;
     // The same position in every stratum would alias with the order of the octree.
     (0..strata)
         .map(|stratum| {
+            progress.check()?;
             let (first, end) = (begin(stratum), begin(stratum + 1));
-            leaves[first + scramble(stratum as u64) as usize % (end - first)]
+            Ok(leaves[first + scramble(stratum as u64) as usize % (end - first)])
         })
         .collect()
 }
@@ -31,14 +43,20 @@ fn scramble(n: u64) -> u64 {
 
 /// Returns an upper bound of the total weight of a field's radiance samples. The light of a leaf always crosses half of
 /// its own cell, which limits its weight.
-pub(super) fn weight_bound(field: &PlenOctree, settings: &SamplingSettings) -> f64 {
+pub(super) fn weight_bound(
+    field: &PlenOctree,
+    settings: &SamplingSettings,
+    progress: &Progress,
+) -> Result<f64, Canceled> {
     let finest = f64::from(1u32 << field.depth());
     let half_cell = 0.5 / (finest * field.frame().scale.max_element());
-    let weights = field.leaf_cells().map(|cell| {
+    let mut sum = 0.0;
+    for cell in field.leaf_cells() {
+        progress.check()?;
         let density = f64::from(field.densities()[cell.leaf as usize]);
-        density * (-density * half_cell * f64::from(cell.size)).exp()
-    });
-    weights.sum::<f64>() * settings.direction_cells() as f64
+        sum += density * (-density * half_cell * f64::from(cell.size)).exp();
+    }
+    Ok(sum * settings.direction_cells() as f64)
 }
 
 #[cfg(test)]
@@ -58,7 +76,7 @@ mod tests {
         let field = bake(&settings, |at| if at.length() < 0.9 { 5.0 } else { 0.0 }, |_| |_| DVec3::ONE).unwrap();
         for fraction in [1.0, 0.7, 0.5, 0.1, 0.01] {
             let settings = SamplingSettings { sample_fraction: fraction, ..Default::default() };
-            let chosen = chosen_leaves(&field, &settings);
+            let chosen = chosen_leaves(&field, &settings, &Progress::default()).unwrap();
             let distinct: HashSet<u32> = chosen.iter().map(|cell| cell.leaf).collect();
             assert_eq!(distinct.len(), chosen.len());
             assert_eq!(chosen.len(), (fraction * field.leaves() as f64).ceil() as usize);

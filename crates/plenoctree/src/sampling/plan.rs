@@ -5,6 +5,7 @@ use glam::DVec3;
 use super::{
     directions::observers,
     leaves::{chosen_leaves, weight_bound},
+    progress::{Canceled, Progress},
     settings::SamplingSettings,
 };
 use crate::field::{LeafCell, PlenOctree};
@@ -26,11 +27,15 @@ impl SamplingPlan {
     ///
     /// This visits every leaf, so it takes a moment for a large field. The settings must be valid: see
     /// [`SamplingSettings::validate`].
-    pub fn new(field: &PlenOctree, settings: &SamplingSettings) -> Self {
-        Self {
-            leaves: chosen_leaves(field, settings),
+    ///
+    /// # Errors
+    ///
+    /// Returns an error if [`Progress::cancel`] is called.
+    pub fn new(field: &PlenOctree, settings: &SamplingSettings, progress: &Progress) -> Result<Self, Canceled> {
+        Ok(Self {
+            leaves: chosen_leaves(field, settings, progress)?,
             observers: observers(field.up(), settings),
-            weight_bound: weight_bound(field, settings),
-        }
+            weight_bound: weight_bound(field, settings, progress)?,
+        })
     }
 }

@@ -1,8 +1,8 @@
-//! Progress and cancellation of sampling.
+//! Progress and cancellation of sampling and extraction.
 
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-/// Progress of sampling, shared with other threads, which can also cancel it.
+/// Progress of an extraction, shared with other threads, which can also cancel it.
 ///
 /// Share it in an `Arc`, and create a new one for each extraction.
 #[derive(Debug, Default)]
@@ -25,7 +25,7 @@ impl Progress {
         if total == 0 { 0.0 } else { self.done.load(Ordering::Relaxed) as f32 / total as f32 }
     }
 
-    /// Requests cancellation. The computation stops within milliseconds.
+    /// Requests cancellation. Every stage of an extraction stops within 50 milliseconds.
     pub fn cancel(&self) {
         self.canceled.store(true, Ordering::Relaxed);
     }
@@ -33,6 +33,11 @@ impl Progress {
     /// Returns whether [`Self::cancel`] was called.
     pub fn is_canceled(&self) -> bool {
         self.canceled.load(Ordering::Relaxed)
+    }
+
+    /// Returns an error if [`Self::cancel`] was called. It is cheap enough to be called for every leaf or color.
+    pub(crate) fn check(&self) -> Result<(), Canceled> {
+        if self.is_canceled() { Err(Canceled) } else { Ok(()) }
     }
 
     /// Starts counting: `total` leaves will be sampled. Samplers call this once.

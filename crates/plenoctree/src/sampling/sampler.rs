@@ -44,7 +44,8 @@ pub fn sample(
     progress: &Progress,
 ) -> Result<Histograms, SamplingError> {
     settings.validate()?;
-    Ok(Sampler::new(field, settings, Blocks::new(field)).run(progress)?)
+    let blocks = Blocks::new(field, progress)?;
+    Ok(Sampler::new(field, settings, blocks, progress)?.run()?)
 }
 
 struct Sampler<'a> {
@@ -55,6 +56,7 @@ struct Sampler<'a> {
     cells: Vec<Vec<Ray>>,
     /// Optical depth above which a leaf is hidden.
     limit: f64,
+    progress: &'a Progress,
 }
 
 /// A direction in which all leaves are seen.
@@ -84,54 +86,61 @@ struct Worker {
 }
 
 impl<'a> Sampler<'a> {
-    fn new(field: &'a PlenOctree, settings: &'a SamplingSettings, blocks: Option<Blocks>) -> Self {
+    fn new(
+        field: &'a PlenOctree,
+        settings: &'a SamplingSettings,
+        blocks: Option<Blocks>,
+        progress: &'a Progress,
+    ) -> Result<Self, Canceled> {
         let finest = f64::from(1u32 << field.depth());
         let extent = match (&blocks, field.cell_bounds()) {
             (Some(_), Some((low, high))) => high - low,
             _ => glam::UVec3::ZERO,
         };
         let ray = |observer: DVec3| {
+            progress.check()?;
             let direction = observer * field.frame().scale * finest;
-            Ray { direction, basis: field.basis().evaluate(-observer), path: Path::new(direction, extent) }
+            Ok(Ray { direction, basis: field.basis().evaluate(-observer), path: Path::new(direction, extent) })
         };
-        let cells =
-            observers(field.up(), settings).into_iter().map(|cell| cell.into_iter().map(ray).collect()).collect();
+        let cells = observers(field.up(), settings).into_iter().map(|cell| cell.into_iter().map(ray).collect());
+        let cells = cells.collect::<Result<_, Canceled>>()?;
         // Infinite if the threshold is 0. Then no leaf is hidden.
         let limit = -settings.stop_transmittance.ln();
-        Self { field, settings, blocks, cells, limit }
+        Ok(Self { field, settings, blocks, cells, limit, progress })
     }
 
-    fn run(&self, progress: &Progress) -> Result<Histograms, Canceled> {
-        let chosen = chosen_leaves(self.field, self.settings);
+    fn run(&self) -> Result<Histograms, Canceled> {
+        let progress = self.progress;
+        let chosen = chosen_leaves(self.field, self.settings, progress)?;
         progress.begin(chosen.len());
-        let most = weight_bound(self.field, self.settings);
+        let most = weight_bound(self.field, self.settings, progress)?;
         let start = || Worker {
             tally: Tally::new(self.settings.fine_bins, self.settings.coarse_bins, most),
             depths: vec![[[0.0; SIDE]; ROWS]; self.settings.multisamples.pow(2)],
             coefficients: Vec::new(),
         };
         let tally = self
-            .units(&chosen)
+            .units(&chosen)?
             .par_iter()
             .fold(start, |mut worker, unit| {
-                if !progress.is_canceled() {
-                    progress.advance(self.sample(&mut worker, unit));
+                // Once canceled, the rest of the units is left out, and so is what this one has added.
+                if let Ok(leaves) = self.sample(&mut worker, unit) {
+                    progress.advance(leaves);
                 }
                 worker
             })
             .map(|worker| worker.tally)
             .reduce(|| start().tally, Tally::merge);
-        if progress.is_canceled() {
-            return Err(Canceled);
-        }
+        progress.check()?;
         // Every sampled leaf stands for all leaves of its stratum.
         let factor = self.field.leaves() as f64 / chosen.len().max(1) as f64;
         Ok(tally.finish(factor, (chosen.len() * self.cells.len()) as u64))
     }
 
-    fn units(&self, leaves: &[LeafCell]) -> Vec<Unit> {
+    fn units(&self, leaves: &[LeafCell]) -> Result<Vec<Unit>, Canceled> {
         let mut units = Vec::new();
         for &cell in leaves {
+            self.progress.check()?;
             if cell.size > 1 || self.blocks.is_none() {
                 units.push(Unit::Alone(cell));
                 continue;
@@ -145,20 +154,22 @@ impl<'a> Sampler<'a> {
                 _ => units.push(Unit::Block(place, vec![leaf])),
             }
         }
-        units
+        Ok(units)
     }
 
     /// Samples leaves in all directions and returns their number.
-    fn sample(&self, worker: &mut Worker, unit: &Unit) -> usize {
+    fn sample(&self, worker: &mut Worker, unit: &Unit) -> Result<usize, Canceled> {
+        self.progress.check()?;
         let Worker { tally, depths, coefficients } = worker;
         coefficients.clear();
         match unit {
             Unit::Block(place, leaves) => {
                 leaves.iter().for_each(|&(leaf, ..)| self.decode(leaf, coefficients));
                 let per_leaf = self.field.basis().coefficients();
-                let Some(blocks) = &self.blocks else { return leaves.len() };
+                let Some(blocks) = &self.blocks else { return Ok(leaves.len()) };
                 for cell in &self.cells {
                     for (ray, depths) in cell.iter().zip(&mut *depths) {
+                        self.progress.check()?;
                         depths.as_flattened_mut().fill(f32::INFINITY);
                         leaves.iter().for_each(|&(_, row, lane)| depths[row][lane] = 0.0);
                         blocks.march(*place, &ray.path, self.limit as f32, depths);
@@ -168,15 +179,16 @@ impl<'a> Sampler<'a> {
                         self.add(tally, leaf, coefficients, cell, depth);
                     }
                 }
-                leaves.len()
+                Ok(leaves.len())
             }
             Unit::Alone(leaf) => {
                 self.decode(leaf.leaf, coefficients);
                 for cell in &self.cells {
+                    self.progress.check()?;
                     let depth = |ray: usize| optical_depth(self.field, *leaf, cell[ray].direction, self.limit);
                     self.add(tally, leaf.leaf, coefficients, cell, depth);
                 }
-                1
+                Ok(1)
             }
         }
     }
@@ -221,15 +233,18 @@ impl<'a> Sampler<'a> {
 
 #[cfg(test)]
 mod tests {
+    use std::time::{Duration, Instant};
+
     use glam::UVec3;
     use half::f16;
     use proptest::prelude::*;
 
     use super::*;
     use crate::{
+        bake::{BakeSettings, bake},
         field::{Activation, Basis, Cell, Frame, UpAxis},
         reference::sample_histograms,
-        sampling::Observers,
+        sampling::{Observers, SamplingPlan},
     };
 
     /// Returns a pseudorandom sequence of numbers in [0, 1).
@@ -273,6 +288,10 @@ mod tests {
         SamplingSettings { observers, ..Default::default() }
     }
 
+    fn blocks(field: &PlenOctree) -> Option<Blocks> {
+        Blocks::new(field, &Progress::default()).unwrap()
+    }
+
     fn difference(a: &Histograms, b: &Histograms) -> f64 {
         let of = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (a - b).abs()).sum::<f64>();
         (of(a.fine(), b.fine()) + of(a.coarse(), b.coarse())) / b.total_weight()
@@ -291,7 +310,7 @@ mod tests {
             let settings = settings(observers);
             let found = sample(&field, &settings, &Progress::default()).unwrap();
             let expected = sample_histograms(&field, &settings).unwrap();
-            assert!(found.total_weight() > 0.0 && Blocks::new(&field).is_some());
+            assert!(found.total_weight() > 0.0 && blocks(&field).is_some());
             assert!(difference(&found, &expected) < 1e-6, "{}", difference(&found, &expected));
             assert_eq!(found.samples(), expected.samples());
         }
@@ -315,8 +334,9 @@ mod tests {
                 coarse_bins: 1,
                 ..settings(Observers::Sphere)
             };
-            let blocks = Sampler::new(&field, &settings, Blocks::new(&field)).run(&Progress::default()).unwrap();
-            let single = Sampler::new(&field, &settings, None).run(&Progress::default()).unwrap();
+            let progress = Progress::default();
+            let run = |blocks| Sampler::new(&field, &settings, blocks, &progress).unwrap().run().unwrap();
+            let (blocks, single) = (run(blocks(&field)), run(None));
             prop_assert!((blocks.total_weight() - single.total_weight()).abs() <= 1e-5 * single.total_weight());
         }
     }
@@ -367,7 +387,7 @@ mod tests {
         let densities = vec![1.0; depth];
         let field =
             PlenOctree::new(frame, Basis::Sh1, Activation::Sigmoid, UpAxis::Z, nodes, densities, coefficients).unwrap();
-        assert!(Blocks::new(&field).is_none());
+        assert!(blocks(&field).is_none());
         let settings = settings(Observers::Sphere);
         let found = sample(&field, &settings, &Progress::default()).unwrap();
         let expected = sample_histograms(&field, &settings).unwrap();
@@ -385,15 +405,57 @@ mod tests {
     }
 
     #[test]
-    fn progress_ends_at_one_and_can_be_canceled() {
+    fn progress_ends_at_one() {
         let field = field(1, 4, [0.4; 3], UpAxis::Z);
         let progress = Progress::default();
         assert_eq!(progress.fraction(), 0.0);
         sample(&field, &SamplingSettings::default(), &progress).unwrap();
         assert_eq!(progress.fraction(), 1.0);
-        let progress = Progress::default();
-        progress.cancel();
-        let result = sample(&field, &SamplingSettings::default(), &progress);
-        assert_eq!(result, Err(SamplingError::Canceled(Canceled)));
+    }
+
+    /// Every step looks at whether it is canceled, so no step before it has to.
+    #[test]
+    fn every_step_can_be_canceled() {
+        let field = field(1, 4, [0.4; 3], UpAxis::Z);
+        let (settings, progress, canceled) = (SamplingSettings::default(), Progress::default(), Progress::default());
+        let leaves = chosen_leaves(&field, &settings, &progress).unwrap();
+        canceled.cancel();
+        let sampler = || Sampler::new(&field, &settings, blocks(&field), &progress).unwrap();
+        assert!(Blocks::new(&field, &canceled).is_err());
+        assert!(Sampler::new(&field, &settings, None, &canceled).is_err());
+        assert!(chosen_leaves(&field, &settings, &canceled).is_err());
+        assert!(weight_bound(&field, &settings, &canceled).is_err());
+        assert!(SamplingPlan::new(&field, &settings, &canceled).is_err());
+        let canceled_sampler = Sampler { progress: &canceled, ..sampler() };
+        assert!(canceled_sampler.units(&leaves).is_err());
+        let units = sampler().units(&leaves).unwrap();
+        let mut worker = Worker { tally: Tally::new(1, 1, 1.0), depths: Vec::new(), coefficients: Vec::new() };
+        assert!(units.iter().all(|unit| canceled_sampler.sample(&mut worker, unit).is_err()));
+        assert_eq!(sample(&field, &settings, &canceled), Err(SamplingError::Canceled(Canceled)));
+    }
+
+    /// Sampling two million leaves with as many rays as settings allow would take an hour.
+    #[test]
+    fn a_large_field_stops_within_50_milliseconds() {
+        let settings = BakeSettings { depth: 7, basis: Basis::Rgba, directions: 1, ..Default::default() };
+        let field = bake(&settings, |_| 1.0, |at| move |_: DVec3| 0.5 + 0.4 * at).unwrap();
+        let settings = SamplingSettings { multisamples: 16, stop_transmittance: 0.0, ..Default::default() };
+        for after in [0, 10, 50, 200, 1000] {
+            let time = || {
+                let progress = Progress::default();
+                std::thread::scope(|scope| {
+                    let worker = scope.spawn(|| (sample(&field, &settings, &progress), Instant::now()));
+                    std::thread::sleep(Duration::from_millis(after));
+                    let start = Instant::now();
+                    progress.cancel();
+                    let (result, end) = worker.join().unwrap();
+                    assert_eq!(result, Err(SamplingError::Canceled(Canceled)));
+                    end.saturating_duration_since(start)
+                })
+            };
+            // Other processes may need the cores at any one time, but not always.
+            let fastest = (0..3).map(|_| time()).min().unwrap();
+            assert!(fastest.as_millis() < 50, "after {after} ms: {fastest:?}");
+        }
     }
 }

@@ -35,18 +35,19 @@ pub enum Observers {
 pub struct SamplingSettings {
     /// Directions from which the field is seen. [`Observers::UpperHemisphere`] by default.
     pub observers: Observers,
-    /// n: directions form a grid of 4n x n cells, or 4n x 2n for [`Observers::Sphere`]. 1 to 64, 2 by default.
+    /// n: directions form a grid of 4n x n cells, or 4n x 2n for [`Observers::Sphere`]. 1 to 32, 2 by default.
     pub directions: usize,
-    /// m: every direction cell is the mean of m x m rays. 1 to 16, 2 by default.
+    /// m: every direction cell is the mean of m x m rays. 1 to 16, 2 by default. All cells together may have at most
+    /// [`Self::MAX_RAYS`] rays.
     pub multisamples: usize,
     /// Fraction of the leaves to sample, spread evenly over the field. Less is faster. More than 0 and at most 1, 1 by
     /// default.
     pub sample_fraction: f64,
     /// Transmittance below which a leaf counts as hidden. At least 0 and less than 1, 1e-2 by default.
     pub stop_transmittance: f64,
-    /// Bins per channel of the fine histogram, which k-means clusters. 1 to 128, 32 by default.
+    /// Bins per channel of the fine histogram, which k-means clusters. 1 to 64, 32 by default.
     pub fine_bins: usize,
-    /// Bins per channel of the coarse histogram, which gives the initial centers of k-means. 1 to 32, 8 by default.
+    /// Bins per channel of the coarse histogram, which gives the initial centers of k-means. 1 to 16, 8 by default.
     pub coarse_bins: usize,
 }
 
@@ -89,6 +90,10 @@ impl InvalidSetting {
 }
 
 impl SamplingSettings {
+    /// Maximum number of rays from every leaf. The default settings make 64. Both the time and the memory that sampling
+    /// takes grow with it.
+    pub const MAX_RAYS: usize = 4096;
+
     /// Checks that every setting is in its range.
     ///
     /// # Errors
@@ -98,15 +103,18 @@ impl SamplingSettings {
         let count = |setting, found: usize, most: usize, expected| {
             InvalidSetting::check((1..=most).contains(&found), setting, found as f64, expected)
         };
-        count("directions", self.directions, 64, "1 to 64")?;
+        count("directions", self.directions, 32, "1 to 32")?;
         count("multisamples", self.multisamples, 16, "1 to 16")?;
+        let rays = self.direction_cells() * self.multisamples.pow(2);
+        let expected = "at most 4096, the number of direction cells times multisamples squared";
+        count("rays", rays, Self::MAX_RAYS, expected)?;
         let fraction = self.sample_fraction;
         let holds = fraction > 0.0 && fraction <= 1.0;
         InvalidSetting::check(holds, "sample_fraction", fraction, "more than 0 and at most 1")?;
         let stop = self.stop_transmittance;
         InvalidSetting::check((0.0..1.0).contains(&stop), "stop_transmittance", stop, "at least 0 and less than 1")?;
-        count("fine_bins", self.fine_bins, 128, "1 to 128")?;
-        count("coarse_bins", self.coarse_bins, 32, "1 to 32")
+        count("fine_bins", self.fine_bins, 64, "1 to 64")?;
+        count("coarse_bins", self.coarse_bins, 16, "1 to 16")
     }
 
     /// Returns the number of direction cells, which is the number of radiance samples per leaf.
@@ -136,15 +144,24 @@ mod tests {
         let default = SamplingSettings::default;
         for (settings, setting) in [
             (SamplingSettings { directions: 0, ..default() }, "directions"),
+            (SamplingSettings { directions: 33, ..default() }, "directions"),
             (SamplingSettings { multisamples: 17, ..default() }, "multisamples"),
+            (SamplingSettings { directions: 32, multisamples: 2, ..default() }, "rays"),
+            (SamplingSettings { directions: 3, multisamples: 16, ..default() }, "rays"),
+            (SamplingSettings { observers: Observers::Sphere, directions: 32, multisamples: 1, ..default() }, "rays"),
             (SamplingSettings { sample_fraction: 0.0, ..default() }, "sample_fraction"),
             (SamplingSettings { stop_transmittance: 1.0, ..default() }, "stop_transmittance"),
             (SamplingSettings { fine_bins: 0, ..default() }, "fine_bins"),
-            (SamplingSettings { coarse_bins: 1000, ..default() }, "coarse_bins"),
+            (SamplingSettings { fine_bins: 65, ..default() }, "fine_bins"),
+            (SamplingSettings { coarse_bins: 17, ..default() }, "coarse_bins"),
         ] {
             let error = settings.validate().unwrap_err();
             assert_eq!(error.setting, setting);
             assert!(error.to_string().starts_with(&format!("found {setting} = ")));
         }
+        let most = SamplingSettings { directions: 2, multisamples: 16, fine_bins: 64, coarse_bins: 16, ..default() };
+        assert_eq!(most.validate(), Ok(()));
+        let most = SamplingSettings { directions: 32, multisamples: 1, ..default() };
+        assert_eq!(most.validate(), Ok(()));
     }
 }

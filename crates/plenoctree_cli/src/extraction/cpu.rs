@@ -25,7 +25,7 @@ pub fn extract(field: &PlenOctree, settings: &ExtractionSettings, quiet: bool) -
         thread::spawn(move || {
             let sampler =
                 |settings: &SamplingSettings| sample(&field, settings, &progress).map_err(|error| error.to_string());
-            sample_and_extract(&settings, "cpu", sampler)
+            sample_and_extract(&settings, "cpu", sampler, &progress)
         })
     };
     while !worker.is_finished() {
@@ -41,7 +41,7 @@ pub fn extract(field: &PlenOctree, settings: &ExtractionSettings, quiet: bool) -
 pub fn extract_by_reference(field: &PlenOctree, settings: &ExtractionSettings, quiet: bool) -> Result<Extracted> {
     let spinner = progress::spinner("extracting", quiet);
     let sampler = |settings: &SamplingSettings| sample_histograms(field, settings).map_err(|error| error.to_string());
-    let extracted = sample_and_extract(settings, "reference", sampler)?;
+    let extracted = sample_and_extract(settings, "reference", sampler, &Progress::default())?;
     spinner.finish_and_clear();
     Ok(extracted)
 }
@@ -50,12 +50,13 @@ fn sample_and_extract(
     settings: &ExtractionSettings,
     sampling_on: &'static str,
     sampler: impl FnOnce(&SamplingSettings) -> Result<Histograms, String>,
+    progress: &Progress,
 ) -> Result<Extracted, String> {
     settings.validate().map_err(|error| error.to_string())?;
     let start = Instant::now();
     let histograms = sampler(&settings.sampling)?;
     let sampling = start.elapsed().as_secs_f64();
-    let mut extraction = extract_from_histograms(&histograms, settings).map_err(|error| error.to_string())?;
+    let mut extraction = extract_from_histograms(&histograms, settings, progress).map_err(|error| error.to_string())?;
     extraction.seconds.sampling = sampling;
     Ok(Extracted { extraction, histograms: Arc::new(histograms), sampling_on })
 }

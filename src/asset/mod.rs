@@ -1,0 +1,53 @@
+//! The asset loader of fields.
+
+#[cfg(not(target_arch = "wasm32"))]
+mod remote;
+
+use std::io::Cursor;
+
+use bevy::{
+    asset::{AssetLoader, LoadContext, io::Reader},
+    prelude::*,
+    reflect::TypePath,
+};
+use plenoctree::{LoadSettings, PlenOctree, ReadError};
+
+use crate::background;
+
+/// Loads `.npz` files as [`PlenOctree`] assets, on a thread of its own. Supports hot reloading.
+///
+/// [`LoadSettings`] specify what the file does not record. Invalid files fail to load with a [`ReadError`].
+///
+/// The file is parsed while it is read, so that only a part of it is in memory at any time. Asset sources that cannot
+/// seek, such as archives that inflate their files, and all sources on the web, give the whole file at once instead.
+#[derive(Default, TypePath)]
+pub struct PlenOctreeLoader;
+
+impl AssetLoader for PlenOctreeLoader {
+    type Asset = PlenOctree;
+    type Settings = LoadSettings;
+    type Error = ReadError;
+
+    async fn load(
+        &self,
+        reader: &mut dyn Reader,
+        settings: &LoadSettings,
+        context: &mut LoadContext<'_>,
+    ) -> Result<PlenOctree, ReadError> {
+        let (file, settings) = (context.path().to_string(), settings.clone());
+        let failed = |error: std::io::Error| ReadError { file: file.clone(), fault: error.into() };
+        #[cfg(not(target_arch = "wasm32"))]
+        if let Ok(reader) = reader.seekable() {
+            let label = file.clone();
+            let parse = move |remote| PlenOctree::read_from(remote, &label, &settings);
+            return remote::serve(reader, parse).await.map_err(failed)?;
+        }
+        let mut bytes = Vec::new();
+        reader.read_to_end(&mut bytes).await.map_err(failed)?;
+        background::spawn(move || PlenOctree::read_from(Cursor::new(bytes), &file, &settings)).await
+    }
+
+    fn extensions(&self) -> &[&str] {
+        &["npz"]
+    }
+}
