@@ -133,18 +133,19 @@ impl PropQuality {
 
 /// A named preset of all settings that trade accuracy for speed.
 ///
-/// The table lists the accuracy that tests guarantee for the most demanding of the included props (thin rails, gloss),
-/// in small frames of 160 x 160 pixels, where the prop's details are the size of pixels: the lowest PSNR against
-/// float64, and the largest fraction of the prop's pixels whose label differs from the one in float64, when labels do
-/// not blend. Larger frames are more accurate. To measure a field of your own, run `plenoctree tradeoff` of the crate
-/// `plenoctree_cli`.
+/// The table lists the accuracy that tests guarantee for the most demanding of the included props (thin rails, gloss)
+/// where it fills a frame of 400 x 400 pixels and, in parentheses, one of 160 x 160 pixels, in which its details are the
+/// size of pixels: the lowest PSNR against float64, and the largest fraction of the prop's pixels whose label differs
+/// from the one in float64, when labels do not blend. Larger frames are more accurate. Nearly all of the labels that
+/// [`Balanced`](Self::Balanced) and [`Fast`](Self::Fast) change are due to their [`PropQuality::resolution`]. To measure
+/// a field of your own, run `plenoctree tradeoff` of the crate `plenoctree_cli`.
 ///
 /// | | PSNR, at least | labels changed, at most |
 /// |---|---|---|
-/// | [`Self::Exact`] | 55 dB | 1 % |
-/// | [`Self::High`] | 45 dB | 5 % |
-/// | [`Self::Balanced`] | 23 dB | 60 % |
-/// | [`Self::Fast`] | 20 dB | 75 % |
+/// | [`Self::Exact`] | 55 dB (55) | 1 % (1) |
+/// | [`Self::High`] | 45 dB (45) | 2 % (2) |
+/// | [`Self::Balanced`] | 28 dB (24) | 25 % (45) |
+/// | [`Self::Fast`] | 25 dB (21) | 40 % (65) |
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
 #[reflect(Default, Clone, Debug, PartialEq, Hash)]
 #[type_path = "bevy_plenoctree"]
