@@ -11,6 +11,7 @@ use glam::DVec3;
 use half::f16;
 use plenoctree::{
     BakeSettings, Basis, Cell, Frame, bake,
+    palette::extract_from_histograms,
     reference::sample_histograms,
     sampling::{Histograms, Progress, sample},
 };
@@ -98,7 +99,7 @@ fn gpu_sampling_matches_the_reference() {
         assert_eq!(sampled.histograms.samples(), expected.samples());
         let off = difference(&sampled.histograms, &expected);
         assert!(off < 1e-4, "{basis:?}: {off}");
-        let reference = plenoctree::palette::extract_from_histograms(&expected, &settings).unwrap();
+        let reference = extract_from_histograms(&expected, &settings, &Progress::default()).unwrap();
         for (color, expected) in colors.iter().zip(&reference.palette.colors) {
             assert!(DVec3::from(*color).distance(DVec3::from(*expected)) < 0.005, "{colors:?}");
         }
@@ -151,8 +152,8 @@ fn slices_of_any_size_give_the_same_bits() {
     assert_eq!(colors, sliced_colors);
 }
 
-/// A fraction of the leaves represents all of them: the total weight stays about the same. The GPU and the CPU sample
-/// the same leaves.
+/// A fraction of the leaves represents all of them: the total weight and the colors stay about the same. The GPU and
+/// the CPU sample the same leaves.
 #[test]
 fn a_fraction_of_the_leaves_represents_all() {
     let field = lumps(Basis::Sh4);
@@ -165,6 +166,18 @@ fn a_fraction_of_the_leaves_represents_all() {
         let some = sample(&field, &settings.sampling, &Progress::default()).unwrap();
         let weight = some.total_weight() / whole.total_weight();
         assert!((weight - 1.0).abs() < 0.1, "{fraction}: {weight} of the weight");
+        // Of a coarse histogram, little is in other bins, and the mean color is the same.
+        let elsewhere: f64 = some.coarse().iter().zip(whole.coarse()).map(|(a, b)| (a - b).abs()).sum();
+        let elsewhere = 0.5 * elsewhere / whole.total_weight();
+        let mean = |histograms: &Histograms| {
+            let sum = (0..512).map(|bin| {
+                let [r, g, b] = [bin / 64, bin / 8 % 8, bin % 8].map(|x| (x as f64 + 0.5) / 8.0);
+                histograms.coarse()[bin] * DVec3::new(r, g, b)
+            });
+            sum.sum::<DVec3>() / histograms.total_weight()
+        };
+        let shift = mean(&some).distance(mean(&whole));
+        assert!(elsewhere < 0.1 && shift < 0.02, "{fraction}: {elsewhere} of the weight elsewhere, shifted by {shift}");
         assert!(difference(&some, &whole) > 1e-3, "{fraction} changed nothing");
         let (on_gpu, ..) = extract_in_app(&field, &settings, PaletteSampler::Gpu, None);
         assert!(difference(&on_gpu.histograms, &some) < 1e-4, "the GPU sampled different leaves");
