@@ -196,7 +196,7 @@ fn waits(pool: &'static TaskPool, mut working: impl FnMut() -> bool) -> Vec<Dura
 fn assert_short(mut waits: Vec<Duration>, what: &str) {
     waits.sort();
     let median = waits.get(waits.len() / 2).copied();
-    assert!(waits.len() > 20, "{what}: only {} tasks ran, after {median:?}", waits.len());
+    assert!(waits.len() > 4, "{what}: only {} tasks ran, after {median:?}", waits.len());
     assert!(median < Some(Duration::from_millis(10)), "{what}: {median:?}");
 }
 
