@@ -1,4 +1,4 @@
-//! Loads fields from files in a task, shows them once they are complete, and reloads them when their file changes.
+//! Loads fields from files in a thread, shows them once they are complete, and reloads them when their file changes.
 
 use std::{
     fs::File,
@@ -8,14 +8,11 @@ use std::{
         Arc,
         atomic::{AtomicU64, Ordering},
     },
+    thread::{self, JoinHandle},
     time::SystemTime,
 };
 
-use bevy::{
-    prelude::*,
-    render::renderer::RenderDevice,
-    tasks::{AsyncComputeTaskPool, Task, block_on, poll_once},
-};
+use bevy::{prelude::*, render::renderer::RenderDevice};
 use bevy_plenoctree::{
     FieldPalette, FieldTooLarge, GpuField, LoadSettings, Palette, Palettes, PlenOctree, Posterize, Prop,
 };
@@ -42,7 +39,7 @@ struct Reading {
     path: PathBuf,
     version: Option<Version>,
     read: Arc<AtomicU64>,
-    task: Task<Result<Arrival, ReadError>>,
+    thread: JoinHandle<Result<Arrival, ReadError>>,
 }
 
 /// The file whose field is shown.
@@ -91,14 +88,15 @@ impl Loader {
     fn start(&mut self, path: PathBuf) {
         let read = Arc::new(AtomicU64::new(0));
         let (settings, counter, file) = (self.settings.clone(), read.clone(), path.clone());
-        let task = AsyncComputeTaskPool::get().spawn(async move {
+        // Not in Bevy's task pools, which it would keep busy.
+        let thread = thread::spawn(move || {
             let field = read_counted(&file, counter, &settings)?;
             let extent = visible_extent(&field);
             let beside = palette_beside(&file);
             let palette = beside.exists().then(|| Palette::read(beside));
             Ok(Arrival { field, extent, palette })
         });
-        self.reading = Some(Reading { version: version(&path), path, read, task });
+        self.reading = Some(Reading { version: version(&path), path, read, thread });
     }
 }
 
@@ -138,12 +136,11 @@ pub fn arrive(
     device: Option<Res<RenderDevice>>,
     props: Query<(Entity, &Prop)>,
 ) {
-    let Some(result) = loader.reading.as_mut().and_then(|reading| block_on(poll_once(&mut reading.task))) else {
+    let Some(reading) = loader.reading.take_if(|reading| reading.thread.is_finished()) else {
         return;
     };
-    let Some(Reading { path, version, .. }) = loader.reading.take() else {
-        return;
-    };
+    let Reading { path, version, thread, .. } = reading;
+    let result = thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
     let again = loader.shown.as_ref().is_some_and(|shown| shown.path == path);
     if let Some(shown) = loader.shown.as_mut().filter(|_| again) {
         // Do not read a broken file again until it changes.
