@@ -19,7 +19,8 @@ use crate::background;
 /// [`LoadSettings`] specify what the file does not record. Invalid files fail to load with a [`ReadError`].
 ///
 /// The file is parsed while it is read, so that only a part of it is in memory at any time. Asset sources that cannot
-/// seek, such as archives that inflate their files, and all sources on the web, give the whole file at once instead.
+/// seek, such as archives that inflate their files, and all sources on the web, give the whole file at once instead. On
+/// the web, which has no threads, the app stops while a file is parsed.
 #[derive(Default, TypePath)]
 pub struct PlenOctreeLoader;
 
