@@ -84,7 +84,7 @@ impl Scene {
             match change {
                 Change::SetPalettes => {
                     let palette = palettes.get_mut(field).unwrap();
-                    to.iter().enumerate().for_each(|(index, color)| palette.set(index, *color));
+                    to.iter().enumerate().for_each(|(index, color)| _ = palette.set(index, *color));
                 }
                 Change::BlendEncoded => palettes.get_mut(field).unwrap().blend(&from, &to, t, BlendSpace::Encoded),
                 Change::BlendOklab => palettes.get_mut(field).unwrap().blend(&from, &to, t, BlendSpace::Oklab),

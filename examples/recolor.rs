@@ -42,7 +42,7 @@ fn fade_to_night(time: Res<Time>, props: Query<&Prop>, mut palettes: ResMut<Pale
     for prop in &props {
         // This is `None` until the palette is loaded or extracted.
         if let Some(palette) = palettes.get_mut(&prop.0) {
-            palette.fade(&night, darkness, BlendSpace::Oklab);
+            palette.blend_from_source(&night, darkness, BlendSpace::Oklab);
         }
     }
 }

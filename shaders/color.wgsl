@@ -21,6 +21,14 @@ fn encode(linear: vec3<f32>) -> vec3<f32> {
     return select(high, low, linear <= vec3(0.0031308));
 }
 
+// Multiplies the linear light of a color in encoded sRGB.
+fn tinted(encoded: vec3<f32>, tint: vec3<f32>) -> vec3<f32> {
+    if all(tint == vec3(1.0)) {
+        return encoded;
+    }
+    return encode(decode(encoded) * tint);
+}
+
 // Converts encoded sRGB to CIELAB under D65.
 fn cielab(encoded: vec3<f32>) -> vec3<f32> {
     let linear = decode(encoded);

@@ -1,6 +1,7 @@
 // The label pass: writes labels where pixels are posterized, and the composite elsewhere. See section 4 of the method,
 // steps 1 and 3 to 5.
 
+#import bevy_plenoctree::color::tinted
 #import bevy_plenoctree::filter_texel::unpack
 #ifndef LABEL_TEXTURES
 #import bevy_plenoctree::target::to_target
@@ -118,7 +119,7 @@ fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
     var label = 1u;
     if value.owner > 0u {
         let posterized = assign(color, value.owner - 1u);
-        color = posterized.color;
+        color = tinted(posterized.color, props[value.owner - 1u].tint);
         label = 2u + posterized.label;
         // Posterized props are opaque. A posterized view keeps the opacity of its pixels.
         alpha = select(1.0, opacity, value.owner == view.everything);

@@ -33,6 +33,8 @@ struct Prop {
     near: f32,
     // The prop is solid, and has a depth, where transmittance falls to this. Negative if it is never solid.
     solid_transmittance: f32,
+    // The factors of linear light.
+    tint: vec3<f32>,
 }
 
 struct View {

@@ -1,6 +1,6 @@
 // The volume pass: marches a ray for each pixel of the box around a prop's leaves. See section 2 of the method.
 
-#import bevy_plenoctree::color::to_half
+#import bevy_plenoctree::color::{tinted, to_half}
 #import bevy_plenoctree::constants::NO_LEAF
 #import bevy_plenoctree::octree::{begin, clip, density, field, make_ray, next_leaf}
 #import bevy_plenoctree::radiance::{harmonics, radiance}
@@ -116,6 +116,10 @@ fn fragment(in: Varying) -> Fragment {
     }
     let covers = opacity >= props[in.prop].min_opacity;
     let posterized = select(0u, in.prop + 1u, covers && props[in.prop].colors > 0u);
+    if posterized == 0u {
+        // Where the prop is posterized, its label is tinted instead, so that a tint does not change the label.
+        color = opacity * tinted(color / opacity, props[in.prop].tint);
+    }
     let is_solid = solid >= 0.0;
     let distance = props[in.prop].near + select(first, solid, is_solid) / length;
     let depth = clamp(depth_value(distance), LEAST_DEPTH, 1.0);

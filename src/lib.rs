@@ -26,9 +26,11 @@
 //!
 //! | to | use |
 //! |---|---|
-//! | draw a field | [`Prop`], [`SolidOpacity`]; [`FieldReady`] and [`FieldFailed`] report the result of the upload |
+//! | draw a field | [`Prop`], [`SolidOpacity`] |
+//! | know whether it is drawn | [`PropState`], [`props_ready`], [`FieldReady`], [`FieldFailed`], [`PaletteFailed`] |
+//! | survive the loss of the GPU device | [`DeviceRecoveryPlugin`] |
 //! | posterize it | [`Posterize`] on the prop, or [`PosterizeView`] on a camera to posterize everything in view |
-//! | recolor it | [`Palettes`], [`PaletteOverride`], [`BlendSpace`], [`PaletteReady`] |
+//! | recolor it | [`Palettes`], [`PaletteOverride`], [`PropTint`], [`BlendSpace`], [`PaletteReady`] |
 //! | configure palette extraction | [`PaletteExtraction`] |
 //! | choose where in the frame props are drawn | [`PropStage`] on a camera |
 //! | trade accuracy for speed | [`PropQuality`] on a camera |
@@ -56,18 +58,20 @@ mod posterize;
 pub mod prelude;
 mod prop;
 mod quality;
+mod recovery;
 mod render;
 mod sampling;
 mod sets;
 mod stage;
+mod state;
 #[cfg(all(test, feature = "headless"))]
 mod tests;
 
 pub use asset::PlenOctreeLoader;
-pub use gpu::{FieldFailed, FieldReady, FieldTooLarge, GpuField};
+pub use gpu::{FieldFailed, FieldReady, FieldTooLarge, GpuField, MAX_PROPS_IN_VIEW};
 pub use palette::{
-    BlendSpace, ExtractionSamples, FieldPalette, PaletteExtraction, PaletteLoader, PaletteOverride, PaletteReady,
-    PaletteSampler, Palettes,
+    BlendSpace, ExtractionSamples, FieldPalette, PaletteExtraction, PaletteFailed, PaletteLoader, PaletteOverride,
+    PaletteReady, PaletteSampler, Palettes,
 };
 #[cfg(feature = "picking")]
 pub use picking::PropPickingPlugin;
@@ -77,12 +81,16 @@ pub use plenoctree::{
     palette::{ExtractionSettings, Palette, PaletteLabel},
     sampling::{Observers, SamplingSettings},
 };
-pub use posterize::{BilateralFilter, MAX_BLEND_STEPS, MAX_FILTER_ITERATIONS, MAX_FILTER_RADIUS, Posterize};
-pub use prop::{Prop, SolidOpacity};
+pub use posterize::{
+    BeforePalette, BilateralFilter, MAX_BLEND_STEPS, MAX_FILTER_ITERATIONS, MAX_FILTER_RADIUS, Posterize,
+};
+pub use prop::{Prop, PropTint, SolidOpacity};
 pub use quality::{PropQuality, QualityPreset};
+pub use recovery::DeviceRecoveryPlugin;
 pub use render::{LabelTextures, POSTERIZE_SPANS, StageWrite, VOLUME_SPANS};
 pub use sets::{PlenOctreeRenderSystems, PlenOctreeSystems};
 pub use stage::{LabelStages, PosterizeView, PropStage};
+pub use state::{PropError, PropState, props_ready};
 
 use bevy::prelude::*;
 
@@ -107,6 +115,7 @@ impl Plugin for PlenOctreePlugin {
                 sampling::SamplingPlugin,
                 palette::PalettePlugin,
                 prop::PropPlugin,
+                state::PropStatePlugin,
                 render::RenderPropsPlugin,
             ));
     }

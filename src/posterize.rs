@@ -14,8 +14,8 @@ pub const MAX_FILTER_RADIUS: u32 = 6;
 /// 4 of the method.
 ///
 /// Uses the palette of the prop's field in [`Palettes`](crate::Palettes). If the field has none, one is loaded or
-/// extracted; until it is ready, the prop is drawn as trained. Add a [`PaletteOverride`](crate::PaletteOverride) to
-/// change the shown colors of this entity only.
+/// extracted; [`before_palette`](Self::before_palette) sets what is drawn until it is ready. Add a
+/// [`PaletteOverride`](crate::PaletteOverride) to change the shown colors of this entity only.
 ///
 /// On a camera, these are the settings of its [`PosterizeView`](crate::PosterizeView).
 #[derive(Component, Clone, Copy, Debug, PartialEq, Reflect)]
@@ -35,15 +35,60 @@ pub struct Posterize {
     pub softness: f32,
     /// The opacity below which pixels are drawn as trained, from 0 to 1; `lambda` in the method.
     ///
-    /// Defaults to 80/255.
+    /// Defaults to 80/255. Negative values count as 0.
     pub min_opacity: f32,
     /// The filter that flattens colors before labels are assigned.
     pub filter: BilateralFilter,
+    /// What is drawn until the palette is loaded or extracted.
+    ///
+    /// Defaults to [`BeforePalette::Hide`]. Posterized views ignore it: they are drawn as they are.
+    pub before_palette: BeforePalette,
+}
+
+/// What is drawn of a posterized prop as long as the palette of its field is being loaded or extracted.
+///
+/// If no palette can be extracted, the prop is drawn as trained.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
+#[reflect(Default, Clone, Debug, PartialEq, Hash)]
+#[type_path = "bevy_plenoctree"]
+pub enum BeforePalette {
+    /// Nothing, or the prop's earlier field if it had another one. This is the default.
+    #[default]
+    Hide,
+    /// The prop as trained. At night, it may seem to glow for some frames.
+    AsTrained,
 }
 
 impl Default for Posterize {
     fn default() -> Self {
-        Self { blend_steps: 3, softness: 0.2, min_opacity: 80.0 / 255.0, filter: BilateralFilter::default() }
+        Self {
+            blend_steps: 3,
+            softness: 0.2,
+            min_opacity: 80.0 / 255.0,
+            filter: BilateralFilter::default(),
+            before_palette: BeforePalette::default(),
+        }
+    }
+}
+
+impl Posterize {
+    /// Clamps every setting to its valid range, so that no shader divides by zero or loops for too long. NaN becomes
+    /// the lowest value.
+    pub(crate) fn clamped(self) -> Self {
+        let BilateralFilter { iterations, radius, spatial_sigma, range_sigma } = self.filter;
+        Self {
+            blend_steps: self.blend_steps.clamp(1, MAX_BLEND_STEPS),
+            // `f32::max` ignores NaN.
+            softness: self.softness.max(0.0),
+            min_opacity: self.min_opacity.max(0.0),
+            filter: BilateralFilter {
+                iterations: iterations.min(MAX_FILTER_ITERATIONS),
+                radius: radius.min(MAX_FILTER_RADIUS),
+                spatial_sigma: spatial_sigma.max(1e-3),
+                range_sigma: range_sigma.max(1e-3),
+            },
+            before_palette: self.before_palette,
+        }
     }
 }
 

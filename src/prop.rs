@@ -14,25 +14,61 @@ use bevy::{
 use glam::DAffine3;
 use plenoctree::{PlenOctree, UpAxis};
 
-use crate::sets::PlenOctreeSystems;
+use crate::{
+    sets::PlenOctreeSystems,
+    state::{DrawnField, PropState},
+};
 
 /// Places a field in the scene.
 ///
 /// The field is placed by the entity's [`Transform`], in the field's own world units, and rotated so that its up axis
 /// becomes Bevy's y axis. Scaling the entity does not change the field's apparent density, and highlights rotate with
 /// the entity. By default, the field is drawn as trained; add [`Posterize`](crate::Posterize) to posterize it.
+///
+/// [`PropState`] says whether the prop can be drawn yet. If it is given another field, the one that it had is drawn until
+/// the new one can be.
 #[derive(Component, Clone, Debug, FromTemplate, Reflect)]
 #[reflect(Component, Clone, Debug)]
 #[type_path = "bevy_plenoctree"]
-#[require(SolidOpacity, Transform, Visibility, VisibilityClass)]
-#[component(on_add = visibility::add_visibility_class::<Prop>, on_remove = remove_visibility_class)]
+#[require(DrawnField, PropState, PropTint, SolidOpacity, Transform, Visibility, VisibilityClass)]
+#[component(on_add = visibility::add_visibility_class::<Prop>, on_remove = clean_up)]
 pub struct Prop(pub Handle<PlenOctree>);
 
 /// Reverts `add_visibility_class`. Otherwise, an entity whose [`Prop`] is removed and added again would be listed twice
-/// as visible.
-fn remove_visibility_class(mut world: DeferredWorld, HookContext { entity, .. }: HookContext) {
+/// as visible. Also lets go of the field.
+fn clean_up(mut world: DeferredWorld, HookContext { entity, .. }: HookContext) {
     if let Some(mut classes) = world.get_mut::<VisibilityClass>(entity) {
         classes.retain(|class| *class != TypeId::of::<Prop>());
+    }
+    world.commands().entity(entity).try_remove::<(DrawnField, PropState)>();
+}
+
+/// Multiplies the light of a [`Prop`], for example to dim it with the scene at night. Props are not lit by the scene's
+/// lights.
+///
+/// Reaches everything that is drawn of the prop: as trained, in the shown colors of its palette, and in those of its
+/// [`PaletteOverride`](crate::PaletteOverride). Multiplies linear light, channel by channel, and does not change which
+/// pixels get which label. Channels above 1 brighten: `PropTint(Color::linear_rgb(2.0, 2.0, 2.0))` is one stop more.
+/// Negative channels count as 0. Alpha is ignored.
+///
+/// Defaults to white, which changes nothing.
+#[derive(Component, Clone, Copy, Debug, PartialEq, Reflect)]
+#[reflect(Component, Default, Clone, Debug, PartialEq)]
+#[type_path = "bevy_plenoctree"]
+pub struct PropTint(pub Color);
+
+impl Default for PropTint {
+    fn default() -> Self {
+        Self(Color::WHITE)
+    }
+}
+
+impl PropTint {
+    /// Returns the factors of linear light.
+    pub(crate) fn factors(self) -> Vec3 {
+        // NaN counts as 0. The limit is that of half floats.
+        let factor = |channel: f32| if channel > 0.0 { channel.min(65504.0) } else { 0.0 };
+        self.0.to_linear().to_vec3().to_array().map(factor).into()
     }
 }
 
@@ -69,17 +105,19 @@ pub(crate) struct PropPlugin;
 impl Plugin for PropPlugin {
     fn build(&self, app: &mut App) {
         app.register_type::<Prop>()
+            .register_type::<PropTint>()
             .register_type::<SolidOpacity>()
             .add_systems(PostUpdate, update_bounds.in_set(PlenOctreeSystems::UpdateBounds));
     }
 }
 
-/// Sets the [`Aabb`] of props to the bounds of their field's leaves, when the field is loaded or changed.
+/// Sets the [`Aabb`] of props to the bounds of their field's leaves, when the field is loaded or changed. Includes the
+/// bounds of an earlier field that is still drawn.
 fn update_bounds(
     mut commands: Commands,
     fields: Res<Assets<PlenOctree>>,
     mut events: MessageReader<AssetEvent<PlenOctree>>,
-    props: Query<(Entity, Ref<Prop>, Has<Aabb>)>,
+    props: Query<(Entity, Ref<Prop>, Ref<DrawnField>, Has<Aabb>)>,
 ) {
     // Usually empty, so most frames allocate nothing.
     let changed: Vec<_> = events
@@ -89,16 +127,22 @@ fn update_bounds(
             _ => None,
         })
         .collect();
-    for (entity, prop, has_bounds) in &props {
-        if has_bounds && !prop.is_changed() && !changed.contains(&prop.0.id()) {
+    for (entity, prop, drawn, has_bounds) in &props {
+        if has_bounds && !prop.is_changed() && !drawn.is_changed() && !changed.contains(&prop.0.id()) {
             continue;
         }
-        if let Some(field) = fields.get(&prop.0)
-            && let Some((low, high)) = field.bounds()
-        {
-            let rotation = field.up().to_y_up();
-            let (a, b) = ((rotation * low).as_vec3(), (rotation * high).as_vec3());
-            commands.entity(entity).try_insert(Aabb::from_min_max(a.min(b), a.max(b)));
+        let bounds = [Some(&prop.0), drawn.stand_in(&prop)].into_iter().flatten();
+        let bounds = bounds.filter_map(|field| bounds_of(fields.get(field)?));
+        if let Some((low, high)) = bounds.reduce(|a, b| (a.0.min(b.0), a.1.max(b.1))) {
+            commands.entity(entity).try_insert(Aabb::from_min_max(low, high));
         }
     }
+}
+
+/// Returns the bounds of a field's leaves in the frame of its props.
+fn bounds_of(field: &PlenOctree) -> Option<(Vec3, Vec3)> {
+    let (low, high) = field.bounds()?;
+    let rotation = field.up().to_y_up();
+    let (a, b) = ((rotation * low).as_vec3(), (rotation * high).as_vec3());
+    Some((a.min(b), a.max(b)))
 }

@@ -13,6 +13,8 @@ pub enum PlenOctreeSystems {
     /// [`PreUpdate`], after [`Self::ReportFields`], so systems in [`Update`] can edit a new palette before it is first
     /// shown.
     UpdatePalettes,
+    /// Updates the [`PropState`](crate::PropState) of props. Runs in [`PreUpdate`], after [`Self::UpdatePalettes`].
+    UpdateProps,
     /// Updates the [`Aabb`] of props from the bounds of their fields. Runs in [`PostUpdate`], within
     /// [`VisibilitySystems::CalculateBounds`].
     ///

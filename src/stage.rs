@@ -13,9 +13,10 @@ use crate::posterize::Posterize;
 /// ```
 /// # use bevy::prelude::*;
 /// # use bevy_plenoctree::PropStage;
-/// # fn spawn(mut commands: Commands) {
-/// commands.spawn((Camera3d::default(), PropStage::Display));
-/// # }
+/// fn spawn_camera(mut commands: Commands) {
+///     commands.spawn((Camera3d::default(), PropStage::Display));
+/// }
+/// # App::new().add_systems(Startup, spawn_camera).update();
 /// ```
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
 #[reflect(Component, Default, Clone, Debug, PartialEq, Hash)]
@@ -57,11 +58,14 @@ pub enum PropStage {
 ///
 /// ```
 /// # use bevy::prelude::*;
-/// # use bevy_plenoctree::{Posterize, PosterizeView, PropStage};
-/// # fn spawn(mut commands: Commands, assets: Res<AssetServer>) {
-/// let view = (PosterizeView(assets.load("toadstool.npz")), Posterize { softness: 0.1, ..default() });
-/// commands.spawn((Camera3d::default(), PropStage::Display, view));
-/// # }
+/// # use bevy_plenoctree::{PlenOctreePlugin, Posterize, PosterizeView, PropStage};
+/// fn spawn_camera(mut commands: Commands, assets: Res<AssetServer>) {
+///     let view = (PosterizeView(assets.load("toadstool.npz")), Posterize { softness: 0.1, ..default() });
+///     commands.spawn((Camera3d::default(), PropStage::Display, view));
+/// }
+/// # let mut app = App::new();
+/// # app.add_plugins((MinimalPlugins, AssetPlugin::default(), PlenOctreePlugin)).add_systems(Update, spawn_camera);
+/// # app.update();
 /// ```
 #[derive(Component, Clone, Debug, FromTemplate, Reflect)]
 #[reflect(Component, Clone, Debug)]

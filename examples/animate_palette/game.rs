@@ -55,7 +55,7 @@ fn set_sun(time: Res<Time>, mut night: ResMut<Night>) {
 fn paint_by_night(night: Res<Night>, mut palettes: ResMut<Palettes>, props: Query<(&Prop, &ByNight)>) {
     for (prop, by_night) in &props {
         if let Some(palette) = palettes.get_mut(&prop.0) {
-            palette.fade(&by_night.0, night.0, BlendSpace::Oklab);
+            palette.blend_from_source(&by_night.0, night.0, BlendSpace::Oklab);
         }
     }
 }

@@ -8,11 +8,8 @@ use std::{
     time::Duration,
 };
 
-use bevy::{
-    gizmos::GizmoPlugin, gizmos_render::GizmoRenderPlugin, light::LightPlugin, pbr::PbrPlugin,
-    post_process::PostProcessPlugin, prelude::*, time::TimeUpdateStrategy, window::WindowResolution,
-};
-use bevy_plenoctree::headless::Headless;
+use bevy::{prelude::*, time::TimeUpdateStrategy, window::WindowResolution};
+use bevy_plenoctree::headless::{Headless, LitMeshPlugins};
 
 /// Arguments that the windowed examples share.
 #[derive(clap::Args)]
@@ -72,7 +69,7 @@ impl Show {
 
     fn capture(&self, file: &Path, build: impl FnOnce(&mut App), wait: impl FnOnce(&mut Headless) -> Result) -> Result {
         let mut headless = Headless::new(self.size.into(), |app| {
-            app.add_plugins((GizmoPlugin, GizmoRenderPlugin, LightPlugin, PbrPlugin::default(), PostProcessPlugin));
+            app.add_plugins(LitMeshPlugins);
             build(app);
         })?;
         let target = headless.target();

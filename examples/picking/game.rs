@@ -95,8 +95,8 @@ fn painted(coat: Option<usize>, brush: &Brush) -> Option<usize> {
 
 /// Returns a palette color with a coat on it.
 fn covered(palette: &FieldPalette, color: usize, coat: Option<usize>) -> Option<Color> {
-    let bare = palette.source().colors.get(color)?.map(|channel| channel as f32);
-    Some(coat.map_or(Color::srgb_from_array(bare), |paint| PAINTS[paint]))
+    let bare = *palette.source().get(color)?;
+    Some(coat.map_or(bare, |paint| PAINTS[paint]))
 }
 
 /// Fades every color of a toy's palette to the color of its coat.

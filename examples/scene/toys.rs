@@ -1,7 +1,7 @@
 //! The props, each in a style of its own.
 
 use bevy::prelude::*;
-use bevy_plenoctree::{BilateralFilter, BlendSpace, Palettes, Posterize, Prop};
+use bevy_plenoctree::{BeforePalette, BilateralFilter, BlendSpace, Palettes, Posterize, Prop};
 
 use crate::{
     build::color,
@@ -20,6 +20,7 @@ const POSTER: Posterize = Posterize {
     softness: 0.0,
     min_opacity: 0.4,
     filter: BilateralFilter { iterations: 6, radius: 3, spatial_sigma: 3.0, range_sigma: 6.0 },
+    before_palette: BeforePalette::Hide,
 };
 
 /// Many tones that blend into each other.
@@ -28,6 +29,7 @@ const PASTEL: Posterize = Posterize {
     softness: 0.35,
     min_opacity: 0.3,
     filter: BilateralFilter { iterations: 2, radius: 2, spatial_sigma: 3.0, range_sigma: 4.25 },
+    before_palette: BeforePalette::Hide,
 };
 
 /// The palette of a field at night.
@@ -93,7 +95,7 @@ fn spawn(mut commands: Commands, assets: Res<AssetServer>) {
 fn change_colors(night: Res<Night>, mut palettes: ResMut<Palettes>, props: Query<(&Prop, &ByNight)>) {
     for (prop, by_night) in &props {
         if let Some(palette) = palettes.get_mut(&prop.0) {
-            palette.fade(&by_night.0, night.0, BlendSpace::Oklab);
+            palette.blend_from_source(&by_night.0, night.0, BlendSpace::Oklab);
         }
     }
 }

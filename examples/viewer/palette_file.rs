@@ -54,7 +54,7 @@ fn save(
 ) -> Result<&'static str, String> {
     let palette = palette.ok_or("There is no palette to save yet.")?;
     let (saved, what) = match colors {
-        Colors::Source => (palette.source().clone(), "Saved the source colors"),
+        Colors::Source => (palette.palette().clone(), "Saved the source colors"),
         Colors::Shown | Colors::Either => (shown(palette, own), "Saved the shown colors"),
     };
     saved.write(path).map_err(|error| error.to_string())?;
@@ -66,7 +66,7 @@ fn shown(palette: &FieldPalette, own: Option<&PaletteOverride>) -> Palette {
     let colors = colors.map(|(index, color)| own.and_then(|own| own.get(index)).unwrap_or(*color));
     Palette {
         colors: colors.map(|color| Srgba::from(color).to_f32_array_no_alpha().map(f64::from)).collect(),
-        weights: palette.source().weights.clone(),
+        weights: palette.palette().weights.clone(),
     }
 }
 

@@ -63,8 +63,8 @@ impl GpuField {
     }
 
     /// Returns whether a level that a camera requested in the last frame is not ready yet.
-    pub fn is_busy(&self) -> bool {
-        self.levels.is_busy()
+    pub fn has_pending_levels(&self) -> bool {
+        self.levels.are_pending()
     }
 
     /// Uploads the levels that were requested in this frame and have been made. If one fails, returns its error.

@@ -32,7 +32,7 @@ impl Level {
     pub(super) fn make(self, field: &PlenOctree, faintness: &OnceLock<Faintness>) -> PlenOctree {
         let mut threshold = self.density_threshold;
         if self.opacity_loss > 0.0 {
-            let faintness = faintness.get_or_init(|| on_cores(|| Faintness::of(field)));
+            let faintness = faintness.get_or_init(|| on_cores(|| Faintness::measure(field)));
             threshold = threshold.max(faintness.threshold(self.opacity_loss));
         }
         let thinned = field.thinned(threshold);

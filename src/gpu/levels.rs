@@ -100,7 +100,7 @@ impl Levels {
     }
 
     /// Returns whether a level that was requested in the last frame is not ready yet.
-    pub fn is_busy(&self) -> bool {
+    pub fn are_pending(&self) -> bool {
         let waits = |state: &State| matches!(state, State::Making(_) | State::Uploading(_));
         self.slots.iter().any(|slot| slot.idle <= 1 && waits(&slot.state))
     }

@@ -5,6 +5,7 @@ mod field;
 mod level;
 mod levels;
 mod payload;
+pub(crate) mod pipelines;
 mod records;
 mod report;
 mod shaders;
@@ -12,9 +13,11 @@ mod systems;
 mod textures;
 mod upload;
 
-pub(crate) use constants::{MAX_PROPS_IN_VIEW, SAMPLING_WORKGROUP};
+pub use constants::MAX_PROPS_IN_VIEW;
+pub(crate) use constants::SAMPLING_WORKGROUP;
 pub use field::GpuField;
 pub(crate) use level::Level;
+pub(crate) use report::GpuStatus;
 pub use report::{FieldFailed, FieldReady};
 pub(crate) use shaders::{Shaders, field_definitions};
 pub use upload::FieldTooLarge;
@@ -22,7 +25,7 @@ pub(crate) use upload::{FieldLayout, FieldShape, GpuLevel};
 
 use bevy::{
     prelude::*,
-    render::{Render, RenderApp, RenderSystems, render_asset::RenderAssetPlugin},
+    render::{ExtractSchedule, Render, RenderApp, RenderStartup, RenderSystems, render_asset::RenderAssetPlugin},
 };
 
 use crate::sets::{PlenOctreeRenderSystems, PlenOctreeSystems};
@@ -32,24 +35,32 @@ pub(crate) struct GpuFieldPlugin;
 
 impl Plugin for GpuFieldPlugin {
     fn build(&self, app: &mut App) {
-        let reports = report::FieldReports::default();
-        app.insert_resource(reports.clone())
+        app.init_resource::<GpuStatus>()
             .add_message::<FieldReady>()
             .add_message::<FieldFailed>()
             .add_systems(PreUpdate, report::receive.in_set(PlenOctreeSystems::ReportFields));
         if app.get_sub_app(RenderApp).is_none() {
             return;
         }
+        let reports = report::FieldReports::default();
+        app.insert_resource(reports.clone());
         let shaders = Shaders::add_to(app);
         app.add_plugins(RenderAssetPlugin::<GpuField>::default());
         if let Some(render_app) = app.get_sub_app_mut(RenderApp) {
-            render_app.insert_resource(shaders).insert_resource(reports).init_resource::<FieldLayout>().add_systems(
-                Render,
-                (
-                    systems::upload_levels.in_set(PlenOctreeRenderSystems::UploadLevels),
-                    systems::evict_levels.in_set(RenderSystems::Cleanup),
-                ),
-            );
+            render_app
+                .insert_resource(shaders)
+                .insert_resource(reports)
+                .init_resource::<report::RenderedFrame>()
+                .init_resource::<FieldLayout>()
+                .add_systems(RenderStartup, report::report_new_device)
+                .add_systems(ExtractSchedule, report::extract_frame)
+                .add_systems(
+                    Render,
+                    (
+                        systems::upload_levels.in_set(PlenOctreeRenderSystems::UploadLevels),
+                        (systems::evict_levels, report::report_pipelines).in_set(RenderSystems::Cleanup),
+                    ),
+                );
         }
     }
 }

@@ -62,6 +62,12 @@ impl Records {
         16 * ((1 << (3 * level)) + children)
     }
 
+    /// Returns the number of child records of a field, without creating them.
+    pub fn child_count(field: &PlenOctree, allowance: u64) -> usize {
+        let depth = field.depth().max(2);
+        count_children(field, 0, 0, table_level(depth, allowance), depth)
+    }
+
     fn fill(&mut self, field: &PlenOctree, part: Part, level: u32, corner: [u32; 3]) {
         if level < self.table_level
             && let Part::Node(node) = part
@@ -125,6 +131,32 @@ impl Records {
         }
         [mask as u32, (mask >> 32) as u32, first as u32, INNER]
     }
+}
+
+/// Returns the number of child records of a node and of everything below it.
+fn count_children(field: &PlenOctree, node: u32, level: u32, table_level: u32, depth: u32) -> usize {
+    let cells = field.nodes()[node as usize].iter().map(|cell| Part::from(*cell));
+    let count = |node, level| count_children(field, node, level, table_level, depth);
+    if level < table_level {
+        return cells.map(|part| if let Part::Node(node) = part { count(node, level + 1) } else { 0 }).sum();
+    }
+    if level + 2 >= depth {
+        return 0;
+    }
+    let octant = |part| match part {
+        Part::Empty => 0,
+        Part::Leaf(_) => 8,
+        Part::Node(node) => {
+            let parts = field.nodes()[node as usize].iter().map(|cell| Part::from(*cell));
+            let part = |part| match part {
+                Part::Empty => 0,
+                Part::Leaf(_) => 1,
+                Part::Node(node) => 1 + count(node, level + 2),
+            };
+            parts.map(part).sum()
+        }
+    };
+    cells.map(octant).sum()
 }
 
 /// The content of a cell.
@@ -237,6 +269,7 @@ mod tests {
         ) {
             let field = tree(&choices, depth);
             let records = Records::new(&field, 0);
+            prop_assert_eq!(Records::child_count(&field, 0), records.children.len());
             let scale = 1 << (records.depth - field.depth());
             for leaf in field.leaf_cells() {
                 let found = locate(&records, leaf.corner * scale);

@@ -1,15 +1,23 @@
-//! Reports to the main world which fields are on the GPU, and which do not fit.
+//! Reports to the main world what is on the GPU, and what does not fit.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::{
+    collections::HashMap,
+    sync::{Arc, Mutex, MutexGuard, PoisonError},
+};
 
-use bevy::prelude::*;
+use bevy::{
+    prelude::*,
+    render::{Extract, render_resource::PipelineCache},
+};
 use plenoctree::PlenOctree;
 
-use super::upload::FieldTooLarge;
+use super::{pipelines, upload::FieldTooLarge};
 
-/// A message written in [`PreUpdate`] when a field is on the GPU, and again whenever the field is reloaded.
+/// A message written in [`PreUpdate`] when a field is on the GPU, and again whenever the field is reloaded or the GPU
+/// device was lost and replaced.
 ///
-/// The field's props are drawn from the next frame on.
+/// The field's props are drawn in the same frame, unless they wait for a palette. To know whether a prop can be drawn,
+/// use [`PropState`](crate::PropState).
 #[derive(Message, Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FieldReady {
     /// The field.
@@ -18,46 +26,156 @@ pub struct FieldReady {
 
 /// A message written in [`PreUpdate`] when the GPU cannot hold a field, or a level of it that a camera's
 /// [`PropQuality`](crate::PropQuality) requests.
-///
-/// Props of a field that does not fit are not drawn. If only a level does not fit, another level is drawn in its place.
 #[derive(Message, Clone, Debug, PartialEq, Eq)]
 pub struct FieldFailed {
     /// The field.
     pub field: AssetId<PlenOctree>,
     /// The part that does not fit, and its size.
     pub error: FieldTooLarge,
+    /// Whether only a level does not fit. Another level is drawn in its place. Otherwise, the field's props are not
+    /// drawn.
+    pub only_level: bool,
 }
 
-type Report = (AssetId<PlenOctree>, Result<(), FieldTooLarge>);
+/// A report of the render world.
+enum Report {
+    Field(AssetId<PlenOctree>, Result<(), FieldTooLarge>),
+    Level(AssetId<PlenOctree>, FieldTooLarge),
+    /// The device is new, so nothing is on it.
+    NewDevice,
+}
+
+#[derive(Default)]
+struct Inbox {
+    reports: Vec<Report>,
+    /// The last frame that was rendered with all pipelines.
+    drawn: u64,
+    pipeline_error: Option<String>,
+}
 
 /// Carries reports from the render world to the main world. Both worlds hold a clone.
 #[derive(Resource, Clone, Default)]
-pub(super) struct FieldReports(Arc<Mutex<Vec<Report>>>);
+pub(super) struct FieldReports(Arc<Mutex<Inbox>>);
 
 impl FieldReports {
-    pub fn push(&self, field: AssetId<PlenOctree>, outcome: Result<(), FieldTooLarge>) {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).push((field, outcome));
+    pub fn field(&self, field: AssetId<PlenOctree>, outcome: Result<(), FieldTooLarge>) {
+        self.inbox().reports.push(Report::Field(field, outcome));
     }
 
-    fn take(&self) -> Vec<Report> {
-        std::mem::take(&mut *self.0.lock().unwrap_or_else(PoisonError::into_inner))
+    pub fn level(&self, field: AssetId<PlenOctree>, error: FieldTooLarge) {
+        self.inbox().reports.push(Report::Level(field, error));
+    }
+
+    fn inbox(&self) -> MutexGuard<'_, Inbox> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-/// Writes reports as messages. Runs in the main world.
+/// What the main world knows of the GPU.
+#[derive(Resource, Default)]
+pub(crate) struct GpuStatus {
+    /// Whether there is a render world, which reports.
+    has_reports: bool,
+    outcomes: HashMap<AssetId<PlenOctree>, Result<(), FieldTooLarge>>,
+    frame: u64,
+    drawn: u64,
+    pipeline_error: Option<String>,
+}
+
+impl GpuStatus {
+    /// Returns whether a loaded field is on the GPU, or `None` if that is not known yet. Without a GPU, fields need not
+    /// be there.
+    pub fn outcome(&self, field: AssetId<PlenOctree>) -> Option<Result<(), &FieldTooLarge>> {
+        if !self.has_reports {
+            return Some(Ok(()));
+        }
+        self.outcomes.get(&field).map(|outcome| outcome.as_ref().copied())
+    }
+
+    /// Returns the number of this frame.
+    pub fn frame(&self) -> u64 {
+        self.frame
+    }
+
+    /// Returns whether this frame or a later one was rendered with all pipelines.
+    pub fn has_drawn(&self, frame: u64) -> bool {
+        !self.has_reports || self.drawn >= frame
+    }
+
+    /// Returns why a pipeline that draws props could not be created, if there is one.
+    pub fn pipeline_error(&self) -> Option<&str> {
+        self.pipeline_error.as_deref()
+    }
+}
+
+/// Receives the reports and writes messages. Runs in the main world.
 pub(super) fn receive(
-    reports: Res<FieldReports>,
+    reports: Option<Res<FieldReports>>,
+    mut status: ResMut<GpuStatus>,
+    mut fields: MessageReader<AssetEvent<PlenOctree>>,
     mut ready: MessageWriter<FieldReady>,
     mut failed: MessageWriter<FieldFailed>,
 ) {
-    for (field, outcome) in reports.take() {
-        match outcome {
-            Ok(()) => {
-                ready.write(FieldReady { field });
+    status.frame += 1;
+    for event in fields.read() {
+        if let AssetEvent::Removed { id } = event {
+            status.outcomes.remove(id);
+        }
+    }
+    let Some(reports) = reports else { return };
+    status.has_reports = true;
+    let mut inbox = reports.inbox();
+    status.drawn = inbox.drawn;
+    if status.pipeline_error != inbox.pipeline_error {
+        status.pipeline_error.clone_from(&inbox.pipeline_error);
+    }
+    for report in inbox.reports.drain(..) {
+        match report {
+            Report::NewDevice => status.outcomes.clear(),
+            Report::Level(field, error) => {
+                failed.write(FieldFailed { field, error, only_level: true });
             }
-            Err(error) => {
-                failed.write(FieldFailed { field, error });
+            Report::Field(field, outcome) => {
+                status.outcomes.insert(field, outcome.clone());
+                match outcome {
+                    Ok(()) => {
+                        ready.write(FieldReady { field });
+                    }
+                    Err(error) => {
+                        failed.write(FieldFailed { field, error, only_level: false });
+                    }
+                }
             }
         }
     }
+}
+
+/// The number of the frame that is being rendered.
+#[derive(Resource, Default)]
+pub(super) struct RenderedFrame(u64);
+
+pub(super) fn extract_frame(status: Extract<Res<GpuStatus>>, mut frame: ResMut<RenderedFrame>) {
+    frame.0 = status.frame;
+}
+
+/// Reports whether all pipelines were there when this frame was rendered.
+pub(super) fn report_pipelines(cache: Res<PipelineCache>, frame: Res<RenderedFrame>, reports: Res<FieldReports>) {
+    let mut inbox = reports.inbox();
+    if pipelines::waiting(&cache).all(|label| !is_ours(label)) {
+        inbox.drawn = frame.0;
+    }
+    let error = pipelines::failed(&cache).find(|(label, _)| is_ours(label));
+    match (error, &inbox.pipeline_error) {
+        (None, None) | (Some(_), Some(_)) => {}
+        (error, _) => inbox.pipeline_error = error.map(|(label, error)| format!("{label}: {error}")),
+    }
+}
+
+fn is_ours(label: &str) -> bool {
+    label.starts_with("plenoctree_")
+}
+
+/// Forgets what was on a lost device.
+pub(super) fn report_new_device(reports: Res<FieldReports>) {
+    reports.inbox().reports.push(Report::NewDevice);
 }

@@ -16,10 +16,10 @@ pub(super) fn upload_levels(
             if let Err(error) = &outcome {
                 error!("field {id} is not drawn: {error}");
             }
-            reports.push(id, outcome);
+            reports.field(id, outcome);
         } else if let Some(error) = failure {
             error!("a level of field {id} is not drawn: {error}");
-            reports.push(id, Err(error));
+            reports.level(id, error);
         }
     }
 }

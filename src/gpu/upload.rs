@@ -36,9 +36,10 @@ pub struct FieldTooLarge {
     pub what: &'static str,
     /// The size of that part, in bytes.
     pub bytes: u64,
-    /// The maximum size that the device allows, in bytes: that of a texture with four words per texel, whose height is
-    /// `max_texture_dimension_2d`, and whose width is the same but at most 8192. `None` if the driver ran out of
-    /// memory: drivers do not report how much is left.
+    /// The maximum size that the device allows, in bytes: that of a texture with four words per texel (one word for
+    /// densities), whose height is `max_texture_dimension_2d`, and whose width is the same but at most 8192. `None` if
+    /// the driver ran out of memory or refused a texture: drivers do not report how much is left. The log then holds
+    /// the driver's message.
     pub limit: Option<u64>,
 }
 
@@ -105,9 +106,24 @@ pub(super) fn table_allowance(field: &PlenOctree) -> u64 {
 
 /// Checks whether a device with these `limits` can hold the field.
 pub(super) fn check(field: &PlenOctree, limits: &wgpu::Limits) -> Result<(), FieldTooLarge> {
-    let limit = Row::new(limits).most_texels() * 16;
-    let too_large = arrays(field).into_iter().find(|(_, bytes)| *bytes > limit);
-    too_large.map_or(Ok(()), |(what, bytes)| Err(FieldTooLarge { what, bytes, limit: Some(limit) }))
+    let children = Records::child_count(field, table_allowance(field)) as u64;
+    check_arrays(field, children, limits)
+}
+
+/// Checks a field whose number of child records is known.
+fn check_arrays(field: &PlenOctree, children: u64, limits: &wgpu::Limits) -> Result<(), FieldTooLarge> {
+    let texels = Row::new(limits).most_texels();
+    let [(densities, density_bytes), (coefficients, coefficient_bytes)] = arrays(field);
+    // A texel of densities has one word instead of four.
+    for (what, bytes, texel) in
+        [(coefficients, coefficient_bytes, 16), (densities, density_bytes, 4), ("child records", 16 * children, 16)]
+    {
+        let limit = texel * texels;
+        if bytes > limit {
+            return Err(FieldTooLarge { what, bytes, limit: Some(limit) });
+        }
+    }
+    Ok(())
 }
 
 /// A level that is ready to be uploaded.
@@ -146,7 +162,10 @@ pub(super) enum Uploaded {
 
 fn outcome(level: &Arc<GpuLevel>, error: Option<wgpu::Error>) -> Result<Arc<GpuLevel>, FieldTooLarge> {
     match error {
-        Some(_) => Err(FieldTooLarge { what: "textures", bytes: level.bytes, limit: None }),
+        Some(error) => {
+            warn!("the driver refused a field of {} bytes: {error}", level.bytes);
+            Err(FieldTooLarge { what: "textures", bytes: level.bytes, limit: None })
+        }
         None => Ok(level.clone()),
     }
 }
@@ -162,7 +181,7 @@ pub struct Uploader<'w> {
 
 impl Uploader<'_> {
     pub(super) fn upload(&self, data: &LevelData) -> Uploaded {
-        if let Err(error) = check(&data.field, &self.device.limits()) {
+        if let Err(error) = check_arrays(&data.field, data.records.children.len() as u64, &self.device.limits()) {
             return Uploaded::Now(Err(error));
         }
         // Catch driver errors, such as running out of memory, here instead of in the middle of a frame. Textures

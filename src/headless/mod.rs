@@ -3,34 +3,34 @@
 mod camera;
 mod plugins;
 mod readback;
+mod waiting;
 
 pub use camera::{exact_camera, pinhole_view};
 pub use plugins::HeadlessPlugins;
+#[cfg(feature = "headless-lit")]
+pub use plugins::LitMeshPlugins;
 
-use std::time::{Duration, Instant};
+use std::{
+    collections::HashSet,
+    time::{Duration, Instant},
+};
 
 use bevy::{
-    asset::LoadState,
+    app::AppLabel,
+    asset::handle_internal_asset_events,
     camera::RenderTarget,
     prelude::*,
     render::{
         RenderApp,
-        render_asset::RenderAssets,
         render_resource::{PipelineCache, PollType, TextureFormat, TextureUsages},
         renderer::RenderDevice,
         settings::WgpuSettings,
     },
+    time::TimeReceiver,
 };
 use image::RgbaImage;
-use plenoctree::{PlenOctree, palette::ExtractionError};
 
-use crate::{
-    gpu::{FieldTooLarge, GpuField},
-    palette::{PaletteExtraction, Palettes},
-    posterize::Posterize,
-    prop::Prop,
-    stage::PosterizeView,
-};
+use crate::state::PropError;
 
 /// An error of [`Headless`].
 #[derive(Debug, thiserror::Error)]
@@ -38,18 +38,17 @@ pub enum HeadlessError {
     /// There is no graphics adapter, not even a software one.
     #[error("no usable graphics adapter (install a Vulkan driver, such as Mesa's lavapipe): {0}")]
     NoAdapter(String),
-    /// The field of a prop or of a posterized view could not be loaded.
-    #[error("{0}")]
-    Field(String),
-    /// The field of a prop does not fit on the GPU.
+    /// A prop or a posterized view cannot be drawn as it should be, or nothing can be drawn.
     #[error(transparent)]
-    TooLarge(FieldTooLarge),
-    /// A palette could not be extracted.
-    #[error(transparent)]
-    Palette(ExtractionError),
-    /// The scene was not ready before the timeout.
-    #[error("the scene was not ready after {0:?}")]
-    TimedOut(Duration),
+    Prop(PropError),
+    /// The time limit was exceeded.
+    #[error("waited {limit:?} in vain for {waiting_for}")]
+    TimedOut {
+        /// The time limit.
+        limit: Duration,
+        /// What was not ready.
+        waiting_for: String,
+    },
     /// The frame could not be read back from the GPU.
     #[error("failed to read the frame back: {0}")]
     Readback(String),
@@ -57,10 +56,11 @@ pub enum HeadlessError {
 
 /// An app without a window that renders to an image: update it until the assets are ready, then capture a frame.
 ///
-/// Frames run only when you ask for them: in [`update`](Self::update), [`wait_until_ready`](Self::wait_until_ready) and
-/// [`capture`](Self::capture), which run on the calling thread and return after rendering. Time follows the wall clock;
-/// insert Bevy's `TimeUpdateStrategy::ManualDuration` for reproducible frames. See [`HeadlessPlugins`] for the plugins
-/// that an app may need in addition.
+/// Frames run only when you ask for them: [`update`](Self::update) and [`capture`](Self::capture) run one each, and
+/// [`wait_until_ready`](Self::wait_until_ready) as many as it takes. All run on the calling thread and return after
+/// rendering. Time follows the wall clock; insert Bevy's `TimeUpdateStrategy::ManualDuration` for reproducible frames.
+/// The app has the plugins of [`HeadlessPlugins`]; add `LitMeshPlugins` (feature
+/// `headless-lit`) for lit meshes.
 ///
 /// ```no_run
 /// # use bevy::prelude::*;
@@ -81,12 +81,18 @@ pub enum HeadlessError {
 pub struct Headless {
     /// The app. Use its world to spawn entities and to read results.
     pub app: App,
+    /// The longest time that [`capture`](Self::capture) waits until its frame is complete.
+    ///
+    /// Defaults to two minutes.
+    pub time_limit: Duration,
     target: Handle<Image>,
 }
 
 impl Headless {
     /// Creates an app with [`HeadlessPlugins`] and everything that `configure` adds. Its target is an image of `size`
     /// pixels.
+    ///
+    /// No frame has run when it returns, and no schedule: [`Startup`] runs with the first frame.
     ///
     /// Returns [`HeadlessError::NoAdapter`] if there is no graphics adapter.
     pub fn new(size: UVec2, configure: impl FnOnce(&mut App)) -> Result<Self, HeadlessError> {
@@ -113,7 +119,7 @@ impl Headless {
         app.finish();
         app.cleanup();
         let target = app.world_mut().resource_mut::<Assets<Image>>().add(target_image(size));
-        Ok(Self { app, target })
+        Ok(Self { app, time_limit: Duration::from_secs(120), target })
     }
 
     /// Resizes the target to `size` pixels, starting with the next frame. A size of 0 counts as 1.
@@ -134,103 +140,83 @@ impl Headless {
     /// Runs one frame. When it returns, the frame's commands have been submitted to the GPU.
     pub fn update(&mut self) {
         self.app.update();
-        // Without a window, nothing else polls the device. Polling runs its callbacks, such as the one for a lost
-        // device.
+        self.poll();
+    }
+
+    /// Runs frames until everything is ready to be drawn: all [`Prop`](crate::Prop)s are [`Ready`](crate::PropState),
+    /// all [posterized views](crate::PosterizeView) have their palettes, and all pipelines have their shaders. Runs at
+    /// least one frame.
+    ///
+    /// Returns an error if a prop, a palette or a pipeline has failed, or if the scene is not ready after `timeout`; it
+    /// says what was not.
+    pub fn wait_until_ready(&mut self, timeout: Duration) -> Result<(), HeadlessError> {
+        let start = Instant::now();
+        loop {
+            self.update();
+            let Some(waiting_for) = waiting::for_scene(&mut self.app)? else {
+                return Ok(());
+            };
+            pause(start, timeout, waiting_for)?;
+        }
+    }
+
+    /// Runs one frame and returns it as an image in encoded sRGB, with the top row first.
+    ///
+    /// If pipelines or levels that the frame needs are not ready yet, waits for them and renders the frame again. No
+    /// system of the main world runs meanwhile, so the frame is still the next one, whatever it needs. Does not wait for
+    /// fields and palettes that are being loaded: call [`wait_until_ready`](Self::wait_until_ready) before.
+    ///
+    /// Returns an error if a pipeline has failed, if the frame is not complete after
+    /// [`time_limit`](Self::time_limit), or if it cannot be read back.
+    pub fn capture(&mut self) -> Result<RgbaImage, HeadlessError> {
+        let start = Instant::now();
+        self.update();
+        let mut shaders: HashSet<_> = self.app.world().resource::<Assets<Shader>>().ids().collect();
+        while let Some(waiting_for) = waiting::for_frame(&self.app)? {
+            pause(start, self.time_limit, waiting_for)?;
+            self.redraw(&mut shaders);
+        }
+        readback::read(&self.app, &self.target, self.time_limit)
+    }
+
+    /// Renders the last frame again. `shaders` are those that the renderer has.
+    fn redraw(&mut self, shaders: &mut HashSet<AssetId<Shader>>) {
+        let apps = self.app.sub_apps_mut();
+        let (world, Some(render)) = (apps.main.world_mut(), apps.sub_apps.get_mut(&RenderApp.intern())) else {
+            return;
+        };
+        // Systems in the main world would receive the shaders that Bevy loads, and the time of the last rendering.
+        handle_internal_asset_events(world);
+        if let Some(mut cache) = render.world_mut().get_resource_mut::<PipelineCache>() {
+            for (id, shader) in world.resource::<Assets<Shader>>().iter().filter(|(id, _)| shaders.insert(*id)) {
+                cache.set_shader(id, shader.clone());
+            }
+        }
+        if let Some(time) = world.get_resource::<TimeReceiver>() {
+            while time.0.try_recv().is_ok() {}
+        }
+        render.extract(world);
+        render.update();
+        self.poll();
+    }
+
+    /// Without a window, nothing else polls the device. Polling runs its callbacks, such as the one for a lost device.
+    fn poll(&self) {
         let render = self.app.get_sub_app(RenderApp);
         if let Some(device) = render.and_then(|render| render.world().get_resource::<RenderDevice>()) {
             // Bevy's error handler receives errors as well.
             let _ = device.poll(PollType::Poll);
         }
     }
+}
 
-    /// Runs frames until everything is ready to be drawn: the fields of all [`Prop`]s are on the GPU, all
-    /// [`Posterize`]d props and [views](PosterizeView) have their palettes, and all pipelines have their shaders. Until
-    /// Bevy has loaded its own shaders, cameras draw nothing.
-    ///
-    /// Returns an error if a field cannot be loaded or does not fit on the GPU, if a palette cannot be extracted, or if
-    /// the scene is not ready after `timeout`.
-    pub fn wait_until_ready(&mut self, timeout: Duration) -> Result<(), HeadlessError> {
-        let start = Instant::now();
-        loop {
-            self.update();
-            if self.is_ready()? {
-                return Ok(());
-            }
-            if start.elapsed() > timeout {
-                return Err(HeadlessError::TimedOut(timeout));
-            }
-            std::thread::sleep(Duration::from_millis(1));
-        }
+/// Waits a moment. Fails if the time limit is exceeded.
+fn pause(start: Instant, limit: Duration, waiting_for: String) -> Result<(), HeadlessError> {
+    if start.elapsed() > limit {
+        return Err(HeadlessError::TimedOut { limit, waiting_for });
     }
-
-    fn is_ready(&mut self) -> Result<bool, HeadlessError> {
-        let world = self.app.world_mut();
-        let mut props = world.query::<(&Prop, Has<Posterize>)>();
-        let props: Vec<_> = props.iter(world).map(|(prop, posterized)| (prop.0.clone(), posterized)).collect();
-        let mut views = world.query_filtered::<&PosterizeView, With<Posterize>>();
-        let views: Vec<_> = views.iter(world).map(|view| view.0.clone()).collect();
-        let mut ready = self.pipelines_are_ready();
-        for (field, posterized) in props {
-            ready &= self.has_field(&field)? && (!posterized || self.has_palette(&field)?);
-        }
-        for field in views {
-            if !self.has_palette(&field)? {
-                self.check_load_state(&field)?;
-                ready = false;
-            }
-        }
-        Ok(ready)
-    }
-
-    fn pipelines_are_ready(&self) -> bool {
-        let render = self.app.get_sub_app(RenderApp);
-        let cache = render.and_then(|render| render.world().get_resource::<PipelineCache>());
-        cache.is_none_or(|cache| cache.waiting_pipelines().next().is_none())
-    }
-
-    fn has_pending_levels(&self) -> bool {
-        let render = self.app.get_sub_app(RenderApp);
-        let fields = render.and_then(|render| render.world().get_resource::<RenderAssets<GpuField>>());
-        fields.is_some_and(|fields| fields.iter().any(|(_, field)| field.is_busy()))
-    }
-
-    fn check_load_state(&self, field: &Handle<PlenOctree>) -> Result<(), HeadlessError> {
-        match self.app.world().resource::<AssetServer>().load_state(field) {
-            LoadState::Failed(error) => Err(HeadlessError::Field(error.to_string())),
-            _ => Ok(()),
-        }
-    }
-
-    fn has_field(&self, field: &Handle<PlenOctree>) -> Result<bool, HeadlessError> {
-        self.check_load_state(field)?;
-        let render = self.app.get_sub_app(RenderApp);
-        let fields = render.and_then(|render| render.world().get_resource::<RenderAssets<GpuField>>());
-        match fields.and_then(|fields| fields.get(field)?.outcome()) {
-            Some(outcome) => outcome.map(|()| true).map_err(|error| HeadlessError::TooLarge(error.clone())),
-            None => Ok(false),
-        }
-    }
-
-    fn has_palette(&self, field: &Handle<PlenOctree>) -> Result<bool, HeadlessError> {
-        let world = self.app.world();
-        match world.resource::<PaletteExtraction>().error(field) {
-            Some(error) => Err(HeadlessError::Palette(error.clone())),
-            None => Ok(world.resource::<Palettes>().get(field).is_some()),
-        }
-    }
-
-    /// Runs one more frame and returns it as an image in encoded sRGB, with the top row first. If the frame requests
-    /// levels that are not ready yet, runs frames until they are.
-    ///
-    /// Returns [`HeadlessError::Readback`] if the frame cannot be read back.
-    pub fn capture(&mut self) -> Result<RgbaImage, HeadlessError> {
-        self.update();
-        while self.has_pending_levels() {
-            std::thread::sleep(Duration::from_millis(1));
-            self.update();
-        }
-        readback::read(&self.app, &self.target)
-    }
+    std::thread::sleep(Duration::from_millis(1));
+    Ok(())
 }
 
 fn target_image(size: UVec2) -> Image {

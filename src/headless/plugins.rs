@@ -21,9 +21,9 @@ use wgpu::{Backends, Instance, InstanceDescriptor, RequestAdapterOptions};
 /// A plugin group for apps that render to images: no window, synchronous pipeline compilation, and rendering on the
 /// thread that updates the app.
 ///
-/// It contains only what props and unlit meshes need: tasks, time, transforms, diagnostics, input, windows, assets, the
-/// renderer, images, meshes, cameras and the core pipelines. Add Bevy's `LightPlugin` and `PbrPlugin` for lit meshes,
-/// `PostProcessPlugin` for bloom and similar effects, and `LogPlugin` for log messages.
+/// It contains only what props need: tasks, time, transforms, diagnostics, input, windows, assets, the renderer, images,
+/// meshes, cameras and the core pipelines. Add `LitMeshPlugins` (feature `headless-lit`) for meshes with Bevy's
+/// materials, lights, shadows, gizmos, and effects such as bloom, and Bevy's `LogPlugin` for log messages.
 pub struct HeadlessPlugins;
 
 impl PluginGroup for HeadlessPlugins {
@@ -42,6 +42,31 @@ impl PluginGroup for HeadlessPlugins {
             .add(MeshPlugin)
             .add(CameraPlugin)
             .add(CorePipelinePlugin)
+    }
+}
+
+/// A plugin group that adds to [`HeadlessPlugins`] what meshes with Bevy's materials need: lights, shadows, materials,
+/// gizmos, and effects such as bloom. Requires the feature `headless-lit`.
+///
+/// ```no_run
+/// # use bevy::prelude::*;
+/// # use bevy_plenoctree::{PlenOctreePlugin, headless::{Headless, LitMeshPlugins}};
+/// let headless = Headless::new(UVec2::new(640, 480), |app| {
+///     app.add_plugins((LitMeshPlugins, PlenOctreePlugin));
+/// });
+/// ```
+#[cfg(feature = "headless-lit")]
+pub struct LitMeshPlugins;
+
+#[cfg(feature = "headless-lit")]
+impl PluginGroup for LitMeshPlugins {
+    fn build(self) -> PluginGroupBuilder {
+        PluginGroupBuilder::start::<Self>()
+            .add(bevy::light::LightPlugin)
+            .add(bevy::post_process::PostProcessPlugin)
+            .add(bevy::pbr::PbrPlugin::default())
+            .add(bevy::gizmos::GizmoPlugin)
+            .add(bevy::gizmos_render::GizmoRenderPlugin)
     }
 }
 

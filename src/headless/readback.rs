@@ -1,5 +1,7 @@
 //! Reading a texture back from the GPU.
 
+use std::time::Duration;
+
 use bevy::{
     prelude::*,
     render::{
@@ -17,8 +19,8 @@ use image::RgbaImage;
 
 use super::HeadlessError;
 
-/// Waits for the GPU and returns the pixels of an 8-bit RGBA image.
-pub(super) fn read(app: &App, handle: &Handle<Image>) -> Result<RgbaImage, HeadlessError> {
+/// Waits for the GPU, at most for `patience`, and returns the pixels of an 8-bit RGBA image.
+pub(super) fn read(app: &App, handle: &Handle<Image>, patience: Duration) -> Result<RgbaImage, HeadlessError> {
     let failed = |reason: &str| HeadlessError::Readback(reason.into());
     let world = app.get_sub_app(RenderApp).ok_or_else(|| failed("there is no render world"))?.world();
     let device = world.resource::<RenderDevice>();
@@ -46,7 +48,8 @@ pub(super) fn read(app: &App, handle: &Handle<Image>) -> Result<RgbaImage, Headl
         // The receiver is dropped only if polling fails below, which returns its own error.
         let _ = sender.send(result);
     });
-    device.poll(PollType::wait_indefinitely()).map_err(|error| failed(&error.to_string()))?;
+    let wait = PollType::Wait { submission_index: None, timeout: Some(patience) };
+    device.poll(wait).map_err(|error| failed(&error.to_string()))?;
     receiver.recv().map_err(|_| failed("the buffer was not mapped"))?.map_err(|error| failed(&error.to_string()))?;
     let mapped = buffer.slice(..).get_mapped_range();
     let pixels = mapped.chunks_exact(row).flat_map(|line| &line[..size.width as usize * 4]).copied().collect();

@@ -20,6 +20,7 @@ use wgpu::DeviceType;
 
 use super::{
     posterized::Posterized,
+    ready::PaletteFailed,
     resource::{FieldPalette, Palettes},
 };
 use crate::{
@@ -75,7 +76,7 @@ pub struct PaletteExtraction {
     /// Defaults to 4 ms.
     pub budget: Option<Duration>,
     #[reflect(ignore)]
-    requested: HashSet<AssetId<PlenOctree>>,
+    requested: HashMap<AssetId<PlenOctree>, Purpose>,
     #[reflect(ignore)]
     running: HashMap<AssetId<PlenOctree>, Running>,
     #[reflect(ignore)]
@@ -90,7 +91,7 @@ impl Default for PaletteExtraction {
             settings: ExtractionSettings::default(),
             sampler: PaletteSampler::default(),
             budget: Some(Duration::from_millis(4)),
-            requested: HashSet::new(),
+            requested: HashMap::new(),
             running: HashMap::new(),
             failed: HashMap::new(),
             sampled: HashMap::new(),
@@ -98,9 +99,31 @@ impl Default for PaletteExtraction {
     }
 }
 
+/// What an extraction is for, which decides what it may replace.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Purpose {
+    /// The field has no palette.
+    Missing,
+    /// The field has one that was extracted from an earlier version of it. Replaces that one, and no other.
+    Outdated,
+    /// [`PaletteExtraction::request`] was called. Replaces any palette.
+    Requested,
+}
+
+impl Purpose {
+    /// Returns whether the result becomes the palette of the field.
+    fn applies(self, field: AssetId<PlenOctree>, palettes: &Palettes) -> bool {
+        let is_extracted = || palettes.get(field).is_some_and(|palette| palette.extraction().is_some());
+        match self {
+            Self::Missing => palettes.lacks(field),
+            Self::Outdated => palettes.lacks(field) || is_extracted(),
+            Self::Requested => true,
+        }
+    }
+}
+
 struct Running {
-    /// Whether the result replaces a palette that the field already has.
-    replaces: bool,
+    purpose: Purpose,
     progress: Arc<Progress>,
     stage: Stage,
 }
@@ -120,7 +143,8 @@ impl PaletteExtraction {
         self.running.get(&field.into()).map(|running| running.progress.fraction())
     }
 
-    /// Returns why a field's last extraction failed, or `None` if it did not.
+    /// Returns why a field's last extraction failed, or `None` if it did not, or if a palette was inserted or removed
+    /// since then.
     pub fn error(&self, field: impl Into<AssetId<PlenOctree>>) -> Option<&ExtractionError> {
         self.failed.get(&field.into())
     }
@@ -130,42 +154,59 @@ impl PaletteExtraction {
         self.sampled.get(&field.into())
     }
 
-    /// Extracts a field's palette again, with the current settings. Cancels an extraction that is already running.
+    /// Extracts a field's palette with the current settings, even if it has one. Cancels an extraction that is already
+    /// running. If the field is reloaded meanwhile, its new version is extracted.
     ///
     /// The field keeps its palette until the new one is ready. The new one then replaces it, including edited colors,
     /// even if the palette was loaded or inserted.
-    pub fn restart(&mut self, field: impl Into<AssetId<PlenOctree>>) {
+    pub fn request(&mut self, field: impl Into<AssetId<PlenOctree>>) {
         let id = field.into();
         self.cancel(id);
-        self.requested.insert(id);
+        self.requested.insert(id, Purpose::Requested);
     }
 
-    fn cancel(&mut self, id: AssetId<PlenOctree>) {
+    /// Cancels the extraction of a field and returns what it was for, if there was one.
+    fn cancel(&mut self, id: AssetId<PlenOctree>) -> Option<Purpose> {
         self.failed.remove(&id);
-        if let Some(running) = self.running.remove(&id) {
+        let requested = self.requested.remove(&id);
+        let running = self.running.remove(&id).map(|running| {
             running.progress.cancel();
-        }
+            running.purpose
+        });
+        requested.max(running)
     }
 }
 
-/// Drops the results of fields that were changed or removed.
+/// Drops what was found out about fields that were changed or removed, and about palettes that were assigned.
 pub(super) fn forget(
     mut events: MessageReader<AssetEvent<PlenOctree>>,
     mut extraction: ResMut<PaletteExtraction>,
     mut palettes: ResMut<Palettes>,
+    posterized: Posterized,
 ) {
+    if !palettes.assigned.is_empty() {
+        for id in palettes.bypass_change_detection().assigned.drain(..) {
+            extraction.failed.remove(&id);
+        }
+    }
     for event in events.read() {
         let (AssetEvent::Modified { id } | AssetEvent::Removed { id }) = event else {
             continue;
         };
-        extraction.cancel(*id);
+        let purpose = extraction.cancel(*id);
         extraction.sampled.remove(id);
-        let removed = matches!(event, AssetEvent::Removed { .. });
-        if removed {
-            extraction.requested.remove(id);
+        if matches!(event, AssetEvent::Removed { .. }) {
+            palettes.remove(*id);
+            continue;
         }
-        // A palette that was loaded or inserted survives a hot reload of the field.
-        if palettes.get(*id).is_some_and(|palette| removed || palette.extraction().is_some()) {
+        // A palette that was loaded or inserted survives a hot reload of the field. One that was extracted is kept
+        // until its successor is ready, if anything shows it.
+        let is_outdated = palettes.get(*id).is_some_and(|palette| palette.extraction().is_some());
+        let is_shown = is_outdated && posterized.fields().any(|field| field == *id);
+        let purpose = purpose.max(is_shown.then_some(Purpose::Outdated));
+        if let Some(purpose) = purpose.filter(|purpose| *purpose > Purpose::Missing) {
+            extraction.requested.insert(*id, purpose);
+        } else if is_outdated {
             palettes.remove(*id);
         }
     }
@@ -182,7 +223,7 @@ pub(super) fn start(
     let missing = posterized.fields().filter(|id| {
         palettes.lacks(*id) && !extraction.failed.contains_key(id) && !extraction.running.contains_key(id)
     });
-    let ids: HashSet<_> = extraction.requested.iter().copied().chain(missing).collect();
+    let ids: HashSet<_> = extraction.requested.keys().copied().chain(missing).collect();
     let on_gpu = adapter.is_some_and(|adapter| match extraction.sampler {
         PaletteSampler::Auto => adapter.device_type != DeviceType::Cpu,
         PaletteSampler::Gpu => true,
@@ -205,8 +246,8 @@ pub(super) fn start(
             }
             _ => sample_on_cpu(field.clone(), settings, progress.clone()),
         };
-        let replaces = extraction.requested.remove(&id);
-        extraction.running.insert(id, Running { replaces, progress, stage });
+        let purpose = extraction.requested.remove(&id).unwrap_or(Purpose::Missing);
+        extraction.running.insert(id, Running { purpose, progress, stage });
     }
 }
 
@@ -237,6 +278,7 @@ pub(super) fn finish(
     mut extraction: ResMut<PaletteExtraction>,
     mut jobs: ResMut<SamplingJobs>,
     mut palettes: ResMut<Palettes>,
+    mut messages: MessageWriter<PaletteFailed>,
 ) {
     if jobs.0.iter().any(|job| !job.is_open()) {
         jobs.0.retain(|job| job.is_open());
@@ -272,13 +314,14 @@ pub(super) fn finish(
         };
         match result {
             // The field has been given another palette in the meantime, or one is loading.
-            Ok(_) if !running.replaces && !palettes.lacks(*id) => {}
+            Ok(_) if !running.purpose.applies(*id, &palettes) => {}
             Ok((extraction, samples)) => {
                 palettes.arrive(*id, FieldPalette::from_extraction(extraction));
                 sampled.insert(*id, samples);
             }
             Err(error) => {
                 error!("failed to extract the palette of field {id}: {error}");
+                messages.write(PaletteFailed { field: *id, error: error.clone() });
                 failed.insert(*id, error);
             }
         }

@@ -103,7 +103,7 @@ pub(super) fn load(
     mut changes: MessageReader<AssetEvent<Palette>>,
     mut fields: MessageReader<AssetEvent<PlenOctree>>,
 ) {
-    let Palettes { by_field, files, arrived } = palettes.bypass_change_detection();
+    let Palettes { by_field, files, arrived, .. } = palettes.bypass_change_detection();
     for event in fields.read() {
         if let AssetEvent::Removed { id } = event {
             files.remove(id);
@@ -123,14 +123,18 @@ pub(super) fn load(
         match file {
             PaletteSource::Sought(task) => {
                 if let Some(path) = block_on(poll_once(task)) {
-                    let handle = path.zip(server.as_ref()).map(|(path, server)| server.load(path));
+                    // Whoever allowed an unapproved path for the field allows it for the file next to it.
+                    let load = |(path, server): (_, &Res<AssetServer>)| {
+                        server.load_builder().override_unapproved().load::<Palette>(path)
+                    };
+                    let handle = path.zip(server.as_ref()).map(load);
                     *file = handle.map_or(PaletteSource::Missing, PaletteSource::Expected);
                 }
             }
             PaletteSource::Expected(handle) => {
                 if let Some(palette) = loaded.get(&*handle) {
                     // If the source colors did not change, for example after saving, keep the shown colors.
-                    if by_field.get(field).is_none_or(|current| current.source() != palette) {
+                    if by_field.get(field).is_none_or(|current| current.palette() != palette) {
                         by_field.insert(*field, FieldPalette::new(palette.clone()));
                         arrived.push(*field);
                     }

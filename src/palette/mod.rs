@@ -14,7 +14,7 @@ pub use blend::BlendSpace;
 pub use extraction::{ExtractionSamples, PaletteExtraction, PaletteSampler};
 pub use file::PaletteLoader;
 pub use overrides::PaletteOverride;
-pub use ready::PaletteReady;
+pub use ready::{PaletteFailed, PaletteReady};
 pub use resource::{FieldPalette, Palettes};
 
 use bevy::{asset::AssetTrackingSystems, prelude::*};
@@ -31,6 +31,7 @@ impl Plugin for PalettePlugin {
             .init_asset_loader::<PaletteLoader>()
             .init_resource::<Palettes>()
             .init_resource::<PaletteExtraction>()
+            .add_message::<PaletteFailed>()
             .add_message::<PaletteReady>()
             .register_type::<ExtractionSettings>()
             .register_type::<Palettes>()

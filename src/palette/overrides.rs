@@ -16,13 +16,16 @@ use super::blend::BlendSpace;
 ///
 /// ```
 /// # use bevy::prelude::*;
-/// # use bevy_plenoctree::{PaletteOverride, PlenOctree, Posterize, Prop};
+/// # use bevy_plenoctree::{PaletteOverride, PlenOctreePlugin, Posterize, Prop};
 /// fn spawn_teams(mut commands: Commands, assets: Res<AssetServer>) {
 ///     for team in [Color::srgb(0.9, 0.2, 0.2), Color::srgb(0.2, 0.4, 0.9)] {
 ///         let colors = PaletteOverride::default().with(0, team);
 ///         commands.spawn((Prop(assets.load("robot.npz")), Posterize::default(), colors));
 ///     }
 /// }
+/// # let mut app = App::new();
+/// # app.add_plugins((MinimalPlugins, AssetPlugin::default(), PlenOctreePlugin)).add_systems(Update, spawn_teams);
+/// # app.update();
 /// ```
 #[derive(Component, Clone, Debug, Default, PartialEq, Reflect)]
 #[reflect(Component, Default, Clone, PartialEq)]
@@ -32,7 +35,7 @@ pub struct PaletteOverride {
 }
 
 impl PaletteOverride {
-    /// Overrides color `index` and returns `self`. Ignores an `index` of [`Palette::MAX_COLORS`] or more.
+    /// Overrides color `index` and returns `self`, like [`set`](Self::set).
     pub fn with(mut self, index: usize, color: impl Into<Color>) -> Self {
         self.set(index, color);
         self
@@ -43,14 +46,20 @@ impl PaletteOverride {
         self.colors.get(index).copied().flatten()
     }
 
-    /// Overrides color `index`. Ignores an `index` of [`Palette::MAX_COLORS`] or more.
-    pub fn set(&mut self, index: usize, color: impl Into<Color>) {
-        if index < Palette::MAX_COLORS {
-            if index >= self.colors.len() {
-                self.colors.resize(index + 1, None);
-            }
-            self.colors[index] = Some(color.into());
+    /// Overrides color `index`. It has no effect as long as the palette of the field has no such color.
+    ///
+    /// If no palette can have such a color ([`Palette::MAX_COLORS`]), changes nothing, logs a warning (once per app), and
+    /// returns false.
+    pub fn set(&mut self, index: usize, color: impl Into<Color>) -> bool {
+        if index >= Palette::MAX_COLORS {
+            warn_once!("cannot override color {index}: palettes have at most {} colors", Palette::MAX_COLORS);
+            return false;
         }
+        if index >= self.colors.len() {
+            self.colors.resize(index + 1, None);
+        }
+        self.colors[index] = Some(color.into());
+        true
     }
 
     /// Overrides colors with the blend of two palettes, color by color: `from` at `t` = 0 and `to` at `t` = 1. `t` is

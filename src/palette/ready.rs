@@ -1,7 +1,7 @@
-//! The message that a palette was loaded or extracted.
+//! The messages that a palette was loaded or extracted, or could not be extracted.
 
 use bevy::prelude::*;
-use plenoctree::PlenOctree;
+use plenoctree::{PlenOctree, palette::ExtractionError};
 
 use super::resource::Palettes;
 
@@ -13,7 +13,7 @@ use super::resource::Palettes;
 ///
 /// ```
 /// # use bevy::prelude::*;
-/// # use bevy_plenoctree::{PaletteReady, Palettes};
+/// # use bevy_plenoctree::{PaletteReady, Palettes, PlenOctreePlugin};
 /// fn save(mut ready: MessageReader<PaletteReady>, palettes: Res<Palettes>) -> Result {
 ///     for PaletteReady { field } in ready.read() {
 ///         if let Some(palette) = palettes.get(*field).filter(|palette| palette.extraction().is_some()) {
@@ -22,11 +22,22 @@ use super::resource::Palettes;
 ///     }
 ///     Ok(())
 /// }
+/// # App::new().add_plugins((MinimalPlugins, AssetPlugin::default(), PlenOctreePlugin)).add_systems(Update, save).update();
 /// ```
 #[derive(Message, Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PaletteReady {
     /// The field whose palette is ready.
     pub field: AssetId<PlenOctree>,
+}
+
+/// A message that is written in [`PreUpdate`] when no palette could be extracted from a field. Its posterized props are
+/// drawn as trained, unless they have an earlier palette.
+#[derive(Message, Clone, Debug, PartialEq)]
+pub struct PaletteFailed {
+    /// The field.
+    pub field: AssetId<PlenOctree>,
+    /// The reason.
+    pub error: ExtractionError,
 }
 
 /// Writes a [`PaletteReady`] for every palette that was loaded or extracted since the last call.

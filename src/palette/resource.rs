@@ -20,12 +20,22 @@ use super::{blend::BlendSpace, source::PaletteSource};
 ///
 /// ```
 /// # use bevy::prelude::*;
-/// # use bevy_plenoctree::{BlendSpace, Palettes, PlenOctree};
-/// fn paint_it_blue(field: Handle<PlenOctree>, mut palettes: ResMut<Palettes>) {
-///     if let Some(palette) = palettes.get_mut(&field) {
-///         palette.set(0, Color::srgb(0.1, 0.2, 0.9));
+/// # use bevy_plenoctree::{FieldPalette, Palettes, PlenOctree, PlenOctreePlugin, Prop};
+/// fn paint_it_blue(props: Query<&Prop>, mut palettes: ResMut<Palettes>) {
+///     for prop in &props {
+///         if let Some(palette) = palettes.get_mut(&prop.0) {
+///             palette.set(0, Color::srgb(0.1, 0.2, 0.9));
+///         }
 ///     }
 /// }
+/// # let mut app = App::new();
+/// # app.add_plugins((MinimalPlugins, AssetPlugin::default(), PlenOctreePlugin)).add_systems(Update, paint_it_blue);
+/// # let field = Handle::<PlenOctree>::default();
+/// # app.world_mut().resource_mut::<Palettes>().insert(&field, FieldPalette::from_colors([Color::WHITE]).unwrap());
+/// # app.world_mut().spawn(Prop(field.clone()));
+/// # app.update();
+/// # let palette = app.world().resource::<Palettes>().get(&field).unwrap();
+/// # assert_eq!(palette.shown(), [Color::srgb(0.1, 0.2, 0.9)]);
 /// ```
 #[derive(Resource, Default, Reflect)]
 #[reflect(Resource, Default)]
@@ -34,6 +44,9 @@ pub struct Palettes {
     pub(super) by_field: HashMap<AssetId<PlenOctree>, FieldPalette>,
     #[reflect(ignore)]
     pub(super) files: HashMap<AssetId<PlenOctree>, PaletteSource>,
+    /// Fields whose palettes were inserted or removed, so that what failed for them no longer matters.
+    #[reflect(ignore)]
+    pub(super) assigned: Vec<AssetId<PlenOctree>>,
     /// Fields whose palettes were loaded or extracted since [`PaletteReady`](crate::PaletteReady) was last written.
     #[reflect(ignore)]
     pub(super) arrived: Vec<AssetId<PlenOctree>>,
@@ -44,11 +57,20 @@ pub struct Palettes {
 /// It has two sets of colors of the same size. The *source* colors decide which pixels get which label, and never
 /// change. The *shown* colors appear on screen in their place, and are yours to change. Colors are indexed from 0, the
 /// heaviest first.
+///
+/// What appears on screen is the last of these layers that is given:
+///
+/// 1. the source colors,
+/// 2. the shown colors, which all props of the field share,
+/// 3. the colors of the entity's [`PaletteOverride`](crate::PaletteOverride),
+///
+/// times the light of its [`PropTint`](crate::PropTint).
 #[derive(Clone, Debug, Reflect)]
 #[reflect(Clone, Debug)]
 #[type_path = "bevy_plenoctree"]
 pub struct FieldPalette {
-    source: Palette,
+    palette: Palette,
+    source: Vec<Color>,
     shown: Vec<Color>,
     #[reflect(ignore)]
     extraction: Option<Extraction>,
@@ -57,8 +79,9 @@ pub struct FieldPalette {
 impl FieldPalette {
     /// Creates a palette that was not extracted from the field. The shown colors are the palette's own.
     pub fn new(palette: Palette) -> Self {
-        let shown = colors(&palette).collect();
-        Self { source: palette, shown, extraction: None }
+        let encoded = |c: &[f64; 3]| Color::srgb(c[0] as f32, c[1] as f32, c[2] as f32);
+        let source: Vec<_> = palette.colors.iter().map(encoded).collect();
+        Self { palette, shown: source.clone(), source, extraction: None }
     }
 
     /// Creates a palette from colors of equal weight. They are both the source colors and the shown colors.
@@ -74,10 +97,14 @@ impl FieldPalette {
         Self { extraction: Some(extraction.clone()), ..Self::new(extraction.palette) }
     }
 
-    /// Returns the source colors, in encoded sRGB, and their weights. Each pixel gets the label whose blend of source
-    /// colors is nearest.
-    pub fn source(&self) -> &Palette {
+    /// Returns the source colors. Each pixel gets the label whose blend of source colors is nearest.
+    pub fn source(&self) -> &[Color] {
         &self.source
+    }
+
+    /// Returns the palette that the source colors are from: their exact values and their weights, as in a file.
+    pub fn palette(&self) -> &Palette {
+        &self.palette
     }
 
     /// Returns how the palette was extracted, or `None` if it was loaded or inserted.
@@ -95,10 +122,18 @@ impl FieldPalette {
         &mut self.shown
     }
 
-    /// Sets the shown color `index`. Does nothing if the palette has no such color.
-    pub fn set(&mut self, index: usize, color: impl Into<Color>) {
-        if let Some(shown) = self.shown.get_mut(index) {
-            *shown = color.into();
+    /// Sets the shown color `index`. If the palette has no such color, changes nothing, logs a warning (once per app),
+    /// and returns false.
+    pub fn set(&mut self, index: usize, color: impl Into<Color>) -> bool {
+        match self.shown.get_mut(index) {
+            Some(shown) => {
+                *shown = color.into();
+                true
+            }
+            None => {
+                warn_once!("cannot set color {index} of a palette with {} colors", self.shown.len());
+                false
+            }
         }
     }
 
@@ -108,26 +143,27 @@ impl FieldPalette {
     /// ```
     /// # use bevy::prelude::*;
     /// # use bevy_plenoctree::{BlendSpace, FieldPalette};
-    /// fn fall_asleep(palette: &mut FieldPalette, day: &[Color], night: &[Color], time: &Time) {
-    ///     palette.blend(day, night, time.elapsed_secs() / 10.0, BlendSpace::Oklab);
-    /// }
+    /// let [day, night] = [[Color::WHITE], [Color::BLACK]];
+    /// let mut palette = FieldPalette::from_colors(day).unwrap();
+    /// palette.blend(&day, &night, 0.5, BlendSpace::Encoded);
+    /// assert_eq!(palette.shown(), [Color::srgb(0.5, 0.5, 0.5)]);
     /// ```
     pub fn blend(&mut self, from: &[Color], to: &[Color], t: f32, space: BlendSpace) {
         self.shown.iter_mut().zip(space.mix_all(from, to, t)).for_each(|(shown, color)| *shown = color);
     }
 
     /// Sets the shown colors to the blend of the source colors and other colors: the source colors at `t` = 0 and `to`
-    /// at `t` = 1. `t` is clamped to 0..=1. Colors that `to` lacks are not changed.
-    pub fn fade(&mut self, to: &[Color], t: f32, space: BlendSpace) {
-        for ((shown, from), to) in self.shown.iter_mut().zip(colors(&self.source)).zip(to) {
-            *shown = space.mix(from, *to, t);
-        }
+    /// at `t` = 1. `t` is clamped to 0..=1.
+    ///
+    /// Replaces what [`set`](Self::set) did to these colors. Colors that `to` lacks are not changed. To recolor a field
+    /// and fade it as well, [`blend`](Self::blend) from your own colors.
+    pub fn blend_from_source(&mut self, to: &[Color], t: f32, space: BlendSpace) {
+        self.shown.iter_mut().zip(space.mix_all(&self.source, to, t)).for_each(|(shown, color)| *shown = color);
     }
 
     /// Resets the shown colors to the source colors.
     pub fn reset(&mut self) {
-        self.shown.clear();
-        self.shown.extend(colors(&self.source));
+        self.shown.clone_from(&self.source);
     }
 
     /// Writes the source colors and their weights to a JSON file, replacing any existing file. `path` is a file system
@@ -137,13 +173,8 @@ impl FieldPalette {
     ///
     /// Returns an error if the file cannot be written, or if the palette is [invalid](Palette::validate).
     pub fn save(&self, path: impl AsRef<Path>) -> Result<(), PaletteFileError> {
-        self.source.write(path)
+        self.palette.write(path)
     }
-}
-
-/// Returns a palette's colors as Bevy colors.
-fn colors(palette: &Palette) -> impl Iterator<Item = Color> {
-    palette.colors.iter().map(|c| Color::srgb(c[0] as f32, c[1] as f32, c[2] as f32))
 }
 
 impl Palettes {
@@ -162,6 +193,7 @@ impl Palettes {
         let id = field.into();
         self.files.remove(&id);
         self.by_field.insert(id, palette);
+        self.assigned.push(id);
     }
 
     /// Sets the palette of a field from an asset as soon as it is loaded, and again whenever it changes.
@@ -170,13 +202,21 @@ impl Palettes {
     ///
     /// ```
     /// # use bevy::prelude::*;
-    /// # use bevy_plenoctree::{Palettes, PlenOctree};
-    /// fn winter(field: Handle<PlenOctree>, assets: Res<AssetServer>, mut palettes: ResMut<Palettes>) {
-    ///     palettes.insert_handle(&field, assets.load("winter.palette.json"));
+    /// # use bevy_plenoctree::{Palettes, PlenOctreePlugin, Prop};
+    /// fn winter(props: Query<&Prop>, assets: Res<AssetServer>, mut palettes: ResMut<Palettes>) {
+    ///     for prop in &props {
+    ///         palettes.insert_handle(&prop.0, assets.load("winter.palette.json"));
+    ///     }
     /// }
+    /// # let mut app = App::new();
+    /// # app.add_plugins((MinimalPlugins, AssetPlugin::default(), PlenOctreePlugin)).add_systems(Update, winter);
+    /// # app.world_mut().spawn(Prop(Handle::default()));
+    /// # app.update();
     /// ```
     pub fn insert_handle(&mut self, field: impl Into<AssetId<PlenOctree>>, palette: Handle<Palette>) {
-        self.files.insert(field.into(), PaletteSource::Expected(palette));
+        let id = field.into();
+        self.files.insert(id, PaletteSource::Expected(palette));
+        self.assigned.push(id);
     }
 
     /// Removes and returns the palette of a field. If a posterized prop or view uses the field, a palette is loaded
@@ -184,12 +224,14 @@ impl Palettes {
     pub fn remove(&mut self, field: impl Into<AssetId<PlenOctree>>) -> Option<FieldPalette> {
         let id = field.into();
         self.files.remove(&id);
+        self.assigned.push(id);
         self.by_field.remove(&id)
     }
 
     /// Inserts a palette that was extracted, for which [`PaletteReady`](crate::PaletteReady) is written.
     pub(super) fn arrive(&mut self, field: AssetId<PlenOctree>, palette: FieldPalette) {
-        self.insert(field, palette);
+        self.files.remove(&field);
+        self.by_field.insert(field, palette);
         self.arrived.push(field);
     }
 

@@ -99,14 +99,14 @@ impl PaletteEditor<'_, '_> {
     pub(super) fn recolor(&mut self, prop: Entity, field: AssetId<PlenOctree>, edit: Edit) {
         if let Ok((.., Some(mut own))) = self.props.get_mut(prop) {
             match edit {
-                Edit::Set(index, color) => own.set(index, color),
+                Edit::Set(index, color) => _ = own.set(index, color),
                 Edit::Reset(index) => own.unset(index),
                 Edit::ResetAll => own.reset(),
             }
         } else if let Some(palette) = self.palettes.get_mut(field) {
             match edit {
-                Edit::Set(index, color) => palette.set(index, color),
-                Edit::Reset(index) => palette.set(index, source_color(palette, index)),
+                Edit::Set(index, color) => _ = palette.set(index, color),
+                Edit::Reset(index) => _ = palette.set(index, source_color(palette, index)),
                 Edit::ResetAll => palette.reset(),
             }
         }
@@ -122,5 +122,5 @@ pub(super) enum Edit {
 
 /// Returns a source color, or black if the palette has no color of that index.
 pub(super) fn source_color(palette: &FieldPalette, index: usize) -> Color {
-    palette.source().colors.get(index).map_or(Color::BLACK, |c| Color::srgb(c[0] as f32, c[1] as f32, c[2] as f32))
+    palette.source().get(index).copied().unwrap_or(Color::BLACK)
 }

@@ -39,7 +39,7 @@ pub(super) fn show(ui: &mut egui::Ui, field: AssetId<PlenOctree>, editor: &mut P
     let label = if palette.is_some() { "Extract again" } else { "Extract" };
     let button = ui.add_enabled(invalid.is_none(), egui::Button::new(label));
     if button.on_hover_text("Replaces the palette, including edited colors").clicked() {
-        editor.extraction.restart(field);
+        editor.extraction.request(field);
     }
     if let Some(invalid) = invalid {
         ui.colored_label(ui.visuals().error_fg_color, invalid.to_string());

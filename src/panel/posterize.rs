@@ -4,7 +4,7 @@ use bevy::prelude::*;
 use bevy_egui::egui;
 
 use super::editor::PaletteEditor;
-use crate::posterize::{BilateralFilter, MAX_FILTER_ITERATIONS, MAX_FILTER_RADIUS, Posterize};
+use crate::posterize::{BilateralFilter, MAX_BLEND_STEPS, MAX_FILTER_ITERATIONS, MAX_FILTER_RADIUS, Posterize};
 
 pub(super) fn show(ui: &mut egui::Ui, prop: Entity, editor: &mut PaletteEditor) {
     let posterized = editor.is_posterized(prop);
@@ -29,11 +29,11 @@ pub(super) fn show(ui: &mut egui::Ui, prop: Entity, editor: &mut PaletteEditor) 
 
 /// Shows the sliders and returns whether the user changed a value.
 fn sliders(ui: &mut egui::Ui, settings: &mut Posterize) -> bool {
-    let Posterize { blend_steps, softness, min_opacity, filter } = settings;
+    let Posterize { blend_steps, softness, min_opacity, filter, before_palette: _ } = settings;
     let BilateralFilter { iterations, radius, spatial_sigma, range_sigma } = filter;
     let labels = egui::Grid::new("labels").num_columns(2).show(ui, |ui| {
         let hint = "Steps from one palette color to another; 1 disables blends";
-        let steps = row(ui, "Blend steps", hint, egui::Slider::new(blend_steps, 1..=8));
+        let steps = row(ui, "Blend steps", hint, egui::Slider::new(blend_steps, 1..=MAX_BLEND_STEPS));
         let hint = "Distance in RGB over which neighboring labels blend; 0 is a hard edge";
         let softness = row(ui, "Softness", hint, egui::Slider::new(softness, 0.0..=0.4));
         let hint = "Pixels below this opacity are drawn as trained";

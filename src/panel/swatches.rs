@@ -67,7 +67,7 @@ impl Colors<'_> {
 /// Shows a grid of the palette's colors and returns the user's edit, if any.
 fn grid(ui: &mut egui::Ui, colors: &Colors) -> Option<Edit> {
     let mut edit = None;
-    let weights = &colors.palette.source().weights;
+    let weights = &colors.palette.palette().weights;
     let total: f64 = weights.iter().sum();
     egui::Grid::new("swatches").num_columns(5).min_col_width(0.0).show(ui, |ui| {
         for heading in ["", "source", "shown", "weight"] {

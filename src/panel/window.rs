@@ -1,7 +1,9 @@
 //! A window that shows the panel.
 
 use bevy::prelude::*;
-use bevy_egui::{EguiContexts, EguiPlugin, EguiPrimaryContextPass, egui};
+use bevy_egui::{
+    EguiContext, EguiContexts, EguiPlugin, EguiPrimaryContextPass, EguiSchedule, PrimaryEguiContext, egui,
+};
 
 use super::{contents::palette_ui, editor::PaletteEditor};
 use crate::prop::Prop;
@@ -33,7 +35,7 @@ impl Plugin for PalettePanelPlugin {
         if !app.is_plugin_added::<EguiPlugin>() {
             app.add_plugins(EguiPlugin::default());
         }
-        app.init_resource::<PalettePanel>().add_systems(EguiPrimaryContextPass, show);
+        app.init_resource::<PalettePanel>().add_systems(First, choose_camera).add_systems(EguiPrimaryContextPass, show);
     }
 }
 
@@ -45,6 +47,13 @@ pub struct PalettePanel {
     ///
     /// Defaults to `None`.
     pub prop: Option<Entity>,
+    /// The camera in whose view the window is shown. This makes it bevy_egui's primary context, so everything else that
+    /// your app shows in `EguiPrimaryContextPass` moves there as well. If it is `None`, or not a camera, the window is
+    /// shown in the primary context that there is: the first camera that was spawned, unless your app chooses another
+    /// one.
+    ///
+    /// Defaults to `None`.
+    pub camera: Option<Entity>,
     /// Whether the window is open. The user can close it.
     ///
     /// Defaults to `true`.
@@ -53,8 +62,24 @@ pub struct PalettePanel {
 
 impl Default for PalettePanel {
     fn default() -> Self {
-        Self { prop: None, open: true }
+        Self { prop: None, camera: None, open: true }
     }
+}
+
+/// Makes the camera of the panel the primary context.
+fn choose_camera(
+    mut commands: Commands,
+    panel: Res<PalettePanel>,
+    cameras: Query<(), With<Camera>>,
+    primary: Query<Entity, With<PrimaryEguiContext>>,
+) {
+    let Some(camera) = panel.camera.filter(|camera| cameras.contains(*camera) && !primary.contains(*camera)) else {
+        return;
+    };
+    for other in &primary {
+        commands.entity(other).remove::<(PrimaryEguiContext, EguiSchedule, EguiContext)>();
+    }
+    commands.entity(camera).insert(PrimaryEguiContext);
 }
 
 fn show(

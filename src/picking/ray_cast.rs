@@ -39,14 +39,15 @@ pub struct PropHit {
 /// never does.
 ///
 /// Uses the fields and transforms of the main world, so it needs neither a GPU nor a camera. Transforms are those of
-/// the last frame, unless the system runs after Bevy's `TransformSystems::Propagate`. For pointer events, add
+/// the last frame, unless the system runs after Bevy's `TransformSystems::Propagate`. Props are hit as soon as their
+/// fields are loaded, even if [`PropState`](crate::PropState) says that they are not drawn yet. For pointer events, add
 /// `PropPickingPlugin` (feature `picking`).
 ///
 /// This parameter reads [`Palettes`], so a system that uses it cannot change them. Pipe its hits into another system:
 ///
 /// ```
 /// # use bevy::prelude::*;
-/// # use bevy_plenoctree::{Palettes, Prop, PropHit, PropRayCast};
+/// # use bevy_plenoctree::{Palettes, PlenOctreePlugin, Prop, PropHit, PropRayCast};
 /// # #[derive(Component)] struct Sight;
 /// // Add both to a schedule: `app.add_systems(Update, aim.pipe(paint))`.
 /// fn aim(sights: Query<&GlobalTransform, With<Sight>>, casts: PropRayCast) -> Option<PropHit> {
@@ -63,7 +64,9 @@ pub struct PropHit {
 ///         palette.set(label.main_color(), Color::srgb(0.9, 0.1, 0.1));
 ///     }
 /// }
-/// # bevy::ecs::system::assert_is_system(aim.pipe(paint));
+/// # let mut app = App::new();
+/// # app.add_plugins((MinimalPlugins, AssetPlugin::default(), PlenOctreePlugin)).add_systems(Update, aim.pipe(paint));
+/// # app.update();
 /// ```
 #[derive(SystemParam)]
 pub struct PropRayCast<'w, 's> {
@@ -104,7 +107,9 @@ impl PropRayCast<'_, '_> {
         let scale = direction.length();
         let hit = field.cast_ray(field_from_world.transform_point3(ray.origin.as_dvec3()), direction / scale)?;
 
-        let posterize = posterize.filter(|posterize| hit.opacity >= f64::from(posterize.min_opacity));
+        let posterize = posterize
+            .map(|posterize| posterize.clamped())
+            .filter(|posterize| hit.opacity >= f64::from(posterize.min_opacity));
         let posterized = posterize.zip(self.palettes.get(&prop.0));
         let [red, green, blue] = hit.color.as_vec3().to_array();
         Some(PropHit {
@@ -115,7 +120,7 @@ impl PropRayCast<'_, '_> {
             color: Srgba::rgb(red, green, blue),
             opacity: hit.opacity as f32,
             label: posterized.and_then(|(posterize, palette)| {
-                let (palette, colors) = (palette.source(), palette.source().colors.len());
+                let (palette, colors) = (palette.palette(), palette.palette().colors.len());
                 PaletteLabel::nearest(hit.color, palette, posterize.blend_steps_of(colors))
             }),
         })

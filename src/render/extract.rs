@@ -6,18 +6,20 @@ use bevy::{
     camera::visibility::VisibleEntities,
     ecs::entity::EntityHashMap,
     prelude::*,
-    render::{Extract, sync_world::RenderEntity},
+    render::{Extract, render_asset::RenderAssets, sync_world::RenderEntity},
 };
 
 use plenoctree::{PlenOctree, palette::Palette};
 
 use super::rays::Placement;
 use crate::{
-    palette::{FieldPalette, PaletteOverride, Palettes},
+    gpu::{GpuField, Level},
+    palette::{FieldPalette, PaletteExtraction, PaletteOverride, Palettes},
     posterize::Posterize,
-    prop::{Prop, SolidOpacity},
+    prop::{Prop, PropTint, SolidOpacity},
     quality::PropQuality,
     stage::{LabelStages, PosterizeView, PropStage},
+    state::{DrawnField, is_held_back},
 };
 
 /// Every prop that a camera may see in this frame.
@@ -33,7 +35,23 @@ pub(super) struct ExtractedProp {
     pub field: AssetId<PlenOctree>,
     pub placement: Placement,
     pub solid: SolidOpacity,
+    /// The factors of linear light.
+    pub tint: Vec3,
     pub posterize: Option<ExtractedPosterize>,
+    /// The index of the prop with its earlier field, which is drawn as long as this one is not on the GPU.
+    stand_in: Option<usize>,
+}
+
+impl ExtractedProps {
+    /// Returns the index of the prop to draw for prop `index`: itself, or the one that stands in for it, whichever is
+    /// on the GPU.
+    pub fn drawn(&self, index: usize, fields: &RenderAssets<GpuField>) -> Option<usize> {
+        let is_ready = |index: &usize| {
+            let field = self.props.get(*index).and_then(|prop| fields.get(prop.field));
+            field.is_some_and(|field| field.level(Level::default()).is_some())
+        };
+        [Some(index), self.props.get(index)?.stand_in].into_iter().flatten().find(is_ready)
+    }
 }
 
 /// How a prop or a view is posterized: its settings, and the location of its palette.
@@ -56,7 +74,7 @@ impl ExtractedPosterize {
     ) -> Self {
         let first_color = colors.len() as u32;
         // Drop colors beyond the maximum, which shaders could not process in time.
-        let source = palette.source().colors.get(..Palette::MAX_COLORS).unwrap_or(&palette.source().colors);
+        let source = palette.palette().colors.get(..Palette::MAX_COLORS).unwrap_or(&palette.palette().colors);
         colors.extend(source.iter().map(|c| glam::DVec3::from(*c).as_vec3().extend(0.0)));
         colors.extend(source.iter().enumerate().map(|(index, source)| {
             let shown = own.and_then(|own| own.get(index)).or_else(|| palette.shown().get(index).copied());
@@ -89,7 +107,7 @@ impl VisibleProps {
 }
 
 /// The components that determine a prop's colors, besides the palette of its field.
-type PropColors = (Option<&'static Posterize>, Option<&'static PaletteOverride>);
+type PropColors = (&'static PropTint, Option<&'static Posterize>, Option<&'static PaletteOverride>);
 
 /// The components that determine what a camera draws.
 type CameraSettings = (
@@ -106,35 +124,46 @@ pub(super) fn extract_props(
     mut views: Query<&mut VisibleProps>,
     fields: Extract<Res<Assets<PlenOctree>>>,
     palettes: Extract<Res<Palettes>>,
-    props: Extract<Query<(Entity, &Prop, &SolidOpacity, PropColors, &GlobalTransform, &ViewVisibility)>>,
+    extraction: Extract<Res<PaletteExtraction>>,
+    props: Extract<Query<(Entity, (&Prop, &DrawnField), &SolidOpacity, PropColors, &GlobalTransform, &ViewVisibility)>>,
     cameras: Extract<Query<(RenderEntity, &VisibleEntities, CameraSettings), With<Camera3d>>>,
 ) {
     let ExtractedProps { props: list, colors, index } = &mut *extracted;
     list.clear();
     colors.clear();
     index.clear();
-    for (entity, prop, solid, (posterize, own), transform, visibility) in &props {
-        let Some(field) = fields.get(&prop.0).filter(|_| visibility.get()) else {
+    for (entity, (prop, drawn), solid, (tint, posterize, own), transform, visibility) in &props {
+        if !visibility.get() {
             continue;
+        }
+        let mut push = |handle: &Handle<PlenOctree>, stand_in| {
+            let field = fields.get(handle)?;
+            let (low, high) = field.tree_bounds()?;
+            let posterize = posterize.zip(palettes.get(handle));
+            list.push(ExtractedProp {
+                field: handle.id(),
+                placement: Placement {
+                    world_from_prop: *transform,
+                    up: field.up(),
+                    frame: field.frame(),
+                    low,
+                    high,
+                    cells: f64::from(1u32 << field.depth()),
+                },
+                solid: *solid,
+                tint: tint.factors(),
+                posterize: posterize
+                    .map(|(settings, palette)| ExtractedPosterize::write(colors, settings, palette, own)),
+                stand_in,
+            });
+            Some(list.len() - 1)
         };
-        let Some((low, high)) = field.tree_bounds() else {
-            continue;
-        };
-        let posterize = posterize.zip(palettes.get(&prop.0));
-        index.insert(entity, list.len());
-        list.push(ExtractedProp {
-            field: prop.0.id(),
-            placement: Placement {
-                world_from_prop: *transform,
-                up: field.up(),
-                frame: field.frame(),
-                low,
-                high,
-                cells: f64::from(1u32 << field.depth()),
-            },
-            solid: *solid,
-            posterize: posterize.map(|(settings, palette)| ExtractedPosterize::write(colors, settings, palette, own)),
-        });
+        let stand_in = drawn.stand_in(prop).and_then(|field| push(field, None));
+        let held_back = is_held_back(&prop.0, posterize, &palettes, &extraction);
+        let own = if held_back { None } else { push(&prop.0, stand_in) };
+        if let Some(drawn) = own.or(stand_in) {
+            index.insert(entity, drawn);
+        }
     }
     for (camera, visible, (stage, quality, everything, own, has_stages)) in &cameras {
         let seen = visible.iter(TypeId::of::<Prop>()).filter_map(|entity| index.get(entity).copied());

@@ -74,8 +74,10 @@ pub(super) fn advance_sampling(
         active.0 = None;
     }
     if active.0.is_none() {
+        // Fields whose upload is pending are sampled later.
         let waiting = jobs.0.iter().filter(|job| job.is_open());
-        let Some((job, field)) = waiting.filter_map(|job| Some((job, fields.get(job.id)?))).next() else {
+        let uploaded = |job: &Arc<SamplingJob>| fields.get(job.id).filter(|field| field.outcome().is_some());
+        let Some((job, field)) = waiting.filter_map(|job| Some((job, uploaded(job)?))).next() else {
             return;
         };
         match Active::new(job, field, &pipeline, &cache, &device) {

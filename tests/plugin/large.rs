@@ -1,11 +1,12 @@
-//! Reads, draws and samples a field of the size of the largest published ones: 5.5 million leaves of SH9.
+//! Reads, draws and samples a field of the size of the largest published ones, 5.5 million leaves of SH9, and draws more
+//! props than a camera can.
 
 use std::{io::Cursor, time::Duration};
 
 use bevy::prelude::*;
 use bevy_plenoctree::{
-    Activation, ExtractionSettings, GpuField, LoadSettings, PlenOctree, PlenOctreePlugin, Prop, SamplingSettings,
-    UpAxis,
+    Activation, ExtractionSettings, FieldPalette, GpuField, LoadSettings, MAX_PROPS_IN_VIEW, PaletteOverride, Palettes,
+    PlenOctree, PlenOctreePlugin, Posterize, Prop, SamplingSettings, UpAxis,
     headless::{Headless, exact_camera, pinhole_view},
 };
 use glam::{DVec3, UVec3};
@@ -87,4 +88,39 @@ fn five_and_a_half_million_leaves_are_read_drawn_and_sampled() {
         ExtractionSettings { sampling: SamplingSettings { sample_fraction: 0.01, ..default() }, ..default() };
     let extraction = palette::extract(&field, &settings, &default()).unwrap();
     assert_eq!(extraction.palette.colors.len(), settings.colors);
+}
+
+/// Beyond the documented bound, the nearest props are drawn, with the colors of their own palettes.
+#[test]
+fn of_too_many_props_the_nearest_are_drawn() {
+    const BEYOND: usize = 100;
+    let node = std::array::from_fn(|cell| Cell::leaf(cell as u32));
+    let frame = Frame::spanning(DVec3::NEG_ONE, DVec3::ONE);
+    let black = vec![f16::ZERO; 24];
+    let cube = PlenOctree::new(frame, Basis::Rgba, Activation::Identity, UpAxis::Y, vec![node], vec![1e4; 8], black);
+    let mut headless = Headless::new(UVec2::splat(8), |app| {
+        app.add_plugins(PlenOctreePlugin);
+    })
+    .unwrap();
+    let target = headless.target();
+    let world = headless.app.world_mut();
+    let field = world.resource_mut::<Assets<PlenOctree>>().add(cube.unwrap());
+    world.resource_mut::<Palettes>().insert(&field, FieldPalette::from_colors([Color::BLACK]).unwrap());
+    let view = Transform::from_xyz(0.0, 0.0, 10.0).looking_at(Vec3::ZERO, Vec3::Y);
+    world.spawn((exact_camera(Color::WHITE), target, view));
+    // One behind the other. The farthest, which are beyond the bound, are beside the others.
+    let at = |index: usize| {
+        let beside = if index >= MAX_PROPS_IN_VIEW { 4.0 } else { 0.0 };
+        Transform::from_xyz(beside, 0.0, -1e-4 * index as f32)
+    };
+    let nearest =
+        (Prop(field.clone()), Posterize::default(), PaletteOverride::default().with(0, Color::srgb(0.0, 0.0, 1.0)));
+    world.spawn(nearest);
+    world.spawn_batch(
+        (1..MAX_PROPS_IN_VIEW + BEYOND).map(move |index| (Prop(field.clone()), at(index))).collect::<Vec<_>>(),
+    );
+    headless.wait_until_ready(Duration::from_secs(300)).unwrap();
+    let frame = headless.capture().unwrap();
+    assert_eq!(frame.get_pixel(4, 4).0, [0, 0, 255, 255], "the nearest");
+    assert_eq!(frame.get_pixel(7, 4).0, [255; 4], "those beyond the bound");
 }

@@ -1,12 +1,17 @@
 //! Tests of the plugin on whatever adapter there is. They are one program, so that Bevy is linked once.
 
+mod documented;
 mod extremes;
 mod frames;
 mod large;
 mod loading;
+mod memory;
 mod palettes;
+mod panel;
 mod picking;
 mod quality;
 mod sampling;
 mod scene;
 mod stages;
+mod states;
+mod tint;

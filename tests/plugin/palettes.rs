@@ -179,7 +179,7 @@ fn blends_reach_the_screen() {
             scene.assert_both_show(expected);
         }
         for (t, expected) in [(0.0, RED), (1.0, to[0])] {
-            scene.palette().fade(&to, t, space);
+            scene.palette().blend_from_source(&to, t, space);
             scene.assert_both_show(expected);
         }
     }
@@ -192,7 +192,7 @@ fn blends_with_other_lengths_change_the_colors_in_common() {
     let mut palette = FieldPalette::from_colors(COLORS).unwrap();
     palette.blend(&white, &white[..1], 0.5, BlendSpace::Oklab);
     assert_eq!(palette.shown().iter().map(|color| bytes(*color)).collect::<Vec<_>>(), [[255; 3], bytes(COLORS[1])]);
-    palette.fade(&white, 1.0, BlendSpace::Encoded);
+    palette.blend_from_source(&white, 1.0, BlendSpace::Encoded);
     assert_eq!(palette.shown(), &white[..2]);
     palette.reset();
     assert_eq!(palette.shown(), COLORS);
@@ -206,7 +206,7 @@ fn a_change_allocates_nothing() {
     let change = |scene: &mut Scene, t: f32| {
         let white = [Color::WHITE; 2];
         scene.palette().blend(&COLORS, &white, t, BlendSpace::Oklab);
-        scene.palette().fade(&white, t, BlendSpace::Encoded);
+        scene.palette().blend_from_source(&white, t, BlendSpace::Encoded);
         scene.palette().set(0, Color::hsv(30.0, 1.0, t));
         let mut own = scene.headless.app.world_mut().get_mut::<PaletteOverride>(left).unwrap();
         own.reset();
@@ -291,6 +291,18 @@ impl Files {
         }
     }
 
+    /// Replaces the field on disk, and updates the app until it has the new one.
+    fn reload(&mut self, field: &Handle<PlenOctree>, new: &PlenOctree) {
+        new.write(self.folder.join("x.npz")).unwrap();
+        self.app.world().resource::<AssetServer>().reload("x.npz");
+        let (id, density) = (field.id(), new.densities()[0]);
+        self.run_until("the new field", move |world| {
+            world.resource::<Assets<PlenOctree>>().get(id).is_some_and(|field| field.densities()[0] == density)
+        });
+        // The change is announced at the end of the frame, and noticed in the next.
+        self.app.update();
+    }
+
     /// Updates the app until the field has a palette, and returns it.
     fn palette(&mut self, field: &Handle<PlenOctree>) -> FieldPalette {
         self.run_until("a palette", |world| {
@@ -318,7 +330,7 @@ fn a_palette_next_to_a_field_replaces_extraction() {
     files.write("x.palette.json", r#"{"colors": [[0.25, 0.5, 0.75], [1.5, 0, 0]]}"#);
     let field = files.spawn();
     let palette = files.palette(&field);
-    assert_eq!(palette.source().colors, [[0.25, 0.5, 0.75], [1.5, 0.0, 0.0]]);
+    assert_eq!(palette.palette().colors, [[0.25, 0.5, 0.75], [1.5, 0.0, 0.0]]);
     assert_eq!(palette.shown(), [Color::srgb(0.25, 0.5, 0.75), Color::srgb(1.5, 0.0, 0.0)]);
     assert!(palette.extraction().is_none());
     // It is not extracted later either.
@@ -344,7 +356,7 @@ fn an_extracted_palette_can_be_saved_and_shipped() {
     let field = files.spawn();
     let shipped = files.palette(&field);
     assert!(shipped.extraction().is_none());
-    assert_eq!(shipped.source(), extracted.source());
+    assert_eq!(shipped.palette(), extracted.palette());
 }
 
 #[test]
@@ -372,12 +384,12 @@ fn a_palette_can_be_given_by_handle() {
     let field = files.spawn();
     let winter = files.load::<Palette>("winter.palette.json");
     files.app.world_mut().resource_mut::<Palettes>().insert_handle(&field, winter.clone());
-    assert_eq!(files.palette(&field).source().colors, [[0.9, 0.95, 1.0]]);
+    assert_eq!(files.palette(&field).palette().colors, [[0.9, 0.95, 1.0]]);
 
     // When the file changes, so does the palette. When it is reloaded unchanged, the shown colors stay.
     let colors = |files: &Files| {
         let palette = files.app.world().resource::<Palettes>().get(&field).unwrap();
-        (palette.source().colors.clone(), palette.shown().to_vec())
+        (palette.palette().colors.clone(), palette.shown().to_vec())
     };
     for (change, shown) in [(0.0, RED), (0.1, Color::srgb(0.8, 0.95, 1.0))] {
         files.app.world_mut().resource_mut::<Palettes>().get_mut(&field).unwrap().set(0, RED);
@@ -397,7 +409,7 @@ fn a_palette_can_be_given_by_handle() {
 
     // A palette that is removed is loaded again.
     files.app.world_mut().resource_mut::<Palettes>().remove(&field);
-    assert_eq!(files.palette(&field).source().colors, [[0.0; 3]]);
+    assert_eq!(files.palette(&field).palette().colors, [[0.0; 3]]);
 }
 
 #[test]
@@ -436,33 +448,98 @@ fn settings_are_reflected() {
     }
 }
 
-/// A field that changes on disk is reloaded and gets a new palette. A palette that was inserted in code stays.
+/// The total weight of the samples that a palette was extracted from, which tells fields apart.
+fn total_weight(palette: Option<&FieldPalette>) -> Option<f64> {
+    palette?.extraction().map(|extraction| extraction.total_weight)
+}
+
+/// A field that changes on disk is reloaded and gets a new palette. Until that is extracted, it keeps the old one. A
+/// palette that was inserted in code stays.
 #[test]
 fn a_field_is_reloaded() {
     let mut files = Files::new("reload");
     let field = files.spawn();
     let extracted = files.palette(&field);
-    let thinner = solid(0.5);
+    files.reload(&field, &solid(0.5));
+    let (id, before) = (field.id(), total_weight(Some(&extracted)));
+    files.run_until("another palette", move |world| {
+        let palette = world.resource::<Palettes>().get(id);
+        assert!(palette.is_some(), "the prop has no palette meanwhile");
+        total_weight(palette) != before
+    });
+    assert!(total_weight(Some(&files.palette(&field))) < before);
+
     let colors = [Color::srgb(0.0, 0.0, 0.0), Color::srgb(1.0, 0.0, 0.0)];
-    for given in [false, true] {
-        if given {
-            let palette = FieldPalette::from_colors(colors).unwrap();
-            files.app.world_mut().resource_mut::<Palettes>().insert(&field, palette);
-        }
-        let expected = if given { solid(10.0) } else { thinner.clone() };
-        expected.write(files.folder.join("x.npz")).unwrap();
-        files.app.world().resource::<AssetServer>().reload("x.npz");
-        let (id, density) = (field.id(), expected.densities()[0]);
-        files.run_until("the new field", move |world| {
-            world.resource::<Assets<PlenOctree>>().get(id).is_some_and(|field| field.densities()[0] == density)
-        });
+    let palette = FieldPalette::from_colors(colors).unwrap();
+    files.app.world_mut().resource_mut::<Palettes>().insert(&field, palette);
+    files.reload(&field, &solid(10.0));
+    for _ in 0..100 {
+        assert_eq!(files.palette(&field).shown(), colors);
         files.app.update();
-        let palette = files.palette(&field);
-        if given {
-            assert_eq!(palette.shown(), colors);
-        } else {
-            let weight = |palette: &FieldPalette| palette.extraction().unwrap().total_weight;
-            assert!(weight(&palette) < weight(&extracted));
-        }
     }
+}
+
+/// An extraction that was requested is not lost when the field is reloaded meanwhile, even if the field has a palette
+/// that was inserted. The palette is that of the new field.
+#[test]
+fn a_reload_does_not_cancel_a_requested_extraction() {
+    for waiting in [false, true] {
+        let mut files = Files::new(if waiting { "request-waiting" } else { "request-running" });
+        let field = files.spawn();
+        let thick = total_weight(Some(&files.palette(&field)));
+        let given = FieldPalette::from_colors(COLORS).unwrap();
+        files.app.world_mut().resource_mut::<Palettes>().insert(&field, given);
+        files.app.world_mut().resource_mut::<PaletteExtraction>().request(&field);
+        if !waiting {
+            files.app.update();
+        }
+        // The file was read before: nothing takes longer than a frame.
+        files.app.world_mut().resource_mut::<Assets<PlenOctree>>().insert(field.id(), solid(0.5)).unwrap();
+        let id = field.id();
+        files.run_until("the palette of the new field", move |world| {
+            let found = total_weight(world.resource::<Palettes>().get(id));
+            found.is_some() && found < thick
+        });
+    }
+}
+
+/// The palette next to a field outside the assets folder is loaded if the field is.
+#[test]
+fn a_palette_next_to_an_unapproved_field_is_loaded() {
+    use bevy::asset::UnapprovedPathMode;
+    let files = Files::new("unapproved");
+    files.write("x.palette.json", r#"{"colors": [[0.25, 0.5, 0.75]]}"#);
+    std::fs::create_dir_all(files.folder.join("assets")).unwrap();
+    let mut app = App::new();
+    let assets = AssetPlugin {
+        file_path: files.folder.join("assets").to_string_lossy().into(),
+        unapproved_path_mode: UnapprovedPathMode::Deny,
+        ..default()
+    };
+    app.add_plugins((MinimalPlugins, assets, PlenOctreePlugin));
+    let server = app.world().resource::<AssetServer>();
+    let path = files.folder.join("x.npz");
+    let field: Handle<PlenOctree> = server.load_builder().override_unapproved().load(path);
+    app.world_mut().spawn((Prop(field.clone()), Posterize::default()));
+    let start = std::time::Instant::now();
+    let palette = loop {
+        app.update();
+        if let Some(palette) = app.world().resource::<Palettes>().get(&field) {
+            break palette;
+        }
+        assert!(start.elapsed() < Duration::from_secs(60), "no palette");
+    };
+    assert_eq!(palette.palette().colors, [[0.25, 0.5, 0.75]]);
+}
+
+/// Colors that a palette does not have are refused, not ignored.
+#[test]
+fn colors_out_of_range_are_refused() {
+    let mut palette = FieldPalette::from_colors(COLORS).unwrap();
+    assert!(palette.set(1, Color::WHITE));
+    assert!(!palette.set(2, Color::WHITE));
+    assert_eq!((palette.source(), palette.shown()), (&COLORS[..], &[COLORS[0], Color::WHITE][..]));
+    let mut own = PaletteOverride::default();
+    assert!(own.set(Palette::MAX_COLORS - 1, Color::WHITE));
+    assert!(!own.set(Palette::MAX_COLORS, Color::WHITE));
 }

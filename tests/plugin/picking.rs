@@ -358,4 +358,9 @@ fn props_that_are_not_posterized_have_no_labels() {
     assert!(label(&mut world).is_some());
     world.entity_mut(entity).insert(Posterize { min_opacity: 0.95, ..default() });
     assert_eq!(label(&mut world), None, "too thin to be posterized");
+    // Settings are clamped as in frames.
+    for blend_steps in [0, u32::MAX] {
+        world.entity_mut(entity).insert(Posterize { min_opacity: f32::NAN, blend_steps, ..default() });
+        assert!(label(&mut world).is_some(), "{blend_steps} steps");
+    }
 }

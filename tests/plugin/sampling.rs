@@ -63,7 +63,7 @@ fn extract_in_app(
         let world = headless.app.world();
         let extraction = world.resource::<PaletteExtraction>();
         if let Some(sampled) = extraction.sampled(&handle) {
-            let colors = world.resource::<Palettes>().get(&handle).unwrap().source().colors.clone();
+            let colors = world.resource::<Palettes>().get(&handle).unwrap().palette().colors.clone();
             return (sampled.clone(), colors, frame);
         }
         assert!(extraction.error(&handle).is_none(), "{:?}", extraction.error(&handle));
@@ -205,10 +205,10 @@ fn fields_are_sampled_in_sequence_on_the_gpu() {
     let mut extraction = headless.app.world_mut().resource_mut::<PaletteExtraction>();
     assert!(fields.iter().all(|field| extraction.sampled(field).is_some_and(|sampled| sampled.on_gpu)));
     extraction.settings.colors = 4;
-    extraction.restart(&fields[0]);
+    extraction.request(&fields[0]);
     let start = Instant::now();
     let colors = |headless: &Headless| {
-        headless.app.world().resource::<Palettes>().get(&fields[0]).unwrap().source().colors.len()
+        headless.app.world().resource::<Palettes>().get(&fields[0]).unwrap().palette().colors.len()
     };
     while colors(&headless) != 4 {
         headless.update();

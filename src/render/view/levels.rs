@@ -38,9 +38,9 @@ pub(super) fn choose_levels(
         };
         let (eye, forward) = (view.world_from_view.translation(), view.world_from_view.forward());
         order.extend(visible.props.iter().filter_map(|&index| {
+            let index = extracted.drawn(index, &fields)?;
             let prop = extracted.props.get(index)?;
             let field = fields.get_mut(prop.field)?;
-            field.level(Level::default())?;
             let mut coarser = 0;
             if quality.cell_size > 0.0 {
                 let size = viewport.physical_size;

@@ -3,7 +3,6 @@
 use bevy::{prelude::*, render::render_resource::ShaderType};
 
 use crate::{
-    posterize::{MAX_BLEND_STEPS, MAX_FILTER_ITERATIONS, MAX_FILTER_RADIUS, Posterize},
     prop::SolidOpacity,
     quality::PropQuality,
     render::{
@@ -34,6 +33,7 @@ pub(super) struct PropUniform {
     reference: Vec2,
     near: f32,
     solid_transmittance: f32,
+    tint: Vec3,
 }
 
 impl PropUniform {
@@ -51,13 +51,14 @@ impl PropUniform {
             reference: rays.reference.as_vec2(),
             near: rays.near as f32,
             solid_transmittance: solid_transmittance(prop.solid, quality),
+            tint: prop.tint,
             ..Self::posterize(prop.posterize, quality)
         }
     }
 
     /// Creates the uniform of a posterized view, without the placement of a prop.
     pub fn posterize(posterize: Option<ExtractedPosterize>, quality: &PropQuality) -> Self {
-        let settings = clamped(posterize.map(|posterize| posterize.settings).unwrap_or_default());
+        let settings = posterize.map(|posterize| posterize.settings).unwrap_or_default().clamped();
         let falloff = |sigma: f32| 0.5 / (sigma * sigma);
         Self {
             colors: posterize.map_or(0, |posterize| posterize.colors),
@@ -69,6 +70,7 @@ impl PropUniform {
             radius: settings.filter.radius.min(quality.filter_radius) as i32,
             spatial_falloff: falloff(settings.filter.spatial_sigma),
             range_falloff: falloff(settings.filter.range_sigma),
+            tint: Vec3::ONE,
             ..default()
         }
     }
@@ -97,22 +99,6 @@ fn solid_transmittance(solid: SolidOpacity, quality: &PropQuality) -> f32 {
     match solid {
         SolidOpacity::At(opacity) => (1.0 - opacity.clamp(0.0, 1.0)).max(quality.stop_transmittance),
         SolidOpacity::Never => -1.0,
-    }
-}
-
-/// Clamps every setting to its valid range, so that no shader divides by zero or loops for too long.
-fn clamped(posterize: Posterize) -> Posterize {
-    let Posterize { blend_steps, softness, min_opacity, mut filter } = posterize;
-    filter.iterations = filter.iterations.min(MAX_FILTER_ITERATIONS);
-    filter.radius = filter.radius.min(MAX_FILTER_RADIUS);
-    // `f32::max` ignores NaN.
-    filter.spatial_sigma = filter.spatial_sigma.max(1e-3);
-    filter.range_sigma = filter.range_sigma.max(1e-3);
-    Posterize {
-        blend_steps: blend_steps.clamp(1, MAX_BLEND_STEPS),
-        softness: softness.max(0.0),
-        min_opacity: min_opacity.max(0.0),
-        filter,
     }
 }
 
@@ -163,20 +149,23 @@ fn read() {
     found[54] = prop.reference.y;
     found[55] = prop.near;
     found[56] = prop.solid_transmittance;
-    found[57] = f32(view.corner.x);
-    found[58] = f32(view.corner.y);
-    found[59] = f32(view.size.x);
-    found[60] = f32(view.size.y);
+    found[57] = prop.tint.x;
+    found[58] = prop.tint.y;
+    found[59] = prop.tint.z;
+    found[60] = f32(view.corner.x);
+    found[61] = f32(view.corner.y);
+    found[62] = f32(view.size.x);
+    found[63] = f32(view.size.y);
     for (var i = 0u; i < 4u; i++) {
-        found[61u + i] = view.depth[i];
+        found[64u + i] = view.depth[i];
     }
-    found[65] = view.exposure;
-    found[66] = f32(view.everything);
-    found[67] = view.pixel.x;
-    found[68] = view.pixel.y;
-    found[69] = view.stop_transmittance;
-    found[70] = view.min_weight;
-    found[71] = colors[1].y;
+    found[68] = view.exposure;
+    found[69] = f32(view.everything);
+    found[70] = view.pixel.x;
+    found[71] = view.pixel.y;
+    found[72] = view.stop_transmittance;
+    found[73] = view.min_weight;
+    found[74] = colors[1].y;
 }
 ";
 
@@ -203,6 +192,7 @@ fn read() {
             reference: Vec2::new(next(), next()),
             near: next(),
             solid_transmittance: next(),
+            tint: Vec3::new(next(), next(), next()),
         };
         let view = ViewUniform {
             corner: UVec2::new(next() as u32, next() as u32),
@@ -226,7 +216,7 @@ fn read() {
                 ),
             ),
         );
-        let found: [f32; 72] = read_back(SHADER.into(), layout, |device, queue, run| {
+        let found: [f32; 75] = read_back(SHADER.into(), layout, |device, queue, run| {
             let mut view = UniformBuffer::from(view);
             let mut props = StorageBuffer::from(vec![PropUniform::default(), prop]);
             let mut colors = StorageBuffer::from(vec![Vec4::ZERO, Vec4::new(0.0, color, 0.0, 0.0)]);
@@ -235,7 +225,7 @@ fn read() {
             colors.write_buffer(device, queue);
             run(&[view.binding().unwrap(), props.binding().unwrap(), colors.binding().unwrap()]);
         });
-        let expected: [f32; 72] = std::array::from_fn(|index| (index + 1) as f32);
+        let expected: [f32; 75] = std::array::from_fn(|index| (index + 1) as f32);
         assert_eq!(found, expected);
     }
 }

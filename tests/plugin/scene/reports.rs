@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use bevy::prelude::*;
 use bevy_plenoctree::{
-    FieldFailed, FieldReady, PlenOctree, PlenOctreePlugin, PlenOctreeSystems, Prop,
+    FieldFailed, FieldReady, PlenOctree, PlenOctreePlugin, PlenOctreeSystems, Prop, PropError,
     headless::{Headless, HeadlessError},
 };
 use glam::DVec3;
@@ -46,12 +46,12 @@ fn fields_that_fit_and_fields_that_do_not_are_reported_once() {
 
     // Waiting fails at once for a field that does not fit.
     let error = headless.wait_until_ready(Duration::from_secs(60)).unwrap_err();
-    let HeadlessError::TooLarge(error) = error else { panic!("{error}") };
+    let HeadlessError::Prop(PropError::TooLarge(error)) = error else { panic!("{error}") };
     assert_eq!((error.what, error.bytes, error.limit), ("coefficients", 16 << 18, Some(256 * 256 * 16)));
     (0..4).for_each(|_| headless.update());
     let received = headless.app.world().resource::<Received>();
     assert_eq!(received.ready, [FieldReady { field: small.id() }]);
-    assert_eq!(received.failed, [FieldFailed { field: large.id(), error }]);
+    assert_eq!(received.failed, [FieldFailed { field: large.id(), error, only_level: false }]);
 
     headless.app.world_mut().despawn(prop);
     headless.wait_until_ready(Duration::from_secs(60)).unwrap();

@@ -10,8 +10,8 @@ use bevy::{
     render::diagnostic::RenderDiagnosticsPlugin,
 };
 use bevy_plenoctree::{
-    BilateralFilter, FieldPalette, POSTERIZE_SPANS, PaletteOverride, Palettes, PlenOctree, Posterize, PosterizeView,
-    PropStage, VOLUME_SPANS,
+    BeforePalette, BilateralFilter, FieldPalette, POSTERIZE_SPANS, PaletteOverride, Palettes, PlenOctree, Posterize,
+    PosterizeView, PropStage, VOLUME_SPANS,
 };
 use image::RgbaImage;
 
@@ -22,6 +22,7 @@ const HARD: Posterize = Posterize {
     softness: 0.0,
     min_opacity: 0.3,
     filter: BilateralFilter { iterations: 2, radius: 2, spatial_sigma: 3.0, range_sigma: 4.25 },
+    before_palette: BeforePalette::Hide,
 };
 /// Nearest to the second color of the palette.
 const SKY: Color = Color::srgb(0.2, 0.2, 0.15);
@@ -167,7 +168,7 @@ fn labels_of_a_view_blend() {
         Color::srgb(mixed.x, mixed.y, mixed.z)
     };
     scene.set_background(two_thirds(PALETTE[1], PALETTE[2]));
-    scene.set(Posterize { blend_steps: 3, softness: 0.0, min_opacity: 0.0, filter });
+    scene.set(Posterize { blend_steps: 3, softness: 0.0, min_opacity: 0.0, filter, ..HARD });
     assert_near(at(&scene.capture(), EMPTY.0, EMPTY.1), two_thirds(SHOWN[1], SHOWN[2]), 1, "a blend");
 }
 

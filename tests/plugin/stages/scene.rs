@@ -121,7 +121,7 @@ impl Scene {
 pub fn palette() -> FieldPalette {
     let colors = PALETTE.map(|color| Srgba::from(color).to_f32_array_no_alpha().map(f64::from));
     let mut palette = FieldPalette::new(Palette::new(colors.to_vec()).unwrap());
-    SHOWN.into_iter().enumerate().for_each(|(index, color)| palette.set(index, color));
+    SHOWN.into_iter().enumerate().for_each(|(index, color)| _ = palette.set(index, color));
     palette
 }
 

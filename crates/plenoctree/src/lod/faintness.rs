@@ -26,7 +26,7 @@ pub struct Faintness {
 
 impl Faintness {
     /// Measures a field by marching rays through all of it, on all cores.
-    pub fn of(field: &PlenOctree) -> Self {
+    pub fn measure(field: &PlenOctree) -> Self {
         let width = (field.frame().scale * f64::from(1u32 << field.depth())).element_product().cbrt().recip();
         let mut lost = [0.0; BINS];
         let Some((low, high)) = field.bounds() else {
@@ -105,7 +105,7 @@ mod tests {
     #[test]
     fn haze_around_a_ball_is_removed() {
         let field = ball(|radius| if radius < 0.6 { 300.0 } else { 0.001 });
-        let faintness = Faintness::of(&field);
+        let faintness = Faintness::measure(&field);
         let threshold = faintness.threshold(0.005);
         assert!((0.002..200.0).contains(&threshold), "{threshold}");
         assert_eq!(field.thinned(faintness.threshold(1e-3)).leaves(), field.leaves());
@@ -115,7 +115,7 @@ mod tests {
     #[test]
     fn uniform_fog_is_kept() {
         let field = ball(|radius| if radius < 0.9 { 0.5 } else { 0.0 });
-        let thinned = field.thinned(Faintness::of(&field).threshold(0.05));
+        let thinned = field.thinned(Faintness::measure(&field).threshold(0.05));
         assert!(thinned.leaves() as f64 > 0.9 * field.leaves() as f64);
         assert!(thinned.densities().iter().all(|density| *density > 0.2));
     }

@@ -12,7 +12,7 @@ use crate::save::save;
 /// A few colors that represent everything visible in a field, the most important first.
 ///
 /// Palette files are JSON: `{"colors": [[r, g, b], ...], "weights": [...]}`. If a file has no weights, all colors have
-/// the same weight.
+/// the same weight. Other keys are ignored.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "PaletteJson")]
 #[cfg_attr(

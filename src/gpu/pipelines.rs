@@ -1,0 +1,37 @@
+//! The state of Bevy's pipelines.
+
+use bevy::{
+    render::render_resource::{CachedPipelineState, PipelineCache, PipelineDescriptor},
+    shader::ShaderCacheError,
+};
+
+/// Returns the labels of the pipelines that are still being compiled, or whose shaders are still being loaded.
+pub(crate) fn waiting(cache: &PipelineCache) -> impl Iterator<Item = &str> {
+    cache.pipelines().filter_map(|pipeline| match &pipeline.state {
+        CachedPipelineState::Queued
+        | CachedPipelineState::Creating(_)
+        | CachedPipelineState::Err(
+            ShaderCacheError::ShaderNotLoaded(_) | ShaderCacheError::ShaderImportNotYetAvailable,
+        ) => Some(label(&pipeline.descriptor)),
+        CachedPipelineState::Ok(_) | CachedPipelineState::Err(_) => None,
+    })
+}
+
+/// Returns the labels of the pipelines that could not be created, and why.
+pub(crate) fn failed(cache: &PipelineCache) -> impl Iterator<Item = (&str, &ShaderCacheError)> {
+    cache.pipelines().filter_map(|pipeline| match &pipeline.state {
+        CachedPipelineState::Err(
+            ShaderCacheError::ShaderNotLoaded(_) | ShaderCacheError::ShaderImportNotYetAvailable,
+        ) => None,
+        CachedPipelineState::Err(error) => Some((label(&pipeline.descriptor), error)),
+        _ => None,
+    })
+}
+
+fn label(descriptor: &PipelineDescriptor) -> &str {
+    let label = match descriptor {
+        PipelineDescriptor::RenderPipelineDescriptor(descriptor) => &descriptor.label,
+        PipelineDescriptor::ComputePipelineDescriptor(descriptor) => &descriptor.label,
+    };
+    label.as_deref().unwrap_or("a pipeline without a label")
+}

@@ -1,0 +1,82 @@
+//! What an app without a window still waits for.
+
+use bevy::{
+    asset::LoadState,
+    prelude::*,
+    render::{RenderApp, render_asset::RenderAssets, render_resource::PipelineCache},
+};
+use plenoctree::PlenOctree;
+
+use super::HeadlessError;
+use crate::{
+    gpu::{GpuField, pipelines},
+    palette::{PaletteExtraction, Palettes},
+    posterize::Posterize,
+    stage::PosterizeView,
+    state::{PropError, PropState},
+};
+
+/// Returns what the scene waits for, or `None` if everything can be drawn. Fails if waiting does not help.
+pub(super) fn for_scene(app: &mut App) -> Result<Option<String>, HeadlessError> {
+    let pipelines = for_pipelines(app)?;
+    Ok(for_props(app.world_mut())?.or(for_views(app.world_mut())?).or(pipelines))
+}
+
+/// Returns what a frame that was just rendered waits for, or `None` if it is complete.
+pub(super) fn for_frame(app: &App) -> Result<Option<String>, HeadlessError> {
+    Ok(for_pipelines(app)?.or_else(|| for_levels(app)))
+}
+
+fn for_pipelines(app: &App) -> Result<Option<String>, HeadlessError> {
+    let render = app.get_sub_app(RenderApp);
+    let Some(cache) = render.and_then(|render| render.world().get_resource::<PipelineCache>()) else {
+        return Ok(None);
+    };
+    if let Some((label, error)) = pipelines::failed(cache).next() {
+        return Err(HeadlessError::Prop(PropError::Pipeline(format!("{label}: {error}"))));
+    }
+    Ok(pipelines::waiting(cache).next().map(|label| format!("the shaders of {label}")))
+}
+
+fn for_levels(app: &App) -> Option<String> {
+    let fields = app.get_sub_app(RenderApp)?.world().get_resource::<RenderAssets<GpuField>>()?;
+    let (field, _) = fields.iter().find(|(_, field)| field.has_pending_levels())?;
+    Some(format!("a level of {}", name(app.world(), field)))
+}
+
+fn for_props(world: &mut World) -> Result<Option<String>, HeadlessError> {
+    let mut props = world.query::<(&crate::Prop, &PropState)>();
+    let mut waits = None;
+    for (prop, state) in props.iter(world) {
+        let what = match state {
+            PropState::Ready => continue,
+            PropState::Failed(error) => return Err(HeadlessError::Prop(error.clone())),
+            PropState::Loading => "to be loaded",
+            PropState::Uploading => "to reach the GPU",
+            PropState::AwaitingPalette => "to get a palette",
+            PropState::Compiling => "to get pipelines",
+        };
+        waits.get_or_insert((prop.0.id(), what));
+    }
+    Ok(waits.map(|(field, what)| format!("{} {what}", name(world, field))))
+}
+
+fn for_views(world: &mut World) -> Result<Option<String>, HeadlessError> {
+    let mut views = world.query_filtered::<&PosterizeView, With<Posterize>>();
+    let Some(palettes) = world.get_resource::<Palettes>() else { return Ok(None) };
+    let missing: Vec<_> = views.iter(world).map(|view| view.0.id()).filter(|id| palettes.get(*id).is_none()).collect();
+    let Some(id) = missing.first() else { return Ok(None) };
+    if let Some(error) = world.get_resource::<PaletteExtraction>().and_then(|extraction| extraction.error(*id)) {
+        return Err(HeadlessError::Prop(PropError::Palette(error.clone())));
+    }
+    match world.get_resource::<AssetServer>().and_then(|server| server.get_load_state(*id)) {
+        Some(LoadState::Failed(error)) => Err(HeadlessError::Prop(PropError::Load(error.to_string()))),
+        _ => Ok(Some(format!("{} to get a palette", name(world, *id)))),
+    }
+}
+
+/// Returns the path of a field or, if it has none, its id.
+fn name(world: &World, field: AssetId<PlenOctree>) -> String {
+    let path = world.get_resource::<AssetServer>().and_then(|server| server.get_path(field));
+    path.map_or_else(|| format!("field {field}"), |path| path.to_string())
+}

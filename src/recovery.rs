@@ -1,0 +1,50 @@
+//! Recovery from a lost GPU device.
+
+use bevy::{
+    prelude::*,
+    render::{
+        RenderPlugin,
+        error_handler::{ErrorType, RenderError, RenderErrorHandler, RenderErrorPolicy},
+        settings::{RenderCreation, WgpuSettings},
+    },
+};
+
+/// A plugin that replaces the GPU device when it is lost, for example because the driver was updated or has crashed.
+/// Without it, Bevy quits the app.
+///
+/// Add it after Bevy's `DefaultPlugins`. It sets Bevy's [`RenderErrorHandler`]. The new device gets the settings of the
+/// app's [`RenderPlugin`]; if that was given a device, it gets the default settings. Fields are uploaded again, and
+/// props are drawn as before after some frames. Other errors quit the app, as they do by default.
+///
+/// ```no_run
+/// # use bevy::prelude::*;
+/// # use bevy_plenoctree::{DeviceRecoveryPlugin, PlenOctreePlugin};
+/// App::new().add_plugins((DefaultPlugins, PlenOctreePlugin, DeviceRecoveryPlugin)).run();
+/// ```
+#[derive(Clone, Copy, Debug, Default)]
+pub struct DeviceRecoveryPlugin;
+
+impl Plugin for DeviceRecoveryPlugin {
+    fn build(&self, app: &mut App) {
+        let settings =
+            app.get_added_plugins::<RenderPlugin>().first().and_then(|plugin| match &plugin.render_creation {
+                RenderCreation::Automatic(settings) => Some(WgpuSettings::clone(settings)),
+                RenderCreation::Manual(_) => None,
+            });
+        app.insert_resource(DeviceSettings(settings.unwrap_or_default())).insert_resource(RenderErrorHandler(recover));
+    }
+}
+
+/// The settings of the device.
+#[derive(Resource)]
+struct DeviceSettings(WgpuSettings);
+
+fn recover(error: &RenderError, main_world: &mut World, render_world: &mut World) -> RenderErrorPolicy {
+    match (&error.ty, main_world.get_resource::<DeviceSettings>()) {
+        (ErrorType::DeviceLost, Some(settings)) => {
+            warn!("the GPU device was lost and is replaced: {}", error.description);
+            RenderErrorPolicy::Recover(settings.0.clone().into())
+        }
+        _ => (RenderErrorHandler::default().0)(error, main_world, render_world),
+    }
+}

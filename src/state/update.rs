@@ -1,0 +1,79 @@
+//! Finds out what props wait for.
+
+use bevy::{asset::LoadState, platform::collections::HashMap, prelude::*};
+use plenoctree::PlenOctree;
+
+use super::{DrawnField, PropError, PropState};
+use crate::{
+    gpu::GpuStatus,
+    palette::{PaletteExtraction, Palettes},
+    posterize::{BeforePalette, Posterize},
+    prop::Prop,
+};
+
+pub(super) fn update(
+    mut props: Query<(&Prop, Option<&Posterize>, &mut PropState, &mut DrawnField)>,
+    mut states: Local<HashMap<(AssetId<PlenOctree>, bool), PropState>>,
+    fields: Res<Assets<PlenOctree>>,
+    server: Option<Res<AssetServer>>,
+    gpu: Res<GpuStatus>,
+    palettes: Res<Palettes>,
+    extraction: Res<PaletteExtraction>,
+) {
+    // Many props share few fields. The map keeps its memory.
+    states.clear();
+    for (prop, posterize, mut state, mut drawn) in &mut props {
+        let id = prop.0.id();
+        let data = states.entry((id, posterize.is_some())).or_insert_with(|| {
+            let field = field_state(id, &fields, server.as_deref(), &gpu);
+            if field != PropState::Ready || posterize.is_none() || palettes.get(id).is_some() {
+                return field;
+            }
+            match extraction.error(id) {
+                Some(error) => PropState::Failed(PropError::Palette(error.clone())),
+                None => PropState::AwaitingPalette,
+            }
+        });
+        let as_trained = posterize.is_some_and(|posterize| posterize.before_palette == BeforePalette::AsTrained);
+        let is_drawn = match data {
+            PropState::Ready | PropState::Failed(PropError::Palette(_)) => true,
+            PropState::AwaitingPalette => as_trained,
+            _ => false,
+        };
+        if is_drawn && drawn.field.as_ref() != Some(&prop.0) {
+            *drawn = DrawnField { field: Some(prop.0.clone()), since: gpu.frame() };
+        } else if *data == PropState::Ready && !matches!(*state, PropState::Ready | PropState::Compiling) {
+            drawn.since = gpu.frame();
+        }
+        let new = match data {
+            PropState::Ready => match gpu.pipeline_error() {
+                Some(error) => PropState::Failed(PropError::Pipeline(error.into())),
+                None if *state == PropState::Ready || gpu.has_drawn(drawn.since) => PropState::Ready,
+                None => PropState::Compiling,
+            },
+            other => other.clone(),
+        };
+        state.set_if_neq(new);
+    }
+}
+
+/// Returns the state of a prop that is not posterized and whose pipelines are compiled.
+fn field_state(
+    id: AssetId<PlenOctree>,
+    fields: &Assets<PlenOctree>,
+    server: Option<&AssetServer>,
+    gpu: &GpuStatus,
+) -> PropState {
+    // After a hot reload that failed, the earlier version is still there.
+    if !fields.contains(id) {
+        return match server.and_then(|server| server.get_load_state(id)) {
+            Some(LoadState::Failed(error)) => PropState::Failed(PropError::Load(error.to_string())),
+            _ => PropState::Loading,
+        };
+    }
+    match gpu.outcome(id) {
+        None => PropState::Uploading,
+        Some(Ok(())) => PropState::Ready,
+        Some(Err(error)) => PropState::Failed(PropError::TooLarge(error.clone())),
+    }
+}

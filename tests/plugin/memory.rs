@@ -1,0 +1,164 @@
+//! Tests what happens when the driver refuses to hold a field, and when the device is lost.
+
+use std::time::Duration;
+
+use bevy::{
+    asset::RenderAssetUsages,
+    core_pipeline::tonemapping::TonemappingLuts,
+    prelude::*,
+    render::{
+        RenderApp,
+        render_resource::{TextureDimension, TextureFormat},
+        renderer::RenderDevice,
+    },
+};
+use bevy_plenoctree::{
+    Activation, DeviceRecoveryPlugin, FieldFailed, FieldReady, PlenOctree, PlenOctreePlugin, Prop, PropError,
+    PropQuality, PropState, UpAxis,
+    headless::{Headless, exact_camera},
+};
+use glam::DVec3;
+use half::f16;
+use plenoctree::{Basis, Cell, Frame};
+
+const SIZE: u32 = 32;
+
+/// Returns a field whose only leaves are the eight cells of this depth at the lower corner of (-1, -1, -1) to (1, 1, 1),
+/// scaled so that they fill the cube from 0 to 1.
+fn corner(depth: u32, color: [f32; 3]) -> PlenOctree {
+    let mut nodes: Vec<_> = (1..depth)
+        .map(|next| std::array::from_fn(|cell| if cell == 0 { Cell::node(next) } else { Cell::EMPTY }))
+        .collect();
+    nodes.push(std::array::from_fn(|cell| Cell::leaf(cell as u32)));
+    let frame = Frame::spanning(DVec3::ZERO, DVec3::splat(f64::from(1u32 << (depth - 1))));
+    let coefficients = color.map(f16::from_f32).repeat(8);
+    PlenOctree::new(frame, Basis::Rgba, Activation::Identity, UpAxis::Y, nodes, vec![1e4; 8], coefficients).unwrap()
+}
+
+#[derive(Resource, Default)]
+struct Heard {
+    ready: usize,
+    failed: Vec<FieldFailed>,
+    exits: usize,
+}
+
+fn hear(
+    mut heard: ResMut<Heard>,
+    mut ready: MessageReader<FieldReady>,
+    mut failed: MessageReader<FieldFailed>,
+    mut exits: MessageReader<AppExit>,
+) {
+    heard.ready += ready.read().count();
+    heard.failed.extend(failed.read().cloned());
+    heard.exits += exits.read().count();
+}
+
+/// Replaces the tables of Bevy's tonemapping, which need larger 3D textures than these tests allow.
+fn without_tonemapping(app: &mut App) {
+    let TonemappingLuts { blender_filmic, agx, tony_mc_mapface } = app.world().resource::<TonemappingLuts>();
+    let tables = [blender_filmic.id(), agx.id(), tony_mc_mapface.id()];
+    let mut images = app.world_mut().resource_mut::<Assets<Image>>();
+    for table in tables {
+        let format = TextureFormat::Rgba8Unorm;
+        let image = Image::new_fill(default(), TextureDimension::D3, &[0; 4], format, RenderAssetUsages::default());
+        images.insert(table, image).unwrap();
+    }
+}
+
+/// Creates an app with two props side by side, seen along -z.
+fn app(limits: wgpu::Limits, configure: impl FnOnce(&mut App), fields: [PlenOctree; 2]) -> (Headless, [Entity; 2]) {
+    let mut headless = Headless::with_limits(UVec2::splat(SIZE), limits, |app| {
+        app.add_plugins(PlenOctreePlugin).init_resource::<Heard>().add_systems(Last, hear);
+        configure(app);
+    })
+    .unwrap();
+    let target = headless.target();
+    let world = headless.app.world_mut();
+    world.spawn((exact_camera(Color::BLACK), target, Transform::from_xyz(0.0, 0.5, 4.0)));
+    let mut fields = fields.into_iter();
+    let props = [-1.1, 0.1].map(|x| {
+        let field = world.resource_mut::<Assets<PlenOctree>>().add(fields.next().unwrap());
+        world.spawn((Prop(field), Transform::from_xyz(x, 0.0, 0.0))).id()
+    });
+    (headless, props)
+}
+
+/// Returns the colors of the two props.
+fn colors(headless: &mut Headless) -> [[u8; 3]; 2] {
+    let frame = headless.capture().unwrap();
+    [SIZE / 3, 2 * SIZE / 3].map(|x| {
+        let [r, g, b, _] = frame.get_pixel(x, SIZE / 2).0;
+        [r, g, b]
+    })
+}
+
+/// A driver that refuses the table of a field, as one that ran out of memory does, costs the field and nothing else.
+/// The 3D limit is below that of any real device, so that nothing checks it before wgpu.
+#[test]
+fn a_field_that_the_driver_refuses_is_skipped() {
+    let limits = wgpu::Limits { max_texture_dimension_3d: 32, ..default() };
+    // Tables have two levels less than the tree.
+    let (red, blue) = ([1.0, 0.0, 0.0], [0.0, 0.0, 1.0]);
+    let (mut headless, [good, bad]) = app(limits, without_tonemapping, [corner(5, red), corner(8, blue)]);
+    for _ in 0..20 {
+        headless.update();
+    }
+    assert_eq!(colors(&mut headless), [[255, 0, 0], [0; 3]]);
+    let world = headless.app.world();
+    assert_eq!(world.get::<PropState>(good), Some(&PropState::Ready));
+    let Some(PropState::Failed(PropError::TooLarge(error))) = world.get::<PropState>(bad) else { panic!() };
+    assert_eq!((error.what, error.limit), ("textures", None));
+    let heard = world.resource::<Heard>();
+    assert_eq!(heard.exits, 0, "the app quits");
+    let field = world.get::<Prop>(bad).unwrap().0.id();
+    assert_eq!(heard.failed, [FieldFailed { field, error: error.clone(), only_level: false }]);
+}
+
+/// A level that the driver refuses is replaced by the field itself, or by the level that was there.
+#[test]
+fn a_level_that_the_driver_refuses_is_skipped() {
+    let limits = wgpu::Limits { max_texture_dimension_3d: 32, ..default() };
+    // A tree of depth 9 has a table of 32 cells per side, one of depth 8 has 64: tables skip levels in pairs.
+    let (red, blue) = ([1.0, 0.0, 0.0], [0.0, 0.0, 1.0]);
+    let (mut headless, props) = app(limits, without_tonemapping, [corner(9, red), corner(9, blue)]);
+    headless.wait_until_ready(Duration::from_secs(60)).unwrap();
+    let world = headless.app.world_mut();
+    let camera = world.query_filtered::<Entity, With<Camera3d>>().single(world).unwrap();
+    // Cells are about 5 pixels wide.
+    world.entity_mut(camera).insert(PropQuality { cell_size: 15.0, ..default() });
+    for _ in 0..20 {
+        assert_eq!(colors(&mut headless), [[255, 0, 0], [0, 0, 255]]);
+    }
+    let world = headless.app.world();
+    let mut failed: Vec<_> = world.resource::<Heard>().failed.iter().map(|f| (f.field, f.only_level)).collect();
+    failed.sort_by_key(|(field, _)| *field);
+    let mut expected = props.map(|prop| (world.get::<Prop>(prop).unwrap().0.id(), true));
+    expected.sort_by_key(|(field, _)| *field);
+    assert_eq!(failed, expected);
+    assert_eq!(world.resource::<Heard>().exits, 0);
+    assert!(props.iter().all(|prop| world.get::<PropState>(*prop) == Some(&PropState::Ready)));
+}
+
+/// One line makes an app survive the loss of its device.
+#[test]
+fn an_app_survives_the_loss_of_its_device() {
+    let (red, blue) = ([1.0, 0.0, 0.0], [0.0, 0.0, 1.0]);
+    let limits = wgpu::Limits { max_texture_dimension_2d: 4096, ..default() };
+    let recover = |app: &mut App| _ = app.add_plugins(DeviceRecoveryPlugin);
+    let (mut headless, _) = app(limits, recover, [corner(4, red), corner(5, blue)]);
+    headless.wait_until_ready(Duration::from_secs(60)).unwrap();
+    let before = colors(&mut headless);
+    assert_eq!(before, [[255, 0, 0], [0, 0, 255]]);
+    let device = |headless: &Headless| headless.app.sub_app(RenderApp).world().resource::<RenderDevice>().clone();
+    for uploads in [4, 6] {
+        device(&headless).wgpu_device().destroy();
+        for _ in 0..50 {
+            headless.update();
+        }
+        assert_eq!(headless.app.world().resource::<Heard>().ready, uploads, "fields reached the new device");
+        assert_eq!(device(&headless).limits().max_texture_dimension_2d, 4096, "the app's own settings");
+        headless.wait_until_ready(Duration::from_secs(60)).unwrap();
+        assert_eq!(colors(&mut headless), before);
+    }
+    assert_eq!(headless.app.world().resource::<Heard>().exits, 0);
+}
