@@ -6,7 +6,7 @@
 #ifndef LABEL_TEXTURES
 #import bevy_plenoctree::target::to_target
 #endif
-#import bevy_plenoctree::view::{colors, props, view}
+#import bevy_plenoctree::view::{colors, is_drawn, props, view}
 
 @group(1) @binding(0) var filtered: texture_2d<u32>;
 @group(1) @binding(1) var layer: texture_2d<f32>;
@@ -111,7 +111,7 @@ fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
 #endif
     let opacity = textureLoad(layer, pixel, 0).a;
     let value = unpack(textureLoad(filtered, pixel, 0));
-    if opacity == 0.0 && value.owner == 0u {
+    if !is_drawn(pixel) || (opacity == 0.0 && value.owner == 0u) {
         discard;
     }
     var color = value.color;

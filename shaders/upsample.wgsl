@@ -2,13 +2,9 @@
 // edges in the scene's depth.
 
 #import bevy_plenoctree::color::to_half
-#import bevy_plenoctree::view::{owner_of, pack_owner, props, solid_at, view, view_distance}
+#import bevy_plenoctree::scene::scene_distance
+#import bevy_plenoctree::view::{owner_of, pack_owner, props, view}
 
-#ifdef MULTISAMPLED
-@group(0) @binding(3) var scene_depth: texture_depth_multisampled_2d;
-#else
-@group(0) @binding(3) var scene_depth: texture_depth_2d;
-#endif
 @group(1) @binding(0) var layer: texture_2d<f32>;
 @group(1) @binding(1) var owner: texture_2d<f32>;
 @group(1) @binding(2) var depth: texture_depth_2d;
@@ -17,10 +13,6 @@ struct Fragment {
     @location(0) color: vec4<f32>,
     @location(1) owner: vec4<f32>,
     @builtin(frag_depth) depth: f32,
-}
-
-fn distance_at(pixel: vec2<u32>) -> f32 {
-    return view_distance(textureLoad(scene_depth, pixel + view.corner, 0));
 }
 
 fn pow16(x: f32) -> f32 {
@@ -32,7 +24,7 @@ fn pow16(x: f32) -> f32 {
 
 @fragment
 fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
-    let here = distance_at(vec2<u32>(position.xy));
+    let here = scene_distance(vec2<u32>(position.xy));
     let at = position.xy / view.pixel - 0.5;
     let corner = vec2<i32>(floor(at));
     let share = at - floor(at);
@@ -47,7 +39,7 @@ fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
         let value = textureLoad(layer, pixel, 0);
         let along = mix(1.0 - share, share, vec2<f32>(offset));
         // The ray of that coarse pixel ended at the scene's depth there.
-        let there = distance_at(vec2<u32>((vec2<f32>(pixel) + 0.5) * view.pixel));
+        let there = scene_distance(vec2<u32>((vec2<f32>(pixel) + 0.5) * view.pixel));
         // Distances of parallel rays can be negative.
         let likeness = pow16(1.0 - min(abs(here - there) / max(max(abs(here), abs(there)), 1e-30), 1.0));
         let weight = along.x * along.y * (likeness + 1e-4);
@@ -66,6 +58,6 @@ fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
     // Outlines follow the interpolated opacity, not that of the coarse pixels.
     let prop = owner_of(there);
     let covers = mixed.a >= props[max(prop, 1u) - 1u].min_opacity;
-    let owned = pack_owner(select(0u, prop, covers), solid_at(there));
+    let owned = pack_owner(select(0u, prop, covers));
     return Fragment(mixed, vec4(owned, 0.0, 1.0), textureLoad(depth, nearest, 0));
 }

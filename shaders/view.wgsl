@@ -52,11 +52,20 @@ struct View {
     // From the camera's `PropQuality`.
     stop_transmittance: f32,
     min_weight: f32,
+    // The corners of the part of the viewport that is drawn, in pixels.
+    low: vec2<u32>,
+    high: vec2<u32>,
 }
 
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<storage, read> props: array<Prop>;
 @group(0) @binding(2) var<storage, read> colors: array<vec4<f32>>;
+
+// Returns whether a pixel of the viewport is in the part that is drawn. Others may hold what earlier frames left. The
+// scissor rectangle alone does not exclude them: with several samples, Mesa's software rasterizer draws a pixel beyond it.
+fn is_drawn(pixel: vec2<u32>) -> bool {
+    return all(pixel >= view.low) && all(pixel < view.high);
+}
 
 // Returns the distance along the view axis for a value of the depth buffer (reverse z).
 fn view_distance(ndc: f32) -> f32 {
@@ -73,19 +82,36 @@ fn depth_value(distance: f32) -> f32 {
 
 const FAR_AWAY: f32 = 1e30;
 
-// Packs the owner of a pixel (1 + its index in `props`, or 0) and whether a prop is solid there into two half floats,
-// which hold integers up to 2048 exactly.
-fn pack_owner(owner: u32, is_solid: bool) -> vec2<f32> {
-    return vec2(f32(owner & 2047u), f32(2u * (owner >> 11u) + select(0u, 1u, is_solid)));
+// Packs the owner of a pixel (1 + its index in `props`, or 0) into two half floats, which hold integers up to 2048
+// exactly.
+fn pack_owner(owner: u32) -> vec2<f32> {
+    return vec2(f32(owner & 2047u), f32(owner >> 11u));
 }
 
 fn owner_of(texel: vec4<f32>) -> u32 {
-    return u32(texel.r) + ((u32(texel.g) >> 1u) << 11u);
+    return u32(texel.r) + (u32(texel.g) << 11u);
 }
 
-fn solid_at(texel: vec4<f32>) -> bool {
-    return (u32(texel.g) & 1u) == 1u;
+// Packs the prop that is solid nearest to the camera, and whether it lets no light through. 0 means that there is none.
+fn pack_solid(prop: u32, is_opaque: bool) -> u32 {
+    return 2u * (prop + 1u) + select(0u, 1u, is_opaque);
+}
+
+fn is_solid_prop(texel: u32, prop: u32) -> bool {
+    return texel >> 1u == prop + 1u;
+}
+
+// Returns whether a prop is solid there, but others show through it.
+fn shows_through(texel: u32) -> bool {
+    return texel != 0u && (texel & 1u) == 0u;
 }
 
 // The smallest depth of a pixel where a prop was drawn. 0 means that there is no prop.
 const LEAST_DEPTH: f32 = 1e-30;
+// The smallest depth of a pixel where a prop is solid.
+const LEAST_SOLID_DEPTH: f32 = 2e-30;
+
+// Returns whether the depth of a pixel is that of a solid prop.
+fn is_solid(depth: f32) -> bool {
+    return depth > LEAST_DEPTH;
+}

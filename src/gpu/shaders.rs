@@ -11,6 +11,8 @@ use super::{constants, upload::FieldShape};
 /// Handles to the shaders, in the render world. Includes shaders that are only imported by others, to keep them loaded.
 #[derive(Resource, Clone)]
 pub(crate) struct Shaders {
+    pub boxes: Handle<Shader>,
+    pub solid: Handle<Shader>,
     pub volume: Handle<Shader>,
     pub upsample: Handle<Shader>,
     pub fullscreen: Handle<Shader>,
@@ -20,7 +22,7 @@ pub(crate) struct Shaders {
     pub present: Handle<Shader>,
     pub depth: Handle<Shader>,
     pub sampling: Handle<Shader>,
-    _imported: [Handle<Shader>; 7],
+    _imported: [Handle<Shader>; 9],
 }
 
 impl Shaders {
@@ -36,6 +38,8 @@ impl Shaders {
             };
         }
         Self {
+            boxes: shader!("box.wgsl"),
+            solid: shader!("solid.wgsl"),
             volume: shader!("volume.wgsl"),
             upsample: shader!("upsample.wgsl"),
             fullscreen: shader!("fullscreen.wgsl"),
@@ -49,6 +53,8 @@ impl Shaders {
                 shader!("color.wgsl"),
                 shader!("filter_texel.wgsl"),
                 shader!("view.wgsl"),
+                shader!("scene.wgsl"),
+                shader!("prop_ray.wgsl"),
                 shader!("target.wgsl"),
                 shader!("octree.wgsl"),
                 shader!("radiance.wgsl"),

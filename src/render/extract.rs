@@ -126,7 +126,7 @@ pub(super) fn extract_props(
     palettes: Extract<Res<Palettes>>,
     extraction: Extract<Res<PaletteExtraction>>,
     props: Extract<Query<(Entity, (&Prop, &DrawnField), &SolidOpacity, PropColors, &GlobalTransform, &ViewVisibility)>>,
-    cameras: Extract<Query<(RenderEntity, &VisibleEntities, CameraSettings), With<Camera3d>>>,
+    cameras: Extract<Query<(RenderEntity, &Camera, Has<Camera3d>, &VisibleEntities, CameraSettings)>>,
 ) {
     let ExtractedProps { props: list, colors, index } = &mut *extracted;
     list.clear();
@@ -165,7 +165,15 @@ pub(super) fn extract_props(
             index.insert(entity, drawn);
         }
     }
-    for (camera, visible, (stage, quality, everything, own, has_stages)) in &cameras {
+    for (entity, camera, is_3d, visible, (stage, quality, everything, own, has_stages)) in &cameras {
+        if !camera.is_active || !is_3d {
+            // It keeps what it saw last, but draws nothing.
+            if let Ok(mut view) = views.get_mut(entity) {
+                view.props.clear();
+                view.everything = None;
+            }
+            continue;
+        }
         let seen = visible.iter(TypeId::of::<Prop>()).filter_map(|entity| index.get(entity).copied());
         let everything = everything.and_then(|(view, settings)| {
             let palette = palettes.get(&view.0)?;
@@ -173,12 +181,12 @@ pub(super) fn extract_props(
         });
         let stage = stage.copied().unwrap_or_default();
         let quality = quality.copied().unwrap_or_default().clamped();
-        if let Ok(mut view) = views.get_mut(camera) {
+        if let Ok(mut view) = views.get_mut(entity) {
             view.props.clear();
             view.props.extend(seen);
             (view.everything, view.stage, view.quality, view.has_stages) = (everything, stage, quality, has_stages);
         } else {
-            commands.entity(camera).insert(VisibleProps {
+            commands.entity(entity).insert(VisibleProps {
                 props: seen.collect(),
                 everything,
                 stage,

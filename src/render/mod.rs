@@ -2,6 +2,7 @@
 //!
 //! There is one module per pass. In the order of a frame:
 //!
+//! - `solid` finds the nearest solid part of any prop, in views where props overlap.
 //! - `volume` draws the props into the view's layer.
 //! - `upsample` enlarges a coarse layer to the size of the viewport.
 //! - `composite` blends the layer over the scene.
@@ -10,11 +11,12 @@
 //! - `present` writes the output of custom stages to the view's target.
 //! - `depth` writes depth where props are solid.
 //!
-//! `volume` and `upsample` run between the opaque and the transparent main pass. The other passes run right after them,
+//! `solid`, `volume` and `upsample` run between the opaque and the transparent main pass. The other passes run right after them,
 //! or after all post-processing, depending on [`PropStage`].
 
 mod attachment;
 mod bind_group;
+mod boxes;
 mod composite;
 mod depth;
 mod extract;
@@ -25,6 +27,7 @@ mod last;
 mod pass;
 mod present;
 mod rays;
+mod solid;
 mod target;
 mod upsample;
 mod view;
@@ -44,7 +47,7 @@ use bevy::{
 use crate::{sets::PlenOctreeRenderSystems, stage::PropStage};
 
 /// The names of the spans in Bevy's render diagnostics whose times add up to the time of drawing props.
-pub const VOLUME_SPANS: &[&str] = &[volume::VOLUME_SPAN, upsample::UPSAMPLE_SPAN];
+pub const VOLUME_SPANS: &[&str] = &[volume::VOLUME_SPAN, solid::SOLID_SPAN, upsample::UPSAMPLE_SPAN];
 /// The names of the spans in Bevy's render diagnostics whose times add up to the time of posterizing.
 pub const POSTERIZE_SPANS: &[&str] =
     &[composite::COMPOSITE_SPAN, filter::FILTER_SPAN, label::LABEL_SPAN, present::PRESENT_SPAN, depth::DEPTH_SPAN];
@@ -63,6 +66,7 @@ impl Plugin for RenderPropsPlugin {
         }
         app.add_plugins((
             view::plugin,
+            solid::plugin,
             volume::plugin,
             upsample::plugin,
             composite::plugin,
@@ -72,6 +76,13 @@ impl Plugin for RenderPropsPlugin {
             depth::plugin,
         ));
     }
+}
+
+/// The steps of [`PlenOctreeRenderSystems::Volume`].
+#[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
+enum VolumeSteps {
+    Solid,
+    Volume,
 }
 
 /// The steps of [`PlenOctreeRenderSystems::Posterize`].
@@ -127,6 +138,10 @@ fn order_passes(render_app: &mut SubApp, stage: PropStage) {
 /// Orders the passes within the frame.
 fn order_stages(render_app: &mut SubApp) {
     render_app
+        .configure_sets(
+            Core3d,
+            (VolumeSteps::Solid, VolumeSteps::Volume).chain().in_set(PlenOctreeRenderSystems::Volume),
+        )
         .configure_sets(
             Core3d,
             (PlenOctreeRenderSystems::Volume, PlenOctreeRenderSystems::Upsample, PassesAt(PropStage::Scene))

@@ -52,10 +52,10 @@ pub(super) fn prepare_bind_groups(
     device: Res<RenderDevice>,
     cache: Res<PipelineCache>,
     pipeline: Res<CompositePipeline>,
-    mut views: Query<(Option<&ViewTextures>, &ViewTarget, &mut CompositePass)>,
+    mut views: Query<(Option<&ViewTextures>, Option<&ViewTarget>, &mut CompositePass)>,
 ) {
     for (textures, target, mut pass) in &mut views {
-        let Some(textures) = textures else {
+        let (Some(textures), Some(target)) = (textures, target) else {
             pass.groups = default();
             continue;
         };

@@ -59,7 +59,7 @@ pub(super) fn prepare_bind_groups(
             *pass = default();
             continue;
         };
-        let entries = BindGroupEntries::sequential((&textures.layer.owner, &textures.layer.depth));
+        let entries = BindGroupEntries::single(&textures.layer.depth);
         pass.group.update(&device, &cache, pipeline.0.label, &pipeline.0.layout, &entries);
     }
 }

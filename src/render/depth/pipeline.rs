@@ -5,8 +5,7 @@ use bevy::{
     prelude::*,
     render::render_resource::{
         BindGroupLayoutEntries, CompareFunction, RenderPipelineDescriptor, ShaderStages, SpecializedRenderPipeline,
-        TextureSampleType,
-        binding_types::{texture_2d, texture_depth_2d},
+        binding_types::texture_depth_2d,
     },
 };
 
@@ -20,10 +19,7 @@ use crate::{
 pub(super) struct DepthPipeline(pub Fullscreen);
 
 pub(super) fn init(mut commands: Commands, views: Res<ViewLayouts>, shaders: Res<Shaders>) {
-    let entries = BindGroupLayoutEntries::sequential(
-        ShaderStages::FRAGMENT,
-        (texture_2d(TextureSampleType::Float { filterable: false }), texture_depth_2d()),
-    );
+    let entries = BindGroupLayoutEntries::single(ShaderStages::FRAGMENT, texture_depth_2d());
     let pass = Fullscreen::new("plenoctree_depth", &shaders.depth, &entries, &shaders, &views);
     commands.insert_resource(DepthPipeline(pass));
 }

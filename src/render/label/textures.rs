@@ -7,7 +7,7 @@ use bevy::{
     prelude::*,
     render::{
         camera::ExtractedCamera,
-        render_resource::{Extent3d, TextureDescriptor, TextureDimension, TextureFormat, TextureUsages, TextureView},
+        render_resource::{TextureFormat, TextureView},
         renderer::RenderDevice,
         texture::TextureCache,
     },
@@ -16,7 +16,7 @@ use bevy::{
 use crate::{
     render::{
         extract::VisibleProps,
-        view::{ViewProps, drawn_viewport},
+        view::{ViewProps, drawn_viewport, view_texture},
     },
     stage::PropStage,
 };
@@ -82,7 +82,7 @@ pub(super) fn prepare_textures(
     device: Res<RenderDevice>,
     views: Query<(
         Entity,
-        &ExtractedCamera,
+        Option<&ExtractedCamera>,
         Option<&MainPassResolutionOverride>,
         &VisibleProps,
         &ViewProps,
@@ -90,7 +90,9 @@ pub(super) fn prepare_textures(
     )>,
 ) {
     for (entity, camera, resolution, visible, props, has_textures) in &views {
-        let viewport = drawn_viewport(camera, resolution).filter(|_| visible.has_stages && !props.rect.is_empty());
+        let viewport = camera
+            .filter(|_| visible.has_stages && !props.rect.is_empty())
+            .and_then(|camera| drawn_viewport(camera, resolution));
         let Some(viewport) = viewport else {
             if has_textures {
                 commands.entity(entity).remove::<LabelTextures>();
@@ -98,19 +100,7 @@ pub(super) fn prepare_textures(
             continue;
         };
         let size = viewport.physical_size;
-        let mut texture = |label, format| {
-            let descriptor = TextureDescriptor {
-                label: Some(label),
-                size: Extent3d { width: size.x, height: size.y, depth_or_array_layers: 1 },
-                mip_level_count: 1,
-                sample_count: 1,
-                dimension: TextureDimension::D2,
-                format,
-                usage: TextureUsages::RENDER_ATTACHMENT | TextureUsages::TEXTURE_BINDING,
-                view_formats: &[],
-            };
-            cache.get(&device, descriptor).default_view
-        };
+        let mut texture = |label, format| view_texture(&mut cache, &device, label, format, size);
         commands.entity(entity).insert(LabelTextures {
             labels: texture("plenoctree_labels", LABEL_FORMAT),
             rect: props.rect,

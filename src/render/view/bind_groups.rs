@@ -25,10 +25,10 @@ pub(super) fn prepare(
     device: Res<RenderDevice>,
     cache: Res<PipelineCache>,
     layouts: Res<ViewLayouts>,
-    mut views: Query<(&ViewProps, &ViewDepthTexture, &Msaa, &mut ViewBindGroups)>,
+    mut views: Query<(&ViewProps, Option<(&ViewDepthTexture, &Msaa)>, &mut ViewBindGroups)>,
 ) {
-    for (props, depth, msaa, mut groups) in &mut views {
-        let Some((view, list, colors)) = props.bindings() else {
+    for (props, target, mut groups) in &mut views {
+        let (Some((view, list, colors)), Some((depth, msaa))) = (props.bindings(), target) else {
             *groups = default();
             continue;
         };

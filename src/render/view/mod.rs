@@ -3,6 +3,7 @@
 mod bind_groups;
 mod layout;
 mod levels;
+mod overlap;
 mod prepare;
 mod props;
 mod textures;
@@ -10,8 +11,10 @@ mod uniforms;
 
 pub(super) use bind_groups::ViewBindGroups;
 pub(super) use layout::ViewLayouts;
-pub(super) use props::ViewProps;
-pub(super) use textures::{DEPTH_FORMAT, FILTER_FORMAT, LAYER_FORMAT, OWNER_FORMAT, ViewTextures, drawn_viewport};
+pub(super) use props::{DrawnProp, Overlap, ViewProps};
+pub(super) use textures::{
+    DEPTH_FORMAT, FILTER_FORMAT, LAYER_FORMAT, OWNER_FORMAT, ViewTextures, coarse_size, drawn_viewport, view_texture,
+};
 
 use bevy::{
     core_pipeline::core_3d::prepare_core_3d_depth_textures,

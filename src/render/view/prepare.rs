@@ -12,7 +12,8 @@ use bevy::{
 };
 
 use super::{
-    props::ViewProps,
+    overlap::Overlaps,
+    props::{DrawnProp, Overlap, ViewProps},
     textures::{coarse_size, drawn_viewport},
     uniforms::{PropUniform, ViewUniform},
 };
@@ -26,25 +27,34 @@ use crate::{
     stage::PropStage,
 };
 
+/// Memory that is reused from view to view.
+#[derive(Default)]
+pub(super) struct Scratch {
+    /// The pixels that each prop of a view can cover.
+    rects: Vec<URect>,
+    overlaps: Overlaps,
+}
+
 /// Writes the uniforms and the colors of every view.
 pub(super) fn prepare_views(
     extracted: Res<ExtractedProps>,
     fields: Res<RenderAssets<GpuField>>,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
+    mut scratch: Local<Scratch>,
     mut views: Query<(
-        &ExtractedView,
-        &ExtractedCamera,
+        Option<(&ExtractedView, &ExtractedCamera)>,
         Option<&MainPassResolutionOverride>,
         &VisibleProps,
         &mut ViewProps,
     )>,
 ) {
-    for (view, camera, resolution, visible, mut buffers) in &mut views {
+    let Scratch { rects, overlaps } = &mut *scratch;
+    for (camera, resolution, visible, mut buffers) in &mut views {
         let quality = &visible.quality;
         let ViewProps {
             order,
-            fields: drawn,
+            drawn,
             iterations,
             rect,
             stage,
@@ -58,11 +68,18 @@ pub(super) fn prepare_views(
         drawn.clear();
         pipelines.clear();
         props.get_mut().clear();
+        rects.clear();
         (*iterations, *rect) = (0, URect::EMPTY);
+        // Cameras that are not active are not extracted.
+        let Some((view, camera)) = camera else {
+            continue;
+        };
         let Some(viewport) = drawn_viewport(camera, resolution) else {
             continue;
         };
         let size = viewport.physical_size;
+        let coarse = coarse_size(size, quality.resolution);
+        let reach = reach(size, coarse);
         // After upscaling, textures with the size of the main pass no longer fit the target.
         *stage = if resolution.is_some() { PropStage::Scene } else { visible.stage };
         *has_stages = visible.has_stages;
@@ -84,12 +101,23 @@ pub(super) fn prepare_views(
             let Some(rays) = placement.rays(&view.world_from_view, view.clip_from_view, size) else {
                 continue;
             };
-            drawn.push((prop.field, level));
             let covered = covered(rays.clip_from_box, size);
             if !covered.is_empty() {
-                *rect = rect.union(covered);
+                *rect = rect.union(extended(covered, reach, size));
             }
-            props.get_mut().push(PropUniform::new(prop, &rays, quality));
+            rects.push(covered);
+            let uniform = PropUniform::new(prop, &rays, quality);
+            let overlap = if uniform.may_be_solid() { Overlap::Solid } else { Overlap::Thin };
+            drawn.push(DrawnProp { field: prop.field, level, overlap });
+            props.get_mut().push(uniform);
+        }
+        for (prop, overlaps) in drawn.iter_mut().zip(overlaps.find(rects)) {
+            if !overlaps {
+                prop.overlap = Overlap::None;
+            }
+        }
+        if drawn.iter().all(|prop| prop.overlap != Overlap::Solid) {
+            drawn.iter_mut().for_each(|prop| prop.overlap = Overlap::None);
         }
         let everything = visible.everything.filter(|posterize| posterize.colors > 0);
         if everything.is_some() {
@@ -112,9 +140,11 @@ pub(super) fn prepare_views(
             depth: Vec4::new(z.z, w.z, z.w, w.w),
             exposure: exposure(camera, *stage),
             everything: everything.map_or(0, |_| props.get().len() as u32),
-            pixel: size.as_vec2() / coarse_size(size, quality.resolution).as_vec2(),
+            pixel: size.as_vec2() / coarse.as_vec2(),
             stop_transmittance: quality.stop_transmittance,
             min_weight: quality.min_weight,
+            low: rect.min,
+            high: rect.max,
         };
         uniform.write_buffer(&device, &queue);
         props.write_buffer(&device, &queue);
@@ -131,10 +161,10 @@ fn exposure(camera: &ExtractedCamera, stage: PropStage) -> f32 {
     }
 }
 
-/// Returns the rectangle of pixels that the unit cube can cover, extended by the largest radius of the filter.
+/// Returns the rectangle of pixels that the unit cube can cover.
 fn covered(clip_from_box: glam::DMat4, size: UVec2) -> URect {
     let everything = URect::from_corners(UVec2::ZERO, size);
-    let mut rect = Rect::EMPTY;
+    let (mut low, mut high) = (glam::DVec2::INFINITY, glam::DVec2::NEG_INFINITY);
     for corner in 0..8 {
         let corner = UVec3::new(corner & 1, corner >> 1 & 1, corner >> 2);
         let clip = clip_from_box * corner.as_dvec3().extend(1.0);
@@ -142,12 +172,23 @@ fn covered(clip_from_box: glam::DMat4, size: UVec2) -> URect {
             return everything;
         }
         let ndc = glam::DVec2::new(clip.x, -clip.y) / clip.w;
-        rect = rect.union_point((0.5 * (ndc + 1.0) * size.as_dvec2()).as_vec2());
+        let point = 0.5 * (ndc + 1.0) * size.as_dvec2();
+        (low, high) = (low.min(point), high.max(point));
     }
-    let reach = MAX_FILTER_RADIUS as f32 + 1.0;
-    let (low, high) = (rect.min - reach, rect.max + reach);
-    // The cast saturates.
-    everything.intersect(URect::from_corners(low.as_uvec2(), high.as_uvec2()))
+    // The casts saturate.
+    everything.intersect(URect::from_corners(low.floor().as_uvec2(), high.ceil().as_uvec2()))
+}
+
+/// Returns how far from the pixels of its box a prop can be seen, plus how far from there the filter reads: a pixel of a
+/// coarse layer is interpolated with its neighbors.
+fn reach(size: UVec2, coarse: UVec2) -> UVec2 {
+    let spread = if coarse == size { UVec2::ZERO } else { (size.as_vec2() / coarse.as_vec2()).ceil().as_uvec2() };
+    spread + MAX_FILTER_RADIUS + 1
+}
+
+/// Returns a rectangle that is extended on every side, within a viewport of `size`.
+fn extended(rect: URect, reach: UVec2, size: UVec2) -> URect {
+    URect { min: rect.min.saturating_sub(reach), max: (rect.max + reach).min(size) }
 }
 
 #[cfg(test)]
@@ -179,7 +220,9 @@ mod tests {
             if clip.w > 0.0 && ndc.abs().max_element() < 1.0 {
                 let pixel = (0.5 * (ndc + 1.0) * size.as_dvec2()).as_uvec2();
                 let rect = covered(clip_from_box, size);
-                prop_assert!(pixel.cmpge(rect.min).all() && pixel.cmplt(rect.max).all(), "{pixel} in {rect:?}");
+                // A point between two pixels belongs to both.
+                let (low, high) = (rect.min.saturating_sub(UVec2::ONE), rect.max + 1);
+                prop_assert!(pixel.cmpge(low).all() && pixel.cmplt(high).all(), "{pixel} in {rect:?}");
             }
         }
     }

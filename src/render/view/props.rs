@@ -2,19 +2,25 @@
 
 use bevy::{
     prelude::*,
-    render::render_resource::{BindingResource, CachedRenderPipelineId, PipelineCache, StorageBuffer, UniformBuffer},
+    render::{
+        render_asset::RenderAssets,
+        render_resource::{BindingResource, CachedRenderPipelineId, PipelineCache, StorageBuffer, UniformBuffer},
+    },
 };
 use plenoctree::PlenOctree;
 
 use super::uniforms::{PropUniform, ViewUniform};
-use crate::{gpu::Level, stage::PropStage};
+use crate::{
+    gpu::{GpuField, GpuLevel, Level},
+    stage::PropStage,
+};
 
 /// The props of one view, back to front.
 #[derive(Component, Default)]
 pub(in crate::render) struct ViewProps {
     pub(super) order: Vec<OrderedProp>,
-    /// The field of every prop and its level, in drawing order.
-    pub fields: Vec<(AssetId<PlenOctree>, Level)>,
+    /// Every prop, in drawing order.
+    pub drawn: Vec<DrawnProp>,
     /// The highest degree of spherical harmonics to evaluate.
     pub degree: u32,
     /// Whether props may be drawn at levels other than the field itself.
@@ -34,6 +40,30 @@ pub(in crate::render) struct ViewProps {
     pub(super) colors: StorageBuffer<Vec<Vec4>>,
 }
 
+/// What is drawn of a prop.
+pub(in crate::render) struct DrawnProp {
+    pub field: AssetId<PlenOctree>,
+    pub level: Level,
+    pub overlap: Overlap,
+}
+
+impl DrawnProp {
+    /// Returns the level on the GPU.
+    pub fn on_gpu<'a>(&self, fields: &'a RenderAssets<GpuField>) -> Option<&'a GpuLevel> {
+        fields.get(self.field)?.level(self.level).map(AsRef::as_ref)
+    }
+}
+
+/// Whether a prop may cover the same pixels as another one, in a view where one of such props may be solid.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(in crate::render) enum Overlap {
+    None,
+    /// It may, and is never solid itself.
+    Thin,
+    /// It may, and may be solid.
+    Solid,
+}
+
 /// A prop of a view, in drawing order.
 pub(super) struct OrderedProp {
     /// The distance of its center along the view direction.
@@ -51,6 +81,11 @@ impl ViewProps {
             return None;
         }
         Some((self.view.binding()?, self.props.binding()?, self.colors.binding()?))
+    }
+
+    /// Returns whether the nearest solid prop of every pixel must be known before props are drawn.
+    pub fn has_overlaps(&self) -> bool {
+        self.drawn.iter().any(|prop| prop.overlap == Overlap::Solid)
     }
 
     /// Returns whether the passes after the volume pass can run at this place in the frame.

@@ -15,7 +15,7 @@ use crate::render::extract::VisibleProps;
 
 /// The format of color and opacity: half floats, because 8 bits per channel would change labels.
 pub(in crate::render) const LAYER_FORMAT: TextureFormat = TextureFormat::Rgba16Float;
-/// The format of the owner of a pixel, and of whether a prop is solid there.
+/// The format of the owner of a pixel.
 pub(in crate::render) const OWNER_FORMAT: TextureFormat = TextureFormat::Rg16Float;
 /// The format of the filter's textures: the color, owner and CIELAB of a pixel. See `filter_texel.wgsl`.
 pub(in crate::render) const FILTER_FORMAT: TextureFormat = TextureFormat::Rgba32Uint;
@@ -50,6 +50,28 @@ impl ViewTextures {
     }
 }
 
+/// Returns a texture of `size` pixels that passes write and read. It is given back when it is not asked for again in the
+/// next frames.
+pub(in crate::render) fn view_texture(
+    cache: &mut TextureCache,
+    device: &RenderDevice,
+    label: &'static str,
+    format: TextureFormat,
+    size: UVec2,
+) -> TextureView {
+    let descriptor = TextureDescriptor {
+        label: Some(label),
+        size: Extent3d { width: size.x, height: size.y, depth_or_array_layers: 1 },
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: TextureDimension::D2,
+        format,
+        usage: TextureUsages::RENDER_ATTACHMENT | TextureUsages::TEXTURE_BINDING,
+        view_formats: &[],
+    };
+    cache.get(device, descriptor).default_view
+}
+
 /// Returns the part of a view's target that its main pass draws to, in pixels, or `None` if it is empty.
 pub(in crate::render) fn drawn_viewport(
     camera: &ExtractedCamera,
@@ -67,26 +89,15 @@ pub(super) fn prepare_textures(
     mut commands: Commands,
     mut cache: ResMut<TextureCache>,
     device: Res<RenderDevice>,
-    views: Query<(Entity, &ExtractedCamera, Option<&MainPassResolutionOverride>, &VisibleProps)>,
+    views: Query<(Entity, Option<&ExtractedCamera>, Option<&MainPassResolutionOverride>, &VisibleProps)>,
 ) {
     for (entity, camera, resolution, visible) in &views {
-        let (Some(viewport), false) = (drawn_viewport(camera, resolution), visible.is_empty()) else {
+        let viewport = camera.filter(|_| !visible.is_empty()).and_then(|camera| drawn_viewport(camera, resolution));
+        let Some(viewport) = viewport else {
             commands.entity(entity).remove::<ViewTextures>();
             continue;
         };
-        let mut texture = |label, format, size: UVec2| {
-            let descriptor = TextureDescriptor {
-                label: Some(label),
-                size: Extent3d { width: size.x, height: size.y, depth_or_array_layers: 1 },
-                mip_level_count: 1,
-                sample_count: 1,
-                dimension: TextureDimension::D2,
-                format,
-                usage: TextureUsages::RENDER_ATTACHMENT | TextureUsages::TEXTURE_BINDING,
-                view_formats: &[],
-            };
-            cache.get(&device, descriptor).default_view
-        };
+        let mut texture = |label, format, size| view_texture(&mut cache, &device, label, format, size);
         let mut layer = |size| Layer {
             color: texture("plenoctree_layer", LAYER_FORMAT, size),
             owner: texture("plenoctree_owner", OWNER_FORMAT, size),
@@ -101,6 +112,6 @@ pub(super) fn prepare_textures(
 }
 
 /// Returns the size of the volume pass in a viewport of `size`, in pixels.
-pub(super) fn coarse_size(size: UVec2, resolution: f32) -> UVec2 {
+pub(in crate::render) fn coarse_size(size: UVec2, resolution: f32) -> UVec2 {
     (size.as_vec2() * resolution).ceil().as_uvec2().clamp(UVec2::ONE, size)
 }

@@ -75,6 +75,11 @@ impl PropUniform {
         }
     }
 
+    /// Returns whether the prop is ever solid.
+    pub fn may_be_solid(&self) -> bool {
+        self.solid_transmittance >= 0.0
+    }
+
     /// Returns the number of filter iterations that it needs.
     pub fn filtered(&self) -> u32 {
         if self.colors > 0 { self.iterations } else { 0 }
@@ -92,6 +97,8 @@ pub(super) struct ViewUniform {
     pub pixel: Vec2,
     pub stop_transmittance: f32,
     pub min_weight: f32,
+    pub low: UVec2,
+    pub high: UVec2,
 }
 
 /// Returns the transmittance at which a prop is solid, or a negative value for never. Rays that stop count as solid.
@@ -165,7 +172,11 @@ fn read() {
     found[71] = view.pixel.y;
     found[72] = view.stop_transmittance;
     found[73] = view.min_weight;
-    found[74] = colors[1].y;
+    found[74] = f32(view.low.x);
+    found[75] = f32(view.low.y);
+    found[76] = f32(view.high.x);
+    found[77] = f32(view.high.y);
+    found[78] = colors[1].y;
 }
 ";
 
@@ -203,6 +214,8 @@ fn read() {
             pixel: Vec2::new(next(), next()),
             stop_transmittance: next(),
             min_weight: next(),
+            low: UVec2::new(next() as u32, next() as u32),
+            high: UVec2::new(next() as u32, next() as u32),
         };
         let color = next();
         let layout = BindGroupLayoutDescriptor::new(
@@ -216,7 +229,7 @@ fn read() {
                 ),
             ),
         );
-        let found: [f32; 75] = read_back(SHADER.into(), layout, |device, queue, run| {
+        let found: [f32; 79] = read_back(SHADER.into(), layout, |device, queue, run| {
             let mut view = UniformBuffer::from(view);
             let mut props = StorageBuffer::from(vec![PropUniform::default(), prop]);
             let mut colors = StorageBuffer::from(vec![Vec4::ZERO, Vec4::new(0.0, color, 0.0, 0.0)]);
@@ -225,7 +238,7 @@ fn read() {
             colors.write_buffer(device, queue);
             run(&[view.binding().unwrap(), props.binding().unwrap(), colors.binding().unwrap()]);
         });
-        let expected: [f32; 75] = std::array::from_fn(|index| (index + 1) as f32);
+        let expected: [f32; 79] = std::array::from_fn(|index| (index + 1) as f32);
         assert_eq!(found, expected);
     }
 }

@@ -1,4 +1,7 @@
 //! The volume pass: draws every visible prop into the view's layer, back to front. See section 2 of the method.
+//!
+//! Where props overlap, the nearest solid depth of a pixel cuts them: first, all parts behind it are drawn, then the prop
+//! that is solid there, then all parts before it.
 
 mod pass;
 mod pipeline;
@@ -11,7 +14,7 @@ use bevy::{
     render::{GpuResourceAppExt, Render, RenderApp, RenderStartup, render_resource::SpecializedRenderPipelines},
 };
 
-use super::{extract::VisibleProps, view::InitViews};
+use super::{VolumeSteps, extract::VisibleProps, view::InitViews};
 use crate::sets::PlenOctreeRenderSystems;
 
 pub(super) fn plugin(app: &mut App) {
@@ -23,5 +26,5 @@ pub(super) fn plugin(app: &mut App) {
         .init_gpu_resource::<SpecializedRenderPipelines<pipeline::VolumePipeline>>()
         .add_systems(RenderStartup, pipeline::init.after(InitViews))
         .add_systems(Render, pass::prepare_pipelines.in_set(PlenOctreeRenderSystems::PreparePipelines))
-        .add_systems(Core3d, pass::volume_pass.in_set(PlenOctreeRenderSystems::Volume));
+        .add_systems(Core3d, pass::volume_pass.in_set(VolumeSteps::Volume));
 }

@@ -9,14 +9,15 @@ use bevy::{
         renderer::{RenderContext, ViewQuery},
     },
 };
-use plenoctree::PlenOctree;
 
 use super::pipeline::{VolumeKey, VolumePipeline};
 use crate::{
-    gpu::{FieldShape, GpuField, GpuLevel, Level},
+    gpu::{FieldShape, GpuField},
     render::{
         attachment::{cleared, cleared_depth},
-        view::{ViewBindGroups, ViewProps, ViewTextures},
+        boxes::BOX_VERTICES,
+        solid::SolidBindGroup,
+        view::{DrawnProp, Overlap, ViewBindGroups, ViewProps, ViewTextures},
     },
 };
 
@@ -25,7 +26,30 @@ pub const VOLUME_SPAN: &str = "plenoctree_volume";
 
 /// The pipeline of every prop of a view, in drawing order.
 #[derive(Component, Default)]
-pub(super) struct VolumePipelines(Vec<CachedRenderPipelineId>);
+pub(super) struct VolumePipelines(Vec<Option<CachedRenderPipelineId>>);
+
+/// The parts of props that overlap, relative to the nearest solid depth of a pixel, in drawing order. They match
+/// `volume.wgsl`.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Part {
+    /// What is behind the solid depth, where light gets through.
+    Behind,
+    /// The prop that is solid there, as a whole.
+    Nearest,
+    /// What is before the solid depth, or everything if there is none.
+    Before,
+}
+
+impl Part {
+    /// Returns whether a prop may have this part. Props that overlap no other are drawn as a whole.
+    fn is_of(self, prop: &DrawnProp) -> bool {
+        match self {
+            Self::Behind => prop.overlap != Overlap::None,
+            Self::Nearest => prop.overlap == Overlap::Solid,
+            Self::Before => true,
+        }
+    }
+}
 
 pub(super) fn prepare_pipelines(
     cache: Res<PipelineCache>,
@@ -35,32 +59,28 @@ pub(super) fn prepare_pipelines(
     mut views: Query<(&ViewProps, &Msaa, &mut VolumePipelines)>,
 ) {
     for (props, msaa, mut pipelines) in &mut views {
+        let (degree, multisampled) = (props.degree, msaa.samples() > 1);
         pipelines.0.clear();
-        pipelines.0.extend(props.fields.iter().filter_map(|field| level(&fields, field)).map(|level| {
-            let key = VolumeKey { shape: level.shape, degree: props.degree, multisampled: msaa.samples() > 1 };
+        pipelines.0.extend(props.drawn.iter().map(|prop| {
+            let shape = prop.on_gpu(&fields)?.shape;
+            let key = VolumeKey { shape, degree, multisampled, overlapping: prop.overlap != Overlap::None };
             if props.changes_levels {
                 // Also specialize the other variant, so that a change of level does not wait for its pipeline.
-                let inner_records = !level.shape.inner_records;
-                let shape = FieldShape { inner_records, ..level.shape };
+                let shape = FieldShape { inner_records: !shape.inner_records, ..shape };
                 specialized.specialize(&cache, &pipeline, VolumeKey { shape, ..key });
             }
-            specialized.specialize(&cache, &pipeline, key)
+            Some(specialized.specialize(&cache, &pipeline, key))
         }));
     }
 }
 
-/// Returns the level of a field that a view draws.
-fn level<'a>(fields: &'a RenderAssets<GpuField>, (id, level): &(AssetId<PlenOctree>, Level)) -> Option<&'a GpuLevel> {
-    fields.get(*id)?.level(*level).map(AsRef::as_ref)
-}
-
 pub(super) fn volume_pass(
-    view: ViewQuery<(&ViewTextures, &ViewProps, &ViewBindGroups, &VolumePipelines)>,
+    view: ViewQuery<(&ViewTextures, &ViewProps, &ViewBindGroups, &SolidBindGroup, &VolumePipelines)>,
     cache: Res<PipelineCache>,
     fields: Res<RenderAssets<GpuField>>,
     mut ctx: RenderContext,
 ) {
-    let (textures, props, groups, pipelines) = view.into_inner();
+    let (textures, props, groups, solid, pipelines) = view.into_inner();
     let Some(group) = groups.with_depth.get() else {
         return;
     };
@@ -76,14 +96,22 @@ pub(super) fn volume_pass(
             ..default()
         });
         pass.set_bind_group(0, group, &[]);
-        for (index, (field, pipeline)) in props.fields.iter().zip(&pipelines.0).enumerate() {
-            let (Some(level), Some(pipeline)) = (level(&fields, field), cache.get_render_pipeline(*pipeline)) else {
-                continue;
-            };
-            pass.set_render_pipeline(pipeline);
-            pass.set_bind_group(1, &level.bind_group, &[]);
-            let instance = index as u32;
-            pass.draw(0..36, instance..instance + 1);
+        let mut parts = [Part::Before].as_slice();
+        if let Some(solid) = solid.get() {
+            pass.set_bind_group(2, solid, &[]);
+            parts = &[Part::Behind, Part::Nearest, Part::Before];
+        }
+        for part in parts {
+            for (index, (prop, pipeline)) in props.drawn.iter().zip(&pipelines.0).enumerate() {
+                let pipeline = pipeline.filter(|_| part.is_of(prop)).and_then(|id| cache.get_render_pipeline(id));
+                let (Some(level), Some(pipeline)) = (prop.on_gpu(&fields), pipeline) else {
+                    continue;
+                };
+                pass.set_render_pipeline(pipeline);
+                pass.set_bind_group(1, &level.bind_group, &[]);
+                let instance = index as u32 | (*part as u32) << 16;
+                pass.draw(0..BOX_VERTICES, instance..instance + 1);
+            }
         }
     }
     span.end(ctx.command_encoder());

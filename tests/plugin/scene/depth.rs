@@ -52,7 +52,7 @@ fn sample_counts(stage: &mut Stage) -> Vec<Msaa> {
 }
 
 /// Runs `check` with every sample count, with and without HDR.
-fn in_every_mode(stage: &mut Stage, mut check: impl FnMut(&mut Stage, &str)) {
+pub fn in_every_mode(stage: &mut Stage, mut check: impl FnMut(&mut Stage, &str)) {
     for msaa in sample_counts(stage) {
         for hdr in [false, true] {
             for camera in stage.cameras {
@@ -132,7 +132,7 @@ fn a_light_brighter_than_white_shines_through_fog() {
 }
 
 /// Returns the encoded color of a pane with an opacity of 1/2 over another color, blended as Bevy does.
-fn through_pane(pane: DVec3, behind: DVec3) -> DVec3 {
+pub fn through_pane(pane: DVec3, behind: DVec3) -> DVec3 {
     let mixed = color(pane).to_linear() * 0.5 + color(behind).to_linear() * 0.5;
     let encoded = Srgba::from(mixed);
     DVec3::new(encoded.red.into(), encoded.green.into(), encoded.blue.into())
@@ -204,17 +204,6 @@ fn props_are_composited_over_each_other() {
             seen(side, &layers.into_iter().flatten().collect::<Vec<_>>())
         });
     }
-}
-
-/// The prop whose center is farther away has haze in front of the other one. The haze absorbs 1/100 of the light.
-#[test]
-fn haze_does_not_cut_holes_in_other_props() {
-    let mut stage = Stage::new();
-    let haze = shape(8.0 * density(0.01), BLUE, |at| at.z > 0.875 || at.max_element() < -0.875);
-    stage.spawn_prop(&haze, Transform::from_xyz(0.0, 0.0, -0.4));
-    stage.spawn_prop(&cube(SOLID, RED), Transform::from_xyz(0.0, 0.0, -0.1));
-    stage.wait();
-    stage.check("haze", |_, place| in_cube(place).then_some(RED));
 }
 
 /// The large prop is a wall at the back of its bounding box, which a speck in a corner makes as deep as the stage. The

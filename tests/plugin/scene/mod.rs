@@ -7,6 +7,9 @@
 mod cameras;
 mod depth;
 mod life;
+mod memory;
+mod overlap;
 mod reports;
 mod stage;
+mod stale;
 mod transforms;

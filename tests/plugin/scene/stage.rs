@@ -127,7 +127,7 @@ impl Stage {
         })
     }
 
-    fn with(configure: impl FnOnce(&mut App)) -> Self {
+    pub fn with(configure: impl FnOnce(&mut App)) -> Self {
         let size = Side::Behind.corner() + PIXELS;
         let mut headless = Headless::new(size, |app| {
             configure(app);

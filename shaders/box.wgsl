@@ -1,0 +1,28 @@
+// The box around a prop's leaves, for the passes that march a ray for each of its pixels.
+
+#import bevy_plenoctree::prop_ray::Varying
+#import bevy_plenoctree::view::props
+
+// Two triangles per face, as corners of the unit cube (bits x, y, z), wound so that the outside is the front.
+const CORNERS = array<u32, 36>(
+    0u, 4u, 6u, 0u, 6u, 2u, // x low
+    1u, 3u, 7u, 1u, 7u, 5u, // x high
+    0u, 1u, 5u, 0u, 5u, 4u, // y low
+    2u, 6u, 7u, 2u, 7u, 3u, // y high
+    0u, 2u, 3u, 0u, 3u, 1u, // z low
+    4u, 5u, 7u, 4u, 7u, 6u, // z high
+);
+
+// An instance is a prop and, above its 16 bits, the part of the rays to draw.
+@vertex
+fn vertex(@builtin(vertex_index) index: u32, @builtin(instance_index) instance: u32) -> Varying {
+    let prop = instance & 0xffffu;
+    var corners = CORNERS;
+    // Mirroring reverses the winding of the box. Swapping its corners along x restores it.
+    let bits = corners[index] ^ props[prop].mirrored;
+    let corner = vec3(f32(bits & 1u), f32((bits >> 1u) & 1u), f32(bits >> 2u));
+    var position = props[prop].clip_from_box * vec4(corner, 1.0);
+    // Only back faces are drawn. They must not be clipped, however near or far they are.
+    position.z = 0.5 * position.w;
+    return Varying(position, prop, instance >> 16u);
+}

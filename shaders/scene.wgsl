@@ -1,0 +1,15 @@
+// The depth of the scene, as bind group 0 holds it for the passes that read it.
+#define_import_path bevy_plenoctree::scene
+
+#import bevy_plenoctree::view::{view, view_distance}
+
+#ifdef MULTISAMPLED
+@group(0) @binding(3) var scene_depth: texture_depth_multisampled_2d;
+#else
+@group(0) @binding(3) var scene_depth: texture_depth_2d;
+#endif
+
+// Returns the distance of the scene along the view axis at a pixel of the viewport.
+fn scene_distance(pixel: vec2<u32>) -> f32 {
+    return view_distance(textureLoad(scene_depth, pixel + view.corner, 0));
+}

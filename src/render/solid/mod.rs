@@ -1,0 +1,46 @@
+//! The solid pass: finds, for every pixel, the prop that is solid nearest to the camera, and where.
+//!
+//! The volume pass cuts all other props there, so that a solid part hides what is behind it, whatever the order in which
+//! props are drawn, and shows what is in front of it. The pass runs in views in which the boxes of props overlap, and
+//! marches only through those props.
+
+mod pass;
+mod pipeline;
+mod textures;
+
+pub use pass::SOLID_SPAN;
+pub(super) use textures::{SolidBindGroup, SolidLayout};
+
+use bevy::{
+    core_pipeline::schedule::Core3d,
+    prelude::*,
+    render::{
+        GpuResourceAppExt, Render, RenderApp, RenderStartup, RenderSystems, render_resource::SpecializedRenderPipelines,
+    },
+};
+
+use super::{VolumeSteps, extract::VisibleProps, view::InitViews};
+use crate::sets::PlenOctreeRenderSystems;
+
+pub(super) fn plugin(app: &mut App) {
+    let Some(render_app) = app.get_sub_app_mut(RenderApp) else {
+        return;
+    };
+    render_app.world_mut().register_required_components::<VisibleProps, pass::SolidPipelines>();
+    render_app.world_mut().register_required_components::<VisibleProps, textures::SolidBindGroup>();
+    render_app
+        .init_gpu_resource::<SpecializedRenderPipelines<pipeline::SolidPipeline>>()
+        .init_resource::<SolidLayout>()
+        .add_systems(RenderStartup, pipeline::init.after(InitViews))
+        .add_systems(
+            Render,
+            (
+                textures::prepare_textures
+                    .after(PlenOctreeRenderSystems::PrepareViews)
+                    .in_set(RenderSystems::PrepareResources),
+                pass::prepare_pipelines.in_set(PlenOctreeRenderSystems::PreparePipelines),
+                textures::prepare_bind_groups.in_set(PlenOctreeRenderSystems::PrepareBindGroups),
+            ),
+        )
+        .add_systems(Core3d, pass::solid_pass.in_set(VolumeSteps::Solid));
+}

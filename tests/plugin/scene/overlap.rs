@@ -1,0 +1,285 @@
+//! Tests props that overlap in the view: solid parts hide what is behind them, and only that.
+
+use std::f32::consts::FRAC_PI_2;
+
+use bevy::{
+    diagnostic::{DiagnosticPath, DiagnosticsStore},
+    prelude::*,
+    render::diagnostic::RenderDiagnosticsPlugin,
+};
+use bevy_plenoctree::{PropQuality, SolidOpacity, VOLUME_SPANS};
+use glam::{DVec2, DVec3};
+
+use super::{
+    depth::{in_every_mode, through_pane},
+    stage::{BACKGROUND, BLUE, GREEN, RED, SOLID, Side, Stage, cube, density, flat, in_cube, seen, shape, within},
+};
+
+/// The prop whose center is farther away has haze in front of the other one.
+#[test]
+fn haze_hides_no_solid_part() {
+    let mut stage = Stage::new();
+    let mut before = Vec::new();
+    for opacity in [0.01, 0.03, 0.05, 0.06, 0.2, 0.4] {
+        for prop in before.drain(..) {
+            stage.world().despawn(prop);
+        }
+        let haze = shape(8.0 * density(opacity), BLUE, |at| at.z > 0.875 || at.max_element() < -0.875);
+        before.push(stage.spawn_prop(&haze, Transform::from_xyz(0.0, 0.0, -0.4)));
+        before.push(stage.spawn_prop(&cube(SOLID, RED), Transform::from_xyz(0.0, 0.0, -0.1)));
+        stage.wait();
+        in_every_mode(&mut stage, |stage, mode| {
+            stage.check(format!("haze of {opacity}, {mode}"), |side, place| {
+                let mut layers = Vec::new();
+                layers.extend(within(place, (-1.0, -1.0), (1.0, 1.0)).then_some((0.5, BLUE, opacity)));
+                layers.extend(within(place, (-1.0, -1.0), (-0.875, -0.875)).then_some((-1.3, BLUE, opacity)));
+                layers.extend(in_cube(place).then_some((-0.1, RED, 1.0)));
+                seen(side, &layers)
+            });
+        });
+    }
+}
+
+/// Two props with a solid core, and haze all around it that reaches in front of the other one's core.
+#[test]
+fn cores_are_seen_through_haze() {
+    let mut stage = Stage::new();
+    for opacity in [0.03, 0.06, 0.2] {
+        let trained = |color| {
+            let core = |at: DVec3| at.abs().max_element() < 0.5;
+            let haze = density(opacity) / 0.5;
+            let settings = plenoctree::BakeSettings {
+                depth: 4,
+                basis: plenoctree::Basis::Rgba,
+                up: bevy_plenoctree::UpAxis::Y,
+                ..default()
+            };
+            plenoctree::bake(&settings, |at| if core(at) { SOLID } else { haze }, |_| move |_| color).unwrap()
+        };
+        // The cores are side by side, and the cubes of haze overlap for half of their width.
+        let props = [(RED, -0.5, 0.25), (BLUE, 0.5, -0.25)]
+            .map(|(color, x, z)| stage.spawn_prop(&trained(color), Transform::from_xyz(x, 0.0, z)));
+        stage.wait();
+        stage.check(format!("haze of {opacity}"), |side, place| {
+            // A half unit of its own haze is before each core, or a whole unit of it beside the core.
+            let sign = side.sign();
+            let core = |x: f64| in_cube(place - DVec2::new(x, 0.0));
+            let haze = |x: f64| within(place, (x - 1.0, -1.0), (x + 1.0, 1.0));
+            let solid = if core(-0.5) { Some((RED, BLUE, 0.25, -0.25)) } else { None };
+            let solid = if core(0.5) { Some((BLUE, RED, -0.25, 0.25)) } else { solid };
+            let (own, other, z, other_z) = solid?;
+            let mut color = BACKGROUND.lerp(own, 1.0).lerp(own, opacity);
+            if haze(if z > 0.0 { 0.5 } else { -0.5 }) {
+                // From where the other one's haze begins to where the core begins.
+                let path = (sign * other_z + 1.0) - (sign * z + 0.5);
+                color = color.lerp(other, 1.0 - (-density(opacity) / 0.5 * path).exp());
+            }
+            Some(color)
+        });
+        for prop in props {
+            stage.world().despawn(prop);
+        }
+    }
+}
+
+/// A solid cube inside of fog. The center of the fog is nearer from one side, and farther away from the other.
+#[test]
+fn a_solid_prop_is_seen_in_fog() {
+    let mut stage = Stage::new();
+    for opacity in [0.06, 0.2, 0.4, 0.6, 0.75] {
+        let sigma = density(opacity) / 2.0;
+        let fog = stage.spawn_prop(&shape(sigma, GREEN, |_| true), default());
+        let solid =
+            stage.spawn_prop(&cube(SOLID, RED), Transform::from_xyz(0.0, 0.0, 0.25).with_scale(Vec3::splat(0.5)));
+        stage.wait();
+        in_every_mode(&mut stage, |stage, mode| {
+            stage.check(format!("fog of {opacity}, {mode}"), |side, place| {
+                let is_solid = within(place, (-0.25, -0.25), (0.25, 0.25));
+                // The cube begins at 0.5 from the front, and at 0 from behind.
+                let path = match side {
+                    _ if !is_solid => 2.0,
+                    Side::Front => 0.5,
+                    Side::Behind => 1.0,
+                };
+                let behind = if is_solid { RED } else { BACKGROUND };
+                let opacity = if within(place, (-1.0, -1.0), (1.0, 1.0)) { 1.0 - (-sigma * path).exp() } else { 0.0 };
+                behind.lerp(GREEN, opacity)
+            });
+        });
+        stage.world().despawn(fog);
+        stage.world().despawn(solid);
+    }
+}
+
+/// From the front: fog, a pane, a solid prop, another pane.
+#[test]
+fn panes_are_hidden_by_a_solid_prop_behind_fog() {
+    let mut stage = Stage::with_meshes();
+    stage.spawn_prop(&cube(SOLID, GREEN), default());
+    stage.spawn_rectangle((-1.0, -1.0), (0.0, 1.0), 0.75, RED, 0.5);
+    stage.spawn_rectangle((-1.0, 0.0), (1.0, 1.0), -0.75, BLUE, 0.5);
+    for opacity in [0.1, 0.2, 0.4, 0.45] {
+        let wide = Transform::from_xyz(0.0, 0.0, 1.5).with_scale(Vec3::new(2.0, 2.0, 1.0));
+        let fog = stage.spawn_prop(&cube(density(opacity), BLUE), wide);
+        stage.wait();
+        in_every_mode(&mut stage, |stage, mode| {
+            stage.check(format!("fog of {opacity}, {mode}"), |side, place| {
+                let mut layers = Vec::new();
+                layers.extend(within(place, (-1.0, -1.0), (1.0, 1.0)).then_some((1.5, BLUE, opacity)));
+                layers.extend(in_cube(place).then_some((0.0, GREEN, 1.0)));
+                let mut color = seen(side, &layers);
+                let panes = [
+                    (0.75, within(place, (-1.0, -1.0), (0.0, 1.0)), RED),
+                    (-0.75, within(place, (-1.0, 0.0), (1.0, 1.0)), BLUE),
+                ];
+                let far = if side == Side::Front { [panes[1], panes[0]] } else { panes };
+                for (z, covers, pane) in far {
+                    if covers && !(in_cube(place) && side.sign() * z < 0.0) {
+                        color = through_pane(pane, color);
+                    }
+                }
+                color
+            });
+        });
+        stage.world().despawn(fog);
+    }
+}
+
+/// A prop with an opacity of 6/10 is solid, but another one shows through it. The other one is a wall at the back of its
+/// bounding box, whose center is nearer.
+#[test]
+fn props_show_through_one_that_is_solid_but_not_opaque() {
+    let mut stage = Stage::new();
+    stage.spawn_prop(&cube(density(0.6), RED), default());
+    let wall = shape(SOLID, BLUE, |at| at.z < -0.75 || at.min_element() > 0.875);
+    stage.spawn_prop(&wall, Transform::from_xyz(0.0, 0.0, 0.2));
+    // Fog behind the wall from one side, and in front of it from the other.
+    stage.spawn_prop(&cube(density(0.3), GREEN), Transform::from_xyz(0.0, 0.0, -1.5));
+    stage.wait();
+    in_every_mode(&mut stage, |stage, mode| {
+        stage.check(mode, |side, place| {
+            let mut layers = vec![];
+            layers.extend(in_cube(place).then_some((0.0, RED, 0.6)));
+            layers.extend(within(place, (-1.0, -1.0), (1.0, 1.0)).then_some((-0.7, BLUE, 1.0)));
+            layers.extend(in_cube(place).then_some((-1.5, GREEN, 0.3)));
+            seen(side, &layers)
+        });
+    });
+}
+
+/// Neither order of drawing cuts the fog in front of an opaque prop that is never solid.
+#[test]
+fn props_that_are_never_solid_are_cut_by_others() {
+    let mut stage = Stage::new();
+    let never = stage.spawn_prop(&cube(density(0.9), BLUE), Transform::from_xyz(0.25, 0.0, 0.0));
+    stage.world().entity_mut(never).insert(SolidOpacity::Never);
+    stage.spawn_prop(&cube(SOLID, RED), Transform::from_xyz(0.0, 0.0, 0.25));
+    stage.wait();
+    stage.check("never solid", |side, place| {
+        let (blue, red) = (in_cube(place - DVec2::new(0.25, 0.0)), in_cube(place));
+        // The red cube reaches from -0.25 to 0.75, the blue one from -0.5 to 0.5.
+        let path = match (red, side) {
+            (false, _) => 1.0,
+            (true, Side::Front) => 0.0,
+            (true, Side::Behind) => 0.25,
+        };
+        let behind = if red { RED } else { BACKGROUND };
+        behind.lerp(BLUE, if blue { 1.0 - (-density(0.9) * path).exp() } else { 0.0 })
+    });
+}
+
+#[test]
+fn props_that_touch_and_props_in_the_same_place_are_whole() {
+    let mut stage = Stage::new();
+    let field = stage.add(&cube(SOLID, GREEN));
+    let place_at = |stage: &mut Stage, x| {
+        let prop = (bevy_plenoctree::Prop(field.clone()), Transform::from_xyz(x, 0.0, 0.0));
+        stage.world().spawn(prop).id()
+    };
+    let first = place_at(&mut stage, -0.5);
+    let second = place_at(&mut stage, 0.5);
+    let fog = stage.spawn_prop(&cube(density(0.4), BLUE), Transform::from_xyz(0.0, 1.0, 0.0));
+    stage.wait();
+    stage.check("side by side", |_, place| {
+        let mut color = BACKGROUND;
+        if within(place, (-1.0, -0.5), (1.0, 0.5)) {
+            color = GREEN;
+        }
+        if in_cube(place - DVec2::new(0.0, 1.0)) { color.lerp(BLUE, 0.4) } else { color }
+    });
+    stage.world().despawn(fog);
+    for entity in [first, second] {
+        stage.world().get_mut::<Transform>(entity).unwrap().translation.x = 0.0;
+    }
+    stage.check("in the same place", |_, place| if in_cube(place) { GREEN } else { BACKGROUND });
+}
+
+/// The camera is in fog, then also inside of a solid cube in the fog, which its near plane cuts.
+#[test]
+fn a_camera_inside_of_overlapping_props_sees_what_is_before_it() {
+    let mut stage = Stage::new();
+    stage.spawn_prop(&shape(0.5, GREEN, |_| true), default());
+    stage.spawn_prop(&cube(SOLID, RED), Transform::from_xyz(0.0, 0.0, -0.5).with_scale(Vec3::splat(0.5)));
+    stage.wait();
+    let [front, _] = stage.cameras;
+    let wide = PerspectiveProjection { fov: FRAC_PI_2, aspect_ratio: 1.0, near: 0.001, ..default() };
+    stage.world().entity_mut(front).insert((Projection::Perspective(wide), Transform::default()));
+    stage.check("in fog", |side, place| {
+        let ray = (0.5 * place).extend(1.0);
+        // The cube's face at a distance of 1/4 is as wide as the view.
+        let color = RED.lerp(GREEN, 1.0 - (-0.5 * 0.25 * ray.length()).exp());
+        (side == Side::Front).then_some(color)
+    });
+    stage.world().entity_mut(front).insert((flat(), Transform::from_xyz(0.0, 0.0, -0.5)));
+    stage.check("inside of a solid", |side, place| {
+        let is_red = within(place, (-0.25, -0.25), (0.25, 0.25));
+        let fog = within(place, (-1.0, -1.0), (1.0, 1.0));
+        let behind = BACKGROUND.lerp(GREEN, if fog { 1.0 - (-0.25f64).exp() } else { 0.0 });
+        (side == Side::Front).then_some(if is_red { RED } else { behind })
+    });
+}
+
+/// Away from outlines, a layer with fewer pixels shows the same.
+#[test]
+fn coarse_layers_know_solid_parts_too() {
+    let mut stage = Stage::new();
+    stage.spawn_prop(&shape(density(0.3) / 2.0, GREEN, |_| true), default());
+    stage.spawn_prop(&cube(SOLID, RED), Transform::from_xyz(0.0, 0.0, 0.4));
+    for camera in stage.cameras {
+        stage.world().entity_mut(camera).insert(PropQuality { resolution: 0.5, ..PropQuality::EXACT });
+    }
+    stage.wait();
+    stage.check("half the resolution", |side, place| {
+        // The cube begins at 0.9 from the front, and at -0.1 from behind.
+        let path = if side == Side::Front { 0.1 } else { 0.9 };
+        within(place, (-0.25, -0.25), (0.25, 0.25)).then(|| RED.lerp(GREEN, 1.0 - (-density(0.3) / 2.0 * path).exp()))
+    });
+}
+
+/// The pass that finds solid parts runs only in views in which props overlap, and one of those is ever solid.
+#[test]
+fn only_views_with_overlaps_pay_for_them() {
+    let mut stage = Stage::with(|app| {
+        app.add_plugins(RenderDiagnosticsPlugin);
+    });
+    let left = stage.spawn_prop(&cube(SOLID, RED), Transform::from_xyz(-0.75, 0.0, 0.0));
+    let right = stage.spawn_prop(&cube(SOLID, BLUE), Transform::from_xyz(0.75, 0.0, 1.0));
+    stage.wait();
+    assert!(VOLUME_SPANS.contains(&"plenoctree_solid"));
+    // Returns when the pass was last measured. Measurements arrive a few frames later.
+    let last_run = |stage: &mut Stage| {
+        (0..8).for_each(|_| stage.headless.update());
+        let diagnostics = stage.world().resource::<DiagnosticsStore>();
+        let path = DiagnosticPath::new("render/plenoctree_solid/elapsed_cpu");
+        diagnostics.get(&path).and_then(|diagnostic| Some(diagnostic.measurement()?.time))
+    };
+    assert!(last_run(&mut stage).is_none(), "side by side");
+    stage.world().get_mut::<Transform>(right).unwrap().translation.x = 0.0;
+    let first = last_run(&mut stage);
+    assert!(first.is_some() && last_run(&mut stage) > first, "one behind the other");
+    for prop in [left, right] {
+        stage.world().entity_mut(prop).insert(SolidOpacity::Never);
+    }
+    let last = last_run(&mut stage);
+    assert_eq!(last_run(&mut stage), last, "never solid");
+}
