@@ -1,10 +1,15 @@
-// The solid pass: finds which of several props is solid nearest to the camera, and where. Marches through densities
-// alone.
+// The solid pass: finds which of several props is solid nearest to the camera, and where. Where others show through that
+// one, a second round finds the nearest one through which nothing shows. Marches through densities alone.
 
 #import bevy_plenoctree::constants::NO_LEAF
 #import bevy_plenoctree::octree::{begin, density, next_leaf}
 #import bevy_plenoctree::prop_ray::{Varying, position_of, prop_ray, solid_depth_at}
-#import bevy_plenoctree::view::{pack_solid, props, view}
+#import bevy_plenoctree::view::{pack_solid, props, shows_through, view}
+
+#ifdef SECOND_ROUND
+// The result of the first round.
+@group(2) @binding(0) var nearest: texture_2d<u32>;
+#endif
 
 struct Fragment {
     // The result of `pack_solid`.
@@ -16,7 +21,13 @@ struct Fragment {
 @fragment
 fn fragment(in: Varying) -> Fragment {
     let seen = prop_ray(in);
-    if seen.span.x >= seen.span.y {
+    var end = seen.span.y;
+#ifdef SECOND_ROUND
+    if !shows_through(textureLoad(nearest, vec2<u32>(in.position.xy), 0).x) {
+        end = seen.span.x;
+    }
+#endif
+    if seen.span.x >= end {
         discard;
     }
     let limit = props[in.prop].solid_transmittance;
@@ -27,7 +38,7 @@ fn fragment(in: Varying) -> Fragment {
         if transmittance < view.stop_transmittance {
             break;
         }
-        let crossing = next_leaf(seen.ray, &walk, seen.span.y);
+        let crossing = next_leaf(seen.ray, &walk, end);
         if crossing.leaf == NO_LEAF {
             break;
         }
@@ -37,9 +48,14 @@ fn fragment(in: Varying) -> Fragment {
         let inside = position_of(limit, before, crossing, sigma);
         solid = select(solid, inside, solid < 0.0 && transmittance <= limit);
     }
-    if solid < 0.0 {
+    let is_opaque = transmittance < view.stop_transmittance;
+#ifdef SECOND_ROUND
+    let is_found = solid >= 0.0 && is_opaque;
+#else
+    let is_found = solid >= 0.0;
+#endif
+    if !is_found {
         discard;
     }
-    let is_opaque = transmittance < view.stop_transmittance;
     return Fragment(pack_solid(in.prop, is_opaque), solid_depth_at(seen, in.prop, solid));
 }

@@ -8,25 +8,33 @@
 #import bevy_plenoctree::view::{LEAST_DEPTH, is_solid_prop, pack_owner, props, shows_through, view}
 
 #ifdef OVERLAPPING
-// The result of the solid pass.
+// The results of the solid pass's two rounds.
 @group(2) @binding(0) var nearest: texture_2d<u32>;
 @group(2) @binding(1) var nearest_depth: texture_depth_2d;
+@group(2) @binding(2) var opaque: texture_2d<u32>;
+@group(2) @binding(3) var opaque_depth: texture_depth_2d;
 
-// The parts of props that overlap, relative to the nearest solid depth, in drawing order: what is behind it, the prop
-// that is solid there, and what is before it. They match `Part` in `volume/pass.rs`.
+// The parts of props that overlap, in drawing order: what is behind the solid depth, the prop that is solid there, and
+// what is before it. They match `Part` in `volume/pass.rs`.
 const BEHIND: u32 = 0u;
-const NEAREST: u32 = 1u;
+const SOLID: u32 = 1u;
 const BEFORE: u32 = 2u;
 
 // Returns the part of a ray's span that is drawn in this pixel. It may be empty.
 fn part(seen: PropRay, in: Varying) -> vec2<f32> {
     let pixel = vec2<u32>(in.position.xy);
-    let texel = textureLoad(nearest, pixel, 0).x;
+    // What is opaque cuts all others. Without it, the nearest solid depth decides what is before and behind.
+    var texel = textureLoad(opaque, pixel, 0).x;
+    var depth = textureLoad(opaque_depth, pixel, 0);
+    if texel == 0u {
+        texel = textureLoad(nearest, pixel, 0).x;
+        depth = textureLoad(nearest_depth, pixel, 0);
+    }
     let nothing = vec2(seen.span.x);
     if is_solid_prop(texel, in.prop) {
-        return select(nothing, seen.span, in.part == NEAREST);
+        return select(nothing, seen.span, in.part == SOLID);
     }
-    let solid = position_at(seen, in.prop, textureLoad(nearest_depth, pixel, 0));
+    let solid = position_at(seen, in.prop, depth);
     let behind = vec2(max(seen.span.x, solid), seen.span.y);
     let before = vec2(seen.span.x, min(seen.span.y, solid));
     if in.part == BEHIND {

@@ -1,5 +1,7 @@
 //! The solid pass: finds, for every pixel, the prop that is solid nearest to the camera, and where.
 //!
+//! Where others show through that one, a second round finds the nearest one that is opaque.
+//!
 //! The volume pass cuts all other props there, so that a solid part hides what is behind it, whatever the order in which
 //! props are drawn, and shows what is in front of it. The pass runs in views in which the boxes of props overlap, and
 //! marches only through those props.
@@ -9,7 +11,7 @@ mod pipeline;
 mod textures;
 
 pub use pass::SOLID_SPAN;
-pub(super) use textures::{SolidBindGroup, SolidLayout};
+pub(super) use textures::{SolidBindGroups, SolidLayouts};
 
 use bevy::{
     core_pipeline::schedule::Core3d,
@@ -27,10 +29,10 @@ pub(super) fn plugin(app: &mut App) {
         return;
     };
     render_app.world_mut().register_required_components::<VisibleProps, pass::SolidPipelines>();
-    render_app.world_mut().register_required_components::<VisibleProps, textures::SolidBindGroup>();
+    render_app.world_mut().register_required_components::<VisibleProps, textures::SolidBindGroups>();
     render_app
         .init_gpu_resource::<SpecializedRenderPipelines<pipeline::SolidPipeline>>()
-        .init_resource::<SolidLayout>()
+        .init_resource::<SolidLayouts>()
         .add_systems(RenderStartup, pipeline::init.after(InitViews))
         .add_systems(
             Render,

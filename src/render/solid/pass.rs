@@ -12,7 +12,7 @@ use bevy::{
 
 use super::{
     pipeline::{SolidKey, SolidPipeline},
-    textures::SolidTextures,
+    textures::{SolidBindGroups, SolidTextures},
 };
 use crate::{
     gpu::GpuField,
@@ -26,9 +26,9 @@ use crate::{
 /// The name of the pass's span in Bevy's render diagnostics.
 pub const SOLID_SPAN: &str = "plenoctree_solid";
 
-/// The pipeline of every prop of a view that the pass draws, in drawing order.
+/// The pipelines of every prop of a view that the pass draws, in drawing order: for both rounds.
 #[derive(Component, Default)]
-pub(super) struct SolidPipelines(Vec<Option<CachedRenderPipelineId>>);
+pub(super) struct SolidPipelines(Vec<Option<[CachedRenderPipelineId; 2]>>);
 
 pub(super) fn prepare_pipelines(
     cache: Res<PipelineCache>,
@@ -42,36 +42,41 @@ pub(super) fn prepare_pipelines(
         pipelines.0.clear();
         pipelines.0.extend(props.drawn.iter().map(|prop| {
             let level = prop.on_gpu(&fields).filter(|_| prop.overlap == Overlap::Solid)?;
-            let key = SolidKey { inner_records: level.shape.inner_records, multisampled };
-            Some(specialized.specialize(&cache, &pipeline, key))
+            let inner_records = level.shape.inner_records;
+            Some([false, true].map(|second_round| {
+                specialized.specialize(&cache, &pipeline, SolidKey { inner_records, multisampled, second_round })
+            }))
         }));
     }
 }
 
 pub(super) fn solid_pass(
-    view: ViewQuery<(&SolidTextures, &ViewProps, &ViewBindGroups, &SolidPipelines)>,
+    view: ViewQuery<(&SolidTextures, &ViewProps, &ViewBindGroups, &SolidBindGroups, &SolidPipelines)>,
     cache: Res<PipelineCache>,
     fields: Res<RenderAssets<GpuField>>,
     mut ctx: RenderContext,
 ) {
-    let (textures, props, groups, pipelines) = view.into_inner();
-    let Some(group) = groups.with_depth.get() else {
+    let (textures, props, groups, solid, pipelines) = view.into_inner();
+    let (Some(group), Some(first)) = (groups.with_depth.get(), solid.first.get()) else {
         return;
     };
     let diagnostics = ctx.diagnostic_recorder();
     let diagnostics = diagnostics.as_deref();
     let span = diagnostics.time_span(ctx.command_encoder(), SOLID_SPAN);
-    {
+    for (round, target) in [&textures.nearest, &textures.opaque].into_iter().enumerate() {
         let mut pass = ctx.begin_tracked_render_pass(RenderPassDescriptor {
             label: Some(SOLID_SPAN),
-            color_attachments: &[cleared(&textures.prop)],
-            depth_stencil_attachment: Some(cleared_depth(&textures.depth)),
+            color_attachments: &[cleared(&target.prop)],
+            depth_stencil_attachment: Some(cleared_depth(&target.depth)),
             ..default()
         });
         pass.set_bind_group(0, group, &[]);
+        if round > 0 {
+            pass.set_bind_group(2, first, &[]);
+        }
         // Front to back: of equal depths, the first one stays.
-        for (index, (prop, pipeline)) in props.drawn.iter().zip(&pipelines.0).enumerate().rev() {
-            let pipeline = pipeline.and_then(|id| cache.get_render_pipeline(id));
+        for (index, (prop, pipelines)) in props.drawn.iter().zip(&pipelines.0).enumerate().rev() {
+            let pipeline = pipelines.and_then(|ids| cache.get_render_pipeline(ids[round]));
             let (Some(level), Some(pipeline)) = (prop.on_gpu(&fields), pipeline) else {
                 continue;
             };

@@ -2,10 +2,12 @@
 
 use bevy::{
     prelude::*,
-    render::render_resource::{CompareFunction, RenderPipelineDescriptor, SpecializedRenderPipeline},
+    render::render_resource::{
+        BindGroupLayoutDescriptor, CompareFunction, RenderPipelineDescriptor, SpecializedRenderPipeline,
+    },
 };
 
-use super::textures::SOLID_FORMAT;
+use super::textures::{SOLID_FORMAT, SolidLayouts};
 use crate::{
     gpu::{FieldLayout, Shaders},
     render::{
@@ -17,7 +19,10 @@ use crate::{
 };
 
 #[derive(Resource)]
-pub(super) struct SolidPipeline(Boxes);
+pub(super) struct SolidPipeline {
+    boxes: Boxes,
+    first: BindGroupLayoutDescriptor,
+}
 
 /// The specialization key of the shader.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
@@ -25,18 +30,34 @@ pub(super) struct SolidKey {
     /// Whether the field has child records besides the table.
     pub inner_records: bool,
     pub multisampled: bool,
+    pub second_round: bool,
 }
 
-pub(super) fn init(mut commands: Commands, layouts: Res<ViewLayouts>, field: Res<FieldLayout>, shaders: Res<Shaders>) {
-    commands.insert_resource(SolidPipeline(Boxes::new("plenoctree_solid", &shaders.solid, &shaders, &layouts, &field)));
+pub(super) fn init(
+    mut commands: Commands,
+    layouts: Res<ViewLayouts>,
+    field: Res<FieldLayout>,
+    solid: Res<SolidLayouts>,
+    shaders: Res<Shaders>,
+) {
+    commands.insert_resource(SolidPipeline {
+        boxes: Boxes::new("plenoctree_solid", &shaders.solid, &shaders, &layouts, &field),
+        first: solid.first.clone(),
+    });
 }
 
 impl SpecializedRenderPipeline for SolidPipeline {
     type Key = SolidKey;
 
     fn specialize(&self, key: SolidKey) -> RenderPipelineDescriptor {
-        let definitions = if key.inner_records { vec!["INNER_RECORDS".into()] } else { vec![] };
-        let mut descriptor = self.0.pipeline(definitions, key.multisampled, &[target(SOLID_FORMAT, None)]);
+        let mut definitions = if key.inner_records { vec!["INNER_RECORDS".into()] } else { vec![] };
+        if key.second_round {
+            definitions.push("SECOND_ROUND".into());
+        }
+        let mut descriptor = self.boxes.pipeline(definitions, key.multisampled, &[target(SOLID_FORMAT, None)]);
+        if key.second_round {
+            descriptor.layout.push(self.first.clone());
+        }
         descriptor.depth_stencil = Some(depth_test(DEPTH_FORMAT, true, CompareFunction::Greater));
         descriptor
     }

@@ -6,8 +6,8 @@ use bevy::{
     render::{
         camera::ExtractedCamera,
         render_resource::{
-            BindGroup, BindGroupEntries, BindGroupLayoutDescriptor, BindGroupLayoutEntries, PipelineCache,
-            ShaderStages, TextureFormat, TextureSampleType, TextureView,
+            BindGroupEntries, BindGroupLayoutDescriptor, BindGroupLayoutEntries, PipelineCache, ShaderStages,
+            TextureFormat, TextureSampleType, TextureView,
             binding_types::{texture_2d, texture_depth_2d},
         },
         renderer::RenderDevice,
@@ -23,37 +23,51 @@ use crate::render::{
 
 pub(super) const SOLID_FORMAT: TextureFormat = TextureFormat::R32Uint;
 
-/// The nearest solid prop of every pixel of the volume pass. A component of views in which props overlap.
+/// The solid props of every pixel of the volume pass. A component of views in which props overlap.
 #[derive(Component)]
-pub(in crate::render) struct SolidTextures {
+pub(super) struct SolidTextures {
+    /// The nearest one.
+    pub nearest: SolidRound,
+    /// Where others show through the nearest one, the nearest one through which nothing shows.
+    pub opaque: SolidRound,
+}
+
+/// The result of a round.
+pub(super) struct SolidRound {
     /// The prop, as packed by `pack_solid` of `view.wgsl`.
     pub prop: TextureView,
     /// The depth where it is solid.
     pub depth: TextureView,
 }
 
-/// The layout of the bind group with [`SolidTextures`].
+/// The layouts of the bind groups with [`SolidTextures`].
 #[derive(Resource)]
-pub(in crate::render) struct SolidLayout(pub BindGroupLayoutDescriptor);
+pub(in crate::render) struct SolidLayouts {
+    /// For the second round: the prop that the first one found.
+    pub first: BindGroupLayoutDescriptor,
+    /// For the volume pass: the results of both rounds.
+    pub both: BindGroupLayoutDescriptor,
+}
 
-impl Default for SolidLayout {
+impl Default for SolidLayouts {
     fn default() -> Self {
-        let textures = (texture_2d(TextureSampleType::Uint), texture_depth_2d());
-        let entries = BindGroupLayoutEntries::sequential(ShaderStages::FRAGMENT, textures);
-        Self(BindGroupLayoutDescriptor::new(LABEL, &entries))
+        let (prop, depth) = (|| texture_2d(TextureSampleType::Uint), texture_depth_2d);
+        let both = BindGroupLayoutEntries::sequential(ShaderStages::FRAGMENT, (prop(), depth(), prop(), depth()));
+        let first = BindGroupLayoutEntries::single(ShaderStages::FRAGMENT, prop());
+        Self {
+            first: BindGroupLayoutDescriptor::new(LABEL, &first),
+            both: BindGroupLayoutDescriptor::new(LABEL, &both),
+        }
     }
 }
 
 const LABEL: &str = "plenoctree_solid";
 
-/// The bind group with [`SolidTextures`].
+/// The bind groups with [`SolidTextures`].
 #[derive(Component, Default)]
-pub(in crate::render) struct SolidBindGroup(KeptBindGroup);
-
-impl SolidBindGroup {
-    pub fn get(&self) -> Option<&BindGroup> {
-        self.0.get()
-    }
+pub(in crate::render) struct SolidBindGroups {
+    pub(super) first: KeptBindGroup,
+    pub both: KeptBindGroup,
 }
 
 pub(super) fn prepare_textures(
@@ -79,25 +93,29 @@ pub(super) fn prepare_textures(
         };
         let size = coarse_size(viewport.physical_size, visible.quality.resolution);
         let mut texture = |label, format| view_texture(&mut cache, &device, label, format, size);
-        commands.entity(entity).insert(SolidTextures {
+        let mut round = || SolidRound {
             prop: texture("plenoctree_solid_prop", SOLID_FORMAT),
             depth: texture("plenoctree_solid_depth", DEPTH_FORMAT),
-        });
+        };
+        let (nearest, opaque) = (round(), round());
+        commands.entity(entity).insert(SolidTextures { nearest, opaque });
     }
 }
 
 pub(super) fn prepare_bind_groups(
     device: Res<RenderDevice>,
     cache: Res<PipelineCache>,
-    layout: Res<SolidLayout>,
-    mut views: Query<(Option<&SolidTextures>, &mut SolidBindGroup)>,
+    layouts: Res<SolidLayouts>,
+    mut views: Query<(Option<&SolidTextures>, &mut SolidBindGroups)>,
 ) {
-    for (textures, mut group) in &mut views {
-        let Some(textures) = textures else {
-            *group = default();
+    for (textures, mut groups) in &mut views {
+        let Some(SolidTextures { nearest, opaque }) = textures else {
+            *groups = default();
             continue;
         };
-        let entries = BindGroupEntries::sequential((&textures.prop, &textures.depth));
-        group.0.update(&device, &cache, LABEL, &layout.0, &entries);
+        let entries = BindGroupEntries::single(&nearest.prop);
+        groups.first.update(&device, &cache, LABEL, &layouts.first, &entries);
+        let entries = BindGroupEntries::sequential((&nearest.prop, &nearest.depth, &opaque.prop, &opaque.depth));
+        groups.both.update(&device, &cache, LABEL, &layouts.both, &entries);
     }
 }

@@ -16,7 +16,7 @@ use crate::{
     render::{
         attachment::{cleared, cleared_depth},
         boxes::BOX_VERTICES,
-        solid::SolidBindGroup,
+        solid::SolidBindGroups,
         view::{DrawnProp, Overlap, ViewBindGroups, ViewProps, ViewTextures},
     },
 };
@@ -28,14 +28,13 @@ pub const VOLUME_SPAN: &str = "plenoctree_volume";
 #[derive(Component, Default)]
 pub(super) struct VolumePipelines(Vec<Option<CachedRenderPipelineId>>);
 
-/// The parts of props that overlap, relative to the nearest solid depth of a pixel, in drawing order. They match
-/// `volume.wgsl`.
+/// The parts of props that overlap, in drawing order. They match `volume.wgsl`.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Part {
-    /// What is behind the solid depth, where light gets through.
+    /// What is behind the solid depth, where it shows through.
     Behind,
     /// The prop that is solid there, as a whole.
-    Nearest,
+    Solid,
     /// What is before the solid depth, or everything if there is none.
     Before,
 }
@@ -45,7 +44,7 @@ impl Part {
     fn is_of(self, prop: &DrawnProp) -> bool {
         match self {
             Self::Behind => prop.overlap != Overlap::None,
-            Self::Nearest => prop.overlap == Overlap::Solid,
+            Self::Solid => prop.overlap == Overlap::Solid,
             Self::Before => true,
         }
     }
@@ -75,7 +74,7 @@ pub(super) fn prepare_pipelines(
 }
 
 pub(super) fn volume_pass(
-    view: ViewQuery<(&ViewTextures, &ViewProps, &ViewBindGroups, &SolidBindGroup, &VolumePipelines)>,
+    view: ViewQuery<(&ViewTextures, &ViewProps, &ViewBindGroups, &SolidBindGroups, &VolumePipelines)>,
     cache: Res<PipelineCache>,
     fields: Res<RenderAssets<GpuField>>,
     mut ctx: RenderContext,
@@ -97,9 +96,9 @@ pub(super) fn volume_pass(
         });
         pass.set_bind_group(0, group, &[]);
         let mut parts = [Part::Before].as_slice();
-        if let Some(solid) = solid.get() {
+        if let Some(solid) = solid.both.get() {
             pass.set_bind_group(2, solid, &[]);
-            parts = &[Part::Behind, Part::Nearest, Part::Before];
+            parts = &[Part::Behind, Part::Solid, Part::Before];
         }
         for part in parts {
             for (index, (prop, pipeline)) in props.drawn.iter().zip(&pipelines.0).enumerate() {

@@ -14,7 +14,7 @@ use crate::{
         attachment::depth_test,
         boxes::Boxes,
         fullscreen::target,
-        solid::SolidLayout,
+        solid::SolidLayouts,
         view::{DEPTH_FORMAT, LAYER_FORMAT, OWNER_FORMAT, ViewLayouts},
     },
 };
@@ -39,12 +39,12 @@ pub(super) fn init(
     mut commands: Commands,
     layouts: Res<ViewLayouts>,
     field: Res<FieldLayout>,
-    solid: Res<SolidLayout>,
+    solid: Res<SolidLayouts>,
     shaders: Res<Shaders>,
 ) {
     commands.insert_resource(VolumePipeline {
         boxes: Boxes::new("plenoctree_volume", &shaders.volume, &shaders, &layouts, &field),
-        solid: solid.0.clone(),
+        solid: solid.both.clone(),
     });
 }
 

@@ -115,7 +115,7 @@ fn memory_goes_with_the_last_prop_in_view() {
         },
         // The child is hidden as well.
         |world, _, prop| set(world, prop, Visibility::Hidden),
-        48 + 13,
+        48 + 18,
     );
     check(
         "despawned",
@@ -123,7 +123,7 @@ fn memory_goes_with_the_last_prop_in_view() {
         |world, _, prop| {
             world.despawn(prop);
         },
-        48 + 13,
+        48 + 18,
     );
 }
 
@@ -148,8 +148,8 @@ fn overlaps_and_resolutions_are_paid_for_while_they_last() {
         let bytes = allocated(&mut headless).unwrap().saturating_sub(least);
         assert!(bytes.abs_diff(expected * BYTE) < BYTE / 2, "{what}: {bytes} bytes more, expected {}", expected * BYTE);
     };
-    // The prop and its depth.
-    check("overlapping", 8, &mut |world| world.get_mut::<Transform>(other).unwrap().translation.x = 0.25);
+    // Props and their depths, for two rounds.
+    check("overlapping", 16, &mut |world| world.get_mut::<Transform>(other).unwrap().translation.x = 0.25);
     check("side by side", 0, &mut |world| world.get_mut::<Transform>(other).unwrap().translation.x = 2.0);
     let quality = PropQuality { resolution: 0.5, ..PropQuality::EXACT };
     // A quarter of a layer.
