@@ -21,6 +21,7 @@ pub(crate) struct Shaders {
     pub label: Handle<Shader>,
     pub present: Handle<Shader>,
     pub depth: Handle<Shader>,
+    pub transparent: Handle<Shader>,
     pub sampling: Handle<Shader>,
     _imported: [Handle<Shader>; 9],
 }
@@ -48,6 +49,7 @@ impl Shaders {
             label: shader!("label.wgsl"),
             present: shader!("present.wgsl"),
             depth: shader!("depth.wgsl"),
+            transparent: shader!("transparent.wgsl"),
             sampling: shader!("sampling.wgsl"),
             _imported: [
                 shader!("color.wgsl"),

@@ -10,9 +10,10 @@
 //! - `label` replaces them by palette colors.
 //! - `present` writes the output of custom stages to the view's target.
 //! - `depth` writes depth where props are solid.
+//! - `transparent` draws transparent objects over props that are drawn after them.
 //!
-//! `solid`, `volume` and `upsample` run between the opaque and the transparent main pass. The other passes run right after them,
-//! or after all post-processing, depending on [`PropStage`].
+//! `solid`, `volume` and `upsample` run after the opaque main pass and the sky, and before objects that transmit light.
+//! The other passes run right after them, or after all post-processing, depending on [`PropStage`].
 
 mod attachment;
 mod bind_group;
@@ -23,12 +24,13 @@ mod extract;
 mod filter;
 mod fullscreen;
 mod label;
-mod last;
+mod order;
 mod pass;
 mod present;
 mod rays;
 mod solid;
 mod target;
+mod transparent;
 mod upsample;
 mod view;
 mod volume;
@@ -36,10 +38,7 @@ mod volume;
 pub use label::{LabelTextures, StageWrite};
 
 use bevy::{
-    core_pipeline::{
-        core_3d::{main_opaque_pass_3d, main_transparent_pass_3d},
-        schedule::{Core3d, Core3dSystems},
-    },
+    core_pipeline::schedule::{Core3d, Core3dSystems},
     prelude::*,
     render::{ExtractSchedule, Render, RenderApp, RenderSystems},
 };
@@ -49,8 +48,14 @@ use crate::{sets::PlenOctreeRenderSystems, stage::PropStage};
 /// The names of the spans in Bevy's render diagnostics whose times add up to the time of drawing props.
 pub const VOLUME_SPANS: &[&str] = &[volume::VOLUME_SPAN, solid::SOLID_SPAN, upsample::UPSAMPLE_SPAN];
 /// The names of the spans in Bevy's render diagnostics whose times add up to the time of posterizing.
-pub const POSTERIZE_SPANS: &[&str] =
-    &[composite::COMPOSITE_SPAN, filter::FILTER_SPAN, label::LABEL_SPAN, present::PRESENT_SPAN, depth::DEPTH_SPAN];
+pub const POSTERIZE_SPANS: &[&str] = &[
+    composite::COMPOSITE_SPAN,
+    filter::FILTER_SPAN,
+    label::LABEL_SPAN,
+    present::PRESENT_SPAN,
+    depth::DEPTH_SPAN,
+    transparent::TRANSPARENT_SPAN,
+];
 
 /// Draws every [`Prop`](crate::Prop).
 pub(crate) struct RenderPropsPlugin;
@@ -74,6 +79,7 @@ impl Plugin for RenderPropsPlugin {
             label::plugin,
             present::plugin,
             depth::plugin,
+            transparent::plugin,
         ));
     }
 }
@@ -96,6 +102,10 @@ enum PosterizeSteps {
 /// The passes from compositing to depth, at one place in the frame.
 #[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
 struct PassesAt(PropStage);
+
+/// All passes that run between the opaque and the transparent main pass.
+#[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
+struct PassesInScene;
 
 /// Orders the systems of the `Render` schedule.
 fn order_render(render_app: &mut SubApp) {
@@ -146,13 +156,12 @@ fn order_stages(render_app: &mut SubApp) {
             Core3d,
             (PlenOctreeRenderSystems::Volume, PlenOctreeRenderSystems::Upsample, PassesAt(PropStage::Scene))
                 .chain()
-                .after(main_opaque_pass_3d)
-                .before(main_transparent_pass_3d)
-                .in_set(Core3dSystems::MainPass),
+                .in_set(PassesInScene),
         )
         // Tonemapping and effects of other plugins swap the view's textures. A pass that is not ordered relative to
         // them may draw to the wrong texture.
         .edit_schedule(Core3d, |schedule| {
-            last::order_last(schedule, PassesAt(PropStage::Display), Core3dSystems::PostProcess);
+            order::order_last(schedule, PassesAt(PropStage::Display), Core3dSystems::PostProcess);
+            order::order_after_opaque(schedule, PassesInScene);
         });
 }

@@ -13,3 +13,4 @@ mod reports;
 mod stage;
 mod stale;
 mod transforms;
+mod transmission;

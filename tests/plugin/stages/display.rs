@@ -17,7 +17,7 @@ use bevy::{
         view::{ColorGrading, ColorGradingGlobal, ViewTarget},
     },
 };
-use bevy_plenoctree::{PlenOctreePlugin, Posterize, PropStage, headless::exact_camera};
+use bevy_plenoctree::{LabelStages, PlenOctreePlugin, Posterize, PropStage, headless::exact_camera};
 use image::imageops::crop_imm;
 
 use super::scene::{COLOR, SHOWN, SIZE, SOLID, Scene, assert_near, at, is_near, middle};
@@ -97,27 +97,55 @@ fn compositing_spaces_are_honored() {
 }
 
 #[test]
-fn opaque_meshes_occlude_props_and_transparent_ones_do_not() {
+fn opaque_meshes_occlude_props() {
     let mut scene = posterized();
     let prop = scene.prop;
     scene.set((effects(), Hdr, Tonemapping::AgX));
     let opaque = scene.spawn_square(Vec3::new(0.0, -0.2, 1.0), 0.4, Color::srgb(0.8, 0.6, 0.1));
-    let glass = scene.spawn_square(Vec3::new(0.0, 0.2, 1.0), 0.4, Color::srgba(0.8, 0.6, 0.1, 0.5));
-    // At 2 units from the camera, 0.2 units are about a quarter of the way to the top or bottom.
-    let (above, below) = ((SIZE / 2, SIZE * 3 / 8), (SIZE / 2, SIZE * 5 / 8));
+    // At 2 units from the camera, 0.2 units are about a quarter of the way to the bottom.
+    let below = (SIZE / 2, SIZE * 5 / 8);
     for msaa in [Msaa::Off, Msaa::Sample4] {
         scene.set(msaa);
         let frame = scene.capture();
-        assert_near(at(&frame, above.0, above.1), SHOWN[0], 1, &format!("{msaa:?}, over glass"));
         scene.world().entity_mut(prop).insert(Visibility::Hidden);
         let expected = at(&scene.capture(), below.0, below.1);
         assert_eq!(at(&frame, below.0, below.1), expected, "{msaa:?}: behind a mesh");
         scene.world().entity_mut(prop).insert(Visibility::Visible);
     }
-    for mesh in [opaque, glass] {
-        scene.world().despawn(mesh);
+    scene.world().despawn(opaque);
+    assert_exact(&scene.capture(), "without the mesh");
+}
+
+/// Glass in front of a prop is blended over its palette color, and does not change it elsewhere. Glass behind the prop is
+/// hidden.
+#[test]
+fn glass_is_in_front_of_exact_colors() {
+    let mut scene = posterized();
+    let pane = Color::srgba(0.8, 0.6, 0.1, 0.5);
+    // They cover the upper half and the left half of the frame's middle.
+    scene.spawn_square(Vec3::new(0.0, 0.2, 1.0), 0.4, pane);
+    scene.spawn_square(Vec3::new(-0.5, 0.0, -1.0), 1.0, Color::srgba(1.0, 0.0, 0.0, 0.9));
+    let tinted = Color::from(SHOWN[0].to_linear() * 0.5 + pane.to_linear().with_alpha(1.0) * 0.5);
+    let corner = Viewport { physical_position: UVec2::new(7, 3), physical_size: UVec2::splat(40), ..default() };
+    for (msaa, hdr, stages) in [
+        (Msaa::Off, false, false),
+        (Msaa::Off, true, false),
+        (Msaa::Sample4, false, true),
+        (Msaa::Sample4, true, false),
+    ] {
+        scene.set(msaa);
+        scene.set_if(hdr, Hdr);
+        scene.set_if(stages, LabelStages);
+        for viewport in [None, Some(corner.clone())] {
+            let (camera, what) = (scene.camera, format!("{msaa:?}, HDR {hdr}, {viewport:?}"));
+            let (x, y, size) = viewport.as_ref().map_or((0, 0, SIZE), |viewport| (7, 3, viewport.physical_size.x));
+            scene.world().get_mut::<Camera>(camera).unwrap().viewport = viewport;
+            let frame = crop_imm(&scene.capture(), x, y, size, size).to_image();
+            assert_near(at(&frame, size / 2, size * 3 / 8), tinted, 2, &format!("{what}, behind glass"));
+            assert_near(at(&frame, size * 7 / 16, size * 9 / 16), SHOWN[0], 1, &format!("{what}, before glass"));
+            assert_near(at(&frame, size * 9 / 16, size * 9 / 16), SHOWN[0], 1, &format!("{what}, without glass"));
+        }
     }
-    assert_exact(&scene.capture(), "without meshes");
 }
 
 /// Two cameras share their textures, which post-processing swaps.

@@ -1,0 +1,64 @@
+//! The texture that transparent objects are drawn to.
+
+use bevy::{
+    core_pipeline::core_3d::Transparent3d,
+    prelude::*,
+    render::{
+        camera::ExtractedCamera,
+        render_phase::ViewSortedRenderPhases,
+        render_resource::{Extent3d, TextureDescriptor, TextureDimension, TextureUsages},
+        renderer::RenderDevice,
+        texture::{ColorAttachment, TextureCache},
+        view::ExtractedView,
+    },
+};
+
+use crate::{render::view::ViewProps, stage::PropStage};
+
+/// The transparent objects of a view, over nothing. A component of views that draw both them and props at the display.
+#[derive(Component)]
+pub(super) struct TransparentTexture(pub ColorAttachment);
+
+pub(super) fn prepare_textures(
+    mut commands: Commands,
+    mut cache: ResMut<TextureCache>,
+    device: Res<RenderDevice>,
+    phases: Res<ViewSortedRenderPhases<Transparent3d>>,
+    views: Query<(Entity, Option<(&ExtractedView, &ExtractedCamera, &Msaa)>, &ViewProps, Has<TransparentTexture>)>,
+) {
+    for (entity, camera, props, has_texture) in &views {
+        let draws = |view: &ExtractedView| {
+            let phase = phases.get(&view.retained_view_entity);
+            props.stage == PropStage::Display
+                && !props.drawn.is_empty()
+                && phase.is_some_and(|phase| !phase.items.is_empty())
+        };
+        let target = camera.filter(|(view, ..)| draws(view)).and_then(|(view, camera, msaa)| {
+            let size = camera.physical_target_size?;
+            Some((view.target_format, size, msaa.samples()))
+        });
+        let Some((format, size, samples)) = target else {
+            if has_texture {
+                commands.entity(entity).remove::<TransparentTexture>();
+            }
+            continue;
+        };
+        let mut texture = |sample_count| {
+            let descriptor = TextureDescriptor {
+                label: Some("plenoctree_transparent"),
+                size: Extent3d { width: size.x, height: size.y, depth_or_array_layers: 1 },
+                mip_level_count: 1,
+                sample_count,
+                dimension: TextureDimension::D2,
+                format,
+                usage: TextureUsages::RENDER_ATTACHMENT | TextureUsages::TEXTURE_BINDING,
+                view_formats: &[],
+            };
+            cache.get(&device, descriptor)
+        };
+        let sampled = (samples > 1).then(|| texture(samples));
+        let nothing = Some(wgpu::Color::TRANSPARENT);
+        let attachment = ColorAttachment::new(texture(1), sampled, None, nothing);
+        commands.entity(entity).insert(TransparentTexture(attachment));
+    }
+}
