@@ -8,11 +8,17 @@
 @group(1) @binding(0) var layer: texture_2d<f32>;
 @group(1) @binding(1) var owner: texture_2d<f32>;
 @group(1) @binding(2) var depth: texture_depth_2d;
+#ifdef MOTION
+@group(1) @binding(3) var motion: texture_2d<f32>;
+#endif
 
 struct Fragment {
     @location(0) color: vec4<f32>,
     @location(1) owner: vec4<f32>,
     @builtin(frag_depth) depth: f32,
+#ifdef MOTION
+    @location(2) motion: vec4<f32>,
+#endif
 }
 
 fn pow16(x: f32) -> f32 {
@@ -59,5 +65,12 @@ fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
     let prop = owner_of(there);
     let covers = mixed.a >= props[max(prop, 1u) - 1u].min_opacity;
     let owned = pack_owner(select(0u, prop, covers));
-    return Fragment(mixed, vec4(owned, 0.0, 1.0), textureLoad(depth, nearest, 0));
+    return Fragment(
+        mixed,
+        vec4(owned, 0.0, 1.0),
+        textureLoad(depth, nearest, 0),
+#ifdef MOTION
+        textureLoad(motion, nearest, 0),
+#endif
+    );
 }

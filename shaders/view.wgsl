@@ -35,6 +35,8 @@ struct Prop {
     solid_transmittance: f32,
     // The factors of linear light.
     tint: vec3<f32>,
+    // Transforms a point of the prop from clip space to where it was in the previous frame.
+    previous_from_clip: mat4x4<f32>,
 }
 
 struct View {
@@ -55,6 +57,8 @@ struct View {
     // The corners of the part of the viewport that is drawn, in pixels.
     low: vec2<u32>,
     high: vec2<u32>,
+    // Removes the camera's temporal jitter.
+    unjittered_from_clip: mat4x4<f32>,
 }
 
 @group(0) @binding(0) var<uniform> view: View;
@@ -78,6 +82,15 @@ fn view_distance(ndc: f32) -> f32 {
 // Returns the value of the depth buffer for a distance along the view axis.
 fn depth_value(distance: f32) -> f32 {
     return (view.depth.y - distance * view.depth.x) / (view.depth.w - distance * view.depth.z);
+}
+
+// Returns how a point of a prop has moved since the previous frame, as a share of the viewport. `at` is the point's place
+// in the viewport, in pixels.
+fn motion_of(prop: u32, at: vec2<f32>, depth: f32) -> vec2<f32> {
+    let clip = vec4((2.0 * at / vec2<f32>(view.size) - 1.0) * vec2(1.0, -1.0), depth, 1.0);
+    let now = view.unjittered_from_clip * clip;
+    let before = props[prop].previous_from_clip * clip;
+    return (now.xy / now.w - before.xy / before.w) * vec2(0.5, -0.5);
 }
 
 const FAR_AWAY: f32 = 1e30;

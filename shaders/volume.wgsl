@@ -5,7 +5,7 @@
 #import bevy_plenoctree::octree::{begin, density, next_leaf}
 #import bevy_plenoctree::prop_ray::{PropRay, Varying, position_at, position_of, prop_ray, solid_depth_at}
 #import bevy_plenoctree::radiance::{harmonics, radiance}
-#import bevy_plenoctree::view::{LEAST_DEPTH, is_solid_prop, pack_owner, props, shows_through, view}
+#import bevy_plenoctree::view::{LEAST_DEPTH, is_solid_prop, motion_of, pack_owner, props, shows_through, view}
 
 #ifdef OVERLAPPING
 // The results of the solid pass's two rounds.
@@ -51,6 +51,10 @@ struct Fragment {
     @location(1) owner: vec4<f32>,
     // The depth of the nearest solid part of any prop, or LEAST_DEPTH. All props write the same depth, in any order.
     @builtin(frag_depth) depth: f32,
+#ifdef MOTION
+    // How the solid part has moved. Blending writes it only where alpha is 1.
+    @location(2) motion: vec4<f32>,
+#endif
 }
 
 // Returns 1 - exp(-depth), without the cancellation that would erase thin fog.
@@ -116,13 +120,19 @@ fn fragment(in: Varying) -> Fragment {
         color = opacity * tinted(color / opacity, props[in.prop].tint);
     }
 #ifdef OVERLAPPING
-    let depth = textureLoad(nearest_depth, vec2<u32>(in.position.xy), 0);
+    let pixel = vec2<u32>(in.position.xy);
+    let depth = textureLoad(nearest_depth, pixel, 0);
+    let is_nearest = is_solid_prop(textureLoad(nearest, pixel, 0).x, in.prop);
 #else
+    let is_nearest = solid >= 0.0;
     let depth = select(0.0, solid_depth_at(seen, in.prop, solid), solid >= 0.0);
 #endif
     return Fragment(
         to_half(vec4(color, opacity)),
         vec4(pack_owner(posterized), 0.0, select(0.0, 1.0, covers)),
         max(depth, LEAST_DEPTH),
+#ifdef MOTION
+        vec4(motion_of(in.prop, in.position.xy * view.pixel, depth), 0.0, select(0.0, 1.0, is_nearest)),
+#endif
     );
 }

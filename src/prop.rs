@@ -77,6 +77,10 @@ impl PropTint {
 /// The pixel's depth is that of the point where the opacity along its ray reaches this value. Anything that is drawn
 /// later or reads the scene's depth treats that point as a surface. Pixels whose opacity stays below it write no depth.
 ///
+/// Where several props overlap in the view, the depth is that of the nearest one that is solid. The nearest one that is
+/// solid and lets no light through hides what is behind that point, and nothing before it. Without such a prop, the
+/// nearest solid one decides what is drawn before and behind the others.
+///
 /// Defaults to `At(0.5)`.
 #[derive(Component, Clone, Copy, Debug, PartialEq, Reflect)]
 #[reflect(Component, Default, Clone, Debug, PartialEq)]

@@ -43,7 +43,7 @@ pub enum PlenOctreeRenderSystems {
     PreparePipelines,
     /// Creates the bind groups of all passes.
     PrepareBindGroups,
-    /// Draws the props into the view's layer.
+    /// Draws the props into the view's layer. Where props overlap, finds their nearest solid parts first.
     Volume,
     /// Upsamples a layer of lower resolution to the resolution of the viewport.
     Upsample,

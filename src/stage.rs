@@ -22,9 +22,12 @@ use crate::posterize::Posterize;
 #[reflect(Component, Default, Clone, Debug, PartialEq, Hash)]
 #[type_path = "bevy_plenoctree"]
 pub enum PropStage {
-    /// Draws props between the opaque and the transparent pass. This is the default.
+    /// Draws props after opaque objects and the sky, and before objects that transmit light and transparent ones. This
+    /// is the default.
     ///
-    /// Props are emissive; transparent objects blend correctly in front of and behind them. At Bevy's default
+    /// Props are emissive; transparent objects blend correctly in front of and behind them, and objects with
+    /// `specular_transmission` refract them. Temporal jitter, motion vectors and the depth of the prepass include their
+    /// solid parts, for temporal antialiasing and motion blur. At Bevy's default
     /// [`Exposure`], a display shows a prop's colors as they are. Any other `Exposure` of the camera brightens or
     /// darkens props as much as lit meshes, and with `Hdr`, bloom, tonemapping and other effects change them like
     /// everything else.
@@ -35,10 +38,11 @@ pub enum PropStage {
     /// Draws props after tonemapping and all other effects, below the UI. Palette colors reach the screen exactly,
     /// regardless of `Hdr`, `Tonemapping`, bloom, dithering and exposure.
     ///
-    /// Opaque meshes still occlude props, but transparent objects do not: props are drawn over them. Depth is written
-    /// at this point as well, so transparent objects, depth of field, fog and other effects do not see it. Cameras
-    /// whose main pass has a resolution of its own (`MainPassResolutionOverride`) draw their props at [`Self::Scene`]
-    /// instead.
+    /// Opaque meshes still occlude props. Transparent objects in front of the solid parts of props are drawn once more
+    /// and blended over them, without tonemapping; other transparent objects are covered by props, and so are objects
+    /// with `specular_transmission`. Depth is written at this point as well, so depth of field, fog, temporal
+    /// antialiasing and other effects do not see it. Cameras whose main pass has a resolution of its own
+    /// (`MainPassResolutionOverride`) draw their props at [`Self::Scene`] instead.
     Display,
 }
 

@@ -4,6 +4,7 @@ use std::any::TypeId;
 
 use bevy::{
     camera::visibility::VisibleEntities,
+    core_pipeline::prepass::MotionVectorPrepass,
     ecs::entity::EntityHashMap,
     prelude::*,
     render::{Extract, render_asset::RenderAssets, sync_world::RenderEntity},
@@ -29,11 +30,15 @@ pub(super) struct ExtractedProps {
     /// The palette colors of all props and posterized views.
     pub colors: Vec<Vec4>,
     index: EntityHashMap<usize>,
+    /// The transforms of the previous frame, if a camera draws motion vectors.
+    transforms: EntityHashMap<GlobalTransform>,
 }
 
 pub(super) struct ExtractedProp {
     pub field: AssetId<PlenOctree>,
     pub placement: Placement,
+    /// The prop's transform in the previous frame.
+    pub previous: GlobalTransform,
     pub solid: SolidOpacity,
     /// The factors of linear light.
     pub tint: Vec3,
@@ -97,6 +102,8 @@ pub(super) struct VisibleProps {
     pub quality: PropQuality,
     /// Whether labels are written to textures, for custom stages.
     pub has_stages: bool,
+    /// Whether the camera draws motion vectors.
+    pub has_motion: bool,
 }
 
 impl VisibleProps {
@@ -116,6 +123,7 @@ type CameraSettings = (
     Option<(&'static PosterizeView, &'static Posterize)>,
     Option<&'static PaletteOverride>,
     Has<LabelStages>,
+    Has<MotionVectorPrepass>,
 );
 
 pub(super) fn extract_props(
@@ -128,7 +136,9 @@ pub(super) fn extract_props(
     props: Extract<Query<(Entity, (&Prop, &DrawnField), &SolidOpacity, PropColors, &GlobalTransform, &ViewVisibility)>>,
     cameras: Extract<Query<(RenderEntity, &Camera, Has<Camera3d>, &VisibleEntities, CameraSettings)>>,
 ) {
-    let ExtractedProps { props: list, colors, index } = &mut *extracted;
+    let ExtractedProps { props: list, colors, index, transforms } = &mut *extracted;
+    let mut previous = std::mem::take(transforms);
+    let has_motion = cameras.iter().any(|(.., (.., has_motion))| has_motion);
     list.clear();
     colors.clear();
     index.clear();
@@ -150,6 +160,7 @@ pub(super) fn extract_props(
                     high,
                     cells: f64::from(1u32 << field.depth()),
                 },
+                previous: previous.get(&entity).copied().unwrap_or(*transform),
                 solid: *solid,
                 tint: tint.factors(),
                 posterize: posterize
@@ -165,7 +176,12 @@ pub(super) fn extract_props(
             index.insert(entity, drawn);
         }
     }
-    for (entity, camera, is_3d, visible, (stage, quality, everything, own, has_stages)) in &cameras {
+    previous.clear();
+    if has_motion {
+        previous.extend(props.iter().map(|(entity, .., transform, _)| (entity, *transform)));
+    }
+    *transforms = previous;
+    for (entity, camera, is_3d, visible, (stage, quality, everything, own, has_stages, has_motion)) in &cameras {
         if !camera.is_active || !is_3d {
             // It keeps what it saw last, but draws nothing.
             if let Ok(mut view) = views.get_mut(entity) {
@@ -184,7 +200,8 @@ pub(super) fn extract_props(
         if let Ok(mut view) = views.get_mut(entity) {
             view.props.clear();
             view.props.extend(seen);
-            (view.everything, view.stage, view.quality, view.has_stages) = (everything, stage, quality, has_stages);
+            (view.everything, view.stage, view.quality) = (everything, stage, quality);
+            (view.has_stages, view.has_motion) = (has_stages, has_motion && stage == PropStage::Scene);
         } else {
             commands.entity(entity).insert(VisibleProps {
                 props: seen.collect(),
@@ -192,6 +209,7 @@ pub(super) fn extract_props(
                 stage,
                 quality,
                 has_stages,
+                has_motion: has_motion && stage == PropStage::Scene,
             });
         }
     }

@@ -10,6 +10,7 @@
 //! - `label` replaces them by palette colors.
 //! - `present` writes the output of custom stages to the view's target.
 //! - `depth` writes depth where props are solid.
+//! - `prepass` writes their depth and motion into the textures of Bevy's prepass, for effects that read it.
 //! - `transparent` draws transparent objects over props that are drawn after them.
 //!
 //! `solid`, `volume` and `upsample` run after the opaque main pass and the sky, and before objects that transmit light.
@@ -26,6 +27,7 @@ mod fullscreen;
 mod label;
 mod order;
 mod pass;
+mod prepass;
 mod present;
 mod rays;
 mod solid;
@@ -54,6 +56,7 @@ pub const POSTERIZE_SPANS: &[&str] = &[
     label::LABEL_SPAN,
     present::PRESENT_SPAN,
     depth::DEPTH_SPAN,
+    prepass::PREPASS_SPAN,
     transparent::TRANSPARENT_SPAN,
 ];
 
@@ -79,6 +82,7 @@ impl Plugin for RenderPropsPlugin {
             label::plugin,
             present::plugin,
             depth::plugin,
+            prepass::plugin,
             transparent::plugin,
         ));
     }

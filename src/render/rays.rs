@@ -89,7 +89,9 @@ impl Placement {
             let seen = view_from_clip * ndc;
             let seen = seen.truncate() / seen.w;
             let (origin, direction) = if orthographic {
-                (DVec3::new(seen.x, seen.y, 0.0), DVec3::NEG_Z)
+                // Temporal jitter shears the projection.
+                let along = view_from_clip.z_axis.truncate() / -view_from_clip.z_axis.z;
+                (seen + seen.z * along, along)
             } else {
                 (DVec3::ZERO, seen / -seen.z)
             };

@@ -183,12 +183,21 @@ fn posterization_and_recoloring_match_the_reference() {
         };
         let expected = reference::posterize(&rendering, DVec3::ONE, &source, &shown, &settings);
         let frame = scene.capture();
-        let near = frame.pixels().zip(&expected).filter(|(pixel, color)| {
-            (0..3).all(|c| (f64::from(pixel[c]) - 255.0 * color[c].clamp(0.0, 1.0)).abs() <= 2.0)
-        });
-        let share = near.count() as f64 / expected.len() as f64;
-        // Half floats move one pixel in a thousand across the border between two labels.
-        assert!(share > 0.99, "{posterize:?}: {share}");
+        let off = |pixel: &image::Rgba<u8>, color: &DVec3| {
+            let off = (0..3).map(|c| (f64::from(pixel[c]) - 255.0 * color[c].clamp(0.0, 1.0)).abs());
+            off.fold(0.0, f64::max)
+        };
+        let pixels = frame.pixels().zip(&expected).zip(&rendering.opacity);
+        // The background is easy.
+        let object = pixels.filter(|(_, opacity)| **opacity > 0.0);
+        let off: Vec<_> = object.map(|((pixel, color), _)| off(pixel, color)).collect();
+        let more_than = |most: f64| off.iter().filter(|off| **off > most).count();
+        let (size, slightly, clearly) = (off.len(), more_than(2.0), more_than(8.0));
+        // Half floats move single pixels across the border between two labels.
+        let what =
+            format!("{posterize:?}: of {size} pixels, {slightly} are off by more than 2, {clearly} by more than 8");
+        eprintln!("{what}");
+        assert!(size > 2000 && slightly * 50 < size && clearly * 500 < size, "{what}");
     }
 }
 

@@ -13,7 +13,10 @@ use bevy::{
     },
 };
 
-use crate::{render::view::ViewProps, stage::PropStage};
+use crate::{
+    render::{extract::VisibleProps, view::ViewProps},
+    stage::PropStage,
+};
 
 /// The transparent objects of a view, over nothing. A component of views that draw both them and props at the display.
 #[derive(Component)]
@@ -24,13 +27,21 @@ pub(super) fn prepare_textures(
     mut cache: ResMut<TextureCache>,
     device: Res<RenderDevice>,
     phases: Res<ViewSortedRenderPhases<Transparent3d>>,
-    views: Query<(Entity, Option<(&ExtractedView, &ExtractedCamera, &Msaa)>, &ViewProps, Has<TransparentTexture>)>,
+    views: Query<(
+        Entity,
+        Option<(&ExtractedView, &ExtractedCamera, &Msaa)>,
+        &VisibleProps,
+        &ViewProps,
+        Has<TransparentTexture>,
+    )>,
 ) {
-    for (entity, camera, props, has_texture) in &views {
+    for (entity, camera, visible, props, has_texture) in &views {
         let draws = |view: &ExtractedView| {
             let phase = phases.get(&view.retained_view_entity);
             props.stage == PropStage::Display
                 && !props.drawn.is_empty()
+                // A posterized view shows nothing but labels.
+                && visible.everything.is_none()
                 && phase.is_some_and(|phase| !phase.items.is_empty())
         };
         let target = camera.filter(|(view, ..)| draws(view)).and_then(|(view, camera, msaa)| {

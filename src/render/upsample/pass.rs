@@ -4,14 +4,14 @@ use bevy::{
     prelude::*,
     render::{
         diagnostic::RecordDiagnostics,
-        render_resource::{BindGroupEntries, PipelineCache, RenderPassDescriptor},
+        render_resource::{BindGroupEntries, BindGroupEntry, IntoBinding, PipelineCache, RenderPassDescriptor},
         renderer::{RenderContext, RenderDevice, ViewQuery},
     },
 };
 
 use super::pipeline::UpsamplePipeline;
 use crate::render::{
-    attachment::{cleared, cleared_depth},
+    attachment::cleared_depth,
     bind_group::KeptBindGroup,
     fullscreen::draw,
     view::{ViewBindGroups, ViewProps, ViewTextures},
@@ -35,8 +35,12 @@ pub(super) fn prepare_bind_groups(
             *group = default();
             continue;
         };
-        let entries = BindGroupEntries::sequential((&coarse.color, &coarse.owner, &coarse.depth));
-        group.0.update(&device, &cache, pipeline.shared.label, &pipeline.shared.layout, &entries);
+        let shared = pipeline.shared(coarse.motion.is_some());
+        let mut entries = BindGroupEntries::sequential((&coarse.color, &coarse.owner, &coarse.depth)).to_vec();
+        entries.extend(
+            coarse.motion.as_ref().map(|motion| BindGroupEntry { binding: 3, resource: motion.into_binding() }),
+        );
+        group.0.update(&device, &cache, shared.label, &shared.layout, &entries);
     }
 }
 
@@ -47,9 +51,11 @@ pub(super) fn upsample_pass(
     mut ctx: RenderContext,
 ) {
     let (textures, props, groups, group, msaa) = view.into_inner();
-    let (Some(view), Some(group), Some(pipeline)) =
-        (groups.with_depth.get(), group.0.get(), cache.get_render_pipeline(upsample.id(msaa)))
-    else {
+    let (Some(view), Some(group), Some(pipeline)) = (
+        groups.with_depth.get(),
+        group.0.get(),
+        cache.get_render_pipeline(upsample.id(msaa, textures.layer.motion.is_some())),
+    ) else {
         return;
     };
     let diagnostics = ctx.diagnostic_recorder();
@@ -59,7 +65,7 @@ pub(super) fn upsample_pass(
         let layer = &textures.layer;
         let mut pass = ctx.begin_tracked_render_pass(RenderPassDescriptor {
             label: Some(UPSAMPLE_SPAN),
-            color_attachments: &[cleared(&layer.color), cleared(&layer.owner)],
+            color_attachments: &layer.attachments(),
             depth_stencil_attachment: Some(cleared_depth(&layer.depth)),
             ..default()
         });

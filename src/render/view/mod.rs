@@ -3,6 +3,7 @@
 mod bind_groups;
 mod layout;
 mod levels;
+mod motion;
 mod overlap;
 mod prepare;
 mod props;
@@ -13,7 +14,8 @@ pub(super) use bind_groups::ViewBindGroups;
 pub(super) use layout::ViewLayouts;
 pub(super) use props::{DrawnProp, Overlap, ViewProps};
 pub(super) use textures::{
-    DEPTH_FORMAT, FILTER_FORMAT, LAYER_FORMAT, OWNER_FORMAT, ViewTextures, coarse_size, drawn_viewport, view_texture,
+    DEPTH_FORMAT, FILTER_FORMAT, LAYER_FORMAT, MOTION_FORMAT, OWNER_FORMAT, ViewTextures, coarse_size, drawn_viewport,
+    view_texture,
 };
 
 use bevy::{

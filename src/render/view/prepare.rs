@@ -2,9 +2,10 @@
 
 use bevy::{
     camera::{Exposure, MainPassResolutionOverride},
+    core_pipeline::prepass::PreviousViewData,
     prelude::*,
     render::{
-        camera::ExtractedCamera,
+        camera::{ExtractedCamera, TemporalJitter},
         render_asset::RenderAssets,
         renderer::{RenderDevice, RenderQueue},
         view::ExtractedView,
@@ -12,6 +13,7 @@ use bevy::{
 };
 
 use super::{
+    motion::Motion,
     overlap::Overlaps,
     props::{DrawnProp, Overlap, ViewProps},
     textures::{coarse_size, drawn_viewport},
@@ -45,12 +47,13 @@ pub(super) fn prepare_views(
     mut views: Query<(
         Option<(&ExtractedView, &ExtractedCamera)>,
         Option<&MainPassResolutionOverride>,
+        (Option<&TemporalJitter>, Option<&PreviousViewData>),
         &VisibleProps,
         &mut ViewProps,
     )>,
 ) {
     let Scratch { rects, overlaps } = &mut *scratch;
-    for (camera, resolution, visible, mut buffers) in &mut views {
+    for (camera, resolution, (jitter, previous), visible, mut buffers) in &mut views {
         let quality = &visible.quality;
         let ViewProps {
             order,
@@ -84,6 +87,7 @@ pub(super) fn prepare_views(
         *stage = if resolution.is_some() { PropStage::Scene } else { visible.stage };
         *has_stages = visible.has_stages;
 
+        let motion = Motion::new(view, jitter, previous, size);
         for ordered in order {
             let (Some(prop), wanted) = (extracted.props.get(ordered.index), ordered.level) else {
                 continue;
@@ -98,7 +102,7 @@ pub(super) fn prepare_views(
                 Some((low, high)) if level != Level::default() => Placement { low, high, ..prop.placement },
                 _ => prop.placement,
             };
-            let Some(rays) = placement.rays(&view.world_from_view, view.clip_from_view, size) else {
+            let Some(rays) = placement.rays(&view.world_from_view, motion.clip_from_view, size) else {
                 continue;
             };
             let covered = covered(rays.clip_from_box, size);
@@ -106,7 +110,7 @@ pub(super) fn prepare_views(
                 *rect = rect.union(extended(covered, reach, size));
             }
             rects.push(covered);
-            let uniform = PropUniform::new(prop, &rays, quality);
+            let uniform = PropUniform::new(prop, &rays, &motion, quality);
             let overlap = if uniform.may_be_solid() { Overlap::Solid } else { Overlap::Thin };
             drawn.push(DrawnProp { field: prop.field, level, overlap });
             props.get_mut().push(uniform);
@@ -145,6 +149,7 @@ pub(super) fn prepare_views(
             min_weight: quality.min_weight,
             low: rect.min,
             high: rect.max,
+            unjittered_from_clip: motion.unjittered_from_clip.as_mat4(),
         };
         uniform.write_buffer(&device, &queue);
         props.write_buffer(&device, &queue);

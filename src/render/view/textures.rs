@@ -2,16 +2,20 @@
 
 use bevy::{
     camera::{MainPassResolutionOverride, Viewport},
+    core_pipeline::prepass::MOTION_VECTOR_PREPASS_FORMAT,
     prelude::*,
     render::{
         camera::ExtractedCamera,
-        render_resource::{Extent3d, TextureDescriptor, TextureDimension, TextureFormat, TextureUsages, TextureView},
+        render_resource::{
+            Extent3d, RenderPassColorAttachment, TextureDescriptor, TextureDimension, TextureFormat, TextureUsages,
+            TextureView,
+        },
         renderer::RenderDevice,
         texture::TextureCache,
     },
 };
 
-use crate::render::extract::VisibleProps;
+use crate::render::{attachment::cleared, extract::VisibleProps};
 
 /// The format of color and opacity: half floats, because 8 bits per channel would change labels.
 pub(in crate::render) const LAYER_FORMAT: TextureFormat = TextureFormat::Rgba16Float;
@@ -22,6 +26,9 @@ pub(in crate::render) const FILTER_FORMAT: TextureFormat = TextureFormat::Rgba32
 /// The format of the props' depth, which is reversed like the scene's.
 pub(in crate::render) const DEPTH_FORMAT: TextureFormat = TextureFormat::Depth32Float;
 
+/// The format of motion vectors, as in Bevy's prepass.
+pub(in crate::render) const MOTION_FORMAT: TextureFormat = MOTION_VECTOR_PREPASS_FORMAT;
+
 /// The output of the volume pass: the props alone, without the scene.
 pub(in crate::render) struct Layer {
     /// Encoded sRGB premultiplied by opacity, and opacity.
@@ -29,6 +36,18 @@ pub(in crate::render) struct Layer {
     /// The owner, as packed by `pack_owner` of `view.wgsl`.
     pub owner: TextureView,
     pub depth: TextureView,
+    /// How solid props have moved since the previous frame, as a share of the viewport. Only for cameras with motion
+    /// vectors.
+    pub motion: Option<TextureView>,
+}
+
+impl Layer {
+    /// Returns the color attachments of passes that draw to the layer.
+    pub fn attachments(&self) -> Vec<Option<RenderPassColorAttachment<'_>>> {
+        let mut attachments = vec![cleared(&self.color), cleared(&self.owner)];
+        attachments.extend(self.motion.as_ref().map(cleared));
+        attachments
+    }
 }
 
 /// The textures of a view, which have the size of its viewport.
@@ -102,6 +121,7 @@ pub(super) fn prepare_textures(
             color: texture("plenoctree_layer", LAYER_FORMAT, size),
             owner: texture("plenoctree_owner", OWNER_FORMAT, size),
             depth: texture("plenoctree_depth", DEPTH_FORMAT, size),
+            motion: visible.has_motion.then(|| texture("plenoctree_motion", MOTION_FORMAT, size)),
         };
         let size = viewport.physical_size;
         let coarse = coarse_size(size, visible.quality.resolution);

@@ -8,6 +8,7 @@ use crate::{
     render::{
         extract::{ExtractedPosterize, ExtractedProp},
         rays::Rays,
+        view::motion::Motion,
     },
 };
 
@@ -34,10 +35,11 @@ pub(super) struct PropUniform {
     near: f32,
     solid_transmittance: f32,
     tint: Vec3,
+    previous_from_clip: Mat4,
 }
 
 impl PropUniform {
-    pub fn new(prop: &ExtractedProp, rays: &Rays, quality: &PropQuality) -> Self {
+    pub fn new(prop: &ExtractedProp, rays: &Rays, motion: &Motion, quality: &PropQuality) -> Self {
         let matrix =
             |columns: [glam::DVec3; 3]| Mat3::from_cols_array_2d(&columns.map(|column| column.as_vec3().into()));
         Self {
@@ -52,6 +54,7 @@ impl PropUniform {
             near: rays.near as f32,
             solid_transmittance: solid_transmittance(prop.solid, quality),
             tint: prop.tint,
+            previous_from_clip: motion.previous_from_clip(prop).as_mat4(),
             ..Self::posterize(prop.posterize, quality)
         }
     }
@@ -99,6 +102,7 @@ pub(super) struct ViewUniform {
     pub min_weight: f32,
     pub low: UVec2,
     pub high: UVec2,
+    pub unjittered_from_clip: Mat4,
 }
 
 /// Returns the transmittance at which a prop is solid, or a negative value for never. Rays that stop count as solid.
@@ -131,6 +135,8 @@ fn read() {
     for (var c = 0u; c < 4u; c++) {
         for (var r = 0u; r < 4u; r++) {
             found[4u * c + r] = prop.clip_from_box[c][r];
+            found[60u + 4u * c + r] = prop.previous_from_clip[c][r];
+            found[94u + 4u * c + r] = view.unjittered_from_clip[c][r];
         }
     }
     for (var c = 0u; c < 3u; c++) {
@@ -159,24 +165,24 @@ fn read() {
     found[57] = prop.tint.x;
     found[58] = prop.tint.y;
     found[59] = prop.tint.z;
-    found[60] = f32(view.corner.x);
-    found[61] = f32(view.corner.y);
-    found[62] = f32(view.size.x);
-    found[63] = f32(view.size.y);
+    found[76] = f32(view.corner.x);
+    found[77] = f32(view.corner.y);
+    found[78] = f32(view.size.x);
+    found[79] = f32(view.size.y);
     for (var i = 0u; i < 4u; i++) {
-        found[64u + i] = view.depth[i];
+        found[80u + i] = view.depth[i];
     }
-    found[68] = view.exposure;
-    found[69] = f32(view.everything);
-    found[70] = view.pixel.x;
-    found[71] = view.pixel.y;
-    found[72] = view.stop_transmittance;
-    found[73] = view.min_weight;
-    found[74] = f32(view.low.x);
-    found[75] = f32(view.low.y);
-    found[76] = f32(view.high.x);
-    found[77] = f32(view.high.y);
-    found[78] = colors[1].y;
+    found[84] = view.exposure;
+    found[85] = f32(view.everything);
+    found[86] = view.pixel.x;
+    found[87] = view.pixel.y;
+    found[88] = view.stop_transmittance;
+    found[89] = view.min_weight;
+    found[90] = f32(view.low.x);
+    found[91] = f32(view.low.y);
+    found[92] = f32(view.high.x);
+    found[93] = f32(view.high.y);
+    found[110] = colors[1].y;
 }
 ";
 
@@ -204,6 +210,7 @@ fn read() {
             near: next(),
             solid_transmittance: next(),
             tint: Vec3::new(next(), next(), next()),
+            previous_from_clip: Mat4::from_cols_array(&std::array::from_fn(|_| next())),
         };
         let view = ViewUniform {
             corner: UVec2::new(next() as u32, next() as u32),
@@ -216,6 +223,7 @@ fn read() {
             min_weight: next(),
             low: UVec2::new(next() as u32, next() as u32),
             high: UVec2::new(next() as u32, next() as u32),
+            unjittered_from_clip: Mat4::from_cols_array(&std::array::from_fn(|_| next())),
         };
         let color = next();
         let layout = BindGroupLayoutDescriptor::new(
@@ -229,7 +237,7 @@ fn read() {
                 ),
             ),
         );
-        let found: [f32; 79] = read_back(SHADER.into(), layout, |device, queue, run| {
+        let found: [f32; 111] = read_back(SHADER.into(), layout, |device, queue, run| {
             let mut view = UniformBuffer::from(view);
             let mut props = StorageBuffer::from(vec![PropUniform::default(), prop]);
             let mut colors = StorageBuffer::from(vec![Vec4::ZERO, Vec4::new(0.0, color, 0.0, 0.0)]);
@@ -238,7 +246,7 @@ fn read() {
             colors.write_buffer(device, queue);
             run(&[view.binding().unwrap(), props.binding().unwrap(), colors.binding().unwrap()]);
         });
-        let expected: [f32; 79] = std::array::from_fn(|index| (index + 1) as f32);
+        let expected: [f32; 111] = std::array::from_fn(|index| (index + 1) as f32);
         assert_eq!(found, expected);
     }
 }

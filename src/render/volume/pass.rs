@@ -14,8 +14,9 @@ use super::pipeline::{VolumeKey, VolumePipeline};
 use crate::{
     gpu::{FieldShape, GpuField},
     render::{
-        attachment::{cleared, cleared_depth},
+        attachment::cleared_depth,
         boxes::BOX_VERTICES,
+        extract::VisibleProps,
         solid::SolidBindGroups,
         view::{DrawnProp, Overlap, ViewBindGroups, ViewProps, ViewTextures},
     },
@@ -55,14 +56,20 @@ pub(super) fn prepare_pipelines(
     pipeline: Res<VolumePipeline>,
     mut specialized: ResMut<SpecializedRenderPipelines<VolumePipeline>>,
     fields: Res<RenderAssets<GpuField>>,
-    mut views: Query<(&ViewProps, &Msaa, &mut VolumePipelines)>,
+    mut views: Query<(&VisibleProps, &ViewProps, &Msaa, &mut VolumePipelines)>,
 ) {
-    for (props, msaa, mut pipelines) in &mut views {
+    for (visible, props, msaa, mut pipelines) in &mut views {
         let (degree, multisampled) = (props.degree, msaa.samples() > 1);
         pipelines.0.clear();
         pipelines.0.extend(props.drawn.iter().map(|prop| {
             let shape = prop.on_gpu(&fields)?.shape;
-            let key = VolumeKey { shape, degree, multisampled, overlapping: prop.overlap != Overlap::None };
+            let key = VolumeKey {
+                shape,
+                degree,
+                multisampled,
+                overlapping: prop.overlap != Overlap::None,
+                motion: visible.has_motion,
+            };
             if props.changes_levels {
                 // Also specialize the other variant, so that a change of level does not wait for its pipeline.
                 let shape = FieldShape { inner_records: !shape.inner_records, ..shape };
@@ -90,7 +97,7 @@ pub(super) fn volume_pass(
         let layer = textures.volume();
         let mut pass = ctx.begin_tracked_render_pass(RenderPassDescriptor {
             label: Some(VOLUME_SPAN),
-            color_attachments: &[cleared(&layer.color), cleared(&layer.owner)],
+            color_attachments: &layer.attachments(),
             depth_stencil_attachment: Some(cleared_depth(&layer.depth)),
             ..default()
         });

@@ -15,7 +15,7 @@ use crate::{
         boxes::Boxes,
         fullscreen::target,
         solid::SolidLayouts,
-        view::{DEPTH_FORMAT, LAYER_FORMAT, OWNER_FORMAT, ViewLayouts},
+        view::{DEPTH_FORMAT, LAYER_FORMAT, MOTION_FORMAT, OWNER_FORMAT, ViewLayouts},
     },
 };
 
@@ -33,6 +33,8 @@ pub(super) struct VolumeKey {
     pub degree: u32,
     pub multisampled: bool,
     pub overlapping: bool,
+    /// Whether motion vectors are written.
+    pub motion: bool,
 }
 
 pub(super) fn init(
@@ -64,11 +66,15 @@ impl SpecializedRenderPipeline for VolumePipeline {
             },
             alpha: BlendComponent::OVER,
         };
-        let targets = [
+        let mut targets = vec![
             target(LAYER_FORMAT, Some(over(BlendFactor::One))),
             // The nearest prop that is opaque enough owns the pixel.
             target(OWNER_FORMAT, Some(over(BlendFactor::SrcAlpha))),
         ];
+        if key.motion {
+            definitions.push("MOTION".into());
+            targets.push(target(MOTION_FORMAT, Some(over(BlendFactor::SrcAlpha))));
+        }
         let mut descriptor = self.boxes.pipeline(definitions, key.multisampled, &targets);
         if key.overlapping {
             descriptor.layout.push(self.solid.clone());

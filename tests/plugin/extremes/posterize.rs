@@ -45,16 +45,20 @@ fn palettes_and_settings_at_their_limits() {
             let prop = stage.prop;
             stage.headless.app.world_mut().entity_mut(prop).insert(posterize);
             let expected = reference::posterize(&rendering, DVec3::ZERO, &source, &source, &settings);
-            let near = stage
-                .capture(&camera())
-                .pixels()
-                .zip(&expected)
-                .filter(|(pixel, color)| {
-                    (0..3).all(|c| (f64::from(pixel[c]) - 255.0 * color[c].clamp(0.0, 1.0)).abs() <= 2.0)
-                })
-                .count();
-            let share = near as f64 / expected.len() as f64;
-            assert!(share > 0.97, "{name}, {posterize:?}: {share}");
+            let is_far = |pixel: &image::Rgba<u8>, color: &DVec3| {
+                (0..3).any(|c| (f64::from(pixel[c]) - 255.0 * color[c].clamp(0.0, 1.0)).abs() > 2.0)
+            };
+            let frame = stage.capture(&camera());
+            let pixels = frame.pixels().zip(&expected).zip(&rendering.opacity);
+            // The background is easy.
+            let object: Vec<_> = pixels.filter(|(_, opacity)| **opacity > 0.0).map(|(pixel, _)| pixel).collect();
+            let wrong = object.iter().filter(|(pixel, color)| is_far(pixel, color)).count();
+            // Half floats move single pixels across the border between two labels.
+            assert!(
+                object.len() > 150 && wrong * 100 <= object.len(),
+                "{name}, {posterize:?}: {wrong} of {}",
+                object.len()
+            );
         }
     }
 }

@@ -8,6 +8,7 @@ mod cameras;
 mod depth;
 mod life;
 mod memory;
+mod motion;
 mod overlap;
 mod reports;
 mod stage;

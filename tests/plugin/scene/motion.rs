@@ -1,0 +1,209 @@
+//! Tests temporal jitter, motion vectors and the depth of the prepass, with which effects such as temporal antialiasing
+//! and motion blur work. A prop is to look to them like a mesh of the same shape.
+
+use std::time::Duration;
+
+use bevy::{
+    core_pipeline::{
+        Core3d, Core3dSystems, FullscreenShader,
+        prepass::{DepthPrepass, MotionVectorPrepass, ViewPrepassTextures},
+    },
+    gizmos::GizmoPlugin,
+    light::LightPlugin,
+    pbr::PbrPlugin,
+    prelude::*,
+    render::{
+        RenderApp, RenderStartup,
+        camera::TemporalJitter,
+        render_resource::{
+            BindGroupEntries, BindGroupLayoutDescriptor, BindGroupLayoutEntries, CachedRenderPipelineId,
+            ColorTargetState, ColorWrites, FragmentState, LoadOp, PipelineCache, RenderPassDescriptor,
+            RenderPipelineDescriptor, ShaderStages, TextureFormat, TextureSampleType,
+            binding_types::{texture_2d, texture_depth_2d},
+        },
+        renderer::{RenderContext, ViewQuery},
+        view::ViewTarget,
+    },
+};
+use bevy_plenoctree::{
+    PlenOctree, PlenOctreePlugin, Prop, PropQuality,
+    headless::{Headless, exact_camera},
+};
+use image::RgbaImage;
+
+use super::stage::{GREEN, SOLID, color, cube, flat};
+
+const SIZE: u32 = 64;
+
+/// Draws motion in red and green, from -1/8 to 1/8 of the viewport, and depth in blue.
+const SHADER: &str = "
+@group(0) @binding(0) var motion: texture_2d<f32>;
+@group(0) @binding(1) var depth: texture_depth_2d;
+
+@fragment
+fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
+    let pixel = vec2<u32>(position.xy);
+    return vec4(textureLoad(motion, pixel, 0).rg * 4.0 + 0.5, sqrt(textureLoad(depth, pixel, 0)), 1.0);
+}
+";
+
+#[derive(Resource)]
+struct Show {
+    shader: Handle<Shader>,
+    pipeline: Option<(BindGroupLayoutDescriptor, CachedRenderPipelineId)>,
+}
+
+fn init(mut show: ResMut<Show>, fullscreen: Res<FullscreenShader>, cache: Res<PipelineCache>) {
+    let textures = (texture_2d(TextureSampleType::Float { filterable: false }), texture_depth_2d());
+    let entries = BindGroupLayoutEntries::sequential(ShaderStages::FRAGMENT, textures);
+    let layout = BindGroupLayoutDescriptor::new("test_motion", &entries);
+    let format = TextureFormat::Rgba8UnormSrgb;
+    let target = ColorTargetState { format, blend: None, write_mask: ColorWrites::ALL };
+    let pipeline = cache.queue_render_pipeline(RenderPipelineDescriptor {
+        layout: vec![layout.clone()],
+        vertex: fullscreen.to_vertex_state(),
+        fragment: Some(FragmentState { shader: show.shader.clone(), targets: vec![Some(target)], ..default() }),
+        ..default()
+    });
+    show.pipeline = Some((layout, pipeline));
+}
+
+fn run(
+    view: ViewQuery<(&ViewTarget, &ViewPrepassTextures)>,
+    show: Res<Show>,
+    cache: Res<PipelineCache>,
+    mut ctx: RenderContext,
+) {
+    let (target, prepass) = view.into_inner();
+    let Some((layout, id)) = &show.pipeline else { return };
+    let (Some(pipeline), Some(motion), Some(depth)) =
+        (cache.get_render_pipeline(*id), prepass.motion_vectors_view(), prepass.depth_view())
+    else {
+        return;
+    };
+    let layout = cache.get_bind_group_layout(layout);
+    let group = ctx.render_device().create_bind_group(None, &layout, &BindGroupEntries::sequential((motion, depth)));
+    let mut attachment = target.get_color_attachment();
+    attachment.ops.load = LoadOp::Clear(default());
+    let mut pass =
+        ctx.begin_tracked_render_pass(RenderPassDescriptor { color_attachments: &[Some(attachment)], ..default() });
+    pass.set_render_pipeline(pipeline);
+    pass.set_bind_group(0, &group, &[]);
+    pass.draw(0..3, 0..1);
+}
+
+/// A cube, as a prop or as a mesh, and a camera. Frames show motion and depth, or colors.
+struct View {
+    headless: Headless,
+    cube: Entity,
+    camera: Entity,
+}
+
+impl View {
+    fn new(is_prop: bool, shows_motion: bool) -> Self {
+        let mut headless = Headless::new(UVec2::splat(SIZE), |app| {
+            app.add_plugins((GizmoPlugin, LightPlugin, PbrPlugin::default(), PlenOctreePlugin));
+            if shows_motion {
+                let shader = Shader::from_wgsl(SHADER, "motion.wgsl");
+                let shader = app.world_mut().resource_mut::<Assets<Shader>>().add(shader);
+                let render_app = app.sub_app_mut(RenderApp);
+                render_app.insert_resource(Show { shader, pipeline: None }).add_systems(RenderStartup, init);
+                render_app.add_systems(Core3d, run.in_set(Core3dSystems::EarlyPostProcess));
+            }
+        })
+        .unwrap();
+        let target = headless.target();
+        let world = headless.app.world_mut();
+        let cube = if is_prop {
+            let field = world.resource_mut::<Assets<PlenOctree>>().add(cube(SOLID, GREEN));
+            world.spawn(Prop(field)).id()
+        } else {
+            let mesh = world.resource_mut::<Assets<Mesh>>().add(Cuboid::from_length(1.0));
+            let material = StandardMaterial { base_color: color(GREEN), unlit: true, ..default() };
+            let material = world.resource_mut::<Assets<StandardMaterial>>().add(material);
+            world.spawn((Mesh3d(mesh), MeshMaterial3d(material))).id()
+        };
+        let camera = world.spawn((exact_camera(Color::BLACK), target, DepthPrepass, MotionVectorPrepass)).id();
+        headless.wait_until_ready(Duration::from_secs(120)).unwrap();
+        Self { headless, cube, camera }
+    }
+
+    /// Places the cube and the camera, and returns the next frame.
+    fn capture(&mut self, cube: Transform, camera: Transform) -> RgbaImage {
+        let world = self.headless.app.world_mut();
+        world.entity_mut(self.cube).insert(cube);
+        world.entity_mut(self.camera).insert(camera);
+        self.headless.capture().unwrap()
+    }
+}
+
+/// Counts the pixels in which two frames differ by more than `tolerance`.
+fn differing(a: &RgbaImage, b: &RgbaImage, tolerance: u8) -> usize {
+    let differ = |(a, b): &(&image::Rgba<u8>, &image::Rgba<u8>)| (0..3).any(|c| a[c].abs_diff(b[c]) > tolerance);
+    a.pixels().zip(b.pixels()).filter(differ).count()
+}
+
+#[test]
+fn props_move_like_meshes() {
+    let [mut prop, mut mesh] = [true, false].map(|is_prop| View::new(is_prop, true));
+    let place = |x: f32, turn: f32| Transform::from_xyz(x, 0.1, 0.0).with_rotation(Quat::from_rotation_y(turn));
+    let eye = |x: f32, z: f32| Transform::from_xyz(x, 0.3, z).looking_at(Vec3::ZERO, Vec3::Y);
+    let still = (place(0.0, 0.2), eye(0.0, 3.0));
+    for (what, before, after) in [
+        ("still", still, still),
+        ("the prop moves", still, (place(0.1, 0.2), still.1)),
+        ("the prop turns and grows", still, (place(0.0, 0.4).with_scale(Vec3::splat(1.1)), still.1)),
+        ("the camera moves", still, (still.0, eye(0.2, 2.8))),
+        ("both move", still, (place(-0.1, 0.3), eye(0.1, 3.1))),
+    ] {
+        for (jitter, resolution, projection) in [
+            (Vec2::ZERO, 1.0, Projection::default()),
+            (Vec2::new(0.4, -0.3), 1.0, Projection::default()),
+            (Vec2::ZERO, 1.0, flat()),
+            (Vec2::ZERO, 0.5, Projection::default()),
+        ] {
+            let quality = PropQuality { resolution, ..PropQuality::EXACT };
+            let [prop, mesh] = [&mut prop, &mut mesh].map(|view| {
+                let (camera, jitter) = (view.camera, TemporalJitter { offset: jitter });
+                let world = view.headless.app.world_mut();
+                world.entity_mut(camera).insert((jitter, quality, projection.clone()));
+                view.capture(before.0, before.1);
+                view.capture(before.0, before.1);
+                view.capture(after.0, after.1)
+            });
+            let what = format!("{what}, jitter {jitter}, resolution {resolution}");
+            let drawn = mesh.pixels().filter(|pixel| pixel[2] > 100).count();
+            assert!(drawn > 100, "{what}: {drawn} pixels");
+            if after != before {
+                let moving = mesh.pixels().filter(|pixel| pixel[0].abs_diff(188) + pixel[1].abs_diff(188) > 4).count();
+                assert!(moving > 60, "{what}: {moving} pixels move");
+            }
+            // Outlines of meshes are rasterized with less precision than rays. Those of coarse layers lie elsewhere, and
+            // their motion is that of the nearest pixel.
+            let (most, tolerance) = if resolution < 1.0 { (drawn / 6, 12) } else { (drawn / 50, 3) };
+            let wrong = differing(&prop, &mesh, tolerance);
+            assert!(wrong <= most, "{what}: {wrong} of {drawn} pixels differ");
+        }
+    }
+}
+
+/// Jitter moves outlines by parts of a pixel. No outline is close to the middle of a pixel.
+#[test]
+fn props_are_jittered_like_meshes() {
+    let [mut prop, mut mesh] = [true, false].map(|is_prop| View::new(is_prop, false));
+    let (place, eye) = (Transform::from_xyz(0.003, 0.006, 0.0), Transform::from_xyz(0.0, 0.0, 3.0));
+    for projection in [Projection::default(), flat()] {
+        let mut frames = Vec::new();
+        for offset in [Vec2::ZERO, Vec2::new(0.45, 0.0), Vec2::new(-0.45, 0.4), Vec2::new(0.1, -0.45)] {
+            let [prop, mesh] = [&mut prop, &mut mesh].map(|view| {
+                let camera = view.camera;
+                let world = view.headless.app.world_mut();
+                world.entity_mut(camera).insert((TemporalJitter { offset }, projection.clone()));
+                view.capture(place, eye)
+            });
+            assert_eq!(differing(&prop, &mesh, 2), 0, "jitter {offset}, {projection:?}");
+            frames.push(mesh);
+        }
+        assert!(frames[1..].iter().any(|frame| *frame != frames[0]), "jitter changes nothing");
+    }
+}
