@@ -145,8 +145,8 @@ impl FieldPalette {
     /// # use bevy_plenoctree::{BlendSpace, FieldPalette};
     /// let [day, night] = [[Color::WHITE], [Color::BLACK]];
     /// let mut palette = FieldPalette::from_colors(day).unwrap();
-    /// palette.blend(&day, &night, 0.5, BlendSpace::Encoded);
-    /// assert_eq!(palette.shown(), [Color::srgb(0.5, 0.5, 0.5)]);
+    /// palette.blend(&day, &night, 0.5, BlendSpace::Oklab);
+    /// assert_eq!(palette.shown(), [BlendSpace::Oklab.mix(Color::WHITE, Color::BLACK, 0.5)]);
     /// ```
     pub fn blend(&mut self, from: &[Color], to: &[Color], t: f32, space: BlendSpace) {
         self.shown.iter_mut().zip(space.mix_all(from, to, t)).for_each(|(shown, color)| *shown = color);
