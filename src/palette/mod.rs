@@ -18,7 +18,7 @@ pub use ready::PaletteReady;
 pub use resource::{FieldPalette, Palettes};
 
 use bevy::{asset::AssetTrackingSystems, prelude::*};
-use plenoctree::palette::{ExtractionSettings, Palette};
+use plenoctree::palette::{Colors, ExtractionSettings, Palette, PaletteMethod};
 
 use crate::sets::PlenOctreeSystems;
 
@@ -33,6 +33,8 @@ impl Plugin for PalettePlugin {
             .init_resource::<PaletteExtraction>()
             .add_message::<PaletteReady>()
             .register_type::<ExtractionSettings>()
+            .register_type::<PaletteMethod>()
+            .register_type::<Colors>()
             .register_type::<Palettes>()
             .register_type::<PaletteExtraction>()
             .register_type::<PaletteOverride>()

@@ -4,8 +4,8 @@ use std::{io::Cursor, time::Duration};
 
 use bevy::prelude::*;
 use bevy_plenoctree::{
-    Activation, ExtractionSettings, GpuField, LoadSettings, PlenOctree, PlenOctreePlugin, Prop, SamplingSettings,
-    UpAxis,
+    Activation, Colors, ExtractionSettings, GpuField, LoadSettings, PlenOctree, PlenOctreePlugin, Prop,
+    SamplingSettings, UpAxis,
     headless::{Headless, exact_camera, pinhole_view},
 };
 use glam::{DVec3, UVec3};
@@ -86,5 +86,5 @@ fn five_and_a_half_million_leaves_are_read_drawn_and_sampled() {
     let settings =
         ExtractionSettings { sampling: SamplingSettings { sample_fraction: 0.01, ..default() }, ..default() };
     let extraction = palette::extract(&field, &settings, &default()).unwrap();
-    assert_eq!(extraction.palette.colors.len(), settings.colors);
+    assert_eq!(settings.colors, Colors::Fixed(extraction.palette.colors.len()));
 }

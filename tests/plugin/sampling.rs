@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use bevy::prelude::*;
 use bevy_plenoctree::{
-    Activation, ExtractionSamples, ExtractionSettings, Observers, PaletteExtraction, PaletteSampler, Palettes,
+    Activation, Colors, ExtractionSamples, ExtractionSettings, Observers, PaletteExtraction, PaletteSampler, Palettes,
     PlenOctree, PlenOctreePlugin, Posterize, Prop, SamplingSettings, UpAxis, headless::Headless,
 };
 use glam::DVec3;
@@ -191,7 +191,7 @@ fn fields_are_sampled_in_sequence_on_the_gpu() {
     headless.wait_until_ready(Duration::from_secs(120)).unwrap();
     let mut extraction = headless.app.world_mut().resource_mut::<PaletteExtraction>();
     assert!(fields.iter().all(|field| extraction.sampled(field).is_some_and(|sampled| sampled.on_gpu)));
-    extraction.settings.colors = 4;
+    extraction.settings.colors = Colors::Fixed(4);
     extraction.restart(&fields[0]);
     let start = Instant::now();
     let colors = |headless: &Headless| {

@@ -4,10 +4,12 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
+use super::method::PaletteMethod;
+
 /// A few colors that represent everything visible in a field, the most important first.
 ///
-/// Palette files are JSON: `{"colors": [[r, g, b], ...], "weights": [...]}`. If a file has no weights, all colors have
-/// the same weight.
+/// Palette files are JSON: `{"colors": [[r, g, b], ...], "weights": [...], "method": "fitted"}`. If a file has no
+/// weights, all colors have the same weight. `method` is left out unless the palette was extracted.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "PaletteJson")]
 #[cfg_attr(
@@ -23,6 +25,9 @@ pub struct Palette {
     /// Weight of each color: the amount of visible weight that is nearest to it. Finite and not negative. The weights
     /// of an extracted palette sum to 1.
     pub weights: Vec<f64>,
+    /// How the palette was extracted, or `None` if it was not.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub method: Option<PaletteMethod>,
 }
 
 /// The content of a palette file.
@@ -30,6 +35,7 @@ pub struct Palette {
 struct PaletteJson {
     colors: Vec<[f64; 3]>,
     weights: Option<Vec<f64>>,
+    method: Option<PaletteMethod>,
 }
 
 /// An error that occurs when colors and weights do not make a palette.
@@ -106,7 +112,7 @@ impl Palette {
     ///
     /// Returns an error if there are no colors, more than [`Self::MAX_COLORS`], or one that is not finite.
     pub fn new(colors: Vec<[f64; 3]>) -> Result<Self, InvalidPalette> {
-        PaletteJson { colors, weights: None }.try_into()
+        PaletteJson { colors, weights: None, method: None }.try_into()
     }
 
     /// Checks that the palette is valid. It may not be, because its fields are public.
@@ -176,10 +182,10 @@ impl Palette {
 impl TryFrom<PaletteJson> for Palette {
     type Error = InvalidPalette;
 
-    fn try_from(PaletteJson { colors, weights }: PaletteJson) -> Result<Self, InvalidPalette> {
+    fn try_from(PaletteJson { colors, weights, method }: PaletteJson) -> Result<Self, InvalidPalette> {
         let equal = || vec![1.0 / colors.len() as f64; colors.len()];
         let weights = weights.unwrap_or_else(equal);
-        let palette = Self { colors, weights };
+        let palette = Self { colors, weights, method };
         palette.validate()?;
         Ok(palette)
     }
@@ -210,10 +216,15 @@ mod tests {
     }
 
     #[test]
-    fn the_file_has_two_keys() {
-        let palette = Palette { colors: vec![[0.0, 0.5, 1.0], [1.5, -0.25, 0.0]], weights: vec![0.75, 0.25] };
-        let text = serde_json::to_string(&palette).unwrap();
-        assert_eq!(text, r#"{"colors":[[0.0,0.5,1.0],[1.5,-0.25,0.0]],"weights":[0.75,0.25]}"#);
+    fn files_have_colors_weights_and_the_method() {
+        let colors = vec![[0.0, 0.5, 1.0], [1.5, -0.25, 0.0]];
+        let mut palette = Palette { colors, weights: vec![0.75, 0.25], method: None };
+        let handmade = r#"{"colors":[[0.0,0.5,1.0],[1.5,-0.25,0.0]],"weights":[0.75,0.25]}"#;
+        assert_eq!(serde_json::to_string(&palette).unwrap(), handmade);
+        palette.method = Some(PaletteMethod::Fitted);
+        let extracted = handmade.replace('}', r#","method":"fitted"}"#);
+        assert_eq!(serde_json::to_string(&palette).unwrap(), extracted);
+        assert_eq!(parse(&extracted).unwrap(), palette);
     }
 
     #[test]
@@ -236,6 +247,7 @@ mod tests {
             (r#"{"colors": [[0, 0, 1e999]]}"#, "number out of range"),
             (r#"{"colors": [[0, 0, null]]}"#, "invalid type: null, expected f64"),
             (r#"{"weights": [1]}"#, "missing field `colors`"),
+            (r#"{"colors": [[0, 0, 0]], "method": "guess"}"#, "unknown variant `guess`, expected `hull` or `fitted`"),
         ] {
             let error = parse(text).unwrap_err();
             assert!(error.contains(message), "{error}");

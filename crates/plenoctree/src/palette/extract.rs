@@ -6,7 +6,10 @@ use glam::DVec3;
 
 use super::{
     colors::Palette,
+    errors::ColorErrors,
+    fit::Cloud,
     kmeans::{self, Clusters},
+    method::{Colors, PaletteMethod},
     settings::ExtractionSettings,
     simplify::simplify,
 };
@@ -24,10 +27,13 @@ pub struct Extraction {
     pub radiance_samples: u64,
     /// Total weight of all samples.
     pub total_weight: f64,
-    /// K: number of clusters.
-    pub clusters: usize,
-    /// Number of corners of the clusters' convex hull, before it was simplified.
-    pub hull_vertices: usize,
+    /// How far the fine histogram's colors are from their labels, with the settings' `blend_steps`.
+    pub errors: ColorErrors,
+    /// K: number of clusters. `None` unless the method is [`PaletteMethod::Hull`].
+    pub clusters: Option<usize>,
+    /// Number of corners of the clusters' convex hull, before it was simplified. `None` unless the method is
+    /// [`PaletteMethod::Hull`].
+    pub hull_vertices: Option<usize>,
     /// Time spent on each part of the extraction.
     pub seconds: ExtractionTimes,
 }
@@ -41,6 +47,8 @@ pub struct ExtractionTimes {
     pub filtering: f64,
     /// The convex hull, its simplification and the order of the colors: steps 8 and 9.
     pub hull: f64,
+    /// The fit to the labels: step 10.
+    pub fitting: f64,
 }
 
 /// An error that occurs when extracting a palette.
@@ -87,7 +95,7 @@ pub fn extract(
     Ok(extraction)
 }
 
-/// Extracts the palette from histograms, which may have any number of bins: steps 6 to 9.
+/// Extracts the palette from histograms, which may have any number of bins: steps 6 to 10.
 ///
 /// # Errors
 ///
@@ -97,26 +105,58 @@ pub fn extract_from_histograms(
     settings: &ExtractionSettings,
 ) -> Result<Extraction, ExtractionError> {
     settings.validate()?;
+    let mut seconds = ExtractionTimes::default();
+    let (mut clusters, mut hull_vertices) = (None, None);
     let start = Instant::now();
-    let total_weight = histograms.total_weight();
-    let clusters = filter(histograms, settings).ok_or(ExtractionError::NothingVisible)?;
-    let filtering = start.elapsed().as_secs_f64();
-
-    let start = Instant::now();
-    let centers: Vec<DVec3> = clusters.centers.iter().map(|&center| center.into()).collect();
-    let simplified = simplify(&centers, settings.colors);
-    let corners: Vec<[f64; 3]> =
-        simplified.corners.iter().map(|corner| corner.clamp(DVec3::ZERO, DVec3::ONE).into()).collect();
-    let palette = order(corners, &clusters);
-    let hull = start.elapsed().as_secs_f64();
+    let palette = match settings.method {
+        PaletteMethod::Hull => {
+            let filtered = filter(histograms, settings).ok_or(ExtractionError::NothingVisible)?;
+            seconds.filtering = start.elapsed().as_secs_f64();
+            let start = Instant::now();
+            let centers: Vec<DVec3> = filtered.centers.iter().map(|&center| center.into()).collect();
+            let palette = choose(histograms, settings, |colors| {
+                let simplified = simplify(&centers, colors);
+                hull_vertices = Some(simplified.before);
+                let corners = simplified.corners.iter();
+                order(corners.map(|corner| corner.clamp(DVec3::ZERO, DVec3::ONE).into()).collect(), &filtered)
+            });
+            seconds.hull = start.elapsed().as_secs_f64();
+            clusters = Some(filtered.centers.len());
+            palette
+        }
+        PaletteMethod::Fitted => {
+            let cloud = Cloud::new(histograms.fine_bins()).ok_or(ExtractionError::NothingVisible)?;
+            let palette = choose(histograms, settings, |colors| cloud.fit(colors, settings.blend_steps));
+            seconds.fitting = start.elapsed().as_secs_f64();
+            palette
+        }
+    };
+    let palette = Palette { method: Some(settings.method), ..palette };
     Ok(Extraction {
+        errors: ColorErrors::of_labels(histograms, &palette, settings.blend_steps),
         palette,
         radiance_samples: histograms.samples(),
-        total_weight,
-        clusters: clusters.centers.len(),
-        hull_vertices: simplified.before,
-        seconds: ExtractionTimes { sampling: 0.0, filtering, hull },
+        total_weight: histograms.total_weight(),
+        clusters,
+        hull_vertices,
+        seconds,
     })
+}
+
+/// Returns the palette with the number of colors that the settings ask for. `find` finds a palette of at most a number
+/// of colors.
+fn choose(histograms: &Histograms, settings: &ExtractionSettings, mut find: impl FnMut(usize) -> Palette) -> Palette {
+    let tolerance = match settings.colors {
+        Colors::Fixed(colors) => return find(colors),
+        Colors::Auto { tolerance } => tolerance,
+    };
+    for colors in 1..Colors::MOST {
+        let palette = find(colors);
+        if ColorErrors::of_labels(histograms, &palette, settings.blend_steps).rmse <= tolerance {
+            return palette;
+        }
+    }
+    find(Colors::MOST)
 }
 
 /// Clusters the histograms into representative colors: steps 6 and 7. Returns `None` if there is no weight.
@@ -167,7 +207,8 @@ pub(super) fn order(mut colors: Vec<[f64; 3]>, clusters: &Clusters) -> Palette {
     }
     let mut order: Vec<usize> = (0..colors.len()).collect();
     order.sort_by(|&a, &b| f64::total_cmp(&weights[b], &weights[a]));
-    Palette { colors: order.iter().map(|&i| colors[i]).collect(), weights: order.iter().map(|&i| weights[i]).collect() }
+    let (colors, weights) = order.iter().map(|&i| (colors[i], weights[i])).unzip();
+    Palette { colors, weights, method: None }
 }
 
 #[cfg(test)]
@@ -207,7 +248,7 @@ mod tests {
         }
         let shares: Vec<f64> = extraction.palette.weights.iter().map(|weight| weight * 7.5).collect();
         assert!(shares.iter().zip([3.0, 2.5, 1.0, 1.0]).all(|(a, b)| (a - b).abs() < 1e-12), "{shares:?}");
-        assert_eq!((extraction.clusters, extraction.hull_vertices, extraction.total_weight), (5, 4, 7.5));
+        assert_eq!((extraction.clusters, extraction.hull_vertices, extraction.total_weight), (Some(5), Some(4), 7.5));
     }
 
     #[test]
@@ -223,7 +264,7 @@ mod tests {
         let even: Vec<([f64; 3], f64)> =
             (0..512).map(|i| ([i / 64, i / 8 % 8, i % 8].map(|x| (f64::from(x) + 0.5) / 8.0), 1.0)).collect();
         let extraction = extract_from_histograms(&histograms(&even), &ExtractionSettings::default()).unwrap();
-        assert_eq!(extraction.clusters, 125);
+        assert_eq!(extraction.clusters, Some(125));
     }
 
     #[test]
@@ -240,7 +281,7 @@ mod tests {
             colors in prop::collection::vec((prop::array::uniform3(0.0..1.0f64), 1e-6..10.0f64), 1..100),
             wanted in 1usize..=12,
         ) {
-            let settings = ExtractionSettings { colors: wanted, ..Default::default() };
+            let settings = ExtractionSettings { colors: Colors::Fixed(wanted), ..Default::default() };
             let palette = extract_from_histograms(&histograms(&colors), &settings).unwrap().palette;
             prop_assert_eq!(palette.validate(), Ok(()));
             prop_assert!(palette.colors.iter().flatten().all(|channel| (0.0..=1.0).contains(channel)));

@@ -6,17 +6,22 @@
 //! and cancel it.
 
 mod colors;
+mod errors;
 mod extract;
+mod fit;
 mod hull;
 mod kmeans;
 mod label;
+mod method;
 mod of_colors;
 mod polygon;
 mod settings;
 mod simplify;
 
 pub use colors::{InvalidPalette, Palette, PaletteFileError};
+pub use errors::ColorErrors;
 pub use extract::{Extraction, ExtractionError, ExtractionTimes, extract, extract_from_histograms};
 pub use label::PaletteLabel;
+pub use method::{Colors, PaletteMethod};
 pub use of_colors::simplify_hull;
 pub use settings::ExtractionSettings;

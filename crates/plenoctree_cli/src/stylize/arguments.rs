@@ -31,7 +31,7 @@ pub struct Arguments {
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     pub size: Option<(u32, u32)>,
     /// A palette.json file to use instead of extracting a palette.
-    #[arg(long, conflicts_with_all = ["colors", "sampling", "sample_fraction", "histograms"])]
+    #[arg(long, conflicts_with_all = ["method", "colors", "tolerance", "sampling", "sample_fraction", "histograms"])]
     pub palette: Option<PathBuf>,
     /// The arguments for extraction.
     #[command(flatten)]
