@@ -2,7 +2,11 @@
 
 use glam::{DVec2, DVec3};
 
-use super::{colors::Palette, label::PaletteLabel};
+use super::{
+    colors::Palette,
+    label::PaletteLabel,
+    oklab::{CHROMATIC, chroma, is_hue_off},
+};
 use crate::sampling::Histograms;
 
 /// How far colors are from those shown in their place: from the labels of a palette, for instance.
@@ -33,12 +37,14 @@ impl ColorErrors {
         let labels = PaletteLabel::all(palette.colors.len(), blend_steps).map(|label| label.mix(&palette.colors));
         let labels: Vec<(DVec3, DVec2)> = labels.map(|label| (label, chroma(label))).collect();
         let bins = histograms.fine_bins();
+        let most = bins.weights.iter().copied().fold(0.0, f64::max);
         let mut sums = Sums::default();
         for (bin, &weight) in bins.weights.iter().enumerate().filter(|(_, weight)| **weight > 0.0) {
             let color = DVec3::from(bins.center(bin));
             let nearest = labels.iter().map(|&(label, chroma)| (color.distance_squared(label), chroma));
             if let Some((square, shown)) = nearest.reduce(|best, next| if next.0 < best.0 { next } else { best }) {
-                sums.add(weight, square, chroma(color), shown);
+                // Relative weights, because the sum of the heaviest might be infinite.
+                sums.add(weight / most, square, chroma(color), shown);
             }
         }
         sums.errors()
@@ -60,7 +66,7 @@ impl Sums {
         self.squares += weight * square;
         if color.length() > CHROMATIC {
             self.chromatic += weight;
-            if shown.length() < GRAY || color.dot(shown) < HUE_OFF.cos() * color.length() * shown.length() {
+            if is_hue_off(color, shown) {
                 self.off += weight;
             }
         }
@@ -70,31 +76,6 @@ impl Sums {
         let share = |part: f64, whole: f64| if whole > 0.0 { part / whole } else { 0.0 };
         ColorErrors { rmse: share(self.squares, 3.0 * self.weight).sqrt(), hue: share(self.off, self.chromatic) }
     }
-}
-
-/// Chroma in Oklab above which a color has a hue.
-const CHROMATIC: f64 = 0.04;
-
-/// Chroma in Oklab below which rounding decides on the hue.
-const GRAY: f64 = 1e-6;
-
-/// The angle between two hues, in radians, above which they differ.
-const HUE_OFF: f64 = std::f64::consts::FRAC_PI_4;
-
-/// Returns a and b in Oklab.
-fn chroma(encoded: DVec3) -> DVec2 {
-    let decode = |c: f64| if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) };
-    let linear = DVec3::from(encoded.to_array().map(decode));
-    let cone = |row: [f64; 3]| DVec3::from(row).dot(linear).cbrt();
-    let cones = DVec3::new(
-        cone([0.4122214708, 0.5363325363, 0.0514459929]),
-        cone([0.2119034982, 0.6806995451, 0.1073969566]),
-        cone([0.0883024619, 0.2817188376, 0.6299787005]),
-    );
-    DVec2::new(
-        DVec3::new(1.9779984951, -2.4285922050, 0.4505937099).dot(cones),
-        DVec3::new(0.0259040371, 0.7827717662, -0.8086757660).dot(cones),
-    )
 }
 
 #[cfg(test)]

@@ -14,6 +14,7 @@ mod kmeans;
 mod label;
 mod method;
 mod of_colors;
+mod oklab;
 mod polygon;
 mod settings;
 mod simplify;

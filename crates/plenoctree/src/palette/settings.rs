@@ -35,7 +35,7 @@ pub struct ExtractionSettings {
     /// The number of colors. At most 6 by default.
     pub colors: Colors,
     /// d: number of steps from one palette color to another whose labels [`PaletteMethod::Fitted`] fits and
-    /// [`Colors::Auto`] measures. 1 to 64, 3 by default.
+    /// [`Colors::Auto`] measures. 1 to 8, 3 by default.
     pub blend_steps: u32,
 }
 
@@ -68,7 +68,7 @@ impl ExtractionSettings {
         let holds = tolerance.is_finite() && tolerance >= 0.0;
         InvalidSetting::check(holds, "tolerance", tolerance, "a finite, non-negative number")?;
         let steps = self.blend_steps;
-        InvalidSetting::check((1..=64).contains(&steps), "blend_steps", f64::from(steps), "1 to 64")?;
+        InvalidSetting::check((1..=8).contains(&steps), "blend_steps", f64::from(steps), "1 to 8")?;
         match self.colors {
             Colors::Fixed(colors) => {
                 let holds = (1..=Palette::MAX_COLORS).contains(&colors);

@@ -1,0 +1,200 @@
+//! The search for the palette that fits best: from a few seeds, by exchanging one color after another.
+
+use glam::DVec3;
+
+use super::{
+    labels::Labels,
+    points::{Points, to_rgb},
+};
+
+/// The final softness of labels, relative to the mean squared distance to the nearest label. Softer labels give more
+/// stable palettes, harder labels fit better.
+const SOFTNESS: f64 = 1.4;
+
+/// The least softness: the square of a hundredth of a channel.
+const LEAST_SOFTNESS: f64 = 1e-4;
+
+/// The initial softness, relative to the variance of the colors.
+const INITIAL_SOFTNESS: f64 = 0.1;
+
+/// How slowly softness decreases, per step.
+const COOLING: f64 = 0.75;
+
+/// Distance in RGB below which two palettes, or two colors of one, are the same.
+const SAME: f64 = 0.03;
+
+/// Exponents of weight in the choice of seeds.
+const SEEDS: [f64; 3] = [0.5, 0.3, 0.75];
+
+/// Number of colors that are tried in the place of each palette color.
+const SUBSTITUTES: usize = 4;
+
+/// Number of rounds of exchanges.
+const EXCHANGES: usize = 4;
+
+/// Number of palettes that are kept from round to round, and of those that are fitted to all points.
+const KEPT: usize = 6;
+const FINALISTS: usize = 2;
+
+/// Number of distances of a point to a label that exchanges may compute, so that large palettes do not take minutes.
+const WORK: usize = 60_000_000;
+
+/// Finds the palette of at most `colors` colors (encoded sRGB) whose labels are nearest to the points.
+///
+/// `few` and `many` are the same points, merged more and less. Palettes are found in the former, and then fitted to the
+/// latter.
+pub(super) fn search(few: &Points, many: &Points, colors: usize, blend_steps: u32) -> Vec<[f64; 3]> {
+    let mut fit = Fit { points: few, labels: Labels::new(colors, blend_steps) };
+    let initial = INITIAL_SOFTNESS * few.variance();
+    let seeded = SEEDS.map(|exponent| fit.anneal(&seeds(few, colors, exponent), initial, 12));
+    let softness = seeded.iter().map(|(_, softness)| *softness).fold(f64::INFINITY, f64::min);
+    let mut pool: Vec<Rated> = seeded.into_iter().map(|(palette, _)| fit.rate(palette, softness)).collect();
+    keep(&mut pool, KEPT);
+    let mut work = WORK;
+    for _ in 0..EXCHANGES {
+        let before = pool[0].palette.clone();
+        fit.exchange(&mut pool, softness, &mut work);
+        if difference(&before, &pool[0].palette) < SAME {
+            break;
+        }
+    }
+
+    let mut fit = Fit { points: many, labels: Labels::new(colors, blend_steps) };
+    let finalists = pool.into_iter().take(FINALISTS);
+    let annealed: Vec<_> = finalists.map(|rated| fit.anneal(&rated.palette, softness, 30)).collect();
+    let softness = annealed.iter().map(|(_, softness)| *softness).fold(f64::INFINITY, f64::min);
+    let mut pool: Vec<Rated> = annealed.into_iter().map(|(palette, _)| fit.rate(palette, softness)).collect();
+    keep(&mut pool, 1);
+    let palette = prune(many, pool.swap_remove(0).palette, blend_steps);
+    palette.into_iter().map(|color| to_rgb(color).clamp(DVec3::ZERO, DVec3::ONE).into()).collect()
+}
+
+/// A palette in opponent space, and its error.
+struct Rated {
+    palette: Vec<DVec3>,
+    error: f64,
+}
+
+/// A fit of palettes with the same number of colors to the same points.
+struct Fit<'a> {
+    points: &'a Points,
+    labels: Labels,
+}
+
+impl Fit<'_> {
+    /// Fits a palette while its labels become less and less soft, then for up to `steps` steps more. Returns the palette
+    /// and the final softness.
+    fn anneal(&mut self, palette: &[DVec3], mut softness: f64, mut steps: usize) -> (Vec<DVec3>, f64) {
+        let mut palette = palette.to_vec();
+        while steps > 0 {
+            let (next, errors) = self.labels.step(self.points, &palette, softness);
+            let moved = next.iter().zip(&palette).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);
+            palette = next;
+            let least = (SOFTNESS * errors.nearest).max(LEAST_SOFTNESS);
+            softness = (COOLING * softness).max(least);
+            if softness == least {
+                steps -= 1;
+                if moved < 1e-4 {
+                    break;
+                }
+            }
+        }
+        (palette, softness)
+    }
+
+    fn rate(&mut self, palette: Vec<DVec3>, softness: f64) -> Rated {
+        let error = self.labels.rate(self.points, &palette, softness);
+        Rated { palette, error }
+    }
+
+    /// Puts each of the colors that are shown worst in the place of each color of the best palette, and keeps the best
+    /// of the palettes that come of it.
+    fn exchange(&mut self, pool: &mut Vec<Rated>, softness: f64, work: &mut usize) {
+        let best = pool[0].palette.clone();
+        let distances = self.labels.nearest(self.points, &best).into_iter().map(|(_, distance)| f64::from(distance));
+        let substitutes = farthest(self.points, distances.collect(), SUBSTITUTES, 0.7);
+        let cost = 8 * self.points.all.len() * self.labels.len();
+        for place in 0..best.len() {
+            for &substitute in &substitutes {
+                if *work < cost {
+                    continue;
+                }
+                *work -= cost;
+                let mut palette = best.clone();
+                palette[place] = substitute;
+                let (palette, _) = self.anneal(&palette, softness, 7);
+                pool.push(self.rate(palette, softness));
+            }
+        }
+        keep(pool, KEPT);
+        for rated in pool.iter_mut().take(3) {
+            let (palette, _) = self.anneal(&rated.palette, softness, 10);
+            *rated = self.rate(palette, softness);
+        }
+        keep(pool, KEPT);
+    }
+}
+
+/// Sorts palettes by their errors, and keeps the first `most` different ones.
+fn keep(pool: &mut Vec<Rated>, most: usize) {
+    pool.sort_by(|a, b| a.error.total_cmp(&b.error));
+    let mut kept: Vec<Rated> = Vec::new();
+    for rated in pool.drain(..) {
+        if kept.len() < most && kept.iter().all(|other| difference(&other.palette, &rated.palette) >= SAME) {
+            kept.push(rated);
+        }
+    }
+    *pool = kept;
+}
+
+/// Returns the largest distance from a color of one palette to the nearest color of the other.
+fn difference(a: &[DVec3], b: &[DVec3]) -> f64 {
+    let to_nearest =
+        |color: &DVec3, all: &[DVec3]| all.iter().map(|x| x.distance(*color)).fold(f64::INFINITY, f64::min);
+    let from_a = a.iter().map(|color| to_nearest(color, b));
+    from_a.chain(b.iter().map(|color| to_nearest(color, a))).fold(0.0, f64::max)
+}
+
+/// Returns heavy points that are far from each other.
+fn seeds(points: &Points, count: usize, exponent: f64) -> Vec<DVec3> {
+    let mut seeds = farthest(points, vec![1.0; points.all.len()], count, exponent);
+    // Fewer points than colors: the labels of equal colors share their points.
+    let found = seeds.len();
+    (found..count).for_each(|index| seeds.push(seeds[index - found]));
+    seeds
+}
+
+/// Returns up to `count` points, each of which has the largest product of its weight, raised to `exponent`, and its
+/// squared distance to the nearest of those chosen before. `distances` are the squared distances to begin with.
+fn farthest(points: &Points, mut distances: Vec<f64>, count: usize, exponent: f64) -> Vec<DVec3> {
+    let weights: Vec<f64> = points.all.iter().map(|point| f64::from(point.weight).powf(exponent)).collect();
+    let mut chosen = Vec::new();
+    while chosen.len() < count {
+        let score = |i: usize| weights[i] * distances[i];
+        let best = (0..weights.len()).reduce(|best, i| if score(i) > score(best) { i } else { best });
+        let Some(best) = best.filter(|&best| score(best) > 0.0) else { break };
+        let color = points.all[best].position();
+        chosen.push(color);
+        for (distance, point) in distances.iter_mut().zip(&points.all) {
+            *distance = distance.min(point.position().distance_squared(color));
+        }
+    }
+    chosen
+}
+
+/// Drops colors, one after another, that are the same as another one or that are nearest to no point, and fits the rest.
+fn prune(points: &Points, mut palette: Vec<DVec3>, blend_steps: u32) -> Vec<DVec3> {
+    while palette.len() > 1 {
+        let mut fit = Fit { points, labels: Labels::new(palette.len(), blend_steps) };
+        let mut own = vec![0.0; palette.len()];
+        for (point, (label, _)) in points.all.iter().zip(fit.labels.nearest(points, &palette)) {
+            own.get_mut(label).into_iter().for_each(|own| *own += point.weight);
+        }
+        let twin = |i: usize| (0..i).any(|j| palette[i].distance(palette[j]) < SAME);
+        let Some(dropped) = (0..palette.len()).rev().find(|&i| own[i] == 0.0 || twin(i)) else { break };
+        palette.remove(dropped);
+        fit.labels = Labels::new(palette.len(), blend_steps);
+        palette = fit.anneal(&palette, LEAST_SOFTNESS, 30).0;
+    }
+    palette
+}
