@@ -5,7 +5,7 @@ use glam::{DVec2, DVec3};
 use super::{
     colors::Palette,
     label::PaletteLabel,
-    oklab::{CHROMATIC, chroma, is_hue_off},
+    oklab::{CHROMATIC, chroma, chroma_of_linear, decode, is_hue_off},
 };
 use crate::sampling::Histograms;
 
@@ -37,6 +37,7 @@ impl ColorErrors {
         let labels = PaletteLabel::all(palette.colors.len(), blend_steps).map(|label| label.mix(&palette.colors));
         let labels: Vec<(DVec3, DVec2)> = labels.map(|label| (label, chroma(label))).collect();
         let bins = histograms.fine_bins();
+        let decoded: Vec<f64> = (0..bins.per_channel).map(|i| decode(bins.center(i)[2])).collect();
         let most = bins.weights.iter().copied().fold(0.0, f64::max);
         let mut sums = Sums::default();
         for (bin, &weight) in bins.weights.iter().enumerate().filter(|(_, weight)| **weight > 0.0) {
@@ -44,7 +45,9 @@ impl ColorErrors {
             let nearest = labels.iter().map(|&(label, chroma)| (color.distance_squared(label), chroma));
             if let Some((square, shown)) = nearest.reduce(|best, next| if next.0 < best.0 { next } else { best }) {
                 // Relative weights, because the sum of the heaviest might be infinite.
-                sums.add(weight / most, square, chroma(color), shown);
+                let n = bins.per_channel;
+                let linear = [bin / (n * n), bin / n % n, bin % n].map(|i| decoded[i]);
+                sums.add(weight / most, square, chroma_of_linear(linear.into()), shown);
             }
         }
         sums.errors()

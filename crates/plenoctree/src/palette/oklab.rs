@@ -10,8 +10,16 @@ const GRAY: f64 = 1e-6;
 
 /// Returns a and b in Oklab of a color in encoded sRGB.
 pub(super) fn chroma(encoded: DVec3) -> DVec2 {
-    let decode = |c: f64| if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) };
-    let linear = DVec3::from(encoded.to_array().map(decode));
+    chroma_of_linear(DVec3::from(encoded.to_array().map(decode)))
+}
+
+/// Decodes a channel of encoded sRGB to linear light.
+pub(super) fn decode(encoded: f64) -> f64 {
+    if encoded <= 0.04045 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
+}
+
+/// Returns a and b in Oklab of a color in linear light.
+pub(super) fn chroma_of_linear(linear: DVec3) -> DVec2 {
     let cone = |row: [f64; 3]| DVec3::from(row).dot(linear).cbrt();
     let cones = DVec3::new(
         cone([0.4122214708, 0.5363325363, 0.0514459929]),

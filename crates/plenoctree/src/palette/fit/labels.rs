@@ -12,10 +12,18 @@ use crate::palette::{
 const LANES: usize = 8;
 
 /// How much more a palette color is pulled by the points of its own label than by those of blends, less 1.
-const OWN: f64 = 0.5;
+const OWN: f64 = 1.0;
+
+/// How far a step goes: 1 to where the assignment pulls, more because the assignment follows.
+const STRIDE: f64 = 1.8;
 
 /// How much the share of hues that are off adds to the error.
 const HUE: f64 = 1.0;
+
+/// How much a color that is never shown unblended adds to the error, and the share of the weight from which it adds
+/// nothing.
+const UNSEEN: f64 = 0.1;
+const SEEN: f32 = 0.005;
 
 /// Rounds of the solver, each of which solves for one palette color after another.
 const ROUNDS: usize = 12;
@@ -37,14 +45,6 @@ struct Lanes {
     pull: [[f32; LANES]; 3],
     /// A point's distances, then its shares.
     share: [f32; LANES],
-}
-
-/// Mean squared distances to the labels.
-pub(super) struct Errors {
-    /// What the fit minimizes.
-    pub objective: f64,
-    /// The squared distance in RGB to the nearest label.
-    pub nearest: f64,
 }
 
 impl Labels {
@@ -69,28 +69,34 @@ impl Labels {
     }
 
     /// Assigns the points to the labels, softly: label `l` at the squared distance `d(l)` has the share
-    /// `(1 + (d(l) - d(nearest)) / softness)^-4` of a point, over the sum of these.
-    fn assign(&mut self, points: &Points, palette: &[DVec3], softness: f64) -> Errors {
-        self.prepare(palette);
-        let softness = softness as f32;
-        let (mut objective, mut nearest) = (0.0, 0.0);
+    /// `(1 + (d(l) - d(nearest)) / softness)^-4` of a point, over the sum of these. Calls `with` for every point, with its
+    /// squared distance to the nearest label and what its shares are to be multiplied by to sum to its two weights.
+    fn assign(&mut self, points: &Points, softness: f32, mut with: impl FnMut(&mut [Lanes], &Point, f32, [f32; 2])) {
         for point in &points.all {
             let closest = distances(&mut self.lanes, point);
-            let mut total = 0.0;
-            for lanes in &mut self.lanes {
-                for share in &mut lanes.share {
-                    let near = softness / (softness + *share - closest);
-                    *share = (near * near) * (near * near);
-                }
-                total += lanes.share.iter().sum::<f32>();
-            }
-            let scale = [point.weight / total, point.chroma_weight / total];
-            let mut error = [0.0; LANES];
+            let mut totals = [0.0; LANES];
             for lanes in &mut self.lanes {
                 for i in 0..LANES {
+                    let near = softness / (softness + lanes.share[i] - closest);
+                    lanes.share[i] = (near * near) * (near * near);
+                    totals[i] += lanes.share[i];
+                }
+            }
+            let total: f32 = totals.iter().sum();
+            with(&mut self.lanes, point, closest, [point.weight / total, point.chroma_weight / total]);
+        }
+    }
+
+    /// Returns the palette that fits best to the soft assignment of the points, and the mean squared distance of the
+    /// points to the labels nearest to them.
+    pub fn step(&mut self, points: &Points, palette: &[DVec3], softness: f64) -> (Vec<DVec3>, f64) {
+        self.prepare(palette);
+        let mut nearest = 0.0;
+        self.assign(points, softness as f32, |all, point, closest, scale| {
+            nearest += f64::from(point.weight * closest);
+            for lanes in all {
+                for i in 0..LANES {
                     let [luma, chroma] = scale.map(|scale| lanes.share[i] * scale);
-                    let off = [0, 1, 2].map(|axis| point.color[axis] - lanes.color[axis][i]);
-                    error[i] += luma * off[0] * off[0] + chroma * (off[1] * off[1] + off[2] * off[2]);
                     lanes.mass[0][i] += luma;
                     lanes.mass[1][i] += chroma;
                     lanes.pull[0][i] += luma * point.color[0];
@@ -98,16 +104,25 @@ impl Labels {
                     lanes.pull[2][i] += chroma * point.color[2];
                 }
             }
-            objective += f64::from(error.iter().sum::<f32>());
-            nearest += f64::from(point.weight * closest);
-        }
-        Errors { objective, nearest }
+        });
+        (self.solve(palette), nearest)
     }
 
-    /// Returns the palette that fits best to the soft assignment of the points, and the errors before.
-    pub fn step(&mut self, points: &Points, palette: &[DVec3], softness: f64) -> (Vec<DVec3>, Errors) {
-        let errors = self.assign(points, palette, softness);
-        (self.solve(palette), errors)
+    /// Returns the mean squared distance of the points to the labels that they are softly assigned to.
+    fn distance(&mut self, points: &Points, palette: &[DVec3], softness: f64) -> f64 {
+        self.prepare(palette);
+        let mut distance = 0.0;
+        self.assign(points, softness as f32, |all, point, _, scale| {
+            let mut sums = [0.0; LANES];
+            for lanes in all {
+                for i in 0..LANES {
+                    let [luma, u, v] = [0, 1, 2].map(|axis| point.color[axis] - lanes.color[axis][i]);
+                    sums[i] += lanes.share[i] * (scale[0] * luma * luma + scale[1] * (u * u + v * v));
+                }
+            }
+            distance += f64::from(sums.iter().sum::<f32>());
+        });
+        distance
     }
 
     /// Solves the normal equations of the palette's colors, each within the RGB cube, one color after another.
@@ -130,6 +145,7 @@ impl Labels {
                 right[row] += a * pull;
             }
         }
+        let before = palette;
         let mut palette = palette.to_vec();
         for _ in 0..ROUNDS {
             for row in 0..count {
@@ -142,23 +158,32 @@ impl Labels {
                 }
             }
         }
+        for (color, before) in palette.iter_mut().zip(before) {
+            let far = to_rgb(before.lerp(*color, STRIDE));
+            *color = to_opponent(far.clamp(DVec3::ZERO, DVec3::ONE));
+        }
         palette
     }
 
-    /// Returns how well a palette fits: the mean error of the soft assignment, increased by the share of the weight that
-    /// is shown with another hue.
+    /// Returns how badly a palette fits: the mean squared distance of the soft assignment, increased by the share of the
+    /// weight that is shown with another hue, and by colors that are hardly seen.
     pub fn rate(&mut self, points: &Points, palette: &[DVec3], softness: f64) -> f64 {
-        let objective = self.assign(points, palette, softness).objective;
+        let distance = self.distance(points, palette, softness);
         let shown: Vec<DVec2> = self.all.iter().map(|label| chroma(to_rgb(color(label, palette)))).collect();
-        let (mut chromatic, mut off) = (0.0, 0.0);
-        for (point, &seen) in points.all.iter().zip(&points.chroma).filter(|(_, seen)| seen.length() > CHROMATIC) {
-            chromatic += point.weight;
-            if is_hue_off(seen, shown[self.nearest_to(point).0]) {
-                off += point.weight;
+        let (mut chromatic, mut off, mut own) = (0.0, 0.0, vec![0.0; palette.len()]);
+        for (point, &seen) in points.all.iter().zip(&points.chroma) {
+            let (label, _) = self.nearest_to(point);
+            if let Some(own) = own.get_mut(label) {
+                *own += point.weight;
+            }
+            if seen.length() > CHROMATIC {
+                chromatic += point.weight;
+                off += if is_hue_off(seen, shown[label]) { point.weight } else { 0.0 };
             }
         }
         let off = if chromatic > 0.0 { f64::from(off / chromatic) } else { 0.0 };
-        objective * (1.0 + HUE * off)
+        let unseen: f32 = own.iter().map(|own| (1.0 - own / SEEN).max(0.0)).sum();
+        distance * (1.0 + HUE * off + UNSEEN * f64::from(unseen))
     }
 
     /// Returns the nearest label of every point, and its squared distance.

@@ -5,7 +5,7 @@ use glam::{DVec2, DVec3, swizzles::Vec3Swizzles};
 use crate::palette::oklab::{CHROMATIC, chroma};
 
 /// How much the relative error of chroma counts.
-const CHROMA: f64 = 0.015;
+const CHROMA: f64 = 0.06;
 
 /// Share of the weight below which a point is left out.
 const NEGLIGIBLE: f64 = 1e-12;
@@ -66,7 +66,8 @@ impl Point {
         // Grays have no ratio; take that of a tint.
         let tint = color + DVec3::new(TINT, 0.0, -TINT);
         let ratio = if plane(color) > TINT * TINT { ratio(color, seen) } else { ratio(tint, chroma(tint)) };
-        let chroma_weight = 1.0 + CHROMA * ratio / (seen.length_squared() + CHROMATIC * CHROMATIC);
+        let hued = seen.length_squared();
+        let chroma_weight = 1.0 + CHROMA * ratio * hued / (hued + CHROMATIC * CHROMATIC).powi(2);
         let point = Self {
             color: to_opponent(color).as_vec3().into(),
             weight: weight as f32,

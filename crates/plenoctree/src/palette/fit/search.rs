@@ -9,7 +9,7 @@ use super::{
 
 /// The final softness of labels, relative to the mean squared distance to the nearest label. Softer labels give more
 /// stable palettes, harder labels fit better.
-const SOFTNESS: f64 = 1.4;
+const SOFTNESS: f64 = 1.0;
 
 /// The least softness: the square of a hundredth of a channel.
 const LEAST_SOFTNESS: f64 = 1e-4;
@@ -30,11 +30,13 @@ const SEEDS: [f64; 3] = [0.5, 0.3, 0.75];
 const SUBSTITUTES: usize = 4;
 
 /// Number of rounds of exchanges.
-const EXCHANGES: usize = 4;
+const EXCHANGES: usize = 3;
 
-/// Number of palettes that are kept from round to round, and of those that are fitted to all points.
+/// Number of palettes that are kept from round to round.
 const KEPT: usize = 6;
-const FINALISTS: usize = 2;
+
+/// Numbers of palettes that stay in the final rounds, and of steps by which these are fitted to all points.
+const FINALS: [(usize, usize); 2] = [(6, 2), (3, 6)];
 
 /// Number of distances of a point to a label that exchanges may compute, so that large palettes do not take minutes.
 const WORK: usize = 60_000_000;
@@ -60,12 +62,11 @@ pub(super) fn search(few: &Points, many: &Points, colors: usize, blend_steps: u3
     }
 
     let mut fit = Fit { points: many, labels: Labels::new(colors, blend_steps) };
-    let finalists = pool.into_iter().take(FINALISTS);
-    let annealed: Vec<_> = finalists.map(|rated| fit.anneal(&rated.palette, softness, 30)).collect();
-    let softness = annealed.iter().map(|(_, softness)| *softness).fold(f64::INFINITY, f64::min);
-    let mut pool: Vec<Rated> = annealed.into_iter().map(|(palette, _)| fit.rate(palette, softness)).collect();
-    keep(&mut pool, 1);
-    let palette = prune(many, pool.swap_remove(0).palette, blend_steps);
+    for (kept, steps) in FINALS {
+        fit.improve(&mut pool, kept, softness, steps);
+    }
+    let (palette, _) = fit.anneal(&pool[0].palette, softness, 24);
+    let palette = prune(many, palette, blend_steps);
     palette.into_iter().map(|color| to_rgb(color).clamp(DVec3::ZERO, DVec3::ONE).into()).collect()
 }
 
@@ -87,10 +88,10 @@ impl Fit<'_> {
     fn anneal(&mut self, palette: &[DVec3], mut softness: f64, mut steps: usize) -> (Vec<DVec3>, f64) {
         let mut palette = palette.to_vec();
         while steps > 0 {
-            let (next, errors) = self.labels.step(self.points, &palette, softness);
+            let (next, nearest) = self.labels.step(self.points, &palette, softness);
             let moved = next.iter().zip(&palette).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);
             palette = next;
-            let least = (SOFTNESS * errors.nearest).max(LEAST_SOFTNESS);
+            let least = (SOFTNESS * nearest).max(LEAST_SOFTNESS);
             softness = (COOLING * softness).max(least);
             if softness == least {
                 steps -= 1;
@@ -112,8 +113,8 @@ impl Fit<'_> {
     fn exchange(&mut self, pool: &mut Vec<Rated>, softness: f64, work: &mut usize) {
         let best = pool[0].palette.clone();
         let distances = self.labels.nearest(self.points, &best).into_iter().map(|(_, distance)| f64::from(distance));
-        let substitutes = farthest(self.points, distances.collect(), SUBSTITUTES, 0.7);
-        let cost = 8 * self.points.all.len() * self.labels.len();
+        let substitutes = farthest(self.points, distances.collect(), SUBSTITUTES, 0.5);
+        let cost = 4 * self.points.all.len() * self.labels.len();
         for place in 0..best.len() {
             for &substitute in &substitutes {
                 if *work < cost {
@@ -122,16 +123,21 @@ impl Fit<'_> {
                 *work -= cost;
                 let mut palette = best.clone();
                 palette[place] = substitute;
-                let (palette, _) = self.anneal(&palette, softness, 7);
+                let (palette, _) = self.anneal(&palette, softness, 3);
                 pool.push(self.rate(palette, softness));
             }
         }
-        keep(pool, KEPT);
-        for rated in pool.iter_mut().take(3) {
-            let (palette, _) = self.anneal(&rated.palette, softness, 10);
+        self.improve(pool, KEPT, softness, 6);
+    }
+
+    /// Keeps the best `most` palettes, fits them for up to `steps` steps more, and sorts them again.
+    fn improve(&mut self, pool: &mut Vec<Rated>, most: usize, softness: f64, steps: usize) {
+        keep(pool, most);
+        for rated in &mut *pool {
+            let (palette, _) = self.anneal(&rated.palette, softness, steps);
             *rated = self.rate(palette, softness);
         }
-        keep(pool, KEPT);
+        keep(pool, most);
     }
 }
 
