@@ -16,9 +16,9 @@ use serde::{Deserialize, Serialize};
 pub enum PaletteMethod {
     /// The corners of the simplified convex hull of all colors, as in the paper: section 3 of the method, steps 6 to 9.
     /// Misses colors inside the hull, and changes with small changes of the field.
-    #[default]
     Hull,
-    /// The colors whose labels are nearest to the colors of the field: section 3 of the method, step 10.
+    /// The colors whose labels are nearest to the colors of the field: section 3 of the method, step 10. The default.
+    #[default]
     Fitted,
 }
 

@@ -10,7 +10,7 @@ use super::{
 };
 use crate::sampling::{InvalidSetting, SamplingSettings};
 
-/// Settings of palette extraction. The defaults are the paper's (section 3 of the method).
+/// Settings of palette extraction. The defaults are the paper's (section 3 of the method), except for the method.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 #[cfg_attr(
@@ -30,7 +30,7 @@ pub struct ExtractionSettings {
     /// k-means stops when the summed squared shift of the centers is at most this factor times the variance of the
     /// bins. Finite and not negative, 1e-4 by default.
     pub tolerance: f64,
-    /// How the palette is found. [`PaletteMethod::Hull`] by default.
+    /// How the palette is found. [`PaletteMethod::Fitted`] by default.
     pub method: PaletteMethod,
     /// The number of colors. At most 6 by default.
     pub colors: Colors,

@@ -33,9 +33,9 @@ pub struct ExtractionArguments {
 #[derive(Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
 pub enum Method {
     /// The corners of the simplified convex hull of all colors, as in the paper.
-    #[default]
     Hull,
     /// The colors whose labels are nearest to the field's colors.
+    #[default]
     Fitted,
 }
 

@@ -27,19 +27,20 @@ const SAME: f64 = 0.03;
 const SEEDS: [f64; 3] = [0.5, 0.3, 0.75];
 
 /// Number of colors that are tried in the place of each palette color.
-const SUBSTITUTES: usize = 4;
+const SUBSTITUTES: usize = 6;
 
 /// Number of rounds of exchanges.
-const EXCHANGES: usize = 3;
+const EXCHANGES: usize = 6;
 
 /// Number of palettes that are kept from round to round.
-const KEPT: usize = 6;
+const KEPT: usize = 8;
 
 /// Numbers of palettes that stay in the final rounds, and of steps by which these are fitted to all points.
-const FINALS: [(usize, usize); 2] = [(6, 2), (3, 6)];
+const FINALS: [(usize, usize); 2] = [(8, 2), (3, 6)];
 
-/// Number of distances of a point to a label that exchanges may compute, so that large palettes do not take minutes.
-const WORK: usize = 60_000_000;
+/// Number of distances of a point to a label that exchanges may compute, per cubed number of colors, and at most.
+const WORK: usize = 20_000;
+const MOST_WORK: usize = 200_000_000;
 
 /// Finds the palette of at most `colors` colors (encoded sRGB) whose labels are nearest to the points.
 ///
@@ -52,7 +53,7 @@ pub(super) fn search(few: &Points, many: &Points, colors: usize, blend_steps: u3
     let softness = seeded.iter().map(|(_, softness)| *softness).fold(f64::INFINITY, f64::min);
     let mut pool: Vec<Rated> = seeded.into_iter().map(|(palette, _)| fit.rate(palette, softness)).collect();
     keep(&mut pool, KEPT);
-    let mut work = WORK;
+    let mut work = (WORK * colors.pow(3)).min(MOST_WORK);
     for _ in 0..EXCHANGES {
         let before = pool[0].palette.clone();
         fit.exchange(&mut pool, softness, &mut work);
@@ -65,8 +66,8 @@ pub(super) fn search(few: &Points, many: &Points, colors: usize, blend_steps: u3
     for (kept, steps) in FINALS {
         fit.improve(&mut pool, kept, softness, steps);
     }
-    let (palette, _) = fit.anneal(&pool[0].palette, softness, 24);
-    let palette = prune(many, palette, blend_steps);
+    let (palette, softness) = fit.anneal(&pool[0].palette, softness, 20);
+    let palette = prune(many, palette, softness, blend_steps);
     palette.into_iter().map(|color| to_rgb(color).clamp(DVec3::ZERO, DVec3::ONE).into()).collect()
 }
 
@@ -188,19 +189,26 @@ fn farthest(points: &Points, mut distances: Vec<f64>, count: usize, exponent: f6
     chosen
 }
 
-/// Drops colors, one after another, that are the same as another one or that are nearest to no point, and fits the rest.
-fn prune(points: &Points, mut palette: Vec<DVec3>, blend_steps: u32) -> Vec<DVec3> {
+/// Replaces colors that are the same as another one, or that are nearest to no point, by colors that are shown badly, and
+/// fits them all again. If this does not help, drops them.
+fn prune(points: &Points, mut palette: Vec<DVec3>, softness: f64, blend_steps: u32) -> Vec<DVec3> {
+    let mut tries = palette.len();
     while palette.len() > 1 {
         let mut fit = Fit { points, labels: Labels::new(palette.len(), blend_steps) };
-        let mut own = vec![0.0; palette.len()];
-        for (point, (label, _)) in points.all.iter().zip(fit.labels.nearest(points, &palette)) {
-            own.get_mut(label).into_iter().for_each(|own| *own += point.weight);
-        }
+        let nearest = fit.labels.nearest(points, &palette);
+        let seen = |i: usize| nearest.iter().any(|&(label, _)| label == i);
         let twin = |i: usize| (0..i).any(|j| palette[i].distance(palette[j]) < SAME);
-        let Some(dropped) = (0..palette.len()).rev().find(|&i| own[i] == 0.0 || twin(i)) else { break };
-        palette.remove(dropped);
-        fit.labels = Labels::new(palette.len(), blend_steps);
-        palette = fit.anneal(&palette, LEAST_SOFTNESS, 30).0;
+        let Some(idle) = (0..palette.len()).rev().find(|&i| !seen(i) || twin(i)) else { break };
+        let distances = nearest.into_iter().map(|(_, distance)| f64::from(distance)).collect();
+        match farthest(points, distances, 1, 0.5).pop().filter(|_| tries > 0) {
+            Some(substitute) => palette[idle] = substitute,
+            None => {
+                palette.remove(idle);
+                fit.labels = Labels::new(palette.len(), blend_steps);
+            }
+        }
+        tries = tries.saturating_sub(1);
+        palette = fit.anneal(&palette, softness, 24).0;
     }
     palette
 }
