@@ -50,7 +50,7 @@ pub struct ExtractionSamples {
 ///
 /// If the field of a posterized prop or view has no palette, and there is no file to load one from, one is extracted
 /// while the app keeps running. The field is sampled on the GPU, a few slices per frame, or on the CPU, in a background
-/// task. K-means and the convex hull are computed in a background task.
+/// task. The palette is then found in a background task.
 #[derive(Resource, Reflect)]
 #[reflect(Resource, Default)]
 #[type_path = "bevy_plenoctree"]

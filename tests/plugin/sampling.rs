@@ -4,8 +4,9 @@ use std::time::{Duration, Instant};
 
 use bevy::prelude::*;
 use bevy_plenoctree::{
-    Activation, Colors, ExtractionSamples, ExtractionSettings, Observers, PaletteExtraction, PaletteSampler, Palettes,
-    PlenOctree, PlenOctreePlugin, Posterize, Prop, SamplingSettings, UpAxis, headless::Headless,
+    Activation, Colors, ExtractionSamples, ExtractionSettings, Observers, PaletteExtraction, PaletteMethod,
+    PaletteSampler, Palettes, PlenOctree, PlenOctreePlugin, Posterize, Prop, SamplingSettings, UpAxis,
+    headless::Headless,
 };
 use glam::DVec3;
 use half::f16;
@@ -85,6 +86,7 @@ fn gpu_sampling_matches_the_reference() {
     let settings = |sampling| ExtractionSettings { sampling, ..default() };
     for (basis, settings) in [
         (Basis::Sh9, ExtractionSettings::default()),
+        (Basis::Sh1, ExtractionSettings { method: PaletteMethod::Hull, ..default() }),
         (Basis::Rgba, settings(SamplingSettings { directions: 1, multisamples: 3, ..default() })),
         (
             Basis::Sh4,

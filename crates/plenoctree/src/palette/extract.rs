@@ -230,6 +230,10 @@ mod tests {
         Histograms::new(24, bins(24), 8, bins(8), 0).unwrap()
     }
 
+    fn hull() -> ExtractionSettings {
+        ExtractionSettings { method: PaletteMethod::Hull, ..Default::default() }
+    }
+
     const RED: [f64; 3] = [15.0 / 16.0, 1.0 / 16.0, 1.0 / 16.0];
     const GREEN: [f64; 3] = [1.0 / 16.0, 15.0 / 16.0, 1.0 / 16.0];
     const BLUE: [f64; 3] = [1.0 / 16.0, 1.0 / 16.0, 15.0 / 16.0];
@@ -241,7 +245,7 @@ mod tests {
     #[test]
     fn corners_come_heaviest_first() {
         let weights = [(RED, 1.0), (GREEN, 3.0), (BLUE, 1.0), (BLACK, 1.0), (GRAY, 1.5)];
-        let extraction = extract_from_histograms(&histograms(&weights), &ExtractionSettings::default()).unwrap();
+        let extraction = extract_from_histograms(&histograms(&weights), &hull()).unwrap();
         let expected = [GREEN, BLACK, BLUE, RED];
         for (found, expected) in extraction.palette.colors.iter().zip(expected) {
             assert!(found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-12), "{found:?} {expected:?}");
@@ -253,9 +257,33 @@ mod tests {
 
     #[test]
     fn one_color_is_a_palette() {
-        let extraction = extract_from_histograms(&histograms(&[(RED, 2.0)]), &ExtractionSettings::default()).unwrap();
-        assert_eq!(extraction.palette.weights, [1.0]);
-        assert_eq!(extraction.palette.colors.len(), 1);
+        for method in PaletteMethod::ALL {
+            let settings = ExtractionSettings { method, ..Default::default() };
+            let extraction = extract_from_histograms(&histograms(&[(RED, 2.0)]), &settings).unwrap();
+            assert_eq!(extraction.palette.weights, [1.0]);
+            assert_eq!(extraction.palette.colors.len(), 1);
+            assert_eq!(extraction.palette.method, Some(method));
+        }
+    }
+
+    /// The number of colors is the smallest that keeps the error within the tolerance.
+    #[test]
+    fn as_many_colors_as_the_tolerance_needs() {
+        let corners = [RED, GREEN, BLUE, BLACK, [15.0 / 16.0; 3]];
+        let histograms = histograms(&corners.map(|color| (color, 1.0)));
+        let mut before = usize::MAX;
+        for tolerance in [0.001, 0.1, 0.2, 1.0] {
+            let settings = |colors| ExtractionSettings { colors, ..Default::default() };
+            let auto = extract_from_histograms(&histograms, &settings(Colors::Auto { tolerance })).unwrap();
+            let count = auto.palette.colors.len();
+            assert!(auto.errors.rmse <= tolerance && count <= before, "{tolerance}: {auto:?}");
+            if count > 1 {
+                let fewer = extract_from_histograms(&histograms, &settings(Colors::Fixed(count - 1))).unwrap();
+                assert!(fewer.errors.rmse > tolerance, "{tolerance}: {count} colors");
+            }
+            before = count;
+        }
+        assert_eq!(before, 1);
     }
 
     /// If weight is spread so evenly that no bin is above the threshold, the heaviest bins make the palette.
@@ -263,14 +291,17 @@ mod tests {
     fn evenly_spread_weight_has_a_palette() {
         let even: Vec<([f64; 3], f64)> =
             (0..512).map(|i| ([i / 64, i / 8 % 8, i % 8].map(|x| (f64::from(x) + 0.5) / 8.0), 1.0)).collect();
-        let extraction = extract_from_histograms(&histograms(&even), &ExtractionSettings::default()).unwrap();
+        let extraction = extract_from_histograms(&histograms(&even), &hull()).unwrap();
         assert_eq!(extraction.clusters, Some(125));
     }
 
     #[test]
     fn nothing_visible_is_an_error() {
-        let result = extract_from_histograms(&histograms(&[]), &ExtractionSettings::default());
-        assert_eq!(result, Err(ExtractionError::NothingVisible));
+        for method in PaletteMethod::ALL {
+            let settings = ExtractionSettings { method, ..Default::default() };
+            let result = extract_from_histograms(&histograms(&[]), &settings);
+            assert_eq!(result, Err(ExtractionError::NothingVisible));
+        }
     }
 
     proptest! {
@@ -280,8 +311,9 @@ mod tests {
         fn any_weight_has_a_palette(
             colors in prop::collection::vec((prop::array::uniform3(0.0..1.0f64), 1e-6..10.0f64), 1..100),
             wanted in 1usize..=12,
+            method in prop::sample::select(&PaletteMethod::ALL[..]),
         ) {
-            let settings = ExtractionSettings { colors: Colors::Fixed(wanted), ..Default::default() };
+            let settings = ExtractionSettings { method, colors: Colors::Fixed(wanted), ..Default::default() };
             let palette = extract_from_histograms(&histograms(&colors), &settings).unwrap().palette;
             prop_assert_eq!(palette.validate(), Ok(()));
             prop_assert!(palette.colors.iter().flatten().all(|channel| (0.0..=1.0).contains(channel)));

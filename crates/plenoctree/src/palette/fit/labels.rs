@@ -14,15 +14,12 @@ const LANES: usize = 8;
 /// How much more a palette color is pulled by the points of its own label than by those of blends, less 1.
 const OWN: f64 = 1.0;
 
-/// How far a step goes: 1 to where the assignment pulls, more because the assignment follows.
-const STRIDE: f64 = 1.8;
-
 /// How much the share of hues that are off adds to the error.
 const HUE: f64 = 1.0;
 
 /// How much a color that is never shown unblended adds to the error, and the share of the weight from which it adds
 /// nothing.
-const UNSEEN: f64 = 0.1;
+const UNSEEN: f64 = 0.3;
 const SEEN: f32 = 0.005;
 
 /// Rounds of the solver, each of which solves for one palette color after another.
@@ -89,7 +86,9 @@ impl Labels {
 
     /// Returns the palette that fits best to the soft assignment of the points, and the mean squared distance of the
     /// points to the labels nearest to them.
-    pub fn step(&mut self, points: &Points, palette: &[DVec3], softness: f64) -> (Vec<DVec3>, f64) {
+    ///
+    /// `stride` is how far the colors go: 1 to where the assignment pulls, more because the assignment follows.
+    pub fn step(&mut self, points: &Points, palette: &[DVec3], softness: f64, stride: f64) -> (Vec<DVec3>, f64) {
         self.prepare(palette);
         let mut nearest = 0.0;
         self.assign(points, softness as f32, |all, point, closest, scale| {
@@ -105,7 +104,7 @@ impl Labels {
                 }
             }
         });
-        (self.solve(palette), nearest)
+        (self.solve(palette, stride), nearest)
     }
 
     /// Returns the mean squared distance of the points to the labels that they are softly assigned to.
@@ -125,8 +124,8 @@ impl Labels {
         distance
     }
 
-    /// Solves the normal equations of the palette's colors, each within the RGB cube, one color after another.
-    fn solve(&self, palette: &[DVec3]) -> Vec<DVec3> {
+    /// Solves the normal equations of the palette's colors, each within the RGB cube, one color after another, and goes `stride` times as far.
+    fn solve(&self, palette: &[DVec3], stride: f64) -> Vec<DVec3> {
         let count = palette.len();
         let mut matrix = vec![DVec2::ZERO; count * count];
         let mut right = vec![DVec3::ZERO; count];
@@ -159,7 +158,7 @@ impl Labels {
             }
         }
         for (color, before) in palette.iter_mut().zip(before) {
-            let far = to_rgb(before.lerp(*color, STRIDE));
+            let far = to_rgb(before.lerp(*color, stride));
             *color = to_opponent(far.clamp(DVec3::ZERO, DVec3::ONE));
         }
         palette

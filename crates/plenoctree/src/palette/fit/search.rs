@@ -20,6 +20,9 @@ const INITIAL_SOFTNESS: f64 = 0.1;
 /// How slowly softness decreases, per step.
 const COOLING: f64 = 0.75;
 
+/// How far steps go at the end. Where labels overlap, the colors approach their places slowly otherwise.
+const STRIDE: f64 = 1.8;
+
 /// Distance in RGB below which two palettes, or two colors of one, are the same.
 const SAME: f64 = 0.03;
 
@@ -47,7 +50,7 @@ const MOST_WORK: usize = 200_000_000;
 /// `few` and `many` are the same points, merged more and less. Palettes are found in the former, and then fitted to the
 /// latter.
 pub(super) fn search(few: &Points, many: &Points, colors: usize, blend_steps: u32) -> Vec<[f64; 3]> {
-    let mut fit = Fit { points: few, labels: Labels::new(colors, blend_steps) };
+    let mut fit = Fit { points: few, labels: Labels::new(colors, blend_steps), stride: 1.0 };
     let initial = INITIAL_SOFTNESS * few.variance();
     let seeded = SEEDS.map(|exponent| fit.anneal(&seeds(few, colors, exponent), initial, 12));
     let softness = seeded.iter().map(|(_, softness)| *softness).fold(f64::INFINITY, f64::min);
@@ -62,11 +65,11 @@ pub(super) fn search(few: &Points, many: &Points, colors: usize, blend_steps: u3
         }
     }
 
-    let mut fit = Fit { points: many, labels: Labels::new(colors, blend_steps) };
+    let mut fit = Fit { points: many, labels: Labels::new(colors, blend_steps), stride: STRIDE };
     for (kept, steps) in FINALS {
         fit.improve(&mut pool, kept, softness, steps);
     }
-    let (palette, softness) = fit.anneal(&pool[0].palette, softness, 20);
+    let (palette, softness) = fit.anneal(&pool[0].palette, softness, 28);
     let palette = prune(many, palette, softness, blend_steps);
     palette.into_iter().map(|color| to_rgb(color).clamp(DVec3::ZERO, DVec3::ONE).into()).collect()
 }
@@ -81,6 +84,8 @@ struct Rated {
 struct Fit<'a> {
     points: &'a Points,
     labels: Labels,
+    /// How far steps go.
+    stride: f64,
 }
 
 impl Fit<'_> {
@@ -89,7 +94,7 @@ impl Fit<'_> {
     fn anneal(&mut self, palette: &[DVec3], mut softness: f64, mut steps: usize) -> (Vec<DVec3>, f64) {
         let mut palette = palette.to_vec();
         while steps > 0 {
-            let (next, nearest) = self.labels.step(self.points, &palette, softness);
+            let (next, nearest) = self.labels.step(self.points, &palette, softness, self.stride);
             let moved = next.iter().zip(&palette).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);
             palette = next;
             let least = (SOFTNESS * nearest).max(LEAST_SOFTNESS);
@@ -194,7 +199,7 @@ fn farthest(points: &Points, mut distances: Vec<f64>, count: usize, exponent: f6
 fn prune(points: &Points, mut palette: Vec<DVec3>, softness: f64, blend_steps: u32) -> Vec<DVec3> {
     let mut tries = palette.len();
     while palette.len() > 1 {
-        let mut fit = Fit { points, labels: Labels::new(palette.len(), blend_steps) };
+        let mut fit = Fit { points, labels: Labels::new(palette.len(), blend_steps), stride: STRIDE };
         let nearest = fit.labels.nearest(points, &palette);
         let seen = |i: usize| nearest.iter().any(|&(label, _)| label == i);
         let twin = |i: usize| (0..i).any(|j| palette[i].distance(palette[j]) < SAME);
