@@ -19,7 +19,7 @@ pub struct ExtractionArguments {
     colors: Count,
     /// With --colors auto, the largest root mean square difference of a channel between the field's colors and their
     /// labels, above 0 and at most 1; 0.05 by default.
-    #[arg(long, value_parser = parse_fraction)]
+    #[arg(long, requires = "colors", value_parser = parse_fraction)]
     tolerance: Option<f64>,
     /// The fraction of the leaves to sample, above 0 and at most 1.
     #[arg(long, default_value_t = 1.0, value_parser = parse_fraction)]
