@@ -181,7 +181,7 @@ fn filter(histograms: &Histograms, settings: &ExtractionSettings) -> Option<Clus
 ///
 /// If there are none, returns the centers of the `1 / threshold` heaviest bins: the largest number of bins that could
 /// be above the threshold.
-fn initial_centers(bins: &Bins, threshold: f64) -> Vec<[f64; 3]> {
+pub(super) fn initial_centers(bins: &Bins, threshold: f64) -> Vec<[f64; 3]> {
     let total: f64 = bins.weights.iter().sum();
     let mut chosen: Vec<usize> = (0..bins.weights.len()).filter(|&i| bins.weights[i] / total > threshold).collect();
     if chosen.is_empty() {

@@ -13,16 +13,16 @@ mod hull;
 mod kmeans;
 mod label;
 mod method;
-mod of_colors;
 mod oklab;
 mod polygon;
 mod settings;
 mod simplify;
+mod steps;
 
 pub use colors::{InvalidPalette, Palette, PaletteFileError};
 pub use errors::ColorErrors;
 pub use extract::{Extraction, ExtractionError, ExtractionTimes, extract, extract_from_histograms};
 pub use label::PaletteLabel;
 pub use method::{Colors, PaletteMethod};
-pub use of_colors::simplify_hull;
 pub use settings::ExtractionSettings;
+pub use steps::{initial_centers, k_means, simplify_hull};
