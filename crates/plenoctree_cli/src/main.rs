@@ -2,7 +2,6 @@
 #![forbid(unsafe_code)]
 
 mod bake;
-#[cfg(feature = "bevy")]
 mod coherence;
 mod command;
 mod extraction;
@@ -12,8 +11,11 @@ mod gpu_memory;
 mod hex;
 mod info;
 mod palette;
+mod plot;
 mod preset;
 mod progress;
+mod recolor;
+mod renderer;
 mod size;
 mod stylize;
 mod swatches;

@@ -2,14 +2,14 @@
 
 use std::path::PathBuf;
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 use plenoctree::palette::Palette;
 
-use super::renderer::PosterizeSettings;
 use crate::{
     extraction::{ExtractionArguments, Sampling},
     hex,
     preset::Preset,
+    renderer::{PosterizeSettings, Renderer},
     size::parse_size,
 };
 
@@ -63,18 +63,6 @@ pub struct Arguments {
     /// Prints nothing but errors.
     #[arg(long)]
     pub quiet: bool,
-}
-
-/// A renderer of the images.
-#[derive(Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
-pub enum Renderer {
-    /// The plugin, on the adapter that wgpu finds.
-    #[cfg(feature = "bevy")]
-    #[default]
-    Gpu,
-    /// The float64 reference, on the CPU.
-    #[cfg_attr(not(feature = "bevy"), default)]
-    Reference,
 }
 
 impl Arguments {

@@ -8,8 +8,12 @@ use plenoctree::{
 };
 use serde_json::{Value, json};
 
-use super::renderer::{Adapter, FrameTimes};
-use crate::{Result, extraction::Extracted, files, gpu_memory};
+use crate::{
+    Result,
+    extraction::Extracted,
+    files, gpu_memory,
+    renderer::{Adapter, FrameTimes},
+};
 
 /// Writes the report. `frames` holds the names of every view's files and its times.
 pub fn write(
