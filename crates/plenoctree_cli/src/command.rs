@@ -4,7 +4,7 @@ use clap::{Parser, Subcommand};
 
 #[cfg(feature = "bevy")]
 use crate::tradeoff;
-use crate::{Result, bake, coherence, info, palette, stylize};
+use crate::{Result, bake, coherence, evidence, info, palette, stylize};
 
 /// Inspects, bakes and stylizes PlenOctrees.
 #[derive(Parser)]
@@ -23,6 +23,7 @@ enum Command {
     #[cfg(feature = "bevy")]
     Tradeoff(tradeoff::Arguments),
     Coherence(coherence::Arguments),
+    Evidence(evidence::Arguments),
     Bake(bake::Arguments),
 }
 
@@ -36,6 +37,7 @@ impl CommandLine {
             #[cfg(feature = "bevy")]
             Command::Tradeoff(arguments) => tradeoff::run(arguments),
             Command::Coherence(arguments) => coherence::run(arguments),
+            Command::Evidence(arguments) => evidence::run(arguments),
             Command::Bake(arguments) => bake::run(arguments),
         }
     }

@@ -4,6 +4,7 @@
 mod bake;
 mod coherence;
 mod command;
+mod evidence;
 mod extraction;
 mod field;
 mod files;
