@@ -20,7 +20,7 @@ mod wang;
 
 pub use colors::WeightedColors;
 pub use mean_shift::mean_shift;
-pub use raw_samples::{RawSamples, transmittance};
+pub use raw_samples::{RawSample, RawSamples, transmittance};
 pub use wang::wang;
 
 use plenoctree::palette::{ExtractionSettings, InvalidPalette, Palette, k_means, simplify_hull};

@@ -1,5 +1,7 @@
 //! Figure 3: a cut through the field.
 
+use std::collections::HashSet;
+
 use glam::DVec3;
 use image::{Rgb, RgbImage};
 use plenoctree::PlenOctree;
@@ -7,7 +9,7 @@ use rayon::prelude::*;
 
 use super::super::{
     Evidence,
-    baselines::transmittance,
+    baselines::{RawSample, transmittance},
     report::{Cell, Picture, Section, Table},
 };
 use crate::{Result, hex};
@@ -78,59 +80,56 @@ pub fn section(evidence: &Evidence) -> Result<Section> {
     Ok(section)
 }
 
-/// What raw samples have in common, seen or hidden.
-struct Spread {
+/// What seen or hidden samples have in common.
+struct Samples {
     share: f64,
-    deviation: f64,
+    roughness: f64,
     foreign: f64,
 }
 
 /// Tells how noisy the colors of hidden samples are.
 fn noise(evidence: &Evidence, section: &mut Section) -> Result {
     section.text(
-        "Of the raw radiance samples that other methods get, this share is hidden. The spread is the standard \
-         deviation of a channel. Foreign colors are those that share no cell of 16 x 16 x 16 with any sample that is \
-         seen.",
+        "Of the raw radiance samples that other methods get, this share is hidden. Roughness is the root of the mean \
+         squared difference of a channel between neighboring leaves, seen in the same direction. Foreign colors are \
+         those that share no cell of 16 x 16 x 16 with any sample that is seen.",
     );
+    let all = &evidence.methods.raw.some;
     let cell = |color: &[f64; 3]| color.map(|channel| (channel.clamp(0.0, 0.999) * 16.0) as usize);
-    let all = &evidence.methods.raw.seen;
-    let seen_cells: std::collections::HashSet<_> =
-        all.iter().filter(|(_, seen)| *seen).map(|(color, _)| cell(color)).collect();
-    let spreads = [true, false].map(|seen| {
-        let colors: Vec<DVec3> =
-            all.iter().filter(|sample| sample.1 == seen).map(|(color, _)| DVec3::from(*color)).collect();
-        let count = colors.len() as f64;
-        let mean = colors.iter().sum::<DVec3>() / count;
-        let squares: f64 = colors.iter().map(|color| color.distance_squared(mean)).sum();
-        let foreign = colors.iter().filter(|color| !seen_cells.contains(&cell(&color.to_array()))).count();
-        let share = count / all.len().max(1) as f64;
-        (count > 0.0).then(|| Spread {
-            share,
-            deviation: (squares / count / 3.0).sqrt(),
-            foreign: foreign as f64 / count,
+    let seen_cells: HashSet<_> = all.iter().filter(|sample| sample.seen).map(|sample| cell(&sample.color)).collect();
+    let samples = [true, false].map(|seen| {
+        let samples: Vec<&RawSample> = all.iter().filter(|sample| sample.seen == seen).collect();
+        let pairs = samples.iter().filter_map(|sample| Some((sample.color, sample.neighbor?)));
+        let squares = pairs.map(|(a, b)| DVec3::from(a).distance_squared(b.into()) / 3.0);
+        let (sum, count) = squares.fold((0.0, 0.0), |(sum, count), square| (sum + square, count + 1.0));
+        let foreign = samples.iter().filter(|sample| !seen_cells.contains(&cell(&sample.color))).count();
+        (!samples.is_empty()).then(|| Samples {
+            share: samples.len() as f64 / all.len() as f64,
+            roughness: f64::sqrt(sum / f64::max(count, 1.0)),
+            foreign: foreign as f64 / samples.len() as f64,
         })
     });
-    if let [Some(seen), Some(hidden)] = &spreads {
+    if let [Some(seen), Some(hidden)] = &samples {
         section.claim(
             "Hidden radiance is noisy.",
             format!(
-                "spread {:.2} where hidden, {:.2} where seen; {:.0} % of the hidden colors are foreign",
-                hidden.deviation,
-                seen.deviation,
+                "roughness {:.3} where hidden, {:.3} where seen; {:.1} % of the hidden colors are foreign",
+                hidden.roughness,
+                seen.roughness,
                 100.0 * hidden.foreign
             ),
-            hidden.deviation > seen.deviation,
+            hidden.roughness > seen.roughness,
         );
     }
-    let rows = ["seen", "hidden"].iter().zip(&spreads).map(|(name, spread)| {
-        let cell = |of: fn(&Spread) -> f64| Cell::number(spread.as_ref().map(of), 2);
-        let shares = [cell(|s| 100.0 * s.share), cell(|s| s.deviation), cell(|s| 100.0 * s.foreign)];
-        [vec![Cell::text(*name)], shares.into()].concat()
+    let rows = ["seen", "hidden"].iter().zip(&samples).map(|(name, samples)| {
+        let cell = |of: fn(&Samples) -> f64, digits| Cell::number(samples.as_ref().map(of), digits);
+        let measured = [cell(|s| 100.0 * s.share, 1), cell(|s| s.roughness, 3), cell(|s| 100.0 * s.foreign, 1)];
+        [vec![Cell::text(*name)], measured.into()].concat()
     });
     let head = vec![
         ("samples", "samples"),
         ("share, %", "share_percent"),
-        ("spread", "spread"),
+        ("roughness", "roughness"),
         ("foreign colors, %", "foreign_percent"),
     ];
     section.table(&evidence.folder, "figure_03", Table { head, rows: rows.collect() })
