@@ -62,7 +62,7 @@ fn summary(series: &Series) -> String {
     let mut text = format!("{:20} {:>8} {:>8} {:>8}\n", "", "mean", "worst", "spikes");
     for column in &series.columns {
         let (frame, worst) = column.worst();
-        let (name, mean, spikes) = (&column.name, column.mean(), column.spikes());
+        let (name, mean, spikes) = (&column.name, column.mean(), series.spikes(column));
         text += &format!("{name:20} {mean:8.5} {worst:8.5} {spikes:8} (worst at frame {frame})\n");
     }
     text

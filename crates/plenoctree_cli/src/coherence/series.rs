@@ -4,8 +4,8 @@ use image::RgbImage;
 
 use crate::plot::{self, COLORS, Line};
 
-/// A difference is a spike if it is more than this many times the median of its column.
-const SPIKE: f64 = 2.0;
+/// A difference is a spike if it is more than this many times that of the frames as trained, which is motion alone.
+const SPIKE: f64 = 1.5;
 
 /// A kind of frames that is compared.
 pub struct Column {
@@ -23,13 +23,13 @@ pub struct Column {
 
 /// The differences between each frame and the previous one, for every kind of frames.
 pub struct Series {
-    /// The kinds of frames.
+    /// The kinds of frames. The first are as trained.
     pub columns: Vec<Column>,
     last: Option<Vec<RgbImage>>,
 }
 
 impl Series {
-    /// Creates a series without frames.
+    /// Creates a series without frames. The first column is for frames as trained.
     pub fn new(columns: Vec<Column>) -> Self {
         Self { columns, last: None }
     }
@@ -42,6 +42,12 @@ impl Series {
             }
         }
         self.last = Some(images);
+    }
+
+    /// Returns the number of pairs of frames that differ at least half as much again as the frames as trained.
+    pub fn spikes(&self, column: &Column) -> usize {
+        let trained = self.columns.iter().flat_map(|column| &column.differences);
+        column.differences.iter().zip(trained).filter(|(own, trained)| **own > SPIKE * **trained).count()
     }
 
     /// Formats comma-separated values: a row for every pair of frames, named by its second frame.
@@ -64,7 +70,7 @@ impl Series {
                 column.label,
                 column.mean(),
                 column.worst().1,
-                column.spikes()
+                self.spikes(column)
             ),
             color: COLORS[column.color % COLORS.len()],
             dashed: column.recolored,
@@ -86,14 +92,6 @@ impl Column {
         let pairs = self.differences.iter().enumerate().map(|(pair, difference)| (pair + 1, *difference));
         pairs.fold((0, 0.0), |worst, next| if next.1 > worst.1 { next } else { worst })
     }
-
-    /// Returns the number of differences that are more than twice the median.
-    pub fn spikes(&self) -> usize {
-        let mut sorted = self.differences.clone();
-        sorted.sort_by(f64::total_cmp);
-        let median = sorted.get(sorted.len() / 2).copied().unwrap_or(0.0);
-        self.differences.iter().filter(|difference| **difference > SPIKE * median).count()
-    }
 }
 
 /// Returns the mean absolute difference of encoded sRGB over all pixels and channels, in [0, 1].
@@ -106,15 +104,18 @@ pub fn mean_difference(a: &RgbImage, b: &RgbImage) -> f64 {
 mod tests {
     use super::*;
 
+    fn column(differences: &[f64]) -> Column {
+        Column { name: "a".into(), label: "a".into(), color: 0, recolored: false, differences: differences.to_vec() }
+    }
+
+    /// What moves fast is no spike, but what changes more than it moves is.
     #[test]
     fn a_flash_is_a_spike() {
-        let column = Column {
-            name: "a".into(),
-            label: "a".into(),
-            color: 0,
-            recolored: false,
-            differences: vec![0.01, 0.011, 0.05, 0.05, 0.01, 0.012, 0.02],
-        };
-        assert_eq!((column.spikes(), column.worst()), (2, (3, 0.05)));
+        let trained = column(&[0.01, 0.04, 0.01, 0.02]);
+        let posterized = column(&[0.012, 0.05, 0.05, 0.031]);
+        let series = Series { columns: vec![trained, posterized], last: None };
+        let [trained, posterized] = &series.columns[..] else { panic!() };
+        assert_eq!((series.spikes(trained), series.spikes(posterized)), (0, 2));
+        assert_eq!(posterized.worst(), (2, 0.05));
     }
 }

@@ -23,7 +23,7 @@ pub fn section(evidence: &mut Evidence, arguments: &Arguments) -> Result<Section
         "The camera turns by 90 degrees around the field. Lines show how much each frame differs from the one before: \
          the mean absolute difference of encoded sRGB over all pixels. A frame's own palette is the simplified hull of \
          its pixels (Tan et al. 2016). Recolored frames show every palette color with the opposite hue. A spike is a \
-         difference of more than twice the median of its line.",
+         difference of more than one and a half times that of the frames as trained.",
     );
     let camera = evidence.shots[0].camera;
     let cameras = quarter(&evidence.field, (camera.width, camera.height), arguments.frames as usize)
@@ -47,7 +47,7 @@ pub fn section(evidence: &mut Evidence, arguments: &Arguments) -> Result<Section
             Cell::Number(column.mean(), 5),
             Cell::Number(worst, 5),
             Cell::Number(frame as f64, 0),
-            Cell::Number(column.spikes() as f64, 0),
+            Cell::Number(series.spikes(column) as f64, 0),
         ]
     });
     let head = vec![
@@ -95,7 +95,7 @@ fn claims(section: &mut Section, series: &Series) {
         }
     }
     if let (Some(field), Some(frame)) = (column("hull"), column("per_frame")) {
-        let (field, frame) = (field.spikes(), frame.spikes());
+        let (field, frame) = (series.spikes(field), series.spikes(frame));
         section.claim(
             "One palette per frame has frequent spikes.",
             format!("{frame} spikes, {field} with the field's palette"),
