@@ -17,7 +17,7 @@ use half::f16;
 use plenoctree::{
     Basis, Cell, Frame,
     camera::PinholeCamera,
-    palette::{extract_from_histograms, simplify_hull},
+    palette::{PaletteMethod, extract_from_histograms, simplify_hull},
     sampling::{Histograms, Progress, sample},
 };
 
@@ -208,7 +208,7 @@ fn sampling(bencher: Bencher, leaves: usize) {
 /// Runs k-means and the hull, by number of filled bins in the fine histogram.
 #[divan::bench(args = [100, 316, 1_000, 3_162, 10_000], sample_count = 5, sample_size = 1)]
 fn clusters(bencher: Bencher, bins: usize) {
-    let settings = ExtractionSettings::default();
+    let settings = ExtractionSettings { method: PaletteMethod::Hull, ..default() };
     let (fine, coarse) = (settings.sampling.fine_bins, settings.sampling.coarse_bins);
     let mut weights = [vec![0.0; fine.pow(3)], vec![0.0; coarse.pow(3)]];
     for color in colors(bins) {

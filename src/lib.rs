@@ -78,7 +78,7 @@ pub use picking::PropPickingPlugin;
 pub use picking::{PropHit, PropRayCast};
 pub use plenoctree::{
     Activation, LoadSettings, PlenOctree, Precision, UpAxis,
-    palette::{ExtractionSettings, Palette, PaletteLabel},
+    palette::{Colors, ExtractionSettings, Palette, PaletteLabel, PaletteMethod},
     sampling::{Observers, SamplingSettings},
 };
 pub use posterize::{

@@ -67,6 +67,7 @@ fn shown(palette: &FieldPalette, own: Option<&PaletteOverride>) -> Palette {
     Palette {
         colors: colors.map(|color| Srgba::from(color).to_f32_array_no_alpha().map(f64::from)).collect(),
         weights: palette.palette().weights.clone(),
+        method: None,
     }
 }
 

@@ -18,7 +18,7 @@ pub use ready::{PaletteFailed, PaletteReady};
 pub use resource::{FieldPalette, Palettes};
 
 use bevy::{asset::AssetTrackingSystems, prelude::*};
-use plenoctree::palette::{ExtractionSettings, Palette};
+use plenoctree::palette::{Colors, ExtractionSettings, Palette, PaletteMethod};
 
 use crate::sets::PlenOctreeSystems;
 
@@ -34,6 +34,8 @@ impl Plugin for PalettePlugin {
             .add_message::<PaletteFailed>()
             .add_message::<PaletteReady>()
             .register_type::<ExtractionSettings>()
+            .register_type::<PaletteMethod>()
+            .register_type::<Colors>()
             .register_type::<Palettes>()
             .register_type::<PaletteExtraction>()
             .register_type::<PaletteOverride>()

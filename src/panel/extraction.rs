@@ -6,7 +6,7 @@ use bevy_egui::egui;
 use super::{editor::PaletteEditor, posterize::row};
 use plenoctree::{
     PlenOctree,
-    palette::{Extraction, ExtractionSettings},
+    palette::{Colors, Extraction, ExtractionSettings, PaletteMethod},
     sampling::{Observers, SamplingSettings},
 };
 
@@ -48,11 +48,11 @@ pub(super) fn show(ui: &mut egui::Ui, field: AssetId<PlenOctree>, editor: &mut P
 
 fn summary(extraction: &Extraction) -> String {
     let seconds = extraction.seconds;
+    let clusters = extraction.clusters.map(|clusters| format!(", {clusters} clusters")).unwrap_or_default();
     format!(
-        "{} radiance samples, {} clusters, {:.1} s",
+        "{} radiance samples{clusters}, {:.1} s",
         rounded(extraction.radiance_samples),
-        extraction.clusters,
-        seconds.sampling + seconds.filtering + seconds.hull
+        seconds.sampling + seconds.filtering + seconds.hull + seconds.fitting
     )
 }
 
@@ -66,13 +66,13 @@ fn rounded(count: u64) -> String {
 
 /// Shows the sliders and returns whether the user changed a value.
 fn sliders(ui: &mut egui::Ui, settings: &mut ExtractionSettings) -> bool {
-    let ExtractionSettings { sampling, coarse_threshold, colors, .. } = settings;
+    let ExtractionSettings { sampling, coarse_threshold, method, colors, .. } = settings;
     let SamplingSettings { observers, directions, multisamples, sample_fraction, .. } = sampling;
     egui::Grid::new("extraction")
         .num_columns(2)
         .show(ui, |ui| {
-            let hint = "Number of palette colors to extract";
-            let colors = row(ui, "Colors", hint, egui::Slider::new(colors, 3..=16));
+            let method = choose_method(ui, method);
+            let colors = choose_colors(ui, colors);
             let observers = choose(ui, observers);
             let hint = "n: samples every leaf from 4n x n directions; twice as many for the full sphere";
             let directions = row(ui, "Directions", hint, egui::Slider::new(directions, 1..=8));
@@ -83,9 +83,47 @@ fn sliders(ui: &mut egui::Ui, settings: &mut ExtractionSettings) -> bool {
             let hint = "Fraction of the visible weight above which a color starts a cluster; lower finds rarer colors";
             let threshold = egui::Slider::new(coarse_threshold, 1e-4..=0.1).logarithmic(true).max_decimals(4);
             let threshold = row(ui, "Threshold", hint, threshold);
-            colors | observers | directions | multisamples | leaves | threshold
+            method | colors | observers | directions | multisamples | leaves | threshold
         })
         .inner
+}
+
+fn choose_method(ui: &mut egui::Ui, method: &mut PaletteMethod) -> bool {
+    let name = |method| match method {
+        PaletteMethod::Hull => "Hull",
+        PaletteMethod::Fitted => "Fitted",
+    };
+    let before = *method;
+    ui.label("Method").on_hover_text("Hull: the corners of all colors; Fitted: the colors whose blends fit best");
+    egui::ComboBox::from_id_salt("method").selected_text(name(before)).show_ui(ui, |ui| {
+        for choice in PaletteMethod::ALL {
+            ui.selectable_value(method, choice, name(choice));
+        }
+    });
+    ui.end_row();
+    *method != before
+}
+
+/// A checkbox, and the slider of what it chooses: the number of colors, or the tolerance.
+fn choose_colors(ui: &mut egui::Ui, colors: &mut Colors) -> bool {
+    let mut auto = matches!(colors, Colors::Auto { .. });
+    let hint = "Finds as few colors as keep the error within the tolerance";
+    ui.label("Find the number").on_hover_text(hint);
+    let switched = ui.checkbox(&mut auto, "").on_hover_text(hint).changed();
+    ui.end_row();
+    if switched {
+        *colors = if auto { Colors::AUTO } else { Colors::default() };
+    }
+    let changed = match colors {
+        Colors::Fixed(colors) => {
+            row(ui, "Colors", "Number of palette colors to extract", egui::Slider::new(colors, 3..=16))
+        }
+        Colors::Auto { tolerance } => {
+            let hint = "Largest difference between the field's colors and their labels";
+            row(ui, "Tolerance", hint, egui::Slider::new(tolerance, 0.01..=0.2).max_decimals(3))
+        }
+    };
+    switched | changed
 }
 
 fn choose(ui: &mut egui::Ui, observers: &mut Observers) -> bool {

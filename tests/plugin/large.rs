@@ -5,8 +5,8 @@ use std::{io::Cursor, time::Duration};
 
 use bevy::prelude::*;
 use bevy_plenoctree::{
-    Activation, ExtractionSettings, FieldPalette, GpuField, LoadSettings, MAX_PROPS_IN_VIEW, PaletteOverride, Palettes,
-    PlenOctree, PlenOctreePlugin, Posterize, Prop, SamplingSettings, UpAxis,
+    Activation, Colors, ExtractionSettings, FieldPalette, GpuField, LoadSettings, MAX_PROPS_IN_VIEW, PaletteOverride,
+    Palettes, PlenOctree, PlenOctreePlugin, Posterize, Prop, SamplingSettings, UpAxis,
     headless::{Headless, exact_camera, pinhole_view},
 };
 use glam::{DVec3, UVec3};
@@ -87,7 +87,7 @@ fn five_and_a_half_million_leaves_are_read_drawn_and_sampled() {
     let settings =
         ExtractionSettings { sampling: SamplingSettings { sample_fraction: 0.01, ..default() }, ..default() };
     let extraction = palette::extract(&field, &settings, &default()).unwrap();
-    assert_eq!(extraction.palette.colors.len(), settings.colors);
+    assert_eq!(settings.colors, Colors::Fixed(extraction.palette.colors.len()));
 }
 
 /// Beyond the documented bound, the nearest props are drawn, with the colors of their own palettes.

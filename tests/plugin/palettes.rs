@@ -18,8 +18,9 @@ use bevy::{
     render::RenderApp,
 };
 use bevy_plenoctree::{
-    BilateralFilter, BlendSpace, ExtractionSettings, FieldPalette, Observers, Palette, PaletteExtraction,
-    PaletteOverride, PaletteReady, Palettes, PlenOctree, PlenOctreePlugin, Posterize, Prop, SamplingSettings,
+    BilateralFilter, BlendSpace, Colors, ExtractionSettings, FieldPalette, Observers, Palette, PaletteExtraction,
+    PaletteMethod, PaletteOverride, PaletteReady, Palettes, PlenOctree, PlenOctreePlugin, Posterize, Prop,
+    SamplingSettings,
     headless::{Headless, exact_camera},
 };
 use glam::DVec3;
@@ -438,7 +439,8 @@ fn settings_are_reflected() {
     assert_eq!(round_trip(&own, &registry), own);
     let settings = ExtractionSettings {
         sampling: SamplingSettings { observers: Observers::Sphere, ..default() },
-        colors: 9,
+        method: PaletteMethod::Hull,
+        colors: Colors::Auto { tolerance: 0.125 },
         ..default()
     };
     assert_eq!(round_trip(&settings, &registry), settings);

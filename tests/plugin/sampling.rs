@@ -4,8 +4,9 @@ use std::time::{Duration, Instant};
 
 use bevy::prelude::*;
 use bevy_plenoctree::{
-    Activation, ExtractionSamples, ExtractionSettings, Observers, PaletteExtraction, PaletteSampler, Palettes,
-    PlenOctree, PlenOctreePlugin, Posterize, Prop, SamplingSettings, UpAxis, headless::Headless,
+    Activation, Colors, ExtractionSamples, ExtractionSettings, Observers, PaletteExtraction, PaletteMethod,
+    PaletteSampler, Palettes, PlenOctree, PlenOctreePlugin, Posterize, Prop, SamplingSettings, UpAxis,
+    headless::Headless,
 };
 use glam::DVec3;
 use half::f16;
@@ -86,6 +87,7 @@ fn gpu_sampling_matches_the_reference() {
     let settings = |sampling| ExtractionSettings { sampling, ..default() };
     for (basis, settings) in [
         (Basis::Sh9, ExtractionSettings::default()),
+        (Basis::Sh1, ExtractionSettings { method: PaletteMethod::Hull, ..default() }),
         (Basis::Rgba, settings(SamplingSettings { directions: 1, multisamples: 3, ..default() })),
         (
             Basis::Sh4,
@@ -204,7 +206,7 @@ fn fields_are_sampled_in_sequence_on_the_gpu() {
     headless.wait_until_ready(Duration::from_secs(120)).unwrap();
     let mut extraction = headless.app.world_mut().resource_mut::<PaletteExtraction>();
     assert!(fields.iter().all(|field| extraction.sampled(field).is_some_and(|sampled| sampled.on_gpu)));
-    extraction.settings.colors = 4;
+    extraction.settings.colors = Colors::Fixed(4);
     extraction.request(&fields[0]);
     let start = Instant::now();
     let colors = |headless: &Headless| {

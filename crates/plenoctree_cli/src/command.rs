@@ -2,9 +2,9 @@
 
 use clap::{Parser, Subcommand};
 
-use crate::{Result, bake, info, palette, stylize};
 #[cfg(feature = "bevy")]
-use crate::{coherence, tradeoff};
+use crate::tradeoff;
+use crate::{Result, bake, coherence, evidence, info, palette, stylize};
 
 /// Inspects, bakes and stylizes PlenOctrees.
 #[derive(Parser)]
@@ -22,8 +22,8 @@ enum Command {
     Stylize(stylize::Arguments),
     #[cfg(feature = "bevy")]
     Tradeoff(tradeoff::Arguments),
-    #[cfg(feature = "bevy")]
     Coherence(coherence::Arguments),
+    Evidence(evidence::Arguments),
     Bake(bake::Arguments),
 }
 
@@ -36,8 +36,8 @@ impl CommandLine {
             Command::Stylize(arguments) => stylize::run(arguments),
             #[cfg(feature = "bevy")]
             Command::Tradeoff(arguments) => tradeoff::run(arguments),
-            #[cfg(feature = "bevy")]
             Command::Coherence(arguments) => coherence::run(arguments),
+            Command::Evidence(arguments) => evidence::run(arguments),
             Command::Bake(arguments) => bake::run(arguments),
         }
     }

@@ -2,9 +2,9 @@
 #![forbid(unsafe_code)]
 
 mod bake;
-#[cfg(feature = "bevy")]
 mod coherence;
 mod command;
+mod evidence;
 mod extraction;
 mod field;
 mod files;
@@ -12,8 +12,11 @@ mod gpu_memory;
 mod hex;
 mod info;
 mod palette;
+mod plot;
 mod preset;
 mod progress;
+mod recolor;
+mod renderer;
 mod size;
 mod stylize;
 mod swatches;

@@ -2,6 +2,7 @@
 
 use std::f64::consts::{PI, TAU};
 
+use glam::{DMat3, DVec3};
 use plenoctree::{PlenOctree, camera::PinholeCamera};
 
 /// The elevation above the horizon, in radians.
@@ -24,4 +25,11 @@ pub fn around(
     elevation: f64,
 ) -> Option<Vec<PinholeCamera>> {
     azimuths.map(|azimuth| PinholeCamera::around(field, width, height, azimuth, elevation)).collect()
+}
+
+/// Returns the camera, turned around the field's up axis by an angle in radians.
+pub fn turned(field: &PlenOctree, camera: &PinholeCamera, angle: f64) -> PinholeCamera {
+    let up = field.up().to_y_up().transpose() * DVec3::Y;
+    let turn = DMat3::from_axis_angle(up, angle);
+    PinholeCamera { rotation: turn * camera.rotation, position: turn * camera.position, ..*camera }
 }

@@ -5,9 +5,10 @@ mod common;
 use std::fs;
 
 use common::{ball, fail, folder, succeed, text};
+use npyz::WriterBuilder;
 use plenoctree::{
     LoadSettings, PlenOctree,
-    palette::{ExtractionSettings, Palette, extract},
+    palette::{Colors, ExtractionSettings, Palette, PaletteMethod, extract},
     sampling::Progress,
 };
 
@@ -41,6 +42,60 @@ fn all_requested_files_are_written() {
     for (name, bins) in [("fine.npy", 32), ("coarse.npy", 8)] {
         assert_eq!(npyz::NpyFile::new(archive.by_name(name).unwrap()).unwrap().shape(), [bins; 3]);
     }
+}
+
+/// Histograms that were saved give the palette of the field, by either method and with any number of colors.
+#[test]
+fn saved_histograms_give_the_same_palette() {
+    let folder = folder("palette_histograms");
+    let field = ball(&folder);
+    let histograms = folder.join("h.npz");
+    succeed(&["palette", text(&field), "--histograms", text(&histograms)]);
+    let read = PlenOctree::read(&field, &LoadSettings::default()).unwrap();
+    for (name, method) in [("hull", PaletteMethod::Hull), ("fitted", PaletteMethod::Fitted)] {
+        for (count, colors) in [("4", Colors::Fixed(4)), ("auto", Colors::Auto { tolerance: 0.1 })] {
+            let tolerance: &[&str] = if count == "auto" { &["--tolerance", "0.1"] } else { &[] };
+            let arguments = ["palette", "--from-histograms", text(&histograms), "--method", name, "--colors", count];
+            succeed(&[&arguments[..], tolerance].concat());
+            let found = Palette::read(folder.join("h.palette.json")).unwrap();
+            let settings = ExtractionSettings { method, colors, ..Default::default() };
+            assert_eq!(found, extract(&read, &settings, &Progress::default()).unwrap().palette);
+            assert_eq!(found.method, Some(method));
+        }
+    }
+}
+
+#[test]
+fn bad_histograms_are_rejected() {
+    let folder = folder("palette_bad_histograms");
+    let field = ball(&folder);
+    let path = folder.join("h.npz");
+    let reject = |arrays: &[(&str, &[u64], f64)], message: &str| {
+        let mut archive = zip::ZipWriter::new(fs::File::create(&path).unwrap());
+        for (name, shape, weight) in arrays {
+            archive.start_file(format!("{name}.npy"), zip::write::FileOptions::default()).unwrap();
+            let array = npyz::WriteOptions::new().default_dtype().shape(shape).writer(&mut archive).begin_nd();
+            let mut array = array.unwrap();
+            array.extend(vec![*weight; shape.iter().product::<u64>() as usize]).unwrap();
+            array.finish().unwrap();
+        }
+        archive.finish().unwrap();
+        let found = fail(&["palette", "--from-histograms", text(&path)]);
+        assert!(found.contains("h.npz") && found.contains(message), "{found}");
+    };
+    reject(&[("fine", &[4, 4, 4], 1.0)], "coarse");
+    reject(&[("fine", &[4, 4], 1.0), ("coarse", &[2, 2, 2], 1.0)], "[4, 4]");
+    reject(&[("fine", &[2, 4, 4], 1.0), ("coarse", &[2, 2, 2], 1.0)], "[2, 4, 4]");
+    reject(&[("fine", &[4, 4, 4], f64::NAN), ("coarse", &[2, 2, 2], 1.0)], "bin 0");
+    reject(&[("fine", &[4, 4, 4], -1.0), ("coarse", &[2, 2, 2], 1.0)], "bin 0");
+    reject(&[("fine", &[4, 4, 4], 0.0), ("coarse", &[2, 2, 2], 0.0)], "nothing is visible");
+    fs::write(&path, "no archive").unwrap();
+    assert!(fail(&["palette", "--from-histograms", text(&path)]).contains("h.npz"));
+    fail(&["palette", "--from-histograms", text(&path), text(&field)]);
+    fail(&["palette"]);
+    fail(&["palette", text(&field), "--colors", "few"]);
+    fail(&["palette", text(&field), "--tolerance", "0"]);
+    fail(&["palette", text(&field), "--method", "guess"]);
 }
 
 #[test]

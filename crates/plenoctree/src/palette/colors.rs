@@ -7,12 +7,14 @@ use std::{
 
 use serde::{Deserialize, Serialize};
 
+use super::method::PaletteMethod;
 use crate::save::save;
 
 /// A few colors that represent everything visible in a field, the most important first.
 ///
-/// Palette files are JSON: `{"colors": [[r, g, b], ...], "weights": [...]}`. If a file has no weights, all colors have
-/// the same weight. Other keys are ignored.
+/// Palette files are JSON: `{"colors": [[r, g, b], ...], "weights": [...], "method": "fitted"}`. If a file has no
+/// weights, all colors have the same weight. `method` is left out unless the palette was extracted. Other keys are
+/// ignored.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "PaletteJson")]
 #[cfg_attr(
@@ -28,6 +30,9 @@ pub struct Palette {
     /// Weight of each color: the amount of visible weight that is nearest to it. Finite and not negative. The weights
     /// of an extracted palette sum to 1.
     pub weights: Vec<f64>,
+    /// How the palette was extracted, or `None` if it was not.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub method: Option<PaletteMethod>,
 }
 
 /// The content of a palette file.
@@ -35,6 +40,7 @@ pub struct Palette {
 struct PaletteJson {
     colors: Vec<[f64; 3]>,
     weights: Option<Vec<f64>>,
+    method: Option<PaletteMethod>,
 }
 
 /// An error that occurs when colors and weights do not make a palette.
@@ -111,7 +117,7 @@ impl Palette {
     ///
     /// Returns an error if there are no colors, more than [`Self::MAX_COLORS`], or one that is not finite in float32.
     pub fn new(colors: Vec<[f64; 3]>) -> Result<Self, InvalidPalette> {
-        PaletteJson { colors, weights: None }.try_into()
+        PaletteJson { colors, weights: None, method: None }.try_into()
     }
 
     /// Checks that the palette is valid. It may not be, because its fields are public.
@@ -185,10 +191,10 @@ impl Palette {
 impl TryFrom<PaletteJson> for Palette {
     type Error = InvalidPalette;
 
-    fn try_from(PaletteJson { colors, weights }: PaletteJson) -> Result<Self, InvalidPalette> {
+    fn try_from(PaletteJson { colors, weights, method }: PaletteJson) -> Result<Self, InvalidPalette> {
         let equal = || vec![1.0 / colors.len() as f64; colors.len()];
         let weights = weights.unwrap_or_else(equal);
-        let palette = Self { colors, weights };
+        let palette = Self { colors, weights, method };
         palette.validate()?;
         Ok(palette)
     }
@@ -219,10 +225,15 @@ mod tests {
     }
 
     #[test]
-    fn the_file_has_two_keys() {
-        let palette = Palette { colors: vec![[0.0, 0.5, 1.0], [1.5, -0.25, 0.0]], weights: vec![0.75, 0.25] };
-        let text = serde_json::to_string(&palette).unwrap();
-        assert_eq!(text, r#"{"colors":[[0.0,0.5,1.0],[1.5,-0.25,0.0]],"weights":[0.75,0.25]}"#);
+    fn files_have_colors_weights_and_the_method() {
+        let colors = vec![[0.0, 0.5, 1.0], [1.5, -0.25, 0.0]];
+        let mut palette = Palette { colors, weights: vec![0.75, 0.25], method: None };
+        let handmade = r#"{"colors":[[0.0,0.5,1.0],[1.5,-0.25,0.0]],"weights":[0.75,0.25]}"#;
+        assert_eq!(serde_json::to_string(&palette).unwrap(), handmade);
+        palette.method = Some(PaletteMethod::Fitted);
+        let extracted = handmade.replace('}', r#","method":"fitted"}"#);
+        assert_eq!(serde_json::to_string(&palette).unwrap(), extracted);
+        assert_eq!(parse(&extracted).unwrap(), palette);
     }
 
     #[test]
@@ -245,6 +256,7 @@ mod tests {
             (r#"{"colors": [[0, 0, 1e999]]}"#, "number out of range"),
             (r#"{"colors": [[0, 0, null]]}"#, "invalid type: null, expected f64"),
             (r#"{"weights": [1]}"#, "missing field `colors`"),
+            (r#"{"colors": [[0, 0, 0]], "method": "guess"}"#, "unknown variant `guess`, expected `hull` or `fitted`"),
         ] {
             let error = parse(text).unwrap_err();
             assert!(error.contains(message), "{error}");

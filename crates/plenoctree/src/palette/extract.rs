@@ -6,7 +6,10 @@ use glam::DVec3;
 
 use super::{
     colors::Palette,
+    errors::ColorErrors,
+    fit::Cloud,
     kmeans::{self, Clusters},
+    method::{Colors, PaletteMethod},
     settings::ExtractionSettings,
     simplify::simplify,
 };
@@ -24,10 +27,13 @@ pub struct Extraction {
     pub radiance_samples: u64,
     /// Total weight of all samples.
     pub total_weight: f64,
-    /// K: number of clusters.
-    pub clusters: usize,
-    /// Number of corners of the clusters' convex hull, before it was simplified.
-    pub hull_vertices: usize,
+    /// How far the fine histogram's colors are from their labels, with the settings' `blend_steps`.
+    pub errors: ColorErrors,
+    /// K: number of clusters. `None` unless the method is [`PaletteMethod::Hull`].
+    pub clusters: Option<usize>,
+    /// Number of corners of the clusters' convex hull, before it was simplified. `None` unless the method is
+    /// [`PaletteMethod::Hull`].
+    pub hull_vertices: Option<usize>,
     /// Time spent on each part of the extraction.
     pub seconds: ExtractionTimes,
 }
@@ -41,6 +47,8 @@ pub struct ExtractionTimes {
     pub filtering: f64,
     /// The convex hull, its simplification and the order of the colors: steps 8 and 9.
     pub hull: f64,
+    /// The fit to the labels: step 10.
+    pub fitting: f64,
 }
 
 /// An error that occurs when extracting a palette.
@@ -87,7 +95,7 @@ pub fn extract(
     Ok(extraction)
 }
 
-/// Extracts the palette from histograms, which may have any number of bins: steps 6 to 9.
+/// Extracts the palette from histograms, which may have any number of bins: steps 6 to 10.
 ///
 /// # Errors
 ///
@@ -98,27 +106,67 @@ pub fn extract_from_histograms(
     progress: &Progress,
 ) -> Result<Extraction, ExtractionError> {
     settings.validate()?;
+    let mut seconds = ExtractionTimes::default();
+    let (mut clusters, mut hull_vertices) = (None, None);
     let start = Instant::now();
-    let total_weight = histograms.total_weight();
-    let clusters = filter(histograms, settings, progress)?.ok_or(ExtractionError::NothingVisible)?;
-    let filtering = start.elapsed().as_secs_f64();
-
-    let start = Instant::now();
-    let centers: Vec<DVec3> = clusters.centers.iter().map(|&center| center.into()).collect();
-    let simplified = simplify(&centers, settings.colors, progress);
-    progress.check()?;
-    let corners: Vec<[f64; 3]> =
-        simplified.corners.iter().map(|corner| corner.clamp(DVec3::ZERO, DVec3::ONE).into()).collect();
-    let palette = order(corners, &clusters);
-    let hull = start.elapsed().as_secs_f64();
+    let palette = match settings.method {
+        PaletteMethod::Hull => {
+            let filtered = filter(histograms, settings, progress)?.ok_or(ExtractionError::NothingVisible)?;
+            seconds.filtering = start.elapsed().as_secs_f64();
+            let start = Instant::now();
+            let centers: Vec<DVec3> = filtered.centers.iter().map(|&center| center.into()).collect();
+            let palette = choose(histograms, settings, progress, |colors| {
+                let simplified = simplify(&centers, colors, progress);
+                hull_vertices = Some(simplified.before);
+                let corners = simplified.corners.iter();
+                order(corners.map(|corner| corner.clamp(DVec3::ZERO, DVec3::ONE).into()).collect(), &filtered)
+            })?;
+            seconds.hull = start.elapsed().as_secs_f64();
+            clusters = Some(filtered.centers.len());
+            palette
+        }
+        PaletteMethod::Fitted => {
+            let cloud = Cloud::new(histograms.fine_bins()).ok_or(ExtractionError::NothingVisible)?;
+            let fit = |colors| cloud.fit(colors, settings.blend_steps, progress);
+            let palette = choose(histograms, settings, progress, fit)?;
+            seconds.fitting = start.elapsed().as_secs_f64();
+            palette
+        }
+    };
+    let palette = Palette { method: Some(settings.method), ..palette };
     Ok(Extraction {
+        errors: ColorErrors::of_labels(histograms, &palette, settings.blend_steps),
         palette,
         radiance_samples: histograms.samples(),
-        total_weight,
-        clusters: clusters.centers.len(),
-        hull_vertices: simplified.before,
-        seconds: ExtractionTimes { sampling: 0.0, filtering, hull },
+        total_weight: histograms.total_weight(),
+        clusters,
+        hull_vertices,
+        seconds,
     })
+}
+
+/// Returns the palette with the number of colors that the settings ask for. `find` finds a palette of at most a number
+/// of colors, or any if it is canceled.
+fn choose(
+    histograms: &Histograms,
+    settings: &ExtractionSettings,
+    progress: &Progress,
+    mut find: impl FnMut(usize) -> Palette,
+) -> Result<Palette, Canceled> {
+    let (least, most, tolerance) = match settings.colors {
+        Colors::Fixed(colors) => (colors, colors, 0.0),
+        Colors::Auto { tolerance } => (1, Colors::MOST, tolerance),
+    };
+    for colors in least..most {
+        let palette = find(colors);
+        progress.check()?;
+        if ColorErrors::of_labels(histograms, &palette, settings.blend_steps).rmse <= tolerance {
+            return Ok(palette);
+        }
+    }
+    let palette = find(most);
+    progress.check()?;
+    Ok(palette)
 }
 
 /// Clusters the histograms into representative colors: steps 6 and 7. Returns `None` if there is no weight.
@@ -147,7 +195,7 @@ fn filter(
 ///
 /// If there are none, returns the centers of the `1 / threshold` heaviest bins: the largest number of bins that could
 /// be above the threshold. In any case, returns at most [`ExtractionSettings::MAX_CLUSTERS`], the heaviest.
-fn initial_centers(bins: &Bins, threshold: f64) -> Vec<[f64; 3]> {
+pub(super) fn initial_centers(bins: &Bins, threshold: f64) -> Vec<[f64; 3]> {
     let total: f64 = bins.weights.iter().sum();
     let mut chosen: Vec<usize> = (0..bins.weights.len()).filter(|&i| bins.weights[i] / total > threshold).collect();
     let mut most = ExtractionSettings::MAX_CLUSTERS;
@@ -176,7 +224,8 @@ pub(super) fn order(mut colors: Vec<[f64; 3]>, clusters: &Clusters) -> Palette {
     }
     let mut order: Vec<usize> = (0..colors.len()).collect();
     order.sort_by(|&a, &b| f64::total_cmp(&weights[b], &weights[a]));
-    Palette { colors: order.iter().map(|&i| colors[i]).collect(), weights: order.iter().map(|&i| weights[i]).collect() }
+    let (colors, weights) = order.iter().map(|&i| (colors[i], weights[i])).unzip();
+    Palette { colors, weights, method: None }
 }
 
 #[cfg(test)]
@@ -211,6 +260,10 @@ mod tests {
         Histograms::new(24, bins(24), 8, bins(8), 0).unwrap()
     }
 
+    fn hull() -> ExtractionSettings {
+        ExtractionSettings { method: PaletteMethod::Hull, ..Default::default() }
+    }
+
     const RED: [f64; 3] = [15.0 / 16.0, 1.0 / 16.0, 1.0 / 16.0];
     const GREEN: [f64; 3] = [1.0 / 16.0, 15.0 / 16.0, 1.0 / 16.0];
     const BLUE: [f64; 3] = [1.0 / 16.0, 1.0 / 16.0, 15.0 / 16.0];
@@ -222,21 +275,45 @@ mod tests {
     #[test]
     fn corners_come_heaviest_first() {
         let weights = [(RED, 1.0), (GREEN, 3.0), (BLUE, 1.0), (BLACK, 1.0), (GRAY, 1.5)];
-        let extraction = extract_from_histograms(&histograms(&weights), &ExtractionSettings::default()).unwrap();
+        let extraction = extract_from_histograms(&histograms(&weights), &hull()).unwrap();
         let expected = [GREEN, BLACK, BLUE, RED];
         for (found, expected) in extraction.palette.colors.iter().zip(expected) {
             assert!(found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-12), "{found:?} {expected:?}");
         }
         let shares: Vec<f64> = extraction.palette.weights.iter().map(|weight| weight * 7.5).collect();
         assert!(shares.iter().zip([3.0, 2.5, 1.0, 1.0]).all(|(a, b)| (a - b).abs() < 1e-12), "{shares:?}");
-        assert_eq!((extraction.clusters, extraction.hull_vertices, extraction.total_weight), (5, 4, 7.5));
+        assert_eq!((extraction.clusters, extraction.hull_vertices, extraction.total_weight), (Some(5), Some(4), 7.5));
     }
 
     #[test]
     fn one_color_is_a_palette() {
-        let extraction = extract_from_histograms(&histograms(&[(RED, 2.0)]), &ExtractionSettings::default()).unwrap();
-        assert_eq!(extraction.palette.weights, [1.0]);
-        assert_eq!(extraction.palette.colors.len(), 1);
+        for method in PaletteMethod::ALL {
+            let settings = ExtractionSettings { method, ..Default::default() };
+            let extraction = extract_from_histograms(&histograms(&[(RED, 2.0)]), &settings).unwrap();
+            assert_eq!(extraction.palette.weights, [1.0]);
+            assert_eq!(extraction.palette.colors.len(), 1);
+            assert_eq!(extraction.palette.method, Some(method));
+        }
+    }
+
+    /// The number of colors is the smallest that keeps the error within the tolerance.
+    #[test]
+    fn as_many_colors_as_the_tolerance_needs() {
+        let corners = [RED, GREEN, BLUE, BLACK, [15.0 / 16.0; 3]];
+        let histograms = histograms(&corners.map(|color| (color, 1.0)));
+        let mut before = usize::MAX;
+        for tolerance in [0.001, 0.1, 0.2, 1.0] {
+            let settings = |colors| ExtractionSettings { colors, ..Default::default() };
+            let auto = extract_from_histograms(&histograms, &settings(Colors::Auto { tolerance })).unwrap();
+            let count = auto.palette.colors.len();
+            assert!(auto.errors.rmse <= tolerance && count <= before, "{tolerance}: {auto:?}");
+            if count > 1 {
+                let fewer = extract_from_histograms(&histograms, &settings(Colors::Fixed(count - 1))).unwrap();
+                assert!(fewer.errors.rmse > tolerance, "{tolerance}: {count} colors");
+            }
+            before = count;
+        }
+        assert_eq!(before, 1);
     }
 
     /// If weight is spread so evenly that no bin is above the threshold, the heaviest bins make the palette.
@@ -244,17 +321,20 @@ mod tests {
     fn evenly_spread_weight_has_a_palette() {
         let even: Vec<([f64; 3], f64)> =
             (0..512).map(|i| ([i / 64, i / 8 % 8, i % 8].map(|x| (f64::from(x) + 0.5) / 8.0), 1.0)).collect();
-        let extraction = extract_from_histograms(&histograms(&even), &ExtractionSettings::default()).unwrap();
-        assert_eq!(extraction.clusters, 125);
-        let all = ExtractionSettings { coarse_threshold: 0.0, ..Default::default() };
+        let extraction = extract_from_histograms(&histograms(&even), &hull()).unwrap();
+        assert_eq!(extraction.clusters, Some(125));
+        let all = ExtractionSettings { coarse_threshold: 0.0, ..hull() };
         let extraction = extract_from_histograms(&histograms(&even), &all).unwrap();
-        assert_eq!(extraction.clusters, ExtractionSettings::MAX_CLUSTERS);
+        assert_eq!(extraction.clusters, Some(ExtractionSettings::MAX_CLUSTERS));
     }
 
     #[test]
     fn nothing_visible_is_an_error() {
-        let result = extract_from_histograms(&histograms(&[]), &ExtractionSettings::default());
-        assert_eq!(result, Err(ExtractionError::NothingVisible));
+        for method in PaletteMethod::ALL {
+            let settings = ExtractionSettings { method, ..Default::default() };
+            let result = extract_from_histograms(&histograms(&[]), &settings);
+            assert_eq!(result, Err(ExtractionError::NothingVisible));
+        }
     }
 
     /// Histograms with as many bins as settings allow, all of them filled, and the weight on a shell: k-means has the
@@ -292,10 +372,14 @@ mod tests {
     #[test]
     fn every_stage_stops_within_50_milliseconds() {
         let histograms = largest_histograms();
-        let k_means =
-            ExtractionSettings { coarse_threshold: 0.0, max_iterations: 1000, tolerance: 0.0, ..Default::default() };
-        let hull = ExtractionSettings { max_iterations: 1, ..k_means.clone() };
-        for (stage, settings) in [("k-means", k_means), ("hull", hull)] {
+        let k_means = ExtractionSettings { coarse_threshold: 0.0, max_iterations: 1000, tolerance: 0.0, ..hull() };
+        let corners = ExtractionSettings { max_iterations: 1, ..k_means.clone() };
+        let fit = ExtractionSettings {
+            colors: Colors::Auto { tolerance: 0.0 },
+            blend_steps: 8,
+            ..ExtractionSettings::default()
+        };
+        for (stage, settings) in [("k-means", k_means), ("hull", corners), ("fit", fit)] {
             for after in [0, 100, 500] {
                 let time = || time_to_cancel(&histograms, &settings, Duration::from_millis(after));
                 // Other processes may need the cores at any one time, but not always.
@@ -311,16 +395,21 @@ mod tests {
         let density = |at: DVec3| 20.0 * (0.9 - at.length()).max(0.0);
         let radiance = |at: DVec3| move |direction: DVec3| 0.5 + 0.35 * (5.0 * at).map(f64::sin) + 0.1 * direction;
         let field = bake(&settings, density, radiance).unwrap();
-        let on = |threads: usize| {
+        let on = |method, threads: usize| {
+            let settings = ExtractionSettings { method, ..Default::default() };
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            let settings = ExtractionSettings::default();
             let extraction = pool.install(|| extract(&field, &settings, &Progress::default())).unwrap();
             Extraction { seconds: ExtractionTimes::default(), ..extraction }
         };
-        let alone = on(1);
-        assert!(alone.clusters > 20 && alone.palette.colors.len() == 6, "{alone:?}");
-        for threads in [2, 3, 8] {
-            assert_eq!(alone, on(threads));
+        for method in PaletteMethod::ALL {
+            let alone = on(method, 1);
+            assert!(
+                alone.clusters.is_none_or(|clusters| clusters > 20) && alone.palette.colors.len() == 6,
+                "{alone:?}"
+            );
+            for threads in [2, 3, 8] {
+                assert_eq!(alone, on(method, threads));
+            }
         }
     }
 
@@ -331,8 +420,9 @@ mod tests {
         fn any_weight_has_a_palette(
             colors in prop::collection::vec((prop::array::uniform3(0.0..1.0f64), 1e-6..10.0f64), 1..100),
             wanted in 1usize..=12,
+            method in prop::sample::select(&PaletteMethod::ALL[..]),
         ) {
-            let settings = ExtractionSettings { colors: wanted, ..Default::default() };
+            let settings = ExtractionSettings { method, colors: Colors::Fixed(wanted), ..Default::default() };
             let palette = extract_from_histograms(&histograms(&colors), &settings).unwrap().palette;
             prop_assert_eq!(palette.validate(), Ok(()));
             prop_assert!(palette.colors.iter().flatten().all(|channel| (0.0..=1.0).contains(channel)));

@@ -74,7 +74,8 @@ impl PaletteLabel {
         if self.share < 0.5 { self.second } else { self.first }
     }
 
-    fn mix(&self, colors: &[[f64; 3]]) -> DVec3 {
+    /// Returns the label's color, blended from the palette's `colors`.
+    pub(super) fn mix(&self, colors: &[[f64; 3]]) -> DVec3 {
         let [first, second] = [self.first, self.second].map(|color| DVec3::from(colors[color]));
         self.share * first + (1.0 - self.share) * second
     }

@@ -6,17 +6,23 @@
 //! and cancel it.
 
 mod colors;
+mod errors;
 mod extract;
+mod fit;
 mod hull;
 mod kmeans;
 mod label;
-mod of_colors;
+mod method;
+mod oklab;
 mod polygon;
 mod settings;
 mod simplify;
+mod steps;
 
 pub use colors::{InvalidPalette, Palette, PaletteFileError};
+pub use errors::ColorErrors;
 pub use extract::{Extraction, ExtractionError, ExtractionTimes, extract, extract_from_histograms};
 pub use label::PaletteLabel;
-pub use of_colors::simplify_hull;
+pub use method::{Colors, PaletteMethod};
 pub use settings::ExtractionSettings;
+pub use steps::{initial_centers, k_means, simplify_hull};

@@ -4,10 +4,13 @@
 use bevy_reflect::std_traits::ReflectDefault;
 use serde::{Deserialize, Serialize};
 
-use super::colors::Palette;
+use super::{
+    colors::Palette,
+    method::{Colors, PaletteMethod},
+};
 use crate::sampling::{InvalidSetting, SamplingSettings};
 
-/// Settings of palette extraction. The defaults are the paper's (section 3 of the method).
+/// Settings of palette extraction. The defaults are the paper's (section 3 of the method), except for the method.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 #[cfg_attr(
@@ -27,9 +30,13 @@ pub struct ExtractionSettings {
     /// k-means stops when the summed squared shift of the centers is at most this factor times the variance of the
     /// bins. Finite and not negative, 1e-4 by default.
     pub tolerance: f64,
-    /// Maximum number of colors. 1 to 64, 6 by default. A palette can have more if the convex hull cannot be simplified
-    /// further: a cloud of colors that has a volume always keeps at least four.
-    pub colors: usize,
+    /// How the palette is found. [`PaletteMethod::Fitted`] by default.
+    pub method: PaletteMethod,
+    /// The number of colors. At most 6 by default.
+    pub colors: Colors,
+    /// d: number of steps from one palette color to another whose labels [`PaletteMethod::Fitted`] fits and
+    /// [`Colors::Auto`] measures. 1 to 8, 3 by default.
+    pub blend_steps: u32,
 }
 
 impl Default for ExtractionSettings {
@@ -39,7 +46,9 @@ impl Default for ExtractionSettings {
             coarse_threshold: 8e-3,
             max_iterations: 300,
             tolerance: 1e-4,
-            colors: 6,
+            method: PaletteMethod::default(),
+            colors: Colors::default(),
+            blend_steps: 3,
         }
     }
 }
@@ -61,8 +70,18 @@ impl ExtractionSettings {
         InvalidSetting::check((1..=1000).contains(&iterations), "max_iterations", iterations as f64, "1 to 1000")?;
         let holds = tolerance.is_finite() && tolerance >= 0.0;
         InvalidSetting::check(holds, "tolerance", tolerance, "a finite, non-negative number")?;
-        let colors = self.colors;
-        InvalidSetting::check((1..=Palette::MAX_COLORS).contains(&colors), "colors", colors as f64, "1 to 64")
+        let steps = self.blend_steps;
+        InvalidSetting::check((1..=8).contains(&steps), "blend_steps", f64::from(steps), "1 to 8")?;
+        match self.colors {
+            Colors::Fixed(colors) => {
+                let holds = (1..=Palette::MAX_COLORS).contains(&colors);
+                InvalidSetting::check(holds, "colors", colors as f64, "1 to 64")
+            }
+            Colors::Auto { tolerance } => {
+                let holds = tolerance > 0.0 && tolerance <= 1.0;
+                InvalidSetting::check(holds, "colors.tolerance", tolerance, "more than 0 and at most 1")
+            }
+        }
     }
 }
 
@@ -87,7 +106,9 @@ mod tests {
             (ExtractionSettings { max_iterations: 0, ..default() }, "max_iterations"),
             (ExtractionSettings { max_iterations: 1001, ..default() }, "max_iterations"),
             (ExtractionSettings { tolerance: -1.0, ..default() }, "tolerance"),
-            (ExtractionSettings { colors: 65, ..default() }, "colors"),
+            (ExtractionSettings { colors: Colors::Fixed(65), ..default() }, "colors"),
+            (ExtractionSettings { colors: Colors::Auto { tolerance: 0.0 }, ..default() }, "colors.tolerance"),
+            (ExtractionSettings { blend_steps: 0, ..default() }, "blend_steps"),
         ] {
             let error = settings.validate().unwrap_err();
             assert_eq!(error.setting, setting);

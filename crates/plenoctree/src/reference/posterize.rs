@@ -1,6 +1,7 @@
 //! Posterization: section 4 of the method.
 
 use glam::{DMat3, DVec3};
+use rayon::prelude::*;
 
 use super::render::Rendering;
 
@@ -66,15 +67,25 @@ pub fn posterize(
     shown: &[DVec3],
     settings: &Posterization,
 ) -> Vec<DVec3> {
-    let thin: Vec<bool> = rendering.opacity.iter().map(|&a| a < settings.min_opacity).collect();
-    let filtered = bilateral(&rendering.over(background), &thin, rendering.width.max(1), settings);
+    let filtered = filter(rendering, background, settings);
     let source = labels(source, settings.blend_steps);
     let shown = labels(shown, settings.blend_steps);
     filtered
         .iter()
-        .zip(&thin)
-        .map(|(&color, &thin)| if thin { color } else { assign(color, &source, &shown, settings.softness) })
+        .zip(&rendering.opacity)
+        .map(
+            |(&color, &opacity)| {
+                if opacity < settings.min_opacity { color } else { assign(color, &source, &shown, settings.softness) }
+            },
+        )
         .collect()
+}
+
+/// Flattens the colors of a rendering over `background` with the bilateral filter: step 2. Thin pixels are left as
+/// rendered.
+pub fn filter(rendering: &Rendering, background: DVec3, settings: &Posterization) -> Vec<DVec3> {
+    let thin: Vec<bool> = rendering.opacity.iter().map(|&a| a < settings.min_opacity).collect();
+    bilateral(&rendering.over(background), &thin, rendering.width.max(1), settings)
 }
 
 /// Blends the two nearest labels: steps 3 and 4.
@@ -109,11 +120,12 @@ fn bilateral(image: &[DVec3], thin: &[bool], width: usize, settings: &Posterizat
 }
 
 fn pass(image: &[DVec3], thin: &[bool], width: usize, along_rows: bool, settings: &Posterization) -> Vec<DVec3> {
-    let lab: Vec<DVec3> = image.iter().map(|&color| cielab(color)).collect();
+    let lab: Vec<DVec3> = image.par_iter().map(|&color| cielab(color)).collect();
     let height = image.len() / width;
     let radius = settings.radius as isize;
     let gauss = |squared: f64, sigma: f64| (-squared / (2.0 * sigma * sigma)).exp();
     (0..image.len())
+        .into_par_iter()
         .map(|pixel| {
             if thin[pixel] {
                 return image[pixel];
@@ -137,7 +149,7 @@ fn pass(image: &[DVec3], thin: &[bool], width: usize, along_rows: bool, settings
 }
 
 /// Converts encoded sRGB to CIELAB under D65.
-fn cielab(encoded: DVec3) -> DVec3 {
+pub fn cielab(encoded: DVec3) -> DVec3 {
     let linear = DVec3::from_array(
         encoded.to_array().map(|c| if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }),
     );

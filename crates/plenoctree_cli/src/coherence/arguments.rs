@@ -4,14 +4,14 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use crate::size::parse_size;
+use crate::{renderer::Renderer, size::parse_size};
 
 /// Measures how much neighboring frames differ with one palette for the field, and with one for each frame.
 #[derive(Args)]
 pub struct Arguments {
     /// The field, an .npz file; by default the included toadstool.
     pub field: Option<PathBuf>,
-    /// The folder for coherence.png and coherence.csv.
+    /// The folder for coherence.svg and coherence.csv.
     #[arg(long, default_value = "out")]
     pub out: PathBuf,
     /// The number of frames in a turn of 90 degrees.
@@ -20,6 +20,9 @@ pub struct Arguments {
     /// Size of the frames in pixels.
     #[arg(long, value_name = "WxH", default_value = "400x400", value_parser = parse_size)]
     pub size: (u32, u32),
+    /// The renderer.
+    #[arg(long, value_enum, default_value_t)]
+    pub renderer: Renderer,
     /// Prints nothing but errors.
     #[arg(long)]
     pub quiet: bool,

@@ -4,7 +4,7 @@
 //! The camera turns by 90 degrees around the field. Every frame is drawn as trained, posterized with the field's
 //! palette, and posterized with a palette of its own, the simplified convex hull of its pixels (Tan et al. 2016). The
 //! posterized frames are also recolored: every palette color gets the opposite hue. `coherence.csv` lists how much
-//! neighboring frames differ, and `coherence.png` plots it:
+//! neighboring frames differ, and `coherence.svg` plots it:
 //!
 //! | column | |
 //! |---|---|
@@ -14,45 +14,56 @@
 //! | `field_recolored`, `per_frame_recolored` | the same for frames that are also recolored |
 
 mod arguments;
-mod plot;
+mod compare;
 mod series;
-mod stage;
 mod turn;
 
 pub use arguments::Arguments;
+pub use compare::{FieldPalette, compare, object_pixels, palette_of_frame};
+pub use series::{Series, mean_difference};
+pub use turn::quarter;
 
 use plenoctree::palette::ExtractionSettings;
 
-use crate::{Result, extraction, field, files, progress};
-use series::Series;
-use stage::Stage;
+use crate::{Result, extraction, field, files, preset::Preset, progress, renderer::Scene};
 
 /// Renders the frames, compares them, and writes the table and the plot.
 pub fn run(arguments: &Arguments) -> Result {
     let path = &field::or_default(arguments.field.as_deref());
     let named = |error: Box<dyn std::error::Error>| format!("{}: {error}", path.display());
     let field = field::load(path, arguments.quiet)?;
-    let extracted = extraction::cpu::extract(&field, &ExtractionSettings::default(), arguments.quiet).map_err(named)?;
-    let cameras = turn::quarter(&field, arguments.size, arguments.frames as usize)
+    let settings = ExtractionSettings::default();
+    let extracted = extraction::cpu::extract(&field, &settings, arguments.quiet).map_err(named)?;
+    let cameras = quarter(&field, arguments.size, arguments.frames as usize)
         .ok_or_else(|| format!("{}: the field is empty", path.display()))?;
     let out = &arguments.out;
     files::create_folder(out)?;
 
-    let mut stage = Stage::new(field, extracted.extraction.palette, arguments.size).map_err(named)?;
-    let mut series = Series::default();
+    let scene = Scene { field, quality: Preset::Exact, background: [255; 3] };
+    let mut renderer = arguments.renderer.start(scene, &cameras).map_err(named)?;
+    let palette = &extracted.extraction.palette;
+    let palettes = [FieldPalette { name: "field", label: "field's palette", palette }];
     let bar = progress::bar("rendering", cameras.len() as u64, arguments.quiet);
-    for (frame, camera) in cameras.iter().enumerate() {
-        series.push(stage.capture(camera).map_err(|error| format!("frame {frame}: {error}"))?);
-        bar.inc(1);
-    }
+    let series = compare(&mut *renderer, &cameras, &palettes, palette.colors.len(), &bar).map_err(named)?;
     bar.finish_and_clear();
 
-    series.write(&out.join("coherence.csv"))?;
     let name = path.file_name().unwrap_or_default().to_string_lossy();
-    files::write_image(&out.join("coherence.png"), &plot::draw(&series, &name))?;
+    files::write_text(&out.join("coherence.csv"), &series.csv())?;
+    files::write_text(&out.join("coherence.svg"), &series.svg(&name))?;
     if !arguments.quiet {
-        print!("{}", series.summary());
+        print!("{}", summary(&series));
         println!("{} frames of {} compared, results saved to {}", cameras.len(), path.display(), out.display());
     }
     Ok(())
+}
+
+/// Returns a table of means, worst differences and spikes.
+fn summary(series: &Series) -> String {
+    let mut text = format!("{:20} {:>8} {:>8} {:>8}\n", "", "mean", "worst", "spikes");
+    for column in &series.columns {
+        let (frame, worst) = column.worst();
+        let (name, mean, spikes) = (&column.name, column.mean(), series.spikes(column));
+        text += &format!("{name:20} {mean:8.5} {worst:8.5} {spikes:8} (worst at frame {frame})\n");
+    }
+    text
 }

@@ -4,7 +4,7 @@ mod arguments;
 pub mod cpu;
 #[cfg(feature = "bevy")]
 mod gpu;
-mod histograms;
+pub mod histograms;
 
 pub use arguments::{ExtractionArguments, Sampling};
 

@@ -1,6 +1,6 @@
 //! The arguments of `palette`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 
@@ -10,14 +10,15 @@ use crate::extraction::{ExtractionArguments, Sampling};
 #[derive(Args)]
 pub struct Arguments {
     /// The field, an .npz file.
-    pub field: PathBuf,
+    #[command(flatten)]
+    source: Source,
     /// The arguments for extraction.
     #[command(flatten)]
     pub extraction: ExtractionArguments,
     /// The sampler of the field's radiance.
     #[arg(long, value_enum, default_value_t = Sampling::Cpu)]
     pub sampling: Sampling,
-    /// The file to save the palette to; by default next to the field, as x.palette.json for x.npz.
+    /// The file to save the palette to; by default next to the input, as x.palette.json for x.npz.
     #[arg(long, value_name = "FILE.json")]
     out: Option<PathBuf>,
     /// The file to save an image of the palette to.
@@ -25,9 +26,36 @@ pub struct Arguments {
     pub image: Option<PathBuf>,
 }
 
+/// What a palette is extracted from.
+#[derive(Args)]
+#[group(required = true, multiple = false)]
+struct Source {
+    /// The field, an .npz file.
+    field: Option<PathBuf>,
+    /// Histograms to use instead of sampling a field, as --histograms saves them.
+    #[arg(long, value_name = "FILE.npz", conflicts_with_all = ["sampling", "sample_fraction", "histograms"])]
+    from_histograms: Option<PathBuf>,
+}
+
+/// What a palette is extracted from.
+pub enum Input<'a> {
+    /// A field.
+    Field(&'a Path),
+    /// Sampled histograms.
+    Histograms(&'a Path),
+}
+
 impl Arguments {
-    /// Returns the file to save the palette to.
-    pub fn out(&self) -> PathBuf {
-        self.out.clone().unwrap_or_else(|| self.field.with_extension("palette.json"))
+    /// Returns what the palette is extracted from.
+    pub fn input(&self) -> Input<'_> {
+        match (&self.source.field, &self.source.from_histograms) {
+            (_, Some(histograms)) => Input::Histograms(histograms),
+            (field, None) => Input::Field(field.as_deref().unwrap_or(Path::new(""))),
+        }
+    }
+
+    /// Returns the file to save the palette to. `input` is the file that the palette is extracted from.
+    pub fn out(&self, input: &Path) -> PathBuf {
+        self.out.clone().unwrap_or_else(|| input.with_extension("palette.json"))
     }
 }

@@ -2,14 +2,14 @@
 
 use std::path::PathBuf;
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 use plenoctree::palette::Palette;
 
-use super::renderer::PosterizeSettings;
 use crate::{
     extraction::{ExtractionArguments, Sampling},
     hex,
     preset::Preset,
+    renderer::{PosterizeSettings, Renderer},
     size::parse_size,
 };
 
@@ -31,7 +31,7 @@ pub struct Arguments {
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     pub size: Option<(u32, u32)>,
     /// A palette.json file to use instead of extracting a palette.
-    #[arg(long, conflicts_with_all = ["colors", "sampling", "sample_fraction", "histograms"])]
+    #[arg(long, conflicts_with_all = ["method", "colors", "tolerance", "sampling", "sample_fraction", "histograms"])]
     pub palette: Option<PathBuf>,
     /// The arguments for extraction.
     #[command(flatten)]
@@ -63,18 +63,6 @@ pub struct Arguments {
     /// Prints nothing but errors.
     #[arg(long)]
     pub quiet: bool,
-}
-
-/// A renderer of the images.
-#[derive(Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
-pub enum Renderer {
-    /// The plugin, on the adapter that wgpu finds.
-    #[cfg(feature = "bevy")]
-    #[default]
-    Gpu,
-    /// The float64 reference, on the CPU.
-    #[cfg_attr(not(feature = "bevy"), default)]
-    Reference,
 }
 
 impl Arguments {

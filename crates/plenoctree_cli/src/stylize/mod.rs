@@ -1,24 +1,24 @@
 //! `stylize`: renders views of a field as trained, posterized and recolored, and saves them with the palette.
 
 mod arguments;
-#[cfg(feature = "bevy")]
-mod gpu;
 mod output;
-mod reference;
-mod renderer;
 mod report;
 
 pub use arguments::Arguments;
 
+use image::DynamicImage;
 use plenoctree::{
     PlenOctree,
     camera::{PinholeCamera, read_transforms},
     palette::{Palette, PaletteLabel},
 };
 
-use crate::{Result, extraction, field, files, progress, turntable};
-use arguments::Renderer;
-use renderer::{Job, Render};
+use crate::{
+    Result, extraction, field, files, progress,
+    renderer::{Look, Scene},
+    turntable,
+};
+use output::Views;
 
 /// Renders the views and writes them, the palette and the report.
 pub fn run(arguments: &Arguments) -> Result {
@@ -49,26 +49,21 @@ pub fn run(arguments: &Arguments) -> Result {
     files::create_folder(&arguments.out)?;
     output::write_palette(&palette, &arguments.out)?;
 
-    let job = Job {
-        field: field.clone(),
-        palette: palette.clone(),
-        recolored,
-        posterize: arguments.posterize(),
-        quality: arguments.quality,
-        background: arguments.background,
-    };
-    let mut renderer: Box<dyn Render> = match arguments.renderer {
-        #[cfg(feature = "bevy")]
-        Renderer::Gpu => {
-            Box::new(gpu::GpuRenderer::new(job, &cameras).map_err(|error| format!("{}: {error}", path.display()))?)
-        }
-        Renderer::Reference => Box::new(reference::ReferenceRenderer::new(job)),
-    };
+    let scene = Scene { field: field.clone(), quality: arguments.quality, background: arguments.background };
+    let mut renderer =
+        arguments.renderer.start(scene, &cameras).map_err(|error| format!("{}: {error}", path.display()))?;
+    let look = |shown| Look { source: &palette.colors, shown, settings: arguments.posterize() };
 
     let bar = progress::bar("rendering", cameras.len() as u64, arguments.quiet);
     let mut times = Vec::new();
     for (index, camera) in cameras.iter().enumerate() {
-        let (views, milliseconds) = renderer.render(camera)?;
+        let original = DynamicImage::from(renderer.original(camera)?).into_rgb8();
+        let (posterized, milliseconds) = renderer.posterized(camera, &look(&palette.colors))?;
+        let recolored = match &recolored {
+            Some(colors) => Some(renderer.posterized(camera, &look(colors))?.0),
+            None => None,
+        };
+        let views = Views { original, posterized, recolored };
         let files = output::write_frame(&views, index, &arguments.out)?;
         times.push((files, milliseconds));
         bar.inc(1);

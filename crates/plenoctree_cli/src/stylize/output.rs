@@ -2,10 +2,20 @@
 
 use std::path::Path;
 
+use image::RgbImage;
 use plenoctree::palette::Palette;
 
-use super::renderer::Views;
 use crate::{Result, files, swatches};
+
+/// The images of one view.
+pub struct Views {
+    /// As trained.
+    pub original: RgbImage,
+    /// Posterized with the field's palette.
+    pub posterized: RgbImage,
+    /// Posterized and recolored.
+    pub recolored: Option<RgbImage>,
+}
 
 /// Writes the images of a view and returns the names of their files, the original first.
 pub fn write_frame(views: &Views, index: usize, folder: &Path) -> Result<Vec<String>> {

@@ -2,11 +2,18 @@
 
 use std::path::Path;
 
-use plenoctree::{PlenOctree, palette::Palette};
+use plenoctree::{
+    PlenOctree,
+    palette::{Palette, PaletteMethod},
+};
 use serde_json::{Value, json};
 
-use super::renderer::{Adapter, FrameTimes};
-use crate::{Result, extraction::Extracted, files, gpu_memory};
+use crate::{
+    Result,
+    extraction::Extracted,
+    files, gpu_memory,
+    renderer::{Adapter, FrameTimes},
+};
 
 /// Writes the report. `frames` holds the names of every view's files and its times.
 pub fn write(
@@ -48,15 +55,17 @@ fn palette_report(extracted: Option<&Extracted>, palette: &Palette) -> Value {
     let extraction = extracted.map(|extracted| &extracted.extraction);
     json!({
         "colors": palette.colors.len(),
+        "method": palette.method.map(PaletteMethod::name),
         "sampling_on": extracted.map(|extracted| extracted.sampling_on),
         "radiance_samples": extraction.map(|e| e.radiance_samples),
         "total_weight": extraction.map(|e| e.total_weight),
-        "clusters": extraction.map(|e| e.clusters),
-        "hull_vertices": extraction.map(|e| e.hull_vertices),
+        "clusters": extraction.and_then(|e| e.clusters),
+        "hull_vertices": extraction.and_then(|e| e.hull_vertices),
         "seconds": extraction.map(|e| json!({
             "sampling": e.seconds.sampling,
             "filtering": e.seconds.filtering,
             "hull": e.seconds.hull,
+            "fitting": e.seconds.fitting,
         })),
     })
 }

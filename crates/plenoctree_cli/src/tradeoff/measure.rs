@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use bevy_plenoctree::Posterize;
-use glam::{DMat3, DVec3};
+use glam::DVec3;
 use image::RgbaImage;
 use plenoctree::{
     PlenOctree,
@@ -16,7 +16,7 @@ use super::{
     stage::Stage,
     variants::{self, Variant},
 };
-use crate::{Result, progress};
+use crate::{Result, progress, turntable::turned};
 
 /// The cost and the savings of one value of a setting. Measurements that do not apply are `None`.
 pub struct Row {
@@ -74,7 +74,7 @@ pub fn rendering(
             stage.set(variant, Some(hard));
             let here: Vec<_> = pixels(&stage.capture(camera)?).map(|color| nearest(color, &labels)).collect();
             stage.set(variant, Some(Posterize::default()));
-            let (before, after) = (stage.capture(camera)?, stage.capture(&turned(field, camera))?);
+            let (before, after) = (stage.capture(camera)?, stage.capture(&turned(field, camera, TURN))?);
             if variant.setting == "exact" {
                 exact.push(here.clone());
             }
@@ -194,13 +194,6 @@ fn squared_error(image: &RgbaImage, truth: &[DVec3]) -> f64 {
 fn nearest(color: DVec3, labels: &[DVec3]) -> usize {
     let distance = |label: &usize| color.distance_squared(labels[*label]);
     (0..labels.len()).min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or(0)
-}
-
-/// Returns the camera, rotated slightly around the field's up axis.
-fn turned(field: &PlenOctree, camera: &PinholeCamera) -> PinholeCamera {
-    let up = field.up().to_y_up().transpose() * DVec3::Y;
-    let turn = DMat3::from_axis_angle(up, TURN);
-    PinholeCamera { rotation: turn * camera.rotation, position: turn * camera.position, ..*camera }
 }
 
 /// Returns the largest difference of a channel between a palette's colors and the nearest exact ones.

@@ -16,10 +16,10 @@ use bevy_plenoctree::{
     VOLUME_SPANS,
     headless::{Headless, exact_camera, pinhole_view},
 };
-use image::{DynamicImage, RgbImage};
-use plenoctree::{PlenOctree, camera::PinholeCamera};
+use image::{DynamicImage, RgbImage, RgbaImage};
+use plenoctree::{PlenOctree, UpAxis, camera::PinholeCamera, palette::Palette};
 
-use super::renderer::{Adapter, FrameTimes, Job, PosterizeSettings, Render, Views};
+use super::{Adapter, FrameTimes, Look, PosterizeSettings, Render, Scene};
 use crate::{Result, preset::Preset};
 
 /// How long to wait until the field is on the GPU.
@@ -28,7 +28,7 @@ const UPLOAD_TIMEOUT: Duration = Duration::from_secs(120);
 /// Renders with a headless app.
 pub struct GpuRenderer {
     headless: Headless,
-    job: Job,
+    up: UpAxis,
     prop: Entity,
     camera: Entity,
     field: Handle<PlenOctree>,
@@ -36,38 +36,32 @@ pub struct GpuRenderer {
 
 impl GpuRenderer {
     /// Starts the app and uploads the field. `cameras` are those to render later.
-    pub fn new(job: Job, cameras: &[PinholeCamera]) -> Result<Self> {
+    pub fn new(scene: Scene, cameras: &[PinholeCamera]) -> Result<Self> {
         let largest = cameras.iter().fold(UVec2::ONE, |size, camera| size.max(UVec2::new(camera.width, camera.height)));
         let mut headless = Headless::new(largest, |app| {
             app.add_plugins((PlenOctreePlugin, RenderDiagnosticsPlugin));
         })?;
         let device = headless.app.sub_app(RenderApp).world().resource::<RenderDevice>();
-        GpuField::check(&job.field, &device.limits())?;
+        GpuField::check(&scene.field, &device.limits())?;
 
         let target = headless.target();
         let world = headless.app.world_mut();
-        let field = world.resource_mut::<Assets<PlenOctree>>().add(job.field.clone());
-        world.resource_mut::<Palettes>().insert(&field, FieldPalette::new(job.palette.clone()));
-        let [r, g, b] = job.background;
+        let up = scene.field.up();
+        let field = world.resource_mut::<Assets<PlenOctree>>().add(scene.field);
+        let [r, g, b] = scene.background;
         let prop = world.spawn(Prop(field.clone())).id();
-        let camera = world.spawn((exact_camera(Color::srgb_u8(r, g, b)), target, quality(job.quality))).id();
+        // The background is transparent, so that the alpha of a frame as trained is the field's opacity.
+        let background = Color::srgb_u8(r, g, b).with_alpha(0.0);
+        let camera = world.spawn((exact_camera(background), target, quality(scene.quality))).id();
         headless.wait_until_ready(UPLOAD_TIMEOUT)?;
-        Ok(Self { headless, job, prop, camera, field })
+        Ok(Self { headless, up, prop, camera, field })
     }
 
-    fn capture(&mut self) -> Result<RgbImage> {
-        Ok(DynamicImage::from(self.headless.capture()?).into_rgb8())
-    }
-
-    /// Shows these colors, or the source colors.
-    fn show(&mut self, colors: Option<&[[f64; 3]]>) {
-        let mut palettes = self.headless.app.world_mut().resource_mut::<Palettes>();
-        if let Some(palette) = palettes.get_mut(&self.field) {
-            palette.reset();
-            for (index, color) in colors.unwrap_or_default().iter().enumerate() {
-                palette.set(index, Color::srgb(color[0] as f32, color[1] as f32, color[2] as f32));
-            }
-        }
+    /// Aims the camera.
+    fn view(&mut self, camera: &PinholeCamera) {
+        self.headless.resize(UVec2::new(camera.width, camera.height));
+        let view = pinhole_view(camera, self.up);
+        self.headless.app.world_mut().entity_mut(self.camera).insert(view);
     }
 
     /// Returns the milliseconds that the volume and the posterize passes of the last frame since `start` took, or
@@ -90,34 +84,30 @@ impl GpuRenderer {
 }
 
 impl Render for GpuRenderer {
-    fn render(&mut self, camera: &PinholeCamera) -> Result<(Views, FrameTimes)> {
-        self.headless.resize(UVec2::new(camera.width, camera.height));
-        let view = pinhole_view(camera, self.job.field.up());
-        let posterize = posterize(self.job.posterize);
-        let world = self.headless.app.world_mut();
-        world.entity_mut(self.camera).insert(view);
-        world.entity_mut(self.prop).remove::<Posterize>();
-        self.show(None);
+    fn original(&mut self, camera: &PinholeCamera) -> Result<RgbaImage> {
+        self.view(camera);
+        self.headless.app.world_mut().entity_mut(self.prop).remove::<Posterize>();
         let start = Instant::now();
-        let original = self.capture()?;
+        let image = self.headless.capture()?;
         // Discard its times, so that they are not mistaken for those of the next frame.
         self.measure(start);
+        Ok(image)
+    }
 
-        self.headless.app.world_mut().entity_mut(self.prop).insert(posterize);
+    fn posterized(&mut self, camera: &PinholeCamera, look: &Look) -> Result<(RgbImage, FrameTimes)> {
+        self.view(camera);
+        let mut palette = FieldPalette::new(Palette::new(look.source.to_vec())?);
+        for (shown, color) in palette.shown_mut().iter_mut().zip(look.shown) {
+            *shown = Color::srgb(color[0] as f32, color[1] as f32, color[2] as f32);
+        }
+        let world = self.headless.app.world_mut();
+        world.resource_mut::<Palettes>().insert(&self.field, palette);
+        world.entity_mut(self.prop).insert(posterize(look.settings));
         let start = Instant::now();
-        let posterized = self.capture()?;
+        let image = DynamicImage::from(self.headless.capture()?).into_rgb8();
         let total = start.elapsed().as_secs_f64() * 1e3;
         let [volume, posterize] = self.measure(start);
-        let times = FrameTimes { volume, posterize, total: Some(total) };
-
-        let recolored = match self.job.recolored.clone() {
-            Some(colors) => {
-                self.show(Some(&colors));
-                Some(self.capture()?)
-            }
-            None => None,
-        };
-        Ok((Views { original, posterized, recolored }, times))
+        Ok((image, FrameTimes { volume, posterize, total: Some(total) }))
     }
 
     fn adapter(&self) -> Adapter {

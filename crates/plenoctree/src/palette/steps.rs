@@ -1,14 +1,15 @@
-//! The palette of given colors, such as the pixels of an image.
+//! Single steps of extraction, also for given colors, such as the pixels of an image.
 
 use glam::DVec3;
 
 use super::{
     colors::{InvalidPalette, Palette},
-    extract::order,
-    kmeans::Clusters,
+    extract::{self, order},
+    kmeans::{Clusters, cluster},
+    settings::ExtractionSettings,
     simplify::simplify,
 };
-use crate::sampling::Progress;
+use crate::sampling::{Histograms, Progress};
 
 /// Returns the palette of given colors (encoded sRGB): the corners of their convex hull, simplified to at most
 /// `max_colors`. This is section 3 of the method, steps 8 and 9, without the other steps.
@@ -40,6 +41,48 @@ pub fn simplify_hull(colors: &[[f64; 3]], max_colors: usize) -> Result<Palette, 
     Ok(palette)
 }
 
+/// Returns the initial centers of k-means for a field: section 3 of the method, step 6. Empty if there is no weight.
+pub fn initial_centers(histograms: &Histograms, settings: &ExtractionSettings) -> Vec<[f64; 3]> {
+    extract::initial_centers(histograms.coarse_bins(), settings.coarse_threshold)
+}
+
+/// Returns the centers of the clusters that weighted k-means finds from the given initial centers: section 3 of the
+/// method, step 7, without the other steps. All colors are encoded sRGB.
+///
+/// Colors without weight are left out. Uses the iterations and the tolerance of `settings`.
+///
+/// # Errors
+///
+/// Returns an error if there are no initial centers or no colors with weight, if there is not one weight per color, if a
+/// color is not finite, or if a weight is negative or not finite.
+pub fn k_means(
+    colors: &[[f64; 3]],
+    weights: &[f64],
+    centers: &[[f64; 3]],
+    settings: &ExtractionSettings,
+) -> Result<Vec<[f64; 3]>, InvalidPalette> {
+    let (found, expected) = (weights.len(), colors.len());
+    if found != expected {
+        return Err(InvalidPalette::Weights { found, expected });
+    }
+    for all in [colors, centers] {
+        if let Some(index) = all.iter().position(|color| !color.iter().all(|channel| channel.is_finite())) {
+            return Err(InvalidPalette::Color { index, found: all[index] });
+        }
+    }
+    if let Some(index) = weights.iter().position(|weight| !weight.is_finite() || *weight < 0.0) {
+        return Err(InvalidPalette::Weight { index, found: weights[index] });
+    }
+    let (points, weights): (Vec<_>, Vec<_>) = colors.iter().zip(weights).filter(|(_, weight)| **weight > 0.0).unzip();
+    if points.is_empty() || centers.is_empty() {
+        return Err(InvalidPalette::Colors { found: 0 });
+    }
+    let (centers, progress) = (centers.to_vec(), Progress::default());
+    let clusters = cluster(&points, &weights, centers, settings.max_iterations, settings.tolerance, &progress);
+    // Nobody else can cancel it.
+    Ok(clusters.map_or_else(|_| Vec::new(), |clusters| clusters.centers))
+}
+
 /// Keeps only the two ends of the colors on each line along an axis, since the others cannot be corners. Of the colors
 /// of an 8-bit image, which are on a lattice, only the surface remains.
 fn keep_ends(colors: &mut Vec<[f64; 3]>, axis: usize) {
@@ -58,6 +101,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use crate::palette::{Colors, PaletteMethod};
 
     fn image() -> impl Strategy<Value = Vec<[f64; 3]>> {
         let pixel = prop::array::uniform3(0..8u8).prop_map(|p| p.map(|x| f64::from(x) / 7.0));
@@ -103,5 +147,48 @@ mod tests {
         assert_eq!(simplify_hull(&[], 6), Err(InvalidPalette::Colors { found: 0 }));
         let error = simplify_hull(&[[0.0; 3], [0.5, f64::INFINITY, 0.0]], 6).unwrap_err();
         assert!(matches!(error, InvalidPalette::Color { index: 1, .. }));
+    }
+
+    /// One step after the other gives the palette of an extraction.
+    #[test]
+    fn the_steps_make_an_extraction() {
+        let (mut fine, mut coarse) = (vec![0.0; 32usize.pow(3)], vec![0.0; 8usize.pow(3)]);
+        let mut state = 1u64;
+        for _ in 0..400 {
+            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            let [r, g, b] = [58, 53, 48].map(|shift| (state >> shift) as usize % 32);
+            let weight = (state >> 40) as f64 % 7.0;
+            fine[(r * 32 + g) * 32 + b] += weight;
+            coarse[(r / 4 * 8 + g / 4) * 8 + b / 4] += weight;
+        }
+        let histograms = Histograms::new(32, fine, 8, coarse, 400).unwrap();
+        let (method, colors) = (PaletteMethod::Hull, Colors::Fixed(6));
+        let settings = ExtractionSettings { method, colors, ..Default::default() };
+        let center = |bin: usize| [bin / 1024, bin / 32 % 32, bin % 32].map(|index| (index as f64 + 0.5) / 32.0);
+        let bins: Vec<[f64; 3]> = (0..32usize.pow(3)).map(center).collect();
+        let total = histograms.total_weight();
+        let weights: Vec<f64> = histograms.fine().iter().map(|weight| weight / total).collect();
+        let centers = k_means(&bins, &weights, &initial_centers(&histograms, &settings), &settings).unwrap();
+        let sorted = |palette: Palette| {
+            let mut colors = palette.colors;
+            colors.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])).then(a[2].total_cmp(&b[2])));
+            colors
+        };
+        let extracted = extract::extract_from_histograms(&histograms, &settings, &Progress::default()).unwrap().palette;
+        assert_eq!(sorted(simplify_hull(&centers, 6).unwrap()), sorted(extracted));
+    }
+
+    #[test]
+    fn clusters_of_invalid_colors_are_errors() {
+        let settings = ExtractionSettings::default();
+        let one = [[0.5; 3]];
+        let found = |colors: &[[f64; 3]], weights: &[f64], centers: &[[f64; 3]]| {
+            k_means(colors, weights, centers, &settings).unwrap_err()
+        };
+        assert_eq!(found(&one, &[], &one), InvalidPalette::Weights { found: 0, expected: 1 });
+        assert_eq!(found(&one, &[-1.0], &one), InvalidPalette::Weight { index: 0, found: -1.0 });
+        assert_eq!(found(&one, &[0.0], &one), InvalidPalette::Colors { found: 0 });
+        assert_eq!(found(&one, &[1.0], &[]), InvalidPalette::Colors { found: 0 });
+        assert!(matches!(found(&one, &[1.0], &[[f64::NAN; 3]]), InvalidPalette::Color { index: 0, .. }));
     }
 }

@@ -1,0 +1,101 @@
+//! Weighted colors in a space that tells luma from chroma.
+
+use glam::{DVec2, DVec3, swizzles::Vec3Swizzles};
+
+use crate::palette::oklab::{CHROMATIC, chroma};
+
+/// How much the relative error of chroma counts.
+const CHROMA: f64 = 0.06;
+
+/// Share of the weight below which a point is left out.
+const NEGLIGIBLE: f64 = 1e-12;
+
+/// Weighted colors in opponent space.
+pub(super) struct Points {
+    pub all: Vec<Point>,
+    /// a and b in Oklab of every point.
+    pub chroma: Vec<DVec2>,
+}
+
+/// A weighted color.
+#[derive(Clone, Copy)]
+pub(super) struct Point {
+    /// The color in opponent space.
+    pub color: [f32; 3],
+    /// Weight of an error of luma: the point's share of the weight.
+    pub weight: f32,
+    /// Weight of an error of chroma, which is larger.
+    pub chroma_weight: f32,
+}
+
+impl Points {
+    /// Merges the colors (encoded sRGB) in every cell of a lattice of `lattice` cells per channel into their mean.
+    pub fn new(colors: &[[f64; 3]], weights: &[f64], lattice: usize) -> Self {
+        let mut cells = vec![(DVec3::ZERO, 0.0); lattice.pow(3)];
+        for (color, weight) in colors.iter().zip(weights) {
+            let [r, g, b] = color.map(|c| ((c * lattice as f64) as usize).min(lattice - 1));
+            let (sum, total) = &mut cells[(r * lattice + g) * lattice + b];
+            *sum += *weight * DVec3::from(*color);
+            *total += weight;
+        }
+        let cells = cells.into_iter().filter(|(_, total)| *total > NEGLIGIBLE);
+        let (all, chroma) = cells.map(|(sum, total)| Point::new(sum / total, total)).unzip();
+        Self { all, chroma }
+    }
+
+    /// Returns the variance of the colors, summed over the channels.
+    pub fn variance(&self) -> f64 {
+        let total: f64 = self.all.iter().map(|point| f64::from(point.weight)).sum();
+        let moment = |of: fn(DVec3) -> DVec3| -> DVec3 {
+            self.all.iter().map(|p| f64::from(p.weight) * of(p.position())).sum::<DVec3>() / total
+        };
+        let mean = moment(|x| x);
+        (moment(|x| x * x) - mean * mean).element_sum().max(0.0)
+    }
+}
+
+impl Point {
+    /// Returns the point of a color (encoded sRGB), and a and b in Oklab.
+    ///
+    /// The chroma of a label is seen relative to that of the color: a hue is off if it misses it by as much as there is.
+    /// The ratio of chroma in Oklab and in opponent space, which depends on hue and luma, converts one to the other.
+    fn new(color: DVec3, weight: f64) -> (Self, DVec2) {
+        let plane = |color: DVec3| to_opponent(color).yz().length_squared();
+        let seen = chroma(color);
+        let ratio = |color: DVec3, seen: DVec2| seen.length_squared() / plane(color);
+        // Grays have no ratio; take that of a tint.
+        let tint = color + DVec3::new(TINT, 0.0, -TINT);
+        let ratio = if plane(color) > TINT * TINT { ratio(color, seen) } else { ratio(tint, chroma(tint)) };
+        let hued = seen.length_squared();
+        let chroma_weight = 1.0 + CHROMA * ratio * hued / (hued + CHROMATIC * CHROMATIC).powi(2);
+        let point = Self {
+            color: to_opponent(color).as_vec3().into(),
+            weight: weight as f32,
+            chroma_weight: (weight * chroma_weight) as f32,
+        };
+        (point, seen)
+    }
+
+    /// Returns the color in opponent space.
+    pub fn position(&self) -> DVec3 {
+        glam::Vec3::from(self.color).as_dvec3()
+    }
+}
+
+/// A change of red and blue that is just more than rounding.
+const TINT: f64 = 3e-3;
+
+/// Rotates encoded sRGB so that x is luma, and y and z are chroma. Distances stay the same.
+pub(super) fn to_opponent(rgb: DVec3) -> DVec3 {
+    DVec3::new(
+        rgb.element_sum() / 3f64.sqrt(),
+        (rgb.x - rgb.y) / 2f64.sqrt(),
+        (rgb.x + rgb.y - 2.0 * rgb.z) / 6f64.sqrt(),
+    )
+}
+
+/// Rotates opponent space back to encoded sRGB.
+pub(super) fn to_rgb(opponent: DVec3) -> DVec3 {
+    let [luma, u, v] = [opponent.x / 3f64.sqrt(), opponent.y / 2f64.sqrt(), opponent.z / 6f64.sqrt()];
+    DVec3::new(luma + u + v, luma - u + v, luma - 2.0 * v)
+}

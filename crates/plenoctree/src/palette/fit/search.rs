@@ -1,0 +1,227 @@
+//! The search for the palette that fits best: from a few seeds, by exchanging one color after another.
+
+use glam::DVec3;
+
+use super::{
+    labels::Labels,
+    points::{Points, to_rgb},
+};
+use crate::sampling::Progress;
+
+/// The final softness of labels, relative to the mean squared distance to the nearest label. Softer labels give more
+/// stable palettes, harder labels fit better.
+const SOFTNESS: f64 = 1.0;
+
+/// The least softness: the square of a hundredth of a channel.
+const LEAST_SOFTNESS: f64 = 1e-4;
+
+/// The initial softness, relative to the variance of the colors.
+const INITIAL_SOFTNESS: f64 = 0.1;
+
+/// How slowly softness decreases, per step.
+const COOLING: f64 = 0.75;
+
+/// How far steps go at the end. Where labels overlap, the colors approach their places slowly otherwise.
+const STRIDE: f64 = 1.8;
+
+/// Distance in RGB below which two palettes, or two colors of one, are the same.
+const SAME: f64 = 0.03;
+
+/// Exponents of weight in the choice of seeds.
+const SEEDS: [f64; 3] = [0.5, 0.3, 0.75];
+
+/// Number of colors that are tried in the place of each palette color.
+const SUBSTITUTES: usize = 6;
+
+/// Number of rounds of exchanges.
+const EXCHANGES: usize = 6;
+
+/// Number of palettes that are kept from round to round.
+const KEPT: usize = 8;
+
+/// Numbers of palettes that stay in the final rounds, and of steps by which these are fitted to all points.
+const FINALS: [(usize, usize); 2] = [(8, 2), (3, 6)];
+
+/// Number of distances of a point to a label that exchanges may compute, per cubed number of colors, and at most.
+const WORK: usize = 20_000;
+const MOST_WORK: usize = 200_000_000;
+
+/// Finds the palette of at most `colors` colors (encoded sRGB) whose labels are nearest to the points.
+///
+/// `few` and `many` are the same points, merged more and less. Palettes are found in the former, and then fitted to the
+/// latter. Canceled, returns any palette.
+pub(super) fn search(
+    few: &Points,
+    many: &Points,
+    colors: usize,
+    blend_steps: u32,
+    progress: &Progress,
+) -> Vec<[f64; 3]> {
+    let mut fit = Fit { points: few, labels: Labels::new(colors, blend_steps), stride: 1.0, progress };
+    let initial = INITIAL_SOFTNESS * few.variance();
+    let seeded = SEEDS.map(|exponent| fit.anneal(&seeds(few, colors, exponent), initial, 12));
+    let softness = seeded.iter().map(|(_, softness)| *softness).fold(f64::INFINITY, f64::min);
+    let mut pool: Vec<Rated> = seeded.into_iter().map(|(palette, _)| fit.rate(palette, softness)).collect();
+    keep(&mut pool, KEPT);
+    let mut work = (WORK * colors.pow(3)).min(MOST_WORK);
+    for _ in 0..EXCHANGES {
+        let before = pool[0].palette.clone();
+        fit.exchange(&mut pool, softness, &mut work);
+        if difference(&before, &pool[0].palette) < SAME {
+            break;
+        }
+    }
+
+    let mut fit = Fit { points: many, labels: Labels::new(colors, blend_steps), stride: STRIDE, progress };
+    for (kept, steps) in FINALS {
+        fit.improve(&mut pool, kept, softness, steps);
+    }
+    let (palette, softness) = fit.anneal(&pool[0].palette, softness, 28);
+    let palette = prune(many, palette, softness, blend_steps, progress);
+    palette.into_iter().map(|color| to_rgb(color).clamp(DVec3::ZERO, DVec3::ONE).into()).collect()
+}
+
+/// A palette in opponent space, and its error.
+struct Rated {
+    palette: Vec<DVec3>,
+    error: f64,
+}
+
+/// A fit of palettes with the same number of colors to the same points.
+struct Fit<'a> {
+    points: &'a Points,
+    labels: Labels,
+    /// How far steps go.
+    stride: f64,
+    progress: &'a Progress,
+}
+
+impl Fit<'_> {
+    /// Fits a palette while its labels become less and less soft, then for up to `steps` steps more. Returns the palette
+    /// and the final softness.
+    fn anneal(&mut self, palette: &[DVec3], mut softness: f64, mut steps: usize) -> (Vec<DVec3>, f64) {
+        let mut palette = palette.to_vec();
+        while steps > 0 && !self.progress.is_canceled() {
+            let (next, nearest) = self.labels.step(self.points, &palette, softness, self.stride);
+            let moved = next.iter().zip(&palette).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);
+            palette = next;
+            let least = (SOFTNESS * nearest).max(LEAST_SOFTNESS);
+            softness = (COOLING * softness).max(least);
+            if softness == least {
+                steps -= 1;
+                if moved < 1e-4 {
+                    break;
+                }
+            }
+        }
+        (palette, softness)
+    }
+
+    fn rate(&mut self, palette: Vec<DVec3>, softness: f64) -> Rated {
+        let error = self.labels.rate(self.points, &palette, softness);
+        Rated { palette, error }
+    }
+
+    /// Puts each of the colors that are shown worst in the place of each color of the best palette, and keeps the best
+    /// of the palettes that come of it.
+    fn exchange(&mut self, pool: &mut Vec<Rated>, softness: f64, work: &mut usize) {
+        let best = pool[0].palette.clone();
+        let distances = self.labels.nearest(self.points, &best).into_iter().map(|(_, distance)| f64::from(distance));
+        let substitutes = farthest(self.points, distances.collect(), SUBSTITUTES, 0.5);
+        let cost = 4 * self.points.all.len() * self.labels.len();
+        for place in 0..best.len() {
+            for &substitute in &substitutes {
+                if *work < cost || self.progress.is_canceled() {
+                    continue;
+                }
+                *work -= cost;
+                let mut palette = best.clone();
+                palette[place] = substitute;
+                let (palette, _) = self.anneal(&palette, softness, 3);
+                pool.push(self.rate(palette, softness));
+            }
+        }
+        self.improve(pool, KEPT, softness, 6);
+    }
+
+    /// Keeps the best `most` palettes, fits them for up to `steps` steps more, and sorts them again.
+    fn improve(&mut self, pool: &mut Vec<Rated>, most: usize, softness: f64, steps: usize) {
+        keep(pool, most);
+        for rated in &mut *pool {
+            let (palette, _) = self.anneal(&rated.palette, softness, steps);
+            *rated = self.rate(palette, softness);
+        }
+        keep(pool, most);
+    }
+}
+
+/// Sorts palettes by their errors, and keeps the first `most` different ones.
+fn keep(pool: &mut Vec<Rated>, most: usize) {
+    pool.sort_by(|a, b| a.error.total_cmp(&b.error));
+    let mut kept: Vec<Rated> = Vec::new();
+    for rated in pool.drain(..) {
+        if kept.len() < most && kept.iter().all(|other| difference(&other.palette, &rated.palette) >= SAME) {
+            kept.push(rated);
+        }
+    }
+    *pool = kept;
+}
+
+/// Returns the largest distance from a color of one palette to the nearest color of the other.
+fn difference(a: &[DVec3], b: &[DVec3]) -> f64 {
+    let to_nearest =
+        |color: &DVec3, all: &[DVec3]| all.iter().map(|x| x.distance(*color)).fold(f64::INFINITY, f64::min);
+    let from_a = a.iter().map(|color| to_nearest(color, b));
+    from_a.chain(b.iter().map(|color| to_nearest(color, a))).fold(0.0, f64::max)
+}
+
+/// Returns heavy points that are far from each other.
+fn seeds(points: &Points, count: usize, exponent: f64) -> Vec<DVec3> {
+    let mut seeds = farthest(points, vec![1.0; points.all.len()], count, exponent);
+    // Fewer points than colors: the labels of equal colors share their points.
+    let found = seeds.len();
+    (found..count).for_each(|index| seeds.push(seeds[index - found]));
+    seeds
+}
+
+/// Returns up to `count` points, each of which has the largest product of its weight, raised to `exponent`, and its
+/// squared distance to the nearest of those chosen before. `distances` are the squared distances to begin with.
+fn farthest(points: &Points, mut distances: Vec<f64>, count: usize, exponent: f64) -> Vec<DVec3> {
+    let weights: Vec<f64> = points.all.iter().map(|point| f64::from(point.weight).powf(exponent)).collect();
+    let mut chosen = Vec::new();
+    while chosen.len() < count {
+        let score = |i: usize| weights[i] * distances[i];
+        let best = (0..weights.len()).reduce(|best, i| if score(i) > score(best) { i } else { best });
+        let Some(best) = best.filter(|&best| score(best) > 0.0) else { break };
+        let color = points.all[best].position();
+        chosen.push(color);
+        for (distance, point) in distances.iter_mut().zip(&points.all) {
+            *distance = distance.min(point.position().distance_squared(color));
+        }
+    }
+    chosen
+}
+
+/// Replaces colors that are the same as another one, or that are nearest to no point, by colors that are shown badly, and
+/// fits them all again. If this does not help, drops them.
+fn prune(points: &Points, mut palette: Vec<DVec3>, softness: f64, blend_steps: u32, progress: &Progress) -> Vec<DVec3> {
+    let mut tries = palette.len();
+    while palette.len() > 1 && !progress.is_canceled() {
+        let mut fit = Fit { points, labels: Labels::new(palette.len(), blend_steps), stride: STRIDE, progress };
+        let nearest = fit.labels.nearest(points, &palette);
+        let seen = |i: usize| nearest.iter().any(|&(label, _)| label == i);
+        let twin = |i: usize| (0..i).any(|j| palette[i].distance(palette[j]) < SAME);
+        let Some(idle) = (0..palette.len()).rev().find(|&i| !seen(i) || twin(i)) else { break };
+        let distances = nearest.into_iter().map(|(_, distance)| f64::from(distance)).collect();
+        match farthest(points, distances, 1, 0.5).pop().filter(|_| tries > 0) {
+            Some(substitute) => palette[idle] = substitute,
+            None => {
+                palette.remove(idle);
+                fit.labels = Labels::new(palette.len(), blend_steps);
+            }
+        }
+        tries = tries.saturating_sub(1);
+        palette = fit.anneal(&palette, softness, 24).0;
+    }
+    palette
+}

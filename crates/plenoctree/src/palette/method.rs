@@ -1,0 +1,72 @@
+//! How a palette is found, and how many colors it has.
+
+#[cfg(feature = "bevy")]
+use bevy_reflect::std_traits::ReflectDefault;
+use serde::{Deserialize, Serialize};
+
+/// How a palette is found from the histograms of a field.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+#[cfg_attr(
+    feature = "bevy",
+    derive(bevy_reflect::Reflect),
+    reflect(Default, Clone, Debug, PartialEq, Hash),
+    type_path = "plenoctree"
+)]
+pub enum PaletteMethod {
+    /// The corners of the simplified convex hull of all colors, as in the paper: section 3 of the method, steps 6 to 9.
+    /// Misses colors inside the hull, and changes with small changes of the field.
+    Hull,
+    /// The colors whose labels are nearest to the colors of the field: section 3 of the method, step 10. The default.
+    #[default]
+    Fitted,
+}
+
+impl PaletteMethod {
+    /// All methods.
+    pub const ALL: [Self; 2] = [Self::Hull, Self::Fitted];
+
+    /// Returns the method's name in palette files and on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Hull => "hull",
+            Self::Fitted => "fitted",
+        }
+    }
+}
+
+/// The number of colors of an extracted palette.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+#[cfg_attr(
+    feature = "bevy",
+    derive(bevy_reflect::Reflect),
+    reflect(Default, Clone, Debug, PartialEq),
+    type_path = "plenoctree"
+)]
+pub enum Colors {
+    /// At most this many colors, 1 to 64. A palette has fewer if the field has fewer, and that of
+    /// [`PaletteMethod::Hull`] has more if the hull cannot be simplified further: a cloud of colors that has a volume
+    /// always keeps at least four.
+    Fixed(usize),
+    /// As few colors as keep the error to the nearest label ([`ColorErrors::rmse`](super::ColorErrors::rmse)) within
+    /// `tolerance`, but at most [`Colors::MOST`].
+    Auto {
+        /// The largest error, as a distance of a channel in encoded sRGB. More than 0 and at most 1.
+        tolerance: f64,
+    },
+}
+
+impl Default for Colors {
+    fn default() -> Self {
+        Self::Fixed(6)
+    }
+}
+
+impl Colors {
+    /// The largest number of colors that [`Colors::Auto`] chooses.
+    pub const MOST: usize = 16;
+
+    /// [`Colors::Auto`] with the default tolerance, 0.05.
+    pub const AUTO: Self = Self::Auto { tolerance: 0.05 };
+}
