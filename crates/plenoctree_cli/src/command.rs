@@ -2,7 +2,7 @@
 
 use clap::{Parser, Subcommand};
 
-use crate::{Result, bake, info, palette, stylize};
+use crate::{Result, bake, fit, info, palette, stylize};
 #[cfg(feature = "bevy")]
 use crate::{coherence, tradeoff};
 
@@ -25,6 +25,7 @@ enum Command {
     #[cfg(feature = "bevy")]
     Coherence(coherence::Arguments),
     Bake(bake::Arguments),
+    Fit(fit::Arguments),
 }
 
 impl CommandLine {
@@ -39,6 +40,7 @@ impl CommandLine {
             #[cfg(feature = "bevy")]
             Command::Coherence(arguments) => coherence::run(arguments),
             Command::Bake(arguments) => bake::run(arguments),
+            Command::Fit(arguments) => fit::run(arguments),
         }
     }
 }
