@@ -50,7 +50,7 @@ fn a_field_is_fitted_with_palette_previews_and_report() {
         "--sh",
         "1",
         "--effort",
-        "0.02",
+        "0.1",
         "--holdout",
         "5",
         "--threads",

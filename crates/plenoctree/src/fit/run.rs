@@ -260,8 +260,8 @@ fn suspicious(errors: &[Option<f64>], numbers: &[usize], views: &[View]) -> Vec<
     let Some(&median) = sorted.get(sorted.len() / 2) else { return Vec::new() };
     let mut deviations: Vec<f64> = sorted.iter().map(|psnr| (psnr - median).abs()).collect();
     deviations.sort_unstable_by(f64::total_cmp);
-    // Three decibels below is twice the error; and far outside of how views usually vary.
-    let limit = median - f64::max(3.0, 6.0 * deviations[deviations.len() / 2]);
+    // Five times the error, and far outside of how views usually vary.
+    let limit = median - f64::max(7.0, 8.0 * deviations[deviations.len() / 2]);
     let wrong = |(index, psnr): (usize, &Option<f64>)| {
         let psnr = psnr.filter(|psnr| *psnr < limit)?;
         let (number, name) = (numbers[index], views[index].name.clone());

@@ -137,7 +137,8 @@ fn fields_stand_on_the_origin() {
     assert!(x.iter().chain(&y).all(|value| value.is_finite()));
 }
 
-/// Cutting keeps what is inside of the box; the largest part is the ball with the post or a piece of it.
+/// Cutting keeps what is inside of the box; the largest part is the ball with the post or a piece of it. Few pictures are
+/// in memory at a time.
 #[test]
 fn fields_are_cut() {
     let folder = folder("cut");
@@ -145,7 +146,7 @@ fn fields_are_cut() {
     write_pictures(&folder, &cameras, None, |_| 1.0);
     write_transforms(&folder, &cameras);
     let crop = (DVec3::new(-1.0, -1.0, 0.0), DVec3::ONE);
-    let settings = FitSettings { crop: Some(crop), keep_largest: true, effort: 0.05, ..quick() };
+    let settings = FitSettings { crop: Some(crop), keep_largest: true, picture_memory: 5 * 4 * 40 * 40, ..quick() };
     let (low, _) = fit_folder(&folder, &settings).field.bounds().unwrap();
     assert!(low.z > -0.1, "{low}");
 }
