@@ -6,6 +6,7 @@
 //! | [`sampling`] | radiance sampling: how much of each color is visible from outside |
 //! | [`palette`] | palette extraction, palette files, and the labels blended from a palette |
 //! | [`camera`] | pinhole cameras, and the `transforms.json` files of NeRF datasets |
+//! | [`fit`] | fitting fields to photographs |
 //! | [`mod@reference`] | rendering, sampling and posterization in float64, as a reference for faster code |
 //!
 //! This crate implements the engine-free half of *Recolorable Posterization of Volumetric Radiance Fields Using
@@ -20,6 +21,7 @@
 //! | `camera` | pinhole cameras, and the `transforms.json` files of NeRF datasets | on |
 //! | `reference` | rendering, sampling and posterization in float64 | on |
 //! | `write` | writing fields | on |
+//! | `fit` | fitting fields to photographs | off |
 //! | `bevy` | Bevy's `Asset` and `Reflect` for fields, palettes and settings | off |
 //!
 //! The features that are on by default are for tools. A game usually needs none of them.
@@ -33,6 +35,8 @@ mod bake;
 pub mod camera;
 mod field;
 mod file;
+#[cfg(feature = "fit")]
+pub mod fit;
 mod lod;
 mod march;
 pub mod palette;

@@ -4,7 +4,7 @@ use clap::{Parser, Subcommand};
 
 #[cfg(feature = "bevy")]
 use crate::tradeoff;
-use crate::{Result, bake, coherence, evidence, info, palette, stylize};
+use crate::{Result, bake, coherence, evidence, fit, info, palette, stylize};
 
 /// Inspects, bakes and stylizes PlenOctrees.
 #[derive(Parser)]
@@ -25,6 +25,7 @@ enum Command {
     Coherence(coherence::Arguments),
     Evidence(evidence::Arguments),
     Bake(bake::Arguments),
+    Fit(fit::Arguments),
 }
 
 impl CommandLine {
@@ -39,6 +40,7 @@ impl CommandLine {
             Command::Coherence(arguments) => coherence::run(arguments),
             Command::Evidence(arguments) => evidence::run(arguments),
             Command::Bake(arguments) => bake::run(arguments),
+            Command::Fit(arguments) => fit::run(arguments),
         }
     }
 }

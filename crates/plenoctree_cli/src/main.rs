@@ -8,6 +8,7 @@ mod evidence;
 mod extraction;
 mod field;
 mod files;
+mod fit;
 mod gpu_memory;
 mod hex;
 mod info;

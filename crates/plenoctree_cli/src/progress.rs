@@ -12,6 +12,11 @@ pub fn bar(message: &'static str, length: u64, quiet: bool) -> ProgressBar {
     styled(ProgressBar::new(length), "{msg:12} [{bar:40}] {pos}/{len} {eta}", message)
 }
 
+/// Returns a bar of `length` steps whose message changes and says where a fit is.
+pub fn fit_bar(length: u64) -> ProgressBar {
+    styled(ProgressBar::new(length), "{msg} [{bar:40}] {percent:>3}% {eta} left", "")
+}
+
 /// Returns a spinner, for work whose progress is unknown.
 pub fn spinner(message: &'static str, quiet: bool) -> ProgressBar {
     if quiet {

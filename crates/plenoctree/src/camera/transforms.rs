@@ -134,7 +134,7 @@ pub fn read_transforms(path: impl AsRef<Path>, size: Option<(u32, u32)>) -> Resu
 }
 
 /// Makes the matrix a pure rotation and a translation. If that is impossible, returns what was found instead.
-fn pose(rows: &[Vec<f64>]) -> Result<DMat4, String> {
+pub(crate) fn pose(rows: &[Vec<f64>]) -> Result<DMat4, String> {
     if !(3..=4).contains(&rows.len()) || rows.iter().any(|row| row.len() != 4) {
         return Err(format!("{} rows of {} values", rows.len(), rows.first().map_or(0, Vec::len)));
     }

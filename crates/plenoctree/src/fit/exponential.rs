@@ -1,0 +1,45 @@
+//! Exponentials that are the same on every machine, and that compilers turn into vector instructions.
+
+use glam::Vec4;
+
+/// Coefficients of a polynomial for `2^x`, 0 <= x <= 1, from the highest power, with a relative error below 1e-7.
+const POWER_OF_TWO: [f32; 6] = [0.001_877_576_6, 0.008_989_341, 0.055_826_318, 0.240_153_61, 0.693_153_1, 0.999_999_94];
+
+/// Returns `e^-x` for x >= 0, with a relative error below 1e-6.
+#[inline(always)]
+pub fn exp_minus(x: f32) -> f32 {
+    let x = x.min(80.0) * -std::f32::consts::LOG2_E;
+    // Truncation rounds up here, since x is negative.
+    let whole = x as i32 - 1;
+    let rest = x - whole as f32;
+    let power = POWER_OF_TWO.iter().fold(0.0, |sum, k| sum * rest + k);
+    power * f32::from_bits(((whole + 127) as u32) << 23)
+}
+
+/// Returns `1 / (1 + e^-x)` of each element, with an error below 1e-6.
+#[inline]
+pub fn sigmoid(x: Vec4) -> Vec4 {
+    let [a, b, c, d] = x.abs().to_array();
+    let small = Vec4::new(exp_minus(a), exp_minus(b), exp_minus(c), exp_minus(d));
+    let high = (Vec4::ONE + small).recip();
+    Vec4::select(x.cmpge(Vec4::ZERO), high, small * high)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn exponentials_are_accurate() {
+        for step in 0..70_000 {
+            let x = step as f32 * 1e-3;
+            let exact = (-f64::from(x)).exp();
+            assert!((f64::from(exp_minus(x)) / exact - 1.0).abs() < 8e-6, "{x}: {}", exp_minus(x));
+            for signed in [x, -x] {
+                let exact = 1.0 / (1.0 + (-f64::from(signed)).exp());
+                assert!((f64::from(sigmoid(Vec4::splat(signed)).x) - exact).abs() < 2e-6, "{signed}");
+            }
+        }
+        assert!(exp_minus(1e30) < 1e-30);
+    }
+}

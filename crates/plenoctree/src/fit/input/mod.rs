@@ -1,0 +1,139 @@
+//! Reads what a field is fitted to: pictures with their cameras.
+
+mod colmap;
+mod lens;
+mod picture;
+mod transforms;
+mod view;
+
+use std::path::{Path, PathBuf};
+
+use glam::DVec3;
+
+use super::error::FitError;
+
+pub use lens::{Distortion, Lens};
+pub use picture::Picture;
+pub use view::{View, ViewCamera};
+
+/// Most pictures that an input may have.
+const MAX_VIEWS: usize = 100_000;
+
+/// Pictures with their cameras, and points of the scene if they are known.
+#[derive(Clone, Debug, Default)]
+pub struct FitInput {
+    /// The views, in the order of the names of their pictures.
+    pub views: Vec<View>,
+    /// Points on the surfaces of the scene. Empty if none are known.
+    pub points: Vec<DVec3>,
+}
+
+/// Where parts of an input are, if not where they usually are.
+#[derive(Clone, Debug, Default)]
+pub struct InputFolders {
+    /// The folder of the pictures. Names in a COLMAP model are relative to it.
+    pub pictures: Option<PathBuf>,
+    /// A folder of masks: for `name.jpg`, either `name.jpg.png` or `name.png`. White shows the object.
+    pub masks: Option<PathBuf>,
+}
+
+impl FitInput {
+    /// Reads an input:
+    ///
+    /// - a `transforms.json` file of NeRF, instant-ngp or nerfstudio, or a folder with a `transforms.json` or
+    ///   `transforms_train.json`,
+    /// - a COLMAP model: a folder with `cameras`, `images` and `points3D`, as `.bin` or `.txt`, or one with such a model
+    ///   in `sparse/0`, `sparse` or `colmap/sparse/0`. The pictures are in a folder `images` next to it or above it.
+    ///
+    /// Pictures are PNG or JPEG files.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error that names the file if one cannot be read or holds something else, if a picture or mask is
+    /// missing or has another size than stated, or if a camera has no valid pose or lens.
+    pub fn read(path: &Path, folders: &InputFolders) -> Result<Self, FitError> {
+        let mut input = if path.is_file() {
+            transforms::read(path, folders)?
+        } else if let Some(file) = ["transforms.json", "transforms_train.json"]
+            .map(|name| path.join(name))
+            .into_iter()
+            .find(|file| file.exists())
+        {
+            transforms::read(&file, folders)?
+        } else if let Some(model) = ["", "sparse/0", "sparse", "colmap/sparse/0"]
+            .map(|name| path.join(name))
+            .into_iter()
+            .find(|folder| ["cameras.bin", "cameras.txt"].iter().any(|name| folder.join(name).exists()))
+        {
+            colmap::read(&model, folders)?
+        } else if path.exists() {
+            let expected = "transforms.json, transforms_train.json, or a COLMAP model (cameras, images, points3D)";
+            return Err(FitError::found(path, "folder", "none of the known files", expected));
+        } else {
+            return Err(FitError::io(path)(std::io::ErrorKind::NotFound.into()));
+        };
+        if input.views.is_empty() || input.views.len() > MAX_VIEWS {
+            let found = format!("{} views", input.views.len());
+            return Err(FitError::found(path, "views", found, format!("1 to {MAX_VIEWS}")));
+        }
+        // The order of files varies; numbers in names count.
+        input.views.sort_by_cached_key(|view| natural(&view.name));
+        if let Some(folder) = &folders.masks {
+            for view in &mut input.views {
+                view.mask = Some(mask_in(folder, &view.picture)?);
+            }
+        }
+        for view in &input.views {
+            if let Some(mask) = &view.mask {
+                let (size, expected) = (picture::size(mask)?, (view.camera.width, view.camera.height));
+                if size != expected {
+                    let [found, expected] = [size, expected].map(|(w, h)| format!("{w}x{h} pixels"));
+                    return Err(FitError::found(mask, "size of the mask", found, format!("its picture's {expected}")));
+                }
+            }
+        }
+        Ok(input)
+    }
+}
+
+/// Finds the mask of a picture.
+fn mask_in(folder: &Path, picture: &Path) -> Result<PathBuf, FitError> {
+    let name = picture.file_name().unwrap_or_default();
+    let whole = folder.join(name).with_added_extension("png");
+    let stem = folder.join(name).with_extension("png");
+    match [&whole, &stem].into_iter().find(|path| path.exists()) {
+        Some(path) => Ok(path.clone()),
+        None => {
+            let expected = format!("{} or {}", whole.display(), stem.display());
+            Err(FitError::found(picture, "mask", "none", expected))
+        }
+    }
+}
+
+/// Returns a key that sorts `r_2` before `r_10`.
+fn natural(name: &str) -> Vec<(u64, String)> {
+    let mut parts = Vec::new();
+    let mut rest = name;
+    while !rest.is_empty() {
+        let letters = rest.find(|c: char| c.is_ascii_digit()).unwrap_or(rest.len());
+        let (text, from_digits) = rest.split_at(letters);
+        let digits = from_digits.find(|c: char| !c.is_ascii_digit()).unwrap_or(from_digits.len());
+        let (number, after) = from_digits.split_at(digits);
+        parts.push((0, text.into()));
+        parts.push((number.parse().unwrap_or(u64::MAX), number.into()));
+        rest = after;
+    }
+    parts
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_in_names_count() {
+        let mut names = ["r_10", "r_2", "b/3.png", "r_1", "b/20.png"];
+        names.sort_by_cached_key(|name| natural(name));
+        assert_eq!(names, ["b/3.png", "b/20.png", "r_1", "r_2", "r_10"]);
+    }
+}

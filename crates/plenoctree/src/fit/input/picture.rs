@@ -1,0 +1,116 @@
+//! Reads pictures and masks.
+
+use std::{
+    fs::File,
+    io::{BufReader, Read},
+    path::Path,
+};
+
+use image::{DynamicImage, ImageReader, RgbImage};
+use zune_jpeg::{
+    JpegDecoder,
+    zune_core::{colorspace::ColorSpace, options::DecoderOptions},
+};
+
+use crate::fit::error::FitError;
+
+/// Largest width and height of a picture, in pixels.
+const MAX_SIZE: usize = 1 << 15;
+
+/// A picture in memory.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Picture {
+    /// Width, in pixels.
+    pub width: u32,
+    /// Height, in pixels.
+    pub height: u32,
+    /// Encoded sRGB, premultiplied by opacity, and opacity, row by row.
+    pub pixels: Vec<[u8; 4]>,
+    /// Whether some pixel is not opaque, or a mask says what is.
+    pub knows_opacity: bool,
+}
+
+impl Picture {
+    /// Reads a picture, and averages squares of `downscale` pixels a side. The mask's brightness multiplies the opacity.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error if a file cannot be read or decoded, or if the mask has another size.
+    pub fn read(path: &Path, mask: Option<&Path>, downscale: u32) -> Result<Self, FitError> {
+        let image = decode(path)?;
+        let mask = mask.map(|path| Ok::<_, FitError>((path, decode(path)?.into_luma8()))).transpose()?;
+        let mut knows_opacity = mask.is_some();
+        let mut rgba = image.into_rgba8();
+        if let Some((path, mask)) = &mask {
+            if mask.dimensions() != rgba.dimensions() {
+                let found = format!("{:?}", mask.dimensions());
+                return Err(FitError::found(path, "size of the mask", found, format!("{:?}", rgba.dimensions())));
+            }
+            for (pixel, mask) in rgba.pixels_mut().zip(mask.pixels()) {
+                pixel[3] = (u16::from(pixel[3]) * u16::from(mask[0]) / 255) as u8;
+            }
+        }
+        knows_opacity |= rgba.pixels().any(|pixel| pixel[3] < 255);
+        let (width, height) = ((rgba.width() / downscale).max(1), (rgba.height() / downscale).max(1));
+        let mut pixels = Vec::with_capacity((width * height) as usize);
+        let (across, down) = (downscale.min(rgba.width()), downscale.min(rgba.height()));
+        // In units of 1 / 255^2, so that premultiplying and averaging round only once.
+        let divisor = 255 * u64::from(across * down);
+        for y in 0..height {
+            for x in 0..width {
+                let mut sum = [0u64; 4];
+                for (dy, dx) in (0..down).flat_map(|dy| (0..across).map(move |dx| (dy, dx))) {
+                    let [r, g, b, a] = rgba.get_pixel(x * across + dx, y * down + dy).0.map(u64::from);
+                    sum = [sum[0] + r * a, sum[1] + g * a, sum[2] + b * a, sum[3] + 255 * a];
+                }
+                pixels.push(sum.map(|sum| ((sum + divisor / 2) / divisor) as u8));
+            }
+        }
+        Ok(Self { width, height, pixels, knows_opacity })
+    }
+}
+
+/// Returns the width and the height of a picture without decoding it.
+pub fn size(path: &Path) -> Result<(u32, u32), FitError> {
+    if is_jpeg(path)? {
+        let file = BufReader::new(File::open(path).map_err(FitError::io(path))?);
+        let mut decoder = JpegDecoder::new(file);
+        decoder.decode_headers().map_err(|error| damaged(path, error))?;
+        let (width, height) = decoder.dimensions().ok_or_else(|| damaged(path, "no size"))?;
+        return Ok((width as u32, height as u32));
+    }
+    let reader = ImageReader::open(path).and_then(ImageReader::with_guessed_format).map_err(FitError::io(path))?;
+    reader.into_dimensions().map_err(|error| damaged(path, error))
+}
+
+fn decode(path: &Path) -> Result<DynamicImage, FitError> {
+    if is_jpeg(path)? {
+        let file = BufReader::new(File::open(path).map_err(FitError::io(path))?);
+        let options = DecoderOptions::default()
+            .jpeg_set_out_colorspace(ColorSpace::RGB)
+            .set_max_width(MAX_SIZE)
+            .set_max_height(MAX_SIZE);
+        let mut decoder = JpegDecoder::new_with_options(file, options);
+        let pixels = decoder.decode().map_err(|error| damaged(path, error))?;
+        let (width, height) = decoder.dimensions().ok_or_else(|| damaged(path, "no size"))?;
+        return RgbImage::from_raw(width as u32, height as u32, pixels)
+            .map(DynamicImage::from)
+            .ok_or_else(|| damaged(path, "too few pixels"));
+    }
+    let mut reader = ImageReader::open(path).and_then(ImageReader::with_guessed_format).map_err(FitError::io(path))?;
+    let mut limits = image::Limits::default();
+    (limits.max_image_width, limits.max_image_height) = (Some(MAX_SIZE as u32), Some(MAX_SIZE as u32));
+    reader.limits(limits);
+    reader.decode().map_err(|error| damaged(path, error))
+}
+
+/// Returns whether the file starts like a JPEG file. Its name may lie.
+fn is_jpeg(path: &Path) -> Result<bool, FitError> {
+    let mut start = Vec::new();
+    File::open(path).and_then(|file| file.take(2).read_to_end(&mut start)).map_err(FitError::io(path))?;
+    Ok(start == [0xff, 0xd8])
+}
+
+fn damaged(path: &Path, error: impl std::fmt::Display) -> FitError {
+    FitError::found(path, "picture", error.to_string(), "a PNG or JPEG file of at most 32768 x 32768 pixels")
+}

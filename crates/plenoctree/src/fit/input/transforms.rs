@@ -1,0 +1,185 @@
+//! Reads the cameras and the names of the pictures in `transforms.json` files.
+
+use std::{
+    f64::consts::PI,
+    fs,
+    path::{Path, PathBuf},
+};
+
+use glam::{DMat3, DVec2};
+use serde::Deserialize;
+
+use super::{Distortion, FitInput, InputFolders, Lens, View, ViewCamera, picture};
+use crate::{camera::pose, fit::error::FitError};
+
+/// Endings of pictures that file names may lack, as those of NeRF-synthetic do.
+const ENDINGS: [&str; 5] = ["png", "jpg", "jpeg", "PNG", "JPG"];
+
+/// Intrinsics of all frames or of one, which take precedence.
+#[derive(Clone, Default, Deserialize)]
+struct Intrinsics {
+    camera_model: Option<String>,
+    is_fisheye: Option<bool>,
+    camera_angle_x: Option<f64>,
+    camera_angle_y: Option<f64>,
+    w: Option<f64>,
+    h: Option<f64>,
+    fl_x: Option<f64>,
+    fl_y: Option<f64>,
+    cx: Option<f64>,
+    cy: Option<f64>,
+    k1: Option<f64>,
+    k2: Option<f64>,
+    k3: Option<f64>,
+    k4: Option<f64>,
+    p1: Option<f64>,
+    p2: Option<f64>,
+}
+
+#[derive(Deserialize)]
+struct File {
+    #[serde(flatten)]
+    intrinsics: Intrinsics,
+    frames: Vec<Frame>,
+}
+
+#[derive(Deserialize)]
+struct Frame {
+    #[serde(flatten)]
+    intrinsics: Intrinsics,
+    file_path: Option<String>,
+    file: Option<String>,
+    mask_path: Option<String>,
+    transform_matrix: Vec<Vec<f64>>,
+}
+
+/// Reads a file of cameras, and the sizes of their pictures.
+pub fn read(path: &Path, folders: &InputFolders) -> Result<FitInput, FitError> {
+    let text = fs::read(path).map_err(FitError::io(path))?;
+    let file: File = serde_json::from_slice(&text)
+        .map_err(|error| FitError::found(path, "file", error.to_string(), "a transforms.json file"))?;
+    let folder = match &folders.pictures {
+        Some(folder) => folder.clone(),
+        None => path.parent().unwrap_or(Path::new("")).into(),
+    };
+    let views = (file.frames.iter().enumerate())
+        .map(|(index, frame)| view(path, &folder, index, frame, &file.intrinsics))
+        .collect::<Result<_, _>>()?;
+    Ok(FitInput { views, points: Vec::new() })
+}
+
+fn view(path: &Path, folder: &Path, index: usize, frame: &Frame, common: &Intrinsics) -> Result<View, FitError> {
+    let fault = |key: &str, found: String, expected: &str| {
+        FitError::found(path, format!("frames[{index}].{key}"), found, expected)
+    };
+    let name = frame.file_path.as_ref().or(frame.file.as_ref());
+    let name = name.ok_or_else(|| fault("file_path", "nothing".into(), "the path of a picture"))?;
+    let picture = find(folder, name)
+        .ok_or_else(|| fault("file_path", name.clone(), &format!("a PNG or JPEG file in {}", folder.display())))?;
+    let mask = match &frame.mask_path {
+        Some(name) => Some(
+            find(folder, name)
+                .ok_or_else(|| fault("mask_path", name.clone(), &format!("a picture in {}", folder.display())))?,
+        ),
+        None => None,
+    };
+    let pose = pose(&frame.transform_matrix).map_err(|found| {
+        fault("transform_matrix", found, "a 4x4 camera-to-world matrix, a rotation and a translation")
+    })?;
+    let own = frame.intrinsics.clone().or(common.clone());
+    let size = picture::size(&picture)?;
+    let lens = own.lens(size).map_err(|(key, found, expected)| fault(key, found, expected))?;
+    if let (Some(width), Some(height)) = (own.w, own.h)
+        && (width, height) != (f64::from(size.0), f64::from(size.1))
+    {
+        let expected = format!("{width}x{height}, as w and h in {} state", path.display());
+        return Err(FitError::found(&picture, "size", format!("{}x{}", size.0, size.1), expected));
+    }
+    let camera =
+        ViewCamera::new(size.0, size.1, lens, DMat3::from_mat4(pose), pose.w_axis.truncate()).map_err(|point| {
+            fault("k1", format!("a lens without a direction at {point}"), "a lens that covers the picture")
+        })?;
+    Ok(View { name: name.clone(), picture, mask, camera })
+}
+
+/// Finds a picture whose name may lack its ending.
+fn find(folder: &Path, name: &str) -> Option<PathBuf> {
+    let path = folder.join(name);
+    if path.is_file() {
+        return Some(path);
+    }
+    ENDINGS.iter().map(|ending| path.with_added_extension(ending)).find(|path| path.is_file())
+}
+
+impl Intrinsics {
+    fn or(self, other: Self) -> Self {
+        // A focal length of the frame beats an angle of the file, and the other way round.
+        let angles = if self.fl_x.is_some() { (None, None) } else { (other.camera_angle_x, other.camera_angle_y) };
+        let focals = if self.camera_angle_x.is_some() { (None, None) } else { (other.fl_x, other.fl_y) };
+        Self {
+            camera_model: self.camera_model.or(other.camera_model),
+            is_fisheye: self.is_fisheye.or(other.is_fisheye),
+            camera_angle_x: self.camera_angle_x.or(angles.0),
+            camera_angle_y: self.camera_angle_y.or(angles.1),
+            w: self.w.or(other.w),
+            h: self.h.or(other.h),
+            fl_x: self.fl_x.or(focals.0),
+            fl_y: self.fl_y.or(focals.1),
+            cx: self.cx.or(other.cx),
+            cy: self.cy.or(other.cy),
+            k1: self.k1.or(other.k1),
+            k2: self.k2.or(other.k2),
+            k3: self.k3.or(other.k3),
+            k4: self.k4.or(other.k4),
+            p1: self.p1.or(other.p1),
+            p2: self.p2.or(other.p2),
+        }
+    }
+
+    /// Returns the lens for pictures of this size. Errors are the key, what was found and what was expected.
+    fn lens(&self, (width, height): (u32, u32)) -> Result<Lens, (&'static str, String, &'static str)> {
+        let focal = |key, value: f64| match value {
+            value if (1e-3..=1e7).contains(&value) => Ok(value),
+            value => Err((key, value.to_string(), "a focal length of 0.001 to 1e7 pixels")),
+        };
+        let from_angle = |key, angle: f64, pixels: u32| match angle {
+            angle if angle > 1e-6 && angle < PI - 1e-6 => Ok(0.5 * f64::from(pixels) / (0.5 * angle).tan()),
+            angle => Err((key, angle.to_string(), "an angle between 0 and pi, in radians")),
+        };
+        let x = match (self.fl_x, self.camera_angle_x) {
+            (Some(value), _) => focal("fl_x", value)?,
+            (None, Some(angle)) => from_angle("camera_angle_x", angle, width)?,
+            (None, None) => return Err(("camera_angle_x", "nothing".into(), "camera_angle_x or fl_x")),
+        };
+        let y = match (self.fl_y, self.camera_angle_y) {
+            (Some(value), _) => focal("fl_y", value)?,
+            (None, Some(angle)) => from_angle("camera_angle_y", angle, height)?,
+            (None, None) => x,
+        };
+        let center = |key, value: Option<f64>, pixels: u32| match value.unwrap_or(0.5 * f64::from(pixels)) {
+            value if value.abs() <= 1e7 => Ok(value),
+            value => Err((key, value.to_string(), "-1e7 to 1e7 pixels")),
+        };
+        let center = DVec2::new(center("cx", self.cx, width)?, center("cy", self.cy, height)?);
+        let model = self.camera_model.as_deref().unwrap_or("OPENCV");
+        const MODELS: [&str; 6] = ["OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV_FISHEYE"];
+        if !MODELS.contains(&model) {
+            let expected = "OPENCV, PINHOLE, SIMPLE_PINHOLE, SIMPLE_RADIAL, RADIAL or OPENCV_FISHEYE";
+            return Err(("camera_model", model.into(), expected));
+        }
+        let k = [self.k1, self.k2, self.k3, self.k4].map(Option::unwrap_or_default);
+        let tangential = [self.p1, self.p2].map(Option::unwrap_or_default);
+        if let Some(wrong) = k.iter().chain(&tangential).find(|k| !k.is_finite() || k.abs() > 1e3) {
+            return Err(("k1", wrong.to_string(), "coefficients of distortion from -1000 to 1000"));
+        }
+        let fisheye = model == "OPENCV_FISHEYE" || self.is_fisheye == Some(true);
+        let distortion = if fisheye {
+            Distortion::Fisheye(k)
+        } else if k.iter().chain(&tangential).all(|&k| k == 0.0) {
+            Distortion::None
+        } else {
+            Distortion::Radial { radial: k, tangential }
+        };
+        Ok(Lens { focal: DVec2::new(x, y), center, distortion })
+    }
+}

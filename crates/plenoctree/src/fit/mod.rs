@@ -1,0 +1,39 @@
+//! Fits fields to photographs.
+//!
+//! [`FitInput::read`] reads pictures and cameras, and [`fit`] finds a field that looks like the pictures. It needs no
+//! GPU: rays are marched exactly, gradients are computed by hand, and voxels are split, from 64 to 256 and more per side,
+//! where something is visible. `docs/fit.md` in the repository describes the method and what each part of it is worth.
+//!
+//! ```no_run
+//! use std::path::Path;
+//! use plenoctree::fit::{FitInput, FitProgress, FitSettings, InputFolders, fit};
+//!
+//! let input = FitInput::read(Path::new("photographs"), &InputFolders::default())?;
+//! let fitted = fit(&input, None, &FitSettings::default(), &FitProgress::default())?;
+//! fitted.field.write("prop.npz")?;
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+mod checkpoint;
+mod error;
+mod exponential;
+mod grid;
+mod input;
+mod measure;
+mod progress;
+mod random;
+mod report;
+mod run;
+mod scene;
+mod settings;
+mod stand;
+mod to_field;
+mod train;
+
+pub use error::FitError;
+pub use input::{Distortion, FitInput, InputFolders, Lens, Picture, View, ViewCamera};
+pub use measure::Comparison;
+pub use progress::{FitProgress, FitStatus};
+pub use report::{FitReport, HeldOut, Seconds, StageReport, SuspiciousView, ViewReport};
+pub use run::{Fitted, fit};
+pub use settings::FitSettings;

@@ -1,0 +1,45 @@
+//! What a fit is doing, and how to stop it.
+
+use std::sync::{
+    Mutex, PoisonError,
+    atomic::{AtomicBool, Ordering},
+};
+
+/// What a fit is doing.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct FitStatus {
+    /// What is being done, such as `128^3`.
+    pub stage: String,
+    /// Share of the whole fit that is done, 0 to 1.
+    pub fraction: f64,
+    /// Mean PSNR of the held-out views so far, in decibels, from some of their pixels.
+    pub psnr: Option<f64>,
+}
+
+/// Progress of a fit, shared with other threads, which can also stop it.
+#[derive(Debug, Default)]
+pub struct FitProgress {
+    status: Mutex<FitStatus>,
+    stopped: AtomicBool,
+}
+
+impl FitProgress {
+    /// Returns what the fit is doing.
+    pub fn status(&self) -> FitStatus {
+        self.status.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    /// Requests an early end. The fit returns what it has within seconds.
+    pub fn stop(&self) {
+        self.stopped.store(true, Ordering::Relaxed);
+    }
+
+    /// Returns whether [`Self::stop`] was called.
+    pub fn is_stopped(&self) -> bool {
+        self.stopped.load(Ordering::Relaxed)
+    }
+
+    pub(super) fn update(&self, change: impl FnOnce(&mut FitStatus)) {
+        change(&mut self.status.lock().unwrap_or_else(PoisonError::into_inner));
+    }
+}

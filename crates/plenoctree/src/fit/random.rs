@@ -1,0 +1,43 @@
+//! Random numbers that are the same on every machine: SplitMix64 (Steele, Lea and Flood 2014).
+
+/// A stream of random numbers.
+#[derive(Clone, Debug)]
+pub struct Random(u64);
+
+impl Random {
+    pub fn new(seed: u64) -> Self {
+        Self(seed)
+    }
+
+    /// Creates the stream of one item among many, so that it does not depend on how work is split.
+    pub fn of(seed: u64, item: u64) -> Self {
+        let mut mixed = Self(seed ^ item.wrapping_mul(0xd1b5_4a32_d192_ed03));
+        mixed.next();
+        mixed
+    }
+
+    /// Returns the number with which [`Self::new`] creates the rest of the stream.
+    pub fn state(&self) -> u64 {
+        self.0
+    }
+
+    pub fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    }
+
+    /// Returns a number from 0 to below 1.
+    pub fn unit(&mut self) -> f32 {
+        (self.next() >> 40) as f32 / 16_777_216.0
+    }
+
+    /// Brings the items into a random order.
+    pub fn shuffle<T>(&mut self, items: &mut [T]) {
+        for last in (1..items.len()).rev() {
+            items.swap(last, (self.next() % (last as u64 + 1)) as usize);
+        }
+    }
+}

@@ -1,0 +1,97 @@
+//! What came out of a fit.
+
+use serde::Serialize;
+
+/// What a fit was given, did and reached. Serializes to `report.json`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct FitReport {
+    /// Number of views fitted to.
+    pub views: usize,
+    /// Lowest and highest corner of the cube that was fitted, in the frame of the field.
+    pub cube: [[f64; 3]; 2],
+    /// The matrix, row by row, from the frame of the input to that of the field, if the field was made to stand.
+    pub from_input: Option<[[f64; 4]; 4]>,
+    /// Leaves of the field.
+    pub leaves: usize,
+    /// Levels of the field.
+    pub depth: u32,
+    /// Whether the fit was stopped early.
+    pub stopped: bool,
+    /// The views that were held out, or others that were given for measuring. `None` if there are none.
+    pub held_out: Option<HeldOut>,
+    /// The stages of training.
+    pub stages: Vec<StageReport>,
+    /// Seconds spent reading pictures and finding the box, training, and measuring.
+    pub seconds: Seconds,
+    /// Views that contradict the others: probably, their poses are wrong.
+    pub suspicious: Vec<SuspiciousView>,
+    /// Exposure of each view relative to the mean, per channel, if it was learned.
+    pub gains: Option<Vec<[f32; 3]>>,
+}
+
+/// How well views are matched that were not fitted to.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct HeldOut {
+    /// Mean PSNR of the views, in decibels.
+    pub psnr_db: f64,
+    /// Mean structural similarity of the views.
+    pub ssim: f64,
+    /// Mean PSNR after the exposure of each view is matched.
+    pub aligned_psnr_db: f64,
+    /// Each view.
+    pub views: Vec<ViewReport>,
+}
+
+/// How well one view is matched.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct ViewReport {
+    /// Name of its picture.
+    pub name: String,
+    /// PSNR, in decibels.
+    pub psnr_db: f64,
+    /// Structural similarity.
+    pub ssim: f64,
+    /// PSNR after the exposure is matched.
+    pub aligned_psnr_db: f64,
+}
+
+/// What a stage of training did.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct StageReport {
+    /// Voxels per side.
+    pub resolution: u32,
+    /// Voxels at the end.
+    pub voxels: usize,
+    /// Rays trained on, in millions.
+    pub million_rays: f64,
+    /// Mean number of voxels on a ray.
+    pub voxels_per_ray: f64,
+    /// Seconds.
+    pub seconds: f64,
+    /// Mean PSNR of the held-out views afterwards, from some of their pixels.
+    pub psnr_db: Option<f64>,
+}
+
+/// Seconds spent on each part.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Seconds {
+    /// Reading pictures and finding the box.
+    pub preparing: f64,
+    /// Training.
+    pub training: f64,
+    /// Measuring the result.
+    pub measuring: f64,
+}
+
+/// A view that contradicts the others.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SuspiciousView {
+    /// Its number in the order of names, from 0.
+    pub number: usize,
+    /// Name of its picture.
+    pub name: String,
+    /// PSNR that training reached on it, in decibels.
+    pub psnr_db: f64,
+    /// Median PSNR that training reached.
+    pub median_psnr_db: f64,
+}

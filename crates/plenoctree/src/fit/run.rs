@@ -1,0 +1,302 @@
+//! Runs a fit from input to field.
+
+use std::{
+    fs,
+    hash::{DefaultHasher, Hash, Hasher},
+    sync::Arc,
+    time::{Duration, Instant},
+};
+
+use glam::{DVec3, Vec3};
+
+use super::{
+    checkpoint::Checkpoint,
+    error::FitError,
+    grid::Grid,
+    input::{FitInput, Picture, View, ViewCamera},
+    measure::{Comparison, compare, decibels, quick_psnr},
+    progress::FitProgress,
+    random::Random,
+    report::{FitReport, HeldOut, Seconds, StageReport, SuspiciousView, ViewReport},
+    scene,
+    settings::FitSettings,
+    stand,
+    to_field::{cropped, largest_part, to_field},
+    train::{
+        Model, Position, Schedule, TrainView, backdrop::Backdrop, gallery::Gallery, split, train, visibility,
+        visibility::Limits,
+    },
+};
+use crate::field::PlenOctree;
+
+/// Most held-out views that are kept to show.
+const MOST_PREVIEWS: usize = 12;
+/// Thickness that voxels start with.
+const FIRST_THICKNESS: f32 = 0.03;
+/// How often a checkpoint is written.
+const SAVE_EVERY: Duration = Duration::from_secs(60);
+
+/// A fitted field.
+#[derive(Clone, Debug)]
+pub struct Fitted {
+    /// The field, in the frame of the cameras.
+    pub field: PlenOctree,
+    /// Held-out views beside their photographs: all of them, or some if there are many.
+    pub previews: Vec<Comparison>,
+    /// What was done and reached.
+    pub report: FitReport,
+}
+
+/// Fits a field to the views of `input`, on all cores of the current rayon pool.
+///
+/// The result is measured on every eighth view, which is then not fitted to, as [`FitSettings::hold_out`] says, or on the
+/// views of `test`. The same input, settings and seed give the same field on any number of threads, unless there is a
+/// time limit. If `progress` is stopped, the field is what it was then.
+///
+/// # Errors
+///
+/// Returns an error if a setting is out of range, if a picture cannot be read, if there are fewer than two views to fit
+/// to, if they show no common place, or if nothing is left of the field.
+pub fn fit(
+    input: &FitInput,
+    test: Option<&FitInput>,
+    settings: &FitSettings,
+    progress: &FitProgress,
+) -> Result<Fitted, FitError> {
+    settings.validate()?;
+    let start = Instant::now();
+    progress.update(|status| status.stage = "reading".into());
+    let turned = settings.stand.then(|| stand::upright(&input.views));
+    let turn = |input: &FitInput| turned.map_or_else(|| input.clone(), |turn| stand::turned(input, turn));
+    let (input, test) = (&turn(input), test.map(turn));
+    let hold_out = settings.hold_out.filter(|_| test.is_none());
+    let is_held_out = |index: usize| hold_out.is_some_and(|every| index.is_multiple_of(every as usize));
+    let numbered = || input.views.iter().enumerate();
+    let numbers: Vec<usize> = numbered().map(|(index, _)| index).filter(|&index| !is_held_out(index)).collect();
+    let training: Vec<View> = numbers.iter().map(|&index| input.views[index].clone()).collect();
+    let held_out: Vec<View> = match &test {
+        Some(test) => test.views.clone(),
+        None => numbered().filter(|(index, _)| is_held_out(*index)).map(|(_, view)| view.clone()).collect(),
+    };
+    if training.len() < 2 {
+        let found = format!("{} to fit to and {} held out", training.len(), held_out.len());
+        return Err(FitError::Views { found, expected: "at least two to fit to" });
+    }
+    let cameras = downscaled(&training, settings.downscale)?;
+    let mut gallery = Gallery::new(training, cameras, settings.downscale, settings.picture_memory);
+    let (mut knows_opacity, mut color, mut weight) = (false, DVec3::ZERO, 0.0);
+    gallery.each(|view| {
+        knows_opacity |= view.picture.knows_opacity;
+        let (sum, count) = border(&view.picture);
+        color += sum;
+        weight += count;
+    })?;
+    let place = scene::find(&mut gallery, &input.points, knows_opacity, settings)?;
+    let measured = load_some(&held_out, settings)?;
+    let preparing = start.elapsed().as_secs_f64();
+
+    let start = Instant::now();
+    let backdrop = match settings.background {
+        _ if knows_opacity => Backdrop::Random,
+        Some(color) => Backdrop::Color(color.as_vec3()),
+        None => Backdrop::learned((color / f64::max(weight, 1.0)).as_vec3()),
+    };
+    let key = key(input, settings);
+    let saved = settings.checkpoint.as_deref();
+    let resumed = match saved {
+        Some(path) if settings.resume && path.exists() => {
+            Some(Checkpoint::read(path, key, gallery.len(), backdrop.clone())?)
+        }
+        _ => None,
+    };
+    let Checkpoint { mut model, mut position, mut random } = match resumed {
+        Some(checkpoint) => checkpoint,
+        None => {
+            let mut grid = Grid::new(place.cube, settings.basis.functions(), &place.voxels);
+            grid.values.iter_mut().step_by(settings.basis.functions()).for_each(|value| value.w = FIRST_THICKNESS);
+            grid.copy_thickness();
+            let model = Model { grid, backdrop, gains: vec![Vec3::ONE; gallery.len()] };
+            Checkpoint { model, position: Position::default(), random: Random::new(settings.seed) }
+        }
+    };
+    let schedule = Schedule::new(settings, !knows_opacity);
+    let mut report = FitReport { views: gallery.len(), ..FitReport::default() };
+    let mut saved_at = Instant::now();
+    while !progress.is_stopped() && position.stage < schedule.stages.len() {
+        let stage = &schedule.stages[position.stage];
+        if model.grid.resolution() < stage.resolution {
+            model.grid = split(&model.grid, &gallery.cameras(), stage);
+        }
+        let (before, share) = schedule.shares(position.stage);
+        let mut psnr = None;
+        let mut measured_at = -1.0;
+        let mut watch = |model: &Model, position: &Position, fraction: f64, random: &Random| {
+            if fraction >= measured_at + 0.1 {
+                measured_at = fraction;
+                psnr = quick_psnr(model, &measured);
+            }
+            progress.update(|status| {
+                status.stage = format!("{0}^3", stage.resolution);
+                status.fraction = before + share * fraction;
+                status.psnr = psnr;
+            });
+            match saved {
+                Some(path) if saved_at.elapsed() > SAVE_EVERY => {
+                    saved_at = Instant::now();
+                    Checkpoint::write(path, key, model, position, random)
+                }
+                _ => Ok(()),
+            }
+        };
+        let errors = train(&mut model, &mut gallery, stage, &mut position, &mut random, progress, &mut watch)?;
+        report.suspicious = suspicious(&errors, &numbers, gallery.views());
+        report.stages.push(StageReport {
+            resolution: model.grid.resolution(),
+            voxels: model.grid.len(),
+            million_rays: position.rays as f64 * 1e-6,
+            voxels_per_ray: position.samples as f64 / position.rays.max(1) as f64,
+            seconds: position.seconds,
+            psnr_db: quick_psnr(&model, &measured),
+        });
+        if !progress.is_stopped() {
+            position = Position { stage: position.stage + 1, ..Position::default() };
+        }
+    }
+    match saved {
+        Some(path) if progress.is_stopped() => Checkpoint::write(path, key, &model, &position, &random)?,
+        Some(path) if path.exists() => fs::remove_file(path).map_err(FitError::io(path))?,
+        _ => {}
+    }
+    report.stopped = progress.is_stopped();
+    if matches!(model.backdrop, Backdrop::Learned(_) | Backdrop::Color(_)) {
+        report.gains = Some(model.gains.iter().map(|gain| gain.to_array()).collect());
+    }
+
+    progress.update(|status| (status.stage, status.fraction) = ("measuring".into(), 1.0));
+    let limits = Limits { spacing: 0.7, ..Limits::default() };
+    let mut kept = visibility::visible(&model.grid, &gallery.cameras(), limits);
+    if let Some((low, high)) = settings.crop {
+        kept = cropped(&model.grid, &kept, low, high);
+    }
+    if settings.keep_largest {
+        kept = largest_part(&model.grid, &kept, 0.2);
+    }
+    let field = to_field(&model.grid, &kept)?;
+    let training = start.elapsed().as_secs_f64();
+
+    let start = Instant::now();
+    let shown = match (&model.backdrop, settings.background) {
+        (Backdrop::Random, color) => Backdrop::Color(color.unwrap_or(DVec3::ONE).as_vec3()),
+        (other, _) => other.clone(),
+    };
+    let (held_out, previews) = measure(&field, &shown, &held_out, settings)?;
+    report.held_out = held_out;
+    let (mut field, mut cube) = (field, place.cube);
+    if let Some(turn) = turned {
+        let shift = stand::onto_origin(&field);
+        field = stand::shifted(&field, shift)?;
+        cube.low += shift;
+        report.from_input = Some(stand::matrix(turn, shift));
+    }
+    report.leaves = field.leaves();
+    report.depth = field.depth();
+    report.cube = [cube.low.to_array(), (cube.low + cube.size).to_array()];
+    report.seconds = Seconds { preparing, training, measuring: start.elapsed().as_secs_f64() };
+    Ok(Fitted { field, previews, report })
+}
+
+/// Returns a number that tells fits apart that cannot go on from each other's checkpoints.
+fn key(input: &FitInput, settings: &FitSettings) -> u64 {
+    let mut hasher = DefaultHasher::new();
+    for view in &input.views {
+        view.name.hash(&mut hasher);
+        view.camera.position.to_array().map(f64::to_bits).hash(&mut hasher);
+    }
+    let FitSettings { depth, basis, downscale, bounds, background, hold_out, stand, .. } = settings;
+    format!("{depth} {basis:?} {downscale} {bounds:?} {background:?} {hold_out:?} {stand}").hash(&mut hasher);
+    hasher.finish()
+}
+
+/// Returns the cameras for the downscaled pictures.
+fn downscaled(views: &[View], downscale: u32) -> Result<Vec<ViewCamera>, FitError> {
+    let small = |view: &View| {
+        view.camera.downscaled(downscale).map_err(|point| {
+            FitError::found(&view.picture, "lens", format!("no direction at {point}"), "a lens that covers the picture")
+        })
+    };
+    views.iter().map(small).collect()
+}
+
+fn load(view: &View, number: usize, settings: &FitSettings) -> Result<TrainView, FitError> {
+    let picture = Picture::read(&view.picture, view.mask.as_deref(), settings.downscale)?;
+    let camera = downscaled(std::slice::from_ref(view), settings.downscale)?.remove(0);
+    Ok(TrainView { number, camera, picture: Arc::new(picture) })
+}
+
+/// Loads some views to measure while training.
+fn load_some(views: &[View], settings: &FitSettings) -> Result<Vec<TrainView>, FitError> {
+    let every = views.len().div_ceil(MOST_PREVIEWS).max(1);
+    views.iter().enumerate().step_by(every).map(|(index, view)| load(view, index, settings)).collect()
+}
+
+/// Returns the sum and the number of the colors on the border of a picture.
+fn border(picture: &Picture) -> (DVec3, f64) {
+    let (width, height) = (picture.width as usize, picture.height as usize);
+    let on_border = |index: usize| {
+        let (x, y) = (index % width, index / width);
+        x == 0 || y == 0 || x + 1 == width || y + 1 == height
+    };
+    let pixels = picture.pixels.iter().enumerate().filter(|(index, _)| on_border(*index));
+    pixels.fold((DVec3::ZERO, 0.0), |(sum, count), (_, [r, g, b, _])| {
+        (sum + DVec3::new((*r).into(), (*g).into(), (*b).into()) / 255.0, count + 1.0)
+    })
+}
+
+/// Returns the views on which the error stays far above the median.
+fn suspicious(errors: &[Option<f64>], numbers: &[usize], views: &[View]) -> Vec<SuspiciousView> {
+    let psnrs: Vec<Option<f64>> = errors.iter().map(|error| error.map(decibels)).collect();
+    let mut sorted: Vec<f64> = psnrs.iter().flatten().copied().collect();
+    sorted.sort_unstable_by(f64::total_cmp);
+    let Some(&median) = sorted.get(sorted.len() / 2) else { return Vec::new() };
+    let mut deviations: Vec<f64> = sorted.iter().map(|psnr| (psnr - median).abs()).collect();
+    deviations.sort_unstable_by(f64::total_cmp);
+    // Five times the error, and far outside of how views usually vary.
+    let limit = median - f64::max(7.0, 8.0 * deviations[deviations.len() / 2]);
+    let wrong = |(index, psnr): (usize, &Option<f64>)| {
+        let psnr = psnr.filter(|psnr| *psnr < limit)?;
+        let (number, name) = (numbers[index], views[index].name.clone());
+        Some(SuspiciousView { number, name, psnr_db: psnr, median_psnr_db: median })
+    };
+    psnrs.iter().enumerate().filter_map(wrong).collect()
+}
+
+/// Compares the field with all held-out views.
+fn measure(
+    field: &PlenOctree,
+    backdrop: &Backdrop,
+    views: &[View],
+    settings: &FitSettings,
+) -> Result<(Option<HeldOut>, Vec<Comparison>), FitError> {
+    if views.is_empty() {
+        return Ok((None, Vec::new()));
+    }
+    let every = views.len().div_ceil(MOST_PREVIEWS).max(1);
+    let (mut held_out, mut previews) = (HeldOut::default(), Vec::new());
+    for (index, view) in views.iter().enumerate() {
+        let loaded = load(view, index, settings)?;
+        let compared = compare(field, backdrop, &view.name, &loaded.camera, &loaded.picture);
+        held_out.views.push(ViewReport {
+            name: view.name.clone(),
+            psnr_db: compared.psnr,
+            ssim: compared.ssim,
+            aligned_psnr_db: compared.aligned_psnr,
+        });
+        if index.is_multiple_of(every) {
+            previews.push(compared);
+        }
+    }
+    let mean = |value: fn(&ViewReport) -> f64| held_out.views.iter().map(value).sum::<f64>() / views.len() as f64;
+    (held_out.psnr_db, held_out.ssim) = (mean(|view| view.psnr_db), mean(|view| view.ssim));
+    held_out.aligned_psnr_db = mean(|view| view.aligned_psnr_db);
+    Ok((Some(held_out), previews))
+}

@@ -1,0 +1,274 @@
+//! Where the field can be: found from what the cameras see.
+
+use glam::{DMat3, DVec2, DVec3, UVec3};
+use rayon::prelude::*;
+
+use super::{
+    error::FitError,
+    grid::{Cube, Grid, VoxelSet},
+    input::{Picture, ViewCamera},
+    settings::FitSettings,
+    train::{TrainView, gallery::Gallery},
+};
+
+/// Voxels per side of the grid in which the scene is looked for.
+const RESOLUTION: u32 = 64;
+/// Opacity below which a pixel shows nothing, out of 255.
+const CLEAR: u8 = 3;
+/// Times to look in a larger cube.
+const GROWTHS: usize = 3;
+
+/// Where the field can be.
+pub struct Place {
+    pub cube: Cube,
+    /// The voxels that can be occupied, of 64 per side.
+    pub voxels: VoxelSet,
+}
+
+/// Finds the place of the field. `knows_opacity` tells whether pictures show what is not part of the object.
+///
+/// # Errors
+///
+/// Returns an error if the cameras have nothing in view together, or if a picture cannot be read.
+pub fn find(
+    gallery: &mut Gallery,
+    points: &[DVec3],
+    knows_opacity: bool,
+    settings: &FitSettings,
+) -> Result<Place, FitError> {
+    let cameras: Vec<ViewCamera> = gallery.cameras().into_iter().cloned().collect();
+    if let Some((low, high)) = settings.bounds {
+        let cube = around(low, high);
+        let votes = look(gallery, cube, knows_opacity)?;
+        let mut voxels = VoxelSet::new(RESOLUTION);
+        let grid = Votes::grid(cube);
+        for position in votes.possible(&cameras, knows_opacity, None) {
+            let (corner, width) = (grid.cube().low + position.as_dvec3() * grid.voxel_size(), grid.voxel_size());
+            if corner.cmplt(high).all() && (corner + width).cmpgt(low).all() {
+                voxels.insert(position);
+            }
+        }
+        return nonempty(cube, voxels);
+    }
+
+    let (focus, distance) = focus(&cameras)?;
+    if !knows_opacity {
+        let cube = photographed(points, focus, distance);
+        let votes = look(gallery, cube, false)?;
+        let mut voxels = VoxelSet::new(RESOLUTION);
+        votes.possible(&cameras, false, Some(0.25 * distance)).for_each(|position| voxels.insert(position));
+        return nonempty(cube, voxels);
+    }
+    // Half of what a camera has in view at that distance; more if the object turns out to be cut off.
+    let wide = median(cameras.iter().map(|camera| {
+        let lens = camera.lens;
+        0.5 * f64::from(camera.width.max(camera.height)) / lens.focal.min_element()
+    }));
+    let mut half = distance * wide.min(0.9);
+    for growth in 0..=GROWTHS {
+        let cube = Cube { low: focus - half, size: 2.0 * half };
+        let votes = look(gallery, cube, true)?;
+        let grid = Votes::grid(cube);
+        let bounds = votes.possible(&cameras, true, None).fold(None, |bounds: Option<(UVec3, UVec3)>, at| {
+            Some(bounds.map_or((at, at), |(low, high)| (low.min(at), high.max(at))))
+        });
+        let Some((low, high)) = bounds else { break };
+        let cut_off = low.cmpeq(UVec3::ZERO).any() || high.cmpeq(UVec3::splat(RESOLUTION - 1)).any();
+        if cut_off && growth < GROWTHS && half < 0.9 * distance {
+            half = (1.5 * half).min(0.95 * distance);
+            continue;
+        }
+        let margin = 0.5 * grid.voxel_size();
+        let cube = around(
+            cube.low + low.as_dvec3() * grid.voxel_size() - margin,
+            cube.low + (high + 1).as_dvec3() * grid.voxel_size() + margin,
+        );
+        let votes = look(gallery, cube, true)?;
+        let mut voxels = VoxelSet::new(RESOLUTION);
+        votes.possible(&cameras, true, None).for_each(|position| voxels.insert(position));
+        return nonempty(cube, voxels);
+    }
+    Err(FitError::Views {
+        found: format!("no place near {focus:.3} that they agree on: in each, some picture shows nothing"),
+        expected: "cameras that see one object from around it",
+    })
+}
+
+fn nonempty(cube: Cube, voxels: VoxelSet) -> Result<Place, FitError> {
+    if voxels.positions().next().is_none() {
+        let (low, high) = (cube.low, cube.low + cube.size);
+        return Err(FitError::Views {
+            found: format!("none that shows something in the box from {low:.3} to {high:.3}"),
+            expected: "several views of the box",
+        });
+    }
+    Ok(Place { cube, voxels })
+}
+
+/// Returns the cube around a box.
+fn around(low: DVec3, high: DVec3) -> Cube {
+    let size = (high - low).max_element();
+    Cube { low: 0.5 * (low + high) - 0.5 * size, size }
+}
+
+/// Returns the point nearest to the optical axes of all cameras, and the median distance of the cameras from it.
+fn focus(cameras: &[ViewCamera]) -> Result<(DVec3, f64), FitError> {
+    let (mut normal, mut right) = (DMat3::ZERO, DVec3::ZERO);
+    for camera in cameras {
+        let axis = camera.axis();
+        let across = DMat3::IDENTITY - DMat3::from_cols(axis * axis.x, axis * axis.y, axis * axis.z);
+        normal += across;
+        right += across * camera.position;
+    }
+    let count = cameras.len() as f64;
+    // Parallel axes have no nearest point.
+    let spread = normal.determinant() / count.powi(3);
+    let focus = if spread > 1e-6 { normal.inverse() * right } else { DVec3::NAN };
+    let looking = cameras.iter().filter(|camera| camera.project(focus).is_some()).count();
+    if !focus.is_finite() || 2 * looking < cameras.len() {
+        return Err(FitError::Views {
+            found: format!("{looking} of {} cameras that look at a common place", cameras.len()),
+            expected: "most cameras to look at one object; else give the box to fit",
+        });
+    }
+    Ok((focus, median(cameras.iter().map(|camera| camera.position.distance(focus)))))
+}
+
+fn median(values: impl Iterator<Item = f64>) -> f64 {
+    let mut values: Vec<f64> = values.collect();
+    values.sort_unstable_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or_default()
+}
+
+/// Returns the cube of photographs whose background is part of the scene: around the known points near
+/// what the cameras look at, or else what is around the focus.
+fn photographed(points: &[DVec3], focus: DVec3, distance: f64) -> Cube {
+    let reach = 2.0 * distance;
+    let seen = |point: &&DVec3| point.distance(focus) < reach;
+    let near: Vec<DVec3> = points.iter().filter(seen).copied().collect();
+    if near.len() < 50 {
+        let half = 0.95 * distance;
+        return Cube { low: focus - half, size: 2.0 * half };
+    }
+    let end = |axis: usize, share: f64| {
+        let mut values: Vec<f64> = near.iter().map(|point| point[axis]).collect();
+        values.sort_unstable_by(f64::total_cmp);
+        values[((values.len() - 1) as f64 * share) as usize]
+    };
+    let low = DVec3::from_array(std::array::from_fn(|axis| end(axis, 0.01)));
+    let high = DVec3::from_array(std::array::from_fn(|axis| end(axis, 0.99)));
+    let margin = 0.05 * (high - low).max_element();
+    around(low - margin, high + margin)
+}
+
+/// What the views say of each voxel of a cube.
+struct Votes {
+    cube: Cube,
+    /// Number of views that have the voxel in the picture, and of those that show nothing there.
+    counts: Vec<[u32; 2]>,
+}
+
+impl Votes {
+    /// Returns the grid, without voxels, that the votes are about.
+    fn grid(cube: Cube) -> Grid {
+        Grid::new(cube, 1, &VoxelSet::new(RESOLUTION))
+    }
+
+    /// Returns the voxels that can be occupied: those that enough views see and that no view shows to be empty, apart
+    /// from a few views whose poses may be wrong, and that are not nearer than `near` to a camera.
+    fn possible<'a>(
+        &'a self,
+        cameras: &'a [ViewCamera],
+        knows_opacity: bool,
+        near: Option<f64>,
+    ) -> impl Iterator<Item = UVec3> + 'a {
+        let grid = Self::grid(self.cube);
+        // Far from the object, cones that one or two views leave reach to infinity.
+        let share = if knows_opacity { 4 } else { 10 };
+        let needed = (cameras.len() / share).max(2) as u32;
+        let tolerated = tolerated(cameras.len());
+        let far =
+            move |at: DVec3| near.is_none_or(|near| cameras.iter().all(|camera| camera.position.distance(at) >= near));
+        let positions = (0..RESOLUTION.pow(3)).map(position);
+        positions
+            .zip(&self.counts)
+            .filter(move |(position, [seen, empty])| {
+                *seen >= needed && *empty <= tolerated && far(grid.center(*position))
+            })
+            .map(|(position, _)| position)
+    }
+}
+
+/// Returns how many views may show nothing where the others show something: their poses may be wrong.
+fn tolerated(views: usize) -> u32 {
+    views as u32 / 25
+}
+
+fn position(index: u32) -> UVec3 {
+    UVec3::new(index / (RESOLUTION * RESOLUTION), index / RESOLUTION % RESOLUTION, index % RESOLUTION)
+}
+
+/// Asks all views about the voxels of a cube.
+fn look(gallery: &mut Gallery, cube: Cube, knows_opacity: bool) -> Result<Votes, FitError> {
+    let grid = Votes::grid(cube);
+    let mut counts = vec![[0; 2]; RESOLUTION.pow(3) as usize];
+    let tolerated = tolerated(gallery.len());
+    let mut ask = |view: &TrainView| {
+        let opaque = knows_opacity.then(|| Counts::of(&view.picture));
+        let focal = view.camera.lens.focal.max_element();
+        counts.par_iter_mut().enumerate().with_min_len(4096).for_each(|(index, [seen, empty])| {
+            if *empty > tolerated {
+                return;
+            }
+            let center = grid.center(position(index as u32));
+            if let Some((point, depth)) = view.camera.project(center) {
+                *seen += 1;
+                // The whole voxel, and a pixel more.
+                let radius = 0.87 * grid.voxel_size() * focal / depth.max(1e-9) + 1.0;
+                let shown = opaque.as_ref().is_none_or(|opaque| opaque.any(point - radius, point + radius));
+                *empty += u32::from(!shown);
+            }
+        });
+    };
+    if knows_opacity {
+        gallery.each(ask)?;
+    } else {
+        // Only the cameras count.
+        let empty = std::sync::Arc::new(Picture { width: 0, height: 0, pixels: Vec::new(), knows_opacity: false });
+        for (number, camera) in gallery.cameras().into_iter().enumerate() {
+            ask(&TrainView { number, camera: camera.clone(), picture: empty.clone() });
+        }
+    }
+    Ok(Votes { cube, counts })
+}
+
+/// Numbers of pixels that show something, above and to the left of each pixel.
+struct Counts {
+    columns: usize,
+    sums: Vec<u32>,
+}
+
+impl Counts {
+    fn of(picture: &Picture) -> Self {
+        let (width, height) = (picture.width as usize, picture.height as usize);
+        let columns = width + 1;
+        let mut sums = vec![0; columns * (height + 1)];
+        for y in 0..height {
+            let mut row = 0;
+            for x in 0..width {
+                row += u32::from(picture.pixels[y * width + x][3] >= CLEAR);
+                sums[(y + 1) * columns + x + 1] = sums[y * columns + x + 1] + row;
+            }
+        }
+        Self { columns, sums }
+    }
+
+    /// Returns whether a pixel between the two points shows something.
+    fn any(&self, low: DVec2, high: DVec2) -> bool {
+        let rows = self.sums.len() / self.columns;
+        let end = DVec2::new((self.columns - 1) as f64, (rows - 1) as f64);
+        let (low, high) = (low.floor().clamp(DVec2::ZERO, end), high.ceil().clamp(DVec2::ZERO, end));
+        let sum = |x: f64, y: f64| self.sums[y as usize * self.columns + x as usize];
+        sum(high.x, high.y) + sum(low.x, low.y) > sum(low.x, high.y) + sum(high.x, low.y)
+    }
+}

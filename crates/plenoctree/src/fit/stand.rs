@@ -1,0 +1,46 @@
+//! Turns inputs upright and sets fields on the origin.
+
+use glam::{DMat3, DQuat, DVec3};
+
+use super::{
+    error::FitError,
+    input::{FitInput, View},
+};
+use crate::field::{Frame, PlenOctree};
+
+/// Returns the rotation that takes the mean up of the cameras to z.
+pub fn upright(views: &[View]) -> DMat3 {
+    let up: DVec3 = views.iter().map(|view| view.camera.rotation.y_axis).sum();
+    up.try_normalize().map_or(DMat3::IDENTITY, |up| DMat3::from_quat(DQuat::from_rotation_arc(up, DVec3::Z)))
+}
+
+/// Returns the input in another frame.
+pub fn turned(input: &FitInput, turn: DMat3) -> FitInput {
+    let mut input = input.clone();
+    for view in &mut input.views {
+        view.camera.rotation = turn * view.camera.rotation;
+        view.camera.position = turn * view.camera.position;
+    }
+    input.points.iter_mut().for_each(|point| *point = turn * *point);
+    input
+}
+
+/// Returns the shift that takes the middle of the field's lowest face to the origin.
+pub fn onto_origin(field: &PlenOctree) -> DVec3 {
+    field.dense_bounds().map_or(DVec3::ZERO, |(low, high)| -(0.5 * (low + high)).with_z(low.z))
+}
+
+/// Returns the field somewhere else.
+pub fn shifted(field: &PlenOctree, shift: DVec3) -> Result<PlenOctree, FitError> {
+    let frame = field.frame();
+    let frame = Frame { offset: frame.offset - frame.scale * shift, ..frame };
+    let (nodes, densities, coefficients) =
+        (field.nodes().to_vec(), field.densities().to_vec(), field.coefficients().to_vec());
+    Ok(PlenOctree::new(frame, field.basis(), field.activation(), field.up(), nodes, densities, coefficients)?)
+}
+
+/// Returns a rotation and then a shift as a matrix, row by row.
+pub fn matrix(turn: DMat3, shift: DVec3) -> [[f64; 4]; 4] {
+    let row = |at: usize| [turn.x_axis[at], turn.y_axis[at], turn.z_axis[at], shift[at]];
+    [row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]]
+}

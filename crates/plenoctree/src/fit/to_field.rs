@@ -1,0 +1,135 @@
+//! From the fitted grid to a field.
+
+use glam::{DVec3, IVec3, UVec3};
+use half::f16;
+
+use super::{
+    error::FitError,
+    grid::{Grid, VoxelSet},
+};
+use crate::field::{Activation, Basis, Cell, Frame, PlenOctree, UpAxis};
+
+/// Density, per world unit, below which readers of files drop a leaf.
+const MIN_DENSITY: f64 = 1e-2;
+
+/// Makes a field of the voxels in `kept`.
+///
+/// # Errors
+///
+/// Returns an error if no voxel is left.
+pub fn to_field(grid: &Grid, kept: &VoxelSet) -> Result<PlenOctree, FitError> {
+    let functions = grid.functions();
+    let mut leaves: Vec<(u64, u32)> = (kept.positions())
+        .filter_map(|position| {
+            let voxel = grid.voxel(position.as_ivec3())?;
+            (density(grid, voxel) >= MIN_DENSITY).then_some((morton(position), voxel))
+        })
+        .collect();
+    if leaves.is_empty() {
+        return Err(FitError::Empty);
+    }
+    leaves.sort_unstable();
+    let mut nodes = Vec::new();
+    append_node(&mut nodes, &leaves, 0, grid.resolution().ilog2());
+    let densities = leaves.iter().map(|&(_, voxel)| density(grid, voxel) as f32).collect();
+    let coefficients = (leaves.iter())
+        .flat_map(|&(_, voxel)| {
+            let values = &grid.values[voxel as usize * functions..][..functions];
+            (0..3).flat_map(move |channel| values.iter().map(move |value| f16::from_f32(value[channel])))
+        })
+        .collect();
+    let cube = grid.cube();
+    let frame = Frame::spanning(cube.low, cube.low + cube.size);
+    let basis = Basis::from_functions(functions).unwrap_or(Basis::Sh1);
+    Ok(PlenOctree::new(frame, basis, Activation::Sigmoid, UpAxis::Z, nodes, densities, coefficients)?)
+}
+
+fn density(grid: &Grid, voxel: u32) -> f64 {
+    f64::from(grid.thickness[voxel as usize]) / grid.voxel_size()
+}
+
+/// Interleaves the bits of a position, x first.
+fn morton(position: UVec3) -> u64 {
+    let spread = |value: u32| (0..21).map(|bit| u64::from(value >> bit & 1) << (3 * bit)).sum::<u64>();
+    spread(position.x) << 2 | spread(position.y) << 1 | spread(position.z)
+}
+
+/// Appends the node that covers `leaves`, which are sorted, and all below it. `first` is the index of the first leaf.
+fn append_node(nodes: &mut Vec<[Cell; 8]>, leaves: &[(u64, u32)], first: usize, level: u32) {
+    let node = nodes.len();
+    nodes.push([Cell::EMPTY; 8]);
+    let mut start = 0;
+    for octant in 0..8 {
+        let shift = 3 * (level - 1);
+        let count = leaves[start..].iter().take_while(|(code, _)| code >> shift & 7 == octant).count();
+        if count > 0 {
+            nodes[node][octant as usize] = if level == 1 {
+                Cell::leaf((first + start) as u32)
+            } else {
+                let child = Cell::node(nodes.len() as u32);
+                append_node(nodes, &leaves[start..start + count], first + start, level - 1);
+                child
+            };
+        }
+        start += count;
+    }
+}
+
+/// Returns the voxels of `kept` whose centers are between two corners.
+pub fn cropped(grid: &Grid, kept: &VoxelSet, low: DVec3, high: DVec3) -> VoxelSet {
+    let mut inside = VoxelSet::new(grid.resolution());
+    for position in kept.positions() {
+        let center = grid.center(position);
+        if center.cmpge(low).all() && center.cmple(high).all() {
+            inside.insert(position);
+        }
+    }
+    inside
+}
+
+/// Returns the largest part of `kept` that is connected through voxels at least `thick`, and the thinner voxels around
+/// it.
+pub fn largest_part(grid: &Grid, kept: &VoxelSet, thick: f32) -> VoxelSet {
+    const NONE: u32 = 0;
+    let mut part_of = vec![NONE; grid.len()];
+    let mut sizes = vec![0u64];
+    let around: Vec<IVec3> = (0..27).map(|code| IVec3::new(code / 9 - 1, code / 3 % 3 - 1, code % 3 - 1)).collect();
+    let solid: Vec<IVec3> = (kept.positions().map(|position| position.as_ivec3()))
+        .filter(|position| grid.voxel(*position).is_some_and(|voxel| grid.thickness[voxel as usize] >= thick))
+        .collect();
+    let mut allowed = vec![false; grid.len()];
+    for voxel in solid.iter().filter_map(|position| grid.voxel(*position)) {
+        allowed[voxel as usize] = true;
+    }
+    for start in &solid {
+        let Some(voxel) = grid.voxel(*start).filter(|voxel| part_of[*voxel as usize] == NONE) else { continue };
+        let part = sizes.len() as u32;
+        sizes.push(1);
+        part_of[voxel as usize] = part;
+        let mut stack = vec![*start];
+        while let Some(position) = stack.pop() {
+            for offset in &around {
+                if let Some(next) = grid.voxel(position + offset)
+                    && allowed[next as usize]
+                    && part_of[next as usize] == NONE
+                {
+                    part_of[next as usize] = part;
+                    sizes[part as usize] += 1;
+                    stack.push(position + offset);
+                }
+            }
+        }
+    }
+    let largest = (1..sizes.len()).max_by_key(|&part| sizes[part]).unwrap_or(0) as u32;
+    let mut result = VoxelSet::new(grid.resolution());
+    if largest == NONE {
+        return result;
+    }
+    for position in kept.positions() {
+        let near = around.iter().filter_map(|offset| grid.voxel(position.as_ivec3() + offset));
+        if near.into_iter().any(|voxel| part_of[voxel as usize] == largest) {
+            result.insert(position);
+        }
+    }
+    result
+}

@@ -1,0 +1,99 @@
+//! The pictures to fit to: all in memory, or as many at a time as fit.
+
+use std::sync::Arc;
+
+use rayon::prelude::*;
+
+use super::TrainView;
+use crate::fit::{
+    error::FitError,
+    input::{Picture, View, ViewCamera},
+    random::Random,
+};
+
+/// The views to fit to.
+pub struct Gallery {
+    views: Vec<View>,
+    cameras: Vec<ViewCamera>,
+    downscale: u32,
+    /// Number of views to hold at a time.
+    at_once: usize,
+    /// The views in memory.
+    held: Vec<TrainView>,
+    /// Views still to come before all have been shown.
+    waiting: Vec<usize>,
+}
+
+impl Gallery {
+    /// Creates a gallery that holds at most `memory` bytes of pictures. `cameras` are those of the downscaled pictures.
+    pub fn new(views: Vec<View>, cameras: Vec<ViewCamera>, downscale: u32, memory: u64) -> Self {
+        let bytes = |camera: &ViewCamera| 4 * u64::from(camera.width) * u64::from(camera.height);
+        let largest = cameras.iter().map(bytes).max().unwrap_or(1);
+        let total: u64 = cameras.iter().map(bytes).sum();
+        let at_once = if total <= memory { views.len() } else { (memory / largest) as usize }.max(1);
+        Self { views, cameras, downscale, at_once, held: Vec::new(), waiting: Vec::new() }
+    }
+
+    /// Returns the number of views.
+    pub fn len(&self) -> usize {
+        self.views.len()
+    }
+
+    pub fn views(&self) -> &[View] {
+        &self.views
+    }
+
+    /// Returns all cameras, for the downscaled pictures.
+    pub fn cameras(&self) -> Vec<&ViewCamera> {
+        self.cameras.iter().collect()
+    }
+
+    /// Calls `visit` with every view in turn, in order, from as few pictures in memory as allowed.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error if a picture cannot be read.
+    pub fn each(&mut self, mut visit: impl FnMut(&TrainView)) -> Result<(), FitError> {
+        let all: Vec<usize> = (0..self.len()).collect();
+        for numbers in all.chunks(self.at_once) {
+            self.hold(numbers)?;
+            self.held.iter().for_each(&mut visit);
+        }
+        Ok(())
+    }
+
+    /// Returns the views of the next round: all of them, or others than before until all have had their turn.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error if a picture cannot be read.
+    pub fn next_round(&mut self, random: &mut Random) -> Result<Vec<TrainView>, FitError> {
+        if self.at_once >= self.len() {
+            self.hold(&(0..self.len()).collect::<Vec<_>>())?;
+        } else {
+            if self.waiting.is_empty() {
+                self.waiting = (0..self.len()).collect();
+                random.shuffle(&mut self.waiting);
+            }
+            let rest = self.waiting.len().saturating_sub(self.at_once);
+            let numbers = self.waiting.split_off(rest);
+            self.hold(&numbers)?;
+        }
+        Ok(self.held.clone())
+    }
+
+    /// Reads these pictures, and forgets all others.
+    fn hold(&mut self, numbers: &[usize]) -> Result<(), FitError> {
+        if self.held.iter().map(|view| view.number).eq(numbers.iter().copied()) {
+            return Ok(());
+        }
+        self.held.clear();
+        let read = |&number: &usize| {
+            let view = &self.views[number];
+            let picture = Picture::read(&view.picture, view.mask.as_deref(), self.downscale)?;
+            Ok(TrainView { number, camera: self.cameras[number].clone(), picture: Arc::new(picture) })
+        };
+        self.held = numbers.par_iter().map(read).collect::<Result<_, FitError>>()?;
+        Ok(())
+    }
+}

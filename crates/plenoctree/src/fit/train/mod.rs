@@ -1,0 +1,218 @@
+//! Fits a grid to photographs, stage by stage, from coarse to fine.
+
+pub mod backdrop;
+pub mod batch;
+pub mod gallery;
+mod schedule;
+pub mod update;
+pub mod visibility;
+
+use std::{sync::Arc, time::Instant};
+
+use glam::{DVec2, Vec3};
+use rayon::prelude::*;
+
+pub use self::schedule::{Schedule, Stage};
+use self::{
+    backdrop::Backdrop,
+    batch::{Scene, TILE, Tile, Workspace, render_batch},
+    gallery::Gallery,
+    update::{Optimizer, update},
+};
+use super::{
+    error::FitError,
+    grid::{Grid, VoxelSet},
+    input::{Picture, ViewCamera},
+    progress::FitProgress,
+    random::Random,
+};
+
+/// A view whose picture is in memory.
+#[derive(Clone)]
+pub struct TrainView {
+    /// Index among the views that are fitted to.
+    pub number: usize,
+    pub camera: ViewCamera,
+    pub picture: Arc<Picture>,
+}
+
+/// What is being fitted.
+pub struct Model {
+    pub grid: Grid,
+    pub backdrop: Backdrop,
+    /// Gain of each view, in encoded sRGB: its exposure, relative to the mean.
+    pub gains: Vec<Vec3>,
+}
+
+/// How far a fit is.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Position {
+    /// The stage.
+    pub stage: usize,
+    /// Rays that the stage trained on.
+    pub rays: u64,
+    /// Voxels that these rays crossed.
+    pub samples: u64,
+    /// Whether the stage has removed invisible voxels.
+    pub pruned: bool,
+    /// Seconds that the stage has taken.
+    pub seconds: f64,
+}
+
+/// Called now and then with the model, how far it is, the share of the stage that is done, and the state of the random
+/// numbers.
+pub type Watch<'a> = dyn FnMut(&Model, &Position, f64, &Random) -> Result<(), FitError> + 'a;
+
+/// Fits `model` for one stage, from `position` on. Returns early if `progress` says so. Returns the mean squared error per
+/// channel of each view in the last round that had it.
+///
+/// # Errors
+///
+/// Returns an error if a picture cannot be read.
+pub fn train(
+    model: &mut Model,
+    gallery: &mut Gallery,
+    stage: &Stage,
+    position: &mut Position,
+    random: &mut Random,
+    progress: &FitProgress,
+    watch: &mut Watch,
+) -> Result<Vec<Option<f64>>, FitError> {
+    let (start, before) = (Instant::now(), position.seconds);
+    let mut workspace = Workspace::default();
+    let mut thickness = Vec::new();
+    let mut errors = vec![None; gallery.len()];
+    let mut watched = 0.0;
+    'rounds: while !progress.is_stopped() && stage.fraction(position) < 1.0 {
+        let views = gallery.next_round(random)?;
+        let mut tiles = active_tiles(&model.grid, &views);
+        if tiles.is_empty() {
+            return Err(FitError::Empty);
+        }
+        random.shuffle(&mut tiles);
+        let mut sums = vec![ViewSums::default(); gallery.len()];
+        let mut ended = false;
+        for tiles in tiles.chunks(stage.tiles) {
+            position.seconds = before + start.elapsed().as_secs_f64();
+            let fraction = stage.fraction(position);
+            if progress.is_stopped() || fraction >= 1.0 {
+                ended = true;
+                break;
+            }
+            if !position.pruned && fraction >= stage.prune_at {
+                position.pruned = true;
+                let set = visibility::visible(&model.grid, &gallery.cameras(), stage.prune_below);
+                model.grid = model.grid.resampled(&set);
+                continue 'rounds;
+            }
+            let scene = Scene { grid: &model.grid, views: &views, backdrop: &model.backdrop, gains: &model.gains };
+            render_batch(&scene, tiles, random.next(), &mut workspace);
+            let optimizer = Optimizer { rates: stage.rates(fraction), ..stage.optimizer };
+            update(&mut model.grid, &workspace.parts, &optimizer, &mut thickness);
+            let results = || workspace.parts.iter().flat_map(|part| &part.tiles);
+            if let Backdrop::Learned(map) = &mut model.backdrop {
+                let gradients = results().filter_map(|tile| tile.backdrop);
+                map.update(gradients, stage.backdrop_rate(fraction));
+            }
+            for tile in results() {
+                let number = views[tile.view as usize].number;
+                position.rays += u64::from(tile.rays);
+                sums[number].add(tile);
+            }
+            position.samples += workspace.parts.iter().map(|part| part.samples).sum::<u64>();
+            if fraction >= watched {
+                watch(model, position, fraction, random)?;
+                watched = fraction + 0.02;
+            }
+        }
+        for (error, sums) in errors.iter_mut().zip(&sums) {
+            *error = sums.error().or(*error);
+        }
+        if stage.learns_gains && !ended {
+            learn_gains(&mut model.gains, &sums);
+        }
+    }
+    position.seconds = before + start.elapsed().as_secs_f64();
+    Ok(errors)
+}
+
+/// What a round says of one view.
+#[derive(Clone, Default)]
+struct ViewSums {
+    loss: f64,
+    rays: f64,
+    gain: [Vec3; 2],
+}
+
+impl ViewSums {
+    fn add(&mut self, tile: &batch::TileResult) {
+        self.loss += f64::from(tile.loss);
+        self.rays += f64::from(tile.rays);
+        self.gain[0] += tile.gain[0];
+        self.gain[1] += tile.gain[1];
+    }
+
+    /// Returns the mean squared error per channel, if enough rays tell.
+    fn error(&self) -> Option<f64> {
+        const ENOUGH: f64 = 200.0;
+        (self.rays >= ENOUGH).then(|| self.loss / (3.0 * self.rays))
+    }
+}
+
+/// Moves the gains halfway to the best ones of this round, and keeps their geometric mean at 1.
+fn learn_gains(gains: &mut [Vec3], sums: &[ViewSums]) {
+    for (gain, sums) in gains.iter_mut().zip(sums) {
+        let [photographed, rendered] = sums.gain;
+        if rendered.min_element() > 1.0 {
+            *gain = (0.5 * (*gain + photographed / rendered)).clamp(Vec3::splat(0.25), Vec3::splat(4.0));
+        }
+    }
+    let logarithms: Vec3 = gains.iter().map(|gain| Vec3::from_array(gain.to_array().map(f32::ln))).sum();
+    let mean = (logarithms / gains.len() as f32).to_array().map(f32::exp);
+    gains.iter_mut().for_each(|gain| *gain /= Vec3::from_array(mean));
+}
+
+/// Returns the tiles of which some corner sees a voxel.
+fn active_tiles(grid: &Grid, views: &[TrainView]) -> Vec<Tile> {
+    let in_view = |(index, view): (usize, &TrainView)| {
+        let camera = &view.camera;
+        let (columns, rows) = (camera.width.div_ceil(TILE), camera.height.div_ceil(TILE));
+        let sees = |x: u32, y: u32| {
+            let pixel = DVec2::new(x.min(camera.width - 1).into(), y.min(camera.height - 1).into()) + 0.5;
+            let mut any = false;
+            grid.march(&grid.ray(camera.position, camera.direction(pixel)), |_, _| {
+                any = true;
+                false
+            });
+            any
+        };
+        let active = |&(x, y): &(u32, u32)| {
+            let (left, top) = (x * TILE, y * TILE);
+            let (right, bottom) = (left + TILE - 1, top + TILE - 1);
+            sees(left, top) || sees(right, bottom) || sees(right, top) || sees(left, bottom)
+        };
+        let places = (0..rows).flat_map(|y| (0..columns).map(move |x| (x, y)));
+        let tile = |(x, y)| Tile { view: index as u32, x: x as u16, y: y as u16 };
+        places.filter(active).map(tile).collect::<Vec<_>>()
+    };
+    views.par_iter().enumerate().map(in_view).collect::<Vec<_>>().concat()
+}
+
+/// Returns the grid for the next stage: what is visible and its neighbors, each voxel split in eight.
+pub fn split(grid: &Grid, cameras: &[&ViewCamera], stage: &Stage) -> Grid {
+    let weights = visibility::largest_weights(grid, cameras, 1.0);
+    let mut coarse = VoxelSet::new(grid.resolution());
+    for (position, weight) in grid.positions().zip(weights) {
+        if weight > stage.split_above {
+            coarse.insert_around(position);
+        }
+    }
+    let mut fine = VoxelSet::new(2 * grid.resolution());
+    for position in coarse.positions() {
+        // Voxels that were left out before stay out.
+        if grid.voxel(position.as_ivec3()).is_some() || stage.grows {
+            fine.insert_children(position);
+        }
+    }
+    grid.resampled(&fine)
+}

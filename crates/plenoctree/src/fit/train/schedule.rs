@@ -1,0 +1,115 @@
+//! What each stage does: how long, how fast, and what it adds to the loss.
+
+use std::time::Duration;
+
+use super::{
+    Position,
+    update::{Optimizer, Penalties, Rates},
+    visibility::Limits,
+};
+use crate::fit::settings::FitSettings;
+
+/// The first stage's voxels per side.
+const COARSEST: u32 = 64;
+/// Rays of each stage with an effort of 1, from the coarsest, in millions.
+const RAYS: [f64; 5] = [4.0, 24.0, 110.0, 300.0, 600.0];
+
+/// The stages of a fit.
+#[derive(Clone, Debug)]
+pub struct Schedule {
+    pub stages: Vec<Stage>,
+}
+
+/// A part of a fit in which voxels have one size.
+#[derive(Clone, Debug)]
+pub struct Stage {
+    /// Voxels per side.
+    pub resolution: u32,
+    /// Rays to train on, unless there is a time.
+    rays: u64,
+    /// Time to train for.
+    time: Option<Duration>,
+    /// Tiles of a batch.
+    pub tiles: usize,
+    /// The share of the stage after which invisible voxels are removed.
+    pub prune_at: f64,
+    /// What counts as visible then.
+    pub prune_below: Limits,
+    /// The largest weight of a voxel above which the next stage splits it and its neighbors.
+    pub split_above: f32,
+    /// Whether splits add neighbors that this stage does not have.
+    pub grows: bool,
+    /// Whether exposures are learned.
+    pub learns_gains: bool,
+    /// Rates at the start; penalties.
+    pub optimizer: Optimizer,
+    /// Rates at the end.
+    last: Rates,
+}
+
+impl Schedule {
+    /// Plans the stages. Photographs without opacity need smoother fields.
+    pub fn new(settings: &FitSettings, opaque: bool) -> Self {
+        let count = (settings.depth - COARSEST.ilog2() + 1) as usize;
+        let total: f64 = RAYS[..count].iter().sum();
+        let penalties = if opaque {
+            Penalties { variation: 5e-4, presence: 1e-4, direction: 1e-3 }
+        } else {
+            Penalties { variation: 5e-5, presence: 1e-4, direction: 0.0 }
+        };
+        let stages = (0..count)
+            .map(|index| Stage {
+                resolution: COARSEST << index,
+                rays: (RAYS[index] * 1e6 * settings.effort) as u64,
+                time: settings.time.map(|time| time.mul_f64(RAYS[index] / total)),
+                tiles: [256, 512, 1024][index.min(2)],
+                prune_at: if index == 0 { 0.5 } else { 0.1 },
+                prune_below: Limits::default(),
+                split_above: 0.01,
+                grows: !opaque,
+                learns_gains: opaque,
+                optimizer: Optimizer {
+                    rates: Rates { constant: 0.25, directional: 0.08, thickness: 0.06 },
+                    penalties,
+                    decay: 0.99,
+                    floor: 1e-8,
+                },
+                last: Rates { constant: 0.02, directional: 0.006, thickness: 0.004 },
+            })
+            .collect();
+        Self { stages }
+    }
+
+    /// Returns the share of the whole work that is done before `stage`, and the share of the stage.
+    pub fn shares(&self, stage: usize) -> (f64, f64) {
+        let total: f64 = self.stages.iter().map(|stage| stage.rays as f64).sum();
+        let before: f64 = self.stages[..stage].iter().map(|stage| stage.rays as f64).sum();
+        (before / total, self.stages[stage].rays as f64 / total)
+    }
+}
+
+impl Stage {
+    /// Returns the share of the stage that is done.
+    pub fn fraction(&self, position: &Position) -> f64 {
+        match self.time {
+            Some(time) => position.seconds / time.as_secs_f64().max(1e-3),
+            None => position.rays as f64 / self.rays.max(1) as f64,
+        }
+    }
+
+    /// Returns the rates after a share of the stage. They fall exponentially.
+    pub fn rates(&self, fraction: f64) -> Rates {
+        let first = self.optimizer.rates;
+        let between = |first: f32, last: f32| first * (last / first).powf(fraction as f32);
+        Rates {
+            constant: between(first.constant, self.last.constant),
+            directional: between(first.directional, self.last.directional),
+            thickness: between(first.thickness, self.last.thickness),
+        }
+    }
+
+    /// Returns the rate of the backdrop after a share of the stage.
+    pub fn backdrop_rate(&self, fraction: f64) -> f32 {
+        0.004 * 0.1f32.powf(fraction as f32)
+    }
+}

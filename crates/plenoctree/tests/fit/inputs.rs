@@ -1,0 +1,165 @@
+//! Reads inputs, good and bad.
+
+use std::fs;
+
+use glam::{DVec2, DVec3};
+use plenoctree::fit::{Distortion, FitInput, FitProgress, FitSettings, InputFolders, Picture, fit};
+
+use crate::scene::{SIZE, cameras, folder, write_colmap_binary, write_colmap_text, write_pictures, write_transforms};
+
+fn read(path: &std::path::Path) -> Result<FitInput, String> {
+    FitInput::read(path, &InputFolders::default()).map_err(|error| error.to_string())
+}
+
+/// A COLMAP model, as text or binary, gives the same cameras as a transforms.json file.
+#[test]
+fn colmap_models_have_the_same_cameras() {
+    let expected = cameras(5);
+    let focal = expected[0].focal_x;
+    let models: [(u32, &str, Vec<f64>, Distortion); 6] = [
+        (0, "SIMPLE_PINHOLE", vec![focal, 20.0, 20.0], Distortion::None),
+        (1, "PINHOLE", vec![focal, focal, 20.0, 20.0], Distortion::None),
+        (2, "SIMPLE_RADIAL", vec![focal, 20.0, 20.0, 0.1], radial([0.1, 0.0], [0.0; 2])),
+        (3, "RADIAL", vec![focal, 20.0, 20.0, 0.1, 0.2], radial([0.1, 0.2], [0.0; 2])),
+        (4, "OPENCV", vec![focal, focal, 20.0, 20.0, 0.1, 0.2, 0.01, 0.02], radial([0.1, 0.2], [0.01, 0.02])),
+        (
+            5,
+            "OPENCV_FISHEYE",
+            vec![focal, focal, 20.0, 20.0, 0.1, 0.2, 0.01, 0.02],
+            Distortion::Fisheye([0.1, 0.2, 0.01, 0.02]),
+        ),
+    ];
+    for (number, name, parameters, distortion) in models {
+        let folder = folder(&format!("colmap_{name}"));
+        write_pictures(&folder.join("images"), &expected, None, |_| 1.0);
+        write_colmap_binary(&folder, &expected, number, &parameters);
+        let binary = read(&folder).unwrap();
+        fs::remove_dir_all(folder.join("sparse")).unwrap();
+        let words: Vec<String> = parameters.iter().map(f64::to_string).collect();
+        write_colmap_text(&folder, &expected, &format!("1 {name} {SIZE} {SIZE} {}", words.join(" ")));
+        let text = read(&folder).unwrap();
+        for input in [binary, text] {
+            assert_eq!(input.points, [DVec3::new(0.1, 0.2, 0.3)]);
+            assert_eq!(input.views.len(), 5);
+            for (view, expected) in input.views.iter().zip(&expected) {
+                assert_eq!(view.camera.lens.distortion, distortion);
+                assert!(view.camera.position.distance(expected.position) < 1e-9);
+                if distortion == Distortion::None {
+                    let (_, direction) = expected.ray(3.5, 30.5);
+                    assert!(view.camera.direction(DVec2::new(3.5, 30.5)).distance(direction) < 1e-9, "{name}");
+                }
+            }
+        }
+    }
+}
+
+fn radial([k1, k2]: [f64; 2], tangential: [f64; 2]) -> Distortion {
+    Distortion::Radial { radial: [k1, k2, 0.0, 0.0], tangential }
+}
+
+/// Frames may have intrinsics of their own, as nerfstudio writes them.
+#[test]
+fn frames_have_their_own_lenses() {
+    let folder = folder("own_lenses");
+    write_pictures(&folder, &cameras(2), None, |_| 1.0);
+    let pose = "[[1,0,0,0],[0,1,0,0],[0,0,1,4],[0,0,0,1]]";
+    let json = format!(
+        r#"{{"fl_x": 50, "w": 40, "h": 40, "k1": 0.1, "frames": [
+            {{"file_path": "v_0.png", "transform_matrix": {pose}}},
+            {{"file_path": "v_1.png", "camera_angle_x": 1.2, "cx": 19, "k1": 0, "transform_matrix": {pose}}}]}}"#
+    );
+    fs::write(folder.join("transforms.json"), json).unwrap();
+    let views = read(&folder).unwrap().views;
+    assert_eq!(views[0].camera.lens.focal, DVec2::splat(50.0));
+    assert_eq!(views[0].camera.lens.distortion, radial([0.1, 0.0], [0.0; 2]));
+    assert!((views[1].camera.lens.focal.x - 20.0 / 0.6f64.tan()).abs() < 1e-9);
+    assert_eq!(views[1].camera.lens.center, DVec2::new(19.0, 20.0));
+    assert_eq!(views[1].camera.lens.distortion, Distortion::None);
+}
+
+/// Masks make what they leave out transparent, and pictures are averaged with premultiplied colors.
+#[test]
+fn masks_and_downscaling_keep_colors() {
+    let folder = folder("masks");
+    let picture = image::RgbImage::from_fn(4, 2, |x, _| image::Rgb(if x % 2 == 0 { [200, 100, 50] } else { [0; 3] }));
+    picture.save(folder.join("a.png")).unwrap();
+    let mask = image::GrayImage::from_fn(4, 2, |x, _| image::Luma([if x % 2 == 0 { 255 } else { 0 }]));
+    mask.save(folder.join("mask.png")).unwrap();
+    let half = Picture::read(&folder.join("a.png"), Some(&folder.join("mask.png")), 2).unwrap();
+    assert_eq!((half.width, half.height, half.knows_opacity), (2, 1, true));
+    assert_eq!(half.pixels, [[100, 50, 25, 128]; 2]);
+}
+
+/// Every kind of bad input gives an error that names the file and what is wrong with it.
+#[test]
+fn errors_name_file_and_reason() {
+    let cameras = cameras(4);
+    let folder = folder("bad");
+    write_pictures(&folder, &cameras, None, |_| 1.0);
+    write_transforms(&folder, &cameras);
+    let good = fs::read_to_string(folder.join("transforms.json")).unwrap();
+    let fails = |json: &str, expected: &[&str]| {
+        fs::write(folder.join("transforms.json"), json).unwrap();
+        let message = read(&folder).unwrap_err();
+        assert!(expected.iter().all(|part| message.contains(part)), "{message}");
+    };
+    fails(&good.replace("./v_2", "./v_9"), &["transforms.json", "frames[2].file_path", "v_9"]);
+    fails(&good.replacen('{', r#"{"w": 41, "h": 40,"#, 1), &["v_0.png", "size", "40x40", "41x40"]);
+    fails(&good.replace("camera_angle_x", "angle"), &["camera_angle_x"]);
+    fails(r#"{"camera_angle_x": 0.6, "frames": []}"#, &["0 views"]);
+    fails("[", &["transforms.json"]);
+    let flat = r#"{"camera_angle_x": 0.6, "frames": [{"file_path": "v_0",
+        "transform_matrix": [[1,0,0,0],[0,0,0,0],[0,0,1,4],[0,0,0,1]]}]}"#;
+    fails(flat, &["frames[0].transform_matrix", "not a rotation"]);
+    let unknown = good.replacen('{', r#"{"camera_model": "EQUIRECTANGULAR","#, 1);
+    fails(&unknown, &["camera_model", "EQUIRECTANGULAR"]);
+    fs::write(folder.join("v_1.png"), "not a picture").unwrap();
+    fails(&good, &["v_1.png"]);
+    let nowhere = read(&folder.join("nowhere")).unwrap_err();
+    assert!(nowhere.contains("nowhere"), "{nowhere}");
+    fs::remove_file(folder.join("transforms.json")).unwrap();
+    assert!(read(&folder).unwrap_err().contains("transforms.json"));
+
+    write_pictures(&folder.join("images"), &cameras, None, |_| 1.0);
+    write_colmap_text(&folder, &cameras, "1 FOV 40 40 50 50 20 20 0.1");
+    assert!(read(&folder).unwrap_err().contains("FOV"));
+    write_colmap_text(&folder, &cameras, "1 PINHOLE 41 40 50 50 20 20");
+    let message = read(&folder).unwrap_err();
+    assert!(message.contains("v_0.png") && message.contains("41x40"), "{message}");
+    write_colmap_text(&folder, &cameras, "2 PINHOLE 40 40 50 50 20 20");
+    assert!(read(&folder).unwrap_err().contains("camera 1"));
+    fs::remove_dir_all(folder.join("sparse")).unwrap();
+    write_colmap_binary(&folder, &cameras, 0, &[50.0, 20.0, 20.0]);
+    let images = folder.join("sparse/images.bin");
+    let bytes = fs::read(&images).unwrap();
+    fs::write(&images, &bytes[..bytes.len() - 5]).unwrap();
+    assert!(read(&folder).unwrap_err().contains("images.bin"));
+}
+
+/// Views that do not show a thing together are not fitted.
+#[test]
+fn views_must_overlap() {
+    let fails = |test: &str, cameras: &[plenoctree::camera::PinholeCamera], expected: &str| {
+        let folder = folder(test);
+        write_pictures(&folder, cameras, None, |_| 1.0);
+        write_transforms(&folder, cameras);
+        let input = read(&folder).unwrap();
+        let settings = FitSettings { depth: 6, effort: 0.01, ..FitSettings::default() };
+        let message = fit(&input, None, &settings, &FitProgress::default()).unwrap_err().to_string();
+        assert!(message.contains(expected), "{test}: {message}");
+    };
+    fails("one_view", &cameras(1), "at least two");
+    // From inside of everything, outward.
+    let mut outward = cameras(12);
+    for camera in &mut outward {
+        let direction = camera.position.normalize();
+        *camera = camera.looking_at(0.1 * direction, 5.0 * direction, DVec3::Z);
+    }
+    fails("outward", &outward, "common place");
+    let mut parallel = cameras(6);
+    for (index, camera) in parallel.iter_mut().enumerate() {
+        let at = DVec3::new(20.0 * index as f64, 0.0, 0.0);
+        *camera = camera.looking_at(at, at + DVec3::Y, DVec3::Z);
+    }
+    fails("parallel", &parallel, "common place");
+}

@@ -1,0 +1,152 @@
+//! Fits fields to pictures of a field that is known.
+
+mod inputs;
+mod scene;
+
+use glam::{DMat3, DVec3};
+use plenoctree::{
+    Basis, PlenOctree,
+    fit::{FitInput, FitProgress, FitSettings, Fitted, InputFolders, fit},
+};
+use scene::{cameras, folder, write_pictures, write_transforms};
+
+/// A few seconds of work.
+fn quick() -> FitSettings {
+    FitSettings { depth: 6, effort: 0.12, basis: Basis::Sh4, ..FitSettings::default() }
+}
+
+fn fit_folder(path: &std::path::Path, settings: &FitSettings) -> Fitted {
+    let input = FitInput::read(path, &InputFolders::default()).unwrap();
+    fit(&input, None, settings, &FitProgress::default()).unwrap()
+}
+
+fn parts(field: &PlenOctree) -> (&[f32], Vec<u16>) {
+    (field.densities(), field.coefficients().iter().map(|k| k.to_bits()).collect())
+}
+
+/// Pictures with opacity give a field that looks like views it has not seen, in the cameras' frame, and the same on any
+/// number of threads.
+#[test]
+fn pictures_with_opacity_are_fitted() {
+    let folder = folder("opacity");
+    let cameras = cameras(32);
+    write_pictures(&folder, &cameras, None, |_| 1.0);
+    write_transforms(&folder, &cameras);
+    let fits: Vec<Fitted> = [1, 3]
+        .map(|threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| fit_folder(&folder, &quick()))
+        })
+        .into();
+    let held_out = fits[0].report.held_out.as_ref().unwrap();
+    assert_eq!((held_out.views.len(), fits[0].report.views), (4, 28));
+    assert!(held_out.psnr_db > 23.5, "{held_out:?}");
+    assert!(fits[0].report.suspicious.is_empty(), "{:?}", fits[0].report.suspicious);
+    let (low, high) = fits[0].field.dense_bounds().unwrap();
+    assert!((low - DVec3::new(-0.6, -0.6, -0.8)).abs().max_element() < 0.15, "{low}");
+    assert!((high - DVec3::new(0.8, 0.6, 0.8)).abs().max_element() < 0.15, "{high}");
+    assert_eq!(parts(&fits[0].field), parts(&fits[1].field));
+}
+
+/// Opaque pictures with different exposures: the background and the exposures are learned, and the field is the object.
+#[test]
+fn opaque_pictures_are_fitted() {
+    let folder = folder("opaque");
+    let cameras = cameras(32);
+    let gain = |index: usize| if index % 2 == 1 { 0.8 } else { 1.0 };
+    write_pictures(&folder, &cameras, Some(DVec3::new(0.7, 0.75, 0.8)), gain);
+    write_transforms(&folder, &cameras);
+    let settings = FitSettings { depth: 7, effort: 0.08, ..quick() };
+    let fitted = fit_folder(&folder, &settings);
+    let held_out = fitted.report.held_out.unwrap();
+    assert!(held_out.aligned_psnr_db > 22.0, "{held_out:?}");
+    let gains = fitted.report.gains.unwrap();
+    // Views 0, 8, 16 and 24 are held out: of seven in a row, those at odd places are brighter.
+    let (dark, bright) = (gains[0][1], gains[1][1]);
+    assert!((dark / bright - 0.8).abs() < 0.05, "{dark} {bright}");
+}
+
+/// A view with a wrong pose is reported by its number, and only that one.
+#[test]
+fn wrong_poses_are_reported() {
+    let folder = folder("wrong_pose");
+    let mut cameras = cameras(32);
+    write_pictures(&folder, &cameras, None, |_| 1.0);
+    let elsewhere = scene::cameras(60)[57];
+    (cameras[11].rotation, cameras[11].position) = (elsewhere.rotation, elsewhere.position);
+    write_transforms(&folder, &cameras);
+    let fitted = fit_folder(&folder, &quick());
+    let numbers: Vec<usize> = fitted.report.suspicious.iter().map(|view| view.number).collect();
+    assert_eq!(numbers, [11], "{:?}", fitted.report.suspicious);
+    assert_eq!(fitted.report.suspicious[0].name, "./v_11");
+}
+
+/// A fit that is stopped returns what it has.
+#[test]
+fn a_stopped_fit_returns_a_field() {
+    let folder = folder("stopped");
+    let cameras = cameras(16);
+    write_pictures(&folder, &cameras, None, |_| 1.0);
+    write_transforms(&folder, &cameras);
+    let input = FitInput::read(&folder, &InputFolders::default()).unwrap();
+    let progress = FitProgress::default();
+    let checkpoint = folder.join("checkpoint");
+    let settings = FitSettings { effort: 100.0, checkpoint: Some(checkpoint.clone()), ..quick() };
+    let fitted = std::thread::scope(|scope| {
+        let worker = scope.spawn(|| fit(&input, None, &settings, &progress));
+        while progress.status().fraction < 0.001 && !worker.is_finished() {
+            std::thread::sleep(std::time::Duration::from_millis(5));
+        }
+        progress.stop();
+        worker.join().unwrap().unwrap()
+    });
+    assert!(fitted.report.stopped && fitted.report.stages.len() == 1 && fitted.field.leaves() > 100);
+
+    // It goes on from where it was, and to its end.
+    let trained = fitted.report.stages[0].million_rays;
+    let settings = FitSettings { effort: trained / 4.0 + 0.02, resume: true, ..settings };
+    let others = FitSettings { basis: Basis::Sh9, ..settings.clone() };
+    let error = fit(&input, None, &others, &FitProgress::default()).unwrap_err().to_string();
+    assert!(error.contains("checkpoint") && error.contains("other settings"), "{error}");
+    let resumed = fit(&input, None, &settings, &FitProgress::default()).unwrap();
+    assert!(!resumed.report.stopped && resumed.report.stages[0].million_rays > trained + 0.07);
+    assert!(!checkpoint.exists());
+}
+
+/// A field of tilted cameras stands upright on the origin, and the report says how it got there.
+#[test]
+fn fields_stand_on_the_origin() {
+    let folder = folder("stand");
+    let upright = cameras(32);
+    write_pictures(&folder, &upright, None, |_| 1.0);
+    let tilt = DMat3::from_rotation_x(0.8);
+    let mut tilted = upright;
+    for camera in &mut tilted {
+        camera.rotation = tilt * camera.rotation;
+        camera.position = tilt * camera.position + DVec3::new(5.0, 6.0, 7.0);
+    }
+    write_transforms(&folder, &tilted);
+    let fitted = fit_folder(&folder, &FitSettings { stand: true, keep_largest: true, ..quick() });
+    let (low, high) = fitted.field.dense_bounds().unwrap();
+    assert!(low.z.abs() < 1e-6 && (low + high).truncate().length() < 1e-6, "{low} {high}");
+    assert!((high.z - 1.6).abs() < 0.3, "the post is 1.6 high: {high}");
+    let [x, y, z, _] = fitted.report.from_input.unwrap();
+    let middle = [5.0, 6.0, 7.0, 1.0];
+    let height: f64 = z.iter().zip(middle).map(|(a, b)| a * b).sum();
+    assert!((height - 0.8).abs() < 0.15, "{height}");
+    assert!(x.iter().chain(&y).all(|value| value.is_finite()));
+}
+
+/// Cutting keeps what is inside of the box; the largest part is the ball with the post or a piece of it. Few pictures are
+/// in memory at a time.
+#[test]
+fn fields_are_cut() {
+    let folder = folder("cut");
+    let cameras = cameras(24);
+    write_pictures(&folder, &cameras, None, |_| 1.0);
+    write_transforms(&folder, &cameras);
+    let crop = (DVec3::new(-1.0, -1.0, 0.0), DVec3::ONE);
+    let settings = FitSettings { crop: Some(crop), keep_largest: true, picture_memory: 5 * 4 * 40 * 40, ..quick() };
+    let (low, _) = fit_folder(&folder, &settings).field.bounds().unwrap();
+    assert!(low.z > -0.1, "{low}");
+}

@@ -1,0 +1,155 @@
+//! A small scene, photographed from around it, in the formats that inputs have.
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
+
+use glam::{DMat3, DQuat, DVec3};
+use image::{DynamicImage, Rgba, RgbaImage};
+use plenoctree::{BakeSettings, Basis, PlenOctree, bake, camera::PinholeCamera, reference::render};
+
+pub const SIZE: u32 = 40;
+
+/// Creates an empty folder for one test.
+pub fn folder(test: &str) -> PathBuf {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("fit").join(test);
+    let _ = fs::remove_dir_all(&folder);
+    fs::create_dir_all(&folder).unwrap();
+    folder
+}
+
+/// A ball of four colors beside a dark post, off the origin.
+pub fn field() -> PlenOctree {
+    let settings = BakeSettings { depth: 5, basis: Basis::Rgba, directions: 8, ..Default::default() };
+    let inside = |at: DVec3| at.length() < 0.6 || (at.x - 0.7).abs() < 0.1 && at.y.abs() < 0.1 && at.z.abs() < 0.8;
+    let color = |at: DVec3| {
+        if at.x > 0.6 {
+            DVec3::splat(0.15)
+        } else {
+            DVec3::new(if at.x > 0.0 { 0.9 } else { 0.3 }, if at.y > 0.0 { 0.7 } else { 0.2 }, 0.4 + 0.4 * at.z)
+        }
+    };
+    bake(&settings, |at| if inside(at) { 60.0 } else { 0.0 }, |at| move |_| color(at)).unwrap()
+}
+
+/// Cameras around it, higher and lower.
+pub fn cameras(count: usize) -> Vec<PinholeCamera> {
+    (0..count)
+        .map(|index| {
+            let (turn, lift) = (2.4 * index as f64, 0.9 * (1.7 * index as f64).sin());
+            let outward = DVec3::new(lift.cos() * turn.sin(), lift.cos() * turn.cos(), lift.sin());
+            let camera = PinholeCamera::new(SIZE, SIZE, 0.6, glam::DMat4::IDENTITY);
+            camera.looking_at(4.0 * outward, DVec3::ZERO, DVec3::Z)
+        })
+        .collect()
+}
+
+/// Photographs the field. With a `background`, pictures are opaque.
+pub fn photograph(field: &PlenOctree, camera: &PinholeCamera, background: Option<DVec3>, gain: f64) -> DynamicImage {
+    // Several rays per pixel, averaged with premultiplied colors.
+    const FINER: u32 = 3;
+    let rendering = render(field, &camera.resized(FINER * camera.width, FINER * camera.height));
+    let mut image = RgbaImage::new(camera.width, camera.height);
+    for (x, y, pixel) in image.enumerate_pixels_mut() {
+        let (mut color, mut opacity) = (DVec3::ZERO, 0.0);
+        for (dx, dy) in (0..FINER).flat_map(|dy| (0..FINER).map(move |dx| (dx, dy))) {
+            let index = (y * FINER + dy) as usize * rendering.width + (x * FINER + dx) as usize;
+            color += rendering.color[index] / f64::from(FINER * FINER);
+            opacity += rendering.opacity[index] / f64::from(FINER * FINER);
+        }
+        let byte = |x: f64| (255.0 * x.clamp(0.0, 1.0)).round() as u8;
+        let (color, opacity) = match background {
+            Some(background) => (gain * (color + (1.0 - opacity) * background), 1.0),
+            None => (gain * color / opacity.max(1e-6), opacity),
+        };
+        *pixel = Rgba([byte(color.x), byte(color.y), byte(color.z), byte(opacity)]);
+    }
+    match background {
+        Some(_) => DynamicImage::from(image).into_rgb8().into(),
+        None => image.into(),
+    }
+}
+
+/// Writes pictures named `v_0.png` and so on.
+pub fn write_pictures(
+    folder: &Path,
+    cameras: &[PinholeCamera],
+    background: Option<DVec3>,
+    gain: impl Fn(usize) -> f64,
+) {
+    fs::create_dir_all(folder).unwrap();
+    let field = field();
+    for (index, camera) in cameras.iter().enumerate() {
+        photograph(&field, camera, background, gain(index)).save(folder.join(format!("v_{index}.png"))).unwrap();
+    }
+}
+
+/// Writes `transforms.json` like NeRF-synthetic's, whose names lack their ending.
+pub fn write_transforms(folder: &Path, cameras: &[PinholeCamera]) {
+    let frames: Vec<_> = cameras
+        .iter()
+        .enumerate()
+        .map(|(index, camera)| {
+            let row = |i: usize| {
+                let (m, p) = (camera.rotation, camera.position);
+                [m.x_axis[i], m.y_axis[i], m.z_axis[i], p[i]]
+            };
+            let matrix = [row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]];
+            serde_json::json!({"file_path": format!("./v_{index}"), "transform_matrix": matrix})
+        })
+        .collect();
+    let json = serde_json::json!({"camera_angle_x": 0.6, "frames": frames});
+    fs::write(folder.join("transforms.json"), json.to_string()).unwrap();
+}
+
+/// The pose that COLMAP writes: from the world to a camera whose y points down and whose z points forward.
+pub fn colmap_pose(camera: &PinholeCamera) -> (DQuat, DVec3) {
+    let flip = DMat3::from_diagonal(DVec3::new(1.0, -1.0, -1.0));
+    let to_camera = (camera.rotation * flip).transpose();
+    (DQuat::from_mat3(&to_camera), -(to_camera * camera.position))
+}
+
+/// Writes a COLMAP model with these cameras, as text.
+pub fn write_colmap_text(folder: &Path, cameras: &[PinholeCamera], camera_line: &str) {
+    let model = folder.join("sparse/0");
+    fs::create_dir_all(&model).unwrap();
+    fs::write(model.join("cameras.txt"), format!("# comment\n{camera_line}\n")).unwrap();
+    let mut images = String::from("# comment\n");
+    for (index, camera) in cameras.iter().enumerate() {
+        let (q, t) = colmap_pose(camera);
+        images += &format!("{index} {} {} {} {} {} {} {} 1 v_{index}.png\n\n", q.w, q.x, q.y, q.z, t.x, t.y, t.z);
+    }
+    fs::write(model.join("images.txt"), images).unwrap();
+    fs::write(model.join("points3D.txt"), "# comment\n1 0.1 0.2 0.3 255 0 0 0.5 1 2\n").unwrap();
+}
+
+/// Writes the same as `.bin`: `model` is COLMAP's number of the camera model.
+pub fn write_colmap_binary(folder: &Path, cameras: &[PinholeCamera], model: u32, parameters: &[f64]) {
+    let into = folder.join("sparse");
+    fs::create_dir_all(&into).unwrap();
+    let mut bytes = 1u64.to_le_bytes().to_vec();
+    bytes.extend([1u32, model].map(u32::to_le_bytes).concat());
+    bytes.extend([u64::from(SIZE); 2].map(u64::to_le_bytes).concat());
+    parameters.iter().for_each(|parameter| bytes.extend(parameter.to_le_bytes()));
+    fs::write(into.join("cameras.bin"), bytes).unwrap();
+    let mut bytes = (cameras.len() as u64).to_le_bytes().to_vec();
+    for (index, camera) in cameras.iter().enumerate() {
+        let (q, t) = colmap_pose(camera);
+        bytes.extend((index as u32).to_le_bytes());
+        bytes.extend([q.w, q.x, q.y, q.z, t.x, t.y, t.z].map(f64::to_le_bytes).concat());
+        bytes.extend(1u32.to_le_bytes());
+        bytes.extend(format!("v_{index}.png\0").bytes());
+        // Two points of the picture, to be skipped.
+        bytes.extend(2u64.to_le_bytes());
+        bytes.extend([0; 48]);
+    }
+    fs::write(into.join("images.bin"), bytes).unwrap();
+    let mut bytes = 1u64.to_le_bytes().to_vec();
+    bytes.extend(7u64.to_le_bytes());
+    bytes.extend([0.1, 0.2, 0.3].map(f64::to_le_bytes).concat());
+    bytes.extend([0; 11]);
+    bytes.extend(2u64.to_le_bytes());
+    bytes.extend([0; 16]);
+    fs::write(into.join("points3D.bin"), bytes).unwrap();
+}

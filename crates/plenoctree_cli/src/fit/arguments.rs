@@ -1,0 +1,125 @@
+//! The arguments of `fit`.
+
+use std::{path::PathBuf, time::Duration};
+
+use clap::Args;
+use glam::DVec3;
+use plenoctree::{
+    Basis,
+    fit::{FitSettings, InputFolders},
+};
+
+use crate::{extraction::ExtractionArguments, hex};
+
+/// Fits a field to photographs and extracts its palette.
+#[derive(Args)]
+pub struct Arguments {
+    /// A transforms.json file, a folder with one, or a folder with a COLMAP model.
+    pub input: PathBuf,
+    /// The field to write. Its palette, previews and report.json are written next to it.
+    #[arg(long, value_name = "PROP.npz")]
+    pub out: PathBuf,
+    /// The minutes to train. The result is as good as the time allows. By default, --effort decides.
+    #[arg(long, value_parser = parse_positive)]
+    minutes: Option<f64>,
+    /// How much to train, as a multiple of the default.
+    #[arg(long, default_value_t = 1.0, value_parser = parse_positive)]
+    effort: f64,
+    /// Every how many views one is held out, to measure the result.
+    #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u32).range(2..))]
+    holdout: u32,
+    /// Fit to all views, and hold out none.
+    #[arg(long, conflicts_with = "holdout")]
+    all: bool,
+    /// Other views to measure the result on: an input like INPUT. None of INPUT's are held out then.
+    #[arg(long, value_name = "INPUT")]
+    pub test: Option<PathBuf>,
+    /// Average N x N pixels to one.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=64))]
+    downscale: u32,
+    /// The number of levels of cells: the field has 2^DEPTH per side.
+    #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u32).range(6..=10))]
+    depth: u32,
+    /// The number of spherical harmonics per channel: 1, 4, 9 or 16.
+    #[arg(long, default_value = "9", value_parser = parse_basis)]
+    sh: Basis,
+    /// The box to fit, in the frame of the cameras: x,y,z of its lowest and of its highest corner.
+    #[arg(long = "box", value_name = "X,Y,Z,X,Y,Z", value_parser = parse_box, allow_hyphen_values = true)]
+    bounds: Option<(DVec3, DVec3)>,
+    /// The box to cut the field to after it is fitted.
+    #[arg(long, value_name = "X,Y,Z,X,Y,Z", value_parser = parse_box, allow_hyphen_values = true)]
+    crop: Option<(DVec3, DVec3)>,
+    /// Keep only the largest connected part.
+    #[arg(long)]
+    keep_largest: bool,
+    /// Turn the field upright, by the mean up of the cameras, and set it on the origin.
+    #[arg(long)]
+    stand: bool,
+    /// Go on where an earlier fit to the same file was ended.
+    #[arg(long)]
+    resume: bool,
+    /// The color behind the object; by default, it is learned from opaque pictures.
+    #[arg(long, value_name = "#RRGGBB", value_parser = hex::parse)]
+    background: Option<[u8; 3]>,
+    /// The folder of the pictures, if it is not the usual one.
+    #[arg(long, value_name = "FOLDER")]
+    pictures: Option<PathBuf>,
+    /// A folder of masks, as name.jpg.png or name.png for name.jpg. White shows the object.
+    #[arg(long, value_name = "FOLDER")]
+    masks: Option<PathBuf>,
+    /// The seed of the random numbers.
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// The number of threads; by default, one for each core.
+    #[arg(long, default_value_t = 0, hide_default_value = true)]
+    pub threads: usize,
+    /// The arguments for extraction.
+    #[command(flatten)]
+    pub extraction: ExtractionArguments,
+}
+
+impl Arguments {
+    /// Returns the settings that the command line asks for.
+    pub fn settings(&self) -> FitSettings {
+        FitSettings {
+            depth: self.depth,
+            basis: self.sh,
+            downscale: self.downscale,
+            bounds: self.bounds,
+            background: self.background.map(|color| DVec3::from_array(color.map(f64::from)) / 255.0),
+            hold_out: (!self.all).then_some(self.holdout),
+            effort: self.effort,
+            time: self.minutes.map(|minutes| Duration::from_secs_f64(60.0 * minutes)),
+            seed: self.seed,
+            keep_largest: self.keep_largest,
+            crop: self.crop,
+            stand: self.stand,
+            checkpoint: Some(self.out.with_added_extension("checkpoint")),
+            resume: self.resume,
+            ..FitSettings::default()
+        }
+    }
+
+    /// Returns where parts of the input are.
+    pub fn folders(&self) -> InputFolders {
+        InputFolders { pictures: self.pictures.clone(), masks: self.masks.clone() }
+    }
+}
+
+fn parse_positive(text: &str) -> Result<f64, String> {
+    let number = text.parse().ok().filter(|number| *number > 0.0 && *number < 1e6);
+    number.ok_or_else(|| "expected a number above 0 and below 1000000".into())
+}
+
+fn parse_basis(text: &str) -> Result<Basis, String> {
+    let basis = text.parse().ok().and_then(Basis::from_functions).filter(|basis| *basis != Basis::Sh25);
+    basis.ok_or_else(|| "expected 1, 4, 9 or 16".into())
+}
+
+fn parse_box(text: &str) -> Result<(DVec3, DVec3), String> {
+    let numbers: Result<Vec<f64>, _> = text.split(',').map(|number| number.trim().parse()).collect();
+    match numbers.as_deref() {
+        Ok(&[a, b, c, d, e, f]) => Ok((DVec3::new(a, b, c), DVec3::new(d, e, f))),
+        _ => Err("expected six numbers, separated by commas".into()),
+    }
+}

@@ -1,0 +1,87 @@
+//! `plenoctree fit`.
+
+mod common;
+
+use std::{fs, path::Path};
+
+use common::{ball, fail, folder, succeed, text};
+use glam::DVec3;
+use plenoctree::{LoadSettings, PlenOctree, camera::PinholeCamera, palette::Palette, reference::render};
+use serde_json::{Value, json};
+
+/// Writes pictures of the ball from around it, with opacity, and `transforms.json`.
+fn photograph(folder: &Path) {
+    let field = PlenOctree::read(ball(folder), &LoadSettings::default()).unwrap();
+    let mut frames = Vec::new();
+    for index in 0..16 {
+        let (turn, lift) = (2.4 * f64::from(index), 0.9 * (1.7 * f64::from(index)).sin());
+        let outward = DVec3::new(lift.cos() * turn.sin(), lift.cos() * turn.cos(), lift.sin());
+        let camera = PinholeCamera::new(32, 32, 0.6, glam::DMat4::IDENTITY);
+        let camera = camera.looking_at(4.0 * outward, DVec3::ZERO, DVec3::Z);
+        let rendering = render(&field, &camera);
+        let image = image::RgbaImage::from_fn(32, 32, |x, y| {
+            let pixel = (y * 32 + x) as usize;
+            let opacity = rendering.opacity[pixel];
+            let color = rendering.color[pixel] / opacity.max(1e-6);
+            image::Rgba([color.x, color.y, color.z, opacity].map(|value| (255.0 * value).round() as u8))
+        });
+        image.save(folder.join(format!("{index}.png"))).unwrap();
+        let (m, p) = (camera.rotation, camera.position);
+        let row = |i: usize| [m.x_axis[i], m.y_axis[i], m.z_axis[i], p[i]];
+        let matrix = [row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]];
+        frames.push(json!({"file_path": index.to_string(), "transform_matrix": matrix}));
+    }
+    let json = json!({"camera_angle_x": 0.6, "frames": frames});
+    fs::write(folder.join("transforms.json"), json.to_string()).unwrap();
+}
+
+#[test]
+fn a_field_is_fitted_with_palette_previews_and_report() {
+    let folder = folder("fit");
+    photograph(&folder);
+    let out = folder.join("out/prop.npz");
+    let printed = succeed(&[
+        "fit",
+        text(&folder),
+        "--out",
+        text(&out),
+        "--depth",
+        "6",
+        "--sh",
+        "1",
+        "--effort",
+        "0.1",
+        "--holdout",
+        "5",
+        "--threads",
+        "2",
+    ]);
+    assert!(printed.contains("dB") && printed.contains("prop.npz"), "{printed}");
+    let field = PlenOctree::read(&out, &LoadSettings::default()).unwrap();
+    let report: Value = serde_json::from_slice(&fs::read(folder.join("out/report.json")).unwrap()).unwrap();
+    assert_eq!(report["leaves"], field.leaves());
+    assert_eq!(report["held_out"]["views"].as_array().unwrap().len(), 4);
+    let psnr = report["held_out"]["psnr_db"].as_f64().unwrap();
+    assert!(psnr > 15.0 && psnr < 60.0, "{psnr}");
+    Palette::read(folder.join("out/prop.palette.json")).unwrap();
+    let preview = image::open(folder.join("out/prop.views/5.png")).unwrap();
+    assert_eq!((preview.width(), preview.height()), (64, 32));
+    let mut names: Vec<_> = fs::read_dir(folder.join("out")).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    names.sort();
+    assert_eq!(names, ["prop.npz", "prop.palette.json", "prop.views", "report.json"]);
+}
+
+/// An error leaves what was there.
+#[test]
+fn errors_name_the_file_and_replace_nothing() {
+    let folder = folder("fit_errors");
+    photograph(&folder);
+    let out = folder.join("prop.npz");
+    fs::write(&out, "precious").unwrap();
+    fs::remove_file(folder.join("7.png")).unwrap();
+    let message = fail(&["fit", text(&folder), "--out", text(&out)]);
+    assert!(message.contains("transforms.json") && message.contains("frames[7].file_path"), "{message}");
+    assert_eq!(fs::read(&out).unwrap(), b"precious");
+    let message = fail(&["fit", text(&folder.join("nothing")), "--out", text(&out)]);
+    assert!(message.contains("nothing"), "{message}");
+}
