@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use glam::{DVec3, UVec3};
 use plenoctree::{
     LeafCell, PlenOctree,
-    sampling::{SamplingPlan, SamplingSettings},
+    sampling::{Progress, SamplingPlan, SamplingSettings},
 };
 use rayon::prelude::*;
 
@@ -40,7 +40,8 @@ impl RawSamples {
     ///
     /// The rays are those of the palette's sampling: 64 from the center of every leaf, with the default settings.
     pub fn draw(field: &PlenOctree, settings: &SamplingSettings) -> Option<Self> {
-        let plan = SamplingPlan::new(field, settings);
+        // Nobody cancels it.
+        let plan = SamplingPlan::new(field, settings, &Progress::default()).ok()?;
         if plan.leaves.is_empty() {
             return None;
         }
