@@ -43,8 +43,8 @@ struct Hit(Entity);
 #[derive(Component)]
 struct Flashing(f32);
 
-/// The index of the metal's color in the robots' palette.
-const METAL: usize = 0;
+/// The shades of metal in the robots' palette: their indices, and how dark they are.
+const METAL: [(usize, f32); 2] = [(0, 0.5), (1, 0.0)];
 
 fn set_sun(time: Res<Time>, mut night: ResMut<Night>) {
     let height = (std::f32::consts::TAU * time.elapsed_secs() / DAY).cos();
@@ -63,7 +63,10 @@ fn paint_by_night(night: Res<Night>, mut palettes: ResMut<Palettes>, props: Quer
 /// Overrides the color of each robot's metal. The robots share a field and its palette.
 fn wear_team_colors(night: Res<Night>, mut robots: Query<(&Team, &mut PaletteOverride)>) {
     for (team, mut colors) in &mut robots {
-        colors.set(METAL, BlendSpace::Oklab.mix(team.by_day, team.by_night, night.0));
+        let metal = BlendSpace::Oklab.mix(team.by_day, team.by_night, night.0);
+        for (shade, darkness) in METAL {
+            colors.set(shade, BlendSpace::Oklab.mix(metal, Color::BLACK, darkness));
+        }
     }
 }
 

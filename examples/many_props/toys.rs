@@ -9,14 +9,16 @@ pub fn plugin(app: &mut App) {
     app.add_systems(Update, (hop, change_colors));
 }
 
-/// The fields on the rings, from the middle outward: the file, and the index of the palette color to paint.
-const TOYS: [(&str, usize); 4] = [("toadstool.npz", 0), ("robot.npz", 0), ("gumballs.npz", 0), ("drum.npz", 2)];
+/// The fields on the rings, from the middle outward: the file, and the indices of the palette colors to paint, each
+/// darker than the one before.
+const TOYS: [(&str, &[usize]); 4] =
+    [("toadstool.npz", &[0]), ("robot.npz", &[1, 0]), ("gumballs.npz", &[0]), ("drum.npz", &[3])];
 
-/// The hue of a toy in degrees, and the index of the palette color that gets it.
+/// The hue of a toy in degrees, and the indices of the palette colors that get it.
 #[derive(Component)]
 struct Painted {
     hue: f32,
-    index: usize,
+    shades: &'static [usize],
 }
 
 /// The ground height of a hopping toy, and the phase of its hops in radians.
@@ -35,7 +37,7 @@ pub fn spawn_toy(
     at: Vec3,
     around: f32,
 ) -> Entity {
-    let (file, index) = TOYS[ring % TOYS.len()];
+    let (file, shades) = TOYS[ring % TOYS.len()];
     // The toy in the middle is the largest; the others vary in size.
     let scale = if ring == 0 { 1.2 } else { [0.9, 1.05, 0.8][place as usize % 3] };
     let stand = standing(at, scale, around);
@@ -45,7 +47,7 @@ pub fn spawn_toy(
             Posterize::default(),
             PaletteOverride::default(),
             Footprint::of(file),
-            Painted { hue: (around.to_degrees() + 47.0 * ring as f32) % 360.0, index },
+            Painted { hue: (around.to_degrees() + 47.0 * ring as f32) % 360.0, shades },
             Hopping { ground: stand.translation.y, phase: 3.0 * around },
             stand,
         ))
@@ -62,6 +64,9 @@ fn hop(time: Res<Time>, mut toys: Query<(&Hopping, &mut Transform)>) {
 fn change_colors(time: Res<Time>, mut toys: Query<(&Painted, &mut PaletteOverride)>) {
     for (painted, mut colors) in &mut toys {
         let hue = (painted.hue + 12.0 * time.elapsed_secs()) % 360.0;
-        colors.set(painted.index, Color::oklch(0.68, 0.17, hue));
+        for (darker, &shade) in painted.shades.iter().enumerate() {
+            let darker = 0.6f32.powi(darker as i32);
+            colors.set(shade, Color::oklch(0.68 * darker, 0.17 * darker, hue));
+        }
     }
 }

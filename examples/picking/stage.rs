@@ -40,19 +40,19 @@ const TOYS: [Kind; 3] = [
         file: "gumballs.npz",
         x: -2.5,
         turn: 0.2,
-        orders: &[coat([(0, PINK)]), coat([(0, MINT), (1, VIOLET)]), coat([(0, ORANGE), (4, BLUE)])],
+        orders: &[coat([(0, PINK)]), coat([(0, MINT), (3, VIOLET)]), coat([(0, ORANGE), (1, BLUE)])],
     },
     Kind {
         file: "toadstool.npz",
         x: 0.0,
         turn: 0.0,
-        orders: &[coat([(0, VIOLET)]), coat([(0, YELLOW), (1, BLUE)]), coat([(0, MINT), (1, PINK)])],
+        orders: &[coat([(0, VIOLET)]), coat([(0, YELLOW), (3, BLUE)]), coat([(0, MINT), (3, PINK)])],
     },
     Kind {
         file: "robot.npz",
         x: 2.5,
         turn: -0.25,
-        orders: &[coat([(0, YELLOW), (2, BLUE)]), coat([(0, PINK), (3, VIOLET)]), coat([(0, ORANGE), (2, MINT)])],
+        orders: &[coat([(1, YELLOW), (2, BLUE)]), coat([(1, PINK), (3, VIOLET)]), coat([(1, ORANGE), (2, MINT)])],
     },
 ];
 

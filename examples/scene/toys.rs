@@ -54,10 +54,10 @@ fn spawn(mut commands: Commands, assets: Res<AssetServer>) {
     // Some colors are brighter than white, so that the spots and the windows bloom.
     let toadstool = [
         Color::linear_rgb(0.09, 0.03, 0.3),
-        Color::linear_rgb(0.01, 0.1, 0.12),
+        Color::linear_rgb(1.1, 0.55, 0.1),
         Color::linear_rgb(0.0, 0.004, 0.02),
+        Color::linear_rgb(0.01, 0.1, 0.12),
         Color::linear_rgb(0.25, 1.5, 1.9),
-        Color::linear_rgb(2.2, 1.1, 0.2),
         Color::linear_rgb(0.02, 0.05, 0.3),
     ];
     commands.spawn((
@@ -67,7 +67,7 @@ fn spawn(mut commands: Commands, assets: Res<AssetServer>) {
         Footprint::of("toadstool.npz"),
         standing(room::JAR, 1.3, 0.2),
     ));
-    let drum = ["#8391d6", "#173f63", "#632455", "#c08a4a", "#0d2440", "#060814"];
+    let drum = ["#8391d6", "#173f63", "#46508a", "#632455", "#060814", "#c08a4a"];
     commands.spawn((
         Prop(assets.load("drum.npz")),
         PASTEL,
@@ -75,7 +75,7 @@ fn spawn(mut commands: Commands, assets: Res<AssetServer>) {
         Footprint::of("drum.npz"),
         standing(Vec3::new(-3.2, 0.0, -0.5), 1.0, 0.35),
     ));
-    let robot = ["#1f6f8f", "#2c3160", "#8f2a4c", "#a8642e", "#fff0a0", "#8d9bd0"];
+    let robot = ["#16405a", "#1f6f8f", "#8f2a4c", "#d0a050", "#1c2048", "#8d9bd0"];
     commands.spawn((
         Prop(assets.load("robot.npz")),
         POSTER,

@@ -1,7 +1,7 @@
 //! The robots and their players.
 
 use bevy::prelude::*;
-use bevy_plenoctree::{PaletteOverride, Posterize, Prop};
+use bevy_plenoctree::{BlendSpace, PaletteOverride, Posterize, Prop};
 
 use crate::{
     arena::{Obstacle, RADIUS},
@@ -14,8 +14,8 @@ pub fn plugin(app: &mut App) {
     app.add_systems(Startup, spawn).add_systems(Update, (press_keys, play_alone, drive).chain());
 }
 
-/// The index of the metal's color in the robots' palette.
-const METAL: usize = 0;
+/// The shades of metal in the robots' palette: their indices, and how dark they are.
+const METAL: [(usize, f32); 2] = [(0, 0.5), (1, 0.0)];
 /// The height of the top of a robot's head.
 pub const HEAD: f32 = 1.97;
 /// The radius of a robot in collisions.
@@ -61,10 +61,14 @@ fn spawn(mut commands: Commands, assets: Res<AssetServer>) {
     ];
     for (index, (team, keys, at)) in players.into_iter().enumerate() {
         let team = color(team);
+        let mut metal = PaletteOverride::default();
+        for (shade, darkness) in METAL {
+            metal.set(shade, BlendSpace::Oklab.mix(team, Color::BLACK, darkness));
+        }
         commands.spawn((
             Prop(assets.load("robot.npz")),
             Posterize::default(),
-            PaletteOverride::default().with(METAL, team),
+            metal,
             Footprint::of("robot.npz"),
             Player { index, team, keys, absent: true },
             Robot { at, ..default() },

@@ -13,8 +13,7 @@ use crate::save::save;
 /// A few colors that represent everything visible in a field, the most important first.
 ///
 /// Palette files are JSON: `{"colors": [[r, g, b], ...], "weights": [...], "method": "fitted"}`. If a file has no
-/// weights, all colors have the same weight. `method` is left out unless the palette was extracted. Other keys are
-/// ignored.
+/// weights, all colors have the same weight. `method` is left out unless the palette was extracted.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "PaletteJson")]
 #[cfg_attr(

@@ -7,7 +7,7 @@ use super::{
     label::PaletteLabel,
     oklab::{CHROMATIC, chroma, chroma_of_linear, decode, is_hue_off},
 };
-use crate::sampling::Histograms;
+use crate::sampling::{Canceled, Histograms, Progress};
 
 /// How far colors are from those shown in their place: from the labels of a palette, for instance.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -32,8 +32,19 @@ impl ColorErrors {
     }
 
     /// Returns the errors of the fine histogram's colors, the centers of its bins, when they are shown as the nearest
-    /// label of a palette. `blend_steps` is `d`, at least 1.
+    /// label of a palette. `blend_steps` is `d`, at least 1, or less if the palette would have more labels than
+    /// [`PaletteLabel::MAX_LABELS`].
     pub fn of_labels(histograms: &Histograms, palette: &Palette, blend_steps: u32) -> Self {
+        Self::of_labels_unless_canceled(histograms, palette, blend_steps, &Progress::default()).unwrap_or_default()
+    }
+
+    pub(super) fn of_labels_unless_canceled(
+        histograms: &Histograms,
+        palette: &Palette,
+        blend_steps: u32,
+        progress: &Progress,
+    ) -> Result<Self, Canceled> {
+        let blend_steps = blend_steps.min(PaletteLabel::most_blend_steps(palette.colors.len()));
         let labels = PaletteLabel::all(palette.colors.len(), blend_steps).map(|label| label.mix(&palette.colors));
         let labels: Vec<(DVec3, DVec2)> = labels.map(|label| (label, chroma(label))).collect();
         let bins = histograms.fine_bins();
@@ -41,6 +52,7 @@ impl ColorErrors {
         let most = bins.weights.iter().copied().fold(0.0, f64::max);
         let mut sums = Sums::default();
         for (bin, &weight) in bins.weights.iter().enumerate().filter(|(_, weight)| **weight > 0.0) {
+            progress.check()?;
             let color = DVec3::from(bins.center(bin));
             let nearest = labels.iter().map(|&(label, chroma)| (color.distance_squared(label), chroma));
             if let Some((square, shown)) = nearest.reduce(|best, next| if next.0 < best.0 { next } else { best }) {
@@ -50,7 +62,7 @@ impl ColorErrors {
                 sums.add(weight / most, square, chroma_of_linear(linear.into()), shown);
             }
         }
-        sums.errors()
+        Ok(sums.errors())
     }
 }
 

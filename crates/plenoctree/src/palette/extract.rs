@@ -117,9 +117,10 @@ pub fn extract_from_histograms(
             let centers: Vec<DVec3> = filtered.centers.iter().map(|&center| center.into()).collect();
             let palette = choose(histograms, settings, progress, |colors| {
                 let simplified = simplify(&centers, colors, progress);
+                progress.check()?;
                 hull_vertices = Some(simplified.before);
                 let corners = simplified.corners.iter();
-                order(corners.map(|corner| corner.clamp(DVec3::ZERO, DVec3::ONE).into()).collect(), &filtered)
+                Ok(order(corners.map(|corner| corner.clamp(DVec3::ZERO, DVec3::ONE).into()).collect(), &filtered))
             })?;
             seconds.hull = start.elapsed().as_secs_f64();
             clusters = Some(filtered.centers.len());
@@ -127,15 +128,15 @@ pub fn extract_from_histograms(
         }
         PaletteMethod::Fitted => {
             let cloud = Cloud::new(histograms.fine_bins()).ok_or(ExtractionError::NothingVisible)?;
-            let fit = |colors| cloud.fit(colors, settings.blend_steps, progress);
-            let palette = choose(histograms, settings, progress, fit)?;
+            let palette =
+                choose(histograms, settings, progress, |colors| cloud.fit(colors, settings.blend_steps, progress))?;
             seconds.fitting = start.elapsed().as_secs_f64();
             palette
         }
     };
     let palette = Palette { method: Some(settings.method), ..palette };
     Ok(Extraction {
-        errors: ColorErrors::of_labels(histograms, &palette, settings.blend_steps),
+        errors: ColorErrors::of_labels_unless_canceled(histograms, &palette, settings.blend_steps, progress)?,
         palette,
         radiance_samples: histograms.samples(),
         total_weight: histograms.total_weight(),
@@ -146,27 +147,25 @@ pub fn extract_from_histograms(
 }
 
 /// Returns the palette with the number of colors that the settings ask for. `find` finds a palette of at most a number
-/// of colors, or any if it is canceled.
+/// of colors.
 fn choose(
     histograms: &Histograms,
     settings: &ExtractionSettings,
     progress: &Progress,
-    mut find: impl FnMut(usize) -> Palette,
+    mut find: impl FnMut(usize) -> Result<Palette, Canceled>,
 ) -> Result<Palette, Canceled> {
-    let (least, most, tolerance) = match settings.colors {
-        Colors::Fixed(colors) => (colors, colors, 0.0),
-        Colors::Auto { tolerance } => (1, Colors::MOST, tolerance),
+    let tolerance = match settings.colors {
+        Colors::Fixed(colors) => return find(colors),
+        Colors::Auto { tolerance } => tolerance,
     };
-    for colors in least..most {
-        let palette = find(colors);
-        progress.check()?;
-        if ColorErrors::of_labels(histograms, &palette, settings.blend_steps).rmse <= tolerance {
+    for colors in 1..Colors::MOST {
+        let palette = find(colors)?;
+        let errors = ColorErrors::of_labels_unless_canceled(histograms, &palette, settings.blend_steps, progress)?;
+        if errors.rmse <= tolerance {
             return Ok(palette);
         }
     }
-    let palette = find(most);
-    progress.check()?;
-    Ok(palette)
+    find(Colors::MOST)
 }
 
 /// Clusters the histograms into representative colors: steps 6 and 7. Returns `None` if there is no weight.
@@ -373,13 +372,9 @@ mod tests {
     fn every_stage_stops_within_50_milliseconds() {
         let histograms = largest_histograms();
         let k_means = ExtractionSettings { coarse_threshold: 0.0, max_iterations: 1000, tolerance: 0.0, ..hull() };
-        let corners = ExtractionSettings { max_iterations: 1, ..k_means.clone() };
-        let fit = ExtractionSettings {
-            colors: Colors::Auto { tolerance: 0.0 },
-            blend_steps: 8,
-            ..ExtractionSettings::default()
-        };
-        for (stage, settings) in [("k-means", k_means), ("hull", corners), ("fit", fit)] {
+        let hull = ExtractionSettings { max_iterations: 1, ..k_means.clone() };
+        let fit = ExtractionSettings { colors: Colors::Auto { tolerance: 1e-9 }, ..Default::default() };
+        for (stage, settings) in [("k-means", k_means), ("hull", hull), ("fit", fit)] {
             for after in [0, 100, 500] {
                 let time = || time_to_cancel(&histograms, &settings, Duration::from_millis(after));
                 // Other processes may need the cores at any one time, but not always.
@@ -395,20 +390,20 @@ mod tests {
         let density = |at: DVec3| 20.0 * (0.9 - at.length()).max(0.0);
         let radiance = |at: DVec3| move |direction: DVec3| 0.5 + 0.35 * (5.0 * at).map(f64::sin) + 0.1 * direction;
         let field = bake(&settings, density, radiance).unwrap();
-        let on = |method, threads: usize| {
-            let settings = ExtractionSettings { method, ..Default::default() };
+        let on = |threads: usize, method: PaletteMethod| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let settings = ExtractionSettings { method, ..Default::default() };
             let extraction = pool.install(|| extract(&field, &settings, &Progress::default())).unwrap();
             Extraction { seconds: ExtractionTimes::default(), ..extraction }
         };
         for method in PaletteMethod::ALL {
-            let alone = on(method, 1);
+            let alone = on(1, method);
             assert!(
                 alone.clusters.is_none_or(|clusters| clusters > 20) && alone.palette.colors.len() == 6,
                 "{alone:?}"
             );
             for threads in [2, 3, 8] {
-                assert_eq!(alone, on(method, threads));
+                assert_eq!(alone, on(threads, method));
             }
         }
     }

@@ -3,9 +3,12 @@
 use glam::{DVec2, DVec3, swizzles::Vec2Swizzles};
 
 use super::points::{Point, Points, to_opponent, to_rgb};
-use crate::palette::{
-    label::PaletteLabel,
-    oklab::{CHROMATIC, chroma, is_hue_off},
+use crate::{
+    palette::{
+        label::PaletteLabel,
+        oklab::{CHROMATIC, chroma, is_hue_off},
+    },
+    sampling::Progress,
 };
 
 /// Number of labels that are computed at a time.
@@ -26,10 +29,11 @@ const SEEN: f32 = 0.005;
 const ROUNDS: usize = 12;
 
 /// The palette's colors in opponent space, and buffers that are reused from step to step.
-pub(super) struct Labels {
+pub(super) struct Labels<'a> {
     all: Vec<PaletteLabel>,
     /// The labels' colors and sums.
     lanes: Vec<Lanes>,
+    progress: &'a Progress,
 }
 
 /// The colors of [`LANES`] labels, the sums of the points that have these labels, and space for one point.
@@ -44,10 +48,14 @@ struct Lanes {
     share: [f32; LANES],
 }
 
-impl Labels {
-    pub fn new(colors: usize, blend_steps: u32) -> Self {
+impl<'a> Labels<'a> {
+    /// Returns the labels of palettes of `colors` colors, with as many blend steps as can be drawn.
+    ///
+    /// Once `progress` is canceled, assignments are not complete.
+    pub fn new(colors: usize, blend_steps: u32, progress: &'a Progress) -> Self {
+        let blend_steps = blend_steps.min(PaletteLabel::most_blend_steps(colors));
         let all: Vec<_> = PaletteLabel::all(colors, blend_steps).collect();
-        Self { lanes: vec![Lanes::default(); all.len().div_ceil(LANES)], all }
+        Self { lanes: vec![Lanes::default(); all.len().div_ceil(LANES)], all, progress }
     }
 
     /// Returns the number of labels.
@@ -69,9 +77,9 @@ impl Labels {
     /// `(1 + (d(l) - d(nearest)) / softness)^-4` of a point, over the sum of these. Calls `with` for every point, with its
     /// squared distance to the nearest label and what its shares are to be multiplied by to sum to its two weights.
     fn assign(&mut self, points: &Points, softness: f32, mut with: impl FnMut(&mut [Lanes], &Point, f32, [f32; 2])) {
-        for point in &points.all {
+        for point in points.all.iter().take_while(|_| !self.progress.is_canceled()) {
             let closest = distances(&mut self.lanes, point);
-            let mut totals = [0.0f32; LANES];
+            let mut totals = [0.0; LANES];
             for lanes in &mut self.lanes {
                 for (share, total) in lanes.share.iter_mut().zip(&mut totals) {
                     let near = softness / (softness + *share - closest);

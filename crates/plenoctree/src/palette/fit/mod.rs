@@ -5,7 +5,7 @@ mod points;
 mod search;
 
 use super::{colors::Palette, extract::order, kmeans::Clusters};
-use crate::sampling::{Bins, Progress};
+use crate::sampling::{Bins, Canceled, Progress};
 use points::Points;
 
 /// The colors of a histogram, to which palettes are fitted.
@@ -38,9 +38,8 @@ impl Cloud {
     }
 
     /// Returns the palette of at most `colors` colors whose labels are nearest to the colors of the cloud, with its
-    /// heaviest color first. It has fewer colors if the cloud has fewer, or if fewer fit as well. Canceled, it returns any
-    /// palette.
-    pub fn fit(&self, colors: usize, blend_steps: u32, progress: &Progress) -> Palette {
+    /// heaviest color first. It has fewer colors if the cloud has fewer, or if fewer fit as well.
+    pub fn fit(&self, colors: usize, blend_steps: u32, progress: &Progress) -> Result<Palette, Canceled> {
         let Clusters { centers, .. } = &self.bins;
         let found = if centers.len() <= colors {
             centers.clone()
@@ -48,7 +47,8 @@ impl Cloud {
             let [few, many] = [&FEW[..], &MANY].map(|lattices| self.merged(lattices, ENOUGH * colors));
             search::search(&few, &many, colors, blend_steps, progress)
         };
-        order(found, &self.bins)
+        progress.check()?;
+        Ok(order(found, &self.bins))
     }
 
     /// Returns the colors, merged in the first of some lattices that keeps at least `least` points, or not merged if none

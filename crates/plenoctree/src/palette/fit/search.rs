@@ -49,7 +49,9 @@ const MOST_WORK: usize = 200_000_000;
 /// Finds the palette of at most `colors` colors (encoded sRGB) whose labels are nearest to the points.
 ///
 /// `few` and `many` are the same points, merged more and less. Palettes are found in the former, and then fitted to the
-/// latter. Canceled, returns any palette.
+/// latter.
+///
+/// Once `progress` is canceled, returns some palette soon.
 pub(super) fn search(
     few: &Points,
     many: &Points,
@@ -57,7 +59,7 @@ pub(super) fn search(
     blend_steps: u32,
     progress: &Progress,
 ) -> Vec<[f64; 3]> {
-    let mut fit = Fit { points: few, labels: Labels::new(colors, blend_steps), stride: 1.0, progress };
+    let mut fit = Fit { points: few, labels: Labels::new(colors, blend_steps, progress), progress, stride: 1.0 };
     let initial = INITIAL_SOFTNESS * few.variance();
     let seeded = SEEDS.map(|exponent| fit.anneal(&seeds(few, colors, exponent), initial, 12));
     let softness = seeded.iter().map(|(_, softness)| *softness).fold(f64::INFINITY, f64::min);
@@ -67,12 +69,12 @@ pub(super) fn search(
     for _ in 0..EXCHANGES {
         let before = pool[0].palette.clone();
         fit.exchange(&mut pool, softness, &mut work);
-        if difference(&before, &pool[0].palette) < SAME {
+        if progress.is_canceled() || difference(&before, &pool[0].palette) < SAME {
             break;
         }
     }
 
-    let mut fit = Fit { points: many, labels: Labels::new(colors, blend_steps), stride: STRIDE, progress };
+    let mut fit = Fit { points: many, labels: Labels::new(colors, blend_steps, progress), progress, stride: STRIDE };
     for (kept, steps) in FINALS {
         fit.improve(&mut pool, kept, softness, steps);
     }
@@ -90,10 +92,10 @@ struct Rated {
 /// A fit of palettes with the same number of colors to the same points.
 struct Fit<'a> {
     points: &'a Points,
-    labels: Labels,
+    labels: Labels<'a>,
+    progress: &'a Progress,
     /// How far steps go.
     stride: f64,
-    progress: &'a Progress,
 }
 
 impl Fit<'_> {
@@ -131,7 +133,7 @@ impl Fit<'_> {
         let cost = 4 * self.points.all.len() * self.labels.len();
         for place in 0..best.len() {
             for &substitute in &substitutes {
-                if *work < cost || self.progress.is_canceled() {
+                if *work < cost {
                     continue;
                 }
                 *work -= cost;
@@ -207,7 +209,8 @@ fn farthest(points: &Points, mut distances: Vec<f64>, count: usize, exponent: f6
 fn prune(points: &Points, mut palette: Vec<DVec3>, softness: f64, blend_steps: u32, progress: &Progress) -> Vec<DVec3> {
     let mut tries = palette.len();
     while palette.len() > 1 && !progress.is_canceled() {
-        let mut fit = Fit { points, labels: Labels::new(palette.len(), blend_steps), stride: STRIDE, progress };
+        let mut fit =
+            Fit { points, labels: Labels::new(palette.len(), blend_steps, progress), progress, stride: STRIDE };
         let nearest = fit.labels.nearest(points, &palette);
         let seen = |i: usize| nearest.iter().any(|&(label, _)| label == i);
         let twin = |i: usize| (0..i).any(|j| palette[i].distance(palette[j]) < SAME);
@@ -217,7 +220,7 @@ fn prune(points: &Points, mut palette: Vec<DVec3>, softness: f64, blend_steps: u
             Some(substitute) => palette[idle] = substitute,
             None => {
                 palette.remove(idle);
-                fit.labels = Labels::new(palette.len(), blend_steps);
+                fit.labels = Labels::new(palette.len(), blend_steps, progress);
             }
         }
         tries = tries.saturating_sub(1);
