@@ -64,7 +64,7 @@ impl Cloud {
 
 /// The weight of a group of similar colors counts like its share to this power, so that small but distinct colors are not
 /// lost among large ones.
-const SALIENCE: f64 = 0.8;
+const SALIENCE: f64 = 0.78;
 
 /// Returns weights of colors that sum to 1, where the colors in each cell of an 8 x 8 x 8 lattice weigh together as
 /// [`SALIENCE`] says.
