@@ -37,7 +37,7 @@ fn photograph(folder: &Path) {
 
 #[test]
 fn a_field_is_fitted_with_palette_previews_and_report() {
-    let folder = folder("fit");
+    let folder = folder("fit_command");
     photograph(&folder);
     let out = folder.join("out/prop.npz");
     let printed = succeed(&[
