@@ -189,7 +189,7 @@ fn bad_input_is_rejected() {
     let out = folder.join("out");
     let with = |more: &[&str]| fail(&[&["evidence", text(&field), "--out", text(&out)][..], more].concat());
     assert!(with(&["--cameras", "missing.json"]).contains("missing.json"));
-    for wrong in [["--frames", "1"], ["--views", "0"], ["--size", "0x1"], ["--colors", "65"]] {
+    for wrong in [["--frames", "1"], ["--views", "0"], ["--size", "0x1"], ["--colors", "33"]] {
         with(&wrong);
     }
     let missing = folder.join("missing.npz");

@@ -26,8 +26,8 @@ pub struct Arguments {
     /// The number of frames in the turn of 90 degrees.
     #[arg(long, default_value_t = 61, value_parser = clap::value_parser!(u32).range(2..=10_000))]
     pub frames: u32,
-    /// The number of colors of every palette.
-    #[arg(long, default_value_t = 6, value_parser = clap::value_parser!(u32).range(1..=64))]
+    /// The number of colors of every palette. More than 32 would have too many labels.
+    #[arg(long, default_value_t = 6, value_parser = clap::value_parser!(u32).range(1..=32))]
     pub colors: u32,
     /// The renderer.
     #[arg(long, value_enum, default_value_t)]
