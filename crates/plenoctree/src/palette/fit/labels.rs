@@ -18,7 +18,7 @@ const LANES: usize = 8;
 const OWN: f64 = 1.0;
 
 /// How much the share of hues that are off adds to the error.
-const HUE: f64 = 1.0;
+const HUE: f64 = 3.0;
 
 /// How much a color that is never shown unblended adds to the error, and the share of the weight from which it adds
 /// nothing.
@@ -178,14 +178,14 @@ impl<'a> Labels<'a> {
         let distance = self.distance(points, palette, softness);
         let shown: Vec<DVec2> = self.all.iter().map(|label| chroma(to_rgb(color(label, palette)))).collect();
         let (mut chromatic, mut off, mut own) = (0.0, 0.0, vec![0.0; palette.len()]);
-        for (point, &seen) in points.all.iter().zip(&points.chroma) {
+        for (point, &(seen, weight)) in points.all.iter().zip(&points.chroma) {
             let (label, _) = self.nearest_to(point);
             if let Some(own) = own.get_mut(label) {
-                *own += point.weight;
+                *own += weight;
             }
             if seen.length() > CHROMATIC {
-                chromatic += point.weight;
-                off += if is_hue_off(seen, shown[label]) { point.weight } else { 0.0 };
+                chromatic += weight;
+                off += if is_hue_off(seen, shown[label]) { weight } else { 0.0 };
             }
         }
         let off = if chromatic > 0.0 { f64::from(off / chromatic) } else { 0.0 };

@@ -54,11 +54,11 @@ impl Cloud {
     /// Returns the colors, merged in the first of some lattices that keeps at least `least` points, or not merged if none
     /// does.
     fn merged(&self, lattices: &[usize], least: usize) -> Points {
-        let (centers, weights) = (&self.bins.centers, &self.salient);
+        let (Clusters { centers, weights }, salient) = (&self.bins, &self.salient);
         let coarse = lattices.iter().filter(|lattice| **lattice < self.per_channel);
-        let mut coarse = coarse.map(|&lattice| Points::new(centers, weights, lattice));
+        let mut coarse = coarse.map(|&lattice| Points::new(centers, weights, salient, lattice));
         let enough = coarse.find(|points| points.all.len() >= least);
-        enough.unwrap_or_else(|| Points::new(centers, weights, self.per_channel))
+        enough.unwrap_or_else(|| Points::new(centers, weights, salient, self.per_channel))
     }
 }
 

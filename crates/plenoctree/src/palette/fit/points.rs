@@ -13,8 +13,8 @@ const NEGLIGIBLE: f64 = 1e-12;
 /// Weighted colors in opponent space.
 pub(super) struct Points {
     pub all: Vec<Point>,
-    /// a and b in Oklab of every point.
-    pub chroma: Vec<DVec2>,
+    /// a and b in Oklab of every point, and its share of the weight as it is seen.
+    pub chroma: Vec<(DVec2, f32)>,
 }
 
 /// A weighted color.
@@ -30,16 +30,23 @@ pub(super) struct Point {
 
 impl Points {
     /// Merges the colors (encoded sRGB) in every cell of a lattice of `lattice` cells per channel into their mean.
-    pub fn new(colors: &[[f64; 3]], weights: &[f64], lattice: usize) -> Self {
-        let mut cells = vec![(DVec3::ZERO, 0.0); lattice.pow(3)];
-        for (color, weight) in colors.iter().zip(weights) {
+    ///
+    /// `weights` are their weights as they are seen, and `salient` those that the fit uses.
+    pub fn new(colors: &[[f64; 3]], weights: &[f64], salient: &[f64], lattice: usize) -> Self {
+        let mut cells = vec![(DVec3::ZERO, 0.0, 0.0); lattice.pow(3)];
+        for ((color, weight), salient) in colors.iter().zip(weights).zip(salient) {
             let [r, g, b] = color.map(|c| ((c * lattice as f64) as usize).min(lattice - 1));
-            let (sum, total) = &mut cells[(r * lattice + g) * lattice + b];
-            *sum += *weight * DVec3::from(*color);
-            *total += weight;
+            let (sum, total, seen) = &mut cells[(r * lattice + g) * lattice + b];
+            *sum += *salient * DVec3::from(*color);
+            *total += salient;
+            *seen += weight;
         }
-        let cells = cells.into_iter().filter(|(_, total)| *total > NEGLIGIBLE);
-        let (all, chroma) = cells.map(|(sum, total)| Point::new(sum / total, total)).unzip();
+        let cells = cells.into_iter().filter(|(_, total, _)| *total > NEGLIGIBLE);
+        let point = |(sum, total, seen): (DVec3, f64, f64)| {
+            let (point, chroma) = Point::new(sum / total, total);
+            (point, (chroma, seen as f32))
+        };
+        let (all, chroma) = cells.map(point).unzip();
         Self { all, chroma }
     }
 

@@ -31,19 +31,19 @@ const SAME: f64 = 0.03;
 const SEEDS: [f64; 3] = [0.5, 0.3, 0.75];
 
 /// Number of colors that are tried in the place of each palette color.
-const SUBSTITUTES: usize = 6;
+const SUBSTITUTES: usize = 9;
 
 /// Number of rounds of exchanges.
 const EXCHANGES: usize = 6;
 
 /// Number of palettes that are kept from round to round.
-const KEPT: usize = 8;
+const KEPT: usize = 12;
 
 /// Numbers of palettes that stay in the final rounds, and of steps by which these are fitted to all points.
-const FINALS: [(usize, usize); 2] = [(8, 2), (3, 6)];
+const FINALS: [(usize, usize); 2] = [(10, 2), (3, 6)];
 
 /// Number of distances of a point to a label that exchanges may compute, per cubed number of colors, and at most.
-const WORK: usize = 20_000;
+const WORK: usize = 15_000;
 const MOST_WORK: usize = 200_000_000;
 
 /// Finds the palette of at most `colors` colors (encoded sRGB) whose labels are nearest to the points.
