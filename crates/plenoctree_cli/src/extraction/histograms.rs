@@ -38,8 +38,8 @@ pub fn read(path: &Path) -> Result<Histograms> {
     let named = |error: String| format!("{}: {error}", path.display());
     let file = File::open(path).map_err(|error| named(error.to_string()))?;
     let mut archive = ZipArchive::new(BufReader::new(file)).map_err(|error| named(error.to_string()))?;
-    let (fine_bins, fine) = array(&mut archive, "fine", 128).map_err(named)?;
-    let (coarse_bins, coarse) = array(&mut archive, "coarse", 32).map_err(named)?;
+    let (fine_bins, fine) = array(&mut archive, "fine", 64).map_err(named)?;
+    let (coarse_bins, coarse) = array(&mut archive, "coarse", 16).map_err(named)?;
     let histograms = Histograms::new(fine_bins, fine, coarse_bins, coarse, 0);
     Ok(histograms.map_err(|error| named(error.to_string()))?)
 }
