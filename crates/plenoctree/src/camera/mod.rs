@@ -5,6 +5,6 @@ mod pinhole;
 mod transforms;
 
 pub use pinhole::PinholeCamera;
-#[cfg(feature = "fit")]
-pub(crate) use transforms::pose;
 pub use transforms::{CameraError, read_transforms};
+#[cfg(feature = "fit")]
+pub(crate) use transforms::{Intrinsics, WrongValue, pose};

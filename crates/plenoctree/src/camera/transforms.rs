@@ -6,7 +6,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use glam::{DMat3, DMat4, DVec4};
+use glam::{DMat3, DMat4, DVec2, DVec4};
 use serde::Deserialize;
 
 use super::PinholeCamera;
@@ -44,11 +44,14 @@ pub enum CameraError {
     },
 }
 
+/// A key of the file, what was found there, and what was expected.
+pub(crate) type WrongValue = (&'static str, String, &'static str);
+
 /// Camera intrinsics, for all frames or for a single frame. The latter take precedence.
 #[derive(Clone, Copy, Default, Deserialize)]
-struct Intrinsics {
-    w: Option<f64>,
-    h: Option<f64>,
+pub(crate) struct Intrinsics {
+    pub w: Option<f64>,
+    pub h: Option<f64>,
     fl_x: Option<f64>,
     fl_y: Option<f64>,
     cx: Option<f64>,
@@ -58,17 +61,50 @@ struct Intrinsics {
 }
 
 impl Intrinsics {
-    fn or(self, other: Self) -> Self {
+    pub fn or(self, other: Self) -> Self {
+        // A focal length of the frame beats an angle of the file, and the other way round.
+        let angles = if self.fl_x.is_some() { (None, None) } else { (other.camera_angle_x, other.camera_angle_y) };
+        let focals = if self.camera_angle_x.is_some() { (None, None) } else { (other.fl_x, other.fl_y) };
         Self {
             w: self.w.or(other.w),
             h: self.h.or(other.h),
-            fl_x: self.fl_x.or(other.fl_x),
-            fl_y: self.fl_y.or(other.fl_y),
+            fl_x: self.fl_x.or(focals.0),
+            fl_y: self.fl_y.or(focals.1),
             cx: self.cx.or(other.cx),
             cy: self.cy.or(other.cy),
-            camera_angle_x: self.camera_angle_x.or(other.camera_angle_x),
-            camera_angle_y: self.camera_angle_y.or(other.camera_angle_y),
+            camera_angle_x: self.camera_angle_x.or(angles.0),
+            camera_angle_y: self.camera_angle_y.or(angles.1),
         }
+    }
+
+    /// Returns the focal lengths and the point of the optical axis, in pixels of images of this size.
+    pub fn focal_and_center(&self, size: DVec2) -> Result<(DVec2, DVec2), WrongValue> {
+        let focal = |key, focal: f64| {
+            if FOCAL.contains(&focal) { Ok(focal) } else { Err((key, focal.to_string(), "1e-6 to 1e9 pixels")) }
+        };
+        let from_angle = |key, angle: f64, pixels: f64| {
+            let focal = 0.5 * pixels / (0.5 * angle).tan();
+            if angle > 0.0 && angle < std::f64::consts::PI && FOCAL.contains(&focal) {
+                Ok(focal)
+            } else {
+                Err((key, angle.to_string(), "an angle between 0 and pi radians"))
+            }
+        };
+        let center = |key, given: Option<f64>, pixels: f64| {
+            let center = given.unwrap_or(0.5 * pixels);
+            if center.abs() <= MAX_CENTER { Ok(center) } else { Err((key, center.to_string(), "-1e9 to 1e9 pixels")) }
+        };
+        let x = match (self.fl_x, self.camera_angle_x) {
+            (Some(fl_x), _) => focal("fl_x", fl_x)?,
+            (None, Some(angle)) => from_angle("camera_angle_x", angle, size.x)?,
+            (None, None) => return Err(("camera_angle_x", "nothing".into(), "camera_angle_x or fl_x")),
+        };
+        let y = match (self.fl_y, self.camera_angle_y) {
+            (Some(fl_y), _) => focal("fl_y", fl_y)?,
+            (None, Some(angle)) => from_angle("camera_angle_y", angle, size.y)?,
+            (None, None) => x,
+        };
+        Ok((DVec2::new(x, y), DVec2::new(center("cx", self.cx, size.x)?, center("cy", self.cy, size.y)?)))
     }
 }
 
@@ -155,11 +191,7 @@ pub(crate) fn pose(rows: &[Vec<f64>]) -> Result<DMat4, String> {
     Ok(pose)
 }
 
-fn pinhole(
-    given: Intrinsics,
-    pose: DMat4,
-    size: Option<(u32, u32)>,
-) -> Result<PinholeCamera, (&'static str, String, &'static str)> {
+fn pinhole(given: Intrinsics, pose: DMat4, size: Option<(u32, u32)>) -> Result<PinholeCamera, WrongValue> {
     let pixels = |key, value: f64| {
         if value.fract() == 0.0 && (1.0..=MAX_SIZE).contains(&value) {
             Ok(value)
@@ -173,41 +205,17 @@ fn pinhole(
     let own_height = given.h.map(|h| pixels("h", h)).transpose()?;
     let width = own_width.or(own_height.map(|height| height / aspect)).unwrap_or(DEFAULT_WIDTH);
     let height = own_height.unwrap_or(width * aspect);
-    let focal = |key, focal: f64| {
-        if FOCAL.contains(&focal) { Ok(focal) } else { Err((key, focal.to_string(), "1e-6 to 1e9 pixels")) }
-    };
-    let from_angle = |key, angle: f64, pixels: f64| {
-        let focal = 0.5 * pixels / (0.5 * angle).tan();
-        if angle > 0.0 && angle < std::f64::consts::PI && FOCAL.contains(&focal) {
-            Ok(focal)
-        } else {
-            Err((key, angle.to_string(), "an angle between 0 and pi radians"))
-        }
-    };
-    let center = |key, given: Option<f64>, pixels: f64| {
-        let center = given.unwrap_or(0.5 * pixels);
-        if center.abs() <= MAX_CENTER { Ok(center) } else { Err((key, center.to_string(), "-1e9 to 1e9 pixels")) }
-    };
-    let focal_x = match (given.fl_x, given.camera_angle_x) {
-        (Some(fl_x), _) => focal("fl_x", fl_x)?,
-        (None, Some(angle)) => from_angle("camera_angle_x", angle, width)?,
-        (None, None) => return Err(("camera_angle_x", "nothing".into(), "camera_angle_x or fl_x")),
-    };
-    let focal_y = match (given.fl_y, given.camera_angle_y) {
-        (Some(fl_y), _) => focal("fl_y", fl_y)?,
-        (None, Some(angle)) => from_angle("camera_angle_y", angle, height)?,
-        (None, None) => focal_x,
-    };
+    let (focal, center) = given.focal_and_center(DVec2::new(width, height))?;
     // Without a size, the own one is whole: it is given or square.
     let (new_width, new_height) = size.unwrap_or((width as u32, height as u32));
     let (x, y) = (f64::from(new_width) / width, f64::from(new_height) / height);
     Ok(PinholeCamera {
         width: new_width,
         height: new_height,
-        focal_x: x * focal_x,
-        focal_y: y * focal_y,
-        center_x: x * center("cx", given.cx, width)?,
-        center_y: y * center("cy", given.cy, height)?,
+        focal_x: x * focal.x,
+        focal_y: y * focal.y,
+        center_x: x * center.x,
+        center_y: y * center.y,
         rotation: DMat3::from_mat4(pose),
         position: pose.w_axis.truncate(),
     })

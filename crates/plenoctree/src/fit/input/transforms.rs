@@ -1,7 +1,6 @@
 //! Reads the cameras and the names of the pictures in `transforms.json` files.
 
 use std::{
-    f64::consts::PI,
     fs,
     path::{Path, PathBuf},
 };
@@ -10,24 +9,21 @@ use glam::{DMat3, DVec2};
 use serde::Deserialize;
 
 use super::{Distortion, FitInput, InputFolders, Lens, View, ViewCamera, picture};
-use crate::{camera::pose, fit::error::FitError};
+use crate::{
+    camera::{Intrinsics, WrongValue, pose},
+    fit::error::FitError,
+};
 
 /// Endings of pictures that file names may lack, as those of NeRF-synthetic do.
 const ENDINGS: [&str; 5] = ["png", "jpg", "jpeg", "PNG", "JPG"];
 
-/// Intrinsics of all frames or of one, which take precedence.
+/// The camera of all frames or of one, which takes precedence.
 #[derive(Clone, Default, Deserialize)]
-struct Intrinsics {
+struct Camera {
     camera_model: Option<String>,
     is_fisheye: Option<bool>,
-    camera_angle_x: Option<f64>,
-    camera_angle_y: Option<f64>,
-    w: Option<f64>,
-    h: Option<f64>,
-    fl_x: Option<f64>,
-    fl_y: Option<f64>,
-    cx: Option<f64>,
-    cy: Option<f64>,
+    #[serde(flatten)]
+    intrinsics: Intrinsics,
     k1: Option<f64>,
     k2: Option<f64>,
     k3: Option<f64>,
@@ -39,14 +35,14 @@ struct Intrinsics {
 #[derive(Deserialize)]
 struct File {
     #[serde(flatten)]
-    intrinsics: Intrinsics,
+    camera: Camera,
     frames: Vec<Frame>,
 }
 
 #[derive(Deserialize)]
 struct Frame {
     #[serde(flatten)]
-    intrinsics: Intrinsics,
+    camera: Camera,
     file_path: Option<String>,
     file: Option<String>,
     mask_path: Option<String>,
@@ -63,12 +59,12 @@ pub fn read(path: &Path, folders: &InputFolders) -> Result<FitInput, FitError> {
         None => path.parent().unwrap_or(Path::new("")).into(),
     };
     let views = (file.frames.iter().enumerate())
-        .map(|(index, frame)| view(path, &folder, index, frame, &file.intrinsics))
+        .map(|(index, frame)| view(path, &folder, index, frame, &file.camera))
         .collect::<Result<_, _>>()?;
     Ok(FitInput { views, points: Vec::new() })
 }
 
-fn view(path: &Path, folder: &Path, index: usize, frame: &Frame, common: &Intrinsics) -> Result<View, FitError> {
+fn view(path: &Path, folder: &Path, index: usize, frame: &Frame, common: &Camera) -> Result<View, FitError> {
     let fault = |key: &str, found: String, expected: &str| {
         FitError::found(path, format!("frames[{index}].{key}"), found, expected)
     };
@@ -86,10 +82,10 @@ fn view(path: &Path, folder: &Path, index: usize, frame: &Frame, common: &Intrin
     let pose = pose(&frame.transform_matrix).map_err(|found| {
         fault("transform_matrix", found, "a 4x4 camera-to-world matrix, a rotation and a translation")
     })?;
-    let own = frame.intrinsics.clone().or(common.clone());
+    let own = frame.camera.clone().or(common.clone());
     let size = picture::size(&picture)?;
     let lens = own.lens(size).map_err(|(key, found, expected)| fault(key, found, expected))?;
-    if let (Some(width), Some(height)) = (own.w, own.h)
+    if let (Some(width), Some(height)) = (own.intrinsics.w, own.intrinsics.h)
         && (width, height) != (f64::from(size.0), f64::from(size.1))
     {
         let expected = format!("{width}x{height}, as w and h in {} state", path.display());
@@ -111,22 +107,12 @@ fn find(folder: &Path, name: &str) -> Option<PathBuf> {
     ENDINGS.iter().map(|ending| path.with_added_extension(ending)).find(|path| path.is_file())
 }
 
-impl Intrinsics {
+impl Camera {
     fn or(self, other: Self) -> Self {
-        // A focal length of the frame beats an angle of the file, and the other way round.
-        let angles = if self.fl_x.is_some() { (None, None) } else { (other.camera_angle_x, other.camera_angle_y) };
-        let focals = if self.camera_angle_x.is_some() { (None, None) } else { (other.fl_x, other.fl_y) };
         Self {
             camera_model: self.camera_model.or(other.camera_model),
             is_fisheye: self.is_fisheye.or(other.is_fisheye),
-            camera_angle_x: self.camera_angle_x.or(angles.0),
-            camera_angle_y: self.camera_angle_y.or(angles.1),
-            w: self.w.or(other.w),
-            h: self.h.or(other.h),
-            fl_x: self.fl_x.or(focals.0),
-            fl_y: self.fl_y.or(focals.1),
-            cx: self.cx.or(other.cx),
-            cy: self.cy.or(other.cy),
+            intrinsics: self.intrinsics.or(other.intrinsics),
             k1: self.k1.or(other.k1),
             k2: self.k2.or(other.k2),
             k3: self.k3.or(other.k3),
@@ -136,31 +122,9 @@ impl Intrinsics {
         }
     }
 
-    /// Returns the lens for pictures of this size. Errors are the key, what was found and what was expected.
-    fn lens(&self, (width, height): (u32, u32)) -> Result<Lens, (&'static str, String, &'static str)> {
-        let focal = |key, value: f64| match value {
-            value if (1e-3..=1e7).contains(&value) => Ok(value),
-            value => Err((key, value.to_string(), "a focal length of 0.001 to 1e7 pixels")),
-        };
-        let from_angle = |key, angle: f64, pixels: u32| match angle {
-            angle if angle > 1e-6 && angle < PI - 1e-6 => Ok(0.5 * f64::from(pixels) / (0.5 * angle).tan()),
-            angle => Err((key, angle.to_string(), "an angle between 0 and pi, in radians")),
-        };
-        let x = match (self.fl_x, self.camera_angle_x) {
-            (Some(value), _) => focal("fl_x", value)?,
-            (None, Some(angle)) => from_angle("camera_angle_x", angle, width)?,
-            (None, None) => return Err(("camera_angle_x", "nothing".into(), "camera_angle_x or fl_x")),
-        };
-        let y = match (self.fl_y, self.camera_angle_y) {
-            (Some(value), _) => focal("fl_y", value)?,
-            (None, Some(angle)) => from_angle("camera_angle_y", angle, height)?,
-            (None, None) => x,
-        };
-        let center = |key, value: Option<f64>, pixels: u32| match value.unwrap_or(0.5 * f64::from(pixels)) {
-            value if value.abs() <= 1e7 => Ok(value),
-            value => Err((key, value.to_string(), "-1e7 to 1e7 pixels")),
-        };
-        let center = DVec2::new(center("cx", self.cx, width)?, center("cy", self.cy, height)?);
+    /// Returns the lens for pictures of this size.
+    fn lens(&self, (width, height): (u32, u32)) -> Result<Lens, WrongValue> {
+        let (focal, center) = self.intrinsics.focal_and_center(DVec2::new(width.into(), height.into()))?;
         let model = self.camera_model.as_deref().unwrap_or("OPENCV");
         const MODELS: [&str; 6] = ["OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV_FISHEYE"];
         if !MODELS.contains(&model) {
@@ -180,6 +144,6 @@ impl Intrinsics {
         } else {
             Distortion::Radial { radial: k, tangential }
         };
-        Ok(Lens { focal: DVec2::new(x, y), center, distortion })
+        Ok(Lens { focal, center, distortion })
     }
 }
