@@ -12,11 +12,12 @@ pub use plugins::LitMeshPlugins;
 
 use std::{
     collections::HashSet,
+    path::Path,
     time::{Duration, Instant},
 };
 
 use bevy::{
-    app::AppLabel,
+    app::{AppLabel, PluginGroupBuilder},
     asset::handle_internal_asset_events,
     camera::RenderTarget,
     prelude::*,
@@ -96,7 +97,15 @@ impl Headless {
     ///
     /// Returns [`HeadlessError::NoAdapter`] if there is no graphics adapter.
     pub fn new(size: UVec2, configure: impl FnOnce(&mut App)) -> Result<Self, HeadlessError> {
-        Self::build(size, WgpuSettings::default(), configure)
+        Self::build(size, HeadlessPlugins.build(), configure)
+    }
+
+    /// Creates an app like [`new`](Self::new) that loads its assets from `folder`. Tools use it to open files anywhere.
+    ///
+    /// Returns [`HeadlessError::NoAdapter`] if there is no graphics adapter.
+    pub fn with_assets(size: UVec2, folder: &Path, configure: impl FnOnce(&mut App)) -> Result<Self, HeadlessError> {
+        let assets = AssetPlugin { file_path: folder.to_string_lossy().into(), ..default() };
+        Self::build(size, HeadlessPlugins.set(assets), configure)
     }
 
     /// Creates an app like [`new`](Self::new), on a device that is restricted to `limits`. Use it to test how an app
@@ -108,13 +117,18 @@ impl Headless {
         limits: wgpu::Limits,
         configure: impl FnOnce(&mut App),
     ) -> Result<Self, HeadlessError> {
-        Self::build(size, WgpuSettings { constrained_limits: Some(limits), ..default() }, configure)
+        let settings = WgpuSettings { constrained_limits: Some(limits), ..default() };
+        Self::build(size, HeadlessPlugins.set(plugins::render_plugin(settings)), configure)
     }
 
-    fn build(size: UVec2, settings: WgpuSettings, configure: impl FnOnce(&mut App)) -> Result<Self, HeadlessError> {
+    fn build(
+        size: UVec2,
+        plugins: PluginGroupBuilder,
+        configure: impl FnOnce(&mut App),
+    ) -> Result<Self, HeadlessError> {
         plugins::check_adapter().map_err(HeadlessError::NoAdapter)?;
         let mut app = App::new();
-        app.add_plugins(HeadlessPlugins.set(plugins::render_plugin(settings)));
+        app.add_plugins(plugins);
         configure(&mut app);
         app.finish();
         app.cleanup();

@@ -11,10 +11,10 @@ use plenoctree::{
 
 use crate::{extraction::ExtractionArguments, hex};
 
-/// Fits a field to photographs and extracts its palette.
+/// Fits a field to photographs or to a glTF model, and extracts its palette.
 #[derive(Args)]
 pub struct Arguments {
-    /// A transforms.json file, a folder with one, or a folder with a COLMAP model.
+    /// A transforms.json file, a folder with one, a folder with a COLMAP model, or a .gltf or .glb file.
     pub input: PathBuf,
     /// The field to write. Its palette, previews and report.json are written next to it.
     #[arg(long, value_name = "PROP.npz")]
@@ -43,6 +43,14 @@ pub struct Arguments {
     /// The number of spherical harmonics per channel: 1, 4, 9 or 16.
     #[arg(long, default_value = "9", value_parser = parse_basis)]
     sh: Basis,
+    /// The number of pictures to render of a glTF model.
+    #[cfg(feature = "gltf")]
+    #[arg(long, value_name = "N", default_value_t = 120, value_parser = clap::value_parser!(u32).range(8..=10_000))]
+    pub views: u32,
+    /// The width and height of the pictures of a glTF model, in pixels.
+    #[cfg(feature = "gltf")]
+    #[arg(long, value_name = "PIXELS", default_value_t = 400, value_parser = clap::value_parser!(u32).range(16..=4096))]
+    pub size: u32,
     /// The box to fit, in the frame of the cameras: x,y,z of its lowest and of its highest corner.
     #[arg(long = "box", value_name = "X,Y,Z,X,Y,Z", value_parser = parse_box, allow_hyphen_values = true)]
     bounds: Option<(DVec3, DVec3)>,

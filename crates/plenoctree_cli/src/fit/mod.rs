@@ -1,14 +1,16 @@
 //! `fit`: fits a field to photographs.
 
 mod arguments;
+#[cfg(feature = "gltf")]
+mod model;
 mod output;
 
 pub use arguments::Arguments;
 
-use std::{sync::Arc, thread, time::Duration};
+use std::{path::PathBuf, sync::Arc, thread, time::Duration};
 
 use indicatif::ProgressBar;
-use plenoctree::fit::{FitInput, FitProgress, FitReport, Fitted, fit};
+use plenoctree::fit::{FitInput, FitProgress, FitReport, FitSettings, Fitted, fit};
 
 use crate::{Result, extraction, progress};
 
@@ -18,20 +20,54 @@ const STEPS: u64 = 1000;
 /// Fits the field, extracts its palette, and writes both with previews and a report.
 pub fn run(arguments: &Arguments) -> Result {
     let folders = arguments.folders();
-    let input = FitInput::read(&arguments.input, &folders)?;
-    let test = arguments.test.as_deref().map(|path| FitInput::read(path, &folders)).transpose()?;
     output::check(&arguments.out)?;
-    let Fitted { field, previews, report } = fit_with_progress(arguments, input, test)?;
+    let mut settings = arguments.settings();
+    let pictures = match model_pictures(arguments)? {
+        Some((pictures, supersampling)) => {
+            settings.downscale *= supersampling;
+            pictures
+        }
+        None => arguments.input.clone(),
+    };
+    let input = FitInput::read(&pictures, &folders)?;
+    let test = arguments.test.as_deref().map(|path| FitInput::read(path, &folders)).transpose()?;
+    let Fitted { field, previews, report } = fit_with_progress(arguments, settings, input, test)?;
     let extracted = extraction::extract(&field, &arguments.out, &arguments.extraction, None, false)?;
     output::write(&arguments.out, &field, &extracted.extraction.palette, &previews, &report)?;
     print(arguments, &report);
     Ok(())
 }
 
+/// Renders the input if it is a glTF model. Returns where its pictures are, next to the output, and how many of their
+/// pixels the fit is to average along each axis.
+#[cfg(feature = "gltf")]
+fn model_pictures(arguments: &Arguments) -> Result<Option<(PathBuf, u32)>> {
+    if !model::is_model(&arguments.input) {
+        return Ok(None);
+    }
+    let folder = arguments.out.with_extension("pictures");
+    let transforms = model::photograph(&arguments.input, &folder, arguments.views, arguments.size)?;
+    Ok(Some((transforms, model::SUPERSAMPLING)))
+}
+
+/// Refuses glTF models: rendering them takes the engine.
+#[cfg(not(feature = "gltf"))]
+fn model_pictures(arguments: &Arguments) -> Result<Option<(PathBuf, u32)>> {
+    if arguments.input.extension().is_some_and(|extension| extension == "gltf" || extension == "glb") {
+        let input = arguments.input.display();
+        return Err(format!("{input}: a glTF model needs the engine to render it: build with --features gltf").into());
+    }
+    Ok(None)
+}
+
 /// Fits on another thread so that this one can show the progress. Ctrl-C ends the fit early.
-fn fit_with_progress(arguments: &Arguments, input: FitInput, test: Option<FitInput>) -> Result<Fitted> {
+fn fit_with_progress(
+    arguments: &Arguments,
+    settings: FitSettings,
+    input: FitInput,
+    test: Option<FitInput>,
+) -> Result<Fitted> {
     let progress = Arc::new(FitProgress::default());
-    let settings = arguments.settings();
     let pool = rayon::ThreadPoolBuilder::new().num_threads(arguments.threads).build()?;
     {
         let progress = progress.clone();

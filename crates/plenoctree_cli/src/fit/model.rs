@@ -1,0 +1,241 @@
+//! Pictures of a glTF model: the engine renders it, lit, from cameras around it.
+
+use std::{
+    f64::consts::TAU,
+    path::{Path, PathBuf},
+    time::{Duration, Instant},
+};
+
+use bevy::{
+    asset::{LoadState, RecursiveDependencyLoadState},
+    camera::primitives::Aabb,
+    gltf::{GltfAssetLabel, GltfLoaderSettings, GltfPlugin},
+    light::EnvironmentMapLight,
+    math::Vec3A,
+    prelude::*,
+    world_serialization::WorldSerializationPlugin,
+};
+use bevy_plenoctree::{
+    PlenOctreePlugin, UpAxis,
+    headless::{Headless, LitMeshPlugins, exact_camera, pinhole_view},
+};
+use glam::{DMat4, DVec3};
+use image::{Rgba, RgbaImage};
+use plenoctree::camera::PinholeCamera;
+use serde_json::json;
+
+use crate::{Result, files, progress};
+
+/// The horizontal field of view of the cameras, in radians.
+const FOV: f64 = 0.7;
+/// Pixels that are rendered per pixel of the input, along each axis. The fit averages them.
+pub const SUPERSAMPLING: u32 = 2;
+/// How long a model may take to load.
+const LOAD_TIMEOUT: Duration = Duration::from_secs(300);
+
+/// Returns whether the input is a glTF model, by its name.
+pub fn is_model(input: &Path) -> bool {
+    input.extension().is_some_and(|extension| ["gltf", "glb"].iter().any(|name| extension.eq_ignore_ascii_case(name)))
+}
+
+/// Renders the model from `views` cameras all around it, [`SUPERSAMPLING`] times as large as `size`, with its opacity.
+/// Writes the pictures to `folder`, with a `transforms.json` file whose path is returned.
+///
+/// The frame of the cameras has z up, as fields have by default: a prop with the identity transform is where the model is.
+pub fn photograph(model: &Path, folder: &Path, views: u32, size: u32) -> Result<PathBuf> {
+    let path = model.canonicalize().map_err(|error| format!("{}: {error}", model.display()))?;
+    let (Some(parent), Some(name)) = (path.parent(), path.file_name().and_then(|name| name.to_str())) else {
+        return Err(format!("{}: not the name of a file", model.display()).into());
+    };
+    let side = SUPERSAMPLING * size;
+    let mut studio = Headless::with_assets(UVec2::splat(side), parent, |app| {
+        app.add_plugins((WorldSerializationPlugin, GltfPlugin::default(), LitMeshPlugins, PlenOctreePlugin));
+        // The components of the scene are copied by reflection.
+        app.world().resource::<AppTypeRegistry>().write().register_derived_types();
+    })?;
+    load(&mut studio, model, name)?;
+    let (low, high) = bounds(studio.app.world_mut())
+        .ok_or_else(|| format!("{}: found no mesh in its first scene", model.display()))?;
+    let (center, radius) = (0.5 * (low + high), 0.5 * (high - low).length());
+    light(studio.app.world_mut());
+
+    files::create_folder(folder)?;
+    let target = studio.target();
+    let environment = environment(&mut studio.app.world_mut().resource_mut::<Assets<Image>>());
+    let camera = studio.app.world_mut().spawn((exact_camera(Color::NONE), target, environment)).id();
+    let bar = progress::bar("rendering", views.into(), false);
+    let mut frames = Vec::new();
+    for view in 0..views {
+        let pinhole = around(center, radius, side, view, views);
+        studio.app.world_mut().entity_mut(camera).insert(pinhole_view(&pinhole, UpAxis::Z));
+        if view == 0 {
+            studio.wait_until_ready(LOAD_TIMEOUT)?;
+        }
+        let name = format!("view_{view:03}.png");
+        let path = folder.join(&name);
+        straight(studio.capture()?).save(&path).map_err(|error| format!("{}: {error}", path.display()))?;
+        let pose = DMat4::from_rotation_translation(glam::DQuat::from_mat3(&pinhole.rotation), pinhole.position);
+        let rows = pose.transpose().to_cols_array_2d();
+        frames.push(json!({ "file_path": name, "transform_matrix": rows }));
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    let transforms = folder.join("transforms.json");
+    files::write_text(
+        &transforms,
+        &(serde_json::to_string_pretty(&json!({ "camera_angle_x": FOV, "frames": frames }))? + "\n"),
+    )?;
+    Ok(transforms)
+}
+
+/// Spawns the model's first scene, without its own cameras and lights, and waits until all of it is loaded.
+fn load(studio: &mut Headless, model: &Path, name: &str) -> Result {
+    let server = studio.app.world().resource::<AssetServer>();
+    let scene: Handle<WorldAsset> = server
+        .load_builder()
+        .with_settings(|settings: &mut GltfLoaderSettings| {
+            settings.load_cameras = false;
+            settings.load_lights = false;
+        })
+        .load(GltfAssetLabel::Scene(0).from_asset(name.to_string()));
+    studio.app.world_mut().spawn(WorldAssetRoot(scene.clone()));
+    let start = Instant::now();
+    loop {
+        studio.update();
+        let server = studio.app.world().resource::<AssetServer>();
+        match server.get_load_states(&scene) {
+            Some((LoadState::Failed(error), ..)) => return Err(format!("{}: {error}", model.display()).into()),
+            Some((.., RecursiveDependencyLoadState::Failed(error))) => {
+                return Err(format!("{}: {error}", model.display()).into());
+            }
+            Some((.., RecursiveDependencyLoadState::Loaded)) => break,
+            _ if start.elapsed() > LOAD_TIMEOUT => {
+                return Err(format!("{}: not loaded after {LOAD_TIMEOUT:?}", model.display()).into());
+            }
+            _ => std::thread::sleep(Duration::from_millis(5)),
+        }
+    }
+    // The scene is spawned in the next frame, and its bounds are known in the one after that.
+    (0..3).for_each(|_| studio.update());
+    Ok(())
+}
+
+/// Returns the box around all meshes, in the frame of the cameras.
+fn bounds(world: &mut World) -> Option<(DVec3, DVec3)> {
+    let mut meshes = world.query::<(&Aabb, &GlobalTransform)>();
+    let corners = meshes.iter(world).flat_map(|(aabb, transform)| {
+        let corner = |bits: u32| {
+            let sign = Vec3A::new((bits & 1) as f32, (bits >> 1 & 1) as f32, (bits >> 2) as f32) * 2.0 - 1.0;
+            let point = transform.affine().transform_point3a(aabb.center + sign * aabb.half_extents);
+            UpAxis::Z.to_y_up().transpose() * point.as_dvec3()
+        };
+        (0..8).map(corner).collect::<Vec<_>>()
+    });
+    let finite = corners.filter(|corner| corner.is_finite());
+    finite.map(|corner| (corner, corner)).reduce(|(low, high), (a, b)| (low.min(a), high.max(b)))
+}
+
+/// Adds a key light from the upper left, which casts shadows, and a weaker one from the right. With the environment, a
+/// white surface that faces the key light is just not overexposed.
+fn light(world: &mut World) {
+    for (from, illuminance, shadow_maps_enabled) in
+        [(Vec3::new(-1.0, 2.0, 1.5), 2000.0, true), (Vec3::new(2.0, 0.5, 1.0), 500.0, false)]
+    {
+        let light = DirectionalLight { illuminance, shadow_maps_enabled, ..default() };
+        world.spawn((light, Transform::from_translation(from).looking_at(Vec3::ZERO, Vec3::Y)));
+    }
+}
+
+/// Returns a bright sky over a darker ground, which metals reflect.
+fn environment(images: &mut Assets<Image>) -> EnvironmentMapLight {
+    let [sky, horizon, ground] = [[0.8, 0.9, 1.0], [0.6, 0.6, 0.6], [0.25, 0.22, 0.2]].map(Color::srgb_from_array);
+    EnvironmentMapLight {
+        intensity: 500.0,
+        ..EnvironmentMapLight::hemispherical_gradient(images, sky, horizon, ground)
+    }
+}
+
+/// Returns one of `views` cameras that look at a sphere from all around, evenly spread.
+fn around(center: DVec3, radius: f64, side: u32, view: u32, views: u32) -> PinholeCamera {
+    // The points of a spiral from the top to the bottom, a golden angle apart.
+    let height = 1.0 - (2.0 * f64::from(view) + 1.0) / f64::from(views);
+    let azimuth = TAU * 0.5 * (3.0 - 5f64.sqrt()) * f64::from(view);
+    let level = (1.0 - height * height).sqrt();
+    let outward = DVec3::new(level * azimuth.cos(), level * azimuth.sin(), height);
+    let distance = radius.max(1e-6) / (0.5 * FOV).sin();
+    PinholeCamera::new(side, side, FOV, DMat4::IDENTITY).looking_at(center + distance * outward, center, DVec3::Z)
+}
+
+/// Converts a frame over a transparent background, whose light is multiplied by opacity, to straight colors.
+fn straight(frame: RgbaImage) -> RgbaImage {
+    let mut frame = frame;
+    for Rgba([r, g, b, a]) in frame.pixels_mut() {
+        if (1..255).contains(a) {
+            for channel in [r, g, b] {
+                let light = Color::srgb_u8(*channel, 0, 0).to_linear().red / (f32::from(*a) / 255.0);
+                *channel = (Srgba::from(LinearRgba::rgb(light.min(1.0), 0.0, 0.0)).red * 255.0).round() as u8;
+            }
+        }
+    }
+    frame
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A red cube, half in the light, is fitted where it is: its pictures show it, and only it.
+    #[test]
+    fn a_model_is_photographed_where_it_is() {
+        let folder = std::env::temp_dir().join(format!("plenoctree_model_{}", std::process::id()));
+        files::create_folder(&folder).unwrap();
+        let corners: Vec<[f32; 3]> =
+            (0..8).map(|c| [2.0 + (c & 1) as f32, (c >> 1 & 1) as f32, (c >> 2) as f32]).collect();
+        let faces: [u16; 36] = [
+            0, 4, 6, 0, 6, 2, 1, 3, 7, 1, 7, 5, 0, 1, 5, 0, 5, 4, 2, 6, 7, 2, 7, 3, 0, 2, 3, 0, 3, 1, 4, 5, 7, 4, 7, 6,
+        ];
+        let mut buffer: Vec<u8> = corners.iter().flatten().flat_map(|value| value.to_le_bytes()).collect();
+        buffer.extend(faces.iter().flat_map(|index| index.to_le_bytes()));
+        std::fs::write(folder.join("cube.bin"), &buffer).unwrap();
+        let gltf = json!({
+            "asset": { "version": "2.0" }, "scene": 0, "scenes": [{ "nodes": [0] }], "nodes": [{ "mesh": 0 }],
+            "materials": [{ "pbrMetallicRoughness": { "baseColorFactor": [1.0, 0.0, 0.0, 1.0], "metallicFactor": 0.0 } }],
+            "meshes": [{ "primitives": [{ "attributes": { "POSITION": 0 }, "indices": 1, "material": 0 }] }],
+            "buffers": [{ "uri": "cube.bin", "byteLength": buffer.len() }],
+            "bufferViews": [{ "buffer": 0, "byteOffset": 0, "byteLength": 96 },
+                            { "buffer": 0, "byteOffset": 96, "byteLength": 72 }],
+            "accessors": [
+                { "bufferView": 0, "componentType": 5126, "count": 8, "type": "VEC3", "min": [2, 0, 0], "max": [3, 1, 1] },
+                { "bufferView": 1, "componentType": 5123, "count": 36, "type": "SCALAR" },
+            ],
+        });
+        let model = folder.join("cube.gltf");
+        std::fs::write(&model, gltf.to_string()).unwrap();
+        let transforms = photograph(&model, &folder.join("pictures"), 3, 24).unwrap();
+        let cameras = plenoctree::camera::read_transforms(&transforms, Some((48, 48))).unwrap();
+        assert_eq!(cameras.len(), 3);
+        for (view, camera) in cameras.iter().enumerate() {
+            let picture = image::open(folder.join(format!("pictures/view_{view:03}.png"))).unwrap().into_rgba8();
+            for (x, y, pixel) in picture.enumerate_pixels() {
+                // The cube in the frame of the cameras, whose z is the model's y.
+                let (origin, direction) = camera.ray(f64::from(x) + 0.5, f64::from(y) + 0.5);
+                let span = |low: DVec3, high: DVec3| {
+                    let (a, b) = ((low - origin) / direction, (high - origin) / direction);
+                    (a.min(b).max_element(), a.max(b).min_element())
+                };
+                let margin = 0.08;
+                let (low, high) = (DVec3::new(2.0, -1.0, 0.0), DVec3::new(3.0, 0.0, 1.0));
+                let (enter, leave) = span(low + margin, high - margin);
+                if enter < leave {
+                    assert!(pixel[3] == 255 && pixel[0] > 40 && pixel[0] > 2 * pixel[1], "{view} {x} {y} {pixel:?}");
+                }
+                let (enter, leave) = span(low - margin, high + margin);
+                assert!(enter < leave || pixel[3] == 0, "{view} {x} {y} {pixel:?}");
+            }
+        }
+        std::fs::write(&model, "{}").unwrap();
+        let error = photograph(&model, &folder.join("pictures"), 3, 24).unwrap_err().to_string();
+        assert!(error.contains("cube.gltf"), "{error}");
+        std::fs::remove_dir_all(folder).unwrap();
+    }
+}
