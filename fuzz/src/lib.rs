@@ -3,12 +3,14 @@
 #![forbid(unsafe_code)]
 
 mod cameras;
+mod captures;
 mod fields;
 mod files;
 mod palettes;
 mod settings;
 
 pub use cameras::{TransformsFile, check_transforms};
+pub use captures::{CaptureFile, check_capture};
 pub use fields::check_field;
 pub use files::FieldFile;
 pub use palettes::{PaletteFile, check_palette};

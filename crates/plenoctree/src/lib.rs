@@ -7,6 +7,7 @@
 //! | [`palette`] | palette extraction, palette files, and the labels blended from a palette |
 //! | [`camera`] | pinhole cameras, and the `transforms.json` files of NeRF datasets |
 //! | [`fit`] | fitting fields to photographs |
+//! | [`splat`] | captures of Gaussian splats: reading, rendering, and making fields of them |
 //! | [`mod@reference`] | rendering, sampling and posterization in float64, as a reference for faster code |
 //!
 //! This crate implements the engine-free half of *Recolorable Posterization of Volumetric Radiance Fields Using
@@ -22,6 +23,7 @@
 //! | `reference` | rendering, sampling and posterization in float64 | on |
 //! | `write` | writing fields | on |
 //! | `fit` | fitting fields to photographs | off |
+//! | `splat` | captures of Gaussian splats | off |
 //! | `bevy` | Bevy's `Asset` and `Reflect` for fields, palettes and settings | off |
 //!
 //! The features that are on by default are for tools. A game usually needs none of them.
@@ -33,6 +35,8 @@
 mod bake;
 #[cfg(feature = "camera")]
 pub mod camera;
+#[cfg(any(feature = "fit", feature = "splat"))]
+mod exponential;
 mod field;
 mod file;
 #[cfg(feature = "fit")]
@@ -45,6 +49,8 @@ mod ray_cast;
 pub mod reference;
 pub mod sampling;
 mod save;
+#[cfg(feature = "splat")]
+pub mod splat;
 
 #[cfg(feature = "bake")]
 pub use bake::{BakeError, BakeSettings, bake};

@@ -4,7 +4,7 @@ use clap::{Parser, Subcommand};
 
 #[cfg(feature = "bevy")]
 use crate::tradeoff;
-use crate::{Result, bake, coherence, evidence, fit, info, palette, stylize};
+use crate::{Result, bake, coherence, convert, evidence, fit, info, palette, render, stylize};
 
 /// Inspects, bakes and stylizes PlenOctrees.
 #[derive(Parser)]
@@ -26,6 +26,8 @@ enum Command {
     Evidence(evidence::Arguments),
     Bake(bake::Arguments),
     Fit(fit::Arguments),
+    Convert(convert::Arguments),
+    Render(render::Arguments),
 }
 
 impl CommandLine {
@@ -41,6 +43,8 @@ impl CommandLine {
             Command::Evidence(arguments) => evidence::run(arguments),
             Command::Bake(arguments) => bake::run(arguments),
             Command::Fit(arguments) => fit::run(arguments),
+            Command::Convert(arguments) => convert::run(arguments),
+            Command::Render(arguments) => render::run(arguments),
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use std::{fs, path::Path};
 
-use image::RgbImage;
+use image::{ImageBuffer, PixelWithColorType};
 
 use crate::Result;
 
@@ -17,6 +17,9 @@ pub fn write_text(path: &Path, text: &str) -> Result {
 }
 
 /// Writes an image in the format of its extension, replacing an existing file.
-pub fn write_image(path: &Path, image: &RgbImage) -> Result {
+pub fn write_image<P>(path: &Path, image: &ImageBuffer<P, Vec<u8>>) -> Result
+where
+    P: PixelWithColorType<Subpixel = u8>,
+{
     Ok(image.save(path).map_err(|error| format!("{}: {error}", path.display()))?)
 }

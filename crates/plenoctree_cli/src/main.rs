@@ -2,8 +2,11 @@
 #![forbid(unsafe_code)]
 
 mod bake;
+mod boxes;
+mod capture;
 mod coherence;
 mod command;
+mod convert;
 mod evidence;
 mod extraction;
 mod field;
@@ -12,11 +15,13 @@ mod fit;
 mod gpu_memory;
 mod hex;
 mod info;
+mod number;
 mod palette;
 mod plot;
 mod preset;
 mod progress;
 mod recolor;
+mod render;
 mod renderer;
 mod size;
 mod stylize;
@@ -24,6 +29,7 @@ mod swatches;
 mod text;
 #[cfg(feature = "bevy")]
 mod tradeoff;
+mod training;
 mod turntable;
 
 use std::process::ExitCode;

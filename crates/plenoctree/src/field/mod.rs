@@ -4,11 +4,19 @@
 mod activation;
 mod basis;
 mod cell;
+#[cfg(any(feature = "fit", feature = "splat"))]
+mod finest;
 mod frame;
 mod octree;
 
 pub use activation::Activation;
 pub use basis::Basis;
 pub use cell::{Cell, LeafCell};
+#[cfg(feature = "fit")]
+pub(crate) use finest::morton;
+#[cfg(feature = "splat")]
+pub(crate) use finest::position_of;
+#[cfg(any(feature = "fit", feature = "splat"))]
+pub(crate) use finest::tree_of_finest;
 pub use frame::{Frame, UpAxis};
 pub use octree::{InvalidField, MAX_DEPTH, PlenOctree, Precision};

@@ -342,6 +342,23 @@ impl PlenOctree {
         Some((self.frame.to_world(low / cells), self.frame.to_world(high / cells)))
     }
 
+    /// Returns the point on which the field stands: the middle of the lowest face of [`Self::dense_bounds`]. Returns `None` if
+    /// the field is empty.
+    pub fn foot(&self) -> Option<DVec3> {
+        let (low, high) = self.dense_bounds()?;
+        let middle = 0.5 * (low + high);
+        Some(match self.up {
+            UpAxis::Y => middle.with_y(low.y),
+            UpAxis::Z => middle.with_z(low.z),
+        })
+    }
+
+    /// Returns the field moved by `shift`, in its own frame.
+    pub fn shifted(self, shift: DVec3) -> Self {
+        let frame = Frame { offset: self.frame.offset - self.frame.scale * shift, ..self.frame };
+        Self { frame, ..self }
+    }
+
     /// Returns an iterator over all leaves and their cells, in depth-first order.
     pub fn leaf_cells(&self) -> impl Iterator<Item = LeafCell> + '_ {
         let root = (0u32, UVec3::ZERO, 1u32 << (self.depth.max(1) - 1));

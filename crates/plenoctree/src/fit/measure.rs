@@ -10,7 +10,7 @@ use super::{
 use crate::field::PlenOctree;
 
 /// A view of the field beside the photograph. Pixels are stored row by row, in encoded sRGB.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Comparison {
     /// Name of the picture.
     pub name: String,

@@ -2,7 +2,7 @@
 //!
 //! [`FitInput::read`] reads pictures and cameras, and [`fit`] finds a field that looks like the pictures. It needs no
 //! GPU: rays are marched exactly, gradients are computed by hand, and voxels are split, from 64 to 256 and more per side,
-//! where something is visible. `docs/fit.md` in the repository describes the method and what each part of it is worth.
+//! where something is visible. [`refine`] starts from a field instead. `docs/fit.md` in the repository describes the method and what each part of it is worth.
 //!
 //! ```no_run
 //! use std::path::Path;
@@ -16,12 +16,12 @@
 
 mod checkpoint;
 mod error;
-mod exponential;
 mod grid;
 mod input;
 mod measure;
 mod progress;
 mod random;
+mod refine;
 mod report;
 mod run;
 mod scene;
@@ -34,6 +34,7 @@ pub use error::FitError;
 pub use input::{Distortion, FitInput, InputFolders, Lens, Picture, View, ViewCamera};
 pub use measure::Comparison;
 pub use progress::{FitProgress, FitStatus};
+pub use refine::{RefineSettings, Refined, Shot, refine};
 pub use report::{FitReport, HeldOut, Seconds, StageReport, SuspiciousView, ViewReport};
 pub use run::{Fitted, fit};
 pub use settings::FitSettings;

@@ -193,8 +193,8 @@ pub fn fit(
     report.held_out = held_out;
     let (mut field, mut cube) = (field, place.cube);
     if let Some(turn) = turned {
-        let shift = stand::onto_origin(&field);
-        field = stand::shifted(&field, shift)?;
+        let shift = -field.foot().unwrap_or_default();
+        field = field.shifted(shift);
         cube.low += shift;
         report.from_input = Some(stand::matrix(turn, shift));
     }

@@ -1,12 +1,8 @@
-//! Turns inputs upright and sets fields on the origin.
+//! Turns inputs upright.
 
 use glam::{DMat3, DQuat, DVec3};
 
-use super::{
-    error::FitError,
-    input::{FitInput, View},
-};
-use crate::field::{Frame, PlenOctree};
+use super::input::{FitInput, View};
 
 /// Returns the rotation that takes the mean up of the cameras to z.
 pub fn upright(views: &[View]) -> DMat3 {
@@ -23,20 +19,6 @@ pub fn turned(input: &FitInput, turn: DMat3) -> FitInput {
     }
     input.points.iter_mut().for_each(|point| *point = turn * *point);
     input
-}
-
-/// Returns the shift that takes the middle of the field's lowest face to the origin.
-pub fn onto_origin(field: &PlenOctree) -> DVec3 {
-    field.dense_bounds().map_or(DVec3::ZERO, |(low, high)| -(0.5 * (low + high)).with_z(low.z))
-}
-
-/// Returns the field somewhere else.
-pub fn shifted(field: &PlenOctree, shift: DVec3) -> Result<PlenOctree, FitError> {
-    let frame = field.frame();
-    let frame = Frame { offset: frame.offset - frame.scale * shift, ..frame };
-    let (nodes, densities, coefficients) =
-        (field.nodes().to_vec(), field.densities().to_vec(), field.coefficients().to_vec());
-    Ok(PlenOctree::new(frame, field.basis(), field.activation(), field.up(), nodes, densities, coefficients)?)
 }
 
 /// Returns a rotation and then a shift as a matrix, row by row.

@@ -1,13 +1,13 @@
 //! From the fitted grid to a field.
 
-use glam::{DVec3, IVec3, UVec3};
+use glam::{DVec3, IVec3};
 use half::f16;
 
 use super::{
     error::FitError,
     grid::{Grid, VoxelSet},
 };
-use crate::field::{Activation, Basis, Cell, Frame, PlenOctree, UpAxis};
+use crate::field::{Activation, Basis, Frame, PlenOctree, UpAxis, morton, tree_of_finest};
 
 /// Density, per world unit, below which readers of files drop a leaf.
 const MIN_DENSITY: f64 = 1e-2;
@@ -29,8 +29,8 @@ pub fn to_field(grid: &Grid, kept: &VoxelSet) -> Result<PlenOctree, FitError> {
         return Err(FitError::Empty);
     }
     leaves.sort_unstable();
-    let mut nodes = Vec::new();
-    append_node(&mut nodes, &leaves, 0, grid.resolution().ilog2());
+    let codes: Vec<u64> = leaves.iter().map(|(code, _)| *code).collect();
+    let nodes = tree_of_finest(&codes, grid.resolution().ilog2());
     let densities = leaves.iter().map(|&(_, voxel)| density(grid, voxel) as f32).collect();
     let coefficients = (leaves.iter())
         .flat_map(|&(_, voxel)| {
@@ -46,33 +46,6 @@ pub fn to_field(grid: &Grid, kept: &VoxelSet) -> Result<PlenOctree, FitError> {
 
 fn density(grid: &Grid, voxel: u32) -> f64 {
     f64::from(grid.thickness[voxel as usize]) / grid.voxel_size()
-}
-
-/// Interleaves the bits of a position, x first.
-fn morton(position: UVec3) -> u64 {
-    let spread = |value: u32| (0..21).map(|bit| u64::from(value >> bit & 1) << (3 * bit)).sum::<u64>();
-    spread(position.x) << 2 | spread(position.y) << 1 | spread(position.z)
-}
-
-/// Appends the node that covers `leaves`, which are sorted, and all below it. `first` is the index of the first leaf.
-fn append_node(nodes: &mut Vec<[Cell; 8]>, leaves: &[(u64, u32)], first: usize, level: u32) {
-    let node = nodes.len();
-    nodes.push([Cell::EMPTY; 8]);
-    let mut start = 0;
-    for octant in 0..8 {
-        let shift = 3 * (level - 1);
-        let count = leaves[start..].iter().take_while(|(code, _)| code >> shift & 7 == octant).count();
-        if count > 0 {
-            nodes[node][octant as usize] = if level == 1 {
-                Cell::leaf((first + start) as u32)
-            } else {
-                let child = Cell::node(nodes.len() as u32);
-                append_node(nodes, &leaves[start..start + count], first + start, level - 1);
-                child
-            };
-        }
-        start += count;
-    }
 }
 
 /// Returns the voxels of `kept` whose centers are between two corners.

@@ -9,7 +9,7 @@ use plenoctree::{
     fit::{FitSettings, InputFolders},
 };
 
-use crate::{extraction::ExtractionArguments, hex};
+use crate::{boxes::parse_box, extraction::ExtractionArguments, hex, number::parse_positive};
 
 /// Fits a field to photographs or to a glTF model, and extracts its palette.
 #[derive(Args)]
@@ -114,20 +114,7 @@ impl Arguments {
     }
 }
 
-fn parse_positive(text: &str) -> Result<f64, String> {
-    let number = text.parse().ok().filter(|number| *number > 0.0 && *number < 1e6);
-    number.ok_or_else(|| "expected a number above 0 and below 1000000".into())
-}
-
 fn parse_basis(text: &str) -> Result<Basis, String> {
     let basis = text.parse().ok().and_then(Basis::from_functions).filter(|basis| *basis != Basis::Sh25);
     basis.ok_or_else(|| "expected 1, 4, 9 or 16".into())
-}
-
-fn parse_box(text: &str) -> Result<(DVec3, DVec3), String> {
-    let numbers: Result<Vec<f64>, _> = text.split(',').map(|number| number.trim().parse()).collect();
-    match numbers.as_deref() {
-        Ok(&[a, b, c, d, e, f]) => Ok((DVec3::new(a, b, c), DVec3::new(d, e, f))),
-        _ => Err("expected six numbers, separated by commas".into()),
-    }
 }

@@ -3,19 +3,15 @@
 mod arguments;
 #[cfg(feature = "gltf")]
 mod model;
-mod output;
+pub mod output;
 
 pub use arguments::Arguments;
 
-use std::{path::PathBuf, sync::Arc, thread, time::Duration};
+use std::path::PathBuf;
 
-use indicatif::ProgressBar;
-use plenoctree::fit::{FitInput, FitProgress, FitReport, FitSettings, Fitted, fit};
+use plenoctree::fit::{FitInput, FitReport, Fitted, fit};
 
-use crate::{Result, extraction, progress};
-
-/// Steps of the progress bar.
-const STEPS: u64 = 1000;
+use crate::{Result, extraction, training::watched};
 
 /// Fits the field, extracts its palette, and writes both with previews and a report.
 pub fn run(arguments: &Arguments) -> Result {
@@ -31,9 +27,10 @@ pub fn run(arguments: &Arguments) -> Result {
     };
     let input = FitInput::read(&pictures, &folders)?;
     let test = arguments.test.as_deref().map(|path| FitInput::read(path, &folders)).transpose()?;
-    let Fitted { field, previews, report } = fit_with_progress(arguments, settings, input, test)?;
+    let Fitted { field, previews, report } =
+        watched(arguments.threads, move |progress| fit(&input, test.as_ref(), &settings, progress))?;
     let extracted = extraction::extract(&field, &arguments.out, &arguments.extraction, None, false)?;
-    output::write(&arguments.out, &field, &extracted.extraction.palette, &previews, &report)?;
+    output::write(&arguments.out, &field, &extracted.extraction.palette, &previews, &serde_json::to_value(&report)?)?;
     print(arguments, &report);
     Ok(())
 }
@@ -58,46 +55,6 @@ fn model_pictures(arguments: &Arguments) -> Result<Option<(PathBuf, u32)>> {
         return Err(format!("{input}: a glTF model needs the engine to render it: build with --features gltf").into());
     }
     Ok(None)
-}
-
-/// Fits on another thread so that this one can show the progress. Ctrl-C ends the fit early.
-fn fit_with_progress(
-    arguments: &Arguments,
-    settings: FitSettings,
-    input: FitInput,
-    test: Option<FitInput>,
-) -> Result<Fitted> {
-    let progress = Arc::new(FitProgress::default());
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(arguments.threads).build()?;
-    {
-        let progress = progress.clone();
-        ctrlc::set_handler(move || {
-            // Who asks twice does not want to wait.
-            if progress.is_stopped() {
-                std::process::exit(130);
-            }
-            progress.stop();
-        })?;
-    }
-    let worker = {
-        let progress = progress.clone();
-        thread::spawn(move || pool.install(|| fit(&input, test.as_ref(), &settings, &progress)))
-    };
-    let bar = progress::fit_bar(STEPS);
-    while !worker.is_finished() {
-        show(&bar, &progress);
-        thread::sleep(Duration::from_millis(100));
-    }
-    bar.finish_and_clear();
-    Ok(worker.join().map_err(|_| "the fit stopped unexpectedly")??)
-}
-
-fn show(bar: &ProgressBar, progress: &FitProgress) {
-    let status = progress.status();
-    let psnr = status.psnr.map_or(String::new(), |psnr| format!("{psnr:.1} dB"));
-    let stage = if progress.is_stopped() { "stopping".into() } else { status.stage };
-    bar.set_message(format!("{stage:10} {psnr:8}"));
-    bar.set_position((STEPS as f64 * status.fraction) as u64);
 }
 
 fn print(arguments: &Arguments, report: &FitReport) {

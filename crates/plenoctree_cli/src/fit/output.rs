@@ -6,11 +6,8 @@ use std::{
 };
 
 use image::RgbImage;
-use plenoctree::{
-    PlenOctree,
-    fit::{Comparison, FitReport},
-    palette::Palette,
-};
+use plenoctree::{PlenOctree, fit::Comparison, palette::Palette};
+use serde_json::Value;
 
 use crate::{Result, files};
 
@@ -28,7 +25,7 @@ pub fn check(out: &Path) -> Result {
 }
 
 /// Writes the field, its palette, previews of the held-out views, and the report.
-pub fn write(out: &Path, field: &PlenOctree, palette: &Palette, previews: &[Comparison], report: &FitReport) -> Result {
+pub fn write(out: &Path, field: &PlenOctree, palette: &Palette, previews: &[Comparison], report: &Value) -> Result {
     let views = out.with_extension("views");
     let targets = [out.to_path_buf(), out.with_extension("palette.json"), folder(out).join("report.json")];
     field.write(partial(&targets[0])).map_err(|error| format!("{}: {error}", out.display()))?;

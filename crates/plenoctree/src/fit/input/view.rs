@@ -55,6 +55,12 @@ impl ViewCamera {
         Ok(Self { width, height, lens, rotation, position, directions })
     }
 
+    /// Creates a camera whose lens does not distort, whatever it says.
+    pub(in crate::fit) fn undistorted(width: u32, height: u32, lens: Lens, rotation: DMat3, position: DVec3) -> Self {
+        let lens = Lens { distortion: Distortion::None, ..lens };
+        Self { width, height, lens, rotation, position, directions: None }
+    }
+
     /// Returns the camera for a picture whose pixels are `factor` times as large. What does not fill a pixel is cut off.
     pub fn downscaled(&self, factor: u32) -> Result<Self, DVec2> {
         let (width, height) = ((self.width / factor).max(1), (self.height / factor).max(1));

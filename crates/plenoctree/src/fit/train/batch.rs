@@ -14,12 +14,9 @@ use super::{
     backdrop::{Backdrop, Lookup},
 };
 use crate::{
+    exponential::{exp_minus, sigmoid},
     field::Basis,
-    fit::{
-        exponential::{exp_minus, sigmoid},
-        grid::Grid,
-        random::Random,
-    },
+    fit::{grid::Grid, random::Random},
 };
 
 /// Width of a tile, in pixels.

@@ -34,9 +34,15 @@ impl Gallery {
         Self { views, cameras, downscale, at_once, held: Vec::new(), waiting: Vec::new() }
     }
 
+    /// Creates a gallery of pictures that are in memory and stay there. Views are numbered in their order.
+    pub fn held(held: Vec<TrainView>) -> Self {
+        let cameras: Vec<ViewCamera> = held.iter().map(|view| view.camera.clone()).collect();
+        Self { views: Vec::new(), at_once: held.len(), cameras, downscale: 1, held, waiting: Vec::new() }
+    }
+
     /// Returns the number of views.
     pub fn len(&self) -> usize {
-        self.views.len()
+        self.cameras.len()
     }
 
     pub fn views(&self) -> &[View] {

@@ -28,7 +28,7 @@ use super::{
 };
 
 /// A view whose picture is in memory.
-#[derive(Clone)]
+#[derive(Clone, Debug)]
 pub struct TrainView {
     /// Index among the views that are fitted to.
     pub number: usize,

@@ -14,6 +14,9 @@ const COARSEST: u32 = 64;
 /// Rays of each stage with an effort of 1, from the coarsest, in millions.
 const RAYS: [f64; 5] = [4.0, 24.0, 110.0, 300.0, 600.0];
 
+/// Rays that refine a field with an effort of 1, in millions.
+const REFINING_RAYS: f64 = 60.0;
+
 /// The stages of a fit.
 #[derive(Clone, Debug)]
 pub struct Schedule {
@@ -89,6 +92,28 @@ impl Schedule {
 }
 
 impl Stage {
+    /// Plans the only stage of a field that is nearly right already.
+    pub fn refining(resolution: u32, effort: f64, time: Option<Duration>) -> Self {
+        Self {
+            resolution,
+            rays: (REFINING_RAYS * 1e6 * effort) as u64,
+            time,
+            tiles: 1024,
+            prune_at: 0.05,
+            prune_below: Limits::default(),
+            split_above: 0.01,
+            grows: false,
+            learns_gains: false,
+            optimizer: Optimizer {
+                rates: Rates { constant: 0.06, directional: 0.02, thickness: 0.015 },
+                penalties: Penalties { variation: 2e-5, presence: 5e-5, direction: 0.0 },
+                decay: 0.99,
+                floor: 1e-8,
+            },
+            last: Rates { constant: 0.01, directional: 0.003, thickness: 0.002 },
+        }
+    }
+
     /// Returns the share of the stage that is done.
     pub fn fraction(&self, position: &Position) -> f64 {
         match self.time {

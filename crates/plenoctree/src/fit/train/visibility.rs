@@ -5,10 +5,12 @@ use std::sync::Mutex;
 use glam::DVec2;
 use rayon::prelude::*;
 
-use crate::fit::{
+use crate::{
     exponential::exp_minus,
-    grid::{Grid, VoxelSet},
-    input::ViewCamera,
+    fit::{
+        grid::{Grid, VoxelSet},
+        input::ViewCamera,
+    },
 };
 
 /// Transmittance below which nothing is seen.

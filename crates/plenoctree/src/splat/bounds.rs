@@ -1,0 +1,147 @@
+//! What belongs to the thing that was captured: its box, and its largest connected part.
+
+use glam::{DMat3, DVec3, UVec3};
+
+use super::splats::{Gaussian, Splats};
+
+/// Opacity below which a Gaussian is not drawn.
+const FAINTEST: f32 = 1.0 / 255.0;
+/// Opacity above which the box has to include it.
+const VISIBLE: f32 = 0.05;
+/// Share of the opacity at either end of each axis that does not say where the thing is.
+const TAIL: f64 = 0.05;
+/// How far beyond the rest the box may reach, in multiples of its size.
+const BEYOND: f64 = 0.5;
+/// Cells per side of the grid in which parts are connected.
+const SIDE: u32 = 64;
+/// Cells from that of its center up to which a Gaussian connects.
+const FARTHEST: f64 = 4.0;
+/// Sum of the opacities of a cell's Gaussians from which it connects.
+const SOLID: f32 = 0.5;
+
+impl Splats {
+    /// Returns the lowest and the highest corner of the box around the visible Gaussians, without those that are far from the
+    /// rest, or `None` if there are none.
+    ///
+    /// Along each axis, the box reaches half of its middle 90 % beyond them: that is where a thing ends that fills most of the
+    /// capture. Shells of background farther away are left out.
+    pub fn dense_bounds(&self) -> Option<(DVec3, DVec3)> {
+        let visible = || self.gaussians().iter().filter(|gaussian| gaussian.opacity >= FAINTEST);
+        let (mut low, mut high) = (DVec3::ZERO, DVec3::ZERO);
+        for axis in 0..3 {
+            let mut places: Vec<(f32, f32)> =
+                visible().map(|gaussian| (gaussian.position[axis], gaussian.opacity)).collect();
+            places.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+            let total: f64 = places.iter().map(|place| f64::from(place.1)).sum();
+            let end = |share: f64| {
+                let mut sum = 0.0;
+                let place = places.iter().find(|place| {
+                    sum += f64::from(place.1);
+                    sum >= share * total
+                });
+                place.or(places.last()).map(|place| f64::from(place.0))
+            };
+            let (first, last) = (end(TAIL)?, end(1.0 - TAIL)?);
+            let beyond = BEYOND * (last - first);
+            (low[axis], high[axis]) = (first - beyond, last + beyond);
+        }
+        let inside = visible().filter(|gaussian| {
+            let at = gaussian.position.as_dvec3();
+            at.cmpge(low).all() && at.cmple(high).all()
+        });
+        let (first, last) = inside.fold((DVec3::MAX, DVec3::MIN), |(first, last), gaussian| {
+            let (at, reach) = (gaussian.position.as_dvec3(), reach(gaussian));
+            (first.min(at - reach), last.max(at + reach))
+        });
+        let (first, last) = (first.max(low), last.min(high));
+        // A box around a single point would be empty.
+        let margin = (0.01 * (last - first).max_element()).max(1e-3);
+        Some((first - margin, last + margin))
+    }
+
+    /// Returns the capture without the Gaussians whose centers are outside of a box.
+    pub fn cropped(&self, low: DVec3, high: DVec3) -> Self {
+        self.filtered(|_, gaussian| {
+            let at = gaussian.position.as_dvec3();
+            at.cmpge(low).all() && at.cmple(high).all()
+        })
+    }
+
+    /// Returns the largest connected part of what is in a box, and what is right around it. The rest are floaters.
+    pub fn largest_part(&self, low: DVec3, high: DVec3) -> Self {
+        let width = (high - low).max_element() / f64::from(SIDE);
+        let cell_of = |at: DVec3| -> Option<usize> {
+            let cell = ((at - low) / width).floor();
+            let inside = cell.cmpge(DVec3::ZERO).all() && cell.cmplt(DVec3::splat(SIDE.into())).all();
+            inside.then(|| index(cell.as_uvec3()))
+        };
+        let mut opacity = vec![0.0f32; SIDE.pow(3) as usize];
+        for gaussian in self.gaussians() {
+            let (at, reach) = (gaussian.position.as_dvec3(), deviations(gaussian));
+            let place = |at: DVec3| ((at - low) / width).floor();
+            // Large ones connect what is near their center.
+            let (middle, most) = (place(at), DVec3::splat(FARTHEST));
+            let first = place(at - reach).max(middle - most).max(DVec3::ZERO).as_uvec3();
+            let last = place(at + reach).min(middle + most).min(DVec3::splat((SIDE - 1).into()));
+            if last.min_element() >= 0.0 {
+                cells(first, last.as_uvec3()).for_each(|cell| opacity[cell] += gaussian.opacity);
+            }
+        }
+        let mut solid: Vec<bool> = opacity.iter().map(|opacity| *opacity >= SOLID).collect();
+        let mut largest: (f32, Vec<usize>) = (0.0, Vec::new());
+        for start in 0..solid.len() {
+            if !std::mem::take(&mut solid[start]) {
+                continue;
+            }
+            let (mut part, mut next) = (vec![start], 0);
+            while let Some(&cell) = part.get(next) {
+                next += 1;
+                for neighbor in around(cell) {
+                    if std::mem::take(&mut solid[neighbor]) {
+                        part.push(neighbor);
+                    }
+                }
+            }
+            let weight = part.iter().map(|cell| opacity[*cell]).sum();
+            if weight > largest.0 {
+                largest = (weight, part);
+            }
+        }
+        let mut kept = vec![false; opacity.len()];
+        for &cell in &largest.1 {
+            around(cell).for_each(|neighbor| kept[neighbor] = true);
+        }
+        self.filtered(|_, gaussian| cell_of(gaussian.position.as_dvec3()).is_some_and(|cell| kept[cell]))
+    }
+}
+
+/// Returns how far from its center, along each axis, a Gaussian is more than hardly visible.
+fn reach(gaussian: &Gaussian) -> DVec3 {
+    (2.0 * f64::from((gaussian.opacity / VISIBLE).max(1.0)).ln()).sqrt() * deviations(gaussian)
+}
+
+/// Returns the standard deviations of a Gaussian along the axes of the capture.
+fn deviations(gaussian: &Gaussian) -> DVec3 {
+    let axes =
+        DMat3::from_quat(gaussian.rotation.as_dquat().normalize()) * DMat3::from_diagonal(gaussian.scale.as_dvec3());
+    let rows = axes.transpose();
+    DVec3::new(rows.x_axis.length(), rows.y_axis.length(), rows.z_axis.length())
+}
+
+fn index(cell: UVec3) -> usize {
+    ((cell.x * SIDE + cell.y) * SIDE + cell.z) as usize
+}
+
+/// Returns a cell and its neighbors.
+fn around(cell: usize) -> impl Iterator<Item = usize> {
+    let cell = cell as u32;
+    let cell = UVec3::new(cell / (SIDE * SIDE), cell / SIDE % SIDE, cell % SIDE);
+    cells(cell.saturating_sub(UVec3::ONE), (cell + 1).min(UVec3::splat(SIDE - 1)))
+}
+
+/// Returns the cells of a box, whose corners are among them.
+fn cells(low: UVec3, high: UVec3) -> impl Iterator<Item = usize> {
+    (low.x..=high.x)
+        .flat_map(move |x| (low.y..=high.y).map(move |y| (x, y)))
+        .flat_map(move |(x, y)| (low.z..=high.z).map(move |z| index(UVec3::new(x, y, z))))
+}

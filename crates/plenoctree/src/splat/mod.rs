@@ -1,0 +1,28 @@
+//! Captures: scenes of Gaussian splats, from phones and 3D editors.
+//!
+//! [`Splats::read`] reads them from the formats that are in use, [`render_splats`] draws them, and [`voxelize`] makes a field
+//! of them.
+//!
+//! ```no_run
+//! use plenoctree::splat::{SplatSettings, Splats, VoxelSettings, voxelize};
+//!
+//! let splats = Splats::read("bonsai.ply", &SplatSettings::default())?;
+//! let field = voxelize(&splats, &VoxelSettings::default())?;
+//! field.write("bonsai.npz")?;
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+mod bounds;
+mod error;
+mod harmonics;
+mod read;
+mod render;
+mod shape;
+mod splats;
+mod voxelize;
+
+pub use error::SplatError;
+pub use read::{SplatSettings, SpzAxes};
+pub use render::{SplatImage, render_splats};
+pub use splats::{Gaussian, Splats};
+pub use voxelize::{VoxelSettings, voxelize};

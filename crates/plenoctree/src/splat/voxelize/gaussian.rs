@@ -1,0 +1,67 @@
+//! Gaussians among cells.
+
+use glam::{DMat3, DVec3, Mat3, UVec3, Vec3};
+
+use super::optics::{MOST_OPACITY, area};
+use crate::splat::splats::Gaussian;
+
+/// Opacity below which a Gaussian is not drawn.
+const FAINTEST: f64 = 1.0 / 255.0;
+/// How much wider each Gaussian becomes, as a deviation in cells: narrower ones would fall between the centers of cells. Its
+/// opacity stays, as where it is drawn: there, it becomes wider by half a pixel.
+const BLUR: f64 = 0.4;
+/// Smallest and largest square of the distance, in deviations, up to which a Gaussian is followed.
+const REACH: [f64; 2] = [4.0, 9.0];
+
+/// A Gaussian in cells: the cube spans 0 to the number of cells per side.
+#[derive(Clone, Copy, Debug)]
+pub struct CellGaussian {
+    /// Its index in the capture.
+    pub index: u32,
+    pub center: Vec3,
+    /// The inverse of its covariance.
+    pub inverse: Mat3,
+    /// Square of the distance, in deviations, up to which it is followed.
+    pub reach: f32,
+    /// Opacity that a ray meets at its center.
+    pub opacity: f32,
+    /// What the profile's density is multiplied by.
+    pub scale: f32,
+    /// The cells in its reach: lowest, and behind the highest.
+    pub low: UVec3,
+    pub high: UVec3,
+}
+
+impl CellGaussian {
+    /// Returns the Gaussian among the cells of a cube, unless it is out of its reach, or invisible.
+    pub fn new(gaussian: &Gaussian, index: u32, corner: DVec3, width: f64, cells: u32) -> Option<Self> {
+        let opacity = f64::from(gaussian.opacity).min(MOST_OPACITY);
+        if opacity < FAINTEST {
+            return None;
+        }
+        let center = (gaussian.position.as_dvec3() - corner) / width;
+        let axes = DMat3::from_quat(gaussian.rotation.as_dquat().normalize());
+        let own = gaussian.scale.as_dvec3() / width;
+        let widths = (own * own + BLUR * BLUR).map(f64::sqrt);
+        let reach = (2.0 * (f64::from(gaussian.opacity) / FAINTEST).ln() + 1.0).clamp(REACH[0], REACH[1]);
+        let square = |widths: DVec3| axes * DMat3::from_diagonal(widths * widths) * axes.transpose();
+        let covariance = square(widths);
+        let extent = (DVec3::new(covariance.x_axis.x, covariance.y_axis.y, covariance.z_axis.z) * reach).map(f64::sqrt);
+        let side = DVec3::splat(cells.into());
+        let low = (center - extent - 0.5).ceil().clamp(DVec3::ZERO, side);
+        let high = ((center + extent - 0.5).floor() + 1.0).clamp(DVec3::ZERO, side);
+        if !low.cmplt(high).all() {
+            return None;
+        }
+        Some(Self {
+            index,
+            center: center.as_vec3(),
+            inverse: square(widths.recip()).as_mat3(),
+            reach: reach as f32,
+            opacity: opacity as f32,
+            scale: (area(widths) / widths.element_product()) as f32,
+            low: low.as_uvec3(),
+            high: high.as_uvec3(),
+        })
+    }
+}

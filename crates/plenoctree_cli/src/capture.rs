@@ -1,0 +1,41 @@
+//! Finds out what a capture is, and reads it.
+
+use std::path::Path;
+
+use clap::{Args, ValueEnum};
+use plenoctree::splat::{SplatSettings, Splats, SpzAxes};
+
+use crate::{Result, progress};
+
+/// How to read a capture.
+#[derive(Args, Clone, Copy)]
+pub struct CaptureArguments {
+    /// The axes of an SPZ file that does not record them.
+    #[arg(long, value_enum, default_value_t = Axes::Rub)]
+    spz_axes: Axes,
+}
+
+/// The axes of SPZ files.
+#[derive(Clone, Copy, ValueEnum)]
+enum Axes {
+    /// Right, up and back, as the format defines.
+    Rub,
+    /// Right, down and front, as splat-transform 3 writes them.
+    Rdf,
+}
+
+/// Reads a capture, with a spinner unless `quiet`. Warns of Gaussians that are left out.
+pub fn load(path: &Path, arguments: CaptureArguments, quiet: bool) -> Result<Splats> {
+    let spinner = progress::spinner("loading", quiet);
+    let spz_axes = match arguments.spz_axes {
+        Axes::Rub => SpzAxes::RightUpBack,
+        Axes::Rdf => SpzAxes::RightDownFront,
+    };
+    let splats = Splats::read(path, &SplatSettings { spz_axes })?;
+    spinner.finish_and_clear();
+    if splats.dropped() > 0 {
+        let (dropped, all) = (splats.dropped(), splats.dropped() + splats.len());
+        eprintln!("warning: {}: {dropped} of {all} Gaussians have damaged numbers and are left out", path.display());
+    }
+    Ok(splats)
+}

@@ -1,0 +1,158 @@
+//! `convert`: makes a field of a capture of Gaussian splats.
+
+mod arguments;
+mod cameras;
+mod measure;
+
+pub use arguments::Arguments;
+
+use std::time::{Duration, Instant};
+
+use glam::{DAffine3, DMat3, DQuat, DVec3};
+use plenoctree::{
+    camera::PinholeCamera,
+    fit::{RefineSettings, Refined, Shot, refine},
+    splat::{SplatImage, Splats, VoxelSettings, render_splats, voxelize},
+};
+use serde_json::json;
+
+use self::measure::measure;
+use crate::{Result, capture, extraction, fit::output, progress, training::watched};
+
+/// Makes the field, extracts its palette, and writes both with views and a report.
+pub fn run(arguments: &Arguments) -> Result {
+    let path = &arguments.capture;
+    let named = |error: &dyn std::error::Error| format!("{}: {error}", path.display());
+    output::check(&arguments.out)?;
+    let start = Instant::now();
+    let splats = capture::load(path, arguments.reading, false)?;
+    let all = splats.len();
+    let turn = if arguments.stand { upright(arguments.up.direction()) } else { DMat3::IDENTITY };
+    let (splats, low, high) = prepare(splats, arguments, turn).map_err(|error| named(&*error))?;
+    println!(
+        "{}: {all} Gaussians, of which {} are in the box from {low:.3} to {high:.3}",
+        path.display(),
+        splats.len()
+    );
+    let reading = start.elapsed();
+
+    let start = Instant::now();
+    let spinner = progress::spinner("voxelizing", false);
+    let settings = VoxelSettings { depth: arguments.depth, bounds: Some((low, high)) };
+    let mut field = voxelize(&splats, &settings).map_err(|error| named(&error))?;
+    spinner.finish_and_clear();
+    let voxelizing = start.elapsed();
+
+    let cameras = cameras::around(low, high, arguments.picture_size);
+    let start = Instant::now();
+    let images = photograph(&splats, &cameras.held_out, "measuring");
+    let mut measured = measure(&field, &cameras.held_out, &images);
+    let voxelized = measured.json(&field);
+    println!("voxelized: {} leaves, {} in {:.1} s", field.leaves(), decibels(&measured), voxelizing.as_secs_f64());
+    let mut measuring = start.elapsed();
+    let (mut refined, mut refining) = (None, Duration::ZERO);
+    if !arguments.no_refine {
+        let start = Instant::now();
+        let shots = to_shots(&cameras.training, &photograph(&splats, &cameras.training, "rendering"));
+        let held_out = to_shots(&cameras.held_out, &images);
+        drop(splats);
+        let settings = RefineSettings {
+            effort: arguments.effort,
+            time: arguments.minutes.map(|minutes| Duration::from_secs_f64(60.0 * minutes)),
+            seed: arguments.seed,
+        };
+        let Refined { field: better, stage } =
+            watched(arguments.threads, move |progress| refine(&field, shots, &held_out, &settings, progress))?;
+        refining = start.elapsed();
+        field = better;
+        let start = Instant::now();
+        measured = measure(&field, &cameras.held_out, &images);
+        println!("refined: {} leaves, {} in {:.0} s", field.leaves(), decibels(&measured), refining.as_secs_f64());
+        let mut report = measured.json(&field);
+        report["million_rays"] = json!(stage.million_rays);
+        refined = Some(report);
+        measuring += start.elapsed();
+    }
+    let mut shift = DVec3::ZERO;
+    if arguments.stand {
+        shift = -field.foot().unwrap_or_default();
+        field = field.shifted(shift);
+    }
+
+    let start = Instant::now();
+    let extracted = extraction::extract(&field, &arguments.out, &arguments.extraction, None, false)?;
+    let seconds = |duration: Duration| (1e3 * duration.as_secs_f64()).round() / 1e3;
+    let row = |at: usize| [turn.x_axis[at], turn.y_axis[at], turn.z_axis[at], shift[at]];
+    let report = json!({
+        "gaussians": all,
+        "depth": field.depth(),
+        "box": [low.to_array(), high.to_array()],
+        "from_capture": [row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]],
+        "voxelized": voxelized,
+        "refined": refined,
+        "seconds": {
+            "reading": seconds(reading),
+            "voxelizing": seconds(voxelizing),
+            "refining": seconds(refining),
+            "measuring": seconds(measuring),
+            "palette": seconds(start.elapsed()),
+        },
+    });
+    output::write(&arguments.out, &field, &extracted.extraction.palette, &measured.previews, &report)?;
+    println!("{}: {} leaves", arguments.out.display(), field.leaves());
+    Ok(())
+}
+
+/// Returns the part of the capture to make a field of, turned, and its box.
+fn prepare(splats: Splats, arguments: &Arguments, turn: DMat3) -> Result<(Splats, DVec3, DVec3)> {
+    let mut splats = match arguments.crop {
+        Some((low, high)) if !low.cmplt(high).all() => {
+            return Err(format!("--crop: found {low} to {high}, expected a lowest and a highest corner").into());
+        }
+        Some((low, high)) => splats.cropped(low, high),
+        None => splats,
+    };
+    if turn != DMat3::IDENTITY {
+        splats = splats.transformed(DAffine3::from_mat3(turn));
+    }
+    let bounds = |splats: &Splats| splats.dense_bounds().ok_or("nothing is visible in the capture, or in the box");
+    let (mut low, mut high) = bounds(&splats)?;
+    splats = splats.cropped(low, high);
+    if arguments.keep_largest {
+        splats = splats.largest_part(low, high);
+        (low, high) = bounds(&splats)?;
+    }
+    if let Some((first, last)) = arguments.crop {
+        // Turns go from axis to axis, so that the box stays one.
+        let corners = (turn * first, turn * last);
+        low = low.max(corners.0.min(corners.1));
+        high = high.min(corners.0.max(corners.1));
+    }
+    Ok((splats, low, high))
+}
+
+/// Returns the rotation that takes `up` to z.
+fn upright(up: DVec3) -> DMat3 {
+    DMat3::from_quat(DQuat::from_rotation_arc(up, DVec3::Z))
+}
+
+/// Renders the capture.
+fn photograph(splats: &Splats, cameras: &[PinholeCamera], message: &'static str) -> Vec<SplatImage> {
+    let bar = progress::bar(message, cameras.len() as u64, false);
+    let images = cameras.iter().map(|camera| {
+        bar.inc(1);
+        render_splats(splats, camera)
+    });
+    let images = images.collect();
+    bar.finish_and_clear();
+    images
+}
+
+fn to_shots(cameras: &[PinholeCamera], images: &[SplatImage]) -> Vec<Shot> {
+    cameras.iter().zip(images).map(|(camera, image)| Shot::new(camera, &image.pixels)).collect()
+}
+
+fn decibels(measured: &measure::Measured) -> String {
+    let [white, black] = measured.psnr;
+    format!("{white:.2} dB over white and {black:.2} dB over black")
+}

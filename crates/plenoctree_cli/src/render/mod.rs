@@ -1,0 +1,81 @@
+//! `render`: renders views of a capture or a field, without posterization.
+
+mod arguments;
+
+pub use arguments::Arguments;
+
+use glam::DVec4;
+use image::{Rgba, RgbaImage};
+use plenoctree::{
+    PlenOctree,
+    camera::{PinholeCamera, read_transforms},
+    reference::render,
+    splat::{Splats, render_splats},
+};
+
+use crate::{Result, capture, field, files, hex, progress};
+
+/// What is rendered.
+enum Scene {
+    Capture(Splats),
+    Field(PlenOctree),
+}
+
+impl Scene {
+    /// Returns premultiplied colors with opacities, in encoded sRGB.
+    fn pixels(&self, camera: &PinholeCamera) -> Vec<DVec4> {
+        match self {
+            Self::Capture(splats) => {
+                render_splats(splats, camera).pixels.into_iter().map(|pixel| pixel.as_dvec4()).collect()
+            }
+            Self::Field(field) => {
+                let rendering = render(field, camera);
+                rendering.color.iter().zip(rendering.opacity).map(|(color, opacity)| color.extend(opacity)).collect()
+            }
+        }
+    }
+}
+
+/// Renders a view for each camera.
+pub fn run(arguments: &Arguments) -> Result {
+    let path = &arguments.input;
+    let cameras = read_transforms(&arguments.cameras, arguments.size)?;
+    let scene = if path.extension().is_some_and(|extension| extension == "npz") {
+        Scene::Field(field::load(path, arguments.quiet)?)
+    } else {
+        Scene::Capture(capture::load(path, arguments.capture, arguments.quiet)?)
+    };
+    files::create_folder(&arguments.out)?;
+    let bar = progress::bar("rendering", cameras.len() as u64, arguments.quiet);
+    for (index, camera) in cameras.iter().enumerate() {
+        let pixels = scene.pixels(camera);
+        let file = arguments.out.join(format!("{index:03}.png"));
+        let pixel = |x: u32, y: u32| pixels[(y * camera.width + x) as usize];
+        match arguments.background {
+            Some(background) => {
+                let background = glam::DVec3::from_array(background.map(|byte| f64::from(byte) / 255.0));
+                files::write_image(
+                    &file,
+                    &image::RgbImage::from_fn(camera.width, camera.height, |x, y| {
+                        let pixel = pixel(x, y);
+                        image::Rgb(hex::quantize((pixel.truncate() + (1.0 - pixel.w) * background).to_array()))
+                    }),
+                )?;
+            }
+            None => {
+                let image = RgbaImage::from_fn(camera.width, camera.height, |x, y| {
+                    let pixel = pixel(x, y);
+                    let [r, g, b] = hex::quantize((pixel.truncate() / pixel.w.max(1e-6)).to_array());
+                    Rgba([r, g, b, (255.0 * pixel.w).round() as u8])
+                });
+                files::write_image(&file, &image)?;
+            }
+        }
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    if !arguments.quiet {
+        println!("{} views of {} saved to {}", cameras.len(), path.display(), arguments.out.display());
+    }
+    Ok(())
+}

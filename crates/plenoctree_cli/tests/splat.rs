@@ -1,0 +1,105 @@
+//! `plenoctree render` and `plenoctree convert`.
+
+mod common;
+
+use std::{fs, path::Path};
+
+use common::{ball, fail, folder, succeed, text};
+use plenoctree::{LoadSettings, PlenOctree, palette::Palette};
+use serde_json::{Value, json};
+
+/// Writes a cube of red and blue Gaussians as ASCII, above the origin: -y is up.
+fn capture(folder: &Path) -> String {
+    let mut rows = String::new();
+    let mut count = 0;
+    let steps = || (-6..=6).map(|step| f64::from(step) / 6.0);
+    for (x, y, z) in
+        steps().flat_map(|x| steps().map(move |y| (x, y))).flat_map(|(x, y)| steps().map(move |z| (x, y, z)))
+    {
+        if f64::max(x.abs(), f64::max(y.abs(), z.abs())) > 0.99 {
+            let red = if y < 0.0 { 1.4 } else { -1.4 };
+            rows += &format!("{x} {} {z} {red} -1.4 {} 3.0 -2.6 -2.6 -2.6 1 0 0 0\n", y - 3.0, -red);
+            count += 1;
+        }
+    }
+    let properties = "x y z f_dc_0 f_dc_1 f_dc_2 opacity scale_0 scale_1 scale_2 rot_0 rot_1 rot_2 rot_3";
+    let properties: String = properties.split(' ').map(|name| format!("property float {name}\n")).collect();
+    let path = folder.join("cube.ply");
+    fs::write(&path, format!("ply\nformat ascii 1.0\nelement vertex {count}\n{properties}end_header\n{rows}")).unwrap();
+    path.to_str().unwrap().into()
+}
+
+fn cameras(folder: &Path) -> String {
+    // At z = 8, looking along -z at the middle of the cube. Up is y.
+    let matrix = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, -3.0], [0.0, 0.0, 1.0, 8.0], [0.0, 0.0, 0.0, 1.0]];
+    let path = folder.join("cameras.json");
+    let json = json!({"camera_angle_x": 0.6, "w": 40, "h": 30, "frames": [{"transform_matrix": matrix}]});
+    fs::write(&path, json.to_string()).unwrap();
+    path.to_str().unwrap().into()
+}
+
+#[test]
+fn captures_and_fields_are_rendered() {
+    let folder = folder("render");
+    let (capture, cameras) = (capture(&folder), cameras(&folder));
+    let out = folder.join("out");
+    succeed(&["render", &capture, "--cameras", &cameras, "--out", text(&out)]);
+    let image = image::open(out.join("000.png")).unwrap().into_rgba8();
+    assert_eq!(image.dimensions(), (40, 30));
+    assert_eq!(image.get_pixel(0, 0)[3], 0);
+    // The lower half, of lower y, is red, and the upper half is blue.
+    let ([r, _, b, a], [upper_r, _, upper_b, _]) = (image.get_pixel(20, 20).0, image.get_pixel(20, 9).0);
+    assert!(r > 200 && b < 60 && a > 250, "{r} {b} {a}");
+    assert!(upper_b > 200 && upper_r < 60, "{upper_r} {upper_b}");
+    let arguments =
+        ["render", &capture, "--cameras", &cameras, "--size", "20x20", "--background", "#00ff00", "--quiet"];
+    assert_eq!(succeed(&[&arguments[..], &["--out", text(&out)]].concat()), "");
+    let image = image::open(out.join("000.png")).unwrap();
+    assert_eq!((image.width(), image.color()), (20, image::ColorType::Rgb8));
+    assert_eq!(image.into_rgb8().get_pixel(0, 0).0, [0, 255, 0]);
+    let field = ball(&folder);
+    succeed(&["render", text(&field), "--cameras", &cameras, "--out", text(&out)]);
+
+    let bytes = fs::read(&capture).unwrap();
+    fs::write(&capture, &bytes[..bytes.len() / 2]).unwrap();
+    let message = fail(&["render", &capture, "--cameras", &cameras, "--out", text(&out)]);
+    assert!(message.contains("cube.ply: vertex: found the end of the file"), "{message}");
+}
+
+#[test]
+fn captures_become_props_that_stand() {
+    let folder = folder("convert");
+    let capture = capture(&folder);
+    let out = folder.join("out/prop.npz");
+    let shared =
+        ["convert", &capture, "--out", text(&out), "--depth", "6", "--picture-size", "64", "--sample-fraction", "0.2"];
+    let read = || PlenOctree::read(&out, &LoadSettings::default()).unwrap();
+    let report = || -> Value { serde_json::from_slice(&fs::read(folder.join("out/report.json")).unwrap()).unwrap() };
+    let psnr = |part: &str, background: &str| report()[part]["psnr_db"][background].as_f64().unwrap();
+
+    let printed = succeed(&[&shared[..], &["--no-refine", "--crop", "-2,-5,-2,2,-3,2"]].concat());
+    assert!(printed.contains("voxelized") && !printed.contains("refined"), "{printed}");
+    let (low, high) = read().bounds().unwrap();
+    assert!((-4.4..-3.9).contains(&low.y) && (-3.2..-2.8).contains(&high.y), "{low} {high}");
+    assert!(report()["refined"].is_null() && psnr("voxelized", "black") > 15.0);
+
+    succeed(&[&shared[..], &["--stand", "--keep-largest", "--effort", "0.05", "--threads", "2"]].concat());
+    let (low, high) = read().dense_bounds().unwrap();
+    assert!(
+        low.z.abs() < 1e-3 && (low + high).truncate().length() < 0.05 && (2.0..2.6).contains(&high.z),
+        "{low} {high}"
+    );
+    // What was at low y is up.
+    let (color, opacity) = read().render_ray(glam::DVec3::new(9.0, 0.0, 1.8), glam::DVec3::NEG_X);
+    assert!(color.x > 0.7 && color.z < 0.4 && opacity > 0.9, "{color} {opacity}");
+    for background in ["white", "black"] {
+        assert!(psnr("refined", background) > psnr("voxelized", background) + 1.0, "{}", report());
+    }
+    Palette::read(folder.join("out/prop.palette.json")).unwrap();
+    assert_eq!(fs::read_dir(folder.join("out/prop.views")).unwrap().count(), 8);
+
+    let message = fail(&["convert", &cameras(&folder), "--out", text(&out)]);
+    assert!(message.contains("cameras.json: JSON: found neither `means` nor `asset`"), "{message}");
+    let message = fail(&[&shared[..], &["--crop", "7,7,7,8,8,8"]].concat());
+    assert!(message.contains("cube.ply: nothing is visible"), "{message}");
+}
