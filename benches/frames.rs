@@ -1,8 +1,10 @@
-//! Measures the CPU time of a frame by preset, as trained and posterized: `cargo bench --bench frames -- [FIELD]
-//! [CAMERAS]`.
+//! Measures the CPU time of a frame: `cargo bench --bench frames -- [FIELD] [CAMERAS] [SIZE]`. The first table is by
+//! preset, as trained and posterized, and the second by what has changed since the previous frame.
 //!
 //! Renders a view of 800 x 800 pixels from the first camera. Variants take turns, and the least time of five rounds
 //! counts. It includes reading the frame back. With a GPU, it is the CPU time of the driver.
+
+mod common;
 
 use std::{path::PathBuf, time::Duration};
 
@@ -17,25 +19,48 @@ use plenoctree::{
     palette,
 };
 
-const SIZE: u32 = 800;
+const SIZE: &str = "800";
 const ROUNDS: usize = 5;
 const FRAMES: u32 = 4;
 const PATIENCE: Duration = Duration::from_secs(600);
+
+/// What changes from frame to frame.
+#[derive(Resource, Clone, Copy, PartialEq, Eq)]
+enum Changes {
+    Camera,
+    Palette,
+    Nothing,
+}
+
+fn recolor(mut palettes: ResMut<Palettes>, props: Query<&Prop>, mut shade: Local<f32>) {
+    *shade = (*shade + 0.1) % 1.0;
+    for prop in &props {
+        if let Some(palette) = palettes.get_mut(&prop.0) {
+            palette.set(0, Color::srgb(*shade, 0.5, 0.5));
+        }
+    }
+}
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     // Cargo adds `--bench`.
     let mut arguments = std::env::args_os().skip(1).filter(|argument| argument != "--bench").map(PathBuf::from);
     let own = || PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("assets/toadstool.npz");
-    let field = PlenOctree::read(arguments.next().unwrap_or_else(own), &LoadSettings::default())?;
-    let camera = match arguments.next() {
-        Some(file) => read_transforms(file, Some((SIZE, SIZE)))?.into_iter().next(),
-        None => PinholeCamera::around(&field, SIZE, SIZE, 0.5, 0.4),
+    let field_file = arguments.next().unwrap_or_else(own);
+    let cameras = arguments.next().filter(|file| !file.as_os_str().is_empty());
+    let size: u32 = arguments.next().map_or(SIZE.into(), |size| size.to_string_lossy().into_owned()).parse()?;
+    let field = PlenOctree::read(field_file, &LoadSettings::default())?;
+    let camera = match cameras {
+        Some(file) => read_transforms(file, Some((size, size)))?.into_iter().next(),
+        None => PinholeCamera::around(&field, size, size, 0.5, 0.4),
     };
     let camera = camera.ok_or("the field is empty, or the file has no cameras")?;
     let palette = palette::extract(&field, &QualityPreset::Fast.extraction(), &default())?.palette;
 
-    let mut headless = Headless::new(UVec2::splat(SIZE), |app| {
-        app.add_plugins(PlenOctreePlugin);
+    let mut headless = Headless::new(UVec2::splat(size), |app| {
+        app.add_plugins(PlenOctreePlugin).insert_resource(Changes::Camera).add_systems(
+            Update,
+            (common::sway.run_if(resource_equals(Changes::Camera)), recolor.run_if(resource_equals(Changes::Palette))),
+        );
     })?;
     let (target, up) = (headless.target(), field.up());
     let world = headless.app.world_mut();
@@ -56,12 +81,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                     None => world.entity_mut(prop).remove::<Posterize>(),
                 };
                 headless.wait_until_ready(PATIENCE)?;
-                headless.capture()?;
-                let start = ProcessTime::now();
-                for _ in 0..FRAMES {
-                    headless.capture()?;
-                }
-                *least = least.min(1e3 * start.elapsed().as_secs_f64() / f64::from(FRAMES));
+                *least = least.min(time(&mut headless)?);
             }
         }
     }
@@ -70,5 +90,41 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let ratios = [trained / least[0][0], posterized / least[0][1]];
         println!("| {preset:?} | {trained:.0} | {:.2} | {posterized:.0} | {:.2} |", ratios[0], ratios[1]);
     }
+
+    let world = headless.app.world_mut();
+    world.entity_mut(camera).insert(QualityPreset::Exact.quality());
+    let rows = [
+        ("the camera", Changes::Camera, Visibility::Visible),
+        ("the palette", Changes::Palette, Visibility::Visible),
+        ("nothing", Changes::Nothing, Visibility::Visible),
+        ("the camera, without a prop", Changes::Camera, Visibility::Hidden),
+    ];
+    let mut least = [f64::INFINITY; 4];
+    for _ in 0..ROUNDS {
+        for ((_, changes, visibility), least) in rows.iter().zip(&mut least) {
+            headless.app.insert_resource(*changes);
+            headless.app.world_mut().entity_mut(prop).insert(*visibility);
+            *least = least.min(time(&mut headless)?);
+        }
+    }
+    let [moved, .., bevy] = least;
+    println!("\n| what changes | posterized, ms | of all | without Bevy's own |\n|---|---|---|---|");
+    for ((what, ..), least) in rows.iter().zip(least) {
+        let own = (least - bevy) / (moved - bevy);
+        println!("| {what} | {least:.1} | {:.3} | {own:.3} |", least / moved);
+    }
     Ok(())
+}
+
+/// Returns the milliseconds of CPU time of a frame.
+fn time(headless: &mut Headless) -> Result<f64, Box<dyn std::error::Error>> {
+    // What has changed is drawn, and copied in the frame after that.
+    for _ in 0..3 {
+        headless.capture()?;
+    }
+    let start = ProcessTime::now();
+    for _ in 0..FRAMES {
+        headless.capture()?;
+    }
+    Ok(1e3 * start.elapsed().as_secs_f64() / f64::from(FRAMES))
 }

@@ -3,6 +3,8 @@
 //! Fields are spherical shells of SH9 with about the given number of leaves, in the shallowest tree that holds them.
 //! They all look alike: the cells get smaller, but the frame stays the same.
 
+mod common;
+
 use std::{io::Cursor, time::Duration};
 
 use bevy::prelude::*;
@@ -114,7 +116,7 @@ struct Stage {
 impl Stage {
     fn new(size: u32) -> Self {
         let mut headless = Headless::new(UVec2::splat(size), |app| {
-            app.add_plugins(PlenOctreePlugin);
+            app.add_plugins(PlenOctreePlugin).add_systems(Update, common::sway);
         })
         .unwrap();
         let target = headless.target();

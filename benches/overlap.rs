@@ -4,6 +4,8 @@
 //! finds their nearest solid parts. Props that are never solid do without it, so they are the measure. Variants take
 //! turns, and the least CPU time of seven rounds counts.
 
+mod common;
+
 use std::{path::PathBuf, time::Duration};
 
 use bevy::prelude::*;
@@ -26,7 +28,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let camera = PinholeCamera::around(&field, SIZE, SIZE, 0.5, 0.4).ok_or("the field is empty")?;
     let (low, high) = field.bounds().ok_or("the field is empty")?;
     let mut headless = Headless::new(UVec2::splat(SIZE), |app| {
-        app.add_plugins(PlenOctreePlugin);
+        app.add_plugins(PlenOctreePlugin).add_systems(Update, common::sway);
     })?;
     let (target, up) = (headless.target(), field.up());
     let world = headless.app.world_mut();

@@ -57,7 +57,8 @@ fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
         }
     }
     if best == 0.0 {
-        discard;
+        // The pixel may hold what was drawn before.
+        return Fragment();
     }
     let mixed = to_half(color / total);
     let there = textureLoad(owner, nearest, 0);

@@ -65,6 +65,17 @@ struct View {
 @group(0) @binding(1) var<storage, read> props: array<Prop>;
 @group(0) @binding(2) var<storage, read> colors: array<vec4<f32>>;
 
+// What must be drawn: 1 if it must, or 0 if what was drawn before is still right. See `src/render/kept`.
+struct Stale {
+    layer: u32,
+    composite: u32,
+}
+
+@group(0) @binding(3) var<uniform> stale: Stale;
+
+// Where vertices are if nothing is to be drawn.
+const NOWHERE: vec4<f32> = vec4(2.0, 2.0, 2.0, 1.0);
+
 // Returns whether a pixel of the viewport is in the part that is drawn. Others may hold what earlier frames left. The
 // scissor rectangle alone does not exclude them: with several samples, Mesa's software rasterizer draws a pixel beyond it.
 fn is_drawn(pixel: vec2<u32>) -> bool {

@@ -12,6 +12,8 @@ use super::{constants, upload::FieldShape};
 #[derive(Resource, Clone)]
 pub(crate) struct Shaders {
     pub boxes: Handle<Shader>,
+    pub clear: Handle<Shader>,
+    pub compare: Handle<Shader>,
     pub solid: Handle<Shader>,
     pub volume: Handle<Shader>,
     pub upsample: Handle<Shader>,
@@ -41,6 +43,8 @@ impl Shaders {
         }
         Self {
             boxes: shader!("box.wgsl"),
+            clear: shader!("clear.wgsl"),
+            compare: shader!("compare.wgsl"),
             solid: shader!("solid.wgsl"),
             volume: shader!("volume.wgsl"),
             upsample: shader!("upsample.wgsl"),

@@ -28,11 +28,13 @@ pub(super) fn color(view: &TextureView, load: LoadOp<wgpu::Color>) -> RenderPass
     }
 }
 
-/// Returns a depth attachment that is cleared to zero, which is infinitely far (reverse z).
-pub(super) fn cleared_depth(view: &TextureView) -> RenderPassDepthStencilAttachment<'_> {
+/// Returns a depth attachment that is cleared to zero, which is infinitely far (reverse z), or keeps its previous
+/// contents.
+pub(super) fn depth(view: &TextureView, clears: bool) -> RenderPassDepthStencilAttachment<'_> {
+    let load = if clears { LoadOp::Clear(0.0) } else { LoadOp::Load };
     RenderPassDepthStencilAttachment {
         view,
-        depth_ops: Some(Operations { load: LoadOp::Clear(0.0), store: StoreOp::Store }),
+        depth_ops: Some(Operations { load, store: StoreOp::Store }),
         stencil_ops: None,
     }
 }

@@ -13,13 +13,18 @@ use bevy::{
     shader::{Shader, ShaderDefVal},
 };
 
-use super::view::{ViewLayouts, ViewProps};
+use super::{
+    kept::KeptPart,
+    view::{ViewLayouts, ViewProps},
+};
 use crate::gpu::Shaders;
 
 /// A pass that draws one triangle over the viewport.
 pub(super) struct Fullscreen {
     pub label: &'static str,
     vertex: Handle<Shader>,
+    /// The shader definitions of the vertex shader.
+    vertex_defs: Vec<ShaderDefVal>,
     fragment: Handle<Shader>,
     view: BindGroupLayoutDescriptor,
     /// The layout of bind group 1.
@@ -37,17 +42,28 @@ impl Fullscreen {
         Self {
             label,
             vertex: shaders.fullscreen.clone(),
+            vertex_defs: vec![],
             fragment: fragment.clone(),
             view: views.plain.clone(),
             layout: BindGroupLayoutDescriptor::new(label, entries),
         }
     }
 
+    /// Makes the pass draw nothing as long as `what` is kept from an earlier frame.
+    pub fn unless_kept(self, what: KeptPart) -> Self {
+        Self { vertex_defs: vec![what.definition()], ..self }
+    }
+
     pub fn pipeline(&self, shader_defs: Vec<ShaderDefVal>, targets: &[ColorTargetState]) -> RenderPipelineDescriptor {
         RenderPipelineDescriptor {
             label: Some(self.label.into()),
             layout: vec![self.view.clone(), self.layout.clone()],
-            vertex: VertexState { shader: self.vertex.clone(), entry_point: Some("vertex".into()), ..default() },
+            vertex: VertexState {
+                shader: self.vertex.clone(),
+                shader_defs: self.vertex_defs.clone(),
+                entry_point: Some("vertex".into()),
+                ..default()
+            },
             fragment: Some(FragmentState {
                 shader: self.fragment.clone(),
                 shader_defs,

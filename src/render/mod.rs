@@ -2,6 +2,7 @@
 //!
 //! There is one module per pass. In the order of a frame:
 //!
+//! - `kept` finds what is still right of the previous frame, so that the passes up to `filter` need not run.
 //! - `solid` finds the nearest solid part of any prop, in views where props overlap.
 //! - `volume` draws the props into the view's layer.
 //! - `upsample` enlarges a coarse layer to the size of the viewport.
@@ -24,6 +25,7 @@ mod depth;
 mod extract;
 mod filter;
 mod fullscreen;
+mod kept;
 mod label;
 mod order;
 mod pass;
@@ -48,9 +50,11 @@ use bevy::{
 use crate::{sets::PlenOctreeRenderSystems, stage::PropStage};
 
 /// The names of the spans in Bevy's render diagnostics whose times add up to the time of drawing props.
-pub const VOLUME_SPANS: &[&str] = &[volume::VOLUME_SPAN, solid::SOLID_SPAN, upsample::UPSAMPLE_SPAN];
+pub const VOLUME_SPANS: &[&str] =
+    &[volume::VOLUME_SPAN, solid::SOLID_SPAN, upsample::UPSAMPLE_SPAN, kept::COMPARE_DEPTHS_SPAN];
 /// The names of the spans in Bevy's render diagnostics whose times add up to the time of posterizing.
 pub const POSTERIZE_SPANS: &[&str] = &[
+    kept::COMPARE_COLORS_SPAN,
     composite::COMPOSITE_SPAN,
     filter::FILTER_SPAN,
     label::LABEL_SPAN,
@@ -74,6 +78,7 @@ impl Plugin for RenderPropsPlugin {
         }
         app.add_plugins((
             view::plugin,
+            kept::plugin,
             solid::plugin,
             volume::plugin,
             upsample::plugin,
@@ -91,6 +96,7 @@ impl Plugin for RenderPropsPlugin {
 /// The steps of [`PlenOctreeRenderSystems::Volume`].
 #[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
 enum VolumeSteps {
+    Compare,
     Solid,
     Volume,
 }
@@ -98,6 +104,7 @@ enum VolumeSteps {
 /// The steps of [`PlenOctreeRenderSystems::Posterize`].
 #[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
 enum PosterizeSteps {
+    Compare(PropStage),
     Composite(PropStage),
     Filter(PropStage),
     Label(PropStage),
@@ -134,7 +141,12 @@ fn order_passes(render_app: &mut SubApp, stage: PropStage) {
     render_app.configure_sets(
         Core3d,
         (
-            (PosterizeSteps::Composite(stage), PosterizeSteps::Filter(stage), PosterizeSteps::Label(stage))
+            (
+                PosterizeSteps::Compare(stage),
+                PosterizeSteps::Composite(stage),
+                PosterizeSteps::Filter(stage),
+                PosterizeSteps::Label(stage),
+            )
                 .chain()
                 .in_set(PlenOctreeRenderSystems::Posterize(stage)),
             (
@@ -154,7 +166,9 @@ fn order_stages(render_app: &mut SubApp) {
     render_app
         .configure_sets(
             Core3d,
-            (VolumeSteps::Solid, VolumeSteps::Volume).chain().in_set(PlenOctreeRenderSystems::Volume),
+            (VolumeSteps::Compare, VolumeSteps::Solid, VolumeSteps::Volume)
+                .chain()
+                .in_set(PlenOctreeRenderSystems::Volume),
         )
         .configure_sets(
             Core3d,

@@ -13,6 +13,7 @@ use crate::{
     gpu::Shaders,
     render::{
         fullscreen::{Fullscreen, target},
+        kept::KeptPart,
         target::target_definitions,
         view::{FILTER_FORMAT, ViewLayouts},
     },
@@ -25,13 +26,8 @@ pub(super) struct CompositePipeline(pub Fullscreen);
 pub(super) fn init(mut commands: Commands, views: Res<ViewLayouts>, shaders: Res<Shaders>) {
     let texture = || texture_2d(TextureSampleType::Float { filterable: false });
     let entries = BindGroupLayoutEntries::sequential(ShaderStages::FRAGMENT, (texture(), texture(), texture()));
-    commands.insert_resource(CompositePipeline(Fullscreen::new(
-        "plenoctree_composite",
-        &shaders.composite,
-        &entries,
-        &shaders,
-        &views,
-    )));
+    let pass = Fullscreen::new("plenoctree_composite", &shaders.composite, &entries, &shaders, &views);
+    commands.insert_resource(CompositePipeline(pass.unless_kept(KeptPart::Composite)));
 }
 
 impl SpecializedRenderPipeline for CompositePipeline {

@@ -18,6 +18,7 @@ use crate::{
     render::{
         attachment::depth_test,
         fullscreen::{Fullscreen, target},
+        kept::KeptPart,
         view::{DEPTH_FORMAT, FILTER_FORMAT, ViewLayouts},
     },
 };
@@ -47,7 +48,8 @@ pub(super) fn init(
         ShaderStages::FRAGMENT,
         (texture_2d(TextureSampleType::Uint), uniform_buffer::<UVec4>(true)),
     );
-    let filter = Fullscreen::new("plenoctree_filter", &shaders.filter, &entries, &shaders, &views);
+    let filter = Fullscreen::new("plenoctree_filter", &shaders.filter, &entries, &shaders, &views)
+        .unless_kept(KeptPart::Composite);
     let direction = |definitions| {
         let mut descriptor = filter.pipeline(definitions, &[target(FILTER_FORMAT, None)]);
         // Where no prop was drawn, the triangle of `fullscreen.wgsl` fails this test, and the fragment shader does not

@@ -11,7 +11,8 @@ mod pipeline;
 mod textures;
 
 pub use pass::SOLID_SPAN;
-pub(super) use textures::{SolidBindGroups, SolidLayouts};
+pub(super) use pass::SolidPipelines;
+pub(super) use textures::{SOLID_FORMAT, SolidBindGroups, SolidLayouts, SolidTextures};
 
 use bevy::{
     core_pipeline::schedule::Core3d,

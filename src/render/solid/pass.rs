@@ -17,8 +17,9 @@ use super::{
 use crate::{
     gpu::GpuField,
     render::{
-        attachment::{cleared, cleared_depth},
+        attachment::{self, cleared, depth},
         boxes::BOX_VERTICES,
+        kept::{ClearPipelines, Cleared, KeptView},
         view::{Overlap, ViewBindGroups, ViewProps},
     },
 };
@@ -28,7 +29,14 @@ pub const SOLID_SPAN: &str = "plenoctree_solid";
 
 /// The pipelines of every prop of a view that the pass draws, in drawing order: for both rounds.
 #[derive(Component, Default)]
-pub(super) struct SolidPipelines(Vec<Option<[CachedRenderPipelineId; 2]>>);
+pub(in crate::render) struct SolidPipelines(Vec<Option<[CachedRenderPipelineId; 2]>>);
+
+impl SolidPipelines {
+    /// Returns whether all of them have been created.
+    pub fn are_ready(&self, cache: &PipelineCache) -> bool {
+        self.0.iter().flatten().flatten().all(|id| cache.get_render_pipeline(*id).is_some())
+    }
+}
 
 pub(super) fn prepare_pipelines(
     cache: Res<PipelineCache>,
@@ -51,25 +59,31 @@ pub(super) fn prepare_pipelines(
 }
 
 pub(super) fn solid_pass(
-    view: ViewQuery<(&SolidTextures, &ViewProps, &ViewBindGroups, &SolidBindGroups, &SolidPipelines)>,
+    view: ViewQuery<(&SolidTextures, &ViewProps, &ViewBindGroups, &KeptView, &SolidBindGroups, &SolidPipelines)>,
     cache: Res<PipelineCache>,
+    clear: Res<ClearPipelines>,
     fields: Res<RenderAssets<GpuField>>,
     mut ctx: RenderContext,
 ) {
-    let (textures, props, groups, solid, pipelines) = view.into_inner();
-    let (Some(group), Some(first)) = (groups.with_depth.get(), solid.first.get()) else {
+    let (textures, props, groups, kept, solid, pipelines) = view.into_inner();
+    let (Some(group), Some(plain), Some(first)) = (groups.with_depth.get(), groups.plain.get(), solid.first.get())
+    else {
         return;
     };
     let diagnostics = ctx.diagnostic_recorder();
     let diagnostics = diagnostics.as_deref();
     let span = diagnostics.time_span(ctx.command_encoder(), SOLID_SPAN);
+    let clears = kept.layer.is_drawn();
     for (round, target) in [&textures.nearest, &textures.opaque].into_iter().enumerate() {
         let mut pass = ctx.begin_tracked_render_pass(RenderPassDescriptor {
             label: Some(SOLID_SPAN),
-            color_attachments: &[cleared(&target.prop)],
-            depth_stencil_attachment: Some(cleared_depth(&target.depth)),
+            color_attachments: &[if clears { cleared(&target.prop) } else { attachment::kept(&target.prop) }],
+            depth_stencil_attachment: Some(depth(&target.depth, clears)),
             ..default()
         });
+        if !clears {
+            clear.draw(&mut pass, &cache, plain, Cleared::Solid);
+        }
         pass.set_bind_group(0, group, &[]);
         if round > 0 {
             pass.set_bind_group(2, first, &[]);

@@ -21,15 +21,22 @@ use crate::render::{
     view::{DEPTH_FORMAT, ViewProps, coarse_size, drawn_viewport, view_texture},
 };
 
-pub(super) const SOLID_FORMAT: TextureFormat = TextureFormat::R32Uint;
+pub(in crate::render) const SOLID_FORMAT: TextureFormat = TextureFormat::R32Uint;
 
 /// The solid props of every pixel of the volume pass. A component of views in which props overlap.
 #[derive(Component)]
-pub(super) struct SolidTextures {
+pub(in crate::render) struct SolidTextures {
     /// The nearest one.
-    pub nearest: SolidRound,
+    pub(super) nearest: SolidRound,
     /// Where others show through the nearest one, the nearest one through which nothing shows.
-    pub opaque: SolidRound,
+    pub(super) opaque: SolidRound,
+}
+
+impl SolidTextures {
+    /// Returns all textures.
+    pub fn views(&self) -> impl Iterator<Item = &TextureView> {
+        [&self.nearest, &self.opaque].into_iter().flat_map(|round| [&round.prop, &round.depth])
+    }
 }
 
 /// The result of a round.

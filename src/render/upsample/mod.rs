@@ -4,6 +4,7 @@ mod pass;
 mod pipeline;
 
 pub use pass::UPSAMPLE_SPAN;
+pub(super) use pipeline::UpsamplePipeline;
 
 use bevy::{
     core_pipeline::schedule::Core3d,

@@ -11,9 +11,10 @@ use bevy::{
 
 use super::pipeline::UpsamplePipeline;
 use crate::render::{
-    attachment::cleared_depth,
+    attachment::depth,
     bind_group::KeptBindGroup,
     fullscreen::draw,
+    kept::KeptView,
     view::{ViewBindGroups, ViewProps, ViewTextures},
 };
 
@@ -45,12 +46,12 @@ pub(super) fn prepare_bind_groups(
 }
 
 pub(super) fn upsample_pass(
-    view: ViewQuery<(&ViewTextures, &ViewProps, &ViewBindGroups, &UpsampleBindGroup, &Msaa)>,
+    view: ViewQuery<(&ViewTextures, &ViewProps, &ViewBindGroups, &KeptView, &UpsampleBindGroup, &Msaa)>,
     cache: Res<PipelineCache>,
     upsample: Res<UpsamplePipeline>,
     mut ctx: RenderContext,
 ) {
-    let (textures, props, groups, group, msaa) = view.into_inner();
+    let (textures, props, groups, kept, group, msaa) = view.into_inner();
     let (Some(view), Some(group), Some(pipeline)) = (
         groups.with_depth.get(),
         group.0.get(),
@@ -62,11 +63,11 @@ pub(super) fn upsample_pass(
     let diagnostics = diagnostics.as_deref();
     let span = diagnostics.time_span(ctx.command_encoder(), UPSAMPLE_SPAN);
     {
-        let layer = &textures.layer;
+        let (layer, clears) = (&textures.layer, kept.layer.is_drawn());
         let mut pass = ctx.begin_tracked_render_pass(RenderPassDescriptor {
             label: Some(UPSAMPLE_SPAN),
-            color_attachments: &layer.attachments(),
-            depth_stencil_attachment: Some(cleared_depth(&layer.depth)),
+            color_attachments: &layer.attachments(clears),
+            depth_stencil_attachment: Some(depth(&layer.depth, clears)),
             ..default()
         });
         draw(&mut pass, props, None, pipeline, [(view, &[]), (group, &[])]);

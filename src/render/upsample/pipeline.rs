@@ -14,12 +14,13 @@ use crate::{
     render::{
         attachment::depth_test,
         fullscreen::{Fullscreen, target},
+        kept::KeptPart,
         view::{DEPTH_FORMAT, LAYER_FORMAT, MOTION_FORMAT, OWNER_FORMAT, ViewLayouts},
     },
 };
 
 #[derive(Resource)]
-pub(super) struct UpsamplePipeline {
+pub(in crate::render) struct UpsamplePipeline {
     /// Without motion vectors, and with them.
     variants: [Variant; 2],
 }
@@ -34,6 +35,11 @@ impl UpsamplePipeline {
     /// Returns what the pipelines for layers with or without motion vectors share.
     pub fn shared(&self, motion: bool) -> &Fullscreen {
         &self.variants[usize::from(motion)].shared
+    }
+
+    /// Returns whether that pipeline has been created.
+    pub fn is_ready(&self, cache: &PipelineCache, msaa: &Msaa, motion: bool) -> bool {
+        cache.get_render_pipeline(self.id(msaa, motion)).is_some()
     }
 
     /// Returns the pipeline for a scene with this number of samples per pixel.
@@ -52,7 +58,8 @@ pub(super) fn init(mut commands: Commands, views: Res<ViewLayouts>, shaders: Res
             entries.push(texture().build(3, ShaderStages::FRAGMENT));
             targets.push(target(MOTION_FORMAT, None));
         }
-        let shared = Fullscreen::new("plenoctree_upsample", &shaders.upsample, &entries, &shaders, &views);
+        let shared = Fullscreen::new("plenoctree_upsample", &shaders.upsample, &entries, &shaders, &views)
+            .unless_kept(KeptPart::Layer);
         let ids = [false, true].map(|multisampled| {
             let definitions = [(multisampled, "MULTISAMPLED"), (motion, "MOTION")];
             let definitions = definitions.into_iter().filter(|(holds, _)| *holds).map(|(_, name)| name.into());

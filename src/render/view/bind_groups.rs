@@ -10,7 +10,7 @@ use bevy::{
 };
 
 use super::{layout::ViewLayouts, props::ViewProps};
-use crate::render::bind_group::KeptBindGroup;
+use crate::render::{bind_group::KeptBindGroup, kept::KeptView};
 
 /// Bind group 0 of a view's passes, in two variants.
 #[derive(Component, Default)]
@@ -25,17 +25,19 @@ pub(super) fn prepare(
     device: Res<RenderDevice>,
     cache: Res<PipelineCache>,
     layouts: Res<ViewLayouts>,
-    mut views: Query<(&ViewProps, Option<(&ViewDepthTexture, &Msaa)>, &mut ViewBindGroups)>,
+    mut views: Query<(&ViewProps, &KeptView, Option<(&ViewDepthTexture, &Msaa)>, &mut ViewBindGroups)>,
 ) {
-    for (props, target, mut groups) in &mut views {
-        let (Some((view, list, colors)), Some((depth, msaa))) = (props.bindings(), target) else {
+    for (props, kept, target, mut groups) in &mut views {
+        let (Some((view, list, colors)), Some(stale), Some((depth, msaa))) = (props.bindings(), kept.stale(), target)
+        else {
             *groups = default();
             continue;
         };
         let layout = &layouts.with_depth[usize::from(msaa.samples() > 1)];
-        let entries = BindGroupEntries::sequential((view.clone(), list.clone(), colors.clone(), depth.view()));
+        let entries =
+            BindGroupEntries::sequential((view.clone(), list.clone(), colors.clone(), stale.clone(), depth.view()));
         groups.with_depth.update(&device, &cache, "plenoctree_view_with_depth", layout, &entries);
-        let entries = BindGroupEntries::sequential((view, list, colors));
+        let entries = BindGroupEntries::sequential((view, list, colors, stale));
         groups.plain.update(&device, &cache, "plenoctree_view", &layouts.plain, &entries);
     }
 }

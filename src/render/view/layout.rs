@@ -9,6 +9,7 @@ use bevy::{
 };
 
 use super::uniforms::{PropUniform, ViewUniform};
+use crate::render::kept::StaleUniform;
 
 /// The layouts of bind group 0, in two variants.
 #[derive(Resource)]
@@ -25,12 +26,13 @@ pub(super) fn init(mut commands: Commands) {
             uniform_buffer::<ViewUniform>(false),
             storage_buffer_read_only::<Vec<PropUniform>>(false),
             storage_buffer_read_only::<Vec<Vec4>>(false),
+            uniform_buffer::<StaleUniform>(false),
         )
     };
     let stages = ShaderStages::VERTEX_FRAGMENT;
     let with_depth = |depth| {
-        let (view, props, colors) = shared();
-        let entries = BindGroupLayoutEntries::sequential(stages, (view, props, colors, depth));
+        let (view, props, colors, stale) = shared();
+        let entries = BindGroupLayoutEntries::sequential(stages, (view, props, colors, stale, depth));
         BindGroupLayoutDescriptor::new("plenoctree_view_with_depth", &entries)
     };
     commands.insert_resource(ViewLayouts {

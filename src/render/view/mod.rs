@@ -17,6 +17,7 @@ pub(super) use textures::{
     DEPTH_FORMAT, FILTER_FORMAT, LAYER_FORMAT, MOTION_FORMAT, OWNER_FORMAT, ViewTextures, coarse_size, drawn_viewport,
     view_texture,
 };
+pub(super) use uniforms::{PropUniform, ViewUniform};
 
 use bevy::{
     core_pipeline::core_3d::prepare_core_3d_depth_textures,
@@ -40,7 +41,7 @@ pub(super) fn plugin(app: &mut App) {
             read_depth.before(prepare_core_3d_depth_textures).in_set(RenderSystems::PrepareResources),
             levels::choose_levels.in_set(PlenOctreeRenderSystems::ChooseLevels),
             (textures::prepare_textures, prepare::prepare_views).chain().in_set(PlenOctreeRenderSystems::PrepareViews),
-            bind_groups::prepare.in_set(PlenOctreeRenderSystems::PrepareBindGroups),
+            bind_groups::prepare.in_set(PlenOctreeRenderSystems::PrepareBindGroups).in_set(BindViews),
         ),
     );
 }
@@ -48,6 +49,10 @@ pub(super) fn plugin(app: &mut App) {
 /// The systems in `RenderStartup` that run before the passes create their pipelines.
 #[derive(SystemSet, Clone, Debug, PartialEq, Eq, Hash)]
 pub(super) struct InitViews;
+
+/// Creates bind group 0.
+#[derive(SystemSet, Clone, Debug, PartialEq, Eq, Hash)]
+pub(super) struct BindViews;
 
 /// Removes the components of views that belong to a lost device. The next extraction adds them again.
 fn forget_views(mut commands: Commands, views: Query<Entity, With<VisibleProps>>) {

@@ -34,9 +34,9 @@ pub(in crate::render) struct ViewProps {
     pub has_stages: bool,
     /// The pipelines of the passes after the volume pass. None of these passes runs until all pipelines are ready.
     pub pipelines: Vec<CachedRenderPipelineId>,
-    pub(super) view: UniformBuffer<ViewUniform>,
+    pub view: UniformBuffer<ViewUniform>,
     /// The props, followed by the posterized view, if there is one.
-    pub(super) props: StorageBuffer<Vec<PropUniform>>,
+    pub props: StorageBuffer<Vec<PropUniform>>,
     pub(super) colors: StorageBuffer<Vec<Vec4>>,
 }
 
@@ -55,7 +55,7 @@ impl DrawnProp {
 }
 
 /// Whether a prop may cover the same pixels as another one, in a view where one of such props may be solid.
-#[derive(Clone, Copy, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::render) enum Overlap {
     None,
     /// It may, and is never solid itself.

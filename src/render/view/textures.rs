@@ -15,7 +15,10 @@ use bevy::{
     },
 };
 
-use crate::render::{attachment::cleared, extract::VisibleProps};
+use crate::render::{
+    attachment::{cleared, kept},
+    extract::VisibleProps,
+};
 
 /// The format of color and opacity: half floats, because 8 bits per channel would change labels.
 pub(in crate::render) const LAYER_FORMAT: TextureFormat = TextureFormat::Rgba16Float;
@@ -42,11 +45,17 @@ pub(in crate::render) struct Layer {
 }
 
 impl Layer {
-    /// Returns the color attachments of passes that draw to the layer.
-    pub fn attachments(&self) -> Vec<Option<RenderPassColorAttachment<'_>>> {
-        let mut attachments = vec![cleared(&self.color), cleared(&self.owner)];
-        attachments.extend(self.motion.as_ref().map(cleared));
+    /// Returns the color attachments of passes that draw to the layer. They are cleared, or hold what was drawn before.
+    pub fn attachments(&self, clears: bool) -> Vec<Option<RenderPassColorAttachment<'_>>> {
+        let attachment = if clears { cleared } else { kept };
+        let mut attachments = vec![attachment(&self.color), attachment(&self.owner)];
+        attachments.extend(self.motion.as_ref().map(attachment));
         attachments
+    }
+
+    /// Returns its textures.
+    pub fn views(&self) -> impl Iterator<Item = &TextureView> {
+        [&self.color, &self.owner, &self.depth].into_iter().chain(&self.motion)
     }
 }
 

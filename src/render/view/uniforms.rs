@@ -13,8 +13,8 @@ use crate::{
 };
 
 /// Matches `Prop` in `view.wgsl`.
-#[derive(ShaderType, Clone, Copy, Default)]
-pub(super) struct PropUniform {
+#[derive(ShaderType, Clone, Copy, Default, PartialEq)]
+pub(in crate::render) struct PropUniform {
     clip_from_box: Mat4,
     origin: Mat3,
     direction: Mat3,
@@ -39,7 +39,7 @@ pub(super) struct PropUniform {
 }
 
 impl PropUniform {
-    pub fn new(prop: &ExtractedProp, rays: &Rays, motion: &Motion, quality: &PropQuality) -> Self {
+    pub(super) fn new(prop: &ExtractedProp, rays: &Rays, motion: &Motion, quality: &PropQuality) -> Self {
         let matrix =
             |columns: [glam::DVec3; 3]| Mat3::from_cols_array_2d(&columns.map(|column| column.as_vec3().into()));
         Self {
@@ -83,6 +83,24 @@ impl PropUniform {
         self.solid_transmittance >= 0.0
     }
 
+    /// Returns what the layer depends on: everything but what only later passes read. The layer shows that a prop is
+    /// posterized, but not how.
+    pub fn of_layer(&self) -> Self {
+        Self {
+            colors: self.colors.min(1),
+            iterations: 0,
+            radius: 0,
+            spatial_falloff: 0.0,
+            range_falloff: 0.0,
+            ..self.of_composite()
+        }
+    }
+
+    /// Returns what the filtered composite depends on: everything but what only the label pass reads.
+    pub fn of_composite(&self) -> Self {
+        Self { first_color: 0, blend_steps: 0, softness: 0.0, ..*self }
+    }
+
     /// Returns the number of filter iterations that it needs.
     pub fn filtered(&self) -> u32 {
         if self.colors > 0 { self.iterations } else { 0 }
@@ -90,8 +108,8 @@ impl PropUniform {
 }
 
 /// Matches `View` in `view.wgsl`.
-#[derive(ShaderType, Clone, Copy, Default)]
-pub(super) struct ViewUniform {
+#[derive(ShaderType, Clone, Copy, Default, PartialEq)]
+pub(in crate::render) struct ViewUniform {
     pub corner: UVec2,
     pub size: UVec2,
     pub depth: Vec4,
@@ -103,6 +121,13 @@ pub(super) struct ViewUniform {
     pub low: UVec2,
     pub high: UVec2,
     pub unjittered_from_clip: Mat4,
+}
+
+impl ViewUniform {
+    /// Returns what the layer depends on: everything but what only later passes read.
+    pub fn of_layer(&self) -> Self {
+        Self { exposure: 0.0, everything: 0, ..*self }
+    }
 }
 
 /// Returns the transmittance at which a prop is solid, or a negative value for never. Rays that stop count as solid.

@@ -7,6 +7,7 @@ mod pass;
 mod pipeline;
 
 pub use pass::VOLUME_SPAN;
+pub(super) use pass::VolumePipelines;
 
 use bevy::{
     core_pipeline::schedule::Core3d,

@@ -14,9 +14,10 @@ use super::pipeline::{VolumeKey, VolumePipeline};
 use crate::{
     gpu::{FieldShape, GpuField},
     render::{
-        attachment::cleared_depth,
+        attachment::depth,
         boxes::BOX_VERTICES,
         extract::VisibleProps,
+        kept::{ClearPipelines, Cleared, KeptView},
         solid::SolidBindGroups,
         view::{DrawnProp, Overlap, ViewBindGroups, ViewProps, ViewTextures},
     },
@@ -27,7 +28,14 @@ pub const VOLUME_SPAN: &str = "plenoctree_volume";
 
 /// The pipeline of every prop of a view, in drawing order.
 #[derive(Component, Default)]
-pub(super) struct VolumePipelines(Vec<Option<CachedRenderPipelineId>>);
+pub(in crate::render) struct VolumePipelines(Vec<Option<CachedRenderPipelineId>>);
+
+impl VolumePipelines {
+    /// Returns whether all of them have been created.
+    pub fn are_ready(&self, cache: &PipelineCache) -> bool {
+        self.0.iter().flatten().all(|id| cache.get_render_pipeline(*id).is_some())
+    }
+}
 
 /// The parts of props that overlap, in drawing order. They match `volume.wgsl`.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -81,26 +89,31 @@ pub(super) fn prepare_pipelines(
 }
 
 pub(super) fn volume_pass(
-    view: ViewQuery<(&ViewTextures, &ViewProps, &ViewBindGroups, &SolidBindGroups, &VolumePipelines)>,
+    view: ViewQuery<(&ViewTextures, &ViewProps, &ViewBindGroups, &KeptView, &SolidBindGroups, &VolumePipelines)>,
     cache: Res<PipelineCache>,
+    clear: Res<ClearPipelines>,
     fields: Res<RenderAssets<GpuField>>,
     mut ctx: RenderContext,
 ) {
-    let (textures, props, groups, solid, pipelines) = view.into_inner();
-    let Some(group) = groups.with_depth.get() else {
+    let (textures, props, groups, kept, solid, pipelines) = view.into_inner();
+    let (Some(group), Some(plain)) = (groups.with_depth.get(), groups.plain.get()) else {
         return;
     };
     let diagnostics = ctx.diagnostic_recorder();
     let diagnostics = diagnostics.as_deref();
     let span = diagnostics.time_span(ctx.command_encoder(), VOLUME_SPAN);
     {
-        let layer = textures.volume();
+        let (layer, clears) = (textures.volume(), kept.layer.is_drawn());
         let mut pass = ctx.begin_tracked_render_pass(RenderPassDescriptor {
             label: Some(VOLUME_SPAN),
-            color_attachments: &layer.attachments(),
-            depth_stencil_attachment: Some(cleared_depth(&layer.depth)),
+            color_attachments: &layer.attachments(clears),
+            depth_stencil_attachment: Some(depth(&layer.depth, clears)),
             ..default()
         });
+        if !clears {
+            let what = if layer.motion.is_some() { Cleared::LayerWithMotion } else { Cleared::Layer };
+            clear.draw(&mut pass, &cache, plain, what);
+        }
         pass.set_bind_group(0, group, &[]);
         let mut parts = [Part::Before].as_slice();
         if let Some(solid) = solid.both.get() {

@@ -6,6 +6,7 @@
 
 mod cameras;
 mod depth;
+mod kept;
 mod life;
 mod memory;
 mod motion;

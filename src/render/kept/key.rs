@@ -1,0 +1,115 @@
+//! Every cause of drawing something anew.
+
+use bevy::{
+    camera::CompositingSpace,
+    prelude::*,
+    render::render_resource::{BindGroupId, TextureViewId},
+};
+
+use crate::{
+    render::view::{Overlap, PropUniform, ViewUniform},
+    stage::PropStage,
+};
+
+/// Everything that a view's layer depends on, besides the depth of the scene.
+#[derive(Default, PartialEq)]
+pub(in crate::render) struct LayerKey {
+    /// The viewport, the projection, the part that is drawn, temporal jitter, and the quality of rays.
+    pub view: ViewUniform,
+    /// The props in drawing order: how the camera sees them, where they were in the previous frame, the boxes around their
+    /// leaves, their tints, where they are solid, and which pixels they own.
+    pub props: Vec<PropUniform>,
+    /// What is drawn of each prop: its field at a level, if that is on the GPU, and how it overlaps others.
+    pub fields: Vec<(Option<BindGroupId>, Overlap)>,
+    /// The highest degree of spherical harmonics.
+    pub degree: u32,
+    /// The number of samples per pixel of the scene.
+    pub samples: u32,
+    /// The textures that hold the layer and all that it is made of. A view may be given others in any frame.
+    pub textures: Vec<TextureViewId>,
+}
+
+/// Everything that a view's filtered composite depends on, besides its layer and the colors of the scene.
+#[derive(Default, PartialEq)]
+pub(in crate::render) struct CompositeKey {
+    /// The exposure, and whether the view is posterized.
+    pub view: ViewUniform,
+    /// The filters of the props and of the posterized view.
+    pub props: Vec<PropUniform>,
+    /// The color space of the view's target.
+    pub space: Option<CompositingSpace>,
+    /// Where in the frame the scene's colors are read.
+    pub stage: PropStage,
+    /// The textures that hold the composite.
+    pub textures: Vec<TextureViewId>,
+}
+
+/// Something that is drawn when its key changes.
+#[derive(Default)]
+pub(in crate::render) struct Kept<K> {
+    /// The key of this frame.
+    key: K,
+    /// The key of the last frame that was drawn.
+    drawn: K,
+    /// Whether what was drawn in that frame is still there.
+    is_there: bool,
+    /// Whether everything is there that is needed to draw it.
+    is_complete: bool,
+    /// Whether the scene of that frame was copied.
+    is_copied: bool,
+    plan: Plan,
+}
+
+/// What to do in a frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum Plan {
+    /// Draw: the key has changed.
+    #[default]
+    Draw,
+    /// Draw, and copy the scene: the key has not changed, and may not change in the next frame either.
+    Copy,
+    /// Compare the scene with its copy, and draw only if they differ.
+    Compare,
+}
+
+impl<K: Default + PartialEq> Kept<K> {
+    /// Returns the key of this frame, for writing it.
+    pub(super) fn key(&mut self) -> &mut K {
+        &mut self.key
+    }
+
+    /// Decides what to do in this frame, after its key was written. `is_complete` tells whether everything that is needed
+    /// to draw and to compare is there, and `may_keep` whether what was drawn before may be kept at all.
+    pub(super) fn decide(&mut self, is_complete: bool, may_keep: bool) {
+        self.is_complete = is_complete;
+        // What is drawn differently now, even if not to the end, is lost.
+        self.is_there &= is_complete && may_keep && self.key == self.drawn;
+        self.plan = match (self.is_there, self.is_copied) {
+            (false, _) => Plan::Draw,
+            (true, false) => Plan::Copy,
+            (true, true) => Plan::Compare,
+        };
+    }
+
+    /// Begins the frame in which it is drawn, or compared.
+    pub(super) fn begin(&mut self) {
+        self.is_there = false;
+    }
+
+    /// Ends that frame.
+    pub(super) fn finish(&mut self) {
+        std::mem::swap(&mut self.key, &mut self.drawn);
+        self.is_there = self.is_complete;
+        self.is_copied = self.reads_scene();
+    }
+
+    /// Returns whether the scene is compared with its copy, and becomes the next copy.
+    pub(super) fn reads_scene(&self) -> bool {
+        self.plan != Plan::Draw
+    }
+
+    /// Returns whether it is drawn whatever the scene.
+    pub fn is_drawn(&self) -> bool {
+        self.plan != Plan::Compare
+    }
+}

@@ -1,0 +1,335 @@
+//! Tests that views keep what they drew, that every change is seen at once, and that frames are the same as if everything
+//! were drawn anew.
+
+use std::time::Duration;
+
+use bevy::{
+    camera::{Exposure, Hdr, Viewport},
+    core_pipeline::prepass::MotionVectorPrepass,
+    gizmos::GizmoPlugin,
+    light::LightPlugin,
+    pbr::PbrPlugin,
+    prelude::*,
+    render::camera::TemporalJitter,
+};
+use bevy_plenoctree::{
+    BilateralFilter, FieldPalette, LabelStages, PaletteOverride, Palettes, PlenOctree, PlenOctreePlugin, Posterize,
+    PosterizeView, Prop, PropQuality, PropStage, PropTint, SolidOpacity,
+    headless::{Headless, exact_camera},
+};
+use cpu_time::ProcessTime;
+use glam::DVec3;
+use image::RgbaImage;
+use plenoctree::{BakeSettings, Basis, bake};
+
+const SIZE: u32 = 64;
+
+/// Bakes a cube from -1/2 to 1/2 whose color differs from place to place.
+fn field(hue: f64) -> PlenOctree {
+    let settings = BakeSettings { depth: 4, basis: Basis::Rgba, ..default() };
+    let inside = |at: DVec3| if at.abs().max_element() < 0.5 { 2.0 } else { 0.0 };
+    bake(&settings, inside, |at| move |_| 0.5 + 0.5 * (9.0 * at + hue).map(f64::sin)).unwrap()
+}
+
+/// A view of two props that overlap, one of them posterized, with a mesh between them, one behind them, and a pane
+/// of glass.
+struct View {
+    headless: Headless,
+    camera: Entity,
+    props: [Entity; 2],
+    meshes: [Entity; 2],
+    fields: [Handle<PlenOctree>; 2],
+}
+
+impl View {
+    fn new() -> Self {
+        let mut headless = Headless::new(UVec2::splat(SIZE), |app| {
+            app.add_plugins((GizmoPlugin, LightPlugin, PbrPlugin::default(), PlenOctreePlugin));
+        })
+        .unwrap();
+        let target = headless.target();
+        let world = headless.app.world_mut();
+        let colors = [Color::srgb(0.8, 0.2, 0.1), Color::srgb(0.1, 0.3, 0.8), Color::srgb(0.9, 0.9, 0.2)];
+        let fields = [0.0, 1.5].map(|hue| {
+            let field = world.resource_mut::<Assets<PlenOctree>>().add(field(hue));
+            let palette = FieldPalette::from_colors(colors).unwrap();
+            world.resource_mut::<Palettes>().insert(&field, palette);
+            field
+        });
+        let props = [
+            world.spawn((Prop(fields[0].clone()), Posterize::default())).id(),
+            world.spawn((Prop(fields[1].clone()), Transform::from_xyz(0.4, 0.3, -0.8))).id(),
+        ];
+        let meshes = [Vec3::new(-0.2, -0.4, 0.1), Vec3::new(-0.8, 0.3, -1.2)].map(|place| {
+            let mesh = world.resource_mut::<Assets<Mesh>>().add(Cuboid::from_length(0.5));
+            let material = StandardMaterial { base_color: Color::srgb(0.3, 0.7, 0.4), unlit: true, ..default() };
+            let material = world.resource_mut::<Assets<StandardMaterial>>().add(material);
+            world.spawn((Mesh3d(mesh), MeshMaterial3d(material), Transform::from_translation(place))).id()
+        });
+        // A pane of glass shows where props are solid.
+        let mesh = world.resource_mut::<Assets<Mesh>>().add(Rectangle::new(1.4, 0.6));
+        let glass = StandardMaterial {
+            base_color: Color::srgba(0.2, 0.1, 0.9, 0.5),
+            unlit: true,
+            cull_mode: None,
+            alpha_mode: AlphaMode::Blend,
+            ..default()
+        };
+        let glass = world.resource_mut::<Assets<StandardMaterial>>().add(glass);
+        let slanted = Transform::from_xyz(0.3, 0.2, 0.4).with_rotation(Quat::from_rotation_y(1.0));
+        world.spawn((Mesh3d(mesh), MeshMaterial3d(glass), slanted));
+        let place = Transform::from_xyz(0.3, 0.2, 2.2).looking_at(Vec3::ZERO, Vec3::Y);
+        let camera = world.spawn((exact_camera(Color::srgb(0.4, 0.6, 0.5)), target, place)).id();
+        Self { headless, camera, props, meshes, fields }
+    }
+
+    fn world(&mut self) -> &mut World {
+        self.headless.app.world_mut()
+    }
+
+    fn capture(&mut self) -> RgbaImage {
+        self.headless.capture().unwrap()
+    }
+
+    /// Captures a frame in which nothing is kept: a camera that is not active gives up what it has drawn.
+    fn capture_anew(&mut self) -> RgbaImage {
+        let camera = self.camera;
+        self.world().get_mut::<Camera>(camera).unwrap().is_active = false;
+        self.headless.update();
+        self.world().get_mut::<Camera>(camera).unwrap().is_active = true;
+        self.capture()
+    }
+
+    fn set_camera(&mut self, components: impl Bundle) {
+        let camera = self.camera;
+        self.world().entity_mut(camera).insert(components);
+    }
+
+    fn set_prop(&mut self, prop: usize, components: impl Bundle) {
+        let prop = self.props[prop];
+        self.world().entity_mut(prop).insert(components);
+    }
+
+    fn move_by(&mut self, entity: Entity, by: Vec3) {
+        self.world().get_mut::<Transform>(entity).unwrap().translation += by;
+    }
+
+    fn material(&mut self, mesh: usize) -> Handle<StandardMaterial> {
+        let mesh = self.meshes[mesh];
+        self.world().get::<MeshMaterial3d<StandardMaterial>>(mesh).unwrap().0.clone()
+    }
+}
+
+#[track_caller]
+fn assert_same(found: &RgbaImage, expected: &RgbaImage, what: &str) {
+    let differ = found.pixels().zip(expected.pixels()).filter(|(a, b)| a != b).count();
+    assert_eq!(differ, 0, "{what}: so many pixels differ");
+}
+
+type Change = fn(&mut View);
+
+/// Every change that a frame can show. The names are those of what `src/render/kept/key.rs` lists, and of the scene.
+const CHANGES: &[(&str, Change)] = &[
+    ("a prop moves", |view| view.move_by(view.props[0], Vec3::new(0.05, 0.0, 0.0))),
+    ("the other prop moves", |view| view.move_by(view.props[1], Vec3::new(0.0, -0.1, 0.0))),
+    ("a prop turns and mirrors", |view| {
+        let place = Transform::from_rotation(Quat::from_rotation_y(0.3)).with_scale(Vec3::new(-1.0, 1.1, 1.0));
+        view.set_prop(0, place);
+    }),
+    ("the order of props", |view| view.move_by(view.props[1], Vec3::new(0.0, 0.0, 1.4))),
+    ("the field of a prop", |view| view.set_prop(1, Prop(view.fields[0].clone()))),
+    ("the contents of a field", |view| {
+        let handle = view.fields[0].clone();
+        view.world().resource_mut::<Assets<PlenOctree>>().insert(&handle, field(0.7)).unwrap();
+    }),
+    ("a tint", |view| view.set_prop(1, PropTint(Color::linear_rgb(0.5, 1.0, 0.2)))),
+    ("a tint of a posterized prop", |view| view.set_prop(0, PropTint(Color::linear_rgb(0.5, 0.9, 1.0)))),
+    ("where a prop is solid", |view| view.set_prop(1, SolidOpacity::Never)),
+    ("where the other prop is solid", |view| view.set_prop(0, SolidOpacity::Never)),
+    ("a prop is posterized", |view| view.set_prop(1, Posterize { softness: 0.0, ..default() })),
+    ("the opacity of thin pixels", |view| view.set_prop(0, Posterize { min_opacity: 0.9, ..default() })),
+    ("the filter", |view| {
+        let filter = BilateralFilter { iterations: 2, radius: 4, spatial_sigma: 5.0, range_sigma: 40.0 };
+        view.set_prop(0, Posterize { filter, ..default() });
+    }),
+    ("the width of the filter", |view| {
+        let filter = BilateralFilter { iterations: 2, radius: 4, spatial_sigma: 0.5, range_sigma: 40.0 };
+        view.set_prop(0, Posterize { filter, ..default() });
+    }),
+    ("blend steps", |view| view.set_prop(0, Posterize { blend_steps: 1, ..default() })),
+    ("softness", |view| view.set_prop(0, Posterize { blend_steps: 1, softness: 0.0, ..default() })),
+    ("a palette", |view| {
+        let field = view.fields[0].clone();
+        view.world().resource_mut::<Palettes>().get_mut(&field).unwrap().set(1, Color::srgb(0.9, 0.1, 0.9));
+    }),
+    ("an override", |view| {
+        let mut own = PaletteOverride::default();
+        own.set(1, Color::srgb(0.0, 0.9, 0.1));
+        view.set_prop(0, own);
+    }),
+    ("a mesh moves between props", |view| view.move_by(view.meshes[0], Vec3::new(0.1, 0.1, 0.0))),
+    ("a mesh moves into a prop", |view| view.move_by(view.meshes[0], Vec3::new(0.0, 0.0, -0.2))),
+    ("a mesh is hidden", |view| {
+        let mesh = view.meshes[0];
+        view.world().entity_mut(mesh).insert(Visibility::Hidden);
+    }),
+    ("the color of a mesh", |view| {
+        let material = view.material(1);
+        let mut materials = view.world().resource_mut::<Assets<StandardMaterial>>();
+        materials.get_mut(&material).unwrap().base_color = Color::srgb(0.9, 0.8, 0.1);
+    }),
+    ("the background", |view| {
+        let camera = view.camera;
+        view.world().get_mut::<Camera>(camera).unwrap().clear_color = Color::srgb(0.2, 0.1, 0.3).into();
+    }),
+    ("a prop is hidden", |view| view.set_prop(1, Visibility::Hidden)),
+    ("a prop is shown", |view| view.set_prop(1, Visibility::Visible)),
+    ("the camera moves", |view| view.move_by(view.camera, Vec3::new(0.1, 0.0, 0.1))),
+    ("the projection", |view| {
+        view.set_camera(Projection::Perspective(PerspectiveProjection { fov: 0.9, ..default() }));
+    }),
+    ("jitter", |view| view.set_camera(TemporalJitter { offset: Vec2::new(0.4, -0.3) })),
+    ("where rays stop", |view| view.set_camera(PropQuality { stop_transmittance: 0.3, ..PropQuality::EXACT })),
+    ("faint leaves", |view| view.set_camera(PropQuality { density_threshold: 1e3, ..PropQuality::EXACT })),
+    ("a level of detail", |view| view.set_camera(PropQuality { cell_size: 20.0, ..PropQuality::EXACT })),
+    ("exact again", |view| view.set_camera(PropQuality::EXACT)),
+    ("samples", |view| view.set_camera(Msaa::Sample4)),
+    ("HDR", |view| view.set_camera(Hdr)),
+    ("exposure", |view| view.set_camera(Exposure { ev100: 10.5 })),
+    ("the place in the frame", |view| view.set_camera(PropStage::Display)),
+    ("one sample", |view| view.set_camera(Msaa::Off)),
+    ("a posterized view", |view| view.set_camera((PosterizeView(view.fields[1].clone()), Posterize::default()))),
+    ("custom stages", |view| {
+        view.set_camera((LabelStages, Posterize { softness: 0.0, ..default() }));
+    }),
+    ("the viewport", |view| {
+        let camera = view.camera;
+        view.world().get_mut::<Camera>(camera).unwrap().viewport =
+            Some(Viewport { physical_position: UVec2::new(8, 4), physical_size: UVec2::splat(SIZE - 16), ..default() });
+    }),
+    ("the viewport moves", |view| {
+        let camera = view.camera;
+        let mut camera = view.world().get_mut::<Camera>(camera).unwrap();
+        camera.viewport.as_mut().unwrap().physical_position = UVec2::new(0, 10);
+    }),
+    ("motion vectors", |view| view.set_camera((PropStage::Scene, MotionVectorPrepass))),
+];
+
+/// Whatever changes, the next frame shows it, as do the frames after it, in which everything is kept.
+#[test]
+fn every_change_is_drawn_at_once() {
+    let mut view = View::new();
+    view.headless.wait_until_ready(Duration::from_secs(120)).unwrap();
+    let mut before = view.capture();
+    for (what, change) in CHANGES {
+        change(&mut view);
+        // New pipelines, levels and fields take a while. Until then, nothing changes.
+        view.headless.wait_until_ready(Duration::from_secs(120)).unwrap();
+        let kept: Vec<_> = (0..4).map(|_| view.capture()).collect();
+        let anew = view.capture_anew();
+        for (frame, kept) in kept.iter().enumerate() {
+            assert_same(kept, &anew, &format!("{what}, frame {frame}"));
+        }
+        assert!(*what == "motion vectors" || anew != before, "{what} changes nothing");
+        before = anew;
+    }
+    // The same again in a fresh app, frame by frame, so that nothing is ever kept.
+    let mut fresh = View::new();
+    fresh.headless.wait_until_ready(Duration::from_secs(120)).unwrap();
+    for (_, change) in CHANGES {
+        change(&mut fresh);
+        fresh.headless.update();
+    }
+    fresh.headless.wait_until_ready(Duration::from_secs(120)).unwrap();
+    assert_same(&fresh.capture(), &before, "a fresh app");
+}
+
+/// Changes that last for a single frame leave no trace, and are seen in that frame.
+#[test]
+fn changes_are_undone_at_once() {
+    let mut view = View::new();
+    view.headless.wait_until_ready(Duration::from_secs(120)).unwrap();
+    let still: Vec<_> = (0..4).map(|_| view.capture()).collect();
+    let there_and_back: &[(&str, Change, Change)] = &[
+        (
+            "a mesh",
+            |view| view.move_by(view.meshes[0], Vec3::new(0.25, 0.0, 0.0)),
+            |view| view.move_by(view.meshes[0], Vec3::new(-0.25, 0.0, 0.0)),
+        ),
+        (
+            "a color",
+            |view| {
+                let material = view.material(1);
+                let mut materials = view.world().resource_mut::<Assets<StandardMaterial>>();
+                materials.get_mut(&material).unwrap().base_color = Color::srgb(0.9, 0.8, 0.1);
+            },
+            |view| {
+                let material = view.material(1);
+                let mut materials = view.world().resource_mut::<Assets<StandardMaterial>>();
+                materials.get_mut(&material).unwrap().base_color = Color::srgb(0.3, 0.7, 0.4);
+            },
+        ),
+        (
+            "the camera",
+            |view| view.move_by(view.camera, Vec3::new(0.25, 0.0, 0.0)),
+            |view| view.move_by(view.camera, Vec3::new(-0.25, 0.0, 0.0)),
+        ),
+        ("a prop", |view| view.set_prop(1, Visibility::Hidden), |view| view.set_prop(1, Visibility::Visible)),
+    ];
+    for (what, there, back) in there_and_back {
+        for rest in 0..4 {
+            there(&mut view);
+            assert!(view.capture() != still[0], "{what}, after {rest} frames of rest");
+            back(&mut view);
+            for frame in 0..=rest {
+                assert_same(&view.capture(), &still[0], &format!("{what} is back, frame {frame} of {rest}"));
+            }
+        }
+    }
+    still.iter().for_each(|frame| assert_same(frame, &still[0], "a still view"));
+}
+
+/// A view in which nothing moves is not drawn again, nor is one in which only the palette changes: most of the work of
+/// software rasterizers, which do it on the CPU, is saved.
+#[test]
+fn still_views_cost_next_to_nothing() {
+    let mut headless = Headless::new(UVec2::splat(384), |app| {
+        app.add_plugins(PlenOctreePlugin);
+    })
+    .unwrap();
+    let target = headless.target();
+    let world = headless.app.world_mut();
+    let field = world.resource_mut::<Assets<PlenOctree>>().add(field(0.0));
+    let palette = FieldPalette::from_colors([Color::srgb(0.8, 0.2, 0.1), Color::srgb(0.1, 0.3, 0.8)]).unwrap();
+    world.resource_mut::<Palettes>().insert(&field, palette);
+    world.spawn((Prop(field.clone()), Posterize::default()));
+    let place = Transform::from_xyz(0.3, 0.2, 1.6).looking_at(Vec3::ZERO, Vec3::Y);
+    let camera = world.spawn((exact_camera(Color::BLACK), target, place)).id();
+    headless.wait_until_ready(Duration::from_secs(120)).unwrap();
+    let adapter = headless.app.sub_app(bevy::render::RenderApp).world();
+    let adapter = adapter.resource::<bevy::render::renderer::RenderAdapterInfo>();
+    if adapter.device_type != wgpu::DeviceType::Cpu {
+        return;
+    }
+    let mut least = [f64::INFINITY; 3];
+    for round in 0..12 {
+        for (change, least) in least.iter_mut().enumerate() {
+            let world = headless.app.world_mut();
+            match change {
+                0 => world.get_mut::<Transform>(camera).unwrap().translation.y += 1e-3,
+                1 => {
+                    let shade = 0.05 * round as f32;
+                    world.resource_mut::<Palettes>().get_mut(&field).unwrap().set(0, Color::srgb(shade, 0.5, 0.5));
+                }
+                _ => {}
+            }
+            let start = ProcessTime::now();
+            headless.capture().unwrap();
+            *least = least.min(start.elapsed().as_secs_f64());
+            // The scene is copied in the first frame after a change.
+            (0..2).for_each(|_| headless.update());
+        }
+    }
+    let [moved, recolored, still] = least;
+    assert!(recolored < 0.5 * moved && still < 0.5 * moved, "seconds: {moved}, {recolored}, {still}");
+}
