@@ -32,7 +32,7 @@ mod train;
 
 pub use error::FitError;
 pub use input::{Distortion, FitInput, InputFolders, Lens, Picture, View, ViewCamera};
-pub use measure::Comparison;
+pub use measure::{Comparison, ssim};
 pub use progress::{FitProgress, FitStatus};
 pub use refine::{RefineSettings, Refined, Shot, refine};
 pub use report::{FitReport, HeldOut, Seconds, StageReport, SuspiciousView, ViewReport};

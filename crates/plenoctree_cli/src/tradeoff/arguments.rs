@@ -6,7 +6,7 @@ use clap::Args;
 
 use crate::{field, size::parse_size};
 
-/// Measures time, PSNR against float64, changed labels and flicker for every quality setting and every preset.
+/// Measures time, PSNR and SSIM against float64, changed labels and flicker for every quality setting and every preset.
 #[derive(Args)]
 pub struct Arguments {
     /// The field, an .npz file; by default the included toadstool.

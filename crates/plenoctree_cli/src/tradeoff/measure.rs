@@ -8,12 +8,13 @@ use image::RgbaImage;
 use plenoctree::{
     PlenOctree,
     camera::PinholeCamera,
+    fit::ssim,
     palette::{self, Palette},
     reference::{self, Rendering},
 };
 
 use super::{
-    stage::Stage,
+    stage::{Change, Stage},
     variants::{self, Variant},
 };
 use crate::{Result, progress, turntable::turned};
@@ -30,6 +31,8 @@ pub struct Row {
     pub ratio_to_exact: f64,
     /// The PSNR of frames as trained, against float64.
     pub psnr_db: Option<f64>,
+    /// The structural similarity of frames as trained, against float64.
+    pub ssim: Option<f64>,
     /// The fraction of the prop's pixels whose label changes.
     pub label_changes: Option<f64>,
     /// The mean difference of a channel, 0 to 1, between posterized frames half a degree apart, over the prop's pixels.
@@ -55,7 +58,10 @@ pub fn rendering(
     let mut stage = Stage::new(field, palette, size)?;
     let variants = variants::rendering();
     let references = render_references(field, cameras);
-    let truths: Vec<_> = references.iter().map(|rendering| rendering.over(DVec3::ONE)).collect();
+    let over_white = |rendering: &Rendering| -> Vec<DVec3> {
+        rendering.over(DVec3::ONE).into_iter().map(|color| color.clamp(DVec3::ZERO, DVec3::ONE)).collect()
+    };
+    let truths: Vec<_> = references.iter().map(over_white).collect();
     // With hard edges, the color of a pixel tells its label.
     let hard = Posterize { softness: 0.0, ..Posterize::default() };
     let colors: Vec<_> = palette.colors.iter().map(|color| DVec3::from(*color)).collect();
@@ -65,11 +71,13 @@ pub fn rendering(
     let mut exact = Vec::new();
     let mut rows = Vec::new();
     for variant in &variants {
-        let (mut squares, mut values) = (0.0, 0usize);
+        let (mut squares, mut values, mut likeness) = (0.0, 0usize, 0.0);
         let (mut changed, mut flicker, mut owned) = (0usize, 0.0, 0usize);
         for (view, camera) in cameras.iter().enumerate() {
             stage.set(variant, None);
-            squares += squared_error(&stage.capture(camera)?, &truths[view]);
+            let frame: Vec<_> = pixels(&stage.capture(camera)?).collect();
+            squares += frame.iter().zip(&truths[view]).map(|(a, b)| a.distance_squared(*b)).sum::<f64>();
+            likeness += ssim(&frame, &truths[view], size.0 as usize);
             values += 3 * truths[view].len();
             stage.set(variant, Some(hard));
             let here: Vec<_> = pixels(&stage.capture(camera)?).map(|color| nearest(color, &labels)).collect();
@@ -93,6 +101,7 @@ pub fn rendering(
             milliseconds: 0.0,
             ratio_to_exact: 0.0,
             psnr_db: Some((-10.0 * (squares / values as f64).log10()).min(MOST_PSNR)),
+            ssim: Some(likeness / cameras.len() as f64),
             label_changes: Some(changed as f64 / owned),
             flicker: Some(flicker / owned),
             palette_error: None,
@@ -108,7 +117,37 @@ pub fn rendering(
         row.ratio_to_exact =
             if row.setting == "exact" { 1.0 } else { median(times.iter().map(|(exact, own)| own / exact)) };
     }
+    rows.extend(time_changes(&mut stage, &variants[0], cameras, rounds)?);
     Ok((rows, noise))
+}
+
+/// Measures exact frames in which something else than the camera changes.
+fn time_changes(stage: &mut Stage, exact: &Variant, cameras: &[PinholeCamera], rounds: u32) -> Result<Vec<Row>> {
+    stage.set(exact, Some(Posterize::default()));
+    let changes = [(Change::Palette, "only the palette"), (Change::Nothing, "nothing")];
+    let mut times = changes.map(|_| Vec::new());
+    for _ in 0..rounds {
+        for camera in cameras {
+            let moved = stage.time(camera, Change::Camera)?;
+            // What has changed is drawn, and copied in the frame after that.
+            (0..2).try_for_each(|_| stage.time(camera, Change::Nothing).map(|_| ()))?;
+            for ((change, _), times) in changes.iter().zip(&mut times) {
+                times.push((moved, stage.time(camera, *change)?));
+            }
+        }
+    }
+    let rows = changes.into_iter().zip(times).map(|((_, value), times)| Row {
+        setting: "changes",
+        value: value.into(),
+        milliseconds: 1e3 * median(times.iter().map(|(_, own)| *own)),
+        ratio_to_exact: median(times.iter().map(|(moved, own)| own / moved)),
+        psnr_db: None,
+        ssim: None,
+        label_changes: None,
+        flicker: None,
+        palette_error: None,
+    });
+    Ok(rows.collect())
 }
 
 /// Renders the views in float64.
@@ -139,7 +178,7 @@ fn time_variants(
             let mut total = |variant| -> Result<f64> {
                 stage.set(variant, Some(Posterize::default()));
                 stage.capture(&cameras[0])?;
-                cameras.iter().map(|camera| stage.time(camera)).sum()
+                cameras.iter().map(|camera| stage.time(camera, Change::Camera)).sum()
             };
             times.push((total(&variants[0])?, total(variant)?));
             bar.inc(1);
@@ -176,6 +215,7 @@ pub fn extraction(field: &PlenOctree, exact: &Palette, rounds: u32) -> Result<Ve
         milliseconds: 1e3 * median(times.iter().map(|(_, own)| *own)),
         ratio_to_exact: median(times.iter().map(|(exact, own)| own / exact)),
         psnr_db: None,
+        ssim: None,
         label_changes: None,
         flicker: None,
         palette_error: Some(error),
@@ -185,10 +225,6 @@ pub fn extraction(field: &PlenOctree, exact: &Palette, rounds: u32) -> Result<Ve
 
 fn pixels(image: &RgbaImage) -> impl Iterator<Item = DVec3> {
     image.pixels().map(|pixel| DVec3::new(pixel[0].into(), pixel[1].into(), pixel[2].into()) / 255.0)
-}
-
-fn squared_error(image: &RgbaImage, truth: &[DVec3]) -> f64 {
-    pixels(image).zip(truth).map(|(color, truth)| (color - truth.clamp(DVec3::ZERO, DVec3::ONE)).length_squared()).sum()
 }
 
 fn nearest(color: DVec3, labels: &[DVec3]) -> usize {

@@ -10,16 +10,17 @@ const WORTH: f64 = 0.05;
 /// Formats comma-separated values, for programs.
 pub fn csv(rows: &[Row]) -> String {
     let mut text =
-        String::from("setting,value,milliseconds,ratio_to_exact,psnr_db,label_changes,flicker,palette_error\n");
+        String::from("setting,value,milliseconds,ratio_to_exact,psnr_db,ssim,label_changes,flicker,palette_error\n");
     let number = |value: Option<f64>| value.map_or(String::new(), |value| format!("{value:.6}"));
     for row in rows {
         text += &format!(
-            "{},{},{:.3},{:.4},{},{},{},{}\n",
+            "{},{},{:.3},{:.4},{},{},{},{},{}\n",
             row.setting,
             row.value,
             row.milliseconds,
             row.ratio_to_exact,
             number(row.psnr_db),
+            number(row.ssim),
             number(row.label_changes),
             number(row.flicker),
             number(row.palette_error),
@@ -31,19 +32,20 @@ pub fn csv(rows: &[Row]) -> String {
 /// Formats a table and its conclusions.
 pub fn markdown(rows: &[Row], noise: f64) -> String {
     let mut text = String::from(
-        "| setting | value | ms | of exact | PSNR, dB | labels changed | flicker | palette | best |\n|---|---|---|---|---|---|---|---|---|\n",
+        "| setting | value | ms | of exact | PSNR, dB | SSIM | labels changed | flicker | palette | best |\n|---|---|---|---|---|---|---|---|---|---|\n",
     );
     let number = |value: Option<f64>, digits: usize, unit: &str| {
         value.map_or(String::new(), |value| format!("{value:.digits$}{unit}"))
     };
     for row in rows {
         text += &format!(
-            "| {} | {} | {:.1} | {:.2} | {} | {} | {} | {} | {} |\n",
+            "| {} | {} | {:.1} | {:.2} | {} | {} | {} | {} | {} | {} |\n",
             row.setting,
             row.value,
             row.milliseconds,
             row.ratio_to_exact,
             number(row.psnr_db, 1, ""),
+            number(row.ssim, 4, ""),
             number(row.label_changes.map(|share| 100.0 * share), 2, " %"),
             number(row.flicker, 4, ""),
             number(row.palette_error, 3, ""),
@@ -73,7 +75,7 @@ pub fn is_best(row: &Row, rows: &[Row]) -> bool {
 
 fn not_worthwhile(rows: &[Row], saved: f64) -> Vec<&'static str> {
     let mut best = BTreeMap::new();
-    for row in rows.iter().filter(|row| !["exact", "preset", "extraction"].contains(&row.setting)) {
+    for row in rows.iter().filter(|row| !["exact", "preset", "changes", "extraction"].contains(&row.setting)) {
         let least = best.entry(row.setting).or_insert(f64::INFINITY);
         *least = row.ratio_to_exact.min(*least);
     }

@@ -16,13 +16,27 @@ use crate::Result;
 /// How long to wait until the field is on the GPU.
 const UPLOAD_TIMEOUT: Duration = Duration::from_secs(600);
 
+/// What changes from one frame to the next.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub enum Change {
+    /// The camera moves, by less than can be seen.
+    Camera,
+    /// A palette color.
+    Palette,
+    /// Nothing.
+    Nothing,
+}
+
 /// A field alone in front of a white background, and its camera.
 pub struct Stage {
     headless: Headless,
     field: PlenOctree,
     prop: Entity,
     camera: Entity,
+    /// Whether views are seen from a little farther to the right.
     is_right: bool,
+    /// The last shade of the palette's first color.
+    shade: f32,
     /// The field at every precision.
     handles: [Handle<PlenOctree>; 2],
 }
@@ -43,7 +57,7 @@ impl Stage {
         let prop = world.spawn(Prop(handles[0].clone())).id();
         let camera = world.spawn((exact_camera(Color::WHITE), target)).id();
         headless.wait_until_ready(UPLOAD_TIMEOUT)?;
-        Ok(Self { headless, field: field.clone(), prop, camera, is_right: false, handles })
+        Ok(Self { headless, field: field.clone(), prop, camera, is_right: false, shade: 0.0, handles })
     }
 
     /// Draws at a variant's quality from now on. The first frame makes the level that it requires.
@@ -65,10 +79,19 @@ impl Stage {
         Ok(self.headless.capture()?)
     }
 
-    /// Returns the seconds until a view's frame is in memory. It is seen from a little farther to the right every second
-    /// time, because nothing is drawn twice.
-    pub fn time(&mut self, camera: &PinholeCamera) -> Result<f64> {
-        self.is_right = !self.is_right;
+    /// Returns the seconds until a view's frame is in memory. `change` is what differs from the frame before.
+    pub fn time(&mut self, camera: &PinholeCamera, change: Change) -> Result<f64> {
+        match change {
+            Change::Camera => self.is_right = !self.is_right,
+            Change::Palette => {
+                self.shade = (self.shade + 0.1) % 1.0;
+                let mut palettes = self.headless.app.world_mut().resource_mut::<Palettes>();
+                if let Some(palette) = palettes.get_mut(&self.handles[0]) {
+                    palette.set(0, Color::srgb(self.shade, 0.5, 0.5));
+                }
+            }
+            Change::Nothing => {}
+        }
         let aside = if self.is_right { 1e-4 } else { 0.0 };
         let camera = PinholeCamera { position: camera.position + aside * camera.rotation.x_axis, ..*camera };
         let start = Instant::now();
