@@ -2,7 +2,8 @@
 //!
 //! [`FitInput::read`] reads pictures and cameras, and [`fit`] finds a field that looks like the pictures. It needs no
 //! GPU: rays are marched exactly, gradients are computed by hand, and voxels are split, from 64 to 256 and more per side,
-//! where something is visible. [`refine`] starts from a field instead. `docs/fit.md` in the repository describes the method and what each part of it is worth.
+//! where something is visible. [`refine()`] starts from a field instead. `docs/fit.md` in the repository describes the
+//! method and what each part of it is worth.
 //!
 //! ```no_run
 //! use std::path::Path;

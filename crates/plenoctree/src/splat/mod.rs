@@ -1,6 +1,6 @@
 //! Captures: scenes of Gaussian splats, from phones and 3D editors.
 //!
-//! [`Splats::read`] reads them from the formats that are in use, [`render_splats`] draws them, and [`voxelize`] makes a field
+//! [`Splats::read`] reads them from the formats that are in use, [`render_splats`] draws them, and [`voxelize()`] makes a field
 //! of them.
 //!
 //! ```no_run
