@@ -1,11 +1,15 @@
 // The radiance of a leaf. See section 1 of the method. The coefficients of a leaf take TEXELS texels: WORDS words per
-// channel, preceded by two more if they are COMPACT. `src/gpu/payload.rs` packs them.
+// channel, preceded by two more if they are COMPACT. With a CODEBOOK, that is what a row takes, and a leaf has one texel of
+// two words: the coefficients of the constant function and the number of its row. `src/gpu/payload.rs` packs them.
 #define_import_path bevy_plenoctree::radiance
 
 #import bevy_plenoctree::constants::HARMONICS
 #import bevy_plenoctree::octree::field
 
 @group(1) @binding(4) var coefficients: texture_2d<u32>;
+#ifdef CODEBOOK
+@group(1) @binding(5) var codebook: texture_2d<u32>;
+#endif
 
 // The values of the basis functions in one direction. Functions above the requested degree are 0.
 struct Harmonics {
@@ -61,6 +65,48 @@ fn harmonics(d: vec3<f32>) -> Harmonics {
     return h;
 }
 
+fn place(index: u32) -> vec2<u32> {
+    return vec2(index & ((1u << field.row) - 1u), index >> field.row);
+}
+
+#ifdef CODEBOOK
+#ifdef DEGREE_1
+struct Row {
+    texels: array<vec4<u32>, #{TEXELS}>,
+}
+
+fn load_row(row: u32) -> Row {
+    var texels: Row;
+    for (var index = 0u; index < #{TEXELS}u; index++) {
+        texels.texels[index] = textureLoad(codebook, place(row * #{TEXELS}u + index), 0);
+    }
+    return texels;
+}
+
+// Returns the sum of a channel's harmonics but the first. USED words hold all coefficients up to the requested degree.
+fn others(row: ptr<function, Row>, index: u32, h: ptr<function, Harmonics>) -> f32 {
+    var sum = 0.0;
+    for (var w = 0u; w < #{USED}u; w++) {
+        let at = index * #{WORDS}u + w;
+        let pair = unpack2x16float((*row).texels[at / 4u][at % 4u]);
+        sum += pair.x * (*h).y[2u * w + 1u] + pair.y * (*h).y[2u * w + 2u];
+    }
+    return sum;
+}
+#endif
+
+// Returns the sums of the channels' harmonics.
+fn sums(index: u32, h: ptr<function, Harmonics>) -> vec3<f32> {
+    let leaf = textureLoad(coefficients, place(index), 0).xy;
+    let constants = vec3(unpack2x16float(leaf.x), unpack2x16float(leaf.y).x);
+    var sum = (*h).y[0] * constants;
+#ifdef DEGREE_1
+    var row = load_row(leaf.y >> 16u);
+    sum += vec3(others(&row, 0u, h), others(&row, 1u, h), others(&row, 2u, h));
+#endif
+    return sum;
+}
+#else
 struct Leaf {
     texels: array<vec4<u32>, #{TEXELS}>,
 }
@@ -68,8 +114,7 @@ struct Leaf {
 fn load(leaf: u32) -> Leaf {
     var texels: Leaf;
     for (var index = 0u; index < #{TEXELS}u; index++) {
-        let texel = leaf * #{TEXELS}u + index;
-        texels.texels[index] = textureLoad(coefficients, vec2(texel & ((1u << field.row) - 1u), texel >> field.row), 0);
+        texels.texels[index] = textureLoad(coefficients, place(leaf * #{TEXELS}u + index), 0);
     }
     return texels;
 }
@@ -99,9 +144,15 @@ fn channel(leaf: ptr<function, Leaf>, index: u32, h: ptr<function, Harmonics>) -
 #endif
 }
 
-fn radiance(index: u32, h: ptr<function, Harmonics>) -> vec3<f32> {
+// Returns the sums of the channels' harmonics.
+fn sums(index: u32, h: ptr<function, Harmonics>) -> vec3<f32> {
     var leaf = load(index);
-    let sum = vec3(channel(&leaf, 0u, h), channel(&leaf, 1u, h), channel(&leaf, 2u, h));
+    return vec3(channel(&leaf, 0u, h), channel(&leaf, 1u, h), channel(&leaf, 2u, h));
+}
+#endif
+
+fn radiance(index: u32, h: ptr<function, Harmonics>) -> vec3<f32> {
+    let sum = sums(index, h);
 #ifdef SIGMOID
     return 1.0 / (1.0 + exp(-sum));
 #else ifdef SHIFTED_RELU

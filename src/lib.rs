@@ -50,6 +50,8 @@ mod background;
 mod gpu;
 #[cfg(feature = "headless")]
 pub mod headless;
+#[cfg(feature = "mesh")]
+mod mesh;
 mod palette;
 #[cfg(feature = "egui")]
 pub mod panel;
@@ -67,8 +69,12 @@ mod state;
 #[cfg(all(test, feature = "headless"))]
 mod tests;
 
+#[cfg(feature = "pack")]
+pub use asset::PackSaver;
 pub use asset::PlenOctreeLoader;
 pub use gpu::{FieldFailed, FieldReady, FieldTooLarge, GpuField, MAX_PROPS_IN_VIEW};
+#[cfg(feature = "mesh")]
+pub use mesh::surface_mesh;
 pub use palette::{
     BlendSpace, ExtractionSamples, FieldPalette, PaletteExtraction, PaletteFailed, PaletteLoader, PaletteOverride,
     PaletteReady, PaletteSampler, Palettes,
@@ -76,11 +82,15 @@ pub use palette::{
 #[cfg(feature = "picking")]
 pub use picking::PropPickingPlugin;
 pub use picking::{PropHit, PropRayCast};
+#[cfg(feature = "pack")]
+pub use plenoctree::PackSettings;
 pub use plenoctree::{
     Activation, LoadSettings, PlenOctree, Precision, UpAxis,
     palette::{Colors, ExtractionSettings, Palette, PaletteLabel, PaletteMethod},
     sampling::{Observers, SamplingSettings},
 };
+#[cfg(feature = "mesh")]
+pub use plenoctree::{MeshError, SurfaceMesh};
 pub use posterize::{
     BeforePalette, BilateralFilter, MAX_BLEND_STEPS, MAX_FILTER_ITERATIONS, MAX_FILTER_RADIUS, Posterize,
 };
@@ -102,6 +112,8 @@ pub struct PlenOctreePlugin;
 
 impl Plugin for PlenOctreePlugin {
     fn build(&self, app: &mut App) {
+        #[cfg(feature = "pack")]
+        asset::register_processor(app);
         app.init_asset::<PlenOctree>()
             .init_asset_loader::<PlenOctreeLoader>()
             .register_type::<LabelStages>()

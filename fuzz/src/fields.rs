@@ -60,7 +60,7 @@ fn check_written(field: &PlenOctree) {
     field.write_to(&mut bytes).expect("what was read can be written");
     let settings = LoadSettings {
         activation: Some(field.activation()),
-        up: field.up(),
+        up: Some(field.up()),
         density_threshold: 0.0,
         ..Default::default()
     };

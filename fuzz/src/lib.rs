@@ -6,6 +6,7 @@ mod cameras;
 mod captures;
 mod fields;
 mod files;
+mod packed;
 mod palettes;
 mod settings;
 
@@ -13,6 +14,7 @@ pub use cameras::{TransformsFile, check_transforms};
 pub use captures::{CaptureFile, check_capture};
 pub use fields::check_field;
 pub use files::FieldFile;
+pub use packed::PackedFile;
 pub use palettes::{PaletteFile, check_palette};
 pub use settings::Settings;
 

@@ -22,7 +22,7 @@ impl Settings {
                 2 => Some(Activation::ShiftedRelu),
                 _ => Some(Activation::Identity),
             },
-            up: if self.y_up { UpAxis::Y } else { UpAxis::Z },
+            up: Some(if self.y_up { UpAxis::Y } else { UpAxis::Z }),
             density_threshold: self.density_threshold,
             ..Default::default()
         }

@@ -1,5 +1,7 @@
 //! The asset loader of fields.
 
+#[cfg(feature = "pack")]
+mod pack;
 #[cfg(not(target_arch = "wasm32"))]
 mod remote;
 
@@ -12,11 +14,17 @@ use bevy::{
 };
 use plenoctree::{LoadSettings, PlenOctree, ReadError};
 
+#[cfg(feature = "pack")]
+pub use pack::PackSaver;
+#[cfg(feature = "pack")]
+pub(crate) use pack::register as register_processor;
+
 use crate::background;
 
-/// Loads `.npz` files as [`PlenOctree`] assets, on a thread of its own. Supports hot reloading.
+/// Loads `.plenoctree` and `.npz` files as [`PlenOctree`] assets, on a thread of its own. Supports hot reloading.
 ///
-/// [`LoadSettings`] specify what the file does not record. Invalid files fail to load with a [`ReadError`].
+/// [`LoadSettings`] specify what the file does not record. The content decides what a file is, so that `.npz` files that an
+/// asset processor has [packed](crate::PackSaver) load under their own names. Invalid files fail to load with a [`ReadError`].
 ///
 /// The file is parsed while it is read, so that only a part of it is in memory at any time. Asset sources that cannot
 /// seek, such as archives that inflate their files, and all sources on the web, give the whole file at once instead. On
@@ -49,6 +57,6 @@ impl AssetLoader for PlenOctreeLoader {
     }
 
     fn extensions(&self) -> &[&str] {
-        &["npz"]
+        &["plenoctree", "npz"]
     }
 }

@@ -29,7 +29,7 @@ impl GpuField {
     /// [`PropQuality`](crate::PropQuality) may request.
     pub fn byte_size(field: &PlenOctree) -> u64 {
         Records::most_bytes(field, upload::table_allowance(field))
-            + upload::arrays(field).iter().map(|(_, bytes)| bytes).sum::<u64>()
+            + upload::arrays(field).iter().map(|(_, bytes, _)| bytes).sum::<u64>()
     }
 
     /// Checks whether a device with these `limits` can hold the field.

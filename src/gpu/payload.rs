@@ -2,54 +2,90 @@
 
 use half::f16;
 
-use plenoctree::{Basis, PlenOctree, Precision};
+use plenoctree::{Basis, Codebook, PlenOctree, Precision};
 
 /// The layout of a leaf's coefficients in texels. Shaders are specialized for it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) struct Payload {
     pub basis: Basis,
-    pub compact: bool,
+    pub layout: Layout,
+}
+
+/// How coefficients are stored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(crate) enum Layout {
+    /// All as half floats.
+    Halves,
+    /// Those of the constant function and a scale as half floats, the others as bytes.
+    Bytes,
+    /// Those of the constant function as half floats, and the row of a codebook that holds the others as half floats.
+    Codebook,
 }
 
 impl Payload {
     pub fn of(field: &PlenOctree) -> Self {
-        // With fewer functions, bytes would take as many texels as half floats.
-        let compact = field.precision() == Precision::Byte && field.basis().functions() >= 9;
-        Self { basis: field.basis(), compact }
+        let basis = field.basis();
+        let layout = if field.codebook().is_some() {
+            Layout::Codebook
+        } else if field.precision() == Precision::Byte && basis.functions() >= 9 {
+            Layout::Bytes
+        } else {
+            // With fewer functions, bytes would take as many texels as half floats.
+            Layout::Halves
+        };
+        Self { basis, layout }
     }
 
-    /// Returns the number of 32-bit words per channel, without the two leading words of a compact leaf.
+    /// Returns the number of 32-bit words per channel, without the two leading words of a leaf with bytes. With a
+    /// codebook, they are words of a row.
     pub fn words_per_channel(self) -> usize {
         let functions = self.basis.functions();
-        if self.compact { (functions - 1).div_ceil(4) } else { functions.div_ceil(2) }
+        match self.layout {
+            Layout::Halves => functions.div_ceil(2),
+            Layout::Bytes => (functions - 1).div_ceil(4),
+            Layout::Codebook => (functions - 1).div_ceil(2),
+        }
     }
 
-    /// Returns the number of texels per leaf.
+    /// Returns the number of texels per leaf or, with a codebook, per row.
     pub fn texels(self) -> usize {
-        (3 * self.words_per_channel() + if self.compact { 2 } else { 0 }).div_ceil(4)
+        (3 * self.words_per_channel() + if self.layout == Layout::Bytes { 2 } else { 0 }).div_ceil(4)
     }
 
-    /// Packs the coefficients of several leaves, one leaf after another.
+    /// Packs the coefficients of several leaves, one leaf after another. There is no codebook.
     pub fn pack(self, coefficients: &[f16]) -> Vec<u32> {
         let leaves = coefficients.chunks_exact(self.basis.coefficients());
         let mut words = Vec::with_capacity(leaves.len() * self.texels() * 4);
         for leaf in leaves {
             let end = words.len() + self.texels() * 4;
-            if self.compact {
+            if self.layout == Layout::Bytes {
                 self.pack_bytes(leaf, &mut words);
             } else {
-                self.pack_halves(leaf, &mut words);
+                pack_halves(leaf, self.basis.functions(), &mut words);
             }
             words.resize(end, 0);
         }
         words
     }
 
-    /// Packs each channel as pairs of half floats.
-    fn pack_halves(self, leaf: &[f16], words: &mut Vec<u32>) {
-        for channel in leaf.chunks_exact(self.basis.functions()) {
-            words.extend(channel.chunks(2).map(|pair| halves(pair[0], pair.get(1).copied().unwrap_or(f16::ZERO))));
+    /// Packs the rows of a codebook, one after another.
+    pub fn pack_rows(self, codebook: Codebook) -> Vec<u32> {
+        let others = self.basis.functions() - 1;
+        let rows = codebook.table.chunks_exact((3 * others).max(1));
+        let mut words = Vec::with_capacity(rows.len() * self.texels() * 4);
+        for row in rows {
+            let end = words.len() + self.texels() * 4;
+            pack_halves(row, others, &mut words);
+            words.resize(end, 0);
         }
+        words
+    }
+
+    /// Packs each leaf of a packed field: the coefficients of the constant function, and the row.
+    pub fn pack_leaves(codebook: Codebook) -> Vec<[u32; 2]> {
+        let rows = codebook.rows.iter().copied().chain(std::iter::repeat(0));
+        let leaf = |([r, g, b], row): (&[f16; 3], u16)| [halves(*r, *g), halves(*b, f16::from_bits(row))];
+        codebook.constants.iter().zip(rows).map(leaf).collect()
     }
 
     /// Packs the constant coefficients of the three channels and a scale as half floats, then the other coefficients as
@@ -70,6 +106,13 @@ impl Payload {
                 u32::from_le_bytes(bytes)
             }));
         }
+    }
+}
+
+/// Packs each channel as pairs of half floats.
+fn pack_halves(coefficients: &[f16], per_channel: usize, words: &mut Vec<u32>) {
+    for channel in coefficients.chunks_exact(per_channel) {
+        words.extend(channel.chunks(2).map(|pair| halves(pair[0], pair.get(1).copied().unwrap_or(f16::ZERO))));
     }
 }
 

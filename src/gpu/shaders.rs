@@ -6,7 +6,7 @@ use bevy::{
 };
 use plenoctree::{Activation, Basis};
 
-use super::{constants, upload::FieldShape};
+use super::{constants, payload::Layout, upload::FieldShape};
 
 /// Handles to the shaders, in the render world. Includes shaders that are only imported by others, to keep them loaded.
 #[derive(Resource, Clone)]
@@ -76,7 +76,11 @@ impl Shaders {
 pub(crate) fn field_definitions(shape: FieldShape, degree: u32) -> Vec<ShaderDefVal> {
     let FieldShape { payload, activation, inner_records } = shape;
     let functions = payload.basis.functions().min(((degree + 1) * (degree + 1)) as usize);
-    let used = if payload.compact { (functions - 1).div_ceil(4) } else { functions.div_ceil(2) };
+    let used = match payload.layout {
+        Layout::Halves => functions.div_ceil(2),
+        Layout::Bytes => (functions - 1).div_ceil(4),
+        Layout::Codebook => (functions - 1).div_ceil(2),
+    };
     let number = |name: &str, value: usize| ShaderDefVal::UInt(name.into(), value as u32);
     let mut definitions =
         vec![number("TEXELS", payload.texels()), number("WORDS", payload.words_per_channel()), number("USED", used)];
@@ -86,7 +90,8 @@ pub(crate) fn field_definitions(shape: FieldShape, degree: u32) -> Vec<ShaderDef
         }
     };
     define("INNER_RECORDS", inner_records);
-    define("COMPACT", payload.compact);
+    define("COMPACT", payload.layout == Layout::Bytes);
+    define("CODEBOOK", payload.layout == Layout::Codebook);
     define("RGBA", payload.basis == Basis::Rgba);
     for (degree, name) in ["DEGREE_1", "DEGREE_2", "DEGREE_3", "DEGREE_4"].into_iter().enumerate() {
         define(name, functions > (degree + 1) * (degree + 1));

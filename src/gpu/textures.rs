@@ -8,6 +8,7 @@ use bevy::render::{
     renderer::{RenderDevice, RenderQueue},
 };
 use half::f16;
+use plenoctree::PlenOctree;
 
 use super::payload::Payload;
 
@@ -52,14 +53,43 @@ impl Row {
         texture
     }
 
-    pub fn upload_densities(self, device: &RenderDevice, queue: &RenderQueue, densities: &[f32]) -> Texture {
-        let texture = self.texture(device, "plenoctree_densities", TextureFormat::R32Float, densities.len());
-        self.write(queue, &texture, 0, bytemuck::cast_slice(densities), 4);
+    /// Uploads densities. Those of packed fields are numbers that half floats hold, and take half the memory.
+    pub fn upload_densities(self, device: &RenderDevice, queue: &RenderQueue, field: &PlenOctree) -> Texture {
+        let label = "plenoctree_densities";
+        let densities = field.densities();
+        if field.codebook().is_none() {
+            let texture = self.texture(device, label, TextureFormat::R32Float, densities.len());
+            self.write(queue, &texture, 0, bytemuck::cast_slice(densities), 4);
+            return texture;
+        }
+        let texture = self.texture(device, label, TextureFormat::R16Float, densities.len());
+        let halves: Vec<f16> = densities.iter().map(|density| f16::from_f32(*density)).collect();
+        self.write(queue, &texture, 0, bytemuck::cast_slice(&halves), 2);
         texture
     }
 
-    /// Uploads coefficients in bands, so that no more than one band is in memory twice.
+    /// Uploads the coefficients, and the codebook of a packed field.
     pub fn upload_coefficients(
+        self,
+        device: &RenderDevice,
+        queue: &RenderQueue,
+        field: &PlenOctree,
+    ) -> (Texture, Option<Texture>) {
+        let payload = Payload::of(field);
+        let Some(codebook) = field.codebook() else {
+            return (self.upload_each(device, queue, payload, &field.coefficients()), None);
+        };
+        let leaves = Payload::pack_leaves(codebook);
+        let texture = self.texture(device, "plenoctree_coefficients", TextureFormat::Rg32Uint, leaves.len());
+        self.write(queue, &texture, 0, bytemuck::cast_slice(&leaves), 8);
+        let rows = payload.pack_rows(codebook);
+        let table = self.texture(device, "plenoctree_codebook", TextureFormat::Rgba32Uint, rows.len() / 4);
+        self.write(queue, &table, 0, bytemuck::cast_slice(&rows), 16);
+        (texture, Some(table))
+    }
+
+    /// Uploads the coefficients of every leaf in bands, so that no more than one band is in memory twice.
+    fn upload_each(
         self,
         device: &RenderDevice,
         queue: &RenderQueue,

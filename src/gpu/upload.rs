@@ -69,7 +69,8 @@ struct FieldUniform {
     row: u32,
 }
 
-/// The layout of a field's bind group: its uniform, table records, child records, densities and coefficients.
+/// The layout of a field's bind group: its uniform, table records, child records, densities, coefficients, and the
+/// codebook of a packed field. Other fields bind their coefficients in its place.
 #[derive(Resource, Clone)]
 pub struct FieldLayout(pub(crate) BindGroupLayoutDescriptor);
 
@@ -86,21 +87,38 @@ impl Default for FieldLayout {
                     words(),
                     texture_2d(TextureSampleType::Float { filterable: false }),
                     words(),
+                    words(),
                 ),
             ),
         ))
     }
 }
 
-/// Returns the sizes of a field's densities and coefficients on the GPU, in bytes.
-pub(super) fn arrays(field: &PlenOctree) -> [(&'static str, u64); 2] {
+/// An array on the GPU: what it holds, its size in bytes, and the size of a texel.
+pub(super) type Array = (&'static str, u64, u64);
+
+/// Returns the sizes of a field's densities, of its leaves' coefficients, and of its codebook on the GPU.
+pub(super) fn arrays(field: &PlenOctree) -> [Array; 3] {
     let leaves = field.leaves().max(1) as u64;
-    [("densities", leaves * 4), ("coefficients", leaves * 16 * Payload::of(field).texels() as u64)]
+    let payload = Payload::of(field);
+    let texels = payload.texels() as u64;
+    match field.codebook() {
+        None => [("densities", 4 * leaves, 4), ("coefficients", 16 * texels * leaves, 16), ("codebook", 0, 16)],
+        Some(codebook) => {
+            let width = payload.basis.coefficients() - 3;
+            let rows = codebook.table.len().checked_div(width).unwrap_or(0) as u64;
+            [
+                ("densities", 2 * leaves, 2),
+                ("coefficients", 8 * leaves, 8),
+                ("codebook", 16 * (texels * rows).max(1), 16),
+            ]
+        }
+    }
 }
 
 /// Returns the bytes that a field's table may take: an eighth of the size of its coefficients.
 pub(super) fn table_allowance(field: &PlenOctree) -> u64 {
-    let [_, (_, coefficients)] = arrays(field);
+    let [_, (_, coefficients, _), _] = arrays(field);
     coefficients / 8
 }
 
@@ -113,11 +131,8 @@ pub(super) fn check(field: &PlenOctree, limits: &wgpu::Limits) -> Result<(), Fie
 /// Checks a field whose number of child records is known.
 fn check_arrays(field: &PlenOctree, children: u64, limits: &wgpu::Limits) -> Result<(), FieldTooLarge> {
     let texels = Row::new(limits).most_texels();
-    let [(densities, density_bytes), (coefficients, coefficient_bytes)] = arrays(field);
-    // A texel of densities has one word instead of four.
-    for (what, bytes, texel) in
-        [(coefficients, coefficient_bytes, 16), (densities, density_bytes, 4), ("child records", 16 * children, 16)]
-    {
+    let records = ("child records", 16 * children, 16);
+    for (what, bytes, texel) in arrays(field).into_iter().chain([records]) {
         let limit = texel * texels;
         if bytes > limit {
             return Err(FieldTooLarge { what, bytes, limit: Some(limit) });
@@ -212,24 +227,28 @@ impl Uploader<'_> {
         uniform.write_buffer(device, queue);
         let table = upload_table(device, queue, &records.table, records.table_level);
         let children = row.upload_words(device, queue, "plenoctree_records", &records.children);
-        let densities = row.upload_densities(device, queue, field.densities());
-        let coefficients = row.upload_coefficients(device, queue, payload, field.coefficients());
-        let views = [&table, &children, &densities, &coefficients].map(|texture| texture.create_view(&default()));
-        let bytes = [&table, &children, &densities, &coefficients].map(|texture| {
+        let densities = row.upload_densities(device, queue, field);
+        let (coefficients, codebook) = row.upload_coefficients(device, queue, field);
+        let own = [&table, &children, &densities, &coefficients].into_iter().chain(&codebook);
+        let bytes = own.map(|texture| {
             let size = texture.size();
             let texel = texture.format().block_copy_size(None).unwrap_or(0);
             u64::from(size.width) * u64::from(size.height) * u64::from(size.depth_or_array_layers) * u64::from(texel)
         });
+        let bytes = bytes.sum();
+        let shared = codebook.as_ref().unwrap_or(&coefficients);
+        let views =
+            [&table, &children, &densities, &coefficients, shared].map(|texture| texture.create_view(&default()));
         let bind_group = self.device.create_bind_group(
             "plenoctree_field",
             &self.pipelines.get_bind_group_layout(&self.layout.0),
-            &BindGroupEntries::sequential((&uniform, &views[0], &views[1], &views[2], &views[3])),
+            &BindGroupEntries::sequential((&uniform, &views[0], &views[1], &views[2], &views[3], &views[4])),
         );
         GpuLevel {
             bind_group,
             shape: FieldShape { payload, activation: field.activation(), inner_records: !records.children.is_empty() },
             bounds: field.tree_bounds(),
-            bytes: bytes.iter().sum(),
+            bytes,
         }
     }
 }

@@ -119,7 +119,7 @@ mod settings {
             .load_builder()
             .with_settings(|settings: &mut LoadSettings| {
                 settings.activation = Some(Activation::ShiftedRelu);
-                settings.up = UpAxis::Y;
+                settings.up = Some(UpAxis::Y);
             })
             .load("converted_from_svox2.npz");
         commands.spawn(Prop(field));

@@ -9,6 +9,7 @@ use bevy::{
     render::{
         RenderApp,
         error_handler::{RenderErrorHandler, RenderErrorPolicy},
+        render_asset::RenderAssets,
         renderer::RenderDevice,
     },
 };
@@ -18,7 +19,9 @@ use bevy_plenoctree::{
 };
 use glam::{DMat4, DVec3};
 use image::RgbaImage;
-use plenoctree::{BakeSettings, Basis, bake, camera::PinholeCamera, reference};
+use plenoctree::{
+    BakeSettings, Basis, PackSettings, Packed, bake, camera::PinholeCamera, reference, sampling::Progress,
+};
 
 const SIZE: u32 = 96;
 
@@ -154,6 +157,28 @@ fn every_basis_matches_the_reference() {
             // Rounding to 8 bits alone makes a difference of 0.29; 50 dB is a difference of 0.8.
             assert!(difference < 0.4, "{basis:?} {activation:?}: {difference}");
         }
+    }
+}
+
+/// The codebook of a packed field is on the GPU too, where a leaf takes 10 bytes.
+#[test]
+fn packed_fields_match_the_reference() {
+    for basis in [Basis::Sh1, Basis::Sh9, Basis::Sh25] {
+        let settings = PackSettings { rows: 300, ..default() };
+        let packed = Packed::new(&ball(basis), &settings, &Progress::default()).unwrap();
+        let field = packed.field();
+        let expected = reference::render(field, &pinhole()).over(DVec3::ONE);
+        let mut scene = Scene::new(field);
+        let difference = difference(&scene.capture(), &expected);
+        assert!(difference < 0.4, "{basis:?}: {difference}");
+        let codebook = field.codebook().unwrap();
+        let render = scene.headless.app.sub_app(RenderApp).world();
+        let bytes = render.resource::<RenderAssets<GpuField>>().get(&scene.field).unwrap().bytes();
+        assert!(bytes <= GpuField::byte_size(field) + (1 << 17), "{bytes}");
+        // The table, whole rows of textures, and rows of the codebook that are padded to texels.
+        let table = 16 << (3 * (field.depth() - 2));
+        let most = table + 10 * field.leaves() + 3 * codebook.table.len() + (1 << 17);
+        assert!(bytes <= most as u64, "{basis:?}: {bytes} of {most}");
     }
 }
 

@@ -20,8 +20,9 @@
 //! |---|---|---|
 //! | `bake` | fields from closures | on |
 //! | `camera` | pinhole cameras, and the `transforms.json` files of NeRF datasets | on |
+//! | `mesh` | surfaces of fields as triangle meshes | on |
 //! | `reference` | rendering, sampling and posterization in float64 | on |
-//! | `write` | writing fields | on |
+//! | `write` | writing and packing fields | on |
 //! | `fit` | fitting fields to photographs | off |
 //! | `splat` | captures of Gaussian splats | off |
 //! | `bevy` | Bevy's `Asset` and `Reflect` for fields, palettes and settings | off |
@@ -43,6 +44,9 @@ mod file;
 pub mod fit;
 mod lod;
 mod march;
+#[cfg(feature = "mesh")]
+mod mesh;
+mod pack;
 pub mod palette;
 mod ray_cast;
 #[cfg(feature = "reference")]
@@ -54,10 +58,16 @@ pub mod splat;
 
 #[cfg(feature = "bake")]
 pub use bake::{BakeError, BakeSettings, bake};
-pub use field::{Activation, Basis, Cell, Frame, InvalidField, LeafCell, MAX_DEPTH, PlenOctree, Precision, UpAxis};
+pub use field::{
+    Activation, Basis, Cell, Codebook, Frame, InvalidField, LeafCell, MAX_DEPTH, PlenOctree, Precision, UpAxis,
+};
 #[cfg(feature = "write")]
 pub use file::WriteError;
 pub use file::{LoadSettings, ReadError, ReadFault};
 pub use lod::Faintness;
 pub use march::Crossing;
+#[cfg(feature = "mesh")]
+pub use mesh::{MeshError, SurfaceMesh};
+#[cfg(feature = "write")]
+pub use pack::{PackError, PackSettings, Packed};
 pub use ray_cast::FieldHit;

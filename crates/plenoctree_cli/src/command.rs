@@ -4,7 +4,7 @@ use clap::{Parser, Subcommand};
 
 #[cfg(feature = "bevy")]
 use crate::tradeoff;
-use crate::{Result, bake, coherence, convert, evidence, fit, info, palette, render, stylize};
+use crate::{Result, bake, coherence, convert, evidence, fit, info, pack, palette, render, stylize};
 
 /// Inspects, bakes and stylizes PlenOctrees.
 #[derive(Parser)]
@@ -28,6 +28,7 @@ enum Command {
     Fit(fit::Arguments),
     Convert(convert::Arguments),
     Render(render::Arguments),
+    Pack(pack::Arguments),
 }
 
 impl CommandLine {
@@ -45,6 +46,7 @@ impl CommandLine {
             Command::Fit(arguments) => fit::run(arguments),
             Command::Convert(arguments) => convert::run(arguments),
             Command::Render(arguments) => render::run(arguments),
+            Command::Pack(arguments) => pack::run(arguments),
         }
     }
 }

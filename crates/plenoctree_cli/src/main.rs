@@ -16,6 +16,7 @@ mod gpu_memory;
 mod hex;
 mod info;
 mod number;
+mod pack;
 mod palette;
 mod plot;
 mod preset;

@@ -4,6 +4,7 @@
 mod activation;
 mod basis;
 mod cell;
+mod coefficients;
 #[cfg(any(feature = "fit", feature = "splat"))]
 mod finest;
 mod frame;
@@ -12,6 +13,8 @@ mod octree;
 pub use activation::Activation;
 pub use basis::Basis;
 pub use cell::{Cell, LeafCell};
+pub use coefficients::Codebook;
+pub(crate) use coefficients::Coefficients;
 #[cfg(feature = "fit")]
 pub(crate) use finest::morton;
 #[cfg(feature = "splat")]

@@ -1,6 +1,6 @@
 //! The octree in memory.
 
-use std::sync::Arc;
+use std::{borrow::Cow, sync::Arc};
 
 #[cfg(feature = "bevy")]
 use bevy_reflect::std_traits::ReflectDefault;
@@ -12,6 +12,7 @@ use super::{
     activation::Activation,
     basis::Basis,
     cell::{Cell, LeafCell},
+    coefficients::{Codebook, Coefficients},
     frame::{Frame, UpAxis},
 };
 
@@ -103,7 +104,7 @@ pub struct PlenOctree {
     bounds: Option<(UVec3, UVec3)>,
     nodes: Arc<Vec<[Cell; 8]>>,
     density: Arc<Vec<f32>>,
-    coefficients: Arc<Vec<f16>>,
+    coefficients: Coefficients,
 }
 
 impl PlenOctree {
@@ -126,6 +127,27 @@ impl PlenOctree {
         density: Vec<f32>,
         coefficients: Vec<f16>,
     ) -> Result<Self, InvalidField> {
+        if coefficients.iter().any(|k| !k.is_finite()) {
+            return Err(InvalidField::Number { what: "a coefficient", positive: false });
+        }
+        let expected = density.len() * basis.coefficients();
+        if coefficients.len() != expected {
+            let (leaves, found) = (density.len(), coefficients.len());
+            return Err(InvalidField::Lengths { leaves, what: "coefficients", found, expected });
+        }
+        Self::assemble(frame, basis, activation, up, nodes, density, Coefficients::Each(Arc::new(coefficients)))
+    }
+
+    /// Creates a field from its parts like [`Self::new`]. The coefficients are known to be finite and complete.
+    pub(crate) fn assemble(
+        frame: Frame,
+        basis: Basis,
+        activation: Activation,
+        up: UpAxis,
+        nodes: Vec<[Cell; 8]>,
+        density: Vec<f32>,
+        coefficients: Coefficients,
+    ) -> Result<Self, InvalidField> {
         let number = |what, positive| Err(InvalidField::Number { what, positive });
         if !frame.offset.is_finite() {
             return number("the offset", false);
@@ -135,14 +157,6 @@ impl PlenOctree {
         }
         if density.iter().any(|d| !d.is_finite() || *d <= 0.0) {
             return number("the density of a leaf", true);
-        }
-        if coefficients.iter().any(|k| !k.is_finite()) {
-            return number("a coefficient", false);
-        }
-        let expected = density.len() * basis.coefficients();
-        if coefficients.len() != expected {
-            let (leaves, found) = (density.len(), coefficients.len());
-            return Err(InvalidField::Lengths { leaves, what: "coefficients", found, expected });
         }
         let mut field = Self {
             frame,
@@ -154,7 +168,7 @@ impl PlenOctree {
             bounds: None,
             nodes: Arc::new(nodes),
             density: Arc::new(density),
-            coefficients: Arc::new(coefficients),
+            coefficients,
         };
         field.depth = field.validate()?;
         field.sort_leaves();
@@ -164,14 +178,14 @@ impl PlenOctree {
 
     /// Returns the field with another tree, which is known to be valid: derived from this one, with its leaves in
     /// depth-first order.
-    pub(crate) fn with_tree(&self, nodes: Vec<[Cell; 8]>, density: Vec<f32>, coefficients: Vec<f16>) -> Self {
+    pub(crate) fn with_tree(&self, nodes: Vec<[Cell; 8]>, density: Vec<f32>, coefficients: Coefficients) -> Self {
         let mut depth = 1;
         let mut stack = vec![(0u32, 1)];
         while let Some((node, level)) = stack.pop() {
             depth = depth.max(level);
             stack.extend(nodes[node as usize].iter().filter_map(|cell| Some((cell.as_node()?, level + 1))));
         }
-        let (nodes, density, coefficients) = (Arc::new(nodes), Arc::new(density), Arc::new(coefficients));
+        let (nodes, density) = (Arc::new(nodes), Arc::new(density));
         let field = Self { depth, nodes, density, coefficients, ..self.clone() };
         Self { bounds: field.leaf_bounds(), ..field }
     }
@@ -239,9 +253,7 @@ impl PlenOctree {
                 *cell = Cell::leaf(*renumbered);
             }
         }
-        let width = self.basis.coefficients();
-        let coefficients = order.iter().flat_map(|leaf| &self.coefficients[leaf * width..][..width]);
-        self.coefficients = Arc::new(coefficients.copied().collect());
+        self.coefficients = self.coefficients.select(self.basis, order.iter().copied());
         self.density = Arc::new(order.iter().map(|leaf| self.density[*leaf]).collect());
     }
 
@@ -275,6 +287,11 @@ impl PlenOctree {
         Self { precision, ..self }
     }
 
+    /// Returns the field with what a file records replaced by what settings ask for.
+    pub(crate) fn with_settings(self, activation: Option<Activation>, up: Option<UpAxis>) -> Self {
+        Self { activation: activation.unwrap_or(self.activation), up: up.unwrap_or(self.up), ..self }
+    }
+
     /// Returns the number of levels of cells: a field of 2^8 cells per side has depth 8.
     pub fn depth(&self) -> u32 {
         self.depth
@@ -295,8 +312,22 @@ impl PlenOctree {
         &self.density
     }
 
-    /// Returns the coefficients of all leaves, [`Basis::coefficients`] per leaf.
-    pub fn coefficients(&self) -> &[f16] {
+    /// Returns the coefficients of all leaves, [`Basis::coefficients`] per leaf. If the field is packed, this creates
+    /// them from the codebook.
+    pub fn coefficients(&self) -> Cow<'_, [f16]> {
+        self.coefficients.all(self.basis)
+    }
+
+    /// Returns the codebook of a packed field, whose leaves share their coefficients, or `None` for other fields.
+    pub fn codebook(&self) -> Option<Codebook<'_>> {
+        match &self.coefficients {
+            Coefficients::Each(_) => None,
+            Coefficients::Shared { constants, rows, table } => Some(Codebook { constants, rows, table }),
+        }
+    }
+
+    /// Returns the coefficients as they are stored.
+    pub(crate) fn stored(&self) -> &Coefficients {
         &self.coefficients
     }
 
@@ -417,11 +448,11 @@ impl PlenOctree {
     ///
     /// Panics if `leaf` is not less than [`Self::leaves`].
     pub fn radiance_with(&self, leaf: u32, y: &[f64; 25]) -> DVec3 {
-        let functions = self.basis.functions();
-        let first = leaf as usize * self.basis.coefficients();
         DVec3::from_array(std::array::from_fn(|channel| {
-            let k = &self.coefficients[first + channel * functions..][..functions];
-            self.activation.apply(k.iter().zip(y).map(|(k, y)| k.to_f64() * y).sum())
+            let (constant, others) = self.coefficients.channel(self.basis, leaf as usize, channel);
+            // In the order of the functions, so that packed fields round like others.
+            let first = constant.to_f64() * y[0];
+            self.activation.apply(others.iter().zip(&y[1..]).fold(first, |sum, (k, y)| sum + k.to_f64() * y))
         }))
     }
 }

@@ -32,8 +32,18 @@ pub enum ReadFault {
     /// A load setting is out of range.
     #[error(transparent)]
     Setting(#[from] InvalidSetting),
-    /// The file is not a zip archive, is truncated, or has a directory that no `.npz` file would have.
-    #[error("found {found}, expected an npz archive")]
+    /// A packed field is truncated, damaged, or of an unknown version.
+    #[error("{section}: found {found}, expected {expected}")]
+    Packed {
+        /// Name of the section, or `header`.
+        section: &'static str,
+        /// What was found.
+        found: String,
+        /// What was expected.
+        expected: String,
+    },
+    /// The file is not a packed field and not a zip archive, is truncated, or has a directory that no `.npz` file would have.
+    #[error("found {found}, expected an npz archive or a packed field")]
     NotAnArchive {
         /// What was found instead.
         found: String,

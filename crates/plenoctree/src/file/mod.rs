@@ -1,16 +1,21 @@
-//! Reading and writing PlenOctree files: the `.npz` archives of svox, plenoctree, volrend and svox2.
+//! Reading and writing PlenOctree files: packed fields, and the `.npz` archives of svox, plenoctree, volrend and svox2.
 
 mod error;
 mod leaves;
 mod npy;
 mod npz;
+mod packed;
 mod quantized;
 mod read;
 mod walk;
 #[cfg(feature = "write")]
 mod write;
+#[cfg(feature = "write")]
+mod write_quantized;
 
 pub use error::{ReadError, ReadFault};
 pub use read::LoadSettings;
+#[cfg(feature = "write")]
+pub(crate) use read::check_frame;
 #[cfg(feature = "write")]
 pub use write::WriteError;

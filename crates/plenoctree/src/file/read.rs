@@ -13,6 +13,7 @@ use super::error::{ReadError, ReadFault, printable};
 use super::leaves::read_data;
 use super::npy::{REALS, Real, WHOLES, Whole, with_real, with_whole};
 use super::npz::{Archive, Array};
+use super::packed::{MAGIC, read_packed};
 use super::quantized::{QUANTIZED, read_quantized};
 use super::walk::Tree;
 use crate::{
@@ -35,29 +36,32 @@ const MAX_NODES: u64 = (1 << 28) - 1;
     type_path = "plenoctree"
 )]
 pub struct LoadSettings {
-    /// Function that maps the sum of the harmonics to radiance. `None`, the default, selects
-    /// [`Basis::default_activation`]. Fields converted from Plenoxels need [`Activation::ShiftedRelu`].
+    /// Function that maps the sum of the harmonics to radiance. `None`, the default, selects the one that a packed field
+    /// records, and [`Basis::default_activation`] for other files. Fields converted from Plenoxels need
+    /// [`Activation::ShiftedRelu`].
     pub activation: Option<Activation>,
-    /// Axis of the field's frame that points up. [`UpAxis::Z`] by default.
-    pub up: UpAxis,
+    /// Axis of the field's frame that points up. `None`, the default, selects the one that a packed field records, and
+    /// [`UpAxis::Z`] for other files.
+    pub up: Option<UpAxis>,
     /// Density, per world unit, below which leaves are dropped. 0.01 by default. Leaves whose density is 0 or negative
     /// are always dropped. NaN is an error.
     pub density_threshold: f32,
-    /// Precision of the coefficients on the GPU. [`Precision::Half`] by default.
+    /// Precision of the coefficients on the GPU. [`Precision::Half`] by default. Does not apply to packed fields, which
+    /// take less memory either way.
     pub precision: Precision,
 }
 
 impl Default for LoadSettings {
     fn default() -> Self {
-        Self { activation: None, up: UpAxis::default(), density_threshold: 0.01, precision: Precision::default() }
+        Self { activation: None, up: None, density_threshold: 0.01, precision: Precision::default() }
     }
 }
 
 impl PlenOctree {
-    /// Reads a PlenOctree file: an `.npz` file as written by svox, plenoctree, the compression of volrend or the
-    /// conversion of svox2.
+    /// Reads a PlenOctree file: a packed field (`.plenoctree`), or an `.npz` file as written by svox, plenoctree, the
+    /// compression of volrend or the conversion of svox2. The content decides which it is, not the name.
     ///
-    /// Arrays are streamed, and only the leaves to keep take up memory. Nodes and leaves are sorted in depth-first
+    /// Arrays of `.npz` files are streamed, and only the leaves to keep take up memory. Nodes and leaves are sorted in depth-first
     /// order, and nodes that the root does not reach are dropped. Arrays may be in C or Fortran order, with either byte
     /// order and any number type that converts without loss of meaning. Coefficients are rounded to float16 and
     /// densities to float32.
@@ -94,6 +98,13 @@ impl<R: Read + Seek> Source for R {}
 fn read(reader: &mut dyn Source, settings: &LoadSettings) -> Result<PlenOctree, ReadFault> {
     let threshold = settings.density_threshold;
     InvalidSetting::check(!threshold.is_nan(), "density_threshold", threshold.into(), "a number")?;
+    let mut first = Vec::new();
+    Read::take(&mut *reader, MAGIC.len() as u64).read_to_end(&mut first)?;
+    reader.rewind()?;
+    if first == MAGIC {
+        let field = read_packed(reader)?.with_settings(settings.activation, settings.up);
+        return Ok(field.thinned(threshold).with_precision(settings.precision));
+    }
     let mut archive = Archive::open(reader)?;
     let basis = read_basis(&mut archive)?;
     let frame = read_frame(&mut archive)?;
@@ -106,7 +117,7 @@ fn read(reader: &mut dyn Source, settings: &LoadSettings) -> Result<PlenOctree, 
         read_data(&mut archive, basis, &mut tree, keep)?
     };
     let activation = settings.activation.unwrap_or(basis.default_activation());
-    PlenOctree::new(frame, basis, activation, settings.up, tree.nodes, density, coefficients)
+    PlenOctree::new(frame, basis, activation, settings.up.unwrap_or_default(), tree.nodes, density, coefficients)
         .map(|field| field.with_precision(settings.precision))
         .map_err(ReadFault::Field)
 }
@@ -168,28 +179,35 @@ fn read_frame(archive: &mut Archive<impl Read + Seek>) -> Result<Frame, ReadFaul
         array.check_shape(&[3])?;
         DVec3::from_array(read_numbers(array)?)
     };
+    let array = archive.array("offset", "the offset of the cube")?;
+    array.check_shape(&[3])?;
+    let offset = DVec3::from_array(read_numbers(array)?);
+    let frame = Frame { offset, scale };
+    check_frame(["offset", key], frame)?;
+    Ok(frame)
+}
+
+/// Returns an error unless a frame is valid, also in float32: files store frames in it, and props are placed in it. `keys`
+/// are what offset and scale are called in errors.
+pub(crate) fn check_frame([offset_key, scale_key]: [&'static str; 2], frame: Frame) -> Result<(), ReadFault> {
+    let Frame { offset, scale } = frame;
     let fault = |key, numbers: DVec3, expected: &str| {
         Err(ReadFault::Value { key, found: format!("{:?}", numbers.to_array()), expected: expected.into() })
     };
     if !scale.is_finite() || scale.min_element() <= 0.0 {
-        return fault(key, scale, "finite positive numbers");
+        return fault(scale_key, scale, "finite positive numbers");
     }
-    let array = archive.array("offset", "the offset of the cube")?;
-    array.check_shape(&[3])?;
-    let offset = DVec3::from_array(read_numbers(array)?);
     if !offset.is_finite() {
-        return fault("offset", offset, "finite numbers");
+        return fault(offset_key, offset, "finite numbers");
     }
-    // Files store frames in float32, and props are placed in float32.
-    let frame = Frame { offset, scale };
     if !offset.as_vec3().is_finite() {
-        return fault("offset", offset, "numbers within the range of float32");
+        return fault(offset_key, offset, "numbers within the range of float32");
     }
     let corners = [DVec3::ZERO, DVec3::ONE].map(|corner| frame.to_world(corner).as_vec3());
     if !scale.as_vec3().is_finite() || !corners.iter().all(|corner| corner.is_finite()) {
-        return fault(key, scale, "a scale and a cube within the range of float32");
+        return fault(scale_key, scale, "a scale and a cube within the range of float32");
     }
-    Ok(frame)
+    Ok(())
 }
 
 fn read_tree(archive: &mut Archive<impl Read + Seek>) -> Result<Tree, ReadFault> {

@@ -61,27 +61,15 @@ impl PlenOctree {
     /// Returns the same errors as [`Self::write`].
     pub fn write_to(&self, writer: impl Write + Seek) -> Result<(), WriteError> {
         let (scale, offset) = frame_in_float32(self)?;
-        let mut writer = BufWriter::new(writer);
-        let mut archive = Archive(ZipWriter::new(&mut writer));
+        let mut archive = Archive::new(BufWriter::new(writer));
         let values = self.basis().coefficients() + 1;
         let nodes = self.nodes().len() as u64;
-        let (parents, reached) = self.parents();
-        archive.array("data_dim", &[], [values as i64])?;
-        archive.array("child", &[nodes, 2, 2, 2], self.child_offsets())?;
-        archive.array("parent_depth", &[nodes, 2], parents.into_iter().flatten())?;
-        archive.array("n_internal", &[], [nodes as i64])?;
-        archive.array("n_free", &[], [nodes as i64 - reached])?;
+        archive.structure(self)?;
         archive.array("invradius3", &[3], scale)?;
         archive.array("offset", &[3], offset)?;
-        archive.array("depth_limit", &[], [i64::from(self.depth()).max(DEPTH_LIMIT)])?;
-        archive.array("geom_resize_fact", &[], [RESIZE_FACTOR])?;
         archive.begin("data", f16::default_dtype(), &[nodes, 2, 2, 2, values as u64], |data| self.write_cells(data))?;
-        let name = self.basis().name();
-        let characters = format!("<U{}", name.len()).parse().map_err(io::Error::other)?;
-        archive.begin("data_format", DType::new_scalar(characters), &[], |text| text.push(name))?;
-        archive.0.finish().map_err(io::Error::from)?;
-        drop(archive);
-        Ok(writer.flush()?)
+        archive.text("data_format", self.basis().name())?;
+        Ok(archive.finish()?)
     }
 
     /// Returns the offset from each cell's node to its child node, or 0 for cells without one.
@@ -115,18 +103,16 @@ impl PlenOctree {
 
     /// Writes `data`: the coefficients and density of every cell, zeros for cells without a leaf.
     fn write_cells(&self, data: &mut NpyWriter<f16, impl Write>) -> io::Result<()> {
-        let count = self.basis().coefficients();
-        let zeros = vec![f16::ZERO; count];
+        let zeros = vec![f16::ZERO; self.basis().coefficients()];
+        let mut coefficients = Vec::new();
         for cell in self.nodes().as_flattened() {
             let (coefficients, density) = match cell.as_leaf().map(|leaf| leaf as usize) {
                 Some(leaf) => {
-                    let density = f16::from_f32(self.densities()[leaf]);
-                    (
-                        &self.coefficients()[leaf * count..][..count],
-                        density.clamp(f16::MIN_POSITIVE_SUBNORMAL, f16::MAX),
-                    )
+                    coefficients.clear();
+                    self.stored().visit(self.basis(), leaf, |_, k| coefficients.push(k));
+                    (&coefficients, half_density(self.densities()[leaf]))
                 }
-                None => (&zeros[..], f16::ZERO),
+                None => (&zeros, f16::ZERO),
             };
             for value in coefficients {
                 data.push(value)?;
@@ -137,8 +123,13 @@ impl PlenOctree {
     }
 }
 
+/// Rounds a density to float16, but to neither 0 nor infinity.
+pub(super) fn half_density(density: f32) -> f16 {
+    f16::from_f32(density).clamp(f16::MIN_POSITIVE_SUBNORMAL, f16::MAX)
+}
+
 /// Returns the frame's scale and offset in float32.
-fn frame_in_float32(field: &PlenOctree) -> Result<([f32; 3], [f32; 3]), WriteError> {
+pub(super) fn frame_in_float32(field: &PlenOctree) -> Result<([f32; 3], [f32; 3]), WriteError> {
     let frame = field.frame();
     let (scale, offset) = (frame.scale.as_vec3(), frame.offset.as_vec3());
     let fault = |key, exact: DVec3, at: usize| WriteError::Frame { key, found: exact[at] };
@@ -152,11 +143,39 @@ fn frame_in_float32(field: &PlenOctree) -> Result<([f32; 3], [f32; 3]), WriteErr
 }
 
 /// An archive being written.
-struct Archive<W: Write + Seek>(ZipWriter<W>);
+pub(super) struct Archive<W: Write + Seek>(ZipWriter<W>);
 
 impl<W: Write + Seek> Archive<W> {
+    pub fn new(writer: W) -> Self {
+        Self(ZipWriter::new(writer))
+    }
+
+    /// Ends the archive.
+    pub fn finish(mut self) -> io::Result<()> {
+        self.0.finish()?.flush()
+    }
+
+    /// Adds the tree, the number of values per leaf, and what svox keeps of a tree.
+    pub fn structure(&mut self, field: &PlenOctree) -> io::Result<()> {
+        let nodes = field.nodes().len() as u64;
+        let (parents, reached) = field.parents();
+        self.array("data_dim", &[], [(field.basis().coefficients() + 1) as i64])?;
+        self.array("child", &[nodes, 2, 2, 2], field.child_offsets())?;
+        self.array("parent_depth", &[nodes, 2], parents.into_iter().flatten())?;
+        self.array("n_internal", &[], [nodes as i64])?;
+        self.array("n_free", &[], [nodes as i64 - reached])?;
+        self.array("depth_limit", &[], [i64::from(field.depth()).max(DEPTH_LIMIT)])?;
+        self.array("geom_resize_fact", &[], [RESIZE_FACTOR])
+    }
+
+    /// Adds a string.
+    pub fn text(&mut self, key: &str, text: &str) -> io::Result<()> {
+        let characters = format!("<U{}", text.len()).parse().map_err(io::Error::other)?;
+        self.begin(key, DType::new_scalar(characters), &[], |array| array.push(text))
+    }
+
     /// Adds an array of numbers.
-    fn array<T: AutoSerialize>(
+    pub fn array<T: AutoSerialize>(
         &mut self,
         key: &str,
         shape: &[u64],

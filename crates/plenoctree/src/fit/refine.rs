@@ -148,10 +148,11 @@ impl Grid {
         let functions = field.basis().functions();
         let mut grid = Self::new(Cube { low: field.frame().to_world(DVec3::ZERO), size }, functions, &set);
         let width = grid.voxel_size();
+        let coefficients = field.coefficients();
         for cell in field.leaf_cells() {
             let Some(voxel) = grid.voxel(cell.corner.as_ivec3()) else { continue };
             let leaf = cell.leaf as usize;
-            let own = &field.coefficients()[leaf * 3 * functions..][..3 * functions];
+            let own = &coefficients[leaf * 3 * functions..][..3 * functions];
             let values = &mut grid.values[voxel as usize * functions..][..functions];
             for (function, value) in values.iter_mut().enumerate() {
                 let [r, g, b] = [0, 1, 2].map(|channel| own[channel * functions + function].to_f32());

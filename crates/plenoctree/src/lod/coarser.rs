@@ -1,10 +1,12 @@
 //! Levels of detail with larger cells.
 
+use std::sync::Arc;
+
 use glam::DVec3;
 use half::f16;
 use rayon::prelude::*;
 
-use crate::field::{Cell, PlenOctree};
+use crate::field::{Cell, Coefficients, PlenOctree};
 
 impl PlenOctree {
     /// Returns the field with its finest cells merged, eight into one, `levels` times. Returns `None` if `levels` is
@@ -15,7 +17,7 @@ impl PlenOctree {
     /// A merged cell gets the density that lets as much light through as its parts, averaged over rays along the three
     /// axes. This is the mean density if the parts are thin, and less if rays can pass by the dense parts. Its
     /// coefficients are the means of those of its parts, weighted by the light that each part absorbs. This averages
-    /// the sums of the harmonics, not the radiance after activation.
+    /// the sums of the harmonics, not the radiance after activation. The coarser version of a packed field is not packed.
     pub fn coarser(&self, levels: u32) -> Option<Self> {
         let mut field = self.clone();
         for _ in 0..levels {
@@ -41,15 +43,17 @@ impl PlenOctree {
             }
         });
         let coefficients = leaves.par_iter().flat_map_iter(|leaf| match leaf {
-            NewLeaf::Same(leaf) => self.leaf_coefficients(*leaf).to_vec(),
+            NewLeaf::Same(leaf) => self.leaf_coefficients(*leaf),
             NewLeaf::Merged(node) => self.mean_coefficients(*node, widths.element_product().cbrt()),
         });
-        Some(self.with_tree(nodes, densities.collect(), coefficients.collect()))
+        let coefficients = Coefficients::Each(Arc::new(coefficients.collect()));
+        Some(self.with_tree(nodes, densities.collect(), coefficients))
     }
 
-    fn leaf_coefficients(&self, leaf: u32) -> &[f16] {
-        let width = self.basis().coefficients();
-        &self.coefficients()[leaf as usize * width..][..width]
+    fn leaf_coefficients(&self, leaf: u32) -> Vec<f16> {
+        let mut coefficients = Vec::with_capacity(self.basis().coefficients());
+        self.stored().visit(self.basis(), leaf as usize, |_, k| coefficients.push(k));
+        coefficients
     }
 
     /// Returns the densities of a node's eight cells, none of which may be subdivided.
@@ -65,9 +69,12 @@ impl PlenOctree {
             // Even the faintest leaf counts.
             let weight = (-(-f64::from(self.densities()[leaf as usize]) * width).exp_m1()).max(f64::MIN_POSITIVE);
             total += weight;
-            for (sum, k) in sums.iter_mut().zip(self.leaf_coefficients(leaf)) {
-                *sum += weight * k.to_f64();
-            }
+            let mut sums = sums.iter_mut();
+            self.stored().visit(self.basis(), leaf as usize, |_, k| {
+                if let Some(sum) = sums.next() {
+                    *sum += weight * k.to_f64();
+                }
+            });
         }
         sums.into_iter().map(|sum| f16::from_f64(sum / total)).collect()
     }

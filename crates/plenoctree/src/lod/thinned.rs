@@ -13,31 +13,34 @@ impl PlenOctree {
         if self.densities().iter().all(|density| *density >= density_threshold) {
             return self.clone();
         }
-        let mut thin = Thin { field: self, density_threshold, nodes: vec![[Cell::EMPTY; 8]], leaves: Vec::new() };
+        self.retain(|leaf| self.densities()[leaf as usize] >= density_threshold)
+    }
+
+    /// Returns the field with only the leaves that pass `keep`.
+    pub(crate) fn retain(&self, keep: impl Fn(u32) -> bool) -> Self {
+        let mut thin = Thin { field: self, keep, nodes: vec![[Cell::EMPTY; 8]], leaves: Vec::new() };
         thin.copy(0, 0);
         let Thin { nodes, leaves, .. } = thin;
-        let width = self.basis().coefficients();
-        let coefficients =
-            leaves.iter().flat_map(|leaf| &self.coefficients()[*leaf as usize * width..][..width]).copied().collect();
+        let coefficients = self.stored().select(self.basis(), leaves.iter().map(|leaf| *leaf as usize));
         let densities = leaves.iter().map(|leaf| self.densities()[*leaf as usize]).collect();
         self.with_tree(nodes, densities, coefficients)
     }
 }
 
-struct Thin<'a> {
+struct Thin<'a, K> {
     field: &'a PlenOctree,
-    density_threshold: f32,
+    keep: K,
     nodes: Vec<[Cell; 8]>,
     /// The leaves to keep, in the order of the new field.
     leaves: Vec<u32>,
 }
 
-impl Thin<'_> {
+impl<K: Fn(u32) -> bool> Thin<'_, K> {
     /// Copies the remaining cells of node `from` to node `to`, leaving out nodes that would be empty.
     fn copy(&mut self, from: u32, to: usize) {
         for (index, cell) in self.field.nodes()[from as usize].iter().enumerate() {
             if let Some(leaf) = cell.as_leaf() {
-                if self.field.densities()[leaf as usize] >= self.density_threshold {
+                if (self.keep)(leaf) {
                     self.nodes[to][index] = Cell::leaf(self.leaves.len() as u32);
                     self.leaves.push(leaf);
                 }

@@ -15,6 +15,8 @@ mod plan;
 mod progress;
 mod sampler;
 mod settings;
+#[cfg(feature = "write")]
+mod visibility;
 
 pub(crate) use histogram::Bins;
 pub use histogram::{Histograms, InvalidHistogram, MAX_CHANNEL};
@@ -22,3 +24,5 @@ pub use plan::SamplingPlan;
 pub use progress::{Canceled, Progress};
 pub use sampler::{SamplingError, sample};
 pub use settings::{InvalidSetting, Observers, SamplingSettings};
+#[cfg(feature = "write")]
+pub(crate) use visibility::{Seen, visibility};

@@ -48,28 +48,28 @@ pub fn sample(
     Ok(Sampler::new(field, settings, blocks, progress)?.run()?)
 }
 
-struct Sampler<'a> {
-    field: &'a PlenOctree,
+pub(super) struct Sampler<'a> {
+    pub field: &'a PlenOctree,
     settings: &'a SamplingSettings,
-    blocks: Option<Blocks>,
+    pub blocks: Option<Blocks>,
     /// Rays of every direction cell.
-    cells: Vec<Vec<Ray>>,
+    pub cells: Vec<Vec<Ray>>,
     /// Optical depth above which a leaf is hidden.
     limit: f64,
-    progress: &'a Progress,
+    pub progress: &'a Progress,
 }
 
 /// A direction in which all leaves are seen.
-struct Ray {
+pub(super) struct Ray {
     /// Direction toward the observer, in finest cells per world unit.
-    direction: DVec3,
+    pub direction: DVec3,
     /// Basis functions for the view from the observer.
-    basis: [f64; 25],
-    path: Path,
+    pub basis: [f64; 25],
+    pub path: Path,
 }
 
 /// Leaves that are sampled together.
-enum Unit {
+pub(super) enum Unit {
     /// Finest leaves in the same block: the block, and each leaf with its row and lane.
     Block(IVec3, Vec<(u32, usize, usize)>),
     /// A leaf of any size.
@@ -86,7 +86,7 @@ struct Worker {
 }
 
 impl<'a> Sampler<'a> {
-    fn new(
+    pub fn new(
         field: &'a PlenOctree,
         settings: &'a SamplingSettings,
         blocks: Option<Blocks>,
@@ -137,7 +137,7 @@ impl<'a> Sampler<'a> {
         Ok(tally.finish(factor, (chosen.len() * self.cells.len()) as u64))
     }
 
-    fn units(&self, leaves: &[LeafCell]) -> Result<Vec<Unit>, Canceled> {
+    pub fn units(&self, leaves: &[LeafCell]) -> Result<Vec<Unit>, Canceled> {
         let mut units = Vec::new();
         for &cell in leaves {
             self.progress.check()?;
@@ -194,9 +194,7 @@ impl<'a> Sampler<'a> {
     }
 
     fn decode(&self, leaf: u32, coefficients: &mut Vec<f64>) {
-        let count = self.field.basis().coefficients();
-        let stored = &self.field.coefficients()[leaf as usize * count..][..count];
-        coefficients.extend(stored.iter().map(|k| k.to_f64()));
+        self.field.stored().visit(self.field.basis(), leaf as usize, |_, k| coefficients.push(k.to_f64()));
     }
 
     /// Adds the radiance sample of a leaf in a direction cell, given the optical depth along each ray.

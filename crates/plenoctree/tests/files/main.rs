@@ -90,7 +90,7 @@ fn settings_say_what_the_file_does_not() {
     for density_threshold in [-1.0, 0.0, 0.01, 50.0] {
         let settings = LoadSettings {
             activation: Some(Activation::ShiftedRelu),
-            up: UpAxis::Y,
+            up: Some(UpAxis::Y),
             density_threshold,
             ..Default::default()
         };
@@ -573,9 +573,13 @@ fn assert_changed_refused(what: &str, change: impl Fn(&mut Vec<u8>), message: &s
 
 #[test]
 fn archives_that_are_none_are_refused() {
-    assert_changed_refused("nothing", Vec::clear, "found an empty file, expected an npz archive");
+    assert_changed_refused("nothing", Vec::clear, "found an empty file, expected an npz archive or a packed field");
     let text = |bytes: &mut Vec<u8>| *bytes = b"{\"not\": \"a zip\"}".repeat(9000);
-    assert_changed_refused("text", text, "found no zip directory at the end, expected an npz archive");
+    assert_changed_refused(
+        "text",
+        text,
+        "found no zip directory at the end, expected an npz archive or a packed field",
+    );
     assert_changed_refused("half", |bytes| bytes.truncate(bytes.len() / 2), "found no zip directory at the end");
     assert_changed_refused(
         "a byte short",
@@ -686,7 +690,7 @@ fn overlapping_members_are_refused() {
             bytes[place..place + 4].copy_from_slice(&start);
         }
     };
-    let message = "expected an npz archive";
+    let message = "expected an npz archive or a packed field";
     assert_changed_refused("the same bytes", overlap("offset", "invradius3"), message);
     assert_changed_refused("the same bytes", overlap("offset", "invradius3"), "found the overlapping members ");
     // A member that reaches into the next one: from the first header on, to a byte beyond the second.

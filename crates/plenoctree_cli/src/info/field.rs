@@ -34,6 +34,7 @@ pub fn report(path: &Path) -> Result<Report> {
         ("depth", field.depth().to_string()),
         ("bounds", bounds_text(field.bounds())),
         ("dense bounds", bounds_text(field.dense_bounds())),
+        ("coefficients", codebook_text(&field)),
         ("density", densities.as_ref().map_or(text::NONE.into(), Densities::text)),
     ];
     lines.extend(gpu_bytes.map(|bytes| ("GPU memory", text::size(bytes))));
@@ -47,10 +48,21 @@ pub fn report(path: &Path) -> Result<Report> {
         "depth": field.depth(),
         "bounds": bounds_json(field.bounds()),
         "dense_bounds": bounds_json(field.dense_bounds()),
+        "codebook_rows": rows(&field),
         "density": densities.as_ref().map(Densities::json),
         "gpu_bytes": gpu_bytes,
     });
     Ok(Report { text: text::table(path, &lines), json })
+}
+
+/// Returns the number of rows of a packed field's codebook.
+fn rows(field: &PlenOctree) -> Option<usize> {
+    let width = field.basis().coefficients() - 3;
+    field.codebook().map(|codebook| codebook.table.len().checked_div(width).unwrap_or(0))
+}
+
+fn codebook_text(field: &PlenOctree) -> String {
+    rows(field).map_or("of every leaf".into(), |rows| format!("packed, {rows} rows"))
 }
 
 /// Returns `None` for an empty field.

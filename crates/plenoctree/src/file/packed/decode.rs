@@ -1,0 +1,237 @@
+//! Reads a packed field.
+
+use std::io::{Read, Seek};
+
+use glam::DVec3;
+use half::f16;
+
+use super::super::{error::ReadFault, read::check_frame};
+use super::{
+    CONSTANTS, DENSITIES, HEAD, HEAD_BYTES, LEVELS, ROWS, TABLE, TREE,
+    container::{Container, fault},
+    planes,
+};
+use crate::{
+    field::{Activation, Basis, Cell, Frame, MAX_DEPTH, PlenOctree, UpAxis},
+    pack::{MAX_LEVELS, MAX_ROWS, Quantized},
+};
+
+/// Reads a packed field, as the file has it.
+pub(in crate::file) fn read_packed(reader: impl Read + Seek) -> Result<PlenOctree, ReadFault> {
+    let mut file = Container::open(reader)?;
+    let head = Head::parse(&file.read(HEAD, HEAD_BYTES as u64)?)?;
+    let (leaves, nodes) = (head.leaves as u64, head.nodes as u64);
+    // What the field takes: densities, constants and rows per leaf, and cells per node.
+    file.check_room(HEAD, 12 * leaves + 32 * nodes)?;
+    let nodes = head.tree(&mut file)?;
+    let densities = head.densities(&mut file)?;
+    let levels = file.read(LEVELS, leaves)?;
+    if let Some(level) = levels.iter().find(|level| usize::from(**level) >= densities.len()) {
+        return Err(fault(LEVELS, format!("level {level}"), format!("less than {}", densities.len())));
+    }
+    let constants = constants(&file.read(CONSTANTS, 12 * leaves)?, head.leaves);
+    let (table, rows) = head.codebook(&mut file)?;
+    let quantized = Quantized {
+        frame: head.frame,
+        basis: head.basis,
+        activation: head.activation,
+        up: head.up,
+        depth: head.depth,
+        nodes,
+        densities,
+        levels,
+        step: head.step,
+        constants,
+        table_step: head.table_step,
+        table,
+        rows,
+    };
+    quantized.field().map_err(ReadFault::Field)
+}
+
+/// The section `HEAD`.
+struct Head {
+    basis: Basis,
+    activation: Activation,
+    up: UpAxis,
+    depth: u32,
+    nodes: usize,
+    leaves: usize,
+    densities: usize,
+    rows: usize,
+    step: f32,
+    table_step: f32,
+    frame: Frame,
+}
+
+impl Head {
+    fn parse(bytes: &[u8]) -> Result<Self, ReadFault> {
+        let choice = |what: &str, found: u8, expected: &str| fault(HEAD, format!("{what} {found}"), expected);
+        let [basis, activation, up, depth] = [0, 1, 2, 3].map(|at| bytes[at]);
+        let count = |at: usize| u32::from_le_bytes(part(bytes, 4 + 4 * at)) as usize;
+        let step = |at: usize| f32::from_le_bytes(part(bytes, 20 + 4 * at));
+        let number = |at: usize| f64::from_le_bytes(part(bytes, 28 + 8 * at));
+        let head = Self {
+            basis: *Basis::ALL.get(usize::from(basis)).ok_or_else(|| choice("basis", basis, "0 to 5"))?,
+            activation: match activation {
+                0 => Activation::Sigmoid,
+                1 => Activation::ShiftedRelu,
+                2 => Activation::Identity,
+                other => return Err(choice("activation", other, "0 to 2")),
+            },
+            up: match up {
+                0 => UpAxis::Y,
+                1 => UpAxis::Z,
+                other => return Err(choice("up axis", other, "0 or 1")),
+            },
+            depth: u32::from(depth),
+            nodes: count(0),
+            leaves: count(1),
+            densities: count(2),
+            rows: count(3),
+            step: step(0),
+            table_step: step(1),
+            frame: Frame {
+                offset: DVec3::new(number(0), number(1), number(2)),
+                scale: DVec3::new(number(3), number(4), number(5)),
+            },
+        };
+        if !(1..=MAX_DEPTH).contains(&head.depth) {
+            return Err(choice("depth", depth, "1 to 20"));
+        }
+        let range = |what: &str, found: usize, least: usize, most: usize| {
+            let holds = (least..=most).contains(&found);
+            if holds { Ok(()) } else { Err(fault(HEAD, format!("{found} {what}"), format!("{least} to {most}"))) }
+        };
+        range("nodes", head.nodes, 1, (1 << 28) - 1)?;
+        range("leaves", head.leaves, 0, 8 * head.nodes)?;
+        range("densities", head.densities, usize::from(head.leaves > 0), MAX_LEVELS)?;
+        let shares = head.leaves > 0 && head.basis.functions() > 1;
+        range("rows", head.rows, usize::from(shares), if shares { MAX_ROWS } else { 0 })?;
+        for step in [head.step, head.table_step] {
+            if !step.is_finite() || step <= 0.0 {
+                return Err(fault(HEAD, format!("a step of {step}"), "a positive number"));
+            }
+        }
+        check_frame([HEAD; 2], head.frame)?;
+        Ok(head)
+    }
+
+    /// Reads the nodes and numbers the leaves in depth-first order.
+    fn tree(&self, file: &mut Container<impl Read + Seek>) -> Result<Vec<[Cell; 8]>, ReadFault> {
+        // Nodes of the last level have one byte, others two. How many there are is known at the end.
+        let raw = file.size(TREE)?;
+        if raw < self.nodes as u64 || raw > 2 * self.nodes as u64 {
+            return Err(fault(
+                TREE,
+                format!("{raw} bytes of content"),
+                format!("1 or 2 for each of {} nodes", self.nodes),
+            ));
+        }
+        let bytes = file.read(TREE, raw)?;
+        let mismatch = || fault(TREE, "more or fewer cells", format!("{} nodes, {} leaves", self.nodes, self.leaves));
+        // Which cells of each level's nodes are not empty, and which are leaves.
+        let mut levels: Vec<(&[u8], &[u8])> = Vec::new();
+        let (mut rest, mut count, mut nodes, mut leaves) = (&bytes[..], 1, 0, 0);
+        for level in 1..=self.depth {
+            let last = level == self.depth;
+            let (filled, after) = rest.split_at_checked(count).ok_or_else(mismatch)?;
+            let (whole, after) = after.split_at_checked(if last { 0 } else { count }).ok_or_else(mismatch)?;
+            rest = after;
+            nodes += count;
+            let ones = |bytes: &[u8]| bytes.iter().map(|bits| bits.count_ones() as usize).sum::<usize>();
+            let whole_count = if last { ones(filled) } else { ones(whole) };
+            if whole.iter().zip(filled).any(|(whole, filled)| whole & !filled != 0) {
+                return Err(fault(TREE, "an empty leaf", "leaves among the cells that are not empty"));
+            }
+            leaves += whole_count;
+            count = ones(filled) - whole_count;
+            levels.push((filled, if last { filled } else { whole }));
+        }
+        if !rest.is_empty() || (nodes, leaves) != (self.nodes, self.leaves) {
+            return Err(mismatch());
+        }
+        Ok(depth_first(&levels, self.nodes))
+    }
+
+    fn densities(&self, file: &mut Container<impl Read + Seek>) -> Result<Vec<f16>, ReadFault> {
+        let bytes = file.read(DENSITIES, 2 * self.densities as u64)?;
+        let densities: Vec<f16> = planes::join(&bytes).map(|bytes| f16::from_bits(u16::from_le_bytes(bytes))).collect();
+        match densities.iter().find(|density| !density.is_finite() || **density <= f16::ZERO) {
+            Some(density) => Err(fault(DENSITIES, density.to_string(), "a positive number")),
+            None => Ok(densities),
+        }
+    }
+
+    /// Reads the table and the row of every leaf.
+    fn codebook(&self, file: &mut Container<impl Read + Seek>) -> Result<(Vec<i16>, Vec<u16>), ReadFault> {
+        let width = 3 * (self.basis.functions() - 1);
+        let bytes = file.read(TABLE, 2 * (self.rows * width) as u64)?;
+        let mut table = vec![0; self.rows * width];
+        for (index, bytes) in planes::join(&bytes).enumerate() {
+            let (column, row) = (index / self.rows, index % self.rows);
+            table[row * width + column] = planes::unfold(u16::from_le_bytes(bytes).into()) as i16;
+        }
+        let leaves = if self.rows == 0 { 0 } else { self.leaves as u64 };
+        let bytes = file.read(ROWS, 2 * leaves)?;
+        let rows: Vec<u16> = planes::join(&bytes).map(u16::from_le_bytes).collect();
+        match rows.iter().find(|row| usize::from(**row) >= self.rows) {
+            Some(row) => Err(fault(ROWS, format!("row {row}"), format!("less than {}", self.rows))),
+            None => Ok((table, rows)),
+        }
+    }
+}
+
+/// Returns the `N` bytes at a position.
+fn part<const N: usize>(bytes: &[u8], at: usize) -> [u8; N] {
+    std::array::from_fn(|index| bytes[at + index])
+}
+
+/// Adds up the differences between the constants of consecutive leaves.
+fn constants(bytes: &[u8], leaves: usize) -> Vec<[i32; 3]> {
+    let mut constants = vec![[0; 3]; leaves];
+    for part in 0..3 {
+        let mut sum = 0i32;
+        let changes = planes::join(&bytes[4 * leaves * part..][..4 * leaves]);
+        for (constant, change) in constants.iter_mut().zip(changes) {
+            sum = sum.wrapping_add(planes::unfold(u32::from_le_bytes(change)));
+            constant[part] = sum;
+        }
+    }
+    constants
+}
+
+/// Returns the nodes in depth-first order. Every level lists which cells of its nodes are not empty, and which are leaves.
+fn depth_first(levels: &[(&[u8], &[u8])], count: usize) -> Vec<[Cell; 8]> {
+    struct Visit {
+        node: usize,
+        /// Its place in its level.
+        place: usize,
+        next: usize,
+    }
+    let mut nodes = Vec::with_capacity(count);
+    nodes.push([Cell::EMPTY; 8]);
+    let mut leaves = 0;
+    // The number of nodes of each level that were reached.
+    let mut reached = vec![0; levels.len()];
+    let mut open = vec![Visit { node: 0, place: 0, next: 0 }];
+    while let Some(Visit { node, place, next }) = open.last_mut() {
+        if *next == 8 {
+            open.pop();
+            continue;
+        }
+        let (node, place, cell) = (*node, *place, std::mem::replace(next, *next + 1));
+        let (filled, whole) = levels[open.len() - 1];
+        if whole[place] >> cell & 1 == 1 {
+            nodes[node][cell] = Cell::leaf(leaves);
+            leaves += 1;
+        } else if filled[place] >> cell & 1 == 1 {
+            nodes[node][cell] = Cell::node(nodes.len() as u32);
+            let reached = &mut reached[open.len()];
+            open.push(Visit { node: nodes.len(), place: *reached, next: 0 });
+            *reached += 1;
+            nodes.push([Cell::EMPTY; 8]);
+        }
+    }
+    nodes
+}

@@ -1,0 +1,246 @@
+//! Surfaces of fields as meshes, for physics and navigation.
+
+use fast_surface_nets::{
+    SurfaceNetsBuffer,
+    ndshape::{RuntimeShape, Shape},
+    surface_nets,
+};
+use glam::{DVec3, IVec3, UVec3};
+
+use crate::field::PlenOctree;
+
+/// Cells of empty space around the field, so that its surface is closed.
+const PADDING: i32 = 2;
+/// Largest number of cells of the grid: 256 MiB of numbers.
+const MAX_CELLS: f64 = (1u32 << 26) as f64;
+
+/// A closed surface. Seen from outside, the corners of its triangles go around counterclockwise.
+///
+/// Every edge of a triangle is met by the edge of another one that goes the other way. If parts of a surface touch along an
+/// edge, there are two of either.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SurfaceMesh {
+    /// Positions of the vertices, in the field's frame.
+    pub vertices: Vec<[f32; 3]>,
+    /// Three vertices of each triangle.
+    pub triangles: Vec<[u32; 3]>,
+}
+
+/// An error that occurs when a surface cannot be made.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum MeshError {
+    /// The opacity is not more than 0 and less than 1.
+    #[error("found opacity {0}, expected more than 0 and less than 1")]
+    Opacity(f64),
+    /// The cell size is not positive and finite.
+    #[error("found cell size {0}, expected a positive number")]
+    CellSize(f64),
+    /// The cells are so small that the field has too many of them.
+    #[error("found {0:e} cells, expected at most 67108864: choose a larger cell size")]
+    TooManyCells(f64),
+}
+
+impl PlenOctree {
+    /// Returns the surface of the field's solid parts, as closed triangle meshes for colliders and the like.
+    ///
+    /// The surface is made in a grid of cubes that are `cell_size` wide, in world units of the field: larger ones make
+    /// simpler surfaces. A cube is solid as far as paths of that length through its content are opaque; the surface is where
+    /// the mean reaches `opacity`, more than 0 and less than 1. Hollows that are closed on all sides count as solid, because
+    /// trained and packed fields are often empty inside. An empty field has an empty surface.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error if an argument is out of range, or if there would be more than 67 million cells.
+    pub fn surface_mesh(&self, opacity: f64, cell_size: f64) -> Result<SurfaceMesh, MeshError> {
+        if !(opacity > 0.0 && opacity < 1.0) {
+            return Err(MeshError::Opacity(opacity));
+        }
+        if !(cell_size > 0.0 && cell_size.is_finite()) {
+            return Err(MeshError::CellSize(cell_size));
+        }
+        let Some((low, high)) = self.bounds() else { return Ok(SurfaceMesh::default()) };
+        let size = ((high - low) / cell_size).ceil() + f64::from(2 * PADDING);
+        let count = size.element_product();
+        if count.is_nan() || count > MAX_CELLS {
+            return Err(MeshError::TooManyCells(count));
+        }
+        let mut grid = Grid::new(low, cell_size, size.as_uvec3());
+        grid.add(self);
+        grid.fill_hollows(opacity as f32);
+        Ok(grid.surface(opacity as f32))
+    }
+}
+
+/// The solid shares of cubes.
+struct Grid {
+    /// Center of the first cube.
+    origin: DVec3,
+    cell_size: f64,
+    shape: RuntimeShape<u32, 3>,
+    size: IVec3,
+    solid: Vec<f32>,
+}
+
+impl Grid {
+    fn new(low: DVec3, cell_size: f64, size: UVec3) -> Self {
+        let shape = RuntimeShape::<u32, 3>::new(size.to_array());
+        let solid = vec![0.0; shape.size() as usize];
+        Self { origin: low + (0.5 - f64::from(PADDING)) * cell_size, cell_size, shape, size: size.as_ivec3(), solid }
+    }
+
+    fn index(&self, cell: IVec3) -> usize {
+        self.shape.linearize(cell.as_uvec3().to_array()) as usize
+    }
+
+    /// Adds what leaves absorb in the cubes that they are in.
+    fn add(&mut self, field: &PlenOctree) {
+        let cells = f64::from(1u32 << field.depth());
+        for leaf in field.leaf_cells() {
+            let absorbed = -(-f64::from(field.densities()[leaf.leaf as usize]) * self.cell_size).exp_m1();
+            let corner = leaf.corner.as_dvec3();
+            let ends = [corner, corner + f64::from(leaf.size)].map(|end| field.frame().to_world(end / cells));
+            // In cubes.
+            let [low, high] = ends.map(|end| (end - self.origin) / self.cell_size + 0.5);
+            let first = low.floor().as_ivec3().max(IVec3::ZERO);
+            let last = high.ceil().as_ivec3().min(self.size) - 1;
+            let share = |axis: usize, cell: i32| {
+                let cell = f64::from(cell);
+                (high[axis].min(cell + 1.0) - low[axis].max(cell)).max(0.0)
+            };
+            for x in first.x..=last.x {
+                for y in first.y..=last.y {
+                    let area = absorbed * share(0, x) * share(1, y);
+                    for z in first.z..=last.z {
+                        let index = self.index(IVec3::new(x, y, z));
+                        self.solid[index] += (area * share(2, z)) as f32;
+                    }
+                }
+            }
+        }
+    }
+
+    /// Makes all cubes solid that cannot be reached from outside through cubes below `opacity`.
+    fn fill_hollows(&mut self, opacity: f32) {
+        let mut outside = vec![false; self.solid.len()];
+        outside[0] = true;
+        let mut open = vec![IVec3::ZERO];
+        while let Some(cell) = open.pop() {
+            for step in [IVec3::X, IVec3::Y, IVec3::Z, IVec3::NEG_X, IVec3::NEG_Y, IVec3::NEG_Z] {
+                let next = cell + step;
+                if next.cmplt(IVec3::ZERO).any() || next.cmpge(self.size).any() {
+                    continue;
+                }
+                let index = self.index(next);
+                if self.solid[index] < opacity && !std::mem::replace(&mut outside[index], true) {
+                    open.push(next);
+                }
+            }
+        }
+        for (solid, outside) in self.solid.iter_mut().zip(outside) {
+            if !outside && *solid < opacity {
+                *solid = 1.0;
+            }
+        }
+    }
+
+    fn surface(&self, opacity: f32) -> SurfaceMesh {
+        // The crate takes signed distances, which are negative inside.
+        let distances: Vec<f32> = self.solid.iter().map(|solid| opacity - solid).collect();
+        let mut buffer = SurfaceNetsBuffer::default();
+        surface_nets(&distances, &self.shape, [0; 3], (self.size - 1).as_uvec3().to_array(), &mut buffer);
+        let place = |at: &[f32; 3]| {
+            let at = DVec3::from(at.map(f64::from));
+            (self.origin + at * self.cell_size).as_vec3().to_array()
+        };
+        SurfaceMesh {
+            vertices: buffer.positions.iter().map(place).collect(),
+            triangles: buffer.indices.chunks_exact(3).map(|corners| [corners[0], corners[1], corners[2]]).collect(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::HashMap;
+
+    use super::*;
+    use crate::{
+        bake::{BakeSettings, bake},
+        field::Basis,
+    };
+
+    fn field(density: impl Fn(DVec3) -> f64 + Sync) -> PlenOctree {
+        let settings = BakeSettings { depth: 6, basis: Basis::Rgba, ..Default::default() };
+        bake(&settings, density, |_| |_| DVec3::splat(0.5)).unwrap()
+    }
+
+    /// The volume inside, which is negative if the triangles face inward.
+    fn volume(mesh: &SurfaceMesh) -> f64 {
+        let at = |vertex: u32| DVec3::from(mesh.vertices[vertex as usize].map(f64::from));
+        mesh.triangles.iter().map(|[a, b, c]| at(*a).dot(at(*b).cross(at(*c))) / 6.0).sum()
+    }
+
+    /// The number of edges in each direction.
+    fn edges(mesh: &SurfaceMesh) -> HashMap<(u32, u32), usize> {
+        let mut edges = HashMap::new();
+        for [a, b, c] in &mesh.triangles {
+            for edge in [(*a, *b), (*b, *c), (*c, *a)] {
+                *edges.entry(edge).or_default() += 1;
+            }
+        }
+        edges
+    }
+
+    #[test]
+    fn a_ball_has_a_closed_surface_of_its_volume() {
+        let expected = 4.0 / 3.0 * std::f64::consts::PI * 0.7f64.powi(3);
+        // Hollow, as packed fields are.
+        let ball = field(|at| if (0.5..0.7).contains(&at.length()) { 500.0 } else { 0.0 });
+        let mut triangles = usize::MAX;
+        for cell_size in [0.03, 0.06, 0.12] {
+            let mesh = ball.surface_mesh(0.5, cell_size).unwrap();
+            let found = volume(&mesh);
+            // Cells that the ball only touches are opaque too, so the field's ball is a little larger.
+            assert!((found / expected - 1.04).abs() < 0.04, "{found} of {expected} in cells of {cell_size}");
+            assert!(mesh.triangles.len() < triangles);
+            triangles = mesh.triangles.len();
+            let edges = edges(&mesh);
+            assert!(edges.iter().all(|((a, b), count)| *count == 1 && edges.get(&(*b, *a)) == Some(&1)));
+            let far = |vertex: &[f32; 3]| (DVec3::from(vertex.map(f64::from)).length() - 0.7).abs();
+            assert!(mesh.vertices.iter().all(|vertex| far(vertex) < 0.8 * cell_size));
+        }
+    }
+
+    /// Also where cubes touch only along edges, at the end of the field's cube, and for a single leaf.
+    #[test]
+    fn every_surface_is_closed() {
+        let noise =
+            field(|at| if (7.0 * at.x).sin() * (9.0 * at.y).sin() * (8.0 * at.z).sin() > 0.1 { 300.0 } else { 0.0 });
+        let full = field(|_| 100.0);
+        let corner = field(|at| if at.min_element() > 0.97 { 900.0 } else { 0.0 });
+        for (field, cell_size) in [(&noise, 0.05), (&noise, 0.0313), (&full, 0.3), (&corner, 0.01), (&corner, 5.0)] {
+            let mesh = field.surface_mesh(0.3, cell_size).unwrap();
+            let edges = edges(&mesh);
+            assert!(edges.iter().all(|((a, b), count)| edges.get(&(*b, *a)) == Some(count)));
+            assert!(volume(&mesh) >= 0.0 && mesh.vertices.iter().flatten().all(|x| x.is_finite()));
+        }
+        assert!(volume(&full.surface_mesh(0.3, 0.1).unwrap()) > 7.5);
+    }
+
+    #[test]
+    fn unusual_arguments_are_errors() {
+        let ball = field(|at| if at.length() < 0.5 { 10.0 } else { 0.0 });
+        for opacity in [0.0, 1.0, -1.0, f64::NAN] {
+            assert!(matches!(ball.surface_mesh(opacity, 0.1), Err(MeshError::Opacity(_))));
+        }
+        for cell_size in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+            assert!(matches!(ball.surface_mesh(0.5, cell_size), Err(MeshError::CellSize(_))));
+        }
+        assert!(matches!(ball.surface_mesh(0.5, 1e-4), Err(MeshError::TooManyCells(_))));
+        assert!(matches!(ball.surface_mesh(0.5, 1e-300), Err(MeshError::TooManyCells(_))));
+        assert_eq!(ball.thinned(f32::INFINITY).surface_mesh(0.5, 0.1), Ok(SurfaceMesh::default()));
+        // Too faint to be solid.
+        assert!(ball.surface_mesh(0.99, 0.01).unwrap().triangles.is_empty());
+    }
+}

@@ -1,0 +1,97 @@
+//! Settings of packing.
+
+#[cfg(feature = "bevy")]
+use bevy_reflect::std_traits::ReflectDefault;
+use serde::{Deserialize, Serialize};
+
+use super::{MAX_LEVELS, MAX_ROWS};
+use crate::{
+    field::{Activation, Basis, PlenOctree},
+    sampling::InvalidSetting,
+};
+
+/// Settings of packing: how small a field becomes, and how much its pictures may change.
+///
+/// [`Self::SMALL`], [`Self::BALANCED`] (the default) and [`Self::FINE`] suit most fields. The table in `docs/packing.md`
+/// shows what they give.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+#[cfg_attr(
+    feature = "bevy",
+    derive(bevy_reflect::Reflect),
+    reflect(Default, Clone, Debug, PartialEq),
+    type_path = "plenoctree"
+)]
+pub struct PackSettings {
+    /// Opacity, 0 to 1, that a leaf must add to a ray from outside to be kept. 0 keeps all leaves, for fields that are
+    /// also seen from inside.
+    pub hidden: f32,
+    /// Largest number of rows of the codebook, which leaves share. 1 to 65,536.
+    pub rows: u32,
+    /// Number of densities. 2 to 256.
+    pub density_levels: u32,
+    /// Step of leaves' colors, in encoded sRGB. Positive, and at most 1.
+    pub color_step: f32,
+    /// Step of the codebook's coefficients, in the same unit.
+    pub table_step: f32,
+    /// Step, in the same unit, to which the colors of an averagely visible leaf are rounded. Those of leaves that are seen
+    /// less are rounded more, at least to `color_step`. 0 to 1.
+    pub tolerance: f32,
+}
+
+impl PackSettings {
+    /// For fields that are seen from afar.
+    pub const SMALL: Self =
+        Self { hidden: 0.01, rows: 2048, density_levels: 32, color_step: 0.03, table_step: 0.03, tolerance: 0.06 };
+    /// For most fields.
+    pub const BALANCED: Self =
+        Self { hidden: 0.004, rows: 8192, density_levels: 48, color_step: 0.015, table_step: 0.02, tolerance: 0.02 };
+    /// For fields that are seen from close by.
+    pub const FINE: Self =
+        Self { hidden: 0.001, rows: 16384, density_levels: 128, color_step: 0.008, table_step: 0.01, tolerance: 0.005 };
+
+    /// Checks that every setting is in its range.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error that names the first setting that is out of range.
+    pub fn validate(&self) -> Result<(), InvalidSetting> {
+        let share =
+            |setting, found: f32| InvalidSetting::check((0.0..=1.0).contains(&found), setting, found.into(), "0 to 1");
+        share("hidden", self.hidden)?;
+        let count = |setting, found: u32, least: u32, most: usize, expected| {
+            let holds = (least as usize..=most).contains(&(found as usize));
+            InvalidSetting::check(holds, setting, found.into(), expected)
+        };
+        count("rows", self.rows, 1, MAX_ROWS, "1 to 65536")?;
+        count("density_levels", self.density_levels, 2, MAX_LEVELS, "2 to 256")?;
+        let step = |setting, found: f32| {
+            let holds = (1e-4..=1.0).contains(&found);
+            InvalidSetting::check(holds, setting, found.into(), "0.0001 to 1")
+        };
+        step("color_step", self.color_step)?;
+        step("table_step", self.table_step)?;
+        share("tolerance", self.tolerance)
+    }
+
+    /// Returns the coefficient that makes a difference of 1 in encoded sRGB where the activation is steepest.
+    pub(super) fn unit(&self, field: &PlenOctree) -> f32 {
+        let slope = if field.activation() == Activation::Sigmoid { 0.25 } else { 1.0 };
+        let constant = if field.basis() == Basis::Rgba { 1.0 } else { Basis::FACTORS[0] };
+        (1.0 / (slope * constant)) as f32
+    }
+
+    /// Returns how many bits an error of the color of an averagely visible channel is worth, in encoded sRGB.
+    ///
+    /// The error of the best step is a twelfth of its square, and another bit leaves a quarter of it. Its derivative is
+    /// `2 ln 2 / 12` of the square.
+    pub(super) fn bits(&self, error: f32) -> f32 {
+        (error / self.tolerance.max(1e-6)).powi(2) / 0.1155
+    }
+}
+
+impl Default for PackSettings {
+    fn default() -> Self {
+        Self::BALANCED
+    }
+}

@@ -1,0 +1,232 @@
+//! How well each leaf is seen from all around.
+
+use rayon::prelude::*;
+
+use super::{
+    blocks::{Blocks, ROWS},
+    march::optical_depth,
+    path::SIDE,
+    progress::{Canceled, Progress},
+    sampler::{Sampler, Unit},
+    settings::{Observers, SamplingSettings},
+};
+use crate::field::{Activation, PlenOctree};
+
+/// Directions form a grid of `4n x 2n` cells.
+const DIRECTIONS: usize = 3;
+/// Transmittance below which a leaf counts as hidden.
+const HIDDEN: f64 = 1e-3;
+/// Opacity that a leaf must add to a ray so that its color counts.
+const FAINT: f64 = 1e-4;
+
+/// How a leaf is seen by observers in all directions.
+///
+/// An observer's ray through the leaf's center reaches it with transmittance `T`. The leaf then adds `T a` to the ray's
+/// opacity, where `a` is its own opacity. Squares are averaged over the directions, and count as much as the leaf's area.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Seen {
+    /// The largest `T a`.
+    pub most: f32,
+    /// Mean of `T^2`: what a pixel's squared error is per squared error of opacity.
+    pub depth: f32,
+    /// Mean of `(T a)^2 s^2` for each channel, where `s` is the slope of the activation: what a pixel's squared error
+    /// is per squared error of the channel's sum of harmonics.
+    pub channels: [f32; 3],
+    /// Means of the basis functions but the first, weighted by the sum of the above. Zeros if the leaf is not seen.
+    pub basis: Vec<f32>,
+}
+
+/// Measures how each leaf is seen, on all cores. The result does not depend on their number.
+pub(crate) fn visibility(field: &PlenOctree, progress: &Progress) -> Result<Vec<Seen>, Canceled> {
+    let settings = SamplingSettings {
+        observers: Observers::Sphere,
+        directions: DIRECTIONS,
+        multisamples: 1,
+        ..SamplingSettings::default()
+    };
+    let sampler = Sampler::new(field, &settings, Blocks::new(field, progress)?, progress)?;
+    let leaves: Vec<_> = field.leaf_cells().collect();
+    let units = sampler.units(&leaves)?;
+    progress.begin(leaves.len());
+    // Leaves are in the order of the octree, and so are units and what they return.
+    let seen: Vec<Vec<Seen>> = units.par_iter().map(|unit| of_unit(&sampler, unit)).collect::<Result<_, _>>()?;
+    Ok(seen.into_iter().flatten().collect())
+}
+
+fn of_unit(sampler: &Sampler, unit: &Unit) -> Result<Vec<Seen>, Canceled> {
+    sampler.progress.check()?;
+    let field = sampler.field;
+    let limit = -HIDDEN.ln();
+    let rays = || sampler.cells.iter().flatten();
+    let count = rays().count() as f64;
+    let mut tallies;
+    match unit {
+        Unit::Block(place, leaves) => {
+            tallies = leaves.iter().map(|&(leaf, ..)| Tally::new(field, leaf, 1)).collect::<Vec<_>>();
+            let Some(blocks) = &sampler.blocks else { return Ok(Vec::new()) };
+            let mut depths = [[0.0; SIDE]; ROWS];
+            for ray in rays() {
+                sampler.progress.check()?;
+                let half = ray.path.steps.first().map_or(0.0, |step| step.length);
+                depths.as_flattened_mut().fill(f32::INFINITY);
+                for (&(_, row, lane), tally) in leaves.iter().zip(&tallies) {
+                    // The leaf's own half is passed first, and does not hide it.
+                    depths[row][lane] = -(tally.density as f32 * half);
+                }
+                blocks.march(*place, &ray.path, limit as f32, &mut depths);
+                for (&(_, row, lane), tally) in leaves.iter().zip(&mut tallies) {
+                    tally.add(field, depths[row][lane].into(), half.into(), &ray.basis);
+                }
+            }
+        }
+        Unit::Alone(leaf) => {
+            let mut tally = Tally::new(field, leaf.leaf, leaf.size);
+            for ray in rays() {
+                sampler.progress.check()?;
+                let half = 0.5 * f64::from(leaf.size) * ray.direction.abs().recip().min_element();
+                let own = tally.density * half;
+                let depth = optical_depth(field, *leaf, ray.direction, own + limit) - own;
+                tally.add(field, depth, half, &ray.basis);
+            }
+            tallies = vec![tally];
+        }
+    }
+    sampler.progress.advance(tallies.len());
+    Ok(tallies.into_iter().map(|tally| tally.finish(count)).collect())
+}
+
+/// What is known of a leaf so far.
+struct Tally {
+    leaf: usize,
+    density: f64,
+    /// In finest cells.
+    area: f64,
+    most: f64,
+    depth: f64,
+    channels: [f64; 3],
+    /// The sum of `channels`, and the sums of the basis functions but the first, weighted by it.
+    total: f64,
+    basis: Vec<f64>,
+}
+
+impl Tally {
+    fn new(field: &PlenOctree, leaf: u32, size: u32) -> Self {
+        Self {
+            leaf: leaf as usize,
+            density: f64::from(field.densities()[leaf as usize]),
+            area: f64::from(size).powi(2),
+            most: 0.0,
+            depth: 0.0,
+            channels: [0.0; 3],
+            total: 0.0,
+            basis: vec![0.0; field.basis().functions() - 1],
+        }
+    }
+
+    /// Adds an observer who sees the leaf through an optical `depth`, and the halves of whose path through the leaf are
+    /// `half` long. `y` are the basis functions of the view.
+    fn add(&mut self, field: &PlenOctree, depth: f64, half: f64, y: &[f64; 25]) {
+        let transmittance = (-depth).exp();
+        if transmittance < HIDDEN {
+            return;
+        }
+        let opacity = -(-2.0 * self.density * half).exp_m1();
+        let weight = transmittance * opacity;
+        self.most = self.most.max(weight);
+        self.depth += transmittance * transmittance;
+        if weight < FAINT {
+            return;
+        }
+        let mut sum = 0.0;
+        for (channel, total) in self.channels.iter_mut().enumerate() {
+            let (constant, others) = field.stored().channel(field.basis(), self.leaf, channel);
+            let first = constant.to_f64() * y[0];
+            let x = others.iter().zip(&y[1..]).fold(first, |sum, (k, y)| sum + k.to_f64() * y);
+            let squared = (weight * slope(field.activation(), x)).powi(2);
+            *total += squared;
+            sum += squared;
+        }
+        self.total += sum;
+        for (total, y) in self.basis.iter_mut().zip(&y[1..]) {
+            *total += sum * y;
+        }
+    }
+
+    fn finish(self, directions: f64) -> Seen {
+        let mean = |sum: f64| (sum * self.area / directions) as f32;
+        let total = self.total.max(f64::MIN_POSITIVE);
+        Seen {
+            most: self.most as f32,
+            depth: mean(self.depth),
+            channels: self.channels.map(mean),
+            basis: self.basis.iter().map(|sum| (sum / total) as f32).collect(),
+        }
+    }
+}
+
+/// Returns the derivative of the activation.
+fn slope(activation: Activation, x: f64) -> f64 {
+    match activation {
+        Activation::Sigmoid => {
+            let radiance = activation.apply(x);
+            radiance * (1.0 - radiance)
+        }
+        Activation::ShiftedRelu if x < -0.5 => 0.0,
+        Activation::ShiftedRelu | Activation::Identity => 1.0,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+    use crate::{
+        bake::{BakeSettings, bake},
+        field::Basis,
+    };
+
+    /// A ball of dense cells shows its surface only. In haze, everything is seen.
+    #[test]
+    fn only_the_surface_of_a_dense_ball_is_seen() {
+        let settings = BakeSettings { depth: 6, basis: Basis::Sh4, ..Default::default() };
+        let ball = |density: f64| {
+            let inside = move |at: DVec3| if at.length() < 0.8 { density } else { 0.0 };
+            bake(&settings, inside, |_| |_| DVec3::splat(0.5)).unwrap()
+        };
+        let field = ball(1000.0);
+        let seen = visibility(&field, &Progress::default()).unwrap();
+        let cells = f64::from(1u32 << field.depth());
+        for (cell, seen) in field.leaf_cells().zip(&seen) {
+            let center = field.frame().to_world((cell.corner.as_dvec3() + 0.5) / cells);
+            if center.length() < 0.65 {
+                assert_eq!((seen.most, seen.channels), (0.0, [0.0; 3]), "at {center}");
+            }
+            if center.length() > 0.79 {
+                assert!(seen.most > 0.9, "{seen:?} at {center}");
+                // Views come from outside: the mean direction of view points inward.
+                let y = Basis::Sh4.evaluate(-center.normalize());
+                let along: f64 = seen.basis.iter().zip(&y[1..]).map(|(mean, y)| f64::from(*mean) * y).sum();
+                assert!(along > 0.05, "{along}");
+            }
+        }
+        let haze = ball(0.01);
+        let width = 2.0 / 64.0;
+        for seen in visibility(&haze, &Progress::default()).unwrap() {
+            // The longest path through a cell is its diagonal.
+            assert!(seen.most > 0.008 * width && seen.most < 0.01 * 1.8 * width, "{seen:?}");
+        }
+    }
+
+    #[test]
+    fn any_number_of_threads_gives_the_same_bits() {
+        let settings = BakeSettings { depth: 5, ..Default::default() };
+        let tint = |at: DVec3| move |direction: DVec3| 0.5 + 0.2 * at + 0.1 * direction;
+        let field = bake(&settings, |at| 20.0 * at.x.max(0.0), tint).unwrap();
+        let on = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| visibility(&field, &Progress::default())).unwrap()
+        };
+        assert_eq!(on(1), on(4));
+    }
+}

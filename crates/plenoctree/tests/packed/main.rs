@@ -1,0 +1,329 @@
+//! Packed fields: small, like the field that was packed, and read again as they were written. Damaged ones say what is
+//! wrong.
+
+mod sections;
+
+use std::io::Cursor;
+
+use glam::DVec3;
+use plenoctree::{
+    Activation, BakeSettings, Basis, LoadSettings, PackSettings, Packed, PlenOctree, ReadError, ReadFault, UpAxis,
+    bake, camera::PinholeCamera, reference::render, sampling::Progress,
+};
+use proptest::prelude::*;
+use sections::Sections;
+
+fn read(bytes: &[u8]) -> Result<PlenOctree, ReadError> {
+    let settings = LoadSettings { density_threshold: 0.0, ..Default::default() };
+    PlenOctree::read_from(Cursor::new(bytes), "test.plenoctree", &settings)
+}
+
+/// A solid ball with a soft shell. Its colors vary from place to place, and with the direction of view.
+fn ball(depth: u32, basis: Basis) -> PlenOctree {
+    let settings = BakeSettings { depth, basis, up: UpAxis::Y, directions: 64, ..Default::default() };
+    let density = |at: DVec3| ((0.85 - at.length()) * 400.0).clamp(0.0, 60.0);
+    let radiance = |at: DVec3| {
+        let normal = at.normalize_or(DVec3::Z);
+        let base = 0.5 + 0.3 * DVec3::new((5.0 * at.x).sin(), (4.0 * at.y).sin(), (6.0 * at.z).cos());
+        move |direction: DVec3| base + 0.2 * normal.dot(-direction).max(0.0).powi(2)
+    };
+    bake(&settings, density, radiance).unwrap()
+}
+
+fn pack(field: &PlenOctree, settings: &PackSettings) -> Packed {
+    Packed::new(field, settings, &Progress::default()).unwrap()
+}
+
+/// A small packed field, as sections.
+fn example(basis: Basis) -> Sections {
+    let settings = PackSettings { rows: 16, ..Default::default() };
+    Sections::parse(pack(&ball(3, basis), &settings).bytes())
+}
+
+fn assert_same(field: &PlenOctree, other: &PlenOctree) {
+    assert_eq!((field.frame(), field.basis(), field.activation()), (other.frame(), other.basis(), other.activation()));
+    assert_eq!((field.up(), field.nodes()), (other.up(), other.nodes()));
+    assert_eq!(field.densities(), other.densities());
+    assert_eq!(field.coefficients(), other.coefficients());
+}
+
+/// The PSNR of all channels in views from around, over black.
+fn psnr(field: &PlenOctree, other: &PlenOctree) -> f64 {
+    let (mut squares, mut count) = (0.0, 0.0);
+    for (azimuth, elevation) in [(0.3, 0.4), (2.5, -0.3), (4.4, 1.0)] {
+        let camera = PinholeCamera::around(field, 48, 48, azimuth, elevation).unwrap();
+        let [a, b] = [field, other].map(|field| render(field, &camera).color);
+        squares += a.iter().zip(&b).map(|(a, b)| a.distance_squared(*b)).sum::<f64>();
+        count += 3.0 * a.len() as f64;
+    }
+    -10.0 * f64::log10(squares / count)
+}
+
+#[test]
+fn packed_fields_come_back() {
+    for basis in Basis::ALL {
+        let field = ball(4, basis);
+        let packed = pack(&field, &PackSettings::default());
+        let again = read(packed.bytes()).unwrap();
+        assert_same(packed.field(), &again);
+        assert_eq!(again.codebook(), packed.field().codebook());
+        assert!(again.codebook().is_some());
+        assert_eq!((again.basis(), again.up(), again.frame()), (basis, UpAxis::Y, field.frame()));
+        assert_eq!(again.leaves() + packed.dropped(), field.leaves());
+        // Packed again, with every number already a multiple of its step.
+        assert!(psnr(&again, pack(&again, &PackSettings::FINE).field()) > 40.0);
+    }
+}
+
+#[test]
+fn what_a_file_records_can_be_overridden() {
+    let packed = pack(&ball(3, Basis::Sh4), &PackSettings::default());
+    let load = |settings: &LoadSettings| {
+        PlenOctree::read_from(Cursor::new(packed.bytes()), "test.plenoctree", settings).unwrap()
+    };
+    let settings = LoadSettings {
+        activation: Some(Activation::ShiftedRelu),
+        up: Some(UpAxis::Z),
+        density_threshold: 50.0,
+        ..Default::default()
+    };
+    let field = load(&settings);
+    assert_eq!((field.activation(), field.up()), (Activation::ShiftedRelu, UpAxis::Z));
+    let dense = packed.field().densities().iter().filter(|density| **density >= 50.0);
+    assert!(field.densities().iter().eq(dense) && field.leaves() > 0);
+}
+
+/// Finer settings give larger files and better pictures, and all are far smaller than `.npz` files.
+#[test]
+fn quality_buys_accuracy_with_bytes() {
+    let field = ball(5, Basis::Sh9);
+    let mut plain = Cursor::new(Vec::new());
+    field.write_to(&mut plain).unwrap();
+    let mut last = (0, 0.0);
+    for (settings, least, ratio) in
+        [(PackSettings::SMALL, 30.0, 20), (PackSettings::BALANCED, 38.0, 12), (PackSettings::FINE, 43.0, 6)]
+    {
+        let packed = pack(&field, &settings);
+        let now = (packed.bytes().len(), psnr(&field, packed.field()));
+        assert!(now > last && now.1 > last.1 && now.1 > least, "{now:?} after {last:?}");
+        assert!(now.0 * ratio < plain.get_ref().len(), "{now:?} of {}", plain.get_ref().len());
+        last = now;
+    }
+}
+
+/// The inside of a ball is dropped, except if all leaves are to be kept.
+#[test]
+fn only_what_is_seen_is_kept() {
+    let field = ball(5, Basis::Rgba);
+    let packed = pack(&field, &PackSettings::default());
+    assert!(packed.dropped() > field.leaves() / 4, "{} of {}", packed.dropped(), field.leaves());
+    let opaque = |at: f64| packed.field().render_ray(DVec3::new(at, 0.1, -2.0), DVec3::Z).1;
+    assert!((0..9).all(|place| opaque(0.1 * f64::from(place) - 0.4) > 0.99));
+    assert_eq!(pack(&field, &PackSettings { hidden: 0.0, ..Default::default() }).dropped(), 0);
+}
+
+#[test]
+fn any_number_of_threads_gives_the_same_bytes() {
+    let field = ball(4, Basis::Sh4);
+    let on = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| pack(&field, &PackSettings::default())).bytes().to_vec()
+    };
+    assert_eq!(on(1), on(3));
+}
+
+/// Empty fields, very small and very large ones, and one that is larger than float32 can say.
+#[test]
+fn unusual_fields_are_packed() {
+    let empty = ball(3, Basis::Sh9).thinned(f32::INFINITY);
+    let packed = pack(&empty, &PackSettings::default());
+    assert_same(&empty, &read(packed.bytes()).unwrap());
+    for half in [1e-3, 1e3] {
+        let (min, max) = (DVec3::splat(-half), DVec3::splat(half));
+        let settings = BakeSettings { depth: 3, min, max, basis: Basis::Sh4, min_density: 0.0, ..Default::default() };
+        let field = bake(&settings, |at| (20.0 * at.x / half).max(0.0) / half, |_| |_| DVec3::splat(0.3)).unwrap();
+        let packed = pack(&field, &PackSettings::FINE);
+        assert!(psnr(&field, packed.field()) > 30.0, "{half}");
+        assert_same(packed.field(), &read(packed.bytes()).unwrap());
+    }
+    let huge = ball(3, Basis::Rgba);
+    let frame = plenoctree::Frame { scale: DVec3::splat(1e-300), ..huge.frame() };
+    let (nodes, densities) = (huge.nodes().to_vec(), huge.densities().to_vec());
+    let (activation, coefficients) = (huge.activation(), huge.coefficients().to_vec());
+    let huge = PlenOctree::new(frame, huge.basis(), activation, huge.up(), nodes, densities, coefficients).unwrap();
+    let error = Packed::new(&huge, &PackSettings::default(), &Progress::default()).unwrap_err();
+    assert!(error.to_string().contains("a frame within the range of float32"), "{error}");
+}
+
+#[test]
+fn settings_out_of_range_are_refused() {
+    let default = PackSettings::default;
+    for (settings, name) in [
+        (PackSettings { hidden: f32::NAN, ..default() }, "hidden"),
+        (PackSettings { rows: 0, ..default() }, "rows"),
+        (PackSettings { rows: 65537, ..default() }, "rows"),
+        (PackSettings { density_levels: 1, ..default() }, "density_levels"),
+        (PackSettings { color_step: 0.0, ..default() }, "color_step"),
+        (PackSettings { table_step: 2.0, ..default() }, "table_step"),
+        (PackSettings { tolerance: -1.0, ..default() }, "tolerance"),
+    ] {
+        let error = Packed::new(&ball(2, Basis::Rgba), &settings, &Progress::default()).unwrap_err();
+        assert!(error.to_string().starts_with(&format!("found {name} = ")), "{error}");
+    }
+    let progress = Progress::default();
+    progress.cancel();
+    assert!(Packed::new(&ball(2, Basis::Sh4), &default(), &progress).is_err());
+}
+
+/// The published layout gives the packed field, exactly if it has few colors.
+#[test]
+fn quantized_archives_hold_the_same_field() {
+    for basis in [Basis::Rgba, Basis::Sh1, Basis::Sh9] {
+        let packed = pack(&ball(4, basis), &PackSettings::default());
+        let path = std::env::temp_dir().join(format!("plenoctree-quantized-{}-{basis:?}.npz", std::process::id()));
+        packed.write_npz(&path).unwrap();
+        let settings = LoadSettings { density_threshold: 0.0, up: Some(UpAxis::Y), ..Default::default() };
+        let again = PlenOctree::read(&path, &settings);
+        std::fs::remove_file(&path).unwrap();
+        let again = again.unwrap();
+        assert!(again.codebook().is_none());
+        assert_same(packed.field(), &again);
+    }
+}
+
+#[test]
+fn every_truncation_is_an_error() {
+    let bytes = example(Basis::Sh4).bytes();
+    for length in 0..bytes.len() {
+        let error = read(&bytes[..length]).unwrap_err();
+        assert!(error.to_string().starts_with("test.plenoctree: "), "{error}");
+    }
+    let longer = [&bytes[..], &[0]].concat();
+    assert!(read(&longer).unwrap_err().to_string().contains("expected sections up to the end"));
+}
+
+/// Asserts how the example is refused after `change` to its sections.
+fn assert_refused(basis: Basis, change: impl Fn(&mut Sections), message: &str) {
+    let mut sections = example(basis);
+    read(&sections.bytes()).unwrap();
+    change(&mut sections);
+    let error = read(&sections.bytes()).unwrap_err();
+    assert!(matches!(error.fault, ReadFault::Packed { .. } | ReadFault::Value { .. }), "{error}");
+    assert!(error.to_string().contains(message), "{error}, not {message}");
+}
+
+#[test]
+fn errors_name_the_section() {
+    let head = |at: usize, bytes: &'static [u8]| {
+        move |sections: &mut Sections| sections.get("HEAD")[at..at + bytes.len()].copy_from_slice(bytes)
+    };
+    for (at, bytes, message) in [
+        (0, &[6][..], "HEAD: found basis 6, expected 0 to 5"),
+        (1, &[3], "HEAD: found activation 3"),
+        (2, &[2], "HEAD: found up axis 2"),
+        (3, &[0], "HEAD: found depth 0, expected 1 to 20"),
+        (3, &[21], "HEAD: found depth 21"),
+        (4, &[0; 4], "HEAD: found 0 nodes"),
+        (8, &[0xff; 4], "HEAD: found 4294967295 leaves"),
+        (12, &[0; 4], "HEAD: found 0 densities"),
+        (16, &[1, 0, 1, 0], "HEAD: found 65537 rows"),
+        (20, &[0; 4], "HEAD: found a step of 0"),
+        (28, &[0xff; 8], "HEAD: found [NaN"),
+        (52, &[0; 8], "HEAD: found [0.0"),
+    ] {
+        assert_refused(Basis::Sh4, head(at, bytes), message);
+    }
+    assert_refused(Basis::Sh4, |sections| sections.version = 2, "header: found version 2, expected version 1");
+    assert_refused(Basis::Sh4, |sections| sections.remove("LEVL"), "LEVL: found no section, expected one");
+    assert_refused(Basis::Sh4, |sections| sections.repeat("ROWS"), "ROWS: found several sections");
+    assert_refused(
+        Basis::Sh4,
+        |sections| sections.get("DENS").fill(0xff),
+        "DENS: found NaN, expected a positive number",
+    );
+    assert_refused(Basis::Sh4, |sections| sections.get("LEVL")[0] = 255, "LEVL: found level 255");
+    assert_refused(Basis::Sh4, |sections| sections.get("ROWS").fill(0xff), "ROWS: found row 65535");
+    assert_refused(Basis::Sh4, |sections| _ = sections.get("TREE").pop(), "TREE: found more or fewer cells");
+    assert_refused(Basis::Sh4, |sections| sections.get("TREE")[1] = 0xff, "TREE: found");
+    assert_refused(Basis::Sh4, |sections| _ = sections.get("BASE").pop(), "BASE: found");
+    assert_refused(Basis::Sh4, |sections| sections.get("BOOK").push(0), "BOOK: found");
+    assert_refused(Basis::Sh4, |sections| sections.damaged = Some("BASE"), "BASE: found a damaged deflate stream");
+}
+
+/// Sections that readers do not know are ignored, so that later files can say more.
+#[test]
+fn unknown_sections_are_ignored() {
+    let mut sections = example(Basis::Sh4);
+    let expected = read(&sections.bytes()).unwrap();
+    sections.add("NOTE", b"made for a test".to_vec());
+    assert_same(&expected, &read(&sections.bytes()).unwrap());
+}
+
+/// Sizes are checked before memory is taken for them.
+#[test]
+fn implausible_sizes_are_refused() {
+    let start = std::time::Instant::now();
+    let claim = |nodes: u32, leaves: u32| {
+        move |sections: &mut Sections| {
+            sections.get("HEAD")[4..8].copy_from_slice(&nodes.to_le_bytes());
+            sections.get("HEAD")[8..12].copy_from_slice(&leaves.to_le_bytes());
+        }
+    };
+    assert_refused(Basis::Sh4, claim(1 << 27, 1 << 29), "expected a plausible size");
+    // A section that deflates to a thousandth.
+    let zeros = |sections: &mut Sections| {
+        claim(1 << 22, 1 << 23)(sections);
+        *sections.get("LEVL") = vec![0; 1 << 23];
+        *sections.get("BASE") = vec![0; 12 << 23];
+        *sections.get("TREE") = vec![0; 1 << 22];
+    };
+    assert_refused(Basis::Sh4, zeros, "expected a plausible size");
+    let raw = |sections: &mut Sections| sections.claimed = Some(("BASE", u64::MAX));
+    assert_refused(Basis::Sh4, raw, "BASE: found 18446744073709551615 bytes of content");
+    assert!(start.elapsed().as_secs() < 20);
+}
+
+proptest! {
+    #[test]
+    fn changed_bytes_give_the_same_field_or_an_error(
+        changes in prop::collection::vec((any::<prop::sample::Index>(), 0u8..8), 1..4),
+    ) {
+        let mut bytes = example(Basis::Sh4).bytes();
+        let unchanged = read(&bytes).unwrap();
+        for (at, bit) in changes {
+            let at = at.index(bytes.len());
+            bytes[at] ^= 1 << bit;
+        }
+        match read(&bytes) {
+            Ok(field) => assert_same(&unchanged, &field),
+            Err(error) => prop_assert!(!error.to_string().contains('\n')),
+        }
+    }
+
+    /// With checksums that are those of the changed content, it is the content that is checked.
+    #[test]
+    fn changed_sections_give_a_field_or_an_error(
+        basis in prop::sample::select(vec![Basis::Rgba, Basis::Sh4]),
+        name in prop::sample::select(vec!["HEAD", "TREE", "DENS", "LEVL", "BASE", "BOOK", "ROWS"]),
+        changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..6),
+    ) {
+        let mut sections = example(basis);
+        let content = sections.get(name);
+        for (at, byte) in changes {
+            if !content.is_empty() {
+                let at = at.index(content.len());
+                content[at] = byte;
+            }
+        }
+        match read(&sections.bytes()) {
+            Ok(field) => {
+                let leaves: Vec<u32> = field.leaf_cells().map(|cell| cell.leaf).collect();
+                prop_assert!(leaves.into_iter().eq(0..field.leaves() as u32));
+                prop_assert!(field.densities().iter().all(|density| *density > 0.0 && density.is_finite()));
+                prop_assert!(field.coefficients().iter().all(|k| k.is_finite()));
+                prop_assert_eq!(field.coefficients().len(), field.leaves() * field.basis().coefficients());
+            }
+            Err(error) => prop_assert!(!error.to_string().contains('\n')),
+        }
+    }
+}

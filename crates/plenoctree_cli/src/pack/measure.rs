@@ -1,0 +1,120 @@
+//! Compares views of a packed field with those of the field.
+
+use glam::DVec3;
+use plenoctree::{
+    PlenOctree,
+    camera::{PinholeCamera, read_transforms},
+    palette::{ExtractionSettings, Palette},
+    reference::{Posterization, labels, render},
+};
+
+use super::Arguments;
+use crate::{Result, extraction, turntable};
+
+/// The size of views from around the field.
+const SIZE: (u32, u32) = (200, 200);
+/// Elevations of those views above the horizon, in radians.
+const ELEVATIONS: [f64; 2] = [0.35, 0.9];
+
+/// Views of the field, and its palette.
+pub struct Views {
+    cameras: Vec<PinholeCamera>,
+    expected: Vec<View>,
+    palette: Palette,
+}
+
+/// The colors over white and the nearest labels of a view's pixels. Pixels without one are thin.
+struct View {
+    colors: Vec<DVec3>,
+    labels: Vec<Option<usize>>,
+}
+
+/// What packing changed.
+pub struct Loss {
+    /// The PSNR of the packed field against the field, in decibels: the mean over the views.
+    pub psnr: f64,
+    /// The percentage of posterized pixels whose label changed.
+    pub labels: f64,
+    /// The largest difference of a channel between the packed field's palette and the field's.
+    pub palette: f64,
+}
+
+impl Views {
+    /// Renders the field. Returns `None` if nothing is to be measured.
+    pub fn new(field: &PlenOctree, arguments: &Arguments) -> Result<Option<Self>> {
+        let cameras = match &arguments.cameras {
+            Some(file) => read_transforms(file, arguments.size)?,
+            None => around(field, arguments.size.unwrap_or(SIZE), arguments.views),
+        };
+        let every = cameras.len().div_ceil(arguments.views.max(1) as usize).max(1);
+        let cameras: Vec<_> = cameras.into_iter().step_by(every).take(arguments.views as usize).collect();
+        if cameras.is_empty() {
+            return Ok(None);
+        }
+        let palette = palette(field)?;
+        let expected = cameras.iter().map(|camera| View::new(field, camera, &palette)).collect();
+        Ok(Some(Self { cameras, expected, palette }))
+    }
+
+    pub fn len(&self) -> usize {
+        self.cameras.len()
+    }
+
+    /// Compares the packed field with the field.
+    pub fn compare(&self, packed: &PlenOctree) -> Loss {
+        let (mut psnr, mut changed, mut posterized) = (0.0, 0, 0);
+        for (camera, expected) in self.cameras.iter().zip(&self.expected) {
+            let found = View::new(packed, camera, &self.palette);
+            let pairs = found.colors.iter().zip(&expected.colors);
+            let squares: f64 = pairs.map(|(found, expected)| found.distance_squared(*expected)).sum();
+            psnr += -10.0 * (squares / (3.0 * found.colors.len() as f64)).max(1e-12).log10();
+            for (found, expected) in found.labels.iter().zip(&expected.labels) {
+                posterized += usize::from(expected.is_some());
+                changed += usize::from(expected.is_some() && found != expected);
+            }
+        }
+        let labels = 100.0 * changed as f64 / posterized.max(1) as f64;
+        let palette = palette(packed).map_or(1.0, |packed| difference(&packed, &self.palette));
+        Loss { psnr: psnr / self.len() as f64, labels, palette }
+    }
+}
+
+impl View {
+    fn new(field: &PlenOctree, camera: &PinholeCamera, palette: &Palette) -> Self {
+        let settings = Posterization::default();
+        let rendering = render(field, camera);
+        let colors = rendering.over(DVec3::ONE).into_iter().map(|color| color.clamp(DVec3::ZERO, DVec3::ONE));
+        let colors: Vec<_> = colors.collect();
+        let source: Vec<_> = palette.colors.iter().map(|color| DVec3::from(*color)).collect();
+        let source = labels(&source, settings.blend_steps);
+        let nearest = |color: &DVec3| {
+            let distance = |label: &usize| color.distance_squared(source[*label]);
+            (0..source.len()).min_by(|a, b| distance(a).total_cmp(&distance(b)))
+        };
+        let labels = colors.iter().zip(&rendering.opacity);
+        let labels = labels.map(|(color, opacity)| nearest(color).filter(|_| *opacity >= settings.min_opacity));
+        Self { labels: labels.collect(), colors }
+    }
+}
+
+/// Returns views from around, half of them from higher up. Not all, if the field is empty.
+fn around(field: &PlenOctree, size: (u32, u32), views: u32) -> Vec<PinholeCamera> {
+    let azimuth = |view: u32| std::f64::consts::TAU * f64::from(view) / f64::from(views);
+    let of_view = |view: u32| {
+        turntable::around(field, size, [azimuth(view)].into_iter(), ELEVATIONS[view as usize % 2]).unwrap_or_default()
+    };
+    (0..views).flat_map(of_view).collect()
+}
+
+fn palette(field: &PlenOctree) -> Result<Palette> {
+    Ok(extraction::cpu::extract(field, &ExtractionSettings::default(), true)?.extraction.palette)
+}
+
+/// Returns the largest difference of a channel between a color and the nearest of the other palette.
+fn difference(found: &Palette, expected: &Palette) -> f64 {
+    let of_color = |color: &[f64; 3]| {
+        let most = |other: &[f64; 3]| (DVec3::from(*color) - DVec3::from(*other)).abs().max_element();
+        expected.colors.iter().map(most).fold(f64::INFINITY, f64::min)
+    };
+    found.colors.iter().map(of_color).fold(0.0, f64::max)
+}

@@ -1,0 +1,48 @@
+//! `plenoctree pack`.
+
+mod common;
+
+use common::{ball, fail, folder, succeed, text};
+use plenoctree::{LoadSettings, PlenOctree};
+
+#[test]
+fn a_field_is_packed_and_reported() {
+    let folder = folder("pack");
+    let source = ball(&folder);
+    let report = folder.join("report");
+    let printed = succeed(&[
+        "pack",
+        text(&source),
+        "--size",
+        "40x40",
+        "--views",
+        "2",
+        "--report",
+        text(&report),
+        "--hidden",
+        "0",
+    ]);
+    assert!(printed.contains("0 of ") && printed.contains("leaves dropped") && printed.contains("ball.plenoctree"));
+    let read = |name: &str| PlenOctree::read(folder.join(name), &LoadSettings::default()).unwrap();
+    let packed = read("ball.plenoctree");
+    assert_eq!((packed.nodes(), packed.codebook().is_some()), (read("ball.npz").nodes(), true));
+    let table = std::fs::read_to_string(report.join("packing.md")).unwrap();
+    assert_eq!(table.lines().filter(|line| line.starts_with("| ")).count(), 4, "{table}");
+    assert!(report.join("psnr.svg").exists() && report.join("labels.svg").exists());
+    assert!(succeed(&["info", text(&folder.join("ball.plenoctree"))]).contains("packed"));
+
+    let quantized = folder.join("quantized.npz");
+    succeed(&["pack", text(&source), "--npz", "--out", text(&quantized), "--views", "0", "--hidden", "0"]);
+    assert_eq!(read("quantized.npz").coefficients(), packed.coefficients());
+}
+
+#[test]
+fn what_cannot_be_packed_is_an_error() {
+    let folder = folder("pack_errors");
+    let source = ball(&folder);
+    assert!(fail(&["pack", text(&folder.join("none.npz"))]).contains("none.npz"));
+    assert!(fail(&["pack", text(&source), "--rows", "0"]).contains("found rows = 0"));
+    std::fs::write(folder.join("bad.plenoctree"), b"\x89PLO\r\n\x1a\n").unwrap();
+    let message = fail(&["info", text(&folder.join("bad.plenoctree"))]);
+    assert!(message.contains("bad.plenoctree: header: found 8 bytes"), "{message}");
+}
