@@ -83,7 +83,7 @@ fn captures_become_props_that_stand() {
     assert!((-4.4..-3.9).contains(&low.y) && (-3.2..-2.8).contains(&high.y), "{low} {high}");
     assert!(report()["refined"].is_null() && psnr("voxelized", "black") > 15.0);
 
-    succeed(&[&shared[..], &["--stand", "--keep-largest", "--effort", "0.02", "--threads", "2"]].concat());
+    succeed(&[&shared[..], &["--stand", "--keep-largest", "--effort", "0.05", "--threads", "2"]].concat());
     let (low, high) = read().dense_bounds().unwrap();
     assert!(
         low.z.abs() < 1e-3 && (low + high).truncate().length() < 0.05 && (2.0..2.6).contains(&high.z),
