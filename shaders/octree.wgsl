@@ -10,14 +10,25 @@ struct Field {
     table_level: u32,
     // The base-2 logarithm of the width of textures.
     row: u32,
+    // The base-2 logarithms of the numbers of rows in a layer of each texture.
+    record_rows: u32,
+    density_rows: u32,
+    coefficient_rows: u32,
+    codebook_rows: u32,
 }
 
 @group(1) @binding(0) var<uniform> field: Field;
-@group(1) @binding(1) var table: texture_3d<u32>;
+@group(1) @binding(1) var table: texture_2d_array<u32>;
 #ifdef INNER_RECORDS
-@group(1) @binding(2) var records: texture_2d<u32>;
+@group(1) @binding(2) var records: texture_2d_array<u32>;
 #endif
-@group(1) @binding(3) var densities: texture_2d<f32>;
+@group(1) @binding(3) var densities: texture_2d_array<f32>;
+
+// Returns the column, the row and the layer of an element of an array.
+fn place(index: u32, rows: u32) -> vec3<u32> {
+    let row = index >> field.row;
+    return vec3(index & ((1u << field.row) - 1u), row & ((1u << rows) - 1u), row >> rows);
+}
 
 // A ray, in units of finest cells. `t` is in world units of the field.
 struct Ray {
@@ -91,7 +102,8 @@ struct Cell {
 // Returns the cell that contains a finest cell.
 fn locate(position: vec3<u32>) -> Cell {
     var shift = field.depth - field.table_level;
-    var record = textureLoad(table, (position >> vec3(shift)).zyx, 0);
+    let entry = position >> vec3(shift);
+    var record = textureLoad(table, entry.zy, entry.x, 0);
 #ifdef INNER_RECORDS
     loop {
         if (record.w & KIND) != INNER {
@@ -105,7 +117,8 @@ fn locate(position: vec3<u32>) -> Cell {
             record = vec4(0u, 0u, 0u, field.depth - shift - select(0u, 1u, octant == 0u));
         } else {
             let index = record.z + count_before(record, part);
-            record = textureLoad(records, vec2(index & ((1u << field.row) - 1u), index >> field.row), 0);
+            let at = place(index, field.record_rows);
+            record = textureLoad(records, at.xy, at.z, 0);
         }
     }
 #endif
@@ -152,5 +165,6 @@ fn next_leaf(ray: Ray, walk: ptr<function, Walk>, end: f32) -> Crossing {
 }
 
 fn density(leaf: u32) -> f32 {
-    return textureLoad(densities, vec2(leaf & ((1u << field.row) - 1u), leaf >> field.row), 0).x;
+    let at = place(leaf, field.density_rows);
+    return textureLoad(densities, at.xy, at.z, 0).x;
 }

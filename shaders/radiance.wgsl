@@ -4,11 +4,11 @@
 #define_import_path bevy_plenoctree::radiance
 
 #import bevy_plenoctree::constants::HARMONICS
-#import bevy_plenoctree::octree::field
+#import bevy_plenoctree::octree::{field, place}
 
-@group(1) @binding(4) var coefficients: texture_2d<u32>;
+@group(1) @binding(4) var coefficients: texture_2d_array<u32>;
 #ifdef CODEBOOK
-@group(1) @binding(5) var codebook: texture_2d<u32>;
+@group(1) @binding(5) var codebook: texture_2d_array<u32>;
 #endif
 
 // The values of the basis functions in one direction. Functions above the requested degree are 0.
@@ -65,10 +65,6 @@ fn harmonics(d: vec3<f32>) -> Harmonics {
     return h;
 }
 
-fn place(index: u32) -> vec2<u32> {
-    return vec2(index & ((1u << field.row) - 1u), index >> field.row);
-}
-
 #ifdef CODEBOOK
 #ifdef DEGREE_1
 struct Row {
@@ -78,7 +74,8 @@ struct Row {
 fn load_row(row: u32) -> Row {
     var texels: Row;
     for (var index = 0u; index < #{TEXELS}u; index++) {
-        texels.texels[index] = textureLoad(codebook, place(row * #{TEXELS}u + index), 0);
+        let at = place(row * #{TEXELS}u + index, field.codebook_rows);
+        texels.texels[index] = textureLoad(codebook, at.xy, at.z, 0);
     }
     return texels;
 }
@@ -97,7 +94,8 @@ fn others(row: ptr<function, Row>, index: u32, h: ptr<function, Harmonics>) -> f
 
 // Returns the sums of the channels' harmonics.
 fn sums(index: u32, h: ptr<function, Harmonics>) -> vec3<f32> {
-    let leaf = textureLoad(coefficients, place(index), 0).xy;
+    let at = place(index, field.coefficient_rows);
+    let leaf = textureLoad(coefficients, at.xy, at.z, 0).xy;
     let constants = vec3(unpack2x16float(leaf.x), unpack2x16float(leaf.y).x);
     var sum = (*h).y[0] * constants;
 #ifdef DEGREE_1
@@ -114,7 +112,8 @@ struct Leaf {
 fn load(leaf: u32) -> Leaf {
     var texels: Leaf;
     for (var index = 0u; index < #{TEXELS}u; index++) {
-        texels.texels[index] = textureLoad(coefficients, place(leaf * #{TEXELS}u + index), 0);
+        let at = place(leaf * #{TEXELS}u + index, field.coefficient_rows);
+        texels.texels[index] = textureLoad(coefficients, at.xy, at.z, 0);
     }
     return texels;
 }

@@ -9,7 +9,6 @@
 struct Slice {
     // Tree units per world unit of the field.
     frame_scale: vec3<f32>,
-    first: u32,
     leaves: u32,
     rays_per_cell: u32,
     fine_bins: u32,
@@ -21,7 +20,7 @@ struct Slice {
 }
 
 @group(0) @binding(0) var<uniform> slice: Slice;
-// Twice the center of each leaf, in cells of a tree of depth MAX_DEPTH, and the index of the leaf.
+// Twice the center of each leaf of the slice, in cells of a tree of depth MAX_DEPTH, and the index of the leaf.
 @group(0) @binding(1) var<storage, read> leaves: array<vec4<u32>>;
 // Unit vectors toward the observers. Those of one cell of directions are next to each other.
 @group(0) @binding(2) var<storage, read> observers: array<vec4<f32>>;
@@ -74,7 +73,7 @@ fn sample(@builtin(global_invocation_id) id: vec3<u32>) {
     if id.x >= slice.leaves {
         return;
     }
-    let entry = leaves[slice.first + id.x];
+    let entry = leaves[id.x];
     let center = vec3<f32>(entry.xyz) * (f32(1u << field.depth) / f32(2u << MAX_DEPTH));
     // Average colors as differences from the first one. A color that is the same from all directions then stays exactly
     // the same, even on the border between two bins.

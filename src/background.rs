@@ -1,20 +1,62 @@
 //! Runs what takes longer than a frame on threads of its own.
 //!
 //! On small machines, Bevy's task pools have a single thread each, which compiles pipelines and reads files. Long work
-//! in them would keep all of that waiting.
+//! in them would keep all of that waiting. Where a thread can choose its priority, these choose a low one, so that they
+//! take what frames leave.
 
 use std::{sync::OnceLock, thread::available_parallelism};
 
 use bevy::tasks::Task;
+
+/// The size above which memory is given back in the background, in bytes. Less takes no time that matters.
+const MUCH: u64 = 1 << 20;
 
 /// Runs `work` on a thread of its own, and returns a task that ends with it. Dropping the task discards the result.
 ///
 /// The web has no threads. There, Bevy runs all tasks on the main thread, and this one too.
 pub(crate) fn spawn<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> Task<T> {
     #[cfg(not(target_arch = "wasm32"))]
-    return blocking::unblock(work);
+    {
+        let (runnable, task) = async_task::spawn(async move { work() }, on_thread);
+        runnable.schedule();
+        task
+    }
     #[cfg(target_arch = "wasm32")]
     return bevy::tasks::AsyncComputeTaskPool::get().spawn(async move { work() });
+}
+
+/// Drops `value`, which holds `bytes` of memory: in the background if that takes long.
+pub(crate) fn discard(value: impl Send + 'static, bytes: u64) {
+    if bytes >= MUCH {
+        spawn(move || drop(value)).detach();
+    }
+}
+
+/// Runs a task on a new thread, or right here if there can be no other thread.
+#[cfg(not(target_arch = "wasm32"))]
+fn on_thread(task: async_task::Runnable) {
+    use std::sync::{Arc, Mutex, PoisonError};
+    let task = Arc::new(Mutex::new(Some(task)));
+    let run = |task: &Mutex<Option<async_task::Runnable>>| {
+        let task = task.lock().unwrap_or_else(PoisonError::into_inner).take();
+        task.map(async_task::Runnable::run);
+    };
+    let own = task.clone();
+    let thread = std::thread::Builder::new().name("plenoctree".into());
+    let started = thread.spawn(move || {
+        yield_to_frames();
+        run(&own);
+    });
+    if started.is_err() {
+        run(&task);
+    }
+}
+
+/// Lowers the priority of this thread, on systems where threads have one of their own: frames get several times its
+/// share of a core.
+fn yield_to_frames() {
+    #[cfg(any(target_os = "linux", target_os = "android"))]
+    let _ = rustix::process::setpriority_process(None, 10);
 }
 
 /// Runs `work`, which rayon splits into parts, on all cores but one, which is left to the app. Returns when it is done.
@@ -25,7 +67,8 @@ pub(crate) fn on_cores<T: Send>(work: impl FnOnce() -> T + Send) -> T {
     let cores = CORES.get_or_init(|| {
         let threads = available_parallelism().map_or(1, |cores| cores.get() - 1).max(1);
         let name = |index| format!("plenoctree {index}");
-        rayon::ThreadPoolBuilder::new().num_threads(threads).thread_name(name).build().ok()
+        let builder = rayon::ThreadPoolBuilder::new().num_threads(threads).thread_name(name);
+        builder.start_handler(|_| yield_to_frames()).build().ok()
     });
     match cores {
         Some(cores) => cores.install(work),

@@ -27,7 +27,8 @@
 //! | to | use |
 //! |---|---|
 //! | draw a field | [`Prop`], [`SolidOpacity`] |
-//! | know whether it is drawn | [`PropState`], [`props_ready`], [`FieldReady`], [`FieldFailed`], [`PaletteFailed`] |
+//! | know whether it is drawn | [`PropState`], [`PropProgress`], [`props_ready`], [`FieldReady`], [`FieldFailed`], [`PaletteFailed`] |
+//! | limit what arriving fields take of a frame | [`UploadBudget`] |
 //! | survive the loss of the GPU device | [`DeviceRecoveryPlugin`] |
 //! | posterize it | [`Posterize`] on the prop, or [`PosterizeView`] on a camera to posterize everything in view |
 //! | recolor it | [`Palettes`], [`PaletteOverride`], [`PropTint`], [`BlendSpace`], [`PaletteReady`] |
@@ -72,7 +73,7 @@ mod tests;
 #[cfg(feature = "pack")]
 pub use asset::PackSaver;
 pub use asset::PlenOctreeLoader;
-pub use gpu::{FieldFailed, FieldReady, FieldTooLarge, GpuField, MAX_PROPS_IN_VIEW};
+pub use gpu::{FieldFailed, FieldReady, FieldTooLarge, GpuField, MAX_PROPS_IN_VIEW, UploadBudget};
 #[cfg(feature = "mesh")]
 pub use mesh::surface_mesh;
 pub use palette::{
@@ -100,7 +101,7 @@ pub use recovery::DeviceRecoveryPlugin;
 pub use render::{LabelTextures, POSTERIZE_SPANS, StageWrite, VOLUME_SPANS};
 pub use sets::{PlenOctreeRenderSystems, PlenOctreeSystems};
 pub use stage::{LabelStages, PosterizeView, PropStage};
-pub use state::{PropError, PropState, props_ready};
+pub use state::{PropError, PropProgress, PropState, props_ready};
 
 use bevy::prelude::*;
 

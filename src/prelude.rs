@@ -2,5 +2,5 @@
 
 pub use crate::{
     BlendSpace, FieldPalette, PaletteOverride, PaletteReady, Palettes, PlenOctree, PlenOctreePlugin, Posterize,
-    PosterizeView, Prop, PropHit, PropQuality, PropRayCast, PropStage, PropState, PropTint, props_ready,
+    PosterizeView, Prop, PropHit, PropProgress, PropQuality, PropRayCast, PropStage, PropState, PropTint, props_ready,
 };

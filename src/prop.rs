@@ -15,8 +15,9 @@ use glam::DAffine3;
 use plenoctree::{PlenOctree, UpAxis};
 
 use crate::{
+    gpu::{FieldReady, GpuStatus},
     sets::PlenOctreeSystems,
-    state::{DrawnField, PropState},
+    state::{DrawnField, PropProgress, PropState},
 };
 
 /// Places a field in the scene.
@@ -25,12 +26,12 @@ use crate::{
 /// becomes Bevy's y axis. Scaling the entity does not change the field's apparent density, and highlights rotate with
 /// the entity. By default, the field is drawn as trained; add [`Posterize`](crate::Posterize) to posterize it.
 ///
-/// [`PropState`] says whether the prop can be drawn yet. If it is given another field, the one that it had is drawn until
+/// [`PropState`] says whether the prop can be drawn yet, and [`PropProgress`] how far it is. If it is given another field, the one that it had is drawn until
 /// the new one can be.
 #[derive(Component, Clone, Debug, FromTemplate, Reflect)]
 #[reflect(Component, Clone, Debug)]
 #[type_path = "bevy_plenoctree"]
-#[require(DrawnField, PropState, PropTint, SolidOpacity, Transform, Visibility, VisibilityClass)]
+#[require(DrawnField, PropProgress, PropState, PropTint, SolidOpacity, Transform, Visibility, VisibilityClass)]
 #[component(on_add = visibility::add_visibility_class::<Prop>, on_remove = clean_up)]
 pub struct Prop(pub Handle<PlenOctree>);
 
@@ -40,7 +41,7 @@ fn clean_up(mut world: DeferredWorld, HookContext { entity, .. }: HookContext) {
     if let Some(mut classes) = world.get_mut::<VisibilityClass>(entity) {
         classes.retain(|class| *class != TypeId::of::<Prop>());
     }
-    world.commands().entity(entity).try_remove::<(DrawnField, PropState)>();
+    world.commands().entity(entity).try_remove::<(DrawnField, PropProgress, PropState)>();
 }
 
 /// Multiplies the light of a [`Prop`], for example to dim it with the scene at night. Props are not lit by the scene's
@@ -115,13 +116,15 @@ impl Plugin for PropPlugin {
     }
 }
 
-/// Sets the [`Aabb`] of props to the bounds of their field's leaves, when the field is loaded or changed. Includes the
-/// bounds of an earlier field that is still drawn.
+/// Sets the [`Aabb`] of props to the bounds of their field's leaves, when the field is loaded, changed or drawn. Includes
+/// the bounds of an earlier field, or an earlier version, that is still drawn.
 fn update_bounds(
     mut commands: Commands,
     fields: Res<Assets<PlenOctree>>,
     mut events: MessageReader<AssetEvent<PlenOctree>>,
-    props: Query<(Entity, Ref<Prop>, Ref<DrawnField>, Has<Aabb>)>,
+    mut arrivals: MessageReader<FieldReady>,
+    gpu: Res<GpuStatus>,
+    props: Query<(Entity, Ref<Prop>, Ref<DrawnField>, Option<&Aabb>)>,
 ) {
     // Usually empty, so most frames allocate nothing.
     let changed: Vec<_> = events
@@ -131,13 +134,18 @@ fn update_bounds(
             _ => None,
         })
         .collect();
-    for (entity, prop, drawn, has_bounds) in &props {
-        if has_bounds && !prop.is_changed() && !drawn.is_changed() && !changed.contains(&prop.0.id()) {
+    let arrived: Vec<_> = arrivals.read().map(|ready| ready.field).collect();
+    for (entity, prop, drawn, bounds) in &props {
+        let id = prop.0.id();
+        let (is_changed, has_arrived) = (changed.contains(&id), arrived.contains(&id));
+        if bounds.is_some() && !prop.is_changed() && !drawn.is_changed() && !is_changed && !has_arrived {
             continue;
         }
-        let bounds = [Some(&prop.0), drawn.stand_in(&prop)].into_iter().flatten();
-        let bounds = bounds.filter_map(|field| bounds_of(fields.get(field)?));
-        if let Some((low, high)) = bounds.reduce(|a, b| (a.0.min(b.0), a.1.max(b.1))) {
+        let earlier_version = bounds.filter(|_| is_changed && !has_arrived && gpu.has_reports());
+        let earlier_version = earlier_version.map(|bounds| (bounds.min().into(), bounds.max().into()));
+        let of_fields = [Some(&prop.0), drawn.stand_in(&prop)].into_iter().flatten();
+        let of_fields = of_fields.filter_map(|field| bounds_of(fields.get(field)?));
+        if let Some((low, high)) = of_fields.chain(earlier_version).reduce(|a, b| (a.0.min(b.0), a.1.max(b.1))) {
             commands.entity(entity).try_insert(Aabb::from_min_max(low, high));
         }
     }

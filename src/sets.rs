@@ -35,7 +35,8 @@ pub enum PlenOctreeSystems {
 pub enum PlenOctreeRenderSystems {
     /// Chooses and requests the level of each prop in each view.
     ChooseLevels,
-    /// Uploads requested levels that were made in the background.
+    /// Uploads fields and requested levels that were made in the background, as far as the
+    /// [`UploadBudget`](crate::UploadBudget) allows.
     UploadLevels,
     /// Writes the uniforms and creates the textures of each view.
     PrepareViews,

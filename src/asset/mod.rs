@@ -2,8 +2,11 @@
 
 #[cfg(feature = "pack")]
 mod pack;
+mod progress;
 #[cfg(not(target_arch = "wasm32"))]
 mod remote;
+
+pub(crate) use progress::FilesRead;
 
 use std::io::Cursor;
 
@@ -29,8 +32,16 @@ use crate::background;
 /// The file is parsed while it is read, so that only a part of it is in memory at any time. Asset sources that cannot
 /// seek, such as archives that inflate their files, and all sources on the web, give the whole file at once instead. On
 /// the web, which has no threads, the app stops while a file is parsed.
-#[derive(Default, TypePath)]
-pub struct PlenOctreeLoader;
+#[derive(TypePath)]
+pub struct PlenOctreeLoader {
+    files: FilesRead,
+}
+
+impl FromWorld for PlenOctreeLoader {
+    fn from_world(world: &mut World) -> Self {
+        Self { files: world.get_resource_or_init::<FilesRead>().clone() }
+    }
+}
 
 impl AssetLoader for PlenOctreeLoader {
     type Asset = PlenOctree;
@@ -45,14 +56,18 @@ impl AssetLoader for PlenOctreeLoader {
     ) -> Result<PlenOctree, ReadError> {
         let (file, settings) = (context.path().to_string(), settings.clone());
         let failed = |error: std::io::Error| ReadError { file: file.clone(), fault: error.into() };
+        let mut progress = self.files.watch(context.path().clone());
         #[cfg(not(target_arch = "wasm32"))]
         if let Ok(reader) = reader.seekable() {
             let label = file.clone();
             let parse = move |remote| PlenOctree::read_from(remote, &label, &settings);
-            return remote::serve(reader, parse).await.map_err(failed)?;
+            return remote::serve(reader, parse, |bytes, length| progress.count(bytes, length))
+                .await
+                .map_err(failed)?;
         }
         let mut bytes = Vec::new();
         reader.read_to_end(&mut bytes).await.map_err(failed)?;
+        progress.count(bytes.len(), bytes.len() as u64);
         background::spawn(move || PlenOctree::read_from(Cursor::new(bytes), &file, &settings)).await
     }
 

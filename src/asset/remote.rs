@@ -18,19 +18,32 @@ const CHUNK: usize = 1 << 18;
 
 /// Runs `parse` in the background, with an input that reads from `reader`, and returns its result.
 ///
+/// `count` is called with the number of bytes that were read, and with the length of the file, after every part.
+///
 /// Returns an error if the length of the file cannot be found. Errors of reading are returned to `parse`.
 pub(super) async fn serve<T: Send + 'static>(
     reader: &mut dyn SeekableReader,
     parse: impl FnOnce(Remote) -> T + Send + 'static,
+    mut count: impl FnMut(usize, u64),
 ) -> io::Result<T> {
     let length = reader.seek(SeekFrom::End(0)).await?;
     let ((questions, asked), (answers, answered)) = (bounded(1), bounded(1));
-    let remote = Remote { questions, answered, length, position: 0, start: 0, bytes: Vec::new() };
+    let remote = Remote {
+        questions,
+        answered,
+        length,
+        position: 0,
+        start: 0,
+        bytes: Vec::new(),
+        ahead_from: None,
+        spare: Vec::new(),
+    };
     let result = background::spawn(move || parse(remote));
     let mut place = length;
     // Ends when the thread has dropped its end of the channel.
     while let Ok(Question { start, bytes }) = asked.recv().await {
         let answer = read_at(reader, &mut place, start, bytes).await;
+        count(answer.as_ref().map_or(0, Vec::len), length);
         if answers.send(answer).await.is_err() {
             break;
         }
@@ -70,6 +83,10 @@ pub(super) struct Remote {
     /// The part of the file that was read last.
     start: u64,
     bytes: Vec<u8>,
+    /// Where the part begins that was asked for ahead, if there is one.
+    ahead_from: Option<u64>,
+    /// Memory that is used again.
+    spare: Vec<u8>,
 }
 
 impl Remote {
@@ -79,13 +96,37 @@ impl Remote {
         skipped.and_then(|skipped| self.bytes.get(skipped..)).unwrap_or(&[])
     }
 
-    /// Reads the part that starts at the position.
+    /// Reads the part that starts at the position. If it follows the last one, asks for the next one too, so that the
+    /// task reads while the thread parses.
     fn refill(&mut self) -> io::Result<()> {
-        let question = Question { start: self.position, bytes: std::mem::take(&mut self.bytes) };
-        self.questions.send_blocking(question).map_err(|_| canceled())?;
-        self.bytes = self.answered.recv_blocking().map_err(|_| canceled())??;
+        let goes_on = self.position == self.start + self.bytes.len() as u64;
+        let mut part = None;
+        if let Some(start) = self.ahead_from.take() {
+            let ahead = self.answered.recv_blocking().map_err(|_| canceled())?;
+            if start == self.position {
+                part = Some(ahead?);
+            }
+        }
+        let part = match part {
+            Some(part) => part,
+            None => {
+                self.ask(self.position)?;
+                self.answered.recv_blocking().map_err(|_| canceled())??
+            }
+        };
+        self.spare = std::mem::replace(&mut self.bytes, part);
         self.start = self.position;
+        let next = self.start + self.bytes.len() as u64;
+        if goes_on && next < self.length && next > self.start {
+            self.ask(next)?;
+            self.ahead_from = Some(next);
+        }
         Ok(())
+    }
+
+    fn ask(&mut self, start: u64) -> io::Result<()> {
+        let question = Question { start, bytes: std::mem::take(&mut self.spare) };
+        self.questions.send_blocking(question).map_err(|_| canceled())
     }
 }
 
@@ -156,8 +197,14 @@ mod tests {
             (seen, rest)
         };
         let expected = read(Box::new(io::Cursor::new(bytes)));
-        let found = block_on(serve(&mut reader, move |remote| read(Box::new(remote)))).unwrap();
+        let mut total = 0;
+        let count = |count, length| {
+            assert_eq!(length, 3 * CHUNK as u64 + 5);
+            total += count;
+        };
+        let found = block_on(serve(&mut reader, move |remote| read(Box::new(remote)), count)).unwrap();
         assert!(found == expected);
+        assert!(total > 3 * CHUNK, "{total} bytes were counted");
     }
 
     trait ReadSeek: Read + Seek {}
@@ -169,14 +216,22 @@ mod tests {
     fn a_canceled_load_ends() {
         let mut reader = VecReader::new(numbers(3 * CHUNK));
         let (ended, end) = std::sync::mpsc::channel();
-        let (started, start) = bounded(1);
-        let mut load = Box::pin(serve(&mut reader, move |mut remote| {
-            started.send_blocking(()).unwrap();
-            ended.send(remote.read_to_end(&mut Vec::new()).unwrap_err().kind())
-        }));
+        let (started, start) = std::sync::mpsc::channel();
+        let (canceled, cancel) = std::sync::mpsc::channel::<()>();
+        let mut load = Box::pin(serve(
+            &mut reader,
+            move |mut remote| {
+                started.send(()).unwrap();
+                cancel.recv().unwrap_err();
+                ended.send(remote.read_to_end(&mut Vec::new()).unwrap_err().kind())
+            },
+            |_, _| (),
+        ));
         assert!(block_on(bevy::tasks::poll_once(&mut load)).is_none());
-        start.recv_blocking().unwrap();
+        // A thread that has not started is not started any more.
+        start.recv().unwrap();
         drop(load);
+        drop(canceled);
         assert_eq!(end.recv().unwrap(), ErrorKind::BrokenPipe);
     }
 }

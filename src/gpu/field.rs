@@ -11,15 +11,25 @@ use bevy::{
 use plenoctree::PlenOctree;
 
 use super::{
+    budget::Turn,
     level::Level,
     levels::Levels,
     records::Records,
-    upload::{self, FieldTooLarge, GpuLevel, Uploader},
+    upload::{self, FieldShape, FieldTooLarge, GpuLevel, Uploader},
 };
 
 /// A [`PlenOctree`] in GPU memory. Stored in the render world, in `RenderAssets<GpuField>`.
+///
+/// It is there from the frame in which its asset was added on, and arrives slice by slice. If the asset is replaced, the
+/// earlier version is drawn until the new one has arrived.
 pub struct GpuField {
     levels: Levels,
+    /// Those of the version before this one, as long as they are drawn.
+    earlier: Option<Levels>,
+    /// Whether this version is drawn.
+    is_drawn: bool,
+    /// Whether it is drawn from the next frame on.
+    is_new: bool,
     /// Whether the outcome of the upload was reported to the main world.
     reported: bool,
 }
@@ -37,29 +47,63 @@ impl GpuField {
         upload::check(field, limits)
     }
 
-    /// Returns the size in GPU memory, in bytes, including the levels that cameras requested.
+    /// Returns the size in GPU memory, in bytes, including the levels that cameras requested, and an earlier version that
+    /// is still drawn.
     pub fn bytes(&self) -> u64 {
-        self.levels.iter().map(|level| level.bytes).sum()
+        [Some(&self.levels), self.earlier.as_ref()].into_iter().flatten().flat_map(Levels::iter).map(|l| l.bytes).sum()
     }
 
-    /// Returns whether the field can be drawn, or `None` if the driver has not reported it yet.
+    /// Returns whether the field can be drawn, or `None` as long as it is arriving.
     pub fn outcome(&self) -> Option<Result<(), &FieldTooLarge>> {
-        self.levels.outcome()
+        self.levels.outcome().filter(|outcome| outcome.is_err() || self.is_drawn)
     }
 
-    /// Returns a level, if it is ready.
+    /// Returns how much of the field is on the GPU, from 0 to 1.
+    pub fn progress(&self) -> f32 {
+        self.levels.progress()
+    }
+
+    /// Returns the levels to draw, if there are any: those of an earlier version as long as this one is arriving.
+    fn drawn(&self) -> Option<&Levels> {
+        if self.is_drawn { Some(&self.levels) } else { self.earlier.as_ref() }
+    }
+
+    /// Returns the version of the field that is drawn.
+    pub(crate) fn drawn_field(&self) -> Option<&PlenOctree> {
+        self.drawn().map(Levels::source)
+    }
+
+    /// Returns a level of the version that is drawn, if it is ready.
     pub(crate) fn level(&self, level: Level) -> Option<&Arc<GpuLevel>> {
-        self.levels.get(level)
+        self.drawn()?.get(level)
+    }
+
+    /// Returns the field itself, if it has arrived: this version, and no earlier one.
+    pub(crate) fn arrived(&self) -> Option<&Arc<GpuLevel>> {
+        self.levels.get(Level::default())
+    }
+
+    /// Returns the shape of this version if it is arriving, so that its pipelines can be compiled meanwhile.
+    pub(crate) fn arriving_shape(&self) -> Option<FieldShape> {
+        self.levels.shape().filter(|_| !self.is_drawn)
     }
 
     /// Requests a level for this frame.
     pub(crate) fn request(&mut self, level: Level) {
-        self.levels.request(level);
+        match &mut self.earlier {
+            Some(earlier) if !self.is_drawn => earlier.request(level, false),
+            _ => self.levels.request(level, true),
+        }
     }
 
     /// Returns the level to draw: `wanted` if it is ready, otherwise one that stands in for it.
     pub(crate) fn resolve(&self, wanted: Level) -> Level {
-        self.levels.resolve(wanted)
+        self.drawn().map_or_else(Level::default, |levels| levels.resolve(wanted))
+    }
+
+    /// Returns whether no frame shows this version yet, although the GPU has not refused it.
+    pub(crate) fn is_arriving(&self) -> bool {
+        self.is_new || self.outcome().is_none()
     }
 
     /// Returns whether a level that a camera requested in the last frame is not ready yet.
@@ -67,27 +111,39 @@ impl GpuField {
         self.levels.are_pending()
     }
 
-    /// Uploads the levels that were requested in this frame and have been made. If one fails, returns its error.
-    pub(super) fn upload(&mut self, uploader: &Uploader) -> Option<FieldTooLarge> {
-        self.levels.upload(uploader)
+    /// Returns the number of levels that are being made in the background.
+    pub(super) fn being_made(&self) -> usize {
+        self.levels.being_made()
     }
 
-    /// Ends the frame: evicts levels that no camera has requested for a long time.
-    pub(super) fn age(&mut self) {
+    /// Makes and uploads the field, and the levels that were requested in this frame, as far as the turn allows. If a
+    /// level fails, returns its error.
+    pub(super) fn advance(&mut self, uploader: &Uploader, turn: &mut Turn) -> Option<FieldTooLarge> {
+        self.levels.advance(uploader, turn)
+    }
+
+    /// Ends the frame. If the field has arrived, and `has_pipelines` says that no pipeline for it is missing, it is drawn
+    /// from the next frame on. Evicts levels that no camera has requested for a long time.
+    pub(super) fn end_frame(&mut self, has_pipelines: bool) {
+        self.is_new = !self.is_drawn && has_pipelines && self.arrived().is_some();
+        if self.is_new {
+            self.is_drawn = true;
+            self.earlier = None;
+        }
         self.levels.age();
     }
 
     /// Returns the outcome of the upload when it is first known, and `None` from then on.
     pub(super) fn take_outcome(&mut self) -> Option<Result<(), FieldTooLarge>> {
-        let outcome = self.levels.outcome().filter(|_| !self.reported)?;
+        let outcome = self.outcome().filter(|_| !self.reported)?.map_err(Clone::clone);
         self.reported = true;
-        Some(outcome.map_err(Clone::clone))
+        Some(outcome)
     }
 }
 
 impl RenderAsset for GpuField {
     type SourceAsset = PlenOctree;
-    type Param = Uploader<'static>;
+    type Param = ();
 
     fn asset_usage(_: &PlenOctree) -> RenderAssetUsages {
         // The main world keeps the field for palette extraction. The arrays are shared, so the copy is cheap.
@@ -98,16 +154,13 @@ impl RenderAsset for GpuField {
         Ok(source.clone())
     }
 
-    fn byte_len(source: &PlenOctree) -> Option<usize> {
-        usize::try_from(Self::byte_size(source)).ok()
-    }
-
     fn prepare_asset(
         field: PlenOctree,
         _: AssetId<PlenOctree>,
-        uploader: &mut SystemParamItem<Self::Param>,
-        _: Option<&Self>,
+        _: &mut SystemParamItem<Self::Param>,
+        previous: Option<&Self>,
     ) -> Result<Self, PrepareAssetError<PlenOctree>> {
-        Ok(Self { levels: Levels::new(field, uploader), reported: false })
+        let earlier = previous.and_then(Self::drawn).map(Levels::kept);
+        Ok(Self { levels: Levels::new(field), earlier, is_drawn: false, is_new: false, reported: false })
     }
 }

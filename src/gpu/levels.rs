@@ -6,8 +6,10 @@ use bevy::tasks::{Task, block_on, poll_once};
 use plenoctree::{Faintness, PlenOctree};
 
 use super::{
+    budget::Turn,
     level::Level,
-    upload::{FieldTooLarge, GpuLevel, LevelData, Upload, Uploaded, Uploader},
+    slices::Upload,
+    upload::{FieldShape, FieldTooLarge, GpuLevel, LevelData, Uploader, field_bytes},
 };
 use crate::background;
 
@@ -29,20 +31,33 @@ struct Slot {
     idle: u32,
 }
 
+/// What is there of a level. Each state leads to the next one.
 enum State {
+    Requested,
     /// Being made in the background, which takes longer than a frame.
     Making(Task<LevelData>),
-    Uploading(Upload),
+    Uploading(Box<Upload>),
     Ready(Arc<GpuLevel>),
     Failed(FieldTooLarge),
 }
 
 impl Levels {
-    pub fn new(source: PlenOctree, uploader: &Uploader) -> Self {
-        let data = LevelData::new(source);
-        let state = State::from(uploader.upload(&data));
-        let slot = Slot { level: Level::default(), state, idle: 0 };
-        Self { source: data.field, faintness: Arc::default(), slots: vec![slot] }
+    pub fn new(source: PlenOctree) -> Self {
+        let slot = Slot { level: Level::default(), state: State::Requested, idle: 0 };
+        Self { source, faintness: Arc::default(), slots: vec![slot] }
+    }
+
+    /// Returns the levels that are ready, to be drawn until another version of the field is.
+    pub fn kept(&self) -> Self {
+        let ready = self.slots.iter().filter_map(|slot| {
+            let state = State::Ready(slot.state.ready()?.clone());
+            Some(Slot { level: slot.level, state, idle: slot.idle })
+        });
+        Self { source: self.source.clone(), faintness: self.faintness.clone(), slots: ready.collect() }
+    }
+
+    pub fn source(&self) -> &PlenOctree {
+        &self.source
     }
 
     pub fn get(&self, level: Level) -> Option<&Arc<GpuLevel>> {
@@ -54,36 +69,54 @@ impl Levels {
         match &self.slots.first()?.state {
             State::Ready(_) => Some(Ok(())),
             State::Failed(error) => Some(Err(error)),
-            State::Making(_) | State::Uploading(_) => None,
+            State::Requested | State::Making(_) | State::Uploading(_) => None,
         }
     }
 
-    /// Requests a level for this frame.
-    pub fn request(&mut self, level: Level) {
+    /// Returns the shape of the field itself, once it is known.
+    pub fn shape(&self) -> Option<FieldShape> {
+        match &self.slots.first()?.state {
+            State::Uploading(upload) => Some(upload.shape()),
+            State::Ready(level) => Some(level.shape),
+            State::Requested | State::Making(_) | State::Failed(_) => None,
+        }
+    }
+
+    /// Returns how much of the field itself is on the GPU, from 0 to 1.
+    pub fn progress(&self) -> f32 {
+        match self.slots.first().map(|slot| &slot.state) {
+            Some(State::Uploading(upload)) => upload.progress(),
+            Some(State::Ready(_)) => 1.0,
+            _ => 0.0,
+        }
+    }
+
+    /// Returns the number of levels that are being made.
+    pub fn being_made(&self) -> usize {
+        self.slots.iter().filter(|slot| matches!(slot.state, State::Making(_))).count()
+    }
+
+    /// Requests a level for this frame. It is made if `makes_more`.
+    pub fn request(&mut self, level: Level, makes_more: bool) {
         if let Some(slot) = self.slots.iter_mut().find(|slot| slot.level == level) {
             slot.idle = 0;
-            return;
+        } else if makes_more {
+            self.slots.push(Slot { level, state: State::Requested, idle: 0 });
         }
-        let (field, faintness) = (self.source.clone(), self.faintness.clone());
-        let make = move || LevelData::new(level.make(&field, &faintness));
-        let state = State::Making(background::spawn(make));
-        self.slots.push(Slot { level, state, idle: 0 });
     }
 
-    /// Uploads the levels that were requested in this frame and have been made. If one fails, returns its error.
-    pub fn upload(&mut self, uploader: &Uploader) -> Option<FieldTooLarge> {
+    /// Makes and uploads the field itself and the levels that were requested in this frame, as far as the turn allows. If
+    /// one fails, returns its error.
+    pub fn advance(&mut self, uploader: &Uploader, turn: &mut Turn) -> Option<FieldTooLarge> {
+        let Self { source, faintness, slots } = self;
         let mut failure = None;
-        for slot in self.slots.iter_mut().filter(|slot| slot.idle == 0) {
-            let next = match &mut slot.state {
-                State::Making(task) => block_on(poll_once(task)).map(|data| uploader.upload(&data).into()),
-                State::Uploading(upload) => upload.poll().map(|outcome| Uploaded::Now(outcome).into()),
-                State::Ready(_) | State::Failed(_) => None,
-            };
-            if let Some(next) = next {
-                if let State::Failed(error) = &next {
-                    failure = Some(error.clone());
-                }
-                slot.state = next;
+        for slot in slots.iter_mut().filter(|slot| slot.idle == 0 || slot.level == Level::default()) {
+            if matches!(slot.state, State::Ready(_) | State::Failed(_)) {
+                continue;
+            }
+            slot.advance(source, faintness, uploader, turn);
+            if let State::Failed(error) = &slot.state {
+                failure = Some(error.clone());
             }
         }
         failure
@@ -101,7 +134,7 @@ impl Levels {
 
     /// Returns whether a level that was requested in the last frame is not ready yet.
     pub fn are_pending(&self) -> bool {
-        let waits = |state: &State| matches!(state, State::Making(_) | State::Uploading(_));
+        let waits = |state: &State| matches!(state, State::Requested | State::Making(_) | State::Uploading(_));
         self.slots.iter().any(|slot| slot.idle <= 1 && waits(&slot.state))
     }
 
@@ -118,21 +151,59 @@ impl Levels {
     }
 }
 
-impl State {
-    fn ready(&self) -> Option<&Arc<GpuLevel>> {
-        match self {
-            Self::Ready(level) => Some(level),
-            Self::Making(_) | Self::Uploading(_) | Self::Failed(_) => None,
+impl Drop for Levels {
+    fn drop(&mut self) {
+        background::discard(self.source.clone(), field_bytes(&self.source));
+    }
+}
+
+impl Slot {
+    fn advance(
+        &mut self,
+        source: &PlenOctree,
+        faintness: &Arc<OnceLock<Faintness>>,
+        uploader: &Uploader,
+        turn: &mut Turn,
+    ) {
+        let begin = |data| match Upload::begin(data, uploader) {
+            Ok(upload) => State::Uploading(Box::new(upload)),
+            Err(error) => State::Failed(error),
+        };
+        let is_itself = self.level == Level::default();
+        if let State::Requested = self.state {
+            if is_itself && LevelData::is_quick(source) && turn.allows_more() {
+                self.state = begin(LevelData::new(source.clone()));
+            } else if turn.free_threads > 0 {
+                turn.free_threads -= 1;
+                let (level, field, faintness) = (self.level, source.clone(), faintness.clone());
+                let make = move || LevelData::new(if is_itself { field } else { level.make(&field, &faintness) });
+                self.state = State::Making(background::spawn(make));
+            }
+        }
+        if let State::Making(task) = &mut self.state
+            && task.is_finished()
+            && turn.allows_more()
+            && let Some(data) = block_on(poll_once(task))
+        {
+            self.state = begin(data);
+        }
+        if let State::Uploading(upload) = &mut self.state
+            && !turn.is_taken
+        {
+            match upload.advance(uploader, turn) {
+                Some(Ok(level)) => self.state = State::Ready(level),
+                Some(Err(error)) => self.state = State::Failed(error),
+                None => turn.is_taken = true,
+            }
         }
     }
 }
 
-impl From<Uploaded> for State {
-    fn from(uploaded: Uploaded) -> Self {
-        match uploaded {
-            Uploaded::Now(Ok(level)) => Self::Ready(level),
-            Uploaded::Now(Err(error)) => Self::Failed(error),
-            Uploaded::Later(upload) => Self::Uploading(upload),
+impl State {
+    fn ready(&self) -> Option<&Arc<GpuLevel>> {
+        match self {
+            Self::Ready(level) => Some(level),
+            Self::Requested | Self::Making(_) | Self::Uploading(_) | Self::Failed(_) => None,
         }
     }
 }

@@ -1,6 +1,8 @@
 //! Fields on the GPU: their levels, the layout of their data, uploads, and the shaders.
 
+mod budget;
 mod constants;
+mod errors;
 mod field;
 mod level;
 mod levels;
@@ -9,10 +11,12 @@ pub(crate) mod pipelines;
 mod records;
 mod report;
 mod shaders;
+mod slices;
 mod systems;
 mod textures;
 mod upload;
 
+pub use budget::UploadBudget;
 pub use constants::MAX_PROPS_IN_VIEW;
 pub(crate) use constants::SAMPLING_WORKGROUP;
 pub use field::GpuField;
@@ -25,7 +29,10 @@ pub(crate) use upload::{FieldLayout, FieldShape, GpuLevel};
 
 use bevy::{
     prelude::*,
-    render::{ExtractSchedule, Render, RenderApp, RenderStartup, RenderSystems, render_asset::RenderAssetPlugin},
+    render::{
+        ExtractSchedule, Render, RenderApp, RenderStartup, RenderSystems, extract_resource::ExtractResourcePlugin,
+        render_asset::RenderAssetPlugin,
+    },
 };
 
 use crate::sets::{PlenOctreeRenderSystems, PlenOctreeSystems};
@@ -36,6 +43,8 @@ pub(crate) struct GpuFieldPlugin;
 impl Plugin for GpuFieldPlugin {
     fn build(&self, app: &mut App) {
         app.init_resource::<GpuStatus>()
+            .init_resource::<UploadBudget>()
+            .register_type::<UploadBudget>()
             .add_message::<FieldReady>()
             .add_message::<FieldFailed>()
             .add_systems(PreUpdate, report::receive.in_set(PlenOctreeSystems::ReportFields));
@@ -45,7 +54,7 @@ impl Plugin for GpuFieldPlugin {
         let reports = report::FieldReports::default();
         app.insert_resource(reports.clone());
         let shaders = Shaders::add_to(app);
-        app.add_plugins(RenderAssetPlugin::<GpuField>::default());
+        app.add_plugins((RenderAssetPlugin::<GpuField>::default(), ExtractResourcePlugin::<UploadBudget>::default()));
         if let Some(render_app) = app.get_sub_app_mut(RenderApp) {
             render_app
                 .insert_resource(shaders)
@@ -58,7 +67,7 @@ impl Plugin for GpuFieldPlugin {
                     Render,
                     (
                         systems::upload_levels.in_set(PlenOctreeRenderSystems::UploadLevels),
-                        (systems::evict_levels, report::report_pipelines).in_set(RenderSystems::Cleanup),
+                        (systems::end_frame, report::report_pipelines).in_set(RenderSystems::Cleanup),
                     ),
                 );
         }

@@ -35,3 +35,8 @@ fn label(descriptor: &PipelineDescriptor) -> &str {
     };
     label.as_deref().unwrap_or("a pipeline without a label")
 }
+
+/// Returns whether a pipeline with this label is one of the plugin's.
+pub(super) fn is_ours(label: &str) -> bool {
+    label.starts_with("plenoctree_")
+}

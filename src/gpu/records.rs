@@ -32,6 +32,7 @@ const MOST_TABLE_LEVEL: u32 = 8;
 /// The size that the table may always have, in bytes.
 const TABLE_ALLOWANCE: u64 = 4 << 20;
 
+#[derive(Default)]
 pub(super) struct Records {
     /// The depth of the tree, at least two.
     pub depth: u32,

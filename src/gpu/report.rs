@@ -13,8 +13,8 @@ use plenoctree::PlenOctree;
 
 use super::{pipelines, upload::FieldTooLarge};
 
-/// A message written in [`PreUpdate`] when a field is on the GPU, and again whenever the field is reloaded or the GPU
-/// device was lost and replaced.
+/// A message written in [`PreUpdate`] when a field has arrived on the GPU as a whole, and the pipelines that draw it are
+/// compiled, and again whenever the field is reloaded or the GPU device was lost and replaced.
 ///
 /// The field's props are drawn in the same frame, unless they wait for a palette. To know whether a prop can be drawn,
 /// use [`PropState`](crate::PropState).
@@ -33,7 +33,7 @@ pub struct FieldFailed {
     /// The part that does not fit, and its size.
     pub error: FieldTooLarge,
     /// Whether only a level does not fit. Another level is drawn in its place. Otherwise, the field's props are not
-    /// drawn.
+    /// drawn, or if the field was reloaded, its earlier version is.
     pub only_level: bool,
 }
 
@@ -41,6 +41,8 @@ pub struct FieldFailed {
 enum Report {
     Field(AssetId<PlenOctree>, Result<(), FieldTooLarge>),
     Level(AssetId<PlenOctree>, FieldTooLarge),
+    /// The share of a field that has arrived.
+    Progress(AssetId<PlenOctree>, f32),
     /// The device is new, so nothing is on it.
     NewDevice,
 }
@@ -66,6 +68,10 @@ impl FieldReports {
         self.inbox().reports.push(Report::Level(field, error));
     }
 
+    pub fn progress(&self, field: AssetId<PlenOctree>, share: f32) {
+        self.inbox().reports.push(Report::Progress(field, share));
+    }
+
     fn inbox(&self) -> MutexGuard<'_, Inbox> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -77,6 +83,8 @@ pub(crate) struct GpuStatus {
     /// Whether there is a render world, which reports.
     has_reports: bool,
     outcomes: HashMap<AssetId<PlenOctree>, Result<(), FieldTooLarge>>,
+    /// The shares of fields that are arriving.
+    progress: HashMap<AssetId<PlenOctree>, f32>,
     frame: u64,
     drawn: u64,
     pipeline_error: Option<String>,
@@ -90,6 +98,17 @@ impl GpuStatus {
             return Some(Ok(()));
         }
         self.outcomes.get(&field).map(|outcome| outcome.as_ref().copied())
+    }
+
+    /// Returns how much of a field is on the GPU, from 0 to 1.
+    pub fn progress(&self, field: AssetId<PlenOctree>) -> f32 {
+        let arriving = || self.progress.get(&field).copied().unwrap_or(0.0);
+        self.outcome(field).map_or_else(arriving, |_| 1.0)
+    }
+
+    /// Returns whether there is a GPU, which reports.
+    pub fn has_reports(&self) -> bool {
+        self.has_reports
     }
 
     /// Returns the number of this frame.
@@ -118,8 +137,9 @@ pub(super) fn receive(
 ) {
     status.frame += 1;
     for event in fields.read() {
-        if let AssetEvent::Removed { id } = event {
+        if let AssetEvent::Modified { id } | AssetEvent::Removed { id } = event {
             status.outcomes.remove(id);
+            status.progress.remove(id);
         }
     }
     let Some(reports) = reports else { return };
@@ -131,12 +151,17 @@ pub(super) fn receive(
     }
     for report in inbox.reports.drain(..) {
         match report {
-            Report::NewDevice => status.outcomes.clear(),
+            Report::NewDevice => {
+                status.outcomes.clear();
+                status.progress.clear();
+            }
+            Report::Progress(field, share) => _ = status.progress.insert(field, share),
             Report::Level(field, error) => {
                 failed.write(FieldFailed { field, error, only_level: true });
             }
             Report::Field(field, outcome) => {
                 status.outcomes.insert(field, outcome.clone());
+                status.progress.remove(&field);
                 match outcome {
                     Ok(()) => {
                         ready.write(FieldReady { field });
@@ -161,18 +186,14 @@ pub(super) fn extract_frame(status: Extract<Res<GpuStatus>>, mut frame: ResMut<R
 /// Reports whether all pipelines were there when this frame was rendered.
 pub(super) fn report_pipelines(cache: Res<PipelineCache>, frame: Res<RenderedFrame>, reports: Res<FieldReports>) {
     let mut inbox = reports.inbox();
-    if pipelines::waiting(&cache).all(|label| !is_ours(label)) {
+    if pipelines::waiting(&cache).all(|label| !pipelines::is_ours(label)) {
         inbox.drawn = frame.0;
     }
-    let error = pipelines::failed(&cache).find(|(label, _)| is_ours(label));
+    let error = pipelines::failed(&cache).find(|(label, _)| pipelines::is_ours(label));
     match (error, &inbox.pipeline_error) {
         (None, None) | (Some(_), Some(_)) => {}
         (error, _) => inbox.pipeline_error = error.map(|(label, error)| format!("{label}: {error}")),
     }
-}
-
-fn is_ours(label: &str) -> bool {
-    label.starts_with("plenoctree_")
 }
 
 /// Forgets what was on a lost device.

@@ -1,32 +1,57 @@
 //! Systems that update fields on the GPU, every frame.
 
-use bevy::{prelude::*, render::render_asset::RenderAssets};
+use std::thread::available_parallelism;
 
-use super::{field::GpuField, report::FieldReports, upload::Uploader};
+use bevy::{
+    prelude::*,
+    render::{render_asset::RenderAssets, render_resource::PipelineCache},
+};
 
-/// Uploads the levels that views requested in this frame, and reports whether fields and levels fit on the GPU.
+use super::{
+    budget::{Turn, UploadBudget},
+    field::GpuField,
+    pipelines,
+    report::FieldReports,
+    upload::Uploader,
+};
+
+/// Makes and uploads fields, and the levels that views requested in this frame, as far as the budget allows.
 pub(super) fn upload_levels(
     mut fields: ResMut<RenderAssets<GpuField>>,
     uploader: Uploader,
+    budget: Res<UploadBudget>,
     reports: Res<FieldReports>,
 ) {
+    let threads = available_parallelism().map_or(1, |cores| cores.get() - 1).max(1);
+    let being_made = fields.iter().map(|(_, field)| field.being_made()).sum();
+    let mut turn = Turn::new(*budget, threads.saturating_sub(being_made));
     for (id, field) in fields.iter_mut() {
-        let failure = field.upload(&uploader);
-        if let Some(outcome) = field.take_outcome() {
-            if let Err(error) = &outcome {
-                error!("field {id} is not drawn: {error}");
-            }
-            reports.field(id, outcome);
-        } else if let Some(error) = failure {
+        let failure = field.advance(&uploader, &mut turn);
+        // The failure of a field itself is reported at the end of the frame.
+        if let Some(error) = failure.filter(|_| !matches!(field.outcome(), Some(Err(_)))) {
             error!("a level of field {id} is not drawn: {error}");
             reports.level(id, error);
         }
     }
 }
 
-/// Evicts levels that no camera has requested for a long time.
-pub(super) fn evict_levels(mut fields: ResMut<RenderAssets<GpuField>>) {
-    for (_, field) in fields.iter_mut() {
-        field.age();
+/// Ends the frame: fields that have arrived, and whose pipelines are compiled, are drawn from the next frame on. Reports
+/// whether fields fit on the GPU, and how far those that are arriving are.
+pub(super) fn end_frame(
+    mut fields: ResMut<RenderAssets<GpuField>>,
+    cache: Res<PipelineCache>,
+    reports: Res<FieldReports>,
+) {
+    let has_pipelines = pipelines::waiting(&cache).all(|label| !pipelines::is_ours(label));
+    for (id, field) in fields.iter_mut() {
+        field.end_frame(has_pipelines);
+        if let Some(outcome) = field.take_outcome() {
+            if let Err(error) = &outcome {
+                error!("field {id} cannot be drawn: {error}");
+            }
+            reports.field(id, outcome);
+        } else if field.outcome().is_none() {
+            reports.progress(id, field.progress());
+        }
     }
 }

@@ -1,123 +1,96 @@
 //! Textures that store arrays. Unlike buffers, they can be bound whole, whatever their size.
+//!
+//! Their layers are always written whole. Before a layer is first written in part, wgpu clears it.
+
+use std::ops::Range;
 
 use bevy::render::{
     render_resource::{
         Extent3d, Origin3d, TexelCopyBufferLayout, TexelCopyTextureInfo, Texture, TextureAspect, TextureDescriptor,
-        TextureDimension, TextureFormat, TextureUsages,
+        TextureDimension, TextureFormat, TextureUsages, TextureView, TextureViewDescriptor, TextureViewDimension,
     },
     renderer::{RenderDevice, RenderQueue},
 };
-use half::f16;
-use plenoctree::PlenOctree;
-
-use super::payload::Payload;
 
 /// The maximum width of a texture, in texels.
-const MOST_WIDTH: u32 = 8192;
-/// The number of texels per upload. The queue copies each upload, so this limits the memory in use.
-const BAND: usize = 1 << 22;
+const MOST_WIDTH: u32 = 512;
+/// The maximum number of layers of a texture.
+const MOST_LAYERS: u32 = 256;
+/// The minimum number of rows in a layer of a texture with several layers. Drivers store rows in groups.
+const FEWEST_ROWS: u32 = 4;
 
-/// An array stored in the rows of a texture: element `i` is the texel in column `i % width` of row `i / width`.
+/// How a device stores arrays: element `i` is the texel in column `i % width` of row `i / width`. An equal number of rows
+/// makes a layer.
 #[derive(Clone, Copy)]
-pub(super) struct Row {
+pub(super) struct Grid {
     width: u32,
     most_rows: u32,
+    most_layers: u32,
 }
 
-impl Row {
+impl Grid {
     pub fn new(limits: &wgpu::Limits) -> Self {
         let most_rows = limits.max_texture_dimension_2d.max(1);
         // A power of two, so that shaders do not have to divide.
-        Self { width: 1 << MOST_WIDTH.min(most_rows).ilog2(), most_rows }
+        let width = 1 << MOST_WIDTH.min(most_rows).ilog2();
+        Self { width, most_rows, most_layers: limits.max_texture_array_layers.clamp(1, MOST_LAYERS) }
     }
 
     /// Returns the base-2 logarithm of the width.
-    pub fn log2(self) -> u32 {
+    pub fn row_log2(self) -> u32 {
         self.width.ilog2()
     }
 
-    /// Returns the maximum number of elements.
+    /// Returns the maximum number of elements: those of the largest texture with one layer that is at most 8192 texels
+    /// wide.
     pub fn most_texels(self) -> u64 {
-        u64::from(self.width) * u64::from(self.most_rows)
+        let width = 1 << self.most_rows.min(8192).ilog2();
+        let rows = u64::from(self.most_rows);
+        (rows * width).min(rows * u64::from(self.width) * u64::from(self.most_layers))
     }
 
-    pub fn upload_words(
-        self,
-        device: &RenderDevice,
-        queue: &RenderQueue,
-        label: &'static str,
-        words: &[[u32; 4]],
-    ) -> Texture {
-        let texture = self.texture(device, label, TextureFormat::Rgba32Uint, words.len());
-        self.write(queue, &texture, 0, bytemuck::cast_slice(words), 16);
-        texture
-    }
-
-    /// Uploads densities. Those of packed fields are numbers that half floats hold, and take half the memory.
-    pub fn upload_densities(self, device: &RenderDevice, queue: &RenderQueue, field: &PlenOctree) -> Texture {
-        let label = "plenoctree_densities";
-        let densities = field.densities();
-        if field.codebook().is_none() {
-            let texture = self.texture(device, label, TextureFormat::R32Float, densities.len());
-            self.write(queue, &texture, 0, bytemuck::cast_slice(densities), 4);
-            return texture;
-        }
-        let texture = self.texture(device, label, TextureFormat::R16Float, densities.len());
-        let halves: Vec<f16> = densities.iter().map(|density| f16::from_f32(*density)).collect();
-        self.write(queue, &texture, 0, bytemuck::cast_slice(&halves), 2);
-        texture
-    }
-
-    /// Uploads the coefficients, and the codebook of a packed field.
-    pub fn upload_coefficients(
-        self,
-        device: &RenderDevice,
-        queue: &RenderQueue,
-        field: &PlenOctree,
-    ) -> (Texture, Option<Texture>) {
-        let payload = Payload::of(field);
-        let Some(codebook) = field.codebook() else {
-            return (self.upload_each(device, queue, payload, &field.coefficients()), None);
-        };
-        let leaves = Payload::pack_leaves(codebook);
-        let texture = self.texture(device, "plenoctree_coefficients", TextureFormat::Rg32Uint, leaves.len());
-        self.write(queue, &texture, 0, bytemuck::cast_slice(&leaves), 8);
-        let rows = payload.pack_rows(codebook);
-        let table = self.texture(device, "plenoctree_codebook", TextureFormat::Rgba32Uint, rows.len() / 4);
-        self.write(queue, &table, 0, bytemuck::cast_slice(&rows), 16);
-        (texture, Some(table))
-    }
-
-    /// Uploads the coefficients of every leaf in bands, so that no more than one band is in memory twice.
-    fn upload_each(
-        self,
-        device: &RenderDevice,
-        queue: &RenderQueue,
-        payload: Payload,
-        coefficients: &[f16],
-    ) -> Texture {
-        let leaves = coefficients.len() / payload.basis.coefficients();
-        let texels = payload.texels();
-        let texture = self.texture(device, "plenoctree_coefficients", TextureFormat::Rgba32Uint, leaves * texels);
-        // `width` leaves fill whole rows, and so does every band.
-        let width = self.width as usize;
-        let rows = (BAND / (width * texels)).max(1);
-        for (band, leaves) in coefficients.chunks(rows * width * payload.basis.coefficients()).enumerate() {
-            let words = payload.pack(leaves);
-            self.write(queue, &texture, (band * rows * texels) as u32, bytemuck::cast_slice(&words), 16);
-            // Submitting lets the queue free its copy.
-            queue.submit([]);
-        }
-        texture
-    }
-
-    fn texture(self, device: &RenderDevice, label: &'static str, format: TextureFormat, texels: usize) -> Texture {
+    /// Returns the layers of an array of `texels` elements.
+    pub fn layers(self, texels: usize) -> Layers {
         let rows = texels.div_ceil(self.width as usize).max(1) as u32;
-        // A short array does not need a full row.
-        let width = if rows == 1 { texels.max(1) as u32 } else { self.width };
+        if rows <= FEWEST_ROWS {
+            // A short array does not need a full row.
+            let width = if rows == 1 { texels.max(1) as u32 } else { self.width };
+            return Layers { width, rows, count: 1 };
+        }
+        let height = rows.div_ceil(self.most_layers).next_power_of_two().max(FEWEST_ROWS);
+        Layers { width: self.width, rows: height, count: rows.div_ceil(height) }
+    }
+}
+
+/// The size of a texture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Layers {
+    pub width: u32,
+    /// The number of rows in each layer.
+    pub rows: u32,
+    pub count: u32,
+}
+
+impl Layers {
+    /// Returns the layers of a cube of texels, with the last axis varying fastest.
+    pub fn cube(side: u32) -> Self {
+        Self { width: side, rows: side, count: side }
+    }
+
+    /// Returns the base-2 logarithm of the number of rows in a layer, rounded up.
+    pub fn rows_log2(self) -> u32 {
+        self.rows.next_power_of_two().ilog2()
+    }
+
+    /// Returns the number of texels in a layer.
+    pub fn texels(self) -> usize {
+        self.width as usize * self.rows as usize
+    }
+
+    pub fn texture(self, device: &RenderDevice, label: &'static str, format: TextureFormat) -> Texture {
         device.create_texture(&TextureDescriptor {
             label: Some(label),
-            size: Extent3d { width, height: rows, depth_or_array_layers: 1 },
+            size: Extent3d { width: self.width, height: self.rows, depth_or_array_layers: self.count },
             mip_level_count: 1,
             sample_count: 1,
             dimension: TextureDimension::D2,
@@ -126,42 +99,54 @@ impl Row {
             view_formats: &[],
         })
     }
-
-    /// Writes texels, starting at the beginning of `row`.
-    fn write(self, queue: &RenderQueue, texture: &Texture, row: u32, bytes: &[u8], texel: usize) {
-        let row_bytes = self.width as usize * texel;
-        let whole = bytes.len() / row_bytes;
-        let (body, rest) = bytes.split_at(whole * row_bytes);
-        write(queue, texture, row, [self.width, whole as u32, 1], body, texel);
-        write(queue, texture, row + whole as u32, [(rest.len() / texel) as u32, 1, 1], rest, texel);
-    }
 }
 
-/// Uploads a cube of texels, with the last axis varying fastest.
-pub(super) fn upload_table(device: &RenderDevice, queue: &RenderQueue, table: &[[u32; 4]], level: u32) -> Texture {
-    let side = 1 << level;
-    let texture = device.create_texture(&TextureDescriptor {
-        label: Some("plenoctree_table"),
-        size: Extent3d { width: side, height: side, depth_or_array_layers: side },
-        mip_level_count: 1,
-        sample_count: 1,
-        dimension: TextureDimension::D3,
-        format: TextureFormat::Rgba32Uint,
-        usage: TextureUsages::TEXTURE_BINDING | TextureUsages::COPY_DST,
-        view_formats: &[],
-    });
-    write(queue, &texture, 0, [side; 3], bytemuck::cast_slice(table), 16);
-    texture
+/// Returns the view of all layers, also of a single one.
+pub(super) fn view(texture: &Texture) -> TextureView {
+    texture.create_view(&TextureViewDescriptor { dimension: Some(TextureViewDimension::D2Array), ..Default::default() })
 }
 
-fn write(queue: &RenderQueue, texture: &Texture, y: u32, [width, height, depth]: [u32; 3], bytes: &[u8], texel: usize) {
-    if bytes.is_empty() {
-        return;
-    }
+/// Writes whole layers. `bytes` holds their texels.
+pub(super) fn write(queue: &RenderQueue, texture: &Texture, layers: Range<u32>, bytes: &[u8]) {
+    let Extent3d { width, height, .. } = texture.size();
+    let texel = texture.format().block_copy_size(None).unwrap_or(1);
     queue.write_texture(
-        TexelCopyTextureInfo { texture, mip_level: 0, origin: Origin3d { x: 0, y, z: 0 }, aspect: TextureAspect::All },
+        TexelCopyTextureInfo {
+            texture,
+            mip_level: 0,
+            origin: Origin3d { x: 0, y: 0, z: layers.start },
+            aspect: TextureAspect::All,
+        },
         bytes,
-        TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(width * texel as u32), rows_per_image: Some(height) },
-        Extent3d { width, height, depth_or_array_layers: depth },
+        TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(width * texel), rows_per_image: Some(height) },
+        Extent3d { width, height, depth_or_array_layers: layers.end - layers.start },
     );
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Every array that a device may hold fits its limits, and wastes little.
+    #[test]
+    fn arrays_fit_their_layers() {
+        for (side, array_layers) in [(256, 256), (300, 256), (2048, 256), (4096, 64), (8192, 256), (16384, 2048)] {
+            let limits = wgpu::Limits {
+                max_texture_dimension_2d: side,
+                max_texture_array_layers: array_layers,
+                ..wgpu::Limits::default()
+            };
+            let grid = Grid::new(&limits);
+            let most = grid.most_texels() as usize;
+            assert_eq!(most, side as usize * (1 << side.min(8192).ilog2()));
+            for texels in [0, 1, 7, 513, 2047, 2049, 100_000, 3_722_804, most / 3, most].map(|texels| texels.min(most))
+            {
+                let layers = grid.layers(texels);
+                let held = layers.texels() * layers.count as usize;
+                assert!(layers.width <= side && layers.rows <= side && layers.count <= array_layers, "{layers:?}");
+                assert!(held >= texels, "{texels} in {layers:?}");
+                assert!(held < texels + texels / 64 + 4 * grid.width as usize, "{texels} in {layers:?}");
+            }
+        }
+    }
 }

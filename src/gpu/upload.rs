@@ -1,6 +1,6 @@
-//! Uploads a field: creates its textures and its bind group.
+//! What a field takes on the GPU, and its textures and its bind group.
 
-use std::sync::Arc;
+use std::ops::Range;
 
 use bevy::{
     ecs::system::SystemParam,
@@ -8,21 +8,23 @@ use bevy::{
     render::{
         render_resource::{
             BindGroup, BindGroupEntries, BindGroupLayoutDescriptor, BindGroupLayoutEntries, PipelineCache,
-            ShaderStages, ShaderType, TextureSampleType, UniformBuffer,
-            binding_types::{texture_2d, texture_3d, uniform_buffer},
+            ShaderStages, ShaderType, Texture, TextureFormat, TextureSampleType, UniformBuffer,
+            binding_types::{texture_2d_array, uniform_buffer},
         },
         renderer::{RenderDevice, RenderQueue},
     },
-    tasks::{AsyncComputeTaskPool, Task, block_on, poll_once},
 };
 use glam::DVec3;
+use half::f16;
 use plenoctree::{Activation, PlenOctree};
 
 use super::{
+    errors::DriverErrors,
     payload::Payload,
     records::Records,
-    textures::{Row, upload_table},
+    textures::{self, Grid, Layers},
 };
+use crate::background;
 
 /// The error for a field that does not fit on the GPU.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -45,11 +47,21 @@ pub struct FieldTooLarge {
 
 /// A level of a field in GPU memory.
 pub(crate) struct GpuLevel {
+    /// Holds the textures.
     pub bind_group: BindGroup,
     pub shape: FieldShape,
     /// The box around the leaves, in tree units; `None` if there are no leaves.
     pub bounds: Option<(DVec3, DVec3)>,
     pub bytes: u64,
+    queue: RenderQueue,
+}
+
+impl Drop for GpuLevel {
+    /// Gives the memory back when the GPU has drawn what it was asked to draw. Before, that would be left to the frame.
+    fn drop(&mut self) {
+        let (textures, bytes) = (self.bind_group.clone(), self.bytes);
+        self.queue.on_submitted_work_done(move || background::discard(textures, bytes));
+    }
 }
 
 /// The properties of a field that pipelines are specialized for.
@@ -67,6 +79,10 @@ struct FieldUniform {
     depth: u32,
     table_level: u32,
     row: u32,
+    record_rows: u32,
+    density_rows: u32,
+    coefficient_rows: u32,
+    codebook_rows: u32,
 }
 
 /// The layout of a field's bind group: its uniform, table records, child records, densities, coefficients, and the
@@ -76,16 +92,16 @@ pub struct FieldLayout(pub(crate) BindGroupLayoutDescriptor);
 
 impl Default for FieldLayout {
     fn default() -> Self {
-        let words = || texture_2d(TextureSampleType::Uint);
+        let words = || texture_2d_array(TextureSampleType::Uint);
         Self(BindGroupLayoutDescriptor::new(
             "plenoctree_field",
             &BindGroupLayoutEntries::sequential(
                 ShaderStages::FRAGMENT | ShaderStages::COMPUTE,
                 (
                     uniform_buffer::<FieldUniform>(false),
-                    texture_3d(TextureSampleType::Uint),
                     words(),
-                    texture_2d(TextureSampleType::Float { filterable: false }),
+                    words(),
+                    texture_2d_array(TextureSampleType::Float { filterable: false }),
                     words(),
                     words(),
                 ),
@@ -130,9 +146,10 @@ pub(super) fn check(field: &PlenOctree, limits: &wgpu::Limits) -> Result<(), Fie
 
 /// Checks a field whose number of child records is known.
 fn check_arrays(field: &PlenOctree, children: u64, limits: &wgpu::Limits) -> Result<(), FieldTooLarge> {
-    let texels = Row::new(limits).most_texels();
-    let records = ("child records", 16 * children, 16);
-    for (what, bytes, texel) in arrays(field).into_iter().chain([records]) {
+    let texels = Grid::new(limits).most_texels();
+    let [densities, coefficients, codebook] = arrays(field);
+    // The largest come first.
+    for (what, bytes, texel) in [coefficients, densities, codebook, ("child records", 16 * children, 16)] {
         let limit = texel * texels;
         if bytes > limit {
             return Err(FieldTooLarge { what, bytes, limit: Some(limit) });
@@ -144,114 +161,155 @@ fn check_arrays(field: &PlenOctree, children: u64, limits: &wgpu::Limits) -> Res
 /// A level that is ready to be uploaded.
 pub(super) struct LevelData {
     pub field: PlenOctree,
-    records: Records,
+    pub records: Records,
+    codebook: Option<CodebookData>,
+}
+
+/// What textures hold of a packed field.
+struct CodebookData {
+    densities: Vec<f16>,
+    leaves: Vec<[u32; 2]>,
+    rows: Vec<u32>,
 }
 
 impl LevelData {
     /// Creates the records of `field`. Visits every leaf, which takes a moment for a large field.
     pub fn new(field: PlenOctree) -> Self {
         let records = Records::new(&field, table_allowance(&field));
-        Self { field, records }
+        let codebook = field.codebook().map(|codebook| CodebookData {
+            // The densities of packed fields are numbers that half floats hold.
+            densities: field.densities().iter().map(|density| f16::from_f32(*density)).collect(),
+            leaves: Payload::pack_leaves(codebook),
+            rows: Payload::of(&field).pack_rows(codebook),
+        });
+        Self { field, records, codebook }
     }
-}
 
-/// An upload whose outcome the driver has not reported yet.
-pub(super) struct Upload {
-    level: Arc<GpuLevel>,
-    error: Task<Option<wgpu::Error>>,
-}
-
-impl Upload {
-    /// Returns the outcome, once the driver has reported it.
-    pub fn poll(&mut self) -> Option<Result<Arc<GpuLevel>, FieldTooLarge>> {
-        let error = block_on(poll_once(&mut self.error))?;
-        Some(outcome(&self.level, error))
+    /// Returns whether creating the records and packing the coefficients takes no time that matters.
+    pub fn is_quick(field: &PlenOctree) -> bool {
+        field.leaves() <= 1 << 12 && field.nodes().len() <= 1 << 12 && field.depth() <= 7
     }
-}
 
-/// The immediate result of an upload.
-pub(super) enum Uploaded {
-    Now(Result<Arc<GpuLevel>, FieldTooLarge>),
-    Later(Upload),
-}
-
-fn outcome(level: &Arc<GpuLevel>, error: Option<wgpu::Error>) -> Result<Arc<GpuLevel>, FieldTooLarge> {
-    match error {
-        Some(error) => {
-            warn!("the driver refused a field of {} bytes: {error}", level.bytes);
-            Err(FieldTooLarge { what: "textures", bytes: level.bytes, limit: None })
+    /// Returns the contents of a texture that is copied as it is, or `None` if they must be packed.
+    pub fn plain(&self, texture: usize) -> Option<&[u8]> {
+        match (texture, &self.codebook) {
+            (0, _) => Some(bytemuck::cast_slice(&self.records.table)),
+            (1, _) => Some(bytemuck::cast_slice(&self.records.children)),
+            (2, None) => Some(bytemuck::cast_slice(self.field.densities())),
+            (2, Some(codebook)) => Some(bytemuck::cast_slice(&codebook.densities)),
+            (3, Some(codebook)) => Some(bytemuck::cast_slice(&codebook.leaves)),
+            (4, Some(codebook)) => Some(bytemuck::cast_slice(&codebook.rows)),
+            _ => None,
         }
-        None => Ok(level.clone()),
     }
+
+    /// Packs the coefficients of every leaf, in a range of bytes. Those beyond the last leaf are 0. There is no codebook.
+    pub fn pack(&self, bytes: Range<usize>) -> Vec<u32> {
+        let (payload, width) = (Payload::of(&self.field), self.field.basis().coefficients());
+        let leaf = 16 * payload.texels();
+        let first = (bytes.start / leaf).min(self.field.leaves());
+        let end = bytes.end.div_ceil(leaf).min(self.field.leaves());
+        let mut words = payload.pack(&self.field.coefficients()[first * width..end * width]);
+        // The first leaf may begin before the first byte.
+        words.drain(..((bytes.start - first * leaf) / 4).min(words.len()));
+        words.resize(bytes.len() / 4, 0);
+        words
+    }
+}
+
+impl Drop for LevelData {
+    fn drop(&mut self) {
+        let (records, codebook) = (std::mem::take(&mut self.records), self.codebook.take());
+        let bytes = 16 * (records.table.len() + records.children.len()) as u64 + field_bytes(&self.field);
+        background::discard((self.field.clone(), records, codebook), bytes);
+    }
+}
+
+/// Returns the size of a field in main memory, in bytes.
+pub(super) fn field_bytes(field: &PlenOctree) -> u64 {
+    (32 * field.nodes().len() + (4 + 2 * field.basis().coefficients()) * field.leaves()) as u64
 }
 
 /// A system parameter that uploads fields to GPU memory.
 #[derive(SystemParam)]
-pub struct Uploader<'w> {
-    device: Res<'w, RenderDevice>,
-    queue: Res<'w, RenderQueue>,
+pub(super) struct Uploader<'w> {
+    pub device: Res<'w, RenderDevice>,
+    pub queue: Res<'w, RenderQueue>,
     pipelines: Res<'w, PipelineCache>,
     layout: Res<'w, FieldLayout>,
 }
 
 impl Uploader<'_> {
-    pub(super) fn upload(&self, data: &LevelData) -> Uploaded {
-        if let Err(error) = check_arrays(&data.field, data.records.children.len() as u64, &self.device.limits()) {
-            return Uploaded::Now(Err(error));
-        }
-        // Catch driver errors, such as running out of memory, here instead of in the middle of a frame. Textures
-        // without memory also invalidate whatever uses them.
-        let device = self.device.wgpu_device();
-        let invalid = device.push_error_scope(wgpu::ErrorFilter::Validation);
-        let memory = device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
-        let level = Arc::new(self.level(data));
-        let (memory, invalid) = (memory.pop(), invalid.pop());
-        let mut error = Box::pin(async move {
-            let memory = memory.await;
-            memory.or(invalid.await)
-        });
-        // Native drivers report errors immediately, browsers later.
-        match block_on(poll_once(&mut error)) {
-            Some(error) => Uploaded::Now(outcome(&level, error)),
-            None => Uploaded::Later(Upload { level, error: AsyncComputeTaskPool::get().spawn(error) }),
-        }
+    /// Creates the textures of a level, without their contents. Fails if they are larger than the device allows. Other
+    /// errors of the driver are for `errors`.
+    pub fn begin(&self, data: &LevelData, errors: &mut DriverErrors) -> Result<(GpuLevel, Textures), FieldTooLarge> {
+        check_arrays(&data.field, data.records.children.len() as u64, &self.device.limits())?;
+        Ok(errors.watch(&self.device, || self.level(data)))
     }
 
-    fn level(&self, LevelData { field, records }: &LevelData) -> GpuLevel {
+    fn level(&self, data: &LevelData) -> (GpuLevel, Textures) {
+        let LevelData { field, records, codebook } = data;
         let payload = Payload::of(field);
-        let row = Row::new(&self.device.limits());
+        let grid = Grid::new(&self.device.limits());
         let (device, queue) = (&self.device, &self.queue);
-        let uniform = FieldUniform { depth: records.depth, table_level: records.table_level, row: row.log2() };
+        let coefficients = field.leaves() * if codebook.is_some() { 1 } else { payload.texels() };
+        let layers = [
+            Layers::cube(1 << records.table_level),
+            grid.layers(records.children.len()),
+            grid.layers(field.leaves()),
+            grid.layers(coefficients),
+            grid.layers(codebook.as_ref().map_or(0, |codebook| codebook.rows.len() / 4)),
+        ];
+        let uniform = FieldUniform {
+            depth: records.depth,
+            table_level: records.table_level,
+            row: grid.row_log2(),
+            record_rows: layers[1].rows_log2(),
+            density_rows: layers[2].rows_log2(),
+            coefficient_rows: layers[3].rows_log2(),
+            codebook_rows: layers[4].rows_log2(),
+        };
         let mut uniform = UniformBuffer::from(uniform);
         uniform.set_label(Some("plenoctree_field"));
         uniform.write_buffer(device, queue);
-        let table = upload_table(device, queue, &records.table, records.table_level);
-        let children = row.upload_words(device, queue, "plenoctree_records", &records.children);
-        let densities = row.upload_densities(device, queue, field);
-        let (coefficients, codebook) = row.upload_coefficients(device, queue, field);
-        let own = [&table, &children, &densities, &coefficients].into_iter().chain(&codebook);
-        let bytes = own.map(|texture| {
-            let size = texture.size();
-            let texel = texture.format().block_copy_size(None).unwrap_or(0);
-            u64::from(size.width) * u64::from(size.height) * u64::from(size.depth_or_array_layers) * u64::from(texel)
-        });
-        let bytes = bytes.sum();
-        let shared = codebook.as_ref().unwrap_or(&coefficients);
-        let views =
-            [&table, &children, &densities, &coefficients, shared].map(|texture| texture.create_view(&default()));
+        let words = TextureFormat::Rgba32Uint;
+        let (of_densities, of_leaves) = match codebook {
+            None => (TextureFormat::R32Float, words),
+            Some(_) => (TextureFormat::R16Float, TextureFormat::Rg32Uint),
+        };
+        let mut textures = vec![
+            layers[0].texture(device, "plenoctree_table", words),
+            layers[1].texture(device, "plenoctree_records", words),
+            layers[2].texture(device, "plenoctree_densities", of_densities),
+            layers[3].texture(device, "plenoctree_coefficients", of_leaves),
+        ];
+        if codebook.is_some() {
+            textures.push(layers[4].texture(device, "plenoctree_codebook", words));
+        }
+        let views: [_; 5] = std::array::from_fn(|index| textures::view(&textures[index.min(textures.len() - 1)]));
         let bind_group = self.device.create_bind_group(
             "plenoctree_field",
             &self.pipelines.get_bind_group_layout(&self.layout.0),
             &BindGroupEntries::sequential((&uniform, &views[0], &views[1], &views[2], &views[3], &views[4])),
         );
-        GpuLevel {
+        let bytes = textures.iter().map(|texture| {
+            let size = texture.size();
+            let texel = texture.format().block_copy_size(None).unwrap_or(0);
+            u64::from(size.width) * u64::from(size.height) * u64::from(size.depth_or_array_layers) * u64::from(texel)
+        });
+        let level = GpuLevel {
             bind_group,
             shape: FieldShape { payload, activation: field.activation(), inner_records: !records.children.is_empty() },
             bounds: field.tree_bounds(),
-            bytes,
-        }
+            bytes: bytes.sum(),
+            queue: RenderQueue::clone(queue),
+        };
+        (level, textures.into_iter().zip(layers).collect())
     }
 }
+
+/// The textures of a level: table records, child records, densities, coefficients, and the codebook of a packed field.
+pub(super) type Textures = Vec<(Texture, Layers)>;
 
 #[cfg(all(test, feature = "headless"))]
 mod tests {
@@ -269,7 +327,8 @@ STRUCT
 fn read() {
     found[0] = f32(field.depth);
     found[1] = f32(field.table_level);
-    found[2] = f32(field.row);
+    found[2] = f32(field.row + 10u * field.record_rows + 100u * field.density_rows + 1000u * field.coefficient_rows
+        + 10000u * field.codebook_rows);
     found[3] = bitcast<f32>(BRICK);
     found[4] = bitcast<f32>(INNER);
     found[5] = bitcast<f32>(WHOLE & KIND);
@@ -293,11 +352,19 @@ fn read() {
         let end = begin + octree[begin..].find('}').unwrap() + 1;
         let shader = SHADER.replace("STRUCT", &octree[begin..end]);
         let found: [f32; 35] = read_back(shader, layout, |device, queue, run| {
-            let mut field = UniformBuffer::from(FieldUniform { depth: 1, table_level: 2, row: 3 });
+            let mut field = UniformBuffer::from(FieldUniform {
+                depth: 1,
+                table_level: 2,
+                row: 3,
+                record_rows: 4,
+                density_rows: 5,
+                coefficient_rows: 6,
+                codebook_rows: 7,
+            });
             field.write_buffer(device, queue);
             run(&[field.binding().unwrap()]);
         });
-        assert_eq!(found[..3], [1.0, 2.0, 3.0]);
+        assert_eq!(found[..3], [1.0, 2.0, 76543.0]);
         let kinds = [crate::gpu::records::BRICK, crate::gpu::records::INNER, crate::gpu::records::LEAF];
         assert_eq!(found[3..6].iter().map(|kind| kind.to_bits()).collect::<Vec<_>>(), kinds);
         let workgroup = crate::gpu::SAMPLING_WORKGROUP as f32;

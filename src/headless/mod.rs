@@ -31,7 +31,7 @@ use bevy::{
 };
 use image::RgbaImage;
 
-use crate::state::PropError;
+use crate::{gpu::UploadBudget, state::PropError};
 
 /// An error of [`Headless`].
 #[derive(Debug, thiserror::Error)]
@@ -129,6 +129,8 @@ impl Headless {
         plugins::check_adapter().map_err(HeadlessError::NoAdapter)?;
         let mut app = App::new();
         app.add_plugins(plugins);
+        // No one waits for a frame.
+        app.insert_resource(UploadBudget(None));
         configure(&mut app);
         app.finish();
         app.cleanup();
@@ -176,9 +178,9 @@ impl Headless {
 
     /// Runs one frame and returns it as an image in encoded sRGB, with the top row first.
     ///
-    /// If pipelines or levels that the frame needs are not ready yet, waits for them and renders the frame again. No
-    /// system of the main world runs meanwhile, so the frame is still the next one, whatever it needs. Does not wait for
-    /// fields and palettes that are being loaded: call [`wait_until_ready`](Self::wait_until_ready) before.
+    /// If pipelines, levels, or fields that are loaded have not arrived on the GPU yet, waits for them and renders the
+    /// frame again. No system of the main world runs meanwhile, so the frame is still the next one, whatever it needs.
+    /// Does not wait for fields and palettes that are being loaded: call [`wait_until_ready`](Self::wait_until_ready) before.
     ///
     /// Returns an error if a pipeline has failed, if the frame is not complete after
     /// [`time_limit`](Self::time_limit), or if it cannot be read back.

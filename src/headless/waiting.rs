@@ -19,12 +19,18 @@ use crate::{
 /// Returns what the scene waits for, or `None` if everything can be drawn. Fails if waiting does not help.
 pub(super) fn for_scene(app: &mut App) -> Result<Option<String>, HeadlessError> {
     let pipelines = for_pipelines(app)?;
-    Ok(for_props(app.world_mut())?.or(for_views(app.world_mut())?).or(pipelines))
+    Ok(for_props(app.world_mut())?.or(for_views(app.world_mut())?).or(pipelines).or_else(|| for_arrivals(app)))
 }
 
 /// Returns what a frame that was just rendered waits for, or `None` if it is complete.
 pub(super) fn for_frame(app: &App) -> Result<Option<String>, HeadlessError> {
-    Ok(for_pipelines(app)?.or_else(|| for_levels(app)))
+    Ok(for_pipelines(app)?.or_else(|| for_arrivals(app)).or_else(|| for_levels(app)))
+}
+
+fn for_arrivals(app: &App) -> Option<String> {
+    let fields = app.get_sub_app(RenderApp)?.world().get_resource::<RenderAssets<GpuField>>()?;
+    let (field, _) = fields.iter().find(|(_, field)| field.is_arriving())?;
+    Some(format!("{} to reach the GPU", name(app.world(), field)))
 }
 
 fn for_pipelines(app: &App) -> Result<Option<String>, HeadlessError> {

@@ -14,7 +14,7 @@ use plenoctree::{PlenOctree, palette::Palette};
 
 use super::rays::Placement;
 use crate::{
-    gpu::{GpuField, Level},
+    gpu::{FieldShape, GpuField, Level},
     palette::{FieldPalette, PaletteExtraction, PaletteOverride, Palettes},
     posterize::Posterize,
     prop::{Prop, PropTint, SolidOpacity},
@@ -56,6 +56,15 @@ impl ExtractedProps {
             field.is_some_and(|field| field.level(Level::default()).is_some())
         };
         [Some(index), self.props.get(index)?.stand_in].into_iter().flatten().find(is_ready)
+    }
+
+    /// Returns the shapes of the fields that are arriving, among those of some props.
+    pub fn arriving_shapes(
+        &self,
+        props: &[usize],
+        fields: &RenderAssets<GpuField>,
+    ) -> impl Iterator<Item = FieldShape> {
+        props.iter().filter_map(|index| fields.get(self.props.get(*index)?.field)?.arriving_shape())
     }
 }
 
@@ -131,6 +140,7 @@ pub(super) fn extract_props(
     mut extracted: ResMut<ExtractedProps>,
     mut views: Query<&mut VisibleProps>,
     fields: Extract<Res<Assets<PlenOctree>>>,
+    on_gpu: Res<RenderAssets<GpuField>>,
     palettes: Extract<Res<Palettes>>,
     extraction: Extract<Res<PaletteExtraction>>,
     props: Extract<Query<(Entity, (&Prop, &DrawnField), &SolidOpacity, PropColors, &GlobalTransform, &ViewVisibility)>>,
@@ -148,6 +158,8 @@ pub(super) fn extract_props(
         }
         let mut push = |handle: &Handle<PlenOctree>, stand_in| {
             let field = fields.get(handle)?;
+            // After a reload, the earlier version is drawn until the new one has arrived.
+            let field = on_gpu.get(handle).and_then(GpuField::drawn_field).unwrap_or(field);
             let (low, high) = field.tree_bounds()?;
             let posterize = posterize.zip(palettes.get(handle));
             list.push(ExtractedProp {

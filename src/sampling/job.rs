@@ -12,6 +12,8 @@ use plenoctree::{
     sampling::{Canceled, Histograms, Progress, SamplingPlan},
 };
 
+use crate::background;
+
 /// An error that prevents sampling on the GPU. The CPU samples the field instead.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub(crate) enum SamplingFailure {
@@ -41,6 +43,13 @@ pub(crate) struct SamplingJob {
     /// An upper bound on the total weight of all samples.
     pub weight_bound: f64,
     state: Mutex<State>,
+}
+
+impl Drop for SamplingJob {
+    fn drop(&mut self) {
+        let bytes = 16 * self.leaves.len() as u64;
+        background::discard((std::mem::take(&mut self.leaves), self.field.clone()), bytes);
+    }
 }
 
 enum State {

@@ -16,7 +16,6 @@ use crate::gpu::{FieldLayout, FieldShape, Shaders, field_definitions};
 #[derive(ShaderType, Clone, Copy)]
 pub(super) struct SliceUniform {
     pub frame_scale: Vec3,
-    pub first: u32,
     pub leaves: u32,
     pub rays_per_cell: u32,
     pub fine_bins: u32,
@@ -86,13 +85,12 @@ fn read() {
     found[0] = slice.frame_scale.x;
     found[1] = slice.frame_scale.y;
     found[2] = slice.frame_scale.z;
-    found[3] = f32(slice.first);
-    found[4] = f32(slice.leaves);
-    found[5] = f32(slice.rays_per_cell);
-    found[6] = f32(slice.fine_bins);
-    found[7] = f32(slice.coarse_bins);
-    found[8] = slice.limit;
-    found[9] = slice.weight_scale;
+    found[3] = f32(slice.leaves);
+    found[4] = f32(slice.rays_per_cell);
+    found[5] = f32(slice.fine_bins);
+    found[6] = f32(slice.coarse_bins);
+    found[7] = slice.limit;
+    found[8] = slice.weight_scale;
 }
 ";
 
@@ -103,7 +101,6 @@ fn read() {
         let mut next = counting();
         let slice = SliceUniform {
             frame_scale: Vec3::new(next(), next(), next()),
-            first: next() as u32,
             leaves: next() as u32,
             rays_per_cell: next() as u32,
             fine_bins: next() as u32,
@@ -113,7 +110,7 @@ fn read() {
         };
         let entries = BindGroupLayoutEntries::single(ShaderStages::COMPUTE, uniform_buffer::<SliceUniform>(false));
         let layout = BindGroupLayoutDescriptor::new("layout_test", &entries);
-        let found: [f32; 10] = read_back(sampling[begin..end].to_string() + SHADER, layout, |device, queue, run| {
+        let found: [f32; 9] = read_back(sampling[begin..end].to_string() + SHADER, layout, |device, queue, run| {
             let mut slice = UniformBuffer::from(slice);
             slice.write_buffer(device, queue);
             run(&[slice.binding().unwrap()]);

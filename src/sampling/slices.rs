@@ -22,7 +22,7 @@ use super::{
     clock::SliceClock,
     pipeline::{SamplingPipeline, SliceUniform},
 };
-use crate::gpu::{GpuField, GpuLevel, Level, SAMPLING_WORKGROUP};
+use crate::gpu::{GpuField, GpuLevel, SAMPLING_WORKGROUP};
 
 /// The approximate minimum number of rays in a slice, and the number in the first one, before the speed of the GPU is
 /// known.
@@ -41,7 +41,6 @@ struct Active {
     field: Arc<GpuLevel>,
     layout: BindGroupLayout,
     uniform: SliceUniform,
-    leaf_cells: Buffer,
     observers: Buffer,
     bins: Buffer,
     /// The number of leaves in the smallest and in the largest slice.
@@ -103,10 +102,7 @@ impl Active {
         device: &RenderDevice,
     ) -> Result<Self, SamplingFailure> {
         let settings = &job.settings.sampling;
-        let field = field.level(Level::default()).ok_or(SamplingFailure::TooLarge)?;
-        if job.leaves.len() as u64 * 16 > device.limits().max_storage_buffer_binding_size {
-            return Err(SamplingFailure::TooLarge);
-        }
+        let field = field.arrived().ok_or(SamplingFailure::TooLarge)?;
 
         // Leave room for the largest sum. The scale is a power of two, so that scaling is exact.
         let bound = job.weight_bound;
@@ -114,7 +110,6 @@ impl Active {
         let weight_scale = (62.0 - exponent).exp2();
         let uniform = SliceUniform {
             frame_scale: job.field.frame().scale.as_vec3(),
-            first: 0,
             leaves: 0,
             rays_per_cell: (settings.multisamples * settings.multisamples) as u32,
             fine_bins: settings.fine_bins as u32,
@@ -123,14 +118,6 @@ impl Active {
             weight_scale: weight_scale as f32,
         };
 
-        let storage = |label, contents: &[u8]| {
-            let contents = if contents.is_empty() { &[0; 16] } else { contents };
-            device.create_buffer_with_data(&BufferInitDescriptor {
-                label: Some(label),
-                contents,
-                usage: BufferUsages::STORAGE,
-            })
-        };
         let bins = device.create_buffer(&BufferDescriptor {
             label: Some("plenoctree_histograms"),
             size: 8 * (settings.fine_bins.pow(3) + settings.coarse_bins.pow(3)) as u64,
@@ -144,8 +131,7 @@ impl Active {
             field: field.clone(),
             layout: cache.get_bind_group_layout(&pipeline.layout),
             uniform,
-            leaf_cells: storage("plenoctree_leaf_cells", bytemuck::cast_slice(&job.leaves)),
-            observers: storage("plenoctree_observers", bytemuck::cast_slice(&job.observers)),
+            observers: storage(device, "plenoctree_observers", bytemuck::cast_slice(&job.observers)),
             bins,
             fewest: slice_for(FEWEST_RAYS, job),
             most: slice_for(MOST_RAYS, job),
@@ -196,7 +182,9 @@ impl Active {
         if leaves == 0 {
             return;
         }
-        let mut uniform = UniformBuffer::from(SliceUniform { first: self.next, leaves, ..self.uniform });
+        let cells = &self.job.leaves[self.next as usize..][..leaves as usize];
+        let cells = storage(device, "plenoctree_leaf_cells", bytemuck::cast_slice(cells));
+        let mut uniform = UniformBuffer::from(SliceUniform { leaves, ..self.uniform });
         uniform.write_buffer(device, queue);
         let Some(slice) = uniform.binding() else { return };
         let bind_group = device.create_bind_group(
@@ -204,7 +192,7 @@ impl Active {
             &self.layout,
             &BindGroupEntries::sequential((
                 slice,
-                self.leaf_cells.as_entire_buffer_binding(),
+                cells.as_entire_buffer_binding(),
                 self.observers.as_entire_buffer_binding(),
                 self.bins.as_entire_buffer_binding(),
             )),
@@ -259,6 +247,11 @@ impl Active {
             job.end(outcome);
         });
     }
+}
+
+fn storage(device: &RenderDevice, label: &str, contents: &[u8]) -> Buffer {
+    let contents = if contents.is_empty() { &[0; 16] } else { contents };
+    device.create_buffer_with_data(&BufferInitDescriptor { label: Some(label), contents, usage: BufferUsages::STORAGE })
 }
 
 /// Returns the number of leaves that have about `rays` rays in total, in whole workgroups. A dispatch can have at most

@@ -1,14 +1,17 @@
 //! Whether props can be drawn, and what they wait for.
 
 mod drawn;
+mod progress;
 mod update;
+
+pub use progress::PropProgress;
 
 pub(crate) use drawn::{DrawnField, is_held_back};
 
 use bevy::prelude::*;
 use plenoctree::palette::ExtractionError;
 
-use crate::{gpu::FieldTooLarge, prop::Prop, sets::PlenOctreeSystems};
+use crate::{asset::FilesRead, gpu::FieldTooLarge, prop::Prop, sets::PlenOctreeSystems};
 
 /// Whether a [`Prop`](crate::Prop) can be drawn, and if not, what it waits for.
 ///
@@ -45,7 +48,7 @@ pub enum PropState {
     /// The field is not loaded yet. This is the default.
     #[default]
     Loading,
-    /// The field is loaded, but not on the GPU yet.
+    /// The field is loaded, but has not arrived on the GPU yet. If it was reloaded, its earlier version is drawn meanwhile.
     Uploading,
     /// The palette is being loaded or extracted. Only posterized props wait for one;
     /// [`PaletteExtraction::progress`](crate::PaletteExtraction::progress) returns how far its extraction is.
@@ -76,7 +79,7 @@ pub enum PropError {
     /// The field could not be loaded. Holds the loader's message. The prop is not drawn.
     #[error("{0}")]
     Load(String),
-    /// The GPU cannot hold the field. The prop is not drawn.
+    /// The GPU cannot hold the field. The prop is not drawn. If its field was reloaded, the earlier version is drawn.
     #[error(transparent)]
     TooLarge(FieldTooLarge),
     /// No palette could be extracted. The prop is drawn as trained.
@@ -101,6 +104,8 @@ pub(crate) struct PropStatePlugin;
 impl Plugin for PropStatePlugin {
     fn build(&self, app: &mut App) {
         app.register_type::<PropState>()
+            .register_type::<PropProgress>()
+            .init_resource::<FilesRead>()
             .configure_sets(PreUpdate, PlenOctreeSystems::UpdateProps.after(PlenOctreeSystems::UpdatePalettes))
             .add_systems(PreUpdate, update::update.in_set(PlenOctreeSystems::UpdateProps));
     }

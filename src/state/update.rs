@@ -3,8 +3,9 @@
 use bevy::{asset::LoadState, platform::collections::HashMap, prelude::*};
 use plenoctree::PlenOctree;
 
-use super::{DrawnField, PropError, PropState};
+use super::{DrawnField, PropError, PropProgress, PropState};
 use crate::{
+    asset::FilesRead,
     gpu::GpuStatus,
     palette::{PaletteExtraction, Palettes},
     posterize::{BeforePalette, Posterize},
@@ -12,17 +13,18 @@ use crate::{
 };
 
 pub(super) fn update(
-    mut props: Query<(&Prop, Option<&Posterize>, &mut PropState, &mut DrawnField)>,
+    mut props: Query<(Ref<Prop>, Option<&Posterize>, &mut PropState, &mut PropProgress, &mut DrawnField)>,
     mut states: Local<HashMap<(AssetId<PlenOctree>, bool), PropState>>,
     fields: Res<Assets<PlenOctree>>,
     server: Option<Res<AssetServer>>,
+    files: Res<FilesRead>,
     gpu: Res<GpuStatus>,
     palettes: Res<Palettes>,
     extraction: Res<PaletteExtraction>,
 ) {
     // Many props share few fields. The map keeps its memory.
     states.clear();
-    for (prop, posterize, mut state, mut drawn) in &mut props {
+    for (prop, posterize, mut state, mut progress, mut drawn) in &mut props {
         let id = prop.0.id();
         let data = states.entry((id, posterize.is_some())).or_insert_with(|| {
             let field = field_state(id, &fields, server.as_deref(), &gpu);
@@ -53,6 +55,22 @@ pub(super) fn update(
             },
             other => other.clone(),
         };
+        let palette = posterize.map(|_| match palettes.get(id) {
+            Some(_) => 1.0,
+            None => extraction.progress(id).unwrap_or(0.0),
+        });
+        progress.set_if_neq(match new {
+            PropState::Ready | PropState::Failed(_) => {
+                PropProgress { read: 1.0, uploaded: 1.0, palette: palette.map(|_| 1.0) }
+            }
+            PropState::Loading => {
+                // Between the end of reading and the arrival of the asset, there are frames.
+                let last = if prop.is_changed() { 0.0 } else { progress.read };
+                let read = prop.0.path().and_then(|path| files.share(path)).unwrap_or(last);
+                PropProgress { read, uploaded: 0.0, palette }
+            }
+            _ => PropProgress { read: 1.0, uploaded: gpu.progress(id), palette },
+        });
         state.set_if_neq(new);
     }
 }

@@ -1,5 +1,6 @@
 //! Tests of the plugin on whatever adapter there is. They are one program, so that Bevy is linked once.
 
+mod arrival;
 mod documented;
 mod extremes;
 mod frames;

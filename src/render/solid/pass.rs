@@ -19,6 +19,7 @@ use crate::{
     render::{
         attachment::{self, cleared, depth},
         boxes::BOX_VERTICES,
+        extract::{ExtractedProps, VisibleProps},
         kept::{ClearPipelines, Cleared, KeptView},
         view::{Overlap, ViewBindGroups, ViewProps},
     },
@@ -42,18 +43,24 @@ pub(super) fn prepare_pipelines(
     cache: Res<PipelineCache>,
     pipeline: Res<SolidPipeline>,
     mut specialized: ResMut<SpecializedRenderPipelines<SolidPipeline>>,
+    extracted: Res<ExtractedProps>,
     fields: Res<RenderAssets<GpuField>>,
-    mut views: Query<(&ViewProps, &Msaa, &mut SolidPipelines)>,
+    mut views: Query<(&VisibleProps, &ViewProps, &Msaa, &mut SolidPipelines)>,
 ) {
-    for (props, msaa, mut pipelines) in &mut views {
+    for (visible, props, msaa, mut pipelines) in &mut views {
         let multisampled = msaa.samples() > 1;
+        let mut of = |inner_records| {
+            [false, true].map(|second_round| {
+                specialized.specialize(&cache, &pipeline, SolidKey { inner_records, multisampled, second_round })
+            })
+        };
+        if visible.props.len() > 1 {
+            extracted.arriving_shapes(&visible.props, &fields).for_each(|shape| _ = of(shape.inner_records));
+        }
         pipelines.0.clear();
         pipelines.0.extend(props.drawn.iter().map(|prop| {
             let level = prop.on_gpu(&fields).filter(|_| prop.overlap == Overlap::Solid)?;
-            let inner_records = level.shape.inner_records;
-            Some([false, true].map(|second_round| {
-                specialized.specialize(&cache, &pipeline, SolidKey { inner_records, multisampled, second_round })
-            }))
+            Some(of(level.shape.inner_records))
         }));
     }
 }

@@ -16,7 +16,7 @@ use crate::{
     render::{
         attachment::depth,
         boxes::BOX_VERTICES,
-        extract::VisibleProps,
+        extract::{ExtractedProps, VisibleProps},
         kept::{ClearPipelines, Cleared, KeptView},
         solid::SolidBindGroups,
         view::{DrawnProp, Overlap, ViewBindGroups, ViewProps, ViewTextures},
@@ -63,11 +63,19 @@ pub(super) fn prepare_pipelines(
     cache: Res<PipelineCache>,
     pipeline: Res<VolumePipeline>,
     mut specialized: ResMut<SpecializedRenderPipelines<VolumePipeline>>,
+    extracted: Res<ExtractedProps>,
     fields: Res<RenderAssets<GpuField>>,
     mut views: Query<(&VisibleProps, &ViewProps, &Msaa, &mut VolumePipelines)>,
 ) {
     for (visible, props, msaa, mut pipelines) in &mut views {
         let (degree, multisampled) = (props.degree, msaa.samples() > 1);
+        // Compile the pipelines of fields that are arriving, so that the fields can be drawn as soon as they are there.
+        for shape in extracted.arriving_shapes(&visible.props, &fields) {
+            for overlapping in [false, visible.props.len() > 1] {
+                let key = VolumeKey { shape, degree, multisampled, overlapping, motion: visible.has_motion };
+                specialized.specialize(&cache, &pipeline, key);
+            }
+        }
         pipelines.0.clear();
         pipelines.0.extend(props.drawn.iter().map(|prop| {
             let shape = prop.on_gpu(&fields)?.shape;

@@ -72,8 +72,11 @@ fn read_rows(
             density[leaf] = finite_density("data", sigma, cell)?;
             if keep(density[leaf]) {
                 room.check(2 * (rows.len() + coefficients.len()) as u64)?;
-                for &number in coefficients {
-                    rows.push(coefficient("data", number, cell)?);
+                let row = rows.len();
+                rows.extend(coefficients.iter().map(|number| number.to_f16().unwrap_or(f16::NAN)));
+                // Checking a row as a whole is faster than checking its numbers one by one.
+                if rows[row..].iter().any(|number| number.is_nan()) {
+                    coefficients.iter().try_for_each(|number| coefficient("data", *number, cell).map(|_| ()))?;
                 }
             }
         }
@@ -106,13 +109,19 @@ fn read_columns(array: Array, values: usize, tree: &Tree) -> Result<Vec<f16>, Re
 
 /// Moves row `i` to row `targets[i]`, in place, because memory may not hold two copies of a large field.
 fn move_rows(rows: &mut [f16], width: usize, mut targets: Vec<usize>) {
-    for row in 0..targets.len() {
-        while targets[row] != row {
-            let target = targets[row];
-            let (low, high) = rows.split_at_mut(row.max(target) * width);
-            low[row.min(target) * width..][..width].swap_with_slice(&mut high[..width]);
-            targets.swap(row, target);
+    let mut carried = vec![f16::ZERO; width];
+    for first in 0..targets.len() {
+        let mut target = std::mem::replace(&mut targets[first], first);
+        if target == first {
+            continue;
         }
+        // Every row pushes the one out that is where it belongs, until one belongs where the first one was.
+        carried.copy_from_slice(&rows[first * width..][..width]);
+        while target != first {
+            carried.swap_with_slice(&mut rows[target * width..][..width]);
+            target = std::mem::replace(&mut targets[target], target);
+        }
+        rows[first * width..][..width].copy_from_slice(&carried);
     }
 }
 
@@ -123,6 +132,7 @@ fn finite_density(key: &'static str, sigma: impl Real, cell: usize) -> Result<f3
 }
 
 /// Rounds a coefficient to float16, the precision in which fields store it.
+#[inline]
 pub(super) fn coefficient(key: &'static str, number: impl Real, cell: usize) -> Result<f16, ReadFault> {
     number.to_f16().ok_or_else(|| number_fault(key, number, cell, COEFFICIENT))
 }

@@ -1,6 +1,7 @@
 //! Reading and writing PlenOctree files: packed fields, and the `.npz` archives of svox, plenoctree, volrend and svox2.
 
 mod error;
+mod inflate;
 mod leaves;
 mod npy;
 mod npz;

@@ -1,10 +1,12 @@
 //! Finds arrays in an `.npz` archive and streams their elements, without trusting what the file claims.
 
+use std::collections::HashMap;
 use std::io::{self, Read, Seek, SeekFrom, Take};
 
-use zip::{CompressionMethod, ZipArchive, read::ZipFile, result::ZipError};
+use zip::{CompressionMethod, ZipArchive, result::ZipError};
 
 use super::error::{ReadFault, printable};
+use super::inflate::Content;
 use super::npy::{Dtype, Header, Number};
 
 /// Maximum number of members in an archive. A PlenOctree has a dozen.
@@ -26,6 +28,8 @@ const CHUNK: usize = 1 << 16;
 /// An open archive.
 pub(super) struct Archive<R> {
     zip: ZipArchive<R>,
+    /// The index of every member. Of several with the same name, the last one counts.
+    members: HashMap<String, usize>,
     bytes: u64,
 }
 
@@ -37,17 +41,18 @@ impl<R: Read + Seek> Archive<R> {
             ZipError::Io(error) if error.raw_os_error().is_some() => ReadFault::Io(error),
             error => not_an_archive(format!("an unreadable zip directory ({error})")),
         })?;
-        let mut archive = Self { zip, bytes };
+        let mut archive = Self { zip, members: HashMap::new(), bytes };
         archive.check_overlaps()?;
         Ok(archive)
     }
 
-    /// Returns an error if two members share bytes, which lets a small file claim a lot of content.
+    /// Finds all members. Returns an error if two of them share bytes, which lets a small file claim a lot of content.
     fn check_overlaps(&mut self) -> Result<(), ReadFault> {
         let mut members = Vec::new();
         for index in 0..self.zip.len() {
             match self.zip.by_index_raw(index) {
                 Ok(member) => {
+                    self.members.insert(member.name().to_owned(), index);
                     let end = member.data_start().saturating_add(member.compressed_size());
                     if end <= self.bytes {
                         members.push((member.header_start(), end, index));
@@ -103,7 +108,8 @@ impl<R: Read + Seek> Archive<R> {
             Err(error) => return Err(zip_fault(error)),
         }
         let bytes = self.bytes;
-        let member = self.zip.by_name(&name).map_err(zip_fault)?;
+        let index = self.members.get(&name).copied();
+        let member = self.zip.by_index_raw(index.unwrap_or(usize::MAX)).map_err(zip_fault)?;
         let size = member.size();
         let packed = member.compressed_size();
         let stored = member.compression() == CompressionMethod::Stored;
@@ -114,7 +120,7 @@ impl<R: Read + Seek> Archive<R> {
             return Err(bomb(key, size, packed));
         }
         check_ratio(key, size, packed, LARGE)?;
-        let mut reader = member.take(size);
+        let mut reader = Content::new(member).take(size);
         let (header, length) = Header::read(&mut reader).map_err(|error| member_fault(key, error))?;
         let content = header.elements().and_then(|count| count.checked_mul(header.dtype.size.max(1)));
         if content.and_then(|content| content.checked_add(length)).is_none_or(|whole| whole > size) {
@@ -238,7 +244,7 @@ pub(super) struct Array<'a> {
     /// Size that the directory claims, in bytes.
     size: u64,
     /// Reads no more than the claimed size.
-    reader: Take<ZipFile<'a>>,
+    reader: Take<Content<'a>>,
 }
 
 impl Array<'_> {

@@ -648,7 +648,7 @@ fn members_that_promise_too_much_are_refused() {
     assert_changed_refused(
         "another checksum",
         checksum,
-        "child: found Invalid checksum, expected a complete npy array",
+        "child: found a wrong checksum, expected a complete npy array",
     );
 }
 
