@@ -2,7 +2,9 @@
 #define_import_path bevy_plenoctree::prop_ray
 
 #import bevy_plenoctree::octree::{Crossing, Ray, clip, field, make_ray}
+#ifndef SHADOW_MAP
 #import bevy_plenoctree::scene::scene_distance
+#endif
 #import bevy_plenoctree::view::{LEAST_SOLID_DEPTH, depth_value, props, view, view_distance}
 
 // What `box.wgsl` passes to fragments.
@@ -33,8 +35,12 @@ fn prop_ray(in: Varying) -> PropRay {
     let ray = make_ray(props[in.prop].origin * point * cells, unit * props[in.prop].scale * cells);
 
     let span = clip(ray, props[in.prop].low * cells, props[in.prop].high * cells, 0.0);
+#ifdef SHADOW_MAP
+    return PropRay(ray, unit, length, span);
+#else
     let end = min(span.y, (scene_distance(vec2<u32>(at)) - props[in.prop].near) * length);
     return PropRay(ray, unit, length, vec2(span.x, end));
+#endif
 }
 
 // Returns where the ray reaches a value of the depth buffer.

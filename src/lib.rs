@@ -33,6 +33,7 @@
 //! | posterize it | [`Posterize`] on the prop, or [`PosterizeView`] on a camera to posterize everything in view |
 //! | recolor it | [`Palettes`], [`PaletteOverride`], [`PropTint`], [`BlendSpace`], [`PaletteReady`] |
 //! | configure palette extraction | [`PaletteExtraction`] |
+//! | cast shadows | the feature `shadows`, [`SolidOpacity`], [`PropQuality`] on a light |
 //! | choose where in the frame props are drawn | [`PropStage`] on a camera |
 //! | trade accuracy for speed | [`PropQuality`] on a camera |
 //! | cast rays at props | [`PropRayCast`]; `PropPickingPlugin` (feature `picking`) |
@@ -98,6 +99,8 @@ pub use posterize::{
 pub use prop::{Prop, PropTint, SolidOpacity};
 pub use quality::{PropQuality, QualityPreset};
 pub use recovery::DeviceRecoveryPlugin;
+#[cfg(feature = "shadows")]
+pub use render::SHADOW_SPANS;
 pub use render::{LabelTextures, POSTERIZE_SPANS, StageWrite, VOLUME_SPANS};
 pub use sets::{PlenOctreeRenderSystems, PlenOctreeSystems};
 pub use stage::{LabelStages, PosterizeView, PropStage};

@@ -44,8 +44,8 @@ fn clean_up(mut world: DeferredWorld, HookContext { entity, .. }: HookContext) {
     world.commands().entity(entity).try_remove::<(DrawnField, PropProgress, PropState)>();
 }
 
-/// Multiplies the light of a [`Prop`], for example to dim it with the scene at night. Props are not lit by the scene's
-/// lights.
+/// Multiplies the light of a [`Prop`], for example to dim it with the scene at night. Props are not lit by the
+/// scene's lights.
 ///
 /// Reaches everything that is drawn of the prop: as trained, in the shown colors of its palette, and in those of its
 /// [`PaletteOverride`](crate::PaletteOverride). Multiplies linear light, channel by channel, and does not change which
@@ -73,10 +73,13 @@ impl PropTint {
     }
 }
 
-/// The opacity at which a [`Prop`] becomes solid and writes depth.
+/// The opacity at which a [`Prop`] becomes solid, writes depth and casts shadows.
 ///
 /// The pixel's depth is that of the point where the opacity along its ray reaches this value. Anything that is drawn
 /// later or reads the scene's depth treats that point as a surface. Pixels whose opacity stays below it write no depth.
+///
+/// With the feature `shadows`, the same holds along the rays of a light: its shadow begins where the opacity reaches this
+/// value, and parts whose opacity stays below it cast none.
 ///
 /// Where several props overlap in the view, the depth is that of the nearest one that is solid. The nearest one that is
 /// solid and lets no light through hides what is behind that point, and nothing before it. Without such a prop, the
@@ -89,7 +92,7 @@ impl PropTint {
 pub enum SolidOpacity {
     /// The prop is solid where the opacity along a pixel's ray reaches this value. Clamped to 0..=1.
     At(f32),
-    /// The prop is never solid and writes no depth.
+    /// The prop is never solid, writes no depth and casts no shadows.
     Never,
 }
 

@@ -10,6 +10,9 @@ use crate::posterize::{MAX_FILTER_ITERATIONS, MAX_FILTER_RADIUS};
 ///
 /// Add it to an entity with a `Camera3d`. Cameras without it use [`PropQuality::EXACT`].
 ///
+/// With the feature `shadows`, it can also be added to a light. The settings that select a level then apply to the props
+/// in its shadow maps, and [`cell_size`](Self::cell_size) is in texels. Lights without it use a `cell_size` of 1.
+///
 /// Each setting works on its own: `PropQuality { cell_size: 1.0, ..PropQuality::EXACT }`. To measure what each one
 /// costs and saves on a field of your own, run `plenoctree tradeoff` of the crate `plenoctree_cli`.
 ///

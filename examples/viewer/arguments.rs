@@ -45,6 +45,6 @@ impl Arguments {
             Up::Y => UpAxis::Y,
             Up::Z => UpAxis::Z,
         };
-        LoadSettings { up, ..LoadSettings::default() }
+        LoadSettings { up: Some(up), ..LoadSettings::default() }
     }
 }

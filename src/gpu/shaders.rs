@@ -22,6 +22,8 @@ pub(crate) struct Shaders {
     pub filter: Handle<Shader>,
     pub label: Handle<Shader>,
     pub prepass: Handle<Shader>,
+    #[cfg(feature = "shadows")]
+    pub shadow: Handle<Shader>,
     pub present: Handle<Shader>,
     pub depth: Handle<Shader>,
     pub transparent: Handle<Shader>,
@@ -53,6 +55,8 @@ impl Shaders {
             filter: shader!("filter.wgsl"),
             label: shader!("label.wgsl"),
             prepass: shader!("prepass.wgsl"),
+            #[cfg(feature = "shadows")]
+            shadow: shader!("shadow.wgsl"),
             present: shader!("present.wgsl"),
             depth: shader!("depth.wgsl"),
             transparent: shader!("transparent.wgsl"),

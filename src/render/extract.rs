@@ -29,7 +29,8 @@ pub(super) struct ExtractedProps {
     pub props: Vec<ExtractedProp>,
     /// The palette colors of all props and posterized views.
     pub colors: Vec<Vec4>,
-    index: EntityHashMap<usize>,
+    /// The index in `props` of entities of the main world.
+    pub index: EntityHashMap<usize>,
     /// The transforms of the previous frame, if a camera draws motion vectors.
     transforms: EntityHashMap<GlobalTransform>,
 }

@@ -2,6 +2,7 @@
 //!
 //! There is one module per pass. In the order of a frame:
 //!
+//! - `shadow` draws the props into the shadow maps of lights, before the main pass (feature `shadows`).
 //! - `kept` finds what is still right of the previous frame, so that the passes up to `filter` need not run.
 //! - `solid` finds the nearest solid part of any prop, in views where props overlap.
 //! - `volume` draws the props into the view's layer.
@@ -32,6 +33,8 @@ mod pass;
 mod prepass;
 mod present;
 mod rays;
+#[cfg(feature = "shadows")]
+mod shadow;
 mod solid;
 mod target;
 mod transparent;
@@ -63,6 +66,9 @@ pub const POSTERIZE_SPANS: &[&str] = &[
     prepass::PREPASS_SPAN,
     transparent::TRANSPARENT_SPAN,
 ];
+/// The names of the spans in Bevy's render diagnostics whose times add up to the time of drawing props into shadow maps.
+#[cfg(feature = "shadows")]
+pub const SHADOW_SPANS: &[&str] = &[shadow::SHADOW_SPAN];
 
 /// Draws every [`Prop`](crate::Prop).
 pub(crate) struct RenderPropsPlugin;
@@ -89,6 +95,8 @@ impl Plugin for RenderPropsPlugin {
             depth::plugin,
             prepass::plugin,
             transparent::plugin,
+            #[cfg(feature = "shadows")]
+            shadow::plugin,
         ));
     }
 }

@@ -51,8 +51,30 @@ impl Placement {
         self.world_from_field().transform_point3(self.frame.to_world(0.5 * (self.low + self.high)))
     }
 
-    /// Returns the rays of a view, or `None` if the transform is degenerate and the prop has no volume.
+    /// Returns the rays of a camera, or `None` if the transform is degenerate and the prop has no volume.
     pub fn rays(&self, world_from_view: &GlobalTransform, clip_from_view: Mat4, viewport: UVec2) -> Option<Rays> {
+        // Perspective rays begin at the eye. Parallel rays begin at the near plane, which may be behind the camera.
+        let begin = if is_orthographic(clip_from_view) { near_plane(clip_from_view) } else { 0.0 };
+        self.rays_from(begin, world_from_view, clip_from_view, viewport)
+    }
+
+    /// Returns the rays of a light's shadow map. What is nearer than the near plane casts shadows if the rays are
+    /// parallel, because the sun is farther away. Otherwise it casts none: it may be the lamp's own housing.
+    #[cfg(feature = "shadows")]
+    pub fn light_rays(&self, world_from_view: &GlobalTransform, clip_from_view: Mat4, map: UVec2) -> Option<Rays> {
+        let begin = if is_orthographic(clip_from_view) { f64::NEG_INFINITY } else { near_plane(clip_from_view) };
+        self.rays_from(begin, world_from_view, clip_from_view, map)
+    }
+
+    /// Returns rays that begin at a distance along the view axis, or where the prop does.
+    fn rays_from(
+        &self,
+        begin: f64,
+        world_from_view: &GlobalTransform,
+        clip_from_view: Mat4,
+        viewport: UVec2,
+    ) -> Option<Rays> {
+        let orthographic = is_orthographic(clip_from_view);
         let world_from_field = self.world_from_field();
         let determinant = world_from_field.matrix3.determinant();
         if !determinant.is_normal() {
@@ -69,9 +91,6 @@ impl Placement {
         );
         let view_from_box = world_from_view.inverse() * world_from_field * field_from_box;
         let clip_from_box = clip_from_view * DMat4::from(view_from_box);
-        let orthographic = clip_from_view.w_axis.w == 1.0;
-        // Perspective rays begin at the eye. Parallel rays begin at the near plane, which may be behind the camera.
-        let begin = if orthographic { (clip_from_view.w_axis.z - 1.0) / clip_from_view.z_axis.z } else { 0.0 };
         let size = viewport.as_dvec2();
         let corners =
             (0..8).map(|corner| DVec3::new((corner & 1) as f64, (corner >> 1 & 1) as f64, (corner >> 2) as f64));
@@ -119,6 +138,16 @@ impl Placement {
             mirrored: (determinant < 0.0) != (world_from_view.matrix3.determinant() < 0.0),
         })
     }
+}
+
+fn is_orthographic(clip_from_view: Mat4) -> bool {
+    clip_from_view.w_axis.w == 1.0
+}
+
+/// Returns the distance along the view axis at which the depth is 1.
+fn near_plane(clip_from_view: Mat4) -> f64 {
+    let [z, w] = [clip_from_view.z_axis, clip_from_view.w_axis].map(|column| column.as_dvec4());
+    (w.z - w.w) / (z.z - z.w)
 }
 
 #[cfg(test)]

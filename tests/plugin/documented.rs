@@ -45,12 +45,15 @@ fn every_system_of_the_documentation_runs() {
     recoloring::run();
     settings::run();
     loading_screen::run();
+    loading_bar::run();
+    budget::run();
     recovery::run();
     animation::run();
     nightfall::run();
     saving::run();
     assigning::run();
     stages::run();
+    casting::run();
     aiming::run();
     pointing::run();
 }
@@ -129,6 +132,51 @@ mod settings {
         let mut app = super::app(|app| _ = app.add_systems(Startup, setup));
         app.update();
         assert_eq!(app.world_mut().query::<&Prop>().iter(app.world()).count(), 2);
+    }
+}
+
+mod loading_bar {
+    use bevy::prelude::*;
+    use bevy_plenoctree::prelude::*;
+
+    #[derive(Component)]
+    struct LoadingBar;
+
+    fn show_progress(props: Query<&PropProgress>, mut bars: Query<&mut Transform, With<LoadingBar>>) {
+        let shares = props.iter().map(PropProgress::fraction);
+        let mean = shares.sum::<f32>() / props.iter().len().max(1) as f32;
+        for mut bar in &mut bars {
+            bar.scale.x = mean;
+        }
+    }
+
+    pub fn run() {
+        let mut app = super::app(|app| _ = app.add_systems(Update, show_progress));
+        let bar = app.world_mut().spawn((LoadingBar, Transform::default())).id();
+        let field = super::field(&mut app);
+        let waiting = app.world_mut().spawn(Prop(Handle::default())).id();
+        (0..2).for_each(|_| app.update());
+        let shown = |app: &App| app.world().get::<Transform>(bar).unwrap().scale.x;
+        assert_eq!(shown(&app), 0.5, "one of two props is waiting");
+        app.world_mut().entity_mut(waiting).insert(Prop(field));
+        (0..2).for_each(|_| app.update());
+        assert_eq!(shown(&app), 1.0);
+    }
+}
+
+mod budget {
+    use std::time::Duration;
+
+    use bevy::prelude::*;
+    use bevy_plenoctree::UploadBudget;
+
+    fn plugin(app: &mut App) {
+        app.insert_resource(UploadBudget(Some(Duration::from_millis(4))));
+    }
+
+    pub fn run() {
+        let app = super::app(|app| _ = app.add_plugins(plugin));
+        assert_eq!(app.world().resource::<UploadBudget>().0, Some(Duration::from_millis(4)));
     }
 }
 
@@ -317,6 +365,26 @@ mod stages {
         app.update();
         assert_eq!(app.world_mut().query::<&Camera3d>().iter(app.world()).count(), 2);
         assert_eq!(app.world_mut().query::<(&PosterizeView, &Posterize)>().iter(app.world()).count(), 1);
+    }
+}
+
+mod casting {
+    use bevy::{light::NotShadowCaster, prelude::*};
+    use bevy_plenoctree::prelude::*;
+
+    fn setup(mut commands: Commands, assets: Res<AssetServer>) {
+        commands.spawn(Prop(assets.load("toadstool.npz")));
+        commands.spawn((Prop(assets.load("ghost.npz")), NotShadowCaster));
+        // Larger cells are faster, and the shadows coarser.
+        let sun = DirectionalLight { shadow_maps_enabled: true, ..default() };
+        commands.spawn((sun, PropQuality { cell_size: 2.0, ..PropQuality::EXACT }));
+    }
+
+    pub fn run() {
+        let mut app = super::app(|app| _ = app.add_systems(Startup, setup));
+        app.update();
+        assert_eq!(app.world_mut().query::<(&Prop, &NotShadowCaster)>().iter(app.world()).count(), 1);
+        assert_eq!(app.world_mut().query::<(&DirectionalLight, &PropQuality)>().iter(app.world()).count(), 1);
     }
 }
 

@@ -13,6 +13,7 @@ mod picking;
 mod quality;
 mod sampling;
 mod scene;
+mod shadows;
 mod stages;
 mod states;
 mod tint;

@@ -110,7 +110,7 @@ pub(super) fn prepare_views(
                 *rect = rect.union(extended(covered, reach, size));
             }
             rects.push(covered);
-            let uniform = PropUniform::new(prop, &rays, &motion, quality);
+            let uniform = PropUniform::new(prop, &rays, motion.previous_from_clip(prop), quality);
             let overlap = if uniform.may_be_solid() { Overlap::Solid } else { Overlap::Thin };
             drawn.push(DrawnProp { field: prop.field, level, overlap });
             props.get_mut().push(uniform);
@@ -167,7 +167,7 @@ fn exposure(camera: &ExtractedCamera, stage: PropStage) -> f32 {
 }
 
 /// Returns the rectangle of pixels that the unit cube can cover.
-fn covered(clip_from_box: glam::DMat4, size: UVec2) -> URect {
+pub(in crate::render) fn covered(clip_from_box: glam::DMat4, size: UVec2) -> URect {
     let everything = URect::from_corners(UVec2::ZERO, size);
     let (mut low, mut high) = (glam::DVec2::INFINITY, glam::DVec2::NEG_INFINITY);
     for corner in 0..8 {

@@ -1,6 +1,7 @@
 //! The uniforms that `view.wgsl` declares.
 
 use bevy::{prelude::*, render::render_resource::ShaderType};
+use glam::DMat4;
 
 use crate::{
     prop::SolidOpacity,
@@ -8,7 +9,6 @@ use crate::{
     render::{
         extract::{ExtractedPosterize, ExtractedProp},
         rays::Rays,
-        view::motion::Motion,
     },
 };
 
@@ -39,7 +39,7 @@ pub(in crate::render) struct PropUniform {
 }
 
 impl PropUniform {
-    pub(super) fn new(prop: &ExtractedProp, rays: &Rays, motion: &Motion, quality: &PropQuality) -> Self {
+    pub fn new(prop: &ExtractedProp, rays: &Rays, previous_from_clip: DMat4, quality: &PropQuality) -> Self {
         let matrix =
             |columns: [glam::DVec3; 3]| Mat3::from_cols_array_2d(&columns.map(|column| column.as_vec3().into()));
         Self {
@@ -54,7 +54,7 @@ impl PropUniform {
             near: rays.near as f32,
             solid_transmittance: solid_transmittance(prop.solid, quality),
             tint: prop.tint,
-            previous_from_clip: motion.previous_from_clip(prop).as_mat4(),
+            previous_from_clip: previous_from_clip.as_mat4(),
             ..Self::posterize(prop.posterize, quality)
         }
     }

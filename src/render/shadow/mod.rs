@@ -1,0 +1,66 @@
+//! The shadow pass: draws props into the shadow maps of Bevy's lights. Requires the feature `shadows`.
+//!
+//! It runs after the passes with which Bevy draws meshes into the same maps: for every camera, those of directional
+//! lights, and once per frame those of point and spot lights. Each texel marches through densities to where the prop is
+//! solid along the light's ray. Maps that no prop is in cost nothing.
+
+mod casters;
+mod maps;
+mod pass;
+mod pipeline;
+
+pub use pass::SHADOW_SPAN;
+
+use bevy::{
+    camera::visibility::VisibilitySystems,
+    core_pipeline::schedule::{Core3d, Core3dSystems},
+    light::SimulationLightSystems,
+    pbr::{LATE_SHADOW_PASS, ShadowView, per_view_shadow_pass, shared_shadow_pass},
+    prelude::*,
+    render::{
+        ExtractSchedule, GpuResourceAppExt, Render, RenderApp, RenderStartup,
+        render_resource::SpecializedRenderPipelines,
+    },
+};
+
+use super::view::InitViews;
+use crate::sets::PlenOctreeRenderSystems;
+
+pub(super) fn plugin(app: &mut App) {
+    let Some(render_app) = app.get_sub_app_mut(RenderApp) else {
+        return;
+    };
+    render_app.world_mut().register_required_components::<ShadowView, maps::MapProps>();
+    render_app
+        .init_resource::<casters::Casters>()
+        .init_gpu_resource::<SpecializedRenderPipelines<pipeline::ShadowPipeline>>()
+        .add_systems(ExtractSchedule, casters::extract_casters)
+        .add_systems(RenderStartup, (maps::forget_maps, pipeline::init).after(InitViews))
+        .add_systems(
+            Render,
+            (
+                maps::choose_levels.in_set(PlenOctreeRenderSystems::ChooseLevels),
+                maps::prepare_maps.in_set(PlenOctreeRenderSystems::PrepareViews),
+                pass::prepare_pipelines.in_set(PlenOctreeRenderSystems::PreparePipelines),
+                maps::prepare_bind_groups.in_set(PlenOctreeRenderSystems::PrepareBindGroups),
+            ),
+        )
+        .add_systems(
+            Core3d,
+            (
+                pass::draw_cascades.after(per_view_shadow_pass::<LATE_SHADOW_PASS>),
+                pass::draw_shared_map.after(shared_shadow_pass::<LATE_SHADOW_PASS>),
+            )
+                .before(Core3dSystems::MainPass),
+        );
+    app.add_systems(
+        PostUpdate,
+        casters::show_casters
+            .in_set(SimulationLightSystems::CheckLightVisibility)
+            .after(VisibilitySystems::CalculateBounds)
+            .after(TransformSystems::Propagate)
+            .after(SimulationLightSystems::UpdateLightFrusta)
+            .after(VisibilitySystems::CheckVisibility)
+            .before(VisibilitySystems::MarkNewlyHiddenEntitiesInvisible),
+    );
+}

@@ -1,0 +1,337 @@
+//! Tests the shadows that props cast on a lit floor: every pixel is compared with a float64 ray from the floor to the
+//! light.
+
+use std::time::Duration;
+
+use bevy::{
+    camera::visibility::RenderLayers,
+    light::{
+        CascadeShadowConfigBuilder, DirectionalLightShadowMap, GlobalAmbientLight, NotShadowCaster,
+        PointLightShadowMap, ShadowFilteringMethod,
+    },
+    prelude::*,
+    render::{
+        RenderApp,
+        render_resource::{PipelineCache, PipelineDescriptor},
+    },
+};
+use bevy_plenoctree::{
+    LoadSettings, PlenOctree, PlenOctreePlugin, Prop, PropQuality, SolidOpacity, UpAxis,
+    headless::{Headless, LitMeshPlugins, exact_camera},
+};
+use glam::DVec3;
+use image::RgbaImage;
+use plenoctree::{BakeSettings, Basis, bake};
+
+const PIXELS: u32 = 192;
+const FLOOR: f64 = -1.0;
+const EYE: Vec3 = Vec3::new(0.0, 3.5, 5.5);
+const FOV: f32 = 0.9;
+/// The layer of props that the camera does not see.
+const UNSEEN: usize = 1;
+
+/// A light, by where it comes from.
+#[derive(Clone, Copy, Debug)]
+enum Light {
+    /// From a direction.
+    Sun(Vec3),
+    /// From a point, in all directions.
+    Lamp(Vec3),
+    /// From a point, in the direction of the origin.
+    Spot(Vec3),
+}
+
+impl Light {
+    const ALL: [Self; 3] = [
+        Self::Sun(Vec3::new(0.45, 1.0, 0.3)),
+        Self::Lamp(Vec3::new(1.4, 3.0, 0.6)),
+        Self::Spot(Vec3::new(-1.2, 3.4, 1.0)),
+    ];
+
+    /// Returns the direction from a point to the light, and the distance.
+    fn from(self, point: DVec3) -> (DVec3, f64) {
+        match self {
+            Self::Sun(direction) => (direction.as_dvec3().normalize(), f64::INFINITY),
+            Self::Lamp(place) | Self::Spot(place) => {
+                let to = place.as_dvec3() - point;
+                (to.normalize(), to.length())
+            }
+        }
+    }
+}
+
+struct Scene {
+    headless: Headless,
+}
+
+impl Scene {
+    /// Creates a scene without lights. Shadow maps are `map` texels wide.
+    fn new(map: usize, limits: Option<wgpu::Limits>) -> Self {
+        let configure = move |app: &mut App| {
+            app.add_plugins((LitMeshPlugins, PlenOctreePlugin))
+                .insert_resource(GlobalAmbientLight::NONE)
+                .insert_resource(DirectionalLightShadowMap { size: map })
+                .insert_resource(PointLightShadowMap { size: map });
+        };
+        let size = UVec2::splat(PIXELS);
+        let headless = match limits {
+            Some(limits) => Headless::with_limits(size, limits, configure),
+            None => Headless::new(size, configure),
+        };
+        let mut headless = headless.unwrap();
+        let target = headless.target();
+        let world = headless.app.world_mut();
+        let mesh = world.resource_mut::<Assets<Mesh>>().add(Plane3d::default().mesh().size(40.0, 40.0));
+        let material = world.resource_mut::<Assets<StandardMaterial>>().add(StandardMaterial {
+            perceptual_roughness: 1.0,
+            reflectance: 0.0,
+            ..default()
+        });
+        let place = Transform::from_xyz(0.0, FLOOR as f32, 0.0);
+        world.spawn((Mesh3d(mesh), MeshMaterial3d(material), place, NotShadowCaster));
+        world.spawn((
+            exact_camera(Color::BLACK),
+            target,
+            ShadowFilteringMethod::Hardware2x2,
+            Projection::from(PerspectiveProjection { fov: FOV, ..default() }),
+            Transform::from_translation(EYE).looking_at(Vec3::ZERO, Vec3::Y),
+        ));
+        Self { headless }
+    }
+
+    fn world(&mut self) -> &mut World {
+        self.headless.app.world_mut()
+    }
+
+    fn spawn_light(&mut self, light: Light) -> Entity {
+        let layers = RenderLayers::from_layers(&[0, UNSEEN]);
+        let world = self.world();
+        let spawned = match light {
+            Light::Sun(direction) => world.spawn((
+                DirectionalLight {
+                    illuminance: 2000.0,
+                    shadow_maps_enabled: true,
+                    shadow_depth_bias: 0.0,
+                    shadow_normal_bias: 0.0,
+                    ..default()
+                },
+                Transform::default().looking_to(-direction, Vec3::Y),
+                // The floor reaches into all four of them.
+                CascadeShadowConfigBuilder { first_cascade_far_bound: 6.0, maximum_distance: 12.0, ..default() }
+                    .build(),
+            )),
+            Light::Lamp(place) => world.spawn((
+                PointLight {
+                    intensity: 3e5,
+                    shadow_maps_enabled: true,
+                    shadow_depth_bias: 0.0,
+                    shadow_normal_bias: 0.0,
+                    ..default()
+                },
+                Transform::from_translation(place),
+            )),
+            Light::Spot(place) => world.spawn((
+                SpotLight {
+                    intensity: 3e5,
+                    outer_angle: 0.8,
+                    shadow_maps_enabled: true,
+                    shadow_depth_bias: 0.0,
+                    shadow_normal_bias: 0.0,
+                    ..default()
+                },
+                Transform::from_translation(place).looking_at(Vec3::ZERO, Vec3::X),
+            )),
+        };
+        let light = spawned.id();
+        // Captures wait for levels, so most tests do without.
+        world.entity_mut(light).insert((layers, PropQuality::EXACT));
+        light
+    }
+
+    /// Spawns a prop that the camera does not see.
+    fn spawn_prop(&mut self, field: &Handle<PlenOctree>, transform: Transform) -> Entity {
+        self.world().spawn((Prop(field.clone()), transform, RenderLayers::layer(UNSEEN))).id()
+    }
+
+    fn add(&mut self, field: &PlenOctree) -> Handle<PlenOctree> {
+        self.world().resource_mut::<Assets<PlenOctree>>().add(field.clone())
+    }
+
+    /// Waits until all props are ready. Frames without lights take little time.
+    fn wait(&mut self) {
+        self.headless.wait_until_ready(Duration::from_secs(120)).unwrap();
+    }
+
+    fn capture(&mut self) -> RgbaImage {
+        self.headless.capture().unwrap()
+    }
+
+    /// Whether there is a pipeline of the shadow pass.
+    fn has_pipeline(&self) -> bool {
+        let cache = self.headless.app.sub_app(RenderApp).world().resource::<PipelineCache>();
+        cache.pipelines().any(|pipeline| match &pipeline.descriptor {
+            PipelineDescriptor::RenderPipelineDescriptor(descriptor) => {
+                descriptor.label.as_deref() == Some("plenoctree_shadow")
+            }
+            PipelineDescriptor::ComputePipelineDescriptor(_) => false,
+        })
+    }
+}
+
+/// Returns the point of the floor in the middle of a pixel, if it shows the floor.
+fn floor_at(x: u32, y: u32) -> Option<DVec3> {
+    let view = Transform::from_translation(EYE).looking_at(Vec3::ZERO, Vec3::Y);
+    let ndc = (glam::DVec2::new(x.into(), y.into()) + 0.5) / f64::from(PIXELS) * 2.0 - 1.0;
+    let tangent = f64::from(0.5 * FOV).tan();
+    let direction = view.rotation.as_dquat() * DVec3::new(ndc.x * tangent, -ndc.y * tangent, -1.0);
+    let distance = (FLOOR - f64::from(EYE.y)) / direction.y;
+    (distance > 0.0).then(|| EYE.as_dvec3() + distance * direction)
+}
+
+/// Returns whether a prop keeps the light from a point of the scene.
+fn is_blocked(field: &PlenOctree, prop: &Transform, light: Light, point: DVec3) -> bool {
+    let (toward, distance) = light.from(point);
+    let affine = prop.compute_affine().as_daffine3();
+    let to_field = field.up().to_y_up().transpose();
+    let inverse = affine.inverse();
+    let (origin, direction) = (inverse.transform_point3(point), inverse.transform_vector3(toward));
+    let scale = direction.length();
+    let hit = field.cast_ray(to_field * origin, to_field * direction / scale);
+    hit.is_some_and(|hit| hit.distance < distance * scale)
+}
+
+/// Compares where a frame is darker than one without the prop with where it should be. Returns the intersection over the
+/// union, and the number of pixels that should be in shadow.
+fn compare(lit: &RgbaImage, shadowed: &RgbaImage, blocked: impl Fn(DVec3) -> bool) -> (f64, u32) {
+    let (mut both, mut either, mut expected) = (0, 0, 0);
+    for (x, y, before) in lit.enumerate_pixels() {
+        // The light of a spot ends somewhere.
+        let Some(point) = floor_at(x, y).filter(|_| before[0] > 30) else {
+            continue;
+        };
+        let light = |pixel: &image::Rgba<u8>| Color::srgb_u8(pixel[0], pixel[1], pixel[2]).to_linear().red;
+        let (dark, blocked) = (light(shadowed.get_pixel(x, y)) < 0.5 * light(before), blocked(point));
+        both += u32::from(dark && blocked);
+        either += u32::from(dark || blocked);
+        expected += u32::from(blocked);
+    }
+    (f64::from(both) / f64::from(either.max(1)), expected)
+}
+
+/// Bakes a field of cells of 1/32 from -1 to 1.
+fn shape(density: impl Fn(DVec3) -> f64 + Sync) -> PlenOctree {
+    let settings = BakeSettings { depth: 6, basis: Basis::Rgba, up: UpAxis::Y, ..default() };
+    bake(&settings, density, |_| |_| DVec3::splat(0.5)).unwrap()
+}
+
+fn toadstool() -> PlenOctree {
+    PlenOctree::read(concat!(env!("CARGO_MANIFEST_DIR"), "/assets/toadstool.npz"), &LoadSettings::default()).unwrap()
+}
+
+#[test]
+fn shadows_are_where_no_light_arrives() {
+    let mut scene = Scene::new(1024, None);
+    // Fog, which is solid only along rays through its middle.
+    let ball = shape(|at| if at.length() < 0.9 { 0.6 } else { 0.0 });
+    let cuboid = shape(|at| if at.abs().cmplt(DVec3::new(0.9, 0.3, 0.6)).all() { 1e4 } else { 0.0 });
+    let turned = Transform::from_rotation(Quat::from_euler(EulerRot::YXZ, 0.6, 0.5, 0.2)).with_scale(Vec3::splat(0.8));
+    let above = |transform: Transform, height: f32| {
+        let Light::Sun(direction) = Light::ALL[0] else { unreachable!("it is a sun") };
+        transform.with_translation(height * direction)
+    };
+    let cases = [
+        ("a ball", &ball, turned),
+        ("a cuboid", &cuboid, turned),
+        ("a toadstool", &toadstool(), Transform::from_rotation(Quat::from_rotation_y(0.5))),
+        // Behind the near planes of all cascades.
+        ("a cuboid far above", &cuboid, above(turned, 40.0)),
+    ];
+    let mut props = Vec::new();
+    for (_, field, transform) in &cases {
+        let field = scene.add(field);
+        let prop = scene.spawn_prop(&field, *transform);
+        scene.world().entity_mut(prop).insert(Visibility::Hidden);
+        props.push(prop);
+    }
+    scene.wait();
+    for light in Light::ALL {
+        let entity = scene.spawn_light(light);
+        let lit = scene.capture();
+        for ((what, field, transform), prop) in cases.iter().zip(&props) {
+            if transform.translation.y > 10.0 && !matches!(light, Light::Sun(_)) {
+                continue;
+            }
+            scene.world().entity_mut(*prop).insert(Visibility::Visible);
+            let shadowed = scene.capture();
+            scene.world().entity_mut(*prop).insert(Visibility::Hidden);
+            let (iou, pixels) = compare(&lit, &shadowed, |point| is_blocked(field, transform, light, point));
+            assert!(pixels > 200, "{what}, {light:?}: only {pixels} pixels should be in shadow");
+            assert!(iou >= 0.98, "{what}, {light:?}: intersection over union {iou:.4}");
+        }
+        scene.world().despawn(entity);
+    }
+}
+
+/// Without a light that casts shadows on a prop's behalf, there is no pipeline, and every byte is the same.
+#[test]
+fn what_casts_no_shadow_changes_nothing() {
+    let mut scene = Scene::new(1024, None);
+    let cube = shape(|at| if at.abs().max_element() < 0.5 { 1e4 } else { 0.0 });
+    let field = scene.add(&cube);
+    let prop = scene.spawn_prop(&field, default());
+    scene.wait();
+    scene.world().entity_mut(prop).insert(Visibility::Hidden);
+    let sun = scene.spawn_light(Light::ALL[0]);
+    let lit = scene.capture();
+    scene.world().entity_mut(prop).insert(Visibility::Visible);
+    type Change = fn(&mut World, Entity, Entity);
+    let shadow_maps = |world: &mut World, sun: Entity, enabled: bool| {
+        world.get_mut::<DirectionalLight>(sun).unwrap().shadow_maps_enabled = enabled;
+    };
+    let both: fn() -> RenderLayers = || RenderLayers::from_layers(&[0, UNSEEN]);
+    let changes: [(&str, Change, Change); 3] = [
+        (
+            "it is no caster",
+            |world, _, prop| {
+                world.entity_mut(prop).insert(NotShadowCaster);
+            },
+            |world, _, prop| {
+                world.entity_mut(prop).remove::<NotShadowCaster>();
+            },
+        ),
+        (
+            "it is never solid",
+            |world, _, prop| {
+                world.entity_mut(prop).insert(SolidOpacity::Never);
+            },
+            |world, _, prop| {
+                world.entity_mut(prop).insert(SolidOpacity::default());
+            },
+        ),
+        (
+            "the light does not see its layer",
+            |world, sun, _| {
+                world.entity_mut(sun).insert(RenderLayers::layer(0));
+            },
+            |_, _, _| (),
+        ),
+    ];
+    for (what, change, undo) in changes {
+        change(scene.world(), sun, prop);
+        assert_eq!(scene.capture(), lit, "{what}");
+        assert!(!scene.has_pipeline(), "{what}");
+        undo(scene.world(), sun, prop);
+    }
+    shadow_maps(scene.world(), sun, false);
+    scene.capture();
+    assert!(!scene.has_pipeline(), "shadow maps are off");
+    shadow_maps(scene.world(), sun, true);
+    scene.world().entity_mut(sun).insert(both());
+    assert_ne!(scene.capture(), lit);
+    assert!(scene.has_pipeline());
+    // The shadow of a level of detail, whose cells are as large as texels, is the same.
+    scene.world().entity_mut(sun).remove::<PropQuality>();
+    let coarse = scene.capture();
+    let (iou, _) = compare(&lit, &coarse, |point| is_blocked(&cube, &default(), Light::ALL[0], point));
+    assert!(iou >= 0.98, "{iou}");
+}
