@@ -27,20 +27,22 @@ struct PropRay {
 
 fn prop_ray(in: Varying) -> PropRay {
     let at = in.position.xy * view.pixel;
-    let point = vec3(1.0, at - props[in.prop].reference);
+    var seen = ray_at(in.prop, at);
+#ifndef SHADOW_MAP
+    seen.span.y = min(seen.span.y, (scene_distance(vec2<u32>(at)) - props[in.prop].near) * seen.length);
+#endif
+    return seen;
+}
+
+// Returns the ray through a point of the viewport, as if there were nothing else in the scene.
+fn ray_at(prop: u32, at: vec2<f32>) -> PropRay {
+    let point = vec3(1.0, at - props[prop].reference);
     let cells = f32(1u << field.depth);
-    let toward = props[in.prop].direction * point;
+    let toward = props[prop].direction * point;
     let length = length(toward);
     let unit = toward / length;
-    let ray = make_ray(props[in.prop].origin * point * cells, unit * props[in.prop].scale * cells);
-
-    let span = clip(ray, props[in.prop].low * cells, props[in.prop].high * cells, 0.0);
-#ifdef SHADOW_MAP
-    return PropRay(ray, unit, length, span);
-#else
-    let end = min(span.y, (scene_distance(vec2<u32>(at)) - props[in.prop].near) * length);
-    return PropRay(ray, unit, length, vec2(span.x, end));
-#endif
+    let ray = make_ray(props[prop].origin * point * cells, unit * props[prop].scale * cells);
+    return PropRay(ray, unit, length, clip(ray, props[prop].low * cells, props[prop].high * cells, 0.0));
 }
 
 // Returns where the ray reaches a value of the depth buffer.

@@ -31,6 +31,7 @@
 //! | limit what arriving fields take of a frame | [`UploadBudget`] |
 //! | survive the loss of the GPU device | [`DeviceRecoveryPlugin`] |
 //! | posterize it | [`Posterize`] on the prop, or [`PosterizeView`] on a camera to posterize everything in view |
+//! | keep its silhouette hard | [`EdgeSmoothing`], in its [`Posterize`] |
 //! | recolor it | [`Palettes`], [`PaletteOverride`], [`PropTint`], [`BlendSpace`], [`PaletteReady`] |
 //! | configure palette extraction | [`PaletteExtraction`] |
 //! | cast shadows | the feature `shadows`, [`SolidOpacity`], [`PropQuality`] on a light |
@@ -94,7 +95,7 @@ pub use plenoctree::{
 #[cfg(feature = "mesh")]
 pub use plenoctree::{MeshError, SurfaceMesh};
 pub use posterize::{
-    BeforePalette, BilateralFilter, MAX_BLEND_STEPS, MAX_FILTER_ITERATIONS, MAX_FILTER_RADIUS, Posterize,
+    BeforePalette, BilateralFilter, EdgeSmoothing, MAX_BLEND_STEPS, MAX_FILTER_ITERATIONS, MAX_FILTER_RADIUS, Posterize,
 };
 pub use prop::{Prop, PropTint, SolidOpacity};
 pub use quality::{PropQuality, QualityPreset};

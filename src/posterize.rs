@@ -43,6 +43,29 @@ pub struct Posterize {
     ///
     /// Defaults to [`BeforePalette::Hide`]. Posterized views ignore it: they are drawn as they are.
     pub before_palette: BeforePalette,
+    /// How the prop's silhouette is drawn.
+    ///
+    /// Defaults to [`EdgeSmoothing::Coverage`]. Posterized views ignore it.
+    pub edges: EdgeSmoothing,
+}
+
+/// How the pixels are drawn at which a posterized prop ends: before the background, a mesh or another prop, or where a
+/// mesh hides the rest of it.
+///
+/// Pixels that the prop covers as a whole are the same either way, and so is its depth.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
+#[reflect(Default, Clone, Debug, PartialEq, Hash)]
+#[type_path = "bevy_plenoctree"]
+pub enum EdgeSmoothing {
+    /// The label covers as much of a pixel as the prop does, from eight rays through it, and is blended with what is
+    /// behind in linear light, like the edges of multisampled meshes. This is the default.
+    ///
+    /// For cameras whose [`PropQuality::resolution`](crate::PropQuality::resolution) is below 1, the share is estimated
+    /// from the interpolated opacity, and edges between two posterized props stay hard.
+    #[default]
+    Coverage,
+    /// The ray through the center of a pixel decides about all of it, as the method specifies.
+    Off,
 }
 
 /// What is drawn of a posterized prop as long as the palette of its field is being loaded or extracted.
@@ -67,6 +90,7 @@ impl Default for Posterize {
             min_opacity: 80.0 / 255.0,
             filter: BilateralFilter::default(),
             before_palette: BeforePalette::default(),
+            edges: EdgeSmoothing::default(),
         }
     }
 }
@@ -88,6 +112,7 @@ impl Posterize {
                 range_sigma: range_sigma.max(1e-3),
             },
             before_palette: self.before_palette,
+            edges: self.edges,
         }
     }
 }

@@ -48,6 +48,8 @@ pub enum PlenOctreeRenderSystems {
     Volume,
     /// Upsamples a layer of lower resolution to the resolution of the viewport.
     Upsample,
+    /// Finds the shares of pixels that posterized props cover where they end.
+    Edges,
     /// Blends the layer over the scene, filters it, and assigns labels. Writes to the view's target or, for cameras
     /// with [`LabelStages`](crate::LabelStages), to the textures that custom stages work on.
     Posterize(PropStage),

@@ -1,7 +1,7 @@
 //! The props, each in a style of its own.
 
 use bevy::prelude::*;
-use bevy_plenoctree::{BeforePalette, BilateralFilter, BlendSpace, Palettes, Posterize, Prop};
+use bevy_plenoctree::{BeforePalette, BilateralFilter, BlendSpace, EdgeSmoothing, Palettes, Posterize, Prop};
 
 use crate::{
     build::color,
@@ -21,6 +21,7 @@ const POSTER: Posterize = Posterize {
     min_opacity: 0.4,
     filter: BilateralFilter { iterations: 6, radius: 3, spatial_sigma: 3.0, range_sigma: 6.0 },
     before_palette: BeforePalette::Hide,
+    edges: EdgeSmoothing::Coverage,
 };
 
 /// Many tones that blend into each other.
@@ -30,6 +31,7 @@ const PASTEL: Posterize = Posterize {
     min_opacity: 0.3,
     filter: BilateralFilter { iterations: 2, radius: 2, spatial_sigma: 3.0, range_sigma: 4.25 },
     before_palette: BeforePalette::Hide,
+    edges: EdgeSmoothing::Coverage,
 };
 
 /// The palette of a field at night.

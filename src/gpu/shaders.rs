@@ -17,6 +17,8 @@ pub(crate) struct Shaders {
     pub solid: Handle<Shader>,
     pub volume: Handle<Shader>,
     pub upsample: Handle<Shader>,
+    pub outline: Handle<Shader>,
+    pub coverage: Handle<Shader>,
     pub fullscreen: Handle<Shader>,
     pub composite: Handle<Shader>,
     pub filter: Handle<Shader>,
@@ -28,7 +30,7 @@ pub(crate) struct Shaders {
     pub depth: Handle<Shader>,
     pub transparent: Handle<Shader>,
     pub sampling: Handle<Shader>,
-    _imported: [Handle<Shader>; 9],
+    _imported: [Handle<Shader>; 10],
 }
 
 impl Shaders {
@@ -50,6 +52,8 @@ impl Shaders {
             solid: shader!("solid.wgsl"),
             volume: shader!("volume.wgsl"),
             upsample: shader!("upsample.wgsl"),
+            outline: shader!("outline.wgsl"),
+            coverage: shader!("coverage.wgsl"),
             fullscreen: shader!("fullscreen.wgsl"),
             composite: shader!("composite.wgsl"),
             filter: shader!("filter.wgsl"),
@@ -63,6 +67,7 @@ impl Shaders {
             sampling: shader!("sampling.wgsl"),
             _imported: [
                 shader!("color.wgsl"),
+                shader!("edge.wgsl"),
                 shader!("filter_texel.wgsl"),
                 shader!("view.wgsl"),
                 shader!("scene.wgsl"),

@@ -4,7 +4,9 @@ use bevy::prelude::*;
 use bevy_egui::egui;
 
 use super::editor::PaletteEditor;
-use crate::posterize::{BilateralFilter, MAX_BLEND_STEPS, MAX_FILTER_ITERATIONS, MAX_FILTER_RADIUS, Posterize};
+use crate::posterize::{
+    BilateralFilter, EdgeSmoothing, MAX_BLEND_STEPS, MAX_FILTER_ITERATIONS, MAX_FILTER_RADIUS, Posterize,
+};
 
 pub(super) fn show(ui: &mut egui::Ui, prop: Entity, editor: &mut PaletteEditor) {
     let posterized = editor.is_posterized(prop);
@@ -27,9 +29,9 @@ pub(super) fn show(ui: &mut egui::Ui, prop: Entity, editor: &mut PaletteEditor) 
     }
 }
 
-/// Shows the sliders and returns whether the user changed a value.
+/// Shows the settings and returns whether the user changed a value.
 fn sliders(ui: &mut egui::Ui, settings: &mut Posterize) -> bool {
-    let Posterize { blend_steps, softness, min_opacity, filter, before_palette: _ } = settings;
+    let Posterize { blend_steps, softness, min_opacity, filter, before_palette: _, edges } = settings;
     let BilateralFilter { iterations, radius, spatial_sigma, range_sigma } = filter;
     let labels = egui::Grid::new("labels").num_columns(2).show(ui, |ui| {
         let hint = "Steps from one palette color to another; 1 disables blends";
@@ -40,6 +42,12 @@ fn sliders(ui: &mut egui::Ui, settings: &mut Posterize) -> bool {
         let opacity = row(ui, "Min. opacity", hint, egui::Slider::new(min_opacity, 0.0..=1.0));
         steps | softness | opacity
     });
+    let mut smooth = *edges == EdgeSmoothing::Coverage;
+    let hint = "Blends the pixels at which the prop ends with what is behind";
+    let switched = ui.checkbox(&mut smooth, "Smooth edges").on_hover_text(hint).changed();
+    if switched {
+        *edges = if smooth { EdgeSmoothing::Coverage } else { EdgeSmoothing::Off };
+    }
     let filter = egui::CollapsingHeader::new("Filter").show(ui, |ui| {
         egui::Grid::new("filter").num_columns(2).show(ui, |ui| {
             let hint = "Iterations of the bilateral filter; 0 disables it";
@@ -53,7 +61,7 @@ fn sliders(ui: &mut egui::Ui, settings: &mut Posterize) -> bool {
             iterations | radius | spatial | range
         })
     });
-    labels.inner | filter.body_returned.is_some_and(|grid| grid.inner)
+    labels.inner | switched | filter.body_returned.is_some_and(|grid| grid.inner)
 }
 
 /// Adds a row to a grid of settings and returns whether the user changed the value. Values outside the slider's range

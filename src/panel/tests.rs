@@ -10,7 +10,7 @@ use plenoctree::{Activation, Basis, Cell, Frame, PlenOctree, UpAxis, palette::Pa
 
 use crate::{
     palette::{FieldPalette, PaletteExtraction, PaletteOverride, Palettes},
-    posterize::Posterize,
+    posterize::{EdgeSmoothing, Posterize},
     prop::Prop,
 };
 
@@ -110,6 +110,8 @@ fn enabling_posterization_restores_its_settings() {
     assert_eq!(panel.posterize(), None);
     panel.click("Posterize");
     assert_eq!(panel.posterize(), settings);
+    panel.click("Smooth edges");
+    assert_eq!(panel.posterize().map(|posterize| posterize.edges), Some(EdgeSmoothing::Off));
     panel.click("Defaults");
     assert_eq!(panel.posterize(), Some(Posterize::default()));
 }

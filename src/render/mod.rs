@@ -7,6 +7,7 @@
 //! - `solid` finds the nearest solid part of any prop, in views where props overlap.
 //! - `volume` draws the props into the view's layer.
 //! - `upsample` enlarges a coarse layer to the size of the viewport.
+//! - `edges` finds how much of a pixel posterized props cover where they end.
 //! - `composite` blends the layer over the scene.
 //! - `filter` flattens the colors.
 //! - `label` replaces them by palette colors.
@@ -15,7 +16,7 @@
 //! - `prepass` writes their depth and motion into the textures of Bevy's prepass, for effects that read it.
 //! - `transparent` draws transparent objects over props that are drawn after them.
 //!
-//! `solid`, `volume` and `upsample` run after the opaque main pass and the sky, and before objects that transmit light.
+//! `solid`, `volume`, `upsample` and `edges` run after the opaque main pass and the sky, and before objects that transmit light.
 //! The other passes run right after them, or after all post-processing, depending on [`PropStage`].
 
 mod attachment;
@@ -23,6 +24,7 @@ mod bind_group;
 mod boxes;
 mod composite;
 mod depth;
+mod edges;
 mod extract;
 mod filter;
 mod fullscreen;
@@ -58,6 +60,7 @@ pub const VOLUME_SPANS: &[&str] =
 /// The names of the spans in Bevy's render diagnostics whose times add up to the time of posterizing.
 pub const POSTERIZE_SPANS: &[&str] = &[
     kept::COMPARE_COLORS_SPAN,
+    edges::EDGES_SPAN,
     composite::COMPOSITE_SPAN,
     filter::FILTER_SPAN,
     label::LABEL_SPAN,
@@ -88,6 +91,7 @@ impl Plugin for RenderPropsPlugin {
             solid::plugin,
             volume::plugin,
             upsample::plugin,
+            edges::plugin,
             composite::plugin,
             filter::plugin,
             label::plugin,
@@ -180,7 +184,12 @@ fn order_stages(render_app: &mut SubApp) {
         )
         .configure_sets(
             Core3d,
-            (PlenOctreeRenderSystems::Volume, PlenOctreeRenderSystems::Upsample, PassesAt(PropStage::Scene))
+            (
+                PlenOctreeRenderSystems::Volume,
+                PlenOctreeRenderSystems::Upsample,
+                PlenOctreeRenderSystems::Edges,
+                PassesAt(PropStage::Scene),
+            )
                 .chain()
                 .in_set(PassesInScene),
         )

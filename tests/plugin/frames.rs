@@ -14,7 +14,8 @@ use bevy::{
     },
 };
 use bevy_plenoctree::{
-    Activation, FieldPalette, GpuField, Palette, Palettes, PlenOctree, PlenOctreePlugin, Posterize, Prop, UpAxis,
+    Activation, EdgeSmoothing, FieldPalette, GpuField, Palette, Palettes, PlenOctree, PlenOctreePlugin, Posterize,
+    Prop, UpAxis,
     headless::{Headless, exact_camera, pinhole_view},
 };
 use glam::{DMat4, DVec3};
@@ -194,6 +195,7 @@ fn posterization_and_recoloring_match_the_reference() {
         (Posterize { softness: 0.0, blend_steps: 2, ..default() }, true),
         (Posterize { softness: 0.4, blend_steps: 1, min_opacity: 0.9, ..default() }, true),
     ] {
+        let posterize = Posterize { edges: EdgeSmoothing::Off, ..posterize };
         if recolored {
             shown[0] = DVec3::new(0.2, 0.4, 1.0);
             scene.show(0, Color::srgb(0.2, 0.4, 1.0));

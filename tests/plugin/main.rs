@@ -2,6 +2,7 @@
 
 mod arrival;
 mod documented;
+mod edges;
 mod extremes;
 mod frames;
 mod large;

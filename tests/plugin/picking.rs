@@ -15,8 +15,8 @@ use bevy::{
     window::PrimaryWindow,
 };
 use bevy_plenoctree::{
-    BilateralFilter, FieldPalette, Palettes, PlenOctree, PlenOctreePlugin, Posterize, Prop, PropHit, PropPickingPlugin,
-    PropRayCast, UpAxis,
+    BilateralFilter, EdgeSmoothing, FieldPalette, Palettes, PlenOctree, PlenOctreePlugin, Posterize, Prop, PropHit,
+    PropPickingPlugin, PropRayCast, UpAxis,
     headless::{Headless, exact_camera},
 };
 use glam::{DAffine3, DVec3};
@@ -312,7 +312,7 @@ fn labels_of_rays_match_the_frame() {
         let field = scene.field.clone();
         scene.world().resource_mut::<Palettes>().insert(&field, palette);
         let filter = if filtered { default() } else { BilateralFilter { iterations: 0, ..default() } };
-        let prop = scene.spawn(0.0, Posterize { softness: 0.0, filter, ..default() });
+        let prop = scene.spawn(0.0, Posterize { softness: 0.0, filter, edges: EdgeSmoothing::Off, ..default() });
         scene.headless.wait_until_ready(Duration::from_secs(60)).unwrap();
         let frame = scene.headless.capture().unwrap();
 

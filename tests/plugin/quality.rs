@@ -7,8 +7,8 @@ use bevy::{
     render::{RenderApp, render_asset::RenderAssets},
 };
 use bevy_plenoctree::{
-    FieldPalette, GpuField, LoadSettings, Palette, Palettes, PlenOctree, PlenOctreePlugin, Posterize, Precision, Prop,
-    PropQuality, QualityPreset, SolidOpacity, UpAxis,
+    EdgeSmoothing, FieldPalette, GpuField, LoadSettings, Palette, Palettes, PlenOctree, PlenOctreePlugin, Posterize,
+    Precision, Prop, PropQuality, QualityPreset, SolidOpacity, UpAxis,
     headless::{Headless, exact_camera, pinhole_view},
 };
 use glam::{DMat4, DVec3};
@@ -71,7 +71,7 @@ fn presets_are_as_accurate_as_promised() {
     let field = drum();
     let palette = Palette::read(concat!(env!("CARGO_MANIFEST_DIR"), "/assets/drum.palette.json")).unwrap();
     let colors: Vec<DVec3> = palette.colors.iter().map(|color| DVec3::from(*color)).collect();
-    let hard = Posterize { softness: 0.0, ..default() };
+    let hard = Posterize { softness: 0.0, edges: EdgeSmoothing::Off, ..default() };
     let settings = reference::Posterization { softness: 0.0, ..Default::default() };
     for size in [160, 400] {
         let camera = PinholeCamera::around(&field, size, size, 0.5, 0.4).unwrap();

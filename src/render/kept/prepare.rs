@@ -21,6 +21,7 @@ use super::{
 use crate::{
     gpu::GpuField,
     render::{
+        edges::{EdgeTextures, EdgesPass},
         solid::{SolidPipelines, SolidTextures},
         upsample::UpsamplePipeline,
         view::{PropUniform, ViewProps, ViewTextures},
@@ -67,11 +68,14 @@ pub(super) fn prepare(
         &ViewProps,
         Option<&ViewTextures>,
         (Option<&SolidTextures>, &SolidPipelines, &VolumePipelines),
+        (Option<&EdgeTextures>, &EdgesPass),
         &mut KeptView,
     )>,
 ) {
     let (compare, clear, upsample) = pipelines;
-    for (camera, props, textures, (solid, solid_pipelines, volume_pipelines), mut view) in &mut views {
+    for (camera, props, textures, (solid, solid_pipelines, volume_pipelines), (edges, edges_pass), mut view) in
+        &mut views
+    {
         let (Some((camera, _, msaa)), Some(textures), false) = (camera, textures, props.rect.is_empty()) else {
             *view = default();
             continue;
@@ -91,6 +95,7 @@ pub(super) fn prepare(
         let layers = [Some(&textures.layer), textures.coarse.as_ref()];
         let solid_views = solid.into_iter().flat_map(SolidTextures::views);
         let views = layers.into_iter().flatten().flat_map(|layer| layer.views()).chain(solid_views);
+        let views = views.chain(edges.into_iter().flat_map(EdgeTextures::views));
         key.textures.extend(views.map(|view| view.id()));
         let pixels = u64::from(props.view.get().size.x) * u64::from(props.view.get().size.y);
         let limits = device.limits();
@@ -100,6 +105,7 @@ pub(super) fn prepare(
             && clear.are_ready(&cache)
             && volume_pipelines.are_ready(&cache)
             && solid_pipelines.are_ready(&cache)
+            && edges_pass.are_ready(&cache)
             && (textures.coarse.is_none() || upsample.is_ready(&cache, msaa, textures.layer.motion.is_some()));
         layer.decide(is_complete, true);
 

@@ -7,8 +7,8 @@ use bevy::{
         camera::ExtractedCamera,
         diagnostic::RecordDiagnostics,
         render_resource::{
-            BindGroupEntries, CachedRenderPipelineId, LoadOp, PipelineCache, RenderPassDescriptor,
-            SpecializedRenderPipelines,
+            BindGroup, BindGroupEntries, CachedRenderPipelineId, LoadOp, PipelineCache, RenderPassDescriptor,
+            RenderPipeline, SpecializedRenderPipelines,
         },
         renderer::{RenderContext, RenderDevice, ViewQuery},
         view::{ExtractedView, ViewTarget},
@@ -23,6 +23,7 @@ use crate::{
     render::{
         attachment::{cleared, color},
         bind_group::KeptBindGroup,
+        edges::EdgeTextures,
         fullscreen::draw,
         target::{TargetKey, target_attachment},
         view::{ViewBindGroups, ViewProps, ViewTextures, drawn_viewport},
@@ -33,11 +34,24 @@ use crate::{
 /// The name of the pass's span in Bevy's render diagnostics.
 pub const LABEL_SPAN: &str = "plenoctree_label";
 
-/// The pipeline and bind group of a view.
+/// The pipelines and bind groups of a view.
 #[derive(Component, Default)]
 pub(super) struct LabelPass {
+    hard: Variant,
+    /// In views in which any edges are smooth. Until its pipeline is there, edges are hard.
+    smooth: Variant,
+}
+
+#[derive(Default)]
+struct Variant {
     pipeline: Option<CachedRenderPipelineId>,
     group: KeptBindGroup,
+}
+
+impl Variant {
+    fn get<'a>(&'a self, cache: &'a PipelineCache) -> Option<(&'a BindGroup, &'a RenderPipeline)> {
+        Some((self.group.get()?, cache.get_render_pipeline(self.pipeline?)?))
+    }
 }
 
 pub(super) fn prepare_pipelines(
@@ -52,9 +66,10 @@ pub(super) fn prepare_pipelines(
         } else {
             LabelKey::Target(TargetKey::new(view, camera, msaa, props.stage))
         };
-        let id = specialized.specialize(&cache, &pipeline, key);
-        pass.pipeline = Some(id);
+        let id = specialized.specialize(&cache, &pipeline, (key, false));
+        pass.hard.pipeline = Some(id);
         props.pipelines.push(id);
+        pass.smooth.pipeline = props.smooths_edges().then(|| specialized.specialize(&cache, &pipeline, (key, true)));
     }
 }
 
@@ -62,15 +77,23 @@ pub(super) fn prepare_bind_groups(
     device: Res<RenderDevice>,
     cache: Res<PipelineCache>,
     pipeline: Res<LabelPipeline>,
-    mut views: Query<(Option<&ViewTextures>, &mut LabelPass)>,
+    mut views: Query<(Option<&ViewTextures>, Option<&EdgeTextures>, &mut LabelPass)>,
 ) {
-    for (textures, mut pass) in &mut views {
+    for (textures, edges, mut pass) in &mut views {
         let Some(textures) = textures else {
             *pass = default();
             continue;
         };
         let entries = BindGroupEntries::sequential((&textures.even, &textures.layer.color));
-        pass.group.update(&device, &cache, pipeline.0.label, &pipeline.0.layout, &entries);
+        pass.hard.group.update(&device, &cache, pipeline.hard.label, &pipeline.hard.layout, &entries);
+        let Some(edges) = edges else {
+            pass.smooth.group = default();
+            continue;
+        };
+        let (outline, [own, other]) = (&edges.outline, &edges.colors);
+        let entries = (&textures.even, &textures.layer.color, outline, &edges.coverage, own, other);
+        let entries = BindGroupEntries::sequential(entries);
+        pass.smooth.group.update(&device, &cache, pipeline.smooth.label, &pipeline.smooth.layout, &entries);
     }
 }
 
@@ -89,11 +112,10 @@ pub(super) fn label_pass(
     mut ctx: RenderContext,
 ) {
     let (camera, resolution, target, props, groups, pass, textures) = view.into_inner();
-    let (true, Some(view), Some(group), Some(pipeline)) = (
+    let (true, Some(view), Some((group, pipeline))) = (
         props.posterizes_at(*stage, &cache),
         groups.plain.get(),
-        pass.group.get(),
-        pass.pipeline.and_then(|id| cache.get_render_pipeline(id)),
+        pass.smooth.get(&cache).or_else(|| pass.hard.get(&cache)),
     ) else {
         return;
     };

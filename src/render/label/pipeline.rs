@@ -6,6 +6,7 @@ use bevy::{
         BindGroupLayoutEntries, RenderPipelineDescriptor, ShaderStages, SpecializedRenderPipeline, TextureSampleType,
         binding_types::texture_2d,
     },
+    shader::ShaderDefVal,
 };
 
 use super::textures::{LABEL_COLOR_FORMAT, LABEL_FORMAT};
@@ -20,15 +21,25 @@ use crate::{
 
 /// Writes labels, and the composite where nothing is posterized.
 #[derive(Resource)]
-pub(super) struct LabelPipeline(pub Fullscreen);
+pub(super) struct LabelPipeline {
+    /// For views in which all edges of props are hard.
+    pub hard: Fullscreen,
+    /// For the others.
+    pub smooth: Fullscreen,
+}
 
 pub(super) fn init(mut commands: Commands, views: Res<ViewLayouts>, shaders: Res<Shaders>) {
-    let entries = BindGroupLayoutEntries::sequential(
-        ShaderStages::FRAGMENT,
-        (texture_2d(TextureSampleType::Uint), texture_2d(TextureSampleType::Float { filterable: false })),
-    );
-    let pass = Fullscreen::new("plenoctree_label", &shaders.label, &entries, &shaders, &views);
-    commands.insert_resource(LabelPipeline(pass));
+    let (integers, floats) =
+        (|| texture_2d(TextureSampleType::Uint), || texture_2d(TextureSampleType::Float { filterable: false }));
+    let pass = |entries: &[_]| Fullscreen::new("plenoctree_label", &shaders.label, entries, &shaders, &views);
+    let stages = ShaderStages::FRAGMENT;
+    commands.insert_resource(LabelPipeline {
+        hard: pass(&BindGroupLayoutEntries::sequential(stages, (integers(), floats()))),
+        smooth: pass(&BindGroupLayoutEntries::sequential(
+            stages,
+            (integers(), floats(), integers(), floats(), floats(), floats()),
+        )),
+    });
 }
 
 /// The output of the label pass.
@@ -41,15 +52,25 @@ pub(super) enum LabelKey {
 }
 
 impl SpecializedRenderPipeline for LabelPipeline {
-    type Key = LabelKey;
+    /// The output, and whether any edges are smooth.
+    type Key = (LabelKey, bool);
 
-    fn specialize(&self, key: LabelKey) -> RenderPipelineDescriptor {
-        match key {
-            LabelKey::Target(target) => target.pipeline(&self.0),
+    fn specialize(&self, (key, smooth): Self::Key) -> RenderPipelineDescriptor {
+        let pass = if smooth { &self.smooth } else { &self.hard };
+        let mut descriptor = match key {
+            LabelKey::Target(target) => target.pipeline(pass),
             LabelKey::Textures => {
                 let targets = [target(LABEL_COLOR_FORMAT, None), target(LABEL_FORMAT, None)];
-                self.0.pipeline(vec!["LABEL_TEXTURES".into()], &targets)
+                pass.pipeline(vec!["LABEL_TEXTURES".into()], &targets)
+            }
+        };
+        let samples = descriptor.multisample.count;
+        if let Some(fragment) = descriptor.fragment.as_mut().filter(|_| smooth) {
+            fragment.shader_defs.push("SMOOTH_EDGES".into());
+            if samples > 1 {
+                fragment.shader_defs.push(ShaderDefVal::UInt("SAMPLES".into(), samples));
             }
         }
+        descriptor
     }
 }

@@ -34,6 +34,9 @@ pub struct LabelTextures {
     /// Labels, in [`Self::LABEL_FORMAT`]. Red is 0 where nothing is drawn, 1 where a prop is drawn as trained, and
     /// otherwise 2 plus the [index of the nearest label](plenoctree::palette::PaletteLabel::index). Green is 1 plus the
     /// index of the posterized prop among the view's props, sorted from back to front, or 0 if there is no such prop.
+    ///
+    /// Both are those of the center of a pixel. Where a prop ends, its colors are blended with what is behind
+    /// ([`EdgeSmoothing`](crate::EdgeSmoothing)), labels are not.
     pub labels: TextureView,
     /// The part of the textures that is shown, in pixels.
     pub rect: URect,

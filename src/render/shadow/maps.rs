@@ -118,7 +118,8 @@ pub(super) fn prepare_maps(
             for rect in tiles(covered(rays.clip_from_box, size(view)), size(view)) {
                 rays.clip_from_box = clip_from_rect(rect, size(view));
                 rects.push(rect);
-                drawn.push(DrawnProp { field: prop.field, level, overlap: Overlap::None });
+                let (overlap, smooths_edges) = (Overlap::None, false);
+                drawn.push(DrawnProp { field: prop.field, level, overlap, smooths_edges, rect });
                 props.get_mut().push(PropUniform::new(prop, &rays, DMat4::IDENTITY, &PropQuality::EXACT));
             }
         }

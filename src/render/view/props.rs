@@ -45,6 +45,10 @@ pub(in crate::render) struct DrawnProp {
     pub field: AssetId<PlenOctree>,
     pub level: Level,
     pub overlap: Overlap,
+    /// Whether its edges are smooth.
+    pub smooths_edges: bool,
+    /// The pixels of the viewport that its box can cover.
+    pub rect: URect,
 }
 
 impl DrawnProp {
@@ -86,6 +90,11 @@ impl ViewProps {
     /// Returns whether the nearest solid prop of every pixel must be known before props are drawn.
     pub fn has_overlaps(&self) -> bool {
         self.drawn.iter().any(|prop| prop.overlap == Overlap::Solid)
+    }
+
+    /// Returns whether the edges of any prop are smooth.
+    pub fn smooths_edges(&self) -> bool {
+        self.drawn.iter().any(|prop| prop.smooths_edges)
     }
 
     /// Returns whether the passes after the volume pass can run at this place in the frame.

@@ -4,6 +4,7 @@ use bevy::{prelude::*, render::render_resource::ShaderType};
 use glam::DMat4;
 
 use crate::{
+    posterize::EdgeSmoothing,
     prop::SolidOpacity,
     quality::PropQuality,
     render::{
@@ -35,6 +36,7 @@ pub(in crate::render) struct PropUniform {
     near: f32,
     solid_transmittance: f32,
     tint: Vec3,
+    smooths_edges: u32,
     previous_from_clip: Mat4,
 }
 
@@ -74,6 +76,7 @@ impl PropUniform {
             spatial_falloff: falloff(settings.filter.spatial_sigma),
             range_falloff: falloff(settings.filter.range_sigma),
             tint: Vec3::ONE,
+            smooths_edges: u32::from(settings.edges == EdgeSmoothing::Coverage),
             ..default()
         }
     }
@@ -92,13 +95,19 @@ impl PropUniform {
             radius: 0,
             spatial_falloff: 0.0,
             range_falloff: 0.0,
+            smooths_edges: self.smooths_edges,
             ..self.of_composite()
         }
     }
 
     /// Returns what the filtered composite depends on: everything but what only the label pass reads.
     pub fn of_composite(&self) -> Self {
-        Self { first_color: 0, blend_steps: 0, softness: 0.0, ..*self }
+        Self { first_color: 0, blend_steps: 0, softness: 0.0, smooths_edges: 0, ..*self }
+    }
+
+    /// Returns whether the edges of the prop are smooth.
+    pub fn smooths_edges(&self) -> bool {
+        self.colors > 0 && self.smooths_edges > 0
     }
 
     /// Returns the number of filter iterations that it needs.
@@ -207,7 +216,8 @@ fn read() {
     found[91] = f32(view.low.y);
     found[92] = f32(view.high.x);
     found[93] = f32(view.high.y);
-    found[110] = colors[1].y;
+    found[110] = f32(prop.smooths_edges);
+    found[111] = colors[1].y;
 }
 ";
 
@@ -236,6 +246,7 @@ fn read() {
             solid_transmittance: next(),
             tint: Vec3::new(next(), next(), next()),
             previous_from_clip: Mat4::from_cols_array(&std::array::from_fn(|_| next())),
+            ..default()
         };
         let view = ViewUniform {
             corner: UVec2::new(next() as u32, next() as u32),
@@ -250,6 +261,7 @@ fn read() {
             high: UVec2::new(next() as u32, next() as u32),
             unjittered_from_clip: Mat4::from_cols_array(&std::array::from_fn(|_| next())),
         };
+        let prop = PropUniform { smooths_edges: next() as u32, ..prop };
         let color = next();
         let layout = BindGroupLayoutDescriptor::new(
             "layout_test",
@@ -262,7 +274,7 @@ fn read() {
                 ),
             ),
         );
-        let found: [f32; 111] = read_back(SHADER.into(), layout, |device, queue, run| {
+        let found: [f32; 112] = read_back(SHADER.into(), layout, |device, queue, run| {
             let mut view = UniformBuffer::from(view);
             let mut props = StorageBuffer::from(vec![PropUniform::default(), prop]);
             let mut colors = StorageBuffer::from(vec![Vec4::ZERO, Vec4::new(0.0, color, 0.0, 0.0)]);
@@ -271,7 +283,7 @@ fn read() {
             colors.write_buffer(device, queue);
             run(&[view.binding().unwrap(), props.binding().unwrap(), colors.binding().unwrap()]);
         });
-        let expected: [f32; 111] = std::array::from_fn(|index| (index + 1) as f32);
+        let expected: [f32; 112] = std::array::from_fn(|index| (index + 1) as f32);
         assert_eq!(found, expected);
     }
 }

@@ -1,7 +1,9 @@
 //! Extreme palettes and `Posterize` settings.
 
 use bevy::prelude::*;
-use bevy_plenoctree::{Activation, BilateralFilter, Palette, PaletteOverride, Palettes, Posterize, Prop, UpAxis};
+use bevy_plenoctree::{
+    Activation, BilateralFilter, EdgeSmoothing, Palette, PaletteOverride, Palettes, Posterize, Prop, UpAxis,
+};
 use glam::DVec3;
 use half::f16;
 use plenoctree::{BakeSettings, Basis, Cell, bake, camera::PinholeCamera, reference};
@@ -40,7 +42,7 @@ fn palettes_and_settings_at_their_limits() {
         let source: Vec<DVec3> = colors.iter().map(|color| DVec3::from(*color)).collect();
         let mut stage = Stage::with_palette(&field, Palette::new(colors).unwrap());
         for (blend_steps, softness) in [(1, 0.0), (8, 0.0), (1, 1e-9), (8, 0.2), (3, 10.0)] {
-            let posterize = Posterize { blend_steps, softness, ..default() };
+            let posterize = Posterize { blend_steps, softness, edges: EdgeSmoothing::Off, ..default() };
             let settings = reference::Posterization { blend_steps, softness: softness.into(), ..Default::default() };
             let prop = stage.prop;
             stage.headless.app.world_mut().entity_mut(prop).insert(posterize);
@@ -75,7 +77,7 @@ fn a_palette_with_too_many_labels_has_fewer_blends() {
         let source: Vec<DVec3> = palette.colors.iter().map(|color| DVec3::from(*color)).collect();
         let mut stage = Stage::with_palette(&field, palette);
         let prop = stage.prop;
-        let posterize = Posterize { blend_steps: 8, softness: 0.0, ..default() };
+        let posterize = Posterize { blend_steps: 8, softness: 0.0, edges: EdgeSmoothing::Off, ..default() };
         stage.headless.app.world_mut().entity_mut(prop).insert(posterize);
         let frame = stage.capture(&camera());
         let share = |blend_steps| {

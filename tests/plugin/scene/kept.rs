@@ -13,8 +13,8 @@ use bevy::{
     render::camera::TemporalJitter,
 };
 use bevy_plenoctree::{
-    BilateralFilter, FieldPalette, LabelStages, PaletteOverride, Palettes, PlenOctree, PlenOctreePlugin, Posterize,
-    PosterizeView, Prop, PropQuality, PropStage, PropTint, SolidOpacity,
+    BilateralFilter, EdgeSmoothing, FieldPalette, LabelStages, PaletteOverride, Palettes, PlenOctree, PlenOctreePlugin,
+    Posterize, PosterizeView, Prop, PropQuality, PropStage, PropTint, SolidOpacity,
     headless::{Headless, exact_camera},
 };
 use cpu_time::ProcessTime;
@@ -156,6 +156,7 @@ const CHANGES: &[(&str, Change)] = &[
         let filter = BilateralFilter { iterations: 2, radius: 4, spatial_sigma: 0.5, range_sigma: 40.0 };
         view.set_prop(0, Posterize { filter, ..default() });
     }),
+    ("hard edges", |view| view.set_prop(0, Posterize { edges: EdgeSmoothing::Off, ..default() })),
     ("blend steps", |view| view.set_prop(0, Posterize { blend_steps: 1, ..default() })),
     ("softness", |view| view.set_prop(0, Posterize { blend_steps: 1, softness: 0.0, ..default() })),
     ("a palette", |view| {

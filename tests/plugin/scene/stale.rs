@@ -4,8 +4,8 @@ use std::time::Duration;
 
 use bevy::{camera::Hdr, prelude::*};
 use bevy_plenoctree::{
-    BeforePalette, BilateralFilter, FieldPalette, LabelStages, Palettes, PlenOctree, PlenOctreePlugin, Posterize, Prop,
-    PropQuality, SolidOpacity,
+    BeforePalette, BilateralFilter, EdgeSmoothing, FieldPalette, LabelStages, Palettes, PlenOctree, PlenOctreePlugin,
+    Posterize, Prop, PropQuality, SolidOpacity,
     headless::{Headless, exact_camera},
 };
 use glam::DVec3;
@@ -73,6 +73,7 @@ const WIDE: Posterize = Posterize {
     softness: 0.2,
     min_opacity: 0.01,
     before_palette: BeforePalette::AsTrained,
+    edges: EdgeSmoothing::Coverage,
 };
 
 /// A prop that stays where another one was despawned next to it, or where it moved away from, looks as if it had always

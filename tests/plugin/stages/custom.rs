@@ -16,8 +16,8 @@ use bevy::{
     },
 };
 use bevy_plenoctree::{
-    BeforePalette, BilateralFilter, LabelStages, LabelTextures, Palette, PaletteLabel, PlenOctreeRenderSystems,
-    Posterize, PosterizeView, PropStage,
+    BeforePalette, BilateralFilter, EdgeSmoothing, LabelStages, LabelTextures, Palette, PaletteLabel,
+    PlenOctreeRenderSystems, Posterize, PosterizeView, PropStage,
 };
 
 use super::scene::{COLOR, PALETTE, SIZE, SOLID, Scene, assert_near, at, middle};
@@ -95,6 +95,7 @@ const HARD: Posterize = Posterize {
     min_opacity: 0.3,
     filter: BilateralFilter { iterations: 1, radius: 2, spatial_sigma: 3.0, range_sigma: 4.25 },
     before_palette: BeforePalette::Hide,
+    edges: EdgeSmoothing::Off,
 };
 
 fn posterized(mut scene: Scene) -> Scene {

@@ -12,8 +12,8 @@ use bevy::{
     },
 };
 use bevy_plenoctree::{
-    FieldPalette, GpuField, POSTERIZE_SPANS, Palettes, PlenOctreePlugin, Posterize, Prop, PropQuality, QualityPreset,
-    VOLUME_SPANS,
+    EdgeSmoothing, FieldPalette, GpuField, POSTERIZE_SPANS, Palettes, PlenOctreePlugin, Posterize, Prop, PropQuality,
+    QualityPreset, VOLUME_SPANS,
     headless::{Headless, exact_camera, pinhole_view},
 };
 use image::{DynamicImage, RgbImage, RgbaImage};
@@ -135,6 +135,7 @@ fn posterize(settings: PosterizeSettings) -> Posterize {
         blend_steps: settings.blend_steps,
         softness: settings.softness,
         min_opacity: settings.min_opacity,
+        edges: if settings.smooth_edges { EdgeSmoothing::Coverage } else { EdgeSmoothing::Off },
         ..Posterize::default()
     }
 }

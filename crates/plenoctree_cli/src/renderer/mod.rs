@@ -67,11 +67,14 @@ pub struct PosterizeSettings {
     pub softness: f32,
     /// The opacity below which pixels are drawn as trained.
     pub min_opacity: f32,
+    /// Whether pixels at which the prop ends are blended with the background. Only the GPU does so.
+    #[cfg_attr(not(feature = "bevy"), allow(dead_code))]
+    pub smooth_edges: bool,
 }
 
 impl Default for PosterizeSettings {
     fn default() -> Self {
-        Self { blend_steps: 3, softness: 0.2, min_opacity: 80.0 / 255.0 }
+        Self { blend_steps: 3, softness: 0.2, min_opacity: 80.0 / 255.0, smooth_edges: false }
     }
 }
 

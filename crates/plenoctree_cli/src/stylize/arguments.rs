@@ -48,6 +48,10 @@ pub struct Arguments {
     /// The opacity below which pixels are drawn as trained.
     #[arg(long, default_value_t = 80.0 / 255.0, value_parser = parse_share)]
     min_opacity: f32,
+    /// Blends pixels at which the prop ends with the background, as the plugin does by default; not with --renderer
+    /// reference.
+    #[arg(long)]
+    smooth_edges: bool,
     /// Shows a palette color as another color; can be repeated.
     #[arg(long, value_name = "INDEX=#RRGGBB", value_parser = parse_recolor)]
     recolor: Vec<(usize, [u8; 3])>,
@@ -73,7 +77,12 @@ impl Arguments {
 
     /// Returns the settings of posterization.
     pub fn posterize(&self) -> PosterizeSettings {
-        PosterizeSettings { blend_steps: self.blend_steps, softness: self.softness, min_opacity: self.min_opacity }
+        PosterizeSettings {
+            blend_steps: self.blend_steps,
+            softness: self.softness,
+            min_opacity: self.min_opacity,
+            smooth_edges: self.smooth_edges,
+        }
     }
 
     /// Returns the palette's colors with the changes from the command line, or `None` if there are no changes.

@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use bevy_plenoctree::Posterize;
+use bevy_plenoctree::{EdgeSmoothing, Posterize};
 use glam::DVec3;
 use image::RgbaImage;
 use plenoctree::{
@@ -63,7 +63,7 @@ pub fn rendering(
     };
     let truths: Vec<_> = references.iter().map(over_white).collect();
     // With hard edges, the color of a pixel tells its label.
-    let hard = Posterize { softness: 0.0, ..Posterize::default() };
+    let hard = Posterize { softness: 0.0, edges: EdgeSmoothing::Off, ..Posterize::default() };
     let colors: Vec<_> = palette.colors.iter().map(|color| DVec3::from(*color)).collect();
     let labels = reference::labels(&colors, hard.blend_steps);
 

@@ -1,0 +1,232 @@
+// The coverage pass: finds, by several rays through a pixel where a posterized prop ends, which part of it the prop
+// covers, and its color there.
+
+#import bevy_plenoctree::color::to_half
+#import bevy_plenoctree::constants::NO_LEAF
+#import bevy_plenoctree::edge::{RAYS, neighbor, ray_offset}
+#ifdef MULTISAMPLED
+#import bevy_plenoctree::edge::{rays_of, sample_of}
+#endif
+#import bevy_plenoctree::octree::{begin, density, next_leaf}
+#import bevy_plenoctree::prop_ray::{PropRay, Varying, position_of, ray_at}
+#import bevy_plenoctree::radiance::{Harmonics, harmonics, radiance}
+#import bevy_plenoctree::scene::scene_depth
+#import bevy_plenoctree::view::{NOWHERE, is_solid, owner_of, props, stale, view, view_distance}
+
+// The result of the outline pass.
+@group(2) @binding(0) var outline: texture_2d<u32>;
+@group(2) @binding(1) var owner: texture_2d<f32>;
+@group(2) @binding(2) var depth: texture_depth_2d;
+
+// Draws one triangle; the scissor rectangle is that of the prop. Its box would not cover every pixel at its edge.
+@vertex
+fn vertex(@builtin(vertex_index) index: u32, @builtin(instance_index) prop: u32) -> Varying {
+    if stale.layer == 0u {
+        return Varying(NOWHERE, prop, 0u);
+    }
+    let position = vec4(vec2(f32((index << 1u) & 2u), f32(index & 2u)) * 2.0 - 1.0, 0.5, 1.0);
+    return Varying(position, prop, 0u);
+}
+
+// What a ray sees of a prop.
+struct Look {
+    // Where its opacity reaches that from which the prop is posterized, or -1.
+    covered_at: f32,
+    // Encoded sRGB premultiplied by opacity, and opacity.
+    color: vec4<f32>,
+}
+
+// Marches as the volume pass does.
+fn look(seen: PropRay, end: f32, prop: u32, h: ptr<function, Harmonics>) -> Look {
+    let limit = max(1.0 - props[prop].min_opacity, view.stop_transmittance);
+    var color = vec4(0.0);
+    var transmittance = 1.0;
+    var covered_at = -1.0;
+    var walk = begin(seen.ray, seen.span.x);
+    loop {
+        if transmittance < view.stop_transmittance {
+            break;
+        }
+        let crossing = next_leaf(seen.ray, &walk, end);
+        if crossing.leaf == NO_LEAF {
+            break;
+        }
+        let sigma = density(crossing.leaf);
+        let before = transmittance;
+        transmittance *= exp(-sigma * (crossing.exit - crossing.enter));
+        let weight = before - transmittance;
+        if weight >= view.min_weight {
+            color += weight * vec4(radiance(crossing.leaf, h), 1.0);
+        }
+        let inside = position_of(limit, before, crossing, sigma);
+        covered_at = select(covered_at, inside, covered_at < 0.0 && transmittance <= limit);
+    }
+    let gone = select(1.0 - transmittance, 1.0, transmittance < view.stop_transmittance);
+    return Look(covered_at, color * gone / max(color.a, 1e-6));
+}
+
+// Returns the slope of a surface along one axis, from its depth at a pixel and at two neighbors. Where the surface ends,
+// one of the differences is not its slope: it is greater, or has another sign.
+fn slope(before: f32, here: f32, after: f32) -> f32 {
+    let first = here - before;
+    let second = after - here;
+    return select(0.0, select(second, first, abs(first) < abs(second)), first * second > 0.0);
+}
+
+#ifndef MULTISAMPLED
+// Returns how the scene's depth changes from pixel to pixel. Depths of planes are linear in pixels.
+fn scene_slope(pixel: vec2<i32>, here: f32) -> vec2<f32> {
+    return vec2(
+        slope(scene_value(neighbor(pixel, 0)), here, scene_value(neighbor(pixel, 1))),
+        slope(scene_value(neighbor(pixel, 2)), here, scene_value(neighbor(pixel, 3))),
+    );
+}
+
+fn scene_value(pixel: vec2<i32>) -> f32 {
+    let held = clamp(pixel, vec2(0), vec2<i32>(view.size) - 1);
+    return textureLoad(scene_depth, vec2<u32>(held) + view.corner, 0);
+}
+#endif
+
+// Returns the depth of a pixel's neighbor if it has the same owner, or else what lies opposite of the other neighbor.
+fn prop_value(at: vec2<i32>, opposite: vec2<i32>, own: u32, here: f32) -> f32 {
+    let there = textureLoad(depth, at, 0);
+    if owner_of(textureLoad(owner, at, 0)) == own && is_solid(there) {
+        return there;
+    }
+    let mirrored = textureLoad(depth, opposite, 0);
+    let is_own = owner_of(textureLoad(owner, opposite, 0)) == own && is_solid(mirrored);
+    return select(here, 2.0 * here - mirrored, is_own);
+}
+
+// Returns how the depth of the prop that is solid at a pixel changes from pixel to pixel.
+fn prop_slope(pixel: vec2<i32>, own: u32, here: f32) -> vec2<f32> {
+    let left = neighbor(pixel, 0);
+    let right = neighbor(pixel, 1);
+    let up = neighbor(pixel, 2);
+    let down = neighbor(pixel, 3);
+    return vec2(
+        slope(prop_value(left, right, own, here), here, prop_value(right, left, own, here)),
+        slope(prop_value(up, down, own, here), here, prop_value(down, up, own, here)),
+    );
+}
+
+// Where the center of a pixel and the rays that are not covered see a prop thinly, returns what replaces the color of the
+// center by that of the rays: a color to add, in encoded sRGB, after a multiplication by the last channel.
+fn thinned(center: vec4<f32>, rays: vec4<f32>) -> vec4<f32> {
+    let factor = (1.0 - rays.a) / max(1.0 - center.a, 1e-2);
+    return vec4(rays.rgb - factor * center.rgb, factor);
+}
+
+// Blending adds up what both owners write.
+struct Fragment {
+    // The bits of a pixel's rays, one per ray, in four channels.
+    // r: those that the owner of the pixel covers.
+    // g: those where the other owner is before what is seen at the center of the pixel.
+    // b: those that the other owner covers, or would cover if the owner of the pixel did not.
+    // a: the samples of the scene, one bit per sample, where something else is before the prop.
+    @location(0) bits: vec4<f32>,
+    // The sums of what the rays in r and in b see, divided by the number of all rays: encoded sRGB premultiplied by
+    // opacity, and opacity. If the pixel has no owner, `own` is the result of `thinned`.
+    @location(1) own: vec4<f32>,
+    @location(2) other: vec4<f32>,
+}
+
+@fragment
+fn fragment(in: Varying) -> Fragment {
+    let pixel = vec2<i32>(in.position.xy);
+    let owners = textureLoad(outline, pixel, 0).xy;
+    let is_own = owners.x == in.prop + 1u;
+    if !is_own && owners.y != in.prop + 1u {
+        discard;
+    }
+
+    // What is seen at the center of the pixel, if that is another prop.
+    let own = owner_of(textureLoad(owner, pixel, 0));
+    let solid = textureLoad(depth, pixel, 0);
+    let hides = !is_own && is_solid(solid);
+    var solid_slope = vec2(0.0);
+    if hides {
+        solid_slope = prop_slope(pixel, own, solid);
+    }
+    let is_before_own = own < in.prop + 1u;
+#ifdef MULTISAMPLED
+    var limits: array<f32, #{SAMPLES}>;
+    var farthest = 1.0;
+    for (var s = 0u; s < #{SAMPLES}u; s++) {
+        limits[s] = textureLoad(scene_depth, vec2<u32>(pixel) + view.corner, s);
+        farthest = min(farthest, limits[s]);
+    }
+#else
+    let scene = scene_value(pixel);
+    let across = scene_slope(pixel, scene);
+#endif
+
+    // Within a pixel, the direction hardly changes.
+    var h = harmonics(ray_at(in.prop, in.position.xy).unit);
+    var sum = vec4(0.0);
+    var thin = vec4(0.0);
+    var covered = 0u;
+    var hidden = 0u;
+    var before = 0u;
+    for (var ray = 0u; ray < RAYS; ray++) {
+        let offset = ray_offset(ray);
+        let seen = ray_at(in.prop, in.position.xy + offset);
+#ifdef MULTISAMPLED
+        let limit = limits[sample_of(ray, #{SAMPLES}u)];
+        // To tell what is hidden from what is not there, march as far as anything is seen.
+        let last = farthest;
+#else
+        let limit = max(scene + dot(across, offset), 0.0);
+        let last = limit;
+#endif
+        let end = min(seen.span.y, (view_distance(last) - props[in.prop].near) * seen.length);
+        let found = look(seen, end, in.prop, &h);
+        let distance = props[in.prop].near + found.covered_at / seen.length;
+        let is_covered = found.covered_at >= 0.0 && distance < view_distance(limit);
+        let own_distance = view_distance(max(solid + dot(solid_slope, offset), 0.0));
+        sum += select(vec4(0.0), found.color / f32(RAYS), is_covered);
+        thin += select(found.color, vec4(0.0), found.covered_at >= 0.0);
+        covered |= select(0u, 1u << ray, is_covered);
+        hidden |= select(0u, 1u << ray, found.covered_at >= 0.0 && !is_covered);
+        before |= select(0u, 1u << ray, is_covered && select(is_before_own, distance < own_distance, hides));
+    }
+
+    var kept = 0u;
+#ifdef MULTISAMPLED
+    for (var s = 0u; s < #{SAMPLES}u; s++) {
+        let rays = rays_of(s, #{SAMPLES}u);
+        if countOneBits(hidden & rays) > countOneBits(covered & rays) {
+            kept |= 1u << s;
+            // One of several rays may see the prop past what hides it.
+            sum *= f32(countOneBits(covered & ~rays)) / max(f32(countOneBits(covered)), 1.0);
+            covered &= ~rays;
+            before &= ~rays;
+        }
+    }
+#endif
+    let bits = select(vec4(0u, before, covered, select(kept, 0u, owners.x > 0u)), vec4(covered, 0u, 0u, kept), is_own);
+    var own_color = sum;
+    if !is_own {
+        own_color = vec4(0.0);
+        if owners.x == 0u {
+#ifdef MULTISAMPLED
+            let limit = limits[0];
+#else
+            let limit = scene;
+#endif
+            let seen = ray_at(in.prop, in.position.xy);
+            let end = min(seen.span.y, (view_distance(limit) - props[in.prop].near) * seen.length);
+            let center = look(seen, end, in.prop, &h);
+            let others = RAYS - countOneBits(covered | hidden);
+            if center.covered_at < 0.0 && others > 0u && !hides {
+                own_color = thinned(center.color, thin / f32(others));
+            }
+        }
+    }
+    return Fragment(
+        vec4<f32>(bits) / 255.0,
+        to_half(own_color),
+        to_half(select(sum, vec4(0.0), is_own)),
+    );
+}

@@ -1,0 +1,157 @@
+//! Runs the outline pass and the coverage pass.
+
+use bevy::{
+    prelude::*,
+    render::{
+        diagnostic::RecordDiagnostics,
+        render_asset::RenderAssets,
+        render_resource::{
+            BindGroupEntries, CachedRenderPipelineId, PipelineCache, RenderPassDescriptor, SpecializedRenderPipelines,
+        },
+        renderer::{RenderContext, RenderDevice, ViewQuery},
+    },
+};
+
+use super::{
+    coverage::{CoverageKey, CoveragePipeline},
+    outline::{OutlineKey, OutlinePipeline},
+    textures::EdgeTextures,
+};
+use crate::{
+    gpu::GpuField,
+    render::{
+        attachment::{self, cleared},
+        bind_group::KeptBindGroup,
+        fullscreen::draw,
+        kept::KeptView,
+        view::{ViewBindGroups, ViewProps, ViewTextures},
+    },
+};
+
+/// The name of the passes' span in Bevy's render diagnostics.
+pub const EDGES_SPAN: &str = "plenoctree_edges";
+
+/// The pipelines and bind groups of a view in which the edges of props are smooth.
+#[derive(Component, Default)]
+pub(in crate::render) struct EdgesPass {
+    /// Whether the layer is coarse.
+    coarse: bool,
+    outline: Option<CachedRenderPipelineId>,
+    /// The pipeline of every prop whose edges are smooth, and its index in drawing order. Empty for coarse layers.
+    coverage: Vec<(usize, CachedRenderPipelineId)>,
+    layer: KeptBindGroup,
+    outlines: KeptBindGroup,
+}
+
+impl EdgesPass {
+    /// Returns whether all pipelines that the view needs have been created.
+    pub fn are_ready(&self, cache: &PipelineCache) -> bool {
+        let ids = self.outline.iter().chain(self.coverage.iter().map(|(_, id)| id));
+        ids.into_iter().all(|id| cache.get_render_pipeline(*id).is_some())
+    }
+}
+
+pub(super) fn prepare_pipelines(
+    cache: Res<PipelineCache>,
+    outline: Res<OutlinePipeline>,
+    mut outlines: ResMut<SpecializedRenderPipelines<OutlinePipeline>>,
+    coverage: Res<CoveragePipeline>,
+    mut coverages: ResMut<SpecializedRenderPipelines<CoveragePipeline>>,
+    fields: Res<RenderAssets<GpuField>>,
+    mut views: Query<(&ViewProps, Option<&ViewTextures>, &Msaa, &mut EdgesPass)>,
+) {
+    for (props, textures, msaa, mut pass) in &mut views {
+        pass.outline = None;
+        pass.coverage.clear();
+        let Some(textures) = textures.filter(|_| props.smooths_edges()) else {
+            continue;
+        };
+        let (coarse, samples) = (textures.coarse.is_some(), msaa.samples());
+        pass.coarse = coarse;
+        pass.outline = Some(outlines.specialize(&cache, &outline, OutlineKey { coarse, samples }));
+        if coarse {
+            continue;
+        }
+        pass.coverage.extend(props.drawn.iter().enumerate().filter(|(_, prop)| prop.smooths_edges).filter_map(
+            |(index, prop)| {
+                let key = CoverageKey { shape: prop.on_gpu(&fields)?.shape, degree: props.degree, samples };
+                Some((index, coverages.specialize(&cache, &coverage, key)))
+            },
+        ));
+    }
+}
+
+pub(super) fn prepare_bind_groups(
+    device: Res<RenderDevice>,
+    cache: Res<PipelineCache>,
+    outline: Res<OutlinePipeline>,
+    coverage: Res<CoveragePipeline>,
+    mut views: Query<(Option<(&ViewTextures, &EdgeTextures)>, &mut EdgesPass)>,
+) {
+    for (textures, mut pass) in &mut views {
+        let Some((ViewTextures { layer, .. }, edges)) = textures else {
+            (pass.layer, pass.outlines) = default();
+            continue;
+        };
+        let entries = BindGroupEntries::sequential((&layer.color, &layer.owner, &layer.depth));
+        pass.layer.update(&device, &cache, outline.shared.label, &outline.shared.layout, &entries);
+        let entries = BindGroupEntries::sequential((&edges.outline, &layer.owner, &layer.depth));
+        pass.outlines.update(&device, &cache, coverage.label, &coverage.layout, &entries);
+    }
+}
+
+pub(super) fn edges_pass(
+    view: ViewQuery<(&EdgeTextures, &ViewProps, &ViewBindGroups, &KeptView, &EdgesPass)>,
+    cache: Res<PipelineCache>,
+    fields: Res<RenderAssets<GpuField>>,
+    mut ctx: RenderContext,
+) {
+    let (textures, props, groups, kept, edges) = view.into_inner();
+    let (Some(group), Some(layer), Some(outlines)) = (groups.with_depth.get(), edges.layer.get(), edges.outlines.get())
+    else {
+        return;
+    };
+    // Until all pipelines are there, nothing is marked and edges are hard.
+    let pipelines: Option<Vec<_>> =
+        edges.coverage.iter().map(|(index, id)| Some((*index, cache.get_render_pipeline(*id)?))).collect();
+    let outline = edges.outline.and_then(|id| cache.get_render_pipeline(id)).filter(|_| pipelines.is_some());
+    let diagnostics = ctx.diagnostic_recorder();
+    let diagnostics = diagnostics.as_deref();
+    let span = diagnostics.time_span(ctx.command_encoder(), EDGES_SPAN);
+    {
+        let attachment = if kept.layer.is_drawn() { cleared } else { attachment::kept };
+        let mut pass = ctx.begin_tracked_render_pass(RenderPassDescriptor {
+            label: Some(EDGES_SPAN),
+            color_attachments: &textures.views().map(attachment),
+            ..default()
+        });
+        if let Some(outline) = outline {
+            draw(&mut pass, props, None, outline, [(group, &[]), (layer, &[])]);
+        }
+    }
+    if !edges.coarse {
+        let [_, coverage, own, other] = textures.views();
+        let mut pass = ctx.begin_tracked_render_pass(RenderPassDescriptor {
+            label: Some(EDGES_SPAN),
+            color_attachments: &[coverage, own, other].map(attachment::kept),
+            ..default()
+        });
+        pass.set_bind_group(0, group, &[]);
+        pass.set_bind_group(2, outlines, &[]);
+        for (index, pipeline) in pipelines.into_iter().flatten() {
+            let Some((prop, level)) = props.drawn.get(index).and_then(|prop| Some((prop, prop.on_gpu(&fields)?)))
+            else {
+                continue;
+            };
+            if prop.rect.is_empty() {
+                continue;
+            }
+            let (corner, size) = (prop.rect.min, prop.rect.size());
+            pass.set_scissor_rect(corner.x, corner.y, size.x, size.y);
+            pass.set_render_pipeline(pipeline);
+            pass.set_bind_group(1, &level.bind_group, &[]);
+            pass.draw(0..3, index as u32..index as u32 + 1);
+        }
+    }
+    span.end(ctx.command_encoder());
+}

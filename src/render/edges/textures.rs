@@ -1,0 +1,74 @@
+//! The textures that describe the pixels at which props end.
+
+use bevy::{
+    camera::MainPassResolutionOverride,
+    prelude::*,
+    render::{
+        camera::ExtractedCamera,
+        render_resource::{BlendState, ColorTargetState, TextureFormat, TextureView},
+        renderer::RenderDevice,
+        texture::TextureCache,
+    },
+};
+
+use crate::render::{
+    fullscreen::target,
+    view::{LAYER_FORMAT, ViewProps, drawn_viewport, view_texture},
+};
+
+pub(super) const OUTLINE_FORMAT: TextureFormat = TextureFormat::Rg16Uint;
+/// Its values are bits. Other than integers, they can be blended, so that two props can write to one pixel.
+const COVERAGE_FORMAT: TextureFormat = TextureFormat::Rgba8Unorm;
+
+/// The edges of props. A component of views in which any of them are smooth.
+#[derive(Component)]
+pub(in crate::render) struct EdgeTextures {
+    /// The owners that may cover parts of a pixel. See `outline.wgsl`.
+    pub outline: TextureView,
+    /// The parts. See `coverage.wgsl`.
+    pub coverage: TextureView,
+    /// What rays see of the owner of the pixel, and of the other one.
+    pub colors: [TextureView; 2],
+}
+
+impl EdgeTextures {
+    /// Returns the textures: the outline, then those of the coverage.
+    pub fn views(&self) -> [&TextureView; 4] {
+        let [own, other] = &self.colors;
+        [&self.outline, &self.coverage, own, other]
+    }
+}
+
+/// Returns the targets of pipelines that write the coverage.
+pub(super) fn coverage_targets(blend: Option<BlendState>) -> [ColorTargetState; 3] {
+    [COVERAGE_FORMAT, LAYER_FORMAT, LAYER_FORMAT].map(|format| target(format, blend))
+}
+
+pub(super) fn prepare_textures(
+    mut commands: Commands,
+    mut cache: ResMut<TextureCache>,
+    device: Res<RenderDevice>,
+    views: Query<(
+        Entity,
+        Option<&ExtractedCamera>,
+        Option<&MainPassResolutionOverride>,
+        &ViewProps,
+        Has<EdgeTextures>,
+    )>,
+) {
+    for (entity, camera, resolution, props, has_textures) in &views {
+        let viewport = camera.filter(|_| props.smooths_edges()).and_then(|camera| drawn_viewport(camera, resolution));
+        let Some(viewport) = viewport else {
+            if has_textures {
+                commands.entity(entity).remove::<EdgeTextures>();
+            }
+            continue;
+        };
+        let mut texture = |label, format| view_texture(&mut cache, &device, label, format, viewport.physical_size);
+        commands.entity(entity).insert(EdgeTextures {
+            outline: texture("plenoctree_outline", OUTLINE_FORMAT),
+            coverage: texture("plenoctree_coverage", COVERAGE_FORMAT),
+            colors: ["plenoctree_own_rays", "plenoctree_other_rays"].map(|label| texture(label, LAYER_FORMAT)),
+        });
+    }
+}

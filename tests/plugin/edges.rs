@@ -1,0 +1,358 @@
+//! Tests the edges of posterized props, against pictures with 16 rays per pixel that are each posterized by themselves.
+
+use std::time::Duration;
+
+use bevy::{
+    camera::Hdr,
+    gizmos::GizmoPlugin,
+    light::LightPlugin,
+    pbr::PbrPlugin,
+    prelude::*,
+    render::{
+        RenderApp,
+        render_resource::{PipelineCache, PipelineDescriptor},
+    },
+};
+use bevy_plenoctree::{
+    EdgeSmoothing, FieldPalette, LabelStages, LoadSettings, Palette, PaletteOverride, Palettes, PlenOctree,
+    PlenOctreePlugin, Posterize, PosterizeView, Prop, PropQuality, PropStage, UpAxis,
+    headless::{Headless, exact_camera},
+};
+use glam::DVec3;
+use image::RgbaImage;
+use plenoctree::{BakeSettings, Basis, bake};
+
+/// The width and height of a frame, in pixels.
+const SIZE: u32 = 96;
+/// The rays per pixel of the pictures to compare with, along each axis.
+const FINE: u32 = 4;
+
+const SKY: Color = Color::srgb(0.55, 0.7, 0.9);
+const WALL: Color = Color::srgb(0.75, 0.4, 0.2);
+const BRIGHT: [f64; 3] = [0.95, 0.9, 0.6];
+const GREEN: [f64; 3] = [0.1, 0.45, 0.2];
+/// Colors that nothing else has. They tell which prop a pixel shows.
+const KEYS: [Color; 2] = [Color::srgb(1.0, 0.0, 1.0), Color::srgb(0.0, 1.0, 1.0)];
+
+/// Bakes what is inside of a surface, in one color.
+fn bake_solid(color: [f64; 3], distance: impl Fn(DVec3) -> f64 + Sync) -> PlenOctree {
+    let settings = BakeSettings { depth: 6, basis: Basis::Rgba, up: UpAxis::Y, ..default() };
+    bake(&settings, |at| if distance(at) < 0.0 { 1e4 } else { 0.0 }, |_| move |_| color.into()).unwrap()
+}
+
+fn ball(color: [f64; 3]) -> PlenOctree {
+    bake_solid(color, |at| at.length() - 0.7)
+}
+
+struct Stage {
+    headless: Headless,
+    camera: Entity,
+    props: Vec<Entity>,
+    meshes: Vec<Entity>,
+}
+
+impl Stage {
+    fn new() -> Self {
+        let mut headless = Headless::new(UVec2::splat(SIZE), |app| {
+            app.add_plugins((GizmoPlugin, LightPlugin, PbrPlugin::default(), PlenOctreePlugin));
+        })
+        .unwrap();
+        let target = headless.target();
+        let place = Transform::from_xyz(0.3, 0.5, 3.0).looking_at(Vec3::ZERO, Vec3::Y);
+        let camera = headless.app.world_mut().spawn((exact_camera(SKY), target, place)).id();
+        Self { headless, camera, props: vec![], meshes: vec![] }
+    }
+
+    fn world(&mut self) -> &mut World {
+        self.headless.app.world_mut()
+    }
+
+    fn set(&mut self, settings: impl Bundle) {
+        let camera = self.camera;
+        self.world().entity_mut(camera).insert(settings);
+    }
+
+    fn unset<T: Bundle>(&mut self) {
+        let camera = self.camera;
+        self.world().entity_mut(camera).remove::<T>();
+    }
+
+    /// Spawns a posterized prop.
+    fn spawn(&mut self, field: &PlenOctree, palette: Palette, place: Transform) {
+        let world = self.headless.app.world_mut();
+        let field = world.resource_mut::<Assets<PlenOctree>>().add(field.clone());
+        world.resource_mut::<Palettes>().insert(&field, FieldPalette::new(palette));
+        let hard = Posterize { edges: EdgeSmoothing::Off, ..default() };
+        self.props.push(world.spawn((Prop(field), hard, place)).id());
+        self.headless.wait_until_ready(Duration::from_secs(120)).unwrap();
+    }
+
+    fn spawn_ball(&mut self, color: [f64; 3], place: Transform) {
+        self.spawn(&ball(color), Palette::new(vec![color]).unwrap(), place);
+    }
+
+    /// Spawns one of the included props.
+    fn spawn_included(&mut self, name: &str) {
+        let path = |end| format!("{}/assets/{name}.{end}", env!("CARGO_MANIFEST_DIR"));
+        let field = PlenOctree::read(path("npz"), &LoadSettings::default()).unwrap();
+        self.spawn(&field, Palette::read(path("palette.json")).unwrap(), default());
+    }
+
+    /// Spawns an unlit square of this size.
+    fn spawn_wall(&mut self, size: f32, place: Transform) {
+        let world = self.headless.app.world_mut();
+        let mesh = world.resource_mut::<Assets<Mesh>>().add(Rectangle::new(size, size));
+        let material = StandardMaterial { base_color: WALL, unlit: true, cull_mode: None, ..default() };
+        let material = world.resource_mut::<Assets<StandardMaterial>>().add(material);
+        self.meshes.push(world.spawn((Mesh3d(mesh), MeshMaterial3d(material), place)).id());
+    }
+
+    fn clear(&mut self) {
+        for entity in self.props.drain(..).chain(self.meshes.drain(..)) {
+            self.headless.app.world_mut().despawn(entity);
+        }
+    }
+
+    fn capture(&mut self, edges: EdgeSmoothing) -> RgbaImage {
+        for prop in &self.props {
+            self.headless.app.world_mut().entity_mut(*prop).insert(Posterize { edges, ..default() });
+        }
+        self.headless.capture().unwrap()
+    }
+
+    /// Returns which prop each pixel shows: 1 for the first, and 0 for none.
+    fn owners(&mut self) -> Vec<usize> {
+        for (prop, key) in self.props.iter().zip(KEYS) {
+            let own = (0..16).fold(PaletteOverride::default(), |own, index| own.with(index, key));
+            self.headless.app.world_mut().entity_mut(*prop).insert(own);
+        }
+        let frame = self.capture(EdgeSmoothing::Off);
+        for prop in &self.props {
+            self.headless.app.world_mut().entity_mut(*prop).remove::<PaletteOverride>();
+        }
+        let keys = KEYS.map(|key| Srgba::from(key).to_u8_array());
+        frame.pixels().map(|pixel| keys.iter().position(|key| *key == pixel.0).map_or(0, |key| key + 1)).collect()
+    }
+
+    /// Returns the owners of the rays of every pixel, and the mean of what they show in linear light.
+    fn fine(&mut self) -> (Vec<Vec<usize>>, Vec<Vec3>) {
+        let camera = self.headless.app.world().entity(self.camera);
+        let before = (*camera.get::<Msaa>().unwrap(), camera.get::<PropQuality>().copied().unwrap_or_default());
+        self.headless.resize(UVec2::splat(FINE * SIZE));
+        self.headless.update();
+        // The same coarse layer.
+        let resolution = if before.1.resolution < 1.0 { before.1.resolution / FINE as f32 } else { 1.0 };
+        self.set((Msaa::Off, PropQuality { resolution, ..before.1 }));
+        let (owners, frame) = (self.owners(), self.capture(EdgeSmoothing::Off));
+        self.headless.resize(UVec2::splat(SIZE));
+        self.headless.update();
+        self.set(before);
+        let places = |x: u32, y: u32| (0..FINE * FINE).map(move |ray| (FINE * x + ray % FINE, FINE * y + ray / FINE));
+        let pixels = || (0..SIZE * SIZE).map(|index| (index % SIZE, index / SIZE));
+        let owners = pixels()
+            .map(|(x, y)| places(x, y).map(|(x, y)| owners[(y * FINE * SIZE + x) as usize]).collect())
+            .collect();
+        let mean = |(x, y)| places(x, y).map(|(x, y)| linear(*frame.get_pixel(x, y))).sum::<Vec3>();
+        let means = pixels().map(|at| mean(at) / (FINE * FINE) as f32).collect();
+        (owners, means)
+    }
+
+    /// Returns the errors of hard edges and of smooth ones: root mean squares over the pixels that the edge of a prop
+    /// crosses, in steps of 8-bit encoded sRGB. Prints both.
+    fn errors(&mut self, what: &str) -> (f64, f64) {
+        let (owners, truth) = self.fine();
+        let is_edge: Vec<_> = owners.iter().map(|rays| rays.iter().any(|ray| *ray != rays[0])).collect();
+        let edge = is_edge.iter().filter(|is_edge| **is_edge).count();
+        assert!(edge > 60, "{what}: {edge} pixels");
+        let [hard, smooth] = [EdgeSmoothing::Off, EdgeSmoothing::Coverage].map(|edges| {
+            let frame = self.capture(edges);
+            let squares =
+                frame.pixels().zip(&truth).zip(&is_edge).filter(|(_, is_edge)| **is_edge).map(|((pixel, truth), _)| {
+                    let truth = Srgba::from(LinearRgba::from_vec3(*truth)).to_vec3();
+                    let found = Vec3::new(pixel[0].into(), pixel[1].into(), pixel[2].into());
+                    f64::from((found - 255.0 * truth).length_squared()) / 3.0
+                });
+            (squares.sum::<f64>() / edge as f64).sqrt()
+        });
+        println!("{what}: {edge} pixels, hard {hard:.1}, smooth {smooth:.1}, {:.2} of it", smooth / hard);
+        (hard, smooth)
+    }
+}
+
+fn linear(pixel: image::Rgba<u8>) -> Vec3 {
+    LinearRgba::from(Color::srgb_u8(pixel[0], pixel[1], pixel[2])).to_vec3()
+}
+
+/// A wall that hides the right half of what is at the origin, and is tilted.
+fn before() -> Transform {
+    Transform::from_xyz(0.75, 0.1, 1.2).with_rotation(Quat::from_rotation_z(0.3))
+}
+
+fn behind() -> Transform {
+    Transform::from_xyz(0.0, 0.0, -1.5)
+}
+
+/// The floor on which a ball at the origin lies, a bit sunk in.
+fn floor() -> Transform {
+    Transform::from_xyz(0.0, -0.45, 0.0).with_rotation(Quat::from_rotation_x(-1.4))
+}
+
+#[test]
+fn edges_are_near_to_supersampled_ones() {
+    let mut stage = Stage::new();
+    let mut results = vec![];
+    let mut check = |stage: &mut Stage, what: &str, most: f64| {
+        let (hard, smooth) = stage.errors(what);
+        results.push((what.to_string(), smooth / hard, most));
+    };
+    let third = 1.0 / 3.0;
+    stage.set(Transform::from_xyz(1.0, 1.2, 3.2).looking_at(Vec3::ZERO, Vec3::Y));
+    // The drum has a fringe and rails that are thinner than pixels, which the rays through the centers of pixels miss.
+    for (name, most) in [("toadstool", third), ("drum", 0.6)] {
+        stage.spawn_included(name);
+        check(&mut stage, &format!("{name} before the sky"), most);
+        stage.clear();
+    }
+    stage.set(Transform::from_xyz(0.3, 0.5, 3.0).looking_at(Vec3::ZERO, Vec3::Y));
+    for msaa in [Msaa::Off, Msaa::Sample4] {
+        stage.set(msaa);
+        stage.spawn_ball(BRIGHT, default());
+        check(&mut stage, &format!("before the sky, {msaa:?}"), third);
+        stage.spawn_wall(8.0, behind());
+        check(&mut stage, &format!("before a mesh, {msaa:?}"), third);
+        stage.set(PropQuality { resolution: 0.5, ..default() });
+        check(&mut stage, &format!("a coarse layer, {msaa:?}"), 0.6);
+        stage.unset::<PropQuality>();
+        stage.spawn_ball(GREEN, Transform::from_xyz(-0.6, -0.4, -0.8));
+        check(&mut stage, &format!("before another prop, {msaa:?}"), third);
+        let other = stage.props[1];
+        stage.world().get_mut::<Transform>(other).unwrap().translation.z = 0.1;
+        check(&mut stage, &format!("through another prop, {msaa:?}"), 0.5);
+        stage.clear();
+        stage.spawn_ball(BRIGHT, default());
+        stage.spawn_wall(4.0, floor());
+        check(&mut stage, &format!("on a mesh, {msaa:?}"), third);
+        stage.clear();
+    }
+    // The scene's samples show how much of a pixel a mesh covers.
+    for (hdr, place) in [(false, PropStage::Scene), (true, PropStage::Scene), (false, PropStage::Display)] {
+        stage.set(place);
+        if hdr {
+            stage.set(Hdr);
+        }
+        stage.spawn_ball(BRIGHT, default());
+        stage.spawn_wall(1.2, before());
+        check(&mut stage, &format!("behind a mesh, {place:?}, HDR {hdr}"), third);
+        if !hdr {
+            stage.set(LabelStages);
+            check(&mut stage, &format!("behind a mesh, {place:?}, with stages"), third);
+        }
+        stage.unset::<(LabelStages, Hdr)>();
+        stage.clear();
+    }
+    let wrong: Vec<_> = results.iter().filter(|(_, found, most)| found > most).collect();
+    assert!(wrong.is_empty(), "{wrong:?}");
+}
+
+/// Returns the pixels that have another owner than one of their neighbors.
+fn outlines(owners: &[usize]) -> Vec<bool> {
+    let owner = |x: i32, y: i32| {
+        let size = SIZE as i32;
+        let held = |at: i32| at.clamp(0, size - 1);
+        owners[(held(y) * size + held(x)) as usize]
+    };
+    let ends = |x, y| (0..9).any(|at| owner(x + at % 3 - 1, y + at / 3 - 1) != owner(x, y));
+    (0..SIZE * SIZE).map(|index| ends((index % SIZE) as i32, (index / SIZE) as i32)).collect()
+}
+
+/// Away from edges, nothing changes. A bright label before a dark background has no halo: edges only have colors between
+/// the two.
+#[test]
+fn edges_have_colors_between_those_on_both_sides_and_others_stay() {
+    let mut stage = Stage::new();
+    stage.set(Transform::from_xyz(1.0, 1.2, 3.2).looking_at(Vec3::ZERO, Vec3::Y));
+    stage.spawn_included("toadstool");
+    for (msaa, place) in
+        [(Msaa::Off, PropStage::Scene), (Msaa::Sample4, PropStage::Scene), (Msaa::Sample4, PropStage::Display)]
+    {
+        stage.set((msaa, place));
+        let is_edge = outlines(&stage.owners());
+        let [hard, smooth] = [EdgeSmoothing::Off, EdgeSmoothing::Coverage].map(|edges| stage.capture(edges));
+        let changed = hard.pixels().zip(smooth.pixels()).map(|(hard, smooth)| hard != smooth);
+        let (on, off): (Vec<_>, Vec<_>) = changed.zip(&is_edge).partition(|(_, is_edge)| **is_edge);
+        let count = |pixels: &[(bool, &bool)]| pixels.iter().filter(|(changed, _)| *changed).count();
+        assert!(count(&on) * 4 > on.len(), "{msaa:?}: {} of {} edge pixels changed", count(&on), on.len());
+        assert_eq!(count(&off), 0, "{msaa:?}: pixels away from edges changed");
+    }
+    stage.clear();
+    stage.spawn_ball(BRIGHT, default());
+    let [bright, dark] = [Vec3::from_array(BRIGHT.map(|channel| channel as f32)), Srgba::from(SKY).to_vec3()];
+    let (mut mixed, frame) = (0, stage.capture(EdgeSmoothing::Coverage));
+    for pixel in frame.pixels() {
+        let shares = [0, 1, 2].map(|channel| {
+            let value = linear(*pixel)[channel];
+            let [dark, bright] =
+                [dark, bright].map(|color| LinearRgba::from(Srgba::from_vec3(color)).to_vec3()[channel]);
+            (value - dark) / (bright - dark)
+        });
+        let (least, most) = (shares.into_iter().fold(1.0, f32::min), shares.into_iter().fold(0.0, f32::max));
+        // Nearly the same share in every channel: thin parts are blended in encoded sRGB.
+        assert!(least > -0.01 && most < 1.01 && most - least < 0.1, "{pixel:?}: {shares:?}");
+        mixed += usize::from((0.05..0.95).contains(&least));
+    }
+    assert!(mixed > 60, "{mixed} pixels");
+}
+
+/// When the camera turns slowly, edges change less from frame to frame than hard ones.
+#[test]
+fn smooth_edges_are_steadier() {
+    let mut stage = Stage::new();
+    stage.spawn_included("toadstool");
+    let mut changes = [0.0; 2];
+    let mut before: Option<([RgbaImage; 2], Vec<bool>)> = None;
+    for step in 0..8 {
+        let turn = Quat::from_rotation_y(0.6 + 0.004 * step as f32);
+        stage.set(Transform::from_translation(turn * Vec3::new(0.0, 1.2, 3.2)).looking_at(Vec3::ZERO, Vec3::Y));
+        let is_edge = outlines(&stage.owners());
+        let frames = [EdgeSmoothing::Off, EdgeSmoothing::Coverage].map(|edges| stage.capture(edges));
+        if let Some((earlier, was_edge)) = &before {
+            for (index, change) in changes.iter_mut().enumerate() {
+                let pixels = frames[index].pixels().zip(earlier[index].pixels()).zip(is_edge.iter().zip(was_edge));
+                let edges = pixels.filter(|(_, (is_edge, was_edge))| **is_edge || **was_edge);
+                *change += edges.map(|((a, b), _)| f64::from(linear(*a).distance_squared(linear(*b)))).sum::<f64>();
+            }
+        }
+        before = Some((frames, is_edge));
+    }
+    let [hard, smooth] = changes.map(f64::sqrt);
+    println!("changes at edges: hard {hard:.2}, smooth {smooth:.2}");
+    assert!(hard > 1.0 && smooth < hard, "hard {hard}, smooth {smooth}");
+}
+
+/// Views in which no prop is posterized, or all edges are hard, compile and draw nothing for smooth ones.
+#[test]
+fn only_views_with_smooth_edges_pay_for_them() {
+    let mut stage = Stage::new();
+    stage.spawn_ball(BRIGHT, default());
+    let prop = stage.props[0];
+    let compiled = |stage: &Stage| {
+        let cache = stage.headless.app.sub_app(RenderApp).world().resource::<PipelineCache>();
+        let is_edge = |descriptor: &PipelineDescriptor| match descriptor {
+            PipelineDescriptor::RenderPipelineDescriptor(descriptor) => descriptor
+                .label
+                .as_deref()
+                .is_some_and(|label| ["plenoctree_outline", "plenoctree_coverage"].contains(&label)),
+            PipelineDescriptor::ComputePipelineDescriptor(_) => false,
+        };
+        cache.pipelines().filter(|pipeline| is_edge(&pipeline.descriptor)).count()
+    };
+    stage.capture(EdgeSmoothing::Off);
+    stage.world().entity_mut(prop).remove::<Posterize>();
+    let field = stage.world().get::<Prop>(prop).unwrap().0.clone();
+    // A posterized view has no edges either.
+    stage.set((PosterizeView(field), Posterize::default()));
+    stage.headless.capture().unwrap();
+    assert_eq!(compiled(&stage), 0);
+    stage.capture(EdgeSmoothing::Coverage);
+    assert_eq!(compiled(&stage), 2);
+}
