@@ -1,6 +1,6 @@
 //! The toys on the carousel.
 
-use bevy::prelude::*;
+use bevy::{light::NotShadowCaster, prelude::*};
 use bevy_plenoctree::{PaletteOverride, Posterize, Prop};
 
 use crate::stand::{Footprint, standing};
@@ -47,6 +47,8 @@ pub fn spawn_toy(
             Posterize::default(),
             PaletteOverride::default(),
             Footprint::of(file),
+            // Casting shadows would cost more than drawing so many props.
+            NotShadowCaster,
             Painted { hue: (around.to_degrees() + 47.0 * ring as f32) % 360.0, shades },
             Hopping { ground: stand.translation.y, phase: 3.0 * around },
             stand,
