@@ -14,11 +14,7 @@ pub fn section(evidence: &Evidence) -> Result<Section> {
         evidence.methods.modes,
     ));
     let methods = [Method::Unweighted, Method::Hull, Method::MeanShift];
-    let mut pictures = vec![evidence.original(0)?];
-    for method in methods {
-        pictures.push(evidence.posterized(0, method)?);
-    }
-    section.pictures(pictures);
+    section.pictures(evidence.first_view(&methods)?);
     evidence.claim(
         &mut section,
         "K-means with visibility gives a better palette than without.",

@@ -16,11 +16,7 @@ pub fn section(evidence: &Evidence) -> Result<Section> {
          the number of colors is given.",
     ));
     let methods = [Method::Tan, Method::Wang, Method::Hull, Method::Fitted];
-    let mut pictures = vec![evidence.original(0)?];
-    for method in methods {
-        pictures.push(evidence.posterized(0, method)?);
-    }
-    section.pictures(pictures);
+    section.pictures(evidence.first_view(&methods)?);
     evidence.claim(
         &mut section,
         "Visible colors give a better palette than the hull of raw samples.",

@@ -24,6 +24,12 @@ pub fn opaque(original: &RgbaImage) -> RgbImage {
 }
 
 impl Evidence {
+    /// Writes the first view as trained, and posterized with the palette of each method.
+    pub fn first_view(&self, methods: &[Method]) -> Result<Vec<Picture>> {
+        let posterized = methods.iter().map(|method| self.posterized(0, *method));
+        std::iter::once(self.original(0)).chain(posterized).collect()
+    }
+
     /// Writes a view as trained.
     pub fn original(&self, view: usize) -> Result<Picture> {
         let file = self.folder.picture(&format!("view_{view}"), &opaque(&self.shots[view].original))?;

@@ -27,11 +27,7 @@ pub fn section(evidence: &Evidence, examples: &[RgbaImage]) -> Result<Section> {
     let (title, note) = ("the seven example views".into(), String::new());
     section.pictures(vec![Picture { file, title, note, palette: None }]);
     let methods = [Method::OneView, Method::SevenViews, Method::Hull, Method::Fitted];
-    let mut pictures = vec![evidence.original(0)?];
-    for method in methods {
-        pictures.push(evidence.posterized(0, method)?);
-    }
-    section.pictures(pictures);
+    section.pictures(evidence.first_view(&methods)?);
     evidence.claim(
         &mut section,
         "The field's palette posterizes better than one from one view.",
