@@ -1,5 +1,6 @@
 //! Measures the CPU time of a frame: `cargo bench --bench frames -- [FIELD] [CAMERAS] [SIZE]`. The first table is by
-//! preset, as trained and posterized, and the second by what has changed since the previous frame.
+//! preset, as trained and posterized, the second by what has changed since the previous frame, and the third with smooth
+//! edges against hard ones.
 //!
 //! Renders a view of 800 x 800 pixels from the first camera. Variants take turns, and the least time of five rounds
 //! counts. It includes reading the frame back. With a GPU, it is the CPU time of the driver.
@@ -10,7 +11,7 @@ use std::{path::PathBuf, time::Duration};
 
 use bevy::prelude::*;
 use bevy_plenoctree::{
-    FieldPalette, LoadSettings, Palettes, PlenOctree, PlenOctreePlugin, Posterize, Prop, QualityPreset,
+    EdgeSmoothing, FieldPalette, LoadSettings, Palettes, PlenOctree, PlenOctreePlugin, Posterize, Prop, QualityPreset,
     headless::{Headless, exact_camera, pinhole_view},
 };
 use cpu_time::ProcessTime;
@@ -112,6 +113,32 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     for ((what, ..), least) in rows.iter().zip(least) {
         let own = (least - bevy) / (moved - bevy);
         println!("| {what} | {least:.1} | {:.3} | {own:.3} |", least / moved);
+    }
+
+    headless.app.world_mut().entity_mut(prop).insert(Visibility::Visible);
+    let rows = [
+        ("the camera", Changes::Camera, Msaa::Off, QualityPreset::Exact),
+        ("the palette", Changes::Palette, Msaa::Off, QualityPreset::Exact),
+        ("nothing", Changes::Nothing, Msaa::Off, QualityPreset::Exact),
+        ("nothing, balanced", Changes::Nothing, Msaa::Off, QualityPreset::Balanced),
+        ("the camera, four samples", Changes::Camera, Msaa::Sample4, QualityPreset::Exact),
+        ("nothing, four samples", Changes::Nothing, Msaa::Sample4, QualityPreset::Exact),
+    ];
+    let mut least = [[f64::INFINITY; 2]; 6];
+    for _ in 0..ROUNDS {
+        for ((_, changes, msaa, preset), least) in rows.iter().zip(&mut least) {
+            headless.app.insert_resource(*changes);
+            headless.app.world_mut().entity_mut(camera).insert((*msaa, preset.quality()));
+            for (edges, least) in [EdgeSmoothing::Off, EdgeSmoothing::Coverage].into_iter().zip(least) {
+                headless.app.world_mut().entity_mut(prop).insert(Posterize { edges, ..default() });
+                headless.wait_until_ready(PATIENCE)?;
+                *least = least.min(time(&mut headless)?);
+            }
+        }
+    }
+    println!("\n| what changes | hard edges, ms | smooth, ms | ratio |\n|---|---|---|---|");
+    for ((what, ..), [hard, smooth]) in rows.iter().zip(least) {
+        println!("| {what} | {hard:.1} | {smooth:.1} | {:.2} |", smooth / hard);
     }
     Ok(())
 }

@@ -1,5 +1,5 @@
 // The compare pass: finds out whether the scene that the props are drawn into has changed since the last frame, and copies
-// it for the next one. It has one invocation per pixel.
+// it for the next one.
 
 #import bevy_plenoctree::view::View
 
@@ -11,8 +11,8 @@ struct Stale {
 
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<storage, read_write> stale: Stale;
-// What was seen in the last frame. One depth per pixel of the viewport, or the three channels of its color.
-@group(0) @binding(2) var<storage, read_write> copies: array<f32>;
+// The bits of what was seen in the last frame.
+@group(0) @binding(2) var before: texture_2d<u32>;
 #ifdef COLORS
 @group(0) @binding(3) var scene: texture_2d<f32>;
 #else ifdef MULTISAMPLED
@@ -21,30 +21,27 @@ struct Stale {
 @group(0) @binding(3) var scene: texture_depth_2d;
 #endif
 
-@compute @workgroup_size(8, 8)
-fn compare(@builtin(global_invocation_id) id: vec3<u32>) {
-    let pixel = view.low + id.xy;
-    if any(pixel >= view.high) {
-        return;
-    }
-    let index = pixel.y * view.size.x + pixel.x;
-    let seen = textureLoad(scene, pixel + view.corner, 0);
+@vertex
+fn vertex(@builtin(vertex_index) index: u32) -> @builtin(position) vec4<f32> {
+    return vec4(vec2(f32((index << 1u) & 2u), f32(index & 2u)) * 2.0 - 1.0, 0.0, 1.0);
+}
+
+@fragment
+fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec2<u32> {
+    let pixel = vec2<u32>(position.xy);
 #ifdef COLORS
-    let before = vec3(copies[3u * index], copies[3u * index + 1u], copies[3u * index + 2u]);
-    if any(seen.rgb != before) {
-        copies[3u * index] = seen.r;
-        copies[3u * index + 1u] = seen.g;
-        copies[3u * index + 2u] = seen.b;
-        atomicStore(&stale.composite, 1u);
-    }
-    // The composite shows the layer.
-    if id.x + id.y == 0u && atomicLoad(&stale.layer) != 0u {
-        atomicStore(&stale.composite, 1u);
-    }
+    // The composite is stored as half floats too.
+    let color = textureLoad(scene, pixel + view.corner, 0);
+    let seen = vec2(pack2x16float(color.rg), pack2x16float(vec2(color.b, 0.0)));
 #else
-    if seen != copies[index] {
-        copies[index] = seen;
-        atomicStore(&stale.layer, 1u);
-    }
+    let seen = vec2(bitcast<u32>(textureLoad(scene, pixel + view.corner, 0)), 0u);
 #endif
+    if any(textureLoad(before, pixel, 0).xy != seen) {
+#ifdef COLORS
+        atomicStore(&stale.composite, 1u);
+#else
+        atomicStore(&stale.layer, 1u);
+#endif
+    }
+    return seen;
 }

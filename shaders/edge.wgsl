@@ -3,6 +3,7 @@
 
 // The number of rays through a pixel.
 const RAYS: u32 = 8u;
+const ALL_SAMPLES: u32 = 0xffffffffu;
 
 // Returns one of the eight neighbors of a pixel. The first four share a side with it.
 fn neighbor(pixel: vec2<i32>, index: i32) -> vec2<i32> {
@@ -39,4 +40,46 @@ fn rays_of(sample: u32, samples: u32) -> u32 {
         rays |= select(0u, 1u << ray, sample_of(ray, samples) == sample);
     }
     return rays;
+}
+
+// The parts of a pixel where a prop ends.
+struct Parts {
+    // The numbers of rays that show the owner of the pixel, the other one, and what is behind both.
+    own: u32,
+    other: u32,
+    rest: u32,
+    // Whether the pixel shows what its center shows, as a whole.
+    are_whole: bool,
+    // Whether the center shows what is behind.
+    is_center: bool,
+    // The samples of the target to write.
+    written: u32,
+}
+
+// Returns the parts of a pixel from the results of the outline pass and of the coverage pass. With SAMPLES, the target has
+// the samples of the scene, and those before the owners keep their color.
+fn parts_of(owners: vec2<u32>, bits: vec4<u32>) -> Parts {
+    // Without an owner that has parts, the center stands for all that the other one does not cover.
+    let has_own = owners.x > 0u;
+    let own = countOneBits(select(0u, bits.r & ~bits.g, has_own));
+    let other = countOneBits(select(bits.g, bits.g | (bits.b & ~bits.r), has_own));
+#ifdef SAMPLES
+    let rays = RAYS - countOneBits(bits.a) * RAYS / #{SAMPLES}u;
+    let written = ~bits.a;
+    let is_center = !has_own;
+#else
+    let rays = RAYS;
+    let written = ALL_SAMPLES;
+    // The scene's color at the edge of a mesh is that of several objects.
+    let is_center = !has_own && bits.a == 0u;
+#endif
+    let are_whole = other == 0u && (is_center || own == rays);
+    return Parts(
+        own,
+        other,
+        rays - min(own + other, rays),
+        are_whole,
+        is_center,
+        select(written, ALL_SAMPLES, are_whole && own == 0u),
+    );
 }

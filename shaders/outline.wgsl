@@ -22,6 +22,8 @@ struct Fragment {
     @location(1) bits: vec4<f32>,
     @location(2) own_color: vec4<f32>,
     @location(3) other_color: vec4<f32>,
+    // 1 where a prop ends, and 0 elsewhere, for the depth test of the passes that follow.
+    @builtin(frag_depth) mask: f32,
 }
 
 fn smooths(owner: u32) -> bool {
@@ -86,9 +88,10 @@ fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
         vec4<f32>(bits) / 255.0,
         select(vec4(0.0), color, kept > 0u),
         select(color, vec4(0.0), kept > 0u),
+        1.0,
     );
 #else
-    return Fragment(vec2(kept, other), vec4(0.0), vec4(0.0), vec4(0.0));
+    return Fragment(vec2(kept, other), vec4(0.0), vec4(0.0), vec4(0.0), 1.0);
 #endif
 }
 

@@ -1,17 +1,38 @@
-// The present pass: writes the output of custom stages to the view's target.
+// The present pass: writes the output of the label pass, or of custom stages, to the view's target.
 
 #import bevy_plenoctree::target::to_target
 #import bevy_plenoctree::view::{is_drawn, view}
+#ifdef SAMPLES
+#import bevy_plenoctree::edge::parts_of
+#endif
 
 @group(1) @binding(0) var colors: texture_2d<f32>;
+#ifdef SAMPLES
+// The results of the outline pass and of the coverage pass.
+@group(1) @binding(1) var outline: texture_2d<u32>;
+@group(1) @binding(2) var coverage: texture_2d<f32>;
+#endif
+
+struct Fragment {
+    @location(0) color: vec4<f32>,
+#ifdef SAMPLES
+    @builtin(sample_mask) samples: u32,
+#endif
+}
 
 @fragment
-fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
+fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
     let pixel = vec2<u32>(position.xy) - view.corner;
     let color = textureLoad(colors, pixel, 0);
     // Nothing is drawn where opacity is negative.
     if !is_drawn(pixel) || color.a < 0.0 {
         discard;
     }
-    return vec4(to_target(color.rgb), color.a);
+    let shown = vec4(to_target(color.rgb), color.a);
+#ifdef SAMPLES
+    let bits = vec4<u32>(textureLoad(coverage, pixel, 0) * 255.0 + 0.5);
+    return Fragment(shown, parts_of(textureLoad(outline, pixel, 0).xy, bits).written);
+#else
+    return Fragment(shown);
+#endif
 }

@@ -71,6 +71,7 @@ struct View {
 struct Stale {
     layer: u32,
     composite: u32,
+    labels: u32,
 }
 
 @group(0) @binding(3) var<uniform> stale: Stale;

@@ -50,12 +50,11 @@ pub enum PlenOctreeRenderSystems {
     Upsample,
     /// Finds the shares of pixels that posterized props cover where they end.
     Edges,
-    /// Blends the layer over the scene, filters it, and assigns labels. Writes to the view's target or, for cameras
-    /// with [`LabelStages`](crate::LabelStages), to the textures that custom stages work on.
+    /// Blends the layer over the scene, filters it, assigns labels, and smooths edges.
     Posterize(PropStage),
     /// Empty; add custom stages to this set. They run in views that have [`LabelTextures`](crate::LabelTextures).
     LabelStages(PropStage),
-    /// Writes the output of custom stages to the view's target.
+    /// Writes the result, or that of custom stages, to the view's target.
     Present(PropStage),
     /// Writes the depth of props where they are solid.
     Depth(PropStage),

@@ -19,6 +19,8 @@ pub(crate) struct Shaders {
     pub upsample: Handle<Shader>,
     pub outline: Handle<Shader>,
     pub coverage: Handle<Shader>,
+    pub blend: Handle<Shader>,
+    pub patch: Handle<Shader>,
     pub fullscreen: Handle<Shader>,
     pub composite: Handle<Shader>,
     pub filter: Handle<Shader>,
@@ -30,7 +32,7 @@ pub(crate) struct Shaders {
     pub depth: Handle<Shader>,
     pub transparent: Handle<Shader>,
     pub sampling: Handle<Shader>,
-    _imported: [Handle<Shader>; 10],
+    _imported: [Handle<Shader>; 11],
 }
 
 impl Shaders {
@@ -54,6 +56,8 @@ impl Shaders {
             upsample: shader!("upsample.wgsl"),
             outline: shader!("outline.wgsl"),
             coverage: shader!("coverage.wgsl"),
+            blend: shader!("blend.wgsl"),
+            patch: shader!("patch.wgsl"),
             fullscreen: shader!("fullscreen.wgsl"),
             composite: shader!("composite.wgsl"),
             filter: shader!("filter.wgsl"),
@@ -69,6 +73,7 @@ impl Shaders {
                 shader!("color.wgsl"),
                 shader!("edge.wgsl"),
                 shader!("filter_texel.wgsl"),
+                shader!("labels.wgsl"),
                 shader!("view.wgsl"),
                 shader!("scene.wgsl"),
                 shader!("prop_ray.wgsl"),

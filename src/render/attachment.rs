@@ -39,6 +39,11 @@ pub(super) fn depth(view: &TextureView, clears: bool) -> RenderPassDepthStencilA
     }
 }
 
+/// Returns a depth attachment that is only tested.
+pub(super) fn tested(view: &TextureView) -> RenderPassDepthStencilAttachment<'_> {
+    RenderPassDepthStencilAttachment { view, depth_ops: None, stencil_ops: None }
+}
+
 /// Returns the depth state of a pipeline. Nearer depths are greater (reverse z).
 pub(super) fn depth_test(format: TextureFormat, writes: bool, compare: CompareFunction) -> DepthStencilState {
     DepthStencilState {

@@ -3,7 +3,7 @@
 //! There is one module per pass. In the order of a frame:
 //!
 //! - `shadow` draws the props into the shadow maps of lights, before the main pass (feature `shadows`).
-//! - `kept` finds what is still right of the previous frame, so that the passes up to `filter` need not run.
+//! - `kept` finds what is still right of the previous frame, so that the passes up to `blend` need not run.
 //! - `solid` finds the nearest solid part of any prop, in views where props overlap.
 //! - `volume` draws the props into the view's layer.
 //! - `upsample` enlarges a coarse layer to the size of the viewport.
@@ -11,7 +11,8 @@
 //! - `composite` blends the layer over the scene.
 //! - `filter` flattens the colors.
 //! - `label` replaces them by palette colors.
-//! - `present` writes the output of custom stages to the view's target.
+//! - `blend` blends the parts of the pixels where posterized props end.
+//! - `present` writes the result, or that of custom stages, to the view's target.
 //! - `depth` writes depth where props are solid.
 //! - `prepass` writes their depth and motion into the textures of Bevy's prepass, for effects that read it.
 //! - `transparent` draws transparent objects over props that are drawn after them.
@@ -21,6 +22,7 @@
 
 mod attachment;
 mod bind_group;
+mod blend;
 mod boxes;
 mod composite;
 mod depth;
@@ -64,6 +66,7 @@ pub const POSTERIZE_SPANS: &[&str] = &[
     composite::COMPOSITE_SPAN,
     filter::FILTER_SPAN,
     label::LABEL_SPAN,
+    blend::BLEND_SPAN,
     present::PRESENT_SPAN,
     depth::DEPTH_SPAN,
     prepass::PREPASS_SPAN,
@@ -95,6 +98,7 @@ impl Plugin for RenderPropsPlugin {
             composite::plugin,
             filter::plugin,
             label::plugin,
+            blend::plugin,
             present::plugin,
             depth::plugin,
             prepass::plugin,
@@ -120,6 +124,7 @@ enum PosterizeSteps {
     Composite(PropStage),
     Filter(PropStage),
     Label(PropStage),
+    Blend(PropStage),
 }
 
 /// The passes from compositing to depth, at one place in the frame.
@@ -158,6 +163,7 @@ fn order_passes(render_app: &mut SubApp, stage: PropStage) {
                 PosterizeSteps::Composite(stage),
                 PosterizeSteps::Filter(stage),
                 PosterizeSteps::Label(stage),
+                PosterizeSteps::Blend(stage),
             )
                 .chain()
                 .in_set(PlenOctreeRenderSystems::Posterize(stage)),

@@ -14,7 +14,10 @@ use bevy::{
     shader::ShaderDefVal,
 };
 
-use super::fullscreen::{Fullscreen, target};
+use super::{
+    fullscreen::{Fullscreen, target},
+    view::ViewProps,
+};
 use crate::stage::PropStage;
 
 /// The properties of a view's target that pipelines depend on.
@@ -43,6 +46,12 @@ impl TargetKey {
         descriptor.multisample.count = self.samples;
         descriptor
     }
+}
+
+/// Returns the number of samples per pixel of a target in which some may show what is before a prop, while others show the
+/// prop: those of the scene. `None` if there is but one, or if custom stages decide what is shown.
+pub(super) fn hidden_samples(props: &ViewProps, msaa: &Msaa) -> Option<u32> {
+    Some(msaa.samples()).filter(|samples| *samples > 1 && props.stage == PropStage::Scene && !props.has_stages)
 }
 
 /// Returns the attachment that [`TargetKey`] describes.

@@ -329,6 +329,8 @@ fn smooth_edges_are_steadier() {
     assert!(hard > 1.0 && smooth < hard, "hard {hard}, smooth {smooth}");
 }
 
+const EDGE_PASSES: [&str; 4] = ["plenoctree_outline", "plenoctree_coverage", "plenoctree_blend", "plenoctree_patch"];
+
 /// Views in which no prop is posterized, or all edges are hard, compile and draw nothing for smooth ones.
 #[test]
 fn only_views_with_smooth_edges_pay_for_them() {
@@ -338,10 +340,9 @@ fn only_views_with_smooth_edges_pay_for_them() {
     let compiled = |stage: &Stage| {
         let cache = stage.headless.app.sub_app(RenderApp).world().resource::<PipelineCache>();
         let is_edge = |descriptor: &PipelineDescriptor| match descriptor {
-            PipelineDescriptor::RenderPipelineDescriptor(descriptor) => descriptor
-                .label
-                .as_deref()
-                .is_some_and(|label| ["plenoctree_outline", "plenoctree_coverage"].contains(&label)),
+            PipelineDescriptor::RenderPipelineDescriptor(descriptor) => {
+                descriptor.label.as_deref().is_some_and(|label| EDGE_PASSES.contains(&label))
+            }
             PipelineDescriptor::ComputePipelineDescriptor(_) => false,
         };
         cache.pipelines().filter(|pipeline| is_edge(&pipeline.descriptor)).count()
@@ -354,5 +355,5 @@ fn only_views_with_smooth_edges_pay_for_them() {
     stage.headless.capture().unwrap();
     assert_eq!(compiled(&stage), 0);
     stage.capture(EdgeSmoothing::Coverage);
-    assert_eq!(compiled(&stage), 2);
+    assert_eq!(compiled(&stage), EDGE_PASSES.len());
 }

@@ -10,7 +10,7 @@ use bevy::{
     shader::{Shader, ShaderDefVal},
 };
 
-use super::textures::coverage_targets;
+use super::textures::{coverage_targets, mask_test};
 use crate::{
     gpu::{FieldLayout, FieldShape, Shaders, field_definitions},
     render::{boxes::Boxes, view::ViewLayouts},
@@ -62,6 +62,7 @@ impl SpecializedRenderPipeline for CoveragePipeline {
         // It draws one triangle instead of a box.
         descriptor.vertex.shader = self.shader.clone();
         descriptor.primitive = default();
+        descriptor.depth_stencil = Some(mask_test());
         descriptor.layout.push(self.layout.clone());
         descriptor
     }

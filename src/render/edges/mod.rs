@@ -1,8 +1,8 @@
-//! Finds how much of a pixel a posterized prop covers where it ends, so that the label pass can blend it with what is
+//! Finds how much of a pixel a posterized prop covers where it ends, so that the blend pass can blend it with what is
 //! behind. This is not part of the method, whose edges are hard.
 //!
 //! The *outline* pass finds the pixels at which props end, and the owners that may cover parts of them. The *coverage*
-//! pass then draws a rectangle for each prop and marches several rays through those pixels. For coarse layers, whose
+//! pass then draws a rectangle for each prop and marches several rays through those pixels, and no others. For coarse layers, whose
 //! outlines follow an interpolated opacity, the outline pass takes the coverage from that.
 //!
 //! Nothing here runs or is compiled in views in which the edges of all props are hard.
@@ -14,7 +14,7 @@ mod textures;
 
 pub use pass::EDGES_SPAN;
 pub(super) use pass::EdgesPass;
-pub(super) use textures::EdgeTextures;
+pub(super) use textures::{EdgeTextures, mask_test};
 
 use bevy::{
     core_pipeline::schedule::Core3d,

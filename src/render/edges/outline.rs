@@ -3,7 +3,7 @@
 use bevy::{
     prelude::*,
     render::render_resource::{
-        BindGroupLayoutDescriptor, BindGroupLayoutEntries, RenderPipelineDescriptor, ShaderStages,
+        BindGroupLayoutDescriptor, BindGroupLayoutEntries, CompareFunction, RenderPipelineDescriptor, ShaderStages,
         SpecializedRenderPipeline, TextureSampleType,
         binding_types::{texture_2d, texture_depth_2d},
     },
@@ -14,9 +14,10 @@ use super::textures::{OUTLINE_FORMAT, coverage_targets};
 use crate::{
     gpu::Shaders,
     render::{
+        attachment::depth_test,
         fullscreen::{Fullscreen, target},
         kept::KeptPart,
-        view::ViewLayouts,
+        view::{DEPTH_FORMAT, ViewLayouts},
     },
 };
 
@@ -57,6 +58,7 @@ impl SpecializedRenderPipeline for OutlinePipeline {
         targets.extend(coverage_targets(None));
         let mut descriptor = self.shared.pipeline(definitions.collect(), &targets);
         descriptor.layout[0] = self.with_depth[usize::from(multisampled)].clone();
+        descriptor.depth_stencil = Some(depth_test(DEPTH_FORMAT, true, CompareFunction::Always));
         descriptor
     }
 }

@@ -20,7 +20,7 @@ use super::{
 use crate::{
     gpu::GpuField,
     render::{
-        attachment::{self, cleared},
+        attachment::{self, cleared, depth, tested},
         bind_group::KeptBindGroup,
         fullscreen::draw,
         kept::KeptView,
@@ -122,7 +122,8 @@ pub(super) fn edges_pass(
         let attachment = if kept.layer.is_drawn() { cleared } else { attachment::kept };
         let mut pass = ctx.begin_tracked_render_pass(RenderPassDescriptor {
             label: Some(EDGES_SPAN),
-            color_attachments: &textures.views().map(attachment),
+            color_attachments: &textures.targets().map(attachment),
+            depth_stencil_attachment: Some(depth(&textures.mask, kept.layer.is_drawn())),
             ..default()
         });
         if let Some(outline) = outline {
@@ -130,10 +131,11 @@ pub(super) fn edges_pass(
         }
     }
     if !edges.coarse {
-        let [_, coverage, own, other] = textures.views();
+        let [_, coverage, own, other] = textures.targets();
         let mut pass = ctx.begin_tracked_render_pass(RenderPassDescriptor {
             label: Some(EDGES_SPAN),
             color_attachments: &[coverage, own, other].map(attachment::kept),
+            depth_stencil_attachment: Some(tested(&textures.mask)),
             ..default()
         });
         pass.set_bind_group(0, group, &[]);

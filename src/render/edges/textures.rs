@@ -5,15 +5,18 @@ use bevy::{
     prelude::*,
     render::{
         camera::ExtractedCamera,
-        render_resource::{BlendState, ColorTargetState, TextureFormat, TextureView},
+        render_resource::{
+            BlendState, ColorTargetState, CompareFunction, DepthStencilState, TextureFormat, TextureView,
+        },
         renderer::RenderDevice,
         texture::TextureCache,
     },
 };
 
 use crate::render::{
+    attachment::depth_test,
     fullscreen::target,
-    view::{LAYER_FORMAT, ViewProps, drawn_viewport, view_texture},
+    view::{DEPTH_FORMAT, LAYER_FORMAT, ViewProps, drawn_viewport, view_texture},
 };
 
 pub(super) const OUTLINE_FORMAT: TextureFormat = TextureFormat::Rg16Uint;
@@ -29,14 +32,26 @@ pub(in crate::render) struct EdgeTextures {
     pub coverage: TextureView,
     /// What rays see of the owner of the pixel, and of the other one.
     pub colors: [TextureView; 2],
+    /// A depth that [`mask_test`] compares, so that no fragment shader runs elsewhere.
+    pub mask: TextureView,
 }
 
 impl EdgeTextures {
-    /// Returns the textures: the outline, then those of the coverage.
-    pub fn views(&self) -> [&TextureView; 4] {
+    /// Returns the textures that the outline pass draws to: the outline, then those of the coverage.
+    pub fn targets(&self) -> [&TextureView; 4] {
         let [own, other] = &self.colors;
         [&self.outline, &self.coverage, own, other]
     }
+
+    /// Returns all textures.
+    pub fn views(&self) -> impl Iterator<Item = &TextureView> {
+        self.targets().into_iter().chain([&self.mask])
+    }
+}
+
+/// Returns the depth state of passes that run only for pixels at which props end.
+pub(in crate::render) fn mask_test() -> DepthStencilState {
+    depth_test(DEPTH_FORMAT, false, CompareFunction::Less)
 }
 
 /// Returns the targets of pipelines that write the coverage.
@@ -69,6 +84,7 @@ pub(super) fn prepare_textures(
             outline: texture("plenoctree_outline", OUTLINE_FORMAT),
             coverage: texture("plenoctree_coverage", COVERAGE_FORMAT),
             colors: ["plenoctree_own_rays", "plenoctree_other_rays"].map(|label| texture(label, LAYER_FORMAT)),
+            mask: texture("plenoctree_edge_mask", DEPTH_FORMAT),
         });
     }
 }

@@ -6,9 +6,7 @@ use bevy::{
     prelude::*,
     render::{
         diagnostic::RecordDiagnostics,
-        render_resource::{
-            BindGroupEntries, BufferBinding, PipelineCache, RenderPassDepthStencilAttachment, RenderPassDescriptor,
-        },
+        render_resource::{BindGroupEntries, BufferBinding, PipelineCache, RenderPassDescriptor},
         renderer::{RenderContext, RenderDevice, ViewQuery},
     },
 };
@@ -16,7 +14,7 @@ use bevy::{
 use super::pipeline::{FilterPipelines, ITERATION_STRIDE};
 use crate::{
     render::{
-        attachment::kept,
+        attachment::{kept, tested},
         bind_group::KeptBindGroup,
         fullscreen::draw,
         view::{ViewBindGroups, ViewProps, ViewTextures},
@@ -90,12 +88,7 @@ pub(super) fn filter_pass(
             let mut pass = ctx.begin_tracked_render_pass(RenderPassDescriptor {
                 label: Some(FILTER_SPAN),
                 color_attachments: &[kept(target)],
-                // Only for the depth test.
-                depth_stencil_attachment: Some(RenderPassDepthStencilAttachment {
-                    view: &textures.layer.depth,
-                    depth_ops: None,
-                    stencil_ops: None,
-                }),
+                depth_stencil_attachment: Some(tested(&textures.layer.depth)),
                 ..default()
             });
             draw(&mut pass, props, None, pipeline, [(view, &[]), (group, &offset)]);

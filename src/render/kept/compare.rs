@@ -5,23 +5,25 @@ use bevy::{
     render::{
         diagnostic::RecordDiagnostics,
         render_resource::{
-            BindGroup, BindGroupEntries, BindGroupLayoutDescriptor, BindGroupLayoutEntries, BindingResource,
-            CachedComputePipelineId, ComputePassDescriptor, ComputePipelineDescriptor, PipelineCache, ShaderStages,
-            TextureSampleType, TextureViewId,
+            BindGroupEntries, BindGroupLayoutDescriptor, BindGroupLayoutEntries, CachedRenderPipelineId, FragmentState,
+            PipelineCache, RenderPassDescriptor, RenderPipelineDescriptor, ShaderStages, TextureFormat,
+            TextureSampleType, TextureView, TextureViewId, VertexState,
             binding_types::{
                 storage_buffer_sized, texture_2d, texture_depth_2d, texture_depth_2d_multisampled, uniform_buffer,
             },
         },
-        renderer::{RenderContext, RenderDevice, ViewQuery},
+        renderer::{RenderAdapter, RenderContext, RenderDevice, ViewQuery},
         view::{ViewDepthTexture, ViewTarget},
     },
 };
 
-use super::prepare::KeptView;
+use super::{copy::SceneCopy, prepare::KeptView};
 use crate::{
     gpu::Shaders,
     render::{
+        attachment::kept,
         bind_group::KeptBindGroup,
+        fullscreen::target,
         view::{ViewProps, ViewUniform},
     },
     stage::PropStage,
@@ -31,25 +33,28 @@ use crate::{
 pub const COMPARE_DEPTHS_SPAN: &str = "plenoctree_compare_depths";
 pub const COMPARE_COLORS_SPAN: &str = "plenoctree_compare_colors";
 
-/// The width and height of a workgroup.
-const WORKGROUP: u32 = 8;
+/// The formats of the copies of the scene's depth and of its colors.
+pub(super) const COPY_FORMATS: [TextureFormat; 2] = [TextureFormat::R32Uint, TextureFormat::Rg32Uint];
 
 #[derive(Resource)]
 pub(super) struct ComparePipelines {
     /// For the depth of a single-sampled scene, and of a multisampled one.
     depths: [Compare; 2],
     colors: Compare,
+    /// Whether the device can set a flag from a fragment shader.
+    are_supported: bool,
 }
 
 struct Compare {
     layout: BindGroupLayoutDescriptor,
-    id: CachedComputePipelineId,
+    id: CachedRenderPipelineId,
 }
 
 impl ComparePipelines {
     pub fn are_ready(&self, cache: &PipelineCache) -> bool {
         let [single, multisampled] = &self.depths;
-        [single, multisampled, &self.colors].iter().all(|compare| cache.get_compute_pipeline(compare.id).is_some())
+        let is_ready = |compare: &Compare| cache.get_render_pipeline(compare.id).is_some();
+        self.are_supported && [single, multisampled, &self.colors].into_iter().all(is_ready)
     }
 
     fn depths(&self, msaa: &Msaa) -> &Compare {
@@ -57,35 +62,56 @@ impl ComparePipelines {
     }
 }
 
-pub(super) fn init(mut commands: Commands, shaders: Res<Shaders>, cache: Res<PipelineCache>) {
-    let compare = |scene, definition: Option<&str>| {
-        let (view, buffer) = (uniform_buffer::<ViewUniform>(false), || storage_buffer_sized(false, None));
-        let entries = BindGroupLayoutEntries::sequential(ShaderStages::COMPUTE, (view, buffer(), buffer(), scene));
+pub(super) fn init(
+    mut commands: Commands,
+    adapter: Res<RenderAdapter>,
+    shaders: Res<Shaders>,
+    cache: Res<PipelineCache>,
+) {
+    let compare = |scene, format, definition: Option<&str>| {
+        let (view, stale) = (uniform_buffer::<ViewUniform>(false), storage_buffer_sized(false, None));
+        let before = texture_2d(TextureSampleType::Uint);
+        let entries = BindGroupLayoutEntries::sequential(ShaderStages::FRAGMENT, (view, stale, before, scene));
         let layout = BindGroupLayoutDescriptor::new(LABEL, &entries);
-        let id = cache.queue_compute_pipeline(ComputePipelineDescriptor {
+        let id = cache.queue_render_pipeline(RenderPipelineDescriptor {
             label: Some(LABEL.into()),
             layout: vec![layout.clone()],
-            shader: shaders.compare.clone(),
-            shader_defs: definition.into_iter().map(Into::into).collect(),
-            entry_point: Some("compare".into()),
+            vertex: VertexState {
+                shader: shaders.compare.clone(),
+                shader_defs: definition.into_iter().map(Into::into).collect(),
+                entry_point: Some("vertex".into()),
+                ..default()
+            },
+            fragment: Some(FragmentState {
+                shader: shaders.compare.clone(),
+                shader_defs: definition.into_iter().map(Into::into).collect(),
+                entry_point: Some("fragment".into()),
+                targets: vec![Some(target(format, None))],
+            }),
             ..default()
         });
         Compare { layout, id }
     };
+    let [depth, color] = COPY_FORMATS;
+    let needed = wgpu::DownlevelFlags::FRAGMENT_WRITABLE_STORAGE;
     commands.insert_resource(ComparePipelines {
-        depths: [compare(texture_depth_2d(), None), compare(texture_depth_2d_multisampled(), Some("MULTISAMPLED"))],
-        colors: compare(texture_2d(TextureSampleType::Float { filterable: false }), Some("COLORS")),
+        depths: [
+            compare(texture_depth_2d(), depth, None),
+            compare(texture_depth_2d_multisampled(), depth, Some("MULTISAMPLED")),
+        ],
+        colors: compare(texture_2d(TextureSampleType::Float { filterable: false }), color, Some("COLORS")),
+        are_supported: adapter.get_downlevel_capabilities().flags.contains(needed),
     });
 }
 
 const LABEL: &str = "plenoctree_compare";
 
-/// The bind groups of a view.
+/// The bind groups of a view: for each of the two textures of a copy.
 #[derive(Default)]
 pub(super) struct CompareGroups {
-    depths: KeptBindGroup,
-    /// One for each of the two main textures of its target.
-    colors: [(Option<TextureViewId>, KeptBindGroup); 2],
+    depths: [KeptBindGroup; 2],
+    /// One pair for each of the two main textures of its target.
+    colors: [(Option<TextureViewId>, [KeptBindGroup; 2]); 2],
 }
 
 pub(super) fn prepare_bind_groups(
@@ -99,19 +125,21 @@ pub(super) fn prepare_bind_groups(
         let (Some(view), Some(stale)) = (props.view.binding(), stale.as_ref().and_then(|stale| stale.binding())) else {
             continue;
         };
+        let update = |groups: &mut [KeptBindGroup; 2], compare: &Compare, copy: &SceneCopy, scene: &TextureView| {
+            for (group, before) in groups.iter_mut().zip(copy.views()) {
+                let entries = BindGroupEntries::sequential((view.clone(), stale.clone(), before, scene));
+                group.update(&device, &cache, LABEL, &compare.layout, &entries);
+            }
+        };
         let [depths, colors] = copies;
         if let (Some(copy), Some((depth, msaa))) = (depths, depth) {
-            let entries =
-                BindGroupEntries::sequential((view.clone(), stale.clone(), copy.as_entire_binding(), depth.view()));
-            groups.depths.update(&device, &cache, LABEL, &pipelines.depths(msaa).layout, &entries);
+            update(&mut groups.depths, pipelines.depths(msaa), copy, depth.view());
         }
         if let (Some(copy), Some(target)) = (colors, target) {
             let scenes = [target.main_texture_view(), target.main_texture_other_view()];
-            for ((id, group), scene) in groups.colors.iter_mut().zip(scenes) {
+            for ((id, groups), scene) in groups.colors.iter_mut().zip(scenes) {
                 *id = Some(scene.id());
-                let copy: BindingResource = copy.as_entire_binding();
-                let entries = BindGroupEntries::sequential((view.clone(), stale.clone(), copy, scene));
-                group.update(&device, &cache, LABEL, &pipelines.colors.layout, &entries);
+                update(groups, &pipelines.colors, copy, scene);
             }
         }
     }
@@ -124,13 +152,14 @@ pub(super) fn compare_depths(
     mut ctx: RenderContext,
 ) {
     let (mut kept, props, msaa) = view.into_inner();
-    if kept.layer.reads_scene() {
-        let group = kept.groups.depths.get();
-        compare(&mut ctx, COMPARE_DEPTHS_SPAN, &cache, pipelines.depths(msaa), group, props);
+    let KeptView { layer, composite, labels, copies: [copy, _], groups, .. } = &mut *kept;
+    if layer.reads_scene() {
+        compare(&mut ctx, COMPARE_DEPTHS_SPAN, &cache, pipelines.depths(msaa), &groups.depths, copy, props);
     }
     // The passes that draw the layer follow without fail, but those that draw the composite may wait for their pipelines.
-    kept.layer.finish();
-    kept.composite.begin();
+    layer.finish();
+    composite.begin();
+    labels.begin();
 }
 
 pub(super) fn compare_colors(
@@ -144,13 +173,14 @@ pub(super) fn compare_colors(
     if !props.posterizes_at(*stage, &cache) {
         return;
     }
-    if kept.composite.reads_scene() {
-        let scene = target.main_texture_view().id();
-        let group = kept.groups.colors.iter().find(|(id, _)| *id == Some(scene));
-        let group = group.and_then(|(_, group)| group.get());
-        compare(&mut ctx, COMPARE_COLORS_SPAN, &cache, &pipelines.colors, group, props);
+    let KeptView { composite, labels, copies: [_, copy], groups, .. } = &mut *kept;
+    let scene = target.main_texture_view().id();
+    let groups = groups.colors.iter().find(|(id, _)| *id == Some(scene));
+    if let Some((_, groups)) = groups.filter(|_| composite.reads_scene()) {
+        compare(&mut ctx, COMPARE_COLORS_SPAN, &cache, &pipelines.colors, groups, copy, props);
     }
-    kept.composite.finish();
+    composite.finish();
+    labels.finish();
 }
 
 fn compare(
@@ -158,22 +188,28 @@ fn compare(
     span: &'static str,
     cache: &PipelineCache,
     compare: &Compare,
-    group: Option<&BindGroup>,
+    groups: &[KeptBindGroup; 2],
+    copy: &mut Option<SceneCopy>,
     props: &ViewProps,
 ) {
-    let (Some(group), Some(pipeline)) = (group, cache.get_compute_pipeline(compare.id)) else {
+    let Some(copy) = copy else { return };
+    let (Some(group), Some(pipeline)) = (groups[copy.latest()].get(), cache.get_render_pipeline(compare.id)) else {
         return;
     };
     let diagnostics = ctx.diagnostic_recorder();
     let diagnostics = diagnostics.as_deref();
-    let span_guard = diagnostics.time_span(ctx.command_encoder(), span);
+    let guard = diagnostics.time_span(ctx.command_encoder(), span);
     {
-        let descriptor = ComputePassDescriptor { label: Some(span), timestamp_writes: None };
-        let mut pass = ctx.command_encoder().begin_compute_pass(&descriptor);
-        pass.set_pipeline(pipeline);
+        let mut pass = ctx.begin_tracked_render_pass(RenderPassDescriptor {
+            label: Some(span),
+            color_attachments: &[kept(copy.swap())],
+            ..default()
+        });
+        let (corner, size) = (props.rect.min, props.rect.size());
+        pass.set_scissor_rect(corner.x, corner.y, size.x, size.y);
+        pass.set_render_pipeline(pipeline);
         pass.set_bind_group(0, group, &[]);
-        let groups = props.rect.size().map(|pixels| pixels.div_ceil(WORKGROUP));
-        pass.dispatch_workgroups(groups.x, groups.y, 1);
+        pass.draw(0..3, 0..1);
     }
-    span_guard.end(ctx.command_encoder());
+    guard.end(ctx.command_encoder());
 }

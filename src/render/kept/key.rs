@@ -44,6 +44,37 @@ pub(in crate::render) struct CompositeKey {
     pub textures: Vec<TextureViewId>,
 }
 
+/// Everything that the labels of a view depend on, besides the filtered composite.
+#[derive(Default, PartialEq)]
+pub(in crate::render) struct LabelsKey {
+    /// How the props and the posterized view are posterized, their tints, and whether edges are smooth.
+    pub props: Vec<PropUniform>,
+    /// Their source colors and shown colors.
+    pub colors: Vec<Vec4>,
+    /// The number of samples per pixel of the target.
+    pub samples: Option<u32>,
+    /// The textures that hold what is shown.
+    pub textures: Vec<TextureViewId>,
+}
+
+/// The key of something that is drawn when the key changes.
+pub(in crate::render) trait Key: Default + PartialEq {
+    /// Whether it shows the scene, so that a change of the scene must be noticed.
+    const SHOWS_SCENE: bool;
+}
+
+impl Key for LayerKey {
+    const SHOWS_SCENE: bool = true;
+}
+
+impl Key for CompositeKey {
+    const SHOWS_SCENE: bool = true;
+}
+
+impl Key for LabelsKey {
+    const SHOWS_SCENE: bool = false;
+}
+
 /// Something that is drawn when its key changes.
 #[derive(Default)]
 pub(in crate::render) struct Kept<K> {
@@ -55,7 +86,7 @@ pub(in crate::render) struct Kept<K> {
     is_there: bool,
     /// Whether everything is there that is needed to draw it.
     is_complete: bool,
-    /// Whether the scene of that frame was copied.
+    /// Whether the scene of that frame was copied, if it shows the scene.
     is_copied: bool,
     plan: Plan,
 }
@@ -68,11 +99,11 @@ enum Plan {
     Draw,
     /// Draw, and copy the scene: the key has not changed, and may not change in the next frame either.
     Copy,
-    /// Compare the scene with its copy, and draw only if they differ.
+    /// Compare the scene with its copy, and draw only if they differ, or if what it shows is drawn.
     Compare,
 }
 
-impl<K: Default + PartialEq> Kept<K> {
+impl<K: Key> Kept<K> {
     /// Returns the key of this frame, for writing it.
     pub(super) fn key(&mut self) -> &mut K {
         &mut self.key
@@ -100,7 +131,7 @@ impl<K: Default + PartialEq> Kept<K> {
     pub(super) fn finish(&mut self) {
         std::mem::swap(&mut self.key, &mut self.drawn);
         self.is_there = self.is_complete;
-        self.is_copied = self.reads_scene();
+        self.is_copied = self.reads_scene() || !K::SHOWS_SCENE;
     }
 
     /// Returns whether the scene is compared with its copy, and becomes the next copy.

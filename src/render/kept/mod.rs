@@ -2,14 +2,16 @@
 //!
 //! The layer of a view is kept as long as nothing changes that [`LayerKey`] lists, nor the depth of the scene. The
 //! filtered composite is kept as long as, in addition, nothing changes that [`CompositeKey`] lists, nor the colors of the
-//! scene. Labels are drawn in every frame.
+//! scene. Labels are kept as long as, in addition, nothing changes that [`LabelsKey`] lists. Only the present pass and those
+//! that write depth draw in every frame.
 //!
-//! Bevy draws the scene anew in every frame. Where a key has not changed, a compute pass compares the scene with a copy of
-//! it and sets a flag if they differ. Without this flag, the vertex shaders of all passes up to the one that is kept draw
+//! Bevy draws the scene anew in every frame. Where a key has not changed, a pass compares the scene with a copy of it and
+//! sets a flag if they differ. Without this flag, the vertex shaders of all passes up to the one that is kept draw
 //! nothing. Views whose keys change in every frame, because the camera moves, compare and copy nothing.
 
 mod clear;
 mod compare;
+mod copy;
 mod key;
 mod prepare;
 
@@ -38,6 +40,8 @@ pub(super) enum KeptPart {
     Layer,
     /// The composite, before and after the filter.
     Composite,
+    /// What the label pass and the blend pass show.
+    Labels,
 }
 
 impl KeptPart {
@@ -46,6 +50,7 @@ impl KeptPart {
         match self {
             Self::Layer => "KEPT_LAYER".into(),
             Self::Composite => "KEPT_COMPOSITE".into(),
+            Self::Labels => "KEPT_LABELS".into(),
         }
     }
 }

@@ -5,24 +5,27 @@ use bevy::{
     render::{
         camera::ExtractedCamera,
         render_asset::RenderAssets,
-        render_resource::{
-            BindingResource, Buffer, BufferDescriptor, BufferUsages, PipelineCache, ShaderType, UniformBuffer,
-        },
+        render_resource::{BindingResource, BufferUsages, PipelineCache, ShaderType, UniformBuffer},
         renderer::{RenderDevice, RenderQueue},
         view::ViewDepthTexture,
     },
 };
 
 use super::{
+    KeptPart,
     clear::ClearPipelines,
-    compare::{CompareGroups, ComparePipelines},
-    key::{CompositeKey, Kept, LayerKey},
+    compare::{COPY_FORMATS, CompareGroups, ComparePipelines},
+    copy::SceneCopy,
+    key::{CompositeKey, Kept, LabelsKey, LayerKey},
 };
 use crate::{
     gpu::GpuField,
     render::{
+        blend::{BlendPass, BlendedTexture},
         edges::{EdgeTextures, EdgesPass},
+        label::ShownTexture,
         solid::{SolidPipelines, SolidTextures},
+        target::hidden_samples,
         upsample::UpsamplePipeline,
         view::{PropUniform, ViewProps, ViewTextures},
         volume::VolumePipelines,
@@ -34,6 +37,7 @@ use crate::{
 pub(in crate::render) struct StaleUniform {
     layer: u32,
     composite: u32,
+    labels: u32,
 }
 
 /// What a view keeps.
@@ -41,21 +45,28 @@ pub(in crate::render) struct StaleUniform {
 pub(in crate::render) struct KeptView {
     pub layer: Kept<LayerKey>,
     pub composite: Kept<CompositeKey>,
+    pub labels: Kept<LabelsKey>,
     pub(super) stale: Option<UniformBuffer<StaleUniform>>,
     /// The depth of the scene, and its colors.
-    pub(super) copies: [Option<Buffer>; 2],
+    pub(super) copies: [Option<SceneCopy>; 2],
     pub(super) groups: CompareGroups,
 }
 
 impl KeptView {
+    /// Returns whether a part is drawn whatever the scene. What is drawn later shows what is drawn before.
+    pub fn is_drawn(&self, part: KeptPart) -> bool {
+        match part {
+            KeptPart::Layer => self.layer.is_drawn(),
+            KeptPart::Composite => self.is_drawn(KeptPart::Layer) || self.composite.is_drawn(),
+            KeptPart::Labels => self.is_drawn(KeptPart::Composite) || self.labels.is_drawn(),
+        }
+    }
+
     /// Returns the flags that tell shaders what must be drawn.
     pub fn stale(&self) -> Option<BindingResource<'_>> {
         self.stale.as_ref()?.binding()
     }
 }
-
-/// The bytes per pixel of the copies of the scene's depth and of its colors.
-const COPY_BYTES: [u64; 2] = [4, 12];
 
 pub(super) fn prepare(
     device: Res<RenderDevice>,
@@ -69,18 +80,26 @@ pub(super) fn prepare(
         Option<&ViewTextures>,
         (Option<&SolidTextures>, &SolidPipelines, &VolumePipelines),
         (Option<&EdgeTextures>, &EdgesPass),
+        (Option<&ShownTexture>, Option<&BlendedTexture>, &BlendPass),
         &mut KeptView,
     )>,
 ) {
     let (compare, clear, upsample) = pipelines;
-    for (camera, props, textures, (solid, solid_pipelines, volume_pipelines), (edges, edges_pass), mut view) in
-        &mut views
+    for (
+        camera,
+        props,
+        textures,
+        (solid, solid_pipelines, volume_pipelines),
+        (edges, edges_pass),
+        (shown, blended, blend_pass),
+        mut view,
+    ) in &mut views
     {
         let (Some((camera, _, msaa)), Some(textures), false) = (camera, textures, props.rect.is_empty()) else {
             *view = default();
             continue;
         };
-        let KeptView { layer, composite, stale, copies, .. } = &mut *view;
+        let KeptView { layer, composite, labels, copies, .. } = &mut *view;
 
         let key = layer.key();
         key.view = props.view.get().of_layer();
@@ -97,15 +116,12 @@ pub(super) fn prepare(
         let views = layers.into_iter().flatten().flat_map(|layer| layer.views()).chain(solid_views);
         let views = views.chain(edges.into_iter().flat_map(EdgeTextures::views));
         key.textures.extend(views.map(|view| view.id()));
-        let pixels = u64::from(props.view.get().size.x) * u64::from(props.view.get().size.y);
-        let limits = device.limits();
-        let most = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
-        let is_complete = pixels * COPY_BYTES[1] <= most
-            && compare.are_ready(&cache)
+        let is_complete = compare.are_ready(&cache)
             && clear.are_ready(&cache)
             && volume_pipelines.are_ready(&cache)
             && solid_pipelines.are_ready(&cache)
             && edges_pass.are_ready(&cache)
+            && blend_pass.are_ready(&cache)
             && (textures.coarse.is_none() || upsample.is_ready(&cache, msaa, textures.layer.motion.is_some()));
         layer.decide(is_complete, true);
 
@@ -118,26 +134,35 @@ pub(super) fn prepare(
         key.textures.extend([&textures.even, &textures.odd].map(|view| view.id()));
         composite.decide(is_complete, layer.reads_scene());
 
-        let flags = StaleUniform {
-            layer: u32::from(layer.is_drawn()),
-            composite: u32::from(layer.is_drawn() || composite.is_drawn()),
-        };
-        let stale = stale.get_or_insert_with(|| {
+        let key = labels.key();
+        key.props.clear();
+        key.props.extend(props.props.get().iter().map(PropUniform::of_labels));
+        key.colors.clear();
+        key.colors.extend(props.props.get().iter().flat_map(|prop| prop.palette(props.colors.get())));
+        key.samples = hidden_samples(props, msaa);
+        key.textures.clear();
+        let views = shown.map(|shown| &shown.0).into_iter().chain(blended.map(|blended| &blended.0));
+        key.textures.extend(views.map(|view| view.id()));
+        // Custom stages write to the texture.
+        labels.decide(is_complete && !props.has_stages, composite.reads_scene());
+
+        let reads = [layer.reads_scene(), composite.reads_scene()];
+        let size = props.view.get().size;
+        for ((copy, reads), format) in copies.iter_mut().zip(reads).zip(COPY_FORMATS) {
+            copy.take_if(|copy| copy.size() != size);
+            if reads && copy.is_none() {
+                *copy = Some(SceneCopy::new(&device, size, format));
+            }
+        }
+        let [layer, composite, labels] =
+            [KeptPart::Layer, KeptPart::Composite, KeptPart::Labels].map(|part| u32::from(view.is_drawn(part)));
+        let stale = view.stale.get_or_insert_with(|| {
             let mut buffer = UniformBuffer::default();
             buffer.set_label(Some("plenoctree_stale"));
             buffer.add_usages(BufferUsages::STORAGE);
             buffer
         });
-        stale.set(flags);
+        stale.set(StaleUniform { layer, composite, labels });
         stale.write_buffer(&device, &queue);
-        let reads = [layer.reads_scene(), composite.reads_scene()];
-        for ((copy, reads), bytes) in copies.iter_mut().zip(reads).zip(COPY_BYTES) {
-            let size = pixels * bytes;
-            copy.take_if(|copy| copy.size() != size);
-            if reads && copy.is_none() {
-                let (label, usage) = (Some("plenoctree_scene_copy"), BufferUsages::STORAGE);
-                *copy = Some(device.create_buffer(&BufferDescriptor { label, size, usage, mapped_at_creation: false }));
-            }
-        }
     }
 }

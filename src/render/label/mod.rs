@@ -1,7 +1,7 @@
 //! The label pass: assigns labels to the pixels that are posterized. See section 4 of the method, steps 1 and 3 to 5.
 //!
-//! The pass writes the view's target. For cameras with [`LabelStages`](crate::LabelStages), it writes textures instead,
-//! which custom stages modify, and the present pass writes the target.
+//! The pass writes textures, in which the blend pass smooths edges and which custom stages modify. The present pass writes
+//! the view's target.
 
 mod pass;
 mod pipeline;
@@ -9,10 +9,11 @@ mod textures;
 
 pub use pass::LABEL_SPAN;
 pub use textures::{LabelTextures, StageWrite};
+pub(super) use textures::{SHOWN_FORMAT, ShownTexture};
 
 use bevy::{
     prelude::*,
-    render::{GpuResourceAppExt, Render, RenderApp, RenderSystems, render_resource::SpecializedRenderPipelines},
+    render::{Render, RenderApp, RenderSystems},
 };
 
 use super::{
@@ -23,7 +24,7 @@ use crate::sets::PlenOctreeRenderSystems;
 
 pub(super) fn plugin(app: &mut App) {
     if let Some(render_app) = app.get_sub_app_mut(RenderApp) {
-        render_app.init_gpu_resource::<SpecializedRenderPipelines<pipeline::LabelPipeline>>().add_systems(
+        render_app.add_systems(
             Render,
             textures::prepare_textures
                 .after(PlenOctreeRenderSystems::PrepareViews)
@@ -32,9 +33,9 @@ pub(super) fn plugin(app: &mut App) {
     }
     let systems = Pass {
         init: pipeline::init.into_configs(),
-        prepare_pipelines: pass::prepare_pipelines.into_configs(),
+        prepare_pipelines: pass::require_pipelines.into_configs(),
         prepare_bind_groups: pass::prepare_bind_groups.into_configs(),
         draw: pass::label_pass,
     };
-    add_pass::<pass::LabelPass, _, _, _>(app, PosterizeSteps::Label, systems);
+    add_pass::<pass::LabelBindGroup, _, _, _>(app, PosterizeSteps::Label, systems);
 }

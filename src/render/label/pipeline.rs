@@ -3,74 +3,44 @@
 use bevy::{
     prelude::*,
     render::render_resource::{
-        BindGroupLayoutEntries, RenderPipelineDescriptor, ShaderStages, SpecializedRenderPipeline, TextureSampleType,
+        BindGroupLayoutEntries, CachedRenderPipelineId, PipelineCache, ShaderStages, TextureSampleType,
         binding_types::texture_2d,
     },
-    shader::ShaderDefVal,
 };
 
-use super::textures::{LABEL_COLOR_FORMAT, LABEL_FORMAT};
+use super::textures::{LABEL_FORMAT, SHOWN_FORMAT};
 use crate::{
     gpu::Shaders,
     render::{
         fullscreen::{Fullscreen, target},
-        target::TargetKey,
+        kept::KeptPart,
         view::ViewLayouts,
     },
 };
 
-/// Writes labels, and the composite where nothing is posterized.
+/// Assigns labels.
 #[derive(Resource)]
-pub(super) struct LabelPipeline {
-    /// For views in which all edges of props are hard.
-    pub hard: Fullscreen,
-    /// For the others.
-    pub smooth: Fullscreen,
+pub(super) struct LabelPipelines {
+    pub shared: Fullscreen,
+    /// Without the labels for custom stages, and with them.
+    ids: [CachedRenderPipelineId; 2],
 }
 
-pub(super) fn init(mut commands: Commands, views: Res<ViewLayouts>, shaders: Res<Shaders>) {
-    let (integers, floats) =
-        (|| texture_2d(TextureSampleType::Uint), || texture_2d(TextureSampleType::Float { filterable: false }));
-    let pass = |entries: &[_]| Fullscreen::new("plenoctree_label", &shaders.label, entries, &shaders, &views);
-    let stages = ShaderStages::FRAGMENT;
-    commands.insert_resource(LabelPipeline {
-        hard: pass(&BindGroupLayoutEntries::sequential(stages, (integers(), floats()))),
-        smooth: pass(&BindGroupLayoutEntries::sequential(
-            stages,
-            (integers(), floats(), integers(), floats(), floats(), floats()),
-        )),
-    });
-}
-
-/// The output of the label pass.
-#[derive(Clone, Copy, PartialEq, Eq, Hash)]
-pub(super) enum LabelKey {
-    /// The view's target.
-    Target(TargetKey),
-    /// The textures for custom stages.
-    Textures,
-}
-
-impl SpecializedRenderPipeline for LabelPipeline {
-    /// The output, and whether any edges are smooth.
-    type Key = (LabelKey, bool);
-
-    fn specialize(&self, (key, smooth): Self::Key) -> RenderPipelineDescriptor {
-        let pass = if smooth { &self.smooth } else { &self.hard };
-        let mut descriptor = match key {
-            LabelKey::Target(target) => target.pipeline(pass),
-            LabelKey::Textures => {
-                let targets = [target(LABEL_COLOR_FORMAT, None), target(LABEL_FORMAT, None)];
-                pass.pipeline(vec!["LABEL_TEXTURES".into()], &targets)
-            }
-        };
-        let samples = descriptor.multisample.count;
-        if let Some(fragment) = descriptor.fragment.as_mut().filter(|_| smooth) {
-            fragment.shader_defs.push("SMOOTH_EDGES".into());
-            if samples > 1 {
-                fragment.shader_defs.push(ShaderDefVal::UInt("SAMPLES".into(), samples));
-            }
-        }
-        descriptor
+impl LabelPipelines {
+    /// Returns the pipeline for views with or without custom stages.
+    pub fn id(&self, has_stages: bool) -> CachedRenderPipelineId {
+        self.ids[usize::from(has_stages)]
     }
+}
+
+pub(super) fn init(mut commands: Commands, views: Res<ViewLayouts>, shaders: Res<Shaders>, cache: Res<PipelineCache>) {
+    let textures = (texture_2d(TextureSampleType::Uint), texture_2d(TextureSampleType::Float { filterable: false }));
+    let entries = BindGroupLayoutEntries::sequential(ShaderStages::FRAGMENT, textures);
+    let shared =
+        Fullscreen::new("plenoctree_label", &shaders.label, &entries, &shaders, &views).unless_kept(KeptPart::Labels);
+    let targets = [target(SHOWN_FORMAT, None), target(LABEL_FORMAT, None)];
+    let ids = [(&targets[..1], None), (&targets[..], Some("LABEL_TEXTURES"))].map(|(targets, definition)| {
+        cache.queue_render_pipeline(shared.pipeline(definition.into_iter().map(Into::into).collect(), targets))
+    });
+    commands.insert_resource(LabelPipelines { shared, ids });
 }

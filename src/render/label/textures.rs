@@ -21,8 +21,13 @@ use crate::{
     stage::PropStage,
 };
 
-pub(super) const LABEL_COLOR_FORMAT: TextureFormat = LabelTextures::COLOR_FORMAT;
+pub(in crate::render) const SHOWN_FORMAT: TextureFormat = LabelTextures::COLOR_FORMAT;
 pub(super) const LABEL_FORMAT: TextureFormat = LabelTextures::LABEL_FORMAT;
+
+/// What the label pass shows: encoded sRGB and opacity, or a negative opacity where nothing is drawn. A component of views
+/// that draw anything. Custom stages begin with it.
+#[derive(Component)]
+pub(in crate::render) struct ShownTexture(pub TextureView);
 
 /// The textures that custom stages read and write. A component of views in the render world, for cameras with
 /// [`LabelStages`](crate::LabelStages).
@@ -89,28 +94,32 @@ pub(super) fn prepare_textures(
         Option<&MainPassResolutionOverride>,
         &VisibleProps,
         &ViewProps,
-        Has<LabelTextures>,
+        (Has<ShownTexture>, Has<LabelTextures>),
     )>,
 ) {
-    for (entity, camera, resolution, visible, props, has_textures) in &views {
-        let viewport = camera
-            .filter(|_| visible.has_stages && !props.rect.is_empty())
-            .and_then(|camera| drawn_viewport(camera, resolution));
+    for (entity, camera, resolution, visible, props, (has_texture, has_stages)) in &views {
+        let viewport = camera.filter(|_| !props.rect.is_empty()).and_then(|camera| drawn_viewport(camera, resolution));
+        if has_stages && (viewport.is_none() || !visible.has_stages) {
+            commands.entity(entity).remove::<LabelTextures>();
+        }
         let Some(viewport) = viewport else {
-            if has_textures {
-                commands.entity(entity).remove::<LabelTextures>();
+            if has_texture {
+                commands.entity(entity).remove::<ShownTexture>();
             }
             continue;
         };
         let size = viewport.physical_size;
         let mut texture = |label, format| view_texture(&mut cache, &device, label, format, size);
-        commands.entity(entity).insert(LabelTextures {
-            labels: texture("plenoctree_labels", LABEL_FORMAT),
-            rect: props.rect,
-            stage: props.stage,
-            colors: ["plenoctree_label_colors_a", "plenoctree_label_colors_b"]
-                .map(|label| texture(label, LABEL_COLOR_FORMAT)),
-            current: AtomicUsize::new(0),
-        });
+        let shown = texture("plenoctree_shown", SHOWN_FORMAT);
+        if visible.has_stages {
+            commands.entity(entity).insert(LabelTextures {
+                labels: texture("plenoctree_labels", LABEL_FORMAT),
+                rect: props.rect,
+                stage: props.stage,
+                colors: [shown.clone(), texture("plenoctree_staged", SHOWN_FORMAT)],
+                current: AtomicUsize::new(0),
+            });
+        }
+        commands.entity(entity).insert(ShownTexture(shown));
     }
 }

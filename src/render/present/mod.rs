@@ -1,5 +1,4 @@
-//! The present pass: writes the output of custom stages to the view's target. Does not run in views without custom
-//! stages.
+//! The present pass: writes what the label pass or custom stages show to the view's target.
 
 mod pass;
 mod pipeline;

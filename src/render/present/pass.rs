@@ -7,7 +7,8 @@ use bevy::{
         camera::ExtractedCamera,
         diagnostic::RecordDiagnostics,
         render_resource::{
-            BindGroupEntries, CachedRenderPipelineId, PipelineCache, RenderPassDescriptor, SpecializedRenderPipelines,
+            BindGroup, BindGroupEntries, CachedRenderPipelineId, PipelineCache, RenderPassDescriptor, RenderPipeline,
+            SpecializedRenderPipelines,
         },
         renderer::{RenderContext, RenderDevice, ViewQuery},
         view::{ExtractedView, ViewTarget},
@@ -18,9 +19,10 @@ use super::pipeline::PresentPipeline;
 use crate::{
     render::{
         bind_group::KeptBindGroup,
+        edges::EdgeTextures,
         fullscreen::draw,
-        label::LabelTextures,
-        target::{TargetKey, target_attachment},
+        label::{LabelTextures, ShownTexture},
+        target::{TargetKey, hidden_samples, target_attachment},
         view::{ViewBindGroups, ViewProps, drawn_viewport},
     },
     stage::PropStage,
@@ -29,11 +31,33 @@ use crate::{
 /// The name of the pass's span in Bevy's render diagnostics.
 pub const PRESENT_SPAN: &str = "plenoctree_present";
 
-/// The pipeline of a view, and a bind group for each color texture.
+/// The pipelines and bind groups of a view.
 #[derive(Component, Default)]
 pub(super) struct PresentPass {
-    pipeline: Option<CachedRenderPipelineId>,
+    whole: Option<CachedRenderPipelineId>,
+    /// One for each color texture of custom stages. Without them, only the first one is used.
     groups: [KeptBindGroup; 2],
+    /// If samples of the target may be hidden. Until its pipeline is there, all are written.
+    hidden: Option<CachedRenderPipelineId>,
+    hidden_group: KeptBindGroup,
+}
+
+impl PresentPass {
+    fn get<'a>(
+        &'a self,
+        textures: Option<&LabelTextures>,
+        cache: &'a PipelineCache,
+    ) -> Option<(&'a BindGroup, &'a RenderPipeline)> {
+        if let (Some(group), Some(id)) = (self.hidden_group.get(), self.hidden)
+            && let Some(pipeline) = cache.get_render_pipeline(id)
+        {
+            return Some((group, pipeline));
+        }
+        let is_current =
+            |textures: &LabelTextures| textures.both().iter().position(|colors| colors.id() == textures.colors().id());
+        let current = textures.map_or(Some(0), is_current)?;
+        Some((self.groups[current].get()?, cache.get_render_pipeline(self.whole?)?))
+    }
 }
 
 pub(super) fn prepare_pipelines(
@@ -43,10 +67,12 @@ pub(super) fn prepare_pipelines(
     mut views: Query<(&ExtractedView, &ExtractedCamera, &Msaa, &mut ViewProps, &mut PresentPass)>,
 ) {
     for (view, camera, msaa, mut props, mut pass) in &mut views {
-        pass.pipeline = props
-            .has_stages
-            .then(|| specialized.specialize(&cache, &pipeline, TargetKey::new(view, camera, msaa, props.stage)));
-        props.pipelines.extend(pass.pipeline);
+        let target = TargetKey::new(view, camera, msaa, props.stage);
+        let mut of = |samples| specialized.specialize(&cache, &pipeline, (target, samples));
+        let whole = of(None);
+        pass.whole = Some(whole);
+        props.pipelines.push(whole);
+        pass.hidden = hidden_samples(&props, msaa).filter(|_| props.smooths_edges()).map(|samples| of(Some(samples)));
     }
 }
 
@@ -54,16 +80,31 @@ pub(super) fn prepare_bind_groups(
     device: Res<RenderDevice>,
     cache: Res<PipelineCache>,
     pipeline: Res<PresentPipeline>,
-    mut views: Query<(Option<&LabelTextures>, &mut PresentPass)>,
+    mut views: Query<(Option<&ShownTexture>, Option<&LabelTextures>, Option<&EdgeTextures>, &mut PresentPass)>,
 ) {
-    for (textures, mut pass) in &mut views {
-        let Some(textures) = textures else {
-            pass.groups = default();
+    for (shown, textures, edges, mut pass) in &mut views {
+        let Some(shown) = shown else {
+            *pass = default();
             continue;
         };
-        for (group, colors) in pass.groups.iter_mut().zip(textures.both()) {
-            let entries = BindGroupEntries::single(colors);
-            group.update(&device, &cache, pipeline.0.label, &pipeline.0.layout, &entries);
+        let PresentPass { groups, hidden, hidden_group, .. } = &mut *pass;
+        let PresentPipeline { whole, hidden: with_hidden } = &*pipeline;
+        let [first, second] = groups;
+        let entries = BindGroupEntries::single(&shown.0);
+        first.update(&device, &cache, whole.label, &whole.layout, &entries);
+        match textures {
+            Some(textures) => {
+                let entries = BindGroupEntries::single(&textures.both()[1]);
+                second.update(&device, &cache, whole.label, &whole.layout, &entries);
+            }
+            None => *second = default(),
+        }
+        match edges.filter(|_| hidden.is_some()) {
+            Some(edges) => {
+                let entries = BindGroupEntries::sequential((&shown.0, &edges.outline, &edges.coverage));
+                hidden_group.update(&device, &cache, with_hidden.label, &with_hidden.layout, &entries);
+            }
+            None => *hidden_group = default(),
         }
     }
 }
@@ -77,19 +118,15 @@ pub(super) fn present_pass(
         &ViewProps,
         &ViewBindGroups,
         &PresentPass,
-        &LabelTextures,
+        Option<&LabelTextures>,
     )>,
     cache: Res<PipelineCache>,
     mut ctx: RenderContext,
 ) {
     let (camera, resolution, target, props, groups, pass, textures) = view.into_inner();
-    let current = textures.both().iter().position(|colors| colors.id() == textures.colors().id());
-    let (true, Some(view), Some(group), Some(pipeline)) = (
-        props.posterizes_at(*stage, &cache),
-        groups.plain.get(),
-        current.and_then(|current| pass.groups[current].get()),
-        pass.pipeline.and_then(|id| cache.get_render_pipeline(id)),
-    ) else {
+    let (true, Some(view), Some((group, pipeline))) =
+        (props.posterizes_at(*stage, &cache), groups.plain.get(), pass.get(textures, &cache))
+    else {
         return;
     };
     let viewport = drawn_viewport(camera, resolution);

@@ -6,6 +6,7 @@ use bevy::{
         BindGroupLayoutEntries, RenderPipelineDescriptor, ShaderStages, SpecializedRenderPipeline, TextureSampleType,
         binding_types::texture_2d,
     },
+    shader::ShaderDefVal,
 };
 
 use crate::{
@@ -13,21 +14,36 @@ use crate::{
     render::{fullscreen::Fullscreen, target::TargetKey, view::ViewLayouts},
 };
 
-/// Writes the colors from custom stages to the view's target.
+/// Writes to the view's target.
 #[derive(Resource)]
-pub(super) struct PresentPipeline(pub Fullscreen);
+pub(super) struct PresentPipeline {
+    /// For all samples of pixels.
+    pub whole: Fullscreen,
+    /// For targets with several samples per pixel in which the edges of props are smooth: keeps the samples where
+    /// something else is before a prop.
+    pub hidden: Fullscreen,
+}
 
 pub(super) fn init(mut commands: Commands, views: Res<ViewLayouts>, shaders: Res<Shaders>) {
-    let texture = texture_2d(TextureSampleType::Float { filterable: false });
-    let entries = BindGroupLayoutEntries::single(ShaderStages::FRAGMENT, texture);
-    let pass = Fullscreen::new("plenoctree_present", &shaders.present, &entries, &shaders, &views);
-    commands.insert_resource(PresentPipeline(pass));
+    let (integers, floats) =
+        (|| texture_2d(TextureSampleType::Uint), || texture_2d(TextureSampleType::Float { filterable: false }));
+    let pass = |entries: &[_]| Fullscreen::new("plenoctree_present", &shaders.present, entries, &shaders, &views);
+    let stages = ShaderStages::FRAGMENT;
+    commands.insert_resource(PresentPipeline {
+        whole: pass(&BindGroupLayoutEntries::single(stages, floats())),
+        hidden: pass(&BindGroupLayoutEntries::sequential(stages, (floats(), integers(), floats()))),
+    });
 }
 
 impl SpecializedRenderPipeline for PresentPipeline {
-    type Key = TargetKey;
+    /// The target and, if some of its samples may be hidden, their number per pixel.
+    type Key = (TargetKey, Option<u32>);
 
-    fn specialize(&self, target: TargetKey) -> RenderPipelineDescriptor {
-        target.pipeline(&self.0)
+    fn specialize(&self, (target, samples): Self::Key) -> RenderPipelineDescriptor {
+        let mut descriptor = target.pipeline(if samples.is_some() { &self.hidden } else { &self.whole });
+        if let Some(fragment) = &mut descriptor.fragment {
+            fragment.shader_defs.extend(samples.map(|samples| ShaderDefVal::UInt("SAMPLES".into(), samples)));
+        }
+        descriptor
     }
 }

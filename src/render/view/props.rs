@@ -37,7 +37,7 @@ pub(in crate::render) struct ViewProps {
     pub view: UniformBuffer<ViewUniform>,
     /// The props, followed by the posterized view, if there is one.
     pub props: StorageBuffer<Vec<PropUniform>>,
-    pub(super) colors: StorageBuffer<Vec<Vec4>>,
+    pub colors: StorageBuffer<Vec<Vec4>>,
 }
 
 /// What is drawn of a prop.

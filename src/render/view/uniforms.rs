@@ -105,6 +105,24 @@ impl PropUniform {
         Self { first_color: 0, blend_steps: 0, softness: 0.0, smooths_edges: 0, ..*self }
     }
 
+    /// Returns what labels depend on besides the filtered composite and the palette.
+    pub fn of_labels(&self) -> Self {
+        Self {
+            colors: self.colors,
+            blend_steps: self.blend_steps,
+            softness: self.softness,
+            tint: self.tint,
+            smooths_edges: self.smooths_edges,
+            ..default()
+        }
+    }
+
+    /// Returns the source colors and the shown colors among those of all props.
+    pub fn palette<'a>(&self, colors: &'a [Vec4]) -> &'a [Vec4] {
+        let first = self.first_color as usize;
+        colors.get(first..first + 2 * self.colors as usize).unwrap_or_default()
+    }
+
     /// Returns whether the edges of the prop are smooth.
     pub fn smooths_edges(&self) -> bool {
         self.colors > 0 && self.smooths_edges > 0

@@ -1,0 +1,142 @@
+//! Runs the blend pass and the patch pass.
+
+use bevy::{
+    camera::MainPassResolutionOverride,
+    prelude::*,
+    render::{
+        camera::ExtractedCamera,
+        diagnostic::RecordDiagnostics,
+        render_resource::{
+            BindGroupEntries, CachedRenderPipelineId, PipelineCache, RenderPassDescriptor, SpecializedRenderPipelines,
+            TextureView,
+        },
+        renderer::{RenderContext, RenderDevice, ViewQuery},
+        texture::TextureCache,
+    },
+};
+
+use super::pipeline::{BlendKey, BlendPipeline};
+use crate::{
+    render::{
+        attachment::{kept, tested},
+        bind_group::KeptBindGroup,
+        edges::EdgeTextures,
+        fullscreen::draw,
+        label::{SHOWN_FORMAT, ShownTexture},
+        target::hidden_samples,
+        view::{ViewBindGroups, ViewProps, ViewTextures, drawn_viewport, view_texture},
+    },
+    stage::PropStage,
+};
+
+/// The name of the passes' span in Bevy's render diagnostics.
+pub const BLEND_SPAN: &str = "plenoctree_blend";
+
+/// The result of the blend pass. A component of views in which the edges of props are smooth.
+#[derive(Component)]
+pub(in crate::render) struct BlendedTexture(pub TextureView);
+
+/// The pipelines and bind groups of such a view. Until its pipelines are there, edges are hard.
+#[derive(Component, Default)]
+pub(in crate::render) struct BlendPass {
+    /// Of the blend pass and of the patch pass.
+    pipelines: Option<[CachedRenderPipelineId; 2]>,
+    blend: KeptBindGroup,
+    patch: KeptBindGroup,
+}
+
+impl BlendPass {
+    /// Returns whether all pipelines that the view needs have been created.
+    pub fn are_ready(&self, cache: &PipelineCache) -> bool {
+        self.pipelines.iter().flatten().all(|id| cache.get_render_pipeline(*id).is_some())
+    }
+}
+
+pub(super) fn prepare_textures(
+    mut commands: Commands,
+    mut cache: ResMut<TextureCache>,
+    device: Res<RenderDevice>,
+    views: Query<(
+        Entity,
+        Option<&ExtractedCamera>,
+        Option<&MainPassResolutionOverride>,
+        &ViewProps,
+        Has<BlendedTexture>,
+    )>,
+) {
+    for (entity, camera, resolution, props, has_texture) in &views {
+        let viewport = camera.filter(|_| props.smooths_edges()).and_then(|camera| drawn_viewport(camera, resolution));
+        if let Some(viewport) = viewport {
+            let size = viewport.physical_size;
+            let texture = view_texture(&mut cache, &device, "plenoctree_blended", SHOWN_FORMAT, size);
+            commands.entity(entity).insert(BlendedTexture(texture));
+        } else if has_texture {
+            commands.entity(entity).remove::<BlendedTexture>();
+        }
+    }
+}
+
+pub(super) fn prepare_pipelines(
+    cache: Res<PipelineCache>,
+    pipeline: Res<BlendPipeline>,
+    mut specialized: ResMut<SpecializedRenderPipelines<BlendPipeline>>,
+    mut views: Query<(&ViewProps, &Msaa, &mut BlendPass)>,
+) {
+    for (props, msaa, mut pass) in &mut views {
+        let keys = [BlendKey::Blend(hidden_samples(props, msaa)), BlendKey::Patch];
+        pass.pipelines = props.smooths_edges().then(|| keys.map(|key| specialized.specialize(&cache, &pipeline, key)));
+    }
+}
+
+pub(super) fn prepare_bind_groups(
+    device: Res<RenderDevice>,
+    cache: Res<PipelineCache>,
+    pipeline: Res<BlendPipeline>,
+    mut views: Query<(Option<(&ViewTextures, &EdgeTextures, &ShownTexture, &BlendedTexture)>, &mut BlendPass)>,
+) {
+    for (textures, mut pass) in &mut views {
+        let Some((textures, edges, shown, blended)) = textures else {
+            (pass.blend, pass.patch) = default();
+            continue;
+        };
+        let (outline, [own, other]) = (&edges.outline, &edges.colors);
+        let entries = (&shown.0, &textures.even, outline, &edges.coverage, own, other);
+        let entries = BindGroupEntries::sequential(entries);
+        pass.blend.update(&device, &cache, pipeline.blend.label, &pipeline.blend.layout, &entries);
+        let entries = BindGroupEntries::single(&blended.0);
+        pass.patch.update(&device, &cache, pipeline.patch.label, &pipeline.patch.layout, &entries);
+    }
+}
+
+pub(super) fn blend_pass(
+    InMut(stage): InMut<PropStage>,
+    view: ViewQuery<(&ViewProps, &ViewBindGroups, &EdgeTextures, &ShownTexture, &BlendedTexture, &BlendPass)>,
+    cache: Res<PipelineCache>,
+    mut ctx: RenderContext,
+) {
+    let (props, groups, edges, shown, blended, pass) = view.into_inner();
+    let pipeline = |index: usize| cache.get_render_pipeline(pass.pipelines?[index]);
+    let (true, Some(view), Some(blend), Some(patch), Some(from_shown), Some(from_blended)) = (
+        props.posterizes_at(*stage, &cache),
+        groups.plain.get(),
+        pipeline(0),
+        pipeline(1),
+        pass.blend.get(),
+        pass.patch.get(),
+    ) else {
+        return;
+    };
+    let diagnostics = ctx.diagnostic_recorder();
+    let diagnostics = diagnostics.as_deref();
+    let span = diagnostics.time_span(ctx.command_encoder(), BLEND_SPAN);
+    for (target, pipeline, group) in [(&blended.0, blend, from_shown), (&shown.0, patch, from_blended)] {
+        let mut pass = ctx.begin_tracked_render_pass(RenderPassDescriptor {
+            label: Some(BLEND_SPAN),
+            color_attachments: &[kept(target)],
+            depth_stencil_attachment: Some(tested(&edges.mask)),
+            ..default()
+        });
+        draw(&mut pass, props, None, pipeline, [(view, &[]), (group, &[])]);
+    }
+    span.end(ctx.command_encoder());
+}

@@ -1,0 +1,65 @@
+//! The pipelines of the blend pass and of the patch pass, specialized by [`BlendKey`].
+
+use bevy::{
+    prelude::*,
+    render::render_resource::{
+        BindGroupLayoutEntries, RenderPipelineDescriptor, ShaderStages, SpecializedRenderPipeline, TextureSampleType,
+        binding_types::texture_2d,
+    },
+    shader::ShaderDefVal,
+};
+
+use crate::{
+    gpu::Shaders,
+    render::{
+        edges::mask_test,
+        fullscreen::{Fullscreen, target},
+        kept::KeptPart,
+        label::SHOWN_FORMAT,
+        view::ViewLayouts,
+    },
+};
+
+#[derive(Resource)]
+pub(super) struct BlendPipeline {
+    pub blend: Fullscreen,
+    pub patch: Fullscreen,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, Hash)]
+pub(super) enum BlendKey {
+    /// The blend pass. If the target has several samples per pixel, their number.
+    Blend(Option<u32>),
+    Patch,
+}
+
+pub(super) fn init(mut commands: Commands, views: Res<ViewLayouts>, shaders: Res<Shaders>) {
+    let (integers, floats) =
+        (|| texture_2d(TextureSampleType::Uint), || texture_2d(TextureSampleType::Float { filterable: false }));
+    let stages = ShaderStages::FRAGMENT;
+    let textures = (floats(), integers(), integers(), floats(), floats(), floats());
+    let blend = BindGroupLayoutEntries::sequential(stages, textures);
+    let patch = BindGroupLayoutEntries::single(stages, floats());
+    let pass = |label, shader, entries: &[_]| {
+        Fullscreen::new(label, shader, entries, &shaders, &views).unless_kept(KeptPart::Labels)
+    };
+    commands.insert_resource(BlendPipeline {
+        blend: pass("plenoctree_blend", &shaders.blend, &blend),
+        patch: pass("plenoctree_patch", &shaders.patch, &patch),
+    });
+}
+
+impl SpecializedRenderPipeline for BlendPipeline {
+    type Key = BlendKey;
+
+    fn specialize(&self, key: BlendKey) -> RenderPipelineDescriptor {
+        let (pass, samples) = match key {
+            BlendKey::Blend(samples) => (&self.blend, samples),
+            BlendKey::Patch => (&self.patch, None),
+        };
+        let definitions = samples.map(|samples| ShaderDefVal::UInt("SAMPLES".into(), samples));
+        let mut descriptor = pass.pipeline(definitions.into_iter().collect(), &[target(SHOWN_FORMAT, None)]);
+        descriptor.depth_stencil = Some(mask_test());
+        descriptor
+    }
+}
