@@ -5,7 +5,7 @@
 #ifndef SHADOW_MAP
 #import bevy_plenoctree::scene::scene_distance
 #endif
-#import bevy_plenoctree::view::{LEAST_SOLID_DEPTH, depth_value, props, view, view_distance}
+#import bevy_plenoctree::view::{props, solid_depth, view, view_distance}
 
 // What `box.wgsl` passes to fragments.
 struct Varying {
@@ -57,5 +57,5 @@ fn position_of(limit: f32, before: f32, crossing: Crossing, sigma: f32) -> f32 {
 
 // Returns the value of the depth buffer where the ray becomes solid.
 fn solid_depth_at(in: PropRay, prop: u32, solid: f32) -> f32 {
-    return clamp(depth_value(props[prop].near + solid / in.length), LEAST_SOLID_DEPTH, 1.0);
+    return solid_depth(prop, solid / in.length);
 }

@@ -2,23 +2,19 @@
 
 #import bevy_plenoctree::constants::NO_LEAF
 #import bevy_plenoctree::octree::{begin, density, next_leaf}
-#import bevy_plenoctree::prop_ray::{Varying, position_of, prop_ray, solid_depth_at}
-#import bevy_plenoctree::view::props
+#import bevy_plenoctree::prop_ray::{Varying, position_of, prop_ray}
+#import bevy_plenoctree::view::{props, solid_depth}
 
-// One triangle over the scissor rectangle around the prop, which `clip_from_box` transforms the unit square to. Mesa's
-// software rasterizer loses texels along edges that triangles share, such as those of a box.
+// One triangle over a part of the map or the tile, which `clip_from_box` transforms the unit square to.
 @vertex
 fn vertex(@builtin(vertex_index) index: u32, @builtin(instance_index) prop: u32) -> Varying {
     let corner = vec2(f32((index << 1u) & 2u), f32(index & 2u));
     return Varying(props[prop].clip_from_box * vec4(corner, 0.0, 1.0), prop, 0u);
 }
 
-@fragment
-fn fragment(in: Varying) -> @builtin(frag_depth) f32 {
+// Returns where the prop is solid along the light's axis, from where its rays begin. Negative if it is not.
+fn solid_distance(in: Varying) -> f32 {
     let seen = prop_ray(in);
-    if seen.span.x >= seen.span.y {
-        discard;
-    }
     let limit = props[in.prop].solid_transmittance;
     var transmittance = 1.0;
     var solid = -1.0;
@@ -37,8 +33,21 @@ fn fragment(in: Varying) -> @builtin(frag_depth) f32 {
         let inside = position_of(limit, before, crossing, sigma);
         solid = select(solid, inside, solid < 0.0 && transmittance <= limit);
     }
-    if solid < 0.0 {
+    return solid / seen.length;
+}
+
+#ifdef TILE
+@fragment
+fn fragment(in: Varying) -> @location(0) f32 {
+    return solid_distance(in);
+}
+#else
+@fragment
+fn fragment(in: Varying) -> @builtin(frag_depth) f32 {
+    let distance = solid_distance(in);
+    if distance < 0.0 {
         discard;
     }
-    return solid_depth_at(seen, in.prop, solid);
+    return solid_depth(in.prop, distance);
 }
+#endif

@@ -138,6 +138,12 @@ const LEAST_DEPTH: f32 = 1e-30;
 // The smallest depth of a pixel where a prop is solid.
 const LEAST_SOLID_DEPTH: f32 = 2e-30;
 
+// Returns the value of the depth buffer where a prop is solid. `distance` is along the view axis, from where its rays
+// begin.
+fn solid_depth(prop: u32, distance: f32) -> f32 {
+    return clamp(depth_value(props[prop].near + distance), LEAST_SOLID_DEPTH, 1.0);
+}
+
 // Returns whether the depth of a pixel is that of a solid prop.
 fn is_solid(depth: f32) -> bool {
     return depth > LEAST_DEPTH;

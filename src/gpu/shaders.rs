@@ -28,6 +28,8 @@ pub(crate) struct Shaders {
     pub prepass: Handle<Shader>,
     #[cfg(feature = "shadows")]
     pub shadow: Handle<Shader>,
+    #[cfg(feature = "shadows")]
+    pub shadow_tile: Handle<Shader>,
     pub present: Handle<Shader>,
     pub depth: Handle<Shader>,
     pub transparent: Handle<Shader>,
@@ -65,6 +67,8 @@ impl Shaders {
             prepass: shader!("prepass.wgsl"),
             #[cfg(feature = "shadows")]
             shadow: shader!("shadow.wgsl"),
+            #[cfg(feature = "shadows")]
+            shadow_tile: shader!("shadow_tile.wgsl"),
             present: shader!("present.wgsl"),
             depth: shader!("depth.wgsl"),
             transparent: shader!("transparent.wgsl"),

@@ -55,22 +55,14 @@ impl Placement {
     pub fn rays(&self, world_from_view: &GlobalTransform, clip_from_view: Mat4, viewport: UVec2) -> Option<Rays> {
         // Perspective rays begin at the eye. Parallel rays begin at the near plane, which may be behind the camera.
         let begin = if is_orthographic(clip_from_view) { near_plane(clip_from_view) } else { 0.0 };
-        self.rays_from(begin, world_from_view, clip_from_view, viewport)
-    }
-
-    /// Returns the rays of a light's shadow map. What is nearer than the near plane casts shadows if the rays are
-    /// parallel, because the sun is farther away. Otherwise it casts none: it may be the lamp's own housing.
-    #[cfg(feature = "shadows")]
-    pub fn light_rays(&self, world_from_view: &GlobalTransform, clip_from_view: Mat4, map: UVec2) -> Option<Rays> {
-        let begin = if is_orthographic(clip_from_view) { f64::NEG_INFINITY } else { near_plane(clip_from_view) };
-        self.rays_from(begin, world_from_view, clip_from_view, map)
+        self.rays_from(begin, world_from_view.affine().as_daffine3(), clip_from_view, viewport)
     }
 
     /// Returns rays that begin at a distance along the view axis, or where the prop does.
-    fn rays_from(
+    pub fn rays_from(
         &self,
         begin: f64,
-        world_from_view: &GlobalTransform,
+        world_from_view: DAffine3,
         clip_from_view: Mat4,
         viewport: UVec2,
     ) -> Option<Rays> {
@@ -80,7 +72,6 @@ impl Placement {
         if !determinant.is_normal() {
             return None;
         }
-        let world_from_view = world_from_view.affine().as_daffine3();
         let field_from_view = world_from_field.inverse() * world_from_view;
         let clip_from_view = clip_from_view.as_dmat4();
         let view_from_clip = clip_from_view.inverse();
@@ -140,12 +131,12 @@ impl Placement {
     }
 }
 
-fn is_orthographic(clip_from_view: Mat4) -> bool {
+pub(super) fn is_orthographic(clip_from_view: Mat4) -> bool {
     clip_from_view.w_axis.w == 1.0
 }
 
 /// Returns the distance along the view axis at which the depth is 1.
-fn near_plane(clip_from_view: Mat4) -> f64 {
+pub(super) fn near_plane(clip_from_view: Mat4) -> f64 {
     let [z, w] = [clip_from_view.z_axis, clip_from_view.w_axis].map(|column| column.as_dvec4());
     (w.z - w.w) / (z.z - z.w)
 }

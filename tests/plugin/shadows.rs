@@ -13,6 +13,7 @@ use bevy::{
     render::{
         RenderApp,
         render_resource::{PipelineCache, PipelineDescriptor},
+        renderer::RenderDevice,
     },
 };
 use bevy_plenoctree::{
@@ -178,6 +179,24 @@ impl Scene {
     }
 }
 
+impl Scene {
+    /// Returns the sizes of the tiles that maps keep, in bytes, or `None` if the backend does not report them.
+    fn tiles(&self) -> Option<Vec<u64>> {
+        let device = self.headless.app.sub_app(RenderApp).world().resource::<RenderDevice>();
+        device.poll(wgpu::PollType::wait_indefinitely()).unwrap();
+        let report = device.wgpu_device().generate_allocator_report()?;
+        let tiles = report.allocations.iter().filter(|allocation| allocation.name == "plenoctree_shadow_tile");
+        Some(tiles.map(|allocation| allocation.size).collect())
+    }
+
+    /// Runs frames until all that rests is kept, and the GPU has given up what is not.
+    fn rest(&mut self) {
+        for _ in 0..4 {
+            self.headless.update();
+        }
+    }
+}
+
 /// Returns the point of the floor in the middle of a pixel, if it shows the floor.
 fn floor_at(x: u32, y: u32) -> Option<DVec3> {
     let view = Transform::from_translation(EYE).looking_at(Vec3::ZERO, Vec3::Y);
@@ -334,4 +353,70 @@ fn what_casts_no_shadow_changes_nothing() {
     let coarse = scene.capture();
     let (iou, _) = compare(&lit, &coarse, |point| is_blocked(&cube, &default(), Light::ALL[0], point));
     assert!(iou >= 0.98, "{iou}");
+}
+
+/// What maps keep of casters that rest is what rays find, bit for bit, wherever the camera goes; it is given back.
+#[test]
+fn kept_shadows_are_those_of_new_rays() {
+    const MAP: usize = 512;
+    let mut scene = Scene::new(MAP, None);
+    let (toadstool, cuboid) =
+        (toadstool(), shape(|at| if at.abs().cmplt(DVec3::new(0.9, 0.3, 0.6)).all() { 1e4 } else { 0.0 }));
+    let (toadstool, cuboid) = (scene.add(&toadstool), scene.add(&cuboid));
+    let prop = scene.spawn_prop(&toadstool, Transform::from_xyz(0.2, 0.0, 0.1));
+    // Larger than the maps of the nearer cascades.
+    let large = Transform::from_xyz(2.0, 1.0, -9.0).with_scale(Vec3::splat(8.0));
+    scene.spawn_prop(&cuboid, large);
+    scene.wait();
+    let [sun, lamp, _] = Light::ALL.map(|light| scene.spawn_light(light));
+    let camera = scene.world().query_filtered::<Entity, With<Camera3d>>().single(scene.world()).unwrap();
+    scene.capture();
+    scene.rest();
+    let Some(kept) = scene.tiles() else { return };
+    // Four cascades, the faces of the lamp below it, and the spot.
+    assert!(kept.len() > 2 * 6, "{kept:?}");
+    let size = (MAP * MAP * size_of::<f32>()) as u64;
+    assert!(kept.iter().sum::<u64>() <= (4 + 6 + 1) * size, "{kept:?}");
+
+    for step in [Vec3::new(0.3, 0.0, 0.0), Vec3::new(-0.7, 0.4, 0.5), Vec3::new(0.011, -0.2, 0.003)] {
+        let mut place = *scene.world().get::<Transform>(camera).unwrap();
+        place.translation += step;
+        place.rotate_local_y(0.1 * step.z);
+        scene.world().entity_mut(camera).insert(place);
+        let seen = scene.capture();
+        let tiles = scene.tiles().unwrap();
+        assert!(
+            tiles.len() + 4 >= kept.len(),
+            "the camera moves, and {} of {} tiles are left",
+            tiles.len(),
+            kept.len()
+        );
+        // Those of the cascades are there, too: the other lights have at most one per map and prop.
+        assert!(tiles.len() > 2 * (3 + 1), "{tiles:?}");
+        scene.world().entity_mut(prop).insert(Visibility::Hidden);
+        assert_ne!(scene.capture(), seen);
+        scene.world().entity_mut(prop).insert(Visibility::Visible);
+        let marched = scene.capture();
+        let differ = marched.pixels().zip(seen.pixels()).filter(|(a, b)| a != b).count();
+        assert_eq!(differ, 0, "{step}: so many pixels differ");
+        scene.rest();
+    }
+
+    let mut count = |what, change: &dyn Fn(&mut World)| {
+        let before = scene.tiles().unwrap().len();
+        change(scene.world());
+        scene.rest();
+        let after = scene.tiles().unwrap().len();
+        assert!(after < before, "{what}: {after} of {before} tiles are left");
+        after
+    };
+    count("no sun", &|world| _ = world.despawn(sun));
+    count("no prop", &|world| _ = world.despawn(prop));
+    count("no lamp", &|world| world.get_mut::<PointLight>(lamp).unwrap().shadow_maps_enabled = false);
+    let left = count("no casters", &|world| {
+        world.query_filtered::<Entity, With<Prop>>().iter(world).collect::<Vec<_>>().into_iter().for_each(|entity| {
+            world.entity_mut(entity).insert(NotShadowCaster);
+        });
+    });
+    assert_eq!(left, 0);
 }

@@ -3,11 +3,19 @@
 //! It runs after the passes with which Bevy draws meshes into the same maps: for every camera, those of directional
 //! lights, and once per frame those of point and spot lights. Each texel marches through densities to where the prop is
 //! solid along the light's ray. Maps that no prop is in cost nothing.
+//!
+//! Rays are not marched twice: what a caster that rests adds to a map is *kept* in a tile, and copied into the map in every
+//! frame, as long as nothing changes that [`CasterKey`](kept::CasterKey) lists. A camera that moves changes nothing, because
+//! Bevy moves the maps of directional lights by whole texels. Tiles take no more memory than the maps. What does not fit is
+//! marched in every frame, as are casters that move.
 
 mod casters;
+mod kept;
+mod levels;
 mod maps;
 mod pass;
 mod pipeline;
+mod texels;
 
 pub use pass::SHADOW_SPAN;
 
@@ -39,9 +47,8 @@ pub(super) fn plugin(app: &mut App) {
         .add_systems(
             Render,
             (
-                maps::choose_levels.in_set(PlenOctreeRenderSystems::ChooseLevels),
+                levels::choose_levels.in_set(PlenOctreeRenderSystems::ChooseLevels),
                 maps::prepare_maps.in_set(PlenOctreeRenderSystems::PrepareViews),
-                pass::prepare_pipelines.in_set(PlenOctreeRenderSystems::PreparePipelines),
                 maps::prepare_bind_groups.in_set(PlenOctreeRenderSystems::PrepareBindGroups),
             ),
         )

@@ -5,91 +5,96 @@ use bevy::{
     prelude::*,
     render::{
         diagnostic::RecordDiagnostics,
-        render_asset::RenderAssets,
-        render_resource::{PipelineCache, RenderPassDescriptor, SpecializedRenderPipelines, StoreOp},
+        render_phase::TrackedRenderPass,
+        render_resource::{BindGroup, PipelineCache, RenderPassDescriptor, StoreOp},
         renderer::{RenderContext, ViewQuery},
     },
 };
 
-use super::{maps::MapProps, pipeline::ShadowPipeline};
-use crate::gpu::GpuField;
+use super::maps::{Drawn, MapProps};
+use crate::render::attachment::cleared;
 
 /// The name of the pass's span in Bevy's render diagnostics. There is one per camera, for all of its cascades, and one
 /// for every map of a point or spot light.
 pub const SHADOW_SPAN: &str = "plenoctree_shadow";
 
-pub(super) fn prepare_pipelines(
-    cache: Res<PipelineCache>,
-    pipeline: Res<ShadowPipeline>,
-    mut specialized: ResMut<SpecializedRenderPipelines<ShadowPipeline>>,
-    fields: Res<RenderAssets<GpuField>>,
-    mut maps: Query<&mut MapProps>,
-) {
-    for mut map in &mut maps {
-        let MapProps { drawn, pipelines, .. } = &mut *map;
-        pipelines.clear();
-        pipelines.extend(drawn.iter().map(|prop| {
-            let level = prop.on_gpu(&fields)?;
-            Some(specialized.specialize(&cache, &pipeline, level.shape.inner_records))
-        }));
-    }
-}
-
 /// Draws into the maps of directional lights, which every camera has its own of.
 pub(super) fn draw_cascades(
     camera: ViewQuery<&ViewLightEntities>,
-    maps: Query<(&ShadowView, &MapProps)>,
+    mut maps: Query<(&ShadowView, &mut MapProps)>,
     cache: Res<PipelineCache>,
-    fields: Res<RenderAssets<GpuField>>,
     mut ctx: RenderContext,
 ) {
     let lights = &camera.into_inner().lights;
-    draw(maps.iter_many(lights), &cache, &fields, &mut ctx);
-}
-
-/// Draws into a map of a point or spot light, which all cameras share.
-pub(super) fn draw_shared_map(
-    map: ViewQuery<(&ShadowView, &MapProps)>,
-    cache: Res<PipelineCache>,
-    fields: Res<RenderAssets<GpuField>>,
-    mut ctx: RenderContext,
-) {
-    draw([map.into_inner()].into_iter(), &cache, &fields, &mut ctx);
-}
-
-fn draw<'a>(
-    maps: impl Iterator<Item = (&'a ShadowView, &'a MapProps)>,
-    cache: &PipelineCache,
-    fields: &RenderAssets<GpuField>,
-    ctx: &mut RenderContext,
-) {
-    let mut maps = maps.filter(|(_, map)| !map.drawn.is_empty()).peekable();
-    if maps.peek().is_none() {
+    if maps.iter_many(lights).all(|(_, map)| map.drawn.is_empty()) {
         return;
     }
     let diagnostics = ctx.diagnostic_recorder();
     let diagnostics = diagnostics.as_deref();
     let span = diagnostics.time_span(ctx.command_encoder(), SHADOW_SPAN);
-    for (view, map) in maps {
-        let Some(group) = map.group.get() else {
+    let mut maps = maps.iter_many_mut(lights);
+    while let Some((view, mut map)) = maps.fetch_next() {
+        draw(view, &mut map, &cache, &mut ctx);
+    }
+    span.end(ctx.command_encoder());
+}
+
+/// Draws into a map of a point or spot light, which all cameras share.
+pub(super) fn draw_shared_map(
+    map: ViewQuery<(&ShadowView, &mut MapProps)>,
+    cache: Res<PipelineCache>,
+    mut ctx: RenderContext,
+) {
+    let (view, mut map) = map.into_inner();
+    if map.drawn.is_empty() {
+        return;
+    }
+    let diagnostics = ctx.diagnostic_recorder();
+    let diagnostics = diagnostics.as_deref();
+    let span = diagnostics.time_span(ctx.command_encoder(), SHADOW_SPAN);
+    draw(view, &mut map, &cache, &mut ctx);
+    span.end(ctx.command_encoder());
+}
+
+fn draw(view: &ShadowView, map: &mut MapProps, cache: &PipelineCache, ctx: &mut RenderContext) {
+    let MapProps { filled, drawn, kept, group, .. } = map;
+    let (false, Some(group)) = (drawn.is_empty(), group.get()) else {
+        return;
+    };
+    for calls in filled.chunk_by(|a, b| a.entity == b.entity) {
+        let Some(tile) = calls.first().and_then(|call| kept.tile(call.entity)) else {
             continue;
         };
         let mut pass = ctx.begin_tracked_render_pass(RenderPassDescriptor {
             label: Some(SHADOW_SPAN),
-            depth_stencil_attachment: Some(view.depth_attachment.get_attachment(StoreOp::Store)),
+            color_attachments: &[cleared(&tile.texture)],
             ..default()
         });
-        pass.set_bind_group(0, group, &[]);
-        for (instance, ((prop, rect), pipeline)) in (0..).zip(map.drawn.iter().zip(&map.rects).zip(&map.pipelines)) {
-            let pipeline = pipeline.and_then(|id| cache.get_render_pipeline(id));
-            let (Some(level), Some(pipeline)) = (prop.on_gpu(fields), pipeline) else {
-                continue;
-            };
-            pass.set_render_pipeline(pipeline);
-            pass.set_bind_group(1, &level.bind_group, &[]);
-            pass.set_scissor_rect(rect.min.x, rect.min.y, rect.width(), rect.height());
-            pass.draw(0..3, instance..instance + 1);
-        }
+        draw_calls(&mut pass, group, calls, cache);
+        tile.is_filled = true;
     }
-    span.end(ctx.command_encoder());
+    let mut pass = ctx.begin_tracked_render_pass(RenderPassDescriptor {
+        label: Some(SHADOW_SPAN),
+        depth_stencil_attachment: Some(view.depth_attachment.get_attachment(StoreOp::Store)),
+        ..default()
+    });
+    draw_calls(&mut pass, group, drawn, cache);
+}
+
+fn draw_calls<'a>(
+    pass: &mut TrackedRenderPass<'a>,
+    group: &'a BindGroup,
+    calls: &'a [Drawn],
+    cache: &'a PipelineCache,
+) {
+    pass.set_bind_group(0, group, &[]);
+    for call in calls {
+        let Some(pipeline) = cache.get_render_pipeline(call.pipeline) else {
+            continue;
+        };
+        pass.set_render_pipeline(pipeline);
+        pass.set_bind_group(1, &call.group, &[]);
+        pass.set_scissor_rect(call.rect.min.x, call.rect.min.y, call.rect.width(), call.rect.height());
+        pass.draw(0..3, call.instance..call.instance + 1);
+    }
 }

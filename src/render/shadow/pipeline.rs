@@ -5,8 +5,8 @@ use bevy::{
     prelude::*,
     render::render_resource::{
         BindGroupLayoutDescriptor, BindGroupLayoutEntries, CompareFunction, FragmentState, RenderPipelineDescriptor,
-        ShaderStages, SpecializedRenderPipeline, VertexState,
-        binding_types::{storage_buffer_read_only, uniform_buffer},
+        ShaderStages, SpecializedRenderPipeline, TextureFormat, TextureSampleType, VertexState,
+        binding_types::{storage_buffer_read_only, texture_2d, uniform_buffer},
     },
     shader::{Shader, ShaderDefVal},
 };
@@ -15,16 +15,24 @@ use crate::{
     gpu::{FieldLayout, Shaders},
     render::{
         attachment::depth_test,
+        fullscreen::target,
         view::{PropUniform, ViewUniform},
     },
 };
 
+/// The format of tiles: distances along the light's axis, from where the rays of a prop begin. Negative where it is not
+/// solid.
+pub(super) const TILE_FORMAT: TextureFormat = TextureFormat::R32Float;
+
 #[derive(Resource)]
 pub(super) struct ShadowPipeline {
-    shader: Handle<Shader>,
+    march: Handle<Shader>,
+    copy: Handle<Shader>,
     /// The layout of bind group 0: the map and its props.
     pub view: BindGroupLayoutDescriptor,
     field: BindGroupLayoutDescriptor,
+    /// The layout of bind group 1 for copying a tile.
+    pub tile: BindGroupLayoutDescriptor,
 }
 
 pub(super) fn init(mut commands: Commands, field: Res<FieldLayout>, shaders: Res<Shaders>) {
@@ -32,39 +40,63 @@ pub(super) fn init(mut commands: Commands, field: Res<FieldLayout>, shaders: Res
         ShaderStages::VERTEX_FRAGMENT,
         (uniform_buffer::<ViewUniform>(false), storage_buffer_read_only::<Vec<PropUniform>>(false)),
     );
+    let tile = texture_2d(TextureSampleType::Float { filterable: false });
     commands.insert_resource(ShadowPipeline {
-        shader: shaders.shadow.clone(),
+        march: shaders.shadow.clone(),
+        copy: shaders.shadow_tile.clone(),
         view: BindGroupLayoutDescriptor::new("plenoctree_shadow", &entries),
         field: field.0.clone(),
+        tile: BindGroupLayoutDescriptor::new(
+            "plenoctree_shadow_tile",
+            &BindGroupLayoutEntries::single(ShaderStages::FRAGMENT, tile),
+        ),
     });
 }
 
-impl SpecializedRenderPipeline for ShadowPipeline {
-    /// Whether the field has child records besides the table.
-    type Key = bool;
+/// A way to draw a prop.
+#[derive(Clone, Copy, PartialEq, Eq, Hash)]
+pub(super) enum ShadowKey {
+    /// Marches rays into the map. `inner_records` tells whether the field has child records besides the table.
+    March { inner_records: bool },
+    /// Marches rays into a tile.
+    Fill { inner_records: bool },
+    /// Copies a tile into the map.
+    Copy,
+}
 
-    fn specialize(&self, inner_records: bool) -> RenderPipelineDescriptor {
+impl SpecializedRenderPipeline for ShadowPipeline {
+    type Key = ShadowKey;
+
+    fn specialize(&self, key: ShadowKey) -> RenderPipelineDescriptor {
         let mut definitions: Vec<ShaderDefVal> = vec!["SHADOW_MAP".into()];
-        if inner_records {
+        if let ShadowKey::March { inner_records: true } | ShadowKey::Fill { inner_records: true } = key {
             definitions.push("INNER_RECORDS".into());
         }
+        let is_tile = matches!(key, ShadowKey::Fill { .. });
+        if is_tile {
+            definitions.push("TILE".into());
+        }
+        let (shader, group) = match key {
+            ShadowKey::March { .. } | ShadowKey::Fill { .. } => (&self.march, &self.field),
+            ShadowKey::Copy => (&self.copy, &self.tile),
+        };
         RenderPipelineDescriptor {
             label: Some("plenoctree_shadow".into()),
-            layout: vec![self.view.clone(), self.field.clone()],
+            layout: vec![self.view.clone(), group.clone()],
             vertex: VertexState {
-                shader: self.shader.clone(),
+                shader: self.march.clone(),
                 shader_defs: definitions.clone(),
                 entry_point: Some("vertex".into()),
                 ..default()
             },
             fragment: Some(FragmentState {
-                shader: self.shader.clone(),
+                shader: shader.clone(),
                 shader_defs: definitions,
                 entry_point: Some("fragment".into()),
-                targets: vec![],
+                targets: if is_tile { vec![Some(target(TILE_FORMAT, None))] } else { vec![] },
             }),
             // Bevy's maps have the format and the order of the scene's depth.
-            depth_stencil: Some(depth_test(CORE_3D_DEPTH_FORMAT, true, CompareFunction::Greater)),
+            depth_stencil: (!is_tile).then(|| depth_test(CORE_3D_DEPTH_FORMAT, true, CompareFunction::Greater)),
             ..default()
         }
     }

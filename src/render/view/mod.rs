@@ -15,7 +15,7 @@ pub(super) use layout::ViewLayouts;
 #[cfg(feature = "shadows")]
 pub(super) use levels::levels_coarser;
 #[cfg(feature = "shadows")]
-pub(super) use prepare::covered;
+pub(super) use prepare::{covered, extent};
 pub(super) use props::{DrawnProp, Overlap, ViewProps};
 pub(super) use textures::{
     DEPTH_FORMAT, FILTER_FORMAT, LAYER_FORMAT, MOTION_FORMAT, OWNER_FORMAT, ViewTextures, coarse_size, drawn_viewport,

@@ -170,19 +170,28 @@ fn exposure(camera: &ExtractedCamera, stage: PropStage) -> f32 {
 /// Returns the rectangle of pixels that the unit cube can cover.
 pub(in crate::render) fn covered(clip_from_box: glam::DMat4, size: UVec2) -> URect {
     let everything = URect::from_corners(UVec2::ZERO, size);
+    match extent(clip_from_box, size) {
+        // The casts saturate.
+        Some([low, high]) => everything.intersect(URect::from_corners(low.as_uvec2(), high.as_uvec2())),
+        None => everything,
+    }
+}
+
+/// Returns the corners of the pixels that the unit cube can cover, which may be out of view, or `None` if a part of the
+/// cube is behind the camera.
+pub(in crate::render) fn extent(clip_from_box: glam::DMat4, size: UVec2) -> Option<[glam::DVec2; 2]> {
     let (mut low, mut high) = (glam::DVec2::INFINITY, glam::DVec2::NEG_INFINITY);
     for corner in 0..8 {
         let corner = UVec3::new(corner & 1, corner >> 1 & 1, corner >> 2);
         let clip = clip_from_box * corner.as_dvec3().extend(1.0);
         if clip.w <= 0.0 {
-            return everything;
+            return None;
         }
         let ndc = glam::DVec2::new(clip.x, -clip.y) / clip.w;
         let point = 0.5 * (ndc + 1.0) * size.as_dvec2();
         (low, high) = (low.min(point), high.max(point));
     }
-    // The casts saturate.
-    everything.intersect(URect::from_corners(low.floor().as_uvec2(), high.ceil().as_uvec2()))
+    Some([low.floor(), high.ceil()])
 }
 
 /// Returns how far from the pixels of its box a prop can be seen, plus how far from there the filter reads: a pixel of a

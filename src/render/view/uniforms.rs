@@ -61,6 +61,35 @@ impl PropUniform {
         }
     }
 
+    /// Creates the uniform of a caster: what rays through its densities need.
+    #[cfg(feature = "shadows")]
+    pub fn caster(prop: &ExtractedProp, rays: &Rays) -> Self {
+        let whole = Self::new(prop, rays, DMat4::IDENTITY, &PropQuality::EXACT);
+        Self {
+            origin: whole.origin,
+            direction: whole.direction,
+            scale: whole.scale,
+            low: whole.low,
+            high: whole.high,
+            reference: whole.reference,
+            near: whole.near,
+            solid_transmittance: whole.solid_transmittance,
+            ..default()
+        }
+    }
+
+    /// Returns the same caster where texels are counted from another one, and rays begin at another distance.
+    #[cfg(feature = "shadows")]
+    pub fn at(&self, shift: IVec2, near: f32) -> Self {
+        Self { reference: self.reference + shift.as_vec2(), near, ..*self }
+    }
+
+    /// Returns the same caster, drawn to a part of a texture.
+    #[cfg(feature = "shadows")]
+    pub fn drawn_to(&self, clip_from_part: Mat4) -> Self {
+        Self { clip_from_box: clip_from_part, ..*self }
+    }
+
     /// Creates the uniform of a posterized view, without the placement of a prop.
     pub fn posterize(posterize: Option<ExtractedPosterize>, quality: &PropQuality) -> Self {
         let settings = posterize.map(|posterize| posterize.settings).unwrap_or_default().clamped();

@@ -1,0 +1,109 @@
+//! Measures the CPU time of shadows: `cargo bench --bench shadows -- [FIELD]`.
+//!
+//! Renders a view of 800 x 800 pixels with a directional light of four cascades, Bevy's default: without the prop, with
+//! it, and with its shadow, while nothing moves, the camera turns, the prop spins, or the light moves. Variants take turns,
+//! and the least time of five rounds counts. It includes reading the frame back. With a GPU, it is the CPU time of the
+//! driver.
+
+use std::{path::PathBuf, time::Duration};
+
+use bevy::{light::NotShadowCaster, prelude::*};
+use bevy_plenoctree::{
+    LoadSettings, PlenOctree, PlenOctreePlugin, Prop,
+    headless::{Headless, LitMeshPlugins, exact_camera, pinhole_view},
+};
+use cpu_time::ProcessTime;
+use plenoctree::camera::PinholeCamera;
+
+const SIZE: u32 = 800;
+const ROUNDS: usize = 5;
+const FRAMES: u32 = 4;
+const PATIENCE: Duration = Duration::from_secs(600);
+
+/// What moves from frame to frame.
+#[derive(Resource, Clone, Copy, PartialEq, Eq)]
+enum Moves {
+    Nothing,
+    Camera,
+    Prop,
+    Light,
+}
+
+/// Turns what moves by a little more than a degree per frame, around the origin.
+fn turn(moves: Res<Moves>, mut places: Query<(&mut Transform, Has<Camera3d>, Has<Prop>)>, mut frame: Local<u32>) {
+    *frame += 1;
+    // Back and forth, so that every variant sees the same.
+    let angle = if *frame % 8 < 4 { 0.02 } else { -0.02 };
+    for (mut place, is_camera, is_prop) in &mut places {
+        let turns = match *moves {
+            Moves::Nothing => false,
+            Moves::Camera => is_camera,
+            Moves::Prop => is_prop,
+            Moves::Light => !is_camera && !is_prop,
+        };
+        if turns {
+            place.rotate_around(Vec3::ZERO, Quat::from_rotation_y(angle));
+        }
+    }
+}
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    // Cargo adds `--bench`.
+    let mut arguments = std::env::args_os().skip(1).filter(|argument| argument != "--bench").map(PathBuf::from);
+    let own = || PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("assets/toadstool.npz");
+    let field = PlenOctree::read(arguments.next().unwrap_or_else(own), &LoadSettings::default())?;
+    let camera = PinholeCamera::around(&field, SIZE, SIZE, 0.5, 0.4).ok_or("the field is empty")?;
+    let mut headless = Headless::new(UVec2::splat(SIZE), |app| {
+        app.add_plugins((LitMeshPlugins, PlenOctreePlugin)).insert_resource(Moves::Nothing).add_systems(Update, turn);
+    })?;
+    let (target, up) = (headless.target(), field.up());
+    let world = headless.app.world_mut();
+    let handle = world.resource_mut::<Assets<PlenOctree>>().add(field);
+    let prop = world.spawn(Prop(handle)).id();
+    world.spawn((exact_camera(Color::WHITE), target, pinhole_view(&camera, up)));
+    world.spawn((
+        DirectionalLight { shadow_maps_enabled: true, ..default() },
+        Transform::default().looking_to(Vec3::new(-0.5, -1.0, -0.4), Vec3::Y),
+    ));
+    headless.wait_until_ready(PATIENCE)?;
+
+    let rows = [
+        ("nothing", Moves::Nothing),
+        ("the camera", Moves::Camera),
+        ("the prop", Moves::Prop),
+        ("the light", Moves::Light),
+    ];
+    let mut least = [[f64::INFINITY; 3]; 4];
+    for _ in 0..ROUNDS {
+        for ((_, moves), least) in rows.iter().zip(&mut least) {
+            headless.app.insert_resource(*moves);
+            for (variant, least) in least.iter_mut().enumerate() {
+                let mut prop = headless.app.world_mut().entity_mut(prop);
+                prop.insert(if variant == 0 { Visibility::Hidden } else { Visibility::Visible });
+                if variant == 2 {
+                    prop.remove::<NotShadowCaster>();
+                } else {
+                    prop.insert(NotShadowCaster);
+                }
+                // What rests is drawn, and kept from the frame after that.
+                for _ in 0..3 {
+                    headless.capture()?;
+                }
+                let start = ProcessTime::now();
+                for _ in 0..FRAMES {
+                    headless.capture()?;
+                }
+                *least = least.min(1e3 * start.elapsed().as_secs_f64() / f64::from(FRAMES));
+            }
+        }
+    }
+    // What the prop costs while it is drawn anew in every frame.
+    let drawing = least[1][1] - least[1][0];
+    println!("| what moves | without the prop, ms | with it | with its shadow | the shadow, of drawing the prop |");
+    println!("|---|---|---|---|---|");
+    for ((what, _), [none, plain, shadowed]) in rows.iter().zip(least) {
+        let share = (shadowed - plain) / drawing;
+        println!("| {what} | {none:.1} | {plain:.1} | {shadowed:.1} | {share:.2} |");
+    }
+    Ok(())
+}

@@ -1,0 +1,117 @@
+//! What shadow maps keep of casters that rest.
+
+use bevy::{
+    ecs::entity::EntityHashMap,
+    prelude::*,
+    render::{
+        render_resource::{
+            BindGroup, BindGroupEntries, BindGroupId, Extent3d, PipelineCache, TextureDescriptor, TextureDimension,
+            TextureUsages, TextureView,
+        },
+        renderer::RenderDevice,
+    },
+};
+
+use super::pipeline::{ShadowPipeline, TILE_FORMAT};
+use crate::render::view::PropUniform;
+
+/// Everything that the shadow of a caster depends on, besides where the map is among the light's texels.
+#[derive(PartialEq)]
+pub(super) struct CasterKey {
+    /// The rays through the texels: where the light and the prop are, and the size of texels. The box around the leaves,
+    /// and where the prop is solid.
+    pub caster: PropUniform,
+    /// The field at a level.
+    pub field: BindGroupId,
+    /// The texels to keep.
+    pub texels: IRect,
+}
+
+/// How far a caster is from where its rays begin, in texels of its own.
+pub(super) struct Tile {
+    pub texture: TextureView,
+    /// For copying it into the map.
+    pub group: BindGroup,
+    /// Whether the rays have been marched.
+    pub is_filled: bool,
+}
+
+impl Tile {
+    pub fn new(device: &RenderDevice, cache: &PipelineCache, pipeline: &ShadowPipeline, size: UVec2) -> Self {
+        let texture = device.create_texture(&TextureDescriptor {
+            label: Some("plenoctree_shadow_tile"),
+            size: Extent3d { width: size.x, height: size.y, depth_or_array_layers: 1 },
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: TextureDimension::D2,
+            format: TILE_FORMAT,
+            usage: TextureUsages::RENDER_ATTACHMENT | TextureUsages::TEXTURE_BINDING,
+            view_formats: &[],
+        });
+        let texture = texture.create_view(&default());
+        let layout = cache.get_bind_group_layout(&pipeline.tile);
+        let group = device.create_bind_group("plenoctree_shadow_tile", &layout, &BindGroupEntries::single(&texture));
+        Self { texture, group, is_filled: false }
+    }
+}
+
+/// The casters of a map.
+#[derive(Default)]
+pub(super) struct KeptCasters(EntityHashMap<KeptCaster>);
+
+struct KeptCaster {
+    key: CasterKey,
+    tile: Option<Tile>,
+    is_in_map: bool,
+}
+
+impl KeptCaster {
+    fn kept_texels(&self) -> u32 {
+        let UVec2 { x, y } = self.key.texels.size().as_uvec2();
+        if self.tile.is_some() { x * y } else { 0 }
+    }
+}
+
+impl KeptCasters {
+    /// Begins a frame, in which only casters that are updated are kept.
+    pub fn begin(&mut self) {
+        self.0.values_mut().for_each(|caster| caster.is_in_map = false);
+    }
+
+    /// Updates a caster. Returns its tile, unless its shadow has changed since the previous frame: then rays are better
+    /// marched right into the map. `most` is the number of texels that all tiles may have together, and `create` creates one.
+    pub fn update(
+        &mut self,
+        prop: Entity,
+        key: CasterKey,
+        most: u32,
+        create: impl FnOnce(UVec2) -> Option<Tile>,
+    ) -> Option<&Tile> {
+        let texels = key.texels.size().as_uvec2();
+        let rests = match self.0.get_mut(&prop) {
+            Some(caster) if caster.key == key => {
+                caster.is_in_map = true;
+                true
+            }
+            _ => {
+                self.0.insert(prop, KeptCaster { key, tile: None, is_in_map: true });
+                false
+            }
+        };
+        let kept: u32 = self.0.values().map(KeptCaster::kept_texels).sum();
+        let caster = self.0.get_mut(&prop)?;
+        if rests && caster.tile.is_none() && kept + texels.x * texels.y <= most {
+            caster.tile = create(texels);
+        }
+        caster.tile.as_ref()
+    }
+
+    /// Ends the frame: gives up the tiles of casters that are not in the map anymore.
+    pub fn end(&mut self) {
+        self.0.retain(|_, caster| caster.is_in_map);
+    }
+
+    pub fn tile(&mut self, prop: Entity) -> Option<&mut Tile> {
+        self.0.get_mut(&prop)?.tile.as_mut()
+    }
+}

@@ -1,0 +1,65 @@
+//! Finds the props in every shadow map, and chooses their levels.
+
+use bevy::{
+    camera::visibility::RenderLayers,
+    pbr::{ExtractedPointLight, LightEntity, Shadow, ShadowView},
+    prelude::*,
+    render::{render_asset::RenderAssets, render_phase::ViewBinnedRenderPhases, view::ExtractedView},
+};
+
+use super::{
+    casters::Casters,
+    maps::{Caster, MapProps},
+    texels::Seen,
+};
+use crate::{
+    gpu::{GpuField, Level, MAX_PROPS_IN_VIEW},
+    prop::SolidOpacity,
+    quality::PropQuality,
+    render::{extract::ExtractedProps, view::levels_coarser},
+};
+
+/// The quality of shadows of lights without their own: cells are no larger than texels.
+const QUALITY: PropQuality = PropQuality { cell_size: 1.0, ..PropQuality::EXACT };
+
+/// Finds the props in every map, and requests their levels.
+pub(super) fn choose_levels(
+    extracted: Res<ExtractedProps>,
+    casters: Res<Casters>,
+    mut fields: ResMut<RenderAssets<GpuField>>,
+    phases: Option<Res<ViewBinnedRenderPhases<Shadow>>>,
+    lamps: Query<&ExtractedPointLight>,
+    mut maps: Query<(&ExtractedView, &LightEntity, &RenderLayers, &mut MapProps), With<ShadowView>>,
+) {
+    for (view, light, layers, mut map) in &mut maps {
+        map.order.clear();
+        // Lights that are out of view keep their maps, but Bevy does not draw them.
+        if !phases.as_ref().is_some_and(|phases| phases.contains_key(&view.retained_view_entity)) {
+            continue;
+        }
+        let (LightEntity::Directional { light_entity, .. }
+        | LightEntity::Point { light_entity, .. }
+        | LightEntity::Spot { light_entity }) = light;
+        let quality = casters.qualities.get(light_entity).unwrap_or(&QUALITY);
+        let reach = lamps.get(*light_entity).map_or(f64::INFINITY, |lamp| lamp.range.into());
+        let in_layers = casters.props.iter().filter(|(_, of_prop)| of_prop.intersects(layers));
+        map.order.extend(in_layers.filter_map(|(entity, _)| {
+            let index = extracted.drawn(*extracted.index.get(entity)?, &fields)?;
+            let prop = extracted.props.get(index).filter(|prop| prop.solid != SolidOpacity::Never)?;
+            let seen = Seen::new(&prop.placement, view).filter(|seen| is_in(seen, view, reach))?;
+            let most = prop.placement.cells.log2() as u32;
+            let cell_size = seen.rays.cell_size;
+            let coarser = if quality.cell_size > 0.0 { levels_coarser(cell_size, quality.cell_size) } else { 0 };
+            let level = Level::new(coarser.min(most), quality);
+            fields.get_mut(prop.field)?.request(level);
+            Some(Caster { entity: *entity, index, level })
+        }));
+        map.order.truncate(MAX_PROPS_IN_VIEW);
+    }
+}
+
+/// Returns whether a prop is in a map, and nearer than the light reaches.
+fn is_in(seen: &Seen, view: &ExtractedView, reach: f64) -> bool {
+    let nearest = view.clip_from_view.as_dmat4() * glam::DVec4::new(0.0, 0.0, -seen.near, 1.0);
+    seen.near < reach && nearest.z > 0.0 && !seen.on_map().is_empty()
+}
