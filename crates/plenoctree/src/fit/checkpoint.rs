@@ -35,7 +35,7 @@ impl Checkpoint {
             let mut file = Output(BufWriter::new(File::create(&unfinished)?));
             file.0.write_all(MAGIC)?;
             file.ints(&[key, random.state(), position.stage as u64, position.rays, position.samples])?;
-            file.ints(&[u64::from(position.pruned), position.seconds.to_bits()])?;
+            file.ints(&[position.prunings as u64, position.seconds.to_bits()])?;
             let grid = &model.grid;
             let cube = grid.cube();
             file.ints(&[cube.low.x, cube.low.y, cube.low.z, cube.size].map(f64::to_bits))?;
@@ -73,8 +73,8 @@ impl Checkpoint {
             }
             let random = Random::new(file.int()?);
             let (stage, rays, samples) = (file.int()? as usize, file.int()?, file.int()?);
-            let (pruned, seconds) = (file.int()? != 0, f64::from_bits(file.int()?));
-            let position = Position { stage, rays, samples, pruned, seconds };
+            let (prunings, seconds) = (file.int()? as usize, f64::from_bits(file.int()?));
+            let position = Position { stage, rays, samples, prunings, seconds };
             let mut float = || Ok::<_, io::Error>(f64::from_bits(file.int()?));
             let cube = Cube { low: DVec3::new(float()?, float()?, float()?), size: float()? };
             let (resolution, functions, count) = (file.int()?, file.int()?, file.int()?);

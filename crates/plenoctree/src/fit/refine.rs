@@ -114,7 +114,7 @@ pub fn refine(
         Ok(())
     };
     train(&mut model, &mut gallery, &stage, &mut position, &mut random, progress, &mut watch)?;
-    let limits = Limits { spacing: 0.7, ..Limits::default() };
+    let limits = Limits { spacing: 0.7, ..Limits::FAINTEST };
     let kept = visibility::visible(&model.grid, &gallery.cameras(), limits);
     let stage = StageReport {
         resolution: model.grid.resolution(),

@@ -53,8 +53,8 @@ pub struct Position {
     pub rays: u64,
     /// Voxels that these rays crossed.
     pub samples: u64,
-    /// Whether the stage has removed invisible voxels.
-    pub pruned: bool,
+    /// How often the stage has removed invisible voxels.
+    pub prunings: usize,
     /// Seconds that the stage has taken.
     pub seconds: f64,
 }
@@ -99,8 +99,8 @@ pub fn train(
                 ended = true;
                 break;
             }
-            if !position.pruned && fraction >= stage.prune_at {
-                position.pruned = true;
+            if stage.prune_at.get(position.prunings).is_some_and(|at| fraction >= *at) {
+                position.prunings += 1;
                 let set = visibility::visible(&model.grid, &gallery.cameras(), stage.prune_below);
                 model.grid = model.grid.resampled(&set);
                 continue 'rounds;

@@ -34,8 +34,8 @@ pub struct Stage {
     time: Option<Duration>,
     /// Tiles of a batch.
     pub tiles: usize,
-    /// The share of the stage after which invisible voxels are removed.
-    pub prune_at: f64,
+    /// The shares of the stage after which invisible voxels are removed.
+    pub prune_at: Vec<f64>,
     /// What counts as visible then.
     pub prune_below: Limits,
     /// The largest weight of a voxel above which the next stage splits it and its neighbors.
@@ -66,7 +66,7 @@ impl Schedule {
                 rays: (RAYS[index] * 1e6 * settings.effort) as u64,
                 time: settings.time.map(|time| time.mul_f64(RAYS[index] / total)),
                 tiles: [256, 512, 1024][index.min(2)],
-                prune_at: if index == 0 { 0.5 } else { 0.1 },
+                prune_at: if index == 0 { vec![0.5] } else { vec![0.1, 0.4, 0.85] },
                 prune_below: Limits::default(),
                 split_above: 0.01,
                 grows: !opaque,
@@ -99,8 +99,8 @@ impl Stage {
             rays: (REFINING_RAYS * 1e6 * effort) as u64,
             time,
             tiles: 1024,
-            prune_at: 0.05,
-            prune_below: Limits::default(),
+            prune_at: vec![0.05],
+            prune_below: Limits::FAINTEST,
             split_above: 0.01,
             grows: false,
             learns_gains: false,

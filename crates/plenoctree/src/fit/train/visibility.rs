@@ -19,8 +19,11 @@ const STOP: f32 = 1e-5;
 /// What makes a voxel worth keeping.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
-    /// Largest weight over all rays.
-    pub weight: f32,
+    /// Largest weight over all rays that does, from the strictest limit. A limit is passed over if rays would lose more
+    /// than `loss` by it, as they do in fog, which is made of voxels of little weight. The last one holds in any case.
+    pub weights: [f32; 4],
+    /// The opacity that rays may lose: the root mean square.
+    pub loss: f64,
     /// The same for voxels that are thick, such as those behind a surface.
     pub thick_weight: f32,
     /// What is thick.
@@ -31,30 +34,30 @@ pub struct Limits {
 
 impl Default for Limits {
     fn default() -> Self {
-        Self { weight: 1e-3, thick_weight: 2e-5, thick: 0.05, spacing: 1.0 }
+        Self { weights: [0.03, 0.01, 3e-3, 1e-3], loss: 0.04, thick_weight: 2e-5, thick: 0.05, spacing: 1.0 }
+    }
+}
+
+impl Limits {
+    /// For fields that are right already: only what hardly shows goes.
+    pub const FAINTEST: Self = Self { weights: [1e-3; 4], loss: 0.04, thick_weight: 2e-5, thick: 0.05, spacing: 1.0 };
+
+    /// Returns whether a voxel is worth keeping.
+    fn keep(&self, limit: f32, weight: f32, thickness: f32) -> bool {
+        weight > limit || weight > self.thick_weight && thickness > self.thick
     }
 }
 
 /// Returns the largest weight that each voxel has on any ray of the cameras. Rays are about `spacing` voxels apart.
 pub fn largest_weights(grid: &Grid, cameras: &[&ViewCamera], spacing: f64) -> Vec<f32> {
-    let middle = grid.cube().low + 0.5 * grid.cube().size;
     let pool: Mutex<Vec<Vec<f32>>> = Mutex::default();
     cameras.par_iter().for_each(|camera| {
         let taken = pool.lock().ok().and_then(|mut pool| pool.pop());
         let mut weights = taken.unwrap_or_else(|| vec![0.0; grid.len()]);
-        let pixels = spacing * grid.voxel_size() * camera.lens.focal.x / camera.position.distance(middle).max(1e-9);
-        let step = pixels.clamp(0.1, 4.0);
-        let count = |size: u32| (f64::from(size) / step) as u32;
-        let every = |size: u32| (0..count(size)).map(move |index| (f64::from(index) + 0.5) * step);
-        for (x, y) in every(camera.height).flat_map(|y| every(camera.width).map(move |x| (x, y))) {
-            let pixel = DVec2::new(x, y);
-            let mut transmittance = 1.0f32;
-            grid.march(&grid.ray(camera.position, camera.direction(pixel)), |voxel, length| {
-                let through = exp_minus(grid.thickness[voxel as usize] * length);
+        for pixel in pixels(grid, camera, spacing) {
+            march(grid, camera, pixel, |voxel, seen| {
                 let weight = &mut weights[voxel as usize];
-                *weight = weight.max(transmittance * (1.0 - through));
-                transmittance *= through;
-                transmittance >= STOP
+                *weight = weight.max(seen);
             });
         }
         if let Ok(mut pool) = pool.lock() {
@@ -68,14 +71,109 @@ pub fn largest_weights(grid: &Grid, cameras: &[&ViewCamera], spacing: f64) -> Ve
     all
 }
 
+/// Returns the places in the picture of rays that are about `spacing` voxels apart in the middle of the grid.
+fn pixels(grid: &Grid, camera: &ViewCamera, spacing: f64) -> impl Iterator<Item = DVec2> {
+    let middle = grid.cube().low + 0.5 * grid.cube().size;
+    let pixels = spacing * grid.voxel_size() * camera.lens.focal.x / camera.position.distance(middle).max(1e-9);
+    let step = pixels.clamp(0.1, 4.0);
+    let count = move |size: u32| (f64::from(size) / step) as u32;
+    let every = move |size: u32| (0..count(size)).map(move |index| (f64::from(index) + 0.5) * step);
+    let width = camera.width;
+    every(camera.height).flat_map(move |y| every(width).map(move |x| DVec2::new(x, y)))
+}
+
+/// Calls `visit` with the voxels that a ray sees, and with their weights.
+fn march(grid: &Grid, camera: &ViewCamera, pixel: DVec2, mut visit: impl FnMut(u32, f32)) {
+    let mut transmittance = 1.0f32;
+    grid.march(&grid.ray(camera.position, camera.direction(pixel)), |voxel, length| {
+        let through = exp_minus(grid.thickness[voxel as usize] * length);
+        visit(voxel, transmittance * (1.0 - through));
+        transmittance *= through;
+        transmittance >= STOP
+    });
+}
+
+/// Returns the strictest limit by which rays lose little.
+fn limit(grid: &Grid, cameras: &[&ViewCamera], weights: &[f32], limits: &Limits) -> f32 {
+    let of_camera = |camera: &&ViewCamera| {
+        let (mut squared, mut count) = ([0.0; 4], 0.0);
+        for pixel in pixels(grid, camera, 4.0 * limits.spacing) {
+            let mut lost = [0.0f32; 4];
+            let mut any = false;
+            march(grid, camera, pixel, |voxel, seen| {
+                any = true;
+                let (weight, thickness) = (weights[voxel as usize], grid.thickness[voxel as usize]);
+                for (lost, limit) in lost.iter_mut().zip(limits.weights) {
+                    *lost += if limits.keep(limit, weight, thickness) { 0.0 } else { seen };
+                }
+            });
+            if any {
+                count += 1.0;
+                squared.iter_mut().zip(lost).for_each(|(sum, lost)| *sum += f64::from(lost * lost));
+            }
+        }
+        (squared, count)
+    };
+    let sums: Vec<([f64; 4], f64)> = cameras.par_iter().map(of_camera).collect();
+    let count: f64 = sums.iter().map(|(_, count)| count).sum();
+    let loss = |index: usize| (sums.iter().map(|(squared, _)| squared[index]).sum::<f64>() / count.max(1.0)).sqrt();
+    let last = limits.weights.len() - 1;
+    limits.weights[(0..last).find(|&index| loss(index) <= limits.loss).unwrap_or(last)]
+}
+
 /// Returns the voxels that are worth keeping.
 pub fn visible(grid: &Grid, cameras: &[&ViewCamera], limits: Limits) -> VoxelSet {
     let weights = largest_weights(grid, cameras, limits.spacing);
+    let limit = limit(grid, cameras, &weights, &limits);
     let mut set = VoxelSet::new(grid.resolution());
     for ((position, weight), thickness) in grid.positions().zip(weights).zip(&grid.thickness) {
-        if weight > limits.weight || weight > limits.thick_weight && *thickness > limits.thick {
+        if limits.keep(limit, weight, *thickness) {
             set.insert(position);
         }
     }
     set
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::{DMat3, DVec3, UVec3, Vec4};
+
+    use super::*;
+    use crate::fit::{
+        grid::Cube,
+        input::{Distortion, Lens},
+    };
+
+    /// A camera that sees all of a cube around the origin.
+    fn camera() -> ViewCamera {
+        let lens = Lens { focal: DVec2::splat(40.0), center: DVec2::splat(32.0), distortion: Distortion::None };
+        ViewCamera::undistorted(64, 64, lens, DMat3::IDENTITY, DVec3::new(0.0, 0.0, 4.0))
+    }
+
+    /// A grid of 64 voxels per side. `thickness` is that of the voxel at a position, or 0 if there is none.
+    fn grid(thickness: impl Fn(UVec3) -> f32) -> Grid {
+        let mut set = VoxelSet::new(64);
+        let positions = (0..64u32.pow(3)).map(|code| UVec3::new(code / 4096, code / 64 % 64, code % 64));
+        positions.filter(|position| thickness(*position) > 0.0).for_each(|position| set.insert(position));
+        let mut grid = Grid::new(Cube { low: DVec3::splat(-1.0), size: 2.0 }, 1, &set);
+        let values: Vec<f32> = grid.positions().map(thickness).collect();
+        grid.values.iter_mut().zip(values).for_each(|(value, thickness)| *value = Vec4::new(0.0, 0.0, 0.0, thickness));
+        grid.copy_thickness();
+        grid
+    }
+
+    /// Haze before a wall goes. The same haze stays where it is all there is to see, and as dense as a cloud.
+    #[test]
+    fn haze_goes_and_clouds_stay() {
+        let count = |thickness: &dyn Fn(UVec3) -> f32| {
+            let grid = grid(thickness);
+            let kept = visible(&grid, &[&camera()], Limits { spacing: 0.5, ..Limits::default() });
+            (kept.positions().count(), grid.positions().filter(|position| position.z > 10).count())
+        };
+        let wall = |at: UVec3| if at.z == 10 { 40.0 } else { 0.0 };
+        let (kept, faint) = count(&|at| wall(at) + if at.z > 10 { 5e-4 } else { 0.0 });
+        assert!(kept > 3000 && faint > 100_000 && kept < 4200, "{kept} of {faint}");
+        let (kept, all) = count(&|at| if at.z > 10 { 0.01 } else { 0.0 });
+        assert!(kept as f64 > 0.9 * all as f64, "{kept} of {all}");
+    }
 }
