@@ -1,7 +1,9 @@
 //! Lights, by day and by night.
 
 use bevy::{
-    light::{CascadeShadowConfigBuilder, GlobalAmbientLight, NotShadowCaster},
+    light::{
+        CascadeShadowConfigBuilder, DirectionalLightShadowMap, GlobalAmbientLight, NotShadowCaster, PointLightShadowMap,
+    },
     prelude::*,
 };
 use bevy_plenoctree::BlendSpace;
@@ -13,7 +15,10 @@ use crate::{
 };
 
 pub fn plugin(app: &mut App) {
-    app.add_systems(Startup, (light_sun, hang_fairy_lights, spawn_lamp, spawn_sky, fill_bottle))
+    // The room is small enough for maps of half the default size.
+    app.insert_resource(DirectionalLightShadowMap { size: 1024 })
+        .insert_resource(PointLightShadowMap { size: 512 })
+        .add_systems(Startup, (light_sun, hang_fairy_lights, spawn_lamp, spawn_sky, fill_bottle))
         .add_systems(PostUpdate, (dim_lights, dim_glows));
 }
 

@@ -50,14 +50,15 @@ impl CameraProjection for PinholeProjection {
         f32::INFINITY
     }
 
-    fn get_frustum_corners(&self, near: f32, far: f32) -> [Vec3A; 8] {
+    // The arguments are coordinates: they are negative in front of the camera.
+    fn get_frustum_corners(&self, z_near: f32, z_far: f32) -> [Vec3A; 8] {
         let view_from_clip = self.get_clip_from_view().inverse();
         let corners = [(1.0, -1.0), (1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0)];
         std::array::from_fn(|index| {
             let (x, y) = corners[index % 4];
             let point = view_from_clip * Vec4::new(x, y, 1.0, 1.0);
-            let distance = if index < 4 { near } else { far };
-            Vec3A::from(point.truncate() / -point.z * distance)
+            let z = if index < 4 { z_near } else { z_far };
+            Vec3A::from(point.truncate() / point.z * z)
         })
     }
 }
