@@ -55,9 +55,7 @@ fn look(seen: PropRay, end: f32, prop: u32, h: ptr<function, Harmonics>) -> Look
         let before = transmittance;
         transmittance *= exp(-sigma * (crossing.exit - crossing.enter));
         let weight = before - transmittance;
-        if weight >= view.min_weight {
-            color += weight * vec4(radiance(crossing.leaf, h), 1.0);
-        }
+        color += weight * vec4(radiance(crossing.leaf, h), 1.0);
         let inside = position_of(limit, before, crossing, sigma);
         covered_at = select(covered_at, inside, covered_at < 0.0 && transmittance <= limit);
     }

@@ -11,7 +11,7 @@
 @group(1) @binding(5) var codebook: texture_2d_array<u32>;
 #endif
 
-// The values of the basis functions in one direction. Functions above the requested degree are 0.
+// The values of the basis functions in one direction. Those that the field does not have are 0.
 struct Harmonics {
     y: array<f32, 28>,
 }
@@ -80,7 +80,7 @@ fn load_row(row: u32) -> Row {
     return texels;
 }
 
-// Returns the sum of a channel's harmonics but the first. USED words hold all coefficients up to the requested degree.
+// Returns the sum of a channel's harmonics but the first. USED words hold all of its coefficients.
 fn others(row: ptr<function, Row>, index: u32, h: ptr<function, Harmonics>) -> f32 {
     var sum = 0.0;
     for (var w = 0u; w < #{USED}u; w++) {
@@ -122,7 +122,7 @@ fn word(leaf: ptr<function, Leaf>, index: u32) -> u32 {
     return (*leaf).texels[index / 4u][index % 4u];
 }
 
-// Returns the sum of a channel's harmonics. USED words hold all coefficients up to the requested degree.
+// Returns the sum of a channel's harmonics. USED words hold all of its coefficients.
 fn channel(leaf: ptr<function, Leaf>, index: u32, h: ptr<function, Harmonics>) -> f32 {
 #ifdef COMPACT
     let constants = vec3(unpack2x16float(word(leaf, 0u)), unpack2x16float(word(leaf, 1u)).x);

@@ -55,7 +55,6 @@ struct View {
     pixel: vec2<f32>,
     // From the camera's `PropQuality`.
     stop_transmittance: f32,
-    min_weight: f32,
     // The corners of the part of the viewport that is drawn, in pixels.
     low: vec2<u32>,
     high: vec2<u32>,

@@ -92,10 +92,8 @@ fn fragment(in: Varying) -> Fragment {
         let sigma = density(crossing.leaf);
         let depth = sigma * (crossing.exit - crossing.enter);
         let weight = transmittance * absorbed(depth);
-        if weight >= view.min_weight {
-            color += weight * radiance(crossing.leaf, &h);
-            opacity += weight;
-        }
+        color += weight * radiance(crossing.leaf, &h);
+        opacity += weight;
         let before = transmittance;
         transmittance *= exp(-depth);
 #ifndef OVERLAPPING
@@ -107,11 +105,10 @@ fn fragment(in: Varying) -> Fragment {
     if opacity == 0.0 {
         discard;
     }
-    // Leaves that were skipped or not reached take the average color of the others.
-    let gone = select(1.0 - transmittance, 1.0, transmittance < view.stop_transmittance);
-    if transmittance < view.stop_transmittance || view.min_weight > 0.0 {
-        color *= gone / opacity;
-        opacity = gone;
+    // Leaves that were not reached take the average color of the others.
+    if transmittance < view.stop_transmittance {
+        color /= opacity;
+        opacity = 1.0;
     }
     let covers = opacity >= props[in.prop].min_opacity;
     let posterized = select(0u, in.prop + 1u, covers && props[in.prop].colors > 0u);

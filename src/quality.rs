@@ -4,7 +4,7 @@ use bevy::prelude::*;
 
 use plenoctree::{palette::ExtractionSettings, sampling::SamplingSettings};
 
-use crate::posterize::{MAX_FILTER_ITERATIONS, MAX_FILTER_RADIUS};
+use crate::posterize::MAX_FILTER_ITERATIONS;
 
 /// Trades accuracy for speed when a camera draws props.
 ///
@@ -42,15 +42,6 @@ pub struct PropQuality {
     ///
     /// Defaults to 0, which keeps all leaves; 0.002 is barely visible. Clamped to 0..=1.
     pub opacity_loss: f32,
-    /// The minimum opacity that a leaf must add to a pixel to be shaded. A leaf below it is not shaded; the remaining
-    /// weights are renormalized.
-    ///
-    /// Defaults to 0. Clamped to 0..=1.
-    pub min_weight: f32,
-    /// The highest degree of spherical harmonics to evaluate. 0 removes highlights.
-    ///
-    /// Defaults to 4, the highest degree that fields have. Clamped to 0..=4.
-    pub degree: u32,
     /// The largest size, in pixels, that the cells of a level of detail may have where the prop is nearest to the
     /// camera. Smaller cells are averaged.
     ///
@@ -66,11 +57,6 @@ pub struct PropQuality {
     ///
     /// Defaults to [`MAX_FILTER_ITERATIONS`], which is no limit.
     pub filter_iterations: u32,
-    /// The upper limit of [`BilateralFilter::radius`](crate::BilateralFilter::radius) in pixels, for everything that
-    /// the camera posterizes.
-    ///
-    /// Defaults to [`MAX_FILTER_RADIUS`], which is no limit.
-    pub filter_radius: u32,
 }
 
 impl Default for PropQuality {
@@ -85,12 +71,9 @@ impl PropQuality {
         stop_transmittance: 0.01,
         density_threshold: 0.0,
         opacity_loss: 0.0,
-        min_weight: 0.0,
-        degree: 4,
         cell_size: 0.0,
         resolution: 1.0,
         filter_iterations: MAX_FILTER_ITERATIONS,
-        filter_radius: MAX_FILTER_RADIUS,
     };
     /// Visually indistinguishable from [`EXACT`](Self::EXACT).
     pub const HIGH: Self = Self { stop_transmittance: 0.02, opacity_loss: 0.005, cell_size: 0.5, ..Self::EXACT };
@@ -124,12 +107,9 @@ impl PropQuality {
             stop_transmittance: clamp(self.stop_transmittance, 1e-30, 1.0, exact.stop_transmittance),
             density_threshold: clamp(self.density_threshold, 0.0, f32::INFINITY, exact.density_threshold),
             opacity_loss: clamp(self.opacity_loss, 0.0, 1.0, exact.opacity_loss),
-            min_weight: clamp(self.min_weight, 0.0, 1.0, exact.min_weight),
-            degree: self.degree.min(4),
             cell_size: clamp(self.cell_size, 0.0, f32::INFINITY, exact.cell_size),
             resolution: clamp(self.resolution, 0.1, 1.0, exact.resolution),
             filter_iterations: self.filter_iterations,
-            filter_radius: self.filter_radius,
         }
     }
 }

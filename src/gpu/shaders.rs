@@ -90,10 +90,10 @@ impl Shaders {
     }
 }
 
-/// Returns the shader definitions for `octree.wgsl` and `radiance.wgsl`, with spherical harmonics up to `degree`.
-pub(crate) fn field_definitions(shape: FieldShape, degree: u32) -> Vec<ShaderDefVal> {
+/// Returns the shader definitions for `octree.wgsl` and `radiance.wgsl`.
+pub(crate) fn field_definitions(shape: FieldShape) -> Vec<ShaderDefVal> {
     let FieldShape { payload, activation, inner_records } = shape;
-    let functions = payload.basis.functions().min(((degree + 1) * (degree + 1)) as usize);
+    let functions = payload.basis.functions();
     let used = match payload.layout {
         Layout::Halves => functions.div_ceil(2),
         Layout::Bytes => (functions - 1).div_ceil(4),

@@ -24,9 +24,6 @@ pub(super) struct SliceUniform {
     pub weight_scale: f32,
 }
 
-/// The highest degree of spherical harmonics, that of SH25.
-const MOST_DEGREE: u32 = 4;
-
 #[derive(Resource)]
 pub(super) struct SamplingPipeline {
     shader: Handle<Shader>,
@@ -61,7 +58,7 @@ impl SpecializedComputePipeline for SamplingPipeline {
             label: Some("plenoctree_sampling".into()),
             layout: vec![self.layout.clone(), self.field.0.clone()],
             shader: self.shader.clone(),
-            shader_defs: field_definitions(shape, MOST_DEGREE),
+            shader_defs: field_definitions(shape),
             entry_point: Some("sample".into()),
             ..default()
         }

@@ -28,7 +28,6 @@ pub(super) struct CoveragePipeline {
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 pub(super) struct CoverageKey {
     pub shape: FieldShape,
-    pub degree: u32,
     /// The number of samples of the scene per pixel.
     pub samples: u32,
 }
@@ -50,7 +49,7 @@ impl SpecializedRenderPipeline for CoveragePipeline {
     type Key = CoverageKey;
 
     fn specialize(&self, key: CoverageKey) -> RenderPipelineDescriptor {
-        let mut definitions = field_definitions(key.shape, key.degree);
+        let mut definitions = field_definitions(key.shape);
         definitions.push(ShaderDefVal::UInt("SAMPLES".into(), key.samples));
         let sum = BlendComponent {
             src_factor: BlendFactor::One,

@@ -74,7 +74,7 @@ pub(super) fn prepare_pipelines(
         }
         pass.coverage.extend(props.drawn.iter().enumerate().filter(|(_, prop)| prop.smooths_edges).filter_map(
             |(index, prop)| {
-                let key = CoverageKey { shape: prop.on_gpu(&fields)?.shape, degree: props.degree, samples };
+                let key = CoverageKey { shape: prop.on_gpu(&fields)?.shape, samples };
                 Some((index, coverages.specialize(&cache, &coverage, key)))
             },
         ));

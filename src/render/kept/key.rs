@@ -21,8 +21,6 @@ pub(in crate::render) struct LayerKey {
     pub props: Vec<PropUniform>,
     /// What is drawn of each prop: its field at a level, if that is on the GPU, and how it overlaps others.
     pub fields: Vec<(Option<BindGroupId>, Overlap)>,
-    /// The highest degree of spherical harmonics.
-    pub degree: u32,
     /// The number of samples per pixel of the scene.
     pub samples: u32,
     /// The textures that hold the layer and all that it is made of. A view may be given others in any frame.

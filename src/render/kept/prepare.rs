@@ -109,7 +109,7 @@ pub(super) fn prepare(
         key.fields.extend(
             props.drawn.iter().map(|prop| (prop.on_gpu(&fields).map(|level| level.bind_group.id()), prop.overlap)),
         );
-        (key.degree, key.samples) = (props.degree, msaa.samples());
+        key.samples = msaa.samples();
         key.textures.clear();
         let layers = [Some(&textures.layer), textures.coarse.as_ref()];
         let solid_views = solid.into_iter().flat_map(SolidTextures::views);

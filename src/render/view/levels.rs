@@ -28,9 +28,8 @@ pub(super) fn choose_levels(
     )>,
 ) {
     for (view, camera, resolution, visible, mut props) in &mut views {
-        let ViewProps { order, degree, changes_levels, .. } = &mut *props;
+        let ViewProps { order, changes_levels, .. } = &mut *props;
         let quality = &visible.quality;
-        *degree = quality.degree;
         *changes_levels = quality.cell_size > 0.0 || Level::new(0, quality) != Level::default();
         order.clear();
         let Some(viewport) = drawn_viewport(camera, resolution) else {

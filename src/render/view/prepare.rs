@@ -147,7 +147,6 @@ pub(super) fn prepare_views(
             everything: everything.map_or(0, |_| props.get().len() as u32),
             pixel: size.as_vec2() / coarse.as_vec2(),
             stop_transmittance: quality.stop_transmittance,
-            min_weight: quality.min_weight,
             low: rect.min,
             high: rect.max,
             unjittered_from_clip: motion.unjittered_from_clip.as_mat4(),

@@ -21,8 +21,6 @@ pub(in crate::render) struct ViewProps {
     pub(super) order: Vec<OrderedProp>,
     /// Every prop, in drawing order.
     pub drawn: Vec<DrawnProp>,
-    /// The highest degree of spherical harmonics to evaluate.
-    pub degree: u32,
     /// Whether props may be drawn at levels other than the field itself.
     pub changes_levels: bool,
     /// The maximum number of filter iterations of any prop, or of the posterized view.

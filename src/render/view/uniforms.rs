@@ -101,7 +101,7 @@ impl PropUniform {
             softness: settings.softness,
             min_opacity: settings.min_opacity,
             iterations: settings.filter.iterations.min(quality.filter_iterations),
-            radius: settings.filter.radius.min(quality.filter_radius) as i32,
+            radius: settings.filter.radius as i32,
             spatial_falloff: falloff(settings.filter.spatial_sigma),
             range_falloff: falloff(settings.filter.range_sigma),
             tint: Vec3::ONE,
@@ -173,7 +173,6 @@ pub(in crate::render) struct ViewUniform {
     pub everything: u32,
     pub pixel: Vec2,
     pub stop_transmittance: f32,
-    pub min_weight: f32,
     pub low: UVec2,
     pub high: UVec2,
     pub unjittered_from_clip: Mat4,
@@ -217,7 +216,7 @@ fn read() {
         for (var r = 0u; r < 4u; r++) {
             found[4u * c + r] = prop.clip_from_box[c][r];
             found[60u + 4u * c + r] = prop.previous_from_clip[c][r];
-            found[94u + 4u * c + r] = view.unjittered_from_clip[c][r];
+            found[93u + 4u * c + r] = view.unjittered_from_clip[c][r];
         }
     }
     for (var c = 0u; c < 3u; c++) {
@@ -258,13 +257,12 @@ fn read() {
     found[86] = view.pixel.x;
     found[87] = view.pixel.y;
     found[88] = view.stop_transmittance;
-    found[89] = view.min_weight;
-    found[90] = f32(view.low.x);
-    found[91] = f32(view.low.y);
-    found[92] = f32(view.high.x);
-    found[93] = f32(view.high.y);
-    found[110] = f32(prop.smooths_edges);
-    found[111] = colors[1].y;
+    found[89] = f32(view.low.x);
+    found[90] = f32(view.low.y);
+    found[91] = f32(view.high.x);
+    found[92] = f32(view.high.y);
+    found[109] = f32(prop.smooths_edges);
+    found[110] = colors[1].y;
 }
 ";
 
@@ -303,7 +301,6 @@ fn read() {
             everything: next() as u32,
             pixel: Vec2::new(next(), next()),
             stop_transmittance: next(),
-            min_weight: next(),
             low: UVec2::new(next() as u32, next() as u32),
             high: UVec2::new(next() as u32, next() as u32),
             unjittered_from_clip: Mat4::from_cols_array(&std::array::from_fn(|_| next())),
@@ -321,7 +318,7 @@ fn read() {
                 ),
             ),
         );
-        let found: [f32; 112] = read_back(SHADER.into(), layout, |device, queue, run| {
+        let found: [f32; 111] = read_back(SHADER.into(), layout, |device, queue, run| {
             let mut view = UniformBuffer::from(view);
             let mut props = StorageBuffer::from(vec![PropUniform::default(), prop]);
             let mut colors = StorageBuffer::from(vec![Vec4::ZERO, Vec4::new(0.0, color, 0.0, 0.0)]);
@@ -330,7 +327,7 @@ fn read() {
             colors.write_buffer(device, queue);
             run(&[view.binding().unwrap(), props.binding().unwrap(), colors.binding().unwrap()]);
         });
-        let expected: [f32; 112] = std::array::from_fn(|index| (index + 1) as f32);
+        let expected: [f32; 111] = std::array::from_fn(|index| (index + 1) as f32);
         assert_eq!(found, expected);
     }
 }

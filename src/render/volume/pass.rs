@@ -68,11 +68,11 @@ pub(super) fn prepare_pipelines(
     mut views: Query<(&VisibleProps, &ViewProps, &Msaa, &mut VolumePipelines)>,
 ) {
     for (visible, props, msaa, mut pipelines) in &mut views {
-        let (degree, multisampled) = (props.degree, msaa.samples() > 1);
+        let multisampled = msaa.samples() > 1;
         // Compile the pipelines of fields that are arriving, so that the fields can be drawn as soon as they are there.
         for shape in extracted.arriving_shapes(&visible.props, &fields) {
             for overlapping in [false, visible.props.len() > 1] {
-                let key = VolumeKey { shape, degree, multisampled, overlapping, motion: visible.has_motion };
+                let key = VolumeKey { shape, multisampled, overlapping, motion: visible.has_motion };
                 specialized.specialize(&cache, &pipeline, key);
             }
         }
@@ -81,7 +81,6 @@ pub(super) fn prepare_pipelines(
             let shape = prop.on_gpu(&fields)?.shape;
             let key = VolumeKey {
                 shape,
-                degree,
                 multisampled,
                 overlapping: prop.overlap != Overlap::None,
                 motion: visible.has_motion,

@@ -30,7 +30,6 @@ pub(super) struct VolumePipeline {
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 pub(super) struct VolumeKey {
     pub shape: FieldShape,
-    pub degree: u32,
     pub multisampled: bool,
     pub overlapping: bool,
     /// Whether motion vectors are written.
@@ -54,7 +53,7 @@ impl SpecializedRenderPipeline for VolumePipeline {
     type Key = VolumeKey;
 
     fn specialize(&self, key: VolumeKey) -> RenderPipelineDescriptor {
-        let mut definitions = field_definitions(key.shape, key.degree);
+        let mut definitions = field_definitions(key.shape);
         if key.overlapping {
             definitions.push("OVERLAPPING".into());
         }

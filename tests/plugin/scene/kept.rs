@@ -290,8 +290,8 @@ fn changes_are_undone_at_once() {
     still.iter().for_each(|frame| assert_same(frame, &still[0], "a still view"));
 }
 
-/// A view in which nothing moves is not drawn again, nor is one in which only the palette changes: most of the work of
-/// software rasterizers, which do it on the CPU, is saved.
+/// A view in which nothing moves is not drawn again, nor is one in which only the palette changes, besides its labels:
+/// most of the work of software rasterizers, which do it on the CPU, is saved. Smooth edges cost nothing then.
 #[test]
 fn still_views_cost_next_to_nothing() {
     let mut headless = Headless::new(UVec2::splat(384), |app| {
@@ -301,9 +301,9 @@ fn still_views_cost_next_to_nothing() {
     let target = headless.target();
     let world = headless.app.world_mut();
     let field = world.resource_mut::<Assets<PlenOctree>>().add(field(0.0));
-    let palette = FieldPalette::from_colors([Color::srgb(0.8, 0.2, 0.1), Color::srgb(0.1, 0.3, 0.8)]).unwrap();
-    world.resource_mut::<Palettes>().insert(&field, palette);
-    world.spawn((Prop(field.clone()), Posterize::default()));
+    let colors = (0..8).map(|index| Color::hsl(45.0 * index as f32, 0.5, 0.5));
+    world.resource_mut::<Palettes>().insert(&field, FieldPalette::from_colors(colors).unwrap());
+    let prop = world.spawn((Prop(field.clone()), Posterize::default())).id();
     let place = Transform::from_xyz(0.3, 0.2, 1.6).looking_at(Vec3::ZERO, Vec3::Y);
     let camera = world.spawn((exact_camera(Color::BLACK), target, place)).id();
     headless.wait_until_ready(Duration::from_secs(120)).unwrap();
@@ -312,7 +312,7 @@ fn still_views_cost_next_to_nothing() {
     if adapter.device_type != wgpu::DeviceType::Cpu {
         return;
     }
-    let mut least = [f64::INFINITY; 3];
+    let mut least = [f64::INFINITY; 4];
     for round in 0..12 {
         for (change, least) in least.iter_mut().enumerate() {
             let world = headless.app.world_mut();
@@ -322,15 +322,22 @@ fn still_views_cost_next_to_nothing() {
                     let shade = 0.05 * round as f32;
                     world.resource_mut::<Palettes>().get_mut(&field).unwrap().set(0, Color::srgb(shade, 0.5, 0.5));
                 }
-                _ => {}
+                2 => {}
+                _ => {
+                    world.entity_mut(prop).insert(Posterize { edges: EdgeSmoothing::Off, ..default() });
+                    (0..3).for_each(|_| headless.update());
+                }
             }
             let start = ProcessTime::now();
             headless.capture().unwrap();
             *least = least.min(start.elapsed().as_secs_f64());
+            headless.app.world_mut().entity_mut(prop).insert(Posterize::default());
             // The scene is copied in the first frame after a change.
-            (0..2).for_each(|_| headless.update());
+            (0..3).for_each(|_| headless.update());
         }
     }
-    let [moved, recolored, still] = least;
-    assert!(recolored < 0.5 * moved && still < 0.5 * moved, "seconds: {moved}, {recolored}, {still}");
+    let [moved, recolored, still, hard] = least;
+    let found = format!("seconds: moved {moved}, recolored {recolored}, still {still}, with hard edges {hard}");
+    println!("{found}");
+    assert!(recolored < 0.5 * moved && still < 0.8 * recolored && still < 1.3 * hard, "{found}");
 }

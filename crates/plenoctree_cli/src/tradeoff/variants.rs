@@ -30,12 +30,9 @@ pub fn rendering() -> Vec<Variant> {
     knob("stop_transmittance", &[0.02, 0.05, 0.1], |quality, value| quality.stop_transmittance = value);
     knob("density_threshold", &[0.5, 2.0, 8.0], |quality, value| quality.density_threshold = value);
     knob("opacity_loss", &[0.002, 0.01, 0.02, 0.05], |quality, value| quality.opacity_loss = value);
-    knob("min_weight", &[0.001, 0.004, 0.016], |quality, value| quality.min_weight = value);
-    knob("degree", &[1.0, 0.0], |quality, value| quality.degree = value as u32);
     knob("cell_size", &[0.7, 1.0, 1.5, 2.0, 3.0], |quality, value| quality.cell_size = value);
     knob("resolution", &[0.75, 0.5, 0.34], |quality, value| quality.resolution = value);
     knob("filter_iterations", &[3.0, 2.0, 1.0, 0.0], |quality, value| quality.filter_iterations = value as u32);
-    knob("filter_radius", &[1.0], |quality, value| quality.filter_radius = value as u32);
     all.push(variant("precision", "byte".into(), PropQuality::EXACT, Precision::Byte));
     for (preset, name) in QualityPreset::ALL.into_iter().zip(["exact", "high", "balanced", "fast"]).skip(1) {
         all.push(variant("preset", name.into(), preset.quality(), Precision::Half));
