@@ -8,7 +8,9 @@
 #endif
 
 struct Fragment {
+#ifdef DEPTH
     @builtin(frag_depth) depth: f32,
+#endif
 #ifdef MOTION
     @location(0) motion: vec4<f32>,
 #endif
@@ -22,7 +24,9 @@ fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
         discard;
     }
     return Fragment(
+#ifdef DEPTH
         solid,
+#endif
 #ifdef MOTION
         textureLoad(motion, pixel, 0),
 #endif

@@ -19,7 +19,7 @@ use crate::{
     },
 };
 
-/// Writes depth alone, or motion vectors and depth.
+/// Writes depth, motion vectors, or both.
 #[derive(Resource)]
 pub(super) struct PrepassPipeline([Fullscreen; 2]);
 
@@ -53,9 +53,10 @@ impl SpecializedRenderPipeline for PrepassPipeline {
     type Key = PrepassKey;
 
     fn specialize(&self, key: PrepassKey) -> RenderPipelineDescriptor {
-        let (definitions, targets) =
-            if key.motion { (vec!["MOTION".into()], vec![target(MOTION_FORMAT, None)]) } else { default() };
-        let mut descriptor = self.pass(key.motion).pipeline(definitions, &targets);
+        let definitions = [(key.motion, "MOTION"), (key.depth, "DEPTH")];
+        let definitions = definitions.into_iter().filter(|(holds, _)| *holds).map(|(_, name)| name.into());
+        let targets = key.motion.then(|| target(MOTION_FORMAT, None));
+        let mut descriptor = self.pass(key.motion).pipeline(definitions.collect(), targets.as_slice());
         descriptor.multisample.count = key.samples;
         descriptor.depth_stencil = key.depth.then(|| depth_test(CORE_3D_DEPTH_FORMAT, true, CompareFunction::Greater));
         descriptor

@@ -10,7 +10,7 @@ use bevy::{
     light::LightPlugin,
     pbr::PbrPlugin,
     prelude::*,
-    render::camera::TemporalJitter,
+    render::{camera::TemporalJitter, error_handler::RenderErrorHandler},
 };
 use bevy_plenoctree::{
     BilateralFilter, EdgeSmoothing, FieldPalette, LabelStages, PaletteOverride, Palettes, PlenOctree, PlenOctreePlugin,
@@ -49,6 +49,8 @@ impl View {
         .unwrap();
         let target = headless.target();
         let world = headless.app.world_mut();
+        // Otherwise, Bevy would stop rendering, and frames would remain the same.
+        world.insert_resource(RenderErrorHandler(|error, _, _| panic!("{}", error.description)));
         let colors = [Color::srgb(0.8, 0.2, 0.1), Color::srgb(0.1, 0.3, 0.8), Color::srgb(0.9, 0.9, 0.2)];
         let fields = [0.0, 1.5].map(|hue| {
             let field = world.resource_mut::<Assets<PlenOctree>>().add(field(hue));
@@ -234,15 +236,17 @@ fn every_change_is_drawn_at_once() {
         assert!(*what == "motion vectors" || anew != before, "{what} changes nothing");
         before = anew;
     }
-    // The same again in a fresh app, frame by frame, so that nothing is ever kept.
-    let mut fresh = View::new();
-    fresh.headless.wait_until_ready(Duration::from_secs(120)).unwrap();
-    for (_, change) in CHANGES {
-        change(&mut fresh);
-        fresh.headless.update();
+    // The same again in fresh apps, frame by frame, so that nothing is ever kept, and all at once.
+    for changes_per_frame in [1, CHANGES.len()] {
+        let mut fresh = View::new();
+        fresh.headless.wait_until_ready(Duration::from_secs(120)).unwrap();
+        for changes in CHANGES.chunks(changes_per_frame) {
+            changes.iter().for_each(|(_, change)| change(&mut fresh));
+            fresh.headless.update();
+        }
+        fresh.headless.wait_until_ready(Duration::from_secs(120)).unwrap();
+        assert_same(&fresh.capture(), &before, &format!("a fresh app, {changes_per_frame} changes per frame"));
     }
-    fresh.headless.wait_until_ready(Duration::from_secs(120)).unwrap();
-    assert_same(&fresh.capture(), &before, "a fresh app");
 }
 
 /// Changes that last for a single frame leave no trace, and are seen in that frame.
