@@ -4,6 +4,9 @@
 #import bevy_plenoctree::edge::{RAYS, neighbor, parts_of}
 #import bevy_plenoctree::filter_texel::unpack
 #import bevy_plenoctree::labels::assign
+#ifdef LIGHTING
+#import bevy_plenoctree::shade::shade_of
+#endif
 #import bevy_plenoctree::view::{is_drawn, props}
 
 // The result of the label pass.
@@ -66,9 +69,16 @@ fn around(pixel: vec2<u32>, owners: vec2<u32>, center: Behind) -> Behind {
 }
 
 // Returns what rays show of their owner, over `behind`: the label of their mean color.
-fn posterized(rays: vec4<f32>, owner: u32, behind: vec3<f32>) -> vec3<f32> {
+fn posterized(pixel: vec2<u32>, rays: vec4<f32>, owner: u32, behind: vec3<f32>) -> vec3<f32> {
     let over = rays.rgb + max(1.0 - rays.a, 0.0) * behind;
-    return decode(tinted(assign(over, owner - 1u).color, props[owner - 1u].tint));
+    var tint = props[owner - 1u].tint;
+    var missing = 0.0;
+#ifdef LIGHTING
+    let shade = shade_of(pixel, owner - 1u, true);
+    tint *= shade.tint;
+    missing = shade.missing;
+#endif
+    return decode(tinted(assign(over, owner - 1u, missing).color, tint));
 }
 
 // Returns the parts of a pixel, blended in linear light as multisampling does.
@@ -89,11 +99,11 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
     var sum = f32(parts.rest) * behind.shown;
     if parts.own > 0u {
         let rays = textureLoad(own_rays, pixel, 0) * f32(RAYS) / f32(countOneBits(bits.r));
-        sum += f32(parts.own) * vec4(posterized(rays, owners.x, behind.composite), 1.0);
+        sum += f32(parts.own) * vec4(posterized(pixel, rays, owners.x, behind.composite), 1.0);
     }
     if parts.other > 0u {
         let rays = textureLoad(other_rays, pixel, 0) * f32(RAYS) / f32(countOneBits(bits.b));
-        sum += f32(parts.other) * vec4(posterized(rays, owners.y, behind.composite), 1.0);
+        sum += f32(parts.other) * vec4(posterized(pixel, rays, owners.y, behind.composite), 1.0);
     }
     sum /= f32(max(parts.own + parts.other + parts.rest, 1u));
     return select(vec4(encode(sum.rgb), sum.a), seen, seen.a < 0.0 && sum.a == 0.0);

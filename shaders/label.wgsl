@@ -4,6 +4,9 @@
 #import bevy_plenoctree::color::tinted
 #import bevy_plenoctree::filter_texel::unpack
 #import bevy_plenoctree::labels::assign
+#ifdef LIGHTING
+#import bevy_plenoctree::shade::{Shade, lit_prop, shade_of}
+#endif
 #import bevy_plenoctree::view::{props, view}
 
 @group(1) @binding(0) var filtered: texture_2d<u32>;
@@ -21,12 +24,31 @@ fn seen_at(pixel: vec2<u32>) -> Seen {
     let opacity = textureLoad(layer, pixel, 0).a;
     let value = unpack(textureLoad(filtered, pixel, 0));
     if value.owner == 0u {
-        return Seen(value.color, opacity, select(0u, 1u, opacity > 0.0), 0u);
+        var color = value.color;
+#ifdef LIGHTING
+        let trained = lit_prop(pixel);
+        if trained > 0u && opacity > 0.0 {
+            // What shows through the prop keeps its light.
+            let own = textureLoad(layer, pixel, 0).rgb;
+            let shade = shade_of(pixel, trained - 1u, false);
+            color += opacity * tinted(own / opacity, shade.tint * (1.0 - shade.missing)) - own;
+        }
+#endif
+        return Seen(color, opacity, select(0u, 1u, opacity > 0.0), 0u);
     }
-    let posterized = assign(value.color, value.owner - 1u);
     let is_view = value.owner == view.everything;
+    var tint = props[value.owner - 1u].tint;
+    var missing = 0.0;
+#ifdef LIGHTING
+    if !is_view {
+        let shade = shade_of(pixel, value.owner - 1u, true);
+        tint *= shade.tint;
+        missing = shade.missing;
+    }
+#endif
+    let posterized = assign(value.color, value.owner - 1u, missing);
     return Seen(
-        tinted(posterized.color, props[value.owner - 1u].tint),
+        tinted(posterized.color, tint),
         // Posterized props are opaque. A posterized view keeps the opacity of its pixels.
         select(1.0, opacity, is_view),
         2u + posterized.label,

@@ -1,6 +1,9 @@
 // Labels: which one a color gets, and how it is shown. See section 4 of the method, steps 3 to 5.
 #define_import_path bevy_plenoctree::labels
 
+#ifdef LIGHTING
+#import bevy_plenoctree::color::{decode, encode}
+#endif
 #import bevy_plenoctree::view::{colors, props}
 
 // A label: a blend of the palette colors `first` and `second`, where `share` is the weight of `first`.
@@ -42,10 +45,68 @@ struct Shown {
     label: u32,
 }
 
-fn assign(color: vec3<f32>, prop: u32) -> Shown {
+#ifdef LIGHTING
+// Colors that differ less than this from gray have no hue.
+const GRAY: f32 = 0.08;
+// The cosine of the angle within which hues count as the same.
+const SAME_HUE: f32 = 0.9;
+
+fn is_darker_shade(color: vec3<f32>, own: vec3<f32>) -> bool {
+    let chroma = color - dot(color, vec3(1.0 / 3.0));
+    let own_chroma = own - dot(own, vec3(1.0 / 3.0));
+    let lengths = vec2(length(chroma), length(own_chroma));
+    let same_hue = select(
+        dot(chroma, own_chroma) >= SAME_HUE * lengths.x * lengths.y,
+        all(lengths < vec2(GRAY)),
+        any(lengths < vec2(GRAY)),
+    );
+    return same_hue && dot(color - own, vec3(0.2126, 0.7152, 0.0722)) < 0.0;
+}
+
+// Returns what a label shows where a share of the light is missing: the color of a darker label of the same hue, the one
+// nearest to what the label would be with less light. Without such a label, its own color with less light.
+fn shaded(prop: u32, label: Label, missing: f32) -> vec3<f32> {
     let count = props[prop].colors;
     let source = props[prop].first_color;
-    let edited = source + count;
+    let steps = props[prop].blend_steps;
+    let own = shown(source, label);
+    let wanted = encode(decode(own) * (1.0 - missing));
+    var nearest = Label(0u, 0u, 1.0, dot(own - wanted, own - wanted), 0u);
+    var is_found = false;
+    for (var i = 0u; i < count; i++) {
+        // The palette color itself, and its blends with those after it.
+        for (var j = i; j < count; j++) {
+            for (var k = select(1u, 0u, j == i); k < select(steps, 1u, j == i); k++) {
+                let share = select(f32(k) / f32(steps), 1.0, j == i);
+                let color = mix(colors[source + j].rgb, colors[source + i].rgb, share);
+                let distance = dot(color - wanted, color - wanted);
+                if distance < nearest.distance && is_darker_shade(color, own) {
+                    nearest = Label(i, j, share, distance, 0u);
+                    is_found = true;
+                }
+            }
+        }
+    }
+    if is_found {
+        return shown(source + count, nearest);
+    }
+    return encode(decode(shown(source + count, label)) * (1.0 - missing));
+}
+#endif
+
+// Returns the color that a label shows where a share of the light is missing.
+fn shown_in(prop: u32, label: Label, missing: f32) -> vec3<f32> {
+#ifdef LIGHTING
+    if missing > 0.0 {
+        return shaded(prop, label, missing);
+    }
+#endif
+    return shown(props[prop].first_color + props[prop].colors, label);
+}
+
+fn assign(color: vec3<f32>, prop: u32, missing: f32) -> Shown {
+    let count = props[prop].colors;
+    let source = props[prop].first_color;
     let steps = props[prop].blend_steps;
     let none = Label(0u, 0u, 1.0, FAR, 0u);
     var nearest = Nearest(none, none);
@@ -69,12 +130,12 @@ fn assign(color: vec3<f32>, prop: u32) -> Shown {
     }
     let softness = props[prop].softness;
     let lead = sqrt(nearest.second.distance) - sqrt(nearest.first.distance);
-    let first = shown(edited, nearest.first);
+    let first = shown_in(prop, nearest.first, missing);
     // Softness 0 gives a hard edge. A palette of one color has no second label: its distance remains FAR.
     if lead >= softness {
         return Shown(first, nearest.first.index);
     }
     let step = 0.5 + 0.5 * lead / softness;
-    let soft = mix(shown(edited, nearest.second), first, step * step * (3.0 - 2.0 * step));
+    let soft = mix(shown_in(prop, nearest.second, missing), first, step * step * (3.0 - 2.0 * step));
     return Shown(soft, nearest.first.index);
 }

@@ -3,7 +3,7 @@
 
 #import bevy_plenoctree::color::to_half
 #import bevy_plenoctree::scene::scene_distance
-#import bevy_plenoctree::view::{owner_of, pack_owner, props, view}
+#import bevy_plenoctree::view::{pack_owner, packed_owner, prop_of, props, view}
 
 @group(1) @binding(0) var layer: texture_2d<f32>;
 @group(1) @binding(1) var owner: texture_2d<f32>;
@@ -63,9 +63,8 @@ fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
     let mixed = to_half(color / total);
     let there = textureLoad(owner, nearest, 0);
     // Outlines follow the interpolated opacity, not that of the coarse pixels.
-    let prop = owner_of(there);
-    let covers = mixed.a >= props[max(prop, 1u) - 1u].min_opacity;
-    let owned = pack_owner(select(0u, prop, covers));
+    let covers = mixed.a >= props[max(prop_of(there), 1u) - 1u].min_opacity;
+    let owned = pack_owner(select(0u, packed_owner(there), covers));
     return Fragment(
         mixed,
         vec4(owned, 0.0, 1.0),

@@ -114,8 +114,23 @@ fn pack_owner(owner: u32) -> vec2<f32> {
     return vec2(f32(owner & 2047u), f32(owner >> 11u));
 }
 
-fn owner_of(texel: vec4<f32>) -> u32 {
+// Returns what `pack_owner` packed.
+fn packed_owner(texel: vec4<f32>) -> u32 {
     return u32(texel.r) + (u32(texel.g) << 11u);
+}
+
+// Marks the owner of a pixel that is drawn as trained, which only the lights that fall on it need to know.
+const AS_TRAINED: u32 = 0x10000u;
+
+// Returns the owner of a posterized pixel, or 0.
+fn owner_of(texel: vec4<f32>) -> u32 {
+    let owner = packed_owner(texel);
+    return select(owner, 0u, owner >= AS_TRAINED);
+}
+
+// Returns the owner of a pixel, posterized or as trained, or 0.
+fn prop_of(texel: vec4<f32>) -> u32 {
+    return packed_owner(texel) & (AS_TRAINED - 1u);
 }
 
 // Packs the prop that is solid nearest to the camera, and whether it lets no light through. 0 means that there is none.

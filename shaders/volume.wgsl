@@ -6,6 +6,9 @@
 #import bevy_plenoctree::prop_ray::{PropRay, Varying, position_at, position_of, prop_ray, solid_depth_at}
 #import bevy_plenoctree::radiance::{harmonics, radiance}
 #import bevy_plenoctree::view::{LEAST_DEPTH, is_solid_prop, motion_of, pack_owner, props, shows_through, view}
+#ifdef LIT
+#import bevy_plenoctree::view::AS_TRAINED
+#endif
 
 #ifdef OVERLAPPING
 // The results of the solid pass's two rounds.
@@ -124,9 +127,15 @@ fn fragment(in: Varying) -> Fragment {
     let is_nearest = solid >= 0.0;
     let depth = select(0.0, solid_depth_at(seen, in.prop, solid), solid >= 0.0);
 #endif
+#ifdef LIT
+    // Lights also fall on what is drawn as trained.
+    let owner = select(posterized, (in.prop + 1u) | AS_TRAINED, covers && posterized == 0u);
+#else
+    let owner = posterized;
+#endif
     return Fragment(
         to_half(vec4(color, opacity)),
-        vec4(pack_owner(posterized), 0.0, select(0.0, 1.0, covers)),
+        vec4(pack_owner(owner), 0.0, select(0.0, 1.0, covers)),
         max(depth, LEAST_DEPTH),
 #ifdef MOTION
         vec4(motion_of(in.prop, in.position.xy * view.pixel, depth), 0.0, select(0.0, 1.0, is_nearest)),

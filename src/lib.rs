@@ -35,6 +35,7 @@
 //! | recolor it | [`Palettes`], [`PaletteOverride`], [`PropTint`], [`BlendSpace`], [`PaletteReady`] |
 //! | configure palette extraction | [`PaletteExtraction`] |
 //! | cast shadows | the feature `shadows`, [`SolidOpacity`], [`PropQuality`] on a light |
+//! | let shadows and lights fall on it | `PropLighting` (feature `shadows`) on the prop |
 //! | choose where in the frame props are drawn | [`PropStage`] on a camera |
 //! | trade accuracy for speed | [`PropQuality`] on a camera |
 //! | cast rays at props | [`PropRayCast`]; `PropPickingPlugin` (feature `picking`) |
@@ -53,6 +54,8 @@ mod background;
 mod gpu;
 #[cfg(feature = "headless")]
 pub mod headless;
+#[cfg(feature = "shadows")]
+mod lighting;
 #[cfg(feature = "mesh")]
 mod mesh;
 mod palette;
@@ -76,6 +79,8 @@ mod tests;
 pub use asset::PackSaver;
 pub use asset::PlenOctreeLoader;
 pub use gpu::{FieldFailed, FieldReady, FieldTooLarge, GpuField, MAX_PROPS_IN_VIEW, UploadBudget};
+#[cfg(feature = "shadows")]
+pub use lighting::{MAX_BANDS, PropLighting};
 #[cfg(feature = "mesh")]
 pub use mesh::surface_mesh;
 pub use palette::{
@@ -101,7 +106,7 @@ pub use prop::{Prop, PropTint, SolidOpacity};
 pub use quality::{PropQuality, QualityPreset};
 pub use recovery::DeviceRecoveryPlugin;
 #[cfg(feature = "shadows")]
-pub use render::SHADOW_SPANS;
+pub use render::{LIGHTING_SPANS, SHADOW_SPANS};
 pub use render::{LabelTextures, POSTERIZE_SPANS, StageWrite, VOLUME_SPANS};
 pub use sets::{PlenOctreeRenderSystems, PlenOctreeSystems};
 pub use stage::{LabelStages, PosterizeView, PropStage};
@@ -135,6 +140,8 @@ impl Plugin for PlenOctreePlugin {
                 state::PropStatePlugin,
                 render::RenderPropsPlugin,
             ));
+        #[cfg(feature = "shadows")]
+        app.register_type::<PropLighting>();
     }
 }
 

@@ -1,5 +1,7 @@
 //! Re-exports the types that most games need: `use bevy_plenoctree::prelude::*;`.
 
+#[cfg(feature = "shadows")]
+pub use crate::PropLighting;
 pub use crate::{
     BlendSpace, FieldPalette, PaletteOverride, PaletteReady, Palettes, PlenOctree, PlenOctreePlugin, Posterize,
     PosterizeView, Prop, PropHit, PropProgress, PropQuality, PropRayCast, PropStage, PropState, PropTint, props_ready,

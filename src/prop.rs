@@ -44,8 +44,8 @@ fn clean_up(mut world: DeferredWorld, HookContext { entity, .. }: HookContext) {
     world.commands().entity(entity).try_remove::<(DrawnField, PropProgress, PropState)>();
 }
 
-/// Multiplies the light of a [`Prop`], for example to dim it with the scene at night. Props are not lit by the
-/// scene's lights.
+/// Multiplies the light of a [`Prop`], for example to dim it with the scene at night. The scene's lights
+/// do not make props brighter or darker, apart from what a `PropLighting` lets in (feature `shadows`).
 ///
 /// Reaches everything that is drawn of the prop: as trained, in the shown colors of its palette, and in those of its
 /// [`PaletteOverride`](crate::PaletteOverride). Multiplies linear light, channel by channel, and does not change which

@@ -30,11 +30,13 @@ pub(crate) struct Shaders {
     pub shadow: Handle<Shader>,
     #[cfg(feature = "shadows")]
     pub shadow_tile: Handle<Shader>,
+    #[cfg(feature = "shadows")]
+    pub lighting: Handle<Shader>,
     pub present: Handle<Shader>,
     pub depth: Handle<Shader>,
     pub transparent: Handle<Shader>,
     pub sampling: Handle<Shader>,
-    _imported: [Handle<Shader>; 11],
+    _imported: [Handle<Shader>; 12],
 }
 
 impl Shaders {
@@ -69,6 +71,8 @@ impl Shaders {
             shadow: shader!("shadow.wgsl"),
             #[cfg(feature = "shadows")]
             shadow_tile: shader!("shadow_tile.wgsl"),
+            #[cfg(feature = "shadows")]
+            lighting: shader!("lighting.wgsl"),
             present: shader!("present.wgsl"),
             depth: shader!("depth.wgsl"),
             transparent: shader!("transparent.wgsl"),
@@ -81,6 +85,7 @@ impl Shaders {
                 shader!("view.wgsl"),
                 shader!("scene.wgsl"),
                 shader!("prop_ray.wgsl"),
+                shader!("shade.wgsl"),
                 shader!("target.wgsl"),
                 shader!("octree.wgsl"),
                 shader!("radiance.wgsl"),

@@ -45,7 +45,20 @@ pub(super) struct ExtractedProp {
     pub tint: Vec3,
     pub posterize: Option<ExtractedPosterize>,
     /// The index of the prop with its earlier field, which is drawn as long as this one is not on the GPU.
-    stand_in: Option<usize>,
+    pub stand_in: Option<usize>,
+    /// How the scene's lights fall on it.
+    #[cfg(feature = "shadows")]
+    pub lighting: Option<crate::lighting::PropLighting>,
+}
+
+impl ExtractedProp {
+    /// Returns whether the scene's lights fall on it.
+    pub fn is_lit(&self) -> bool {
+        #[cfg(feature = "shadows")]
+        return self.lighting.is_some();
+        #[cfg(not(feature = "shadows"))]
+        return false;
+    }
 }
 
 impl ExtractedProps {
@@ -59,13 +72,17 @@ impl ExtractedProps {
         [Some(index), self.props.get(index)?.stand_in].into_iter().flatten().find(is_ready)
     }
 
-    /// Returns the shapes of the fields that are arriving, among those of some props.
+    /// Returns the shapes of the fields that are arriving, among those of some props, and whether the scene's lights fall on
+    /// the prop.
     pub fn arriving_shapes(
         &self,
         props: &[usize],
         fields: &RenderAssets<GpuField>,
-    ) -> impl Iterator<Item = FieldShape> {
-        props.iter().filter_map(|index| fields.get(self.props.get(*index)?.field)?.arriving_shape())
+    ) -> impl Iterator<Item = (FieldShape, bool)> {
+        props.iter().filter_map(|index| {
+            let prop = self.props.get(*index)?;
+            Some((fields.get(prop.field)?.arriving_shape()?, prop.is_lit()))
+        })
     }
 }
 
@@ -179,6 +196,8 @@ pub(super) fn extract_props(
                 posterize: posterize
                     .map(|(settings, palette)| ExtractedPosterize::write(colors, settings, palette, own)),
                 stand_in,
+                #[cfg(feature = "shadows")]
+                lighting: None,
             });
             Some(list.len() - 1)
         };

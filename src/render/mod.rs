@@ -8,6 +8,7 @@
 //! - `volume` draws the props into the view's layer.
 //! - `upsample` enlarges a coarse layer to the size of the viewport.
 //! - `edges` finds how much of a pixel posterized props cover where they end.
+//! - `lighting` finds how much of the scene's light is kept from props (feature `shadows`).
 //! - `composite` blends the layer over the scene.
 //! - `filter` flattens the colors.
 //! - `label` replaces them by palette colors.
@@ -32,6 +33,7 @@ mod filter;
 mod fullscreen;
 mod kept;
 mod label;
+mod lighting;
 mod order;
 mod pass;
 mod prepass;
@@ -75,6 +77,9 @@ pub const POSTERIZE_SPANS: &[&str] = &[
 /// The names of the spans in Bevy's render diagnostics whose times add up to the time of drawing props into shadow maps.
 #[cfg(feature = "shadows")]
 pub const SHADOW_SPANS: &[&str] = &[shadow::SHADOW_SPAN];
+/// The names of the spans in Bevy's render diagnostics whose times add up to the time of lighting props.
+#[cfg(feature = "shadows")]
+pub const LIGHTING_SPANS: &[&str] = &[lighting::LIGHTING_SPAN];
 
 /// Draws every [`Prop`](crate::Prop).
 pub(crate) struct RenderPropsPlugin;
@@ -103,6 +108,9 @@ impl Plugin for RenderPropsPlugin {
             depth::plugin,
             prepass::plugin,
             transparent::plugin,
+        ));
+        app.add_plugins((
+            lighting::plugin,
             #[cfg(feature = "shadows")]
             shadow::plugin,
         ));

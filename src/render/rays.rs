@@ -46,6 +46,18 @@ impl Placement {
         world_from_field(&self.world_from_prop, self.up)
     }
 
+    /// Returns the transform from the unit cube to the box around the leaves, in the field's frame.
+    fn field_from_box(&self) -> DAffine3 {
+        let size = (self.high - self.low) / self.frame.scale;
+        DAffine3::from_mat3_translation(DMat3::from_diagonal(size), self.frame.to_world(self.low))
+    }
+
+    /// Returns the transform from the scene to the unit cube, from the box around the leaves.
+    #[cfg(feature = "shadows")]
+    pub fn box_from_world(&self) -> DAffine3 {
+        (self.world_from_field() * self.field_from_box()).inverse()
+    }
+
     /// Returns the center of the box around the leaves, in the scene.
     pub fn center(&self) -> DVec3 {
         self.world_from_field().transform_point3(self.frame.to_world(0.5 * (self.low + self.high)))
@@ -76,11 +88,7 @@ impl Placement {
         let clip_from_view = clip_from_view.as_dmat4();
         let view_from_clip = clip_from_view.inverse();
 
-        let field_from_box = DAffine3::from_mat3_translation(
-            DMat3::from_diagonal((self.high - self.low) / self.frame.scale),
-            self.frame.to_world(self.low),
-        );
-        let view_from_box = world_from_view.inverse() * world_from_field * field_from_box;
+        let view_from_box = world_from_view.inverse() * world_from_field * self.field_from_box();
         let clip_from_box = clip_from_view * DMat4::from(view_from_box);
         let size = viewport.as_dvec2();
         let corners =

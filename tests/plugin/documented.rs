@@ -54,6 +54,7 @@ fn every_system_of_the_documentation_runs() {
     assigning::run();
     stages::run();
     casting::run();
+    receiving::run();
     aiming::run();
     pointing::run();
 }
@@ -385,6 +386,22 @@ mod casting {
         app.update();
         assert_eq!(app.world_mut().query::<(&Prop, &NotShadowCaster)>().iter(app.world()).count(), 1);
         assert_eq!(app.world_mut().query::<(&DirectionalLight, &PropQuality)>().iter(app.world()).count(), 1);
+    }
+}
+
+mod receiving {
+    use bevy::prelude::*;
+    use bevy_plenoctree::prelude::*;
+
+    fn setup(mut commands: Commands, assets: Res<AssetServer>) {
+        let lighting = PropLighting { shadows: 0.6, tint: 0.3, bands: 2 };
+        commands.spawn((Prop(assets.load("toadstool.npz")), Posterize::default(), lighting));
+    }
+
+    pub fn run() {
+        let mut app = super::app(|app| _ = app.add_systems(Startup, setup));
+        app.update();
+        assert_eq!(app.world_mut().query::<(&Prop, &PropLighting)>().iter(app.world()).count(), 1);
     }
 }
 

@@ -6,6 +6,7 @@ mod edges;
 mod extremes;
 mod frames;
 mod large;
+mod lighting;
 mod loading;
 mod memory;
 mod palettes;

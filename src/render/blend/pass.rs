@@ -23,6 +23,7 @@ use crate::{
         edges::EdgeTextures,
         fullscreen::draw,
         label::{SHOWN_FORMAT, ShownTexture},
+        lighting::ReadLighting,
         target::hidden_samples,
         view::{ViewBindGroups, ViewProps, ViewTextures, drawn_viewport, view_texture},
     },
@@ -80,10 +81,11 @@ pub(super) fn prepare_pipelines(
     cache: Res<PipelineCache>,
     pipeline: Res<BlendPipeline>,
     mut specialized: ResMut<SpecializedRenderPipelines<BlendPipeline>>,
-    mut views: Query<(&ViewProps, &Msaa, &mut BlendPass)>,
+    mut views: Query<(&ViewProps, &Msaa, &ReadLighting, &mut BlendPass)>,
 ) {
-    for (props, msaa, mut pass) in &mut views {
-        let keys = [BlendKey::Blend(hidden_samples(props, msaa)), BlendKey::Patch];
+    for (props, msaa, lighting, mut pass) in &mut views {
+        let blend = BlendKey::Blend { samples: hidden_samples(props, msaa), is_lit: lighting.is_lit };
+        let keys = [blend, BlendKey::Patch];
         pass.pipelines = props.smooths_edges().then(|| keys.map(|key| specialized.specialize(&cache, &pipeline, key)));
     }
 }
@@ -110,11 +112,18 @@ pub(super) fn prepare_bind_groups(
 
 pub(super) fn blend_pass(
     InMut(stage): InMut<PropStage>,
-    view: ViewQuery<(&ViewProps, &ViewBindGroups, &EdgeTextures, &ShownTexture, &BlendedTexture, &BlendPass)>,
+    view: ViewQuery<(
+        &ViewProps,
+        (&ViewBindGroups, &ReadLighting),
+        &EdgeTextures,
+        &ShownTexture,
+        &BlendedTexture,
+        &BlendPass,
+    )>,
     cache: Res<PipelineCache>,
     mut ctx: RenderContext,
 ) {
-    let (props, groups, edges, shown, blended, pass) = view.into_inner();
+    let (props, (groups, lighting), edges, shown, blended, pass) = view.into_inner();
     let pipeline = |index: usize| cache.get_render_pipeline(pass.pipelines?[index]);
     let (true, Some(view), Some(blend), Some(patch), Some(from_shown), Some(from_blended)) = (
         props.posterizes_at(*stage, &cache),
@@ -136,6 +145,9 @@ pub(super) fn blend_pass(
             depth_stencil_attachment: Some(tested(&edges.mask)),
             ..default()
         });
+        if let Some(lighting) = lighting.group.get() {
+            pass.set_bind_group(2, lighting, &[]);
+        }
         draw(&mut pass, props, None, pipeline, [(view, &[]), (group, &[])]);
     }
     span.end(ctx.command_encoder());

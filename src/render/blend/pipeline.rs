@@ -16,6 +16,7 @@ use crate::{
         fullscreen::{Fullscreen, target},
         kept::KeptPart,
         label::SHOWN_FORMAT,
+        lighting::LightingLayout,
         view::ViewLayouts,
     },
 };
@@ -24,16 +25,27 @@ use crate::{
 pub(super) struct BlendPipeline {
     pub blend: Fullscreen,
     pub patch: Fullscreen,
+    lighting: LightingLayout,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 pub(super) enum BlendKey {
-    /// The blend pass. If the target has several samples per pixel, their number.
-    Blend(Option<u32>),
+    /// The blend pass.
+    Blend {
+        /// If the target has several samples per pixel, their number.
+        samples: Option<u32>,
+        /// Whether the scene's lights fall on a prop.
+        is_lit: bool,
+    },
     Patch,
 }
 
-pub(super) fn init(mut commands: Commands, views: Res<ViewLayouts>, shaders: Res<Shaders>) {
+pub(super) fn init(
+    mut commands: Commands,
+    views: Res<ViewLayouts>,
+    lighting: Res<LightingLayout>,
+    shaders: Res<Shaders>,
+) {
     let (integers, floats) =
         (|| texture_2d(TextureSampleType::Uint), || texture_2d(TextureSampleType::Float { filterable: false }));
     let stages = ShaderStages::FRAGMENT;
@@ -46,6 +58,7 @@ pub(super) fn init(mut commands: Commands, views: Res<ViewLayouts>, shaders: Res
     commands.insert_resource(BlendPipeline {
         blend: pass("plenoctree_blend", &shaders.blend, &blend),
         patch: pass("plenoctree_patch", &shaders.patch, &patch),
+        lighting: lighting.clone(),
     });
 }
 
@@ -54,12 +67,15 @@ impl SpecializedRenderPipeline for BlendPipeline {
 
     fn specialize(&self, key: BlendKey) -> RenderPipelineDescriptor {
         let (pass, samples) = match key {
-            BlendKey::Blend(samples) => (&self.blend, samples),
+            BlendKey::Blend { samples, .. } => (&self.blend, samples),
             BlendKey::Patch => (&self.patch, None),
         };
         let definitions = samples.map(|samples| ShaderDefVal::UInt("SAMPLES".into(), samples));
         let mut descriptor = pass.pipeline(definitions.into_iter().collect(), &[target(SHOWN_FORMAT, None)]);
         descriptor.depth_stencil = Some(mask_test());
+        if let BlendKey::Blend { is_lit: true, .. } = key {
+            self.lighting.add_to(&mut descriptor);
+        }
         descriptor
     }
 }

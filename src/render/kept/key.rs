@@ -19,8 +19,9 @@ pub(in crate::render) struct LayerKey {
     /// The props in drawing order: how the camera sees them, where they were in the previous frame, the boxes around their
     /// leaves, their tints, where they are solid, and which pixels they own.
     pub props: Vec<PropUniform>,
-    /// What is drawn of each prop: its field at a level, if that is on the GPU, and how it overlaps others.
-    pub fields: Vec<(Option<BindGroupId>, Overlap)>,
+    /// What is drawn of each prop: its field at a level, if that is on the GPU, how it overlaps others, and whether lights
+    /// fall on it.
+    pub fields: Vec<(Option<BindGroupId>, Overlap, bool)>,
     /// The number of samples per pixel of the scene.
     pub samples: u32,
     /// The textures that hold the layer and all that it is made of. A view may be given others in any frame.

@@ -24,6 +24,7 @@ use crate::{
         blend::{BlendPass, BlendedTexture},
         edges::{EdgeTextures, EdgesPass},
         label::ShownTexture,
+        lighting::ReadLighting,
         solid::{SolidPipelines, SolidTextures},
         target::hidden_samples,
         upsample::UpsamplePipeline,
@@ -80,7 +81,7 @@ pub(super) fn prepare(
         Option<&ViewTextures>,
         (Option<&SolidTextures>, &SolidPipelines, &VolumePipelines),
         (Option<&EdgeTextures>, &EdgesPass),
-        (Option<&ShownTexture>, Option<&BlendedTexture>, &BlendPass),
+        (Option<&ShownTexture>, Option<&BlendedTexture>, &BlendPass, &ReadLighting),
         &mut KeptView,
     )>,
 ) {
@@ -91,7 +92,7 @@ pub(super) fn prepare(
         textures,
         (solid, solid_pipelines, volume_pipelines),
         (edges, edges_pass),
-        (shown, blended, blend_pass),
+        (shown, blended, blend_pass, lighting),
         mut view,
     ) in &mut views
     {
@@ -106,9 +107,10 @@ pub(super) fn prepare(
         key.props.clear();
         key.props.extend(props.props.get().iter().take(props.drawn.len()).map(PropUniform::of_layer));
         key.fields.clear();
-        key.fields.extend(
-            props.drawn.iter().map(|prop| (prop.on_gpu(&fields).map(|level| level.bind_group.id()), prop.overlap)),
-        );
+        key.fields.extend(props.drawn.iter().map(|prop| {
+            let field = prop.on_gpu(&fields).map(|level| level.bind_group.id());
+            (field, prop.overlap, prop.lit.is_some())
+        }));
         key.samples = msaa.samples();
         key.textures.clear();
         let layers = [Some(&textures.layer), textures.coarse.as_ref()];
@@ -143,8 +145,8 @@ pub(super) fn prepare(
         key.textures.clear();
         let views = shown.map(|shown| &shown.0).into_iter().chain(blended.map(|blended| &blended.0));
         key.textures.extend(views.map(|view| view.id()));
-        // Custom stages write to the texture.
-        labels.decide(is_complete && !props.has_stages, composite.reads_scene());
+        // Custom stages write to the texture, and nothing tells whether shadows that fall on props have changed.
+        labels.decide(is_complete && !props.has_stages && !lighting.is_lit, composite.reads_scene());
 
         let reads = [layer.reads_scene(), composite.reads_scene()];
         let size = props.view.get().size;

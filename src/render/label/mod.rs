@@ -13,7 +13,7 @@ pub(super) use textures::{SHOWN_FORMAT, ShownTexture};
 
 use bevy::{
     prelude::*,
-    render::{Render, RenderApp, RenderSystems},
+    render::{GpuResourceAppExt, Render, RenderApp, RenderSystems, render_resource::SpecializedRenderPipelines},
 };
 
 use super::{
@@ -24,7 +24,7 @@ use crate::sets::PlenOctreeRenderSystems;
 
 pub(super) fn plugin(app: &mut App) {
     if let Some(render_app) = app.get_sub_app_mut(RenderApp) {
-        render_app.add_systems(
+        render_app.init_gpu_resource::<SpecializedRenderPipelines<pipeline::LabelPipeline>>().add_systems(
             Render,
             textures::prepare_textures
                 .after(PlenOctreeRenderSystems::PrepareViews)
@@ -33,9 +33,9 @@ pub(super) fn plugin(app: &mut App) {
     }
     let systems = Pass {
         init: pipeline::init.into_configs(),
-        prepare_pipelines: pass::require_pipelines.into_configs(),
+        prepare_pipelines: pass::prepare_pipelines.into_configs(),
         prepare_bind_groups: pass::prepare_bind_groups.into_configs(),
         draw: pass::label_pass,
     };
-    add_pass::<pass::LabelBindGroup, _, _, _>(app, PosterizeSteps::Label, systems);
+    add_pass::<pass::LabelPass, _, _, _>(app, PosterizeSteps::Label, systems);
 }

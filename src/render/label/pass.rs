@@ -4,13 +4,16 @@ use bevy::{
     prelude::*,
     render::{
         diagnostic::RecordDiagnostics,
-        render_resource::{BindGroupEntries, LoadOp, PipelineCache, RenderPassDescriptor},
+        render_resource::{
+            BindGroupEntries, CachedRenderPipelineId, LoadOp, PipelineCache, RenderPassDescriptor,
+            SpecializedRenderPipelines,
+        },
         renderer::{RenderContext, RenderDevice, ViewQuery},
     },
 };
 
 use super::{
-    pipeline::LabelPipelines,
+    pipeline::{LabelKey, LabelPipeline},
     textures::{LabelTextures, ShownTexture},
 };
 use crate::{
@@ -19,6 +22,7 @@ use crate::{
         bind_group::KeptBindGroup,
         fullscreen::draw,
         kept::{KeptPart, KeptView},
+        lighting::ReadLighting,
         view::{ViewBindGroups, ViewProps, ViewTextures},
     },
     stage::PropStage,
@@ -27,13 +31,23 @@ use crate::{
 /// The name of the pass's span in Bevy's render diagnostics.
 pub const LABEL_SPAN: &str = "plenoctree_label";
 
-/// The bind group of a view.
+/// The pipeline and the bind group of a view.
 #[derive(Component, Default)]
-pub(super) struct LabelBindGroup(KeptBindGroup);
+pub(super) struct LabelPass {
+    pipeline: Option<CachedRenderPipelineId>,
+    group: KeptBindGroup,
+}
 
-pub(super) fn require_pipelines(label: Res<LabelPipelines>, mut views: Query<&mut ViewProps>) {
-    for mut props in &mut views {
-        let id = label.id(props.has_stages);
+pub(super) fn prepare_pipelines(
+    cache: Res<PipelineCache>,
+    pipeline: Res<LabelPipeline>,
+    mut specialized: ResMut<SpecializedRenderPipelines<LabelPipeline>>,
+    mut views: Query<(&mut ViewProps, &ReadLighting, &mut LabelPass)>,
+) {
+    for (mut props, lighting, mut pass) in &mut views {
+        let key = LabelKey { has_stages: props.has_stages, is_lit: lighting.is_lit };
+        let id = specialized.specialize(&cache, &pipeline, key);
+        pass.pipeline = Some(id);
         props.pipelines.push(id);
     }
 }
@@ -41,32 +55,38 @@ pub(super) fn require_pipelines(label: Res<LabelPipelines>, mut views: Query<&mu
 pub(super) fn prepare_bind_groups(
     device: Res<RenderDevice>,
     cache: Res<PipelineCache>,
-    label: Res<LabelPipelines>,
-    mut views: Query<(Option<&ViewTextures>, &mut LabelBindGroup)>,
+    pipeline: Res<LabelPipeline>,
+    mut views: Query<(Option<&ViewTextures>, &mut LabelPass)>,
 ) {
-    for (textures, mut group) in &mut views {
+    for (textures, mut pass) in &mut views {
         let Some(textures) = textures else {
-            *group = default();
+            pass.group = default();
             continue;
         };
         let entries = BindGroupEntries::sequential((&textures.even, &textures.layer.color));
-        group.0.update(&device, &cache, label.shared.label, &label.shared.layout, &entries);
+        pass.group.update(&device, &cache, pipeline.pass.label, &pipeline.pass.layout, &entries);
     }
 }
 
 pub(super) fn label_pass(
     InMut(stage): InMut<PropStage>,
-    view: ViewQuery<(&ViewProps, &ViewBindGroups, &KeptView, &LabelBindGroup, &ShownTexture, Option<&LabelTextures>)>,
+    view: ViewQuery<(
+        &ViewProps,
+        (&ViewBindGroups, &ReadLighting),
+        &KeptView,
+        &LabelPass,
+        &ShownTexture,
+        Option<&LabelTextures>,
+    )>,
     cache: Res<PipelineCache>,
-    label: Res<LabelPipelines>,
     mut ctx: RenderContext,
 ) {
-    let (props, groups, kept, group, shown, stages) = view.into_inner();
+    let (props, (groups, lighting), kept, pass, shown, stages) = view.into_inner();
     let (true, Some(view), Some(group), Some(pipeline)) = (
         props.posterizes_at(*stage, &cache),
         groups.plain.get(),
-        group.0.get(),
-        cache.get_render_pipeline(label.id(stages.is_some())),
+        pass.group.get(),
+        pass.pipeline.and_then(|id| cache.get_render_pipeline(id)),
     ) else {
         return;
     };
@@ -84,6 +104,9 @@ pub(super) fn label_pass(
             color_attachments: &attachments,
             ..default()
         });
+        if let Some(lighting) = lighting.group.get() {
+            pass.set_bind_group(2, lighting, &[]);
+        }
         draw(&mut pass, props, None, pipeline, [(view, &[]), (group, &[])]);
     }
     span.end(ctx.command_encoder());

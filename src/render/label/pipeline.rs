@@ -3,7 +3,7 @@
 use bevy::{
     prelude::*,
     render::render_resource::{
-        BindGroupLayoutEntries, CachedRenderPipelineId, PipelineCache, ShaderStages, TextureSampleType,
+        BindGroupLayoutEntries, RenderPipelineDescriptor, ShaderStages, SpecializedRenderPipeline, TextureSampleType,
         binding_types::texture_2d,
     },
 };
@@ -14,33 +14,52 @@ use crate::{
     render::{
         fullscreen::{Fullscreen, target},
         kept::KeptPart,
+        lighting::LightingLayout,
         view::ViewLayouts,
     },
 };
 
 /// Assigns labels.
 #[derive(Resource)]
-pub(super) struct LabelPipelines {
-    pub shared: Fullscreen,
-    /// Without the labels for custom stages, and with them.
-    ids: [CachedRenderPipelineId; 2],
+pub(super) struct LabelPipeline {
+    pub pass: Fullscreen,
+    lighting: LightingLayout,
 }
 
-impl LabelPipelines {
-    /// Returns the pipeline for views with or without custom stages.
-    pub fn id(&self, has_stages: bool) -> CachedRenderPipelineId {
-        self.ids[usize::from(has_stages)]
-    }
+#[derive(Clone, Copy, PartialEq, Eq, Hash)]
+pub(super) struct LabelKey {
+    /// Whether labels are written for custom stages.
+    pub has_stages: bool,
+    /// Whether the scene's lights fall on a prop.
+    pub is_lit: bool,
 }
 
-pub(super) fn init(mut commands: Commands, views: Res<ViewLayouts>, shaders: Res<Shaders>, cache: Res<PipelineCache>) {
+pub(super) fn init(
+    mut commands: Commands,
+    views: Res<ViewLayouts>,
+    lighting: Res<LightingLayout>,
+    shaders: Res<Shaders>,
+) {
     let textures = (texture_2d(TextureSampleType::Uint), texture_2d(TextureSampleType::Float { filterable: false }));
     let entries = BindGroupLayoutEntries::sequential(ShaderStages::FRAGMENT, textures);
-    let shared =
+    let pass =
         Fullscreen::new("plenoctree_label", &shaders.label, &entries, &shaders, &views).unless_kept(KeptPart::Labels);
-    let targets = [target(SHOWN_FORMAT, None), target(LABEL_FORMAT, None)];
-    let ids = [(&targets[..1], None), (&targets[..], Some("LABEL_TEXTURES"))].map(|(targets, definition)| {
-        cache.queue_render_pipeline(shared.pipeline(definition.into_iter().map(Into::into).collect(), targets))
-    });
-    commands.insert_resource(LabelPipelines { shared, ids });
+    commands.insert_resource(LabelPipeline { pass, lighting: lighting.clone() });
+}
+
+impl SpecializedRenderPipeline for LabelPipeline {
+    type Key = LabelKey;
+
+    fn specialize(&self, key: LabelKey) -> RenderPipelineDescriptor {
+        let targets = [target(SHOWN_FORMAT, None), target(LABEL_FORMAT, None)];
+        let mut descriptor = if key.has_stages {
+            self.pass.pipeline(vec!["LABEL_TEXTURES".into()], &targets)
+        } else {
+            self.pass.pipeline(vec![], &targets[..1])
+        };
+        if key.is_lit {
+            self.lighting.add_to(&mut descriptor);
+        }
+        descriptor
+    }
 }

@@ -55,7 +55,7 @@ pub(super) fn prepare_pipelines(
             })
         };
         if visible.props.len() > 1 {
-            extracted.arriving_shapes(&visible.props, &fields).for_each(|shape| _ = of(shape.inner_records));
+            extracted.arriving_shapes(&visible.props, &fields).for_each(|(shape, _)| _ = of(shape.inner_records));
         }
         pipelines.0.clear();
         pipelines.0.extend(props.drawn.iter().map(|prop| {

@@ -113,7 +113,8 @@ pub(super) fn prepare_views(
             let uniform = PropUniform::new(prop, &rays, motion.previous_from_clip(prop), quality);
             let overlap = if uniform.may_be_solid() { Overlap::Solid } else { Overlap::Thin };
             let smooths_edges = uniform.smooths_edges();
-            drawn.push(DrawnProp { field: prop.field, level, overlap, smooths_edges, rect: covered });
+            let lit = (prop.is_lit() && *stage == PropStage::Scene).then_some(ordered.index);
+            drawn.push(DrawnProp { field: prop.field, level, overlap, lit, smooths_edges, rect: covered });
             props.get_mut().push(uniform);
         }
         for (prop, overlaps) in drawn.iter_mut().zip(overlaps.find(rects)) {

@@ -43,6 +43,8 @@ pub(in crate::render) struct DrawnProp {
     pub field: AssetId<PlenOctree>,
     pub level: Level,
     pub overlap: Overlap,
+    /// Its index in `ExtractedProps::props`, if the scene's lights fall on it.
+    pub lit: Option<usize>,
     /// Whether its edges are smooth.
     pub smooths_edges: bool,
     /// The pixels of the viewport that its box can cover.

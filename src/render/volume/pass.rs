@@ -21,6 +21,7 @@ use crate::{
         solid::SolidBindGroups,
         view::{DrawnProp, Overlap, ViewBindGroups, ViewProps, ViewTextures},
     },
+    stage::PropStage,
 };
 
 /// The name of the pass's span in Bevy's render diagnostics.
@@ -70,9 +71,10 @@ pub(super) fn prepare_pipelines(
     for (visible, props, msaa, mut pipelines) in &mut views {
         let multisampled = msaa.samples() > 1;
         // Compile the pipelines of fields that are arriving, so that the fields can be drawn as soon as they are there.
-        for shape in extracted.arriving_shapes(&visible.props, &fields) {
+        for (shape, is_lit) in extracted.arriving_shapes(&visible.props, &fields) {
             for overlapping in [false, visible.props.len() > 1] {
-                let key = VolumeKey { shape, multisampled, overlapping, motion: visible.has_motion };
+                let lit = is_lit && visible.stage == PropStage::Scene;
+                let key = VolumeKey { shape, multisampled, overlapping, lit, motion: visible.has_motion };
                 specialized.specialize(&cache, &pipeline, key);
             }
         }
@@ -83,6 +85,7 @@ pub(super) fn prepare_pipelines(
                 shape,
                 multisampled,
                 overlapping: prop.overlap != Overlap::None,
+                lit: prop.lit.is_some(),
                 motion: visible.has_motion,
             };
             if props.changes_levels {

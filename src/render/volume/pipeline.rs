@@ -32,6 +32,8 @@ pub(super) struct VolumeKey {
     pub shape: FieldShape,
     pub multisampled: bool,
     pub overlapping: bool,
+    /// Whether the scene's lights fall on the prop.
+    pub lit: bool,
     /// Whether motion vectors are written.
     pub motion: bool,
 }
@@ -56,6 +58,9 @@ impl SpecializedRenderPipeline for VolumePipeline {
         let mut definitions = field_definitions(key.shape);
         if key.overlapping {
             definitions.push("OVERLAPPING".into());
+        }
+        if key.lit {
+            definitions.push("LIT".into());
         }
         let over = |src_factor| BlendState {
             color: BlendComponent {

@@ -12,7 +12,7 @@ mod memory;
 mod motion;
 mod overlap;
 mod reports;
-mod stage;
+pub mod stage;
 mod stale;
 mod transforms;
 mod transmission;

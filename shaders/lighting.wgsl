@@ -1,0 +1,173 @@
+// The lighting pass: finds how much of the scene's light is kept from the solid parts of props by what is outside of their
+// boxes, and the color of the rest. Bind group 0 has the lights, as Bevy's mesh view has them.
+
+#import bevy_pbr::clustered_forward::{
+    get_clusterable_object_id, unpack_clusterable_object_index_ranges, view_fragment_cluster_index,
+}
+#import bevy_pbr::mesh_view_bindings::{clustered_lights, lights, view}
+#import bevy_pbr::mesh_view_types::{
+    DIRECTIONAL_LIGHT_FLAGS_SHADOWS_ENABLED_BIT, POINT_LIGHT_FLAGS_SHADOWS_ENABLED_BIT,
+    POINT_LIGHT_FLAGS_SPOT_LIGHT_Y_NEGATIVE,
+}
+#import bevy_pbr::shadows::{
+    fetch_point_shadow, fetch_spot_shadow, get_cascade_index, sample_directional_cascade, world_to_directional_light_local,
+}
+#import bevy_plenoctree::shade::Lit
+#import bevy_plenoctree::view::{is_solid, prop_of}
+
+@group(1) @binding(0) var<storage, read> props: array<Lit>;
+@group(1) @binding(1) var depth: texture_depth_2d;
+@group(1) @binding(2) var owner: texture_2d<f32>;
+
+@vertex
+fn vertex(@builtin(vertex_index) index: u32) -> @builtin(position) vec4<f32> {
+    return vec4(vec2(f32((index << 1u) & 2u), f32(index & 2u)) * 2.0 - 1.0, 0.0, 1.0);
+}
+
+// How far from its box a prop still casts no shadow on itself, relative to the box.
+const MARGIN: f32 = 0.02;
+
+// Returns how far in a direction a point of the prop leaves the box.
+fn way_out(prop: u32, point: vec3<f32>, direction: vec3<f32>) -> f32 {
+    let at = (props[prop].box_from_world * vec4(point, 1.0)).xyz;
+    let along = (props[prop].box_from_world * vec4(direction, 0.0)).xyz;
+    let safe = select(along, vec3(1e-20), abs(along) < vec3(1e-20));
+    let ends = (select(vec3(-MARGIN), vec3(1.0 + MARGIN), safe > vec3(0.0)) - at) / safe;
+    return max(min(ends.x, min(ends.y, ends.z)), 0.0);
+}
+
+// A point of a prop that is seen.
+struct Surface {
+    prop: u32,
+    point: vec3<f32>,
+    view_z: f32,
+    // The pixel of the target.
+    at: vec2<f32>,
+}
+
+// Returns the share of a directional light that arrives.
+fn share_of_sun(id: u32, surface: Surface) -> f32 {
+    if (lights.directional_lights[id].flags & DIRECTIONAL_LIGHT_FLAGS_SHADOWS_ENABLED_BIT) == 0u {
+        return 1.0;
+    }
+    let toward = lights.directional_lights[id].direction_to_light;
+    let way = way_out(surface.prop, surface.point, toward);
+    // The way out may lead to before the near plane of a cascade. Those for larger distances reach farther.
+    for (var i = get_cascade_index(id, surface.view_z); i < lights.directional_lights[id].num_cascades; i++) {
+        let margin = 2.0 * lights.directional_lights[id].cascades[i].texel_size;
+        let outside = vec4(surface.point + (way + margin) * toward, 1.0);
+        if world_to_directional_light_local(id, i, outside).w > 0.0 {
+            return sample_directional_cascade(id, i, outside, vec3(0.0), surface.at);
+        }
+    }
+    return 1.0;
+}
+
+// Returns the light of a point or spot light that arrives, if nothing blocks it.
+fn light_of_lamp(id: u32, surface: Surface, is_spot: bool) -> vec3<f32> {
+    let lamp = &clustered_lights.data[id];
+    let to_lamp = (*lamp).position_radius.xyz - surface.point;
+    let square = dot(to_lamp, to_lamp);
+    // The same falloff as that of Bevy's materials.
+    let reach = square * (*lamp).color_inverse_square_range.w;
+    let fade = saturate(1.0 - reach * reach);
+    let light = (*lamp).color_inverse_square_range.rgb * fade * fade / max(square, 1e-4);
+    if !is_spot {
+        return light;
+    }
+    let data = (*lamp).light_custom_data;
+    let height = sqrt(max(0.0, 1.0 - data.x * data.x - data.y * data.y));
+    let is_down = ((*lamp).flags & POINT_LIGHT_FLAGS_SPOT_LIGHT_Y_NEGATIVE) != 0u;
+    let axis = vec3(data.x, select(height, -height, is_down), data.y);
+    let cone = saturate(dot(-axis, normalize(to_lamp)) * data.z + data.w);
+    return light * cone * cone;
+}
+
+// Returns the share of the light of a point or spot light that arrives.
+fn share_of_lamp(id: u32, surface: Surface, is_spot: bool) -> f32 {
+    let lamp = &clustered_lights.data[id];
+    if ((*lamp).flags & POINT_LIGHT_FLAGS_SHADOWS_ENABLED_BIT) == 0u {
+        return 1.0;
+    }
+    let to_lamp = (*lamp).position_radius.xyz - surface.point;
+    let distance = length(to_lamp);
+    let toward = to_lamp / distance;
+    // Texels grow with the distance.
+    let way = way_out(surface.prop, surface.point, toward) + 0.005 * distance;
+    if way >= distance - (*lamp).shadow_map_near_z {
+        return 1.0;
+    }
+    let outside = vec4(surface.point + way * toward, 1.0);
+    if is_spot {
+        return fetch_spot_shadow(id, outside, vec3(0.0), (*lamp).shadow_map_near_z, surface.at);
+    }
+    return fetch_point_shadow(id, outside, vec3(0.0), surface.at);
+}
+
+fn luminance(light: vec3<f32>) -> f32 {
+    return dot(light, vec3(0.2126, 0.7152, 0.0722));
+}
+
+// How far from a pixel that is not solid a solid one may be whose depth it takes.
+const REACH: i32 = 3;
+
+// Returns the depth of a pixel, or that of a solid pixel of the same prop nearby: outlines are drawn where a prop is not
+// solid yet, and get as dark as what they outline. Returns 0 if there is none.
+fn depth_near(pixel: vec2<i32>, prop: u32) -> f32 {
+    var found = textureLoad(depth, pixel, 0);
+    let last = vec2<i32>(textureDimensions(depth)) - 1;
+    for (var reach = 1; reach <= REACH; reach++) {
+        if is_solid(found) {
+            break;
+        }
+        for (var i = 0; i < 9; i++) {
+            let at = clamp(pixel + reach * vec2(i % 3 - 1, i / 3 - 1), vec2(0), last);
+            if prop_of(textureLoad(owner, at, 0)) == prop {
+                found = max(found, textureLoad(depth, at, 0));
+            }
+        }
+    }
+    return select(0.0, found, is_solid(found));
+}
+
+@fragment
+fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
+    let pixel = vec2<i32>(position.xy);
+    let owned = prop_of(textureLoad(owner, pixel, 0));
+    let prop = max(owned, 1u) - 1u;
+    if owned == 0u || props[prop].bands == 0u {
+        discard;
+    }
+    let solid = depth_near(pixel, owned);
+    if solid == 0.0 {
+        discard;
+    }
+    let ndc = (2.0 * position.xy / vec2<f32>(textureDimensions(depth)) - 1.0) * vec2(1.0, -1.0);
+    let world = view.world_from_clip * vec4(ndc, solid, 1.0);
+    let point = world.xyz / world.w;
+    let view_z = (view.view_from_world * vec4(point, 1.0)).z;
+    let surface = Surface(prop, point, view_z, position.xy + view.viewport.xy);
+
+    var all_light = vec3(0.0);
+    var arrives = vec3(0.0);
+    for (var id = 0u; id < lights.n_directional_lights; id++) {
+        let light = lights.directional_lights[id].color.rgb;
+        all_light += light;
+        arrives += light * share_of_sun(id, surface);
+    }
+    let cluster = view_fragment_cluster_index(surface.at, view_z, view.clip_from_view[3].w == 1.0);
+    let ranges = unpack_clusterable_object_index_ranges(cluster);
+    for (var i = ranges.first_point_light_index_offset; i < ranges.first_reflection_probe_index_offset; i++) {
+        let id = get_clusterable_object_id(i);
+        let is_spot = i >= ranges.first_spot_light_index_offset;
+        let light = light_of_lamp(id, surface, is_spot);
+        if luminance(light) > 0.0 {
+            all_light += light;
+            arrives += light * share_of_lamp(id, surface, is_spot);
+        }
+    }
+    let blocked = 1.0 - luminance(arrives) / max(luminance(all_light), 1e-30);
+    let brightest = max(arrives.r, max(arrives.g, arrives.b));
+    let color = select(vec3(1.0), arrives / max(brightest, 1e-30), brightest > 0.0);
+    return vec4(color, select(0.0, blocked, luminance(all_light) > 0.0));
+}

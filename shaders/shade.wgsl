@@ -1,0 +1,53 @@
+// What the scene's lights and shadows do to the color of a pixel, in bind group 2 of the label pass and of the
+// blend pass.
+#define_import_path bevy_plenoctree::shade
+
+#import bevy_plenoctree::edge::neighbor
+#import bevy_plenoctree::view::prop_of
+
+// The settings of a prop that lights fall on.
+struct Lit {
+    // Transforms a point of the scene to the unit cube, from the box around the prop's leaves.
+    box_from_world: mat4x4<f32>,
+    // The share of light that is missing in full shadow.
+    shadows: f32,
+    // The share of the lights' color that the prop takes.
+    tint: f32,
+    // The number of steps to full shadow, or 0 if no lights fall on the prop.
+    bands: u32,
+}
+
+// One for every prop of the view.
+@group(2) @binding(0) var<storage, read> lit: array<Lit>;
+// The result of the lighting pass: the color of the light that arrives, and the share that does not.
+@group(2) @binding(1) var light: texture_2d<f32>;
+@group(2) @binding(2) var owner: texture_2d<f32>;
+
+// What lights and shadows do to a prop in a pixel.
+struct Shade {
+    // The share of light that is missing.
+    missing: f32,
+    // The factors of linear light that the color of the lights makes.
+    tint: vec3<f32>,
+}
+
+// Returns 1 + the index of the prop that owns a pixel, posterized or as trained, or 0.
+fn lit_prop(pixel: vec2<u32>) -> u32 {
+    return prop_of(textureLoad(owner, pixel, 0));
+}
+
+// Returns what lights do to a prop in a pixel that it owns or, where it ends, in a neighbor that it owns. Light is missing
+// as it is, or in steps.
+fn shade_of(pixel: vec2<u32>, prop: u32, in_steps: bool) -> Shade {
+    var at = pixel;
+    for (var i = 0; i < 8; i++) {
+        if lit_prop(at) == prop + 1u {
+            break;
+        }
+        at = vec2<u32>(max(neighbor(vec2<i32>(pixel), i), vec2(0)));
+    }
+    let arrives = textureLoad(light, at, 0);
+    let bands = f32(max(lit[prop].bands, 1u));
+    let blocked = select(arrives.a, floor(arrives.a * bands + 0.5) / bands, in_steps);
+    return Shade(lit[prop].shadows * blocked, mix(vec3(1.0), arrives.rgb, lit[prop].tint));
+}

@@ -1,0 +1,77 @@
+//! Draws the light that arrives at props.
+
+use bevy::{
+    light::ShadowFilteringMethod,
+    pbr::ViewLightsUniformOffset,
+    prelude::*,
+    render::{
+        diagnostic::RecordDiagnostics,
+        render_resource::{
+            CachedRenderPipelineId, LoadOp, PipelineCache, RenderPassDescriptor, SpecializedRenderPipelines,
+        },
+        renderer::{RenderContext, ViewQuery},
+        view::ViewUniformOffset,
+    },
+};
+
+use super::{ReadLighting, pipeline::LightingPipeline, prepare::ViewLighting};
+use crate::render::{attachment::color, view::ViewProps};
+
+/// The name of the pass's span in Bevy's render diagnostics.
+pub const LIGHTING_SPAN: &str = "plenoctree_lighting";
+
+/// The pipeline of a view.
+#[derive(Component)]
+pub(super) struct LightingPass(CachedRenderPipelineId);
+
+pub(super) fn prepare_pipelines(
+    mut commands: Commands,
+    cache: Res<PipelineCache>,
+    pipeline: Res<LightingPipeline>,
+    mut specialized: ResMut<SpecializedRenderPipelines<LightingPipeline>>,
+    mut views: Query<(Entity, Option<&ShadowFilteringMethod>, &ReadLighting, &mut ViewProps)>,
+) {
+    for (entity, method, lighting, mut props) in &mut views {
+        if lighting.is_lit {
+            let is_hard = method == Some(&ShadowFilteringMethod::Hardware2x2);
+            let id = specialized.specialize(&cache, &pipeline, is_hard);
+            commands.entity(entity).insert(LightingPass(id));
+            props.pipelines.push(id);
+        }
+    }
+}
+
+pub(super) fn lighting_pass(
+    view: ViewQuery<(&ViewProps, &ViewLighting, &LightingPass, Option<(&ViewUniformOffset, &ViewLightsUniformOffset)>)>,
+    cache: Res<PipelineCache>,
+    mut ctx: RenderContext,
+) {
+    let (props, lighting, LightingPass(pipeline), offsets) = view.into_inner();
+    let Some(light) = &lighting.light else {
+        return;
+    };
+    let diagnostics = ctx.diagnostic_recorder();
+    let diagnostics = diagnostics.as_deref();
+    let span = diagnostics.time_span(ctx.command_encoder(), LIGHTING_SPAN);
+    {
+        // White light, of which nothing is missing.
+        let all = LoadOp::Clear(wgpu::Color { a: 0.0, ..wgpu::Color::WHITE });
+        let mut pass = ctx.begin_tracked_render_pass(RenderPassDescriptor {
+            label: Some(LIGHTING_SPAN),
+            color_attachments: &[Some(color(light, all))],
+            ..default()
+        });
+        if let (Some(pipeline), Some(lights), Some(group), Some((view, gpu_lights))) =
+            (cache.get_render_pipeline(*pipeline), &lighting.lights, lighting.props.get(), offsets)
+            && !props.rect.is_empty()
+        {
+            let (corner, size) = (props.rect.min, props.rect.size());
+            pass.set_scissor_rect(corner.x, corner.y, size.x, size.y);
+            pass.set_render_pipeline(pipeline);
+            pass.set_bind_group(0, lights, &[view.offset, gpu_lights.offset]);
+            pass.set_bind_group(1, group, &[]);
+            pass.draw(0..3, 0..1);
+        }
+    }
+    span.end(ctx.command_encoder());
+}

@@ -1,0 +1,90 @@
+//! The pipelines of the lighting pass.
+
+use bevy::{
+    pbr::GpuLights,
+    prelude::*,
+    render::{
+        globals::GlobalsUniform,
+        render_resource::{
+            BindGroupLayoutDescriptor, BindGroupLayoutEntries, FragmentState, RenderPipelineDescriptor,
+            SamplerBindingType, ShaderStages, SpecializedRenderPipeline, TextureSampleType, VertexState,
+            binding_types::{
+                sampler, storage_buffer_read_only, storage_buffer_read_only_sized, texture_2d, texture_2d_array,
+                texture_cube_array, texture_depth_2d, uniform_buffer,
+            },
+        },
+        view::ViewUniform,
+    },
+    shader::{Shader, ShaderDefVal},
+};
+
+use super::prepare::{LIGHT_FORMAT, LitUniform};
+use crate::{gpu::Shaders, render::fullscreen::target};
+
+#[derive(Resource)]
+pub(super) struct LightingPipeline {
+    shader: Handle<Shader>,
+    /// The layout of bind group 0: what `bevy_pbr::shadows` reads of Bevy's mesh view, at the same places.
+    pub lights: BindGroupLayoutDescriptor,
+    /// The layout of bind group 1: the lit props, and the depth and the owners of pixels.
+    pub props: BindGroupLayoutDescriptor,
+}
+
+pub(super) fn init(mut commands: Commands, shaders: Res<Shaders>) {
+    let lights = BindGroupLayoutEntries::with_indices(
+        ShaderStages::FRAGMENT,
+        (
+            (0, uniform_buffer::<ViewUniform>(true)),
+            (1, uniform_buffer::<GpuLights>(true)),
+            (2, texture_cube_array(TextureSampleType::Depth)),
+            (3, sampler(SamplerBindingType::Comparison)),
+            (5, texture_2d_array(TextureSampleType::Depth)),
+            (6, sampler(SamplerBindingType::Comparison)),
+            (8, storage_buffer_read_only_sized(false, None)),
+            (9, storage_buffer_read_only_sized(false, None)),
+            (10, storage_buffer_read_only_sized(false, None)),
+            (11, uniform_buffer::<GlobalsUniform>(false)),
+        ),
+    );
+    let props = BindGroupLayoutEntries::sequential(
+        ShaderStages::FRAGMENT,
+        (
+            storage_buffer_read_only::<Vec<LitUniform>>(false),
+            texture_depth_2d(),
+            texture_2d(TextureSampleType::Float { filterable: false }),
+        ),
+    );
+    commands.insert_resource(LightingPipeline {
+        shader: shaders.lighting.clone(),
+        lights: BindGroupLayoutDescriptor::new("plenoctree_lights", &lights),
+        props: BindGroupLayoutDescriptor::new("plenoctree_lighting", &props),
+    });
+}
+
+impl SpecializedRenderPipeline for LightingPipeline {
+    /// Whether the camera's shadows have hard edges.
+    type Key = bool;
+
+    fn specialize(&self, is_hard: bool) -> RenderPipelineDescriptor {
+        // There is none for temporal filters: noise that changes from frame to frame would make the edges of bands flicker.
+        let filter = if is_hard { "SHADOW_FILTER_METHOD_HARDWARE_2X2" } else { "SHADOW_FILTER_METHOD_GAUSSIAN" };
+        let filter = ShaderDefVal::from(filter);
+        RenderPipelineDescriptor {
+            label: Some("plenoctree_lighting".into()),
+            layout: vec![self.lights.clone(), self.props.clone()],
+            vertex: VertexState {
+                shader: self.shader.clone(),
+                shader_defs: vec![filter.clone()],
+                entry_point: Some("vertex".into()),
+                ..default()
+            },
+            fragment: Some(FragmentState {
+                shader: self.shader.clone(),
+                shader_defs: vec![filter],
+                entry_point: Some("fragment".into()),
+                targets: vec![Some(target(LIGHT_FORMAT, None))],
+            }),
+            ..default()
+        }
+    }
+}
