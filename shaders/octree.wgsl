@@ -15,6 +15,11 @@ struct Field {
     density_rows: u32,
     coefficient_rows: u32,
     codebook_rows: u32,
+    // Of a packed field: the first texel of the rows of differences, the step of colors, and what the largest coefficient of a
+    // row stands for.
+    chroma: u32,
+    color_step: f32,
+    table_scale: f32,
 }
 
 @group(1) @binding(0) var<uniform> field: Field;

@@ -1,6 +1,6 @@
 // The radiance of a leaf. See section 1 of the method. The coefficients of a leaf take TEXELS texels: WORDS words per
-// channel, preceded by two more if they are COMPACT. With a CODEBOOK, that is what a row takes, and a leaf has one texel of
-// two words: the coefficients of the constant function and the number of its row. `src/gpu/payload.rs` packs them.
+// channel, preceded by two more if they are COMPACT. With a CODEBOOK, a leaf has one texel of two words: its color, and the
+// numbers of its rows. Rows take TEXELS texels of two words per part. `src/gpu/payload.rs` packs them.
 #define_import_path bevy_plenoctree::radiance
 
 #import bevy_plenoctree::constants::HARMONICS
@@ -67,26 +67,15 @@ fn harmonics(d: vec3<f32>) -> Harmonics {
 
 #ifdef CODEBOOK
 #ifdef DEGREE_1
-struct Row {
-    texels: array<vec4<u32>, #{TEXELS}>,
-}
-
-fn load_row(row: u32) -> Row {
-    var texels: Row;
-    for (var index = 0u; index < #{TEXELS}u; index++) {
-        let at = place(row * #{TEXELS}u + index, field.codebook_rows);
-        texels.texels[index] = textureLoad(codebook, at.xy, at.z, 0);
-    }
-    return texels;
-}
-
-// Returns the sum of a channel's harmonics but the first. USED words hold all of its coefficients.
-fn others(row: ptr<function, Row>, index: u32, h: ptr<function, Harmonics>) -> f32 {
+// Returns the sum of a part's harmonics but the first, relative to the largest coefficient. USED texels hold all of them.
+fn others(row: u32, h: ptr<function, Harmonics>) -> f32 {
     var sum = 0.0;
-    for (var w = 0u; w < #{USED}u; w++) {
-        let at = index * #{WORDS}u + w;
-        let pair = unpack2x16float((*row).texels[at / 4u][at % 4u]);
-        sum += pair.x * (*h).y[2u * w + 1u] + pair.y * (*h).y[2u * w + 2u];
+    for (var index = 0u; index < #{USED}u; index++) {
+        let at = place(row + index, field.codebook_rows);
+        let words = textureLoad(codebook, at.xy, at.z, 0).xy;
+        let w = 8u * index;
+        sum += dot(unpack4x8snorm(words.x), vec4((*h).y[w + 1u], (*h).y[w + 2u], (*h).y[w + 3u], (*h).y[w + 4u]));
+        sum += dot(unpack4x8snorm(words.y), vec4((*h).y[w + 5u], (*h).y[w + 6u], (*h).y[w + 7u], (*h).y[w + 8u]));
     }
     return sum;
 }
@@ -96,13 +85,16 @@ fn others(row: ptr<function, Row>, index: u32, h: ptr<function, Harmonics>) -> f
 fn sums(index: u32, h: ptr<function, Harmonics>) -> vec3<f32> {
     let at = place(index, field.coefficient_rows);
     let leaf = textureLoad(coefficients, at.xy, at.z, 0).xy;
-    let constants = vec3(unpack2x16float(leaf.x), unpack2x16float(leaf.y).x);
-    var sum = (*h).y[0] * constants;
+    // Luma has 12 bits, and the differences have 10 each.
+    let color = bitcast<i32>(leaf.x);
+    let steps = vec3((color << 20u) >> 20u, (color << 10u) >> 22u, color >> 22u);
+    var yuv = (*h).y[0] * field.color_step * vec3<f32>(steps);
 #ifdef DEGREE_1
-    var row = load_row(leaf.y >> 16u);
-    sum += vec3(others(&row, 0u, h), others(&row, 1u, h), others(&row, 2u, h));
+    let luma = (leaf.y & 0xffffu) * #{TEXELS}u;
+    let chroma = field.chroma + (leaf.y >> 16u) * 2u * #{TEXELS}u;
+    yuv += field.table_scale * vec3(others(luma, h), others(chroma, h), others(chroma + #{TEXELS}u, h));
 #endif
-    return sum;
+    return vec3(yuv.x - yuv.z + yuv.y, yuv.x + yuv.z, yuv.x - yuv.z - yuv.y);
 }
 #else
 struct Leaf {

@@ -42,7 +42,7 @@ impl PackedFile<'_> {
     /// Returns the file and the size of its sections' contents in bytes.
     pub fn bytes(&self) -> (Vec<u8>, u64) {
         let mut sections = self.sections();
-        let mut version = 1;
+        let mut version = 2;
         for edit in &self.edits {
             let place = |section: &u8| usize::from(*section) % NAMES.len();
             match edit {
@@ -92,24 +92,43 @@ impl PackedFile<'_> {
         let shares = functions > 1 && leaves > 0;
         let rows = if shares { 2 } else { 0 };
         let mut head = vec![basis, 0, 1, depth as u8];
-        for number in [nodes, leaves, 2, rows] {
+        for number in [nodes, leaves, 1, rows, 0, rows, 0] {
             head.extend(number.to_le_bytes());
         }
         head.extend([0.25f32, 0.125].map(f32::to_le_bytes).as_flattened());
         head.extend([0.5f64, 0.5, 0.5, 0.25, 0.25, 0.25].map(f64::to_le_bytes).as_flattened());
-        let count = leaves as usize;
+        // Streams in which every number is 0 have no bits: all contexts have one symbol, the 0 or, of leaves' rows, the 1, which
+        // stands for the row 0.
+        let used = leaves > 0;
         let contents = [
             head,
             tree,
-            vec![0, 0, 0x3c, 0x50],
-            (0..count).map(|leaf| leaf as u8 & 1).collect(),
-            (0..12 * count).map(|at| if at % (4 * count) < count { at as u8 } else { 0 }).collect(),
-            (0..6 * (functions - 1) * rows as usize).map(|at| at as u8 & 7).collect(),
-            (0..if shares { 2 * count } else { 0 }).map(|at| u8::from(at < count) & at as u8 & 1).collect(),
+            vec![0, 0x3c],
+            constant(9, 0, used),
+            constant(36, 0, used),
+            constant(3 * (functions - 1), 0, shares),
+            constant(36, 1, shares),
         ];
         let section = |(name, content)| Section { name, content, size: None, stored: None };
         NAMES.into_iter().zip(contents).map(section).collect()
     }
+}
+
+/// Returns a coded stream whose contexts have only one symbol.
+fn constant(contexts: usize, symbol: u8, used: bool) -> Vec<u8> {
+    let mut stream = 4u32.to_le_bytes().to_vec();
+    for _ in 0..contexts {
+        if used {
+            // A frequency of 4096.
+            stream.push(symbol + 1);
+            stream.resize(stream.len() + usize::from(symbol), 0);
+            stream.extend([128, 32]);
+        } else {
+            stream.push(0);
+        }
+    }
+    stream.extend((1u32 << 23).to_le_bytes());
+    stream
 }
 
 fn write(sections: &[Section], version: u16) -> Vec<u8> {

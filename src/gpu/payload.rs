@@ -18,7 +18,7 @@ pub(crate) enum Layout {
     Halves,
     /// Those of the constant function and a scale as half floats, the others as bytes.
     Bytes,
-    /// Those of the constant function as half floats, and the row of a codebook that holds the others as half floats.
+    /// The color in 32 bits, and the numbers of two rows of codebooks, which hold the others as bytes. Texels have two words.
     Codebook,
 }
 
@@ -36,20 +36,30 @@ impl Payload {
         Self { basis, layout }
     }
 
-    /// Returns the number of 32-bit words per channel, without the two leading words of a leaf with bytes. With a
-    /// codebook, they are words of a row.
+    /// Returns the number of 32-bit words per channel, without the two leading words of a leaf with bytes. With
+    /// codebooks, they are words of a part of a row.
     pub fn words_per_channel(self) -> usize {
         let functions = self.basis.functions();
         match self.layout {
             Layout::Halves => functions.div_ceil(2),
             Layout::Bytes => (functions - 1).div_ceil(4),
-            Layout::Codebook => (functions - 1).div_ceil(2),
+            Layout::Codebook => (functions - 1).div_ceil(4),
         }
     }
 
-    /// Returns the number of texels per leaf or, with a codebook, per row.
+    /// Returns the number of texels per leaf or, with codebooks, per part of a row.
     pub fn texels(self) -> usize {
-        (3 * self.words_per_channel() + if self.layout == Layout::Bytes { 2 } else { 0 }).div_ceil(4)
+        match self.layout {
+            Layout::Codebook => self.words_per_channel().div_ceil(2),
+            Layout::Bytes => (3 * self.words_per_channel() + 2).div_ceil(4),
+            Layout::Halves => (3 * self.words_per_channel()).div_ceil(4),
+        }
+    }
+
+    /// Returns the number of texels of all rows of a codebook of luma, and of one of differences.
+    pub fn texels_of_rows(self, codebook: Codebook) -> [usize; 2] {
+        let others = (self.basis.functions() - 1).max(1);
+        [codebook.luma, codebook.chroma].map(|table| table.len() / others * self.texels())
     }
 
     /// Packs the coefficients of several leaves, one leaf after another. There is no codebook.
@@ -68,24 +78,29 @@ impl Payload {
         words
     }
 
-    /// Packs the rows of a codebook, one after another.
-    pub fn pack_rows(self, codebook: Codebook) -> Vec<u32> {
-        let others = self.basis.functions() - 1;
-        let rows = codebook.table.chunks_exact((3 * others).max(1));
-        let mut words = Vec::with_capacity(rows.len() * self.texels() * 4);
-        for row in rows {
-            let end = words.len() + self.texels() * 4;
-            pack_halves(row, others, &mut words);
-            words.resize(end, 0);
-        }
-        words
+    /// Packs the rows of luma and then those of differences, one part of a row after another.
+    pub fn pack_rows(self, codebook: Codebook) -> Vec<[u32; 2]> {
+        let others = (self.basis.functions() - 1).max(1);
+        let parts = [codebook.luma, codebook.chroma].into_iter().flat_map(|table| table.chunks_exact(others));
+        let texels = |part: &[i8]| -> Vec<[u32; 2]> {
+            let word = |first: usize| {
+                let byte = |index: usize| part.get(first + index).map_or(0, |number| *number as u8);
+                u32::from_le_bytes(std::array::from_fn(byte))
+            };
+            (0..self.texels()).map(|texel| [word(8 * texel), word(8 * texel + 4)]).collect()
+        };
+        parts.flat_map(texels).collect()
     }
 
-    /// Packs each leaf of a packed field: the coefficients of the constant function, and the row.
+    /// Packs each leaf of a packed field: its color, and its rows.
     pub fn pack_leaves(codebook: Codebook) -> Vec<[u32; 2]> {
-        let rows = codebook.rows.iter().copied().chain(std::iter::repeat(0));
-        let leaf = |([r, g, b], row): (&[f16; 3], u16)| [halves(*r, *g), halves(*b, f16::from_bits(row))];
-        codebook.constants.iter().zip(rows).map(leaf).collect()
+        let rows = codebook.rows.iter().copied().chain(std::iter::repeat([0; 2]));
+        let leaf = |([y, u, v], [luma, chroma]): (&[i16; 3], [u16; 2])| {
+            let bits = |number: i16, bits: u32| number as u32 & ((1 << bits) - 1);
+            let color = bits(*y, 12) | bits(*u, 10) << 12 | bits(*v, 10) << 22;
+            [color, u32::from(luma) | u32::from(chroma) << 16]
+        };
+        codebook.colors.iter().zip(rows).map(leaf).collect()
     }
 
     /// Packs the constant coefficients of the three channels and a scale as half floats, then the other coefficients as

@@ -102,7 +102,8 @@ pub(crate) fn field_definitions(shape: FieldShape) -> Vec<ShaderDefVal> {
     let used = match payload.layout {
         Layout::Halves => functions.div_ceil(2),
         Layout::Bytes => (functions - 1).div_ceil(4),
-        Layout::Codebook => (functions - 1).div_ceil(2),
+        // Texels.
+        Layout::Codebook => (functions - 1).div_ceil(8),
     };
     let number = |name: &str, value: usize| ShaderDefVal::UInt(name.into(), value as u32);
     let mut definitions =

@@ -83,6 +83,9 @@ struct FieldUniform {
     density_rows: u32,
     coefficient_rows: u32,
     codebook_rows: u32,
+    chroma: u32,
+    color_step: f32,
+    table_scale: f32,
 }
 
 /// The layout of a field's bind group: its uniform, table records, child records, densities, coefficients, and the
@@ -121,13 +124,8 @@ pub(super) fn arrays(field: &PlenOctree) -> [Array; 3] {
     match field.codebook() {
         None => [("densities", 4 * leaves, 4), ("coefficients", 16 * texels * leaves, 16), ("codebook", 0, 16)],
         Some(codebook) => {
-            let width = payload.basis.coefficients() - 3;
-            let rows = codebook.table.len().checked_div(width).unwrap_or(0) as u64;
-            [
-                ("densities", 2 * leaves, 2),
-                ("coefficients", 8 * leaves, 8),
-                ("codebook", 16 * (texels * rows).max(1), 16),
-            ]
+            let rows: usize = payload.texels_of_rows(codebook).into_iter().sum();
+            [("densities", 2 * leaves, 2), ("coefficients", 8 * leaves, 8), ("codebook", 8 * rows.max(1) as u64, 8)]
         }
     }
 }
@@ -169,7 +167,7 @@ pub(super) struct LevelData {
 struct CodebookData {
     densities: Vec<f16>,
     leaves: Vec<[u32; 2]>,
-    rows: Vec<u32>,
+    rows: Vec<[u32; 2]>,
 }
 
 impl LevelData {
@@ -258,8 +256,9 @@ impl Uploader<'_> {
             grid.layers(records.children.len()),
             grid.layers(field.leaves()),
             grid.layers(coefficients),
-            grid.layers(codebook.as_ref().map_or(0, |codebook| codebook.rows.len() / 4)),
+            grid.layers(codebook.as_ref().map_or(0, |codebook| codebook.rows.len())),
         ];
+        let codebook = field.codebook();
         let uniform = FieldUniform {
             depth: records.depth,
             table_level: records.table_level,
@@ -268,6 +267,9 @@ impl Uploader<'_> {
             density_rows: layers[2].rows_log2(),
             coefficient_rows: layers[3].rows_log2(),
             codebook_rows: layers[4].rows_log2(),
+            chroma: codebook.map_or(0, |codebook| payload.texels_of_rows(codebook)[0] as u32),
+            color_step: codebook.map_or(0.0, |codebook| codebook.color_step),
+            table_scale: codebook.map_or(0.0, |codebook| 127.0 * codebook.table_step),
         };
         let mut uniform = UniformBuffer::from(uniform);
         uniform.set_label(Some("plenoctree_field"));
@@ -284,7 +286,7 @@ impl Uploader<'_> {
             layers[3].texture(device, "plenoctree_coefficients", of_leaves),
         ];
         if codebook.is_some() {
-            textures.push(layers[4].texture(device, "plenoctree_codebook", words));
+            textures.push(layers[4].texture(device, "plenoctree_codebook", TextureFormat::Rg32Uint));
         }
         let views: [_; 5] = std::array::from_fn(|index| textures::view(&textures[index.min(textures.len() - 1)]));
         let bind_group = self.device.create_bind_group(
@@ -328,7 +330,7 @@ fn read() {
     found[0] = f32(field.depth);
     found[1] = f32(field.table_level);
     found[2] = f32(field.row + 10u * field.record_rows + 100u * field.density_rows + 1000u * field.coefficient_rows
-        + 10000u * field.codebook_rows);
+        + 10000u * field.codebook_rows + 100000u * field.chroma) + field.color_step + field.table_scale;
     found[3] = bitcast<f32>(BRICK);
     found[4] = bitcast<f32>(INNER);
     found[5] = bitcast<f32>(WHOLE & KIND);
@@ -360,11 +362,14 @@ fn read() {
                 density_rows: 5,
                 coefficient_rows: 6,
                 codebook_rows: 7,
+                chroma: 8,
+                color_step: 0.5,
+                table_scale: 0.25,
             });
             field.write_buffer(device, queue);
             run(&[field.binding().unwrap()]);
         });
-        assert_eq!(found[..3], [1.0, 2.0, 76543.0]);
+        assert_eq!(found[..3], [1.0, 2.0, 876543.75]);
         let kinds = [crate::gpu::records::BRICK, crate::gpu::records::INNER, crate::gpu::records::LEAF];
         assert_eq!(found[3..6].iter().map(|kind| kind.to_bits()).collect::<Vec<_>>(), kinds);
         let workgroup = crate::gpu::SAMPLING_WORKGROUP as f32;

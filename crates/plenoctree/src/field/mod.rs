@@ -14,7 +14,9 @@ pub use activation::Activation;
 pub use basis::Basis;
 pub use cell::{Cell, LeafCell};
 pub use coefficients::Codebook;
-pub(crate) use coefficients::Coefficients;
+#[cfg(feature = "write")]
+pub(crate) use coefficients::from_rgb;
+pub(crate) use coefficients::{Coefficients, Tables};
 #[cfg(feature = "fit")]
 pub(crate) use finest::morton;
 #[cfg(feature = "splat")]

@@ -313,16 +313,23 @@ impl PlenOctree {
     }
 
     /// Returns the coefficients of all leaves, [`Basis::coefficients`] per leaf. If the field is packed, this creates
-    /// them from the codebook.
+    /// them from the codebooks.
     pub fn coefficients(&self) -> Cow<'_, [f16]> {
         self.coefficients.all(self.basis)
     }
 
-    /// Returns the codebook of a packed field, whose leaves share their coefficients, or `None` for other fields.
+    /// Returns the codebooks of a packed field, whose leaves share their coefficients, or `None` for other fields.
     pub fn codebook(&self) -> Option<Codebook<'_>> {
         match &self.coefficients {
             Coefficients::Each(_) => None,
-            Coefficients::Shared { constants, rows, table } => Some(Codebook { constants, rows, table }),
+            Coefficients::Shared { colors, rows, tables } => Some(Codebook {
+                color_step: tables.color_step,
+                colors,
+                rows,
+                table_step: tables.table_step,
+                luma: &tables.luma,
+                chroma: &tables.chroma,
+            }),
         }
     }
 
@@ -448,11 +455,7 @@ impl PlenOctree {
     ///
     /// Panics if `leaf` is not less than [`Self::leaves`].
     pub fn radiance_with(&self, leaf: u32, y: &[f64; 25]) -> DVec3 {
-        DVec3::from_array(std::array::from_fn(|channel| {
-            let (constant, others) = self.coefficients.channel(self.basis, leaf as usize, channel);
-            // In the order of the functions, so that packed fields round like others.
-            let first = constant.to_f64() * y[0];
-            self.activation.apply(others.iter().zip(&y[1..]).fold(first, |sum, (k, y)| sum + k.to_f64() * y))
-        }))
+        let sums = self.coefficients.sums(self.basis, leaf as usize, y);
+        DVec3::from_array(sums.map(|sum| self.activation.apply(sum)))
     }
 }

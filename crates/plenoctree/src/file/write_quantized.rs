@@ -4,6 +4,7 @@ use std::io::{BufWriter, Seek, Write};
 use std::path::Path;
 
 use half::f16;
+use rayon::prelude::*;
 
 use super::write::{Archive, WriteError, frame_in_float32, half_density};
 use crate::{
@@ -17,7 +18,7 @@ impl Packed {
     /// a codebook of 65,536 colors for every function. Replaces an existing file.
     ///
     /// Reading it gives the packed field, except that it takes as much memory as an unpacked one, and that the coefficients
-    /// of the constant function are rounded to 65,536 different colors, if there are more.
+    /// of a function are rounded to 65,536 different colors, if there are more.
     ///
     /// # Errors
     ///
@@ -28,7 +29,6 @@ impl Packed {
 }
 
 fn write_quantized(field: &PlenOctree, writer: impl Write + Seek) -> Result<(), WriteError> {
-    let Some(codebook) = field.codebook() else { return field.write_to(writer) };
     let (scale, offset) = frame_in_float32(field)?;
     let mut archive = Archive::new(BufWriter::new(writer));
     let functions = field.basis().functions();
@@ -41,22 +41,25 @@ fn write_quantized(field: &PlenOctree, writer: impl Write + Seek) -> Result<(), 
     let sigma = leaves().map(|leaf| leaf.map_or(f16::ZERO, |leaf| half_density(field.densities()[leaf])));
     archive.array("sigma", &[nodes, 2, 2, 2], sigma)?;
 
-    let (colors, color_rows) = shared(codebook.constants, MAX_ROWS);
+    // For each function, the colors of leaves, and which of them stands for each.
+    let mut of_functions = vec![Vec::with_capacity(field.leaves()); functions];
+    for leaf in 0..field.leaves() {
+        let (mut colors, mut place) = ([[f16::ZERO; 3]; 25], 0);
+        field.stored().visit(field.basis(), leaf, |function, k| {
+            colors[function][place / functions] = k;
+            place += 1;
+        });
+        of_functions.iter_mut().zip(colors).for_each(|(all, color)| all.push(color));
+    }
+    let books: Vec<_> = of_functions.par_iter().map(|colors| shared(colors, MAX_ROWS)).collect();
     // Readers expect this many rows, used or not.
-    let padded = |colors: Vec<[f16; 3]>| {
+    let padded = |colors: &[[f16; 3]]| {
         let rest = MAX_ROWS - colors.len();
-        colors.into_iter().chain(std::iter::repeat_n([f16::ZERO; 3], rest)).flatten()
+        colors.iter().copied().chain(std::iter::repeat_n([f16::ZERO; 3], rest)).flatten().collect::<Vec<_>>()
     };
-    let others = functions - 1;
-    let of_function = |function: usize| -> Vec<[f16; 3]> {
-        let row = |row: &[f16]| [0, 1, 2].map(|channel| row[channel * others + function]);
-        codebook.table.chunks_exact((3 * others).max(1)).map(row).collect()
-    };
-    let all = padded(colors).chain((0..others).flat_map(|function| padded(of_function(function))));
+    let all = books.iter().flat_map(|(colors, _)| padded(colors));
     archive.array("quant_colors", &[functions as u64, MAX_ROWS as u64, 3], all)?;
-    let first = leaves().map(|leaf| leaf.map_or(0, |leaf| color_rows[leaf]));
-    let row = |leaf: Option<usize>| leaf.and_then(|leaf| codebook.rows.get(leaf)).copied().unwrap_or(0);
-    let map = first.chain((0..others).flat_map(|_| leaves().map(row)));
+    let map = books.iter().flat_map(|(_, rows)| leaves().map(|leaf| leaf.map_or(0, |leaf| rows[leaf])));
     archive.array("quant_map", &[functions as u64, nodes, 2, 2, 2], map)?;
     Ok(archive.finish()?)
 }

@@ -1,58 +1,78 @@
 //! Rounds the coefficients of the constant function.
 
+use super::{COLOR_RANGES, metric::Metric};
 use crate::{
-    field::{Basis, PlenOctree},
+    field::{Basis, PlenOctree, Tables, from_rgb},
     sampling::Seen,
 };
 
-/// Returns the coefficients of the constant function of every leaf, corrected so that its mean visible color stays what
-/// it was before the other coefficients became rows of a codebook.
-pub(super) fn corrected(field: &PlenOctree, seen: &[Seen], rows: &[u16], table: &[i16], step: f32) -> Vec<[f32; 3]> {
-    let others = field.basis().functions() - 1;
+/// Returns luma and differences of the constant function of every leaf, corrected so that its mean visible color stays what
+/// it was before the other coefficients became rows of codebooks.
+pub(super) fn corrected(
+    field: &PlenOctree,
+    seen: &[Seen],
+    metric: &Metric,
+    rows: &[[u16; 2]],
+    tables: &Tables,
+) -> Vec<[f32; 3]> {
+    let functions = field.basis().functions();
+    let others = functions - 1;
+    let constant = if field.basis() == Basis::Rgba { 1.0 } else { Basis::FACTORS[0] as f32 };
+    let mut moments = Vec::new();
     let of_leaf = |(leaf, seen): (usize, &Seen)| {
-        std::array::from_fn(|channel| {
-            let (constant, own) = field.stored().channel(field.basis(), leaf, channel);
-            let first = rows.get(leaf).map_or(0, |row| (usize::from(*row) * 3 + channel) * others);
-            let shared = &table[first..][..others];
-            let errors = own.iter().zip(shared).zip(&seen.basis);
-            let added: f32 = errors.map(|((own, shared), y)| (own.to_f32() - f32::from(*shared) * step) * y).sum();
-            constant.to_f32() + added / Basis::FACTORS[0] as f32
-        })
+        metric.of(&seen.views, &mut moments);
+        let (mut own, mut place) = ([[0.0f32; 3]; 25], 0);
+        field.stored().visit(field.basis(), leaf, |function, k| {
+            own[function][place / functions] = k.to_f32();
+            place += 1;
+        });
+        let mut color = from_rgb(own[0]);
+        if let Some(rows) = rows.get(leaf) {
+            let shared = tables.rows(*rows, others);
+            for (function, mean) in moments[..others].iter().enumerate() {
+                let own = from_rgb(own[function + 1]);
+                for part in 0..3 {
+                    let error = own[part] - f32::from(shared[part][function]) * tables.table_step;
+                    color[part] += error * mean / constant;
+                }
+            }
+        }
+        color
     };
     seen.iter().enumerate().map(of_leaf).collect()
 }
 
-/// Rounds colors to multiples of `step`, as [`Quantized`](super::Quantized) holds them.
+/// Rounds colors to multiples of `step`.
 ///
 /// Colors are stored as differences from the leaf before, so a leaf's numbers are moved toward those of the leaf before as
 /// long as that saves bits. `bits` is how many bits a step of an averagely visible channel is worth.
-pub(super) fn quantize(constants: &[[f32; 3]], seen: &[Seen], step: f32, bits: f32) -> Vec<[i32; 3]> {
+pub(super) fn quantize(colors: &[[f32; 3]], seen: &[Seen], step: f32, bits: f32) -> Vec<[i16; 3]> {
     let mut before = [0i32; 3];
-    let of_leaf = |(rgb, seen): (&[f32; 3], &Seen)| {
-        let [r, g, b] = rgb.map(|k| k / step);
-        let wanted = [(r + 2.0 * g + b) / 4.0, (r - b) / 2.0, (2.0 * g - r - b) / 4.0];
+    let of_leaf = |(color, seen): (&[f32; 3], &Seen)| {
         let [red, green, blue] = seen.channels;
         let weights = [red + green + blue, red + blue, red + green + blue];
-        for ((before, wanted), weight) in before.iter_mut().zip(wanted).zip(weights) {
-            *before = nearest(wanted, *before, weight * bits);
+        for (part, weight) in weights.into_iter().enumerate() {
+            let (low, high) = COLOR_RANGES[part];
+            let wanted = (color[part] / step).clamp(low.into(), high.into());
+            before[part] = nearest(wanted, before[part], weight * bits);
         }
-        before
+        before.map(|steps| steps as i16)
     };
-    constants.iter().zip(seen).map(of_leaf).collect()
+    colors.iter().zip(seen).map(of_leaf).collect()
 }
 
 /// Returns the number with the least cost: squared distance from `wanted` times `scale`, plus bits for the difference from
-/// `before`.
-fn nearest(wanted: f32, before: i32, scale: f32) -> i32 {
+/// `before`. It is between `before` and `wanted`, rounded.
+pub(super) fn nearest(wanted: f32, before: i32, scale: f32) -> i32 {
     let difference = wanted - before as f32;
     let rounded = difference.round();
     let cost = |change: f32| {
-        let bits = 2.0 * (1.0 + change.abs()).log2();
+        let bits = 0.8 * (1.0 + change.abs()).log2();
         scale * (difference - change).powi(2) + bits
     };
     let toward = rounded.signum();
     let choices = [rounded, rounded - toward, rounded - 2.0 * toward, (rounded / 2.0).trunc(), 0.0];
     let valid = |change: &f32| change * toward >= 0.0 && change.abs() <= rounded.abs();
     let best = choices.into_iter().filter(valid).min_by(|a, b| cost(*a).total_cmp(&cost(*b))).unwrap_or(rounded);
-    before.wrapping_add(best as i32)
+    before + best as i32
 }

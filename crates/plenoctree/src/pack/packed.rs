@@ -2,11 +2,16 @@
 
 use std::{io::Write, path::Path};
 
-use super::{PackSettings, Quantized, codebook, colors, density};
+use super::{
+    PackSettings, Quantized,
+    codebook::{self, Book, Leaves},
+    colors, density,
+    metric::Metric,
+};
 use crate::{
-    field::{Frame, InvalidField, PlenOctree},
+    field::{Frame, InvalidField, PlenOctree, Tables, from_rgb},
     file::{WriteError, check_frame},
-    sampling::{Canceled, InvalidSetting, Progress, Seen, visibility},
+    sampling::{Canceled, InvalidSetting, Progress, Seen, Visibility, visibility},
     save::save,
 };
 
@@ -31,6 +36,9 @@ pub enum PackError {
     Field(#[from] InvalidField),
 }
 
+/// A typical difference between the color of a leaf and what is behind it.
+const CONTRAST: f32 = 0.16;
+
 /// A packed field: the content of a `.plenoctree` file.
 #[derive(Clone, Debug)]
 pub struct Packed {
@@ -53,11 +61,13 @@ impl Packed {
         settings.validate()?;
         let found = field.frame();
         check_frame(["offset", "scale"], found).map_err(|_| PackError::Frame { found })?;
-        let seen = visibility(field, progress)?;
+        let Visibility { leaves: seen, directions } = visibility(field, settings.below.into(), progress)?;
         let keep = |leaf: u32| settings.hidden == 0.0 || seen[leaf as usize].most >= settings.hidden;
         let kept = field.retain(keep);
-        let seen: Vec<Seen> = (0..).zip(&seen).filter(|(leaf, _)| keep(*leaf)).map(|(_, seen)| seen.clone()).collect();
-        let quantized = quantize(&kept, seen, settings, progress)?;
+        let metric = Metric::new(&directions, field.basis().functions());
+        let seen: Vec<Seen> =
+            (0..).zip(seen.iter().cloned()).filter(|(leaf, _)| keep(*leaf)).map(|(_, seen)| seen).collect();
+        let quantized = quantize(&kept, seen, &metric, settings, progress)?;
         let (bytes, sections) = quantized.encode();
         let dropped = field.leaves() - kept.leaves();
         Ok(Self { field: quantized.field()?, bytes, sections, dropped })
@@ -98,17 +108,26 @@ impl Packed {
 fn quantize(
     field: &PlenOctree,
     mut seen: Vec<Seen>,
+    metric: &Metric,
     settings: &PackSettings,
     progress: &Progress,
 ) -> Result<Quantized, Canceled> {
-    normalize(&mut seen);
-    let (densities, levels) = density::quantize(field, &seen, settings.density_levels);
+    let mean = normalize(&mut seen);
     let unit = settings.unit(field);
-    let (step, table_step) = (settings.color_step * unit, settings.table_step * unit);
-    let book = codebook::build(field, &seen, settings, progress)?;
-    let (table, table_step) = codebook::whole(&book.table, table_step);
-    let constants = colors::corrected(field, &seen, &book.rows, &table, table_step);
-    let constants = colors::quantize(&constants, &seen, step, settings.bits(settings.color_step));
+    // Opacity matters as much as the contrast between a leaf and what is behind it, in all channels.
+    let slope = settings.slope(field);
+    let opacity_bits = settings.bits(1.0) * 3.0 * CONTRAST * CONTRAST * slope * slope / mean;
+    let (densities, levels) = density::quantize(field, &seen, settings.density_levels, opacity_bits);
+    let (luma, chroma) = books(field, &seen, metric, settings, progress)?;
+    let tables = Tables {
+        color_step: settings.color_step * unit,
+        table_step: settings.table_step * unit,
+        luma: luma.table,
+        chroma: chroma.table,
+    };
+    let rows: Vec<[u16; 2]> = luma.rows.into_iter().zip(chroma.rows).map(|(luma, chroma)| [luma, chroma]).collect();
+    let colors = colors::corrected(field, &seen, metric, &rows, &tables);
+    let colors = colors::quantize(&colors, &seen, tables.color_step, settings.bits(settings.color_step));
     Ok(Quantized {
         frame: field.frame(),
         basis: field.basis(),
@@ -118,25 +137,54 @@ fn quantize(
         nodes: field.nodes().to_vec(),
         densities,
         levels,
-        step,
-        constants,
-        table_step,
-        table,
-        rows: book.rows,
+        colors,
+        rows,
+        tables,
     })
 }
 
-/// Scales how leaves are seen, so that the mean over all leaves is 1.
-fn normalize(seen: &mut [Seen]) {
-    let mean = |of: fn(&Seen) -> f64| seen.iter().map(of).sum::<f64>() / seen.len() as f64;
-    let color = mean(|seen| seen.channels.iter().map(|weight| f64::from(*weight)).sum::<f64>() / 3.0);
-    let depth = mean(|seen| seen.depth.into());
-    for seen in seen {
-        if color > 0.0 {
-            seen.channels = seen.channels.map(|weight| (f64::from(weight) / color) as f32);
-        }
-        if depth > 0.0 {
-            seen.depth = (f64::from(seen.depth) / depth) as f32;
+/// Builds the codebooks of luma and of the differences.
+fn books(
+    field: &PlenOctree,
+    seen: &[Seen],
+    metric: &Metric,
+    settings: &PackSettings,
+    progress: &Progress,
+) -> Result<(Book, Book), Canceled> {
+    let (mut luma, mut chroma) = (Vec::new(), Vec::new());
+    for leaf in 0..seen.len() {
+        let mut channels = [Vec::new(), Vec::new(), Vec::new()];
+        let mut channel = 0;
+        field.stored().visit(field.basis(), leaf, |function, k| {
+            if function > 0 {
+                channels[channel].push(k.to_f32());
+            }
+            if function + 1 == field.basis().functions() {
+                channel += 1;
+            }
+        });
+        let parts = |function: usize| from_rgb([0, 1, 2].map(|channel| channels[channel][function]));
+        luma.extend((0..metric.others()).map(|function| parts(function)[0]));
+        chroma.extend((0..metric.others()).map(|function| parts(function)[1]));
+        chroma.extend((0..metric.others()).map(|function| parts(function)[2]));
+    }
+    let step = settings.table_step * settings.unit(field);
+    let scale = settings.bits(1.0 / settings.unit(field));
+    let leaves = |values, shares| Leaves { metric, seen, shares, values, scale };
+    let rows = settings.rows as usize;
+    let luma = codebook::build(&leaves(luma, &[1.0]), rows, step, progress)?;
+    let chroma = codebook::build(&leaves(chroma, &[2.0 / 3.0, 1.0]), rows.div_ceil(2), step, progress)?;
+    Ok((luma, chroma))
+}
+
+/// Scales the weights of channels, so that their mean over all leaves is 1. Returns what it was.
+fn normalize(seen: &mut [Seen]) -> f32 {
+    let sum: f64 = seen.iter().flat_map(|seen| seen.channels).map(f64::from).sum();
+    let mean = sum / (3 * seen.len()).max(1) as f64;
+    if mean > 0.0 {
+        for seen in seen {
+            seen.channels = seen.channels.map(|weight| (f64::from(weight) / mean) as f32);
         }
     }
+    mean.max(f64::from(f32::MIN_POSITIVE)) as f32
 }

@@ -4,12 +4,14 @@ use std::sync::Arc;
 
 use half::f16;
 
-use crate::field::{Activation, Basis, Cell, Coefficients, Frame, InvalidField, PlenOctree, UpAxis};
+use crate::field::{Activation, Basis, Cell, Coefficients, Frame, InvalidField, PlenOctree, Tables, UpAxis};
 
 /// The largest number of densities.
-pub(crate) const MAX_LEVELS: usize = 256;
+pub(crate) const MAX_LEVELS: usize = 254;
 /// The largest number of rows of a codebook.
 pub(crate) const MAX_ROWS: usize = 1 << 16;
+/// The least and the largest luma and differences of a leaf: what 12, 10 and 10 bits hold.
+pub(crate) const COLOR_RANGES: [(i16, i16); 3] = [(-2048, 2047), (-512, 511), (-512, 511)];
 
 /// A field whose numbers are multiples of steps, or come from tables.
 #[derive(Clone, Debug, PartialEq)]
@@ -24,39 +26,19 @@ pub(crate) struct Quantized {
     /// At most [`MAX_LEVELS`] densities, and which of them every leaf has.
     pub densities: Vec<f16>,
     pub levels: Vec<u8>,
-    /// Coefficients of the constant function: luma, and two differences in steps twice as large. See [`Self::channels`].
-    pub step: f32,
-    pub constants: Vec<[i32; 3]>,
-    /// Coefficients of the other functions: at most [`MAX_ROWS`] rows, and the row of every leaf. Empty if there are no
-    /// other functions.
-    pub table_step: f32,
-    pub table: Vec<i16>,
-    pub rows: Vec<u16>,
+    /// As in a [`Codebook`](crate::Codebook).
+    pub colors: Vec<[i16; 3]>,
+    pub rows: Vec<[u16; 2]>,
+    pub tables: Tables,
 }
 
 impl Quantized {
-    /// Returns red, green and blue of luma `y` and differences `u` and `v`, all in steps.
-    ///
-    /// Luma is a quarter of red and blue plus half of green. `2 u` is red minus blue. `2 v` is green minus the mean of
-    /// red and blue.
-    pub fn channels([y, u, v]: [i32; 3]) -> [i32; 3] {
-        let between = y.wrapping_sub(v);
-        [between.wrapping_add(u), y.wrapping_add(v), between.wrapping_sub(u)]
-    }
-
     /// Returns the field.
     pub fn field(self) -> Result<PlenOctree, InvalidField> {
-        let coefficient = |steps: f32| {
-            let k = f16::from_f32(steps);
-            if k.is_finite() { k } else { f16::MAX.copysign(k) }
-        };
-        let constants =
-            self.constants.iter().map(|all| Self::channels(*all).map(|steps| coefficient(steps as f32 * self.step)));
-        let table = self.table.iter().map(|steps| coefficient(f32::from(*steps) * self.table_step));
         let coefficients = Coefficients::Shared {
-            constants: Arc::new(constants.collect()),
+            colors: Arc::new(self.colors),
             rows: Arc::new(self.rows),
-            table: Arc::new(table.collect()),
+            tables: Arc::new(self.tables),
         };
         let densities = self.levels.iter().map(|level| self.densities[usize::from(*level)].to_f32()).collect();
         PlenOctree::assemble(self.frame, self.basis, self.activation, self.up, self.nodes, densities, coefficients)

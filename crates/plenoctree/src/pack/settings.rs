@@ -26,13 +26,16 @@ pub struct PackSettings {
     /// Opacity, 0 to 1, that a leaf must add to a ray from outside to be kept. 0 keeps all leaves, for fields that are
     /// also seen from inside.
     pub hidden: f32,
-    /// Largest number of rows of the codebook, which leaves share. 1 to 65,536.
+    /// How much views from below the horizon count, compared with others. 0 to 1.
+    pub below: f32,
+    /// Largest number of rows of the codebook of luma, which leaves share. That of color differences has half as many. 1 to
+    /// 65,536.
     pub rows: u32,
-    /// Number of densities. 2 to 256.
+    /// Largest number of densities. 2 to 254.
     pub density_levels: u32,
     /// Step of leaves' colors, in encoded sRGB. Positive, and at most 1.
     pub color_step: f32,
-    /// Step of the codebook's coefficients, in the same unit.
+    /// Step of the codebooks' coefficients, in the same unit.
     pub table_step: f32,
     /// Step, in the same unit, to which the colors of an averagely visible leaf are rounded. Those of leaves that are seen
     /// less are rounded more, at least to `color_step`. 0 to 1.
@@ -41,14 +44,35 @@ pub struct PackSettings {
 
 impl PackSettings {
     /// For fields that are seen from afar.
-    pub const SMALL: Self =
-        Self { hidden: 0.01, rows: 2048, density_levels: 32, color_step: 0.03, table_step: 0.03, tolerance: 0.06 };
+    pub const SMALL: Self = Self {
+        hidden: 0.01,
+        below: 0.1,
+        rows: 16384,
+        density_levels: 48,
+        color_step: 0.03,
+        table_step: 0.03,
+        tolerance: 0.1,
+    };
     /// For most fields.
-    pub const BALANCED: Self =
-        Self { hidden: 0.004, rows: 8192, density_levels: 48, color_step: 0.015, table_step: 0.02, tolerance: 0.02 };
+    pub const BALANCED: Self = Self {
+        hidden: 0.004,
+        below: 0.1,
+        rows: 32768,
+        density_levels: 96,
+        color_step: 0.015,
+        table_step: 0.02,
+        tolerance: 0.065,
+    };
     /// For fields that are seen from close by.
-    pub const FINE: Self =
-        Self { hidden: 0.001, rows: 16384, density_levels: 128, color_step: 0.008, table_step: 0.01, tolerance: 0.005 };
+    pub const FINE: Self = Self {
+        hidden: 0.001,
+        below: 0.3,
+        rows: 65536,
+        density_levels: 192,
+        color_step: 0.008,
+        table_step: 0.01,
+        tolerance: 0.03,
+    };
 
     /// Checks that every setting is in its range.
     ///
@@ -59,12 +83,13 @@ impl PackSettings {
         let share =
             |setting, found: f32| InvalidSetting::check((0.0..=1.0).contains(&found), setting, found.into(), "0 to 1");
         share("hidden", self.hidden)?;
+        share("below", self.below)?;
         let count = |setting, found: u32, least: u32, most: usize, expected| {
             let holds = (least as usize..=most).contains(&(found as usize));
             InvalidSetting::check(holds, setting, found.into(), expected)
         };
         count("rows", self.rows, 1, MAX_ROWS, "1 to 65536")?;
-        count("density_levels", self.density_levels, 2, MAX_LEVELS, "2 to 256")?;
+        count("density_levels", self.density_levels, 2, MAX_LEVELS, "2 to 254")?;
         let step = |setting, found: f32| {
             let holds = (1e-4..=1.0).contains(&found);
             InvalidSetting::check(holds, setting, found.into(), "0.0001 to 1")
@@ -76,9 +101,13 @@ impl PackSettings {
 
     /// Returns the coefficient that makes a difference of 1 in encoded sRGB where the activation is steepest.
     pub(super) fn unit(&self, field: &PlenOctree) -> f32 {
-        let slope = if field.activation() == Activation::Sigmoid { 0.25 } else { 1.0 };
-        let constant = if field.basis() == Basis::Rgba { 1.0 } else { Basis::FACTORS[0] };
-        (1.0 / (slope * constant)) as f32
+        let constant = if field.basis() == Basis::Rgba { 1.0 } else { Basis::FACTORS[0] as f32 };
+        1.0 / (self.slope(field) * constant)
+    }
+
+    /// Returns the slope of the activation where it is steepest.
+    pub(super) fn slope(&self, field: &PlenOctree) -> f32 {
+        if field.activation() == Activation::Sigmoid { 0.25 } else { 1.0 }
     }
 
     /// Returns how many bits an error of the color of an averagely visible channel is worth, in encoded sRGB.

@@ -25,4 +25,4 @@ pub use progress::{Canceled, Progress};
 pub use sampler::{SamplingError, sample};
 pub use settings::{InvalidSetting, Observers, SamplingSettings};
 #[cfg(feature = "write")]
-pub(crate) use visibility::{Seen, visibility};
+pub(crate) use visibility::{Seen, Visibility, visibility};

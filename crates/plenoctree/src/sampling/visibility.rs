@@ -1,5 +1,6 @@
 //! How well each leaf is seen from all around.
 
+use half::f16;
 use rayon::prelude::*;
 
 use super::{
@@ -32,12 +33,28 @@ pub(crate) struct Seen {
     /// Mean of `(T a)^2 s^2` for each channel, where `s` is the slope of the activation: what a pixel's squared error
     /// is per squared error of the channel's sum of harmonics.
     pub channels: [f32; 3],
-    /// Means of the basis functions but the first, weighted by the sum of the above. Zeros if the leaf is not seen.
-    pub basis: Vec<f32>,
+    /// The part of the sum of `channels` that each direction adds. Zeros if the leaf is not seen.
+    pub views: Vec<f16>,
+}
+
+impl Seen {
+    /// Returns the sum of what errors of the channels count.
+    pub fn total(&self) -> f32 {
+        self.channels.iter().sum()
+    }
+}
+
+/// How all leaves are seen.
+pub(crate) struct Visibility {
+    pub leaves: Vec<Seen>,
+    /// The values of the basis functions for the views in all directions.
+    pub directions: Vec<[f32; 25]>,
 }
 
 /// Measures how each leaf is seen, on all cores. The result does not depend on their number.
-pub(crate) fn visibility(field: &PlenOctree, progress: &Progress) -> Result<Vec<Seen>, Canceled> {
+///
+/// A view from below the horizon counts `below` times as much as another one, except for [`Seen::most`].
+pub(crate) fn visibility(field: &PlenOctree, below: f64, progress: &Progress) -> Result<Visibility, Canceled> {
     let settings = SamplingSettings {
         observers: Observers::Sphere,
         directions: DIRECTIONS,
@@ -49,23 +66,35 @@ pub(crate) fn visibility(field: &PlenOctree, progress: &Progress) -> Result<Vec<
     let units = sampler.units(&leaves)?;
     progress.begin(leaves.len());
     // Leaves are in the order of the octree, and so are units and what they return.
-    let seen: Vec<Vec<Seen>> = units.par_iter().map(|unit| of_unit(&sampler, unit)).collect::<Result<_, _>>()?;
-    Ok(seen.into_iter().flatten().collect())
+    let counts: Vec<f64> = sampler
+        .cells
+        .iter()
+        .flatten()
+        .map(|ray| {
+            let observer = field.up().to_y_up() * (ray.direction / field.frame().scale);
+            if observer.y < 0.0 { below } else { 1.0 }
+        })
+        .collect();
+    let seen: Vec<Vec<Seen>> =
+        units.par_iter().map(|unit| of_unit(&sampler, unit, &counts)).collect::<Result<_, _>>()?;
+    let directions = sampler.cells.iter().flatten().map(|ray| ray.basis.map(|y| y as f32)).collect();
+    Ok(Visibility { leaves: seen.into_iter().flatten().collect(), directions })
 }
 
-fn of_unit(sampler: &Sampler, unit: &Unit) -> Result<Vec<Seen>, Canceled> {
+/// `counts` is how much the views in each direction count.
+fn of_unit(sampler: &Sampler, unit: &Unit, counts: &[f64]) -> Result<Vec<Seen>, Canceled> {
     sampler.progress.check()?;
     let field = sampler.field;
     let limit = -HIDDEN.ln();
     let rays = || sampler.cells.iter().flatten();
-    let count = rays().count() as f64;
+    let count = counts.iter().sum();
     let mut tallies;
     match unit {
         Unit::Block(place, leaves) => {
             tallies = leaves.iter().map(|&(leaf, ..)| Tally::new(field, leaf, 1)).collect::<Vec<_>>();
             let Some(blocks) = &sampler.blocks else { return Ok(Vec::new()) };
             let mut depths = [[0.0; SIDE]; ROWS];
-            for ray in rays() {
+            for (ray, count) in rays().zip(counts) {
                 sampler.progress.check()?;
                 let half = ray.path.steps.first().map_or(0.0, |step| step.length);
                 depths.as_flattened_mut().fill(f32::INFINITY);
@@ -75,18 +104,18 @@ fn of_unit(sampler: &Sampler, unit: &Unit) -> Result<Vec<Seen>, Canceled> {
                 }
                 blocks.march(*place, &ray.path, limit as f32, &mut depths);
                 for (&(_, row, lane), tally) in leaves.iter().zip(&mut tallies) {
-                    tally.add(field, depths[row][lane].into(), half.into(), &ray.basis);
+                    tally.add(field, depths[row][lane].into(), half.into(), &ray.basis, *count);
                 }
             }
         }
         Unit::Alone(leaf) => {
             let mut tally = Tally::new(field, leaf.leaf, leaf.size);
-            for ray in rays() {
+            for (ray, count) in rays().zip(counts) {
                 sampler.progress.check()?;
                 let half = 0.5 * f64::from(leaf.size) * ray.direction.abs().recip().min_element();
                 let own = tally.density * half;
                 let depth = optical_depth(field, *leaf, ray.direction, own + limit) - own;
-                tally.add(field, depth, half, &ray.basis);
+                tally.add(field, depth, half, &ray.basis, *count);
             }
             tallies = vec![tally];
         }
@@ -104,9 +133,8 @@ struct Tally {
     most: f64,
     depth: f64,
     channels: [f64; 3],
-    /// The sum of `channels`, and the sums of the basis functions but the first, weighted by it.
-    total: f64,
-    basis: Vec<f64>,
+    /// What each direction adds to the sum of `channels`.
+    views: Vec<f64>,
 }
 
 impl Tally {
@@ -118,14 +146,14 @@ impl Tally {
             most: 0.0,
             depth: 0.0,
             channels: [0.0; 3],
-            total: 0.0,
-            basis: vec![0.0; field.basis().functions() - 1],
+            views: Vec::new(),
         }
     }
 
     /// Adds an observer who sees the leaf through an optical `depth`, and the halves of whose path through the leaf are
-    /// `half` long. `y` are the basis functions of the view.
-    fn add(&mut self, field: &PlenOctree, depth: f64, half: f64, y: &[f64; 25]) {
+    /// `half` long. `y` are the basis functions of the view, and `count` is how much it counts.
+    fn add(&mut self, field: &PlenOctree, depth: f64, half: f64, y: &[f64; 25], count: f64) {
+        self.views.push(0.0);
         let transmittance = (-depth).exp();
         if transmittance < HIDDEN {
             return;
@@ -133,33 +161,28 @@ impl Tally {
         let opacity = -(-2.0 * self.density * half).exp_m1();
         let weight = transmittance * opacity;
         self.most = self.most.max(weight);
-        self.depth += transmittance * transmittance;
+        self.depth += count * transmittance * transmittance;
         if weight < FAINT {
             return;
         }
-        let mut sum = 0.0;
-        for (channel, total) in self.channels.iter_mut().enumerate() {
-            let (constant, others) = field.stored().channel(field.basis(), self.leaf, channel);
-            let first = constant.to_f64() * y[0];
-            let x = others.iter().zip(&y[1..]).fold(first, |sum, (k, y)| sum + k.to_f64() * y);
-            let squared = (weight * slope(field.activation(), x)).powi(2);
+        let sums = field.stored().sums(field.basis(), self.leaf, y);
+        let squared = sums.map(|x| count * (weight * slope(field.activation(), x)).powi(2));
+        for (total, squared) in self.channels.iter_mut().zip(squared) {
             *total += squared;
-            sum += squared;
         }
-        self.total += sum;
-        for (total, y) in self.basis.iter_mut().zip(&y[1..]) {
-            *total += sum * y;
+        if let Some(view) = self.views.last_mut() {
+            *view = squared.iter().sum();
         }
     }
 
     fn finish(self, directions: f64) -> Seen {
         let mean = |sum: f64| (sum * self.area / directions) as f32;
-        let total = self.total.max(f64::MIN_POSITIVE);
+        let total = self.views.iter().sum::<f64>().max(f64::MIN_POSITIVE);
         Seen {
             most: self.most as f32,
             depth: mean(self.depth),
             channels: self.channels.map(mean),
-            basis: self.basis.iter().map(|sum| (sum / total) as f32).collect(),
+            views: self.views.iter().map(|view| f16::from_f64(view / total)).collect(),
         }
     }
 }
@@ -195,9 +218,9 @@ mod tests {
             bake(&settings, inside, |_| |_| DVec3::splat(0.5)).unwrap()
         };
         let field = ball(1000.0);
-        let seen = visibility(&field, &Progress::default()).unwrap();
+        let all = visibility(&field, 1.0, &Progress::default()).unwrap();
         let cells = f64::from(1u32 << field.depth());
-        for (cell, seen) in field.leaf_cells().zip(&seen) {
+        for (cell, seen) in field.leaf_cells().zip(&all.leaves) {
             let center = field.frame().to_world((cell.corner.as_dvec3() + 0.5) / cells);
             if center.length() < 0.65 {
                 assert_eq!((seen.most, seen.channels), (0.0, [0.0; 3]), "at {center}");
@@ -206,13 +229,19 @@ mod tests {
                 assert!(seen.most > 0.9, "{seen:?} at {center}");
                 // Views come from outside: the mean direction of view points inward.
                 let y = Basis::Sh4.evaluate(-center.normalize());
-                let along: f64 = seen.basis.iter().zip(&y[1..]).map(|(mean, y)| f64::from(*mean) * y).sum();
+                let along: f64 = (1..4)
+                    .map(|function| {
+                        let views = seen.views.iter().zip(&all.directions);
+                        let mean: f64 = views.map(|(view, basis)| view.to_f64() * f64::from(basis[function])).sum();
+                        mean * y[function]
+                    })
+                    .sum();
                 assert!(along > 0.05, "{along}");
             }
         }
         let haze = ball(0.01);
         let width = 2.0 / 64.0;
-        for seen in visibility(&haze, &Progress::default()).unwrap() {
+        for seen in visibility(&haze, 1.0, &Progress::default()).unwrap().leaves {
             // The longest path through a cell is its diagonal.
             assert!(seen.most > 0.008 * width && seen.most < 0.01 * 1.8 * width, "{seen:?}");
         }
@@ -225,7 +254,7 @@ mod tests {
         let field = bake(&settings, |at| 20.0 * at.x.max(0.0), tint).unwrap();
         let on = |threads: usize| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            pool.install(|| visibility(&field, &Progress::default())).unwrap()
+            pool.install(|| visibility(&field, 0.5, &Progress::default())).unwrap().leaves
         };
         assert_eq!(on(1), on(4));
     }

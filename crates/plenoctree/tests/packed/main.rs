@@ -160,9 +160,11 @@ fn settings_out_of_range_are_refused() {
     let default = PackSettings::default;
     for (settings, name) in [
         (PackSettings { hidden: f32::NAN, ..default() }, "hidden"),
+        (PackSettings { below: 1.5, ..default() }, "below"),
         (PackSettings { rows: 0, ..default() }, "rows"),
         (PackSettings { rows: 65537, ..default() }, "rows"),
         (PackSettings { density_levels: 1, ..default() }, "density_levels"),
+        (PackSettings { density_levels: 255, ..default() }, "density_levels"),
         (PackSettings { color_step: 0.0, ..default() }, "color_step"),
         (PackSettings { table_step: 2.0, ..default() }, "table_step"),
         (PackSettings { tolerance: -1.0, ..default() }, "tolerance"),
@@ -226,14 +228,17 @@ fn errors_name_the_section() {
         (4, &[0; 4], "HEAD: found 0 nodes"),
         (8, &[0xff; 4], "HEAD: found 4294967295 leaves"),
         (12, &[0; 4], "HEAD: found 0 densities"),
+        (12, &[255, 0, 0, 0], "HEAD: found 255 densities, expected 1 to 254"),
         (16, &[1, 0, 1, 0], "HEAD: found 65537 rows"),
-        (20, &[0; 4], "HEAD: found a step of 0"),
-        (28, &[0xff; 8], "HEAD: found [NaN"),
-        (52, &[0; 8], "HEAD: found [0.0"),
+        (24, &[0; 4], "HEAD: found 0 rows"),
+        (28, &[0xff; 4], "HEAD: found 4294967295 rows before the first new one"),
+        (32, &[0; 4], "HEAD: found a step of 0"),
+        (40, &[0xff; 8], "HEAD: found [NaN"),
+        (64, &[0; 8], "HEAD: found [0.0"),
     ] {
         assert_refused(Basis::Sh4, head(at, bytes), message);
     }
-    assert_refused(Basis::Sh4, |sections| sections.version = 2, "header: found version 2, expected version 1");
+    assert_refused(Basis::Sh4, |sections| sections.version = 1, "header: found version 1, expected version 2");
     assert_refused(Basis::Sh4, |sections| sections.remove("LEVL"), "LEVL: found no section, expected one");
     assert_refused(Basis::Sh4, |sections| sections.repeat("ROWS"), "ROWS: found several sections");
     assert_refused(
@@ -241,12 +246,18 @@ fn errors_name_the_section() {
         |sections| sections.get("DENS").fill(0xff),
         "DENS: found NaN, expected a positive number",
     );
-    assert_refused(Basis::Sh4, |sections| sections.get("LEVL")[0] = 255, "LEVL: found level 255");
-    assert_refused(Basis::Sh4, |sections| sections.get("ROWS").fill(0xff), "ROWS: found row 65535");
+    for name in ["LEVL", "BASE", "BOOK", "ROWS"] {
+        let message = format!("{name}: found damaged content");
+        // Too short for what it says, too long, and a wrong sum of frequencies.
+        assert_refused(Basis::Sh4, |sections| _ = sections.get(name).pop(), &message);
+        assert_refused(Basis::Sh4, |sections| sections.get(name).push(0), &message);
+        assert_refused(Basis::Sh4, |sections| sections.get(name)[4] ^= 1, &message);
+    }
+    // Fewer densities and rows than leaves name.
+    assert_refused(Basis::Sh4, |sections| sections.get("HEAD")[12] -= 1, "DENS: found");
+    assert_refused(Basis::Sh4, |sections| sections.get("HEAD")[16] -= 1, "BOOK: found");
     assert_refused(Basis::Sh4, |sections| _ = sections.get("TREE").pop(), "TREE: found more or fewer cells");
     assert_refused(Basis::Sh4, |sections| sections.get("TREE")[1] = 0xff, "TREE: found");
-    assert_refused(Basis::Sh4, |sections| _ = sections.get("BASE").pop(), "BASE: found");
-    assert_refused(Basis::Sh4, |sections| sections.get("BOOK").push(0), "BOOK: found");
     assert_refused(Basis::Sh4, |sections| sections.damaged = Some("BASE"), "BASE: found a damaged deflate stream");
 }
 
@@ -273,13 +284,11 @@ fn implausible_sizes_are_refused() {
     // A section that deflates to a thousandth.
     let zeros = |sections: &mut Sections| {
         claim(1 << 22, 1 << 23)(sections);
-        *sections.get("LEVL") = vec![0; 1 << 23];
-        *sections.get("BASE") = vec![0; 12 << 23];
         *sections.get("TREE") = vec![0; 1 << 22];
     };
     assert_refused(Basis::Sh4, zeros, "expected a plausible size");
     let raw = |sections: &mut Sections| sections.claimed = Some(("BASE", u64::MAX));
-    assert_refused(Basis::Sh4, raw, "BASE: found 18446744073709551615 bytes of content");
+    assert_refused(Basis::Sh4, raw, "BASE: found 18446744073709551615 bytes deflated to");
     assert!(start.elapsed().as_secs() < 20);
 }
 

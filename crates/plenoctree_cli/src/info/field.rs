@@ -55,14 +55,15 @@ pub fn report(path: &Path) -> Result<Report> {
     Ok(Report { text: text::table(path, &lines), json })
 }
 
-/// Returns the number of rows of a packed field's codebook.
-fn rows(field: &PlenOctree) -> Option<usize> {
-    let width = field.basis().coefficients() - 3;
-    field.codebook().map(|codebook| codebook.table.len().checked_div(width).unwrap_or(0))
+/// Returns the number of rows of a packed field's codebooks: of luma, and of differences.
+fn rows(field: &PlenOctree) -> Option<[usize; 2]> {
+    let others = field.basis().functions() - 1;
+    let count = |length: usize, width: usize| length.checked_div(width).unwrap_or(0);
+    field.codebook().map(|codebook| [count(codebook.luma.len(), others), count(codebook.chroma.len(), 2 * others)])
 }
 
 fn codebook_text(field: &PlenOctree) -> String {
-    rows(field).map_or("of every leaf".into(), |rows| format!("packed, {rows} rows"))
+    rows(field).map_or("of every leaf".into(), |[luma, chroma]| format!("packed, {luma} and {chroma} rows"))
 }
 
 /// Returns `None` for an empty field.

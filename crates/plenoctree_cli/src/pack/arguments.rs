@@ -22,7 +22,10 @@ pub struct Arguments {
     /// from inside.
     #[arg(long)]
     hidden: Option<f32>,
-    /// Largest number of rows of the codebook.
+    /// How much views from below the horizon count, compared with others, from 0 to 1.
+    #[arg(long)]
+    below: Option<f32>,
+    /// Largest number of rows of the codebook of luma; that of color differences has half as many.
     #[arg(long)]
     rows: Option<u32>,
     /// Writes the quantized .npz layout that volrend reads instead; --out is then required.
@@ -81,6 +84,7 @@ impl Arguments {
         };
         PackSettings {
             hidden: self.hidden.unwrap_or(settings.hidden),
+            below: self.below.unwrap_or(settings.below),
             rows: self.rows.unwrap_or(settings.rows),
             ..settings
         }

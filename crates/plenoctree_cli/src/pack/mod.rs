@@ -59,7 +59,7 @@ fn pack(field: &PlenOctree, settings: &PackSettings) -> Result<Packed> {
     while !worker.is_finished() {
         bar.set_position((100.0 * progress.fraction()) as u64);
         if progress.fraction() == 1.0 {
-            bar.set_message("learning the codebook");
+            bar.set_message("learning the codebooks");
         }
         thread::sleep(Duration::from_millis(20));
     }

@@ -9,7 +9,7 @@ use super::super::error::ReadFault;
 /// The first bytes of every file. They show whether a file was taken for text, or is an archive.
 pub const MAGIC: [u8; 8] = *b"\x89PLO\r\n\x1a\n";
 /// The version that this code reads and writes.
-const VERSION: u16 = 1;
+const VERSION: u16 = 2;
 /// Largest number of sections.
 const MAX_SECTIONS: usize = 64;
 /// Bytes before the list of sections: magic, version, number of sections, checksum of the list.
@@ -113,6 +113,12 @@ impl<R: Read + Seek> Container<R> {
     /// Returns the size of a section's content, as the file claims it.
     pub fn size(&self, name: &'static str) -> Result<u64, ReadFault> {
         self.section(name).map(|section| section.raw)
+    }
+
+    /// Reads a section whose content may have any size.
+    pub fn read_all(&mut self, name: &'static str) -> Result<Vec<u8>, ReadFault> {
+        let length = self.size(name)?;
+        self.read(name, length)
     }
 
     /// Reads a section, whose content must have `length` bytes.

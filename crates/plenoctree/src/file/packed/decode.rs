@@ -10,9 +10,10 @@ use super::{
     CONSTANTS, DENSITIES, HEAD, HEAD_BYTES, LEVELS, ROWS, TABLE, TREE,
     container::{Container, fault},
     planes,
+    streams::{self, Rows},
 };
 use crate::{
-    field::{Activation, Basis, Cell, Frame, MAX_DEPTH, PlenOctree, UpAxis},
+    field::{Activation, Basis, Cell, Frame, MAX_DEPTH, PlenOctree, Tables, UpAxis},
     pack::{MAX_LEVELS, MAX_ROWS, Quantized},
 };
 
@@ -21,16 +22,21 @@ pub(in crate::file) fn read_packed(reader: impl Read + Seek) -> Result<PlenOctre
     let mut file = Container::open(reader)?;
     let head = Head::parse(&file.read(HEAD, HEAD_BYTES as u64)?)?;
     let (leaves, nodes) = (head.leaves as u64, head.nodes as u64);
-    // What the field takes: densities, constants and rows per leaf, and cells per node.
-    file.check_room(HEAD, 12 * leaves + 32 * nodes)?;
+    // What the field takes: densities, colors and rows per leaf, and cells per node.
+    file.check_room(HEAD, 14 * leaves + 32 * nodes)?;
     let nodes = head.tree(&mut file)?;
     let densities = head.densities(&mut file)?;
-    let levels = file.read(LEVELS, leaves)?;
-    if let Some(level) = levels.iter().find(|level| usize::from(**level) >= densities.len()) {
-        return Err(fault(LEVELS, format!("level {level}"), format!("less than {}", densities.len())));
-    }
-    let constants = constants(&file.read(CONSTANTS, 12 * leaves)?, head.leaves);
-    let (table, rows) = head.codebook(&mut file)?;
+    let damaged = |section| fault(section, "damaged content", "that of the head");
+    let shares = head.rows[0].count > 0;
+    let [levels, colors, tables, rows] = [LEVELS, CONSTANTS, TABLE, ROWS].map(|section| file.read_all(section));
+    let (levels, colors, tables, rows) = (levels?, colors?, tables?, rows?);
+    let levels = streams::read_levels(&levels, head.leaves, head.densities).ok_or_else(|| damaged(LEVELS))?;
+    let read_colors = || streams::read_colors(&colors, &levels, head.densities);
+    let read_rows = || streams::read_rows(&rows, if shares { &levels } else { &[] }, head.densities, head.rows);
+    let (colors, rows) = rayon::join(read_colors, read_rows);
+    let others = head.basis.functions() - 1;
+    let tables = streams::read_tables(&tables, others, head.rows.map(|rows| rows.count));
+    let [luma, chroma] = tables.ok_or_else(|| damaged(TABLE))?;
     let quantized = Quantized {
         frame: head.frame,
         basis: head.basis,
@@ -40,11 +46,9 @@ pub(in crate::file) fn read_packed(reader: impl Read + Seek) -> Result<PlenOctre
         nodes,
         densities,
         levels,
-        step: head.step,
-        constants,
-        table_step: head.table_step,
-        table,
-        rows,
+        colors: colors.ok_or_else(|| damaged(CONSTANTS))?,
+        rows: rows.ok_or_else(|| damaged(ROWS))?,
+        tables: Tables { color_step: head.color_step, table_step: head.table_step, luma, chroma },
     };
     quantized.field().map_err(ReadFault::Field)
 }
@@ -58,8 +62,9 @@ struct Head {
     nodes: usize,
     leaves: usize,
     densities: usize,
-    rows: usize,
-    step: f32,
+    /// Of luma, and of the differences.
+    rows: [Rows; 2],
+    color_step: f32,
     table_step: f32,
     frame: Frame,
 }
@@ -69,8 +74,8 @@ impl Head {
         let choice = |what: &str, found: u8, expected: &str| fault(HEAD, format!("{what} {found}"), expected);
         let [basis, activation, up, depth] = [0, 1, 2, 3].map(|at| bytes[at]);
         let count = |at: usize| u32::from_le_bytes(part(bytes, 4 + 4 * at)) as usize;
-        let step = |at: usize| f32::from_le_bytes(part(bytes, 20 + 4 * at));
-        let number = |at: usize| f64::from_le_bytes(part(bytes, 28 + 8 * at));
+        let step = |at: usize| f32::from_le_bytes(part(bytes, 32 + 4 * at));
+        let number = |at: usize| f64::from_le_bytes(part(bytes, 40 + 8 * at));
         let head = Self {
             basis: *Basis::ALL.get(usize::from(basis)).ok_or_else(|| choice("basis", basis, "0 to 5"))?,
             activation: match activation {
@@ -88,8 +93,8 @@ impl Head {
             nodes: count(0),
             leaves: count(1),
             densities: count(2),
-            rows: count(3),
-            step: step(0),
+            rows: [3, 5].map(|at| Rows { count: count(at), first_new: count(at + 1) }),
+            color_step: step(0),
             table_step: step(1),
             frame: Frame {
                 offset: DVec3::new(number(0), number(1), number(2)),
@@ -107,8 +112,11 @@ impl Head {
         range("leaves", head.leaves, 0, 8 * head.nodes)?;
         range("densities", head.densities, usize::from(head.leaves > 0), MAX_LEVELS)?;
         let shares = head.leaves > 0 && head.basis.functions() > 1;
-        range("rows", head.rows, usize::from(shares), if shares { MAX_ROWS } else { 0 })?;
-        for step in [head.step, head.table_step] {
+        for rows in head.rows {
+            range("rows", rows.count, usize::from(shares), if shares { MAX_ROWS } else { 0 })?;
+            range("rows before the first new one", rows.first_new, 0, rows.count)?;
+        }
+        for step in [head.color_step, head.table_step] {
             if !step.is_finite() || step <= 0.0 {
                 return Err(fault(HEAD, format!("a step of {step}"), "a positive number"));
             }
@@ -162,43 +170,11 @@ impl Head {
             None => Ok(densities),
         }
     }
-
-    /// Reads the table and the row of every leaf.
-    fn codebook(&self, file: &mut Container<impl Read + Seek>) -> Result<(Vec<i16>, Vec<u16>), ReadFault> {
-        let width = 3 * (self.basis.functions() - 1);
-        let bytes = file.read(TABLE, 2 * (self.rows * width) as u64)?;
-        let mut table = vec![0; self.rows * width];
-        for (index, bytes) in planes::join(&bytes).enumerate() {
-            let (column, row) = (index / self.rows, index % self.rows);
-            table[row * width + column] = planes::unfold(u16::from_le_bytes(bytes).into()) as i16;
-        }
-        let leaves = if self.rows == 0 { 0 } else { self.leaves as u64 };
-        let bytes = file.read(ROWS, 2 * leaves)?;
-        let rows: Vec<u16> = planes::join(&bytes).map(u16::from_le_bytes).collect();
-        match rows.iter().find(|row| usize::from(**row) >= self.rows) {
-            Some(row) => Err(fault(ROWS, format!("row {row}"), format!("less than {}", self.rows))),
-            None => Ok((table, rows)),
-        }
-    }
 }
 
 /// Returns the `N` bytes at a position.
 fn part<const N: usize>(bytes: &[u8], at: usize) -> [u8; N] {
     std::array::from_fn(|index| bytes[at + index])
-}
-
-/// Adds up the differences between the constants of consecutive leaves.
-fn constants(bytes: &[u8], leaves: usize) -> Vec<[i32; 3]> {
-    let mut constants = vec![[0; 3]; leaves];
-    for part in 0..3 {
-        let mut sum = 0i32;
-        let changes = planes::join(&bytes[4 * leaves * part..][..4 * leaves]);
-        for (constant, change) in constants.iter_mut().zip(changes) {
-            sum = sum.wrapping_add(planes::unfold(u32::from_le_bytes(change)));
-            constant[part] = sum;
-        }
-    }
-    constants
 }
 
 /// Returns the nodes in depth-first order. Every level lists which cells of its nodes are not empty, and which are leaves.

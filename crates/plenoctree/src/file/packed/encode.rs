@@ -1,6 +1,6 @@
 //! Writes a packed field.
 
-use super::{CONSTANTS, DENSITIES, HEAD, LEVELS, ROWS, TABLE, TREE, container, planes};
+use super::{CONSTANTS, DENSITIES, HEAD, LEVELS, ROWS, TABLE, TREE, container, planes, streams};
 use crate::{
     field::{Activation, Basis, Cell, UpAxis},
     pack::Quantized,
@@ -9,15 +9,28 @@ use crate::{
 impl Quantized {
     /// Returns the content of the file, and the name and size of every section in it.
     pub(crate) fn encode(&self) -> (Vec<u8>, Vec<(&'static str, usize)>) {
+        let of = self.rows_of_tables();
+        let (levels, count) = (&self.levels, self.densities.len());
+        let others = self.basis.functions() - 1;
         container::build(&[
             (HEAD, self.head()),
             (TREE, self.tree()),
             (DENSITIES, planes::split(self.densities.iter().map(|density| density.to_bits().to_le_bytes()))),
-            (LEVELS, self.levels.clone()),
-            (CONSTANTS, self.differences()),
-            (TABLE, self.columns()),
-            (ROWS, planes::split(self.rows.iter().map(|row| row.to_le_bytes()))),
+            (LEVELS, streams::write_levels(levels, count)),
+            (CONSTANTS, streams::write_colors(&self.colors, levels, count)),
+            (TABLE, streams::write_tables(&self.tables.luma, &self.tables.chroma, others)),
+            (ROWS, streams::write_rows(&self.rows, levels, count, of)),
         ])
+    }
+
+    /// Returns how leaves name the rows of luma and of the differences.
+    fn rows_of_tables(&self) -> [streams::Rows; 2] {
+        let others = (self.basis.functions() - 1).max(1);
+        let counts = [self.tables.luma.len() / others, self.tables.chroma.len() / (2 * others)];
+        [0, 1].map(|table| {
+            let rows = self.rows.iter().map(|rows| rows[table]);
+            streams::Rows { count: counts[table], first_new: streams::first_new(rows, counts[table]) }
+        })
     }
 
     fn head(&self) -> Vec<u8> {
@@ -29,22 +42,19 @@ impl Quantized {
         };
         let up = u8::from(self.up == UpAxis::Z);
         let mut head = vec![basis, activation, up, self.depth as u8];
-        let width = self.table_width().max(1);
-        for count in [self.nodes.len(), self.levels.len(), self.densities.len(), self.table.len() / width] {
+        for count in [self.nodes.len(), self.levels.len(), self.densities.len()] {
             head.extend((count as u32).to_le_bytes());
         }
-        for step in [self.step, self.table_step] {
+        for streams::Rows { count, first_new } in self.rows_of_tables() {
+            head.extend([count as u32, first_new as u32].map(u32::to_le_bytes).as_flattened());
+        }
+        for step in [self.tables.color_step, self.tables.table_step] {
             head.extend(step.to_le_bytes());
         }
         for number in self.frame.offset.to_array().into_iter().chain(self.frame.scale.to_array()) {
             head.extend(number.to_le_bytes());
         }
         head
-    }
-
-    /// Returns the number of coefficients in a row.
-    fn table_width(&self) -> usize {
-        3 * (self.basis.functions() - 1)
     }
 
     /// Returns, for every level of nodes, which of their cells are not empty, and then which of those are leaves. The
@@ -64,27 +74,5 @@ impl Quantized {
             level = nodes().flatten().filter_map(|cell| cell.as_node()).collect();
         }
         bytes
-    }
-
-    /// Returns luma of all leaves, then the two differences, each as the difference from the leaf before.
-    fn differences(&self) -> Vec<u8> {
-        let of_part = |part: usize| {
-            let before = std::iter::once(0).chain(self.constants.iter().map(move |constant| constant[part]));
-            let changes = self
-                .constants
-                .iter()
-                .zip(before)
-                .map(move |(constant, before)| planes::fold(constant[part].wrapping_sub(before)).to_le_bytes());
-            planes::split(changes)
-        };
-        (0..3).flat_map(of_part).collect()
-    }
-
-    /// Returns the table, one column after another.
-    fn columns(&self) -> Vec<u8> {
-        let width = self.table_width().max(1);
-        let column = |column: usize| self.table.iter().skip(column).step_by(width);
-        let folded = (0..width).flat_map(column).map(|number| (planes::fold((*number).into()) as u16).to_le_bytes());
-        planes::split(folded)
     }
 }

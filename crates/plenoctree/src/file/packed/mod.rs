@@ -4,7 +4,9 @@ mod container;
 mod decode;
 #[cfg(feature = "write")]
 mod encode;
+mod entropy;
 mod planes;
+mod streams;
 
 pub(super) use container::MAGIC;
 pub(super) use decode::read_packed;
@@ -19,4 +21,4 @@ const TABLE: &str = "BOOK";
 const ROWS: &str = "ROWS";
 
 /// Size of the section `HEAD` in bytes.
-const HEAD_BYTES: usize = 76;
+const HEAD_BYTES: usize = 88;

@@ -1,0 +1,211 @@
+//! The coded sections: levels, colors, rows and tables. What was read before decides in which context a number is coded.
+
+use super::entropy::Decoder;
+#[cfg(feature = "write")]
+use super::entropy::Encoder;
+#[cfg(feature = "write")]
+use super::planes::fold;
+use super::planes::unfold;
+use crate::pack::COLOR_RANGES;
+
+/// The number of contexts of levels, colors and rows.
+const LEVEL_CONTEXTS: usize = 9;
+const COLOR_CONTEXTS: usize = 36;
+const ROW_CONTEXTS: usize = 36;
+/// The number of classes of densities, as contexts of colors and rows.
+const CLASSES: usize = 6;
+
+/// Returns which of `classes` a level is in.
+fn class(level: u8, levels: usize, classes: usize) -> usize {
+    usize::from(level) * classes / levels.max(1)
+}
+
+/// Returns the context of a leaf's level, given that of the leaf before.
+fn level_context(before: Option<u8>, levels: usize) -> usize {
+    before.map_or(0, |level| 1 + class(level, levels, LEVEL_CONTEXTS - 1))
+}
+
+/// Returns the context of a part of a color, given the changes of the same part before and of the parts that this leaf already
+/// has. All are folded.
+fn color_context(part: usize, class: usize, own: [u32; 3], before: [u32; 3]) -> usize {
+    let size = |change: u32| match change {
+        0 => 0,
+        1..=4 => 1,
+        _ => 2,
+    };
+    match part {
+        0 => 3 * class + size(before[0]),
+        _ => 9 + 9 * part + 3 * size(own[part - 1]) + size(before[part]),
+    }
+}
+
+/// Returns the contexts of the row of luma, and of that of the differences.
+fn luma_context(class: usize, before: [u16; 2]) -> usize {
+    2 * class + usize::from(before[0] == 0)
+}
+
+fn chroma_context(class: usize, luma: u16, before: [u16; 2]) -> usize {
+    12 + 4 * class + 2 * usize::from(luma == 0) + usize::from(before[1] == 0)
+}
+
+/// Reads the level of every leaf.
+pub fn read_levels(bytes: &[u8], leaves: usize, levels: usize) -> Option<Vec<u8>> {
+    let mut decoder = Decoder::new(bytes, LEVEL_CONTEXTS)?;
+    let mut all = Vec::with_capacity(leaves);
+    let mut before = None;
+    for _ in 0..leaves {
+        let level = decoder.symbol(level_context(before, levels))?;
+        if usize::from(level) >= levels {
+            return None;
+        }
+        all.push(level);
+        before = Some(level);
+    }
+    decoder.has_ended().then_some(all)
+}
+
+/// Reads the color of every leaf.
+pub fn read_colors(bytes: &[u8], densities: &[u8], levels: usize) -> Option<Vec<[i16; 3]>> {
+    let mut decoder = Decoder::new(bytes, COLOR_CONTEXTS)?;
+    let (mut color, mut before) = ([0i16; 3], [0; 3]);
+    let mut all = Vec::with_capacity(densities.len());
+    for level in densities {
+        let class = class(*level, levels, CLASSES);
+        let mut own = [0; 3];
+        for part in 0..3 {
+            own[part] = decoder.number(color_context(part, class, own, before))?;
+            let steps = unfold(own[part]).checked_add(color[part].into())?;
+            let (low, high) = COLOR_RANGES[part];
+            color[part] = i16::try_from(steps).ok().filter(|steps| (low..=high).contains(steps))?;
+        }
+        all.push(color);
+        before = own;
+    }
+    decoder.has_ended().then_some(all)
+}
+
+/// The rows of a table, as leaves name them.
+#[derive(Clone, Copy)]
+pub struct Rows {
+    pub count: usize,
+    /// The first of the rows that are in the order in which leaves have them.
+    pub first_new: usize,
+}
+
+impl Rows {
+    /// Reads a row: 0 is the next one that no leaf had, and others are the row plus one.
+    fn read(&mut self, number: u32) -> Option<u16> {
+        let row = match number.checked_sub(1) {
+            Some(row) => row as usize,
+            None => {
+                self.first_new += 1;
+                self.first_new - 1
+            }
+        };
+        (row < self.count).then_some(row as u16)
+    }
+
+    #[cfg(feature = "write")]
+    fn write(&mut self, row: u16) -> u32 {
+        if usize::from(row) == self.first_new {
+            self.first_new += 1;
+            return 0;
+        }
+        u32::from(row) + 1
+    }
+}
+
+/// Reads the rows of every leaf.
+pub fn read_rows(bytes: &[u8], densities: &[u8], levels: usize, mut of: [Rows; 2]) -> Option<Vec<[u16; 2]>> {
+    let mut decoder = Decoder::new(bytes, ROW_CONTEXTS)?;
+    let mut before = [0; 2];
+    let mut all = Vec::with_capacity(densities.len());
+    for level in densities {
+        let class = class(*level, levels, CLASSES);
+        let luma = of[0].read(decoder.number(luma_context(class, before))?)?;
+        let chroma = of[1].read(decoder.number(chroma_context(class, luma, before))?)?;
+        before = [luma, chroma];
+        all.push(before);
+    }
+    decoder.has_ended().then_some(all)
+}
+
+/// Reads the tables of luma and of the differences. `others` is the number of functions but the constant one.
+pub fn read_tables(bytes: &[u8], others: usize, rows: [usize; 2]) -> Option<[Vec<i8>; 2]> {
+    let mut decoder = Decoder::new(bytes, 3 * others)?;
+    let mut read = |first: usize, width: usize, rows: usize| -> Option<Vec<i8>> {
+        let mut table = Vec::with_capacity(rows * width);
+        for _ in 0..rows {
+            for column in 0..width {
+                let number = i8::try_from(unfold(decoder.number(first + column)?)).ok()?;
+                table.push((number > i8::MIN).then_some(number)?);
+            }
+        }
+        Some(table)
+    };
+    let tables = [read(0, others, rows[0])?, read(others, 2 * others, rows[1])?];
+    decoder.has_ended().then_some(tables)
+}
+
+#[cfg(feature = "write")]
+pub fn write_levels(levels: &[u8], count: usize) -> Vec<u8> {
+    let mut encoder = Encoder::new(LEVEL_CONTEXTS);
+    let mut before = None;
+    for level in levels {
+        encoder.symbol(level_context(before, count), *level);
+        before = Some(*level);
+    }
+    encoder.finish()
+}
+
+#[cfg(feature = "write")]
+pub fn write_colors(colors: &[[i16; 3]], densities: &[u8], levels: usize) -> Vec<u8> {
+    let mut encoder = Encoder::new(COLOR_CONTEXTS);
+    let (mut last, mut before) = ([0; 3], [0; 3]);
+    for (color, level) in colors.iter().zip(densities) {
+        let class = class(*level, levels, CLASSES);
+        let mut own = [0; 3];
+        for part in 0..3 {
+            own[part] = fold(i32::from(color[part]) - i32::from(last[part]));
+            encoder.number(color_context(part, class, own, before), own[part]);
+        }
+        (last, before) = (*color, own);
+    }
+    encoder.finish()
+}
+
+#[cfg(feature = "write")]
+pub fn write_rows(rows: &[[u16; 2]], densities: &[u8], levels: usize, mut of: [Rows; 2]) -> Vec<u8> {
+    let mut encoder = Encoder::new(ROW_CONTEXTS);
+    let mut before = [0; 2];
+    for (row, level) in rows.iter().zip(densities) {
+        let class = class(*level, levels, CLASSES);
+        let [luma, chroma] = *row;
+        encoder.number(luma_context(class, before), of[0].write(luma));
+        encoder.number(chroma_context(class, luma, before), of[1].write(chroma));
+        before = *row;
+    }
+    encoder.finish()
+}
+
+#[cfg(feature = "write")]
+pub fn write_tables(luma: &[i8], chroma: &[i8], others: usize) -> Vec<u8> {
+    let mut encoder = Encoder::new(3 * others);
+    for (first, width, table) in [(0, others, luma), (others, 2 * others, chroma)] {
+        for row in table.chunks_exact(width.max(1)) {
+            row.iter().enumerate().for_each(|(column, number)| encoder.number(first + column, fold((*number).into())));
+        }
+    }
+    encoder.finish()
+}
+
+/// Returns the first row of a table from which on rows are in the order in which leaves have them.
+#[cfg(feature = "write")]
+pub fn first_new(rows: impl Iterator<Item = u16>, count: usize) -> usize {
+    let mut firsts = vec![usize::MAX; count];
+    for (leaf, row) in rows.enumerate() {
+        let first = &mut firsts[usize::from(row)];
+        *first = leaf.min(*first);
+    }
+    (1..count).rev().find(|row| firsts[row - 1] >= firsts[*row]).unwrap_or(0)
+}
