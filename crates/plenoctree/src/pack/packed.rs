@@ -51,7 +51,8 @@ pub struct Packed {
 impl Packed {
     /// Packs a field, on all cores. The result does not depend on their number.
     ///
-    /// A field with a million leaves takes about a minute on two cores. Most of it is the search for the codebook.
+    /// A field with a million leaves takes about three minutes on two cores. Most of that is looking from all around, and the search
+    /// for rows.
     ///
     /// # Errors
     ///
