@@ -10,6 +10,7 @@ const LOW: u32 = 1 << 23;
 const DIRECT: u32 = 16;
 
 /// Returns the symbol of a number, and the number of its low bits that follow.
+#[cfg(feature = "write")]
 fn split(number: u32) -> (u8, u32) {
     match number.checked_ilog2() {
         Some(power) if number >= DIRECT => {
