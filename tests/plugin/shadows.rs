@@ -420,3 +420,66 @@ fn kept_shadows_are_those_of_new_rays() {
     });
     assert_eq!(left, 0);
 }
+
+/// Many props cast shadows in many lights at once. A lamp inside a prop lights nothing outside.
+#[test]
+fn crowds_and_lamps_inside_props_cast_shadows() {
+    let mut scene = Scene::new(1024, None);
+    let cube = shape(|at| if at.abs().max_element() < 0.5 { 1e4 } else { 0.0 });
+    let shell = shape(|at| if (0.6..0.9).contains(&at.length()) { 1e4 } else { 0.0 });
+    let place = |index: u32| {
+        let (x, z) = ((index % 8) as f32 - 3.5, (index / 8) as f32 - 3.5);
+        Transform::from_xyz(0.6 * x, 0.3 * (index % 3) as f32 - 0.6, 0.6 * z).with_scale(Vec3::splat(0.35))
+    };
+    let crowd: Vec<Transform> = (0..64).map(place).collect();
+    let [cube_asset, shell_asset] = [&cube, &shell].map(|field| scene.add(field));
+    let cubes: Vec<Entity> = crowd.iter().map(|transform| scene.spawn_prop(&cube_asset, *transform)).collect();
+    let lamp = Light::Lamp(Vec3::new(0.2, 0.9, 0.0));
+    let Light::Lamp(center) = lamp else { unreachable!("it is a lamp") };
+    let around = scene.spawn_prop(&shell_asset, Transform::from_translation(center).with_scale(Vec3::splat(0.5)));
+    scene.wait();
+    let show = |scene: &mut Scene, props: &[Entity], visibility: Visibility| {
+        props.iter().for_each(|prop| _ = scene.world().entity_mut(*prop).insert(visibility));
+    };
+    show(&mut scene, &cubes, Visibility::Hidden);
+    show(&mut scene, &[around], Visibility::Hidden);
+
+    let entity = scene.spawn_light(lamp);
+    let lit = scene.capture();
+    show(&mut scene, &[around], Visibility::Visible);
+    let (iou, pixels) = compare(&lit, &scene.capture(), |_| true);
+    show(&mut scene, &[around], Visibility::Hidden);
+    scene.world().despawn(entity);
+    assert!(pixels > 5000 && iou >= 0.999, "inside a shell: {iou:.4} of {pixels} pixels");
+
+    let lights = [Light::ALL[0], Light::ALL[1], Light::ALL[2], Light::Lamp(Vec3::new(-2.0, 2.5, -1.0))];
+    lights.iter().for_each(|light| _ = scene.spawn_light(*light));
+    let lit = scene.capture();
+    show(&mut scene, &cubes, Visibility::Visible);
+    let dark = scene.capture();
+    let all = |point: DVec3| {
+        lights.iter().all(|light| crowd.iter().any(|transform| is_blocked(&cube, transform, *light, point)))
+    };
+    let any = |point: DVec3| {
+        lights.iter().any(|light| crowd.iter().any(|transform| is_blocked(&cube, transform, *light, point)))
+    };
+    // Floor that no light reaches is dark, and floor that all reach is as bright as before. Shadows end softly, over a
+    // texel.
+    let around = |x: u32, y: u32, holds: &dyn Fn(DVec3) -> bool| {
+        let near = |at: u32| at.saturating_sub(1)..=(at + 1).min(PIXELS - 1);
+        near(y).all(|y| near(x).all(|x| floor_at(x, y).is_some_and(holds)))
+    };
+    let (mut unlit, mut bright, mut untouched, mut dimmed) = (0, 0, 0, 0);
+    for (x, y, pixel) in dark.enumerate_pixels() {
+        if around(x, y, &all) {
+            unlit += 1;
+            bright += u32::from(pixel[0] > 40);
+        } else if around(x, y, &|point| !any(point)) {
+            untouched += 1;
+            dimmed += u32::from(lit.get_pixel(x, y)[0].abs_diff(pixel[0]) > 6);
+        }
+    }
+    assert!(unlit > 200 && untouched > 5000, "{unlit} {untouched}");
+    assert!(20 * bright < unlit, "{bright} of {unlit} pixels without light are bright");
+    assert!(50 * dimmed < untouched, "{dimmed} of {untouched} pixels in full light are dimmed");
+}
