@@ -58,7 +58,7 @@ impl Schedule {
         let penalties = if opaque {
             Penalties { variation: 5e-4, presence: 1e-4, direction: 1e-3 }
         } else {
-            Penalties { variation: 5e-5, presence: 1e-4, direction: 0.0 }
+            Penalties { variation: 3e-4, presence: 1e-4, direction: 0.0 }
         };
         let stages = (0..count)
             .map(|index| Stage {
@@ -77,7 +77,7 @@ impl Schedule {
                     decay: 0.99,
                     floor: 1e-8,
                 },
-                last: Rates { constant: 0.02, directional: 0.006, thickness: 0.004 },
+                last: Rates { constant: 0.01, directional: 0.003, thickness: 0.002 },
             })
             .collect();
         Self { stages }
