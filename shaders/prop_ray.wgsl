@@ -1,7 +1,8 @@
 // The ray of a pixel into a prop, for the passes that march.
 #define_import_path bevy_plenoctree::prop_ray
 
-#import bevy_plenoctree::octree::{Crossing, Ray, clip, field, make_ray}
+#import bevy_plenoctree::constants::NO_LEAF
+#import bevy_plenoctree::octree::{Crossing, Ray, begin, clip, density, field, make_ray, next_leaf}
 #ifndef SHADOW_MAP
 #import bevy_plenoctree::scene::scene_distance
 #endif
@@ -53,6 +54,36 @@ fn position_at(in: PropRay, prop: u32, depth: f32) -> f32 {
 // Returns where transmittance, which is `before` where the ray enters a leaf, falls to `limit`.
 fn position_of(limit: f32, before: f32, crossing: Crossing, sigma: f32) -> f32 {
     return crossing.enter + max(log(before / limit), 0.0) / sigma;
+}
+
+struct Solid {
+    // Where the ray becomes solid. Negative if it does not.
+    at: f32,
+    // What is left where the march ends.
+    transmittance: f32,
+}
+
+// Marches through densities alone, to `end` or until transmittance falls below `stop`. A ray is solid where transmittance
+// falls to `limit`.
+fn march_to_solid(in: PropRay, end: f32, limit: f32, stop: f32) -> Solid {
+    var transmittance = 1.0;
+    var solid = -1.0;
+    var walk = begin(in.ray, in.span.x);
+    loop {
+        if transmittance < stop {
+            break;
+        }
+        let crossing = next_leaf(in.ray, &walk, end);
+        if crossing.leaf == NO_LEAF {
+            break;
+        }
+        let sigma = density(crossing.leaf);
+        let before = transmittance;
+        transmittance *= exp(-sigma * (crossing.exit - crossing.enter));
+        let inside = position_of(limit, before, crossing, sigma);
+        solid = select(solid, inside, solid < 0.0 && transmittance <= limit);
+    }
+    return Solid(solid, transmittance);
 }
 
 // Returns the value of the depth buffer where the ray becomes solid.

@@ -1,8 +1,6 @@
 // The shadow pass: finds where a prop is solid along the rays of a light. Marches through densities alone.
 
-#import bevy_plenoctree::constants::NO_LEAF
-#import bevy_plenoctree::octree::{begin, density, next_leaf}
-#import bevy_plenoctree::prop_ray::{Varying, position_of, prop_ray}
+#import bevy_plenoctree::prop_ray::{Varying, march_to_solid, prop_ray}
 #import bevy_plenoctree::view::{props, solid_depth}
 
 // One triangle over a part of the map or the tile, which `clip_from_box` transforms the unit square to.
@@ -16,24 +14,7 @@ fn vertex(@builtin(vertex_index) index: u32, @builtin(instance_index) prop: u32)
 fn solid_distance(in: Varying) -> f32 {
     let seen = prop_ray(in);
     let limit = props[in.prop].solid_transmittance;
-    var transmittance = 1.0;
-    var solid = -1.0;
-    var walk = begin(seen.ray, seen.span.x);
-    loop {
-        if transmittance < limit {
-            break;
-        }
-        let crossing = next_leaf(seen.ray, &walk, seen.span.y);
-        if crossing.leaf == NO_LEAF {
-            break;
-        }
-        let sigma = density(crossing.leaf);
-        let before = transmittance;
-        transmittance *= exp(-sigma * (crossing.exit - crossing.enter));
-        let inside = position_of(limit, before, crossing, sigma);
-        solid = select(solid, inside, solid < 0.0 && transmittance <= limit);
-    }
-    return solid / seen.length;
+    return march_to_solid(seen, seen.span.y, limit, limit).at / seen.length;
 }
 
 #ifdef TILE

@@ -1,9 +1,7 @@
 // The solid pass: finds which of several props is solid nearest to the camera, and where. Where others show through that
 // one, a second round finds the nearest one through which nothing shows. Marches through densities alone.
 
-#import bevy_plenoctree::constants::NO_LEAF
-#import bevy_plenoctree::octree::{begin, density, next_leaf}
-#import bevy_plenoctree::prop_ray::{Varying, position_of, prop_ray, solid_depth_at}
+#import bevy_plenoctree::prop_ray::{Varying, march_to_solid, prop_ray, solid_depth_at}
 #import bevy_plenoctree::view::{pack_solid, props, shows_through, view}
 
 #ifdef SECOND_ROUND
@@ -30,32 +28,15 @@ fn fragment(in: Varying) -> Fragment {
     if seen.span.x >= end {
         discard;
     }
-    let limit = props[in.prop].solid_transmittance;
-    var transmittance = 1.0;
-    var solid = -1.0;
-    var walk = begin(seen.ray, seen.span.x);
-    loop {
-        if transmittance < view.stop_transmittance {
-            break;
-        }
-        let crossing = next_leaf(seen.ray, &walk, end);
-        if crossing.leaf == NO_LEAF {
-            break;
-        }
-        let sigma = density(crossing.leaf);
-        let before = transmittance;
-        transmittance *= exp(-sigma * (crossing.exit - crossing.enter));
-        let inside = position_of(limit, before, crossing, sigma);
-        solid = select(solid, inside, solid < 0.0 && transmittance <= limit);
-    }
-    let is_opaque = transmittance < view.stop_transmittance;
+    let solid = march_to_solid(seen, end, props[in.prop].solid_transmittance, view.stop_transmittance);
+    let is_opaque = solid.transmittance < view.stop_transmittance;
 #ifdef SECOND_ROUND
-    let is_found = solid >= 0.0 && is_opaque;
+    let is_found = solid.at >= 0.0 && is_opaque;
 #else
-    let is_found = solid >= 0.0;
+    let is_found = solid.at >= 0.0;
 #endif
     if !is_found {
         discard;
     }
-    return Fragment(pack_solid(in.prop, is_opaque), solid_depth_at(seen, in.prop, solid));
+    return Fragment(pack_solid(in.prop, is_opaque), solid_depth_at(seen, in.prop, solid.at));
 }
