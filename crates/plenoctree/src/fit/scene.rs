@@ -15,6 +15,10 @@ use super::{
 const RESOLUTION: u32 = 64;
 /// Opacity below which a pixel shows nothing, out of 255.
 const CLEAR: u8 = 3;
+/// Fewest known points in view from which a camera's surroundings are told.
+const FEWEST_POINTS: usize = 50;
+/// Most known points that are looked for in a view.
+const MOST_POINTS: usize = 10_000;
 /// Times to look in a larger cube.
 const GROWTHS: usize = 3;
 
@@ -56,7 +60,8 @@ pub fn find(
         let cube = photographed(points, focus, distance);
         let votes = look(gallery, cube, false)?;
         let mut voxels = VoxelSet::new(RESOLUTION);
-        votes.possible(&cameras, false, Some(0.25 * distance)).for_each(|position| voxels.insert(position));
+        let nearest: Vec<f64> = cameras.par_iter().map(|camera| nearest(camera, points, focus)).collect();
+        votes.possible(&cameras, false, Some(&nearest)).for_each(|position| voxels.insert(position));
         return nonempty(cube, voxels);
     }
     // Half of what a camera has in view at that distance; more if the object turns out to be cut off.
@@ -146,7 +151,7 @@ fn photographed(points: &[DVec3], focus: DVec3, distance: f64) -> Cube {
     let reach = 2.0 * distance;
     let seen = |point: &&DVec3| point.distance(focus) < reach;
     let near: Vec<DVec3> = points.iter().filter(seen).copied().collect();
-    if near.len() < 50 {
+    if near.len() < FEWEST_POINTS {
         let half = 0.95 * distance;
         return Cube { low: focus - half, size: 2.0 * half };
     }
@@ -175,28 +180,44 @@ impl Votes {
     }
 
     /// Returns the voxels that can be occupied: those that enough views see and that no view shows to be empty, apart
-    /// from a few views whose poses may be wrong, and that are not nearer than `near` to a camera.
+    /// from a few views whose poses may be wrong, and that are not closer to a camera than its `nearest`.
     fn possible<'a>(
         &'a self,
         cameras: &'a [ViewCamera],
         knows_opacity: bool,
-        near: Option<f64>,
+        nearest: Option<&'a [f64]>,
     ) -> impl Iterator<Item = UVec3> + 'a {
         let grid = Self::grid(self.cube);
         // Far from the object, cones that one or two views leave reach to infinity.
         let share = if knows_opacity { 4 } else { 10 };
         let needed = (cameras.len() / share).max(2) as u32;
         let tolerated = tolerated(cameras.len());
-        let far =
-            move |at: DVec3| near.is_none_or(|near| cameras.iter().all(|camera| camera.position.distance(at) >= near));
+        let clear = move |at: DVec3| {
+            let mut limits = cameras.iter().zip(nearest.unwrap_or_default());
+            limits.all(|(camera, nearest)| camera.position.distance(at) >= *nearest)
+        };
         let positions = (0..RESOLUTION.pow(3)).map(position);
         positions
             .zip(&self.counts)
             .filter(move |(position, [seen, empty])| {
-                *seen >= needed && *empty <= tolerated && far(grid.center(*position))
+                *seen >= needed && *empty <= tolerated && clear(grid.center(*position))
             })
             .map(|(position, _)| position)
     }
+}
+
+/// Returns the distance from a camera below which its photograph shows nothing: nearer than what is known to be in view,
+/// or else than a ball around the focus that fits into the picture.
+fn nearest(camera: &ViewCamera, points: &[DVec3], focus: DVec3) -> f64 {
+    let step = points.len().div_ceil(MOST_POINTS).max(1);
+    let in_view = points.iter().step_by(step).filter(|point| camera.project(**point).is_some());
+    let mut known: Vec<f64> = in_view.map(|point| camera.position.distance(*point)).collect();
+    if known.len() >= FEWEST_POINTS {
+        known.sort_unstable_by(f64::total_cmp);
+        return 0.8 * known[known.len() / 50];
+    }
+    let narrow = 0.5 * f64::from(camera.width.min(camera.height)) / camera.lens.focal.max_element();
+    camera.position.distance(focus) * (1.0 - narrow).max(0.25)
 }
 
 /// Returns how many views may show nothing where the others show something: their poses may be wrong.

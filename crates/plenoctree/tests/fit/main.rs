@@ -54,7 +54,7 @@ fn opaque_pictures_are_fitted() {
     let folder = folder("opaque");
     let cameras = cameras(32);
     let gain = |index: usize| if index % 2 == 1 { 0.8 } else { 1.0 };
-    write_pictures(&folder, &cameras, Some(DVec3::new(0.7, 0.75, 0.8)), gain);
+    write_pictures(&folder, &cameras, Some(|_, _| DVec3::new(0.7, 0.75, 0.8)), gain);
     write_transforms(&folder, &cameras);
     let settings = FitSettings { depth: 7, effort: 0.08, ..quick() };
     let fitted = fit_folder(&folder, &settings);
@@ -64,6 +64,32 @@ fn opaque_pictures_are_fitted() {
     // Views 0, 8, 16 and 24 are held out: of seven in a row, those at odd places are brighter.
     let (dark, bright) = (gains[0][1], gains[1][1]);
     assert!((dark / bright - 0.8).abs() < 0.05, "{dark} {bright}");
+}
+
+/// On a table that reaches beyond the cameras, nothing hangs between them and the object.
+#[test]
+fn no_clouds_hang_before_lenses() {
+    let folder = folder("table");
+    let cameras: Vec<_> = cameras(64).into_iter().filter(|camera| camera.position.z > 0.4).collect();
+    let table = |origin: DVec3, direction: DVec3| {
+        let at = origin + direction * ((-0.9 - origin.z) / direction.z);
+        if direction.z >= 0.0 || at.length() > 12.0 {
+            return DVec3::new(0.6, 0.7, 0.9);
+        }
+        let tile = (1.5 * at).floor();
+        DVec3::new(0.5, 0.4, 0.3) + 0.3 * f64::from((tile.x + tile.y).rem_euclid(2.0))
+    };
+    write_pictures(&folder, &cameras, Some(table), |_| 1.0);
+    write_transforms(&folder, &cameras);
+    let fitted = fit_folder(&folder, &quick());
+    let step = f64::from(scene::SIZE) / 8.0;
+    let pixels = || (0..64).map(|index| (step * (f64::from(index % 8) + 0.5), step * (f64::from(index / 8) + 0.5)));
+    let rays = cameras.iter().flat_map(|camera| pixels().map(move |(x, y)| camera.ray(x, y)));
+    let hits = rays.filter_map(|(origin, direction)| fitted.field.cast_ray(origin, direction));
+    let distances: Vec<f64> = hits.map(|hit| hit.distance).collect();
+    // The cameras are 4 units from the object, which reaches to 1.1 units from its middle.
+    let nearest = distances.iter().copied().fold(f64::INFINITY, f64::min);
+    assert!(distances.len() > 500 && nearest > 2.7, "{} hits from {nearest}", distances.len());
 }
 
 /// A view with a wrong pose is reported by its number, and only that one.

@@ -45,8 +45,16 @@ pub fn cameras(count: usize) -> Vec<PinholeCamera> {
         .collect()
 }
 
+/// The color behind the object, on a ray from an origin in a direction.
+pub type Background = fn(DVec3, DVec3) -> DVec3;
+
 /// Photographs the field. With a `background`, pictures are opaque.
-pub fn photograph(field: &PlenOctree, camera: &PinholeCamera, background: Option<DVec3>, gain: f64) -> DynamicImage {
+pub fn photograph(
+    field: &PlenOctree,
+    camera: &PinholeCamera,
+    background: Option<Background>,
+    gain: f64,
+) -> DynamicImage {
     // Several rays per pixel, averaged with premultiplied colors.
     const FINER: u32 = 3;
     let rendering = render(field, &camera.resized(FINER * camera.width, FINER * camera.height));
@@ -60,7 +68,10 @@ pub fn photograph(field: &PlenOctree, camera: &PinholeCamera, background: Option
         }
         let byte = |x: f64| (255.0 * x.clamp(0.0, 1.0)).round() as u8;
         let (color, opacity) = match background {
-            Some(background) => (gain * (color + (1.0 - opacity) * background), 1.0),
+            Some(background) => {
+                let (origin, direction) = camera.ray(f64::from(x), f64::from(y));
+                (gain * (color + (1.0 - opacity) * background(origin, direction)), 1.0)
+            }
             None => (gain * color / opacity.max(1e-6), opacity),
         };
         *pixel = Rgba([byte(color.x), byte(color.y), byte(color.z), byte(opacity)]);
@@ -75,7 +86,7 @@ pub fn photograph(field: &PlenOctree, camera: &PinholeCamera, background: Option
 pub fn write_pictures(
     folder: &Path,
     cameras: &[PinholeCamera],
-    background: Option<DVec3>,
+    background: Option<Background>,
     gain: impl Fn(usize) -> f64,
 ) {
     fs::create_dir_all(folder).unwrap();

@@ -56,7 +56,7 @@ impl Schedule {
         let count = (settings.depth - COARSEST.ilog2() + 1) as usize;
         let total: f64 = RAYS[..count].iter().sum();
         let penalties = if opaque {
-            Penalties { variation: 5e-4, presence: 1e-4, direction: 1e-3 }
+            Penalties { variation: 5e-3, presence: 1e-4, direction: 1e-3 }
         } else {
             Penalties { variation: 3e-4, presence: 1e-4, direction: 0.0 }
         };
