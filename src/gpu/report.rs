@@ -155,7 +155,11 @@ pub(super) fn receive(
                 status.outcomes.clear();
                 status.progress.clear();
             }
-            Report::Progress(field, share) => _ = status.progress.insert(field, share),
+            Report::Progress(field, share) => {
+                // What is known is the outcome of an earlier version: rendering takes place beside the next frame.
+                status.outcomes.remove(&field);
+                status.progress.insert(field, share);
+            }
             Report::Level(field, error) => {
                 failed.write(FieldFailed { field, error, only_level: true });
             }
@@ -199,4 +203,30 @@ pub(super) fn report_pipelines(cache: Res<PipelineCache>, frame: Res<RenderedFra
 /// Forgets what was on a lost device.
 pub(super) fn report_new_device(reports: Res<FieldReports>) {
     reports.inbox().reports.push(Report::NewDevice);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A field may be changed in the frame in which its earlier version arrives.
+    #[test]
+    fn the_outcome_of_an_earlier_version_does_not_last() {
+        let (mut world, reports) = (World::new(), FieldReports::default());
+        world.insert_resource(reports.clone());
+        world.init_resource::<GpuStatus>();
+        world.init_resource::<Messages<AssetEvent<PlenOctree>>>();
+        world.init_resource::<Messages<FieldReady>>();
+        world.init_resource::<Messages<FieldFailed>>();
+        let id = AssetId::<PlenOctree>::default();
+        let mut receive = |report: &dyn Fn()| {
+            report();
+            world.run_system_cached(receive).unwrap();
+            let status = world.resource::<GpuStatus>();
+            (status.outcome(id).map(|outcome| outcome.is_ok()), status.progress(id))
+        };
+        receive(&|| reports.field(id, Ok(())));
+        assert_eq!(receive(&|| reports.progress(id, 0.5)), (None, 0.5));
+        assert_eq!(receive(&|| reports.field(id, Ok(()))), (Some(true), 1.0));
+    }
 }
