@@ -63,7 +63,8 @@ impl Placement {
         self.world_from_field().transform_point3(self.frame.to_world(0.5 * (self.low + self.high)))
     }
 
-    /// Returns the rays of a camera, or `None` if the transform is degenerate and the prop has no volume.
+    /// Returns the rays of a camera, or `None` if the prop has no volume or is nowhere: if a transform is degenerate or not
+    /// finite.
     pub fn rays(&self, world_from_view: &GlobalTransform, clip_from_view: Mat4, viewport: UVec2) -> Option<Rays> {
         // Perspective rays begin at the eye. Parallel rays begin at the near plane, which may be behind the camera.
         let begin = if is_orthographic(clip_from_view) { near_plane(clip_from_view) } else { 0.0 };
@@ -90,6 +91,9 @@ impl Placement {
 
         let view_from_box = world_from_view.inverse() * world_from_field * self.field_from_box();
         let clip_from_box = clip_from_view * DMat4::from(view_from_box);
+        if !clip_from_box.is_finite() {
+            return None;
+        }
         let size = viewport.as_dvec2();
         let corners =
             (0..8).map(|corner| DVec3::new((corner & 1) as f64, (corner >> 1 & 1) as f64, (corner >> 2) as f64));
@@ -193,16 +197,26 @@ mod tests {
     }
 
     #[test]
-    fn a_flat_prop_has_no_rays() {
-        let placement = Placement {
-            world_from_prop: Transform::from_scale(Vec3::new(1.0, 0.0, 1.0)).into(),
-            up: UpAxis::Y,
-            frame: Frame::spanning(DVec3::ZERO, DVec3::ONE),
-            low: DVec3::ZERO,
-            high: DVec3::ONE,
-            cells: 256.0,
+    fn props_without_a_volume_or_a_place_have_no_rays() {
+        let has_rays = |prop: Transform, view: Transform, fov: f32| {
+            let placement = Placement {
+                world_from_prop: prop.into(),
+                up: UpAxis::Y,
+                frame: Frame::spanning(DVec3::ZERO, DVec3::ONE),
+                low: DVec3::ZERO,
+                high: DVec3::ONE,
+                cells: 256.0,
+            };
+            let projection = Mat4::perspective_infinite_reverse_rh(fov, 1.0, 0.1);
+            placement.rays(&view.into(), projection, UVec2::splat(8)).is_some()
         };
-        let projection = Mat4::perspective_infinite_reverse_rh(1.0, 1.0, 0.1);
-        assert!(placement.rays(&GlobalTransform::IDENTITY, projection, UVec2::splat(8)).is_none());
+        let (here, nowhere) = (Transform::IDENTITY, Transform::from_xyz(f32::NAN, 0.0, 0.0));
+        assert!(has_rays(here, here, 1.0));
+        let flat = Transform::from_scale(Vec3::new(1.0, 0.0, 1.0));
+        for prop in [flat, nowhere, Transform::from_xyz(0.0, f32::INFINITY, 0.0)] {
+            assert!(!has_rays(prop, here, 1.0), "{prop:?}");
+        }
+        assert!(!has_rays(here, nowhere, 1.0));
+        assert!(!has_rays(here, here, f32::NAN));
     }
 }
