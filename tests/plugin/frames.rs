@@ -21,7 +21,7 @@ use bevy_plenoctree::{
 use glam::{DMat4, DVec3};
 use image::RgbaImage;
 use plenoctree::{
-    BakeSettings, Basis, PackSettings, Packed, bake, camera::PinholeCamera, reference, sampling::Progress,
+    BakeSettings, Basis, Cell, Frame, PackSettings, Packed, bake, camera::PinholeCamera, reference, sampling::Progress,
 };
 
 const SIZE: u32 = 96;
@@ -382,6 +382,38 @@ fn a_field_that_does_not_fit_is_rejected_with_its_size() {
     assert_eq!((error.what, error.bytes, error.limit), ("coefficients", bytes, Some(64 * 64 * 16)));
     assert!(error.to_string().contains(&bytes.to_string()) && error.to_string().contains(&(64 * 64 * 16).to_string()));
     assert!(GpuField::check(&field, &wgpu::Limits::default()).is_ok());
+}
+
+/// A field with few leaves and many nodes does not fit because of the records of its nodes.
+#[test]
+fn a_field_with_too_many_records_is_rejected() {
+    const LEVELS: u32 = 14;
+    // In every cell of the first levels, a chain of nodes with a single leaf.
+    let (mut nodes, mut leaves) = (vec![[Cell::EMPTY; 8]], 0);
+    let mut below = vec![0];
+    for level in 1..LEVELS {
+        for node in std::mem::take(&mut below) {
+            for cell in 0..if level < 4 { 8 } else { 1 } {
+                nodes[node as usize][cell] = Cell::node(nodes.len() as u32);
+                below.push(nodes.len() as u32);
+                nodes.push([Cell::EMPTY; 8]);
+            }
+        }
+    }
+    for node in below {
+        nodes[node as usize][5] = Cell::leaf(leaves);
+        leaves += 1;
+    }
+    let (densities, colors) = (vec![1.0; leaves as usize], vec![half::f16::ONE; 3 * leaves as usize]);
+    let frame = Frame::spanning(DVec3::NEG_ONE, DVec3::ONE);
+    let field = PlenOctree::new(frame, Basis::Rgba, Activation::Identity, UpAxis::Y, nodes, densities, colors).unwrap();
+    let limit = |side: u32| {
+        let limits = wgpu::Limits { max_texture_dimension_2d: side, ..wgpu::Limits::default() };
+        GpuField::check(&field, &limits).map_err(|error| (error.what, error.limit))
+    };
+    assert!(leaves <= 32 * 32);
+    assert_eq!(limit(32), Err(("child records", Some(32 * 32 * 16))));
+    assert_eq!(limit(256), Ok(()));
 }
 
 #[test]

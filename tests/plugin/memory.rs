@@ -1,4 +1,4 @@
-//! Tests what happens when the driver refuses to hold a field, and when the device is lost.
+//! Tests what happens when memory is full, when the driver refuses to hold a field, and when the device is lost.
 
 use std::time::Duration;
 
@@ -92,6 +92,87 @@ fn a_field_that_the_driver_refuses_is_skipped() {
     assert_eq!(heard.exits, 0, "the app quits");
     let field = world.get::<Prop>(bad).unwrap().0.id();
     assert_eq!(heard.failed, [FieldFailed { field, error: error.clone(), only_level: false }]);
+}
+
+/// Returns a field of SH25 that fills the cube from 0 to 1 with two million leaves of one color, 335 MB on the GPU.
+#[cfg(target_os = "linux")]
+fn large(color: [f32; 3]) -> PlenOctree {
+    const DEPTH: u32 = 7;
+    // In the order of depth, so that the children of a node follow each other.
+    let first = |level: u32| ((1 << (3 * level)) - 1) / 7;
+    let nodes = (0..DEPTH).flat_map(|level| (0..1 << (3 * level)).map(move |node| (level, node)));
+    let nodes = nodes.map(|(level, node): (u32, u32)| {
+        std::array::from_fn(|cell| match 8 * node + cell as u32 {
+            leaf if level + 1 == DEPTH => Cell::leaf(leaf),
+            child => Cell::node(first(level + 1) + child),
+        })
+    });
+    let leaves = 1 << (3 * DEPTH);
+    let mut leaf = [f16::ZERO; 75];
+    // The constant function is 0.2821.
+    (0..3).for_each(|channel| leaf[25 * channel] = f16::from_f32((color[channel] - 0.5) / 0.2821));
+    let (frame, densities) = (Frame::spanning(DVec3::ZERO, DVec3::ONE), vec![1e4; leaves]);
+    let coefficients = leaf.repeat(leaves);
+    let activation = Activation::ShiftedRelu;
+    PlenOctree::new(frame, Basis::Sh25, activation, UpAxis::Y, nodes.collect(), densities, coefficients).unwrap()
+}
+
+/// Sets how much more memory this process may have, on the CPU and in a driver that runs there.
+#[cfg(target_os = "linux")]
+fn limit_memory(more: Option<u64>) {
+    use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
+    let status = std::fs::read_to_string("/proc/self/status").unwrap();
+    let size =
+        status.lines().find_map(|line| line.strip_prefix("VmSize:")?.strip_suffix("kB")?.trim().parse::<u64>().ok());
+    let maximum = getrlimit(Resource::As).maximum;
+    let current = more.map_or(maximum, |more| Some(1024 * size.unwrap() + more));
+    setrlimit(Resource::As, Rlimit { current, maximum }).unwrap();
+}
+
+/// A field for which the driver finds no memory costs its props and nothing else, and is drawn when there is memory again.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_field_is_skipped_when_memory_is_full() {
+    // The limit is that of a whole process.
+    const CHILD: &str = "PLENOCTREE_TEST_FULL_MEMORY";
+    if std::env::var_os(CHILD).is_none() {
+        let mut child = std::process::Command::new(std::env::current_exe().unwrap());
+        child.args(["--exact", "memory::a_field_is_skipped_when_memory_is_full", "--nocapture"]).env(CHILD, "1");
+        let output = child.output().unwrap();
+        let [out, error] = [output.stdout, output.stderr].map(|text| String::from_utf8_lossy(&text).into_owned());
+        assert!(output.status.success() && out.contains("1 passed"), "{}: {out}\n{error}", output.status);
+        return;
+    }
+    let (red, blue) = ([1.0, 0.0, 0.0], [0.0, 0.0, 1.0]);
+    let (mut headless, [good, bad]) = app(default(), |_| (), [corner(5, red), corner(4, blue)]);
+    headless.wait_until_ready(Duration::from_secs(60)).unwrap();
+    let render = headless.app.sub_app(RenderApp).world();
+    if render.resource::<bevy::render::renderer::RenderAdapterInfo>().device_type != wgpu::DeviceType::Cpu {
+        return;
+    }
+    let green = large([0.0, 1.0, 0.0]);
+    limit_memory(Some(240 << 20));
+    let field = headless.app.world_mut().resource_mut::<Assets<PlenOctree>>().add(green.clone());
+    headless.app.world_mut().get_mut::<Prop>(bad).unwrap().0 = field.clone();
+    headless.wait_until_ready(Duration::from_secs(120)).unwrap_err();
+    for _ in 0..3 {
+        // The earlier field is still drawn.
+        assert_eq!(colors(&mut headless), [[255, 0, 0], [0, 0, 255]]);
+    }
+    let world = headless.app.world();
+    assert_eq!(world.get::<PropState>(good), Some(&PropState::Ready));
+    let Some(PropState::Failed(PropError::TooLarge(error))) = world.get::<PropState>(bad) else { panic!() };
+    assert!(error.what == "textures" && error.limit.is_none() && error.bytes > 300 << 20, "{error}");
+    let heard = world.resource::<Heard>();
+    assert_eq!(heard.failed, [FieldFailed { field: field.id(), error: error.clone(), only_level: false }]);
+    assert_eq!(heard.exits, 0, "the app quits");
+
+    limit_memory(None);
+    *headless.app.world_mut().resource_mut::<Assets<PlenOctree>>().get_mut(&field).unwrap() = green;
+    // Changes are announced at the end of a frame.
+    (0..2).for_each(|_| headless.update());
+    headless.wait_until_ready(Duration::from_secs(120)).unwrap();
+    assert_eq!(colors(&mut headless), [[255, 0, 0], [0, 255, 0]]);
 }
 
 /// A level that the driver refuses is replaced by the field itself, or by the level that was there.
