@@ -1,9 +1,16 @@
 //! Reads, draws and samples a field of the size of the largest published ones, 5.5 million leaves of SH9, and draws more
 //! props than a camera can.
 
-use std::{io::Cursor, time::Duration};
+use std::{io::Cursor, sync::Mutex, time::Duration};
 
-use bevy::prelude::*;
+use bevy::{
+    log::{
+        Level, LogPlugin,
+        tracing::{Event, Subscriber, field::Visit},
+        tracing_subscriber::{Layer, layer::Context},
+    },
+    prelude::*,
+};
 use bevy_plenoctree::{
     Activation, Colors, ExtractionSettings, FieldPalette, GpuField, LoadSettings, MAX_PROPS_IN_VIEW, PaletteOverride,
     Palettes, PlenOctree, PlenOctreePlugin, Posterize, Prop, SamplingSettings, UpAxis,
@@ -90,7 +97,27 @@ fn five_and_a_half_million_leaves_are_read_drawn_and_sampled() {
     assert_eq!(settings.colors, Colors::Fixed(extraction.palette.colors.len()));
 }
 
-/// Beyond the documented bound, the nearest props are drawn, with the colors of their own palettes.
+/// The errors that this process has logged.
+static LOGGED: Mutex<Vec<String>> = Mutex::new(Vec::new());
+
+struct Logger;
+
+impl<S: Subscriber> Layer<S> for Logger {
+    fn on_event(&self, event: &Event, _: Context<S>) {
+        struct Text(String);
+        impl Visit for Text {
+            fn record_debug(&mut self, _: &bevy::log::tracing::field::Field, value: &dyn std::fmt::Debug) {
+                self.0 += &format!("{value:?}");
+            }
+        }
+        let mut text = Text(String::new());
+        event.record(&mut text);
+        LOGGED.lock().unwrap().push(text.0);
+    }
+}
+
+/// Beyond the documented bound, the nearest props are drawn, with the colors of their own palettes, and an error is logged,
+/// once.
 #[test]
 fn of_too_many_props_the_nearest_are_drawn() {
     const BEYOND: usize = 100;
@@ -98,8 +125,15 @@ fn of_too_many_props_the_nearest_are_drawn() {
     let frame = Frame::spanning(DVec3::NEG_ONE, DVec3::ONE);
     let black = vec![f16::ZERO; 24];
     let cube = PlenOctree::new(frame, Basis::Rgba, Activation::Identity, UpAxis::Y, vec![node], vec![1e4; 8], black);
+    // Other apps of this process log to it as well.
+    let log = LogPlugin {
+        level: Level::ERROR,
+        filter: "error".into(),
+        custom_layer: |_| Some(Box::new(Logger)),
+        fmt_layer: |_| Some(Box::new(bevy::log::tracing_subscriber::layer::Identity::new())),
+    };
     let mut headless = Headless::new(UVec2::splat(8), |app| {
-        app.add_plugins(PlenOctreePlugin);
+        app.add_plugins((log, PlenOctreePlugin));
     })
     .unwrap();
     let target = headless.target();
@@ -123,4 +157,10 @@ fn of_too_many_props_the_nearest_are_drawn() {
     let frame = headless.capture().unwrap();
     assert_eq!(frame.get_pixel(4, 4).0, [0, 0, 255, 255], "the nearest");
     assert_eq!(frame.get_pixel(7, 4).0, [255; 4], "those beyond the bound");
+    headless.update();
+    let logged = LOGGED.lock().unwrap();
+    let logged: Vec<_> = logged.iter().filter(|error| error.contains("a camera sees")).collect();
+    let expected =
+        format!("a camera sees {} props but draws only the nearest {MAX_PROPS_IN_VIEW}", MAX_PROPS_IN_VIEW + BEYOND);
+    assert_eq!(logged, [&expected]);
 }
