@@ -11,6 +11,7 @@ mod life;
 mod memory;
 mod motion;
 mod overlap;
+mod random;
 mod reports;
 pub mod stage;
 mod stale;
