@@ -1,5 +1,5 @@
-//! Tests temporal jitter, motion vectors and the depth of the prepass, with which effects such as temporal antialiasing
-//! and motion blur work. A prop is to look to them like a mesh of the same shape.
+//! Tests temporal jitter, motion vectors and the depth of the prepass, and the effects that work with them: temporal
+//! antialiasing and motion blur. A prop is to look to them like a mesh of the same shape.
 
 use std::time::Duration;
 
@@ -8,9 +8,11 @@ use bevy::{
         Core3d, Core3dSystems, FullscreenShader,
         prepass::{DepthPrepass, MotionVectorPrepass, ViewPrepassTextures},
     },
+    diagnostic::FrameCount,
     gizmos::GizmoPlugin,
     light::LightPlugin,
     pbr::PbrPlugin,
+    post_process::{PostProcessPlugin, motion_blur::MotionBlur},
     prelude::*,
     render::{
         RenderApp, RenderStartup,
@@ -25,6 +27,7 @@ use bevy::{
         view::ViewTarget,
     },
 };
+use bevy_anti_alias::{AntiAliasPlugin, taa::TemporalAntiAliasing};
 use bevy_plenoctree::{
     PlenOctree, PlenOctreePlugin, Prop, PropQuality,
     headless::{Headless, exact_camera},
@@ -102,7 +105,8 @@ struct View {
 impl View {
     fn new(is_prop: bool, shows_motion: bool) -> Self {
         let mut headless = Headless::new(UVec2::splat(SIZE), |app| {
-            app.add_plugins((GizmoPlugin, LightPlugin, PbrPlugin::default(), PlenOctreePlugin));
+            app.add_plugins((GizmoPlugin, LightPlugin, PbrPlugin::default(), PostProcessPlugin, AntiAliasPlugin));
+            app.add_plugins(PlenOctreePlugin);
             if shows_motion {
                 let shader = Shader::from_wgsl(SHADER, "motion.wgsl");
                 let shader = app.world_mut().resource_mut::<Assets<Shader>>().add(shader);
@@ -213,5 +217,44 @@ fn props_are_jittered_like_meshes() {
             frames.push(mesh);
         }
         assert!(frames[1..].iter().any(|frame| *frame != frames[0]), "jitter changes nothing");
+    }
+}
+
+/// With Bevy's own effects, a prop that moves has the edges of a mesh, and leaves no ghosts that a mesh does not leave.
+#[test]
+fn props_are_smoothed_and_blurred_like_meshes() {
+    let [mut prop, mut mesh] = [true, false].map(|is_prop| View::new(is_prop, false));
+    let place = |x: f32, turn: f32| Transform::from_xyz(x, 0.1, 0.0).with_rotation(Quat::from_rotation_y(turn));
+    let eye = |x: f32, z: f32| Transform::from_xyz(x, 0.3, z).looking_at(Vec3::ZERO, Vec3::Y);
+    let moves: [(&str, &dyn Fn(f32) -> (Transform, Transform)); 4] = [
+        ("still", &|_| (place(0.0, 0.2), eye(0.0, 3.0))),
+        ("the prop moves", &|step| (place(0.06 * step - 0.4, 0.2 + 0.05 * step), eye(0.0, 3.0))),
+        ("the camera moves", &|step| (place(0.0, 0.2), eye(0.08 * step - 0.6, 3.0))),
+        ("both move", &|step| (place(0.06 * step - 0.4, 0.2), eye(0.08 * step, 3.0 - 0.03 * step))),
+    ];
+    for has_blur in [false, true] {
+        for (what, at) in moves {
+            let frames = [&mut prop, &mut mesh].map(|view| {
+                let camera = view.camera;
+                let world = view.headless.app.world_mut();
+                // Jitter follows the count of frames.
+                world.insert_resource(FrameCount(0));
+                world.entity_mut(camera).insert((Projection::default(), Msaa::Off, TemporalAntiAliasing::default()));
+                if has_blur {
+                    world.entity_mut(camera).insert(MotionBlur { shutter_angle: 0.7, samples: 3 });
+                }
+                let mut last = None;
+                for step in 0..10u8 {
+                    let (cube, eye) = at(step.into());
+                    last = Some(view.capture(cube, eye));
+                }
+                last.unwrap()
+            });
+            let [prop, mesh] = &frames;
+            let is_between = |pixel: &&image::Rgba<u8>| (10..140).contains(&pixel[1]);
+            let edges = mesh.pixels().filter(is_between).count();
+            let wrong = differing(prop, mesh, 8, |_, _| true);
+            assert!(edges > 40 && wrong <= 4, "{what}, blur {has_blur}: {wrong} pixels differ, {edges} are at edges");
+        }
     }
 }
