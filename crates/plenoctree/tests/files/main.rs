@@ -8,7 +8,10 @@ use std::io::Cursor;
 use glam::{DVec3, UVec3};
 use half::f16;
 use npz::{Arrays, CELLS, NODES, c, example, fortran, npy};
-use plenoctree::{Activation, Basis, Cell, Frame, LoadSettings, PlenOctree, ReadError, ReadFault, UpAxis, WriteError};
+use plenoctree::{
+    Activation, Basis, Cell, Frame, LoadSettings, PackSettings, Packed, PlenOctree, ReadError, ReadFault, UpAxis,
+    WriteError, palette::Palette, sampling::Progress,
+};
 use zip::CompressionMethod;
 
 fn read_with(bytes: &[u8], settings: &LoadSettings) -> Result<PlenOctree, ReadError> {
@@ -275,6 +278,35 @@ fn a_failed_write_loses_nothing() {
     assert!(matches!(one_leaf(1.0, frame).write(&path), Err(WriteError::Frame { .. })));
     assert_same(&field, &PlenOctree::read(&path, &LoadSettings::default()).unwrap(), "after the failure");
     assert_eq!(std::fs::read_dir(&folder).unwrap().count(), 1);
+    std::fs::remove_dir_all(&folder).unwrap();
+}
+
+/// Whoever has opened an old file still reads all of it: a new one takes its place, and its own bytes stay.
+#[test]
+fn files_are_replaced_and_not_overwritten() {
+    let folder = std::env::temp_dir().join(format!("bevy_plenoctree-replace-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let fields = [0.5, 0.25].map(|density| one_leaf(density, Frame::spanning(DVec3::ZERO, DVec3::ONE)));
+    let packed =
+        fields.each_ref().map(|field| Packed::new(field, &PackSettings::default(), &Progress::default()).unwrap());
+    let palettes = [0.5, 0.25].map(|color| Palette::new(vec![[color; 3]]).unwrap());
+    let (path, old) = (folder.join("file"), folder.join("old"));
+    let write: [(&str, &dyn Fn(usize)); 4] = [
+        ("a field", &|index| fields[index].write(&path).unwrap()),
+        ("a packed field", &|index| packed[index].write(&path).unwrap()),
+        ("a packed field for others", &|index| packed[index].write_npz(&path).unwrap()),
+        ("a palette", &|index| palettes[index].write(&path).unwrap()),
+    ];
+    for (what, write) in write {
+        write(0);
+        let before = std::fs::read(&path).unwrap();
+        std::fs::hard_link(&path, &old).unwrap();
+        write(1);
+        assert!(std::fs::read(&old).unwrap() == before, "{what}: the old file has changed");
+        assert!(std::fs::read(&path).unwrap() != before, "{what}: the new file is the old one");
+        std::fs::remove_file(&old).unwrap();
+        assert_eq!(std::fs::read_dir(&folder).unwrap().count(), 1, "{what}");
+    }
     std::fs::remove_dir_all(&folder).unwrap();
 }
 
