@@ -6,7 +6,7 @@ use miniz_oxide::deflate::compress_to_vec;
 use crate::Settings;
 
 /// The sections of the example in the order of the file.
-const NAMES: [&str; 7] = ["HEAD", "TREE", "DENS", "LEVL", "BASE", "BOOK", "ROWS"];
+const NAMES: [&str; 8] = ["HEAD", "TREE", "DENS", "LEVL", "BASE", "BOOK", "ROWS", "HIST"];
 
 /// A packed field with valid checksums, and the settings to read it with.
 #[derive(Arbitrary, Debug)]
@@ -97,9 +97,13 @@ impl PackedFile<'_> {
         }
         head.extend([0.25f32, 0.125].map(f32::to_le_bytes).as_flattened());
         head.extend([0.5f64, 0.5, 0.5, 0.25, 0.25, 0.25].map(f64::to_le_bytes).as_flattened());
-        // Streams in which every number is 0 have no bits: all contexts have one symbol, the 0 or, of leaves' rows, the 1, which
-        // stands for the row 0.
+        // Streams in which every number is the same have no bits: all contexts have one symbol, the 0 or, of leaves' rows, the 1,
+        // which stands for the row before. Every bin of the histogram has the weight 1.
         let used = leaves > 0;
+        let mut histogram = vec![0, 2, 2, 4];
+        histogram.extend([0.01f64, 1.0].map(f64::to_le_bytes).as_flattened());
+        histogram.extend(16u64.to_le_bytes());
+        histogram.extend(constant(16, 1, true));
         let contents = [
             head,
             tree,
@@ -108,6 +112,7 @@ impl PackedFile<'_> {
             constant(36, 0, used),
             constant(3 * (functions - 1), 0, shares),
             constant(36, 1, shares),
+            histogram,
         ];
         let section = |(name, content)| Section { name, content, size: None, stored: None };
         NAMES.into_iter().zip(contents).map(section).collect()

@@ -49,7 +49,8 @@ pub enum PaletteSampler {
 pub struct ExtractionSamples {
     /// The histograms of all radiance samples, weighted by visibility.
     pub histograms: Arc<Histograms>,
-    /// Whether the samples were taken on the GPU. If not, they were taken on the CPU.
+    /// Whether the samples were taken on the GPU. If not, they were taken on the CPU, or are those that the file of a packed
+    /// field [records](PlenOctree::histograms).
     pub on_gpu: bool,
 }
 
@@ -239,7 +240,8 @@ pub(super) fn start(
         let progress = Arc::new(Progress::default());
         let settings = extraction.settings.clone();
         let stage = match settings.validate() {
-            Ok(()) if on_gpu => {
+            // The CPU reads what the file records.
+            Ok(()) if on_gpu && field.histograms(&settings.sampling).is_none() => {
                 let (field, budget, progress) = (field.clone(), extraction.budget, progress.clone());
                 let plan = move || SamplingJob::new(id, field, settings, budget, progress);
                 Stage::Planning(background::spawn(plan), Instant::now())

@@ -15,6 +15,7 @@ use super::{
     coefficients::{Codebook, Coefficients},
     frame::{Frame, UpAxis},
 };
+use crate::sampling::{Histograms, Recorded, SamplingSettings};
 
 /// The maximum depth of a field, in levels of cells. The finest cells are at least `2^-MAX_DEPTH` of the cube wide.
 ///
@@ -105,6 +106,7 @@ pub struct PlenOctree {
     nodes: Arc<Vec<[Cell; 8]>>,
     density: Arc<Vec<f32>>,
     coefficients: Coefficients,
+    recorded: Option<Arc<Recorded>>,
 }
 
 impl PlenOctree {
@@ -139,7 +141,7 @@ impl PlenOctree {
     }
 
     /// Creates a field from its parts like [`Self::new`]. The coefficients are known to be finite and complete.
-    pub(crate) fn assemble(
+    fn assemble(
         frame: Frame,
         basis: Basis,
         activation: Activation,
@@ -158,22 +160,41 @@ impl PlenOctree {
         if density.iter().any(|d| !d.is_finite() || *d <= 0.0) {
             return number("the density of a leaf", true);
         }
+        let mut field = Self::of_valid(frame, basis, activation, up, 0, nodes, density, coefficients);
+        field.depth = field.validate()?;
+        field.sort_leaves();
+        field.bounds = field.leaf_bounds();
+        Ok(field)
+    }
+
+    /// Creates a field from parts that are known to be valid: a tree of this depth, with its leaves in depth-first order.
+    pub(crate) fn of_valid(
+        frame: Frame,
+        basis: Basis,
+        activation: Activation,
+        up: UpAxis,
+        depth: u32,
+        nodes: Vec<[Cell; 8]>,
+        density: Vec<f32>,
+        coefficients: Coefficients,
+    ) -> Self {
         let mut field = Self {
             frame,
             basis,
             activation,
             up,
             precision: Precision::default(),
-            depth: 0,
+            depth,
             bounds: None,
             nodes: Arc::new(nodes),
             density: Arc::new(density),
             coefficients,
+            recorded: None,
         };
-        field.depth = field.validate()?;
-        field.sort_leaves();
-        field.bounds = field.leaf_bounds();
-        Ok(field)
+        if depth > 0 {
+            field.bounds = field.leaf_bounds();
+        }
+        field
     }
 
     /// Returns the field with another tree, which is known to be valid: derived from this one, with its leaves in
@@ -186,14 +207,29 @@ impl PlenOctree {
             stack.extend(nodes[node as usize].iter().filter_map(|cell| Some((cell.as_node()?, level + 1))));
         }
         let (nodes, density) = (Arc::new(nodes), Arc::new(density));
-        let field = Self { depth, nodes, density, coefficients, ..self.clone() };
+        let field = Self { depth, nodes, density, coefficients, recorded: None, ..self.clone() };
         Self { bounds: field.leaf_bounds(), ..field }
     }
 
     fn leaf_bounds(&self) -> Option<(UVec3, UVec3)> {
-        self.leaf_cells()
-            .map(|cell| (cell.corner, cell.corner + cell.size))
-            .reduce(|(low, high), (corner, end)| (low.min(corner), high.max(end)))
+        let mut bounds: Option<(UVec3, UVec3)> = None;
+        let mut stack = vec![(0u32, UVec3::ZERO, 1u32 << (self.depth.max(1) - 1))];
+        while let Some((node, corner, size)) = stack.pop() {
+            // A node inside of the box does not change it.
+            if bounds.is_some_and(|(low, high)| corner.cmpge(low).all() && (corner + 2 * size).cmple(high).all()) {
+                continue;
+            }
+            for (cell, index) in self.nodes[node as usize].iter().zip(0u32..) {
+                let corner = corner + size * UVec3::new(index >> 2, index >> 1 & 1, index & 1);
+                if let Some(child) = cell.as_node() {
+                    stack.push((child, corner, size / 2));
+                } else if cell.as_leaf().is_some() {
+                    let (low, high) = bounds.unwrap_or((corner, corner));
+                    bounds = Some((low.min(corner), high.max(corner + size)));
+                }
+            }
+        }
+        bounds
     }
 
     /// Checks the tree and returns its depth.
@@ -289,7 +325,29 @@ impl PlenOctree {
 
     /// Returns the field with what a file records replaced by what settings ask for.
     pub(crate) fn with_settings(self, activation: Option<Activation>, up: Option<UpAxis>) -> Self {
-        Self { activation: activation.unwrap_or(self.activation), up: up.unwrap_or(self.up), ..self }
+        let (activation, up) = (activation.unwrap_or(self.activation), up.unwrap_or(self.up));
+        // Seen from another side, or in other colors, the field has other histograms.
+        let recorded = self.recorded.clone().filter(|_| (activation, up) == (self.activation, self.up));
+        Self { activation, up, recorded, ..self }
+    }
+
+    pub(crate) fn with_recorded(self, recorded: Option<Arc<Recorded>>) -> Self {
+        Self { recorded, ..self }
+    }
+
+    /// Returns the histograms of the field that this packed field was made of, so that its palette stays the same. `None` if
+    /// the file records none, if `settings` ask for other observers or bins than it records, or if the field is no longer
+    /// the one in the file: thinned, or read with another activation or up axis.
+    ///
+    /// The file records what [`SamplingSettings::default`] asks for. Bins may also be those that divide its bins.
+    /// [`SamplingSettings::sample_fraction`] does not matter, because all leaves were sampled.
+    pub fn histograms(&self, settings: &SamplingSettings) -> Option<Histograms> {
+        self.recorded.as_ref()?.histograms(settings)
+    }
+
+    #[cfg(feature = "write")]
+    pub(crate) fn recorded(&self) -> Option<&Arc<Recorded>> {
+        self.recorded.as_ref()
     }
 
     /// Returns the number of levels of cells: a field of 2^8 cells per side has depth 8.
@@ -366,16 +424,23 @@ impl PlenOctree {
         if self.leaves() == 0 {
             return None;
         }
-        let mut low = DVec3::ZERO;
-        let mut high = DVec3::ZERO;
-        for axis in 0..3 {
-            let mut ends: Vec<(u32, u32)> =
-                self.leaf_cells().map(|cell| (cell.corner[axis], cell.corner[axis] + cell.size)).collect();
-            let left_out = ends.len() / 200;
-            let last = ends.len() - 1 - left_out;
-            low[axis] = f64::from(ends.select_nth_unstable_by_key(left_out, |end| end.0).1.0);
-            high[axis] = f64::from(ends.select_nth_unstable_by_key(last, |end| end.1).1.1);
+        // How many leaves begin, and how many end, at each coordinate.
+        let places = (1 << self.depth) + 1;
+        let mut counts = [[(); 2]; 3].map(|axis| axis.map(|()| vec![0usize; places]));
+        for LeafCell { corner, size, .. } in self.leaf_cells() {
+            for (axis, [starts, ends]) in counts.iter_mut().enumerate() {
+                starts[corner[axis] as usize] += 1;
+                ends[(corner[axis] + size) as usize] += 1;
+            }
         }
+        let left_out = self.leaves() / 200;
+        let [x, y, z] = counts.map(|[starts, ends]| {
+            (
+                first_beyond(starts.into_iter().enumerate(), left_out),
+                first_beyond(ends.into_iter().enumerate().rev(), left_out),
+            )
+        });
+        let (low, high) = (DVec3::new(x.0, y.0, z.0), DVec3::new(x.1, y.1, z.1));
         let cells = f64::from(1u32 << self.depth);
         Some((self.frame.to_world(low / cells), self.frame.to_world(high / cells)))
     }
@@ -399,23 +464,27 @@ impl PlenOctree {
 
     /// Returns an iterator over all leaves and their cells, in depth-first order.
     pub fn leaf_cells(&self) -> impl Iterator<Item = LeafCell> + '_ {
-        let root = (0u32, UVec3::ZERO, 1u32 << (self.depth.max(1) - 1));
-        let mut stack: Vec<(u32, UVec3, u32, u32)> = vec![(root.0, root.1, root.2, 0)];
+        let mut stack: Vec<(u32, UVec3, u32, u32)> = vec![(0, UVec3::ZERO, 1 << (self.depth.max(1) - 1), 0)];
         std::iter::from_fn(move || {
-            while let Some((node, corner, size, next)) = stack.pop() {
-                if next == 8 {
+            loop {
+                let (node, corner, size, next) = stack.last_mut()?;
+                if *next == 8 {
+                    stack.pop();
                     continue;
                 }
-                stack.push((node, corner, size, next + 1));
-                let corner = corner + size * UVec3::new(next >> 2, (next >> 1) & 1, next & 1);
-                let cell = self.nodes[node as usize][next as usize];
+                let (index, size) = (*next, *size);
+                *next += 1;
+                let cell = self.nodes[*node as usize][index as usize];
+                if cell == Cell::EMPTY {
+                    continue;
+                }
+                let corner = *corner + size * UVec3::new(index >> 2, index >> 1 & 1, index & 1);
                 if let Some(child) = cell.as_node() {
                     stack.push((child, corner, size / 2, 0));
                 } else if let Some(leaf) = cell.as_leaf() {
                     return Some(LeafCell { leaf, corner, size });
                 }
             }
-            None
         })
     }
 
@@ -458,4 +527,14 @@ impl PlenOctree {
         let sums = self.coefficients.sums(self.basis, leaf as usize, y);
         DVec3::from_array(sums.map(|sum| self.activation.apply(sum)))
     }
+}
+
+/// Returns the first place up to which there are more than `left_out`. `counts` are places, and how many there are at each.
+fn first_beyond(mut counts: impl Iterator<Item = (usize, usize)>, left_out: usize) -> f64 {
+    let mut sum = 0;
+    let found = counts.find(|(_, count)| {
+        sum += count;
+        sum > left_out
+    });
+    found.map_or(0.0, |(place, _)| place as f64)
 }

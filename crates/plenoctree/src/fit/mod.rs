@@ -2,7 +2,7 @@
 //!
 //! [`FitInput::read`] reads pictures and cameras, and [`fit`] finds a field that looks like the pictures. It needs no
 //! GPU: rays are marched exactly, gradients are computed by hand, and voxels are split, from 64 to 256 and more per side,
-//! where something is visible. [`refine()`] starts from a field instead. `docs/fit.md` in the repository describes the
+//! where something is visible. [`refine()`] starts from a field instead, and [`simplify()`] makes fields easier to pack. `docs/fit.md` in the repository describes the
 //! method and what each part of it is worth.
 //!
 //! ```no_run
@@ -27,6 +27,7 @@ mod report;
 mod run;
 mod scene;
 mod settings;
+mod simplify;
 mod stand;
 mod to_field;
 mod train;
@@ -39,3 +40,4 @@ pub use refine::{RefineSettings, Refined, Shot, refine};
 pub use report::{FitReport, HeldOut, Seconds, StageReport, SuspiciousView, ViewReport};
 pub use run::{Fitted, fit};
 pub use settings::FitSettings;
+pub use simplify::{SimplifySettings, simplify};

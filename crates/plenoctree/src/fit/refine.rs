@@ -94,17 +94,25 @@ pub fn refine(
     if shots.len() < 2 {
         return Err(FitError::Views { found: shots.len().to_string(), expected: "at least two shots" });
     }
-    let grid = Grid::of_field(field).ok_or_else(|| FitError::Setting {
-        setting: "field",
-        found: format!("{} leaves at depth {}, {}", field.leaves(), field.depth(), field.basis().name()),
-        expected: "cubes of one size at depths of 6 to 10, with a sigmoid of SH1, SH4, SH9 or SH16",
-    })?;
+    let grid = Grid::of_field_or_error(field)?;
+    let stage = Stage::refining(grid.resolution(), settings.effort, settings.time);
+    refine_by(grid, shots, measured, &stage, settings.seed, progress)
+}
+
+/// Refines a grid by a stage, like [`refine`].
+pub(super) fn refine_by(
+    grid: Grid,
+    shots: Vec<Shot>,
+    measured: &[Shot],
+    stage: &Stage,
+    seed: u64,
+    progress: &FitProgress,
+) -> Result<Refined, FitError> {
     let number = |(number, shot): (usize, Shot)| TrainView { number, ..shot.view };
     let mut gallery = Gallery::held(shots.into_iter().enumerate().map(number).collect());
     let measured: Vec<TrainView> = measured.iter().map(|shot| shot.view.clone()).collect();
     let mut model = Model { grid, backdrop: Backdrop::Random, gains: vec![Vec3::ONE; gallery.len()] };
-    let stage = Stage::refining(model.grid.resolution(), settings.effort, settings.time);
-    let (mut position, mut random) = (Position::default(), Random::new(settings.seed));
+    let (mut position, mut random) = (Position::default(), Random::new(seed));
     let mut watch = |model: &Model, _: &Position, fraction: f64, _: &Random| {
         let psnr = quick_psnr(model, &measured);
         progress.update(|status| {
@@ -113,7 +121,7 @@ pub fn refine(
         });
         Ok(())
     };
-    train(&mut model, &mut gallery, &stage, &mut position, &mut random, progress, &mut watch)?;
+    train(&mut model, &mut gallery, stage, &mut position, &mut random, progress, &mut watch)?;
     let limits = Limits { spacing: 0.7, ..Limits::FAINTEST };
     let kept = visibility::visible(&model.grid, &gallery.cameras(), limits);
     let stage = StageReport {
@@ -128,6 +136,15 @@ pub fn refine(
 }
 
 impl Grid {
+    /// Returns the grid of a field's leaves.
+    pub(super) fn of_field_or_error(field: &PlenOctree) -> Result<Self, FitError> {
+        Self::of_field(field).ok_or_else(|| FitError::Setting {
+            setting: "field",
+            found: format!("{} leaves at depth {}, {}", field.leaves(), field.depth(), field.basis().name()),
+            expected: "cubes of one size at depths of 6 to 10, with a sigmoid of SH1, SH4, SH9 or SH16",
+        })
+    }
+
     /// Returns the grid of a field's leaves, or `None` if the field is not like those that are fitted.
     fn of_field(field: &PlenOctree) -> Option<Self> {
         let basis = [Basis::Sh1, Basis::Sh4, Basis::Sh9, Basis::Sh16].contains(&field.basis());

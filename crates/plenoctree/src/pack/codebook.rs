@@ -2,13 +2,18 @@
 //!
 //! Points are the coefficients of the leaves, except those of the constant function. Rows start as the means of parts that
 //! points are split into, and are moved by Lloyd's algorithm. A leaf gets the row with the least error, weighted by how the
-//! leaf is seen, plus what the row's number costs in the file. The first row is 0.
+//! leaf is seen, plus what it costs in the file to say which row it is. That is little if a leaf before has it. The first row
+//! is 0.
+
+use std::cmp::Reverse;
 
 use rayon::prelude::*;
 
 use super::{
     colors::nearest,
     metric::{Metric, product, solve},
+    recent::Recent,
+    reuse::{Costs, reuse},
     search::Search,
     split::{Points, split},
 };
@@ -121,18 +126,30 @@ pub(super) fn build(leaves: &Leaves, most: usize, step: f32, progress: &Progress
     let chosen: Vec<u32> = all.into_par_iter().filter(is_worth).collect();
     progress.check()?;
     let mut table = start(leaves, &chosen, most, progress)?;
-    let mut bits = vec![0.0; table.len() / leaves.width()];
-    let mut rows = Vec::new();
+    let mut costs = Costs::guess(table.len() / leaves.width());
     for _ in 0..ROUNDS {
-        rows = Search::new(leaves, &table, &bits).best_of_all(&chosen, progress)?;
-        bits = bits_of(&rows, bits.len(), count);
-        table = moved(leaves, &chosen, &rows, table, None, progress)?;
+        let rows = assigned(leaves, &chosen, &table, &costs, progress)?;
+        costs = Costs::of(&rows, costs.rows.len());
+        table = moved(leaves, &rows, table, None, progress)?;
     }
-    let table = moved(leaves, &chosen, &rows, table, Some(step), progress)?;
-    let rows = Search::new(leaves, &table, &bits).best_of_all(&chosen, progress)?;
-    let mut of_leaves = vec![0; count];
-    chosen.iter().zip(&rows).for_each(|(leaf, row)| of_leaves[*leaf as usize] = *row);
-    Ok(sorted(leaves.width(), &of_leaves, &table, step))
+    let rows = assigned(leaves, &chosen, &table, &costs, progress)?;
+    let table = moved(leaves, &rows, table, Some(step), progress)?;
+    let rows = assigned(leaves, &chosen, &table, &Costs::of(&rows, costs.rows.len()), progress)?;
+    Ok(sorted(leaves.width(), &rows, &table, step))
+}
+
+/// Returns the row of every leaf. Only `chosen` leaves can have rows other than the first that leaves before them do not have.
+fn assigned(
+    leaves: &Leaves,
+    chosen: &[u32],
+    table: &[f32],
+    costs: &Costs,
+    progress: &Progress,
+) -> Result<Vec<u16>, Canceled> {
+    let found = Search::new(leaves, table, &costs.rows).best_of_all(chosen, progress)?;
+    let mut best = vec![0; leaves.seen.len()];
+    chosen.iter().zip(&found).for_each(|(leaf, row)| best[*leaf as usize] = *row as u16);
+    reuse(leaves, table, costs, &best, progress)
 }
 
 /// Returns rows to start from.
@@ -156,21 +173,11 @@ fn start(leaves: &Leaves, chosen: &[u32], most: usize, progress: &Progress) -> R
     Ok(table)
 }
 
-/// Returns what the number of each row costs, in bits. Leaves that are not among `rows` have the first row.
-fn bits_of(rows: &[u32], count: usize, leaves: usize) -> Vec<f32> {
-    let mut counts = vec![0u32; count];
-    counts[0] = (leaves - rows.len()) as u32;
-    rows.iter().for_each(|row| counts[*row as usize] += 1);
-    let total = leaves as f32 + 0.5 * count as f32;
-    counts.into_iter().map(|count| (total / (count as f32 + 0.5)).log2()).collect()
-}
-
 /// Moves every row but the first to where the error of its leaves is least. With a `step`, rounds its coefficients to
 /// multiples of it, more coarsely where that saves bits. Rows without leaves stay as they are.
 fn moved(
     leaves: &Leaves,
-    chosen: &[u32],
-    rows: &[u32],
+    rows: &[u16],
     mut table: Vec<f32>,
     step: Option<f32>,
     progress: &Progress,
@@ -178,13 +185,14 @@ fn moved(
     let (others, width) = (leaves.others(), leaves.width());
     // The leaves of each row.
     let mut ends = vec![0; table.len() / width + 1];
-    rows.iter().for_each(|row| ends[*row as usize + 1] += 1);
+    rows.iter().for_each(|row| ends[usize::from(*row) + 1] += 1);
     (1..ends.len()).for_each(|row| ends[row] += ends[row - 1]);
     let mut places = ends.clone();
     let mut members = vec![0; rows.len()];
-    for (leaf, row) in chosen.iter().zip(rows) {
-        members[places[*row as usize]] = *leaf;
-        places[*row as usize] += 1;
+    for (leaf, row) in (0u32..).zip(rows) {
+        let place = &mut places[usize::from(*row)];
+        members[*place] = leaf;
+        *place += 1;
     }
     table.par_chunks_exact_mut(width).enumerate().skip(1).try_for_each(|(row, values)| {
         progress.check()?;
@@ -229,30 +237,31 @@ fn moved(
     Ok(table)
 }
 
-/// Drops unused rows, but not the first, and sorts the others: frequent ones by how many leaves have them, then the rest in
-/// the order in which leaves have them.
-fn sorted(width: usize, rows: &[u32], table: &[f32], step: f32) -> Book {
-    /// Leaves of a row that is frequent.
+/// Drops unused rows, but not the first, and sorts the others: first those that are often named, by how often, then the rest in
+/// the order in which leaves have them. What leaves before have is not named.
+fn sorted(width: usize, rows: &[u16], table: &[f32], step: f32) -> Book {
+    /// How often a row is named that is sorted by it.
     const FREQUENT: usize = 12;
     let mut counts = vec![0usize; table.len() / width];
-    rows.iter().for_each(|row| counts[*row as usize] += 1);
-    let mut order: Vec<u32> = vec![0];
-    order.extend((1..counts.len() as u32).filter(|row| counts[*row as usize] >= FREQUENT));
-    order[1..].sort_by_key(|row| (std::cmp::Reverse(counts[*row as usize]), *row));
+    let mut recent = Recent::default();
+    rows.iter().filter(|row| recent.find(**row).is_none()).for_each(|row| counts[usize::from(*row)] += 1);
+    let mut order: Vec<u16> = vec![0];
+    order.extend((1..counts.len()).filter(|row| counts[*row] >= FREQUENT).map(|row| row as u16));
+    order[1..].sort_by_key(|row| (Reverse(counts[usize::from(*row)]), *row));
     let mut places = vec![None; counts.len()];
-    order.iter().zip(0..).for_each(|(row, place)| places[*row as usize] = Some(place));
+    order.iter().zip(0..).for_each(|(row, place)| places[usize::from(*row)] = Some(place));
     for row in rows {
-        if places[*row as usize].is_none() {
-            places[*row as usize] = Some(order.len() as u16);
+        if places[usize::from(*row)].is_none() {
+            places[usize::from(*row)] = Some(order.len() as u16);
             order.push(*row);
         }
     }
     Book {
         table: order
             .iter()
-            .flat_map(|row| &table[*row as usize * width..][..width])
+            .flat_map(|row| &table[usize::from(*row) * width..][..width])
             .map(|value| (value / step).round() as i8)
             .collect(),
-        rows: rows.iter().map(|row| places[*row as usize].unwrap_or(0)).collect(),
+        rows: rows.iter().map(|row| places[usize::from(*row)].unwrap_or(0)).collect(),
     }
 }

@@ -21,9 +21,12 @@ pub(super) fn quantize(field: &PlenOctree, seen: &[Seen], count: u32, bits: f32)
         let depth = f64::from(density) * width;
         if depth.is_finite() { depth / (1.0 + depth) } else { 1.0 }
     };
+    let lowest = field.densities().iter().copied().fold(f32::INFINITY, f32::min);
     let density = |opacity: f64| {
         let density = f16::from_f64(opacity / (1.0 - opacity).max(f64::MIN_POSITIVE) / width);
-        density.clamp(f16::MIN_POSITIVE_SUBNORMAL, f16::MAX)
+        let density = density.clamp(f16::MIN_POSITIVE_SUBNORMAL, f16::MAX);
+        // Not below what readers keep.
+        if density.to_f32() < lowest && density < f16::MAX { f16::from_bits(density.to_bits() + 1) } else { density }
     };
     let opacities: Vec<f64> = field.densities().iter().map(|density| opacity(*density)).collect();
     let low = opacities.iter().copied().fold(f64::INFINITY, f64::min);

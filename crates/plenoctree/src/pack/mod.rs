@@ -15,6 +15,9 @@ mod metric;
 #[cfg(feature = "write")]
 mod packed;
 mod quantized;
+mod recent;
+#[cfg(feature = "write")]
+mod reuse;
 #[cfg(feature = "write")]
 mod search;
 #[cfg(feature = "write")]
@@ -25,6 +28,7 @@ mod split;
 #[cfg(feature = "write")]
 pub use packed::{PackError, Packed};
 pub(crate) use quantized::{COLOR_RANGES, MAX_LEVELS, MAX_ROWS, Quantized};
+pub(crate) use recent::{RECENT, Recent};
 #[cfg(feature = "write")]
 pub use settings::PackSettings;
 #[cfg(feature = "write")]

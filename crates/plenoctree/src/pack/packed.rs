@@ -1,6 +1,6 @@
 //! Packs a field.
 
-use std::{io::Write, path::Path};
+use std::{io::Write, path::Path, sync::Arc};
 
 use super::{
     PackSettings, Quantized,
@@ -9,9 +9,12 @@ use super::{
     metric::Metric,
 };
 use crate::{
-    field::{Frame, InvalidField, PlenOctree, Tables, from_rgb},
+    field::{Frame, PlenOctree, Tables, from_rgb},
     file::{WriteError, check_frame},
-    sampling::{Canceled, InvalidSetting, Progress, Seen, Visibility, visibility},
+    sampling::{
+        Canceled, InvalidSetting, Progress, Recorded, SamplingError, SamplingSettings, Seen, Visibility, sample,
+        visibility,
+    },
     save::save,
 };
 
@@ -31,9 +34,6 @@ pub enum PackError {
         /// The field's frame.
         found: Frame,
     },
-    /// The rounded numbers do not form a field.
-    #[error(transparent)]
-    Field(#[from] InvalidField),
 }
 
 /// A typical difference between the color of a leaf and what is behind it.
@@ -68,10 +68,11 @@ impl Packed {
         let metric = Metric::new(&directions, field.basis().functions());
         let seen: Vec<Seen> =
             (0..).zip(seen.iter().cloned()).filter(|(leaf, _)| keep(*leaf)).map(|(_, seen)| seen).collect();
-        let quantized = quantize(&kept, seen, &metric, settings, progress)?;
+        let recorded = recorded(field, progress)?;
+        let quantized = Quantized { recorded, ..quantize(&kept, seen, &metric, settings, progress)? };
         let (bytes, sections) = quantized.encode();
         let dropped = field.leaves() - kept.leaves();
-        Ok(Self { field: quantized.field()?, bytes, sections, dropped })
+        Ok(Self { field: quantized.field(), bytes, sections, dropped })
     }
 
     /// Returns the content of the file.
@@ -141,7 +142,22 @@ fn quantize(
         colors,
         rows,
         tables,
+        recorded: None,
     })
+}
+
+/// Returns the histograms of a field, so that the packed one has the same palette.
+fn recorded(field: &PlenOctree, progress: &Progress) -> Result<Option<Arc<Recorded>>, Canceled> {
+    if let Some(recorded) = field.recorded() {
+        return Ok(Some(recorded.clone()));
+    }
+    let settings = SamplingSettings::default();
+    match sample(field, &settings, progress) {
+        Ok(histograms) => Ok(Recorded::new(&settings, &histograms).map(Arc::new)),
+        Err(SamplingError::Canceled(canceled)) => Err(canceled),
+        // The default settings are valid.
+        Err(SamplingError::Setting(_)) => Ok(None),
+    }
 }
 
 /// Builds the codebooks of luma and of the differences.

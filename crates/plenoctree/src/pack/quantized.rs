@@ -4,7 +4,10 @@ use std::sync::Arc;
 
 use half::f16;
 
-use crate::field::{Activation, Basis, Cell, Coefficients, Frame, InvalidField, PlenOctree, Tables, UpAxis};
+use crate::{
+    field::{Activation, Basis, Cell, Coefficients, Frame, PlenOctree, Tables, UpAxis},
+    sampling::Recorded,
+};
 
 /// The largest number of densities.
 pub(crate) const MAX_LEVELS: usize = 254;
@@ -21,7 +24,7 @@ pub(crate) struct Quantized {
     pub activation: Activation,
     pub up: UpAxis,
     pub depth: u32,
-    /// Nodes and leaves are in depth-first order.
+    /// Nodes and leaves are in depth-first order, and as deep as `depth` says.
     pub nodes: Vec<[Cell; 8]>,
     /// At most [`MAX_LEVELS`] densities, and which of them every leaf has.
     pub densities: Vec<f16>,
@@ -30,17 +33,21 @@ pub(crate) struct Quantized {
     pub colors: Vec<[i16; 3]>,
     pub rows: Vec<[u16; 2]>,
     pub tables: Tables,
+    /// The histograms of the field before it was packed.
+    pub recorded: Option<Arc<Recorded>>,
 }
 
 impl Quantized {
     /// Returns the field.
-    pub fn field(self) -> Result<PlenOctree, InvalidField> {
+    pub fn field(self) -> PlenOctree {
         let coefficients = Coefficients::Shared {
             colors: Arc::new(self.colors),
             rows: Arc::new(self.rows),
             tables: Arc::new(self.tables),
         };
         let densities = self.levels.iter().map(|level| self.densities[usize::from(*level)].to_f32()).collect();
-        PlenOctree::assemble(self.frame, self.basis, self.activation, self.up, self.nodes, densities, coefficients)
+        let Self { frame, basis, activation, up, depth, nodes, recorded, .. } = self;
+        PlenOctree::of_valid(frame, basis, activation, up, depth, nodes, densities, coefficients)
+            .with_recorded(recorded)
     }
 }

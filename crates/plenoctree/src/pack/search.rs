@@ -20,8 +20,18 @@ const BEST: usize = 6;
 /// Leaves between checks whether to stop.
 const CHUNK: usize = 1024;
 
-/// Rows, as what a leaf's query is multiplied with: their coefficients, the products of all pairs of them, and the bits
-/// of their numbers.
+/// Returns what a leaf's query is multiplied with: the coefficients of a row, the products of all pairs of them, and the
+/// bits of its number.
+pub(super) fn features(leaves: &Leaves, row: &[f32], bits: f32) -> Vec<f32> {
+    let mut features = row.to_vec();
+    let parts = || row.chunks_exact(leaves.others()).zip(leaves.shares());
+    let products = |(a, b)| parts().map(|(part, share): (&[f32], _)| share * part[a] * part[b]).sum::<f32>();
+    features.extend(pairs(leaves.others()).map(products));
+    features.push(bits);
+    features
+}
+
+/// The [`features`] of rows.
 struct Group {
     rows: Vec<u32>,
     /// For each number, those of [`LANES`] rows.
@@ -34,14 +44,7 @@ impl Group {
         let (mut numbers, mut all) = (Vec::new(), Vec::new());
         for (number, row, bits) in rows {
             numbers.push(number);
-            let mut features = row.to_vec();
-            let parts = || row.chunks_exact(leaves.others()).zip(leaves.shares());
-            features.extend(
-                pairs(leaves.others())
-                    .map(|(a, b)| parts().map(|(part, share)| share * part[a] * part[b]).sum::<f32>()),
-            );
-            features.push(bits);
-            all.push(features);
+            all.push(features(leaves, row, bits));
         }
         let width = all.first().map_or(0, Vec::len);
         let mut lanes = Vec::with_capacity(all.len().div_ceil(LANES) * width);
@@ -140,7 +143,7 @@ impl<'a> Search<'a> {
 }
 
 /// Writes what a leaf multiplies a row's numbers with, so that the sum is the row's cost, but for what all rows cost.
-fn write_query(leaves: &Leaves, leaf: usize, moments: &mut Vec<f32>, query: &mut Vec<f32>) {
+pub(super) fn write_query(leaves: &Leaves, leaf: usize, moments: &mut Vec<f32>, query: &mut Vec<f32>) {
     let others = leaves.others();
     let covariances = leaves.covariances(leaf, moments);
     let weight = leaves.weight(leaf);

@@ -72,6 +72,10 @@ impl Histograms {
         Self { fine: bins(fine_bins, fine), coarse: bins(coarse_bins, coarse), samples }
     }
 
+    pub(super) fn of_bins(fine: Bins, coarse: Bins, samples: u64) -> Self {
+        Self { fine, coarse, samples }
+    }
+
     /// Returns the weights of the fine bins, which k-means clusters.
     pub fn fine(&self) -> &[f64] {
         &self.fine.weights

@@ -13,6 +13,7 @@ mod march;
 mod path;
 mod plan;
 mod progress;
+mod recorded;
 mod sampler;
 mod settings;
 #[cfg(feature = "write")]
@@ -22,6 +23,7 @@ pub(crate) use histogram::Bins;
 pub use histogram::{Histograms, InvalidHistogram, MAX_CHANNEL};
 pub use plan::SamplingPlan;
 pub use progress::{Canceled, Progress};
+pub(crate) use recorded::Recorded;
 pub use sampler::{SamplingError, sample};
 pub use settings::{InvalidSetting, Observers, SamplingSettings};
 #[cfg(feature = "write")]

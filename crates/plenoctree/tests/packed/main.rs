@@ -8,7 +8,11 @@ use std::io::Cursor;
 use glam::DVec3;
 use plenoctree::{
     Activation, BakeSettings, Basis, LoadSettings, PackSettings, Packed, PlenOctree, ReadError, ReadFault, UpAxis,
-    bake, camera::PinholeCamera, reference::render, sampling::Progress,
+    bake,
+    camera::PinholeCamera,
+    palette::{Colors, Extraction, ExtractionSettings, PaletteMethod, extract},
+    reference::render,
+    sampling::{Progress, SamplingSettings},
 };
 use proptest::prelude::*;
 use sections::Sections;
@@ -68,6 +72,8 @@ fn packed_fields_come_back() {
         assert_same(packed.field(), &again);
         assert_eq!(again.codebook(), packed.field().codebook());
         assert!(again.codebook().is_some());
+        let settings = SamplingSettings::default();
+        assert_eq!(again.histograms(&settings), packed.field().histograms(&settings));
         assert_eq!((again.basis(), again.up(), again.frame()), (basis, UpAxis::Y, field.frame()));
         assert_eq!(again.leaves() + packed.dropped(), field.leaves());
         // Packed again, with every number already a multiple of its step.
@@ -91,6 +97,59 @@ fn what_a_file_records_can_be_overridden() {
     assert_eq!((field.activation(), field.up()), (Activation::ShiftedRelu, UpAxis::Z));
     let dense = packed.field().densities().iter().filter(|density| **density >= 50.0);
     assert!(field.densities().iter().eq(dense) && field.leaves() > 0);
+}
+
+/// The palette of the packed field is that of the field, also if it is packed again, and although its leaves would give another
+/// one. Read with other settings, it is not the field in the file any more.
+#[test]
+fn palettes_stay() {
+    // Four colors, which one palette suits best.
+    let settings = BakeSettings { depth: 5, basis: Basis::Sh4, up: UpAxis::Y, directions: 64, ..Default::default() };
+    let color = |at: DVec3| {
+        let base = match (at.x > 0.0, at.y > 0.0) {
+            (false, false) => DVec3::new(0.85, 0.1, 0.1),
+            (false, true) => DVec3::new(0.1, 0.6, 0.2),
+            (true, false) => DVec3::new(0.15, 0.2, 0.9),
+            (true, true) => DVec3::new(0.9, 0.8, 0.3),
+        };
+        let shade = 0.05 * (3.0 * at.z).sin();
+        move |direction: DVec3| base + shade + 0.03 * direction.x
+    };
+    let field = bake(&settings, |at| if at.length() < 0.85 { 60.0 } else { 0.0 }, color).unwrap();
+    let palette =
+        |field: &PlenOctree, settings: &ExtractionSettings| extract(field, settings, &Progress::default()).unwrap();
+    // Colors of nearly equal weight may change places.
+    let difference = |a: &Extraction, b: &Extraction| {
+        let to = |a: &[f64; 3]| {
+            let b = b.palette.colors.iter();
+            let channels = b.map(|b| (DVec3::from(*a) - DVec3::from(*b)).abs().max_element());
+            channels.fold(f64::INFINITY, f64::min)
+        };
+        a.palette.colors.iter().map(to).fold(0.0, f64::max)
+    };
+    let rough = PackSettings { tolerance: 1.0, rows: 1, color_step: 0.2, ..PackSettings::SMALL };
+    let once = read(pack(&field, &rough).bytes()).unwrap();
+    let twice = read(pack(&once, &rough).bytes()).unwrap();
+    let fitted = ExtractionSettings { colors: Colors::Fixed(4), ..Default::default() };
+    let hull = ExtractionSettings { method: PaletteMethod::Hull, ..Default::default() };
+    for packed in [&once, &twice] {
+        let difference = difference(&palette(packed, &fitted), &palette(&field, &fitted));
+        assert!(difference < 0.01, "{difference}");
+        // Of hulls that are equally good, it may be another one.
+        let [found, expected] = [packed, &field].map(|field| palette(field, &hull).errors.rmse);
+        assert!((found - expected).abs() < 0.02 * expected, "{found} {expected}");
+    }
+    let sampling = SamplingSettings { stop_transmittance: 0.011, ..Default::default() };
+    let sampled =
+        difference(&palette(&once, &ExtractionSettings { sampling, ..fitted.clone() }), &palette(&field, &fitted));
+    assert!(sampled > 0.01, "{sampled}");
+    let settings = SamplingSettings::default();
+    let turned = LoadSettings { up: Some(UpAxis::Z), density_threshold: 0.0, ..Default::default() };
+    let bytes = pack(&field, &rough).bytes().to_vec();
+    let read_with = |settings: &LoadSettings| PlenOctree::read_from(Cursor::new(&bytes), "test", settings).unwrap();
+    assert!(read_with(&LoadSettings::default()).histograms(&settings).is_some());
+    assert!(read_with(&turned).histograms(&settings).is_none());
+    assert!(once.thinned(30.0).histograms(&settings).is_none());
 }
 
 /// Finer settings give larger files and better pictures, and all are far smaller than `.npz` files.
@@ -246,6 +305,26 @@ fn errors_name_the_section() {
         |sections| sections.get("DENS").fill(0xff),
         "DENS: found NaN, expected a positive number",
     );
+    for (at, bytes, message) in [
+        (0, &[2][..], "HIST: found observers 2, expected 0 or 1"),
+        (1, &[0], "HIST: found directions 0"),
+        (3, &[65], "HIST: found fine_bins 65"),
+        (4, &[0xff; 8], "HIST: found stop_transmittance NaN"),
+        (12, &[0; 8], "HIST: found a weight of 0"),
+        (28, &[0; 4], "HIST: found damaged content"),
+    ] {
+        assert_refused(
+            Basis::Sh4,
+            |sections| sections.get("HIST")[at..at + bytes.len()].copy_from_slice(bytes),
+            message,
+        );
+    }
+    assert_refused(
+        Basis::Sh4,
+        |sections| sections.get("HIST").truncate(9),
+        "HIST: found 9 bytes, expected at least 28",
+    );
+    assert_refused(Basis::Sh4, |sections| sections.repeat("HIST"), "HIST: found several sections");
     for name in ["LEVL", "BASE", "BOOK", "ROWS"] {
         let message = format!("{name}: found damaged content");
         // Too short for what it says, too long, and a wrong sum of frequencies.
@@ -267,6 +346,7 @@ fn unknown_sections_are_ignored() {
     let mut sections = example(Basis::Sh4);
     let expected = read(&sections.bytes()).unwrap();
     sections.add("NOTE", b"made for a test".to_vec());
+    sections.remove("HIST");
     assert_same(&expected, &read(&sections.bytes()).unwrap());
 }
 
@@ -313,7 +393,7 @@ proptest! {
     #[test]
     fn changed_sections_give_a_field_or_an_error(
         basis in prop::sample::select(vec![Basis::Rgba, Basis::Sh4]),
-        name in prop::sample::select(vec!["HEAD", "TREE", "DENS", "LEVL", "BASE", "BOOK", "ROWS"]),
+        name in prop::sample::select(vec!["HEAD", "TREE", "DENS", "LEVL", "BASE", "BOOK", "ROWS", "HIST"]),
         changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..6),
     ) {
         let mut sections = example(basis);

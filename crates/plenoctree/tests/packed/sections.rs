@@ -28,8 +28,9 @@ impl Sections {
                 let stored = &bytes[start..start + length];
                 start += length;
                 assert_eq!(crc32fast::hash(stored), u32::from_le_bytes(number(entry, 4)));
-                let content = decompress_to_vec(stored).unwrap();
-                assert_eq!(content.len() as u64, u64::from_le_bytes(number(entry, 16)));
+                let size = u64::from_le_bytes(number(entry, 16));
+                let content = if size == length as u64 { stored.to_vec() } else { decompress_to_vec(stored).unwrap() };
+                assert_eq!(content.len() as u64, size);
                 (String::from_utf8(entry[..4].to_vec()).unwrap(), content)
             })
             .collect();
@@ -58,6 +59,9 @@ impl Sections {
         let (mut list, mut body) = (Vec::new(), Vec::new());
         for (name, content) in &self.all {
             let mut stored = compress_to_vec(content, 6);
+            if stored.len() == content.len() {
+                stored.clone_from(content);
+            }
             if self.damaged == Some(name) {
                 // A block of a type that does not exist.
                 stored[0] |= 6;

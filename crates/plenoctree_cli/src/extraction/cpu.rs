@@ -25,7 +25,7 @@ pub fn extract(field: &PlenOctree, settings: &ExtractionSettings, quiet: bool) -
         thread::spawn(move || {
             let sampler =
                 |settings: &SamplingSettings| sample(&field, settings, &progress).map_err(|error| error.to_string());
-            sample_and_extract(&settings, "cpu", sampler, &progress)
+            sample_and_extract(&settings, sampling_on(&field, &settings), sampler, &progress)
         })
     };
     while !worker.is_finished() {
@@ -35,6 +35,11 @@ pub fn extract(field: &PlenOctree, settings: &ExtractionSettings, quiet: bool) -
     let extracted = worker.join().map_err(|_| "extraction stopped unexpectedly")??;
     bar.finish_and_clear();
     Ok(extracted)
+}
+
+/// Returns where the samples are taken: by the CPU, unless the file records them.
+pub fn sampling_on(field: &PlenOctree, settings: &ExtractionSettings) -> &'static str {
+    if field.histograms(&settings.sampling).is_some() { "file" } else { "cpu" }
 }
 
 /// Samples every leaf with the float64 reference, which does not report its progress.

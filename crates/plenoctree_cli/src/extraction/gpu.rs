@@ -60,7 +60,7 @@ fn run(mut headless: Headless, field: &PlenOctree, settings: &ExtractionSettings
         }
         let found = world.resource::<Palettes>().get(&handle).and_then(|palette| palette.extraction());
         if let (Some(found), Some(ExtractionSamples { histograms, on_gpu })) = (found, extraction.sampled(&handle)) {
-            let sampling_on = if *on_gpu { "gpu" } else { "cpu" };
+            let sampling_on = if *on_gpu { "gpu" } else { cpu::sampling_on(field, settings) };
             bar.finish_and_clear();
             return Ok(Extracted { extraction: found.clone(), histograms: histograms.clone(), sampling_on });
         }

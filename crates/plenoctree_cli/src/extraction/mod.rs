@@ -24,7 +24,7 @@ pub struct Extracted {
     pub extraction: Extraction,
     /// The sampled histograms.
     pub histograms: Arc<Histograms>,
-    /// The sampler's name: `cpu`, `reference` or `gpu`.
+    /// The sampler's name: `cpu`, `reference`, `gpu`, or `file` if the file of a packed field records the samples.
     pub sampling_on: &'static str,
 }
 

@@ -68,9 +68,11 @@ fn codebook_text(field: &PlenOctree) -> String {
 
 /// Returns `None` for an empty field.
 fn densities(field: &PlenOctree) -> Option<Densities> {
-    let mut sorted = field.densities().to_vec();
-    sorted.sort_unstable_by(f32::total_cmp);
-    Some(Densities { min: *sorted.first()?, median: sorted[sorted.len() / 2], max: *sorted.last()? })
+    let mut all = field.densities().to_vec();
+    let min = all.iter().copied().min_by(f32::total_cmp)?;
+    let max = all.iter().copied().max_by(f32::total_cmp)?;
+    let middle = all.len() / 2;
+    Some(Densities { min, median: *all.select_nth_unstable_by(middle, f32::total_cmp).1, max })
 }
 
 impl Densities {

@@ -3,16 +3,17 @@
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
-use plenoctree::PackSettings;
+use plenoctree::{PackSettings, fit::SimplifySettings};
 
-use crate::size::parse_size;
+use crate::{Result, size::parse_size};
 
-/// Packs a field into its shipping form, a tenth of the size.
+/// Packs fields into their shipping form, a tenth of the size.
 #[derive(Args)]
 pub struct Arguments {
-    /// The field, an .npz file.
-    pub field: PathBuf,
-    /// The packed file; by default next to the field, with the extension .plenoctree.
+    /// The fields, .npz files.
+    #[arg(required = true)]
+    pub fields: Vec<PathBuf>,
+    /// The packed file; by default next to the field, with the extension .plenoctree. For a single field.
     #[arg(long)]
     out: Option<PathBuf>,
     /// How small the file becomes, and how good its pictures stay.
@@ -28,6 +29,10 @@ pub struct Arguments {
     /// Largest number of rows of the codebook of luma; that of color differences has half as many.
     #[arg(long)]
     rows: Option<u32>,
+    /// Packs the field as it is. By default, it is simplified first: refined to its own pictures, without leaves of little
+    /// weight, and with smoother colors, if it is a cube of cells of one size.
+    #[arg(long)]
+    exact: bool,
     /// Writes the quantized .npz layout that volrend reads instead; --out is then required.
     #[arg(long, requires = "out")]
     pub npz: bool,
@@ -59,6 +64,25 @@ pub enum Quality {
 }
 
 impl Quality {
+    /// Returns how fields are packed.
+    pub fn settings(self) -> PackSettings {
+        match self {
+            Self::Small => PackSettings::SMALL,
+            Self::Balanced => PackSettings::BALANCED,
+            Self::Fine => PackSettings::FINE,
+        }
+    }
+
+    /// Returns how fields are simplified before.
+    pub fn simplification(self) -> SimplifySettings {
+        let smoothness = match self {
+            Self::Small => 2e-4,
+            Self::Balanced => 4e-5,
+            Self::Fine => 1e-5,
+        };
+        SimplifySettings { smoothness, ..Default::default() }
+    }
+
     /// Returns its name, as on the command line.
     pub fn name(self) -> &'static str {
         match self {
@@ -70,18 +94,25 @@ impl Quality {
 }
 
 impl Arguments {
-    /// Returns the path of the packed file.
-    pub fn out(&self) -> PathBuf {
-        self.out.clone().unwrap_or_else(|| Path::new(&self.field).with_extension("plenoctree"))
+    /// Returns the path of a field's packed file.
+    pub fn out(&self, field: &Path) -> Result<PathBuf> {
+        match &self.out {
+            Some(_) if self.fields.len() > 1 => Err("--out: found several fields, expected one".into()),
+            Some(out) => Ok(out.clone()),
+            None => Ok(field.with_extension("plenoctree")),
+        }
+    }
+
+    /// Returns how a quality simplifies fields, or `None` if they are to be packed as they are.
+    pub fn simplification(&self, quality: Quality) -> Option<SimplifySettings> {
+        // Leaves that nobody sees are among those that would go.
+        let is_exact = self.exact || self.settings(quality).hidden == 0.0;
+        (!is_exact).then(|| quality.simplification())
     }
 
     /// Returns the settings of a quality, with those that were given.
     pub fn settings(&self, quality: Quality) -> PackSettings {
-        let settings = match quality {
-            Quality::Small => PackSettings::SMALL,
-            Quality::Balanced => PackSettings::BALANCED,
-            Quality::Fine => PackSettings::FINE,
-        };
+        let settings = quality.settings();
         PackSettings {
             hidden: self.hidden.unwrap_or(settings.hidden),
             below: self.below.unwrap_or(settings.below),

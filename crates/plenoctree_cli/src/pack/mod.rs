@@ -6,23 +6,36 @@ mod report;
 
 pub use arguments::Arguments;
 
-use std::{fs, sync::Arc, thread, time::Duration};
+use std::{fs, path::Path, sync::Arc, thread, time::Duration};
 
 use clap::ValueEnum;
-use plenoctree::{PackSettings, Packed, PlenOctree, sampling::Progress};
+use plenoctree::{
+    PackSettings, Packed, PlenOctree,
+    fit::{FitError, FitProgress, SimplifySettings, simplify},
+    sampling::Progress,
+};
 
 use crate::{Result, field, progress};
 use arguments::Quality;
 use measure::Views;
 
-/// Packs the field, writes it, and prints what that costs.
+/// Packs the fields, writes them, and prints what that costs.
 pub fn run(arguments: &Arguments) -> Result {
-    let path = &arguments.field;
+    let fields: Result<Vec<_>> = arguments.fields.iter().map(|path| pack_file(path, arguments)).collect();
+    match &arguments.report {
+        Some(folder) => report::write(folder, &fields?),
+        None => fields.map(drop),
+    }
+}
+
+/// Packs a field. Returns what each quality gives, if there is to be a report.
+fn pack_file(path: &Path, arguments: &Arguments) -> Result<report::Field> {
     let before = fs::metadata(path).map_err(|error| format!("{}: {error}", path.display()))?.len();
+    let out = arguments.out(path)?;
+    arguments.settings(arguments.quality).validate()?;
     let field = field::load(path, false)?;
     let views = Views::new(&field, arguments)?;
-    let packed = pack(&field, &arguments.settings(arguments.quality))?;
-    let out = arguments.out();
+    let packed = pack(&field, arguments, arguments.quality)?;
     if arguments.npz {
         packed.write_npz(&out)?
     } else {
@@ -35,21 +48,51 @@ pub fn run(arguments: &Arguments) -> Result {
         println!("{:.1} dB from the field in {} views, {:.2}% of labels changed", loss.psnr, views.len(), loss.labels);
     }
     println!("{}", out.display());
-    if let (Some(folder), Some(views)) = (&arguments.report, &views) {
-        let all = Quality::value_variants().iter().map(|quality| {
+    let mut rows = Vec::new();
+    if let (Some(_), Some(views)) = (&arguments.report, &views) {
+        for quality in Quality::value_variants() {
             let packed = match *quality == arguments.quality {
                 true => packed.clone(),
-                false => pack(&field, &arguments.settings(*quality))?,
+                false => pack(&field, arguments, *quality)?,
             };
-            Ok(report::Row::new(*quality, &packed, views))
-        });
-        report::write(folder, path, before, &all.collect::<Result<Vec<_>>>()?)?;
+            rows.push(report::Row::new(*quality, field.leaves(), &packed, views));
+        }
     }
-    Ok(())
+    let name = path.file_stem().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+    Ok(report::Field { name, before, rows })
+}
+
+/// Simplifies the field, if it is of the kind, and packs it.
+fn pack(field: &PlenOctree, arguments: &Arguments, quality: Quality) -> Result<Packed> {
+    let settings = arguments.settings(quality);
+    let Some(simplification) = arguments.simplification(quality) else { return pack_as_it_is(field, &settings) };
+    match simplified(field, simplification)? {
+        Ok(simple) => pack_as_it_is(&simple, &settings),
+        Err(error) => {
+            eprintln!("packed as it is: {error}");
+            pack_as_it_is(field, &settings)
+        }
+    }
+}
+
+/// Simplifies from another thread, so that this one can show the progress.
+fn simplified(field: &PlenOctree, settings: SimplifySettings) -> Result<Result<PlenOctree, FitError>> {
+    let bar = progress::bar("simplifying", 100, false);
+    let progress = Arc::new(FitProgress::default());
+    let worker = {
+        let (field, progress) = (field.clone(), progress.clone());
+        thread::spawn(move || simplify(&field, &settings, &progress))
+    };
+    while !worker.is_finished() {
+        bar.set_position((100.0 * progress.status().fraction) as u64);
+        thread::sleep(Duration::from_millis(20));
+    }
+    bar.finish_and_clear();
+    Ok(worker.join().map_err(|_| "simplifying stopped unexpectedly")?)
 }
 
 /// Packs from another thread, so that this one can show the progress.
-fn pack(field: &PlenOctree, settings: &PackSettings) -> Result<Packed> {
+fn pack_as_it_is(field: &PlenOctree, settings: &PackSettings) -> Result<Packed> {
     let bar = progress::bar("looking from all around", 100, false);
     let progress = Arc::new(Progress::default());
     let worker = {
@@ -68,8 +111,9 @@ fn pack(field: &PlenOctree, settings: &PackSettings) -> Result<Packed> {
 }
 
 fn print_sizes(field: &PlenOctree, packed: &Packed, [before, after]: [u64; 2]) {
-    let share = 100.0 * packed.dropped() as f64 / field.leaves().max(1) as f64;
-    println!("{} of {} leaves dropped, {share:.0}%", packed.dropped(), field.leaves());
+    let dropped = field.leaves() - packed.field().leaves();
+    let share = 100.0 * dropped as f64 / field.leaves().max(1) as f64;
+    println!("{dropped} of {} leaves dropped, {share:.0}%", field.leaves());
     println!("{before} bytes before, {after} after, {:.1} times less", before as f64 / after as f64);
     let sections: Vec<_> = packed.sections().iter().map(|(name, bytes)| format!("{name} {bytes}")).collect();
     println!("sections: {}", sections.join(", "));

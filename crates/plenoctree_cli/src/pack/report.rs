@@ -20,47 +20,60 @@ pub struct Row {
 }
 
 impl Row {
-    /// Measures a packed field.
-    pub fn new(quality: Quality, packed: &Packed, views: &Views) -> Self {
+    /// Measures a packed field, which had `before` leaves.
+    pub fn new(quality: Quality, before: usize, packed: &Packed, views: &Views) -> Self {
         let field = packed.field();
         Self {
             quality,
             bytes: packed.bytes().len(),
             leaves: field.leaves(),
-            dropped: packed.dropped(),
+            dropped: before - field.leaves(),
             loss: views.compare(field),
         }
     }
 }
 
-/// Writes `packing.md`, `psnr.svg` and `labels.svg`. `before` is the size of the field's file.
-pub fn write(folder: &Path, field: &Path, before: u64, rows: &[Row]) -> Result {
+/// What the qualities give for a field.
+pub struct Field {
+    /// Its file's name, without the extension.
+    pub name: String,
+    /// The size of its file.
+    pub before: u64,
+    pub rows: Vec<Row>,
+}
+
+/// Writes `packing.md`, `psnr.svg` and `labels.svg`.
+pub fn write(folder: &Path, fields: &[Field]) -> Result {
     files::create_folder(folder)?;
-    let name = field.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
-    let mut text = format!(
-        "{name}, {:.2} MB:\n\n| quality | MB | of the file | leaves | dropped | PSNR, dB | labels changed | palette \
-         |\n|---|---|---|---|---|---|---|---|\n",
-        before as f64 / 1e6
+    let mut text = String::from(
+        "| field | quality | MB before | MB | of the file | leaves | dropped | PSNR, dB | labels changed | palette \
+         |\n|---|---|---|---|---|---|---|---|---|---|\n",
     );
-    for Row { quality, bytes, leaves, dropped, loss } in rows {
-        text += &format!(
-            "| {} | {:.2} | 1/{:.0} | {leaves} | {:.0} % | {:.1} | {:.2} % | {:.3} |\n",
-            quality.name(),
-            *bytes as f64 / 1e6,
-            before as f64 / *bytes as f64,
-            100.0 * *dropped as f64 / (leaves + dropped).max(1) as f64,
-            loss.psnr,
-            loss.labels,
-            loss.palette,
-        );
+    for Field { name, before, rows } in fields {
+        for Row { quality, bytes, leaves, dropped, loss } in rows {
+            text += &format!(
+                "| {name} | {} | {:.2} | {:.2} | 1/{:.0} | {leaves} | {:.0} % | {:.1} | {:.2} % | {:.3} |\n",
+                quality.name(),
+                *before as f64 / 1e6,
+                *bytes as f64 / 1e6,
+                *before as f64 / *bytes as f64,
+                100.0 * *dropped as f64 / (leaves + dropped).max(1) as f64,
+                loss.psnr,
+                loss.labels,
+                loss.palette,
+            );
+        }
     }
     files::write_text(&folder.join("packing.md"), &text)?;
-    let line = |label: &str, of: fn(&Loss) -> f64| {
-        let points = rows.iter().map(|row| (row.bytes as f64 / 1e6, of(&row.loss))).collect();
-        [plot::Line { label: label.into(), color: plot::COLORS[1], dashed: false, points }]
+    let lines = |of: fn(&Loss) -> f64| -> Vec<plot::Line> {
+        let line = |(Field { name, rows, .. }, color): (&Field, &&'static str)| {
+            let points = rows.iter().map(|row| (row.bytes as f64 / 1e6, of(&row.loss))).collect();
+            plot::Line { label: name.clone(), color, dashed: false, points }
+        };
+        fields.iter().zip(plot::COLORS.iter().cycle()).map(line).collect()
     };
-    let psnr = plot::lines(&name, "size, MB", "PSNR against the field, dB", &line("PSNR", |loss| loss.psnr));
-    let labels = plot::lines(&name, "size, MB", "labels changed, %", &line("labels changed", |loss| loss.labels));
+    let psnr = plot::lines("Packed fields", "size, MB", "PSNR against the field, dB", &lines(|loss| loss.psnr));
+    let labels = plot::lines("Packed fields", "size, MB", "labels changed, %", &lines(|loss| loss.labels));
     files::write_text(&folder.join("psnr.svg"), &psnr)?;
     files::write_text(&folder.join("labels.svg"), &labels)?;
     print!("{text}");

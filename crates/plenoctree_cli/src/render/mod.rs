@@ -40,7 +40,7 @@ impl Scene {
 pub fn run(arguments: &Arguments) -> Result {
     let path = &arguments.input;
     let cameras = read_transforms(&arguments.cameras, arguments.size)?;
-    let scene = if path.extension().is_some_and(|extension| extension == "npz") {
+    let scene = if path.extension().is_some_and(|extension| extension == "npz" || extension == "plenoctree") {
         Scene::Field(field::load(path, arguments.quiet)?)
     } else {
         Scene::Capture(capture::load(path, arguments.capture, arguments.quiet)?)

@@ -1,4 +1,4 @@
-//! The container of a packed field: a header, and deflated sections with checksums.
+//! The container of a packed field: a header, and sections with checksums, deflated where that makes them smaller.
 
 use std::io::{Read, Seek, SeekFrom};
 
@@ -110,6 +110,11 @@ impl<R: Read + Seek> Container<R> {
         }
     }
 
+    /// Returns whether there is such a section.
+    pub fn has(&self, name: &'static str) -> bool {
+        self.sections.iter().any(|section| section.name == *name.as_bytes())
+    }
+
     /// Returns the size of a section's content, as the file claims it.
     pub fn size(&self, name: &'static str) -> Result<u64, ReadFault> {
         self.section(name).map(|section| section.raw)
@@ -143,6 +148,9 @@ impl<R: Read + Seek> Container<R> {
         }
         let limit =
             usize::try_from(length).map_err(|_| fault(name, format!("{length} bytes"), "what fits in memory"))?;
+        if raw == size {
+            return Ok(stored);
+        }
         match decompress_to_vec_with_limit(&stored, limit) {
             Ok(content) if content.len() == limit => Ok(content),
             _ => Err(fault(name, "a damaged deflate stream", format!("one of {length} bytes"))),
@@ -157,8 +165,13 @@ pub(super) fn build(sections: &[(&'static str, Vec<u8>)]) -> (Vec<u8>, Vec<(&'st
 
     /// The best that `miniz_oxide` does.
     const LEVEL: u8 = 9;
-    let stored: Vec<Vec<u8>> =
-        sections.par_iter().map(|(_, raw)| miniz_oxide::deflate::compress_to_vec(raw, LEVEL)).collect();
+    /// What deflate must save to be worth the time: the share of a section that is one over this.
+    const LEAST_GAIN: usize = 50;
+    let stored = |(_, raw): &(_, Vec<u8>)| {
+        let deflated = miniz_oxide::deflate::compress_to_vec(raw, LEVEL);
+        if deflated.len() < raw.len() - raw.len() / LEAST_GAIN { deflated } else { raw.clone() }
+    };
+    let stored: Vec<Vec<u8>> = sections.par_iter().map(stored).collect();
     let mut list = Vec::new();
     for ((name, raw), stored) in sections.iter().zip(&stored) {
         list.extend(name.as_bytes());

@@ -1,20 +1,23 @@
 //! Reads a packed field.
 
-use std::io::{Read, Seek};
+use std::{
+    io::{Read, Seek},
+    sync::Arc,
+};
 
 use glam::DVec3;
 use half::f16;
 
 use super::super::{error::ReadFault, read::check_frame};
 use super::{
-    CONSTANTS, DENSITIES, HEAD, HEAD_BYTES, LEVELS, ROWS, TABLE, TREE,
+    CONSTANTS, DENSITIES, HEAD, HEAD_BYTES, HISTOGRAM, LEVELS, ROWS, TABLE, TREE,
     container::{Container, fault},
-    planes,
+    histogram, planes,
     streams::{self, Rows},
 };
 use crate::{
     field::{Activation, Basis, Cell, Frame, MAX_DEPTH, PlenOctree, Tables, UpAxis},
-    pack::{MAX_LEVELS, MAX_ROWS, Quantized},
+    pack::{MAX_LEVELS, MAX_ROWS, Quantized, Recent},
 };
 
 /// Reads a packed field, as the file has it.
@@ -24,10 +27,14 @@ pub(in crate::file) fn read_packed(reader: impl Read + Seek) -> Result<PlenOctre
     let (leaves, nodes) = (head.leaves as u64, head.nodes as u64);
     // What the field takes: densities, colors and rows per leaf, and cells per node.
     file.check_room(HEAD, 14 * leaves + 32 * nodes)?;
-    let nodes = head.tree(&mut file)?;
+    let (nodes, depth) = head.tree(&mut file)?;
     let densities = head.densities(&mut file)?;
     let damaged = |section| fault(section, "damaged content", "that of the head");
     let shares = head.rows[0].count > 0;
+    let recorded = match file.has(HISTOGRAM) {
+        true => Some(Arc::new(histogram::read(&file.read_all(HISTOGRAM)?)?)),
+        false => None,
+    };
     let [levels, colors, tables, rows] = [LEVELS, CONSTANTS, TABLE, ROWS].map(|section| file.read_all(section));
     let (levels, colors, tables, rows) = (levels?, colors?, tables?, rows?);
     let levels = streams::read_levels(&levels, head.leaves, head.densities).ok_or_else(|| damaged(LEVELS))?;
@@ -42,15 +49,16 @@ pub(in crate::file) fn read_packed(reader: impl Read + Seek) -> Result<PlenOctre
         basis: head.basis,
         activation: head.activation,
         up: head.up,
-        depth: head.depth,
+        depth,
         nodes,
         densities,
         levels,
         colors: colors.ok_or_else(|| damaged(CONSTANTS))?,
         rows: rows.ok_or_else(|| damaged(ROWS))?,
         tables: Tables { color_step: head.color_step, table_step: head.table_step, luma, chroma },
+        recorded,
     };
-    quantized.field().map_err(ReadFault::Field)
+    Ok(quantized.field())
 }
 
 /// The section `HEAD`.
@@ -93,7 +101,7 @@ impl Head {
             nodes: count(0),
             leaves: count(1),
             densities: count(2),
-            rows: [3, 5].map(|at| Rows { count: count(at), first_new: count(at + 1) }),
+            rows: [3, 5].map(|at| Rows { count: count(at), first_new: count(at + 1), recent: Recent::default() }),
             color_step: step(0),
             table_step: step(1),
             frame: Frame {
@@ -125,8 +133,8 @@ impl Head {
         Ok(head)
     }
 
-    /// Reads the nodes and numbers the leaves in depth-first order.
-    fn tree(&self, file: &mut Container<impl Read + Seek>) -> Result<Vec<[Cell; 8]>, ReadFault> {
+    /// Reads the nodes, and numbers them and the leaves in depth-first order. Returns also the level of the deepest nodes.
+    fn tree(&self, file: &mut Container<impl Read + Seek>) -> Result<(Vec<[Cell; 8]>, u32), ReadFault> {
         // Nodes of the last level have one byte, others two. How many there are is known at the end.
         let raw = file.size(TREE)?;
         if raw < self.nodes as u64 || raw > 2 * self.nodes as u64 {
@@ -159,7 +167,8 @@ impl Head {
         if !rest.is_empty() || (nodes, leaves) != (self.nodes, self.leaves) {
             return Err(mismatch());
         }
-        Ok(depth_first(&levels, self.nodes))
+        let depth = levels.iter().take_while(|(filled, _)| !filled.is_empty()).count() as u32;
+        Ok((depth_first(&levels, self.nodes), depth))
     }
 
     fn densities(&self, file: &mut Container<impl Read + Seek>) -> Result<Vec<f16>, ReadFault> {

@@ -1,9 +1,9 @@
 //! Writes a packed field.
 
-use super::{CONSTANTS, DENSITIES, HEAD, LEVELS, ROWS, TABLE, TREE, container, planes, streams};
+use super::{CONSTANTS, DENSITIES, HEAD, HISTOGRAM, LEVELS, ROWS, TABLE, TREE, container, histogram, planes, streams};
 use crate::{
     field::{Activation, Basis, Cell, UpAxis},
-    pack::Quantized,
+    pack::{Quantized, Recent},
 };
 
 impl Quantized {
@@ -12,7 +12,7 @@ impl Quantized {
         let of = self.rows_of_tables();
         let (levels, count) = (&self.levels, self.densities.len());
         let others = self.basis.functions() - 1;
-        container::build(&[
+        let mut sections = vec![
             (HEAD, self.head()),
             (TREE, self.tree()),
             (DENSITIES, planes::split(self.densities.iter().map(|density| density.to_bits().to_le_bytes()))),
@@ -20,7 +20,9 @@ impl Quantized {
             (CONSTANTS, streams::write_colors(&self.colors, levels, count)),
             (TABLE, streams::write_tables(&self.tables.luma, &self.tables.chroma, others)),
             (ROWS, streams::write_rows(&self.rows, levels, count, of)),
-        ])
+        ];
+        sections.extend(self.recorded.as_ref().map(|recorded| (HISTOGRAM, histogram::write(recorded))));
+        container::build(&sections)
     }
 
     /// Returns how leaves name the rows of luma and of the differences.
@@ -29,7 +31,11 @@ impl Quantized {
         let counts = [self.tables.luma.len() / others, self.tables.chroma.len() / (2 * others)];
         [0, 1].map(|table| {
             let rows = self.rows.iter().map(|rows| rows[table]);
-            streams::Rows { count: counts[table], first_new: streams::first_new(rows, counts[table]) }
+            streams::Rows {
+                count: counts[table],
+                first_new: streams::first_new(rows, counts[table]),
+                recent: Recent::default(),
+            }
         })
     }
 
@@ -45,7 +51,7 @@ impl Quantized {
         for count in [self.nodes.len(), self.levels.len(), self.densities.len()] {
             head.extend((count as u32).to_le_bytes());
         }
-        for streams::Rows { count, first_new } in self.rows_of_tables() {
+        for streams::Rows { count, first_new, .. } in self.rows_of_tables() {
             head.extend([count as u32, first_new as u32].map(u32::to_le_bytes).as_flattened());
         }
         for step in [self.tables.color_step, self.tables.table_step] {

@@ -24,6 +24,7 @@ fn split(number: u32) -> (u8, u32) {
 /// Reads symbols and numbers.
 pub(super) struct Decoder<'a> {
     contexts: Vec<Context>,
+    /// At least [`LOW`], and below 256 times that.
     state: u32,
     /// The bytes that the state has not taken yet.
     bytes: &'a [u8],
@@ -32,9 +33,13 @@ pub(super) struct Decoder<'a> {
     filled: u32,
 }
 
-/// What the low bits of a state mean: a symbol, its frequency, and where its share of them begins. Empty if nothing is
-/// coded in the context.
-type Context = Vec<(u8, u16, u16)>;
+/// What the low bits of a state mean: from the lowest bits up, a symbol, the state's place in the symbol's share of them,
+/// and the frequency of the symbol less 1.
+type Context = Box<[u32; SCALE as usize]>;
+const PLACE_SHIFT: u32 = 8;
+const FREQUENCY_SHIFT: u32 = PLACE_SHIFT + SCALE_BITS;
+/// The entries of contexts in which nothing is coded. No symbol is 255.
+const NOTHING: u32 = 255;
 
 impl<'a> Decoder<'a> {
     /// Opens a stream. Returns `None` if it does not begin as it should.
@@ -43,22 +48,27 @@ impl<'a> Decoder<'a> {
         let tables: Option<Vec<_>> = (0..contexts).map(|_| read_context(&mut rest)).collect();
         let (bytes, bits) = rest.split_at_checked(u32::from_le_bytes(*length) as usize)?;
         let (state, bytes) = bytes.split_first_chunk()?;
-        Some(Self { contexts: tables?, state: u32::from_le_bytes(*state), bytes, bits, window: 0, filled: 0 })
+        let state = u32::from_le_bytes(*state);
+        let valid = (LOW..LOW << 8).contains(&state);
+        valid.then_some(Self { contexts: tables?, state, bytes, bits, window: 0, filled: 0 })
     }
 
     #[inline]
     pub fn symbol(&mut self, context: usize) -> Option<u8> {
-        let slot = self.state % SCALE;
-        let &(symbol, frequency, first) = self.contexts[context].get(slot as usize)?;
-        // A damaged state may be larger than a valid one.
-        let state = (self.state >> SCALE_BITS).wrapping_mul(frequency.into());
-        self.state = state.wrapping_add(slot - u32::from(first));
-        while self.state < LOW {
-            let (byte, rest) = self.bytes.split_first()?;
-            self.state = self.state << 8 | u32::from(*byte);
+        let entry = self.contexts[context][(self.state % SCALE) as usize];
+        if entry == NOTHING {
+            return None;
+        }
+        let mut state = (self.state >> SCALE_BITS) * ((entry >> FREQUENCY_SHIFT) + 1) + (entry >> PLACE_SHIFT) % SCALE;
+        if state < LOW {
+            // One or two bytes.
+            let count = if state < LOW >> 8 { 2 } else { 1 };
+            let (taken, rest) = self.bytes.split_at_checked(count)?;
+            state = taken.iter().fold(state, |state, byte| state << 8 | u32::from(*byte));
             self.bytes = rest;
         }
-        Some(symbol)
+        self.state = state;
+        Some(entry as u8)
     }
 
     #[inline]
@@ -94,17 +104,18 @@ fn read_context(bytes: &mut &[u8]) -> Option<Context> {
         *bytes = rest;
         Some(u16::from(*byte))
     };
-    let mut slots = Vec::new();
+    let mut context = Box::new([NOTHING; SCALE as usize]);
+    let mut first = 0;
     for symbol in 0..next()? {
         let low = next()?;
         let frequency = if low < 128 { low } else { low - 128 + 128 * next()? };
-        let first = slots.len() as u16;
-        if slots.len() + usize::from(frequency) > SCALE as usize {
-            return None;
+        let slots = context.get_mut(first..first + usize::from(frequency))?;
+        for (slot, place) in slots.iter_mut().zip(0u32..) {
+            *slot = u32::from(symbol) | place << PLACE_SHIFT | (u32::from(frequency) - 1) << FREQUENCY_SHIFT;
         }
-        slots.resize(slots.len() + usize::from(frequency), (symbol as u8, frequency, first));
+        first += usize::from(frequency);
     }
-    (slots.is_empty() || slots.len() == SCALE as usize).then_some(slots)
+    (first == 0 || first == SCALE as usize).then_some(context)
 }
 
 /// Collects symbols and numbers, and writes them.

@@ -5,6 +5,7 @@ mod decode;
 #[cfg(feature = "write")]
 mod encode;
 mod entropy;
+mod histogram;
 mod planes;
 mod streams;
 
@@ -19,6 +20,7 @@ const LEVELS: &str = "LEVL";
 const CONSTANTS: &str = "BASE";
 const TABLE: &str = "BOOK";
 const ROWS: &str = "ROWS";
+const HISTOGRAM: &str = "HIST";
 
 /// Size of the section `HEAD` in bytes.
 const HEAD_BYTES: usize = 88;

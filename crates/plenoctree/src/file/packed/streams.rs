@@ -6,14 +6,17 @@ use super::entropy::Encoder;
 #[cfg(feature = "write")]
 use super::planes::fold;
 use super::planes::unfold;
-use crate::pack::COLOR_RANGES;
+use crate::pack::{COLOR_RANGES, RECENT, Recent};
 
 /// The number of contexts of levels, colors and rows.
 const LEVEL_CONTEXTS: usize = 9;
 const COLOR_CONTEXTS: usize = 36;
 const ROW_CONTEXTS: usize = 36;
-/// The number of classes of densities, as contexts of colors and rows.
+/// The numbers of classes of densities, as contexts of colors and of rows.
 const CLASSES: usize = 6;
+const ROW_CLASSES: usize = 3;
+/// The largest number that names a recent row.
+const RECENT_NUMBERS: u32 = RECENT as u32;
 
 /// Returns which of `classes` a level is in.
 fn class(level: u8, levels: usize, classes: usize) -> usize {
@@ -39,13 +42,22 @@ fn color_context(part: usize, class: usize, own: [u32; 3], before: [u32; 3]) -> 
     }
 }
 
-/// Returns the contexts of the row of luma, and of that of the differences.
-fn luma_context(class: usize, before: [u16; 2]) -> usize {
-    2 * class + usize::from(before[0] == 0)
+/// How a leaf's row is named: it is the last one, another recent one, or none of those.
+fn naming(number: u32) -> usize {
+    match number {
+        1 => 0,
+        2..=RECENT_NUMBERS => 1,
+        _ => 2,
+    }
 }
 
-fn chroma_context(class: usize, luma: u16, before: [u16; 2]) -> usize {
-    12 + 4 * class + 2 * usize::from(luma == 0) + usize::from(before[1] == 0)
+/// Returns the contexts of the row of luma, and of that of the differences, given how the rows of the leaf before are named.
+fn luma_context(class: usize, before: [u32; 2]) -> usize {
+    3 * class + naming(before[0])
+}
+
+fn chroma_context(class: usize, luma: u32, before: [u32; 2]) -> usize {
+    9 + 9 * class + 3 * naming(luma) + naming(before[1])
 }
 
 /// Reads the level of every leaf.
@@ -90,28 +102,40 @@ pub struct Rows {
     pub count: usize,
     /// The first of the rows that are in the order in which leaves have them.
     pub first_new: usize,
+    pub recent: Recent,
 }
 
 impl Rows {
-    /// Reads a row: 0 is the next one that no leaf had, and others are the row plus one.
+    /// Reads a row: 0 is the next one that no leaf had, the numbers up to [`RECENT_NUMBERS`] are recent ones, and others are the
+    /// row plus one more than that.
+    #[inline]
     fn read(&mut self, number: u32) -> Option<u16> {
-        let row = match number.checked_sub(1) {
+        if let 1..=RECENT_NUMBERS = number {
+            return Some(self.recent.take(number as usize - 1)).filter(|row| usize::from(*row) < self.count);
+        }
+        let row = match number.checked_sub(RECENT_NUMBERS + 1) {
             Some(row) => row as usize,
             None => {
                 self.first_new += 1;
                 self.first_new - 1
             }
         };
-        (row < self.count).then_some(row as u16)
+        (row < self.count).then(|| {
+            self.recent.push(row as u16);
+            row as u16
+        })
     }
 
     #[cfg(feature = "write")]
     fn write(&mut self, row: u16) -> u32 {
+        if let Some(place) = self.recent.find(row) {
+            return place as u32 + 1;
+        }
         if usize::from(row) == self.first_new {
             self.first_new += 1;
             return 0;
         }
-        u32::from(row) + 1
+        u32::from(row) + RECENT_NUMBERS + 1
     }
 }
 
@@ -121,11 +145,11 @@ pub fn read_rows(bytes: &[u8], densities: &[u8], levels: usize, mut of: [Rows; 2
     let mut before = [0; 2];
     let mut all = Vec::with_capacity(densities.len());
     for level in densities {
-        let class = class(*level, levels, CLASSES);
-        let luma = of[0].read(decoder.number(luma_context(class, before))?)?;
-        let chroma = of[1].read(decoder.number(chroma_context(class, luma, before))?)?;
+        let class = class(*level, levels, ROW_CLASSES);
+        let luma = decoder.number(luma_context(class, before))?;
+        let chroma = decoder.number(chroma_context(class, luma, before))?;
+        all.push([of[0].read(luma)?, of[1].read(chroma)?]);
         before = [luma, chroma];
-        all.push(before);
     }
     decoder.has_ended().then_some(all)
 }
@@ -179,11 +203,11 @@ pub fn write_rows(rows: &[[u16; 2]], densities: &[u8], levels: usize, mut of: [R
     let mut encoder = Encoder::new(ROW_CONTEXTS);
     let mut before = [0; 2];
     for (row, level) in rows.iter().zip(densities) {
-        let class = class(*level, levels, CLASSES);
-        let [luma, chroma] = *row;
-        encoder.number(luma_context(class, before), of[0].write(luma));
-        encoder.number(chroma_context(class, luma, before), of[1].write(chroma));
-        before = *row;
+        let class = class(*level, levels, ROW_CLASSES);
+        let [luma, chroma] = [of[0].write(row[0]), of[1].write(row[1])];
+        encoder.number(luma_context(class, before), luma);
+        encoder.number(chroma_context(class, luma, before), chroma);
+        before = [luma, chroma];
     }
     encoder.finish()
 }
@@ -199,7 +223,8 @@ pub fn write_tables(luma: &[i8], chroma: &[i8], others: usize) -> Vec<u8> {
     encoder.finish()
 }
 
-/// Returns the first row of a table from which on rows are in the order in which leaves have them.
+/// Returns the first row of a table from which on rows are in the order in which leaves have them. It is not the row 0, which
+/// is among the recent ones from the start.
 #[cfg(feature = "write")]
 pub fn first_new(rows: impl Iterator<Item = u16>, count: usize) -> usize {
     let mut firsts = vec![usize::MAX; count];
@@ -207,5 +232,5 @@ pub fn first_new(rows: impl Iterator<Item = u16>, count: usize) -> usize {
         let first = &mut firsts[usize::from(row)];
         *first = leaf.min(*first);
     }
-    (1..count).rev().find(|row| firsts[row - 1] >= firsts[*row]).unwrap_or(0)
+    (1..count).rev().find(|row| firsts[row - 1] >= firsts[*row]).unwrap_or(1).min(count)
 }

@@ -16,6 +16,8 @@ const RAYS: [f64; 5] = [4.0, 24.0, 110.0, 300.0, 600.0];
 
 /// Rays that refine a field with an effort of 1, in millions.
 const REFINING_RAYS: f64 = 60.0;
+/// Million rays that fields are simplified with.
+const SIMPLIFYING_RAYS: f64 = 8.0;
 
 /// The stages of a fit.
 #[derive(Clone, Debug)]
@@ -111,6 +113,20 @@ impl Stage {
                 floor: 1e-8,
             },
             last: Rates { constant: 0.01, directional: 0.003, thickness: 0.002 },
+        }
+    }
+
+    /// Plans the only stage of a field that is to become simpler. `smoothness` is what the squares of all coefficients but the
+    /// constant one cost.
+    pub fn simplifying(resolution: u32, effort: f64, smoothness: f32) -> Self {
+        let stage = Self::refining(resolution, 0.0, None);
+        let penalties = Penalties { direction: smoothness, ..stage.optimizer.penalties };
+        Self {
+            rays: (SIMPLIFYING_RAYS * 1e6 * effort) as u64,
+            prune_at: vec![0.0, 0.35],
+            prune_below: Limits::default(),
+            optimizer: Optimizer { penalties, ..stage.optimizer },
+            ..stage
         }
     }
 

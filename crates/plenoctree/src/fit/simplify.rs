@@ -1,0 +1,161 @@
+//! Makes fields simpler, so that they pack into fewer bytes: their pictures hardly change.
+
+use glam::{DMat4, DVec3, Vec4};
+use rayon::prelude::*;
+
+use super::{
+    error::FitError,
+    grid::Grid,
+    progress::FitProgress,
+    refine::{Shot, refine_by},
+    train::{Stage, batch::render_ray},
+};
+use crate::{
+    camera::PinholeCamera,
+    field::{PlenOctree, UpAxis},
+    sampling::{Progress, Recorded, SamplingSettings, sample},
+};
+
+/// Cameras above the horizon, and below.
+const CAMERAS: [usize; 2] = [64, 16];
+/// Field of view, in radians.
+const FOV: f64 = 0.6;
+/// Distances, as multiples of the one at which the whole field is in view.
+const DISTANCES: [f64; 3] = [1.0, 0.85, 0.7];
+/// Width of pictures in cells, and the largest, in pixels.
+const PIXELS_PER_CELL: f64 = 2.4;
+const MOST_PIXELS: f64 = 400.0;
+
+/// Settings of [`simplify`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SimplifySettings {
+    /// How much colors are kept from changing with the direction of view, where pictures hardly show it: what a squared
+    /// coefficient costs, compared with a pixel's squared error. 0 or more, 4e-5 by default.
+    pub smoothness: f32,
+    /// How much work to do, as a multiple of the default: 8 million rays.
+    pub effort: f64,
+    /// Seed of the random numbers. The same seed gives the same field, on any number of threads.
+    pub seed: u64,
+}
+
+impl Default for SimplifySettings {
+    fn default() -> Self {
+        Self { smoothness: 4e-5, effort: 1.0, seed: 0 }
+    }
+}
+
+/// Returns a field with fewer leaves and smoother colors, whose pictures from outside are nearly those of `field`, on all
+/// cores of the current rayon pool. Its palette is the same.
+///
+/// The field is drawn from all around, and [refined](super::refine()) to these pictures without the leaves of little weight,
+/// while what differs between directions of view is drawn toward 0. What training left in places and directions that hardly
+/// show goes, and so do the bytes that it takes in a packed field.
+///
+/// # Errors
+///
+/// Returns an error if the field is not of the kind that is fitted: cubes of one size at depths of 6 to 10, with a sigmoid of
+/// harmonics up to degree 3.
+pub fn simplify(
+    field: &PlenOctree,
+    settings: &SimplifySettings,
+    progress: &FitProgress,
+) -> Result<PlenOctree, FitError> {
+    let grid = Grid::of_field_or_error(field)?;
+    let cells = f64::from(grid.resolution());
+    let size = (PIXELS_PER_CELL * cells).min(MOST_PIXELS);
+    let shots = cameras(field, size as u32).par_iter().map(|camera| photograph(&grid, camera)).collect();
+    // A voxel's errors count once for each pixel that it covers.
+    let smoothness = settings.smoothness * (size / cells).powi(2) as f32;
+    let stage = Stage::simplifying(grid.resolution(), settings.effort, smoothness);
+    let simple = refine_by(grid, shots, &[], &stage, settings.seed, progress)?.field;
+    let sampling = SamplingSettings::default();
+    let recorded = field.recorded().cloned().or_else(|| {
+        let histograms = sample(field, &sampling, &Progress::default()).ok()?;
+        Recorded::new(&sampling, &histograms).map(Into::into)
+    });
+    Ok(simple.with_settings(None, Some(field.up())).with_recorded(recorded))
+}
+
+fn photograph(grid: &Grid, camera: &PinholeCamera) -> Shot {
+    let pixel = |pixel: u32| {
+        let (x, y) = (pixel % camera.width, pixel / camera.width);
+        let (origin, direction) = camera.ray(f64::from(x) + 0.5, f64::from(y) + 0.5);
+        let (seen, through) = render_ray(grid, origin, direction);
+        seen.extend(1.0 - through)
+    };
+    let pixels: Vec<Vec4> = (0..camera.width * camera.height).map(pixel).collect();
+    Shot::new(camera, &pixels)
+}
+
+/// Returns cameras all around the field, on spirals from the top to the horizon, and from there to the bottom.
+fn cameras(field: &PlenOctree, size: u32) -> Vec<PinholeCamera> {
+    let Some((low, high)) = field.dense_bounds() else { return Vec::new() };
+    let (center, radius) = (0.5 * (low + high), 0.5 * (high - low).length());
+    let golden = std::f64::consts::PI * (3.0 - 5.0f64.sqrt());
+    let camera = |index: usize, height: f64| {
+        let (level, turn) = ((1.0 - height * height).sqrt(), golden * index as f64);
+        let (x, y) = (level * turn.cos(), level * turn.sin());
+        let (up, outward) = match field.up() {
+            UpAxis::Y => (DVec3::Y, DVec3::new(x, height, y)),
+            UpAxis::Z => (DVec3::Z, DVec3::new(x, y, height)),
+        };
+        let distance = DISTANCES[index % DISTANCES.len()] * radius / (0.5 * FOV).sin();
+        PinholeCamera::new(size, size, FOV, DMat4::IDENTITY).looking_at(center + distance * outward, center, up)
+    };
+    let [above, below] = CAMERAS.map(|count| (0..count).map(move |index| (index, (index as f64 + 0.5) / count as f64)));
+    above
+        .map(|(index, height)| camera(index, height))
+        .chain(below.map(|(index, depth)| camera(index, -depth)))
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        bake::{BakeSettings, bake},
+        field::Basis,
+    };
+
+    /// A ball in haze, with colors that are noise where nobody sees them, becomes a ball that looks the same and has the same
+    /// palette.
+    #[test]
+    fn simple_fields_look_the_same() {
+        let settings =
+            BakeSettings { depth: 6, basis: Basis::Sh4, up: UpAxis::Y, min_density: 0.0, ..Default::default() };
+        let density = |at: DVec3| if at.length() < 0.7 { 60.0 } else { 0.01 };
+        let tint = |at: DVec3| {
+            let noise = (1e4 * at.dot(DVec3::new(1.0, 1.7, 2.3))).sin();
+            move |direction: DVec3| 0.5 + 0.3 * at + 0.2 * noise * direction.x
+        };
+        let field = bake(&settings, density, tint).unwrap();
+        let settings = SimplifySettings { smoothness: 2e-3, effort: 0.05, ..Default::default() };
+        let simple = simplify(&field, &settings, &FitProgress::default()).unwrap();
+        assert!(simple.leaves() < field.leaves() / 2, "{} of {}", simple.leaves(), field.leaves());
+        assert_eq!(simple.up(), UpAxis::Y);
+        let camera = PinholeCamera::around(&simple, 40, 40, 0.7, -0.4).unwrap();
+        let mut worst = 0.0f64;
+        for pixel in 0..1600 {
+            let (origin, direction) = camera.ray(f64::from(pixel % 40) + 0.5, f64::from(pixel / 40) + 0.5);
+            let [(a, a_opacity), (b, b_opacity)] = [&field, &simple].map(|field| field.render_ray(origin, direction));
+            worst = worst.max((a - b).abs().max_element()).max((a_opacity - b_opacity).abs());
+        }
+        assert!(worst < 0.25, "{worst}");
+        // What differs between directions is less.
+        let spread = |field: &PlenOctree| {
+            let (mut sum, mut count) = (0.0, 0);
+            for leaf in (0..field.leaves() as u32).step_by(7).filter(|leaf| field.densities()[*leaf as usize] > 30.0) {
+                sum += (field.radiance(leaf, DVec3::X) - field.radiance(leaf, DVec3::NEG_X)).abs().element_sum();
+                count += 1;
+            }
+            sum / f64::from(count)
+        };
+        assert!(spread(&simple) < 0.9 * spread(&field), "{} {}", spread(&simple), spread(&field));
+        // It has the histograms of the field that it was made of.
+        let settings = SamplingSettings::default();
+        let found = simple.histograms(&settings).unwrap();
+        let expected = sample(&field, &settings, &Progress::default()).unwrap();
+        let differences = found.fine().iter().zip(expected.fine()).map(|(found, expected)| (found - expected).abs());
+        assert!(differences.sum::<f64>() < 0.03 * expected.total_weight());
+    }
+}
