@@ -1,7 +1,7 @@
 // The box around a prop's leaves, for the passes that march a ray for each of its pixels.
 
 #import bevy_plenoctree::prop_ray::Varying
-#import bevy_plenoctree::view::{NOWHERE, props, stale}
+#import bevy_plenoctree::view::{NOWHERE, props, stale, view}
 
 // Two triangles per face, as corners of the unit cube (bits x, y, z), wound so that the outside is the front.
 const CORNERS = array<u32, 36>(
@@ -12,6 +12,16 @@ const CORNERS = array<u32, 36>(
     0u, 2u, 3u, 0u, 3u, 1u, // z low
     4u, 5u, 7u, 4u, 7u, 6u, // z high
 );
+
+// Returns where the target has what is at a place of the viewport, in clip space. The rays of the grid go through the
+// centers of every `spacing`-th pixel, the first one among them.
+fn to_grid(position: vec4<f32>) -> vec2<f32> {
+    let spacing = f32(view.spacing);
+    let pixels = vec2<f32>((view.size + view.spacing - 1u) / view.spacing);
+    let scale = vec2<f32>(view.size) / (spacing * pixels);
+    let shift = scale - 1.0 + (1.0 - 1.0 / spacing) / pixels;
+    return scale * position.xy + shift * vec2(1.0, -1.0) * position.w;
+}
 
 // An instance is a prop and, above its 16 bits, the part of the rays to draw.
 @vertex
@@ -27,5 +37,6 @@ fn vertex(@builtin(vertex_index) index: u32, @builtin(instance_index) instance: 
     var position = props[prop].clip_from_box * vec4(corner, 1.0);
     // Only back faces are drawn. They must not be clipped, however near or far they are.
     position.z = 0.5 * position.w;
+    position = vec4(to_grid(position), position.zw);
     return Varying(position, prop, instance >> 16u);
 }

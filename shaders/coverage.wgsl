@@ -2,16 +2,15 @@
 // covers, and its color there.
 
 #import bevy_plenoctree::color::to_half
-#import bevy_plenoctree::constants::NO_LEAF
-#import bevy_plenoctree::edge::{RAYS, neighbor, ray_offset}
+#import bevy_plenoctree::edge::{RAYS, neighbor, ray_of_four, ray_offset}
 #ifdef MULTISAMPLED
 #import bevy_plenoctree::edge::{rays_of, sample_of}
 #endif
-#import bevy_plenoctree::octree::{begin, density, next_leaf}
+#import bevy_plenoctree::octree::{begin, density, field, has_ended, next_leaf}
 #import bevy_plenoctree::prop_ray::{PropRay, Varying, position_of, ray_at}
 #import bevy_plenoctree::radiance::{Harmonics, harmonics, radiance}
 #import bevy_plenoctree::scene::scene_depth
-#import bevy_plenoctree::view::{NOWHERE, is_solid, owner_of, props, stale, view, view_distance}
+#import bevy_plenoctree::view::{FAR_AWAY, NOWHERE, is_solid, owner_of, props, stale, view, view_distance}
 
 // The result of the outline pass.
 @group(2) @binding(0) var outline: texture_2d<u32>;
@@ -44,13 +43,10 @@ fn look(seen: PropRay, end: f32, prop: u32, h: ptr<function, Harmonics>) -> Look
     var covered_at = -1.0;
     var walk = begin(seen.ray, seen.span.x);
     loop {
-        if transmittance < view.stop_transmittance {
+        if transmittance < view.stop_transmittance || has_ended(walk, end) {
             break;
         }
         let crossing = next_leaf(seen.ray, &walk, end);
-        if crossing.leaf == NO_LEAF {
-            break;
-        }
         let sigma = density(crossing.leaf);
         let before = transmittance;
         transmittance *= exp(-sigma * (crossing.exit - crossing.enter));
@@ -116,6 +112,30 @@ fn thinned(center: vec4<f32>, rays: vec4<f32>) -> vec4<f32> {
     return vec4(rays.rgb - factor * center.rgb, factor);
 }
 
+// How many of the finest cells before the solid pixels around it a ray begins.
+const LEAD: f32 = 4.0;
+
+// Returns where rays through a pixel begin: a little before what is solid of the prop there and around. What is before that
+// is haze, which says nothing about coverage.
+fn start(pixel: vec2<i32>, prop: u32) -> f32 {
+    var nearest = FAR_AWAY;
+    var farthest = -FAR_AWAY;
+    for (var i = 0; i < 9; i++) {
+        let at = clamp(pixel + vec2(i % 3 - 1, i / 3 - 1), vec2(0), vec2<i32>(view.size) - 1);
+        let solid = textureLoad(depth, at, 0);
+        if is_solid(solid) && owner_of(textureLoad(owner, at, 0)) == prop + 1u {
+            let distance = view_distance(solid);
+            nearest = min(nearest, distance);
+            farthest = max(farthest, distance);
+        }
+    }
+    // Within the pixel, the surface may come nearer by as much as it does around it.
+    let before = (2.0 * nearest - farthest - props[prop].near) * ray_at(prop, vec2<f32>(pixel) + 0.5).length;
+    let scale = props[prop].scale;
+    let cell = 1.0 / (max(max(scale.x, scale.y), scale.z) * f32(1u << field.depth));
+    return select(0.0, before - LEAD * cell, nearest < FAR_AWAY);
+}
+
 // Blending adds up what both owners write.
 struct Fragment {
     // The bits of a pixel's rays, one per ray, in four channels.
@@ -160,6 +180,7 @@ fn fragment(in: Varying) -> Fragment {
     let across = scene_slope(pixel, scene);
 #endif
 
+    let begins = start(pixel, in.prop);
     // Within a pixel, the direction hardly changes.
     var h = harmonics(ray_at(in.prop, in.position.xy).unit);
     var sum = vec4(0.0);
@@ -167,9 +188,23 @@ fn fragment(in: Varying) -> Fragment {
     var covered = 0u;
     var hidden = 0u;
     var before = 0u;
-    for (var ray = 0u; ray < RAYS; ray++) {
+#ifdef MULTISAMPLED
+    let rays = RAYS;
+#else
+    let rays = view.edge_rays;
+#endif
+    let share = 1.0 / f32(rays);
+    for (var index = 0u; index < rays; index++) {
+        var ray = index;
+        var bits = 1u << ray;
+        if rays < RAYS {
+            let of_four = ray_of_four(index);
+            ray = of_four.x;
+            bits = of_four.y;
+        }
         let offset = ray_offset(ray);
-        let seen = ray_at(in.prop, in.position.xy + offset);
+        var seen = ray_at(in.prop, in.position.xy + offset);
+        seen.span.x = max(seen.span.x, begins);
 #ifdef MULTISAMPLED
         let limit = limits[sample_of(ray, #{SAMPLES}u)];
         // To tell what is hidden from what is not there, march as far as anything is seen.
@@ -183,11 +218,11 @@ fn fragment(in: Varying) -> Fragment {
         let distance = props[in.prop].near + found.covered_at / seen.length;
         let is_covered = found.covered_at >= 0.0 && distance < view_distance(limit);
         let own_distance = view_distance(max(solid + dot(solid_slope, offset), 0.0));
-        sum += select(vec4(0.0), found.color / f32(RAYS), is_covered);
-        thin += select(found.color, vec4(0.0), found.covered_at >= 0.0);
-        covered |= select(0u, 1u << ray, is_covered);
-        hidden |= select(0u, 1u << ray, found.covered_at >= 0.0 && !is_covered);
-        before |= select(0u, 1u << ray, is_covered && select(is_before_own, distance < own_distance, hides));
+        sum += select(vec4(0.0), found.color * share, is_covered);
+        thin += select(found.color * share, vec4(0.0), found.covered_at >= 0.0);
+        covered |= select(0u, bits, is_covered);
+        hidden |= select(0u, bits, found.covered_at >= 0.0 && !is_covered);
+        before |= select(0u, bits, is_covered && select(is_before_own, distance < own_distance, hides));
     }
 
     var kept = 0u;
@@ -213,12 +248,13 @@ fn fragment(in: Varying) -> Fragment {
 #else
             let limit = scene;
 #endif
-            let seen = ray_at(in.prop, in.position.xy);
+            var seen = ray_at(in.prop, in.position.xy);
+            seen.span.x = max(seen.span.x, begins);
             let end = min(seen.span.y, (view_distance(limit) - props[in.prop].near) * seen.length);
             let center = look(seen, end, in.prop, &h);
             let others = RAYS - countOneBits(covered | hidden);
             if center.covered_at < 0.0 && others > 0u && !hides {
-                own_color = thinned(center.color, thin / f32(others));
+                own_color = thinned(center.color, thin * f32(RAYS) / f32(others));
             }
         }
     }

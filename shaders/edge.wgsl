@@ -20,6 +20,11 @@ fn ray_offset(ray: u32) -> vec2<f32> {
     return (vec2<f32>(place & vec2(15u)) - 8.0) / 16.0;
 }
 
+// Returns one of four rays that stand for all, and the bits of those for which it stands.
+fn ray_of_four(index: u32) -> vec2<u32> {
+    return vec2((0x6532u >> (4u * index)) & 15u, (0x42308805u >> (8u * index)) & 255u);
+}
+
 // Returns the sample of the scene that is nearest to a ray. Every sample is nearest to equally many rays.
 fn sample_of(ray: u32, samples: u32) -> u32 {
     var table = 0u;

@@ -50,7 +50,7 @@ struct Walk {
     t: f32,
 }
 
-// A leaf that a ray crosses, or NO_LEAF, and where the ray enters and exits it.
+// A leaf that a ray crosses, and where the ray enters and exits it. If these are the same, there is no leaf.
 struct Crossing {
     leaf: u32,
     enter: f32,
@@ -150,21 +150,34 @@ fn part_at(position: vec3<u32>, shift: u32) -> u32 {
     return 32u * high.x + 16u * high.y + 8u * high.z + 4u * low.x + 2u * low.y + low.z;
 }
 
-// Returns the next leaf before `end`. Lanes that have found a leaf wait here for the others, so that all lanes shade
-// leaves at once.
+// Returns whether there are no leaves left before `end`.
+fn has_ended(walk: Walk, end: f32) -> bool {
+    return walk.t >= end || !is_inside(walk);
+}
+
+// How many cells a lane visits in search of a leaf while others wait.
+const PATIENCE: u32 = 8u;
+
+// Returns the next leaf before `end`, if it is near. Lanes that have found a leaf wait here for the others, so that most
+// lanes shade leaves at once.
 fn next_leaf(ray: Ray, walk: ptr<function, Walk>, end: f32) -> Crossing {
     var crossing = Crossing(NO_LEAF, 0.0, 0.0);
+    var visited = 0u;
     // Test the condition first. Mesa's software rasterizer mixes up the values of different lanes after a loop that
     // tests it at the end.
     loop {
-        if crossing.leaf != NO_LEAF || (*walk).t >= end || !is_inside(*walk) {
+        if crossing.leaf != NO_LEAF || visited == PATIENCE || has_ended(*walk, end) {
             break;
         }
+        visited += 1u;
         let cell = locate(vec3<u32>((*walk).position));
         let size = 1i << cell.shift;
         let enter = (*walk).t;
         *walk = leave(ray, *walk, (*walk).position & vec3(-size), size);
         crossing = Crossing(cell.leaf, enter, min((*walk).t, end));
+    }
+    if crossing.leaf == NO_LEAF {
+        return Crossing(0u, (*walk).t, (*walk).t);
     }
     return crossing;
 }

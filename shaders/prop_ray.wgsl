@@ -1,8 +1,10 @@
 // The ray of a pixel into a prop, for the passes that march.
 #define_import_path bevy_plenoctree::prop_ray
 
-#import bevy_plenoctree::constants::NO_LEAF
-#import bevy_plenoctree::octree::{Crossing, Ray, begin, clip, density, field, make_ray, next_leaf}
+#ifdef BATCHED
+#import bevy_plenoctree::batch::{BATCH, batch_of, corner_at, index_in_batch}
+#endif
+#import bevy_plenoctree::octree::{Crossing, Ray, begin, clip, density, field, has_ended, make_ray, next_leaf}
 #ifndef SHADOW_MAP
 #import bevy_plenoctree::scene::scene_distance
 #endif
@@ -16,7 +18,15 @@ struct Varying {
     @location(1) @interpolate(flat) part: u32,
 }
 
+#ifdef BATCHED
+// The results of the interpolate pass: the number of pixels in every batch, and the pixels.
+@group(0) @binding(5) var<storage, read> counts: array<u32>;
+@group(0) @binding(6) var<storage, read> pixels: array<u32>;
+#endif
+
 struct PropRay {
+    // The point of the viewport, in pixels.
+    at: vec2<f32>,
     ray: Ray,
     // The direction in world units of the field, normalized.
     unit: vec3<f32>,
@@ -27,10 +37,21 @@ struct PropRay {
 }
 
 fn prop_ray(in: Varying) -> PropRay {
-    let at = in.position.xy * view.pixel;
-    var seen = ray_at(in.prop, at);
+    var pixel = vec2<u32>(in.position.xy) * view.spacing;
+#ifdef BATCHED
+    let place = vec2<u32>(in.position.xy);
+    let batch = batch_of(place);
+    let index = index_in_batch(place % BATCH);
+    let is_listed = index < counts[batch];
+    let listed = select(0u, pixels[batch * BATCH * BATCH + index], is_listed);
+    pixel = corner_at(place) + vec2(listed % BATCH, listed / BATCH);
+#endif
+    var seen = ray_at(in.prop, vec2<f32>(pixel) + 0.5);
 #ifndef SHADOW_MAP
-    seen.span.y = min(seen.span.y, (scene_distance(vec2<u32>(at)) - props[in.prop].near) * seen.length);
+    seen.span.y = min(seen.span.y, (scene_distance(pixel) - props[in.prop].near) * seen.length);
+#endif
+#ifdef BATCHED
+    seen.span.y = select(seen.span.x, seen.span.y, is_listed);
 #endif
     return seen;
 }
@@ -43,7 +64,7 @@ fn ray_at(prop: u32, at: vec2<f32>) -> PropRay {
     let length = length(toward);
     let unit = toward / length;
     let ray = make_ray(props[prop].origin * point * cells, unit * props[prop].scale * cells);
-    return PropRay(ray, unit, length, clip(ray, props[prop].low * cells, props[prop].high * cells, 0.0));
+    return PropRay(at, ray, unit, length, clip(ray, props[prop].low * cells, props[prop].high * cells, 0.0));
 }
 
 // Returns where the ray reaches a value of the depth buffer.
@@ -70,13 +91,10 @@ fn march_to_solid(in: PropRay, end: f32, limit: f32, stop: f32) -> Solid {
     var solid = -1.0;
     var walk = begin(in.ray, in.span.x);
     loop {
-        if transmittance < stop {
+        if transmittance < stop || has_ended(walk, end) {
             break;
         }
         let crossing = next_leaf(in.ray, &walk, end);
-        if crossing.leaf == NO_LEAF {
-            break;
-        }
         let sigma = density(crossing.leaf);
         let before = transmittance;
         transmittance *= exp(-sigma * (crossing.exit - crossing.enter));

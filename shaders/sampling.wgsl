@@ -3,7 +3,7 @@
 // neighboring leaves.
 
 #import bevy_plenoctree::constants::{MAX_CHANNEL, MAX_DEPTH, NO_LEAF, SAMPLING_WORKGROUP}
-#import bevy_plenoctree::octree::{begin, density, field, make_ray, next_leaf}
+#import bevy_plenoctree::octree::{begin, density, field, has_ended, make_ray, next_leaf}
 #import bevy_plenoctree::radiance::{harmonics, radiance}
 
 struct Slice {
@@ -56,13 +56,10 @@ fn optical_depth(center: vec3<f32>, observer: vec3<f32>) -> f32 {
     var walk = begin(ray, 0.0);
     var depth = 0.0;
     loop {
-        if depth > slice.limit {
+        if depth > slice.limit || has_ended(walk, FAR) {
             break;
         }
         let crossing = next_leaf(ray, &walk, FAR);
-        if crossing.leaf == NO_LEAF {
-            break;
-        }
         depth += density(crossing.leaf) * (crossing.exit - crossing.enter);
     }
     return depth;

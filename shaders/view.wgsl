@@ -51,10 +51,14 @@ struct View {
     exposure: f32,
     // 1 + the index in `props` of the posterized view, or 0. It owns the pixels that no posterized prop owns.
     everything: u32,
-    // Viewport pixels per pixel of the volume pass, along each axis.
-    pixel: vec2<f32>,
+    // Pixels per ray of the grid, along each axis.
+    spacing: u32,
+    // The difference between rays of the grid above which the pixels between them get rays of their own.
+    error: f32,
     // From the camera's `PropQuality`.
     stop_transmittance: f32,
+    // The number of rays through a pixel where a posterized prop ends, in views without multisampling: 4 or 8.
+    edge_rays: u32,
     // The corners of the part of the viewport that is drawn, in pixels.
     low: vec2<u32>,
     high: vec2<u32>,

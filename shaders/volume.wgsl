@@ -1,8 +1,7 @@
 // The volume pass: marches a ray for each pixel of the box around a prop's leaves. See section 2 of the method.
 
 #import bevy_plenoctree::color::{tinted, to_half}
-#import bevy_plenoctree::constants::NO_LEAF
-#import bevy_plenoctree::octree::{begin, density, next_leaf}
+#import bevy_plenoctree::octree::{begin, density, has_ended, next_leaf}
 #import bevy_plenoctree::prop_ray::{PropRay, Varying, position_at, position_of, prop_ray, solid_depth_at}
 #import bevy_plenoctree::radiance::{harmonics, radiance}
 #import bevy_plenoctree::view::{LEAST_DEPTH, is_solid_prop, motion_of, pack_owner, props, shows_through, view}
@@ -85,13 +84,10 @@ fn fragment(in: Varying) -> Fragment {
     var solid = -1.0;
     var walk = begin(seen.ray, span.x);
     loop {
-        if transmittance < view.stop_transmittance {
+        if transmittance < view.stop_transmittance || has_ended(walk, span.y) {
             break;
         }
         let crossing = next_leaf(seen.ray, &walk, span.y);
-        if crossing.leaf == NO_LEAF {
-            break;
-        }
         let sigma = density(crossing.leaf);
         let depth = sigma * (crossing.exit - crossing.enter);
         let weight = transmittance * absorbed(depth);
@@ -138,7 +134,7 @@ fn fragment(in: Varying) -> Fragment {
         vec4(pack_owner(owner), 0.0, select(0.0, 1.0, covers)),
         max(depth, LEAST_DEPTH),
 #ifdef MOTION
-        vec4(motion_of(in.prop, in.position.xy * view.pixel, depth), 0.0, select(0.0, 1.0, is_nearest)),
+        vec4(motion_of(in.prop, seen.at, depth), 0.0, select(0.0, 1.0, is_nearest)),
 #endif
     );
 }

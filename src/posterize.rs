@@ -59,9 +59,6 @@ pub struct Posterize {
 pub enum EdgeSmoothing {
     /// The label covers as much of a pixel as the prop does, from eight rays through it, and is blended with what is
     /// behind in linear light, like the edges of multisampled meshes. This is the default.
-    ///
-    /// For cameras whose [`PropQuality::resolution`](crate::PropQuality::resolution) is below 1, the share is estimated
-    /// from the interpolated opacity, and edges between two posterized props stay hard.
     #[default]
     Coverage,
     /// The ray through the center of a pixel decides about all of it, as the method specifies.

@@ -47,11 +47,24 @@ pub struct PropQuality {
     ///
     /// Defaults to 0, which always draws the finest cells; 1 is barely visible. Negative values count as 0.
     pub cell_size: f32,
-    /// The resolution of the volume pass along each axis, as a fraction of the viewport's. Pixels are interpolated, but
-    /// not across the edges of meshes.
+    /// The largest difference between neighboring rays at which the pixels between them are interpolated: of a channel of
+    /// encoded sRGB, of opacity, or of distance, relative to the distance itself.
     ///
-    /// Defaults to 1. Clamped to 0.1..=1.
-    pub resolution: f32,
+    /// Above 0, only a grid of pixels gets rays at first. Where these differ by more, or belong to different props, or where
+    /// a mesh ends in front of a prop, all pixels get rays. What is thinner than the grid's [`spacing`](Self::spacing) may
+    /// be missed where no ray of the grid meets it.
+    ///
+    /// Defaults to 0, which gives every pixel a ray. Below 0.1, hardly any time is saved. Negative values count as 0.
+    pub error: f32,
+    /// The distance in pixels between the rays of the grid, along each axis, if [`error`](Self::error) is above 0.
+    ///
+    /// Defaults to 2. Clamped to 2..=8.
+    pub spacing: u32,
+    /// The number of rays through a pixel where a posterized prop ends, for
+    /// [`EdgeSmoothing::Coverage`](crate::EdgeSmoothing::Coverage): 4 or 8. Views with [`Msaa`] always cast 8.
+    ///
+    /// Defaults to 8. Below 8, it counts as 4, and above, as 8.
+    pub edge_rays: u32,
     /// The upper limit of [`BilateralFilter::iterations`](crate::BilateralFilter::iterations), for everything that the
     /// camera posterizes.
     ///
@@ -72,26 +85,30 @@ impl PropQuality {
         density_threshold: 0.0,
         opacity_loss: 0.0,
         cell_size: 0.0,
-        resolution: 1.0,
+        error: 0.0,
+        spacing: 2,
+        edge_rays: 8,
         filter_iterations: MAX_FILTER_ITERATIONS,
     };
-    /// Visually indistinguishable from [`EXACT`](Self::EXACT).
-    pub const HIGH: Self = Self { stop_transmittance: 0.02, opacity_loss: 0.005, cell_size: 0.5, ..Self::EXACT };
+    /// Hardly distinguishable from [`EXACT`](Self::EXACT).
+    pub const HIGH: Self = Self { stop_transmittance: 0.03, opacity_loss: 0.01, cell_size: 0.5, ..Self::EXACT };
     /// A compromise for most games.
     pub const BALANCED: Self = Self {
         stop_transmittance: 0.03,
-        opacity_loss: 0.04,
+        opacity_loss: 0.02,
         cell_size: 1.0,
-        resolution: 0.6,
-        filter_iterations: 2,
+        error: 0.18,
+        edge_rays: 4,
+        filter_iterations: 3,
         ..Self::EXACT
     };
     /// For many props, or a slow GPU.
     pub const FAST: Self = Self {
         stop_transmittance: 0.05,
-        opacity_loss: 0.06,
+        opacity_loss: 0.05,
         cell_size: 1.5,
-        resolution: 0.34,
+        error: 0.4,
+        edge_rays: 4,
         filter_iterations: 1,
         ..Self::EXACT
     };
@@ -108,7 +125,9 @@ impl PropQuality {
             density_threshold: clamp(self.density_threshold, 0.0, f32::INFINITY, exact.density_threshold),
             opacity_loss: clamp(self.opacity_loss, 0.0, 1.0, exact.opacity_loss),
             cell_size: clamp(self.cell_size, 0.0, f32::INFINITY, exact.cell_size),
-            resolution: clamp(self.resolution, 0.1, 1.0, exact.resolution),
+            error: clamp(self.error, 0.0, f32::INFINITY, exact.error),
+            spacing: self.spacing.clamp(2, 8),
+            edge_rays: if self.edge_rays < 8 { 4 } else { 8 },
             filter_iterations: self.filter_iterations,
         }
     }
@@ -116,19 +135,20 @@ impl PropQuality {
 
 /// A named preset of all settings that trade accuracy for speed.
 ///
-/// The table lists the accuracy that tests guarantee for the most demanding of the included props (thin rails, gloss)
-/// where it fills a frame of 400 x 400 pixels and, in parentheses, one of 160 x 160 pixels, in which its details are the
-/// size of pixels: the lowest PSNR against float64, and the largest fraction of the prop's pixels whose label differs
-/// from the one in float64, when labels do not blend. Larger frames are more accurate. Nearly all of the labels that
-/// [`Balanced`](Self::Balanced) and [`Fast`](Self::Fast) change are due to their [`PropQuality::resolution`]. To measure
-/// a field of your own, run `plenoctree tradeoff` of the crate `plenoctree_cli`.
+/// The table lists the accuracy that tests guarantee for the most demanding of the included props (thin rails, gloss) and
+/// for a field that no preset was tuned to, where they fill a frame of 400 x 400 pixels and, in parentheses, one of 160 x
+/// 160 pixels, in which their details are the size of pixels: the lowest PSNR against float64, and the largest fraction of
+/// the prop's pixels whose label differs from the one in float64, when labels do not blend. Larger frames are more
+/// accurate. Fields with many details of the size of pixels are less accurate: of a trained field of 256 cells per side,
+/// [`Balanced`](Self::Balanced) changes twice as many labels. To measure a field of your own, run `plenoctree tradeoff` of
+/// the crate `plenoctree_cli`.
 ///
 /// | | PSNR, at least | labels changed, at most |
 /// |---|---|---|
 /// | [`Self::Exact`] | 55 dB (55) | 1 % (1) |
 /// | [`Self::High`] | 45 dB (45) | 2 % (2) |
-/// | [`Self::Balanced`] | 28 dB (24) | 25 % (45) |
-/// | [`Self::Fast`] | 25 dB (21) | 40 % (65) |
+/// | [`Self::Balanced`] | 38 dB (34) | 8 % (10) |
+/// | [`Self::Fast`] | 33 dB (29) | 20 % (23) |
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
 #[reflect(Default, Clone, Debug, PartialEq, Hash)]
 #[type_path = "bevy_plenoctree"]
@@ -136,7 +156,7 @@ pub enum QualityPreset {
     /// Exactly as the method specifies. This is the default.
     #[default]
     Exact,
-    /// Visually indistinguishable from [`Exact`](Self::Exact).
+    /// Hardly distinguishable from [`Exact`](Self::Exact).
     High,
     /// A compromise for most games.
     Balanced,

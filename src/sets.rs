@@ -46,8 +46,8 @@ pub enum PlenOctreeRenderSystems {
     PrepareBindGroups,
     /// Draws the props into the view's layer. Where props overlap, finds their nearest solid parts first.
     Volume,
-    /// Upsamples a layer of lower resolution to the resolution of the viewport.
-    Upsample,
+    /// Interpolates between the rays of views that do not cast one for every pixel, and draws the pixels where they differ.
+    Refine,
     /// Finds the shares of pixels that posterized props cover where they end.
     Edges,
     /// Blends the layer over the scene, filters it, assigns labels, and smooths edges.

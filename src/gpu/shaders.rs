@@ -16,7 +16,9 @@ pub(crate) struct Shaders {
     pub compare: Handle<Shader>,
     pub solid: Handle<Shader>,
     pub volume: Handle<Shader>,
-    pub upsample: Handle<Shader>,
+    pub interpolate: Handle<Shader>,
+    pub gather: Handle<Shader>,
+    pub batches: Handle<Shader>,
     pub outline: Handle<Shader>,
     pub coverage: Handle<Shader>,
     pub blend: Handle<Shader>,
@@ -36,7 +38,7 @@ pub(crate) struct Shaders {
     pub depth: Handle<Shader>,
     pub transparent: Handle<Shader>,
     pub sampling: Handle<Shader>,
-    _imported: [Handle<Shader>; 12],
+    _imported: [Handle<Shader>; 13],
 }
 
 impl Shaders {
@@ -57,7 +59,9 @@ impl Shaders {
             compare: shader!("compare.wgsl"),
             solid: shader!("solid.wgsl"),
             volume: shader!("volume.wgsl"),
-            upsample: shader!("upsample.wgsl"),
+            interpolate: shader!("interpolate.wgsl"),
+            gather: shader!("gather.wgsl"),
+            batches: shader!("batches.wgsl"),
             outline: shader!("outline.wgsl"),
             coverage: shader!("coverage.wgsl"),
             blend: shader!("blend.wgsl"),
@@ -78,6 +82,7 @@ impl Shaders {
             transparent: shader!("transparent.wgsl"),
             sampling: shader!("sampling.wgsl"),
             _imported: [
+                shader!("batch.wgsl"),
                 shader!("color.wgsl"),
                 shader!("edge.wgsl"),
                 shader!("filter_texel.wgsl"),

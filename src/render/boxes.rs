@@ -1,26 +1,34 @@
-//! Pipelines that draw the boxes around props' leaves, whose fragments march.
+//! Pipelines that draw the boxes around props' leaves, or the batches of pixels in them, whose fragments march.
 
 use bevy::{
     prelude::*,
-    render::render_resource::{
-        BindGroupLayoutDescriptor, ColorTargetState, Face, FragmentState, PrimitiveState, RenderPipelineDescriptor,
-        VertexState,
+    render::{
+        render_phase::TrackedRenderPass,
+        render_resource::{
+            BindGroupLayoutDescriptor, ColorTargetState, Face, FragmentState, PrimitiveState, RenderPipelineDescriptor,
+            VertexState,
+        },
     },
     shader::{Shader, ShaderDefVal},
 };
 
-use super::view::ViewLayouts;
+use super::{
+    refine::{BATCH, RaysOf, batches_size},
+    view::{DrawnProp, ViewLayouts, ViewProps},
+};
 use crate::gpu::{FieldLayout, Shaders};
 
 /// The number of vertices of a box.
-pub(super) const BOX_VERTICES: u32 = 36;
+const BOX_VERTICES: u32 = 36;
 
-/// A pass that draws boxes. Bind group 0 is the view's, and bind group 1 the field's.
+/// A pass that marches through props. Bind group 0 is the view's, and bind group 1 the field's.
 pub(super) struct Boxes {
     label: &'static str,
-    vertex: Handle<Shader>,
+    boxes: Handle<Shader>,
+    batches: Handle<Shader>,
     fragment: Handle<Shader>,
-    view: [BindGroupLayoutDescriptor; 2],
+    with_depth: [BindGroupLayoutDescriptor; 2],
+    with_batches: [BindGroupLayoutDescriptor; 2],
     field: BindGroupLayoutDescriptor,
 }
 
@@ -34,9 +42,11 @@ impl Boxes {
     ) -> Self {
         Self {
             label,
-            vertex: shaders.boxes.clone(),
+            boxes: shaders.boxes.clone(),
+            batches: shaders.batches.clone(),
             fragment: fragment.clone(),
-            view: views.with_depth.clone(),
+            with_depth: views.with_depth.clone(),
+            with_batches: views.with_batches.clone(),
             field: field.0.clone(),
         }
     }
@@ -45,23 +55,31 @@ impl Boxes {
     pub fn pipeline(
         &self,
         mut definitions: Vec<ShaderDefVal>,
+        rays: RaysOf,
         multisampled: bool,
         targets: &[ColorTargetState],
     ) -> RenderPipelineDescriptor {
         if multisampled {
             definitions.push("MULTISAMPLED".into());
         }
+        let (views, vertex, cull_mode) = match rays {
+            // Draw back faces: each pixel of the box is drawn once, even from inside it.
+            RaysOf::Grid => (&self.with_depth, &self.boxes, Some(Face::Front)),
+            RaysOf::Batches => {
+                definitions.push("BATCHED".into());
+                (&self.with_batches, &self.batches, None)
+            }
+        };
         RenderPipelineDescriptor {
             label: Some(self.label.into()),
-            layout: vec![self.view[usize::from(multisampled)].clone(), self.field.clone()],
+            layout: vec![views[usize::from(multisampled)].clone(), self.field.clone()],
             vertex: VertexState {
-                shader: self.vertex.clone(),
+                shader: vertex.clone(),
                 shader_defs: definitions.clone(),
                 entry_point: Some("vertex".into()),
                 ..default()
             },
-            // Draw back faces: each pixel of the box is drawn once, even from inside it.
-            primitive: PrimitiveState { cull_mode: Some(Face::Front), ..default() },
+            primitive: PrimitiveState { cull_mode, ..default() },
             fragment: Some(FragmentState {
                 shader: self.fragment.clone(),
                 shader_defs: definitions,
@@ -71,4 +89,23 @@ impl Boxes {
             ..default()
         }
     }
+}
+
+/// Draws a prop to the rays of a pass: its box, or all batches that have pixels in it. `instance` is its index, and the part
+/// of the rays.
+pub(super) fn draw(pass: &mut TrackedRenderPass, rays: RaysOf, props: &ViewProps, prop: &DrawnProp, instance: u32) {
+    let vertices = match rays {
+        RaysOf::Grid => 0..BOX_VERTICES,
+        RaysOf::Batches => {
+            if prop.rect.is_empty() {
+                return;
+            }
+            let (low, high) = (prop.rect.min / BATCH, batches_size(prop.rect.max) / BATCH);
+            let (corner, size) = (low * BATCH, (high - low) * BATCH);
+            pass.set_scissor_rect(corner.x, corner.y, size.x, size.y);
+            let of_row = 6 * props.view.get().size.x.div_ceil(BATCH);
+            low.y * of_row..high.y * of_row
+        }
+    };
+    pass.draw(vertices, instance..instance + 1);
 }

@@ -6,7 +6,7 @@
 //! - `kept` finds what is still right of the previous frame, so that the passes up to `blend` need not run.
 //! - `solid` finds the nearest solid part of any prop, in views where props overlap.
 //! - `volume` draws the props into the view's layer.
-//! - `upsample` enlarges a coarse layer to the size of the viewport.
+//! - `refine` interpolates pixels where rays agree, and draws the others, in views that do not cast a ray for every pixel.
 //! - `edges` finds how much of a pixel posterized props cover where they end.
 //! - `lighting` finds how much of the scene's light is kept from props (feature `shadows`).
 //! - `composite` blends the layer over the scene.
@@ -18,7 +18,7 @@
 //! - `prepass` writes their depth and motion into the textures of Bevy's prepass, for effects that read it.
 //! - `transparent` draws transparent objects over props that are drawn after them.
 //!
-//! `solid`, `volume`, `upsample` and `edges` run after the opaque main pass and the sky, and before objects that transmit light.
+//! `solid`, `volume`, `refine` and `edges` run after the opaque main pass and the sky, and before objects that transmit light.
 //! The other passes run right after them, or after all post-processing, depending on [`PropStage`].
 
 mod attachment;
@@ -39,12 +39,12 @@ mod pass;
 mod prepass;
 mod present;
 mod rays;
+mod refine;
 #[cfg(feature = "shadows")]
 mod shadow;
 mod solid;
 mod target;
 mod transparent;
-mod upsample;
 mod view;
 mod volume;
 
@@ -59,8 +59,15 @@ use bevy::{
 use crate::{sets::PlenOctreeRenderSystems, stage::PropStage};
 
 /// The names of the spans in Bevy's render diagnostics whose times add up to the time of drawing props.
-pub const VOLUME_SPANS: &[&str] =
-    &[volume::VOLUME_SPAN, solid::SOLID_SPAN, upsample::UPSAMPLE_SPAN, kept::COMPARE_DEPTHS_SPAN];
+pub const VOLUME_SPANS: &[&str] = &[
+    volume::VOLUME_SPAN,
+    volume::BATCHES_SPAN,
+    solid::SOLID_SPAN,
+    solid::SOLID_BATCHES_SPAN,
+    refine::INTERPOLATE_SPAN,
+    refine::GATHER_SPAN,
+    kept::COMPARE_DEPTHS_SPAN,
+];
 /// The names of the spans in Bevy's render diagnostics whose times add up to the time of posterizing.
 pub const POSTERIZE_SPANS: &[&str] = &[
     kept::COMPARE_COLORS_SPAN,
@@ -98,7 +105,7 @@ impl Plugin for RenderPropsPlugin {
             kept::plugin,
             solid::plugin,
             volume::plugin,
-            upsample::plugin,
+            refine::plugin,
             edges::plugin,
             composite::plugin,
             filter::plugin,
@@ -123,6 +130,15 @@ enum VolumeSteps {
     Compare,
     Solid,
     Volume,
+}
+
+/// The steps of [`PlenOctreeRenderSystems::Refine`].
+#[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
+enum RefineSteps {
+    Interpolate,
+    Solid,
+    Volume,
+    Gather,
 }
 
 /// The steps of [`PlenOctreeRenderSystems::Posterize`].
@@ -198,9 +214,15 @@ fn order_stages(render_app: &mut SubApp) {
         )
         .configure_sets(
             Core3d,
+            (RefineSteps::Interpolate, RefineSteps::Solid, RefineSteps::Volume, RefineSteps::Gather)
+                .chain()
+                .in_set(PlenOctreeRenderSystems::Refine),
+        )
+        .configure_sets(
+            Core3d,
             (
                 PlenOctreeRenderSystems::Volume,
-                PlenOctreeRenderSystems::Upsample,
+                PlenOctreeRenderSystems::Refine,
                 PlenOctreeRenderSystems::Edges,
                 PassesAt(PropStage::Scene),
             )

@@ -140,9 +140,7 @@ impl Stage {
         let before = (*camera.get::<Msaa>().unwrap(), camera.get::<PropQuality>().copied().unwrap_or_default());
         self.headless.resize(UVec2::splat(FINE * SIZE));
         self.headless.update();
-        // The same coarse layer.
-        let resolution = if before.1.resolution < 1.0 { before.1.resolution / FINE as f32 } else { 1.0 };
-        self.set((Msaa::Off, PropQuality { resolution, ..before.1 }));
+        self.set((Msaa::Off, PropQuality { error: 0.0, ..before.1 }));
         let (owners, frame) = (self.owners(), self.capture(EdgeSmoothing::Off));
         self.headless.resize(UVec2::splat(SIZE));
         self.headless.update();
@@ -220,8 +218,8 @@ fn edges_are_near_to_supersampled_ones() {
         check(&mut stage, &format!("before the sky, {msaa:?}"), third);
         stage.spawn_wall(8.0, behind());
         check(&mut stage, &format!("before a mesh, {msaa:?}"), third);
-        stage.set(PropQuality { resolution: 0.5, ..default() });
-        check(&mut stage, &format!("a coarse layer, {msaa:?}"), 0.6);
+        stage.set(PropQuality { error: 0.1, ..default() });
+        check(&mut stage, &format!("before a mesh, with fewer rays, {msaa:?}"), third);
         stage.unset::<PropQuality>();
         stage.spawn_ball(GREEN, Transform::from_xyz(-0.6, -0.4, -0.8));
         check(&mut stage, &format!("before another prop, {msaa:?}"), third);

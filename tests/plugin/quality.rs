@@ -22,6 +22,36 @@ fn drum() -> PlenOctree {
     PlenOctree::read(concat!(env!("CARGO_MANIFEST_DIR"), "/assets/drum.npz"), &LoadSettings::default()).unwrap()
 }
 
+/// Bakes what no preset was tuned to: a glossy ball with stripes and a checkered plate among rods that are hardly thicker
+/// than a cell, in thin haze.
+fn thicket() -> PlenOctree {
+    let settings = BakeSettings { depth: 7, basis: Basis::Sh9, ..default() };
+    let rod = |at: DVec3| {
+        let off = |x: f64| (x / 0.4 - (x / 0.4).round()).abs() * 0.4;
+        let (x, y, z) = (off(at.x + 0.2 * at.z), off(at.y), off(at.z + 0.1 * at.x));
+        x.hypot(y).min(y.hypot(z)).min(z.hypot(x)) < 0.014
+    };
+    let density = move |at: DVec3| {
+        let is_solid = at.length() < 0.5 || (at.z.abs() < 0.03 && at.x.hypot(at.y) < 0.9) || rod(at);
+        if is_solid && at.length() < 0.95 { 200.0 } else { 0.02 }
+    };
+    let tint = move |at: DVec3| {
+        let base = if at.length() < 0.52 {
+            if (9.0 * at.z).sin() > 0.0 { DVec3::new(0.8, 0.2, 0.15) } else { DVec3::new(0.95, 0.9, 0.8) }
+        } else if at.z.abs() < 0.04 {
+            if ((7.0 * at.x).floor() + (7.0 * at.y).floor()) % 2.0 == 0.0 {
+                DVec3::splat(0.15)
+            } else {
+                DVec3::splat(0.7)
+            }
+        } else {
+            DVec3::new(0.15, 0.35, 0.7)
+        };
+        move |direction: DVec3| base + 0.2 * direction.dot(at.normalize_or_zero()).min(0.0).powi(2) * DVec3::splat(0.6)
+    };
+    bake(&settings, density, tint).unwrap()
+}
+
 struct Stage {
     headless: Headless,
     camera: Entity,
@@ -68,34 +98,46 @@ fn psnr(frame: &RgbaImage, truth: &[DVec3]) -> f64 {
 
 #[test]
 fn presets_are_as_accurate_as_promised() {
-    let field = drum();
     let palette = Palette::read(concat!(env!("CARGO_MANIFEST_DIR"), "/assets/drum.palette.json")).unwrap();
+    check_promises("drum", &drum(), &palette);
+    let colors = [[0.8, 0.2, 0.15], [0.95, 0.9, 0.8], [0.15; 3], [0.7; 3], [0.15, 0.35, 0.7]];
+    check_promises("thicket", &thicket(), &Palette::new(colors.to_vec()).unwrap());
+}
+
+fn check_promises(name: &str, field: &PlenOctree, palette: &Palette) {
     let colors: Vec<DVec3> = palette.colors.iter().map(|color| DVec3::from(*color)).collect();
     let hard = Posterize { softness: 0.0, edges: EdgeSmoothing::Off, ..default() };
     let settings = reference::Posterization { softness: 0.0, ..Default::default() };
+    let mut broken = vec![];
     for size in [160, 400] {
-        let camera = PinholeCamera::around(&field, size, size, 0.5, 0.4).unwrap();
-        let truth = reference::render(&field, &camera);
+        let camera = PinholeCamera::around(field, size, size, 0.5, 0.4).unwrap();
+        let truth = reference::render(field, &camera);
         let over = truth.over(DVec3::ONE);
         // With hard edges, the color of a pixel tells its label.
         let expected = reference::posterize(&truth, DVec3::ONE, &colors, &colors, &settings);
-        let owned = truth.opacity.iter().filter(|opacity| **opacity >= 80.0 / 255.0).count();
-        let mut stage = Stage::sized(&field, palette.clone(), size);
+        let is_owned = |opacity: f64| opacity >= 80.0 / 255.0;
+        let owned = truth.opacity.iter().filter(|opacity| is_owned(**opacity)).count();
+        let mut stage = Stage::sized(field, palette.clone(), size);
         for preset in QualityPreset::ALL {
             let prop = stage.prop;
             stage.headless.app.world_mut().entity_mut(prop).remove::<Posterize>();
             let psnr = psnr(&stage.capture(&camera, preset.quality()), &over);
             stage.headless.app.world_mut().entity_mut(prop).insert(hard);
             let labels = stage.capture(&camera, preset.quality());
-            let changed = labels.pixels().zip(&expected).filter(|(pixel, color)| {
-                (0..3).any(|channel| (f64::from(pixel[channel]) - 255.0 * color[channel]).abs() > 2.0)
+            let changed = labels.pixels().zip(&expected).zip(&truth.opacity).filter(|((pixel, color), opacity)| {
+                let differs = (0..3).any(|channel| (f64::from(pixel[channel]) - 255.0 * color[channel]).abs() > 2.0);
+                is_owned(**opacity) && differs
             });
             let changed = changed.count() as f64 / owned as f64;
             let (least, most) = promise(preset, size);
-            let found = format!("{preset:?}, {size} pixels: {psnr:.1} dB, {:.1} % of labels", 100.0 * changed);
-            assert!(psnr >= least && changed <= most, "{found}");
+            let found = format!("{name}, {preset:?}, {size} pixels: {psnr:.1} dB, {:.1} % of labels", 100.0 * changed);
+            println!("{found}");
+            if psnr < least || changed > most {
+                broken.push(found);
+            }
         }
     }
+    assert!(broken.is_empty(), "{broken:#?}");
 }
 
 /// Returns the lowest PSNR in dB, and the largest share of labels that change, as documented for `QualityPreset`.
@@ -103,10 +145,10 @@ fn promise(preset: QualityPreset, size: u32) -> (f64, f64) {
     match (preset, size) {
         (QualityPreset::Exact, _) => (55.0, 0.01),
         (QualityPreset::High, _) => (45.0, 0.02),
-        (QualityPreset::Balanced, 400) => (28.0, 0.25),
-        (QualityPreset::Balanced, _) => (24.0, 0.45),
-        (QualityPreset::Fast, 400) => (25.0, 0.4),
-        (QualityPreset::Fast, _) => (21.0, 0.65),
+        (QualityPreset::Balanced, 400) => (38.0, 0.08),
+        (QualityPreset::Balanced, _) => (34.0, 0.1),
+        (QualityPreset::Fast, 400) => (33.0, 0.2),
+        (QualityPreset::Fast, _) => (29.0, 0.23),
     }
 }
 
@@ -228,7 +270,7 @@ fn settings_beyond_their_range_count_as_its_ends() {
         ("density_threshold", |x| PropQuality { density_threshold: x, ..default() }, [0.0, f32::MAX], [true, false]),
         ("opacity_loss", |x| PropQuality { opacity_loss: x, ..default() }, [0.0, 1.0], [true, false]),
         ("cell_size", |x| PropQuality { cell_size: x, ..default() }, [0.0, f32::MAX], [true, true]),
-        ("resolution", |x| PropQuality { resolution: x, ..default() }, [0.0, 1.0], [true, true]),
+        ("error", |x| PropQuality { error: x, ..default() }, [0.0, f32::MAX], [true, true]),
     ];
     for (name, set, ends, seen) in settings {
         assert!(stage.capture(&camera, set(f32::NAN)) == exact, "{name}: NaN is not the default");

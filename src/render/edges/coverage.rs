@@ -13,7 +13,7 @@ use bevy::{
 use super::textures::{coverage_targets, mask_test};
 use crate::{
     gpu::{FieldLayout, FieldShape, Shaders, field_definitions},
-    render::{boxes::Boxes, view::ViewLayouts},
+    render::{boxes::Boxes, refine::RaysOf, view::ViewLayouts},
 };
 
 #[derive(Resource)]
@@ -57,7 +57,7 @@ impl SpecializedRenderPipeline for CoveragePipeline {
             operation: BlendOperation::Add,
         };
         let targets = coverage_targets(Some(BlendState { color: sum, alpha: sum }));
-        let mut descriptor = self.boxes.pipeline(definitions, key.samples > 1, &targets);
+        let mut descriptor = self.boxes.pipeline(definitions, RaysOf::Grid, key.samples > 1, &targets);
         // It draws one triangle instead of a box.
         descriptor.vertex.shader = self.shader.clone();
         descriptor.primitive = default();

@@ -2,8 +2,7 @@
 //! behind. This is not part of the method, whose edges are hard.
 //!
 //! The *outline* pass finds the pixels at which props end, and the owners that may cover parts of them. The *coverage*
-//! pass then draws a rectangle for each prop and marches several rays through those pixels, and no others. For coarse layers, whose
-//! outlines follow an interpolated opacity, the outline pass takes the coverage from that.
+//! pass then draws a rectangle for each prop and marches several rays through those pixels, and no others.
 //!
 //! Nothing here runs or is compiled in views in which the edges of all props are hard.
 
@@ -33,7 +32,6 @@ pub(super) fn plugin(app: &mut App) {
     };
     render_app.world_mut().register_required_components::<VisibleProps, pass::EdgesPass>();
     render_app
-        .init_gpu_resource::<SpecializedRenderPipelines<outline::OutlinePipeline>>()
         .init_gpu_resource::<SpecializedRenderPipelines<coverage::CoveragePipeline>>()
         .add_systems(RenderStartup, (outline::init, coverage::init).after(InitViews))
         .add_systems(

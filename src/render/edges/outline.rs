@@ -1,13 +1,12 @@
-//! The pipelines of the outline pass, specialized by [`OutlineKey`].
+//! The pipeline of the outline pass.
 
 use bevy::{
     prelude::*,
     render::render_resource::{
-        BindGroupLayoutDescriptor, BindGroupLayoutEntries, CompareFunction, RenderPipelineDescriptor, ShaderStages,
-        SpecializedRenderPipeline, TextureSampleType,
+        BindGroupLayoutEntries, CachedRenderPipelineId, CompareFunction, PipelineCache, ShaderStages,
+        TextureSampleType,
         binding_types::{texture_2d, texture_depth_2d},
     },
-    shader::ShaderDefVal,
 };
 
 use super::textures::{OUTLINE_FORMAT, coverage_targets};
@@ -24,41 +23,28 @@ use crate::{
 #[derive(Resource)]
 pub(super) struct OutlinePipeline {
     pub shared: Fullscreen,
-    with_depth: [BindGroupLayoutDescriptor; 2],
+    /// Created when a view first needs it.
+    id: Option<CachedRenderPipelineId>,
 }
 
-#[derive(Clone, Copy, PartialEq, Eq, Hash)]
-pub(super) struct OutlineKey {
-    /// Whether the coverage is that of a coarse layer.
-    pub coarse: bool,
-    /// The number of samples of the scene per pixel.
-    pub samples: u32,
+impl OutlinePipeline {
+    /// Returns the pipeline, and creates it if it does not exist.
+    pub fn id(&mut self, cache: &PipelineCache) -> CachedRenderPipelineId {
+        *self.id.get_or_insert_with(|| {
+            let mut targets = vec![target(OUTLINE_FORMAT, None)];
+            targets.extend(coverage_targets(None));
+            let mut descriptor = self.shared.pipeline(vec![], &targets);
+            descriptor.depth_stencil = Some(depth_test(DEPTH_FORMAT, true, CompareFunction::Always));
+            cache.queue_render_pipeline(descriptor)
+        })
+    }
 }
 
 pub(super) fn init(mut commands: Commands, views: Res<ViewLayouts>, shaders: Res<Shaders>) {
     let texture = || texture_2d(TextureSampleType::Float { filterable: false });
     let textures = (texture(), texture(), texture_depth_2d());
     let entries = BindGroupLayoutEntries::sequential(ShaderStages::FRAGMENT, textures);
-    commands.insert_resource(OutlinePipeline {
-        shared: Fullscreen::new("plenoctree_outline", &shaders.outline, &entries, &shaders, &views)
-            .unless_kept(KeptPart::Layer),
-        with_depth: views.with_depth.clone(),
-    });
-}
-
-impl SpecializedRenderPipeline for OutlinePipeline {
-    type Key = OutlineKey;
-
-    fn specialize(&self, key: OutlineKey) -> RenderPipelineDescriptor {
-        let multisampled = key.samples > 1;
-        let definitions = [(key.coarse, "COARSE"), (multisampled, "MULTISAMPLED")];
-        let definitions = definitions.into_iter().filter(|(holds, _)| *holds).map(|(_, name)| name.into());
-        let definitions = definitions.chain([ShaderDefVal::UInt("SAMPLES".into(), key.samples)]);
-        let mut targets = vec![target(OUTLINE_FORMAT, None)];
-        targets.extend(coverage_targets(None));
-        let mut descriptor = self.shared.pipeline(definitions.collect(), &targets);
-        descriptor.layout[0] = self.with_depth[usize::from(multisampled)].clone();
-        descriptor.depth_stencil = Some(depth_test(DEPTH_FORMAT, true, CompareFunction::Always));
-        descriptor
-    }
+    let shared = Fullscreen::new("plenoctree_outline", &shaders.outline, &entries, &shaders, &views)
+        .unless_kept(KeptPart::Layer);
+    commands.insert_resource(OutlinePipeline { shared, id: None });
 }

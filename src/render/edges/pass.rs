@@ -14,7 +14,7 @@ use bevy::{
 
 use super::{
     coverage::{CoverageKey, CoveragePipeline},
-    outline::{OutlineKey, OutlinePipeline},
+    outline::OutlinePipeline,
     textures::EdgeTextures,
 };
 use crate::{
@@ -34,10 +34,8 @@ pub const EDGES_SPAN: &str = "plenoctree_edges";
 /// The pipelines and bind groups of a view in which the edges of props are smooth.
 #[derive(Component, Default)]
 pub(in crate::render) struct EdgesPass {
-    /// Whether the layer is coarse.
-    coarse: bool,
     outline: Option<CachedRenderPipelineId>,
-    /// The pipeline of every prop whose edges are smooth, and its index in drawing order. Empty for coarse layers.
+    /// The pipeline of every prop whose edges are smooth, and its index in drawing order.
     coverage: Vec<(usize, CachedRenderPipelineId)>,
     layer: KeptBindGroup,
     outlines: KeptBindGroup,
@@ -53,8 +51,7 @@ impl EdgesPass {
 
 pub(super) fn prepare_pipelines(
     cache: Res<PipelineCache>,
-    outline: Res<OutlinePipeline>,
-    mut outlines: ResMut<SpecializedRenderPipelines<OutlinePipeline>>,
+    mut outline: ResMut<OutlinePipeline>,
     coverage: Res<CoveragePipeline>,
     mut coverages: ResMut<SpecializedRenderPipelines<CoveragePipeline>>,
     fields: Res<RenderAssets<GpuField>>,
@@ -63,15 +60,11 @@ pub(super) fn prepare_pipelines(
     for (props, textures, msaa, mut pass) in &mut views {
         pass.outline = None;
         pass.coverage.clear();
-        let Some(textures) = textures.filter(|_| props.smooths_edges()) else {
-            continue;
-        };
-        let (coarse, samples) = (textures.coarse.is_some(), msaa.samples());
-        pass.coarse = coarse;
-        pass.outline = Some(outlines.specialize(&cache, &outline, OutlineKey { coarse, samples }));
-        if coarse {
+        if textures.is_none() || !props.smooths_edges() {
             continue;
         }
+        let samples = msaa.samples();
+        pass.outline = Some(outline.id(&cache));
         pass.coverage.extend(props.drawn.iter().enumerate().filter(|(_, prop)| prop.smooths_edges).filter_map(
             |(index, prop)| {
                 let key = CoverageKey { shape: prop.on_gpu(&fields)?.shape, samples };
@@ -107,7 +100,8 @@ pub(super) fn edges_pass(
     mut ctx: RenderContext,
 ) {
     let (textures, props, groups, kept, edges) = view.into_inner();
-    let (Some(group), Some(layer), Some(outlines)) = (groups.with_depth.get(), edges.layer.get(), edges.outlines.get())
+    let (Some(group), Some(plain), Some(layer), Some(outlines)) =
+        (groups.with_depth.get(), groups.plain.get(), edges.layer.get(), edges.outlines.get())
     else {
         return;
     };
@@ -127,10 +121,10 @@ pub(super) fn edges_pass(
             ..default()
         });
         if let Some(outline) = outline {
-            draw(&mut pass, props, None, outline, [(group, &[]), (layer, &[])]);
+            draw(&mut pass, props, None, outline, [(plain, &[]), (layer, &[])]);
         }
     }
-    if !edges.coarse {
+    {
         let [_, coverage, own, other] = textures.targets();
         let mut pass = ctx.begin_tracked_render_pass(RenderPassDescriptor {
             label: Some(EDGES_SPAN),

@@ -25,9 +25,9 @@ use crate::{
         edges::{EdgeTextures, EdgesPass},
         label::ShownTexture,
         lighting::ReadLighting,
+        refine::RefinePass,
         solid::{SolidPipelines, SolidTextures},
         target::hidden_samples,
-        upsample::UpsamplePipeline,
         view::{PropUniform, ViewProps, ViewTextures},
         volume::VolumePipelines,
     },
@@ -74,22 +74,22 @@ pub(super) fn prepare(
     queue: Res<RenderQueue>,
     cache: Res<PipelineCache>,
     fields: Res<RenderAssets<GpuField>>,
-    pipelines: (Res<ComparePipelines>, Res<ClearPipelines>, Res<UpsamplePipeline>),
+    pipelines: (Res<ComparePipelines>, Res<ClearPipelines>),
     mut views: Query<(
         Option<(&ExtractedCamera, &ViewDepthTexture, &Msaa)>,
         &ViewProps,
-        Option<&ViewTextures>,
+        (Option<&ViewTextures>, &RefinePass),
         (Option<&SolidTextures>, &SolidPipelines, &VolumePipelines),
         (Option<&EdgeTextures>, &EdgesPass),
         (Option<&ShownTexture>, Option<&BlendedTexture>, &BlendPass, &ReadLighting),
         &mut KeptView,
     )>,
 ) {
-    let (compare, clear, upsample) = pipelines;
+    let (compare, clear) = pipelines;
     for (
         camera,
         props,
-        textures,
+        (textures, refine),
         (solid, solid_pipelines, volume_pipelines),
         (edges, edges_pass),
         (shown, blended, blend_pass, lighting),
@@ -113,10 +113,8 @@ pub(super) fn prepare(
         }));
         key.samples = msaa.samples();
         key.textures.clear();
-        let layers = [Some(&textures.layer), textures.coarse.as_ref()];
         let solid_views = solid.into_iter().flat_map(SolidTextures::views);
-        let views = layers.into_iter().flatten().flat_map(|layer| layer.views()).chain(solid_views);
-        let views = views.chain(edges.into_iter().flat_map(EdgeTextures::views));
+        let views = textures.layers().chain(solid_views).chain(edges.into_iter().flat_map(EdgeTextures::views));
         key.textures.extend(views.map(|view| view.id()));
         let is_complete = compare.are_ready(&cache)
             && clear.are_ready(&cache)
@@ -124,7 +122,7 @@ pub(super) fn prepare(
             && solid_pipelines.are_ready(&cache)
             && edges_pass.are_ready(&cache)
             && blend_pass.are_ready(&cache)
-            && (textures.coarse.is_none() || upsample.is_ready(&cache, msaa, textures.layer.motion.is_some()));
+            && refine.is_ready(&cache);
         layer.decide(is_complete, true);
 
         let key = composite.key();

@@ -59,7 +59,7 @@ fn add_pass(render_app: &mut SubApp) {
             Core3d,
             pass::lighting_pass
                 .in_set(PassesInScene)
-                .after(PlenOctreeRenderSystems::Upsample)
+                .after(PlenOctreeRenderSystems::Refine)
                 .before(PassesAt(PropStage::Scene)),
         );
 }

@@ -148,7 +148,7 @@ pub(super) fn prepare_maps(
         }
         let [z, w] = [view.clip_from_view.z_axis, view.clip_from_view.w_axis];
         let depth = Vec4::new(z.z, w.z, z.w, w.w);
-        *uniform.get_mut() = ViewUniform { size, depth, pixel: Vec2::ONE, ..default() };
+        *uniform.get_mut() = ViewUniform { size, depth, spacing: 1, ..default() };
         uniform.write_buffer(&device, &queue);
         props.write_buffer(&device, &queue);
     }

@@ -10,8 +10,8 @@ mod pass;
 mod pipeline;
 mod textures;
 
-pub use pass::SOLID_SPAN;
 pub(super) use pass::SolidPipelines;
+pub use pass::{SOLID_BATCHES_SPAN, SOLID_SPAN};
 pub(super) use textures::{SOLID_FORMAT, SolidBindGroups, SolidLayouts, SolidTextures};
 
 use bevy::{
@@ -22,7 +22,7 @@ use bevy::{
     },
 };
 
-use super::{VolumeSteps, extract::VisibleProps, view::InitViews};
+use super::{RefineSteps, VolumeSteps, extract::VisibleProps, refine::RaysOf, view::InitViews};
 use crate::sets::PlenOctreeRenderSystems;
 
 pub(super) fn plugin(app: &mut App) {
@@ -45,5 +45,11 @@ pub(super) fn plugin(app: &mut App) {
                 textures::prepare_bind_groups.in_set(PlenOctreeRenderSystems::PrepareBindGroups),
             ),
         )
-        .add_systems(Core3d, pass::solid_pass.in_set(VolumeSteps::Solid));
+        .add_systems(
+            Core3d,
+            (
+                pass::solid_pass.with_input(RaysOf::Grid).in_set(VolumeSteps::Solid),
+                pass::solid_pass.with_input(RaysOf::Batches).in_set(RefineSteps::Solid),
+            ),
+        );
 }

@@ -14,6 +14,7 @@ use crate::{
         attachment::depth_test,
         boxes::Boxes,
         fullscreen::target,
+        refine::RaysOf,
         view::{DEPTH_FORMAT, ViewLayouts},
     },
 };
@@ -29,6 +30,7 @@ pub(super) struct SolidPipeline {
 pub(super) struct SolidKey {
     /// Whether the field has child records besides the table.
     pub inner_records: bool,
+    pub rays: RaysOf,
     pub multisampled: bool,
     pub second_round: bool,
 }
@@ -54,7 +56,8 @@ impl SpecializedRenderPipeline for SolidPipeline {
         if key.second_round {
             definitions.push("SECOND_ROUND".into());
         }
-        let mut descriptor = self.boxes.pipeline(definitions, key.multisampled, &[target(SOLID_FORMAT, None)]);
+        let mut descriptor =
+            self.boxes.pipeline(definitions, key.rays, key.multisampled, &[target(SOLID_FORMAT, None)]);
         if key.second_round {
             descriptor.layout.push(self.first.clone());
         }

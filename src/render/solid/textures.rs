@@ -18,25 +18,42 @@ use bevy::{
 use crate::render::{
     bind_group::KeptBindGroup,
     extract::VisibleProps,
-    view::{DEPTH_FORMAT, ViewProps, coarse_size, drawn_viewport, view_texture},
+    refine::{RaysOf, batches_size},
+    view::{DEPTH_FORMAT, ViewProps, drawn_viewport, grid_size, spacing, view_texture},
 };
 
 pub(in crate::render) const SOLID_FORMAT: TextureFormat = TextureFormat::R32Uint;
 
-/// The solid props of every pixel of the volume pass. A component of views in which props overlap.
+/// The solid props of every ray of the volume pass. A component of views in which props overlap.
 #[derive(Component)]
 pub(in crate::render) struct SolidTextures {
-    /// The nearest one.
-    pub(super) nearest: SolidRound,
-    /// Where others show through the nearest one, the nearest one through which nothing shows.
-    pub(super) opaque: SolidRound,
+    grid: SolidRounds,
+    /// In views with batches.
+    pub(super) batches: Option<SolidRounds>,
 }
 
 impl SolidTextures {
+    /// Returns the textures for some rays.
+    pub(super) fn rounds(&self, rays: RaysOf) -> Option<&SolidRounds> {
+        match rays {
+            RaysOf::Grid => Some(&self.grid),
+            RaysOf::Batches => self.batches.as_ref(),
+        }
+    }
+
     /// Returns all textures.
     pub fn views(&self) -> impl Iterator<Item = &TextureView> {
-        [&self.nearest, &self.opaque].into_iter().flat_map(|round| [&round.prop, &round.depth])
+        let rounds = [Some(&self.grid), self.batches.as_ref()].into_iter().flatten();
+        rounds.flat_map(|rounds| [&rounds.nearest, &rounds.opaque]).flat_map(|round| [&round.prop, &round.depth])
     }
+}
+
+/// The solid props of rays.
+pub(super) struct SolidRounds {
+    /// The nearest one.
+    pub nearest: SolidRound,
+    /// Where others show through the nearest one, the nearest one through which nothing shows.
+    pub opaque: SolidRound,
 }
 
 /// The result of a round.
@@ -73,8 +90,24 @@ const LABEL: &str = "plenoctree_solid";
 /// The bind groups with [`SolidTextures`].
 #[derive(Component, Default)]
 pub(in crate::render) struct SolidBindGroups {
+    grid: RoundsBindGroups,
+    batches: RoundsBindGroups,
+}
+
+#[derive(Default)]
+pub(in crate::render) struct RoundsBindGroups {
     pub(super) first: KeptBindGroup,
     pub both: KeptBindGroup,
+}
+
+impl SolidBindGroups {
+    /// Returns the bind groups for some rays.
+    pub fn of(&self, rays: RaysOf) -> &RoundsBindGroups {
+        match rays {
+            RaysOf::Grid => &self.grid,
+            RaysOf::Batches => &self.batches,
+        }
+    }
 }
 
 pub(super) fn prepare_textures(
@@ -98,14 +131,17 @@ pub(super) fn prepare_textures(
             }
             continue;
         };
-        let size = coarse_size(viewport.physical_size, visible.quality.resolution);
-        let mut texture = |label, format| view_texture(&mut cache, &device, label, format, size);
-        let mut round = || SolidRound {
-            prop: texture("plenoctree_solid_prop", SOLID_FORMAT),
-            depth: texture("plenoctree_solid_depth", DEPTH_FORMAT),
+        let mut rounds = |size| {
+            let mut round = || SolidRound {
+                prop: view_texture(&mut cache, &device, "plenoctree_solid_prop", SOLID_FORMAT, size),
+                depth: view_texture(&mut cache, &device, "plenoctree_solid_depth", DEPTH_FORMAT, size),
+            };
+            SolidRounds { nearest: round(), opaque: round() }
         };
-        let (nearest, opaque) = (round(), round());
-        commands.entity(entity).insert(SolidTextures { nearest, opaque });
+        let (size, spacing) = (viewport.physical_size, spacing(&visible.quality));
+        let grid = rounds(grid_size(size, spacing));
+        let batches = (spacing > 1).then(|| rounds(batches_size(size)));
+        commands.entity(entity).insert(SolidTextures { grid, batches });
     }
 }
 
@@ -116,13 +152,16 @@ pub(super) fn prepare_bind_groups(
     mut views: Query<(Option<&SolidTextures>, &mut SolidBindGroups)>,
 ) {
     for (textures, mut groups) in &mut views {
-        let Some(SolidTextures { nearest, opaque }) = textures else {
-            *groups = default();
-            continue;
-        };
-        let entries = BindGroupEntries::single(&nearest.prop);
-        groups.first.update(&device, &cache, LABEL, &layouts.first, &entries);
-        let entries = BindGroupEntries::sequential((&nearest.prop, &nearest.depth, &opaque.prop, &opaque.depth));
-        groups.both.update(&device, &cache, LABEL, &layouts.both, &entries);
+        let SolidBindGroups { grid, batches } = &mut *groups;
+        for (groups, rays) in [(grid, RaysOf::Grid), (batches, RaysOf::Batches)] {
+            let Some(SolidRounds { nearest, opaque }) = textures.and_then(|textures| textures.rounds(rays)) else {
+                *groups = default();
+                continue;
+            };
+            let entries = BindGroupEntries::single(&nearest.prop);
+            groups.first.update(&device, &cache, LABEL, &layouts.first, &entries);
+            let entries = BindGroupEntries::sequential((&nearest.prop, &nearest.depth, &opaque.prop, &opaque.depth));
+            groups.both.update(&device, &cache, LABEL, &layouts.both, &entries);
+        }
     }
 }

@@ -16,7 +16,7 @@ use super::{
     motion::Motion,
     overlap::Overlaps,
     props::{DrawnProp, Overlap, ViewProps},
-    textures::{coarse_size, drawn_viewport},
+    textures::{drawn_viewport, spacing},
     uniforms::{PropUniform, ViewUniform},
 };
 use crate::{
@@ -81,8 +81,8 @@ pub(super) fn prepare_views(
             continue;
         };
         let size = viewport.physical_size;
-        let coarse = coarse_size(size, quality.resolution);
-        let reach = reach(size, coarse);
+        let spacing = spacing(quality);
+        let reach = UVec2::splat(reach(spacing));
         // After upscaling, textures with the size of the main pass no longer fit the target.
         *stage = if resolution.is_some() { PropStage::Scene } else { visible.stage };
         *has_stages = visible.has_stages;
@@ -146,8 +146,10 @@ pub(super) fn prepare_views(
             depth: Vec4::new(z.z, w.z, z.w, w.w),
             exposure: exposure(camera, *stage),
             everything: everything.map_or(0, |_| props.get().len() as u32),
-            pixel: size.as_vec2() / coarse.as_vec2(),
+            spacing,
+            error: quality.error,
             stop_transmittance: quality.stop_transmittance,
+            edge_rays: quality.edge_rays,
             low: rect.min,
             high: rect.max,
             unjittered_from_clip: motion.unjittered_from_clip.as_mat4(),
@@ -194,11 +196,10 @@ pub(in crate::render) fn extent(clip_from_box: glam::DMat4, size: UVec2) -> Opti
     Some([low.floor(), high.ceil()])
 }
 
-/// Returns how far from the pixels of its box a prop can be seen, plus how far from there the filter reads: a pixel of a
-/// coarse layer is interpolated with its neighbors.
-fn reach(size: UVec2, coarse: UVec2) -> UVec2 {
-    let spread = if coarse == size { UVec2::ZERO } else { (size.as_vec2() / coarse.as_vec2()).ceil().as_uvec2() };
-    spread + MAX_FILTER_RADIUS + 1
+/// Returns how far from the pixels of its box a prop can be seen, plus how far from there the filter reads: a pixel between
+/// the rays of the grid is interpolated.
+fn reach(spacing: u32) -> u32 {
+    spacing + MAX_FILTER_RADIUS
 }
 
 /// Returns a rectangle that is extended on every side, within a viewport of `size`.

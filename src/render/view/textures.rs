@@ -15,9 +15,13 @@ use bevy::{
     },
 };
 
-use crate::render::{
-    attachment::{cleared, kept},
-    extract::VisibleProps,
+use crate::{
+    quality::PropQuality,
+    render::{
+        attachment::{cleared, kept},
+        extract::VisibleProps,
+        refine::{RaysOf, batches_size},
+    },
 };
 
 /// The format of color and opacity: half floats, because 8 bits per channel would change labels.
@@ -28,6 +32,9 @@ pub(in crate::render) const OWNER_FORMAT: TextureFormat = TextureFormat::Rg16Flo
 pub(in crate::render) const FILTER_FORMAT: TextureFormat = TextureFormat::Rgba32Uint;
 /// The format of the props' depth, which is reversed like the scene's.
 pub(in crate::render) const DEPTH_FORMAT: TextureFormat = TextureFormat::Depth32Float;
+
+/// The format of the places of pixels in their batches.
+pub(in crate::render) const INDEX_FORMAT: TextureFormat = TextureFormat::R16Uint;
 
 /// The format of motion vectors, as in Bevy's prepass.
 pub(in crate::render) const MOTION_FORMAT: TextureFormat = MOTION_VECTOR_PREPASS_FORMAT;
@@ -63,18 +70,38 @@ impl Layer {
 #[derive(Component)]
 pub(in crate::render) struct ViewTextures {
     pub layer: Layer,
-    /// A layer with fewer pixels, if the camera's quality asks for one. The volume pass then draws to it.
-    pub coarse: Option<Layer>,
+    /// What the layer is made of if not every pixel gets a ray.
+    pub sparse: Option<Sparse>,
     /// The composite, before and after each iteration of the filter.
     pub even: TextureView,
     /// The composite, halfway through an iteration.
     pub odd: TextureView,
 }
 
+/// The results of the rays of the grid, and of those of the batches.
+pub(in crate::render) struct Sparse {
+    pub grid: Layer,
+    pub batches: Layer,
+    /// 1 + the index of each pixel in its batch, or 0.
+    pub indices: TextureView,
+}
+
 impl ViewTextures {
-    /// Returns the layer that the volume pass draws to.
-    pub fn volume(&self) -> &Layer {
-        self.coarse.as_ref().unwrap_or(&self.layer)
+    /// Returns the layer that the volume pass draws some rays to.
+    pub fn volume(&self, rays: RaysOf) -> Option<&Layer> {
+        match (rays, &self.sparse) {
+            (RaysOf::Grid, None) => Some(&self.layer),
+            (RaysOf::Grid, Some(sparse)) => Some(&sparse.grid),
+            (RaysOf::Batches, sparse) => sparse.as_ref().map(|sparse| &sparse.batches),
+        }
+    }
+
+    /// Returns the textures of the layer, and of all that it is made of.
+    pub fn layers(&self) -> impl Iterator<Item = &TextureView> {
+        let sparse = self.sparse.iter().flat_map(|sparse| {
+            [&sparse.grid, &sparse.batches].into_iter().flat_map(Layer::views).chain([&sparse.indices])
+        });
+        self.layer.views().chain(sparse)
     }
 }
 
@@ -133,14 +160,25 @@ pub(super) fn prepare_textures(
             motion: visible.has_motion.then(|| texture("plenoctree_motion", MOTION_FORMAT, size)),
         };
         let size = viewport.physical_size;
-        let coarse = coarse_size(size, visible.quality.resolution);
-        let (layer, coarse) = (layer(size), (coarse != size).then(|| layer(coarse)));
+        let spacing = spacing(&visible.quality);
+        let layers = (spacing > 1).then(|| (layer(grid_size(size, spacing)), layer(batches_size(size))));
+        let layer = layer(size);
+        let sparse = layers.map(|(grid, batches)| Sparse {
+            grid,
+            batches,
+            indices: texture("plenoctree_indices", INDEX_FORMAT, size),
+        });
         let [even, odd] = ["plenoctree_even", "plenoctree_odd"].map(|label| texture(label, FILTER_FORMAT, size));
-        commands.entity(entity).insert(ViewTextures { layer, coarse, even, odd });
+        commands.entity(entity).insert(ViewTextures { layer, sparse, even, odd });
     }
 }
 
-/// Returns the size of the volume pass in a viewport of `size`, in pixels.
-pub(in crate::render) fn coarse_size(size: UVec2, resolution: f32) -> UVec2 {
-    (size.as_vec2() * resolution).ceil().as_uvec2().clamp(UVec2::ONE, size)
+/// Returns the number of pixels per ray of the grid, along each axis.
+pub(in crate::render) fn spacing(quality: &PropQuality) -> u32 {
+    if quality.error > 0.0 { quality.spacing } else { 1 }
+}
+
+/// Returns the number of rays of the grid in a viewport of `size`, along each axis.
+pub(in crate::render) fn grid_size(size: UVec2, spacing: u32) -> UVec2 {
+    (size + spacing - 1) / spacing
 }

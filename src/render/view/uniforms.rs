@@ -171,8 +171,10 @@ pub(in crate::render) struct ViewUniform {
     pub depth: Vec4,
     pub exposure: f32,
     pub everything: u32,
-    pub pixel: Vec2,
+    pub spacing: u32,
+    pub error: f32,
     pub stop_transmittance: f32,
+    pub edge_rays: u32,
     pub low: UVec2,
     pub high: UVec2,
     pub unjittered_from_clip: Mat4,
@@ -254,8 +256,8 @@ fn read() {
     }
     found[84] = view.exposure;
     found[85] = f32(view.everything);
-    found[86] = view.pixel.x;
-    found[87] = view.pixel.y;
+    found[86] = f32(view.spacing);
+    found[87] = view.error;
     found[88] = view.stop_transmittance;
     found[89] = f32(view.low.x);
     found[90] = f32(view.low.y);
@@ -263,6 +265,7 @@ fn read() {
     found[92] = f32(view.high.y);
     found[109] = f32(prop.smooths_edges);
     found[110] = colors[1].y;
+    found[111] = f32(view.edge_rays);
 }
 ";
 
@@ -299,14 +302,17 @@ fn read() {
             depth: Vec4::new(next(), next(), next(), next()),
             exposure: next(),
             everything: next() as u32,
-            pixel: Vec2::new(next(), next()),
+            spacing: next() as u32,
+            error: next(),
             stop_transmittance: next(),
+            edge_rays: 0,
             low: UVec2::new(next() as u32, next() as u32),
             high: UVec2::new(next() as u32, next() as u32),
             unjittered_from_clip: Mat4::from_cols_array(&std::array::from_fn(|_| next())),
         };
         let prop = PropUniform { smooths_edges: next() as u32, ..prop };
         let color = next();
+        let view = ViewUniform { edge_rays: next() as u32, ..view };
         let layout = BindGroupLayoutDescriptor::new(
             "layout_test",
             &BindGroupLayoutEntries::sequential(
@@ -318,7 +324,7 @@ fn read() {
                 ),
             ),
         );
-        let found: [f32; 111] = read_back(SHADER.into(), layout, |device, queue, run| {
+        let found: [f32; 112] = read_back(SHADER.into(), layout, |device, queue, run| {
             let mut view = UniformBuffer::from(view);
             let mut props = StorageBuffer::from(vec![PropUniform::default(), prop]);
             let mut colors = StorageBuffer::from(vec![Vec4::ZERO, Vec4::new(0.0, color, 0.0, 0.0)]);
@@ -327,7 +333,7 @@ fn read() {
             colors.write_buffer(device, queue);
             run(&[view.binding().unwrap(), props.binding().unwrap(), colors.binding().unwrap()]);
         });
-        let expected: [f32; 111] = std::array::from_fn(|index| (index + 1) as f32);
+        let expected: [f32; 112] = std::array::from_fn(|index| (index + 1) as f32);
         assert_eq!(found, expected);
     }
 }

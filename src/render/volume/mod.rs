@@ -6,8 +6,8 @@
 mod pass;
 mod pipeline;
 
-pub use pass::VOLUME_SPAN;
 pub(super) use pass::VolumePipelines;
+pub use pass::{BATCHES_SPAN, VOLUME_SPAN};
 
 use bevy::{
     core_pipeline::schedule::Core3d,
@@ -15,7 +15,7 @@ use bevy::{
     render::{GpuResourceAppExt, Render, RenderApp, RenderStartup, render_resource::SpecializedRenderPipelines},
 };
 
-use super::{VolumeSteps, extract::VisibleProps, view::InitViews};
+use super::{RefineSteps, VolumeSteps, extract::VisibleProps, refine::RaysOf, view::InitViews};
 use crate::sets::PlenOctreeRenderSystems;
 
 pub(super) fn plugin(app: &mut App) {
@@ -27,5 +27,11 @@ pub(super) fn plugin(app: &mut App) {
         .init_gpu_resource::<SpecializedRenderPipelines<pipeline::VolumePipeline>>()
         .add_systems(RenderStartup, pipeline::init.after(InitViews))
         .add_systems(Render, pass::prepare_pipelines.in_set(PlenOctreeRenderSystems::PreparePipelines))
-        .add_systems(Core3d, pass::volume_pass.in_set(VolumeSteps::Volume));
+        .add_systems(
+            Core3d,
+            (
+                pass::volume_pass.with_input(RaysOf::Grid).in_set(VolumeSteps::Volume),
+                pass::volume_pass.with_input(RaysOf::Batches).in_set(RefineSteps::Volume),
+            ),
+        );
 }

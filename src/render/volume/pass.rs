@@ -15,26 +15,34 @@ use crate::{
     gpu::{FieldShape, GpuField},
     render::{
         attachment::depth,
-        boxes::BOX_VERTICES,
+        boxes,
         extract::{ExtractedProps, VisibleProps},
         kept::{ClearPipelines, Cleared, KeptView},
+        refine::RaysOf,
         solid::SolidBindGroups,
         view::{DrawnProp, Overlap, ViewBindGroups, ViewProps, ViewTextures},
     },
     stage::PropStage,
 };
 
-/// The name of the pass's span in Bevy's render diagnostics.
+/// The names of the pass's spans in Bevy's render diagnostics.
 pub const VOLUME_SPAN: &str = "plenoctree_volume";
+pub const BATCHES_SPAN: &str = "plenoctree_volume_batches";
 
-/// The pipeline of every prop of a view, in drawing order.
+/// The pipelines of every prop of a view, in drawing order.
 #[derive(Component, Default)]
-pub(in crate::render) struct VolumePipelines(Vec<Option<CachedRenderPipelineId>>);
+pub(in crate::render) struct VolumePipelines(Vec<Option<Pipelines>>);
+
+struct Pipelines {
+    grid: CachedRenderPipelineId,
+    batches: Option<CachedRenderPipelineId>,
+}
 
 impl VolumePipelines {
     /// Returns whether all of them have been created.
     pub fn are_ready(&self, cache: &PipelineCache) -> bool {
-        self.0.iter().flatten().all(|id| cache.get_render_pipeline(*id).is_some())
+        let ids = self.0.iter().flatten().flat_map(|pipelines| [Some(pipelines.grid), pipelines.batches]);
+        ids.flatten().all(|id| cache.get_render_pipeline(id).is_some())
     }
 }
 
@@ -66,16 +74,22 @@ pub(super) fn prepare_pipelines(
     mut specialized: ResMut<SpecializedRenderPipelines<VolumePipeline>>,
     extracted: Res<ExtractedProps>,
     fields: Res<RenderAssets<GpuField>>,
-    mut views: Query<(&VisibleProps, &ViewProps, &Msaa, &mut VolumePipelines)>,
+    mut views: Query<(&VisibleProps, &ViewProps, Option<&ViewTextures>, &Msaa, &mut VolumePipelines)>,
 ) {
-    for (visible, props, msaa, mut pipelines) in &mut views {
+    for (visible, props, textures, msaa, mut pipelines) in &mut views {
         let multisampled = msaa.samples() > 1;
+        let is_sparse = textures.is_some_and(|textures| textures.sparse.is_some());
+        let mut specialize = |key| Pipelines {
+            grid: specialized.specialize(&cache, &pipeline, key),
+            batches: is_sparse
+                .then(|| specialized.specialize(&cache, &pipeline, VolumeKey { rays: RaysOf::Batches, ..key })),
+        };
         // Compile the pipelines of fields that are arriving, so that the fields can be drawn as soon as they are there.
         for (shape, is_lit) in extracted.arriving_shapes(&visible.props, &fields) {
             for overlapping in [false, visible.props.len() > 1] {
                 let lit = is_lit && visible.stage == PropStage::Scene;
-                let key = VolumeKey { shape, multisampled, overlapping, lit, motion: visible.has_motion };
-                specialized.specialize(&cache, &pipeline, key);
+                let (rays, motion) = (RaysOf::Grid, visible.has_motion);
+                specialize(VolumeKey { shape, rays, multisampled, overlapping, lit, motion });
             }
         }
         pipelines.0.clear();
@@ -83,6 +97,7 @@ pub(super) fn prepare_pipelines(
             let shape = prop.on_gpu(&fields)?.shape;
             let key = VolumeKey {
                 shape,
+                rays: RaysOf::Grid,
                 multisampled,
                 overlapping: prop.overlap != Overlap::None,
                 lit: prop.lit.is_some(),
@@ -91,14 +106,15 @@ pub(super) fn prepare_pipelines(
             if props.changes_levels {
                 // Also specialize the other variant, so that a change of level does not wait for its pipeline.
                 let shape = FieldShape { inner_records: !shape.inner_records, ..shape };
-                specialized.specialize(&cache, &pipeline, VolumeKey { shape, ..key });
+                specialize(VolumeKey { shape, ..key });
             }
-            Some(specialized.specialize(&cache, &pipeline, key))
+            Some(specialize(key))
         }));
     }
 }
 
 pub(super) fn volume_pass(
+    InMut(rays): InMut<RaysOf>,
     view: ViewQuery<(&ViewTextures, &ViewProps, &ViewBindGroups, &KeptView, &SolidBindGroups, &VolumePipelines)>,
     cache: Res<PipelineCache>,
     clear: Res<ClearPipelines>,
@@ -106,16 +122,21 @@ pub(super) fn volume_pass(
     mut ctx: RenderContext,
 ) {
     let (textures, props, groups, kept, solid, pipelines) = view.into_inner();
-    let (Some(group), Some(plain)) = (groups.with_depth.get(), groups.plain.get()) else {
+    let (Some(layer), Some(group), Some(plain)) = (textures.volume(*rays), groups.marching(*rays), groups.plain.get())
+    else {
         return;
     };
     let diagnostics = ctx.diagnostic_recorder();
     let diagnostics = diagnostics.as_deref();
-    let span = diagnostics.time_span(ctx.command_encoder(), VOLUME_SPAN);
+    let label = match rays {
+        RaysOf::Grid => VOLUME_SPAN,
+        RaysOf::Batches => BATCHES_SPAN,
+    };
+    let span = diagnostics.time_span(ctx.command_encoder(), label);
     {
-        let (layer, clears) = (textures.volume(), kept.layer.is_drawn());
+        let clears = kept.layer.is_drawn();
         let mut pass = ctx.begin_tracked_render_pass(RenderPassDescriptor {
-            label: Some(VOLUME_SPAN),
+            label: Some(label),
             color_attachments: &layer.attachments(clears),
             depth_stencil_attachment: Some(depth(&layer.depth, clears)),
             ..default()
@@ -126,20 +147,23 @@ pub(super) fn volume_pass(
         }
         pass.set_bind_group(0, group, &[]);
         let mut parts = [Part::Before].as_slice();
-        if let Some(solid) = solid.both.get() {
+        if let Some(solid) = solid.of(*rays).both.get() {
             pass.set_bind_group(2, solid, &[]);
             parts = &[Part::Behind, Part::Solid, Part::Before];
         }
         for part in parts {
             for (index, (prop, pipeline)) in props.drawn.iter().zip(&pipelines.0).enumerate() {
-                let pipeline = pipeline.filter(|_| part.is_of(prop)).and_then(|id| cache.get_render_pipeline(id));
+                let id = pipeline.as_ref().filter(|_| part.is_of(prop)).and_then(|pipelines| match rays {
+                    RaysOf::Grid => Some(pipelines.grid),
+                    RaysOf::Batches => pipelines.batches,
+                });
+                let pipeline = id.and_then(|id| cache.get_render_pipeline(id));
                 let (Some(level), Some(pipeline)) = (prop.on_gpu(&fields), pipeline) else {
                     continue;
                 };
                 pass.set_render_pipeline(pipeline);
                 pass.set_bind_group(1, &level.bind_group, &[]);
-                let instance = index as u32 | (*part as u32) << 16;
-                pass.draw(0..BOX_VERTICES, instance..instance + 1);
+                boxes::draw(&mut pass, *rays, props, prop, index as u32 | (*part as u32) << 16);
             }
         }
     }

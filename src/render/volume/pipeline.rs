@@ -14,6 +14,7 @@ use crate::{
         attachment::depth_test,
         boxes::Boxes,
         fullscreen::target,
+        refine::RaysOf,
         solid::SolidLayouts,
         view::{DEPTH_FORMAT, LAYER_FORMAT, MOTION_FORMAT, OWNER_FORMAT, ViewLayouts},
     },
@@ -30,6 +31,7 @@ pub(super) struct VolumePipeline {
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 pub(super) struct VolumeKey {
     pub shape: FieldShape,
+    pub rays: RaysOf,
     pub multisampled: bool,
     pub overlapping: bool,
     /// Whether the scene's lights fall on the prop.
@@ -79,7 +81,7 @@ impl SpecializedRenderPipeline for VolumePipeline {
             definitions.push("MOTION".into());
             targets.push(target(MOTION_FORMAT, Some(over(BlendFactor::SrcAlpha))));
         }
-        let mut descriptor = self.boxes.pipeline(definitions, key.multisampled, &targets);
+        let mut descriptor = self.boxes.pipeline(definitions, key.rays, key.multisampled, &targets);
         if key.overlapping {
             descriptor.layout.push(self.solid.clone());
         }

@@ -106,16 +106,16 @@ fn memory_goes_with_the_last_prop_in_view() {
         48,
     );
     check(
-        "props that overlap, at a lower resolution",
+        "props that overlap, with fewer rays",
         |world, camera, prop| {
             let field = world.get::<Prop>(prop).unwrap().0.clone();
             world.spawn((Prop(field), Transform::from_xyz(0.1, 0.0, 0.5), ChildOf(prop)));
             set(world, prop, Visibility::Visible);
-            set(world, camera, PropQuality { resolution: 0.75, ..PropQuality::EXACT });
+            set(world, camera, PropQuality { error: 0.1, ..PropQuality::EXACT });
         },
         // The child is hidden as well.
         |world, _, prop| set(world, prop, Visibility::Hidden),
-        48 + 18,
+        48 + 26 + 20,
     );
     check(
         "despawned",
@@ -129,7 +129,7 @@ fn memory_goes_with_the_last_prop_in_view() {
 
 /// What one view of a prop costs is given back when another camera still sees it.
 #[test]
-fn overlaps_and_resolutions_are_paid_for_while_they_last() {
+fn overlaps_and_batches_are_paid_for_while_they_last() {
     let mut headless = Headless::new(UVec2::splat(SIZE), |app| {
         app.add_plugins(PlenOctreePlugin);
     })
@@ -151,8 +151,8 @@ fn overlaps_and_resolutions_are_paid_for_while_they_last() {
     // Props and their depths, for two rounds.
     check("overlapping", 16, &mut |world| world.get_mut::<Transform>(other).unwrap().translation.x = 0.25);
     check("side by side", 0, &mut |world| world.get_mut::<Transform>(other).unwrap().translation.x = 2.0);
-    let quality = PropQuality { resolution: 0.5, ..PropQuality::EXACT };
-    // A quarter of a layer.
-    check("coarse", 4, &mut |world| set(world, camera, quality));
-    check("fine again", 0, &mut |world| set(world, camera, PropQuality::EXACT));
+    let quality = PropQuality { error: 0.1, ..PropQuality::EXACT };
+    // A layer and a quarter, and the places of pixels in them.
+    check("fewer rays", 26, &mut |world| set(world, camera, quality));
+    check("all rays again", 0, &mut |world| set(world, camera, PropQuality::EXACT));
 }

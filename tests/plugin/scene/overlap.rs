@@ -239,17 +239,17 @@ fn a_camera_inside_of_overlapping_props_sees_what_is_before_it() {
     });
 }
 
-/// Away from outlines, a layer with fewer pixels shows the same.
+/// Fewer rays show the same.
 #[test]
-fn coarse_layers_know_solid_parts_too() {
+fn fewer_rays_know_solid_parts_too() {
     let mut stage = Stage::new();
     stage.spawn_prop(&shape(density(0.3) / 2.0, GREEN, |_| true), default());
     stage.spawn_prop(&cube(SOLID, RED), Transform::from_xyz(0.0, 0.0, 0.4));
     for camera in stage.cameras {
-        stage.world().entity_mut(camera).insert(PropQuality { resolution: 0.5, ..PropQuality::EXACT });
+        stage.world().entity_mut(camera).insert(PropQuality { error: 0.1, ..PropQuality::EXACT });
     }
     stage.wait();
-    stage.check("half the resolution", |side, place| {
+    stage.check("fewer rays", |side, place| {
         // The cube begins at 0.9 from the front, and at -0.1 from behind.
         let path = if side == Side::Front { 0.1 } else { 0.9 };
         within(place, (-0.25, -0.25), (0.25, 0.25)).then(|| RED.lerp(GREEN, 1.0 - (-density(0.3) / 2.0 * path).exp()))

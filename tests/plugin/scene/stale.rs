@@ -114,36 +114,36 @@ fn nothing_is_left_of_a_prop_that_is_gone() {
     }
 }
 
-/// The same view of a coarse layer is the same, whatever was seen before.
+/// The same view with fewer rays is the same, whatever was seen before.
 #[test]
-fn coarse_layers_do_not_depend_on_earlier_frames() {
-    for resolution in [0.1, 0.15, 0.2, 0.3, 0.34, 0.6] {
+fn fewer_rays_do_not_depend_on_earlier_frames() {
+    for (error, spacing) in [(0.02, 2), (0.3, 3), (f32::INFINITY, 8)] {
         let place = Vec3::new(0.1, -0.2, 0.0);
         let mut fresh = View::new();
-        fresh.set(PropQuality { resolution, ..PropQuality::EXACT });
+        fresh.set(PropQuality { error, spacing, ..PropQuality::EXACT });
         fresh.spawn(place, WIDE);
         let expected = fresh.capture();
         let mut view = View::new();
-        view.set(PropQuality { resolution, ..PropQuality::EXACT });
+        view.set(PropQuality { error, spacing, ..PropQuality::EXACT });
         let prop = view.spawn(Vec3::new(0.0, 0.0, 3.5), WIDE);
         assert!(view.capture() != expected);
         view.headless.app.world_mut().get_mut::<Transform>(prop).unwrap().translation = place;
-        assert_same(&view.capture(), &expected, &format!("resolution {resolution}"));
+        assert_same(&view.capture(), &expected, &format!("error {error}"));
     }
 }
 
-/// The outlines of coarse layers are complete: a prop looks the same when another prop, which is invisible, makes the
+/// With fewer rays, outlines are complete: a prop looks the same when another prop, which is invisible, makes the
 /// whole view be drawn.
 #[test]
-fn coarse_layers_are_not_cut() {
-    for resolution in [0.1, 0.15, 0.2, 0.3, 0.34, 0.6] {
+fn fewer_rays_cut_nothing() {
+    for (error, spacing) in [(0.02, 2), (0.3, 3), (f32::INFINITY, 8)] {
         let mut view = View::new();
-        view.set(PropQuality { resolution, ..PropQuality::EXACT });
+        view.set(PropQuality { error, spacing, ..PropQuality::EXACT });
         view.spawn(Vec3::new(0.1, -0.2, 0.0), WIDE);
         let alone = view.capture();
         let clear = view.headless.app.world_mut().resource_mut::<Assets<PlenOctree>>().add(field(1e-9));
         let everywhere = Transform::from_scale(Vec3::splat(8.0));
         view.headless.app.world_mut().spawn((Prop(clear), SolidOpacity::Never, everywhere));
-        assert_same(&alone, &view.capture(), &format!("resolution {resolution}"));
+        assert_same(&alone, &view.capture(), &format!("error {error}"));
     }
 }

@@ -1,0 +1,54 @@
+//! Rays where the picture needs them, for views that do not cast a ray for every pixel.
+//!
+//! The volume pass first draws a *grid* of rays, one for every `PropQuality::spacing` pixels along each axis. The *interpolate* pass
+//! interpolates the pixels between rays that agree, and collects all others in *batches*. These are marched in textures of
+//! their own, side by side, because neither graphics cards nor software rasterizers gain anything by leaving out single
+//! pixels. The *gather* pass takes the results to their places in the layer.
+
+mod batches;
+mod gather;
+mod interpolate;
+mod pass;
+
+pub(super) use batches::{BATCH, Batches, RaysOf, batches_size};
+pub(super) use pass::RefinePass;
+pub use pass::{GATHER_SPAN, INTERPOLATE_SPAN};
+
+use bevy::{
+    core_pipeline::schedule::Core3d,
+    prelude::*,
+    render::{
+        GpuResourceAppExt, Render, RenderApp, RenderStartup, RenderSystems, render_resource::SpecializedRenderPipelines,
+    },
+};
+
+use super::{
+    RefineSteps,
+    extract::VisibleProps,
+    view::{BindViews, InitViews},
+};
+use crate::sets::PlenOctreeRenderSystems;
+
+pub(super) fn plugin(app: &mut App) {
+    let Some(render_app) = app.get_sub_app_mut(RenderApp) else {
+        return;
+    };
+    render_app.world_mut().register_required_components::<VisibleProps, Batches>();
+    render_app.world_mut().register_required_components::<VisibleProps, RefinePass>();
+    render_app
+        .init_gpu_resource::<SpecializedRenderPipelines<interpolate::InterpolatePipeline>>()
+        .init_gpu_resource::<SpecializedRenderPipelines<gather::GatherPipeline>>()
+        .add_systems(RenderStartup, (interpolate::init, gather::init).after(InitViews))
+        .add_systems(
+            Render,
+            (
+                batches::prepare.after(PlenOctreeRenderSystems::PrepareViews).in_set(RenderSystems::PrepareResources),
+                pass::prepare_pipelines.in_set(PlenOctreeRenderSystems::PreparePipelines),
+                pass::prepare_bind_groups.after(BindViews).in_set(PlenOctreeRenderSystems::PrepareBindGroups),
+            ),
+        )
+        .add_systems(
+            Core3d,
+            (pass::interpolate_pass.in_set(RefineSteps::Interpolate), pass::gather_pass.in_set(RefineSteps::Gather)),
+        );
+}
