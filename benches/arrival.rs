@@ -1,8 +1,10 @@
 //! Prints the times of frames while fields arrive, are shown, swapped and dropped: `cargo bench --bench arrival --
 //! [FIELD]`. Without an argument, the field is a generated shell of 0.9 million leaves.
 //!
-//! The scene is a posterized toadstool, seen with the preset `Fast`. Each step is compared with the median frame of the
-//! second before it. A frame ends when the GPU has drawn it. Pipelines are compiled in the background, as in a game.
+//! The scene is a posterized toadstool, seen with the preset `Fast` by a camera that sways. Each step is compared with the
+//! median frame of the second before it, and with that of the second after it, because fields differ in what they cost. A frame ends when the GPU has drawn it. Pipelines are compiled in the background, as in a game.
+
+mod common;
 
 use std::{
     path::PathBuf,
@@ -62,25 +64,48 @@ fn grow(nodes: &mut Vec<[Cell; 8]>, leaves: &mut Vec<DVec3>, shell: (f64, f64, f
     node as u32
 }
 
+/// A frame: its wall time, the part of it that the main thread took, and the CPU time of all threads but those that work in
+/// the background, in milliseconds.
+#[derive(Clone, Copy)]
+struct Times {
+    wall: f64,
+    main: f64,
+    cpu: f64,
+}
+
+/// Returns the CPU time of all threads of this process that draw frames, in milliseconds.
+fn frame_threads() -> f64 {
+    let Ok(threads) = std::fs::read_dir("/proc/self/task") else {
+        return 1e3 * ProcessTime::now().as_duration().as_secs_f64();
+    };
+    let times = threads.flatten().filter_map(|thread| {
+        let name = std::fs::read_to_string(thread.path().join("comm")).ok()?;
+        let times = std::fs::read_to_string(thread.path().join("schedstat")).ok()?;
+        let time: f64 = times.split(' ').next()?.parse().ok()?;
+        (!name.starts_with("plenoctree")).then_some(1e-6 * time)
+    });
+    times.sum()
+}
+
 struct Scene {
     app: App,
     prop: Entity,
-    frames: Vec<[f64; 2]>,
+    frames: Vec<Times>,
 }
 
 impl Scene {
-    /// Runs a frame, and returns its wall time, and the CPU time of all threads meanwhile, in milliseconds.
-    fn frame(&mut self) -> [f64; 2] {
-        let start = (Instant::now(), ProcessTime::now());
+    fn frame(&mut self) -> Times {
+        let (start, cpu) = (Instant::now(), frame_threads());
         self.app.update();
+        let main = start.elapsed();
         let device = self.app.sub_app(RenderApp).world().resource::<RenderDevice>().clone();
         device.poll(PollType::wait_indefinitely()).unwrap();
-        [start.0.elapsed(), start.1.elapsed()].map(|time| 1e3 * time.as_secs_f64())
+        let [wall, main] = [start.elapsed(), main].map(|time| 1e3 * time.as_secs_f64());
+        Times { wall, main, cpu: frame_threads() - cpu }
     }
 
-    /// Makes a change, and runs frames for a second, and then until nothing is waited for.
+    /// Makes a change, and runs frames until nothing is waited for, and for a second more.
     fn step(&mut self, what: &str, change: impl FnOnce(&mut World, Entity)) {
-        let before = [0, 1].map(|which| median(self.frames.iter().map(|frame| frame[which]).collect()));
         let start = Instant::now();
         change(self.app.world_mut(), self.prop);
         let changing = 1e3 * start.elapsed().as_secs_f64();
@@ -91,25 +116,32 @@ impl Scene {
                 arrived = arrived.or(Some(start.elapsed()));
             }
         }
-        let worst = [0, 1].map(|which| times.iter().map(|time| time[which]).fold(0.0, f64::max));
-        let over = times.iter().filter(|time| time[0] > 1.5 * before[0]).count();
-        println!(
-            "| {what} | {:.2} s | {} | {:.1} | {:.1} | {:.2} | {over} | {:.1} | {:.1} | {changing:.2} |",
-            arrived.unwrap_or_default().as_secs_f64(),
-            times.len(),
-            before[0],
-            worst[0],
-            worst[0] / before[0],
-            before[1],
-            worst[1],
-        );
         // The second before the next step.
         let mut left = 1e3;
-        let second = times.iter().rev().take_while(|time| {
-            left -= time[0];
+        let after = times.iter().rev().take_while(|time| {
+            left -= time.wall;
             left > 0.0
         });
-        self.frames = second.copied().collect();
+        let after = after.copied().collect();
+        let row = |time: fn(&Times) -> f64| {
+            let [before, after] = [&self.frames, &after].map(|frames| median(frames.iter().map(time).collect()));
+            let worst = |frames: &[Times]| frames.iter().map(time).fold(0.0, f64::max);
+            let most = before.max(after);
+            let over = |than: f64| times.iter().filter(|frame| time(frame) > 1.5 * than).count();
+            format!(
+                "{before:.1} | {:.2} | {after:.1} | {:.2} | {} | {:.2} | {}",
+                worst(&self.frames) / before,
+                worst(&times) / before,
+                over(before),
+                worst(&times) / most,
+                over(most),
+            )
+        };
+        let (wall, cpu, count) = (row(|time| time.wall), row(|time| time.cpu), times.len());
+        let main = median(times.iter().map(|time| time.main).collect());
+        let arrived = arrived.unwrap_or_default().as_secs_f64();
+        println!("| {what} | {arrived:.2} s | {changing:.2} | {count} | {main:.1} | {wall} | {cpu} |");
+        self.frames = after;
     }
 }
 
@@ -129,7 +161,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         unapproved_path_mode: bevy::asset::UnapprovedPathMode::Allow,
         ..default()
     };
-    app.add_plugins((HeadlessPlugins.set(render).set(assets), PlenOctreePlugin));
+    app.add_plugins((HeadlessPlugins.set(render).set(assets), PlenOctreePlugin)).add_systems(Update, common::sway);
     app.world_mut().resource_mut::<PaletteExtraction>().sampler = PaletteSampler::Cpu;
     app.finish();
     app.cleanup();
@@ -146,9 +178,13 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let large = shell(9, 210.0, 10.0);
     println!("leaves: {} and {}\n", small.leaves(), large.leaves());
     println!(
-        "| step | until drawn | frames | median before, ms | worst | ratio | over 1.5 | CPU time before, ms | worst | the \
-         change itself, ms |\n|---|---|---|---|---|---|---|---|---|---|"
+        "Frames in ms: wall time, and CPU time of the threads that draw. Each with the median before, the worst before \
+         relative to it, the median after, the worst and those over 1.5 relative to the one before, and relative to the \
+         greater one.\n"
     );
+    let row = "before | worst before | after | worst | over | worst of both | over of both";
+    println!("| change | until drawn | the change itself | frames | main thread | {row} | CPU: {row} |");
+    println!("|---|---|---|---|---|{0}{0}", "---|".repeat(7));
     scene.step("start", |_, _| ());
     scene.step("nothing", |_, _| ());
     let name = |file: &PathBuf| file.display().to_string();

@@ -25,14 +25,19 @@ pub(crate) fn spawn<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static
     return bevy::tasks::AsyncComputeTaskPool::get().spawn(async move { work() });
 }
 
-/// Drops `value`, which holds `bytes` of memory: in the background if that takes long.
+/// Drops `value`, which holds `bytes` of memory: on a thread of its own if that takes long.
+///
+/// While memory is given back, the system and the driver hold locks that frames may wait for. So the thread keeps the
+/// priority of frames, and is done soon.
 pub(crate) fn discard(value: impl Send + 'static, bytes: u64) {
+    #[cfg(not(target_arch = "wasm32"))]
     if bytes >= MUCH {
-        spawn(move || drop(value)).detach();
+        // If there can be no other thread, this drops it.
+        let _ = std::thread::Builder::new().name("plenoctree".into()).spawn(move || drop(value));
     }
 }
 
-/// Runs a task on a new thread, or right here if there can be no other thread.
+/// Runs a task on a new thread of low priority, or right here if there can be no other thread.
 #[cfg(not(target_arch = "wasm32"))]
 fn on_thread(task: async_task::Runnable) {
     use std::sync::{Arc, Mutex, PoisonError};

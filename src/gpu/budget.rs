@@ -8,6 +8,9 @@ use std::time::Duration;
 /// Fields, and the levels that cameras request, are prepared in the background, and copied to the GPU in slices of about
 /// one mebibyte. At least one slice is copied in every frame. A larger budget lets fields arrive sooner.
 ///
+/// The budget is for 60 frames per second. Frames that take longer get proportionally more, so that fields arrive as soon.
+/// If the GPU is emulated in software, they get less, because the driver copies every slice once more on the same cores.
+///
 /// Defaults to 2 ms. With `None`, everything that is ready is copied at once, which is meant for apps without a window.
 #[derive(Resource, Clone, Copy, Debug, PartialEq, Eq, ExtractResource, Reflect)]
 #[reflect(Resource, Default, Clone, Debug, PartialEq)]
@@ -19,6 +22,14 @@ impl Default for UploadBudget {
         Self(Some(Duration::from_millis(2)))
     }
 }
+
+/// The frame that the budget is for.
+const FRAME: Duration = Duration::from_micros(16_667);
+/// The number of such frames in the longest one that counts. Apps may pause.
+const MOST_FRAMES: f64 = 10.0;
+/// The share of the budget that is left if a driver copies to memory of the system. That memory was never used before, which
+/// makes the copy several times slower than the one that is measured.
+const SHARE_IF_EMULATED: f64 = 0.125;
 
 /// What uploads may still do in this frame.
 pub(super) struct Turn {
@@ -32,8 +43,13 @@ pub(super) struct Turn {
 }
 
 impl Turn {
-    pub fn new(budget: UploadBudget, free_threads: usize) -> Self {
-        Self { start: Instant::now(), budget: budget.0, has_worked: false, free_threads, is_taken: false }
+    /// Begins a frame. The last one took `last_frame`.
+    pub fn new(budget: UploadBudget, last_frame: Duration, is_emulated: bool, free_threads: usize) -> Self {
+        let frames = last_frame.div_duration_f64(FRAME).clamp(1.0, MOST_FRAMES);
+        let share = if is_emulated { SHARE_IF_EMULATED * frames } else { frames };
+        let scaled = |budget: Duration| Duration::try_from_secs_f64(share * budget.as_secs_f64());
+        let budget = budget.0.map(|budget| scaled(budget).unwrap_or(Duration::MAX));
+        Self { start: Instant::now(), budget, has_worked: false, free_threads, is_taken: false }
     }
 
     /// Returns whether there is time left for a piece of work. The first one may always be done.

@@ -1,11 +1,13 @@
 //! Systems that update fields on the GPU, every frame.
 
-use std::thread::available_parallelism;
+use std::{thread::available_parallelism, time::Duration};
 
 use bevy::{
+    platform::time::Instant,
     prelude::*,
-    render::{render_asset::RenderAssets, render_resource::PipelineCache},
+    render::{render_asset::RenderAssets, render_resource::PipelineCache, renderer::RenderAdapterInfo},
 };
+use wgpu::DeviceType;
 
 use super::{
     budget::{Turn, UploadBudget},
@@ -21,10 +23,15 @@ pub(super) fn upload_levels(
     uploader: Uploader,
     budget: Res<UploadBudget>,
     reports: Res<FieldReports>,
+    adapter: Res<RenderAdapterInfo>,
+    mut last: Local<Option<Instant>>,
 ) {
     let threads = available_parallelism().map_or(1, |cores| cores.get() - 1).max(1);
     let being_made = fields.iter().map(|(_, field)| field.being_made()).sum();
-    let mut turn = Turn::new(*budget, threads.saturating_sub(being_made));
+    let now = Instant::now();
+    let last_frame = last.replace(now).map_or(Duration::ZERO, |last| now - last);
+    let is_emulated = adapter.device_type == DeviceType::Cpu;
+    let mut turn = Turn::new(*budget, last_frame, is_emulated, threads.saturating_sub(being_made));
     for (id, field) in fields.iter_mut() {
         let failure = field.advance(&uploader, &mut turn);
         // The failure of a field itself is reported at the end of the frame.
