@@ -16,6 +16,10 @@
 @group(2) @binding(0) var outline: texture_2d<u32>;
 @group(2) @binding(1) var owner: texture_2d<f32>;
 @group(2) @binding(2) var depth: texture_depth_2d;
+#ifdef OF_OTHERS
+// Where the rays reach the owner of the pixel. See `packed`.
+@group(2) @binding(3) var own_places: texture_2d<u32>;
+#endif
 
 // Draws one triangle; the scissor rectangle is that of the prop. Its box would not cover every pixel at its edge.
 @vertex
@@ -136,6 +140,17 @@ fn start(pixel: vec2<i32>, prop: u32) -> f32 {
     return select(0.0, before - LEAD * cell, nearest < FAR_AWAY);
 }
 
+// Packs a number of a ray at its place among those of eight rays.
+fn packed(ray: u32, value: f32) -> vec4<u32> {
+    let half = (pack2x16float(vec2(value, 0.0)) & 0xffffu) << (16u * (ray & 1u));
+    return select(vec4(0u), vec4(half), vec4(ray >> 1u) == vec4(0u, 1u, 2u, 3u));
+}
+
+// Returns what `packed` packed.
+fn unpacked(ray: u32, values: vec4<u32>) -> f32 {
+    return unpack2x16float(values[ray >> 1u] >> (16u * (ray & 1u))).x;
+}
+
 // Blending adds up what both owners write.
 struct Fragment {
     // The bits of a pixel's rays, one per ray, in four channels.
@@ -147,7 +162,12 @@ struct Fragment {
     // The sums of what the rays in r and in b see, divided by the number of all rays: encoded sRGB premultiplied by
     // opacity, and opacity. If the pixel has no owner, `own` is the result of `thinned`.
     @location(1) own: vec4<f32>,
+#ifdef OF_OWNERS
+    // Where the rays reach the prop, along the view axis from where its rays begin. Negative if they do not.
+    @location(2) places: vec4<u32>,
+#else
     @location(2) other: vec4<f32>,
+#endif
 }
 
 @fragment
@@ -155,7 +175,18 @@ fn fragment(in: Varying) -> Fragment {
     let pixel = vec2<i32>(in.position.xy);
     let owners = textureLoad(outline, pixel, 0).xy;
     let is_own = owners.x == in.prop + 1u;
-    if !is_own && owners.y != in.prop + 1u {
+#ifdef OF_OWNERS
+    let is_drawn = is_own;
+#else
+#ifdef OF_OTHERS
+    let is_drawn = !is_own && owners.y == in.prop + 1u;
+    let places = textureLoad(own_places, pixel, 0);
+    let has_places = owners.x > 0u;
+#else
+    let is_drawn = is_own || owners.y == in.prop + 1u;
+#endif
+#endif
+    if !is_drawn {
         discard;
     }
 
@@ -194,6 +225,9 @@ fn fragment(in: Varying) -> Fragment {
     let rays = view.edge_rays;
 #endif
     let share = 1.0 / f32(rays);
+#ifdef OF_OWNERS
+    var places = vec4(0u);
+#endif
     for (var index = 0u; index < rays; index++) {
         var ray = index;
         var bits = 1u << ray;
@@ -217,12 +251,20 @@ fn fragment(in: Varying) -> Fragment {
         let found = look(seen, end, in.prop, &h);
         let distance = props[in.prop].near + found.covered_at / seen.length;
         let is_covered = found.covered_at >= 0.0 && distance < view_distance(limit);
-        let own_distance = view_distance(max(solid + dot(solid_slope, offset), 0.0));
+#ifdef OF_OWNERS
+        places |= packed(ray, select(-1.0, found.covered_at / seen.length, is_covered));
+#endif
+        var own_distance = view_distance(max(solid + dot(solid_slope, offset), 0.0));
+        var knows_distance = hides;
+#ifdef OF_OTHERS
+        own_distance = select(own_distance, props[max(own, 1u) - 1u].near + unpacked(ray, places), has_places);
+        knows_distance = hides || has_places;
+#endif
         sum += select(vec4(0.0), found.color * share, is_covered);
         thin += select(found.color * share, vec4(0.0), found.covered_at >= 0.0);
         covered |= select(0u, bits, is_covered);
         hidden |= select(0u, bits, found.covered_at >= 0.0 && !is_covered);
-        before |= select(0u, bits, is_covered && select(is_before_own, distance < own_distance, hides));
+        before |= select(0u, bits, is_covered && select(is_before_own, distance < own_distance, knows_distance));
     }
 
     var kept = 0u;
@@ -261,6 +303,10 @@ fn fragment(in: Varying) -> Fragment {
     return Fragment(
         vec4<f32>(bits) / 255.0,
         to_half(own_color),
+#ifdef OF_OWNERS
+        places,
+#else
         to_half(select(sum, vec4(0.0), is_own)),
+#endif
     );
 }

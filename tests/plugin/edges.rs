@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use bevy::{
-    camera::Hdr,
+    camera::{Hdr, ScalingMode, visibility::RenderLayers},
     gizmos::GizmoPlugin,
     light::LightPlugin,
     pbr::PbrPlugin,
@@ -15,7 +15,7 @@ use bevy::{
 };
 use bevy_plenoctree::{
     EdgeSmoothing, FieldPalette, LabelStages, LoadSettings, Palette, PaletteOverride, Palettes, PlenOctree,
-    PlenOctreePlugin, Posterize, PosterizeView, Prop, PropQuality, PropStage, UpAxis,
+    PlenOctreePlugin, Posterize, PosterizeView, Prop, PropLighting, PropQuality, PropStage, UpAxis,
     headless::{Headless, exact_camera},
 };
 use glam::DVec3;
@@ -122,13 +122,19 @@ impl Stage {
 
     /// Returns which prop each pixel shows: 1 for the first, and 0 for none.
     fn owners(&mut self) -> Vec<usize> {
+        let mut lightings = vec![];
         for (prop, key) in self.props.iter().zip(KEYS) {
             let own = (0..16).fold(PaletteOverride::default(), |own, index| own.with(index, key));
-            self.headless.app.world_mut().entity_mut(*prop).insert(own);
+            let mut prop = self.headless.app.world_mut().entity_mut(*prop);
+            lightings.push(prop.insert(own).take::<PropLighting>());
         }
         let frame = self.capture(EdgeSmoothing::Off);
-        for prop in &self.props {
-            self.headless.app.world_mut().entity_mut(*prop).remove::<PaletteOverride>();
+        for (prop, lighting) in self.props.iter().zip(lightings) {
+            let mut prop = self.headless.app.world_mut().entity_mut(*prop);
+            prop.remove::<PaletteOverride>();
+            if let Some(lighting) = lighting {
+                prop.insert(lighting);
+            }
         }
         let keys = KEYS.map(|key| Srgba::from(key).to_u8_array());
         frame.pixels().map(|pixel| keys.iter().position(|key| *key == pixel.0).map_or(0, |key| key + 1)).collect()
@@ -225,14 +231,47 @@ fn edges_are_near_to_supersampled_ones() {
         check(&mut stage, &format!("before another prop, {msaa:?}"), third);
         let other = stage.props[1];
         stage.world().get_mut::<Transform>(other).unwrap().translation.z = 0.1;
-        check(&mut stage, &format!("through another prop, {msaa:?}"), 0.5);
+        check(&mut stage, &format!("through another prop, {msaa:?}"), third);
         stage.clear();
         stage.spawn_ball(BRIGHT, default());
         stage.spawn_wall(4.0, floor());
         check(&mut stage, &format!("on a mesh, {msaa:?}"), third);
         stage.clear();
     }
+    stage.set(Msaa::Off);
+    // Fog, which is posterized only where rays pass through enough of it.
+    let settings = BakeSettings { depth: 6, basis: Basis::Rgba, up: UpAxis::Y, ..default() };
+    let fog = bake(&settings, |at| if at.length() < 0.9 { 0.6 } else { 0.0 }, |_| |_| BRIGHT.into()).unwrap();
+    stage.spawn(&fog, Palette::new(vec![BRIGHT]).unwrap(), default());
+    check(&mut stage, "fog", third);
+    stage.clear();
+    // A ball whose near half, and more, is before the near plane.
+    let scaling_mode = ScalingMode::Fixed { width: 2.4, height: 2.4 };
+    let cut = OrthographicProjection { scaling_mode, near: 3.3, ..OrthographicProjection::default_3d() };
+    stage.set(Projection::Orthographic(cut));
+    stage.spawn_ball(BRIGHT, default());
+    check(&mut stage, "cut by the near plane", third);
+    stage.clear();
+    stage.set(Projection::default());
+    // Half of it in the shadow of a wall that only the light sees.
+    stage.spawn_ball(BRIGHT, default());
+    let lighting = PropLighting { shadows: 0.7, ..default() };
+    let (prop, unlit) = (stage.props[0], stage.capture(EdgeSmoothing::Coverage));
+    stage.world().entity_mut(prop).insert(lighting);
+    let light = DirectionalLight { shadow_maps_enabled: true, ..default() };
+    let sun = (light, Transform::default().looking_to(Vec3::NEG_Z, Vec3::Y), RenderLayers::from_layers(&[0, 1]));
+    let sun = stage.world().spawn(sun).id();
+    stage.spawn_wall(6.0, Transform::from_xyz(3.1, 0.0, 1.5));
+    let wall = stage.meshes[0];
+    stage.world().entity_mut(wall).insert(RenderLayers::layer(1));
+    let lit = stage.capture(EdgeSmoothing::Coverage);
+    let darker = lit.pixels().zip(unlit.pixels()).filter(|(lit, unlit)| lit[0] + 20 < unlit[0]).count();
+    assert!((300..3000).contains(&darker), "{darker} pixels are in shadow");
+    check(&mut stage, "half in shadow", third);
+    stage.world().despawn(sun);
+    stage.clear();
     // The scene's samples show how much of a pixel a mesh covers.
+    stage.set(Msaa::Sample4);
     for (hdr, place) in [(false, PropStage::Scene), (true, PropStage::Scene), (false, PropStage::Display)] {
         stage.set(place);
         if hdr {

@@ -10,10 +10,10 @@ use bevy::{
     shader::{Shader, ShaderDefVal},
 };
 
-use super::textures::{coverage_targets, mask_test};
+use super::textures::{PLACES_FORMAT, coverage_targets, mask_test};
 use crate::{
     gpu::{FieldLayout, FieldShape, Shaders, field_definitions},
-    render::{boxes::Boxes, refine::RaysOf, view::ViewLayouts},
+    render::{boxes::Boxes, fullscreen::target, refine::RaysOf, view::ViewLayouts},
 };
 
 #[derive(Resource)]
@@ -23,6 +23,19 @@ pub(super) struct CoveragePipeline {
     pub label: &'static str,
     /// The layout of bind group 2.
     pub layout: BindGroupLayoutDescriptor,
+    /// The same, for [`Part::OfOthers`].
+    pub layout_of_others: BindGroupLayoutDescriptor,
+}
+
+/// The pixels of a prop that a pipeline draws.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) enum Part {
+    /// All of them.
+    All,
+    /// Those that the prop owns. Writes where the rays reach it, for those that follow.
+    OfOwners,
+    /// Those that other props own, where the prop may be before them.
+    OfOthers,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
@@ -30,18 +43,22 @@ pub(super) struct CoverageKey {
     pub shape: FieldShape,
     /// The number of samples of the scene per pixel.
     pub samples: u32,
+    pub part: Part,
 }
 
 pub(super) fn init(mut commands: Commands, views: Res<ViewLayouts>, field: Res<FieldLayout>, shaders: Res<Shaders>) {
     let label = "plenoctree_coverage";
     let owner = texture_2d(TextureSampleType::Float { filterable: false });
     let textures = (texture_2d(TextureSampleType::Uint), owner, texture_depth_2d());
-    let entries = BindGroupLayoutEntries::sequential(ShaderStages::FRAGMENT, textures);
+    let entries = BindGroupLayoutEntries::sequential(ShaderStages::FRAGMENT, textures).to_vec();
+    let mut with_places = entries.clone();
+    with_places.push(texture_2d(TextureSampleType::Uint).build(3, ShaderStages::FRAGMENT));
     commands.insert_resource(CoveragePipeline {
         boxes: Boxes::new(label, &shaders.coverage, &shaders, &views, &field),
         shader: shaders.coverage.clone(),
         label,
         layout: BindGroupLayoutDescriptor::new(label, &entries),
+        layout_of_others: BindGroupLayoutDescriptor::new(label, &with_places),
     });
 }
 
@@ -56,13 +73,22 @@ impl SpecializedRenderPipeline for CoveragePipeline {
             dst_factor: BlendFactor::One,
             operation: BlendOperation::Add,
         };
-        let targets = coverage_targets(Some(BlendState { color: sum, alpha: sum }));
+        let mut targets = coverage_targets(Some(BlendState { color: sum, alpha: sum }));
+        match key.part {
+            Part::All => {}
+            Part::OfOwners => {
+                definitions.push("OF_OWNERS".into());
+                targets[2] = target(PLACES_FORMAT, None);
+            }
+            Part::OfOthers => definitions.push("OF_OTHERS".into()),
+        }
         let mut descriptor = self.boxes.pipeline(definitions, RaysOf::Grid, key.samples > 1, &targets);
         // It draws one triangle instead of a box.
         descriptor.vertex.shader = self.shader.clone();
         descriptor.primitive = default();
         descriptor.depth_stencil = Some(mask_test());
-        descriptor.layout.push(self.layout.clone());
+        let layout = if key.part == Part::OfOthers { &self.layout_of_others } else { &self.layout };
+        descriptor.layout.push(layout.clone());
         descriptor
     }
 }

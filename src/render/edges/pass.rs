@@ -13,7 +13,7 @@ use bevy::{
 };
 
 use super::{
-    coverage::{CoverageKey, CoveragePipeline},
+    coverage::{CoverageKey, CoveragePipeline, Part},
     outline::OutlinePipeline,
     textures::EdgeTextures,
 };
@@ -35,18 +35,25 @@ pub const EDGES_SPAN: &str = "plenoctree_edges";
 #[derive(Component, Default)]
 pub(in crate::render) struct EdgesPass {
     outline: Option<CachedRenderPipelineId>,
-    /// The pipeline of every prop whose edges are smooth, and its index in drawing order.
-    coverage: Vec<(usize, CachedRenderPipelineId)>,
+    /// What is drawn of every prop whose edges are smooth: the part, its index in drawing order, and its pipeline.
+    coverage: Vec<(Part, usize, CachedRenderPipelineId)>,
     layer: KeptBindGroup,
     outlines: KeptBindGroup,
+    places: KeptBindGroup,
 }
 
 impl EdgesPass {
     /// Returns whether all pipelines that the view needs have been created.
     pub fn are_ready(&self, cache: &PipelineCache) -> bool {
-        let ids = self.outline.iter().chain(self.coverage.iter().map(|(_, id)| id));
+        let ids = self.outline.iter().chain(self.coverage.iter().map(|(.., id)| id));
         ids.into_iter().all(|id| cache.get_render_pipeline(*id).is_some())
     }
+}
+
+/// Returns the parts in which the coverage of a view's props is drawn. Where props overlap, those before others are compared
+/// with them ray by ray.
+fn parts(props: &ViewProps) -> &'static [Part] {
+    if props.has_overlaps() { &[Part::OfOwners, Part::OfOthers] } else { &[Part::All] }
 }
 
 pub(super) fn prepare_pipelines(
@@ -65,12 +72,13 @@ pub(super) fn prepare_pipelines(
         }
         let samples = msaa.samples();
         pass.outline = Some(outline.id(&cache));
-        pass.coverage.extend(props.drawn.iter().enumerate().filter(|(_, prop)| prop.smooths_edges).filter_map(
-            |(index, prop)| {
-                let key = CoverageKey { shape: prop.on_gpu(&fields)?.shape, samples };
-                Some((index, coverages.specialize(&cache, &coverage, key)))
-            },
-        ));
+        for part in parts(props) {
+            let smooth = props.drawn.iter().enumerate().filter(|(_, prop)| prop.smooths_edges);
+            pass.coverage.extend(smooth.filter_map(|(index, prop)| {
+                let key = CoverageKey { shape: prop.on_gpu(&fields)?.shape, samples, part: *part };
+                Some((*part, index, coverages.specialize(&cache, &coverage, key)))
+            }));
+        }
     }
 }
 
@@ -83,13 +91,19 @@ pub(super) fn prepare_bind_groups(
 ) {
     for (textures, mut pass) in &mut views {
         let Some((ViewTextures { layer, .. }, edges)) = textures else {
-            (pass.layer, pass.outlines) = default();
+            (pass.layer, pass.outlines, pass.places) = default();
             continue;
         };
         let entries = BindGroupEntries::sequential((&layer.color, &layer.owner, &layer.depth));
         pass.layer.update(&device, &cache, outline.shared.label, &outline.shared.layout, &entries);
         let entries = BindGroupEntries::sequential((&edges.outline, &layer.owner, &layer.depth));
         pass.outlines.update(&device, &cache, coverage.label, &coverage.layout, &entries);
+        let Some(places) = &edges.places else {
+            pass.places = default();
+            continue;
+        };
+        let entries = BindGroupEntries::sequential((&edges.outline, &layer.owner, &layer.depth, places));
+        pass.places.update(&device, &cache, coverage.label, &coverage.layout_of_others, &entries);
     }
 }
 
@@ -107,7 +121,7 @@ pub(super) fn edges_pass(
     };
     // Until all pipelines are there, nothing is marked and edges are hard.
     let pipelines: Option<Vec<_>> =
-        edges.coverage.iter().map(|(index, id)| Some((*index, cache.get_render_pipeline(*id)?))).collect();
+        edges.coverage.iter().map(|(part, index, id)| Some((*part, *index, cache.get_render_pipeline(*id)?))).collect();
     let outline = edges.outline.and_then(|id| cache.get_render_pipeline(id)).filter(|_| pipelines.is_some());
     let diagnostics = ctx.diagnostic_recorder();
     let diagnostics = diagnostics.as_deref();
@@ -124,18 +138,25 @@ pub(super) fn edges_pass(
             draw(&mut pass, props, None, outline, [(plain, &[]), (layer, &[])]);
         }
     }
-    {
-        let [_, coverage, own, other] = textures.targets();
+    let pipelines = pipelines.unwrap_or_default();
+    for part in parts(props) {
+        let [_, coverage, own, other] = textures.targets().map(attachment::kept);
+        let (third, bound) = match (part, &textures.places, edges.places.get()) {
+            (Part::All, ..) => (other, outlines),
+            (Part::OfOwners, Some(places), _) => (cleared(places), outlines),
+            (Part::OfOthers, _, Some(places)) => (other, places),
+            _ => continue,
+        };
         let mut pass = ctx.begin_tracked_render_pass(RenderPassDescriptor {
             label: Some(EDGES_SPAN),
-            color_attachments: &[coverage, own, other].map(attachment::kept),
+            color_attachments: &[coverage, own, third],
             depth_stencil_attachment: Some(tested(&textures.mask)),
             ..default()
         });
         pass.set_bind_group(0, group, &[]);
-        pass.set_bind_group(2, outlines, &[]);
-        for (index, pipeline) in pipelines.into_iter().flatten() {
-            let Some((prop, level)) = props.drawn.get(index).and_then(|prop| Some((prop, prop.on_gpu(&fields)?)))
+        pass.set_bind_group(2, bound, &[]);
+        for (_, index, pipeline) in pipelines.iter().filter(|(of, ..)| of == part) {
+            let Some((prop, level)) = props.drawn.get(*index).and_then(|prop| Some((prop, prop.on_gpu(&fields)?)))
             else {
                 continue;
             };
@@ -146,7 +167,7 @@ pub(super) fn edges_pass(
             pass.set_scissor_rect(corner.x, corner.y, size.x, size.y);
             pass.set_render_pipeline(pipeline);
             pass.set_bind_group(1, &level.bind_group, &[]);
-            pass.draw(0..3, index as u32..index as u32 + 1);
+            pass.draw(0..3, *index as u32..*index as u32 + 1);
         }
     }
     span.end(ctx.command_encoder());

@@ -23,6 +23,9 @@ pub(super) const OUTLINE_FORMAT: TextureFormat = TextureFormat::Rg16Uint;
 /// Its values are bits. Other than integers, they can be blended, so that two props can write to one pixel.
 const COVERAGE_FORMAT: TextureFormat = TextureFormat::Rgba8Unorm;
 
+/// Eight half floats.
+pub(super) const PLACES_FORMAT: TextureFormat = TextureFormat::Rgba32Uint;
+
 /// The edges of props. A component of views in which any of them are smooth.
 #[derive(Component)]
 pub(in crate::render) struct EdgeTextures {
@@ -32,6 +35,8 @@ pub(in crate::render) struct EdgeTextures {
     pub coverage: TextureView,
     /// What rays see of the owner of the pixel, and of the other one.
     pub colors: [TextureView; 2],
+    /// Where rays reach the owner of the pixel, in views where props overlap. See `coverage.wgsl`.
+    pub places: Option<TextureView>,
     /// A depth that [`mask_test`] compares, so that no fragment shader runs elsewhere.
     pub mask: TextureView,
 }
@@ -45,7 +50,7 @@ impl EdgeTextures {
 
     /// Returns all textures.
     pub fn views(&self) -> impl Iterator<Item = &TextureView> {
-        self.targets().into_iter().chain([&self.mask])
+        self.targets().into_iter().chain([&self.mask]).chain(&self.places)
     }
 }
 
@@ -84,6 +89,7 @@ pub(super) fn prepare_textures(
             outline: texture("plenoctree_outline", OUTLINE_FORMAT),
             coverage: texture("plenoctree_coverage", COVERAGE_FORMAT),
             colors: ["plenoctree_own_rays", "plenoctree_other_rays"].map(|label| texture(label, LAYER_FORMAT)),
+            places: props.has_overlaps().then(|| texture("plenoctree_edge_places", PLACES_FORMAT)),
             mask: texture("plenoctree_edge_mask", DEPTH_FORMAT),
         });
     }
