@@ -18,6 +18,8 @@ use super::scene::stage::{BACKGROUND, BLUE, GREEN, RED, SOLID, Side, Stage, colo
 const TOWARD: DVec3 = DVec3::new(0.6, 0.25, 1.0);
 /// The x of the right side of the mesh that casts the shadow, and its z.
 const BLOCKER: (f64, f64) = (1.75, 3.0);
+/// Where the point light and the spot light are.
+const LAMP: DVec3 = DVec3::new(4.0, 0.5, 7.0);
 /// The layer of what only lights see.
 const UNSEEN: usize = 1;
 
@@ -36,16 +38,34 @@ fn spawn_sun(stage: &mut Stage, light: Color, casts: bool) -> Entity {
     stage.world().spawn((sun, place, cascades.build(), RenderLayers::from_layers(&[0, UNSEEN]))).id()
 }
 
-/// Returns the x of the edge of the shadow on the side of the cube that a camera sees. The light passes through the cube:
-/// only what is outside of the cube's box casts shadows on it.
-fn edge(side: Side) -> f64 {
-    BLOCKER.0 - (BLOCKER.1 - 0.5 * side.sign()) * TOWARD.x / TOWARD.z
+/// Spawns a light at [`LAMP`].
+fn spawn_lamp(stage: &mut Stage, is_spot: bool) -> Entity {
+    let place = Transform::from_translation(LAMP.as_vec3()).looking_at(Vec3::ZERO, Vec3::Y);
+    let layers = RenderLayers::from_layers(&[0, UNSEEN]);
+    let lamp = PointLight { intensity: 1e5, shadow_maps_enabled: true, ..default() };
+    let spot = SpotLight { intensity: 1e5, shadow_maps_enabled: true, outer_angle: 0.5, ..default() };
+    let mut spawned = stage.world().spawn((place, layers));
+    if is_spot { spawned.insert(spot).id() } else { spawned.insert(lamp).id() }
+}
+
+/// Returns the x of the edge of the shadow on the side of the cube that a camera sees: of the sun, or of a light at a point.
+/// The light passes through the cube: only what is outside of the cube's box casts shadows on it.
+fn edge(side: Side, lamp: Option<DVec3>) -> f64 {
+    let surface = 0.5 * side.sign();
+    match lamp {
+        None => BLOCKER.0 - (BLOCKER.1 - surface) * TOWARD.x / TOWARD.z,
+        Some(at) => at.x + (BLOCKER.0 - at.x) * (at.z - surface) / (at.z - BLOCKER.1),
+    }
 }
 
 /// Expects `lit` and `shaded` on the two parts of the cube's sides, everywhere but within a pixel of the edge.
 fn check(stage: &mut Stage, what: &str, lit: DVec3, shaded: DVec3) {
+    check_lamp(stage, what, None, lit, shaded);
+}
+
+fn check_lamp(stage: &mut Stage, what: &str, lamp: Option<DVec3>, lit: DVec3, shaded: DVec3) {
     stage.check(what, |side, place: DVec2| {
-        let off = place.x - edge(side);
+        let off = place.x - edge(side, lamp);
         let on_cube = if off < 0.0 { shaded } else { lit };
         let is_clear = off.abs() > 1.0 / 8.0 || !in_cube(place);
         is_clear.then_some(if in_cube(place) { on_cube } else { BACKGROUND })
@@ -137,10 +157,32 @@ fn shadows_of_meshes_fall_on_props() {
         stage.world().entity_mut(prop).insert(PropLighting { shadows: 0.0, tint, bands: 1 });
         let factors = DVec3::ONE.lerp(warm, f64::from(tint));
         stage.check(format!("tint {tint}"), |side, place| {
-            (in_cube(place) && place.x > edge(side) + 0.125).then_some(dimmed(GREEN, factors))
+            (in_cube(place) && place.x > edge(side, None) + 0.125).then_some(dimmed(GREEN, factors))
         });
     }
 
-    stage.world().entity_mut(prop).remove::<(PropLighting, Posterize)>();
+    // Lights that are somewhere.
+    stage.world().despawn(sun);
+    set_palette(&mut stage, &[GREEN, dark]);
+    for is_spot in [false, true] {
+        let lamp = spawn_lamp(&mut stage, is_spot);
+        let what = if is_spot { "spot light" } else { "point light" };
+        stage.world().entity_mut(prop).insert((PropLighting { shadows: 0.5, ..default() }, posterize));
+        check_lamp(&mut stage, what, Some(LAMP), GREEN, dark);
+        stage.world().entity_mut(prop).remove::<Posterize>();
+        check_lamp(&mut stage, &format!("{what}, as trained"), Some(LAMP), GREEN, dimmed(GREEN, DVec3::splat(0.5)));
+        stage.world().despawn(lamp);
+    }
+
+    // Without a light that casts shadows, and without lights, nothing changes.
+    let sun = spawn_sun(&mut stage, Color::WHITE, false);
+    assert_eq!(stage.capture(), unlit, "a light without shadows");
+    stage.world().despawn(sun);
+    assert_eq!(stage.capture(), unlit, "no light");
+    stage.world().entity_mut(prop).insert(posterize);
+    let dark = stage.capture();
+    stage.world().entity_mut(prop).remove::<PropLighting>();
+    assert_eq!(stage.capture(), dark, "posterized, no light");
+    stage.world().entity_mut(prop).remove::<Posterize>();
     assert_eq!(stage.capture(), unlit);
 }
