@@ -1,15 +1,15 @@
-//! Measures the CPU time of shadows: `cargo bench --bench shadows -- [FIELD]`.
+//! Measures the CPU time of shadows: `cargo bench --bench shadows -- [FIELD] [ROUNDS]`.
 //!
 //! Renders a view of 800 x 800 pixels, with a floor and a directional light of four cascades, Bevy's default: without the
-//! prop, with it, and with its shadow, while nothing moves, the camera turns, the prop spins, or the light moves. Variants take turns,
-//! and the least time of five rounds counts. It includes reading the frame back. With a GPU, it is the CPU time of the
-//! driver.
+//! prop, with it, with its shadow, and with the shadow of a mesh that falls on it (`PropLighting`), while nothing moves, the
+//! camera turns, the prop spins, or the light moves; as trained, and posterized. Variants take turns, and the least time of
+//! five rounds counts. It includes reading the frame back. With a GPU, it is the CPU time of the driver.
 
 use std::{path::PathBuf, time::Duration};
 
-use bevy::{light::NotShadowCaster, prelude::*};
+use bevy::{camera::visibility::RenderLayers, light::NotShadowCaster, prelude::*};
 use bevy_plenoctree::{
-    LoadSettings, PlenOctree, PlenOctreePlugin, Prop,
+    FieldPalette, LoadSettings, Palettes, PlenOctree, PlenOctreePlugin, Posterize, Prop, PropLighting,
     headless::{Headless, LitMeshPlugins, exact_camera, pinhole_view},
 };
 use cpu_time::ProcessTime;
@@ -56,6 +56,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut arguments = std::env::args_os().skip(1).filter(|argument| argument != "--bench").map(PathBuf::from);
     let own = || PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("assets/toadstool.npz");
     let field = PlenOctree::read(arguments.next().unwrap_or_else(own), &LoadSettings::default())?;
+    let rounds = arguments.next().and_then(|rounds| rounds.to_str()?.parse().ok()).unwrap_or(ROUNDS);
     let (low, high) = field.dense_bounds().ok_or("the field is empty")?;
     let floor = [low, high].map(|corner| (field.up().to_y_up() * corner).y as f32).into_iter().reduce(f32::min);
     let camera = PinholeCamera::around(&field, SIZE, SIZE, 0.5, 0.4).ok_or("the field is empty")?;
@@ -65,15 +66,22 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let (target, up) = (headless.target(), field.up());
     let world = headless.app.world_mut();
     let handle = world.resource_mut::<Assets<PlenOctree>>().add(field);
+    let colors = [Color::WHITE, Color::BLACK, Color::srgb(0.8, 0.2, 0.1), Color::srgb(0.4, 0.1, 0.05)];
+    world.resource_mut::<Palettes>().insert(&handle, FieldPalette::from_colors(colors)?);
     let prop = world.spawn(Prop(handle)).id();
     world.spawn((exact_camera(Color::WHITE), target, pinhole_view(&camera, up)));
     let mesh = world.resource_mut::<Assets<Mesh>>().add(Plane3d::default().mesh().size(20.0, 20.0));
     let material = world.resource_mut::<Assets<StandardMaterial>>().add(StandardMaterial::default());
-    world.spawn((Mesh3d(mesh), MeshMaterial3d(material), Transform::from_xyz(0.0, floor.unwrap_or(0.0), 0.0)));
+    world.spawn((Mesh3d(mesh), MeshMaterial3d(material.clone()), Transform::from_xyz(0.0, floor.unwrap_or(0.0), 0.0)));
+    let (toward, unseen) = (Vec3::new(0.5, 1.0, 0.4), RenderLayers::layer(1));
     world.spawn((
         DirectionalLight { shadow_maps_enabled: true, ..default() },
-        Transform::default().looking_to(Vec3::new(-0.5, -1.0, -0.4), Vec3::Y),
+        Transform::default().looking_to(-toward, Vec3::Y),
+        RenderLayers::from_layers(&[0, 1]),
     ));
+    // Only the light sees this bar, whose shadow falls on the prop.
+    let mesh = world.resource_mut::<Assets<Mesh>>().add(Cuboid::new(0.2, 0.2, 4.0));
+    world.spawn((Mesh3d(mesh), MeshMaterial3d(material), Transform::from_translation(4.0 * toward), unseen));
     headless.wait_until_ready(PATIENCE)?;
 
     let rows = [
@@ -82,43 +90,50 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         ("the prop", Moves::Prop),
         ("the light", Moves::Light),
     ];
-    let mut bright = None;
-    let mut least = [[f64::INFINITY; 3]; 4];
-    for _ in 0..ROUNDS {
-        for ((_, moves), least) in rows.iter().zip(&mut least) {
-            headless.app.insert_resource(*moves);
-            for (variant, least) in least.iter_mut().enumerate() {
-                let mut prop = headless.app.world_mut().entity_mut(prop);
-                prop.insert(if variant == 0 { Visibility::Hidden } else { Visibility::Visible });
-                if variant == 2 {
-                    prop.remove::<NotShadowCaster>();
-                } else {
-                    prop.insert(NotShadowCaster);
-                }
-                // What rests is drawn, and kept from the frame after that.
-                headless.capture()?;
-                headless.capture()?;
-                let frame = headless.capture()?;
-                match variant {
-                    1 => bright = Some(frame),
-                    2 if bright.as_ref() == Some(&frame) => return Err("the prop casts no shadow".into()),
-                    _ => {}
-                }
-                let start = ProcessTime::now();
-                for _ in 0..FRAMES {
+    for style in ["as trained", "posterized"] {
+        let mut entity = headless.app.world_mut().entity_mut(prop);
+        if style == "posterized" {
+            entity.insert(Posterize::default());
+        }
+        headless.wait_until_ready(PATIENCE)?;
+        let mut frames: [Option<image::RgbaImage>; 4] = default();
+        let mut least = [[f64::INFINITY; 4]; 4];
+        for _ in 0..rounds {
+            for ((_, moves), least) in rows.iter().zip(&mut least) {
+                headless.app.insert_resource(*moves);
+                for (variant, least) in least.iter_mut().enumerate() {
+                    let mut prop = headless.app.world_mut().entity_mut(prop);
+                    prop.remove::<(NotShadowCaster, PropLighting)>();
+                    prop.insert(if variant == 0 { Visibility::Hidden } else { Visibility::Visible });
+                    if variant < 2 {
+                        prop.insert(NotShadowCaster);
+                    } else if variant == 3 {
+                        prop.insert(PropLighting::default());
+                    }
+                    // What rests is drawn, and kept from the frame after that.
                     headless.capture()?;
+                    headless.capture()?;
+                    frames[variant] = Some(headless.capture()?);
+                    let start = ProcessTime::now();
+                    for _ in 0..FRAMES {
+                        headless.capture()?;
+                    }
+                    *least = least.min(1e3 * start.elapsed().as_secs_f64() / f64::from(FRAMES));
                 }
-                *least = least.min(1e3 * start.elapsed().as_secs_f64() / f64::from(FRAMES));
+                if *moves == Moves::Nothing && frames.windows(2).any(|pair| pair[0] == pair[1]) {
+                    return Err("a variant looks like the one before".into());
+                }
             }
         }
-    }
-    // What the prop costs while it is drawn anew in every frame.
-    let drawing = least[1][1] - least[1][0];
-    println!("| what moves | without the prop, ms | with it | with its shadow | the shadow, of drawing the prop |");
-    println!("|---|---|---|---|---|");
-    for ((what, _), [none, plain, shadowed]) in rows.iter().zip(least) {
-        let share = (shadowed - plain) / drawing;
-        println!("| {what} | {none:.1} | {plain:.1} | {shadowed:.1} | {share:.2} |");
+        // What the prop costs while it is drawn anew in every frame.
+        let drawing = least[1][1] - least[1][0];
+        println!("{style}; drawing the prop costs {drawing:.1} ms");
+        println!("| what moves | without the prop, ms | with it | with its shadow | of drawing | lit | of drawing |");
+        println!("|---|---|---|---|---|---|---|");
+        for ((what, _), [none, plain, shadowed, lit]) in rows.iter().zip(least) {
+            let [shadow, light] = [shadowed - plain, lit - shadowed].map(|time| time / drawing);
+            println!("| {what} | {none:.1} | {plain:.1} | {shadowed:.1} | {shadow:.2} | {lit:.1} | {light:.2} |");
+        }
     }
     Ok(())
 }
