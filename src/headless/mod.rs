@@ -167,12 +167,16 @@ impl Headless {
     /// says what was not.
     pub fn wait_until_ready(&mut self, timeout: Duration) -> Result<(), HeadlessError> {
         let start = Instant::now();
+        let mut failures = 0;
         loop {
             self.update();
-            let Some(waiting_for) = waiting::for_scene(&mut self.app)? else {
-                return Ok(());
-            };
-            pause(start, timeout, waiting_for)?;
+            match waiting::for_scene(&mut self.app) {
+                Ok(None) => return Ok(()),
+                Ok(Some(waiting_for)) => pause(start, timeout, waiting_for)?,
+                // The render world reports two frames later that what has failed was replaced.
+                Err(_) if failures < 2 => failures += 1,
+                Err(error) => return Err(error),
+            }
         }
     }
 
