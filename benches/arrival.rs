@@ -32,7 +32,7 @@ use plenoctree::{Basis, Cell, Frame};
 
 const SIZE: u32 = 256;
 
-/// Creates a shell around the origin with a radius of 1, so many finest cells thick.
+/// Creates a shell around the origin, `thickness` finest cells thick.
 fn shell(depth: u32, radius: f64, thickness: f64) -> PlenOctree {
     let (mut nodes, mut leaves) = (Vec::new(), Vec::new());
     grow(&mut nodes, &mut leaves, (radius, thickness, f64::from(1u32 << (depth - 1))), UVec3::ZERO, 1 << depth);

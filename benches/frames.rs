@@ -1,9 +1,9 @@
 //! Measures the CPU time of a frame: `cargo bench --bench frames -- [FIELD] [CAMERAS] [SIZE]`. The first table is by
-//! preset, as trained and posterized, the second by what has changed since the previous frame, and the third with smooth
-//! edges against hard ones.
+//! preset, as trained and posterized, the second by what has changed since the previous frame, and the third with
+//! smooth edges against hard ones.
 //!
-//! Renders a view of 800 x 800 pixels from the first camera. Variants take turns, and the least time of five rounds
-//! counts. It includes reading the frame back. With a GPU, it is the CPU time of the driver.
+//! Renders a view of 800 x 800 pixels from the first camera. Variants alternate, and the minimum of five rounds counts.
+//! It includes reading the frame back. With a GPU, it is the CPU time of the driver.
 
 mod common;
 
@@ -145,7 +145,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 
 /// Returns the milliseconds of CPU time of a frame.
 fn time(headless: &mut Headless) -> Result<f64, Box<dyn std::error::Error>> {
-    // What has changed is drawn, and copied in the frame after that.
+    // What has changed is drawn, and copied in the next frame.
     for _ in 0..3 {
         headless.capture()?;
     }

@@ -1,8 +1,8 @@
 //! Measures what overlapping props cost: `cargo bench --bench overlap -- [FIELD]`.
 //!
 //! Two props of a field stand one behind the other, in a view of 800 x 800 pixels. Where props overlap, the solid pass
-//! finds their nearest solid parts. Props that are never solid do without it, so they are the measure. Variants take
-//! turns, and the least CPU time of seven rounds counts.
+//! finds their nearest solid parts. Props that are never solid do without it, so they are the baseline. Variants
+//! alternate, and the minimum CPU time of seven rounds counts.
 
 mod common;
 
@@ -34,7 +34,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let world = headless.app.world_mut();
     let handle = world.resource_mut::<Assets<PlenOctree>>().add(field);
     let (projection, place) = pinhole_view(&camera, up);
-    // A quarter of its size to the side, and half of its size behind.
+    // Offset by a quarter of its size to the side, and by half of its size to the back.
     let size = (high - low).max_element() as f32;
     let behind = place.rotation * Vec3::new(0.25 * size, 0.0, -0.5 * size);
     world.spawn((exact_camera(Color::WHITE), target, projection, place));

@@ -1,4 +1,4 @@
-// The blend pass: blends the parts of the pixels where posterized props end.
+// The blend pass: smooths the edges of posterized props.
 
 #import bevy_plenoctree::color::{decode, encode, tinted}
 #import bevy_plenoctree::edge::{RAYS, neighbor, parts_of}
@@ -42,7 +42,7 @@ fn behind_at(pixel: vec2<u32>) -> Behind {
     return behind;
 }
 
-// Returns what neighbors show that none of the owners owns, or `center` if there are none.
+// Returns what the neighbors that none of the owners owns show, or `center` if there are none.
 fn around(pixel: vec2<u32>, owners: vec2<u32>, center: Behind) -> Behind {
     var sum = Behind(vec4(0.0), vec3(0.0));
     var total = 0.0;
@@ -52,7 +52,7 @@ fn around(pixel: vec2<u32>, owners: vec2<u32>, center: Behind) -> Behind {
             let own = unpack(textureLoad(filtered, at, 0)).owner;
             if own == 0u || all(vec2(own) != owners) {
                 let behind = behind_at(at);
-                // One that the edge of a mesh crosses counts less.
+                // A neighbor that the edge of a mesh crosses counts less.
                 let rays = vec4<u32>(textureLoad(coverage, at, 0) * 255.0 + 0.5);
                 let share = 1.0 + f32(RAYS - countOneBits(rays.r | rays.b));
                 let weight = share * share;

@@ -35,7 +35,7 @@ fn vertex(@builtin(vertex_index) index: u32, @builtin(instance_index) instance: 
     let bits = corners[index] ^ props[prop].mirrored;
     let corner = vec3(f32(bits & 1u), f32((bits >> 1u) & 1u), f32(bits >> 2u));
     var position = props[prop].clip_from_box * vec4(corner, 1.0);
-    // Only back faces are drawn. They must not be clipped, however near or far they are.
+    // Only back faces are drawn. They must not be clipped, no matter how near or far they are.
     position.z = 0.5 * position.w;
     position = vec4(to_grid(position), position.zw);
     return Varying(position, prop, instance >> 16u);

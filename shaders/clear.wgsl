@@ -1,4 +1,4 @@
-// Clears the attachments of a pass, where it may show again what they hold.
+// Clears the attachments of a pass whose result may be kept.
 
 struct Fragment {
 #ifdef SOLID

@@ -1,5 +1,5 @@
-// The compare pass: finds out whether the scene that the props are drawn into has changed since the last frame, and copies
-// it for the next one.
+// The compare pass: finds out whether the scene that the props are drawn into has changed since the last frame, and
+// copies it for the next one.
 
 #import bevy_plenoctree::view::View
 

@@ -1,5 +1,5 @@
-// The coverage pass: finds, by several rays through a pixel where a posterized prop ends, which part of it the prop
-// covers, and its color there.
+// The coverage pass: marches several rays through each pixel at the edge of a posterized prop, to find which part of
+// the pixel the prop covers, and its color there.
 
 #import bevy_plenoctree::color::to_half
 #import bevy_plenoctree::edge::{RAYS, neighbor, ray_of_four, ray_offset}
@@ -21,7 +21,7 @@
 @group(2) @binding(3) var own_places: texture_2d<u32>;
 #endif
 
-// Draws one triangle; the scissor rectangle is that of the prop. Its box would not cover every pixel at its edge.
+// Draws one triangle, clipped to the prop's scissor rectangle. The prop's box would not cover every pixel at its edge.
 @vertex
 fn vertex(@builtin(vertex_index) index: u32, @builtin(instance_index) prop: u32) -> Varying {
     if stale.layer == 0u {
@@ -33,7 +33,7 @@ fn vertex(@builtin(vertex_index) index: u32, @builtin(instance_index) prop: u32)
 
 // What a ray sees of a prop.
 struct Look {
-    // Where its opacity reaches that from which the prop is posterized, or -1.
+    // Where its opacity reaches the one from which the prop is posterized, or -1.
     covered_at: f32,
     // Encoded sRGB premultiplied by opacity, and opacity.
     color: vec4<f32>,
@@ -63,8 +63,8 @@ fn look(seen: PropRay, end: f32, prop: u32, h: ptr<function, Harmonics>) -> Look
     return Look(covered_at, color * gone / max(color.a, 1e-6));
 }
 
-// Returns the slope of a surface along one axis, from its depth at a pixel and at two neighbors. Where the surface ends,
-// one of the differences is not its slope: it is greater, or has another sign.
+// Returns the slope of a surface along one axis, from its depth at a pixel and at two neighbors. At the edge of the
+// surface, one of the differences is not its slope: it is greater, or has the opposite sign.
 fn slope(before: f32, here: f32, after: f32) -> f32 {
     let first = here - before;
     let second = after - here;
@@ -86,7 +86,8 @@ fn scene_value(pixel: vec2<i32>) -> f32 {
 }
 #endif
 
-// Returns the depth of a pixel's neighbor if it has the same owner, or else what lies opposite of the other neighbor.
+// Returns the depth of a pixel's neighbor if it has the same owner, or else an extrapolation from the opposite
+// neighbor.
 fn prop_value(at: vec2<i32>, opposite: vec2<i32>, own: u32, here: f32) -> f32 {
     let there = textureLoad(depth, at, 0);
     if owner_of(textureLoad(owner, at, 0)) == own && is_solid(there) {
@@ -109,8 +110,8 @@ fn prop_slope(pixel: vec2<i32>, own: u32, here: f32) -> vec2<f32> {
     );
 }
 
-// Where the center of a pixel and the rays that are not covered see a prop thinly, returns what replaces the color of the
-// center by that of the rays: a color to add, in encoded sRGB, after a multiplication by the last channel.
+// Where the center of a pixel and the rays that are not covered see a thin part of a prop, returns how to replace the
+// color of the center with that of the rays: multiply by the last channel, then add the color, in encoded sRGB.
 fn thinned(center: vec4<f32>, rays: vec4<f32>) -> vec4<f32> {
     let factor = (1.0 - rays.a) / max(1.0 - center.a, 1e-2);
     return vec4(rays.rgb - factor * center.rgb, factor);
@@ -155,9 +156,9 @@ fn unpacked(ray: u32, values: vec4<u32>) -> f32 {
 struct Fragment {
     // The bits of a pixel's rays, one per ray, in four channels.
     // r: those that the owner of the pixel covers.
-    // g: those where the other owner is before what is seen at the center of the pixel.
+    // g: those where the other owner is in front of what is seen at the center of the pixel.
     // b: those that the other owner covers, or would cover if the owner of the pixel did not.
-    // a: the samples of the scene, one bit per sample, where something else is before the prop.
+    // a: the samples of the scene, one bit per sample, where something else is in front of the prop.
     @location(0) bits: vec4<f32>,
     // The sums of what the rays in r and in b see, divided by the number of all rays: encoded sRGB premultiplied by
     // opacity, and opacity. If the pixel has no owner, `own` is the result of `thinned`.
@@ -241,7 +242,7 @@ fn fragment(in: Varying) -> Fragment {
         seen.span.x = max(seen.span.x, begins);
 #ifdef MULTISAMPLED
         let limit = limits[sample_of(ray, #{SAMPLES}u)];
-        // To tell what is hidden from what is not there, march as far as anything is seen.
+        // To tell hidden parts from missing ones, march as far as anything is seen.
         let last = farthest;
 #else
         let limit = max(scene + dot(across, offset), 0.0);
@@ -273,7 +274,7 @@ fn fragment(in: Varying) -> Fragment {
         let rays = rays_of(s, #{SAMPLES}u);
         if countOneBits(hidden & rays) > countOneBits(covered & rays) {
             kept |= 1u << s;
-            // One of several rays may see the prop past what hides it.
+            // Some of the rays may see the prop past what hides it.
             sum *= f32(countOneBits(covered & ~rays)) / max(f32(countOneBits(covered)), 1.0);
             covered &= ~rays;
             before &= ~rays;

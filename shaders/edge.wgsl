@@ -1,4 +1,4 @@
-// What the passes that smooth edges share: the neighbors of a pixel, and the parts into which rays divide it.
+// Shared by the passes that smooth edges: the neighbors of a pixel, and the parts into which rays divide it.
 #define_import_path bevy_plenoctree::edge
 
 // The number of rays through a pixel.
@@ -14,7 +14,7 @@ fn neighbor(pixel: vec2<i32>, index: i32) -> vec2<i32> {
 }
 
 // Returns where a ray crosses its pixel, relative to the center. No two rays share a row or a column of sixteenths, so
-// that edges of every slope are smooth. These are the places of samples with Direct3D's 8 samples per pixel.
+// that edges of every slope are smooth. These are the positions of Direct3D's standard pattern of 8 samples.
 fn ray_offset(ray: u32) -> vec2<f32> {
     let place = vec2(0xfb135d79u, 0x1f7d39b5u) >> vec2(4u * ray);
     return (vec2<f32>(place & vec2(15u)) - 8.0) / 16.0;
@@ -47,13 +47,13 @@ fn rays_of(sample: u32, samples: u32) -> u32 {
     return rays;
 }
 
-// The parts of a pixel where a prop ends.
+// The parts of a pixel at the edge of a prop.
 struct Parts {
     // The numbers of rays that show the owner of the pixel, the other one, and what is behind both.
     own: u32,
     other: u32,
     rest: u32,
-    // Whether the pixel shows what its center shows, as a whole.
+    // Whether the whole pixel shows what its center shows.
     are_whole: bool,
     // Whether the center shows what is behind.
     is_center: bool,
@@ -61,10 +61,10 @@ struct Parts {
     written: u32,
 }
 
-// Returns the parts of a pixel from the results of the outline pass and of the coverage pass. With SAMPLES, the target has
-// the samples of the scene, and those before the owners keep their color.
+// Returns the parts of a pixel from the results of the outline pass and of the coverage pass. With SAMPLES, the target
+// has the samples of the scene, and those in front of the owners keep their color.
 fn parts_of(owners: vec2<u32>, bits: vec4<u32>) -> Parts {
-    // Without an owner that has parts, the center stands for all that the other one does not cover.
+    // If the pixel has no owner, its center stands for everything that the other one does not cover.
     let has_own = owners.x > 0u;
     let own = countOneBits(select(0u, bits.r & ~bits.g, has_own));
     let other = countOneBits(select(bits.g, bits.g | (bits.b & ~bits.r), has_own));
@@ -75,7 +75,7 @@ fn parts_of(owners: vec2<u32>, bits: vec4<u32>) -> Parts {
 #else
     let rays = RAYS;
     let written = ALL_SAMPLES;
-    // The scene's color at the edge of a mesh is that of several objects.
+    // At the edge of a mesh, the scene's color mixes several objects.
     let is_center = !has_own && bits.a == 0u;
 #endif
     let are_whole = other == 0u && (is_center || own == rays);

@@ -4,7 +4,7 @@
 
 @vertex
 fn vertex(@builtin(vertex_index) index: u32) -> @builtin(position) vec4<f32> {
-    // What is drawn later shows what is drawn before.
+    // Later results are made from earlier ones.
 #ifdef KEPT_LAYER
     let is_kept = stale.layer == 0u;
 #else ifdef KEPT_COMPOSITE

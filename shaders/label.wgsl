@@ -12,7 +12,7 @@
 @group(1) @binding(0) var filtered: texture_2d<u32>;
 @group(1) @binding(1) var layer: texture_2d<f32>;
 
-// What a pixel shows: its color in encoded sRGB and its opacity, and what `LabelTextures` tells about it.
+// What a pixel shows: its color in encoded sRGB and its opacity, and what `LabelTextures` says about it.
 struct Seen {
     color: vec3<f32>,
     alpha: f32,

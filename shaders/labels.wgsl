@@ -1,4 +1,4 @@
-// Labels: which one a color gets, and how it is shown. See section 4 of the method, steps 3 to 5.
+// Finds the label of a color, and the color that it shows. See section 4 of the method, steps 3 to 5.
 #define_import_path bevy_plenoctree::labels
 
 #ifdef LIGHTING
@@ -46,7 +46,7 @@ struct Shown {
 }
 
 #ifdef LIGHTING
-// Colors that differ less than this from gray have no hue.
+// Colors that differ from gray by less than this have no hue.
 const GRAY: f32 = 0.08;
 // The cosine of the angle within which hues count as the same.
 const SAME_HUE: f32 = 0.9;
@@ -63,8 +63,8 @@ fn is_darker_shade(color: vec3<f32>, own: vec3<f32>) -> bool {
     return same_hue && dot(color - own, vec3(0.2126, 0.7152, 0.0722)) < 0.0;
 }
 
-// Returns what a label shows where a share of the light is missing: the color of a darker label of the same hue, the one
-// nearest to what the label would be with less light. Without such a label, its own color with less light.
+// Returns the color that a label shows where a fraction of the light is missing: that of the darker label of the same
+// hue that is nearest to the label's color with less light. If there is no such label, its own color with less light.
 fn shaded(prop: u32, label: Label, missing: f32) -> vec3<f32> {
     let count = props[prop].colors;
     let source = props[prop].first_color;
@@ -94,7 +94,7 @@ fn shaded(prop: u32, label: Label, missing: f32) -> vec3<f32> {
 }
 #endif
 
-// Returns the color that a label shows where a share of the light is missing.
+// Returns the color that a label shows where a fraction of the light is missing.
 fn shown_in(prop: u32, label: Label, missing: f32) -> vec3<f32> {
 #ifdef LIGHTING
     if missing > 0.0 {

@@ -1,5 +1,5 @@
-// The lighting pass: finds how much of the scene's light is kept from the solid parts of props by what is outside of their
-// boxes, and the color of the rest. Bind group 0 has the lights, as Bevy's mesh view has them.
+// The lighting pass: finds how much of the scene's light is blocked from the solid parts of props by things outside
+// their boxes, and the color of the rest. Bind group 0 has the lights, as Bevy's mesh view has them.
 
 #import bevy_pbr::clustered_forward::{
     get_clusterable_object_id, unpack_clusterable_object_index_ranges, view_fragment_cluster_index,
@@ -24,10 +24,10 @@ fn vertex(@builtin(vertex_index) index: u32) -> @builtin(position) vec4<f32> {
     return vec4(vec2(f32((index << 1u) & 2u), f32(index & 2u)) * 2.0 - 1.0, 0.0, 1.0);
 }
 
-// How far from its box a prop still casts no shadow on itself, relative to the box.
+// The margin around its box within which a prop casts no shadow on itself, relative to the box.
 const MARGIN: f32 = 0.02;
 
-// Returns how far in a direction a point of the prop leaves the box.
+// Returns the distance in a direction at which a point of the prop leaves the box.
 fn way_out(prop: u32, point: vec3<f32>, direction: vec3<f32>) -> f32 {
     let at = (props[prop].box_from_world * vec4(point, 1.0)).xyz;
     let along = (props[prop].box_from_world * vec4(direction, 0.0)).xyz;
@@ -36,7 +36,7 @@ fn way_out(prop: u32, point: vec3<f32>, direction: vec3<f32>) -> f32 {
     return max(min(ends.x, min(ends.y, ends.z)), 0.0);
 }
 
-// A point of a prop that is seen.
+// A visible point of a prop.
 struct Surface {
     prop: u32,
     point: vec3<f32>,
@@ -45,14 +45,14 @@ struct Surface {
     at: vec2<f32>,
 }
 
-// Returns the share of a directional light that arrives.
+// Returns the fraction of a directional light that arrives.
 fn share_of_sun(id: u32, surface: Surface) -> f32 {
     if (lights.directional_lights[id].flags & DIRECTIONAL_LIGHT_FLAGS_SHADOWS_ENABLED_BIT) == 0u {
         return 1.0;
     }
     let toward = lights.directional_lights[id].direction_to_light;
     let way = way_out(surface.prop, surface.point, toward);
-    // The way out may lead to before the near plane of a cascade. Those for larger distances reach farther.
+    // The way out may lead in front of the near plane of a cascade. Cascades for larger distances reach farther.
     for (var i = get_cascade_index(id, surface.view_z); i < lights.directional_lights[id].num_cascades; i++) {
         let margin = 2.0 * lights.directional_lights[id].cascades[i].texel_size;
         let outside = vec4(surface.point + (way + margin) * toward, 1.0);
@@ -83,7 +83,7 @@ fn light_of_lamp(id: u32, surface: Surface, is_spot: bool) -> vec3<f32> {
     return light * cone * cone;
 }
 
-// Returns the share of the light of a point or spot light that arrives.
+// Returns the fraction of the light of a point or spot light that arrives.
 fn share_of_lamp(id: u32, surface: Surface, is_spot: bool) -> f32 {
     let lamp = &clustered_lights.data[id];
     if ((*lamp).flags & POINT_LIGHT_FLAGS_SHADOWS_ENABLED_BIT) == 0u {
@@ -108,11 +108,11 @@ fn luminance(light: vec3<f32>) -> f32 {
     return dot(light, vec3(0.2126, 0.7152, 0.0722));
 }
 
-// How far from a pixel that is not solid a solid one may be whose depth it takes.
+// The largest distance at which a pixel that is not solid takes the depth of a solid one, in pixels.
 const REACH: i32 = 3;
 
-// Returns the depth of a pixel, or that of a solid pixel of the same prop nearby: outlines are drawn where a prop is not
-// solid yet, and get as dark as what they outline. Returns 0 if there is none.
+// Returns the depth of a pixel, or that of a solid pixel of the same prop nearby: outlines are drawn where a prop is
+// not solid yet, and must get as dark as what they outline. Returns 0 if there is none.
 fn depth_near(pixel: vec2<i32>, prop: u32) -> f32 {
     var found = textureLoad(depth, pixel, 0);
     let last = vec2<i32>(textureDimensions(depth)) - 1;

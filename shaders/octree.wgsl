@@ -15,8 +15,8 @@ struct Field {
     density_rows: u32,
     coefficient_rows: u32,
     codebook_rows: u32,
-    // Of a packed field: the first texel of the rows of differences, the step of colors, and what the largest coefficient of a
-    // row stands for.
+    // For packed fields: the first texel of the rows of differences, the step of colors, and the value of the largest
+    // coefficient of a row.
     chroma: u32,
     color_step: f32,
     table_scale: f32,
@@ -83,7 +83,7 @@ fn is_inside(walk: Walk) -> bool {
 }
 
 // Moves through the cell of `size` at `low` to the neighbor across the face where the ray exits. Positions are
-// integers, so that no cell is missed or visited twice, however short the path through it.
+// integers, so that no cell is missed or visited twice, no matter how short the path through it.
 fn leave(ray: Ray, walk: Walk, low: vec3<i32>, size: i32) -> Walk {
     let planes = (vec3<f32>(low + size * ray.forward) - ray.origin) * ray.inverse;
     let exit = max(min(min(planes.x, planes.y), planes.z), walk.t);

@@ -1,4 +1,4 @@
-// The outline pass: finds the pixels at which posterized props end, and the props that may cover parts of them.
+// The outline pass: finds the pixels at the edges of posterized props, and the props that may cover parts of them.
 
 #import bevy_plenoctree::edge::neighbor
 #import bevy_plenoctree::view::{is_solid, owner_of, props, view}
@@ -14,7 +14,7 @@ struct Fragment {
     @location(1) bits: vec4<f32>,
     @location(2) own_color: vec4<f32>,
     @location(3) other_color: vec4<f32>,
-    // 1 where a prop ends, and 0 elsewhere, for the depth test of the passes that follow.
+    // 1 at the edges of props, and 0 elsewhere, for the depth test of the passes that follow.
     @builtin(frag_depth) mask: f32,
 }
 
@@ -40,7 +40,7 @@ fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
             ends = ends || there != own;
             if there != own && smooths(there) {
                 let solid = textureLoad(depth, at, 0);
-                // Where neither is solid, the one that is drawn later is before the other one.
+                // Where neither is solid, the one that is drawn later is in front.
                 if solid > nearest || (solid == nearest && there > other) {
                     other = there;
                     nearest = solid;

@@ -1,4 +1,4 @@
-// The patch pass: puts the result of the blend pass in its place.
+// The patch pass: copies the result of the blend pass back to the texture that it was made from.
 
 @group(1) @binding(0) var blended: texture_2d<f32>;
 

@@ -84,8 +84,8 @@ struct Solid {
     transmittance: f32,
 }
 
-// Marches through densities alone, to `end` or until transmittance falls below `stop`. A ray is solid where transmittance
-// falls to `limit`.
+// Marches through densities alone, to `end` or until transmittance falls below `stop`. A ray is solid where
+// transmittance falls to `limit`.
 fn march_to_solid(in: PropRay, end: f32, limit: f32, stop: f32) -> Solid {
     var transmittance = 1.0;
     var solid = -1.0;

@@ -1,6 +1,6 @@
 // The radiance of a leaf. See section 1 of the method. The coefficients of a leaf take TEXELS texels: WORDS words per
-// channel, preceded by two more if they are COMPACT. With a CODEBOOK, a leaf has one texel of two words: its color, and the
-// numbers of its rows. Rows take TEXELS texels of two words per part. `src/gpu/payload.rs` packs them.
+// channel, preceded by two more if they are COMPACT. With a CODEBOOK, a leaf has one texel of two words: its color, and
+// the numbers of its rows. Rows take TEXELS texels of two words per part. `src/gpu/payload.rs` packs them.
 #define_import_path bevy_plenoctree::radiance
 
 #import bevy_plenoctree::constants::HARMONICS
@@ -11,7 +11,7 @@
 @group(1) @binding(5) var codebook: texture_2d_array<u32>;
 #endif
 
-// The values of the basis functions in one direction. Those that the field does not have are 0.
+// The values of the basis functions in one direction. Functions that the field does not have are 0.
 struct Harmonics {
     y: array<f32, 28>,
 }
@@ -67,7 +67,8 @@ fn harmonics(d: vec3<f32>) -> Harmonics {
 
 #ifdef CODEBOOK
 #ifdef DEGREE_1
-// Returns the sum of a part's harmonics but the first, relative to the largest coefficient. USED texels hold all of them.
+// Returns the sum of all harmonics of a part except the first, relative to the largest coefficient. USED texels hold
+// all of them.
 fn others(row: u32, h: ptr<function, Harmonics>) -> f32 {
     var sum = 0.0;
     for (var index = 0u; index < #{USED}u; index++) {

@@ -1,5 +1,5 @@
-// What the scene's lights and shadows do to the color of a pixel, in bind group 2 of the label pass and of the
-// blend pass.
+// Applies the scene's lights and shadows to the color of a pixel. Uses bind group 2 of the label pass and of the blend
+// pass.
 #define_import_path bevy_plenoctree::shade
 
 #import bevy_plenoctree::edge::neighbor
@@ -9,25 +9,25 @@
 struct Lit {
     // Transforms a point of the scene to the unit cube, from the box around the prop's leaves.
     box_from_world: mat4x4<f32>,
-    // The share of light that is missing in full shadow.
+    // The fraction of light that is missing in full shadow.
     shadows: f32,
-    // The share of the lights' color that the prop takes.
+    // The fraction of the lights' color that the prop takes on.
     tint: f32,
     // The number of steps to full shadow, or 0 if no lights fall on the prop.
     bands: u32,
 }
 
-// One for every prop of the view.
+// One per prop of the view.
 @group(2) @binding(0) var<storage, read> lit: array<Lit>;
-// The result of the lighting pass: the color of the light that arrives, and the share that does not.
+// The result of the lighting pass: the color of the light that arrives, and the fraction that is blocked.
 @group(2) @binding(1) var light: texture_2d<f32>;
 @group(2) @binding(2) var owner: texture_2d<f32>;
 
-// What lights and shadows do to a prop in a pixel.
+// The effect of lights and shadows on a prop in a pixel.
 struct Shade {
-    // The share of light that is missing.
+    // The fraction of light that is missing.
     missing: f32,
-    // The factors of linear light that the color of the lights makes.
+    // The factors of linear light, from the color of the lights.
     tint: vec3<f32>,
 }
 
@@ -36,8 +36,8 @@ fn lit_prop(pixel: vec2<u32>) -> u32 {
     return prop_of(textureLoad(owner, pixel, 0));
 }
 
-// Returns what lights do to a prop in a pixel that it owns or, where it ends, in a neighbor that it owns. Light is missing
-// as it is, or in steps.
+// Returns the effect of lights on a prop in a pixel that it owns or, at its edge, in a neighbor that it owns. The
+// missing light is rounded to steps if `in_steps` says so.
 fn shade_of(pixel: vec2<u32>, prop: u32, in_steps: bool) -> Shade {
     var at = pixel;
     for (var i = 0; i < 8; i++) {

@@ -11,6 +11,6 @@ fn fragment(
 ) -> @builtin(frag_depth) f32 {
     // `reference` is the texel of the map where the tile begins.
     let distance = textureLoad(tile, vec2<i32>(position.xy) - vec2<i32>(props[prop].reference), 0).x;
-    // Where the prop is not solid, the depth is that of what is infinitely far, which is never drawn.
+    // Where the prop is not solid, the depth is infinitely far and never drawn.
     return select(solid_depth(prop, distance), 0.0, distance < 0.0);
 }

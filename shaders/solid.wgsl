@@ -1,5 +1,5 @@
-// The solid pass: finds which of several props is solid nearest to the camera, and where. Where others show through that
-// one, a second round finds the nearest one through which nothing shows. Marches through densities alone.
+// The solid pass: finds which of several props is solid nearest to the camera, and where. Where others show through
+// that prop, a second round finds the nearest one that is opaque. Marches through densities alone.
 
 #import bevy_plenoctree::prop_ray::{Varying, march_to_solid, prop_ray, solid_depth_at}
 #import bevy_plenoctree::view::{pack_solid, props, shows_through, view}

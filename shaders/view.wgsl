@@ -6,8 +6,8 @@ struct Prop {
     clip_from_box: mat4x4<f32>,
     // The ray through the viewport point `reference` + p, in pixels, in the field's frame. Its origin is origin[0] +
     // p.x origin[1] + p.y origin[2], in tree units. Its direction has the same form, in world units of the field, and
-    // is not normalized. Rays begin at the box, `near` along the view axis, so that numbers stay small however far away
-    // the camera is.
+    // is not normalized. Rays begin at the box, `near` along the view axis, so that numbers stay small no matter how
+    // far away the camera is.
     origin: mat3x3<f32>,
     direction: mat3x3<f32>,
     // Tree units per world unit of the field.
@@ -70,7 +70,7 @@ struct View {
 @group(0) @binding(1) var<storage, read> props: array<Prop>;
 @group(0) @binding(2) var<storage, read> colors: array<vec4<f32>>;
 
-// What must be drawn: 1 if it must, or 0 if what was drawn before is still right. See `src/render/kept`.
+// What must be drawn: 1 if it must, or 0 if what was drawn before is still valid. See `src/render/kept`.
 struct Stale {
     layer: u32,
     composite: u32,
@@ -79,11 +79,12 @@ struct Stale {
 
 @group(0) @binding(3) var<uniform> stale: Stale;
 
-// Where vertices are if nothing is to be drawn.
+// The position of vertices if nothing must be drawn.
 const NOWHERE: vec4<f32> = vec4(2.0, 2.0, 2.0, 1.0);
 
 // Returns whether a pixel of the viewport is in the part that is drawn. Others may hold what earlier frames left. The
-// scissor rectangle alone does not exclude them: with several samples, Mesa's software rasterizer draws a pixel beyond it.
+// scissor rectangle alone does not exclude them: with several samples, Mesa's software rasterizer draws a pixel beyond
+// it.
 fn is_drawn(pixel: vec2<u32>) -> bool {
     return all(pixel >= view.low) && all(pixel < view.high);
 }
@@ -101,8 +102,8 @@ fn depth_value(distance: f32) -> f32 {
     return (view.depth.y - distance * view.depth.x) / (view.depth.w - distance * view.depth.z);
 }
 
-// Returns how a point of a prop has moved since the previous frame, as a share of the viewport. `at` is the point's place
-// in the viewport, in pixels.
+// Returns how a point of a prop has moved since the previous frame, as a fraction of the viewport. `at` is the point's
+// position in the viewport, in pixels.
 fn motion_of(prop: u32, at: vec2<f32>, depth: f32) -> vec2<f32> {
     let clip = vec4((2.0 * at / vec2<f32>(view.size) - 1.0) * vec2(1.0, -1.0), depth, 1.0);
     let now = view.unjittered_from_clip * clip;
@@ -123,7 +124,7 @@ fn packed_owner(texel: vec4<f32>) -> u32 {
     return u32(texel.r) + (u32(texel.g) << 11u);
 }
 
-// Marks the owner of a pixel that is drawn as trained, which only the lights that fall on it need to know.
+// Marks the owner of a pixel that is drawn as trained, which matters only for the lights that fall on it.
 const AS_TRAINED: u32 = 0x10000u;
 
 // Returns the owner of a posterized pixel, or 0.

@@ -17,7 +17,7 @@
 @group(2) @binding(3) var opaque_depth: texture_depth_2d;
 
 // The parts of props that overlap, in drawing order: what is behind the solid depth, the prop that is solid there, and
-// what is before it. They match `Part` in `volume/pass.rs`.
+// what is in front of it. They match `Part` in `volume/pass.rs`.
 const BEHIND: u32 = 0u;
 const SOLID: u32 = 1u;
 const BEFORE: u32 = 2u;
@@ -25,7 +25,7 @@ const BEFORE: u32 = 2u;
 // Returns the part of a ray's span that is drawn in this pixel. It may be empty.
 fn part(seen: PropRay, in: Varying) -> vec2<f32> {
     let pixel = vec2<u32>(in.position.xy);
-    // What is opaque cuts all others. Without it, the nearest solid depth decides what is before and behind.
+    // An opaque prop cuts all others. Without one, the nearest solid depth decides what is in front and behind.
     var texel = textureLoad(opaque, pixel, 0).x;
     var depth = textureLoad(opaque_depth, pixel, 0);
     if texel == 0u {

@@ -1,19 +1,19 @@
-//! Runs what takes longer than a frame on threads of its own.
+//! Runs work that takes longer than a frame on dedicated threads.
 //!
 //! On small machines, Bevy's task pools have a single thread each, which compiles pipelines and reads files. Long work
-//! in them would keep all of that waiting. Where a thread can choose its priority, these choose a low one, so that they
-//! take what frames leave.
+//! in them would block all of that. Where a thread can lower its priority, these do, so that they use only the time
+//! that frames leave.
 
 use std::{sync::OnceLock, thread::available_parallelism};
 
 use bevy::tasks::Task;
 
-/// The size above which memory is given back in the background, in bytes. Less takes no time that matters.
+/// The size in bytes above which memory is freed in the background. Freeing less takes a negligible time.
 const MUCH: u64 = 1 << 20;
 
-/// Runs `work` on a thread of its own, and returns a task that ends with it. Dropping the task discards the result.
+/// Runs `work` on a dedicated thread, and returns a task that ends with it. Dropping the task discards the result.
 ///
-/// The web has no threads. There, Bevy runs all tasks on the main thread, and this one too.
+/// The web has no threads: there, Bevy runs all tasks on the main thread, including this one.
 pub(crate) fn spawn<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> Task<T> {
     #[cfg(not(target_arch = "wasm32"))]
     {
@@ -57,8 +57,7 @@ fn on_thread(task: async_task::Runnable) {
     }
 }
 
-/// Lowers the priority of this thread, on systems where threads have one of their own: frames get several times its
-/// share of a core.
+/// Lowers the priority of this thread on systems that support it: frames get several times its share of a core.
 fn yield_to_frames() {
     #[cfg(any(target_os = "linux", target_os = "android"))]
     let _ = rustix::process::setpriority_process(None, 10);
@@ -66,7 +65,8 @@ fn yield_to_frames() {
 
 /// Runs `work`, which rayon splits into parts, on all cores but one, which is left to the app. Returns when it is done.
 ///
-/// Do not wait for a lock in `work`: while it waits for its parts, its thread may start other work.
+/// Do not wait for a lock in `work`: while it waits for its parts, its thread may start other work that takes the same
+/// lock.
 pub(crate) fn on_cores<T: Send>(work: impl FnOnce() -> T + Send) -> T {
     static CORES: OnceLock<Option<rayon::ThreadPool>> = OnceLock::new();
     let cores = CORES.get_or_init(|| {
@@ -77,7 +77,7 @@ pub(crate) fn on_cores<T: Send>(work: impl FnOnce() -> T + Send) -> T {
     });
     match cores {
         Some(cores) => cores.install(work),
-        // Threads of its own could not be started.
+        // The threads could not be started.
         None => work(),
     }
 }

@@ -28,14 +28,14 @@
 //! |---|---|
 //! | draw a field | [`Prop`], [`SolidOpacity`] |
 //! | know whether it is drawn | [`PropState`], [`PropProgress`], [`props_ready`], [`FieldReady`], [`FieldFailed`], [`PaletteFailed`] |
-//! | limit what arriving fields take of a frame | [`UploadBudget`] |
+//! | limit the time per frame that arriving fields take | [`UploadBudget`] |
 //! | survive the loss of the GPU device | [`DeviceRecoveryPlugin`] |
 //! | posterize it | [`Posterize`] on the prop, or [`PosterizeView`] on a camera to posterize everything in view |
 //! | keep its silhouette hard | [`EdgeSmoothing`], in its [`Posterize`] |
 //! | recolor it | [`Palettes`], [`PaletteOverride`], [`PropTint`], [`BlendSpace`], [`PaletteReady`] |
 //! | configure palette extraction | [`PaletteExtraction`] |
 //! | cast shadows | the feature `shadows`, [`SolidOpacity`], [`PropQuality`] on a light |
-//! | let shadows and lights fall on it | `PropLighting` (feature `shadows`) on the prop |
+//! | light it: shadows and lights fall on it | `PropLighting` (feature `shadows`) on the prop |
 //! | choose where in the frame props are drawn | [`PropStage`] on a camera |
 //! | trade accuracy for speed | [`PropQuality`] on a camera |
 //! | cast rays at props | [`PropRayCast`]; `PropPickingPlugin` (feature `picking`) |
@@ -94,8 +94,8 @@ pub use picking::{PropHit, PropRayCast};
 pub use plenoctree::PackSettings;
 pub use plenoctree::{
     Activation, LoadSettings, PlenOctree, Precision, UpAxis,
-    palette::{Colors, ExtractionSettings, Palette, PaletteLabel, PaletteMethod},
-    sampling::{Observers, SamplingSettings},
+    palette::{ColorCount, ExtractionSettings, Palette, PaletteLabel, PaletteMethod},
+    sampling::{ObserverRegion, SamplingSettings},
 };
 #[cfg(feature = "mesh")]
 pub use plenoctree::{MeshError, SurfaceMesh};

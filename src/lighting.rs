@@ -7,16 +7,16 @@ pub const MAX_BANDS: u32 = 8;
 
 /// Lets the shadows and the lights of the scene fall on a [`Prop`](crate::Prop). Requires the feature `shadows`.
 ///
-/// Props without it keep the light that they were trained with, wherever they are. Props with it keep that light too, as
-/// their own shading, and get darker where others stand between them and the scene's lights. Lights count by how much of
-/// their light would arrive; ambient light does not count, and lights without shadow maps are never blocked.
+/// Props without it keep the light that they were trained with, wherever they are. Props with it keep that light too,
+/// as their own shading, and get darker where something else blocks the scene's lights. Lights are weighted by how much
+/// of their light would arrive; ambient light does not count, and lights without shadow maps are never blocked.
 ///
-/// What is inside the box around a prop's leaves does not shade it, neither its own parts nor a mesh that it holds:
-/// props have the shadows of their own parts in their colors.
+/// Nothing inside the box around a prop's leaves casts a shadow on it, neither its own parts nor a mesh that it holds:
+/// the shadows of its own parts are already in its colors.
 ///
-/// A posterized prop goes down its palette: where light is missing, the label that is darker and has the same hue takes
-/// the place of the pixel's label, in the palette's shown colors. Source colors choose both, so recoloring moves no edge.
-/// Where the palette has no such label, the shown color is darkened instead.
+/// A posterized prop goes down its palette: where light is missing, a darker label of the same hue replaces the pixel's
+/// label, in the palette's shown colors. Source colors choose both, so recoloring moves no edge. Where the palette has
+/// no such label, the shown color is darkened instead.
 ///
 /// It takes effect where props are solid, for cameras that draw them at [`PropStage::Scene`](crate::PropStage::Scene).
 ///
@@ -34,17 +34,17 @@ pub const MAX_BANDS: u32 = 8;
 #[reflect(Component, Default, Clone, Debug, PartialEq)]
 #[type_path = "bevy_plenoctree"]
 pub struct PropLighting {
-    /// The share of linear light that is missing where no light arrives. 0 disables shadows.
+    /// The fraction of linear light that is lost where no light arrives. 0 disables shadows.
     ///
     /// Defaults to 0.6. Clamped to 0..=1.
     pub shadows: f32,
-    /// How much of the lights' color the prop takes, from 0 (none) to 1 (as if the light were all that it has). White
-    /// lights change nothing. Multiplies linear light by the color of the light that arrives, whose largest channel is 1.
+    /// How much of the lights' color the prop takes on, from 0 (none) to 1 (all of it). White lights change nothing.
+    /// Multiplies linear light by the color of the light that arrives, whose largest channel is 1.
     ///
     /// Defaults to 0. Clamped to 0..=1.
     pub tint: f32,
-    /// The number of steps from full light to full shadow, where the prop is posterized. As trained, shadows have soft
-    /// edges if the scene's shadows have.
+    /// The number of steps from full light to full shadow, where the prop is posterized. On a prop as trained, shadows
+    /// have soft edges if the scene's shadows do.
     ///
     /// Defaults to 1: a pixel is in shadow where half of the light is missing. Clamped to 1..=[`MAX_BANDS`].
     pub bands: u32,

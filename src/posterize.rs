@@ -25,9 +25,9 @@ pub struct Posterize {
     /// The number of steps from one palette color to another, `d` in the method. With 1, the labels are the palette
     /// colors alone, without blends.
     ///
-    /// Defaults to 3. Clamped to 1..=[`MAX_BLEND_STEPS`]. With palettes of more than 17 colors, there may be fewer: no
-    /// more than [`PaletteLabel::most_blend_steps`], so that every pixel is compared to at most
-    /// [`PaletteLabel::MAX_LABELS`] labels. An error is logged then.
+    /// Defaults to 3. Clamped to 1..=[`MAX_BLEND_STEPS`]. Palettes of more than 17 colors may get fewer steps: no more
+    /// than [`PaletteLabel::most_blend_steps`], so that every pixel is compared to at most [`PaletteLabel::MAX_LABELS`]
+    /// labels. In that case, an error is logged.
     pub blend_steps: u32,
     /// The distance over which neighboring labels blend, in encoded sRGB; `D` in the method. 0 is a hard edge.
     ///
@@ -41,7 +41,7 @@ pub struct Posterize {
     pub filter: BilateralFilter,
     /// What is drawn until the palette is loaded or extracted.
     ///
-    /// Defaults to [`BeforePalette::Hide`]. Posterized views ignore it: they are drawn as they are.
+    /// Defaults to [`BeforePalette::Hide`]. Posterized views ignore it: until then, they are drawn unchanged.
     pub before_palette: BeforePalette,
     /// How the prop's silhouette is drawn.
     ///
@@ -49,10 +49,10 @@ pub struct Posterize {
     pub edges: EdgeSmoothing,
 }
 
-/// How the pixels are drawn at which a posterized prop ends: before the background, a mesh or another prop, or where a
-/// mesh hides the rest of it.
+/// How the edges of a posterized prop are drawn: in front of the background, a mesh or another prop, or where a mesh
+/// hides the rest of it.
 ///
-/// Pixels that the prop covers as a whole are the same either way, and so is its depth.
+/// Pixels that the prop covers completely are the same either way, and so is its depth.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
 #[reflect(Default, Clone, Debug, PartialEq, Hash)]
 #[type_path = "bevy_plenoctree"]
@@ -61,11 +61,11 @@ pub enum EdgeSmoothing {
     /// behind in linear light, like the edges of multisampled meshes. This is the default.
     #[default]
     Coverage,
-    /// The ray through the center of a pixel decides about all of it, as the method specifies.
+    /// The ray through the center of a pixel decides for the whole pixel, as the method specifies.
     Off,
 }
 
-/// What is drawn of a posterized prop as long as the palette of its field is being loaded or extracted.
+/// What is drawn of a posterized prop while the palette of its field is being loaded or extracted.
 ///
 /// If no palette can be extracted, the prop is drawn as trained.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
@@ -115,7 +115,7 @@ impl Posterize {
 }
 
 impl Posterize {
-    /// Returns the number of blend steps that is drawn with a palette of `colors` colors.
+    /// Returns the number of blend steps that are drawn with a palette of `colors` colors.
     pub(crate) fn blend_steps_of(&self, colors: usize) -> u32 {
         let (wanted, most) = (self.blend_steps.clamp(1, MAX_BLEND_STEPS), PaletteLabel::most_blend_steps(colors));
         if wanted > most {

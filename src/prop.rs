@@ -26,8 +26,8 @@ use crate::{
 /// becomes Bevy's y axis. Scaling the entity does not change the field's apparent density, and highlights rotate with
 /// the entity. By default, the field is drawn as trained; add [`Posterize`](crate::Posterize) to posterize it.
 ///
-/// [`PropState`] says whether the prop can be drawn yet, and [`PropProgress`] how far it is. If it is given another field, the one that it had is drawn until
-/// the new one can be.
+/// [`PropState`] says whether the prop can be drawn yet, and [`PropProgress`] how close it is. If it is given another
+/// field, the previous one is drawn until the new one can be.
 #[derive(Component, Clone, Debug, FromTemplate, Reflect)]
 #[reflect(Component, Clone, Debug)]
 #[type_path = "bevy_plenoctree"]
@@ -36,7 +36,7 @@ use crate::{
 pub struct Prop(pub Handle<PlenOctree>);
 
 /// Reverts `add_visibility_class`. Otherwise, an entity whose [`Prop`] is removed and added again would be listed twice
-/// as visible. Also lets go of the field.
+/// as visible. Also releases the field.
 fn clean_up(mut world: DeferredWorld, HookContext { entity, .. }: HookContext) {
     if let Some(mut classes) = world.get_mut::<VisibilityClass>(entity) {
         classes.retain(|class| *class != TypeId::of::<Prop>());
@@ -44,12 +44,12 @@ fn clean_up(mut world: DeferredWorld, HookContext { entity, .. }: HookContext) {
     world.commands().entity(entity).try_remove::<(DrawnField, PropProgress, PropState)>();
 }
 
-/// Multiplies the light of a [`Prop`], for example to dim it with the scene at night. The scene's lights
-/// do not make props brighter or darker, apart from what a `PropLighting` lets in (feature `shadows`).
+/// Multiplies the light of a [`Prop`], for example to dim it with the scene at night. The scene's lights do not make
+/// props brighter or darker, except through a `PropLighting` (feature `shadows`).
 ///
-/// Reaches everything that is drawn of the prop: as trained, in the shown colors of its palette, and in those of its
+/// Applies to everything that is drawn of the prop: as trained, in the shown colors of its palette, and in those of its
 /// [`PaletteOverride`](crate::PaletteOverride). Multiplies linear light, channel by channel, and does not change which
-/// pixels get which label. Channels above 1 brighten: `PropTint(Color::linear_rgb(2.0, 2.0, 2.0))` is one stop more.
+/// pixels get which label. Channels above 1 brighten: `PropTint(Color::linear_rgb(2.0, 2.0, 2.0))` adds one stop.
 /// Negative channels count as 0. Alpha is ignored.
 ///
 /// Defaults to white, which changes nothing.
@@ -73,17 +73,17 @@ impl PropTint {
     }
 }
 
-/// The opacity at which a [`Prop`] becomes solid, writes depth and casts shadows.
+/// The opacity at which a [`Prop`] counts as solid: from there on, it writes depth and casts shadows.
 ///
 /// The pixel's depth is that of the point where the opacity along its ray reaches this value. Anything that is drawn
 /// later or reads the scene's depth treats that point as a surface. Pixels whose opacity stays below it write no depth.
 ///
-/// With the feature `shadows`, the same holds along the rays of a light: its shadow begins where the opacity reaches this
-/// value, and parts whose opacity stays below it cast none.
+/// With the feature `shadows`, the same holds along the rays of a light: its shadow begins where the opacity reaches
+/// this value, and parts whose opacity stays below it cast none.
 ///
 /// Where several props overlap in the view, the depth is that of the nearest one that is solid. The nearest one that is
-/// solid and lets no light through hides what is behind that point, and nothing before it. Without such a prop, the
-/// nearest solid one decides what is drawn before and behind the others.
+/// solid and lets no light through hides what is behind that point, and nothing in front of it. Without such a prop,
+/// the nearest solid one decides what is drawn in front of and behind the others.
 ///
 /// Defaults to `At(0.5)`.
 #[derive(Component, Clone, Copy, Debug, PartialEq, Reflect)]
@@ -119,8 +119,8 @@ impl Plugin for PropPlugin {
     }
 }
 
-/// Sets the [`Aabb`] of props to the bounds of their field's leaves, when the field is loaded, changed or drawn. Includes
-/// the bounds of an earlier field, or an earlier version, that is still drawn.
+/// Sets the [`Aabb`] of props to the bounds of their field's leaves, when the field is loaded, changed or drawn.
+/// Includes the bounds of an earlier field, or an earlier version, that is still drawn.
 fn update_bounds(
     mut commands: Commands,
     fields: Res<Assets<PlenOctree>>,
@@ -146,7 +146,7 @@ fn update_bounds(
         }
         let earlier_version = bounds.filter(|_| is_changed && !has_arrived && gpu.has_reports());
         let earlier_version = earlier_version.map(|bounds| (bounds.min().into(), bounds.max().into()));
-        let of_fields = [Some(&prop.0), drawn.stand_in(&prop)].into_iter().flatten();
+        let of_fields = [Some(&prop.0), drawn.stand_in(&prop.0)].into_iter().flatten();
         let of_fields = of_fields.filter_map(|field| bounds_of(fields.get(field)?));
         if let Some((low, high)) = of_fields.chain(earlier_version).reduce(|a, b| (a.0.min(b.0), a.1.max(b.1))) {
             commands.entity(entity).try_insert(Aabb::from_min_max(low, high));

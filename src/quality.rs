@@ -10,11 +10,11 @@ use crate::posterize::MAX_FILTER_ITERATIONS;
 ///
 /// Add it to an entity with a `Camera3d`. Cameras without it use [`PropQuality::EXACT`].
 ///
-/// With the feature `shadows`, it can also be added to a light. The settings that select a level then apply to the props
-/// in its shadow maps, and [`cell_size`](Self::cell_size) is in texels. Lights without it use a `cell_size` of 1.
+/// With the feature `shadows`, it can also be added to a light. The settings that select a level then apply to the
+/// props in its shadow maps, and [`cell_size`](Self::cell_size) is in texels. Lights without it use a `cell_size` of 1.
 ///
 /// Each setting works on its own: `PropQuality { cell_size: 1.0, ..PropQuality::EXACT }`. To measure what each one
-/// costs and saves on a field of your own, run `plenoctree tradeoff` of the crate `plenoctree_cli`.
+/// costs and saves on your own field, run `plenoctree tradeoff` of the crate `plenoctree_cli`.
 ///
 /// Three settings select a *level*, a version of the field that is cheaper to draw: [`density_threshold`],
 /// [`opacity_loss`] and [`cell_size`]. A level is made in the background when a camera first requests it; until it is
@@ -113,7 +113,7 @@ impl PropQuality {
         ..Self::EXACT
     };
 
-    /// Clamps every field to its valid range, so that no shader divides by zero or loops for long. NaN becomes the
+    /// Clamps every field to its valid range, so that no shader divides by zero or loops for too long. NaN becomes the
     /// value of [`EXACT`](Self::EXACT).
     pub(crate) fn clamped(self) -> Self {
         let clamp = |value: f32, low: f32, high: f32, exact: f32| {

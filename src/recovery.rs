@@ -9,12 +9,12 @@ use bevy::{
     },
 };
 
-/// A plugin that replaces the GPU device when it is lost, for example because the driver was updated or has crashed.
+/// A plugin that replaces the GPU device when it is lost, for example because the driver was updated or crashed.
 /// Without it, Bevy quits the app.
 ///
 /// Add it after Bevy's `DefaultPlugins`. It sets Bevy's [`RenderErrorHandler`]. The new device gets the settings of the
-/// app's [`RenderPlugin`]; if that was given a device, it gets the default settings. Fields are uploaded again, and
-/// props are drawn as before after some frames. Other errors quit the app, as they do by default.
+/// app's [`RenderPlugin`]; if that plugin was given a device, the new one gets the default settings. Fields are
+/// uploaded again, and props are drawn as before after some frames. Other errors quit the app, as they do by default.
 ///
 /// ```no_run
 /// # use bevy::prelude::*;
@@ -42,7 +42,7 @@ struct DeviceSettings(WgpuSettings);
 fn recover(error: &RenderError, main_world: &mut World, render_world: &mut World) -> RenderErrorPolicy {
     match (&error.ty, main_world.get_resource::<DeviceSettings>()) {
         (ErrorType::DeviceLost, Some(settings)) => {
-            warn!("the GPU device was lost and is replaced: {}", error.description);
+            warn!("the GPU device was lost and will be replaced: {}", error.description);
             RenderErrorPolicy::Recover(settings.0.clone().into())
         }
         _ => (RenderErrorHandler::default().0)(error, main_world, render_world),

@@ -27,10 +27,9 @@ pub enum PropStage {
     ///
     /// Props are emissive; transparent objects blend correctly in front of and behind them, and objects with
     /// `specular_transmission` refract them. Temporal jitter, motion vectors and the depth of the prepass include their
-    /// solid parts, for temporal antialiasing and motion blur. At Bevy's default
-    /// [`Exposure`], a display shows a prop's colors as they are. Any other `Exposure` of the camera brightens or
-    /// darkens props as much as lit meshes, and with `Hdr`, bloom, tonemapping and other effects change them like
-    /// everything else.
+    /// solid parts, for temporal antialiasing and motion blur. At Bevy's default [`Exposure`], a display shows a prop's
+    /// colors as they are. Any other `Exposure` brightens or darkens props as much as lit meshes, and with `Hdr`,
+    /// bloom, tonemapping and other effects change them like everything else.
     ///
     /// [`Exposure`]: bevy::camera::Exposure
     #[default]
@@ -41,7 +40,7 @@ pub enum PropStage {
     /// Opaque meshes still occlude props. Transparent objects in front of the solid parts of props are drawn once more
     /// and blended over them, without tonemapping; other transparent objects are covered by props, and so are objects
     /// with `specular_transmission`. Depth is written at this point as well, so depth of field, fog, temporal
-    /// antialiasing and other effects do not see it. Cameras whose main pass has a resolution of its own
+    /// antialiasing and other effects do not see it. Cameras whose main pass has a different resolution
     /// (`MainPassResolutionOverride`) draw their props at [`Self::Scene`] instead.
     Display,
 }
@@ -82,7 +81,7 @@ pub struct PosterizeView(pub Handle<PlenOctree>);
 /// Add it to an entity with a `Camera3d`. In the render world, the camera's view then has
 /// [`LabelTextures`](crate::LabelTextures), which systems in
 /// [`PlenOctreeRenderSystems::LabelStages`](crate::PlenOctreeRenderSystems::LabelStages) of the `Core3d` schedule can
-/// read and rewrite. Cameras without this component have no such textures and write labels directly to the screen.
+/// read and rewrite. Cameras without this component have no such textures, and their labels go straight to the screen.
 #[derive(Component, Clone, Copy, Debug, Default, Reflect)]
 #[reflect(Component, Default, Clone, Debug)]
 #[type_path = "bevy_plenoctree"]

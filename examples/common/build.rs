@@ -11,7 +11,7 @@ pub struct Builder<'w, 's> {
 }
 
 impl Builder<'_, '_> {
-    /// Spawns a mesh with a material of its own.
+    /// Spawns a mesh with its own material.
     pub fn put(
         &mut self,
         shape: impl Into<Mesh>,

@@ -1,4 +1,4 @@
-//! Places props on the ground, with a soft dark spot under each of them, where little of the room's light arrives.
+//! Places props on the ground, with a soft dark spot under each of them, where little of the room's light reaches.
 
 use bevy::{
     asset::RenderAssetUsages,

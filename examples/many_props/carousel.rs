@@ -1,4 +1,4 @@
-//! A cake of rotating rings, as high as the number of toys requires, and a camera that sees all of it.
+//! A tiered carousel of rotating rings, as high as the number of toys requires, and a camera that sees all of it.
 
 use bevy::{
     light::{CascadeShadowConfigBuilder, GlobalAmbientLight},
@@ -87,7 +87,7 @@ fn build_tier(builder: &mut Builder, ring: usize, height: f32) {
     builder.put(cream, color("#fffaf0"), Transform::from_xyz(0.0, height, 0.0));
 }
 
-/// Spawns a camera in front and above, as close as it can see a whole cake of this radius and height.
+/// Spawns a camera in front and above, as close as possible while it sees a whole carousel of this radius and height.
 fn spawn_camera(commands: &mut Commands, edge: f32, height: f32) {
     let (pitch, fov, aspect) = (0.42f32, 0.5f32, 1.5);
     let turn = Quat::from_rotation_x(-pitch);

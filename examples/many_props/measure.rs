@@ -20,8 +20,8 @@ pub fn print_frame_time(time: Res<Time<Real>>, mut frames: Local<u32>, mut elaps
     }
 }
 
-/// Prints the mean time from the start of a frame until it is in memory: the work of the CPU and the GPU, or of the
-/// software that stands in for one.
+/// Prints the mean time from the start of a frame until it is in memory: the work of the CPU and of the GPU or its
+/// software replacement.
 pub fn time_frames(headless: &mut Headless, count: u32) -> Result {
     // The first frame compiles pipelines.
     headless.capture()?;

@@ -47,7 +47,7 @@ pub fn spawn_toy(
             Posterize::default(),
             PaletteOverride::default(),
             Footprint::of(file),
-            // Casting shadows would cost more than drawing so many props.
+            // Casting shadows would cost more than drawing this many props.
             NotShadowCaster,
             Painted { hue: (around.to_degrees() + 47.0 * ring as f32) % 360.0, shades },
             Hopping { ground: stand.translation.y, phase: 3.0 * around },

@@ -1,4 +1,4 @@
-//! The props, each in a style of its own.
+//! The props, each in its own style.
 
 use bevy::prelude::*;
 use bevy_plenoctree::{BeforePalette, BilateralFilter, BlendSpace, EdgeSmoothing, Palettes, Posterize, Prop};

@@ -7,7 +7,6 @@ use bevy::{
 use bevy_plenoctree::{PaletteOverride, Posterize, Prop};
 
 use crate::{
-    balls::Machine,
     build::{Builder, color},
     stand::{Footprint, standing},
 };
@@ -20,6 +19,10 @@ pub fn plugin(app: &mut App) {
 
 /// The distance from the middle that robots can reach.
 pub const RADIUS: f32 = 9.0;
+
+/// The gumball machine, which shows the color of the leader.
+#[derive(Component)]
+pub struct Machine;
 
 /// An obstacle that robots cannot walk through. Holds its radius on the ground.
 #[derive(Component)]

@@ -4,7 +4,7 @@ use bevy::prelude::*;
 use bevy_plenoctree::{BlendSpace, PaletteOverride, Palettes, Prop};
 
 use crate::{
-    arena::{Obstacle, RADIUS},
+    arena::{Machine, Obstacle, RADIUS},
     build::{Builder, color},
     robots::{HEAD, Player, Robot, drive},
 };
@@ -20,10 +20,6 @@ const SIZE: f32 = 0.16;
 const GRASP: f32 = 0.75;
 /// The number of balls that wins a round.
 const WIN: usize = 7;
-
-/// The gumball machine, which shows the color of the leader.
-#[derive(Component)]
-pub struct Machine;
 
 /// The index of the body's color in the machine's palette.
 const BODY: usize = 0;
@@ -95,7 +91,7 @@ fn end_round(mut robots: Query<&mut Robot>, mut balls: Query<&mut Ball>) {
     }
 }
 
-/// Gives the machine the color of the leader, the more so the greater the lead.
+/// Tints the machine with the color of the leader, more strongly the greater the lead.
 fn show_leader(
     palettes: Res<Palettes>,
     robots: Query<(&Player, &Robot)>,

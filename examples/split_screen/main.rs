@@ -3,7 +3,7 @@
 //! until its player presses a key.
 //!
 //! Both robots share one field, and a `PaletteOverride` gives each its team's color. The gumball machine in the middle
-//! has an override too, which shows the color of the leader.
+//! also has an override, which shows the color of the leader.
 //!
 //! ```sh
 //! cargo run --release --example split_screen
@@ -11,6 +11,7 @@
 //! ```
 
 mod arena;
+mod autopilot;
 mod balls;
 #[path = "../common/build.rs"]
 mod build;
@@ -29,7 +30,7 @@ use clap::Parser;
 
 use show::Show;
 
-/// Runs a game for two players who collect gumballs, each with a robot and a view of their own.
+/// Runs a game for two players who collect gumballs, each with their own robot and view.
 #[derive(Parser)]
 struct Arguments {
     #[command(flatten)]
@@ -44,6 +45,7 @@ fn build(app: &mut App) {
     app.add_plugins((PlenOctreePlugin, stand::plugin)).add_plugins((
         arena::plugin,
         robots::plugin,
+        autopilot::plugin,
         balls::plugin,
         views::plugin,
     ));

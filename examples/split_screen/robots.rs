@@ -5,13 +5,12 @@ use bevy_plenoctree::{BlendSpace, PaletteOverride, Posterize, Prop};
 
 use crate::{
     arena::{Obstacle, RADIUS},
-    balls::Ball,
     build::color,
     stand::{Footprint, standing},
 };
 
 pub fn plugin(app: &mut App) {
-    app.add_systems(Startup, spawn).add_systems(Update, (press_keys, play_alone, drive).chain());
+    app.add_systems(Startup, spawn).add_systems(Update, (press_keys, drive).chain());
 }
 
 /// The shades of metal in the robots' palette: their indices, and how dark they are.
@@ -19,13 +18,11 @@ const METAL: [(usize, f32); 2] = [(0, 0.5), (1, 0.0)];
 /// The height of the top of a robot's head.
 pub const HEAD: f32 = 1.97;
 /// The radius of a robot in collisions.
-const GIRTH: f32 = 0.55;
+pub const GIRTH: f32 = 0.55;
 /// The speed of a robot, in meters per second.
 const SPEED: f32 = 2.8;
 /// How fast a robot's velocity and heading approach their goals, per second.
 const EASE: f32 = 9.0;
-/// The distance at which a robot that plays by itself avoids an obstacle.
-const CAUTION: f32 = 0.9;
 
 /// The player who drives a robot.
 #[derive(Component)]
@@ -36,7 +33,7 @@ pub struct Player {
     /// The keys to move away from the camera, toward it, left and right.
     keys: [KeyCode; 4],
     /// Whether the player has not pressed a key yet.
-    absent: bool,
+    pub absent: bool,
 }
 
 #[derive(Component, Default)]
@@ -45,7 +42,7 @@ pub struct Robot {
     /// The number of gumballs on its head.
     pub load: usize,
     /// The direction in which its player wants to go, with a length of at most 1.
-    wish: Vec3,
+    pub wish: Vec3,
     velocity: Vec3,
     /// The heading, in radians from +z.
     turn: f32,
@@ -76,41 +73,12 @@ fn spawn(mut commands: Commands, assets: Res<AssetServer>) {
     }
 }
 
-fn press_keys(keys: Res<ButtonInput<KeyCode>>, mut robots: Query<(&mut Player, &mut Robot)>) {
+pub fn press_keys(keys: Res<ButtonInput<KeyCode>>, mut robots: Query<(&mut Player, &mut Robot)>) {
     for (mut player, mut robot) in &mut robots {
         let pressed = player.keys.map(|key| f32::from(u8::from(keys.pressed(key))));
         let [away, near, left, right] = pressed;
         player.absent &= pressed == [0.0; 4];
         robot.wish = Vec3::new(right - left, 0.0, near - away).normalize_or_zero();
-    }
-}
-
-/// Drives robots whose players are absent to the nearest ball, around obstacles.
-fn play_alone(
-    mut robots: Query<(&Player, &mut Robot)>,
-    balls: Query<(&Ball, &Transform)>,
-    obstacles: Query<(&Obstacle, &Transform)>,
-) {
-    for (_, mut robot) in robots.iter_mut().filter(|(player, _)| player.absent) {
-        let free =
-            balls.iter().filter(|(ball, place)| ball.lies_at(place)).map(|(_, place)| place.translation.with_y(0.0));
-        let distance = |at: &Vec3| at.distance_squared(robot.at);
-        let Some(goal) = free.min_by(|a, b| distance(a).total_cmp(&distance(b))) else {
-            continue;
-        };
-        let mut way = (goal - robot.at).normalize_or_zero();
-        for (Obstacle(radius), place) in &obstacles {
-            let away = robot.at - place.translation.with_y(0.0);
-            let gap = away.length() - radius - GIRTH;
-            let inward = -way.dot(away.normalize_or_zero());
-            if gap < CAUTION && inward > 0.0 {
-                // Go around the obstacle, on the side closer to the direction of travel.
-                let side = away.cross(Vec3::Y).normalize_or_zero();
-                let side = if side.dot(way) < 0.0 { -side } else { side };
-                way = way.lerp(side, (1.0 - gap / CAUTION).min(1.0)).normalize_or_zero();
-            }
-        }
-        robot.wish = way;
     }
 }
 

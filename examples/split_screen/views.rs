@@ -43,7 +43,7 @@ fn follow(time: Res<Time>, robots: Query<&Robot>, mut views: Query<(&ViewOf, &mu
     }
 }
 
-/// Divides the window evenly between the views, whatever its current size.
+/// Divides the window evenly between the views, for any window size.
 fn divide(mut views: Query<&mut Camera, With<ViewOf>>) {
     let count = views.iter().len() as u32;
     for mut camera in &mut views {

@@ -4,6 +4,16 @@ use std::path::PathBuf;
 
 use bevy::prelude::*;
 
+/// The keys that the panel lists.
+pub const KEYS: [(&str, &str); 6] = [
+    ("F", "frame the field"),
+    ("P", "toggle posterization"),
+    ("H", "toggle the panel"),
+    ("F12", "take a screenshot"),
+    ("Ctrl+S", "save the shown colors"),
+    ("Ctrl+O", "load the shown colors"),
+];
+
 #[derive(Message, Clone, PartialEq, Eq)]
 pub enum Action {
     /// Shows another field.

@@ -10,7 +10,7 @@ use crate::{quality::Level, show::Show};
 /// Shows a PlenOctree in a window, posterizes it and edits its palette.
 #[derive(Parser)]
 pub struct Arguments {
-    /// The field, an .npz file; one of the included props by default.
+    /// The field, an .npz or .plenoctree file; one of the included props by default.
     field: Option<PathBuf>,
     /// A palette.json file to use instead of extracting a palette.
     #[arg(long)]

@@ -4,7 +4,11 @@ use std::time::Duration;
 
 use bevy_plenoctree::headless::Headless;
 
-use crate::{Result, loader::Loader, notices::Notices, show::wait_for_props};
+use crate::{
+    loader::Loader,
+    notices::Notices,
+    show::{Result, wait_for_props},
+};
 
 /// Frames until the camera has framed the field and the UI has its final size.
 const SETTLING: u32 = 3;

@@ -11,16 +11,6 @@ use crate::{
     panel::PanelState,
 };
 
-/// The keys that the panel lists.
-pub const KEYS: [(&str, &str); 6] = [
-    ("F", "frame the field"),
-    ("P", "toggle posterization"),
-    ("H", "toggle the panel"),
-    ("F12", "take a screenshot"),
-    ("Ctrl+S", "save the shown colors"),
-    ("Ctrl+O", "load the shown colors"),
-];
-
 pub fn press_keys(
     keys: Res<ButtonInput<KeyCode>>,
     egui: Res<EguiWantsInput>,

@@ -1,4 +1,4 @@
-//! Loads fields from files in a thread, shows them once they are complete, and reloads them when their file changes.
+//! Loads fields from files on a thread, shows them once they are complete, and reloads them when their files change.
 
 use std::{
     fs::File,
@@ -88,7 +88,7 @@ impl Loader {
     fn start(&mut self, path: PathBuf) {
         let read = Arc::new(AtomicU64::new(0));
         let (settings, counter, file) = (self.settings.clone(), read.clone(), path.clone());
-        // Not in Bevy's task pools, which it would keep busy.
+        // Not in Bevy's task pools, which this would block.
         let thread = thread::spawn(move || {
             let field = read_counted(&file, counter, &settings)?;
             let extent = visible_extent(&field);
@@ -100,7 +100,7 @@ impl Loader {
     }
 }
 
-/// Starts to read the file that the user opened last.
+/// Starts reading the file that the user opened last.
 pub fn open(mut actions: MessageReader<Action>, mut loader: ResMut<Loader>) {
     for action in actions.read() {
         if let Action::Open(path) = action {

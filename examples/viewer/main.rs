@@ -7,6 +7,7 @@
 
 mod action;
 mod arguments;
+mod corner;
 mod extent;
 mod headless;
 mod input;
@@ -43,7 +44,7 @@ fn run(arguments: Arguments) -> Result {
     arguments.show.run("PlenOctree viewer", |app| build(app, &arguments, palette), headless::wait)
 }
 
-/// Reports a wrong path at once. Errors inside the file are shown in the window.
+/// Reports a wrong path immediately. Errors inside the file are shown in the window.
 fn check_readable(path: &Path) -> Result<()> {
     let readable = File::open(path).and_then(|file| match file.metadata()?.is_dir() {
         true => Err(std::io::ErrorKind::IsADirectory.into()),
@@ -65,11 +66,11 @@ fn build(app: &mut App, arguments: &Arguments, palette: Option<Palette>) {
             Update,
             (loader::open, loader::watch, loader::arrive, palette_file::transfer, scene::frame_view).chain(),
         )
-        .add_systems(EguiPrimaryContextPass, (panel::show, notices::show).chain());
+        .add_systems(EguiPrimaryContextPass, (panel::show, corner::show).chain());
     if has_window {
         app.add_systems(Update, (input::press_keys, input::drop_files, input::orbit, screenshot::take, pace::set));
     }
-    // The UI has a camera of its own, so that the scene camera can leave room for the panel.
+    // The UI has its own camera, so that the scene camera can leave room for the panel.
     app.world_mut().resource_mut::<EguiGlobalSettings>().auto_create_primary_context = false;
     app.world_mut().write_message(Action::Open(arguments.field()));
 }

@@ -15,12 +15,12 @@ pub fn palette_beside(field: &Path) -> PathBuf {
     field.with_extension("palette.json")
 }
 
-/// Returns the file for the shown colors. Games must not load them as source colors, so they have a file of their own.
+/// Returns the file for the shown colors. Games must not load them as source colors, so they have their own file.
 pub fn shown_beside(field: &Path) -> PathBuf {
     field.with_extension("shown.palette.json")
 }
 
-/// Saves and loads colors when the user asks for it.
+/// Saves and loads colors when the user requests it.
 pub fn transfer(
     mut actions: MessageReader<Action>,
     mut palettes: ResMut<Palettes>,

@@ -10,8 +10,7 @@ use bevy_plenoctree::{
 };
 
 use crate::{
-    action::{Action, Colors},
-    input::KEYS,
+    action::{Action, Colors, KEYS},
     loader::Loader,
     notices::name,
     palette_file,

@@ -49,7 +49,7 @@ pub fn spawn_cameras(mut commands: Commands, quality: Res<CameraQuality>) {
     ));
 }
 
-/// Moves the camera to see the whole field, when another field is shown and when the user asks for it.
+/// Moves the camera to see the whole field, when another field is shown and when the user requests it.
 pub fn frame_view(
     mut actions: MessageReader<Action>,
     mut waiting: Local<bool>,

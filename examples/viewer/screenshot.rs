@@ -10,7 +10,7 @@ use bevy::{
     render::view::screenshot::{Screenshot, ScreenshotCaptured},
 };
 
-use crate::{Result, action::Action, notices::Notices};
+use crate::{action::Action, notices::Notices, show::Result};
 
 pub fn take(mut actions: MessageReader<Action>, mut commands: Commands) {
     for action in actions.read() {

@@ -5,8 +5,8 @@
 use libfuzzer_sys::fuzz_target;
 use plenoctree_fuzz::{PackedFile, check_field};
 
-/// The bytes of memory that a byte of a packed field may take, relative to one of an archive's arrays: a byte of the tree
-/// stands for eight leaves, whose numbers may take no bits.
+/// The bytes of memory that a byte of a packed field may take, relative to one of an archive's arrays: a byte of the
+/// tree stands for eight leaves, whose numbers may take no bits.
 const DENSER: u64 = 24;
 
 fuzz_target!(|file: PackedFile| {

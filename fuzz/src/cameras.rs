@@ -4,7 +4,7 @@ use arbitrary::Arbitrary;
 use glam::{DMat3, DQuat, DVec3};
 use plenoctree::camera::{PinholeCamera, read_transforms};
 
-use crate::{Scratch, check_message};
+use crate::{message::check_message, scratch::Scratch};
 
 /// The content of a camera file, and the requested frame size.
 #[derive(Arbitrary, Debug)]

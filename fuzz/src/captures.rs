@@ -7,16 +7,16 @@ use arbitrary::Arbitrary;
 use glam::DVec3;
 use plenoctree::splat::{SplatSettings, Splats};
 
-use crate::check_message;
+use crate::message::check_message;
 
-/// Most memory that a small file may take.
+/// Maximum memory that a small file may take.
 const MOST_MEMORY: u64 = 1 << 30;
 
 /// Checks that a file gives valid Gaussians or a valid error message, without much memory.
 pub fn check_capture(bytes: &[u8]) {
     let mut result = None;
     let allocations = measure(|| {
-        // A file beside it is the same one again.
+        // The file next to it is the same one again.
         let mut beside = |_: &str| -> io::Result<Vec<u8>> { Ok(bytes.to_vec()) };
         result = Some(Splats::from_bytes(bytes, "capture", &SplatSettings::default(), &mut beside));
     });

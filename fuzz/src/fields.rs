@@ -12,7 +12,7 @@ use plenoctree::{
     sampling::{Progress, SamplingSettings},
 };
 
-use crate::{Settings, check_message};
+use crate::{message::check_message, settings::Settings};
 
 /// The memory that reading may take for any file, in bytes: buffers, the state of the decompressor, and room for the
 /// 4096 members that a directory may claim.
@@ -24,7 +24,7 @@ const MEMORY_RATIO: u64 = 16;
 const DEFLATE_RATIO: u64 = 1032;
 /// The maximum number of leaves of fields from which palettes are extracted.
 const MOST_EXTRACTED: usize = 512;
-/// The maximum depth of those fields. Extraction divides coarse leaves into finest cells as long as that is worth its
+/// The maximum depth of those fields. Extraction divides coarse leaves into finest cells while that is worth its
 /// memory.
 const DEEPEST_EXTRACTED: u32 = 6;
 

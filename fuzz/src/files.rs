@@ -10,7 +10,7 @@ use zip::{
     write::{FileOptions, ZipWriter},
 };
 
-use crate::Settings;
+use crate::settings::Settings;
 
 /// An archive of arrays with valid checksums, and the settings to read it with.
 #[derive(Arbitrary, Debug)]

@@ -3,7 +3,7 @@
 use arbitrary::Arbitrary;
 use miniz_oxide::deflate::compress_to_vec;
 
-use crate::Settings;
+use crate::settings::Settings;
 
 /// The sections of the example in the order of the file.
 const NAMES: [&str; 8] = ["HEAD", "TREE", "DENS", "LEVL", "BASE", "BOOK", "ROWS", "HIST"];
@@ -69,7 +69,7 @@ impl PackedFile<'_> {
         (file, unpacked)
     }
 
-    /// Returns valid sections: a tree whose cells are those that were asked for.
+    /// Returns valid sections, with a tree of the requested cells.
     fn sections(&self) -> Vec<Section<'_>> {
         let basis = self.basis % 6;
         let functions = [1, 1, 4, 9, 16, 25][usize::from(basis)];

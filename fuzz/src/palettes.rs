@@ -3,7 +3,7 @@
 use arbitrary::Arbitrary;
 use plenoctree::palette::Palette;
 
-use crate::{Scratch, check_message};
+use crate::{message::check_message, scratch::Scratch};
 
 /// The content of a palette file.
 #[derive(Arbitrary, Debug)]

@@ -15,15 +15,15 @@ use bevy::{
 };
 use plenoctree::{LoadSettings, PackSettings, Packed, PlenOctree, sampling::Progress};
 
-use super::PlenOctreeLoader;
+use super::loader::PlenOctreeLoader;
 use crate::background::{self, on_cores};
 
-/// Packs the fields of an app whose [`AssetMode`] is [`Processed`](AssetMode::Processed), so that the game ships small files
-/// without a manual step. [`PlenOctreePlugin`](crate::PlenOctreePlugin) makes it the default for `.npz` files if the feature
-/// `pack` is on.
+/// Packs the fields of an app whose [`AssetMode`] is [`Processed`](AssetMode::Processed), so that the game ships small
+/// files without a manual step. [`PlenOctreePlugin`](crate::PlenOctreePlugin) makes it the default for `.npz` files if
+/// the feature `pack` is enabled.
 ///
-/// A file's `.meta` can set [`PackSettings`] for it. Loading is unchanged: the path stays that of the `.npz` file, and so
-/// does that of the palette next to it.
+/// A file's `.meta` file can set its [`PackSettings`]. Loading is unchanged: the paths of the `.npz` file and of the
+/// palette next to it stay the same.
 #[derive(Default, TypePath)]
 pub struct PackSaver;
 
@@ -41,14 +41,14 @@ impl AssetSaver for PackSaver {
         _path: AssetPath<'_>,
     ) -> Result<LoadSettings, BevyError> {
         let (field, settings) = (asset.get().clone(), settings.clone());
-        // Dropping the task, because the app ends, cancels the work.
+        // If the app exits, the task is dropped, which cancels the work.
         let progress = Arc::new(Progress::default());
         let guard = CancelOnDrop(progress.clone());
         let pack = move || on_cores(|| Packed::new(&field, &settings, &progress));
         let packed = background::spawn(pack).await?;
         drop(guard);
         writer.write_all(packed.bytes()).await?;
-        // What the source's settings said is in the file now: its activation, its up axis and the leaves to keep.
+        // The file now records what the source's settings said: its activation, its up axis and the leaves to keep.
         Ok(LoadSettings { density_threshold: 0.0, ..default() })
     }
 }

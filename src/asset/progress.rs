@@ -1,4 +1,4 @@
-//! How much of each file is read.
+//! How much of each file has been read.
 
 use std::{
     collections::HashMap,
@@ -7,12 +7,12 @@ use std::{
 
 use bevy::{asset::AssetPath, prelude::*};
 
-/// The files that are being read, and the share of each that is.
+/// The files that are being read, and the fraction of each that has been.
 #[derive(Resource, Clone, Default)]
 pub(crate) struct FilesRead(Arc<Mutex<HashMap<AssetPath<'static>, f32>>>);
 
 impl FilesRead {
-    /// Returns the share of a file that is read, from 0 to 1, or `None` if it is not being read.
+    /// Returns the fraction of a file that has been read, from 0 to 1, or `None` if it is not being read.
     pub fn share(&self, file: &AssetPath<'static>) -> Option<f32> {
         self.files().get(file).copied()
     }
@@ -36,7 +36,7 @@ pub(super) struct FileRead {
 }
 
 impl FileRead {
-    /// Counts bytes of a file of `length` bytes as read. Few of them are read twice.
+    /// Counts bytes of a file of `length` bytes as read. Only a few are read twice.
     pub fn count(&mut self, bytes: usize, length: u64) {
         self.bytes += bytes as u64;
         let share = (self.bytes as f64 / length.max(1) as f64).min(1.0) as f32;

@@ -1,6 +1,6 @@
-//! Lets a thread read what only a task can read.
+//! Lets a thread read from an asset reader, which only a task can use.
 //!
-//! Parsing waits for its input, and Bevy's asset readers only give it to tasks. So the thread asks for bytes, and the
+//! Parsing blocks on its input, which Bevy's asset readers provide only to tasks. So the thread requests bytes, and the
 //! task answers.
 
 use std::io::{self, ErrorKind, Read, Seek, SeekFrom};
@@ -20,7 +20,7 @@ const CHUNK: usize = 1 << 18;
 ///
 /// `count` is called with the number of bytes that were read, and with the length of the file, after every part.
 ///
-/// Returns an error if the length of the file cannot be found. Errors of reading are returned to `parse`.
+/// Returns an error if the length of the file cannot be determined. Read errors are returned to `parse`.
 pub(super) async fn serve<T: Send + 'static>(
     reader: &mut dyn SeekableReader,
     parse: impl FnOnce(Remote) -> T + Send + 'static,
@@ -51,7 +51,7 @@ pub(super) async fn serve<T: Send + 'static>(
     Ok(result.await)
 }
 
-/// Replaces `bytes` with those from `start` on. `place` is where the reader is.
+/// Replaces `bytes` with those from `start` on. `place` is the reader's position.
 async fn read_at(
     reader: &mut dyn SeekableReader,
     place: &mut u64,
@@ -68,7 +68,7 @@ async fn read_at(
     Ok(bytes)
 }
 
-/// Asks for the bytes from `start` on. They replace `bytes`, whose memory is used again.
+/// Requests the bytes from `start` on. They replace `bytes`, whose memory is reused.
 struct Question {
     start: u64,
     bytes: Vec<u8>,
@@ -80,23 +80,23 @@ pub(super) struct Remote {
     answered: Receiver<io::Result<Vec<u8>>>,
     length: u64,
     position: u64,
-    /// The part of the file that was read last.
+    /// The last part read from the file.
     start: u64,
     bytes: Vec<u8>,
-    /// Where the part begins that was asked for ahead, if there is one.
+    /// The start of the part that was requested ahead of time, if any.
     ahead_from: Option<u64>,
-    /// Memory that is used again.
+    /// Memory to reuse.
     spare: Vec<u8>,
 }
 
 impl Remote {
-    /// Returns the bytes from the position to the end of the part that was read last.
+    /// Returns the bytes from the position to the end of the last part read.
     fn ahead(&self) -> &[u8] {
         let skipped = self.position.checked_sub(self.start).and_then(|skipped| usize::try_from(skipped).ok());
         skipped.and_then(|skipped| self.bytes.get(skipped..)).unwrap_or(&[])
     }
 
-    /// Reads the part that starts at the position. If it follows the last one, asks for the next one too, so that the
+    /// Reads the part that starts at the position. If it follows the last one, also requests the next one, so that the
     /// task reads while the thread parses.
     fn refill(&mut self) -> io::Result<()> {
         let goes_on = self.position == self.start + self.bytes.len() as u64;
@@ -156,7 +156,7 @@ impl Seek for Remote {
     }
 }
 
-/// The error of a load whose task is gone. It is not `Interrupted`, after which readers try again.
+/// The error of a load whose task was dropped. It is not `Interrupted`, which makes readers try again.
 fn canceled() -> io::Error {
     io::Error::new(ErrorKind::BrokenPipe, "the load was canceled")
 }
@@ -211,7 +211,7 @@ mod tests {
 
     impl<T: Read + Seek> ReadSeek for T {}
 
-    /// The thread ends when nobody waits for it any longer.
+    /// The thread ends once nothing waits for it.
     #[test]
     fn a_canceled_load_ends() {
         let mut reader = VecReader::new(numbers(3 * CHUNK));
@@ -228,7 +228,7 @@ mod tests {
             |_, _| (),
         ));
         assert!(block_on(bevy::tasks::poll_once(&mut load)).is_none());
-        // A thread that has not started is not started any more.
+        // A thread that has not started yet never starts.
         start.recv().unwrap();
         drop(load);
         drop(canceled);

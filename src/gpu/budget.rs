@@ -1,9 +1,9 @@
-//! How much of a frame uploads may take.
+//! The share of a frame that uploads may take.
 
 use bevy::{platform::time::Instant, prelude::*, render::extract_resource::ExtractResource};
 use std::time::Duration;
 
-/// The time of the render thread that uploads of fields may take in a frame.
+/// The time per frame that uploading fields may take on the render thread.
 ///
 /// Fields, and the levels that cameras request, are prepared in the background, and copied to the GPU in slices of about
 /// one mebibyte. At least one slice is copied in every frame. A larger budget lets fields arrive sooner.
@@ -38,7 +38,7 @@ pub(super) struct Turn {
     has_worked: bool,
     /// The number of levels that may start to be prepared in the background.
     pub free_threads: usize,
-    /// Whether an upload has begun and has not ended. The others wait for it, so that one after another arrives.
+    /// Whether an upload is in progress. The others wait for it, so that they arrive one after another.
     pub is_taken: bool,
 }
 
@@ -52,7 +52,7 @@ impl Turn {
         Self { start: Instant::now(), budget, has_worked: false, free_threads, is_taken: false }
     }
 
-    /// Returns whether there is time left for a piece of work. The first one may always be done.
+    /// Returns whether there is time left for more work. The first piece is always allowed.
     pub fn allows_more(&mut self) -> bool {
         let is_within = self.budget.is_none_or(|budget| self.start.elapsed() < budget);
         !std::mem::replace(&mut self.has_worked, true) || is_within

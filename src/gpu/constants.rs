@@ -7,7 +7,7 @@ use super::records::{BRICK, INNER, KIND, LEAF};
 /// The number of threads in a workgroup of the sampling shader.
 pub(crate) const SAMPLING_WORKGROUP: u32 = 64;
 /// The maximum number of props that a camera draws. If it sees more, it draws the nearest ones, and an error is logged.
-// Textures store the owner of a pixel in 16 bits: 0 means none, and one value is left for the posterized view.
+// Textures store the owner of a pixel in 16 bits: 0 means none, and one value is reserved for the posterized view.
 pub const MAX_PROPS_IN_VIEW: usize = 0xfffe;
 
 /// Returns the WGSL source of the module `bevy_plenoctree::constants`.

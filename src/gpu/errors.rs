@@ -1,4 +1,4 @@
-//! Errors of the driver, such as running out of memory, caught where they belong instead of in the middle of a frame.
+//! Driver errors, such as running out of memory, caught where they occur instead of in the middle of a frame.
 
 use bevy::{
     render::renderer::RenderDevice,
@@ -14,7 +14,7 @@ pub(super) struct DriverErrors {
 }
 
 impl DriverErrors {
-    /// Catches the errors of `work`. A texture without memory also invalidates whatever uses it.
+    /// Catches the errors of `work`. A texture without memory also invalidates everything that uses it.
     pub fn watch<T>(&mut self, device: &RenderDevice, work: impl FnOnce() -> T) -> T {
         let device = device.wgpu_device();
         let invalid = device.push_error_scope(wgpu::ErrorFilter::Validation);

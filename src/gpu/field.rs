@@ -20,11 +20,11 @@ use super::{
 
 /// A [`PlenOctree`] in GPU memory. Stored in the render world, in `RenderAssets<GpuField>`.
 ///
-/// It is there from the frame in which its asset was added on, and arrives slice by slice. If the asset is replaced, the
+/// It exists from the frame in which its asset was added, and arrives slice by slice. If the asset is replaced, the
 /// earlier version is drawn until the new one has arrived.
 pub struct GpuField {
     levels: Levels,
-    /// Those of the version before this one, as long as they are drawn.
+    /// Those of the previous version, while they are drawn.
     earlier: Option<Levels>,
     /// Whether this version is drawn.
     is_drawn: bool,
@@ -53,7 +53,7 @@ impl GpuField {
         [Some(&self.levels), self.earlier.as_ref()].into_iter().flatten().flat_map(Levels::iter).map(|l| l.bytes).sum()
     }
 
-    /// Returns whether the field can be drawn, or `None` as long as it is arriving.
+    /// Returns whether the field can be drawn, or `None` while it is arriving.
     pub fn outcome(&self) -> Option<Result<(), &FieldTooLarge>> {
         self.levels.outcome().filter(|outcome| outcome.is_err() || self.is_drawn)
     }
@@ -63,7 +63,7 @@ impl GpuField {
         self.levels.progress()
     }
 
-    /// Returns the levels to draw, if there are any: those of an earlier version as long as this one is arriving.
+    /// Returns the levels to draw, if any: those of an earlier version while this one is arriving.
     fn drawn(&self) -> Option<&Levels> {
         if self.is_drawn { Some(&self.levels) } else { self.earlier.as_ref() }
     }
@@ -83,7 +83,7 @@ impl GpuField {
         self.levels.get(Level::default())
     }
 
-    /// Returns the shape of this version if it is arriving, so that its pipelines can be compiled meanwhile.
+    /// Returns the shape of this version if it is arriving, so that its pipelines can be compiled in the meantime.
     pub(crate) fn arriving_shape(&self) -> Option<FieldShape> {
         self.levels.shape().filter(|_| !self.is_drawn)
     }
@@ -101,7 +101,7 @@ impl GpuField {
         self.drawn().map_or_else(Level::default, |levels| levels.resolve(wanted))
     }
 
-    /// Returns whether no frame shows this version yet, although the GPU has not refused it.
+    /// Returns whether no frame shows this version yet, although the GPU has not rejected it.
     pub(crate) fn is_arriving(&self) -> bool {
         self.is_new || self.outcome().is_none()
     }

@@ -18,7 +18,7 @@ pub(crate) struct Level {
 }
 
 impl Level {
-    /// Creates the level that `quality` asks for, with the width of cells doubled `coarser` times.
+    /// Creates the level that `quality` selects, with the width of cells doubled `coarser` times.
     pub fn new(coarser: u32, quality: &PropQuality) -> Self {
         Self { coarser, density_threshold: quality.density_threshold, opacity_loss: quality.opacity_loss }
     }
@@ -42,8 +42,8 @@ impl Level {
         on_cores(|| thinned.coarser(levels)).unwrap_or(thinned)
     }
 
-    /// Returns whether this level can be drawn in place of `wanted` until that one is ready: it must not leave out
-    /// more.
+    /// Returns whether this level can be drawn in place of `wanted` until that one is ready: it must not leave more
+    /// out.
     pub(super) fn stands_in_for(self, wanted: Self) -> bool {
         self.coarser <= wanted.coarser
             && self.density_threshold <= wanted.density_threshold
@@ -59,7 +59,7 @@ mod tests {
 
     use super::*;
 
-    /// If the finest leaves are too faint to be kept, the other ones become no larger than asked for.
+    /// If the finest leaves are too faint to be kept, the others become no larger than requested.
     #[test]
     fn leaving_out_the_finest_leaves_enlarges_no_others() {
         const DEPTH: u32 = 4;

@@ -31,7 +31,7 @@ struct Slot {
     idle: u32,
 }
 
-/// What is there of a level. Each state leads to the next one.
+/// The state of a level. Each state leads to the next one.
 enum State {
     Requested,
     /// Being made in the background, which takes longer than a frame.

@@ -13,8 +13,8 @@ use plenoctree::PlenOctree;
 
 use super::{pipelines, upload::FieldTooLarge};
 
-/// A message written in [`PreUpdate`] when a field has arrived on the GPU as a whole, and the pipelines that draw it are
-/// compiled, and again whenever the field is reloaded or the GPU device was lost and replaced.
+/// A message written in [`PreUpdate`] when all of a field has arrived on the GPU and the pipelines that draw it are
+/// compiled, and again whenever the field is reloaded or a lost GPU device is replaced.
 ///
 /// The field's props are drawn in the same frame, unless they wait for a palette. To know whether a prop can be drawn,
 /// use [`PropState`](crate::PropState).
@@ -77,7 +77,7 @@ impl FieldReports {
     }
 }
 
-/// What the main world knows of the GPU.
+/// What the main world knows about the GPU.
 #[derive(Resource, Default)]
 pub(crate) struct GpuStatus {
     /// Whether there is a render world, which reports.
@@ -91,8 +91,8 @@ pub(crate) struct GpuStatus {
 }
 
 impl GpuStatus {
-    /// Returns whether a loaded field is on the GPU, or `None` if that is not known yet. Without a GPU, fields need not
-    /// be there.
+    /// Returns whether a loaded field is on the GPU, or `None` if that is not known yet. Without a GPU, every field
+    /// counts as arrived.
     pub fn outcome(&self, field: AssetId<PlenOctree>) -> Option<Result<(), &FieldTooLarge>> {
         if !self.has_reports {
             return Some(Ok(()));
@@ -187,7 +187,7 @@ pub(super) fn extract_frame(status: Extract<Res<GpuStatus>>, mut frame: ResMut<R
     frame.0 = status.frame;
 }
 
-/// Reports whether all pipelines were there when this frame was rendered.
+/// Reports whether all pipelines were ready when this frame was rendered.
 pub(super) fn report_pipelines(cache: Res<PipelineCache>, frame: Res<RenderedFrame>, reports: Res<FieldReports>) {
     let mut inbox = reports.inbox();
     if pipelines::waiting(&cache).all(|label| !pipelines::is_ours(label)) {

@@ -17,7 +17,7 @@ use crate::background;
 
 /// The approximate number of bytes in a slice.
 const SLICE: usize = 1 << 20;
-/// The approximate number of bytes that are packed ahead, in one go.
+/// The approximate number of bytes that are packed ahead of time, in one task.
 const AHEAD: usize = 8 << 20;
 /// The number of bytes that take less time to pack than a thread takes to start.
 const PACKED_AT_ONCE: usize = 1 << 17;
@@ -42,7 +42,7 @@ pub(super) struct Upload {
 struct Slice {
     texture: usize,
     layers: Range<u32>,
-    /// The bytes of the texture that they are.
+    /// The range of the texture's bytes.
     bytes: Range<usize>,
 }
 
@@ -82,8 +82,8 @@ impl Upload {
         self.written as f32 / (self.written + left).max(1) as f32
     }
 
-    /// Writes the slices for which there is time. Returns the level when it is whole, or an error if the driver refuses
-    /// it.
+    /// Writes the slices for which there is time. Returns the level when it is complete, or an error if the driver
+    /// rejects it.
     pub fn advance(&mut self, uploader: &Uploader, turn: &mut Turn) -> Option<Result<Arc<GpuLevel>, FieldTooLarge>> {
         if self.errors.first().is_none() {
             self.pack_ahead();
@@ -93,7 +93,7 @@ impl Upload {
         }
         if let Some(error) = self.errors.first() {
             let bytes = self.level.bytes;
-            warn!("the driver refused a field of {bytes} bytes: {error}");
+            warn!("the driver rejected a field of {bytes} bytes: {error}");
             return Some(Err(FieldTooLarge { what: "textures", bytes, limit: None }));
         }
         (self.slices.is_empty() && !self.errors.are_pending()).then(|| Ok(self.level.clone()))

@@ -42,8 +42,8 @@ pub(super) fn upload_levels(
     }
 }
 
-/// Ends the frame: fields that have arrived, and whose pipelines are compiled, are drawn from the next frame on. Reports
-/// whether fields fit on the GPU, and how far those that are arriving are.
+/// Ends the frame: fields that have arrived, and whose pipelines are compiled, are drawn from the next frame on.
+/// Reports whether fields fit on the GPU, and the progress of those that are arriving.
 pub(super) fn end_frame(
     mut fields: ResMut<RenderAssets<GpuField>>,
     cache: Res<PipelineCache>,

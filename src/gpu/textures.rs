@@ -1,4 +1,4 @@
-//! Textures that store arrays. Unlike buffers, they can be bound whole, whatever their size.
+//! Textures that store arrays. Unlike buffers, they can be bound whole, regardless of their size.
 //!
 //! Their layers are always written whole. Before a layer is first written in part, wgpu clears it.
 

@@ -1,4 +1,4 @@
-//! What a field takes on the GPU, and its textures and its bind group.
+//! The size of a field on the GPU, its textures and its bind group.
 
 use std::ops::Range;
 
@@ -31,7 +31,7 @@ use crate::background;
 #[error(
     "the field's {what} need {bytes} bytes of GPU memory, {}; use fewer leaves, spherical harmonics of a lower degree, \
      or compact coefficients (`Precision::Byte`), which take half the memory",
-    .limit.map_or("more than is left".into(), |limit| format!("more than the {limit} bytes that the device allows"))
+    .limit.map_or("more than is available".into(), |limit| format!("more than the {limit} bytes that the device allows"))
 )]
 pub struct FieldTooLarge {
     /// The part of the field that does not fit.
@@ -40,8 +40,8 @@ pub struct FieldTooLarge {
     pub bytes: u64,
     /// The maximum size that the device allows, in bytes: that of a texture with four words per texel (one word for
     /// densities), whose height is `max_texture_dimension_2d`, and whose width is the same but at most 8192. `None` if
-    /// the driver ran out of memory or refused a texture: drivers do not report how much is left. The log then holds
-    /// the driver's message.
+    /// the driver ran out of memory or rejected a texture: drivers do not report how much is left. The log then
+    /// contains the driver's message.
     pub limit: Option<u64>,
 }
 
@@ -57,7 +57,7 @@ pub(crate) struct GpuLevel {
 }
 
 impl Drop for GpuLevel {
-    /// Gives the memory back when the GPU has drawn what it was asked to draw. Before, that would be left to the frame.
+    /// Frees the memory once the GPU has finished drawing. Otherwise, the frame would have to.
     fn drop(&mut self) {
         let (textures, bytes) = (self.bind_group.clone(), self.bytes);
         self.queue.on_submitted_work_done(move || background::discard(textures, bytes));
@@ -163,7 +163,7 @@ pub(super) struct LevelData {
     codebook: Option<CodebookData>,
 }
 
-/// What textures hold of a packed field.
+/// The codebook of a packed field, as its textures store it.
 struct CodebookData {
     densities: Vec<f16>,
     leaves: Vec<[u32; 2]>,
@@ -183,7 +183,7 @@ impl LevelData {
         Self { field, records, codebook }
     }
 
-    /// Returns whether creating the records and packing the coefficients takes no time that matters.
+    /// Returns whether creating the records and packing the coefficients takes a negligible time.
     pub fn is_quick(field: &PlenOctree) -> bool {
         field.leaves() <= 1 << 12 && field.nodes().len() <= 1 << 12 && field.depth() <= 7
     }

@@ -30,7 +30,7 @@ impl CameraProjection for PinholeProjection {
     }
 
     fn get_clip_from_view_for_sub(&self, sub: &SubCameraView) -> Mat4 {
-        // How many times the part fits into the whole, and the part's middle in the clip space of the whole.
+        // How many times the part fits into the full view, and the part's center in the clip space of the full view.
         let (full, size) = (sub.full_size.as_vec2(), sub.size.as_vec2());
         let middle = 2.0 * (sub.offset + 0.5 * size) / full - 1.0;
         let scale = full / size;
@@ -110,7 +110,7 @@ mod tests {
             let ndc = clip_from_world.project_point3(point.as_vec3());
             assert!((200.0 * (1.0 + ndc.x) - x as f32).abs() < 1e-2, "{ndc} for {x}, {y}");
             assert!((150.0 * (1.0 - ndc.y) - y as f32).abs() < 1e-2, "{ndc} for {x}, {y}");
-            // A part of the view shows the same pixels, counted from its own corner. Its units are its own.
+            // A part of the view shows the same pixels, counted from its own corner. It has its own units.
             for unit in [1, 3] {
                 let (offset, size) = (UVec2::new(100, 20), UVec2::new(200, 250));
                 let full_size = UVec2::new(400, 300) * unit;

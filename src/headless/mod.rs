@@ -1,11 +1,13 @@
 //! An app without a window that captures frames, for tests and tools. Requires the feature `headless`.
 
 mod camera;
+mod error;
 mod plugins;
 mod readback;
 mod waiting;
 
 pub use camera::{exact_camera, pinhole_view};
+pub use error::HeadlessError;
 pub use plugins::HeadlessPlugins;
 #[cfg(feature = "headless-lit")]
 pub use plugins::LitMeshPlugins;
@@ -31,29 +33,7 @@ use bevy::{
 };
 use image::RgbaImage;
 
-use crate::{gpu::UploadBudget, state::PropError};
-
-/// An error of [`Headless`].
-#[derive(Debug, thiserror::Error)]
-pub enum HeadlessError {
-    /// There is no graphics adapter, not even a software one.
-    #[error("no usable graphics adapter (install a Vulkan driver, such as Mesa's lavapipe): {0}")]
-    NoAdapter(String),
-    /// A prop or a posterized view cannot be drawn as it should be, or nothing can be drawn.
-    #[error(transparent)]
-    Prop(PropError),
-    /// The time limit was exceeded.
-    #[error("waited {limit:?} in vain for {waiting_for}")]
-    TimedOut {
-        /// The time limit.
-        limit: Duration,
-        /// What was not ready.
-        waiting_for: String,
-    },
-    /// The frame could not be read back from the GPU.
-    #[error("failed to read the frame back: {0}")]
-    Readback(String),
-}
+use crate::gpu::UploadBudget;
 
 /// An app without a window that renders to an image: update it until the assets are ready, then capture a frame.
 ///
@@ -93,7 +73,7 @@ impl Headless {
     /// Creates an app with [`HeadlessPlugins`] and everything that `configure` adds. Its target is an image of `size`
     /// pixels.
     ///
-    /// No frame has run when it returns, and no schedule: [`Startup`] runs with the first frame.
+    /// When it returns, no frame and no schedule has run: [`Startup`] runs with the first frame.
     ///
     /// Returns [`HeadlessError::NoAdapter`] if there is no graphics adapter.
     pub fn new(size: UVec2, configure: impl FnOnce(&mut App)) -> Result<Self, HeadlessError> {
@@ -129,7 +109,7 @@ impl Headless {
         plugins::check_adapter().map_err(HeadlessError::NoAdapter)?;
         let mut app = App::new();
         app.add_plugins(plugins);
-        // No one waits for a frame.
+        // Nobody watches the frames.
         app.insert_resource(UploadBudget(None));
         configure(&mut app);
         app.finish();
@@ -182,9 +162,9 @@ impl Headless {
 
     /// Runs one frame and returns it as an image in encoded sRGB, with the top row first.
     ///
-    /// If pipelines, levels, or fields that are loaded have not arrived on the GPU yet, waits for them and renders the
-    /// frame again. No system of the main world runs meanwhile, so the frame is still the next one, whatever it needs.
-    /// Does not wait for fields and palettes that are being loaded: call [`wait_until_ready`](Self::wait_until_ready) before.
+    /// If pipelines, levels, or loaded fields have not arrived on the GPU yet, waits for them and renders the frame
+    /// again. No system of the main world runs in the meantime, so the frame is still the next one. Does not wait for
+    /// fields and palettes that are being loaded: call [`wait_until_ready`](Self::wait_until_ready) first.
     ///
     /// Returns an error if a pipeline has failed, if the frame is not complete after
     /// [`time_limit`](Self::time_limit), or if it cannot be read back.
@@ -199,7 +179,7 @@ impl Headless {
         readback::read(&self.app, &self.target, self.time_limit)
     }
 
-    /// Renders the last frame again. `shaders` are those that the renderer has.
+    /// Renders the last frame again. `shaders` are those that the renderer already has.
     fn redraw(&mut self, shaders: &mut HashSet<AssetId<Shader>>) {
         let apps = self.app.sub_apps_mut();
         let (world, Some(render)) = (apps.main.world_mut(), apps.sub_apps.get_mut(&RenderApp.intern())) else {

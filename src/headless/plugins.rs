@@ -21,9 +21,9 @@ use wgpu::{Backends, Instance, InstanceDescriptor, RequestAdapterOptions};
 /// A plugin group for apps that render to images: no window, synchronous pipeline compilation, and rendering on the
 /// thread that updates the app.
 ///
-/// It contains only what props need: tasks, time, transforms, diagnostics, input, windows, assets, the renderer, images,
-/// meshes, cameras and the core pipelines. Add `LitMeshPlugins` (feature `headless-lit`) for meshes with Bevy's
-/// materials, lights, shadows, gizmos, and effects such as bloom, and Bevy's `LogPlugin` for log messages.
+/// It contains only the plugins that props need: tasks, time, transforms, diagnostics, input, windows, assets, the
+/// renderer, images, meshes, cameras and the core pipelines. Add `LitMeshPlugins` (feature `headless-lit`) for meshes
+/// with Bevy's materials, lights, shadows, gizmos, and effects such as bloom, and Bevy's `LogPlugin` for log messages.
 pub struct HeadlessPlugins;
 
 impl PluginGroup for HeadlessPlugins {

@@ -17,9 +17,9 @@ use bevy::{
 };
 use image::RgbaImage;
 
-use super::HeadlessError;
+use super::error::HeadlessError;
 
-/// Waits for the GPU, at most for `patience`, and returns the pixels of an 8-bit RGBA image.
+/// Waits for the GPU, for at most `patience`, and returns the pixels of an 8-bit RGBA image.
 pub(super) fn read(app: &App, handle: &Handle<Image>, patience: Duration) -> Result<RgbaImage, HeadlessError> {
     let failed = |reason: &str| HeadlessError::Readback(reason.into());
     let world = app.get_sub_app(RenderApp).ok_or_else(|| failed("there is no render world"))?.world();

@@ -1,4 +1,4 @@
-//! What an app without a window still waits for.
+//! Finds out what an app without a window is waiting for.
 
 use bevy::{
     asset::LoadState,
@@ -7,7 +7,7 @@ use bevy::{
 };
 use plenoctree::PlenOctree;
 
-use super::HeadlessError;
+use super::error::HeadlessError;
 use crate::{
     gpu::{GpuField, pipelines},
     palette::{PaletteExtraction, Palettes},

@@ -28,7 +28,7 @@ use crate::{
     sampling::{SamplingFailure, SamplingJob, SamplingJobs},
 };
 
-/// The maximum number of extractions that run at the same time, since each takes memory of its own.
+/// The maximum number of extractions that run at the same time. Each takes additional memory.
 const MOST_RUNNING: usize = 4;
 
 /// The processor that samples the radiance of a field.
@@ -57,15 +57,15 @@ pub struct ExtractionSamples {
 /// Configures palette extraction and reports its progress.
 ///
 /// If the field of a posterized prop or view has no palette, and there is no file to load one from, one is extracted
-/// while the app keeps running, and up to four at the same time. The field is sampled on the GPU, a few slices per frame,
-/// or on the CPU. What the CPU does runs on threads of its own, which leave one core, and Bevy's task pools, to the app.
+/// while the app keeps running, up to four at the same time. The field is sampled on the GPU, a few slices per frame,
+/// or on the CPU. Work on the CPU runs on dedicated threads, which leave one core and Bevy's task pools to the app.
 #[derive(Resource, Reflect)]
 #[reflect(Resource, Default)]
 #[type_path = "bevy_plenoctree"]
 pub struct PaletteExtraction {
     /// The settings of extractions. Extractions that are already running keep theirs.
     ///
-    /// Defaults to those of the paper, with all leaves and 6 colors.
+    /// Defaults to a fitted palette of 6 colors, from all leaves.
     pub settings: ExtractionSettings,
     /// The processor that samples fields.
     ///
@@ -178,7 +178,7 @@ impl PaletteExtraction {
     }
 }
 
-/// Drops what was found out about fields that were changed or removed, and about palettes that were assigned.
+/// Forgets the results for fields that were changed or removed, and for palettes that were assigned.
 pub(super) fn forget(
     mut events: MessageReader<AssetEvent<PlenOctree>>,
     mut extraction: ResMut<PaletteExtraction>,
@@ -201,7 +201,7 @@ pub(super) fn forget(
             continue;
         }
         // A palette that was loaded or inserted survives a hot reload of the field. One that was extracted is kept
-        // until its successor is ready, if anything shows it.
+        // until its replacement is ready, if anything shows it.
         let is_outdated = palettes.get(*id).is_some_and(|palette| palette.extraction().is_some());
         let is_shown = is_outdated && posterized.fields().any(|field| field == *id);
         let purpose = purpose.max(is_shown.then_some(Purpose::Outdated));

@@ -123,7 +123,7 @@ pub(super) fn load(
         match file {
             PaletteSource::Sought(task) => {
                 if let Some(path) = block_on(poll_once(task)) {
-                    // Whoever allowed an unapproved path for the field allows it for the file next to it.
+                    // If an unapproved path was allowed for the field, it is allowed for the file next to it.
                     let load = |(path, server): (_, &Res<AssetServer>)| {
                         server.load_builder().override_unapproved().load::<Palette>(path)
                     };

@@ -1,4 +1,4 @@
-//! The palettes of a running app: loaded or extracted if they are missing, and edited by any system.
+//! The palettes of a running app: loaded, or extracted if there is no file, and edited by any system.
 
 mod blend;
 mod extraction;
@@ -18,7 +18,7 @@ pub use ready::{PaletteFailed, PaletteReady};
 pub use resource::{FieldPalette, Palettes};
 
 use bevy::{asset::AssetTrackingSystems, prelude::*};
-use plenoctree::palette::{Colors, ExtractionSettings, Palette, PaletteMethod};
+use plenoctree::palette::{ColorCount, ExtractionSettings, Palette, PaletteMethod};
 
 use crate::sets::PlenOctreeSystems;
 
@@ -35,7 +35,7 @@ impl Plugin for PalettePlugin {
             .add_message::<PaletteReady>()
             .register_type::<ExtractionSettings>()
             .register_type::<PaletteMethod>()
-            .register_type::<Colors>()
+            .register_type::<ColorCount>()
             .register_type::<Palettes>()
             .register_type::<PaletteExtraction>()
             .register_type::<PaletteOverride>()

@@ -46,10 +46,10 @@ impl PaletteOverride {
         self.colors.get(index).copied().flatten()
     }
 
-    /// Overrides color `index`. It has no effect as long as the palette of the field has no such color.
+    /// Overrides color `index`. It has no effect while the palette of the field has no such color.
     ///
-    /// If no palette can have such a color ([`Palette::MAX_COLORS`]), changes nothing, logs a warning (once per app), and
-    /// returns false.
+    /// If no palette can have such a color ([`Palette::MAX_COLORS`]), changes nothing, logs a warning (once per app),
+    /// and returns false.
     pub fn set(&mut self, index: usize, color: impl Into<Color>) -> bool {
         if index >= Palette::MAX_COLORS {
             warn_once!("cannot override color {index}: palettes have at most {} colors", Palette::MAX_COLORS);

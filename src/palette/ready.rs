@@ -1,4 +1,4 @@
-//! The messages that a palette was loaded or extracted, or could not be extracted.
+//! Messages: a palette was loaded or extracted, or could not be extracted.
 
 use bevy::prelude::*;
 use plenoctree::{PlenOctree, palette::ExtractionError};

@@ -12,11 +12,12 @@ use super::{blend::BlendSpace, source::PaletteSource};
 
 /// Stores the palettes of all fields.
 ///
-/// Any system may change a palette in any frame. Changes show in the same frame and do not allocate.
+/// Any system may change a palette in any frame. Changes are visible in the same frame and do not allocate.
 ///
 /// If the field of a posterized prop or [view](crate::PosterizeView) has no palette, the plugin loads one from the file
 /// `x.palette.json` next to the field's `x.npz` or, if there is no such file, extracts one.
-/// [`PaletteReady`](crate::PaletteReady) is written when it is ready. A palette that you insert replaces both.
+/// [`PaletteReady`](crate::PaletteReady) is written when it is ready. A palette that you insert takes precedence over
+/// both.
 ///
 /// ```
 /// # use bevy::prelude::*;
@@ -44,7 +45,7 @@ pub struct Palettes {
     pub(super) by_field: HashMap<AssetId<PlenOctree>, FieldPalette>,
     #[reflect(ignore)]
     pub(super) files: HashMap<AssetId<PlenOctree>, PaletteSource>,
-    /// Fields whose palettes were inserted or removed, so that what failed for them no longer matters.
+    /// Fields whose palettes were inserted or removed, so that earlier failures no longer matter.
     #[reflect(ignore)]
     pub(super) assigned: Vec<AssetId<PlenOctree>>,
     /// Fields whose palettes were loaded or extracted since [`PaletteReady`](crate::PaletteReady) was last written.
@@ -58,13 +59,13 @@ pub struct Palettes {
 /// change. The *shown* colors appear on screen in their place, and are yours to change. Colors are indexed from 0, the
 /// heaviest first.
 ///
-/// What appears on screen is the last of these layers that is given:
+/// The color on screen is the last of these that exists:
 ///
 /// 1. the source colors,
 /// 2. the shown colors, which all props of the field share,
 /// 3. the colors of the entity's [`PaletteOverride`](crate::PaletteOverride),
 ///
-/// times the light of its [`PropTint`](crate::PropTint).
+/// multiplied by its [`PropTint`](crate::PropTint).
 #[derive(Clone, Debug, Reflect)]
 #[reflect(Clone, Debug)]
 #[type_path = "bevy_plenoctree"]
@@ -102,7 +103,7 @@ impl FieldPalette {
         &self.source
     }
 
-    /// Returns the palette that the source colors are from: their exact values and their weights, as in a file.
+    /// Returns the palette of the source colors: their exact values and their weights, as in a file.
     pub fn palette(&self) -> &Palette {
         &self.palette
     }
@@ -198,7 +199,7 @@ impl Palettes {
 
     /// Sets the palette of a field from an asset as soon as it is loaded, and again whenever it changes.
     /// [`PaletteReady`](crate::PaletteReady) is written whenever that changes the palette. If the asset fails to load,
-    /// the field keeps the palette that it has; if it has none, one is extracted.
+    /// the field keeps its current palette; if it has none, one is extracted.
     ///
     /// ```
     /// # use bevy::prelude::*;

@@ -64,7 +64,7 @@ impl PaletteEditor<'_, '_> {
         self.props.get(prop).ok().map(|(Prop(field), ..)| field.id())
     }
 
-    /// Returns the [`Posterize`] of `prop` or, if it is not posterized, the one that it would get.
+    /// Returns the [`Posterize`] of `prop` or, if it is not posterized, the one that it would be given.
     pub(super) fn posterize(&self, prop: Entity) -> Posterize {
         match self.props.get(prop) {
             Ok((_, Some(settings), ..)) => *settings,

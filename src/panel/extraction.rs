@@ -6,8 +6,8 @@ use bevy_egui::egui;
 use super::{editor::PaletteEditor, posterize::row};
 use plenoctree::{
     PlenOctree,
-    palette::{Colors, Extraction, ExtractionSettings, PaletteMethod},
-    sampling::{Observers, SamplingSettings},
+    palette::{ColorCount, Extraction, ExtractionSettings, PaletteMethod},
+    sampling::{ObserverRegion, SamplingSettings},
 };
 
 pub(super) fn show(ui: &mut egui::Ui, field: AssetId<PlenOctree>, editor: &mut PaletteEditor) {
@@ -89,36 +89,32 @@ fn sliders(ui: &mut egui::Ui, settings: &mut ExtractionSettings) -> bool {
 }
 
 fn choose_method(ui: &mut egui::Ui, method: &mut PaletteMethod) -> bool {
-    let name = |method| match method {
-        PaletteMethod::Hull => "Hull",
-        PaletteMethod::Fitted => "Fitted",
-    };
     let before = *method;
-    ui.label("Method").on_hover_text("Hull: the corners of all colors; Fitted: the colors whose blends fit best");
-    egui::ComboBox::from_id_salt("method").selected_text(name(before)).show_ui(ui, |ui| {
+    ui.label("Method").on_hover_text("hull: the corners of all colors; fitted: the colors whose blends fit best");
+    egui::ComboBox::from_id_salt("method").selected_text(before.name()).show_ui(ui, |ui| {
         for choice in PaletteMethod::ALL {
-            ui.selectable_value(method, choice, name(choice));
+            ui.selectable_value(method, choice, choice.name());
         }
     });
     ui.end_row();
     *method != before
 }
 
-/// A checkbox, and the slider of what it chooses: the number of colors, or the tolerance.
-fn choose_colors(ui: &mut egui::Ui, colors: &mut Colors) -> bool {
-    let mut auto = matches!(colors, Colors::Auto { .. });
-    let hint = "Finds as few colors as keep the error within the tolerance";
+/// Shows a checkbox, and the slider of the number of colors or of the tolerance.
+fn choose_colors(ui: &mut egui::Ui, colors: &mut ColorCount) -> bool {
+    let mut auto = matches!(colors, ColorCount::Auto { .. });
+    let hint = "Finds the fewest colors that keep the error within the tolerance";
     ui.label("Find the number").on_hover_text(hint);
     let switched = ui.checkbox(&mut auto, "").on_hover_text(hint).changed();
     ui.end_row();
     if switched {
-        *colors = if auto { Colors::AUTO } else { Colors::default() };
+        *colors = if auto { ColorCount::AUTO } else { ColorCount::default() };
     }
     let changed = match colors {
-        Colors::Fixed(colors) => {
+        ColorCount::Fixed(colors) => {
             row(ui, "Colors", "Number of palette colors to extract", egui::Slider::new(colors, 3..=16))
         }
-        Colors::Auto { tolerance } => {
+        ColorCount::Auto { tolerance } => {
             let hint = "Largest difference between the field's colors and their labels";
             row(ui, "Tolerance", hint, egui::Slider::new(tolerance, 0.01..=0.2).max_decimals(3))
         }
@@ -126,15 +122,15 @@ fn choose_colors(ui: &mut egui::Ui, colors: &mut Colors) -> bool {
     switched | changed
 }
 
-fn choose(ui: &mut egui::Ui, observers: &mut Observers) -> bool {
+fn choose(ui: &mut egui::Ui, observers: &mut ObserverRegion) -> bool {
     let name = |observers| match observers {
-        Observers::UpperHemisphere => "Upper hemisphere",
-        Observers::Sphere => "Full sphere",
+        ObserverRegion::UpperHemisphere => "Upper hemisphere",
+        ObserverRegion::Sphere => "Full sphere",
     };
     let before = *observers;
     ui.label("Observers").on_hover_text("Directions from which the field is seen");
     egui::ComboBox::from_id_salt("observers").selected_text(name(before)).show_ui(ui, |ui| {
-        for choice in [Observers::UpperHemisphere, Observers::Sphere] {
+        for choice in [ObserverRegion::UpperHemisphere, ObserverRegion::Sphere] {
             ui.selectable_value(observers, choice, name(choice));
         }
     });

@@ -43,7 +43,7 @@ fn sliders(ui: &mut egui::Ui, settings: &mut Posterize) -> bool {
         steps | softness | opacity
     });
     let mut smooth = *edges == EdgeSmoothing::Coverage;
-    let hint = "Blends the pixels at which the prop ends with what is behind";
+    let hint = "Blends the edges of the prop with what is behind them";
     let switched = ui.checkbox(&mut smooth, "Smooth edges").on_hover_text(hint).changed();
     if switched {
         *edges = if smooth { EdgeSmoothing::Coverage } else { EdgeSmoothing::Off };

@@ -49,8 +49,7 @@ pub struct PalettePanel {
     pub prop: Option<Entity>,
     /// The camera in whose view the window is shown. This makes it bevy_egui's primary context, so everything else that
     /// your app shows in `EguiPrimaryContextPass` moves there as well. If it is `None`, or not a camera, the window is
-    /// shown in the primary context that there is: the first camera that was spawned, unless your app chooses another
-    /// one.
+    /// shown in the existing primary context: the first camera that was spawned, unless your app chooses another one.
     ///
     /// Defaults to `None`.
     pub camera: Option<Entity>,

@@ -17,7 +17,8 @@ use crate::prop::Prop;
 /// A plugin that adds a picking backend for props: pointers hit a [`Prop`] where the opacity along their ray reaches
 /// one half.
 ///
-/// Requires the feature `picking`, and Bevy's `DefaultPickingPlugins`, which `DefaultPlugins` then include.
+/// Requires the feature `picking`, and Bevy's `DefaultPickingPlugins`, which `DefaultPlugins` includes with that
+/// feature.
 ///
 /// Props are picked through every `Camera3d` that sees them, unless they are [`Pickable::IGNORE`]. The position and
 /// normal of a hit are those of its [`PropHit`](crate::PropHit), which is attached as extra data:

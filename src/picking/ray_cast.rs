@@ -19,8 +19,8 @@ pub struct PropHit {
     pub point: Vec3,
     /// The distance from the ray's origin to the point.
     pub distance: f32,
-    /// The direction in which opacity decreases around the point, smoothed over a few cells. If it decreases in no
-    /// direction, this is the direction back along the ray.
+    /// The direction in which opacity decreases around the point, smoothed over a few cells. If it does not decrease in
+    /// any direction, this is the direction back along the ray.
     pub normal: Dir3,
     /// The color along the whole ray as trained, in encoded sRGB, divided by its opacity.
     pub color: Srgba,
@@ -103,7 +103,7 @@ impl PropRayCast<'_, '_> {
         }
         let field_from_world = world_from_field.inverse();
         let direction = field_from_world.transform_vector3(ray.direction.as_dvec3());
-        // Field units per world unit. Optical depth is measured in field units, whatever the scale of the prop.
+        // Field units per world unit. Optical depth is measured in field units, regardless of the scale of the prop.
         let scale = direction.length();
         let hit = field.cast_ray(field_from_world.transform_point3(ray.origin.as_dvec3()), direction / scale)?;
 

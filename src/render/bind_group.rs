@@ -1,4 +1,4 @@
-//! Bind groups that are kept as long as they bind the same resources.
+//! Bind groups that are kept while they bind the same resources.
 
 use std::num::NonZero;
 

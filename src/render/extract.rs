@@ -16,11 +16,11 @@ use super::rays::Placement;
 use crate::{
     gpu::{FieldShape, GpuField, Level},
     palette::{FieldPalette, PaletteExtraction, PaletteOverride, Palettes},
-    posterize::Posterize,
+    posterize::{BeforePalette, Posterize},
     prop::{Prop, PropTint, SolidOpacity},
     quality::PropQuality,
     stage::{LabelStages, PosterizeView, PropStage},
-    state::{DrawnField, is_held_back},
+    state::DrawnField,
 };
 
 /// Every prop that a camera may see in this frame.
@@ -29,7 +29,7 @@ pub(super) struct ExtractedProps {
     pub props: Vec<ExtractedProp>,
     /// The palette colors of all props and posterized views.
     pub colors: Vec<Vec4>,
-    /// The index in `props` of entities of the main world.
+    /// The index in `props` of each entity of the main world.
     pub index: EntityHashMap<usize>,
     /// The transforms of the previous frame, if a camera draws motion vectors.
     transforms: EntityHashMap<GlobalTransform>,
@@ -44,7 +44,7 @@ pub(super) struct ExtractedProp {
     /// The factors of linear light.
     pub tint: Vec3,
     pub posterize: Option<ExtractedPosterize>,
-    /// The index of the prop with its earlier field, which is drawn as long as this one is not on the GPU.
+    /// The index of the prop with its earlier field, which is drawn until this one is on the GPU.
     pub stand_in: Option<usize>,
     /// How the scene's lights fall on it.
     #[cfg(feature = "shadows")]
@@ -72,8 +72,8 @@ impl ExtractedProps {
         [Some(index), self.props.get(index)?.stand_in].into_iter().flatten().find(is_ready)
     }
 
-    /// Returns the shapes of the fields that are arriving, among those of some props, and whether the scene's lights fall on
-    /// the prop.
+    /// Returns the shapes of the fields that are arriving, among those of some props, and whether the scene's lights
+    /// fall on the prop.
     pub fn arriving_shapes(
         &self,
         props: &[usize],
@@ -201,7 +201,7 @@ pub(super) fn extract_props(
             });
             Some(list.len() - 1)
         };
-        let stand_in = drawn.stand_in(prop).and_then(|field| push(field, None));
+        let stand_in = drawn.stand_in(&prop.0).and_then(|field| push(field, None));
         let held_back = is_held_back(&prop.0, posterize, &palettes, &extraction);
         let own = if held_back { None } else { push(&prop.0, stand_in) };
         if let Some(drawn) = own.or(stand_in) {
@@ -215,7 +215,7 @@ pub(super) fn extract_props(
     *transforms = previous;
     for (entity, camera, is_3d, visible, (stage, quality, everything, own, has_stages, has_motion)) in &cameras {
         if !camera.is_active || !is_3d {
-            // It keeps what it saw last, but draws nothing.
+            // It keeps its textures, but draws nothing.
             if let Ok(mut view) = views.get_mut(entity) {
                 view.props.clear();
                 view.everything = None;
@@ -245,4 +245,16 @@ pub(super) fn extract_props(
             });
         }
     }
+}
+
+/// Returns whether a field is not drawn because its palette is not known yet.
+fn is_held_back(
+    field: &Handle<PlenOctree>,
+    posterize: Option<&Posterize>,
+    palettes: &Palettes,
+    extraction: &PaletteExtraction,
+) -> bool {
+    posterize.is_some_and(|posterize| posterize.before_palette == BeforePalette::Hide)
+        && palettes.get(field).is_none()
+        && extraction.error(field).is_none()
 }

@@ -49,7 +49,7 @@ impl Fullscreen {
         }
     }
 
-    /// Makes the pass draw nothing as long as `what` is kept from an earlier frame.
+    /// Makes the pass draw nothing while `what` is kept from an earlier frame.
     pub fn unless_kept(self, what: KeptPart) -> Self {
         Self { vertex_defs: vec![what.definition()], ..self }
     }

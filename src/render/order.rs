@@ -24,11 +24,11 @@ pub(super) fn order_last(schedule: &mut Schedule, last: impl SystemSet, set: imp
     schedule.add_build_pass(OrderPass(LastInSet { set: set.intern(), last: last.intern() }));
 }
 
-/// Orders the systems in `props` as the last ones that draw what is opaque: among the systems between the opaque and the
-/// transparent main pass, before those of the main pass, such as the one for objects that transmit light, which copies
-/// what is behind them; and after those that are not part of it, such as the one that draws the sky.
+/// Makes the systems in `props` the last ones that draw opaque things. They run between the opaque and the transparent
+/// main pass: before the main pass's own systems there, such as the one for objects that transmit light, which copies
+/// what is behind them; and after all others, such as the one that draws the sky.
 ///
-/// An order that another plugin asks for takes precedence.
+/// An order that another plugin requests takes precedence.
 pub(super) fn order_after_opaque(schedule: &mut Schedule, props: impl SystemSet) {
     schedule.configure_sets(
         props.intern().after(main_opaque_pass_3d).before(main_transparent_pass_3d).in_set(Core3dSystems::MainPass),
@@ -38,7 +38,7 @@ pub(super) fn order_after_opaque(schedule: &mut Schedule, props: impl SystemSet)
 
 /// Adds dependencies when the schedule is built.
 trait Order: std::fmt::Debug + Send + Sync + 'static {
-    /// Returns pairs of systems, the first of which is to run before the second one.
+    /// Returns pairs of systems, the first of which must run before the second.
     fn pairs(&self, graph: &mut ScheduleGraph, known: &DiGraph<SystemKey>) -> Vec<(SystemKey, SystemKey)>;
 }
 

@@ -12,7 +12,7 @@ use crate::{sets::PlenOctreeRenderSystems, stage::PropStage};
 
 /// The systems of a pass that runs at either place in the frame.
 pub(super) struct Pass<D> {
-    /// Creates the pipelines, or what they are specialized from.
+    /// Creates the pipelines, or the resources that they are specialized from.
     pub init: ScheduleConfigs<ScheduleSystem>,
     pub prepare_pipelines: ScheduleConfigs<ScheduleSystem>,
     pub prepare_bind_groups: ScheduleConfigs<ScheduleSystem>,

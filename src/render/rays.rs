@@ -7,7 +7,7 @@ use plenoctree::{Frame, UpAxis};
 use crate::prop::world_from_field;
 
 /// The rays of a view in a field's frame, as affine functions of the viewport point `reference + (x, y)`, in pixels:
-/// `a[0] + x a[1] + y a[2]`. Rays begin at the box, so that numbers stay small however far away the camera is.
+/// `a[0] + x a[1] + y a[2]`. Rays begin at the box, so that numbers stay small no matter how far away the camera is.
 pub(super) struct Rays {
     /// The viewport point from which x and y are measured, near the center of the box.
     pub reference: DVec2,

@@ -48,8 +48,8 @@ impl TargetKey {
     }
 }
 
-/// Returns the number of samples per pixel of a target in which some may show what is before a prop, while others show the
-/// prop: those of the scene. `None` if there is but one, or if custom stages decide what is shown.
+/// Returns the number of samples per pixel of a target in which some samples may show something in front of a prop,
+/// while others show the prop. `None` if there is only one, or if custom stages decide what is shown.
 pub(super) fn hidden_samples(props: &ViewProps, msaa: &Msaa) -> Option<u32> {
     Some(msaa.samples()).filter(|samples| *samples > 1 && props.stage == PropStage::Scene && !props.has_stages)
 }

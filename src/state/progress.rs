@@ -1,12 +1,11 @@
-//! How far props are on their way to the screen.
+//! The progress of props on their way to the screen.
 
 use bevy::prelude::*;
 
-/// How far a [`Prop`](crate::Prop) is on its way to the screen, for loading screens.
+/// The progress of a [`Prop`](crate::Prop) on its way to the screen, for loading screens.
 ///
 /// Every prop has this component; do not change it. It is updated together with [`PropState`](crate::PropState), and
-/// marked as changed only when it changes. Nothing is left to wait for when a prop is ready or has failed, so all shares
-/// are 1 then.
+/// marked as changed only when it changes. When a prop is ready or has failed, all fractions are 1.
 ///
 /// ```
 /// # use bevy::prelude::*;
@@ -30,17 +29,18 @@ use bevy::prelude::*;
 #[reflect(Component, Default, Clone, Debug, PartialEq)]
 #[type_path = "bevy_plenoctree"]
 pub struct PropProgress {
-    /// The share of the field's file that is read, and parsed along the way, from 0 to 1. Asset sources that cannot seek
-    /// give their files as a whole, so that it goes from 0 to 1 at once.
+    /// The fraction of the field's file that has been read and parsed, from 0 to 1. Asset sources that cannot seek
+    /// return whole files, so it jumps from 0 to 1.
     pub read: f32,
-    /// The share of the field that is on the GPU, from 0 to 1. It is 0 while the field is prepared in the background.
+    /// The fraction of the field that is on the GPU, from 0 to 1. It is 0 while the field is prepared in the
+    /// background.
     pub uploaded: f32,
-    /// The share of the palette's extraction that is done, from 0 to 1, or `None` if the prop is not posterized.
+    /// The progress of the palette's extraction, from 0 to 1, or `None` if the prop is not posterized.
     pub palette: Option<f32>,
 }
 
 impl PropProgress {
-    /// Returns the mean of the shares, from 0 to 1.
+    /// Returns the mean of the fractions, from 0 to 1.
     pub fn fraction(&self) -> f32 {
         match self.palette {
             Some(palette) => (self.read + self.uploaded + palette) / 3.0,

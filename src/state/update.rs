@@ -3,7 +3,11 @@
 use bevy::{asset::LoadState, platform::collections::HashMap, prelude::*};
 use plenoctree::PlenOctree;
 
-use super::{DrawnField, PropError, PropProgress, PropState};
+use super::{
+    drawn::DrawnField,
+    progress::PropProgress,
+    prop_state::{PropError, PropState},
+};
 use crate::{
     asset::FilesRead,
     gpu::GpuStatus,
@@ -22,7 +26,7 @@ pub(super) fn update(
     palettes: Res<Palettes>,
     extraction: Res<PaletteExtraction>,
 ) {
-    // Many props share few fields. The map keeps its memory.
+    // Many props share few fields. The map's memory is reused.
     states.clear();
     for (prop, posterize, mut state, mut progress, mut drawn) in &mut props {
         let id = prop.0.id();
@@ -64,7 +68,7 @@ pub(super) fn update(
                 PropProgress { read: 1.0, uploaded: 1.0, palette: palette.map(|_| 1.0) }
             }
             PropState::Loading => {
-                // Between the end of reading and the arrival of the asset, there are frames.
+                // A few frames pass between the end of reading and the arrival of the asset.
                 let last = if prop.is_changed() { 0.0 } else { progress.read };
                 let read = prop.0.path().and_then(|path| files.share(path)).unwrap_or(last);
                 PropProgress { read, uploaded: 0.0, palette }
@@ -82,7 +86,7 @@ fn field_state(
     server: Option<&AssetServer>,
     gpu: &GpuStatus,
 ) -> PropState {
-    // After a hot reload that failed, the earlier version is still there.
+    // After a failed hot reload, the earlier version still exists.
     if !fields.contains(id) {
         return match server.and_then(|server| server.get_load_state(id)) {
             Some(LoadState::Failed(error)) => PropState::Failed(PropError::Load(error.to_string())),

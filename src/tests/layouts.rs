@@ -1,4 +1,4 @@
-//! Reads structs back from shaders: Rust and WGSL must agree on where their fields are.
+//! Reads structs back from shaders: Rust and WGSL must agree on the offsets of their fields.
 
 use bevy::{
     prelude::*,
@@ -85,7 +85,7 @@ pub(crate) fn read_back<const N: usize>(
     numbers.try_into().unwrap()
 }
 
-/// 1, 2, 3, ...: a value for every number of a struct, none twice.
+/// 1, 2, 3, ...: a distinct value for every number of a struct.
 pub(crate) fn counting() -> impl FnMut() -> f32 {
     let mut last = 0.0;
     move || {

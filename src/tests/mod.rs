@@ -1,3 +1,3 @@
-//! What tests of several modules share.
+//! Helpers that the tests of several modules share.
 
 pub(crate) mod layouts;

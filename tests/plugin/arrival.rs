@@ -1,5 +1,5 @@
-//! Tests that fields arrive in slices, that nothing is drawn of them before they are whole, and that what was drawn stays
-//! until then.
+//! Tests that fields arrive in slices, that they are not drawn before all of their data has arrived, and that earlier
+//! fields stay until then.
 
 use std::{
     sync::{Arc, Mutex},
@@ -98,7 +98,7 @@ impl Stage {
         world
             .spawn(readback)
             .observe(move |frame: On<ReadbackComplete>| store.lock().unwrap().push(frame.data.clone()));
-        // Compiles what draws nothing.
+        // Compiles the pipelines of a view without props.
         (0..4).for_each(|_| headless.update());
         Self { headless, frames }
     }
@@ -116,7 +116,7 @@ impl Stage {
         frames
     }
 
-    /// Updates until the prop waits for nothing, and returns the share that had arrived after each frame.
+    /// Updates until the prop is no longer waiting, and returns the fraction that had arrived after each frame.
     fn arrive(&mut self, prop: Entity) -> Vec<f32> {
         let mut shares = Vec::new();
         for _ in 0..2000 {
@@ -143,7 +143,7 @@ impl Stage {
     }
 }
 
-/// Asserts that a field of so many bytes arrived in slices, and never more than one of them in a frame.
+/// Asserts that a field of this many bytes arrived in slices, with no more than one of them per frame.
 #[track_caller]
 fn assert_slices(shares: &[f32], bytes: u64) {
     let step = 1.01 * SLICE / bytes as f32;
@@ -170,7 +170,8 @@ fn fields_arrive_in_slices_and_are_drawn_when_they_are_whole() {
     assert!(seen == [empty.clone(), whole.clone()], "{} different frames", seen.len());
     assert_eq!(stage.headless.app.world().resource::<Heard>().ready, 1);
 
-    // Reloaded, elsewhere and in another color: the earlier version is drawn where it was until the new one is whole.
+    // Reloaded, elsewhere and in another color: the earlier version is drawn in its place until the new one has
+    // arrived.
     let moved = ball(58.0, DVec3::new(0.9, 0.4, 0.0), [0.1, 0.3, 0.9]);
     *stage.headless.app.world_mut().resource_mut::<Assets<PlenOctree>>().get_mut(&red).unwrap() = moved;
     (0..3).for_each(|_| stage.update());
@@ -206,7 +207,7 @@ fn fields_arrive_in_slices_and_are_drawn_when_they_are_whole() {
     let swapped = stage.headless.capture().unwrap().into_raw();
     assert!(swapped != reloaded && seen == [reloaded, swapped.clone()], "{} different frames", seen.len());
 
-    // Without its prop, nothing is left.
+    // Without its prop, nothing remains.
     let (red_id, green_id) = (red.id(), green.id());
     drop((red, green));
     stage.headless.app.world_mut().despawn(prop);

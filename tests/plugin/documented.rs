@@ -1,4 +1,4 @@
-//! Runs the code blocks of the README and the guide. The blocks are here word for word.
+//! Runs the code blocks of the README and the guide. The blocks are copied here word for word.
 
 use bevy::{prelude::*, render::RenderApp};
 use bevy_plenoctree::prelude::*;
@@ -59,7 +59,7 @@ fn every_system_of_the_documentation_runs() {
     pointing::run();
 }
 
-/// What the documentation says is what runs here, apart from line breaks.
+/// The code in the documentation is the code that runs here, apart from line breaks.
 #[test]
 fn every_block_of_the_documentation_is_here() {
     let words = |text: &str| text.split_whitespace().collect::<String>();

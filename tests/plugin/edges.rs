@@ -1,4 +1,4 @@
-//! Tests the edges of posterized props, against pictures with 16 rays per pixel that are each posterized by themselves.
+//! Tests the edges of posterized props, against images with 16 rays per pixel that are posterized separately.
 
 use std::time::Duration;
 
@@ -31,10 +31,10 @@ const SKY: Color = Color::srgb(0.55, 0.7, 0.9);
 const WALL: Color = Color::srgb(0.75, 0.4, 0.2);
 const BRIGHT: [f64; 3] = [0.95, 0.9, 0.6];
 const GREEN: [f64; 3] = [0.1, 0.45, 0.2];
-/// Colors that nothing else has. They tell which prop a pixel shows.
+/// Colors that nothing else has. They identify the prop that a pixel shows.
 const KEYS: [Color; 2] = [Color::srgb(1.0, 0.0, 1.0), Color::srgb(0.0, 1.0, 1.0)];
 
-/// Bakes what is inside of a surface, in one color.
+/// Bakes the inside of a surface, in one color.
 fn bake_solid(color: [f64; 3], distance: impl Fn(DVec3) -> f64 + Sync) -> PlenOctree {
     let settings = BakeSettings { depth: 6, basis: Basis::Rgba, up: UpAxis::Y, ..default() };
     bake(&settings, |at| if distance(at) < 0.0 { 1e4 } else { 0.0 }, |_| move |_| color.into()).unwrap()
@@ -196,7 +196,7 @@ fn behind() -> Transform {
     Transform::from_xyz(0.0, 0.0, -1.5)
 }
 
-/// The floor on which a ball at the origin lies, a bit sunk in.
+/// The floor on which a ball at the origin lies, slightly sunk in.
 fn floor() -> Transform {
     Transform::from_xyz(0.0, -0.45, 0.0).with_rotation(Quat::from_rotation_x(-1.4))
 }
@@ -291,7 +291,7 @@ fn edges_are_near_to_supersampled_ones() {
     assert!(wrong.is_empty(), "{wrong:?}");
 }
 
-/// Returns the pixels that have another owner than one of their neighbors.
+/// Returns the pixels whose owner differs from that of a neighbor.
 fn outlines(owners: &[usize]) -> Vec<bool> {
     let owner = |x: i32, y: i32| {
         let size = SIZE as i32;
@@ -302,8 +302,8 @@ fn outlines(owners: &[usize]) -> Vec<bool> {
     (0..SIZE * SIZE).map(|index| ends((index % SIZE) as i32, (index / SIZE) as i32)).collect()
 }
 
-/// Away from edges, nothing changes. A bright label before a dark background has no halo: edges only have colors between
-/// the two.
+/// Away from edges, nothing changes. A bright label in front of a dark background has no halo: edges only have colors
+/// between the two.
 #[test]
 fn edges_have_colors_between_those_on_both_sides_and_others_stay() {
     let mut stage = Stage::new();

@@ -1,5 +1,5 @@
-//! Reads, draws and samples a field of the size of the largest published ones, 5.5 million leaves of SH9, and draws more
-//! props than a camera can.
+//! Reads, draws and samples a field of the size of the largest published ones, 5.5 million leaves of SH9, and draws
+//! more props than a camera can.
 
 use std::{io::Cursor, sync::Mutex, time::Duration};
 
@@ -12,8 +12,8 @@ use bevy::{
     prelude::*,
 };
 use bevy_plenoctree::{
-    Activation, Colors, ExtractionSettings, FieldPalette, GpuField, LoadSettings, MAX_PROPS_IN_VIEW, PaletteOverride,
-    Palettes, PlenOctree, PlenOctreePlugin, Posterize, Prop, SamplingSettings, UpAxis,
+    Activation, ColorCount, ExtractionSettings, FieldPalette, GpuField, LoadSettings, MAX_PROPS_IN_VIEW,
+    PaletteOverride, Palettes, PlenOctree, PlenOctreePlugin, Posterize, Prop, SamplingSettings, UpAxis,
     headless::{Headless, exact_camera, pinhole_view},
 };
 use glam::{DVec3, UVec3};
@@ -94,7 +94,7 @@ fn five_and_a_half_million_leaves_are_read_drawn_and_sampled() {
     let settings =
         ExtractionSettings { sampling: SamplingSettings { sample_fraction: 0.01, ..default() }, ..default() };
     let extraction = palette::extract(&field, &settings, &default()).unwrap();
-    assert_eq!(settings.colors, Colors::Fixed(extraction.palette.colors.len()));
+    assert_eq!(settings.colors, ColorCount::Fixed(extraction.palette.colors.len()));
 }
 
 /// The errors that this process has logged.

@@ -23,7 +23,7 @@ const LAMP: DVec3 = DVec3::new(4.0, 0.5, 7.0);
 /// The layer of what only lights see.
 const UNSEEN: usize = 1;
 
-/// Returns the color with a share of its linear light.
+/// Returns the color with its linear light multiplied by factors.
 fn dimmed(encoded: DVec3, factors: DVec3) -> DVec3 {
     let light = color(encoded).to_linear();
     let [r, g, b] = factors.as_vec3().to_array();
@@ -93,8 +93,8 @@ fn shadows_of_meshes_fall_on_props() {
     let field = cube(SOLID, GREEN);
     let prop = stage.spawn_prop(&field, default());
     let sun = spawn_sun(&mut stage, Color::WHITE, true);
-    // Mesa's software rasterizer loses texels of shadow maps along edges that triangles share. The second rectangle, which
-    // is within the shadow of the first one, has them elsewhere.
+    // Mesa's software rasterizer loses texels of shadow maps along edges that triangles share. The second rectangle,
+    // which is within the shadow of the first one, has them elsewhere.
     for (low, high, off) in [((-8.0, -8.0), (BLOCKER.0 as f32, 8.0), 0.0), ((-9.0, -5.0), (1.4, 8.0), 0.2)] {
         let blocker = stage.spawn_rectangle(low, high, BLOCKER.1 as f32 + off, RED, 1.0);
         stage.world().entity_mut(blocker).insert(RenderLayers::layer(UNSEEN));
@@ -119,7 +119,7 @@ fn shadows_of_meshes_fall_on_props() {
         stage.world().entity_mut(camera).insert(PropStage::Scene);
     }
 
-    // Posterized: the darker label of the same hue, although another color is nearer to what half of the light makes.
+    // Posterized: the darker label of the same hue, although another color is nearer to the color in half of the light.
     let (dark, olive) = (0.45 * GREEN, DVec3::new(0.3, 0.4, 0.08));
     let handle = stage.world().query::<&bevy_plenoctree::Prop>().single(stage.world()).unwrap().0.clone();
     let set_palette = |stage: &mut Stage, colors: &[DVec3]| {

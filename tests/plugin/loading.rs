@@ -45,9 +45,9 @@ static LARGE: LazyLock<Arc<Vec<u8>>> = LazyLock::new(|| {
 #[derive(Clone, Default)]
 struct Watched {
     seekable: bool,
-    /// The number of times that a whole file was asked for.
+    /// The number of times that a whole file was requested.
     wholes: Arc<AtomicUsize>,
-    /// The largest number of bytes that were asked for at once.
+    /// The largest number of bytes that were requested at once.
     most: Arc<AtomicUsize>,
     /// The number of bytes that were read.
     read: Arc<AtomicU64>,
@@ -153,7 +153,7 @@ fn files_are_parsed_while_they_are_read() {
     assert_eq!(watched.wholes.load(Relaxed), 0, "the whole file was asked for");
     let (most, length) = (watched.most.load(Relaxed), LARGE.len());
     assert!(most <= 1 << 20 && 4 * most < length, "{most} of {length} bytes were asked for at once");
-    // Some members are found by looking around, but none is read twice.
+    // Finding the members takes some extra reads, but none is read twice.
     let read = watched.read.load(Relaxed);
     assert!(read < length as u64 + (8 << 20), "{read} of {length} bytes were read");
     assert!(app.world().resource::<Assets<PlenOctree>>().get(&field).unwrap().leaves() > 400_000);
@@ -190,8 +190,8 @@ fn waits(pool: &'static TaskPool, mut working: impl FnMut() -> bool) -> Vec<Dura
     waits
 }
 
-/// A task that waits for work of the plugin does so once, for as long as it takes. Other programs may keep tasks waiting
-/// too, but not most of them.
+/// A task that waits for work of the plugin does so once, for as long as it takes. Other programs may keep tasks
+/// waiting too, but not most of them.
 #[track_caller]
 fn assert_short(mut waits: Vec<Duration>, what: &str) {
     waits.sort();

@@ -1,4 +1,4 @@
-//! Tests what happens when memory is full, when the driver refuses to hold a field, and when the device is lost.
+//! Tests what happens when memory is full, when the driver rejects a field, and when the device is lost.
 
 use std::time::Duration;
 
@@ -17,8 +17,8 @@ use plenoctree::{Basis, Cell, Frame};
 
 const SIZE: u32 = 32;
 
-/// Returns a field whose only leaves are the eight cells of this depth at the lower corner of (-1, -1, -1) to (1, 1, 1),
-/// scaled so that they fill the cube from 0 to 1.
+/// Returns a field whose only leaves are the eight cells of this depth at the lower corner of (-1, -1, -1) to (1, 1,
+/// 1), scaled so that they fill the cube from 0 to 1.
 fn corner(depth: u32, color: [f32; 3]) -> PlenOctree {
     let mut nodes: Vec<_> = (1..depth)
         .map(|next| std::array::from_fn(|cell| if cell == 0 { Cell::node(next) } else { Cell::EMPTY }))
@@ -74,8 +74,8 @@ fn colors(headless: &mut Headless) -> [[u8; 3]; 2] {
     })
 }
 
-/// A driver that refuses the table of a field, as one that ran out of memory does, costs the field and nothing else.
-/// The limit is below that of any real device, so that nothing checks it before wgpu.
+/// If the driver rejects the table of a field, as it does when out of memory, only that field is missing. The limit is
+/// below that of any real device, so that nothing checks it before wgpu.
 #[test]
 fn a_field_that_the_driver_refuses_is_skipped() {
     let limits = wgpu::Limits { max_texture_array_layers: 32, ..default() };
@@ -129,7 +129,7 @@ fn limit_memory(more: Option<u64>) {
     setrlimit(Resource::As, Rlimit { current, maximum }).unwrap();
 }
 
-/// A field for which the driver finds no memory costs its props and nothing else, and is drawn when there is memory again.
+/// If the driver has no memory for a field, only its props are missing, and it is drawn once there is memory again.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_field_is_skipped_when_memory_is_full() {
@@ -175,7 +175,7 @@ fn a_field_is_skipped_when_memory_is_full() {
     assert_eq!(colors(&mut headless), [[255, 0, 0], [0, 255, 0]]);
 }
 
-/// A level that the driver refuses is replaced by the field itself, or by the level that was there.
+/// A level that the driver rejects is replaced by the field itself, or by the previous level.
 #[test]
 fn a_level_that_the_driver_refuses_is_skipped() {
     let limits = wgpu::Limits { max_texture_array_layers: 32, ..default() };

@@ -18,9 +18,9 @@ use bevy::{
     render::RenderApp,
 };
 use bevy_plenoctree::{
-    BilateralFilter, BlendSpace, Colors, ExtractionSettings, FieldPalette, Observers, Palette, PaletteExtraction,
-    PaletteMethod, PaletteOverride, PaletteReady, Palettes, PlenOctree, PlenOctreePlugin, Posterize, Prop,
-    SamplingSettings,
+    BilateralFilter, BlendSpace, ColorCount, ExtractionSettings, FieldPalette, ObserverRegion, Palette,
+    PaletteExtraction, PaletteMethod, PaletteOverride, PaletteReady, Palettes, PlenOctree, PlenOctreePlugin, Posterize,
+    Prop, SamplingSettings,
     headless::{Headless, exact_camera},
 };
 use glam::DVec3;
@@ -438,9 +438,9 @@ fn settings_are_reflected() {
     let own = PaletteOverride::default().with(2, Color::oklab(0.5, 0.1, -0.1));
     assert_eq!(round_trip(&own, &registry), own);
     let settings = ExtractionSettings {
-        sampling: SamplingSettings { observers: Observers::Sphere, ..default() },
+        sampling: SamplingSettings { observers: ObserverRegion::Sphere, ..default() },
         method: PaletteMethod::Hull,
-        colors: Colors::Auto { tolerance: 0.125 },
+        colors: ColorCount::Auto { tolerance: 0.125 },
         ..default()
     };
     assert_eq!(round_trip(&settings, &registry), settings);
@@ -481,8 +481,8 @@ fn a_field_is_reloaded() {
     }
 }
 
-/// An extraction that was requested is not lost when the field is reloaded meanwhile, even if the field has a palette
-/// that was inserted. The palette is that of the new field.
+/// An extraction that was requested is not lost when the field is reloaded in the meantime, even if the field has a
+/// palette that was inserted. The palette is that of the new field.
 #[test]
 fn a_reload_does_not_cancel_a_requested_extraction() {
     for waiting in [false, true] {
@@ -534,7 +534,7 @@ fn a_palette_next_to_an_unapproved_field_is_loaded() {
     assert_eq!(palette.palette().colors, [[0.25, 0.5, 0.75]]);
 }
 
-/// Colors that a palette does not have are refused, not ignored.
+/// Colors that a palette does not have are rejected, not ignored.
 #[test]
 fn colors_out_of_range_are_refused() {
     let mut palette = FieldPalette::from_colors(COLORS).unwrap();

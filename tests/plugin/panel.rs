@@ -28,7 +28,7 @@ fn the_panel_is_shown_in_the_chosen_view() {
         app.add_plugins((PlenOctreePlugin, PalettePanelPlugin));
     })
     .unwrap();
-    // Of cameras that are there before the first frame, bevy_egui makes two primary, and panics.
+    // bevy_egui would make two cameras that exist before the first frame primary, and panic.
     headless.update();
     let target = headless.target();
     let world = headless.app.world_mut();

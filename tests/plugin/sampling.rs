@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use bevy::prelude::*;
 use bevy_plenoctree::{
-    Activation, Colors, ExtractionSamples, ExtractionSettings, Observers, PaletteExtraction, PaletteMethod,
+    Activation, ColorCount, ExtractionSamples, ExtractionSettings, ObserverRegion, PaletteExtraction, PaletteMethod,
     PaletteSampler, Palettes, PlenOctree, PlenOctreePlugin, Posterize, Prop, SamplingSettings, UpAxis,
     headless::Headless,
 };
@@ -91,7 +91,12 @@ fn gpu_sampling_matches_the_reference() {
         (Basis::Rgba, settings(SamplingSettings { directions: 1, multisamples: 3, ..default() })),
         (
             Basis::Sh4,
-            settings(SamplingSettings { observers: Observers::Sphere, fine_bins: 20, coarse_bins: 5, ..default() }),
+            settings(SamplingSettings {
+                observers: ObserverRegion::Sphere,
+                fine_bins: 20,
+                coarse_bins: 5,
+                ..default()
+            }),
         ),
     ] {
         let mut field = lumps(basis);
@@ -210,7 +215,7 @@ fn fields_are_sampled_in_sequence_on_the_gpu() {
     headless.wait_until_ready(Duration::from_secs(120)).unwrap();
     let mut extraction = headless.app.world_mut().resource_mut::<PaletteExtraction>();
     assert!(fields.iter().all(|field| extraction.sampled(field).is_some_and(|sampled| sampled.on_gpu)));
-    extraction.settings.colors = Colors::Fixed(2);
+    extraction.settings.colors = ColorCount::Fixed(2);
     extraction.request(&fields[0]);
     let start = Instant::now();
     let colors = |headless: &Headless| {

@@ -219,8 +219,8 @@ fn is_blocked(field: &PlenOctree, prop: &Transform, light: Light, point: DVec3) 
     hit.is_some_and(|hit| hit.distance < distance * scale)
 }
 
-/// Compares where a frame is darker than one without the prop with where it should be. Returns the intersection over the
-/// union, and the number of pixels that should be in shadow.
+/// Compares where a frame is darker than one without the prop with where it should be. Returns the intersection over
+/// the union, and the number of pixels that should be in shadow.
 fn compare(lit: &RgbaImage, shadowed: &RgbaImage, blocked: impl Fn(DVec3) -> bool) -> (f64, u32) {
     let (mut both, mut either, mut expected) = (0, 0, 0);
     for (x, y, before) in lit.enumerate_pixels() {

@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use bevy::prelude::*;
 use bevy_plenoctree::{
-    BeforePalette, BilateralFilter, Colors, FieldPalette, FieldReady, Palette, PaletteExtraction, PaletteFailed,
+    BeforePalette, BilateralFilter, ColorCount, FieldPalette, FieldReady, Palette, PaletteExtraction, PaletteFailed,
     Palettes, PlenOctree, PlenOctreePlugin, Posterize, Prop, PropError, PropQuality, PropState,
     headless::{Headless, HeadlessError, LitMeshPlugins, exact_camera},
     props_ready,
@@ -274,7 +274,7 @@ fn waiting_has_limits_and_says_for_what() {
 #[test]
 fn a_palette_that_is_inserted_replaces_a_failed_extraction() {
     let mut headless = app(|app| {
-        app.world_mut().resource_mut::<PaletteExtraction>().settings.colors = Colors::Fixed(0);
+        app.world_mut().resource_mut::<PaletteExtraction>().settings.colors = ColorCount::Fixed(0);
     });
     let field = add(&mut headless, cube(RED));
     let prop = headless.app.world_mut().spawn((Prop(field.clone()), posterize())).id();

@@ -85,7 +85,7 @@ pub enum BakeError {
 /// `density` returns the density, per world unit, at a point in the field's frame. `radiance` is called once with the
 /// center of every cell that is not empty, and the closure that it returns is called once with every direction: a unit
 /// vector from the eye into the scene. Colors are encoded sRGB, 0 to 1. Work that does not depend on the direction is
-/// thus done once per cell:
+/// therefore done only once per cell:
 ///
 /// ```
 /// use plenoctree::{BakeSettings, bake};
@@ -119,11 +119,11 @@ where
     bake_volume(settings, &density, &|center, project| project(&radiance(center)))
 }
 
-/// A function of the direction: what a cell looks like.
+/// The appearance of a cell, as a function of the direction.
 type Radiance<'a> = &'a dyn Fn(DVec3) -> DVec3;
 
-/// [`bake`] for any volume, so that baking is compiled once. `radiance` calls back with the radiance of the cell around a
-/// center.
+/// [`bake`] for any volume, so that baking is compiled once. `radiance` calls back with the radiance of the cell around
+/// a center.
 fn bake_volume(
     settings: &BakeSettings,
     density: &(dyn Fn(DVec3) -> f64 + Sync),
@@ -362,8 +362,8 @@ mod tests {
             }
         }
 
-        /// Radiance that the basis can represent is reproduced, however it varies over the sphere and from cell to
-        /// cell.
+        /// Radiance that the basis can represent is reproduced, no matter how it varies over the sphere and from cell
+        /// to cell.
         #[test]
         fn representable_radiance_is_reproduced(
             basis in 1..6usize,

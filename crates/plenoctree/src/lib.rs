@@ -7,7 +7,7 @@
 //! | [`palette`] | palette extraction, palette files, and the labels blended from a palette |
 //! | [`camera`] | pinhole cameras, and the `transforms.json` files of NeRF datasets |
 //! | [`fit`] | fitting fields to photographs |
-//! | [`splat`] | captures of Gaussian splats: reading, rendering, and making fields of them |
+//! | [`splat`] | captures of Gaussian splats: reading, rendering, and converting them to fields |
 //! | [`mod@reference`] | rendering, sampling and posterization in float64, as a reference for faster code |
 //!
 //! This crate implements the engine-free half of *Recolorable Posterization of Volumetric Radiance Fields Using
@@ -27,7 +27,7 @@
 //! | `splat` | captures of Gaussian splats | off |
 //! | `bevy` | Bevy's `Asset` and `Reflect` for fields, palettes and settings | off |
 //!
-//! The features that are on by default are for tools. A game usually needs none of them.
+//! The default features are for tools. A game usually needs none of them.
 #![cfg_attr(docsrs, feature(doc_cfg))]
 #![forbid(unsafe_code)]
 #![warn(missing_docs)]

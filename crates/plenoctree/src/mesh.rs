@@ -9,15 +9,15 @@ use glam::{DVec3, IVec3, UVec3};
 
 use crate::field::PlenOctree;
 
-/// Cells of empty space around the field, so that its surface is closed.
+/// Width of the empty space around the field, in cells, so that its surface is closed.
 const PADDING: i32 = 2;
 /// Largest number of cells of the grid: 256 MiB of numbers.
 const MAX_CELLS: f64 = (1u32 << 26) as f64;
 
 /// A closed surface. Seen from outside, the corners of its triangles go around counterclockwise.
 ///
-/// Every edge of a triangle is met by the edge of another one that goes the other way. If parts of a surface touch along an
-/// edge, there are two of either.
+/// Every edge of a triangle is shared with another triangle, which traverses it in the opposite direction. Where parts
+/// of a surface touch along an edge, there are two of each.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SurfaceMesh {
     /// Positions of the vertices, in the field's frame.
@@ -42,12 +42,12 @@ pub enum MeshError {
 }
 
 impl PlenOctree {
-    /// Returns the surface of the field's solid parts, as closed triangle meshes for colliders and the like.
+    /// Returns the surface of the field's solid parts, as closed triangle meshes, for example for colliders.
     ///
-    /// The surface is made in a grid of cubes that are `cell_size` wide, in world units of the field: larger ones make
-    /// simpler surfaces. A cube is solid as far as paths of that length through its content are opaque; the surface is where
-    /// the mean reaches `opacity`, more than 0 and less than 1. Hollows that are closed on all sides count as solid, because
-    /// trained and packed fields are often empty inside. An empty field has an empty surface.
+    /// The surface is found in a grid of cubes of width `cell_size`, in world units of the field: larger cubes make
+    /// simpler surfaces. The solidity of a cube is the opacity of paths of that length through its content; the surface
+    /// is where it reaches `opacity`, more than 0 and less than 1. Closed hollows count as solid, because trained and
+    /// packed fields are often empty inside. An empty field has an empty surface.
     ///
     /// # Errors
     ///
@@ -72,7 +72,7 @@ impl PlenOctree {
     }
 }
 
-/// The solid shares of cubes.
+/// The solidity of cubes.
 struct Grid {
     /// Center of the first cube.
     origin: DVec3,
@@ -93,7 +93,7 @@ impl Grid {
         self.shape.linearize(cell.as_uvec3().to_array()) as usize
     }
 
-    /// Adds what leaves absorb in the cubes that they are in.
+    /// Adds the absorption of leaves to their cubes.
     fn add(&mut self, field: &PlenOctree) {
         let cells = f64::from(1u32 << field.depth());
         for leaf in field.leaf_cells() {
@@ -120,7 +120,7 @@ impl Grid {
         }
     }
 
-    /// Makes all cubes solid that cannot be reached from outside through cubes below `opacity`.
+    /// Fills all cubes that cannot be reached from outside through cubes below `opacity`.
     fn fill_hollows(&mut self, opacity: f32) {
         let mut outside = vec![false; self.solid.len()];
         outside[0] = true;

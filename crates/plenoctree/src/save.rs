@@ -1,4 +1,4 @@
-//! Replaces files as a whole, so that nobody reads half of one and a failure loses nothing.
+//! Replaces files atomically, so that readers never see half of one and a failure loses nothing.
 
 use std::{
     fs::{self, File, Metadata},
@@ -12,8 +12,8 @@ use std::{
 /// Creates or replaces the file at `path` with what `fill` writes.
 ///
 /// `fill` gets a temporary file in the same folder, which then takes the place of an existing file and keeps its
-/// permissions. If anything fails, the existing file is unchanged and the temporary one is removed. Links are followed,
-/// and what is not an ordinary file, such as a pipe, is written to directly.
+/// permissions. If anything fails, the existing file is unchanged and the temporary one is removed. Links are followed.
+/// Anything but a regular file, such as a pipe, is written to directly.
 pub(crate) fn save<E: From<io::Error>>(path: &Path, fill: impl FnOnce(&mut File) -> Result<(), E>) -> Result<(), E> {
     let existing = fs::metadata(path).ok();
     if existing.as_ref().is_some_and(|existing| !existing.is_file()) {
@@ -27,11 +27,12 @@ pub(crate) fn save<E: From<io::Error>>(path: &Path, fill: impl FnOnce(&mut File)
     let written = fill(&mut file).and_then(|()| Ok(finish(&file, existing)?));
     drop(file);
     if let Err(error) = written.and_then(|()| Ok(fs::rename(&temporary, &target)?)) {
-        // The first error says more than a second one could.
+        // The first error is more informative than a second one.
         let _ = fs::remove_file(&temporary);
         return Err(error);
     }
-    // Watchers of folders may report a rename only, which Bevy takes for no change. A new time of modification is one.
+    // Watchers of folders may report only a rename, which Bevy does not treat as a change. A new modification time is a
+    // change.
     let _ = File::options().append(true).open(&target).and_then(|file| file.set_modified(SystemTime::now()));
     Ok(())
 }
@@ -44,14 +45,15 @@ fn create_beside(target: &Path) -> io::Result<(File, PathBuf)> {
         let temporary = target.with_file_name(name);
         match File::create_new(&temporary) {
             Ok(file) => return Ok((file, temporary)),
-            // Left by a process that was killed, which had the same id.
+            // Left behind by a killed process with the same id.
             Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
             Err(error) => return Err(error),
         }
     }
 }
 
-/// Gives the file the permissions of the existing one, and waits until it is on disk: a rename must not be there first.
+/// Gives the file the permissions of the existing one, and waits until it is on disk, which must happen before the
+/// rename.
 fn finish(file: &File, existing: Option<Metadata>) -> io::Result<()> {
     if let Some(existing) = existing {
         if existing.permissions().readonly() {
@@ -71,7 +73,7 @@ mod tests {
 
     use super::*;
 
-    /// A folder that is removed with what is in it.
+    /// A folder that is removed with its content.
     struct Folder(PathBuf);
 
     impl Folder {
@@ -120,7 +122,7 @@ mod tests {
         assert!(write(&folder.0, "new").is_err() && folder.names() == ["file"]);
     }
 
-    /// Whoever reads the file while it is replaced, over and over, reads all of an old one or all of a new one.
+    /// Readers that read the file while it is replaced, over and over, always see a complete one, old or new.
     #[test]
     fn readers_see_whole_files_only() {
         let folder = Folder::new("readers");

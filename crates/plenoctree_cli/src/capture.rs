@@ -1,11 +1,11 @@
-//! Finds out what a capture is, and reads it.
+//! Reads captures.
 
 use std::path::Path;
 
 use clap::{Args, ValueEnum};
 use plenoctree::splat::{SplatSettings, Splats, SpzAxes};
 
-use crate::{Result, progress};
+use crate::{progress, result::Result};
 
 /// How to read a capture.
 #[derive(Args, Clone, Copy)]
@@ -18,13 +18,13 @@ pub struct CaptureArguments {
 /// The axes of SPZ files.
 #[derive(Clone, Copy, ValueEnum)]
 enum Axes {
-    /// Right, up and back, as the format defines.
+    /// Right, up and back, as the format specifies.
     Rub,
     /// Right, down and front, as splat-transform 3 writes them.
     Rdf,
 }
 
-/// Reads a capture, with a spinner unless `quiet`. Warns of Gaussians that are left out.
+/// Reads a capture, with a spinner unless `quiet`. Warns about Gaussians that are left out.
 pub fn load(path: &Path, arguments: CaptureArguments, quiet: bool) -> Result<Splats> {
     let spinner = progress::spinner("loading", quiet);
     let spz_axes = match arguments.spz_axes {

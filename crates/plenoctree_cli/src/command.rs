@@ -4,9 +4,9 @@ use clap::{Parser, Subcommand};
 
 #[cfg(feature = "bevy")]
 use crate::tradeoff;
-use crate::{Result, bake, coherence, convert, evidence, fit, info, pack, palette, render, stylize};
+use crate::{bake, coherence, convert, evidence, fit, info, pack, palette, render, result::Result, stylize};
 
-/// Inspects, bakes and stylizes PlenOctrees.
+/// Inspect, stylize, fit, convert and pack PlenOctrees.
 #[derive(Parser)]
 #[command(name = "plenoctree", version)]
 pub struct CommandLine {
@@ -14,7 +14,7 @@ pub struct CommandLine {
     command: Command,
 }
 
-/// The subcommands. Their arguments describe them.
+/// The subcommands, which are described by their arguments.
 #[derive(Subcommand)]
 enum Command {
     Info(info::Arguments),

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use plenoctree::{LoadSettings, PlenOctree};
 
-use crate::{Result, progress};
+use crate::{progress, result::Result};
 
 /// The default field, relative to the root of the workspace.
 const DEFAULT: &str = "assets/toadstool.npz";

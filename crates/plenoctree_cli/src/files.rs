@@ -4,7 +4,7 @@ use std::{fs, path::Path};
 
 use image::{ImageBuffer, PixelWithColorType};
 
-use crate::Result;
+use crate::result::Result;
 
 /// Creates a folder and its parents, unless they exist.
 pub fn create_folder(path: &Path) -> Result {

@@ -24,6 +24,7 @@ mod progress;
 mod recolor;
 mod render;
 mod renderer;
+mod result;
 mod size;
 mod stylize;
 mod swatches;
@@ -36,9 +37,6 @@ mod turntable;
 use std::process::ExitCode;
 
 use clap::Parser;
-
-/// The result of a step of a command. Errors are messages for the user.
-type Result<T = (), E = Box<dyn std::error::Error>> = std::result::Result<T, E>;
 
 fn main() -> ExitCode {
     match command::CommandLine::parse().run() {

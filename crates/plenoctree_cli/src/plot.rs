@@ -12,7 +12,7 @@ const BOTTOM: f64 = HEIGHT - 54.0;
 /// The height of a line of the legend, in pixels.
 const LEGEND: f64 = 18.0;
 
-/// Colors of lines that readers who cannot tell red from green can tell apart.
+/// Line colors that are distinguishable with red-green color blindness.
 pub const COLORS: [&str; 6] = ["#828288", "#005eb2", "#d55e00", "#009e73", "#cc79a7", "#8a6d00"];
 
 /// A line of a plot.
@@ -112,7 +112,7 @@ fn tick_step(most: f64, count: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// Whatever the points are, all of the plot is inside its frame, and markup in names is escaped.
+    /// For any points, the whole plot is inside its frame, and markup in names is escaped.
     #[test]
     fn plots_stay_in_their_frame() {
         for points in [vec![], vec![(3.0, 0.0)], vec![(0.0, 1e-7), (1.0, 3e-7)], vec![(0.0, 900.0), (50.0, 0.0)]] {

@@ -12,7 +12,7 @@ pub fn bar(message: &'static str, length: u64, quiet: bool) -> ProgressBar {
     styled(ProgressBar::new(length), "{msg:12} [{bar:40}] {pos}/{len} {eta}", message)
 }
 
-/// Returns a bar of `length` steps whose message changes and says where a fit is.
+/// Returns a bar of `length` steps whose message says what a fit is doing.
 pub fn fit_bar(length: u64) -> ProgressBar {
     styled(ProgressBar::new(length), "{msg} [{bar:40}] {percent:>3}% {eta} left", "")
 }

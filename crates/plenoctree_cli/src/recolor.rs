@@ -1,4 +1,4 @@
-//! Recolorings that need no user, to show and measure what recolored frames do.
+//! Automatic recolorings, to show and measure recolored frames.
 
 use plenoctree::palette::Palette;
 
@@ -6,7 +6,8 @@ use plenoctree::palette::Palette;
 const CHROMATIC: f64 = 0.1;
 /// The angle between hues that count as the same, in degrees.
 const SAME: f64 = 40.0;
-/// The share of the main color's saturation from which a color of the same hue is a shade of it. Others look gray.
+/// The share of the main color's saturation from which a color of the same hue counts as a shade of it. Less saturated
+/// ones look gray.
 const SHADE: f64 = 0.5;
 
 /// Turns the hue of every color by 180 degrees, at the same HSV saturation and value.
@@ -20,7 +21,7 @@ pub fn opposite_hues(colors: &[[f64; 3]]) -> Vec<[f64; 3]> {
     colors.iter().map(opposite).collect()
 }
 
-/// Turns the palette's main hue, with all of its shades, by 180 degrees: what users do who turn a red prop blue.
+/// Turns the palette's main hue, with all of its shades, by 180 degrees: like a user who turns a red prop blue.
 ///
 /// The main hue is that of the color with the largest product of weight and chroma. Palettes without one are unchanged.
 pub fn opposite_main_hue(palette: &Palette) -> Vec<[f64; 3]> {

@@ -5,12 +5,13 @@ use std::{sync::Arc, thread, time::Duration};
 use indicatif::ProgressBar;
 use plenoctree::fit::{FitError, FitProgress};
 
-use crate::{Result, progress};
+use crate::{progress, result::Result};
 
 /// Steps of the progress bar.
 const STEPS: u64 = 1000;
 
-/// Returns the result of `work`, which runs on `threads` threads, or one for each core if that is 0. Ctrl-C ends it early.
+/// Returns the result of `work`, which runs on `threads` threads, or one for each core if that is 0. Ctrl-C ends it
+/// early.
 pub fn watched<T: Send + 'static>(
     threads: usize,
     work: impl FnOnce(&FitProgress) -> Result<T, FitError> + Send + 'static,

@@ -14,7 +14,7 @@ use image::Rgb;
 use plenoctree::{
     BakeSettings, Basis, LoadSettings, PlenOctree, bake,
     camera::read_transforms,
-    palette::{ColorErrors, Colors, ExtractionSettings, Palette, PaletteMethod, extract},
+    palette::{ColorCount, ColorErrors, ExtractionSettings, Palette, PaletteMethod, extract},
     reference::{self, Posterization},
     sampling::{Progress, SamplingSettings, sample},
 };
@@ -90,7 +90,7 @@ fn figures_agree_with_the_library() {
     let rendering = reference::render(&field, &camera);
 
     for method in PaletteMethod::ALL {
-        let settings = ExtractionSettings { method, colors: Colors::Fixed(6), ..Default::default() };
+        let settings = ExtractionSettings { method, colors: ColorCount::Fixed(6), ..Default::default() };
         let palette = extract(&field, &settings, &Progress::default()).unwrap().palette;
         let of_method = |rows: Vec<BTreeMap<String, String>>| -> Vec<_> {
             rows.into_iter().filter(|row| row["palette"] == method.name()).collect()

@@ -71,7 +71,7 @@ fn a_field_is_fitted_with_palette_previews_and_report() {
     assert_eq!(names, ["prop.npz", "prop.palette.json", "prop.views", "report.json"]);
 }
 
-/// An error leaves what was there.
+/// An error leaves existing files unchanged.
 #[test]
 fn errors_name_the_file_and_replace_nothing() {
     let folder = folder("fit_errors");

@@ -8,7 +8,7 @@ use common::{ball, fail, folder, succeed, text};
 use npyz::WriterBuilder;
 use plenoctree::{
     LoadSettings, PlenOctree,
-    palette::{Colors, ExtractionSettings, Palette, PaletteMethod, extract},
+    palette::{ColorCount, ExtractionSettings, Palette, PaletteMethod, extract},
     sampling::Progress,
 };
 
@@ -53,7 +53,7 @@ fn saved_histograms_give_the_same_palette() {
     succeed(&["palette", text(&field), "--histograms", text(&histograms)]);
     let read = PlenOctree::read(&field, &LoadSettings::default()).unwrap();
     for (name, method) in [("hull", PaletteMethod::Hull), ("fitted", PaletteMethod::Fitted)] {
-        for (count, colors) in [("4", Colors::Fixed(4)), ("auto", Colors::Auto { tolerance: 0.1 })] {
+        for (count, colors) in [("4", ColorCount::Fixed(4)), ("auto", ColorCount::Auto { tolerance: 0.1 })] {
             let tolerance: &[&str] = if count == "auto" { &["--tolerance", "0.1"] } else { &[] };
             let arguments = ["palette", "--from-histograms", text(&histograms), "--method", name, "--colors", count];
             succeed(&[&arguments[..], tolerance].concat());

@@ -1,5 +1,5 @@
-//! Drops props onto the ground, where a ball knocks them over. Push the ball with the arrow keys; until then, it rolls in
-//! circles. Space drops the props again.
+//! Drops props onto the ground, where a ball knocks them over. Push the ball with the arrow keys; until then, it rolls
+//! in circles. Space drops the props again.
 //!
 //! The colliders are made of the surfaces of the fields, in tasks. The physics engine is `avian3d`.
 //!
@@ -15,7 +15,7 @@ use bevy::{
 use bevy_plenoctree::{prelude::*, surface_mesh};
 
 fn main() {
-    // Apps of their own, which have an `assets` folder, need not name it.
+    // Your own app has an `assets` folder, and does not need this path.
     let assets = concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets");
     App::new()
         .add_plugins(DefaultPlugins.set(AssetPlugin { file_path: assets.into(), ..default() }))
@@ -76,7 +76,7 @@ fn setup(
     commands.spawn((Camera3d::default(), Transform::from_xyz(0.0, 4.5, 9.0).looking_at(Vec3::ZERO, Vec3::Y)));
 }
 
-/// Begins to make the colliders of props whose fields are loaded.
+/// Starts making the colliders of props whose fields are loaded.
 fn begin_colliders(
     mut commands: Commands,
     fields: Res<Assets<PlenOctree>>,
@@ -86,7 +86,7 @@ fn begin_colliders(
         let Some(field) = fields.get(&prop.0).cloned() else { continue };
         let collider = async move {
             let surface = surface_mesh(&field, 0.5, 0.1).ok()?;
-            // A body that moves needs a volume, so its surface is split into convex parts.
+            // Moving bodies need a volume, so the surface is split into convex parts.
             let parts = VhacdParameters { resolution: 24, concavity: 0.03, ..default() };
             Collider::convex_decomposition_from_mesh_with_config(&surface, &parts)
         };
@@ -94,7 +94,7 @@ fn begin_colliders(
     }
 }
 
-/// Lets props fall whose colliders are there.
+/// Drops the props whose colliders are ready.
 fn finish_colliders(mut commands: Commands, mut props: Query<(Entity, &mut ColliderTask), Without<RigidBody>>) {
     for (entity, mut task) in &mut props {
         if let Some(Some(collider)) = block_on(poll_once(&mut task.0)) {
@@ -117,7 +117,7 @@ fn push_ball(
         let wanted = if *by_hand {
             SPEED * push
         } else {
-            // In circles through the props.
+            // Roll in circles through the props.
             let outward = place.translation.with_y(0.0);
             SPEED * (outward.cross(Vec3::Y) - (outward.length() - 1.7) * outward).normalize_or_zero()
         };

@@ -1,7 +1,7 @@
-//! Blends the parts of the pixels where posterized props end: what the edges passes found, over what the label pass shows.
+//! Smooths the edges of posterized props: blends what the edges passes found over what the label pass shows.
 //!
-//! The *blend* pass writes a texture of its own, because it reads what neighbors show. The *patch* pass then puts its
-//! result in their midst. Both run only for pixels at which props end.
+//! The *blend* pass writes a separate texture, because it reads what neighbors show. The *patch* pass then copies its
+//! result back. Both run only for pixels at the edges of props.
 
 mod pass;
 mod pipeline;
@@ -15,8 +15,8 @@ use bevy::{
 };
 
 use super::{
-    PosterizeSteps,
     pass::{Pass, add_pass},
+    steps::PosterizeSteps,
 };
 use crate::sets::PlenOctreeRenderSystems;
 

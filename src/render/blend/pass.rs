@@ -37,7 +37,7 @@ pub const BLEND_SPAN: &str = "plenoctree_blend";
 #[derive(Component)]
 pub(in crate::render) struct BlendedTexture(pub TextureView);
 
-/// The pipelines and bind groups of such a view. Until its pipelines are there, edges are hard.
+/// The pipelines and bind groups of such a view. Until its pipelines are ready, edges are hard.
 #[derive(Component, Default)]
 pub(in crate::render) struct BlendPass {
     /// Of the blend pass and of the patch pass.

@@ -11,8 +11,8 @@ use bevy::{
 };
 
 use super::{
-    PosterizeSteps,
     pass::{Pass, add_pass},
+    steps::PosterizeSteps,
 };
 
 pub(super) fn plugin(app: &mut App) {

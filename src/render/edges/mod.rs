@@ -1,5 +1,5 @@
-//! Finds how much of a pixel a posterized prop covers where it ends, so that the blend pass can blend it with what is
-//! behind. This is not part of the method, whose edges are hard.
+//! Finds how much of each edge pixel a posterized prop covers, so that the blend pass can blend it with what is behind.
+//! This is not part of the method, whose edges are hard.
 //!
 //! The *outline* pass finds the pixels at which props end, and the owners that may cover parts of them. The *coverage*
 //! pass then draws a rectangle for each prop and marches several rays through those pixels, and no others.

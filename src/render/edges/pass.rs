@@ -119,7 +119,7 @@ pub(super) fn edges_pass(
     else {
         return;
     };
-    // Until all pipelines are there, nothing is marked and edges are hard.
+    // Until all pipelines are ready, nothing is marked and edges are hard.
     let pipelines: Option<Vec<_>> =
         edges.coverage.iter().map(|(part, index, id)| Some((*part, *index, cache.get_render_pipeline(*id)?))).collect();
     let outline = edges.outline.and_then(|id| cache.get_render_pipeline(id)).filter(|_| pipelines.is_some());

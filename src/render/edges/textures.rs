@@ -1,4 +1,4 @@
-//! The textures that describe the pixels at which props end.
+//! The textures that describe the pixels at the edges of props.
 
 use bevy::{
     camera::MainPassResolutionOverride,
@@ -20,7 +20,7 @@ use crate::render::{
 };
 
 pub(super) const OUTLINE_FORMAT: TextureFormat = TextureFormat::Rg16Uint;
-/// Its values are bits. Other than integers, they can be blended, so that two props can write to one pixel.
+/// Its values are bits. Unlike integers, this format can be blended, so that two props can write to one pixel.
 const COVERAGE_FORMAT: TextureFormat = TextureFormat::Rgba8Unorm;
 
 /// Eight half floats.
@@ -33,7 +33,7 @@ pub(in crate::render) struct EdgeTextures {
     pub outline: TextureView,
     /// The parts. See `coverage.wgsl`.
     pub coverage: TextureView,
-    /// What rays see of the owner of the pixel, and of the other one.
+    /// What rays see of the pixel's owner, and of the other owner.
     pub colors: [TextureView; 2],
     /// Where rays reach the owner of the pixel, in views where props overlap. See `coverage.wgsl`.
     pub places: Option<TextureView>,
@@ -54,7 +54,7 @@ impl EdgeTextures {
     }
 }
 
-/// Returns the depth state of passes that run only for pixels at which props end.
+/// Returns the depth state of passes that run only for pixels at the edges of props.
 pub(in crate::render) fn mask_test() -> DepthStencilState {
     depth_test(DEPTH_FORMAT, false, CompareFunction::Less)
 }

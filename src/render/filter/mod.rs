@@ -8,8 +8,8 @@ pub use pass::FILTER_SPAN;
 use bevy::prelude::*;
 
 use super::{
-    PosterizeSteps,
     pass::{Pass, add_pass},
+    steps::PosterizeSteps,
 };
 
 pub(super) fn plugin(app: &mut App) {

@@ -1,4 +1,4 @@
-//! Clears the attachments of passes that may show again what they hold.
+//! Clears the attachments of passes whose results may be kept.
 
 use bevy::{
     prelude::*,
@@ -8,7 +8,7 @@ use bevy::{
     },
 };
 
-use super::KeptPart;
+use super::part::KeptPart;
 use crate::{
     gpu::Shaders,
     render::{
@@ -39,7 +39,7 @@ impl ClearPipelines {
         self.0.iter().all(|id| cache.get_render_pipeline(*id).is_some())
     }
 
-    /// Clears the attachments of `pass`, unless they are shown again. `view` is bind group 0 without the scene's depth.
+    /// Clears the attachments of `pass`, unless they are kept. `view` is bind group 0 without the scene's depth.
     pub fn draw<'a>(
         &self,
         pass: &mut TrackedRenderPass<'a>,

@@ -7,7 +7,7 @@ use bevy::{
         render_resource::{
             BindGroupEntries, BindGroupLayoutDescriptor, BindGroupLayoutEntries, CachedRenderPipelineId, FragmentState,
             PipelineCache, RenderPassDescriptor, RenderPipelineDescriptor, ShaderStages, TextureFormat,
-            TextureSampleType, TextureView, TextureViewId, VertexState,
+            TextureSampleType, TextureView, VertexState,
             binding_types::{
                 storage_buffer_sized, texture_2d, texture_depth_2d, texture_depth_2d_multisampled, uniform_buffer,
             },
@@ -17,7 +17,7 @@ use bevy::{
     },
 };
 
-use super::{copy::SceneCopy, prepare::KeptView};
+use super::{copy::SceneCopy, view::KeptView};
 use crate::{
     gpu::Shaders,
     render::{
@@ -106,14 +106,6 @@ pub(super) fn init(
 
 const LABEL: &str = "plenoctree_compare";
 
-/// The bind groups of a view: for each of the two textures of a copy.
-#[derive(Default)]
-pub(super) struct CompareGroups {
-    depths: [KeptBindGroup; 2],
-    /// One pair for each of the two main textures of its target.
-    colors: [(Option<TextureViewId>, [KeptBindGroup; 2]); 2],
-}
-
 pub(super) fn prepare_bind_groups(
     device: Res<RenderDevice>,
     cache: Res<PipelineCache>,
@@ -156,7 +148,8 @@ pub(super) fn compare_depths(
     if layer.reads_scene() {
         compare(&mut ctx, COMPARE_DEPTHS_SPAN, &cache, pipelines.depths(msaa), &groups.depths, copy, props);
     }
-    // The passes that draw the layer follow without fail, but those that draw the composite may wait for their pipelines.
+    // The passes that draw the layer follow without fail, but those that draw the composite may wait for their
+    // pipelines.
     layer.finish();
     composite.begin();
     labels.begin();

@@ -8,8 +8,8 @@ use bevy::{
     },
 };
 
-/// The scene of the previous frame, and that of this one as soon as they were compared. The textures of [`TextureCache`]
-/// may be those of another view in the next frame.
+/// The scene of the previous frame and, once the two have been compared, that of this one. The textures are not from
+/// Bevy's [`TextureCache`], which may hand them to another view in the next frame.
 ///
 /// [`TextureCache`]: bevy::render::texture::TextureCache
 pub(super) struct SceneCopy {

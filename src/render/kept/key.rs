@@ -1,4 +1,4 @@
-//! Every cause of drawing something anew.
+//! Every reason to draw something again.
 
 use bevy::{
     camera::CompositingSpace,
@@ -16,15 +16,15 @@ use crate::{
 pub(in crate::render) struct LayerKey {
     /// The viewport, the projection, the part that is drawn, temporal jitter, and the quality of rays.
     pub view: ViewUniform,
-    /// The props in drawing order: how the camera sees them, where they were in the previous frame, the boxes around their
-    /// leaves, their tints, where they are solid, and which pixels they own.
+    /// The props in drawing order: how the camera sees them, where they were in the previous frame, the boxes around
+    /// their leaves, their tints, where they are solid, and which pixels they own.
     pub props: Vec<PropUniform>,
-    /// What is drawn of each prop: its field at a level, if that is on the GPU, how it overlaps others, and whether lights
-    /// fall on it.
+    /// For each prop: its field at a level, if that is on the GPU, how it overlaps others, and whether lights fall on
+    /// it.
     pub fields: Vec<(Option<BindGroupId>, Overlap, bool)>,
     /// The number of samples per pixel of the scene.
     pub samples: u32,
-    /// The textures that hold the layer and all that it is made of. A view may be given others in any frame.
+    /// The textures that hold the layer and all that it is made of. A view may get different ones in any frame.
     pub textures: Vec<TextureViewId>,
 }
 
@@ -58,7 +58,7 @@ pub(in crate::render) struct LabelsKey {
 
 /// The key of something that is drawn when the key changes.
 pub(in crate::render) trait Key: Default + PartialEq {
-    /// Whether it shows the scene, so that a change of the scene must be noticed.
+    /// Whether it shows the scene, so that changes of the scene must be detected.
     const SHOWS_SCENE: bool;
 }
 
@@ -81,9 +81,9 @@ pub(in crate::render) struct Kept<K> {
     key: K,
     /// The key of the last frame that was drawn.
     drawn: K,
-    /// Whether what was drawn in that frame is still there.
+    /// Whether what was drawn in that frame still exists.
     is_there: bool,
-    /// Whether everything is there that is needed to draw it.
+    /// Whether everything that is needed to draw it is available.
     is_complete: bool,
     /// Whether the scene of that frame was copied, if it shows the scene.
     is_copied: bool,
@@ -108,11 +108,11 @@ impl<K: Key> Kept<K> {
         &mut self.key
     }
 
-    /// Decides what to do in this frame, after its key was written. `is_complete` tells whether everything that is needed
-    /// to draw and to compare is there, and `may_keep` whether what was drawn before may be kept at all.
+    /// Decides what to do in this frame, after its key was written. `is_complete` says whether everything that is
+    /// needed to draw and to compare is available, and `may_keep` whether what was drawn before may be kept at all.
     pub(super) fn decide(&mut self, is_complete: bool, may_keep: bool) {
         self.is_complete = is_complete;
-        // What is drawn differently now, even if not to the end, is lost.
+        // Whatever is drawn differently now, even if incompletely, replaces what was kept.
         self.is_there &= is_complete && may_keep && self.key == self.drawn;
         self.plan = match (self.is_there, self.is_copied) {
             (false, _) => Plan::Draw,
@@ -138,7 +138,7 @@ impl<K: Key> Kept<K> {
         self.plan != Plan::Draw
     }
 
-    /// Returns whether it is drawn whatever the scene.
+    /// Returns whether it is drawn even if the scene has not changed.
     pub fn is_drawn(&self) -> bool {
         self.plan != Plan::Compare
     }

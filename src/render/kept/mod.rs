@@ -1,11 +1,11 @@
 //! What views keep from frame to frame, so that nothing is drawn twice.
 //!
-//! The layer of a view is kept as long as nothing changes that [`LayerKey`] lists, nor the depth of the scene. The
-//! filtered composite is kept as long as, in addition, nothing changes that [`CompositeKey`] lists, nor the colors of the
-//! scene. Labels are kept as long as, in addition, nothing changes that [`LabelsKey`] lists. Only the present pass and those
-//! that write depth draw in every frame.
+//! The layer of a view is kept until the depth of the scene changes, or anything that [`LayerKey`] lists. The filtered
+//! composite is kept until the layer changes, the colors of the scene, or anything that [`CompositeKey`] lists. Labels
+//! are kept until the composite changes, or anything that [`LabelsKey`] lists. Only the present pass and those that
+//! write depth draw in every frame.
 //!
-//! Bevy draws the scene anew in every frame. Where a key has not changed, a pass compares the scene with a copy of it and
+//! Bevy redraws the scene in every frame. Where a key has not changed, a pass compares the scene with a copy of it and
 //! sets a flag if they differ. Without this flag, the vertex shaders of all passes up to the one that is kept draw
 //! nothing. Views whose keys change in every frame, because the camera moves, compare and copy nothing.
 
@@ -13,47 +13,27 @@ mod clear;
 mod compare;
 mod copy;
 mod key;
+mod part;
 mod prepare;
+mod view;
 
 pub(super) use clear::{ClearPipelines, Cleared};
 pub(super) use compare::{COMPARE_COLORS_SPAN, COMPARE_DEPTHS_SPAN};
-pub(super) use prepare::{KeptView, StaleUniform};
+pub(super) use part::KeptPart;
+pub(super) use view::{KeptView, StaleUniform};
 
 use bevy::{
     core_pipeline::schedule::Core3d,
     prelude::*,
     render::{Render, RenderApp, RenderStartup},
-    shader::ShaderDefVal,
 };
 
 use super::{
-    PosterizeSteps, VolumeSteps,
     extract::VisibleProps,
+    steps::{PosterizeSteps, VolumeSteps},
     view::{BindViews, InitViews},
 };
 use crate::{sets::PlenOctreeRenderSystems, stage::PropStage};
-
-/// What a view keeps.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum KeptPart {
-    /// The layer, and all that it is made of.
-    Layer,
-    /// The composite, before and after the filter.
-    Composite,
-    /// What the label pass and the blend pass show.
-    Labels,
-}
-
-impl KeptPart {
-    /// Returns the definition that makes `fullscreen.wgsl` draw nothing as long as it is kept.
-    pub fn definition(self) -> ShaderDefVal {
-        match self {
-            Self::Layer => "KEPT_LAYER".into(),
-            Self::Composite => "KEPT_COMPOSITE".into(),
-            Self::Labels => "KEPT_LABELS".into(),
-        }
-    }
-}
 
 pub(super) fn plugin(app: &mut App) {
     let Some(render_app) = app.get_sub_app_mut(RenderApp) else {

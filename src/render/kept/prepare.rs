@@ -1,22 +1,22 @@
-//! Decides what each view draws anew, as far as that is known before the scene is drawn.
+//! Decides what each view draws again, as far as that is known before the scene is drawn.
 
 use bevy::{
     prelude::*,
     render::{
         camera::ExtractedCamera,
         render_asset::RenderAssets,
-        render_resource::{BindingResource, BufferUsages, PipelineCache, ShaderType, UniformBuffer},
+        render_resource::{BufferUsages, PipelineCache, UniformBuffer},
         renderer::{RenderDevice, RenderQueue},
         view::ViewDepthTexture,
     },
 };
 
 use super::{
-    KeptPart,
     clear::ClearPipelines,
-    compare::{COPY_FORMATS, CompareGroups, ComparePipelines},
+    compare::{COPY_FORMATS, ComparePipelines},
     copy::SceneCopy,
-    key::{CompositeKey, Kept, LabelsKey, LayerKey},
+    part::KeptPart,
+    view::{KeptView, StaleUniform},
 };
 use crate::{
     gpu::GpuField,
@@ -32,42 +32,6 @@ use crate::{
         volume::VolumePipelines,
     },
 };
-
-/// Matches `Stale` in `view.wgsl`.
-#[derive(ShaderType, Clone, Copy, Default)]
-pub(in crate::render) struct StaleUniform {
-    layer: u32,
-    composite: u32,
-    labels: u32,
-}
-
-/// What a view keeps.
-#[derive(Component, Default)]
-pub(in crate::render) struct KeptView {
-    pub layer: Kept<LayerKey>,
-    pub composite: Kept<CompositeKey>,
-    pub labels: Kept<LabelsKey>,
-    pub(super) stale: Option<UniformBuffer<StaleUniform>>,
-    /// The depth of the scene, and its colors.
-    pub(super) copies: [Option<SceneCopy>; 2],
-    pub(super) groups: CompareGroups,
-}
-
-impl KeptView {
-    /// Returns whether a part is drawn whatever the scene. What is drawn later shows what is drawn before.
-    pub fn is_drawn(&self, part: KeptPart) -> bool {
-        match part {
-            KeptPart::Layer => self.layer.is_drawn(),
-            KeptPart::Composite => self.is_drawn(KeptPart::Layer) || self.composite.is_drawn(),
-            KeptPart::Labels => self.is_drawn(KeptPart::Composite) || self.labels.is_drawn(),
-        }
-    }
-
-    /// Returns the flags that tell shaders what must be drawn.
-    pub fn stale(&self) -> Option<BindingResource<'_>> {
-        self.stale.as_ref()?.binding()
-    }
-}
 
 pub(super) fn prepare(
     device: Res<RenderDevice>,
@@ -143,7 +107,8 @@ pub(super) fn prepare(
         key.textures.clear();
         let views = shown.map(|shown| &shown.0).into_iter().chain(blended.map(|blended| &blended.0));
         key.textures.extend(views.map(|view| view.id()));
-        // Custom stages write to the texture, and nothing tells whether shadows that fall on props have changed.
+        // Custom stages write to the texture, and there is no way to tell whether shadows that fall on props have
+        // changed.
         labels.decide(is_complete && !props.has_stages && !lighting.is_lit, composite.reads_scene());
 
         let reads = [layer.reads_scene(), composite.reads_scene()];

@@ -1,7 +1,7 @@
 //! The label pass: assigns labels to the pixels that are posterized. See section 4 of the method, steps 1 and 3 to 5.
 //!
-//! The pass writes textures, in which the blend pass smooths edges and which custom stages modify. The present pass writes
-//! the view's target.
+//! The pass writes textures, in which the blend pass smooths edges and which custom stages modify. The present pass
+//! writes the view's target.
 
 mod pass;
 mod pipeline;
@@ -17,8 +17,8 @@ use bevy::{
 };
 
 use super::{
-    PosterizeSteps,
     pass::{Pass, add_pass},
+    steps::PosterizeSteps,
 };
 use crate::sets::PlenOctreeRenderSystems;
 

@@ -24,8 +24,8 @@ use crate::{
 pub(in crate::render) const SHOWN_FORMAT: TextureFormat = LabelTextures::COLOR_FORMAT;
 pub(super) const LABEL_FORMAT: TextureFormat = LabelTextures::LABEL_FORMAT;
 
-/// What the label pass shows: encoded sRGB and opacity, or a negative opacity where nothing is drawn. A component of views
-/// that draw anything. Custom stages begin with it.
+/// What the label pass shows: encoded sRGB and opacity, or a negative opacity where nothing is drawn. A component of
+/// views that draw anything. Custom stages start from it.
 #[derive(Component)]
 pub(in crate::render) struct ShownTexture(pub TextureView);
 
@@ -40,12 +40,12 @@ pub struct LabelTextures {
     /// otherwise 2 plus the [index of the nearest label](plenoctree::palette::PaletteLabel::index). Green is 1 plus the
     /// index of the posterized prop among the view's props, sorted from back to front, or 0 if there is no such prop.
     ///
-    /// Both are those of the center of a pixel. Where a prop ends, its colors are blended with what is behind
-    /// ([`EdgeSmoothing`](crate::EdgeSmoothing)), labels are not.
+    /// Both are those of the center of a pixel. At the edge of a prop, its colors are blended with what is behind
+    /// ([`EdgeSmoothing`](crate::EdgeSmoothing)); labels are not.
     pub labels: TextureView,
     /// The part of the textures that is shown, in pixels.
     pub rect: URect,
-    /// Where in the frame the view's props are drawn. Custom stages at the other place must do nothing.
+    /// Where in the frame the view's props are drawn. Custom stages for the other stage must do nothing.
     pub stage: PropStage,
     colors: [TextureView; 2],
     current: AtomicUsize,

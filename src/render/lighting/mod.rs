@@ -1,4 +1,4 @@
-//! The lighting pass: finds how much of the scene's light is kept from the solid parts of props, for those with a
+//! The lighting pass: finds how much of the scene's light is blocked before it reaches the solid parts of props with a
 //! `PropLighting`. The label pass reads its result.
 
 #[cfg(feature = "shadows")]
@@ -36,7 +36,10 @@ fn add_pass(render_app: &mut SubApp) {
         },
     };
 
-    use super::{PassesAt, PassesInScene, extract::extract_props};
+    use super::{
+        extract::extract_props,
+        steps::{PassesAt, PassesInScene},
+    };
     use crate::{sets::PlenOctreeRenderSystems, stage::PropStage};
 
     render_app.world_mut().register_required_components::<VisibleProps, prepare::ViewLighting>();

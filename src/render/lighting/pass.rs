@@ -1,4 +1,4 @@
-//! Draws the light that arrives at props.
+//! Draws the light that reaches props.
 
 use bevy::{
     light::ShadowFilteringMethod,
@@ -54,7 +54,7 @@ pub(super) fn lighting_pass(
     let diagnostics = diagnostics.as_deref();
     let span = diagnostics.time_span(ctx.command_encoder(), LIGHTING_SPAN);
     {
-        // White light, of which nothing is missing.
+        // White light, none of which is blocked.
         let all = LoadOp::Clear(wgpu::Color { a: 0.0, ..wgpu::Color::WHITE });
         let mut pass = ctx.begin_tracked_render_pass(RenderPassDescriptor {
             label: Some(LIGHTING_SPAN),

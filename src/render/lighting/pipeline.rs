@@ -7,7 +7,8 @@ use bevy::{
         globals::GlobalsUniform,
         render_resource::{
             BindGroupLayoutDescriptor, BindGroupLayoutEntries, FragmentState, RenderPipelineDescriptor,
-            SamplerBindingType, ShaderStages, SpecializedRenderPipeline, TextureSampleType, VertexState,
+            SamplerBindingType, ShaderStages, ShaderType, SpecializedRenderPipeline, TextureFormat, TextureSampleType,
+            VertexState,
             binding_types::{
                 sampler, storage_buffer_read_only, storage_buffer_read_only_sized, texture_2d, texture_2d_array,
                 texture_cube_array, texture_depth_2d, uniform_buffer,
@@ -18,8 +19,19 @@ use bevy::{
     shader::{Shader, ShaderDefVal},
 };
 
-use super::prepare::{LIGHT_FORMAT, LitUniform};
 use crate::{gpu::Shaders, render::fullscreen::target};
+
+/// The color of the light that arrives, and the fraction that is blocked.
+pub(super) const LIGHT_FORMAT: TextureFormat = TextureFormat::Rgba8Unorm;
+
+/// Matches `Lit` in `shade.wgsl`.
+#[derive(ShaderType, Clone, Copy, Default)]
+pub(super) struct LitUniform {
+    pub box_from_world: Mat4,
+    pub shadows: f32,
+    pub tint: f32,
+    pub bands: u32,
+}
 
 #[derive(Resource)]
 pub(super) struct LightingPipeline {
@@ -66,7 +78,8 @@ impl SpecializedRenderPipeline for LightingPipeline {
     type Key = bool;
 
     fn specialize(&self, is_hard: bool) -> RenderPipelineDescriptor {
-        // There is none for temporal filters: noise that changes from frame to frame would make the edges of bands flicker.
+        // Temporal filtering is not supported: noise that changes from frame to frame would make the edges of bands
+        // flicker.
         let filter = if is_hard { "SHADOW_FILTER_METHOD_HARDWARE_2X2" } else { "SHADOW_FILTER_METHOD_GAUSSIAN" };
         let filter = ShaderDefVal::from(filter);
         RenderPipelineDescriptor {

@@ -8,9 +8,7 @@ use bevy::{
         Extract,
         camera::ExtractedCamera,
         globals::GlobalsBuffer,
-        render_resource::{
-            BindGroup, BindGroupEntries, PipelineCache, ShaderType, StorageBuffer, TextureFormat, TextureView,
-        },
+        render_resource::{BindGroup, BindGroupEntries, PipelineCache, StorageBuffer, TextureView},
         renderer::{RenderDevice, RenderQueue},
         texture::TextureCache,
         view::ViewUniforms,
@@ -18,7 +16,10 @@ use bevy::{
 };
 use glam::DMat4;
 
-use super::{LightingLayout, ReadLighting, pipeline::LightingPipeline};
+use super::{
+    LightingLayout, ReadLighting,
+    pipeline::{LIGHT_FORMAT, LightingPipeline, LitUniform},
+};
 use crate::{
     lighting::PropLighting,
     prop::Prop,
@@ -30,22 +31,10 @@ use crate::{
     stage::PropStage,
 };
 
-/// The color of the light that arrives, and the share that does not.
-pub(super) const LIGHT_FORMAT: TextureFormat = TextureFormat::Rgba8Unorm;
-
-/// Matches `Lit` in `shade.wgsl`.
-#[derive(ShaderType, Clone, Copy, Default)]
-pub(super) struct LitUniform {
-    pub box_from_world: Mat4,
-    pub shadows: f32,
-    pub tint: f32,
-    pub bands: u32,
-}
-
 /// The lit props of a view.
 #[derive(Component, Default)]
 pub(super) struct ViewLighting {
-    /// One for every prop that is drawn.
+    /// One per drawn prop.
     lit: StorageBuffer<Vec<LitUniform>>,
     /// The pass's output, if there are lit props.
     pub light: Option<TextureView>,

@@ -1,4 +1,4 @@
-//! What the label pass and the blend pass read of lights.
+//! What the label pass and the blend pass read about lights.
 
 use bevy::{
     prelude::*,
@@ -10,7 +10,7 @@ use bevy::{
 
 use crate::render::bind_group::KeptBindGroup;
 
-/// What the label pass and the blend pass read of lights. A component of views, which is empty where no prop is lit.
+/// What the label pass and the blend pass read about lights. A component of views, which is empty if no prop is lit.
 #[derive(Component, Default)]
 pub(in crate::render) struct ReadLighting {
     pub is_lit: bool,

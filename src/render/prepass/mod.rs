@@ -12,7 +12,7 @@ use bevy::{
     render::{GpuResourceAppExt, Render, RenderApp, RenderStartup, render_resource::SpecializedRenderPipelines},
 };
 
-use super::{PassesAt, extract::VisibleProps, view::InitViews};
+use super::{extract::VisibleProps, steps::PassesAt, view::InitViews};
 use crate::{sets::PlenOctreeRenderSystems, stage::PropStage};
 
 pub(super) fn plugin(app: &mut App) {

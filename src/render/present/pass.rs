@@ -37,7 +37,7 @@ pub(super) struct PresentPass {
     whole: Option<CachedRenderPipelineId>,
     /// One for each color texture of custom stages. Without them, only the first one is used.
     groups: [KeptBindGroup; 2],
-    /// If samples of the target may be hidden. Until its pipeline is there, all are written.
+    /// If samples of the target may be hidden. Until its pipeline is ready, all are written.
     hidden: Option<CachedRenderPipelineId>,
     hidden_group: KeptBindGroup,
 }

@@ -20,7 +20,7 @@ pub(super) struct PresentPipeline {
     /// For all samples of pixels.
     pub whole: Fullscreen,
     /// For targets with several samples per pixel in which the edges of props are smooth: keeps the samples where
-    /// something else is before a prop.
+    /// something else is in front of a prop.
     pub hidden: Fullscreen,
 }
 

@@ -23,8 +23,8 @@ use bevy::{
 };
 
 use super::{
-    RefineSteps,
     extract::VisibleProps,
+    steps::RefineSteps,
     view::{BindViews, InitViews},
 };
 use crate::sets::PlenOctreeRenderSystems;

@@ -18,7 +18,7 @@ use crate::{prop::Prop, quality::PropQuality};
 pub(super) struct Lit {
     frustum: Frustum,
     layers: RenderLayers,
-    /// The reach of a lamp. Without it, the light shines from infinitely far away.
+    /// The range of a point or spot light. `None` for directional lights.
     reach: Option<Sphere>,
 }
 
@@ -31,7 +31,7 @@ impl Lit {
 
 type Light<'a, T, F> = (&'a T, &'a F, &'a GlobalTransform, Option<&'a RenderLayers>, &'a ViewVisibility);
 
-/// Makes the props visible that a light sees, as Bevy does with meshes: what no camera sees casts shadows as well.
+/// Makes the props that a light sees visible, as Bevy does with meshes: props that no camera sees cast shadows as well.
 pub(super) fn show_casters(
     mut lit: Local<Vec<Lit>>,
     mut queries: ParamSet<(
@@ -105,12 +105,12 @@ fn reach(light: &GlobalTransform, range: f32) -> Sphere {
     Sphere { center: Vec3A::from(light.translation()), radius: range }
 }
 
-/// What casts shadows, in the render world.
+/// The casters, in the render world.
 #[derive(Resource, Default)]
 pub(super) struct Casters {
     /// The props, as entities of the main world.
     pub props: Vec<(Entity, RenderLayers)>,
-    /// The quality of lights that have their own, by their entities in the render world.
+    /// The [`PropQuality`] of lights that have one, by their entities in the render world.
     pub qualities: EntityHashMap<PropQuality>,
 }
 

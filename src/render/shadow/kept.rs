@@ -1,4 +1,4 @@
-//! What shadow maps keep of casters that rest.
+//! The shadows of casters at rest, which shadow maps keep.
 
 use bevy::{
     ecs::entity::EntityHashMap,
@@ -18,8 +18,8 @@ use crate::render::view::PropUniform;
 /// Everything that the shadow of a caster depends on, besides where the map is among the light's texels.
 #[derive(PartialEq)]
 pub(super) struct CasterKey {
-    /// The rays through the texels: where the light and the prop are, and the size of texels. The box around the leaves,
-    /// and where the prop is solid.
+    /// The rays through the texels: where the light and the prop are, and the size of texels. The box around the
+    /// leaves, and where the prop is solid.
     pub caster: PropUniform,
     /// The field at a level.
     pub field: BindGroupId,
@@ -27,10 +27,10 @@ pub(super) struct CasterKey {
     pub texels: IRect,
 }
 
-/// How far a caster is from where its rays begin, in texels of its own.
+/// The distances from the start of a caster's rays to the caster, in its own texels.
 pub(super) struct Tile {
     pub texture: TextureView,
-    /// For copying it into the map.
+    /// The bind group for copying the tile into the map.
     pub group: BindGroup,
     /// Whether the rays have been marched.
     pub is_filled: bool,
@@ -78,8 +78,9 @@ impl KeptCasters {
         self.0.values_mut().for_each(|caster| caster.is_in_map = false);
     }
 
-    /// Updates a caster. Returns its tile, unless its shadow has changed since the previous frame: then rays are better
-    /// marched right into the map. `most` is the number of texels that all tiles may have together, and `create` creates one.
+    /// Updates a caster. Returns its tile, unless its shadow has changed since the previous frame: in that case, it is
+    /// cheaper to march rays directly into the map. `most` is the number of texels that all tiles may have together,
+    /// and `create` creates one.
     pub fn update(
         &mut self,
         prop: Entity,
@@ -106,7 +107,7 @@ impl KeptCasters {
         caster.tile.as_ref()
     }
 
-    /// Ends the frame: gives up the tiles of casters that are not in the map anymore.
+    /// Ends the frame: drops the tiles of casters that are no longer in the map.
     pub fn end(&mut self) {
         self.0.retain(|_, caster| caster.is_in_map);
     }

@@ -58,7 +58,7 @@ pub(super) fn choose_levels(
     }
 }
 
-/// Returns whether a prop is in a map, and nearer than the light reaches.
+/// Returns whether a prop is in a map and within the range of the light.
 fn is_in(seen: &Seen, view: &ExtractedView, reach: f64) -> bool {
     let nearest = view.clip_from_view.as_dmat4() * glam::DVec4::new(0.0, 0.0, -seen.near, 1.0);
     seen.near < reach && nearest.z > 0.0 && !seen.on_map().is_empty()

@@ -44,7 +44,7 @@ pub(super) struct MapProps {
 
 /// A prop in a map.
 pub(super) struct Caster {
-    /// The prop, as an entity of the main world.
+    /// The prop's entity in the main world.
     pub entity: Entity,
     /// Its index in `ExtractedProps::props`.
     pub index: usize,
@@ -55,7 +55,7 @@ pub(super) struct Caster {
 /// A draw call.
 #[derive(Clone)]
 pub(super) struct Drawn {
-    /// The prop, as an entity of the main world.
+    /// The prop's entity in the main world.
     pub entity: Entity,
     pub pipeline: CachedRenderPipelineId,
     /// Bind group 1.
@@ -114,7 +114,7 @@ pub(super) fn prepare_maps(
             let caster = PropUniform::caster(prop, &seen.rays);
             let texels = seen.to_keep();
             let key = CasterKey { caster, field: level.bind_group.id(), texels };
-            // As much memory as the map itself takes.
+            // At most as much memory as the map itself takes.
             let tile = kept.update(*entity, key, size.x * size.y, |size| {
                 let is_ready = |id| cache.get_render_pipeline(id).is_some();
                 (is_ready(fill) && is_ready(copy)).then(|| Tile::new(&device, &cache, &pipeline, size))
@@ -138,7 +138,7 @@ pub(super) fn prepare_maps(
                 push(filled, uniforms, &into_tile, caster.at(-texels.min, seen.rays.near as f32), size);
             }
             let copied = Drawn { pipeline: copy, group: tile.group.clone(), rect: seen.on_map(), ..on_map };
-            // Shaders find the tile where it begins.
+            // Shaders look up the tile by its first texel.
             let corner = PropUniform::default().at(texels.min + seen.shift, near);
             push(drawn, uniforms, &copied, corner, size);
         }

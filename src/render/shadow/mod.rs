@@ -1,13 +1,13 @@
 //! The shadow pass: draws props into the shadow maps of Bevy's lights. Requires the feature `shadows`.
 //!
-//! It runs after the passes with which Bevy draws meshes into the same maps: for every camera, those of directional
-//! lights, and once per frame those of point and spot lights. Each texel marches through densities to where the prop is
-//! solid along the light's ray. Maps that no prop is in cost nothing.
+//! It runs after the passes in which Bevy draws meshes into the same maps: once per camera for directional lights, and
+//! once per frame for point and spot lights. The ray of each texel is marched through densities to the point where the
+//! prop is solid. Maps without props cost nothing.
 //!
-//! Rays are not marched twice: what a caster that rests adds to a map is *kept* in a tile, and copied into the map in every
-//! frame, as long as nothing changes that [`CasterKey`](kept::CasterKey) lists. A camera that moves changes nothing, because
-//! Bevy moves the maps of directional lights by whole texels. Tiles take no more memory than the maps. What does not fit is
-//! marched in every frame, as are casters that move.
+//! Rays are not marched twice: what a caster at rest adds to a map is *kept* in a tile and copied into the map in every
+//! frame, until anything that [`CasterKey`](kept::CasterKey) lists changes. A camera that moves changes nothing,
+//! because Bevy moves the maps of directional lights by whole texels. Tiles take no more memory than the maps. Casters
+//! whose tiles do not fit are marched in every frame, as are casters that move.
 
 mod casters;
 mod kept;

@@ -18,7 +18,7 @@ use crate::render::attachment::cleared;
 /// for every map of a point or spot light.
 pub const SHADOW_SPAN: &str = "plenoctree_shadow";
 
-/// Draws into the maps of directional lights, which every camera has its own of.
+/// Draws into the maps of directional lights. Every camera has its own.
 pub(super) fn draw_cascades(
     camera: ViewQuery<&ViewLightEntities>,
     mut maps: Query<(&ShadowView, &mut MapProps)>,

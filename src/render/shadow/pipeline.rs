@@ -95,7 +95,7 @@ impl SpecializedRenderPipeline for ShadowPipeline {
                 entry_point: Some("fragment".into()),
                 targets: if is_tile { vec![Some(target(TILE_FORMAT, None))] } else { vec![] },
             }),
-            // Bevy's maps have the format and the order of the scene's depth.
+            // Bevy's maps have the format and the depth order of the scene's depth texture.
             depth_stencil: (!is_tile).then(|| depth_test(CORE_3D_DEPTH_FORMAT, true, CompareFunction::Greater)),
             ..default()
         }

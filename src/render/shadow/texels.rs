@@ -11,13 +11,13 @@ use crate::render::{
 /// How the light of a shadow map sees a prop.
 ///
 /// Bevy moves the maps of a directional light by whole texels when the camera moves, so that shadows do not crawl. The
-/// texels around a prop are counted from one near its center, wherever the map is. The rays through them are the same, bit
-/// for bit, as long as the light and the prop rest.
+/// texels around a prop are counted from one near its center, regardless of where the map is. The rays through them
+/// stay the same, bit for bit, while the light and the prop are at rest.
 pub(super) struct Seen {
     pub rays: Rays,
     /// The distance along the map's axis at which rays begin.
     pub near: f64,
-    /// What to add to a texel for its place in the map.
+    /// The offset from a texel to its place in the map.
     pub shift: IVec2,
     /// The texels that the box around the leaves can cover.
     texels: IRect,
@@ -25,8 +25,8 @@ pub(super) struct Seen {
     size: UVec2,
 }
 
-/// The width in texels of what is marched at once. Mesa's software rasterizer loses texels of blocks that are drawn in part,
-/// such as those along the edges of triangles.
+/// The width of the blocks that are marched, in texels. Mesa's software rasterizer loses texels of blocks that are
+/// drawn only partly, such as those along the edges of triangles.
 const BLOCK: u32 = 8;
 
 /// Counts of texels are limited, so that sums do not overflow.
@@ -45,7 +45,7 @@ impl Seen {
         }
     }
 
-    /// What is nearer than the near plane casts no shadow: it may be the lamp's own housing.
+    /// Nothing nearer than the near plane casts a shadow: it may be the lamp's own housing.
     fn perspective(
         placement: &Placement,
         world_from_view: DAffine3,
@@ -57,7 +57,7 @@ impl Seen {
         Some(Self { near: rays.near, rays, shift: IVec2::ZERO, texels, size })
     }
 
-    /// What is nearer than the near plane casts shadows all the same, because the sun is farther away.
+    /// Props nearer than the near plane cast shadows nevertheless, because the sun is farther away.
     fn parallel(
         placement: &Placement,
         world_from_view: DAffine3,
@@ -104,8 +104,9 @@ impl Seen {
         URect { min: min / BLOCK * BLOCK, max: blocks(max).min(self.size) }
     }
 
-    /// Returns the texels to keep: all that the prop can cover if they are not more than a map has in either direction, so
-    /// that none is missing when the map moves. Otherwise, those on the map. The quarters of a tile are whole blocks.
+    /// Returns the texels to keep: all that the prop can cover if they are not more than a map has in either direction,
+    /// so that none is missing when the map moves. Otherwise, those on the map. The quarters of a tile are whole
+    /// blocks.
     pub fn to_keep(&self) -> IRect {
         let texels = if self.texels.size().cmple(self.size.as_ivec2()).all() {
             self.texels
@@ -129,8 +130,8 @@ pub(super) fn parts(rect: URect, size: UVec2) -> impl Iterator<Item = URect> {
 }
 
 /// Returns the transform from the unit square to a part of a texture. The square begins at the part's outer corner, so
-/// that twice its size is still within the texture: the triangle of the pass need not be clipped, which would split it in the
-/// middle of blocks.
+/// that twice its size is still within the texture: the triangle of the pass need not be clipped, which would split it
+/// in the middle of blocks.
 pub(super) fn clip_from_part(part: URect, size: UVec2) -> Mat4 {
     let clip = |point: UVec2| (2.0 * point.as_dvec2() / size.as_dvec2() - 1.0) * DVec2::new(1.0, -1.0);
     let (low, high) = (clip(part.min), clip(part.max));

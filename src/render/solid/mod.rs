@@ -1,10 +1,10 @@
 //! The solid pass: finds, for every pixel, the prop that is solid nearest to the camera, and where.
 //!
-//! Where others show through that one, a second round finds the nearest one that is opaque.
+//! Where others show through that prop, a second round finds the nearest one that is opaque.
 //!
-//! The volume pass cuts all other props there, so that a solid part hides what is behind it, whatever the order in which
-//! props are drawn, and shows what is in front of it. The pass runs in views in which the boxes of props overlap, and
-//! marches only through those props.
+//! The volume pass cuts all other props there, so that a solid part hides what is behind it and shows what is in front
+//! of it, regardless of the order in which props are drawn. The pass runs in views in which the boxes of props overlap,
+//! and marches only through those props.
 
 mod pass;
 mod pipeline;
@@ -22,7 +22,12 @@ use bevy::{
     },
 };
 
-use super::{RefineSteps, VolumeSteps, extract::VisibleProps, refine::RaysOf, view::InitViews};
+use super::{
+    extract::VisibleProps,
+    refine::RaysOf,
+    steps::{RefineSteps, VolumeSteps},
+    view::InitViews,
+};
 use crate::sets::PlenOctreeRenderSystems;
 
 pub(super) fn plugin(app: &mut App) {

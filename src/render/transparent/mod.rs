@@ -1,7 +1,7 @@
 //! The transparent pass: draws transparent objects again, over props that are drawn at [`PropStage::Display`].
 //!
 //! Bevy draws transparent objects before tonemapping, so that the props cover them. Where a prop is solid, this pass
-//! draws those in front of it once more, into a texture of their own, and blends them over the prop. It runs only for
+//! draws those in front of it once more, into a separate texture, and blends them over the prop. It runs only for
 //! cameras that have both.
 
 mod pass;
@@ -18,7 +18,7 @@ use bevy::{
     },
 };
 
-use super::{PassesAt, extract::VisibleProps, view::InitViews};
+use super::{extract::VisibleProps, steps::PassesAt, view::InitViews};
 use crate::{sets::PlenOctreeRenderSystems, stage::PropStage};
 
 pub(super) fn plugin(app: &mut App) {

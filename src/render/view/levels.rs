@@ -61,7 +61,7 @@ pub(super) fn choose_levels(
     }
 }
 
-/// Returns how many times cells that are `size` pixels wide can be doubled without exceeding `wanted` pixels.
+/// Returns how many times the width of cells, `size` pixels, can be doubled without exceeding `wanted` pixels.
 pub(in crate::render) fn levels_coarser(size: f64, wanted: f32) -> u32 {
     // The cast saturates, and converts NaN to 0.
     (f64::from(wanted) / size).log2().floor().min(32.0) as u32

@@ -9,7 +9,7 @@ use glam::DMat4;
 
 use crate::render::extract::ExtractedProp;
 
-/// The projection of a view, as this frame is drawn and as the previous one was.
+/// The projections with which a view draws this frame and drew the previous one.
 pub(super) struct Motion {
     /// With the camera's temporal jitter.
     pub clip_from_view: Mat4,

@@ -125,7 +125,8 @@ mod tests {
         }
     }
 
-    /// As many as a view can have: all side by side, then all over each other. A quadratic search would take minutes.
+    /// As many as a view can have: all side by side, then all on top of each other. A quadratic search would take
+    /// minutes.
     #[test]
     fn scales_to_the_largest_views() {
         let most = crate::gpu::MAX_PROPS_IN_VIEW as u32;

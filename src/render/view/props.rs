@@ -58,11 +58,11 @@ impl DrawnProp {
     }
 }
 
-/// Whether a prop may cover the same pixels as another one, in a view where one of such props may be solid.
+/// Whether a prop may cover the same pixels as another one, in a view where one of the two may be solid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::render) enum Overlap {
     None,
-    /// It may, and is never solid itself.
+    /// It may, but is never solid itself.
     Thin,
     /// It may, and may be solid.
     Solid,

@@ -46,7 +46,7 @@ pub(in crate::render) struct Layer {
     /// The owner, as packed by `pack_owner` of `view.wgsl`.
     pub owner: TextureView,
     pub depth: TextureView,
-    /// How solid props have moved since the previous frame, as a share of the viewport. Only for cameras with motion
+    /// How solid props have moved since the previous frame, as a fraction of the viewport. Only for cameras with motion
     /// vectors.
     pub motion: Option<TextureView>,
 }
@@ -105,8 +105,8 @@ impl ViewTextures {
     }
 }
 
-/// Returns a texture of `size` pixels that passes write and read. It is given back when it is not asked for again in the
-/// next frames.
+/// Returns a texture of `size` pixels that passes write and read. It is freed if it is not requested again in the next
+/// frames.
 pub(in crate::render) fn view_texture(
     cache: &mut TextureCache,
     device: &RenderDevice,

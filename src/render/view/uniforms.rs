@@ -61,7 +61,7 @@ impl PropUniform {
         }
     }
 
-    /// Creates the uniform of a caster: what rays through its densities need.
+    /// Creates the uniform of a caster, which has only what rays through its densities need.
     #[cfg(feature = "shadows")]
     pub fn caster(prop: &ExtractedProp, rays: &Rays) -> Self {
         let whole = Self::new(prop, rays, DMat4::IDENTITY, &PropQuality::EXACT);
@@ -78,7 +78,7 @@ impl PropUniform {
         }
     }
 
-    /// Returns the same caster where texels are counted from another one, and rays begin at another distance.
+    /// Returns the same caster with texels counted from another one, and rays that begin at another distance.
     #[cfg(feature = "shadows")]
     pub fn at(&self, shift: IVec2, near: f32) -> Self {
         Self { reference: self.reference + shift.as_vec2(), near, ..*self }

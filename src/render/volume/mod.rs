@@ -1,7 +1,7 @@
 //! The volume pass: draws every visible prop into the view's layer, back to front. See section 2 of the method.
 //!
-//! Where props overlap, the nearest solid depth of a pixel cuts them: first, all parts behind it are drawn, then the prop
-//! that is solid there, then all parts before it.
+//! Where props overlap, the nearest solid depth of a pixel cuts them: first, all parts behind it are drawn, then the
+//! prop that is solid there, then all parts in front of it.
 
 mod pass;
 mod pipeline;
@@ -15,7 +15,12 @@ use bevy::{
     render::{GpuResourceAppExt, Render, RenderApp, RenderStartup, render_resource::SpecializedRenderPipelines},
 };
 
-use super::{RefineSteps, VolumeSteps, extract::VisibleProps, refine::RaysOf, view::InitViews};
+use super::{
+    extract::VisibleProps,
+    refine::RaysOf,
+    steps::{RefineSteps, VolumeSteps},
+    view::InitViews,
+};
 use crate::sets::PlenOctreeRenderSystems;
 
 pub(super) fn plugin(app: &mut App) {

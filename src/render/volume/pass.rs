@@ -51,14 +51,14 @@ impl VolumePipelines {
 enum Part {
     /// What is behind the solid depth, where it shows through.
     Behind,
-    /// The prop that is solid there, as a whole.
+    /// All of the prop that is solid there.
     Solid,
-    /// What is before the solid depth, or everything if there is none.
+    /// What is in front of the solid depth, or everything if there is none.
     Before,
 }
 
 impl Part {
-    /// Returns whether a prop may have this part. Props that overlap no other are drawn as a whole.
+    /// Returns whether a prop may have this part. Props that do not overlap others are drawn in one piece.
     fn is_of(self, prop: &DrawnProp) -> bool {
         match self {
             Self::Behind => prop.overlap != Overlap::None,

@@ -26,8 +26,8 @@ pub(super) struct VolumePipeline {
     solid: BindGroupLayoutDescriptor,
 }
 
-/// The specialization key of the shader. A field of SH1 does not pay for the arithmetic of SH9, nor a prop that is alone
-/// for what overlapping props need.
+/// The specialization key of the shader. A field of SH1 does not pay for the arithmetic of SH9, and a prop that
+/// overlaps no other does not pay for what overlapping props need.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 pub(super) struct VolumeKey {
     pub shape: FieldShape,

@@ -65,8 +65,8 @@ fn palettes_and_settings_at_their_limits() {
     }
 }
 
-/// A palette of 64 colors has more than 14,000 labels with eight blend steps. So many are not compared to every pixel:
-/// the palette is drawn without blends.
+/// A palette of 64 colors has more than 14,000 labels with eight blend steps. That is too many to compare to every
+/// pixel, so the palette is drawn without blends.
 #[test]
 fn a_palette_with_too_many_labels_has_fewer_blends() {
     let field = ball();

@@ -114,7 +114,7 @@ fn capture(stage: &mut Stage, image: &Handle<Image>) -> Image {
     panic!("no frame was captured");
 }
 
-/// Each target has a format and a camera of its own, half a unit further to the right than the previous one.
+/// Each target has its own format and camera, half a unit farther to the right than the previous one.
 #[test]
 fn cameras_draw_to_targets_of_every_format_at_once() {
     let mut stage = Stage::new();

@@ -1,5 +1,5 @@
-//! Tests that views keep what they drew, that every change is seen at once, and that frames are the same as if everything
-//! were drawn anew.
+//! Tests that views keep what they drew, that every change is visible immediately, and that frames are the same as if
+//! everything were redrawn.
 
 use std::time::Duration;
 
@@ -93,7 +93,7 @@ impl View {
         self.headless.capture().unwrap()
     }
 
-    /// Captures a frame in which nothing is kept: a camera that is not active gives up what it has drawn.
+    /// Captures a frame in which nothing is kept: a camera that is not active drops what it has drawn.
     fn capture_anew(&mut self) -> RgbaImage {
         let camera = self.camera;
         self.world().get_mut::<Camera>(camera).unwrap().is_active = false;
@@ -218,7 +218,7 @@ const CHANGES: &[(&str, Change)] = &[
     ("motion vectors", |view| view.set_camera((PropStage::Scene, MotionVectorPrepass))),
 ];
 
-/// Whatever changes, the next frame shows it, as do the frames after it, in which everything is kept.
+/// The next frame shows any change, and so do the frames after it, in which everything is kept.
 #[test]
 fn every_change_is_drawn_at_once() {
     let mut view = View::new();

@@ -68,7 +68,7 @@ fn a_prop_changes_while_the_app_runs() {
     check(&mut stage, "despawned", None);
 }
 
-/// What an app holds, on the CPU and the GPU.
+/// The memory of an app, on the CPU and the GPU.
 #[derive(Debug)]
 struct Held {
     fields: usize,

@@ -145,8 +145,8 @@ fn panes_are_hidden_by_a_solid_prop_behind_fog() {
     }
 }
 
-/// A prop with an opacity of 6/10 is solid, but another one shows through it. The other one is a wall at the back of its
-/// bounding box, whose center is nearer.
+/// A prop with an opacity of 6/10 is solid, but another one shows through it. The other one is a wall at the back of
+/// its bounding box, whose center is nearer.
 #[test]
 fn props_show_through_one_that_is_solid_but_not_opaque() {
     let mut stage = Stage::new();

@@ -115,8 +115,8 @@ fn paint(color: wgpu::Color) -> impl Fn(ViewQuery<&ViewTarget>, RenderContext) {
     }
 }
 
-/// Fog is in front of what is drawn like Bevy's sky, and behind what is drawn like Bevy's transmissive objects, whichever
-/// plugin is added first.
+/// Fog is in front of what is drawn like Bevy's sky, and behind what is drawn like Bevy's transmissive objects,
+/// whichever plugin is added first.
 #[test]
 fn props_are_drawn_after_the_sky_and_before_other_main_passes() {
     #[derive(SystemSet, Clone, Debug, PartialEq, Eq, Hash)]

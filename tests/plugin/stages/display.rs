@@ -116,8 +116,8 @@ fn opaque_meshes_occlude_props() {
     assert_exact(&scene.capture(), "without the mesh");
 }
 
-/// Glass in front of a prop is blended over its palette color, and does not change it elsewhere. Glass behind the prop is
-/// hidden.
+/// Glass in front of a prop is blended over its palette color, and does not change it elsewhere. Glass behind the prop
+/// is hidden.
 #[test]
 fn glass_is_in_front_of_exact_colors() {
     let mut scene = posterized();

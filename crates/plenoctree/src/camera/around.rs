@@ -38,7 +38,7 @@ mod tests {
         field::Basis,
     };
 
-    /// The corners of the box around the field are in the image, whatever its aspect ratio.
+    /// The corners of the box around the field are in the image, for any aspect ratio.
     #[test]
     fn the_whole_field_is_in_the_image() {
         let settings =

@@ -62,7 +62,7 @@ pub(crate) struct Intrinsics {
 
 impl Intrinsics {
     pub fn or(self, other: Self) -> Self {
-        // A focal length of the frame beats an angle of the file, and the other way round.
+        // A focal length in the frame takes precedence over an angle in the file, and vice versa.
         let angles = if self.fl_x.is_some() { (None, None) } else { (other.camera_angle_x, other.camera_angle_y) };
         let focals = if self.camera_angle_x.is_some() { (None, None) } else { (other.fl_x, other.fl_y) };
         Self {
@@ -139,7 +139,7 @@ const MAX_CENTER: f64 = 1e9;
 /// - `fl_x` is computed from `camera_angle_x`, in radians. One of the two is required.
 /// - `fl_y` is computed from `camera_angle_y` if present, or else equals `fl_x`.
 /// - `cx` and `cy` are the middle of the image.
-/// - `w` is 800 pixels, or what `h` and the aspect ratio make it. `h` follows from `w` and the aspect ratio, which is
+/// - `w` is 800 pixels, or follows from `h` and the aspect ratio. `h` follows from `w` and the aspect ratio, which is
 ///   that of `size`, or else a square's.
 ///
 /// If `size` is given, all views are rescaled to that width and height, so that they show the same at any size. Lens

@@ -8,8 +8,8 @@ use super::basis::Basis;
 
 /// The coefficients of a packed field. Obtained from [`PlenOctree::codebook`](crate::PlenOctree::codebook).
 ///
-/// All are whole numbers, in steps, of luma `y` and two differences `u` and `v`. Red is `y - v + u`, green `y + v` and blue
-/// `y - v - u`.
+/// All are whole numbers, in steps, of luma `y` and two differences `u` and `v`. Red is `y - v + u`, green `y + v` and
+/// blue `y - v - u`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Codebook<'a> {
     /// Step of the coefficients of the constant function.
@@ -54,8 +54,8 @@ impl Tables {
 
 /// Returns red, green and blue of luma `y` and differences `u` and `v`.
 ///
-/// Luma is a quarter of red and blue plus half of green. `2 u` is red minus blue. `2 v` is green minus the mean of red and
-/// blue.
+/// Luma is a quarter of red and blue plus half of green. `2 u` is red minus blue. `2 v` is green minus the mean of red
+/// and blue.
 pub(crate) fn to_rgb([y, u, v]: [f64; 3]) -> [f64; 3] {
     [y - v + u, y + v, y - v - u]
 }
@@ -67,7 +67,8 @@ pub(crate) fn from_rgb([r, g, b]: [f32; 3]) -> [f32; 3] {
 }
 
 impl Coefficients {
-    /// Calls `visit` with every coefficient of a leaf and the index of its function: those of one channel after another.
+    /// Calls `visit` with every coefficient of a leaf and the index of its function: those of one channel after
+    /// another.
     #[inline]
     pub fn visit(&self, basis: Basis, leaf: usize, mut visit: impl FnMut(usize, f16)) {
         let functions = basis.functions();

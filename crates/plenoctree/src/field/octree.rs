@@ -36,7 +36,7 @@ pub enum Precision {
     /// Half floats, as stored in the field. The default.
     #[default]
     Half,
-    /// All coefficients but those of the constant function as signed bytes, relative to the largest of them in the
+    /// All coefficients except those of the constant function as signed bytes, relative to the largest of them in the
     /// leaf.
     ///
     /// This halves the memory of SH9, SH16 and SH25. Smaller bases would gain nothing and keep half floats.
@@ -323,7 +323,7 @@ impl PlenOctree {
         Self { precision, ..self }
     }
 
-    /// Returns the field with what a file records replaced by what settings ask for.
+    /// Returns the field with the properties that the settings override.
     pub(crate) fn with_settings(self, activation: Option<Activation>, up: Option<UpAxis>) -> Self {
         let (activation, up) = (activation.unwrap_or(self.activation), up.unwrap_or(self.up));
         // Seen from another side, or in other colors, the field has other histograms.
@@ -445,8 +445,8 @@ impl PlenOctree {
         Some((self.frame.to_world(low / cells), self.frame.to_world(high / cells)))
     }
 
-    /// Returns the point on which the field stands: the middle of the lowest face of [`Self::dense_bounds`]. Returns `None` if
-    /// the field is empty.
+    /// Returns the point on which the field stands: the middle of the lowest face of [`Self::dense_bounds`]. Returns
+    /// `None` if the field is empty.
     pub fn foot(&self) -> Option<DVec3> {
         let (low, high) = self.dense_bounds()?;
         let middle = 0.5 * (low + high);

@@ -42,7 +42,8 @@ pub enum ReadFault {
         /// What was expected.
         expected: String,
     },
-    /// The file is not a packed field and not a zip archive, is truncated, or has a directory that no `.npz` file would have.
+    /// The file is neither a packed field nor a zip archive, is truncated, or has a directory that no `.npz` file would
+    /// have.
     #[error("found {found}, expected an npz archive or a packed field")]
     NotAnArchive {
         /// What was found instead.

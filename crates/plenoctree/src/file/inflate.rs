@@ -55,7 +55,7 @@ impl<'a> Content<'a> {
 }
 
 impl Read for Content<'_> {
-    /// Fails at the end if the checksum is another one.
+    /// Fails at the end if the checksum does not match.
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         if buffer.is_empty() {
             return Ok(0);

@@ -74,7 +74,7 @@ fn read_rows(
                 room.check(2 * (rows.len() + coefficients.len()) as u64)?;
                 let row = rows.len();
                 rows.extend(coefficients.iter().map(|number| number.to_f16().unwrap_or(f16::NAN)));
-                // Checking a row as a whole is faster than checking its numbers one by one.
+                // Checking a whole row is faster than checking its numbers one by one.
                 if rows[row..].iter().any(|number| number.is_nan()) {
                     coefficients.iter().try_for_each(|number| coefficient("data", *number, cell).map(|_| ()))?;
                 }
@@ -115,7 +115,7 @@ fn move_rows(rows: &mut [f16], width: usize, mut targets: Vec<usize>) {
         if target == first {
             continue;
         }
-        // Every row pushes the one out that is where it belongs, until one belongs where the first one was.
+        // Every row displaces the one at its destination, until one belongs where the first one was.
         carried.copy_from_slice(&rows[first * width..][..width]);
         while target != first {
             carried.swap_with_slice(&mut rows[target * width..][..width]);

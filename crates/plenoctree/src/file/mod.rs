@@ -1,6 +1,7 @@
 //! Reading and writing PlenOctree files: packed fields, and the `.npz` archives of svox, plenoctree, volrend and svox2.
 
 mod error;
+mod frame;
 mod inflate;
 mod leaves;
 mod npy;
@@ -15,8 +16,8 @@ mod write;
 mod write_quantized;
 
 pub use error::{ReadError, ReadFault};
-pub use read::LoadSettings;
 #[cfg(feature = "write")]
-pub(crate) use read::check_frame;
+pub(crate) use frame::check_frame;
+pub use read::LoadSettings;
 #[cfg(feature = "write")]
 pub use write::WriteError;

@@ -364,7 +364,7 @@ impl Array<'_> {
         if self.reader.limit() > 0 {
             return Err(fault(io::ErrorKind::UnexpectedEof.into()));
         }
-        // The end is only known, and the checksum verified, when nothing more can be read.
+        // Only reading past the last byte shows where the member ends, and verifies the checksum.
         match self.reader.into_inner().read(&mut [0]).map_err(fault)? {
             0 => Ok(()),
             _ => Err(fault(io::Error::other(format!("more than the {} bytes that it claims", self.size)))),

@@ -10,6 +10,7 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use super::error::{ReadError, ReadFault, printable};
+use super::frame::check_frame;
 use super::leaves::read_data;
 use super::npy::{REALS, Real, WHOLES, Whole, with_real, with_whole};
 use super::npz::{Archive, Array};
@@ -58,13 +59,16 @@ impl Default for LoadSettings {
 }
 
 impl PlenOctree {
+    /// Extensions of the files that [`Self::read`] reads.
+    pub const EXTENSIONS: [&'static str; 2] = ["plenoctree", "npz"];
+
     /// Reads a PlenOctree file: a packed field (`.plenoctree`), or an `.npz` file as written by svox, plenoctree, the
-    /// compression of volrend or the conversion of svox2. The content decides which it is, not the name.
+    /// compression of volrend or the conversion of svox2. The format is detected from the content, not the name.
     ///
-    /// Arrays of `.npz` files are streamed, and only the leaves to keep take up memory. Nodes and leaves are sorted in depth-first
-    /// order, and nodes that the root does not reach are dropped. Arrays may be in C or Fortran order, with either byte
-    /// order and any number type that converts without loss of meaning. Coefficients are rounded to float16 and
-    /// densities to float32.
+    /// Arrays of `.npz` files are streamed, and only the leaves that are kept take up memory. Nodes and leaves are
+    /// sorted in depth-first order, and nodes that the root does not reach are dropped. Arrays may be in C or Fortran
+    /// order, with either byte order and any number type that converts without loss of meaning. Coefficients are
+    /// rounded to float16 and densities to float32.
     ///
     /// # Errors
     ///
@@ -185,29 +189,6 @@ fn read_frame(archive: &mut Archive<impl Read + Seek>) -> Result<Frame, ReadFaul
     let frame = Frame { offset, scale };
     check_frame(["offset", key], frame)?;
     Ok(frame)
-}
-
-/// Returns an error unless a frame is valid, also in float32: files store frames in it, and props are placed in it. `keys`
-/// are what offset and scale are called in errors.
-pub(crate) fn check_frame([offset_key, scale_key]: [&'static str; 2], frame: Frame) -> Result<(), ReadFault> {
-    let Frame { offset, scale } = frame;
-    let fault = |key, numbers: DVec3, expected: &str| {
-        Err(ReadFault::Value { key, found: format!("{:?}", numbers.to_array()), expected: expected.into() })
-    };
-    if !scale.is_finite() || scale.min_element() <= 0.0 {
-        return fault(scale_key, scale, "finite positive numbers");
-    }
-    if !offset.is_finite() {
-        return fault(offset_key, offset, "finite numbers");
-    }
-    if !offset.as_vec3().is_finite() {
-        return fault(offset_key, offset, "numbers within the range of float32");
-    }
-    let corners = [DVec3::ZERO, DVec3::ONE].map(|corner| frame.to_world(corner).as_vec3());
-    if !scale.as_vec3().is_finite() || !corners.iter().all(|corner| corner.is_finite()) {
-        return fault(scale_key, scale, "a scale and a cube within the range of float32");
-    }
-    Ok(())
 }
 
 fn read_tree(archive: &mut Archive<impl Read + Seek>) -> Result<Tree, ReadFault> {

@@ -38,7 +38,7 @@ pub enum WriteError {
 impl PlenOctree {
     /// Writes a deflated `.npz` file that svox, volrend and [`Self::read`] can read. Replaces an existing file.
     ///
-    /// The file is first written under another name in the same folder, so that nobody reads half of it.
+    /// The file is first written under another name in the same folder, so that it is never seen half-written.
     ///
     /// Reading the file returns the same field except for two roundings. The format stores densities in float16: the
     /// nearest value, but at most 65504 and never 0. It stores the frame in float32. Fields read from ordinary files
@@ -155,7 +155,7 @@ impl<W: Write + Seek> Archive<W> {
         self.0.finish()?.flush()
     }
 
-    /// Adds the tree, the number of values per leaf, and what svox keeps of a tree.
+    /// Adds the tree, the number of values per leaf, and svox's own bookkeeping.
     pub fn structure(&mut self, field: &PlenOctree) -> io::Result<()> {
         let nodes = field.nodes().len() as u64;
         let (parents, reached) = field.parents();

@@ -17,8 +17,8 @@ impl Packed {
     /// Writes the field as an `.npz` file in the published quantized layout, which volrend and [`PlenOctree::read`] read:
     /// a codebook of 65,536 colors for every function. Replaces an existing file.
     ///
-    /// Reading it gives the packed field, except that it takes as much memory as an unpacked one, and that the coefficients
-    /// of a function are rounded to 65,536 different colors, if there are more.
+    /// Reading it gives the packed field, except that it takes as much memory as an unpacked one, and that the
+    /// coefficients of a function are rounded to 65,536 distinct colors, if there are more.
     ///
     /// # Errors
     ///
@@ -41,7 +41,7 @@ fn write_quantized(field: &PlenOctree, writer: impl Write + Seek) -> Result<(), 
     let sigma = leaves().map(|leaf| leaf.map_or(f16::ZERO, |leaf| half_density(field.densities()[leaf])));
     archive.array("sigma", &[nodes, 2, 2, 2], sigma)?;
 
-    // For each function, the colors of leaves, and which of them stands for each.
+    // For each function, the colors in its codebook, and the color of each leaf.
     let mut of_functions = vec![Vec::with_capacity(field.leaves()); functions];
     for leaf in 0..field.leaves() {
         let (mut colors, mut place) = ([[f16::ZERO; 3]; 25], 0);

@@ -1,4 +1,4 @@
-//! Files from which a fit that was ended early goes on.
+//! Checkpoints: files from which an interrupted fit resumes.
 
 use std::{
     fs::{self, File},
@@ -20,7 +20,7 @@ const MAGIC: &[u8; 8] = b"plenfit1";
 /// Largest number of voxels in a file.
 const MAX_VOXELS: u64 = 1 << 29;
 
-/// What a fit needs to go on.
+/// The state that a fit needs to resume.
 pub struct Checkpoint {
     pub model: Model,
     pub position: Position,
@@ -28,7 +28,7 @@ pub struct Checkpoint {
 }
 
 impl Checkpoint {
-    /// Writes the file, which replaces an older one once it is complete. `key` tells inputs and settings apart.
+    /// Writes the file, which replaces an older one once it is complete. `key` identifies the input and the settings.
     pub fn write(path: &Path, key: u64, model: &Model, position: &Position, random: &Random) -> Result<(), FitError> {
         let unfinished = path.with_added_extension("partial");
         let write = || {

@@ -1,4 +1,4 @@
-//! What can go wrong when fitting a field.
+//! Errors of fitting fields.
 
 use std::{
     io,
@@ -19,7 +19,7 @@ pub enum FitError {
         /// The error of the operating system.
         source: io::Error,
     },
-    /// A file holds something else than expected.
+    /// The content of a file is not what was expected.
     #[error("{}: {what}: found {found}, expected {expected}", path.display())]
     Found {
         /// Path of the file or folder.
@@ -31,7 +31,7 @@ pub enum FitError {
         /// What was expected.
         expected: String,
     },
-    /// The views, each of which is valid, do not show a thing together.
+    /// Each view is valid, but they do not show a common object.
     #[error("the views: found {found}, expected {expected}")]
     Views {
         /// What was found.

@@ -9,7 +9,7 @@ use super::{
 };
 use crate::field::PlenOctree;
 
-/// A view of the field beside the photograph. Pixels are stored row by row, in encoded sRGB.
+/// A view of the field, next to the photograph. Pixels are stored row by row, in encoded sRGB.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Comparison {
     /// Name of the picture.
@@ -72,7 +72,7 @@ pub fn compare(
     }
 }
 
-/// Returns the mean PSNR of the views, from some of their pixels, for the progress.
+/// Returns the mean PSNR of the views, from some of their pixels, to report progress.
 pub fn quick_psnr(model: &Model, views: &[TrainView]) -> Option<f64> {
     const STRIDE: u32 = 6;
     const MOST: usize = 8;
@@ -149,7 +149,7 @@ fn blur(image: Vec<DVec3>, width: usize) -> Vec<DVec3> {
 mod tests {
     use super::*;
 
-    /// An image is like itself, hardly like noise, and less like a shifted copy the more it is shifted.
+    /// An image is identical to itself, hardly similar to noise, and less similar to a copy the more that is shifted.
     #[test]
     fn similarity_falls_with_differences() {
         let width = 48;

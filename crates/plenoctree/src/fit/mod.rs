@@ -1,9 +1,9 @@
 //! Fits fields to photographs.
 //!
 //! [`FitInput::read`] reads pictures and cameras, and [`fit`] finds a field that looks like the pictures. It needs no
-//! GPU: rays are marched exactly, gradients are computed by hand, and voxels are split, from 64 to 256 and more per side,
-//! where something is visible. [`refine()`] starts from a field instead, and [`simplify()`] makes fields easier to pack. `docs/fit.md` in the repository describes the
-//! method and what each part of it is worth.
+//! GPU: rays are marched exactly, gradients are computed by hand, and voxels are split, from 64 to 256 and more per
+//! side, where something is visible. [`refine()`] starts from a field instead, and [`simplify()`] makes fields easier
+//! to pack. `docs/fit.md` in the repository describes the method and what each part of it contributes.
 //!
 //! ```no_run
 //! use std::path::Path;

@@ -1,16 +1,16 @@
-//! What a fit is doing, and how to stop it.
+//! Progress of a fit, and stopping it.
 
 use std::sync::{
     Mutex, PoisonError,
     atomic::{AtomicBool, Ordering},
 };
 
-/// What a fit is doing.
+/// The status of a fit.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FitStatus {
-    /// What is being done, such as `128^3`.
+    /// The current stage, such as `128^3`.
     pub stage: String,
-    /// Share of the whole fit that is done, 0 to 1.
+    /// Fraction of the fit that is done, 0 to 1.
     pub fraction: f64,
     /// Mean PSNR of the held-out views so far, in decibels, from some of their pixels.
     pub psnr: Option<f64>,
@@ -24,12 +24,12 @@ pub struct FitProgress {
 }
 
 impl FitProgress {
-    /// Returns what the fit is doing.
+    /// Returns the status of the fit.
     pub fn status(&self) -> FitStatus {
         self.status.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
-    /// Requests an early end. The fit returns what it has within seconds.
+    /// Requests an early end. The fit returns its current result within seconds.
     pub fn stop(&self) {
         self.stopped.store(true, Ordering::Relaxed);
     }

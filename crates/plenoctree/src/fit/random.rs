@@ -9,7 +9,7 @@ impl Random {
         Self(seed)
     }
 
-    /// Creates the stream of one item among many, so that it does not depend on how work is split.
+    /// Creates the stream of one item among many, which does not depend on how the work is split.
     pub fn of(seed: u64, item: u64) -> Self {
         let mut mixed = Self(seed ^ item.wrapping_mul(0xd1b5_4a32_d192_ed03));
         mixed.next();
@@ -29,12 +29,12 @@ impl Random {
         z ^ (z >> 31)
     }
 
-    /// Returns a number from 0 to below 1.
+    /// Returns a number in [0, 1).
     pub fn unit(&mut self) -> f32 {
         (self.next() >> 40) as f32 / 16_777_216.0
     }
 
-    /// Brings the items into a random order.
+    /// Shuffles the items.
     pub fn shuffle<T>(&mut self, items: &mut [T]) {
         for last in (1..items.len()).rev() {
             items.swap(last, (self.next() % (last as u64 + 1)) as usize);

@@ -36,7 +36,7 @@ impl Shot {
     /// Panics if there are not as many pixels as the camera has.
     pub fn new(camera: &PinholeCamera, pixels: &[Vec4]) -> Self {
         let PinholeCamera { width, height, focal_x, focal_y, center_x, center_y, rotation, position } = *camera;
-        assert_eq!(pixels.len(), width as usize * height as usize, "one pixel for each of the camera's");
+        assert_eq!(pixels.len(), width as usize * height as usize, "one pixel for each pixel of the camera");
         let lens = Lens {
             focal: DVec2::new(focal_x, focal_y),
             center: DVec2::new(center_x, center_y),
@@ -54,7 +54,7 @@ impl Shot {
 pub struct RefineSettings {
     /// How much work to do, as a multiple of the default: 60 million rays.
     pub effort: f64,
-    /// Time to work for. The field is then as good as the time allows, but no two are the same.
+    /// Time to work for. The result is then as good as the time allows, but differs from run to run.
     pub time: Option<Duration>,
     /// Seed of the random numbers. The same seed gives the same field, on any number of threads, unless `time` is set.
     pub seed: u64,
@@ -69,7 +69,7 @@ impl Default for RefineSettings {
 /// A refined field.
 #[derive(Clone, Debug)]
 pub struct Refined {
-    /// The field, in the frame and with the cells of the one that was given, without those that no camera sees.
+    /// The field, with the frame and the cells of the original, except for cells that no camera sees.
     pub field: PlenOctree,
     /// What was done.
     pub stage: StageReport,
@@ -77,8 +77,9 @@ pub struct Refined {
 
 /// Refines `field`, all of whose leaves are finest cells, until it looks like the shots, on all cores of the current rayon pool.
 ///
-/// Cells change density and color, and those that no camera sees are removed; none are added. `progress` shows how well
-/// `measured` is matched, shots that are not refined to. If it is stopped, the field is what it was then.
+/// Cells change density and color, and those that no camera sees are removed; none are added. `measured` are shots that
+/// are not refined to: `progress` reports how well they are matched. If it is stopped, the result is the field at that
+/// time.
 ///
 /// # Errors
 ///
@@ -186,7 +187,7 @@ impl Grid {
 mod tests {
     use super::*;
 
-    /// A grid of a field's leaves gives the field back.
+    /// Converting a field to a grid and back restores it.
     #[test]
     fn grids_of_fields_give_them_back() {
         let codes: Vec<u64> = vec![3, 8, 77, 4096, 200_000];

@@ -1,15 +1,15 @@
-//! What came out of a fit.
+//! Reports of fits.
 
 use serde::Serialize;
 
-/// What a fit was given, did and reached. Serializes to `report.json`.
+/// The input, the work and the result of a fit. Serializes to `report.json`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct FitReport {
     /// Number of views fitted to.
     pub views: usize,
     /// Lowest and highest corner of the cube that was fitted, in the frame of the field.
     pub cube: [[f64; 3]; 2],
-    /// The matrix, row by row, from the frame of the input to that of the field, if the field was made to stand.
+    /// The matrix, row by row, from the input's frame to the field's, if the field was turned upright.
     pub from_input: Option<[[f64; 4]; 4]>,
     /// Leaves of the field.
     pub leaves: usize,
@@ -23,13 +23,13 @@ pub struct FitReport {
     pub stages: Vec<StageReport>,
     /// Seconds spent reading pictures and finding the box, training, and measuring.
     pub seconds: Seconds,
-    /// Views that contradict the others: probably, their poses are wrong.
+    /// Views that contradict the others: their poses are probably wrong.
     pub suspicious: Vec<SuspiciousView>,
     /// Exposure of each view relative to the mean, per channel, if it was learned.
     pub gains: Option<Vec<[f32; 3]>>,
 }
 
-/// How well views are matched that were not fitted to.
+/// How well the held-out views are matched.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct HeldOut {
     /// Mean PSNR of the views, in decibels.
@@ -68,7 +68,7 @@ pub struct StageReport {
     pub voxels_per_ray: f64,
     /// Seconds.
     pub seconds: f64,
-    /// Mean PSNR of the held-out views afterwards, from some of their pixels.
+    /// Mean PSNR of the held-out views after the stage, from some of their pixels.
     pub psnr_db: Option<f64>,
 }
 
@@ -86,7 +86,7 @@ pub struct Seconds {
 /// A view that contradicts the others.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SuspiciousView {
-    /// Its number in the order of names, from 0.
+    /// Its index in the order of names.
     pub number: usize,
     /// Name of its picture.
     pub name: String,

@@ -29,7 +29,7 @@ use super::{
 };
 use crate::field::PlenOctree;
 
-/// Most held-out views that are kept to show.
+/// Maximum number of held-out views that are kept as previews.
 const MOST_PREVIEWS: usize = 12;
 /// Thickness that voxels start with.
 const FIRST_THICKNESS: f32 = 0.03;
@@ -41,22 +41,22 @@ const SAVE_EVERY: Duration = Duration::from_secs(60);
 pub struct Fitted {
     /// The field, in the frame of the cameras.
     pub field: PlenOctree,
-    /// Held-out views beside their photographs: all of them, or some if there are many.
+    /// Held-out views next to their photographs: all of them, or some if there are many.
     pub previews: Vec<Comparison>,
-    /// What was done and reached.
+    /// The report.
     pub report: FitReport,
 }
 
 /// Fits a field to the views of `input`, on all cores of the current rayon pool.
 ///
-/// The result is measured on every eighth view, which is then not fitted to, as [`FitSettings::hold_out`] says, or on the
+/// The result is measured on views that are held out, by default every eighth ([`FitSettings::hold_out`]), or on the
 /// views of `test`. The same input, settings and seed give the same field on any number of threads, unless there is a
-/// time limit. If `progress` is stopped, the field is what it was then.
+/// time limit. If `progress` is stopped, the result is the field at that time.
 ///
 /// # Errors
 ///
 /// Returns an error if a setting is out of range, if a picture cannot be read, if there are fewer than two views to fit
-/// to, if they show no common place, or if nothing is left of the field.
+/// to, if they do not show a common object, or if nothing is left of the field.
 pub fn fit(
     input: &FitInput,
     test: Option<&FitInput>,
@@ -205,7 +205,7 @@ pub fn fit(
     Ok(Fitted { field, previews, report })
 }
 
-/// Returns a number that tells fits apart that cannot go on from each other's checkpoints.
+/// Returns a hash of the input and the settings: fits that differ in it cannot resume from each other's checkpoints.
 fn key(input: &FitInput, settings: &FitSettings) -> u64 {
     let mut hasher = DefaultHasher::new();
     for view in &input.views {
@@ -260,7 +260,7 @@ fn suspicious(errors: &[Option<f64>], numbers: &[usize], views: &[View]) -> Vec<
     let Some(&median) = sorted.get(sorted.len() / 2) else { return Vec::new() };
     let mut deviations: Vec<f64> = sorted.iter().map(|psnr| (psnr - median).abs()).collect();
     deviations.sort_unstable_by(f64::total_cmp);
-    // Five times the error, and far outside of how views usually vary.
+    // Five times the error, and far outside the usual variation of views.
     let limit = median - f64::max(7.0, 8.0 * deviations[deviations.len() / 2]);
     let wrong = |(index, psnr): (usize, &Option<f64>)| {
         let psnr = psnr.filter(|psnr| *psnr < limit)?;

@@ -1,4 +1,4 @@
-//! Where the field can be: found from what the cameras see.
+//! Finds where the field can be, from what the cameras see.
 
 use glam::{DMat3, DVec2, DVec3, UVec3};
 use rayon::prelude::*;
@@ -11,15 +11,15 @@ use super::{
     train::{TrainView, gallery::Gallery},
 };
 
-/// Voxels per side of the grid in which the scene is looked for.
+/// Voxels per side of the grid in which the scene is searched for.
 const RESOLUTION: u32 = 64;
 /// Opacity below which a pixel shows nothing, out of 255.
 const CLEAR: u8 = 3;
-/// Fewest known points in view from which a camera's surroundings are told.
+/// Minimum number of known points in view from which a camera's surroundings are estimated.
 const FEWEST_POINTS: usize = 50;
-/// Most known points that are looked for in a view.
+/// Maximum number of known points that are searched for in a view.
 const MOST_POINTS: usize = 10_000;
-/// Times to look in a larger cube.
+/// Number of times that the cube is enlarged to search again.
 const GROWTHS: usize = 3;
 
 /// Where the field can be.
@@ -29,11 +29,12 @@ pub struct Place {
     pub voxels: VoxelSet,
 }
 
-/// Finds the place of the field. `knows_opacity` tells whether pictures show what is not part of the object.
+/// Finds the place of the field. `knows_opacity` says whether the pictures' opacity separates the object from its
+/// background.
 ///
 /// # Errors
 ///
-/// Returns an error if the cameras have nothing in view together, or if a picture cannot be read.
+/// Returns an error if the cameras have no common view, or if a picture cannot be read.
 pub fn find(
     gallery: &mut Gallery,
     points: &[DVec3],
@@ -64,7 +65,7 @@ pub fn find(
         votes.possible(&cameras, false, Some(&nearest)).for_each(|position| voxels.insert(position));
         return nonempty(cube, voxels);
     }
-    // Half of what a camera has in view at that distance; more if the object turns out to be cut off.
+    // Half of a camera's view at that distance; more if the object turns out to be cut off.
     let wide = median(cameras.iter().map(|camera| {
         let lens = camera.lens;
         0.5 * f64::from(camera.width.max(camera.height)) / lens.focal.min_element()
@@ -94,7 +95,7 @@ pub fn find(
         return nonempty(cube, voxels);
     }
     Err(FitError::Views {
-        found: format!("no place near {focus:.3} that they agree on: in each, some picture shows nothing"),
+        found: format!("no place near {focus:.3} that they agree on: everywhere, some picture shows nothing"),
         expected: "cameras that see one object from around it",
     })
 }
@@ -145,8 +146,8 @@ fn median(values: impl Iterator<Item = f64>) -> f64 {
     values.get(values.len() / 2).copied().unwrap_or_default()
 }
 
-/// Returns the cube of photographs whose background is part of the scene: around the known points near
-/// what the cameras look at, or else what is around the focus.
+/// Returns the cube for photographs whose background is part of the scene: around the known points near the focus of
+/// the cameras, or else around the focus.
 fn photographed(points: &[DVec3], focus: DVec3, distance: f64) -> Cube {
     let reach = 2.0 * distance;
     let seen = |point: &&DVec3| point.distance(focus) < reach;
@@ -166,15 +167,15 @@ fn photographed(points: &[DVec3], focus: DVec3, distance: f64) -> Cube {
     around(low - margin, high + margin)
 }
 
-/// What the views say of each voxel of a cube.
+/// The views' votes on each voxel of a cube.
 struct Votes {
     cube: Cube,
-    /// Number of views that have the voxel in the picture, and of those that show nothing there.
+    /// Number of views in which the voxel is in the picture, and number of those that show nothing there.
     counts: Vec<[u32; 2]>,
 }
 
 impl Votes {
-    /// Returns the grid, without voxels, that the votes are about.
+    /// Returns the grid of the votes, without voxels.
     fn grid(cube: Cube) -> Grid {
         Grid::new(cube, 1, &VoxelSet::new(RESOLUTION))
     }
@@ -188,7 +189,7 @@ impl Votes {
         nearest: Option<&'a [f64]>,
     ) -> impl Iterator<Item = UVec3> + 'a {
         let grid = Self::grid(self.cube);
-        // Far from the object, cones that one or two views leave reach to infinity.
+        // Far from the object, regions that only one or two views see reach to infinity.
         let share = if knows_opacity { 4 } else { 10 };
         let needed = (cameras.len() / share).max(2) as u32;
         let tolerated = tolerated(cameras.len());
@@ -206,7 +207,7 @@ impl Votes {
     }
 }
 
-/// Returns the distance from a camera below which its photograph shows nothing: nearer than what is known to be in view,
+/// Returns the distance from a camera below which its photograph shows nothing: nearer than the known points in view,
 /// or else than a ball around the focus that fits into the picture.
 fn nearest(camera: &ViewCamera, points: &[DVec3], focus: DVec3) -> f64 {
     let step = points.len().div_ceil(MOST_POINTS).max(1);
@@ -220,7 +221,7 @@ fn nearest(camera: &ViewCamera, points: &[DVec3], focus: DVec3) -> f64 {
     camera.position.distance(focus) * (1.0 - narrow).max(0.25)
 }
 
-/// Returns how many views may show nothing where the others show something: their poses may be wrong.
+/// Returns how many views may show nothing where the others show something, because their poses may be wrong.
 fn tolerated(views: usize) -> u32 {
     views as u32 / 25
 }

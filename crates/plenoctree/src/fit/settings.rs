@@ -22,12 +22,13 @@ pub struct FitSettings {
     /// Color behind the field, in encoded sRGB, 0 to 1. By default, it is learned from opaque pictures; it is white in
     /// previews of pictures with opacity.
     pub background: Option<DVec3>,
-    /// Every how many views one is held out and measured, at least 2. `None` uses all. 8 by default.
+    /// Of this many views, one is held out and measured. At least 2, 8 by default. `None` fits to all views.
     pub hold_out: Option<u32>,
     /// How much work to do, as a multiple of the default. Above 0.
     pub effort: f64,
-    /// Time to fit in, without reading the pictures and measuring the result. The field is then as good as the time
-    /// allows, but no two are the same. `None`, the default, does the work that `effort` asks for.
+    /// Time for training, which does not include reading the pictures and measuring the result. The field is then as
+    /// good as the time allows, but differs from run to run. `None`, the default, does the work that `effort`
+    /// specifies.
     pub time: Option<Duration>,
     /// Seed of the random numbers. The same seed gives the same field, on any number of threads, unless `time` is set.
     pub seed: u64,
@@ -35,15 +36,15 @@ pub struct FitSettings {
     pub keep_largest: bool,
     /// Cut the field to this box, in the frame of the cameras, after it is fitted.
     pub crop: Option<(DVec3, DVec3)>,
-    /// A file to which what is needed to go on is written every minute and when the fit is stopped. It is removed when
-    /// the fit is complete.
+    /// A file to which a checkpoint is written every minute and when the fit is stopped. It is removed when the fit is
+    /// complete.
     pub checkpoint: Option<PathBuf>,
-    /// Go on from the checkpoint if there is one. The field is then as good as if the fit had not been interrupted, but
-    /// not the same.
+    /// Resume from the checkpoint if there is one. The field is then as good as if the fit had not been interrupted,
+    /// but not identical.
     pub resume: bool,
-    /// Turn the field so that the cameras' mean up is its z axis, and set it on the origin.
+    /// Turn the field so that the mean up direction of the cameras is its z axis, and place it on the origin.
     pub stand: bool,
-    /// Memory for pictures, in bytes. If they need more, only some are held at a time. 1.5 GB by default.
+    /// Memory for pictures, in bytes. If they need more, only some are loaded at a time. 1.5 GB by default.
     pub picture_memory: u64,
 }
 

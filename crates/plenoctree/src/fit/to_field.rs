@@ -1,4 +1,4 @@
-//! From the fitted grid to a field.
+//! Converts the fitted grid to a field.
 
 use glam::{DVec3, IVec3};
 use half::f16;

@@ -17,7 +17,8 @@ impl PlenOctree {
     /// A merged cell gets the density that lets as much light through as its parts, averaged over rays along the three
     /// axes. This is the mean density if the parts are thin, and less if rays can pass by the dense parts. Its
     /// coefficients are the means of those of its parts, weighted by the light that each part absorbs. This averages
-    /// the sums of the harmonics, not the radiance after activation. The coarser version of a packed field is not packed.
+    /// the sums of the harmonics, not the radiance after activation. The coarser version of a packed field is not
+    /// packed.
     pub fn coarser(&self, levels: u32) -> Option<Self> {
         let mut field = self.clone();
         for _ in 0..levels {

@@ -4,7 +4,7 @@ use crate::field::{Cell, PlenOctree};
 
 impl PlenOctree {
     /// Returns the field without the leaves whose density is less than `density_threshold`, per world unit, so that
-    /// rays cross fewer leaves. It may be less deep. NaN leaves out nothing, as 0 does.
+    /// rays cross fewer leaves. It may be less deep. NaN leaves nothing out, as 0 does.
     ///
     /// [`LoadSettings::density_threshold`](crate::LoadSettings::density_threshold) has the same effect on a file.
     pub fn thinned(&self, density_threshold: f32) -> Self {

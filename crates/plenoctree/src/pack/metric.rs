@@ -94,6 +94,15 @@ pub(super) fn solve(matrix: &[f64], vector: &mut [f64]) {
     }
 }
 
+/// Adds a number to the diagonal of a symmetric matrix, given as its [`pairs`].
+pub(super) fn add_diagonal(matrix: &mut [f64], count: usize, number: f64) {
+    let mut place = 0;
+    for row in 0..count {
+        matrix[place] += number;
+        place += count - row;
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

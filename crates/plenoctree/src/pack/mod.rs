@@ -1,8 +1,8 @@
-//! Packing: from a field to its shipping form, which is a tenth as large.
+//! Packing: converts a field to its shipping form, which is a tenth of the size.
 //!
-//! What no ray sees is dropped. Densities and the colors of the constant function become whole numbers, and the other
-//! coefficients rows of two codebooks that all leaves share, so that pictures change little: what is seen better is rounded
-//! less. `file/packed` turns the numbers into a file.
+//! Leaves that no ray sees are dropped. Densities and the coefficients of the constant function become integers, and
+//! the other coefficients become rows of two codebooks that all leaves share. To keep pictures nearly unchanged, leaves
+//! that are more visible are rounded less. `file/packed` writes the numbers to a file.
 
 #[cfg(feature = "write")]
 mod codebook;
@@ -10,6 +10,8 @@ mod codebook;
 mod colors;
 #[cfg(feature = "write")]
 mod density;
+#[cfg(feature = "write")]
+mod leaves;
 #[cfg(feature = "write")]
 mod metric;
 #[cfg(feature = "write")]

@@ -4,8 +4,9 @@ use std::{io::Write, path::Path, sync::Arc};
 
 use super::{
     PackSettings, Quantized,
-    codebook::{self, Book, Leaves},
+    codebook::{self, Book},
     colors, density,
+    leaves::Leaves,
     metric::Metric,
 };
 use crate::{
@@ -36,7 +37,7 @@ pub enum PackError {
     },
 }
 
-/// A typical difference between the color of a leaf and what is behind it.
+/// A typical difference between the color of a leaf and that of what is behind it.
 const CONTRAST: f32 = 0.16;
 
 /// A packed field: the content of a `.plenoctree` file.
@@ -51,8 +52,8 @@ pub struct Packed {
 impl Packed {
     /// Packs a field, on all cores. The result does not depend on their number.
     ///
-    /// A field with a million leaves takes about three minutes on two cores. Most of that is looking from all around, and the search
-    /// for rows.
+    /// A field with a million leaves takes about three minutes on two cores. Most of that is the measurement of
+    /// visibility, and the search for rows.
     ///
     /// # Errors
     ///
@@ -85,7 +86,7 @@ impl Packed {
         &self.sections
     }
 
-    /// Returns the number of leaves that were dropped, because nobody sees them.
+    /// Returns the number of leaves that were dropped because they are not visible.
     pub fn dropped(&self) -> usize {
         self.dropped
     }
@@ -97,7 +98,7 @@ impl Packed {
 
     /// Writes the file. Replaces an existing one.
     ///
-    /// The file is first written under another name in the same folder, so that nobody reads half of it.
+    /// The file is first written under another name in the same folder, so that it is never seen half-written.
     ///
     /// # Errors
     ///

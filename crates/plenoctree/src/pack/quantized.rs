@@ -1,4 +1,4 @@
-//! A packed field as whole numbers, which its file holds.
+//! A packed field as the integers that its file stores.
 
 use std::sync::Arc;
 
@@ -13,7 +13,7 @@ use crate::{
 pub(crate) const MAX_LEVELS: usize = 254;
 /// The largest number of rows of a codebook.
 pub(crate) const MAX_ROWS: usize = 1 << 16;
-/// The least and the largest luma and differences of a leaf: what 12, 10 and 10 bits hold.
+/// The ranges of a leaf's luma and differences: 12, 10 and 10 bits.
 pub(crate) const COLOR_RANGES: [(i16, i16); 3] = [(-2048, 2047), (-512, 511), (-512, 511)];
 
 /// A field whose numbers are multiples of steps, or come from tables.

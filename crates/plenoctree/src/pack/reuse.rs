@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::{
-    codebook::Leaves,
+    leaves::Leaves,
     recent::{RECENT, Recent},
     search::{features, write_query},
 };

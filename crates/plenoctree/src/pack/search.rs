@@ -6,7 +6,7 @@
 use rayon::prelude::*;
 
 use super::{
-    codebook::Leaves,
+    leaves::Leaves,
     metric::{pairs, product},
 };
 use crate::sampling::{Canceled, Progress};

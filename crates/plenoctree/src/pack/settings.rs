@@ -12,8 +12,8 @@ use crate::{
 
 /// Settings of packing: how small a field becomes, and how much its pictures may change.
 ///
-/// [`Self::SMALL`], [`Self::BALANCED`] (the default) and [`Self::FINE`] suit most fields. The table in `docs/packing.md`
-/// shows what they give.
+/// [`Self::SMALL`], [`Self::BALANCED`] (the default) and [`Self::FINE`] suit most fields. The table in
+/// `docs/packing.md` shows their results.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 #[cfg_attr(
@@ -26,7 +26,7 @@ pub struct PackSettings {
     /// Opacity, 0 to 1, that a leaf must add to a ray from outside to be kept. 0 keeps all leaves, for fields that are
     /// also seen from inside.
     pub hidden: f32,
-    /// How much views from below the horizon count, compared with others. 0 to 1.
+    /// Weight of views from below the horizon, relative to others. 0 to 1.
     pub below: f32,
     /// Largest number of rows of the codebook of luma, which leaves share. That of color differences has half as many. 1 to
     /// 65,536.
@@ -37,8 +37,8 @@ pub struct PackSettings {
     pub color_step: f32,
     /// Step of the codebooks' coefficients, in the same unit.
     pub table_step: f32,
-    /// Step, in the same unit, to which the colors of an averagely visible leaf are rounded. Those of leaves that are seen
-    /// less are rounded more, at least to `color_step`. 0 to 1.
+    /// Step, in the same unit, to which the colors of an averagely visible leaf are rounded. Those of less visible
+    /// leaves are rounded more, and all at least to `color_step`. 0 to 1.
     pub tolerance: f32,
 }
 

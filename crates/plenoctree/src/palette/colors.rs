@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use super::method::PaletteMethod;
 use crate::save::save;
 
-/// A few colors that represent everything visible in a field, the most important first.
+/// A few colors that represent everything visible in a field, the heaviest first.
 ///
 /// Palette files are JSON: `{"colors": [[r, g, b], ...], "weights": [...], "method": "fitted"}`. If a file has no
 /// weights, all colors have the same weight. `method` is left out unless the palette was extracted.
@@ -171,7 +171,7 @@ impl Palette {
 
     /// Writes a palette file, or replaces an existing one.
     ///
-    /// The file is first written under another name in the same folder, so that nobody reads half of it.
+    /// The file is first written under another name in the same folder, so that it is never seen half-written.
     ///
     /// # Errors
     ///
@@ -273,7 +273,7 @@ mod tests {
         assert!(parse(r#"{"colors": [[0, 0, 1e39]]}"#).unwrap_err().contains(expected));
     }
 
-    /// A palette that cannot be written leaves the old file, and no other.
+    /// A palette that cannot be written leaves the old file unchanged, and no other file.
     #[test]
     fn a_failed_write_loses_nothing() {
         let folder = std::env::temp_dir().join(format!("plenoctree-palette-{}", std::process::id()));

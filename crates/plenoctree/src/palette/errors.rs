@@ -1,4 +1,4 @@
-//! How far the colors of a field are from those shown in their place.
+//! Errors of a field's colors: how far they are from the ones shown in their place.
 
 use glam::{DVec2, DVec3};
 
@@ -9,14 +9,14 @@ use super::{
 };
 use crate::sampling::{Canceled, Histograms, Progress};
 
-/// How far colors are from those shown in their place: from the labels of a palette, for instance.
+/// How far colors are from the ones shown in their place, such as the labels of a palette.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ColorErrors {
     /// Weighted root mean square difference of a channel, in encoded sRGB: 0 to 1. Multiply it by 255 for a number on
     /// the scale of 8-bit colors.
     pub rmse: f64,
-    /// Share of the chromatic weight that is shown with a hue more than 45 degrees off, 0 to 1. Hues are those of Oklab.
-    /// A color is chromatic if its chroma is above 0.04; if it is shown as an exact gray, its hue is off.
+    /// Share of the chromatic weight that is shown with a hue more than 45 degrees off, 0 to 1. Hues are those of
+    /// Oklab. A color is chromatic if its chroma is above 0.04; if it is shown as an exact gray, its hue is off.
     pub hue: f64,
 }
 
@@ -108,7 +108,7 @@ mod tests {
         assert_eq!(ColorErrors::of([]), ColorErrors::default());
     }
 
-    /// Only the hue of what has a hue counts, and only how far it turns.
+    /// Only colors that have a hue count, and only the change of their hue.
     #[test]
     fn a_hue_may_turn_by_45_degrees() {
         let hue = |color, shown| ColorErrors::of([(1.0, color, shown)]).hue;

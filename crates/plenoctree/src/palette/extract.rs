@@ -9,7 +9,8 @@ use super::{
     errors::ColorErrors,
     fit::Cloud,
     kmeans::{self, Clusters},
-    method::{Colors, PaletteMethod},
+    method::{ColorCount, PaletteMethod},
+    order::order,
     settings::ExtractionSettings,
     simplify::simplify,
 };
@@ -76,7 +77,7 @@ impl From<SamplingError> for ExtractionError {
 
 /// Extracts the palette of a whole field, on all cores.
 ///
-/// The same field and settings always give the same palette, to the last bit.
+/// The same field and settings always give the same palette, bit for bit.
 ///
 /// # Errors
 ///
@@ -146,7 +147,7 @@ pub fn extract_from_histograms(
     })
 }
 
-/// Returns the palette with the number of colors that the settings ask for. `find` finds a palette of at most a number
+/// Returns the palette with the number of colors that the settings specify. `find` finds a palette of at most a number
 /// of colors.
 fn choose(
     histograms: &Histograms,
@@ -155,17 +156,17 @@ fn choose(
     mut find: impl FnMut(usize) -> Result<Palette, Canceled>,
 ) -> Result<Palette, Canceled> {
     let tolerance = match settings.colors {
-        Colors::Fixed(colors) => return find(colors),
-        Colors::Auto { tolerance } => tolerance,
+        ColorCount::Fixed(colors) => return find(colors),
+        ColorCount::Auto { tolerance } => tolerance,
     };
-    for colors in 1..Colors::MOST {
+    for colors in 1..ColorCount::MOST {
         let palette = find(colors)?;
         let errors = ColorErrors::of_labels_unless_canceled(histograms, &palette, settings.blend_steps, progress)?;
         if errors.rmse <= tolerance {
             return Ok(palette);
         }
     }
-    find(Colors::MOST)
+    find(ColorCount::MOST)
 }
 
 /// Clusters the histograms into representative colors: steps 6 and 7. Returns `None` if there is no weight.
@@ -208,23 +209,6 @@ pub(super) fn initial_centers(bins: &Bins, threshold: f64) -> Vec<[f64; 3]> {
         chosen.sort_unstable();
     }
     chosen.into_iter().map(|bin| bins.center(bin)).collect()
-}
-
-/// Sorts the colors by the weight of the clusters nearest to each, heaviest first: step 9. Equal weights are sorted by
-/// r, g and b.
-pub(super) fn order(mut colors: Vec<[f64; 3]>, clusters: &Clusters) -> Palette {
-    let by_channels = |a: &[f64; 3], b: &[f64; 3]| {
-        a.iter().zip(b).map(|(a, b)| a.total_cmp(b)).find(|order| order.is_ne()).unwrap_or(std::cmp::Ordering::Equal)
-    };
-    colors.sort_by(by_channels);
-    let mut weights = vec![0.0; colors.len()];
-    for (center, weight) in clusters.centers.iter().zip(&clusters.weights) {
-        weights[kmeans::nearest(center, &colors)] += weight;
-    }
-    let mut order: Vec<usize> = (0..colors.len()).collect();
-    order.sort_by(|&a, &b| f64::total_cmp(&weights[b], &weights[a]));
-    let (colors, weights) = order.iter().map(|&i| (colors[i], weights[i])).unzip();
-    Palette { colors, weights, method: None }
 }
 
 #[cfg(test)]
@@ -303,11 +287,11 @@ mod tests {
         let mut before = usize::MAX;
         for tolerance in [0.001, 0.1, 0.2, 1.0] {
             let settings = |colors| ExtractionSettings { colors, ..Default::default() };
-            let auto = extract_from_histograms(&histograms, &settings(Colors::Auto { tolerance })).unwrap();
+            let auto = extract_from_histograms(&histograms, &settings(ColorCount::Auto { tolerance })).unwrap();
             let count = auto.palette.colors.len();
             assert!(auto.errors.rmse <= tolerance && count <= before, "{tolerance}: {auto:?}");
             if count > 1 {
-                let fewer = extract_from_histograms(&histograms, &settings(Colors::Fixed(count - 1))).unwrap();
+                let fewer = extract_from_histograms(&histograms, &settings(ColorCount::Fixed(count - 1))).unwrap();
                 assert!(fewer.errors.rmse > tolerance, "{tolerance}: {count} colors");
             }
             before = count;
@@ -350,7 +334,7 @@ mod tests {
         Histograms::new(64, weights(64), 16, weights(16), 0).unwrap()
     }
 
-    /// Cancels after some time, and returns how long the extraction went on.
+    /// Cancels after some time, and returns how long the extraction continued.
     fn time_to_cancel(histograms: &Histograms, settings: &ExtractionSettings, after: Duration) -> Duration {
         let progress = Progress::default();
         std::thread::scope(|scope| {
@@ -373,7 +357,7 @@ mod tests {
         let histograms = largest_histograms();
         let k_means = ExtractionSettings { coarse_threshold: 0.0, max_iterations: 1000, tolerance: 0.0, ..hull() };
         let hull = ExtractionSettings { max_iterations: 1, ..k_means.clone() };
-        let fit = ExtractionSettings { colors: Colors::Auto { tolerance: 1e-9 }, ..Default::default() };
+        let fit = ExtractionSettings { colors: ColorCount::Auto { tolerance: 1e-9 }, ..Default::default() };
         for (stage, settings) in [("k-means", k_means), ("hull", hull), ("fit", fit)] {
             for after in [0, 100, 500] {
                 let time = || time_to_cancel(&histograms, &settings, Duration::from_millis(after));
@@ -417,7 +401,7 @@ mod tests {
             wanted in 1usize..=12,
             method in prop::sample::select(&PaletteMethod::ALL[..]),
         ) {
-            let settings = ExtractionSettings { method, colors: Colors::Fixed(wanted), ..Default::default() };
+            let settings = ExtractionSettings { method, colors: ColorCount::Fixed(wanted), ..Default::default() };
             let palette = extract_from_histograms(&histograms(&colors), &settings).unwrap().palette;
             prop_assert_eq!(palette.validate(), Ok(()));
             prop_assert!(palette.colors.iter().flatten().all(|channel| (0.0..=1.0).contains(channel)));

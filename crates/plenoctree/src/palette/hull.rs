@@ -58,7 +58,7 @@ impl Plane {
 
 /// Returns the shape that `points` span. There must be at least one point, and all must be finite.
 ///
-/// Once `progress` is canceled, returns whatever shape it has got to.
+/// Once `progress` is canceled, returns the shape that it has reached.
 pub(super) fn span(points: &[DVec3], progress: &Progress) -> Span {
     let first = farthest(points, |p| -p.x);
     let second = farthest(points, |p| p.distance(first));
@@ -157,7 +157,7 @@ impl Hull {
         Self { vertices, faces: self.faces.iter().map(|face| face.map(|corner| index[corner])).collect() }
     }
 
-    /// Returns the corner that is the least above the hull of all others, if its height is within rounding.
+    /// Returns the corner with the smallest height above the hull of all others, if that is within rounding.
     fn flattest_corner(&self, progress: &Progress) -> Option<usize> {
         let mut neighbors = vec![Vec::new(); self.vertices.len()];
         for &face in &self.faces {

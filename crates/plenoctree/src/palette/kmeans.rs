@@ -226,7 +226,7 @@ mod tests {
     }
 
     proptest! {
-        /// Leaving out centers changes nothing, whatever the guess.
+        /// Skipping centers changes nothing, for any guess.
         #[test]
         fn the_search_finds_the_first_of_the_nearest(points in colors(50), centers in colors(100), guess in 0usize..120) {
             let search = Search::new(&centers);

@@ -33,8 +33,7 @@ pub struct PaletteLabel {
 }
 
 impl PaletteLabel {
-    /// Maximum number of labels of a palette that is drawn, since every pixel is compared to all of them, in every
-    /// frame.
+    /// Maximum number of labels with which a palette is drawn: every pixel is compared to all of them.
     pub const MAX_LABELS: usize = 1024;
 
     /// Returns the number of labels of a palette of `colors` colors. `blend_steps` is `d`, at least 1.

@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 )]
 pub enum PaletteMethod {
     /// The corners of the simplified convex hull of all colors, as in the paper: section 3 of the method, steps 6 to 9.
-    /// Misses colors inside the hull, and changes with small changes of the field.
+    /// Misses colors inside the hull, and is sensitive to small changes of the field.
     Hull,
     /// The colors whose labels are nearest to the colors of the field: section 3 of the method, step 10. The default.
     #[default]
@@ -44,29 +44,29 @@ impl PaletteMethod {
     reflect(Default, Clone, Debug, PartialEq),
     type_path = "plenoctree"
 )]
-pub enum Colors {
+pub enum ColorCount {
     /// At most this many colors, 1 to 64. A palette has fewer if the field has fewer, and that of
     /// [`PaletteMethod::Hull`] has more if the hull cannot be simplified further: a cloud of colors that has a volume
     /// always keeps at least four.
     Fixed(usize),
     /// As few colors as keep the error to the nearest label ([`ColorErrors::rmse`](super::ColorErrors::rmse)) within
-    /// `tolerance`, but at most [`Colors::MOST`].
+    /// `tolerance`, but at most [`ColorCount::MOST`].
     Auto {
         /// The largest error, as a distance of a channel in encoded sRGB. More than 0 and at most 1.
         tolerance: f64,
     },
 }
 
-impl Default for Colors {
+impl Default for ColorCount {
     fn default() -> Self {
         Self::Fixed(6)
     }
 }
 
-impl Colors {
-    /// The largest number of colors that [`Colors::Auto`] chooses.
+impl ColorCount {
+    /// The largest number of colors that [`ColorCount::Auto`] chooses.
     pub const MOST: usize = 16;
 
-    /// [`Colors::Auto`] with the default tolerance, 0.05.
+    /// [`ColorCount::Auto`] with the default tolerance, 0.05.
     pub const AUTO: Self = Self::Auto { tolerance: 0.05 };
 }

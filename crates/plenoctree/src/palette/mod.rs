@@ -1,9 +1,9 @@
 //! Palette extraction: section 3 of the method (Tojo and Umetani, EGSR 2022, section 4.1).
 //!
 //! [`extract`] samples every leaf of a field from many directions, collects the visible radiance in histograms
-//! ([`sample`](crate::sampling::sample)), clusters them, and simplifies the convex hull of the clusters to a few
-//! colors. It runs on all cores and needs no app. Other threads can read its [`Progress`](crate::sampling::Progress)
-//! and cancel it.
+//! ([`sample`](crate::sampling::sample)), and finds the palette that fits them best or, as the paper does, clusters
+//! them and simplifies the convex hull of the clusters. It runs on all cores and needs no app. Other threads can read
+//! its [`Progress`](crate::sampling::Progress) and cancel it.
 
 mod colors;
 mod errors;
@@ -14,6 +14,7 @@ mod kmeans;
 mod label;
 mod method;
 mod oklab;
+mod order;
 mod polygon;
 mod settings;
 mod simplify;
@@ -23,6 +24,6 @@ pub use colors::{InvalidPalette, Palette, PaletteFileError};
 pub use errors::ColorErrors;
 pub use extract::{Extraction, ExtractionError, ExtractionTimes, extract, extract_from_histograms};
 pub use label::PaletteLabel;
-pub use method::{Colors, PaletteMethod};
+pub use method::{ColorCount, PaletteMethod};
 pub use settings::ExtractionSettings;
 pub use steps::{initial_centers, k_means, simplify_hull};

@@ -2,7 +2,7 @@
 
 use glam::{DVec2, DVec3};
 
-/// Chroma in Oklab above which a color has a hue that one sees.
+/// Chroma in Oklab above which a color has a visible hue.
 pub(super) const CHROMATIC: f64 = 0.04;
 
 /// Chroma in Oklab below which rounding decides on the hue.

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     colors::Palette,
-    method::{Colors, PaletteMethod},
+    method::{ColorCount, PaletteMethod},
 };
 use crate::sampling::{InvalidSetting, SamplingSettings};
 
@@ -33,9 +33,9 @@ pub struct ExtractionSettings {
     /// How the palette is found. [`PaletteMethod::Fitted`] by default.
     pub method: PaletteMethod,
     /// The number of colors. At most 6 by default.
-    pub colors: Colors,
+    pub colors: ColorCount,
     /// d: number of steps from one palette color to another whose labels [`PaletteMethod::Fitted`] fits and
-    /// [`Colors::Auto`] measures. 1 to 8, 3 by default.
+    /// [`ColorCount::Auto`] measures. 1 to 8, 3 by default.
     pub blend_steps: u32,
 }
 
@@ -47,7 +47,7 @@ impl Default for ExtractionSettings {
             max_iterations: 300,
             tolerance: 1e-4,
             method: PaletteMethod::default(),
-            colors: Colors::default(),
+            colors: ColorCount::default(),
             blend_steps: 3,
         }
     }
@@ -73,11 +73,11 @@ impl ExtractionSettings {
         let steps = self.blend_steps;
         InvalidSetting::check((1..=8).contains(&steps), "blend_steps", f64::from(steps), "1 to 8")?;
         match self.colors {
-            Colors::Fixed(colors) => {
+            ColorCount::Fixed(colors) => {
                 let holds = (1..=Palette::MAX_COLORS).contains(&colors);
                 InvalidSetting::check(holds, "colors", colors as f64, "1 to 64")
             }
-            Colors::Auto { tolerance } => {
+            ColorCount::Auto { tolerance } => {
                 let holds = tolerance > 0.0 && tolerance <= 1.0;
                 InvalidSetting::check(holds, "colors.tolerance", tolerance, "more than 0 and at most 1")
             }
@@ -106,8 +106,8 @@ mod tests {
             (ExtractionSettings { max_iterations: 0, ..default() }, "max_iterations"),
             (ExtractionSettings { max_iterations: 1001, ..default() }, "max_iterations"),
             (ExtractionSettings { tolerance: -1.0, ..default() }, "tolerance"),
-            (ExtractionSettings { colors: Colors::Fixed(65), ..default() }, "colors"),
-            (ExtractionSettings { colors: Colors::Auto { tolerance: 0.0 }, ..default() }, "colors.tolerance"),
+            (ExtractionSettings { colors: ColorCount::Fixed(65), ..default() }, "colors"),
+            (ExtractionSettings { colors: ColorCount::Auto { tolerance: 0.0 }, ..default() }, "colors.tolerance"),
             (ExtractionSettings { blend_steps: 0, ..default() }, "blend_steps"),
         ] {
             let error = settings.validate().unwrap_err();

@@ -1,11 +1,12 @@
-//! Single steps of extraction, also for given colors, such as the pixels of an image.
+//! Single steps of extraction, which can also be applied to other colors, such as the pixels of an image.
 
 use glam::DVec3;
 
 use super::{
     colors::{InvalidPalette, Palette},
-    extract::{self, order},
+    extract,
     kmeans::{Clusters, cluster},
+    order::order,
     settings::ExtractionSettings,
     simplify::simplify,
 };
@@ -14,7 +15,7 @@ use crate::sampling::{Histograms, Progress};
 /// Returns the palette of given colors (encoded sRGB): the corners of their convex hull, simplified to at most
 /// `max_colors`. This is section 3 of the method, steps 8 and 9, without the other steps.
 ///
-/// Applied to the pixels of an image, this is the method of Tan et al. (2016), to which the paper compares its own. A
+/// Applied to the pixels of an image, this is the method of Tan et al. (2016), which the paper compares itself to. A
 /// cloud of colors that has a volume always keeps at least four corners. The palette is clamped to the RGB cube. Its
 /// weights are the shares of the given colors that are nearest to each palette color, heaviest first.
 ///
@@ -53,8 +54,8 @@ pub fn initial_centers(histograms: &Histograms, settings: &ExtractionSettings) -
 ///
 /// # Errors
 ///
-/// Returns an error if there are no initial centers or no colors with weight, if there is not one weight per color, if a
-/// color is not finite, or if a weight is negative or not finite.
+/// Returns an error if there are no initial centers or no colors with weight, if there is not one weight per color, if
+/// a color is not finite, or if a weight is negative or not finite.
 pub fn k_means(
     colors: &[[f64; 3]],
     weights: &[f64],
@@ -79,7 +80,7 @@ pub fn k_means(
     }
     let (centers, progress) = (centers.to_vec(), Progress::default());
     let clusters = cluster(&points, &weights, centers, settings.max_iterations, settings.tolerance, &progress);
-    // Nobody else can cancel it.
+    // Nothing else can cancel it.
     Ok(clusters.map_or_else(|_| Vec::new(), |clusters| clusters.centers))
 }
 
@@ -101,7 +102,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::palette::{Colors, PaletteMethod};
+    use crate::palette::{ColorCount, PaletteMethod};
 
     fn image() -> impl Strategy<Value = Vec<[f64; 3]>> {
         let pixel = prop::array::uniform3(0..8u8).prop_map(|p| p.map(|x| f64::from(x) / 7.0));
@@ -149,7 +150,7 @@ mod tests {
         assert!(matches!(error, InvalidPalette::Color { index: 1, .. }));
     }
 
-    /// One step after the other gives the palette of an extraction.
+    /// The steps, one after another, give the palette of an extraction.
     #[test]
     fn the_steps_make_an_extraction() {
         let (mut fine, mut coarse) = (vec![0.0; 32usize.pow(3)], vec![0.0; 8usize.pow(3)]);
@@ -162,7 +163,7 @@ mod tests {
             coarse[(r / 4 * 8 + g / 4) * 8 + b / 4] += weight;
         }
         let histograms = Histograms::new(32, fine, 8, coarse, 400).unwrap();
-        let (method, colors) = (PaletteMethod::Hull, Colors::Fixed(6));
+        let (method, colors) = (PaletteMethod::Hull, ColorCount::Fixed(6));
         let settings = ExtractionSettings { method, colors, ..Default::default() };
         let center = |bin: usize| [bin / 1024, bin / 32 % 32, bin % 32].map(|index| (index as f64 + 0.5) / 32.0);
         let bins: Vec<[f64; 3]> = (0..32usize.pow(3)).map(center).collect();

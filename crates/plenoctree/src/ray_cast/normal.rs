@@ -1,4 +1,4 @@
-//! Normals of volumes, which have no surface.
+//! Normals in volumes, which have no surface.
 
 use glam::{DVec3, IVec3};
 

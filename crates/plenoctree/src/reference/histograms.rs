@@ -6,12 +6,12 @@ use glam::DVec3;
 
 use crate::{
     field::{PlenOctree, UpAxis},
-    sampling::{Histograms, InvalidSetting, Observers, SamplingSettings},
+    sampling::{Histograms, InvalidSetting, ObserverRegion, SamplingSettings},
 };
 
 /// Samples a whole field, sample by sample, in float64 and on one core.
 ///
-/// Samples every leaf, whatever [`SamplingSettings::sample_fraction`] says.
+/// Samples every leaf, regardless of [`SamplingSettings::sample_fraction`].
 ///
 /// # Errors
 ///
@@ -57,8 +57,8 @@ fn bin(color: DVec3, bins: usize) -> usize {
 fn observers(up: UpAxis, settings: &SamplingSettings) -> Vec<Vec<DVec3>> {
     let n = settings.directions;
     let (columns, rows, lowest) = match settings.observers {
-        Observers::UpperHemisphere => (4 * n, n, 0.0),
-        Observers::Sphere => (4 * n, 2 * n, -1.0),
+        ObserverRegion::UpperHemisphere => (4 * n, n, 0.0),
+        ObserverRegion::Sphere => (4 * n, 2 * n, -1.0),
     };
     let m = settings.multisamples;
     let mut cells = Vec::new();

@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use glam::DVec3;
 
-use super::settings::{Observers, SamplingSettings};
+use super::settings::{ObserverRegion, SamplingSettings};
 use crate::field::UpAxis;
 
 /// Returns unit vectors from a leaf to the observers, in the field's frame: the rays of every direction cell.
@@ -12,8 +12,8 @@ pub(super) fn observers(up: UpAxis, settings: &SamplingSettings) -> Vec<Vec<DVec
     let (n, m) = (settings.directions, settings.multisamples);
     // cos theta ranges from `lowest` to 1.
     let (rows, lowest) = match settings.observers {
-        Observers::UpperHemisphere => (n, 0.0),
-        Observers::Sphere => (2 * n, -1.0),
+        ObserverRegion::UpperHemisphere => (n, 0.0),
+        ObserverRegion::Sphere => (2 * n, -1.0),
     };
     let columns = 4 * n;
     let ray = |row: usize, column: usize| {
@@ -41,7 +41,7 @@ mod tests {
     /// hemisphere or of the sphere.
     #[test]
     fn directions_cover_the_sphere_evenly() {
-        for (observers_from, mean) in [(Observers::UpperHemisphere, 0.5), (Observers::Sphere, 0.0)] {
+        for (observers_from, mean) in [(ObserverRegion::UpperHemisphere, 0.5), (ObserverRegion::Sphere, 0.0)] {
             for n in 1..4 {
                 let settings = SamplingSettings { observers: observers_from, directions: n, ..Default::default() };
                 let cells = observers(UpAxis::Z, &settings);

@@ -25,6 +25,6 @@ pub use plan::SamplingPlan;
 pub use progress::{Canceled, Progress};
 pub(crate) use recorded::Recorded;
 pub use sampler::{SamplingError, sample};
-pub use settings::{InvalidSetting, Observers, SamplingSettings};
+pub use settings::{InvalidSetting, ObserverRegion, SamplingSettings};
 #[cfg(feature = "write")]
 pub(crate) use visibility::{Seen, Visibility, visibility};

@@ -25,7 +25,7 @@ pub struct SamplingPlan {
 impl SamplingPlan {
     /// Plans the sampling of a field.
     ///
-    /// This visits every leaf, so it takes a moment for a large field. The settings must be valid: see
+    /// This visits every leaf, so it takes a while for a large field. The settings must be valid: see
     /// [`SamplingSettings::validate`].
     ///
     /// # Errors

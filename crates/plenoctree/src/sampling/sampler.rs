@@ -32,11 +32,11 @@ pub enum SamplingError {
 /// its visibility: its density times the transmittance to the edge of the field. The upper hemisphere is the one above
 /// the field's own up axis.
 ///
-/// Packed fields record the histograms of the field that they were made of ([`PlenOctree::histograms`]). If these are what the
-/// settings ask for, they are returned, and nothing is sampled.
+/// Packed fields record the histograms of the original field ([`PlenOctree::histograms`]). If these match the settings,
+/// they are returned, and nothing is sampled.
 ///
-/// The result is identical to the last bit for any number of cores. It differs from float64 by less than 1e-6 of the
-/// total weight.
+/// The result is the same, bit for bit, on any number of cores. It differs from float64 by less than 1e-6 of the total
+/// weight.
 ///
 /// # Errors
 ///
@@ -129,7 +129,7 @@ impl<'a> Sampler<'a> {
             .units(&chosen)?
             .par_iter()
             .fold(start, |mut worker, unit| {
-                // Once canceled, the rest of the units is left out, and so is what this one has added.
+                // Once canceled, the remaining units are skipped, and the samples of this one are discarded.
                 if let Ok(leaves) = self.sample(&mut worker, unit) {
                     progress.advance(leaves);
                 }
@@ -248,7 +248,7 @@ mod tests {
         bake::{BakeSettings, bake},
         field::{Activation, Basis, Cell, Frame, UpAxis},
         reference::sample_histograms,
-        sampling::{Observers, SamplingPlan},
+        sampling::{ObserverRegion, SamplingPlan},
     };
 
     /// Returns a pseudorandom sequence of numbers in [0, 1).
@@ -288,7 +288,7 @@ mod tests {
         PlenOctree::new(frame, Basis::Sh9, Activation::Sigmoid, up, nodes, density, coefficients).unwrap()
     }
 
-    fn settings(observers: Observers) -> SamplingSettings {
+    fn settings(observers: ObserverRegion) -> SamplingSettings {
         SamplingSettings { observers, ..Default::default() }
     }
 
@@ -306,9 +306,9 @@ mod tests {
     #[test]
     fn histograms_match_float64() {
         for (seed, scale, observers, up) in [
-            (1, [0.4, 0.4, 0.4], Observers::UpperHemisphere, UpAxis::Z),
-            (2, [0.4, 0.9, 0.1], Observers::Sphere, UpAxis::Z),
-            (3, [2.0, 0.3, 0.5], Observers::UpperHemisphere, UpAxis::Y),
+            (1, [0.4, 0.4, 0.4], ObserverRegion::UpperHemisphere, UpAxis::Z),
+            (2, [0.4, 0.9, 0.1], ObserverRegion::Sphere, UpAxis::Z),
+            (3, [2.0, 0.3, 0.5], ObserverRegion::UpperHemisphere, UpAxis::Y),
         ] {
             let field = field(seed, 5, scale, up);
             let settings = settings(observers);
@@ -336,7 +336,7 @@ mod tests {
                 stop_transmittance: stop,
                 fine_bins: 1,
                 coarse_bins: 1,
-                ..settings(Observers::Sphere)
+                ..settings(ObserverRegion::Sphere)
             };
             let progress = Progress::default();
             let run = |blocks| Sampler::new(&field, &settings, blocks, &progress).unwrap().run().unwrap();
@@ -355,10 +355,10 @@ mod tests {
         let field =
             PlenOctree::new(frame, Basis::Rgba, Activation::Identity, UpAxis::Z, nodes, vec![3.0], coefficients)
                 .unwrap();
-        let histograms = sample(&field, &settings(Observers::UpperHemisphere), &Progress::default()).unwrap();
+        let histograms = sample(&field, &settings(ObserverRegion::UpperHemisphere), &Progress::default()).unwrap();
         // The cell is 1/8 of the cube, or 1/4 of a world unit, wide.
         let rays: Vec<DVec3> =
-            observers(UpAxis::Z, &settings(Observers::UpperHemisphere)).into_iter().flatten().collect();
+            observers(UpAxis::Z, &settings(ObserverRegion::UpperHemisphere)).into_iter().flatten().collect();
         let weight = |ray: &DVec3| 3.0 * (-3.0 * 0.125 / ray.abs().max_element()).exp();
         let expected = rays.iter().map(weight).sum::<f64>() / 4.0;
         let found = histograms.fine()[(24 * 32 + 8) * 32 + 16];
@@ -371,13 +371,13 @@ mod tests {
         let field = field(7, 5, [0.4; 3], UpAxis::Z);
         let on = |threads: usize| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            pool.install(|| sample(&field, &settings(Observers::UpperHemisphere), &Progress::default())).unwrap()
+            pool.install(|| sample(&field, &settings(ObserverRegion::UpperHemisphere), &Progress::default())).unwrap()
         };
         assert_eq!(on(1), on(2));
         assert_eq!(on(1), on(5));
     }
 
-    /// A tree of the maximum depth is too deep for a lattice, but is sampled all the same.
+    /// A tree of the maximum depth is too deep for a lattice, but is sampled correctly.
     #[test]
     fn deep_trees_are_sampled() {
         let depth = crate::field::MAX_DEPTH as usize;
@@ -392,7 +392,7 @@ mod tests {
         let field =
             PlenOctree::new(frame, Basis::Sh1, Activation::Sigmoid, UpAxis::Z, nodes, densities, coefficients).unwrap();
         assert!(blocks(&field).is_none());
-        let settings = settings(Observers::Sphere);
+        let settings = settings(ObserverRegion::Sphere);
         let found = sample(&field, &settings, &Progress::default()).unwrap();
         let expected = sample_histograms(&field, &settings).unwrap();
         assert!(difference(&found, &expected) < 1e-9);

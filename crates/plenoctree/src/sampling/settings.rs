@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
     reflect(Default, Clone, Debug, PartialEq, Hash),
     type_path = "plenoctree"
 )]
-pub enum Observers {
+pub enum ObserverRegion {
     /// From above the horizon, as in most training data: 4n x n direction cells. The default.
     #[default]
     UpperHemisphere,
@@ -33,9 +33,9 @@ pub enum Observers {
     type_path = "plenoctree"
 )]
 pub struct SamplingSettings {
-    /// Directions from which the field is seen. [`Observers::UpperHemisphere`] by default.
-    pub observers: Observers,
-    /// n: directions form a grid of 4n x n cells, or 4n x 2n for [`Observers::Sphere`]. 1 to 32, 2 by default.
+    /// Directions from which the field is seen. [`ObserverRegion::UpperHemisphere`] by default.
+    pub observers: ObserverRegion,
+    /// n: directions form a grid of 4n x n cells, or 4n x 2n for [`ObserverRegion::Sphere`]. 1 to 32, 2 by default.
     pub directions: usize,
     /// m: every direction cell is the mean of m x m rays. 1 to 16, 2 by default. All cells together may have at most
     /// [`Self::MAX_RAYS`] rays.
@@ -54,7 +54,7 @@ pub struct SamplingSettings {
 impl Default for SamplingSettings {
     fn default() -> Self {
         Self {
-            observers: Observers::UpperHemisphere,
+            observers: ObserverRegion::UpperHemisphere,
             directions: 2,
             multisamples: 2,
             sample_fraction: 1.0,
@@ -120,8 +120,8 @@ impl SamplingSettings {
     /// Returns the number of direction cells, which is the number of radiance samples per leaf.
     pub fn direction_cells(&self) -> usize {
         let rows = match self.observers {
-            Observers::UpperHemisphere => self.directions,
-            Observers::Sphere => 2 * self.directions,
+            ObserverRegion::UpperHemisphere => self.directions,
+            ObserverRegion::Sphere => 2 * self.directions,
         };
         4 * self.directions * rows
     }
@@ -148,7 +148,10 @@ mod tests {
             (SamplingSettings { multisamples: 17, ..default() }, "multisamples"),
             (SamplingSettings { directions: 32, multisamples: 2, ..default() }, "rays"),
             (SamplingSettings { directions: 3, multisamples: 16, ..default() }, "rays"),
-            (SamplingSettings { observers: Observers::Sphere, directions: 32, multisamples: 1, ..default() }, "rays"),
+            (
+                SamplingSettings { observers: ObserverRegion::Sphere, directions: 32, multisamples: 1, ..default() },
+                "rays",
+            ),
             (SamplingSettings { sample_fraction: 0.0, ..default() }, "sample_fraction"),
             (SamplingSettings { stop_transmittance: 1.0, ..default() }, "stop_transmittance"),
             (SamplingSettings { fine_bins: 0, ..default() }, "fine_bins"),

@@ -1,4 +1,4 @@
-//! How well each leaf is seen from all around.
+//! Measures how visible each leaf is from all around.
 
 use half::f16;
 use rayon::prelude::*;
@@ -9,7 +9,7 @@ use super::{
     path::SIDE,
     progress::{Canceled, Progress},
     sampler::{Sampler, Unit},
-    settings::{Observers, SamplingSettings},
+    settings::{ObserverRegion, SamplingSettings},
 };
 use crate::field::{Activation, PlenOctree};
 
@@ -20,43 +20,43 @@ const HIDDEN: f64 = 1e-3;
 /// Opacity that a leaf must add to a ray so that its color counts.
 const FAINT: f64 = 1e-4;
 
-/// How a leaf is seen by observers in all directions.
+/// The visibility of a leaf to observers in all directions.
 ///
 /// An observer's ray through the leaf's center reaches it with transmittance `T`. The leaf then adds `T a` to the ray's
-/// opacity, where `a` is its own opacity. Squares are averaged over the directions, and count as much as the leaf's area.
+/// opacity, where `a` is its own opacity. Squares are averaged over the directions, and weighted by the leaf's area.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Seen {
     /// The largest `T a`.
     pub most: f32,
-    /// Mean of `T^2`: what a pixel's squared error is per squared error of opacity.
+    /// Mean of `T^2`: a pixel's squared error per squared error of opacity.
     pub depth: f32,
-    /// Mean of `(T a)^2 s^2` for each channel, where `s` is the slope of the activation: what a pixel's squared error
-    /// is per squared error of the channel's sum of harmonics.
+    /// Mean of `(T a)^2 s^2` for each channel, where `s` is the slope of the activation: a pixel's squared error per
+    /// squared error of the channel's sum of harmonics.
     pub channels: [f32; 3],
-    /// The part of the sum of `channels` that each direction adds. Zeros if the leaf is not seen.
+    /// The contribution of each direction to the sum of `channels`. Zeros if the leaf is not visible.
     pub views: Vec<f16>,
 }
 
 impl Seen {
-    /// Returns the sum of what errors of the channels count.
+    /// Returns the sum of `channels`.
     pub fn total(&self) -> f32 {
         self.channels.iter().sum()
     }
 }
 
-/// How all leaves are seen.
+/// The visibility of all leaves.
 pub(crate) struct Visibility {
     pub leaves: Vec<Seen>,
     /// The values of the basis functions for the views in all directions.
     pub directions: Vec<[f32; 25]>,
 }
 
-/// Measures how each leaf is seen, on all cores. The result does not depend on their number.
+/// Measures the visibility of each leaf, on all cores. The result does not depend on their number.
 ///
-/// A view from below the horizon counts `below` times as much as another one, except for [`Seen::most`].
+/// Views from below the horizon are weighted by `below`, except for [`Seen::most`].
 pub(crate) fn visibility(field: &PlenOctree, below: f64, progress: &Progress) -> Result<Visibility, Canceled> {
     let settings = SamplingSettings {
-        observers: Observers::Sphere,
+        observers: ObserverRegion::Sphere,
         directions: DIRECTIONS,
         multisamples: 1,
         ..SamplingSettings::default()
@@ -81,7 +81,7 @@ pub(crate) fn visibility(field: &PlenOctree, below: f64, progress: &Progress) ->
     Ok(Visibility { leaves: seen.into_iter().flatten().collect(), directions })
 }
 
-/// `counts` is how much the views in each direction count.
+/// `counts` are the weights of the views in each direction.
 fn of_unit(sampler: &Sampler, unit: &Unit, counts: &[f64]) -> Result<Vec<Seen>, Canceled> {
     sampler.progress.check()?;
     let field = sampler.field;
@@ -124,7 +124,7 @@ fn of_unit(sampler: &Sampler, unit: &Unit, counts: &[f64]) -> Result<Vec<Seen>, 
     Ok(tallies.into_iter().map(|tally| tally.finish(count)).collect())
 }
 
-/// What is known of a leaf so far.
+/// The sums for a leaf so far.
 struct Tally {
     leaf: usize,
     density: f64,
@@ -133,7 +133,7 @@ struct Tally {
     most: f64,
     depth: f64,
     channels: [f64; 3],
-    /// What each direction adds to the sum of `channels`.
+    /// The contribution of each direction to the sum of `channels`.
     views: Vec<f64>,
 }
 
@@ -151,7 +151,7 @@ impl Tally {
     }
 
     /// Adds an observer who sees the leaf through an optical `depth`, and the halves of whose path through the leaf are
-    /// `half` long. `y` are the basis functions of the view, and `count` is how much it counts.
+    /// `half` long. `y` are the basis functions of the view, and `count` is its weight.
     fn add(&mut self, field: &PlenOctree, depth: f64, half: f64, y: &[f64; 25], count: f64) {
         self.views.push(0.0);
         let transmittance = (-depth).exp();
@@ -209,7 +209,7 @@ mod tests {
         field::Basis,
     };
 
-    /// A ball of dense cells shows its surface only. In haze, everything is seen.
+    /// A ball of dense cells shows only its surface. In haze, everything is visible.
     #[test]
     fn only_the_surface_of_a_dense_ball_is_seen() {
         let settings = BakeSettings { depth: 6, basis: Basis::Sh4, ..Default::default() };

@@ -1,4 +1,4 @@
-//! What belongs to the thing that was captured: its box, and its largest connected part.
+//! Finds the object in a capture: its box, and its largest connected part.
 
 use glam::{DMat3, DVec3, UVec3};
 
@@ -6,25 +6,25 @@ use super::splats::{Gaussian, Splats};
 
 /// Opacity below which a Gaussian is not drawn.
 const FAINTEST: f32 = 1.0 / 255.0;
-/// Opacity above which the box has to include it.
+/// Opacity above which the box must include a Gaussian.
 const VISIBLE: f32 = 0.05;
-/// Share of the opacity at either end of each axis that does not say where the thing is.
+/// Share of the opacity at either end of each axis that is ignored.
 const TAIL: f64 = 0.05;
-/// How far beyond the rest the box may reach, in multiples of its size.
+/// How far the box may reach beyond the rest, in multiples of its size.
 const BEYOND: f64 = 0.5;
 /// Cells per side of the grid in which parts are connected.
 const SIDE: u32 = 64;
-/// Cells from that of its center up to which a Gaussian connects.
+/// Distance from its center up to which a Gaussian connects cells, in cells.
 const FARTHEST: f64 = 4.0;
-/// Sum of the opacities of a cell's Gaussians from which it connects.
+/// Sum of opacities from which a cell connects to its neighbors.
 const SOLID: f32 = 0.5;
 
 impl Splats {
-    /// Returns the lowest and the highest corner of the box around the visible Gaussians, without those that are far from the
-    /// rest, or `None` if there are none.
+    /// Returns the lowest and the highest corner of the box around the visible Gaussians, without outliers, or `None`
+    /// if there are none.
     ///
-    /// Along each axis, the box reaches half of its middle 90 % beyond them: that is where a thing ends that fills most of the
-    /// capture. Shells of background farther away are left out.
+    /// Along each axis, the box extends the middle 90 % by half their length on either side, which contains an object
+    /// that fills most of the capture. Shells of background farther away are left out.
     pub fn dense_bounds(&self) -> Option<(DVec3, DVec3)> {
         let visible = || self.gaussians().iter().filter(|gaussian| gaussian.opacity >= FAINTEST);
         let (mut low, mut high) = (DVec3::ZERO, DVec3::ZERO);
@@ -59,7 +59,7 @@ impl Splats {
         Some((first - margin, last + margin))
     }
 
-    /// Returns the capture without the Gaussians whose centers are outside of a box.
+    /// Returns the capture without the Gaussians whose centers are outside a box.
     pub fn cropped(&self, low: DVec3, high: DVec3) -> Self {
         self.filtered(|_, gaussian| {
             let at = gaussian.position.as_dvec3();
@@ -67,7 +67,8 @@ impl Splats {
         })
     }
 
-    /// Returns the largest connected part of what is in a box, and what is right around it. The rest are floaters.
+    /// Returns the largest connected part of the content of a box, and its immediate surroundings. The rest are
+    /// floaters.
     pub fn largest_part(&self, low: DVec3, high: DVec3) -> Self {
         let width = (high - low).max_element() / f64::from(SIDE);
         let cell_of = |at: DVec3| -> Option<usize> {
@@ -79,7 +80,7 @@ impl Splats {
         for gaussian in self.gaussians() {
             let (at, reach) = (gaussian.position.as_dvec3(), deviations(gaussian));
             let place = |at: DVec3| ((at - low) / width).floor();
-            // Large ones connect what is near their center.
+            // Large Gaussians connect only cells near their center.
             let (middle, most) = (place(at), DVec3::splat(FARTHEST));
             let first = place(at - reach).max(middle - most).max(DVec3::ZERO).as_uvec3();
             let last = place(at + reach).min(middle + most).min(DVec3::splat((SIDE - 1).into()));
@@ -115,7 +116,7 @@ impl Splats {
     }
 }
 
-/// Returns how far from its center, along each axis, a Gaussian is more than hardly visible.
+/// Returns the distance from its center, along each axis, within which a Gaussian is visible.
 fn reach(gaussian: &Gaussian) -> DVec3 {
     (2.0 * f64::from((gaussian.opacity / VISIBLE).max(1.0)).ln()).sqrt() * deviations(gaussian)
 }

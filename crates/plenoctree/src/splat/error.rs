@@ -1,4 +1,4 @@
-//! What can go wrong with captures.
+//! Errors of captures.
 
 use std::io;
 
@@ -16,7 +16,7 @@ pub enum SplatError {
         /// The error of the operating system.
         source: io::Error,
     },
-    /// A file holds something else than expected.
+    /// The content of a file is not what was expected.
     #[error("{file}: {what}: found {found}, expected {expected}")]
     Found {
         /// Path or label of the file.
@@ -39,9 +39,9 @@ pub enum SplatError {
         expected: &'static str,
     },
     /// No Gaussian is left to make a field of.
-    #[error("nothing is left of the capture: found no Gaussian in {place}, expected some that can be seen")]
+    #[error("nothing is left of the capture: found no visible Gaussian in {place}, expected at least one")]
     Empty {
-        /// Where they were looked for.
+        /// Where they were searched for.
         place: String,
     },
     /// The cells do not form a field.
@@ -49,7 +49,7 @@ pub enum SplatError {
     Field(#[from] InvalidField),
 }
 
-/// What is wrong with the content of a file, before the name of the file is known.
+/// An error in the content of a file, before the name of the file is known.
 #[derive(Debug)]
 pub(super) enum Fault {
     Io(io::Error),
@@ -61,7 +61,7 @@ impl Fault {
         Self::Found { what: printable(&what.into()), found: printable(&found.into()), expected: expected.into() }
     }
 
-    /// Names the file.
+    /// Adds the name of the file.
     pub fn of(self, file: &str) -> SplatError {
         let file = printable(file);
         match self {

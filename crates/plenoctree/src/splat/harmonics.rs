@@ -9,7 +9,7 @@ pub fn functions(degree: u32) -> usize {
     (degree as usize + 1).pow(2)
 }
 
-/// Nodes and weights of Gauss and Legendre's quadrature, which is exact for products of two harmonics up to degree 3.
+/// Nodes and weights of Gauss-Legendre quadrature, which is exact for products of two harmonics up to degree 3.
 const HEIGHTS: [(f64, f64); 4] = [
     (-0.861_136_311_594_052_6, 0.347_854_845_137_453_85),
     (-0.339_981_043_584_856_3, 0.652_145_154_862_546_1),
@@ -19,7 +19,8 @@ const HEIGHTS: [(f64, f64); 4] = [
 /// Directions at each height.
 const AROUND: u32 = 8;
 
-/// Returns directions and weights with which sums over the sphere are exact for products of two harmonics up to degree 3.
+/// Returns directions and weights with which sums over the sphere are exact for products of two harmonics up to degree
+/// 3.
 pub fn quadrature() -> impl Iterator<Item = (DVec3, f64)> {
     HEIGHTS.into_iter().flat_map(|(z, weight)| {
         (0..AROUND).map(move |step| {
@@ -31,13 +32,13 @@ pub fn quadrature() -> impl Iterator<Item = (DVec3, f64)> {
     })
 }
 
-/// What a rotation, possibly mirrored, does to coefficients up to degree 3.
+/// The effect of a rotation, possibly mirrored, on coefficients up to degree 3.
 pub struct Rotation([[f32; 16]; 16]);
 
 impl Rotation {
     /// `turn` is orthogonal.
     pub fn new(turn: DMat3) -> Self {
-        // The coefficients of the harmonics that were turned, by projection.
+        // The coefficients of the turned harmonics, by projection.
         let mut matrix = [[0.0; 16]; 16];
         for (direction, weight) in quadrature() {
             let (new, old) = (Basis::Sh16.evaluate(direction), Basis::Sh16.evaluate(turn.transpose() * direction));
@@ -66,7 +67,7 @@ mod tests {
     use super::*;
 
     proptest! {
-        /// What was seen along a direction is seen along the turned direction.
+        /// A turned capture has the original's color along each turned direction.
         #[test]
         fn turned_harmonics_look_the_same(
             turn in prop::array::uniform4(-1.0f64..1.0),

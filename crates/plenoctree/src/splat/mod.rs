@@ -1,7 +1,6 @@
-//! Captures: scenes of Gaussian splats, from phones and 3D editors.
+//! Captures: scenes of Gaussian splats, as phones and 3D editors export them.
 //!
-//! [`Splats::read`] reads them from the formats that are in use, [`render_splats`] draws them, and [`voxelize()`] makes a field
-//! of them.
+//! [`Splats::read`] reads the common formats, [`render_splats`] draws them, and [`voxelize()`] makes a field of them.
 //!
 //! ```no_run
 //! use plenoctree::splat::{SplatSettings, Splats, VoxelSettings, voxelize};

@@ -37,7 +37,7 @@ mod tests {
     use super::*;
 
     proptest! {
-        /// The ellipsoid of the axes and widths is that of the matrix.
+        /// The axes and widths describe the ellipsoid of the matrix.
         #[test]
         fn axes_and_widths_make_the_same_ellipsoid(entries in prop::array::uniform9(-2.0f64..2.0)) {
             let shape = DMat3::from_cols_array(&entries);

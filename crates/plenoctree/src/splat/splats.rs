@@ -10,14 +10,14 @@ use crate::field::Basis;
 
 /// Highest degree of spherical harmonics.
 pub(super) const MOST_DEGREE: u32 = 3;
-/// Largest coordinate and size. What is beyond is damaged, and would overflow float32 when squared.
+/// Largest coordinate and size. Larger ones are damaged, and would overflow float32 when squared.
 const LARGEST: f32 = 1e9;
 /// Largest coefficient. Those of captures are below 10.
 const LARGEST_COEFFICIENT: f32 = 1e4;
-/// Coefficients below this are those of a format that stores a degree which the capture does not have.
+/// Coefficients below this belong to a degree that the format stores but the capture does not have.
 const SMALLEST_COEFFICIENT: f32 = 1e-6;
 
-/// A Gaussian of a capture: an ellipsoid that is densest in its middle.
+/// A Gaussian of a capture: an ellipsoid that is densest at its center.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gaussian {
     /// Its center.
@@ -30,10 +30,11 @@ pub struct Gaussian {
     pub opacity: f32,
 }
 
-/// A capture: Gaussians with colors, in the coordinates of the `.ply` file that trainers write. In most captures, -y is up.
+/// A capture: Gaussians with colors, in the coordinates of the `.ply` file that trainers write. In most captures, -y is
+/// up.
 ///
-/// The color of a Gaussian is encoded sRGB, `max(0.5 + sum of coefficients times harmonics, 0)`. The harmonics are those of
-/// [`Basis`], in the direction from the camera to the center of the Gaussian.
+/// The color of a Gaussian is encoded sRGB, `max(0.5 + sum of coefficients times harmonics, 0)`. The harmonics are
+/// those of [`Basis`], in the direction from the camera to the center of the Gaussian.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Splats {
     gaussians: Vec<Gaussian>,
@@ -48,10 +49,10 @@ impl Splats {
         Self { degree: degree.min(MOST_DEGREE), ..Self::default() }
     }
 
-    /// Adds a Gaussian, with (degree + 1)² coefficients for red, green and blue; missing ones are 0. Rotations are normalized.
+    /// Adds a Gaussian, with (degree + 1)² coefficients for red, green and blue; missing ones are 0. Rotations are
+    /// normalized.
     ///
-    /// Gaussians whose numbers are not finite, or are beyond what any capture has, are left out and counted in
-    /// [`Self::dropped`].
+    /// Gaussians with numbers that are not finite, or implausibly large, are left out and counted in [`Self::dropped`].
     pub fn push(&mut self, gaussian: Gaussian, coefficients: &[Vec3]) {
         let Gaussian { position, scale, rotation, opacity } = gaussian;
         let length = rotation.length();
@@ -114,8 +115,8 @@ impl Splats {
         &self.coefficients[index * count..][..count]
     }
 
-    /// Returns the color of a Gaussian, in encoded sRGB: at least 0, and above 1 where it is overexposed. `direction` is a
-    /// unit vector from the camera to it.
+    /// Returns the color of a Gaussian, in encoded sRGB: at least 0, and above 1 where it is overexposed. `direction`
+    /// is a unit vector from the camera to it.
     ///
     /// # Panics
     ///
@@ -141,7 +142,7 @@ impl Splats {
         kept
     }
 
-    /// Returns the capture somewhere else. Its harmonics turn with it.
+    /// Returns the transformed capture. Its harmonics turn with it.
     ///
     /// The transform may scale, also by axis, and mirror.
     pub fn transformed(&self, transform: DAffine3) -> Self {
@@ -209,7 +210,8 @@ impl Splats {
     }
 }
 
-/// Returns the nearest orthogonal matrix to one whose columns are nearly perpendicular: its rotation, or mirrored rotation.
+/// Returns the nearest orthogonal matrix to one whose columns are nearly perpendicular: its rotation, or mirrored
+/// rotation.
 fn orthonormal(linear: DMat3) -> DMat3 {
     let x = linear.x_axis.normalize_or(DVec3::X);
     let y = (linear.y_axis - x * x.dot(linear.y_axis)).normalize_or(x.any_orthonormal_vector());

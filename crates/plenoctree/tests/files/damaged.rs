@@ -1,4 +1,4 @@
-//! Damaged files: an error each, which says what is wrong.
+//! Damaged files: each is an error that says what is wrong.
 
 use plenoctree::{InvalidField, MAX_DEPTH};
 use proptest::prelude::*;
@@ -58,8 +58,8 @@ fn every_missing_array_is_named() {
     }
 }
 
-/// Asserts that `arrays` are refused with exactly this message, on one line, after the file's name.
-fn assert_refused(arrays: &Arrays, kind: fn(&ReadFault) -> bool, message: &str) {
+/// Asserts that `arrays` are rejected with exactly this message, on one line, after the file's name.
+fn assert_rejected(arrays: &Arrays, kind: fn(&ReadFault) -> bool, message: &str) {
     for method in [CompressionMethod::Stored, CompressionMethod::Deflated] {
         let error = read(&arrays.zip(method)).unwrap_err();
         assert_eq!(error.to_string(), format!("test.npz: {message}"));
@@ -85,7 +85,7 @@ fn shapes_that_disagree_are_refused() {
         ("data_dim", c("<i4"), vec![2], "expected []"),
     ] {
         let arrays = file().with(key, zeros(layout, &found));
-        assert_refused(&arrays, shape, &format!("{key}: found shape {found:?}, {message}"));
+        assert_rejected(&arrays, shape, &format!("{key}: found shape {found:?}, {message}"));
     }
     let file = || quantized(Basis::Sh9, 4, CELLS, c("<f2"), c("<u2"));
     for (key, layout, found, message) in [
@@ -97,7 +97,7 @@ fn shapes_that_disagree_are_refused() {
         ("data_retained", c("<f2"), vec![10, 6, 2, 2, 2, 3], "expected [Br, 6, 2, 2, 2, 3] with Br at most 9"),
     ] {
         let arrays = file().with(key, zeros(layout, &found));
-        assert_refused(&arrays, shape, &format!("{key}: found shape {found:?}, {message}"));
+        assert_rejected(&arrays, shape, &format!("{key}: found shape {found:?}, {message}"));
     }
 }
 
@@ -121,12 +121,12 @@ fn dtypes_that_lose_meaning_are_refused() {
         ("offset", "|b1", vec![3], 1, "<f2, <f4 or <f8"),
     ] {
         let message = format!("{key}: found dtype {descr}, expected {expected}");
-        assert_refused(&with(key, descr, &shape, size), dtype, &message);
+        assert_rejected(&with(key, descr, &shape, size), dtype, &message);
     }
     let header = "{'descr': [('a', '<f4', (2,)), ('b\n', '<f4')], 'fortran_order': False, 'shape': (3,), }";
     let record = example(Basis::Sh9).with("offset", npz::npy_with_header(1, header, &[0; 36]));
     let message = r"offset: found dtype [(\'a\', \'<f4\', (2,)), (\'b\n\', \'<f4\')], expected <f2, <f4 or <f8";
-    assert_refused(&record, dtype, message);
+    assert_rejected(&record, dtype, message);
 }
 
 #[test]
@@ -134,17 +134,17 @@ fn values_out_of_range_are_refused() {
     let value = |fault: &ReadFault| matches!(fault, ReadFault::Value { .. });
     let scalar = |key, number| example(Basis::Sh9).with(key, npy(c("<i8"), &[], &[number]));
     for (dim, found) in [(27.0, "27"), (4.0, "4"), (-28.0, "-28"), (1e18, "1000000000000000000"), (0.0, "0")] {
-        assert_refused(&scalar("data_dim", dim), value, &format!("data_dim: found {found}, expected 28 for SH9"));
+        assert_rejected(&scalar("data_dim", dim), value, &format!("data_dim: found {found}, expected 28 for SH9"));
         if dim != 4.0 {
             let message = format!("data_dim: found {found}, expected 4, 13, 28, 49 or 76");
-            assert_refused(&scalar("data_dim", dim).without("data_format"), value, &message);
+            assert_rejected(&scalar("data_dim", dim).without("data_format"), value, &message);
         }
     }
     for format in ["SH7", "", "rgba", "SH9\n"] {
         let file = example(Basis::Sh9).with("data_format", npz::text("<U5", format));
         let message =
             format!("data_format: found {}, expected RGBA, SH1, SH4, SH9, SH16 or SH25", format.escape_debug());
-        assert_refused(&file, value, &message);
+        assert_rejected(&file, value, &message);
     }
     for (scale, found) in [
         ([0.5, 0.0, 0.5], "[0.5, 0.0, 0.5]"),
@@ -153,18 +153,18 @@ fn values_out_of_range_are_refused() {
         ([f64::INFINITY, 0.5, 0.5], "[inf, 0.5, 0.5]"),
     ] {
         let file = example(Basis::Sh9).with("invradius3", npy(c("<f4"), &[3], &scale));
-        assert_refused(&file, value, &format!("invradius3: found {found}, expected finite positive numbers"));
+        assert_rejected(&file, value, &format!("invradius3: found {found}, expected finite positive numbers"));
     }
     let file = example(Basis::Sh9).with("offset", npy(c("<f4"), &[3], &[0.5, f64::NAN, 0.5]));
-    assert_refused(&file, value, "offset: found [0.5, NaN, 0.5], expected finite numbers");
-    // What single precision does not hold could be neither written nor drawn.
+    assert_rejected(&file, value, "offset: found [0.5, NaN, 0.5], expected finite numbers");
+    // Numbers beyond single precision could be neither written nor drawn.
     for (key, numbers, found) in [
         ("invradius3", [0.5, 1e39, 0.5], "[0.5, 1e39, 0.5], expected a scale and a cube within the range of float32"),
         ("invradius3", [0.5, 1e-39, 0.5], "[0.5, 1e-39, 0.5], expected a scale and a cube within the range of float32"),
         ("offset", [0.5, 0.5, -1e39], "[0.5, 0.5, -1e39], expected numbers within the range of float32"),
     ] {
         let file = example(Basis::Sh9).with(key, npy(c("<f8"), &[3], &numbers));
-        assert_refused(&file, value, &format!("{key}: found {found}"));
+        assert_rejected(&file, value, &format!("{key}: found {found}"));
     }
 }
 
@@ -176,7 +176,7 @@ fn gaussians_are_refused_by_name() {
             "data_format: found {format}, expected RGBA, SH1, SH4, SH9, SH16 or SH25: spherical and anisotropic \
              Gaussians are not supported"
         );
-        assert_refused(&file, |fault| matches!(fault, ReadFault::Gaussians { .. }), &message);
+        assert_rejected(&file, |fault| matches!(fault, ReadFault::Gaussians { .. }), &message);
     }
 }
 
@@ -200,7 +200,7 @@ fn numbers_that_are_none_are_refused_in_leaves_that_count() {
         for layout in [c(descr), fortran(descr)] {
             let file = example(Basis::Sh9).with("data", npy(layout, &shape, &data));
             let message = format!("data: found {found} at node 1, cell 1, expected {expected}");
-            assert_refused(&file, value, &message);
+            assert_rejected(&file, value, &message);
         }
     }
     let empty = 1;
@@ -218,11 +218,11 @@ fn numbers_that_are_none_are_refused_in_leaves_that_count() {
     let map_shape = [9, NODES, 2, 2, 2];
     let flat = npy(c("<f2"), &[9, 48, 3], &vec![1.0; 9 * 48 * 3]);
     let bad = file().with("quant_colors", flat).with("quant_map", npy(c("<u2"), &map_shape, &map));
-    assert_refused(&bad, value, message);
+    assert_rejected(&bad, value, message);
     let colors = npy(c("<f4"), &[9, 1, 3], &[1e6; 27]);
     let bad = file().with("quant_colors", colors).with("quant_map", npy(c("<u2"), &map_shape, &[0.0; 9 * CELLS]));
     let message = "quant_colors: found NaN in row 0 of function 0, expected a coefficient from -65504 to 65504";
-    assert_refused(&bad, value, message);
+    assert_rejected(&bad, value, message);
 }
 
 #[test]
@@ -244,27 +244,27 @@ fn headers_that_lie_are_refused() {
         &"{'descr': ".repeat(5000),
         &format!("{{'descr': {}", "[".repeat(60000)),
     ] {
-        assert_refused(&broken(1, header), member, unparsed);
+        assert_rejected(&broken(1, header), member, unparsed);
     }
-    assert_refused(&broken(9, "{}"), member, "child: found npy version 9, expected a complete npy array");
-    assert_refused(&with("child", vec![]), member, "child: found an unexpected end, expected a complete npy array");
-    assert_refused(&with("child", vec![7; 99]), member, "child: found no npy header, expected a complete npy array");
+    assert_rejected(&broken(9, "{}"), member, "child: found npy version 9, expected a complete npy array");
+    assert_rejected(&with("child", vec![]), member, "child: found an unexpected end, expected a complete npy array");
+    assert_rejected(&with("child", vec![7; 99]), member, "child: found no npy header, expected a complete npy array");
     let mut absurd = npz::npy_with_header(2, "{}", &[]);
     absurd[8..12].fill(0xff);
     let message = "child: found an npy header of 4294967295 bytes, expected a complete npy array";
-    assert_refused(&with("child", absurd), member, message);
+    assert_rejected(&with("child", absurd), member, message);
 
     let shape = |fault: &ReadFault| matches!(fault, ReadFault::Shape { .. });
     for nodes in [7usize, 1 << 27, 1 << 61] {
         let npy = npz::npy_with_header(1, &npz::header(c("<i4"), &[nodes, 2, 2, 2]), &[0; 6 * 32]);
         let size = npy.len();
         let message = format!("child: found shape [{nodes}, 2, 2, 2], expected a shape that fits in {size} bytes");
-        assert_refused(&with("child", npy), shape, &message);
+        assert_rejected(&with("child", npy), shape, &message);
     }
 }
 
-/// Asserts how the example is refused after `change` to its bytes.
-fn assert_changed_refused(what: &str, change: impl Fn(&mut Vec<u8>), message: &str) {
+/// Asserts how the example is rejected after `change` to its bytes.
+fn assert_changed_rejected(what: &str, change: impl Fn(&mut Vec<u8>), message: &str) {
     let mut bytes = example(Basis::Sh9).zip(CompressionMethod::Deflated);
     change(&mut bytes);
     let error = read(&bytes).unwrap_err().to_string();
@@ -274,33 +274,33 @@ fn assert_changed_refused(what: &str, change: impl Fn(&mut Vec<u8>), message: &s
 
 #[test]
 fn archives_that_are_none_are_refused() {
-    assert_changed_refused("nothing", Vec::clear, "found an empty file, expected an npz archive or a packed field");
+    assert_changed_rejected("nothing", Vec::clear, "found an empty file, expected an npz archive or a packed field");
     let text = |bytes: &mut Vec<u8>| *bytes = b"{\"not\": \"a zip\"}".repeat(9000);
-    assert_changed_refused(
+    assert_changed_rejected(
         "text",
         text,
         "found no zip directory at the end, expected an npz archive or a packed field",
     );
-    assert_changed_refused("half", |bytes| bytes.truncate(bytes.len() / 2), "found no zip directory at the end");
-    assert_changed_refused(
+    assert_changed_rejected("half", |bytes| bytes.truncate(bytes.len() / 2), "found no zip directory at the end");
+    assert_changed_rejected(
         "a byte short",
         |bytes| bytes.truncate(bytes.len() - 1),
         "found no zip directory at the end",
     );
     let comment = |bytes: &mut Vec<u8>| *bytes.last_mut().unwrap() = 1;
-    assert_changed_refused("a comment that is not there", comment, "a truncated zip directory");
+    assert_changed_rejected("a comment that is not there", comment, "a truncated zip directory");
     let many = |bytes: &mut Vec<u8>| {
         let end = bytes.len() - 22;
         bytes[end + 8..end + 12].fill(0xff);
     };
-    assert_changed_refused("many members", many, "found a zip directory with 65535 members");
-    // A zip64 directory that claims to be where the file has other things.
+    assert_changed_rejected("many members", many, "found a zip directory with 65535 members");
+    // A zip64 directory that claims to be where the file has other content.
     let zip64 = |bytes: &mut Vec<u8>| {
         let end = bytes.split_off(bytes.len() - 22);
         bytes.extend(b"PK\x06\x07\0\0\0\0\x01\0\0\0\0\0\0\0\x01\0\0\0");
         bytes.extend(end);
     };
-    assert_changed_refused("zip64", zip64, "found a misplaced zip64 directory");
+    assert_changed_rejected("zip64", zip64, "found a misplaced zip64 directory");
     let zip64 = |bytes: &mut Vec<u8>| {
         let end = bytes.split_off(bytes.len() - 22);
         let place = (bytes.len() as u64).to_le_bytes();
@@ -312,7 +312,7 @@ fn archives_that_are_none_are_refused() {
         bytes.extend([1, 0, 0, 0]);
         bytes.extend(end);
     };
-    assert_changed_refused("zip64 members", zip64, "found a zip directory with 18446744073709551615 members");
+    assert_changed_rejected("zip64 members", zip64, "found a zip directory with 18446744073709551615 members");
 }
 
 #[test]
@@ -324,36 +324,36 @@ fn members_that_promise_too_much_are_refused() {
     let expected = "expected a plausible compression ratio";
     for key in ["child", "data", "offset", "data_format"] {
         let huge = |bytes: &mut Vec<u8>| entry(bytes, key, 24, &0xfff0_0000u32.to_le_bytes());
-        assert_changed_refused("a huge array", huge, &format!("{key}: found 4293918720 bytes compressed to "));
-        assert_changed_refused("a huge array", huge, expected);
+        assert_changed_rejected("a huge array", huge, &format!("{key}: found 4293918720 bytes compressed to "));
+        assert_changed_rejected("a huge array", huge, expected);
         let both = |bytes: &mut Vec<u8>| entry(bytes, key, 20, &[0xff, 0xff, 0xff, 0x7f, 0xff, 0xff, 0xff, 0x7f]);
-        assert_changed_refused("more than the file", both, &format!("{key}: found 2147483647 bytes in a file of "));
+        assert_changed_rejected("more than the file", both, &format!("{key}: found 2147483647 bytes in a file of "));
     }
     let locked = |bytes: &mut Vec<u8>| entry(bytes, "child", 8, &[1]);
-    assert_changed_refused(
+    assert_changed_rejected(
         "encrypted",
         locked,
         "child: found an encrypted member, expected a stored or deflated array",
     );
     // An AES record, without the flag that goes with it.
     let aes = |bytes: &mut Vec<u8>| entry(bytes, "child", 46 + "child.npy".len(), &[0x01, 0x99]);
-    assert_changed_refused("AES", aes, "child: found an encrypted member, expected a stored or deflated array");
+    assert_changed_rejected("AES", aes, "child: found an encrypted member, expected a stored or deflated array");
     for (method, name) in [(12, "Bzip2"), (93, "Zstd"), (14, "")] {
         let packed = |bytes: &mut Vec<u8>| entry(bytes, "child", 10, &[method, 0]);
-        assert_changed_refused("another compression", packed, name);
-        assert_changed_refused("another compression", packed, "expected a stored or deflated array");
+        assert_changed_rejected("another compression", packed, name);
+        assert_changed_rejected("another compression", packed, "expected a stored or deflated array");
     }
     let moved = |bytes: &mut Vec<u8>| entry(bytes, "child", 42, &[0xf0, 0xff, 0xff, 0xff]);
-    assert_changed_refused("a member outside the file", moved, "child: found an unexpected end");
+    assert_changed_rejected("a member outside the file", moved, "child: found an unexpected end");
     let checksum = |bytes: &mut Vec<u8>| entry(bytes, "child", 16, &[1, 2, 3, 4]);
-    assert_changed_refused(
+    assert_changed_rejected(
         "another checksum",
         checksum,
         "child: found a wrong checksum, expected a complete npy array",
     );
 }
 
-/// What a member inflates to beyond the size that it claims is not read, however much it is.
+/// Content beyond the size that a member claims is not read, no matter how much it inflates to.
 #[test]
 fn members_are_inflated_to_their_claimed_size_only() {
     let header = npz::header(c("<f4"), &[3]);
@@ -392,15 +392,15 @@ fn overlapping_members_are_refused() {
         }
     };
     let message = "expected an npz archive or a packed field";
-    assert_changed_refused("the same bytes", overlap("offset", "invradius3"), message);
-    assert_changed_refused("the same bytes", overlap("offset", "invradius3"), "found the overlapping members ");
+    assert_changed_rejected("the same bytes", overlap("offset", "invradius3"), message);
+    assert_changed_rejected("the same bytes", overlap("offset", "invradius3"), "found the overlapping members ");
     // A member that reaches into the next one: from the first header on, to a byte beyond the second.
     let longer = |bytes: &mut Vec<u8>| {
         let place = npz::directory_entry(bytes, "invradius3") + 20;
         let packed = u32::from_le_bytes(bytes[place..place + 4].try_into().unwrap());
         bytes[place..place + 4].copy_from_slice(&(packed + 1).to_le_bytes());
     };
-    assert_changed_refused("a byte", longer, "found the overlapping members invradius3.npy and offset.npy, expected");
+    assert_changed_rejected("a byte", longer, "found the overlapping members invradius3.npy and offset.npy, expected");
 }
 
 /// Adds the child offsets of a tree in which all cells are divided, `levels` deep, in depth-first order.
@@ -466,8 +466,8 @@ proptest! {
             bytes.truncate(end.index(bytes.len()));
         }
         match read(&bytes) {
-            // Checksums tell every change of the content. What is left are names, times and the like, of which only the
-            // name of `data_format` matters: without it, four values are a color.
+            // Checksums reveal every change of the content, so only names, times and the like can change. Of these,
+            // only the name of `data_format` matters: without it, four values are a color.
             Ok(field) if basis == Basis::Sh1 && field.basis() == Basis::Rgba => {
                 assert_same(&with_basis(&unchanged, Basis::Rgba), &field, "without data_format");
             }
@@ -488,7 +488,7 @@ proptest! {
                 npy[at] = byte;
             }
         }
-        // The checksums are those of the changed arrays, so what is checked here is the reading of arrays.
+        // The checksums match the changed arrays, so this tests the reading of arrays.
         match read(&arrays.stored()) {
             Ok(field) => {
                 let leaves: Vec<u32> = field.leaf_cells().map(|cell| cell.leaf).collect();

@@ -1,4 +1,4 @@
-//! PlenOctree files: every variant gives the field that it holds, damaged ones say what is wrong, written ones come back.
+//! PlenOctree files: every variant can be read, damaged ones say what is wrong, and written ones are restored.
 
 mod damaged;
 mod npz;
@@ -266,7 +266,7 @@ fn frames_beyond_the_format_are_not_written() {
     assert!(matches!(error, WriteError::Frame { key: "offset", .. }), "{error}");
 }
 
-/// A field that cannot be written leaves the old file, and no other.
+/// A field that cannot be written leaves the old file unchanged, and no other file.
 #[test]
 fn a_failed_write_loses_nothing() {
     let folder = std::env::temp_dir().join(format!("bevy_plenoctree-write-{}", std::process::id()));

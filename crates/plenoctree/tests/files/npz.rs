@@ -1,4 +1,4 @@
-//! Small PlenOctree files, built byte by byte so that every part can be as it should not.
+//! Small PlenOctree files, built byte by byte so that every part can be invalid.
 
 use std::io::{Cursor, Write};
 
@@ -162,8 +162,8 @@ pub fn child() -> Vec<f64> {
     child
 }
 
-/// Density of each cell of the example: leaves under the threshold, at 0 and below 0 among them; leftovers in cells that
-/// are not leaves.
+/// Density of each cell of the example: leaves under the threshold, at 0 and below 0 among them; leftovers in cells
+/// that are not leaves.
 pub fn sigma() -> Vec<f64> {
     let mut sigma: Vec<f64> =
         (0..CELLS).map(|cell| [2.5, 0.0, 100.0, -3.0, 0.0078125, 0.75, 40000.0, 0.015625][cell * 5 % 8]).collect();

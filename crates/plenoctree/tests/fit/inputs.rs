@@ -57,7 +57,7 @@ fn radial([k1, k2]: [f64; 2], tangential: [f64; 2]) -> Distortion {
     Distortion::Radial { radial: [k1, k2, 0.0, 0.0], tangential }
 }
 
-/// Frames may have intrinsics of their own, as nerfstudio writes them.
+/// Frames may have their own intrinsics, as nerfstudio writes them.
 #[test]
 fn frames_have_their_own_lenses() {
     let folder = folder("own_lenses");
@@ -136,7 +136,7 @@ fn errors_name_file_and_reason() {
     assert!(read(&folder).unwrap_err().contains("images.bin"));
 }
 
-/// Views that do not show a thing together are not fitted.
+/// Views that do not show a common object are rejected.
 #[test]
 fn views_must_overlap() {
     let fails = |test: &str, cameras: &[plenoctree::camera::PinholeCamera], expected: &str| {
@@ -149,7 +149,7 @@ fn views_must_overlap() {
         assert!(message.contains(expected), "{test}: {message}");
     };
     fails("one_view", &cameras(1), "at least two");
-    // From inside of everything, outward.
+    // From the center, outward.
     let mut outward = cameras(12);
     for camera in &mut outward {
         let direction = camera.position.normalize();

@@ -1,4 +1,4 @@
-//! Fits fields to pictures of a field that is known.
+//! Fits fields to pictures of a known field.
 
 mod inputs;
 mod scene;
@@ -24,8 +24,8 @@ fn parts(field: &PlenOctree) -> (&[f32], Vec<u16>) {
     (field.densities(), field.coefficients().iter().map(|k| k.to_bits()).collect())
 }
 
-/// Pictures with opacity give a field that looks like views it has not seen, in the cameras' frame, and the same on any
-/// number of threads.
+/// Pictures with opacity give a field that matches held-out views, in the cameras' frame, and is the same on any number
+/// of threads.
 #[test]
 fn pictures_with_opacity_are_fitted() {
     let folder = folder("opacity");
@@ -77,7 +77,7 @@ fn no_clouds_hang_before_lenses() {
             return DVec3::new(0.6, 0.7, 0.9);
         }
         let tile = (1.5 * at).floor();
-        DVec3::new(0.5, 0.4, 0.3) + 0.3 * f64::from((tile.x + tile.y).rem_euclid(2.0))
+        DVec3::new(0.5, 0.4, 0.3) + 0.3 * (tile.x + tile.y).rem_euclid(2.0)
     };
     write_pictures(&folder, &cameras, Some(table), |_| 1.0);
     write_transforms(&folder, &cameras);
@@ -107,7 +107,7 @@ fn wrong_poses_are_reported() {
     assert_eq!(fitted.report.suspicious[0].name, "./v_11");
 }
 
-/// A fit that is stopped returns what it has.
+/// A fit that is stopped returns its current result.
 #[test]
 fn a_stopped_fit_returns_a_field() {
     let folder = folder("stopped");
@@ -128,7 +128,7 @@ fn a_stopped_fit_returns_a_field() {
     });
     assert!(fitted.report.stopped && fitted.report.stages.len() == 1 && fitted.field.leaves() > 100);
 
-    // It goes on from where it was, and to its end.
+    // It resumes where it stopped, and finishes.
     let trained = fitted.report.stages[0].million_rays;
     let settings = FitSettings { effort: trained / 4.0 + 0.02, resume: true, ..settings };
     let others = FitSettings { basis: Basis::Sh9, ..settings.clone() };
@@ -139,7 +139,7 @@ fn a_stopped_fit_returns_a_field() {
     assert!(!checkpoint.exists());
 }
 
-/// A field of tilted cameras stands upright on the origin, and the report says how it got there.
+/// A field of tilted cameras stands upright on the origin, and the report has the transform.
 #[test]
 fn fields_stand_on_the_origin() {
     let folder = folder("stand");
@@ -163,7 +163,7 @@ fn fields_stand_on_the_origin() {
     assert!(x.iter().chain(&y).all(|value| value.is_finite()));
 }
 
-/// Cutting keeps what is inside of the box; the largest part is the ball with the post or a piece of it. Few pictures are
+/// Cropping keeps what is inside the box; the largest part is the ball with the post or a piece of it. Few pictures are
 /// in memory at a time.
 #[test]
 fn fields_are_cut() {

@@ -19,7 +19,7 @@ pub fn folder(test: &str) -> PathBuf {
     folder
 }
 
-/// A ball of four colors beside a dark post, off the origin.
+/// A ball of four colors next to a dark post, away from the origin.
 pub fn field() -> PlenOctree {
     let settings = BakeSettings { depth: 5, basis: Basis::Rgba, directions: 8, ..Default::default() };
     let inside = |at: DVec3| at.length() < 0.6 || (at.x - 0.7).abs() < 0.1 && at.y.abs() < 0.1 && at.z.abs() < 0.8;
@@ -96,7 +96,7 @@ pub fn write_pictures(
     }
 }
 
-/// Writes `transforms.json` like NeRF-synthetic's, whose names lack their ending.
+/// Writes `transforms.json` like NeRF-synthetic's, whose names lack their extension.
 pub fn write_transforms(folder: &Path, cameras: &[PinholeCamera]) {
     let frames: Vec<_> = cameras
         .iter()

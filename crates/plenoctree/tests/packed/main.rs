@@ -10,7 +10,7 @@ use plenoctree::{
     Activation, BakeSettings, Basis, LoadSettings, PackSettings, Packed, PlenOctree, ReadError, ReadFault, UpAxis,
     bake,
     camera::PinholeCamera,
-    palette::{Colors, Extraction, ExtractionSettings, PaletteMethod, extract},
+    palette::{ColorCount, Extraction, ExtractionSettings, PaletteMethod, extract},
     reference::render,
     sampling::{Progress, SamplingSettings},
 };
@@ -130,7 +130,7 @@ fn palettes_stay() {
     let rough = PackSettings { tolerance: 1.0, rows: 1, color_step: 0.2, ..PackSettings::SMALL };
     let once = read(pack(&field, &rough).bytes()).unwrap();
     let twice = read(pack(&once, &rough).bytes()).unwrap();
-    let fitted = ExtractionSettings { colors: Colors::Fixed(4), ..Default::default() };
+    let fitted = ExtractionSettings { colors: ColorCount::Fixed(4), ..Default::default() };
     let hull = ExtractionSettings { method: PaletteMethod::Hull, ..Default::default() };
     for packed in [&once, &twice] {
         let difference = difference(&palette(packed, &fitted), &palette(&field, &fitted));

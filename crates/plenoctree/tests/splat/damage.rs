@@ -63,7 +63,7 @@ fn files_that_are_cut_off_are_errors() {
         assert!(check(&bytes, name).is_some(), "{name}");
         for length in 0..bytes.len() {
             let found = check(&bytes[..length], &format!("{name} of {length} bytes"));
-            // Of ASCII numbers, digits can be missing; and gzip and PLY have something behind the last Gaussian.
+            // ASCII numbers can lack digits, and gzip and PLY have something after the last Gaussian.
             let behind = if name.contains("ply") { 20 } else { 64 };
             assert!(found.is_none() || length + behind >= bytes.len(), "{name}: {length} of {} bytes", bytes.len());
         }
@@ -84,7 +84,7 @@ fn files_with_flipped_bits_are_valid_or_errors() {
     }
 }
 
-/// Headers that claim more than there can be are errors, at once.
+/// Headers that claim more than there can be are errors, without delay.
 #[test]
 fn headers_that_claim_too_much_are_errors() {
     let splats = small(0);
@@ -125,7 +125,7 @@ fn headers_that_claim_too_much_are_errors() {
     assert!(start.elapsed().as_secs_f64() < 2.0, "{:?}", start.elapsed());
 }
 
-/// What is not a capture, or one that is not supported, is named.
+/// Files that are not captures, or not supported ones, are named.
 #[test]
 fn other_files_are_named() {
     for (bytes, part) in [

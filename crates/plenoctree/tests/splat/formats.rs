@@ -147,7 +147,7 @@ fn spz_start(splats: &Splats, version: u32, flags: u8) -> Vec<u8> {
 /// SPZ of Gaussians that are already turned to its axes. `axes` is the number of other axes, to be recorded.
 pub fn spz(splats: &Splats, version: u32, axes: Option<u32>) -> Vec<u8> {
     let planes = planes(splats, version);
-    // Two extensions: one that nobody knows, and the axes.
+    // Two extensions: an unknown one, and the axes.
     let extensions = axes.map_or_else(Vec::new, |axes| {
         let words = [0x1234_0001, 3].into_iter().flat_map(u32::to_le_bytes).chain([1, 2, 3]);
         words.chain([0xadbe_0003, 4, axes].into_iter().flat_map(u32::to_le_bytes)).collect()

@@ -34,7 +34,7 @@ fn splats() -> impl Strategy<Value = Splats> {
     })
 }
 
-/// How far numbers may be off.
+/// The tolerances of numbers.
 #[derive(Clone, Copy)]
 struct Tolerance {
     position: f32,
@@ -172,7 +172,7 @@ pub fn small(degree: u32) -> Splats {
     splats
 }
 
-/// Folders of SOG and glTF files with buffers beside them are read from their folder, and nothing else is.
+/// Folders of SOG, and glTF files with buffers next to them, are read from their folder, and nothing else is.
 #[test]
 fn files_beside_are_read() {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("splat-beside");
@@ -231,7 +231,7 @@ fn damaged_gaussians_are_left_out() {
     assert!(message.contains("found 5, all with damaged numbers"), "{message}");
 }
 
-/// A degree in which every coefficient is 0 is one that the capture does not have.
+/// Degrees in which every coefficient is 0 are dropped.
 #[test]
 fn empty_degrees_are_dropped() {
     let mut wide = Splats::new(3);

@@ -8,7 +8,7 @@ use plenoctree::{
     splat::{Gaussian, Splats, VoxelSettings, render_splats, voxelize},
 };
 
-/// A ball of colored Gaussians on its surface, some of which are thin, and a bar beside it.
+/// A ball of colored Gaussians on its surface, some of which are thin, and a bar next to it.
 fn ball(degree: u32) -> Splats {
     let mut splats = Splats::new(degree);
     for index in 0..6000 {
@@ -70,8 +70,8 @@ fn fields_look_like_their_captures() {
     }
 }
 
-/// Rays through the center of a Gaussian see its opacity, from every side: that of a large one as it is, and on average most
-/// of that of one that is smaller than a cell.
+/// Rays through the center of a Gaussian see its opacity, from every side: that of a large one as it is, and on average
+/// most of that of one that is smaller than a cell.
 #[test]
 fn opacities_are_kept() {
     let bounds = Some((DVec3::NEG_ONE, DVec3::ONE));
@@ -111,8 +111,8 @@ fn fields_do_not_depend_on_threads() {
     assert!((high - low - 2.0).abs().max_element() < 0.2, "{low} {high}");
 }
 
-/// Cutting keeps what is inside of the box; the largest part is the ball without what floats around it, and a shell of
-/// background far away is no part of the box.
+/// Cropping keeps what is inside the box; the largest part is the ball without floaters, and the box excludes a distant
+/// shell of background.
 #[test]
 fn floaters_and_backgrounds_are_left_out() {
     let ball = ball(0);

@@ -4,13 +4,13 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-/// Bakes the included props to .npz files.
+/// Bake the included props to .npz files.
 #[derive(Args)]
 pub struct Arguments {
     /// The folder for the files.
     #[arg(long, default_value = "assets")]
     pub out: PathBuf,
-    /// The number of levels of cells; by default, each prop has its own.
+    /// The number of levels of cells; the default depends on the prop.
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=10))]
     pub depth: Option<u32>,
     /// The props to bake; by default all of them.

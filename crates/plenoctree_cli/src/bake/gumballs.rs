@@ -45,7 +45,7 @@ const COLORS: [[f64; 3]; 6] = [
 impl Gumballs {
     /// Creates the machine and fills the globe.
     pub fn new() -> Self {
-        // Balls lie along the glass, then on top, as close to each other as they can.
+        // Balls lie along the glass, then on top, packed as closely as possible.
         let ring = RADIUS - BALL - 0.035;
         let shell = (0..900).map(|index| {
             let z = -0.95 + 1.95 * index as f64 / 900.0;
@@ -75,7 +75,7 @@ impl Gumballs {
         for (index, ball) in self.balls.iter().enumerate() {
             nearest.add(sphere(p - *ball, BALL), Part::Ball(index % COLORS.len()));
         }
-        // One large ball stands in for those inside, which nobody sees.
+        // One large ball stands in for those inside, which are not visible.
         nearest.add(sphere(g, RADIUS - 0.30).max(p.z - FILL + 0.12), Part::Dark);
         let lid = g - DVec3::Z * (RADIUS - 0.07);
         nearest.add(cylinder(lid, 0.285, 0.038, 0.025), Part::Trim);

@@ -1,4 +1,4 @@
-//! `bake`: bakes the included props, procedural scenes that become fields like trained ones.
+//! `bake`: bakes the included props from procedural scenes, to fields that look trained.
 
 mod arguments;
 mod drum;
@@ -19,7 +19,7 @@ use indicatif::ProgressBar;
 use plenoctree::{BakeError, PlenOctree};
 
 use self::{drum::Drum, gumballs::Gumballs, prop::bake_prop, robot::Robot, toadstool::Toadstool};
-use crate::{Result, files, progress};
+use crate::{files, progress, result::Result};
 
 /// Bakes a prop at the given depth, or at its own, and shows the progress.
 type Bake = fn(Option<u32>, &ProgressBar) -> Result<PlenOctree, BakeError>;

@@ -2,7 +2,7 @@
 
 use glam::{DVec3, I64Vec3};
 
-/// Returns a number in [0, 1) that depends on every bit of the place and the seed.
+/// Returns a number in [0, 1) that depends on every bit of the position and the seed.
 pub fn hash(place: I64Vec3, seed: u64) -> f64 {
     let mut bits = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15);
     for value in place.to_array() {

@@ -1,4 +1,4 @@
-//! A toadstool that somebody lives in.
+//! A toadstool house.
 
 use std::f64::consts::PI;
 

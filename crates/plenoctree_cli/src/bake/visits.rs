@@ -20,7 +20,7 @@ impl<'a> Visits<'a> {
     /// Counts a block, unless it was counted before.
     pub fn mark(&self, block: usize) {
         let visited = &self.visited[block];
-        // Nearly all calls end after the load, for which cores do not wait for each other.
+        // Nearly all calls end after the load, which does not make cores wait for each other.
         if !visited.load(Ordering::Relaxed) && !visited.swap(true, Ordering::Relaxed) {
             self.bar.inc(1);
         }

@@ -6,10 +6,10 @@ use clap::Args;
 
 use crate::{renderer::Renderer, size::parse_size};
 
-/// Measures how much neighboring frames differ with one palette for the field, and with one for each frame.
+/// Measure how much neighboring frames differ with one palette for the field, and with one for each frame.
 #[derive(Args)]
 pub struct Arguments {
-    /// The field, an .npz file; by default the included toadstool.
+    /// The field, an .npz or .plenoctree file; by default the included toadstool.
     pub field: Option<PathBuf>,
     /// The folder for coherence.svg and coherence.csv.
     #[arg(long, default_value = "out")]
@@ -23,7 +23,7 @@ pub struct Arguments {
     /// The renderer.
     #[arg(long, value_enum, default_value_t)]
     pub renderer: Renderer,
-    /// Prints nothing but errors.
+    /// Print only errors.
     #[arg(long)]
     pub quiet: bool,
 }

@@ -9,9 +9,9 @@ use plenoctree::{
 
 use super::series::{Column, Series};
 use crate::{
-    Result,
     recolor::opposite_hues,
     renderer::{Look, PosterizeSettings, Render},
+    result::Result,
 };
 
 /// A palette of the whole field.
@@ -24,8 +24,8 @@ pub struct FieldPalette<'a> {
     pub palette: &'a Palette,
 }
 
-/// Compares neighboring frames as trained, posterized with each of the field's palettes, and posterized with a palette
-/// of their own of at most `colors` colors; the posterized ones also recolored.
+/// Compares neighboring frames as trained, posterized with each of the field's palettes, and posterized with their own
+/// palettes of at most `colors` colors; the posterized ones also recolored.
 pub fn compare(
     renderer: &mut dyn Render,
     cameras: &[PinholeCamera],

@@ -2,7 +2,7 @@
 //! frame. This is figure 7 of the paper.
 //!
 //! The camera turns by 90 degrees around the field. Every frame is drawn as trained, posterized with the field's
-//! palette, and posterized with a palette of its own, the simplified convex hull of its pixels (Tan et al. 2016). The
+//! palette, and posterized with its own palette, the simplified convex hull of its pixels (Tan et al. 2016). The
 //! posterized frames are also recolored: every palette color gets the opposite hue. `coherence.csv` lists how much
 //! neighboring frames differ, and `coherence.svg` plots it:
 //!
@@ -25,7 +25,7 @@ pub use turn::quarter;
 
 use plenoctree::palette::ExtractionSettings;
 
-use crate::{Result, extraction, field, files, preset::Preset, progress, renderer::Scene};
+use crate::{extraction, field, files, preset::Preset, progress, renderer::Scene, result::Result};
 
 /// Renders the frames, compares them, and writes the table and the plot.
 pub fn run(arguments: &Arguments) -> Result {

@@ -7,7 +7,7 @@ use crate::plot::{self, COLORS, Line};
 /// A difference is a spike if it is more than this many times that of the frames as trained, which is motion alone.
 const SPIKE: f64 = 1.5;
 
-/// A kind of frames that is compared.
+/// A kind of frame to compare.
 pub struct Column {
     /// Its name in files, such as `per_frame_recolored`.
     pub name: String,
@@ -21,9 +21,9 @@ pub struct Column {
     pub differences: Vec<f64>,
 }
 
-/// The differences between each frame and the previous one, for every kind of frames.
+/// The differences between each frame and the previous one, for every kind of frame.
 pub struct Series {
-    /// The kinds of frames. The first are as trained.
+    /// The kinds of frames. The first is as trained.
     pub columns: Vec<Column>,
     last: Option<Vec<RgbImage>>,
 }
@@ -44,7 +44,7 @@ impl Series {
         self.last = Some(images);
     }
 
-    /// Returns the number of pairs of frames that differ at least half as much again as the frames as trained.
+    /// Returns the number of pairs of frames whose difference is a spike.
     pub fn spikes(&self, column: &Column) -> usize {
         let trained = self.columns.iter().flat_map(|column| &column.differences);
         column.differences.iter().zip(trained).filter(|(own, trained)| **own > SPIKE * **trained).count()
@@ -108,7 +108,7 @@ mod tests {
         Column { name: "a".into(), label: "a".into(), color: 0, recolored: false, differences: differences.to_vec() }
     }
 
-    /// What moves fast is no spike, but what changes more than it moves is.
+    /// Fast motion is not a spike, but a change beyond the motion is.
     #[test]
     fn a_flash_is_a_spike() {
         let trained = column(&[0.01, 0.04, 0.01, 0.02]);

@@ -7,7 +7,7 @@ use glam::DVec3;
 
 use crate::{boxes::parse_box, capture::CaptureArguments, extraction::ExtractionArguments, number::parse_positive};
 
-/// Makes a field of a capture of Gaussian splats, and extracts its palette.
+/// Convert a capture of Gaussian splats to a field, and extract its palette.
 #[derive(Args)]
 pub struct Arguments {
     /// A capture: .ply, .spz, .sog, the meta.json of SOG or its folder, .glb or .gltf.
@@ -18,26 +18,27 @@ pub struct Arguments {
     /// The number of levels of cells: the field has 2^DEPTH per side.
     #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u32).range(6..=10))]
     pub depth: u32,
-    /// The box to make a field of, in the coordinates of the capture: x,y,z of its lowest and of its highest corner. By
-    /// default, it is found from where most Gaussians are.
+    /// The box to convert, in the coordinates of the capture: x,y,z of its lowest and of its highest corner. By
+    /// default, it contains most Gaussians.
     #[arg(long, value_name = "X,Y,Z,X,Y,Z", value_parser = parse_box, allow_hyphen_values = true)]
     pub crop: Option<(DVec3, DVec3)>,
     /// Keep only the largest connected part, without floaters and backgrounds.
     #[arg(long)]
     pub keep_largest: bool,
-    /// Only spread the Gaussians over the cells, and do not refine the field with pictures of the capture.
+    /// Only spread the Gaussians over the cells; do not refine the field with pictures of the capture.
     #[arg(long)]
     pub no_refine: bool,
-    /// The minutes to refine. The result is as good as the time allows. By default, --effort decides.
+    /// The time for refining, in minutes. By default, --effort decides.
     #[arg(long, value_parser = parse_positive, conflicts_with = "no_refine")]
     pub minutes: Option<f64>,
-    /// How much to refine, as a multiple of the default.
+    /// The amount of refining, as a multiple of the default.
     #[arg(long, default_value_t = 1.0, value_parser = parse_positive, conflicts_with = "no_refine")]
     pub effort: f64,
     /// The width and height of the capture's pictures, in pixels.
     #[arg(long, value_name = "N", default_value_t = 400, value_parser = clap::value_parser!(u32).range(16..=2048))]
     pub picture_size: u32,
-    /// Turn the field upright, so that z is up, and set it on the origin. Else, it stays in the coordinates of the capture.
+    /// Turn the field upright, so that z is up, and place it on the origin. Otherwise, it keeps the coordinates of the
+    /// capture.
     #[arg(long)]
     pub stand: bool,
     /// The direction that is up in the capture.
@@ -60,7 +61,7 @@ pub struct Arguments {
 /// A direction along an axis.
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Up {
-    /// As in .ply files of most trainers.
+    /// As in the .ply files of most trainers.
     #[value(name = "-y")]
     NegativeY,
     #[value(name = "y")]

@@ -5,7 +5,7 @@ use plenoctree::camera::PinholeCamera;
 
 /// Number of cameras.
 const COUNT: usize = 136;
-/// Every how many of them one is held out.
+/// Of this many cameras, one is held out.
 const HELD_OUT: usize = 17;
 /// Field of view, in radians.
 const FOV: f64 = 0.6;
@@ -18,8 +18,8 @@ pub struct Cameras {
     pub held_out: Vec<PinholeCamera>,
 }
 
-/// Returns cameras that look at the middle of a box from everywhere, in the order of a spiral, with square images of `size`
-/// pixels a side.
+/// Returns cameras that look at the middle of a box from everywhere, in the order of a spiral, with square images of
+/// `size` pixels a side.
 pub fn around(low: DVec3, high: DVec3, size: u32) -> Cameras {
     let (center, radius) = (0.5 * (low + high), 0.5 * (high - low).length());
     let golden = std::f64::consts::PI * (3.0 - 5.0f64.sqrt());

@@ -1,13 +1,13 @@
-//! How much a field looks like its capture.
+//! Measures how much a field looks like its capture.
 
 use glam::DVec3;
 use plenoctree::{PlenOctree, camera::PinholeCamera, fit::Comparison, reference::render, splat::SplatImage};
 use serde_json::{Value, json};
 
-/// What is behind both.
+/// The backgrounds of both.
 const BACKGROUNDS: [(&str, DVec3); 2] = [("white", DVec3::ONE), ("black", DVec3::ZERO)];
 
-/// Views of a field beside those of its capture.
+/// Views of a field next to those of its capture.
 pub struct Measured {
     /// Mean PSNR over white, and over black, in decibels.
     pub psnr: [f64; 2],
@@ -48,7 +48,7 @@ pub fn measure(field: &PlenOctree, cameras: &[PinholeCamera], images: &[SplatIma
 }
 
 impl Measured {
-    /// Describes it for the report.
+    /// Returns the measurements for the report.
     pub fn json(&self, field: &PlenOctree) -> Value {
         let object = |psnr: &[f64; 2]| json!({BACKGROUNDS[0].0: psnr[0], BACKGROUNDS[1].0: psnr[1]});
         json!({

@@ -1,4 +1,4 @@
-//! `convert`: makes a field of a capture of Gaussian splats.
+//! `convert`: converts a capture of Gaussian splats to a field.
 
 mod arguments;
 mod cameras;
@@ -17,9 +17,9 @@ use plenoctree::{
 use serde_json::json;
 
 use self::measure::measure;
-use crate::{Result, capture, extraction, fit::output, progress, training::watched};
+use crate::{capture, extraction, fit::output, progress, result::Result, training::watched};
 
-/// Makes the field, extracts its palette, and writes both with views and a report.
+/// Converts the capture, extracts the palette, and writes both with views and a report.
 pub fn run(arguments: &Arguments) -> Result {
     let path = &arguments.capture;
     let named = |error: &dyn std::error::Error| format!("{}: {error}", path.display());
@@ -103,7 +103,7 @@ pub fn run(arguments: &Arguments) -> Result {
     Ok(())
 }
 
-/// Returns the part of the capture to make a field of, turned, and its box.
+/// Returns the part of the capture to convert, turned, and its box.
 fn prepare(splats: Splats, arguments: &Arguments, turn: DMat3) -> Result<(Splats, DVec3, DVec3)> {
     let mut splats = match arguments.crop {
         Some((low, high)) if !low.cmplt(high).all() => {
@@ -123,7 +123,7 @@ fn prepare(splats: Splats, arguments: &Arguments, turn: DMat3) -> Result<(Splats
         (low, high) = bounds(&splats)?;
     }
     if let Some((first, last)) = arguments.crop {
-        // Turns go from axis to axis, so that the box stays one.
+        // Rotations map axes to axes, so the box stays aligned to them.
         let corners = (turn * first, turn * last);
         low = low.max(corners.0.min(corners.1));
         high = high.min(corners.0.max(corners.1));
@@ -131,7 +131,7 @@ fn prepare(splats: Splats, arguments: &Arguments, turn: DMat3) -> Result<(Splats
     Ok((splats, low, high))
 }
 
-/// Returns the rotation that takes `up` to z.
+/// Returns the rotation that maps `up` to z.
 fn upright(up: DVec3) -> DMat3 {
     DMat3::from_quat(DQuat::from_rotation_arc(up, DVec3::Z))
 }

@@ -6,15 +6,15 @@ use clap::Args;
 
 use crate::{renderer::Renderer, size::parse_size};
 
-/// Compares the field's palette with other methods, as the paper's figures do, and writes a report.
+/// Compare the field's palette with those of other methods, as the paper's figures do, and write a report.
 #[derive(Args)]
 pub struct Arguments {
-    /// The field, an .npz file; by default the included toadstool.
+    /// The field, an .npz or .plenoctree file; by default the included toadstool.
     pub field: Option<PathBuf>,
     /// A transforms.json file (NeRF, nerfstudio) in the field's coordinates; by default the views are on a turntable.
     #[arg(long)]
     pub cameras: Option<PathBuf>,
-    /// The folder for report.md, report.html and what they show.
+    /// The folder for report.md, report.html and their pictures and data.
     #[arg(long, default_value = "out")]
     pub out: PathBuf,
     /// Size of the pictures in pixels, each side 1 to 16384; by default 320 on the longer side.
@@ -32,7 +32,7 @@ pub struct Arguments {
     /// The renderer.
     #[arg(long, value_enum, default_value_t)]
     pub renderer: Renderer,
-    /// Prints nothing but errors.
+    /// Print only errors.
     #[arg(long)]
     pub quiet: bool,
 }

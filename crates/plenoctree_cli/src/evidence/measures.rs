@@ -39,7 +39,7 @@ mod tests {
 
     use super::*;
 
-    /// Only what is posterized counts, by its opacity.
+    /// Only posterized pixels count, weighted by opacity.
     #[test]
     fn the_background_does_not_count() {
         let mut original = RgbaImage::from_pixel(3, 1, Rgba([255, 255, 255, 0]));

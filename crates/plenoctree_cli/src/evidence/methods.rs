@@ -8,7 +8,7 @@ use plenoctree::{
 };
 
 use super::baselines::{self, RawSamples, WeightedColors};
-use crate::{Result, coherence::object_pixels, progress};
+use crate::{coherence::object_pixels, progress, result::Result};
 
 /// A way to find a palette.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -73,7 +73,7 @@ impl Method {
     }
 }
 
-/// Palettes of all methods, and what was learned on the way.
+/// Palettes of all methods, and details of how they were found.
 pub struct Methods {
     palettes: Vec<Palette>,
     /// The raw samples.

@@ -1,11 +1,12 @@
 //! `evidence`: reproduces the figures of the paper that compare methods, on any field, and writes them as a report.
 //!
-//! Most views of the report are ones that no palette was made from. All posterized pictures use the same labels, the
+//! Most views in the report are not ones that palettes were made from. All posterized pictures use the same labels, the
 //! same filter and the same assignment, so that only the palettes differ.
 
 mod arguments;
 mod baselines;
 mod crop;
+mod data;
 mod figures;
 mod measures;
 mod methods;
@@ -15,42 +16,16 @@ mod views;
 
 pub use arguments::Arguments;
 
-use std::sync::Arc;
-
 use plenoctree::{
-    PlenOctree,
-    palette::{Colors, Extraction, ExtractionSettings, PaletteMethod, extract_from_histograms},
-    sampling::{Histograms, Progress},
+    palette::{ColorCount, ExtractionSettings, PaletteMethod, extract_from_histograms},
+    sampling::Progress,
 };
 
-use crate::{
-    Result, extraction, field, files,
-    preset::Preset,
-    progress,
-    renderer::{Render, Scene},
-};
+use crate::{extraction, field, files, preset::Preset, progress, renderer::Scene, result::Result};
+use data::Evidence;
 use methods::{Method, Methods};
 use report::{Folder, Report};
 use shot::Shot;
-use views::Views;
-
-/// What the figures show.
-struct Evidence {
-    /// The field's name.
-    name: String,
-    field: PlenOctree,
-    views: Views,
-    renderer: Box<dyn Render>,
-    folder: Folder,
-    histograms: Arc<Histograms>,
-    /// The extractions by hull and by fit.
-    extractions: [Extraction; 2],
-    methods: Methods,
-    /// The drawings of the palettes, in the order of [`Method::ALL`].
-    drawings: Vec<String>,
-    /// The views that show results.
-    shots: Vec<Shot>,
-}
 
 /// Finds the palettes, renders the views, and writes the report.
 pub fn run(arguments: &Arguments) -> Result {
@@ -62,7 +37,7 @@ pub fn run(arguments: &Arguments) -> Result {
     let folder = Folder::create(&arguments.out)?;
 
     let colors = arguments.colors as usize;
-    let settings = |method| ExtractionSettings { method, colors: Colors::Fixed(colors), ..Default::default() };
+    let settings = |method| ExtractionSettings { method, colors: ColorCount::Fixed(colors), ..Default::default() };
     let hull = extraction::cpu::extract(&field, &settings(PaletteMethod::Hull), arguments.quiet).map_err(named)?;
     let histograms = hull.histograms;
     let mut fitted = extract_from_histograms(&histograms, &settings(PaletteMethod::Fitted), &Progress::default())

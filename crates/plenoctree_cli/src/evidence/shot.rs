@@ -11,8 +11,8 @@ use super::{
     methods::{Method, Methods},
 };
 use crate::{
-    Result,
     renderer::{Look, PosterizeSettings, Render},
+    result::Result,
 };
 
 /// A view that shows results.

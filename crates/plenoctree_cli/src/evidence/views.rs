@@ -8,7 +8,7 @@ use plenoctree::{
 };
 
 use super::Arguments;
-use crate::{Result, turntable};
+use crate::{result::Result, turntable};
 
 /// The number of example views, as in figure 8 of the paper.
 pub const EXAMPLES: usize = 7;

@@ -2,19 +2,23 @@
 
 use std::path::PathBuf;
 
-use clap::{Args, ValueEnum};
+use clap::{
+    Args, ValueEnum,
+    builder::{PossibleValuesParser, TypedValueParser},
+};
 use plenoctree::{
-    palette::{Colors, ExtractionSettings, PaletteMethod},
+    palette::{ColorCount, ExtractionSettings, PaletteMethod},
     sampling::SamplingSettings,
 };
 
 /// The arguments of every command that extracts a palette.
 #[derive(Args)]
 pub struct ExtractionArguments {
-    /// How the palette is found.
-    #[arg(long, value_enum, default_value_t)]
-    method: Method,
-    /// The largest number of colors, 1 to 64, or `auto` for as few as keep the error within --tolerance.
+    /// How the palette is found: `hull`, the corners of the simplified convex hull of all colors, as in the paper; or
+    /// `fitted`, the colors whose labels are nearest to the field's colors.
+    #[arg(long, default_value = PaletteMethod::default().name(), value_parser = methods())]
+    method: PaletteMethod,
+    /// The maximum number of colors, 1 to 64, or `auto` for the fewest that keep the error within --tolerance.
     #[arg(long, value_name = "N|auto", default_value = "6", value_parser = parse_colors)]
     colors: Count,
     /// With --colors auto, the largest root mean square difference of a channel between the field's colors and their
@@ -27,16 +31,6 @@ pub struct ExtractionArguments {
     /// The file to save the histograms to, as arrays `fine` and `coarse`.
     #[arg(long, value_name = "FILE.npz")]
     pub histograms: Option<PathBuf>,
-}
-
-/// How the palette is found.
-#[derive(Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
-pub enum Method {
-    /// The corners of the simplified convex hull of all colors, as in the paper.
-    Hull,
-    /// The colors whose labels are nearest to the field's colors.
-    #[default]
-    Fitted,
 }
 
 /// A number of colors, or `None` for `auto`.
@@ -57,15 +51,18 @@ pub enum Sampling {
 impl ExtractionArguments {
     /// Returns the default settings with the changes from the command line.
     pub fn settings(&self) -> ExtractionSettings {
-        let method = match self.method {
-            Method::Hull => PaletteMethod::Hull,
-            Method::Fitted => PaletteMethod::Fitted,
-        };
-        let auto = || self.tolerance.map_or(Colors::AUTO, |tolerance| Colors::Auto { tolerance });
-        let colors = self.colors.map_or_else(auto, Colors::Fixed);
+        let method = self.method;
+        let auto = || self.tolerance.map_or(ColorCount::AUTO, |tolerance| ColorCount::Auto { tolerance });
+        let colors = self.colors.map_or_else(auto, ColorCount::Fixed);
         let sampling = SamplingSettings { sample_fraction: self.sample_fraction, ..SamplingSettings::default() };
         ExtractionSettings { method, colors, sampling, ..ExtractionSettings::default() }
     }
+}
+
+/// Returns the parser of a method's name.
+fn methods() -> impl TypedValueParser<Value = PaletteMethod> {
+    let names = PossibleValuesParser::new(PaletteMethod::ALL.map(PaletteMethod::name));
+    names.map(|name| PaletteMethod::ALL.into_iter().find(|method| method.name() == name).unwrap_or_default())
 }
 
 fn parse_colors(text: &str) -> Result<Count, String> {

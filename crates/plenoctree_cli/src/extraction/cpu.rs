@@ -13,8 +13,8 @@ use plenoctree::{
     sampling::{Histograms, Progress, SamplingSettings, sample},
 };
 
-use super::Extracted;
-use crate::{Result, progress};
+use super::extracted::Extracted;
+use crate::{progress, result::Result};
 
 /// Samples on all cores, from another thread so that this one can show the progress.
 pub fn extract(field: &PlenOctree, settings: &ExtractionSettings, quiet: bool) -> Result<Extracted> {

@@ -1,4 +1,4 @@
-//! Sampling on the GPU, in an app of its own, as in a game.
+//! Sampling on the GPU, in a separate app, as in a game.
 
 use std::{thread, time::Duration};
 
@@ -12,8 +12,8 @@ use bevy_plenoctree::{
 };
 use plenoctree::{PlenOctree, palette::ExtractionSettings};
 
-use super::{Extracted, cpu};
-use crate::{Result, progress};
+use super::{cpu, extracted::Extracted};
+use crate::{progress, result::Result};
 
 /// Samples with compute shaders.
 pub fn extract(field: &PlenOctree, settings: &ExtractionSettings, quiet: bool) -> Result<Extracted> {

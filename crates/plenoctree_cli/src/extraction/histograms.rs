@@ -10,7 +10,7 @@ use npyz::{NpyFile, WriterBuilder};
 use plenoctree::sampling::{Histograms, SamplingSettings};
 use zip::{ZipArchive, ZipWriter, write::FileOptions};
 
-use crate::Result;
+use crate::result::Result;
 
 /// Writes the arrays `fine` and `coarse` in float64, indexed by [r, g, b] and not normalized.
 pub fn write(histograms: &Histograms, settings: &SamplingSettings, path: &Path) -> Result {

@@ -2,31 +2,19 @@
 
 mod arguments;
 pub mod cpu;
+mod extracted;
 #[cfg(feature = "bevy")]
 mod gpu;
 pub mod histograms;
 
 pub use arguments::{ExtractionArguments, Sampling};
+pub use extracted::Extracted;
 
-use std::{path::Path, sync::Arc};
+use std::path::Path;
 
-use plenoctree::{
-    PlenOctree,
-    palette::{Extraction, ExtractionSettings},
-    sampling::Histograms,
-};
+use plenoctree::{PlenOctree, palette::ExtractionSettings};
 
-use crate::Result;
-
-/// A palette, the histograms it was extracted from, and the sampler.
-pub struct Extracted {
-    /// The palette and details of its extraction.
-    pub extraction: Extraction,
-    /// The sampled histograms.
-    pub histograms: Arc<Histograms>,
-    /// The sampler's name: `cpu`, `reference`, `gpu`, or `file` if the file of a packed field records the samples.
-    pub sampling_on: &'static str,
-}
+use crate::result::Result;
 
 /// Extracts a palette as the command line specifies, writes the histograms if requested, and shows progress unless
 /// `quiet`. Errors name the field's file, `path`.

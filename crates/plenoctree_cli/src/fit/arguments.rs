@@ -11,7 +11,7 @@ use plenoctree::{
 
 use crate::{boxes::parse_box, extraction::ExtractionArguments, hex, number::parse_positive};
 
-/// Fits a field to photographs or to a glTF model, and extracts its palette.
+/// Fit a field to photographs or to a glTF model, and extract its palette.
 #[derive(Args)]
 pub struct Arguments {
     /// A transforms.json file, a folder with one, a folder with a COLMAP model, or a .gltf or .glb file.
@@ -19,22 +19,22 @@ pub struct Arguments {
     /// The field to write. Its palette, previews and report.json are written next to it.
     #[arg(long, value_name = "PROP.npz")]
     pub out: PathBuf,
-    /// The minutes to train. The result is as good as the time allows. By default, --effort decides.
+    /// The time for training, in minutes. By default, --effort decides.
     #[arg(long, value_parser = parse_positive)]
     minutes: Option<f64>,
-    /// How much to train, as a multiple of the default.
+    /// The amount of training, as a multiple of the default.
     #[arg(long, default_value_t = 1.0, value_parser = parse_positive)]
     effort: f64,
-    /// Every how many views one is held out, to measure the result.
+    /// Hold out one of every N views, to measure the result.
     #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u32).range(2..))]
     holdout: u32,
-    /// Fit to all views, and hold out none.
+    /// Fit to all views; hold out none.
     #[arg(long, conflicts_with = "holdout")]
     all: bool,
-    /// Other views to measure the result on: an input like INPUT. None of INPUT's are held out then.
+    /// Other views to measure the result on, as an input like INPUT. No views of INPUT are held out then.
     #[arg(long, value_name = "INPUT")]
     pub test: Option<PathBuf>,
-    /// Average N x N pixels to one.
+    /// Average every N x N pixels.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=64))]
     downscale: u32,
     /// The number of levels of cells: the field has 2^DEPTH per side.
@@ -43,11 +43,11 @@ pub struct Arguments {
     /// The number of spherical harmonics per channel: 1, 4, 9 or 16.
     #[arg(long, default_value = "9", value_parser = parse_basis)]
     sh: Basis,
-    /// The number of pictures to render of a glTF model.
+    /// For glTF models: the number of pictures to render.
     #[cfg(feature = "gltf")]
     #[arg(long, value_name = "N", default_value_t = 120, value_parser = clap::value_parser!(u32).range(8..=10_000))]
     pub views: u32,
-    /// The width and height of the pictures of a glTF model, in pixels.
+    /// For glTF models: the width and height of the pictures, in pixels.
     #[cfg(feature = "gltf")]
     #[arg(long, value_name = "PIXELS", default_value_t = 400, value_parser = clap::value_parser!(u32).range(16..=4096))]
     pub size: u32,
@@ -60,10 +60,10 @@ pub struct Arguments {
     /// Keep only the largest connected part.
     #[arg(long)]
     keep_largest: bool,
-    /// Turn the field upright, by the mean up of the cameras, and set it on the origin.
+    /// Turn the field upright, using the mean up direction of the cameras, and place it on the origin.
     #[arg(long)]
     stand: bool,
-    /// Go on where an earlier fit to the same file was ended.
+    /// Resume an earlier fit to the same file that was stopped.
     #[arg(long)]
     resume: bool,
     /// The color behind the object; by default, it is learned from opaque pictures.
@@ -87,7 +87,7 @@ pub struct Arguments {
 }
 
 impl Arguments {
-    /// Returns the settings that the command line asks for.
+    /// Returns the settings from the command line.
     pub fn settings(&self) -> FitSettings {
         FitSettings {
             depth: self.depth,
@@ -108,7 +108,7 @@ impl Arguments {
         }
     }
 
-    /// Returns where parts of the input are.
+    /// Returns the folders of the input.
     pub fn folders(&self) -> InputFolders {
         InputFolders { pictures: self.pictures.clone(), masks: self.masks.clone() }
     }

@@ -11,7 +11,7 @@ use std::path::PathBuf;
 
 use plenoctree::fit::{FitInput, FitReport, Fitted, fit};
 
-use crate::{Result, extraction, training::watched};
+use crate::{extraction, result::Result, training::watched};
 
 /// Fits the field, extracts its palette, and writes both with previews and a report.
 pub fn run(arguments: &Arguments) -> Result {
@@ -35,8 +35,8 @@ pub fn run(arguments: &Arguments) -> Result {
     Ok(())
 }
 
-/// Renders the input if it is a glTF model. Returns where its pictures are, next to the output, and how many of their
-/// pixels the fit is to average along each axis.
+/// Renders the input if it is a glTF model. Returns the path of its pictures, next to the output, and how many of their
+/// pixels the fit must average along each axis.
 #[cfg(feature = "gltf")]
 fn model_pictures(arguments: &Arguments) -> Result<Option<(PathBuf, u32)>> {
     if !model::is_model(&arguments.input) {
@@ -47,12 +47,12 @@ fn model_pictures(arguments: &Arguments) -> Result<Option<(PathBuf, u32)>> {
     Ok(Some((transforms, model::SUPERSAMPLING)))
 }
 
-/// Refuses glTF models: rendering them takes the engine.
+/// Rejects glTF models: rendering them requires the engine.
 #[cfg(not(feature = "gltf"))]
 fn model_pictures(arguments: &Arguments) -> Result<Option<(PathBuf, u32)>> {
     if arguments.input.extension().is_some_and(|extension| extension == "gltf" || extension == "glb") {
         let input = arguments.input.display();
-        return Err(format!("{input}: a glTF model needs the engine to render it: build with --features gltf").into());
+        return Err(format!("{input}: rendering a glTF model requires the engine: build with --features gltf").into());
     }
     Ok(None)
 }

@@ -24,16 +24,16 @@ use image::{Rgba, RgbaImage};
 use plenoctree::camera::PinholeCamera;
 use serde_json::json;
 
-use crate::{Result, files, progress};
+use crate::{files, progress, result::Result};
 
 /// The horizontal field of view of the cameras, in radians.
 const FOV: f64 = 0.7;
 /// Pixels that are rendered per pixel of the input, along each axis. The fit averages them.
 pub const SUPERSAMPLING: u32 = 2;
-/// How long a model may take to load.
+/// The time limit for loading a model.
 const LOAD_TIMEOUT: Duration = Duration::from_secs(300);
 
-/// Returns whether the input is a glTF model, by its name.
+/// Returns whether the input is a glTF model, judging by its name.
 pub fn is_model(input: &Path) -> bool {
     input.extension().is_some_and(|extension| ["gltf", "glb"].iter().any(|name| extension.eq_ignore_ascii_case(name)))
 }
@@ -41,7 +41,8 @@ pub fn is_model(input: &Path) -> bool {
 /// Renders the model from `views` cameras all around it, [`SUPERSAMPLING`] times as large as `size`, with its opacity.
 /// Writes the pictures to `folder`, with a `transforms.json` file whose path is returned.
 ///
-/// The frame of the cameras has z up, as fields have by default: a prop with the identity transform is where the model is.
+/// The frame of the cameras has z up, as fields have by default: a prop with the identity transform is where the model
+/// is.
 pub fn photograph(model: &Path, folder: &Path, views: u32, size: u32) -> Result<PathBuf> {
     let path = model.canonicalize().map_err(|error| format!("{}: {error}", model.display()))?;
     let (Some(parent), Some(name)) = (path.parent(), path.file_name().and_then(|name| name.to_str())) else {
@@ -184,7 +185,7 @@ fn straight(frame: RgbaImage) -> RgbaImage {
 mod tests {
     use super::*;
 
-    /// A red cube, half in the light, is fitted where it is: its pictures show it, and only it.
+    /// A red cube, half of it lit, is fitted in place: its pictures show it, and nothing else.
     #[test]
     fn a_model_is_photographed_where_it_is() {
         let folder = std::env::temp_dir().join(format!("plenoctree_model_{}", std::process::id()));

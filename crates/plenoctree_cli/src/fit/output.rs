@@ -1,4 +1,4 @@
-//! Writes what a fit made. Files are complete before they replace others.
+//! Writes the results of a fit. Files are complete before they replace others.
 
 use std::{
     fs,
@@ -9,12 +9,12 @@ use image::RgbImage;
 use plenoctree::{PlenOctree, fit::Comparison, palette::Palette};
 use serde_json::Value;
 
-use crate::{Result, files};
+use crate::{files, result::Result};
 
 /// Checks that the output can be written, before the work starts.
 pub fn check(out: &Path) -> Result {
     if out.extension().is_none_or(|extension| extension != "npz") {
-        return Err(format!("{}: found another ending, expected .npz", out.display()).into());
+        return Err(format!("{}: found another extension, expected .npz", out.display()).into());
     }
     let folder = folder(out);
     files::create_folder(&folder)?;
@@ -62,7 +62,7 @@ fn folder(out: &Path) -> PathBuf {
     out.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new(".")).into()
 }
 
-/// Returns the name of a file that is not complete.
+/// Returns the temporary name of an incomplete file.
 fn partial(path: &Path) -> PathBuf {
     path.with_added_extension("partial")
 }

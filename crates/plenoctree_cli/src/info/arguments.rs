@@ -4,12 +4,12 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-/// Prints what a field or a palette holds.
+/// Print what a field or a palette contains.
 #[derive(Args)]
 pub struct Arguments {
-    /// A field (an .npz file) or a palette (a .json file).
+    /// A field (an .npz or .plenoctree file) or a palette (a .json file).
     pub file: PathBuf,
-    /// Prints JSON.
+    /// Print JSON.
     #[arg(long)]
     pub json: bool,
 }

@@ -6,8 +6,11 @@ use glam::DVec3;
 use plenoctree::PlenOctree;
 use serde_json::{Value, json};
 
-use super::{Report, file_size, text};
-use crate::{Result, field, gpu_memory};
+use super::{
+    report::{Report, file_size},
+    text,
+};
+use crate::{field, gpu_memory, result::Result};
 
 /// The lowest and the highest corner of a box.
 type Bounds = (DVec3, DVec3);

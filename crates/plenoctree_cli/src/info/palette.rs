@@ -5,8 +5,11 @@ use std::path::Path;
 use plenoctree::palette::Palette;
 use serde_json::{Value, json};
 
-use super::{Report, file_size, text};
-use crate::{Result, hex, swatches};
+use super::{
+    report::{Report, file_size},
+    text,
+};
+use crate::{hex, result::Result, swatches};
 
 /// Reads a palette and describes it.
 pub fn report(path: &Path) -> Result<Report> {

@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 use plenoctree::{PackSettings, fit::SimplifySettings};
 
-use crate::{Result, size::parse_size};
+use crate::{result::Result, size::parse_size};
 
-/// Packs fields into their shipping form, a tenth of the size.
+/// Pack fields into their shipping form, a tenth of the size.
 #[derive(Args)]
 pub struct Arguments {
     /// The fields, .npz files.
@@ -16,37 +16,37 @@ pub struct Arguments {
     /// The packed file; by default next to the field, with the extension .plenoctree. For a single field.
     #[arg(long)]
     out: Option<PathBuf>,
-    /// How small the file becomes, and how good its pictures stay.
+    /// How small the file becomes, and how accurate its pictures remain.
     #[arg(long, value_enum, default_value_t)]
     pub quality: Quality,
     /// Opacity that a leaf must add to a ray from outside to be kept; 0 keeps all leaves, for fields that are also seen
     /// from inside.
     #[arg(long)]
     hidden: Option<f32>,
-    /// How much views from below the horizon count, compared with others, from 0 to 1.
+    /// The weight of views from below the horizon, relative to others, from 0 to 1.
     #[arg(long)]
     below: Option<f32>,
     /// Largest number of rows of the codebook of luma; that of color differences has half as many.
     #[arg(long)]
     rows: Option<u32>,
-    /// Packs the field as it is. By default, it is simplified first: refined to its own pictures, without leaves of little
-    /// weight, and with smoother colors, if it is a cube of cells of one size.
+    /// Pack the field unchanged. By default, it is first simplified, if it is a cube of cells of one size: refined to
+    /// its own pictures, without leaves of little weight, and with smoother colors.
     #[arg(long)]
     exact: bool,
-    /// Writes the quantized .npz layout that volrend reads instead; --out is then required.
+    /// Write the quantized .npz layout of volrend instead; requires --out.
     #[arg(long, requires = "out")]
     pub npz: bool,
-    /// A transforms.json file (NeRF, nerfstudio) in the field's coordinates, to measure from instead of from around the
-    /// field.
+    /// A transforms.json file (NeRF, nerfstudio) in the field's coordinates, with the views to measure; by default,
+    /// views from around the field.
     #[arg(long)]
     pub cameras: Option<PathBuf>,
     /// Size of the measured views in pixels; by default 200x200, or the size in --cameras.
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     pub size: Option<(u32, u32)>,
-    /// The number of views to measure; 0 measures nothing.
+    /// The number of views to measure; 0 for none.
     #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u32).range(0..=1000))]
     pub views: u32,
-    /// A folder for a table and plots of size, accuracy and changed labels. Packs with every quality.
+    /// Pack with every quality, and write a table and plots of size, accuracy and changed labels to this folder.
     #[arg(long, value_name = "FOLDER")]
     pub report: Option<PathBuf>,
 }

@@ -9,7 +9,7 @@ use plenoctree::{
 };
 
 use super::Arguments;
-use crate::{Result, extraction, turntable};
+use crate::{extraction, result::Result, turntable};
 
 /// The size of views from around the field.
 const SIZE: (u32, u32) = (200, 200);
@@ -29,7 +29,7 @@ struct View {
     labels: Vec<Option<usize>>,
 }
 
-/// What packing changed.
+/// The loss from packing.
 pub struct Loss {
     /// The PSNR of the packed field against the field, in decibels: the mean over the views.
     pub psnr: f64,
@@ -97,7 +97,7 @@ impl View {
     }
 }
 
-/// Returns views from around, half of them from higher up. Not all, if the field is empty.
+/// Returns views from around, half of them from higher up. None if the field is empty.
 fn around(field: &PlenOctree, size: (u32, u32), views: u32) -> Vec<PinholeCamera> {
     let azimuth = |view: u32| std::f64::consts::TAU * f64::from(view) / f64::from(views);
     let of_view = |view: u32| {

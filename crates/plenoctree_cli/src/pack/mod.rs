@@ -1,4 +1,4 @@
-//! `pack`: makes fields small.
+//! `pack`: packs fields for shipping.
 
 mod arguments;
 mod measure;
@@ -15,11 +15,11 @@ use plenoctree::{
     sampling::Progress,
 };
 
-use crate::{Result, field, progress};
+use crate::{field, progress, result::Result};
 use arguments::Quality;
 use measure::Views;
 
-/// Packs the fields, writes them, and prints what that costs.
+/// Packs the fields, writes them, and prints the loss.
 pub fn run(arguments: &Arguments) -> Result {
     let fields: Result<Vec<_>> = arguments.fields.iter().map(|path| pack_file(path, arguments)).collect();
     match &arguments.report {
@@ -93,7 +93,7 @@ fn simplified(field: &PlenOctree, settings: SimplifySettings) -> Result<Result<P
 
 /// Packs from another thread, so that this one can show the progress.
 fn pack_as_it_is(field: &PlenOctree, settings: &PackSettings) -> Result<Packed> {
-    let bar = progress::bar("looking from all around", 100, false);
+    let bar = progress::bar("measuring visibility", 100, false);
     let progress = Arc::new(Progress::default());
     let worker = {
         let (field, settings, progress) = (field.clone(), settings.clone(), progress.clone());
@@ -114,7 +114,7 @@ fn print_sizes(field: &PlenOctree, packed: &Packed, [before, after]: [u64; 2]) {
     let dropped = field.leaves() - packed.field().leaves();
     let share = 100.0 * dropped as f64 / field.leaves().max(1) as f64;
     println!("{dropped} of {} leaves dropped, {share:.0}%", field.leaves());
-    println!("{before} bytes before, {after} after, {:.1} times less", before as f64 / after as f64);
+    println!("{before} bytes before, {after} after: {:.1} times smaller", before as f64 / after as f64);
     let sections: Vec<_> = packed.sections().iter().map(|(name, bytes)| format!("{name} {bytes}")).collect();
     println!("sections: {}", sections.join(", "));
 }

@@ -1,4 +1,4 @@
-//! A table and plots of what every quality gives.
+//! A table and plots of the results of every quality.
 
 use std::path::Path;
 
@@ -8,9 +8,9 @@ use super::{
     arguments::Quality,
     measure::{Loss, Views},
 };
-use crate::{Result, files, plot};
+use crate::{files, plot, result::Result};
 
-/// What a quality gives.
+/// The results of a quality.
 pub struct Row {
     quality: Quality,
     bytes: usize,

@@ -6,10 +6,10 @@ use clap::Args;
 
 use crate::extraction::{ExtractionArguments, Sampling};
 
-/// Extracts the palette of a field.
+/// Extract the palette of a field.
 #[derive(Args)]
 pub struct Arguments {
-    /// The field, an .npz file.
+    /// The field, an .npz or .plenoctree file.
     #[command(flatten)]
     source: Source,
     /// The arguments for extraction.
@@ -26,18 +26,18 @@ pub struct Arguments {
     pub image: Option<PathBuf>,
 }
 
-/// What a palette is extracted from.
+/// The input of palette extraction.
 #[derive(Args)]
 #[group(required = true, multiple = false)]
 struct Source {
-    /// The field, an .npz file.
+    /// The field, an .npz or .plenoctree file.
     field: Option<PathBuf>,
-    /// Histograms to use instead of sampling a field, as --histograms saves them.
+    /// Histograms to use instead of a field, as saved by --histograms.
     #[arg(long, value_name = "FILE.npz", conflicts_with_all = ["sampling", "sample_fraction", "histograms"])]
     from_histograms: Option<PathBuf>,
 }
 
-/// What a palette is extracted from.
+/// The input of palette extraction.
 pub enum Input<'a> {
     /// A field.
     Field(&'a Path),
@@ -46,7 +46,7 @@ pub enum Input<'a> {
 }
 
 impl Arguments {
-    /// Returns what the palette is extracted from.
+    /// Returns the input.
     pub fn input(&self) -> Input<'_> {
         match (&self.source.field, &self.source.from_histograms) {
             (_, Some(histograms)) => Input::Histograms(histograms),

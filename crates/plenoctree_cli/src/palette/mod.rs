@@ -7,9 +7,10 @@ pub use arguments::Arguments;
 use plenoctree::{palette::extract_from_histograms, sampling::Progress};
 
 use crate::{
-    Result,
     extraction::{self, histograms},
-    field, files, swatches,
+    field, files,
+    result::Result,
+    swatches,
 };
 use arguments::Input;
 

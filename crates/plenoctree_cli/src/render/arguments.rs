@@ -6,10 +6,10 @@ use clap::Args;
 
 use crate::{capture::CaptureArguments, hex, size::parse_size};
 
-/// Renders views of a capture, or of a field, as cameras see it.
+/// Render views of a capture or of a field.
 #[derive(Args)]
 pub struct Arguments {
-    /// A capture of Gaussian splats (.ply, .spz, .sog, meta.json, .glb or .gltf), or a field (.npz).
+    /// A capture of Gaussian splats (.ply, .spz, .sog, meta.json, .glb or .gltf), or a field (.npz or .plenoctree).
     pub input: PathBuf,
     /// The cameras: a transforms.json file, in the coordinates of the capture.
     #[arg(long, value_name = "FILE")]
@@ -17,13 +17,13 @@ pub struct Arguments {
     /// The size of the images; by default, that of the cameras.
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     pub size: Option<(u32, u32)>,
-    /// The color behind what is rendered. By default, the images have opacity.
+    /// The background color. By default, the images are transparent.
     #[arg(long, value_name = "#RRGGBB", value_parser = hex::parse)]
     pub background: Option<[u8; 3]>,
     /// The folder to write 000.png and so on to.
     #[arg(long, value_name = "FOLDER")]
     pub out: PathBuf,
-    /// Show no progress.
+    /// Print only errors.
     #[arg(long, short)]
     pub quiet: bool,
     /// How to read the capture.

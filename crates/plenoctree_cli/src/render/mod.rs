@@ -13,9 +13,9 @@ use plenoctree::{
     splat::{Splats, render_splats},
 };
 
-use crate::{Result, capture, field, files, hex, progress};
+use crate::{capture, field, files, hex, progress, result::Result};
 
-/// What is rendered.
+/// The scene to render.
 enum Scene {
     Capture(Splats),
     Field(PlenOctree),
@@ -40,11 +40,12 @@ impl Scene {
 pub fn run(arguments: &Arguments) -> Result {
     let path = &arguments.input;
     let cameras = read_transforms(&arguments.cameras, arguments.size)?;
-    let scene = if path.extension().is_some_and(|extension| extension == "npz" || extension == "plenoctree") {
-        Scene::Field(field::load(path, arguments.quiet)?)
-    } else {
-        Scene::Capture(capture::load(path, arguments.capture, arguments.quiet)?)
-    };
+    let scene =
+        if path.extension().is_some_and(|extension| PlenOctree::EXTENSIONS.iter().any(|known| extension == *known)) {
+            Scene::Field(field::load(path, arguments.quiet)?)
+        } else {
+            Scene::Capture(capture::load(path, arguments.capture, arguments.quiet)?)
+        };
     files::create_folder(&arguments.out)?;
     let bar = progress::bar("rendering", cameras.len() as u64, arguments.quiet);
     for (index, camera) in cameras.iter().enumerate() {

@@ -19,8 +19,8 @@ use bevy_plenoctree::{
 use image::{DynamicImage, RgbImage, RgbaImage};
 use plenoctree::{PlenOctree, UpAxis, camera::PinholeCamera, palette::Palette};
 
-use super::{Adapter, FrameTimes, Look, PosterizeSettings, Render, Scene};
-use crate::{Result, preset::Preset};
+use super::interface::{Adapter, FrameTimes, Look, PosterizeSettings, Render, Scene};
+use crate::{preset::Preset, result::Result};
 
 /// How long to wait until the field is on the GPU.
 const UPLOAD_TIMEOUT: Duration = Duration::from_secs(120);

@@ -9,8 +9,8 @@ use plenoctree::{
     reference::{Posterization, Rendering, posterize, render},
 };
 
-use super::{Adapter, FrameTimes, Look, PosterizeSettings, Render, Scene};
-use crate::{Result, hex};
+use super::interface::{Adapter, FrameTimes, Look, PosterizeSettings, Render, Scene};
+use crate::{hex, result::Result};
 
 /// Renders with [`plenoctree::reference`].
 pub struct ReferenceRenderer {

@@ -13,10 +13,10 @@ use crate::{
     size::parse_size,
 };
 
-/// Renders views of a field, extracts its palette, and posterizes and recolors the views.
+/// Render views of a field, extract its palette, and posterize and recolor the views.
 #[derive(Args)]
 pub struct Arguments {
-    /// The field, an .npz file; by default the included toadstool.
+    /// The field, an .npz or .plenoctree file; by default the included toadstool.
     pub field: Option<PathBuf>,
     /// The folder for the images, the palette and report.json.
     #[arg(long, default_value = "out")]
@@ -48,11 +48,10 @@ pub struct Arguments {
     /// The opacity below which pixels are drawn as trained.
     #[arg(long, default_value_t = 80.0 / 255.0, value_parser = parse_share)]
     min_opacity: f32,
-    /// Blends pixels at which the prop ends with the background, as the plugin does by default; not with --renderer
-    /// reference.
+    /// Smooth the edges of the prop, as the plugin does by default; not with --renderer reference.
     #[arg(long)]
     smooth_edges: bool,
-    /// Shows a palette color as another color; can be repeated.
+    /// Show a palette color as another color; can be repeated.
     #[arg(long, value_name = "INDEX=#RRGGBB", value_parser = parse_recolor)]
     recolor: Vec<(usize, [u8; 3])>,
     /// The background color.
@@ -64,7 +63,7 @@ pub struct Arguments {
     /// The renderer.
     #[arg(long, value_enum, default_value_t)]
     pub renderer: Renderer,
-    /// Prints nothing but errors.
+    /// Print only errors.
     #[arg(long)]
     pub quiet: bool,
 }

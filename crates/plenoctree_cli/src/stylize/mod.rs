@@ -14,8 +14,9 @@ use plenoctree::{
 };
 
 use crate::{
-    Result, extraction, field, files, progress,
+    extraction, field, files, progress,
     renderer::{Look, Scene},
+    result::Result,
     turntable,
 };
 use output::Views;
@@ -77,7 +78,7 @@ pub fn run(arguments: &Arguments) -> Result {
     Ok(())
 }
 
-/// Returns an error if there are more labels than every pixel can be compared to.
+/// Returns an error if there are more labels than the renderers allow.
 fn check_labels(palette: &Palette, blend_steps: u32) -> Result {
     let colors = palette.colors.len();
     let (labels, most) = (PaletteLabel::count(colors, blend_steps), PaletteLabel::MAX_LABELS);

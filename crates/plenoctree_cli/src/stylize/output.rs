@@ -5,7 +5,7 @@ use std::path::Path;
 use image::RgbImage;
 use plenoctree::palette::Palette;
 
-use crate::{Result, files, swatches};
+use crate::{files, result::Result, swatches};
 
 /// The images of one view.
 pub struct Views {

@@ -9,10 +9,10 @@ use plenoctree::{
 use serde_json::{Value, json};
 
 use crate::{
-    Result,
     extraction::Extracted,
     files, gpu_memory,
     renderer::{Adapter, FrameTimes},
+    result::Result,
 };
 
 /// Writes the report. `frames` holds the names of every view's files and its times.

@@ -6,10 +6,10 @@ use clap::Args;
 
 use crate::{field, size::parse_size};
 
-/// Measures time, PSNR and SSIM against float64, changed labels and flicker for every quality setting and every preset.
+/// Measure time, PSNR and SSIM against float64, changed labels and flicker for every quality setting and every preset.
 #[derive(Args)]
 pub struct Arguments {
-    /// The field, an .npz file; by default the included toadstool.
+    /// The field, an .npz or .plenoctree file; by default the included toadstool.
     field: Option<PathBuf>,
     /// A transforms.json file (NeRF, nerfstudio) in the field's coordinates, to use instead of a turntable.
     #[arg(long)]
@@ -23,7 +23,7 @@ pub struct Arguments {
     /// The number of views to measure.
     #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub views: u32,
-    /// The number of rounds in which everything is timed by turns.
+    /// The number of rounds in which all variants are timed, alternately.
     #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub rounds: u32,
 }

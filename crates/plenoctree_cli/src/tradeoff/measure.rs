@@ -1,4 +1,4 @@
-//! Measures times, by turns, and differences from the exact frame.
+//! Measures times, alternating between variants, and differences from the exact frame.
 
 use std::time::Instant;
 
@@ -17,7 +17,7 @@ use super::{
     stage::{Change, Stage},
     variants::{self, Variant},
 };
-use crate::{Result, progress, turntable::turned};
+use crate::{progress, result::Result, turntable::turned};
 
 /// The cost and the savings of one value of a setting. Measurements that do not apply are `None`.
 pub struct Row {
@@ -121,7 +121,7 @@ pub fn rendering(
     Ok((rows, noise))
 }
 
-/// Measures exact frames in which something else than the camera changes.
+/// Measures exact frames in which something other than the camera changes.
 fn time_changes(stage: &mut Stage, exact: &Variant, cameras: &[PinholeCamera], rounds: u32) -> Result<Vec<Row>> {
     stage.set(exact, Some(Posterize::default()));
     let changes = [(Change::Palette, "only the palette"), (Change::Nothing, "nothing")];
@@ -129,7 +129,7 @@ fn time_changes(stage: &mut Stage, exact: &Variant, cameras: &[PinholeCamera], r
     for _ in 0..rounds {
         for camera in cameras {
             let moved = stage.time(camera, Change::Camera)?;
-            // What has changed is drawn, and copied in the frame after that.
+            // What has changed is drawn, and copied in the next frame.
             (0..2).try_for_each(|_| stage.time(camera, Change::Nothing).map(|_| ()))?;
             for ((change, _), times) in changes.iter().zip(&mut times) {
                 times.push((moved, stage.time(camera, *change)?));

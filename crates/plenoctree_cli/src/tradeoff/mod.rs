@@ -17,7 +17,7 @@ use plenoctree::{
     palette::ExtractionSettings,
 };
 
-use crate::{Result, extraction, field, files, turntable};
+use crate::{extraction, field, files, result::Result, turntable};
 
 /// Measures everything and writes the tables and the plots.
 pub fn run(arguments: &Arguments) -> Result {

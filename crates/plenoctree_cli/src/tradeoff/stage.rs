@@ -11,7 +11,7 @@ use image::RgbaImage;
 use plenoctree::{PlenOctree, Precision, camera::PinholeCamera, palette::Palette};
 
 use super::variants::Variant;
-use crate::Result;
+use crate::result::Result;
 
 /// How long to wait until the field is on the GPU.
 const UPLOAD_TIMEOUT: Duration = Duration::from_secs(600);
@@ -19,7 +19,7 @@ const UPLOAD_TIMEOUT: Duration = Duration::from_secs(600);
 /// What changes from one frame to the next.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub enum Change {
-    /// The camera moves, by less than can be seen.
+    /// The camera moves imperceptibly.
     Camera,
     /// A palette color.
     Palette,

@@ -6,7 +6,7 @@ use miniz_oxide::inflate::decompress_to_vec_with_limit;
 
 use super::super::error::ReadFault;
 
-/// The first bytes of every file. They show whether a file was taken for text, or is an archive.
+/// The first bytes of every file. As in PNG files, they reveal conversion of line endings.
 pub const MAGIC: [u8; 8] = *b"\x89PLO\r\n\x1a\n";
 /// The version that this code reads and writes.
 const VERSION: u16 = 2;
@@ -16,7 +16,7 @@ const MAX_SECTIONS: usize = 64;
 const PREFIX: usize = 16;
 /// Bytes of a section's entry: name, checksum, size in the file, size of its content.
 const ENTRY: usize = 24;
-/// Largest ratio of deflate.
+/// Largest compression ratio of deflate.
 const DEFLATE_RATIO: u64 = 1032;
 /// Size above which content counts as large, in bytes, and the largest ratio that it may have to the size of the file.
 /// Packed fields stay below 20.
@@ -60,7 +60,7 @@ impl<R: Read + Seek> Container<R> {
         let [_, _, _, _, _, _, _, _, v0, v1, n0, n1, checksum @ ..] = prefix;
         let version = u16::from_le_bytes([v0, v1]);
         if prefix[..8] != MAGIC {
-            return Err(fault(HEADER, "other first bytes", "those of a packed field"));
+            return Err(fault(HEADER, "other leading bytes", "those of a packed field"));
         }
         if version != VERSION {
             return Err(fault(HEADER, format!("version {version}"), format!("version {VERSION}")));
@@ -93,7 +93,8 @@ impl<R: Read + Seek> Container<R> {
         Ok(Self { reader, bytes, sections })
     }
 
-    /// Returns an error if `bytes` of memory are so many more than the file has that it is likely made to use up memory.
+    /// Returns an error if `bytes` of memory are so many more than the file has that it was likely made to exhaust
+    /// memory.
     pub fn check_room(&self, section: &'static str, bytes: u64) -> Result<(), ReadFault> {
         if bytes > LARGE && bytes > self.bytes.saturating_mul(MAX_RATIO) {
             return Err(fault(section, format!("{bytes} bytes from a file of {}", self.bytes), "a plausible size"));
@@ -163,7 +164,7 @@ impl<R: Read + Seek> Container<R> {
 pub(super) fn build(sections: &[(&'static str, Vec<u8>)]) -> (Vec<u8>, Vec<(&'static str, usize)>) {
     use rayon::prelude::*;
 
-    /// The best that `miniz_oxide` does.
+    /// The best compression of `miniz_oxide` at a reasonable cost.
     const LEVEL: u8 = 9;
     /// What deflate must save to be worth the time: the share of a section that is one over this.
     const LEAST_GAIN: usize = 50;

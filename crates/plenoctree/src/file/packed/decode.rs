@@ -8,11 +8,11 @@ use std::{
 use glam::DVec3;
 use half::f16;
 
-use super::super::{error::ReadFault, read::check_frame};
+use super::super::{error::ReadFault, frame::check_frame};
 use super::{
-    CONSTANTS, DENSITIES, HEAD, HEAD_BYTES, HISTOGRAM, LEVELS, ROWS, TABLE, TREE,
     container::{Container, fault},
     histogram, planes,
+    sections::{CONSTANTS, DENSITIES, HEAD, HEAD_BYTES, HISTOGRAM, LEVELS, ROWS, TABLE, TREE},
     streams::{self, Rows},
 };
 use crate::{
@@ -25,7 +25,7 @@ pub(in crate::file) fn read_packed(reader: impl Read + Seek) -> Result<PlenOctre
     let mut file = Container::open(reader)?;
     let head = Head::parse(&file.read(HEAD, HEAD_BYTES as u64)?)?;
     let (leaves, nodes) = (head.leaves as u64, head.nodes as u64);
-    // What the field takes: densities, colors and rows per leaf, and cells per node.
+    // The memory of the field: densities, colors and rows per leaf, and cells per node.
     file.check_room(HEAD, 14 * leaves + 32 * nodes)?;
     let (nodes, depth) = head.tree(&mut file)?;
     let densities = head.densities(&mut file)?;
@@ -135,7 +135,7 @@ impl Head {
 
     /// Reads the nodes, and numbers them and the leaves in depth-first order. Returns also the level of the deepest nodes.
     fn tree(&self, file: &mut Container<impl Read + Seek>) -> Result<(Vec<[Cell; 8]>, u32), ReadFault> {
-        // Nodes of the last level have one byte, others two. How many there are is known at the end.
+        // Nodes of the last level have one byte, others two. The number of each is known only at the end.
         let raw = file.size(TREE)?;
         if raw < self.nodes as u64 || raw > 2 * self.nodes as u64 {
             return Err(fault(
@@ -190,7 +190,7 @@ fn part<const N: usize>(bytes: &[u8], at: usize) -> [u8; N] {
 fn depth_first(levels: &[(&[u8], &[u8])], count: usize) -> Vec<[Cell; 8]> {
     struct Visit {
         node: usize,
-        /// Its place in its level.
+        /// Its position in its level.
         place: usize,
         next: usize,
     }

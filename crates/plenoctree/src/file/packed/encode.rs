@@ -1,6 +1,10 @@
 //! Writes a packed field.
 
-use super::{CONSTANTS, DENSITIES, HEAD, HISTOGRAM, LEVELS, ROWS, TABLE, TREE, container, histogram, planes, streams};
+use super::{
+    container, histogram, planes,
+    sections::{CONSTANTS, DENSITIES, HEAD, HISTOGRAM, LEVELS, ROWS, TABLE, TREE},
+    streams,
+};
 use crate::{
     field::{Activation, Basis, Cell, UpAxis},
     pack::{Quantized, Recent},

@@ -1,12 +1,12 @@
-//! Entropy coding: symbols whose frequencies the stream begins with, by range asymmetric numeral systems, and bits as they
-//! are. `docs/format.md` specifies the streams.
+//! Entropy coding: symbols by range asymmetric numeral systems, with frequencies at the start of the stream, and plain
+//! bits. `docs/format.md` specifies the streams.
 
 /// The frequencies of a context add up to this power of two.
 const SCALE_BITS: u32 = 12;
 const SCALE: u32 = 1 << SCALE_BITS;
 /// The least state between symbols. The largest is 256 times as large.
 const LOW: u32 = 1 << 23;
-/// Numbers below are symbols of their own. Others are four symbols per power of two, and bits.
+/// Each number below this is a symbol. Larger numbers have four symbols per power of two, followed by plain bits.
 const DIRECT: u32 = 16;
 
 /// Returns the symbol of a number, and the number of its low bits that follow.
@@ -26,7 +26,7 @@ pub(super) struct Decoder<'a> {
     contexts: Vec<Context>,
     /// At least [`LOW`], and below 256 times that.
     state: u32,
-    /// The bytes that the state has not taken yet.
+    /// The bytes that the state has not consumed yet.
     bytes: &'a [u8],
     bits: &'a [u8],
     window: u64,
@@ -42,7 +42,7 @@ const FREQUENCY_SHIFT: u32 = PLACE_SHIFT + SCALE_BITS;
 const NOTHING: u32 = 255;
 
 impl<'a> Decoder<'a> {
-    /// Opens a stream. Returns `None` if it does not begin as it should.
+    /// Opens a stream. Returns `None` if it does not start with valid frequencies.
     pub fn new(bytes: &'a [u8], contexts: usize) -> Option<Self> {
         let (length, mut rest) = bytes.split_first_chunk()?;
         let tables: Option<Vec<_>> = (0..contexts).map(|_| read_context(&mut rest)).collect();
@@ -91,7 +91,7 @@ impl<'a> Decoder<'a> {
         Some((4 + large % 4) << bits | low as u32)
     }
 
-    /// Returns whether the stream is at its end, as its writer left it.
+    /// Returns whether the stream has ended in the state in which its writer started.
     pub fn has_ended(&self) -> bool {
         self.state == LOW && self.bytes.is_empty() && self.bits.is_empty()
     }
@@ -181,7 +181,7 @@ impl Encoder {
                 })
             })
             .collect();
-        // The reader starts where the writer ends.
+        // The writer runs backward: the reader starts where the writer ends.
         let (mut state, mut reversed) = (LOW, Vec::new());
         for (context, symbol) in self.symbols.iter().rev() {
             let (context, symbol) = (usize::from(*context), usize::from(*symbol));
@@ -201,7 +201,7 @@ impl Encoder {
     }
 }
 
-/// Returns frequencies in proportion to counts. Whatever occurs has one.
+/// Returns frequencies in proportion to counts. Every symbol that occurs has one.
 #[cfg(feature = "write")]
 fn frequencies(counts: &[u32; 256]) -> [u32; 256] {
     let total: u64 = counts.iter().map(|count| u64::from(*count)).sum();
@@ -211,7 +211,7 @@ fn frequencies(counts: &[u32; 256]) -> [u32; 256] {
     let share = |count: u32| (u64::from(count) * u64::from(SCALE) / total) as u32;
     let mut frequencies = counts.map(|count| if count == 0 { 0 } else { share(count).max(1) });
     let mut sum: u32 = frequencies.iter().sum();
-    // The largest take what is left, or give what is missing.
+    // The largest ones absorb the difference.
     while sum != SCALE {
         let largest = (0..256).max_by_key(|symbol| frequencies[*symbol]).unwrap_or(0);
         let change = if sum < SCALE { SCALE - sum } else { (sum - SCALE).min(frequencies[largest] / 4).max(1) };
@@ -233,7 +233,7 @@ mod tests {
     use super::*;
 
     proptest! {
-        /// Also with contexts that hold nothing, or only one symbol.
+        /// Also with contexts that have no symbols, or only one.
         #[test]
         fn numbers_come_back(
             numbers in prop::collection::vec((0usize..4, prop_oneof![0u32..3, 0u32..200, any::<u32>()]), 0..300),
@@ -273,7 +273,7 @@ mod tests {
         }
     }
 
-    /// Streams are as small as what they say.
+    /// Streams are as small as the entropy of their symbols.
     #[test]
     fn streams_have_the_size_of_their_information() {
         let mut encoder = Encoder::new(1);

@@ -3,8 +3,8 @@
 use super::super::error::ReadFault;
 #[cfg(feature = "write")]
 use super::entropy::Encoder;
-use super::{HISTOGRAM, container::fault, entropy::Decoder};
-use crate::sampling::{Observers, Recorded, SamplingSettings};
+use super::{container::fault, entropy::Decoder, sections::HISTOGRAM};
+use crate::sampling::{ObserverRegion, Recorded, SamplingSettings};
 
 /// Bytes before the weights.
 const PREFIX: usize = 28;
@@ -27,8 +27,8 @@ pub fn read(bytes: &[u8]) -> Result<Recorded, ReadFault> {
         .ok_or_else(|| fault(HISTOGRAM, format!("{} bytes", bytes.len()), format!("at least {PREFIX}")))?;
     let number = |at: usize| f64::from_le_bytes(std::array::from_fn(|index| prefix[at + index]));
     let observers = match prefix[0] {
-        0 => Observers::UpperHemisphere,
-        1 => Observers::Sphere,
+        0 => ObserverRegion::UpperHemisphere,
+        1 => ObserverRegion::Sphere,
         other => return Err(fault(HISTOGRAM, format!("observers {other}"), "0 or 1")),
     };
     let [directions, multisamples, fine_bins] = [1, 2, 3].map(|at| usize::from(prefix[at]));
@@ -66,7 +66,7 @@ pub fn read(bytes: &[u8]) -> Result<Recorded, ReadFault> {
 #[cfg(feature = "write")]
 pub fn write(recorded: &Recorded) -> Vec<u8> {
     let Recorded { settings, samples, weights, unit } = recorded;
-    let observers = u8::from(settings.observers == Observers::Sphere);
+    let observers = u8::from(settings.observers == ObserverRegion::Sphere);
     let mut bytes = vec![observers, settings.directions as u8, settings.multisamples as u8, settings.fine_bins as u8];
     bytes.extend(settings.stop_transmittance.to_le_bytes());
     bytes.extend(unit.to_le_bytes());

@@ -1,4 +1,5 @@
-//! Numbers as planes of bytes: all lowest bytes, then all next ones. Deflate finds more in them than in whole numbers.
+//! Numbers as planes of bytes: all lowest bytes, then all next ones. Deflate compresses them better than interleaved
+//! bytes.
 
 /// Returns the planes of numbers of `N` bytes, lowest first.
 #[cfg(feature = "write")]
@@ -6,7 +7,7 @@ pub fn split<const N: usize>(numbers: impl Iterator<Item = [u8; N]> + Clone) -> 
     (0..N).flat_map(|plane| numbers.clone().map(move |bytes| bytes[plane])).collect()
 }
 
-/// Returns the numbers whose planes these are.
+/// Returns the numbers with these planes.
 pub fn join<const N: usize>(planes: &[u8]) -> impl Iterator<Item = [u8; N]> {
     let count = planes.len() / N;
     (0..count).map(move |index| std::array::from_fn(|plane| planes[plane * count + index]))

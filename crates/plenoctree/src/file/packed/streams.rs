@@ -1,4 +1,5 @@
-//! The coded sections: levels, colors, rows and tables. What was read before decides in which context a number is coded.
+//! The coded sections: levels, colors, rows and tables. The context in which a number is coded depends on the numbers
+//! before it.
 
 use super::entropy::Decoder;
 #[cfg(feature = "write")]
@@ -23,13 +24,13 @@ fn class(level: u8, levels: usize, classes: usize) -> usize {
     usize::from(level) * classes / levels.max(1)
 }
 
-/// Returns the context of a leaf's level, given that of the leaf before.
+/// Returns the context of a leaf's level, given the level of the previous leaf.
 fn level_context(before: Option<u8>, levels: usize) -> usize {
     before.map_or(0, |level| 1 + class(level, levels, LEVEL_CONTEXTS - 1))
 }
 
-/// Returns the context of a part of a color, given the changes of the same part before and of the parts that this leaf already
-/// has. All are folded.
+/// Returns the context of a component of a color, given the previous change of this component and the changes of the
+/// leaf's components before it. All are folded.
 fn color_context(part: usize, class: usize, own: [u32; 3], before: [u32; 3]) -> usize {
     let size = |change: u32| match change {
         0 => 0,
@@ -96,11 +97,11 @@ pub fn read_colors(bytes: &[u8], densities: &[u8], levels: usize) -> Option<Vec<
     decoder.has_ended().then_some(all)
 }
 
-/// The rows of a table, as leaves name them.
+/// The numbering of a table's rows.
 #[derive(Clone, Copy)]
 pub struct Rows {
     pub count: usize,
-    /// The first of the rows that are in the order in which leaves have them.
+    /// The first of the rows that are stored in the order in which leaves use them.
     pub first_new: usize,
     pub recent: Recent,
 }
@@ -154,7 +155,7 @@ pub fn read_rows(bytes: &[u8], densities: &[u8], levels: usize, mut of: [Rows; 2
     decoder.has_ended().then_some(all)
 }
 
-/// Reads the tables of luma and of the differences. `others` is the number of functions but the constant one.
+/// Reads the tables of luma and of the differences. `others` is the number of functions without the constant one.
 pub fn read_tables(bytes: &[u8], others: usize, rows: [usize; 2]) -> Option<[Vec<i8>; 2]> {
     let mut decoder = Decoder::new(bytes, 3 * others)?;
     let mut read = |first: usize, width: usize, rows: usize| -> Option<Vec<i8>> {
@@ -223,8 +224,8 @@ pub fn write_tables(luma: &[i8], chroma: &[i8], others: usize) -> Vec<u8> {
     encoder.finish()
 }
 
-/// Returns the first row of a table from which on rows are in the order in which leaves have them. It is not the row 0, which
-/// is among the recent ones from the start.
+/// Returns the first row of a table that is followed only by rows in the order in which leaves use them. It is not the
+/// row 0, which is among the recent ones from the start.
 #[cfg(feature = "write")]
 pub fn first_new(rows: impl Iterator<Item = u16>, count: usize) -> usize {
     let mut firsts = vec![usize::MAX; count];

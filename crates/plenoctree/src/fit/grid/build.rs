@@ -2,7 +2,7 @@
 
 use glam::{IVec3, UVec3, Vec4};
 
-use super::{BRICK, Brick, Cube, FREE, Grid, NO_VOXEL, bit_of, place_of};
+use super::sparse::{BRICK, Brick, Cube, FREE, Grid, NO_VOXEL, bit_of, place_of};
 
 /// Largest distance that an entry of the table stores.
 const FARTHEST: u32 = 255;
@@ -39,7 +39,7 @@ impl VoxelSet {
         }
     }
 
-    /// Adds the eight voxels that the voxel at `position` of a grid with half the resolution consists of.
+    /// Adds the eight voxels that make up the voxel at `position` of a grid with half the resolution.
     pub fn insert_children(&mut self, position: UVec3) {
         for child in 0..8 {
             self.insert(2 * position + UVec3::new(child >> 2, child >> 1 & 1, child & 1));
@@ -126,8 +126,8 @@ impl Grid {
     }
 }
 
-/// Replaces every free entry by its Chebyshev distance to the nearest brick: one sweep from either corner, each of which
-/// looks at the 13 neighbors that it has already seen.
+/// Replaces every free entry by its Chebyshev distance to the nearest brick: one sweep from each of two opposite
+/// corners, over the 13 neighbors already visited.
 fn measure_distances(table: &mut [u32], side: usize) {
     let distance = |entry: u32| if entry & FREE == 0 { 0 } else { entry & !FREE };
     for entry in table.iter_mut().filter(|entry| **entry & FREE != 0) {

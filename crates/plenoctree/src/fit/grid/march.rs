@@ -2,7 +2,7 @@
 
 use glam::{DVec3, IVec3, Vec3};
 
-use super::{BRICK, FREE, Grid, below};
+use super::sparse::{BRICK, FREE, Grid, below};
 
 /// A ray in voxels: the grid spans 0 to its resolution.
 #[derive(Clone, Copy, Debug)]
@@ -18,7 +18,7 @@ impl Grid {
         GridRay { origin: ((origin - self.cube.low) * scale).as_vec3(), direction: direction.as_vec3() }
     }
 
-    /// Calls `visit` with each voxel that the ray crosses, in order, and with the length of the ray inside of it, in
+    /// Calls `visit` with each voxel that the ray crosses, in order, and with the length of the ray inside it, in
     /// voxels. Stops when `visit` returns `false`.
     #[inline]
     pub fn march(&self, ray: &GridRay, mut visit: impl FnMut(u32, f32) -> bool) {

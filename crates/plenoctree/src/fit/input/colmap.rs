@@ -9,7 +9,12 @@ use std::{
 
 use glam::{DMat3, DQuat, DVec2, DVec3};
 
-use super::{Distortion, FitInput, InputFolders, Lens, View, ViewCamera, picture};
+use super::{
+    lens::{Distortion, Lens},
+    parts::{FitInput, InputFolders},
+    picture,
+    view::{View, ViewCamera},
+};
 use crate::fit::error::FitError;
 
 /// Camera models by their number: the name, and the number of parameters.

@@ -1,11 +1,11 @@
-//! Lenses: from directions to points of the picture, and back.
+//! Lenses: mapping directions to points of the picture, and back.
 
 use glam::{DVec2, DVec3};
 
-/// How a lens bends straight lines.
+/// The distortion of a lens.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Distortion {
-    /// Straight lines stay straight.
+    /// No distortion.
     None,
     /// OpenCV's model: `radial` are k1 to k4 of a polynomial in the squared radius, `tangential` p1 and p2.
     Radial {
@@ -25,7 +25,7 @@ pub struct Lens {
     pub focal: DVec2,
     /// Where the optical axis meets the picture, from its top left corner.
     pub center: DVec2,
-    /// What bends straight lines.
+    /// The distortion.
     pub distortion: Distortion,
 }
 
@@ -79,7 +79,7 @@ impl Lens {
         }
     }
 
-    /// Returns the lens for a picture whose pixels are `factor` times as large.
+    /// Returns the lens for a picture downscaled by `factor`.
     pub fn downscaled(mut self, factor: f64) -> Self {
         self.focal /= factor;
         self.center /= factor;
@@ -99,7 +99,7 @@ fn fisheye([k1, k2, k3, k4]: [f64; 4], angle: f64) -> f64 {
     angle * (1.0 + a2 * (k1 + a2 * (k2 + a2 * (k3 + a2 * k4))))
 }
 
-/// Finds the point that `bend` takes to `bent`, by Newton's method. Returns `None` if it does not converge.
+/// Finds the point that `bend` maps to `bent`, by Newton's method. Returns `None` if it does not converge.
 fn solve(bent: DVec2, bend: impl Fn(DVec2) -> DVec2) -> Option<DVec2> {
     const STEP: f64 = 1e-6;
     let mut at = bent;

@@ -1,41 +1,23 @@
-//! Reads what a field is fitted to: pictures with their cameras.
+//! Reads the input of a fit: pictures with their cameras.
 
 mod colmap;
 mod lens;
+mod parts;
 mod picture;
 mod transforms;
 mod view;
 
 use std::path::{Path, PathBuf};
 
-use glam::DVec3;
-
 use super::error::FitError;
 
 pub use lens::{Distortion, Lens};
+pub use parts::{FitInput, InputFolders};
 pub use picture::Picture;
 pub use view::{View, ViewCamera};
 
-/// Most pictures that an input may have.
+/// Maximum number of pictures in an input.
 const MAX_VIEWS: usize = 100_000;
-
-/// Pictures with their cameras, and points of the scene if they are known.
-#[derive(Clone, Debug, Default)]
-pub struct FitInput {
-    /// The views, in the order of the names of their pictures.
-    pub views: Vec<View>,
-    /// Points on the surfaces of the scene. Empty if none are known.
-    pub points: Vec<DVec3>,
-}
-
-/// Where parts of an input are, if not where they usually are.
-#[derive(Clone, Debug, Default)]
-pub struct InputFolders {
-    /// The folder of the pictures. Names in a COLMAP model are relative to it.
-    pub pictures: Option<PathBuf>,
-    /// A folder of masks: for `name.jpg`, either `name.jpg.png` or `name.png`. White shows the object.
-    pub masks: Option<PathBuf>,
-}
 
 impl FitInput {
     /// Reads an input:
@@ -49,8 +31,8 @@ impl FitInput {
     ///
     /// # Errors
     ///
-    /// Returns an error that names the file if one cannot be read or holds something else, if a picture or mask is
-    /// missing or has another size than stated, or if a camera has no valid pose or lens.
+    /// Returns an error that names the file if one cannot be read or has unexpected content, if a picture or mask is
+    /// missing or does not have the stated size, or if a camera has no valid pose or lens.
     pub fn read(path: &Path, folders: &InputFolders) -> Result<Self, FitError> {
         let mut input = if path.is_file() {
             transforms::read(path, folders)?
@@ -76,7 +58,7 @@ impl FitInput {
             let found = format!("{} views", input.views.len());
             return Err(FitError::found(path, "views", found, format!("1 to {MAX_VIEWS}")));
         }
-        // The order of files varies; numbers in names count.
+        // The order of files varies, so sort them by name, with numbers in numeric order.
         input.views.sort_by_cached_key(|view| natural(&view.name));
         if let Some(folder) = &folders.masks {
             for view in &mut input.views {

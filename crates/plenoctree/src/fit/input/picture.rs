@@ -26,7 +26,7 @@ pub struct Picture {
     pub height: u32,
     /// Encoded sRGB, premultiplied by opacity, and opacity, row by row.
     pub pixels: Vec<[u8; 4]>,
-    /// Whether some pixel is not opaque, or a mask says what is.
+    /// Whether any pixel is not opaque, or there is a mask.
     pub knows_opacity: bool,
 }
 
@@ -104,7 +104,7 @@ fn decode(path: &Path) -> Result<DynamicImage, FitError> {
     reader.decode().map_err(|error| damaged(path, error))
 }
 
-/// Returns whether the file starts like a JPEG file. Its name may lie.
+/// Returns whether the file starts like a JPEG file. Its name may be wrong.
 fn is_jpeg(path: &Path) -> Result<bool, FitError> {
     let mut start = Vec::new();
     File::open(path).and_then(|file| file.take(2).read_to_end(&mut start)).map_err(FitError::io(path))?;

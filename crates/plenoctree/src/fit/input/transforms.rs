@@ -8,13 +8,18 @@ use std::{
 use glam::{DMat3, DVec2};
 use serde::Deserialize;
 
-use super::{Distortion, FitInput, InputFolders, Lens, View, ViewCamera, picture};
+use super::{
+    lens::{Distortion, Lens},
+    parts::{FitInput, InputFolders},
+    picture,
+    view::{View, ViewCamera},
+};
 use crate::{
     camera::{Intrinsics, WrongValue, pose},
     fit::error::FitError,
 };
 
-/// Endings of pictures that file names may lack, as those of NeRF-synthetic do.
+/// Extensions that the file names of pictures may lack, as in NeRF-synthetic.
 const ENDINGS: [&str; 5] = ["png", "jpg", "jpeg", "PNG", "JPG"];
 
 /// The camera of all frames or of one, which takes precedence.
@@ -98,7 +103,7 @@ fn view(path: &Path, folder: &Path, index: usize, frame: &Frame, common: &Camera
     Ok(View { name: name.clone(), picture, mask, camera })
 }
 
-/// Finds a picture whose name may lack its ending.
+/// Finds a picture whose name may lack its extension.
 fn find(folder: &Path, name: &str) -> Option<PathBuf> {
     let path = folder.join(name);
     if path.is_file() {

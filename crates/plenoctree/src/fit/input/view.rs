@@ -4,13 +4,13 @@ use std::{path::PathBuf, sync::Arc};
 
 use glam::{DMat3, DVec2, DVec3};
 
-use super::{Lens, lens::Distortion};
+use super::lens::{Distortion, Lens};
 
 /// Distance of the points for which the ray through a distorting lens is computed, in pixels. In between, directions are
 /// interpolated, which is off by less than a hundredth of a pixel.
 const LATTICE: u32 = 4;
 
-/// A posed camera: a lens, and where it was.
+/// A posed camera: a lens and a pose.
 #[derive(Clone, Debug)]
 pub struct ViewCamera {
     /// Width of the picture, in pixels.
@@ -19,7 +19,7 @@ pub struct ViewCamera {
     pub height: u32,
     /// The lens.
     pub lens: Lens,
-    /// Axes of the camera in the field's frame: x to the right, y up, and -z is where it looks.
+    /// Axes of the camera in the field's frame: x points right, y up, and the camera looks along -z.
     pub rotation: DMat3,
     /// Position in the field's frame.
     pub position: DVec3,
@@ -55,13 +55,13 @@ impl ViewCamera {
         Ok(Self { width, height, lens, rotation, position, directions })
     }
 
-    /// Creates a camera whose lens does not distort, whatever it says.
+    /// Creates a camera with this lens, but without distortion.
     pub(in crate::fit) fn undistorted(width: u32, height: u32, lens: Lens, rotation: DMat3, position: DVec3) -> Self {
         let lens = Lens { distortion: Distortion::None, ..lens };
         Self { width, height, lens, rotation, position, directions: None }
     }
 
-    /// Returns the camera for a picture whose pixels are `factor` times as large. What does not fill a pixel is cut off.
+    /// Returns the camera for a picture downscaled by `factor`. Incomplete pixels at the edges are cut off.
     pub fn downscaled(&self, factor: u32) -> Result<Self, DVec2> {
         let (width, height) = ((self.width / factor).max(1), (self.height / factor).max(1));
         Self::new(width, height, self.lens.downscaled(factor.into()), self.rotation, self.position)
@@ -97,7 +97,7 @@ impl ViewCamera {
         let point = self.lens.project(forward)?;
         let size = DVec2::new(self.width.into(), self.height.into());
         let inside = point.cmpge(DVec2::ZERO).all() && point.cmplt(size).all();
-        // The polynomials of distortion fold far outside of the picture.
+        // The polynomials of distortion fold over far outside the picture.
         let unfolded = || self.direction(point).dot((position - self.position).normalize()) > 0.999;
         (inside && (self.directions.is_none() || unfolded())).then_some((point, forward.z))
     }

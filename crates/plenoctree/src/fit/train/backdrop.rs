@@ -1,4 +1,4 @@
-//! What is behind the field.
+//! The backdrop: what is behind the field.
 
 use glam::{DVec3, Vec3};
 
@@ -55,7 +55,7 @@ impl Backdrop {
         self
     }
 
-    /// Returns the color behind the field in `direction`. `random` is the color to show where any would do.
+    /// Returns the color behind the field in `direction`. `random` is the color of a random backdrop.
     pub fn color(&self, direction: DVec3, random: Vec3) -> Vec3 {
         match self {
             Self::Random => random,
@@ -70,7 +70,7 @@ impl Map {
         (lookup.texels.iter().zip(lookup.weights)).map(|(&texel, weight)| weight * self.texels[texel as usize]).sum()
     }
 
-    /// Moves the colors against the gradient, `rate` at a time.
+    /// Moves the colors against the gradient, at this `rate`.
     pub fn update(&mut self, gradients: impl Iterator<Item = (Lookup, Vec3)>, rate: f32) {
         let mut sums = vec![Vec3::ZERO; self.texels.len()];
         for (lookup, gradient) in gradients {

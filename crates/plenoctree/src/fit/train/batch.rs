@@ -1,8 +1,9 @@
-//! The rays of a batch: what they see, how wrong it is, and the gradient.
+//! The rays of a batch: their colors, their loss, and its gradient.
 //!
-//! Rays come in tiles of 4 x 4 pixels. Those of a tile cross mostly the same voxels, in directions that hardly differ, so
-//! that each voxel's color is computed once per tile, in the direction of its center, and its gradient is summed over the
-//! tile. A batch leaves a list of these gradients, sorted by blocks of voxels, for [`update`](super::update) to apply.
+//! Rays come in tiles of 4 x 4 pixels. The rays of a tile mostly cross the same voxels, in nearly the same directions.
+//! So each voxel's color is computed once per tile, in the direction of the tile's center, and its gradient is summed
+//! over the tile. A batch leaves a list of these gradients, sorted by blocks of voxels, for [`update`](super::update)
+//! to apply.
 
 use std::sync::Mutex;
 
@@ -10,8 +11,8 @@ use glam::{DVec2, DVec3, Vec3, Vec4};
 use rayon::prelude::*;
 
 use super::{
-    TrainView,
     backdrop::{Backdrop, Lookup},
+    gallery::TrainView,
 };
 use crate::{
     exponential::{exp_minus, sigmoid},
@@ -23,11 +24,11 @@ use crate::{
 pub const TILE: u32 = 4;
 /// Number of voxels that are updated together.
 pub const BLOCK: usize = 1024;
-/// Number of parts that a batch has, whatever the number of threads.
+/// Number of parts of a batch, for any number of threads.
 pub const PARTS: usize = 32;
 /// Transmittance below which a ray ends.
 const STOP: f32 = 1e-3;
-/// Most basis functions of a field.
+/// Maximum number of basis functions of a field.
 const MOST_FUNCTIONS: usize = 16;
 
 /// A square of pixels of one view.
@@ -40,7 +41,7 @@ pub struct Tile {
     pub y: u16,
 }
 
-/// The gradient with respect to what one tile sees of one voxel.
+/// The gradient with respect to one voxel as one tile sees it.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct VoxelGradient {
     pub voxel: u32,
@@ -50,7 +51,7 @@ pub struct VoxelGradient {
     pub gradient: [f32; 4],
 }
 
-/// What a tile adds to the rest of the model.
+/// A tile's contribution to the rest of the model.
 #[derive(Clone, Copy, Debug)]
 pub struct TileResult {
     pub view: u32,
@@ -100,14 +101,14 @@ struct Scratch {
     samples: Vec<Sample>,
 }
 
-/// Memory that batches use again.
+/// Memory that batches reuse.
 #[derive(Default)]
 pub struct Workspace {
     pub parts: Vec<Part>,
     scratch: Mutex<Vec<Scratch>>,
 }
 
-/// What rays are compared with.
+/// The model, and the views that rays are compared with.
 pub struct Scene<'a> {
     pub grid: &'a Grid,
     pub views: &'a [TrainView],
@@ -228,7 +229,7 @@ fn render_tile<const B: usize>(scene: &Scene, tile: Tile, mut random: Random, sc
         let outer = 2.0 * gain * error;
         behind += transmittance * outer;
         let outer = outer.extend(0.0);
-        // What the samples behind the current one, and the backdrop, add to `outer . rendered`.
+        // The contribution to `outer . rendered` of the samples behind the current one and of the backdrop.
         let mut rest = outer.dot(seen) + transmittance * outer.truncate().dot(backdrop);
         for sample in samples {
             let color = colors[sample.slot as usize];
@@ -256,14 +257,14 @@ fn render_tile<const B: usize>(scene: &Scene, tile: Tile, mut random: Random, sc
     }));
 }
 
-/// Returns the color of a voxel. The fourth element means nothing.
+/// Returns the color of a voxel. The fourth element is unused.
 #[inline]
 fn color<const B: usize>(grid: &Grid, voxel: u32, basis: &[f32; B]) -> Vec4 {
     let values = &grid.values[voxel as usize * B..][..B];
     sigmoid(values.iter().zip(basis).map(|(value, y)| *value * *y).sum())
 }
 
-/// Returns what a ray sees of the grid, premultiplied, and what it lets through.
+/// Returns the color of the grid along a ray, premultiplied, and its transmittance.
 pub fn render_ray(grid: &Grid, origin: DVec3, direction: DVec3) -> (Vec3, f32) {
     let y = Basis::Sh16.evaluate(direction);
     let functions = grid.functions();

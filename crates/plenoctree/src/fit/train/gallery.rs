@@ -1,15 +1,23 @@
-//! The pictures to fit to: all in memory, or as many at a time as fit.
+//! The pictures to fit to: all of them in memory, or as many at a time as fit.
 
 use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::TrainView;
 use crate::fit::{
     error::FitError,
     input::{Picture, View, ViewCamera},
     random::Random,
 };
+
+/// A view whose picture is in memory.
+#[derive(Clone, Debug)]
+pub struct TrainView {
+    /// Index among the views that are fitted to.
+    pub number: usize,
+    pub camera: ViewCamera,
+    pub picture: Arc<Picture>,
+}
 
 /// The views to fit to.
 pub struct Gallery {
@@ -20,7 +28,7 @@ pub struct Gallery {
     at_once: usize,
     /// The views in memory.
     held: Vec<TrainView>,
-    /// Views still to come before all have been shown.
+    /// Views that this round over all views has not shown yet.
     waiting: Vec<usize>,
 }
 
@@ -54,7 +62,7 @@ impl Gallery {
         self.cameras.iter().collect()
     }
 
-    /// Calls `visit` with every view in turn, in order, from as few pictures in memory as allowed.
+    /// Calls `visit` with every view in order, without exceeding the memory limit.
     ///
     /// # Errors
     ///
@@ -68,7 +76,7 @@ impl Gallery {
         Ok(())
     }
 
-    /// Returns the views of the next round: all of them, or others than before until all have had their turn.
+    /// Returns the views of the next round: all of them, or some that have not been used since all others were.
     ///
     /// # Errors
     ///
@@ -88,7 +96,7 @@ impl Gallery {
         Ok(self.held.clone())
     }
 
-    /// Reads these pictures, and forgets all others.
+    /// Reads these pictures, and drops all others.
     fn hold(&mut self, numbers: &[usize]) -> Result<(), FitError> {
         if self.held.iter().map(|view| view.number).eq(numbers.iter().copied()) {
             return Ok(());

@@ -7,36 +7,30 @@ mod schedule;
 pub mod update;
 pub mod visibility;
 
-use std::{sync::Arc, time::Instant};
+use std::time::Instant;
 
 use glam::{DVec2, Vec3};
 use rayon::prelude::*;
 
-pub use self::schedule::{Schedule, Stage};
 use self::{
     backdrop::Backdrop,
     batch::{Scene, TILE, Tile, Workspace, render_batch},
     gallery::Gallery,
     update::{Optimizer, update},
 };
+pub use self::{
+    gallery::TrainView,
+    schedule::{Position, Schedule, Stage},
+};
 use super::{
     error::FitError,
     grid::{Grid, VoxelSet},
-    input::{Picture, ViewCamera},
+    input::ViewCamera,
     progress::FitProgress,
     random::Random,
 };
 
-/// A view whose picture is in memory.
-#[derive(Clone, Debug)]
-pub struct TrainView {
-    /// Index among the views that are fitted to.
-    pub number: usize,
-    pub camera: ViewCamera,
-    pub picture: Arc<Picture>,
-}
-
-/// What is being fitted.
+/// The model that is fitted.
 pub struct Model {
     pub grid: Grid,
     pub backdrop: Backdrop,
@@ -44,23 +38,8 @@ pub struct Model {
     pub gains: Vec<Vec3>,
 }
 
-/// How far a fit is.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Position {
-    /// The stage.
-    pub stage: usize,
-    /// Rays that the stage trained on.
-    pub rays: u64,
-    /// Voxels that these rays crossed.
-    pub samples: u64,
-    /// How often the stage has removed invisible voxels.
-    pub prunings: usize,
-    /// Seconds that the stage has taken.
-    pub seconds: f64,
-}
-
-/// Called now and then with the model, how far it is, the share of the stage that is done, and the state of the random
-/// numbers.
+/// Called periodically with the model, its position, the fraction of the stage that is done, and the state of the
+/// random numbers.
 pub type Watch<'a> = dyn FnMut(&Model, &Position, f64, &Random) -> Result<(), FitError> + 'a;
 
 /// Fits `model` for one stage, from `position` on. Returns early if `progress` says so. Returns the mean squared error per
@@ -136,7 +115,7 @@ pub fn train(
     Ok(errors)
 }
 
-/// What a round says of one view.
+/// The sums of a round for one view.
 #[derive(Clone, Default)]
 struct ViewSums {
     loss: f64,
@@ -152,7 +131,7 @@ impl ViewSums {
         self.gain[1] += tile.gain[1];
     }
 
-    /// Returns the mean squared error per channel, if enough rays tell.
+    /// Returns the mean squared error per channel, if there were enough rays.
     fn error(&self) -> Option<f64> {
         const ENOUGH: f64 = 200.0;
         (self.rays >= ENOUGH).then(|| self.loss / (3.0 * self.rays))
@@ -172,7 +151,7 @@ fn learn_gains(gains: &mut [Vec3], sums: &[ViewSums]) {
     gains.iter_mut().for_each(|gain| *gain /= Vec3::from_array(mean));
 }
 
-/// Returns the tiles of which some corner sees a voxel.
+/// Returns the tiles in which any corner sees a voxel.
 fn active_tiles(grid: &Grid, views: &[TrainView]) -> Vec<Tile> {
     let in_view = |(index, view): (usize, &TrainView)| {
         let camera = &view.camera;

@@ -1,9 +1,8 @@
-//! What each stage does: how long, how fast, and what it adds to the loss.
+//! The schedule of training: the length, the rates and the penalties of each stage.
 
 use std::time::Duration;
 
 use super::{
-    Position,
     update::{Optimizer, Penalties, Rates},
     visibility::Limits,
 };
@@ -16,8 +15,23 @@ const RAYS: [f64; 5] = [4.0, 24.0, 110.0, 300.0, 600.0];
 
 /// Rays that refine a field with an effort of 1, in millions.
 const REFINING_RAYS: f64 = 60.0;
-/// Million rays that fields are simplified with.
+/// Rays that simplify a field with an effort of 1, in millions.
 const SIMPLIFYING_RAYS: f64 = 8.0;
+
+/// The position of a fit in its schedule.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Position {
+    /// The stage.
+    pub stage: usize,
+    /// Rays that the stage trained on.
+    pub rays: u64,
+    /// Voxels that these rays crossed.
+    pub samples: u64,
+    /// Number of times that the stage has removed invisible voxels.
+    pub prunings: usize,
+    /// Seconds that the stage has taken.
+    pub seconds: f64,
+}
 
 /// The stages of a fit.
 #[derive(Clone, Debug)]
@@ -36,9 +50,9 @@ pub struct Stage {
     time: Option<Duration>,
     /// Tiles of a batch.
     pub tiles: usize,
-    /// The shares of the stage after which invisible voxels are removed.
+    /// The fractions of the stage after which invisible voxels are removed.
     pub prune_at: Vec<f64>,
-    /// What counts as visible then.
+    /// The limits of visibility for that.
     pub prune_below: Limits,
     /// The largest weight of a voxel above which the next stage splits it and its neighbors.
     pub split_above: f32,
@@ -85,7 +99,7 @@ impl Schedule {
         Self { stages }
     }
 
-    /// Returns the share of the whole work that is done before `stage`, and the share of the stage.
+    /// Returns the fraction of all work that is done before `stage`, and the fraction that is this stage's.
     pub fn shares(&self, stage: usize) -> (f64, f64) {
         let total: f64 = self.stages.iter().map(|stage| stage.rays as f64).sum();
         let before: f64 = self.stages[..stage].iter().map(|stage| stage.rays as f64).sum();
@@ -94,7 +108,7 @@ impl Schedule {
 }
 
 impl Stage {
-    /// Plans the only stage of a field that is nearly right already.
+    /// Plans the single stage of refining a field that is already nearly right.
     pub fn refining(resolution: u32, effort: f64, time: Option<Duration>) -> Self {
         Self {
             resolution,
@@ -116,8 +130,8 @@ impl Stage {
         }
     }
 
-    /// Plans the only stage of a field that is to become simpler. `smoothness` is what the squares of all coefficients but the
-    /// constant one cost.
+    /// Plans the single stage of simplifying a field. `smoothness` is the penalty on squares of all coefficients except
+    /// the constant one.
     pub fn simplifying(resolution: u32, effort: f64, smoothness: f32) -> Self {
         let stage = Self::refining(resolution, 0.0, None);
         let penalties = Penalties { direction: smoothness, ..stage.optimizer.penalties };
@@ -130,7 +144,7 @@ impl Stage {
         }
     }
 
-    /// Returns the share of the stage that is done.
+    /// Returns the fraction of the stage that is done.
     pub fn fraction(&self, position: &Position) -> f64 {
         match self.time {
             Some(time) => position.seconds / time.as_secs_f64().max(1e-3),
@@ -138,7 +152,7 @@ impl Stage {
         }
     }
 
-    /// Returns the rates after a share of the stage. They fall exponentially.
+    /// Returns the rates after a fraction of the stage. They fall exponentially.
     pub fn rates(&self, fraction: f64) -> Rates {
         let first = self.optimizer.rates;
         let between = |first: f32, last: f32| first * (last / first).powf(fraction as f32);
@@ -149,7 +163,7 @@ impl Stage {
         }
     }
 
-    /// Returns the rate of the backdrop after a share of the stage.
+    /// Returns the rate of the backdrop after a fraction of the stage.
     pub fn backdrop_rate(&self, fraction: f64) -> f32 {
         0.004 * 0.1f32.powf(fraction as f32)
     }

@@ -11,7 +11,7 @@ const MAX_THICKNESS: f32 = 40.0;
 /// Difference of thickness at which the total variation turns from squares to absolute values.
 const SOFT: f32 = 0.1;
 
-/// How far a step goes.
+/// Learning rates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rates {
     /// For the constant coefficient.
@@ -22,14 +22,14 @@ pub struct Rates {
     pub thickness: f32,
 }
 
-/// What is added to the loss for each voxel that a batch sees.
+/// Penalties: terms of the loss for each voxel that a batch sees.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Penalties {
     /// Total variation of the thickness.
     pub variation: f32,
-    /// Thickness as such: `atan` of it, which spares voxels that are opaque anyway.
+    /// `atan` of the thickness itself, which hardly affects voxels that are opaque anyway.
     pub presence: f32,
-    /// Squares of all coefficients but the constant one.
+    /// Squares of all coefficients except the constant one.
     pub direction: f32,
 }
 
@@ -40,11 +40,11 @@ pub struct Optimizer {
     pub penalties: Penalties,
     /// Decay of the mean square of the gradient.
     pub decay: f32,
-    /// Added to the root of the mean square: gradients far below are followed more slowly.
+    /// Added to the root of the mean square, so that much smaller gradients are followed more slowly.
     pub floor: f32,
 }
 
-/// Moves all voxels that the batch saw. `thickness` is memory for the new copy of the grid's thickness.
+/// Updates all voxels that the batch saw. `thickness` is memory for the new copy of the grid's thickness.
 pub fn update(grid: &mut Grid, parts: &[Part], optimizer: &Optimizer, thickness: &mut Vec<f32>) {
     match grid.functions() {
         1 => update_blocks::<1>(grid, parts, optimizer, thickness),
@@ -97,7 +97,7 @@ fn update_blocks<const B: usize>(grid: &mut Grid, parts: &[Part], optimizer: &Op
     std::mem::swap(&mut grid.thickness, thickness);
 }
 
-/// Moves one voxel.
+/// Updates one voxel.
 #[inline]
 fn step<const B: usize>(
     values: &mut [Vec4],

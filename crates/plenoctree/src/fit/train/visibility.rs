@@ -1,4 +1,4 @@
-//! Which voxels the cameras see.
+//! Finds the voxels that the cameras see.
 
 use std::sync::Mutex;
 
@@ -16,17 +16,17 @@ use crate::{
 /// Transmittance below which nothing is seen.
 const STOP: f32 = 1e-5;
 
-/// What makes a voxel worth keeping.
+/// The conditions for keeping a voxel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
-    /// Largest weight over all rays that does, from the strictest limit. A limit is passed over if rays would lose more
-    /// than `loss` by it, as they do in fog, which is made of voxels of little weight. The last one holds in any case.
+    /// Limits of a voxel's largest weight over all rays, from the strictest. A limit is skipped if rays would lose more
+    /// than `loss` by it, as in fog, where all voxels have little weight. The last one always applies.
     pub weights: [f32; 4],
     /// The opacity that rays may lose: the root mean square.
     pub loss: f64,
-    /// The same for voxels that are thick, such as those behind a surface.
+    /// The same for thick voxels, such as those behind a surface.
     pub thick_weight: f32,
-    /// What is thick.
+    /// The thickness from which a voxel counts as thick.
     pub thick: f32,
     /// Distance of the rays, in voxels.
     pub spacing: f64,
@@ -39,7 +39,7 @@ impl Default for Limits {
 }
 
 impl Limits {
-    /// For fields that are right already: only what hardly shows goes.
+    /// For fields that are already right: removes only what is hardly visible.
     pub const FAINTEST: Self = Self { weights: [1e-3; 4], loss: 0.04, thick_weight: 2e-5, thick: 0.05, spacing: 1.0 };
 
     /// Returns whether a voxel is worth keeping.
@@ -71,7 +71,7 @@ pub fn largest_weights(grid: &Grid, cameras: &[&ViewCamera], spacing: f64) -> Ve
     all
 }
 
-/// Returns the places in the picture of rays that are about `spacing` voxels apart in the middle of the grid.
+/// Returns the points of the picture whose rays are about `spacing` voxels apart in the middle of the grid.
 fn pixels(grid: &Grid, camera: &ViewCamera, spacing: f64) -> impl Iterator<Item = DVec2> {
     let middle = grid.cube().low + 0.5 * grid.cube().size;
     let pixels = spacing * grid.voxel_size() * camera.lens.focal.x / camera.position.distance(middle).max(1e-9);
@@ -93,7 +93,7 @@ fn march(grid: &Grid, camera: &ViewCamera, pixel: DVec2, mut visit: impl FnMut(u
     });
 }
 
-/// Returns the strictest limit by which rays lose little.
+/// Returns the strictest limit with an acceptable loss.
 fn limit(grid: &Grid, cameras: &[&ViewCamera], weights: &[f32], limits: &Limits) -> f32 {
     let of_camera = |camera: &&ViewCamera| {
         let (mut squared, mut count) = ([0.0; 4], 0.0);
@@ -162,7 +162,8 @@ mod tests {
         grid
     }
 
-    /// Haze before a wall goes. The same haze stays where it is all there is to see, and as dense as a cloud.
+    /// Haze in front of a wall is removed. The same haze is kept where nothing else is visible, and so is a dense
+    /// cloud.
     #[test]
     fn haze_goes_and_clouds_stay() {
         let count = |thickness: &dyn Fn(UVec3) -> f32| {

@@ -14,7 +14,7 @@ use crate::{
 /// Number of labels that are computed at a time.
 const LANES: usize = 8;
 
-/// How much more a palette color is pulled by the points of its own label than by those of blends, less 1.
+/// How much more a palette color is pulled by the points of its own label than by those of blends, minus 1.
 const OWN: f64 = 1.0;
 
 /// How much the share of hues that are off adds to the error.
@@ -74,8 +74,8 @@ impl<'a> Labels<'a> {
     }
 
     /// Assigns the points to the labels, softly: label `l` at the squared distance `d(l)` has the share
-    /// `(1 + (d(l) - d(nearest)) / softness)^-4` of a point, over the sum of these. Calls `with` for every point, with its
-    /// squared distance to the nearest label and what its shares are to be multiplied by to sum to its two weights.
+    /// `(1 + (d(l) - d(nearest)) / softness)^-4` of a point, over the sum of these. Calls `with` for every point, with
+    /// its squared distance to the nearest label and the factors by which its shares sum to its two weights.
     fn assign(&mut self, points: &Points, softness: f32, mut with: impl FnMut(&mut [Lanes], &Point, f32, [f32; 2])) {
         for point in points.all.iter().take_while(|_| !self.progress.is_canceled()) {
             let closest = distances(&mut self.lanes, point);
@@ -92,10 +92,11 @@ impl<'a> Labels<'a> {
         }
     }
 
-    /// Returns the palette that fits best to the soft assignment of the points, and the mean squared distance of the
+    /// Returns the palette that best fits the soft assignment of the points, and the mean squared distance of the
     /// points to the labels nearest to them.
     ///
-    /// `stride` is how far the colors go: 1 to where the assignment pulls, more because the assignment follows.
+    /// `stride` scales the step: 1 moves the colors to the optimum for this assignment, more anticipates that the
+    /// assignment follows.
     pub fn step(&mut self, points: &Points, palette: &[DVec3], softness: f64, stride: f64) -> (Vec<DVec3>, f64) {
         self.prepare(palette);
         let mut nearest = 0.0;
@@ -132,7 +133,8 @@ impl<'a> Labels<'a> {
         distance
     }
 
-    /// Solves the normal equations of the palette's colors, each within the RGB cube, one color after another, and goes `stride` times as far.
+    /// Solves the normal equations of the palette's colors, each within the RGB cube, one color after another, and goes
+    /// `stride` times as far.
     fn solve(&self, palette: &[DVec3], stride: f64) -> Vec<DVec3> {
         let count = palette.len();
         let mut matrix = vec![DVec2::ZERO; count * count];
@@ -172,8 +174,8 @@ impl<'a> Labels<'a> {
         palette
     }
 
-    /// Returns how badly a palette fits: the mean squared distance of the soft assignment, increased by the share of the
-    /// weight that is shown with another hue, and by colors that are hardly seen.
+    /// Returns how badly a palette fits: the mean squared distance of the soft assignment, increased by the share of
+    /// the weight that is shown with another hue, and by colors that are hardly seen.
     pub fn rate(&mut self, points: &Points, palette: &[DVec3], softness: f64) -> f64 {
         let distance = self.distance(points, palette, softness);
         let shown: Vec<DVec2> = self.all.iter().map(|label| chroma(to_rgb(color(label, palette)))).collect();
@@ -199,7 +201,7 @@ impl<'a> Labels<'a> {
         points.all.iter().map(|point| self.nearest_to(point)).collect()
     }
 
-    /// Returns the label that is nearest to a point, of equal ones the first, and its squared distance.
+    /// Returns the label that is nearest to a point, and its squared distance. Ties go to the first label.
     fn nearest_to(&mut self, point: &Point) -> (usize, f32) {
         let closest = distances(&mut self.lanes, point);
         let mut all = self.lanes.iter().flat_map(|lanes| lanes.share);

@@ -4,7 +4,7 @@ mod labels;
 mod points;
 mod search;
 
-use super::{colors::Palette, extract::order, kmeans::Clusters};
+use super::{colors::Palette, kmeans::Clusters, order::order};
 use crate::sampling::{Bins, Canceled, Progress};
 use points::Points;
 
@@ -51,8 +51,8 @@ impl Cloud {
         Ok(order(found, &self.bins))
     }
 
-    /// Returns the colors, merged in the first of some lattices that keeps at least `least` points, or not merged if none
-    /// does.
+    /// Returns the colors, merged in the first of some lattices that keeps at least `least` points, or not merged if
+    /// none does.
     fn merged(&self, lattices: &[usize], least: usize) -> Points {
         let (Clusters { centers, weights }, salient) = (&self.bins, &self.salient);
         let coarse = lattices.iter().filter(|lattice| **lattice < self.per_channel);
@@ -62,8 +62,8 @@ impl Cloud {
     }
 }
 
-/// The weight of a group of similar colors counts like its share to this power, so that small but distinct colors are not
-/// lost among large ones.
+/// The weight of a group of similar colors counts like its share to this power, so that small but distinct colors are
+/// not lost among large ones.
 const SALIENCE: f64 = 0.78;
 
 /// Returns weights of colors that sum to 1, where the colors in each cell of an 8 x 8 x 8 lattice weigh together as
@@ -83,7 +83,7 @@ mod tests {
 
     use super::*;
     use crate::{
-        palette::{ColorErrors, Colors, ExtractionSettings, PaletteMethod, extract_from_histograms},
+        palette::{ColorCount, ColorErrors, ExtractionSettings, PaletteMethod, extract_from_histograms},
         sampling::Histograms,
     };
 
@@ -101,7 +101,7 @@ mod tests {
     }
 
     fn fit(colors: &[([f64; 3], f64)], count: usize) -> (Palette, ColorErrors) {
-        let settings = ExtractionSettings { colors: Colors::Fixed(count), ..fitted() };
+        let settings = ExtractionSettings { colors: ColorCount::Fixed(count), ..fitted() };
         let extraction = extract_from_histograms(&histograms(colors), &settings, &Progress::default()).unwrap();
         (extraction.palette, extraction.errors)
     }
@@ -158,7 +158,7 @@ mod tests {
         }
     }
 
-    /// A field with no more colors than wanted keeps them all, wherever they are.
+    /// A field with no more colors than requested keeps them all, regardless of where they are.
     #[test]
     fn few_colors_are_all_kept() {
         let center = |i: u32| (f64::from(i) + 0.5) / 32.0;

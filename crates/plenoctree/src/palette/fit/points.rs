@@ -1,4 +1,4 @@
-//! Weighted colors in a space that tells luma from chroma.
+//! Weighted colors in a space that separates luma from chroma.
 
 use glam::{DVec2, DVec3, swizzles::Vec3Swizzles};
 
@@ -13,7 +13,7 @@ const NEGLIGIBLE: f64 = 1e-12;
 /// Weighted colors in opponent space.
 pub(super) struct Points {
     pub all: Vec<Point>,
-    /// a and b in Oklab of every point, and its share of the weight as it is seen.
+    /// a and b in Oklab of every point, and its share of the visible weight.
     pub chroma: Vec<(DVec2, f32)>,
 }
 
@@ -31,7 +31,7 @@ pub(super) struct Point {
 impl Points {
     /// Merges the colors (encoded sRGB) in every cell of a lattice of `lattice` cells per channel into their mean.
     ///
-    /// `weights` are their weights as they are seen, and `salient` those that the fit uses.
+    /// `weights` are their visible weights, and `salient` those that the fit uses.
     pub fn new(colors: &[[f64; 3]], weights: &[f64], salient: &[f64], lattice: usize) -> Self {
         let mut cells = vec![(DVec3::ZERO, 0.0, 0.0); lattice.pow(3)];
         for ((color, weight), salient) in colors.iter().zip(weights).zip(salient) {
@@ -64,8 +64,9 @@ impl Points {
 impl Point {
     /// Returns the point of a color (encoded sRGB), and a and b in Oklab.
     ///
-    /// The chroma of a label is seen relative to that of the color: a hue is off if it misses it by as much as there is.
-    /// The ratio of chroma in Oklab and in opponent space, which depends on hue and luma, converts one to the other.
+    /// Errors of chroma are relative to the color's own chroma: a hue is off if the error is as large as the chroma
+    /// itself. The ratio of chroma in Oklab and in opponent space, which depends on hue and luma, converts one to the
+    /// other.
     fn new(color: DVec3, weight: f64) -> (Self, DVec2) {
         let plane = |color: DVec3| to_opponent(color).yz().length_squared();
         let seen = chroma(color);

@@ -39,7 +39,7 @@ const EXCHANGES: usize = 6;
 /// Number of palettes that are kept from round to round.
 const KEPT: usize = 12;
 
-/// Numbers of palettes that stay in the final rounds, and of steps by which these are fitted to all points.
+/// Numbers of palettes that remain in each final round, and of steps by which they are fitted to all points.
 const FINALS: [(usize, usize); 2] = [(10, 2), (3, 6)];
 
 /// Number of distances of a point to a label that exchanges may compute, per cubed number of colors, and at most.
@@ -99,8 +99,8 @@ struct Fit<'a> {
 }
 
 impl Fit<'_> {
-    /// Fits a palette while its labels become less and less soft, then for up to `steps` steps more. Returns the palette
-    /// and the final softness.
+    /// Fits a palette while its labels become less and less soft, then for up to `steps` steps more. Returns the
+    /// palette and the final softness.
     fn anneal(&mut self, palette: &[DVec3], mut softness: f64, mut steps: usize) -> (Vec<DVec3>, f64) {
         let mut palette = palette.to_vec();
         while steps > 0 && !self.progress.is_canceled() {
@@ -124,8 +124,8 @@ impl Fit<'_> {
         Rated { palette, error }
     }
 
-    /// Puts each of the colors that are shown worst in the place of each color of the best palette, and keeps the best
-    /// of the palettes that come of it.
+    /// Replaces each color of the best palette with each of the colors that are shown worst, and keeps the best of the
+    /// resulting palettes.
     fn exchange(&mut self, pool: &mut Vec<Rated>, softness: f64, work: &mut usize) {
         let best = pool[0].palette.clone();
         let distances = self.labels.nearest(self.points, &best).into_iter().map(|(_, distance)| f64::from(distance));
@@ -204,8 +204,8 @@ fn farthest(points: &Points, mut distances: Vec<f64>, count: usize, exponent: f6
     chosen
 }
 
-/// Replaces colors that are the same as another one, or that are nearest to no point, by colors that are shown badly, and
-/// fits them all again. If this does not help, drops them.
+/// Replaces colors that are the same as another one, or that are nearest to no point, with colors that are shown badly,
+/// and fits them all again. If this does not help, drops them.
 fn prune(points: &Points, mut palette: Vec<DVec3>, softness: f64, blend_steps: u32, progress: &Progress) -> Vec<DVec3> {
     let mut tries = palette.len();
     while palette.len() > 1 && !progress.is_canceled() {

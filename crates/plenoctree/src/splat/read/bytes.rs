@@ -1,6 +1,6 @@
-//! Numbers and parts of byte strings.
+//! Reads numbers and parts from the front of a byte string.
 
-use super::Fault;
+use crate::splat::error::Fault;
 
 /// Bytes that are read from the front.
 pub struct Bytes<'a> {

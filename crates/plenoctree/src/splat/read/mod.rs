@@ -3,45 +3,30 @@
 mod bytes;
 mod gltf;
 mod ply;
+mod settings;
+mod shared;
 mod sog;
 mod spz;
 
+pub use settings::{SplatSettings, SpzAxes};
+
 use std::{fs, io, path::Path};
 
+use self::shared::Beside;
 use super::{
     error::{Fault, SplatError},
     splats::Splats,
 };
 
-/// What is not in the file of a capture.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct SplatSettings {
-    /// The axes of an SPZ file that does not record them.
-    pub spz_axes: SpzAxes,
-}
-
-/// The axes of an SPZ file.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum SpzAxes {
-    /// Right, up and back, as the format defines. The default.
-    #[default]
-    RightUpBack,
-    /// Those of `.ply` files: right, down and front. splat-transform 3 writes such files.
-    RightDownFront,
-}
-
-/// The formats, as errors list them.
+/// The formats, for errors.
 const FORMATS: &str = "a capture: .ply, .spz, .sog, .glb, .gltf, or the meta.json of a SOG folder";
-/// Smallest number of Gaussians that may be too many for the size of a file.
-const MANY: u64 = 1 << 20;
-/// Fewest bytes of a file for each Gaussian, if there are many.
-const FEWEST_BYTES: u64 = 4;
-/// Largest size of what is beside a file, such as an image: 2 GiB.
+/// Largest size of a file next to a capture, such as an image: 2 GiB.
 const LARGEST_FILE: u64 = 2 << 30;
 
 impl Splats {
-    /// Reads a capture: a `.ply` file of 3D Gaussian splatting, SPZ (versions 2 to 4), SOG (a `.sog` file, its `meta.json`, or
-    /// the folder of it), or glTF with `KHR_gaussian_splatting`. The content of the file tells its format.
+    /// Reads a capture: a `.ply` file of 3D Gaussian splatting, SPZ (versions 2 to 4), SOG (a `.sog` file, its
+    /// `meta.json`, or the folder of it), or glTF with `KHR_gaussian_splatting`. The format is detected from the
+    /// content of the file.
     ///
     /// All formats give the same coordinates for the same capture: those of the `.ply` file.
     ///
@@ -65,7 +50,7 @@ impl Splats {
 
     /// Reads a capture from memory, like [`Self::read`].
     ///
-    /// `file` is its name in errors. `beside` reads a file next to it: some formats consist of several.
+    /// `file` is its name in errors. `beside` reads a file next to it, because some formats consist of several files.
     ///
     /// # Errors
     ///
@@ -77,11 +62,11 @@ impl Splats {
         beside: &mut dyn FnMut(&str) -> io::Result<Vec<u8>>,
     ) -> Result<Self, SplatError> {
         let mut beside = |name: &str| {
-            // Only from the same folder, or below.
+            // Only from the same folder or below it.
             if name.split(['/', '\\']).any(|part| part == "..") || name.starts_with(['/', '\\']) || name.contains(':') {
-                return Err(Fault::found("a file beside it", name, "a name in the same folder"));
+                return Err(Fault::found("a file next to it", name, "a name in the same folder"));
             }
-            beside(name).map_err(|error| Fault::found(name, error.to_string(), "a file beside it"))
+            beside(name).map_err(|error| Fault::found(name, error.to_string(), "a file next to it"))
         };
         let mut read = || {
             let splats = match bytes {
@@ -105,8 +90,6 @@ impl Splats {
     }
 }
 
-type Beside<'a> = &'a mut dyn FnMut(&str) -> Result<Vec<u8>, Fault>;
-
 fn read_json(bytes: &[u8], beside: Beside) -> Result<Splats, Fault> {
     let json: serde_json::Value =
         serde_json::from_slice(bytes).map_err(|error| Fault::found("JSON", error.to_string(), FORMATS))?;
@@ -117,21 +100,6 @@ fn read_json(bytes: &[u8], beside: Beside) -> Result<Splats, Fault> {
     } else {
         Err(Fault::found("JSON", "neither `means` nor `asset`", FORMATS))
     }
-}
-
-/// Checks a number of Gaussians, before memory is allocated for them, against the size of the file.
-fn check_count(what: &str, count: u64, bytes: u64) -> Result<usize, Fault> {
-    let most = MANY.max(bytes / FEWEST_BYTES);
-    if count > most {
-        let expected = format!("at most {most} in a file of {bytes} bytes");
-        return Err(Fault::found(what, format!("{count} Gaussians"), expected));
-    }
-    Ok(count as usize)
-}
-
-/// Converts from the logarithm of the odds.
-fn sigmoid(x: f32) -> f32 {
-    1.0 / (1.0 + (-x).exp())
 }
 
 fn first_letter(bytes: &[u8]) -> Option<u8> {

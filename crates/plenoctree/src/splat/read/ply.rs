@@ -3,11 +3,14 @@
 use glam::{Quat, Vec3};
 
 use super::{
-    Fault, Splats,
     bytes::{Bytes, Number},
-    sigmoid,
+    shared::sigmoid,
 };
-use crate::splat::{harmonics::functions, splats::Gaussian};
+use crate::splat::{
+    error::Fault,
+    harmonics::functions,
+    splats::{Gaussian, Splats},
+};
 
 /// Longest header.
 const MAX_HEADER: usize = 1 << 16;

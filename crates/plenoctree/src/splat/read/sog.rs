@@ -8,12 +8,16 @@ use serde::Deserialize;
 use serde_json::Value;
 use zip::{ZipArchive, result::ZipError};
 
-use super::{Beside, Fault, Splats, check_count, sigmoid};
-use crate::splat::{harmonics::functions, splats::Gaussian};
+use super::shared::{Beside, check_count, sigmoid};
+use crate::splat::{
+    error::Fault,
+    harmonics::functions,
+    splats::{Gaussian, Splats},
+};
 
 /// Centroids in a row of their image.
 const ROW: usize = 64;
-/// Most centroids, which 16-bit labels refer to.
+/// Maximum number of centroids, which 16-bit labels refer to.
 const MAX_CENTROIDS: usize = 1 << 16;
 /// Largest `meta.json`.
 const MAX_META: u64 = 1 << 20;
@@ -83,7 +87,7 @@ pub fn read_bundle(bytes: &[u8]) -> Result<Splats, Fault> {
         let damaged = |found: String| Fault::found(name, found, format!("a member of at most {most} bytes"));
         let member = archive.by_name(&format!("{folder}{name}")).map_err(|error| damaged(error.to_string()))?;
         let mut content = Vec::new();
-        // What is claimed may be wrong.
+        // The claimed size may be wrong.
         member.take(most + 1).read_to_end(&mut content).map_err(|error| damaged(error.to_string()))?;
         if content.len() as u64 > most {
             return Err(damaged("more".into()));

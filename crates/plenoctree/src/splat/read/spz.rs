@@ -6,16 +6,17 @@ use flate2::read::GzDecoder;
 use glam::{DAffine3, DMat3, DVec3, Quat, Vec3};
 use ruzstd::decoding::StreamingDecoder;
 
-use super::{Fault, Splats, SpzAxes, bytes::Bytes, check_count};
+use super::{bytes::Bytes, settings::SpzAxes, shared::check_count};
 use crate::splat::{
+    error::Fault,
     harmonics::functions,
-    splats::{Gaussian, MOST_DEGREE},
+    splats::{Gaussian, MOST_DEGREE, Splats},
 };
 
 const MAGIC: [u8; 4] = *b"NGSP";
 /// The highest degree of harmonics that files have.
 const MOST_STORED_DEGREE: u8 = 4;
-/// What colors are multiplied by before they are stored.
+/// Factor by which colors are multiplied before they are stored.
 const COLOR_SCALE: f32 = 0.15;
 /// Flag: extensions follow.
 const EXTENSIONS: u8 = 2;
@@ -25,7 +26,7 @@ const COORDINATE_SYSTEM: u32 = 0xadbe_0003;
 const RIGHT_UP_BACK: u32 = 4;
 /// Its number of right, down and front.
 const RIGHT_DOWN_FRONT: u32 = 6;
-/// Most bytes of extensions that are read.
+/// Maximum number of bytes of extensions that are read.
 const MAX_EXTENSIONS: u64 = 1 << 16;
 
 struct Header {
@@ -169,7 +170,7 @@ fn read_streams(bytes: &[u8]) -> Result<(Header, Planes, Vec<u8>), Fault> {
     Ok((header, Planes::new(planes), extensions))
 }
 
-/// Reads `count` bytes. Memory grows with what there is, not with what is expected.
+/// Reads `count` bytes. Memory grows with the bytes that exist, not with the expected number.
 fn read_exactly(reader: &mut impl Read, count: usize, into: &mut Vec<u8>, what: &str) -> Result<(), Fault> {
     let read = reader.take(count as u64).read_to_end(into);
     match read {
@@ -217,7 +218,7 @@ fn unpack(header: &Header, planes: &Planes) -> Splats {
     splats
 }
 
-/// Version 2: x, y and z, and w from what is left.
+/// Version 2: x, y and z. w follows from them.
 fn first_three(bytes: [u8; 3]) -> Quat {
     let vector = Vec3::from_array(bytes.map(|byte| f32::from(byte) / 127.5 - 1.0));
     Quat::from_xyzw(vector.x, vector.y, vector.z, (1.0 - vector.length_squared()).max(0.0).sqrt())
@@ -236,7 +237,7 @@ fn smallest_three(mut packed: u32) -> Quat {
     Quat::from_array(parts)
 }
 
-/// Returns the axes that the extensions record. Extensions that are not known are skipped by their length.
+/// Returns the axes that the extensions record. Unknown extensions are skipped by their length.
 fn recorded_axes(extensions: &[u8]) -> Option<u32> {
     let mut rest = Bytes::new(extensions);
     while rest.len() > 0 {

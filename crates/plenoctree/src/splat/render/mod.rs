@@ -1,4 +1,5 @@
-//! Draws captures as their trainers do: EWA splatting (Zwicker et al. 2001; Kerbl et al. 2023), in float32 and on all cores.
+//! Draws captures as their trainers do: EWA splatting (Zwicker et al. 2001; Kerbl et al. 2023), in float32 and on all
+//! cores.
 
 mod project;
 mod tiles;
@@ -25,7 +26,7 @@ pub struct SplatImage {
 }
 
 impl SplatImage {
-    /// Composites the image over `background`. All is encoded sRGB, clamped to 0 to 1.
+    /// Composites the image over `background`. Colors are encoded sRGB, clamped to 0..=1.
     pub fn over(&self, background: DVec3) -> Vec<DVec3> {
         let over = |pixel: &Vec4| {
             let pixel = pixel.as_dvec4();
@@ -35,12 +36,12 @@ impl SplatImage {
     }
 }
 
-/// Draws the capture as `camera` sees it, on all cores of the current rayon pool. The image is the same on any number of
-/// threads.
+/// Draws the capture as `camera` sees it, on all cores of the current rayon pool. The image is the same on any number
+/// of threads.
 ///
-/// Each Gaussian is projected by the derivative of the projection at its center, and made wider by 0.3 square pixels, so
-/// that none falls between pixels. Gaussians are blended from front to back, in the order of their centers' depths, with an
-/// opacity of at most 0.99; below 1/255, they are left out. Those nearer than 0.01 units are left out as well.
+/// Each Gaussian is projected by the derivative of the projection at its center, and made wider by 0.3 square pixels,
+/// so that none falls between pixels. Gaussians are blended from front to back, in the order of their centers' depths,
+/// with an opacity of at most 0.99; below 1/255, they are left out. Those nearer than 0.01 units are left out as well.
 pub fn render_splats(splats: &Splats, camera: &PinholeCamera) -> SplatImage {
     let mut projected: Vec<Projected> = (0..splats.len())
         .into_par_iter()
@@ -129,8 +130,8 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(48))]
 
-        /// Tiles, sorting and float32 change nothing, whatever the size of the image, the degree and the place of the
-        /// camera: outside, or among the Gaussians.
+        /// Tiles, sorting and float32 do not change the result, for any image size, degree and camera position, outside
+        /// or among the Gaussians.
         #[test]
         fn images_are_those_of_the_reference(
             gaussians in prop::collection::vec(gaussian(), 1..60),
@@ -152,7 +153,7 @@ mod tests {
             for (pixel, expected) in image.pixels.iter().zip(&expected) {
                 let [r, g, b, through] = *expected;
                 let difference = (pixel.as_dvec4() - glam::DVec4::new(r, g, b, 1.0 - through)).abs().max_element();
-                // A Gaussian at the threshold is in one and not in the other, now and then.
+                // A Gaussian at the threshold is sometimes in one image and not in the other.
                 prop_assert!(difference < 0.012, "{pixel} {expected:?}");
                 sum += difference;
             }

@@ -1,4 +1,4 @@
-//! From Gaussians in space to Gaussians in the image.
+//! Projects Gaussians to the image.
 
 use glam::{DMat3, DVec2, DVec3, Vec2, Vec3};
 
@@ -6,10 +6,10 @@ use crate::{camera::PinholeCamera, splat::splats::Splats};
 
 /// Depth below which Gaussians are left out, in world units.
 const NEAR: f64 = 0.01;
-/// What is added to the variance of every Gaussian, in square pixels.
+/// Added to the variance of every Gaussian, in square pixels.
 const DILATION: f64 = 0.3;
-/// How far outside of the image, in multiples of half its size, the projection is still followed. Beyond, its derivative
-/// has nothing to do with what is seen.
+/// How far outside the image the derivative of the projection is evaluated, in multiples of half its size. Beyond that,
+/// it does not approximate the projection.
 const OUTSIDE: f64 = 1.3;
 /// Opacity below which nothing is drawn.
 pub const FAINTEST: f32 = 1.0 / 255.0;
@@ -24,7 +24,7 @@ pub struct Projected {
     pub conic: Vec3,
     pub opacity: f32,
     pub color: Vec3,
-    /// How far from the center it can be seen, in pixels.
+    /// Distance from the center within which it is visible, in pixels.
     pub reach: Vec2,
 }
 

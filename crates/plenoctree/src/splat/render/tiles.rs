@@ -19,7 +19,7 @@ struct Tile([[f32; TILE * TILE]; 4]);
 pub fn draw_row(projected: &[Projected], top: usize, width: usize, pixels: &mut [Vec4]) {
     let lines = pixels.len() / width;
     let (low, high) = (top as f32, (top + lines) as f32);
-    // Indices are less than 2^32: as many Gaussians would take 400 GB.
+    // Indices are less than 2^32: that many Gaussians would take 400 GB.
     let in_row: Vec<u32> = (projected.iter().zip(0u32..))
         .filter(|(gaussian, _)| {
             gaussian.center.y + gaussian.reach.y >= low && gaussian.center.y - gaussian.reach.y <= high

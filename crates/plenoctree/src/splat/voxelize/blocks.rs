@@ -1,7 +1,7 @@
-//! Adds Gaussians up in blocks of cells.
+//! Adds up Gaussians in blocks of cells.
 //!
-//! The cube is cut into regions, which are made one by one on each core, and those into blocks. Only one block of sums per
-//! core is in memory, whatever the depth.
+//! The cube is divided into regions, which are processed one at a time on each core, and those into blocks. Only one
+//! block of sums per core is in memory, at any depth.
 
 use glam::{DVec3, UVec3, Vec3};
 use half::f16;
@@ -15,7 +15,7 @@ use crate::{
 
 /// Levels of cells in a block.
 const BLOCK: u32 = 5;
-/// Most levels of regions.
+/// Maximum number of levels of regions.
 const REGIONS: u32 = 2;
 /// Thickness below which a cell is empty.
 const THINNEST: f32 = 2e-3;
@@ -48,7 +48,7 @@ pub fn regions(depth: u32) -> Vec<Region> {
 }
 
 impl Region {
-    /// Adds up the Gaussians. `limits` is the box outside of which cells stay empty, in cells.
+    /// Adds up the Gaussians. `limits` is the box outside which cells stay empty, in cells.
     pub fn filled(
         mut self,
         splats: &Splats,
@@ -114,7 +114,7 @@ impl Block {
         &self.sums[index(place.x, place.y, place.z) * self.stride..][..self.stride]
     }
 
-    /// Adds what of a Gaussian is in the block whose lowest cell is `low`.
+    /// Adds the part of a Gaussian that is in the block whose lowest cell is `low`.
     fn add(&mut self, gaussian: &CellGaussian, low: UVec3, splats: &Splats, profile: &Profile) {
         let first = gaussian.low.max(low);
         let last = gaussian.high.min(low + (1 << BLOCK));

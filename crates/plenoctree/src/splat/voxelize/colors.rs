@@ -1,4 +1,4 @@
-//! From the color of splats to that of fields.
+//! Converts the colors of splats to those of fields.
 
 use glam::{DVec3, Vec3};
 
@@ -7,8 +7,8 @@ use crate::{
     splat::harmonics::quadrature,
 };
 
-/// Radiance that harmonics of several directions stay within: near 0 and 1, the inverse of the sigmoid is so steep that
-/// nothing else would count.
+/// Margin from 0 and 1 within which radiance is kept: near them, the inverse of the sigmoid is so steep that they would
+/// dominate the fit.
 const MARGIN: f64 = 0.01;
 
 /// The harmonics along a few directions, and their weights.
@@ -19,7 +19,7 @@ impl Directions {
         Self(quadrature().map(|(direction, weight)| (Basis::Sh9.evaluate(direction), weight)).collect())
     }
 
-    /// Returns the coefficients for a sigmoid that look like those of splats, channel by channel.
+    /// Returns the coefficients under a sigmoid that look like those of splats, channel by channel.
     pub fn convert(&self, splat: &[Vec3]) -> Vec<f32> {
         let count = splat.len();
         let mut result = vec![0.0; 3 * count];

@@ -7,8 +7,8 @@ use crate::splat::splats::Gaussian;
 
 /// Opacity below which a Gaussian is not drawn.
 const FAINTEST: f64 = 1.0 / 255.0;
-/// How much wider each Gaussian becomes, as a deviation in cells: narrower ones would fall between the centers of cells. Its
-/// opacity stays, as where it is drawn: there, it becomes wider by half a pixel.
+/// The blur of each Gaussian, as a standard deviation in cells: narrower ones would fall between the centers of cells.
+/// Its opacity stays the same, as when it is drawn, where it is blurred by half a pixel.
 const BLUR: f64 = 0.4;
 /// Smallest and largest square of the distance, in deviations, up to which a Gaussian is followed.
 const REACH: [f64; 2] = [4.0, 9.0];
@@ -25,7 +25,7 @@ pub struct CellGaussian {
     pub reach: f32,
     /// Opacity that a ray meets at its center.
     pub opacity: f32,
-    /// What the profile's density is multiplied by.
+    /// Factor of the profile's density.
     pub scale: f32,
     /// The cells in its reach: lowest, and behind the highest.
     pub low: UVec3,
@@ -33,7 +33,7 @@ pub struct CellGaussian {
 }
 
 impl CellGaussian {
-    /// Returns the Gaussian among the cells of a cube, unless it is out of its reach, or invisible.
+    /// Returns the Gaussian in the cells of a cube, or `None` if it does not reach the cube or is invisible.
     pub fn new(gaussian: &Gaussian, index: u32, corner: DVec3, width: f64, cells: u32) -> Option<Self> {
         let opacity = f64::from(gaussian.opacity).min(MOST_OPACITY);
         if opacity < FAINTEST {

@@ -1,5 +1,5 @@
-//! Makes a field of a capture: the optical depth of every Gaussian, spread over the cells that it covers, and its color, weighted
-//! by it.
+//! Converts a capture to a field: spreads the optical depth of every Gaussian over the cells that it covers, and
+//! averages colors weighted by it.
 
 mod blocks;
 mod colors;
@@ -22,7 +22,7 @@ use crate::field::{Activation, Basis, Frame, PlenOctree, UpAxis, tree_of_finest}
 
 /// Highest degree of the field's harmonics.
 const MOST_DEGREE: u32 = 2;
-/// Most leaves of a field: 2 GB of coefficients of degree 2.
+/// Maximum number of leaves of a field: 2 GB of coefficients of degree 2.
 const MOST_LEAVES: usize = 40_000_000;
 
 /// Settings of [`voxelize`].
@@ -30,8 +30,8 @@ const MOST_LEAVES: usize = 40_000_000;
 pub struct VoxelSettings {
     /// Number of levels of cells, 6 to 10: the field has `2^depth` cells per side. 8 by default.
     pub depth: u32,
-    /// Lowest and highest corner of the box to make a field of. By default, it is [`Splats::dense_bounds`]. The field's cube
-    /// is around it.
+    /// Lowest and highest corner of the box to convert. By default, it is [`Splats::dense_bounds`]. The field's cube is
+    /// around it.
     pub bounds: Option<(DVec3, DVec3)>,
 }
 
@@ -41,16 +41,16 @@ impl Default for VoxelSettings {
     }
 }
 
-/// Makes a field of a capture, in the capture's coordinates, on all cores of the current rayon pool. The field is the same
-/// on any number of threads.
+/// Converts a capture to a field, in the capture's coordinates, on all cores of the current rayon pool. The field is
+/// the same on any number of threads.
 ///
-/// Rays through the field see about what the capture shows. Colors become those of [`Activation::Sigmoid`], which files of
-/// fields have by default, with harmonics up to degree 2.
+/// The field looks about like the capture. Its colors use [`Activation::Sigmoid`], the default of files, with harmonics
+/// up to degree 2.
 ///
 /// # Errors
 ///
-/// Returns an error if a setting is out of range, if no Gaussian in the box can be seen, or if there are so many cells that
-/// memory might not hold them.
+/// Returns an error if a setting is out of range, if no Gaussian in the box is visible, or if there are too many cells
+/// for memory.
 pub fn voxelize(splats: &Splats, settings: &VoxelSettings) -> Result<PlenOctree, SplatError> {
     let fault = |setting, found, expected| Err(SplatError::Setting { setting, found, expected });
     if !(6..=10).contains(&settings.depth) {

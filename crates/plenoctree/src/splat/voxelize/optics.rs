@@ -1,14 +1,15 @@
 //! The density that looks like a Gaussian of a capture.
 //!
-//! A splat is drawn flat: across the image, its opacity is `a g`, with its opacity `a` and a Gaussian `g` of height 1. Its
-//! optical depth is therefore `-ln(1 - a g) = sum over k of (a g)^k / k`, a sum of ever narrower Gaussians. Each of them is the
-//! shadow of a Gaussian in space, which has the same shape along the ray. In the ellipsoid's own axes and widths, the
-//! density at the distance `r` from its center is thus
+//! A splat is drawn flat: across the image, its opacity is `a g`, with its opacity `a` and a Gaussian `g` of height 1.
+//! Its optical depth is therefore `-ln(1 - a g) = sum over k of (a g)^k / k`, a sum of ever narrower Gaussians. Each of
+//! them is the shadow of a Gaussian in space, which has the same shape along the ray. In the ellipsoid's own axes and
+//! widths, the density at the distance `r` from its center is thus
 //!
 //! `sum over k of a^k / k sqrt(k / 2 pi) e^(-k r^2 / 2) = Li_1/2(a e^(-r^2 / 2)) / sqrt(2 pi)`
 //!
-//! for a ray that crosses the ellipsoid over a length of 1. Whatever the direction, `a` is the same for a splat, but a density
-//! adds up to more along the longer axes. A length in between is chosen: see [`area`].
+//! for a ray that crosses the ellipsoid over a length of 1. The opacity `a` of a splat is the same in all directions,
+//! but the optical depth of an ellipsoid is larger along its longer axes. The density is therefore scaled for a length
+//! in between: see [`area`].
 
 use glam::DVec3;
 
@@ -22,7 +23,7 @@ pub struct Profile([f32; ENTRIES + 1]);
 
 impl Profile {
     pub fn new() -> Self {
-        // Near 1, the function grows like a reciprocal root. What is left without it is smooth.
+        // Near 1, the function grows like a reciprocal root. Without that factor, it is smooth.
         Self(std::array::from_fn(|entry| {
             let x = MOST_OPACITY * entry as f64 / ENTRIES as f64;
             let ratio = if entry == 0 { 1.0 } else { polylogarithm(0.5, x) / x * (1.0 - x).sqrt() };
@@ -52,7 +53,7 @@ fn polylogarithm(order: f64, x: f64) -> f64 {
     sum
 }
 
-/// Returns the area over which an ellipsoid is seen, in multiples of pi: the mean over all directions, weighted by area, since
+/// Returns the apparent area of an ellipsoid, in multiples of pi: the mean over all directions, weighted by area, since
 /// more rays meet it where its area is large. `widths` are its half-widths.
 pub fn area(widths: DVec3) -> f64 {
     let faces = DVec3::new(widths.y * widths.z, widths.x * widths.z, widths.x * widths.y);
@@ -88,7 +89,7 @@ mod tests {
         }
     }
 
-    /// A ball is seen over its section from everywhere, and a disc over two thirds of its face.
+    /// A ball shows its cross section in every direction, and a disc two thirds of its face.
     #[test]
     fn areas_are_those_of_balls_and_discs() {
         assert!((area(DVec3::splat(2.0)) - 4.0).abs() < 1e-9);

@@ -4,12 +4,12 @@
 pub struct Random(u64);
 
 impl Random {
-    /// Creates a generator. Each seed gives other numbers.
+    /// Creates a generator. Each seed gives a different sequence.
     pub fn new(seed: u64) -> Self {
         Self(seed)
     }
 
-    /// Returns an integer, all of which are equally likely.
+    /// Returns a uniformly distributed integer.
     pub fn next(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;

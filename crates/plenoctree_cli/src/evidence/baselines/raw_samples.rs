@@ -1,4 +1,4 @@
-//! Raw radiance samples: colors as the field stores them, seen or not.
+//! Raw radiance samples: colors as the field stores them, visible or not.
 
 use std::ops::ControlFlow;
 
@@ -14,7 +14,7 @@ use super::{colors::WeightedColors, random::Random};
 /// The number of samples: as many as an image of 800 x 800 pixels has, as in figures 9 and 10 of the paper.
 pub const COUNT: usize = 640_000;
 
-/// One of this many samples is looked at more closely.
+/// Of this many samples, one is examined more closely.
 const STRIDE: usize = 16;
 
 /// Radiance samples that were drawn at random among all leaves and directions, without weights.
@@ -40,7 +40,7 @@ impl RawSamples {
     ///
     /// The rays are those of the palette's sampling: 64 from the center of every leaf, with the default settings.
     pub fn draw(field: &PlenOctree, settings: &SamplingSettings) -> Option<Self> {
-        // Nobody cancels it.
+        // Nothing cancels it.
         let plan = SamplingPlan::new(field, settings, &Progress::default()).ok()?;
         if plan.leaves.is_empty() {
             return None;
@@ -73,7 +73,7 @@ impl RawSamples {
 
 /// Returns the transmittance from a point to the edge of the field.
 pub fn transmittance(field: &PlenOctree, point: DVec3, toward: DVec3) -> f64 {
-    // exp(-20) is nothing in any image.
+    // exp(-20) is invisible in any image.
     const OPAQUE: f64 = 20.0;
     let mut depth = 0.0;
     field.march(point, toward, |crossing| {

@@ -1,5 +1,5 @@
 //! The palette of Wang, Liu and Xu, *An Improved Geometric Approach for Palette-based Image Decomposition and
-//! Recoloring* (Pacific Graphics 2019), to which the paper compares its own in figure 9.
+//! Recoloring* (Pacific Graphics 2019), which the paper compares itself to in figure 9.
 //!
 //! Their palette extraction starts at the vertices of a simplified convex hull (Tan et al.) and pulls them toward the
 //! image's colors. It minimizes `lambda R + S`:
@@ -9,7 +9,8 @@
 //! - the representativeness loss `S = 1/K sum_j |v_j - m_j|`, the mean distance of the K palette colors from the
 //!   centers `m_j` of the colors that are nearest to each.
 //!
-//! One vertex after another moves on the line from `v_j` to `m_j` to where the sum is the smallest. Choices made here:
+//! One vertex after another moves along the line from `v_j` to `m_j`, to the point with the smallest sum. Choices made
+//! here:
 //!
 //! - `P` is the convex hull of the palette, and not a polyhedron that keeps its first faces while its vertices move. So
 //!   distances are at most theirs, and a vertex inside the hull of the others costs nothing.
@@ -92,7 +93,7 @@ fn represented(vertex: DVec3, colors: &[DVec3]) -> DVec3 {
     let count = ((NEAREST * colors.len() as f64) as usize).clamp(1, colors.len());
     let key = |color: &DVec3| color.distance_squared(vertex);
     let mut near = colors.to_vec();
-    // Equally far colors are ordered by their channels, so that their order in the input has no influence.
+    // Colors at equal distances are ordered by their channels, so that their order in the input does not matter.
     near.select_nth_unstable_by(count - 1, |a, b| {
         key(a).total_cmp(&key(b)).then(a.x.total_cmp(&b.x)).then(a.y.total_cmp(&b.y)).then(a.z.total_cmp(&b.z))
     });
@@ -134,7 +135,7 @@ mod tests {
         assert!(reach(&palette) < reach(&start) - 0.05, "{palette:?} {start:?}");
     }
 
-    /// The loss of given vertices is what its definition says, summed by hand.
+    /// The loss of given vertices matches its definition, summed by hand.
     #[test]
     fn the_loss_is_reconstruction_and_representativeness() {
         let colors = [DVec3::ZERO, DVec3::X, DVec3::new(0.5, 0.3, 0.0), DVec3::new(1.0, 0.0, 0.4)];

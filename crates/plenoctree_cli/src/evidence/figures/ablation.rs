@@ -1,7 +1,7 @@
 //! Figure 10: k-means without visibility; and mean shift.
 
-use super::super::{Evidence, methods::Method, report::Section};
-use crate::Result;
+use super::super::{data::Evidence, methods::Method, report::Section};
+use crate::result::Result;
 
 /// Compares ways to filter samples before the hull.
 pub fn section(evidence: &Evidence) -> Result<Section> {

@@ -1,10 +1,10 @@
 //! What the paper claims, and whether it holds here.
 
 use super::super::{
-    Evidence,
+    data::Evidence,
     report::{Cell, Section, Table},
 };
-use crate::Result;
+use crate::result::Result;
 
 /// Describes the report, and lists the claims of all sections.
 pub fn section(evidence: &Evidence, sections: &[Section]) -> Result<Section> {

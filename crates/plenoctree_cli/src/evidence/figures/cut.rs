@@ -8,11 +8,11 @@ use plenoctree::PlenOctree;
 use rayon::prelude::*;
 
 use super::super::{
-    Evidence,
     baselines::{RawSample, transmittance},
+    data::Evidence,
     report::{Cell, Picture, Section, Table},
 };
-use crate::{Result, hex};
+use crate::{hex, result::Result};
 
 /// The width and height of the cut, in pixels.
 const SIDE: usize = 320;
@@ -22,7 +22,7 @@ const DECADES: f64 = 3.0;
 const STOP: f64 = 1e-2;
 /// The colors of visibility, from the lowest to the highest.
 const RAMP: [[f64; 3]; 4] = [[0.27, 0.0, 0.33], [0.19, 0.41, 0.56], [0.21, 0.72, 0.47], [0.99, 0.91, 0.14]];
-/// The color of what is hidden.
+/// The color of hidden leaves.
 const HIDDEN: Rgb<u8> = Rgb([30, 30, 34]);
 /// The color of empty cells.
 const EMPTY: Rgb<u8> = Rgb([255; 3]);
@@ -43,7 +43,7 @@ struct Plane {
     observer: DVec3,
 }
 
-/// Shows radiance beside visibility.
+/// Shows radiance next to visibility.
 pub fn section(evidence: &Evidence) -> Result<Section> {
     let mut section = Section::new("Figure 3: radiance and volumetric visibility");
     section.text(
@@ -80,14 +80,14 @@ pub fn section(evidence: &Evidence) -> Result<Section> {
     Ok(section)
 }
 
-/// What seen or hidden samples have in common.
+/// Statistics of visible or of hidden samples.
 struct Samples {
     share: f64,
     roughness: f64,
     foreign: f64,
 }
 
-/// Tells how noisy the colors of hidden samples are.
+/// Reports how noisy the colors of hidden samples are.
 fn noise(evidence: &Evidence, section: &mut Section) -> Result {
     section.text(
         "Of the raw radiance samples that other methods get, this share is hidden. Roughness is the root of the mean \

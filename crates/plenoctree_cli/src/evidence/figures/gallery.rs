@@ -2,16 +2,16 @@
 
 use super::{
     super::{
-        Evidence,
+        data::Evidence,
         methods::Method,
         report::{Picture, Section},
     },
     rows::note,
 };
 use crate::{
-    Result,
     recolor::opposite_main_hue,
     renderer::{Look, PosterizeSettings},
+    result::Result,
 };
 
 /// Shows every view as trained, posterized and recolored.

@@ -2,8 +2,8 @@
 
 use super::{
     super::{
-        Evidence,
         crop::Crop,
+        data::Evidence,
         methods::Method,
         report::Cell,
         report::{Picture, Section, Table},
@@ -11,7 +11,7 @@ use super::{
     },
     rows::{COLUMNS, cells, note, opaque},
 };
-use crate::{Result, renderer::PosterizeSettings};
+use crate::{renderer::PosterizeSettings, result::Result};
 
 /// Shows the view whose error falls most from the hull's palette to the fitted one, of all views of the report.
 pub fn section(evidence: &mut Evidence) -> Result<Section> {

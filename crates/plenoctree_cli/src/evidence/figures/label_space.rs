@@ -9,15 +9,16 @@ use plenoctree::{
 
 use super::{
     super::{
-        Evidence, measures,
+        data::Evidence,
+        measures,
         methods::Method,
         report::{Cell, Picture, Section, Table},
     },
     rows::{COLUMNS, cells, note},
 };
-use crate::{Result, hex};
+use crate::{hex, result::Result};
 
-/// A space in which the nearest label is searched.
+/// A color space in which the nearest label is searched.
 #[derive(Clone, Copy)]
 struct Space {
     name: &'static str,

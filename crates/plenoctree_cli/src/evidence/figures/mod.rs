@@ -16,8 +16,8 @@ mod views;
 
 use image::RgbaImage;
 
-use super::{Arguments, Evidence, report::Section};
-use crate::{Result, progress};
+use super::{arguments::Arguments, data::Evidence, report::Section};
+use crate::{progress, result::Result};
 
 /// Makes all figures. `examples` are the example views as trained.
 pub fn all(evidence: &mut Evidence, examples: &[RgbaImage], arguments: &Arguments) -> Result<Vec<Section>> {
@@ -39,7 +39,7 @@ pub fn all(evidence: &mut Evidence, examples: &[RgbaImage], arguments: &Argument
     add(hull_failure::section(evidence))?;
     add(times::section(evidence, arguments.renderer))?;
     bar.finish_and_clear();
-    // Figure 7 has a bar of its own, because it takes as long as all others.
+    // Figure 7 has its own bar, because it takes as long as all others together.
     sections.insert(5, neighbors::section(evidence, arguments)?);
     sections.insert(0, claims::section(evidence, &sections)?);
     Ok(sections)

@@ -3,17 +3,18 @@
 use super::super::shot::posterize;
 use super::{
     super::{
-        Arguments, Evidence,
+        arguments::Arguments,
+        data::Evidence,
         methods::Method,
         report::{Cell, Picture, Section, Table},
     },
     rows::{note, opaque},
 };
 use crate::{
-    Result,
     coherence::{FieldPalette, Series, compare, palette_of_frame, quarter},
     progress,
     renderer::PosterizeSettings,
+    result::Result,
 };
 
 /// Compares one palette for the field with one palette per frame, over a turn of 90 degrees.

@@ -4,13 +4,13 @@ use plenoctree::palette::ColorErrors;
 
 use super::{
     super::{
-        Evidence,
+        data::Evidence,
         methods::Method,
         report::{Cell, Section, Table},
     },
     rows::{COLUMNS, cells},
 };
-use crate::{Result, hex, renderer::PosterizeSettings};
+use crate::{hex, renderer::PosterizeSettings, result::Result};
 
 /// Lists every palette with its figures, and writes every color and the figures of every picture to files.
 pub fn section(evidence: &Evidence) -> Result<Section> {

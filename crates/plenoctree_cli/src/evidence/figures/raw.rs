@@ -1,7 +1,7 @@
 //! Figure 9: palettes from raw samples.
 
-use super::super::{Evidence, methods::Method, report::Section};
-use crate::Result;
+use super::super::{data::Evidence, methods::Method, report::Section};
+use crate::result::Result;
 
 /// Compares palettes from raw samples with those from visible colors.
 pub fn section(evidence: &Evidence) -> Result<Section> {

@@ -4,11 +4,12 @@ use image::{DynamicImage, RgbImage, RgbaImage};
 use plenoctree::palette::ColorErrors;
 
 use super::super::{
-    Evidence, measures,
+    data::Evidence,
+    measures,
     methods::Method,
     report::{Cell, Picture, Section, Table},
 };
-use crate::Result;
+use crate::result::Result;
 
 /// Returns the figures of a posterized picture in words.
 pub fn note(errors: Option<ColorErrors>) -> String {

@@ -4,8 +4,8 @@ use image::RgbImage;
 
 use super::{
     super::{
-        Evidence,
         crop::Crop,
+        data::Evidence,
         methods::Method,
         report::{Cell, Picture, Section, Table},
         shot::posterize,
@@ -13,10 +13,10 @@ use super::{
     rows::{COLUMNS, cells, note, opaque},
 };
 use crate::{
-    Result,
     coherence::mean_difference,
     plot::{self, COLORS, Line},
     renderer::PosterizeSettings,
+    result::Result,
     turntable::turned,
 };
 
@@ -49,7 +49,7 @@ pub fn section(evidence: &mut Evidence) -> Result<Section> {
         let mut find = |camera, original| posterize(&mut *evidence.renderer, camera, original, &palette, settings);
         let (here, there) = (find(&camera, &original)?, find(&next, &after)?);
         let flicker = mean_difference(&here.image, &there.image);
-        // The shortest decimal fraction: 0.1 and not what float32 makes of it.
+        // The shortest decimal fraction: 0.1 rather than its float32 rounding.
         let width: f64 = softness.to_string().parse().unwrap_or(f64::from(softness));
         let mut row = vec![Cell::Number(width, 2)];
         row.extend(cells(here.errors));

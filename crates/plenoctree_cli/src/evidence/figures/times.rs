@@ -1,13 +1,13 @@
 //! Table 1: how long everything takes.
 
 use super::super::{
-    Evidence,
+    data::Evidence,
     methods::Method,
     report::{Cell, Section, Table},
 };
 use crate::{
-    Result,
     renderer::{Look, PosterizeSettings, Renderer},
+    result::Result,
 };
 
 /// The number of frames that are timed.

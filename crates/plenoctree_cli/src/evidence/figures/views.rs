@@ -4,13 +4,13 @@ use image::{RgbImage, RgbaImage, imageops};
 
 use super::{
     super::{
-        Evidence,
+        data::Evidence,
         methods::Method,
         report::{Picture, Section},
     },
     rows::opaque,
 };
-use crate::Result;
+use crate::result::Result;
 
 /// The height of the example views, in pixels.
 const HEIGHT: u32 = 96;

@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use image::RgbImage;
 use plenoctree::palette::Palette;
 
-use super::{Cell, Table};
-use crate::{Result, files, swatches};
+use super::content::{Cell, Table};
+use crate::{files, result::Result, swatches};
 
 /// The folder of a report. Paths that its methods return are relative to it.
 pub struct Folder(PathBuf);

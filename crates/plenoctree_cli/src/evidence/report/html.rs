@@ -1,6 +1,6 @@
 //! Formats a report as HTML.
 
-use super::{Block, Cell, Picture, Report, Table};
+use super::content::{Block, Cell, Picture, Report, Table};
 use crate::plot::escape;
 
 const STYLE: &str = "\

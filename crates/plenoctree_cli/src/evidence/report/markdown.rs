@@ -1,6 +1,6 @@
 //! Formats a report as Markdown.
 
-use super::{Block, Cell, Picture, Report, Table};
+use super::content::{Block, Cell, Picture, Report, Table};
 
 /// Returns the report as Markdown.
 pub fn format(report: &Report) -> String {

@@ -2,7 +2,11 @@
 
 use std::borrow::Cow;
 
-use super::{Beside, Fault, File, Number, document::Document};
+use super::document::Document;
+use crate::splat::{
+    error::Fault,
+    read::{bytes::Number, shared::Beside},
+};
 
 /// Returns the content of all buffers, and adds the sizes of those that are not in the file to `size`.
 pub fn read_buffers<'a>(
@@ -35,8 +39,17 @@ pub fn read_buffers<'a>(
     Ok(buffers)
 }
 
+/// A document and its buffers.
+pub struct File<'a> {
+    pub document: &'a Document,
+    pub buffers: Vec<&'a [u8]>,
+    /// The size of the file and of the files next to it.
+    pub size: u64,
+}
+
 impl File<'_> {
-    /// Returns the numbers of an accessor. `name` is the attribute that it is for, and `kind` the type that it must have.
+    /// Returns the numbers of an accessor. `name` is the attribute that it is for, and `kind` the type that it must
+    /// have.
     pub fn accessor(&self, index: usize, name: &str, kind: &'static str) -> Result<Floats<'_>, Fault> {
         let Some(accessor) = self.document.accessors.get(index) else {
             let expected = format!("one of {}", self.document.accessors.len());
@@ -102,7 +115,7 @@ pub struct Floats<'a> {
     number: Number,
     stride: usize,
     pub count: u64,
-    /// What one is stored as, inverted.
+    /// The reciprocal of the number that stores 1.
     unit: f64,
 }
 
@@ -113,6 +126,7 @@ impl Floats<'_> {
         std::array::from_fn(|part| (self.unit * self.number.read(&bytes[part * self.number.size()..], false)) as f32)
     }
 }
+
 /// Decodes `%20` and the like.
 fn unescaped(uri: &str) -> String {
     let mut bytes = Vec::new();

@@ -1,7 +1,7 @@
 //! glTF with `KHR_gaussian_splatting`, and its compression by SPZ.
 //!
-//! The names of these attributes are not those of meshes, which crates for glTF reject. So little of the format matters
-//! here that it is read directly.
+//! Crates for glTF reject attributes with names that meshes do not have. Only a small part of the format matters here,
+//! so it is read directly.
 
 mod data;
 mod document;
@@ -10,17 +10,18 @@ use glam::{DAffine3, DVec3, Quat, Vec3};
 use serde_json::Value;
 
 use self::{
-    data::{Floats, read_buffers},
+    data::{File, Floats, read_buffers},
     document::{Document, Primitive},
 };
 use super::{
-    Beside, Fault, Splats,
-    bytes::{Bytes, Number},
-    check_count, spz,
+    bytes::Bytes,
+    shared::{Beside, check_count},
+    spz,
 };
 use crate::splat::{
+    error::Fault,
     harmonics::functions,
-    splats::{Gaussian, MOST_DEGREE},
+    splats::{Gaussian, MOST_DEGREE, Splats},
 };
 
 const EXTENSION: &str = "KHR_gaussian_splatting";
@@ -32,7 +33,7 @@ const SPZ: [&str; 3] = [
 ];
 /// The type of a JSON chunk, and of a binary one.
 const CHUNKS: [[u8; 4]; 2] = [*b"JSON", *b"BIN\0"];
-/// Most levels of nodes.
+/// Maximum number of levels of nodes.
 const MAX_LEVELS: usize = 128;
 
 /// Reads a `.glb` file.
@@ -87,12 +88,6 @@ fn read(json: &[u8], binary: Option<&[u8]>, mut size: u64, beside: Beside) -> Re
         return Err(Fault::found("primitives", "none with Gaussians", expected));
     }
     Ok(splats)
-}
-
-struct File<'a> {
-    document: &'a Document,
-    buffers: Vec<&'a [u8]>,
-    size: u64,
 }
 
 impl File<'_> {

@@ -1,0 +1,25 @@
+//! The input of a fit.
+
+use std::path::PathBuf;
+
+use glam::DVec3;
+
+use super::view::View;
+
+/// Pictures with their cameras, and points of the scene if they are known.
+#[derive(Clone, Debug, Default)]
+pub struct FitInput {
+    /// The views, in the order of the names of their pictures.
+    pub views: Vec<View>,
+    /// Points on the surfaces of the scene. Empty if none are known.
+    pub points: Vec<DVec3>,
+}
+
+/// The folders of pictures and masks, if they are not in the usual places.
+#[derive(Clone, Debug, Default)]
+pub struct InputFolders {
+    /// The folder of the pictures. Names in a COLMAP model are relative to it.
+    pub pictures: Option<PathBuf>,
+    /// A folder of masks: for `name.jpg`, either `name.jpg.png` or `name.png`. White shows the object.
+    pub masks: Option<PathBuf>,
+}

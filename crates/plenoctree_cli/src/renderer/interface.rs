@@ -1,0 +1,81 @@
+//! The interface of renderers.
+
+use image::{RgbImage, RgbaImage};
+use plenoctree::{PlenOctree, camera::PinholeCamera};
+
+use crate::{preset::Preset, result::Result};
+
+/// The scene to render.
+pub struct Scene {
+    /// The field.
+    pub field: PlenOctree,
+    /// The quality preset for the GPU. The reference is always exact.
+    #[cfg_attr(not(feature = "bevy"), allow(dead_code))]
+    pub quality: Preset,
+    /// The background color, in encoded sRGB.
+    pub background: [u8; 3],
+}
+
+/// How to posterize. All colors are encoded sRGB.
+#[derive(Clone, Copy)]
+pub struct Look<'a> {
+    /// The palette's colors that decide which pixels get which label.
+    pub source: &'a [[f64; 3]],
+    /// The colors that appear in their place, as many as `source`.
+    pub shown: &'a [[f64; 3]],
+    /// The settings of posterization.
+    pub settings: PosterizeSettings,
+}
+
+/// Settings of posterization, for every renderer.
+#[derive(Clone, Copy)]
+pub struct PosterizeSettings {
+    /// The number of steps from one palette color to another.
+    pub blend_steps: u32,
+    /// The distance over which labels blend, in encoded sRGB.
+    pub softness: f32,
+    /// The opacity below which pixels are drawn as trained.
+    pub min_opacity: f32,
+    /// Whether the edges of the prop are blended with the background. GPU only.
+    #[cfg_attr(not(feature = "bevy"), allow(dead_code))]
+    pub smooth_edges: bool,
+}
+
+impl Default for PosterizeSettings {
+    fn default() -> Self {
+        Self { blend_steps: 3, softness: 0.2, min_opacity: 80.0 / 255.0, smooth_edges: false }
+    }
+}
+
+/// The times of a posterized view in milliseconds. `None` if they could not be measured.
+#[derive(Clone, Copy, Default)]
+pub struct FrameTimes {
+    /// The volume pass.
+    pub volume: Option<f64>,
+    /// The posterize passes.
+    pub posterize: Option<f64>,
+    /// The whole frame, until it was in memory.
+    pub total: Option<f64>,
+}
+
+/// The adapter that renders, for the report.
+pub struct Adapter {
+    /// The adapter's name.
+    pub name: String,
+    /// Its graphics API.
+    pub backend: String,
+    /// Its driver and the driver's version.
+    pub driver: String,
+}
+
+/// Renders views.
+pub trait Render {
+    /// Renders a view as trained. Colors are over the background, and alpha is the field's opacity.
+    fn original(&mut self, camera: &PinholeCamera) -> Result<RgbaImage>;
+
+    /// Renders a view posterized, over the background.
+    fn posterized(&mut self, camera: &PinholeCamera, look: &Look) -> Result<(RgbImage, FrameTimes)>;
+
+    /// Returns the adapter that renders.
+    fn adapter(&self) -> Adapter;
+}

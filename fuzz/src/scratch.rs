@@ -1,0 +1,23 @@
+//! Temporary files.
+
+/// A temporary file, which is removed on drop.
+pub struct Scratch(std::path::PathBuf);
+
+impl Scratch {
+    pub fn with(name: &str, content: &[u8]) -> Self {
+        let path = std::env::temp_dir().join(format!("bevy_plenoctree-fuzz-{}-{name}", std::process::id()));
+        std::fs::write(&path, content).expect("a directory for temporary files");
+        Self(path)
+    }
+
+    pub fn path(&self) -> &std::path::Path {
+        &self.0
+    }
+}
+
+impl Drop for Scratch {
+    fn drop(&mut self) {
+        // It is harmless if this fails.
+        let _ = std::fs::remove_file(&self.0);
+    }
+}

@@ -1,0 +1,84 @@
+//! The states of props.
+
+use bevy::prelude::*;
+use plenoctree::palette::ExtractionError;
+
+use crate::gpu::FieldTooLarge;
+
+/// Whether a [`Prop`](crate::Prop) can be drawn, and if not, what it waits for.
+///
+/// Every prop has this component; do not change it. It is updated in [`PreUpdate`], in
+/// [`PlenOctreeSystems::UpdateProps`](crate::PlenOctreeSystems::UpdateProps), and marked as changed only when it
+/// changes. Where a prop is in view does not matter: props that no camera sees become ready as well.
+///
+/// ```
+/// # use bevy::prelude::*;
+/// # use bevy_plenoctree::{PlenOctreePlugin, Prop, PropState, props_ready};
+/// // Reports props that will never be drawn as they should be.
+/// fn report(props: Query<(&Name, &PropState), Changed<PropState>>) {
+///     for (name, state) in &props {
+///         if let PropState::Failed(error) = state {
+///             error!("{name}: {error}");
+///         }
+///     }
+/// }
+///
+/// fn start_game() {
+///     info!("all props are there");
+/// }
+///
+/// fn plugin(app: &mut App) {
+///     app.add_systems(Update, (report, start_game.run_if(props_ready).run_if(run_once)));
+/// }
+/// # App::new().add_plugins((MinimalPlugins, AssetPlugin::default(), PlenOctreePlugin, plugin)).update();
+/// ```
+#[derive(Component, Clone, Debug, Default, PartialEq, Reflect)]
+#[reflect(opaque)]
+#[reflect(Component, Default, Clone, Debug, PartialEq)]
+#[type_path = "bevy_plenoctree"]
+pub enum PropState {
+    /// The field is not loaded yet. This is the default.
+    #[default]
+    Loading,
+    /// The field is loaded, but has not arrived on the GPU yet. If it was reloaded, its earlier version is drawn in the
+    /// meantime.
+    Uploading,
+    /// The palette is being loaded or extracted. Only posterized props wait for one;
+    /// [`PaletteExtraction::progress`](crate::PaletteExtraction::progress) returns its progress.
+    AwaitingPalette,
+    /// All data is available, but Bevy has not yet compiled the pipelines of the cameras that see the prop.
+    Compiling,
+    /// The prop is drawn wherever a camera sees it.
+    Ready,
+    /// The prop cannot be drawn as it should be. Waiting does not help.
+    Failed(PropError),
+}
+
+impl PropState {
+    /// Returns whether the prop can be drawn.
+    pub fn is_ready(&self) -> bool {
+        *self == Self::Ready
+    }
+
+    /// Returns whether the prop is neither ready nor failed.
+    pub fn is_waiting(&self) -> bool {
+        !matches!(self, Self::Ready | Self::Failed(_))
+    }
+}
+
+/// The reason why a prop cannot be drawn as it should be.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum PropError {
+    /// The field could not be loaded. Holds the loader's message. The prop is not drawn.
+    #[error("{0}")]
+    Load(String),
+    /// The GPU cannot hold the field. The prop is not drawn. If its field was reloaded, the earlier version is drawn.
+    #[error(transparent)]
+    TooLarge(FieldTooLarge),
+    /// No palette could be extracted. The prop is drawn as trained.
+    #[error("no palette could be extracted: {0}")]
+    Palette(ExtractionError),
+    /// A pipeline that draws props could not be created. No prop is drawn, or none is posterized.
+    #[error("a pipeline that draws props could not be created: {0}")]
+    Pipeline(String),
+}
