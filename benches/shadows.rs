@@ -1,9 +1,9 @@
 //! Measures the CPU time of shadows: `cargo bench --bench shadows -- [FIELD] [ROUNDS]`.
 //!
-//! Renders a view of 800 x 800 pixels, with a floor and a directional light of four cascades, Bevy's default: without the
-//! prop, with it, with its shadow, and with the shadow of a mesh that falls on it (`PropLighting`), while nothing moves, the
-//! camera turns, the prop spins, or the light moves; as trained, and posterized. Variants take turns, and the least time of
-//! five rounds counts. It includes reading the frame back. With a GPU, it is the CPU time of the driver.
+//! Renders a view of 800 x 800 pixels, with a floor and a directional light of four cascades, Bevy's default: without
+//! the prop, with it, with its shadow, and with the shadow of a mesh that falls on it (`PropLighting`), while nothing
+//! moves, the camera turns, the prop spins, or the light moves; as trained, and posterized. Variants alternate, and the
+//! minimum of five rounds counts. It includes reading the frame back. With a GPU, it is the CPU time of the driver.
 
 use std::{path::PathBuf, time::Duration};
 
@@ -110,7 +110,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                     } else if variant == 3 {
                         prop.insert(PropLighting::default());
                     }
-                    // What rests is drawn, and kept from the frame after that.
+                    // What is at rest is drawn, and kept from the next frame on.
                     headless.capture()?;
                     headless.capture()?;
                     frames[variant] = Some(headless.capture()?);
@@ -125,7 +125,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                 }
             }
         }
-        // What the prop costs while it is drawn anew in every frame.
+        // The cost of the prop while it is redrawn in every frame.
         let drawing = least[1][1] - least[1][0];
         println!("{style}; drawing the prop costs {drawing:.1} ms");
         println!("| what moves | without the prop, ms | with it | with its shadow | of drawing | lit | of drawing |");

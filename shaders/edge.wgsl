@@ -25,7 +25,7 @@ fn ray_of_four(index: u32) -> vec2<u32> {
     return vec2((0x6532u >> (4u * index)) & 15u, (0x42308805u >> (8u * index)) & 255u);
 }
 
-// Returns the sample of the scene that is nearest to a ray. Every sample is nearest to equally many rays.
+// Returns the sample of the scene that is nearest to a ray. Every sample is nearest to the same number of rays.
 fn sample_of(ray: u32, samples: u32) -> u32 {
     var table = 0u;
     if samples == 2u {

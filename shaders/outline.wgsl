@@ -49,7 +49,7 @@ fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
         }
     }
     if own == 0u && other > 0u && textureLoad(layer, pixel, 0).a >= props[other - 1u].min_opacity {
-        // A prop as trained covers the pixel. If it is solid there, the coverage pass knows what is before it.
+        // A prop as trained covers the pixel. If it is solid there, the coverage pass knows what is in front of it.
         other = select(0u, other, is_solid(textureLoad(depth, pixel, 0)));
     }
     let kept = select(0u, own, smooths(own));

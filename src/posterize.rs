@@ -57,8 +57,8 @@ pub struct Posterize {
 #[reflect(Default, Clone, Debug, PartialEq, Hash)]
 #[type_path = "bevy_plenoctree"]
 pub enum EdgeSmoothing {
-    /// The label covers as much of a pixel as the prop does, from eight rays through it, and is blended with what is
-    /// behind in linear light, like the edges of multisampled meshes. This is the default.
+    /// Eight rays through each edge pixel find how much of it the prop covers. The label is blended with what is behind
+    /// by that share, in linear light, like the edges of multisampled meshes. This is the default.
     #[default]
     Coverage,
     /// The ray through the center of a pixel decides for the whole pixel, as the method specifies.

@@ -135,13 +135,13 @@ impl PropQuality {
 
 /// A named preset of all settings that trade accuracy for speed.
 ///
-/// The table lists the accuracy that tests guarantee for the most demanding of the included props (thin rails, gloss) and
-/// for a field that no preset was tuned to, where they fill a frame of 400 x 400 pixels and, in parentheses, one of 160 x
-/// 160 pixels, in which their details are the size of pixels: the lowest PSNR against float64, and the largest fraction of
-/// the prop's pixels whose label differs from the one in float64, when labels do not blend. Larger frames are more
-/// accurate. Fields with many details of the size of pixels are less accurate: of a trained field of 256 cells per side,
-/// [`Balanced`](Self::Balanced) changes twice as many labels. To measure a field of your own, run `plenoctree tradeoff` of
-/// the crate `plenoctree_cli`.
+/// The table lists the accuracy that tests guarantee for the most demanding of the included props (thin rails, gloss)
+/// and for a field that no preset was tuned to, where they fill a frame of 400 x 400 pixels and, in parentheses, one of
+/// 160 x 160 pixels, in which their details are the size of pixels: the lowest PSNR against float64, and the largest
+/// fraction of the prop's pixels whose label differs from the one in float64, when labels do not blend. Larger frames
+/// are more accurate. Fields with many details of the size of pixels are less accurate: of a trained field of 256 cells
+/// per side, [`Balanced`](Self::Balanced) changes twice as many labels. To measure your own field, run
+/// `plenoctree tradeoff` of the crate `plenoctree_cli`.
 ///
 /// | | PSNR, at least | labels changed, at most |
 /// |---|---|---|

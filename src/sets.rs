@@ -48,7 +48,7 @@ pub enum PlenOctreeRenderSystems {
     Volume,
     /// Interpolates between the rays of views that do not cast one for every pixel, and draws the pixels where they differ.
     Refine,
-    /// Finds the shares of pixels that posterized props cover where they end.
+    /// Finds how much of the pixels at their edges posterized props cover.
     Edges,
     /// Blends the layer over the scene, filters it, assigns labels, and smooths edges.
     Posterize(PropStage),

@@ -7,8 +7,8 @@
 //! - `solid` finds the nearest solid part of any prop, in views where props overlap.
 //! - `volume` draws the props into the view's layer.
 //! - `refine` interpolates pixels where rays agree, and draws the others, in views that do not cast a ray for every pixel.
-//! - `edges` finds how much of a pixel posterized props cover where they end.
-//! - `lighting` finds how much of the scene's light is kept from props (feature `shadows`).
+//! - `edges` finds how much of the pixels at their edges posterized props cover.
+//! - `lighting` finds how much of the scene's light is blocked on its way to props (feature `shadows`).
 //! - `composite` blends the layer over the scene.
 //! - `filter` flattens the colors.
 //! - `label` replaces them by palette colors.

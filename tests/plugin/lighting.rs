@@ -20,7 +20,7 @@ const TOWARD: DVec3 = DVec3::new(0.6, 0.25, 1.0);
 const BLOCKER: (f64, f64) = (1.75, 3.0);
 /// Where the point light and the spot light are.
 const LAMP: DVec3 = DVec3::new(4.0, 0.5, 7.0);
-/// The layer of what only lights see.
+/// The layer of objects that only lights see.
 const UNSEEN: usize = 1;
 
 /// Returns the color with its linear light multiplied by factors.
@@ -48,8 +48,8 @@ fn spawn_lamp(stage: &mut Stage, is_spot: bool) -> Entity {
     if is_spot { spawned.insert(spot).id() } else { spawned.insert(lamp).id() }
 }
 
-/// Returns the x of the edge of the shadow on the side of the cube that a camera sees: of the sun, or of a light at a point.
-/// The light passes through the cube: only what is outside of the cube's box casts shadows on it.
+/// Returns the x of the edge of the shadow on the side of the cube that a camera sees: of the sun, or of a light at a
+/// point. The light passes through the cube: only objects outside the cube's box cast shadows on it.
 fn edge(side: Side, lamp: Option<DVec3>) -> f64 {
     let surface = 0.5 * side.sign();
     match lamp {

@@ -1,8 +1,8 @@
 //! Finds how much of each edge pixel a posterized prop covers, so that the blend pass can blend it with what is behind.
 //! This is not part of the method, whose edges are hard.
 //!
-//! The *outline* pass finds the pixels at which props end, and the owners that may cover parts of them. The *coverage*
-//! pass then draws a rectangle for each prop and marches several rays through those pixels, and no others.
+//! The *outline* pass finds the pixels at the edges of props, and the owners that may cover parts of them. The
+//! *coverage* pass then draws a rectangle for each prop and marches several rays through those pixels, and no others.
 //!
 //! Nothing here runs or is compiled in views in which the edges of all props are hard.
 

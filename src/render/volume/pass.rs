@@ -84,7 +84,8 @@ pub(super) fn prepare_pipelines(
             batches: is_sparse
                 .then(|| specialized.specialize(&cache, &pipeline, VolumeKey { rays: RaysOf::Batches, ..key })),
         };
-        // Compile the pipelines of fields that are arriving, so that the fields can be drawn as soon as they are there.
+        // Compile the pipelines of fields that are arriving, so that the fields can be drawn as soon as they have
+        // arrived.
         for (shape, is_lit) in extracted.arriving_shapes(&visible.props, &fields) {
             for overlapping in [false, visible.props.len() > 1] {
                 let lit = is_lit && visible.stage == PropStage::Scene;
