@@ -8,19 +8,8 @@ use bevy::{
     },
 };
 
+use super::rays::{BATCH, batches_size};
 use crate::render::view::{ViewProps, ViewTextures};
-
-/// The pixels along a side of a square whose pixels form a batch. Matches `batch.wgsl`.
-pub(in crate::render) const BATCH: u32 = 32;
-
-/// Which rays a pass marches.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(in crate::render) enum RaysOf {
-    /// Those of the grid. If its spacing is one, these are the rays of all pixels.
-    Grid,
-    /// Those of the batches.
-    Batches,
-}
 
 /// The batches of a view, in views that have them.
 #[derive(Component, Default)]
@@ -46,11 +35,6 @@ impl Batches {
     pub fn counts(&self) -> Option<&Buffer> {
         self.0.as_ref().map(|buffers| &buffers.counts)
     }
-}
-
-/// Returns the size of the textures in which the batches of a viewport of `size` are drawn.
-pub(in crate::render) fn batches_size(size: UVec2) -> UVec2 {
-    (size + BATCH - 1) / BATCH * BATCH
 }
 
 pub(super) fn prepare(device: Res<RenderDevice>, mut views: Query<(Option<&ViewTextures>, &ViewProps, &mut Batches)>) {

@@ -9,10 +9,12 @@ mod batches;
 mod gather;
 mod interpolate;
 mod pass;
+mod rays;
 
-pub(super) use batches::{BATCH, Batches, RaysOf, batches_size};
+pub(super) use batches::Batches;
 pub(super) use pass::RefinePass;
 pub use pass::{GATHER_SPAN, INTERPOLATE_SPAN};
+pub(super) use rays::{BATCH, RaysOf, batches_size};
 
 use bevy::{
     core_pipeline::schedule::Core3d,
