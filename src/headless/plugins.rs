@@ -48,6 +48,8 @@ impl PluginGroup for HeadlessPlugins {
 /// A plugin group that adds to [`HeadlessPlugins`] what meshes with Bevy's materials need: lights, shadows, materials,
 /// gizmos, and effects such as bloom. Requires the feature `headless-lit`.
 ///
+/// For glTF models, add Bevy's `GltfPlugin` first, and then `LitMeshPlugins.set(PbrPlugin::default())`.
+///
 /// ```no_run
 /// # use bevy::prelude::*;
 /// # use bevy_plenoctree::{PlenOctreePlugin, headless::{Headless, LitMeshPlugins}};
@@ -64,7 +66,8 @@ impl PluginGroup for LitMeshPlugins {
         PluginGroupBuilder::start::<Self>()
             .add(bevy::light::LightPlugin)
             .add(bevy::post_process::PostProcessPlugin)
-            .add(bevy::pbr::PbrPlugin::default())
+            // With the materials of glTF models, it panics if there is no loader of such models.
+            .add(bevy::pbr::PbrPlugin { gltf_enable_standard_materials: false, ..default() })
             .add(bevy::gizmos::GizmoPlugin)
             .add(bevy::gizmos_render::GizmoRenderPlugin)
     }

@@ -12,6 +12,7 @@ use bevy::{
     gltf::{GltfAssetLabel, GltfLoaderSettings, GltfPlugin},
     light::EnvironmentMapLight,
     math::Vec3A,
+    pbr::PbrPlugin,
     prelude::*,
     world_serialization::WorldSerializationPlugin,
 };
@@ -50,7 +51,8 @@ pub fn photograph(model: &Path, folder: &Path, views: u32, size: u32) -> Result<
     };
     let side = SUPERSAMPLING * size;
     let mut studio = Headless::with_assets(UVec2::splat(side), parent, |app| {
-        app.add_plugins((WorldSerializationPlugin, GltfPlugin::default(), LitMeshPlugins, PlenOctreePlugin));
+        app.add_plugins((WorldSerializationPlugin, GltfPlugin::default(), LitMeshPlugins.set(PbrPlugin::default())));
+        app.add_plugins(PlenOctreePlugin);
         // The components of the scene are copied by reflection.
         app.world().resource::<AppTypeRegistry>().write().register_derived_types();
     })?;
