@@ -33,7 +33,7 @@ use bevy::{
 };
 use image::RgbaImage;
 
-use crate::gpu::UploadBudget;
+use crate::{gpu::UploadBudget, state::PropError};
 
 /// An app without a window that renders to an image: update it until the assets are ready, then capture a frame.
 ///
@@ -153,8 +153,8 @@ impl Headless {
             match waiting::for_scene(&mut self.app) {
                 Ok(None) => return Ok(()),
                 Ok(Some(waiting_for)) => pause(start, timeout, waiting_for)?,
-                // The render world reports two frames later that what has failed was replaced.
-                Err(_) if failures < 2 => failures += 1,
+                // The render world reports two frames later that a field that was too large has been replaced.
+                Err(HeadlessError::Prop(PropError::TooLarge(_))) if failures < 2 => failures += 1,
                 Err(error) => return Err(error),
             }
         }
