@@ -1,8 +1,8 @@
 // Two triangles over the pixels of each batch, for the passes that march rays for them.
 
-#import bevy_plenoctree::batch::{BATCH, batches_across, rows_of_batch}
+#import bevy_plenoctree::batch::{BATCH, batches, pixels_of_gap, rows_of_batch}
 #import bevy_plenoctree::prop_ray::{Varying, counts}
-#import bevy_plenoctree::view::{NOWHERE, stale, view}
+#import bevy_plenoctree::view::{NOWHERE, stale}
 
 // Corners of the unit square (bits x, y).
 const CORNERS = array<u32, 6>(0u, 1u, 2u, 2u, 1u, 3u);
@@ -16,10 +16,11 @@ fn vertex(@builtin(vertex_index) index: u32, @builtin(instance_index) instance: 
     if stale.layer == 0u || count == 0u {
         return Varying(NOWHERE, prop, 0u);
     }
-    let square = vec2(batch % batches_across(), batch / batches_across());
+    let all = batches();
+    let square = vec2(batch % all.x, batch / all.x);
     var corners = CORNERS;
     let corner = vec2(corners[index % 6u] & 1u, corners[index % 6u] >> 1u);
-    let at = vec2<f32>(BATCH * square + corner * vec2(BATCH, rows_of_batch(count)));
-    let size = vec2<f32>(BATCH * vec2(batches_across(), (view.size.y + BATCH - 1u) / BATCH));
+    let at = vec2<f32>(BATCH * square + corner * vec2(BATCH, rows_of_batch(count * pixels_of_gap())));
+    let size = vec2<f32>(BATCH * all);
     return Varying(vec4((2.0 * at / size - 1.0) * vec2(1.0, -1.0), 0.5, 1.0), prop, instance >> 16u);
 }

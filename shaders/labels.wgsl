@@ -11,25 +11,48 @@ struct Label {
     first: u32,
     second: u32,
     share: f32,
-    // The squared distance to the pixel's color, in encoded RGB.
-    distance: f32,
-    // Its index among all labels.
-    index: u32,
 }
 
-// The two nearest labels so far.
+// The two nearest labels so far, as packed by `packed`, and the squares of their distances to the pixel's color, in
+// encoded RGB.
 struct Nearest {
-    first: Label,
-    second: Label,
+    labels: vec2<u32>,
+    distances: vec2<f32>,
 }
 
-fn consider(nearest: ptr<function, Nearest>, label: Label) {
-    if label.distance < (*nearest).first.distance {
-        (*nearest).second = (*nearest).first;
-        (*nearest).first = label;
-    } else if label.distance < (*nearest).second.distance {
-        (*nearest).second = label;
-    }
+// Packs a label: the palette colors that it blends, and how many of the steps from the second to the first one it takes.
+fn packed(first: u32, second: u32, step: u32) -> u32 {
+    return first | (second << 8u) | (step << 16u);
+}
+
+// Returns the label that `packed` packed. A palette color is a blend with itself.
+fn unpacked(label: u32, steps: u32) -> Label {
+    let first = label & 255u;
+    let second = (label >> 8u) & 255u;
+    return Label(first, second, select(f32(label >> 16u) / f32(steps), 1.0, first == second));
+}
+
+// Returns the index of a packed label among all labels of a palette of `count` colors, in the order of equation 7: the
+// palette, then the blends of every pair.
+fn index_of(label: u32, count: u32, steps: u32) -> u32 {
+    let first = label & 255u;
+    let second = (label >> 8u) & 255u;
+    let pairs = first * (2u * count - first - 1u) / 2u + second - first - 1u;
+    return select(count + pairs * (steps - 1u) + (label >> 16u) - 1u, first, first == second);
+}
+
+fn consider(nearest: ptr<function, Nearest>, label: u32, distance: f32) {
+    let old = *nearest;
+    let is_first = distance < old.distances.x;
+    let is_second = distance < old.distances.y;
+    (*nearest).labels = vec2(
+        select(old.labels.x, label, is_first),
+        select(select(old.labels.y, label, is_second), old.labels.x, is_first),
+    );
+    (*nearest).distances = vec2(
+        select(old.distances.x, distance, is_first),
+        select(select(old.distances.y, distance, is_second), old.distances.x, is_first),
+    );
 }
 
 // Returns the color of a label in the palette that begins at `palette`.
@@ -71,7 +94,8 @@ fn shaded(prop: u32, label: Label, missing: f32) -> vec3<f32> {
     let steps = props[prop].blend_steps;
     let own = shown(source, label);
     let wanted = encode(decode(own) * (1.0 - missing));
-    var nearest = Label(0u, 0u, 1.0, dot(own - wanted, own - wanted), 0u);
+    var nearest = Label(0u, 0u, 1.0);
+    var least = dot(own - wanted, own - wanted);
     var is_found = false;
     for (var i = 0u; i < count; i++) {
         // The palette color itself, and its blends with those after it.
@@ -80,8 +104,9 @@ fn shaded(prop: u32, label: Label, missing: f32) -> vec3<f32> {
                 let share = select(f32(k) / f32(steps), 1.0, j == i);
                 let color = mix(colors[source + j].rgb, colors[source + i].rgb, share);
                 let distance = dot(color - wanted, color - wanted);
-                if distance < nearest.distance && is_darker_shade(color, own) {
-                    nearest = Label(i, j, share, distance, 0u);
+                if distance < least && is_darker_shade(color, own) {
+                    nearest = Label(i, j, share);
+                    least = distance;
                     is_found = true;
                 }
             }
@@ -108,14 +133,11 @@ fn assign(color: vec3<f32>, prop: u32, missing: f32) -> Shown {
     let count = props[prop].colors;
     let source = props[prop].first_color;
     let steps = props[prop].blend_steps;
-    let none = Label(0u, 0u, 1.0, FAR, 0u);
-    var nearest = Nearest(none, none);
-    // Labels in the order of equation 7: the palette, then the blends of every pair.
+    var nearest = Nearest(vec2(0u), vec2(FAR));
     for (var i = 0u; i < count; i++) {
         let off = color - colors[source + i].rgb;
-        consider(&nearest, Label(i, i, 1.0, dot(off, off), i));
+        consider(&nearest, packed(i, i, 0u), dot(off, off));
     }
-    var index = count;
     for (var i = 0u; i < count; i++) {
         let first = colors[source + i].rgb;
         for (var j = i + 1u; j < count; j++) {
@@ -123,19 +145,19 @@ fn assign(color: vec3<f32>, prop: u32, missing: f32) -> Shown {
             for (var k = 1u; k < steps; k++) {
                 let share = f32(k) / f32(steps);
                 let off = color - mix(second, first, share);
-                consider(&nearest, Label(i, j, share, dot(off, off), index));
-                index++;
+                consider(&nearest, packed(i, j, k), dot(off, off));
             }
         }
     }
     let softness = props[prop].softness;
-    let lead = sqrt(nearest.second.distance) - sqrt(nearest.first.distance);
-    let first = shown_in(prop, nearest.first, missing);
+    let lead = sqrt(nearest.distances.y) - sqrt(nearest.distances.x);
+    let index = index_of(nearest.labels.x, count, steps);
+    let first = shown_in(prop, unpacked(nearest.labels.x, steps), missing);
     // Softness 0 gives a hard edge. A palette of one color has no second label: its distance remains FAR.
     if lead >= softness {
-        return Shown(first, nearest.first.index);
+        return Shown(first, index);
     }
     let step = 0.5 + 0.5 * lead / softness;
-    let soft = mix(shown_in(prop, nearest.second, missing), first, step * step * (3.0 - 2.0 * step));
-    return Shown(soft, nearest.first.index);
+    let soft = mix(shown_in(prop, unpacked(nearest.labels.y, steps), missing), first, step * step * (3.0 - 2.0 * step));
+    return Shown(soft, index);
 }

@@ -29,11 +29,19 @@ fn is_inside(pixel: vec2<i32>) -> bool {
 @fragment
 fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
     let pixel = vec2<i32>(position.xy);
-    let own = owner_of(textureLoad(owner, pixel, 0));
+    let texel = textureLoad(owner, pixel, 0);
+    let own = owner_of(texel);
+    var differs = false;
+    for (var i = 0; i < 8; i++) {
+        let at = neighbor(pixel, i);
+        differs = differs || (is_inside(at) && any(textureLoad(owner, at, 0).rg != texel.rg));
+    }
     var ends = false;
     var other = 0u;
     var nearest = 0.0;
-    for (var i = 0; i < 8; i++) {
+    // Software rasterizers skip loops, not branches.
+    let neighbors = select(0, 8, differs);
+    for (var i = 0; i < neighbors; i++) {
         let at = neighbor(pixel, i);
         if is_inside(at) {
             let there = owner_of(textureLoad(owner, at, 0));

@@ -2,7 +2,9 @@
 #define_import_path bevy_plenoctree::prop_ray
 
 #ifdef BATCHED
-#import bevy_plenoctree::batch::{BATCH, batch_of, corner_at, index_in_batch}
+#import bevy_plenoctree::batch::{
+    BATCH, MOST_GAPS, batches, divided, gaps_across, index_in_batch, pixels_of_gap, unpacked_gap,
+}
 #endif
 #import bevy_plenoctree::octree::{Crossing, Ray, begin, clip, density, field, has_ended, make_ray, next_leaf}
 #ifndef SHADOW_MAP
@@ -19,9 +21,9 @@ struct Varying {
 }
 
 #ifdef BATCHED
-// The results of the interpolate pass: the number of pixels in every batch, and the pixels.
+// The results of the check pass: the number of gaps in every batch, and the gaps.
 @group(0) @binding(5) var<storage, read> counts: array<u32>;
-@group(0) @binding(6) var<storage, read> pixels: array<u32>;
+@group(0) @binding(6) var<storage, read> gaps: array<u32>;
 #endif
 
 struct PropRay {
@@ -40,11 +42,17 @@ fn prop_ray(in: Varying) -> PropRay {
     var pixel = vec2<u32>(in.position.xy) * view.spacing;
 #ifdef BATCHED
     let place = vec2<u32>(in.position.xy);
-    let batch = batch_of(place);
+    let square = place / BATCH;
+    let batch = square.y * batches().x + square.x;
     let index = index_in_batch(place % BATCH);
-    let is_listed = index < counts[batch];
-    let listed = select(0u, pixels[batch * BATCH * BATCH + index], is_listed);
-    pixel = corner_at(place) + vec2(listed % BATCH, listed / BATCH);
+    let element = divided(vec2(index), pixels_of_gap()).x;
+    let is_listed = element < counts[batch];
+    let gap = unpacked_gap(gaps[batch * MOST_GAPS + select(0u, element, is_listed)]);
+    // The first pixel is the ray of the grid.
+    let pixel_of_gap = index - element * pixels_of_gap() + 1u;
+    let row = divided(vec2(pixel_of_gap), view.spacing).x;
+    let beyond = vec2(pixel_of_gap - row * view.spacing, row);
+    pixel = (square * gaps_across() + gap) * view.spacing + beyond;
 #endif
     var seen = ray_at(in.prop, vec2<f32>(pixel) + 0.5);
 #ifndef SHADOW_MAP

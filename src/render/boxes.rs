@@ -13,7 +13,7 @@ use bevy::{
 };
 
 use super::{
-    refine::{BATCH, RaysOf, batches_size},
+    refine::{BATCH, RaysOf, batch_side, batches},
     view::{DrawnProp, ViewLayouts, ViewProps},
 };
 use crate::gpu::{FieldLayout, Shaders};
@@ -100,10 +100,11 @@ pub(super) fn draw(pass: &mut TrackedRenderPass, rays: RaysOf, props: &ViewProps
             if prop.rect.is_empty() {
                 return;
             }
-            let (low, high) = (prop.rect.min / BATCH, batches_size(prop.rect.max) / BATCH);
+            let view = props.view.get();
+            let (low, high) = (prop.rect.min / batch_side(view.spacing), batches(prop.rect.max, view.spacing));
             let (corner, size) = (low * BATCH, (high - low) * BATCH);
             pass.set_scissor_rect(corner.x, corner.y, size.x, size.y);
-            let of_row = 6 * props.view.get().size.x.div_ceil(BATCH);
+            let of_row = 6 * batches(view.size, view.spacing).x;
             low.y * of_row..high.y * of_row
         }
     };

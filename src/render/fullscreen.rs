@@ -89,12 +89,22 @@ pub(super) fn draw<'a>(
     pipeline: &'a RenderPipeline,
     groups: [(&'a BindGroup, &[u32]); 2],
 ) {
-    let (mut corner, size) = (props.rect.min, props.rect.size());
+    let mut corner = props.rect.min;
     if let Some(viewport) = viewport {
         pass.set_camera_viewport(viewport);
         corner += viewport.physical_position;
     }
-    pass.set_scissor_rect(corner.x, corner.y, size.x, size.y);
+    draw_part(pass, URect { min: corner, max: corner + props.rect.size() }, pipeline, groups);
+}
+
+/// Draws the triangle over a part of the target, in pixels.
+pub(super) fn draw_part<'a>(
+    pass: &mut TrackedRenderPass<'a>,
+    part: URect,
+    pipeline: &'a RenderPipeline,
+    groups: [(&'a BindGroup, &[u32]); 2],
+) {
+    pass.set_scissor_rect(part.min.x, part.min.y, part.width(), part.height());
     pass.set_render_pipeline(pipeline);
     for (index, (group, offsets)) in groups.into_iter().enumerate() {
         pass.set_bind_group(index, group, offsets);

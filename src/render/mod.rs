@@ -62,8 +62,8 @@ pub const VOLUME_SPANS: &[&str] = &[
     volume::BATCHES_SPAN,
     solid::SOLID_SPAN,
     solid::SOLID_BATCHES_SPAN,
-    refine::INTERPOLATE_SPAN,
-    refine::GATHER_SPAN,
+    refine::CHECK_SPAN,
+    refine::FILL_SPAN,
     kept::COMPARE_DEPTHS_SPAN,
 ];
 /// The names of the spans in Bevy's render diagnostics whose times add up to the time of posterizing.

@@ -28,10 +28,10 @@ pub(super) enum VolumeSteps {
 /// The steps of [`PlenOctreeRenderSystems::Refine`].
 #[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) enum RefineSteps {
-    Interpolate,
+    Check,
     Solid,
     Volume,
-    Gather,
+    Fill,
 }
 
 /// The steps of [`PlenOctreeRenderSystems::Posterize`].
@@ -107,7 +107,7 @@ fn order_stages(render_app: &mut SubApp) {
         )
         .configure_sets(
             Core3d,
-            (RefineSteps::Interpolate, RefineSteps::Solid, RefineSteps::Volume, RefineSteps::Gather)
+            (RefineSteps::Check, RefineSteps::Solid, RefineSteps::Volume, RefineSteps::Fill)
                 .chain()
                 .in_set(PlenOctreeRenderSystems::Refine),
         )

@@ -1,4 +1,4 @@
-//! The pixels that get rays of their own.
+//! The gaps whose pixels get rays of their own.
 
 use bevy::{
     prelude::*,
@@ -8,7 +8,7 @@ use bevy::{
     },
 };
 
-use super::rays::{BATCH, batches_size};
+use super::rays::{MOST_GAPS, batches};
 use crate::render::view::{ViewProps, ViewTextures};
 
 /// The batches of a view, in views that have them.
@@ -16,35 +16,37 @@ use crate::render::view::{ViewProps, ViewTextures};
 pub(in crate::render) struct Batches(Option<Buffers>);
 
 struct Buffers {
-    size: UVec2,
-    /// The number of pixels in each batch.
+    /// The number of batches.
+    len: u32,
+    /// The number of gaps in each batch.
     counts: Buffer,
-    /// The places of pixels in their squares.
-    pixels: Buffer,
+    /// The places of gaps in the squares of their batches.
+    gaps: Buffer,
 }
 
 impl Batches {
-    /// Returns the bindings of the numbers of pixels, and of the pixels.
+    /// Returns the bindings of the numbers of gaps, and of the gaps.
     pub fn bindings(&self) -> Option<[BindingResource<'_>; 2]> {
-        self.0.as_ref().map(|Buffers { counts, pixels, .. }| {
-            [counts, pixels].map(|buffer| BindingResource::Buffer(buffer.as_entire_buffer_binding()))
+        self.0.as_ref().map(|Buffers { counts, gaps, .. }| {
+            [counts, gaps].map(|buffer| BindingResource::Buffer(buffer.as_entire_buffer_binding()))
         })
     }
 
-    /// Returns the buffer with the numbers of pixels, which must be 0 when the interpolate pass begins.
+    /// Returns the buffer with the numbers of gaps, which must be 0 when the check pass begins.
     pub fn counts(&self) -> Option<&Buffer> {
         self.0.as_ref().map(|buffers| &buffers.counts)
     }
 }
 
 pub(super) fn prepare(device: Res<RenderDevice>, mut views: Query<(Option<&ViewTextures>, &ViewProps, &mut Batches)>) {
-    for (textures, props, mut batches) in &mut views {
+    for (textures, props, mut list) in &mut views {
         if textures.is_none_or(|textures| textures.sparse.is_none()) || props.rect.is_empty() {
-            batches.0 = None;
+            list.0 = None;
             continue;
         }
-        let size = batches_size(props.view.get().size);
-        if batches.0.as_ref().is_some_and(|buffers| buffers.size == size) {
+        let view = props.view.get();
+        let len = batches(view.size, view.spacing).element_product();
+        if list.0.as_ref().is_some_and(|buffers| buffers.len == len) {
             continue;
         }
         let buffer = |label, words: u32| {
@@ -55,11 +57,10 @@ pub(super) fn prepare(device: Res<RenderDevice>, mut views: Query<(Option<&ViewT
                 mapped_at_creation: false,
             })
         };
-        let pixels = size.element_product();
-        batches.0 = Some(Buffers {
-            size,
-            counts: buffer("plenoctree_batch_counts", pixels / (BATCH * BATCH)),
-            pixels: buffer("plenoctree_batch_pixels", pixels),
+        list.0 = Some(Buffers {
+            len,
+            counts: buffer("plenoctree_batch_counts", len),
+            gaps: buffer("plenoctree_batch_gaps", len * MOST_GAPS),
         });
     }
 }

@@ -1,4 +1,4 @@
-//! Runs the interpolate pass and the gather pass.
+//! Runs the check pass and the fill pass.
 
 use bevy::{
     prelude::*,
@@ -12,46 +12,42 @@ use bevy::{
     },
 };
 
-use super::{
-    batches::Batches,
-    gather::GatherPipeline,
-    interpolate::{InterpolateKey, InterpolatePipeline},
-};
+use super::{batches::Batches, check::CheckPipeline, fill::FillPipeline};
 use crate::render::{
-    attachment::{self, cleared, depth},
+    attachment::{cleared, depth, kept},
     bind_group::KeptBindGroup,
-    fullscreen::draw,
+    fullscreen::{draw, draw_part},
     kept::KeptView,
-    view::{Layer, ViewBindGroups, ViewProps, ViewTextures},
+    view::{ViewBindGroups, ViewProps, ViewTextures},
     volume::VolumePipelines,
 };
 
 /// The names of the passes' spans in Bevy's render diagnostics.
-pub const INTERPOLATE_SPAN: &str = "plenoctree_interpolate";
-pub const GATHER_SPAN: &str = "plenoctree_gather";
+pub const CHECK_SPAN: &str = "plenoctree_check";
+pub const FILL_SPAN: &str = "plenoctree_fill";
 
 /// The pipelines and bind groups of a view that does not cast a ray for every pixel.
 #[derive(Component, Default)]
 pub(in crate::render) struct RefinePass {
-    interpolate: Option<CachedRenderPipelineId>,
-    gather: Option<CachedRenderPipelineId>,
-    grid: KeptBindGroup,
-    batches: KeptBindGroup,
+    check: Option<CachedRenderPipelineId>,
+    fill: Option<CachedRenderPipelineId>,
+    checked: KeptBindGroup,
+    filled: KeptBindGroup,
 }
 
 impl RefinePass {
     /// Returns whether all pipelines that the view needs have been created.
     pub fn is_ready(&self, cache: &PipelineCache) -> bool {
-        [self.interpolate, self.gather].into_iter().flatten().all(|id| cache.get_render_pipeline(id).is_some())
+        [self.check, self.fill].into_iter().flatten().all(|id| cache.get_render_pipeline(id).is_some())
     }
 }
 
 pub(super) fn prepare_pipelines(
     cache: Res<PipelineCache>,
-    interpolate: Res<InterpolatePipeline>,
-    mut interpolates: ResMut<SpecializedRenderPipelines<InterpolatePipeline>>,
-    gather: Res<GatherPipeline>,
-    mut gathers: ResMut<SpecializedRenderPipelines<GatherPipeline>>,
+    check: Res<CheckPipeline>,
+    mut checks: ResMut<SpecializedRenderPipelines<CheckPipeline>>,
+    fill: Res<FillPipeline>,
+    mut fills: ResMut<SpecializedRenderPipelines<FillPipeline>>,
     mut views: Query<(Option<&ViewTextures>, &Msaa, &mut RefinePass)>,
 ) {
     for (textures, msaa, mut pass) in &mut views {
@@ -59,102 +55,100 @@ pub(super) fn prepare_pipelines(
             *pass = default();
             continue;
         };
-        let motion = textures.layer.motion.is_some();
-        let key = InterpolateKey { multisampled: msaa.samples() > 1, motion };
-        pass.interpolate = Some(interpolates.specialize(&cache, &interpolate, key));
-        pass.gather = Some(gathers.specialize(&cache, &gather, motion));
+        pass.check = Some(checks.specialize(&cache, &check, msaa.samples() > 1));
+        pass.fill = Some(fills.specialize(&cache, &fill, textures.layer.motion.is_some()));
     }
 }
 
 pub(super) fn prepare_bind_groups(
     device: Res<RenderDevice>,
     cache: Res<PipelineCache>,
-    interpolate: Res<InterpolatePipeline>,
-    gather: Res<GatherPipeline>,
+    check: Res<CheckPipeline>,
+    fill: Res<FillPipeline>,
     mut views: Query<(Option<&ViewTextures>, &Batches, &mut RefinePass)>,
 ) {
     for (textures, batches, mut pass) in &mut views {
         let sparse = textures.and_then(|textures| textures.sparse.as_ref());
-        let (Some(sparse), Some([counts, pixels])) = (sparse, batches.bindings()) else {
-            (pass.grid, pass.batches) = default();
+        let (Some(sparse), Some([counts, gaps])) = (sparse, batches.bindings()) else {
+            (pass.checked, pass.filled) = default();
             continue;
         };
-        let Layer { color, owner, depth, .. } = &sparse.grid;
-        let mut entries = BindGroupEntries::sequential((color, owner, depth, counts, pixels)).to_vec();
-        entries.extend(motion_entry(&sparse.grid, 5));
-        let shared = interpolate.shared(sparse.grid.motion.is_some());
-        pass.grid.update(&device, &cache, shared.label, &shared.layout, &entries);
+        let [grid, batches] = [&sparse.grid, &sparse.batches];
+        let entries = BindGroupEntries::sequential((&grid.color, &grid.owner, &grid.depth, counts, gaps));
+        pass.checked.update(&device, &cache, check.shared.label, &check.shared.layout, &entries);
 
-        let Layer { color, owner, depth, .. } = &sparse.batches;
-        let mut entries = BindGroupEntries::sequential((&sparse.indices, color, owner, depth)).to_vec();
-        entries.extend(motion_entry(&sparse.batches, 4));
-        let shared = gather.shared(sparse.batches.motion.is_some());
-        pass.batches.update(&device, &cache, shared.label, &shared.layout, &entries);
+        let mut entries = BindGroupEntries::sequential((
+            &sparse.gaps,
+            &grid.color,
+            &grid.owner,
+            &grid.depth,
+            &batches.color,
+            &batches.owner,
+            &batches.depth,
+        ))
+        .to_vec();
+        let motion = [grid, batches].into_iter().filter_map(|layer| layer.motion.as_ref());
+        entries.extend(
+            (7..).zip(motion).map(|(binding, motion)| BindGroupEntry { binding, resource: motion.into_binding() }),
+        );
+        let shared = fill.shared(grid.motion.is_some());
+        pass.filled.update(&device, &cache, shared.label, &shared.layout, &entries);
     }
 }
 
-fn motion_entry(layer: &Layer, binding: u32) -> Option<BindGroupEntry<'_>> {
-    layer.motion.as_ref().map(|motion| BindGroupEntry { binding, resource: motion.into_binding() })
-}
-
-pub(super) fn interpolate_pass(
-    view: ViewQuery<(&ViewTextures, &ViewProps, &ViewBindGroups, &KeptView, &Batches, &RefinePass)>,
+pub(super) fn check_pass(
+    view: ViewQuery<(&ViewTextures, &ViewProps, &ViewBindGroups, &KeptView, &Batches, &VolumePipelines, &RefinePass)>,
     cache: Res<PipelineCache>,
     mut ctx: RenderContext,
 ) {
-    let (textures, props, groups, kept, batches, refine) = view.into_inner();
-    let (Some(view), Some(group), Some(pipeline), Some(sparse), Some(counts)) = (
-        groups.with_depth.get(),
-        refine.grid.get(),
-        refine.interpolate.and_then(|id| cache.get_render_pipeline(id)),
-        &textures.sparse,
-        batches.counts(),
-    ) else {
+    let (textures, props, groups, keep, batches, volume, refine) = view.into_inner();
+    let (Some(view), Some(group), Some(sparse), Some(counts)) =
+        (groups.with_depth.get(), refine.checked.get(), &textures.sparse, batches.counts())
+    else {
         return;
     };
+    // Until all rays can be marched, all gaps are interpolated.
+    let pipeline = refine.check.and_then(|id| cache.get_render_pipeline(id)).filter(|_| volume.are_ready(&cache));
     let diagnostics = ctx.diagnostic_recorder();
     let diagnostics = diagnostics.as_deref();
-    let span = diagnostics.time_span(ctx.command_encoder(), INTERPOLATE_SPAN);
+    let span = diagnostics.time_span(ctx.command_encoder(), CHECK_SPAN);
     ctx.command_encoder().clear_buffer(counts, 0, None);
     {
-        let (layer, clears) = (&textures.layer, kept.layer.is_drawn());
-        let mut attachments = layer.attachments(clears);
-        attachments.insert(2, if clears { cleared(&sparse.indices) } else { attachment::kept(&sparse.indices) });
+        let gaps = if keep.layer.is_drawn() { cleared(&sparse.gaps) } else { kept(&sparse.gaps) };
         let mut pass = ctx.begin_tracked_render_pass(RenderPassDescriptor {
-            label: Some(INTERPOLATE_SPAN),
-            color_attachments: &attachments,
-            depth_stencil_attachment: Some(depth(&layer.depth, clears)),
+            label: Some(CHECK_SPAN),
+            color_attachments: &[gaps],
             ..default()
         });
-        draw(&mut pass, props, None, pipeline, [(view, &[]), (group, &[])]);
+        if let Some(pipeline) = pipeline {
+            let spacing = props.view.get().spacing;
+            let (low, high) = (props.rect.min / spacing, (props.rect.max + spacing - 1) / spacing);
+            draw_part(&mut pass, URect { min: low, max: high }, pipeline, [(view, &[]), (group, &[])]);
+        }
     }
     span.end(ctx.command_encoder());
 }
 
-pub(super) fn gather_pass(
-    view: ViewQuery<(&ViewTextures, &ViewProps, &ViewBindGroups, &VolumePipelines, &RefinePass)>,
+pub(super) fn fill_pass(
+    view: ViewQuery<(&ViewTextures, &ViewProps, &ViewBindGroups, &KeptView, &RefinePass)>,
     cache: Res<PipelineCache>,
     mut ctx: RenderContext,
 ) {
-    let (textures, props, groups, volume, refine) = view.into_inner();
-    // Until all rays can be marched, pixels show what was interpolated.
-    if !volume.are_ready(&cache) {
-        return;
-    }
+    let (textures, props, groups, kept, refine) = view.into_inner();
     let (Some(view), Some(group), Some(pipeline)) =
-        (groups.plain.get(), refine.batches.get(), refine.gather.and_then(|id| cache.get_render_pipeline(id)))
+        (groups.plain.get(), refine.filled.get(), refine.fill.and_then(|id| cache.get_render_pipeline(id)))
     else {
         return;
     };
     let diagnostics = ctx.diagnostic_recorder();
     let diagnostics = diagnostics.as_deref();
-    let span = diagnostics.time_span(ctx.command_encoder(), GATHER_SPAN);
+    let span = diagnostics.time_span(ctx.command_encoder(), FILL_SPAN);
     {
-        let layer = &textures.layer;
+        let (layer, clears) = (&textures.layer, kept.layer.is_drawn());
         let mut pass = ctx.begin_tracked_render_pass(RenderPassDescriptor {
-            label: Some(GATHER_SPAN),
-            color_attachments: &layer.attachments(false),
-            depth_stencil_attachment: Some(depth(&layer.depth, false)),
+            label: Some(FILL_SPAN),
+            color_attachments: &layer.attachments(clears),
+            depth_stencil_attachment: Some(depth(&layer.depth, clears)),
             ..default()
         });
         draw(&mut pass, props, None, pipeline, [(view, &[]), (group, &[])]);

@@ -140,7 +140,7 @@ pub(super) fn prepare_textures(
         };
         let (size, spacing) = (viewport.physical_size, spacing(&visible.quality));
         let grid = rounds(grid_size(size, spacing));
-        let batches = (spacing > 1).then(|| rounds(batches_size(size)));
+        let batches = (spacing > 1).then(|| rounds(batches_size(size, spacing)));
         commands.entity(entity).insert(SolidTextures { grid, batches });
     }
 }

@@ -18,8 +18,8 @@ pub(super) use levels::levels_coarser;
 pub(super) use prepare::{covered, extent};
 pub(super) use props::{DrawnProp, Overlap, ViewProps};
 pub(super) use textures::{
-    DEPTH_FORMAT, FILTER_FORMAT, INDEX_FORMAT, LAYER_FORMAT, Layer, MOTION_FORMAT, OWNER_FORMAT, ViewTextures,
-    drawn_viewport, grid_size, spacing, view_texture,
+    DEPTH_FORMAT, FILTER_FORMAT, GAP_FORMAT, LAYER_FORMAT, MOTION_FORMAT, OWNER_FORMAT, ViewTextures, drawn_viewport,
+    grid_size, spacing, view_texture,
 };
 pub(super) use uniforms::{PropUniform, ViewUniform};
 

@@ -33,8 +33,8 @@ pub(in crate::render) const FILTER_FORMAT: TextureFormat = TextureFormat::Rgba32
 /// The format of the props' depth, which is reversed like the scene's.
 pub(in crate::render) const DEPTH_FORMAT: TextureFormat = TextureFormat::Depth32Float;
 
-/// The format of the places of pixels in their batches.
-pub(in crate::render) const INDEX_FORMAT: TextureFormat = TextureFormat::R16Uint;
+/// The format of what the check pass finds.
+pub(in crate::render) const GAP_FORMAT: TextureFormat = TextureFormat::R16Uint;
 
 /// The format of motion vectors, as in Bevy's prepass.
 pub(in crate::render) const MOTION_FORMAT: TextureFormat = MOTION_VECTOR_PREPASS_FORMAT;
@@ -82,8 +82,8 @@ pub(in crate::render) struct ViewTextures {
 pub(in crate::render) struct Sparse {
     pub grid: Layer,
     pub batches: Layer,
-    /// 1 + the index of each pixel in its batch, or 0.
-    pub indices: TextureView,
+    /// What the check pass finds about each gap, as `batch.wgsl` says.
+    pub gaps: TextureView,
 }
 
 impl ViewTextures {
@@ -99,7 +99,7 @@ impl ViewTextures {
     /// Returns the textures of the layer, and of all that it is made of.
     pub fn layers(&self) -> impl Iterator<Item = &TextureView> {
         let sparse = self.sparse.iter().flat_map(|sparse| {
-            [&sparse.grid, &sparse.batches].into_iter().flat_map(Layer::views).chain([&sparse.indices])
+            [&sparse.grid, &sparse.batches].into_iter().flat_map(Layer::views).chain([&sparse.gaps])
         });
         self.layer.views().chain(sparse)
     }
@@ -161,12 +161,12 @@ pub(super) fn prepare_textures(
         };
         let size = viewport.physical_size;
         let spacing = spacing(&visible.quality);
-        let layers = (spacing > 1).then(|| (layer(grid_size(size, spacing)), layer(batches_size(size))));
+        let layers = (spacing > 1).then(|| (layer(grid_size(size, spacing)), layer(batches_size(size, spacing))));
         let layer = layer(size);
         let sparse = layers.map(|(grid, batches)| Sparse {
             grid,
             batches,
-            indices: texture("plenoctree_indices", INDEX_FORMAT, size),
+            gaps: texture("plenoctree_gaps", GAP_FORMAT, grid_size(size, spacing)),
         });
         let [even, odd] = ["plenoctree_even", "plenoctree_odd"].map(|label| texture(label, FILTER_FORMAT, size));
         commands.entity(entity).insert(ViewTextures { layer, sparse, even, odd });

@@ -143,16 +143,16 @@ fn overlaps_and_batches_are_paid_for_while_they_last() {
     let other = world.spawn((Prop(field), Transform::from_xyz(2.0, 0.0, -2.0))).id();
     headless.wait_until_ready(Duration::from_secs(60)).unwrap();
     let Some(least) = allocated(&mut headless) else { return };
-    let mut check = |what, expected: u64, change: &mut dyn FnMut(&mut World)| {
+    let mut check = |what, expected: f64, change: &mut dyn FnMut(&mut World)| {
         change(headless.app.world_mut());
-        let bytes = allocated(&mut headless).unwrap().saturating_sub(least);
-        assert!(bytes.abs_diff(expected * BYTE) < BYTE / 2, "{what}: {bytes} bytes more, expected {}", expected * BYTE);
+        let bytes = allocated(&mut headless).unwrap().saturating_sub(least) as f64 / BYTE as f64;
+        assert!((bytes - expected).abs() < 0.4, "{what}: {bytes} more bytes per pixel, expected {expected}");
     };
     // Props and their depths, for two rounds.
-    check("overlapping", 16, &mut |world| world.get_mut::<Transform>(other).unwrap().translation.x = 0.25);
-    check("side by side", 0, &mut |world| world.get_mut::<Transform>(other).unwrap().translation.x = 2.0);
+    check("overlapping", 16.0, &mut |world| world.get_mut::<Transform>(other).unwrap().translation.x = 0.25);
+    check("side by side", 0.0, &mut |world| world.get_mut::<Transform>(other).unwrap().translation.x = 2.0);
     let quality = PropQuality { error: 0.1, ..PropQuality::EXACT };
-    // A layer and a quarter, and the places of pixels in them.
-    check("fewer rays", 26, &mut |world| set(world, camera, quality));
-    check("all rays again", 0, &mut |world| set(world, camera, PropQuality::EXACT));
+    // A layer and a quarter, what is known of gaps, and their places.
+    check("fewer rays", 21.5, &mut |world| set(world, camera, quality));
+    check("all rays again", 0.0, &mut |world| set(world, camera, PropQuality::EXACT));
 }

@@ -1,4 +1,4 @@
-//! The pipelines of the gather pass, specialized by whether motion vectors are written.
+//! The pipelines of the fill pass, for layers without motion vectors and with them.
 
 use bevy::{
     prelude::*,
@@ -20,9 +20,9 @@ use crate::{
 };
 
 #[derive(Resource)]
-pub(super) struct GatherPipeline([Fullscreen; 2]);
+pub(super) struct FillPipeline([Fullscreen; 2]);
 
-impl GatherPipeline {
+impl FillPipeline {
     /// Returns what the pipelines for layers with or without motion vectors share.
     pub fn shared(&self, motion: bool) -> &Fullscreen {
         &self.0[usize::from(motion)]
@@ -30,18 +30,20 @@ impl GatherPipeline {
 }
 
 pub(super) fn init(mut commands: Commands, views: Res<ViewLayouts>, shaders: Res<Shaders>) {
-    commands.insert_resource(GatherPipeline([false, true].map(|motion| {
+    commands.insert_resource(FillPipeline([false, true].map(|motion| {
         let texture = || texture_2d(TextureSampleType::Float { filterable: false });
-        let entries = (texture_2d(TextureSampleType::Uint), texture(), texture(), texture_depth_2d());
+        let (gaps, depth) = (texture_2d(TextureSampleType::Uint), texture_depth_2d);
+        let entries = (gaps, texture(), texture(), depth(), texture(), texture(), depth());
         let mut entries = BindGroupLayoutEntries::sequential(ShaderStages::FRAGMENT, entries).to_vec();
         if motion {
-            entries.push(texture().build(4, ShaderStages::FRAGMENT));
+            entries.extend([7, 8].map(|binding| texture().build(binding, ShaderStages::FRAGMENT)));
         }
-        Fullscreen::new("plenoctree_gather", &shaders.gather, &entries, &shaders, &views).unless_kept(KeptPart::Layer)
+        Fullscreen::new("plenoctree_fill", &shaders.fill, &entries, &shaders, &views).unless_kept(KeptPart::Layer)
     })));
 }
 
-impl SpecializedRenderPipeline for GatherPipeline {
+impl SpecializedRenderPipeline for FillPipeline {
+    /// Whether motion vectors are written.
     type Key = bool;
 
     fn specialize(&self, motion: bool) -> RenderPipelineDescriptor {

@@ -1,0 +1,75 @@
+// The check pass: compares the rays of the grid around each gap. Where they differ, the pixels of the gap get rays of their
+// own: the gap joins its batch.
+
+#import bevy_plenoctree::batch::{
+    AGREES, EMPTY, MOST_GAPS, batches, divided, gaps_across, packed_gap, ray_around,
+}
+#import bevy_plenoctree::scene::scene_depth
+#import bevy_plenoctree::view::{is_solid, view}
+
+@group(1) @binding(0) var layer: texture_2d<f32>;
+@group(1) @binding(1) var owner: texture_2d<f32>;
+@group(1) @binding(2) var depth: texture_depth_2d;
+// The number of gaps in every batch, and the gaps, as packed by `packed_gap`.
+@group(1) @binding(3) var<storage, read_write> counts: array<atomic<u32>>;
+@group(1) @binding(4) var<storage, read_write> gaps: array<u32>;
+
+// The largest relative difference of depths at pixels where the scene shows the same surface. In perspective, this is the
+// relative difference of distances.
+const SAME_SURFACE: f32 = 0.05;
+
+@fragment
+fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) u32 {
+    let gap = vec2<u32>(position.xy);
+    let last = textureDimensions(layer) - 1u;
+    var least = vec4(1e30);
+    var most = vec4(-1e30);
+    for (var i = 0u; i < 4u; i++) {
+        let value = textureLoad(layer, ray_around(gap, i, last), 0);
+        least = min(least, value);
+        most = max(most, value);
+    }
+    let is_empty = most.a <= 0.0;
+
+    // The least and the greatest depths of solid rays.
+    var solid_depths = vec2(1.0, 0.0);
+    var differ = false;
+    let first = textureLoad(owner, gap, 0).rg;
+    // Software rasterizers skip loops, not branches.
+    let rays = select(4u, 0u, is_empty);
+    for (var i = 0u; i < rays; i++) {
+        let at = ray_around(gap, i, last);
+        differ = differ || any(textureLoad(owner, at, 0).rg != first);
+        let solid = textureLoad(depth, at, 0);
+        if is_solid(solid) {
+            solid_depths = vec2(min(solid_depths.x, solid), max(solid_depths.y, solid));
+        }
+    }
+    // The least and the greatest depths of the scene, where these rays and those of the gap end at it.
+    var scene_depths = vec2(1e30, -1e30);
+    let across = view.spacing + 1u;
+    let pixels = select(across * across, 0u, is_empty);
+    var beyond = vec2(0u);
+    for (var i = 0u; i < pixels; i++) {
+        let at = min(gap * view.spacing + beyond, view.size - 1u);
+        let there = textureLoad(scene_depth, at + view.corner, 0);
+        scene_depths = vec2(min(scene_depths.x, there), max(scene_depths.y, there));
+        beyond = select(vec2(0u, beyond.y + 1u), vec2(beyond.x + 1u, beyond.y), beyond.x < view.spacing);
+    }
+
+    let spread = most - least;
+    let error = max(max(spread.r, spread.g), max(spread.b, spread.a));
+    let needs_rays = differ
+        || error > view.error
+        || solid_depths.y - solid_depths.x > view.error * solid_depths.y
+        || scene_depths.y - scene_depths.x > SAME_SURFACE * scene_depths.y;
+    var found = select(AGREES, EMPTY, is_empty);
+    if needs_rays {
+        let square = divided(gap, gaps_across());
+        let batch = square.y * batches().x + square.x;
+        let index = atomicAdd(&counts[batch], 1u);
+        gaps[batch * MOST_GAPS + index] = packed_gap(gap - square * gaps_across());
+        found = index + 1u;
+    }
+    return found;
+}
