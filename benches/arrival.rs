@@ -168,7 +168,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let image = Image::new_target_texture(SIZE, SIZE, TextureFormat::Rgba8UnormSrgb, None);
     let target = RenderTarget::Image(app.world_mut().resource_mut::<Assets<Image>>().add(image).into());
     let view = Transform::from_xyz(1.5, 1.3, 3.2).looking_at(Vec3::ZERO, Vec3::Y);
-    let toadstool = app.world().resource::<AssetServer>().load::<PlenOctree>("toadstool.npz");
+    let toadstool = app.world().resource::<AssetServer>().load::<PlenOctree>("toadstool.plenoctree");
     let world = app.world_mut();
     world.spawn((exact_camera(Color::WHITE), target, view, QualityPreset::Fast.quality()));
     let prop = world.spawn((Prop(toadstool.clone()), Posterize::default())).id();

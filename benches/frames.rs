@@ -45,7 +45,7 @@ fn recolor(mut palettes: ResMut<Palettes>, props: Query<&Prop>, mut shade: Local
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     // Cargo adds `--bench`.
     let mut arguments = std::env::args_os().skip(1).filter(|argument| argument != "--bench").map(PathBuf::from);
-    let own = || PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("assets/toadstool.npz");
+    let own = || PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("assets/toadstool.plenoctree");
     let field_file = arguments.next().unwrap_or_else(own);
     let cameras = arguments.next().filter(|file| !file.as_os_str().is_empty());
     let size: u32 = arguments.next().map_or(SIZE.into(), |size| size.to_string_lossy().into_owned()).parse()?;

@@ -23,7 +23,7 @@ const FRAMES: u32 = 3;
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     // Cargo adds `--bench`.
     let argument = std::env::args_os().skip(1).find(|argument| argument != "--bench").map(PathBuf::from);
-    let own = || PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("assets/toadstool.npz");
+    let own = || PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("assets/toadstool.plenoctree");
     let field = PlenOctree::read(argument.unwrap_or_else(own), &LoadSettings::default())?;
     let camera = PinholeCamera::around(&field, SIZE, SIZE, 0.5, 0.4).ok_or("the field is empty")?;
     let (low, high) = field.bounds().ok_or("the field is empty")?;

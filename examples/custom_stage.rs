@@ -29,7 +29,7 @@ fn main() {
 }
 
 fn setup(mut commands: Commands, assets: Res<AssetServer>) {
-    commands.spawn((Prop(assets.load("toadstool.npz")), Posterize { softness: 0.0, ..default() }));
+    commands.spawn((Prop(assets.load("toadstool.plenoctree")), Posterize { softness: 0.0, ..default() }));
     // `LabelStages` makes the plugin write labels to textures, which custom stages can change before they are drawn to
     // the screen.
     commands.spawn((

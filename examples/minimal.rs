@@ -12,6 +12,6 @@ fn main() {
 }
 
 fn setup(mut commands: Commands, assets: Res<AssetServer>) {
-    commands.spawn(Prop(assets.load("toadstool.npz")));
+    commands.spawn(Prop(assets.load("toadstool.plenoctree")));
     commands.spawn((Camera3d::default(), Transform::from_xyz(1.5, 1.3, 3.2).looking_at(Vec3::ZERO, Vec3::Y)));
 }

@@ -26,7 +26,7 @@ fn setup(
 ) {
     // A softness of 0 would give hard edges between labels.
     let posterize = Posterize { softness: 0.1, ..default() };
-    commands.spawn((Prop(assets.load("toadstool.npz")), posterize));
+    commands.spawn((Prop(assets.load("toadstool.plenoctree")), posterize));
 
     // Meshes occlude the prop, and the prop occludes meshes.
     let ground = meshes.add(Circle::new(3.0));

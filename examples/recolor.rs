@@ -16,7 +16,7 @@ fn main() {
 }
 
 fn setup(mut commands: Commands, assets: Res<AssetServer>) {
-    let field = assets.load("toadstool.npz");
+    let field = assets.load("toadstool.plenoctree");
     commands.spawn((Prop(field.clone()), Posterize::default(), Transform::from_xyz(-1.1, 0.0, 0.0)));
     // Color 0 of this field's palette is the red of the cap. An override applies to its own entity only.
     commands.spawn((

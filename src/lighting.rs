@@ -26,7 +26,7 @@ pub const MAX_BANDS: u32 = 8;
 /// fn spawn(mut commands: Commands, assets: Res<AssetServer>) {
 ///     // Shadows take half of the light, in one step with a clean edge. A red lamp makes the prop a little red.
 ///     let lighting = PropLighting { shadows: 0.5, tint: 0.3, bands: 1 };
-///     commands.spawn((Prop(assets.load("toadstool.npz")), Posterize::default(), lighting));
+///     commands.spawn((Prop(assets.load("toadstool.plenoctree")), Posterize::default(), lighting));
 /// }
 /// # App::new().add_plugins((MinimalPlugins, AssetPlugin::default(), PlenOctreePlugin)).add_systems(Update, spawn).update();
 /// ```

@@ -63,7 +63,7 @@ pub enum PropStage {
 /// # use bevy::prelude::*;
 /// # use bevy_plenoctree::{PlenOctreePlugin, Posterize, PosterizeView, PropStage};
 /// fn spawn_camera(mut commands: Commands, assets: Res<AssetServer>) {
-///     let view = (PosterizeView(assets.load("toadstool.npz")), Posterize { softness: 0.1, ..default() });
+///     let view = (PosterizeView(assets.load("toadstool.plenoctree")), Posterize { softness: 0.1, ..default() });
 ///     commands.spawn((Camera3d::default(), PropStage::Display, view));
 /// }
 /// # let mut app = App::new();

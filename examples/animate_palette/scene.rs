@@ -52,18 +52,18 @@ fn spawn(
         (Prop(assets.load(file)), Posterize::default(), place.with_rotation(Quat::from_rotation_y(turn)))
     };
     commands.spawn((
-        prop("toadstool.npz", -0.75, -0.9, 1.5, 0.25),
+        prop("toadstool.plenoctree", -0.75, -0.9, 1.5, 0.25),
         ByNight(["#43307a", "#c79a5a", "#060814", "#1d4a52", "#8d9cd6", "#1f2c66"].map(color)),
     ));
     commands.spawn((
-        prop("drum.npz", 1.1, 0.6, 0.85, -0.2),
+        prop("drum.plenoctree", 1.1, 0.6, 0.85, -0.2),
         ByNight(["#8d9cd6", "#173a5c", "#4a5488", "#5a2350", "#060814", "#b08a4a"].map(color)),
         PaletteOverride::default(),
         Target,
     ));
     for (x, turn, by_day, by_night) in [(-2.6, 0.45, "#e2473f", "#a3295c"), (2.6, -0.5, "#2f78e6", "#2a45b0")] {
         commands.spawn((
-            prop("robot.npz", x, 0.0, 1.0, turn),
+            prop("robot.plenoctree", x, 0.0, 1.0, turn),
             ByNight(["#0f2a44", "#1a4a6a", "#7a2350", "#c08a4a", "#060814", "#7f8cc4"].map(color)),
             PaletteOverride::default(),
             Team { by_day: color(by_day), by_night: color(by_night) },

@@ -35,9 +35,9 @@ impl Footprint {
     /// Half the size of the ground that the prop covers, along x and z.
     fn half_size(self) -> Vec2 {
         match self.0 {
-            "toadstool.npz" => Vec2::splat(0.9),
-            "drum.npz" => Vec2::splat(0.96),
-            "gumballs.npz" => Vec2::splat(0.7),
+            "toadstool.plenoctree" => Vec2::splat(0.9),
+            "drum.plenoctree" => Vec2::splat(0.96),
+            "gumballs.plenoctree" => Vec2::splat(0.7),
             _ => Vec2::new(0.48, 0.34),
         }
     }

@@ -11,8 +11,12 @@ pub fn plugin(app: &mut App) {
 
 /// The fields on the rings, from the middle outward: the file, and the indices of the palette colors to paint, each
 /// darker than the one before.
-const TOYS: [(&str, &[usize]); 4] =
-    [("toadstool.npz", &[0]), ("robot.npz", &[1, 0]), ("gumballs.npz", &[0]), ("drum.npz", &[3])];
+const TOYS: [(&str, &[usize]); 4] = [
+    ("toadstool.plenoctree", &[0]),
+    ("robot.plenoctree", &[1, 0]),
+    ("gumballs.plenoctree", &[0]),
+    ("drum.plenoctree", &[3]),
+];
 
 /// The hue of a toy in degrees, and the indices of the palette colors that get it.
 #[derive(Component)]

@@ -37,19 +37,19 @@ struct Kind {
 
 const TOYS: [Kind; 3] = [
     Kind {
-        file: "gumballs.npz",
+        file: "gumballs.plenoctree",
         x: -2.5,
         turn: 0.2,
         orders: &[coat([(0, PINK)]), coat([(0, MINT), (3, VIOLET)]), coat([(0, ORANGE), (1, BLUE)])],
     },
     Kind {
-        file: "toadstool.npz",
+        file: "toadstool.plenoctree",
         x: 0.0,
         turn: 0.0,
         orders: &[coat([(0, VIOLET)]), coat([(0, YELLOW), (3, BLUE)]), coat([(0, MINT), (3, PINK)])],
     },
     Kind {
-        file: "robot.npz",
+        file: "robot.plenoctree",
         x: 2.5,
         turn: -0.25,
         orders: &[coat([(1, YELLOW), (2, BLUE)]), coat([(1, PINK), (3, VIOLET)]), coat([(1, ORANGE), (2, MINT)])],

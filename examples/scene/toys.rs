@@ -63,33 +63,33 @@ fn spawn(mut commands: Commands, assets: Res<AssetServer>) {
         Color::linear_rgb(0.02, 0.05, 0.3),
     ];
     commands.spawn((
-        Prop(assets.load("toadstool.npz")),
+        Prop(assets.load("toadstool.plenoctree")),
         Posterize::default(),
         ByNight(toadstool.into()),
-        Footprint::of("toadstool.npz"),
+        Footprint::of("toadstool.plenoctree"),
         standing(room::JAR, 1.3, 0.2),
     ));
     let drum = ["#8391d6", "#173f63", "#46508a", "#632455", "#060814", "#c08a4a"];
     commands.spawn((
-        Prop(assets.load("drum.npz")),
+        Prop(assets.load("drum.plenoctree")),
         PASTEL,
         ByNight(drum.map(color).into()),
-        Footprint::of("drum.npz"),
+        Footprint::of("drum.plenoctree"),
         standing(Vec3::new(-3.2, 0.0, -0.5), 1.0, 0.35),
     ));
     let robot = ["#16405a", "#1f6f8f", "#8f2a4c", "#d0a050", "#1c2048", "#8d9bd0"];
     commands.spawn((
-        Prop(assets.load("robot.npz")),
+        Prop(assets.load("robot.plenoctree")),
         POSTER,
         ByNight(robot.map(color).into()),
-        Footprint::of("robot.npz"),
+        Footprint::of("robot.plenoctree"),
         Marching { seconds: 0.0 },
         standing(Vec3::ZERO, 0.85, 0.0),
     ));
     // Drawn as trained. Its colors stay the same at night, as if the lamp lit it.
     commands.spawn((
-        Prop(assets.load("gumballs.npz")),
-        Footprint::of("gumballs.npz"),
+        Prop(assets.load("gumballs.plenoctree")),
+        Footprint::of("gumballs.plenoctree"),
         standing(room::TABLE, 0.95, -0.3),
     ));
 }

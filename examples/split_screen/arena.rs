@@ -55,29 +55,29 @@ fn build_ground(mut builder: Builder) {
 
 fn place_props(mut commands: Commands, assets: Res<AssetServer>) {
     commands.spawn((
-        Prop(assets.load("gumballs.npz")),
+        Prop(assets.load("gumballs.plenoctree")),
         Posterize::default(),
         PaletteOverride::default(),
-        Footprint::of("gumballs.npz"),
+        Footprint::of("gumballs.plenoctree"),
         Obstacle(1.3),
         Machine,
         standing(Vec3::ZERO, 1.7, 0.0),
     ));
     for (x, z, turn, cap) in [(-5.0, -3.2, 0.5, "#d8344e"), (5.2, -2.8, -0.5, "#e38a1f"), (0.2, -6.0, 0.0, "#8a4fd0")] {
         commands.spawn((
-            Prop(assets.load("toadstool.npz")),
+            Prop(assets.load("toadstool.plenoctree")),
             Posterize::default(),
             PaletteOverride::default().with(0, color(cap)),
-            Footprint::of("toadstool.npz"),
+            Footprint::of("toadstool.plenoctree"),
             Obstacle(1.25),
             standing(Vec3::new(x, 0.0, z), 1.35, turn),
         ));
     }
     for (x, z) in [(1.6, 6.2), (-6.4, 2.2), (6.2, 2.6)] {
         commands.spawn((
-            Prop(assets.load("drum.npz")),
+            Prop(assets.load("drum.plenoctree")),
             Posterize::default(),
-            Footprint::of("drum.npz"),
+            Footprint::of("drum.plenoctree"),
             Obstacle(0.9),
             standing(Vec3::new(x, 0.0, z), 0.85, x),
         ));

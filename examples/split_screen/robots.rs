@@ -63,10 +63,10 @@ fn spawn(mut commands: Commands, assets: Res<AssetServer>) {
             metal.set(shade, BlendSpace::Oklab.mix(team, Color::BLACK, darkness));
         }
         commands.spawn((
-            Prop(assets.load("robot.npz")),
+            Prop(assets.load("robot.plenoctree")),
             Posterize::default(),
             metal,
-            Footprint::of("robot.npz"),
+            Footprint::of("robot.plenoctree"),
             Player { index, team, keys, absent: true },
             Robot { at, ..default() },
         ));

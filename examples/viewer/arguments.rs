@@ -36,7 +36,7 @@ enum Up {
 
 impl Arguments {
     pub fn field(&self) -> PathBuf {
-        let default = || PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("assets/drum.npz");
+        let default = || PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("assets/drum.plenoctree");
         self.field.clone().unwrap_or_else(default)
     }
 

@@ -122,7 +122,7 @@ fn field_section(
         }
         _ => {
             ui.heading("No field");
-            ui.weak("Drop an .npz file here, or enter its path.");
+            ui.weak("Drop a field here, or enter its path.");
         }
     }
     ui.horizontal(|ui| {

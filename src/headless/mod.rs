@@ -52,7 +52,7 @@ use crate::{gpu::UploadBudget, state::PropError};
 /// })?;
 /// let target = headless.target();
 /// let world = headless.app.world_mut();
-/// let field = world.resource::<AssetServer>().load("drum.npz");
+/// let field = world.resource::<AssetServer>().load("drum.plenoctree");
 /// world.spawn((Prop(field), Posterize::default()));
 /// world.spawn((Camera3d::default(), target, Transform::from_xyz(0.0, 1.0, 4.0).looking_at(Vec3::ZERO, Vec3::Y)));
 /// headless.wait_until_ready(std::time::Duration::from_secs(60))?;

@@ -20,7 +20,7 @@ use super::blend::BlendSpace;
 /// fn spawn_teams(mut commands: Commands, assets: Res<AssetServer>) {
 ///     for team in [Color::srgb(0.9, 0.2, 0.2), Color::srgb(0.2, 0.4, 0.9)] {
 ///         let colors = PaletteOverride::default().with(0, team);
-///         commands.spawn((Prop(assets.load("robot.npz")), Posterize::default(), colors));
+///         commands.spawn((Prop(assets.load("robot.plenoctree")), Posterize::default(), colors));
 ///     }
 /// }
 /// # let mut app = App::new();

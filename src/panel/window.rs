@@ -25,7 +25,7 @@ use crate::prop::Prop;
 ///
 /// fn setup(mut commands: Commands, server: Res<AssetServer>, mut panel: ResMut<PalettePanel>) {
 ///     commands.spawn((Camera3d::default(), Transform::from_xyz(0.0, 1.0, 4.0).looking_at(Vec3::ZERO, Vec3::Y)));
-///     panel.prop = Some(commands.spawn((Prop(server.load("drum.npz")), Posterize::default())).id());
+///     panel.prop = Some(commands.spawn((Prop(server.load("drum.plenoctree")), Posterize::default())).id());
 /// }
 /// ```
 pub struct PalettePanelPlugin;

@@ -83,7 +83,7 @@ mod getting_started {
     }
 
     fn setup(mut commands: Commands, assets: Res<AssetServer>) {
-        commands.spawn((Prop(assets.load("toadstool.npz")), Posterize::default()));
+        commands.spawn((Prop(assets.load("toadstool.plenoctree")), Posterize::default()));
         commands.spawn((Camera3d::default(), Transform::from_xyz(1.5, 1.3, 3.2).looking_at(Vec3::ZERO, Vec3::Y)));
     }
 
@@ -358,7 +358,7 @@ mod stages {
         // Exact palette colors despite HDR, and a little accuracy traded for speed.
         commands.spawn((Camera3d::default(), Hdr, PropStage::Display, PropQuality::HIGH));
         // The whole view in one palette, including meshes and the sky.
-        commands.spawn((Camera3d::default(), PosterizeView(assets.load("toadstool.npz")), Posterize::default()));
+        commands.spawn((Camera3d::default(), PosterizeView(assets.load("toadstool.plenoctree")), Posterize::default()));
     }
 
     pub fn run() {
@@ -374,7 +374,7 @@ mod casting {
     use bevy_plenoctree::prelude::*;
 
     fn setup(mut commands: Commands, assets: Res<AssetServer>) {
-        commands.spawn(Prop(assets.load("toadstool.npz")));
+        commands.spawn(Prop(assets.load("toadstool.plenoctree")));
         commands.spawn((Prop(assets.load("ghost.npz")), NotShadowCaster));
         // Larger cells are faster, and the shadows coarser.
         let sun = DirectionalLight { shadow_maps_enabled: true, ..default() };
@@ -395,7 +395,7 @@ mod receiving {
 
     fn setup(mut commands: Commands, assets: Res<AssetServer>) {
         let lighting = PropLighting { shadows: 0.6, tint: 0.3, bands: 2 };
-        commands.spawn((Prop(assets.load("toadstool.npz")), Posterize::default(), lighting));
+        commands.spawn((Prop(assets.load("toadstool.plenoctree")), Posterize::default(), lighting));
     }
 
     pub fn run() {
@@ -445,7 +445,7 @@ mod pointing {
     }
 
     fn setup(mut commands: Commands, assets: Res<AssetServer>) {
-        let prop = (Prop(assets.load("robot.npz")), Posterize::default(), PaletteOverride::default());
+        let prop = (Prop(assets.load("robot.plenoctree")), Posterize::default(), PaletteOverride::default());
         commands.spawn(prop).observe(recolor);
     }
 
@@ -484,7 +484,7 @@ mod capturing {
         })?;
         let target = headless.target();
         let world = headless.app.world_mut();
-        let field = world.resource::<AssetServer>().load("toadstool.npz");
+        let field = world.resource::<AssetServer>().load("toadstool.plenoctree");
         let place = Transform::from_xyz(0.0, 1.0, 4.0).looking_at(Vec3::ZERO, Vec3::Y);
         world.spawn((Prop(field), Posterize::default()));
         world.spawn((exact_camera(Color::WHITE), target, place));

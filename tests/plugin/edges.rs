@@ -94,7 +94,7 @@ impl Stage {
     /// Spawns one of the included props.
     fn spawn_included(&mut self, name: &str) {
         let path = |end| format!("{}/assets/{name}.{end}", env!("CARGO_MANIFEST_DIR"));
-        let field = PlenOctree::read(path("npz"), &LoadSettings::default()).unwrap();
+        let field = PlenOctree::read(path("plenoctree"), &LoadSettings::default()).unwrap();
         self.spawn(&field, Palette::read(path("palette.json")).unwrap(), default());
     }
 

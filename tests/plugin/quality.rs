@@ -19,7 +19,7 @@ const SIZE: u32 = 160;
 
 /// Reads one of the included props, which has everything that is hard: thin rails, gloss, and regions of one color.
 fn drum() -> PlenOctree {
-    PlenOctree::read(concat!(env!("CARGO_MANIFEST_DIR"), "/assets/drum.npz"), &LoadSettings::default()).unwrap()
+    PlenOctree::read(concat!(env!("CARGO_MANIFEST_DIR"), "/assets/drum.plenoctree"), &LoadSettings::default()).unwrap()
 }
 
 /// Bakes what no preset was tuned to: a glossy ball with stripes and a checkered plate among rods that are hardly thicker

@@ -244,7 +244,8 @@ fn shape(density: impl Fn(DVec3) -> f64 + Sync) -> PlenOctree {
 }
 
 fn toadstool() -> PlenOctree {
-    PlenOctree::read(concat!(env!("CARGO_MANIFEST_DIR"), "/assets/toadstool.npz"), &LoadSettings::default()).unwrap()
+    PlenOctree::read(concat!(env!("CARGO_MANIFEST_DIR"), "/assets/toadstool.plenoctree"), &LoadSettings::default())
+        .unwrap()
 }
 
 #[test]

@@ -7,7 +7,7 @@ use plenoctree::{LoadSettings, PlenOctree};
 use crate::{progress, result::Result};
 
 /// The default field, relative to the root of the workspace.
-const DEFAULT: &str = "assets/toadstool.npz";
+const DEFAULT: &str = "assets/toadstool.plenoctree";
 
 /// Returns the given path, or by default the path of the toadstool: in the workspace in which this program was built
 /// or, if that no longer exists, under the current directory.

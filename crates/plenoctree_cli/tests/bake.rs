@@ -9,10 +9,16 @@ use plenoctree::{LoadSettings, PlenOctree};
 fn a_prop_is_baked() {
     let folder = folder("bake_robot");
     let printed = succeed(&["bake", "robot", "--depth", "4", "--out", text(&folder)]);
-    let field = PlenOctree::read(folder.join("robot.npz"), &LoadSettings::default()).unwrap();
-    assert_eq!(field.depth(), 4);
-    assert!(printed.contains("robot.npz") && printed.contains(&format!("{} leaves", field.leaves())), "{printed}");
-    assert!(!folder.join("drum.npz").exists());
+    let read = |name: &str| PlenOctree::read(folder.join(name), &LoadSettings::default()).unwrap();
+    let packed = read("robot.plenoctree");
+    assert_eq!((packed.depth(), packed.codebook().is_some()), (4, true));
+    assert!(printed.contains(&format!("robot.plenoctree: {} leaves", packed.leaves())), "{printed}");
+    assert!(!folder.join("drum.plenoctree").exists() && !folder.join("robot.npz").exists());
+
+    let printed = succeed(&["bake", "robot", "--depth", "4", "--out", text(&folder), "--npz"]);
+    let field = read("robot.npz");
+    assert!(field.codebook().is_none() && packed.leaves() <= field.leaves());
+    assert!(printed.contains(&format!("robot.npz: {} leaves", field.leaves())), "{printed}");
 }
 
 #[test]

@@ -51,7 +51,7 @@ fn setup(
     for (index, name) in names.into_iter().enumerate() {
         let place = Quat::from_rotation_y(index as f32 * 1.6) * Vec3::new(1.7, 2.5, 0.0);
         let start = Transform::from_translation(place).with_rotation(Quat::from_rotation_z(0.25));
-        commands.spawn((Prop(assets.load(format!("{name}.npz"))), Posterize::default(), start, Start(start)));
+        commands.spawn((Prop(assets.load(format!("{name}.plenoctree"))), Posterize::default(), start, Start(start)));
     }
     commands.spawn((
         Mesh3d(meshes.add(Cuboid::new(24.0, 0.5, 24.0))),

@@ -1,4 +1,4 @@
-//! `bake`: bakes the included props from procedural scenes, to fields that look trained.
+//! `bake`: bakes the included props from procedural scenes, to fields that look trained, and packs them.
 
 mod arguments;
 mod drum;
@@ -19,7 +19,15 @@ use indicatif::ProgressBar;
 use plenoctree::{BakeError, PlenOctree};
 
 use self::{drum::Drum, gumballs::Gumballs, prop::bake_prop, robot::Robot, toadstool::Toadstool};
-use crate::{files, progress, result::Result};
+use crate::{
+    files,
+    pack::{Quality, pack_unchanged},
+    progress,
+    result::Result,
+};
+
+/// How the props are packed.
+const QUALITY: Quality = Quality::Fine;
 
 /// Bakes a prop at the given depth, or at its own, and shows the progress.
 type Bake = fn(Option<u32>, &ProgressBar) -> Result<PlenOctree, BakeError>;
@@ -44,14 +52,22 @@ pub fn run(arguments: &Arguments) -> Result {
             continue;
         }
         let start = Instant::now();
-        let path = arguments.out.join(name).with_extension("npz");
+        let extension = if arguments.npz { "npz" } else { "plenoctree" };
+        let path = arguments.out.join(name).with_extension(extension);
         let named = |error: &dyn std::error::Error| format!("{}: {error}", path.display());
         let bar = progress::bar(name, 0, false);
         let field = bake(arguments.depth, &bar).map_err(|error| named(&error))?;
         bar.finish_and_clear();
-        field.write(&path).map_err(|error| named(&error))?;
+        let leaves = if arguments.npz {
+            field.write(&path).map_err(|error| named(&error))?;
+            field.leaves()
+        } else {
+            let packed = pack_unchanged(&field, &QUALITY.settings()).map_err(|error| named(&*error))?;
+            packed.write(&path).map_err(|error| named(&error))?;
+            packed.field().leaves()
+        };
         let size = fs::metadata(&path).map_err(|error| named(&error))?.len() as f64 / 1e6;
-        println!("{}: {} leaves, {size:.2} MB, {:.1} s", path.display(), field.leaves(), start.elapsed().as_secs_f64());
+        println!("{}: {leaves} leaves, {size:.2} MB, {:.1} s", path.display(), start.elapsed().as_secs_f64());
     }
     Ok(())
 }

@@ -4,7 +4,7 @@ mod arguments;
 mod measure;
 mod report;
 
-pub use arguments::Arguments;
+pub use arguments::{Arguments, Quality};
 
 use std::{fs, path::Path, sync::Arc, thread, time::Duration};
 
@@ -16,7 +16,6 @@ use plenoctree::{
 };
 
 use crate::{field, progress, result::Result};
-use arguments::Quality;
 use measure::Views;
 
 /// Packs the fields, writes them, and prints the loss.
@@ -65,12 +64,12 @@ fn pack_file(path: &Path, arguments: &Arguments) -> Result<report::Field> {
 /// Simplifies the field, if it is of the kind, and packs it.
 fn pack(field: &PlenOctree, arguments: &Arguments, quality: Quality) -> Result<Packed> {
     let settings = arguments.settings(quality);
-    let Some(simplification) = arguments.simplification(quality) else { return pack_as_it_is(field, &settings) };
+    let Some(simplification) = arguments.simplification(quality) else { return pack_unchanged(field, &settings) };
     match simplified(field, simplification)? {
-        Ok(simple) => pack_as_it_is(&simple, &settings),
+        Ok(simple) => pack_unchanged(&simple, &settings),
         Err(error) => {
             eprintln!("packed as it is: {error}");
-            pack_as_it_is(field, &settings)
+            pack_unchanged(field, &settings)
         }
     }
 }
@@ -92,7 +91,7 @@ fn simplified(field: &PlenOctree, settings: SimplifySettings) -> Result<Result<P
 }
 
 /// Packs from another thread, so that this one can show the progress.
-fn pack_as_it_is(field: &PlenOctree, settings: &PackSettings) -> Result<Packed> {
+pub fn pack_unchanged(field: &PlenOctree, settings: &PackSettings) -> Result<Packed> {
     let bar = progress::bar("measuring visibility", 100, false);
     let progress = Arc::new(Progress::default());
     let worker = {
