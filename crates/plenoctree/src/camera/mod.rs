@@ -2,9 +2,11 @@
 
 mod around;
 mod pinhole;
+mod spiral;
 mod transforms;
 
 pub use pinhole::PinholeCamera;
+pub use spiral::Spiral;
 pub use transforms::{CameraError, read_transforms};
 #[cfg(feature = "fit")]
 pub(crate) use transforms::{Intrinsics, WrongValue, pose};

@@ -1,6 +1,6 @@
 //! Makes fields simpler, so that they pack into fewer bytes: their pictures hardly change.
 
-use glam::{DMat4, DVec3, Vec4};
+use glam::Vec4;
 use rayon::prelude::*;
 
 use super::{
@@ -11,13 +11,13 @@ use super::{
     train::{Stage, batch::render_ray},
 };
 use crate::{
-    camera::PinholeCamera,
-    field::{PlenOctree, UpAxis},
+    camera::{PinholeCamera, Spiral},
+    field::PlenOctree,
     sampling::{Progress, Recorded, SamplingSettings, sample},
 };
 
 /// Cameras above the horizon, and below.
-const CAMERAS: [usize; 2] = [64, 16];
+const CAMERAS: [u32; 2] = [64, 16];
 /// Field of view, in radians.
 const FOV: f64 = 0.6;
 /// Distances, as multiples of the one at which the whole field is in view.
@@ -87,34 +87,29 @@ fn photograph(grid: &Grid, camera: &PinholeCamera) -> Shot {
     Shot::new(camera, &pixels)
 }
 
-/// Returns cameras all around the field, on spirals from the top to the horizon, and from there to the bottom.
+/// Returns cameras all around the field, on spirals from the horizon to the top and to the bottom.
 fn cameras(field: &PlenOctree, size: u32) -> Vec<PinholeCamera> {
     let Some((low, high)) = field.dense_bounds() else { return Vec::new() };
-    let (center, radius) = (0.5 * (low + high), 0.5 * (high - low).length());
-    let golden = std::f64::consts::PI * (3.0 - 5.0f64.sqrt());
-    let camera = |index: usize, height: f64| {
-        let (level, turn) = ((1.0 - height * height).sqrt(), golden * index as f64);
-        let (x, y) = (level * turn.cos(), level * turn.sin());
-        let (up, outward) = match field.up() {
-            UpAxis::Y => (DVec3::Y, DVec3::new(x, height, y)),
-            UpAxis::Z => (DVec3::Z, DVec3::new(x, y, height)),
-        };
-        let distance = DISTANCES[index % DISTANCES.len()] * radius / (0.5 * FOV).sin();
-        PinholeCamera::new(size, size, FOV, DMat4::IDENTITY).looking_at(center + distance * outward, center, up)
+    let spiral = |elevations| Spiral {
+        center: 0.5 * (low + high),
+        radius: 0.5 * (high - low).length(),
+        up: field.up(),
+        fov: FOV,
+        elevations,
+        distances: &DISTANCES,
     };
-    let [above, below] = CAMERAS.map(|count| (0..count).map(move |index| (index, (index as f64 + 0.5) / count as f64)));
-    above
-        .map(|(index, height)| camera(index, height))
-        .chain(below.map(|(index, depth)| camera(index, -depth)))
-        .collect()
+    let [above, below] = CAMERAS;
+    spiral([0.0, 1.0]).cameras(above, size).chain(spiral([0.0, -1.0]).cameras(below, size)).collect()
 }
 
 #[cfg(test)]
 mod tests {
+    use glam::DVec3;
+
     use super::*;
     use crate::{
         bake::{BakeSettings, bake},
-        field::Basis,
+        field::{Basis, UpAxis},
     };
 
     /// A ball in haze, with colors that are noise where nobody sees them, becomes a ball that looks the same and has the same

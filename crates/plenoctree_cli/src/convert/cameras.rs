@@ -1,10 +1,13 @@
 //! Cameras all around a capture.
 
-use glam::{DMat4, DVec3};
-use plenoctree::camera::PinholeCamera;
+use glam::DVec3;
+use plenoctree::{
+    UpAxis,
+    camera::{PinholeCamera, Spiral},
+};
 
 /// Number of cameras.
-const COUNT: usize = 136;
+const COUNT: u32 = 136;
 /// Of this many cameras, one is held out.
 const HELD_OUT: usize = 17;
 /// Field of view, in radians.
@@ -21,17 +24,17 @@ pub struct Cameras {
 /// Returns cameras that look at the middle of a box from everywhere, in the order of a spiral, with square images of
 /// `size` pixels a side.
 pub fn around(low: DVec3, high: DVec3, size: u32) -> Cameras {
-    let (center, radius) = (0.5 * (low + high), 0.5 * (high - low).length());
-    let golden = std::f64::consts::PI * (3.0 - 5.0f64.sqrt());
-    let camera = |index: usize| {
-        let height = 1.0 - 2.0 * (index as f64 + 0.5) / COUNT as f64;
-        let (level, turn) = ((1.0 - height * height).sqrt(), golden * index as f64);
-        let outward = DVec3::new(level * turn.cos(), level * turn.sin(), height);
-        let distance = DISTANCES[index % DISTANCES.len()] * radius / (0.5 * FOV).sin();
-        let camera = PinholeCamera::new(size, size, FOV, DMat4::IDENTITY);
-        camera.looking_at(center + distance * outward, center, DVec3::Z)
+    let spiral = Spiral {
+        center: 0.5 * (low + high),
+        radius: 0.5 * (high - low).length(),
+        up: UpAxis::Z,
+        fov: FOV,
+        elevations: [1.0, -1.0],
+        distances: &DISTANCES,
     };
-    let (held_out, training) = (0..COUNT).partition::<Vec<_>, _>(|index| index % HELD_OUT == HELD_OUT / 2);
-    let all = |indices: Vec<usize>| indices.into_iter().map(camera).collect();
-    Cameras { training: all(training), held_out: all(held_out) }
+    let (mut training, mut held_out) = (Vec::new(), Vec::new());
+    for (index, camera) in spiral.cameras(COUNT, size).enumerate() {
+        if index % HELD_OUT == HELD_OUT / 2 { &mut held_out } else { &mut training }.push(camera);
+    }
+    Cameras { training, held_out }
 }

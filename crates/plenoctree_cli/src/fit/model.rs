@@ -1,7 +1,6 @@
 //! Pictures of a glTF model: the engine renders it, lit, from cameras around it.
 
 use std::{
-    f64::consts::TAU,
     path::{Path, PathBuf},
     time::{Duration, Instant},
 };
@@ -22,7 +21,7 @@ use bevy_plenoctree::{
 };
 use glam::{DMat4, DVec3};
 use image::{Rgba, RgbaImage};
-use plenoctree::camera::PinholeCamera;
+use plenoctree::camera::Spiral;
 use serde_json::json;
 
 use crate::{files, progress, result::Result};
@@ -59,7 +58,7 @@ pub fn photograph(model: &Path, folder: &Path, views: u32, size: u32) -> Result<
     load(&mut studio, model, name)?;
     let (low, high) = bounds(studio.app.world_mut())
         .ok_or_else(|| format!("{}: found no mesh in its first scene", model.display()))?;
-    let (center, radius) = (0.5 * (low + high), 0.5 * (high - low).length());
+    let (center, radius) = (0.5 * (low + high), (0.5 * (high - low).length()).max(1e-6));
     light(studio.app.world_mut());
 
     files::create_folder(folder)?;
@@ -68,8 +67,8 @@ pub fn photograph(model: &Path, folder: &Path, views: u32, size: u32) -> Result<
     let camera = studio.app.world_mut().spawn((exact_camera(Color::NONE), target, environment)).id();
     let bar = progress::bar("rendering", views.into(), false);
     let mut frames = Vec::new();
-    for view in 0..views {
-        let pinhole = around(center, radius, side, view, views);
+    let spiral = Spiral { center, radius, up: UpAxis::Z, fov: FOV, elevations: [1.0, -1.0], distances: &[] };
+    for (view, pinhole) in spiral.cameras(views, side).enumerate() {
         studio.app.world_mut().entity_mut(camera).insert(pinhole_view(&pinhole, UpAxis::Z));
         if view == 0 {
             studio.wait_until_ready(LOAD_TIMEOUT)?;
@@ -156,17 +155,6 @@ fn environment(images: &mut Assets<Image>) -> EnvironmentMapLight {
         intensity: 500.0,
         ..EnvironmentMapLight::hemispherical_gradient(images, sky, horizon, ground)
     }
-}
-
-/// Returns one of `views` cameras that look at a sphere from all around, evenly spread.
-fn around(center: DVec3, radius: f64, side: u32, view: u32, views: u32) -> PinholeCamera {
-    // The points of a spiral from the top to the bottom, a golden angle apart.
-    let height = 1.0 - (2.0 * f64::from(view) + 1.0) / f64::from(views);
-    let azimuth = TAU * 0.5 * (3.0 - 5f64.sqrt()) * f64::from(view);
-    let level = (1.0 - height * height).sqrt();
-    let outward = DVec3::new(level * azimuth.cos(), level * azimuth.sin(), height);
-    let distance = radius.max(1e-6) / (0.5 * FOV).sin();
-    PinholeCamera::new(side, side, FOV, DMat4::IDENTITY).looking_at(center + distance * outward, center, DVec3::Z)
 }
 
 /// Converts a frame over a transparent background, whose light is multiplied by opacity, to straight colors.
