@@ -40,6 +40,8 @@
 //! | trade accuracy for speed | [`PropQuality`] on a camera |
 //! | cast rays at props | [`PropRayCast`]; `PropPickingPlugin` (feature `picking`) |
 //! | add a render stage | [`LabelStages`], [`LabelTextures`], [`PlenOctreeRenderSystems`] |
+//! | load captures of Gaussian splats | `CaptureLoader` (feature `splat`) |
+//! | ship small files | `PackSaver` (feature `pack`) |
 //! | capture frames without a window | the module `headless` (feature `headless`) |
 //! | edit palettes in a window | the module `panel` (feature `egui`) |
 //!
@@ -78,6 +80,8 @@ mod tests;
 #[cfg(feature = "pack")]
 pub use asset::PackSaver;
 pub use asset::PlenOctreeLoader;
+#[cfg(feature = "splat")]
+pub use asset::{CaptureLoader, CaptureSettings};
 pub use gpu::{FieldFailed, FieldReady, FieldTooLarge, GpuField, MAX_PROPS_IN_VIEW, UploadBudget};
 #[cfg(feature = "shadows")]
 pub use lighting::{MAX_BANDS, PropLighting};
@@ -92,6 +96,8 @@ pub use picking::PropPickingPlugin;
 pub use picking::{PropHit, PropRayCast};
 #[cfg(feature = "pack")]
 pub use plenoctree::PackSettings;
+#[cfg(feature = "splat")]
+pub use plenoctree::splat::{Axis, SplatError, SpzAxes};
 pub use plenoctree::{
     Activation, LoadSettings, PlenOctree, Precision, UpAxis,
     palette::{ColorCount, ExtractionSettings, Palette, PaletteLabel, PaletteMethod},
@@ -124,6 +130,8 @@ impl Plugin for PlenOctreePlugin {
     fn build(&self, app: &mut App) {
         #[cfg(feature = "pack")]
         asset::register_processor(app);
+        #[cfg(feature = "splat")]
+        app.init_asset_loader::<CaptureLoader>();
         app.init_asset::<PlenOctree>()
             .init_asset_loader::<PlenOctreeLoader>()
             .register_type::<LabelStages>()

@@ -24,6 +24,7 @@ use crate::background;
 /// such as compressed archives, and all sources on the web return the whole file at once instead. The web has no
 /// threads, so the app freezes there while a file is parsed.
 #[derive(TypePath)]
+#[type_path = "bevy_plenoctree"]
 pub struct PlenOctreeLoader {
     files: FilesRead,
 }

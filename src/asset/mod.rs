@@ -1,5 +1,7 @@
-//! Fields as assets: their loader, its progress, and the asset processor that packs them.
+//! Fields as assets: loaders of fields and captures, their progress, and the asset processor that packs them.
 
+#[cfg(feature = "splat")]
+mod capture;
 mod loader;
 #[cfg(feature = "pack")]
 mod pack;
@@ -7,6 +9,8 @@ mod progress;
 #[cfg(not(target_arch = "wasm32"))]
 mod remote;
 
+#[cfg(feature = "splat")]
+pub use capture::{CaptureLoader, CaptureSettings};
 pub use loader::PlenOctreeLoader;
 #[cfg(feature = "pack")]
 pub use pack::PackSaver;

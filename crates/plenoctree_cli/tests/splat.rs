@@ -101,5 +101,8 @@ fn captures_become_props_that_stand() {
     let message = fail(&["convert", &cameras(&folder), "--out", text(&out)]);
     assert!(message.contains("cameras.json: JSON: found neither `means` nor `asset`"), "{message}");
     let message = fail(&[&shared[..], &["--crop", "7,7,7,8,8,8"]].concat());
-    assert!(message.contains("cube.ply: nothing is visible"), "{message}");
+    assert!(
+        message.contains("cube.ply: nothing is left of the capture: found no visible Gaussian in the box"),
+        "{message}"
+    );
 }

@@ -1,6 +1,7 @@
 //! Captures: scenes of Gaussian splats, as phones and 3D editors export them.
 //!
-//! [`Splats::read`] reads the common formats, [`render_splats`] draws them, and [`voxelize()`] makes a field of them.
+//! [`Splats::read`] reads the common formats, [`render_splats`] draws them, [`Splats::subject`] finds what to convert, and
+//! [`voxelize()`] makes a field of it.
 //!
 //! ```no_run
 //! use plenoctree::splat::{SplatSettings, Splats, VoxelSettings, voxelize};
@@ -18,10 +19,12 @@ mod read;
 mod render;
 mod shape;
 mod splats;
+mod subject;
 mod voxelize;
 
 pub use error::SplatError;
 pub use read::{SplatSettings, SpzAxes};
 pub use render::{SplatImage, render_splats};
 pub use splats::{Gaussian, Splats};
+pub use subject::{Axis, Subject, SubjectSettings};
 pub use voxelize::{VoxelSettings, voxelize};

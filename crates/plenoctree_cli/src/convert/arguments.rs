@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use glam::DVec3;
+use plenoctree::splat::Axis;
 
 use crate::{boxes::parse_box, capture::CaptureArguments, extraction::ExtractionArguments, number::parse_positive};
 
@@ -77,15 +78,15 @@ pub enum Up {
 }
 
 impl Up {
-    /// Returns the unit vector.
-    pub fn direction(self) -> DVec3 {
+    /// Returns the axis.
+    pub fn axis(self) -> Axis {
         match self {
-            Self::X => DVec3::X,
-            Self::NegativeX => DVec3::NEG_X,
-            Self::Y => DVec3::Y,
-            Self::NegativeY => DVec3::NEG_Y,
-            Self::Z => DVec3::Z,
-            Self::NegativeZ => DVec3::NEG_Z,
+            Self::X => Axis::X,
+            Self::NegativeX => Axis::NegativeX,
+            Self::Y => Axis::Y,
+            Self::NegativeY => Axis::NegativeY,
+            Self::Z => Axis::Z,
+            Self::NegativeZ => Axis::NegativeZ,
         }
     }
 }

@@ -8,11 +8,11 @@ pub use arguments::Arguments;
 
 use std::time::{Duration, Instant};
 
-use glam::{DAffine3, DMat3, DQuat, DVec3};
+use glam::DVec3;
 use plenoctree::{
     camera::PinholeCamera,
     fit::{RefineSettings, Refined, Shot, refine},
-    splat::{SplatImage, Splats, VoxelSettings, render_splats, voxelize},
+    splat::{SplatImage, Splats, Subject, SubjectSettings, VoxelSettings, render_splats, voxelize},
 };
 use serde_json::json;
 
@@ -27,8 +27,12 @@ pub fn run(arguments: &Arguments) -> Result {
     let start = Instant::now();
     let splats = capture::load(path, arguments.reading, false)?;
     let all = splats.len();
-    let turn = if arguments.stand { upright(arguments.up.direction()) } else { DMat3::IDENTITY };
-    let (splats, low, high) = prepare(splats, arguments, turn).map_err(|error| named(&*error))?;
+    let settings = SubjectSettings {
+        crop: arguments.crop,
+        keep_largest: arguments.keep_largest,
+        up: arguments.stand.then(|| arguments.up.axis()),
+    };
+    let Subject { splats, low, high, turn } = splats.subject(&settings).map_err(|error| named(&error))?;
     println!(
         "{}: {all} Gaussians, of which {} are in the box from {low:.3} to {high:.3}",
         path.display(),
@@ -101,39 +105,6 @@ pub fn run(arguments: &Arguments) -> Result {
     output::write(&arguments.out, &field, &extracted.extraction.palette, &measured.previews, &report)?;
     println!("{}: {} leaves", arguments.out.display(), field.leaves());
     Ok(())
-}
-
-/// Returns the part of the capture to convert, turned, and its box.
-fn prepare(splats: Splats, arguments: &Arguments, turn: DMat3) -> Result<(Splats, DVec3, DVec3)> {
-    let mut splats = match arguments.crop {
-        Some((low, high)) if !low.cmplt(high).all() => {
-            return Err(format!("--crop: found {low} to {high}, expected a lowest and a highest corner").into());
-        }
-        Some((low, high)) => splats.cropped(low, high),
-        None => splats,
-    };
-    if turn != DMat3::IDENTITY {
-        splats = splats.transformed(DAffine3::from_mat3(turn));
-    }
-    let bounds = |splats: &Splats| splats.dense_bounds().ok_or("nothing is visible in the capture, or in the box");
-    let (mut low, mut high) = bounds(&splats)?;
-    splats = splats.cropped(low, high);
-    if arguments.keep_largest {
-        splats = splats.largest_part(low, high);
-        (low, high) = bounds(&splats)?;
-    }
-    if let Some((first, last)) = arguments.crop {
-        // Rotations map axes to axes, so the box stays aligned to them.
-        let corners = (turn * first, turn * last);
-        low = low.max(corners.0.min(corners.1));
-        high = high.min(corners.0.max(corners.1));
-    }
-    Ok((splats, low, high))
-}
-
-/// Returns the rotation that maps `up` to z.
-fn upright(up: DVec3) -> DMat3 {
-    DMat3::from_quat(DQuat::from_rotation_arc(up, DVec3::Z))
 }
 
 /// Renders the capture.

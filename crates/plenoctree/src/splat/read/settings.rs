@@ -1,5 +1,7 @@
 //! Settings for reading captures: what their files do not record.
 
+use serde::{Deserialize, Serialize};
+
 /// Settings for reading captures: what their files do not record.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SplatSettings {
@@ -8,7 +10,7 @@ pub struct SplatSettings {
 }
 
 /// The axes of an SPZ file.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum SpzAxes {
     /// Right, up and back, as the format specifies. The default.
     #[default]

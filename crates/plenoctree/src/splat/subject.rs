@@ -1,0 +1,105 @@
+//! What of a capture becomes a field.
+
+use glam::{DAffine3, DMat3, DQuat, DVec3};
+use serde::{Deserialize, Serialize};
+
+use super::{error::SplatError, splats::Splats};
+
+/// A direction along an axis of a capture.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Axis {
+    /// Against y: up in the `.ply` files of most trainers. The default.
+    #[default]
+    NegativeY,
+    /// Along y.
+    Y,
+    /// Against z.
+    NegativeZ,
+    /// Along z.
+    Z,
+    /// Against x.
+    NegativeX,
+    /// Along x.
+    X,
+}
+
+impl Axis {
+    /// Returns the unit vector.
+    pub fn direction(self) -> DVec3 {
+        match self {
+            Self::X => DVec3::X,
+            Self::NegativeX => DVec3::NEG_X,
+            Self::Y => DVec3::Y,
+            Self::NegativeY => DVec3::NEG_Y,
+            Self::Z => DVec3::Z,
+            Self::NegativeZ => DVec3::NEG_Z,
+        }
+    }
+}
+
+/// Settings of [`Splats::subject`].
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct SubjectSettings {
+    /// Lowest and highest corner of a box around the subject, in the coordinates of the capture. By default, the box
+    /// contains most Gaussians ([`Splats::dense_bounds`]).
+    pub crop: Option<(DVec3, DVec3)>,
+    /// Keep only the largest connected part, without floaters and backgrounds.
+    pub keep_largest: bool,
+    /// The direction that is up in the capture: the subject is turned so that this becomes z. By default, it is not
+    /// turned.
+    pub up: Option<Axis>,
+}
+
+/// The part of a capture to convert to a field.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Subject {
+    /// Its Gaussians.
+    pub splats: Splats,
+    /// Lowest corner of the box to convert.
+    pub low: DVec3,
+    /// Highest corner of the box to convert.
+    pub high: DVec3,
+    /// The rotation from the coordinates of the capture to those of the subject.
+    pub turn: DMat3,
+}
+
+impl Splats {
+    /// Returns the part of the capture to convert to a field, for [`voxelize()`](super::voxelize()).
+    ///
+    /// # Errors
+    ///
+    /// Returns an error if the box is not a lowest and a highest corner, or if nothing in it is visible.
+    pub fn subject(self, settings: &SubjectSettings) -> Result<Subject, SplatError> {
+        let upright = |up: Axis| DMat3::from_quat(DQuat::from_rotation_arc(up.direction(), DVec3::Z));
+        let turn = settings.up.map_or(DMat3::IDENTITY, upright);
+        let mut splats = match settings.crop {
+            Some((low, high)) if !low.cmplt(high).all() => {
+                return Err(SplatError::Setting {
+                    setting: "crop",
+                    found: format!("{low} to {high}"),
+                    expected: "a lowest and a highest corner",
+                });
+            }
+            Some((low, high)) => self.cropped(low, high),
+            None => self,
+        };
+        if turn != DMat3::IDENTITY {
+            splats = splats.transformed(DAffine3::from_mat3(turn));
+        }
+        let place = if settings.crop.is_some() { "the box to crop to" } else { "the file" };
+        let bounds = |splats: &Splats| splats.dense_bounds().ok_or_else(|| SplatError::Empty { place: place.into() });
+        let (mut low, mut high) = bounds(&splats)?;
+        splats = splats.cropped(low, high);
+        if settings.keep_largest {
+            splats = splats.largest_part(low, high);
+            (low, high) = bounds(&splats)?;
+        }
+        if let Some((first, last)) = settings.crop {
+            // Rotations map axes to axes, so the box stays aligned to them.
+            let corners = (turn * first, turn * last);
+            low = low.max(corners.0.min(corners.1));
+            high = high.min(corners.0.max(corners.1));
+        }
+        Ok(Subject { splats, low, high, turn })
+    }
+}
