@@ -5,12 +5,14 @@ use std::io;
 use allocation_counter::measure;
 use arbitrary::Arbitrary;
 use glam::DVec3;
-use plenoctree::splat::{SplatSettings, Splats};
+use plenoctree::splat::{Axis, SplatSettings, Splats, Subject, SubjectSettings, VoxelSettings, voxelize};
 
-use crate::message::check_message;
+use crate::{fields::check_seen, message::check_message};
 
 /// Maximum memory that a small file may take.
 const MOST_MEMORY: u64 = 1 << 30;
+/// The maximum number of Gaussians of captures that are converted to fields.
+const MOST_CONVERTED: usize = 16;
 
 /// Checks that a file gives valid Gaussians or a valid error message, without much memory.
 pub fn check_capture(bytes: &[u8]) {
@@ -30,9 +32,24 @@ pub fn check_capture(bytes: &[u8]) {
                 assert!((0.0..=1.0).contains(&gaussian.opacity), "{gaussian:?}");
                 assert!(splats.color(index, DVec3::X).is_finite(), "{gaussian:?}");
             }
+            if splats.len() <= MOST_CONVERTED {
+                check_converted(splats);
+            }
         }
         Some(Err(error)) => check_message(&error, 0),
         None => {}
+    }
+}
+
+/// Checks that a capture gives a valid field or a valid error message.
+fn check_converted(splats: Splats) {
+    let keep_largest = splats.len().is_multiple_of(2);
+    let settings = SubjectSettings { keep_largest, up: Some(Axis::NegativeY), ..SubjectSettings::default() };
+    let convert =
+        |Subject { splats, low, high, .. }| voxelize(&splats, &VoxelSettings { depth: 6, bounds: Some((low, high)) });
+    match splats.subject(&settings).and_then(convert) {
+        Ok(field) => check_seen(&field),
+        Err(error) => check_message(&error, 0),
     }
 }
 

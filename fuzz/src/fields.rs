@@ -77,7 +77,7 @@ fn check_written(field: &PlenOctree) {
 }
 
 /// Checks that a field has finite bounds, and finite colors from all directions.
-fn check_seen(field: &PlenOctree) {
+pub fn check_seen(field: &PlenOctree) {
     assert_eq!(field.leaf_cells().count(), field.leaves());
     let Some((low, high)) = field.bounds() else {
         assert_eq!(field.leaves(), 0);
