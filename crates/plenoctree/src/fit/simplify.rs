@@ -32,6 +32,10 @@ pub struct SimplifySettings {
     /// How much colors are kept from changing with the direction of view, where pictures hardly show it: what a squared
     /// coefficient costs, compared with a pixel's squared error. 0 or more, 4e-5 by default.
     pub smoothness: f32,
+    /// How much neighboring leaves are kept from having different colors, where pictures hardly show it: what a
+    /// difference of 1 between their coefficients of the constant function costs, in the same unit. 0 or more, 4e-5 by
+    /// default.
+    pub evenness: f32,
     /// How much work to do, as a multiple of the default: 8 million rays.
     pub effort: f64,
     /// Seed of the random numbers. The same seed gives the same field, on any number of threads.
@@ -40,7 +44,7 @@ pub struct SimplifySettings {
 
 impl Default for SimplifySettings {
     fn default() -> Self {
-        Self { smoothness: 4e-5, effort: 1.0, seed: 0 }
+        Self { smoothness: 4e-5, evenness: 4e-5, effort: 1.0, seed: 0 }
     }
 }
 
@@ -48,8 +52,8 @@ impl Default for SimplifySettings {
 /// cores of the current rayon pool. Its palette is the same.
 ///
 /// The field is drawn from all around, and [refined](super::refine()) to these pictures without the leaves of little weight,
-/// while what differs between directions of view is drawn toward 0. What training left in places and directions that hardly
-/// show goes, and so do the bytes that it takes in a packed field.
+/// while what differs between directions of view is drawn toward 0, and the colors of neighbors toward each other. What
+/// training left in places and directions that hardly show goes, and so do the bytes that it takes in a packed field.
 ///
 /// # Errors
 ///
@@ -65,8 +69,9 @@ pub fn simplify(
     let size = (PIXELS_PER_CELL * cells).min(MOST_PIXELS);
     let shots = cameras(field, size as u32).par_iter().map(|camera| photograph(&grid, camera)).collect();
     // A voxel's errors count once for each pixel that it covers.
-    let smoothness = settings.smoothness * (size / cells).powi(2) as f32;
-    let stage = Stage::simplifying(grid.resolution(), settings.effort, smoothness);
+    let pixels = (size / cells).powi(2) as f32;
+    let (direction, color) = (settings.smoothness * pixels, settings.evenness * pixels);
+    let stage = Stage::simplifying(grid.resolution(), settings.effort, direction, color);
     let simple = refine_by(grid, shots, &[], &stage, settings.seed, progress)?.field;
     let sampling = SamplingSettings::default();
     let recorded = field.recorded().cloned().or_else(|| {
@@ -112,19 +117,19 @@ mod tests {
         field::{Basis, UpAxis},
     };
 
-    /// A ball in haze, with colors that are noise where nobody sees them, becomes a ball that looks the same and has the same
-    /// palette.
+    /// A ball in haze, with noisy colors, becomes a ball with smoother colors that looks the same and has the same palette.
     #[test]
     fn simple_fields_look_the_same() {
         let settings =
             BakeSettings { depth: 6, basis: Basis::Sh4, up: UpAxis::Y, min_density: 0.0, ..Default::default() };
         let density = |at: DVec3| if at.length() < 0.7 { 60.0 } else { 0.01 };
         let tint = |at: DVec3| {
-            let noise = (1e4 * at.dot(DVec3::new(1.0, 1.7, 2.3))).sin();
-            move |direction: DVec3| 0.5 + 0.3 * at + 0.2 * noise * direction.x
+            let [noise, grain] =
+                [DVec3::new(1.0, 1.7, 2.3), DVec3::new(2.9, 1.3, 1.9)].map(|k| (1e4 * at.dot(k)).sin());
+            move |direction: DVec3| 0.5 + 0.3 * at + 0.05 * grain + 0.2 * noise * direction.x
         };
         let field = bake(&settings, density, tint).unwrap();
-        let settings = SimplifySettings { smoothness: 2e-3, effort: 0.05, ..Default::default() };
+        let settings = SimplifySettings { smoothness: 2e-3, evenness: 5e-4, effort: 0.05, ..Default::default() };
         let simple = simplify(&field, &settings, &FitProgress::default()).unwrap();
         assert!(simple.leaves() < field.leaves() / 2, "{} of {}", simple.leaves(), field.leaves());
         assert_eq!(simple.up(), UpAxis::Y);
@@ -146,6 +151,14 @@ mod tests {
             sum / f64::from(count)
         };
         assert!(spread(&simple) < 0.9 * spread(&field), "{} {}", spread(&simple), spread(&field));
+        // Neighbors are more alike.
+        let grain = |field: &PlenOctree| {
+            let thick = (0..field.leaves() as u32).filter(|leaf| field.densities()[*leaf as usize] > 30.0);
+            let colors: Vec<_> = thick.map(|leaf| field.radiance(leaf, DVec3::Z)).collect();
+            let sum: f64 = colors.windows(2).map(|pair| (pair[0] - pair[1]).abs().element_sum()).sum();
+            sum / colors.len() as f64
+        };
+        assert!(grain(&simple) < 0.8 * grain(&field), "{} {}", grain(&simple), grain(&field));
         // It has the histograms of the field that it was made of.
         let settings = SamplingSettings::default();
         let found = simple.histograms(&settings).unwrap();

@@ -61,7 +61,7 @@ impl PackSettings {
         density_levels: 96,
         color_step: 0.015,
         table_step: 0.02,
-        tolerance: 0.065,
+        tolerance: 0.04,
     };
     /// For fields that are seen from close by.
     pub const FINE: Self = Self {

@@ -75,12 +75,12 @@ impl Quality {
 
     /// Returns how fields are simplified before.
     pub fn simplification(self) -> SimplifySettings {
-        let smoothness = match self {
-            Self::Small => 2e-4,
-            Self::Balanced => 4e-5,
-            Self::Fine => 1e-5,
+        let (smoothness, evenness) = match self {
+            Self::Small => (2e-4, 4e-5),
+            Self::Balanced => (4e-5, 4e-5),
+            Self::Fine => (1e-5, 1e-5),
         };
-        SimplifySettings { smoothness, ..Default::default() }
+        SimplifySettings { smoothness, evenness, ..Default::default() }
     }
 
     /// Returns its name, as on the command line.

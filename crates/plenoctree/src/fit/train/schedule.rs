@@ -72,9 +72,9 @@ impl Schedule {
         let count = (settings.depth - COARSEST.ilog2() + 1) as usize;
         let total: f64 = RAYS[..count].iter().sum();
         let penalties = if opaque {
-            Penalties { variation: 5e-3, presence: 1e-4, direction: 1e-3 }
+            Penalties { variation: 5e-3, presence: 1e-4, direction: 1e-3, color: 0.0 }
         } else {
-            Penalties { variation: 3e-4, presence: 1e-4, direction: 0.0 }
+            Penalties { variation: 3e-4, presence: 1e-4, direction: 0.0, color: 0.0 }
         };
         let stages = (0..count)
             .map(|index| Stage {
@@ -122,7 +122,7 @@ impl Stage {
             learns_gains: false,
             optimizer: Optimizer {
                 rates: Rates { constant: 0.06, directional: 0.02, thickness: 0.015 },
-                penalties: Penalties { variation: 2e-5, presence: 5e-5, direction: 0.0 },
+                penalties: Penalties { variation: 2e-5, presence: 5e-5, direction: 0.0, color: 0.0 },
                 decay: 0.99,
                 floor: 1e-8,
             },
@@ -130,11 +130,10 @@ impl Stage {
         }
     }
 
-    /// Plans the single stage of simplifying a field. `smoothness` is the penalty on squares of all coefficients except
-    /// the constant one.
-    pub fn simplifying(resolution: u32, effort: f64, smoothness: f32) -> Self {
+    /// Plans the single stage of simplifying a field. `direction` and `color` are penalties.
+    pub fn simplifying(resolution: u32, effort: f64, direction: f32, color: f32) -> Self {
         let stage = Self::refining(resolution, 0.0, None);
-        let penalties = Penalties { direction: smoothness, ..stage.optimizer.penalties };
+        let penalties = Penalties { direction, color, ..stage.optimizer.penalties };
         Self {
             rays: (SIMPLIFYING_RAYS * 1e6 * effort) as u64,
             prune_at: vec![0.0, 0.35],

@@ -10,6 +10,8 @@ use crate::fit::grid::{Grid, NO_VOXEL};
 const MAX_THICKNESS: f32 = 40.0;
 /// Difference of thickness at which the total variation turns from squares to absolute values.
 const SOFT: f32 = 0.1;
+/// Difference of constant coefficients at which their total variation does so: 0.02 in encoded sRGB.
+const SOFT_COLOR: f32 = 0.3;
 
 /// Learning rates.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -31,6 +33,8 @@ pub struct Penalties {
     pub presence: f32,
     /// Squares of all coefficients except the constant one.
     pub direction: f32,
+    /// Total variation of the constant coefficients.
+    pub color: f32,
 }
 
 /// Constants of the optimizer.
@@ -42,6 +46,13 @@ pub struct Optimizer {
     pub decay: f32,
     /// Added to the root of the mean square, so that much smaller gradients are followed more slowly.
     pub floor: f32,
+}
+
+/// What voxels compare themselves with: the values of all voxels before the batch.
+struct Neighbors<'a> {
+    thickness: &'a [f32],
+    /// The constant coefficients; empty if they are not compared.
+    colors: Vec<Vec4>,
 }
 
 /// Updates all voxels that the batch saw. `thickness` is memory for the new copy of the grid's thickness.
@@ -56,7 +67,9 @@ pub fn update(grid: &mut Grid, parts: &[Part], optimizer: &Optimizer, thickness:
 
 fn update_blocks<const B: usize>(grid: &mut Grid, parts: &[Part], optimizer: &Optimizer, thickness: &mut Vec<f32>) {
     thickness.resize(grid.len(), 0.0);
-    let old = &grid.thickness;
+    let compares_colors = optimizer.penalties.color > 0.0;
+    let colors = || grid.values.par_chunks(B).map(|values| values[0]).collect();
+    let old = Neighbors { thickness: &grid.thickness, colors: if compares_colors { colors() } else { Vec::new() } };
     let values = grid.values.par_chunks_mut(BLOCK * B);
     let squares = grid.squares.par_chunks_mut(BLOCK);
     let updates = grid.updates.par_chunks_mut(BLOCK);
@@ -66,7 +79,7 @@ fn update_blocks<const B: usize>(grid: &mut Grid, parts: &[Part], optimizer: &Op
         || (vec![[Vec4::ZERO; B]; BLOCK], vec![false; BLOCK]),
         |(sums, seen), (block, (((values, squares), updates), new))| {
             let first = block * BLOCK;
-            new.copy_from_slice(&old[first..][..new.len()]);
+            new.copy_from_slice(&old.thickness[first..][..new.len()]);
             for part in parts {
                 let [start, end] = [part.starts[block], part.starts[block + 1]];
                 for gradient in &part.gradients[start as usize..end as usize] {
@@ -89,7 +102,7 @@ fn update_blocks<const B: usize>(grid: &mut Grid, parts: &[Part], optimizer: &Op
                 let sums = std::mem::replace(&mut sums[voxel], [Vec4::ZERO; B]);
                 let values = &mut values[voxel * B..][..B];
                 let neighbors = &grid.neighbors[first + voxel];
-                step::<B>(values, sums, &mut squares[voxel], &mut updates[voxel], neighbors, old, optimizer);
+                step::<B>(values, sums, &mut squares[voxel], &mut updates[voxel], neighbors, &old, optimizer);
                 new[voxel] = values[0].w;
             }
         },
@@ -105,14 +118,14 @@ fn step<const B: usize>(
     square: &mut Vec4,
     updates: &mut u16,
     neighbors: &[u32; 6],
-    thickness: &[f32],
+    old: &Neighbors,
     optimizer: &Optimizer,
 ) {
     let Optimizer { rates, penalties, decay, floor } = *optimizer;
     let own = values[0].w;
     let mut slope = 0.0;
     for &neighbor in neighbors {
-        let other = if neighbor == NO_VOXEL { 0.0 } else { thickness[neighbor as usize] };
+        let other = if neighbor == NO_VOXEL { 0.0 } else { old.thickness[neighbor as usize] };
         let difference = own - other;
         slope += penalties.variation * difference / (difference * difference + SOFT * SOFT).sqrt();
     }
@@ -123,6 +136,13 @@ fn step<const B: usize>(
     if penalties.direction > 0.0 {
         for (sum, value) in sums[1..].iter_mut().zip(&values[1..]) {
             *sum += penalties.direction * *value;
+        }
+    }
+    if penalties.color > 0.0 {
+        for &neighbor in neighbors.iter().filter(|neighbor| **neighbor != NO_VOXEL) {
+            let mut difference = values[0] - old.colors[neighbor as usize];
+            difference.w = 0.0;
+            sums[0] += penalties.color / (difference.length_squared() + SOFT_COLOR * SOFT_COLOR).sqrt() * difference;
         }
     }
 
