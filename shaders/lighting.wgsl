@@ -1,5 +1,5 @@
 // The lighting pass: finds how much of the scene's light is blocked from the solid parts of props by things outside
-// their boxes, and the color of the rest. Bind group 0 has the lights, as Bevy's mesh view has them.
+// their boxes (or nearer, see `self_shadow_distance`), and the color of the rest. Bind group 0 has the lights, as Bevy's mesh view has them.
 
 #import bevy_pbr::clustered_forward::{
     get_clusterable_object_id, unpack_clusterable_object_index_ranges, view_fragment_cluster_index,
@@ -27,13 +27,14 @@ fn vertex(@builtin(vertex_index) index: u32) -> @builtin(position) vec4<f32> {
 // The margin around its box within which a prop casts no shadow on itself, relative to the box.
 const MARGIN: f32 = 0.02;
 
-// Returns the distance in a direction at which a point of the prop leaves the box.
+// Returns the distance in a direction from which things cast shadows on a point of the prop: where the point leaves the
+// box, if not before.
 fn way_out(prop: u32, point: vec3<f32>, direction: vec3<f32>) -> f32 {
     let at = (props[prop].box_from_world * vec4(point, 1.0)).xyz;
     let along = (props[prop].box_from_world * vec4(direction, 0.0)).xyz;
     let safe = select(along, vec3(1e-20), abs(along) < vec3(1e-20));
     let ends = (select(vec3(-MARGIN), vec3(1.0 + MARGIN), safe > vec3(0.0)) - at) / safe;
-    return max(min(ends.x, min(ends.y, ends.z)), 0.0);
+    return max(min(min(ends.x, min(ends.y, ends.z)), props[prop].self_shadow_distance), 0.0);
 }
 
 // A visible point of a prop.
@@ -152,8 +153,10 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
     var arrives = vec3(0.0);
     for (var id = 0u; id < lights.n_directional_lights; id++) {
         let light = lights.directional_lights[id].color.rgb;
-        all_light += light;
-        arrives += light * share_of_sun(id, surface);
+        if luminance(light) > 0.0 {
+            all_light += light;
+            arrives += light * share_of_sun(id, surface);
+        }
     }
     let cluster = view_fragment_cluster_index(surface.at, view_z, view.clip_from_view[3].w == 1.0);
     let ranges = unpack_clusterable_object_index_ranges(cluster);

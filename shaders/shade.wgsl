@@ -15,6 +15,8 @@ struct Lit {
     tint: f32,
     // The number of steps to full shadow, or 0 if no lights fall on the prop.
     bands: u32,
+    // The distance from which parts of the prop cast shadows on it, in world units.
+    self_shadow_distance: f32,
 }
 
 // One per prop of the view.

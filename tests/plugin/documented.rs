@@ -394,7 +394,7 @@ mod receiving {
     use bevy_plenoctree::prelude::*;
 
     fn setup(mut commands: Commands, assets: Res<AssetServer>) {
-        let lighting = PropLighting { shadows: 0.6, tint: 0.3, bands: 2 };
+        let lighting = PropLighting { shadows: 0.6, tint: 0.3, bands: 2, ..default() };
         commands.spawn((Prop(assets.load("toadstool.plenoctree")), Posterize::default(), lighting));
     }
 

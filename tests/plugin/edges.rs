@@ -211,7 +211,7 @@ fn edges_are_near_to_supersampled_ones() {
     };
     let third = 1.0 / 3.0;
     stage.set(Transform::from_xyz(1.0, 1.2, 3.2).looking_at(Vec3::ZERO, Vec3::Y));
-    // The drum has a fringe and rails that are thinner than pixels, which the rays through the centers of pixels miss.
+    // The drum has a fringe and rails that are thinner than pixels: rays miss gaps, and pixels have several labels.
     for (name, most) in [("toadstool", third), ("drum", 0.6)] {
         stage.spawn_included(name);
         check(&mut stage, &format!("{name} before the sky"), most);

@@ -1,4 +1,5 @@
-//! Tests the shadows that fall on props: half of a cube's face is in the shadow of a mesh that the camera does not see.
+//! Tests the shadows that fall on props: of a mesh that the camera does not see, on half of a cube's face, and of props,
+//! against float64 rays.
 
 use bevy::{
     camera::visibility::RenderLayers,
@@ -9,10 +10,14 @@ use bevy::{
         render_resource::{PipelineCache, PipelineDescriptor},
     },
 };
-use bevy_plenoctree::{FieldPalette, Palettes, Posterize, PropLighting, PropStage};
+use bevy_plenoctree::{FieldPalette, Palettes, PlenOctree, Posterize, Prop, PropLighting, PropStage};
 use glam::{DVec2, DVec3};
+use image::RgbaImage;
 
-use super::scene::stage::{BACKGROUND, BLUE, GREEN, RED, SOLID, Side, Stage, color, cube, in_cube};
+use super::{
+    scene::stage::{BACKGROUND, BLUE, GREEN, RED, SOLID, Side, Stage, color, cube, in_cube},
+    shadows::{EYE, Light, PIXELS, Scene, direction_at, hit, is_blocked, shape, toadstool},
+};
 
 /// The direction from the scene to the light.
 const TOWARD: DVec3 = DVec3::new(0.6, 0.25, 1.0);
@@ -154,7 +159,7 @@ fn shadows_of_meshes_fall_on_props() {
     stage.world().get_mut::<DirectionalLight>(sun).unwrap().color = Color::linear_rgb(1.0, 0.5, 0.25);
     let warm = DVec3::new(1.0, 0.5, 0.25);
     for tint in [1.0, 0.5] {
-        stage.world().entity_mut(prop).insert(PropLighting { shadows: 0.0, tint, bands: 1 });
+        stage.world().entity_mut(prop).insert(PropLighting { shadows: 0.0, tint, ..default() });
         let factors = DVec3::ONE.lerp(warm, f64::from(tint));
         stage.check(format!("tint {tint}"), |side, place| {
             (in_cube(place) && place.x > edge(side, None) + 0.125).then_some(dimmed(GREEN, factors))
@@ -185,4 +190,220 @@ fn shadows_of_meshes_fall_on_props() {
     assert_eq!(stage.capture(), dark, "posterized, no light");
     stage.world().entity_mut(prop).remove::<Posterize>();
     assert_eq!(stage.capture(), unlit);
+}
+
+/// The linear light of the gray of [`shape`].
+fn gray() -> f64 {
+    Color::srgb(0.5, 0.5, 0.5).to_linear().red.into()
+}
+
+/// Returns the linear light of a pixel, the mean of its channels.
+fn light_at(frame: &RgbaImage, x: u32, y: u32) -> f64 {
+    let [red, green, blue, _] = frame.get_pixel(x, y).0;
+    f64::from(LinearRgba::from(Color::srgb_u8(red, green, blue)).to_vec3().element_sum()) / 3.0
+}
+
+fn pixels() -> impl Iterator<Item = (u32, u32)> {
+    (0..PIXELS * PIXELS).map(|index| (index % PIXELS, index / PIXELS))
+}
+
+/// Compares where a prop got darker with where float64 rays from what the camera sees of it say so. `is_dark` gets points
+/// of its surface. Returns the intersection over the union, and the number of pixels that should be dark.
+fn compare(
+    field: &PlenOctree,
+    place: &Transform,
+    [before, after]: [&RgbaImage; 2],
+    is_dark: impl Fn(DVec3) -> bool,
+) -> (f64, u32) {
+    let (mut both, mut either, mut expected) = (0, 0, 0);
+    for (x, y) in pixels() {
+        let direction = direction_at(DVec2::new(x.into(), y.into()) + 0.5).normalize();
+        let Some(distance) = hit(field, place, EYE.as_dvec3(), direction) else { continue };
+        let dark = is_dark(EYE.as_dvec3() + distance * direction);
+        let found = light_at(after, x, y) < 0.75 * light_at(before, x, y);
+        both += u32::from(dark && found);
+        either += u32::from(dark || found);
+        expected += u32::from(dark);
+    }
+    (f64::from(both) / f64::from(either.max(1)), expected)
+}
+
+/// With a `self_shadow_distance`, parts that are farther away toward the light cast shadows.
+#[test]
+fn props_shade_themselves_from_a_distance_on() {
+    let mut scene = Scene::new(1024, None);
+    let field = toadstool();
+    let place = Transform::from_rotation(Quat::from_rotation_y(0.5));
+    let asset = scene.add(&field);
+    let prop = scene.world().spawn((Prop(asset), place)).id();
+    scene.wait();
+    let unlit = scene.capture();
+    for light in Light::ALL {
+        let lit = scene.spawn_light(light);
+        scene.world().entity_mut(prop).insert(PropLighting::default());
+        assert_eq!(shades(&scene.capture(), &unlit), 0, "{light:?}: it shades itself");
+        for distance in [0.15, 0.4] {
+            let lighting = PropLighting { self_shadow_distance: distance as f32, ..default() };
+            scene.world().entity_mut(prop).insert(lighting);
+            let (iou, pixels) = compare(&field, &place, [&unlit, &scene.capture()], |point| {
+                let (toward, _) = light.from(point);
+                is_blocked(&field, &place, light, point + distance * toward)
+            });
+            assert!(pixels > 300, "{light:?}: only {pixels} pixels should be in shadow");
+            assert!(iou >= 0.95, "{light:?} from {distance}: intersection over union {iou:.4}");
+        }
+        scene.world().despawn(lit);
+    }
+}
+
+/// Returns how many pixels are darker than before.
+fn shades(after: &RgbaImage, before: &RgbaImage) -> usize {
+    pixels().filter(|(x, y)| light_at(after, *x, *y) < 0.9 * light_at(before, *x, *y)).count()
+}
+
+/// A box in the scene, from its center and half of its size.
+#[derive(Clone, Copy)]
+struct Cuboid(DVec3, f64);
+
+impl Cuboid {
+    /// Returns the distance at which a ray from outside hits it, and the axis of the side.
+    fn hit(self, from: DVec3, direction: DVec3) -> Option<(f64, usize)> {
+        let at = |side: f64| (self.0 + side * self.1 - from) / direction;
+        let (enter, exit) = (at(-1.0).min(at(1.0)), at(-1.0).max(at(1.0)));
+        let first = enter.max_element();
+        let axis = (0..3).find(|axis| enter[*axis] == first)?;
+        (first > 0.0 && first < exit.min_element()).then_some((first, axis))
+    }
+}
+
+/// Returns how much of a light from [`Scene::spawn_light`] arrives at a point if nothing blocks it.
+fn arriving(light: Light, point: DVec3) -> f64 {
+    let (toward, distance) = light.from(point);
+    if let Light::Sun(_) = light {
+        return 2000.0;
+    }
+    // Bevy's falloff, within the default range of 20 units.
+    let fade = 1.0 - (distance / 20.0).powi(4);
+    let lamp = 3e5 / (4.0 * std::f64::consts::PI) * fade * fade / (distance * distance);
+    let Light::Spot(place) = light else { return lamp };
+    let (inner, outer) = (1.0, 0.8f64.cos());
+    let cone = ((toward.dot(place.as_dvec3().normalize()) - outer) / (inner - outer)).clamp(0.0, 1.0);
+    lamp * cone * cone
+}
+
+/// Many props shade each other in many lights at once. A lamp inside a prop lights that prop alone.
+#[test]
+fn crowds_shade_each_other_and_lamps_light_what_holds_them() {
+    let mut scene = Scene::new(1024, None);
+    let field = shape(|at| if at.abs().max_element() < 0.5 { 1e4 } else { 0.0 });
+    let shell = shape(|at| if (0.6..0.9).contains(&at.length()) { 1e4 } else { 0.0 });
+    let crowd: Vec<Cuboid> = (0..64)
+        .map(|index| {
+            let (x, z) = (f64::from(index % 8) - 3.5, f64::from(index / 8) - 3.5);
+            Cuboid(DVec3::new(0.6 * x, 0.3 * f64::from(index % 3) - 0.6, 0.6 * z), 0.175)
+        })
+        .collect();
+    let [field, shell] = [&field, &shell].map(|field| scene.add(field));
+    let lighting = PropLighting { shadows: 0.5, ..default() };
+    for Cuboid(center, half) in &crowd {
+        let place = Transform::from_translation(center.as_vec3()).with_scale(Vec3::splat(2.0 * *half as f32));
+        scene.world().spawn((Prop(field.clone()), lighting, place));
+    }
+    scene.wait();
+    let lights = [Light::ALL[0], Light::ALL[1], Light::ALL[2], Light::Lamp(Vec3::new(-2.0, 2.5, -1.0))];
+    let spawned = lights.map(|light| scene.spawn_light(light));
+    let frame = scene.capture();
+    // What a ray of the camera sees: a cube, its side, and which lights others keep from it.
+    let seen = |at: DVec2| {
+        let direction = direction_at(at).normalize();
+        let hits = crowd.iter().enumerate().filter_map(|(own, cube)| Some((own, cube.hit(EYE.as_dvec3(), direction)?)));
+        let (own, (distance, axis)) = hits.min_by(|a, b| a.1.0.total_cmp(&b.1.0))?;
+        let point = EYE.as_dvec3() + distance * direction;
+        let blocked = lights.map(|light| {
+            let (toward, far) = light.from(point);
+            let mut others = crowd.iter().enumerate().filter(|(other, _)| *other != own);
+            others.any(|(_, cube)| cube.hit(point, toward).is_some_and(|(hit, _)| hit < far))
+        });
+        Some((own, axis, blocked, point))
+    };
+    let (mut checked, mut wrong, mut mixed) = (0, 0, 0);
+    for (x, y) in pixels() {
+        let corner = DVec2::new(x.into(), y.into());
+        let Some((own, axis, blocked, point)) = seen(corner + 0.5) else { continue };
+        // Shadows end softly, over a texel.
+        let is_clear = [(-0.5, -0.5), (1.5, -0.5), (-0.5, 1.5), (1.5, 1.5)].into_iter().all(|(right, down)| {
+            let there = seen(corner + DVec2::new(right, down));
+            there.is_some_and(|there| (there.0, there.1, there.2) == (own, axis, blocked))
+        });
+        if !is_clear {
+            continue;
+        }
+        let light = lights.map(|light| arriving(light, point));
+        let missing: f64 =
+            light.iter().zip(&blocked).filter(|(_, is_blocked)| **is_blocked).map(|(light, _)| light).sum();
+        let share = missing / light.iter().sum::<f64>();
+        checked += 1;
+        mixed += usize::from((0.1..0.9).contains(&share));
+        wrong += usize::from((light_at(&frame, x, y) / gray() - (1.0 - 0.5 * share)).abs() > 0.02);
+    }
+    assert!(checked > 2000 && mixed > 150, "{checked} pixels, {mixed} of them get some lights");
+    assert!(50 * wrong < checked, "{wrong} of {checked} pixels are wrong");
+
+    for light in spawned {
+        scene.world().despawn(light);
+    }
+    let lamp = Vec3::new(0.2, 0.9, 0.0);
+    let place = Transform::from_translation(lamp).with_scale(Vec3::splat(0.5));
+    scene.world().spawn((Prop(shell), lighting, place));
+    scene.wait();
+    scene.spawn_light(Light::Lamp(lamp));
+    let frame = scene.capture();
+    let (mut bright, mut dark) = (0, 0);
+    for (x, y) in pixels() {
+        let at = DVec2::new(x.into(), y.into()) + 0.5;
+        let direction = direction_at(at).normalize();
+        let to_lamp = lamp.as_dvec3() - EYE.as_dvec3();
+        let passes = (to_lamp - to_lamp.dot(direction) * direction).length();
+        if passes < 0.4 {
+            bright += 1;
+            assert!((light_at(&frame, x, y) / gray() - 1.0).abs() < 0.02, "({x}, {y}) of the shell");
+        } else if passes > 0.5
+            && seen(at).is_some()
+            && [(-1.0, 0.0), (1.0, 0.0), (0.0, -1.0), (0.0, 1.0)]
+                .into_iter()
+                .all(|off| seen(at + DVec2::from(off)).is_some())
+        {
+            dark += 1;
+            assert!((light_at(&frame, x, y) / gray() - 0.5).abs() < 0.02, "({x}, {y}) of a cube");
+        }
+    }
+    assert!(bright > 200 && dark > 1000, "{bright} and {dark} pixels");
+}
+
+/// A wall of fog is in shadow where it is solid, and keeps its light where it is not.
+#[test]
+fn fog_is_in_shadow_where_it_is_solid() {
+    let mut scene = Scene::new(1024, None);
+    let wall =
+        |density: f64| shape(move |at| if at.abs().cmplt(DVec3::new(0.95, 0.95, 0.5)).all() { density } else { 0.0 });
+    let (haze, fog, bar) = (wall(0.4), wall(4.0), shape(|at| if at.abs().max_element() < 0.5 { 1e4 } else { 0.0 }));
+    let (place, light) = (Transform::from_xyz(0.0, 0.0, -0.5), Light::Sun(Vec3::new(0.3, 0.5, 1.0)));
+    let before = Transform::from_xyz(0.45, 0.75, 1.0).with_scale(Vec3::new(0.8, 0.6, 0.3));
+    let [haze_asset, fog_asset, bar_asset] = [&haze, &fog, &bar].map(|field| scene.add(field));
+    let prop = scene.world().spawn((Prop(haze_asset), place)).id();
+    scene.spawn_prop(&bar_asset, before);
+    scene.wait();
+    scene.spawn_light(light);
+    // The floor is in the shadow in every frame.
+    let unlit = scene.capture();
+    scene.world().entity_mut(prop).insert(PropLighting::default());
+    assert_eq!(scene.capture(), unlit, "haze");
+    scene.world().entity_mut(prop).insert(Prop(fog_asset)).remove::<PropLighting>();
+    scene.wait();
+    let unlit = scene.capture();
+    scene.world().entity_mut(prop).insert(PropLighting::default());
+    let lit = scene.capture();
+    let (iou, pixels) = compare(&fog, &place, [&unlit, &lit], |point| is_blocked(&bar, &before, light, point));
+    assert!(pixels > 300, "only {pixels} pixels of the fog should be in shadow");
+    assert!(iou >= 0.98, "intersection over union {iou:.4}");
 }

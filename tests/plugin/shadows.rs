@@ -20,20 +20,20 @@ use bevy_plenoctree::{
     LoadSettings, PlenOctree, PlenOctreePlugin, Prop, PropQuality, SolidOpacity, UpAxis,
     headless::{Headless, LitMeshPlugins, exact_camera},
 };
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use image::RgbaImage;
 use plenoctree::{BakeSettings, Basis, bake};
 
-const PIXELS: u32 = 192;
+pub const PIXELS: u32 = 192;
 const FLOOR: f64 = -1.0;
-const EYE: Vec3 = Vec3::new(0.0, 3.5, 5.5);
+pub const EYE: Vec3 = Vec3::new(0.0, 3.5, 5.5);
 const FOV: f32 = 0.9;
 /// The layer of props that the camera does not see.
 const UNSEEN: usize = 1;
 
 /// A light, by where it comes from.
 #[derive(Clone, Copy, Debug)]
-enum Light {
+pub enum Light {
     /// From a direction.
     Sun(Vec3),
     /// From a point, in all directions.
@@ -43,14 +43,14 @@ enum Light {
 }
 
 impl Light {
-    const ALL: [Self; 3] = [
+    pub const ALL: [Self; 3] = [
         Self::Sun(Vec3::new(0.45, 1.0, 0.3)),
         Self::Lamp(Vec3::new(1.4, 3.0, 0.6)),
         Self::Spot(Vec3::new(-1.2, 3.4, 1.0)),
     ];
 
     /// Returns the direction from a point to the light, and the distance.
-    fn from(self, point: DVec3) -> (DVec3, f64) {
+    pub fn from(self, point: DVec3) -> (DVec3, f64) {
         match self {
             Self::Sun(direction) => (direction.as_dvec3().normalize(), f64::INFINITY),
             Self::Lamp(place) | Self::Spot(place) => {
@@ -61,13 +61,13 @@ impl Light {
     }
 }
 
-struct Scene {
+pub struct Scene {
     headless: Headless,
 }
 
 impl Scene {
     /// Creates a scene without lights. Shadow maps are `map` texels wide.
-    fn new(map: usize, limits: Option<wgpu::Limits>) -> Self {
+    pub fn new(map: usize, limits: Option<wgpu::Limits>) -> Self {
         let configure = move |app: &mut App| {
             app.add_plugins((LitMeshPlugins, PlenOctreePlugin))
                 .insert_resource(GlobalAmbientLight::NONE)
@@ -100,11 +100,11 @@ impl Scene {
         Self { headless }
     }
 
-    fn world(&mut self) -> &mut World {
+    pub fn world(&mut self) -> &mut World {
         self.headless.app.world_mut()
     }
 
-    fn spawn_light(&mut self, light: Light) -> Entity {
+    pub fn spawn_light(&mut self, light: Light) -> Entity {
         let layers = RenderLayers::from_layers(&[0, UNSEEN]);
         let world = self.world();
         let spawned = match light {
@@ -150,20 +150,20 @@ impl Scene {
     }
 
     /// Spawns a prop that the camera does not see.
-    fn spawn_prop(&mut self, field: &Handle<PlenOctree>, transform: Transform) -> Entity {
+    pub fn spawn_prop(&mut self, field: &Handle<PlenOctree>, transform: Transform) -> Entity {
         self.world().spawn((Prop(field.clone()), transform, RenderLayers::layer(UNSEEN))).id()
     }
 
-    fn add(&mut self, field: &PlenOctree) -> Handle<PlenOctree> {
+    pub fn add(&mut self, field: &PlenOctree) -> Handle<PlenOctree> {
         self.world().resource_mut::<Assets<PlenOctree>>().add(field.clone())
     }
 
     /// Waits until all props are ready. Frames without lights take little time.
-    fn wait(&mut self) {
+    pub fn wait(&mut self) {
         self.headless.wait_until_ready(Duration::from_secs(120)).unwrap();
     }
 
-    fn capture(&mut self) -> RgbaImage {
+    pub fn capture(&mut self) -> RgbaImage {
         self.headless.capture().unwrap()
     }
 
@@ -197,26 +197,35 @@ impl Scene {
     }
 }
 
+/// Returns the direction from [`EYE`] to a point of the frame, in pixels.
+pub fn direction_at(at: DVec2) -> DVec3 {
+    let view = Transform::from_translation(EYE).looking_at(Vec3::ZERO, Vec3::Y);
+    let ndc = at / f64::from(PIXELS) * 2.0 - 1.0;
+    let tangent = f64::from(0.5 * FOV).tan();
+    view.rotation.as_dquat() * DVec3::new(ndc.x * tangent, -ndc.y * tangent, -1.0)
+}
+
 /// Returns the point of the floor in the middle of a pixel, if it shows the floor.
 fn floor_at(x: u32, y: u32) -> Option<DVec3> {
-    let view = Transform::from_translation(EYE).looking_at(Vec3::ZERO, Vec3::Y);
-    let ndc = (glam::DVec2::new(x.into(), y.into()) + 0.5) / f64::from(PIXELS) * 2.0 - 1.0;
-    let tangent = f64::from(0.5 * FOV).tan();
-    let direction = view.rotation.as_dquat() * DVec3::new(ndc.x * tangent, -ndc.y * tangent, -1.0);
+    let direction = direction_at(DVec2::new(x.into(), y.into()) + 0.5);
     let distance = (FLOOR - f64::from(EYE.y)) / direction.y;
     (distance > 0.0).then(|| EYE.as_dvec3() + distance * direction)
 }
 
 /// Returns whether a prop keeps the light from a point of the scene.
-fn is_blocked(field: &PlenOctree, prop: &Transform, light: Light, point: DVec3) -> bool {
+pub fn is_blocked(field: &PlenOctree, prop: &Transform, light: Light, point: DVec3) -> bool {
     let (toward, distance) = light.from(point);
+    hit(field, prop, point, toward).is_some_and(|hit| hit < distance)
+}
+
+/// Returns the distance at which a ray hits a prop. Its direction has the length 1.
+pub fn hit(field: &PlenOctree, prop: &Transform, from: DVec3, direction: DVec3) -> Option<f64> {
     let affine = prop.compute_affine().as_daffine3();
     let to_field = field.up().to_y_up().transpose();
     let inverse = affine.inverse();
-    let (origin, direction) = (inverse.transform_point3(point), inverse.transform_vector3(toward));
+    let (origin, direction) = (inverse.transform_point3(from), inverse.transform_vector3(direction));
     let scale = direction.length();
-    let hit = field.cast_ray(to_field * origin, to_field * direction / scale);
-    hit.is_some_and(|hit| hit.distance < distance * scale)
+    Some(field.cast_ray(to_field * origin, to_field * direction / scale)?.distance / scale)
 }
 
 /// Compares where a frame is darker than one without the prop with where it should be. Returns the intersection over
@@ -238,12 +247,12 @@ fn compare(lit: &RgbaImage, shadowed: &RgbaImage, blocked: impl Fn(DVec3) -> boo
 }
 
 /// Bakes a field of cells of 1/32 from -1 to 1.
-fn shape(density: impl Fn(DVec3) -> f64 + Sync) -> PlenOctree {
+pub fn shape(density: impl Fn(DVec3) -> f64 + Sync) -> PlenOctree {
     let settings = BakeSettings { depth: 6, basis: Basis::Rgba, up: UpAxis::Y, ..default() };
     bake(&settings, density, |_| |_| DVec3::splat(0.5)).unwrap()
 }
 
-fn toadstool() -> PlenOctree {
+pub fn toadstool() -> PlenOctree {
     PlenOctree::read(concat!(env!("CARGO_MANIFEST_DIR"), "/assets/toadstool.plenoctree"), &LoadSettings::default())
         .unwrap()
 }

@@ -31,6 +31,7 @@ pub(super) struct LitUniform {
     pub shadows: f32,
     pub tint: f32,
     pub bands: u32,
+    pub self_shadow_distance: f32,
 }
 
 #[derive(Resource)]

@@ -90,9 +90,12 @@ pub(super) fn prepare_lit(
         lit.extend(props.drawn.iter().map(|drawn| {
             let prop = drawn.lit.and_then(|index| extracted.props.get(index));
             let settings = prop.and_then(|prop| Some((prop, prop.lighting?)));
-            settings.map_or_else(LitUniform::default, |(prop, PropLighting { shadows, tint, bands })| {
+            settings.map_or_else(LitUniform::default, |(prop, lighting)| {
+                let PropLighting { shadows, tint, bands, self_shadow_distance } = lighting;
                 let box_from_world = DMat4::from(prop.placement.box_from_world()).as_mat4();
-                LitUniform { box_from_world, shadows, tint, bands }
+                // Shaders may treat infinity as anything.
+                let self_shadow_distance = self_shadow_distance.min(f32::MAX);
+                LitUniform { box_from_world, shadows, tint, bands, self_shadow_distance }
             })
         }));
         lighting.lit.write_buffer(&device, &queue);
