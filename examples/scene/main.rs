@@ -3,7 +3,7 @@
 //!
 //! Combines lit meshes with shadows, glass in front of and behind props, HDR with bloom and tonemapping, and props in
 //! four styles: flat and soft posterization, a palette that glows in the dark, and a field as trained. The props cast
-//! shadows.
+//! shadows, and shadows fall on them.
 //!
 //! ```sh
 //! cargo run --release --example scene

@@ -1,7 +1,9 @@
 //! The props, each in its own style.
 
 use bevy::prelude::*;
-use bevy_plenoctree::{BeforePalette, BilateralFilter, BlendSpace, EdgeSmoothing, Palettes, Posterize, Prop};
+use bevy_plenoctree::{
+    BeforePalette, BilateralFilter, BlendSpace, EdgeSmoothing, Palettes, Posterize, Prop, PropLighting,
+};
 
 use crate::{
     build::color,
@@ -34,6 +36,12 @@ const PASTEL: Posterize = Posterize {
     edges: EdgeSmoothing::Coverage,
 };
 
+/// Shadows with one clean edge, and a little of the lamps' color.
+const CARTOON: PropLighting = PropLighting { shadows: 0.35, tint: 0.25, bands: 1, self_shadow_distance: f32::INFINITY };
+
+/// Shadows in soft steps.
+const SOFT: PropLighting = PropLighting { bands: 3, ..CARTOON };
+
 /// The palette of a field at night.
 #[derive(Component)]
 struct ByNight(Vec<Color>);
@@ -65,6 +73,7 @@ fn spawn(mut commands: Commands, assets: Res<AssetServer>) {
     commands.spawn((
         Prop(assets.load("toadstool.plenoctree")),
         Posterize::default(),
+        CARTOON,
         ByNight(toadstool.into()),
         Footprint::of("toadstool.plenoctree"),
         standing(room::JAR, 1.3, 0.2),
@@ -73,6 +82,7 @@ fn spawn(mut commands: Commands, assets: Res<AssetServer>) {
     commands.spawn((
         Prop(assets.load("drum.plenoctree")),
         PASTEL,
+        SOFT,
         ByNight(drum.map(color).into()),
         Footprint::of("drum.plenoctree"),
         standing(Vec3::new(-3.2, 0.0, -0.5), 1.0, 0.35),
@@ -81,6 +91,7 @@ fn spawn(mut commands: Commands, assets: Res<AssetServer>) {
     commands.spawn((
         Prop(assets.load("robot.plenoctree")),
         POSTER,
+        CARTOON,
         ByNight(robot.map(color).into()),
         Footprint::of("robot.plenoctree"),
         Marching { seconds: 0.0 },
@@ -89,6 +100,7 @@ fn spawn(mut commands: Commands, assets: Res<AssetServer>) {
     // Drawn as trained. Its colors stay the same at night, as if the lamp lit it.
     commands.spawn((
         Prop(assets.load("gumballs.plenoctree")),
+        SOFT,
         Footprint::of("gumballs.plenoctree"),
         standing(room::TABLE, 0.95, -0.3),
     ));
