@@ -2,6 +2,11 @@
 
 use std::time::Duration;
 
+use bevy::{
+    prelude::*,
+    render::error_handler::{RenderError, RenderErrorPolicy},
+};
+
 use crate::state::PropError;
 
 /// An error of [`Headless`](super::Headless).
@@ -13,6 +18,9 @@ pub enum HeadlessError {
     /// A prop or a posterized view cannot be drawn as it should be, or nothing can be drawn.
     #[error(transparent)]
     Prop(PropError),
+    /// The GPU reported an error in an earlier frame, and nothing is rendered anymore.
+    #[error("rendering failed: {0}")]
+    Rendering(String),
     /// The time limit was exceeded.
     #[error("timed out after waiting {limit:?} for {waiting_for}")]
     TimedOut {
@@ -24,4 +32,16 @@ pub enum HeadlessError {
     /// The frame could not be read back from the GPU.
     #[error("failed to read the frame back: {0}")]
     Readback(String),
+}
+
+/// Why rendering stopped.
+#[derive(Resource)]
+pub(super) struct RenderingFailure(pub String);
+
+/// Stops rendering, as Bevy's own handler does, but keeps the reason: without a window and a log, nobody would see it.
+pub(super) fn keep_failure(error: &RenderError, world: &mut World, _: &mut World) -> RenderErrorPolicy {
+    let reason = format!("{:?}: {}", error.ty, error.description);
+    error!("stopped rendering after an error ({reason})");
+    world.insert_resource(RenderingFailure(reason));
+    RenderErrorPolicy::StopRendering
 }

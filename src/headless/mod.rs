@@ -25,6 +25,7 @@ use bevy::{
     prelude::*,
     render::{
         RenderApp,
+        error_handler::RenderErrorHandler,
         render_resource::{PipelineCache, PollType, TextureFormat, TextureUsages},
         renderer::RenderDevice,
         settings::WgpuSettings,
@@ -111,6 +112,7 @@ impl Headless {
         app.add_plugins(plugins);
         // Nobody watches the frames.
         app.insert_resource(UploadBudget(None));
+        app.insert_resource(RenderErrorHandler(error::keep_failure));
         configure(&mut app);
         app.finish();
         app.cleanup();
@@ -143,8 +145,8 @@ impl Headless {
     /// all [posterized views](crate::PosterizeView) have their palettes, and all pipelines have their shaders. Runs at
     /// least one frame.
     ///
-    /// Returns an error if a prop, a palette or a pipeline has failed, or if the scene is not ready after `timeout`; it
-    /// says what was not.
+    /// Returns an error if a prop, a palette, a pipeline or rendering has failed, or if the scene is not ready after
+    /// `timeout`; it says what was not.
     pub fn wait_until_ready(&mut self, timeout: Duration) -> Result<(), HeadlessError> {
         let start = Instant::now();
         let mut failures = 0;
@@ -166,8 +168,8 @@ impl Headless {
     /// again. No system of the main world runs in the meantime, so the frame is still the next one. Does not wait for
     /// fields and palettes that are being loaded: call [`wait_until_ready`](Self::wait_until_ready) first.
     ///
-    /// Returns an error if a pipeline has failed, if the frame is not complete after
-    /// [`time_limit`](Self::time_limit), or if it cannot be read back.
+    /// Returns an error if a pipeline has failed, if the GPU reported an error in an earlier frame, if the frame is not
+    /// complete after [`time_limit`](Self::time_limit), or if it cannot be read back.
     pub fn capture(&mut self) -> Result<RgbaImage, HeadlessError> {
         let start = Instant::now();
         self.update();

@@ -7,7 +7,7 @@ use bevy::{
 };
 use plenoctree::PlenOctree;
 
-use super::error::HeadlessError;
+use super::error::{HeadlessError, RenderingFailure};
 use crate::{
     gpu::{GpuField, pipelines},
     palette::{PaletteExtraction, Palettes},
@@ -18,13 +18,22 @@ use crate::{
 
 /// Returns what the scene waits for, or `None` if everything can be drawn. Fails if waiting does not help.
 pub(super) fn for_scene(app: &mut App) -> Result<Option<String>, HeadlessError> {
+    check_rendering(app)?;
     let pipelines = for_pipelines(app)?;
     Ok(for_props(app.world_mut())?.or(for_views(app.world_mut())?).or(pipelines).or_else(|| for_arrivals(app)))
 }
 
 /// Returns what a frame that was just rendered waits for, or `None` if it is complete.
 pub(super) fn for_frame(app: &App) -> Result<Option<String>, HeadlessError> {
+    check_rendering(app)?;
     Ok(for_pipelines(app)?.or_else(|| for_arrivals(app)).or_else(|| for_levels(app)))
+}
+
+fn check_rendering(app: &App) -> Result<(), HeadlessError> {
+    match app.world().get_resource::<RenderingFailure>() {
+        Some(RenderingFailure(reason)) => Err(HeadlessError::Rendering(reason.clone())),
+        None => Ok(()),
+    }
 }
 
 fn for_arrivals(app: &App) -> Option<String> {

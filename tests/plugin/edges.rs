@@ -4,9 +4,6 @@ use std::time::Duration;
 
 use bevy::{
     camera::{Hdr, ScalingMode, visibility::RenderLayers},
-    gizmos::GizmoPlugin,
-    light::LightPlugin,
-    pbr::PbrPlugin,
     prelude::*,
     render::{
         RenderApp,
@@ -16,7 +13,7 @@ use bevy::{
 use bevy_plenoctree::{
     EdgeSmoothing, FieldPalette, LabelStages, LoadSettings, Palette, PaletteOverride, Palettes, PlenOctree,
     PlenOctreePlugin, Posterize, PosterizeView, Prop, PropLighting, PropQuality, PropStage, UpAxis,
-    headless::{Headless, exact_camera},
+    headless::{Headless, LitMeshPlugins, exact_camera},
 };
 use glam::DVec3;
 use image::RgbaImage;
@@ -54,7 +51,7 @@ struct Stage {
 impl Stage {
     fn new() -> Self {
         let mut headless = Headless::new(UVec2::splat(SIZE), |app| {
-            app.add_plugins((GizmoPlugin, LightPlugin, PbrPlugin::default(), PlenOctreePlugin));
+            app.add_plugins((LitMeshPlugins, PlenOctreePlugin));
         })
         .unwrap();
         let target = headless.target();

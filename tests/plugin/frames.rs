@@ -4,7 +4,6 @@ use std::time::Duration;
 
 use bevy::{
     camera::Viewport,
-    pbr::PbrPlugin,
     prelude::*,
     render::{
         RenderApp,
@@ -16,7 +15,7 @@ use bevy::{
 use bevy_plenoctree::{
     Activation, EdgeSmoothing, FieldPalette, GpuField, Palette, Palettes, PlenOctree, PlenOctreePlugin, Posterize,
     Prop, UpAxis,
-    headless::{Headless, exact_camera, pinhole_view},
+    headless::{Headless, LitMeshPlugins, exact_camera, pinhole_view},
 };
 use glam::{DMat4, DVec3};
 use image::RgbaImage;
@@ -86,12 +85,7 @@ struct Scene {
 impl Scene {
     fn new(field: &PlenOctree) -> Self {
         let plugins = |app: &mut App| {
-            app.add_plugins((
-                bevy::gizmos::GizmoPlugin,
-                bevy::light::LightPlugin,
-                PbrPlugin::default(),
-                PlenOctreePlugin,
-            ));
+            app.add_plugins((LitMeshPlugins, PlenOctreePlugin));
         };
         Self::in_app(field, Headless::new(UVec2::splat(SIZE), plugins).unwrap())
     }

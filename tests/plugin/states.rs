@@ -2,7 +2,14 @@
 
 use std::time::{Duration, Instant};
 
-use bevy::prelude::*;
+use bevy::{
+    prelude::*,
+    render::{
+        RenderApp,
+        render_resource::{BufferDescriptor, BufferUsages},
+        renderer::RenderDevice,
+    },
+};
 use bevy_plenoctree::{
     BeforePalette, BilateralFilter, ColorCount, FieldPalette, FieldReady, Palette, PaletteExtraction, PaletteFailed,
     Palettes, PlenOctree, PlenOctreePlugin, Posterize, Prop, PropError, PropQuality, PropState,
@@ -190,6 +197,19 @@ fn without_a_renderer_props_wait_for_their_fields_alone() {
     let prop = app.world_mut().spawn(Prop(field)).id();
     app.update();
     assert_eq!(app.world().get::<PropState>(prop), Some(&PropState::Ready));
+}
+
+/// After an error of the GPU, Bevy stops rendering. What is captured then is no picture, but an error that says why.
+#[test]
+fn errors_of_the_gpu_are_reported() {
+    let mut headless = app(|_| ());
+    headless.capture().unwrap();
+    let device = headless.app.sub_app(RenderApp).world().resource::<RenderDevice>();
+    let usage = BufferUsages::empty();
+    device.create_buffer(&BufferDescriptor { label: Some("odd one"), size: 4, usage, mapped_at_creation: false });
+    for error in [headless.capture().unwrap_err(), headless.wait_until_ready(PATIENCE).unwrap_err()] {
+        assert!(matches!(&error, HeadlessError::Rendering(reason) if reason.contains("odd one")), "{error}");
+    }
 }
 
 #[derive(Resource, Default)]

@@ -9,10 +9,7 @@ use bevy::{
         prepass::{DepthPrepass, MotionVectorPrepass, ViewPrepassTextures},
     },
     diagnostic::FrameCount,
-    gizmos::GizmoPlugin,
-    light::LightPlugin,
-    pbr::PbrPlugin,
-    post_process::{PostProcessPlugin, motion_blur::MotionBlur},
+    post_process::motion_blur::MotionBlur,
     prelude::*,
     render::{
         RenderApp, RenderStartup,
@@ -30,7 +27,7 @@ use bevy::{
 use bevy_anti_alias::{AntiAliasPlugin, taa::TemporalAntiAliasing};
 use bevy_plenoctree::{
     PlenOctree, PlenOctreePlugin, Prop, PropQuality,
-    headless::{Headless, exact_camera},
+    headless::{Headless, LitMeshPlugins, exact_camera},
 };
 use image::RgbaImage;
 
@@ -105,7 +102,7 @@ struct View {
 impl View {
     fn new(is_prop: bool, shows_motion: bool) -> Self {
         let mut headless = Headless::new(UVec2::splat(SIZE), |app| {
-            app.add_plugins((GizmoPlugin, LightPlugin, PbrPlugin::default(), PostProcessPlugin, AntiAliasPlugin));
+            app.add_plugins((LitMeshPlugins, AntiAliasPlugin));
             app.add_plugins(PlenOctreePlugin);
             if shows_motion {
                 let shader = Shader::from_wgsl(SHADER, "motion.wgsl");

@@ -4,15 +4,11 @@ use std::{fmt::Display, time::Duration};
 
 use bevy::{
     camera::{ScalingMode, Viewport},
-    gizmos::GizmoPlugin,
-    gizmos_render::GizmoRenderPlugin,
-    light::LightPlugin,
-    pbr::PbrPlugin,
     prelude::*,
 };
 use bevy_plenoctree::{
     PlenOctree, PlenOctreePlugin, Prop, UpAxis,
-    headless::{Headless, exact_camera},
+    headless::{Headless, LitMeshPlugins, exact_camera},
 };
 use glam::{DVec2, DVec3};
 use image::RgbaImage;
@@ -123,7 +119,7 @@ impl Stage {
     /// Creates a stage for props, meshes and gizmos.
     pub fn with_meshes() -> Self {
         Self::with(|app| {
-            app.add_plugins((LightPlugin, PbrPlugin::default(), GizmoPlugin, GizmoRenderPlugin));
+            app.add_plugins(LitMeshPlugins);
         })
     }
 

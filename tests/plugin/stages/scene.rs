@@ -2,13 +2,10 @@
 
 use std::time::Duration;
 
-use bevy::{
-    camera::ScalingMode, gizmos::GizmoPlugin, light::LightPlugin, pbr::PbrPlugin, post_process::PostProcessPlugin,
-    prelude::*,
-};
+use bevy::{camera::ScalingMode, prelude::*};
 use bevy_plenoctree::{
     FieldPalette, Palette, Palettes, PlenOctree, PlenOctreePlugin, Prop,
-    headless::{Headless, exact_camera},
+    headless::{Headless, LitMeshPlugins, exact_camera},
 };
 use glam::DVec3;
 use image::RgbaImage;
@@ -51,7 +48,7 @@ impl Scene {
     /// Creates the same scene in an app to which `configure` adds plugins. It may add `PlenOctreePlugin` itself.
     pub fn with(density: f64, configure: impl FnOnce(&mut App)) -> Self {
         let mut headless = Headless::new(UVec2::splat(SIZE), |app| {
-            app.add_plugins((GizmoPlugin, LightPlugin, PbrPlugin::default(), PostProcessPlugin));
+            app.add_plugins(LitMeshPlugins);
             configure(app);
             if !app.is_plugin_added::<PlenOctreePlugin>() {
                 app.add_plugins(PlenOctreePlugin);

@@ -2,6 +2,8 @@
 
 mod arguments;
 #[cfg(feature = "gltf")]
+mod mipmaps;
+#[cfg(feature = "gltf")]
 mod model;
 pub mod output;
 
@@ -52,7 +54,10 @@ fn model_pictures(arguments: &Arguments) -> Result<Option<(PathBuf, u32)>> {
 fn model_pictures(arguments: &Arguments) -> Result<Option<(PathBuf, u32)>> {
     if arguments.input.extension().is_some_and(|extension| extension == "gltf" || extension == "glb") {
         let input = arguments.input.display();
-        return Err(format!("{input}: rendering a glTF model requires the engine: build with --features gltf").into());
+        return Err(format!(
+            "{input}: rendering a glTF model requires the engine: build with the feature gltf, which is on by default"
+        )
+        .into());
     }
     Ok(None)
 }

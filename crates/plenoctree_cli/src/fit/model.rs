@@ -24,7 +24,7 @@ use image::{Rgba, RgbaImage};
 use plenoctree::camera::Spiral;
 use serde_json::json;
 
-use crate::{files, progress, result::Result};
+use crate::{files, fit::mipmaps, progress, result::Result};
 
 /// The horizontal field of view of the cameras, in radians.
 const FOV: f64 = 0.7;
@@ -52,6 +52,7 @@ pub fn photograph(model: &Path, folder: &Path, views: u32, size: u32) -> Result<
     let mut studio = Headless::with_assets(UVec2::splat(side), parent, |app| {
         app.add_plugins((WorldSerializationPlugin, GltfPlugin::default(), LitMeshPlugins.set(PbrPlugin::default())));
         app.add_plugins(PlenOctreePlugin);
+        app.add_systems(Update, mipmaps::add_to_textures.run_if(resource_changed::<Assets<Image>>));
         // The components of the scene are copied by reflection.
         app.world().resource::<AppTypeRegistry>().write().register_derived_types();
     })?;
