@@ -36,15 +36,15 @@ const AMBIENT_COLORS: [&str; 2] = ["#fff3df", "#6f86e8"];
 fn light_sun(mut commands: Commands) {
     commands.spawn((
         DirectionalLight { color: color("#ffe3b0"), shadow_maps_enabled: true, ..default() },
-        Dimmed([5_000.0, 0.0]),
-        // Shines in low through the open side of the room, so that props throw shadows on each other.
-        Transform::default().looking_to(Vec3::new(0.62, -0.32, -0.75), Vec3::Y),
+        Dimmed([34_000.0, 0.0]),
+        // Shines through the window into the middle of the room.
+        Transform::default().looking_to(Vec3::new(0.62, -0.62, 0.95), Vec3::Y),
         CascadeShadowConfigBuilder { num_cascades: 1, maximum_distance: 18.0, ..default() }.build(),
     ));
     // Stands in for the light that the walls reflect. It comes from near the camera.
     commands.spawn((
         PointLight { color: color("#ffe9cf"), shadow_maps_enabled: true, range: 20.0, ..default() },
-        Dimmed([450_000.0, 60_000.0]),
+        Dimmed([900_000.0, 60_000.0]),
         Transform::from_xyz(-1.0, 3.6, 5.0),
     ));
 }

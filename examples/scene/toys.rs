@@ -37,7 +37,7 @@ const PASTEL: Posterize = Posterize {
 };
 
 /// Shadows with one clean edge, and a little of the lamps' color.
-const CARTOON: PropLighting = PropLighting { shadows: 0.35, tint: 0.25, bands: 1, self_shadow_distance: f32::INFINITY };
+const CARTOON: PropLighting = PropLighting { shadows: 0.2, tint: 0.25, bands: 1, self_shadow_distance: f32::INFINITY };
 
 /// Shadows in soft steps.
 const SOFT: PropLighting = PropLighting { bands: 3, ..CARTOON };
