@@ -102,6 +102,7 @@ impl GpuField {
     }
 
     /// Returns whether no frame shows this version yet, although the GPU has not rejected it.
+    #[cfg(feature = "headless")]
     pub(crate) fn is_arriving(&self) -> bool {
         self.is_new || self.outcome().is_none()
     }
