@@ -115,6 +115,8 @@ pub struct Scene<'a> {
     pub backdrop: &'a Backdrop,
     /// Gain of each view.
     pub gains: &'a [Vec3],
+    /// What the squared error of the opacity counts, relative to that of a color channel. 0 if pictures do not know it.
+    pub opacity: f32,
 }
 
 /// Renders the tiles and computes the gradients. `seed` chooses random backdrops.
@@ -226,9 +228,8 @@ fn render_tile<const B: usize>(scene: &Scene, tile: Tile, mut random: Random, sc
         result.gain[0] += rendered * photographed;
         result.gain[1] += rendered * rendered;
 
-        let outer = 2.0 * gain * error;
-        behind += transmittance * outer;
-        let outer = outer.extend(0.0);
+        let outer = (2.0 * gain * error).extend(2.0 * scene.opacity * (seen.w - a));
+        behind += transmittance * outer.truncate();
         // The contribution to `outer . rendered` of the samples behind the current one and of the backdrop.
         let mut rest = outer.dot(seen) + transmittance * outer.truncate().dot(backdrop);
         for sample in samples {
@@ -257,11 +258,11 @@ fn render_tile<const B: usize>(scene: &Scene, tile: Tile, mut random: Random, sc
     }));
 }
 
-/// Returns the color of a voxel. The fourth element is unused.
+/// Returns the color of a voxel, and 1 as the fourth element: along a ray, these add up to the opacity.
 #[inline]
 fn color<const B: usize>(grid: &Grid, voxel: u32, basis: &[f32; B]) -> Vec4 {
     let values = &grid.values[voxel as usize * B..][..B];
-    sigmoid(values.iter().zip(basis).map(|(value, y)| *value * *y).sum())
+    sigmoid(values.iter().zip(basis).map(|(value, y)| *value * *y).sum()).with_w(1.0)
 }
 
 /// Returns the color of the grid along a ray, premultiplied, and its transmittance.
@@ -362,7 +363,7 @@ mod tests {
     }
 
     /// The loss in float64, from the definition: no slots, no bricks, no early end. `values` are those of the grid.
-    fn loss(grid: &Grid, view: &TrainView, backdrop: DVec3, gain: DVec3, values: &[[f64; 4]]) -> f64 {
+    fn loss(grid: &Grid, view: &TrainView, backdrop: DVec3, gain: DVec3, opacity: f64, values: &[[f64; 4]]) -> f64 {
         let width = grid.voxel_size();
         let mut sum = 0.0;
         for tile in tiles() {
@@ -395,6 +396,7 @@ mod tests {
                 let [r, g, b, a] = view.picture.pixels[(y * SIZE + x) as usize].map(|byte| f64::from(byte) / 255.0);
                 let photographed = DVec3::new(r, g, b) + (1.0 - a) * backdrop;
                 sum += (gain * (color + transmittance * backdrop) - photographed).length_squared();
+                sum += opacity * (1.0 - transmittance - a).powi(2);
             }
         }
         sum
@@ -410,7 +412,9 @@ mod tests {
             let gain = Vec3::new(1.1, 0.9, 1.0);
             let mut workspace = Workspace::default();
             let views = [view];
-            let scene = Scene { grid: &grid, views: &views, backdrop: &Backdrop::Color(backdrop), gains: &[gain] };
+            let opacity = [0.0, 3.0][case % 2];
+            let scene =
+                Scene { grid: &grid, views: &views, backdrop: &Backdrop::Color(backdrop), gains: &[gain], opacity };
             render_batch(&scene, &tiles(), 0, &mut workspace);
             let mut found = vec![[0.0; 4]; grid.values.len()];
             for part in &workspace.parts {
@@ -427,7 +431,7 @@ mod tests {
             let values: Vec<[f64; 4]> = grid.values.iter().map(|value| value.to_array().map(f64::from)).collect();
             let (backdrop, gain) = (backdrop.as_dvec3(), gain.as_dvec3());
             let reported: f32 = workspace.parts.iter().flat_map(|part| &part.tiles).map(|tile| tile.loss).sum();
-            let exact = loss(&grid, &views[0], backdrop, gain, &values);
+            let exact = loss(&grid, &views[0], backdrop, gain, 0.0, &values);
             assert!((f64::from(reported) / exact - 1.0).abs() < 1e-4, "{reported} {exact}");
             let largest = found.as_flattened().iter().fold(0.0f64, |largest, value| largest.max(value.abs()));
             assert!(largest > 0.1, "the camera sees the voxels");
@@ -436,7 +440,7 @@ mod tests {
                     let at = |step: f64| {
                         let mut moved = values.clone();
                         moved[index][element] += step;
-                        loss(&grid, &views[0], backdrop, gain, &moved)
+                        loss(&grid, &views[0], backdrop, gain, opacity.into(), &moved)
                     };
                     let difference = (at(1e-5) - at(-1e-5)) / 2e-5;
                     let error = (found[index][element] - difference).abs();

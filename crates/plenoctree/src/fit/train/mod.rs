@@ -30,6 +30,10 @@ use super::{
     random::Random,
 };
 
+/// What the squared error of an opacity counts, relative to that of a color channel. The random colors behind the field
+/// require the right opacity, too, but only on average.
+const OPACITY: f32 = 2.0;
+
 /// The model that is fitted.
 pub struct Model {
     pub grid: Grid,
@@ -84,7 +88,13 @@ pub fn train(
                 model.grid = model.grid.resampled(&set);
                 continue 'rounds;
             }
-            let scene = Scene { grid: &model.grid, views: &views, backdrop: &model.backdrop, gains: &model.gains };
+            let scene = Scene {
+                grid: &model.grid,
+                views: &views,
+                backdrop: &model.backdrop,
+                gains: &model.gains,
+                opacity: if matches!(model.backdrop, Backdrop::Random) { OPACITY } else { 0.0 },
+            };
             render_batch(&scene, tiles, random.next(), &mut workspace);
             let optimizer = Optimizer { rates: stage.rates(fraction), ..stage.optimizer };
             update(&mut model.grid, &workspace.parts, &optimizer, &mut thickness);
