@@ -82,6 +82,11 @@ fn errors_name_the_file_and_replace_nothing() {
     let message = fail(&["fit", text(&folder), "--out", text(&out)]);
     assert!(message.contains("transforms.json") && message.contains("frames[7].file_path"), "{message}");
     assert_eq!(fs::read(&out).unwrap(), b"precious");
+    // What cannot be replaced is found before the work.
+    fs::create_dir(folder.join("report.json")).unwrap();
+    let message = fail(&["fit", text(&folder), "--out", text(&out)]);
+    assert!(message.contains("report.json") && message.contains("folder"), "{message}");
+    fs::remove_dir(folder.join("report.json")).unwrap();
     let message = fail(&["fit", text(&folder.join("nothing")), "--out", text(&out)]);
     assert!(message.contains("nothing"), "{message}");
 }

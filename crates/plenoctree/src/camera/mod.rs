@@ -9,4 +9,4 @@ pub use pinhole::PinholeCamera;
 pub use spiral::Spiral;
 pub use transforms::{CameraError, read_transforms};
 #[cfg(feature = "fit")]
-pub(crate) use transforms::{Intrinsics, WrongValue, pose};
+pub(crate) use transforms::{Intrinsics, WrongValue, pose, without_mark};

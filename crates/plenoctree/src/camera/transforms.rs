@@ -60,7 +60,18 @@ pub(crate) struct Intrinsics {
     camera_angle_y: Option<f64>,
 }
 
+/// Returns the text of a file without the byte order mark that some editors write.
+pub(crate) fn without_mark(text: &[u8]) -> &[u8] {
+    text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(text)
+}
+
 impl Intrinsics {
+    /// Returns whether the focal length is in pixels, not an angle.
+    #[cfg(feature = "fit")]
+    pub fn is_in_pixels(&self) -> bool {
+        self.fl_x.is_some()
+    }
+
     pub fn or(self, other: Self) -> Self {
         // A focal length in the frame takes precedence over an angle in the file, and vice versa.
         let angles = if self.fl_x.is_some() { (None, None) } else { (other.camera_angle_x, other.camera_angle_y) };
@@ -152,7 +163,8 @@ const MAX_CENTER: f64 = 1e9;
 pub fn read_transforms(path: impl AsRef<Path>, size: Option<(u32, u32)>) -> Result<Vec<PinholeCamera>, CameraError> {
     let path = path.as_ref();
     let text = fs::read(path).map_err(|source| CameraError::Io { path: path.into(), source })?;
-    let file: File = serde_json::from_slice(&text).map_err(|source| CameraError::Json { path: path.into(), source })?;
+    let file: File = serde_json::from_slice(without_mark(&text))
+        .map_err(|source| CameraError::Json { path: path.into(), source })?;
     let value = |key: String, found: String, expected| CameraError::Value { path: path.into(), key, found, expected };
     if file.frames.is_empty() {
         return Err(value("frames".into(), "none".into(), "at least one"));

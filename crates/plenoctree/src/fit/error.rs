@@ -52,6 +52,9 @@ pub enum FitError {
     /// Nothing is left: every voxel turned out to be empty.
     #[error("nothing is left of the field: every cell turned out to be empty")]
     Empty,
+    /// The fit was stopped before there was any result.
+    #[error("stopped before training started")]
+    Stopped,
     /// The fitted values do not form a field.
     #[error(transparent)]
     Field(#[from] InvalidField),

@@ -29,6 +29,7 @@ mod scene;
 mod settings;
 mod simplify;
 mod stand;
+mod suspects;
 mod to_field;
 mod train;
 

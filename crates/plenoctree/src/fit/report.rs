@@ -90,8 +90,9 @@ pub struct SuspiciousView {
     pub number: usize,
     /// Name of its picture.
     pub name: String,
-    /// PSNR that training reached on it, in decibels.
-    pub psnr_db: f64,
-    /// Median PSNR that training reached.
+    /// PSNR in the pixels in which the picture or the field shows something, in decibels. `None` if the field is not in
+    /// view.
+    pub psnr_db: Option<f64>,
+    /// The median of all views that were fitted to.
     pub median_psnr_db: f64,
 }

@@ -7,20 +7,21 @@ use std::{
     time::{Duration, Instant},
 };
 
-use glam::{DVec3, Vec3};
+use glam::{DMat3, DVec3, Vec3};
 
 use super::{
     checkpoint::Checkpoint,
     error::FitError,
     grid::Grid,
     input::{FitInput, Picture, View, ViewCamera},
-    measure::{Comparison, compare, decibels, quick_psnr},
+    measure::{Comparison, compare, quick_psnr},
     progress::FitProgress,
     random::Random,
-    report::{FitReport, HeldOut, Seconds, StageReport, SuspiciousView, ViewReport},
+    report::{FitReport, HeldOut, Seconds, StageReport, ViewReport},
     scene,
     settings::FitSettings,
-    stand,
+    stand::{self, TurnedBox},
+    suspects::suspicious,
     to_field::{cropped, largest_part, to_field},
     train::{
         Model, Position, Schedule, TrainView, backdrop::Backdrop, gallery::Gallery, split, train, visibility,
@@ -56,7 +57,8 @@ pub struct Fitted {
 /// # Errors
 ///
 /// Returns an error if a setting is out of range, if a picture cannot be read, if there are fewer than two views to fit
-/// to, if they do not show a common object, or if nothing is left of the field.
+/// to, if they do not show a common object, if nothing is left of the field, or if `progress` is stopped before training
+/// starts.
 pub fn fit(
     input: &FitInput,
     test: Option<&FitInput>,
@@ -91,7 +93,8 @@ pub fn fit(
         color += sum;
         weight += count;
     })?;
-    let place = scene::find(&mut gallery, &input.points, knows_opacity, settings)?;
+    let in_frame = |corners| TurnedBox::new(corners, turned.unwrap_or(DMat3::IDENTITY));
+    let place = scene::find(&mut gallery, &input.points, knows_opacity, settings.bounds.map(in_frame))?;
     let measured = load_some(&held_out, settings)?;
     let preparing = start.elapsed().as_secs_f64();
 
@@ -119,6 +122,9 @@ pub fn fit(
             Checkpoint { model, position: Position::default(), random: Random::new(settings.seed) }
         }
     };
+    if progress.is_stopped() && position == Position::default() {
+        return Err(FitError::Stopped);
+    }
     let schedule = Schedule::new(settings, !knows_opacity);
     let mut report = FitReport { views: gallery.len(), ..FitReport::default() };
     let mut saved_at = Instant::now();
@@ -148,8 +154,7 @@ pub fn fit(
                 _ => Ok(()),
             }
         };
-        let errors = train(&mut model, &mut gallery, stage, &mut position, &mut random, progress, &mut watch)?;
-        report.suspicious = suspicious(&errors, &numbers, gallery.views());
+        train(&mut model, &mut gallery, stage, &mut position, &mut random, progress, &mut watch)?;
         report.stages.push(StageReport {
             resolution: model.grid.resolution(),
             voxels: model.grid.len(),
@@ -173,10 +178,11 @@ pub fn fit(
     }
 
     progress.update(|status| (status.stage, status.fraction) = ("measuring".into(), 1.0));
+    report.suspicious = suspicious(&model, &mut gallery, &numbers)?;
     let limits = Limits { spacing: 0.7, ..Limits::default() };
     let mut kept = visibility::visible(&model.grid, &gallery.cameras(), limits);
-    if let Some((low, high)) = settings.crop {
-        kept = cropped(&model.grid, &kept, low, high);
+    if let Some(crop) = settings.crop {
+        kept = cropped(&model.grid, &kept, &in_frame(crop));
     }
     if settings.keep_largest {
         kept = largest_part(&model.grid, &kept, 0.2);
@@ -250,24 +256,6 @@ fn border(picture: &Picture) -> (DVec3, f64) {
     pixels.fold((DVec3::ZERO, 0.0), |(sum, count), (_, [r, g, b, _])| {
         (sum + DVec3::new((*r).into(), (*g).into(), (*b).into()) / 255.0, count + 1.0)
     })
-}
-
-/// Returns the views on which the error stays far above the median.
-fn suspicious(errors: &[Option<f64>], numbers: &[usize], views: &[View]) -> Vec<SuspiciousView> {
-    let psnrs: Vec<Option<f64>> = errors.iter().map(|error| error.map(decibels)).collect();
-    let mut sorted: Vec<f64> = psnrs.iter().flatten().copied().collect();
-    sorted.sort_unstable_by(f64::total_cmp);
-    let Some(&median) = sorted.get(sorted.len() / 2) else { return Vec::new() };
-    let mut deviations: Vec<f64> = sorted.iter().map(|psnr| (psnr - median).abs()).collect();
-    deviations.sort_unstable_by(f64::total_cmp);
-    // Five times the error, and far outside the usual variation of views.
-    let limit = median - f64::max(7.0, 8.0 * deviations[deviations.len() / 2]);
-    let wrong = |(index, psnr): (usize, &Option<f64>)| {
-        let psnr = psnr.filter(|psnr| *psnr < limit)?;
-        let (number, name) = (numbers[index], views[index].name.clone());
-        Some(SuspiciousView { number, name, psnr_db: psnr, median_psnr_db: median })
-    };
-    psnrs.iter().enumerate().filter_map(wrong).collect()
 }
 
 /// Compares the field with all held-out views.

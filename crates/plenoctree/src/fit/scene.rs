@@ -7,7 +7,7 @@ use super::{
     error::FitError,
     grid::{Cube, Grid, VoxelSet},
     input::{Picture, ViewCamera},
-    settings::FitSettings,
+    stand::TurnedBox,
     train::{TrainView, gallery::Gallery},
 };
 
@@ -30,7 +30,7 @@ pub struct Place {
 }
 
 /// Finds the place of the field. `knows_opacity` says whether the pictures' opacity separates the object from its
-/// background.
+/// background. `bounds` is the box to fit, if it is given.
 ///
 /// # Errors
 ///
@@ -39,17 +39,17 @@ pub fn find(
     gallery: &mut Gallery,
     points: &[DVec3],
     knows_opacity: bool,
-    settings: &FitSettings,
+    bounds: Option<TurnedBox>,
 ) -> Result<Place, FitError> {
     let cameras: Vec<ViewCamera> = gallery.cameras().into_iter().cloned().collect();
-    if let Some((low, high)) = settings.bounds {
+    if let Some(bounds) = bounds {
+        let (low, high) = bounds.bounds();
         let cube = around(low, high);
         let votes = look(gallery, cube, knows_opacity)?;
         let mut voxels = VoxelSet::new(RESOLUTION);
         let grid = Votes::grid(cube);
         for position in votes.possible(&cameras, knows_opacity, None) {
-            let (corner, width) = (grid.cube().low + position.as_dvec3() * grid.voxel_size(), grid.voxel_size());
-            if corner.cmplt(high).all() && (corner + width).cmpgt(low).all() {
+            if bounds.overlaps(grid.center(position), grid.voxel_size()) {
                 voxels.insert(position);
             }
         }
@@ -192,7 +192,6 @@ impl Votes {
         // Far from the object, regions that only one or two views see reach to infinity.
         let share = if knows_opacity { 4 } else { 10 };
         let needed = (cameras.len() / share).max(2) as u32;
-        let tolerated = tolerated(cameras.len());
         let clear = move |at: DVec3| {
             let mut limits = cameras.iter().zip(nearest.unwrap_or_default());
             limits.all(|(camera, nearest)| camera.position.distance(at) >= *nearest)
@@ -201,7 +200,7 @@ impl Votes {
         positions
             .zip(&self.counts)
             .filter(move |(position, [seen, empty])| {
-                *seen >= needed && *empty <= tolerated && clear(grid.center(*position))
+                *seen >= needed && *empty <= tolerated(*seen) && clear(grid.center(*position))
             })
             .map(|(position, _)| position)
     }
@@ -221,9 +220,9 @@ fn nearest(camera: &ViewCamera, points: &[DVec3], focus: DVec3) -> f64 {
     camera.position.distance(focus) * (1.0 - narrow).max(0.25)
 }
 
-/// Returns how many views may show nothing where the others show something, because their poses may be wrong.
-fn tolerated(views: usize) -> u32 {
-    views as u32 / 25
+/// Returns how many of the views that see a voxel may show nothing there, because their poses may be wrong.
+fn tolerated(views: u32) -> u32 {
+    (views / 12).min(3).max(views / 25)
 }
 
 fn position(index: u32) -> UVec3 {
@@ -234,7 +233,7 @@ fn position(index: u32) -> UVec3 {
 fn look(gallery: &mut Gallery, cube: Cube, knows_opacity: bool) -> Result<Votes, FitError> {
     let grid = Votes::grid(cube);
     let mut counts = vec![[0; 2]; RESOLUTION.pow(3) as usize];
-    let tolerated = tolerated(gallery.len());
+    let tolerated = tolerated(gallery.len() as u32);
     let mut ask = |view: &TrainView| {
         let opaque = knows_opacity.then(|| Counts::of(&view.picture));
         let focal = view.camera.lens.focal.max_element();

@@ -1,11 +1,12 @@
 //! Converts the fitted grid to a field.
 
-use glam::{DVec3, IVec3};
+use glam::IVec3;
 use half::f16;
 
 use super::{
     error::FitError,
     grid::{Grid, VoxelSet},
+    stand::TurnedBox,
 };
 use crate::field::{Activation, Basis, Frame, PlenOctree, UpAxis, morton, tree_of_finest};
 
@@ -48,12 +49,11 @@ fn density(grid: &Grid, voxel: u32) -> f64 {
     f64::from(grid.thickness[voxel as usize]) / grid.voxel_size()
 }
 
-/// Returns the voxels of `kept` whose centers are between two corners.
-pub fn cropped(grid: &Grid, kept: &VoxelSet, low: DVec3, high: DVec3) -> VoxelSet {
+/// Returns the voxels of `kept` whose centers are in a box.
+pub fn cropped(grid: &Grid, kept: &VoxelSet, to: &TurnedBox) -> VoxelSet {
     let mut inside = VoxelSet::new(grid.resolution());
     for position in kept.positions() {
-        let center = grid.center(position);
-        if center.cmpge(low).all() && center.cmple(high).all() {
+        if to.overlaps(grid.center(position), 0.0) {
             inside.insert(position);
         }
     }

@@ -90,6 +90,107 @@ fn masks_and_downscaling_keep_colors() {
     assert_eq!(half.pixels, [[100, 50, 25, 128]; 2]);
 }
 
+/// Masks may consist of zeros and ones, be an opacity, and be in the same folders as their pictures.
+#[test]
+fn masks_of_other_programs_are_read() {
+    let folder = folder("other_masks");
+    let picture = image::RgbImage::from_pixel(2, 1, image::Rgb([200, 100, 50]));
+    fs::create_dir_all(folder.join("images")).unwrap();
+    picture.save(folder.join("images/a.png")).unwrap();
+    let masked = |name: &str, mask: image::DynamicImage| {
+        mask.save(folder.join(name)).unwrap();
+        Picture::read(&folder.join("images/a.png"), Some(&folder.join(name)), 1).unwrap().pixels
+    };
+    let expected = [[200, 100, 50, 255], [0; 4]];
+    assert_eq!(masked("ones.png", image::GrayImage::from_raw(2, 1, vec![1, 0]).unwrap().into()), expected);
+    let cutout = image::RgbaImage::from_raw(2, 1, vec![9, 9, 9, 255, 200, 200, 200, 0]).unwrap();
+    assert_eq!(masked("cutout.png", cutout.into()), expected);
+
+    // Two cameras with pictures of the same name.
+    let cameras = cameras(2);
+    let mask = image::GrayImage::from_pixel(SIZE, SIZE, image::Luma([255]));
+    for side in ["left", "right"] {
+        write_pictures(&folder.join("images").join(side), &cameras[..1], None, |_| 1.0);
+        fs::create_dir_all(folder.join("masks").join(side)).unwrap();
+        mask.save(folder.join("masks").join(side).join("v_0.png.png")).unwrap();
+    }
+    write_colmap_text(&folder, &cameras, "1 SIMPLE_PINHOLE 40 40 50 20 20");
+    let images = folder.join("sparse/0/images.txt");
+    let text = fs::read_to_string(&images).unwrap();
+    fs::write(&images, text.replace("v_0.png", "left/v_0.png").replace("v_1.png", "right/v_0.png")).unwrap();
+    let folders = InputFolders { masks: Some(folder.join("masks")), ..InputFolders::default() };
+    let views = FitInput::read(&folder, &folders).unwrap().views;
+    for (view, side) in views.iter().zip(["left", "right"]) {
+        assert_eq!(view.mask, Some(folder.join("masks").join(side).join("v_0.png.png")));
+    }
+}
+
+/// COLMAP itself accepts quaternions of any length and blank lines. Other programs write models without points.
+#[test]
+fn unusual_colmap_models_are_read() {
+    let expected = cameras(3);
+    let folder = folder("unusual_colmap");
+    write_pictures(&folder.join("images"), &expected, None, |_| 1.0);
+    write_colmap_text(&folder, &expected, "1 SIMPLE_PINHOLE 40 40 50 20 20");
+    let model = folder.join("sparse/0");
+    let text = fs::read_to_string(model.join("images.txt")).unwrap();
+    let doubled = text.lines().map(|line| {
+        let words: Vec<&str> = line.split(' ').collect();
+        if words.len() < 10 {
+            return line.to_string();
+        }
+        let quaternion: Vec<String> =
+            words[1..5].iter().map(|word| (2.0 * word.parse::<f64>().unwrap()).to_string()).collect();
+        format!("{} {} {}", words[0], quaternion.join(" "), words[5..].join(" "))
+    });
+    fs::write(model.join("images.txt"), format!("\n{}\n", doubled.collect::<Vec<_>>().join("\n"))).unwrap();
+    fs::remove_file(model.join("points3D.txt")).unwrap();
+    let input = read(&folder).unwrap();
+    assert!(input.points.is_empty() && input.views.len() == 3);
+    for (view, expected) in input.views.iter().zip(&expected) {
+        assert!(view.camera.position.distance(expected.position) < 1e-9);
+    }
+    fs::write(model.join("images.txt"), "1 0 0 0 0 0 0 4 1 v_0.png\n\n").unwrap();
+    assert!(read(&folder).unwrap_err().contains("quaternion"));
+}
+
+/// Names of pictures from other systems and other places, and files that start with a byte order mark.
+#[test]
+fn moved_pictures_are_found() {
+    let cameras = cameras(3);
+    let folder = folder("moved");
+    write_pictures(&folder.join("train"), &cameras, None, |_| 1.0);
+    write_transforms(&folder, &cameras);
+    let good = fs::read_to_string(folder.join("transforms.json")).unwrap();
+    let pictures = InputFolders { pictures: Some(folder.join("train")), ..InputFolders::default() };
+    for (prefix, folders) in [
+        ("./train/", InputFolders::default()),
+        (r".\\train\\", InputFolders::default()),
+        ("/home/someone/scene/train/", InputFolders::default()),
+        (r"C:\\scene\\train\\", InputFolders::default()),
+        ("./train/", pictures.clone()),
+        ("./", pictures),
+    ] {
+        let json = format!("\u{feff}{}", good.replace("./v_", &format!("{prefix}v_")));
+        fs::write(folder.join("transforms.json"), json).unwrap();
+        let views = FitInput::read(&folder, &folders).unwrap().views;
+        assert_eq!(
+            fs::canonicalize(&views[2].picture).unwrap(),
+            fs::canonicalize(folder.join("train/v_2.png")).unwrap()
+        );
+    }
+    fs::write(folder.join("transforms.json"), good.replace("./v_", "./test/v_")).unwrap();
+    assert!(read(&folder).unwrap_err().contains("frames[0].file_path"));
+    // A focal length in pixels is for one size.
+    let json = good.replace("./v_", "./train/v_").replace(r#""camera_angle_x":0.6"#, r#""fl_x":60"#);
+    assert!(json.contains("fl_x"));
+    fs::write(folder.join("transforms.json"), json).unwrap();
+    assert_eq!(read(&folder).unwrap().views.len(), 3);
+    image::RgbImage::new(20, 20).save(folder.join("train/v_1.png")).unwrap();
+    let message = read(&folder).unwrap_err();
+    assert!(message.contains("v_1.png") && message.contains("20x20") && message.contains("40x40"), "{message}");
+}
+
 /// Every kind of bad input gives an error that names the file and what is wrong with it.
 #[test]
 fn errors_name_file_and_reason() {

@@ -92,7 +92,8 @@ fn no_clouds_hang_before_lenses() {
     assert!(distances.len() > 500 && nearest > 2.7, "{} hits from {nearest}", distances.len());
 }
 
-/// A view with a wrong pose is reported by its number, and only that one.
+/// Views with wrong poses are reported by their numbers, and only those: another pose, one that is off by a fraction of the
+/// object, and one that looks away. They do not carve the object away.
 #[test]
 fn wrong_poses_are_reported() {
     let folder = folder("wrong_pose");
@@ -100,11 +101,16 @@ fn wrong_poses_are_reported() {
     write_pictures(&folder, &cameras, None, |_| 1.0);
     let elsewhere = scene::cameras(60)[57];
     (cameras[11].rotation, cameras[11].position) = (elsewhere.rotation, elsewhere.position);
+    cameras[18].position += DVec3::new(0.4, -0.4, 0.4);
+    cameras[29].rotation *= DMat3::from_rotation_y(3.0);
     write_transforms(&folder, &cameras);
     let fitted = fit_folder(&folder, &quick());
     let numbers: Vec<usize> = fitted.report.suspicious.iter().map(|view| view.number).collect();
-    assert_eq!(numbers, [11], "{:?}", fitted.report.suspicious);
+    assert_eq!(numbers, [11, 18, 29], "{:?}", fitted.report.suspicious);
     assert_eq!(fitted.report.suspicious[0].name, "./v_11");
+    assert_eq!(fitted.report.suspicious[2].psnr_db, None);
+    let held_out = fitted.report.held_out.unwrap();
+    assert!(held_out.psnr_db > 22.0, "{held_out:?}");
 }
 
 /// A fit that is stopped returns its current result.
@@ -161,6 +167,31 @@ fn fields_stand_on_the_origin() {
     let height: f64 = z.iter().zip(middle).map(|(a, b)| a * b).sum();
     assert!((height - 0.8).abs() < 0.15, "{height}");
     assert!(x.iter().chain(&y).all(|value| value.is_finite()));
+}
+
+/// Boxes are in the frame of the cameras, also if the field is turned upright.
+#[test]
+fn boxes_turn_with_the_field() {
+    let folder = folder("turned_boxes");
+    let turn = DMat3::from_rotation_x(std::f64::consts::FRAC_PI_2);
+    let mut cameras = cameras(24);
+    write_pictures(&folder, &cameras, None, |_| 1.0);
+    for camera in &mut cameras {
+        camera.rotation = turn * camera.rotation;
+        camera.position = turn * camera.position + DVec3::new(5.0, 6.0, 7.0);
+    }
+    write_transforms(&folder, &cameras);
+    // The upper half of the post: up is -y here.
+    let post = Some((DVec3::new(5.5, 5.0, 6.8), DVec3::new(6.0, 6.0, 7.2)));
+    for settings in [FitSettings { crop: post, ..quick() }, FitSettings { bounds: post, ..quick() }] {
+        let standing = fit_folder(&folder, &FitSettings { stand: true, ..settings.clone() });
+        let (low, high) = standing.field.dense_bounds().unwrap();
+        // The edge of the ball is in the box, too.
+        let expected = DVec3::new(0.35, 0.4, 0.85);
+        assert!((high - low - expected).abs().max_element() < 0.15, "{low} {high}");
+        let (low, high) = fit_folder(&folder, &settings).field.bounds().unwrap();
+        assert!(low.x > 5.4 && low.y > 4.9 && high.x < 6.1 && high.y < 6.1, "{low} {high}");
+    }
 }
 
 /// Cropping keeps what is inside the box; the largest part is the ball with the post or a piece of it. Few pictures are

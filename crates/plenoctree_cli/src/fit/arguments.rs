@@ -72,7 +72,7 @@ pub struct Arguments {
     /// The folder of the pictures, if it is not the usual one.
     #[arg(long, value_name = "FOLDER")]
     pictures: Option<PathBuf>,
-    /// A folder of masks, as name.jpg.png or name.png for name.jpg. White shows the object.
+    /// A folder of masks, as name.jpg.png, name.png or name.jpg for name.jpg. White shows the object.
     #[arg(long, value_name = "FOLDER")]
     masks: Option<PathBuf>,
     /// The seed of the random numbers.

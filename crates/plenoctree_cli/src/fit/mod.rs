@@ -64,10 +64,11 @@ fn model_pictures(arguments: &Arguments) -> Result<Option<(PathBuf, u32)>> {
 
 fn print(arguments: &Arguments, report: &FitReport) {
     for view in &report.suspicious {
-        eprintln!(
-            "warning: view {} ({}) contradicts the others, {:.1} dB where {:.1} dB are usual: its pose may be wrong",
-            view.number, view.name, view.psnr_db, view.median_psnr_db
-        );
+        let what = match view.psnr_db {
+            Some(psnr) => format!("contradicts the others, {psnr:.1} dB where {:.1} dB are usual", view.median_psnr_db),
+            None => "does not have the object in view".into(),
+        };
+        eprintln!("warning: view {} ({}) {what}: its pose may be wrong", view.number, view.name);
     }
     if let Some(held_out) = &report.held_out {
         println!(

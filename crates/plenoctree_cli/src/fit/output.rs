@@ -16,18 +16,33 @@ pub fn check(out: &Path) -> Result {
     if out.extension().is_none_or(|extension| extension != "npz") {
         return Err(format!("{}: found another extension, expected .npz", out.display()).into());
     }
-    let folder = folder(out);
-    files::create_folder(&folder)?;
+    files::create_folder(&folder(out))?;
+    if let Some(target) = targets(out).into_iter().find(|target| target.is_dir()) {
+        return Err(format!("{}: found a folder, expected a file to replace, or nothing", target.display()).into());
+    }
+    let views = views(out);
+    if views.exists() && !views.is_dir() {
+        return Err(format!("{}: found a file, expected a folder to replace, or nothing", views.display()).into());
+    }
     let probe = partial(out);
     fs::write(&probe, [])
         .and_then(|()| fs::remove_file(&probe))
         .map_err(|error| format!("{}: cannot be written: {error}", out.display()).into())
 }
 
-/// Writes the field, its palette, previews of the held-out views, and the report.
+/// Writes the field, its palette, previews of the held-out views, and the report. If that fails, nothing incomplete is
+/// left.
 pub fn write(out: &Path, field: &PlenOctree, palette: &Palette, previews: &[Comparison], report: &Value) -> Result {
-    let views = out.with_extension("views");
-    let targets = [out.to_path_buf(), out.with_extension("palette.json"), folder(out).join("report.json")];
+    write_all(out, field, palette, previews, report).inspect_err(|_| {
+        let _ = fs::remove_dir_all(partial(&views(out)));
+        for target in targets(out) {
+            let _ = fs::remove_file(partial(&target));
+        }
+    })
+}
+
+fn write_all(out: &Path, field: &PlenOctree, palette: &Palette, previews: &[Comparison], report: &Value) -> Result {
+    let (views, targets) = (views(out), targets(out));
     field.write(partial(&targets[0])).map_err(|error| format!("{}: {error}", out.display()))?;
     palette.write(partial(&targets[1]))?;
     files::write_text(&partial(&targets[2]), &(serde_json::to_string_pretty(report)? + "\n"))?;
@@ -56,6 +71,16 @@ fn side_by_side(preview: &Comparison) -> RgbImage {
         };
         image::Rgb(pixels[(y * preview.width + x) as usize])
     })
+}
+
+/// Returns the paths of the field, its palette and the report.
+fn targets(out: &Path) -> [PathBuf; 3] {
+    [out.into(), out.with_extension("palette.json"), folder(out).join("report.json")]
+}
+
+/// Returns the path of the folder of previews.
+fn views(out: &Path) -> PathBuf {
+    out.with_extension("views")
 }
 
 fn folder(out: &Path) -> PathBuf {

@@ -47,21 +47,27 @@ struct Image {
     name: String,
 }
 
-/// Reads the model in a folder.
+/// Reads the model in a folder. The points may be missing.
 pub fn read(folder: &Path, folders: &InputFolders) -> Result<FitInput, FitError> {
-    let (cameras, images, points) = if folder.join("cameras.bin").exists() {
-        (
-            cameras_of(Bytes::open(folder.join("cameras.bin"))?)?,
-            images_of(Bytes::open(folder.join("images.bin"))?)?,
-            points_of(Bytes::open(folder.join("points3D.bin"))?)?,
-        )
+    let (cameras, images) = if folder.join("cameras.bin").exists() {
+        (cameras_of(Bytes::open(folder.join("cameras.bin"))?)?, images_of(Bytes::open(folder.join("images.bin"))?)?)
     } else {
         (
             cameras_of_text(Lines::open(folder.join("cameras.txt"))?)?,
             images_of_text(Lines::open(folder.join("images.txt"))?)?,
-            points_of_text(Lines::open(folder.join("points3D.txt"))?)?,
         )
     };
+    let (binary, text) = (folder.join("points3D.bin"), folder.join("points3D.txt"));
+    let points = if binary.exists() {
+        points_of(Bytes::open(binary)?)?
+    } else if text.exists() {
+        points_of_text(Lines::open(text)?)?
+    } else {
+        Vec::new()
+    };
+    if images.is_empty() {
+        return Err(FitError::found(folder, "images", "none", "at least two"));
+    }
     let pictures = pictures(folder, folders, &images)?;
     let views = (images.into_iter())
         .map(|image| {
@@ -75,9 +81,10 @@ pub fn read(folder: &Path, folders: &InputFolders) -> Result<FitInput, FitError>
                 let expected = format!("{}x{}, as camera {} states", camera.width, camera.height, image.camera);
                 return Err(FitError::found(&path, "size", format!("{}x{}", size.0, size.1), expected));
             }
+            // As in COLMAP, quaternions of any length are rotations.
             let length = image.rotation.length();
-            if !(length - 1.0).abs().lt(&1e-2) || !image.translation.as_vec3().is_finite() {
-                let expected = "a unit quaternion and a finite translation";
+            if !(1e-6..1e6).contains(&length) || !image.translation.as_vec3().is_finite() {
+                let expected = "a quaternion and a finite translation";
                 return Err(FitError::found(
                     folder,
                     what,
@@ -268,7 +275,7 @@ impl Lines {
     fn entries(&self) -> impl Iterator<Item = (usize, Vec<&str>)> {
         let lines = (1..).zip(self.text.lines());
         lines
-            .filter(|(_, line)| !line.starts_with('#'))
+            .filter(|(_, line)| !line.trim_start().starts_with('#'))
             .map(|(number, line)| (number, line.split_whitespace().collect()))
     }
 
@@ -293,20 +300,20 @@ fn cameras_of_text(file: Lines) -> Result<BTreeMap<u64, Camera>, FitError> {
 }
 
 fn images_of_text(file: Lines) -> Result<Vec<Image>, FitError> {
-    // Every other line lists points, and may be empty.
-    file.entries()
-        .step_by(2)
-        .filter(|(_, words)| !words.is_empty())
-        .map(|line| {
-            let number = |index| file.value::<f64>(&line, index);
-            Ok(Image {
-                rotation: DQuat::from_xyzw(number(2)?, number(3)?, number(4)?, number(1)?),
-                translation: DVec3::new(number(5)?, number(6)?, number(7)?),
-                camera: file.value(&line, 8)?,
-                name: file.value::<String>(&line, 9).map(|_| line.1[9..].join(" "))?,
-            })
-        })
-        .collect()
+    let mut images = Vec::new();
+    let mut lines = file.entries();
+    while let Some(line) = lines.by_ref().find(|(_, words)| !words.is_empty()) {
+        let number = |index| file.value::<f64>(&line, index);
+        images.push(Image {
+            rotation: DQuat::from_xyzw(number(2)?, number(3)?, number(4)?, number(1)?),
+            translation: DVec3::new(number(5)?, number(6)?, number(7)?),
+            camera: file.value(&line, 8)?,
+            name: file.value::<String>(&line, 9).map(|_| line.1[9..].join(" "))?,
+        });
+        // The line behind an image's lists its points, and may be empty.
+        lines.next();
+    }
+    Ok(images)
 }
 
 fn points_of_text(file: Lines) -> Result<Vec<DVec3>, FitError> {

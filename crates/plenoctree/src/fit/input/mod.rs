@@ -24,8 +24,9 @@ impl FitInput {
     ///
     /// - a `transforms.json` file of NeRF, instant-ngp or nerfstudio, or a folder with a `transforms.json` or
     ///   `transforms_train.json`,
-    /// - a COLMAP model: a folder with `cameras`, `images` and `points3D`, as `.bin` or `.txt`, or one with such a model
-    ///   in `sparse/0`, `sparse` or `colmap/sparse/0`. The pictures are in a folder `images` next to it or above it.
+    /// - a COLMAP model: a folder with `cameras`, `images` and, if there are points, `points3D`, as `.bin` or `.txt`, or
+    ///   one with such a model in `sparse/0`, `sparse` or `colmap/sparse/0`. The pictures are in a folder `images` next
+    ///   to it or above it.
     ///
     /// Pictures are PNG or JPEG files.
     ///
@@ -62,7 +63,7 @@ impl FitInput {
         input.views.sort_by_cached_key(|view| natural(&view.name));
         if let Some(folder) = &folders.masks {
             for view in &mut input.views {
-                view.mask = Some(mask_in(folder, &view.picture)?);
+                view.mask = Some(mask_in(folder, &view.name, &view.picture)?);
             }
         }
         for view in &input.views {
@@ -78,18 +79,21 @@ impl FitInput {
     }
 }
 
-/// Finds the mask of a picture.
-fn mask_in(folder: &Path, picture: &Path) -> Result<PathBuf, FitError> {
-    let name = picture.file_name().unwrap_or_default();
-    let whole = folder.join(name).with_added_extension("png");
-    let stem = folder.join(name).with_extension("png");
-    match [&whole, &stem].into_iter().find(|path| path.exists()) {
-        Some(path) => Ok(path.clone()),
-        None => {
-            let expected = format!("{} or {}", whole.display(), stem.display());
-            Err(FitError::found(picture, "mask", "none", expected))
-        }
-    }
+/// Finds the mask of a picture, in the same folders below `folder` as the input names for the picture, or in some of
+/// them.
+fn mask_in(folder: &Path, name: &str, picture: &Path) -> Result<PathBuf, FitError> {
+    let file = picture.file_name().unwrap_or_default();
+    let candidates = |folder: &Path| {
+        let same = folder.join(file);
+        [same.with_added_extension("png"), same.with_extension("png"), same]
+    };
+    let parts: Vec<&str> = name.split(['/', '\\']).filter(|part| !matches!(*part, "" | "." | "..")).collect();
+    let folders = &parts[..parts.len().saturating_sub(1)];
+    let within = |first: usize| candidates(&folder.join(folders[first..].iter().collect::<PathBuf>()));
+    (0..=folders.len()).flat_map(within).find(|path| path.is_file()).ok_or_else(|| {
+        let [whole, stem, _] = candidates(folder);
+        FitError::found(picture, "mask", "none", format!("{} or {}", whole.display(), stem.display()))
+    })
 }
 
 /// Returns a key that sorts `r_2` before `r_10`.

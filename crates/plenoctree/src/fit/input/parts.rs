@@ -20,6 +20,7 @@ pub struct FitInput {
 pub struct InputFolders {
     /// The folder of the pictures. Names in a COLMAP model are relative to it.
     pub pictures: Option<PathBuf>,
-    /// A folder of masks: for `name.jpg`, either `name.jpg.png` or `name.png`. White shows the object.
+    /// A folder of masks: for `name.jpg`, `name.jpg.png`, `name.png` or `name.jpg`, in the same folders below it as the
+    /// picture or directly in it. White shows the object, or 1 if there is no brighter pixel.
     pub masks: Option<PathBuf>,
 }

@@ -6,7 +6,7 @@ use std::{
     path::Path,
 };
 
-use image::{DynamicImage, ImageReader, RgbImage};
+use image::{DynamicImage, GrayImage, ImageReader, Luma, RgbImage};
 use zune_jpeg::{
     JpegDecoder,
     zune_core::{colorspace::ColorSpace, options::DecoderOptions},
@@ -31,14 +31,16 @@ pub struct Picture {
 }
 
 impl Picture {
-    /// Reads a picture, and averages squares of `downscale` pixels a side. The mask's brightness multiplies the opacity.
+    /// Reads a picture, and averages squares of `downscale` pixels a side. The mask's brightness, or its own opacity if it
+    /// is partly transparent, multiplies the picture's opacity. Masks of zeros and ones are as good as black and white
+    /// ones.
     ///
     /// # Errors
     ///
     /// Returns an error if a file cannot be read or decoded, or if the mask has another size.
     pub fn read(path: &Path, mask: Option<&Path>, downscale: u32) -> Result<Self, FitError> {
         let image = decode(path)?;
-        let mask = mask.map(|path| Ok::<_, FitError>((path, decode(path)?.into_luma8()))).transpose()?;
+        let mask = mask.map(|path| Ok::<_, FitError>((path, read_mask(path)?))).transpose()?;
         let mut knows_opacity = mask.is_some();
         let mut rgba = image.into_rgba8();
         if let Some((path, mask)) = &mask {
@@ -68,6 +70,22 @@ impl Picture {
         }
         Ok(Self { width, height, pixels, knows_opacity })
     }
+}
+
+/// Reads a mask: 255 shows the object.
+fn read_mask(path: &Path) -> Result<GrayImage, FitError> {
+    let image = decode(path)?;
+    if image.color().has_alpha() {
+        let rgba = image.to_rgba8();
+        if rgba.pixels().any(|pixel| pixel[3] < 255) {
+            return Ok(GrayImage::from_fn(rgba.width(), rgba.height(), |x, y| Luma([rgba.get_pixel(x, y)[3]])));
+        }
+    }
+    let mut mask = image.into_luma8();
+    if mask.iter().all(|value| *value <= 1) {
+        mask.iter_mut().for_each(|value| *value *= 255);
+    }
+    Ok(mask)
 }
 
 /// Returns the width and the height of a picture without decoding it.

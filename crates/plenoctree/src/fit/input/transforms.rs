@@ -15,12 +15,12 @@ use super::{
     view::{View, ViewCamera},
 };
 use crate::{
-    camera::{Intrinsics, WrongValue, pose},
+    camera::{Intrinsics, WrongValue, pose, without_mark},
     fit::error::FitError,
 };
 
 /// Extensions that the file names of pictures may lack, as in NeRF-synthetic.
-const ENDINGS: [&str; 5] = ["png", "jpg", "jpeg", "PNG", "JPG"];
+const ENDINGS: [&str; 6] = ["png", "jpg", "jpeg", "PNG", "JPG", "JPEG"];
 
 /// The camera of all frames or of one, which takes precedence.
 #[derive(Clone, Default, Deserialize)]
@@ -57,30 +57,44 @@ struct Frame {
 /// Reads a file of cameras, and the sizes of their pictures.
 pub fn read(path: &Path, folders: &InputFolders) -> Result<FitInput, FitError> {
     let text = fs::read(path).map_err(FitError::io(path))?;
-    let file: File = serde_json::from_slice(&text)
+    let file: File = serde_json::from_slice(without_mark(&text))
         .map_err(|error| FitError::found(path, "file", error.to_string(), "a transforms.json file"))?;
-    let folder = match &folders.pictures {
-        Some(folder) => folder.clone(),
-        None => path.parent().unwrap_or(Path::new("")).into(),
-    };
-    let views = (file.frames.iter().enumerate())
-        .map(|(index, frame)| view(path, &folder, index, frame, &file.camera))
+    let views: Vec<View> = (file.frames.iter().enumerate())
+        .map(|(index, frame)| view(path, folders, index, frame, &file.camera))
         .collect::<Result<_, _>>()?;
+    // A focal length in pixels is for pictures of one size.
+    let sized = |camera: &Camera| camera.intrinsics.w.is_some() || camera.intrinsics.h.is_some();
+    if file.camera.intrinsics.is_in_pixels() && !sized(&file.camera) {
+        let mut common = (file.frames.iter().zip(&views))
+            .filter(|(frame, _)| !frame.camera.intrinsics.is_in_pixels() && !sized(&frame.camera))
+            .map(|(_, view)| (view, (view.camera.width, view.camera.height)));
+        if let Some((first, size)) = common.next()
+            && let Some((odd, (width, height))) = common.find(|(_, other)| *other != size)
+        {
+            let expected =
+                format!("{}x{} as in {}, or w and h in every frame", size.0, size.1, first.picture.display());
+            return Err(FitError::found(&odd.picture, "size", format!("{width}x{height}"), expected));
+        }
+    }
     Ok(FitInput { views, points: Vec::new() })
 }
 
-fn view(path: &Path, folder: &Path, index: usize, frame: &Frame, common: &Camera) -> Result<View, FitError> {
+fn view(path: &Path, folders: &InputFolders, index: usize, frame: &Frame, common: &Camera) -> Result<View, FitError> {
+    let own = path.parent().unwrap_or(Path::new(""));
+    let folder = folders.pictures.as_deref().unwrap_or(own);
     let fault = |key: &str, found: String, expected: &str| {
         FitError::found(path, format!("frames[{index}].{key}"), found, expected)
     };
     let name = frame.file_path.as_ref().or(frame.file.as_ref());
     let name = name.ok_or_else(|| fault("file_path", "nothing".into(), "the path of a picture"))?;
-    let picture = find(folder, name)
+    let moved = folders.pictures.is_some();
+    let picture = find(folder, name, moved)
         .ok_or_else(|| fault("file_path", name.clone(), &format!("a PNG or JPEG file in {}", folder.display())))?;
     let mask = match &frame.mask_path {
         Some(name) => Some(
-            find(folder, name)
-                .ok_or_else(|| fault("mask_path", name.clone(), &format!("a picture in {}", folder.display())))?,
+            find(own, name, false)
+                .or_else(|| find(folder, name, moved))
+                .ok_or_else(|| fault("mask_path", name.clone(), &format!("a picture in {}", own.display())))?,
         ),
         None => None,
     };
@@ -103,13 +117,20 @@ fn view(path: &Path, folder: &Path, index: usize, frame: &Frame, common: &Camera
     Ok(View { name: name.clone(), picture, mask, camera })
 }
 
-/// Finds a picture whose name may lack its extension.
-fn find(folder: &Path, name: &str) -> Option<PathBuf> {
-    let path = folder.join(name);
-    if path.is_file() {
-        return Some(path);
-    }
-    ENDINGS.iter().map(|ending| path.with_added_extension(ending)).find(|path| path.is_file())
+/// Finds a picture whose name may lack its extension, or have the separators of another system. If the name is absolute
+/// or the pictures are `moved`, they may also be in a part of the named folders.
+fn find(folder: &Path, name: &str, moved: bool) -> Option<PathBuf> {
+    let with_ending = |path: PathBuf| {
+        let mut others = ENDINGS.iter().map(|ending| path.with_added_extension(ending));
+        if path.is_file() { Some(path.clone()) } else { others.find(|path| path.is_file()) }
+    };
+    let name = if folder.join(name).exists() { name.into() } else { name.replace('\\', "/") };
+    let windows = name.as_bytes().get(1) == Some(&b':');
+    with_ending(folder.join(&name)).or_else(|| {
+        let parts: Vec<&str> = name.split('/').collect();
+        let fewest = if moved || windows || name.starts_with('/') { parts.len() } else { 0 };
+        (1..fewest).find_map(|first| with_ending(folder.join(parts[first..].join("/"))))
+    })
 }
 
 impl Camera {
