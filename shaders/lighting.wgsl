@@ -13,7 +13,7 @@
     fetch_point_shadow, fetch_spot_shadow, get_cascade_index, sample_directional_cascade, world_to_directional_light_local,
 }
 #import bevy_plenoctree::shade::Lit
-#import bevy_plenoctree::view::{is_solid, prop_of}
+#import bevy_plenoctree::view::{LEAST_DEPTH, is_solid, prop_of}
 
 @group(1) @binding(0) var<storage, read> props: array<Lit>;
 @group(1) @binding(1) var depth: texture_depth_2d;
@@ -21,7 +21,8 @@
 
 @vertex
 fn vertex(@builtin(vertex_index) index: u32) -> @builtin(position) vec4<f32> {
-    return vec4(vec2(f32((index << 1u) & 2u), f32(index & 2u)) * 2.0 - 1.0, 0.0, 1.0);
+    // Where no prop was drawn, the depth test fails.
+    return vec4(vec2(f32((index << 1u) & 2u), f32(index & 2u)) * 2.0 - 1.0, LEAST_DEPTH, 1.0);
 }
 
 // The margin around its box within which a prop casts no shadow on itself, relative to the box.
@@ -64,6 +65,7 @@ fn share_of_sun(id: u32, surface: Surface) -> f32 {
     return 1.0;
 }
 
+#ifdef LAMPS
 // Returns the light of a point or spot light that arrives, if nothing blocks it.
 fn light_of_lamp(id: u32, surface: Surface, is_spot: bool) -> vec3<f32> {
     let lamp = &clustered_lights.data[id];
@@ -104,6 +106,7 @@ fn share_of_lamp(id: u32, surface: Surface, is_spot: bool) -> f32 {
     }
     return fetch_point_shadow(id, outside, vec3(0.0), surface.at);
 }
+#endif
 
 fn luminance(light: vec3<f32>) -> f32 {
     return dot(light, vec3(0.2126, 0.7152, 0.0722));
@@ -158,6 +161,7 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
             arrives += light * share_of_sun(id, surface);
         }
     }
+#ifdef LAMPS
     let cluster = view_fragment_cluster_index(surface.at, view_z, view.clip_from_view[3].w == 1.0);
     let ranges = unpack_clusterable_object_index_ranges(cluster);
     for (var i = ranges.first_point_light_index_offset; i < ranges.first_reflection_probe_index_offset; i++) {
@@ -169,6 +173,7 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
             arrives += light * share_of_lamp(id, surface, is_spot);
         }
     }
+#endif
     let blocked = 1.0 - luminance(arrives) / max(luminance(all_light), 1e-30);
     let brightest = max(arrives.r, max(arrives.g, arrives.b));
     let color = select(vec3(1.0), arrives / max(brightest, 1e-30), brightest > 0.0);

@@ -2,7 +2,7 @@
 
 use bevy::{
     light::ShadowFilteringMethod,
-    pbr::ViewLightsUniformOffset,
+    pbr::{ExtractedPointLight, ViewLightsUniformOffset},
     prelude::*,
     render::{
         diagnostic::RecordDiagnostics,
@@ -14,15 +14,25 @@ use bevy::{
     },
 };
 
-use super::{ReadLighting, pipeline::LightingPipeline, prepare::ViewLighting};
-use crate::render::{attachment::color, view::ViewProps};
+use super::{
+    ReadLighting,
+    pipeline::{LightingKey, LightingPipeline},
+    prepare::ViewLighting,
+};
+use crate::render::{
+    attachment::{color, tested},
+    view::{ViewProps, ViewTextures},
+};
 
 /// The name of the pass's span in Bevy's render diagnostics.
 pub const LIGHTING_SPAN: &str = "plenoctree_lighting";
 
-/// The pipeline of a view.
+/// The pipelines of a view. Both are compiled from the start, so that props keep their light when the first lamp appears.
 #[derive(Component)]
-pub(super) struct LightingPass(CachedRenderPipelineId);
+pub(super) struct LightingPass {
+    without_lamps: CachedRenderPipelineId,
+    with_lamps: CachedRenderPipelineId,
+}
 
 pub(super) fn prepare_pipelines(
     mut commands: Commands,
@@ -34,22 +44,31 @@ pub(super) fn prepare_pipelines(
     for (entity, method, lighting, mut props) in &mut views {
         if lighting.is_lit {
             let is_hard = method == Some(&ShadowFilteringMethod::Hardware2x2);
-            let id = specialized.specialize(&cache, &pipeline, is_hard);
-            commands.entity(entity).insert(LightingPass(id));
-            props.pipelines.push(id);
+            let [without_lamps, with_lamps] =
+                [false, true].map(|lamps| specialized.specialize(&cache, &pipeline, LightingKey { is_hard, lamps }));
+            commands.entity(entity).insert(LightingPass { without_lamps, with_lamps });
+            props.pipelines.extend([without_lamps, with_lamps]);
         }
     }
 }
 
 pub(super) fn lighting_pass(
-    view: ViewQuery<(&ViewProps, &ViewLighting, &LightingPass, Option<(&ViewUniformOffset, &ViewLightsUniformOffset)>)>,
+    view: ViewQuery<(
+        &ViewProps,
+        &ViewTextures,
+        &ViewLighting,
+        &LightingPass,
+        Option<(&ViewUniformOffset, &ViewLightsUniformOffset)>,
+    )>,
+    lamps: Query<(), With<ExtractedPointLight>>,
     cache: Res<PipelineCache>,
     mut ctx: RenderContext,
 ) {
-    let (props, lighting, LightingPass(pipeline), offsets) = view.into_inner();
+    let (props, textures, lighting, pipelines, offsets) = view.into_inner();
     let Some(light) = &lighting.light else {
         return;
     };
+    let pipeline = if lamps.is_empty() { pipelines.without_lamps } else { pipelines.with_lamps };
     let diagnostics = ctx.diagnostic_recorder();
     let diagnostics = diagnostics.as_deref();
     let span = diagnostics.time_span(ctx.command_encoder(), LIGHTING_SPAN);
@@ -59,10 +78,11 @@ pub(super) fn lighting_pass(
         let mut pass = ctx.begin_tracked_render_pass(RenderPassDescriptor {
             label: Some(LIGHTING_SPAN),
             color_attachments: &[Some(color(light, all))],
+            depth_stencil_attachment: Some(tested(&textures.layer.depth)),
             ..default()
         });
         if let (Some(pipeline), Some(lights), Some(group), Some((view, gpu_lights))) =
-            (cache.get_render_pipeline(*pipeline), &lighting.lights, lighting.props.get(), offsets)
+            (cache.get_render_pipeline(pipeline), &lighting.lights, lighting.props.get(), offsets)
             && !props.rect.is_empty()
         {
             let (corner, size) = (props.rect.min, props.rect.size());

@@ -6,9 +6,9 @@ use bevy::{
     render::{
         globals::GlobalsUniform,
         render_resource::{
-            BindGroupLayoutDescriptor, BindGroupLayoutEntries, FragmentState, RenderPipelineDescriptor,
-            SamplerBindingType, ShaderStages, ShaderType, SpecializedRenderPipeline, TextureFormat, TextureSampleType,
-            VertexState,
+            BindGroupLayoutDescriptor, BindGroupLayoutEntries, CompareFunction, FragmentState,
+            RenderPipelineDescriptor, SamplerBindingType, ShaderStages, ShaderType, SpecializedRenderPipeline,
+            TextureFormat, TextureSampleType, VertexState,
             binding_types::{
                 sampler, storage_buffer_read_only, storage_buffer_read_only_sized, texture_2d, texture_2d_array,
                 texture_cube_array, texture_depth_2d, uniform_buffer,
@@ -19,7 +19,10 @@ use bevy::{
     shader::{Shader, ShaderDefVal},
 };
 
-use crate::{gpu::Shaders, render::fullscreen::target};
+use crate::{
+    gpu::Shaders,
+    render::{attachment::depth_test, fullscreen::target, view::DEPTH_FORMAT},
+};
 
 /// The color of the light that arrives, and the fraction that is blocked.
 pub(super) const LIGHT_FORMAT: TextureFormat = TextureFormat::Rgba8Unorm;
@@ -74,30 +77,42 @@ pub(super) fn init(mut commands: Commands, shaders: Res<Shaders>) {
     });
 }
 
-impl SpecializedRenderPipeline for LightingPipeline {
+/// What a pipeline is compiled for.
+#[derive(Clone, Copy, PartialEq, Eq, Hash)]
+pub(super) struct LightingKey {
     /// Whether the camera's shadows have hard edges.
-    type Key = bool;
+    pub is_hard: bool,
+    /// Whether there are point or spot lights. Software Vulkan computes even those that are not there.
+    pub lamps: bool,
+}
 
-    fn specialize(&self, is_hard: bool) -> RenderPipelineDescriptor {
+impl SpecializedRenderPipeline for LightingPipeline {
+    type Key = LightingKey;
+
+    fn specialize(&self, LightingKey { is_hard, lamps }: LightingKey) -> RenderPipelineDescriptor {
         // Temporal filtering is not supported: noise that changes from frame to frame would make the edges of bands
         // flicker.
         let filter = if is_hard { "SHADOW_FILTER_METHOD_HARDWARE_2X2" } else { "SHADOW_FILTER_METHOD_GAUSSIAN" };
-        let filter = ShaderDefVal::from(filter);
+        let mut definitions = vec![ShaderDefVal::from(filter)];
+        if lamps {
+            definitions.push("LAMPS".into());
+        }
         RenderPipelineDescriptor {
             label: Some("plenoctree_lighting".into()),
             layout: vec![self.lights.clone(), self.props.clone()],
             vertex: VertexState {
                 shader: self.shader.clone(),
-                shader_defs: vec![filter.clone()],
+                shader_defs: definitions.clone(),
                 entry_point: Some("vertex".into()),
                 ..default()
             },
             fragment: Some(FragmentState {
                 shader: self.shader.clone(),
-                shader_defs: vec![filter],
+                shader_defs: definitions,
                 entry_point: Some("fragment".into()),
                 targets: vec![Some(target(LIGHT_FORMAT, None))],
             }),
+            depth_stencil: Some(depth_test(DEPTH_FORMAT, false, CompareFunction::LessEqual)),
             ..default()
         }
     }
