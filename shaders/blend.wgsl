@@ -1,7 +1,7 @@
 // The blend pass: smooths the edges of posterized props.
 
 #import bevy_plenoctree::color::{decode, encode, tinted}
-#import bevy_plenoctree::edge::{RAYS, neighbor, parts_of}
+#import bevy_plenoctree::edge::{RAYS, bits_of, neighbor, parts_of}
 #import bevy_plenoctree::filter_texel::unpack
 #import bevy_plenoctree::labels::assign
 #ifdef LIGHTING
@@ -53,7 +53,7 @@ fn around(pixel: vec2<u32>, owners: vec2<u32>, center: Behind) -> Behind {
             if own == 0u || all(vec2(own) != owners) {
                 let behind = behind_at(at);
                 // A neighbor that the edge of a mesh crosses counts less.
-                let rays = vec4<u32>(textureLoad(coverage, at, 0) * 255.0 + 0.5);
+                let rays = bits_of(textureLoad(outline, at, 0).xy, textureLoad(coverage, at, 0));
                 let share = 1.0 + f32(RAYS - countOneBits(rays.r | rays.b));
                 let weight = share * share;
                 sum.shown += weight * behind.shown;
@@ -87,7 +87,7 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
     let pixel = vec2<u32>(position.xy);
     let seen = textureLoad(shown, pixel, 0);
     let owners = textureLoad(outline, pixel, 0).xy;
-    let bits = vec4<u32>(textureLoad(coverage, pixel, 0) * 255.0 + 0.5);
+    let bits = bits_of(owners, textureLoad(coverage, pixel, 0));
     let parts = parts_of(owners, bits);
     if parts.are_whole {
         return seen;

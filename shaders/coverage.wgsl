@@ -152,7 +152,7 @@ fn unpacked(ray: u32, values: vec4<u32>) -> f32 {
     return unpack2x16float(values[ray >> 1u] >> (16u * (ray & 1u))).x;
 }
 
-// Blending adds up what both owners write.
+// Where a view has several props, blending adds up what both owners write.
 struct Fragment {
     // The bits of a pixel's rays, one per ray, in four channels.
     // r: those that the owner of the pixel covers.
@@ -187,9 +187,11 @@ fn fragment(in: Varying) -> Fragment {
     let is_drawn = is_own || owners.y == in.prop + 1u;
 #endif
 #endif
+#ifdef OF_OWNERS
     if !is_drawn {
         discard;
     }
+#endif
 
     // What is seen at the center of the pixel, if that is another prop.
     let own = owner_of(textureLoad(owner, pixel, 0));
@@ -229,7 +231,8 @@ fn fragment(in: Varying) -> Fragment {
 #ifdef OF_OWNERS
     var places = vec4(0u);
 #endif
-    for (var index = 0u; index < rays; index++) {
+    let marched = select(0u, rays, is_drawn);
+    for (var index = 0u; index < marched; index++) {
         var ray = index;
         var bits = 1u << ray;
         if rays < RAYS {
@@ -300,6 +303,10 @@ fn fragment(in: Varying) -> Fragment {
                 own_color = thinned(center.color, thin * f32(RAYS) / f32(others));
             }
         }
+    }
+    if !is_drawn {
+        // Do not discard: software rasterizers blend the pixels of such passes even where the depth test fails.
+        return Fragment();
     }
     return Fragment(
         vec4<f32>(bits) / 255.0,

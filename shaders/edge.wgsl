@@ -47,6 +47,11 @@ fn rays_of(sample: u32, samples: u32) -> u32 {
     return rays;
 }
 
+// Returns the bits of a pixel's rays, as in `coverage.wgsl`. That pass writes nothing where there is no edge.
+fn bits_of(owners: vec2<u32>, coverage: vec4<f32>) -> vec4<u32> {
+    return select(vec4(0u), vec4<u32>(coverage * 255.0 + 0.5), any(owners > vec2(0u)));
+}
+
 // The parts of a pixel at the edge of a prop.
 struct Parts {
     // The numbers of rays that show the owner of the pixel, the other one, and what is behind both.

@@ -24,23 +24,20 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<u32> {
     let at = vec2<i32>(position.xy);
     let texel = textureLoad(source, at, 0);
     let center = unpack(texel);
-    // Both textures already hold the pixels without an owner.
-    if center.owner == 0u {
-        discard;
-    }
-    let prop = center.owner - 1u;
-    if iteration.x >= props[prop].iterations {
-        return texel;
-    }
+    let prop = max(center.owner, 1u) - 1u;
+    // Both textures already hold the pixels without an owner. Do not discard them: software rasterizers then write all
+    // pixels, even where the depth test fails.
+    let is_kept = center.owner == 0u || iteration.x >= props[prop].iterations;
+    let radius = select(props[prop].radius, 0, is_kept);
     let spatial = props[prop].spatial_falloff;
     let range = props[prop].range_falloff;
     var sum = Sum(center.color, 1.0);
-    for (var offset = 1; offset <= props[prop].radius; offset++) {
+    for (var offset = 1; offset <= radius; offset++) {
         let closeness = -f32(offset * offset) * spatial;
         add(&sum, at - offset * ALONG, center.lab, closeness, range);
         add(&sum, at + offset * ALONG, center.lab, closeness, range);
     }
-    return pack(sum.color / sum.weight, center.owner);
+    return select(pack(sum.color / sum.weight, center.owner), texel, is_kept);
 }
 
 fn add(sum: ptr<function, Sum>, at: vec2<i32>, lab: vec3<f32>, closeness: f32, range: f32) {

@@ -10,10 +10,12 @@
 struct Fragment {
     // x: the owner of the pixel. y: the nearest other owner of a neighbor. 0 if there is none, or its edges stay hard.
     @location(0) owners: vec2<u32>,
-    // As in `coverage.wgsl`. 0 if that pass writes them.
+#ifdef SEVERAL
+    // As in `coverage.wgsl`, which adds to these.
     @location(1) bits: vec4<f32>,
     @location(2) own_color: vec4<f32>,
     @location(3) other_color: vec4<f32>,
+#endif
     // 1 at the edges of props, and 0 elsewhere, for the depth test of the passes that follow.
     @builtin(frag_depth) mask: f32,
 }
@@ -65,5 +67,8 @@ fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
         // The pixel may hold what was drawn before.
         return Fragment();
     }
-    return Fragment(vec2(kept, other), vec4(0.0), vec4(0.0), vec4(0.0), 1.0);
+    var marked = Fragment();
+    marked.owners = vec2(kept, other);
+    marked.mask = 1.0;
+    return marked;
 }

@@ -3,7 +3,7 @@
 #import bevy_plenoctree::target::to_target
 #import bevy_plenoctree::view::{is_drawn, view}
 #ifdef SAMPLES
-#import bevy_plenoctree::edge::parts_of
+#import bevy_plenoctree::edge::{bits_of, parts_of}
 #endif
 
 @group(1) @binding(0) var colors: texture_2d<f32>;
@@ -30,8 +30,8 @@ fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
     }
     let shown = vec4(to_target(color.rgb), color.a);
 #ifdef SAMPLES
-    let bits = vec4<u32>(textureLoad(coverage, pixel, 0) * 255.0 + 0.5);
-    return Fragment(shown, parts_of(textureLoad(outline, pixel, 0).xy, bits).written);
+    let owners = textureLoad(outline, pixel, 0).xy;
+    return Fragment(shown, parts_of(owners, bits_of(owners, textureLoad(coverage, pixel, 0))).written);
 #else
     return Fragment(shown);
 #endif

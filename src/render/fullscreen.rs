@@ -7,15 +7,17 @@ use bevy::{
         render_phase::TrackedRenderPass,
         render_resource::{
             BindGroup, BindGroupLayoutDescriptor, BindGroupLayoutEntry, BlendState, ColorTargetState, ColorWrites,
-            FragmentState, RenderPipeline, RenderPipelineDescriptor, TextureFormat, VertexState,
+            CompareFunction, DepthStencilState, FragmentState, RenderPipeline, RenderPipelineDescriptor, TextureFormat,
+            VertexState,
         },
     },
     shader::{Shader, ShaderDefVal},
 };
 
 use super::{
+    attachment::depth_test,
     kept::KeptPart,
-    view::{ViewLayouts, ViewProps},
+    view::{DEPTH_FORMAT, ViewLayouts, ViewProps},
 };
 use crate::gpu::Shaders;
 
@@ -73,6 +75,12 @@ impl Fullscreen {
             ..default()
         }
     }
+}
+
+/// Returns the depth state of passes over the props' depth. Where no prop was drawn, the triangle fails this test, and the
+/// fragment shader does not run.
+pub(super) fn props_test() -> DepthStencilState {
+    depth_test(DEPTH_FORMAT, false, CompareFunction::LessEqual)
 }
 
 /// Returns a color target for a pipeline.

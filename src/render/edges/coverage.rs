@@ -30,6 +30,8 @@ pub(super) struct CoveragePipeline {
 /// The pixels of a prop that a pipeline draws.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) enum Part {
+    /// All of them, of the only prop of a view.
+    Alone,
     /// All of them.
     All,
     /// Those that the prop owns. Writes where the rays reach it, for those that follow.
@@ -73,9 +75,10 @@ impl SpecializedRenderPipeline for CoveragePipeline {
             dst_factor: BlendFactor::One,
             operation: BlendOperation::Add,
         };
-        let mut targets = coverage_targets(Some(BlendState { color: sum, alpha: sum }));
+        let blend = (key.part != Part::Alone).then_some(BlendState { color: sum, alpha: sum });
+        let mut targets = coverage_targets(blend);
         match key.part {
-            Part::All => {}
+            Part::Alone | Part::All => {}
             Part::OfOwners => {
                 definitions.push("OF_OWNERS".into());
                 targets[2] = target(PLACES_FORMAT, None);

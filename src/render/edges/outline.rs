@@ -23,17 +23,21 @@ use crate::{
 #[derive(Resource)]
 pub(super) struct OutlinePipeline {
     pub shared: Fullscreen,
-    /// Created when a view first needs it.
-    id: Option<CachedRenderPipelineId>,
+    /// For views of one prop, and of several. Created when a view first needs them.
+    ids: [Option<CachedRenderPipelineId>; 2],
 }
 
 impl OutlinePipeline {
-    /// Returns the pipeline, and creates it if it does not exist.
-    pub fn id(&mut self, cache: &PipelineCache) -> CachedRenderPipelineId {
-        *self.id.get_or_insert_with(|| {
-            let mut targets = vec![target(OUTLINE_FORMAT, None)];
-            targets.extend(coverage_targets(None));
-            let mut descriptor = self.shared.pipeline(vec![], &targets);
+    /// Returns the pipeline, and creates it if it does not exist. If there are several props, it also clears what the
+    /// coverage pass adds to.
+    pub fn id(&mut self, cache: &PipelineCache, are_several: bool) -> CachedRenderPipelineId {
+        *self.ids[usize::from(are_several)].get_or_insert_with(|| {
+            let (mut targets, mut definitions) = (vec![target(OUTLINE_FORMAT, None)], vec![]);
+            if are_several {
+                targets.extend(coverage_targets(None));
+                definitions.push("SEVERAL".into());
+            }
+            let mut descriptor = self.shared.pipeline(definitions, &targets);
             descriptor.depth_stencil = Some(depth_test(DEPTH_FORMAT, true, CompareFunction::Always));
             cache.queue_render_pipeline(descriptor)
         })
@@ -46,5 +50,5 @@ pub(super) fn init(mut commands: Commands, views: Res<ViewLayouts>, shaders: Res
     let entries = BindGroupLayoutEntries::sequential(ShaderStages::FRAGMENT, textures);
     let shared = Fullscreen::new("plenoctree_outline", &shaders.outline, &entries, &shaders, &views)
         .unless_kept(KeptPart::Layer);
-    commands.insert_resource(OutlinePipeline { shared, id: None });
+    commands.insert_resource(OutlinePipeline { shared, ids: [None; 2] });
 }

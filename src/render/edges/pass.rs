@@ -53,7 +53,11 @@ impl EdgesPass {
 /// Returns the parts in which the coverage of a view's props is drawn. Where props overlap, those before others are compared
 /// with them ray by ray.
 fn parts(props: &ViewProps) -> &'static [Part] {
-    if props.has_overlaps() { &[Part::OfOwners, Part::OfOthers] } else { &[Part::All] }
+    match props.drawn.len() {
+        1 => &[Part::Alone],
+        _ if props.has_overlaps() => &[Part::OfOwners, Part::OfOthers],
+        _ => &[Part::All],
+    }
 }
 
 pub(super) fn prepare_pipelines(
@@ -71,7 +75,7 @@ pub(super) fn prepare_pipelines(
             continue;
         }
         let samples = msaa.samples();
-        pass.outline = Some(outline.id(&cache));
+        pass.outline = Some(outline.id(&cache, props.drawn.len() > 1));
         for part in parts(props) {
             let smooth = props.drawn.iter().enumerate().filter(|(_, prop)| prop.smooths_edges);
             pass.coverage.extend(smooth.filter_map(|(index, prop)| {
@@ -130,7 +134,7 @@ pub(super) fn edges_pass(
         let attachment = if kept.layer.is_drawn() { cleared } else { attachment::kept };
         let mut pass = ctx.begin_tracked_render_pass(RenderPassDescriptor {
             label: Some(EDGES_SPAN),
-            color_attachments: &textures.targets().map(attachment),
+            color_attachments: &textures.targets().map(attachment)[..if props.drawn.len() > 1 { 4 } else { 1 }],
             depth_stencil_attachment: Some(depth(&textures.mask, kept.layer.is_drawn())),
             ..default()
         });
@@ -142,7 +146,7 @@ pub(super) fn edges_pass(
     for part in parts(props) {
         let [_, coverage, own, other] = textures.targets().map(attachment::kept);
         let (third, bound) = match (part, &textures.places, edges.places.get()) {
-            (Part::All, ..) => (other, outlines),
+            (Part::Alone | Part::All, ..) => (other, outlines),
             (Part::OfOwners, Some(places), _) => (cleared(places), outlines),
             (Part::OfOthers, _, Some(places)) => (other, places),
             _ => continue,
@@ -160,10 +164,12 @@ pub(super) fn edges_pass(
             else {
                 continue;
             };
-            if prop.rect.is_empty() {
+            // What is drawn alone replaces what was drawn before, of all pixels at edges.
+            let rect = if *part == Part::Alone { props.rect } else { prop.rect };
+            if rect.is_empty() {
                 continue;
             }
-            let (corner, size) = (prop.rect.min, prop.rect.size());
+            let (corner, size) = (rect.min, rect.size());
             pass.set_scissor_rect(corner.x, corner.y, size.x, size.y);
             pass.set_render_pipeline(pipeline);
             pass.set_bind_group(1, &level.bind_group, &[]);

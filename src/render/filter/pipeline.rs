@@ -5,7 +5,7 @@ use bevy::{
     render::{
         render_resource::{
             BindGroupLayoutDescriptor, BindGroupLayoutEntries, Buffer, BufferInitDescriptor, BufferUsages,
-            CachedRenderPipelineId, CompareFunction, PipelineCache, ShaderStages, TextureSampleType,
+            CachedRenderPipelineId, PipelineCache, ShaderStages, TextureSampleType,
             binding_types::{texture_2d, uniform_buffer},
         },
         renderer::RenderDevice,
@@ -16,10 +16,9 @@ use crate::{
     gpu::Shaders,
     posterize::MAX_FILTER_ITERATIONS,
     render::{
-        attachment::depth_test,
-        fullscreen::{Fullscreen, target},
+        fullscreen::{Fullscreen, props_test, target},
         kept::KeptPart,
-        view::{DEPTH_FORMAT, FILTER_FORMAT, ViewLayouts},
+        view::{FILTER_FORMAT, ViewLayouts},
     },
 };
 
@@ -52,9 +51,7 @@ pub(super) fn init(
         .unless_kept(KeptPart::Composite);
     let direction = |definitions| {
         let mut descriptor = filter.pipeline(definitions, &[target(FILTER_FORMAT, None)]);
-        // Where no prop was drawn, the triangle of `fullscreen.wgsl` fails this test, and the fragment shader does not
-        // run.
-        descriptor.depth_stencil = Some(depth_test(DEPTH_FORMAT, false, CompareFunction::LessEqual));
+        descriptor.depth_stencil = Some(props_test());
         cache.queue_render_pipeline(descriptor)
     };
     let mut words = vec![0u32; (MAX_FILTER_ITERATIONS * ITERATION_STRIDE / 4) as usize];

@@ -18,7 +18,7 @@ use super::{
 };
 use crate::{
     render::{
-        attachment::{cleared, color},
+        attachment::{cleared, color, tested},
         bind_group::KeptBindGroup,
         fullscreen::draw,
         kept::{KeptPart, KeptView},
@@ -31,10 +31,11 @@ use crate::{
 /// The name of the pass's span in Bevy's render diagnostics.
 pub const LABEL_SPAN: &str = "plenoctree_label";
 
-/// The pipeline and the bind group of a view.
+/// The pipelines and the bind group of a view.
 #[derive(Component, Default)]
 pub(super) struct LabelPass {
-    pipeline: Option<CachedRenderPipelineId>,
+    /// Without a depth test, and with one.
+    pipelines: Option<[CachedRenderPipelineId; 2]>,
     group: KeptBindGroup,
 }
 
@@ -45,10 +46,12 @@ pub(super) fn prepare_pipelines(
     mut views: Query<(&mut ViewProps, &ReadLighting, &mut LabelPass)>,
 ) {
     for (mut props, lighting, mut pass) in &mut views {
-        let key = LabelKey { has_stages: props.has_stages, is_lit: lighting.is_lit };
-        let id = specialized.specialize(&cache, &pipeline, key);
-        pass.pipeline = Some(id);
-        props.pipelines.push(id);
+        let ids = [false, true].map(|tests_depth| {
+            let key = LabelKey { has_stages: props.has_stages, is_lit: lighting.is_lit, tests_depth };
+            specialized.specialize(&cache, &pipeline, key)
+        });
+        pass.pipelines = Some(ids);
+        props.pipelines.extend(ids);
     }
 }
 
@@ -71,7 +74,7 @@ pub(super) fn prepare_bind_groups(
 pub(super) fn label_pass(
     InMut(stage): InMut<PropStage>,
     view: ViewQuery<(
-        &ViewProps,
+        (&ViewProps, &ViewTextures),
         (&ViewBindGroups, &ReadLighting),
         &KeptView,
         &LabelPass,
@@ -81,12 +84,13 @@ pub(super) fn label_pass(
     cache: Res<PipelineCache>,
     mut ctx: RenderContext,
 ) {
-    let (props, (groups, lighting), kept, pass, shown, stages) = view.into_inner();
+    let ((props, textures), (groups, lighting), kept, pass, shown, stages) = view.into_inner();
+    let clears = kept.is_drawn(KeptPart::Labels);
     let (true, Some(view), Some(group), Some(pipeline)) = (
         props.posterizes_at(*stage, &cache),
         groups.plain.get(),
         pass.group.get(),
-        pass.pipeline.and_then(|id| cache.get_render_pipeline(id)),
+        pass.pipelines.and_then(|ids| cache.get_render_pipeline(ids[usize::from(clears)])),
     ) else {
         return;
     };
@@ -96,12 +100,13 @@ pub(super) fn label_pass(
     {
         // A negative opacity marks pixels where nothing is drawn.
         let nothing = LoadOp::Clear(wgpu::Color { a: -1.0, ..default() });
-        let load = if kept.is_drawn(KeptPart::Labels) { nothing } else { LoadOp::Load };
+        let load = if clears { nothing } else { LoadOp::Load };
         let mut attachments = vec![Some(color(&shown.0, load))];
         attachments.extend(stages.map(|textures| cleared(&textures.labels)));
         let mut pass = ctx.begin_tracked_render_pass(RenderPassDescriptor {
             label: Some(LABEL_SPAN),
             color_attachments: &attachments,
+            depth_stencil_attachment: clears.then(|| tested(&textures.layer.depth)),
             ..default()
         });
         if let Some(lighting) = lighting.group.get() {

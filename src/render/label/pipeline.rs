@@ -12,7 +12,7 @@ use super::textures::{LABEL_FORMAT, SHOWN_FORMAT};
 use crate::{
     gpu::Shaders,
     render::{
-        fullscreen::{Fullscreen, target},
+        fullscreen::{Fullscreen, props_test, target},
         kept::KeptPart,
         lighting::LightingLayout,
         view::ViewLayouts,
@@ -32,6 +32,8 @@ pub(super) struct LabelKey {
     pub has_stages: bool,
     /// Whether the scene's lights fall on a prop.
     pub is_lit: bool,
+    /// Whether only pixels are drawn where a prop was drawn, because others are cleared.
+    pub tests_depth: bool,
 }
 
 pub(super) fn init(
@@ -57,6 +59,9 @@ impl SpecializedRenderPipeline for LabelPipeline {
         } else {
             self.pass.pipeline(vec![], &targets[..1])
         };
+        if key.tests_depth {
+            descriptor.depth_stencil = Some(props_test());
+        }
         if key.is_lit {
             self.lighting.add_to(&mut descriptor);
         }
