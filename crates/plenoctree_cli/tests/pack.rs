@@ -3,7 +3,7 @@
 mod common;
 
 use common::{ball, fail, folder, succeed, text};
-use plenoctree::{LoadSettings, PlenOctree};
+use plenoctree::{BakeSettings, Basis, LoadSettings, PlenOctree, bake};
 
 #[test]
 fn a_field_is_packed_and_reported() {
@@ -34,6 +34,18 @@ fn a_field_is_packed_and_reported() {
     let quantized = folder.join("quantized.npz");
     succeed(&["pack", text(&source), "--npz", "--out", text(&quantized), "--views", "0", "--hidden", "0"]);
     assert_eq!(read("quantized.npz").coefficients(), packed.coefficients());
+}
+
+/// A block without a palette is packed, too, but not measured.
+#[test]
+fn a_field_without_a_palette_is_packed() {
+    let folder = folder("pack_solid");
+    let settings = BakeSettings { depth: 2, basis: Basis::Rgba, directions: 8, ..Default::default() };
+    let source = folder.join("solid.npz");
+    bake(&settings, |_| 1000.0, |_| |_| glam::DVec3::ONE).unwrap().write(&source).unwrap();
+    let printed = succeed(&["pack", text(&source), "--hidden", "0"]);
+    assert!(printed.contains("solid.plenoctree") && !printed.contains("dB"), "{printed}");
+    assert!(folder.join("solid.plenoctree").exists());
 }
 
 #[test]

@@ -13,7 +13,7 @@ use super::{
     checkpoint::Checkpoint,
     error::FitError,
     grid::Grid,
-    input::{FitInput, Picture, View, ViewCamera},
+    input::{CameraMaker, FitInput, Picture, View, ViewCamera},
     measure::{Comparison, compare, quick_psnr},
     progress::FitProgress,
     random::Random,
@@ -34,6 +34,9 @@ use crate::field::PlenOctree;
 const MOST_PREVIEWS: usize = 12;
 /// Thickness that voxels start with.
 const FIRST_THICKNESS: f32 = 0.03;
+/// Of this many pictures, at least one must have transparent pixels, so that opacity tells the object from its background:
+/// some photographs have single transparent pixels, and the object may fill most pictures.
+const FEWEST_TRANSPARENT: usize = 4;
 /// How often a checkpoint is written.
 const SAVE_EVERY: Duration = Duration::from_secs(60);
 
@@ -86,13 +89,14 @@ pub fn fit(
     }
     let cameras = downscaled(&training, settings.downscale)?;
     let mut gallery = Gallery::new(training, cameras, settings.downscale, settings.picture_memory);
-    let (mut knows_opacity, mut color, mut weight) = (false, DVec3::ZERO, 0.0);
+    let (mut transparent, mut color, mut weight) = (0, DVec3::ZERO, 0.0);
     gallery.each(|view| {
-        knows_opacity |= view.picture.knows_opacity;
+        transparent += usize::from(view.picture.knows_opacity);
         let (sum, count) = border(&view.picture);
         color += sum;
         weight += count;
     })?;
+    let knows_opacity = transparent * FEWEST_TRANSPARENT >= gallery.len();
     let in_frame = |corners| TurnedBox::new(corners, turned.unwrap_or(DMat3::IDENTITY));
     let place = scene::find(&mut gallery, &input.points, knows_opacity, settings.bounds.map(in_frame))?;
     let measured = load_some(&held_out, settings)?;
@@ -225,8 +229,9 @@ fn key(input: &FitInput, settings: &FitSettings) -> u64 {
 
 /// Returns the cameras for the downscaled pictures.
 fn downscaled(views: &[View], downscale: u32) -> Result<Vec<ViewCamera>, FitError> {
+    let mut maker = CameraMaker::default();
     let small = |view: &View| {
-        view.camera.downscaled(downscale).map_err(|point| {
+        view.camera.downscaled_by(&mut maker, downscale).map_err(|point| {
             FitError::found(&view.picture, "lens", format!("no direction at {point}"), "a lens that covers the picture")
         })
     };

@@ -23,11 +23,13 @@ impl Splats {
     /// Returns the lowest and the highest corner of the box around the visible Gaussians, without outliers, or `None`
     /// if there are none.
     ///
-    /// Along each axis, the box extends the middle 90 % by half their length on either side, which contains an object
-    /// that fills most of the capture. Shells of background farther away are left out.
+    /// Along each axis, the box extends the middle 90 % by half their length on either side, or by the size of the median
+    /// Gaussian if that is more. This contains an object that fills most of the capture. Shells of background farther
+    /// away are left out.
     pub fn dense_bounds(&self) -> Option<(DVec3, DVec3)> {
         let visible = || self.gaussians().iter().filter(|gaussian| gaussian.opacity >= FAINTEST);
         let (mut low, mut high) = (DVec3::ZERO, DVec3::ZERO);
+        let reaches: Vec<DVec3> = visible().map(reach).collect();
         for axis in 0..3 {
             let mut places: Vec<(f32, f32)> =
                 visible().map(|gaussian| (gaussian.position[axis], gaussian.opacity)).collect();
@@ -42,7 +44,10 @@ impl Splats {
                 place.or(places.last()).map(|place| f64::from(place.0))
             };
             let (first, last) = (end(TAIL)?, end(1.0 - TAIL)?);
-            let beyond = BEYOND * (last - first);
+            let mut reaches: Vec<f64> = reaches.iter().map(|reach| reach[axis]).collect();
+            let middle = reaches.len() / 2;
+            let (_, median, _) = reaches.select_nth_unstable_by(middle, f64::total_cmp);
+            let beyond = (BEYOND * (last - first)).max(*median);
             (low[axis], high[axis]) = (first - beyond, last + beyond);
         }
         let inside = visible().filter(|gaussian| {

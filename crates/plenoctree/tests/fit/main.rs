@@ -48,13 +48,17 @@ fn pictures_with_opacity_are_fitted() {
     assert_eq!(parts(&fits[0].field), parts(&fits[1].field));
 }
 
-/// Opaque pictures with different exposures: the background and the exposures are learned, and the field is the object.
+/// Opaque pictures with different exposures: the background and the exposures are learned, and the field is the object. A
+/// transparent pixel in one of them does not matter.
 #[test]
 fn opaque_pictures_are_fitted() {
     let folder = folder("opaque");
     let cameras = cameras(32);
     let gain = |index: usize| if index % 2 == 1 { 0.8 } else { 1.0 };
     write_pictures(&folder, &cameras, Some(|_, _| DVec3::new(0.7, 0.75, 0.8)), gain);
+    let mut odd = image::open(folder.join("v_5.png")).unwrap().into_rgba8();
+    odd.get_pixel_mut(3, 3)[3] = 200;
+    odd.save(folder.join("v_5.png")).unwrap();
     write_transforms(&folder, &cameras);
     let settings = FitSettings { depth: 7, effort: 0.08, ..quick() };
     let fitted = fit_folder(&folder, &settings);

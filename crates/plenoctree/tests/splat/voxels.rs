@@ -151,3 +151,22 @@ fn impossible_settings_are_errors() {
     let bounds = Some((DVec3::ONE, DVec3::ZERO));
     assert!(error(VoxelSettings { depth: 6, bounds }).contains("a lowest and a highest corner"));
 }
+
+/// Captures of one Gaussian or two become fields that show all of them: the box contains more than their centers.
+#[test]
+fn few_gaussians_are_shown() {
+    for count in [1, 2] {
+        let mut splats = Splats::new(0);
+        for index in 0..count {
+            let position = Vec3::new(0.1, 0.4 * index as f32, 0.0);
+            let scale = Vec3::new(0.3, 0.2, 0.1);
+            let gaussian = Gaussian { position, scale, rotation: Quat::IDENTITY, opacity: 0.9 };
+            splats.push(gaussian, &[Vec3::new(1.0, -0.5, 0.2)]);
+        }
+        let (low, high) = splats.dense_bounds().unwrap();
+        assert!(low.x < -0.4 && high.x > 0.6 && high.y > 0.3 + 0.4 * f64::from(count - 1), "{low} {high}");
+        let field = voxelize(&splats, &VoxelSettings { depth: 6, bounds: None }).unwrap();
+        let found = psnr(&field, &splats, DVec3::ONE);
+        assert!(found > 30.0, "{count}: {found}");
+    }
+}

@@ -17,7 +17,7 @@ use plenoctree::{
 use serde_json::json;
 
 use self::measure::measure;
-use crate::{capture, extraction, fit::output, progress, result::Result, training::watched};
+use crate::{capture, fit::output, progress, result::Result, training::watched};
 
 /// Converts the capture, extracts the palette, and writes both with views and a report.
 pub fn run(arguments: &Arguments) -> Result {
@@ -84,7 +84,7 @@ pub fn run(arguments: &Arguments) -> Result {
     }
 
     let start = Instant::now();
-    let extracted = extraction::extract(&field, &arguments.out, &arguments.extraction, None, false)?;
+    let palette = output::palette(&arguments.out, &field, &arguments.extraction);
     let seconds = |duration: Duration| (1e3 * duration.as_secs_f64()).round() / 1e3;
     let row = |at: usize| [turn.x_axis[at], turn.y_axis[at], turn.z_axis[at], shift[at]];
     let report = json!({
@@ -102,7 +102,7 @@ pub fn run(arguments: &Arguments) -> Result {
             "palette": seconds(start.elapsed()),
         },
     });
-    output::write(&arguments.out, &field, &extracted.extraction.palette, &measured.previews, &report)?;
+    output::write(&arguments.out, &field, palette.as_ref(), &measured.previews, &report)?;
     println!("{}: {} leaves", arguments.out.display(), field.leaves());
     Ok(())
 }

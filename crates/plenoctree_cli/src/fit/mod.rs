@@ -13,7 +13,7 @@ use std::path::PathBuf;
 
 use plenoctree::fit::{FitInput, FitReport, Fitted, fit};
 
-use crate::{extraction, result::Result, training::watched};
+use crate::{result::Result, training::watched};
 
 /// Fits the field, extracts its palette, and writes both with previews and a report.
 pub fn run(arguments: &Arguments) -> Result {
@@ -31,8 +31,8 @@ pub fn run(arguments: &Arguments) -> Result {
     let test = arguments.test.as_deref().map(|path| FitInput::read(path, &folders)).transpose()?;
     let Fitted { field, previews, report } =
         watched(arguments.threads, move |progress| fit(&input, test.as_ref(), &settings, progress))?;
-    let extracted = extraction::extract(&field, &arguments.out, &arguments.extraction, None, false)?;
-    output::write(&arguments.out, &field, &extracted.extraction.palette, &previews, &serde_json::to_value(&report)?)?;
+    let palette = output::palette(&arguments.out, &field, &arguments.extraction);
+    output::write(&arguments.out, &field, palette.as_ref(), &previews, &serde_json::to_value(&report)?)?;
     print(arguments, &report);
     Ok(())
 }

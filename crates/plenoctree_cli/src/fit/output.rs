@@ -9,7 +9,11 @@ use image::RgbImage;
 use plenoctree::{PlenOctree, fit::Comparison, palette::Palette};
 use serde_json::Value;
 
-use crate::{files, result::Result};
+use crate::{
+    extraction::{self, ExtractionArguments},
+    files,
+    result::Result,
+};
 
 /// Checks that the output can be written, before the work starts.
 pub fn check(out: &Path) -> Result {
@@ -30,9 +34,25 @@ pub fn check(out: &Path) -> Result {
         .map_err(|error| format!("{}: cannot be written: {error}", out.display()).into())
 }
 
+/// Extracts the palette of a field. Warns if it has none, like a solid block of one cell: that is no reason to lose the
+/// field.
+pub fn palette(out: &Path, field: &PlenOctree, arguments: &ExtractionArguments) -> Option<Palette> {
+    let extracted = extraction::extract(field, out, arguments, None, false);
+    extracted
+        .inspect_err(|error| eprintln!("warning: the field is written without a palette: {error}"))
+        .ok()
+        .map(|extracted| extracted.extraction.palette)
+}
+
 /// Writes the field, its palette, previews of the held-out views, and the report. If that fails, nothing incomplete is
 /// left.
-pub fn write(out: &Path, field: &PlenOctree, palette: &Palette, previews: &[Comparison], report: &Value) -> Result {
+pub fn write(
+    out: &Path,
+    field: &PlenOctree,
+    palette: Option<&Palette>,
+    previews: &[Comparison],
+    report: &Value,
+) -> Result {
     write_all(out, field, palette, previews, report).inspect_err(|_| {
         let _ = fs::remove_dir_all(partial(&views(out)));
         for target in targets(out) {
@@ -41,10 +61,18 @@ pub fn write(out: &Path, field: &PlenOctree, palette: &Palette, previews: &[Comp
     })
 }
 
-fn write_all(out: &Path, field: &PlenOctree, palette: &Palette, previews: &[Comparison], report: &Value) -> Result {
+fn write_all(
+    out: &Path,
+    field: &PlenOctree,
+    palette: Option<&Palette>,
+    previews: &[Comparison],
+    report: &Value,
+) -> Result {
     let (views, targets) = (views(out), targets(out));
     field.write(partial(&targets[0])).map_err(|error| format!("{}: {error}", out.display()))?;
-    palette.write(partial(&targets[1]))?;
+    if let Some(palette) = palette {
+        palette.write(partial(&targets[1]))?;
+    }
     files::write_text(&partial(&targets[2]), &(serde_json::to_string_pretty(report)? + "\n"))?;
     if !previews.is_empty() {
         let unfinished = partial(&views);
@@ -59,7 +87,12 @@ fn write_all(out: &Path, field: &PlenOctree, palette: &Palette, previews: &[Comp
         let _ = fs::remove_dir_all(&views);
         rename(&unfinished, &views)?;
     }
-    targets.iter().try_for_each(|target| rename(&partial(target), target))
+    if palette.is_none() {
+        // An older one belongs to another field.
+        let _ = fs::remove_file(&targets[1]);
+    }
+    let written = targets.iter().enumerate().filter(|(index, _)| *index != 1 || palette.is_some());
+    written.map(|(_, target)| target).try_for_each(|target| rename(&partial(target), target))
 }
 
 /// Draws the photograph at the left and the field at the right.
@@ -94,4 +127,37 @@ fn partial(path: &Path) -> PathBuf {
 
 fn rename(from: &Path, to: &Path) -> Result {
     Ok(fs::rename(from, to).map_err(|error| format!("{}: {error}", to.display()))?)
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser;
+    use plenoctree::{BakeSettings, Basis, bake};
+
+    use super::*;
+
+    #[derive(Parser)]
+    struct Arguments {
+        #[command(flatten)]
+        extraction: ExtractionArguments,
+    }
+
+    /// Cells so dense that no ray leaves their centers have no palette, but the field is written, without the palette of
+    /// another one.
+    #[test]
+    fn fields_without_a_palette_are_written() {
+        let folder = std::env::temp_dir().join(format!("plenoctree-output-{}", std::process::id()));
+        fs::create_dir_all(&folder).unwrap();
+        let out = folder.join("solid.npz");
+        let settings = BakeSettings { depth: 2, basis: Basis::Rgba, directions: 8, ..Default::default() };
+        let field = bake(&settings, |_| 1000.0, |_| |_| glam::DVec3::ONE).unwrap();
+        fs::write(folder.join("solid.palette.json"), "another").unwrap();
+        let palette = palette(&out, &field, &Arguments::parse_from(["test"]).extraction);
+        assert!(palette.is_none());
+        check(&out).unwrap();
+        write(&out, &field, palette.as_ref(), &[], &Value::Null).unwrap();
+        let names: Vec<_> = fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+        fs::remove_dir_all(&folder).unwrap();
+        assert!(names.len() == 2 && names.contains(&"solid.npz".into()), "{names:?}");
+    }
 }

@@ -40,7 +40,8 @@ pub struct Loss {
 }
 
 impl Views {
-    /// Renders the field. Returns `None` if nothing is to be measured.
+    /// Renders the field. Returns `None` if nothing is to be measured, or if the field has no palette: its labels could not
+    /// be compared.
     pub fn new(field: &PlenOctree, arguments: &Arguments) -> Result<Option<Self>> {
         let cameras = match &arguments.cameras {
             Some(file) => read_transforms(file, arguments.size)?,
@@ -51,7 +52,13 @@ impl Views {
         if cameras.is_empty() {
             return Ok(None);
         }
-        let palette = palette(field)?;
+        let palette = match palette(field) {
+            Ok(palette) => palette,
+            Err(error) => {
+                eprintln!("not measured: {error}");
+                return Ok(None);
+            }
+        };
         let expected = cameras.iter().map(|camera| View::new(field, camera, &palette)).collect();
         Ok(Some(Self { cameras, expected, palette }))
     }

@@ -13,7 +13,7 @@ use super::{
     lens::{Distortion, Lens},
     parts::{FitInput, InputFolders},
     picture,
-    view::{View, ViewCamera},
+    view::{CameraMaker, View},
 };
 use crate::fit::error::FitError;
 
@@ -69,6 +69,7 @@ pub fn read(folder: &Path, folders: &InputFolders) -> Result<FitInput, FitError>
         return Err(FitError::found(folder, "images", "none", "at least two"));
     }
     let pictures = pictures(folder, folders, &images)?;
+    let mut maker = CameraMaker::default();
     let views = (images.into_iter())
         .map(|image| {
             let what = format!("image {}", image.name);
@@ -95,7 +96,7 @@ pub fn read(folder: &Path, folders: &InputFolders) -> Result<FitInput, FitError>
             let to_world = DMat3::from_quat(image.rotation.normalize()).transpose();
             let position = -(to_world * image.translation);
             let rotation = DMat3::from_cols(to_world.x_axis, -to_world.y_axis, -to_world.z_axis);
-            let camera = ViewCamera::new(size.0, size.1, camera.lens, rotation, position).map_err(|point| {
+            let camera = maker.camera(size.0, size.1, camera.lens, rotation, position).map_err(|point| {
                 let found = format!("a lens without a direction at {point}");
                 FitError::found(folder, format!("camera {}", image.camera), found, "a lens that covers the picture")
             })?;

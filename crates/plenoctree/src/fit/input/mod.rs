@@ -14,6 +14,7 @@ use super::error::FitError;
 pub use lens::{Distortion, Lens};
 pub use parts::{FitInput, InputFolders};
 pub use picture::Picture;
+pub(super) use view::CameraMaker;
 pub use view::{View, ViewCamera};
 
 /// Maximum number of pictures in an input.

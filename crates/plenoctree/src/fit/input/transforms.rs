@@ -12,7 +12,7 @@ use super::{
     lens::{Distortion, Lens},
     parts::{FitInput, InputFolders},
     picture,
-    view::{View, ViewCamera},
+    view::{CameraMaker, View},
 };
 use crate::{
     camera::{Intrinsics, WrongValue, pose, without_mark},
@@ -59,8 +59,9 @@ pub fn read(path: &Path, folders: &InputFolders) -> Result<FitInput, FitError> {
     let text = fs::read(path).map_err(FitError::io(path))?;
     let file: File = serde_json::from_slice(without_mark(&text))
         .map_err(|error| FitError::found(path, "file", error.to_string(), "a transforms.json file"))?;
+    let mut maker = CameraMaker::default();
     let views: Vec<View> = (file.frames.iter().enumerate())
-        .map(|(index, frame)| view(path, folders, index, frame, &file.camera))
+        .map(|(index, frame)| view(path, folders, index, frame, &file.camera, &mut maker))
         .collect::<Result<_, _>>()?;
     // A focal length in pixels is for pictures of one size.
     let sized = |camera: &Camera| camera.intrinsics.w.is_some() || camera.intrinsics.h.is_some();
@@ -79,7 +80,14 @@ pub fn read(path: &Path, folders: &InputFolders) -> Result<FitInput, FitError> {
     Ok(FitInput { views, points: Vec::new() })
 }
 
-fn view(path: &Path, folders: &InputFolders, index: usize, frame: &Frame, common: &Camera) -> Result<View, FitError> {
+fn view(
+    path: &Path,
+    folders: &InputFolders,
+    index: usize,
+    frame: &Frame,
+    common: &Camera,
+    maker: &mut CameraMaker,
+) -> Result<View, FitError> {
     let own = path.parent().unwrap_or(Path::new(""));
     let folder = folders.pictures.as_deref().unwrap_or(own);
     let fault = |key: &str, found: String, expected: &str| {
@@ -111,7 +119,7 @@ fn view(path: &Path, folders: &InputFolders, index: usize, frame: &Frame, common
         return Err(FitError::found(&picture, "size", format!("{}x{}", size.0, size.1), expected));
     }
     let camera =
-        ViewCamera::new(size.0, size.1, lens, DMat3::from_mat4(pose), pose.w_axis.truncate()).map_err(|point| {
+        maker.camera(size.0, size.1, lens, DMat3::from_mat4(pose), pose.w_axis.truncate()).map_err(|point| {
             fault("k1", format!("a lens without a direction at {point}"), "a lens that covers the picture")
         })?;
     Ok(View { name: name.clone(), picture, mask, camera })

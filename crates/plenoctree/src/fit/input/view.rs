@@ -6,9 +6,13 @@ use glam::{DMat3, DVec2, DVec3};
 
 use super::lens::{Distortion, Lens};
 
-/// Distance of the points for which the ray through a distorting lens is computed, in pixels. In between, directions are
-/// interpolated, which is off by less than a hundredth of a pixel.
-const LATTICE: u32 = 4;
+/// Smallest distance of the points for which the ray through a distorting lens is computed, in pixels. In between,
+/// directions are interpolated, which is off by less than a hundredth of a pixel.
+const FINEST_LATTICE: u32 = 4;
+/// Square of that distance, relative to the width of the picture: the error grows with the one and falls with the other.
+const LATTICE: f64 = 0.04;
+/// Number of lenses whose directions are kept for other cameras.
+const MOST_LENSES: usize = 32;
 
 /// A posed camera: a lens and a pose.
 #[derive(Clone, Debug)]
@@ -27,32 +31,69 @@ pub struct ViewCamera {
     directions: Option<Arc<Directions>>,
 }
 
-/// Directions in the camera's frame, at every fourth pixel.
+/// Directions in the camera's frame, at the points of a lattice.
 #[derive(Debug)]
 struct Directions {
+    /// Distance of the points, in pixels.
+    distance: u32,
     columns: usize,
     values: Vec<DVec3>,
+}
+
+impl Directions {
+    /// Returns the point of the picture for which there is no direction if the lens is not defined there.
+    fn new(width: u32, height: u32, lens: &Lens) -> Result<Self, DVec2> {
+        let distance = ((LATTICE * f64::from(width.max(height))).sqrt() as u32).max(FINEST_LATTICE);
+        let (columns, rows) = (width / distance + 2, height / distance + 2);
+        let mut values = Vec::with_capacity((columns * rows) as usize);
+        for row in 0..rows {
+            for column in 0..columns {
+                let point = DVec2::new(f64::from(column * distance), f64::from(row * distance));
+                let point = point.min(DVec2::new(width.into(), height.into()));
+                let direction = lens.unproject(point).ok_or(point)?;
+                values.push((direction * DVec3::new(1.0, -1.0, -1.0)).normalize());
+            }
+        }
+        Ok(Self { distance, columns: columns as usize, values })
+    }
+}
+
+/// Creates cameras. Those with the same lens share its directions, which take time and megabytes for large photographs.
+#[derive(Default)]
+pub struct CameraMaker(Vec<(u32, u32, Lens, Arc<Directions>)>);
+
+impl CameraMaker {
+    /// Creates a camera, like [`ViewCamera::new`].
+    pub fn camera(
+        &mut self,
+        width: u32,
+        height: u32,
+        lens: Lens,
+        rotation: DMat3,
+        position: DVec3,
+    ) -> Result<ViewCamera, DVec2> {
+        let mut directions = None;
+        if lens.distortion != Distortion::None {
+            let known = self.0.iter().find(|known| (known.0, known.1, known.2) == (width, height, lens));
+            let table = match known {
+                Some((.., table)) => table.clone(),
+                None => Arc::new(Directions::new(width, height, &lens)?),
+            };
+            if known.is_none() {
+                self.0.truncate(MOST_LENSES - 1);
+                self.0.insert(0, (width, height, lens, table.clone()));
+            }
+            directions = Some(table);
+        }
+        Ok(ViewCamera { width, height, lens, rotation, position, directions })
+    }
 }
 
 impl ViewCamera {
     /// Creates a camera. Returns the point of the picture for which there is no direction if the lens is not defined
     /// there.
     pub fn new(width: u32, height: u32, lens: Lens, rotation: DMat3, position: DVec3) -> Result<Self, DVec2> {
-        let mut directions = None;
-        if lens.distortion != Distortion::None {
-            let (columns, rows) = (width / LATTICE + 2, height / LATTICE + 2);
-            let mut values = Vec::with_capacity((columns * rows) as usize);
-            for row in 0..rows {
-                for column in 0..columns {
-                    let point = DVec2::new(f64::from(column * LATTICE), f64::from(row * LATTICE));
-                    let point = point.min(DVec2::new(width.into(), height.into()));
-                    let direction = lens.unproject(point).ok_or(point)?;
-                    values.push((direction * DVec3::new(1.0, -1.0, -1.0)).normalize());
-                }
-            }
-            directions = Some(Arc::new(Directions { columns: columns as usize, values }));
-        }
-        Ok(Self { width, height, lens, rotation, position, directions })
+        CameraMaker::default().camera(width, height, lens, rotation, position)
     }
 
     /// Creates a camera with this lens, but without distortion.
@@ -63,8 +104,13 @@ impl ViewCamera {
 
     /// Returns the camera for a picture downscaled by `factor`. Incomplete pixels at the edges are cut off.
     pub fn downscaled(&self, factor: u32) -> Result<Self, DVec2> {
+        self.downscaled_by(&mut CameraMaker::default(), factor)
+    }
+
+    /// The same, with a lens that cameras share.
+    pub(in crate::fit) fn downscaled_by(&self, maker: &mut CameraMaker, factor: u32) -> Result<Self, DVec2> {
         let (width, height) = ((self.width / factor).max(1), (self.height / factor).max(1));
-        Self::new(width, height, self.lens.downscaled(factor.into()), self.rotation, self.position)
+        maker.camera(width, height, self.lens.downscaled(factor.into()), self.rotation, self.position)
     }
 
     /// Returns the unit direction, in the field's frame, of the ray through a point of the picture.
@@ -76,10 +122,11 @@ impl ViewCamera {
             }
             Some(table) => {
                 let size = DVec2::new(self.width.into(), self.height.into());
-                let at = point.clamp(DVec2::ZERO, size) / f64::from(LATTICE);
+                let distance = f64::from(table.distance);
+                let at = point.clamp(DVec2::ZERO, size) / distance;
                 let cell = at.floor();
                 // The last points of the lattice are on the picture's edge.
-                let edge = (size / f64::from(LATTICE) - cell).min(DVec2::ONE).max(DVec2::splat(1e-9));
+                let edge = (size / distance - cell).min(DVec2::ONE).max(DVec2::splat(1e-9));
                 let part = ((at - cell) / edge).min(DVec2::ONE);
                 let first = cell.y as usize * table.columns + cell.x as usize;
                 let row = |first: usize| table.values[first].lerp(table.values[first + 1], part.x);
@@ -132,13 +179,33 @@ mod tests {
             Distortion::Radial { radial: [-0.25, 0.07, 0.0, 0.0], tangential: [1e-3, -2e-3] },
             Distortion::Fisheye([0.03, -0.01, 2e-3, 0.0]),
         ] {
-            let lens = Lens { focal: DVec2::splat(300.0), center: DVec2::new(203.0, 147.0), distortion };
-            let camera = ViewCamera::new(402, 301, lens, DMat3::IDENTITY, DVec3::ZERO).unwrap();
-            for (x, y) in [(0.5, 0.5), (13.2, 200.9), (401.5, 300.5), (203.0, 147.0), (399.0, 1.5), (222.5, 299.9)] {
-                let direction = camera.direction(DVec2::new(x, y));
-                let (back, _) = camera.project(direction).unwrap();
-                assert!((back - DVec2::new(x, y)).length() < 0.01, "{distortion:?}: {x} {y}: {back}");
+            for scale in [1, 10] {
+                let large = f64::from(scale);
+                let center = large * DVec2::new(203.0, 147.0);
+                let lens = Lens { focal: DVec2::splat(large * 300.0), center, distortion };
+                let camera = ViewCamera::new(402 * scale, 301 * scale, lens, DMat3::IDENTITY, DVec3::ZERO).unwrap();
+                for at in [(0.5, 0.5), (13.2, 200.9), (401.5, 300.5), (203.0, 147.0), (399.0, 1.5), (222.5, 299.9)] {
+                    let at = large * DVec2::from(at);
+                    let (back, _) = camera.project(camera.direction(at)).unwrap();
+                    assert!((back - at).length() < 0.01, "{distortion:?}: {at}: {back}");
+                }
             }
         }
+    }
+
+    /// Cameras with the same lens share its directions, and those of a photograph of 12 megapixels take less than 3 MB.
+    #[test]
+    fn lenses_are_shared() {
+        let distortion = Distortion::Radial { radial: [-0.1, 0.0, 0.0, 0.0], tangential: [0.0; 2] };
+        let lens = Lens { focal: DVec2::splat(3000.0), center: DVec2::new(2000.0, 1500.0), distortion };
+        let mut maker = CameraMaker::default();
+        let mut table = |focal: f64| {
+            let lens = Lens { focal: DVec2::splat(focal), ..lens };
+            let camera = maker.camera(4000, 3000, lens, DMat3::IDENTITY, DVec3::ZERO).unwrap();
+            camera.directions.unwrap()
+        };
+        let tables = [table(3000.0), table(3100.0), table(3000.0)];
+        assert!(Arc::ptr_eq(&tables[0], &tables[2]) && !Arc::ptr_eq(&tables[0], &tables[1]));
+        assert!(24 * tables[0].values.len() < 3_000_000);
     }
 }
