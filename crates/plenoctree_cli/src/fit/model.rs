@@ -9,7 +9,7 @@ use bevy::{
     asset::{LoadState, RecursiveDependencyLoadState},
     camera::primitives::Aabb,
     gltf::{GltfAssetLabel, GltfLoaderSettings, GltfPlugin},
-    light::EnvironmentMapLight,
+    light::{CascadeShadowConfigBuilder, EnvironmentMapLight},
     math::Vec3A,
     pbr::PbrPlugin,
     prelude::*,
@@ -21,7 +21,7 @@ use bevy_plenoctree::{
 };
 use glam::{DMat4, DVec3};
 use image::{Rgba, RgbaImage};
-use plenoctree::camera::Spiral;
+use plenoctree::camera::{PinholeCamera, Spiral};
 use serde_json::json;
 
 use crate::{files, fit::mipmaps, progress, result::Result};
@@ -56,10 +56,15 @@ pub fn photograph(model: &Path, folder: &Path, views: u32, size: u32) -> Result<
         // The components of the scene are copied by reflection.
         app.world().resource::<AppTypeRegistry>().write().register_derived_types();
     })?;
-    load(&mut studio, model, name)?;
+    let root = load(&mut studio, model, name)?;
     let (low, high) = bounds(studio.app.world_mut())
         .ok_or_else(|| format!("{}: found no mesh in its first scene", model.display()))?;
     let (center, radius) = (0.5 * (low + high), (0.5 * (high - low).length()).max(1e-6));
+    // Models of any size are rendered as if they were in the unit ball, which the near plane and shadows are made for.
+    let to_unit = |point: DVec3| (point - center) / radius;
+    let to_unit_ball = Transform::from_translation((UpAxis::Z.to_y_up() * to_unit(DVec3::ZERO)).as_vec3())
+        .with_scale(Vec3::splat((1.0 / radius) as f32));
+    studio.app.world_mut().entity_mut(root).insert(to_unit_ball);
     light(studio.app.world_mut());
 
     files::create_folder(folder)?;
@@ -70,7 +75,8 @@ pub fn photograph(model: &Path, folder: &Path, views: u32, size: u32) -> Result<
     let mut frames = Vec::new();
     let spiral = Spiral { center, radius, up: UpAxis::Z, fov: FOV, elevations: [1.0, -1.0], distances: &[] };
     for (view, pinhole) in spiral.cameras(views, side).enumerate() {
-        studio.app.world_mut().entity_mut(camera).insert(pinhole_view(&pinhole, UpAxis::Z));
+        let in_unit_ball = PinholeCamera { position: to_unit(pinhole.position), ..pinhole };
+        studio.app.world_mut().entity_mut(camera).insert(pinhole_view(&in_unit_ball, UpAxis::Z));
         if view == 0 {
             studio.wait_until_ready(LOAD_TIMEOUT)?;
         }
@@ -91,8 +97,9 @@ pub fn photograph(model: &Path, folder: &Path, views: u32, size: u32) -> Result<
     Ok(transforms)
 }
 
-/// Spawns the model's first scene, without its own cameras and lights, and waits until all of it is loaded.
-fn load(studio: &mut Headless, model: &Path, name: &str) -> Result {
+/// Spawns the model's first scene, without its own cameras and lights, and waits until all of it is loaded. Returns its
+/// root.
+fn load(studio: &mut Headless, model: &Path, name: &str) -> Result<Entity> {
     let server = studio.app.world().resource::<AssetServer>();
     let scene: Handle<WorldAsset> = server
         .load_builder()
@@ -101,16 +108,16 @@ fn load(studio: &mut Headless, model: &Path, name: &str) -> Result {
             settings.load_lights = false;
         })
         .load(GltfAssetLabel::Scene(0).from_asset(name.to_string()));
-    studio.app.world_mut().spawn(WorldAssetRoot(scene.clone()));
+    let root = studio.app.world_mut().spawn(WorldAssetRoot(scene.clone())).id();
+    // Behind the first line, there may be a backtrace of the loader.
+    let failed = |error: String| format!("{}: {}", model.display(), error.lines().next().unwrap_or_default());
     let start = Instant::now();
     loop {
         studio.update();
         let server = studio.app.world().resource::<AssetServer>();
         match server.get_load_states(&scene) {
-            Some((LoadState::Failed(error), ..)) => return Err(format!("{}: {error}", model.display()).into()),
-            Some((.., RecursiveDependencyLoadState::Failed(error))) => {
-                return Err(format!("{}: {error}", model.display()).into());
-            }
+            Some((LoadState::Failed(error), ..)) => return Err(failed(error.to_string()).into()),
+            Some((.., RecursiveDependencyLoadState::Failed(error))) => return Err(failed(error.to_string()).into()),
             Some((.., RecursiveDependencyLoadState::Loaded)) => break,
             _ if start.elapsed() > LOAD_TIMEOUT => {
                 return Err(format!("{}: not loaded after {LOAD_TIMEOUT:?}", model.display()).into());
@@ -120,7 +127,7 @@ fn load(studio: &mut Headless, model: &Path, name: &str) -> Result {
     }
     // The scene is spawned in the next frame, and its bounds are known in the one after that.
     (0..3).for_each(|_| studio.update());
-    Ok(())
+    Ok(root)
 }
 
 /// Returns the box around all meshes, in the frame of the cameras.
@@ -139,13 +146,21 @@ fn bounds(world: &mut World) -> Option<(DVec3, DVec3)> {
 }
 
 /// Adds a key light from the upper left, which casts shadows, and a weaker one from the right. With the environment, a
-/// white surface that faces the key light is just not overexposed.
+/// white surface that faces the key light is just not overexposed. Shadows reach just around the unit ball, so that they
+/// look alike from all cameras.
 fn light(world: &mut World) {
+    let distance = 1.0 / (0.5 * FOV).sin() as f32;
+    let shadows = CascadeShadowConfigBuilder {
+        num_cascades: 1,
+        minimum_distance: distance - 1.1,
+        maximum_distance: distance + 1.1,
+        ..default()
+    };
     for (from, illuminance, shadow_maps_enabled) in
         [(Vec3::new(-1.0, 2.0, 1.5), 2000.0, true), (Vec3::new(2.0, 0.5, 1.0), 500.0, false)]
     {
         let light = DirectionalLight { illuminance, shadow_maps_enabled, ..default() };
-        world.spawn((light, Transform::from_translation(from).looking_at(Vec3::ZERO, Vec3::Y)));
+        world.spawn((light, shadows.build(), Transform::from_translation(from).looking_at(Vec3::ZERO, Vec3::Y)));
     }
 }
 
@@ -176,13 +191,21 @@ fn straight(frame: RgbaImage) -> RgbaImage {
 mod tests {
     use super::*;
 
-    /// A red cube, half of it lit, is fitted in place: its pictures show it, and nothing else.
+    /// A red cube, half of it lit, is photographed where it is, however large it is: its pictures show it, and nothing
+    /// else.
     #[test]
     fn a_model_is_photographed_where_it_is() {
-        let folder = std::env::temp_dir().join(format!("plenoctree_model_{}", std::process::id()));
+        for size in [1.0, 1e-3, 1e4] {
+            photograph_cube(size);
+        }
+    }
+
+    fn photograph_cube(size: f32) {
+        let folder = std::env::temp_dir().join(format!("plenoctree_model_{}_{size}", std::process::id()));
         files::create_folder(&folder).unwrap();
-        let corners: Vec<[f32; 3]> =
-            (0..8).map(|c| [2.0 + (c & 1) as f32, (c >> 1 & 1) as f32, (c >> 2) as f32]).collect();
+        let corners: Vec<[f32; 3]> = (0..8)
+            .map(|c| [2.0 + (c & 1) as f32, (c >> 1 & 1) as f32, (c >> 2) as f32].map(|value| size * value))
+            .collect();
         let faces: [u16; 36] = [
             0, 4, 6, 0, 6, 2, 1, 3, 7, 1, 7, 5, 0, 1, 5, 0, 5, 4, 2, 6, 7, 2, 7, 3, 0, 2, 3, 0, 3, 1, 4, 5, 7, 4, 7, 6,
         ];
@@ -197,7 +220,7 @@ mod tests {
             "bufferViews": [{ "buffer": 0, "byteOffset": 0, "byteLength": 96 },
                             { "buffer": 0, "byteOffset": 96, "byteLength": 72 }],
             "accessors": [
-                { "bufferView": 0, "componentType": 5126, "count": 8, "type": "VEC3", "min": [2, 0, 0], "max": [3, 1, 1] },
+                { "bufferView": 0, "componentType": 5126, "count": 8, "type": "VEC3", "min": corners[0], "max": corners[7] },
                 { "bufferView": 1, "componentType": 5123, "count": 36, "type": "SCALAR" },
             ],
         });
@@ -215,8 +238,8 @@ mod tests {
                     let (a, b) = ((low - origin) / direction, (high - origin) / direction);
                     (a.min(b).max_element(), a.max(b).min_element())
                 };
-                let margin = 0.08;
-                let (low, high) = (DVec3::new(2.0, -1.0, 0.0), DVec3::new(3.0, 0.0, 1.0));
+                let (size, margin) = (f64::from(size), 0.08 * f64::from(size));
+                let (low, high) = (size * DVec3::new(2.0, -1.0, 0.0), size * DVec3::new(3.0, 0.0, 1.0));
                 let (enter, leave) = span(low + margin, high - margin);
                 if enter < leave {
                     assert!(pixel[3] == 255 && pixel[0] > 40 && pixel[0] > 2 * pixel[1], "{view} {x} {y} {pixel:?}");
@@ -227,7 +250,7 @@ mod tests {
         }
         std::fs::write(&model, "{}").unwrap();
         let error = photograph(&model, &folder.join("pictures"), 3, 24).unwrap_err().to_string();
-        assert!(error.contains("cube.gltf"), "{error}");
+        assert!(error.contains("cube.gltf") && error.lines().count() == 1, "{error}");
         std::fs::remove_dir_all(folder).unwrap();
     }
 }
