@@ -46,8 +46,7 @@ pub struct Model {
 /// random numbers.
 pub type Watch<'a> = dyn FnMut(&Model, &Position, f64, &Random) -> Result<(), FitError> + 'a;
 
-/// Fits `model` for one stage, from `position` on. Returns early if `progress` says so. Returns the mean squared error per
-/// channel of each view in the last round that had it.
+/// Fits `model` for one stage, from `position` on. Returns early if `progress` says so.
 ///
 /// # Errors
 ///
@@ -60,11 +59,10 @@ pub fn train(
     random: &mut Random,
     progress: &FitProgress,
     watch: &mut Watch,
-) -> Result<Vec<Option<f64>>, FitError> {
+) -> Result<(), FitError> {
     let (start, before) = (Instant::now(), position.seconds);
     let mut workspace = Workspace::default();
     let mut thickness = Vec::new();
-    let mut errors = vec![None; gallery.len()];
     let mut watched = 0.0;
     'rounds: while !progress.is_stopped() && stage.fraction(position) < 1.0 {
         let views = gallery.next_round(random)?;
@@ -73,7 +71,7 @@ pub fn train(
             return Err(FitError::Empty);
         }
         random.shuffle(&mut tiles);
-        let mut sums = vec![ViewSums::default(); gallery.len()];
+        let mut sums = vec![[Vec3::ZERO; 2]; gallery.len()];
         let mut ended = false;
         for tiles in tiles.chunks(stage.tiles) {
             position.seconds = before + start.elapsed().as_secs_f64();
@@ -106,7 +104,7 @@ pub fn train(
             for tile in results() {
                 let number = views[tile.view as usize].number;
                 position.rays += u64::from(tile.rays);
-                sums[number].add(tile);
+                (0..2).for_each(|index| sums[number][index] += tile.gain[index]);
             }
             position.samples += workspace.parts.iter().map(|part| part.samples).sum::<u64>();
             if fraction >= watched {
@@ -114,44 +112,18 @@ pub fn train(
                 watched = fraction + 0.02;
             }
         }
-        for (error, sums) in errors.iter_mut().zip(&sums) {
-            *error = sums.error().or(*error);
-        }
         if stage.learns_gains && !ended {
             learn_gains(&mut model.gains, &sums);
         }
     }
     position.seconds = before + start.elapsed().as_secs_f64();
-    Ok(errors)
+    Ok(())
 }
 
-/// The sums of a round for one view.
-#[derive(Clone, Default)]
-struct ViewSums {
-    loss: f64,
-    rays: f64,
-    gain: [Vec3; 2],
-}
-
-impl ViewSums {
-    fn add(&mut self, tile: &batch::TileResult) {
-        self.loss += f64::from(tile.loss);
-        self.rays += f64::from(tile.rays);
-        self.gain[0] += tile.gain[0];
-        self.gain[1] += tile.gain[1];
-    }
-
-    /// Returns the mean squared error per channel, if there were enough rays.
-    fn error(&self) -> Option<f64> {
-        const ENOUGH: f64 = 200.0;
-        (self.rays >= ENOUGH).then(|| self.loss / (3.0 * self.rays))
-    }
-}
-
-/// Moves the gains halfway to the best ones of this round, and keeps their geometric mean at 1.
-fn learn_gains(gains: &mut [Vec3], sums: &[ViewSums]) {
-    for (gain, sums) in gains.iter_mut().zip(sums) {
-        let [photographed, rendered] = sums.gain;
+/// Moves the gains halfway to the best ones of this round, and keeps their geometric mean at 1. `sums` are those of the
+/// photographed and the rendered colors of each view.
+fn learn_gains(gains: &mut [Vec3], sums: &[[Vec3; 2]]) {
+    for (gain, [photographed, rendered]) in gains.iter_mut().zip(sums) {
         if rendered.min_element() > 1.0 {
             *gain = (0.5 * (*gain + photographed / rendered)).clamp(Vec3::splat(0.25), Vec3::splat(4.0));
         }
