@@ -44,8 +44,9 @@ pub struct LoadSettings {
     /// Axis of the field's frame that points up. `None`, the default, selects the one that a packed field records, and
     /// [`UpAxis::Z`] for other files.
     pub up: Option<UpAxis>,
-    /// Density, per world unit, below which leaves are dropped. 0.01 by default. Leaves whose density is 0 or negative
-    /// are always dropped. NaN is an error.
+    /// Density below which leaves are dropped: per world unit or, if the finest cells are wider than that, per cell.
+    /// Otherwise, fields in small units, such as millimeters, would lose what is faint in every cell. 0.01 by default.
+    /// Leaves whose density is 0 or negative are always dropped. NaN is an error.
     pub density_threshold: f32,
     /// Precision of the coefficients on the GPU. [`Precision::Half`] by default. Does not apply to packed fields, which
     /// take less memory either way.
@@ -55,6 +56,14 @@ pub struct LoadSettings {
 impl Default for LoadSettings {
     fn default() -> Self {
         Self { activation: None, up: None, density_threshold: 0.01, precision: Precision::default() }
+    }
+}
+
+impl LoadSettings {
+    /// Returns the density threshold per world unit, for a field of a frame and a depth.
+    pub(crate) fn density_threshold_in(&self, frame: Frame, depth: u32) -> f32 {
+        let cell = (frame.scale * f64::from(depth).exp2()).recip().max_element();
+        self.density_threshold / cell.max(1.0) as f32
     }
 }
 
@@ -107,12 +116,14 @@ fn read(reader: &mut dyn Source, settings: &LoadSettings) -> Result<PlenOctree, 
     reader.rewind()?;
     if first == MAGIC {
         let field = read_packed(reader)?.with_settings(settings.activation, settings.up);
+        let threshold = settings.density_threshold_in(field.frame(), field.depth());
         return Ok(field.thinned(threshold).with_precision(settings.precision));
     }
     let mut archive = Archive::open(reader)?;
     let basis = read_basis(&mut archive)?;
     let frame = read_frame(&mut archive)?;
     let mut tree = read_tree(&mut archive)?;
+    let threshold = settings.density_threshold_in(frame, tree.depth);
     let keep = |density: f32| density > 0.0 && density >= threshold;
     let quantized = !archive.has("data") && QUANTIZED.iter().any(|key| archive.has(key));
     let (density, coefficients) = if quantized {

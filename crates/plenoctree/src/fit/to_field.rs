@@ -8,10 +8,10 @@ use super::{
     grid::{Grid, VoxelSet},
     stand::TurnedBox,
 };
-use crate::field::{Activation, Basis, Frame, PlenOctree, UpAxis, morton, tree_of_finest};
-
-/// Density, per world unit, below which readers of files drop a leaf.
-const MIN_DENSITY: f64 = 1e-2;
+use crate::{
+    LoadSettings,
+    field::{Activation, Basis, Frame, PlenOctree, UpAxis, morton, tree_of_finest},
+};
 
 /// Makes a field of the voxels in `kept`.
 ///
@@ -20,10 +20,14 @@ const MIN_DENSITY: f64 = 1e-2;
 /// Returns an error if no voxel is left.
 pub fn to_field(grid: &Grid, kept: &VoxelSet) -> Result<PlenOctree, FitError> {
     let functions = grid.functions();
+    let (cube, depth) = (grid.cube(), grid.resolution().ilog2());
+    let frame = Frame::spanning(cube.low, cube.low + cube.size);
+    // Readers of files would drop the others.
+    let least = f64::from(LoadSettings::default().density_threshold_in(frame, depth));
     let mut leaves: Vec<(u64, u32)> = (kept.positions())
         .filter_map(|position| {
             let voxel = grid.voxel(position.as_ivec3())?;
-            (density(grid, voxel) >= MIN_DENSITY).then_some((morton(position), voxel))
+            (density(grid, voxel) >= least).then_some((morton(position), voxel))
         })
         .collect();
     if leaves.is_empty() {
@@ -31,7 +35,7 @@ pub fn to_field(grid: &Grid, kept: &VoxelSet) -> Result<PlenOctree, FitError> {
     }
     leaves.sort_unstable();
     let codes: Vec<u64> = leaves.iter().map(|(code, _)| *code).collect();
-    let nodes = tree_of_finest(&codes, grid.resolution().ilog2());
+    let nodes = tree_of_finest(&codes, depth);
     let densities = leaves.iter().map(|&(_, voxel)| density(grid, voxel) as f32).collect();
     let coefficients = (leaves.iter())
         .flat_map(|&(_, voxel)| {
@@ -39,8 +43,6 @@ pub fn to_field(grid: &Grid, kept: &VoxelSet) -> Result<PlenOctree, FitError> {
             (0..3).flat_map(move |channel| values.iter().map(move |value| f16::from_f32(value[channel])))
         })
         .collect();
-    let cube = grid.cube();
-    let frame = Frame::spanning(cube.low, cube.low + cube.size);
     let basis = Basis::from_functions(functions).unwrap_or(Basis::Sh1);
     Ok(PlenOctree::new(frame, basis, Activation::Sigmoid, UpAxis::Z, nodes, densities, coefficients)?)
 }

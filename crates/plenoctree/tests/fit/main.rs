@@ -6,6 +6,7 @@ mod scene;
 use glam::{DMat3, DVec3};
 use plenoctree::{
     Basis, PlenOctree,
+    camera::PinholeCamera,
     fit::{FitInput, FitProgress, FitSettings, Fitted, InputFolders, fit},
 };
 use scene::{cameras, folder, write_pictures, write_transforms};
@@ -46,6 +47,22 @@ fn pictures_with_opacity_are_fitted() {
     assert!((low - DVec3::new(-0.6, -0.6, -0.8)).abs().max_element() < 0.15, "{low}");
     assert!((high - DVec3::new(0.8, 0.6, 0.8)).abs().max_element() < 0.15, "{high}");
     assert_eq!(parts(&fits[0].field), parts(&fits[1].field));
+}
+
+/// The unit of lengths does not matter: pictures give the same result in meters and in millimeters.
+#[test]
+fn units_do_not_matter() {
+    let folder = folder("units");
+    let views = cameras(24);
+    write_pictures(&folder, &views, None, |_| 1.0);
+    let [meters, millimeters] = [1.0, 1000.0].map(|unit| {
+        let in_unit = |camera: &PinholeCamera| PinholeCamera { position: unit * camera.position, ..*camera };
+        write_transforms(&folder, &views.iter().map(in_unit).collect::<Vec<_>>());
+        let fitted = fit_folder(&folder, &FitSettings { effort: 0.04, ..quick() });
+        (fitted.report.held_out.unwrap().psnr_db, fitted.field.leaves() as f64)
+    });
+    assert!((meters.0 - millimeters.0).abs() < 0.3, "{meters:?} {millimeters:?}");
+    assert!((meters.1 / millimeters.1 - 1.0).abs() < 0.05, "{meters:?} {millimeters:?}");
 }
 
 /// Opaque pictures with different exposures: the background and the exposures are learned, and the field is the object. A
