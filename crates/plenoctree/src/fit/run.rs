@@ -184,14 +184,13 @@ pub fn fit(
     progress.update(|status| (status.stage, status.fraction) = ("measuring".into(), 1.0));
     report.suspicious = suspicious(&model, &mut gallery, &numbers)?;
     let limits = Limits { spacing: 0.7, ..Limits::default() };
-    let mut kept = visibility::visible(&model.grid, &gallery.cameras(), limits);
-    if let Some(crop) = settings.crop {
-        kept = cropped(&model.grid, &kept, &in_frame(crop));
-    }
+    let visible = visibility::visible(&model.grid, &gallery.cameras(), limits);
+    let mut kept = settings.crop.map(|crop| cropped(&model.grid, &visible, &in_frame(crop)));
     if settings.keep_largest {
-        kept = largest_part(&model.grid, &kept, 0.2);
+        kept = Some(largest_part(&model.grid, kept.as_ref().unwrap_or(&visible), 0.2));
     }
-    let field = to_field(&model.grid, &kept)?;
+    let whole = to_field(&model.grid, &visible)?;
+    let cut = kept.map(|kept| to_field(&model.grid, &kept)).transpose()?;
     let training = start.elapsed().as_secs_f64();
 
     let start = Instant::now();
@@ -199,9 +198,10 @@ pub fn fit(
         (Backdrop::Random, color) => Backdrop::Color(color.unwrap_or(DVec3::ONE).as_vec3()),
         (other, _) => other.clone(),
     };
-    let (held_out, previews) = measure(&field, &shown, &held_out, settings)?;
+    // The pictures show what is cut away, too.
+    let (held_out, previews) = measure(&whole, &shown, &held_out, settings)?;
     report.held_out = held_out;
-    let (mut field, mut cube) = (field, place.cube);
+    let (mut field, mut cube) = (cut.unwrap_or(whole), place.cube);
     if let Some(turn) = turned {
         let shift = -field.foot().unwrap_or_default();
         field = field.shifted(shift);

@@ -215,8 +215,8 @@ fn boxes_turn_with_the_field() {
     }
 }
 
-/// Cropping keeps what is inside the box; the largest part is the ball with the post or a piece of it. Few pictures are
-/// in memory at a time.
+/// Cropping keeps what is inside the box; the largest part is the ball with the post or a piece of it. Held-out views are
+/// compared before that. Few pictures are in memory at a time.
 #[test]
 fn fields_are_cut() {
     let folder = folder("cut");
@@ -225,6 +225,10 @@ fn fields_are_cut() {
     write_transforms(&folder, &cameras);
     let crop = (DVec3::new(-1.0, -1.0, 0.0), DVec3::ONE);
     let settings = FitSettings { crop: Some(crop), keep_largest: true, picture_memory: 5 * 4 * 40 * 40, ..quick() };
-    let (low, _) = fit_folder(&folder, &settings).field.bounds().unwrap();
+    let fitted = fit_folder(&folder, &settings);
+    let (low, _) = fitted.field.bounds().unwrap();
     assert!(low.z > -0.1, "{low}");
+    // The pictures show what was cut away.
+    let held_out = fitted.report.held_out.unwrap();
+    assert!(held_out.psnr_db > 22.0, "{held_out:?}");
 }
