@@ -6,9 +6,9 @@ use bevy::{
     render::{
         globals::GlobalsUniform,
         render_resource::{
-            BindGroupLayoutDescriptor, BindGroupLayoutEntries, CompareFunction, FragmentState,
-            RenderPipelineDescriptor, SamplerBindingType, ShaderStages, ShaderType, SpecializedRenderPipeline,
-            TextureFormat, TextureSampleType, VertexState,
+            BindGroupLayoutDescriptor, BindGroupLayoutEntries, FragmentState, RenderPipelineDescriptor,
+            SamplerBindingType, ShaderStages, ShaderType, SpecializedRenderPipeline, TextureFormat, TextureSampleType,
+            VertexState,
             binding_types::{
                 sampler, storage_buffer_read_only, storage_buffer_read_only_sized, texture_2d, texture_2d_array,
                 texture_cube_array, texture_depth_2d, uniform_buffer,
@@ -21,7 +21,7 @@ use bevy::{
 
 use crate::{
     gpu::Shaders,
-    render::{attachment::depth_test, fullscreen::target, view::DEPTH_FORMAT},
+    render::fullscreen::{props_test, target},
 };
 
 /// The color of the light that arrives, and the fraction that is blocked.
@@ -112,7 +112,7 @@ impl SpecializedRenderPipeline for LightingPipeline {
                 entry_point: Some("fragment".into()),
                 targets: vec![Some(target(LIGHT_FORMAT, None))],
             }),
-            depth_stencil: Some(depth_test(DEPTH_FORMAT, false, CompareFunction::LessEqual)),
+            depth_stencil: Some(props_test()),
             ..default()
         }
     }

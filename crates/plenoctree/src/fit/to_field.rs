@@ -9,8 +9,8 @@ use super::{
     stand::TurnedBox,
 };
 use crate::{
-    LoadSettings,
     field::{Activation, Basis, Frame, PlenOctree, UpAxis, morton, tree_of_finest},
+    file::LoadSettings,
 };
 
 /// Makes a field of the voxels in `kept`.
