@@ -1,5 +1,7 @@
 //! Surfaces of fields as meshes, for physics and navigation.
 
+mod simplify;
+
 use fast_surface_nets::{
     SurfaceNetsBuffer,
     ndshape::{RuntimeShape, Shape},
@@ -7,10 +9,13 @@ use fast_surface_nets::{
 };
 use glam::{DVec3, IVec3, UVec3};
 
+use self::simplify::simplify;
 use crate::field::PlenOctree;
 
 /// Width of the empty space around the field, in cells, so that its surface is closed.
 const PADDING: i32 = 2;
+/// How far simplifying moves the surface at most, in cells.
+const TOLERANCE: f64 = 0.1;
 /// Largest number of cells of the grid: 256 MiB of numbers.
 const MAX_CELLS: f64 = (1u32 << 26) as f64;
 
@@ -48,6 +53,8 @@ impl PlenOctree {
     /// simpler surfaces. The solidity of a cube is the opacity of paths of that length through its content; the surface
     /// is where it reaches `opacity`, more than 0 and less than 1. Closed hollows count as solid, because trained and
     /// packed fields are often empty inside. An empty field has an empty surface.
+    ///
+    /// The surface is simplified: parts that are flat to within a tenth of a cube consist of few, large triangles.
     ///
     /// # Errors
     ///
@@ -149,14 +156,11 @@ impl Grid {
         let distances: Vec<f32> = self.solid.iter().map(|solid| opacity - solid).collect();
         let mut buffer = SurfaceNetsBuffer::default();
         surface_nets(&distances, &self.shape, [0; 3], (self.size - 1).as_uvec3().to_array(), &mut buffer);
-        let place = |at: &[f32; 3]| {
-            let at = DVec3::from(at.map(f64::from));
-            (self.origin + at * self.cell_size).as_vec3().to_array()
-        };
-        SurfaceMesh {
-            vertices: buffer.positions.iter().map(place).collect(),
-            triangles: buffer.indices.chunks_exact(3).map(|corners| [corners[0], corners[1], corners[2]]).collect(),
-        }
+        let vertices = buffer.positions.iter().map(|at| DVec3::from(at.map(f64::from))).collect();
+        let triangles = buffer.indices.chunks_exact(3).map(|corners| [corners[0], corners[1], corners[2]]).collect();
+        let (vertices, triangles) = simplify(vertices, triangles, TOLERANCE);
+        let place = |at: &DVec3| (self.origin + *at * self.cell_size).as_vec3().to_array();
+        SurfaceMesh { vertices: vertices.iter().map(place).collect(), triangles }
     }
 }
 
@@ -210,6 +214,28 @@ mod tests {
             let far = |vertex: &[f32; 3]| (DVec3::from(vertex.map(f64::from)).length() - 0.7).abs();
             assert!(mesh.vertices.iter().all(|vertex| far(vertex) < 0.8 * cell_size));
         }
+    }
+
+    /// A cuboid consists of few triangles, and keeps its shape.
+    #[test]
+    fn flat_parts_consist_of_few_triangles() {
+        let size = DVec3::new(0.8, 0.5, 0.3);
+        let cuboid = field(|at| if at.abs().cmplt(size).all() { 500.0 } else { 0.0 });
+        let mesh = cuboid.surface_mesh(0.5, 0.03).unwrap();
+        // The cuboid has about 4,000 squares of this size.
+        assert!(mesh.triangles.len() < 400, "{} triangles", mesh.triangles.len());
+        let far = |at: DVec3| {
+            let outside = at.abs() - size;
+            (outside.max(DVec3::ZERO).length() + outside.max_element().min(0.0)).abs()
+        };
+        let corners = mesh.triangles.iter().map(|corners| corners.map(|vertex| mesh.vertices[vertex as usize]));
+        for corners in corners.map(|corners| corners.map(|at| DVec3::from(at.map(f64::from)))) {
+            let middle = corners.iter().sum::<DVec3>() / 3.0;
+            // The field's cells are as wide as the cubes, and the surface ends within one of each.
+            assert!(corners.iter().chain([&middle]).all(|at| far(*at) < 0.035), "{corners:?}");
+        }
+        let edges = edges(&mesh);
+        assert!(edges.iter().all(|((a, b), count)| *count == 1 && edges.get(&(*b, *a)) == Some(&1)));
     }
 
     /// Also where cubes touch only along edges, at the end of the field's cube, and for a single leaf.
