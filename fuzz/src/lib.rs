@@ -9,6 +9,7 @@ mod files;
 mod message;
 mod packed;
 mod palettes;
+mod photographs;
 mod scratch;
 mod settings;
 
@@ -18,4 +19,5 @@ pub use fields::check_field;
 pub use files::FieldFile;
 pub use packed::PackedFile;
 pub use palettes::{PaletteFile, check_palette};
+pub use photographs::{Photographs, check_photographs};
 pub use settings::Settings;

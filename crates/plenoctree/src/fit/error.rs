@@ -72,6 +72,12 @@ impl FitError {
         found: impl Into<String>,
         expected: impl Into<String>,
     ) -> Self {
-        Self::Found { path: path.into(), what: what.into(), found: found.into(), expected: expected.into() }
+        let (what, found, expected) = (one_line(what.into()), one_line(found.into()), one_line(expected.into()));
+        Self::Found { path: path.into(), what, found, expected }
     }
+}
+
+/// Replaces control characters, which names and words in files may have.
+fn one_line(text: String) -> String {
+    if text.contains(char::is_control) { text.replace(char::is_control, "?") } else { text }
 }

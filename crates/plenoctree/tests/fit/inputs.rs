@@ -229,6 +229,13 @@ fn errors_name_file_and_reason() {
     assert!(message.contains("v_0.png") && message.contains("41x40"), "{message}");
     write_colmap_text(&folder, &cameras, "2 PINHOLE 40 40 50 50 20 20");
     assert!(read(&folder).unwrap_err().contains("camera 1"));
+    write_colmap_text(&folder, &cameras, "\u{7} PINHOLE 40 40 50 50 20 20");
+    let message = read(&folder).unwrap_err();
+    assert!(message.contains("cameras.txt: line 2: found `?`"), "{message:?}");
+    write_colmap_text(&folder, &cameras, "1 PINHOLE 40 40 50 50 20 20");
+    fs::write(folder.join("sparse/0/points3D.txt"), "1 0 0 inf 0 0 0 1\n").unwrap();
+    let message = read(&folder).unwrap_err();
+    assert!(message.contains("points3D") && message.contains("inf"), "{message}");
     fs::remove_dir_all(folder.join("sparse")).unwrap();
     write_colmap_binary(&folder, &cameras, 0, &[50.0, 20.0, 20.0]);
     let images = folder.join("sparse/images.bin");

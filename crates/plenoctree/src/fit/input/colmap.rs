@@ -68,6 +68,9 @@ pub fn read(folder: &Path, folders: &InputFolders) -> Result<FitInput, FitError>
     if images.is_empty() {
         return Err(FitError::found(folder, "images", "none", "at least two"));
     }
+    if let Some(point) = points.iter().find(|point| !point.is_finite()) {
+        return Err(FitError::found(folder, "points3D", point.to_string(), "finite positions"));
+    }
     let pictures = pictures(folder, folders, &images)?;
     let mut maker = CameraMaker::default();
     let views = (images.into_iter())
