@@ -34,7 +34,13 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec2<u32> {
     let color = textureLoad(scene, pixel + view.corner, 0);
     let seen = vec2(pack2x16float(color.rg), pack2x16float(vec2(color.b, 0.0)));
 #else
-    let seen = vec2(bitcast<u32>(textureLoad(scene, pixel + view.corner, 0)), 0u);
+    var seen = vec2(bitcast<u32>(textureLoad(scene, pixel + view.corner, 0)), 0u);
+#ifdef MULTISAMPLED
+    // Smooth edges depend on all samples. A change of one always changes this word, and one of several nearly always.
+    for (var s = 1u; s < textureNumSamples(scene); s++) {
+        seen.x = (seen.x * 0x9e3779b1u) ^ bitcast<u32>(textureLoad(scene, pixel + view.corner, s));
+    }
+#endif
 #endif
     if any(textureLoad(before, pixel, 0).xy != seen) {
 #ifdef COLORS

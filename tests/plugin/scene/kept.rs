@@ -4,7 +4,7 @@
 use std::time::Duration;
 
 use bevy::{
-    camera::{Exposure, Hdr, Viewport},
+    camera::{Exposure, Hdr, ScalingMode, Viewport},
     core_pipeline::prepass::MotionVectorPrepass,
     prelude::*,
     render::{camera::TemporalJitter, error_handler::RenderErrorHandler},
@@ -244,6 +244,29 @@ fn every_change_is_drawn_at_once() {
         fresh.headless.wait_until_ready(Duration::from_secs(120)).unwrap();
         assert_same(&fresh.capture(), &before, &format!("a fresh app, {changes_per_frame} changes per frame"));
     }
+}
+
+/// With several samples per pixel, a mesh may uncover some of them while a pixel's first sample, whose depth ends the
+/// ray of the pixel, stays covered.
+#[test]
+fn a_mesh_may_move_by_parts_of_pixels() {
+    let mut view = View::new();
+    // The mesh faces the camera, so that its depth stays the same.
+    let scaling_mode = ScalingMode::Fixed { width: 3.0, height: 3.0 };
+    let flat = OrthographicProjection { scaling_mode, ..OrthographicProjection::default_3d() };
+    view.set_camera((Projection::Orthographic(flat), Transform::from_xyz(0.0, 0.0, 3.0), Msaa::Sample4));
+    view.move_by(view.meshes[0], Vec3::new(0.0, 0.0, 0.9));
+    view.headless.wait_until_ready(Duration::from_secs(120)).unwrap();
+    let (mut before, mut changes) = (view.capture(), 0);
+    for step in 0..8 {
+        view.move_by(view.meshes[0], Vec3::new(3.0 / SIZE as f32 / 8.0, 0.0, 0.0));
+        let kept: Vec<_> = (0..3).map(|_| view.capture()).collect();
+        let anew = view.capture_anew();
+        kept.iter().for_each(|frame| assert_same(frame, &anew, &format!("step {step}")));
+        changes += usize::from(anew != before);
+        before = anew;
+    }
+    assert!(changes >= 4, "only {changes} of 8 steps are seen");
 }
 
 /// Changes that last for a single frame leave no trace, and are seen in that frame.
