@@ -40,8 +40,10 @@ fn seen_at(pixel: vec2<u32>) -> Seen {
     var tint = props[value.owner - 1u].tint;
     var missing = 0.0;
 #ifdef LIGHTING
-    if !is_view {
-        let shade = shade_of(pixel, value.owner - 1u, true);
+    // In a posterized view, lights fall on props as trained.
+    let lit = select(value.owner, lit_prop(pixel), is_view);
+    if lit > 0u {
+        let shade = shade_of(pixel, lit - 1u, true);
         tint *= shade.tint;
         missing = shade.missing;
     }

@@ -17,7 +17,8 @@ pub const MAX_BANDS: u32 = 8;
 ///
 /// A posterized prop goes down its palette: where light is missing, a darker label of the same hue replaces the pixel's
 /// label, in the palette's shown colors. Source colors choose both, so recoloring moves no edge. Where the palette has
-/// no such label, the shown color is darkened instead.
+/// no such label, the shown color is darkened instead. A prop as trained that a
+/// [`PosterizeView`](crate::PosterizeView) posterizes goes down the palette of the view.
 ///
 /// It takes effect where props are solid, for cameras that draw them at [`PropStage::Scene`](crate::PropStage::Scene).
 ///

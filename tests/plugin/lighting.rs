@@ -10,7 +10,7 @@ use bevy::{
         render_resource::{PipelineCache, PipelineDescriptor},
     },
 };
-use bevy_plenoctree::{FieldPalette, Palettes, PlenOctree, Posterize, Prop, PropLighting, PropStage};
+use bevy_plenoctree::{FieldPalette, Palettes, PlenOctree, Posterize, PosterizeView, Prop, PropLighting, PropStage};
 use glam::{DVec2, DVec3};
 use image::RgbaImage;
 
@@ -144,6 +144,23 @@ fn shadows_of_meshes_fall_on_props() {
     set_palette(&mut stage, &[GREEN, olive]);
     stage.world().resource_mut::<Palettes>().get_mut(&handle).unwrap().set(0, color(BLUE));
     check(&mut stage, "no darker label", BLUE, dimmed(BLUE, DVec3::splat(0.5)));
+
+    // As trained, in a view that is posterized with the same palette.
+    set_palette(&mut stage, &[GREEN, dark, olive]);
+    stage.world().entity_mut(prop).remove::<Posterize>();
+    for camera in stage.cameras {
+        stage.world().entity_mut(camera).insert((PosterizeView(handle.clone()), posterize));
+    }
+    stage.check("a posterized view", |side, place| {
+        let off = place.x - edge(side, None);
+        // The filter of the view reads beyond the cube.
+        let is_clear = off.abs() > 1.0 / 8.0 && in_cube(place);
+        is_clear.then_some(if off < 0.0 { dark } else { GREEN })
+    });
+    for camera in stage.cameras {
+        stage.world().entity_mut(camera).remove::<(PosterizeView, Posterize)>();
+    }
+    stage.world().entity_mut(prop).insert(posterize);
 
     // Half of the light is missing: nothing in one step, and a half step of two.
     set_palette(&mut stage, &[GREEN, DVec3::splat(0.35)]);
