@@ -1,5 +1,6 @@
 //! Fits a grid to photographs, stage by stage, from coarse to fine.
 
+mod average;
 pub mod backdrop;
 pub mod batch;
 pub mod gallery;
@@ -13,6 +14,7 @@ use glam::{DVec2, Vec3};
 use rayon::prelude::*;
 
 use self::{
+    average::Average,
     backdrop::Backdrop,
     batch::{Scene, TILE, Tile, Workspace, render_batch},
     gallery::Gallery,
@@ -20,7 +22,7 @@ use self::{
 };
 pub use self::{
     gallery::TrainView,
-    schedule::{Position, Schedule, Stage},
+    schedule::{Position, Schedule, Spread, Stage},
 };
 use super::{
     error::FitError,
@@ -64,6 +66,7 @@ pub fn train(
     let mut workspace = Workspace::default();
     let mut thickness = Vec::new();
     let mut watched = 0.0;
+    let mut average = Average::default();
     'rounds: while !progress.is_stopped() && stage.fraction(position) < 1.0 {
         let views = gallery.next_round(random)?;
         let mut tiles = active_tiles(&model.grid, &views);
@@ -84,6 +87,7 @@ pub fn train(
                 position.prunings += 1;
                 let set = visibility::visible(&model.grid, &gallery.cameras(), stage.prune_below);
                 model.grid = model.grid.resampled(&set);
+                average = Average::default();
                 continue 'rounds;
             }
             let scene = Scene {
@@ -96,6 +100,9 @@ pub fn train(
             render_batch(&scene, tiles, random.next(), &mut workspace);
             let optimizer = Optimizer { rates: stage.rates(fraction), ..stage.optimizer };
             update(&mut model.grid, &workspace.parts, &optimizer, &mut thickness);
+            if fraction >= stage.average_from {
+                average.add(&model.grid);
+            }
             let results = || workspace.parts.iter().flat_map(|part| &part.tiles);
             if let Backdrop::Learned(map) = &mut model.backdrop {
                 let gradients = results().filter_map(|tile| tile.backdrop);
@@ -116,6 +123,7 @@ pub fn train(
             learn_gains(&mut model.gains, &sums);
         }
     }
+    average.apply(&mut model.grid);
     position.seconds = before + start.elapsed().as_secs_f64();
     Ok(())
 }
@@ -159,19 +167,21 @@ fn active_tiles(grid: &Grid, views: &[TrainView]) -> Vec<Tile> {
     views.par_iter().enumerate().map(in_view).collect::<Vec<_>>().concat()
 }
 
-/// Returns the grid for the next stage: what is visible and its neighbors, each voxel split in eight.
+/// Returns the grid for the next stage: what is visible, and its neighbors if the stage says so, each voxel split in eight.
 pub fn split(grid: &Grid, cameras: &[&ViewCamera], stage: &Stage) -> Grid {
     let weights = visibility::largest_weights(grid, cameras, 1.0);
     let mut coarse = VoxelSet::new(grid.resolution());
     for (position, weight) in grid.positions().zip(weights) {
-        if weight > stage.split_above {
-            coarse.insert_around(position);
+        match stage.spread {
+            _ if weight <= stage.split_above => {}
+            Spread::None => coarse.insert(position),
+            Spread::Existing | Spread::All => coarse.insert_around(position),
         }
     }
     let mut fine = VoxelSet::new(2 * grid.resolution());
     for position in coarse.positions() {
         // Voxels that were left out before stay out.
-        if grid.voxel(position.as_ivec3()).is_some() || stage.grows {
+        if grid.voxel(position.as_ivec3()).is_some() || stage.spread == Spread::All {
             fine.insert_children(position);
         }
     }

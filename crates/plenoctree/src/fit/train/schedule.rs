@@ -13,6 +13,10 @@ const COARSEST: u32 = 64;
 /// Rays of each stage with an effort of 1, from the coarsest, in millions.
 const RAYS: [f64; 5] = [4.0, 24.0, 110.0, 300.0, 600.0];
 
+/// The last stage to which neighbors of visible voxels are added: later ones would have too many voxels.
+const LAST_SPREAD: usize = 2;
+/// The fraction of a stage that the result is not a mean of: until voxels have been removed for the last time.
+const AVERAGE_FROM: f64 = 0.86;
 /// Rays that refine a field with an effort of 1, in millions.
 const REFINING_RAYS: f64 = 60.0;
 /// Rays that simplify a field with an effort of 1, in millions.
@@ -54,16 +58,29 @@ pub struct Stage {
     pub prune_at: Vec<f64>,
     /// The limits of visibility for that.
     pub prune_below: Limits,
-    /// The largest weight of a voxel above which the next stage splits it and its neighbors.
+    /// The largest weight of a voxel of the stage before, above which it is split.
     pub split_above: f32,
-    /// Whether splits add neighbors that this stage does not have.
-    pub grows: bool,
+    /// Which neighbors of these voxels are split, too.
+    pub spread: Spread,
+    /// The fraction of the stage from which on the result is the mean over batches; above 1 for the last batch's.
+    pub average_from: f64,
     /// Whether exposures are learned.
     pub learns_gains: bool,
     /// Rates at the start; penalties.
     pub optimizer: Optimizer,
     /// Rates at the end.
     last: Rates,
+}
+
+/// The neighbors of voxels that are split together with them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Spread {
+    /// None.
+    None,
+    /// Those that exist.
+    Existing,
+    /// All.
+    All,
 }
 
 impl Schedule {
@@ -74,7 +91,7 @@ impl Schedule {
         let penalties = if opaque {
             Penalties { variation: 5e-3, presence: 1e-4, direction: 1e-3, color: 0.0 }
         } else {
-            Penalties { variation: 3e-4, presence: 1e-4, direction: 0.0, color: 0.0 }
+            Penalties { variation: 1e-3, presence: 1e-4, direction: 1e-4, color: 0.0 }
         };
         let stages = (0..count)
             .map(|index| Stage {
@@ -84,8 +101,13 @@ impl Schedule {
                 tiles: [256, 512, 1024][index.min(2)],
                 prune_at: if index == 0 { vec![0.5] } else { vec![0.1, 0.4, 0.85] },
                 prune_below: Limits::default(),
-                split_above: 0.01,
-                grows: !opaque,
+                split_above: if index <= LAST_SPREAD { 0.01 } else { 0.03 },
+                spread: match index <= LAST_SPREAD {
+                    false => Spread::None,
+                    true if opaque => Spread::Existing,
+                    true => Spread::All,
+                },
+                average_from: AVERAGE_FROM,
                 learns_gains: opaque,
                 optimizer: Optimizer {
                     rates: Rates { constant: 0.25, directional: 0.08, thickness: 0.06 },
@@ -93,7 +115,7 @@ impl Schedule {
                     decay: 0.99,
                     floor: 1e-8,
                 },
-                last: Rates { constant: 0.01, directional: 0.003, thickness: 0.002 },
+                last: Rates { constant: 0.02, directional: 0.006, thickness: 0.004 },
             })
             .collect();
         Self { stages }
@@ -118,7 +140,8 @@ impl Stage {
             prune_at: vec![0.05],
             prune_below: Limits::FAINTEST,
             split_above: 0.01,
-            grows: false,
+            spread: Spread::None,
+            average_from: 2.0,
             learns_gains: false,
             optimizer: Optimizer {
                 rates: Rates { constant: 0.06, directional: 0.02, thickness: 0.015 },
