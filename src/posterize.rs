@@ -101,7 +101,8 @@ impl Posterize {
             blend_steps: self.blend_steps.clamp(1, MAX_BLEND_STEPS),
             // `f32::max` ignores NaN.
             softness: self.softness.max(0.0),
-            min_opacity: self.min_opacity.max(0.0),
+            // Where there is nothing, nothing is posterized.
+            min_opacity: self.min_opacity.max(f32::EPSILON),
             filter: BilateralFilter {
                 iterations: iterations.min(MAX_FILTER_ITERATIONS),
                 radius: radius.min(MAX_FILTER_RADIUS),

@@ -122,7 +122,8 @@ impl PropQuality {
         };
         let exact = Self::EXACT;
         Self {
-            stop_transmittance: clamp(self.stop_transmittance, 1e-30, 1.0, exact.stop_transmittance),
+            // Rays go on until there is something.
+            stop_transmittance: clamp(self.stop_transmittance, 1e-30, 1.0 - f32::EPSILON, exact.stop_transmittance),
             density_threshold: clamp(self.density_threshold, 0.0, f32::INFINITY, exact.density_threshold),
             opacity_loss: clamp(self.opacity_loss, 0.0, 1.0, exact.opacity_loss),
             cell_size: clamp(self.cell_size, 0.0, f32::INFINITY, exact.cell_size),

@@ -335,6 +335,17 @@ fn edges_have_colors_between_those_on_both_sides_and_others_stay() {
         mixed += usize::from((0.05..0.95).contains(&least));
     }
     assert!(mixed > 60, "{mixed} pixels");
+    // Rays hit the ball or miss it. Where they miss it, there is nothing to posterize, whatever the settings.
+    let prop = stage.props[0];
+    let from_none = (Posterize { min_opacity: 0.0, ..default() }, PropQuality::EXACT);
+    let at_once = (Posterize::default(), PropQuality { stop_transmittance: 1.0, ..default() });
+    for (posterize, quality) in [from_none, at_once] {
+        stage.world().entity_mut(prop).insert(posterize);
+        stage.set(quality);
+        let found = stage.headless.capture().unwrap();
+        let differ = found.pixels().zip(frame.pixels()).filter(|(found, frame)| found != frame).count();
+        assert!(10 * differ < mixed, "{differ} of {mixed} pixels differ with {posterize:?}, {quality:?}");
+    }
 }
 
 /// When the camera turns slowly, edges change less from frame to frame than hard ones.
