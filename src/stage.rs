@@ -35,7 +35,7 @@ pub enum PropStage {
     #[default]
     Scene,
     /// Draws props after tonemapping and all other effects, below the UI. Palette colors reach the screen exactly,
-    /// regardless of `Hdr`, `Tonemapping`, bloom, dithering and exposure.
+    /// regardless of `Hdr`, `Tonemapping`, bloom, dithering and exposure. Temporal jitter does not move props.
     ///
     /// Opaque meshes still occlude props. Transparent objects in front of the solid parts of props are drawn once more
     /// and blended over them, without tonemapping; other transparent objects are covered by props, and so are objects

@@ -87,6 +87,8 @@ pub(super) fn prepare_views(
         *stage = if resolution.is_some() { PropStage::Scene } else { visible.stage };
         *has_stages = visible.has_stages;
 
+        // At the display, the effects that jitter is for are over.
+        let jitter = jitter.filter(|_| *stage == PropStage::Scene);
         let motion = Motion::new(view, jitter, previous, size);
         for ordered in order {
             let (Some(prop), wanted) = (extracted.props.get(ordered.index), ordered.level) else {

@@ -26,7 +26,7 @@ use bevy::{
 };
 use bevy_anti_alias::{AntiAliasPlugin, taa::TemporalAntiAliasing};
 use bevy_plenoctree::{
-    PlenOctree, PlenOctreePlugin, Prop, PropQuality,
+    PlenOctree, PlenOctreePlugin, Prop, PropQuality, PropStage,
     headless::{Headless, LitMeshPlugins, exact_camera},
 };
 use image::RgbaImage;
@@ -189,11 +189,12 @@ fn props_move_like_meshes() {
 /// Jitter moves outlines by parts of a pixel. No outline is close to the middle of a pixel.
 #[test]
 fn props_are_jittered_like_meshes() {
+    const OFFSETS: [Vec2; 4] = [Vec2::ZERO, Vec2::new(0.45, 0.0), Vec2::new(-0.45, 0.4), Vec2::new(0.05, -0.45)];
     let [mut prop, mut mesh] = [true, false].map(|is_prop| View::new(is_prop, false));
     let (place, eye) = (Transform::from_xyz(0.0375, 0.0, 0.0), Transform::from_xyz(0.0, 0.0, 3.0));
     for projection in [Projection::default(), flat()] {
         let mut frames = Vec::new();
-        for offset in [Vec2::ZERO, Vec2::new(0.45, 0.0), Vec2::new(-0.45, 0.4), Vec2::new(0.05, -0.45)] {
+        for offset in OFFSETS {
             let [prop, mesh] = [&mut prop, &mut mesh].map(|view| {
                 let camera = view.camera;
                 let world = view.headless.app.world_mut();
@@ -205,6 +206,13 @@ fn props_are_jittered_like_meshes() {
         }
         assert!(frames[1..].iter().any(|frame| *frame != frames[0]), "jitter changes nothing");
     }
+    // After the effects that jitter is for, it would make props tremble.
+    let frames = OFFSETS.map(|offset| {
+        let (camera, world) = (prop.camera, prop.headless.app.world_mut());
+        world.entity_mut(camera).insert((TemporalJitter { offset }, PropStage::Display));
+        prop.capture(place, eye)
+    });
+    assert!(frames.iter().all(|frame| *frame == frames[0]), "jitter moves what is drawn at the display");
 }
 
 /// With Bevy's own effects, a prop that moves has the edges of a mesh, and leaves no ghosts that a mesh does not leave.
