@@ -49,9 +49,11 @@ impl TargetKey {
 }
 
 /// Returns the number of samples per pixel of a target in which some samples may show something in front of a prop,
-/// while others show the prop. `None` if there is only one, or if custom stages decide what is shown.
+/// while others show the prop. `None` if there is only one, or if custom stages or a posterized view decide what is
+/// shown.
 pub(super) fn hidden_samples(props: &ViewProps, msaa: &Msaa) -> Option<u32> {
-    Some(msaa.samples()).filter(|samples| *samples > 1 && props.stage == PropStage::Scene && !props.has_stages)
+    let shows_scene = props.stage == PropStage::Scene && !props.has_stages && props.view.get().everything == 0;
+    Some(msaa.samples()).filter(|samples| *samples > 1 && shows_scene)
 }
 
 /// Returns the attachment that [`TargetKey`] describes.

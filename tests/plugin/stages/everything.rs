@@ -119,6 +119,18 @@ fn props_are_posterized_once() {
     // Recolor the palette, then override it for the view.
     scene.world().resource_mut::<Palettes>().get_mut(&other).unwrap().set(0, teal);
     assert_near(at(&scene.capture(), 1, 1), teal, 1, "recolored");
+
+    // A red mesh in front of the prop shows no red, not even where its edge crosses a pixel.
+    let mesh = scene.spawn_square(Vec3::new(0.21, 0.13, 1.0), 0.4, Color::srgb(1.0, 0.0, 0.0));
+    scene.world().entity_mut(prop).insert(Posterize { edges: EdgeSmoothing::Coverage, ..HARD });
+    for msaa in [Msaa::Sample4, Msaa::Off] {
+        scene.set(msaa);
+        let red = scene.capture().pixels().map(|pixel| pixel[0]).max();
+        assert!(red < Some(40), "{msaa:?}: {red:?}");
+    }
+    scene.world().despawn(mesh);
+    scene.world().entity_mut(prop).insert(HARD);
+
     scene.set(PaletteOverride::default().with(0, COLOR));
     assert_near(at(&scene.capture(), 1, 1), COLOR, 1, "overridden");
     assert_near(middle(&scene.capture()), SHOWN[0], 1, "the prop, with an override on the view");
