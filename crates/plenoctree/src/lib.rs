@@ -71,3 +71,4 @@ pub use mesh::{MeshError, SurfaceMesh};
 #[cfg(feature = "write")]
 pub use pack::{PackError, PackSettings, Packed};
 pub use ray_cast::FieldHit;
+pub use save::replace_file;

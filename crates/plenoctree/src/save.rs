@@ -9,12 +9,20 @@ use std::{
     time::SystemTime,
 };
 
-/// Creates or replaces the file at `path` with what `fill` writes.
+/// Creates or replaces the file at `path` with what `fill` writes, as fields and palettes are written.
 ///
 /// `fill` gets a temporary file in the same folder, which then takes the place of an existing file and keeps its
-/// permissions. If anything fails, the existing file is unchanged and the temporary one is removed. Links are followed.
-/// Anything but a regular file, such as a pipe, is written to directly.
-pub(crate) fn save<E: From<io::Error>>(path: &Path, fill: impl FnOnce(&mut File) -> Result<(), E>) -> Result<(), E> {
+/// permissions. Links are followed. Anything but a regular file, such as a pipe, is written to directly.
+///
+/// # Errors
+///
+/// Returns an error if `fill` does, if the folder does not exist or is read-only, or if the existing file is read-only.
+/// The existing file is then unchanged, and the temporary one is removed.
+pub fn replace_file<E: From<io::Error>>(
+    path: impl AsRef<Path>,
+    fill: impl FnOnce(&mut File) -> Result<(), E>,
+) -> Result<(), E> {
+    let path = path.as_ref();
     let existing = fs::metadata(path).ok();
     if existing.as_ref().is_some_and(|existing| !existing.is_file()) {
         return fill(&mut File::create(path)?);
@@ -99,7 +107,7 @@ mod tests {
     }
 
     fn write(path: &Path, text: &str) -> io::Result<()> {
-        save(path, |file| file.write_all(text.as_bytes()))
+        replace_file(path, |file| file.write_all(text.as_bytes()))
     }
 
     #[test]
@@ -107,7 +115,7 @@ mod tests {
         let folder = Folder::new("failure");
         let path = folder.0.join("file");
         let fail = |path: &Path| {
-            save(path, |file| {
+            replace_file(path, |file| {
                 file.write_all(b"half")?;
                 Err(io::Error::other("the disk is full"))
             })

@@ -5,7 +5,7 @@ use std::path::Path;
 use clap::{Args, ValueEnum};
 use plenoctree::splat::{SplatSettings, Splats, SpzAxes};
 
-use crate::{progress, result::Result};
+use crate::{console, progress, result::Result};
 
 /// How to read a capture.
 #[derive(Args, Clone, Copy)]
@@ -35,7 +35,10 @@ pub fn load(path: &Path, arguments: CaptureArguments, quiet: bool) -> Result<Spl
     spinner.finish_and_clear();
     if splats.dropped() > 0 {
         let (dropped, all) = (splats.dropped(), splats.dropped() + splats.len());
-        eprintln!("warning: {}: {dropped} of {all} Gaussians have damaged numbers and are left out", path.display());
+        console::complain!(
+            "warning: {}: {dropped} of {all} Gaussians have damaged numbers and are left out",
+            path.display()
+        );
     }
     Ok(splats)
 }

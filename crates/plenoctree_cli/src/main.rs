@@ -6,6 +6,7 @@ mod boxes;
 mod capture;
 mod coherence;
 mod command;
+mod console;
 mod convert;
 mod evidence;
 mod extraction;
@@ -39,10 +40,10 @@ use std::process::ExitCode;
 use clap::Parser;
 
 fn main() -> ExitCode {
-    match command::CommandLine::parse().run() {
+    match command::CommandLine::parse().run().and_then(|()| console::check()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("error: {error}");
+            console::complain!("error: {error}");
             ExitCode::from(2)
         }
     }

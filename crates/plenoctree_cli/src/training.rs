@@ -13,11 +13,11 @@ const STEPS: u64 = 1000;
 /// Returns the result of `work`, which runs on `threads` threads, or one for each core if that is 0. Ctrl-C ends it
 /// early.
 pub fn watched<T: Send + 'static>(
-    threads: usize,
+    threads: u32,
     work: impl FnOnce(&FitProgress) -> Result<T, FitError> + Send + 'static,
 ) -> Result<T> {
     let progress = Arc::new(FitProgress::default());
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build()?;
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads as usize).build()?;
     {
         let progress = progress.clone();
         ctrlc::set_handler(move || {

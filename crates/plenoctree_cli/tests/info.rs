@@ -2,7 +2,10 @@
 
 mod common;
 
-use std::fs;
+use std::{
+    fs,
+    process::{Command, Stdio},
+};
 
 use common::{ball, fail, folder, succeed, text};
 use plenoctree::{LoadSettings, PlenOctree, palette::Palette};
@@ -51,4 +54,22 @@ fn errors_name_bad_files() {
         assert!(fail(&["info", text(&path)]).contains(name));
     }
     assert!(fail(&["info", text(&folder.join("missing.npz"))]).contains("missing.npz"));
+}
+
+/// Whoever reads the output may read only the start of it, as `head` does. A full disk is an error.
+#[test]
+fn output_that_nobody_reads_is_no_failure() {
+    let field = ball(&folder("info_closed"));
+    let mut command = Command::new(env!("CARGO_BIN_EXE_plenoctree"));
+    command.args(["info", text(&field)]).stderr(Stdio::piped());
+    let mut child = command.stdout(Stdio::piped()).spawn().unwrap();
+    drop(child.stdout.take());
+    let output = child.wait_with_output().unwrap();
+    assert!(output.status.success() && output.stderr.is_empty(), "{output:?}");
+    if let Ok(full) = fs::File::options().write(true).open("/dev/full") {
+        let output = command.stdout(full).output().unwrap();
+        let message = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{message}");
+        assert!(message.starts_with("error: standard output: ") && message.lines().count() == 1, "{message}");
+    }
 }

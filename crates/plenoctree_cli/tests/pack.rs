@@ -54,6 +54,16 @@ fn what_cannot_be_packed_is_an_error() {
     let source = ball(&folder);
     assert!(fail(&["pack", text(&folder.join("none.npz"))]).contains("none.npz"));
     assert!(fail(&["pack", text(&source), "--rows", "0"]).contains("found rows = 0"));
+    let before = std::fs::read(&source).unwrap();
+    let message = fail(&["pack", text(&source), "--npz", "--out", text(&source)]);
+    assert!(message.contains("ball.npz: found an input"), "{message}");
+    assert_eq!(std::fs::read(&source).unwrap(), before);
+    let packed = folder.join("ball.plenoctree");
+    succeed(&["pack", text(&source), "--views", "0"]);
+    // Packing again would replace it.
+    assert!(fail(&["pack", text(&packed)]).contains("ball.plenoctree: found an input"));
+    assert!(fail(&["pack", text(&source), text(&packed)]).contains("ball.plenoctree: found an input"));
+    assert!(fail(&["pack", text(&source), "--views", "0", "--report", text(&folder)]).contains("--views 0"));
     std::fs::write(folder.join("bad.plenoctree"), b"\x89PLO\r\n\x1a\n").unwrap();
     let message = fail(&["info", text(&folder.join("bad.plenoctree"))]);
     assert!(message.contains("bad.plenoctree: header: found 8 bytes"), "{message}");

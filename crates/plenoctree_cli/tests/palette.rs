@@ -112,3 +112,31 @@ fn bad_input_is_rejected() {
     let message = fail(&["palette", text(&field), "--sampling", "reference", "--sample-fraction", "0.5"]);
     assert!(message.contains("ball.npz"), "{message}");
 }
+
+/// Nothing overwrites the field, or one output another, and wrong options are found before anything is written.
+#[test]
+fn outputs_replace_no_input() {
+    let folder = folder("palette_outputs");
+    let field = ball(&folder);
+    let before = fs::read(&field).unwrap();
+    let out = folder.join("p.json");
+    let link = folder.join("other/../ball.npz");
+    fs::create_dir(folder.join("other")).unwrap();
+    for (arguments, named) in [
+        (["--out", text(&link)], "ball.npz"),
+        (["--histograms", text(&field)], "ball.npz"),
+        (["--out", text(&folder)], "palette_outputs"),
+        (["--out", text(&folder.join("none/p.json"))], "none/p.json"),
+        (["--image", text(&folder.join("p.gif"))], "p.gif"),
+    ] {
+        let message = fail(&["palette", text(&field), arguments[0], arguments[1]]);
+        assert!(message.contains(named), "{message}");
+    }
+    fail(&["palette", text(&field), "--out", text(&out), "--histograms", text(&out)]);
+    let message = fail(&["palette", text(&field), "--colors", "4", "--tolerance", "0.1"]);
+    assert!(message.contains("--colors 4"), "{message}");
+    assert_eq!(fs::read(&field).unwrap(), before);
+    let mut names: Vec<_> = fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    names.sort();
+    assert_eq!(names, ["ball.npz", "other"]);
+}

@@ -8,7 +8,7 @@ use half::f16;
 use npyz::{AutoSerialize, DType, NpyWriter, Serialize, WriteOptions, WriterBuilder};
 use zip::write::{FileOptions, ZipWriter};
 
-use crate::{field::PlenOctree, save::save};
+use crate::{field::PlenOctree, save::replace_file};
 
 /// Size of an array, in bytes, above which its zip entry uses 64-bit sizes. It is less than the 4 GiB of 32-bit sizes
 /// because incompressible content grows a little.
@@ -51,7 +51,7 @@ impl PlenOctree {
     ///
     /// Returns an error if the frame does not fit in float32, or if writing fails. An existing file is then unchanged.
     pub fn write(&self, path: impl AsRef<Path>) -> Result<(), WriteError> {
-        save(path.as_ref(), |file| self.write_to(file))
+        replace_file(path.as_ref(), |file| self.write_to(file))
     }
 
     /// Writes the field to an open file or to memory, like [`Self::write`].

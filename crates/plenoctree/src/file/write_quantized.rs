@@ -10,7 +10,7 @@ use super::write::{Archive, WriteError, frame_in_float32, half_density};
 use crate::{
     field::PlenOctree,
     pack::{MAX_ROWS, Packed, shared},
-    save::save,
+    save::replace_file,
 };
 
 impl Packed {
@@ -24,7 +24,7 @@ impl Packed {
     ///
     /// Returns the same errors as [`PlenOctree::write`].
     pub fn write_npz(&self, path: impl AsRef<Path>) -> Result<(), WriteError> {
-        save(path.as_ref(), |file| write_quantized(self.field(), file))
+        replace_file(path.as_ref(), |file| write_quantized(self.field(), file))
     }
 }
 

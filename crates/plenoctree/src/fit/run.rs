@@ -126,6 +126,13 @@ pub fn fit(
             Checkpoint { model, position: Position::default(), random: Random::new(settings.seed) }
         }
     };
+    if let Some((low, high)) = settings.crop {
+        let (grid, crop) = (&model.grid, in_frame((low, high)));
+        if !grid.positions().any(|position| crop.overlaps(grid.center(position), grid.voxel_size())) {
+            let found = format!("{low} to {high}");
+            return Err(FitError::Setting { setting: "crop", found, expected: "a box with some of what cameras see" });
+        }
+    }
     if progress.is_stopped() && position == Position::default() {
         return Err(FitError::Stopped);
     }

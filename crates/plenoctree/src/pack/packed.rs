@@ -16,7 +16,7 @@ use crate::{
         Canceled, InvalidSetting, Progress, Recorded, SamplingError, SamplingSettings, Seen, Visibility, sample,
         visibility,
     },
-    save::save,
+    save::replace_file,
 };
 
 /// An error that occurs when packing a field.
@@ -104,7 +104,7 @@ impl Packed {
     ///
     /// Returns an error if writing fails. An existing file is then unchanged.
     pub fn write(&self, path: impl AsRef<Path>) -> Result<(), WriteError> {
-        save(path.as_ref(), |file| Ok(file.write_all(&self.bytes)?))
+        replace_file(path.as_ref(), |file| Ok(file.write_all(&self.bytes)?))
     }
 }
 

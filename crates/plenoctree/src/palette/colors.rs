@@ -8,7 +8,7 @@ use std::{
 use serde::{Deserialize, Serialize};
 
 use super::method::PaletteMethod;
-use crate::save::save;
+use crate::save::replace_file;
 
 /// A few colors that represent everything visible in a field, the heaviest first.
 ///
@@ -182,7 +182,7 @@ impl Palette {
         self.validate().map_err(|source| PaletteFileError::Invalid { path: name(), source })?;
         let text =
             serde_json::to_string(self).map_err(|source| PaletteFileError::Json { path: name(), source })? + "\n";
-        save(path, |file| file.write_all(text.as_bytes()))
+        replace_file(path, |file| file.write_all(text.as_bytes()))
             .map_err(|source| PaletteFileError::Io { path: name(), source })
     }
 }

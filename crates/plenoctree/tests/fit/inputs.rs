@@ -244,6 +244,55 @@ fn errors_name_file_and_reason() {
     assert!(read(&folder).unwrap_err().contains("images.bin"));
 }
 
+/// A JPEG file of one channel that ends where its pixels would begin.
+fn jpeg_header(width: u16, height: u16) -> Vec<u8> {
+    let [(w, x), (h, y)] = [width, height].map(|side| (side.to_be_bytes()[0], side.to_be_bytes()[1]));
+    let frame = [0xff, 0xc0, 0, 11, 8, h, y, w, x, 1, 1, 0x11, 0];
+    let scan = [0xff, 0xda, 0, 8, 1, 1, 0, 0, 63, 0];
+    [&[0xff, 0xd8][..], &frame, &scan].concat()
+}
+
+/// Panoramas are read, and sizes that would take too much memory are errors of one line, for JPEG and PNG alike.
+#[test]
+fn sizes_of_pictures_are_limited() {
+    let folder = folder("sizes");
+    let name = |path: &str| {
+        format!(
+            r#"{{"camera_angle_x": 1, "frames": [{{"file_path": "{path}", "transform_matrix":
+        [[1,0,0,0],[0,1,0,0],[0,0,1,4],[0,0,0,1]]}}]}}"#
+        )
+    };
+    fs::write(folder.join("transforms.json"), name("wide.jpg")).unwrap();
+    fs::write(folder.join("wide.jpg"), jpeg_header(30_000, 4000)).unwrap();
+    let camera = &read(&folder).unwrap().views[0].camera;
+    assert_eq!((camera.width, camera.height), (30_000, 4000));
+    // A signature, and a header without the rest.
+    let png = |width: u32, height: u32| {
+        let mut header = b"IHDR".to_vec();
+        header.extend([width, height].into_iter().flat_map(u32::to_be_bytes).chain([8, 6, 0, 0, 0]));
+        let mut crc = u32::MAX;
+        for byte in &header {
+            crc = (0..8).fold(crc ^ u32::from(*byte), |crc, _| crc >> 1 ^ (0xedb8_8320 & (crc & 1).wrapping_neg()));
+        }
+        let end = [&(!crc).to_be_bytes()[..], &[0, 0, 0, 0], b"IDAT", &[0x35, 0xaf, 0x06, 0x1e]].concat();
+        [b"\x89PNG\r\n\x1a\n", &13u32.to_be_bytes()[..], &header, &end].concat()
+    };
+    for (content, found) in [
+        (jpeg_header(40_000, 2), "40000x2"),
+        (jpeg_header(20_000, 20_000), "20000x20000"),
+        (png(40_000, 2), "40000x2"),
+        (png(1 << 30, 1 << 30), "1073741824x1073741824"),
+    ] {
+        fs::write(folder.join("wide.jpg"), content).unwrap();
+        let message = read(&folder).unwrap_err();
+        assert!(message.contains("wide.jpg") && message.contains(found), "{message}");
+        assert!(message.contains("at most 32768 pixels a side and 134217728 in all"), "{message}");
+    }
+    fs::write(folder.join("wide.jpg"), &jpeg_header(30, 40)[..18]).unwrap();
+    let message = read(&folder).unwrap_err();
+    assert!(message.contains("wide.jpg: picture: found") && message.lines().count() == 1, "{message}");
+}
+
 /// Views that do not show a common object are rejected.
 #[test]
 fn views_must_overlap() {

@@ -231,4 +231,9 @@ fn fields_are_cut() {
     // The pictures show what was cut away.
     let held_out = fitted.report.held_out.unwrap();
     assert!(held_out.psnr_db > 22.0, "{held_out:?}");
+    // A box without any of it is found before training.
+    let input = FitInput::read(&folder, &InputFolders::default()).unwrap();
+    let settings = FitSettings { crop: Some((DVec3::splat(50.0), DVec3::splat(51.0))), ..quick() };
+    let error = fit(&input, None, &settings, &FitProgress::default()).unwrap_err().to_string();
+    assert!(error.starts_with("crop: found [50, 50, 50] to [51, 51, 51], expected "), "{error}");
 }

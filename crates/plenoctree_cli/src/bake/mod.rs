@@ -20,7 +20,7 @@ use plenoctree::{BakeError, PlenOctree};
 
 use self::{drum::Drum, gumballs::Gumballs, prop::bake_prop, robot::Robot, toadstool::Toadstool};
 use crate::{
-    files,
+    console, files,
     pack::{Quality, pack_unchanged},
     progress,
     result::Result,
@@ -67,7 +67,7 @@ pub fn run(arguments: &Arguments) -> Result {
             packed.field().leaves()
         };
         let size = fs::metadata(&path).map_err(|error| named(&error))?.len() as f64 / 1e6;
-        println!("{}: {leaves} leaves, {size:.2} MB, {:.1} s", path.display(), start.elapsed().as_secs_f64());
+        console::say!("{}: {leaves} leaves, {size:.2} MB, {:.1} s", path.display(), start.elapsed().as_secs_f64());
     }
     Ok(())
 }

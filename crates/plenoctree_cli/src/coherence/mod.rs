@@ -25,20 +25,19 @@ pub use turn::quarter;
 
 use plenoctree::palette::ExtractionSettings;
 
-use crate::{extraction, field, files, preset::Preset, progress, renderer::Scene, result::Result};
+use crate::{console, extraction, field, files, preset::Preset, progress, renderer::Scene, result::Result};
 
 /// Renders the frames, compares them, and writes the table and the plot.
 pub fn run(arguments: &Arguments) -> Result {
     let path = &field::or_default(arguments.field.as_deref());
     let named = |error: Box<dyn std::error::Error>| format!("{}: {error}", path.display());
     let field = field::load(path, arguments.quiet)?;
+    let out = &arguments.out;
+    files::create_folder(out)?;
     let settings = ExtractionSettings::default();
     let extracted = extraction::cpu::extract(&field, &settings, arguments.quiet).map_err(named)?;
     let cameras = quarter(&field, arguments.size, arguments.frames as usize)
         .ok_or_else(|| format!("{}: the field is empty", path.display()))?;
-    let out = &arguments.out;
-    files::create_folder(out)?;
-
     let scene = Scene { field, quality: Preset::Exact, background: [255; 3] };
     let mut renderer = arguments.renderer.start(scene, &cameras).map_err(named)?;
     let palette = &extracted.extraction.palette;
@@ -51,8 +50,8 @@ pub fn run(arguments: &Arguments) -> Result {
     files::write_text(&out.join("coherence.csv"), &series.csv())?;
     files::write_text(&out.join("coherence.svg"), &series.svg(&name))?;
     if !arguments.quiet {
-        print!("{}", summary(&series));
-        println!("{} frames of {} compared, results saved to {}", cameras.len(), path.display(), out.display());
+        console::print(&summary(&series));
+        console::say!("{} frames of {} compared, results saved to {}", cameras.len(), path.display(), out.display());
     }
     Ok(())
 }

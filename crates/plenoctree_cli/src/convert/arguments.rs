@@ -49,8 +49,8 @@ pub struct Arguments {
     #[arg(long, default_value_t = 0)]
     pub seed: u64,
     /// The number of threads; by default, one for each core.
-    #[arg(long, default_value_t = 0, hide_default_value = true)]
-    pub threads: usize,
+    #[arg(long, default_value_t = 0, hide_default_value = true, value_parser = clap::value_parser!(u32).range(0..=1024))]
+    pub threads: u32,
     /// How to read the capture.
     #[command(flatten)]
     pub reading: CaptureArguments,

@@ -17,13 +17,13 @@ use plenoctree::{
 use serde_json::json;
 
 use self::measure::measure;
-use crate::{capture, fit::output, progress, result::Result, training::watched};
+use crate::{capture, console, fit::output, progress, result::Result, training::watched};
 
 /// Converts the capture, extracts the palette, and writes both with views and a report.
 pub fn run(arguments: &Arguments) -> Result {
     let path = &arguments.capture;
     let named = |error: &dyn std::error::Error| format!("{}: {error}", path.display());
-    output::check(&arguments.out)?;
+    output::check(&arguments.out, &[path], &arguments.extraction)?;
     let start = Instant::now();
     let splats = capture::load(path, arguments.reading, false)?;
     let all = splats.len();
@@ -33,7 +33,7 @@ pub fn run(arguments: &Arguments) -> Result {
         up: arguments.stand.then(|| arguments.up.axis()),
     };
     let Subject { splats, low, high, turn } = splats.subject(&settings).map_err(|error| named(&error))?;
-    println!(
+    console::say!(
         "{}: {all} Gaussians, of which {} are in the box from {low:.3} to {high:.3}",
         path.display(),
         splats.len()
@@ -52,7 +52,7 @@ pub fn run(arguments: &Arguments) -> Result {
     let images = photograph(&splats, &cameras.held_out, "measuring");
     let mut measured = measure(&field, &cameras.held_out, &images);
     let voxelized = measured.json(&field);
-    println!("voxelized: {} leaves, {} in {:.1} s", field.leaves(), decibels(&measured), voxelizing.as_secs_f64());
+    console::say!("voxelized: {} leaves, {} in {:.1} s", field.leaves(), decibels(&measured), voxelizing.as_secs_f64());
     let mut measuring = start.elapsed();
     let (mut refined, mut refining) = (None, Duration::ZERO);
     if !arguments.no_refine {
@@ -71,7 +71,7 @@ pub fn run(arguments: &Arguments) -> Result {
         field = better;
         let start = Instant::now();
         measured = measure(&field, &cameras.held_out, &images);
-        println!("refined: {} leaves, {} in {:.0} s", field.leaves(), decibels(&measured), refining.as_secs_f64());
+        console::say!("refined: {} leaves, {} in {:.0} s", field.leaves(), decibels(&measured), refining.as_secs_f64());
         let mut report = measured.json(&field);
         report["million_rays"] = json!(stage.million_rays);
         refined = Some(report);
@@ -103,7 +103,7 @@ pub fn run(arguments: &Arguments) -> Result {
         },
     });
     output::write(&arguments.out, &field, palette.as_ref(), &measured.previews, &report)?;
-    println!("{}: {} leaves", arguments.out.display(), field.leaves());
+    console::say!("{}: {} leaves", arguments.out.display(), field.leaves());
     Ok(())
 }
 

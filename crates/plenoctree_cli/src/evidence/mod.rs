@@ -21,7 +21,7 @@ use plenoctree::{
     sampling::Progress,
 };
 
-use crate::{extraction, field, files, preset::Preset, progress, renderer::Scene, result::Result};
+use crate::{console, extraction, field, files, preset::Preset, progress, renderer::Scene, result::Result};
 use data::Evidence;
 use methods::{Method, Methods};
 use report::{Folder, Report};
@@ -78,7 +78,7 @@ pub fn run(arguments: &Arguments) -> Result {
     let report = Report { title: format!("Evidence: {}", evidence.name), sections };
     report.write(&evidence.folder)?;
     if !arguments.quiet {
-        println!("report of {} saved to {}", path.display(), arguments.out.join("report.html").display());
+        console::say!("report of {} saved to {}", path.display(), arguments.out.join("report.html").display());
     }
     Ok(())
 }

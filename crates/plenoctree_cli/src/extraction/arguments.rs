@@ -50,12 +50,15 @@ pub enum Sampling {
 
 impl ExtractionArguments {
     /// Returns the default settings with the changes from the command line.
-    pub fn settings(&self) -> ExtractionSettings {
+    pub fn settings(&self) -> Result<ExtractionSettings, String> {
+        if let (Some(colors), Some(_)) = (self.colors, self.tolerance) {
+            return Err(format!("--tolerance: found --colors {colors}, expected --colors auto"));
+        }
         let method = self.method;
         let auto = || self.tolerance.map_or(ColorCount::AUTO, |tolerance| ColorCount::Auto { tolerance });
         let colors = self.colors.map_or_else(auto, ColorCount::Fixed);
         let sampling = SamplingSettings { sample_fraction: self.sample_fraction, ..SamplingSettings::default() };
-        ExtractionSettings { method, colors, sampling, ..ExtractionSettings::default() }
+        Ok(ExtractionSettings { method, colors, sampling, ..ExtractionSettings::default() })
     }
 }
 

@@ -10,27 +10,28 @@ use npyz::{NpyFile, WriterBuilder};
 use plenoctree::sampling::{Histograms, SamplingSettings};
 use zip::{ZipArchive, ZipWriter, write::FileOptions};
 
-use crate::result::Result;
+use crate::{files, result::Result};
 
 /// Writes the arrays `fine` and `coarse` in float64, indexed by [r, g, b] and not normalized.
 pub fn write(histograms: &Histograms, settings: &SamplingSettings, path: &Path) -> Result {
-    let failed = |error: io::Error| format!("{}: {error}", path.display());
-    let file = File::create(path).map_err(failed)?;
+    files::write(path, |file| write_to(histograms, settings, file))
+}
+
+fn write_to(histograms: &Histograms, settings: &SamplingSettings, file: &mut File) -> io::Result<()> {
     let mut archive = ZipWriter::new(BufWriter::new(file));
     for (name, weights, bins) in
         [("fine.npy", histograms.fine(), settings.fine_bins), ("coarse.npy", histograms.coarse(), settings.coarse_bins)]
     {
         // Omit the time of writing, so that the same field gives the same file.
         let options = FileOptions::default().last_modified_time(Default::default());
-        archive.start_file(name, options).map_err(|error| failed(error.into()))?;
+        archive.start_file(name, options)?;
         let shape = [bins as u64; 3];
         let array = npyz::WriteOptions::new().default_dtype().shape(&shape).writer(&mut archive).begin_nd();
-        let mut array = array.map_err(failed)?;
-        array.extend(weights.iter().copied()).map_err(failed)?;
-        array.finish().map_err(failed)?;
+        let mut array = array?;
+        array.extend(weights.iter().copied())?;
+        array.finish()?;
     }
-    let mut file = archive.finish().map_err(|error| failed(error.into()))?;
-    Ok(file.flush().map_err(failed)?)
+    archive.finish()?.flush()
 }
 
 /// Reads the arrays `fine` and `coarse`, as [`write`] writes them.

@@ -27,7 +27,7 @@ pub fn extract(
     sampling: Option<Sampling>,
     quiet: bool,
 ) -> Result<Extracted> {
-    let settings = arguments.settings();
+    let settings = arguments.settings()?;
     let extracted = sample_and_extract(field, &settings, sampling, quiet)
         .map_err(|error| format!("{}: {error}", path.display()))?;
     if let Some(path) = &arguments.histograms {

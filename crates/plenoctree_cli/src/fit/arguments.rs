@@ -32,7 +32,7 @@ pub struct Arguments {
     #[arg(long, conflicts_with = "holdout")]
     all: bool,
     /// Other views to measure the result on, as an input like INPUT. No views of INPUT are held out then.
-    #[arg(long, value_name = "INPUT")]
+    #[arg(long, value_name = "INPUT", conflicts_with = "holdout")]
     pub test: Option<PathBuf>,
     /// Average every N x N pixels.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=64))]
@@ -79,8 +79,8 @@ pub struct Arguments {
     #[arg(long, default_value_t = 0)]
     seed: u64,
     /// The number of threads; by default, one for each core.
-    #[arg(long, default_value_t = 0, hide_default_value = true)]
-    pub threads: usize,
+    #[arg(long, default_value_t = 0, hide_default_value = true, value_parser = clap::value_parser!(u32).range(0..=1024))]
+    pub threads: u32,
     /// The arguments for extraction.
     #[command(flatten)]
     pub extraction: ExtractionArguments,

@@ -9,17 +9,21 @@ pub mod output;
 
 pub use arguments::Arguments;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use plenoctree::fit::{FitInput, FitReport, Fitted, fit};
 
-use crate::{result::Result, training::watched};
+use crate::{console, result::Result, training::watched};
 
 /// Fits the field, extracts its palette, and writes both with previews and a report.
 pub fn run(arguments: &Arguments) -> Result {
     let folders = arguments.folders();
-    output::check(&arguments.out)?;
+    let inputs: Vec<&Path> = [&arguments.input].into_iter().chain(&arguments.test).map(PathBuf::as_path).collect();
+    output::check(&arguments.out, &inputs, &arguments.extraction)?;
     let mut settings = arguments.settings();
+    if let Some(checkpoint) = settings.checkpoint.as_ref().filter(|path| settings.resume && !path.exists()) {
+        console::complain!("warning: {}: not found, so the fit starts anew", checkpoint.display());
+    }
     let pictures = match model_pictures(arguments)? {
         Some((pictures, supersampling)) => {
             settings.downscale *= supersampling;
@@ -68,10 +72,10 @@ fn print(arguments: &Arguments, report: &FitReport) {
             Some(psnr) => format!("contradicts the others, {psnr:.1} dB where {:.1} dB are usual", view.median_psnr_db),
             None => "does not have the object in view".into(),
         };
-        eprintln!("warning: view {} ({}) {what}: its pose may be wrong", view.number, view.name);
+        console::complain!("warning: view {} ({}) {what}: its pose may be wrong", view.number, view.name);
     }
     if let Some(held_out) = &report.held_out {
-        println!(
+        console::say!(
             "{:.2} dB, SSIM {:.3} on {} views that were not fitted to",
             held_out.psnr_db,
             held_out.ssim,
@@ -79,5 +83,5 @@ fn print(arguments: &Arguments, report: &FitReport) {
         );
     }
     let seconds = report.seconds.preparing + report.seconds.training + report.seconds.measuring;
-    println!("{}: {} leaves, {seconds:.0} s", arguments.out.display(), report.leaves);
+    console::say!("{}: {} leaves, {seconds:.0} s", arguments.out.display(), report.leaves);
 }

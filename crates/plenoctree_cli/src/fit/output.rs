@@ -10,28 +10,28 @@ use plenoctree::{PlenOctree, fit::Comparison, palette::Palette};
 use serde_json::Value;
 
 use crate::{
+    console,
     extraction::{self, ExtractionArguments},
     files,
     result::Result,
 };
 
-/// Checks that the output can be written, before the work starts.
-pub fn check(out: &Path) -> Result {
+/// Checks that the output and the histograms can be written, and how the palette is to be extracted, before the work
+/// starts.
+pub fn check(out: &Path, inputs: &[&Path], extraction: &ExtractionArguments) -> Result {
+    extraction.settings()?;
+    files::check_inputs(inputs)?;
     if out.extension().is_none_or(|extension| extension != "npz") {
         return Err(format!("{}: found another extension, expected .npz", out.display()).into());
     }
     files::create_folder(&folder(out))?;
-    if let Some(target) = targets(out).into_iter().find(|target| target.is_dir()) {
-        return Err(format!("{}: found a folder, expected a file to replace, or nothing", target.display()).into());
-    }
     let views = views(out);
     if views.exists() && !views.is_dir() {
         return Err(format!("{}: found a file, expected a folder to replace, or nothing", views.display()).into());
     }
-    let probe = partial(out);
-    fs::write(&probe, [])
-        .and_then(|()| fs::remove_file(&probe))
-        .map_err(|error| format!("{}: cannot be written: {error}", out.display()).into())
+    let targets = targets(out);
+    let outputs: Vec<&Path> = targets.iter().chain(&extraction.histograms).map(PathBuf::as_path).collect();
+    files::check_outputs(&outputs, inputs)
 }
 
 /// Extracts the palette of a field. Warns if it has none, like a solid block of one cell: that is no reason to lose the
@@ -39,7 +39,7 @@ pub fn check(out: &Path) -> Result {
 pub fn palette(out: &Path, field: &PlenOctree, arguments: &ExtractionArguments) -> Option<Palette> {
     let extracted = extraction::extract(field, out, arguments, None, false);
     extracted
-        .inspect_err(|error| eprintln!("warning: the field is written without a palette: {error}"))
+        .inspect_err(|error| console::complain!("warning: the field is written without a palette: {error}"))
         .ok()
         .map(|extracted| extracted.extraction.palette)
 }
@@ -154,7 +154,7 @@ mod tests {
         fs::write(folder.join("solid.palette.json"), "another").unwrap();
         let palette = palette(&out, &field, &Arguments::parse_from(["test"]).extraction);
         assert!(palette.is_none());
-        check(&out).unwrap();
+        check(&out, &[], &Arguments::parse_from(["test"]).extraction).unwrap();
         write(&out, &field, palette.as_ref(), &[], &Value::Null).unwrap();
         let names: Vec<_> = fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().file_name()).collect();
         fs::remove_dir_all(&folder).unwrap();

@@ -10,16 +10,16 @@ pub use arguments::Arguments;
 
 use std::path::Path;
 
-use crate::result::Result;
+use crate::{console, result::Result};
 
 /// Prints the description of the file.
 pub fn run(arguments: &Arguments) -> Result {
     let path = &arguments.file;
     let report = if is_json(path) { palette::report(path)? } else { field::report(path)? };
     if arguments.json {
-        println!("{}", serde_json::to_string_pretty(&report.json)?);
+        console::say!("{}", serde_json::to_string_pretty(&report.json)?);
     } else {
-        print!("{}", report.text);
+        console::print(&report.text);
     }
     Ok(())
 }

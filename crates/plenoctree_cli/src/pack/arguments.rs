@@ -5,12 +5,12 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 use plenoctree::{PackSettings, fit::SimplifySettings};
 
-use crate::{result::Result, size::parse_size};
+use crate::{files, result::Result, size::parse_size};
 
 /// Pack fields into their shipping form, a tenth of the size.
 #[derive(Args)]
 pub struct Arguments {
-    /// The fields, .npz files.
+    /// The fields, .npz files; or packed ones, to pack them again.
     #[arg(required = true)]
     pub fields: Vec<PathBuf>,
     /// The packed file; by default next to the field, with the extension .plenoctree. For a single field.
@@ -94,6 +94,17 @@ impl Quality {
 }
 
 impl Arguments {
+    /// Checks that all files can be written, and that there are views for the report.
+    pub fn check(&self) -> Result {
+        let outputs: Vec<PathBuf> = self.fields.iter().map(|field| self.out(field)).collect::<Result<_>>()?;
+        if self.report.is_some() && self.views == 0 {
+            return Err("--report: found --views 0, expected at least 1".into());
+        }
+        let [outputs, fields] =
+            [&outputs, &self.fields].map(|paths| paths.iter().map(PathBuf::as_path).collect::<Vec<_>>());
+        files::check_outputs(&outputs, &fields)
+    }
+
     /// Returns the path of a field's packed file.
     pub fn out(&self, field: &Path) -> Result<PathBuf> {
         match &self.out {

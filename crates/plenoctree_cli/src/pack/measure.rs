@@ -9,7 +9,7 @@ use plenoctree::{
 };
 
 use super::Arguments;
-use crate::{extraction, result::Result, turntable};
+use crate::{console, extraction, result::Result, turntable};
 
 /// The size of views from around the field.
 const SIZE: (u32, u32) = (200, 200);
@@ -55,7 +55,7 @@ impl Views {
         let palette = match palette(field) {
             Ok(palette) => palette,
             Err(error) => {
-                eprintln!("not measured: {error}");
+                console::complain!("warning: not measured: {error}");
                 return Ok(None);
             }
         };

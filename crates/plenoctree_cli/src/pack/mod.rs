@@ -15,11 +15,13 @@ use plenoctree::{
     sampling::Progress,
 };
 
-use crate::{field, progress, result::Result};
+use crate::{console, field, files, progress, result::Result};
 use measure::Views;
 
 /// Packs the fields, writes them, and prints the loss.
 pub fn run(arguments: &Arguments) -> Result {
+    arguments.check()?;
+    arguments.report.iter().try_for_each(|folder| files::create_folder(folder))?;
     let fields: Result<Vec<_>> = arguments.fields.iter().map(|path| pack_file(path, arguments)).collect();
     match &arguments.report {
         Some(folder) => report::write(folder, &fields?),
@@ -34,25 +36,27 @@ fn pack_file(path: &Path, arguments: &Arguments) -> Result<report::Field> {
     arguments.settings(arguments.quality).validate()?;
     let field = field::load(path, false)?;
     let views = Views::new(&field, arguments)?;
-    let packed = pack(&field, arguments, arguments.quality)?;
-    if arguments.npz {
-        packed.write_npz(&out)?
-    } else {
-        packed.write(&out)?
-    }
+    let packed = pack(&field, path, arguments, arguments.quality)?;
+    let written = if arguments.npz { packed.write_npz(&out) } else { packed.write(&out) };
+    written.map_err(|error| format!("{}: {error}", out.display()))?;
     let after = fs::metadata(&out).map_err(|error| format!("{}: {error}", out.display()))?.len();
     print_sizes(&field, &packed, [before, after]);
     if let Some(views) = &views {
         let loss = views.compare(packed.field());
-        println!("{:.1} dB from the field in {} views, {:.2}% of labels changed", loss.psnr, views.len(), loss.labels);
+        console::say!(
+            "{:.1} dB from the field in {} views, {:.2}% of labels changed",
+            loss.psnr,
+            views.len(),
+            loss.labels
+        );
     }
-    println!("{}", out.display());
+    console::say!("{}", out.display());
     let mut rows = Vec::new();
     if let (Some(_), Some(views)) = (&arguments.report, &views) {
         for quality in Quality::value_variants() {
             let packed = match *quality == arguments.quality {
                 true => packed.clone(),
-                false => pack(&field, arguments, *quality)?,
+                false => pack(&field, path, arguments, *quality)?,
             };
             rows.push(report::Row::new(*quality, field.leaves(), &packed, views));
         }
@@ -62,16 +66,16 @@ fn pack_file(path: &Path, arguments: &Arguments) -> Result<report::Field> {
 }
 
 /// Simplifies the field, if it is of the kind, and packs it.
-fn pack(field: &PlenOctree, arguments: &Arguments, quality: Quality) -> Result<Packed> {
+fn pack(field: &PlenOctree, path: &Path, arguments: &Arguments, quality: Quality) -> Result<Packed> {
     let settings = arguments.settings(quality);
-    let Some(simplification) = arguments.simplification(quality) else { return pack_unchanged(field, &settings) };
-    match simplified(field, simplification)? {
-        Ok(simple) => pack_unchanged(&simple, &settings),
-        Err(error) => {
-            eprintln!("packed as it is: {error}");
-            pack_unchanged(field, &settings)
-        }
-    }
+    let simple = match arguments.simplification(quality) {
+        Some(simplification) => simplified(field, simplification)?
+            .inspect_err(|error| console::complain!("warning: {}: packed as it is: {error}", path.display()))
+            .ok(),
+        None => None,
+    };
+    let packed = pack_unchanged(simple.as_ref().unwrap_or(field), &settings);
+    Ok(packed.map_err(|error| format!("{}: {error}", path.display()))?)
 }
 
 /// Simplifies from another thread, so that this one can show the progress.
@@ -112,8 +116,8 @@ pub fn pack_unchanged(field: &PlenOctree, settings: &PackSettings) -> Result<Pac
 fn print_sizes(field: &PlenOctree, packed: &Packed, [before, after]: [u64; 2]) {
     let dropped = field.leaves() - packed.field().leaves();
     let share = 100.0 * dropped as f64 / field.leaves().max(1) as f64;
-    println!("{dropped} of {} leaves dropped, {share:.0}%", field.leaves());
-    println!("{before} bytes before, {after} after: {:.1} times smaller", before as f64 / after as f64);
+    console::say!("{dropped} of {} leaves dropped, {share:.0}%", field.leaves());
+    console::say!("{before} bytes before, {after} after: {:.1} times smaller", before as f64 / after as f64);
     let sections: Vec<_> = packed.sections().iter().map(|(name, bytes)| format!("{name} {bytes}")).collect();
-    println!("sections: {}", sections.join(", "));
+    console::say!("sections: {}", sections.join(", "));
 }

@@ -8,7 +8,7 @@ use super::{
     arguments::Quality,
     measure::{Loss, Views},
 };
-use crate::{files, plot, result::Result};
+use crate::{console, files, plot, result::Result};
 
 /// The results of a quality.
 pub struct Row {
@@ -44,7 +44,6 @@ pub struct Field {
 
 /// Writes `packing.md`, `psnr.svg` and `labels.svg`.
 pub fn write(folder: &Path, fields: &[Field]) -> Result {
-    files::create_folder(folder)?;
     let mut text = String::from(
         "| field | quality | MB before | MB | of the file | leaves | dropped | PSNR, dB | labels changed | palette \
          |\n|---|---|---|---|---|---|---|---|---|---|\n",
@@ -76,7 +75,7 @@ pub fn write(folder: &Path, fields: &[Field]) -> Result {
     let labels = plot::lines("Packed fields", "size, MB", "labels changed, %", &lines(|loss| loss.labels));
     files::write_text(&folder.join("psnr.svg"), &psnr)?;
     files::write_text(&folder.join("labels.svg"), &labels)?;
-    print!("{text}");
-    println!("{}", folder.display());
+    console::print(&text);
+    console::say!("{}", folder.display());
     Ok(())
 }

@@ -4,7 +4,11 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use crate::extraction::{ExtractionArguments, Sampling};
+use crate::{
+    extraction::{ExtractionArguments, Sampling},
+    files,
+    result::Result,
+};
 
 /// Extract the palette of a field.
 #[derive(Args)]
@@ -46,6 +50,16 @@ pub enum Input<'a> {
 }
 
 impl Arguments {
+    /// Checks that the files can be written: the palette to `out`, its image and the histograms.
+    pub fn check_outputs(&self, out: &Path, input: &Path) -> Result {
+        let is_png = |image: &PathBuf| image.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("png"));
+        if let Some(image) = self.image.as_ref().filter(|image| !is_png(image)) {
+            return Err(format!("{}: found another extension, expected .png", image.display()).into());
+        }
+        let others = [&self.image, &self.extraction.histograms].into_iter().flatten().map(PathBuf::as_path);
+        files::check_outputs(&[out].into_iter().chain(others).collect::<Vec<_>>(), &[input])
+    }
+
     /// Returns the input.
     pub fn input(&self) -> Input<'_> {
         match (&self.source.field, &self.source.from_histograms) {

@@ -7,6 +7,7 @@ pub use arguments::Arguments;
 use plenoctree::{palette::extract_from_histograms, sampling::Progress};
 
 use crate::{
+    console,
     extraction::{self, histograms},
     field, files,
     result::Result,
@@ -16,31 +17,30 @@ use arguments::Input;
 
 /// Extracts, writes and prints the palette.
 pub fn run(arguments: &Arguments) -> Result {
-    let (path, extraction) = match arguments.input() {
+    let settings = arguments.extraction.settings()?;
+    let input = arguments.input();
+    let (Input::Field(path) | Input::Histograms(path)) = input;
+    let out = arguments.out(path);
+    arguments.check_outputs(&out, path)?;
+    let extraction = match input {
         Input::Field(path) => {
             let field = field::load(path, false)?;
             let sampling = Some(arguments.sampling);
-            (path, extraction::extract(&field, path, &arguments.extraction, sampling, false)?.extraction)
+            extraction::extract(&field, path, &arguments.extraction, sampling, false)?.extraction
         }
         Input::Histograms(path) => {
-            let extracted = extract_from_histograms(
-                &histograms::read(path)?,
-                &arguments.extraction.settings(),
-                &Progress::default(),
-            );
-            (path, extracted.map_err(|error| format!("{}: {error}", path.display()))?)
+            let extracted = extract_from_histograms(&histograms::read(path)?, &settings, &Progress::default());
+            extracted.map_err(|error| format!("{}: {error}", path.display()))?
         }
     };
     let palette = &extraction.palette;
-
-    let out = arguments.out(path);
     palette.write(&out)?;
     if let Some(image) = &arguments.image {
         files::write_image(image, &swatches::draw(palette))?;
     }
-    print!("{}", swatches::lines(palette));
+    console::print(&swatches::lines(palette));
     let errors = extraction.errors;
-    println!("error to the nearest label: {:.2} of 255; hue off: {:.1}%", 255.0 * errors.rmse, 100.0 * errors.hue);
-    println!("{} colors of {} saved to {}", palette.colors.len(), path.display(), out.display());
+    console::say!("error to the nearest label: {:.2} of 255; hue off: {:.1}%", 255.0 * errors.rmse, 100.0 * errors.hue);
+    console::say!("{} colors of {} saved to {}", palette.colors.len(), path.display(), out.display());
     Ok(())
 }

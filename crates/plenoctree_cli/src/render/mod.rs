@@ -13,7 +13,7 @@ use plenoctree::{
     splat::{Splats, render_splats},
 };
 
-use crate::{capture, field, files, hex, progress, result::Result};
+use crate::{capture, console, field, files, hex, progress, result::Result};
 
 /// The scene to render.
 enum Scene {
@@ -40,12 +40,12 @@ impl Scene {
 pub fn run(arguments: &Arguments) -> Result {
     let path = &arguments.input;
     let cameras = read_transforms(&arguments.cameras, arguments.size)?;
-    let scene =
-        if path.extension().is_some_and(|extension| PlenOctree::EXTENSIONS.iter().any(|known| extension == *known)) {
-            Scene::Field(field::load(path, arguments.quiet)?)
-        } else {
-            Scene::Capture(capture::load(path, arguments.capture, arguments.quiet)?)
-        };
+    let extension = path.extension().unwrap_or_default();
+    let scene = if PlenOctree::EXTENSIONS.iter().any(|known| extension.eq_ignore_ascii_case(known)) {
+        Scene::Field(field::load(path, arguments.quiet)?)
+    } else {
+        Scene::Capture(capture::load(path, arguments.capture, arguments.quiet)?)
+    };
     files::create_folder(&arguments.out)?;
     let bar = progress::bar("rendering", cameras.len() as u64, arguments.quiet);
     for (index, camera) in cameras.iter().enumerate() {
@@ -76,7 +76,7 @@ pub fn run(arguments: &Arguments) -> Result {
     }
     bar.finish_and_clear();
     if !arguments.quiet {
-        println!("{} views of {} saved to {}", cameras.len(), path.display(), arguments.out.display());
+        console::say!("{} views of {} saved to {}", cameras.len(), path.display(), arguments.out.display());
     }
     Ok(())
 }

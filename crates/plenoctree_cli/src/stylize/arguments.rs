@@ -1,15 +1,16 @@
 //! The arguments of `stylize`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use plenoctree::palette::Palette;
 
 use crate::{
     extraction::{ExtractionArguments, Sampling},
-    hex,
+    files, hex,
     preset::Preset,
     renderer::{PosterizeSettings, Renderer},
+    result::Result,
     size::parse_size,
 };
 
@@ -82,6 +83,19 @@ impl Arguments {
             min_opacity: self.min_opacity,
             smooth_edges: self.smooth_edges,
         }
+    }
+
+    /// Checks what the parser cannot: settings that the reference does not have, and whether the histograms can be
+    /// written.
+    pub fn check(&self, field: &Path) -> Result {
+        if self.renderer == Renderer::Reference {
+            let ignored = [(self.smooth_edges, "--smooth-edges"), (self.quality != Preset::Exact, "--quality")];
+            if let Some((_, name)) = ignored.into_iter().find(|(given, _)| *given) {
+                return Err(format!("{name}: found the renderer reference, expected gpu").into());
+            }
+        }
+        self.extraction.settings()?;
+        self.extraction.histograms.iter().try_for_each(|path| files::check_outputs(&[path], &[field]))
     }
 
     /// Returns the palette's colors with the changes from the command line, or `None` if there are no changes.

@@ -14,7 +14,7 @@ use plenoctree::{
 };
 
 use crate::{
-    extraction, field, files, progress,
+    console, extraction, field, files, progress,
     renderer::{Look, Scene},
     result::Result,
     turntable,
@@ -24,6 +24,7 @@ use output::Views;
 /// Renders the views and writes them, the palette and the report.
 pub fn run(arguments: &Arguments) -> Result {
     let path = &field::or_default(arguments.field.as_deref());
+    arguments.check(path)?;
     let cameras = arguments.cameras.as_ref().map(|path| read_transforms(path, arguments.size)).transpose()?;
     let given = arguments.palette.as_ref().map(Palette::read).transpose()?;
     let field = field::load(path, arguments.quiet)?;
@@ -73,7 +74,7 @@ pub fn run(arguments: &Arguments) -> Result {
 
     report::write(&arguments.out, &field, &renderer.adapter(), extracted.as_ref(), &palette, &times)?;
     if !arguments.quiet {
-        println!("{} views of {} saved to {}", cameras.len(), path.display(), arguments.out.display());
+        console::say!("{} views of {} saved to {}", cameras.len(), path.display(), arguments.out.display());
     }
     Ok(())
 }

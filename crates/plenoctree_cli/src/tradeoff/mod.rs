@@ -17,26 +17,26 @@ use plenoctree::{
     palette::ExtractionSettings,
 };
 
-use crate::{extraction, field, files, result::Result, turntable};
+use crate::{console, extraction, field, files, result::Result, turntable};
 
 /// Measures everything and writes the tables and the plots.
 pub fn run(arguments: &Arguments) -> Result {
     let field = field::load(&arguments.field(), false)?;
     let cameras = cameras(&field, arguments)?;
+    let out = &arguments.out;
+    files::create_folder(out)?;
     let exact = extraction::cpu::extract(&field, &ExtractionSettings::default(), false)?.extraction.palette;
     let (mut rows, noise) = measure::rendering(&field, &exact, &cameras, arguments.rounds)?;
     rows.extend(measure::extraction(&field, &exact, arguments.rounds)?);
 
-    let out = &arguments.out;
-    files::create_folder(out)?;
     let write = |name: &str, text: &str| files::write_text(&out.join(name), text);
     write("tradeoff.csv", &report::csv(&rows))?;
     write("tradeoff.md", &report::markdown(&rows, noise))?;
     write("psnr.svg", &plot::svg(&rows, "PSNR, dB", true, |row| row.psnr_db))?;
     let percent = |row: &measure::Row| row.label_changes.map(|share| 100.0 * share);
     write("labels.svg", &plot::svg(&rows, "label changes, %", false, percent))?;
-    println!("{}", report::markdown(&rows, noise));
-    println!("{}", out.display());
+    console::say!("{}", report::markdown(&rows, noise));
+    console::say!("{}", out.display());
     Ok(())
 }
 

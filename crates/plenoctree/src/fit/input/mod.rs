@@ -50,11 +50,10 @@ impl FitInput {
             .find(|folder| ["cameras.bin", "cameras.txt"].iter().any(|name| folder.join(name).exists()))
         {
             colmap::read(&model, folders)?
-        } else if path.exists() {
+        } else {
+            std::fs::metadata(path).map_err(FitError::io(path))?;
             let expected = "transforms.json, transforms_train.json, or a COLMAP model (cameras, images, points3D)";
             return Err(FitError::found(path, "folder", "none of the known files", expected));
-        } else {
-            return Err(FitError::io(path)(std::io::ErrorKind::NotFound.into()));
         };
         if input.views.is_empty() || input.views.len() > MAX_VIEWS {
             let found = format!("{} views", input.views.len());

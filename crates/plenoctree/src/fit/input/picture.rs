@@ -15,7 +15,9 @@ use zune_jpeg::{
 use crate::fit::error::FitError;
 
 /// Largest width and height of a picture, in pixels.
-const MAX_SIZE: usize = 1 << 15;
+const MAX_SIZE: u32 = 1 << 15;
+/// Largest number of pixels of a picture.
+const MAX_PIXELS: u64 = 1 << 27;
 
 /// A picture in memory.
 #[derive(Clone, Debug, PartialEq)]
@@ -88,38 +90,55 @@ fn read_mask(path: &Path) -> Result<GrayImage, FitError> {
     Ok(mask)
 }
 
-/// Returns the width and the height of a picture without decoding it.
+/// Returns the width and the height of a picture, as it is stored, without decoding it.
 pub fn size(path: &Path) -> Result<(u32, u32), FitError> {
-    if is_jpeg(path)? {
-        let file = BufReader::new(File::open(path).map_err(FitError::io(path))?);
-        let mut decoder = JpegDecoder::new(file);
+    let (width, height) = if is_jpeg(path)? {
+        let mut decoder = jpeg(path)?;
         decoder.decode_headers().map_err(|error| damaged(path, error))?;
         let (width, height) = decoder.dimensions().ok_or_else(|| damaged(path, "no size"))?;
-        return Ok((width as u32, height as u32));
+        (width as u32, height as u32)
+    } else {
+        let mut reader = open(path)?;
+        reader.no_limits();
+        reader.into_dimensions().map_err(|error| damaged(path, error))?
+    };
+    if width.max(height) > MAX_SIZE || u64::from(width) * u64::from(height) > MAX_PIXELS {
+        let expected = format!("at most {MAX_SIZE} pixels a side and {MAX_PIXELS} in all");
+        return Err(FitError::found(path, "size", format!("{width}x{height}"), expected));
     }
-    let reader = ImageReader::open(path).and_then(ImageReader::with_guessed_format).map_err(FitError::io(path))?;
-    reader.into_dimensions().map_err(|error| damaged(path, error))
+    Ok((width, height))
 }
 
 fn decode(path: &Path) -> Result<DynamicImage, FitError> {
+    size(path)?;
     if is_jpeg(path)? {
-        let file = BufReader::new(File::open(path).map_err(FitError::io(path))?);
-        let options = DecoderOptions::default()
-            .jpeg_set_out_colorspace(ColorSpace::RGB)
-            .set_max_width(MAX_SIZE)
-            .set_max_height(MAX_SIZE);
-        let mut decoder = JpegDecoder::new_with_options(file, options);
+        let mut decoder = jpeg(path)?;
         let pixels = decoder.decode().map_err(|error| damaged(path, error))?;
         let (width, height) = decoder.dimensions().ok_or_else(|| damaged(path, "no size"))?;
         return RgbImage::from_raw(width as u32, height as u32, pixels)
             .map(DynamicImage::from)
             .ok_or_else(|| damaged(path, "too few pixels"));
     }
-    let mut reader = ImageReader::open(path).and_then(ImageReader::with_guessed_format).map_err(FitError::io(path))?;
     let mut limits = image::Limits::default();
-    (limits.max_image_width, limits.max_image_height) = (Some(MAX_SIZE as u32), Some(MAX_SIZE as u32));
+    // Four channels of 16 bits.
+    limits.max_alloc = Some(8 * MAX_PIXELS);
+    let mut reader = open(path)?;
     reader.limits(limits);
     reader.decode().map_err(|error| damaged(path, error))
+}
+
+fn open(path: &Path) -> Result<ImageReader<BufReader<File>>, FitError> {
+    ImageReader::open(path).and_then(ImageReader::with_guessed_format).map_err(FitError::io(path))
+}
+
+fn jpeg(path: &Path) -> Result<JpegDecoder<BufReader<File>>, FitError> {
+    let file = BufReader::new(File::open(path).map_err(FitError::io(path))?);
+    // Sizes are checked by `size`, whose message says what is possible.
+    let options = DecoderOptions::default()
+        .jpeg_set_out_colorspace(ColorSpace::RGB)
+        .set_max_width(usize::MAX)
+        .set_max_height(usize::MAX);
+    Ok(JpegDecoder::new_with_options(file, options))
 }
 
 /// Returns whether the file starts like a JPEG file. Its name may be wrong.
@@ -130,5 +149,9 @@ fn is_jpeg(path: &Path) -> Result<bool, FitError> {
 }
 
 fn damaged(path: &Path, error: impl std::fmt::Display) -> FitError {
-    FitError::found(path, "picture", error.to_string(), "a PNG or JPEG file of at most 32768 x 32768 pixels")
+    // Decoders' messages have quotes and line breaks.
+    let error = error.to_string();
+    let words: Vec<&str> =
+        error.split(|c: char| c.is_whitespace() || c == '"').filter(|word| !word.is_empty()).collect();
+    FitError::found(path, "picture", words.join(" "), "a PNG or JPEG file")
 }

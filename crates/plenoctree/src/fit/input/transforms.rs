@@ -88,7 +88,7 @@ fn view(
     common: &Camera,
     maker: &mut CameraMaker,
 ) -> Result<View, FitError> {
-    let own = path.parent().unwrap_or(Path::new(""));
+    let own = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let folder = folders.pictures.as_deref().unwrap_or(own);
     let fault = |key: &str, found: String, expected: &str| {
         FitError::found(path, format!("frames[{index}].{key}"), found, expected)
