@@ -2,6 +2,7 @@
 
 use std::{
     fs,
+    io::{Cursor, Write},
     path::{Path, PathBuf},
     time::Instant,
 };
@@ -44,23 +45,33 @@ impl Drop for Folder {
     }
 }
 
-/// An app that loads from `source` in `folder`, or has that processed to `processed` first.
-fn app(folder: &Path, mode: AssetMode) -> App {
+/// What an app loads.
+#[derive(Clone, Copy, PartialEq)]
+enum Files {
+    /// The files in `source`.
+    Sources,
+    /// The files in `processed`, which it makes of those.
+    Processor,
+    /// The files in `processed`, as a game that was shipped.
+    Processed,
+}
+
+/// An app that loads from a folder in `folder`.
+fn app(folder: &Path, files: Files) -> App {
     let path = |name: &str| folder.join(name).to_str().unwrap().to_owned();
-    let is_processed = matches!(mode, AssetMode::Processed);
     let mut app = App::new();
     app.add_plugins((
         TaskPoolPlugin::default(),
         AssetPlugin {
-            mode,
+            mode: if files == Files::Sources { AssetMode::Unprocessed } else { AssetMode::Processed },
             file_path: path("source"),
             processed_file_path: path("processed"),
-            use_asset_processor_override: Some(true),
+            use_asset_processor_override: Some(files == Files::Processor),
             watch_for_changes_override: Some(false),
             ..default()
         },
     ));
-    if is_processed {
+    if files == Files::Processor {
         let log = FileTransactionLogFactory { file_path: folder.join("log") };
         app.world().resource::<AssetProcessor>().data().set_log_factory(Box::new(log)).unwrap();
     }
@@ -115,7 +126,7 @@ fn processed_apps_load_packed_fields() {
     .unwrap();
     ball.write(folder.0.join("source/ball.npz")).unwrap();
     folder.write("ball.npz.meta", meta("PlenOctreeLoader", "activation: Some(ShiftedRelu), up: Some(Y)", "rows: 32"));
-    let [field] = load(&mut app(&folder.0, AssetMode::Processed), ["ball.npz"]).map(Result::unwrap);
+    let [field] = load(&mut app(&folder.0, Files::Processor), ["ball.npz"]).map(Result::unwrap);
     assert_eq!((field.activation(), field.up()), (Activation::ShiftedRelu, UpAxis::Y));
     let last = field.codebook().unwrap().rows.iter().map(|[luma, _]| *luma).max();
     assert!(last.is_some_and(|row| (1..32).contains(&row)), "{last:?}");
@@ -138,6 +149,58 @@ fn ply() -> String {
     let row = |at: &Vec3| format!("{} {} {} 1.4 -1.4 -1.4 3 -3 -3 -3 1 0 0 0\n", at.x, at.y, at.z);
     let rows: String = all.iter().map(row).collect();
     format!("ply\nformat ascii 1.0\nelement vertex {}\n{properties}end_header\n{rows}", all.len())
+}
+
+/// The same as an SPZ file of version 3. x is to the right, y is up and z to the back.
+fn spz() -> Vec<u8> {
+    let all = gaussians();
+    let mut bytes = [&b"NGSP"[..], &3u32.to_le_bytes(), &(all.len() as u32).to_le_bytes(), &[0, 12, 0, 0]].concat();
+    let positions = all.iter().flat_map(|at| [at.x, -at.y, -at.z]);
+    positions.for_each(|number| bytes.extend(&((number * 4096.0).round() as i32).to_le_bytes()[..3]));
+    // Opacities, colors, logarithms of scales, and rotations.
+    for plane in [&[243][..], &[181, 74, 74], &[112; 3], &[0, 0, 0, 0xc0]] {
+        bytes.extend(plane.repeat(all.len()));
+    }
+    let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+    encoder.write_all(&bytes).unwrap();
+    encoder.finish().unwrap()
+}
+
+/// The same as a SOG file. x is to the right and -y is up.
+fn sog() -> Vec<u8> {
+    let all = gaussians();
+    let image = |pixels: Vec<[u8; 4]>| {
+        let mut bytes = Vec::new();
+        let encoder = image_webp::WebPEncoder::new(&mut bytes);
+        encoder.encode(pixels.as_flattened(), all.len() as u32, 1, image_webp::ColorType::Rgba8).unwrap();
+        bytes
+    };
+    // Logarithms of positions, from -1 to 1 in 16 bits.
+    let bits = |number: f32| ((number.abs().ln_1p().copysign(number) + 1.0) / 2.0 * 65535.0).round() as u16;
+    let means = |byte: usize| {
+        image(all.iter().map(|at| [at.x, at.y, at.z, 0.0].map(|number| bits(number).to_le_bytes()[byte])).collect())
+    };
+    let color: Vec<f32> = (0..256).map(|byte| if byte < 128 { -1.4 } else { 1.4 }).collect();
+    let meta = serde_json::json!({
+        "version": 2, "count": all.len(),
+        "means": {"mins": [-1, -1, -1], "maxs": [1, 1, 1], "files": ["low.webp", "high.webp"]},
+        "scales": {"codebook": vec![-3.0; 256], "files": ["scales.webp"]},
+        "quats": {"files": ["quats.webp"]},
+        "sh0": {"codebook": color, "files": ["colors.webp"]},
+    });
+    let mut archive = zip::ZipWriter::new(Cursor::new(Vec::new()));
+    for (name, content) in [
+        ("meta.json", meta.to_string().into_bytes()),
+        ("low.webp", means(0)),
+        ("high.webp", means(1)),
+        ("scales.webp", image(vec![[0; 4]; all.len()])),
+        ("quats.webp", image(vec![[128, 128, 128, 252]; all.len()])),
+        ("colors.webp", image(vec![[255, 0, 0, 243]; all.len()])),
+    ] {
+        archive.start_file(name, zip::write::FileOptions::default()).unwrap();
+        archive.write_all(&content).unwrap();
+    }
+    archive.finish().unwrap().into_inner()
 }
 
 /// The same as a glTF document whose numbers are in a file next to it, and that file. x is to the left and y is up.
@@ -175,43 +238,63 @@ fn gltf() -> (String, Vec<u8>) {
     (document.to_string(), buffer)
 }
 
-/// A capture becomes a packed field that stands on the origin, cropped and without floaters if its `.meta` file says so.
-/// So does a glTF file whose `.meta` file says that it is a capture, with another file next to it, which the processor
-/// ignores. Damaged captures fail.
+/// A capture in any format becomes a packed field that stands on the origin, cropped and without floaters if its `.meta`
+/// file says so. So does a glTF file whose `.meta` file says that it is a capture, with another file next to it, which
+/// the processor ignores. Damaged captures fail. A shipped game needs only what was processed.
 #[test]
 fn processed_apps_load_packed_captures() {
     let folder = Folder::new("captures");
     let (document, numbers) = gltf();
     for (name, content) in [
-        ("cross.ply", ply()),
-        ("cropped.ply", ply()),
-        ("cross.gltf", document.clone()),
-        ("alone.gltf", document.replace("numbers.bin", "missing.bin")),
-        ("damaged.ply", ply()[..900].to_owned()),
+        ("cross.ply", ply().into_bytes()),
+        ("cropped.ply", ply().into_bytes()),
+        ("plain.spz", spz()),
+        ("cross.spz", spz()),
+        ("cross.sog", sog()),
+        ("cross.gltf", document.clone().into_bytes()),
+        ("alone.gltf", document.replace("numbers.bin", "missing.bin").into_bytes()),
+        ("damaged.ply", ply().into_bytes()[..900].to_vec()),
+        ("damaged.spz", spz()[..90].to_vec()),
+        ("damaged.sog", sog()[..900].to_vec()),
+        ("numbers.bin", numbers),
     ] {
         folder.write(name, content);
     }
-    folder.write("numbers.bin", numbers);
     let capture = |settings: &str| meta("CaptureLoader", settings, "rows: 32");
-    folder.write("cross.ply.meta", capture("depth: 6, keep_largest: true"));
+    for name in ["cross.ply.meta", "cross.spz.meta", "cross.sog.meta"] {
+        folder.write(name, capture("depth: 6, keep_largest: true"));
+    }
     folder.write("cross.gltf.meta", capture("depth: 6"));
     folder.write("alone.gltf.meta", capture("depth: 6"));
     // The example in the guide.
     let documented = include_str!("../../../docs/guide.md").split("```").find_map(|block| block.strip_prefix("ron\n"));
     folder.write("cropped.ply.meta", documented.unwrap().replace("depth: 8", "depth: 6"));
-    let names = ["cross.ply", "cross.gltf", "cropped.ply", "alone.gltf", "damaged.ply"];
-    let [cross, gltf, cropped, alone, damaged] = load(&mut app(&folder.0, AssetMode::Processed), names);
-    let [cross, gltf, cropped] = [cross, gltf, cropped].map(|field| {
-        let field = field.unwrap();
-        assert!(field.codebook().is_some() && field.depth() == 6);
-        field.bounds().unwrap()
-    });
+    let names = ["cross.ply", "cross.spz", "cross.sog", "cross.gltf", "cropped.ply", "plain.spz"];
+    let damaged = ["alone.gltf", "damaged.ply", "damaged.spz", "damaged.sog"];
+    let mut processor = app(&folder.0, Files::Processor);
+    let fields = load(&mut processor, names).map(Result::unwrap);
+    // The processor logs what is wrong. The app finds nothing processed.
+    assert!(load(&mut processor, damaged).iter().all(Result::is_err));
+    let [cross, spz, sog, gltf, cropped, plain] = fields.each_ref().map(|field| field.bounds().unwrap());
     let size = |(low, high): (DVec3, DVec3)| high - low;
     assert!(cross.0.z.abs() < 0.1 && size(cross).cmpgt(DVec3::splat(2.0)).all(), "{cross:?}");
     assert!(size(cross).cmplt(DVec3::splat(2.35)).all() && size(gltf).x > 2.4, "{cross:?} {gltf:?}");
     assert!(gltf.0.z.abs() < 0.1 && (1.4..1.8).contains(&size(cropped).z), "{gltf:?} {cropped:?}");
-    // The processor logs what is wrong. The app finds nothing processed.
-    assert!(alone.is_err() && damaged.is_err());
+    for (low, high) in [spz, sog] {
+        let difference = (low - cross.0).abs().max((high - cross.1).abs());
+        assert!(difference.max_element() < 0.05, "{cross:?} {low} {high}");
+    }
+    // Without a `.meta` file, there are the default settings.
+    assert!(fields[5].depth() == 8 && plain.0.z.abs() < 0.1 && size(plain).x > 2.4, "{plain:?}");
+
+    fs::remove_dir_all(folder.0.join("source")).unwrap();
+    let all =
+        |field: &PlenOctree| (field.nodes().to_vec(), field.densities().to_vec(), field.coefficients().into_owned());
+    let shipped = load(&mut app(&folder.0, Files::Processed), names).map(Result::unwrap);
+    for ((name, shipped), field) in names.into_iter().zip(shipped).zip(fields) {
+        assert!(fs::read(folder.0.join("processed").join(name)).unwrap().starts_with(b"\x89PLO"), "{name}");
+        assert!(shipped.codebook().is_some() && all(&shipped) == all(&field), "{name}");
+    }
 }
 
 /// Apps without the asset processor load captures as they are, and say why others fail.
@@ -229,7 +312,7 @@ fn apps_load_captures() {
         folder.write(name, meta);
     }
     let names = ["cross.ply", "cross.gltf", "alone.gltf"];
-    let [cross, gltf, alone] = load(&mut app(&folder.0, AssetMode::Unprocessed), names);
+    let [cross, gltf, alone] = load(&mut app(&folder.0, Files::Sources), names);
     let (cross, gltf) = (cross.unwrap(), gltf.unwrap());
     assert!(cross.codebook().is_none() && cross.bounds().unwrap().0.z.abs() < 0.1);
     assert!((gltf.leaves() as f64 / cross.leaves() as f64 - 1.0).abs() < 0.01);
