@@ -52,13 +52,20 @@ impl Points {
 
     /// Returns the variance of the colors, summed over the channels.
     pub fn variance(&self) -> f64 {
-        let total: f64 = self.all.iter().map(|point| f64::from(point.weight)).sum();
-        let moment = |of: fn(DVec3) -> DVec3| -> DVec3 {
-            self.all.iter().map(|p| f64::from(p.weight) * of(p.position())).sum::<DVec3>() / total
-        };
-        let mean = moment(|x| x);
-        (moment(|x| x * x) - mean * mean).element_sum().max(0.0)
+        variance(self.all.iter().map(|point| (point.position(), f64::from(point.weight))))
     }
+}
+
+/// Returns the variance of weighted colors, summed over the channels.
+pub(super) fn variance(colors: impl Iterator<Item = (DVec3, f64)>) -> f64 {
+    let (mut total, mut sum, mut squares) = (0.0, DVec3::ZERO, DVec3::ZERO);
+    for (color, weight) in colors {
+        total += weight;
+        sum += weight * color;
+        squares += weight * (color * color);
+    }
+    let mean = sum / total;
+    (squares / total - mean * mean).element_sum().max(0.0)
 }
 
 impl Point {
