@@ -16,7 +16,7 @@ use crate::field::PlenOctree;
 const PADDING: i32 = 2;
 /// How far simplifying moves the surface at most, in cells.
 const TOLERANCE: f64 = 0.1;
-/// Largest number of cells of the grid: 256 MiB of numbers.
+/// Largest number of cells of the grid: 640 MiB of numbers.
 const MAX_CELLS: f64 = (1u32 << 26) as f64;
 
 /// A closed surface. Seen from outside, the corners of its triangles go around counterclockwise.
@@ -52,7 +52,8 @@ impl PlenOctree {
     /// The surface is found in a grid of cubes of width `cell_size`, in world units of the field: larger cubes make
     /// simpler surfaces. The solidity of a cube is the opacity of paths of that length through its content; the surface
     /// is where it reaches `opacity`, more than 0 and less than 1. Closed hollows count as solid, because trained and
-    /// packed fields are often empty inside. An empty field has an empty surface.
+    /// packed fields are often empty inside. Walls that are thinner than a cube become as thick as one. An empty field has
+    /// an empty surface.
     ///
     /// The surface is simplified: parts that are flat to within a tenth of a cube consist of few, large triangles.
     ///
@@ -74,7 +75,7 @@ impl PlenOctree {
         }
         let mut grid = Grid::new(low, cell_size, size.as_uvec3());
         grid.add(self);
-        grid.fill_hollows(opacity as f32);
+        grid.fill(opacity as f32);
         Ok(grid.surface(opacity as f32))
     }
 }
@@ -87,13 +88,20 @@ struct Grid {
     shape: RuntimeShape<u32, 3>,
     size: IVec3,
     solid: Vec<f32>,
+    /// The opacity of each cube along each axis, in steps of 1/65535. That of a thin wall is greater than its solidity.
+    across: Vec<[u16; 3]>,
 }
+
+/// The steps between the neighbors of a cube that share a side with it.
+const NEIGHBORS: [IVec3; 6] = [IVec3::X, IVec3::Y, IVec3::Z, IVec3::NEG_X, IVec3::NEG_Y, IVec3::NEG_Z];
 
 impl Grid {
     fn new(low: DVec3, cell_size: f64, size: UVec3) -> Self {
         let shape = RuntimeShape::<u32, 3>::new(size.to_array());
-        let solid = vec![0.0; shape.size() as usize];
-        Self { origin: low + (0.5 - f64::from(PADDING)) * cell_size, cell_size, shape, size: size.as_ivec3(), solid }
+        let count = shape.size() as usize;
+        let origin = low + (0.5 - f64::from(PADDING)) * cell_size;
+        let (solid, across) = (vec![0.0; count], vec![[0; 3]; count]);
+        Self { origin, cell_size, shape, size: size.as_ivec3(), solid, across }
     }
 
     fn index(&self, cell: IVec3) -> usize {
@@ -104,7 +112,8 @@ impl Grid {
     fn add(&mut self, field: &PlenOctree) {
         let cells = f64::from(1u32 << field.depth());
         for leaf in field.leaf_cells() {
-            let absorbed = -(-f64::from(field.densities()[leaf.leaf as usize]) * self.cell_size).exp_m1();
+            let density = f64::from(field.densities()[leaf.leaf as usize]) * self.cell_size;
+            let absorbed = -(-density).exp_m1();
             let corner = leaf.corner.as_dvec3();
             let ends = [corner, corner + f64::from(leaf.size)].map(|end| field.frame().to_world(end / cells));
             // In cubes.
@@ -117,38 +126,65 @@ impl Grid {
             };
             for x in first.x..=last.x {
                 for y in first.y..=last.y {
-                    let area = absorbed * share(0, x) * share(1, y);
                     for z in first.z..=last.z {
                         let index = self.index(IVec3::new(x, y, z));
-                        self.solid[index] += (area * share(2, z)) as f32;
+                        let part = DVec3::new(share(0, x), share(1, y), share(2, z));
+                        let volume = part.element_product();
+                        self.solid[index] += (absorbed * volume) as f32;
+                        for (axis, across) in self.across[index].iter_mut().enumerate() {
+                            let area = volume / part[axis].max(1e-9);
+                            let opacity = -area * (-density * part[axis]).exp_m1();
+                            *across = across.saturating_add((65535.0 * opacity).round() as u16);
+                        }
                     }
                 }
             }
         }
     }
 
-    /// Fills all cubes that cannot be reached from outside through cubes below `opacity`.
-    fn fill_hollows(&mut self, opacity: f32) {
+    /// Fills hollows, which are what cannot be reached from outside, and thickens walls that are thinner than a cube.
+    fn fill(&mut self, opacity: f32) {
+        let is_wall: Vec<bool> = self
+            .across
+            .iter()
+            .map(|across| across.iter().any(|across| f32::from(*across) >= 65535.0 * opacity))
+            .collect();
         let mut outside = vec![false; self.solid.len()];
         outside[0] = true;
         let mut open = vec![IVec3::ZERO];
         while let Some(cell) = open.pop() {
-            for step in [IVec3::X, IVec3::Y, IVec3::Z, IVec3::NEG_X, IVec3::NEG_Y, IVec3::NEG_Z] {
-                let next = cell + step;
-                if next.cmplt(IVec3::ZERO).any() || next.cmpge(self.size).any() {
-                    continue;
-                }
-                let index = self.index(next);
-                if self.solid[index] < opacity && !std::mem::replace(&mut outside[index], true) {
-                    open.push(next);
+            for index in self.neighbors(cell) {
+                let blocks = is_wall[index] || self.solid[index] >= opacity;
+                if !blocks && !std::mem::replace(&mut outside[index], true) {
+                    open.push(self.cell(index));
                 }
             }
         }
-        for (solid, outside) in self.solid.iter_mut().zip(outside) {
-            if !outside && *solid < opacity {
-                *solid = 1.0;
+        let mut thin = vec![];
+        for index in 0..self.solid.len() {
+            if outside[index] || self.solid[index] >= opacity {
+                continue;
+            }
+            let cell = self.cell(index);
+            if is_wall[index] && self.neighbors(cell).any(|near| outside[near]) {
+                thin.push((index, cell));
+            } else {
+                self.solid[index] = 1.0;
             }
         }
+        // At the surface of something thick, the solidity tells where in the cube the surface is.
+        thin.retain(|(_, cell)| self.neighbors(*cell).all(|near| self.solid[near] < opacity));
+        thin.iter().for_each(|(index, _)| self.solid[*index] = 1.0);
+    }
+
+    fn cell(&self, index: usize) -> IVec3 {
+        UVec3::from_array(self.shape.delinearize(index as u32)).as_ivec3()
+    }
+
+    /// Returns the cubes that share a side with one.
+    fn neighbors(&self, cell: IVec3) -> impl Iterator<Item = usize> {
+        let is_inside = |cell: &IVec3| cell.cmpge(IVec3::ZERO).all() && cell.cmplt(self.size).all();
+        NEIGHBORS.into_iter().map(move |step| cell + step).filter(is_inside).map(|cell| self.index(cell))
     }
 
     fn surface(&self, opacity: f32) -> SurfaceMesh {
@@ -245,13 +281,44 @@ mod tests {
             field(|at| if (7.0 * at.x).sin() * (9.0 * at.y).sin() * (8.0 * at.z).sin() > 0.1 { 300.0 } else { 0.0 });
         let full = field(|_| 100.0);
         let corner = field(|at| if at.min_element() > 0.97 { 900.0 } else { 0.0 });
-        for (field, cell_size) in [(&noise, 0.05), (&noise, 0.0313), (&full, 0.3), (&corner, 0.01), (&corner, 5.0)] {
+        // Two columns that share an edge.
+        let touching =
+            field(|at| if at.abs().max_element() < 0.5 && (at.x > 0.0) == (at.y > 0.0) { 900.0 } else { 0.0 });
+        let fields =
+            [(&noise, 0.05), (&noise, 0.0313), (&full, 0.3), (&corner, 0.01), (&corner, 5.0), (&touching, 0.0625)];
+        for (field, cell_size) in fields {
             let mesh = field.surface_mesh(0.3, cell_size).unwrap();
             let edges = edges(&mesh);
             assert!(edges.iter().all(|((a, b), count)| edges.get(&(*b, *a)) == Some(count)));
             assert!(volume(&mesh) >= 0.0 && mesh.vertices.iter().flatten().all(|x| x.is_finite()));
         }
         assert!(volume(&full.surface_mesh(0.3, 0.1).unwrap()) > 7.5);
+    }
+
+    /// A shell that is thinner than the cubes is as solid as a ball, and an open one keeps its shape.
+    #[test]
+    fn thin_walls_have_surfaces() {
+        let shell = |is_open: bool| {
+            field(move |at| if (0.66..0.7).contains(&at.length()) && !(is_open && at.z < -0.4) { 900.0 } else { 0.0 })
+        };
+        let ball = 4.0 / 3.0 * std::f64::consts::PI * 0.7f64.powi(3);
+        for cell_size in [0.05, 0.1, 0.15] {
+            let closed = volume(&shell(false).surface_mesh(0.5, cell_size).unwrap());
+            assert!((0.7..1.3).contains(&(closed / ball)), "{closed} of {ball} in cells of {cell_size}");
+            let open = shell(true).surface_mesh(0.5, cell_size).unwrap();
+            let far = |vertex: &[f32; 3]| (DVec3::from(vertex.map(f64::from)).length() - 0.68).abs();
+            assert!(open.vertices.iter().all(|vertex| far(vertex) < 1.2 * cell_size));
+            // Its area is that of the sphere without a fifth, on both sides.
+            let area: f64 = open
+                .triangles
+                .iter()
+                .map(|corners| {
+                    let [a, b, c] = corners.map(|vertex| DVec3::from(open.vertices[vertex as usize].map(f64::from)));
+                    0.5 * (b - a).cross(c - a).length()
+                })
+                .sum();
+            assert!((7.0..12.0).contains(&area), "{area} in cells of {cell_size}");
+        }
     }
 
     #[test]
