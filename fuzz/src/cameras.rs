@@ -93,8 +93,9 @@ impl TransformsFile<'_> {
 
 /// Checks that a file gives valid cameras or a valid error message.
 pub fn check_transforms(text: &[u8], size: Option<(u32, u32)>) {
-    let file = Scratch::with("transforms.json", text);
-    match read_transforms(file.path(), size) {
+    let folder = Scratch::new("transforms");
+    let file = folder.file("transforms.json", text);
+    match read_transforms(&file, size) {
         Ok(cameras) => {
             assert!(!cameras.is_empty());
             cameras.iter().for_each(|camera| check_camera(camera, size));

@@ -27,8 +27,9 @@ impl PaletteFile<'_> {
 /// Checks that a file gives a palette that is the same after it is written and read again, or a valid error message.
 /// Reading from memory must give the same result as reading from a file.
 pub fn check_palette(text: &[u8]) {
-    let file = Scratch::with("palette.json", text);
-    let palette = match Palette::read(file.path()) {
+    let folder = Scratch::new("palette");
+    let file = folder.file("palette.json", text);
+    let palette = match Palette::read(&file) {
         Ok(palette) => palette,
         Err(error) => {
             check_message(&error, text.len());
@@ -38,6 +39,6 @@ pub fn check_palette(text: &[u8]) {
     };
     assert_eq!(serde_json::from_slice::<Palette>(text).expect("a file that was read"), palette);
     palette.validate().expect("a palette that a file may hold");
-    palette.write(file.path()).expect("what was read can be written");
-    assert_eq!(Palette::read(file.path()).expect("what was written can be read"), palette);
+    palette.write(&file).expect("what was read can be written");
+    assert_eq!(Palette::read(&file).expect("what was written can be read"), palette);
 }

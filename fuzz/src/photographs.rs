@@ -7,7 +7,7 @@ use glam::DVec2;
 use miniz_oxide::deflate::compress_to_vec_zlib;
 use plenoctree::fit::{FitError, FitInput, InputFolders, Picture, View};
 
-use crate::{message::check_message, scratch::ScratchFolder};
+use crate::{message::check_message, scratch::Scratch};
 
 /// A folder with a picture, and the files that say how it was taken.
 #[derive(Arbitrary, Debug)]
@@ -157,7 +157,7 @@ fn png(size: [u32; 2], claimed: [u32; 2]) -> Vec<u8> {
 
 /// Checks that a folder gives valid views or a valid error message.
 pub fn check_photographs(photographs: &Photographs) {
-    let folder = ScratchFolder::new("photographs");
+    let folder = Scratch::new("photographs");
     photographs.write(folder.path()).expect("a directory for temporary files");
     match FitInput::read(folder.path(), &InputFolders::default()) {
         Ok(input) => {
