@@ -1,8 +1,9 @@
 //! Prints the times of frames while fields arrive, are shown, swapped and dropped: `cargo bench --bench arrival --
 //! [FIELD]`. Without an argument, the field is a generated shell of 0.9 million leaves.
 //!
-//! The scene is a posterized toadstool, seen with the preset `Fast` by a camera that sways. Each step is compared with the
-//! median frame of the second before it, and with that of the second after it, because fields differ in what they cost. A frame ends when the GPU has drawn it. Pipelines are compiled in the background, as in a game.
+//! The scene is a posterized toadstool, seen with the preset `Fast` by a camera that sways. Each step is compared with
+//! the median frame of the second before it, and with that of the second after it, because fields differ in what they
+//! cost. A frame ends when the GPU has drawn it. Pipelines are compiled in the background, as in a game.
 
 mod common;
 
@@ -64,8 +65,8 @@ fn grow(nodes: &mut Vec<[Cell; 8]>, leaves: &mut Vec<DVec3>, shell: (f64, f64, f
     node as u32
 }
 
-/// A frame: its wall time, the part of it that the main thread took, and the CPU time of all threads but those that work in
-/// the background, in milliseconds.
+/// A frame: its wall time, the part of it that the main thread took, and the CPU time of all threads but those that
+/// work in the background, in milliseconds.
 #[derive(Clone, Copy)]
 struct Times {
     wall: f64,

@@ -49,7 +49,7 @@ fn shell(leaves: usize) -> PlenOctree {
         f16::from_f32(seed as f32 / u32::MAX as f32 - 0.5)
     });
     let frame = Frame::spanning(DVec3::splat(-shell.middle / radius), DVec3::splat(shell.middle / radius));
-    // A ray through the shell loses 90 % of its light.
+    // A ray through the shell loses 90% of its light.
     let density = (2.3 * radius / (2.0 * THICKNESS)) as f32;
     let (density, coefficients) = (vec![density; shell.leaves], coefficients.collect());
     PlenOctree::new(frame, Basis::Sh9, Activation::Sigmoid, UpAxis::Z, shell.nodes, density, coefficients).unwrap()

@@ -1,8 +1,8 @@
 // The grid of rays, the gaps between them, and the batches of gaps whose pixels get rays of their own.
 //
 // The gap of a ray of the grid consists of the pixels to the right of it and below, up to the next rays. The gaps of a
-// square of the viewport that get rays form a batch. Their pixels are drawn side by side, in a square of textures of their
-// own, so that pixels which are marched together all have a ray.
+// square of the viewport that get rays form a batch. Their pixels are drawn side by side, in a square of textures of
+// their own, so that pixels which are marched together all have a ray.
 #define_import_path bevy_plenoctree::batch
 
 #import bevy_plenoctree::view::view
@@ -43,8 +43,8 @@ fn batches() -> vec2<u32> {
     return (view.size + side - 1u) / side;
 }
 
-// Returns the pixel within the square of a batch in which the element `index` of the batch is drawn. Eight elements are a
-// block of 4 x 2 pixels, as they are marched together.
+// Returns the pixel within the square of a batch in which the element `index` of the batch is drawn. Eight elements are
+// a block of 4 x 2 pixels, as they are marched together.
 fn place_in_batch(index: u32) -> vec2<u32> {
     let block = index >> 3u;
     return vec2(4u * (block & 7u) + (index & 3u), 2u * (block >> 3u) + ((index >> 2u) & 1u));

@@ -13,7 +13,7 @@ const CORNERS = array<u32, 36>(
     4u, 5u, 7u, 4u, 7u, 6u, // z high
 );
 
-// Returns where the target has what is at a place of the viewport, in clip space. The rays of the grid go through the
+// Returns the place in the target of a point of the viewport, in clip space. The rays of the grid go through the
 // centers of every `spacing`-th pixel, the first one among them.
 fn to_grid(position: vec4<f32>) -> vec2<f32> {
     let spacing = f32(view.spacing);

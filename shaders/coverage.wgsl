@@ -117,11 +117,11 @@ fn thinned(center: vec4<f32>, rays: vec4<f32>) -> vec4<f32> {
     return vec4(rays.rgb - factor * center.rgb, factor);
 }
 
-// How many of the finest cells before the solid pixels around it a ray begins.
+// How far in front of the solid pixels around it a ray begins, in finest cells.
 const LEAD: f32 = 4.0;
 
-// Returns where rays through a pixel begin: a little before what is solid of the prop there and around. What is before that
-// is haze, which says nothing about coverage.
+// Returns where rays through a pixel begin: a little in front of the solid part of the prop there and around it.
+// Whatever is in front of that is haze, which says nothing about coverage.
 fn start(pixel: vec2<i32>, prop: u32) -> f32 {
     var nearest = FAR_AWAY;
     var farthest = -FAR_AWAY;

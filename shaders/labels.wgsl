@@ -20,7 +20,8 @@ struct Nearest {
     distances: vec2<f32>,
 }
 
-// Packs a label: the palette colors that it blends, and how many of the steps from the second to the first one it takes.
+// Packs a label: the palette colors that it blends, and how many of the steps from the second to the first one it
+// takes.
 fn packed(first: u32, second: u32, step: u32) -> u32 {
     return first | (second << 8u) | (step << 16u);
 }

@@ -1,5 +1,6 @@
 // The lighting pass: finds how much of the scene's light is blocked from the solid parts of props by things outside
-// their boxes (or nearer, see `self_shadow_distance`), and the color of the rest. Bind group 0 has the lights, as Bevy's mesh view has them.
+// their boxes (or nearer, see `self_shadow_distance`), and the color of the rest. Bind group 0 has the lights, as
+// Bevy's mesh view has them.
 
 #import bevy_pbr::clustered_forward::{
     get_clusterable_object_id, unpack_clusterable_object_index_ranges, view_fragment_cluster_index,

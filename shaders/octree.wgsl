@@ -158,8 +158,8 @@ fn has_ended(walk: Walk, end: f32) -> bool {
 // How many cells a lane visits in search of a leaf while others wait.
 const PATIENCE: u32 = 8u;
 
-// Returns the next leaf before `end`, if it is near. Lanes that have found a leaf wait here for the others, so that most
-// lanes shade leaves at once.
+// Returns the next leaf before `end`, if it is near. Lanes that have found a leaf wait here for the others, so that
+// most lanes shade leaves at once.
 fn next_leaf(ray: Ray, walk: ptr<function, Walk>, end: f32) -> Crossing {
     var crossing = Crossing(NO_LEAF, 0.0, 0.0);
     var visited = 0u;

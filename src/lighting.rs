@@ -50,12 +50,12 @@ pub struct PropLighting {
     ///
     /// Defaults to 1: a pixel is in shadow where half of the light is missing. Clamped to 1..=[`MAX_BANDS`].
     pub bands: u32,
-    /// The distance on the way to a light, in world units, from which the prop's own parts cast shadows on the prop, and
-    /// so do objects inside the box around its leaves. Nothing outside the box is ever skipped.
+    /// The distance on the way to a light, in world units, from which the prop's own parts cast shadows on the prop,
+    /// and so do objects inside the box around its leaves. Nothing outside the box is ever skipped.
     ///
     /// The colors of a field already contain the shadows that its parts cast when it was trained, so this adds to them.
     /// Use it if the scene's lights come from elsewhere: the side that faces away from a light gets dark, and a cap
-    /// shades the stem below. A tenth of the prop's size is a good start. Small distances leave speckles on surfaces
+    /// shades the stem below. A tenth of the prop's size is a good start. Small distances cause shadow acne on surfaces
     /// that the light grazes, because surfaces consist of cells and shadow maps of texels.
     ///
     /// Defaults to infinity: the prop casts no shadow on itself. Clamped to at least 0.

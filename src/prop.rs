@@ -90,8 +90,8 @@ impl PropTint {
 #[reflect(Component, Default, Clone, Debug, PartialEq)]
 #[type_path = "bevy_plenoctree"]
 pub enum SolidOpacity {
-    /// The prop is solid where the opacity along a pixel's ray reaches this value. Clamped to 0..=1; with 0, it is solid
-    /// wherever there is anything of it.
+    /// The prop is solid where the opacity along a pixel's ray reaches this value. Clamped to 0..=1; with 0, it is
+    /// solid wherever it is not empty.
     At(f32),
     /// The prop is never solid, writes no depth and casts no shadows.
     Never,

@@ -47,12 +47,12 @@ pub struct PropQuality {
     ///
     /// Defaults to 0, which always draws the finest cells; 1 is barely visible. Negative values count as 0.
     pub cell_size: f32,
-    /// The largest difference between neighboring rays at which the pixels between them are interpolated: of a channel of
-    /// encoded sRGB, of opacity, or of distance, relative to the distance itself.
+    /// The largest difference between neighboring rays at which the pixels between them are interpolated: of a channel
+    /// of encoded sRGB, of opacity, or of distance, relative to the distance itself.
     ///
-    /// Above 0, only a grid of pixels gets rays at first. Where these differ by more, or belong to different props, or where
-    /// a mesh ends in front of a prop, all pixels get rays. What is thinner than the grid's [`spacing`](Self::spacing) may
-    /// be missed where no ray of the grid meets it.
+    /// Above 0, only a grid of pixels gets rays at first. Where these differ by more, or belong to different props, or
+    /// where a mesh ends in front of a prop, all pixels get rays. What is thinner than the grid's
+    /// [`spacing`](Self::spacing) may be missed where no ray of the grid meets it.
     ///
     /// Defaults to 0, which gives every pixel a ray. Below 0.1, hardly any time is saved. Negative values count as 0.
     pub error: f32,
@@ -61,8 +61,8 @@ pub struct PropQuality {
     /// Defaults to 2. Clamped to 2..=8.
     pub spacing: u32,
     /// The number of rays through a pixel where a posterized prop ends, for
-    /// [`EdgeSmoothing::Coverage`](crate::EdgeSmoothing::Coverage): 4 or 8. Views with [`Msaa`] always cast 8. Eight rays
-    /// leave about a quarter of the error of hard edges, and four up to half.
+    /// [`EdgeSmoothing::Coverage`](crate::EdgeSmoothing::Coverage): 4 or 8. Views with [`Msaa`] always cast 8. Eight
+    /// rays leave about a quarter of the error of hard edges, and four up to half.
     ///
     /// Defaults to 8. Below 8, it counts as 4, and above, as 8.
     pub edge_rays: u32,
@@ -147,10 +147,10 @@ impl PropQuality {
 ///
 /// | | PSNR, at least | labels changed, at most |
 /// |---|---|---|
-/// | [`Self::Exact`] | 55 dB (55) | 1 % (1) |
-/// | [`Self::High`] | 45 dB (45) | 2 % (2) |
-/// | [`Self::Balanced`] | 38 dB (34) | 8 % (10) |
-/// | [`Self::Fast`] | 33 dB (29) | 20 % (23) |
+/// | [`Self::Exact`] | 55 dB (55) | 1% (1) |
+/// | [`Self::High`] | 45 dB (45) | 2% (2) |
+/// | [`Self::Balanced`] | 38 dB (34) | 8% (10) |
+/// | [`Self::Fast`] | 33 dB (29) | 20% (23) |
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
 #[reflect(Default, Clone, Debug, PartialEq, Hash)]
 #[type_path = "bevy_plenoctree"]

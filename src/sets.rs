@@ -46,7 +46,8 @@ pub enum PlenOctreeRenderSystems {
     PrepareBindGroups,
     /// Draws the props into the view's layer. Where props overlap, finds their nearest solid parts first.
     Volume,
-    /// Interpolates between the rays of views that do not cast one for every pixel, and draws the pixels where they differ.
+    /// Interpolates between the rays of views that do not cast one for every pixel, and draws the pixels where they
+    /// differ.
     Refine,
     /// Finds how much of the pixels at their edges posterized props cover.
     Edges,

@@ -63,7 +63,7 @@ fn show_progress(ui: &mut egui::Ui, what: &str, share: f32) {
     framed(ui, |ui| {
         ui.horizontal(|ui| {
             ui.spinner();
-            ui.label(format!("{what}: {:.0} %", 100.0 * share));
+            ui.label(format!("{what}: {:.0}%", 100.0 * share));
         });
     });
 }

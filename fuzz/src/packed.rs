@@ -97,8 +97,8 @@ impl PackedFile<'_> {
         }
         head.extend([0.25f32, 0.125].map(f32::to_le_bytes).as_flattened());
         head.extend([0.5f64, 0.5, 0.5, 0.25, 0.25, 0.25].map(f64::to_le_bytes).as_flattened());
-        // Streams in which every number is the same have no bits: all contexts have one symbol, the 0 or, of leaves' rows, the 1,
-        // which stands for the row before. Every bin of the histogram has the weight 1.
+        // Streams in which every number is the same have no bits: all contexts have one symbol, the 0 or, of leaves'
+        // rows, the 1, which stands for the row before. Every bin of the histogram has the weight 1.
         let used = leaves > 0;
         let mut histogram = vec![0, 2, 2, 4];
         histogram.extend([0.01f64, 1.0].map(f64::to_le_bytes).as_flattened());

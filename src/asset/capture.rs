@@ -21,8 +21,8 @@ use serde::{Deserialize, Serialize};
 use super::progress::FilesRead;
 use crate::background::{self, on_cores};
 
-/// Loads captures of Gaussian splats as [`PlenOctree`] assets: `.ply`, `.spz` and `.sog` files, and others whose `.meta`
-/// file names this loader, such as glTF with `KHR_gaussian_splatting`, or the `meta.json` file of SOG.
+/// Loads captures of Gaussian splats as [`PlenOctree`] assets: `.ply`, `.spz` and `.sog` files, and others whose
+/// `.meta` file names this loader, such as glTF with `KHR_gaussian_splatting`, or the `meta.json` file of SOG.
 ///
 /// The Gaussians are spread over the cells of a field, in the background. That takes seconds, and fields of captures
 /// are large, so pack them with the asset processor ([`PackSaver`](crate::PackSaver)), or convert them with
@@ -76,7 +76,7 @@ impl Default for CaptureSettings {
 }
 
 impl CaptureSettings {
-    /// Makes a field of a capture.
+    /// Converts a capture to a field.
     fn field(&self, splats: Splats) -> Result<PlenOctree, SplatError> {
         let crop = self.crop.map(|[low, high]| (low.into(), high.into()));
         let settings = SubjectSettings { crop, keep_largest: self.keep_largest, up: self.stand };
@@ -157,7 +157,7 @@ impl CaptureLoader {
 /// The name of a file next to a capture that has to be read first.
 struct Unread(String);
 
-/// Parses a capture and makes a field of it.
+/// Parses a capture and converts it to a field.
 fn convert(
     bytes: &[u8],
     file: &str,

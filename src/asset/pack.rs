@@ -24,9 +24,9 @@ use crate::background::{self, on_cores};
 /// files without a manual step. [`PlenOctreePlugin`](crate::PlenOctreePlugin) makes it the default for `.npz` files if
 /// the feature `pack` is enabled, and for captures (`.ply`, `.spz` and `.sog` files) if the feature `splat` is, too.
 ///
-/// A file's `.meta` file can set its [`PackSettings`] and the settings of its loader, or make a field of a capture in
-/// another kind of file, such as glTF. Loading is unchanged: the paths of the source file and of the palette next to it
-/// stay the same.
+/// A file's `.meta` file can set its [`PackSettings`] and the settings of its loader, or convert a capture in another
+/// kind of file, such as glTF, to a field. Loading is unchanged: the paths of the source file and of the palette next
+/// to it stay the same.
 #[derive(Default, TypePath)]
 pub struct PackSaver;
 
@@ -67,7 +67,7 @@ impl Drop for CancelOnDrop {
 /// Loads a field and saves it packed.
 type PackProcessor = LoadTransformAndSave<PlenOctreeLoader, IdentityAssetTransformer<PlenOctree>, PackSaver>;
 
-/// Makes a field of a capture and saves it packed.
+/// Converts a capture to a field and saves it packed.
 #[cfg(feature = "splat")]
 type CaptureProcessor = LoadTransformAndSave<CaptureLoader, IdentityAssetTransformer<PlenOctree>, PackSaver>;
 

@@ -5,11 +5,12 @@ use std::time::Duration;
 
 /// The time per frame that uploading fields may take on the render thread.
 ///
-/// Fields, and the levels that cameras request, are prepared in the background, and copied to the GPU in slices of about
-/// one mebibyte. At least one slice is copied in every frame. A larger budget lets fields arrive sooner.
+/// Fields, and the levels that cameras request, are prepared in the background, and copied to the GPU in slices of
+/// about one mebibyte. At least one slice is copied in every frame. A larger budget lets fields arrive sooner.
 ///
-/// The budget is for 60 frames per second. Frames that take longer get proportionally more, so that fields arrive as soon.
-/// If the GPU is emulated in software, they get less, because the driver copies every slice once more on the same cores.
+/// The budget is for 60 frames per second. Frames that take longer get proportionally more, so that fields arrive just
+/// as soon. If the GPU is emulated in software, frames get less, because the driver copies every slice once more on the
+/// same cores.
 ///
 /// Defaults to 2 ms. With `None`, everything that is ready is copied at once, which is meant for apps without a window.
 #[derive(Resource, Clone, Copy, Debug, PartialEq, Eq, ExtractResource, Reflect)]
@@ -27,8 +28,8 @@ impl Default for UploadBudget {
 const FRAME: Duration = Duration::from_micros(16_667);
 /// The number of such frames in the longest one that counts. Apps may pause.
 const MOST_FRAMES: f64 = 10.0;
-/// The share of the budget that is left if a driver copies to memory of the system. That memory was never used before, which
-/// makes the copy several times slower than the one that is measured.
+/// The fraction of the budget that is left if the driver copies to system memory. That memory was never used before,
+/// which makes the copy several times slower than the one that is measured.
 const SHARE_IF_EMULATED: f64 = 0.125;
 
 /// What uploads may still do in this frame.

@@ -47,8 +47,8 @@ impl GpuField {
         upload::check(field, limits)
     }
 
-    /// Returns the size in GPU memory, in bytes, including the levels that cameras requested, and an earlier version that
-    /// is still drawn.
+    /// Returns the size in GPU memory, in bytes, including the levels that cameras requested, and an earlier version
+    /// that is still drawn.
     pub fn bytes(&self) -> u64 {
         [Some(&self.levels), self.earlier.as_ref()].into_iter().flatten().flat_map(Levels::iter).map(|l| l.bytes).sum()
     }
@@ -123,8 +123,8 @@ impl GpuField {
         self.levels.advance(uploader, turn)
     }
 
-    /// Ends the frame. If the field has arrived, and `has_pipelines` says that no pipeline for it is missing, it is drawn
-    /// from the next frame on. Evicts levels that no camera has requested for a long time.
+    /// Ends the frame. If the field has arrived, and `has_pipelines` says that no pipeline for it is missing, it is
+    /// drawn from the next frame on. Evicts levels that no camera has requested for a long time.
     pub(super) fn end_frame(&mut self, has_pipelines: bool) {
         self.is_new = !self.is_drawn && has_pipelines && self.arrived().is_some();
         if self.is_new {

@@ -105,8 +105,8 @@ impl Levels {
         }
     }
 
-    /// Makes and uploads the field itself and the levels that were requested in this frame, as far as the turn allows. If
-    /// one fails, returns its error.
+    /// Makes and uploads the field itself and the levels that were requested in this frame, as far as the turn allows.
+    /// If one fails, returns its error.
     pub fn advance(&mut self, uploader: &Uploader, turn: &mut Turn) -> Option<FieldTooLarge> {
         let Self { source, faintness, slots } = self;
         let mut failure = None;

@@ -18,7 +18,8 @@ pub(crate) enum Layout {
     Halves,
     /// Those of the constant function and a scale as half floats, the others as bytes.
     Bytes,
-    /// The color in 32 bits, and the numbers of two rows of codebooks, which hold the others as bytes. Texels have two words.
+    /// The color in 32 bits, and the numbers of two rows of codebooks, which hold the others as bytes. Texels have two
+    /// words.
     Codebook,
 }
 

@@ -156,7 +156,7 @@ pub(super) fn receive(
                 status.progress.clear();
             }
             Report::Progress(field, share) => {
-                // What is known is the outcome of an earlier version: rendering takes place beside the next frame.
+                // What is known is the outcome of an earlier version: rendering runs in parallel with the next frame.
                 status.outcomes.remove(&field);
                 status.progress.insert(field, share);
             }

@@ -19,8 +19,8 @@ const MOST_LAYERS: u32 = 256;
 /// The minimum number of rows in a layer of a texture with several layers. Drivers store rows in groups.
 const FEWEST_ROWS: u32 = 4;
 
-/// How a device stores arrays: element `i` is the texel in column `i % width` of row `i / width`. An equal number of rows
-/// makes a layer.
+/// How a device stores arrays: element `i` is the texel in column `i % width` of row `i / width`. An equal number of
+/// rows makes a layer.
 #[derive(Clone, Copy)]
 pub(super) struct Grid {
     width: u32,

@@ -201,7 +201,8 @@ impl LevelData {
         }
     }
 
-    /// Packs the coefficients of every leaf, in a range of bytes. Those beyond the last leaf are 0. There is no codebook.
+    /// Packs the coefficients of every leaf, in a range of bytes. Those beyond the last leaf are 0. There is no
+    /// codebook.
     pub fn pack(&self, bytes: Range<usize>) -> Vec<u32> {
         let (payload, width) = (Payload::of(&self.field), self.field.basis().coefficients());
         let leaf = 16 * payload.texels();

@@ -49,8 +49,8 @@ pub enum PaletteSampler {
 pub struct ExtractionSamples {
     /// The histograms of all radiance samples, weighted by visibility.
     pub histograms: Arc<Histograms>,
-    /// Whether the samples were taken on the GPU. If not, they were taken on the CPU, or are those that the file of a packed
-    /// field [records](PlenOctree::histograms).
+    /// Whether the samples were taken on the GPU. If not, they were taken on the CPU, or are those that the file of a
+    /// packed field [records](PlenOctree::histograms).
     pub on_gpu: bool,
 }
 

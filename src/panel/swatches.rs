@@ -82,7 +82,7 @@ fn grid(ui: &mut egui::Ui, colors: &Colors) -> Option<Edit> {
             }
             let weight = weights.get(index).copied().unwrap_or_default();
             let share = if total > 0.0 { 100.0 * weight / total } else { 0.0 };
-            ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| ui.label(format!("{share:.1} %")));
+            ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| ui.label(format!("{share:.1}%")));
             if ui.add_enabled(colors.is_edited(index), egui::Button::new("Reset").small()).clicked() {
                 edit = Some(Edit::Reset(index));
             }

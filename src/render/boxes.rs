@@ -91,8 +91,8 @@ impl Boxes {
     }
 }
 
-/// Draws a prop to the rays of a pass: its box, or all batches that have pixels in it. `instance` is its index, and the part
-/// of the rays.
+/// Draws a prop to the rays of a pass: its box, or all batches that have pixels in it. `instance` is its index, and the
+/// part of the rays.
 pub(super) fn draw(pass: &mut TrackedRenderPass, rays: RaysOf, props: &ViewProps, prop: &DrawnProp, instance: u32) {
     let vertices = match rays {
         RaysOf::Grid => 0..BOX_VERTICES,

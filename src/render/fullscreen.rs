@@ -77,8 +77,8 @@ impl Fullscreen {
     }
 }
 
-/// Returns the depth state of passes over the props' depth. Where no prop was drawn, the triangle fails this test, and the
-/// fragment shader does not run.
+/// Returns the depth state of passes over the props' depth. Where no prop was drawn, the triangle fails this test, and
+/// the fragment shader does not run.
 pub(super) fn props_test() -> DepthStencilState {
     depth_test(DEPTH_FORMAT, false, CompareFunction::LessEqual)
 }

@@ -63,8 +63,8 @@ impl Placement {
         self.world_from_field().transform_point3(self.frame.to_world(0.5 * (self.low + self.high)))
     }
 
-    /// Returns the rays of a camera, or `None` if the prop has no volume or is nowhere: if a transform is degenerate or not
-    /// finite.
+    /// Returns the rays of a camera, or `None` if the prop has no volume or is nowhere: if a transform is degenerate or
+    /// not finite.
     pub fn rays(&self, world_from_view: &GlobalTransform, clip_from_view: Mat4, viewport: UVec2) -> Option<Rays> {
         // Perspective rays begin at the eye. Parallel rays begin at the near plane, which may be behind the camera.
         let begin = if is_orthographic(clip_from_view) { near_plane(clip_from_view) } else { 0.0 };

@@ -24,7 +24,7 @@ use crate::gpu::FieldTooLarge;
 /// }
 ///
 /// fn start_game() {
-///     info!("all props are there");
+///     info!("all props are ready");
 /// }
 ///
 /// fn plugin(app: &mut App) {

@@ -116,8 +116,8 @@ impl<S: Subscriber> Layer<S> for Logger {
     }
 }
 
-/// Beyond the documented bound, the nearest props are drawn, with the colors of their own palettes, and an error is logged,
-/// once.
+/// Beyond the documented bound, the nearest props are drawn, with the colors of their own palettes, and an error is
+/// logged, once.
 #[test]
 fn of_too_many_props_the_nearest_are_drawn() {
     const BEYOND: usize = 100;

@@ -1,5 +1,5 @@
-//! Tests the shadows that fall on props: of a mesh that the camera does not see, on half of a cube's face, and of props,
-//! against float64 rays.
+//! Tests the shadows that fall on props: of a mesh that the camera does not see, on half of a cube's face, and of
+//! props, against float64 rays.
 
 use bevy::{
     camera::visibility::RenderLayers,
@@ -224,8 +224,8 @@ fn pixels() -> impl Iterator<Item = (u32, u32)> {
     (0..PIXELS * PIXELS).map(|index| (index % PIXELS, index / PIXELS))
 }
 
-/// Compares where a prop got darker with where float64 rays from what the camera sees of it say so. `is_dark` gets points
-/// of its surface. Returns the intersection over the union, and the number of pixels that should be dark.
+/// Compares where a prop got darker with where float64 rays from what the camera sees of it say so. `is_dark` gets
+/// points of its surface. Returns the intersection over the union, and the number of pixels that should be dark.
 fn compare(
     field: &PlenOctree,
     place: &Transform,

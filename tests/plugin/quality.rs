@@ -22,8 +22,8 @@ fn drum() -> PlenOctree {
     PlenOctree::read(concat!(env!("CARGO_MANIFEST_DIR"), "/assets/drum.plenoctree"), &LoadSettings::default()).unwrap()
 }
 
-/// Bakes what no preset was tuned to: a glossy ball with stripes and a checkered plate among rods that are hardly thicker
-/// than a cell, in thin haze.
+/// Bakes what no preset was tuned to: a glossy ball with stripes and a checkered plate among rods that are hardly
+/// thicker than a cell, in thin haze.
 fn thicket() -> PlenOctree {
     let settings = BakeSettings { depth: 7, basis: Basis::Sh9, ..default() };
     let rod = |at: DVec3| {
@@ -130,7 +130,7 @@ fn check_promises(name: &str, field: &PlenOctree, palette: &Palette) {
             });
             let changed = changed.count() as f64 / owned as f64;
             let (least, most) = promise(preset, size);
-            let found = format!("{name}, {preset:?}, {size} pixels: {psnr:.1} dB, {:.1} % of labels", 100.0 * changed);
+            let found = format!("{name}, {preset:?}, {size} pixels: {psnr:.1} dB, {:.1}% of labels", 100.0 * changed);
             println!("{found}");
             if psnr < least || changed > most {
                 broken.push(found);

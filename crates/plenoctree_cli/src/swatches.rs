@@ -54,7 +54,7 @@ pub fn svg(palette: &Palette) -> String {
         let middle = left + SMALL / 2;
         svg += &format!(
             "<rect x=\"{left}\" width=\"{SMALL}\" height=\"{SMALL}\" fill=\"{code}\"/>\n<text x=\"{middle}\" \
-             y=\"{}\">{code}</text>\n<text x=\"{middle}\" y=\"{}\">{share:.1} %</text>\n",
+             y=\"{}\">{code}</text>\n<text x=\"{middle}\" y=\"{}\">{share:.1}%</text>\n",
             SMALL + 10,
             SMALL + 21,
         );

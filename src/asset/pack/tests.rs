@@ -238,9 +238,9 @@ fn gltf() -> (String, Vec<u8>) {
     (document.to_string(), buffer)
 }
 
-/// A capture in any format becomes a packed field that stands on the origin, cropped and without floaters if its `.meta`
-/// file says so. So does a glTF file whose `.meta` file says that it is a capture, with another file next to it, which
-/// the processor ignores. Damaged captures fail. A shipped game needs only what was processed.
+/// A capture in any format becomes a packed field that stands on the origin, cropped and without floaters if its
+/// `.meta` file says so. So does a glTF file whose `.meta` file says that it is a capture, with another file next to
+/// it, which the processor ignores. Damaged captures fail. A shipped game needs only what was processed.
 #[test]
 fn processed_apps_load_packed_captures() {
     let folder = Folder::new("captures");

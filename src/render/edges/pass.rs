@@ -50,8 +50,8 @@ impl EdgesPass {
     }
 }
 
-/// Returns the parts in which the coverage of a view's props is drawn. Where props overlap, those before others are compared
-/// with them ray by ray.
+/// Returns the parts in which the coverage of a view's props is drawn. Where props overlap, those before others are
+/// compared with them ray by ray.
 fn parts(props: &ViewProps) -> &'static [Part] {
     match props.drawn.len() {
         1 => &[Part::Alone],

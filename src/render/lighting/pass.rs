@@ -27,7 +27,8 @@ use crate::render::{
 /// The name of the pass's span in Bevy's render diagnostics.
 pub const LIGHTING_SPAN: &str = "plenoctree_lighting";
 
-/// The pipelines of a view. Both are compiled from the start, so that props keep their light when the first lamp appears.
+/// The pipelines of a view. Both are compiled from the start, so that props keep their light when the first lamp
+/// appears.
 #[derive(Component)]
 pub(super) struct LightingPass {
     without_lamps: CachedRenderPipelineId,

@@ -82,7 +82,7 @@ pub(super) fn init(mut commands: Commands, shaders: Res<Shaders>) {
 pub(super) struct LightingKey {
     /// Whether the camera's shadows have hard edges.
     pub is_hard: bool,
-    /// Whether there are point or spot lights. Software Vulkan computes even those that are not there.
+    /// Whether there are point or spot lights. Software Vulkan computes them even if there are none.
     pub lamps: bool,
 }
 

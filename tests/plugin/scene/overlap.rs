@@ -188,7 +188,8 @@ fn props_that_are_never_solid_are_cut_by_others() {
     });
 }
 
-/// Even a prop that is solid from no opacity on is not solid where its box is empty: a pane is seen behind it, through fog.
+/// Even a prop that is solid from no opacity on is not solid where its box is empty: a pane is seen behind it, through
+/// fog.
 #[test]
 fn empty_parts_are_never_solid() {
     let mut stage = Stage::with_meshes();

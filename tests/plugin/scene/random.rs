@@ -71,8 +71,8 @@ struct Seen<'a> {
 }
 
 impl Seen<'_> {
-    /// Returns where the ray enters the cube and leaves it, and the length of the way between in the cube's own units, per
-    /// unit along the ray.
+    /// Returns where the ray enters the cube and leaves it, and the length of the way between in the cube's own units,
+    /// per unit along the ray.
     fn span(&self, ray: Ray3d) -> Option<(f64, f64, f64)> {
         let origin = self.cube_from_world.transform_point3(ray.origin.as_dvec3());
         let direction = self.cube_from_world.transform_vector3(ray.direction.as_dvec3());

@@ -167,7 +167,8 @@ impl PlenOctree {
         Ok(field)
     }
 
-    /// Creates a field from parts that are known to be valid: a tree of this depth, with its leaves in depth-first order.
+    /// Creates a field from parts that are known to be valid: a tree of this depth, with its leaves in depth-first
+    /// order.
     pub(crate) fn of_valid(
         frame: Frame,
         basis: Basis,
@@ -335,9 +336,9 @@ impl PlenOctree {
         Self { recorded, ..self }
     }
 
-    /// Returns the histograms of the field that this packed field was made of, so that its palette stays the same. `None` if
-    /// the file records none, if `settings` ask for other observers or bins than it records, or if the field is no longer
-    /// the one in the file: thinned, or read with another activation or up axis.
+    /// Returns the histograms of the field that this packed field was made from, so that its palette stays the same.
+    /// `None` if the file records none, if `settings` ask for other observers or bins than it records, or if the field
+    /// is no longer the one in the file: if it was thinned, or read with another activation or up axis.
     ///
     /// The file records what [`SamplingSettings::default`] asks for. Bins may also be those that divide its bins.
     /// [`SamplingSettings::sample_fraction`] does not matter, because all leaves were sampled.
@@ -529,7 +530,8 @@ impl PlenOctree {
     }
 }
 
-/// Returns the first place up to which there are more than `left_out`. `counts` are places, and how many there are at each.
+/// Returns the first place up to which there are more than `left_out`. `counts` are places, and how many there are at
+/// each.
 fn first_beyond(mut counts: impl Iterator<Item = (usize, usize)>, left_out: usize) -> f64 {
     let mut sum = 0;
     let found = counts.find(|(_, count)| {

@@ -5,8 +5,8 @@ use glam::DVec3;
 use super::error::ReadFault;
 use crate::field::Frame;
 
-/// Returns an error unless a frame is valid, also in float32: files store frames in it, and props are placed in it. `keys`
-/// are what offset and scale are called in errors.
+/// Returns an error unless a frame is valid, also in float32: files store frames in it, and props are placed in it.
+/// `keys` are what offset and scale are called in errors.
 pub(crate) fn check_frame([offset_key, scale_key]: [&'static str; 2], frame: Frame) -> Result<(), ReadFault> {
     let Frame { offset, scale } = frame;
     let fault = |key, numbers: DVec3, expected: &str| {

@@ -37,8 +37,8 @@ const MAX_NODES: u64 = (1 << 28) - 1;
     type_path = "plenoctree"
 )]
 pub struct LoadSettings {
-    /// Function that maps the sum of the harmonics to radiance. `None`, the default, selects the one that a packed field
-    /// records, and [`Basis::default_activation`] for other files. Fields converted from Plenoxels need
+    /// Function that maps the sum of the harmonics to radiance. `None`, the default, selects the one that a packed
+    /// field records, and [`Basis::default_activation`] for other files. Fields converted from Plenoxels need
     /// [`Activation::ShiftedRelu`].
     pub activation: Option<Activation>,
     /// Axis of the field's frame that points up. `None`, the default, selects the one that a packed field records, and

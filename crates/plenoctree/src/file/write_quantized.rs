@@ -14,8 +14,8 @@ use crate::{
 };
 
 impl Packed {
-    /// Writes the field as an `.npz` file in the published quantized layout, which volrend and [`PlenOctree::read`] read:
-    /// a codebook of 65,536 colors for every function. Replaces an existing file.
+    /// Writes the field as an `.npz` file in the published quantized layout, which volrend and [`PlenOctree::read`]
+    /// read: a codebook of 65,536 colors for every function. Replaces an existing file.
     ///
     /// Reading it gives the packed field, except that it takes as much memory as an unpacked one, and that the
     /// coefficients of a function are rounded to 65,536 distinct colors, if there are more.

@@ -52,9 +52,10 @@ impl Shot {
 /// Settings of [`refine`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RefineSettings {
-    /// How much work to do, as a multiple of the default: 60 million rays.
+    /// How much work to do, as a multiple of the default, which is 60 million rays. Above 0, 1 by default.
     pub effort: f64,
-    /// Time to work for. The result is then as good as the time allows, but differs from run to run.
+    /// Time to work for. The result is then as good as the time allows, but differs from run to run. `None`, the
+    /// default, does the work that `effort` specifies.
     pub time: Option<Duration>,
     /// Seed of the random numbers. The same seed gives the same field, on any number of threads, unless `time` is set.
     pub seed: u64,
@@ -75,11 +76,12 @@ pub struct Refined {
     pub stage: StageReport,
 }
 
-/// Refines `field`, all of whose leaves are finest cells, until it looks like the shots, on all cores of the current rayon pool.
+/// Refines `field`, all of whose leaves are finest cells, until it looks like the shots, on all cores of the current
+/// rayon pool.
 ///
 /// Cells change density and color, and those that no camera sees are removed; none are added. `measured` are shots that
-/// are not refined to: `progress` reports how well they are matched. If it is stopped, the result is the field at that
-/// time.
+/// the field is not refined to: `progress` reports how well it matches them. If `progress` is stopped, the result is
+/// the field at that time.
 ///
 /// # Errors
 ///

@@ -17,8 +17,8 @@ pub struct FitReport {
     pub depth: u32,
     /// Whether the fit was stopped early.
     pub stopped: bool,
-    /// The views that were held out, or others that were given for measuring, and how well the field matches them before
-    /// it is cut. `None` if there are none.
+    /// The views that were held out, or others that were given for measuring, and how well the field matches them
+    /// before it is cut. `None` if there are none.
     pub held_out: Option<HeldOut>,
     /// The stages of training.
     pub stages: Vec<StageReport>,

@@ -34,8 +34,8 @@ use crate::field::PlenOctree;
 const MOST_PREVIEWS: usize = 12;
 /// Thickness that voxels start with.
 const FIRST_THICKNESS: f32 = 0.03;
-/// Of this many pictures, at least one must have transparent pixels, so that opacity tells the object from its background:
-/// some photographs have single transparent pixels, and the object may fill most pictures.
+/// Of this many pictures, at least one must have transparent pixels, so that opacity tells the object from its
+/// background: some photographs have single transparent pixels, and the object may fill most pictures.
 const FEWEST_TRANSPARENT: usize = 4;
 /// How often a checkpoint is written.
 const SAVE_EVERY: Duration = Duration::from_secs(60);
@@ -60,8 +60,8 @@ pub struct Fitted {
 /// # Errors
 ///
 /// Returns an error if a setting is out of range, if a picture cannot be read, if there are fewer than two views to fit
-/// to, if they do not show a common object, if nothing is left of the field, or if `progress` is stopped before training
-/// starts.
+/// to, if they do not show a common object, if nothing is left of the field, or if `progress` is stopped before
+/// training starts.
 pub fn fit(
     input: &FitInput,
     test: Option<&FitInput>,

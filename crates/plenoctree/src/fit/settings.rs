@@ -24,7 +24,7 @@ pub struct FitSettings {
     pub background: Option<DVec3>,
     /// Of this many views, one is held out and measured. At least 2, 8 by default. `None` fits to all views.
     pub hold_out: Option<u32>,
-    /// How much work to do, as a multiple of the default. Above 0.
+    /// How much work to do, as a multiple of the default. Above 0, 1 by default.
     pub effort: f64,
     /// Time for training, which does not include reading the pictures and measuring the result. The field is then as
     /// good as the time allows, but differs from run to run. `None`, the default, does the work that `effort`

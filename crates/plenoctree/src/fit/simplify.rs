@@ -1,4 +1,4 @@
-//! Makes fields simpler, so that they pack into fewer bytes: their pictures hardly change.
+//! Simplifies fields, so that they pack into fewer bytes while their pictures hardly change.
 
 use glam::Vec4;
 use rayon::prelude::*;
@@ -29,14 +29,13 @@ const MOST_PIXELS: f64 = 400.0;
 /// Settings of [`simplify`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SimplifySettings {
-    /// How much colors are kept from changing with the direction of view, where pictures hardly show it: what a squared
-    /// coefficient costs, compared with a pixel's squared error. 0 or more, 4e-5 by default.
+    /// Penalty on colors that change with the view direction: the cost of a squared coefficient, relative to that of a
+    /// pixel's squared error. Where pictures show the change, their error outweighs it. 0 or more, 4e-5 by default.
     pub smoothness: f32,
-    /// How much neighboring leaves are kept from having different colors, where pictures hardly show it: what a
-    /// difference of 1 between their coefficients of the constant function costs, in the same unit. 0 or more, 4e-5 by
-    /// default.
+    /// Penalty on different colors of neighboring leaves: the cost of a difference of 1 between their coefficients of
+    /// the constant function, in the same unit. 0 or more, 4e-5 by default.
     pub evenness: f32,
-    /// How much work to do, as a multiple of the default: 8 million rays.
+    /// How much work to do, as a multiple of the default, which is 8 million rays. Above 0, 1 by default.
     pub effort: f64,
     /// Seed of the random numbers. The same seed gives the same field, on any number of threads.
     pub seed: u64,
@@ -48,17 +47,18 @@ impl Default for SimplifySettings {
     }
 }
 
-/// Returns a field with fewer leaves and smoother colors, whose pictures from outside are nearly those of `field`, on all
-/// cores of the current rayon pool. Its palette is the same.
+/// Returns a field with fewer leaves and smoother colors, whose pictures from outside are nearly those of `field`, on
+/// all cores of the current rayon pool. Its palette is the same.
 ///
-/// The field is drawn from all around, and [refined](super::refine()) to these pictures without the leaves of little weight,
-/// while what differs between directions of view is drawn toward 0, and the colors of neighbors toward each other. What
-/// training left in places and directions that hardly show goes, and so do the bytes that it takes in a packed field.
+/// The field is rendered from all around, and [refined](super::refine()) to match these pictures without leaves that
+/// hardly matter. Meanwhile, differences between view directions are pulled toward 0, and the colors of neighbors
+/// toward each other. This removes what training left in places and directions that hardly show, and that a packed
+/// field would have to store.
 ///
 /// # Errors
 ///
-/// Returns an error if the field is not of the kind that is fitted: cubes of one size at depths of 6 to 10, with a sigmoid of
-/// harmonics up to degree 3.
+/// Returns an error if the field is not of the kind that is fitted: cubes of one size at depths of 6 to 10, with a
+/// sigmoid of harmonics up to degree 3.
 pub fn simplify(
     field: &PlenOctree,
     settings: &SimplifySettings,
@@ -117,7 +117,8 @@ mod tests {
         field::{Basis, UpAxis},
     };
 
-    /// A ball in haze, with noisy colors, becomes a ball with smoother colors that looks the same and has the same palette.
+    /// A ball in haze, with noisy colors, becomes a ball with smoother colors that looks the same and has the same
+    /// palette.
     #[test]
     fn simple_fields_look_the_same() {
         let settings =

@@ -57,8 +57,8 @@ impl Quadric {
     }
 }
 
-/// An edge to collapse: its cost, as an integer with the same order, and its vertices, which are as old as when the cost
-/// was computed.
+/// An edge to collapse: its cost, as an integer with the same order, and its vertices, which are as old as when the
+/// cost was computed.
 type Candidate = Reverse<(u64, [u32; 2], [u32; 2])>;
 
 struct Surface {

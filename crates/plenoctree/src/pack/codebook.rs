@@ -1,9 +1,9 @@
 //! A codebook: rows of coefficients that leaves share.
 //!
-//! Points are the coefficients of the leaves, except those of the constant function. Rows start as the means of parts that
-//! points are split into, and are moved by Lloyd's algorithm. A leaf gets the row with the least error, weighted by how the
-//! leaf is seen, plus what it costs in the file to say which row it is. That is little if a leaf before has it. The first row
-//! is 0.
+//! Points are the coefficients of the leaves, except those of the constant function. Rows start as the means of parts
+//! that points are split into, and are moved by Lloyd's algorithm. A leaf gets the row with the least cost: its error,
+//! weighted by how the leaf is seen, plus the bits that name the row in the file. These are few if an earlier leaf has
+//! the row. The first row is 0.
 
 use std::cmp::Reverse;
 
@@ -58,7 +58,8 @@ pub(super) fn build(leaves: &Leaves, most: usize, step: f32, progress: &Progress
     Ok(sorted(leaves.width(), &rows, &table, step))
 }
 
-/// Returns the row of every leaf. Only `chosen` leaves can have rows other than the first that leaves before them do not have.
+/// Returns the row of every leaf. Only `chosen` leaves can have rows other than the first that leaves before them do
+/// not have.
 fn assigned(
     leaves: &Leaves,
     chosen: &[u32],
@@ -157,8 +158,8 @@ fn moved(
     Ok(table)
 }
 
-/// Drops unused rows, but not the first, and sorts the others: first those that are often named, by how often, then the rest in
-/// the order in which leaves have them. What leaves before have is not named.
+/// Drops unused rows, but not the first, and sorts the others: first those that are often named, by how often, then the
+/// rest in the order in which leaves have them. What leaves before have is not named.
 fn sorted(width: usize, rows: &[u16], table: &[f32], step: f32) -> Book {
     /// How often a row is named that is sorted by it.
     const FREQUENT: usize = 12;

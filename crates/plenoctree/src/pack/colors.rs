@@ -6,8 +6,8 @@ use crate::{
     sampling::Seen,
 };
 
-/// Returns luma and differences of the constant function of every leaf, corrected so that its mean visible color stays what
-/// it was before the other coefficients became rows of codebooks.
+/// Returns luma and differences of the constant function of every leaf, corrected so that its mean visible color stays
+/// what it was before the other coefficients became rows of codebooks.
 pub(super) fn corrected(
     field: &PlenOctree,
     seen: &[Seen],
@@ -44,8 +44,8 @@ pub(super) fn corrected(
 
 /// Rounds colors to multiples of `step`.
 ///
-/// Colors are stored as differences from the leaf before, so a leaf's numbers are moved toward those of the leaf before as
-/// long as that saves bits. `bits` is how many bits a step of an averagely visible channel is worth.
+/// Colors are stored as differences from the leaf before, so a leaf's numbers are moved toward those of the leaf before
+/// as long as that saves bits. `bits` is how many bits a step of a channel of average visibility is worth.
 pub(super) fn quantize(colors: &[[f32; 3]], seen: &[Seen], step: f32, bits: f32) -> Vec<[i16; 3]> {
     let mut before = [0i32; 3];
     let of_leaf = |(color, seen): (&[f32; 3], &Seen)| {
@@ -61,8 +61,8 @@ pub(super) fn quantize(colors: &[[f32; 3]], seen: &[Seen], step: f32, bits: f32)
     colors.iter().zip(seen).map(of_leaf).collect()
 }
 
-/// Returns the number with the least cost: squared distance from `wanted` times `scale`, plus bits for the difference from
-/// `before`. It is between `before` and `wanted`, rounded.
+/// Returns the number with the least cost: squared distance from `wanted` times `scale`, plus bits for the difference
+/// from `before`. It is between `before` and `wanted`, rounded.
 pub(super) fn nearest(wanted: f32, before: i32, scale: f32) -> i32 {
     let difference = wanted - before as f32;
     let rounded = difference.round();

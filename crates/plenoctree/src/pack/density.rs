@@ -9,12 +9,12 @@ const REACH: u32 = 4;
 
 /// Returns at most `count` densities, in ascending order, and which of them every leaf gets.
 ///
-/// Leaves whose density matters little get one that is frequent, which saves bits: `bits` is how many of them a squared error of
-/// opacity is worth in a leaf that is fully seen.
+/// Leaves whose density matters little get one that is frequent, which saves bits: `bits` is how many of them a squared
+/// error of opacity is worth in a leaf that is fully seen.
 ///
 /// Levels are spread evenly over the mean opacity of paths through a finest cell. Paths through a cell have all lengths
-/// up to its diagonal. If short ones are more likely than long ones, exponentially so, their mean opacity is `d / (1 + d)`
-/// for the optical depth `d` of the cell's width.
+/// up to its diagonal. If short ones are more likely than long ones, exponentially so, their mean opacity is `d / (1 +
+/// d)` for the optical depth `d` of the cell's width.
 pub(super) fn quantize(field: &PlenOctree, seen: &[Seen], count: u32, bits: f32) -> (Vec<f16>, Vec<u8>) {
     let width = (field.frame().scale * f64::from(1u32 << field.depth())).element_product().cbrt().recip();
     let opacity = |density: f32| {

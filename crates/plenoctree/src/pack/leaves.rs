@@ -11,7 +11,7 @@ pub(super) struct Leaves<'a> {
     pub shares: &'static [f32],
     /// For each leaf, the coefficients of its parts.
     pub values: Vec<f32>,
-    /// Bits that a squared coefficient of an averagely visible leaf is worth.
+    /// Bits that a squared coefficient of a leaf of average visibility is worth.
     pub scale: f32,
 }
 

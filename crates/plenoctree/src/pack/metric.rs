@@ -4,8 +4,8 @@ use std::f32::consts::PI;
 
 use half::f16;
 
-/// The share of a leaf's views that may come from anywhere: the directions in which it is looked at are few, and rays pass beside
-/// its center.
+/// The share of a leaf's views that may come from anywhere: the directions in which it is looked at are few, and rays
+/// pass beside its center.
 const ANYWHERE: f32 = 0.3;
 
 /// The values of the basis functions in all directions, and their products.
@@ -30,8 +30,8 @@ impl Metric {
         self.others
     }
 
-    /// Returns the means of the functions over the views of a leaf, and then their covariances, one for each pair, in units
-    /// of the mean square of the constant function.
+    /// Returns the means of the functions over the views of a leaf, and then their covariances, one for each pair, in
+    /// units of the mean square of the constant function.
     ///
     /// The covariances say how large an error is if the coefficient of the constant function makes its mean vanish.
     pub fn of(&self, views: &[f16], moments: &mut Vec<f32>) {

@@ -1,7 +1,7 @@
 //! Finds the row of a codebook that costs least: error, as it is seen, plus the bits of the row's number.
 //!
-//! Rows are in groups of alike ones. A leaf looks at the groups' means first, then at the rows of the best groups and at the
-//! rows that cost the fewest bits.
+//! Rows are in groups of alike ones. A leaf looks at the groups' means first, then at the rows of the best groups and
+//! at the rows that cost the fewest bits.
 
 use rayon::prelude::*;
 
@@ -20,8 +20,8 @@ const BEST: usize = 6;
 /// Leaves between checks whether to stop.
 const CHUNK: usize = 1024;
 
-/// Returns what a leaf's query is multiplied with: the coefficients of a row, the products of all pairs of them, and the
-/// bits of its number.
+/// Returns what a leaf's query is multiplied with: the coefficients of a row, the products of all pairs of them, and
+/// the bits of its number.
 pub(super) fn features(leaves: &Leaves, row: &[f32], bits: f32) -> Vec<f32> {
     let mut features = row.to_vec();
     let parts = || row.chunks_exact(leaves.others()).zip(leaves.shares());

@@ -28,16 +28,16 @@ pub struct PackSettings {
     pub hidden: f32,
     /// Weight of views from below the horizon, relative to others. 0 to 1.
     pub below: f32,
-    /// Largest number of rows of the codebook of luma, which leaves share. That of color differences has half as many. 1 to
-    /// 65,536.
+    /// Largest number of rows of the codebook of luma, which leaves share. That of color differences has half as many.
+    /// 1 to 65,536.
     pub rows: u32,
     /// Largest number of densities. 2 to 254.
     pub density_levels: u32,
-    /// Step of leaves' colors, in encoded sRGB. Positive, and at most 1.
+    /// Step of leaves' colors, in encoded sRGB. 0.0001 to 1.
     pub color_step: f32,
-    /// Step of the codebooks' coefficients, in the same unit.
+    /// Step of the codebooks' coefficients, in the same unit. 0.0001 to 1.
     pub table_step: f32,
-    /// Step, in the same unit, to which the colors of an averagely visible leaf are rounded. Those of less visible
+    /// Step, in the same unit, to which the colors of a leaf of average visibility are rounded. Those of less visible
     /// leaves are rounded more, and all at least to `color_step`. 0 to 1.
     pub tolerance: f32,
 }
@@ -110,7 +110,7 @@ impl PackSettings {
         if field.activation() == Activation::Sigmoid { 0.25 } else { 1.0 }
     }
 
-    /// Returns how many bits an error of the color of an averagely visible channel is worth, in encoded sRGB.
+    /// Returns how many bits an error of the color of a channel of average visibility is worth, in encoded sRGB.
     ///
     /// The error of the best step is a twelfth of its square, and another bit leaves a quarter of it. Its derivative is
     /// `2 ln 2 / 12` of the square.

@@ -64,8 +64,8 @@ impl Ord for Part {
     }
 }
 
-/// Splits the points into at most `most` parts, always the part with the largest error next, where it varies most. Returns
-/// their means, and the part of every point.
+/// Splits the points into at most `most` parts, always the part with the largest error next, where it varies most.
+/// Returns their means, and the part of every point.
 pub(super) fn split(points: &Points, most: usize, progress: &Progress) -> Result<(Vec<f32>, Vec<u32>), Canceled> {
     let mut order: Vec<usize> = (0..points.weights.len()).collect();
     let mut parts = BinaryHeap::from([part(points, &order, 0)]);

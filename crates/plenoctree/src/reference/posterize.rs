@@ -40,8 +40,8 @@ impl Default for Posterization {
 
 /// Returns the labels of a palette: its colors, then the blends of every pair. Equation 7 of the paper.
 ///
-/// Colors are encoded sRGB. The source palette gives the source colors of the labels, and the palette as edited gives
-/// their shown colors.
+/// Colors are encoded sRGB. From source colors, these are the source colors of the labels, and from shown colors, their
+/// shown colors.
 pub fn labels(palette: &[DVec3], blend_steps: u32) -> Vec<DVec3> {
     let mut labels = palette.to_vec();
     for (i, first) in palette.iter().enumerate() {
@@ -58,7 +58,7 @@ pub fn labels(palette: &[DVec3], blend_steps: u32) -> Vec<DVec3> {
 /// Posterizes a rendering over `background`: filters it, and replaces every pixel with the shown colors of its nearest
 /// labels. Thin pixels are shown as rendered.
 ///
-/// `source` and `shown` are the extracted and the edited palette, of the same length. Colors are encoded sRGB. The
+/// `source` and `shown` are the source colors and the shown colors, of the same length. Colors are encoded sRGB. The
 /// result has the pixel order of [`Rendering`].
 pub fn posterize(
     rendering: &Rendering,

@@ -1,5 +1,5 @@
-//! The histograms of the field that a packed field was made of. Its file records them, because packing changes colors and
-//! drops leaves, which would change palettes.
+//! The histograms of the field that a packed field was made from. Its file records them, because packing changes colors
+//! and drops leaves, which would change palettes.
 
 use super::{
     histogram::{Bins, Histograms},
@@ -23,8 +23,8 @@ impl Recorded {
     /// The number of codes.
     pub const CODES: u16 = 512;
 
-    /// Rounds histograms. Faint bins matter as much as others for the hull of a palette, so that all are rounded by a share of
-    /// their weight. Returns `None` if there is no weight.
+    /// Rounds histograms. Faint bins matter as much as others for the hull of a palette, so all are rounded by a
+    /// fraction of their weight. Returns `None` if there is no weight.
     #[cfg(feature = "write")]
     pub fn new(settings: &SamplingSettings, histograms: &Histograms) -> Option<Self> {
         let unit = histograms.total_weight() / f64::from(1u32 << 20);

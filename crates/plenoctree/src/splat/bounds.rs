@@ -23,9 +23,9 @@ impl Splats {
     /// Returns the lowest and the highest corner of the box around the visible Gaussians, without outliers, or `None`
     /// if there are none.
     ///
-    /// Along each axis, the box extends the middle 90 % by half their length on either side, or by the size of the median
-    /// Gaussian if that is more. This contains an object that fills most of the capture. Shells of background farther
-    /// away are left out.
+    /// Along each axis, the box extends the middle 90% by half their length on either side, or by the size of the
+    /// median Gaussian if that is more. This contains an object that fills most of the capture. Shells of background
+    /// farther away are left out.
     pub fn dense_bounds(&self) -> Option<(DVec3, DVec3)> {
         let visible = || self.gaussians().iter().filter(|gaussian| gaussian.opacity >= FAINTEST);
         let (mut low, mut high) = (DVec3::ZERO, DVec3::ZERO);

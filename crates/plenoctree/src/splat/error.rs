@@ -4,7 +4,7 @@ use std::io;
 
 use crate::field::InvalidField;
 
-/// An error that occurs when reading a capture or making a field of it.
+/// An error that occurs when reading a capture or converting it to a field.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum SplatError {
@@ -38,7 +38,7 @@ pub enum SplatError {
         /// The valid values.
         expected: &'static str,
     },
-    /// No Gaussian is left to make a field of.
+    /// No Gaussian is left to convert to a field.
     #[error("nothing is left of the capture: found no visible Gaussian in {place}, expected at least one")]
     Empty {
         /// Where they were searched for.

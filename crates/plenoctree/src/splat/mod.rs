@@ -1,7 +1,7 @@
 //! Captures: scenes of Gaussian splats, as phones and 3D editors export them.
 //!
-//! [`Splats::read`] reads the common formats, [`render_splats`] draws them, [`Splats::subject`] finds what to convert, and
-//! [`voxelize()`] makes a field of it.
+//! [`Splats::read`] reads the common formats, [`render_splats`] draws them, [`Splats::subject`] finds the part to
+//! convert, and [`voxelize()`] converts it to a field.
 //!
 //! ```no_run
 //! use plenoctree::splat::{SplatSettings, Splats, VoxelSettings, voxelize};

@@ -1,4 +1,4 @@
-//! What of a capture becomes a field.
+//! The part of a capture that becomes a field.
 
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 use serde::{Deserialize, Serialize};

@@ -65,8 +65,8 @@ fn units_do_not_matter() {
     assert!((meters.1 / millimeters.1 - 1.0).abs() < 0.05, "{meters:?} {millimeters:?}");
 }
 
-/// Opaque pictures with different exposures: the background and the exposures are learned, and the field is the object. A
-/// transparent pixel in one of them does not matter.
+/// Opaque pictures with different exposures: the background and the exposures are learned, and the field is the object.
+/// A transparent pixel in one of them does not matter.
 #[test]
 fn opaque_pictures_are_fitted() {
     let folder = folder("opaque");
@@ -113,8 +113,8 @@ fn no_clouds_hang_before_lenses() {
     assert!(distances.len() > 500 && nearest > 2.7, "{} hits from {nearest}", distances.len());
 }
 
-/// Views with wrong poses are reported by their numbers, and only those: another pose, one that is off by a fraction of the
-/// object, and one that looks away. They do not carve the object away.
+/// Views with wrong poses are reported by their numbers, and only those: another pose, one that is off by a fraction of
+/// the object, and one that looks away. They do not carve the object away.
 #[test]
 fn wrong_poses_are_reported() {
     let folder = folder("wrong_pose");
@@ -215,8 +215,8 @@ fn boxes_turn_with_the_field() {
     }
 }
 
-/// Cropping keeps what is inside the box; the largest part is the ball with the post or a piece of it. Held-out views are
-/// compared before that. Few pictures are in memory at a time.
+/// Cropping keeps what is inside the box; the largest part is the ball with the post or a piece of it. Held-out views
+/// are compared before that. Few pictures are in memory at a time.
 #[test]
 fn fields_are_cut() {
     let folder = folder("cut");

@@ -99,8 +99,8 @@ fn what_a_file_records_can_be_overridden() {
     assert!(field.densities().iter().eq(dense) && field.leaves() > 0);
 }
 
-/// The palette of the packed field is that of the field, also if it is packed again, and although its leaves would give another
-/// one. Read with other settings, it is not the field in the file any more.
+/// The palette of the packed field is that of the field, also if it is packed again, and although its leaves would give
+/// another one. Read with other settings, it is not the field in the file any more.
 #[test]
 fn palettes_stay() {
     // Four colors, which one palette suits best.

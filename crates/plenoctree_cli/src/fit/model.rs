@@ -146,8 +146,8 @@ fn bounds(world: &mut World) -> Option<(DVec3, DVec3)> {
 }
 
 /// Adds a key light from the upper left, which casts shadows, and a weaker one from the right. With the environment, a
-/// white surface that faces the key light is just not overexposed. Shadows reach just around the unit ball, so that they
-/// look alike from all cameras.
+/// white surface that faces the key light is just not overexposed. Shadows reach just around the unit ball, so that
+/// they look alike from all cameras.
 fn light(world: &mut World) {
     let distance = 1.0 / (0.5 * FOV).sin() as f32;
     let shadows = CascadeShadowConfigBuilder {

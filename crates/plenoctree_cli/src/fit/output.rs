@@ -142,8 +142,8 @@ mod tests {
         extraction: ExtractionArguments,
     }
 
-    /// Cells so dense that no ray leaves their centers have no palette, but the field is written, without the palette of
-    /// another one.
+    /// Cells so dense that no ray leaves their centers have no palette, but the field is written, without the palette
+    /// of another one.
     #[test]
     fn fields_without_a_palette_are_written() {
         let folder = std::env::temp_dir().join(format!("plenoctree-output-{}", std::process::id()));

@@ -40,8 +40,8 @@ pub struct Loss {
 }
 
 impl Views {
-    /// Renders the field. Returns `None` if nothing is to be measured, or if the field has no palette: its labels could not
-    /// be compared.
+    /// Renders the field. Returns `None` if nothing is to be measured, or if the field has no palette: its labels could
+    /// not be compared.
     pub fn new(field: &PlenOctree, arguments: &Arguments) -> Result<Option<Self>> {
         let cameras = match &arguments.cameras {
             Some(file) => read_transforms(file, arguments.size)?,

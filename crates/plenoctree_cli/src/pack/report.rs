@@ -51,7 +51,7 @@ pub fn write(folder: &Path, fields: &[Field]) -> Result {
     for Field { name, before, rows } in fields {
         for Row { quality, bytes, leaves, dropped, loss } in rows {
             text += &format!(
-                "| {name} | {} | {:.2} | {:.2} | 1/{:.0} | {leaves} | {:.0} % | {:.1} | {:.2} % | {:.3} |\n",
+                "| {name} | {} | {:.2} | {:.2} | 1/{:.0} | {leaves} | {:.0}% | {:.1} | {:.2}% | {:.3} |\n",
                 quality.name(),
                 *before as f64 / 1e6,
                 *bytes as f64 / 1e6,

@@ -53,12 +53,12 @@ pub fn markdown(rows: &[Row], noise: f64) -> String {
         );
     }
     text += "\n\\* nothing else is both faster and closer to the exact frame.\n";
-    text += &format!("\nRatios of two series of exact frames are off by {:.1} %.\n", 100.0 * noise);
+    text += &format!("\nRatios of two series of exact frames are off by {:.1}%.\n", 100.0 * noise);
     let saved = WORTH.max(2.0 * noise);
     let worthless = not_worthwhile(rows, saved);
     if !worthless.is_empty() {
         let list = worthless.join(", ");
-        text += &format!("\nNot worthwhile here, they save less than {:.0} % of the time: {list}.\n", 100.0 * saved);
+        text += &format!("\nNot worthwhile here, they save less than {:.0}% of the time: {list}.\n", 100.0 * saved);
     }
     text
 }

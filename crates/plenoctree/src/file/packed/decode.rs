@@ -133,7 +133,8 @@ impl Head {
         Ok(head)
     }
 
-    /// Reads the nodes, and numbers them and the leaves in depth-first order. Returns also the level of the deepest nodes.
+    /// Reads the nodes, and numbers them and the leaves in depth-first order. Returns also the level of the deepest
+    /// nodes.
     fn tree(&self, file: &mut Container<impl Read + Seek>) -> Result<(Vec<[Cell; 8]>, u32), ReadFault> {
         // Nodes of the last level have one byte, others two. The number of each is known only at the end.
         let raw = file.size(TREE)?;
@@ -186,7 +187,8 @@ fn part<const N: usize>(bytes: &[u8], at: usize) -> [u8; N] {
     std::array::from_fn(|index| bytes[at + index])
 }
 
-/// Returns the nodes in depth-first order. Every level lists which cells of its nodes are not empty, and which are leaves.
+/// Returns the nodes in depth-first order. Every level lists which cells of its nodes are not empty, and which are
+/// leaves.
 fn depth_first(levels: &[(&[u8], &[u8])], count: usize) -> Vec<[Cell; 8]> {
     struct Visit {
         node: usize,

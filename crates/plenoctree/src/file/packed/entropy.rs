@@ -33,8 +33,8 @@ pub(super) struct Decoder<'a> {
     filled: u32,
 }
 
-/// What the low bits of a state mean: from the lowest bits up, a symbol, the state's place in the symbol's share of them,
-/// and the frequency of the symbol less 1.
+/// What the low bits of a state mean: from the lowest bits up, a symbol, the state's place in the symbol's share of
+/// them, and the frequency of the symbol less 1.
 type Context = Box<[u32; SCALE as usize]>;
 const PLACE_SHIFT: u32 = 8;
 const FREQUENCY_SHIFT: u32 = PLACE_SHIFT + SCALE_BITS;
@@ -97,7 +97,8 @@ impl<'a> Decoder<'a> {
     }
 }
 
-/// Reads the number of symbols, and the frequency of each: 7 bits, and 5 more in a second byte if the first is at least 128.
+/// Reads the number of symbols, and the frequency of each: 7 bits, and 5 more in a second byte if the first is at least
+/// 128.
 fn read_context(bytes: &mut &[u8]) -> Option<Context> {
     let mut next = || {
         let (byte, rest) = bytes.split_first()?;

@@ -52,7 +52,8 @@ fn naming(number: u32) -> usize {
     }
 }
 
-/// Returns the contexts of the row of luma, and of that of the differences, given how the rows of the leaf before are named.
+/// Returns the contexts of the row of luma, and of that of the differences, given how the rows of the leaf before are
+/// named.
 fn luma_context(class: usize, before: [u32; 2]) -> usize {
     3 * class + naming(before[0])
 }
@@ -107,8 +108,8 @@ pub struct Rows {
 }
 
 impl Rows {
-    /// Reads a row: 0 is the next one that no leaf had, the numbers up to [`RECENT_NUMBERS`] are recent ones, and others are the
-    /// row plus one more than that.
+    /// Reads a row: 0 is the next one that no leaf had, the numbers up to [`RECENT_NUMBERS`] are recent ones, and
+    /// others are the row plus one more than that.
     #[inline]
     fn read(&mut self, number: u32) -> Option<u16> {
         if let 1..=RECENT_NUMBERS = number {

@@ -30,8 +30,8 @@ pub struct Lens {
 }
 
 impl Lens {
-    /// Returns where a direction meets the picture, or `None` if it is behind the lens. Directions have x to the right, y
-    /// down and z forward.
+    /// Returns where a direction meets the picture, or `None` if it is behind the lens. Directions have x to the right,
+    /// y down and z forward.
     pub fn project(&self, direction: DVec3) -> Option<DVec2> {
         let bent = match self.distortion {
             Distortion::Fisheye(k) => {
@@ -143,7 +143,8 @@ mod tests {
         }
     }
 
-    /// OpenCV's `projectPoints` with f = 100, c = 50, k = (0.1, -0.05, 0.02), p = (0.01, -0.02) at (0.3, -0.2, 1): by hand.
+    /// OpenCV's `projectPoints` with f = 100, c = 50, k = (0.1, -0.05, 0.02), p = (0.01, -0.02) at (0.3, -0.2, 1): by
+    /// hand.
     #[test]
     fn distortion_is_that_of_opencv() {
         let lens = Lens {

@@ -25,9 +25,9 @@ impl FitInput {
     ///
     /// - a `transforms.json` file of NeRF, instant-ngp or nerfstudio, or a folder with a `transforms.json` or
     ///   `transforms_train.json`,
-    /// - a COLMAP model: a folder with `cameras`, `images` and, if there are points, `points3D`, as `.bin` or `.txt`, or
-    ///   one with such a model in `sparse/0`, `sparse` or `colmap/sparse/0`. The pictures are in a folder `images` next
-    ///   to it or above it.
+    /// - a COLMAP model: a folder with `cameras`, `images` and, if there are points, `points3D`, as `.bin` or `.txt`,
+    ///   or one with such a model in `sparse/0`, `sparse` or `colmap/sparse/0`. The pictures are in a folder `images`
+    ///   next to it or above it.
     ///
     /// Pictures are PNG or JPEG files.
     ///

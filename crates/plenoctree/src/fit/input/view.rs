@@ -9,7 +9,8 @@ use super::lens::{Distortion, Lens};
 /// Smallest distance of the points for which the ray through a distorting lens is computed, in pixels. In between,
 /// directions are interpolated, which is off by less than a hundredth of a pixel.
 const FINEST_LATTICE: u32 = 4;
-/// Square of that distance, relative to the width of the picture: the error grows with the one and falls with the other.
+/// Square of that distance, relative to the width of the picture: the error grows with the one and falls with the
+/// other.
 const LATTICE: f64 = 0.04;
 /// Number of lenses whose directions are kept for other cameras.
 const MOST_LENSES: usize = 32;

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use crate::fit::grid::Grid;
 
-/// One in so many batches counts, since adding up all values takes time.
+/// Interval, in batches, at which values are added, because adding all of them takes time.
 const EVERY: u32 = 6;
 /// Number of values that a thread adds up at a time.
 const CHUNK: usize = 8192;

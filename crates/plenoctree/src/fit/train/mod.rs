@@ -167,7 +167,8 @@ fn active_tiles(grid: &Grid, views: &[TrainView]) -> Vec<Tile> {
     views.par_iter().enumerate().map(in_view).collect::<Vec<_>>().concat()
 }
 
-/// Returns the grid for the next stage: what is visible, and its neighbors if the stage says so, each voxel split in eight.
+/// Returns the grid for the next stage: what is visible, and its neighbors if the stage says so, each voxel split in
+/// eight.
 pub fn split(grid: &Grid, cameras: &[&ViewCamera], stage: &Stage) -> Grid {
     let weights = visibility::largest_weights(grid, cameras, 1.0);
     let mut coarse = VoxelSet::new(grid.resolution());

@@ -14,7 +14,7 @@
 //!
 //! - `P` is the convex hull of the palette, and not a polyhedron that keeps its first faces while its vertices move. So
 //!   distances are at most theirs, and a vertex inside the hull of the others costs nothing.
-//! - `lambda` is 20, and `m_j` is the mean of the nearest 0.1 % of the colors: the defaults of public implementations.
+//! - `lambda` is 20, and `m_j` is the mean of the nearest 0.1% of the colors: the defaults of public implementations.
 //! - Of the colors, 40,000 are used, evenly chosen by weight. The hull contains all.
 //! - The best place on the line is the best of 16 evenly spaced ones, and a vertex stays if none is better. Rounds over
 //!   all vertices end when a round gains less than 1e-5, or after 20.

@@ -113,7 +113,7 @@ fn noise(evidence: &Evidence, section: &mut Section) -> Result {
         section.claim(
             "Hidden radiance is noisy.",
             format!(
-                "roughness {:.3} where hidden, {:.3} where seen; {:.1} % of the hidden colors are foreign",
+                "roughness {:.3} where hidden, {:.3} where seen; {:.1}% of the hidden colors are foreign",
                 hidden.roughness,
                 seen.roughness,
                 100.0 * hidden.foreign

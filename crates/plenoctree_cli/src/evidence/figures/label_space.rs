@@ -68,7 +68,7 @@ pub fn section(evidence: &Evidence) -> Result<Section> {
     let [rgb, cielab] = borders_of.map(|sum| 100.0 * sum / evidence.shots.len() as f64);
     section.claim(
         "Labels assigned in CIELAB lose detail.",
-        format!("borders between {cielab:.2} % of the neighbors with CIELAB, {rgb:.2} % with RGB"),
+        format!("borders between {cielab:.2}% of the neighbors with CIELAB, {rgb:.2}% with RGB"),
         cielab < rgb,
     );
     let mut head = vec![("view", "view"), ("space", "space")];

@@ -16,7 +16,7 @@ pub fn note(errors: Option<ColorErrors>) -> String {
     let Some(errors) = errors else { return "nothing is opaque enough to be posterized".into() };
     let psnr = measures::psnr_db(errors);
     let psnr = if psnr.is_finite() { format!("{psnr:.1} dB") } else { "no difference".into() };
-    format!("{psnr}, RMSE {:.1}, hue errors {:.1} %", 255.0 * errors.rmse, 100.0 * errors.hue)
+    format!("{psnr}, RMSE {:.1}, hue errors {:.1}%", 255.0 * errors.rmse, 100.0 * errors.hue)
 }
 
 /// Returns a picture as trained, without alpha.
@@ -54,7 +54,7 @@ impl Evidence {
     pub fn claim(&self, section: &mut Section, claim: &'static str, [better, worse]: [Method; 2]) {
         if let (Some(better), Some(worse)) = (self.mean(better), self.mean(worse)) {
             let found = format!(
-                "PSNR {:.2} against {:.2} dB; hue errors {:.1} against {:.1} %",
+                "PSNR {:.2} against {:.2} dB; hue errors {:.1} against {:.1}%",
                 measures::psnr_db(better),
                 measures::psnr_db(worse),
                 100.0 * better.hue,
