@@ -58,8 +58,7 @@ pub(super) fn build(leaves: &Leaves, most: usize, step: f32, progress: &Progress
     Ok(sorted(leaves.width(), &rows, &table, step))
 }
 
-/// Returns the row of every leaf. Only `chosen` leaves can have rows other than the first that leaves before them do
-/// not have.
+/// Returns the row of every leaf. Leaves that are not `chosen` get the first row, or one that an earlier leaf has.
 fn assigned(
     leaves: &Leaves,
     chosen: &[u32],
@@ -158,10 +157,10 @@ fn moved(
     Ok(table)
 }
 
-/// Drops unused rows, but not the first, and sorts the others: first those that are often named, by how often, then the
-/// rest in the order in which leaves have them. What leaves before have is not named.
+/// Drops unused rows except the first, and sorts the others: first those that the file names often, most often first,
+/// then the rest in the order of the leaves that use them. A row that is still among the recent ones is not named.
 fn sorted(width: usize, rows: &[u16], table: &[f32], step: f32) -> Book {
-    /// How often a row is named that is sorted by it.
+    /// The least number of times that a row is named to be sorted by that number.
     const FREQUENT: usize = 12;
     let mut counts = vec![0usize; table.len() / width];
     let mut recent = Recent::default();

@@ -6,8 +6,8 @@ use crate::{
     sampling::Seen,
 };
 
-/// Returns luma and differences of the constant function of every leaf, corrected so that its mean visible color stays
-/// what it was before the other coefficients became rows of codebooks.
+/// Returns luma and differences of the constant function of every leaf, corrected so that its mean visible color is the
+/// same as before the other coefficients became rows of codebooks.
 pub(super) fn corrected(
     field: &PlenOctree,
     seen: &[Seen],
@@ -44,8 +44,8 @@ pub(super) fn corrected(
 
 /// Rounds colors to multiples of `step`.
 ///
-/// Colors are stored as differences from the leaf before, so a leaf's numbers are moved toward those of the leaf before
-/// as long as that saves bits. `bits` is how many bits a step of a channel of average visibility is worth.
+/// Colors are stored as differences from the previous leaf, so a leaf's numbers are moved toward those of that leaf as
+/// long as that saves bits. `bits` is how many bits a step of a channel of average visibility is worth.
 pub(super) fn quantize(colors: &[[f32; 3]], seen: &[Seen], step: f32, bits: f32) -> Vec<[i16; 3]> {
     let mut before = [0i32; 3];
     let of_leaf = |(color, seen): (&[f32; 3], &Seen)| {

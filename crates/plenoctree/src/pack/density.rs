@@ -4,13 +4,13 @@ use half::f16;
 
 use crate::{field::PlenOctree, sampling::Seen};
 
-/// How many levels a density is moved at most, to save bits.
+/// The largest number of levels by which a density is moved to save bits.
 const REACH: u32 = 4;
 
 /// Returns at most `count` densities, in ascending order, and which of them every leaf gets.
 ///
-/// Leaves whose density matters little get one that is frequent, which saves bits: `bits` is how many of them a squared
-/// error of opacity is worth in a leaf that is fully seen.
+/// Leaves whose density matters little get a frequent one, which saves bits: `bits` is how many bits a squared error of
+/// opacity is worth in a leaf that is fully visible.
 ///
 /// Levels are spread evenly over the mean opacity of paths through a finest cell. Paths through a cell have all lengths
 /// up to its diagonal. If short ones are more likely than long ones, exponentially so, their mean opacity is `d / (1 +

@@ -55,8 +55,8 @@ impl Leaves<'_> {
         self.weight(leaf) * squares.sum::<f32>()
     }
 
-    /// Returns a leaf's coefficients made smaller where nobody sees them: those that are the likeliest, if coefficients
-    /// vary by `deviation`.
+    /// Returns a leaf's coefficients, shrunk where they are not visible: the most likely ones if coefficients vary by
+    /// `deviation`.
     pub fn likeliest(&self, leaf: usize, deviation: f32, moments: &mut Vec<f32>) -> Vec<f32> {
         let others = self.others();
         let covariances = self.covariances(leaf, moments);

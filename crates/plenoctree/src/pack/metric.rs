@@ -1,17 +1,17 @@
-//! What errors of coefficients do to what is seen of a leaf.
+//! The visible effect of errors in a leaf's coefficients.
 
 use std::f32::consts::PI;
 
 use half::f16;
 
-/// The share of a leaf's views that may come from anywhere: the directions in which it is looked at are few, and rays
-/// pass beside its center.
+/// The share of a leaf's views that may come from any direction, because few directions are sampled, and because rays
+/// also pass next to its center.
 const ANYWHERE: f32 = 0.3;
 
 /// The values of the basis functions in all directions, and their products.
 pub(super) struct Metric {
     others: usize,
-    /// For each direction, the functions but the constant one, then the products of all pairs of them.
+    /// For each direction, all functions except the constant one, then the products of all pairs of them.
     directions: Vec<Vec<f32>>,
 }
 
@@ -25,7 +25,7 @@ impl Metric {
         Self { others, directions: directions.iter().map(of_direction).collect() }
     }
 
-    /// Returns the number of functions but the constant one.
+    /// Returns the number of functions without the constant one.
     pub fn others(&self) -> usize {
         self.others
     }
@@ -53,7 +53,7 @@ impl Metric {
     }
 }
 
-/// Returns all pairs of `0..count`, also of a number and itself.
+/// Returns all pairs of `0..count`, including those of a number with itself.
 pub(super) fn pairs(count: usize) -> impl Iterator<Item = (usize, usize)> {
     (0..count).flat_map(move |a| (a..count).map(move |b| (a, b)))
 }
@@ -119,7 +119,7 @@ mod tests {
         }
     }
 
-    /// What all views of a leaf share counts little: the constant function makes up for it.
+    /// An error that all views of a leaf share counts little, because the constant function compensates for it.
     #[test]
     fn what_all_views_share_counts_little() {
         let [mut a, mut b] = [[0.0; 25]; 2];

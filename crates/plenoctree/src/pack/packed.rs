@@ -37,7 +37,7 @@ pub enum PackError {
     },
 }
 
-/// A typical difference between the color of a leaf and that of what is behind it.
+/// A typical difference between the color of a leaf and the color behind it.
 const CONTRAST: f32 = 0.16;
 
 /// A packed field: the content of a `.plenoctree` file.
@@ -52,8 +52,8 @@ pub struct Packed {
 impl Packed {
     /// Packs a field, on all cores. The result does not depend on their number.
     ///
-    /// A field with a million leaves takes about three minutes on two cores. Most of that is the measurement of
-    /// visibility, and the search for rows.
+    /// A field with a million leaves takes about three minutes on two cores. Most of that time goes into measuring
+    /// visibility and searching for rows.
     ///
     /// # Errors
     ///
@@ -195,7 +195,7 @@ fn books(
     Ok((luma, chroma))
 }
 
-/// Scales the weights of channels, so that their mean over all leaves is 1. Returns what it was.
+/// Scales the weights of channels so that their mean over all leaves is 1, and returns the previous mean.
 fn normalize(seen: &mut [Seen]) -> f32 {
     let sum: f64 = seen.iter().flat_map(|seen| seen.channels).map(f64::from).sum();
     let mean = sum / (3 * seen.len()).max(1) as f64;

@@ -1,4 +1,4 @@
-//! Gives leaves the rows of leaves before them, where that costs less than rows of their own.
+//! Gives leaves the rows of earlier leaves where that costs less than rows of their own.
 
 use rayon::prelude::*;
 
@@ -9,16 +9,16 @@ use super::{
 };
 use crate::sampling::{Canceled, Progress};
 
-/// Leaves that are looked at one after another. The first of them know no rows of leaves before.
+/// The number of leaves that are processed one after another. The first of them know no rows of earlier leaves.
 const CHUNK: usize = 4096;
 
-/// What it costs to say which row a leaf has, in bits.
+/// The costs of naming a leaf's row, in bits.
 pub(super) struct Costs {
-    /// That it is one of the last rows.
+    /// Of naming one of the last rows.
     pub recent: [f32; RECENT],
-    /// That it is none of them.
+    /// Of saying that it is none of them.
     pub other: f32,
-    /// Which other row it is.
+    /// Of then naming each row.
     pub rows: Vec<f32>,
 }
 
@@ -50,7 +50,7 @@ impl Costs {
     }
 }
 
-/// Returns the row of every leaf: `best`, or one of the last rows, whichever costs less, error and bits together.
+/// Returns the row of every leaf: `best` or one of the last rows, whichever costs less, counting error and bits.
 pub(super) fn reuse(
     leaves: &Leaves,
     table: &[f32],

@@ -1,7 +1,7 @@
-//! Finds the row of a codebook that costs least: error, as it is seen, plus the bits of the row's number.
+//! Finds the row of a codebook with the least cost: its visible error, plus the bits of its number.
 //!
-//! Rows are in groups of alike ones. A leaf looks at the groups' means first, then at the rows of the best groups and
-//! at the rows that cost the fewest bits.
+//! Similar rows form groups. A leaf is compared to the means of the groups first, then to the rows of the best groups
+//! and to those that cost the fewest bits.
 
 use rayon::prelude::*;
 
@@ -13,11 +13,11 @@ use crate::sampling::{Canceled, Progress};
 
 /// Rows that are compared together.
 const LANES: usize = 16;
-/// Rows of a group, at most. As many of the rows that cost least are a group, too.
+/// The largest number of rows in a group. The rows with the fewest bits form a group of this size, too.
 const GROUP: usize = 64;
 /// Groups that are searched.
 const BEST: usize = 6;
-/// Leaves between checks whether to stop.
+/// The number of leaves between checks for cancellation.
 const CHUNK: usize = 1024;
 
 /// Returns what a leaf's query is multiplied with: the coefficients of a row, the products of all pairs of them, and
@@ -142,7 +142,8 @@ impl<'a> Search<'a> {
     }
 }
 
-/// Writes what a leaf multiplies a row's numbers with, so that the sum is the row's cost, but for what all rows cost.
+/// Writes the factors of a row's numbers for a leaf. The sum of the products is the row's cost, up to a constant for
+/// all rows.
 pub(super) fn write_query(leaves: &Leaves, leaf: usize, moments: &mut Vec<f32>, query: &mut Vec<f32>) {
     let others = leaves.others();
     let covariances = leaves.covariances(leaf, moments);

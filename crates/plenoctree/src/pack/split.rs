@@ -20,7 +20,8 @@ impl Points {
     }
 }
 
-/// Returns at most `most` colors, and which of them stands for each of these. Colors stay exact if they are that few.
+/// Returns at most `most` colors, and the index of the one that stands for each given color. Colors stay exact if there
+/// are no more than that.
 pub(crate) fn shared(colors: &[[f16; 3]], most: usize) -> (Vec<[f16; 3]>, Vec<u16>) {
     if colors.is_empty() {
         return (Vec::new(), Vec::new());
@@ -64,7 +65,7 @@ impl Ord for Part {
     }
 }
 
-/// Splits the points into at most `most` parts, always the part with the largest error next, where it varies most.
+/// Splits the points into at most `most` parts: always the part with the largest error, where it varies most.
 /// Returns their means, and the part of every point.
 pub(super) fn split(points: &Points, most: usize, progress: &Progress) -> Result<(Vec<f32>, Vec<u32>), Canceled> {
     let mut order: Vec<usize> = (0..points.weights.len()).collect();
