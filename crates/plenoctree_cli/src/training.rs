@@ -1,44 +1,83 @@
-//! Runs what takes minutes on another thread, so that this one can show its progress.
+//! Runs what takes minutes on another thread, so that this one can show its progress, and ends it early on Ctrl-C.
 
-use std::{sync::Arc, thread, time::Duration};
+use std::{
+    process,
+    sync::{
+        Arc,
+        atomic::{AtomicBool, Ordering},
+    },
+    thread,
+    time::Duration,
+};
 
 use indicatif::ProgressBar;
 use plenoctree::fit::{FitError, FitProgress};
 
-use crate::{progress, result::Result};
+use crate::{console, progress, result::Result};
 
 /// Steps of the progress bar.
 const STEPS: u64 = 1000;
+/// The exit code of a program that Ctrl-C ended.
+const INTERRUPTED: i32 = 130;
 
-/// Returns the result of `work`, which runs on `threads` threads, or one for each core if that is 0. Ctrl-C ends it
-/// early.
-pub fn watched<T: Send + 'static>(
-    threads: u32,
-    work: impl FnOnce(&FitProgress) -> Result<T, FitError> + Send + 'static,
-) -> Result<T> {
-    let progress = Arc::new(FitProgress::default());
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads as usize).build()?;
-    {
-        let progress = progress.clone();
+/// What Ctrl-C does.
+#[derive(Default)]
+pub struct Interruption {
+    progress: Arc<FitProgress>,
+    has_result: Arc<AtomicBool>,
+}
+
+impl Interruption {
+    /// From now on, Ctrl-C ends the program with an error.
+    pub fn new() -> Result<Self> {
+        let interruption = Self::default();
+        let (progress, has_result) = (interruption.progress.clone(), interruption.has_result.clone());
         ctrlc::set_handler(move || {
+            if !has_result.load(Ordering::Relaxed) {
+                console::complain!("error: stopped by Ctrl-C before there was a result");
+                process::exit(INTERRUPTED);
+            }
             // Who asks twice does not want to wait.
             if progress.is_stopped() {
-                std::process::exit(130);
+                process::exit(INTERRUPTED);
             }
             progress.stop();
+            console::complain!("stopped by Ctrl-C: the result so far is written (Ctrl-C again ends at once)");
         })?;
+        Ok(interruption)
     }
-    let worker = {
-        let progress = progress.clone();
-        thread::spawn(move || pool.install(|| work(&progress)))
-    };
-    let bar = progress::fit_bar(STEPS);
-    while !worker.is_finished() {
-        show(&bar, &progress);
-        thread::sleep(Duration::from_millis(100));
+
+    /// From now on, there is a result to keep: Ctrl-C ends the work early, and asked twice, the program.
+    pub fn keep_result(&self) {
+        self.has_result.store(true, Ordering::Relaxed);
     }
-    bar.finish_and_clear();
-    Ok(worker.join().map_err(|_| "the fit stopped unexpectedly")??)
+
+    /// Returns whether the work is to end early.
+    pub fn is_requested(&self) -> bool {
+        self.progress.is_stopped()
+    }
+
+    /// Returns the result of `work`, which runs on `threads` threads, or one for each core if that is 0. Ctrl-C ends it
+    /// early.
+    pub fn watched<T: Send + 'static>(
+        &self,
+        threads: u32,
+        work: impl FnOnce(&FitProgress) -> Result<T, FitError> + Send + 'static,
+    ) -> Result<T> {
+        self.keep_result();
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads as usize).build()?;
+        let worker = {
+            let progress = self.progress.clone();
+            thread::spawn(move || pool.install(|| work(&progress)))
+        };
+        let bar = progress::fit_bar(STEPS);
+        while !worker.is_finished() {
+            show(&bar, &self.progress);
+            thread::sleep(Duration::from_millis(100));
+        }
+        bar.finish_and_clear();
+        Ok(worker.join().map_err(|_| "the fit stopped unexpectedly")??)
+    }
 }
 
 fn show(bar: &ProgressBar, progress: &FitProgress) {

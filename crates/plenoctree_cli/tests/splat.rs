@@ -2,7 +2,12 @@
 
 mod common;
 
-use std::{fs, path::Path};
+use std::{
+    fs,
+    io::{BufRead, BufReader, Read},
+    path::Path,
+    process::{Command, Stdio},
+};
 
 use common::{ball, fail, folder, succeed, text};
 use plenoctree::{LoadSettings, PlenOctree, palette::Palette};
@@ -105,4 +110,47 @@ fn captures_become_props_that_stand() {
         message.contains("cube.ply: nothing is left of the capture: found no visible Gaussian in the box"),
         "{message}"
     );
+}
+
+/// Ctrl-C before refining keeps the voxelized field, and before that ends the program with an error.
+#[cfg(unix)]
+#[test]
+fn interrupted_conversions_keep_what_is_there() {
+    let folder = folder("interrupted");
+    let capture = capture(&folder);
+    let out = folder.join("prop.npz");
+    // `until` is the beginning of the line after which the program is interrupted.
+    let convert = |depth: &str, size: &str, until: &str| {
+        let mut program = Command::new(env!("CARGO_BIN_EXE_plenoctree"))
+            .args(["convert", &capture, "--out", text(&out), "--depth", depth, "--picture-size", size])
+            .args(["--sample-fraction", "0.2"])
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut lines = BufReader::new(program.stdout.take().unwrap()).lines().map(Result::unwrap);
+        assert!(lines.by_ref().any(|line| line.starts_with(until)));
+        let sent = Command::new("kill").args(["-INT", &program.id().to_string()]).status().unwrap();
+        assert!(sent.success());
+        lines.for_each(drop);
+        let mut message = String::new();
+        program.stderr.take().unwrap().read_to_string(&mut message).unwrap();
+        (program.wait().unwrap().code(), message)
+    };
+
+    // This many cells take seconds.
+    let (code, message) = convert("10", "16", &capture);
+    assert_eq!(code, Some(130), "{message}");
+    assert!(message.starts_with("error: stopped by Ctrl-C"), "{message}");
+    assert!(!out.exists());
+
+    // And so do pictures of this size.
+    let (code, message) = convert("6", "1000", "voxelized");
+    assert_eq!(code, Some(0), "{message}");
+    assert!(message.contains("the field is as voxelized"), "{message}");
+    let report: Value = serde_json::from_slice(&fs::read(folder.join("report.json")).unwrap()).unwrap();
+    assert!(report["refined"].is_null() && report["stopped"] == true, "{report}");
+    let field = PlenOctree::read(&out, &LoadSettings::default()).unwrap();
+    assert_eq!(report["voxelized"]["leaves"], field.leaves());
+    Palette::read(folder.join("prop.palette.json")).unwrap();
 }

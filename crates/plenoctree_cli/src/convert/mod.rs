@@ -17,13 +17,14 @@ use plenoctree::{
 use serde_json::json;
 
 use self::measure::measure;
-use crate::{capture, console, fit::output, progress, result::Result, training::watched};
+use crate::{capture, console, fit::output, progress, result::Result, training::Interruption};
 
 /// Converts the capture, extracts the palette, and writes both with views and a report.
 pub fn run(arguments: &Arguments) -> Result {
     let path = &arguments.capture;
     let named = |error: &dyn std::error::Error| format!("{}: {error}", path.display());
     output::check(&arguments.out, &[path], &arguments.extraction)?;
+    let interruption = Interruption::new()?;
     let start = Instant::now();
     let splats = capture::load(path, arguments.reading, false)?;
     let all = splats.len();
@@ -45,11 +46,12 @@ pub fn run(arguments: &Arguments) -> Result {
     let settings = VoxelSettings { depth: arguments.depth, bounds: Some((low, high)) };
     let mut field = voxelize(&splats, &settings).map_err(|error| named(&error))?;
     spinner.finish_and_clear();
+    interruption.keep_result();
     let voxelizing = start.elapsed();
 
     let cameras = cameras::around(low, high, arguments.picture_size);
     let start = Instant::now();
-    let images = photograph(&splats, &cameras.held_out, "measuring");
+    let images = photograph(&splats, &cameras.held_out, "measuring", None);
     let mut measured = measure(&field, &cameras.held_out, &images);
     let voxelized = measured.json(&field);
     console::say!("voxelized: {} leaves, {} in {:.1} s", field.leaves(), decibels(&measured), voxelizing.as_secs_f64());
@@ -57,26 +59,37 @@ pub fn run(arguments: &Arguments) -> Result {
     let (mut refined, mut refining) = (None, Duration::ZERO);
     if !arguments.no_refine {
         let start = Instant::now();
-        let shots = to_shots(&cameras.training, &photograph(&splats, &cameras.training, "rendering"));
-        let held_out = to_shots(&cameras.held_out, &images);
-        drop(splats);
-        let settings = RefineSettings {
-            effort: arguments.effort,
-            time: arguments.minutes.map(|minutes| Duration::from_secs_f64(60.0 * minutes)),
-            seed: arguments.seed,
-        };
-        let Refined { field: better, stage } =
-            watched(arguments.threads, move |progress| refine(&field, shots, &held_out, &settings, progress))?;
-        refining = start.elapsed();
-        field = better;
-        let start = Instant::now();
-        measured = measure(&field, &cameras.held_out, &images);
-        console::say!("refined: {} leaves, {} in {:.0} s", field.leaves(), decibels(&measured), refining.as_secs_f64());
-        let mut report = measured.json(&field);
-        report["million_rays"] = json!(stage.million_rays);
-        refined = Some(report);
-        measuring += start.elapsed();
+        let pictures = photograph(&splats, &cameras.training, "rendering", Some(&interruption));
+        if interruption.is_requested() {
+            console::complain!("warning: stopped before refining: the field is as voxelized");
+        } else {
+            let shots = to_shots(&cameras.training, &pictures);
+            let held_out = to_shots(&cameras.held_out, &images);
+            drop((splats, pictures));
+            let settings = RefineSettings {
+                effort: arguments.effort,
+                time: arguments.minutes.map(|minutes| Duration::from_secs_f64(60.0 * minutes)),
+                seed: arguments.seed,
+            };
+            let Refined { field: better, stage } = interruption
+                .watched(arguments.threads, move |progress| refine(&field, shots, &held_out, &settings, progress))?;
+            refining = start.elapsed();
+            field = better;
+            let start = Instant::now();
+            measured = measure(&field, &cameras.held_out, &images);
+            console::say!(
+                "refined: {} leaves, {} in {:.0} s",
+                field.leaves(),
+                decibels(&measured),
+                refining.as_secs_f64()
+            );
+            let mut report = measured.json(&field);
+            report["million_rays"] = json!(stage.million_rays);
+            refined = Some(report);
+            measuring += start.elapsed();
+        }
     }
+    let stopped = interruption.is_requested();
     let mut shift = DVec3::ZERO;
     if arguments.stand {
         shift = -field.foot().unwrap_or_default();
@@ -94,6 +107,7 @@ pub fn run(arguments: &Arguments) -> Result {
         "from_capture": [row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]],
         "voxelized": voxelized,
         "refined": refined,
+        "stopped": stopped,
         "seconds": {
             "reading": seconds(reading),
             "voxelizing": seconds(voxelizing),
@@ -107,10 +121,16 @@ pub fn run(arguments: &Arguments) -> Result {
     Ok(())
 }
 
-/// Renders the capture.
-fn photograph(splats: &Splats, cameras: &[PinholeCamera], message: &'static str) -> Vec<SplatImage> {
+/// Renders the capture, until it is interrupted.
+fn photograph(
+    splats: &Splats,
+    cameras: &[PinholeCamera],
+    message: &'static str,
+    interruption: Option<&Interruption>,
+) -> Vec<SplatImage> {
     let bar = progress::bar(message, cameras.len() as u64, false);
-    let images = cameras.iter().map(|camera| {
+    let goes_on = |_: &&PinholeCamera| interruption.is_none_or(|interruption| !interruption.is_requested());
+    let images = cameras.iter().take_while(goes_on).map(|camera| {
         bar.inc(1);
         render_splats(splats, camera)
     });

@@ -13,13 +13,14 @@ use std::path::{Path, PathBuf};
 
 use plenoctree::fit::{FitInput, FitReport, Fitted, fit};
 
-use crate::{console, result::Result, training::watched};
+use crate::{console, result::Result, training::Interruption};
 
 /// Fits the field, extracts its palette, and writes both with previews and a report.
 pub fn run(arguments: &Arguments) -> Result {
     let folders = arguments.folders();
     let inputs: Vec<&Path> = [&arguments.input].into_iter().chain(&arguments.test).map(PathBuf::as_path).collect();
     output::check(&arguments.out, &inputs, &arguments.extraction)?;
+    let interruption = Interruption::new()?;
     let mut settings = arguments.settings();
     if let Some(checkpoint) = settings.checkpoint.as_ref().filter(|path| settings.resume && !path.exists()) {
         console::complain!("warning: {}: not found, so the fit starts anew", checkpoint.display());
@@ -34,7 +35,7 @@ pub fn run(arguments: &Arguments) -> Result {
     let input = FitInput::read(&pictures, &folders)?;
     let test = arguments.test.as_deref().map(|path| FitInput::read(path, &folders)).transpose()?;
     let Fitted { field, previews, report } =
-        watched(arguments.threads, move |progress| fit(&input, test.as_ref(), &settings, progress))?;
+        interruption.watched(arguments.threads, move |progress| fit(&input, test.as_ref(), &settings, progress))?;
     let palette = output::palette(&arguments.out, &field, &arguments.extraction);
     output::write(&arguments.out, &field, palette.as_ref(), &previews, &serde_json::to_value(&report)?)?;
     print(arguments, &report);
