@@ -82,7 +82,9 @@ pub use asset::PackSaver;
 pub use asset::PlenOctreeLoader;
 #[cfg(feature = "splat")]
 pub use asset::{CaptureLoader, CaptureSettings};
-pub use gpu::{FieldFailed, FieldReady, FieldTooLarge, GpuField, MAX_PROPS_IN_VIEW, UploadBudget};
+pub use gpu::{
+    FieldFailed, FieldReady, FieldTooLarge, GpuField, MAX_PROPS_IN_VIEW, UploadBudget, ViewFailed, ViewTooLarge,
+};
 #[cfg(feature = "shadows")]
 pub use lighting::{MAX_BANDS, PropLighting};
 #[cfg(feature = "mesh")]

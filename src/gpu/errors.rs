@@ -1,6 +1,9 @@
 //! Driver errors, such as running out of memory, caught where they occur instead of in the middle of a frame.
 
+use std::time::Duration;
+
 use bevy::{
+    platform::time::Instant,
     render::renderer::RenderDevice,
     tasks::{AsyncComputeTaskPool, Task, block_on, poll_once},
 };
@@ -50,6 +53,49 @@ impl DriverErrors {
     fn add(&mut self, error: Option<wgpu::Error>) {
         if self.first.is_none() {
             self.first = error.map(|error| error.to_string());
+        }
+    }
+}
+
+/// Creates textures and buffers as long as there is memory for them.
+#[derive(Default)]
+pub(crate) struct Allocator {
+    errors: DriverErrors,
+    failed: Option<Instant>,
+}
+
+/// How long nothing is created after a failure.
+const PAUSE: Duration = Duration::from_secs(2);
+
+impl Allocator {
+    /// Returns what `create` creates, or `None` if there is no memory for it, or was none a moment ago.
+    pub fn create<T>(&mut self, device: &RenderDevice, create: impl FnOnce() -> T) -> Option<T> {
+        if self.is_pausing() {
+            return None;
+        }
+        self.try_again();
+        let created = self.errors.watch(device, create);
+        self.error().is_none().then_some(created)
+    }
+
+    /// Returns the driver's message if the last attempt failed.
+    pub fn error(&mut self) -> Option<&str> {
+        let error = self.errors.first();
+        if error.is_some() {
+            self.failed.get_or_insert_with(Instant::now);
+        }
+        error
+    }
+
+    /// Returns whether the last attempt failed a moment ago.
+    pub fn is_pausing(&self) -> bool {
+        self.failed.is_some_and(|failed| failed.elapsed() < PAUSE)
+    }
+
+    /// Ends the pause.
+    pub fn try_again(&mut self) {
+        if self.failed.take().is_some() {
+            self.errors = DriverErrors::default();
         }
     }
 }

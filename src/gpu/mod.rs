@@ -19,10 +19,11 @@ mod upload;
 pub use budget::UploadBudget;
 pub use constants::MAX_PROPS_IN_VIEW;
 pub(crate) use constants::SAMPLING_WORKGROUP;
+pub(crate) use errors::Allocator;
 pub use field::GpuField;
 pub(crate) use level::Level;
-pub(crate) use report::GpuStatus;
-pub use report::{FieldFailed, FieldReady};
+pub use report::{FieldFailed, FieldReady, ViewFailed, ViewTooLarge};
+pub(crate) use report::{FieldReports, GpuStatus};
 pub(crate) use shaders::{Shaders, field_definitions};
 pub use upload::FieldTooLarge;
 pub(crate) use upload::{FieldLayout, FieldShape, GpuLevel};
@@ -47,6 +48,7 @@ impl Plugin for GpuFieldPlugin {
             .register_type::<UploadBudget>()
             .add_message::<FieldReady>()
             .add_message::<FieldFailed>()
+            .add_message::<ViewFailed>()
             .add_systems(PreUpdate, report::receive.in_set(PlenOctreeSystems::ReportFields));
         if app.get_sub_app(RenderApp).is_none() {
             return;

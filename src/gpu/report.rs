@@ -37,10 +37,37 @@ pub struct FieldFailed {
     pub only_level: bool,
 }
 
+/// A message written in [`PreUpdate`] when the GPU has too little memory for the textures that a camera needs to draw
+/// props: some 100 bytes per pixel, depending on its settings and on what it sees.
+///
+/// The camera draws no props then. It tries again every two seconds, and when its size, its
+/// [`PropQuality`](crate::PropQuality) or the number of props that it sees changes. The message is written once, until
+/// it has succeeded.
+#[derive(Message, Clone, Debug, PartialEq, Eq)]
+pub struct ViewFailed {
+    /// The camera.
+    pub camera: Entity,
+    /// The size of its view.
+    pub error: ViewTooLarge,
+}
+
+/// The error for a camera whose textures do not fit on the GPU.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "drawing props in a view of {} x {} pixels needs more GPU memory than is available; use a smaller view, or fewer \
+     or smaller fields",
+    .size.x, .size.y
+)]
+pub struct ViewTooLarge {
+    /// The size of the part of the target that the camera draws to, in pixels.
+    pub size: UVec2,
+}
+
 /// A report of the render world.
 enum Report {
     Field(AssetId<PlenOctree>, Result<(), FieldTooLarge>),
     Level(AssetId<PlenOctree>, FieldTooLarge),
+    View(Entity, ViewTooLarge),
     /// The share of a field that has arrived.
     Progress(AssetId<PlenOctree>, f32),
     /// The device is new, so nothing is on it.
@@ -57,7 +84,7 @@ struct Inbox {
 
 /// Carries reports from the render world to the main world. Both worlds hold a clone.
 #[derive(Resource, Clone, Default)]
-pub(super) struct FieldReports(Arc<Mutex<Inbox>>);
+pub(crate) struct FieldReports(Arc<Mutex<Inbox>>);
 
 impl FieldReports {
     pub fn field(&self, field: AssetId<PlenOctree>, outcome: Result<(), FieldTooLarge>) {
@@ -66,6 +93,10 @@ impl FieldReports {
 
     pub fn level(&self, field: AssetId<PlenOctree>, error: FieldTooLarge) {
         self.inbox().reports.push(Report::Level(field, error));
+    }
+
+    pub fn view(&self, camera: Entity, error: ViewTooLarge) {
+        self.inbox().reports.push(Report::View(camera, error));
     }
 
     pub fn progress(&self, field: AssetId<PlenOctree>, share: f32) {
@@ -134,6 +165,7 @@ pub(super) fn receive(
     mut fields: MessageReader<AssetEvent<PlenOctree>>,
     mut ready: MessageWriter<FieldReady>,
     mut failed: MessageWriter<FieldFailed>,
+    mut failed_views: MessageWriter<ViewFailed>,
 ) {
     status.frame += 1;
     for event in fields.read() {
@@ -162,6 +194,9 @@ pub(super) fn receive(
             }
             Report::Level(field, error) => {
                 failed.write(FieldFailed { field, error, only_level: true });
+            }
+            Report::View(camera, error) => {
+                failed_views.write(ViewFailed { camera, error });
             }
             Report::Field(field, outcome) => {
                 status.outcomes.insert(field, outcome.clone());
@@ -218,6 +253,7 @@ mod tests {
         world.init_resource::<Messages<AssetEvent<PlenOctree>>>();
         world.init_resource::<Messages<FieldReady>>();
         world.init_resource::<Messages<FieldFailed>>();
+        world.init_resource::<Messages<ViewFailed>>();
         let id = AssetId::<PlenOctree>::default();
         let mut receive = |report: &dyn Fn()| {
             report();

@@ -7,7 +7,7 @@ use bevy::{
     render::error_handler::{RenderError, RenderErrorPolicy},
 };
 
-use crate::state::PropError;
+use crate::{gpu::ViewTooLarge, state::PropError};
 
 /// An error of [`Headless`](super::Headless).
 #[derive(Debug, thiserror::Error)]
@@ -18,6 +18,9 @@ pub enum HeadlessError {
     /// A prop or a posterized view cannot be drawn as it should be, or nothing can be drawn.
     #[error(transparent)]
     Prop(PropError),
+    /// The GPU has too little memory for what a camera needs to draw props.
+    #[error(transparent)]
+    View(ViewTooLarge),
     /// The GPU reported an error in an earlier frame, and nothing is rendered anymore.
     #[error("rendering failed: {0}")]
     Rendering(String),

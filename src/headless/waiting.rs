@@ -12,6 +12,7 @@ use crate::{
     gpu::{GpuField, pipelines},
     palette::{PaletteExtraction, Palettes},
     posterize::Posterize,
+    render::ViewMemory,
     stage::PosterizeView,
     state::{PropError, PropState},
 };
@@ -30,10 +31,13 @@ pub(super) fn for_frame(app: &App) -> Result<Option<String>, HeadlessError> {
 }
 
 fn check_rendering(app: &App) -> Result<(), HeadlessError> {
-    match app.world().get_resource::<RenderingFailure>() {
-        Some(RenderingFailure(reason)) => Err(HeadlessError::Rendering(reason.clone())),
-        None => Ok(()),
+    if let Some(RenderingFailure(reason)) = app.world().get_resource() {
+        return Err(HeadlessError::Rendering(reason.clone()));
     }
+    let Some(render) = app.get_sub_app(RenderApp) else { return Ok(()) };
+    let views = render.world().try_query::<&ViewMemory>();
+    let shortage = views.and_then(|mut views| views.iter(render.world()).find_map(ViewMemory::shortage).cloned());
+    shortage.map_or(Ok(()), |shortage| Err(HeadlessError::View(shortage)))
 }
 
 fn for_arrivals(app: &App) -> Option<String> {

@@ -138,6 +138,12 @@ impl VisibleProps {
     pub fn is_empty(&self) -> bool {
         self.props.is_empty() && self.everything.is_none()
     }
+
+    /// Lets the camera draw nothing.
+    pub fn clear(&mut self) {
+        self.props.clear();
+        self.everything = None;
+    }
 }
 
 /// The components that determine a prop's colors, besides the palette of its field.
@@ -217,8 +223,7 @@ pub(super) fn extract_props(
         if !camera.is_active || !is_3d {
             // It keeps its textures, but draws nothing.
             if let Ok(mut view) = views.get_mut(entity) {
-                view.props.clear();
-                view.everything = None;
+                view.clear();
             }
             continue;
         }

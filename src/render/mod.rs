@@ -50,6 +50,8 @@ mod view;
 mod volume;
 
 pub use label::{LabelTextures, StageWrite};
+#[cfg(feature = "headless")]
+pub(crate) use view::ViewMemory;
 
 use bevy::{
     prelude::*,

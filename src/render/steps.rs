@@ -17,6 +17,10 @@ pub(super) fn order(render_app: &mut SubApp) {
     order_stages(render_app);
 }
 
+/// Creates the textures of passes, once it is known what each view draws.
+#[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) struct PrepareTextures;
+
 /// The steps of [`PlenOctreeRenderSystems::Volume`].
 #[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) enum VolumeSteps {
@@ -61,6 +65,7 @@ fn order_render(render_app: &mut SubApp) {
                 PlenOctreeRenderSystems::ChooseLevels,
                 PlenOctreeRenderSystems::UploadLevels,
                 PlenOctreeRenderSystems::PrepareViews,
+                PrepareTextures,
                 PlenOctreeRenderSystems::PreparePipelines,
             )
                 .chain()

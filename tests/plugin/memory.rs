@@ -3,13 +3,14 @@
 use std::time::Duration;
 
 use bevy::{
+    camera::Viewport,
     prelude::*,
     render::{RenderApp, renderer::RenderDevice},
 };
 use bevy_plenoctree::{
-    Activation, DeviceRecoveryPlugin, FieldFailed, FieldReady, PlenOctree, PlenOctreePlugin, Prop, PropError,
-    PropQuality, PropState, UpAxis,
-    headless::{Headless, exact_camera},
+    Activation, DeviceRecoveryPlugin, FieldFailed, FieldPalette, FieldReady, Palettes, PlenOctree, PlenOctreePlugin,
+    Posterize, Prop, PropError, PropQuality, PropState, UpAxis, ViewFailed,
+    headless::{Headless, HeadlessError, exact_camera},
 };
 use glam::DVec3;
 use half::f16;
@@ -33,6 +34,7 @@ fn corner(depth: u32, color: [f32; 3]) -> PlenOctree {
 struct Heard {
     ready: usize,
     failed: Vec<FieldFailed>,
+    failed_views: Vec<ViewFailed>,
     exits: usize,
 }
 
@@ -40,10 +42,12 @@ fn hear(
     mut heard: ResMut<Heard>,
     mut ready: MessageReader<FieldReady>,
     mut failed: MessageReader<FieldFailed>,
+    mut failed_views: MessageReader<ViewFailed>,
     mut exits: MessageReader<AppExit>,
 ) {
     heard.ready += ready.read().count();
     heard.failed.extend(failed.read().cloned());
+    heard.failed_views.extend(failed_views.read().cloned());
     heard.exits += exits.read().count();
 }
 
@@ -129,25 +133,38 @@ fn limit_memory(more: Option<u64>) {
     setrlimit(Resource::As, Rlimit { current, maximum }).unwrap();
 }
 
+/// Runs a test in a process of its own, whose memory can be limited. Returns whether it passed, or false in that process.
+#[cfg(target_os = "linux")]
+fn passes_in_child(test: &str) -> bool {
+    const CHILD: &str = "PLENOCTREE_TEST_FULL_MEMORY";
+    if std::env::var_os(CHILD).is_some() {
+        return false;
+    }
+    let mut child = std::process::Command::new(std::env::current_exe().unwrap());
+    let output = child.args(["--exact", test, "--nocapture"]).env(CHILD, "1").output().unwrap();
+    let [out, error] = [output.stdout, output.stderr].map(|text| String::from_utf8_lossy(&text).into_owned());
+    assert!(output.status.success() && out.contains("1 passed"), "{}: {out}\n{error}", output.status);
+    true
+}
+
+/// Returns whether the memory of the GPU is that of this process.
+#[cfg(target_os = "linux")]
+fn has_software_driver(headless: &Headless) -> bool {
+    let render = headless.app.sub_app(RenderApp).world();
+    render.resource::<bevy::render::renderer::RenderAdapterInfo>().device_type == wgpu::DeviceType::Cpu
+}
+
 /// If the driver has no memory for a field, only its props are missing, and it is drawn once there is memory again.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_field_is_skipped_when_memory_is_full() {
-    // The limit is that of a whole process.
-    const CHILD: &str = "PLENOCTREE_TEST_FULL_MEMORY";
-    if std::env::var_os(CHILD).is_none() {
-        let mut child = std::process::Command::new(std::env::current_exe().unwrap());
-        child.args(["--exact", "memory::a_field_is_skipped_when_memory_is_full", "--nocapture"]).env(CHILD, "1");
-        let output = child.output().unwrap();
-        let [out, error] = [output.stdout, output.stderr].map(|text| String::from_utf8_lossy(&text).into_owned());
-        assert!(output.status.success() && out.contains("1 passed"), "{}: {out}\n{error}", output.status);
+    if passes_in_child("memory::a_field_is_skipped_when_memory_is_full") {
         return;
     }
     let (red, blue) = ([1.0, 0.0, 0.0], [0.0, 0.0, 1.0]);
     let (mut headless, [good, bad]) = app(default(), |_| (), [corner(5, red), corner(4, blue)]);
     headless.wait_until_ready(Duration::from_secs(60)).unwrap();
-    let render = headless.app.sub_app(RenderApp).world();
-    if render.resource::<bevy::render::renderer::RenderAdapterInfo>().device_type != wgpu::DeviceType::Cpu {
+    if !has_software_driver(&headless) {
         return;
     }
     let green = large([0.0, 1.0, 0.0]);
@@ -173,6 +190,66 @@ fn a_field_is_skipped_when_memory_is_full() {
     (0..2).for_each(|_| headless.update());
     headless.wait_until_ready(Duration::from_secs(120)).unwrap();
     assert_eq!(colors(&mut headless), [[255, 0, 0], [0, 255, 0]]);
+}
+
+/// If the driver has no memory for the textures of a view, only its props are missing, and they are drawn once there is
+/// memory again.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_view_draws_no_props_when_memory_is_full() {
+    if passes_in_child("memory::a_view_draws_no_props_when_memory_is_full") {
+        return;
+    }
+    const LARGE: UVec2 = UVec2::splat(2048);
+    let (mut headless, _) = app(default(), |_| (), [corner(5, [1.0, 0.0, 0.0]), corner(4, [0.0, 0.0, 1.0])]);
+    headless.resize(LARGE);
+    let world = headless.app.world_mut();
+    let palette = FieldPalette::from_colors([Color::WHITE]).unwrap();
+    let props: Vec<_> =
+        world.query::<(Entity, &Prop)>().iter(world).map(|(prop, field)| (prop, field.0.clone())).collect();
+    for (prop, field) in props {
+        world.resource_mut::<Palettes>().insert(&field, palette.clone());
+        world.entity_mut(prop).insert(Posterize::default());
+    }
+    let view = |headless: &mut Headless, size: UVec2| {
+        let world = headless.app.world_mut();
+        let mut camera = world.query::<&mut Camera>().single_mut(world).unwrap();
+        camera.viewport = Some(Viewport { physical_size: size, ..default() });
+    };
+    // Prepares all but the textures of the large view.
+    view(&mut headless, UVec2::splat(SIZE));
+    headless.wait_until_ready(Duration::from_secs(60)).unwrap();
+    headless.capture().unwrap();
+    if !has_software_driver(&headless) {
+        return;
+    }
+    // Memory ends at the first texture, and at later ones.
+    for (failures, megabytes) in [32, 160, 288].into_iter().enumerate() {
+        limit_memory(Some(megabytes << 20));
+        view(&mut headless, LARGE);
+        for _ in 0..5 {
+            headless.update();
+        }
+        let frame = headless.capture().map(|_| ());
+        assert!(matches!(frame, Err(HeadlessError::View(_))), "{megabytes} MB: {frame:?}");
+        let heard = headless.app.world().resource::<Heard>();
+        assert_eq!(heard.failed_views.len(), failures + 1, "{megabytes} MB");
+        assert_eq!(heard.failed_views[failures].error.size, LARGE);
+        assert_eq!(heard.exits, 0, "the app quits");
+        limit_memory(None);
+        // A view of another size tries at once.
+        view(&mut headless, UVec2::splat(SIZE));
+        headless.update();
+        assert_eq!(headless.capture().unwrap().get_pixel(SIZE / 3, SIZE / 2).0, [255; 4]);
+    }
+    limit_memory(Some(160 << 20));
+    view(&mut headless, LARGE);
+    headless.update();
+    headless.capture().unwrap_err();
+    limit_memory(None);
+    std::thread::sleep(Duration::from_secs(2));
+    headless.update();
+    assert_eq!(headless.capture().unwrap().get_pixel(LARGE.x / 3, LARGE.y / 2).0, [255; 4]);
 }
 
 /// A level that the driver rejects is replaced by the field itself, or by the previous level.

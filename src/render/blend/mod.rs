@@ -11,21 +11,19 @@ pub(super) use pass::{BlendPass, BlendedTexture};
 
 use bevy::{
     prelude::*,
-    render::{GpuResourceAppExt, Render, RenderApp, RenderSystems, render_resource::SpecializedRenderPipelines},
+    render::{GpuResourceAppExt, Render, RenderApp, render_resource::SpecializedRenderPipelines},
 };
 
 use super::{
     pass::{Pass, add_pass},
-    steps::PosterizeSteps,
+    steps::{PosterizeSteps, PrepareTextures},
 };
-use crate::sets::PlenOctreeRenderSystems;
 
 pub(super) fn plugin(app: &mut App) {
     if let Some(render_app) = app.get_sub_app_mut(RenderApp) {
-        render_app.init_gpu_resource::<SpecializedRenderPipelines<pipeline::BlendPipeline>>().add_systems(
-            Render,
-            pass::prepare_textures.after(PlenOctreeRenderSystems::PrepareViews).in_set(RenderSystems::PrepareResources),
-        );
+        render_app
+            .init_gpu_resource::<SpecializedRenderPipelines<pipeline::BlendPipeline>>()
+            .add_systems(Render, pass::prepare_textures.in_set(PrepareTextures));
     }
     let systems = Pass {
         init: pipeline::init.into_configs(),

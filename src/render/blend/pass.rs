@@ -11,7 +11,6 @@ use bevy::{
             TextureView,
         },
         renderer::{RenderContext, RenderDevice, ViewQuery},
-        texture::TextureCache,
     },
 };
 
@@ -25,7 +24,7 @@ use crate::{
         label::{SHOWN_FORMAT, ShownTexture},
         lighting::ReadLighting,
         target::hidden_samples,
-        view::{ViewBindGroups, ViewProps, ViewTextures, drawn_viewport, view_texture},
+        view::{ViewBindGroups, ViewMemory, ViewProps, ViewTextures, drawn_viewport},
     },
     stage::PropStage,
 };
@@ -55,21 +54,21 @@ impl BlendPass {
 
 pub(super) fn prepare_textures(
     mut commands: Commands,
-    mut cache: ResMut<TextureCache>,
     device: Res<RenderDevice>,
-    views: Query<(
+    mut views: Query<(
         Entity,
         Option<&ExtractedCamera>,
         Option<&MainPassResolutionOverride>,
         &ViewProps,
+        &mut ViewMemory,
         Has<BlendedTexture>,
     )>,
 ) {
-    for (entity, camera, resolution, props, has_texture) in &views {
+    for (entity, camera, resolution, props, mut memory, has_texture) in &mut views {
         let viewport = camera.filter(|_| props.smooths_edges()).and_then(|camera| drawn_viewport(camera, resolution));
-        if let Some(viewport) = viewport {
-            let size = viewport.physical_size;
-            let texture = view_texture(&mut cache, &device, "plenoctree_blended", SHOWN_FORMAT, size);
+        let texture = viewport
+            .and_then(|viewport| memory.view(&device, "plenoctree_blended", SHOWN_FORMAT, viewport.physical_size));
+        if let Some(texture) = texture {
             commands.entity(entity).insert(BlendedTexture(texture));
         } else if has_texture {
             commands.entity(entity).remove::<BlendedTexture>();

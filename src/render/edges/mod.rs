@@ -18,12 +18,10 @@ pub(super) use textures::{EdgeTextures, mask_test};
 use bevy::{
     core_pipeline::schedule::Core3d,
     prelude::*,
-    render::{
-        GpuResourceAppExt, Render, RenderApp, RenderStartup, RenderSystems, render_resource::SpecializedRenderPipelines,
-    },
+    render::{GpuResourceAppExt, Render, RenderApp, RenderStartup, render_resource::SpecializedRenderPipelines},
 };
 
-use super::{extract::VisibleProps, view::InitViews};
+use super::{extract::VisibleProps, steps::PrepareTextures, view::InitViews};
 use crate::sets::PlenOctreeRenderSystems;
 
 pub(super) fn plugin(app: &mut App) {
@@ -37,9 +35,7 @@ pub(super) fn plugin(app: &mut App) {
         .add_systems(
             Render,
             (
-                textures::prepare_textures
-                    .after(PlenOctreeRenderSystems::PrepareViews)
-                    .in_set(RenderSystems::PrepareResources),
+                textures::prepare_textures.in_set(PrepareTextures),
                 pass::prepare_pipelines.in_set(PlenOctreeRenderSystems::PreparePipelines),
                 pass::prepare_bind_groups.in_set(PlenOctreeRenderSystems::PrepareBindGroups),
             ),

@@ -9,14 +9,13 @@ use bevy::{
             BlendState, ColorTargetState, CompareFunction, DepthStencilState, TextureFormat, TextureView,
         },
         renderer::RenderDevice,
-        texture::TextureCache,
     },
 };
 
 use crate::render::{
     attachment::depth_test,
     fullscreen::target,
-    view::{DEPTH_FORMAT, LAYER_FORMAT, ViewProps, drawn_viewport, view_texture},
+    view::{DEPTH_FORMAT, LAYER_FORMAT, ViewMemory, ViewProps, drawn_viewport},
 };
 
 pub(super) const OUTLINE_FORMAT: TextureFormat = TextureFormat::Rg16Uint;
@@ -66,31 +65,38 @@ pub(super) fn coverage_targets(blend: Option<BlendState>) -> [ColorTargetState; 
 
 pub(super) fn prepare_textures(
     mut commands: Commands,
-    mut cache: ResMut<TextureCache>,
     device: Res<RenderDevice>,
-    views: Query<(
+    mut views: Query<(
         Entity,
         Option<&ExtractedCamera>,
         Option<&MainPassResolutionOverride>,
         &ViewProps,
+        &mut ViewMemory,
         Has<EdgeTextures>,
     )>,
 ) {
-    for (entity, camera, resolution, props, has_textures) in &views {
+    for (entity, camera, resolution, props, mut memory, has_textures) in &mut views {
         let viewport = camera.filter(|_| props.smooths_edges()).and_then(|camera| drawn_viewport(camera, resolution));
-        let Some(viewport) = viewport else {
-            if has_textures {
-                commands.entity(entity).remove::<EdgeTextures>();
-            }
-            continue;
-        };
-        let mut texture = |label, format| view_texture(&mut cache, &device, label, format, viewport.physical_size);
-        commands.entity(entity).insert(EdgeTextures {
-            outline: texture("plenoctree_outline", OUTLINE_FORMAT),
-            coverage: texture("plenoctree_coverage", COVERAGE_FORMAT),
-            colors: ["plenoctree_own_rays", "plenoctree_other_rays"].map(|label| texture(label, LAYER_FORMAT)),
-            places: props.has_overlaps().then(|| texture("plenoctree_edge_places", PLACES_FORMAT)),
-            mask: texture("plenoctree_edge_mask", DEPTH_FORMAT),
+        let textures = viewport.and_then(|viewport| {
+            let mut texture = |label, format| memory.view(&device, label, format, viewport.physical_size);
+            Some(EdgeTextures {
+                outline: texture("plenoctree_outline", OUTLINE_FORMAT)?,
+                coverage: texture("plenoctree_coverage", COVERAGE_FORMAT)?,
+                colors: [
+                    texture("plenoctree_own_rays", LAYER_FORMAT)?,
+                    texture("plenoctree_other_rays", LAYER_FORMAT)?,
+                ],
+                places: match props.has_overlaps() {
+                    true => Some(texture("plenoctree_edge_places", PLACES_FORMAT)?),
+                    false => None,
+                },
+                mask: texture("plenoctree_edge_mask", DEPTH_FORMAT)?,
+            })
         });
+        if let Some(textures) = textures {
+            commands.entity(entity).insert(textures);
+        } else if has_textures {
+            commands.entity(entity).remove::<EdgeTextures>();
+        }
     }
 }

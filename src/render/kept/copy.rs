@@ -8,10 +8,7 @@ use bevy::{
     },
 };
 
-/// The scene of the previous frame and, once the two have been compared, that of this one. The textures are not from
-/// Bevy's [`TextureCache`], which may hand them to another view in the next frame.
-///
-/// [`TextureCache`]: bevy::render::texture::TextureCache
+/// The scene of the previous frame and, once the two have been compared, that of this one.
 pub(super) struct SceneCopy {
     size: UVec2,
     views: [TextureView; 2],

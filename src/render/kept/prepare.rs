@@ -28,7 +28,7 @@ use crate::{
         refine::RefinePass,
         solid::{SolidPipelines, SolidTextures},
         target::hidden_samples,
-        view::{PropUniform, ViewProps, ViewTextures},
+        view::{PropUniform, ViewMemory, ViewProps, ViewTextures},
         volume::VolumePipelines,
     },
 };
@@ -46,7 +46,7 @@ pub(super) fn prepare(
         (Option<&SolidTextures>, &SolidPipelines, &VolumePipelines),
         (Option<&EdgeTextures>, &EdgesPass),
         (Option<&ShownTexture>, Option<&BlendedTexture>, &BlendPass, &ReadLighting),
-        &mut KeptView,
+        (&mut KeptView, &mut ViewMemory),
     )>,
 ) {
     let (compare, clear) = pipelines;
@@ -57,7 +57,7 @@ pub(super) fn prepare(
         (solid, solid_pipelines, volume_pipelines),
         (edges, edges_pass),
         (shown, blended, blend_pass, lighting),
-        mut view,
+        (mut view, mut memory),
     ) in &mut views
     {
         let (Some((camera, _, msaa)), Some(textures), false) = (camera, textures, props.rect.is_empty()) else {
@@ -116,8 +116,13 @@ pub(super) fn prepare(
         for ((copy, reads), format) in copies.iter_mut().zip(reads).zip(COPY_FORMATS) {
             copy.take_if(|copy| copy.size() != size);
             if reads && copy.is_none() {
-                *copy = Some(SceneCopy::new(&device, size, format));
+                *copy = memory.create(&device, || SceneCopy::new(&device, size, format));
             }
+        }
+        if copies.iter().zip(reads).any(|(copy, reads)| reads && copy.is_none()) {
+            // Nothing is drawn without memory.
+            *view = default();
+            continue;
         }
         let [layer, composite, labels] =
             [KeptPart::Layer, KeptPart::Composite, KeptPart::Labels].map(|part| u32::from(view.is_drawn(part)));

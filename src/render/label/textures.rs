@@ -9,14 +9,13 @@ use bevy::{
         camera::ExtractedCamera,
         render_resource::{TextureFormat, TextureView},
         renderer::RenderDevice,
-        texture::TextureCache,
     },
 };
 
 use crate::{
     render::{
         extract::VisibleProps,
-        view::{ViewProps, drawn_viewport, view_texture},
+        view::{ViewMemory, ViewProps, drawn_viewport},
     },
     stage::PropStage,
 };
@@ -86,40 +85,39 @@ impl LabelTextures {
 
 pub(super) fn prepare_textures(
     mut commands: Commands,
-    mut cache: ResMut<TextureCache>,
     device: Res<RenderDevice>,
-    views: Query<(
+    mut views: Query<(
         Entity,
         Option<&ExtractedCamera>,
         Option<&MainPassResolutionOverride>,
         &VisibleProps,
         &ViewProps,
+        &mut ViewMemory,
         (Has<ShownTexture>, Has<LabelTextures>),
     )>,
 ) {
-    for (entity, camera, resolution, visible, props, (has_texture, has_stages)) in &views {
+    for (entity, camera, resolution, visible, props, mut memory, (has_texture, has_stages)) in &mut views {
         let viewport = camera.filter(|_| !props.rect.is_empty()).and_then(|camera| drawn_viewport(camera, resolution));
-        if has_stages && (viewport.is_none() || !visible.has_stages) {
-            commands.entity(entity).remove::<LabelTextures>();
-        }
-        let Some(viewport) = viewport else {
-            if has_texture {
-                commands.entity(entity).remove::<ShownTexture>();
-            }
-            continue;
-        };
-        let size = viewport.physical_size;
-        let mut texture = |label, format| view_texture(&mut cache, &device, label, format, size);
+        let mut texture = |label, format| memory.view(&device, label, format, viewport.as_ref()?.physical_size);
         let shown = texture("plenoctree_shown", SHOWN_FORMAT);
-        if visible.has_stages {
-            commands.entity(entity).insert(LabelTextures {
-                labels: texture("plenoctree_labels", LABEL_FORMAT),
+        let stages = shown.clone().filter(|_| visible.has_stages).and_then(|shown| {
+            Some(LabelTextures {
+                labels: texture("plenoctree_labels", LABEL_FORMAT)?,
                 rect: props.rect,
                 stage: props.stage,
-                colors: [shown.clone(), texture("plenoctree_staged", SHOWN_FORMAT)],
+                colors: [shown, texture("plenoctree_staged", SHOWN_FORMAT)?],
                 current: AtomicUsize::new(0),
-            });
+            })
+        });
+        if let Some(stages) = stages {
+            commands.entity(entity).insert(stages);
+        } else if has_stages {
+            commands.entity(entity).remove::<LabelTextures>();
         }
-        commands.entity(entity).insert(ShownTexture(shown));
+        if let Some(shown) = shown {
+            commands.entity(entity).insert(ShownTexture(shown));
+        } else if has_texture {
+            commands.entity(entity).remove::<ShownTexture>();
+        }
     }
 }

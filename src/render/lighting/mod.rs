@@ -31,14 +31,13 @@ fn add_pass(render_app: &mut SubApp) {
     use bevy::{
         core_pipeline::schedule::Core3d,
         render::{
-            ExtractSchedule, GpuResourceAppExt, Render, RenderStartup, RenderSystems,
-            render_resource::SpecializedRenderPipelines,
+            ExtractSchedule, GpuResourceAppExt, Render, RenderStartup, render_resource::SpecializedRenderPipelines,
         },
     };
 
     use super::{
         extract::extract_props,
-        steps::{PassesAt, PassesInScene},
+        steps::{PassesAt, PassesInScene, PrepareTextures},
     };
     use crate::{sets::PlenOctreeRenderSystems, stage::PropStage};
 
@@ -50,10 +49,7 @@ fn add_pass(render_app: &mut SubApp) {
         .add_systems(
             Render,
             (
-                prepare::prepare_lit
-                    .after(PlenOctreeRenderSystems::PrepareViews)
-                    .before(PlenOctreeRenderSystems::PreparePipelines)
-                    .in_set(RenderSystems::PrepareResources),
+                prepare::prepare_lit.in_set(PrepareTextures),
                 pass::prepare_pipelines.in_set(PlenOctreeRenderSystems::PreparePipelines),
                 prepare::prepare_bind_groups.in_set(PlenOctreeRenderSystems::PrepareBindGroups),
             ),

@@ -10,7 +10,6 @@ use bevy::{
         globals::GlobalsBuffer,
         render_resource::{BindGroup, BindGroupEntries, PipelineCache, StorageBuffer, TextureView},
         renderer::{RenderDevice, RenderQueue},
-        texture::TextureCache,
         view::ViewUniforms,
     },
 };
@@ -26,7 +25,7 @@ use crate::{
     render::{
         bind_group::KeptBindGroup,
         extract::ExtractedProps,
-        view::{ViewProps, ViewTextures, drawn_viewport, view_texture},
+        view::{ViewMemory, ViewProps, ViewTextures, drawn_viewport},
     },
     stage::PropStage,
 };
@@ -65,26 +64,27 @@ pub(super) fn prepare_lit(
     extracted: Res<ExtractedProps>,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
-    mut textures: ResMut<TextureCache>,
     mut views: Query<(
         Option<&ExtractedCamera>,
         Option<&MainPassResolutionOverride>,
         &ViewProps,
+        &mut ViewMemory,
         &mut ViewLighting,
         &mut ReadLighting,
     )>,
 ) {
-    for (camera, resolution, props, mut lighting, mut read) in &mut views {
+    for (camera, resolution, props, mut memory, mut lighting, mut read) in &mut views {
         let is_lit = props.stage == PropStage::Scene && props.drawn.iter().any(|prop| prop.lit.is_some());
         let viewport = camera.filter(|_| is_lit).and_then(|camera| drawn_viewport(camera, resolution));
-        let Some(viewport) = viewport else {
+        let light = viewport
+            .and_then(|viewport| memory.view(&device, "plenoctree_light", LIGHT_FORMAT, viewport.physical_size));
+        let Some(light) = light else {
             if read.is_lit {
                 (*read, *lighting) = default();
             }
             continue;
         };
-        let size = viewport.physical_size;
-        lighting.light = Some(view_texture(&mut textures, &device, "plenoctree_light", LIGHT_FORMAT, size));
+        lighting.light = Some(light);
         let lit = lighting.lit.get_mut();
         lit.clear();
         lit.extend(props.drawn.iter().map(|drawn| {

@@ -9,7 +9,7 @@ use bevy::{
 };
 
 use super::rays::{MOST_GAPS, batches};
-use crate::render::view::{ViewProps, ViewTextures};
+use crate::render::view::{ViewMemory, ViewProps, ViewTextures};
 
 /// The batches of a view, in views that have them.
 #[derive(Component, Default)]
@@ -38,8 +38,11 @@ impl Batches {
     }
 }
 
-pub(super) fn prepare(device: Res<RenderDevice>, mut views: Query<(Option<&ViewTextures>, &ViewProps, &mut Batches)>) {
-    for (textures, props, mut list) in &mut views {
+pub(super) fn prepare(
+    device: Res<RenderDevice>,
+    mut views: Query<(Option<&ViewTextures>, &ViewProps, &mut ViewMemory, &mut Batches)>,
+) {
+    for (textures, props, mut memory, mut list) in &mut views {
         if textures.is_none_or(|textures| textures.sparse.is_none()) || props.rect.is_empty() {
             list.0 = None;
             continue;
@@ -57,7 +60,7 @@ pub(super) fn prepare(device: Res<RenderDevice>, mut views: Query<(Option<&ViewT
                 mapped_at_creation: false,
             })
         };
-        list.0 = Some(Buffers {
+        list.0 = memory.create(&device, || Buffers {
             len,
             counts: buffer("plenoctree_batch_counts", len),
             gaps: buffer("plenoctree_batch_gaps", len * MOST_GAPS),

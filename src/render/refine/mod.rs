@@ -20,14 +20,12 @@ pub(super) use rays::{BATCH, RaysOf, batch_side, batches, batches_size};
 use bevy::{
     core_pipeline::schedule::Core3d,
     prelude::*,
-    render::{
-        GpuResourceAppExt, Render, RenderApp, RenderStartup, RenderSystems, render_resource::SpecializedRenderPipelines,
-    },
+    render::{GpuResourceAppExt, Render, RenderApp, RenderStartup, render_resource::SpecializedRenderPipelines},
 };
 
 use super::{
     extract::VisibleProps,
-    steps::RefineSteps,
+    steps::{PrepareTextures, RefineSteps},
     view::{BindViews, InitViews},
 };
 use crate::sets::PlenOctreeRenderSystems;
@@ -45,7 +43,7 @@ pub(super) fn plugin(app: &mut App) {
         .add_systems(
             Render,
             (
-                batches::prepare.after(PlenOctreeRenderSystems::PrepareViews).in_set(RenderSystems::PrepareResources),
+                batches::prepare.in_set(PrepareTextures),
                 pass::prepare_pipelines.in_set(PlenOctreeRenderSystems::PreparePipelines),
                 pass::prepare_bind_groups.after(BindViews).in_set(PlenOctreeRenderSystems::PrepareBindGroups),
             ),

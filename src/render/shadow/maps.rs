@@ -19,7 +19,7 @@ use super::{
     texels::{Seen, clip_from_part, parts},
 };
 use crate::{
-    gpu::{GpuField, Level},
+    gpu::{Allocator, GpuField, Level},
     render::{
         bind_group::KeptBindGroup,
         extract::ExtractedProps,
@@ -37,6 +37,7 @@ pub(super) struct MapProps {
     /// What is drawn into the map.
     pub drawn: Vec<Drawn>,
     pub kept: KeptCasters,
+    allocator: Allocator,
     view: UniformBuffer<ViewUniform>,
     props: StorageBuffer<Vec<PropUniform>>,
     pub group: KeptBindGroup,
@@ -84,7 +85,7 @@ pub(super) fn prepare_maps(
     mut maps: Query<(&ExtractedView, &mut MapProps)>,
 ) {
     for (view, mut map) in &mut maps {
-        let MapProps { order, filled, drawn, kept, view: uniform, props, .. } = &mut *map;
+        let MapProps { order, filled, drawn, kept, allocator, view: uniform, props, .. } = &mut *map;
         let size = view.viewport.zw();
         let uniforms = props.get_mut();
         filled.clear();
@@ -117,7 +118,11 @@ pub(super) fn prepare_maps(
             // At most as much memory as the map itself takes.
             let tile = kept.update(*entity, key, size.x * size.y, |size| {
                 let is_ready = |id| cache.get_render_pipeline(id).is_some();
-                (is_ready(fill) && is_ready(copy)).then(|| Tile::new(&device, &cache, &pipeline, size))
+                if !is_ready(fill) || !is_ready(copy) {
+                    return None;
+                }
+                // Without memory, rays are marched in every frame.
+                allocator.create(&device, || Tile::new(&device, &cache, &pipeline, size))
             });
             let near = seen.near as f32;
             let on_map = Drawn {

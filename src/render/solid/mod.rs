@@ -17,15 +17,13 @@ pub(super) use textures::{SOLID_FORMAT, SolidBindGroups, SolidLayouts, SolidText
 use bevy::{
     core_pipeline::schedule::Core3d,
     prelude::*,
-    render::{
-        GpuResourceAppExt, Render, RenderApp, RenderStartup, RenderSystems, render_resource::SpecializedRenderPipelines,
-    },
+    render::{GpuResourceAppExt, Render, RenderApp, RenderStartup, render_resource::SpecializedRenderPipelines},
 };
 
 use super::{
     extract::VisibleProps,
     refine::RaysOf,
-    steps::{RefineSteps, VolumeSteps},
+    steps::{PrepareTextures, RefineSteps, VolumeSteps},
     view::InitViews,
 };
 use crate::sets::PlenOctreeRenderSystems;
@@ -43,9 +41,7 @@ pub(super) fn plugin(app: &mut App) {
         .add_systems(
             Render,
             (
-                textures::prepare_textures
-                    .after(PlenOctreeRenderSystems::PrepareViews)
-                    .in_set(RenderSystems::PrepareResources),
+                textures::prepare_textures.in_set(PrepareTextures),
                 pass::prepare_pipelines.in_set(PlenOctreeRenderSystems::PreparePipelines),
                 textures::prepare_bind_groups.in_set(PlenOctreeRenderSystems::PrepareBindGroups),
             ),

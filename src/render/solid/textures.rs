@@ -11,7 +11,6 @@ use bevy::{
             binding_types::{texture_2d, texture_depth_2d},
         },
         renderer::RenderDevice,
-        texture::TextureCache,
     },
 };
 
@@ -19,7 +18,7 @@ use crate::render::{
     bind_group::KeptBindGroup,
     extract::VisibleProps,
     refine::{RaysOf, batches_size},
-    view::{DEPTH_FORMAT, ViewProps, drawn_viewport, grid_size, spacing, view_texture},
+    view::{DEPTH_FORMAT, ViewMemory, ViewProps, drawn_viewport, grid_size, spacing},
 };
 
 pub(in crate::render) const SOLID_FORMAT: TextureFormat = TextureFormat::R32Uint;
@@ -112,36 +111,39 @@ impl SolidBindGroups {
 
 pub(super) fn prepare_textures(
     mut commands: Commands,
-    mut cache: ResMut<TextureCache>,
     device: Res<RenderDevice>,
-    views: Query<(
+    mut views: Query<(
         Entity,
         Option<&ExtractedCamera>,
         Option<&MainPassResolutionOverride>,
         &VisibleProps,
         &ViewProps,
+        &mut ViewMemory,
         Has<SolidTextures>,
     )>,
 ) {
-    for (entity, camera, resolution, visible, props, has_textures) in &views {
+    for (entity, camera, resolution, visible, props, mut memory, has_textures) in &mut views {
         let viewport = camera.filter(|_| props.has_overlaps()).and_then(|camera| drawn_viewport(camera, resolution));
-        let Some(viewport) = viewport else {
-            if has_textures {
-                commands.entity(entity).remove::<SolidTextures>();
-            }
-            continue;
-        };
         let mut rounds = |size| {
-            let mut round = || SolidRound {
-                prop: view_texture(&mut cache, &device, "plenoctree_solid_prop", SOLID_FORMAT, size),
-                depth: view_texture(&mut cache, &device, "plenoctree_solid_depth", DEPTH_FORMAT, size),
+            let mut round = || {
+                Some(SolidRound {
+                    prop: memory.view(&device, "plenoctree_solid_prop", SOLID_FORMAT, size)?,
+                    depth: memory.view(&device, "plenoctree_solid_depth", DEPTH_FORMAT, size)?,
+                })
             };
-            SolidRounds { nearest: round(), opaque: round() }
+            Some(SolidRounds { nearest: round()?, opaque: round()? })
         };
-        let (size, spacing) = (viewport.physical_size, spacing(&visible.quality));
-        let grid = rounds(grid_size(size, spacing));
-        let batches = (spacing > 1).then(|| rounds(batches_size(size, spacing)));
-        commands.entity(entity).insert(SolidTextures { grid, batches });
+        let textures = viewport.and_then(|viewport| {
+            let (size, spacing) = (viewport.physical_size, spacing(&visible.quality));
+            let grid = rounds(grid_size(size, spacing))?;
+            let batches = if spacing > 1 { Some(rounds(batches_size(size, spacing))?) } else { None };
+            Some(SolidTextures { grid, batches })
+        });
+        if let Some(textures) = textures {
+            commands.entity(entity).insert(textures);
+        } else if has_textures {
+            commands.entity(entity).remove::<SolidTextures>();
+        }
     }
 }
 

@@ -13,12 +13,14 @@ pub use pass::TRANSPARENT_SPAN;
 use bevy::{
     core_pipeline::schedule::Core3d,
     prelude::*,
-    render::{
-        GpuResourceAppExt, Render, RenderApp, RenderStartup, RenderSystems, render_resource::SpecializedRenderPipelines,
-    },
+    render::{GpuResourceAppExt, Render, RenderApp, RenderStartup, render_resource::SpecializedRenderPipelines},
 };
 
-use super::{extract::VisibleProps, steps::PassesAt, view::InitViews};
+use super::{
+    extract::VisibleProps,
+    steps::{PassesAt, PrepareTextures},
+    view::InitViews,
+};
 use crate::{sets::PlenOctreeRenderSystems, stage::PropStage};
 
 pub(super) fn plugin(app: &mut App) {
@@ -32,10 +34,7 @@ pub(super) fn plugin(app: &mut App) {
         .add_systems(
             Render,
             (
-                textures::prepare_textures
-                    .after(PlenOctreeRenderSystems::PrepareViews)
-                    .before(PlenOctreeRenderSystems::PreparePipelines)
-                    .in_set(RenderSystems::PrepareResources),
+                textures::prepare_textures.in_set(PrepareTextures),
                 pass::prepare_pipelines.in_set(PlenOctreeRenderSystems::PreparePipelines),
                 pass::prepare_bind_groups.in_set(PlenOctreeRenderSystems::PrepareBindGroups),
             ),

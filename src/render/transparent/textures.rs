@@ -8,13 +8,16 @@ use bevy::{
         render_phase::ViewSortedRenderPhases,
         render_resource::{Extent3d, TextureDescriptor, TextureDimension, TextureUsages},
         renderer::RenderDevice,
-        texture::{ColorAttachment, TextureCache},
+        texture::ColorAttachment,
         view::ExtractedView,
     },
 };
 
 use crate::{
-    render::{extract::VisibleProps, view::ViewProps},
+    render::{
+        extract::VisibleProps,
+        view::{ViewMemory, ViewProps},
+    },
     stage::PropStage,
 };
 
@@ -24,18 +27,18 @@ pub(super) struct TransparentTexture(pub ColorAttachment);
 
 pub(super) fn prepare_textures(
     mut commands: Commands,
-    mut cache: ResMut<TextureCache>,
     device: Res<RenderDevice>,
     phases: Res<ViewSortedRenderPhases<Transparent3d>>,
-    views: Query<(
+    mut views: Query<(
         Entity,
         Option<(&ExtractedView, &ExtractedCamera, &Msaa)>,
         &VisibleProps,
         &ViewProps,
+        &mut ViewMemory,
         Has<TransparentTexture>,
     )>,
 ) {
-    for (entity, camera, visible, props, has_texture) in &views {
+    for (entity, camera, visible, props, mut memory, has_texture) in &mut views {
         let draws = |view: &ExtractedView| {
             let phase = phases.get(&view.retained_view_entity);
             props.stage == PropStage::Display
@@ -48,28 +51,27 @@ pub(super) fn prepare_textures(
             let size = camera.physical_target_size?;
             Some((view.target_format, size, msaa.samples()))
         });
-        let Some((format, size, samples)) = target else {
-            if has_texture {
-                commands.entity(entity).remove::<TransparentTexture>();
-            }
-            continue;
-        };
-        let mut texture = |sample_count| {
-            let descriptor = TextureDescriptor {
-                label: Some("plenoctree_transparent"),
-                size: Extent3d { width: size.x, height: size.y, depth_or_array_layers: 1 },
-                mip_level_count: 1,
-                sample_count,
-                dimension: TextureDimension::D2,
-                format,
-                usage: TextureUsages::RENDER_ATTACHMENT | TextureUsages::TEXTURE_BINDING,
-                view_formats: &[],
+        let attachment = target.and_then(|(format, size, samples)| {
+            let mut texture = |sample_count| {
+                let descriptor = TextureDescriptor {
+                    label: Some("plenoctree_transparent"),
+                    size: Extent3d { width: size.x, height: size.y, depth_or_array_layers: 1 },
+                    mip_level_count: 1,
+                    sample_count,
+                    dimension: TextureDimension::D2,
+                    format,
+                    usage: TextureUsages::RENDER_ATTACHMENT | TextureUsages::TEXTURE_BINDING,
+                    view_formats: &[],
+                };
+                memory.texture(&device, descriptor)
             };
-            cache.get(&device, descriptor)
-        };
-        let sampled = (samples > 1).then(|| texture(samples));
-        let nothing = Some(wgpu::Color::TRANSPARENT);
-        let attachment = ColorAttachment::new(texture(1), sampled, None, nothing);
-        commands.entity(entity).insert(TransparentTexture(attachment));
+            let sampled = if samples > 1 { Some(texture(samples)?) } else { None };
+            Some(ColorAttachment::new(texture(1)?, sampled, None, Some(wgpu::Color::TRANSPARENT)))
+        });
+        if let Some(attachment) = attachment {
+            commands.entity(entity).insert(TransparentTexture(attachment));
+        } else if has_texture {
+            commands.entity(entity).remove::<TransparentTexture>();
+        }
     }
 }

@@ -3,6 +3,7 @@
 mod bind_groups;
 mod layout;
 mod levels;
+mod memory;
 mod motion;
 mod overlap;
 mod prepare;
@@ -14,12 +15,13 @@ pub(super) use bind_groups::ViewBindGroups;
 pub(super) use layout::ViewLayouts;
 #[cfg(feature = "shadows")]
 pub(super) use levels::levels_coarser;
+pub(crate) use memory::ViewMemory;
 #[cfg(feature = "shadows")]
 pub(super) use prepare::{covered, extent};
 pub(super) use props::{DrawnProp, Overlap, ViewProps};
 pub(super) use textures::{
     DEPTH_FORMAT, FILTER_FORMAT, GAP_FORMAT, LAYER_FORMAT, MOTION_FORMAT, OWNER_FORMAT, ViewTextures, drawn_viewport,
-    grid_size, spacing, view_texture,
+    grid_size, spacing,
 };
 pub(super) use uniforms::{PropUniform, ViewUniform};
 
@@ -29,7 +31,7 @@ use bevy::{
     render::{Render, RenderApp, RenderStartup, RenderSystems, render_resource::TextureUsages},
 };
 
-use super::extract::VisibleProps;
+use super::{extract::VisibleProps, steps::PrepareTextures};
 use crate::sets::PlenOctreeRenderSystems;
 
 /// Prepares views for the passes.
@@ -38,13 +40,21 @@ pub(super) fn plugin(app: &mut App) {
         return;
     };
     render_app.world_mut().register_required_components::<VisibleProps, ViewProps>();
+    render_app.world_mut().register_required_components::<VisibleProps, ViewMemory>();
     render_app.world_mut().register_required_components::<VisibleProps, ViewBindGroups>();
     render_app.add_systems(RenderStartup, (forget_views, layout::init).chain().in_set(InitViews)).add_systems(
         Render,
         (
-            read_depth.before(prepare_core_3d_depth_textures).in_set(RenderSystems::PrepareResources),
-            levels::choose_levels.in_set(PlenOctreeRenderSystems::ChooseLevels),
+            read_depth
+                .after(memory::skip_views)
+                .before(prepare_core_3d_depth_textures)
+                .in_set(RenderSystems::PrepareResources),
+            (memory::skip_views, levels::choose_levels).chain().in_set(PlenOctreeRenderSystems::ChooseLevels),
             (textures::prepare_textures, prepare::prepare_views).chain().in_set(PlenOctreeRenderSystems::PrepareViews),
+            memory::report_shortages
+                .after(PrepareTextures)
+                .before(PlenOctreeRenderSystems::PreparePipelines)
+                .in_set(RenderSystems::PrepareResources),
             bind_groups::prepare.in_set(PlenOctreeRenderSystems::PrepareBindGroups).in_set(BindViews),
         ),
     );

@@ -79,6 +79,12 @@ pub(super) struct OrderedProp {
 }
 
 impl ViewProps {
+    /// Lets the view draw nothing.
+    pub fn clear(&mut self) {
+        self.drawn.clear();
+        self.rect = URect::EMPTY;
+    }
+
     /// Returns the first bindings of bind group 0, or `None` if the view draws nothing.
     pub fn bindings(&self) -> Option<(BindingResource<'_>, BindingResource<'_>, BindingResource<'_>)> {
         if self.rect.is_empty() {

@@ -6,15 +6,12 @@ use bevy::{
     prelude::*,
     render::{
         camera::ExtractedCamera,
-        render_resource::{
-            Extent3d, RenderPassColorAttachment, TextureDescriptor, TextureDimension, TextureFormat, TextureUsages,
-            TextureView,
-        },
+        render_resource::{RenderPassColorAttachment, TextureFormat, TextureView},
         renderer::RenderDevice,
-        texture::TextureCache,
     },
 };
 
+use super::memory::ViewMemory;
 use crate::{
     quality::PropQuality,
     render::{
@@ -87,6 +84,32 @@ pub(in crate::render) struct Sparse {
 }
 
 impl ViewTextures {
+    /// Returns the textures of a viewport of `size`, or `None` if there is no memory for them.
+    fn new(memory: &mut ViewMemory, device: &RenderDevice, visible: &VisibleProps, size: UVec2) -> Option<Self> {
+        let mut layer = |size| {
+            let mut texture = |label, format| memory.view(device, label, format, size);
+            Some(Layer {
+                color: texture("plenoctree_layer", LAYER_FORMAT)?,
+                owner: texture("plenoctree_owner", OWNER_FORMAT)?,
+                depth: texture("plenoctree_depth", DEPTH_FORMAT)?,
+                motion: if visible.has_motion { Some(texture("plenoctree_motion", MOTION_FORMAT)?) } else { None },
+            })
+        };
+        let spacing = spacing(&visible.quality);
+        let (grid, batches) = (grid_size(size, spacing), batches_size(size, spacing));
+        let layers = if spacing > 1 { Some((layer(grid)?, layer(batches)?)) } else { None };
+        let layer = layer(size)?;
+        let mut texture = |label, format, size| memory.view(device, label, format, size);
+        let sparse = match layers {
+            Some((of_grid, batches)) => {
+                Some(Sparse { grid: of_grid, batches, gaps: texture("plenoctree_gaps", GAP_FORMAT, grid)? })
+            }
+            None => None,
+        };
+        let [even, odd] = ["plenoctree_even", "plenoctree_odd"].map(|label| texture(label, FILTER_FORMAT, size));
+        Some(Self { layer, sparse, even: even?, odd: odd? })
+    }
+
     /// Returns the layer that the volume pass draws some rays to.
     pub fn volume(&self, rays: RaysOf) -> Option<&Layer> {
         match (rays, &self.sparse) {
@@ -105,28 +128,6 @@ impl ViewTextures {
     }
 }
 
-/// Returns a texture of `size` pixels that passes write and read. It is freed if it is not requested again in the next
-/// frames.
-pub(in crate::render) fn view_texture(
-    cache: &mut TextureCache,
-    device: &RenderDevice,
-    label: &'static str,
-    format: TextureFormat,
-    size: UVec2,
-) -> TextureView {
-    let descriptor = TextureDescriptor {
-        label: Some(label),
-        size: Extent3d { width: size.x, height: size.y, depth_or_array_layers: 1 },
-        mip_level_count: 1,
-        sample_count: 1,
-        dimension: TextureDimension::D2,
-        format,
-        usage: TextureUsages::RENDER_ATTACHMENT | TextureUsages::TEXTURE_BINDING,
-        view_formats: &[],
-    };
-    cache.get(device, descriptor).default_view
-}
-
 /// Returns the part of a view's target that its main pass draws to, in pixels, or `None` if it is empty.
 pub(in crate::render) fn drawn_viewport(
     camera: &ExtractedCamera,
@@ -142,34 +143,22 @@ pub(in crate::render) fn drawn_viewport(
 
 pub(super) fn prepare_textures(
     mut commands: Commands,
-    mut cache: ResMut<TextureCache>,
     device: Res<RenderDevice>,
-    views: Query<(Entity, Option<&ExtractedCamera>, Option<&MainPassResolutionOverride>, &VisibleProps)>,
+    mut views: Query<(
+        Entity,
+        Option<&ExtractedCamera>,
+        Option<&MainPassResolutionOverride>,
+        &VisibleProps,
+        &mut ViewMemory,
+    )>,
 ) {
-    for (entity, camera, resolution, visible) in &views {
+    for (entity, camera, resolution, visible, mut memory) in &mut views {
         let viewport = camera.filter(|_| !visible.is_empty()).and_then(|camera| drawn_viewport(camera, resolution));
-        let Some(viewport) = viewport else {
-            commands.entity(entity).remove::<ViewTextures>();
-            continue;
+        let textures = viewport.and_then(|view| ViewTextures::new(&mut memory, &device, visible, view.physical_size));
+        match textures {
+            Some(textures) => commands.entity(entity).insert(textures),
+            None => commands.entity(entity).remove::<ViewTextures>(),
         };
-        let mut texture = |label, format, size| view_texture(&mut cache, &device, label, format, size);
-        let mut layer = |size| Layer {
-            color: texture("plenoctree_layer", LAYER_FORMAT, size),
-            owner: texture("plenoctree_owner", OWNER_FORMAT, size),
-            depth: texture("plenoctree_depth", DEPTH_FORMAT, size),
-            motion: visible.has_motion.then(|| texture("plenoctree_motion", MOTION_FORMAT, size)),
-        };
-        let size = viewport.physical_size;
-        let spacing = spacing(&visible.quality);
-        let layers = (spacing > 1).then(|| (layer(grid_size(size, spacing)), layer(batches_size(size, spacing))));
-        let layer = layer(size);
-        let sparse = layers.map(|(grid, batches)| Sparse {
-            grid,
-            batches,
-            gaps: texture("plenoctree_gaps", GAP_FORMAT, grid_size(size, spacing)),
-        });
-        let [even, odd] = ["plenoctree_even", "plenoctree_odd"].map(|label| texture(label, FILTER_FORMAT, size));
-        commands.entity(entity).insert(ViewTextures { layer, sparse, even, odd });
     }
 }
 
