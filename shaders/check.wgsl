@@ -4,7 +4,7 @@
 #import bevy_plenoctree::batch::{
     AGREES, EMPTY, MOST_GAPS, batches, divided, gaps_across, packed_gap, ray_around,
 }
-#import bevy_plenoctree::scene::scene_depth
+#import bevy_plenoctree::scene::scene_value
 #import bevy_plenoctree::view::{is_solid, view}
 
 @group(1) @binding(0) var layer: texture_2d<f32>;
@@ -52,7 +52,7 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) u32 {
     var beyond = vec2(0u);
     for (var i = 0u; i < pixels; i++) {
         let at = min(gap * view.spacing + beyond, view.size - 1u);
-        let there = textureLoad(scene_depth, at + view.corner, 0);
+        let there = scene_value(at, 0u);
         scene_depths = vec2(min(scene_depths.x, there), max(scene_depths.y, there));
         beyond = select(vec2(0u, beyond.y + 1u), vec2(beyond.x + 1u, beyond.y), beyond.x < view.spacing);
     }

@@ -9,7 +9,7 @@
 #import bevy_plenoctree::octree::{begin, density, field, has_ended, next_leaf}
 #import bevy_plenoctree::prop_ray::{PropRay, Varying, position_of, ray_at}
 #import bevy_plenoctree::radiance::{Harmonics, harmonics, radiance}
-#import bevy_plenoctree::scene::scene_depth
+#import bevy_plenoctree::scene::scene_value
 #import bevy_plenoctree::view::{FAR_AWAY, NOWHERE, is_solid, owner_of, props, stale, view, view_distance}
 
 // The result of the outline pass.
@@ -75,14 +75,13 @@ fn slope(before: f32, here: f32, after: f32) -> f32 {
 // Returns how the scene's depth changes from pixel to pixel. Depths of planes are linear in pixels.
 fn scene_slope(pixel: vec2<i32>, here: f32) -> vec2<f32> {
     return vec2(
-        slope(scene_value(neighbor(pixel, 0)), here, scene_value(neighbor(pixel, 1))),
-        slope(scene_value(neighbor(pixel, 2)), here, scene_value(neighbor(pixel, 3))),
+        slope(held_value(neighbor(pixel, 0)), here, held_value(neighbor(pixel, 1))),
+        slope(held_value(neighbor(pixel, 2)), here, held_value(neighbor(pixel, 3))),
     );
 }
 
-fn scene_value(pixel: vec2<i32>) -> f32 {
-    let held = clamp(pixel, vec2(0), vec2<i32>(view.size) - 1);
-    return textureLoad(scene_depth, vec2<u32>(held) + view.corner, 0);
+fn held_value(pixel: vec2<i32>) -> f32 {
+    return scene_value(vec2<u32>(clamp(pixel, vec2(0), vec2<i32>(view.size) - 1)), 0u);
 }
 #endif
 
@@ -206,11 +205,11 @@ fn fragment(in: Varying) -> Fragment {
     var limits: array<f32, #{SAMPLES}>;
     var farthest = 1.0;
     for (var s = 0u; s < #{SAMPLES}u; s++) {
-        limits[s] = textureLoad(scene_depth, vec2<u32>(pixel) + view.corner, s);
+        limits[s] = scene_value(vec2<u32>(pixel), s);
         farthest = min(farthest, limits[s]);
     }
 #else
-    let scene = scene_value(pixel);
+    let scene = held_value(pixel);
     let across = scene_slope(pixel, scene);
 #endif
 

@@ -1,6 +1,6 @@
 // The depth pass: writes the depth of props where they are solid, for everything that is drawn later.
 
-#import bevy_plenoctree::view::{is_solid, view}
+#import bevy_plenoctree::view::{buffered, is_solid, view}
 
 @group(1) @binding(0) var depth: texture_depth_2d;
 
@@ -10,5 +10,5 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @builtin(frag_depth) f32 
     if !is_solid(solid) {
         discard;
     }
-    return solid;
+    return buffered(solid);
 }

@@ -1,6 +1,6 @@
 // The prepass pass: writes the depth and the motion of solid props into the textures of Bevy's prepass.
 
-#import bevy_plenoctree::view::{is_drawn, is_solid, view}
+#import bevy_plenoctree::view::{buffered, is_drawn, is_solid, view}
 
 @group(1) @binding(0) var depth: texture_depth_2d;
 #ifdef MOTION
@@ -25,7 +25,7 @@ fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
     }
     return Fragment(
 #ifdef DEPTH
-        solid,
+        buffered(solid),
 #endif
 #ifdef MOTION
         textureLoad(motion, pixel, 0),

@@ -75,7 +75,7 @@ fn ray_at(prop: u32, at: vec2<f32>) -> PropRay {
     return PropRay(at, ray, unit, length, clip(ray, props[prop].low * cells, props[prop].high * cells, 0.0));
 }
 
-// Returns where the ray reaches a value of the depth buffer.
+// Returns where the ray reaches a depth.
 fn position_at(in: PropRay, prop: u32, depth: f32) -> f32 {
     return (view_distance(depth) - props[prop].near) * in.length;
 }
@@ -112,7 +112,7 @@ fn march_to_solid(in: PropRay, end: f32, limit: f32, stop: f32) -> Solid {
     return Solid(solid, transmittance);
 }
 
-// Returns the value of the depth buffer where the ray becomes solid.
+// Returns the depth where the ray becomes solid.
 fn solid_depth_at(in: PropRay, prop: u32, solid: f32) -> f32 {
     return solid_depth(prop, solid / in.length);
 }

@@ -64,6 +64,8 @@ struct View {
     high: vec2<u32>,
     // Removes the camera's temporal jitter.
     unjittered_from_clip: mat4x4<f32>,
+    // The least depth that the camera writes to its depth buffer, and how many times the depths from 0 to 1 they are.
+    depth_range: vec2<f32>,
 }
 
 @group(0) @binding(0) var<uniform> view: View;
@@ -89,7 +91,17 @@ fn is_drawn(pixel: vec2<u32>) -> bool {
     return all(pixel >= view.low) && all(pixel < view.high);
 }
 
-// Returns the distance along the view axis for a value of the depth buffer (reverse z).
+// Returns the depth for a value of the depth buffer. Nothing that the camera draws is farther than 0.
+fn depth_of(value: f32) -> f32 {
+    return clamp((value - view.depth_range.x) / view.depth_range.y, 0.0, 1.0);
+}
+
+// Returns the value of the depth buffer for a depth.
+fn buffered(depth: f32) -> f32 {
+    return view.depth_range.x + depth * view.depth_range.y;
+}
+
+// Returns the distance along the view axis for a depth (reverse z).
 fn view_distance(ndc: f32) -> f32 {
     let slope = view.depth.x - ndc * view.depth.z;
     let offset = view.depth.y - ndc * view.depth.w;
@@ -97,7 +109,7 @@ fn view_distance(ndc: f32) -> f32 {
     return select(FAR_AWAY, offset / slope, abs(slope) > 1e-30 * abs(offset));
 }
 
-// Returns the value of the depth buffer for a distance along the view axis.
+// Returns the depth for a distance along the view axis.
 fn depth_value(distance: f32) -> f32 {
     return (view.depth.y - distance * view.depth.x) / (view.depth.w - distance * view.depth.z);
 }
@@ -157,7 +169,7 @@ const LEAST_DEPTH: f32 = 1e-30;
 // The smallest depth of a pixel where a prop is solid.
 const LEAST_SOLID_DEPTH: f32 = 2e-30;
 
-// Returns the value of the depth buffer where a prop is solid. `distance` is along the view axis, from where its rays
+// Returns the depth where a prop is solid. `distance` is along the view axis, from where its rays
 // begin.
 fn solid_depth(prop: u32, distance: f32) -> f32 {
     return clamp(depth_value(props[prop].near + distance), LEAST_SOLID_DEPTH, 1.0);

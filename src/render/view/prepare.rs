@@ -155,6 +155,8 @@ pub(super) fn prepare_views(
             low: rect.min,
             high: rect.max,
             unjittered_from_clip: motion.unjittered_from_clip.as_mat4(),
+            // Nothing is divided by an empty range.
+            depth_range: Vec2::new(viewport.depth.start, (viewport.depth.end - viewport.depth.start).max(1e-6)),
         };
         uniform.write_buffer(&device, &queue);
         props.write_buffer(&device, &queue);

@@ -178,6 +178,7 @@ pub(in crate::render) struct ViewUniform {
     pub low: UVec2,
     pub high: UVec2,
     pub unjittered_from_clip: Mat4,
+    pub depth_range: Vec2,
 }
 
 impl ViewUniform {
@@ -267,6 +268,8 @@ fn read() {
     found[109] = f32(prop.smooths_edges);
     found[110] = colors[1].y;
     found[111] = f32(view.edge_rays);
+    found[112] = view.depth_range.x;
+    found[113] = view.depth_range.y;
 }
 ";
 
@@ -310,10 +313,11 @@ fn read() {
             low: UVec2::new(next() as u32, next() as u32),
             high: UVec2::new(next() as u32, next() as u32),
             unjittered_from_clip: Mat4::from_cols_array(&std::array::from_fn(|_| next())),
+            depth_range: Vec2::ZERO,
         };
         let prop = PropUniform { smooths_edges: next() as u32, ..prop };
         let color = next();
-        let view = ViewUniform { edge_rays: next() as u32, ..view };
+        let view = ViewUniform { edge_rays: next() as u32, depth_range: Vec2::new(next(), next()), ..view };
         let layout = BindGroupLayoutDescriptor::new(
             "layout_test",
             &BindGroupLayoutEntries::sequential(
@@ -325,7 +329,7 @@ fn read() {
                 ),
             ),
         );
-        let found: [f32; 112] = read_back(SHADER.into(), layout, |device, queue, run| {
+        let found: [f32; 114] = read_back(SHADER.into(), layout, |device, queue, run| {
             let mut view = UniformBuffer::from(view);
             let mut props = StorageBuffer::from(vec![PropUniform::default(), prop]);
             let mut colors = StorageBuffer::from(vec![Vec4::ZERO, Vec4::new(0.0, color, 0.0, 0.0)]);
@@ -334,7 +338,7 @@ fn read() {
             colors.write_buffer(device, queue);
             run(&[view.binding().unwrap(), props.binding().unwrap(), colors.binding().unwrap()]);
         });
-        let expected: [f32; 112] = std::array::from_fn(|index| (index + 1) as f32);
+        let expected: [f32; 114] = std::array::from_fn(|index| (index + 1) as f32);
         assert_eq!(found, expected);
     }
 }

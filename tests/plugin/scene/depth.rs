@@ -159,6 +159,40 @@ fn panes_blend_over_a_solid_prop_and_are_occluded_by_it() {
     });
 }
 
+/// A camera may write only a part of the depths, so that another camera draws over what it draws.
+#[test]
+fn props_and_meshes_occlude_each_other_in_any_range_of_depths() {
+    let mut stage = Stage::with_meshes();
+    stage.spawn_prop(&cube(SOLID, GREEN), default());
+    spawn_left(&mut stage, 1.0, RED, 1.0);
+    spawn_top(&mut stage, -1.0, BLUE, 0.5);
+    stage.wait();
+    for range in [0.0..0.4, 0.5..1.0, 0.3..0.6] {
+        for camera in stage.cameras {
+            let mut camera = stage.world().get_mut::<Camera>(camera).unwrap();
+            camera.viewport.as_mut().unwrap().depth = range.clone();
+        }
+        in_every_mode(&mut stage, |stage, mode| {
+            stage.check(format!("{range:?}, {mode}"), |side, place| {
+                let over = |color: &mut DVec3, is_there: bool, layer| *color = if is_there { layer } else { *color };
+                let mut color = BACKGROUND;
+                if side == Side::Front {
+                    let pane = through_pane(BLUE, color);
+                    over(&mut color, in_top(place), pane);
+                    over(&mut color, in_cube(place), GREEN);
+                    over(&mut color, in_left(place), RED);
+                } else {
+                    over(&mut color, in_left(place), RED);
+                    over(&mut color, in_cube(place), GREEN);
+                    let pane = through_pane(BLUE, color);
+                    over(&mut color, in_top(place), pane);
+                }
+                color
+            });
+        });
+    }
+}
+
 /// Spawns a line that is half a unit thick.
 fn spawn_line(stage: &mut Stage, z: f32, encoded: DVec3, vertical: bool) {
     let along = if vertical { Vec3::Y } else { Vec3::X };
