@@ -7,7 +7,7 @@
 #ifdef LIGHTING
 #import bevy_plenoctree::shade::shade_of
 #endif
-#import bevy_plenoctree::view::{is_drawn, props}
+#import bevy_plenoctree::view::{is_drawn, props, view}
 
 // The result of the label pass.
 @group(1) @binding(0) var shown: texture_2d<f32>;
@@ -92,11 +92,15 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
     if parts.are_whole {
         return seen;
     }
-    var behind = behind_at(pixel);
+    let center = behind_at(pixel);
+    var behind = center;
     if !parts.is_center {
-        behind = around(pixel, owners, behind);
+        behind = around(pixel, owners, center);
     }
+    // With four rays, the one through the center is a fifth. Each counts as two of eight.
+    let share = select(0u, 2u, view.edge_rays < RAYS);
     var sum = f32(parts.rest) * behind.shown;
+    sum += f32(share) * vec4(center.shown.rgb, select(center.shown.a, 1.0, owners.x > 0u));
     if parts.own > 0u {
         let rays = textureLoad(own_rays, pixel, 0) * f32(RAYS) / f32(countOneBits(bits.r));
         sum += f32(parts.own) * vec4(posterized(pixel, rays, owners.x, behind.composite), 1.0);
@@ -105,6 +109,6 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
         let rays = textureLoad(other_rays, pixel, 0) * f32(RAYS) / f32(countOneBits(bits.b));
         sum += f32(parts.other) * vec4(posterized(pixel, rays, owners.y, behind.composite), 1.0);
     }
-    sum /= f32(max(parts.own + parts.other + parts.rest, 1u));
+    sum /= f32(max(parts.own + parts.other + parts.rest + share, 1u));
     return select(vec4(encode(sum.rgb), sum.a), seen, seen.a < 0.0 && sum.a == 0.0);
 }

@@ -2,7 +2,7 @@
 // the pixel the prop covers, and its color there.
 
 #import bevy_plenoctree::color::to_half
-#import bevy_plenoctree::edge::{RAYS, neighbor, ray_of_four, ray_offset}
+#import bevy_plenoctree::edge::{RAYS, neighbor, offset_of_four, ray_offset}
 #ifdef MULTISAMPLED
 #import bevy_plenoctree::edge::{rays_of, sample_of}
 #endif
@@ -231,15 +231,14 @@ fn fragment(in: Varying) -> Fragment {
     var places = vec4(0u);
 #endif
     let marched = select(0u, rays, is_drawn);
-    for (var index = 0u; index < marched; index++) {
-        var ray = index;
+    for (var ray = 0u; ray < marched; ray++) {
         var bits = 1u << ray;
+        var offset = ray_offset(ray);
         if rays < RAYS {
-            let of_four = ray_of_four(index);
-            ray = of_four.x;
-            bits = of_four.y;
+            // Each of four rays counts as two.
+            bits = 3u << (2u * ray);
+            offset = offset_of_four(ray);
         }
-        let offset = ray_offset(ray);
         var seen = ray_at(in.prop, in.position.xy + offset);
         seen.span.x = max(seen.span.x, begins);
 #ifdef MULTISAMPLED

@@ -20,9 +20,11 @@ fn ray_offset(ray: u32) -> vec2<f32> {
     return (vec2<f32>(place & vec2(15u)) - 8.0) / 16.0;
 }
 
-// Returns one of four rays that stand for all, and the bits of those for which it stands.
-fn ray_of_four(index: u32) -> vec2<u32> {
-    return vec2((0x6532u >> (4u * index)) & 15u, (0x42308805u >> (8u * index)) & 255u);
+// Returns where one of four rays crosses its pixel: the corners of a square that is turned, so that their rows and columns
+// are a quarter of a pixel apart.
+fn offset_of_four(ray: u32) -> vec2<f32> {
+    let place = vec2(0x26eau, 0x6ea2u) >> vec2(4u * ray);
+    return (vec2<f32>(place & vec2(15u)) - 8.0) / 16.0;
 }
 
 // Returns the sample of the scene that is nearest to a ray. Every sample is nearest to the same number of rays.

@@ -57,7 +57,7 @@ struct View {
     error: f32,
     // From the camera's `PropQuality`.
     stop_transmittance: f32,
-    // The number of rays through a pixel where a posterized prop ends, in views without multisampling: 4 or 8.
+    // The number of rays through a pixel where a posterized prop ends: 4 or 8, and 8 with multisampling.
     edge_rays: u32,
     // The corners of the part of the viewport that is drawn, in pixels.
     low: vec2<u32>,

@@ -62,7 +62,7 @@ pub struct PropQuality {
     pub spacing: u32,
     /// The number of rays through a pixel where a posterized prop ends, for
     /// [`EdgeSmoothing::Coverage`](crate::EdgeSmoothing::Coverage): 4 or 8. Views with [`Msaa`] always cast 8. Eight
-    /// rays leave about a quarter of the error of hard edges, and four up to half.
+    /// rays leave about a quarter of the error of hard edges, and four about a third.
     ///
     /// Defaults to 8. Below 8, it counts as 4, and above, as 8.
     pub edge_rays: u32,

@@ -214,6 +214,14 @@ fn edges_are_near_to_supersampled_ones() {
         check(&mut stage, &format!("{name} before the sky"), most);
         stage.clear();
     }
+    let four_rays = PropQuality { edge_rays: 4, ..default() };
+    stage.set(four_rays);
+    for (name, most) in [("toadstool", 0.4), ("drum", 0.6)] {
+        stage.spawn_included(name);
+        check(&mut stage, &format!("{name} before the sky, with four rays"), most);
+        stage.clear();
+    }
+    stage.unset::<PropQuality>();
     stage.set(Transform::from_xyz(0.3, 0.5, 3.0).looking_at(Vec3::ZERO, Vec3::Y));
     for msaa in [Msaa::Off, Msaa::Sample4] {
         stage.set(msaa);
@@ -223,12 +231,17 @@ fn edges_are_near_to_supersampled_ones() {
         check(&mut stage, &format!("before a mesh, {msaa:?}"), third);
         stage.set(PropQuality { error: 0.1, ..default() });
         check(&mut stage, &format!("before a mesh, with fewer rays, {msaa:?}"), third);
+        stage.set(four_rays);
+        check(&mut stage, &format!("before a mesh, with four rays, {msaa:?}"), third);
         stage.unset::<PropQuality>();
         stage.spawn_ball(GREEN, Transform::from_xyz(-0.6, -0.4, -0.8));
         check(&mut stage, &format!("before another prop, {msaa:?}"), third);
         let other = stage.props[1];
         stage.world().get_mut::<Transform>(other).unwrap().translation.z = 0.1;
         check(&mut stage, &format!("through another prop, {msaa:?}"), third);
+        stage.set(four_rays);
+        check(&mut stage, &format!("through another prop, with four rays, {msaa:?}"), third);
+        stage.unset::<PropQuality>();
         stage.clear();
         stage.spawn_ball(BRIGHT, default());
         stage.spawn_wall(4.0, floor());

@@ -45,7 +45,7 @@ pub(super) fn prepare_views(
     queue: Res<RenderQueue>,
     mut scratch: Local<Scratch>,
     mut views: Query<(
-        Option<(&ExtractedView, &ExtractedCamera)>,
+        Option<(&ExtractedView, &ExtractedCamera, &Msaa)>,
         Option<&MainPassResolutionOverride>,
         (Option<&TemporalJitter>, Option<&PreviousViewData>),
         &VisibleProps,
@@ -74,7 +74,7 @@ pub(super) fn prepare_views(
         rects.clear();
         (*iterations, *rect) = (0, URect::EMPTY);
         // Cameras that are not active are not extracted.
-        let Some((view, camera)) = camera else {
+        let Some((view, camera, msaa)) = camera else {
             continue;
         };
         let Some(viewport) = drawn_viewport(camera, resolution) else {
@@ -151,7 +151,7 @@ pub(super) fn prepare_views(
             spacing,
             error: quality.error,
             stop_transmittance: quality.stop_transmittance,
-            edge_rays: quality.edge_rays,
+            edge_rays: if msaa.samples() > 1 { 8 } else { quality.edge_rays },
             low: rect.min,
             high: rect.max,
             unjittered_from_clip: motion.unjittered_from_clip.as_mat4(),
