@@ -20,8 +20,8 @@ fn ray_offset(ray: u32) -> vec2<f32> {
     return (vec2<f32>(place & vec2(15u)) - 8.0) / 16.0;
 }
 
-// Returns where one of four rays crosses its pixel: the corners of a square that is turned, so that their rows and columns
-// are a quarter of a pixel apart.
+// Returns where one of four rays crosses its pixel: the corners of a square that is turned, so that their rows and
+// columns are a quarter of a pixel apart.
 fn offset_of_four(ray: u32) -> vec2<f32> {
     let place = vec2(0x26eau, 0x6ea2u) >> vec2(4u * ray);
     return (vec2<f32>(place & vec2(15u)) - 8.0) / 16.0;
