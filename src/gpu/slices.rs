@@ -134,8 +134,8 @@ impl Upload {
         let mut unsubmitted = 0;
         while let Some(Slice { texture: index, layers, bytes }) = self.slices.front() {
             let plain = self.data.plain(*index);
-            let is_there = plain.is_some() || !self.packed.is_empty();
-            let Some((texture, _)) = self.textures.get(*index).filter(|_| is_there && turn.allows_more()) else {
+            let is_packed = plain.is_some() || !self.packed.is_empty();
+            let Some((texture, _)) = self.textures.get(*index).filter(|_| is_packed && turn.allows_more()) else {
                 break;
             };
             if let Some(all) = plain {

@@ -158,8 +158,8 @@ impl PaletteExtraction {
     /// Extracts a field's palette with the current settings, even if it has one. Cancels an extraction that is already
     /// running. If the field is reloaded meanwhile, its new version is extracted.
     ///
-    /// The field keeps its palette until the new one is ready. The new one then replaces it, including edited colors,
-    /// even if the palette was loaded or inserted.
+    /// The field keeps its palette until the new one is ready. The new one then replaces it, including its shown
+    /// colors, even if the palette was loaded or inserted.
     pub fn request(&mut self, field: impl Into<AssetId<PlenOctree>>) {
         let id = field.into();
         self.cancel(id);

@@ -38,7 +38,7 @@ pub(super) fn show(ui: &mut egui::Ui, field: AssetId<PlenOctree>, editor: &mut P
     let invalid = editor.extraction.settings.validate().err();
     let label = if palette.is_some() { "Extract again" } else { "Extract" };
     let button = ui.add_enabled(invalid.is_none(), egui::Button::new(label));
-    if button.on_hover_text("Replaces the palette, including edited colors").clicked() {
+    if button.on_hover_text("Replaces the palette, including its shown colors").clicked() {
         editor.extraction.request(field);
     }
     if let Some(invalid) = invalid {

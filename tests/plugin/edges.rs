@@ -199,7 +199,7 @@ fn floor() -> Transform {
 }
 
 #[test]
-fn edges_are_near_to_supersampled_ones() {
+fn edges_are_close_to_supersampled_ones() {
     let mut stage = Stage::new();
     let mut results = vec![];
     let mut check = |stage: &mut Stage, what: &str, most: f64| {

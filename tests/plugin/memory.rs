@@ -81,7 +81,7 @@ fn colors(headless: &mut Headless) -> [[u8; 3]; 2] {
 /// If the driver rejects the table of a field, as it does when out of memory, only that field is missing. The limit is
 /// below that of any real device, so that nothing checks it before wgpu.
 #[test]
-fn a_field_that_the_driver_refuses_is_skipped() {
+fn a_field_that_the_driver_rejects_is_skipped() {
     let limits = wgpu::Limits { max_texture_array_layers: 32, ..default() };
     // Tables have two levels less than the tree.
     let (red, blue) = ([1.0, 0.0, 0.0], [0.0, 0.0, 1.0]);
@@ -254,7 +254,7 @@ fn a_view_draws_no_props_when_memory_is_full() {
 
 /// A level that the driver rejects is replaced by the field itself, or by the previous level.
 #[test]
-fn a_level_that_the_driver_refuses_is_skipped() {
+fn a_level_that_the_driver_rejects_is_skipped() {
     let limits = wgpu::Limits { max_texture_array_layers: 32, ..default() };
     // A tree of depth 9 has a table of 32 cells per side, one of depth 8 has 64: tables skip levels in pairs.
     let (red, blue) = ([1.0, 0.0, 0.0], [0.0, 0.0, 1.0]);

@@ -536,7 +536,7 @@ fn a_palette_next_to_an_unapproved_field_is_loaded() {
 
 /// Colors that a palette does not have are rejected, not ignored.
 #[test]
-fn colors_out_of_range_are_refused() {
+fn colors_out_of_range_are_rejected() {
     let mut palette = FieldPalette::from_colors(COLORS).unwrap();
     assert!(palette.set(1, Color::WHITE));
     assert!(!palette.set(2, Color::WHITE));

@@ -82,7 +82,7 @@ pub(in crate::render) struct Kept<K> {
     /// The key of the last frame that was drawn.
     drawn: K,
     /// Whether what was drawn in that frame still exists.
-    is_there: bool,
+    exists: bool,
     /// Whether everything that is needed to draw it is available.
     is_complete: bool,
     /// Whether the scene of that frame was copied, if it shows the scene.
@@ -113,8 +113,8 @@ impl<K: Key> Kept<K> {
     pub(super) fn decide(&mut self, is_complete: bool, may_keep: bool) {
         self.is_complete = is_complete;
         // Whatever is drawn differently now, even if incompletely, replaces what was kept.
-        self.is_there &= is_complete && may_keep && self.key == self.drawn;
-        self.plan = match (self.is_there, self.is_copied) {
+        self.exists &= is_complete && may_keep && self.key == self.drawn;
+        self.plan = match (self.exists, self.is_copied) {
             (false, _) => Plan::Draw,
             (true, false) => Plan::Copy,
             (true, true) => Plan::Compare,
@@ -123,13 +123,13 @@ impl<K: Key> Kept<K> {
 
     /// Begins the frame in which it is drawn, or compared.
     pub(super) fn begin(&mut self) {
-        self.is_there = false;
+        self.exists = false;
     }
 
     /// Ends that frame.
     pub(super) fn finish(&mut self) {
         std::mem::swap(&mut self.key, &mut self.drawn);
-        self.is_there = self.is_complete;
+        self.exists = self.is_complete;
         self.is_copied = self.reads_scene() || !K::SHOWS_SCENE;
     }
 

@@ -127,14 +127,7 @@ pub(super) fn refine_by(
     train(&mut model, &mut gallery, stage, &mut position, &mut random, progress, &mut watch)?;
     let limits = Limits { spacing: 0.7, ..Limits::FAINTEST };
     let kept = visibility::visible(&model.grid, &gallery.cameras(), limits);
-    let stage = StageReport {
-        resolution: model.grid.resolution(),
-        voxels: model.grid.len(),
-        million_rays: position.rays as f64 * 1e-6,
-        voxels_per_ray: position.samples as f64 / position.rays.max(1) as f64,
-        seconds: position.seconds,
-        psnr_db: quick_psnr(&model, &measured),
-    };
+    let stage = StageReport::new(&model, &position, quick_psnr(&model, &measured));
     Ok(Refined { field: to_field(&model.grid, &kept)?, stage })
 }
 

@@ -2,6 +2,8 @@
 
 use serde::Serialize;
 
+use super::train::{Model, Position};
+
 /// The input, the work and the result of a fit. Serializes to `report.json`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct FitReport {
@@ -71,6 +73,20 @@ pub struct StageReport {
     pub seconds: f64,
     /// Mean PSNR of the held-out views after the stage, from some of their pixels.
     pub psnr_db: Option<f64>,
+}
+
+impl StageReport {
+    /// Reports on a stage that has ended at `position`. `psnr_db` is that of the held-out views.
+    pub(super) fn new(model: &Model, position: &Position, psnr_db: Option<f64>) -> Self {
+        Self {
+            resolution: model.grid.resolution(),
+            voxels: model.grid.len(),
+            million_rays: position.rays as f64 * 1e-6,
+            voxels_per_ray: position.samples as f64 / position.rays.max(1) as f64,
+            seconds: position.seconds,
+            psnr_db,
+        }
+    }
 }
 
 /// Seconds spent on each part.

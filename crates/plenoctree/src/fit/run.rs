@@ -166,14 +166,7 @@ pub fn fit(
             }
         };
         train(&mut model, &mut gallery, stage, &mut position, &mut random, progress, &mut watch)?;
-        report.stages.push(StageReport {
-            resolution: model.grid.resolution(),
-            voxels: model.grid.len(),
-            million_rays: position.rays as f64 * 1e-6,
-            voxels_per_ray: position.samples as f64 / position.rays.max(1) as f64,
-            seconds: position.seconds,
-            psnr_db: quick_psnr(&model, &measured),
-        });
+        report.stages.push(StageReport::new(&model, &position, quick_psnr(&model, &measured)));
         if !progress.is_stopped() {
             position = Position { stage: position.stage + 1, ..Position::default() };
         }

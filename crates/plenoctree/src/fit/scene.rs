@@ -134,7 +134,7 @@ fn focus(cameras: &[ViewCamera]) -> Result<(DVec3, f64), FitError> {
     if !focus.is_finite() || 2 * looking < cameras.len() {
         return Err(FitError::Views {
             found: format!("{looking} of {} cameras that look at a common place", cameras.len()),
-            expected: "most cameras to look at one object; else give the box to fit",
+            expected: "most cameras to look at one object; otherwise, give the box to fit",
         });
     }
     Ok((focus, median(cameras.iter().map(|camera| camera.position.distance(focus)))))

@@ -96,7 +96,7 @@ impl FitSettings {
             return fault("background", color.to_string(), "encoded sRGB from 0 to 1");
         }
         if self.hold_out.is_some_and(|every| every < 2) {
-            return fault("hold_out", format!("{:?}", self.hold_out), "at least every second view, or none");
+            return fault("hold_out", format!("{:?}", self.hold_out), "at least 2, or none");
         }
         if !(self.effort > 0.0 && self.effort.is_finite()) {
             return fault("effort", self.effort.to_string(), "a number above 0");

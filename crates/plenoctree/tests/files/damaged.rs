@@ -26,7 +26,7 @@ fn trees_may_be_as_deep_as_fields_and_no_deeper() {
 }
 
 #[test]
-fn damaged_trees_are_refused() {
+fn damaged_trees_are_rejected() {
     let tree = |edges: &[(usize, f64)]| {
         let mut child = vec![0.0; 24];
         edges.iter().for_each(|&(cell, offset)| child[cell] = offset);
@@ -68,7 +68,7 @@ fn assert_rejected(arrays: &Arrays, kind: fn(&ReadFault) -> bool, message: &str)
 }
 
 #[test]
-fn shapes_that_disagree_are_refused() {
+fn shapes_that_disagree_are_rejected() {
     let shape = |fault: &ReadFault| matches!(fault, ReadFault::Shape { .. });
     let file = || example(Basis::Sh9);
     let zeros = |layout, shape: &[usize]| npy(layout, shape, &vec![0.0; shape.iter().product()]);
@@ -102,7 +102,7 @@ fn shapes_that_disagree_are_refused() {
 }
 
 #[test]
-fn dtypes_that_lose_meaning_are_refused() {
+fn dtypes_that_lose_meaning_are_rejected() {
     let dtype = |fault: &ReadFault| matches!(fault, ReadFault::Dtype { .. });
     let with = |key: &str, descr, shape: &[usize], size: usize| {
         let content = vec![0; shape.iter().product::<usize>() * size];
@@ -130,7 +130,7 @@ fn dtypes_that_lose_meaning_are_refused() {
 }
 
 #[test]
-fn values_out_of_range_are_refused() {
+fn values_out_of_range_are_rejected() {
     let value = |fault: &ReadFault| matches!(fault, ReadFault::Value { .. });
     let scalar = |key, number| example(Basis::Sh9).with(key, npy(c("<i8"), &[], &[number]));
     for (dim, found) in [(27.0, "27"), (4.0, "4"), (-28.0, "-28"), (1e18, "1000000000000000000"), (0.0, "0")] {
@@ -169,7 +169,7 @@ fn values_out_of_range_are_refused() {
 }
 
 #[test]
-fn gaussians_are_refused_by_name() {
+fn gaussians_are_rejected_by_name() {
     for format in ["SG25", "ASG8"] {
         let file = example(Basis::Sh9).with("data_format", npz::text("<U4", format));
         let message = format!(
@@ -181,7 +181,7 @@ fn gaussians_are_refused_by_name() {
 }
 
 #[test]
-fn numbers_that_are_none_are_refused_in_leaves_that_count() {
+fn unusable_numbers_are_rejected_in_leaves_that_count() {
     let value = |fault: &ReadFault| matches!(fault, ReadFault::Value { .. });
     let (shape, width) = (npz::data_shape(Basis::Sh9), 28);
     let leaf = 8 + 1; // node 1, cell 1
@@ -226,7 +226,7 @@ fn numbers_that_are_none_are_refused_in_leaves_that_count() {
 }
 
 #[test]
-fn headers_that_lie_are_refused() {
+fn headers_that_lie_are_rejected() {
     let with = |key: &str, npy| example(Basis::Sh9).with(key, npy);
     let member = |fault: &ReadFault| matches!(fault, ReadFault::Member { .. });
     let broken = |version, header: &str| with("child", npz::npy_with_header(version, header, &[0; 64]));
@@ -273,7 +273,7 @@ fn assert_changed_rejected(what: &str, change: impl Fn(&mut Vec<u8>), message: &
 }
 
 #[test]
-fn archives_that_are_none_are_refused() {
+fn files_that_are_not_archives_are_rejected() {
     assert_changed_rejected("nothing", Vec::clear, "found an empty file, expected an npz archive or a packed field");
     let text = |bytes: &mut Vec<u8>| *bytes = b"{\"not\": \"a zip\"}".repeat(9000);
     assert_changed_rejected(
@@ -316,7 +316,7 @@ fn archives_that_are_none_are_refused() {
 }
 
 #[test]
-fn members_that_promise_too_much_are_refused() {
+fn members_that_promise_too_much_are_rejected() {
     let entry = |bytes: &mut Vec<u8>, key, at: usize, value: &[u8]| {
         let place = npz::directory_entry(bytes, key) + at;
         bytes[place..place + value.len()].copy_from_slice(value);
@@ -382,7 +382,7 @@ fn members_are_inflated_to_their_claimed_size_only() {
 }
 
 #[test]
-fn overlapping_members_are_refused() {
+fn overlapping_members_are_rejected() {
     let overlap = |key: &'static str, other: &'static str| {
         move |bytes: &mut Vec<u8>| {
             let place = npz::directory_entry(bytes, other) + 42;
@@ -415,7 +415,7 @@ fn divide(levels: u32, child: &mut Vec<f64>) {
 
 /// A file of less than a megabyte does not become a field of more than 128.
 #[test]
-fn fields_that_are_far_larger_than_their_files_are_refused() {
+fn fields_that_are_far_larger_than_their_files_are_rejected() {
     let mut child = vec![0.0; 8];
     for cell in 0..4 {
         child[cell] = (child.len() / 8) as f64;
@@ -429,11 +429,11 @@ fn fields_that_are_far_larger_than_their_files_are_refused() {
     let tree = || example(Basis::Sh25).with("child", npy(c("<i4"), &[nodes, 2, 2, 2], &child));
     let plain = tree().with("data", ones(&[nodes, 2, 2, 2, 76]));
     let coded = tree().without("data").with("sigma", ones(&[nodes, 2, 2, 2]));
-    for (arrays, refused) in [(plain, "data: "), (coded, "quant_map: ")] {
+    for (arrays, rejected) in [(plain, "data: "), (coded, "quant_map: ")] {
         let file = arrays.zip(CompressionMethod::Deflated);
         let error = read(&file).unwrap_err();
         assert!(matches!(error.fault, ReadFault::Member { .. }) && file.len() < 1 << 20, "{error}");
-        assert!(error.to_string().contains(refused), "{error}");
+        assert!(error.to_string().contains(rejected), "{error}");
     }
 }
 

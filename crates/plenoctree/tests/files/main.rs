@@ -162,7 +162,7 @@ fn older_files_have_one_scale() {
 }
 
 #[test]
-fn data_format_may_only_be_missed_where_it_does_not_matter() {
+fn data_format_may_only_be_missing_where_it_does_not_matter() {
     let rgba = read(&example(Basis::Sh1).without("data_format").stored()).unwrap();
     assert_eq!(rgba.basis(), Basis::Rgba, "four values without a format are a color");
     for basis in [Basis::Sh4, Basis::Sh16, Basis::Sh25] {

@@ -89,7 +89,7 @@ fn opaque_pictures_are_fitted() {
 
 /// On a table that reaches beyond the cameras, nothing hangs between them and the object.
 #[test]
-fn no_clouds_hang_before_lenses() {
+fn no_clouds_hang_in_front_of_lenses() {
     let folder = folder("table");
     let cameras: Vec<_> = cameras(64).into_iter().filter(|camera| camera.position.z > 0.4).collect();
     let table = |origin: DVec3, direction: DVec3| {

@@ -215,7 +215,7 @@ fn unusual_fields_are_packed() {
 }
 
 #[test]
-fn settings_out_of_range_are_refused() {
+fn settings_out_of_range_are_rejected() {
     let default = PackSettings::default;
     for (settings, name) in [
         (PackSettings { hidden: f32::NAN, ..default() }, "hidden"),
@@ -263,8 +263,8 @@ fn every_truncation_is_an_error() {
     assert!(read(&longer).unwrap_err().to_string().contains("expected sections up to the end"));
 }
 
-/// Asserts how the example is refused after `change` to its sections.
-fn assert_refused(basis: Basis, change: impl Fn(&mut Sections), message: &str) {
+/// Asserts how the example is rejected after `change` to its sections.
+fn assert_rejected(basis: Basis, change: impl Fn(&mut Sections), message: &str) {
     let mut sections = example(basis);
     read(&sections.bytes()).unwrap();
     change(&mut sections);
@@ -295,12 +295,12 @@ fn errors_name_the_section() {
         (40, &[0xff; 8], "HEAD: found [NaN"),
         (64, &[0; 8], "HEAD: found [0.0"),
     ] {
-        assert_refused(Basis::Sh4, head(at, bytes), message);
+        assert_rejected(Basis::Sh4, head(at, bytes), message);
     }
-    assert_refused(Basis::Sh4, |sections| sections.version = 1, "header: found version 1, expected version 2");
-    assert_refused(Basis::Sh4, |sections| sections.remove("LEVL"), "LEVL: found no section, expected one");
-    assert_refused(Basis::Sh4, |sections| sections.repeat("ROWS"), "ROWS: found several sections");
-    assert_refused(
+    assert_rejected(Basis::Sh4, |sections| sections.version = 1, "header: found version 1, expected version 2");
+    assert_rejected(Basis::Sh4, |sections| sections.remove("LEVL"), "LEVL: found no section, expected one");
+    assert_rejected(Basis::Sh4, |sections| sections.repeat("ROWS"), "ROWS: found several sections");
+    assert_rejected(
         Basis::Sh4,
         |sections| sections.get("DENS").fill(0xff),
         "DENS: found NaN, expected a positive number",
@@ -313,31 +313,31 @@ fn errors_name_the_section() {
         (12, &[0; 8], "HIST: found a weight of 0"),
         (28, &[0; 4], "HIST: found damaged content"),
     ] {
-        assert_refused(
+        assert_rejected(
             Basis::Sh4,
             |sections| sections.get("HIST")[at..at + bytes.len()].copy_from_slice(bytes),
             message,
         );
     }
-    assert_refused(
+    assert_rejected(
         Basis::Sh4,
         |sections| sections.get("HIST").truncate(9),
         "HIST: found 9 bytes, expected at least 28",
     );
-    assert_refused(Basis::Sh4, |sections| sections.repeat("HIST"), "HIST: found several sections");
+    assert_rejected(Basis::Sh4, |sections| sections.repeat("HIST"), "HIST: found several sections");
     for name in ["LEVL", "BASE", "BOOK", "ROWS"] {
         let message = format!("{name}: found damaged content");
         // Too short for what it says, too long, and a wrong sum of frequencies.
-        assert_refused(Basis::Sh4, |sections| _ = sections.get(name).pop(), &message);
-        assert_refused(Basis::Sh4, |sections| sections.get(name).push(0), &message);
-        assert_refused(Basis::Sh4, |sections| sections.get(name)[4] ^= 1, &message);
+        assert_rejected(Basis::Sh4, |sections| _ = sections.get(name).pop(), &message);
+        assert_rejected(Basis::Sh4, |sections| sections.get(name).push(0), &message);
+        assert_rejected(Basis::Sh4, |sections| sections.get(name)[4] ^= 1, &message);
     }
     // Fewer densities and rows than leaves name.
-    assert_refused(Basis::Sh4, |sections| sections.get("HEAD")[12] -= 1, "DENS: found");
-    assert_refused(Basis::Sh4, |sections| sections.get("HEAD")[16] -= 1, "BOOK: found");
-    assert_refused(Basis::Sh4, |sections| _ = sections.get("TREE").pop(), "TREE: found more or fewer cells");
-    assert_refused(Basis::Sh4, |sections| sections.get("TREE")[1] = 0xff, "TREE: found");
-    assert_refused(Basis::Sh4, |sections| sections.damaged = Some("BASE"), "BASE: found a damaged deflate stream");
+    assert_rejected(Basis::Sh4, |sections| sections.get("HEAD")[12] -= 1, "DENS: found");
+    assert_rejected(Basis::Sh4, |sections| sections.get("HEAD")[16] -= 1, "BOOK: found");
+    assert_rejected(Basis::Sh4, |sections| _ = sections.get("TREE").pop(), "TREE: found more or fewer cells");
+    assert_rejected(Basis::Sh4, |sections| sections.get("TREE")[1] = 0xff, "TREE: found");
+    assert_rejected(Basis::Sh4, |sections| sections.damaged = Some("BASE"), "BASE: found a damaged deflate stream");
 }
 
 /// Sections that readers do not know are ignored, so that later files can say more.
@@ -352,7 +352,7 @@ fn unknown_sections_are_ignored() {
 
 /// Sizes are checked before memory is taken for them.
 #[test]
-fn implausible_sizes_are_refused() {
+fn implausible_sizes_are_rejected() {
     let start = std::time::Instant::now();
     let claim = |nodes: u32, leaves: u32| {
         move |sections: &mut Sections| {
@@ -360,15 +360,15 @@ fn implausible_sizes_are_refused() {
             sections.get("HEAD")[8..12].copy_from_slice(&leaves.to_le_bytes());
         }
     };
-    assert_refused(Basis::Sh4, claim(1 << 27, 1 << 29), "expected a plausible size");
+    assert_rejected(Basis::Sh4, claim(1 << 27, 1 << 29), "expected a plausible size");
     // A section that deflates to a thousandth.
     let zeros = |sections: &mut Sections| {
         claim(1 << 22, 1 << 23)(sections);
         *sections.get("TREE") = vec![0; 1 << 22];
     };
-    assert_refused(Basis::Sh4, zeros, "expected a plausible size");
+    assert_rejected(Basis::Sh4, zeros, "expected a plausible size");
     let raw = |sections: &mut Sections| sections.claimed = Some(("BASE", u64::MAX));
-    assert_refused(Basis::Sh4, raw, "BASE: found 18446744073709551615 bytes deflated to");
+    assert_rejected(Basis::Sh4, raw, "BASE: found 18446744073709551615 bytes deflated to");
     assert!(start.elapsed().as_secs() < 20);
 }
 

@@ -174,7 +174,7 @@ pub fn small(degree: u32) -> Splats {
 
 /// Folders of SOG, and glTF files with buffers next to them, are read from their folder, and nothing else is.
 #[test]
-fn files_beside_are_read() {
+fn files_next_to_captures_are_read() {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("splat-beside");
     let _ = fs::remove_dir_all(&folder);
     fs::create_dir_all(&folder).unwrap();

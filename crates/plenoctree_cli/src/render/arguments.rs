@@ -24,7 +24,7 @@ pub struct Arguments {
     #[arg(long, value_name = "FOLDER")]
     pub out: PathBuf,
     /// Print only errors.
-    #[arg(long, short)]
+    #[arg(long)]
     pub quiet: bool,
     /// How to read the capture.
     #[command(flatten)]

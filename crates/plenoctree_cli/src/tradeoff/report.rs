@@ -58,7 +58,8 @@ pub fn markdown(rows: &[Row], noise: f64) -> String {
     let worthless = not_worthwhile(rows, saved);
     if !worthless.is_empty() {
         let list = worthless.join(", ");
-        text += &format!("\nNot worthwhile here, they save less than {:.0}% of the time: {list}.\n", 100.0 * saved);
+        text +=
+            &format!("\nNot worthwhile here, because they save less than {:.0}% of the time: {list}.\n", 100.0 * saved);
     }
     text
 }
