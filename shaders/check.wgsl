@@ -1,5 +1,5 @@
-// The check pass: compares the rays of the grid around each gap. Where they differ, the pixels of the gap get rays of their
-// own: the gap joins its batch.
+// The check pass: compares the rays of the grid around each gap. Where they differ, the pixels of the gap get rays of
+// their own: the gap joins its batch.
 
 #import bevy_plenoctree::batch::{
     AGREES, EMPTY, MOST_GAPS, batches, divided, gaps_across, packed_gap, ray_around,
@@ -14,8 +14,8 @@
 @group(1) @binding(3) var<storage, read_write> counts: array<atomic<u32>>;
 @group(1) @binding(4) var<storage, read_write> gaps: array<u32>;
 
-// The largest relative difference of depths at pixels where the scene shows the same surface. In perspective, this is the
-// relative difference of distances.
+// The largest relative difference of depths at pixels where the scene shows the same surface. In perspective, this is
+// the relative difference of distances.
 const SAME_SURFACE: f32 = 0.05;
 
 @fragment

@@ -1,5 +1,5 @@
-// The fill pass: completes the layer. Interpolates the rays of the grid bilinearly across gaps where they agree, and takes
-// the pixels of other gaps from where their batches were drawn.
+// The fill pass: completes the layer. Interpolates the rays of the grid bilinearly across gaps where they agree, and
+// takes the pixels of other gaps from where their batches were drawn.
 
 #import bevy_plenoctree::batch::{
     AGREES, BATCH, EMPTY, divided, gaps_across, pixels_of_gap, place_in_batch, ray_around,

@@ -27,7 +27,7 @@
 //! | to | use |
 //! |---|---|
 //! | draw a field | [`Prop`], [`SolidOpacity`] |
-//! | know whether it is drawn | [`PropState`], [`PropProgress`], [`props_ready`], [`FieldReady`], [`FieldFailed`], [`PaletteFailed`] |
+//! | know whether it is drawn | [`PropState`], [`PropProgress`], [`props_ready`], [`FieldReady`], [`FieldFailed`], [`PaletteFailed`], [`ViewFailed`] |
 //! | limit the time per frame that arriving fields take | [`UploadBudget`] |
 //! | survive the loss of the GPU device | [`DeviceRecoveryPlugin`] |
 //! | posterize it | [`Posterize`] on the prop, or [`PosterizeView`] on a camera to posterize everything in view |

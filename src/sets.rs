@@ -7,7 +7,8 @@ use crate::stage::PropStage;
 /// The plugin's system sets in the main world.
 #[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum PlenOctreeSystems {
-    /// Writes [`FieldReady`](crate::FieldReady) and [`FieldFailed`](crate::FieldFailed). Runs in [`PreUpdate`].
+    /// Writes [`FieldReady`](crate::FieldReady), [`FieldFailed`](crate::FieldFailed) and
+    /// [`ViewFailed`](crate::ViewFailed). Runs in [`PreUpdate`].
     ReportFields,
     /// Loads palettes, starts and finishes extractions, and writes [`PaletteReady`](crate::PaletteReady). Runs in
     /// [`PreUpdate`], after [`Self::ReportFields`], so systems in [`Update`] can edit a new palette before it is first

@@ -38,11 +38,11 @@ pub struct FieldFailed {
 }
 
 /// A message written in [`PreUpdate`] when the GPU has too little memory for the textures that a camera needs to draw
-/// props: some 100 bytes per pixel, depending on its settings and on what it sees.
+/// props: about 100 bytes per pixel, depending on its settings and on what it sees.
 ///
 /// The camera draws no props then. It tries again every two seconds, and when its size, its
-/// [`PropQuality`](crate::PropQuality) or the number of props that it sees changes. The message is written once, until
-/// it has succeeded.
+/// [`PropQuality`](crate::PropQuality) or the number of props that it sees changes. The message is written once, and
+/// again only after an attempt has succeeded.
 #[derive(Message, Clone, Debug, PartialEq, Eq)]
 pub struct ViewFailed {
     /// The camera.

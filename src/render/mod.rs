@@ -6,7 +6,8 @@
 //! - `kept` finds what is still valid from the previous frame, so that the passes up to `blend` need not run.
 //! - `solid` finds the nearest solid part of any prop, in views where props overlap.
 //! - `volume` draws the props into the view's layer.
-//! - `refine` interpolates pixels where rays agree, and draws the others, in views that do not cast a ray for every pixel.
+//! - `refine` interpolates pixels where rays agree, and draws the others, in views that do not cast a ray for every
+//!   pixel.
 //! - `edges` finds how much of the pixels at their edges posterized props cover.
 //! - `lighting` finds how much of the scene's light is blocked on its way to props (feature `shadows`).
 //! - `composite` blends the layer over the scene.
@@ -18,8 +19,8 @@
 //! - `prepass` writes their depth and motion into the textures of Bevy's prepass, for effects that read it.
 //! - `transparent` draws transparent objects over props that are drawn after them.
 //!
-//! `solid`, `volume`, `refine` and `edges` run after the opaque main pass and the sky, and before objects that transmit light.
-//! The other passes run right after them, or after all post-processing, depending on [`PropStage`].
+//! `solid`, `volume`, `refine` and `edges` run after the opaque main pass and the sky, and before objects that transmit
+//! light. The other passes run right after them, or after all post-processing, depending on [`PropStage`].
 
 mod attachment;
 mod bind_group;

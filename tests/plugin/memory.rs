@@ -133,7 +133,8 @@ fn limit_memory(more: Option<u64>) {
     setrlimit(Resource::As, Rlimit { current, maximum }).unwrap();
 }
 
-/// Runs a test in a process of its own, whose memory can be limited. Returns whether it passed, or false in that process.
+/// Runs a test in a process of its own, whose memory can be limited. Returns whether it passed, or false in that
+/// process.
 #[cfg(target_os = "linux")]
 fn passes_in_child(test: &str) -> bool {
     const CHILD: &str = "PLENOCTREE_TEST_FULL_MEMORY";

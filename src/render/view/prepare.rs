@@ -200,8 +200,8 @@ pub(in crate::render) fn extent(clip_from_box: glam::DMat4, size: UVec2) -> Opti
     Some([low.floor(), high.ceil()])
 }
 
-/// Returns how far from the pixels of its box a prop can be seen, plus how far from there the filter reads: a pixel between
-/// the rays of the grid is interpolated.
+/// Returns how far from the pixels of its box a prop can be seen, plus how far from there the filter reads: a pixel
+/// between the rays of the grid is interpolated.
 fn reach(spacing: u32) -> u32 {
     spacing + MAX_FILTER_RADIUS
 }

@@ -188,8 +188,8 @@ impl ViewUniform {
     }
 }
 
-/// Returns the transmittance at which a prop is solid, or a negative value for never. Rays that stop count as solid, but
-/// empty parts of a prop never do.
+/// Returns the transmittance at which a prop is solid, or a negative value for never. Rays that stop count as solid,
+/// but empty parts of a prop never do.
 fn solid_transmittance(solid: SolidOpacity, quality: &PropQuality) -> f32 {
     match solid {
         SolidOpacity::At(opacity) => (1.0 - opacity.clamp(f32::EPSILON, 1.0)).max(quality.stop_transmittance),
