@@ -55,6 +55,7 @@ pub mod sampling;
 mod save;
 #[cfg(feature = "splat")]
 pub mod splat;
+mod text;
 
 #[cfg(feature = "bake")]
 pub use bake::{BakeError, BakeSettings, bake};

@@ -16,8 +16,8 @@ use std::{
 ///
 /// # Errors
 ///
-/// Returns an error if `fill` does, if the folder does not exist or is read-only, or if the existing file is read-only.
-/// The existing file is then unchanged, and the temporary one is removed.
+/// Returns an error if `fill` does. If the folder does not exist or is read-only, or if the existing file is read-only,
+/// returns an error before it calls `fill`. The existing file is then unchanged, and the temporary one is removed.
 pub fn replace_file<E: From<io::Error>>(
     path: impl AsRef<Path>,
     fill: impl FnOnce(&mut File) -> Result<(), E>,
@@ -26,6 +26,9 @@ pub fn replace_file<E: From<io::Error>>(
     let existing = fs::metadata(path).ok();
     if existing.as_ref().is_some_and(|existing| !existing.is_file()) {
         return fill(&mut File::create(path)?);
+    }
+    if existing.as_ref().is_some_and(|existing| existing.permissions().readonly()) {
+        return Err(io::Error::new(io::ErrorKind::PermissionDenied, "the existing file is read-only").into());
     }
     let target = match &existing {
         Some(_) => fs::canonicalize(path)?,
@@ -64,9 +67,6 @@ fn create_beside(target: &Path) -> io::Result<(File, PathBuf)> {
 /// rename.
 fn finish(file: &File, existing: Option<Metadata>) -> io::Result<()> {
     if let Some(existing) = existing {
-        if existing.permissions().readonly() {
-            return Err(io::Error::new(io::ErrorKind::PermissionDenied, "the existing file is read-only"));
-        }
         file.set_permissions(existing.permissions())?;
     }
     file.sync_all()

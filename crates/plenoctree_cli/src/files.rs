@@ -4,7 +4,6 @@ use std::{
     fs::{self, File},
     io::{self, BufWriter, Write},
     path::{Path, PathBuf},
-    process,
 };
 
 use image::{ImageBuffer, PixelWithColorType, codecs::png::PngEncoder};
@@ -46,17 +45,15 @@ pub fn check_outputs(outputs: &[&Path], inputs: &[&Path]) -> Result {
 
 /// Returns an error if [`write`] would fail.
 fn check_writable(path: &Path) -> io::Result<()> {
-    let existing = fs::metadata(path).ok();
-    if existing.as_ref().is_some_and(|existing| !existing.is_file()) {
-        // A device or a pipe.
+    if fs::metadata(path).is_ok_and(|existing| !existing.is_file()) {
+        // A device or a pipe, which would be written to.
         return Ok(());
     }
-    if existing.is_some_and(|existing| existing.permissions().readonly()) {
-        return Err(io::Error::new(io::ErrorKind::PermissionDenied, "the existing file is read-only"));
+    // Fails with `None` once the file could be written, so that nothing is replaced.
+    match plenoctree::replace_file(path, |_| Err(None::<io::Error>)) {
+        Err(Some(error)) => Err(error),
+        Ok(()) | Err(None) => Ok(()),
     }
-    let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_path_buf());
-    let probe = target.with_file_name(format!(".plenoctree-{}.probe", process::id()));
-    File::create(&probe).and_then(|_| fs::remove_file(&probe))
 }
 
 /// Whether two paths lead to the same file, which need not exist.

@@ -2,7 +2,7 @@
 
 use std::io;
 
-use crate::{field::InvalidField, sampling::InvalidSetting};
+use crate::{field::InvalidField, sampling::InvalidSetting, text::one_line};
 
 /// An error that occurs when reading a PlenOctree file.
 #[derive(Debug, thiserror::Error)]
@@ -17,8 +17,7 @@ pub struct ReadError {
 
 impl ReadError {
     pub(super) fn new(file: &str, fault: ReadFault) -> Self {
-        let file = file.chars().map(|letter| if letter.is_control() { '?' } else { letter }).collect();
-        Self { file, fault }
+        Self { file: one_line(file), fault }
     }
 }
 

@@ -5,7 +5,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use crate::field::InvalidField;
+use crate::{field::InvalidField, text::one_line};
 
 /// An error that occurs when fitting a field.
 #[derive(Debug, thiserror::Error)]
@@ -72,12 +72,7 @@ impl FitError {
         found: impl Into<String>,
         expected: impl Into<String>,
     ) -> Self {
-        let (what, found, expected) = (one_line(what.into()), one_line(found.into()), one_line(expected.into()));
+        let [what, found, expected] = [what.into(), found.into(), expected.into()].map(|text| one_line(&text));
         Self::Found { path: path.into(), what, found, expected }
     }
-}
-
-/// Replaces control characters, which names and words in files may have.
-fn one_line(text: String) -> String {
-    if text.contains(char::is_control) { text.replace(char::is_control, "?") } else { text }
 }

@@ -2,7 +2,7 @@
 
 use std::io;
 
-use crate::field::InvalidField;
+use crate::{field::InvalidField, text::one_line};
 
 /// An error that occurs when reading a capture or converting it to a field.
 #[derive(Debug, thiserror::Error)]
@@ -77,8 +77,8 @@ impl From<io::Error> for Fault {
     }
 }
 
-/// Fits a text from a file on one line of a message.
+/// Fits the start of a text from a file on one line of a message.
 fn printable(text: &str) -> String {
     const LONGEST: usize = 200;
-    text.chars().take(LONGEST).map(|letter| if letter.is_control() { '?' } else { letter }).collect()
+    one_line(text).chars().take(LONGEST).collect()
 }

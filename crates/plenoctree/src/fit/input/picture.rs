@@ -2,11 +2,11 @@
 
 use std::{
     fs::File,
-    io::{BufReader, Read},
+    io::{BufRead, BufReader},
     path::Path,
 };
 
-use image::{DynamicImage, GrayImage, ImageReader, Luma, RgbImage};
+use image::{DynamicImage, GrayImage, ImageDecoder, ImageReader, Luma, RgbImage};
 use zune_jpeg::{
     JpegDecoder,
     zune_core::{colorspace::ColorSpace, options::DecoderOptions},
@@ -92,60 +92,56 @@ fn read_mask(path: &Path) -> Result<GrayImage, FitError> {
 
 /// Returns the width and the height of a picture, as it is stored, without decoding it.
 pub fn size(path: &Path) -> Result<(u32, u32), FitError> {
-    let (width, height) = if is_jpeg(path)? {
-        let mut decoder = jpeg(path)?;
-        decoder.decode_headers().map_err(|error| damaged(path, error))?;
-        let (width, height) = decoder.dimensions().ok_or_else(|| damaged(path, "no size"))?;
-        (width as u32, height as u32)
-    } else {
-        let mut reader = open(path)?;
-        reader.no_limits();
-        reader.into_dimensions().map_err(|error| damaged(path, error))?
-    };
-    if width.max(height) > MAX_SIZE || u64::from(width) * u64::from(height) > MAX_PIXELS {
-        let expected = format!("at most {MAX_SIZE} pixels a side and {MAX_PIXELS} in all");
-        return Err(FitError::found(path, "size", format!("{width}x{height}"), expected));
-    }
-    Ok((width, height))
+    Decoder::open(path).map(|(size, _)| size)
 }
 
+/// Reads a whole picture.
 fn decode(path: &Path) -> Result<DynamicImage, FitError> {
-    size(path)?;
-    if is_jpeg(path)? {
-        let mut decoder = jpeg(path)?;
-        let pixels = decoder.decode().map_err(|error| damaged(path, error))?;
-        let (width, height) = decoder.dimensions().ok_or_else(|| damaged(path, "no size"))?;
-        return RgbImage::from_raw(width as u32, height as u32, pixels)
-            .map(DynamicImage::from)
-            .ok_or_else(|| damaged(path, "too few pixels"));
+    let ((width, height), decoder) = Decoder::open(path)?;
+    match decoder {
+        Decoder::Jpeg(mut decoder) => {
+            let pixels = decoder.decode().map_err(|error| damaged(path, error))?;
+            RgbImage::from_raw(width, height, pixels)
+                .map(DynamicImage::from)
+                .ok_or_else(|| damaged(path, "too few pixels"))
+        }
+        Decoder::Png(decoder) => DynamicImage::from_decoder(decoder).map_err(|error| damaged(path, error)),
     }
-    let mut limits = image::Limits::default();
-    // Four channels of 16 bits.
-    limits.max_alloc = Some(8 * MAX_PIXELS);
-    let mut reader = open(path)?;
-    reader.limits(limits);
-    reader.decode().map_err(|error| damaged(path, error))
 }
 
-fn open(path: &Path) -> Result<ImageReader<BufReader<File>>, FitError> {
-    ImageReader::open(path).and_then(ImageReader::with_guessed_format).map_err(FitError::io(path))
+/// An open picture, whose size is read and valid.
+enum Decoder {
+    Jpeg(Box<JpegDecoder<BufReader<File>>>),
+    Png(Box<dyn ImageDecoder>),
 }
 
-fn jpeg(path: &Path) -> Result<JpegDecoder<BufReader<File>>, FitError> {
-    let file = BufReader::new(File::open(path).map_err(FitError::io(path))?);
-    // Sizes are checked by `size`, whose message says what is possible.
-    let options = DecoderOptions::default()
-        .jpeg_set_out_colorspace(ColorSpace::RGB)
-        .set_max_width(usize::MAX)
-        .set_max_height(usize::MAX);
-    Ok(JpegDecoder::new_with_options(file, options))
-}
-
-/// Returns whether the file starts like a JPEG file. Its name may be wrong.
-fn is_jpeg(path: &Path) -> Result<bool, FitError> {
-    let mut start = Vec::new();
-    File::open(path).and_then(|file| file.take(2).read_to_end(&mut start)).map_err(FitError::io(path))?;
-    Ok(start == [0xff, 0xd8])
+impl Decoder {
+    /// Opens a picture, and returns its width and height with it. The name of the file may be wrong about the format.
+    fn open(path: &Path) -> Result<((u32, u32), Self), FitError> {
+        let mut file = BufReader::new(File::open(path).map_err(FitError::io(path))?);
+        let is_jpeg = file.fill_buf().map_err(FitError::io(path))?.starts_with(&[0xff, 0xd8]);
+        // Decoders do not limit sizes: that happens below, with a message that says what is possible.
+        let ((width, height), decoder) = if is_jpeg {
+            let options = DecoderOptions::default()
+                .jpeg_set_out_colorspace(ColorSpace::RGB)
+                .set_max_width(usize::MAX)
+                .set_max_height(usize::MAX);
+            let mut decoder = JpegDecoder::new_with_options(file, options);
+            decoder.decode_headers().map_err(|error| damaged(path, error))?;
+            let (width, height) = decoder.dimensions().ok_or_else(|| damaged(path, "no size"))?;
+            ((width as u32, height as u32), Self::Jpeg(Box::new(decoder)))
+        } else {
+            let mut reader = ImageReader::new(file).with_guessed_format().map_err(FitError::io(path))?;
+            reader.no_limits();
+            let decoder = reader.into_decoder().map_err(|error| damaged(path, error))?;
+            (decoder.dimensions(), Self::Png(Box::new(decoder)))
+        };
+        if width.max(height) > MAX_SIZE || u64::from(width) * u64::from(height) > MAX_PIXELS {
+            let expected = format!("at most {MAX_SIZE} pixels a side and {MAX_PIXELS} in all");
+            return Err(FitError::found(path, "size", format!("{width}x{height}"), expected));
+        }
+        Ok(((width, height), decoder))
+    }
 }
 
 fn damaged(path: &Path, error: impl std::fmt::Display) -> FitError {

@@ -100,7 +100,7 @@ pub fn train(
             render_batch(&scene, tiles, random.next(), &mut workspace);
             let optimizer = Optimizer { rates: stage.rates(fraction), ..stage.optimizer };
             update(&mut model.grid, &workspace.parts, &optimizer, &mut thickness);
-            if fraction >= stage.average_from {
+            if stage.average_from.is_some_and(|from| fraction >= from) {
                 average.add(&model.grid);
             }
             let results = || workspace.parts.iter().flat_map(|part| &part.tiles);

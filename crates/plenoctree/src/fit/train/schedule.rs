@@ -62,8 +62,8 @@ pub struct Stage {
     pub split_above: f32,
     /// Which neighbors of these voxels are split, too.
     pub spread: Spread,
-    /// The fraction of the stage from which on the result is the mean over batches; above 1 for the last batch's.
-    pub average_from: f64,
+    /// The fraction of the stage from which on the result is the mean over batches. Otherwise, it is the last batch's.
+    pub average_from: Option<f64>,
     /// Whether exposures are learned.
     pub learns_gains: bool,
     /// Rates at the start; penalties.
@@ -102,12 +102,14 @@ impl Schedule {
                 prune_at: if index == 0 { vec![0.5] } else { vec![0.1, 0.4, 0.85] },
                 prune_below: Limits::default(),
                 split_above: if index <= LAST_SPREAD { 0.01 } else { 0.03 },
-                spread: match index <= LAST_SPREAD {
-                    false => Spread::None,
-                    true if opaque => Spread::Existing,
-                    true => Spread::All,
+                spread: if index > LAST_SPREAD {
+                    Spread::None
+                } else if opaque {
+                    Spread::Existing
+                } else {
+                    Spread::All
                 },
-                average_from: AVERAGE_FROM,
+                average_from: Some(AVERAGE_FROM),
                 learns_gains: opaque,
                 optimizer: Optimizer {
                     rates: Rates { constant: 0.25, directional: 0.08, thickness: 0.06 },
@@ -141,7 +143,7 @@ impl Stage {
             prune_below: Limits::FAINTEST,
             split_above: 0.01,
             spread: Spread::None,
-            average_from: 2.0,
+            average_from: None,
             learns_gains: false,
             optimizer: Optimizer {
                 rates: Rates { constant: 0.06, directional: 0.02, thickness: 0.015 },
