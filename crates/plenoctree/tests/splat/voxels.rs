@@ -95,6 +95,23 @@ fn opacities_are_kept() {
     }
 }
 
+/// Gaussians that cover the whole capture, all at one place, take about as long as others.
+#[test]
+fn piles_of_wide_gaussians_do_not_take_long() {
+    let mut splats = Splats::new(0);
+    for index in 0..8000 {
+        let color = Vec3::splat((0.1 * index as f32).sin());
+        let gaussian =
+            Gaussian { position: Vec3::ZERO, scale: Vec3::splat(0.1), rotation: Quat::IDENTITY, opacity: 0.5 };
+        splats.push(gaussian, &[color]);
+    }
+    let start = std::time::Instant::now();
+    voxelize(&splats, &VoxelSettings::default()).unwrap();
+    let seconds = start.elapsed().as_secs_f64();
+    // All cells for each of them would take minutes.
+    assert!(seconds < 30.0, "{seconds:.1} s");
+}
+
 /// The field is the same on any number of threads, and the capture's coordinates are those of the field.
 #[test]
 fn fields_do_not_depend_on_threads() {

@@ -12,6 +12,8 @@ const FAINTEST: f64 = 1.0 / 255.0;
 const BLUR: f64 = 0.4;
 /// Smallest and largest square of the distance, in deviations, up to which a Gaussian is followed.
 const REACH: [f64; 2] = [4.0, 9.0];
+/// Smallest deviation of a Gaussian in a lattice of points, in their distances: between them, it is interpolated.
+const SMOOTH: f64 = 3.0;
 
 /// A Gaussian in cells: the cube spans 0 to the number of cells per side.
 #[derive(Clone, Copy, Debug)]
@@ -27,6 +29,10 @@ pub struct CellGaussian {
     pub opacity: f32,
     /// Factor of the profile's density.
     pub scale: f32,
+    /// The distance, in cells, within which it is followed along each axis.
+    pub extent: Vec3,
+    /// How often cells can be merged, twice per axis, so that it is still smooth.
+    pub level: u32,
     /// The cells in its reach: lowest, and behind the highest.
     pub low: UVec3,
     pub high: UVec3,
@@ -60,6 +66,8 @@ impl CellGaussian {
             reach: reach as f32,
             opacity: opacity as f32,
             scale: (area(widths) / widths.element_product()) as f32,
+            extent: extent.as_vec3(),
+            level: (widths.min_element() / SMOOTH).log2().max(0.0) as u32,
             low: low.as_uvec3(),
             high: high.as_uvec3(),
         })
