@@ -18,6 +18,8 @@ const CLEAR: f32 = 0.01;
 const FAR: f64 = 7.0;
 /// The same, as a multiple of the median deviation from it.
 const UNUSUAL: f64 = 8.0;
+/// Both for photographs without opacity, which have large errors everywhere, so that wrong poses add less to them.
+const OPAQUE: (f64, f64) = (4.0, 4.0);
 
 /// Returns the views on which the model's error is far above the median, and those that do not see it at all. `numbers`
 /// are the numbers of the gallery's views in the input.
@@ -33,7 +35,8 @@ pub fn suspicious(model: &Model, gallery: &mut Gallery, numbers: &[usize]) -> Re
     let Some(&median) = sorted.get(sorted.len() / 2) else { return Ok(Vec::new()) };
     let mut deviations: Vec<f64> = sorted.iter().map(|psnr| (psnr - median).abs()).collect();
     deviations.sort_unstable_by(f64::total_cmp);
-    let limit = median - f64::max(FAR, UNUSUAL * deviations[deviations.len() / 2]);
+    let (far, unusual) = if matches!(model.backdrop, Backdrop::Random) { (FAR, UNUSUAL) } else { OPAQUE };
+    let limit = median - f64::max(far, unusual * deviations[deviations.len() / 2]);
     let wrong = psnrs.into_iter().enumerate().filter(|(_, psnr)| psnr.is_none_or(|psnr| psnr < limit));
     Ok(wrong
         .map(|(index, psnr_db)| SuspiciousView {

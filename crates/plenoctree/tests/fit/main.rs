@@ -87,19 +87,21 @@ fn opaque_pictures_are_fitted() {
     assert!((dark / bright - 0.8).abs() < 0.05, "{dark} {bright}");
 }
 
+/// What is behind the object on a tiled table that reaches beyond the cameras.
+fn table(origin: DVec3, direction: DVec3) -> DVec3 {
+    let at = origin + direction * ((-0.9 - origin.z) / direction.z);
+    if direction.z >= 0.0 || at.length() > 12.0 {
+        return DVec3::new(0.6, 0.7, 0.9);
+    }
+    let tile = (1.5 * at).floor();
+    DVec3::new(0.5, 0.4, 0.3) + 0.3 * (tile.x + tile.y).rem_euclid(2.0)
+}
+
 /// On a table that reaches beyond the cameras, nothing hangs between them and the object.
 #[test]
 fn no_clouds_hang_in_front_of_lenses() {
     let folder = folder("table");
     let cameras: Vec<_> = cameras(64).into_iter().filter(|camera| camera.position.z > 0.4).collect();
-    let table = |origin: DVec3, direction: DVec3| {
-        let at = origin + direction * ((-0.9 - origin.z) / direction.z);
-        if direction.z >= 0.0 || at.length() > 12.0 {
-            return DVec3::new(0.6, 0.7, 0.9);
-        }
-        let tile = (1.5 * at).floor();
-        DVec3::new(0.5, 0.4, 0.3) + 0.3 * (tile.x + tile.y).rem_euclid(2.0)
-    };
     write_pictures(&folder, &cameras, Some(table), |_| 1.0);
     write_transforms(&folder, &cameras);
     let fitted = fit_folder(&folder, &quick());
@@ -132,6 +134,21 @@ fn wrong_poses_are_reported() {
     assert_eq!(fitted.report.suspicious[2].psnr_db, None);
     let held_out = fitted.report.held_out.unwrap();
     assert!(held_out.psnr_db > 22.0, "{held_out:?}");
+}
+
+/// Photographs show so much else that even wrong poses are matched to some degree. They are reported anyway, by their
+/// numbers, and only those.
+#[test]
+fn wrong_poses_of_photographs_are_reported() {
+    let folder = folder("wrong_photographs");
+    let mut cameras: Vec<_> = cameras(64).into_iter().filter(|camera| camera.position.z > 0.4).collect();
+    cameras.iter_mut().for_each(|camera| *camera = camera.resized(120, 120));
+    write_pictures(&folder, &cameras, Some(table), |_| 1.0);
+    cameras.swap(10, 21);
+    write_transforms(&folder, &cameras);
+    let fitted = fit_folder(&folder, &FitSettings { depth: 7, effort: 0.05, ..quick() });
+    let numbers: Vec<usize> = fitted.report.suspicious.iter().map(|view| view.number).collect();
+    assert_eq!(numbers, [10, 21], "{:?}", fitted.report.suspicious);
 }
 
 /// A fit that is stopped returns its current result.
