@@ -86,9 +86,10 @@ pub(super) fn prepare_textures(
                     texture("plenoctree_own_rays", LAYER_FORMAT)?,
                     texture("plenoctree_other_rays", LAYER_FORMAT)?,
                 ],
-                places: match props.has_overlaps() {
-                    true => Some(texture("plenoctree_edge_places", PLACES_FORMAT)?),
-                    false => None,
+                places: if props.has_overlaps() {
+                    Some(texture("plenoctree_edge_places", PLACES_FORMAT)?)
+                } else {
+                    None
                 },
                 mask: texture("plenoctree_edge_mask", DEPTH_FORMAT)?,
             })

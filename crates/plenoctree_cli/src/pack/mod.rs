@@ -54,10 +54,8 @@ fn pack_file(path: &Path, arguments: &Arguments) -> Result<report::Field> {
     let mut rows = Vec::new();
     if let (Some(_), Some(views)) = (&arguments.report, &views) {
         for quality in Quality::value_variants() {
-            let packed = match *quality == arguments.quality {
-                true => packed.clone(),
-                false => pack(&field, path, arguments, *quality)?,
-            };
+            let packed =
+                if *quality == arguments.quality { packed.clone() } else { pack(&field, path, arguments, *quality)? };
             rows.push(report::Row::new(*quality, field.leaves(), &packed, views));
         }
     }

@@ -31,10 +31,8 @@ pub(in crate::file) fn read_packed(reader: impl Read + Seek) -> Result<PlenOctre
     let densities = head.densities(&mut file)?;
     let damaged = |section| fault(section, "damaged content", "that of the head");
     let shares = head.rows[0].count > 0;
-    let recorded = match file.has(HISTOGRAM) {
-        true => Some(Arc::new(histogram::read(&file.read_all(HISTOGRAM)?)?)),
-        false => None,
-    };
+    let recorded =
+        if file.has(HISTOGRAM) { Some(Arc::new(histogram::read(&file.read_all(HISTOGRAM)?)?)) } else { None };
     let [levels, colors, tables, rows] = [LEVELS, CONSTANTS, TABLE, ROWS].map(|section| file.read_all(section));
     let (levels, colors, tables, rows) = (levels?, colors?, tables?, rows?);
     let levels = streams::read_levels(&levels, head.leaves, head.densities).ok_or_else(|| damaged(LEVELS))?;
