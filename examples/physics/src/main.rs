@@ -80,7 +80,7 @@ fn setup(
 fn begin_colliders(
     mut commands: Commands,
     fields: Res<Assets<PlenOctree>>,
-    props: Query<(Entity, &Prop), (Without<ColliderTask>, Without<RigidBody>)>,
+    props: Query<(Entity, &Prop), Without<ColliderTask>>,
 ) {
     for (entity, prop) in &props {
         let Some(field) = fields.get(&prop.0).cloned() else { continue };
