@@ -3,10 +3,12 @@
 use bevy::{
     prelude::*,
     render::{
-        render_resource::{Extent3d, TextureDescriptor, TextureDimension, TextureFormat, TextureUsages, TextureView},
+        render_resource::{TextureFormat, TextureView},
         renderer::RenderDevice,
     },
 };
+
+use crate::render::view::view_texture;
 
 /// The scene of the previous frame and, once the two have been compared, that of this one.
 pub(super) struct SceneCopy {
@@ -19,16 +21,7 @@ pub(super) struct SceneCopy {
 impl SceneCopy {
     pub fn new(device: &RenderDevice, size: UVec2, format: TextureFormat) -> Self {
         let views = [(); 2].map(|()| {
-            let texture = device.create_texture(&TextureDescriptor {
-                label: Some("plenoctree_scene_copy"),
-                size: Extent3d { width: size.x, height: size.y, depth_or_array_layers: 1 },
-                mip_level_count: 1,
-                sample_count: 1,
-                dimension: TextureDimension::D2,
-                format,
-                usage: TextureUsages::RENDER_ATTACHMENT | TextureUsages::TEXTURE_BINDING,
-                view_formats: &[],
-            });
+            let texture = device.create_texture(&view_texture("plenoctree_scene_copy", format, size));
             texture.create_view(&default())
         });
         Self { size, views, latest: 0 }

@@ -84,17 +84,7 @@ impl ViewMemory {
         format: TextureFormat,
         size: UVec2,
     ) -> Option<TextureView> {
-        let descriptor = TextureDescriptor {
-            label: Some(label),
-            size: Extent3d { width: size.x, height: size.y, depth_or_array_layers: 1 },
-            mip_level_count: 1,
-            sample_count: 1,
-            dimension: TextureDimension::D2,
-            format,
-            usage: TextureUsages::RENDER_ATTACHMENT | TextureUsages::TEXTURE_BINDING,
-            view_formats: &[],
-        };
-        Some(self.texture(device, descriptor)?.default_view)
+        Some(self.texture(device, view_texture(label, format, size))?.default_view)
     }
 
     /// Returns what `create` creates, or `None` if there is no memory for it. The view keeps it itself.
@@ -115,6 +105,24 @@ impl ViewMemory {
             kept.idle += 1;
             kept.idle <= Self::KEPT_FRAMES
         });
+    }
+}
+
+/// Describes a texture of `size` pixels that passes write and read.
+pub(in crate::render) fn view_texture(
+    label: &'static str,
+    format: TextureFormat,
+    size: UVec2,
+) -> TextureDescriptor<'static> {
+    TextureDescriptor {
+        label: Some(label),
+        size: Extent3d { width: size.x, height: size.y, depth_or_array_layers: 1 },
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: TextureDimension::D2,
+        format,
+        usage: TextureUsages::RENDER_ATTACHMENT | TextureUsages::TEXTURE_BINDING,
+        view_formats: &[],
     }
 }
 

@@ -16,6 +16,7 @@ pub(super) use layout::ViewLayouts;
 #[cfg(feature = "shadows")]
 pub(super) use levels::levels_coarser;
 pub(crate) use memory::ViewMemory;
+pub(super) use memory::view_texture;
 #[cfg(feature = "shadows")]
 pub(super) use prepare::{covered, extent};
 pub(super) use props::{DrawnProp, Overlap, ViewProps};
