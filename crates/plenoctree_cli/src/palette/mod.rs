@@ -41,6 +41,6 @@ pub fn run(arguments: &Arguments) -> Result {
     console::print(&swatches::lines(palette));
     let errors = extraction.errors;
     console::say!("error to the nearest label: {:.2} of 255; hue off: {:.1}%", 255.0 * errors.rmse, 100.0 * errors.hue);
-    console::say!("palette of {} saved to {}", path.display(), out.display());
+    console::say!("{} colors of {} saved to {}", palette.colors.len(), path.display(), out.display());
     Ok(())
 }

@@ -76,7 +76,7 @@ pub fn run(arguments: &Arguments) -> Result {
     }
     bar.finish_and_clear();
     if !arguments.quiet {
-        console::say!("views of {} saved to {}", path.display(), arguments.out.display());
+        console::say!("{} views of {} saved to {}", cameras.len(), path.display(), arguments.out.display());
     }
     Ok(())
 }

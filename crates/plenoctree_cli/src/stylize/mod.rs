@@ -74,7 +74,7 @@ pub fn run(arguments: &Arguments) -> Result {
 
     report::write(&arguments.out, &field, &renderer.adapter(), extracted.as_ref(), &palette, &times)?;
     if !arguments.quiet {
-        console::say!("views of {} saved to {}", path.display(), arguments.out.display());
+        console::say!("{} views of {} saved to {}", cameras.len(), path.display(), arguments.out.display());
     }
     Ok(())
 }
