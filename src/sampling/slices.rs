@@ -7,9 +7,9 @@ use bevy::{
     render::{
         render_asset::RenderAssets,
         render_resource::{
-            BindGroupEntries, BindGroupLayout, Buffer, BufferDescriptor, BufferInitDescriptor, BufferUsages,
-            CachedPipelineState, CommandEncoderDescriptor, ComputePassDescriptor, ComputePipeline, MapMode,
-            PipelineCache, SpecializedComputePipelines, UniformBuffer,
+            BindGroupEntries, BindGroupLayout, Buffer, BufferDescriptor, BufferUsages, CachedPipelineState,
+            CommandEncoderDescriptor, ComputePassDescriptor, ComputePipeline, MapMode, PipelineCache,
+            SpecializedComputePipelines, UniformBuffer,
         },
         renderer::{RenderDevice, RenderQueue},
     },
@@ -22,7 +22,7 @@ use super::{
     clock::SliceClock,
     pipeline::{SamplingPipeline, SliceUniform},
 };
-use crate::gpu::{GpuField, GpuLevel, SAMPLING_WORKGROUP};
+use crate::gpu::{Allocator, GpuField, GpuLevel, SAMPLING_WORKGROUP};
 
 /// The approximate minimum number of rays in a slice, and the number in the first one, before the speed of the GPU is
 /// known.
@@ -41,6 +41,7 @@ struct Active {
     field: Arc<GpuLevel>,
     layout: BindGroupLayout,
     uniform: SliceUniform,
+    allocator: Allocator,
     observers: Buffer,
     bins: Buffer,
     /// The number of leaves in the smallest and in the largest slice.
@@ -79,7 +80,7 @@ pub(super) fn advance_sampling(
         let Some((job, field)) = waiting.filter_map(|job| Some((job, uploaded(job)?))).next() else {
             return;
         };
-        match Active::new(job, field, &pipeline, &cache, &device) {
+        match Active::new(job, field, &pipeline, &cache, &device, &queue) {
             Ok(started) => active.0 = Some(started),
             Err(failure) => return job.end(Err(failure)),
         }
@@ -89,7 +90,7 @@ pub(super) fn advance_sampling(
     if let CachedPipelineState::Err(error) = cache.get_compute_pipeline_state(id) {
         current.job.end(Err(SamplingFailure::Pipeline(error.to_string())));
     } else if let Some(pipeline) = cache.get_compute_pipeline(id) {
-        current.advance(pipeline, &device, &queue);
+        current.advance(pipeline, &device, &queue).unwrap_or_else(|failure| current.job.end(Err(failure)));
     }
 }
 
@@ -100,6 +101,7 @@ impl Active {
         pipeline: &SamplingPipeline,
         cache: &PipelineCache,
         device: &RenderDevice,
+        queue: &RenderQueue,
     ) -> Result<Self, SamplingFailure> {
         let settings = &job.settings.sampling;
         let field = field.arrived().ok_or(SamplingFailure::TooLarge)?;
@@ -118,12 +120,12 @@ impl Active {
             weight_scale: weight_scale as f32,
         };
 
-        let bins = device.create_buffer(&BufferDescriptor {
-            label: Some("plenoctree_histograms"),
-            size: 8 * (settings.fine_bins.pow(3) + settings.coarse_bins.pow(3)) as u64,
-            usage: BufferUsages::STORAGE | BufferUsages::COPY_SRC,
-            mapped_at_creation: false,
-        });
+        let mut allocator = Allocator::default();
+        let bytes = 8 * (settings.fine_bins.pow(3) + settings.coarse_bins.pow(3)) as u64;
+        let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC;
+        let bins = buffer(&mut allocator, device, "plenoctree_histograms", bytes, usage)?;
+        let observers = bytemuck::cast_slice(&job.observers);
+        let observers = storage(&mut allocator, device, queue, "plenoctree_observers", observers)?;
         let share = job.field.leaves() as f64 / job.leaves.len().max(1) as f64;
         job.progress.begin(job.leaves.len());
         Ok(Self {
@@ -131,7 +133,8 @@ impl Active {
             field: field.clone(),
             layout: cache.get_bind_group_layout(&pipeline.layout),
             uniform,
-            observers: storage(device, "plenoctree_observers", bytemuck::cast_slice(&job.observers)),
+            allocator,
+            observers,
             bins,
             fewest: slice_for(FEWEST_RAYS, job),
             most: slice_for(MOST_RAYS, job),
@@ -149,7 +152,12 @@ impl Active {
     }
 
     /// Submits the slices of this frame.
-    fn advance(&mut self, pipeline: &ComputePipeline, device: &RenderDevice, queue: &RenderQueue) {
+    fn advance(
+        &mut self,
+        pipeline: &ComputePipeline,
+        device: &RenderDevice,
+        queue: &RenderQueue,
+    ) -> Result<(), SamplingFailure> {
         for clock in &self.in_flight {
             if let Some(seconds) = clock.seconds() {
                 self.speed = Some(f64::from(clock.leaves) / seconds.max(1e-6));
@@ -160,7 +168,7 @@ impl Active {
         match self.job.budget {
             None => {
                 while self.next < self.leaves() {
-                    self.submit(self.most, pipeline, device, queue);
+                    self.submit(self.most, pipeline, device, queue)?;
                 }
             }
             Some(_) if self.in_flight.len() >= MOST_IN_FLIGHT => {}
@@ -168,25 +176,33 @@ impl Active {
                 let leaves = self.speed.map_or(0.0, |speed| speed * budget.as_secs_f64());
                 // The measured speed of a small slice is inaccurate, so limit the growth.
                 let leaves = (leaves as u32).clamp(self.fewest, self.most).min((4 * self.last_leaves).max(self.fewest));
-                self.submit(leaves, pipeline, device, queue);
+                self.submit(leaves, pipeline, device, queue)?;
             }
         }
         if self.next == self.leaves() && !self.reading {
             self.reading = true;
-            self.read_back(device, queue);
+            self.read_back(device, queue)?;
         }
+        Ok(())
     }
 
-    fn submit(&mut self, most: u32, pipeline: &ComputePipeline, device: &RenderDevice, queue: &RenderQueue) {
+    fn submit(
+        &mut self,
+        most: u32,
+        pipeline: &ComputePipeline,
+        device: &RenderDevice,
+        queue: &RenderQueue,
+    ) -> Result<(), SamplingFailure> {
         let leaves = most.min(self.leaves() - self.next);
         if leaves == 0 {
-            return;
+            return Ok(());
         }
         let cells = &self.job.leaves[self.next as usize..][..leaves as usize];
-        let cells = storage(device, "plenoctree_leaf_cells", bytemuck::cast_slice(cells));
+        let cells = bytemuck::cast_slice(cells);
+        let cells = storage(&mut self.allocator, device, queue, "plenoctree_leaf_cells", cells)?;
         let mut uniform = UniformBuffer::from(SliceUniform { leaves, ..self.uniform });
         uniform.write_buffer(device, queue);
-        let Some(slice) = uniform.binding() else { return };
+        let slice = uniform.binding().ok_or(SamplingFailure::TooLarge)?;
         let bind_group = device.create_bind_group(
             "plenoctree_sampling",
             &self.layout,
@@ -219,16 +235,14 @@ impl Active {
         self.next += leaves;
         self.last_leaves = leaves;
         self.in_flight.push(clock);
+        Ok(())
     }
 
     /// Reads back the histograms, and ends the job with them once the GPU is done.
-    fn read_back(&self, device: &RenderDevice, queue: &RenderQueue) {
-        let readable = device.create_buffer(&BufferDescriptor {
-            label: Some("plenoctree_histograms_readback"),
-            size: self.bins.size(),
-            usage: BufferUsages::MAP_READ | BufferUsages::COPY_DST,
-            mapped_at_creation: false,
-        });
+    fn read_back(&mut self, device: &RenderDevice, queue: &RenderQueue) -> Result<(), SamplingFailure> {
+        let usage = BufferUsages::MAP_READ | BufferUsages::COPY_DST;
+        let label = "plenoctree_histograms_readback";
+        let readable = buffer(&mut self.allocator, device, label, self.bins.size(), usage)?;
         let mut encoder = device.create_command_encoder(&CommandEncoderDescriptor::default());
         encoder.copy_buffer_to_buffer(&self.bins, 0, &readable, 0, self.bins.size());
         queue.submit([encoder.finish()]);
@@ -246,12 +260,34 @@ impl Active {
             });
             job.end(outcome);
         });
+        Ok(())
     }
 }
 
-fn storage(device: &RenderDevice, label: &str, contents: &[u8]) -> Buffer {
+fn buffer(
+    allocator: &mut Allocator,
+    device: &RenderDevice,
+    label: &'static str,
+    size: u64,
+    usage: BufferUsages,
+) -> Result<Buffer, SamplingFailure> {
+    let descriptor = BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false };
+    allocator.create(device, || device.create_buffer(&descriptor)).ok_or(SamplingFailure::TooLarge)
+}
+
+/// Returns a buffer with `contents`.
+fn storage(
+    allocator: &mut Allocator,
+    device: &RenderDevice,
+    queue: &RenderQueue,
+    label: &'static str,
+    contents: &[u8],
+) -> Result<Buffer, SamplingFailure> {
     let contents = if contents.is_empty() { &[0; 16] } else { contents };
-    device.create_buffer_with_data(&BufferInitDescriptor { label: Some(label), contents, usage: BufferUsages::STORAGE })
+    let usage = BufferUsages::STORAGE | BufferUsages::COPY_DST;
+    let buffer = buffer(allocator, device, label, contents.len() as u64, usage)?;
+    let written = allocator.create(device, || queue.write_buffer(&buffer, 0, contents));
+    written.map(|()| buffer).ok_or(SamplingFailure::TooLarge)
 }
 
 /// Returns the number of leaves that have about `rays` rays in total, in whole workgroups. A dispatch can have at most

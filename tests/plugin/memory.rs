@@ -8,8 +8,8 @@ use bevy::{
     render::{RenderApp, renderer::RenderDevice},
 };
 use bevy_plenoctree::{
-    Activation, DeviceRecoveryPlugin, FieldFailed, FieldPalette, FieldReady, Palettes, PlenOctree, PlenOctreePlugin,
-    Posterize, Prop, PropError, PropQuality, PropState, UpAxis, ViewFailed,
+    Activation, DeviceRecoveryPlugin, FieldFailed, FieldPalette, FieldReady, PaletteExtraction, PaletteSampler,
+    Palettes, PlenOctree, PlenOctreePlugin, Posterize, Prop, PropError, PropQuality, PropState, UpAxis, ViewFailed,
     headless::{Headless, HeadlessError, exact_camera},
 };
 use glam::DVec3;
@@ -21,13 +21,17 @@ const SIZE: u32 = 32;
 /// Returns a field whose only leaves are the eight cells of this depth at the lower corner of (-1, -1, -1) to (1, 1,
 /// 1), scaled so that they fill the cube from 0 to 1.
 fn corner(depth: u32, color: [f32; 3]) -> PlenOctree {
+    corner_of_density(1e4, depth, color)
+}
+
+fn corner_of_density(density: f32, depth: u32, color: [f32; 3]) -> PlenOctree {
     let mut nodes: Vec<_> = (1..depth)
         .map(|next| std::array::from_fn(|cell| if cell == 0 { Cell::node(next) } else { Cell::EMPTY }))
         .collect();
     nodes.push(std::array::from_fn(|cell| Cell::leaf(cell as u32)));
     let frame = Frame::spanning(DVec3::ZERO, DVec3::splat(f64::from(1u32 << (depth - 1))));
     let coefficients = color.map(f16::from_f32).repeat(8);
-    PlenOctree::new(frame, Basis::Rgba, Activation::Identity, UpAxis::Y, nodes, vec![1e4; 8], coefficients).unwrap()
+    PlenOctree::new(frame, Basis::Rgba, Activation::Identity, UpAxis::Y, nodes, vec![density; 8], coefficients).unwrap()
 }
 
 #[derive(Resource, Default)]
@@ -251,6 +255,32 @@ fn a_view_draws_no_props_when_memory_is_full() {
     std::thread::sleep(Duration::from_secs(2));
     headless.update();
     assert_eq!(headless.capture().unwrap().get_pixel(LARGE.x / 3, LARGE.y / 2).0, [255; 4]);
+}
+
+/// If a buffer for sampling on the GPU does not fit, the CPU samples the field, and the app goes on.
+#[test]
+fn the_cpu_samples_fields_whose_histograms_the_driver_rejects() {
+    // 64 bins per channel, of 8 bytes each, take more.
+    let limits = wgpu::Limits { max_buffer_size: 1 << 21, max_storage_buffer_binding_size: 1 << 21, ..default() };
+    let configure = |app: &mut App| {
+        let mut extraction = PaletteExtraction::default();
+        extraction.sampler = PaletteSampler::Gpu;
+        extraction.settings.sampling.fine_bins = 64;
+        app.insert_resource(extraction);
+    };
+    // The middle of the leaves is visible.
+    let fields = [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]].map(|color| corner_of_density(1.0, 4, color));
+    let (mut headless, props) = app(limits, configure, fields);
+    for prop in props {
+        headless.app.world_mut().entity_mut(prop).insert(Posterize::default());
+    }
+    headless.wait_until_ready(Duration::from_secs(60)).unwrap();
+    let world = headless.app.world();
+    for prop in props {
+        let field = &world.get::<Prop>(prop).unwrap().0;
+        assert!(!world.resource::<PaletteExtraction>().sampled(field).unwrap().on_gpu);
+    }
+    assert_eq!(world.resource::<Heard>().exits, 0, "the app quits");
 }
 
 /// A level that the driver rejects is replaced by the field itself, or by the previous level.
