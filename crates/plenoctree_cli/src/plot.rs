@@ -47,7 +47,7 @@ pub fn lines(title: &str, x: &str, y: &str, lines: &[Line]) -> String {
          {height}\" font-family=\"sans-serif\" font-size=\"12\" fill=\"#28282f\">\n<rect width=\"100%\" \
          height=\"100%\" fill=\"white\"/>\n"
     );
-    text(&mut svg, (LEFT, 20.0), "start", 15, title);
+    text(&mut svg, (LEFT, 15.0), "start", 15, title);
     text(&mut svg, (0.5 * (LEFT + RIGHT), HEIGHT - 12.0), "middle", 12, x);
     text(&mut svg, (8.0, TOP - 14.0), "start", 12, y);
     for tick in 0..=(top / step).round() as usize {
