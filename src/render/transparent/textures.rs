@@ -4,19 +4,15 @@ use bevy::{
     core_pipeline::core_3d::Transparent3d,
     prelude::*,
     render::{
-        camera::ExtractedCamera,
-        render_phase::ViewSortedRenderPhases,
-        render_resource::{Extent3d, TextureDescriptor, TextureDimension, TextureUsages},
-        renderer::RenderDevice,
-        texture::ColorAttachment,
-        view::ExtractedView,
+        camera::ExtractedCamera, render_phase::ViewSortedRenderPhases, render_resource::TextureDescriptor,
+        renderer::RenderDevice, texture::ColorAttachment, view::ExtractedView,
     },
 };
 
 use crate::{
     render::{
         extract::VisibleProps,
-        view::{ViewMemory, ViewProps},
+        view::{ViewMemory, ViewProps, view_texture},
     },
     stage::PropStage,
 };
@@ -53,17 +49,8 @@ pub(super) fn prepare_textures(
         });
         let attachment = target.and_then(|(format, size, samples)| {
             let mut texture = |sample_count| {
-                let descriptor = TextureDescriptor {
-                    label: Some("plenoctree_transparent"),
-                    size: Extent3d { width: size.x, height: size.y, depth_or_array_layers: 1 },
-                    mip_level_count: 1,
-                    sample_count,
-                    dimension: TextureDimension::D2,
-                    format,
-                    usage: TextureUsages::RENDER_ATTACHMENT | TextureUsages::TEXTURE_BINDING,
-                    view_formats: &[],
-                };
-                memory.texture(&device, descriptor)
+                let descriptor = view_texture("plenoctree_transparent", format, size);
+                memory.texture(&device, TextureDescriptor { sample_count, ..descriptor })
             };
             let sampled = if samples > 1 { Some(texture(samples)?) } else { None };
             Some(ColorAttachment::new(texture(1)?, sampled, None, Some(wgpu::Color::TRANSPARENT)))
