@@ -105,7 +105,16 @@ fn decode(path: &Path) -> Result<DynamicImage, FitError> {
                 .map(DynamicImage::from)
                 .ok_or_else(|| damaged(path, "too few pixels"))
         }
-        Decoder::Png(decoder) => DynamicImage::from_decoder(decoder).map_err(|error| damaged(path, error)),
+        Decoder::Png(mut decoder) => {
+            let mut limits = image::Limits::default();
+            // Four channels of 16 bits.
+            limits.max_alloc = Some(8 * MAX_PIXELS);
+            limits
+                .reserve(decoder.total_bytes())
+                .and_then(|()| decoder.set_limits(limits))
+                .and_then(|()| DynamicImage::from_decoder(decoder))
+                .map_err(|error| damaged(path, error))
+        }
     }
 }
 
