@@ -7,6 +7,7 @@
 #ifdef LIGHTING
 #import bevy_plenoctree::shade::shade_of
 #endif
+#import bevy_plenoctree::target::from_target
 #import bevy_plenoctree::view::{is_drawn, props, view}
 
 // The result of the label pass.
@@ -17,6 +18,8 @@
 @group(1) @binding(3) var coverage: texture_2d<f32>;
 @group(1) @binding(4) var own_rays: texture_2d<f32>;
 @group(1) @binding(5) var other_rays: texture_2d<f32>;
+// The target, before the result is written to it.
+@group(1) @binding(6) var scene: texture_2d<f32>;
 
 // What is behind the owners of a pixel's parts.
 struct Behind {
@@ -42,30 +45,51 @@ fn behind_at(pixel: vec2<u32>) -> Behind {
     return behind;
 }
 
-// Returns what the neighbors that none of the owners owns show, or `center` if there are none.
-fn around(pixel: vec2<u32>, owners: vec2<u32>, center: Behind) -> Behind {
-    var sum = Behind(vec4(0.0), vec3(0.0));
+// What the neighbors of a pixel show.
+struct Around {
+    // What those show that none of the pixel's owners owns, if there are any.
+    behind: Behind,
+    is_known: bool,
+    // What the others show, in linear light, with opacity: the sum, weighted by `BESIDE` and `ACROSS`.
+    shown: vec4<f32>,
+    // The weights of all but those.
+    rest: f32,
+}
+
+// How much the center of a pixel counts for what the pixel shows, relative to a ray, and how much a neighbor does that
+// shares a side with the pixel or a corner.
+const CENTER: f32 = 0.8;
+const BESIDE: f32 = 0.1;
+const ACROSS: f32 = 0.025;
+const NEIGHBORS: f32 = 4.0 * (BESIDE + ACROSS);
+
+fn around(pixel: vec2<u32>, owners: vec2<u32>) -> Around {
+    var found = Around(Behind(vec4(0.0), vec3(0.0)), false, vec4(0.0), NEIGHBORS);
     var total = 0.0;
     for (var i = 0; i < 8; i++) {
         let at = vec2<u32>(neighbor(vec2<i32>(pixel), i));
         if is_drawn(at) {
+            let there = behind_at(at);
             let own = unpack(textureLoad(filtered, at, 0)).owner;
             if own == 0u || all(vec2(own) != owners) {
-                let behind = behind_at(at);
                 // A neighbor that the edge of a mesh crosses counts less.
                 let rays = bits_of(textureLoad(outline, at, 0).xy, textureLoad(coverage, at, 0));
                 let share = 1.0 + f32(RAYS - countOneBits(rays.r | rays.b));
                 let weight = share * share;
-                sum.shown += weight * behind.shown;
-                sum.composite += weight * behind.composite;
+                found.behind.shown += weight * there.shown;
+                found.behind.composite += weight * there.composite;
                 total += weight;
+            } else {
+                let near = select(BESIDE, ACROSS, i > 3);
+                found.shown += near * there.shown;
+                found.rest -= near;
             }
         }
     }
-    if total == 0.0 {
-        return center;
-    }
-    return Behind(sum.shown / total, sum.composite / total);
+    found.is_known = total > 0.0;
+    found.behind.shown /= max(total, 1.0);
+    found.behind.composite /= max(total, 1.0);
+    return found;
 }
 
 // Returns what rays show of their owner, over `behind`: the label of their mean color.
@@ -81,6 +105,9 @@ fn posterized(pixel: vec2<u32>, rays: vec4<f32>, owner: u32, behind: vec3<f32>) 
     return decode(tinted(assign(over, owner - 1u, missing).color, tint));
 }
 
+// If rays through a slit let less light through on the mean, it does not show.
+const LEAST_TRANSMITTANCE: f32 = 0.08;
+
 // Returns the parts of a pixel, blended in linear light as multisampling does.
 @fragment
 fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
@@ -89,26 +116,53 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
     let owners = textureLoad(outline, pixel, 0).xy;
     let bits = bits_of(owners, textureLoad(coverage, pixel, 0));
     let parts = parts_of(owners, bits);
-    if parts.are_whole {
+    let count = parts.own + parts.other + parts.rest;
+    let has_other = owners.y > 0u;
+    let most = max(max(parts.own, parts.other), parts.rest);
+    // Eight rays that see the same owner know more than neighbors.
+    let is_sure = view.edge_rays == RAYS && (most == count || (!has_other && parts.rest == 0u));
+    if is_sure && parts.is_center && parts.rest == count {
         return seen;
     }
     let center = behind_at(pixel);
+    let around = around(pixel, owners);
+    let own = textureLoad(own_rays, pixel, 0);
+    let other = textureLoad(other_rays, pixel, 0);
+    let is_slit = !has_other && !around.is_known;
+    if is_slit && parts.rest == 0u && 1.0 - own.a - other.a < LEAST_TRANSMITTANCE {
+        return seen;
+    }
     var behind = center;
     if !parts.is_center {
-        behind = around(pixel, owners, center);
+        if around.is_known {
+            behind = around.behind;
+        } else if is_slit {
+            let color = from_target(textureLoad(scene, pixel + view.corner, 0).rgb);
+            behind = Behind(vec4(decode(color), 0.0), color);
+        }
     }
-    // With four rays, the one through the center is a fifth. Each counts as two of eight.
-    let share = select(0u, 2u, view.edge_rays < RAYS);
     var sum = f32(parts.rest) * behind.shown;
-    sum += f32(share) * vec4(center.shown.rgb, select(center.shown.a, 1.0, owners.x > 0u));
     if parts.own > 0u {
-        let rays = textureLoad(own_rays, pixel, 0) * f32(RAYS) / f32(countOneBits(bits.r));
+        let rays = own * f32(RAYS) / f32(countOneBits(bits.r));
         sum += f32(parts.own) * vec4(posterized(pixel, rays, owners.x, behind.composite), 1.0);
     }
     if parts.other > 0u {
-        let rays = textureLoad(other_rays, pixel, 0) * f32(RAYS) / f32(countOneBits(bits.b));
-        sum += f32(parts.other) * vec4(posterized(pixel, rays, owners.y, behind.composite), 1.0);
+        let rays = other * f32(RAYS) / f32(countOneBits(bits.b));
+        let owner = select(owners.x, owners.y, has_other);
+        sum += f32(parts.other) * vec4(posterized(pixel, rays, owner, behind.composite), 1.0);
     }
-    sum /= f32(max(parts.own + parts.other + parts.rest + share, 1u));
+    var total = f32(count);
+    if bits.a == 0u {
+        // Of four rays, each stands for two.
+        let ray = f32(RAYS) / f32(view.edge_rays);
+        let at_center = select(behind.shown, vec4(center.shown.rgb, 1.0), owners.x > 0u);
+        sum += ray * CENTER * at_center;
+        total += ray * CENTER;
+        if !is_sure {
+            sum += ray * (around.shown + around.rest * behind.shown);
+            total += ray * NEIGHBORS;
+        }
+    }
+    sum /= max(total, 1.0);
     return select(vec4(encode(sum.rgb), sum.a), seen, seen.a < 0.0 && sum.a == 0.0);
 }

@@ -151,16 +151,47 @@ fn unpacked(ray: u32, values: vec4<u32>) -> f32 {
     return unpack2x16float(values[ray >> 1u] >> (16u * (ray & 1u))).x;
 }
 
+// Rays whose colors differ by less see one color, in encoded sRGB.
+const COLOR_DIFFERENCE: f32 = 0.1;
+
+// One of the two colors of a prop within a pixel.
+struct Color {
+    // The rays that see it.
+    bits: u32,
+    // The sum of what they see, divided by the number of all rays: encoded sRGB premultiplied by opacity, and opacity.
+    sum: vec4<f32>,
+}
+
+// Returns the difference of the mean color of some rays and that of another ray.
+fn difference(color: Color, ray: vec4<f32>) -> f32 {
+    return distance(color.sum.rgb / max(color.sum.a, 1e-6), ray.rgb / max(ray.a, 1e-6));
+}
+
+// Returns whether a ray sees the second color. The first ray sees the first one.
+fn is_second(first: Color, second: Color, ray: vec4<f32>) -> bool {
+    let from_first = difference(first, ray);
+    let is_new = first.bits != 0u && from_first > COLOR_DIFFERENCE;
+    return select(is_new, difference(second, ray) < from_first, second.bits != 0u);
+}
+
+#ifdef MULTISAMPLED
+// Returns what is left of a color without some rays.
+fn without(color: Color, rays: u32) -> Color {
+    let bits = color.bits & ~rays;
+    return Color(bits, color.sum * f32(countOneBits(bits)) / max(f32(countOneBits(color.bits)), 1.0));
+}
+#endif
+
 // Where a view has several props, blending adds up what both owners write.
 struct Fragment {
     // The bits of a pixel's rays, one per ray, in four channels.
-    // r: those that the owner of the pixel covers.
+    // r: those that the owner of the pixel covers. If there is no other owner, those that see its first color.
     // g: those where the other owner is in front of what is seen at the center of the pixel.
-    // b: those that the other owner covers, or would cover if the owner of the pixel did not.
+    // b: those that the other owner covers, or would cover if the owner of the pixel did not. If there is no other
+    // owner, those that see the second color.
     // a: the samples of the scene, one bit per sample, where something else is in front of the prop.
     @location(0) bits: vec4<f32>,
-    // The sums of what the rays in r and in b see, divided by the number of all rays: encoded sRGB premultiplied by
-    // opacity, and opacity. If the pixel has no owner, `own` is the result of `thinned`.
+    // What the rays in r and in b see, as in `Color`. If the pixel has no owner, `own` is the result of `thinned`.
     @location(1) own: vec4<f32>,
 #ifdef OF_OWNERS
     // Where the rays reach the prop, along the view axis from where its rays begin. Negative if they do not.
@@ -176,10 +207,10 @@ fn fragment(in: Varying) -> Fragment {
     let owners = textureLoad(outline, pixel, 0).xy;
     let is_own = owners.x == in.prop + 1u;
 #ifdef OF_OWNERS
-    let is_drawn = is_own;
+    let is_drawn = is_own && owners.y > 0u;
 #else
 #ifdef OF_OTHERS
-    let is_drawn = !is_own && owners.y == in.prop + 1u;
+    let is_drawn = select(owners.y == in.prop + 1u, owners.y == 0u, is_own);
     let places = textureLoad(own_places, pixel, 0);
     let has_places = owners.x > 0u;
 #else
@@ -216,9 +247,10 @@ fn fragment(in: Varying) -> Fragment {
     let begins = start(pixel, in.prop);
     // Within a pixel, the direction hardly changes.
     var h = harmonics(ray_at(in.prop, in.position.xy).unit);
-    var sum = vec4(0.0);
+    var first = Color(0u, vec4(0.0));
+    var second = Color(0u, vec4(0.0));
     var thin = vec4(0.0);
-    var covered = 0u;
+    let has_two_colors = is_own && owners.y == 0u;
     var hidden = 0u;
     var before = 0u;
 #ifdef MULTISAMPLED
@@ -262,9 +294,13 @@ fn fragment(in: Varying) -> Fragment {
         own_distance = select(own_distance, props[max(own, 1u) - 1u].near + unpacked(ray, places), has_places);
         knows_distance = hides || has_places;
 #endif
-        sum += select(vec4(0.0), found.color * share, is_covered);
+        let is_of_second = has_two_colors && is_second(first, second, found.color);
+        let color = select(vec4(0.0), found.color * share, is_covered);
+        first.sum += select(color, vec4(0.0), is_of_second);
+        second.sum += select(vec4(0.0), color, is_of_second);
+        first.bits |= select(0u, bits, is_covered && !is_of_second);
+        second.bits |= select(0u, bits, is_covered && is_of_second);
         thin += select(found.color * share, vec4(0.0), found.covered_at >= 0.0);
-        covered |= select(0u, bits, is_covered);
         hidden |= select(0u, bits, found.covered_at >= 0.0 && !is_covered);
         before |= select(0u, bits, is_covered && select(is_before_own, distance < own_distance, knows_distance));
     }
@@ -273,17 +309,21 @@ fn fragment(in: Varying) -> Fragment {
 #ifdef MULTISAMPLED
     for (var s = 0u; s < #{SAMPLES}u; s++) {
         let rays = rays_of(s, #{SAMPLES}u);
-        if countOneBits(hidden & rays) > countOneBits(covered & rays) {
+        if countOneBits(hidden & rays) > countOneBits((first.bits | second.bits) & rays) {
             kept |= 1u << s;
             // Some of the rays may see the prop past what hides it.
-            sum *= f32(countOneBits(covered & ~rays)) / max(f32(countOneBits(covered)), 1.0);
-            covered &= ~rays;
+            first = without(first, rays);
+            second = without(second, rays);
             before &= ~rays;
         }
     }
 #endif
-    let bits = select(vec4(0u, before, covered, select(kept, 0u, owners.x > 0u)), vec4(covered, 0u, 0u, kept), is_own);
-    var own_color = sum;
+    let covered = first.bits | second.bits;
+    var bits = vec4(first.bits, 0u, second.bits, kept);
+    if !is_own {
+        bits = vec4(0u, before, covered, select(kept, 0u, owners.x > 0u));
+    }
+    var own_color = first.sum;
     if !is_own {
         own_color = vec4(0.0);
         if owners.x == 0u {
@@ -312,7 +352,7 @@ fn fragment(in: Varying) -> Fragment {
 #ifdef OF_OWNERS
         places,
 #else
-        to_half(select(sum, vec4(0.0), is_own)),
+        to_half(select(first.sum, second.sum, is_own)),
 #endif
     );
 }

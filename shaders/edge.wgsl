@@ -56,12 +56,11 @@ fn bits_of(owners: vec2<u32>, coverage: vec4<f32>) -> vec4<u32> {
 
 // The parts of a pixel at the edge of a prop.
 struct Parts {
-    // The numbers of rays that show the owner of the pixel, the other one, and what is behind both.
+    // The numbers of rays that show the owner of the pixel, the other one, and what is behind both. If there is no
+    // other owner, `other` is the second color of the first one. See `coverage.wgsl`.
     own: u32,
     other: u32,
     rest: u32,
-    // Whether the whole pixel shows what its center shows.
-    are_whole: bool,
     // Whether the center shows what is behind.
     is_center: bool,
     // The samples of the target to write.
@@ -85,13 +84,11 @@ fn parts_of(owners: vec2<u32>, bits: vec4<u32>) -> Parts {
     // At the edge of a mesh, the scene's color mixes several objects.
     let is_center = !has_own && bits.a == 0u;
 #endif
-    let are_whole = other == 0u && (is_center || own == rays);
     return Parts(
         own,
         other,
         rays - min(own + other, rays),
-        are_whole,
         is_center,
-        select(written, ALL_SAMPLES, are_whole && own == 0u),
+        select(written, ALL_SAMPLES, is_center && own + other == 0u),
     );
 }

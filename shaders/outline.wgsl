@@ -24,6 +24,25 @@ fn smooths(owner: u32) -> bool {
     return owner > 0u && props[max(owner, 1u) - 1u].smooths_edges > 0u;
 }
 
+// What lets less light through is no slit.
+const LEAST_TRANSMITTANCE: f32 = 0.02;
+
+// Returns whether the center of a pixel sees a part of a slit: a neighbor lets less than half as much light through. In
+// fog, neighbors differ less.
+fn is_at_slit(pixel: vec2<i32>) -> bool {
+    let transmittance = 1.0 - textureLoad(layer, pixel, 0).a;
+    var least = transmittance;
+    // Software rasterizers skip loops, not branches.
+    let neighbors = select(0, 8, transmittance > LEAST_TRANSMITTANCE);
+    for (var i = 0; i < neighbors; i++) {
+        let at = neighbor(pixel, i);
+        if is_inside(at) {
+            least = min(least, 1.0 - textureLoad(layer, at, 0).a);
+        }
+    }
+    return 2.0 * least < transmittance;
+}
+
 fn is_inside(pixel: vec2<i32>) -> bool {
     return all(pixel >= vec2(0)) && all(pixel < vec2<i32>(view.size));
 }
@@ -63,6 +82,8 @@ fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
         other = select(0u, other, is_solid(textureLoad(depth, pixel, 0)));
     }
     let kept = select(0u, own, smooths(own));
+    let may_have_slits = kept > 0u && props[max(kept, 1u) - 1u].smooths_edges == 2u;
+    ends = ends || (may_have_slits && is_at_slit(pixel));
     if !ends || (kept == 0u && other == 0u) {
         // The pixel may hold what was drawn before.
         return Fragment();

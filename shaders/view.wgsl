@@ -35,7 +35,7 @@ struct Prop {
     solid_transmittance: f32,
     // The factors of linear light.
     tint: vec3<f32>,
-    // 1 if the edges of the posterized prop are smooth, otherwise 0.
+    // 1 if the edges of the posterized prop are smooth, 2 if those of slits are too, otherwise 0.
     smooths_edges: u32,
     // Transforms a point of the prop from clip space to where it was in the previous frame.
     previous_from_clip: mat4x4<f32>,

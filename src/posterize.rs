@@ -52,13 +52,13 @@ pub struct Posterize {
 /// How the edges of a posterized prop are drawn: in front of the background, a mesh or another prop, or where a mesh
 /// hides the rest of it.
 ///
-/// Pixels that the prop covers completely are the same either way, and so is its depth.
+/// Pixels away from edges are the same either way, and so is the prop's depth.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
 #[reflect(Default, Clone, Debug, PartialEq, Hash)]
 #[type_path = "bevy_plenoctree"]
 pub enum EdgeSmoothing {
-    /// Eight rays through each edge pixel find how much of it the prop covers. The label is blended with what is behind
-    /// by that share, in linear light, like the edges of multisampled meshes. This is the default.
+    /// Eight rays through each edge pixel find how much of it the prop covers. The labels that they see are blended
+    /// with what is behind by that share, in linear light, like the edges of multisampled meshes. This is the default.
     #[default]
     Coverage,
     /// The ray through the center of a pixel decides for the whole pixel, as the method specifies.

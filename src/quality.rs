@@ -61,8 +61,8 @@ pub struct PropQuality {
     /// Defaults to 2. Clamped to 2..=8.
     pub spacing: u32,
     /// The number of rays through a pixel where a posterized prop ends, for
-    /// [`EdgeSmoothing::Coverage`](crate::EdgeSmoothing::Coverage): 4 or 8. Views with [`Msaa`] always cast 8. Eight
-    /// rays leave about a quarter of the error of hard edges, and four about a third.
+    /// [`EdgeSmoothing::Coverage`](crate::EdgeSmoothing::Coverage): 4 or 8. Views with [`Msaa`] always cast 8. Both
+    /// leave about a quarter of the error of hard edges, but four rays miss more details that are thinner than a pixel.
     ///
     /// Defaults to 8. Below 8, it counts as 4, and above, as 8.
     pub edge_rays: u32,

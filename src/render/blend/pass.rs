@@ -8,9 +8,10 @@ use bevy::{
         diagnostic::RecordDiagnostics,
         render_resource::{
             BindGroupEntries, CachedRenderPipelineId, PipelineCache, RenderPassDescriptor, SpecializedRenderPipelines,
-            TextureView,
+            TextureView, TextureViewId,
         },
         renderer::{RenderContext, RenderDevice, ViewQuery},
+        view::ViewTarget,
     },
 };
 
@@ -41,7 +42,8 @@ pub(in crate::render) struct BlendedTexture(pub TextureView);
 pub(in crate::render) struct BlendPass {
     /// Of the blend pass and of the patch pass.
     pipelines: Option<[CachedRenderPipelineId; 2]>,
-    blend: KeptBindGroup,
+    /// One for each of the two main textures of the view's target.
+    blend: [(Option<TextureViewId>, KeptBindGroup); 2],
     patch: KeptBindGroup,
 }
 
@@ -80,10 +82,11 @@ pub(super) fn prepare_pipelines(
     cache: Res<PipelineCache>,
     pipeline: Res<BlendPipeline>,
     mut specialized: ResMut<SpecializedRenderPipelines<BlendPipeline>>,
-    mut views: Query<(&ViewProps, &Msaa, &ReadLighting, &mut BlendPass)>,
+    mut views: Query<(&ViewProps, Option<&ExtractedCamera>, &Msaa, &ReadLighting, &mut BlendPass)>,
 ) {
-    for (props, msaa, lighting, mut pass) in &mut views {
-        let blend = BlendKey::Blend { samples: hidden_samples(props, msaa), is_lit: lighting.is_lit };
+    for (props, camera, msaa, lighting, mut pass) in &mut views {
+        let space = camera.and_then(|camera| camera.compositing_space);
+        let blend = BlendKey::Blend { samples: hidden_samples(props, msaa), is_lit: lighting.is_lit, space };
         let keys = [blend, BlendKey::Patch];
         pass.pipelines = props.smooths_edges().then(|| keys.map(|key| specialized.specialize(&cache, &pipeline, key)));
     }
@@ -93,17 +96,24 @@ pub(super) fn prepare_bind_groups(
     device: Res<RenderDevice>,
     cache: Res<PipelineCache>,
     pipeline: Res<BlendPipeline>,
-    mut views: Query<(Option<(&ViewTextures, &EdgeTextures, &ShownTexture, &BlendedTexture)>, &mut BlendPass)>,
+    mut views: Query<(
+        Option<(&ViewTarget, &ViewTextures, &EdgeTextures, &ShownTexture, &BlendedTexture)>,
+        &mut BlendPass,
+    )>,
 ) {
     for (textures, mut pass) in &mut views {
-        let Some((textures, edges, shown, blended)) = textures else {
+        let Some((target, textures, edges, shown, blended)) = textures else {
             (pass.blend, pass.patch) = default();
             continue;
         };
         let (outline, [own, other]) = (&edges.outline, &edges.colors);
-        let entries = (&shown.0, &textures.even, outline, &edges.coverage, own, other);
-        let entries = BindGroupEntries::sequential(entries);
-        pass.blend.update(&device, &cache, pipeline.blend.label, &pipeline.blend.layout, &entries);
+        let scenes = [target.main_texture_view(), target.main_texture_other_view()];
+        for ((id, group), scene) in pass.blend.iter_mut().zip(scenes) {
+            *id = Some(scene.id());
+            let entries = (&shown.0, &textures.even, outline, &edges.coverage, own, other, scene);
+            let entries = BindGroupEntries::sequential(entries);
+            group.update(&device, &cache, pipeline.blend.label, &pipeline.blend.layout, &entries);
+        }
         let entries = BindGroupEntries::single(&blended.0);
         pass.patch.update(&device, &cache, pipeline.patch.label, &pipeline.patch.layout, &entries);
     }
@@ -112,7 +122,7 @@ pub(super) fn prepare_bind_groups(
 pub(super) fn blend_pass(
     InMut(stage): InMut<PropStage>,
     view: ViewQuery<(
-        &ViewProps,
+        (&ViewTarget, &ViewProps),
         (&ViewBindGroups, &ReadLighting),
         &EdgeTextures,
         &ShownTexture,
@@ -122,14 +132,16 @@ pub(super) fn blend_pass(
     cache: Res<PipelineCache>,
     mut ctx: RenderContext,
 ) {
-    let (props, (groups, lighting), edges, shown, blended, pass) = view.into_inner();
+    let ((target, props), (groups, lighting), edges, shown, blended, pass) = view.into_inner();
+    let scene = target.main_texture_view().id();
+    let blend_group = pass.blend.iter().find(|(id, _)| *id == Some(scene)).and_then(|(_, group)| group.get());
     let pipeline = |index: usize| cache.get_render_pipeline(pass.pipelines?[index]);
     let (true, Some(view), Some(blend), Some(patch), Some(from_shown), Some(from_blended)) = (
         props.posterizes_at(*stage, &cache),
         groups.plain.get(),
         pipeline(0),
         pipeline(1),
-        pass.blend.get(),
+        blend_group,
         pass.patch.get(),
     ) else {
         return;

@@ -1,6 +1,7 @@
 //! The pipelines of the blend pass and of the patch pass, specialized by [`BlendKey`].
 
 use bevy::{
+    camera::CompositingSpace,
     prelude::*,
     render::render_resource::{
         BindGroupLayoutEntries, RenderPipelineDescriptor, ShaderStages, SpecializedRenderPipeline, TextureSampleType,
@@ -17,6 +18,7 @@ use crate::{
         kept::KeptPart,
         label::SHOWN_FORMAT,
         lighting::LightingLayout,
+        target::target_definitions,
         view::ViewLayouts,
     },
 };
@@ -36,6 +38,8 @@ pub(super) enum BlendKey {
         samples: Option<u32>,
         /// Whether the scene's lights fall on a prop.
         is_lit: bool,
+        /// The color space of the view's target.
+        space: Option<CompositingSpace>,
     },
     Patch,
 }
@@ -49,7 +53,7 @@ pub(super) fn init(
     let (integers, floats) =
         (|| texture_2d(TextureSampleType::Uint), || texture_2d(TextureSampleType::Float { filterable: false }));
     let stages = ShaderStages::FRAGMENT;
-    let textures = (floats(), integers(), integers(), floats(), floats(), floats());
+    let textures = (floats(), integers(), integers(), floats(), floats(), floats(), floats());
     let blend = BindGroupLayoutEntries::sequential(stages, textures);
     let patch = BindGroupLayoutEntries::single(stages, floats());
     let pass = |label, shader, entries: &[_]| {
@@ -66,12 +70,14 @@ impl SpecializedRenderPipeline for BlendPipeline {
     type Key = BlendKey;
 
     fn specialize(&self, key: BlendKey) -> RenderPipelineDescriptor {
-        let (pass, samples) = match key {
-            BlendKey::Blend { samples, .. } => (&self.blend, samples),
-            BlendKey::Patch => (&self.patch, None),
+        let (pass, definitions) = match key {
+            BlendKey::Blend { samples, space, .. } => {
+                let samples = samples.map(|samples| ShaderDefVal::UInt("SAMPLES".into(), samples));
+                (&self.blend, target_definitions(space).into_iter().chain(samples).collect())
+            }
+            BlendKey::Patch => (&self.patch, vec![]),
         };
-        let definitions = samples.map(|samples| ShaderDefVal::UInt("SAMPLES".into(), samples));
-        let mut descriptor = pass.pipeline(definitions.into_iter().collect(), &[target(SHOWN_FORMAT, None)]);
+        let mut descriptor = pass.pipeline(definitions, &[target(SHOWN_FORMAT, None)]);
         descriptor.depth_stencil = Some(mask_test());
         if let BlendKey::Blend { is_lit: true, .. } = key {
             self.lighting.add_to(&mut descriptor);

@@ -34,9 +34,10 @@ pub(super) enum Part {
     Alone,
     /// All of them.
     All,
-    /// Those that the prop owns. Writes where the rays reach it, for those that follow.
+    /// Those that the prop owns, where another one may be before it. Writes where the rays reach it, for those that
+    /// follow.
     OfOwners,
-    /// Those that other props own, where the prop may be before them.
+    /// The others: those that another prop owns or none does, and those where no other one may be before it.
     OfOthers,
 }
 

@@ -32,7 +32,7 @@ pub(in crate::render) struct EdgeTextures {
     pub outline: TextureView,
     /// The parts. See `coverage.wgsl`.
     pub coverage: TextureView,
-    /// What rays see of the pixel's owner, and of the other owner.
+    /// What rays see of the pixel's owner, and of the other owner. See `coverage.wgsl`.
     pub colors: [TextureView; 2],
     /// Where rays reach the owner of the pixel, in views where props overlap. See `coverage.wgsl`.
     pub places: Option<TextureView>,

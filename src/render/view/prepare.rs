@@ -119,9 +119,10 @@ pub(super) fn prepare_views(
             drawn.push(DrawnProp { field: prop.field, level, overlap, lit, smooths_edges, rect: covered });
             props.get_mut().push(uniform);
         }
-        for (prop, overlaps) in drawn.iter_mut().zip(overlaps.find(rects)) {
+        for ((prop, uniform), overlaps) in drawn.iter_mut().zip(props.get_mut()).zip(overlaps.find(rects)) {
             if !overlaps {
                 prop.overlap = Overlap::None;
+                uniform.smooth_slits();
             }
         }
         if drawn.iter().all(|prop| prop.overlap != Overlap::Solid) {

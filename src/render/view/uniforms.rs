@@ -157,6 +157,13 @@ impl PropUniform {
         self.colors > 0 && self.smooths_edges > 0
     }
 
+    /// Also smooths the edges of slits, if other edges are smooth. Only the scene may be behind them.
+    pub fn smooth_slits(&mut self) {
+        if self.smooths_edges > 0 {
+            self.smooths_edges = 2;
+        }
+    }
+
     /// Returns the number of filter iterations that it needs.
     pub fn filtered(&self) -> u32 {
         if self.colors > 0 { self.iterations } else { 0 }
