@@ -8,9 +8,26 @@ use super::{
 };
 use crate::sampling::Progress;
 
-/// The final softness of labels, relative to the mean squared distance to the nearest label. Softer labels give more
-/// stable palettes, harder labels fit better.
-const SOFTNESS: f64 = 1.0;
+/// How the search ends.
+struct Style {
+    /// The final softness of labels, relative to the mean squared distance to the nearest label.
+    softness: f64,
+    /// Number of palettes that are fitted to the end.
+    candidates: usize,
+}
+
+/// Softer labels give more stable palettes, harder labels fit better.
+const SOFT: Style = Style { softness: 1.0, candidates: 1 };
+
+/// For colors far from each other. Soft labels between such colors would pull the palette together, which makes labels
+/// softer still. Here, the best palettes often have colors that are seen only in blends, and so are not final.
+const HARD: Style = Style { softness: 0.1, candidates: KEPT };
+
+/// The share of the error below which hard labels are worth being less stable.
+const WORTH: f64 = 0.8;
+
+/// Number of points per palette color up to which hard labels are always tried, because there may be few colors.
+const SPARSE: usize = 24;
 
 /// The least softness: the square of a hundredth of a channel.
 const LEAST_SOFTNESS: f64 = 1e-4;
@@ -59,7 +76,28 @@ pub(super) fn search(
     blend_steps: u32,
     progress: &Progress,
 ) -> Vec<[f64; 3]> {
-    let mut fit = Fit { points: few, labels: Labels::new(colors, blend_steps, progress), progress, stride: 1.0 };
+    let (mut best, all_seen) = find(few, many, colors, blend_steps, &SOFT, progress);
+    if !all_seen || many.all.len() <= SPARSE * colors {
+        let (hard, _) = find(few, many, colors, blend_steps, &HARD, progress);
+        if hard.error < WORTH * best.error {
+            best = hard;
+        }
+    }
+    best.palette.into_iter().map(|color| to_rgb(color).clamp(DVec3::ZERO, DVec3::ONE).into()).collect()
+}
+
+/// Finds the palette, and its error with hard labels. Also returns whether each of its colors was different from the
+/// others and seen, so that none had to be replaced.
+fn find(
+    few: &Points,
+    many: &Points,
+    colors: usize,
+    blend_steps: u32,
+    style: &Style,
+    progress: &Progress,
+) -> (Rated, bool) {
+    let labels = || Labels::new(colors, blend_steps, progress);
+    let mut fit = Fit { points: few, labels: labels(), progress, relative: style.softness, stride: 1.0 };
     let initial = INITIAL_SOFTNESS * few.variance();
     let seeded = SEEDS.map(|exponent| fit.anneal(&seeds(few, colors, exponent), initial, 12));
     let softness = seeded.iter().map(|(_, softness)| *softness).fold(f64::INFINITY, f64::min);
@@ -74,13 +112,20 @@ pub(super) fn search(
         }
     }
 
-    let mut fit = Fit { points: many, labels: Labels::new(colors, blend_steps, progress), progress, stride: STRIDE };
+    let mut fit = Fit { points: many, labels: labels(), progress, relative: style.softness, stride: STRIDE };
     for (kept, steps) in FINALS {
-        fit.improve(&mut pool, kept, softness, steps);
+        fit.improve(&mut pool, kept.max(style.candidates), softness, steps);
     }
-    let (palette, softness) = fit.anneal(&pool[0].palette, softness, 28);
-    let palette = prune(many, palette, softness, blend_steps, progress);
-    palette.into_iter().map(|color| to_rgb(color).clamp(DVec3::ZERO, DVec3::ONE).into()).collect()
+    pool.truncate(style.candidates);
+    let finish = |rated: Rated| {
+        let mut fit = Fit { points: many, labels: labels(), progress, relative: style.softness, stride: STRIDE };
+        let (palette, softness) = fit.anneal(&rated.palette, softness, 28);
+        let (palette, all_seen) = prune(fit, palette, softness, blend_steps);
+        let error = Labels::new(palette.len(), blend_steps, progress).rate(many, &palette, LEAST_SOFTNESS);
+        (Rated { palette, error }, all_seen)
+    };
+    let (first, others) = (finish(pool.remove(0)), pool.into_iter().map(finish));
+    others.fold(first, |best, next| if next.0.error < best.0.error { next } else { best })
 }
 
 /// A palette in opponent space, and its error.
@@ -94,6 +139,8 @@ struct Fit<'a> {
     points: &'a Points,
     labels: Labels<'a>,
     progress: &'a Progress,
+    /// The final softness, relative to the mean squared distance to the nearest label.
+    relative: f64,
     /// How far steps go.
     stride: f64,
 }
@@ -107,7 +154,7 @@ impl Fit<'_> {
             let (next, nearest) = self.labels.step(self.points, &palette, softness, self.stride);
             let moved = next.iter().zip(&palette).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);
             palette = next;
-            let least = (SOFTNESS * nearest).max(LEAST_SOFTNESS);
+            let least = (self.relative * nearest).max(LEAST_SOFTNESS);
             softness = (COOLING * softness).max(least);
             if softness == least {
                 steps -= 1;
@@ -144,6 +191,17 @@ impl Fit<'_> {
             }
         }
         self.improve(pool, KEPT, softness, 6);
+    }
+
+    /// Returns the last color of a palette that is the same as another one or nearest to no point, if there is one, and
+    /// the point that is shown worst, if any is not shown exactly.
+    fn idle(&mut self, palette: &[DVec3]) -> (Option<usize>, Option<DVec3>) {
+        let nearest = self.labels.nearest(self.points, palette);
+        let seen = |i: usize| nearest.iter().any(|&(label, _)| label == i);
+        let twin = |i: usize| (0..i).any(|j| palette[i].distance(palette[j]) < SAME);
+        let idle = (0..palette.len()).rev().find(|&i| !seen(i) || twin(i));
+        let distances = nearest.iter().map(|&(_, distance)| f64::from(distance)).collect();
+        (idle, farthest(self.points, distances, 1, 0.5).pop())
     }
 
     /// Keeps the best `most` palettes, fits them for up to `steps` steps more, and sorts them again.
@@ -205,26 +263,32 @@ fn farthest(points: &Points, mut distances: Vec<f64>, count: usize, exponent: f6
 }
 
 /// Replaces colors that are the same as another one, or that are nearest to no point, with colors that are shown badly,
-/// and fits them all again. If this does not help, drops them.
-fn prune(points: &Points, mut palette: Vec<DVec3>, softness: f64, blend_steps: u32, progress: &Progress) -> Vec<DVec3> {
-    let mut tries = palette.len();
+/// and fits them all again. If this does not help, drops them, and adds colors that are shown badly. Also returns whether
+/// there were none.
+fn prune(mut fit: Fit, mut palette: Vec<DVec3>, softness: f64, blend_steps: u32) -> (Vec<DVec3>, bool) {
+    let (most, progress) = (palette.len(), fit.progress);
+    let mut tries = 0;
     while palette.len() > 1 && !progress.is_canceled() {
-        let mut fit =
-            Fit { points, labels: Labels::new(palette.len(), blend_steps, progress), progress, stride: STRIDE };
-        let nearest = fit.labels.nearest(points, &palette);
-        let seen = |i: usize| nearest.iter().any(|&(label, _)| label == i);
-        let twin = |i: usize| (0..i).any(|j| palette[i].distance(palette[j]) < SAME);
-        let Some(idle) = (0..palette.len()).rev().find(|&i| !seen(i) || twin(i)) else { break };
-        let distances = nearest.into_iter().map(|(_, distance)| f64::from(distance)).collect();
-        match farthest(points, distances, 1, 0.5).pop().filter(|_| tries > 0) {
-            Some(substitute) => palette[idle] = substitute,
-            None => {
+        let (idle, worst) = fit.idle(&palette);
+        match (idle, worst) {
+            (None, _) => break,
+            (Some(idle), Some(worst)) if tries < most => palette[idle] = worst,
+            (Some(idle), _) => {
                 palette.remove(idle);
                 fit.labels = Labels::new(palette.len(), blend_steps, progress);
             }
         }
-        tries = tries.saturating_sub(1);
+        tries += 1;
         palette = fit.anneal(&palette, softness, 24).0;
     }
-    palette
+    while palette.len() < most && !progress.is_canceled() {
+        let Some(worst) = fit.idle(&palette).1 else { break };
+        let more = [&palette[..], &[worst]].concat();
+        fit.labels = Labels::new(more.len(), blend_steps, progress);
+        if fit.idle(&more).0.is_some() {
+            break;
+        }
+        palette = more;
+    }
+    (palette, tries == 0)
 }
