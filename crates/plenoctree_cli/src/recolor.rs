@@ -7,8 +7,8 @@ const CHROMATIC: f64 = 0.1;
 /// The angle between hues that count as the same, in degrees.
 const SAME: f64 = 40.0;
 /// The share of the main color's saturation from which a color of the same hue counts as a shade of it. Less saturated
-/// ones look gray.
-const SHADE: f64 = 0.5;
+/// ones look gray or, if the main color is red, tan.
+const SHADE: f64 = 0.75;
 
 /// Turns the hue of every color by 180 degrees, at the same HSV saturation and value.
 ///
@@ -68,14 +68,14 @@ mod tests {
         assert_eq!(turned, [[0.0, 0.5, 1.0], [0.3, 0.3, 0.3], [0.75, 0.75, 0.25]]);
     }
 
-    /// Dark and light red turn cyan together; blue, gray and brown stay, and so does a small but vivid green.
+    /// Dark and light red turn cyan together; blue, gray, brown and tan stay, and so does a small but vivid green.
     #[test]
     fn the_main_hue_turns_with_its_shades() {
         let red = [[0.9, 0.1, 0.1], [0.4, 0.05, 0.1]];
-        let others = [[0.1, 0.2, 0.9], [0.5, 0.5, 0.52], [0.54, 0.45, 0.42], [0.0, 1.0, 0.0]];
+        let others = [[0.1, 0.2, 0.9], [0.5, 0.5, 0.52], [0.54, 0.45, 0.42], [0.8, 0.54, 0.34], [0.0, 1.0, 0.0]];
         let palette = Palette {
             colors: [red.to_vec(), others.to_vec()].concat(),
-            weights: vec![0.3, 0.2, 0.1, 0.19, 0.2, 0.01],
+            weights: vec![0.3, 0.2, 0.1, 0.19, 0.1, 0.1, 0.01],
             method: None,
         };
         let shown = opposite_main_hue(&palette);
