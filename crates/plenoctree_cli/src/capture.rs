@@ -36,7 +36,7 @@ pub fn load(path: &Path, arguments: CaptureArguments, quiet: bool) -> Result<Spl
     if splats.dropped() > 0 {
         let (dropped, all) = (splats.dropped(), splats.dropped() + splats.len());
         console::complain!(
-            "warning: {}: {dropped} of {all} Gaussians have damaged numbers and are left out",
+            "warning: {}: left out {dropped} of {all} Gaussians, because of damaged numbers",
             path.display()
         );
     }

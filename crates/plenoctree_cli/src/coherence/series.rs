@@ -2,7 +2,10 @@
 
 use image::RgbImage;
 
-use crate::plot::{self, COLORS, Line};
+use crate::{
+    number::counted,
+    plot::{self, COLORS, Line},
+};
 
 /// A difference is a spike if it is more than this many times that of the frames as trained, which is motion alone.
 const SPIKE: f64 = 1.5;
@@ -66,11 +69,11 @@ impl Series {
     pub fn svg(&self, field: &str) -> String {
         let lines = self.columns.iter().map(|column| Line {
             label: format!(
-                "{}: mean {:.4}, worst {:.4}, {} spikes",
+                "{}: mean {:.4}, worst {:.4}, {}",
                 column.label,
                 column.mean(),
                 column.worst().1,
-                self.spikes(column)
+                counted(self.spikes(column), "spike", "spikes")
             ),
             color: COLORS[column.color % COLORS.len()],
             dashed: column.recolored,

@@ -10,6 +10,7 @@ use std::time::{Duration, Instant};
 
 use glam::DVec3;
 use plenoctree::{
+    PlenOctree,
     camera::PinholeCamera,
     fit::{RefineSettings, Refined, Shot, refine},
     splat::{SplatImage, Splats, Subject, SubjectSettings, VoxelSettings, render_splats, voxelize},
@@ -17,7 +18,7 @@ use plenoctree::{
 use serde_json::json;
 
 use self::measure::measure;
-use crate::{capture, console, fit::output, progress, result::Result, training::Interruption};
+use crate::{capture, console, fit::output, number::counted, progress, result::Result, training::Interruption};
 
 /// Converts the capture, extracts the palette, and writes both with views and a report.
 pub fn run(arguments: &Arguments) -> Result {
@@ -35,8 +36,9 @@ pub fn run(arguments: &Arguments) -> Result {
     };
     let Subject { splats, low, high, turn } = splats.subject(&settings).map_err(|error| named(&error))?;
     console::say!(
-        "{}: {all} Gaussians, of which {} are in the box from {low:.3} to {high:.3}",
+        "{}: {}, {} of them in the box from {low:.3} to {high:.3}",
         path.display(),
+        counted(all, "Gaussian", "Gaussians"),
         splats.len()
     );
     let reading = start.elapsed();
@@ -54,7 +56,9 @@ pub fn run(arguments: &Arguments) -> Result {
     let images = photograph(&splats, &cameras.held_out, "measuring", None);
     let mut measured = measure(&field, &cameras.held_out, &images);
     let voxelized = measured.json(&field);
-    console::say!("voxelized: {} leaves, {} in {:.1} s", field.leaves(), decibels(&measured), voxelizing.as_secs_f64());
+    let leaves = |field: &PlenOctree| counted(field.leaves(), "leaf", "leaves");
+    let quality = decibels(&measured);
+    console::say!("voxelized: {}, {quality} in {:.1} s", leaves(&field), voxelizing.as_secs_f64());
     let mut measuring = start.elapsed();
     let (mut refined, mut refining) = (None, Duration::ZERO);
     if !arguments.no_refine {
@@ -77,12 +81,8 @@ pub fn run(arguments: &Arguments) -> Result {
             field = better;
             let start = Instant::now();
             measured = measure(&field, &cameras.held_out, &images);
-            console::say!(
-                "refined: {} leaves, {} in {:.0} s",
-                field.leaves(),
-                decibels(&measured),
-                refining.as_secs_f64()
-            );
+            let quality = decibels(&measured);
+            console::say!("refined: {}, {quality} in {:.0} s", leaves(&field), refining.as_secs_f64());
             let mut report = measured.json(&field);
             report["million_rays"] = json!(stage.million_rays);
             refined = Some(report);
@@ -117,7 +117,7 @@ pub fn run(arguments: &Arguments) -> Result {
         },
     });
     output::write(&arguments.out, &field, palette.as_ref(), &measured.previews, &report)?;
-    console::say!("{}: {} leaves", arguments.out.display(), field.leaves());
+    console::say!("{}: {}", arguments.out.display(), leaves(&field));
     Ok(())
 }
 

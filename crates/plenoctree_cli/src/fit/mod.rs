@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 
 use plenoctree::fit::{FitInput, FitReport, Fitted, fit};
 
-use crate::{console, result::Result, training::Interruption};
+use crate::{console, number::counted, result::Result, training::Interruption};
 
 /// Fits the field, extracts its palette, and writes both with previews and a report.
 pub fn run(arguments: &Arguments) -> Result {
@@ -77,12 +77,12 @@ fn print(arguments: &Arguments, report: &FitReport) {
     }
     if let Some(held_out) = &report.held_out {
         console::say!(
-            "{:.2} dB, SSIM {:.3} on {} views that were not fitted to",
+            "{:.2} dB, SSIM {:.3} on {}",
             held_out.psnr_db,
             held_out.ssim,
-            held_out.views.len()
+            counted(held_out.views.len(), "held-out view", "held-out views")
         );
     }
     let seconds = report.seconds.preparing + report.seconds.training + report.seconds.measuring;
-    console::say!("{}: {} leaves, {seconds:.0} s", arguments.out.display(), report.leaves);
+    console::say!("{}: {}, {seconds:.0} s", arguments.out.display(), counted(report.leaves, "leaf", "leaves"));
 }

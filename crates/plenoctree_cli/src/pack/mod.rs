@@ -15,7 +15,7 @@ use plenoctree::{
     sampling::Progress,
 };
 
-use crate::{console, field, files, progress, result::Result};
+use crate::{console, field, files, number::counted, progress, result::Result};
 use measure::Views;
 
 /// Packs the fields, writes them, and prints the loss.
@@ -44,9 +44,9 @@ fn pack_file(path: &Path, arguments: &Arguments) -> Result<report::Field> {
     if let Some(views) = &views {
         let loss = views.compare(packed.field());
         console::say!(
-            "{:.1} dB from the field in {} views, {:.2}% of labels changed",
+            "{:.1} dB from the field in {}, {:.2}% of labels changed",
             loss.psnr,
-            views.len(),
+            counted(views.len(), "view", "views"),
             loss.labels
         );
     }

@@ -10,6 +10,7 @@ use crate::{
     console,
     extraction::{self, histograms},
     field, files,
+    number::counted,
     result::Result,
     swatches,
 };
@@ -41,6 +42,7 @@ pub fn run(arguments: &Arguments) -> Result {
     console::print(&swatches::lines(palette));
     let errors = extraction.errors;
     console::say!("error to the nearest label: {:.2} of 255; hue off: {:.1}%", 255.0 * errors.rmse, 100.0 * errors.hue);
-    console::say!("{} colors of {} saved to {}", palette.colors.len(), path.display(), out.display());
+    let colors = counted(palette.colors.len(), "color", "colors");
+    console::say!("{colors} of {} saved to {}", path.display(), out.display());
     Ok(())
 }

@@ -13,7 +13,7 @@ use plenoctree::{
     splat::{Splats, render_splats},
 };
 
-use crate::{capture, console, field, files, hex, progress, result::Result};
+use crate::{capture, console, field, files, hex, number::counted, progress, result::Result};
 
 /// The scene to render.
 enum Scene {
@@ -76,7 +76,8 @@ pub fn run(arguments: &Arguments) -> Result {
     }
     bar.finish_and_clear();
     if !arguments.quiet {
-        console::say!("{} views of {} saved to {}", cameras.len(), path.display(), arguments.out.display());
+        let views = counted(cameras.len(), "view", "views");
+        console::say!("{views} of {} saved to {}", path.display(), arguments.out.display());
     }
     Ok(())
 }

@@ -8,6 +8,7 @@ use plenoctree::palette::Palette;
 use crate::{
     extraction::{ExtractionArguments, Sampling},
     files, hex,
+    number::counted,
     preset::Preset,
     renderer::{PosterizeSettings, Renderer},
     result::Result,
@@ -106,9 +107,10 @@ impl Arguments {
         let mut colors = palette.colors.clone();
         for (index, color) in &self.recolor {
             let count = colors.len();
-            let slot = colors
-                .get_mut(*index)
-                .ok_or_else(|| format!("--recolor {index}: the palette has {count} colors, 0 to {}", count - 1))?;
+            let slot = colors.get_mut(*index).ok_or_else(|| {
+                let colors = counted(count, "color", "colors");
+                format!("--recolor {index}: the palette has {colors}, 0 to {}", count - 1)
+            })?;
             *slot = color.map(|c| f64::from(c) / 255.0);
         }
         Ok(Some(colors))

@@ -14,7 +14,9 @@ use plenoctree::{
 };
 
 use crate::{
-    console, extraction, field, files, progress,
+    console, extraction, field, files,
+    number::counted,
+    progress,
     renderer::{Look, Scene},
     result::Result,
     turntable,
@@ -74,7 +76,8 @@ pub fn run(arguments: &Arguments) -> Result {
 
     report::write(&arguments.out, &field, &renderer.adapter(), extracted.as_ref(), &palette, &times)?;
     if !arguments.quiet {
-        console::say!("{} views of {} saved to {}", cameras.len(), path.display(), arguments.out.display());
+        let views = counted(cameras.len(), "view", "views");
+        console::say!("{views} of {} saved to {}", path.display(), arguments.out.display());
     }
     Ok(())
 }
