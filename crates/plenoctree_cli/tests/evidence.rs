@@ -3,7 +3,7 @@
 mod common;
 
 use std::{
-    collections::BTreeMap,
+    collections::{BTreeMap, BTreeSet},
     fs,
     path::{Path, PathBuf},
 };
@@ -24,7 +24,7 @@ const SIZE: &str = "48x40";
 /// Writes the report of a field to a folder and returns the folder.
 fn report(field: &Path, out: &str, more: &[&str]) -> PathBuf {
     let out = field.with_file_name(out);
-    let arguments = ["evidence", text(field), "--out", text(&out), "--size", SIZE, "--views", "1", "--frames", "4"];
+    let arguments = ["evidence", text(field), "--out", text(&out), "--size", SIZE, "--views", "2", "--frames", "4"];
     let printed = succeed(&[&arguments[..], &["--renderer", "reference"], more].concat());
     assert!(printed.contains("report.html"), "{printed}");
     out
@@ -36,6 +36,17 @@ fn cameras(folder: &Path) -> PathBuf {
     let pose = "[[1, 0, 0, 0.3], [0, 0, -1, -4], [0, 1, 0, 0.2], [0, 0, 0, 1]]";
     fs::write(&file, format!(r#"{{"camera_angle_x": 0.6, "frames": [{{"transform_matrix": {pose}}}]}}"#)).unwrap();
     file
+}
+
+/// Writes a ball of smoothly changing colors, some of them inside the hull of the others, and returns its path.
+fn rainbow(folder: &Path) -> PathBuf {
+    let settings = BakeSettings { depth: 4, basis: Basis::Rgba, directions: 8, ..Default::default() };
+    let density = |at: DVec3| if at.length() < 0.8 { 50.0 } else { 0.0 };
+    let color = |at: DVec3| 0.5 + 0.4 * (3.0 * at + DVec3::new(0.0, 2.0, 4.0)).map(f64::sin);
+    let field = bake(&settings, density, |at| move |_| color(at)).unwrap();
+    let path = folder.join("rainbow.npz");
+    field.write(&path).unwrap();
+    path
 }
 
 /// Reads the rows of a table by the names of its columns. No text of these tables holds a comma inside quotes.
@@ -73,9 +84,66 @@ fn the_pages_show_what_exists() {
         assert!(html.contains(&format!("<h2>{figure}:")) && markdown.contains(&format!("## {figure}:")), "{figure}");
     }
     assert!(html.contains("<h2>Figure 11:") && html.contains("<h2>Table 1:"));
-    for picture in fs::read_dir(out.join("pictures")).unwrap() {
-        image::open(picture.unwrap().path()).unwrap();
+    for folder in ["pictures", "plots"] {
+        for file in fs::read_dir(out.join(folder)).unwrap() {
+            let file = file.unwrap();
+            assert!(in_html.contains(&&*format!("{folder}/{}", text(Path::new(&file.file_name())))), "{file:?}");
+            assert!(folder == "plots" || image::open(file.path()).is_ok(), "{file:?}");
+        }
     }
+}
+
+/// Below every posterized picture, also below every part of one, stand its figures, and files list all of them.
+#[test]
+fn every_figure_below_a_picture_is_listed() {
+    let field = rainbow(&folder("evidence_notes"));
+    let out = report(&field, "out", &[]);
+    let mut listed = BTreeSet::new();
+    for file in fs::read_dir(out.join("csv")).unwrap() {
+        let name = file.unwrap().path().file_stem().unwrap().to_string_lossy().into_owned();
+        for row in rows(&out, &name) {
+            for part in ["", "part_"] {
+                let columns =
+                    ["psnr_db", "rmse", "hue_errors_percent"].map(|column| row.get(&format!("{part}{column}")));
+                if let [Some(psnr), Some(rmse), Some(hue)] = columns.map(|cell| cell.and_then(|cell| cell.parse().ok()))
+                {
+                    let (psnr, rmse, hue): (f64, f64, f64) = (psnr, rmse, hue);
+                    let psnr = if psnr.is_finite() { format!("{psnr:.1} dB") } else { "no difference".into() };
+                    listed.insert(format!("{psnr}, RMSE {rmse:.1}, hue errors {hue:.1}%"));
+                }
+            }
+        }
+    }
+    let markdown = fs::read_to_string(out.join("report.md")).unwrap();
+    let lines: Vec<Vec<&str>> = markdown.lines().map(|line| line.split(" | ").collect()).collect();
+    // The titles, a line, the pictures, and what stands below them.
+    let below = lines.windows(4).filter(|lines| lines[2][0].contains("](pictures/"));
+    let below = below.flat_map(|lines| lines[0].iter().zip(&lines[3]));
+    let mut found = 0;
+    for (title, note) in below.map(|(title, note)| (title.trim_matches(['|', ' ']), note.trim_matches(['|', ' ']))) {
+        let without = ["as trained", "recolored", "radiance", "visibility", "example views"];
+        if !without.iter().any(|word| title.contains(word)) {
+            assert!(listed.contains(note), "{title}: {note:?}");
+            found += 1;
+        }
+    }
+    assert!(found > 30, "{found}");
+}
+
+/// The figures of the part where the hull fails are those of its view, and its error falls.
+#[test]
+fn parts_are_of_the_view_whose_error_falls_most() {
+    let field = rainbow(&folder("evidence_parts"));
+    let out = report(&field, "out", &[]);
+    let listed = rows(&out, "figure_11");
+    let pairs: Vec<_> = listed.chunks(2).collect();
+    let falls = |pair: &[BTreeMap<String, String>], column: &str| number(&pair[0], column) - number(&pair[1], column);
+    let most = pairs.iter().max_by(|a, b| falls(a, "rmse").total_cmp(&falls(b, "rmse"))).unwrap();
+    assert!(falls(most, "part_rmse") > falls(most, "rmse").max(0.0), "{most:?}");
+    assert_eq!(listed.iter().filter(|row| !row["part_rmse"].is_empty()).count(), 2);
+    let markdown = fs::read_to_string(out.join("report.md")).unwrap();
+    let (_, section) = markdown.split_once("## Figure 11").unwrap();
+    assert!(section.contains(&format!("| view {} |", most[0]["view"])), "{section}");
 }
 
 /// The figures are those of the library: palettes, errors of the field, and pictures and their errors.

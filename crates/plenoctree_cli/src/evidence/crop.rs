@@ -1,6 +1,6 @@
 //! Enlarged parts of pictures.
 
-use image::{RgbImage, imageops};
+use image::{GenericImageView, ImageBuffer, Pixel, RgbImage, imageops};
 
 /// The side of a part, as a share of the picture's shorter side.
 const SHARE: f64 = 0.25;
@@ -41,10 +41,15 @@ impl Crop {
         Self::of_most(a.dimensions(), difference)
     }
 
+    /// Returns the part of a picture.
+    pub fn part<P: Pixel<Subpixel = u8> + 'static>(&self, image: &ImageBuffer<P, Vec<u8>>) -> ImageBuffer<P, Vec<u8>> {
+        image.view(self.left, self.top, self.side, self.side).to_image()
+    }
+
     /// Returns the part of a picture, enlarged so that its pixels show.
     pub fn enlarged(&self, image: &RgbImage) -> RgbImage {
-        let part = imageops::crop_imm(image, self.left, self.top, self.side, self.side).to_image();
-        imageops::resize(&part, ZOOM * self.side, ZOOM * self.side, imageops::FilterType::Nearest)
+        let (part, side) = (self.part(image), ZOOM * self.side);
+        imageops::resize(&part, side, side, imageops::FilterType::Nearest)
     }
 }
 

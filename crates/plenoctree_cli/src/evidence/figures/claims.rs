@@ -4,7 +4,7 @@ use super::super::{
     data::Evidence,
     report::{Cell, Section, Table},
 };
-use crate::result::Result;
+use crate::{number::counted, result::Result};
 
 /// Describes the report, and lists the claims of all sections.
 pub fn section(evidence: &Evidence, sections: &[Section]) -> Result<Section> {
@@ -15,10 +15,10 @@ pub fn section(evidence: &Evidence, sections: &[Section]) -> Result<Section> {
          Fields Using Visibility-Weighted Palette Extraction (EGSR 2022), on another field.",
     );
     section.text(format!(
-        "The field {} has {} leaves at depth {} ({}). Pictures are {} x {} pixels over white, by {} ({}). Wherever a \
+        "The field {} has {} at depth {} ({}). Pictures are {} x {} pixels over white, by {} ({}). Wherever a \
          claim is about the quality of a palette, it holds if the mean PSNR of the posterized pictures is higher.",
         evidence.name,
-        field.leaves(),
+        counted(field.leaves(), "leaf", "leaves"),
         field.depth(),
         field.basis().name(),
         camera.width,

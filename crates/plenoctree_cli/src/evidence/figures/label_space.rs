@@ -43,7 +43,7 @@ struct Labeled {
 pub fn section(evidence: &Evidence) -> Result<Section> {
     let mut section = Section::new("Figure 5: labels in RGB and in CIELAB");
     section.text(
-        "The same filtered pixels and the same labels (of the paper's hull), assigned by distance in encoded sRGB and \
+        "The same filtered pixels and the same labels (equation 7, of the paper's hull), assigned by distance in encoded sRGB and \
          in CIELAB, with hard edges; from the float64 reference. Labels used is the number of labels that occur in a \
          view; borders, the share of neighboring pixels whose labels differ, which measures detail.",
     );
@@ -61,9 +61,7 @@ pub fn section(evidence: &Evidence) -> Result<Section> {
             let palette = Some(evidence.drawings[Method::Hull as usize].clone());
             pictures.push(Picture { file, title: space.label.into(), note: note(labeled.errors), palette });
         }
-        if view == 0 {
-            section.pictures(pictures);
-        }
+        section.pictures(pictures);
     }
     let [rgb, cielab] = borders_of.map(|sum| 100.0 * sum / evidence.shots.len() as f64);
     section.claim(

@@ -8,10 +8,11 @@ use super::{
         methods::Method,
         report::{Cell, Picture, Section, Table},
     },
-    rows::{note, opaque},
+    rows::{COLUMNS, cells, note, opaque},
 };
 use crate::{
     coherence::{FieldPalette, Series, compare, palette_of_frame, quarter},
+    number::counted,
     progress,
     renderer::PosterizeSettings,
     result::Result,
@@ -68,10 +69,14 @@ pub fn section(evidence: &mut Evidence, arguments: &Arguments) -> Result<Section
          with the field's hull.",
         worst.saturating_sub(1)
     ));
+    let mut rows = Vec::new();
     for frame in [worst.saturating_sub(1), worst] {
-        let pictures = transition(evidence, &cameras[frame.min(cameras.len() - 1)], frame, colors)?;
+        let pictures = transition(evidence, &cameras[frame.min(cameras.len() - 1)], frame, colors, &mut rows)?;
         section.pictures(pictures);
     }
+    let mut head = vec![("frame", "frame"), ("palette", "palette")];
+    head.extend(COLUMNS);
+    section.table(&evidence.folder, "figure_07_pictures", Table { head, rows })?;
     Ok(section)
 }
 
@@ -99,18 +104,19 @@ fn claims(section: &mut Section, series: &Series) {
         let (field, frame) = (series.spikes(field), series.spikes(frame));
         section.claim(
             "One palette per frame has frequent spikes.",
-            format!("{frame} spikes, {field} with the field's palette"),
+            format!("{}, {field} with the field's palette", counted(frame, "spike", "spikes")),
             frame > field,
         );
     }
 }
 
-/// Shows a frame as trained, with its own palette, and with the field's.
+/// Shows a frame as trained, with its own palette, and with the field's. Adds a row of figures for each palette.
 fn transition(
     evidence: &mut Evidence,
     camera: &plenoctree::camera::PinholeCamera,
     frame: usize,
     colors: usize,
+    rows: &mut Vec<Vec<Cell>>,
 ) -> Result<Vec<Picture>> {
     let original = evidence.renderer.original(camera)?;
     let own = palette_of_frame(&original, colors)?;
@@ -119,8 +125,11 @@ fn transition(
     let mut pictures =
         vec![Picture { file, title: "as trained".into(), note: format!("frame {frame}"), palette: None }];
     for (name, title, palette) in [("own", "frame's palette", own), ("hull", "field's hull", field)] {
-        let name = format!("frame_{frame}_{name}");
         let posterized = posterize(&mut *evidence.renderer, camera, &original, &palette, PosterizeSettings::default())?;
+        let mut row = vec![Cell::Number(frame as f64, 0), Cell::name(title, name)];
+        row.extend(cells(posterized.errors));
+        rows.push(row);
+        let name = format!("frame_{frame}_{name}");
         let file = evidence.folder.picture(&name, &posterized.image)?;
         let palette = Some(evidence.folder.palette(&name, &palette)?);
         pictures.push(Picture { file, title: title.into(), note: note(posterized.errors), palette });

@@ -82,7 +82,14 @@ impl Evidence {
 pub const COLUMNS: [(&str, &str); 3] =
     [("PSNR, dB", "psnr_db"), ("weighted RMSE, of 255", "rmse"), ("hue errors, %", "hue_errors_percent")];
 
-/// Returns the cells of [`COLUMNS`].
+/// The columns of the figures of enlarged parts of these pictures.
+pub const PART_COLUMNS: [(&str, &str); 3] = [
+    ("part: PSNR, dB", "part_psnr_db"),
+    ("part: RMSE, of 255", "part_rmse"),
+    ("part: hue errors, %", "part_hue_errors_percent"),
+];
+
+/// Returns the cells of [`COLUMNS`] or of [`PART_COLUMNS`].
 pub fn cells(errors: Option<ColorErrors>) -> [Cell; 3] {
     [
         Cell::number(errors.map(measures::psnr_db), 2),

@@ -6,11 +6,12 @@ use super::{
     super::{
         crop::Crop,
         data::Evidence,
+        measures,
         methods::Method,
         report::{Cell, Picture, Section, Table},
         shot::posterize,
     },
-    rows::{COLUMNS, cells, note, opaque},
+    rows::{COLUMNS, PART_COLUMNS, cells, note, opaque},
 };
 use crate::{
     coherence::mean_difference,
@@ -32,7 +33,7 @@ pub fn section(evidence: &mut Evidence) -> Result<Section> {
     let mut section = Section::new("Figure 6: the step width D");
     section.text(
         "The same view and palette (the paper's hull), with step widths from 0 to 0.4. The second row enlarges the \
-         part of the view that changes most. Flicker is the mean absolute difference of encoded sRGB between this \
+         part of the view that changes most, and the last columns are about this part. Flicker is the mean absolute difference of encoded sRGB between this \
          view and the view half a degree further.",
     );
     let palette = evidence.methods.palette(Method::Hull).clone();
@@ -53,7 +54,7 @@ pub fn section(evidence: &mut Evidence) -> Result<Section> {
         let width: f64 = softness.to_string().parse().unwrap_or(f64::from(softness));
         let mut row = vec![Cell::Number(width, 2)];
         row.extend(cells(here.errors));
-        row.push(Cell::Number(flicker, 5));
+        row.extend([Cell::Number(flicker, 5), Cell::Number(trained, 5)]);
         rows.push(row);
         notes.push(note(here.errors));
         flickers.push((width, flicker));
@@ -67,19 +68,22 @@ pub fn section(evidence: &mut Evidence) -> Result<Section> {
     );
     let crop = Crop::of_difference(&images[0], &images[images.len() - 1]);
     let (mut wholes, mut parts) = (Vec::new(), Vec::new());
-    for ((image, softness), note) in images.iter().zip(WIDTHS).zip(notes) {
+    for (((image, row), softness), whole) in images.iter().zip(&mut rows).zip(WIDTHS).zip(notes) {
         let name = format!("softness_{:02.0}", 100.0 * softness);
         let title = format!("D = {softness}");
         let file = evidence.folder.picture(&name, image)?;
-        wholes.push(Picture { file, title: title.clone(), note, palette: None });
+        wholes.push(Picture { file, title: title.clone(), note: whole, palette: None });
+        let errors = measures::of_picture(&crop.part(&original), &crop.part(image));
+        row.extend(cells(errors));
         let file = evidence.folder.picture(&format!("{name}_part"), &crop.enlarged(image))?;
-        parts.push(Picture { file, title, note: "a part".into(), palette: None });
+        parts.push(Picture { file, title: format!("{title}, a part"), note: note(errors), palette: None });
     }
     section.pictures(wholes);
     section.pictures(parts);
     let mut head = vec![("D", "d")];
     head.extend(COLUMNS);
-    head.push(("flicker", "flicker"));
+    head.extend([("flicker", "flicker"), ("flicker as trained", "flicker_as_trained")]);
+    head.extend(PART_COLUMNS);
     section.table(&evidence.folder, "figure_06", Table { head, rows })?;
 
     let ends = [WIDTHS[0], WIDTHS[WIDTHS.len() - 1]].map(f64::from);
