@@ -33,6 +33,7 @@ mod text;
 #[cfg(feature = "bevy")]
 mod tradeoff;
 mod training;
+mod transforms;
 mod turntable;
 
 use std::process::ExitCode;

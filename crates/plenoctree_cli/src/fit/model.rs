@@ -19,12 +19,11 @@ use bevy_plenoctree::{
     PlenOctreePlugin, UpAxis,
     headless::{Headless, LitMeshPlugins, exact_camera, pinhole_view},
 };
-use glam::{DMat4, DVec3};
+use glam::DVec3;
 use image::{Rgba, RgbaImage};
 use plenoctree::camera::{PinholeCamera, Spiral};
-use serde_json::json;
 
-use crate::{files, fit::mipmaps, progress, result::Result};
+use crate::{files, fit::mipmaps, progress, result::Result, transforms};
 
 /// The horizontal field of view of the cameras, in radians.
 const FOV: f64 = 0.7;
@@ -72,7 +71,7 @@ pub fn photograph(model: &Path, folder: &Path, views: u32, size: u32) -> Result<
     let environment = environment(&mut studio.app.world_mut().resource_mut::<Assets<Image>>());
     let camera = studio.app.world_mut().spawn((exact_camera(Color::NONE), target, environment)).id();
     let bar = progress::bar("rendering", views.into(), false);
-    let mut frames = Vec::new();
+    let mut pictures = Vec::new();
     let spiral = Spiral { center, radius, up: UpAxis::Z, fov: FOV, elevations: [1.0, -1.0], distances: &[] };
     for (view, pinhole) in spiral.cameras(views, side).enumerate() {
         let in_unit_ball = PinholeCamera { position: to_unit(pinhole.position), ..pinhole };
@@ -83,18 +82,11 @@ pub fn photograph(model: &Path, folder: &Path, views: u32, size: u32) -> Result<
         let name = format!("view_{view:03}.png");
         let path = folder.join(&name);
         straight(studio.capture()?).save(&path).map_err(|error| format!("{}: {error}", path.display()))?;
-        let pose = DMat4::from_rotation_translation(glam::DQuat::from_mat3(&pinhole.rotation), pinhole.position);
-        let rows = pose.transpose().to_cols_array_2d();
-        frames.push(json!({ "file_path": name, "transform_matrix": rows }));
+        pictures.push((name, pinhole));
         bar.inc(1);
     }
     bar.finish_and_clear();
-    let transforms = folder.join("transforms.json");
-    files::write_text(
-        &transforms,
-        &(serde_json::to_string_pretty(&json!({ "camera_angle_x": FOV, "frames": frames }))? + "\n"),
-    )?;
-    Ok(transforms)
+    transforms::write(folder, FOV, &pictures)
 }
 
 /// Spawns the model's first scene, without its own cameras and lights, and waits until all of it is loaded. Returns its
@@ -189,6 +181,8 @@ fn straight(frame: RgbaImage) -> RgbaImage {
 
 #[cfg(test)]
 mod tests {
+    use serde_json::json;
+
     use super::*;
 
     /// A red cube, half of it lit, is photographed where it is, however large it is: its pictures show it, and nothing
