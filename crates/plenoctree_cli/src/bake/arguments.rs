@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-/// Bake the included props, and pack them.
+/// Bake the included props, and pack them; or take pictures of them.
 #[derive(Args)]
 pub struct Arguments {
     /// The folder for the files.
@@ -16,6 +16,13 @@ pub struct Arguments {
     /// Write the fields as they are, to .npz files, instead of packing them.
     #[arg(long)]
     pub npz: bool,
-    /// The props to bake; by default all of them.
+    /// Take this many path-traced pictures of each prop instead, to fit fields to. They go to folders named like the
+    /// props.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), conflicts_with_all = ["depth", "npz"])]
+    pub pictures: Option<u32>,
+    /// The width and height of these pictures, in pixels.
+    #[arg(long, default_value_t = 400, value_parser = clap::value_parser!(u32).range(1..=4096))]
+    pub size: u32,
+    /// The props; by default all that are baked.
     pub names: Vec<String>,
 }

@@ -23,6 +23,12 @@ pub trait Prop: Sync {
     /// Half the width of the baked box around the origin.
     const HALF: f64;
 
+    /// The center of a ball around the prop, for cameras.
+    const CENTER: DVec3 = DVec3::ZERO;
+
+    /// The radius of that ball.
+    const RADIUS: f64 = 1.2;
+
     /// Returns the part nearest to `position` and its signed distance.
     fn nearest(&self, position: DVec3) -> Nearest<Self::Part>;
 

@@ -1,5 +1,7 @@
 //! The studio in which props are photographed: a warm key light, a bright sky, and the materials that they light.
 
+use std::f64::consts::TAU;
+
 use glam::{DVec2, DVec3};
 
 use super::sdf::{hemisphere, smoothstep};
@@ -55,11 +57,64 @@ impl Material {
         self.color = self.color.lerp(DVec3::from_array(color), share.clamp(0.0, 1.0));
         self
     }
+
+    /// Returns the light that the surface emits, and that of the key light which it reflects to the eye, if `lit`.
+    pub fn reflected(&self, normal: DVec3, eye: DVec3, key: DVec3, lit: bool) -> DVec3 {
+        let albedo = self.color.map(decode);
+        let glow = self.glow * albedo;
+        let lambert = normal.dot(key).max(0.0);
+        if !lit {
+            return glow;
+        }
+        let half = (eye + key).normalize_or(normal);
+        let fresnel = self.fresnel(albedo, eye.dot(half));
+        let power = self.power();
+        let highlight = (power + 2.0) / 8.0 * half.dot(normal).max(0.0).powf(power);
+        let matte = (1.0 - self.metal) * albedo * (1.0 - fresnel);
+        glow + (matte + highlight * fresnel) * lambert * KEY_SUN
+    }
+
+    /// Returns a random direction in which light that goes to the eye may have arrived, and the share of it that does.
+    pub fn bounce(&self, normal: DVec3, eye: DVec3, random: [f64; 3]) -> (DVec3, DVec3) {
+        let albedo = self.color.map(decode);
+        let (tangent, bitangent) = normal.any_orthonormal_pair();
+        let around = |z: f64| {
+            let r = (1.0 - z * z).max(0.0).sqrt();
+            let (sin, cos) = (TAU * random[1]).sin_cos();
+            r * cos * tangent + r * sin * bitangent + z * normal
+        };
+        let fresnel = self.fresnel(albedo, eye.dot(normal));
+        let glossy = if self.metal == 1.0 { 1.0 } else { fresnel.max_element().clamp(0.1, 0.9) };
+        if random[2] < glossy {
+            let half = around(random[0].powf(1.0 / (self.power() + 1.0)));
+            let direction = 2.0 * eye.dot(half) * half - eye;
+            let away = direction.dot(normal);
+            let direction = if away < 0.0 { direction - 2.0 * away * normal } else { direction };
+            (direction, fresnel / glossy)
+        } else {
+            (around(random[0].sqrt()), (1.0 - self.metal) * albedo * (1.0 - fresnel) / (1.0 - glossy))
+        }
+    }
+
+    /// Returns the share of light that is reflected as by a mirror.
+    fn fresnel(&self, albedo: DVec3, cosine: f64) -> DVec3 {
+        let mirror = DVec3::splat(0.05 * self.gloss).lerp(albedo, self.metal);
+        mirror + (self.gloss * (1.0 - mirror)).max(DVec3::ZERO) * (1.0 - cosine.clamp(0.0, 1.0)).powi(5)
+    }
+
+    /// Returns the exponent of highlights: the higher, the tighter.
+    fn power(&self) -> f64 {
+        6.0 + 70.0 * self.gloss * self.gloss
+    }
 }
 
 /// The direction toward the key light.
 const KEY: DVec3 = DVec3::new(-0.50, -0.56, 0.66);
 const KEY_LIGHT: DVec3 = DVec3::new(0.78, 0.72, 0.62);
+/// The light of the key light on a surface that faces it, in path-traced pictures.
+const KEY_SUN: DVec3 = DVec3::new(1.10, 0.98, 0.80);
+/// The brightness of the surroundings there, relative to what glossy surfaces reflect otherwise.
+const SKYLIGHT: f64 = 0.8;
 const SKY: DVec3 = DVec3::new(0.43, 0.47, 0.54);
 const FLOOR: DVec3 = DVec3::new(0.27, 0.25, 0.24);
 
@@ -108,6 +163,23 @@ impl Lit {
         let sum = (1.0 - metal) * matte * (1.0 - fresnel) + glossy;
         (sum + glow * albedo).map(|light| encode(shoulder(light)))
     }
+}
+
+/// Returns a direction toward a point of the key light, which is a disk.
+pub fn toward_key(point: DVec2) -> DVec3 {
+    let key = KEY.normalize();
+    let (tangent, bitangent) = key.any_orthonormal_pair();
+    (key + 0.12 * (point.x * tangent + point.y * bitangent)).normalize()
+}
+
+/// Returns the light that arrives from a direction in which there is nothing.
+pub fn sky(direction: DVec3) -> DVec3 {
+    SKYLIGHT * surroundings(direction)
+}
+
+/// Returns how bright light is in a picture, in encoded sRGB.
+pub fn expose(light: f64) -> f64 {
+    encode(shoulder(light)).clamp(0.0, 1.0)
 }
 
 /// Returns what a mirror reflects: a bright sky with the key light's glow in it, a dark floor, and two tall lamps.
