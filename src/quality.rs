@@ -137,7 +137,7 @@ impl PropQuality {
 
 /// A named preset of all settings that trade accuracy for speed.
 ///
-/// The table lists the accuracy that tests guarantee for the most demanding of the included props (thin rails, gloss)
+/// The table lists the accuracy that tests guarantee for the most demanding of the baked props (thin rails, gloss)
 /// and for a field that no preset was tuned to, where they fill a frame of 400 x 400 pixels and, in parentheses, one of
 /// 160 x 160 pixels, in which their details are the size of pixels: the lowest PSNR against float64, and the largest
 /// fraction of the prop's pixels whose label differs from the one in float64, when labels do not blend. Larger frames

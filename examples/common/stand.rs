@@ -36,6 +36,7 @@ impl Footprint {
     fn half_size(self) -> Vec2 {
         match self.0 {
             "toadstool.plenoctree" => Vec2::splat(0.9),
+            "chest.plenoctree" => Vec2::splat(0.93),
             "drum.plenoctree" => Vec2::splat(0.96),
             "gumballs.plenoctree" => Vec2::splat(0.7),
             _ => Vec2::new(0.48, 0.34),

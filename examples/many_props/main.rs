@@ -1,4 +1,4 @@
-//! Shows a carousel of many toys: four fields, and many copies of them, each with its own position, size and colors.
+//! Shows a carousel of many toys: five fields, and many copies of them, each with its own position, size and colors.
 //!
 //! In a window, prints once a second how long a frame takes. Without one, prints how long a frame with all toys took,
 //! to compare with `--count 1`.

@@ -11,11 +11,12 @@ pub fn plugin(app: &mut App) {
 
 /// The fields on the rings, from the middle outward: the file, and the indices of the palette colors to paint, each
 /// darker than the one before.
-const TOYS: [(&str, &[usize]); 4] = [
+const TOYS: [(&str, &[usize]); 5] = [
     ("toadstool.plenoctree", &[0]),
     ("robot.plenoctree", &[1, 0]),
     ("gumballs.plenoctree", &[0]),
     ("drum.plenoctree", &[3]),
+    ("chest.plenoctree", &[1]),
 ];
 
 /// The hue of a toy in degrees, and the indices of the palette colors that get it.
