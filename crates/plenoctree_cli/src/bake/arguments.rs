@@ -18,7 +18,8 @@ pub struct Arguments {
     pub npz: bool,
     /// Take this many path-traced pictures of each prop instead, to fit fields to. They go to folders named like the
     /// props.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), conflicts_with_all = ["depth", "npz"])]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(conflicts_with_all = ["depth", "npz"])]
     pub pictures: Option<u32>,
     /// The width and height of these pictures, in pixels.
     #[arg(long, default_value_t = 400, value_parser = clap::value_parser!(u32).range(1..=4096))]
