@@ -53,3 +53,10 @@ fn pictures_show_the_prop_where_its_field_is() {
 fn errors_name_unknown_props() {
     assert!(fail(&["bake", "no_prop"]).contains("no_prop"));
 }
+
+/// The included chest is fitted: baking must not replace it unasked.
+#[test]
+fn a_fitted_prop_is_not_baked_into_the_assets() {
+    assert!(fail(&["bake", "robot", "chest"]).contains("assets/chest.plenoctree"));
+    assert!(fail(&["bake", "robot", "--size", "96"]).contains("--pictures"));
+}

@@ -1,15 +1,15 @@
 //! The arguments of `bake`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 
 /// Bake the included props, and pack them; or take pictures of them.
 #[derive(Args)]
 pub struct Arguments {
-    /// The folder for the files.
-    #[arg(long, default_value = "assets")]
-    pub out: PathBuf,
+    /// The folder for the files; by default assets, or out for pictures.
+    #[arg(long)]
+    pub out: Option<PathBuf>,
     /// The number of levels of cells; the default depends on the prop.
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=10))]
     pub depth: Option<u32>,
@@ -22,8 +22,16 @@ pub struct Arguments {
     #[arg(conflicts_with_all = ["depth", "npz"])]
     pub pictures: Option<u32>,
     /// The width and height of these pictures, in pixels.
-    #[arg(long, default_value_t = 400, value_parser = clap::value_parser!(u32).range(1..=4096))]
+    #[arg(long, default_value_t = 400, value_parser = clap::value_parser!(u32).range(1..=4096), requires = "pictures")]
     pub size: u32,
     /// The props; by default all that are baked.
     pub names: Vec<String>,
+}
+
+impl Arguments {
+    /// Returns the folder for the files.
+    pub fn folder(&self) -> &Path {
+        let default = if self.pictures.is_some() { "out" } else { "assets" };
+        self.out.as_deref().unwrap_or(Path::new(default))
+    }
 }

@@ -55,17 +55,24 @@ pub fn run(arguments: &Arguments) -> Result {
         let known = PROPS.map(|(name, ..)| name).join(", ");
         return Err(format!("no prop is named {name}, expected one of {known}").into());
     }
-    files::create_folder(&arguments.out)?;
+    let named = |name| arguments.names.iter().any(|named| named == name);
+    let into_assets = arguments.out.is_none() && arguments.pictures.is_none();
+    if let Some((name, ..)) = PROPS.into_iter().find(|&(name, baked, _)| !baked && into_assets && named(name)) {
+        let message =
+            format!("assets/{name}.plenoctree is fitted to pictures, not baked: expected --pictures or --out");
+        return Err(message.into());
+    }
+    let folder = arguments.folder();
+    files::create_folder(folder)?;
     for (name, baked, scene) in PROPS {
-        let requested =
-            if arguments.names.is_empty() { baked } else { arguments.names.iter().any(|requested| requested == name) };
+        let requested = if arguments.names.is_empty() { baked } else { named(name) };
         if !requested {
             continue;
         }
         let scene = scene();
         let bar = progress::bar(name, 0, false);
         match arguments.pictures {
-            Some(count) => scene.photograph(&arguments.out.join(name), count, arguments.size, &bar)?,
+            Some(count) => scene.photograph(&folder.join(name), count, arguments.size, &bar)?,
             None => write(name, &*scene, arguments, &bar)?,
         }
     }
@@ -76,7 +83,7 @@ pub fn run(arguments: &Arguments) -> Result {
 fn write(name: &str, scene: &dyn Scene, arguments: &Arguments, bar: &ProgressBar) -> Result {
     let start = Instant::now();
     let extension = if arguments.npz { "npz" } else { "plenoctree" };
-    let path = arguments.out.join(name).with_extension(extension);
+    let path = arguments.folder().join(name).with_extension(extension);
     let named = |error: &dyn std::error::Error| format!("{}: {error}", path.display());
     let field = scene.bake(arguments.depth, bar).map_err(|error| named(&error))?;
     bar.finish_and_clear();
