@@ -58,8 +58,8 @@ pub enum ExtractionError {
     /// A setting is out of range.
     #[error(transparent)]
     Setting(#[from] InvalidSetting),
-    /// The field has no leaves, or none that is visible.
-    #[error("nothing is visible in the field")]
+    /// The field has no leaves, or none whose light leaves it.
+    #[error("nothing is visible in the field: it is empty, or every leaf absorbs more than 99% of its light")]
     NothingVisible,
     /// [`Progress::cancel`] was called.
     #[error(transparent)]
