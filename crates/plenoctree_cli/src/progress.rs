@@ -1,8 +1,12 @@
 //! Progress bars on standard error. They are shown only in a terminal.
 
-use std::time::Duration;
+use std::{
+    fmt::Write,
+    sync::{Arc, OnceLock},
+    time::{Duration, Instant},
+};
 
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::{HumanDuration, ProgressBar, ProgressState, ProgressStyle};
 
 /// Returns a bar of `length` steps.
 pub fn bar(message: &'static str, length: u64, quiet: bool) -> ProgressBar {
@@ -14,7 +18,24 @@ pub fn bar(message: &'static str, length: u64, quiet: bool) -> ProgressBar {
 
 /// Returns a bar of `length` steps whose message says what a fit is doing.
 pub fn fit_bar(length: u64) -> ProgressBar {
-    styled(ProgressBar::new(length), "{msg} [{bar:40}] {percent:>3}% {eta} left", "")
+    styled(ProgressBar::new(length), "{msg} [{bar:40}] {percent:>3}% {left} left", "")
+}
+
+/// Returns a writer of about how much time is left. `{eta}` goes by the last seconds, but fits pause to remove what is not
+/// seen, and resume with a part done.
+fn left() -> impl Fn(&ProgressState, &mut dyn Write) + Clone + Send + Sync + 'static {
+    let first: Arc<OnceLock<(Instant, f64)>> = Arc::default();
+    move |state, line| {
+        let done = f64::from(state.fraction());
+        let known = (done > 0.0).then(|| first.get_or_init(|| (Instant::now(), done)));
+        // A line that cannot be written is not shown.
+        let _ = match known {
+            Some((start, before)) if done > *before => {
+                write!(line, "{:#}", HumanDuration(start.elapsed().mul_f64((1.0 - done) / (done - before))))
+            }
+            _ => line.write_char('?'),
+        };
+    }
 }
 
 /// Returns a spinner, for work whose progress is unknown.
@@ -29,5 +50,5 @@ pub fn spinner(message: &'static str, quiet: bool) -> ProgressBar {
 
 fn styled(bar: ProgressBar, template: &str, message: &'static str) -> ProgressBar {
     let style = ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar());
-    bar.with_style(style).with_message(message)
+    bar.with_style(style.with_key("left", left())).with_message(message)
 }

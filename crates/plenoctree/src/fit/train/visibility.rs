@@ -15,6 +15,8 @@ use crate::{
 
 /// Transmittance below which nothing is seen.
 const STOP: f32 = 1e-5;
+/// Number of cameras from which their rays are farther apart, so that all of them have about as many as this number.
+const MANY: f64 = 400.0;
 
 /// The conditions for keeping a voxel.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -48,13 +50,15 @@ impl Limits {
     }
 }
 
-/// Returns the largest weight that each voxel has on any ray of the cameras. Rays are about `spacing` voxels apart.
+/// Returns the largest weight that each voxel has on any ray of the cameras. Rays are about `spacing` voxels apart, or
+/// more if there are many cameras.
 pub fn largest_weights(grid: &Grid, cameras: &[&ViewCamera], spacing: f64) -> Vec<f32> {
     let pool: Mutex<Vec<Vec<f32>>> = Mutex::default();
+    let sparseness = sparseness(cameras.len());
     cameras.par_iter().for_each(|camera| {
         let taken = pool.lock().ok().and_then(|mut pool| pool.pop());
         let mut weights = taken.unwrap_or_else(|| vec![0.0; grid.len()]);
-        for pixel in pixels(grid, camera, spacing) {
+        for pixel in pixels(grid, camera, spacing, sparseness) {
             march(grid, camera, pixel, |voxel, seen| {
                 let weight = &mut weights[voxel as usize];
                 *weight = weight.max(seen);
@@ -71,11 +75,17 @@ pub fn largest_weights(grid: &Grid, cameras: &[&ViewCamera], spacing: f64) -> Ve
     all
 }
 
-/// Returns the points of the picture whose rays are about `spacing` voxels apart in the middle of the grid.
-fn pixels(grid: &Grid, camera: &ViewCamera, spacing: f64) -> impl Iterator<Item = DVec2> {
+/// Returns how many times farther apart the rays of this number of cameras are.
+fn sparseness(cameras: usize) -> f64 {
+    (cameras as f64 / MANY).max(1.0).sqrt()
+}
+
+/// Returns the points of the picture whose rays are about `spacing` voxels apart in the middle of the grid, or
+/// `sparseness` times that.
+fn pixels(grid: &Grid, camera: &ViewCamera, spacing: f64, sparseness: f64) -> impl Iterator<Item = DVec2> {
     let middle = grid.cube().low + 0.5 * grid.cube().size;
     let pixels = spacing * grid.voxel_size() * camera.lens.focal.x / camera.position.distance(middle).max(1e-9);
-    let step = pixels.clamp(0.1, 4.0);
+    let step = (pixels.clamp(0.1, 4.0) * sparseness).min(camera.width.min(camera.height).into());
     let count = move |size: u32| (f64::from(size) / step) as u32;
     let every = move |size: u32| (0..count(size)).map(move |index| (f64::from(index) + 0.5) * step);
     let width = camera.width;
@@ -95,9 +105,10 @@ fn march(grid: &Grid, camera: &ViewCamera, pixel: DVec2, mut visit: impl FnMut(u
 
 /// Returns the strictest limit with an acceptable loss.
 fn limit(grid: &Grid, cameras: &[&ViewCamera], weights: &[f32], limits: &Limits) -> f32 {
+    let sparseness = sparseness(cameras.len());
     let of_camera = |camera: &&ViewCamera| {
         let (mut squared, mut count) = ([0.0; 4], 0.0);
-        for pixel in pixels(grid, camera, 4.0 * limits.spacing) {
+        for pixel in pixels(grid, camera, 4.0 * limits.spacing, sparseness) {
             let mut lost = [0.0f32; 4];
             let mut any = false;
             march(grid, camera, pixel, |voxel, seen| {
@@ -176,5 +187,29 @@ mod tests {
         assert!(kept > 3000 && faint > 100_000 && kept < 4200, "{kept} of {faint}");
         let (kept, all) = count(&|at| if at.z > 10 { 0.01 } else { 0.0 });
         assert!(kept as f64 > 0.9 * all as f64, "{kept} of {all}");
+    }
+
+    /// Thousands of cameras cast about as many rays as hundreds, and see about the same voxels.
+    #[test]
+    fn many_cameras_take_no_longer() {
+        let shell = |at: UVec3| (at.as_dvec3() + 0.5 - 32.0).length();
+        let grid = grid(|at| if (20.0..30.0).contains(&shell(at)) { 40.0 } else { 0.0 });
+        let around = |index: usize, count: usize| {
+            let (turn, up) = (2.4 * index as f64, 1.0 - (2 * index + 1) as f64 / count as f64);
+            let rotation = DMat3::from_rotation_y(turn) * DMat3::from_rotation_x(-up.asin());
+            let lens = Lens { focal: DVec2::splat(80.0), center: DVec2::splat(64.0), distortion: Distortion::None };
+            ViewCamera::undistorted(128, 128, lens, rotation, 4.0 * rotation.z_axis)
+        };
+        let seen = |count: usize| {
+            let cameras: Vec<_> = (0..count).map(|index| around(index, count)).collect();
+            let rays: usize = cameras.iter().map(|camera| pixels(&grid, camera, 1.0, sparseness(count)).count()).sum();
+            let set = visible(&grid, &cameras.iter().collect::<Vec<_>>(), Limits::default());
+            (rays, set.positions().collect::<Vec<_>>())
+        };
+        let ((few_rays, few), (many_rays, many)) = (seen(400), seen(6400));
+        assert!(many_rays < few_rays * 5 / 4, "{many_rays} rays instead of {few_rays}");
+        let both = few.iter().filter(|position| many.contains(position)).count();
+        assert!(few.len() > 5000, "{}", few.len());
+        assert!(both * 100 > few.len() * 95, "{both} of {}", few.len());
     }
 }
