@@ -106,7 +106,7 @@ fn posterized(pixel: vec2<u32>, rays: vec4<f32>, owner: u32, behind: vec3<f32>) 
 }
 
 // If rays through a slit let less light through on the mean, it does not show.
-const LEAST_TRANSMITTANCE: f32 = 0.08;
+const FAINTEST_SLIT: f32 = 0.08;
 
 // Returns the parts of a pixel, blended in linear light as multisampling does.
 @fragment
@@ -129,7 +129,7 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
     let own = textureLoad(own_rays, pixel, 0);
     let other = textureLoad(other_rays, pixel, 0);
     let is_slit = !has_other && !around.is_known;
-    if is_slit && parts.rest == 0u && 1.0 - own.a - other.a < LEAST_TRANSMITTANCE {
+    if is_slit && parts.rest == 0u && 1.0 - own.a - other.a < FAINTEST_SLIT {
         return seen;
     }
     var behind = center;

@@ -43,9 +43,9 @@ struct Labeled {
 pub fn section(evidence: &Evidence) -> Result<Section> {
     let mut section = Section::new("Figure 5: labels in RGB and in CIELAB");
     section.text(
-        "The same filtered pixels and the same labels (equation 7, of the paper's hull), assigned by distance in encoded sRGB and \
-         in CIELAB, with hard edges; from the float64 reference. Labels used is the number of labels that occur in a \
-         view; borders, the share of neighboring pixels whose labels differ, which measures detail.",
+        "The same filtered pixels and the same labels (equation 7, of the paper's hull), assigned by distance in encoded \
+         sRGB and in CIELAB, with hard edges; from the float64 reference. Labels used is the number of labels that \
+         occur in a view; borders, the share of neighboring pixels whose labels differ, which measures detail.",
     );
     let mut rows = Vec::new();
     let mut borders_of = [0.0; 2];

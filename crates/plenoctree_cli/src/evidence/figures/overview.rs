@@ -17,10 +17,10 @@ pub fn section(evidence: &Evidence) -> Result<Section> {
     let mut section = Section::new("Palettes");
     section.text(
         "Every palette that this report compares. The first figures say how far the visible colors of the whole field \
-         are from their nearest labels (equation 7), weighted by visibility; the others, how far posterized pictures are from their \
-         originals, over views that no palette was made from, weighted by opacity. RMSE is the root of the mean \
-         squared difference of a channel, of 255. Hue errors are the share of the chromatic weight that is shown with \
-         an Oklab hue more than 45 degrees off.",
+         are from their nearest labels (equation 7), weighted by visibility; the others, how far posterized pictures \
+         are from their originals, over views that no palette was made from, weighted by opacity. RMSE is the root of \
+         the mean squared difference of a channel, of 255. Hue errors are the share of the chromatic weight that is \
+         shown with an Oklab hue more than 45 degrees off.",
     );
     section.text(
         "Below each color of a palette stands the share of what the palette was made from that is nearest to it: of \

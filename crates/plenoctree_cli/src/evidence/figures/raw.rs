@@ -14,10 +14,10 @@ pub fn section(evidence: &Evidence) -> Result<Section> {
     section.text(format!(
         "640,000 colors, drawn at random among all leaves and all 64 directions of the field's sampling, seen or not. \
          Tan et al. 2016 simplify their convex hull. Wang et al. 2019 optimize that hull: their loss is 20 times the \
-         mean distance of the colors from the palette's polyhedron (reconstruction), plus the mean distance of each palette color from \
-         the center of the 0.1 % of the colors that are nearest to it (representativeness). It fell from {first:.4} to {last:.4} here. Our \
-         choices: the polyhedron is the convex hull of the palette, the loss is measured on 40,000 of the colors, and \
-         the number of colors is given.",
+         mean distance of the colors from the palette's polyhedron (reconstruction), plus the mean distance of each \
+         palette color from the center of the 0.1 % of the colors that are nearest to it (representativeness). It fell \
+         from {first:.4} to {last:.4} here. Our choices: the polyhedron is the convex hull of the palette, the loss is \
+         measured on 40,000 of the colors, and the number of colors is given.",
     ));
     let methods = [Method::Tan, Method::Wang, Method::Hull, Method::Fitted];
     section.pictures(evidence.first_view(&methods)?);

@@ -33,8 +33,8 @@ pub fn section(evidence: &mut Evidence) -> Result<Section> {
     let mut section = Section::new("Figure 6: the step width D");
     section.text(
         "The same view and palette (the paper's hull), with step widths from 0 to 0.4. The second row enlarges the \
-         part of the view that changes most, and the last columns are about this part. Flicker is the mean absolute difference of encoded sRGB between this \
-         view and the view half a degree further.",
+         part of the view that changes most, and the last columns are about this part. Flicker is the mean absolute \
+         difference of encoded sRGB between this view and the view half a degree further.",
     );
     let palette = evidence.methods.palette(Method::Hull).clone();
     let camera = evidence.shots[0].camera;

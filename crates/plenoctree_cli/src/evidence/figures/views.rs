@@ -20,8 +20,9 @@ pub fn section(evidence: &Evidence, examples: &[RgbaImage]) -> Result<Section> {
     let mut section = Section::new("Figure 8: palettes from views");
     section.text(
         "Chao et al. 2021 cluster the pixels of one view, or of seven, with k-means (K = 40, from k-means++ centers \
-         with a fixed seed), and simplify the hull of the clusters, as in appendix B of the paper. The one view is the example in which the prop \
-         covers the most pixels. The pictures show a view that is not among the examples; the table, all such views.",
+         with a fixed seed), and simplify the hull of the clusters, as in appendix B of the paper. The one view is the \
+         example in which the prop covers the most pixels. The pictures show a view that is not among the examples; the \
+         table, all such views.",
     );
     let file = evidence.folder.picture("examples", &strip(examples))?;
     let (title, note) = ("the seven example views".into(), String::new());
