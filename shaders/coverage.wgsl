@@ -41,13 +41,14 @@ struct Look {
 
 // Marches as the volume pass does.
 fn look(seen: PropRay, end: f32, prop: u32, h: ptr<function, Harmonics>) -> Look {
-    let limit = max(1.0 - props[prop].min_opacity, view.stop_transmittance);
+    let stop = view.stop_transmittance;
+    let limit = max(1.0 - props[prop].min_opacity, stop);
     var color = vec4(0.0);
     var transmittance = 1.0;
     var covered_at = -1.0;
     var walk = begin(seen.ray, seen.span.x);
     loop {
-        if transmittance < view.stop_transmittance || has_ended(walk, end) {
+        if transmittance < stop || has_ended(seen.ray, walk, end) {
             break;
         }
         let crossing = next_leaf(seen.ray, &walk, end);
@@ -59,7 +60,7 @@ fn look(seen: PropRay, end: f32, prop: u32, h: ptr<function, Harmonics>) -> Look
         let inside = position_of(limit, before, crossing, sigma);
         covered_at = select(covered_at, inside, covered_at < 0.0 && transmittance <= limit);
     }
-    let gone = select(1.0 - transmittance, 1.0, transmittance < view.stop_transmittance);
+    let gone = select(1.0 - transmittance, 1.0, transmittance < stop);
     return Look(covered_at, color * gone / max(color.a, 1e-6));
 }
 

@@ -35,17 +35,22 @@ fn place(index: u32, rows: u32) -> vec3<u32> {
     return vec3(index & ((1u << field.row) - 1u), row & ((1u << rows) - 1u), row >> rows);
 }
 
-// A ray, in units of finest cells. `t` is in world units of the field.
+// A ray, in units of finest cells. `t` is in world units of the field. Along axes where it moves toward lower
+// coordinates, these count from the opposite face of the field instead, so that every ray moves forward.
 struct Ray {
     origin: vec3<f32>,
     direction: vec3<f32>,
     inverse: vec3<f32>,
-    // 1 where the direction is not negative, otherwise 0.
-    forward: vec3<i32>,
+    // The bits that turn coordinates of cells into those of the field, and back.
+    mirror: vec3<i32>,
+    // The depth of the tree, and how many levels of it are below the table. Software rasterizers would load them from
+    // the uniform buffer at every step.
+    depth: u32,
+    table_shift: u32,
 }
 
 struct Walk {
-    // A position in the next cell to visit, in finest cells.
+    // A position in the next cell to visit, in finest cells, counted as the ray counts them.
     position: vec3<i32>,
     t: f32,
 }
@@ -61,15 +66,24 @@ fn make_ray(origin: vec3<f32>, direction: vec3<f32>) -> Ray {
     // Along an axis where its direction is 0, a ray crosses no faces. Replace 0 with a value that is too small to reach
     // a face, but safe to divide by.
     let safe = select(direction, vec3(1e-20), abs(direction) < vec3(1e-20));
-    return Ray(origin, safe, 1.0 / safe, vec3<i32>(safe > vec3(0.0)));
+    let cells = 1i << field.depth;
+    let is_forward = safe > vec3(0.0);
+    return Ray(
+        select(f32(cells) - origin, origin, is_forward),
+        abs(safe),
+        1.0 / abs(safe),
+        select(vec3(cells - 1), vec3(0), is_forward),
+        field.depth,
+        field.depth - field.table_level,
+    );
 }
 
 // Returns where a ray enters and exits a box. The entry is no less than `least`.
 fn clip(ray: Ray, low: vec3<f32>, high: vec3<f32>, least: f32) -> vec2<f32> {
-    let a = (low - ray.origin) * ray.inverse;
-    let b = (high - ray.origin) * ray.inverse;
-    let enter = min(a, b);
-    let leave = max(a, b);
+    let cells = vec3(f32(1u << field.depth));
+    let is_forward = ray.mirror == vec3(0);
+    let enter = (select(cells - high, low, is_forward) - ray.origin) * ray.inverse;
+    let leave = (select(cells - low, high, is_forward) - ray.origin) * ray.inverse;
     return vec2(max(max(max(enter.x, enter.y), enter.z), least), min(min(leave.x, leave.y), leave.z));
 }
 
@@ -78,35 +92,44 @@ fn begin(ray: Ray, t: f32) -> Walk {
     return Walk(clamp(vec3<i32>(floor(ray.origin + t * ray.direction)), vec3(0), vec3(last)), t);
 }
 
-fn is_inside(walk: Walk) -> bool {
-    return all(vec3<u32>(walk.position) < vec3(1u << field.depth));
+fn is_inside(ray: Ray, walk: Walk) -> bool {
+    return ((walk.position.x | walk.position.y | walk.position.z) >> ray.depth) == 0;
 }
 
-// Moves through the cell of `size` at `low` to the neighbor across the face where the ray exits. Positions are
-// integers, so that no cell is missed or visited twice, no matter how short the path through it.
-fn leave(ray: Ray, walk: Walk, low: vec3<i32>, size: i32) -> Walk {
-    let planes = (vec3<f32>(low + size * ray.forward) - ray.origin) * ray.inverse;
+// Moves to the neighbor of a box across the face where the ray exits. `far` is the last finest cell of the box in the
+// direction of the ray. Positions are integers, so that no cell is missed or visited twice, no matter how short the
+// path through it.
+fn leave(ray: Ray, walk: Walk, far: vec3<i32>) -> Walk {
+    let beyond = far + 1;
+    let planes = (vec3<f32>(beyond) - ray.origin) * ray.inverse;
     let exit = max(min(min(planes.x, planes.y), planes.z), walk.t);
-    let next = clamp(vec3<i32>(floor(ray.origin + exit * ray.direction)), low, low + size - 1);
-    let beyond = low - 1 + ray.forward * (size + 1);
+    let next = clamp(vec3<i32>(ray.origin + exit * ray.direction), walk.position, far);
     return Walk(select(next, beyond, planes <= vec3(exit)), exit);
 }
 
-// Counts the bits set before bit `index` (below 64).
-fn count_before(record: vec4<u32>, index: u32) -> u32 {
+// Returns the bits of a record that are set before bit `index` (below 64).
+fn bits_before(record: vec4<u32>, index: u32) -> vec2<u32> {
     let below = (1u << (index & 31u)) - 1u;
-    return select(countOneBits(record.x & below), countOneBits(record.x) + countOneBits(record.y & below), index >= 32u);
+    return select(vec2(record.x & below, 0u), vec2(record.x, record.y & below), index >= 32u);
+}
+
+fn count(bits: vec2<u32>) -> u32 {
+    let ones = countOneBits(bits);
+    return ones.x + ones.y;
 }
 
 struct Cell {
+    // The leaf, or NO_LEAF. Add the number of `bits` to it.
     leaf: u32,
-    // The base-2 logarithm of its width, in finest cells.
-    shift: u32,
+    bits: vec2<u32>,
+    // The last finest cell of the cell, or of an empty box around it, in the direction of the ray.
+    far: vec3<i32>,
 }
 
-// Returns the cell that contains a finest cell.
-fn locate(position: vec3<u32>) -> Cell {
-    var shift = field.depth - field.table_level;
+// Returns the cell at a position along a ray.
+fn locate(ray: Ray, along: vec3<i32>) -> Cell {
+    let position = vec3<u32>(along ^ ray.mirror);
+    var shift = ray.table_shift;
     let entry = position >> vec3(shift);
     var record = textureLoad(table, entry.zy, entry.x, 0);
 #ifdef INNER_RECORDS
@@ -119,9 +142,9 @@ fn locate(position: vec3<u32>) -> Cell {
         let octant = (select(record.x, record.y, part >= 32u) >> (part & 24u)) & 255u;
         if ((octant >> (part & 7u)) & 1u) == 0u {
             // An empty part has no record. Create one that holds its level.
-            record = vec4(0u, 0u, 0u, field.depth - shift - select(0u, 1u, octant == 0u));
+            record = vec4(0u, 0u, 0u, ray.depth - shift - select(0u, 1u, octant == 0u));
         } else {
-            let index = record.z + count_before(record, part);
+            let index = record.z + count(bits_before(record, part));
             let at = place(index, field.record_rows);
             record = textureLoad(records, at.xy, at.z, 0);
         }
@@ -133,12 +156,14 @@ fn locate(position: vec3<u32>) -> Cell {
     let merged = ((record.w >> (part >> 3u)) & 1u) != 0u;
     let first = select(part, part & 56u, merged);
     let is_brick = kind == BRICK;
-    let in_brick = record.z + count_before(record, first);
-    let leaf_in_brick = select(NO_LEAF, in_brick, ((octant >> (first & 7u)) & 1u) != 0u);
-    let leaf_alone = select(NO_LEAF, record.z, kind == WHOLE);
+    let is_leaf = select(kind == WHOLE, ((octant >> (first & 7u)) & 1u) != 0u, is_brick);
+    let size = select(ray.depth - (record.w & 31u), select(0u, 1u, merged || octant == 0u), is_brick);
+    let extents = (select(record.yyy, record.xxx, ray.mirror != vec3(0)) >> vec3(0u, 10u, 20u)) & vec3(1023u);
+    let more = select(extents << vec3(ray.table_shift), vec3(0u), is_brick);
     return Cell(
-        select(leaf_alone, leaf_in_brick, is_brick),
-        select(field.depth - (record.w & 31u), select(0u, 1u, merged || octant == 0u), is_brick),
+        select(NO_LEAF, record.z, is_leaf),
+        bits_before(record, first),
+        (along | vec3((1i << size) - 1)) + vec3<i32>(more),
     );
 }
 
@@ -151,8 +176,8 @@ fn part_at(position: vec3<u32>, shift: u32) -> u32 {
 }
 
 // Returns whether there are no leaves left before `end`.
-fn has_ended(walk: Walk, end: f32) -> bool {
-    return walk.t >= end || !is_inside(walk);
+fn has_ended(ray: Ray, walk: Walk, end: f32) -> bool {
+    return walk.t >= end || !is_inside(ray, walk);
 }
 
 // How many cells a lane visits in search of a leaf while others wait.
@@ -162,23 +187,26 @@ const PATIENCE: u32 = 8u;
 // most lanes shade leaves at once.
 fn next_leaf(ray: Ray, walk: ptr<function, Walk>, end: f32) -> Crossing {
     var crossing = Crossing(NO_LEAF, 0.0, 0.0);
+    var bits = vec2(0u);
     var visited = 0u;
     // Test the condition first. Mesa's software rasterizer mixes up the values of different lanes after a loop that
     // tests it at the end.
     loop {
-        if crossing.leaf != NO_LEAF || visited == PATIENCE || has_ended(*walk, end) {
+        if crossing.leaf != NO_LEAF || visited == PATIENCE || has_ended(ray, *walk, end) {
             break;
         }
         visited += 1u;
-        let cell = locate(vec3<u32>((*walk).position));
-        let size = 1i << cell.shift;
+        let cell = locate(ray, (*walk).position);
         let enter = (*walk).t;
-        *walk = leave(ray, *walk, (*walk).position & vec3(-size), size);
+        *walk = leave(ray, *walk, cell.far);
         crossing = Crossing(cell.leaf, enter, min((*walk).t, end));
+        bits = cell.bits;
     }
     if crossing.leaf == NO_LEAF {
         return Crossing(0u, (*walk).t, (*walk).t);
     }
+    // Counting takes longer than what the loop does with these bits.
+    crossing.leaf += count(bits);
     return crossing;
 }
 

@@ -99,7 +99,7 @@ fn march_to_solid(in: PropRay, end: f32, limit: f32, stop: f32) -> Solid {
     var solid = -1.0;
     var walk = begin(in.ray, in.span.x);
     loop {
-        if transmittance < stop || has_ended(walk, end) {
+        if transmittance < stop || has_ended(in.ray, walk, end) {
             break;
         }
         let crossing = next_leaf(in.ray, &walk, end);

@@ -56,7 +56,7 @@ fn optical_depth(center: vec3<f32>, observer: vec3<f32>) -> f32 {
     var walk = begin(ray, 0.0);
     var depth = 0.0;
     loop {
-        if depth > slice.limit || has_ended(walk, FAR) {
+        if depth > slice.limit || has_ended(ray, walk, FAR) {
             break;
         }
         let crossing = next_leaf(ray, &walk, FAR);

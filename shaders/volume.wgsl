@@ -82,9 +82,12 @@ fn fragment(in: Varying) -> Fragment {
     var opacity = 0.0;
     var transmittance = 1.0;
     var solid = -1.0;
+    // Software rasterizers would load these at every leaf.
+    let stop = view.stop_transmittance;
+    let limit = props[in.prop].solid_transmittance;
     var walk = begin(seen.ray, span.x);
     loop {
-        if transmittance < view.stop_transmittance || has_ended(walk, span.y) {
+        if transmittance < stop || has_ended(seen.ray, walk, span.y) {
             break;
         }
         let crossing = next_leaf(seen.ray, &walk, span.y);
@@ -96,7 +99,6 @@ fn fragment(in: Varying) -> Fragment {
         let before = transmittance;
         transmittance *= exp(-depth);
 #ifndef OVERLAPPING
-        let limit = props[in.prop].solid_transmittance;
         let inside = position_of(limit, before, crossing, sigma);
         solid = select(solid, inside, solid < 0.0 && transmittance <= limit);
 #endif

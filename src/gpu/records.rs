@@ -11,13 +11,17 @@ use plenoctree::{Cell, PlenOctree};
 ///
 /// | kind | x, y | z | w, low bits |
 /// |---|---|---|---|
-/// | empty | | | level of the empty cell |
+/// | empty | how far the empty box around it extends | | level of the empty cell |
 /// | brick: parts are finest cells | bits of cells that begin a leaf | first leaf | bits of octants that are one leaf |
 /// | inner: parts have child records | bits of parts that are not empty | first child record | |
 /// | leaf | | leaf | level of the leaf |
 ///
 /// The parts of a cell are the 64 cells two levels below it. The index of a part has six bits: x, y and z of its
 /// octant, then x, y and z of the part within the octant. Level `l` has `2^l` cells per side.
+///
+/// Rays leave the empty boxes around empty cells of the table in one step. Boxes are larger than the cells of the
+/// octree, which end where its levels do. They extend beyond their cell by the given numbers of cells of the table, ten
+/// bits per axis: in the first word toward lower coordinates, and in the second toward higher ones.
 type Record = [u32; 4];
 
 /// The bits of the last word that store the kind.
@@ -51,7 +55,9 @@ impl Records {
         let table_level = table_level(depth, allowance);
         let mut records =
             Self { depth, table_level, table: vec![[EMPTY; 4]; 1 << (3 * table_level)], children: Vec::new() };
-        records.fill(field, Part::Node(0), 0, [0; 3]);
+        let mut empty = Vec::new();
+        records.fill(field, Part::Node(0), 0, [0; 3], &mut empty);
+        records.extend_empty(&empty);
         records
     }
 
@@ -69,22 +75,63 @@ impl Records {
         count_children(field, 0, 0, table_level(depth, allowance), depth)
     }
 
-    fn fill(&mut self, field: &PlenOctree, part: Part, level: u32, corner: [u32; 3]) {
+    fn fill(&mut self, field: &PlenOctree, part: Part, level: u32, corner: [u32; 3], empty: &mut Vec<Cube>) {
         if level < self.table_level
             && let Part::Node(node) = part
         {
             for (index, cell) in field.nodes()[node as usize].iter().enumerate() {
                 let bits = [index as u32 >> 2, (index as u32 >> 1) & 1, index as u32 & 1];
-                self.fill(field, (*cell).into(), level + 1, std::array::from_fn(|axis| 2 * corner[axis] + bits[axis]));
+                let corner = std::array::from_fn(|axis| 2 * corner[axis] + bits[axis]);
+                self.fill(field, (*cell).into(), level + 1, corner, empty);
             }
             return;
         }
         let record = self.record(field, part, level);
         // A cell above the table's level fills several of its entries.
-        let (width, side) = (1 << (self.table_level - level), 1usize << self.table_level);
-        let [x, y, z] = corner.map(|c| c as usize * width);
+        let width = 1 << (self.table_level - level);
+        let cube = Cube { corner: corner.map(|c| c * width), width };
+        if record[3] & KIND == EMPTY {
+            empty.push(cube);
+        }
+        self.set(cube, record);
+    }
+
+    fn set(&mut self, cube: Cube, record: Record) {
+        let (width, side) = (cube.width as usize, 1usize << self.table_level);
+        let [x, y, z] = cube.corner.map(|c| c as usize);
         for (x, y) in (x..x + width).flat_map(|x| (y..y + width).map(move |y| (x, y))) {
             self.table[(x * side + y) * side + z..][..width].fill(record);
+        }
+    }
+
+    /// Grows a box around each empty cell of the table, one layer of cells after another.
+    fn extend_empty(&mut self, empty: &[Cube]) {
+        let occupied = Occupied::new(&self.table, 1 << self.table_level);
+        for cube in empty {
+            let (mut low, mut high) = (cube.corner, cube.corner.map(|c| c + cube.width));
+            let mut grows = [true; 6];
+            while grows.contains(&true) {
+                for (face, grows) in grows.iter_mut().enumerate().filter(|(_, grows)| **grows) {
+                    let (axis, is_low) = (face / 2, face % 2 == 0);
+                    // The layer of cells beyond this face.
+                    let (mut from, mut to) = (low, high);
+                    if is_low {
+                        (from[axis], to[axis]) = (low[axis].saturating_sub(1), low[axis]);
+                    } else {
+                        (from[axis], to[axis]) = (high[axis], (high[axis] + 1).min(occupied.side));
+                    }
+                    *grows = from[axis] < to[axis] && !occupied.any(from, to);
+                    if *grows && is_low {
+                        low = from;
+                    } else if *grows {
+                        high = to;
+                    }
+                }
+            }
+            let below = std::array::from_fn(|axis| cube.corner[axis] - low[axis]);
+            let above = std::array::from_fn(|axis| high[axis] - cube.corner[axis] - cube.width);
+            let level = self.table_level - cube.width.ilog2();
+            self.set(*cube, [packed(below), packed(above), 0, EMPTY | level]);
         }
     }
 
@@ -131,6 +178,58 @@ impl Records {
             }
         }
         [mask as u32, (mask >> 32) as u32, first as u32, INNER]
+    }
+}
+
+/// A cell of the octree that consists of cells of the table, in whose units it is given.
+#[derive(Clone, Copy)]
+struct Cube {
+    corner: [u32; 3],
+    width: u32,
+}
+
+/// Packs numbers below 1024.
+fn packed(extents: [u32; 3]) -> u32 {
+    extents[0] | extents[1] << 10 | extents[2] << 20
+}
+
+/// Tells which boxes of cells of the table are empty, no matter how large they are.
+struct Occupied {
+    side: u32,
+    /// For every corner, the number of occupied cells whose coordinates are all below it.
+    counts: Vec<u32>,
+}
+
+impl Occupied {
+    fn new(table: &[Record], side: u32) -> Self {
+        let mut occupied = Self { side, counts: vec![0; (side as usize + 1).pow(3)] };
+        let mut cells = table.iter();
+        for (x, y) in (1..=side).flat_map(|x| (1..=side).map(move |y| (x, y))) {
+            let mut row = 0;
+            for (z, record) in (1..=side).zip(&mut cells) {
+                row += u32::from(record[3] & KIND != EMPTY);
+                let before = occupied.below([x - 1, y, z]) + occupied.below([x, y - 1, z]);
+                let count = row + before - occupied.below([x - 1, y - 1, z]);
+                let at = occupied.index([x, y, z]);
+                occupied.counts[at] = count;
+            }
+        }
+        occupied
+    }
+
+    fn index(&self, [x, y, z]: [u32; 3]) -> usize {
+        let side = self.side as usize + 1;
+        (x as usize * side + y as usize) * side + z as usize
+    }
+
+    fn below(&self, corner: [u32; 3]) -> u32 {
+        self.counts[self.index(corner)]
+    }
+
+    /// Returns whether a box has occupied cells.
+    fn any(&self, low: [u32; 3], high: [u32; 3]) -> bool {
+        let column = |x, y| self.below([x, y, high[2]]) - self.below([x, y, low[2]]);
+        column(high[0], high[1]) + column(low[0], low[1]) != column(low[0], high[1]) + column(high[0], low[1])
     }
 }
 
@@ -196,10 +295,9 @@ mod tests {
     use plenoctree::{Activation, Basis, Frame, LeafCell, UpAxis};
     use proptest::prelude::*;
 
-    /// Finds the leaf at `position` as the shader does. Also returns the corner and the width of its cell, in finest
-    /// cells.
-    fn locate(records: &Records, position: UVec3) -> (Option<u32>, UVec3, u32) {
-        let cell = |shift: u32| ((position >> shift) << shift, 1 << shift);
+    /// Finds the leaf at `position` as the shader does. Also returns its cell, or an empty box, in finest cells.
+    fn locate(records: &Records, position: UVec3) -> (Option<u32>, [UVec3; 2]) {
+        let cell = |shift: u32| [(position >> shift) << shift, ((position >> shift) + 1) << shift];
         let mut shift = records.depth - records.table_level;
         let [x, y, z] = (position >> shift).to_array().map(|c| c as usize);
         let side = 1 << records.table_level;
@@ -212,8 +310,11 @@ mod tests {
             let mask = u64::from(record[1]) << 32 | u64::from(record[0]);
             let kind = record[3] & KIND;
             if kind == EMPTY || kind == LEAF {
-                let (corner, size) = cell(records.depth - (record[3] & 31));
-                return ((kind == LEAF).then_some(record[2]), corner, size);
+                let [low, high] = cell(records.depth - (record[3] & 31));
+                let extents = |word: u32| (UVec3::splat(word) >> UVec3::new(0, 10, 20)) & 1023;
+                let [below, above] =
+                    [record[0], record[1]].map(|word| extents(word) << (records.depth - records.table_level));
+                return ((kind == LEAF).then_some(record[2]), [low - below, high + above]);
             }
             shift -= 2;
             let (octant, part) = (at(shift + 1), at(shift));
@@ -221,16 +322,14 @@ mod tests {
             if kind == BRICK {
                 if record[3] >> octant & 1 == 1 {
                     let rank = (mask & ((1 << (8 * octant)) - 1)).count_ones();
-                    let (corner, size) = cell(1);
-                    return (Some(record[2] + rank), corner, size);
+                    return (Some(record[2] + rank), cell(1));
                 }
                 let rank = (mask & ((1 << index) - 1)).count_ones();
-                let (corner, size) = cell(u32::from(mask >> (8 * octant) & 0xff == 0));
-                return ((mask >> index & 1 == 1).then_some(record[2] + rank), corner, size);
+                let shift = u32::from(mask >> (8 * octant) & 0xff == 0);
+                return ((mask >> index & 1 == 1).then_some(record[2] + rank), cell(shift));
             }
             if mask >> index & 1 == 0 {
-                let (corner, size) = cell(shift + u32::from(mask >> (8 * octant) & 0xff == 0));
-                return (None, corner, size);
+                return (None, cell(shift + u32::from(mask >> (8 * octant) & 0xff == 0)));
             }
             record = records.children[record[2] as usize + (mask & ((1 << index) - 1)).count_ones() as usize];
         }
@@ -261,7 +360,7 @@ mod tests {
     }
 
     proptest! {
-        /// Records hold the same leaves as the octree, and no cell that rays skip as empty overlaps a leaf.
+        /// Records hold the same leaves as the octree, and no box that rays skip as empty overlaps a leaf.
         #[test]
         fn records_say_what_the_octree_says(
             choices in prop::collection::vec(any::<u8>(), 64..600),
@@ -274,15 +373,14 @@ mod tests {
             let scale = 1 << (records.depth - field.depth());
             for leaf in field.leaf_cells() {
                 let found = locate(&records, leaf.corner * scale);
-                prop_assert_eq!(found, (Some(leaf.leaf), leaf.corner * scale, leaf.size * scale));
+                prop_assert_eq!(found, (Some(leaf.leaf), [leaf.corner, leaf.corner + leaf.size].map(|corner| corner * scale)));
             }
             for point in points {
                 let position = UVec3::from(point) & ((1 << records.depth) - 1);
-                let (leaf, corner, width) = locate(&records, position);
+                let (leaf, [low, high]) = locate(&records, position);
                 prop_assert_eq!(leaf, field.locate(position / scale).0.as_leaf());
                 let touches = |cell: LeafCell| {
-                    let (low, high) = (cell.corner * scale, (cell.corner + cell.size) * scale);
-                    corner.cmplt(high).all() && (corner + width).cmpgt(low).all()
+                    low.cmplt((cell.corner + cell.size) * scale).all() && high.cmpgt(cell.corner * scale).all()
                 };
                 prop_assert!(leaf.is_some() || !field.leaf_cells().any(touches));
             }
