@@ -10,7 +10,7 @@
 #import bevy_plenoctree::prop_ray::{PropRay, Varying, position_of, ray_at}
 #import bevy_plenoctree::radiance::{Harmonics, harmonics, radiance}
 #import bevy_plenoctree::scene::scene_value
-#import bevy_plenoctree::view::{FAR_AWAY, NOWHERE, is_solid, owner_of, props, stale, view, view_distance}
+#import bevy_plenoctree::view::{FAR_AWAY, NOWHERE, Prop, is_solid, owner_of, props, stale, view, view_distance}
 
 // The result of the outline pass.
 @group(2) @binding(0) var outline: texture_2d<u32>;
@@ -39,16 +39,29 @@ struct Look {
     color: vec4<f32>,
 }
 
+// The transmittance at which rays stop, unless they do not count as covered there. What is behind hardly changes the
+// color from which the label of a part of a pixel follows.
+const STOP: f32 = 0.1;
+
+// The transmittances at which a ray counts as covered, and at which it stops.
+struct Transmittances {
+    covered: f32,
+    stop: f32,
+}
+
+fn transmittances_of(prop: Prop) -> Transmittances {
+    let covered = max(1.0 - prop.min_opacity, view.stop_transmittance);
+    return Transmittances(covered, max(min(STOP, covered), view.stop_transmittance));
+}
+
 // Marches as the volume pass does.
-fn look(seen: PropRay, end: f32, prop: u32, h: ptr<function, Harmonics>) -> Look {
-    let stop = view.stop_transmittance;
-    let limit = max(1.0 - props[prop].min_opacity, stop);
+fn look(seen: PropRay, end: f32, at: Transmittances, h: ptr<function, Harmonics>) -> Look {
     var color = vec4(0.0);
     var transmittance = 1.0;
     var covered_at = -1.0;
     var walk = begin(seen.ray, seen.span.x);
     loop {
-        if transmittance < stop || has_ended(seen.ray, walk, end) {
+        if transmittance < at.stop || has_ended(seen.ray, walk, end) {
             break;
         }
         let crossing = next_leaf(seen.ray, &walk, end);
@@ -57,10 +70,10 @@ fn look(seen: PropRay, end: f32, prop: u32, h: ptr<function, Harmonics>) -> Look
         transmittance *= exp(-sigma * (crossing.exit - crossing.enter));
         let weight = before - transmittance;
         color += weight * vec4(radiance(crossing.leaf, h), 1.0);
-        let inside = position_of(limit, before, crossing, sigma);
-        covered_at = select(covered_at, inside, covered_at < 0.0 && transmittance <= limit);
+        let inside = position_of(at.covered, before, crossing, sigma);
+        covered_at = select(covered_at, inside, covered_at < 0.0 && transmittance <= at.covered);
     }
-    let gone = select(1.0 - transmittance, 1.0, transmittance < stop);
+    let gone = select(1.0 - transmittance, 1.0, transmittance < at.stop);
     return Look(covered_at, color * gone / max(color.a, 1e-6));
 }
 
@@ -135,7 +148,7 @@ fn start(pixel: vec2<i32>, prop: u32) -> f32 {
         }
     }
     // Within the pixel, the surface may come nearer by as much as it does around it.
-    let before = (2.0 * nearest - farthest - props[prop].near) * ray_at(prop, vec2<f32>(pixel) + 0.5).length;
+    let before = (2.0 * nearest - farthest - props[prop].near) * ray_at(props[prop], vec2<f32>(pixel) + 0.5).length;
     let scale = props[prop].scale;
     let cell = 1.0 / (max(max(scale.x, scale.y), scale.z) * f32(1u << field.depth));
     return select(0.0, before - LEAD * cell, nearest < FAR_AWAY);
@@ -247,7 +260,10 @@ fn fragment(in: Varying) -> Fragment {
 
     let begins = start(pixel, in.prop);
     // Within a pixel, the direction hardly changes.
-    var h = harmonics(ray_at(in.prop, in.position.xy).unit);
+    // Software rasterizers would load these for every ray.
+    let prop = props[in.prop];
+    let transmittances = transmittances_of(prop);
+    var h = harmonics(ray_at(prop, in.position.xy).unit);
     var first = Color(0u, vec4(0.0));
     var second = Color(0u, vec4(0.0));
     var thin = vec4(0.0);
@@ -272,7 +288,7 @@ fn fragment(in: Varying) -> Fragment {
             bits = 3u << (2u * ray);
             offset = offset_of_four(ray);
         }
-        var seen = ray_at(in.prop, in.position.xy + offset);
+        var seen = ray_at(prop, in.position.xy + offset);
         seen.span.x = max(seen.span.x, begins);
 #ifdef MULTISAMPLED
         let limit = limits[sample_of(ray, #{SAMPLES}u)];
@@ -282,9 +298,9 @@ fn fragment(in: Varying) -> Fragment {
         let limit = max(scene + dot(across, offset), 0.0);
         let last = limit;
 #endif
-        let end = min(seen.span.y, (view_distance(last) - props[in.prop].near) * seen.length);
-        let found = look(seen, end, in.prop, &h);
-        let distance = props[in.prop].near + found.covered_at / seen.length;
+        let end = min(seen.span.y, (view_distance(last) - prop.near) * seen.length);
+        let found = look(seen, end, transmittances, &h);
+        let distance = prop.near + found.covered_at / seen.length;
         let is_covered = found.covered_at >= 0.0 && distance < view_distance(limit);
 #ifdef OF_OWNERS
         places |= packed(ray, select(-1.0, found.covered_at / seen.length, is_covered));
@@ -333,10 +349,10 @@ fn fragment(in: Varying) -> Fragment {
 #else
             let limit = scene;
 #endif
-            var seen = ray_at(in.prop, in.position.xy);
+            var seen = ray_at(prop, in.position.xy);
             seen.span.x = max(seen.span.x, begins);
-            let end = min(seen.span.y, (view_distance(limit) - props[in.prop].near) * seen.length);
-            let center = look(seen, end, in.prop, &h);
+            let end = min(seen.span.y, (view_distance(limit) - prop.near) * seen.length);
+            let center = look(seen, end, transmittances, &h);
             let others = RAYS - countOneBits(covered | hidden);
             if center.covered_at < 0.0 && others > 0u && !hides {
                 own_color = thinned(center.color, thin * f32(RAYS) / f32(others));

@@ -10,7 +10,7 @@
 #ifndef SHADOW_MAP
 #import bevy_plenoctree::scene::scene_distance
 #endif
-#import bevy_plenoctree::view::{props, solid_depth, view, view_distance}
+#import bevy_plenoctree::view::{Prop, props, solid_depth, view, view_distance}
 
 // What `box.wgsl` passes to fragments.
 struct Varying {
@@ -54,7 +54,7 @@ fn prop_ray(in: Varying) -> PropRay {
     let beyond = vec2(pixel_of_gap - row * view.spacing, row);
     pixel = (square * gaps_across() + gap) * view.spacing + beyond;
 #endif
-    var seen = ray_at(in.prop, vec2<f32>(pixel) + 0.5);
+    var seen = ray_at(props[in.prop], vec2<f32>(pixel) + 0.5);
 #ifndef SHADOW_MAP
     seen.span.y = min(seen.span.y, (scene_distance(pixel) - props[in.prop].near) * seen.length);
 #endif
@@ -65,14 +65,14 @@ fn prop_ray(in: Varying) -> PropRay {
 }
 
 // Returns the ray through a point of the viewport, as if there were nothing else in the scene.
-fn ray_at(prop: u32, at: vec2<f32>) -> PropRay {
-    let point = vec3(1.0, at - props[prop].reference);
+fn ray_at(prop: Prop, at: vec2<f32>) -> PropRay {
+    let point = vec3(1.0, at - prop.reference);
     let cells = f32(1u << field.depth);
-    let toward = props[prop].direction * point;
+    let toward = prop.direction * point;
     let length = length(toward);
     let unit = toward / length;
-    let ray = make_ray(props[prop].origin * point * cells, unit * props[prop].scale * cells);
-    return PropRay(at, ray, unit, length, clip(ray, props[prop].low * cells, props[prop].high * cells, 0.0));
+    let ray = make_ray(prop.origin * point * cells, unit * prop.scale * cells);
+    return PropRay(at, ray, unit, length, clip(ray, prop.low * cells, prop.high * cells, 0.0));
 }
 
 // Returns where the ray reaches a depth.
