@@ -23,9 +23,16 @@ struct Field {
 }
 
 @group(1) @binding(0) var<uniform> field: Field;
+#ifdef STORED
+@group(1) @binding(1) var table: texture_storage_2d_array<rgba32uint, read>;
+#ifdef INNER_RECORDS
+@group(1) @binding(2) var records: texture_storage_2d_array<rgba32uint, read>;
+#endif
+#else
 @group(1) @binding(1) var table: texture_2d_array<u32>;
 #ifdef INNER_RECORDS
 @group(1) @binding(2) var records: texture_2d_array<u32>;
+#endif
 #endif
 @group(1) @binding(3) var densities: texture_2d_array<f32>;
 
@@ -34,6 +41,25 @@ fn place(index: u32, rows: u32) -> vec3<u32> {
     let row = index >> field.row;
     return vec3(index & ((1u << field.row) - 1u), row & ((1u << rows) - 1u), row >> rows);
 }
+
+fn table_record(entry: vec3<u32>) -> vec4<u32> {
+#ifdef STORED
+    return textureLoad(table, entry.zy, entry.x);
+#else
+    return textureLoad(table, entry.zy, entry.x, 0);
+#endif
+}
+
+#ifdef INNER_RECORDS
+fn child_record(index: u32) -> vec4<u32> {
+    let at = place(index, field.record_rows);
+#ifdef STORED
+    return textureLoad(records, at.xy, at.z);
+#else
+    return textureLoad(records, at.xy, at.z, 0);
+#endif
+}
+#endif
 
 // A ray, in units of finest cells. `t` is in world units of the field. Along axes where it moves toward lower
 // coordinates, these count from the opposite face of the field instead, so that every ray moves forward.
@@ -131,7 +157,7 @@ fn locate(ray: Ray, along: vec3<i32>) -> Cell {
     let position = vec3<u32>(along ^ ray.mirror);
     var shift = ray.table_shift;
     let entry = position >> vec3(shift);
-    var record = textureLoad(table, entry.zy, entry.x, 0);
+    var record = table_record(entry);
 #ifdef INNER_RECORDS
     loop {
         if (record.w & KIND) != INNER {
@@ -145,8 +171,7 @@ fn locate(ray: Ray, along: vec3<i32>) -> Cell {
             record = vec4(0u, 0u, 0u, ray.depth - shift - select(0u, 1u, octant == 0u));
         } else {
             let index = record.z + count(bits_before(record, part));
-            let at = place(index, field.record_rows);
-            record = textureLoad(records, at.xy, at.z, 0);
+            record = child_record(index);
         }
     }
 #endif

@@ -6,9 +6,38 @@
 #import bevy_plenoctree::constants::HARMONICS
 #import bevy_plenoctree::octree::{field, place}
 
+#ifdef STORED
+#ifdef CODEBOOK
+@group(1) @binding(4) var coefficients: texture_storage_2d_array<rg32uint, read>;
+@group(1) @binding(5) var codebook: texture_storage_2d_array<rg32uint, read>;
+#else
+@group(1) @binding(4) var coefficients: texture_storage_2d_array<rgba32uint, read>;
+#endif
+#else
 @group(1) @binding(4) var coefficients: texture_2d_array<u32>;
 #ifdef CODEBOOK
 @group(1) @binding(5) var codebook: texture_2d_array<u32>;
+#endif
+#endif
+
+fn coefficient_texel(index: u32) -> vec4<u32> {
+    let at = place(index, field.coefficient_rows);
+#ifdef STORED
+    return textureLoad(coefficients, at.xy, at.z);
+#else
+    return textureLoad(coefficients, at.xy, at.z, 0);
+#endif
+}
+
+#ifdef CODEBOOK
+fn codebook_texel(index: u32) -> vec2<u32> {
+    let at = place(index, field.codebook_rows);
+#ifdef STORED
+    return textureLoad(codebook, at.xy, at.z).xy;
+#else
+    return textureLoad(codebook, at.xy, at.z, 0).xy;
+#endif
+}
 #endif
 
 // The values of the basis functions in one direction. Functions that the field does not have are 0.
@@ -72,8 +101,7 @@ fn harmonics(d: vec3<f32>) -> Harmonics {
 fn others(row: u32, h: ptr<function, Harmonics>) -> f32 {
     var sum = 0.0;
     for (var index = 0u; index < #{USED}u; index++) {
-        let at = place(row + index, field.codebook_rows);
-        let words = textureLoad(codebook, at.xy, at.z, 0).xy;
+        let words = codebook_texel(row + index);
         let w = 8u * index;
         sum += dot(unpack4x8snorm(words.x), vec4((*h).y[w + 1u], (*h).y[w + 2u], (*h).y[w + 3u], (*h).y[w + 4u]));
         sum += dot(unpack4x8snorm(words.y), vec4((*h).y[w + 5u], (*h).y[w + 6u], (*h).y[w + 7u], (*h).y[w + 8u]));
@@ -84,8 +112,7 @@ fn others(row: u32, h: ptr<function, Harmonics>) -> f32 {
 
 // Returns the sums of the channels' harmonics.
 fn sums(index: u32, h: ptr<function, Harmonics>) -> vec3<f32> {
-    let at = place(index, field.coefficient_rows);
-    let leaf = textureLoad(coefficients, at.xy, at.z, 0).xy;
+    let leaf = coefficient_texel(index).xy;
     // Luma has 12 bits, and the differences have 10 each.
     let color = bitcast<i32>(leaf.x);
     let steps = vec3((color << 20u) >> 20u, (color << 10u) >> 22u, color >> 22u);
@@ -105,8 +132,7 @@ struct Leaf {
 fn load(leaf: u32) -> Leaf {
     var texels: Leaf;
     for (var index = 0u; index < #{TEXELS}u; index++) {
-        let at = place(leaf * #{TEXELS}u + index, field.coefficient_rows);
-        texels.texels[index] = textureLoad(coefficients, at.xy, at.z, 0);
+        texels.texels[index] = coefficient_texel(leaf * #{TEXELS}u + index);
     }
     return texels;
 }

@@ -4,6 +4,7 @@ mod budget;
 mod constants;
 mod errors;
 mod field;
+mod layout;
 mod level;
 mod levels;
 mod payload;
@@ -15,18 +16,21 @@ mod slices;
 mod systems;
 mod textures;
 mod upload;
+mod words;
 
 pub use budget::UploadBudget;
 pub use constants::MAX_PROPS_IN_VIEW;
 pub(crate) use constants::SAMPLING_WORKGROUP;
 pub(crate) use errors::Allocator;
 pub use field::GpuField;
+pub(crate) use layout::{FieldLayouts, TreeShape};
 pub(crate) use level::Level;
 pub use report::{FieldFailed, FieldReady, ViewFailed, ViewTooLarge};
 pub(crate) use report::{FieldReports, GpuStatus};
 pub(crate) use shaders::{Shaders, field_definitions};
 pub use upload::FieldTooLarge;
-pub(crate) use upload::{FieldLayout, FieldShape, GpuLevel};
+pub(crate) use upload::{FieldShape, GpuLevel};
+pub(crate) use words::WordTextures;
 
 use bevy::{
     prelude::*,
@@ -37,6 +41,10 @@ use bevy::{
 };
 
 use crate::sets::{PlenOctreeRenderSystems, PlenOctreeSystems};
+
+/// The systems in `RenderStartup` that run before anything creates pipelines that march.
+#[derive(SystemSet, Clone, Debug, PartialEq, Eq, Hash)]
+pub(crate) struct InitFields;
 
 /// Uploads every loaded [`PlenOctree`](plenoctree::PlenOctree) to the GPU.
 pub(crate) struct GpuFieldPlugin;
@@ -62,8 +70,10 @@ impl Plugin for GpuFieldPlugin {
                 .insert_resource(shaders)
                 .insert_resource(reports)
                 .init_resource::<report::RenderedFrame>()
-                .init_resource::<FieldLayout>()
-                .add_systems(RenderStartup, report::report_new_device)
+                .add_systems(
+                    RenderStartup,
+                    (report::report_new_device, (words::init, layout::init).chain().in_set(InitFields)),
+                )
                 .add_systems(ExtractSchedule, report::extract_frame)
                 .add_systems(
                     Render,

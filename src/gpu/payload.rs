@@ -37,6 +37,10 @@ impl Payload {
         Self { basis, layout }
     }
 
+    pub fn has_codebook(self) -> bool {
+        self.layout == Layout::Codebook
+    }
+
     /// Returns the number of 32-bit words per channel, without the two leading words of a leaf with bytes. With
     /// codebooks, they are words of a part of a row.
     pub fn words_per_channel(self) -> usize {

@@ -100,9 +100,9 @@ impl Shaders {
     }
 }
 
-/// Returns the shader definitions for `octree.wgsl` and `radiance.wgsl`.
+/// Returns the shader definitions for `radiance.wgsl`, besides those for `octree.wgsl`.
 pub(crate) fn field_definitions(shape: FieldShape) -> Vec<ShaderDefVal> {
-    let FieldShape { payload, activation, inner_records } = shape;
+    let FieldShape { payload, activation, .. } = shape;
     let functions = payload.basis.functions();
     let used = match payload.layout {
         Layout::Halves => functions.div_ceil(2),
@@ -118,9 +118,8 @@ pub(crate) fn field_definitions(shape: FieldShape) -> Vec<ShaderDefVal> {
             definitions.push(name.into());
         }
     };
-    define("INNER_RECORDS", inner_records);
     define("COMPACT", payload.layout == Layout::Bytes);
-    define("CODEBOOK", payload.layout == Layout::Codebook);
+    define("CODEBOOK", payload.has_codebook());
     define("RGBA", payload.basis == Basis::Rgba);
     for (degree, name) in ["DEGREE_1", "DEGREE_2", "DEGREE_3", "DEGREE_4"].into_iter().enumerate() {
         define(name, functions > (degree + 1) * (degree + 1));

@@ -87,7 +87,14 @@ impl Layers {
         self.width as usize * self.rows as usize
     }
 
-    pub fn texture(self, device: &RenderDevice, label: &'static str, format: TextureFormat) -> Texture {
+    /// Creates the texture for a `usage` besides being written.
+    pub fn texture(
+        self,
+        device: &RenderDevice,
+        label: &'static str,
+        format: TextureFormat,
+        usage: TextureUsages,
+    ) -> Texture {
         device.create_texture(&TextureDescriptor {
             label: Some(label),
             size: Extent3d { width: self.width, height: self.rows, depth_or_array_layers: self.count },
@@ -95,7 +102,7 @@ impl Layers {
             sample_count: 1,
             dimension: TextureDimension::D2,
             format,
-            usage: TextureUsages::TEXTURE_BINDING | TextureUsages::COPY_DST,
+            usage: usage | TextureUsages::COPY_DST,
             view_formats: &[],
         })
     }

@@ -7,9 +7,8 @@ use bevy::{
     prelude::*,
     render::{
         render_resource::{
-            BindGroup, BindGroupEntries, BindGroupLayoutDescriptor, BindGroupLayoutEntries, PipelineCache,
-            ShaderStages, ShaderType, Texture, TextureFormat, TextureSampleType, UniformBuffer,
-            binding_types::{texture_2d_array, uniform_buffer},
+            BindGroup, BindGroupEntries, PipelineCache, ShaderType, Texture, TextureFormat, TextureUsages,
+            UniformBuffer,
         },
         renderer::{RenderDevice, RenderQueue},
     },
@@ -20,9 +19,11 @@ use plenoctree::{Activation, PlenOctree};
 
 use super::{
     errors::DriverErrors,
+    layout::{FieldLayouts, PACKED_WORDS, WORDS},
     payload::Payload,
     records::Records,
     textures::{self, Grid, Layers},
+    words::WordTextures,
 };
 use crate::background;
 
@@ -75,7 +76,7 @@ pub(crate) struct FieldShape {
 
 /// Matches `Field` in `octree.wgsl`.
 #[derive(Clone, Copy, ShaderType)]
-struct FieldUniform {
+pub(super) struct FieldUniform {
     depth: u32,
     table_level: u32,
     row: u32,
@@ -86,31 +87,6 @@ struct FieldUniform {
     chroma: u32,
     color_step: f32,
     table_scale: f32,
-}
-
-/// The layout of a field's bind group: its uniform, table records, child records, densities, coefficients, and the
-/// codebook of a packed field. Other fields bind their coefficients in its place.
-#[derive(Resource, Clone)]
-pub struct FieldLayout(pub(crate) BindGroupLayoutDescriptor);
-
-impl Default for FieldLayout {
-    fn default() -> Self {
-        let words = || texture_2d_array(TextureSampleType::Uint);
-        Self(BindGroupLayoutDescriptor::new(
-            "plenoctree_field",
-            &BindGroupLayoutEntries::sequential(
-                ShaderStages::FRAGMENT | ShaderStages::COMPUTE,
-                (
-                    uniform_buffer::<FieldUniform>(false),
-                    words(),
-                    words(),
-                    texture_2d_array(TextureSampleType::Float { filterable: false }),
-                    words(),
-                    words(),
-                ),
-            ),
-        ))
-    }
 }
 
 /// An array on the GPU: what it holds, its size in bytes, and the size of a texel.
@@ -235,7 +211,8 @@ pub(super) struct Uploader<'w> {
     pub device: Res<'w, RenderDevice>,
     pub queue: Res<'w, RenderQueue>,
     pipelines: Res<'w, PipelineCache>,
-    layout: Res<'w, FieldLayout>,
+    layouts: Res<'w, FieldLayouts>,
+    words: Res<'w, WordTextures>,
 }
 
 impl Uploader<'_> {
@@ -275,24 +252,25 @@ impl Uploader<'_> {
         let mut uniform = UniformBuffer::from(uniform);
         uniform.set_label(Some("plenoctree_field"));
         uniform.write_buffer(device, queue);
-        let words = TextureFormat::Rgba32Uint;
         let (of_densities, of_leaves) = match codebook {
-            None => (TextureFormat::R32Float, words),
-            Some(_) => (TextureFormat::R16Float, TextureFormat::Rg32Uint),
+            None => (TextureFormat::R32Float, WORDS),
+            Some(_) => (TextureFormat::R16Float, PACKED_WORDS),
         };
+        let usage = self.words.usage();
         let mut textures = vec![
-            layers[0].texture(device, "plenoctree_table", words),
-            layers[1].texture(device, "plenoctree_records", words),
-            layers[2].texture(device, "plenoctree_densities", of_densities),
-            layers[3].texture(device, "plenoctree_coefficients", of_leaves),
+            layers[0].texture(device, "plenoctree_table", WORDS, usage),
+            layers[1].texture(device, "plenoctree_records", WORDS, usage),
+            layers[2].texture(device, "plenoctree_densities", of_densities, TextureUsages::TEXTURE_BINDING),
+            layers[3].texture(device, "plenoctree_coefficients", of_leaves, usage),
         ];
         if codebook.is_some() {
-            textures.push(layers[4].texture(device, "plenoctree_codebook", TextureFormat::Rg32Uint));
+            textures.push(layers[4].texture(device, "plenoctree_codebook", PACKED_WORDS, usage));
         }
         let views: [_; 5] = std::array::from_fn(|index| textures::view(&textures[index.min(textures.len() - 1)]));
+        let shape = FieldShape { payload, activation: field.activation(), inner_records: !records.children.is_empty() };
         let bind_group = self.device.create_bind_group(
             "plenoctree_field",
-            &self.pipelines.get_bind_group_layout(&self.layout.0),
+            &self.pipelines.get_bind_group_layout(self.layouts.of(shape.into())),
             &BindGroupEntries::sequential((&uniform, &views[0], &views[1], &views[2], &views[3], &views[4])),
         );
         let bytes = textures.iter().map(|texture| {
@@ -302,7 +280,7 @@ impl Uploader<'_> {
         });
         let level = GpuLevel {
             bind_group,
-            shape: FieldShape { payload, activation: field.activation(), inner_records: !records.children.is_empty() },
+            shape,
             bounds: field.tree_bounds(),
             bytes: bytes.sum(),
             queue: RenderQueue::clone(queue),
@@ -316,6 +294,10 @@ pub(super) type Textures = Vec<(Texture, Layers)>;
 
 #[cfg(all(test, feature = "headless"))]
 mod tests {
+    use bevy::render::render_resource::{
+        BindGroupLayoutDescriptor, BindGroupLayoutEntries, ShaderStages, binding_types::uniform_buffer,
+    };
+
     use super::*;
     use crate::tests::layouts::read_back;
 

@@ -16,7 +16,7 @@ use super::{
     refine::{BATCH, RaysOf, batch_side, batches},
     view::{DrawnProp, ViewLayouts, ViewProps},
 };
-use crate::gpu::{FieldLayout, Shaders};
+use crate::gpu::{FieldLayouts, Shaders, TreeShape};
 
 /// The number of vertices of a box.
 const BOX_VERTICES: u32 = 36;
@@ -29,7 +29,7 @@ pub(super) struct Boxes {
     fragment: Handle<Shader>,
     with_depth: [BindGroupLayoutDescriptor; 2],
     with_batches: [BindGroupLayoutDescriptor; 2],
-    field: BindGroupLayoutDescriptor,
+    fields: FieldLayouts,
 }
 
 impl Boxes {
@@ -38,7 +38,7 @@ impl Boxes {
         fragment: &Handle<Shader>,
         shaders: &Shaders,
         views: &ViewLayouts,
-        field: &FieldLayout,
+        fields: &FieldLayouts,
     ) -> Self {
         Self {
             label,
@@ -47,7 +47,7 @@ impl Boxes {
             fragment: fragment.clone(),
             with_depth: views.with_depth.clone(),
             with_batches: views.with_batches.clone(),
-            field: field.0.clone(),
+            fields: fields.clone(),
         }
     }
 
@@ -55,10 +55,12 @@ impl Boxes {
     pub fn pipeline(
         &self,
         mut definitions: Vec<ShaderDefVal>,
+        tree: TreeShape,
         rays: RaysOf,
         multisampled: bool,
         targets: &[ColorTargetState],
     ) -> RenderPipelineDescriptor {
+        definitions.extend(self.fields.definitions(tree));
         if multisampled {
             definitions.push("MULTISAMPLED".into());
         }
@@ -72,7 +74,7 @@ impl Boxes {
         };
         RenderPipelineDescriptor {
             label: Some(self.label.into()),
-            layout: vec![views[usize::from(multisampled)].clone(), self.field.clone()],
+            layout: vec![views[usize::from(multisampled)].clone(), self.fields.of(tree).clone()],
             vertex: VertexState {
                 shader: vertex.clone(),
                 shader_defs: definitions.clone(),

@@ -10,7 +10,7 @@ use bevy::{
     shader::Shader,
 };
 
-use crate::gpu::{FieldLayout, FieldShape, Shaders, field_definitions};
+use crate::gpu::{FieldLayouts, FieldShape, Shaders, field_definitions};
 
 /// Matches `Slice` in `sampling.wgsl`.
 #[derive(ShaderType, Clone, Copy)]
@@ -28,10 +28,10 @@ pub(super) struct SliceUniform {
 pub(super) struct SamplingPipeline {
     shader: Handle<Shader>,
     pub layout: BindGroupLayoutDescriptor,
-    field: FieldLayout,
+    fields: FieldLayouts,
 }
 
-pub(super) fn init(mut commands: Commands, shaders: Res<Shaders>, field: Res<FieldLayout>) {
+pub(super) fn init(mut commands: Commands, shaders: Res<Shaders>, fields: Res<FieldLayouts>) {
     commands.insert_resource(SamplingPipeline {
         shader: shaders.sampling.clone(),
         layout: BindGroupLayoutDescriptor::new(
@@ -46,7 +46,7 @@ pub(super) fn init(mut commands: Commands, shaders: Res<Shaders>, field: Res<Fie
                 ),
             ),
         ),
-        field: field.clone(),
+        fields: fields.clone(),
     });
 }
 
@@ -56,9 +56,9 @@ impl SpecializedComputePipeline for SamplingPipeline {
     fn specialize(&self, shape: FieldShape) -> ComputePipelineDescriptor {
         ComputePipelineDescriptor {
             label: Some("plenoctree_sampling".into()),
-            layout: vec![self.layout.clone(), self.field.0.clone()],
+            layout: vec![self.layout.clone(), self.fields.of(shape.into()).clone()],
             shader: self.shader.clone(),
-            shader_defs: field_definitions(shape),
+            shader_defs: [field_definitions(shape), self.fields.definitions(shape.into())].concat(),
             entry_point: Some("sample".into()),
             ..default()
         }

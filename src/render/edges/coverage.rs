@@ -12,7 +12,7 @@ use bevy::{
 
 use super::textures::{PLACES_FORMAT, coverage_targets, mask_test};
 use crate::{
-    gpu::{FieldLayout, FieldShape, Shaders, field_definitions},
+    gpu::{FieldLayouts, FieldShape, Shaders, field_definitions},
     render::{boxes::Boxes, fullscreen::target, refine::RaysOf, view::ViewLayouts},
 };
 
@@ -49,7 +49,7 @@ pub(super) struct CoverageKey {
     pub part: Part,
 }
 
-pub(super) fn init(mut commands: Commands, views: Res<ViewLayouts>, field: Res<FieldLayout>, shaders: Res<Shaders>) {
+pub(super) fn init(mut commands: Commands, views: Res<ViewLayouts>, fields: Res<FieldLayouts>, shaders: Res<Shaders>) {
     let label = "plenoctree_coverage";
     let owner = texture_2d(TextureSampleType::Float { filterable: false });
     let textures = (texture_2d(TextureSampleType::Uint), owner, texture_depth_2d());
@@ -57,7 +57,7 @@ pub(super) fn init(mut commands: Commands, views: Res<ViewLayouts>, field: Res<F
     let mut with_places = entries.clone();
     with_places.push(texture_2d(TextureSampleType::Uint).build(3, ShaderStages::FRAGMENT));
     commands.insert_resource(CoveragePipeline {
-        boxes: Boxes::new(label, &shaders.coverage, &shaders, &views, &field),
+        boxes: Boxes::new(label, &shaders.coverage, &shaders, &views, &fields),
         shader: shaders.coverage.clone(),
         label,
         layout: BindGroupLayoutDescriptor::new(label, &entries),
@@ -86,7 +86,8 @@ impl SpecializedRenderPipeline for CoveragePipeline {
             }
             Part::OfOthers => definitions.push("OF_OTHERS".into()),
         }
-        let mut descriptor = self.boxes.pipeline(definitions, RaysOf::Grid, key.samples > 1, &targets);
+        let mut descriptor =
+            self.boxes.pipeline(definitions, key.shape.into(), RaysOf::Grid, key.samples > 1, &targets);
         // It draws one triangle instead of a box.
         descriptor.vertex.shader = self.shader.clone();
         descriptor.primitive = default();

@@ -5,15 +5,15 @@ use bevy::{
     render::{
         render_resource::{
             BindGroupLayoutDescriptor, BindGroupLayoutEntries, Buffer, BufferInitDescriptor, BufferUsages,
-            CachedRenderPipelineId, PipelineCache, ShaderStages, TextureSampleType,
-            binding_types::{texture_2d, uniform_buffer},
+            CachedRenderPipelineId, PipelineCache, ShaderStages, binding_types::uniform_buffer,
         },
         renderer::RenderDevice,
     },
+    shader::ShaderDefVal,
 };
 
 use crate::{
-    gpu::Shaders,
+    gpu::{Shaders, WordTextures},
     posterize::MAX_FILTER_ITERATIONS,
     render::{
         fullscreen::{Fullscreen, props_test, target},
@@ -39,17 +39,19 @@ pub(super) struct FilterPipelines {
 pub(super) fn init(
     mut commands: Commands,
     views: Res<ViewLayouts>,
+    words: Res<WordTextures>,
     shaders: Res<Shaders>,
     cache: Res<PipelineCache>,
     device: Res<RenderDevice>,
 ) {
     let entries = BindGroupLayoutEntries::sequential(
         ShaderStages::FRAGMENT,
-        (texture_2d(TextureSampleType::Uint), uniform_buffer::<UVec4>(true)),
+        (words.entry(FILTER_FORMAT), uniform_buffer::<UVec4>(true)),
     );
     let filter = Fullscreen::new("plenoctree_filter", &shaders.filter, &entries, &shaders, &views)
         .unless_kept(KeptPart::Composite);
-    let direction = |definitions| {
+    let direction = |mut definitions: Vec<ShaderDefVal>| {
+        definitions.extend(words.definitions());
         let mut descriptor = filter.pipeline(definitions, &[target(FILTER_FORMAT, None)]);
         descriptor.depth_stencil = Some(props_test());
         cache.queue_render_pipeline(descriptor)

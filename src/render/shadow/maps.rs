@@ -108,10 +108,9 @@ pub(super) fn prepare_maps(
             let Some(seen) = Seen::new(&Placement { low, high, ..prop.placement }, view) else {
                 continue;
             };
-            let inner_records = level.shape.inner_records;
-            let [march, fill, copy] =
-                [ShadowKey::March { inner_records }, ShadowKey::Fill { inner_records }, ShadowKey::Copy]
-                    .map(|key| specialized.specialize(&cache, &pipeline, key));
+            let tree = level.shape.into();
+            let [march, fill, copy] = [ShadowKey::March(tree), ShadowKey::Fill(tree), ShadowKey::Copy]
+                .map(|key| specialized.specialize(&cache, &pipeline, key));
             let caster = PropUniform::caster(prop, &seen.rays);
             let texels = seen.to_keep();
             let key = CasterKey { caster, field: level.bind_group.id(), texels };

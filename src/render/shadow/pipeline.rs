@@ -12,7 +12,7 @@ use bevy::{
 };
 
 use crate::{
-    gpu::{FieldLayout, Shaders},
+    gpu::{FieldLayouts, Shaders, TreeShape},
     render::{
         attachment::depth_test,
         fullscreen::target,
@@ -30,12 +30,12 @@ pub(super) struct ShadowPipeline {
     copy: Handle<Shader>,
     /// The layout of bind group 0: the map and its props.
     pub view: BindGroupLayoutDescriptor,
-    field: BindGroupLayoutDescriptor,
+    fields: FieldLayouts,
     /// The layout of bind group 1 for copying a tile.
     pub tile: BindGroupLayoutDescriptor,
 }
 
-pub(super) fn init(mut commands: Commands, field: Res<FieldLayout>, shaders: Res<Shaders>) {
+pub(super) fn init(mut commands: Commands, fields: Res<FieldLayouts>, shaders: Res<Shaders>) {
     let entries = BindGroupLayoutEntries::sequential(
         ShaderStages::VERTEX_FRAGMENT,
         (uniform_buffer::<ViewUniform>(false), storage_buffer_read_only::<Vec<PropUniform>>(false)),
@@ -45,7 +45,7 @@ pub(super) fn init(mut commands: Commands, field: Res<FieldLayout>, shaders: Res
         march: shaders.shadow.clone(),
         copy: shaders.shadow_tile.clone(),
         view: BindGroupLayoutDescriptor::new("plenoctree_shadow", &entries),
-        field: field.0.clone(),
+        fields: fields.clone(),
         tile: BindGroupLayoutDescriptor::new(
             "plenoctree_shadow_tile",
             &BindGroupLayoutEntries::single(ShaderStages::FRAGMENT, tile),
@@ -56,10 +56,10 @@ pub(super) fn init(mut commands: Commands, field: Res<FieldLayout>, shaders: Res
 /// A way to draw a prop.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 pub(super) enum ShadowKey {
-    /// Marches rays into the map. `inner_records` tells whether the field has child records besides the table.
-    March { inner_records: bool },
+    /// Marches rays into the map.
+    March(TreeShape),
     /// Marches rays into a tile.
-    Fill { inner_records: bool },
+    Fill(TreeShape),
     /// Copies a tile into the map.
     Copy,
 }
@@ -69,15 +69,15 @@ impl SpecializedRenderPipeline for ShadowPipeline {
 
     fn specialize(&self, key: ShadowKey) -> RenderPipelineDescriptor {
         let mut definitions: Vec<ShaderDefVal> = vec!["SHADOW_MAP".into()];
-        if let ShadowKey::March { inner_records: true } | ShadowKey::Fill { inner_records: true } = key {
-            definitions.push("INNER_RECORDS".into());
-        }
-        let is_tile = matches!(key, ShadowKey::Fill { .. });
+        let is_tile = matches!(key, ShadowKey::Fill(_));
         if is_tile {
             definitions.push("TILE".into());
         }
         let (shader, group) = match key {
-            ShadowKey::March { .. } | ShadowKey::Fill { .. } => (&self.march, &self.field),
+            ShadowKey::March(tree) | ShadowKey::Fill(tree) => {
+                definitions.extend(self.fields.definitions(tree));
+                (&self.march, self.fields.of(tree))
+            }
             ShadowKey::Copy => (&self.copy, &self.tile),
         };
         RenderPipelineDescriptor {

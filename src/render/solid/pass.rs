@@ -15,7 +15,7 @@ use super::{
     textures::{SolidBindGroups, SolidTextures},
 };
 use crate::{
-    gpu::GpuField,
+    gpu::{GpuField, TreeShape},
     render::{
         attachment::{self, cleared, depth},
         boxes,
@@ -59,22 +59,22 @@ pub(super) fn prepare_pipelines(
     for (visible, props, textures, msaa, mut pipelines) in &mut views {
         let multisampled = msaa.samples() > 1;
         let is_sparse = textures.is_some_and(|textures| textures.batches.is_some());
-        let mut of = |inner_records| {
+        let mut of = |tree: TreeShape| {
             let mut rounds = |rays| {
                 [false, true].map(|second_round| {
-                    let key = SolidKey { inner_records, rays, multisampled, second_round };
+                    let key = SolidKey { tree, rays, multisampled, second_round };
                     specialized.specialize(&cache, &pipeline, key)
                 })
             };
             Pipelines { grid: rounds(RaysOf::Grid), batches: is_sparse.then(|| rounds(RaysOf::Batches)) }
         };
         if visible.props.len() > 1 {
-            extracted.arriving_shapes(&visible.props, &fields).for_each(|(shape, _)| _ = of(shape.inner_records));
+            extracted.arriving_shapes(&visible.props, &fields).for_each(|(shape, _)| _ = of(shape.into()));
         }
         pipelines.0.clear();
         pipelines.0.extend(props.drawn.iter().map(|prop| {
             let level = prop.on_gpu(&fields).filter(|_| prop.overlap == Overlap::Solid)?;
-            Some(of(level.shape.inner_records))
+            Some(of(level.shape.into()))
         }));
     }
 }

@@ -9,7 +9,7 @@ use bevy::{
 
 use super::textures::{SOLID_FORMAT, SolidLayouts};
 use crate::{
-    gpu::{FieldLayout, Shaders},
+    gpu::{FieldLayouts, Shaders, TreeShape},
     render::{
         attachment::depth_test,
         boxes::Boxes,
@@ -28,8 +28,7 @@ pub(super) struct SolidPipeline {
 /// The specialization key of the shader.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 pub(super) struct SolidKey {
-    /// Whether the field has child records besides the table.
-    pub inner_records: bool,
+    pub tree: TreeShape,
     pub rays: RaysOf,
     pub multisampled: bool,
     pub second_round: bool,
@@ -38,12 +37,12 @@ pub(super) struct SolidKey {
 pub(super) fn init(
     mut commands: Commands,
     layouts: Res<ViewLayouts>,
-    field: Res<FieldLayout>,
+    fields: Res<FieldLayouts>,
     solid: Res<SolidLayouts>,
     shaders: Res<Shaders>,
 ) {
     commands.insert_resource(SolidPipeline {
-        boxes: Boxes::new("plenoctree_solid", &shaders.solid, &shaders, &layouts, &field),
+        boxes: Boxes::new("plenoctree_solid", &shaders.solid, &shaders, &layouts, &fields),
         first: solid.first.clone(),
     });
 }
@@ -52,12 +51,12 @@ impl SpecializedRenderPipeline for SolidPipeline {
     type Key = SolidKey;
 
     fn specialize(&self, key: SolidKey) -> RenderPipelineDescriptor {
-        let mut definitions = if key.inner_records { vec!["INNER_RECORDS".into()] } else { vec![] };
+        let mut definitions = Vec::new();
         if key.second_round {
             definitions.push("SECOND_ROUND".into());
         }
         let mut descriptor =
-            self.boxes.pipeline(definitions, key.rays, key.multisampled, &[target(SOLID_FORMAT, None)]);
+            self.boxes.pipeline(definitions, key.tree, key.rays, key.multisampled, &[target(SOLID_FORMAT, None)]);
         if key.second_round {
             descriptor.layout.push(self.first.clone());
         }

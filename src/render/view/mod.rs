@@ -33,7 +33,7 @@ use bevy::{
 };
 
 use super::{extract::VisibleProps, steps::PrepareTextures};
-use crate::sets::PlenOctreeRenderSystems;
+use crate::{gpu::InitFields, sets::PlenOctreeRenderSystems};
 
 /// Prepares views for the passes.
 pub(super) fn plugin(app: &mut App) {
@@ -43,22 +43,26 @@ pub(super) fn plugin(app: &mut App) {
     render_app.world_mut().register_required_components::<VisibleProps, ViewProps>();
     render_app.world_mut().register_required_components::<VisibleProps, ViewMemory>();
     render_app.world_mut().register_required_components::<VisibleProps, ViewBindGroups>();
-    render_app.add_systems(RenderStartup, (forget_views, layout::init).chain().in_set(InitViews)).add_systems(
-        Render,
-        (
-            read_depth
-                .after(memory::skip_views)
-                .before(prepare_core_3d_depth_textures)
-                .in_set(RenderSystems::PrepareResources),
-            (memory::skip_views, levels::choose_levels).chain().in_set(PlenOctreeRenderSystems::ChooseLevels),
-            (textures::prepare_textures, prepare::prepare_views).chain().in_set(PlenOctreeRenderSystems::PrepareViews),
-            memory::report_shortages
-                .after(PrepareTextures)
-                .before(PlenOctreeRenderSystems::PreparePipelines)
-                .in_set(RenderSystems::PrepareResources),
-            bind_groups::prepare.in_set(PlenOctreeRenderSystems::PrepareBindGroups).in_set(BindViews),
-        ),
-    );
+    render_app
+        .add_systems(RenderStartup, (forget_views, layout::init).chain().in_set(InitViews).after(InitFields))
+        .add_systems(
+            Render,
+            (
+                read_depth
+                    .after(memory::skip_views)
+                    .before(prepare_core_3d_depth_textures)
+                    .in_set(RenderSystems::PrepareResources),
+                (memory::skip_views, levels::choose_levels).chain().in_set(PlenOctreeRenderSystems::ChooseLevels),
+                (textures::prepare_textures, prepare::prepare_views)
+                    .chain()
+                    .in_set(PlenOctreeRenderSystems::PrepareViews),
+                memory::report_shortages
+                    .after(PrepareTextures)
+                    .before(PlenOctreeRenderSystems::PreparePipelines)
+                    .in_set(RenderSystems::PrepareResources),
+                bind_groups::prepare.in_set(PlenOctreeRenderSystems::PrepareBindGroups).in_set(BindViews),
+            ),
+        );
 }
 
 /// The systems in `RenderStartup` that run before the passes create their pipelines.

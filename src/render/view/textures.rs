@@ -11,8 +11,9 @@ use bevy::{
     },
 };
 
-use super::memory::ViewMemory;
+use super::memory::{ViewMemory, view_texture};
 use crate::{
+    gpu::WordTextures,
     quality::PropQuality,
     render::{
         attachment::{cleared, kept},
@@ -85,7 +86,13 @@ pub(in crate::render) struct Sparse {
 
 impl ViewTextures {
     /// Returns the textures of a viewport of `size`, or `None` if there is no memory for them.
-    fn new(memory: &mut ViewMemory, device: &RenderDevice, visible: &VisibleProps, size: UVec2) -> Option<Self> {
+    fn new(
+        memory: &mut ViewMemory,
+        device: &RenderDevice,
+        words: WordTextures,
+        visible: &VisibleProps,
+        size: UVec2,
+    ) -> Option<Self> {
         let mut layer = |size| {
             let mut texture = |label, format| memory.view(device, label, format, size);
             Some(Layer {
@@ -106,7 +113,11 @@ impl ViewTextures {
             }
             None => None,
         };
-        let [even, odd] = ["plenoctree_even", "plenoctree_odd"].map(|label| texture(label, FILTER_FORMAT, size));
+        let [even, odd] = ["plenoctree_even", "plenoctree_odd"].map(|label| {
+            let mut descriptor = view_texture(label, FILTER_FORMAT, size);
+            descriptor.usage |= words.usage();
+            Some(memory.texture(device, descriptor)?.default_view)
+        });
         Some(Self { layer, sparse, even: even?, odd: odd? })
     }
 
@@ -144,6 +155,7 @@ pub(in crate::render) fn drawn_viewport(
 pub(super) fn prepare_textures(
     mut commands: Commands,
     device: Res<RenderDevice>,
+    words: Res<WordTextures>,
     mut views: Query<(
         Entity,
         Option<&ExtractedCamera>,
@@ -154,7 +166,8 @@ pub(super) fn prepare_textures(
 ) {
     for (entity, camera, resolution, visible, mut memory) in &mut views {
         let viewport = camera.filter(|_| !visible.is_empty()).and_then(|camera| drawn_viewport(camera, resolution));
-        let textures = viewport.and_then(|view| ViewTextures::new(&mut memory, &device, visible, view.physical_size));
+        let textures =
+            viewport.and_then(|view| ViewTextures::new(&mut memory, &device, *words, visible, view.physical_size));
         match textures {
             Some(textures) => commands.entity(entity).insert(textures),
             None => commands.entity(entity).remove::<ViewTextures>(),

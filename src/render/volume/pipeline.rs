@@ -9,7 +9,7 @@ use bevy::{
 };
 
 use crate::{
-    gpu::{FieldLayout, FieldShape, Shaders, field_definitions},
+    gpu::{FieldLayouts, FieldShape, Shaders, field_definitions},
     render::{
         attachment::depth_test,
         boxes::Boxes,
@@ -43,12 +43,12 @@ pub(super) struct VolumeKey {
 pub(super) fn init(
     mut commands: Commands,
     layouts: Res<ViewLayouts>,
-    field: Res<FieldLayout>,
+    fields: Res<FieldLayouts>,
     solid: Res<SolidLayouts>,
     shaders: Res<Shaders>,
 ) {
     commands.insert_resource(VolumePipeline {
-        boxes: Boxes::new("plenoctree_volume", &shaders.volume, &shaders, &layouts, &field),
+        boxes: Boxes::new("plenoctree_volume", &shaders.volume, &shaders, &layouts, &fields),
         solid: solid.both.clone(),
     });
 }
@@ -81,7 +81,7 @@ impl SpecializedRenderPipeline for VolumePipeline {
             definitions.push("MOTION".into());
             targets.push(target(MOTION_FORMAT, Some(over(BlendFactor::SrcAlpha))));
         }
-        let mut descriptor = self.boxes.pipeline(definitions, key.rays, key.multisampled, &targets);
+        let mut descriptor = self.boxes.pipeline(definitions, key.shape.into(), key.rays, key.multisampled, &targets);
         if key.overlapping {
             descriptor.layout.push(self.solid.clone());
         }
