@@ -3,8 +3,12 @@
 use std::num::NonZero;
 
 use bevy::render::{
-    render_resource::{BindGroup, BindGroupEntry, BindGroupLayoutDescriptor, BindingResource, PipelineCache},
+    render_resource::{
+        BindGroup, BindGroupEntry, BindGroupLayoutDescriptor, BindingResource, PipelineCache, TextureView,
+        TextureViewId,
+    },
     renderer::RenderDevice,
+    view::ViewTarget,
 };
 
 /// A bind group that is recreated only when one of its resources is replaced.
@@ -59,5 +63,28 @@ impl KeptBindGroup {
     /// Returns the group, if it has been created.
     pub fn get(&self) -> Option<&BindGroup> {
         self.group.as_ref()
+    }
+}
+
+/// Bind groups for each of the two main textures of a view's target.
+///
+/// Post-processing swaps the textures, so which of them has the scene is known only when a pass runs.
+#[derive(Default)]
+pub(super) struct PerMainTexture<T>([(Option<TextureViewId>, T); 2]);
+
+impl<T> PerMainTexture<T> {
+    /// Calls `update` with the bind groups of each texture, and with the texture.
+    pub fn update(&mut self, target: &ViewTarget, update: impl Fn(&mut T, &TextureView)) {
+        let scenes = [target.main_texture_view(), target.main_texture_other_view()];
+        for ((id, groups), scene) in self.0.iter_mut().zip(scenes) {
+            *id = Some(scene.id());
+            update(groups, scene);
+        }
+    }
+
+    /// Returns the bind groups of the texture that has the scene now, if they have been updated.
+    pub fn get(&self, target: &ViewTarget) -> Option<&T> {
+        let scene = target.main_texture_view().id();
+        self.0.iter().find(|(id, _)| *id == Some(scene)).map(|(_, groups)| groups)
     }
 }

@@ -8,7 +8,7 @@ use bevy::{
         diagnostic::RecordDiagnostics,
         render_resource::{
             BindGroupEntries, CachedRenderPipelineId, PipelineCache, RenderPassDescriptor, SpecializedRenderPipelines,
-            TextureView, TextureViewId,
+            TextureView,
         },
         renderer::{RenderContext, RenderDevice, ViewQuery},
         view::ViewTarget,
@@ -19,7 +19,7 @@ use super::pipeline::{BlendKey, BlendPipeline};
 use crate::{
     render::{
         attachment::{kept, tested},
-        bind_group::KeptBindGroup,
+        bind_group::{KeptBindGroup, PerMainTexture},
         edges::EdgeTextures,
         fullscreen::draw,
         label::{SHOWN_FORMAT, ShownTexture},
@@ -42,8 +42,7 @@ pub(in crate::render) struct BlendedTexture(pub TextureView);
 pub(in crate::render) struct BlendPass {
     /// Of the blend pass and of the patch pass.
     pipelines: Option<[CachedRenderPipelineId; 2]>,
-    /// One for each of the two main textures of the view's target.
-    blend: [(Option<TextureViewId>, KeptBindGroup); 2],
+    blend: PerMainTexture<KeptBindGroup>,
     patch: KeptBindGroup,
 }
 
@@ -107,13 +106,11 @@ pub(super) fn prepare_bind_groups(
             continue;
         };
         let (outline, [own, other]) = (&edges.outline, &edges.colors);
-        let scenes = [target.main_texture_view(), target.main_texture_other_view()];
-        for ((id, group), scene) in pass.blend.iter_mut().zip(scenes) {
-            *id = Some(scene.id());
+        pass.blend.update(target, |group, scene| {
             let entries = (&shown.0, &textures.even, outline, &edges.coverage, own, other, scene);
             let entries = BindGroupEntries::sequential(entries);
             group.update(&device, &cache, pipeline.blend.label, &pipeline.blend.layout, &entries);
-        }
+        });
         let entries = BindGroupEntries::single(&blended.0);
         pass.patch.update(&device, &cache, pipeline.patch.label, &pipeline.patch.layout, &entries);
     }
@@ -133,15 +130,13 @@ pub(super) fn blend_pass(
     mut ctx: RenderContext,
 ) {
     let ((target, props), (groups, lighting), edges, shown, blended, pass) = view.into_inner();
-    let scene = target.main_texture_view().id();
-    let blend_group = pass.blend.iter().find(|(id, _)| *id == Some(scene)).and_then(|(_, group)| group.get());
     let pipeline = |index: usize| cache.get_render_pipeline(pass.pipelines?[index]);
     let (true, Some(view), Some(blend), Some(patch), Some(from_shown), Some(from_blended)) = (
         props.posterizes_at(*stage, &cache),
         groups.plain.get(),
         pipeline(0),
         pipeline(1),
-        blend_group,
+        pass.blend.get(target).and_then(KeptBindGroup::get),
         pass.patch.get(),
     ) else {
         return;

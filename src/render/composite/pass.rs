@@ -7,7 +7,6 @@ use bevy::{
         diagnostic::RecordDiagnostics,
         render_resource::{
             BindGroupEntries, CachedRenderPipelineId, PipelineCache, RenderPassDescriptor, SpecializedRenderPipelines,
-            TextureViewId,
         },
         renderer::{RenderContext, RenderDevice, ViewQuery},
         view::ViewTarget,
@@ -18,7 +17,7 @@ use super::pipeline::CompositePipeline;
 use crate::{
     render::{
         attachment::kept,
-        bind_group::KeptBindGroup,
+        bind_group::{KeptBindGroup, PerMainTexture},
         fullscreen::draw,
         view::{ViewBindGroups, ViewProps, ViewTextures},
     },
@@ -28,11 +27,11 @@ use crate::{
 /// The name of the pass's span in Bevy's render diagnostics.
 pub const COMPOSITE_SPAN: &str = "plenoctree_composite";
 
-/// The pipeline of a view, and a bind group for each of the two main textures of its target.
+/// The pipeline and bind groups of a view.
 #[derive(Component, Default)]
 pub(super) struct CompositePass {
     pipeline: Option<CachedRenderPipelineId>,
-    groups: [(Option<TextureViewId>, KeptBindGroup); 2],
+    groups: PerMainTexture<KeptBindGroup>,
 }
 
 pub(super) fn prepare_pipelines(
@@ -59,12 +58,10 @@ pub(super) fn prepare_bind_groups(
             pass.groups = default();
             continue;
         };
-        let scenes = [target.main_texture_view(), target.main_texture_other_view()];
-        for ((id, group), scene) in pass.groups.iter_mut().zip(scenes) {
-            *id = Some(scene.id());
+        pass.groups.update(target, |group, scene| {
             let entries = BindGroupEntries::sequential((&textures.layer.color, &textures.layer.owner, scene));
             group.update(&device, &cache, pipeline.0.label, &pipeline.0.layout, &entries);
-        }
+        });
     }
 }
 
@@ -75,12 +72,10 @@ pub(super) fn composite_pass(
     mut ctx: RenderContext,
 ) {
     let (target, props, textures, groups, pass) = view.into_inner();
-    let scene = target.main_texture_view().id();
-    let group = pass.groups.iter().find(|(id, _)| *id == Some(scene)).and_then(|(_, group)| group.get());
     let (true, Some(view), Some(group), Some(pipeline)) = (
         props.posterizes_at(*stage, &cache),
         groups.plain.get(),
-        group,
+        pass.groups.get(target).and_then(KeptBindGroup::get),
         pass.pipeline.and_then(|id| cache.get_render_pipeline(id)),
     ) else {
         return;

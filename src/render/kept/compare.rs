@@ -128,11 +128,7 @@ pub(super) fn prepare_bind_groups(
             update(&mut groups.depths, pipelines.depths(msaa), copy, depth.view());
         }
         if let (Some(copy), Some(target)) = (colors, target) {
-            let scenes = [target.main_texture_view(), target.main_texture_other_view()];
-            for ((id, groups), scene) in groups.colors.iter_mut().zip(scenes) {
-                *id = Some(scene.id());
-                update(groups, &pipelines.colors, copy, scene);
-            }
+            groups.colors.update(target, |groups, scene| update(groups, &pipelines.colors, copy, scene));
         }
     }
 }
@@ -167,9 +163,7 @@ pub(super) fn compare_colors(
         return;
     }
     let KeptView { composite, labels, copies: [_, copy], groups, .. } = &mut *kept;
-    let scene = target.main_texture_view().id();
-    let groups = groups.colors.iter().find(|(id, _)| *id == Some(scene));
-    if let Some((_, groups)) = groups.filter(|_| composite.reads_scene()) {
+    if let Some(groups) = groups.colors.get(target).filter(|_| composite.reads_scene()) {
         compare(&mut ctx, COMPARE_COLORS_SPAN, &cache, &pipelines.colors, groups, copy, props);
     }
     composite.finish();

@@ -2,7 +2,7 @@
 
 use bevy::{
     prelude::*,
-    render::render_resource::{BindingResource, ShaderType, TextureViewId, UniformBuffer},
+    render::render_resource::{BindingResource, ShaderType, UniformBuffer},
 };
 
 use super::{
@@ -10,7 +10,7 @@ use super::{
     key::{CompositeKey, Kept, LabelsKey, LayerKey},
     part::KeptPart,
 };
-use crate::render::bind_group::KeptBindGroup;
+use crate::render::bind_group::{KeptBindGroup, PerMainTexture};
 
 /// Matches `Stale` in `view.wgsl`.
 #[derive(ShaderType, Clone, Copy, Default)]
@@ -36,8 +36,7 @@ pub(in crate::render) struct KeptView {
 #[derive(Default)]
 pub(super) struct CompareGroups {
     pub(super) depths: [KeptBindGroup; 2],
-    /// One pair for each of the two main textures of its target.
-    pub(super) colors: [(Option<TextureViewId>, [KeptBindGroup; 2]); 2],
+    pub(super) colors: PerMainTexture<[KeptBindGroup; 2]>,
 }
 
 impl KeptView {
