@@ -75,7 +75,9 @@ pub(super) struct PerMainTexture<T>([(Option<TextureViewId>, T); 2]);
 impl<T> PerMainTexture<T> {
     /// Calls `update` with the bind groups of each texture, and with the texture.
     pub fn update(&mut self, target: &ViewTarget, update: impl Fn(&mut T, &TextureView)) {
-        let scenes = [target.main_texture_view(), target.main_texture_other_view()];
+        let mut scenes = [target.main_texture_view(), target.main_texture_other_view()];
+        // In a fixed order, groups are kept even if the textures swap from frame to frame.
+        scenes.sort_by_key(|scene| scene.id());
         for ((id, groups), scene) in self.0.iter_mut().zip(scenes) {
             *id = Some(scene.id());
             update(groups, scene);
