@@ -92,7 +92,8 @@ impl PropQuality {
         filter_iterations: MAX_FILTER_ITERATIONS,
     };
     /// Hardly distinguishable from [`EXACT`](Self::EXACT).
-    pub const HIGH: Self = Self { stop_transmittance: 0.03, opacity_loss: 0.01, cell_size: 0.5, ..Self::EXACT };
+    pub const HIGH: Self =
+        Self { stop_transmittance: 0.03, opacity_loss: 0.01, cell_size: 0.5, edge_rays: 4, ..Self::EXACT };
     /// A compromise for most games.
     pub const BALANCED: Self = Self {
         stop_transmittance: 0.03,
