@@ -11,7 +11,7 @@ use bevy::{
     },
     shader::ShaderDefVal,
 };
-use wgpu::DeviceType;
+use wgpu::{Backend, DeviceType};
 
 /// The largest number of storage textures that a shader loads from.
 const MOST_STORED: u32 = 4;
@@ -27,7 +27,8 @@ pub(crate) struct WordTextures {
 }
 
 pub(super) fn init(mut commands: Commands, adapter: Res<RenderAdapterInfo>, device: Res<RenderDevice>) {
-    let is_emulated = adapter.device_type == DeviceType::Cpu;
+    // Other backends may lack loads of several words from storage textures.
+    let is_emulated = adapter.device_type == DeviceType::Cpu && adapter.backend == Backend::Vulkan;
     let is_enough = device.limits().max_storage_textures_per_shader_stage >= MOST_STORED;
     commands.insert_resource(WordTextures { is_stored: is_emulated && is_enough });
 }
