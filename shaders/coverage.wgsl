@@ -259,10 +259,10 @@ fn fragment(in: Varying) -> Fragment {
 #endif
 
     let begins = start(pixel, in.prop);
-    // Within a pixel, the direction hardly changes.
     // Software rasterizers would load these for every ray.
     let prop = props[in.prop];
     let transmittances = transmittances_of(prop);
+    // Within a pixel, the direction hardly changes.
     var h = harmonics(ray_at(prop, in.position.xy).unit);
     var first = Color(0u, vec4(0.0));
     var second = Color(0u, vec4(0.0));
