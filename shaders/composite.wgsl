@@ -1,7 +1,7 @@
 // The composite pass: blends the layer over the scene, in encoded sRGB. Posterization works on the result.
 
 #import bevy_plenoctree::filter_texel::pack
-#import bevy_plenoctree::target::from_target
+#import bevy_plenoctree::target::composited
 #import bevy_plenoctree::view::{owner_of, view}
 
 @group(1) @binding(0) var layer: texture_2d<f32>;
@@ -24,10 +24,10 @@ struct Fragment {
 fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
     let pixel = vec2<u32>(position.xy);
     let over = textureLoad(layer, pixel, 0);
-    let background = from_target(textureLoad(scene, pixel + view.corner, 0).rgb);
+    let stored = textureLoad(scene, pixel + view.corner, 0).rgb;
     let prop = owner_of(textureLoad(owner, pixel, 0));
     let posterized = select(prop, view.everything, prop == 0u);
-    let texel = pack(over.rgb + (1.0 - over.a) * background, posterized);
+    let texel = pack(composited(over, stored), posterized);
 #ifdef UNFILTERED
     return Fragment(texel);
 #else

@@ -1,15 +1,24 @@
 // The label pass: assigns labels where pixels are posterized, and shows the composite elsewhere. See section 4 of the
 // method, steps 1 and 3 to 5.
 
-#import bevy_plenoctree::color::tinted
+#import bevy_plenoctree::color::{tinted, to_half}
+#ifndef UNPOSTERIZED
 #import bevy_plenoctree::filter_texel::unpack
 #import bevy_plenoctree::labels::assign
+#endif
 #ifdef LIGHTING
 #import bevy_plenoctree::shade::{Shade, lit_prop, shade_of}
 #endif
+#ifdef UNPOSTERIZED
+#import bevy_plenoctree::target::composited
+#endif
 #import bevy_plenoctree::view::{props, view}
 
+#ifdef UNPOSTERIZED
+@group(1) @binding(0) var scene: texture_2d<f32>;
+#else
 @group(1) @binding(0) var filtered: texture_2d<u32>;
+#endif
 @group(1) @binding(1) var layer: texture_2d<f32>;
 
 // What a pixel shows: its color in encoded sRGB and its opacity, and what `LabelTextures` says about it.
@@ -20,21 +29,30 @@ struct Seen {
     owner: u32,
 }
 
+// Returns what a pixel shows that is not posterized, from the layer and from the composite.
+fn as_trained(pixel: vec2<u32>, over: vec4<f32>, composite: vec3<f32>) -> Seen {
+    var color = composite;
+#ifdef LIGHTING
+    let trained = lit_prop(pixel);
+    if trained > 0u && over.a > 0.0 {
+        // What shows through the prop keeps its light.
+        let shade = shade_of(pixel, trained - 1u, false);
+        color += over.a * tinted(over.rgb / over.a, shade.tint * (1.0 - shade.missing)) - over.rgb;
+    }
+#endif
+    return Seen(color, over.a, select(0u, 1u, over.a > 0.0), 0u);
+}
+
 fn seen_at(pixel: vec2<u32>) -> Seen {
-    let opacity = textureLoad(layer, pixel, 0).a;
+    let over = textureLoad(layer, pixel, 0);
+#ifdef UNPOSTERIZED
+    let composite = composited(over, textureLoad(scene, pixel + view.corner, 0).rgb);
+    // Rounds as the composite pass does.
+    return as_trained(pixel, over, to_half(vec4(composite, 0.0)).rgb);
+#else
     let value = unpack(textureLoad(filtered, pixel, 0));
     if value.owner == 0u {
-        var color = value.color;
-#ifdef LIGHTING
-        let trained = lit_prop(pixel);
-        if trained > 0u && opacity > 0.0 {
-            // What shows through the prop keeps its light.
-            let own = textureLoad(layer, pixel, 0).rgb;
-            let shade = shade_of(pixel, trained - 1u, false);
-            color += opacity * tinted(own / opacity, shade.tint * (1.0 - shade.missing)) - own;
-        }
-#endif
-        return Seen(color, opacity, select(0u, 1u, opacity > 0.0), 0u);
+        return as_trained(pixel, over, value.color);
     }
     let is_view = value.owner == view.everything;
     var tint = props[value.owner - 1u].tint;
@@ -52,10 +70,11 @@ fn seen_at(pixel: vec2<u32>) -> Seen {
     return Seen(
         tinted(posterized.color, tint),
         // Posterized props are opaque. A posterized view keeps the opacity of its pixels.
-        select(1.0, opacity, is_view),
+        select(1.0, over.a, is_view),
         2u + posterized.label,
         select(value.owner, 0u, is_view),
     );
+#endif
 }
 
 struct Fragment {

@@ -20,6 +20,11 @@ fn from_target(stored: vec3<f32>) -> vec3<f32> {
     return encode(clamp(light / view.exposure, vec3(0.0), vec3(65504.0)));
 }
 
+// Returns what the layer shows over the scene, in encoded sRGB. `over` is the layer's color, and `stored` the target's.
+fn composited(over: vec4<f32>, stored: vec3<f32>) -> vec3<f32> {
+    return over.rgb + (1.0 - over.a) * from_target(stored);
+}
+
 fn to_target(color: vec3<f32>) -> vec3<f32> {
     // Clamp to the range of half floats: bloom would turn infinite light into a hole.
     let light = clamp(view.exposure * decode(color), vec3(-65504.0), vec3(65504.0));

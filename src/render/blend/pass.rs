@@ -20,12 +20,13 @@ use crate::{
     render::{
         attachment::{kept, tested},
         bind_group::{KeptBindGroup, PerMainTexture},
+        composite::CompositeTextures,
         edges::EdgeTextures,
         fullscreen::draw,
         label::{SHOWN_FORMAT, ShownTexture},
         lighting::ReadLighting,
         target::hidden_samples,
-        view::{ViewBindGroups, ViewMemory, ViewProps, ViewTextures, drawn_viewport},
+        view::{ViewBindGroups, ViewMemory, ViewProps, drawn_viewport},
     },
     stage::PropStage,
 };
@@ -96,18 +97,18 @@ pub(super) fn prepare_bind_groups(
     cache: Res<PipelineCache>,
     pipeline: Res<BlendPipeline>,
     mut views: Query<(
-        Option<(&ViewTarget, &ViewTextures, &EdgeTextures, &ShownTexture, &BlendedTexture)>,
+        Option<(&ViewTarget, &CompositeTextures, &EdgeTextures, &ShownTexture, &BlendedTexture)>,
         &mut BlendPass,
     )>,
 ) {
     for (textures, mut pass) in &mut views {
-        let Some((target, textures, edges, shown, blended)) = textures else {
+        let Some((target, composite, edges, shown, blended)) = textures else {
             (pass.blend, pass.patch) = default();
             continue;
         };
         let (outline, [own, other]) = (&edges.outline, &edges.colors);
         pass.blend.update(target, |group, scene| {
-            let entries = (&shown.0, &textures.even, outline, &edges.coverage, own, other, scene);
+            let entries = (&shown.0, &composite.even, outline, &edges.coverage, own, other, scene);
             let entries = BindGroupEntries::sequential(entries);
             group.update(&device, &cache, pipeline.blend.label, &pipeline.blend.layout, &entries);
         });
@@ -132,7 +133,7 @@ pub(super) fn blend_pass(
     let ((target, props), (groups, lighting), edges, shown, blended, pass) = view.into_inner();
     let pipeline = |index: usize| cache.get_render_pipeline(pass.pipelines?[index]);
     let (true, Some(view), Some(blend), Some(patch), Some(from_shown), Some(from_blended)) = (
-        props.posterizes_at(*stage, &cache),
+        props.is_shown_at(*stage, &cache),
         groups.plain.get(),
         pipeline(0),
         pipeline(1),

@@ -1,23 +1,28 @@
-//! The composite pass: blends the layer over the scene. Posterization works on the result.
+//! The composite pass: blends the layer over the scene. Posterization works on the result. Where nothing is posterized,
+//! the label pass blends them itself.
 
 mod pass;
 mod pipeline;
+mod textures;
 
 pub use pass::COMPOSITE_SPAN;
+pub(super) use textures::{COMPOSITE_FORMAT, CompositeTextures};
 
 use bevy::{
     prelude::*,
-    render::{GpuResourceAppExt, RenderApp, render_resource::SpecializedRenderPipelines},
+    render::{GpuResourceAppExt, Render, RenderApp, render_resource::SpecializedRenderPipelines},
 };
 
 use super::{
     pass::{Pass, add_pass},
-    steps::PosterizeSteps,
+    steps::{PosterizeSteps, PrepareTextures},
 };
 
 pub(super) fn plugin(app: &mut App) {
     if let Some(render_app) = app.get_sub_app_mut(RenderApp) {
-        render_app.init_gpu_resource::<SpecializedRenderPipelines<pipeline::CompositePipeline>>();
+        render_app
+            .init_gpu_resource::<SpecializedRenderPipelines<pipeline::CompositePipeline>>()
+            .add_systems(Render, textures::prepare_textures.in_set(PrepareTextures));
     }
     let systems = Pass {
         init: pipeline::init.into_configs(),

@@ -13,7 +13,7 @@ use bevy::{
     },
 };
 
-use super::pipeline::CompositePipeline;
+use super::{pipeline::CompositePipeline, textures::CompositeTextures};
 use crate::{
     render::{
         attachment::kept,
@@ -67,13 +67,13 @@ pub(super) fn prepare_bind_groups(
 
 pub(super) fn composite_pass(
     InMut(stage): InMut<PropStage>,
-    view: ViewQuery<(&ViewTarget, &ViewProps, &ViewTextures, &ViewBindGroups, &CompositePass)>,
+    view: ViewQuery<(&ViewTarget, &ViewProps, &CompositeTextures, &ViewBindGroups, &CompositePass)>,
     cache: Res<PipelineCache>,
     mut ctx: RenderContext,
 ) {
     let (target, props, textures, groups, pass) = view.into_inner();
     let (true, Some(view), Some(group), Some(pipeline)) = (
-        props.posterizes_at(*stage, &cache),
+        props.is_shown_at(*stage, &cache),
         groups.plain.get(),
         pass.groups.get(target).and_then(KeptBindGroup::get),
         pass.pipeline.and_then(|id| cache.get_render_pipeline(id)),

@@ -9,13 +9,14 @@ use bevy::{
     },
 };
 
+use super::textures::COMPOSITE_FORMAT;
 use crate::{
     gpu::Shaders,
     render::{
         fullscreen::{Fullscreen, target},
         kept::KeptPart,
         target::target_definitions,
-        view::{FILTER_FORMAT, ViewLayouts},
+        view::ViewLayouts,
     },
 };
 
@@ -40,6 +41,6 @@ impl SpecializedRenderPipeline for CompositePipeline {
             definitions.push("UNFILTERED".into());
         }
         let textures = if filtered { 2 } else { 1 };
-        self.0.pipeline(definitions, &vec![target(FILTER_FORMAT, None); textures])
+        self.0.pipeline(definitions, &vec![target(COMPOSITE_FORMAT, None); textures])
     }
 }

@@ -79,7 +79,7 @@ pub(super) fn depth_pass(
 ) {
     let (camera, resolution, depth, props, groups, pass) = view.into_inner();
     let (true, Some(view), Some(group), Some(pipeline)) = (
-        props.posterizes_at(*stage, &cache),
+        props.is_shown_at(*stage, &cache),
         groups.plain.get(),
         pass.group.get(),
         pass.pipeline.and_then(|id| cache.get_render_pipeline(id)),

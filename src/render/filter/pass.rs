@@ -16,6 +16,7 @@ use crate::{
     render::{
         attachment::{kept, tested},
         bind_group::KeptBindGroup,
+        composite::CompositeTextures,
         fullscreen::draw,
         view::{ViewBindGroups, ViewProps, ViewTextures},
     },
@@ -42,7 +43,7 @@ pub(super) fn prepare_bind_groups(
     device: Res<RenderDevice>,
     cache: Res<PipelineCache>,
     filter: Res<FilterPipelines>,
-    mut views: Query<(Option<&ViewTextures>, &mut FilterBindGroups)>,
+    mut views: Query<(Option<&CompositeTextures>, &mut FilterBindGroups)>,
 ) {
     for (textures, mut groups) in &mut views {
         let Some(textures) = textures else {
@@ -60,13 +61,13 @@ pub(super) fn prepare_bind_groups(
 
 pub(super) fn filter_pass(
     InMut(stage): InMut<PropStage>,
-    view: ViewQuery<(&ViewProps, &ViewTextures, &ViewBindGroups, &FilterBindGroups)>,
+    view: ViewQuery<(&ViewProps, &ViewTextures, &CompositeTextures, &ViewBindGroups, &FilterBindGroups)>,
     cache: Res<PipelineCache>,
     filter: Res<FilterPipelines>,
     mut ctx: RenderContext,
 ) {
-    let (props, textures, groups, filters) = view.into_inner();
-    if props.iterations == 0 || !props.posterizes_at(*stage, &cache) {
+    let (props, textures, composite, groups, filters) = view.into_inner();
+    if props.iterations == 0 || !props.is_shown_at(*stage, &cache) {
         return;
     }
     let (Some(view), Some(from_even), Some(from_odd), Some(horizontal), Some(vertical)) = (
@@ -83,7 +84,8 @@ pub(super) fn filter_pass(
     let span = diagnostics.time_span(ctx.command_encoder(), FILTER_SPAN);
     for iteration in 0..props.iterations {
         let offset = [iteration * ITERATION_STRIDE];
-        for (target, pipeline, group) in [(&textures.odd, horizontal, from_even), (&textures.even, vertical, from_odd)]
+        for (target, pipeline, group) in
+            [(&composite.odd, horizontal, from_even), (&composite.even, vertical, from_odd)]
         {
             let mut pass = ctx.begin_tracked_render_pass(RenderPassDescriptor {
                 label: Some(FILTER_SPAN),

@@ -16,9 +16,10 @@ use crate::{
     gpu::{Shaders, WordTextures},
     posterize::MAX_FILTER_ITERATIONS,
     render::{
+        composite::COMPOSITE_FORMAT,
         fullscreen::{Fullscreen, props_test, target},
         kept::KeptPart,
-        view::{FILTER_FORMAT, ViewLayouts},
+        view::ViewLayouts,
     },
 };
 
@@ -46,13 +47,13 @@ pub(super) fn init(
 ) {
     let entries = BindGroupLayoutEntries::sequential(
         ShaderStages::FRAGMENT,
-        (words.entry(FILTER_FORMAT), uniform_buffer::<UVec4>(true)),
+        (words.entry(COMPOSITE_FORMAT), uniform_buffer::<UVec4>(true)),
     );
     let filter = Fullscreen::new("plenoctree_filter", &shaders.filter, &entries, &shaders, &views)
         .unless_kept(KeptPart::Composite);
     let direction = |mut definitions: Vec<ShaderDefVal>| {
         definitions.extend(words.definitions());
-        let mut descriptor = filter.pipeline(definitions, &[target(FILTER_FORMAT, None)]);
+        let mut descriptor = filter.pipeline(definitions, &[target(COMPOSITE_FORMAT, None)]);
         descriptor.depth_stencil = Some(props_test());
         cache.queue_render_pipeline(descriptor)
     };

@@ -159,7 +159,7 @@ pub(super) fn compare_colors(
     mut ctx: RenderContext,
 ) {
     let (mut kept, props, target) = view.into_inner();
-    if !props.posterizes_at(*stage, &cache) {
+    if !props.is_shown_at(*stage, &cache) {
         return;
     }
     let KeptView { composite, labels, copies: [_, copy], groups, .. } = &mut *kept;

@@ -39,7 +39,7 @@ pub(in crate::render) struct CompositeKey {
     pub space: Option<CompositingSpace>,
     /// Where in the frame the scene's colors are read.
     pub stage: PropStage,
-    /// The textures that hold the composite.
+    /// The textures that hold the composite, if anything is posterized.
     pub textures: Vec<TextureViewId>,
 }
 

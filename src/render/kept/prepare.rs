@@ -22,6 +22,7 @@ use crate::{
     gpu::GpuField,
     render::{
         blend::{BlendPass, BlendedTexture},
+        composite::CompositeTextures,
         edges::{EdgeTextures, EdgesPass},
         label::ShownTexture,
         lighting::ReadLighting,
@@ -45,7 +46,8 @@ pub(super) fn prepare(
         (Option<&ViewTextures>, &RefinePass),
         (Option<&SolidTextures>, &SolidPipelines, &VolumePipelines),
         (Option<&EdgeTextures>, &EdgesPass),
-        (Option<&ShownTexture>, Option<&BlendedTexture>, &BlendPass, &ReadLighting),
+        (Option<&CompositeTextures>, Option<&ShownTexture>, Option<&BlendedTexture>),
+        (&BlendPass, &ReadLighting),
         (&mut KeptView, &mut ViewMemory),
     )>,
 ) {
@@ -56,7 +58,8 @@ pub(super) fn prepare(
         (textures, refine),
         (solid, solid_pipelines, volume_pipelines),
         (edges, edges_pass),
-        (shown, blended, blend_pass, lighting),
+        (composited, shown, blended),
+        (blend_pass, lighting),
         (mut view, mut memory),
     ) in &mut views
     {
@@ -95,7 +98,8 @@ pub(super) fn prepare(
         key.props.extend(props.props.get().iter().map(PropUniform::of_composite));
         (key.space, key.stage) = (camera.compositing_space, props.stage);
         key.textures.clear();
-        key.textures.extend([&textures.even, &textures.odd].map(|view| view.id()));
+        let views = composited.into_iter().flat_map(|composite| [&composite.even, &composite.odd]);
+        key.textures.extend(views.map(|view| view.id()));
         composite.decide(is_complete, layer.reads_scene());
 
         let key = labels.key();

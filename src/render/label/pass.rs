@@ -3,23 +3,26 @@
 use bevy::{
     prelude::*,
     render::{
+        camera::ExtractedCamera,
         diagnostic::RecordDiagnostics,
         render_resource::{
             BindGroupEntries, CachedRenderPipelineId, LoadOp, PipelineCache, RenderPassDescriptor,
             SpecializedRenderPipelines,
         },
         renderer::{RenderContext, RenderDevice, ViewQuery},
+        view::ViewTarget,
     },
 };
 
 use super::{
-    pipeline::{LabelKey, LabelPipeline},
+    pipeline::{LabelKey, LabelPipeline, LabelSource},
     textures::{LabelTextures, ShownTexture},
 };
 use crate::{
     render::{
         attachment::{cleared, color, tested},
-        bind_group::KeptBindGroup,
+        bind_group::{KeptBindGroup, PerMainTexture},
+        composite::CompositeTextures,
         fullscreen::draw,
         kept::{KeptPart, KeptView},
         lighting::ReadLighting,
@@ -31,27 +34,36 @@ use crate::{
 /// The name of the pass's span in Bevy's render diagnostics.
 pub const LABEL_SPAN: &str = "plenoctree_label";
 
-/// The pipelines and the bind group of a view.
+/// The pipelines and bind groups of a view.
 #[derive(Component, Default)]
 pub(super) struct LabelPass {
-    /// Without a depth test, and with one.
-    pipelines: Option<[CachedRenderPipelineId; 2]>,
-    group: KeptBindGroup,
+    posterized: Option<Pipelines>,
+    /// For views in which nothing is posterized.
+    as_trained: Option<Pipelines>,
+    groups: PerMainTexture<KeptBindGroup>,
 }
+
+/// Without a depth test, and with one.
+type Pipelines = [CachedRenderPipelineId; 2];
 
 pub(super) fn prepare_pipelines(
     cache: Res<PipelineCache>,
     pipeline: Res<LabelPipeline>,
     mut specialized: ResMut<SpecializedRenderPipelines<LabelPipeline>>,
-    mut views: Query<(&mut ViewProps, &ReadLighting, &mut LabelPass)>,
+    mut views: Query<(&ExtractedCamera, &mut ViewProps, &ReadLighting, &mut LabelPass)>,
 ) {
-    for (mut props, lighting, mut pass) in &mut views {
-        let ids = [false, true].map(|tests_depth| {
-            let key = LabelKey { has_stages: props.has_stages, is_lit: lighting.is_lit, tests_depth };
-            specialized.specialize(&cache, &pipeline, key)
+    for (camera, mut props, lighting, mut pass) in &mut views {
+        // Require both, so that no frame waits for pipelines when a prop begins or ceases to be posterized.
+        let sources = [LabelSource::Composite, LabelSource::Scene(camera.compositing_space)];
+        let [posterized, as_trained] = sources.map(|source| {
+            let ids = [false, true].map(|tests_depth| {
+                let key = LabelKey { source, has_stages: props.has_stages, is_lit: lighting.is_lit, tests_depth };
+                specialized.specialize(&cache, &pipeline, key)
+            });
+            props.pipelines.extend(ids);
+            Some(ids)
         });
-        pass.pipelines = Some(ids);
-        props.pipelines.extend(ids);
+        (pass.posterized, pass.as_trained) = (posterized, as_trained);
     }
 }
 
@@ -59,22 +71,29 @@ pub(super) fn prepare_bind_groups(
     device: Res<RenderDevice>,
     cache: Res<PipelineCache>,
     pipeline: Res<LabelPipeline>,
-    mut views: Query<(Option<&ViewTextures>, &mut LabelPass)>,
+    mut views: Query<(Option<&ViewTextures>, Option<&CompositeTextures>, Option<&ViewTarget>, &mut LabelPass)>,
 ) {
-    for (textures, mut pass) in &mut views {
-        let Some(textures) = textures else {
-            pass.group = default();
+    for (textures, composite, target, mut pass) in &mut views {
+        let (Some(textures), Some(target)) = (textures, target) else {
+            pass.groups = default();
             continue;
         };
-        let entries = BindGroupEntries::sequential((&textures.even, &textures.layer.color));
-        pass.group.update(&device, &cache, pipeline.pass.label, &pipeline.pass.layout, &entries);
+        pass.groups.update(target, |group, scene| {
+            let (pass, source) = match composite {
+                Some(composite) => (&pipeline.posterized, &composite.even),
+                None => (&pipeline.as_trained, scene),
+            };
+            let entries = BindGroupEntries::sequential((source, &textures.layer.color));
+            group.update(&device, &cache, pass.label, &pass.layout, &entries);
+        });
     }
 }
 
 pub(super) fn label_pass(
     InMut(stage): InMut<PropStage>,
     view: ViewQuery<(
-        (&ViewProps, &ViewTextures),
+        (&ViewTarget, &ViewProps),
+        (&ViewTextures, Option<&CompositeTextures>),
         (&ViewBindGroups, &ReadLighting),
         &KeptView,
         &LabelPass,
@@ -84,13 +103,14 @@ pub(super) fn label_pass(
     cache: Res<PipelineCache>,
     mut ctx: RenderContext,
 ) {
-    let ((props, textures), (groups, lighting), kept, pass, shown, stages) = view.into_inner();
+    let ((target, props), (textures, composite), (groups, lighting), kept, pass, shown, stages) = view.into_inner();
+    let pipelines = if composite.is_some() { pass.posterized } else { pass.as_trained };
     let clears = kept.is_drawn(KeptPart::Labels);
     let (true, Some(view), Some(group), Some(pipeline)) = (
-        props.posterizes_at(*stage, &cache),
+        props.is_shown_at(*stage, &cache),
         groups.plain.get(),
-        pass.group.get(),
-        pass.pipelines.and_then(|ids| cache.get_render_pipeline(ids[usize::from(clears)])),
+        pass.groups.get(target).and_then(KeptBindGroup::get),
+        pipelines.and_then(|ids| cache.get_render_pipeline(ids[usize::from(clears)])),
     ) else {
         return;
     };

@@ -92,7 +92,7 @@ pub(super) fn prepass_pass(
 ) {
     let (camera, resolution, prepass, textures, props, groups, pass) = view.into_inner();
     let (true, Some(view), Some(group), Some(pipeline)) = (
-        props.posterizes_at(PropStage::Scene, &cache),
+        props.is_shown_at(PropStage::Scene, &cache),
         groups.plain.get(),
         pass.group.get(),
         pass.pipeline.and_then(|id| cache.get_render_pipeline(id)),

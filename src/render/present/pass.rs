@@ -125,7 +125,7 @@ pub(super) fn present_pass(
 ) {
     let (camera, resolution, target, props, groups, pass, textures) = view.into_inner();
     let (true, Some(view), Some((group, pipeline))) =
-        (props.posterizes_at(*stage, &cache), groups.plain.get(), pass.get(textures, &cache))
+        (props.is_shown_at(*stage, &cache), groups.plain.get(), pass.get(textures, &cache))
     else {
         return;
     };

@@ -85,7 +85,7 @@ pub(super) fn transparent_pass(
     let entity = view.entity();
     let (extracted, camera, resolution, target, depth, props, groups, pass, objects) = view.into_inner();
     let (true, Some(view), Some(group), Some(pipeline), Some(phase), Some(viewport)) = (
-        props.posterizes_at(PropStage::Display, &cache),
+        props.is_shown_at(PropStage::Display, &cache),
         groups.plain.get(),
         pass.group.get(),
         pass.pipeline.and_then(|id| cache.get_render_pipeline(id)),

@@ -21,7 +21,7 @@ pub(super) use memory::view_texture;
 pub(super) use prepare::{covered, extent};
 pub(super) use props::{DrawnProp, Overlap, ViewProps};
 pub(super) use textures::{
-    DEPTH_FORMAT, FILTER_FORMAT, GAP_FORMAT, LAYER_FORMAT, MOTION_FORMAT, OWNER_FORMAT, ViewTextures, drawn_viewport,
+    DEPTH_FORMAT, GAP_FORMAT, LAYER_FORMAT, MOTION_FORMAT, OWNER_FORMAT, ViewTextures, drawn_viewport,
     grid_size, spacing,
 };
 pub(super) use uniforms::{PropUniform, ViewUniform};

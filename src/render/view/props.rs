@@ -98,13 +98,18 @@ impl ViewProps {
         self.drawn.iter().any(|prop| prop.overlap == Overlap::Solid)
     }
 
+    /// Returns whether anything is posterized.
+    pub fn posterizes(&self) -> bool {
+        self.props.get().iter().any(PropUniform::is_posterized)
+    }
+
     /// Returns whether the edges of any prop are smooth.
     pub fn smooths_edges(&self) -> bool {
         self.drawn.iter().any(|prop| prop.smooths_edges)
     }
 
     /// Returns whether the passes after the volume pass can run at this place in the frame.
-    pub fn posterizes_at(&self, stage: PropStage, cache: &PipelineCache) -> bool {
+    pub fn is_shown_at(&self, stage: PropStage, cache: &PipelineCache) -> bool {
         self.stage == stage
             && !self.rect.is_empty()
             && self.pipelines.iter().all(|id| cache.get_render_pipeline(*id).is_some())

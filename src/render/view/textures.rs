@@ -11,9 +11,8 @@ use bevy::{
     },
 };
 
-use super::memory::{ViewMemory, view_texture};
+use super::memory::ViewMemory;
 use crate::{
-    gpu::WordTextures,
     quality::PropQuality,
     render::{
         attachment::{cleared, kept},
@@ -26,8 +25,6 @@ use crate::{
 pub(in crate::render) const LAYER_FORMAT: TextureFormat = TextureFormat::Rgba16Float;
 /// The format of the owner of a pixel.
 pub(in crate::render) const OWNER_FORMAT: TextureFormat = TextureFormat::Rg16Float;
-/// The format of the filter's textures: the color, owner and CIELAB of a pixel. See `filter_texel.wgsl`.
-pub(in crate::render) const FILTER_FORMAT: TextureFormat = TextureFormat::Rgba32Uint;
 /// The format of the props' depth, which is reversed like the scene's.
 pub(in crate::render) const DEPTH_FORMAT: TextureFormat = TextureFormat::Depth32Float;
 
@@ -70,10 +67,6 @@ pub(in crate::render) struct ViewTextures {
     pub layer: Layer,
     /// What the layer is made of if not every pixel gets a ray.
     pub sparse: Option<Sparse>,
-    /// The composite, before and after each iteration of the filter.
-    pub even: TextureView,
-    /// The composite, halfway through an iteration.
-    pub odd: TextureView,
 }
 
 /// The results of the rays of the grid, and of those of the batches.
@@ -86,13 +79,7 @@ pub(in crate::render) struct Sparse {
 
 impl ViewTextures {
     /// Returns the textures of a viewport of `size`, or `None` if there is no memory for them.
-    fn new(
-        memory: &mut ViewMemory,
-        device: &RenderDevice,
-        words: WordTextures,
-        visible: &VisibleProps,
-        size: UVec2,
-    ) -> Option<Self> {
+    fn new(memory: &mut ViewMemory, device: &RenderDevice, visible: &VisibleProps, size: UVec2) -> Option<Self> {
         let mut layer = |size| {
             let mut texture = |label, format| memory.view(device, label, format, size);
             Some(Layer {
@@ -106,19 +93,14 @@ impl ViewTextures {
         let (grid, batches) = (grid_size(size, spacing), batches_size(size, spacing));
         let layers = if spacing > 1 { Some((layer(grid)?, layer(batches)?)) } else { None };
         let layer = layer(size)?;
-        let mut texture = |label, format, size| memory.view(device, label, format, size);
         let sparse = match layers {
             Some((of_grid, batches)) => {
-                Some(Sparse { grid: of_grid, batches, gaps: texture("plenoctree_gaps", GAP_FORMAT, grid)? })
+                let gaps = memory.view(device, "plenoctree_gaps", GAP_FORMAT, grid)?;
+                Some(Sparse { grid: of_grid, batches, gaps })
             }
             None => None,
         };
-        let [even, odd] = ["plenoctree_even", "plenoctree_odd"].map(|label| {
-            let mut descriptor = view_texture(label, FILTER_FORMAT, size);
-            descriptor.usage |= words.usage();
-            Some(memory.texture(device, descriptor)?.default_view)
-        });
-        Some(Self { layer, sparse, even: even?, odd: odd? })
+        Some(Self { layer, sparse })
     }
 
     /// Returns the layer that the volume pass draws some rays to.
@@ -155,7 +137,6 @@ pub(in crate::render) fn drawn_viewport(
 pub(super) fn prepare_textures(
     mut commands: Commands,
     device: Res<RenderDevice>,
-    words: Res<WordTextures>,
     mut views: Query<(
         Entity,
         Option<&ExtractedCamera>,
@@ -166,8 +147,7 @@ pub(super) fn prepare_textures(
 ) {
     for (entity, camera, resolution, visible, mut memory) in &mut views {
         let viewport = camera.filter(|_| !visible.is_empty()).and_then(|camera| drawn_viewport(camera, resolution));
-        let textures =
-            viewport.and_then(|view| ViewTextures::new(&mut memory, &device, *words, visible, view.physical_size));
+        let textures = viewport.and_then(|view| ViewTextures::new(&mut memory, &device, visible, view.physical_size));
         match textures {
             Some(textures) => commands.entity(entity).insert(textures),
             None => commands.entity(entity).remove::<ViewTextures>(),

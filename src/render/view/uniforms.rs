@@ -152,9 +152,14 @@ impl PropUniform {
         colors.get(first..first + 2 * self.colors as usize).unwrap_or_default()
     }
 
+    /// Returns whether the prop is posterized.
+    pub fn is_posterized(&self) -> bool {
+        self.colors > 0
+    }
+
     /// Returns whether the edges of the prop are smooth.
     pub fn smooths_edges(&self) -> bool {
-        self.colors > 0 && self.smooths_edges > 0
+        self.is_posterized() && self.smooths_edges > 0
     }
 
     /// Also smooths the edges of slits, if other edges are smooth. Only the scene may be behind them.
@@ -166,7 +171,7 @@ impl PropUniform {
 
     /// Returns the number of filter iterations that it needs.
     pub fn filtered(&self) -> u32 {
-        if self.colors > 0 { self.iterations } else { 0 }
+        if self.is_posterized() { self.iterations } else { 0 }
     }
 }
 

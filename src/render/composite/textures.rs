@@ -1,0 +1,59 @@
+//! The textures that the composite pass writes and the filter works on.
+
+use bevy::{
+    camera::MainPassResolutionOverride,
+    prelude::*,
+    render::{
+        camera::ExtractedCamera,
+        render_resource::{TextureFormat, TextureView},
+        renderer::RenderDevice,
+    },
+};
+
+use crate::{
+    gpu::WordTextures,
+    render::view::{ViewMemory, ViewProps, drawn_viewport, view_texture},
+};
+
+/// The color, owner and CIELAB of a pixel. See `filter_texel.wgsl`.
+pub(in crate::render) const COMPOSITE_FORMAT: TextureFormat = TextureFormat::Rgba32Uint;
+
+/// The composite. A component of views in which anything is posterized.
+#[derive(Component)]
+pub(in crate::render) struct CompositeTextures {
+    /// Before and after each iteration of the filter.
+    pub even: TextureView,
+    /// Halfway through an iteration.
+    pub odd: TextureView,
+}
+
+pub(super) fn prepare_textures(
+    mut commands: Commands,
+    device: Res<RenderDevice>,
+    words: Res<WordTextures>,
+    mut views: Query<(
+        Entity,
+        Option<&ExtractedCamera>,
+        Option<&MainPassResolutionOverride>,
+        &ViewProps,
+        &mut ViewMemory,
+        Has<CompositeTextures>,
+    )>,
+) {
+    for (entity, camera, resolution, props, mut memory, has_textures) in &mut views {
+        let viewport = camera.filter(|_| props.posterizes()).and_then(|camera| drawn_viewport(camera, resolution));
+        let textures = viewport.and_then(|viewport| {
+            let mut texture = |label| {
+                let mut descriptor = view_texture(label, COMPOSITE_FORMAT, viewport.physical_size);
+                descriptor.usage |= words.usage();
+                Some(memory.texture(&device, descriptor)?.default_view)
+            };
+            Some(CompositeTextures { even: texture("plenoctree_even")?, odd: texture("plenoctree_odd")? })
+        });
+        if let Some(textures) = textures {
+            commands.entity(entity).insert(textures);
+        } else if has_textures {
+            commands.entity(entity).remove::<CompositeTextures>();
+        }
+    }
+}
