@@ -1,7 +1,7 @@
 // The blend pass: smooths the edges of posterized props.
 
 #import bevy_plenoctree::color::{decode, encode, tinted}
-#import bevy_plenoctree::edge::{RAYS, bits_of, neighbor, parts_of}
+#import bevy_plenoctree::edge::{FAINTEST, RAYS, bits_of, neighbor, parts_of}
 #import bevy_plenoctree::filter_texel::unpack
 #import bevy_plenoctree::labels::assign
 #ifdef LIGHTING
@@ -105,9 +105,6 @@ fn posterized(pixel: vec2<u32>, rays: vec4<f32>, owner: u32, behind: vec3<f32>) 
     return decode(tinted(assign(over, owner - 1u, missing).color, tint));
 }
 
-// If rays through a slit let less light through on the mean, it does not show.
-const FAINTEST_SLIT: f32 = 0.08;
-
 // Returns the parts of a pixel, blended in linear light as multisampling does.
 @fragment
 fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
@@ -129,7 +126,7 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
     let own = textureLoad(own_rays, pixel, 0);
     let other = textureLoad(other_rays, pixel, 0);
     let is_slit = !has_other && !around.is_known;
-    if is_slit && parts.rest == 0u && 1.0 - own.a - other.a < FAINTEST_SLIT {
+    if is_slit && parts.rest == 0u && 1.0 - own.a - other.a < FAINTEST {
         return seen;
     }
     var behind = center;

@@ -2,7 +2,7 @@
 // the pixel the prop covers, and its color there.
 
 #import bevy_plenoctree::color::to_half
-#import bevy_plenoctree::edge::{RAYS, neighbor, offset_of_four, ray_offset}
+#import bevy_plenoctree::edge::{FAINTEST, RAYS, neighbor, offset_of_four, ray_offset}
 #ifdef MULTISAMPLED
 #import bevy_plenoctree::edge::{rays_of, sample_of}
 #endif
@@ -39,11 +39,7 @@ struct Look {
     color: vec4<f32>,
 }
 
-// The transmittance at which rays stop, unless they do not count as covered there. What is behind hardly changes the
-// color from which the label of a part of a pixel follows.
-const STOP: f32 = 0.1;
-
-// The transmittances at which a ray counts as covered, and at which it stops.
+// The transmittances at which a ray counts as covered, and at which it stops and counts as opaque.
 struct Transmittances {
     covered: f32,
     stop: f32,
@@ -51,17 +47,17 @@ struct Transmittances {
 
 fn transmittances_of(prop: Prop) -> Transmittances {
     let covered = max(1.0 - prop.min_opacity, view.stop_transmittance);
-    return Transmittances(covered, max(min(STOP, covered), view.stop_transmittance));
+    return Transmittances(covered, max(min(FAINTEST, covered), view.stop_transmittance));
 }
 
-// Marches as the volume pass does.
-fn look(seen: PropRay, end: f32, at: Transmittances, h: ptr<function, Harmonics>) -> Look {
+// Marches as the volume pass does, but stops earlier.
+fn look(seen: PropRay, end: f32, limits: Transmittances, h: ptr<function, Harmonics>) -> Look {
     var color = vec4(0.0);
     var transmittance = 1.0;
     var covered_at = -1.0;
     var walk = begin(seen.ray, seen.span.x);
     loop {
-        if transmittance < at.stop || has_ended(seen.ray, walk, end) {
+        if transmittance < limits.stop || has_ended(seen.ray, walk, end) {
             break;
         }
         let crossing = next_leaf(seen.ray, &walk, end);
@@ -70,10 +66,10 @@ fn look(seen: PropRay, end: f32, at: Transmittances, h: ptr<function, Harmonics>
         transmittance *= exp(-sigma * (crossing.exit - crossing.enter));
         let weight = before - transmittance;
         color += weight * vec4(radiance(crossing.leaf, h), 1.0);
-        let inside = position_of(at.covered, before, crossing, sigma);
-        covered_at = select(covered_at, inside, covered_at < 0.0 && transmittance <= at.covered);
+        let inside = position_of(limits.covered, before, crossing, sigma);
+        covered_at = select(covered_at, inside, covered_at < 0.0 && transmittance <= limits.covered);
     }
-    let gone = select(1.0 - transmittance, 1.0, transmittance < at.stop);
+    let gone = select(1.0 - transmittance, 1.0, transmittance < limits.stop);
     return Look(covered_at, color * gone / max(color.a, 1e-6));
 }
 
@@ -135,21 +131,21 @@ const LEAD: f32 = 4.0;
 
 // Returns where rays through a pixel begin: a little in front of the solid part of the prop there and around it.
 // Whatever is in front of that is haze, which says nothing about coverage.
-fn start(pixel: vec2<i32>, prop: u32) -> f32 {
+fn start(pixel: vec2<i32>, index: u32, prop: Prop) -> f32 {
     var nearest = FAR_AWAY;
     var farthest = -FAR_AWAY;
     for (var i = 0; i < 9; i++) {
         let at = clamp(pixel + vec2(i % 3 - 1, i / 3 - 1), vec2(0), vec2<i32>(view.size) - 1);
         let solid = textureLoad(depth, at, 0);
-        if is_solid(solid) && owner_of(textureLoad(owner, at, 0)) == prop + 1u {
+        if is_solid(solid) && owner_of(textureLoad(owner, at, 0)) == index + 1u {
             let distance = view_distance(solid);
             nearest = min(nearest, distance);
             farthest = max(farthest, distance);
         }
     }
     // Within the pixel, the surface may come nearer by as much as it does around it.
-    let before = (2.0 * nearest - farthest - props[prop].near) * ray_at(props[prop], vec2<f32>(pixel) + 0.5).length;
-    let scale = props[prop].scale;
+    let before = (2.0 * nearest - farthest - prop.near) * ray_at(prop, vec2<f32>(pixel) + 0.5).length;
+    let scale = prop.scale;
     let cell = 1.0 / (max(max(scale.x, scale.y), scale.z) * f32(1u << field.depth));
     return select(0.0, before - LEAD * cell, nearest < FAR_AWAY);
 }
@@ -258,9 +254,9 @@ fn fragment(in: Varying) -> Fragment {
     let across = scene_slope(pixel, scene);
 #endif
 
-    let begins = start(pixel, in.prop);
     // Software rasterizers would load these for every ray.
     let prop = props[in.prop];
+    let begins = start(pixel, in.prop, prop);
     let transmittances = transmittances_of(prop);
     // Within a pixel, the direction hardly changes.
     var h = harmonics(ray_at(prop, in.position.xy).unit);

@@ -3,6 +3,8 @@
 
 // The number of rays through a pixel.
 const RAYS: u32 = 8u;
+// Where less light comes through, it does not show. Rays stop there, unless they do not count as covered yet.
+const FAINTEST: f32 = 0.08;
 const ALL_SAMPLES: u32 = 0xffffffffu;
 
 // Returns one of the eight neighbors of a pixel. The first four share a side with it.

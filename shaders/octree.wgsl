@@ -106,7 +106,7 @@ fn make_ray(origin: vec3<f32>, direction: vec3<f32>) -> Ray {
 
 // Returns where a ray enters and exits a box. The entry is no less than `least`.
 fn clip(ray: Ray, low: vec3<f32>, high: vec3<f32>, least: f32) -> vec2<f32> {
-    let cells = vec3(f32(1u << field.depth));
+    let cells = vec3(f32(1u << ray.depth));
     let is_forward = ray.mirror == vec3(0);
     let enter = (select(cells - high, low, is_forward) - ray.origin) * ray.inverse;
     let leave = (select(cells - low, high, is_forward) - ray.origin) * ray.inverse;
@@ -114,7 +114,7 @@ fn clip(ray: Ray, low: vec3<f32>, high: vec3<f32>, least: f32) -> vec2<f32> {
 }
 
 fn begin(ray: Ray, t: f32) -> Walk {
-    let last = (1i << field.depth) - 1;
+    let last = (1i << ray.depth) - 1;
     return Walk(clamp(vec3<i32>(floor(ray.origin + t * ray.direction)), vec3(0), vec3(last)), t);
 }
 
@@ -145,7 +145,7 @@ fn count(bits: vec2<u32>) -> u32 {
 }
 
 struct Cell {
-    // The leaf, or NO_LEAF. Add the number of `bits` to it.
+    // The leaf, if the number of `bits` is added to it, or NO_LEAF, for which `bits` are meaningless.
     leaf: u32,
     bits: vec2<u32>,
     // The last finest cell of the cell, or of an empty box around it, in the direction of the ray.

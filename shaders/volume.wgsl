@@ -84,7 +84,9 @@ fn fragment(in: Varying) -> Fragment {
     var solid = -1.0;
     // Software rasterizers would load these at every leaf.
     let stop = view.stop_transmittance;
+#ifndef OVERLAPPING
     let limit = props[in.prop].solid_transmittance;
+#endif
     var walk = begin(seen.ray, span.x);
     loop {
         if transmittance < stop || has_ended(seen.ray, walk, span.y) {
@@ -107,7 +109,7 @@ fn fragment(in: Varying) -> Fragment {
         discard;
     }
     // Leaves that were not reached take the average color of the others.
-    if transmittance < view.stop_transmittance {
+    if transmittance < stop {
         color /= opacity;
         opacity = 1.0;
     }

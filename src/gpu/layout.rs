@@ -19,11 +19,13 @@ pub(super) const WORDS: TextureFormat = TextureFormat::Rgba32Uint;
 /// The format of the leaves of packed fields, and of their codebook.
 pub(super) const PACKED_WORDS: TextureFormat = TextureFormat::Rg32Uint;
 
-/// The properties of a field that pipelines are specialized for if they march through densities alone.
+/// The properties of a field that all pipelines that march through it are specialized for. Others also depend on how
+/// radiance is stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) struct TreeShape {
     /// Whether there are child records besides the table.
     inner_records: bool,
+    /// Whether coefficients have the format of packed fields.
     has_codebook: bool,
 }
 
@@ -50,7 +52,7 @@ pub(super) fn init(mut commands: Commands, textures: Res<WordTextures>) {
                 uniform_buffer::<FieldUniform>(false),
                 textures.entry_with_layers(WORDS),
                 textures.entry_with_layers(WORDS),
-                // Half floats cannot be stored.
+                // Packed fields have half floats, of which storage textures hold none in one channel.
                 texture_2d_array(TextureSampleType::Float { filterable: false }),
                 textures.entry_with_layers(coefficients),
                 textures.entry_with_layers(coefficients),

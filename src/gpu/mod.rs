@@ -42,7 +42,7 @@ use bevy::{
 
 use crate::sets::{PlenOctreeRenderSystems, PlenOctreeSystems};
 
-/// The systems in `RenderStartup` that run before anything creates pipelines that march.
+/// The systems in `RenderStartup` that run before anything creates pipelines that load words.
 #[derive(SystemSet, Clone, Debug, PartialEq, Eq, Hash)]
 pub(crate) struct InitFields;
 

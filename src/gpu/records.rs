@@ -19,9 +19,10 @@ use plenoctree::{Cell, PlenOctree};
 /// The parts of a cell are the 64 cells two levels below it. The index of a part has six bits: x, y and z of its
 /// octant, then x, y and z of the part within the octant. Level `l` has `2^l` cells per side.
 ///
-/// Rays leave the empty boxes around empty cells of the table in one step. Boxes are larger than the cells of the
+/// Rays leave the empty boxes around empty cells of the table in one step. Boxes may be larger than the cells of the
 /// octree, which end where its levels do. They extend beyond their cell by the given numbers of cells of the table, ten
-/// bits per axis: in the first word toward lower coordinates, and in the second toward higher ones.
+/// bits per axis: in the first word toward lower coordinates, and in the second toward higher ones. Child records of
+/// empty cells extend by 0.
 type Record = [u32; 4];
 
 /// The bits of the last word that store the kind.
@@ -33,6 +34,8 @@ pub(super) const LEAF: u32 = 3 << 30;
 
 /// The deepest level that the table may list: 256 texels per side.
 const MOST_TABLE_LEVEL: u32 = 8;
+// Extents have ten bits.
+const _: () = assert!(1 << MOST_TABLE_LEVEL <= 1 << 10);
 /// The size that the table may always have, in bytes.
 const TABLE_ALLOWANCE: u64 = 4 << 20;
 
@@ -372,12 +375,14 @@ mod tests {
             prop_assert_eq!(Records::child_count(&field, 0), records.children.len());
             let scale = 1 << (records.depth - field.depth());
             for leaf in field.leaf_cells() {
-                let found = locate(&records, leaf.corner * scale);
-                prop_assert_eq!(found, (Some(leaf.leaf), [leaf.corner, leaf.corner + leaf.size].map(|corner| corner * scale)));
+                let cell = [leaf.corner, leaf.corner + leaf.size].map(|corner| corner * scale);
+                prop_assert_eq!(locate(&records, leaf.corner * scale), (Some(leaf.leaf), cell));
             }
             for point in points {
                 let position = UVec3::from(point) & ((1 << records.depth) - 1);
                 let (leaf, [low, high]) = locate(&records, position);
+                prop_assert!(low.cmple(position).all() && high.cmpgt(position).all());
+                prop_assert!(high.cmple(UVec3::splat(1 << records.depth)).all());
                 prop_assert_eq!(leaf, field.locate(position / scale).0.as_leaf());
                 let touches = |cell: LeafCell| {
                     low.cmplt((cell.corner + cell.size) * scale).all() && high.cmpgt(cell.corner * scale).all()

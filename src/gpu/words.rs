@@ -13,7 +13,7 @@ use bevy::{
 };
 use wgpu::{Backend, DeviceType};
 
-/// The largest number of storage textures that a shader loads from.
+/// The largest number of storage textures in the layouts of a pipeline.
 const MOST_STORED: u32 = 4;
 
 /// Whether textures of words are storage textures, which shaders only read, or sampled ones.
