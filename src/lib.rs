@@ -35,13 +35,14 @@
 //! | recolor it | [`Palettes`], [`PaletteOverride`], [`PropTint`], [`BlendSpace`], [`PaletteReady`] |
 //! | configure palette extraction | [`PaletteExtraction`] |
 //! | cast shadows | the feature `shadows`, [`SolidOpacity`], [`PropQuality`] on a light |
-//! | light it: shadows and lights fall on it | `PropLighting` (feature `shadows`) on the prop |
+//! | let the scene's shadows and lights fall on it | `PropLighting` (feature `shadows`) on the prop |
 //! | choose where in the frame props are drawn | [`PropStage`] on a camera |
 //! | trade accuracy for speed | [`PropQuality`] on a camera |
 //! | cast rays at props | [`PropRayCast`]; `PropPickingPlugin` (feature `picking`) |
 //! | add a render stage | [`LabelStages`], [`LabelTextures`], [`PlenOctreeRenderSystems`] |
 //! | load captures of Gaussian splats | `CaptureLoader` (feature `splat`) |
 //! | ship small files | `PackSaver` (feature `pack`) |
+//! | make colliders | `surface_mesh` (feature `mesh`) |
 //! | capture frames without a window | the module `headless` (feature `headless`) |
 //! | edit palettes in a window | the module `panel` (feature `egui`) |
 //!

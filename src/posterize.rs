@@ -57,8 +57,9 @@ pub struct Posterize {
 #[reflect(Default, Clone, Debug, PartialEq, Hash)]
 #[type_path = "bevy_plenoctree"]
 pub enum EdgeSmoothing {
-    /// Eight rays through each edge pixel find how much of it the prop covers. The labels that they see are blended
-    /// with what is behind by that share, in linear light, like the edges of multisampled meshes. This is the default.
+    /// Several rays through each edge pixel ([`PropQuality::edge_rays`](crate::PropQuality::edge_rays)) find how much
+    /// of it the prop covers. The labels that they see are blended with what is behind by that share, in linear light,
+    /// like the edges of multisampled meshes. This is the default.
     #[default]
     Coverage,
     /// The ray through the center of a pixel decides for the whole pixel, as the method specifies.

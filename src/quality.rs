@@ -17,9 +17,9 @@ use crate::posterize::MAX_FILTER_ITERATIONS;
 /// costs and saves on your own field, run `plenoctree tradeoff` of the crate `plenoctree_cli`.
 ///
 /// Three settings select a *level*, a version of the field that is cheaper to draw: [`density_threshold`],
-/// [`opacity_loss`] and [`cell_size`]. A level is made in the background when a camera first requests it; until it is
-/// ready, the field itself or a more exact level is drawn. Levels take additional GPU memory until no camera has
-/// requested them for 600 frames, so do not animate these settings.
+/// [`opacity_loss`] and [`cell_size`]. A level is made in the background when a camera or a light first requests it;
+/// until it is ready, the field itself or a more exact level is drawn. Levels take additional GPU memory until no
+/// camera or light has requested them for 600 frames, so do not animate these settings.
 ///
 /// [`density_threshold`]: Self::density_threshold
 /// [`opacity_loss`]: Self::opacity_loss

@@ -10,9 +10,9 @@ pub enum PlenOctreeSystems {
     /// Writes [`FieldReady`](crate::FieldReady), [`FieldFailed`](crate::FieldFailed) and
     /// [`ViewFailed`](crate::ViewFailed). Runs in [`PreUpdate`].
     ReportFields,
-    /// Loads palettes, starts and finishes extractions, and writes [`PaletteReady`](crate::PaletteReady). Runs in
-    /// [`PreUpdate`], after [`Self::ReportFields`], so systems in [`Update`] can edit a new palette before it is first
-    /// shown.
+    /// Loads palettes, starts and finishes extractions, and writes [`PaletteReady`](crate::PaletteReady) and
+    /// [`PaletteFailed`](crate::PaletteFailed). Runs in [`PreUpdate`], after [`Self::ReportFields`], so systems in
+    /// [`Update`] can edit a new palette before it is first shown.
     UpdatePalettes,
     /// Updates the [`PropState`](crate::PropState) of props. Runs in [`PreUpdate`], after [`Self::UpdatePalettes`].
     UpdateProps,

@@ -81,7 +81,8 @@ pub struct PosterizeView(pub Handle<PlenOctree>);
 /// Add it to an entity with a `Camera3d`. In the render world, the camera's view then has
 /// [`LabelTextures`](crate::LabelTextures), which systems in
 /// [`PlenOctreeRenderSystems::LabelStages`](crate::PlenOctreeRenderSystems::LabelStages) of the `Core3d` schedule can
-/// read and rewrite. Cameras without this component have no such textures, and their labels go straight to the screen.
+/// read and rewrite. Cameras without this component have no such textures. Cameras with it assign labels in every
+/// frame, even if nothing has changed.
 #[derive(Component, Clone, Copy, Debug, Default, Reflect)]
 #[reflect(Component, Default, Clone, Debug)]
 #[type_path = "bevy_plenoctree"]

@@ -9,7 +9,7 @@ pub enum Level {
     /// Exactly as the method specifies.
     #[default]
     Exact,
-    /// Visually indistinguishable from exact.
+    /// Hardly distinguishable from exact.
     High,
     /// A compromise for most games.
     Balanced,

@@ -65,7 +65,7 @@ pub struct CaptureSettings {
     /// The direction that is up in the capture: the field is turned upright, and placed on the origin.
     /// [`Axis::NegativeY`] by default. With `None`, the field keeps the coordinates of the capture.
     pub stand: Option<Axis>,
-    /// The axes of an SPZ file that does not record them.
+    /// The axes of an SPZ file that does not record them. [`SpzAxes::RightUpBack`] by default.
     pub spz_axes: SpzAxes,
 }
 

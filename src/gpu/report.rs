@@ -24,8 +24,8 @@ pub struct FieldReady {
     pub field: AssetId<PlenOctree>,
 }
 
-/// A message written in [`PreUpdate`] when the GPU cannot hold a field, or a level of it that a camera's
-/// [`PropQuality`](crate::PropQuality) requests.
+/// A message written in [`PreUpdate`] when the GPU cannot hold a field, or a level of it that a camera or a light
+/// requests ([`PropQuality`](crate::PropQuality)).
 #[derive(Message, Clone, Debug, PartialEq, Eq)]
 pub struct FieldFailed {
     /// The field.
@@ -33,7 +33,7 @@ pub struct FieldFailed {
     /// The part that does not fit, and its size.
     pub error: FieldTooLarge,
     /// Whether only a level does not fit. Another level is drawn in its place. Otherwise, the field's props are not
-    /// drawn, or if the field was reloaded, its earlier version is.
+    /// drawn; if a field was reloaded or replaced, the earlier one still is.
     pub only_level: bool,
 }
 
@@ -41,8 +41,8 @@ pub struct FieldFailed {
 /// props: about 100 bytes per pixel, depending on its settings and on what it sees.
 ///
 /// The camera draws no props then. It tries again every two seconds, and when its size, its
-/// [`PropQuality`](crate::PropQuality) or the number of props that it sees changes. The message is written once, and
-/// again only after an attempt has succeeded.
+/// [`PropQuality`](crate::PropQuality) or the number of props that it sees changes. The message is written once per
+/// shortage, which ends when an attempt succeeds, or when the camera has nothing to draw.
 #[derive(Message, Clone, Debug, PartialEq, Eq)]
 pub struct ViewFailed {
     /// The camera.

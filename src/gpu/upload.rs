@@ -30,8 +30,8 @@ use crate::background;
 /// The error for a field that does not fit on the GPU.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "the field's {what} need {bytes} bytes of GPU memory, {}; use fewer leaves, spherical harmonics of a lower degree, \
-     or compact coefficients (`Precision::Byte`), which take half the memory",
+    "the field's {what} would take {bytes} bytes of GPU memory, {}; pack the field, or use fewer leaves, spherical \
+     harmonics of a lower degree, or, from SH9 up, `Precision::Byte`, which takes half the memory",
     .limit.map_or("more than is available".into(), |limit| format!("more than the {limit} bytes that the device allows"))
 )]
 pub struct FieldTooLarge {

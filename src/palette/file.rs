@@ -21,7 +21,7 @@ use super::{
     source::PaletteSource,
 };
 
-/// The extension of palette files: `x.palette.json` belongs to `x.npz`.
+/// The extension of palette files: `x.palette.json` belongs to `x.plenoctree` or `x.npz`.
 const EXTENSION: &str = "palette.json";
 
 /// Loads `.palette.json` files as [`Palette`] assets. Supports hot reloading.

@@ -5,8 +5,8 @@ use plenoctree::{PlenOctree, palette::ExtractionError};
 
 use super::resource::Palettes;
 
-/// A message that is written when the palette of a field was extracted or loaded from a file. It is not written for
-/// palettes that are [inserted](Palettes::insert).
+/// A message that is written when the palette of a field has been extracted or loaded from a file. It is not written
+/// for palettes that are [inserted](Palettes::insert).
 ///
 /// Written in [`PreUpdate`], before the palette is first shown. Systems in [`Update`] that read it can still change the
 /// colors of the first frame.

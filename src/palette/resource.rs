@@ -15,7 +15,7 @@ use super::{blend::BlendSpace, source::PaletteSource};
 /// Any system may change a palette in any frame. Changes are visible in the same frame and do not allocate.
 ///
 /// If the field of a posterized prop or [view](crate::PosterizeView) has no palette, the plugin loads one from the file
-/// `x.palette.json` next to the field's `x.npz` or, if there is no such file, extracts one.
+/// `x.palette.json` next to the field's `x.plenoctree` or `x.npz` or, if there is no such file, extracts one.
 /// [`PaletteReady`](crate::PaletteReady) is written when it is ready. A palette that you insert takes precedence over
 /// both.
 ///
@@ -170,7 +170,8 @@ impl FieldPalette {
     /// Writes the source colors and their weights to a JSON file, replacing any existing file. `path` is a file system
     /// path, not an asset path.
     ///
-    /// To skip extraction at run time, save the palette next to the field: as `x.palette.json` next to `x.npz`.
+    /// To skip extraction at run time, save the palette next to the field: as `x.palette.json` next to `x.plenoctree`
+    /// or `x.npz`.
     ///
     /// Returns an error if the file cannot be written, or if the palette is [invalid](Palette::validate).
     pub fn save(&self, path: impl AsRef<Path>) -> Result<(), PaletteFileError> {

@@ -9,7 +9,7 @@ use crate::gpu::FieldTooLarge;
 ///
 /// Every prop has this component; do not change it. It is updated in [`PreUpdate`], in
 /// [`PlenOctreeSystems::UpdateProps`](crate::PlenOctreeSystems::UpdateProps), and marked as changed only when it
-/// changes. Where a prop is in view does not matter: props that no camera sees become ready as well.
+/// changes. It does not matter whether a prop is in view: props that no camera sees become ready as well.
 ///
 /// ```
 /// # use bevy::prelude::*;
@@ -69,10 +69,12 @@ impl PropState {
 /// The reason why a prop cannot be drawn as it should be.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum PropError {
-    /// The field could not be loaded. Holds the loader's message. The prop is not drawn.
+    /// The field could not be loaded. Holds the loader's message. The prop is not drawn, or if it had another field
+    /// before, that one still is.
     #[error("{0}")]
     Load(String),
-    /// The GPU cannot hold the field. The prop is not drawn. If its field was reloaded, the earlier version is drawn.
+    /// The GPU cannot hold the field. The prop is not drawn. If its field was reloaded or replaced, the earlier one is
+    /// still drawn.
     #[error(transparent)]
     TooLarge(FieldTooLarge),
     /// No palette could be extracted. The prop is drawn as trained.

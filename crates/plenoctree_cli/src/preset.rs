@@ -8,7 +8,7 @@ pub enum Preset {
     /// Exactly as the method specifies.
     #[default]
     Exact,
-    /// Visually indistinguishable from exact.
+    /// Hardly distinguishable from exact.
     High,
     /// A compromise for most games.
     Balanced,

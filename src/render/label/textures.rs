@@ -44,7 +44,8 @@ pub struct LabelTextures {
     pub labels: TextureView,
     /// The part of the textures that is shown, in pixels.
     pub rect: URect,
-    /// Where in the frame the view's props are drawn. Custom stages for the other stage must do nothing.
+    /// Where in the frame the view's props are drawn. A custom stage that is meant for the other [`PropStage`] must do
+    /// nothing.
     pub stage: PropStage,
     colors: [TextureView; 2],
     current: AtomicUsize,

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 /// The function that maps the sum of spherical harmonics to radiance.
 ///
-/// Files do not record it. It depends on how the field was trained.
+/// It depends on how the field was trained. Packed fields record it; `.npz` files do not.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[cfg_attr(
     feature = "bevy",

@@ -24,7 +24,8 @@ pub const MAX_DEPTH: u32 = 20;
 
 /// The precision of a field's coefficients on the GPU.
 ///
-/// On the CPU, and for palette extraction, coefficients are always half floats.
+/// On the CPU, coefficients are always half floats, and palettes that are sampled there do not depend on this. Sampling
+/// on the GPU reads what is on the GPU. Packed fields ignore it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[cfg_attr(
     feature = "bevy",

@@ -44,9 +44,9 @@ pub struct LoadSettings {
     /// Axis of the field's frame that points up. `None`, the default, selects the one that a packed field records, and
     /// [`UpAxis::Z`] for other files.
     pub up: Option<UpAxis>,
-    /// Density below which leaves are dropped: per world unit or, if the finest cells are wider than that, per cell.
-    /// Otherwise, fields in small units, such as millimeters, would lose what is faint in every cell. 0.01 by default.
-    /// Leaves whose density is 0 or negative are always dropped. NaN is an error.
+    /// Density below which leaves are dropped: per world unit or, if the finest cells are wider than one world unit,
+    /// per width of a finest cell. Otherwise, fields in small units, such as millimeters, would lose what is faint in
+    /// every cell. 0.01 by default. Leaves whose density is 0 or negative are always dropped. NaN is an error.
     pub density_threshold: f32,
     /// Precision of the coefficients on the GPU. [`Precision::Half`] by default. Does not apply to packed fields, which
     /// take less memory either way.

@@ -194,7 +194,7 @@ mod tests {
     use super::*;
 
     proptest! {
-        /// Histograms are conservative: no weight is lost, for any colors, and both histograms contain all of it.
+        /// Histograms conserve weight: none is lost, for any colors, and both histograms contain all of it.
         #[test]
         fn weight_is_preserved(
             samples in prop::collection::vec((prop::array::uniform3(-0.5..1.5f64), 0.0..6e4f64), 1..200),

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 /// Settings for reading captures: what their files do not record.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SplatSettings {
-    /// The axes of an SPZ file that does not record them.
+    /// The axes of an SPZ file that does not record them. [`SpzAxes::RightUpBack`] by default.
     pub spz_axes: SpzAxes,
 }
 
