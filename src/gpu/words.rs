@@ -66,17 +66,22 @@ mod tests {
     use std::time::Duration;
 
     use bevy::render::{RenderApp, RenderStartup};
+    use glam::DVec3;
+    use half::f16;
     use image::RgbaImage;
-    use plenoctree::{LoadSettings, PlenOctree, camera::PinholeCamera, palette::Palette};
+    use plenoctree::{
+        Activation, Basis, Cell, Frame, LoadSettings, PlenOctree, UpAxis, camera::PinholeCamera, palette::Palette,
+    };
 
     use super::*;
     use crate::{
         FieldPalette, Palettes, PlenOctreePlugin, Posterize, Prop,
-        gpu::layout,
+        gpu::{layout, records::Records},
         headless::{Headless, exact_camera, pinhole_view},
     };
 
-    fn draw(field: &PlenOctree, is_stored: bool) -> RgbaImage {
+    /// Draws props of a field, each a little to the side of the one before it.
+    fn draw(field: &PlenOctree, props: u8, msaa: Msaa, is_stored: bool) -> RgbaImage {
         let choose = move |mut textures: ResMut<WordTextures>| textures.is_stored = is_stored;
         let mut headless = Headless::new(UVec2::splat(64), |app| {
             app.add_plugins(PlenOctreePlugin);
@@ -89,13 +94,39 @@ mod tests {
         let world = headless.app.world_mut();
         let handle = world.resource_mut::<Assets<PlenOctree>>().add(field.clone());
         world.resource_mut::<Palettes>().insert(&handle, FieldPalette::new(palette));
-        world.spawn((Prop(handle), Posterize::default()));
-        world.spawn((exact_camera(Color::WHITE), target, pinhole_view(&camera, up)));
+        for prop in 0..props {
+            let aside = Transform::from_xyz(0.2 * f32::from(prop), 0.0, 0.0);
+            world.spawn((Prop(handle.clone()), Posterize::default(), aside));
+        }
+        world.spawn((exact_camera(Color::WHITE), target, pinhole_view(&camera, up))).insert(msaa);
         headless.wait_until_ready(Duration::from_secs(600)).unwrap();
         headless.capture().unwrap()
     }
 
-    /// Graphics cards draw the same picture as software rasterizers, from packed fields and from others.
+    /// Returns a field that has leaves at every level, too deep for all of them to be below the table alone.
+    fn deep() -> PlenOctree {
+        let (mut nodes, mut leaves) = (vec![[Cell::EMPTY; 8]], 0);
+        let mut open = vec![(0, 1)];
+        while let Some((node, level)) = open.pop() {
+            for index in 0..8 {
+                if (index + level) % 3 == 0 && level < 10 && nodes.len() < 5000 {
+                    nodes[node][index] = Cell::node(nodes.len() as u32);
+                    open.push((nodes.len(), level + 1));
+                    nodes.push([Cell::EMPTY; 8]);
+                } else if index % 2 == 0 {
+                    nodes[node][index] = Cell::leaf(leaves);
+                    leaves += 1;
+                }
+            }
+        }
+        let frame = Frame::spanning(DVec3::ZERO, DVec3::ONE);
+        let coefficients = (0..3 * leaves).map(|index| f16::from_f32((index * 7 % 10) as f32 / 10.0)).collect();
+        let density = (0..leaves).map(|leaf| [3.0, 300.0][leaf as usize % 2]).collect();
+        PlenOctree::new(frame, Basis::Rgba, Activation::Identity, UpAxis::Y, nodes, density, coefficients).unwrap()
+    }
+
+    /// Graphics cards draw the same picture as software rasterizers: from packed fields and from others, and with the
+    /// passes that only march.
     #[test]
     fn stored_words_are_the_same_as_sampled_ones() {
         let file = concat!(env!("CARGO_MANIFEST_DIR"), "/assets/toadstool.plenoctree");
@@ -110,10 +141,12 @@ mod tests {
             packed.coefficients().into_owned(),
         )
         .unwrap();
-        for field in [packed, plain] {
-            let drawn = draw(&field, true);
+        let deep = deep();
+        assert!(Records::child_count(&deep, 0) > 1000);
+        for (field, props, msaa) in [(packed, 1, Msaa::Off), (plain, 1, Msaa::Off), (deep, 2, Msaa::Sample4)] {
+            let drawn = draw(&field, props, msaa, true);
             assert!(drawn.pixels().filter(|pixel| pixel.0 != [255; 4]).count() > 1000);
-            assert!(drawn == draw(&field, false));
+            assert!(drawn == draw(&field, props, msaa, false));
         }
     }
 }
