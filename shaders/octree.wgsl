@@ -28,13 +28,14 @@ struct Field {
 #ifdef INNER_RECORDS
 @group(1) @binding(2) var records: texture_storage_2d_array<rgba32uint, read>;
 #endif
+@group(1) @binding(3) var densities: texture_storage_2d_array<r32uint, read>;
 #else
 @group(1) @binding(1) var table: texture_2d_array<u32>;
 #ifdef INNER_RECORDS
 @group(1) @binding(2) var records: texture_2d_array<u32>;
 #endif
+@group(1) @binding(3) var densities: texture_2d_array<u32>;
 #endif
-@group(1) @binding(3) var densities: texture_2d_array<f32>;
 
 // Returns the column, the row and the layer of an element of an array.
 fn place(index: u32, rows: u32) -> vec3<u32> {
@@ -235,7 +236,20 @@ fn next_leaf(ray: Ray, walk: ptr<function, Walk>, end: f32) -> Crossing {
     return crossing;
 }
 
-fn density(leaf: u32) -> f32 {
-    let at = place(leaf, field.density_rows);
+fn density_word(index: u32) -> u32 {
+    let at = place(index, field.density_rows);
+#ifdef STORED
+    return textureLoad(densities, at.xy, at.z).x;
+#else
     return textureLoad(densities, at.xy, at.z, 0).x;
+#endif
+}
+
+fn density(leaf: u32) -> f32 {
+#ifdef HALF_DENSITIES
+    let pair = unpack2x16float(density_word(leaf >> 1u));
+    return select(pair.x, pair.y, (leaf & 1u) != 0u);
+#else
+    return bitcast<f32>(density_word(leaf));
+#endif
 }

@@ -3,8 +3,7 @@
 use bevy::{
     prelude::*,
     render::render_resource::{
-        BindGroupLayoutDescriptor, BindGroupLayoutEntries, ShaderStages, TextureFormat, TextureSampleType,
-        binding_types::{texture_2d_array, uniform_buffer},
+        BindGroupLayoutDescriptor, BindGroupLayoutEntries, ShaderStages, TextureFormat, binding_types::uniform_buffer,
     },
     shader::ShaderDefVal,
 };
@@ -14,6 +13,8 @@ use super::{
     words::WordTextures,
 };
 
+/// The format of densities: one in each word, or two half floats if the field is packed.
+pub(super) const DENSITIES: TextureFormat = TextureFormat::R32Uint;
 /// The format of records, and of coefficients that are not packed.
 pub(super) const WORDS: TextureFormat = TextureFormat::Rgba32Uint;
 /// The format of the leaves of packed fields, and of their codebook.
@@ -25,7 +26,7 @@ pub(super) const PACKED_WORDS: TextureFormat = TextureFormat::Rg32Uint;
 pub(crate) struct TreeShape {
     /// Whether there are child records besides the table.
     inner_records: bool,
-    /// Whether coefficients have the format of packed fields.
+    /// Whether densities and coefficients have the formats of packed fields.
     has_codebook: bool,
 }
 
@@ -52,8 +53,7 @@ pub(super) fn init(mut commands: Commands, textures: Res<WordTextures>) {
                 uniform_buffer::<FieldUniform>(false),
                 textures.entry_with_layers(WORDS),
                 textures.entry_with_layers(WORDS),
-                // Packed fields have half floats, of which storage textures hold none in one channel.
-                texture_2d_array(TextureSampleType::Float { filterable: false }),
+                textures.entry_with_layers(DENSITIES),
                 textures.entry_with_layers(coefficients),
                 textures.entry_with_layers(coefficients),
             ),
@@ -77,6 +77,9 @@ impl FieldLayouts {
         let mut definitions = self.textures.definitions();
         if tree.inner_records {
             definitions.push("INNER_RECORDS".into());
+        }
+        if tree.has_codebook {
+            definitions.push("HALF_DENSITIES".into());
         }
         definitions
     }

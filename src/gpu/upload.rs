@@ -6,10 +6,7 @@ use bevy::{
     ecs::system::SystemParam,
     prelude::*,
     render::{
-        render_resource::{
-            BindGroup, BindGroupEntries, PipelineCache, ShaderType, Texture, TextureFormat, TextureUsages,
-            UniformBuffer,
-        },
+        render_resource::{BindGroup, BindGroupEntries, PipelineCache, ShaderType, Texture, UniformBuffer},
         renderer::{RenderDevice, RenderQueue},
     },
 };
@@ -19,7 +16,7 @@ use plenoctree::{Activation, PlenOctree};
 
 use super::{
     errors::DriverErrors,
-    layout::{FieldLayouts, PACKED_WORDS, WORDS},
+    layout::{DENSITIES, FieldLayouts, PACKED_WORDS, WORDS},
     payload::Payload,
     records::Records,
     textures::{self, Grid, Layers},
@@ -101,7 +98,11 @@ pub(super) fn arrays(field: &PlenOctree) -> [Array; 3] {
         None => [("densities", 4 * leaves, 4), ("coefficients", 16 * texels * leaves, 16), ("codebook", 0, 16)],
         Some(codebook) => {
             let rows: usize = payload.texels_of_rows(codebook).into_iter().sum();
-            [("densities", 2 * leaves, 2), ("coefficients", 8 * leaves, 8), ("codebook", 8 * rows.max(1) as u64, 8)]
+            [
+                ("densities", 4 * leaves.div_ceil(2), 4),
+                ("coefficients", 8 * leaves, 8),
+                ("codebook", 8 * rows.max(1) as u64, 8),
+            ]
         }
     }
 }
@@ -232,7 +233,7 @@ impl Uploader<'_> {
         let layers = [
             Layers::cube(1 << records.table_level),
             grid.layers(records.children.len()),
-            grid.layers(field.leaves()),
+            grid.layers(field.leaves().div_ceil(if codebook.is_some() { 2 } else { 1 })),
             grid.layers(coefficients),
             grid.layers(codebook.as_ref().map_or(0, |codebook| codebook.rows.len())),
         ];
@@ -252,15 +253,12 @@ impl Uploader<'_> {
         let mut uniform = UniformBuffer::from(uniform);
         uniform.set_label(Some("plenoctree_field"));
         uniform.write_buffer(device, queue);
-        let (of_densities, of_leaves) = match codebook {
-            None => (TextureFormat::R32Float, WORDS),
-            Some(_) => (TextureFormat::R16Float, PACKED_WORDS),
-        };
+        let of_leaves = if codebook.is_some() { PACKED_WORDS } else { WORDS };
         let usage = self.words.usage();
         let mut textures = vec![
             layers[0].texture(device, "plenoctree_table", WORDS, usage),
             layers[1].texture(device, "plenoctree_records", WORDS, usage),
-            layers[2].texture(device, "plenoctree_densities", of_densities, TextureUsages::TEXTURE_BINDING),
+            layers[2].texture(device, "plenoctree_densities", DENSITIES, usage),
             layers[3].texture(device, "plenoctree_coefficients", of_leaves, usage),
         ];
         if codebook.is_some() {

@@ -14,7 +14,7 @@ use bevy::{
 use wgpu::{Backend, DeviceType};
 
 /// The largest number of storage textures in the layouts of a pipeline.
-const MOST_STORED: u32 = 4;
+const MOST_STORED: u32 = 5;
 
 /// Whether textures of words are storage textures, which shaders only read, or sampled ones.
 ///

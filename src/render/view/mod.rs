@@ -21,8 +21,8 @@ pub(super) use memory::view_texture;
 pub(super) use prepare::{covered, extent};
 pub(super) use props::{DrawnProp, Overlap, ViewProps};
 pub(super) use textures::{
-    DEPTH_FORMAT, GAP_FORMAT, LAYER_FORMAT, MOTION_FORMAT, OWNER_FORMAT, ViewTextures, drawn_viewport,
-    grid_size, spacing,
+    DEPTH_FORMAT, GAP_FORMAT, LAYER_FORMAT, MOTION_FORMAT, OWNER_FORMAT, ViewTextures, drawn_viewport, grid_size,
+    spacing,
 };
 pub(super) use uniforms::{PropUniform, ViewUniform};
 
