@@ -2,15 +2,14 @@
 // method, steps 1 and 3 to 5.
 
 #import bevy_plenoctree::color::{tinted, to_half}
-#ifndef UNPOSTERIZED
+#ifdef UNPOSTERIZED
+#import bevy_plenoctree::target::composited
+#else
 #import bevy_plenoctree::filter_texel::unpack
 #import bevy_plenoctree::labels::assign
 #endif
 #ifdef LIGHTING
 #import bevy_plenoctree::shade::{Shade, lit_prop, shade_of}
-#endif
-#ifdef UNPOSTERIZED
-#import bevy_plenoctree::target::composited
 #endif
 #import bevy_plenoctree::view::{props, view}
 

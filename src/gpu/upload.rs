@@ -27,8 +27,8 @@ use crate::background;
 /// The error for a field that does not fit on the GPU.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "the field's {what} would take {bytes} bytes of GPU memory, {}; pack the field, or use fewer leaves, spherical \
-     harmonics of a lower degree, or, from SH9 up, `Precision::Byte`, which takes half the memory",
+    "the field's {what} would take {bytes} bytes of GPU memory, {}; use fewer leaves. Unless it is packed, a field is \
+     smaller if you pack it, with spherical harmonics of a lower degree, or with `Precision::Byte` from SH9 up",
     .limit.map_or("more than is available".into(), |limit| format!("more than the {limit} bytes that the device allows"))
 )]
 pub struct FieldTooLarge {
@@ -37,9 +37,9 @@ pub struct FieldTooLarge {
     /// The size of that part, in bytes.
     pub bytes: u64,
     /// The maximum size that the device allows, in bytes: that of a texture with four words per texel (one word for
-    /// densities), whose height is `max_texture_dimension_2d`, and whose width is the same but at most 8192. `None` if
-    /// the driver ran out of memory or rejected a texture: drivers do not report how much is left. The log then
-    /// contains the driver's message.
+    /// densities, and two for the leaves and the codebook of packed fields), whose height is
+    /// `max_texture_dimension_2d`, and whose width is the same but at most 8192. `None` if the driver ran out of memory
+    /// or rejected a texture: drivers do not report how much is left. The log then contains the driver's message.
     pub limit: Option<u64>,
 }
 
@@ -160,7 +160,8 @@ impl LevelData {
         Self { field, records, codebook }
     }
 
-    /// Returns whether creating the records and packing the coefficients takes little time: 2 ms if leaves are scattered.
+    /// Returns whether creating the records and packing the coefficients takes little time: 2 ms if leaves are
+    /// scattered.
     pub fn is_quick(field: &PlenOctree) -> bool {
         field.leaves() <= 1 << 12 && field.nodes().len() <= 1 << 11 && field.depth() <= 7
     }
@@ -225,17 +226,18 @@ impl Uploader<'_> {
     }
 
     fn level(&self, data: &LevelData) -> (GpuLevel, Textures) {
-        let LevelData { field, records, codebook } = data;
+        let LevelData { field, records, .. } = data;
         let payload = Payload::of(field);
         let grid = Grid::new(&self.device.limits());
         let (device, queue) = (&self.device, &self.queue);
-        let coefficients = field.leaves() * if codebook.is_some() { 1 } else { payload.texels() };
+        let [densities, coefficients, codebook] =
+            arrays(field).map(|(_, bytes, texel)| grid.layers((bytes / texel) as usize));
         let layers = [
             Layers::cube(1 << records.table_level),
             grid.layers(records.children.len()),
-            grid.layers(field.leaves().div_ceil(if codebook.is_some() { 2 } else { 1 })),
-            grid.layers(coefficients),
-            grid.layers(codebook.as_ref().map_or(0, |codebook| codebook.rows.len())),
+            densities,
+            coefficients,
+            codebook,
         ];
         let codebook = field.codebook();
         let uniform = FieldUniform {

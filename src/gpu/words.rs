@@ -27,7 +27,8 @@ pub(crate) struct WordTextures {
 }
 
 pub(super) fn init(mut commands: Commands, adapter: Res<RenderAdapterInfo>, device: Res<RenderDevice>) {
-    // Other backends may lack loads of several words from storage textures.
+    // Other backends may lack loads of several words from storage textures. Devices with the default limits of WebGPU
+    // have too few of them.
     let is_emulated = adapter.device_type == DeviceType::Cpu && adapter.backend == Backend::Vulkan;
     let is_enough = device.limits().max_storage_textures_per_shader_stage >= MOST_STORED;
     commands.insert_resource(WordTextures { is_stored: is_emulated && is_enough });

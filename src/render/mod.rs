@@ -10,9 +10,9 @@
 //!   pixel.
 //! - `edges` finds how much of the pixels at their edges posterized props cover.
 //! - `lighting` finds how much of the scene's light is blocked on its way to props (feature `shadows`).
-//! - `composite` blends the layer over the scene.
+//! - `composite` blends the layer over the scene, if anything is posterized.
 //! - `filter` flattens the colors.
-//! - `label` replaces them by palette colors.
+//! - `label` replaces them by palette colors. If nothing is posterized, it blends the layer over the scene itself.
 //! - `blend` smooths the edges of posterized props.
 //! - `present` writes the result, or that of custom stages, to the view's target.
 //! - `depth` writes depth where props are solid.

@@ -63,18 +63,16 @@ pub(super) fn prepare_textures(
         Option<&MainPassResolutionOverride>,
         &ViewProps,
         &mut ViewMemory,
-        Has<BlendedTexture>,
     )>,
 ) {
-    for (entity, camera, resolution, props, mut memory, has_texture) in &mut views {
+    for (entity, camera, resolution, props, mut memory) in &mut views {
         let viewport = camera.filter(|_| props.smooths_edges()).and_then(|camera| drawn_viewport(camera, resolution));
         let texture = viewport
             .and_then(|viewport| memory.view(&device, "plenoctree_blended", SHOWN_FORMAT, viewport.physical_size));
-        if let Some(texture) = texture {
-            commands.entity(entity).insert(BlendedTexture(texture));
-        } else if has_texture {
-            commands.entity(entity).remove::<BlendedTexture>();
-        }
+        match texture {
+            Some(texture) => commands.entity(entity).insert(BlendedTexture(texture)),
+            None => commands.entity(entity).remove::<BlendedTexture>(),
+        };
     }
 }
 

@@ -41,7 +41,9 @@ pub(super) fn prepare_pipelines(
     mut views: Query<(&ExtractedCamera, &mut ViewProps, &mut CompositePass)>,
 ) {
     for (camera, mut props, mut pass) in &mut views {
-        let id = specialized.specialize(&cache, &pipeline, (camera.compositing_space, props.iterations > 0));
+        // Before anything is posterized, require the pipeline that most settings need then.
+        let is_filtered = props.iterations > 0 || !props.posterizes();
+        let id = specialized.specialize(&cache, &pipeline, (camera.compositing_space, is_filtered));
         pass.pipeline = Some(id);
         props.pipelines.push(id);
     }

@@ -37,11 +37,11 @@ pub(super) fn prepare_textures(
         Option<&MainPassResolutionOverride>,
         &ViewProps,
         &mut ViewMemory,
-        Has<CompositeTextures>,
     )>,
 ) {
-    for (entity, camera, resolution, props, mut memory, has_textures) in &mut views {
-        let viewport = camera.filter(|_| props.posterizes()).and_then(|camera| drawn_viewport(camera, resolution));
+    for (entity, camera, resolution, props, mut memory) in &mut views {
+        let is_drawn = props.posterizes() && !props.rect.is_empty();
+        let viewport = camera.filter(|_| is_drawn).and_then(|camera| drawn_viewport(camera, resolution));
         let textures = viewport.and_then(|viewport| {
             let mut texture = |label| {
                 let mut descriptor = view_texture(label, COMPOSITE_FORMAT, viewport.physical_size);
@@ -50,10 +50,9 @@ pub(super) fn prepare_textures(
             };
             Some(CompositeTextures { even: texture("plenoctree_even")?, odd: texture("plenoctree_odd")? })
         });
-        if let Some(textures) = textures {
-            commands.entity(entity).insert(textures);
-        } else if has_textures {
-            commands.entity(entity).remove::<CompositeTextures>();
-        }
+        match textures {
+            Some(textures) => commands.entity(entity).insert(textures),
+            None => commands.entity(entity).remove::<CompositeTextures>(),
+        };
     }
 }

@@ -72,10 +72,9 @@ pub(super) fn prepare_textures(
         Option<&MainPassResolutionOverride>,
         &ViewProps,
         &mut ViewMemory,
-        Has<EdgeTextures>,
     )>,
 ) {
-    for (entity, camera, resolution, props, mut memory, has_textures) in &mut views {
+    for (entity, camera, resolution, props, mut memory) in &mut views {
         let viewport = camera.filter(|_| props.smooths_edges()).and_then(|camera| drawn_viewport(camera, resolution));
         let textures = viewport.and_then(|viewport| {
             let mut texture = |label, format| memory.view(&device, label, format, viewport.physical_size);
@@ -94,10 +93,9 @@ pub(super) fn prepare_textures(
                 mask: texture("plenoctree_edge_mask", DEPTH_FORMAT)?,
             })
         });
-        if let Some(textures) = textures {
-            commands.entity(entity).insert(textures);
-        } else if has_textures {
-            commands.entity(entity).remove::<EdgeTextures>();
-        }
+        match textures {
+            Some(textures) => commands.entity(entity).insert(textures),
+            None => commands.entity(entity).remove::<EdgeTextures>(),
+        };
     }
 }

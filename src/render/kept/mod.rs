@@ -2,8 +2,9 @@
 //!
 //! The layer of a view is kept until the depth of the scene changes, or anything that [`LayerKey`] lists. The filtered
 //! composite is kept until the layer changes, the colors of the scene, or anything that [`CompositeKey`] lists. Labels
-//! are kept until the composite changes, or anything that [`LabelsKey`] lists. Only the present pass and those that
-//! write depth draw in every frame.
+//! are kept until the composite changes, or anything that [`LabelsKey`] lists. Where nothing is posterized, there is no
+//! composite, and labels are kept until it would change. Only the present pass and those that write depth draw in every
+//! frame.
 //!
 //! Bevy redraws the scene in every frame. Where a key has not changed, a pass compares the scene with a copy of it and
 //! sets a flag if they differ. Without this flag, the vertex shaders of all passes up to the one that is kept draw

@@ -37,14 +37,10 @@ pub const LABEL_SPAN: &str = "plenoctree_label";
 /// The pipelines and bind groups of a view.
 #[derive(Component, Default)]
 pub(super) struct LabelPass {
-    posterized: Option<Pipelines>,
-    /// For views in which nothing is posterized.
-    as_trained: Option<Pipelines>,
+    /// For views in which anything is posterized, and for others. Each without a depth test, and with one.
+    pipelines: Option<[[CachedRenderPipelineId; 2]; 2]>,
     groups: PerMainTexture<KeptBindGroup>,
 }
-
-/// Without a depth test, and with one.
-type Pipelines = [CachedRenderPipelineId; 2];
 
 pub(super) fn prepare_pipelines(
     cache: Res<PipelineCache>,
@@ -53,17 +49,15 @@ pub(super) fn prepare_pipelines(
     mut views: Query<(&ExtractedCamera, &mut ViewProps, &ReadLighting, &mut LabelPass)>,
 ) {
     for (camera, mut props, lighting, mut pass) in &mut views {
-        // Require both, so that no frame waits for pipelines when a prop begins or ceases to be posterized.
-        let sources = [LabelSource::Composite, LabelSource::Scene(camera.compositing_space)];
-        let [posterized, as_trained] = sources.map(|source| {
-            let ids = [false, true].map(|tests_depth| {
+        // Require all, so that no frame waits for pipelines when a prop begins or ceases to be posterized.
+        let ids = [LabelSource::Composite, LabelSource::Scene(camera.compositing_space)].map(|source| {
+            [false, true].map(|tests_depth| {
                 let key = LabelKey { source, has_stages: props.has_stages, is_lit: lighting.is_lit, tests_depth };
                 specialized.specialize(&cache, &pipeline, key)
-            });
-            props.pipelines.extend(ids);
-            Some(ids)
+            })
         });
-        (pass.posterized, pass.as_trained) = (posterized, as_trained);
+        pass.pipelines = Some(ids);
+        props.pipelines.extend(ids.as_flattened());
     }
 }
 
@@ -104,13 +98,13 @@ pub(super) fn label_pass(
     mut ctx: RenderContext,
 ) {
     let ((target, props), (textures, composite), (groups, lighting), kept, pass, shown, stages) = view.into_inner();
-    let pipelines = if composite.is_some() { pass.posterized } else { pass.as_trained };
     let clears = kept.is_drawn(KeptPart::Labels);
+    let pipeline = pass.pipelines.map(|ids| ids[usize::from(composite.is_none())][usize::from(clears)]);
     let (true, Some(view), Some(group), Some(pipeline)) = (
         props.is_shown_at(*stage, &cache),
         groups.plain.get(),
         pass.groups.get(target).and_then(KeptBindGroup::get),
-        pipelines.and_then(|ids| cache.get_render_pipeline(ids[usize::from(clears)])),
+        pipeline.and_then(|id| cache.get_render_pipeline(id)),
     ) else {
         return;
     };

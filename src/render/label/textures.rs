@@ -94,10 +94,9 @@ pub(super) fn prepare_textures(
         &VisibleProps,
         &ViewProps,
         &mut ViewMemory,
-        (Has<ShownTexture>, Has<LabelTextures>),
     )>,
 ) {
-    for (entity, camera, resolution, visible, props, mut memory, (has_texture, has_stages)) in &mut views {
+    for (entity, camera, resolution, visible, props, mut memory) in &mut views {
         let viewport = camera.filter(|_| !props.rect.is_empty()).and_then(|camera| drawn_viewport(camera, resolution));
         let mut texture = |label, format| memory.view(&device, label, format, viewport.as_ref()?.physical_size);
         let shown = texture("plenoctree_shown", SHOWN_FORMAT);
@@ -110,15 +109,13 @@ pub(super) fn prepare_textures(
                 current: AtomicUsize::new(0),
             })
         });
-        if let Some(stages) = stages {
-            commands.entity(entity).insert(stages);
-        } else if has_stages {
-            commands.entity(entity).remove::<LabelTextures>();
-        }
-        if let Some(shown) = shown {
-            commands.entity(entity).insert(ShownTexture(shown));
-        } else if has_texture {
-            commands.entity(entity).remove::<ShownTexture>();
-        }
+        match stages {
+            Some(stages) => commands.entity(entity).insert(stages),
+            None => commands.entity(entity).remove::<LabelTextures>(),
+        };
+        match shown {
+            Some(shown) => commands.entity(entity).insert(ShownTexture(shown)),
+            None => commands.entity(entity).remove::<ShownTexture>(),
+        };
     }
 }

@@ -119,10 +119,9 @@ pub(super) fn prepare_textures(
         &VisibleProps,
         &ViewProps,
         &mut ViewMemory,
-        Has<SolidTextures>,
     )>,
 ) {
-    for (entity, camera, resolution, visible, props, mut memory, has_textures) in &mut views {
+    for (entity, camera, resolution, visible, props, mut memory) in &mut views {
         let viewport = camera.filter(|_| props.has_overlaps()).and_then(|camera| drawn_viewport(camera, resolution));
         let mut rounds = |size| {
             let mut round = || {
@@ -139,11 +138,10 @@ pub(super) fn prepare_textures(
             let batches = if spacing > 1 { Some(rounds(batches_size(size, spacing))?) } else { None };
             Some(SolidTextures { grid, batches })
         });
-        if let Some(textures) = textures {
-            commands.entity(entity).insert(textures);
-        } else if has_textures {
-            commands.entity(entity).remove::<SolidTextures>();
-        }
+        match textures {
+            Some(textures) => commands.entity(entity).insert(textures),
+            None => commands.entity(entity).remove::<SolidTextures>(),
+        };
     }
 }
 

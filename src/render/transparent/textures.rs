@@ -31,10 +31,9 @@ pub(super) fn prepare_textures(
         &VisibleProps,
         &ViewProps,
         &mut ViewMemory,
-        Has<TransparentTexture>,
     )>,
 ) {
-    for (entity, camera, visible, props, mut memory, has_texture) in &mut views {
+    for (entity, camera, visible, props, mut memory) in &mut views {
         let draws = |view: &ExtractedView| {
             let phase = phases.get(&view.retained_view_entity);
             props.stage == PropStage::Display
@@ -55,10 +54,9 @@ pub(super) fn prepare_textures(
             let sampled = if samples > 1 { Some(texture(samples)?) } else { None };
             Some(ColorAttachment::new(texture(1)?, sampled, None, Some(wgpu::Color::TRANSPARENT)))
         });
-        if let Some(attachment) = attachment {
-            commands.entity(entity).insert(TransparentTexture(attachment));
-        } else if has_texture {
-            commands.entity(entity).remove::<TransparentTexture>();
-        }
+        match attachment {
+            Some(attachment) => commands.entity(entity).insert(TransparentTexture(attachment)),
+            None => commands.entity(entity).remove::<TransparentTexture>(),
+        };
     }
 }

@@ -21,7 +21,7 @@ use super::{
 use crate::{
     gpu::{Allocator, FieldReports, ViewTooLarge},
     quality::PropQuality,
-    render::extract::VisibleProps,
+    render::{composite::CompositeTextures, extract::VisibleProps},
 };
 
 /// The textures that the passes of a view request in every frame. Bevy's `TextureCache` would hand out textures that
@@ -161,7 +161,7 @@ pub(super) fn report_shortages(
         if let Some(error) = allocator.error() {
             props.clear();
             textures.clear();
-            commands.entity(view).remove::<ViewTextures>();
+            commands.entity(view).remove::<(ViewTextures, CompositeTextures)>();
             if shortage.is_none() {
                 let too_large = ViewTooLarge { size: needs.size };
                 error!("camera {} draws no props: {too_large}: {error}", camera.id());

@@ -32,7 +32,7 @@ use bevy::{
     render::{Render, RenderApp, RenderStartup, RenderSystems, render_resource::TextureUsages},
 };
 
-use super::{extract::VisibleProps, steps::PrepareTextures};
+use super::{composite::CompositeTextures, extract::VisibleProps, steps::PrepareTextures};
 use crate::{gpu::InitFields, sets::PlenOctreeRenderSystems};
 
 /// Prepares views for the passes.
@@ -76,7 +76,7 @@ pub(super) struct BindViews;
 /// Removes the components of views that belong to a lost device. The next extraction adds them again.
 fn forget_views(mut commands: Commands, views: Query<Entity, With<VisibleProps>>) {
     for view in &views {
-        commands.entity(view).remove_with_requires::<VisibleProps>().remove::<ViewTextures>();
+        commands.entity(view).remove_with_requires::<VisibleProps>().remove::<(ViewTextures, CompositeTextures)>();
     }
 }
 

@@ -28,7 +28,7 @@ fn field(hue: f64) -> PlenOctree {
     bake(&settings, inside, |at| move |_| 0.5 + 0.5 * (9.0 * at + hue).map(f64::sin)).unwrap()
 }
 
-/// A view of two props that overlap, one of them posterized, with a mesh between them, one behind them, and a pane
+/// A view of two props that overlap, one of them posterized or none, with a mesh between them, one behind them, and a pane
 /// of glass.
 struct View {
     headless: Headless,
@@ -39,7 +39,7 @@ struct View {
 }
 
 impl View {
-    fn new() -> Self {
+    fn new(posterizes: bool) -> Self {
         let mut headless = Headless::new(UVec2::splat(SIZE), |app| {
             app.add_plugins((LitMeshPlugins, PlenOctreePlugin));
         })
@@ -79,7 +79,17 @@ impl View {
         world.spawn((Mesh3d(mesh), MeshMaterial3d(glass), slanted));
         let place = Transform::from_xyz(0.3, 0.2, 2.2).looking_at(Vec3::ZERO, Vec3::Y);
         let camera = world.spawn((exact_camera(Color::srgb(0.4, 0.6, 0.5)), target, place)).id();
-        Self { headless, camera, props, meshes, fields }
+        let mut view = Self { headless, camera, props, meshes, fields };
+        if !posterizes {
+            view.show_as_trained();
+        }
+        view
+    }
+
+    fn show_as_trained(&mut self) {
+        for prop in self.props {
+            self.world().entity_mut(prop).remove::<Posterize>();
+        }
     }
 
     fn world(&mut self) -> &mut World {
@@ -146,6 +156,10 @@ const CHANGES: &[(&str, Change)] = &[
     ("where a prop is solid", |view| view.set_prop(1, SolidOpacity::Never)),
     ("where the other prop is solid", |view| view.set_prop(0, SolidOpacity::Never)),
     ("a prop is posterized", |view| view.set_prop(1, Posterize { softness: 0.0, ..default() })),
+    ("a prop as trained", |view| {
+        let prop = view.props[1];
+        view.world().entity_mut(prop).remove::<Posterize>();
+    }),
     ("the opacity of thin pixels", |view| view.set_prop(0, Posterize { min_opacity: 0.9, ..default() })),
     ("the filter", |view| {
         let filter = BilateralFilter { iterations: 2, radius: 4, spatial_sigma: 5.0, range_sigma: 40.0 };
@@ -212,30 +226,34 @@ const CHANGES: &[(&str, Change)] = &[
         let mut camera = view.world().get_mut::<Camera>(camera).unwrap();
         camera.viewport.as_mut().unwrap().physical_position = UVec2::new(0, 10);
     }),
+    ("a view that is not posterized", |view| {
+        let camera = view.camera;
+        view.world().entity_mut(camera).remove::<(PosterizeView, LabelStages)>();
+    }),
     ("motion vectors", |view| view.set_camera((PropStage::Scene, MotionVectorPrepass))),
+];
+
+/// Those that only posterized props show.
+const CHANGES_OF_LABELS: &[&str] = &[
+    "a prop is posterized",
+    "a prop as trained",
+    "the opacity of thin pixels",
+    "the filter",
+    "the width of the filter",
+    "hard edges",
+    "blend steps",
+    "softness",
+    "a palette",
+    "an override",
 ];
 
 /// The next frame shows any change, and so do the frames after it, in which everything is kept.
 #[test]
 fn every_change_is_drawn_at_once() {
-    let mut view = View::new();
-    view.headless.wait_until_ready(Duration::from_secs(120)).unwrap();
-    let mut before = view.capture();
-    for (what, change) in CHANGES {
-        change(&mut view);
-        // New pipelines, levels and fields take a while. Until then, nothing changes.
-        view.headless.wait_until_ready(Duration::from_secs(120)).unwrap();
-        let kept: Vec<_> = (0..4).map(|_| view.capture()).collect();
-        let anew = view.capture_anew();
-        for (frame, kept) in kept.iter().enumerate() {
-            assert_same(kept, &anew, &format!("{what}, frame {frame}"));
-        }
-        assert!(*what == "motion vectors" || anew != before, "{what} changes nothing");
-        before = anew;
-    }
+    let before = draw_every_change(true);
     // The same again in fresh apps, frame by frame, so that nothing is ever kept, and all at once.
     for changes_per_frame in [1, CHANGES.len()] {
-        let mut fresh = View::new();
+        let mut fresh = View::new(true);
         fresh.headless.wait_until_ready(Duration::from_secs(120)).unwrap();
         for changes in CHANGES.chunks(changes_per_frame) {
             changes.iter().for_each(|(_, change)| change(&mut fresh));
@@ -246,11 +264,41 @@ fn every_change_is_drawn_at_once() {
     }
 }
 
+/// The same where no prop is posterized.
+#[test]
+fn every_change_of_props_as_trained_is_drawn_at_once() {
+    draw_every_change(false);
+}
+
+/// Returns the last frame.
+fn draw_every_change(posterizes: bool) -> RgbaImage {
+    let mut view = View::new(posterizes);
+    view.headless.wait_until_ready(Duration::from_secs(120)).unwrap();
+    let mut before = view.capture();
+    for (what, change) in CHANGES {
+        change(&mut view);
+        if !posterizes {
+            view.show_as_trained();
+        }
+        // New pipelines, levels and fields take a while. Until then, nothing changes.
+        view.headless.wait_until_ready(Duration::from_secs(120)).unwrap();
+        let kept: Vec<_> = (0..4).map(|_| view.capture()).collect();
+        let anew = view.capture_anew();
+        for (frame, kept) in kept.iter().enumerate() {
+            assert_same(kept, &anew, &format!("{what}, frame {frame}"));
+        }
+        let is_invisible = *what == "motion vectors" || (!posterizes && CHANGES_OF_LABELS.contains(what));
+        assert!(is_invisible || anew != before, "{what} changes nothing");
+        before = anew;
+    }
+    before
+}
+
 /// With several samples per pixel, a mesh may uncover some of them while a pixel's first sample, whose depth ends the
 /// ray of the pixel, stays covered.
 #[test]
 fn a_mesh_may_move_by_parts_of_pixels() {
-    let mut view = View::new();
+    let mut view = View::new(true);
     // The mesh faces the camera, so that its depth stays the same.
     let scaling_mode = ScalingMode::Fixed { width: 3.0, height: 3.0 };
     let flat = OrthographicProjection { scaling_mode, ..OrthographicProjection::default_3d() };
@@ -272,7 +320,13 @@ fn a_mesh_may_move_by_parts_of_pixels() {
 /// Changes that last for a single frame leave no trace, and are seen in that frame.
 #[test]
 fn changes_are_undone_at_once() {
-    let mut view = View::new();
+    for posterizes in [true, false] {
+        undo_changes(posterizes);
+    }
+}
+
+fn undo_changes(posterizes: bool) {
+    let mut view = View::new(posterizes);
     view.headless.wait_until_ready(Duration::from_secs(120)).unwrap();
     let still: Vec<_> = (0..4).map(|_| view.capture()).collect();
     let there_and_back: &[(&str, Change, Change)] = &[

@@ -76,7 +76,7 @@ fn nothing_changes_palette_colors() {
     }
 }
 
-/// Colors are exact in every format and compositing space of the view's textures.
+/// Colors are exact in every format and compositing space of the view's textures, posterized and as trained.
 #[test]
 fn compositing_spaces_are_honored() {
     let mut scene = posterized();
@@ -91,7 +91,12 @@ fn compositing_spaces_are_honored() {
         scene.set_if(hdr, Hdr);
         for stage in [PropStage::Scene, PropStage::Display] {
             scene.set(stage);
-            assert_exact(&scene.capture(), &format!("{space:?}, hdr {hdr}, {stage:?}"));
+            let what = format!("{space:?}, hdr {hdr}, {stage:?}");
+            assert_exact(&scene.capture(), &what);
+            let prop = scene.prop;
+            let posterize = scene.world().entity_mut(prop).take::<Posterize>().unwrap();
+            assert_near(middle(&scene.capture()), COLOR, 1, &format!("{what}, as trained"));
+            scene.world().entity_mut(prop).insert(posterize);
         }
     }
 }
