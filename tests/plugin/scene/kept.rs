@@ -276,6 +276,8 @@ fn draw_every_change(posterizes: bool) -> RgbaImage {
     view.headless.wait_until_ready(Duration::from_secs(120)).unwrap();
     let mut before = view.capture();
     for (what, change) in CHANGES {
+        // A view takes two frames to come to rest.
+        (0..2).for_each(|_| assert_same(&view.capture(), &before, "a view at rest"));
         change(&mut view);
         if !posterizes {
             view.show_as_trained();
