@@ -1,7 +1,6 @@
 //! Runs the blend pass and the patch pass.
 
 use bevy::{
-    camera::MainPassResolutionOverride,
     prelude::*,
     render::{
         camera::ExtractedCamera,
@@ -26,7 +25,7 @@ use crate::{
         label::{SHOWN_FORMAT, ShownTexture},
         lighting::ReadLighting,
         target::hidden_samples,
-        view::{ViewBindGroups, ViewMemory, ViewProps, drawn_viewport},
+        view::{ViewBindGroups, ViewMemory, ViewProps},
     },
     stage::PropStage,
 };
@@ -57,18 +56,11 @@ impl BlendPass {
 pub(super) fn prepare_textures(
     mut commands: Commands,
     device: Res<RenderDevice>,
-    mut views: Query<(
-        Entity,
-        Option<&ExtractedCamera>,
-        Option<&MainPassResolutionOverride>,
-        &ViewProps,
-        &mut ViewMemory,
-    )>,
+    mut views: Query<(Entity, &ViewProps, &mut ViewMemory)>,
 ) {
-    for (entity, camera, resolution, props, mut memory) in &mut views {
-        let viewport = camera.filter(|_| props.smooths_edges()).and_then(|camera| drawn_viewport(camera, resolution));
-        let texture = viewport
-            .and_then(|viewport| memory.view(&device, "plenoctree_blended", SHOWN_FORMAT, viewport.physical_size));
+    for (entity, props, mut memory) in &mut views {
+        let size = props.viewport_size().filter(|_| props.smooths_edges());
+        let texture = size.and_then(|size| memory.view(&device, "plenoctree_blended", SHOWN_FORMAT, size));
         match texture {
             Some(texture) => commands.entity(entity).insert(BlendedTexture(texture)),
             None => commands.entity(entity).remove::<BlendedTexture>(),

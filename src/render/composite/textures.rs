@@ -1,10 +1,8 @@
 //! The textures that the composite pass writes and the filter works on.
 
 use bevy::{
-    camera::MainPassResolutionOverride,
     prelude::*,
     render::{
-        camera::ExtractedCamera,
         render_resource::{TextureFormat, TextureView},
         renderer::RenderDevice,
     },
@@ -12,7 +10,7 @@ use bevy::{
 
 use crate::{
     gpu::WordTextures,
-    render::view::{ViewMemory, ViewProps, drawn_viewport, view_texture},
+    render::view::{ViewMemory, ViewProps, view_texture},
 };
 
 /// The color, owner and CIELAB of a pixel. See `filter_texel.wgsl`.
@@ -31,20 +29,12 @@ pub(super) fn prepare_textures(
     mut commands: Commands,
     device: Res<RenderDevice>,
     words: Res<WordTextures>,
-    mut views: Query<(
-        Entity,
-        Option<&ExtractedCamera>,
-        Option<&MainPassResolutionOverride>,
-        &ViewProps,
-        &mut ViewMemory,
-    )>,
+    mut views: Query<(Entity, &ViewProps, &mut ViewMemory)>,
 ) {
-    for (entity, camera, resolution, props, mut memory) in &mut views {
-        let is_drawn = props.posterizes() && !props.rect.is_empty();
-        let viewport = camera.filter(|_| is_drawn).and_then(|camera| drawn_viewport(camera, resolution));
-        let textures = viewport.and_then(|viewport| {
+    for (entity, props, mut memory) in &mut views {
+        let textures = props.viewport_size().filter(|_| props.posterizes()).and_then(|size| {
             let mut texture = |label| {
-                let mut descriptor = view_texture(label, COMPOSITE_FORMAT, viewport.physical_size);
+                let mut descriptor = view_texture(label, COMPOSITE_FORMAT, size);
                 descriptor.usage |= words.usage();
                 Some(memory.texture(&device, descriptor)?.default_view)
             };

@@ -1,10 +1,8 @@
 //! The textures that describe the pixels at the edges of props.
 
 use bevy::{
-    camera::MainPassResolutionOverride,
     prelude::*,
     render::{
-        camera::ExtractedCamera,
         render_resource::{
             BlendState, ColorTargetState, CompareFunction, DepthStencilState, TextureFormat, TextureView,
         },
@@ -15,7 +13,7 @@ use bevy::{
 use crate::render::{
     attachment::depth_test,
     fullscreen::target,
-    view::{DEPTH_FORMAT, LAYER_FORMAT, ViewMemory, ViewProps, drawn_viewport},
+    view::{DEPTH_FORMAT, LAYER_FORMAT, ViewMemory, ViewProps},
 };
 
 pub(super) const OUTLINE_FORMAT: TextureFormat = TextureFormat::Rg16Uint;
@@ -66,18 +64,11 @@ pub(super) fn coverage_targets(blend: Option<BlendState>) -> [ColorTargetState; 
 pub(super) fn prepare_textures(
     mut commands: Commands,
     device: Res<RenderDevice>,
-    mut views: Query<(
-        Entity,
-        Option<&ExtractedCamera>,
-        Option<&MainPassResolutionOverride>,
-        &ViewProps,
-        &mut ViewMemory,
-    )>,
+    mut views: Query<(Entity, &ViewProps, &mut ViewMemory)>,
 ) {
-    for (entity, camera, resolution, props, mut memory) in &mut views {
-        let viewport = camera.filter(|_| props.smooths_edges()).and_then(|camera| drawn_viewport(camera, resolution));
-        let textures = viewport.and_then(|viewport| {
-            let mut texture = |label, format| memory.view(&device, label, format, viewport.physical_size);
+    for (entity, props, mut memory) in &mut views {
+        let textures = props.viewport_size().filter(|_| props.smooths_edges()).and_then(|size| {
+            let mut texture = |label, format| memory.view(&device, label, format, size);
             Some(EdgeTextures {
                 outline: texture("plenoctree_outline", OUTLINE_FORMAT)?,
                 coverage: texture("plenoctree_coverage", COVERAGE_FORMAT)?,

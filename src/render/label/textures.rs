@@ -3,10 +3,8 @@
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use bevy::{
-    camera::MainPassResolutionOverride,
     prelude::*,
     render::{
-        camera::ExtractedCamera,
         render_resource::{TextureFormat, TextureView},
         renderer::RenderDevice,
     },
@@ -15,7 +13,7 @@ use bevy::{
 use crate::{
     render::{
         extract::VisibleProps,
-        view::{ViewMemory, ViewProps, drawn_viewport},
+        view::{ViewMemory, ViewProps},
     },
     stage::PropStage,
 };
@@ -87,18 +85,10 @@ impl LabelTextures {
 pub(super) fn prepare_textures(
     mut commands: Commands,
     device: Res<RenderDevice>,
-    mut views: Query<(
-        Entity,
-        Option<&ExtractedCamera>,
-        Option<&MainPassResolutionOverride>,
-        &VisibleProps,
-        &ViewProps,
-        &mut ViewMemory,
-    )>,
+    mut views: Query<(Entity, &VisibleProps, &ViewProps, &mut ViewMemory)>,
 ) {
-    for (entity, camera, resolution, visible, props, mut memory) in &mut views {
-        let viewport = camera.filter(|_| !props.rect.is_empty()).and_then(|camera| drawn_viewport(camera, resolution));
-        let mut texture = |label, format| memory.view(&device, label, format, viewport.as_ref()?.physical_size);
+    for (entity, visible, props, mut memory) in &mut views {
+        let mut texture = |label, format| memory.view(&device, label, format, props.viewport_size()?);
         let shown = texture("plenoctree_shown", SHOWN_FORMAT);
         let stages = shown.clone().filter(|_| visible.has_stages).and_then(|shown| {
             Some(LabelTextures {

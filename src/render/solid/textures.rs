@@ -1,10 +1,8 @@
 //! The textures that the solid pass writes and the volume pass reads.
 
 use bevy::{
-    camera::MainPassResolutionOverride,
     prelude::*,
     render::{
-        camera::ExtractedCamera,
         render_resource::{
             BindGroupEntries, BindGroupLayoutDescriptor, BindGroupLayoutEntries, PipelineCache, ShaderStages,
             TextureFormat, TextureSampleType, TextureView,
@@ -18,7 +16,7 @@ use crate::render::{
     bind_group::KeptBindGroup,
     extract::VisibleProps,
     refine::{RaysOf, batches_size},
-    view::{DEPTH_FORMAT, ViewMemory, ViewProps, drawn_viewport, grid_size, spacing},
+    view::{DEPTH_FORMAT, ViewMemory, ViewProps, grid_size, spacing},
 };
 
 pub(in crate::render) const SOLID_FORMAT: TextureFormat = TextureFormat::R32Uint;
@@ -112,17 +110,9 @@ impl SolidBindGroups {
 pub(super) fn prepare_textures(
     mut commands: Commands,
     device: Res<RenderDevice>,
-    mut views: Query<(
-        Entity,
-        Option<&ExtractedCamera>,
-        Option<&MainPassResolutionOverride>,
-        &VisibleProps,
-        &ViewProps,
-        &mut ViewMemory,
-    )>,
+    mut views: Query<(Entity, &VisibleProps, &ViewProps, &mut ViewMemory)>,
 ) {
-    for (entity, camera, resolution, visible, props, mut memory) in &mut views {
-        let viewport = camera.filter(|_| props.has_overlaps()).and_then(|camera| drawn_viewport(camera, resolution));
+    for (entity, visible, props, mut memory) in &mut views {
         let mut rounds = |size| {
             let mut round = || {
                 Some(SolidRound {
@@ -132,8 +122,8 @@ pub(super) fn prepare_textures(
             };
             Some(SolidRounds { nearest: round()?, opaque: round()? })
         };
-        let textures = viewport.and_then(|viewport| {
-            let (size, spacing) = (viewport.physical_size, spacing(&visible.quality));
+        let textures = props.viewport_size().filter(|_| props.has_overlaps()).and_then(|size| {
+            let spacing = spacing(&visible.quality);
             let grid = rounds(grid_size(size, spacing))?;
             let batches = if spacing > 1 { Some(rounds(batches_size(size, spacing))?) } else { None };
             Some(SolidTextures { grid, batches })

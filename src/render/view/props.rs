@@ -85,6 +85,11 @@ impl ViewProps {
         self.rect = URect::EMPTY;
     }
 
+    /// Returns the size of the view's viewport, in pixels, or `None` if the view draws nothing.
+    pub fn viewport_size(&self) -> Option<UVec2> {
+        (!self.rect.is_empty()).then(|| self.view.get().size)
+    }
+
     /// Returns the first bindings of bind group 0, or `None` if the view draws nothing.
     pub fn bindings(&self) -> Option<(BindingResource<'_>, BindingResource<'_>, BindingResource<'_>)> {
         if self.rect.is_empty() {
