@@ -39,7 +39,7 @@
 //! | choose where in the frame props are drawn | [`PropStage`] on a camera |
 //! | trade accuracy for speed | [`PropQuality`] on a camera |
 //! | cast rays at props | [`PropRayCast`]; `PropPickingPlugin` (feature `picking`) |
-//! | add a render stage | [`LabelStages`], [`LabelTextures`], [`PlenOctreeRenderSystems`] |
+//! | add a render stage | [`LabelStages`] |
 //! | load captures of Gaussian splats | `CaptureLoader` (feature `splat`) |
 //! | ship small files | `PackSaver` (feature `pack`) |
 //! | make colliders | `surface_mesh` (feature `mesh`) |
@@ -116,7 +116,7 @@ pub use quality::{PropQuality, QualityPreset};
 pub use recovery::DeviceRecoveryPlugin;
 #[cfg(feature = "shadows")]
 pub use render::{LIGHTING_SPANS, SHADOW_SPANS};
-pub use render::{LabelTextures, POSTERIZE_SPANS, StageWrite, VOLUME_SPANS};
+pub use render::{POSTERIZE_SPANS, VOLUME_SPANS};
 pub use sets::{PlenOctreeRenderSystems, PlenOctreeSystems};
 pub use stage::{LabelStages, PosterizeView, PropStage};
 pub use state::{PropError, PropProgress, PropState, props_ready};

@@ -10,7 +10,7 @@ use bevy::{
     shader::Shader,
 };
 
-use crate::gpu::{FieldLayouts, FieldShape, Shaders, field_definitions};
+use crate::gpu::{FieldLayouts, FieldShape, Shaders, TreeShape, field_definitions};
 
 /// Matches `Slice` in `sampling.wgsl`.
 #[derive(ShaderType, Clone, Copy)]
@@ -33,7 +33,7 @@ pub(super) struct SamplingPipeline {
 
 pub(super) fn init(mut commands: Commands, shaders: Res<Shaders>, fields: Res<FieldLayouts>) {
     commands.insert_resource(SamplingPipeline {
-        shader: shaders.sampling.clone(),
+        shader: shaders.get("sampling"),
         layout: BindGroupLayoutDescriptor::new(
             "plenoctree_sampling",
             &BindGroupLayoutEntries::sequential(
@@ -56,9 +56,9 @@ impl SpecializedComputePipeline for SamplingPipeline {
     fn specialize(&self, shape: FieldShape) -> ComputePipelineDescriptor {
         ComputePipelineDescriptor {
             label: Some("plenoctree_sampling".into()),
-            layout: vec![self.layout.clone(), self.fields.of(shape.into()).clone()],
+            layout: vec![self.layout.clone(), self.fields.get().clone()],
             shader: self.shader.clone(),
-            shader_defs: [field_definitions(shape), self.fields.definitions(shape.into())].concat(),
+            shader_defs: field_definitions(shape).into_iter().chain(TreeShape::from(shape).definitions()).collect(),
             entry_point: Some("sample".into()),
             ..default()
         }

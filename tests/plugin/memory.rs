@@ -216,6 +216,9 @@ fn a_view_draws_no_props_when_memory_is_full() {
         world.resource_mut::<Palettes>().insert(&field, palette.clone());
         world.entity_mut(prop).insert(Posterize::default());
     }
+    // The props fill the view.
+    let mut cameras = world.query_filtered::<&mut Transform, With<Camera>>();
+    cameras.single_mut(world).unwrap().translation.z = 1.5;
     let view = |headless: &mut Headless, size: UVec2| {
         let world = headless.app.world_mut();
         let mut camera = world.query::<&mut Camera>().single_mut(world).unwrap();
