@@ -232,7 +232,7 @@ fn a_view_draws_no_props_when_memory_is_full() {
         return;
     }
     // Memory ends at the first texture, and at later ones.
-    for (failures, megabytes) in [32, 160, 288].into_iter().enumerate() {
+    for (failures, megabytes) in [32, 120, 200].into_iter().enumerate() {
         limit_memory(Some(megabytes << 20));
         view(&mut headless, LARGE);
         for _ in 0..5 {
