@@ -12,9 +12,9 @@ use bevy::{
     prelude::*,
     reflect::TypePath,
 };
-use plenoctree::{
-    PlenOctree,
-    splat::{Axis, SplatError, SplatSettings, Splats, SpzAxes, Subject, SubjectSettings, VoxelSettings, voxelize},
+use plenoctree::PlenOctree;
+use plenoctree_fit::splat::{
+    Axis, SplatError, SplatSettings, Splats, SpzAxes, Subject, SubjectSettings, VoxelSettings, voxelize,
 };
 use serde::{Deserialize, Serialize};
 

@@ -13,11 +13,11 @@ use glam::DVec3;
 use image::Rgb;
 use plenoctree::{
     BakeSettings, Basis, LoadSettings, PlenOctree, bake,
-    camera::read_transforms,
     palette::{ColorCount, ColorErrors, ExtractionSettings, Palette, PaletteMethod, extract},
     reference::{self, Posterization},
     sampling::{Progress, SamplingSettings, sample},
 };
+use plenoctree_fit::read_transforms;
 
 const SIZE: &str = "48x40";
 

@@ -325,6 +325,11 @@ impl PlenOctree {
         Self { precision, ..self }
     }
 
+    /// Returns the field with another axis that points up. It stays where it is, in its own frame.
+    pub fn with_up(self, up: UpAxis) -> Self {
+        self.with_settings(None, Some(up))
+    }
+
     /// Returns the field with the properties that the settings override.
     pub(crate) fn with_settings(self, activation: Option<Activation>, up: Option<UpAxis>) -> Self {
         let (activation, up) = (activation.unwrap_or(self.activation), up.unwrap_or(self.up));

@@ -147,6 +147,16 @@ fn quantize(
     })
 }
 
+impl PlenOctree {
+    /// Returns the field with the histograms of `original`, so that it has the same palette, also after packing: those
+    /// that [`Self::histograms`] of `original` returns or, if there are none, those that are sampled from it.
+    ///
+    /// Use this for a field that was made from `original` and looks like it.
+    pub fn with_histograms_of(self, original: &PlenOctree) -> Self {
+        self.with_recorded(recorded(original, &Progress::default()).unwrap_or_default())
+    }
+}
+
 /// Returns the histograms of a field, so that the packed one has the same palette.
 fn recorded(field: &PlenOctree, progress: &Progress) -> Result<Option<Arc<Recorded>>, Canceled> {
     if let Some(recorded) = field.recorded() {

@@ -2,10 +2,8 @@
 
 use std::path::Path;
 
-use plenoctree::{
-    PlenOctree,
-    camera::{PinholeCamera, read_transforms},
-};
+use plenoctree::{PlenOctree, camera::PinholeCamera};
+use plenoctree_fit::read_transforms;
 
 use super::Arguments;
 use crate::{result::Result, turntable};

@@ -8,10 +8,10 @@ use image::RgbaImage;
 use plenoctree::{
     PlenOctree,
     camera::PinholeCamera,
-    fit::ssim,
     palette::{self, Palette},
     reference::{self, Rendering},
 };
+use plenoctree_fit::ssim;
 
 use super::{
     stage::{Change, Stage},

@@ -11,11 +11,8 @@ pub use arguments::Arguments;
 
 use std::f64::consts::TAU;
 
-use plenoctree::{
-    PlenOctree,
-    camera::{PinholeCamera, read_transforms},
-    palette::ExtractionSettings,
-};
+use plenoctree::{PlenOctree, camera::PinholeCamera, palette::ExtractionSettings};
+use plenoctree_fit::read_transforms;
 
 use crate::{console, extraction, field, files, result::Result, turntable};
 
