@@ -35,10 +35,12 @@ mod bake;
 pub mod camera;
 mod field;
 mod file;
+mod histograms;
 mod lod;
 mod march;
 #[cfg(feature = "mesh")]
 mod mesh;
+#[cfg(feature = "write")]
 mod pack;
 pub mod palette;
 mod ray_cast;

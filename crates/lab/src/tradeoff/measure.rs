@@ -41,6 +41,18 @@ pub struct Row {
     pub palette_error: Option<f64>,
 }
 
+impl Row {
+    /// Whether the row is on the Pareto front of time and PSNR.
+    pub fn is_best(&self, rows: &[Self]) -> bool {
+        let Some(psnr) = self.psnr_db else { return false };
+        !rows.iter().any(|other| {
+            let Some(theirs) = other.psnr_db else { return false };
+            let (faster, nearer) = (other.ratio_to_exact <= self.ratio_to_exact, theirs >= psnr);
+            faster && nearer && (other.ratio_to_exact < self.ratio_to_exact || theirs > psnr)
+        })
+    }
+}
+
 /// The PSNR of frames without a difference, in dB, because plots and tables cannot show infinity.
 const MOST_PSNR: f64 = 120.0;
 

@@ -44,7 +44,7 @@ fn table(rows: &[Row], percent: impl Fn(&Row) -> Option<f64>) -> Table {
             Cell::number(percent(row), 2),
             Cell::number(row.flicker, 4),
             Cell::number(row.palette_error, 3),
-            Cell::text(if is_best(row, rows) { "*" } else { "" }),
+            Cell::text(if row.is_best(rows) { "*" } else { "" }),
         ]
     };
     Table {
@@ -62,16 +62,6 @@ fn table(rows: &[Row], percent: impl Fn(&Row) -> Option<f64>) -> Table {
         ],
         rows: rows.iter().map(cells).collect(),
     }
-}
-
-/// Whether a row is on the Pareto front of time and PSNR.
-pub fn is_best(row: &Row, rows: &[Row]) -> bool {
-    let Some(psnr) = row.psnr_db else { return false };
-    !rows.iter().any(|other| {
-        let Some(theirs) = other.psnr_db else { return false };
-        let (faster, nearer) = (other.ratio_to_exact <= row.ratio_to_exact, theirs >= psnr);
-        faster && nearer && (other.ratio_to_exact < row.ratio_to_exact || theirs > psnr)
-    })
 }
 
 fn not_worthwhile(rows: &[Row], saved: f64) -> Vec<&'static str> {

@@ -15,7 +15,7 @@ use super::{
     coefficients::{Codebook, Coefficients},
     frame::{Frame, UpAxis},
 };
-use crate::sampling::{Histograms, Recorded, SamplingSettings};
+use crate::histograms::{Histograms, Recorded, SamplingSettings};
 
 /// The maximum depth of a field, in levels of cells. The finest cells are at least `2^-MAX_DEPTH` of the cube wide.
 ///

@@ -3,7 +3,7 @@
 use std::{io::Write, path::Path, sync::Arc};
 
 use super::{
-    PackSettings, Quantized,
+    PackSettings,
     codebook::{self, Book},
     colors, density,
     leaves::Leaves,
@@ -11,7 +11,7 @@ use super::{
 };
 use crate::{
     field::{Frame, PlenOctree, Tables, from_rgb},
-    file::{WriteError, check_frame},
+    file::{Quantized, WriteError, check_frame},
     sampling::{
         Canceled, InvalidSetting, Progress, Recorded, SamplingError, SamplingSettings, Seen, Visibility, sample,
         visibility,

@@ -1,4 +1,12 @@
-//! Props: entities that place fields in the scene.
+//! Props: entities that place fields in the scene, and their states.
+
+mod drawn;
+mod progress;
+mod state;
+
+pub(crate) use drawn::DrawnField;
+pub use progress::PropProgress;
+pub use state::{PropError, PropState};
 
 use std::any::TypeId;
 
@@ -17,7 +25,6 @@ use plenoctree::{PlenOctree, UpAxis};
 use crate::{
     gpu::{FieldReady, GpuStatus},
     sets::PlenOctreeSystems,
-    state::{DrawnField, PropProgress, PropState},
 };
 
 /// Places a field in the scene.

@@ -6,10 +6,10 @@ use std::path::Path;
 use half::f16;
 use rayon::prelude::*;
 
-use super::write::{Archive, WriteError, frame_in_float32, half_density};
+use super::{packed::Packed, split::shared};
 use crate::{
     field::PlenOctree,
-    pack::{MAX_ROWS, Packed, shared},
+    file::{Archive, MAX_ROWS, WriteError, frame_in_float32, half_density},
     save::replace_file,
 };
 

@@ -127,7 +127,7 @@ impl Bins {
 /// Histograms being filled.
 ///
 /// Weights are added as integers, so that the sum does not depend on the order in which threads add them.
-pub(super) struct Tally {
+pub(crate) struct Tally {
     fine: Counts,
     coarse: Counts,
     scale: f64,

@@ -7,9 +7,9 @@ use plenoctree::PlenOctree;
 /// can be.
 #[derive(Component, Clone, Default)]
 pub(crate) struct DrawnField {
-    pub(super) field: Option<Handle<PlenOctree>>,
+    pub(crate) field: Option<Handle<PlenOctree>>,
     /// The frame in which everything that the field needs became available.
-    pub(super) since: u64,
+    pub(crate) since: u64,
 }
 
 impl DrawnField {
