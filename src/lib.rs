@@ -99,8 +99,6 @@ pub use picking::PropPickingPlugin;
 pub use picking::{PropHit, PropRayCast};
 #[cfg(feature = "pack")]
 pub use plenoctree::PackSettings;
-#[cfg(feature = "splat")]
-pub use plenoctree::splat::{Axis, SplatError, SpzAxes};
 pub use plenoctree::{
     Activation, LoadSettings, PlenOctree, Precision, UpAxis,
     palette::{ColorCount, ExtractionSettings, Palette, PaletteLabel, PaletteMethod},
@@ -108,6 +106,8 @@ pub use plenoctree::{
 };
 #[cfg(feature = "mesh")]
 pub use plenoctree::{MeshError, SurfaceMesh};
+#[cfg(feature = "splat")]
+pub use plenoctree_fit::splat::{Axis, SplatError, SpzAxes};
 pub use posterize::{
     BeforePalette, BilateralFilter, EdgeSmoothing, MAX_BLEND_STEPS, MAX_FILTER_ITERATIONS, MAX_FILTER_RADIUS, Posterize,
 };

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use clap::{Args, ValueEnum};
-use plenoctree::splat::{SplatSettings, Splats, SpzAxes};
+use plenoctree_fit::splat::{SplatSettings, Splats, SpzAxes};
 
 use crate::{console, progress, result::Result};
 

@@ -11,7 +11,7 @@ use std::{
 };
 
 use indicatif::ProgressBar;
-use plenoctree::fit::{FitError, FitProgress};
+use plenoctree_fit::{FitError, FitProgress};
 
 use crate::{console, progress, result::Result};
 

@@ -4,7 +4,7 @@ mod common;
 
 use std::{fs, path::Path, process::Output};
 
-use common::{ball, fail, folder, plenoctree, succeed, text};
+use common::{ball, fail, folder, run, succeed, text};
 use serde_json::Value;
 
 /// Returns the arguments that render two views of 32 x 32 pixels to a folder.
@@ -79,6 +79,6 @@ fn bad_input_is_rejected() {
 /// The GPU can be selected only in builds that support it.
 #[test]
 fn builds_without_bevy_have_no_gpu() {
-    let Output { stdout, .. } = plenoctree(&["stylize", "--help"]);
+    let Output { stdout, .. } = run(&["stylize", "--help"]);
     assert_eq!(String::from_utf8(stdout).unwrap().contains("gpu"), cfg!(feature = "bevy"));
 }

@@ -15,7 +15,7 @@ use super::{
     coefficients::{Codebook, Coefficients},
     frame::{Frame, UpAxis},
 };
-use crate::sampling::{Histograms, Recorded, SamplingSettings};
+use crate::histograms::{Histograms, Recorded, SamplingSettings};
 
 /// The maximum depth of a field, in levels of cells. The finest cells are at least `2^-MAX_DEPTH` of the cube wide.
 ///
@@ -323,6 +323,11 @@ impl PlenOctree {
     /// Returns the field with another precision on the GPU.
     pub fn with_precision(self, precision: Precision) -> Self {
         Self { precision, ..self }
+    }
+
+    /// Returns the field with another axis that points up. It stays where it is, in its own frame.
+    pub fn with_up(self, up: UpAxis) -> Self {
+        self.with_settings(None, Some(up))
     }
 
     /// Returns the field with the properties that the settings override.

@@ -1,6 +1,7 @@
 //! Rounds the coefficients of the constant function.
 
-use super::{COLOR_RANGES, metric::Metric};
+use super::metric::Metric;
+use crate::file::COLOR_RANGES;
 use crate::{
     field::{Basis, PlenOctree, Tables, from_rgb},
     sampling::Seen,

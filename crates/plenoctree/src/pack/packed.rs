@@ -3,7 +3,7 @@
 use std::{io::Write, path::Path, sync::Arc};
 
 use super::{
-    PackSettings, Quantized,
+    PackSettings,
     codebook::{self, Book},
     colors, density,
     leaves::Leaves,
@@ -11,7 +11,7 @@ use super::{
 };
 use crate::{
     field::{Frame, PlenOctree, Tables, from_rgb},
-    file::{WriteError, check_frame},
+    file::{Quantized, WriteError, check_frame},
     sampling::{
         Canceled, InvalidSetting, Progress, Recorded, SamplingError, SamplingSettings, Seen, Visibility, sample,
         visibility,
@@ -145,6 +145,16 @@ fn quantize(
         tables,
         recorded: None,
     })
+}
+
+impl PlenOctree {
+    /// Returns the field with the histograms of `original`, so that it has the same palette, also after packing: those
+    /// that [`Self::histograms`] of `original` returns or, if there are none, those that are sampled from it.
+    ///
+    /// Use this for a field that was made from `original` and looks like it.
+    pub fn with_histograms_of(self, original: &PlenOctree) -> Self {
+        self.with_recorded(recorded(original, &Progress::default()).unwrap_or_default())
+    }
 }
 
 /// Returns the histograms of a field, so that the packed one has the same palette.

@@ -4,9 +4,9 @@
 use bevy_reflect::std_traits::ReflectDefault;
 use serde::{Deserialize, Serialize};
 
-use super::{MAX_LEVELS, MAX_ROWS};
 use crate::{
     field::{Activation, Basis, PlenOctree},
+    file::{MAX_LEVELS, MAX_ROWS},
     sampling::InvalidSetting,
 };
 

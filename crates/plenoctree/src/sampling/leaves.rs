@@ -1,10 +1,8 @@
 //! Selects the leaves to sample, and bounds their weight.
 
-use super::{
-    progress::{Canceled, Progress},
-    settings::SamplingSettings,
-};
+use super::progress::{Canceled, Progress};
 use crate::field::{LeafCell, PlenOctree};
+use crate::histograms::SamplingSettings;
 
 /// Returns the leaves to sample, in the order of the octree. These are all leaves, or one from every stratum of `1 /
 /// sample_fraction` consecutive leaves, which are neighbors in space.

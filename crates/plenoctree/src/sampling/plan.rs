@@ -6,9 +6,9 @@ use super::{
     directions::observers,
     leaves::{chosen_leaves, weight_bound},
     progress::{Canceled, Progress},
-    settings::SamplingSettings,
 };
 use crate::field::{LeafCell, PlenOctree};
+use crate::histograms::SamplingSettings;
 
 /// The radiance samples that [`sample`](super::sample) takes of a field, for samplers that run elsewhere, such as on
 /// the GPU.

@@ -6,14 +6,13 @@ use rayon::prelude::*;
 use super::{
     blocks::{Blocks, Depths, ROWS},
     directions::observers,
-    histogram::{Histograms, Tally},
     leaves::{chosen_leaves, weight_bound},
     march::optical_depth,
     path::{Path, SIDE},
     progress::{Canceled, Progress},
-    settings::{InvalidSetting, SamplingSettings},
 };
 use crate::field::{LeafCell, PlenOctree};
+use crate::histograms::{Histograms, InvalidSetting, SamplingSettings, Tally};
 
 /// An error that occurs when sampling a field.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

@@ -9,9 +9,9 @@ use super::{
     path::SIDE,
     progress::{Canceled, Progress},
     sampler::{Sampler, Unit},
-    settings::{ObserverRegion, SamplingSettings},
 };
 use crate::field::{Activation, PlenOctree};
+use crate::histograms::{ObserverRegion, SamplingSettings};
 
 /// Directions form a grid of `4n x 2n` cells.
 const DIRECTIONS: usize = 3;

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use glam::DVec3;
-use plenoctree::splat::Axis;
+use plenoctree_fit::splat::Axis;
 
 use crate::{boxes::parse_box, capture::CaptureArguments, extraction::ExtractionArguments, number::parse_positive};
 

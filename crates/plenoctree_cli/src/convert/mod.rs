@@ -9,10 +9,9 @@ pub use arguments::Arguments;
 use std::time::{Duration, Instant};
 
 use glam::DVec3;
-use plenoctree::{
-    PlenOctree,
-    camera::PinholeCamera,
-    fit::{RefineSettings, Refined, Shot, refine},
+use plenoctree::{PlenOctree, camera::PinholeCamera};
+use plenoctree_fit::{
+    RefineSettings, Refined, Shot, refine,
     splat::{SplatImage, Splats, Subject, SubjectSettings, VoxelSettings, render_splats, voxelize},
 };
 use serde_json::json;

@@ -4,10 +4,8 @@ use std::{path::PathBuf, time::Duration};
 
 use clap::Args;
 use glam::DVec3;
-use plenoctree::{
-    Basis,
-    fit::{FitSettings, InputFolders},
-};
+use plenoctree::Basis;
+use plenoctree_fit::{FitSettings, InputFolders};
 
 use crate::{boxes::parse_box, extraction::ExtractionArguments, hex, number::parse_positive};
 

@@ -11,7 +11,7 @@ pub use arguments::Arguments;
 
 use std::path::{Path, PathBuf};
 
-use plenoctree::fit::{FitInput, FitReport, Fitted, fit};
+use plenoctree_fit::{FitInput, FitReport, Fitted, fit};
 
 use crate::{console, number::counted, result::Result, training::Interruption};
 

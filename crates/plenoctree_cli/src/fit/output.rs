@@ -6,7 +6,8 @@ use std::{
 };
 
 use image::RgbImage;
-use plenoctree::{PlenOctree, fit::Comparison, palette::Palette};
+use plenoctree::{PlenOctree, palette::Palette};
+use plenoctree_fit::Comparison;
 use serde_json::Value;
 
 use crate::{

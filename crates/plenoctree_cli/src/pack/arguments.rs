@@ -3,7 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
-use plenoctree::{PackSettings, fit::SimplifySettings};
+use plenoctree::PackSettings;
+use plenoctree_fit::SimplifySettings;
 
 use crate::{files, result::Result, size::parse_size};
 

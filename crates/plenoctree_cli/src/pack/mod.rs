@@ -9,11 +9,8 @@ pub use arguments::{Arguments, Quality};
 use std::{fs, path::Path, sync::Arc, thread, time::Duration};
 
 use clap::ValueEnum;
-use plenoctree::{
-    PackSettings, Packed, PlenOctree,
-    fit::{FitError, FitProgress, SimplifySettings, simplify},
-    sampling::Progress,
-};
+use plenoctree::{PackSettings, Packed, PlenOctree, sampling::Progress};
+use plenoctree_fit::{FitError, FitProgress, SimplifySettings, simplify};
 
 use crate::{console, field, files, number::counted, progress, result::Result};
 use measure::Views;

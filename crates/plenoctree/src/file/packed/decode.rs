@@ -12,13 +12,12 @@ use super::super::{error::ReadFault, frame::check_frame};
 use super::{
     container::{Container, fault},
     histogram, planes,
+    quantized::{MAX_LEVELS, MAX_ROWS, Quantized},
+    recent::Recent,
     sections::{CONSTANTS, DENSITIES, HEAD, HEAD_BYTES, HISTOGRAM, LEVELS, ROWS, TABLE, TREE},
     streams::{self, Rows},
 };
-use crate::{
-    field::{Activation, Basis, Cell, Frame, MAX_DEPTH, PlenOctree, Tables, UpAxis},
-    pack::{MAX_LEVELS, MAX_ROWS, Quantized, Recent},
-};
+use crate::field::{Activation, Basis, Cell, Frame, MAX_DEPTH, PlenOctree, Tables, UpAxis};
 
 /// Reads a packed field, as the file has it.
 pub(in crate::file) fn read_packed(reader: impl Read + Seek) -> Result<PlenOctree, ReadFault> {

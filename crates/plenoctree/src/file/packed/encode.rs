@@ -2,13 +2,12 @@
 
 use super::{
     container, histogram, planes,
+    quantized::Quantized,
+    recent::Recent,
     sections::{CONSTANTS, DENSITIES, HEAD, HISTOGRAM, LEVELS, ROWS, TABLE, TREE},
     streams,
 };
-use crate::{
-    field::{Activation, Basis, Cell, UpAxis},
-    pack::{Quantized, Recent},
-};
+use crate::field::{Activation, Basis, Cell, UpAxis};
 
 impl Quantized {
     /// Returns the content of the file, and the name and size of every section in it.

@@ -1,0 +1,185 @@
+//! Fields of captures.
+
+use glam::{DAffine3, DVec3, Quat, Vec3};
+use plenoctree::{Basis, PlenOctree, camera::PinholeCamera, reference::render};
+use plenoctree_fit::splat::{Gaussian, Splats, VoxelSettings, render_splats, voxelize};
+
+/// A ball of colored Gaussians on its surface, some of which are thin, and a bar next to it.
+fn ball(degree: u32) -> Splats {
+    let mut splats = Splats::new(degree);
+    for index in 0..6000 {
+        let height = 1.0 - 2.0 * (index as f32 + 0.5) / 6000.0;
+        let turn = 2.399_963 * index as f32;
+        let level = (1.0 - height * height).sqrt();
+        let outward = Vec3::new(level * turn.cos(), level * turn.sin(), height);
+        let color = Vec3::new(0.5 + 0.4 * outward.x.signum(), 0.5 + 0.3 * outward.y.signum(), 0.3);
+        let mut coefficients = vec![Vec3::ZERO; (degree as usize + 1).pow(2)];
+        coefficients[0] = (color - 0.5) / 0.282_094_8;
+        if degree > 0 {
+            // Brighter from above.
+            coefficients[2] = Vec3::splat(-0.15);
+        }
+        let gaussian = Gaussian {
+            position: outward,
+            scale: Vec3::new(0.03, 0.03, 0.004),
+            rotation: Quat::from_rotation_arc(Vec3::Z, outward),
+            opacity: 0.9,
+        };
+        splats.push(gaussian, &coefficients);
+    }
+    splats
+}
+
+fn cameras(size: u32) -> Vec<PinholeCamera> {
+    let from = [DVec3::new(3.0, -1.0, 1.5), DVec3::new(-2.0, 3.0, -0.5), DVec3::new(0.3, 0.2, 4.0)];
+    from.map(|from| {
+        PinholeCamera::new(size, size, 0.8, glam::DMat4::IDENTITY).looking_at(from, DVec3::new(0.1, 0.0, 0.0), DVec3::Y)
+    })
+    .into()
+}
+
+/// Mean PSNR of the field's views, over a background.
+fn psnr(field: &PlenOctree, splats: &Splats, background: DVec3) -> f64 {
+    // About a pixel for each cell.
+    let cameras = cameras(160);
+    let of_view = |camera: &PinholeCamera| {
+        let (splat, field) = (render_splats(splats, camera).over(background), render(field, camera).over(background));
+        let squared: f64 = splat.iter().zip(&field).map(|(a, b)| a.distance_squared(*b)).sum();
+        -10.0 * (squared / (3.0 * splat.len() as f64)).log10()
+    };
+    cameras.iter().map(of_view).sum::<f64>() / cameras.len() as f64
+}
+
+/// Views of the field are like those of the capture, over any background, also where color depends on direction.
+#[test]
+fn fields_look_like_their_captures() {
+    for degree in [0, 1, 3] {
+        let splats = ball(degree);
+        let field = voxelize(&splats, &VoxelSettings { depth: 7, bounds: None }).unwrap();
+        let expected = [Basis::Sh1, Basis::Sh4, Basis::Sh9, Basis::Sh9][degree as usize];
+        // Degree 3 is cut to 2.
+        assert_eq!(field.basis(), expected);
+        for background in [DVec3::ONE, DVec3::ZERO] {
+            let found = psnr(&field, &splats, background);
+            assert!(found > 24.0, "degree {degree} over {background}: {found}");
+        }
+    }
+}
+
+/// Rays through the center of a Gaussian see its opacity, from every side: that of a large one as it is, and on average
+/// most of that of one that is smaller than a cell.
+#[test]
+fn opacities_are_kept() {
+    let bounds = Some((DVec3::NEG_ONE, DVec3::ONE));
+    for (scale, opacity, tolerance) in [(0.15, 0.3, 0.05), (0.15, 0.95, 0.05), (0.01, 0.8, 0.4), (0.002, 0.5, 0.5)] {
+        let (mut sum, mut count) = (0.0, 0.0);
+        for index in 0..20 {
+            let at = |step: f32| 0.1 * (step * index as f32).sin();
+            let position = Vec3::new(at(1.1), at(2.3), at(3.7));
+            let mut splats = Splats::new(0);
+            let gaussian = Gaussian { position, scale: Vec3::splat(scale), rotation: Quat::IDENTITY, opacity };
+            splats.push(gaussian, &[Vec3::ZERO]);
+            let field = voxelize(&splats, &VoxelSettings { depth: 6, bounds }).unwrap();
+            for camera in cameras(1) {
+                let direction = (position.as_dvec3() - camera.position).normalize();
+                sum += field.render_ray(camera.position, direction).1;
+                count += 1.0;
+            }
+        }
+        let (found, expected) = (sum / count, f64::from(opacity));
+        assert!((found / expected - 1.0).abs() < tolerance, "{scale} {opacity}: {found}");
+    }
+}
+
+/// Gaussians that cover the whole capture, all at one place, take about as long as others.
+#[test]
+fn piles_of_wide_gaussians_do_not_take_long() {
+    let mut splats = Splats::new(0);
+    for index in 0..8000 {
+        let color = Vec3::splat((0.1 * index as f32).sin());
+        let gaussian =
+            Gaussian { position: Vec3::ZERO, scale: Vec3::splat(0.1), rotation: Quat::IDENTITY, opacity: 0.5 };
+        splats.push(gaussian, &[color]);
+    }
+    let start = std::time::Instant::now();
+    voxelize(&splats, &VoxelSettings::default()).unwrap();
+    let seconds = start.elapsed().as_secs_f64();
+    // All cells for each of them would take minutes.
+    assert!(seconds < 30.0, "{seconds:.1} s");
+}
+
+/// The field is the same on any number of threads, and the capture's coordinates are those of the field.
+#[test]
+fn fields_do_not_depend_on_threads() {
+    let splats = ball(0).transformed(DAffine3::from_translation(DVec3::new(5.0, 6.0, 7.0)));
+    let settings = VoxelSettings { depth: 7, bounds: None };
+    let fields = [1, 3].map(|threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| voxelize(&splats, &settings).unwrap())
+    });
+    assert_eq!(fields[0].densities(), fields[1].densities());
+    assert!(fields[0].coefficients() == fields[1].coefficients() && fields[0].nodes() == fields[1].nodes());
+    let (low, high) = fields[0].dense_bounds().unwrap();
+    assert!((0.5 * (low + high) - DVec3::new(5.0, 6.0, 7.0)).length() < 0.05, "{low} {high}");
+    assert!((high - low - 2.0).abs().max_element() < 0.2, "{low} {high}");
+}
+
+/// Cropping keeps what is inside the box; the largest part is the ball without floaters, and the box excludes a distant
+/// shell of background.
+#[test]
+fn floaters_and_backgrounds_are_left_out() {
+    let ball = ball(0);
+    let mut splats = ball.clone();
+    for index in 0..300 {
+        let at = index as f32;
+        let direction = Vec3::new(at.sin(), (1.7 * at).sin(), (2.9 * at).cos()).normalize_or_zero();
+        let distance = if index % 3 == 0 { 2.0 } else { 60.0 };
+        let gaussian = Gaussian {
+            position: distance * direction,
+            scale: Vec3::splat(0.05),
+            rotation: Quat::IDENTITY,
+            opacity: 0.9,
+        };
+        splats.push(gaussian, &[Vec3::ONE]);
+    }
+    let (low, high) = splats.dense_bounds().unwrap();
+    assert!(low.min_element() > -2.2 && high.max_element() < 2.2, "{low} {high}");
+    let inside = splats.cropped(low, high);
+    assert!((6050..6150).contains(&inside.len()), "{}", inside.len());
+    let largest = inside.largest_part(low, high);
+    assert!(largest == ball, "{} of {}", largest.len(), ball.len());
+    let (low, high) = (DVec3::splat(-2.0), DVec3::new(2.0, 2.0, 0.0));
+    let field = voxelize(&ball, &VoxelSettings { depth: 6, bounds: Some((low, high)) }).unwrap();
+    assert!(field.bounds().unwrap().1.z < 1e-6);
+}
+
+/// Settings out of range and boxes without anything are errors.
+#[test]
+fn impossible_settings_are_errors() {
+    let splats = ball(0);
+    let error = |settings: VoxelSettings| voxelize(&splats, &settings).unwrap_err().to_string();
+    assert!(error(VoxelSettings { depth: 11, bounds: None }).contains("6 to 10"));
+    let bounds = Some((DVec3::splat(5.0), DVec3::splat(6.0)));
+    assert!(error(VoxelSettings { depth: 6, bounds }).contains("nothing is left of the capture"));
+    let bounds = Some((DVec3::ONE, DVec3::ZERO));
+    assert!(error(VoxelSettings { depth: 6, bounds }).contains("a lowest and a highest corner"));
+}
+
+/// Captures of one Gaussian or two become fields that show all of them: the box contains more than their centers.
+#[test]
+fn few_gaussians_are_shown() {
+    for count in [1, 2] {
+        let mut splats = Splats::new(0);
+        for index in 0..count {
+            let position = Vec3::new(0.1, 0.4 * index as f32, 0.0);
+            let scale = Vec3::new(0.3, 0.2, 0.1);
+            let gaussian = Gaussian { position, scale, rotation: Quat::IDENTITY, opacity: 0.9 };
+            splats.push(gaussian, &[Vec3::new(1.0, -0.5, 0.2)]);
+        }
+        let (low, high) = splats.dense_bounds().unwrap();
+        assert!(low.x < -0.4 && high.x > 0.6 && high.y > 0.3 + 0.4 * f64::from(count - 1), "{low} {high}");
+        let field = voxelize(&splats, &VoxelSettings { depth: 6, bounds: None }).unwrap();
+        let found = psnr(&field, &splats, DVec3::ONE);
+        assert!(found > 30.0, "{count}: {found}");
+    }
+}
