@@ -15,7 +15,7 @@ use bevy::{
     },
 };
 
-use plenoctree::sampling::Histograms;
+use plenoctree::sampling::{Histograms, SamplePoint};
 
 use super::{
     SamplingFailure, SamplingJob, SamplingJobs,
@@ -118,6 +118,7 @@ impl Active {
             coarse_bins: settings.coarse_bins as u32,
             limit: (-settings.stop_transmittance.ln()).min(1e30) as f32,
             weight_scale: weight_scale as f32,
+            at_entry: u32::from(job.point == SamplePoint::Entry),
         };
 
         let mut allocator = Allocator::default();

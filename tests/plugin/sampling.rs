@@ -127,6 +127,29 @@ fn cpu_sampling_matches_the_reference() {
     assert!(difference(&sampled.histograms, &expected) < 1e-5);
 }
 
+/// The leaves of a solid field hide their own centers. It has a palette all the same, on both processors.
+#[test]
+fn solid_fields_have_palettes() {
+    for (observers, depth, density) in
+        [(ObserverRegion::UpperHemisphere, 4, 1e4), (ObserverRegion::Sphere, 5, 1e7), (ObserverRegion::Sphere, 5, 1e30)]
+    {
+        let settings = BakeSettings { depth, basis: Basis::Sh4, ..Default::default() };
+        let ball = |at: DVec3| if at.length() < 0.8 { density } else { 0.0 };
+        let field = bake(&settings, ball, |at| move |direction| 0.5 + 0.3 * at + 0.1 * direction).unwrap();
+        let mut settings = ExtractionSettings::default();
+        settings.sampling.observers = observers;
+        let expected = sample_histograms(&field, &settings.sampling).unwrap();
+        assert!(expected.total_weight() > 0.0);
+        for sampler in [PaletteSampler::Gpu, PaletteSampler::Cpu] {
+            let (sampled, colors, _) = extract_in_app(&field, &settings, sampler, None);
+            assert_eq!(sampled.on_gpu, sampler == PaletteSampler::Gpu);
+            let off = difference(&sampled.histograms, &expected);
+            assert!(off < 1e-4, "{sampler:?}, {density}: {off}");
+            assert_eq!(colors.len(), 6);
+        }
+    }
+}
+
 /// A leaf with a trillionth of another leaf's weight is counted, and just as accurately.
 #[test]
 fn weights_a_trillion_apart_are_both_counted() {
