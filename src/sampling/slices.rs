@@ -108,7 +108,8 @@ impl Active {
 
         // Leave room for the largest sum. The scale is a power of two, so that scaling is exact.
         let bound = job.weight_bound;
-        let exponent = if bound > 0.0 { bound.log2().ceil().clamp(-30.0, 60.0) } else { 0.0 };
+        // It is a number of 32 bits: at most 2^127.
+        let exponent = if bound > 0.0 { bound.log2().ceil().max(-65.0) } else { 0.0 };
         let weight_scale = (62.0 - exponent).exp2();
         let uniform = SliceUniform {
             frame_scale: job.field.frame().scale.as_vec3(),

@@ -105,6 +105,10 @@ fn gpu_sampling_matches_the_reference() {
             field = Packed::new(&field, &PackSettings::default(), &Progress::default()).unwrap().field().clone();
         }
         let expected = sample_histograms(&field, &settings.sampling).unwrap();
+        if field.codebook().is_some() {
+            let (sampled, ..) = extract_in_app(&field, &settings, PaletteSampler::Cpu, None);
+            assert!(difference(&sampled.histograms, &expected) < 1e-6);
+        }
         let (sampled, colors, _) = extract_in_app(&field, &settings, PaletteSampler::Gpu, None);
         assert!(sampled.on_gpu);
         assert_eq!(sampled.histograms.samples(), expected.samples());
@@ -146,6 +150,30 @@ fn solid_fields_have_palettes() {
             let off = difference(&sampled.histograms, &expected);
             assert!(off < 1e-4, "{sampler:?}, {density}: {off}");
             assert_eq!(colors.len(), 6);
+        }
+    }
+}
+
+/// The weights of leaves in a tiny box are huge, and their sum still fits. Those in a huge box are tiny.
+#[test]
+fn boxes_of_any_size_are_sampled() {
+    for size in [1e-15, 1e12] {
+        let settings = BakeSettings {
+            depth: 3,
+            min: DVec3::splat(-size),
+            max: DVec3::splat(size),
+            basis: Basis::Sh1,
+            min_density: 0.0,
+            ..Default::default()
+        };
+        let field = bake(&settings, |_| 2.0 / size, |at| move |_| 0.5 + 0.4 * at / size).unwrap();
+        let settings = ExtractionSettings::default();
+        let expected = sample_histograms(&field, &settings.sampling).unwrap();
+        for sampler in [PaletteSampler::Gpu, PaletteSampler::Cpu] {
+            let (sampled, ..) = extract_in_app(&field, &settings, sampler, None);
+            assert_eq!(sampled.on_gpu, sampler == PaletteSampler::Gpu);
+            let off = difference(&sampled.histograms, &expected);
+            assert!(off < 1e-4, "{sampler:?}, {size}: {off}");
         }
     }
 }

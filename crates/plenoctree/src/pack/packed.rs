@@ -173,7 +173,7 @@ fn books(
     for leaf in 0..seen.len() {
         let mut channels = [Vec::new(), Vec::new(), Vec::new()];
         let mut channel = 0;
-        field.stored().visit(field.basis(), leaf, |function, k| {
+        field.stored().visit_halves(field.basis(), leaf, |function, k| {
             if function > 0 {
                 channels[channel].push(k.to_f32());
             }

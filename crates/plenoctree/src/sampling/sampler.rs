@@ -216,7 +216,7 @@ impl<'a> Sampler<'a> {
     }
 
     fn decode(&self, leaf: u32, coefficients: &mut Vec<f64>) {
-        self.field.stored().visit(self.field.basis(), leaf as usize, |_, k| coefficients.push(k.to_f64()));
+        self.field.stored().visit(self.field.basis(), leaf as usize, |_, k| coefficients.push(k));
     }
 
     /// Adds the radiance sample of a leaf, `size` finest cells wide, in a direction cell, given the optical depth along
@@ -272,6 +272,7 @@ mod tests {
     use crate::{
         bake::{BakeSettings, bake},
         field::{Activation, Basis, Cell, Frame, UpAxis},
+        pack::{PackSettings, Packed},
         reference::sample_histograms,
         sampling::{ObserverRegion, SamplingPlan},
     };
@@ -368,6 +369,24 @@ mod tests {
             let run = |blocks| Sampler::new(&field, &settings, point, blocks, &progress).unwrap().run().unwrap();
             let (blocks, single) = (run(blocks(&field)), run(None));
             prop_assert!((blocks.total_weight() - single.total_weight()).abs() <= 1e-5 * single.total_weight());
+        }
+    }
+
+    /// The coefficients of packed fields are not rounded to half precision first.
+    #[test]
+    #[cfg(feature = "write")]
+    fn histograms_of_packed_fields_match_float64() {
+        for (seed, observers, up) in
+            [(4, ObserverRegion::UpperHemisphere, UpAxis::Y), (5, ObserverRegion::Sphere, UpAxis::Z)]
+        {
+            let field = field(seed, 4, [0.4, 0.5, 0.6], up);
+            let settings = settings(observers);
+            let packed = Packed::new(&field, &PackSettings::default(), &Progress::default()).unwrap();
+            let bins = SamplingSettings { fine_bins: 30, ..settings };
+            let found = sample(packed.field(), &bins, &Progress::default()).unwrap();
+            let expected = sample_histograms(packed.field(), &bins).unwrap();
+            assert!(packed.field().codebook().is_some() && found.total_weight() > 0.0);
+            assert!(difference(&found, &expected) < 1e-6, "{}", difference(&found, &expected));
         }
     }
 
