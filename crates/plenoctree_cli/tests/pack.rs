@@ -3,7 +3,10 @@
 mod common;
 
 use common::{ball, fail, folder, succeed, text};
-use plenoctree::{BakeSettings, Basis, LoadSettings, PlenOctree, bake};
+use plenoctree::{
+    BakeSettings, Basis, LoadSettings, PlenOctree, bake,
+    sampling::{Progress, SamplingSettings, sample},
+};
 
 #[test]
 fn a_field_is_packed_and_reported() {
@@ -36,16 +39,33 @@ fn a_field_is_packed_and_reported() {
     assert_eq!(read("quantized.npz").coefficients(), packed.coefficients());
 }
 
-/// A block without a palette is packed, too, but not measured.
+/// The leaves of a solid block hide their own centers. It is packed and measured all the same.
 #[test]
-fn a_field_without_a_palette_is_packed() {
+fn a_solid_field_is_packed() {
     let folder = folder("pack_solid");
     let settings = BakeSettings { depth: 2, basis: Basis::Rgba, directions: 8, ..Default::default() };
     let source = folder.join("solid.npz");
     bake(&settings, |_| 1000.0, |_| |_| glam::DVec3::ONE).unwrap().write(&source).unwrap();
     let printed = succeed(&["pack", text(&source), "--hidden", "0"]);
-    assert!(printed.contains("solid.plenoctree") && !printed.contains("dB"), "{printed}");
+    assert!(printed.contains("solid.plenoctree") && printed.contains("dB"), "{printed}");
     assert!(folder.join("solid.plenoctree").exists());
+}
+
+/// Histograms are recorded before the field is simplified, if they are asked for.
+#[test]
+fn histograms_are_recorded_on_request() {
+    let folder = folder("pack_record");
+    let source = ball(&folder);
+    let field = PlenOctree::read(&source, &LoadSettings::default()).unwrap();
+    let settings = SamplingSettings::default();
+    let expected = sample(&field, &settings, &Progress::default()).unwrap();
+    let packed = |flags: &[&str]| {
+        let out = folder.join("ball.plenoctree");
+        succeed(&[&["pack", text(&source), "--views", "0", "--out", text(&out)], flags].concat());
+        PlenOctree::read(&out, &LoadSettings { density_threshold: 0.0, ..Default::default() }).unwrap()
+    };
+    assert_eq!(packed(&[]).histograms(&settings), None);
+    assert_eq!(packed(&["--record-histograms"]).histograms(&settings).unwrap().fine(), expected.fine());
 }
 
 #[test]

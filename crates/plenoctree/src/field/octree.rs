@@ -15,6 +15,8 @@ use super::{
     coefficients::{Codebook, Coefficients},
     frame::{Frame, UpAxis},
 };
+#[cfg(feature = "write")]
+use crate::sampling::{Canceled, Progress, SamplingError, sample};
 use crate::sampling::{Histograms, Recorded, SamplingSettings};
 
 /// The maximum depth of a field, in levels of cells. The finest cells are at least `2^-MAX_DEPTH` of the cube wide.
@@ -337,14 +339,39 @@ impl PlenOctree {
         Self { recorded, ..self }
     }
 
-    /// Returns the histograms of the field that this packed field was made from, so that its palette stays the same.
-    /// `None` if the file records none, if `settings` ask for other observers or bins than it records, or if the field
-    /// is no longer the one in the file: if it was thinned, or read with another activation or up axis.
+    /// Returns the recorded histograms of the field that this packed field was made from. `None` if none are recorded, if
+    /// `settings` ask for other observers or bins than those, or if the field is no longer the one in the file: if it was
+    /// thinned, or read with another activation or up axis.
     ///
-    /// The file records what [`SamplingSettings::default`] asks for. Bins may also be those that divide its bins.
+    /// What [`SamplingSettings::default`] asks for is recorded, if [`PackSettings::record_histograms`] says so. Bins may also be those that divide its bins.
     /// [`SamplingSettings::sample_fraction`] does not matter, because all leaves were sampled.
+    ///
+    /// [`PackSettings::record_histograms`]: https://docs.rs/plenoctree/latest/plenoctree/struct.PackSettings.html
     pub fn histograms(&self, settings: &SamplingSettings) -> Option<Histograms> {
         self.recorded.as_ref()?.histograms(settings)
+    }
+
+    /// Samples the field with the default settings, and returns it with what was found: [`Self::histograms`] returns
+    /// that, and packed files record it with [`PackSettings::record_histograms`](crate::PackSettings::record_histograms).
+    /// So a field that is changed before it is packed, for example by `fit::simplify`, keeps its palette.
+    ///
+    /// Returns the field unchanged if it has histograms already, or if nothing of it is visible.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error if [`Progress::cancel`](crate::sampling::Progress::cancel) is called.
+    #[cfg(feature = "write")]
+    pub fn recording_histograms(self, progress: &Progress) -> Result<Self, Canceled> {
+        let settings = SamplingSettings::default();
+        if self.recorded.is_some() {
+            return Ok(self);
+        }
+        match sample(&self, &settings, progress) {
+            Ok(histograms) => Ok(Self { recorded: Recorded::new(&settings, &histograms).map(Arc::new), ..self }),
+            Err(SamplingError::Canceled(canceled)) => Err(canceled),
+            // The default settings are valid.
+            Err(SamplingError::Setting(_)) => Ok(self),
+        }
     }
 
     #[cfg(feature = "write")]

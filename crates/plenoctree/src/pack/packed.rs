@@ -1,6 +1,6 @@
 //! Packs a field.
 
-use std::{io::Write, path::Path, sync::Arc};
+use std::{io::Write, path::Path};
 
 use super::{
     PackSettings, Quantized,
@@ -12,10 +12,7 @@ use super::{
 use crate::{
     field::{Frame, PlenOctree, Tables, from_rgb},
     file::{WriteError, check_frame},
-    sampling::{
-        Canceled, InvalidSetting, Progress, Recorded, SamplingError, SamplingSettings, Seen, Visibility, sample,
-        visibility,
-    },
+    sampling::{Canceled, InvalidSetting, Progress, Seen, Visibility, visibility},
     save::replace_file,
 };
 
@@ -69,7 +66,10 @@ impl Packed {
         let metric = Metric::new(&directions, field.basis().functions());
         let seen: Vec<Seen> =
             (0..).zip(seen.iter().cloned()).filter(|(leaf, _)| keep(*leaf)).map(|(_, seen)| seen).collect();
-        let recorded = recorded(field, progress)?;
+        let recorded = match settings.record_histograms {
+            true => field.clone().recording_histograms(progress)?.recorded().cloned(),
+            false => None,
+        };
         let quantized = Quantized { recorded, ..quantize(&kept, seen, &metric, settings, progress)? };
         let (bytes, sections) = quantized.encode();
         let dropped = field.leaves() - kept.leaves();
@@ -145,20 +145,6 @@ fn quantize(
         tables,
         recorded: None,
     })
-}
-
-/// Returns the histograms of a field, so that the packed one has the same palette.
-fn recorded(field: &PlenOctree, progress: &Progress) -> Result<Option<Arc<Recorded>>, Canceled> {
-    if let Some(recorded) = field.recorded() {
-        return Ok(Some(recorded.clone()));
-    }
-    let settings = SamplingSettings::default();
-    match sample(field, &settings, progress) {
-        Ok(histograms) => Ok(Recorded::new(&settings, &histograms).map(Arc::new)),
-        Err(SamplingError::Canceled(canceled)) => Err(canceled),
-        // The default settings are valid.
-        Err(SamplingError::Setting(_)) => Ok(None),
-    }
 }
 
 /// Builds the codebooks of luma and of the differences.

@@ -34,8 +34,8 @@ pub enum SamplingError {
 /// the field's own up axis. In solid fields, whose leaves hide their own centers, leaves are seen from where rays enter
 /// them: see [`SamplePoint`].
 ///
-/// Packed fields record the histograms of the original field ([`PlenOctree::histograms`]). If these match the settings,
-/// they are returned, and nothing is sampled.
+/// Packed fields may record the histograms of the original field ([`PlenOctree::histograms`]). If these match the
+/// settings, they are returned, and nothing is sampled.
 ///
 /// The result is the same, bit for bit, on any number of cores. It differs from float64 by less than 1e-6 of the total
 /// weight.

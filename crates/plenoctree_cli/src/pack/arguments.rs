@@ -33,6 +33,10 @@ pub struct Arguments {
     /// its own pictures, without leaves of little weight, and with smoother colors.
     #[arg(long)]
     exact: bool,
+    /// Record the color histograms of the field in the file, so that palettes that are extracted from the packed field
+    /// are exactly those of the field, and take no sampling.
+    #[arg(long, conflicts_with = "npz")]
+    pub record_histograms: bool,
     /// Write the quantized .npz layout of volrend instead; requires --out.
     #[arg(long, requires = "out")]
     pub npz: bool,
@@ -128,6 +132,7 @@ impl Arguments {
             hidden: self.hidden.unwrap_or(settings.hidden),
             below: self.below.unwrap_or(settings.below),
             rows: self.rows.unwrap_or(settings.rows),
+            record_histograms: self.record_histograms,
             ..settings
         }
     }

@@ -35,6 +35,8 @@ fn pack_file(path: &Path, arguments: &Arguments) -> Result<report::Field> {
     let out = arguments.out(path)?;
     arguments.settings(arguments.quality).validate()?;
     let field = field::load(path, false)?;
+    // Before it is simplified.
+    let field = if arguments.record_histograms { field.recording_histograms(&Progress::default())? } else { field };
     let views = Views::new(&field, arguments)?;
     let packed = pack(&field, path, arguments, arguments.quality)?;
     let written = if arguments.npz { packed.write_npz(&out) } else { packed.write(&out) };

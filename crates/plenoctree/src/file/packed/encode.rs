@@ -2,7 +2,7 @@
 
 use super::{
     container, histogram, planes,
-    sections::{CONSTANTS, DENSITIES, HEAD, HISTOGRAM, LEVELS, ROWS, TABLE, TREE},
+    sections::{BINS, CONSTANTS, DENSITIES, HEAD, LEVELS, ROWS, TABLE, TREE},
     streams,
 };
 use crate::{
@@ -25,7 +25,7 @@ impl Quantized {
             (TABLE, streams::write_tables(&self.tables.luma, &self.tables.chroma, others)),
             (ROWS, streams::write_rows(&self.rows, levels, count, of)),
         ];
-        sections.extend(self.recorded.as_ref().map(|recorded| (HISTOGRAM, histogram::write(recorded))));
+        sections.extend(self.recorded.as_ref().map(|recorded| (BINS, histogram::write(recorded))));
         container::build(&sections)
     }
 
