@@ -112,6 +112,18 @@ pub struct PlenOctree {
     recorded: Option<Arc<Recorded>>,
 }
 
+/// Returns an error unless the numbers of a frame are finite, and its scale positive.
+fn check_frame(frame: Frame) -> Result<(), InvalidField> {
+    let number = |what, positive| Err(InvalidField::Number { what, positive });
+    if !frame.offset.is_finite() {
+        return number("the offset", false);
+    }
+    if !frame.scale.is_finite() || frame.scale.min_element() <= 0.0 {
+        return number("the scale", true);
+    }
+    Ok(())
+}
+
 impl PlenOctree {
     /// Creates a field from its parts.
     ///
@@ -153,15 +165,9 @@ impl PlenOctree {
         density: Vec<f32>,
         coefficients: Coefficients,
     ) -> Result<Self, InvalidField> {
-        let number = |what, positive| Err(InvalidField::Number { what, positive });
-        if !frame.offset.is_finite() {
-            return number("the offset", false);
-        }
-        if !frame.scale.is_finite() || frame.scale.min_element() <= 0.0 {
-            return number("the scale", true);
-        }
+        check_frame(frame)?;
         if density.iter().any(|d| !d.is_finite() || *d <= 0.0) {
-            return number("the density of a leaf", true);
+            return Err(InvalidField::Number { what: "the density of a leaf", positive: true });
         }
         let mut field = Self::of_valid(frame, basis, activation, up, 0, nodes, density, coefficients);
         field.depth = field.validate()?;
@@ -486,9 +492,14 @@ impl PlenOctree {
     }
 
     /// Returns the field moved by `shift`, in its own frame.
-    pub fn shifted(self, shift: DVec3) -> Self {
+    ///
+    /// # Errors
+    ///
+    /// Returns an error if the offset of the moved frame is not finite.
+    pub fn shifted(self, shift: DVec3) -> Result<Self, InvalidField> {
         let frame = Frame { offset: self.frame.offset - self.frame.scale * shift, ..self.frame };
-        Self { frame, ..self }
+        check_frame(frame)?;
+        Ok(Self { frame, ..self })
     }
 
     /// Returns an iterator over all leaves and their cells, in depth-first order.
