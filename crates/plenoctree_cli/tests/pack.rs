@@ -25,6 +25,7 @@ fn a_field_is_packed_and_reported() {
         "--hidden",
         "0",
     ]);
+    assert!(!printed.contains("HEAD"), "{printed}");
     assert!(printed.contains("0 of ") && printed.contains("leaves dropped") && printed.contains("ball.plenoctree"));
     let read = |name: &str| PlenOctree::read(folder.join(name), &LoadSettings::default()).unwrap();
     let packed = read("ball.plenoctree");
@@ -35,6 +36,9 @@ fn a_field_is_packed_and_reported() {
     assert!(succeed(&["info", text(&folder.join("ball.plenoctree"))]).contains("packed"));
 
     let quantized = folder.join("quantized.npz");
+    let out = text(&folder).to_string() + "/again.plenoctree";
+    let printed = succeed(&["pack", text(&source), "--exact", "--views", "0", "--verbose", "--out", &out]);
+    assert!(printed.contains("sections, in bytes: HEAD "), "{printed}");
     succeed(&["pack", text(&source), "--npz", "--out", text(&quantized), "--views", "0", "--hidden", "0"]);
     assert_eq!(read("quantized.npz").coefficients(), packed.coefficients());
 }
@@ -76,14 +80,17 @@ fn what_cannot_be_packed_is_an_error() {
     assert!(fail(&["pack", text(&source), "--rows", "0"]).contains("found rows = 0"));
     let before = std::fs::read(&source).unwrap();
     let message = fail(&["pack", text(&source), "--npz", "--out", text(&source)]);
-    assert!(message.contains("ball.npz: found an input"), "{message}");
+    assert!(message.contains("ball.npz: would overwrite its input; choose another --out"), "{message}");
     assert_eq!(std::fs::read(&source).unwrap(), before);
     let packed = folder.join("ball.plenoctree");
     succeed(&["pack", text(&source), "--views", "0"]);
     // Packing again would replace it.
-    assert!(fail(&["pack", text(&packed)]).contains("ball.plenoctree: found an input"));
-    assert!(fail(&["pack", text(&source), text(&packed)]).contains("ball.plenoctree: found an input"));
-    assert!(fail(&["pack", text(&source), "--views", "0", "--report", text(&folder)]).contains("--views 0"));
+    assert!(fail(&["pack", text(&packed)]).contains("ball.plenoctree: would overwrite its input"));
+    assert!(fail(&["pack", text(&source), text(&packed)]).contains("ball.plenoctree: would overwrite its input"));
+    assert!(
+        fail(&["pack", text(&source), "--views", "0", "--report", text(&folder)]).contains("--report compares views")
+    );
+    assert!(fail(&["pack", text(&source), text(&source), "--out", text(&packed)]).contains("several fields"));
     std::fs::write(folder.join("bad.plenoctree"), b"\x89PLO\r\n\x1a\n").unwrap();
     let message = fail(&["info", text(&folder.join("bad.plenoctree"))]);
     assert!(message.contains("bad.plenoctree: header: found 8 bytes"), "{message}");

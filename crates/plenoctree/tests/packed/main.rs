@@ -271,7 +271,10 @@ fn every_truncation_is_an_error() {
         assert!(error.to_string().starts_with("test.plenoctree: "), "{error}");
     }
     let longer = [&bytes[..], &[0]].concat();
-    assert!(read(&longer).unwrap_err().to_string().contains("expected sections up to the end"));
+    assert!(read(&longer).unwrap_err().to_string().contains("something follows the field"));
+    let (short, whole) = (bytes.len() - 1, bytes.len());
+    let message = format!("header: found {short} bytes, expected {whole}: the file is truncated");
+    assert!(read(&bytes[..short]).unwrap_err().to_string().contains(&message));
 }
 
 /// Asserts how the example is rejected after `change` to its sections.
