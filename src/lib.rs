@@ -161,6 +161,14 @@ impl Plugin for PlenOctreePlugin {
 mod documentation {
     #[doc = include_str!("../README.md")]
     struct Readme;
-    #[doc = include_str!("../docs/guide.md")]
-    struct Guide;
+    #[doc = include_str!("../docs/guide/light.md")]
+    struct Light;
+    #[doc = include_str!("../docs/guide/load.md")]
+    struct Load;
+    #[doc = include_str!("../docs/guide/place.md")]
+    struct Place;
+    #[doc = include_str!("../docs/guide/recolor.md")]
+    struct Recolor;
+    #[doc = include_str!("../docs/guide/test.md")]
+    struct Test;
 }

@@ -83,7 +83,7 @@ impl CaptureSettings {
         let Subject { splats, low, high, .. } = splats.subject(&settings)?;
         let field = voxelize(&splats, &VoxelSettings { depth: self.depth, bounds: Some((low, high)) })?;
         let shift = field.foot().filter(|_| self.stand.is_some()).unwrap_or_default();
-        Ok(field.shifted(-shift))
+        Ok(field.shifted(-shift)?)
     }
 }
 

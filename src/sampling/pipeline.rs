@@ -22,6 +22,7 @@ pub(super) struct SliceUniform {
     pub coarse_bins: u32,
     pub limit: f32,
     pub weight_scale: f32,
+    pub at_entry: u32,
 }
 
 #[derive(Resource)]
@@ -88,6 +89,7 @@ fn read() {
     found[6] = f32(slice.coarse_bins);
     found[7] = slice.limit;
     found[8] = slice.weight_scale;
+    found[9] = f32(slice.at_entry);
 }
 ";
 
@@ -104,10 +106,11 @@ fn read() {
             coarse_bins: next() as u32,
             limit: next(),
             weight_scale: next(),
+            at_entry: next() as u32,
         };
         let entries = BindGroupLayoutEntries::single(ShaderStages::COMPUTE, uniform_buffer::<SliceUniform>(false));
         let layout = BindGroupLayoutDescriptor::new("layout_test", &entries);
-        let found: [f32; 9] = read_back(sampling[begin..end].to_string() + SHADER, layout, |device, queue, run| {
+        let found: [f32; 10] = read_back(sampling[begin..end].to_string() + SHADER, layout, |device, queue, run| {
             let mut slice = UniformBuffer::from(slice);
             slice.write_buffer(device, queue);
             run(&[slice.binding().unwrap()]);

@@ -63,8 +63,8 @@ fn bad_input_is_rejected() {
     assert!(with(&["--cameras", "missing.json"]).contains("missing.json"));
     assert!(with(&["--sampling", "cpu", "--recolor", "99=#000000"]).contains("--recolor 99"));
     assert!(with(&["--palette", "palette.json", "--colors", "4"]).contains("cannot be used with"));
-    assert!(with(&["--smooth-edges"]).contains("--smooth-edges: found the renderer reference"));
-    assert!(with(&["--quality", "fast"]).contains("--quality: found the renderer reference"));
+    assert!(with(&["--smooth-edges"]).contains("--smooth-edges needs --renderer gpu"));
+    assert!(with(&["--quality", "fast"]).contains("--quality needs --renderer gpu"));
     let palette = folder.join("many.json");
     fs::write(&palette, format!(r#"{{"colors": {:?}}}"#, vec![[0.5; 3]; 64])).unwrap();
     let message = "64 colors with 3 blend steps, which make 4096 labels, expected at most 1024: use --blend-steps 1";

@@ -109,7 +109,7 @@ impl PlenOctree {
             let (coefficients, density) = match cell.as_leaf().map(|leaf| leaf as usize) {
                 Some(leaf) => {
                     coefficients.clear();
-                    self.stored().visit(self.basis(), leaf, |_, k| coefficients.push(k));
+                    self.stored().visit_halves(self.basis(), leaf, |_, k| coefficients.push(k));
                     (&coefficients, half_density(self.densities()[leaf]))
                 }
                 None => (&zeros, f16::ZERO),

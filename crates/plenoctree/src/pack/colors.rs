@@ -23,7 +23,7 @@ pub(super) fn corrected(
     let of_leaf = |(leaf, seen): (usize, &Seen)| {
         metric.of(&seen.views, &mut moments);
         let (mut own, mut place) = ([[0.0f32; 3]; 25], 0);
-        field.stored().visit(field.basis(), leaf, |function, k| {
+        field.stored().visit_halves(field.basis(), leaf, |function, k| {
             own[function][place / functions] = k.to_f32();
             place += 1;
         });

@@ -45,7 +45,7 @@ fn write_quantized(field: &PlenOctree, writer: impl Write + Seek) -> Result<(), 
     let mut of_functions = vec![Vec::with_capacity(field.leaves()); functions];
     for leaf in 0..field.leaves() {
         let (mut colors, mut place) = ([[f16::ZERO; 3]; 25], 0);
-        field.stored().visit(field.basis(), leaf, |function, k| {
+        field.stored().visit_halves(field.basis(), leaf, |function, k| {
             colors[function][place / functions] = k;
             place += 1;
         });

@@ -11,6 +11,7 @@ mod leaves;
 mod march;
 mod path;
 mod plan;
+mod point;
 mod progress;
 mod sampler;
 #[cfg(feature = "write")]
@@ -21,6 +22,7 @@ pub use crate::histograms::{
     Histograms, InvalidHistogram, InvalidSetting, MAX_CHANNEL, ObserverRegion, SamplingSettings,
 };
 pub use plan::SamplingPlan;
+pub use point::SamplePoint;
 pub use progress::{Canceled, Progress};
 pub use sampler::{SamplingError, sample};
 #[cfg(feature = "write")]

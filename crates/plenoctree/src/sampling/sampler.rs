@@ -9,6 +9,7 @@ use super::{
     leaves::{chosen_leaves, weight_bound},
     march::optical_depth,
     path::{Path, SIDE},
+    point::SamplePoint,
     progress::{Canceled, Progress},
 };
 use crate::field::{LeafCell, PlenOctree};
@@ -29,10 +30,11 @@ pub enum SamplingError {
 ///
 /// Every leaf is seen from its center, in all directions of the settings. The weight of its radiance in a direction is
 /// its visibility: its density times the transmittance to the edge of the field. The upper hemisphere is the one above
-/// the field's own up axis.
+/// the field's own up axis. In solid fields, whose leaves hide their own centers, leaves are seen from where rays enter
+/// them: see [`SamplePoint`].
 ///
-/// Packed fields record the histograms of the original field ([`PlenOctree::histograms`]). If these match the settings,
-/// they are returned, and nothing is sampled.
+/// Packed fields may record the histograms of the original field ([`PlenOctree::histograms`]). If these match the
+/// settings, they are returned, and nothing is sampled.
 ///
 /// The result is the same, bit for bit, on any number of cores. It differs from float64 by less than 1e-6 of the total
 /// weight.
@@ -50,12 +52,14 @@ pub fn sample(
         return Ok(histograms);
     }
     let blocks = Blocks::new(field, progress)?;
-    Ok(Sampler::new(field, settings, blocks, progress)?.run()?)
+    let point = SamplePoint::choose(field, settings, progress)?;
+    Ok(Sampler::new(field, settings, point, blocks, progress)?.run()?)
 }
 
 pub(super) struct Sampler<'a> {
     pub field: &'a PlenOctree,
     settings: &'a SamplingSettings,
+    point: SamplePoint,
     pub blocks: Option<Blocks>,
     /// Rays of every direction cell.
     pub cells: Vec<Vec<Ray>>,
@@ -70,6 +74,8 @@ pub(super) struct Ray {
     pub direction: DVec3,
     /// Basis functions for the view from the observer.
     pub basis: [f64; 25],
+    /// Length of the path from the center of a finest cell to the face where it leaves the cell, in world units.
+    half: f64,
     pub path: Path,
 }
 
@@ -94,6 +100,7 @@ impl<'a> Sampler<'a> {
     pub fn new(
         field: &'a PlenOctree,
         settings: &'a SamplingSettings,
+        point: SamplePoint,
         blocks: Option<Blocks>,
         progress: &'a Progress,
     ) -> Result<Self, Canceled> {
@@ -105,20 +112,21 @@ impl<'a> Sampler<'a> {
         let ray = |observer: DVec3| {
             progress.check()?;
             let direction = observer * field.frame().scale * finest;
-            Ok(Ray { direction, basis: field.basis().evaluate(-observer), path: Path::new(direction, extent) })
+            let half = 0.5 * direction.abs().recip().min_element();
+            Ok(Ray { direction, basis: field.basis().evaluate(-observer), half, path: Path::new(direction, extent) })
         };
         let cells = observers(field.up(), settings).into_iter().map(|cell| cell.into_iter().map(ray).collect());
         let cells = cells.collect::<Result<_, Canceled>>()?;
         // Infinite if the threshold is 0. Then no leaf is hidden.
         let limit = -settings.stop_transmittance.ln();
-        Ok(Self { field, settings, blocks, cells, limit, progress })
+        Ok(Self { field, settings, point, blocks, cells, limit, progress })
     }
 
     fn run(&self) -> Result<Histograms, Canceled> {
         let progress = self.progress;
         let chosen = chosen_leaves(self.field, self.settings, progress)?;
         progress.begin(chosen.len());
-        let most = weight_bound(self.field, self.settings, progress)?;
+        let most = weight_bound(self.field, self.settings, self.point, progress)?;
         let start = || Worker {
             tally: Tally::new(self.settings.fine_bins, self.settings.coarse_bins, most),
             depths: vec![[[0.0; SIDE]; ROWS]; self.settings.multisamples.pow(2)],
@@ -176,12 +184,19 @@ impl<'a> Sampler<'a> {
                     for (ray, depths) in cell.iter().zip(&mut *depths) {
                         self.progress.check()?;
                         depths.as_flattened_mut().fill(f32::INFINITY);
-                        leaves.iter().for_each(|&(_, row, lane)| depths[row][lane] = 0.0);
+                        for &(leaf, row, lane) in leaves {
+                            // The leaf's own half is passed first. If rays start where they enter the leaf, it does
+                            // not hide it.
+                            depths[row][lane] = match self.point {
+                                SamplePoint::Center => 0.0,
+                                SamplePoint::Entry => -(self.field.densities()[leaf as usize] * ray.half as f32),
+                            };
+                        }
                         blocks.march(*place, &ray.path, self.limit as f32, depths);
                     }
                     for (&(leaf, row, lane), coefficients) in leaves.iter().zip(coefficients.chunks_exact(per_leaf)) {
                         let depth = |ray: usize| f64::from(depths[ray][row][lane]);
-                        self.add(tally, leaf, coefficients, cell, depth);
+                        self.add(tally, leaf, 1, coefficients, cell, depth);
                     }
                 }
                 Ok(leaves.len())
@@ -190,8 +205,9 @@ impl<'a> Sampler<'a> {
                 self.decode(leaf.leaf, coefficients);
                 for cell in &self.cells {
                     self.progress.check()?;
-                    let depth = |ray: usize| optical_depth(self.field, *leaf, cell[ray].direction, self.limit);
-                    self.add(tally, leaf.leaf, coefficients, cell, depth);
+                    let depth =
+                        |ray: usize| optical_depth(self.field, *leaf, cell[ray].direction, self.point, self.limit);
+                    self.add(tally, leaf.leaf, leaf.size, coefficients, cell, depth);
                 }
                 Ok(1)
             }
@@ -199,11 +215,21 @@ impl<'a> Sampler<'a> {
     }
 
     fn decode(&self, leaf: u32, coefficients: &mut Vec<f64>) {
-        self.field.stored().visit(self.field.basis(), leaf as usize, |_, k| coefficients.push(k.to_f64()));
+        self.field.stored().visit(self.field.basis(), leaf as usize, |_, k| coefficients.push(k));
     }
 
-    /// Adds the radiance sample of a leaf in a direction cell, given the optical depth along each ray.
-    fn add(&self, tally: &mut Tally, leaf: u32, coefficients: &[f64], cell: &[Ray], depth: impl Fn(usize) -> f64) {
+    /// Adds the radiance sample of a leaf, `size` finest cells wide, in a direction cell, given the optical depth along
+    /// each ray.
+    fn add(
+        &self,
+        tally: &mut Tally,
+        leaf: u32,
+        size: u32,
+        coefficients: &[f64],
+        cell: &[Ray],
+        depth: impl Fn(usize) -> f64,
+    ) {
+        let density = f64::from(self.field.densities()[leaf as usize]);
         let functions = self.field.basis().functions();
         // Averaging differences from the first color keeps a color that is the same in all directions exact, even on
         // the border of two bins.
@@ -215,7 +241,7 @@ impl<'a> Sampler<'a> {
             if depth > self.limit {
                 continue;
             }
-            let visible = (-depth).exp();
+            let visible = (-depth).exp() * self.point.share(density * ray.half * f64::from(size));
             for (channel, k) in coefficients.chunks_exact(functions).enumerate() {
                 let sum = k.iter().zip(&ray.basis).map(|(k, y)| k * y).sum();
                 let seen = self.field.activation().apply(sum);
@@ -227,7 +253,6 @@ impl<'a> Sampler<'a> {
             transmittance += visible;
         }
         if transmittance > 0.0 {
-            let density = f64::from(self.field.densities()[leaf as usize]);
             let mean = std::array::from_fn(|channel| first[channel] + color[channel] / transmittance);
             tally.add(mean, density * transmittance / cell.len() as f64);
         }
@@ -246,6 +271,7 @@ mod tests {
     use crate::{
         bake::{BakeSettings, bake},
         field::{Activation, Basis, Cell, Frame, UpAxis},
+        pack::{PackSettings, Packed},
         reference::sample_histograms,
         sampling::{ObserverRegion, SamplingPlan},
     };
@@ -329,6 +355,7 @@ mod tests {
             depth in 1u32..6,
             scale in prop::array::uniform3(0.1..3.0f64),
             stop in prop_oneof![Just(0.0), Just(1e-2), 0.0..0.9f64],
+            point in prop_oneof![Just(SamplePoint::Center), Just(SamplePoint::Entry)],
         ) {
             let field = field(seed, depth, scale, UpAxis::Z);
             let settings = SamplingSettings {
@@ -338,10 +365,72 @@ mod tests {
                 ..settings(ObserverRegion::Sphere)
             };
             let progress = Progress::default();
-            let run = |blocks| Sampler::new(&field, &settings, blocks, &progress).unwrap().run().unwrap();
+            let run = |blocks| Sampler::new(&field, &settings, point, blocks, &progress).unwrap().run().unwrap();
             let (blocks, single) = (run(blocks(&field)), run(None));
             prop_assert!((blocks.total_weight() - single.total_weight()).abs() <= 1e-5 * single.total_weight());
         }
+    }
+
+    /// The coefficients of packed fields are not rounded to half precision first.
+    #[test]
+    #[cfg(feature = "write")]
+    fn histograms_of_packed_fields_match_float64() {
+        for (seed, observers, up) in
+            [(4, ObserverRegion::UpperHemisphere, UpAxis::Y), (5, ObserverRegion::Sphere, UpAxis::Z)]
+        {
+            let field = field(seed, 4, [0.4, 0.5, 0.6], up);
+            let settings = settings(observers);
+            let packed = Packed::new(&field, &PackSettings::default(), &Progress::default()).unwrap();
+            let bins = SamplingSettings { fine_bins: 30, ..settings };
+            let found = sample(packed.field(), &bins, &Progress::default()).unwrap();
+            let expected = sample_histograms(packed.field(), &bins).unwrap();
+            assert!(packed.field().codebook().is_some() && found.total_weight() > 0.0);
+            assert!(difference(&found, &expected) < 1e-6, "{}", difference(&found, &expected));
+        }
+    }
+
+    /// Returns a ball of depth 4 of this density, in a haze, in colors that depend on place and direction.
+    fn ball(density: f64, haze: f64) -> PlenOctree {
+        let settings = BakeSettings { depth: 4, basis: Basis::Sh4, ..Default::default() };
+        let tint = |at: DVec3| move |direction: DVec3| 0.5 + 0.3 * at + 0.1 * direction;
+        let inside = |at: DVec3| if at.length() < 0.7 { density } else { haze };
+        bake(&settings, inside, tint).unwrap()
+    }
+
+    /// A solid ball shows its colors however dense it is, as in float64.
+    #[test]
+    fn solid_fields_are_sampled_where_rays_enter_them() {
+        for (observers, haze) in [(ObserverRegion::UpperHemisphere, 0.0), (ObserverRegion::Sphere, 0.02)] {
+            for (density, stop) in [(1e3, 1e-2), (1e4, 1e-2), (1e6, 0.5), (1e6, 0.0), (1e30, 1e-2)] {
+                let field = ball(density, haze);
+                let settings = SamplingSettings { stop_transmittance: stop, ..settings(observers) };
+                let found = sample(&field, &settings, &Progress::default()).unwrap();
+                let expected = sample_histograms(&field, &settings).unwrap();
+                assert!(found.total_weight() > 0.0);
+                assert!(difference(&found, &expected) < 1e-6, "{density}: {}", difference(&found, &expected));
+                let single = {
+                    let progress = Progress::default();
+                    Sampler::new(&field, &settings, SamplePoint::Entry, None, &progress).unwrap().run().unwrap()
+                };
+                assert!(difference(&single, &expected) < 1e-6, "{density}: {}", difference(&single, &expected));
+                // Beyond some density, nothing changes any more: rays see the surface.
+                let denser = sample(&ball(10.0 * density, haze), &settings, &Progress::default()).unwrap();
+                assert!(difference(&found, &denser) < 200.0 / density + 1e-6, "{density}");
+            }
+        }
+    }
+
+    /// Leaves that hide themselves do not matter as long as they are less than half of what observers see.
+    #[test]
+    fn other_fields_are_sampled_at_the_centers_of_leaves() {
+        let settings = BakeSettings { depth: 5, basis: Basis::Rgba, ..Default::default() };
+        let cut = |height: f64| {
+            let inside = move |at: DVec3| if at.z > height { 1e6 } else { 60.0 };
+            let field = bake(&settings, inside, |_| |_| DVec3::ONE).unwrap();
+            let observers = self::settings(ObserverRegion::Sphere);
+            SamplePoint::choose(&field, &observers, &Progress::default()).unwrap()
+        };
+        assert_eq!([cut(1.0), cut(0.4), cut(-0.4)], [SamplePoint::Center, SamplePoint::Center, SamplePoint::Entry]);
     }
 
     /// A leaf that is alone in its field is only occluded by its own cell, so its weight is known.
@@ -423,11 +512,11 @@ mod tests {
         let (settings, progress, canceled) = (SamplingSettings::default(), Progress::default(), Progress::default());
         let leaves = chosen_leaves(&field, &settings, &progress).unwrap();
         canceled.cancel();
-        let sampler = || Sampler::new(&field, &settings, blocks(&field), &progress).unwrap();
+        let sampler = || Sampler::new(&field, &settings, SamplePoint::Center, blocks(&field), &progress).unwrap();
         assert!(Blocks::new(&field, &canceled).is_err());
-        assert!(Sampler::new(&field, &settings, None, &canceled).is_err());
+        assert!(Sampler::new(&field, &settings, SamplePoint::Center, None, &canceled).is_err());
         assert!(chosen_leaves(&field, &settings, &canceled).is_err());
-        assert!(weight_bound(&field, &settings, &canceled).is_err());
+        assert!(weight_bound(&field, &settings, SamplePoint::Center, &canceled).is_err());
         assert!(SamplingPlan::new(&field, &settings, &canceled).is_err());
         let canceled_sampler = Sampler { progress: &canceled, ..sampler() };
         assert!(canceled_sampler.units(&leaves).is_err());

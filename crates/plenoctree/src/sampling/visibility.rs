@@ -7,6 +7,7 @@ use super::{
     blocks::{Blocks, ROWS},
     march::optical_depth,
     path::SIDE,
+    point::SamplePoint,
     progress::{Canceled, Progress},
     sampler::{Sampler, Unit},
 };
@@ -61,7 +62,7 @@ pub(crate) fn visibility(field: &PlenOctree, below: f64, progress: &Progress) ->
         multisamples: 1,
         ..SamplingSettings::default()
     };
-    let sampler = Sampler::new(field, &settings, Blocks::new(field, progress)?, progress)?;
+    let sampler = Sampler::new(field, &settings, SamplePoint::Center, Blocks::new(field, progress)?, progress)?;
     let leaves: Vec<_> = field.leaf_cells().collect();
     let units = sampler.units(&leaves)?;
     progress.begin(leaves.len());
@@ -114,7 +115,7 @@ fn of_unit(sampler: &Sampler, unit: &Unit, counts: &[f64]) -> Result<Vec<Seen>, 
                 sampler.progress.check()?;
                 let half = 0.5 * f64::from(leaf.size) * ray.direction.abs().recip().min_element();
                 let own = tally.density * half;
-                let depth = optical_depth(field, *leaf, ray.direction, own + limit) - own;
+                let depth = optical_depth(field, *leaf, ray.direction, SamplePoint::Center, own + limit) - own;
                 tally.add(field, depth, half, &ray.basis, *count);
             }
             tallies = vec![tally];

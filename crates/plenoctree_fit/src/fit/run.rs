@@ -204,7 +204,7 @@ pub fn fit(
     let (mut field, mut cube) = (cut.unwrap_or(whole), place.cube);
     if let Some(turn) = turned {
         let shift = -field.foot().unwrap_or_default();
-        field = field.shifted(shift);
+        field = field.shifted(shift)?;
         cube.low += shift;
         report.from_input = Some(stand::matrix(turn, shift));
     }

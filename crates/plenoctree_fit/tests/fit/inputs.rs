@@ -192,6 +192,24 @@ fn moved_pictures_are_found() {
 }
 
 /// Every kind of bad input gives an error that names the file and what is wrong with it.
+/// Pictures that are listed and not there are left out, and named, as long as there are others.
+#[test]
+fn missing_pictures_are_left_out() {
+    let cameras = cameras(4);
+    let folder = folder("missing");
+    write_pictures(&folder, &cameras, None, |_| 1.0);
+    write_transforms(&folder, &cameras);
+    let whole = read(&folder).unwrap();
+    assert!(whole.missing.is_empty());
+    fs::remove_file(folder.join("v_1.png")).unwrap();
+    fs::remove_file(folder.join("v_3.png")).unwrap();
+    let part = read(&folder).unwrap();
+    let names: Vec<_> = part.missing.iter().map(|path| path.file_name().unwrap().to_str().unwrap()).collect();
+    assert_eq!(names, ["v_1", "v_3"]);
+    assert_eq!(part.views.iter().map(|view| &view.name).collect::<Vec<_>>(), ["./v_0", "./v_2"]);
+    assert_eq!(part.views[1].camera.position, whole.views[2].camera.position);
+}
+
 #[test]
 fn errors_name_file_and_reason() {
     let cameras = cameras(4);
@@ -204,7 +222,7 @@ fn errors_name_file_and_reason() {
         let message = read(&folder).unwrap_err();
         assert!(expected.iter().all(|part| message.contains(part)), "{message}");
     };
-    fails(&good.replace("./v_2", "./v_9"), &["transforms.json", "frames[2].file_path", "v_9"]);
+    fails(&good.replace("./v_", "./w_"), &["transforms.json", "frames[0].file_path: found no file", "w_0"]);
     fails(&good.replacen('{', r#"{"w": 41, "h": 40,"#, 1), &["v_0.png", "size", "40x40", "41x40"]);
     fails(&good.replace("camera_angle_x", "angle"), &["camera_angle_x"]);
     fails(r#"{"camera_angle_x": 0.6, "frames": []}"#, &["0 views"]);

@@ -242,3 +242,24 @@ fn empty_degrees_are_dropped() {
     assert_eq!((wide.degree(), read(&ply(&wide, PlyFormat::Little)).unwrap().degree()), (3, 1));
     check(&read(&ply(&wide, PlyFormat::Little)).unwrap(), &narrow, FLOAT);
 }
+
+/// Only SPZ files may lack their axes.
+#[test]
+fn assumed_axes_are_known() {
+    let path = std::env::temp_dir().join(format!("plenoctree-axes-{}", std::process::id()));
+    let mut splats = Splats::new(0);
+    let gaussian = Gaussian { position: Vec3::ONE, scale: Vec3::splat(0.1), rotation: Quat::IDENTITY, opacity: 0.5 };
+    splats.push(gaussian, &[Vec3::ZERO]);
+    for (bytes, expected) in [
+        (spz(&splats, 3, None), true),
+        (spz(&splats, 4, None), true),
+        (spz(&splats, 4, Some(6)), false),
+        (ply(&splats, PlyFormat::Little), false),
+        (b"NGSP".to_vec(), false),
+    ] {
+        fs::write(&path, bytes).unwrap();
+        assert_eq!(Splats::assumes_axes(&path), expected);
+    }
+    fs::remove_file(&path).unwrap();
+    assert!(!Splats::assumes_axes(&path));
+}

@@ -4,7 +4,7 @@ use super::{
     container, histogram, planes,
     quantized::Quantized,
     recent::Recent,
-    sections::{CONSTANTS, DENSITIES, HEAD, HISTOGRAM, LEVELS, ROWS, TABLE, TREE},
+    sections::{BINS, CONSTANTS, DENSITIES, HEAD, LEVELS, ROWS, TABLE, TREE},
     streams,
 };
 use crate::field::{Activation, Basis, Cell, UpAxis};
@@ -24,7 +24,7 @@ impl Quantized {
             (TABLE, streams::write_tables(&self.tables.luma, &self.tables.chroma, others)),
             (ROWS, streams::write_rows(&self.rows, levels, count, of)),
         ];
-        sections.extend(self.recorded.as_ref().map(|recorded| (HISTOGRAM, histogram::write(recorded))));
+        sections.extend(self.recorded.as_ref().map(|recorded| (BINS, histogram::write(recorded))));
         container::build(&sections)
     }
 

@@ -106,7 +106,7 @@ pub fn read(folder: &Path, folders: &InputFolders) -> Result<FitInput, FitError>
             Ok(View { name: image.name, picture: path, mask: None, camera })
         })
         .collect::<Result<_, _>>()?;
-    Ok(FitInput { views, points })
+    Ok(FitInput { views, points, missing: Vec::new() })
 }
 
 /// Finds the folder of the pictures.

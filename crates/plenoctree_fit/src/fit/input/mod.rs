@@ -34,7 +34,8 @@ impl FitInput {
     /// # Errors
     ///
     /// Returns an error that names the file if one cannot be read or has unexpected content, if a picture or mask is
-    /// missing or does not have the stated size, or if a camera has no valid pose or lens.
+    /// missing or does not have the stated size, or if a camera has no valid pose or lens. Pictures that a
+    /// `transforms.json` lists may be missing, but not all of them: see [`FitInput::missing`].
     pub fn read(path: &Path, folders: &InputFolders) -> Result<Self, FitError> {
         let mut input = if path.is_file() {
             transforms::read(path, folders)?

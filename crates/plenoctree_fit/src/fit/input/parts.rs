@@ -13,6 +13,8 @@ pub struct FitInput {
     pub views: Vec<View>,
     /// Points on the surfaces of the scene. Empty if none are known.
     pub points: Vec<DVec3>,
+    /// The pictures that a `transforms.json` lists and that are not there. They are left out of `views`.
+    pub missing: Vec<PathBuf>,
 }
 
 /// The folders of pictures and masks, if they are not in the usual places.

@@ -60,13 +60,24 @@ pub fn read(path: &Path, folders: &InputFolders) -> Result<FitInput, FitError> {
     let file: File = serde_json::from_slice(without_mark(&text))
         .map_err(|error| FitError::found(path, "file", error.to_string(), "a transforms.json file"))?;
     let mut maker = CameraMaker::default();
-    let views: Vec<View> = (file.frames.iter().enumerate())
-        .map(|(index, frame)| view(path, folders, index, frame, &file.camera, &mut maker))
-        .collect::<Result<_, _>>()?;
+    let (mut frames, mut views, mut missing) = (Vec::new(), Vec::new(), Vec::new());
+    for (index, frame) in file.frames.iter().enumerate() {
+        match view(path, folders, index, frame, &file.camera, &mut maker)? {
+            Listed::View(view) => {
+                frames.push(frame);
+                views.push(*view);
+            }
+            Listed::Missing(picture) => missing.push(picture),
+        }
+    }
+    if let (true, Some(first)) = (views.is_empty(), missing.first()) {
+        let found = format!("no file {}", first.display());
+        return Err(FitError::found(path, "frames[0].file_path", found, "a PNG or JPEG file"));
+    }
     // A focal length in pixels is for pictures of one size.
     let sized = |camera: &Camera| camera.intrinsics.w.is_some() || camera.intrinsics.h.is_some();
     if file.camera.intrinsics.is_in_pixels() && !sized(&file.camera) {
-        let mut common = (file.frames.iter().zip(&views))
+        let mut common = (frames.iter().zip(&views))
             .filter(|(frame, _)| !frame.camera.intrinsics.is_in_pixels() && !sized(&frame.camera))
             .map(|(_, view)| (view, (view.camera.width, view.camera.height)));
         if let Some((first, size)) = common.next()
@@ -77,7 +88,14 @@ pub fn read(path: &Path, folders: &InputFolders) -> Result<FitInput, FitError> {
             return Err(FitError::found(&odd.picture, "size", format!("{width}x{height}"), expected));
         }
     }
-    Ok(FitInput { views, points: Vec::new() })
+    Ok(FitInput { views, points: Vec::new(), missing })
+}
+
+/// A frame of the file.
+enum Listed {
+    View(Box<View>),
+    /// There is no such picture.
+    Missing(PathBuf),
 }
 
 fn view(
@@ -87,7 +105,7 @@ fn view(
     frame: &Frame,
     common: &Camera,
     maker: &mut CameraMaker,
-) -> Result<View, FitError> {
+) -> Result<Listed, FitError> {
     let own = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let folder = folders.pictures.as_deref().unwrap_or(own);
     let fault = |key: &str, found: String, expected: &str| {
@@ -96,13 +114,12 @@ fn view(
     let name = frame.file_path.as_ref().or(frame.file.as_ref());
     let name = name.ok_or_else(|| fault("file_path", "nothing".into(), "the path of a picture"))?;
     let moved = folders.pictures.is_some();
-    let picture = find(folder, name, moved)
-        .ok_or_else(|| fault("file_path", name.clone(), &format!("a PNG or JPEG file in {}", folder.display())))?;
+    let Some(picture) = find(folder, name, moved) else { return Ok(Listed::Missing(folder.join(name))) };
     let mask = match &frame.mask_path {
         Some(name) => Some(
             find(own, name, false)
                 .or_else(|| find(folder, name, moved))
-                .ok_or_else(|| fault("mask_path", name.clone(), &format!("a picture in {}", own.display())))?,
+                .ok_or_else(|| fault("mask_path", format!("no file {}", own.join(name).display()), "a picture"))?,
         ),
         None => None,
     };
@@ -122,7 +139,7 @@ fn view(
         maker.camera(size.0, size.1, lens, DMat3::from_mat4(pose), pose.w_axis.truncate()).map_err(|point| {
             fault("k1", format!("a lens without a direction at {point}"), "a lens that covers the picture")
         })?;
-    Ok(View { name: name.clone(), picture, mask, camera })
+    Ok(Listed::View(Box::new(View { name: name.clone(), picture, mask, camera })))
 }
 
 /// Finds a picture whose name may lack its extension, or have the separators of another system. If the name is absolute

@@ -59,6 +59,12 @@ pub fn read(bytes: &[u8], axes: SpzAxes) -> Result<Splats, Fault> {
     Ok(if turn == DMat3::IDENTITY { splats } else { splats.transformed(DAffine3::from_mat3(turn)) })
 }
 
+/// Returns whether a capture's axes have to be assumed: whether it is an SPZ file that does not record them.
+pub fn assumes_axes(bytes: &[u8]) -> bool {
+    matches!(bytes, [0x1f, 0x8b, ..] | [b'N', b'G', b'S', b'P', ..])
+        && read_as_stored(bytes).is_ok_and(|(_, recorded)| recorded.is_none())
+}
+
 /// Reads a file, and the axes that it records.
 pub fn read_as_stored(bytes: &[u8]) -> Result<(Splats, Option<u32>), Fault> {
     let (header, planes, extensions) = if bytes.starts_with(&MAGIC) { read_streams(bytes)? } else { read_gzip(bytes)? };
