@@ -255,7 +255,10 @@ mod tests {
             (r#"{"colors": [[0, 0, 1e999]]}"#, "number out of range"),
             (r#"{"colors": [[0, 0, null]]}"#, "invalid type: null, expected f64"),
             (r#"{"weights": [1]}"#, "missing field `colors`"),
-            (r#"{"colors": [[0, 0, 0]], "method": "guess"}"#, "unknown variant `guess`, expected `hull` or `fitted`"),
+            (
+                r#"{"colors": [[0, 0, 0]], "method": "guess"}"#,
+                "unknown variant `guess`, expected one of `hull`, `fitted`, `tones`",
+            ),
         ] {
             let error = parse(text).unwrap_err();
             assert!(error.contains(message), "{error}");

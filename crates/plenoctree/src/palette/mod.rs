@@ -19,6 +19,7 @@ mod polygon;
 mod settings;
 mod simplify;
 mod steps;
+mod tones;
 
 pub use colors::{InvalidPalette, Palette, PaletteFileError};
 pub use errors::ColorErrors;
