@@ -50,7 +50,7 @@ pub struct ExtractionTimes {
     pub filtering: f64,
     /// The convex hull, its simplification and the order of the colors: steps 8 and 9.
     pub hull: f64,
-    /// The fit to the labels: step 10 or 11.
+    /// The fit to the labels: step 10, or steps 11 and 12.
     pub fitting: f64,
 }
 
@@ -93,17 +93,51 @@ pub fn extract(
     let start = Instant::now();
     let histograms = sample(field, &settings.sampling, progress)?;
     let sampling = start.elapsed().as_secs_f64();
-    let mut extraction = extract_from_histograms(&histograms, settings, progress)?;
+    let mut extraction = extract_from_samples(field, &histograms, settings, progress)?;
     extraction.seconds.sampling = sampling;
     Ok(extraction)
 }
 
-/// Extracts the palette from histograms, which may have any number of bins: steps 6 to 11.
+/// Extracts the palette from the histograms of a field, which may have any number of bins: steps 6 to 12.
+///
+/// # Errors
+///
+/// Returns an error if a setting is out of range, if the histograms have no weight, or if the extraction is canceled.
+pub fn extract_from_samples(
+    field: &PlenOctree,
+    histograms: &Histograms,
+    settings: &ExtractionSettings,
+    progress: &Progress,
+) -> Result<Extraction, ExtractionError> {
+    let mut extraction = find(histograms, settings, progress)?;
+    if settings.method == PaletteMethod::Tones {
+        let start = Instant::now();
+        extraction.palette.ramps = extraction.palette.find_ramps(field, &settings.sampling, progress)?;
+        extraction.seconds.fitting += start.elapsed().as_secs_f64();
+    }
+    Ok(extraction)
+}
+
+/// Extracts the palette from histograms alone, which may have any number of bins: steps 6 to 12. Without the field, the
+/// ramps of tones are [guessed](Palette::guess_ramps).
 ///
 /// # Errors
 ///
 /// Returns an error if a setting is out of range, if the histograms have no weight, or if the extraction is canceled.
 pub fn extract_from_histograms(
+    histograms: &Histograms,
+    settings: &ExtractionSettings,
+    progress: &Progress,
+) -> Result<Extraction, ExtractionError> {
+    let mut extraction = find(histograms, settings, progress)?;
+    if settings.method == PaletteMethod::Tones {
+        extraction.palette.ramps = extraction.palette.guess_ramps();
+    }
+    Ok(extraction)
+}
+
+/// Finds the palette, without ramps.
+fn find(
     histograms: &Histograms,
     settings: &ExtractionSettings,
     progress: &Progress,

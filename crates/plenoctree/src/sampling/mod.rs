@@ -19,6 +19,7 @@ mod settings;
 #[cfg(feature = "write")]
 mod visibility;
 
+pub(crate) use directions::observers;
 pub(crate) use histogram::Bins;
 pub use histogram::{Histograms, InvalidHistogram, MAX_CHANNEL};
 pub use plan::SamplingPlan;

@@ -163,6 +163,6 @@ impl Tones<'_> {
             (color.to_array(), weight / total)
         };
         let (colors, weights) = sums.iter().map(color).unzip();
-        Palette { colors, weights, method: None }
+        Palette { colors, weights, method: None, ramps: Vec::new() }
     }
 }

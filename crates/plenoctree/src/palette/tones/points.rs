@@ -11,7 +11,7 @@ use crate::{
 };
 
 /// A color in the uniform space: lightness, and chroma in Oklab that counts more near gray and less when vivid.
-pub(super) type Uniform = DVec3;
+pub(in crate::palette) type Uniform = DVec3;
 
 /// How much more the chroma of grays counts than lightness.
 const CHROMA: f64 = 2.4;
@@ -19,7 +19,7 @@ const CHROMA: f64 = 2.4;
 const VIVID: f64 = 0.1;
 
 /// Places a color of Oklab in the uniform space.
-pub(super) fn uniform(oklab: DVec3) -> Uniform {
+pub(in crate::palette) fn uniform(oklab: DVec3) -> Uniform {
     let chroma: DVec2 = oklab.yz();
     let length = chroma.length();
     let scale = if length > 0.0 { CHROMA * VIVID * (length / VIVID).ln_1p() / length } else { CHROMA };
