@@ -280,8 +280,8 @@ fn wishes_come_true_on_fields_and_entities() {
 #[test]
 fn ramps_are_edited() {
     let mut palette = ramps();
-    palette.edit_ramps(|palette| palette.split_ramp(0, 1, "shadow")).unwrap();
-    assert_eq!(palette.ramps()[2], Ramp { name: "shadow".into(), tones: vec![0] });
+    palette.edit_ramps(|palette| palette.split_ramp(0, 1, "light")).unwrap();
+    assert_eq!(palette.ramps()[2], Ramp { name: "light".into(), tones: vec![1, 2] });
     let before = palette.ramps().to_vec();
     let twice = palette.edit_ramps(|palette| {
         palette.ramps[0].tones.push(0);

@@ -46,7 +46,9 @@ impl RampAdjustment {
 }
 
 /// The share of the differences of lightness that is kept at least, however near to black or white the color is.
-pub(super) const LEAST_CONTRAST: f64 = 0.5;
+pub(super) const LEAST_CONTRAST: f64 = 0.75;
+/// Lightness in Oklab below which a screen hardly shows differences. Ramps that become black stay above it.
+const BLACK: f64 = 0.1;
 
 impl Palette {
     /// Returns the mean color of a ramp in encoded sRGB, by the weights of its tones in Oklab, or `None` if there is no
@@ -60,7 +62,7 @@ impl Palette {
     /// Does not allocate.
     ///
     /// Colors stay within [0, 1], unless the adjustment's color is outside. If the ramp would reach beyond black or
-    /// white, it loses up to half of its contrast, and then its mean gives way. Colors that are too vivid lose chroma.
+    /// white, it loses up to a quarter of its contrast, and then its mean gives way. Colors that are too vivid lose chroma.
     ///
     /// ```
     /// use plenoctree::palette::{Palette, RampAdjustment};
@@ -109,16 +111,18 @@ fn motion(shades: &Shades, adjustment: &RampAdjustment) -> (Motion, bool) {
     if limited {
         let (below, above) = shades.reach();
         mean.x = mean.x.clamp(0.0, 1.0);
-        contrast = contrast.min(room(mean.x, below, above).max(LEAST_CONTRAST * contrast));
-        // A ramp that is still too long is cut off at both ends.
-        mean.x = mean.x.min(1.0 - contrast * above).max(contrast * below).min(1.0);
+        // Ramps of a single tone may become black, and those that are as dark already may stay.
+        let black = if contrast * below > 0.0 { BLACK.min(shades.mean().x - below) } else { 0.0 };
+        contrast = contrast.min(room(mean.x - black, below, 1.0 - mean.x, above).max(LEAST_CONTRAST * contrast));
+        // A ramp that is still too long is cut off at the light end.
+        mean.x = mean.x.min(1.0 - contrast * above).max(black + contrast * below).min(1.0);
     }
     (Motion { mean, contrast, spread: saturation.min(1.0), tint: DVec2::ZERO }, limited)
 }
 
-/// Returns the largest contrast with which a ramp that reaches this far below and above its mean lightness fits between
-/// black and white.
-pub(super) fn room(mean: f64, below: f64, above: f64) -> f64 {
-    let fits = |room: f64, reach: f64| if reach > 0.0 { room / reach } else { f64::INFINITY };
-    fits(mean, below).min(fits(1.0 - mean, above)).max(0.0)
+/// Returns the largest contrast with which a ramp that reaches this far below and above its mean lightness fits into the
+/// space that is there.
+pub(super) fn room(space_below: f64, below: f64, space_above: f64, above: f64) -> f64 {
+    let fits = |space: f64, reach: f64| if reach > 0.0 { space / reach } else { f64::INFINITY };
+    fits(space_below, below).min(fits(space_above, above)).max(0.0)
 }

@@ -163,7 +163,7 @@ impl<'a> Solver<'a> {
         if limited {
             for (shades, motion) in &mut self.ramps {
                 let (below, above) = shades.reach();
-                motion.contrast = room(motion.mean.x, below, above).clamp(LEAST_CONTRAST, 1.0);
+                motion.contrast = room(motion.mean.x, below, 1.0 - motion.mean.x, above).clamp(LEAST_CONTRAST, 1.0);
             }
             self.improve(3);
         }
