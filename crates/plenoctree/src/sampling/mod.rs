@@ -21,6 +21,7 @@ pub(crate) use crate::histograms::{Bins, Recorded};
 pub use crate::histograms::{
     Histograms, InvalidHistogram, InvalidSetting, MAX_CHANNEL, ObserverRegion, SamplingSettings,
 };
+pub(crate) use directions::observers;
 pub use plan::SamplingPlan;
 pub use point::SamplePoint;
 pub use progress::{Canceled, Progress};
