@@ -93,6 +93,17 @@ impl Textures {
         is_held
     }
 
+    /// Returns the bytes of GPU memory that they take.
+    #[cfg(all(test, feature = "headless"))]
+    pub fn bytes(&self) -> u64 {
+        let of_texture = |held: &Held| {
+            let bytes = held.format.block_copy_size(None).unwrap_or(4);
+            u64::from(held.size.element_product() * held.samples * bytes)
+        };
+        self.textures.values().map(of_texture).sum::<u64>()
+            + self.buffers.values().map(|held| held.buffer.size()).sum::<u64>()
+    }
+
     /// Drops everything.
     pub fn clear(&mut self) {
         self.textures.clear();

@@ -6,13 +6,16 @@
 //! deep for a lattice, are marched ray by ray (`march`).
 
 mod blocks;
+mod choose_point;
 mod directions;
 mod leaves;
 mod march;
 mod path;
 mod plan;
-mod point;
 mod progress;
+#[cfg(feature = "write")]
+mod record;
+mod sample_point;
 mod sampler;
 #[cfg(feature = "write")]
 mod visibility;
@@ -23,8 +26,8 @@ pub use crate::histograms::{
 };
 pub(crate) use directions::observers;
 pub use plan::SamplingPlan;
-pub use point::SamplePoint;
 pub use progress::{Canceled, Progress};
+pub use sample_point::SamplePoint;
 pub use sampler::{SamplingError, sample};
 #[cfg(feature = "write")]
 pub(crate) use visibility::{Seen, Visibility, visibility};

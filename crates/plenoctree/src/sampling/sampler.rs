@@ -9,8 +9,8 @@ use super::{
     leaves::{chosen_leaves, weight_bound},
     march::optical_depth,
     path::{Path, SIDE},
-    point::SamplePoint,
     progress::{Canceled, Progress},
+    sample_point::SamplePoint,
 };
 use crate::field::{LeafCell, PlenOctree};
 use crate::histograms::{Histograms, InvalidSetting, SamplingSettings, Tally};

@@ -7,8 +7,8 @@ use super::{
     blocks::{Blocks, ROWS},
     march::optical_depth,
     path::SIDE,
-    point::SamplePoint,
     progress::{Canceled, Progress},
+    sample_point::SamplePoint,
     sampler::{Sampler, Unit},
 };
 use crate::field::{Activation, PlenOctree};
