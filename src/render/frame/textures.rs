@@ -182,20 +182,10 @@ impl Textures {
 
 /// Returns the size of textures for `drawn` pixels: that of the `held` ones, unless they are too small or much larger.
 fn size_in_steps(held: UVec2, drawn: UVec2, viewport: UVec2) -> UVec2 {
-    let stepped = (drawn.next_multiple_of(STEP)).min(viewport.max(drawn));
+    let stepped = ((drawn + STEP - 1) / STEP * STEP).min(viewport.max(drawn));
     let is_enough = held.cmpge(drawn).all() && held.cmple(viewport.max(drawn)).all();
     let most = 2 * (stepped + STEP).element_product();
     if is_enough && held.element_product() <= most { held } else { stepped }
-}
-
-trait NextMultiple {
-    fn next_multiple_of(self, step: u32) -> Self;
-}
-
-impl NextMultiple for UVec2 {
-    fn next_multiple_of(self, step: u32) -> Self {
-        (self + step - 1) / step * step
-    }
 }
 
 #[cfg(test)]
