@@ -75,14 +75,32 @@ struct Filter {
     range_falloff: f32,
 }
 
-// The labels of a prop.
+// The labels of a prop, and its ink.
 struct Labels {
     // The number of palette colors.
     colors: u32,
-    // The index in `colors` of the palette's first source color. The shown colors follow the source colors.
+    // The index in `colors` of the palette's first source color. The shown colors follow the source colors. The last
+    // channel of a source color is its ramp.
     first_color: u32,
     blend_steps: u32,
     softness: f32,
+    // The index in `colors` of the place of the first source color. See `placed` of `labels.wgsl`.
+    first_place: u32,
+    // 1 if borders between labels are smooth, otherwise 0.
+    smooth_borders: u32,
+    // INK_SILHOUETTE, INK_CREASES and INK_BORDERS of `ink.wgsl`, added up. 0 if there is no ink.
+    ink: u32,
+    // The index in `colors` of the pairs of ramps between which there are lines.
+    ink_pairs: u32,
+    // In linear light, with opacity.
+    ink_color: vec4<f32>,
+    // The share of the label's own light in the color of the ink.
+    ink_tone: f32,
+    // The width of lines, in pixels at w = 1 in clip space, and the most that it may be, in pixels.
+    ink_width: f32,
+    ink_pixels: f32,
+    // The difference of depth at a crease, in world units.
+    ink_crease: f32,
 }
 
 @group(0) @binding(0) var<uniform> view: View;

@@ -57,6 +57,7 @@ mod background;
 mod gpu;
 #[cfg(feature = "headless")]
 pub mod headless;
+mod ink;
 #[cfg(feature = "shadows")]
 mod lighting;
 #[cfg(feature = "mesh")]
@@ -86,6 +87,7 @@ pub use asset::{CaptureLoader, CaptureSettings};
 pub use gpu::{
     FieldFailed, FieldReady, FieldTooLarge, GpuField, MAX_PROPS_IN_VIEW, UploadBudget, ViewFailed, ViewTooLarge,
 };
+pub use ink::{Ink, InkBorders, InkColor, MAX_INK_PIXELS};
 #[cfg(feature = "shadows")]
 pub use lighting::{MAX_BANDS, PropLighting};
 #[cfg(feature = "mesh")]
@@ -112,7 +114,8 @@ pub use plenoctree::{MeshError, SurfaceMesh};
 #[cfg(feature = "splat")]
 pub use plenoctree_fit::splat::{Axis, SplatError, SpzAxes};
 pub use posterize::{
-    BeforePalette, BilateralFilter, EdgeSmoothing, MAX_BLEND_STEPS, MAX_FILTER_ITERATIONS, MAX_FILTER_RADIUS, Posterize,
+    BeforePalette, BilateralFilter, BorderSmoothing, EdgeSmoothing, MAX_BLEND_STEPS, MAX_FILTER_ITERATIONS,
+    MAX_FILTER_RADIUS, Posterize,
 };
 pub use prop::{Prop, PropTint, SolidOpacity};
 pub use quality::{PropQuality, QualityPreset};
@@ -140,6 +143,7 @@ impl Plugin for PlenOctreePlugin {
         app.init_asset_loader::<CaptureLoader>();
         app.init_asset::<PlenOctree>()
             .init_asset_loader::<PlenOctreeLoader>()
+            .register_type::<Ink>()
             .register_type::<LabelStages>()
             .register_type::<LoadSettings>()
             .register_type::<Posterize>()

@@ -65,7 +65,8 @@ pub struct ExtractionSamples {
 pub struct PaletteExtraction {
     /// The settings of extractions. Extractions that are already running keep theirs.
     ///
-    /// Defaults to a fitted palette of 6 colors, from all leaves.
+    /// Defaults to all leaves. The method is that of the first posterized prop or view of the field that names one
+    /// ([`Posterize::method`](crate::Posterize::method)), unless the extraction was [requested](Self::request).
     pub settings: ExtractionSettings,
     /// The processor that samples fields.
     ///
@@ -238,7 +239,12 @@ pub(super) fn start(
             continue;
         };
         let progress = Arc::new(Progress::default());
-        let settings = extraction.settings.clone();
+        let purpose = extraction.requested.remove(&id).unwrap_or(Purpose::Missing);
+        let mut settings = extraction.settings.clone();
+        if purpose != Purpose::Requested {
+            let wanted = posterized.methods().find_map(|(field, method)| method.filter(|_| field == id));
+            settings.method = wanted.unwrap_or(settings.method);
+        }
         let stage = match settings.validate() {
             // The CPU reads what the file records.
             Ok(()) if on_gpu && field.histograms(&settings.sampling).is_none() => {
@@ -248,7 +254,6 @@ pub(super) fn start(
             }
             _ => sample_on_cpu(field.clone(), settings, progress.clone()),
         };
-        let purpose = extraction.requested.remove(&id).unwrap_or(Purpose::Missing);
         extraction.running.insert(id, Running { purpose, progress, stage });
     }
 }

@@ -95,6 +95,8 @@ pub(in crate::render) enum Feature {
     Sparse,
     /// Smooth edges.
     Edges,
+    /// Smooth borders between labels, and ink.
+    Finish,
     /// Custom stages.
     Stages,
 }

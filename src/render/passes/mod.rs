@@ -1,6 +1,7 @@
 //! The passes of a view: which there are, and in which order they run. See each file for what its passes do.
 
 mod edges;
+mod finish;
 mod labels;
 #[cfg(feature = "shadows")]
 mod lighting;
@@ -30,6 +31,7 @@ pub const POSTERIZE_SPANS: &[&str] = &[
     labels::LABEL,
     labels::COMPOSITE,
     labels::FILTER,
+    finish::FINISH,
     labels::BLEND,
     edges::OUTLINE,
     edges::COVERAGE,
@@ -58,6 +60,7 @@ pub(super) fn of(plan: &Plan) -> Vec<Pass> {
     passes.extend(labels::composite(plan));
     passes.extend(labels::filter(plan));
     passes.push(labels::label(plan));
+    passes.extend(finish::finish(plan));
     passes.extend(labels::blend(plan));
     passes.extend(labels::stages(plan));
     passes.extend(present::present(plan));
