@@ -59,7 +59,7 @@ pub fn run(arguments: &Arguments) -> Result {
     let scene = Scene { field: field.clone(), quality: arguments.quality, background: arguments.background };
     let mut renderer =
         arguments.renderer.start(scene, &cameras).map_err(|error| format!("{}: {error}", path.display()))?;
-    let look = |shown| Look { source: &palette.colors, shown, settings };
+    let look = |shown| Look { palette: &palette, shown, settings };
 
     let bar = progress::bar("rendering", cameras.len() as u64, arguments.quiet);
     let mut times = Vec::new();
