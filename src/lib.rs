@@ -36,6 +36,7 @@
 //! | configure palette extraction | [`PaletteExtraction`] |
 //! | cast shadows | the feature `shadows`, [`SolidOpacity`], [`PropQuality`] on a light |
 //! | let the scene's shadows and lights fall on it | `PropLighting` (feature `shadows`) on the prop |
+//! | let it fade in fog | Bevy's `DistanceFog` on a camera (feature `shadows`) |
 //! | choose where in the frame props are drawn | [`PropStage`] on a camera |
 //! | trade accuracy for speed | [`PropQuality`] on a camera |
 //! | cast rays at props | [`PropRayCast`]; `PropPickingPlugin` (feature `picking`) |
