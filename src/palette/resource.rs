@@ -10,7 +10,7 @@ use plenoctree::{
     },
 };
 
-use super::{blend::BlendSpace, source::PaletteSource};
+use super::{blend::BlendSpace, ready::PaletteReady, samples::SampleOrigin, source::PaletteSource};
 
 /// Stores the palettes of all fields.
 ///
@@ -50,9 +50,9 @@ pub struct Palettes {
     /// Fields whose palettes were inserted or removed, so that earlier failures no longer matter.
     #[reflect(ignore)]
     pub(super) assigned: Vec<AssetId<PlenOctree>>,
-    /// Fields whose palettes were loaded or extracted since [`PaletteReady`](crate::PaletteReady) was last written.
+    /// What will be written next.
     #[reflect(ignore)]
-    pub(super) arrived: Vec<AssetId<PlenOctree>>,
+    pub(super) arrived: Vec<PaletteReady>,
 }
 
 /// The palette of one field.
@@ -343,10 +343,10 @@ impl Palettes {
     }
 
     /// Inserts a palette that was extracted, for which [`PaletteReady`](crate::PaletteReady) is written.
-    pub(super) fn arrive(&mut self, field: AssetId<PlenOctree>, palette: FieldPalette) {
+    pub(super) fn arrive(&mut self, field: AssetId<PlenOctree>, palette: FieldPalette, sampled: SampleOrigin) {
         self.files.remove(&field);
         self.by_field.insert(field, palette);
-        self.arrived.push(field);
+        self.arrived.push(PaletteReady { field, sampled: Some(sampled) });
     }
 
     /// Returns whether a field has no palette and none is being loaded.
