@@ -45,7 +45,7 @@ impl Plugin for PalettePlugin {
             .configure_sets(PreUpdate, PlenOctreeSystems::UpdatePalettes.after(AssetTrackingSystems))
             .add_systems(
                 PreUpdate,
-                (extraction::forget, file::seek, file::load, extraction::start, extraction::finish, ready::announce)
+                (extraction::forget, file::seek, file::load, extraction::start, extraction::finish, resource::announce)
                     .chain()
                     .in_set(PlenOctreeSystems::UpdatePalettes),
             );

@@ -3,10 +3,10 @@
 use bevy::prelude::*;
 use plenoctree::{PlenOctree, palette::ExtractionError};
 
-use super::{resource::Palettes, samples::SampleOrigin};
+use super::samples::SampleOrigin;
 
 /// A message that is written when the palette of a field has been extracted or loaded from a file. It is not written
-/// for palettes that are [inserted](Palettes::insert).
+/// for palettes that are [inserted](crate::Palettes::insert).
 ///
 /// Written in [`PreUpdate`], before the palette is first shown. Systems in [`Update`] that read it can still change the
 /// colors of the first frame.
@@ -40,10 +40,4 @@ pub struct PaletteFailed {
     pub field: AssetId<PlenOctree>,
     /// The reason.
     pub error: ExtractionError,
-}
-
-/// Writes a [`PaletteReady`] for every palette that was loaded or extracted since the last call.
-pub(super) fn announce(mut palettes: ResMut<Palettes>, mut ready: MessageWriter<PaletteReady>) {
-    let arrived = palettes.bypass_change_detection().arrived.drain(..);
-    ready.write_batch(arrived);
 }

@@ -354,3 +354,9 @@ impl Palettes {
         !self.by_field.contains_key(&field) && matches!(self.files.get(&field), Some(PaletteSource::Missing))
     }
 }
+
+/// Writes a [`PaletteReady`] for every palette that was loaded or extracted since the last call.
+pub(super) fn announce(mut palettes: ResMut<Palettes>, mut ready: MessageWriter<PaletteReady>) {
+    let arrived = palettes.bypass_change_detection().arrived.drain(..);
+    ready.write_batch(arrived);
+}
