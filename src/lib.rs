@@ -33,7 +33,7 @@
 //! | posterize it | [`Posterize`] on the prop, or [`PosterizeView`] on a camera to posterize everything in view |
 //! | keep its silhouette hard | [`EdgeSmoothing`], in its [`Posterize`] |
 //! | recolor it | [`Palettes`], [`PaletteOverride`], [`PropTint`], [`BlendSpace`], [`PaletteReady`] |
-//! | configure palette extraction | [`PaletteExtraction`] |
+//! | configure palette extraction, and see what it found where | [`PaletteExtraction`], [`SampleOrigin`] |
 //! | cast shadows | the feature `shadows`, [`SolidOpacity`], [`PropQuality`] on a light |
 //! | let the scene's shadows and lights fall on it | `PropLighting` (feature `shadows`) on the prop |
 //! | let it fade in fog | Bevy's `DistanceFog` on a camera (feature `shadows`) |
@@ -93,7 +93,7 @@ pub use lighting::{MAX_BANDS, PropLighting};
 pub use mesh::surface_mesh;
 pub use palette::{
     BlendSpace, ExtractionSamples, FieldPalette, PaletteExtraction, PaletteFailed, PaletteLoader, PaletteOverride,
-    PaletteReady, PaletteSampler, Palettes,
+    PaletteReady, PaletteSampler, Palettes, SampleOrigin,
 };
 #[cfg(feature = "picking")]
 pub use picking::PropPickingPlugin;
