@@ -9,7 +9,8 @@ use crate::splat::splats::Gaussian;
 const FAINTEST: f64 = 1.0 / 255.0;
 /// The blur of each Gaussian, as a standard deviation in cells: narrower ones would fall between the centers of cells.
 /// Its opacity stays the same, as when it is drawn, where it is blurred by half a pixel.
-const BLUR: f64 = 0.4;
+const BLUR: f64 = 0.35;
+
 /// Smallest and largest square of the distance, in deviations, up to which a Gaussian is followed.
 const REACH: [f64; 2] = [4.0, 9.0];
 /// Smallest deviation of a Gaussian in a lattice of points, in their distances: between them, it is interpolated.
