@@ -9,7 +9,7 @@ use super::{
     histogram::{Histograms, Tally},
     leaves::{chosen_leaves, weight_bound},
     march::optical_depth,
-    path::{Path, SIDE},
+    path::{Path, SIDE, Start},
     progress::{Canceled, Progress},
     settings::{InvalidSetting, SamplingSettings},
 };
@@ -71,15 +71,47 @@ pub(super) struct Ray {
     pub direction: DVec3,
     /// Basis functions for the view from the observer.
     pub basis: [f64; 25],
-    pub path: Path,
+    /// From the centers of finest leaves, and from those of larger ones.
+    paths: [Path; 2],
+}
+
+impl Ray {
+    /// Returns the path from the centers of leaves.
+    pub fn path(&self, start: Start) -> &Path {
+        &self.paths[usize::from(start == Start::Corner)]
+    }
+
+    /// Returns the length of the ray from a leaf's center to its surface, in world units.
+    pub fn half(&self, size: u32) -> f64 {
+        0.5 * f64::from(size) * self.direction.abs().recip().min_element()
+    }
 }
 
 /// Leaves that are sampled together.
 pub(super) enum Unit {
-    /// Finest leaves in the same block: the block, and each leaf with its row and lane.
-    Block(IVec3, Vec<(u32, usize, usize)>),
+    /// Leaves whose centers are in the same block.
+    Block(BlockUnit),
     /// A leaf of any size.
     Alone(LeafCell),
+}
+
+/// Leaves whose centers are in the same block.
+pub(super) struct BlockUnit {
+    /// The block.
+    pub place: IVec3,
+    /// Where their rays start in the cells at their centers.
+    pub start: Start,
+    pub leaves: Vec<BlockLeaf>,
+}
+
+/// A leaf whose center is in a block.
+pub(super) struct BlockLeaf {
+    pub leaf: u32,
+    /// Width, in finest cells.
+    pub size: u32,
+    /// The row and the lane of the cell at its center.
+    pub row: usize,
+    pub lane: usize,
 }
 
 /// The state of a thread.
@@ -106,7 +138,8 @@ impl<'a> Sampler<'a> {
         let ray = |observer: DVec3| {
             progress.check()?;
             let direction = observer * field.frame().scale * finest;
-            Ok(Ray { direction, basis: field.basis().evaluate(-observer), path: Path::new(direction, extent) })
+            let paths = [Start::Center, Start::Corner].map(|start| Path::new(direction, start, extent));
+            Ok(Ray { direction, basis: field.basis().evaluate(-observer), paths })
         };
         let cells = observers(field.up(), settings).into_iter().map(|cell| cell.into_iter().map(ray).collect());
         let cells = cells.collect::<Result<_, Canceled>>()?;
@@ -143,23 +176,30 @@ impl<'a> Sampler<'a> {
         Ok(tally.finish(factor, (chosen.len() * self.cells.len()) as u64))
     }
 
+    /// Returns the leaves in groups. Leaves are in the order of the octree.
     pub fn units(&self, leaves: &[LeafCell]) -> Result<Vec<Unit>, Canceled> {
         let mut units = Vec::new();
+        // The groups of the current block, by where their rays start.
+        let mut open: [Option<BlockUnit>; 2] = [None, None];
         for &cell in leaves {
             self.progress.check()?;
-            if cell.size > 1 || self.blocks.is_none() {
+            if self.blocks.is_none() {
                 units.push(Unit::Alone(cell));
                 continue;
             }
             let side = SIDE as u32;
-            let (place, inside) = ((cell.corner / side).as_ivec3(), cell.corner % side);
-            let leaf = (cell.leaf, (inside.x * side + inside.y) as usize, inside.z as usize);
-            // Leaves are in the order of the octree, so those of a block are consecutive.
-            match units.last_mut() {
-                Some(Unit::Block(block, leaves)) if *block == place => leaves.push(leaf),
-                _ => units.push(Unit::Block(place, vec![leaf])),
+            let start = if cell.size == 1 { Start::Center } else { Start::Corner };
+            let center = cell.corner + cell.size / 2;
+            let (place, inside) = ((center / side).as_ivec3(), center % side);
+            let (row, lane) = ((inside.x * side + inside.y) as usize, inside.z as usize);
+            let leaf = BlockLeaf { leaf: cell.leaf, size: cell.size, row, lane };
+            // Leaves of a block are consecutive.
+            match &mut open[usize::from(start == Start::Corner)] {
+                Some(unit) if unit.place == place => unit.leaves.push(leaf),
+                unit => units.extend(unit.replace(BlockUnit { place, start, leaves: vec![leaf] }).map(Unit::Block)),
             }
         }
+        units.extend(open.into_iter().flatten().map(Unit::Block));
         Ok(units)
     }
 
@@ -169,20 +209,20 @@ impl<'a> Sampler<'a> {
         let Worker { tally, depths, coefficients } = worker;
         coefficients.clear();
         match unit {
-            Unit::Block(place, leaves) => {
-                leaves.iter().for_each(|&(leaf, ..)| self.decode(leaf, coefficients));
+            Unit::Block(BlockUnit { place, start, leaves }) => {
+                leaves.iter().for_each(|leaf| self.decode(leaf.leaf, coefficients));
                 let per_leaf = self.field.basis().coefficients();
                 let Some(blocks) = &self.blocks else { return Ok(leaves.len()) };
                 for cell in &self.cells {
                     for (ray, depths) in cell.iter().zip(&mut *depths) {
                         self.progress.check()?;
                         depths.as_flattened_mut().fill(f32::INFINITY);
-                        leaves.iter().for_each(|&(_, row, lane)| depths[row][lane] = 0.0);
-                        blocks.march(*place, &ray.path, self.limit as f32, depths);
+                        leaves.iter().for_each(|leaf| depths[leaf.row][leaf.lane] = 0.0);
+                        blocks.march(*place, ray.path(*start), self.limit as f32, depths);
                     }
-                    for (&(leaf, row, lane), coefficients) in leaves.iter().zip(coefficients.chunks_exact(per_leaf)) {
-                        let depth = |ray: usize| f64::from(depths[ray][row][lane]);
-                        self.add(tally, leaf, coefficients, cell, depth);
+                    for (leaf, coefficients) in leaves.iter().zip(coefficients.chunks_exact(per_leaf)) {
+                        let depth = |ray: usize| f64::from(depths[ray][leaf.row][leaf.lane]);
+                        self.add(tally, leaf.leaf, coefficients, cell, depth);
                     }
                 }
                 Ok(leaves.len())
@@ -343,6 +383,27 @@ mod tests {
             let (blocks, single) = (run(blocks(&field)), run(None));
             prop_assert!((blocks.total_weight() - single.total_weight()).abs() <= 1e-5 * single.total_weight());
         }
+    }
+
+    /// Leaves of all sizes are sampled in blocks, and much of the work of larger ones is shared, too.
+    #[test]
+    fn leaves_of_all_sizes_are_sampled_in_blocks() {
+        let field = field(5, 6, [0.4; 3], UpAxis::Z);
+        let (settings, progress) = (settings(ObserverRegion::Sphere), Progress::default());
+        let leaves = chosen_leaves(&field, &settings, &progress).unwrap();
+        let sampler = Sampler::new(&field, &settings, blocks(&field), &progress).unwrap();
+        let units = sampler.units(&leaves).unwrap();
+        let mut found = Vec::new();
+        for unit in &units {
+            let Unit::Block(unit) = unit else { panic!("a leaf alone") };
+            found.extend(unit.leaves.iter().map(|leaf| leaf.leaf));
+        }
+        found.sort_unstable();
+        assert!(found.iter().copied().eq(0..field.leaves() as u32));
+        let larger = leaves.iter().filter(|cell| cell.size > 1).count();
+        let units_of_larger =
+            units.iter().filter(|unit| matches!(unit, Unit::Block(unit) if unit.start == Start::Corner));
+        assert!(larger > 2 * units_of_larger.count(), "{larger}");
     }
 
     /// A leaf that is alone in its field is only occluded by its own cell, so its weight is known.

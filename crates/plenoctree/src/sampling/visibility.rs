@@ -8,7 +8,7 @@ use super::{
     march::optical_depth,
     path::SIDE,
     progress::{Canceled, Progress},
-    sampler::{Sampler, Unit},
+    sampler::{BlockUnit, Sampler, Unit},
     settings::{ObserverRegion, SamplingSettings},
 };
 use crate::field::{Activation, PlenOctree};
@@ -65,7 +65,6 @@ pub(crate) fn visibility(field: &PlenOctree, below: f64, progress: &Progress) ->
     let leaves: Vec<_> = field.leaf_cells().collect();
     let units = sampler.units(&leaves)?;
     progress.begin(leaves.len());
-    // Leaves are in the order of the octree, and so are units and what they return.
     let counts: Vec<f64> = sampler
         .cells
         .iter()
@@ -75,14 +74,16 @@ pub(crate) fn visibility(field: &PlenOctree, below: f64, progress: &Progress) ->
             if observer.y < 0.0 { below } else { 1.0 }
         })
         .collect();
-    let seen: Vec<Vec<Seen>> =
+    let seen: Vec<Vec<(usize, Seen)>> =
         units.par_iter().map(|unit| of_unit(&sampler, unit, &counts)).collect::<Result<_, _>>()?;
+    let mut leaves = vec![Seen::default(); leaves.len()];
+    seen.into_iter().flatten().for_each(|(leaf, seen)| leaves[leaf] = seen);
     let directions = sampler.cells.iter().flatten().map(|ray| ray.basis.map(|y| y as f32)).collect();
-    Ok(Visibility { leaves: seen.into_iter().flatten().collect(), directions })
+    Ok(Visibility { leaves, directions })
 }
 
-/// `counts` are the weights of the views in each direction.
-fn of_unit(sampler: &Sampler, unit: &Unit, counts: &[f64]) -> Result<Vec<Seen>, Canceled> {
+/// Returns the visibility of the leaves of a unit. `counts` are the weights of the views in each direction.
+fn of_unit(sampler: &Sampler, unit: &Unit, counts: &[f64]) -> Result<Vec<(usize, Seen)>, Canceled> {
     sampler.progress.check()?;
     let field = sampler.field;
     let limit = -HIDDEN.ln();
@@ -90,21 +91,21 @@ fn of_unit(sampler: &Sampler, unit: &Unit, counts: &[f64]) -> Result<Vec<Seen>, 
     let count = counts.iter().sum();
     let mut tallies;
     match unit {
-        Unit::Block(place, leaves) => {
-            tallies = leaves.iter().map(|&(leaf, ..)| Tally::new(field, leaf, 1)).collect::<Vec<_>>();
+        Unit::Block(BlockUnit { place, start, leaves }) => {
+            tallies = leaves.iter().map(|leaf| Tally::new(field, leaf.leaf, leaf.size)).collect::<Vec<_>>();
             let Some(blocks) = &sampler.blocks else { return Ok(Vec::new()) };
             let mut depths = [[0.0; SIDE]; ROWS];
             for (ray, count) in rays().zip(counts) {
                 sampler.progress.check()?;
-                let half = ray.path.steps.first().map_or(0.0, |step| step.length);
                 depths.as_flattened_mut().fill(f32::INFINITY);
-                for (&(_, row, lane), tally) in leaves.iter().zip(&tallies) {
+                for (leaf, tally) in leaves.iter().zip(&tallies) {
                     // The leaf's own half is passed first, and does not hide it.
-                    depths[row][lane] = -(tally.density as f32 * half);
+                    depths[leaf.row][leaf.lane] = -((tally.density * ray.half(leaf.size)) as f32);
                 }
-                blocks.march(*place, &ray.path, limit as f32, &mut depths);
-                for (&(_, row, lane), tally) in leaves.iter().zip(&mut tallies) {
-                    tally.add(field, depths[row][lane].into(), half.into(), &ray.basis, *count);
+                blocks.march(*place, ray.path(*start), limit as f32, &mut depths);
+                for (leaf, tally) in leaves.iter().zip(&mut tallies) {
+                    let depth = depths[leaf.row][leaf.lane].into();
+                    tally.add(field, depth, ray.half(leaf.size), &ray.basis, *count);
                 }
             }
         }
@@ -112,7 +113,7 @@ fn of_unit(sampler: &Sampler, unit: &Unit, counts: &[f64]) -> Result<Vec<Seen>, 
             let mut tally = Tally::new(field, leaf.leaf, leaf.size);
             for (ray, count) in rays().zip(counts) {
                 sampler.progress.check()?;
-                let half = 0.5 * f64::from(leaf.size) * ray.direction.abs().recip().min_element();
+                let half = ray.half(leaf.size);
                 let own = tally.density * half;
                 let depth = optical_depth(field, *leaf, ray.direction, own + limit) - own;
                 tally.add(field, depth, half, &ray.basis, *count);
@@ -121,7 +122,7 @@ fn of_unit(sampler: &Sampler, unit: &Unit, counts: &[f64]) -> Result<Vec<Seen>, 
         }
     }
     sampler.progress.advance(tallies.len());
-    Ok(tallies.into_iter().map(|tally| tally.finish(count)).collect())
+    Ok(tallies.into_iter().map(|tally| (tally.leaf, tally.finish(count))).collect())
 }
 
 /// The sums for a leaf so far.
