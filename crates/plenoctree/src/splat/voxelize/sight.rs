@@ -119,3 +119,44 @@ fn look_along(
     }
     seen
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Cells of one size, in order.
+    fn cells(level: u8, thickness: impl Fn(UVec3) -> f32) -> Cells {
+        let mut cells = Cells::default();
+        for code in (0..32u64.pow(3)).step_by(1 << (3 * level)) {
+            let thickness = thickness(position_of(code));
+            if thickness > 0.0 {
+                cells.push(code, level, thickness, 0.0, &[]);
+            }
+        }
+        cells
+    }
+
+    /// Only the outside of a dense ball is visible, and all of a haze, by cells of any size.
+    #[test]
+    fn insides_are_hidden() {
+        for level in [0, 1] {
+            let radius = |at: UVec3| (at.as_dvec3() + 0.5 * f64::from(1 << level) - 16.0).length();
+            let ball = cells(level, |at| if radius(at) < 12.0 { 30.0 } else { 0.0 });
+            for (cell, sight) in look(&ball, 32).into_iter().enumerate() {
+                let radius = radius(position_of(ball.codes[cell]));
+                assert!(radius > 8.0 || sight.most < 1e-3, "{radius} {sight:?}");
+                assert!(radius < 11.5 || sight.most > 0.99 && (0.1..0.9).contains(&sight.mean), "{radius} {sight:?}");
+            }
+            let haze = cells(level, |at| if radius(at) < 12.0 { 1e-4 } else { 0.0 });
+            assert!(look(&haze, 32).iter().all(|sight| sight.mean > 0.98 && sight.most > 0.99));
+        }
+    }
+
+    /// Rays in a slice of finest cells shift, but never past the edge of the picture.
+    #[test]
+    fn corners_are_in_the_picture() {
+        let all = cells(0, |at| if at.to_array().iter().all(|at| [0, 31].contains(at)) { 1.0 } else { 0.0 });
+        assert_eq!(all.len(), 8);
+        assert!(look(&all, 32).iter().all(|sight| sight.most > 0.99));
+    }
+}

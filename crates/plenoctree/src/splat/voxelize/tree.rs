@@ -201,3 +201,74 @@ pub fn merged_thickness(through: [f32; 8]) -> f32 {
     };
     (along(4) + along(2) + along(1)) / 3.0
 }
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    const LEVELS: [u8; 2] = [0, BLOCK as u8];
+
+    /// A cube of 8 x 8 x 8 finest cells.
+    fn cube(thickness: impl Fn(u64) -> f32, light: impl Fn(u64) -> f32) -> Cells {
+        let mut cells = Cells::default();
+        (0..512).for_each(|code| cells.push(code, 0, thickness(code), 0.5, &[light(code); 3]));
+        cells
+    }
+
+    /// Cells that agree become one, which lets as much light through.
+    #[test]
+    fn equal_cells_are_merged() {
+        for thickness in [1e-3, 0.1, 3.0] {
+            let tree = Tree::new(&cube(|_| thickness, |_| 0.7));
+            let merged = tree.cells(&tree.cut(1e-4, [0, 3]));
+            assert_eq!((merged.len(), merged.levels[0]), (1, 3));
+            assert!((merged.thickness[0] / (8.0 * thickness) - 1.0).abs() < 1e-3, "{}", merged.thickness[0]);
+            assert!((merged.colors[0] - 0.7).abs() < 1e-5);
+        }
+    }
+
+    /// Cells are only split where they differ, and where that is visible.
+    #[test]
+    fn cells_are_split_where_that_shows() {
+        let mut cells = cube(|_| 3.0, |code| if code < 256 && code % 2 == 0 { 2.0 } else { 0.0 });
+        let split = |cells: &Cells| Tree::new(cells).cells(&Tree::new(cells).cut(0.01, LEVELS));
+        let chosen = split(&cells);
+        assert!(chosen.codes.iter().zip(&chosen.levels).all(|(code, level)| (*code < 256) == (*level == 0)));
+        cells.seen.fill(1e-6);
+        assert_eq!(split(&cells).len(), 1);
+    }
+
+    proptest! {
+        /// A higher price never buys more cells. Cells of a cut do not overlap, have the levels that were asked for, and
+        /// fill what the tree fills.
+        #[test]
+        fn prices_limit_the_number_of_cells(
+            values in prop::collection::vec((0.0f32..4.0, -1.0f32..1.0), 512),
+            prices in (1e-5f32..1.0, 1e-5f32..1.0),
+            finest in 0u8..3,
+        ) {
+            let mut cells = Cells::default();
+            for (code, (thickness, light)) in (0..512).zip(&values).filter(|(_, (thickness, _))| *thickness > 1.0) {
+                cells.push(code, 0, *thickness, 0.5, &[*light; 3]);
+            }
+            let tree = Tree::new(&cells);
+            let counts = [prices.0.min(prices.1), prices.0.max(prices.1)].map(|price| tree.cut(price, LEVELS).count());
+            prop_assert!(counts[0] >= counts[1]);
+            let cut = tree.cut(prices.0, [finest, 2]);
+            let chosen = tree.cells(&cut);
+            prop_assert_eq!(chosen.len(), cut.count());
+            let mut end = 0;
+            for (code, level) in chosen.codes.iter().zip(&chosen.levels) {
+                prop_assert!(*code >= end && (finest..=2).contains(level));
+                end = code + (1 << (3 * level));
+            }
+            let covered = |code: &u64| {
+                let mut chosen = chosen.codes.iter().zip(&chosen.levels);
+                chosen.any(|(first, level)| (*first..first + (1 << (3 * level))).contains(code))
+            };
+            prop_assert!(cells.codes.iter().all(covered));
+        }
+    }
+}
