@@ -15,10 +15,8 @@ use bevy_plenoctree::{
     headless::{Headless, exact_camera, pinhole_view},
 };
 use cpu_time::ProcessTime;
-use plenoctree::{
-    camera::{PinholeCamera, read_transforms},
-    palette,
-};
+use plenoctree::{camera::PinholeCamera, palette};
+use plenoctree_fit::read_transforms;
 
 const SIZE: &str = "800";
 const ROUNDS: usize = 5;

@@ -7,10 +7,9 @@
 
 #import bevy_plenoctree::view::view
 
-// The pixels along a side of the square in which a batch is drawn. Matches `BATCH` in `refine/rays.rs`.
+// The pixels along a side of the square in which a batch is drawn. Matches `BATCH` in `slot.rs`.
 const BATCH: u32 = 32u;
-// The largest number of gaps in a batch, those of a grid of every second pixel. Matches `MOST_GAPS` in
-// `refine/rays.rs`.
+// The largest number of gaps in a batch, those of a grid of every second pixel. Matches `MOST_GAPS` in `slot.rs`.
 const MOST_GAPS: u32 = 256u;
 
 // What the check pass finds about a gap, if not 1 + its index in its batch.
@@ -23,8 +22,9 @@ fn divided(value: vec2<u32>, by: u32) -> vec2<u32> {
 }
 
 // Returns one of the four rays of the grid around a gap.
-fn ray_around(gap: vec2<u32>, index: u32, last: vec2<u32>) -> vec2<u32> {
-    return min(gap + vec2(index & 1u, index >> 1u), last);
+fn ray_around(gap: vec2<u32>, index: u32) -> vec2<u32> {
+    let rays = (view.size + view.spacing - 1u) / view.spacing;
+    return min(gap + vec2(index & 1u, index >> 1u), rays - 1u);
 }
 
 // Returns the number of pixels of a gap.

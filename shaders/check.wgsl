@@ -21,11 +21,10 @@ const SAME_SURFACE: f32 = 0.05;
 @fragment
 fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) u32 {
     let gap = vec2<u32>(position.xy);
-    let last = textureDimensions(layer) - 1u;
     var least = vec4(1e30);
     var most = vec4(-1e30);
     for (var i = 0u; i < 4u; i++) {
-        let value = textureLoad(layer, ray_around(gap, i, last), 0);
+        let value = textureLoad(layer, ray_around(gap, i), 0);
         least = min(least, value);
         most = max(most, value);
     }
@@ -35,10 +34,9 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) u32 {
     var solid_depths = vec2(1.0, 0.0);
     var differ = false;
     let first = textureLoad(owner, gap, 0).rg;
-    // Software rasterizers skip loops, not branches.
     let rays = select(4u, 0u, is_empty);
     for (var i = 0u; i < rays; i++) {
-        let at = ray_around(gap, i, last);
+        let at = ray_around(gap, i);
         differ = differ || any(textureLoad(owner, at, 0).rg != first);
         let solid = textureLoad(depth, at, 0);
         if is_solid(solid) {

@@ -1,19 +1,43 @@
-// Clears the attachments of a pass whose result may be kept.
+// Clears the attachments of a pass whose result may be cached.
 
 struct Fragment {
-#ifdef SOLID
-    @location(0) solid: u32,
-#else
-    @location(0) color: vec4<f32>,
-    @location(1) owner: vec4<f32>,
-#ifdef MOTION
-    @location(2) motion: vec4<f32>,
+#ifdef FLOAT_0
+    @location(0) first: vec4<f32>,
 #endif
+#ifdef UINT_0
+    @location(0) first: vec4<u32>,
 #endif
+#ifdef FLOAT_1
+    @location(1) second: vec4<f32>,
+#endif
+#ifdef UINT_1
+    @location(1) second: vec4<u32>,
+#endif
+#ifdef FLOAT_2
+    @location(2) third: vec4<f32>,
+#endif
+#ifdef UINT_2
+    @location(2) third: vec4<u32>,
+#endif
+#ifdef FLOAT_3
+    @location(3) fourth: vec4<f32>,
+#endif
+#ifdef UINT_3
+    @location(3) fourth: vec4<u32>,
+#endif
+#ifdef DEPTH
     @builtin(frag_depth) depth: f32,
+#endif
 }
 
 @fragment
 fn fragment() -> Fragment {
-    return Fragment();
+    var cleared = Fragment();
+#ifdef NEGATIVE_ALPHA
+    cleared.first.a = -1.0;
+#ifdef FLOAT_1
+    cleared.second.a = -1.0;
+#endif
+#endif
+    return cleared;
 }

@@ -1,5 +1,5 @@
-// The compare pass: finds out whether the scene that the props are drawn into has changed since the last frame, and
-// copies it for the next one.
+// Finds out whether the scene that the props are drawn into has changed since the last frame, and remembers it for the
+// next one.
 
 #import bevy_plenoctree::view::View
 
@@ -11,8 +11,8 @@ struct Stale {
 
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<storage, read_write> stale: Stale;
-// The bits of what was seen in the last frame.
-@group(0) @binding(2) var before: texture_2d<u32>;
+// What was seen in the last frame: two words per pixel, of its depth and of its color.
+@group(0) @binding(2) var<storage, read_write> before: array<u32>;
 #ifdef COLORS
 @group(0) @binding(3) var scene: texture_2d<f32>;
 #else ifdef MULTISAMPLED
@@ -21,33 +21,38 @@ struct Stale {
 @group(0) @binding(3) var scene: texture_depth_2d;
 #endif
 
-@vertex
-fn vertex(@builtin(vertex_index) index: u32) -> @builtin(position) vec4<f32> {
-    return vec4(vec2(f32((index << 1u) & 2u), f32(index & 2u)) * 2.0 - 1.0, 0.0, 1.0);
+// Mixes two words into one. A change of one always changes the result, and a change of both nearly always.
+fn mixed(a: u32, b: u32) -> u32 {
+    return (a * 0x9e3779b1u) ^ b;
 }
 
-@fragment
-fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec2<u32> {
-    let pixel = vec2<u32>(position.xy);
+@compute @workgroup_size(8, 8)
+fn compare(@builtin(global_invocation_id) id: vec3<u32>) {
+    let pixel = id.xy;
+    if any(pixel >= view.size) {
+        return;
+    }
+    var word = 2u * (pixel.y * view.size.x + pixel.x);
 #ifdef COLORS
     // The composite is stored as half floats too.
     let color = textureLoad(scene, pixel + view.corner, 0);
-    let seen = vec2(pack2x16float(color.rg), pack2x16float(vec2(color.b, 0.0)));
+    let seen = mixed(pack2x16float(color.rg), pack2x16float(vec2(color.b, 0.0)));
+    word += 1u;
 #else
-    var seen = vec2(bitcast<u32>(textureLoad(scene, pixel + view.corner, 0)), 0u);
+    var seen = bitcast<u32>(textureLoad(scene, pixel + view.corner, 0));
 #ifdef MULTISAMPLED
-    // Smooth edges depend on all samples. A change of one always changes this word, and one of several nearly always.
+    // Smooth edges depend on all samples.
     for (var s = 1u; s < textureNumSamples(scene); s++) {
-        seen.x = (seen.x * 0x9e3779b1u) ^ bitcast<u32>(textureLoad(scene, pixel + view.corner, s));
+        seen = mixed(seen, bitcast<u32>(textureLoad(scene, pixel + view.corner, s)));
     }
 #endif
 #endif
-    if any(textureLoad(before, pixel, 0).xy != seen) {
+    if before[word] != seen {
+        before[word] = seen;
 #ifdef COLORS
         atomicStore(&stale.composite, 1u);
 #else
         atomicStore(&stale.layer, 1u);
 #endif
     }
-    return seen;
 }

@@ -2,7 +2,7 @@
 
 #import bevy_plenoctree::filter_texel::pack
 #import bevy_plenoctree::target::composited
-#import bevy_plenoctree::view::{owner_of, view}
+#import bevy_plenoctree::view::{owner_of, screen, view}
 
 @group(1) @binding(0) var layer: texture_2d<f32>;
 @group(1) @binding(1) var owner: texture_2d<f32>;
@@ -26,7 +26,7 @@ fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
     let over = textureLoad(layer, pixel, 0);
     let stored = textureLoad(scene, pixel + view.corner, 0).rgb;
     let prop = owner_of(textureLoad(owner, pixel, 0));
-    let posterized = select(prop, view.everything, prop == 0u);
+    let posterized = select(prop, screen.everything, prop == 0u);
     let texel = pack(composited(over, stored), posterized);
 #ifdef UNFILTERED
     return Fragment(texel);

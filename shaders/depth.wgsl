@@ -1,14 +1,30 @@
-// The depth pass: writes the depth of props where they are solid, for everything that is drawn later.
+// Writes the depth and the motion of props where they are solid, for everything that is drawn later and for effects.
 
-#import bevy_plenoctree::view::{buffered, is_solid, view}
+#import bevy_plenoctree::view::{buffered, is_drawn, is_solid, view}
 
-@group(1) @binding(0) var depth: texture_depth_2d;
+@group(1) @binding(1) var depth: texture_depth_2d;
+#ifdef MOTION
+@group(3) @binding(0) var motion: texture_2d<f32>;
+#endif
+
+struct Fragment {
+    @builtin(frag_depth) depth: f32,
+#ifdef MOTION
+    @location(1) motion: vec4<f32>,
+#endif
+}
 
 @fragment
-fn fragment(@builtin(position) position: vec4<f32>) -> @builtin(frag_depth) f32 {
-    let solid = textureLoad(depth, vec2<u32>(position.xy) - view.corner, 0);
-    if !is_solid(solid) {
+fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
+    let pixel = vec2<u32>(position.xy) - view.corner;
+    let solid = textureLoad(depth, pixel, 0);
+    if !is_drawn(pixel) || !is_solid(solid) {
         discard;
     }
-    return buffered(solid);
+    return Fragment(
+        buffered(solid),
+#ifdef MOTION
+        textureLoad(motion, pixel, 0),
+#endif
+    );
 }

@@ -41,7 +41,6 @@ fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
     // The pixel may hold what was drawn before.
     var filled = Fragment();
 
-    // Software rasterizers skip loops, not branches.
     let batched = select(0u, 1u, is_batched);
     for (var i = 0u; i < batched; i++) {
         let index = (found - 1u) * pixels_of_gap() + beyond.y * view.spacing + beyond.x - 1u;
@@ -54,7 +53,6 @@ fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
 #endif
     }
 
-    let last = textureDimensions(color) - 1u;
     let share = vec2<f32>(beyond) / f32(view.spacing);
     let rays = select(4u, 0u, is_batched || found == EMPTY);
     var sum = vec4(0.0);
@@ -69,7 +67,7 @@ fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
     var moved = vec2(0.0);
 #endif
     for (var i = 0u; i < rays; i++) {
-        let at = ray_around(gap, i, last);
+        let at = ray_around(gap, i);
         let along = select(1.0 - share, share, vec2(i & 1u, i >> 1u) > vec2(0u));
         let weight = along.x * along.y;
         let value = textureLoad(color, at, 0);

@@ -1,29 +1,15 @@
 // One direction of the bilateral filter. See section 4 of the method, step 2.
 
 #import bevy_plenoctree::filter_texel::{pack, unpack}
-#import bevy_plenoctree::view::{props, view}
+#import bevy_plenoctree::view::{filters, view}
 
-#ifdef STORED
-@group(1) @binding(0) var source: texture_storage_2d<rgba32uint, read>;
-#else
 @group(1) @binding(0) var source: texture_2d<u32>;
-#endif
-// x: the number of previous iterations.
-@group(1) @binding(1) var<uniform> iteration: vec4<u32>;
 
 #ifdef HORIZONTAL
 const ALONG: vec2<i32> = vec2(1, 0);
 #else
 const ALONG: vec2<i32> = vec2(0, 1);
 #endif
-
-fn source_texel(at: vec2<i32>) -> vec4<u32> {
-#ifdef STORED
-    return textureLoad(source, at);
-#else
-    return textureLoad(source, at, 0);
-#endif
-}
 
 // The weighted sum of colors, and the sum of their weights.
 struct Sum {
@@ -32,17 +18,20 @@ struct Sum {
 }
 
 @fragment
-fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<u32> {
+fn fragment(
+    @builtin(position) position: vec4<f32>,
+    // The number of previous iterations.
+    @location(0) @interpolate(flat) iteration: u32,
+) -> @location(0) vec4<u32> {
     let at = vec2<i32>(position.xy);
-    let texel = source_texel(at);
+    let texel = textureLoad(source, at, 0);
     let center = unpack(texel);
     let prop = max(center.owner, 1u) - 1u;
-    // Both textures already hold the pixels without an owner. Do not discard them: software rasterizers then write all
-    // pixels, even where the depth test fails.
-    let is_kept = center.owner == 0u || iteration.x >= props[prop].iterations;
-    let radius = select(props[prop].radius, 0, is_kept);
-    let spatial = props[prop].spatial_falloff;
-    let range = props[prop].range_falloff;
+    // Both textures already hold the pixels without an owner.
+    let is_kept = center.owner == 0u || iteration >= filters[prop].iterations;
+    let radius = select(filters[prop].radius, 0, is_kept);
+    let spatial = filters[prop].spatial_falloff;
+    let range = filters[prop].range_falloff;
     var sum = Sum(center.color, 1.0);
     for (var offset = 1; offset <= radius; offset++) {
         let closeness = -f32(offset * offset) * spatial;
@@ -54,7 +43,7 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<u32> {
 
 fn add(sum: ptr<function, Sum>, at: vec2<i32>, lab: vec3<f32>, closeness: f32, range: f32) {
     // Taps outside the viewport have no weight, whatever they load.
-    let pixel = unpack(source_texel(at));
+    let pixel = unpack(textureLoad(source, at, 0));
     let difference = pixel.lab - lab;
     let inside = all(at >= vec2(0)) && all(at < vec2<i32>(view.size));
     let weight = select(0.0, exp(closeness - dot(difference, difference) * range), inside);

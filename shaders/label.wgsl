@@ -11,7 +11,7 @@
 #ifdef LIGHTING
 #import bevy_plenoctree::shade::{Shade, lit_prop, shade_of}
 #endif
-#import bevy_plenoctree::view::{props, view}
+#import bevy_plenoctree::view::{props, screen, view}
 
 #ifdef UNPOSTERIZED
 @group(1) @binding(0) var scene: texture_2d<f32>;
@@ -53,7 +53,7 @@ fn seen_at(pixel: vec2<u32>) -> Seen {
     if value.owner == 0u {
         return as_trained(pixel, over, value.color);
     }
-    let is_view = value.owner == view.everything;
+    let is_view = value.owner == screen.everything;
     var tint = props[value.owner - 1u].tint;
     var missing = 0.0;
 #ifdef LIGHTING
@@ -79,18 +79,26 @@ fn seen_at(pixel: vec2<u32>) -> Seen {
 struct Fragment {
     // Encoded sRGB, and opacity. The opacity is negative where nothing is drawn.
     @location(0) color: vec4<f32>,
+#ifdef SMOOTH
+    // The same. The blend pass reads the first one, and replaces the pixels at edges in this one.
+    @location(1) shown: vec4<f32>,
+#endif
 #ifdef LABEL_TEXTURES
     // x: 0 where no prop is drawn, 1 where one is drawn as trained, or 2 + the index of the label. y: 1 + the index of
     // the posterized prop, or 0.
-    @location(1) label: vec2<u32>,
+    @location(2) label: vec2<u32>,
 #endif
 }
 
 @fragment
 fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
     let seen = seen_at(vec2<u32>(position.xy));
+    let shown = select(vec4(seen.color, seen.alpha), vec4(0.0, 0.0, 0.0, -1.0), seen.label == 0u);
     return Fragment(
-        select(vec4(seen.color, seen.alpha), vec4(0.0, 0.0, 0.0, -1.0), seen.label == 0u),
+        shown,
+#ifdef SMOOTH
+        shown,
+#endif
 #ifdef LABEL_TEXTURES
         vec2(seen.label, seen.owner),
 #endif

@@ -4,7 +4,7 @@
 #ifdef LIGHTING
 #import bevy_plenoctree::color::{decode, encode}
 #endif
-#import bevy_plenoctree::view::{colors, props}
+#import bevy_plenoctree::view::{colors, labelings}
 
 // A label: a blend of the palette colors `first` and `second`, where `share` is the weight of `first`.
 struct Label {
@@ -90,9 +90,9 @@ fn is_darker_shade(color: vec3<f32>, own: vec3<f32>) -> bool {
 // Returns the color that a label shows where a fraction of the light is missing: that of the darker label of the same
 // hue that is nearest to the label's color with less light. If there is no such label, its own color with less light.
 fn shaded(prop: u32, label: Label, missing: f32) -> vec3<f32> {
-    let count = props[prop].colors;
-    let source = props[prop].first_color;
-    let steps = props[prop].blend_steps;
+    let count = labelings[prop].colors;
+    let source = labelings[prop].first_color;
+    let steps = labelings[prop].blend_steps;
     let own = shown(source, label);
     let wanted = encode(decode(own) * (1.0 - missing));
     var nearest = Label(0u, 0u, 1.0);
@@ -127,13 +127,13 @@ fn shown_in(prop: u32, label: Label, missing: f32) -> vec3<f32> {
         return shaded(prop, label, missing);
     }
 #endif
-    return shown(props[prop].first_color + props[prop].colors, label);
+    return shown(labelings[prop].first_color + labelings[prop].colors, label);
 }
 
 fn assign(color: vec3<f32>, prop: u32, missing: f32) -> Shown {
-    let count = props[prop].colors;
-    let source = props[prop].first_color;
-    let steps = props[prop].blend_steps;
+    let count = labelings[prop].colors;
+    let source = labelings[prop].first_color;
+    let steps = labelings[prop].blend_steps;
     var nearest = Nearest(vec2(0u), vec2(FAR));
     for (var i = 0u; i < count; i++) {
         let off = color - colors[source + i].rgb;
@@ -150,7 +150,7 @@ fn assign(color: vec3<f32>, prop: u32, missing: f32) -> Shown {
             }
         }
     }
-    let softness = props[prop].softness;
+    let softness = labelings[prop].softness;
     let lead = sqrt(nearest.distances.y) - sqrt(nearest.distances.x);
     let index = index_of(nearest.labels.x, count, steps);
     let first = shown_in(prop, unpacked(nearest.labels.x, steps), missing);

@@ -14,11 +14,13 @@
     fetch_point_shadow, fetch_spot_shadow, get_cascade_index, sample_directional_cascade, world_to_directional_light_local,
 }
 #import bevy_plenoctree::shade::Lit
-#import bevy_plenoctree::view::{LEAST_DEPTH, is_solid, prop_of}
+#import bevy_plenoctree::view::{LEAST_DEPTH, View, is_solid, prop_of}
 
 @group(1) @binding(0) var<storage, read> props: array<Lit>;
-@group(1) @binding(1) var depth: texture_depth_2d;
-@group(1) @binding(2) var owner: texture_2d<f32>;
+// The part of the viewport that is drawn.
+@group(1) @binding(1) var<uniform> drawn: View;
+@group(1) @binding(2) var depth: texture_depth_2d;
+@group(1) @binding(3) var owner: texture_2d<f32>;
 
 @vertex
 fn vertex(@builtin(vertex_index) index: u32) -> @builtin(position) vec4<f32> {
@@ -120,7 +122,7 @@ const REACH: i32 = 3;
 // not solid yet, and must get as dark as what they outline. Returns 0 if there is none.
 fn depth_near(pixel: vec2<i32>, prop: u32) -> f32 {
     var found = textureLoad(depth, pixel, 0);
-    let last = vec2<i32>(textureDimensions(depth)) - 1;
+    let last = vec2<i32>(drawn.size) - 1;
     for (var reach = 1; reach <= REACH; reach++) {
         if is_solid(found) {
             break;
@@ -147,11 +149,12 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
     if solid == 0.0 {
         discard;
     }
-    let ndc = (2.0 * position.xy / vec2<f32>(textureDimensions(depth)) - 1.0) * vec2(1.0, -1.0);
+    let at = position.xy + vec2<f32>(drawn.corner);
+    let ndc = (2.0 * (at - view.main_pass_viewport.xy) / view.main_pass_viewport.zw - 1.0) * vec2(1.0, -1.0);
     let world = view.world_from_clip * vec4(ndc, solid, 1.0);
     let point = world.xyz / world.w;
     let view_z = (view.view_from_world * vec4(point, 1.0)).z;
-    let surface = Surface(prop, point, view_z, position.xy + view.viewport.xy);
+    let surface = Surface(prop, point, view_z, at);
 
     var all_light = vec3(0.0);
     var arrives = vec3(0.0);

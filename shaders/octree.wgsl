@@ -23,19 +23,11 @@ struct Field {
 }
 
 @group(1) @binding(0) var<uniform> field: Field;
-#ifdef STORED
-@group(1) @binding(1) var table: texture_storage_2d_array<rgba32uint, read>;
-#ifdef INNER_RECORDS
-@group(1) @binding(2) var records: texture_storage_2d_array<rgba32uint, read>;
-#endif
-@group(1) @binding(3) var densities: texture_storage_2d_array<r32uint, read>;
-#else
 @group(1) @binding(1) var table: texture_2d_array<u32>;
 #ifdef INNER_RECORDS
 @group(1) @binding(2) var records: texture_2d_array<u32>;
 #endif
 @group(1) @binding(3) var densities: texture_2d_array<u32>;
-#endif
 
 // Returns the column, the row and the layer of an element of an array.
 fn place(index: u32, rows: u32) -> vec3<u32> {
@@ -44,21 +36,13 @@ fn place(index: u32, rows: u32) -> vec3<u32> {
 }
 
 fn table_record(entry: vec3<u32>) -> vec4<u32> {
-#ifdef STORED
-    return textureLoad(table, entry.zy, entry.x);
-#else
     return textureLoad(table, entry.zy, entry.x, 0);
-#endif
 }
 
 #ifdef INNER_RECORDS
 fn child_record(index: u32) -> vec4<u32> {
     let at = place(index, field.record_rows);
-#ifdef STORED
-    return textureLoad(records, at.xy, at.z);
-#else
     return textureLoad(records, at.xy, at.z, 0);
-#endif
 }
 #endif
 
@@ -70,8 +54,7 @@ struct Ray {
     inverse: vec3<f32>,
     // The bits that turn coordinates of cells into those of the field, and back.
     mirror: vec3<i32>,
-    // The depth of the tree, and how many levels of it are below the table. Software rasterizers would load them from
-    // the uniform buffer at every step.
+    // The depth of the tree, and how many levels of it are below the table.
     depth: u32,
     table_shift: u32,
 }
@@ -238,11 +221,7 @@ fn next_leaf(ray: Ray, walk: ptr<function, Walk>, end: f32) -> Crossing {
 
 fn density_word(index: u32) -> u32 {
     let at = place(index, field.density_rows);
-#ifdef STORED
-    return textureLoad(densities, at.xy, at.z).x;
-#else
     return textureLoad(densities, at.xy, at.z, 0).x;
-#endif
 }
 
 fn density(leaf: u32) -> f32 {

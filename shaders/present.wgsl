@@ -9,8 +9,8 @@
 @group(1) @binding(0) var colors: texture_2d<f32>;
 #ifdef SAMPLES
 // The results of the outline pass and of the coverage pass.
-@group(1) @binding(1) var outline: texture_2d<u32>;
-@group(1) @binding(2) var coverage: texture_2d<f32>;
+@group(2) @binding(0) var outline: texture_2d<u32>;
+@group(2) @binding(1) var coverage: texture_2d<f32>;
 #endif
 
 struct Fragment {

@@ -22,8 +22,8 @@ struct Varying {
 
 #ifdef BATCHED
 // The results of the check pass: the number of gaps in every batch, and the gaps.
-@group(0) @binding(5) var<storage, read> counts: array<u32>;
-@group(0) @binding(6) var<storage, read> gaps: array<u32>;
+@group(0) @binding(8) var<storage, read> counts: array<u32>;
+@group(0) @binding(9) var<storage, read> gaps: array<u32>;
 #endif
 
 struct PropRay {

@@ -6,37 +6,20 @@
 #import bevy_plenoctree::constants::HARMONICS
 #import bevy_plenoctree::octree::{field, place}
 
-#ifdef STORED
-#ifdef CODEBOOK
-@group(1) @binding(4) var coefficients: texture_storage_2d_array<rg32uint, read>;
-@group(1) @binding(5) var codebook: texture_storage_2d_array<rg32uint, read>;
-#else
-@group(1) @binding(4) var coefficients: texture_storage_2d_array<rgba32uint, read>;
-#endif
-#else
 @group(1) @binding(4) var coefficients: texture_2d_array<u32>;
 #ifdef CODEBOOK
 @group(1) @binding(5) var codebook: texture_2d_array<u32>;
 #endif
-#endif
 
 fn coefficient_texel(index: u32) -> vec4<u32> {
     let at = place(index, field.coefficient_rows);
-#ifdef STORED
-    return textureLoad(coefficients, at.xy, at.z);
-#else
     return textureLoad(coefficients, at.xy, at.z, 0);
-#endif
 }
 
 #ifdef CODEBOOK
 fn codebook_texel(index: u32) -> vec2<u32> {
     let at = place(index, field.codebook_rows);
-#ifdef STORED
-    return textureLoad(codebook, at.xy, at.z).xy;
-#else
     return textureLoad(codebook, at.xy, at.z, 0).xy;
-#endif
 }
 #endif
 

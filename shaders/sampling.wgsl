@@ -17,6 +17,8 @@ struct Slice {
     limit: f32,
     // The factor that converts weights to integers.
     weight_scale: f32,
+    // 1 if rays start where they enter a leaf, and 0 if they start at its center.
+    at_entry: u32,
 }
 
 @group(0) @binding(0) var<uniform> slice: Slice;
@@ -50,19 +52,36 @@ fn bin_of(color: vec3<f32>, count: u32) -> u32 {
     return (bin.r * count + bin.g) * count + bin.b;
 }
 
-// Returns the optical depth from the center of a leaf to the edge of the field. Stops soon after it exceeds the limit.
-fn optical_depth(center: vec3<f32>, observer: vec3<f32>) -> f32 {
+// What a leaf's light crosses on its way to an observer.
+struct Passage {
+    // The optical depth between the leaf's center and its border.
+    own: f32,
+    // That from the sampled point of the leaf to the edge of the field.
+    total: f32,
+}
+
+// Follows a ray from the center of a leaf to the edge of the field. Stops soon after the total exceeds the limit.
+fn passage(leaf: u32, center: vec3<f32>, observer: vec3<f32>) -> Passage {
     let ray = make_ray(center, observer * slice.frame_scale * f32(1u << field.depth));
     var walk = begin(ray, 0.0);
-    var depth = 0.0;
+    var passage = Passage(0.0, 0.0);
     loop {
-        if depth > slice.limit || has_ended(ray, walk, FAR) {
+        if passage.total > slice.limit || has_ended(ray, walk, FAR) {
             break;
         }
         let crossing = next_leaf(ray, &walk, FAR);
-        depth += density(crossing.leaf) * (crossing.exit - crossing.enter);
+        let depth = density(crossing.leaf) * (crossing.exit - crossing.enter);
+        let is_own = slice.at_entry == 1u && crossing.leaf == leaf;
+        passage.own += select(0.0, depth, is_own);
+        passage.total += select(depth, 0.0, is_own);
     }
-    return depth;
+    return passage;
+}
+
+// Returns the mean transmittance along a path of this optical depth.
+fn mean_transmittance(depth: f32) -> f32 {
+    // The difference from 1 loses its digits if the depth is small.
+    return select((1.0 - exp(-depth)) / max(depth, 1e-3), 1.0 - depth / 2.0 + depth * depth / 6.0, depth < 0.02);
 }
 
 @compute @workgroup_size(SAMPLING_WORKGROUP)
@@ -79,9 +98,9 @@ fn sample(@builtin(global_invocation_id) id: vec3<u32>) {
     var visible = 0.0;
     for (var ray = 0u; ray < slice.rays_per_cell; ray++) {
         let observer = observers[id.y * slice.rays_per_cell + ray].xyz;
-        let depth = optical_depth(center, observer);
-        if depth <= slice.limit {
-            let transmittance = exp(-depth);
+        let passage = passage(entry.w, center, observer);
+        if passage.total <= slice.limit {
+            let transmittance = exp(-passage.total) * mean_transmittance(2.0 * passage.own);
             var h = harmonics(-observer);
             let seen = radiance(entry.w, &h);
             if visible == 0.0 {

@@ -4,9 +4,9 @@
 #import bevy_plenoctree::view::{depth_of, view, view_distance}
 
 #ifdef MULTISAMPLED
-@group(0) @binding(4) var scene_depth: texture_depth_multisampled_2d;
+@group(0) @binding(7) var scene_depth: texture_depth_multisampled_2d;
 #else
-@group(0) @binding(4) var scene_depth: texture_depth_2d;
+@group(0) @binding(7) var scene_depth: texture_depth_2d;
 #endif
 
 // Returns the depth of the scene at a sample of a pixel of the viewport.

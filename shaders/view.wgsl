@@ -4,7 +4,7 @@
 struct Prop {
     // Transforms the unit cube to the box around the leaves, in clip space.
     clip_from_box: mat4x4<f32>,
-    // The ray through the viewport point `reference` + p, in pixels, in the field's frame. Its origin is origin[0] +
+    // The ray through the point `reference` + p of the view, in pixels, in the field's frame. Its origin is origin[0] +
     // p.x origin[1] + p.y origin[2], in tree units. Its direction has the same form, in world units of the field, and
     // is not normalized. Rays begin at the box, `near` along the view axis, so that numbers stay small no matter how
     // far away the camera is.
@@ -16,41 +16,34 @@ struct Prop {
     mirrored: u32,
     // The lower corner of the box around the leaves, in tree units. `high` is the upper corner.
     low: vec3<f32>,
-    // The number of palette colors, or 0 if the prop is not posterized.
-    colors: u32,
+    // 1 if the prop is posterized, otherwise 0.
+    posterized: u32,
     high: vec3<f32>,
-    // The index in `colors` of the palette's first source color. The shown colors follow the source colors.
-    first_color: u32,
-    blend_steps: u32,
-    softness: f32,
     min_opacity: f32,
-    iterations: u32,
-    radius: i32,
-    // 1 / (2 sigma^2) for the two Gaussians of the bilateral filter.
-    spatial_falloff: f32,
-    range_falloff: f32,
     reference: vec2<f32>,
     near: f32,
     // The prop is solid, and has a depth, where transmittance falls to this. Negative if it is never solid.
     solid_transmittance: f32,
     // The factors of linear light.
     tint: vec3<f32>,
-    // 1 if the edges of the posterized prop are smooth, 2 if those of slits are too, otherwise 0.
-    smooths_edges: u32,
-    // Transforms a point of the prop from clip space to where it was in the previous frame.
+    // SMOOTHS_NOTHING, SMOOTHS_SILHOUETTE or SMOOTHS_SLITS.
+    smooths: u32,
+    // Transforms a point of the prop from clip space to where it was in the previous frame, in that of the viewport.
     previous_from_clip: mat4x4<f32>,
 }
 
+// Which edges of a posterized prop are smooth: none, its silhouette, or the edges of slits too.
+const SMOOTHS_NOTHING: u32 = 0u;
+const SMOOTHS_SILHOUETTE: u32 = 1u;
+const SMOOTHS_SLITS: u32 = 2u;
+
+// The part of the viewport that is drawn. Its pixels are counted from its own upper left corner.
 struct View {
-    // The upper left corner of the viewport in the target, and its size, in pixels.
+    // Its upper left corner in the target, and its size, in pixels.
     corner: vec2<u32>,
     size: vec2<u32>,
     // The z and w rows of clip_from_view's z and w columns: P22, P32, P23, P33.
     depth: vec4<f32>,
-    // The camera's exposure relative to Bevy's default exposure, or 1 after tonemapping.
-    exposure: f32,
-    // 1 + the index in `props` of the posterized view, or 0. It owns the pixels that no posterized prop owns.
-    everything: u32,
     // Pixels per ray of the grid, along each axis.
     spacing: u32,
     // The difference between rays of the grid above which the pixels between them get rays of their own.
@@ -59,36 +52,62 @@ struct View {
     stop_transmittance: f32,
     // The number of rays through a pixel where a posterized prop ends: 4 or 8, and 8 with multisampling.
     edge_rays: u32,
-    // The corners of the part of the viewport that is drawn, in pixels.
-    low: vec2<u32>,
-    high: vec2<u32>,
-    // Removes the camera's temporal jitter.
+    // Transforms from clip space to that of the viewport, without the camera's temporal jitter.
     unjittered_from_clip: mat4x4<f32>,
     // The least depth that the camera writes to its depth buffer, and how many times the depths from 0 to 1 they are.
     depth_range: vec2<f32>,
 }
 
+// How colors are shown.
+struct Screen {
+    // The camera's exposure relative to Bevy's default exposure, or 1 after tonemapping.
+    exposure: f32,
+    // 1 + the index in `props` of the posterized view, or 0. It owns the pixels that no posterized prop owns.
+    everything: u32,
+}
+
+// The bilateral filter of a prop.
+struct Filter {
+    iterations: u32,
+    radius: i32,
+    // 1 / (2 sigma^2) for its two Gaussians.
+    spatial_falloff: f32,
+    range_falloff: f32,
+}
+
+// The labels of a prop.
+struct Labels {
+    // The number of palette colors.
+    colors: u32,
+    // The index in `colors` of the palette's first source color. The shown colors follow the source colors.
+    first_color: u32,
+    blend_steps: u32,
+    softness: f32,
+}
+
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<storage, read> props: array<Prop>;
-@group(0) @binding(2) var<storage, read> colors: array<vec4<f32>>;
+@group(0) @binding(2) var<uniform> screen: Screen;
+@group(0) @binding(3) var<storage, read> filters: array<Filter>;
+@group(0) @binding(4) var<storage, read> labelings: array<Labels>;
+@group(0) @binding(5) var<storage, read> colors: array<vec4<f32>>;
 
-// What must be drawn: 1 if it must, or 0 if what was drawn before is still valid. See `src/render/kept`.
+// What must be drawn: 1 if it must, or 0 if what was drawn before is still valid. See `src/render/frame/cache.rs`.
 struct Stale {
     layer: u32,
     composite: u32,
     labels: u32,
 }
 
-@group(0) @binding(3) var<uniform> stale: Stale;
+@group(0) @binding(6) var<uniform> stale: Stale;
 
 // The position of vertices if nothing must be drawn.
 const NOWHERE: vec4<f32> = vec4(2.0, 2.0, 2.0, 1.0);
 
-// Returns whether a pixel of the viewport is in the part that is drawn. Others may hold what earlier frames left. The
-// scissor rectangle alone does not exclude them: with several samples, Mesa's software rasterizer draws a pixel beyond
-// it.
+// Returns whether a pixel is in the part that is drawn. The scissor rectangle alone does not exclude others: with several
+// samples, Mesa's software rasterizer draws a pixel beyond it.
 fn is_drawn(pixel: vec2<u32>) -> bool {
-    return all(pixel >= view.low) && all(pixel < view.high);
+    return all(pixel < view.size);
 }
 
 // Returns the depth for a value of the depth buffer. Nothing that the camera draws is farther than 0.
@@ -115,7 +134,7 @@ fn depth_value(distance: f32) -> f32 {
 }
 
 // Returns how a point of a prop has moved since the previous frame, as a fraction of the viewport. `at` is the point's
-// position in the viewport, in pixels.
+// position in the view, in pixels.
 fn motion_of(prop: u32, at: vec2<f32>, depth: f32) -> vec2<f32> {
     let clip = vec4((2.0 * at / vec2<f32>(view.size) - 1.0) * vec2(1.0, -1.0), depth, 1.0);
     let now = view.unjittered_from_clip * clip;

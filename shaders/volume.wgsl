@@ -17,7 +17,8 @@
 @group(2) @binding(3) var opaque_depth: texture_depth_2d;
 
 // The parts of props that overlap, in drawing order: what is behind the solid depth, the prop that is solid there, and
-// what is in front of it. They match `Part` in `volume/pass.rs`.
+// what is in front of it. They match `Piece` in
+// `passes/volume.rs`.
 const BEHIND: u32 = 0u;
 const SOLID: u32 = 1u;
 const BEFORE: u32 = 2u;
@@ -49,8 +50,10 @@ fn part(seen: PropRay, in: Varying) -> vec2<f32> {
 struct Fragment {
     // Encoded sRGB premultiplied by opacity, and opacity.
     @location(0) color: vec4<f32>,
+#ifdef OWNERS
     // The result of `pack_owner`. Blending writes it only where alpha is 1.
     @location(1) owner: vec4<f32>,
+#endif
     // The depth of the nearest solid part of any prop, or LEAST_DEPTH. All props write the same depth, in any order.
     @builtin(frag_depth) depth: f32,
 #ifdef MOTION
@@ -82,7 +85,6 @@ fn fragment(in: Varying) -> Fragment {
     var opacity = 0.0;
     var transmittance = 1.0;
     var solid = -1.0;
-    // Software rasterizers would load these at every leaf.
     let stop = view.stop_transmittance;
 #ifndef OVERLAPPING
     let limit = props[in.prop].solid_transmittance;
@@ -114,7 +116,7 @@ fn fragment(in: Varying) -> Fragment {
         opacity = 1.0;
     }
     let covers = opacity >= props[in.prop].min_opacity;
-    let posterized = select(0u, in.prop + 1u, covers && props[in.prop].colors > 0u);
+    let posterized = select(0u, in.prop + 1u, covers && props[in.prop].posterized > 0u);
     if posterized == 0u {
         // Where the prop is posterized, its label is tinted instead, so that a tint does not change the label.
         color = opacity * tinted(color / opacity, props[in.prop].tint);
@@ -135,7 +137,9 @@ fn fragment(in: Varying) -> Fragment {
 #endif
     return Fragment(
         to_half(vec4(color, opacity)),
+#ifdef OWNERS
         vec4(pack_owner(owner), 0.0, select(0.0, 1.0, covers)),
+#endif
         max(depth, LEAST_DEPTH),
 #ifdef MOTION
         vec4(motion_of(in.prop, seen.at, depth), 0.0, select(0.0, 1.0, is_nearest)),

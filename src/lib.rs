@@ -39,7 +39,7 @@
 //! | choose where in the frame props are drawn | [`PropStage`] on a camera |
 //! | trade accuracy for speed | [`PropQuality`] on a camera |
 //! | cast rays at props | [`PropRayCast`]; `PropPickingPlugin` (feature `picking`) |
-//! | add a render stage | [`LabelStages`], [`LabelTextures`], [`PlenOctreeRenderSystems`] |
+//! | add a render stage | [`LabelStages`] |
 //! | load captures of Gaussian splats | `CaptureLoader` (feature `splat`) |
 //! | ship small files | `PackSaver` (feature `pack`) |
 //! | make colliders | `surface_mesh` (feature `mesh`) |
@@ -99,8 +99,6 @@ pub use picking::PropPickingPlugin;
 pub use picking::{PropHit, PropRayCast};
 #[cfg(feature = "pack")]
 pub use plenoctree::PackSettings;
-#[cfg(feature = "splat")]
-pub use plenoctree::splat::{Axis, SplatError, SpzAxes};
 pub use plenoctree::{
     Activation, LoadSettings, PlenOctree, Precision, UpAxis,
     palette::{ColorCount, ExtractionSettings, Palette, PaletteLabel, PaletteMethod},
@@ -108,6 +106,8 @@ pub use plenoctree::{
 };
 #[cfg(feature = "mesh")]
 pub use plenoctree::{MeshError, SurfaceMesh};
+#[cfg(feature = "splat")]
+pub use plenoctree_fit::splat::{Axis, SplatError, SpzAxes};
 pub use posterize::{
     BeforePalette, BilateralFilter, EdgeSmoothing, MAX_BLEND_STEPS, MAX_FILTER_ITERATIONS, MAX_FILTER_RADIUS, Posterize,
 };
@@ -116,7 +116,7 @@ pub use quality::{PropQuality, QualityPreset};
 pub use recovery::DeviceRecoveryPlugin;
 #[cfg(feature = "shadows")]
 pub use render::{LIGHTING_SPANS, SHADOW_SPANS};
-pub use render::{LabelTextures, POSTERIZE_SPANS, StageWrite, VOLUME_SPANS};
+pub use render::{POSTERIZE_SPANS, VOLUME_SPANS};
 pub use sets::{PlenOctreeRenderSystems, PlenOctreeSystems};
 pub use stage::{LabelStages, PosterizeView, PropStage};
 pub use state::{PropError, PropProgress, PropState, props_ready};
@@ -161,6 +161,14 @@ impl Plugin for PlenOctreePlugin {
 mod documentation {
     #[doc = include_str!("../README.md")]
     struct Readme;
-    #[doc = include_str!("../docs/guide.md")]
-    struct Guide;
+    #[doc = include_str!("../docs/guide/light.md")]
+    struct Light;
+    #[doc = include_str!("../docs/guide/load.md")]
+    struct Load;
+    #[doc = include_str!("../docs/guide/place.md")]
+    struct Place;
+    #[doc = include_str!("../docs/guide/recolor.md")]
+    struct Recolor;
+    #[doc = include_str!("../docs/guide/test.md")]
+    struct Test;
 }

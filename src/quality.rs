@@ -14,7 +14,7 @@ use crate::posterize::MAX_FILTER_ITERATIONS;
 /// props in its shadow maps, and [`cell_size`](Self::cell_size) is in texels. Lights without it use a `cell_size` of 1.
 ///
 /// Each setting works on its own: `PropQuality { cell_size: 1.0, ..PropQuality::EXACT }`. To measure what each one
-/// costs and saves on your own field, run `plenoctree tradeoff` of the crate `plenoctree_cli`.
+/// costs and saves on your own field, run `cargo run --release -p lab -- tradeoff` in the repository.
 ///
 /// Three settings select a *level*, a version of the field that is cheaper to draw: [`density_threshold`],
 /// [`opacity_loss`] and [`cell_size`]. A level is made in the background when a camera or a light first requests it;
@@ -144,7 +144,7 @@ impl PropQuality {
 /// fraction of the prop's pixels whose label differs from the one in float64, when labels do not blend. Larger frames
 /// are more accurate. Fields with many details of the size of pixels are less accurate: of a trained field of 256 cells
 /// per side, [`Balanced`](Self::Balanced) changes twice as many labels. To measure your own field, run
-/// `plenoctree tradeoff` of the crate `plenoctree_cli`.
+/// `cargo run --release -p lab -- tradeoff` in the repository.
 ///
 /// | | PSNR, at least | labels changed, at most |
 /// |---|---|---|

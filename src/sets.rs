@@ -26,7 +26,7 @@ pub enum PlenOctreeSystems {
 
 /// The plugin's system sets in the render world, in the order in which they run.
 ///
-/// The first five run in the [`Render`] schedule, once for all views. The others run in the [`Core3d`] schedule, once
+/// The first three run in the [`Render`] schedule, once for all views. The others run in the [`Core3d`] schedule, once
 /// per view. Sets with a [`PropStage`] exist once per stage; their systems do nothing in views whose props are drawn at
 /// the other stage.
 ///
@@ -39,25 +39,14 @@ pub enum PlenOctreeRenderSystems {
     /// Uploads fields and requested levels that were made in the background, as far as the
     /// [`UploadBudget`](crate::UploadBudget) allows.
     UploadLevels,
-    /// Writes the uniforms and creates the textures of each view.
-    PrepareViews,
-    /// Creates the pipelines of all passes.
-    PreparePipelines,
-    /// Creates the bind groups of all passes.
-    PrepareBindGroups,
-    /// Draws the props into the view's layer. Where props overlap, finds their nearest solid parts first.
-    Volume,
-    /// Interpolates between the rays of views that do not cast one for every pixel, and draws the pixels where they
-    /// differ.
-    Refine,
-    /// Finds how much of the pixels at their edges posterized props cover.
-    Edges,
-    /// Blends the layer over the scene, filters it, assigns labels, and smooths edges.
+    /// Plans the frame of each view, and prepares what its passes need.
+    PlanViews,
+    /// Draws the props into the view's layer, and finds how much of the pixels at their edges posterized props cover.
+    Layer,
+    /// Blends the layer over the scene, filters it, assigns labels, smooths edges, and runs custom stages.
     Posterize(PropStage),
-    /// Empty; add custom stages to this set. They run in views that have [`LabelTextures`](crate::LabelTextures).
-    LabelStages(PropStage),
-    /// Writes the result, or that of custom stages, to the view's target.
+    /// Writes the result to the view's target, and the depth of props where they are solid.
     Present(PropStage),
-    /// Writes the depth of props where they are solid.
-    Depth(PropStage),
+    /// Draws transparent objects again, over props at [`PropStage::Display`].
+    Objects,
 }

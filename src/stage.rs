@@ -1,6 +1,6 @@
 //! Components for cameras: where in the frame props are drawn, and whether the whole view is posterized.
 
-use bevy::prelude::*;
+use bevy::{prelude::*, shader::Shader};
 
 use plenoctree::PlenOctree;
 
@@ -11,7 +11,7 @@ use crate::posterize::Posterize;
 /// Add it to an entity with a `Camera3d`. Defaults to [`PropStage::Scene`].
 ///
 /// ```
-/// # use bevy::prelude::*;
+/// # use bevy::{prelude::*, shader::Shader};
 /// # use bevy_plenoctree::PropStage;
 /// fn spawn_camera(mut commands: Commands) {
 ///     commands.spawn((Camera3d::default(), PropStage::Display));
@@ -60,7 +60,7 @@ pub enum PropStage {
 /// [`PropStage::Display`], it covers everything below the UI.
 ///
 /// ```
-/// # use bevy::prelude::*;
+/// # use bevy::{prelude::*, shader::Shader};
 /// # use bevy_plenoctree::{PlenOctreePlugin, Posterize, PosterizeView, PropStage};
 /// fn spawn_camera(mut commands: Commands, assets: Res<AssetServer>) {
 ///     let view = (PosterizeView(assets.load("toadstool.plenoctree")), Posterize { softness: 0.1, ..default() });
@@ -76,14 +76,35 @@ pub enum PropStage {
 #[require(Posterize)]
 pub struct PosterizeView(pub Handle<PlenOctree>);
 
-/// Makes a camera write labels to textures, so that custom render stages can run between the labels and the screen.
+/// Custom render stages between the labels and the screen: fragment shaders that change what is shown.
 ///
-/// Add it to an entity with a `Camera3d`. In the render world, the camera's view then has
-/// [`LabelTextures`](crate::LabelTextures), which systems in
-/// [`PlenOctreeRenderSystems::LabelStages`](crate::PlenOctreeRenderSystems::LabelStages) of the `Core3d` schedule can
-/// read and rewrite. Cameras without this component have no such textures. Cameras with it assign labels in every
-/// frame, even if nothing has changed.
-#[derive(Component, Clone, Copy, Debug, Default, Reflect)]
+/// Add it to an entity with a `Camera3d`. The shaders run in order. Each has an entry point `fragment` that returns the
+/// new color of a pixel at `@location(0)`, and reads two textures. The pixels of all three are those of its
+/// `@builtin(position)`:
+///
+/// - `@group(1) @binding(0) var colors: texture_2d<f32>`: the colors so far, in encoded sRGB, and opacity. Opacity is
+///   negative where nothing is drawn.
+/// - `@group(1) @binding(1) var labels: texture_2d<u32>`: Red is 0 where nothing is drawn, 1 where a prop is drawn as
+///   trained, and otherwise 2 plus the [index of the nearest label](plenoctree::palette::PaletteLabel::index). Green is
+///   1 plus the index of the posterized prop among the view's props, sorted from back to front, or 0 if there is no such
+///   prop. Both are those of the center of a pixel. At the edge of a prop, its colors are blended with what is behind
+///   ([`EdgeSmoothing`](crate::EdgeSmoothing)); labels are not.
+///
+/// The textures hold the part of the view that props cover, and may be larger: `bevy_plenoctree::view::view.size` is the
+/// size of the part, and `view.corner` the pixel of the target where it begins. Until a shader is loaded, the stages are
+/// left out.
+///
+/// ```
+/// # use bevy::{prelude::*, shader::Shader};
+/// # use bevy_plenoctree::LabelStages;
+/// fn spawn_camera(mut commands: Commands, assets: Res<AssetServer>) {
+///     commands.spawn((Camera3d::default(), LabelStages(vec![assets.load("ink.wgsl")])));
+/// }
+/// # let mut app = App::new();
+/// # app.add_plugins((MinimalPlugins, AssetPlugin::default())).init_asset::<Shader>();
+/// # app.add_systems(Startup, spawn_camera).update();
+/// ```
+#[derive(Component, Clone, Debug, Default, Reflect)]
 #[reflect(Component, Default, Clone, Debug)]
 #[type_path = "bevy_plenoctree"]
-pub struct LabelStages;
+pub struct LabelStages(pub Vec<Handle<Shader>>);

@@ -2,7 +2,8 @@
 
 use arbitrary::Arbitrary;
 use glam::{DMat3, DQuat, DVec3};
-use plenoctree::camera::{PinholeCamera, read_transforms};
+use plenoctree::camera::PinholeCamera;
+use plenoctree_fit::read_transforms;
 
 use crate::{message::check_message, scratch::Scratch};
 

@@ -5,7 +5,7 @@ use std::io;
 use allocation_counter::measure;
 use arbitrary::Arbitrary;
 use glam::DVec3;
-use plenoctree::splat::{Axis, SplatSettings, Splats, Subject, SubjectSettings, VoxelSettings, voxelize};
+use plenoctree_fit::splat::{Axis, SplatSettings, Splats, Subject, SubjectSettings, VoxelSettings, voxelize};
 
 use crate::{fields::check_seen, message::check_message};
 

@@ -5,7 +5,7 @@ use std::{fs, path::Path};
 use arbitrary::Arbitrary;
 use glam::DVec2;
 use miniz_oxide::deflate::compress_to_vec_zlib;
-use plenoctree::fit::{FitError, FitInput, InputFolders, Picture, View};
+use plenoctree_fit::{FitError, FitInput, InputFolders, Picture, View};
 
 use crate::{message::check_message, scratch::Scratch};
 

@@ -12,9 +12,9 @@ use bevy::{
     prelude::*,
     reflect::TypePath,
 };
-use plenoctree::{
-    PlenOctree,
-    splat::{Axis, SplatError, SplatSettings, Splats, SpzAxes, Subject, SubjectSettings, VoxelSettings, voxelize},
+use plenoctree::PlenOctree;
+use plenoctree_fit::splat::{
+    Axis, SplatError, SplatSettings, Splats, SpzAxes, Subject, SubjectSettings, VoxelSettings, voxelize,
 };
 use serde::{Deserialize, Serialize};
 
@@ -95,7 +95,7 @@ impl CaptureSettings {
         let leaves = self.leaves as usize;
         let field = voxelize(&splats, &VoxelSettings { depth: self.depth, leaves, bounds, ..Default::default() })?;
         let shift = field.foot().filter(|_| self.stand.is_some()).unwrap_or_default();
-        Ok(field.shifted(-shift))
+        Ok(field.shifted(-shift)?)
     }
 }
 
@@ -116,10 +116,7 @@ impl AssetLoader for CaptureLoader {
         let path = context.path().clone();
         let file = path.to_string();
         let mut progress = self.files.watch(path.clone());
-        let mut bytes = Vec::new();
-        let read = reader.read_to_end(&mut bytes).await;
-        read.map_err(|source| SplatError::Io { file: file.clone(), source })?;
-        progress.count(bytes.len(), bytes.len() as u64);
+        let bytes = progress.read(reader).await.map_err(|source| SplatError::Io { file: file.clone(), source })?;
         let (bytes, mut beside) = (Arc::new(bytes), Beside::new());
         loop {
             // Only parsing shows which files there are next to it, and only this task can read them.

@@ -6,8 +6,6 @@ mod loader;
 #[cfg(feature = "pack")]
 mod pack;
 mod progress;
-#[cfg(not(target_arch = "wasm32"))]
-mod remote;
 
 #[cfg(feature = "splat")]
 pub use capture::{CaptureLoader, CaptureSettings};

@@ -3,15 +3,13 @@
 use bevy::{
     prelude::*,
     render::render_resource::{
-        BindGroupLayoutDescriptor, BindGroupLayoutEntries, ShaderStages, TextureFormat, binding_types::uniform_buffer,
+        BindGroupLayoutDescriptor, BindGroupLayoutEntries, ShaderStages, TextureFormat, TextureSampleType,
+        binding_types::{texture_2d_array, uniform_buffer},
     },
     shader::ShaderDefVal,
 };
 
-use super::{
-    upload::{FieldShape, FieldUniform},
-    words::WordTextures,
-};
+use super::upload::{FieldShape, FieldUniform};
 
 /// The format of densities: one in each word, or two half floats if the field is packed.
 pub(super) const DENSITIES: TextureFormat = TextureFormat::R32Uint;
@@ -36,51 +34,30 @@ impl From<FieldShape> for TreeShape {
     }
 }
 
-/// The layouts of fields' bind groups: their uniform, table records, child records, densities, coefficients, and the
+/// The layout of fields' bind groups: their uniform, table records, child records, densities, coefficients, and the
 /// codebook of a packed field. Other fields bind their coefficients in its place.
 #[derive(Resource, Clone)]
-pub(crate) struct FieldLayouts {
-    plain: BindGroupLayoutDescriptor,
-    with_codebook: BindGroupLayoutDescriptor,
-    textures: WordTextures,
-}
+pub(crate) struct FieldLayouts(BindGroupLayoutDescriptor);
 
-pub(super) fn init(mut commands: Commands, textures: Res<WordTextures>) {
-    let layout = |coefficients| {
-        let entries = BindGroupLayoutEntries::sequential(
-            ShaderStages::FRAGMENT | ShaderStages::COMPUTE,
-            (
-                uniform_buffer::<FieldUniform>(false),
-                textures.entry_with_layers(WORDS),
-                textures.entry_with_layers(WORDS),
-                textures.entry_with_layers(DENSITIES),
-                textures.entry_with_layers(coefficients),
-                textures.entry_with_layers(coefficients),
-            ),
-        );
-        BindGroupLayoutDescriptor::new("plenoctree_field", &entries)
-    };
-    commands.insert_resource(FieldLayouts {
-        plain: layout(WORDS),
-        with_codebook: layout(PACKED_WORDS),
-        textures: *textures,
-    });
+pub(super) fn init(mut commands: Commands) {
+    let words = || texture_2d_array(TextureSampleType::Uint);
+    let entries = BindGroupLayoutEntries::sequential(
+        ShaderStages::FRAGMENT | ShaderStages::COMPUTE,
+        (uniform_buffer::<FieldUniform>(false), words(), words(), words(), words(), words()),
+    );
+    commands.insert_resource(FieldLayouts(BindGroupLayoutDescriptor::new("plenoctree_field", &entries)));
 }
 
 impl FieldLayouts {
-    pub fn of(&self, tree: TreeShape) -> &BindGroupLayoutDescriptor {
-        if tree.has_codebook { &self.with_codebook } else { &self.plain }
+    pub fn get(&self) -> &BindGroupLayoutDescriptor {
+        &self.0
     }
+}
 
+impl TreeShape {
     /// Returns the shader definitions for `octree.wgsl`.
-    pub fn definitions(&self, tree: TreeShape) -> Vec<ShaderDefVal> {
-        let mut definitions = self.textures.definitions();
-        if tree.inner_records {
-            definitions.push("INNER_RECORDS".into());
-        }
-        if tree.has_codebook {
-            definitions.push("HALF_DENSITIES".into());
-        }
-        definitions
+    pub fn definitions(self) -> impl Iterator<Item = ShaderDefVal> {
+        let names = [(self.inner_records, "INNER_RECORDS"), (self.has_codebook, "HALF_DENSITIES")];
+        names.into_iter().filter(|(holds, _)| *holds).map(|(_, name)| name.into())
     }
 }

@@ -9,6 +9,7 @@ mod level;
 mod levels;
 mod payload;
 pub(crate) mod pipelines;
+mod readiness;
 mod records;
 mod report;
 mod shaders;
@@ -16,7 +17,6 @@ mod slices;
 mod systems;
 mod textures;
 mod upload;
-mod words;
 
 pub use budget::UploadBudget;
 pub use constants::MAX_PROPS_IN_VIEW;
@@ -25,12 +25,12 @@ pub(crate) use errors::Allocator;
 pub use field::GpuField;
 pub(crate) use layout::{FieldLayouts, TreeShape};
 pub(crate) use level::Level;
+pub(crate) use readiness::Readiness;
 pub use report::{FieldFailed, FieldReady, ViewFailed, ViewTooLarge};
 pub(crate) use report::{FieldReports, GpuStatus};
 pub(crate) use shaders::{Shaders, field_definitions};
 pub use upload::FieldTooLarge;
 pub(crate) use upload::{FieldShape, GpuLevel};
-pub(crate) use words::WordTextures;
 
 use bevy::{
     prelude::*,
@@ -42,7 +42,7 @@ use bevy::{
 
 use crate::sets::{PlenOctreeRenderSystems, PlenOctreeSystems};
 
-/// The systems in `RenderStartup` that run before anything creates pipelines that load words.
+/// The systems in `RenderStartup` that create the layout of fields.
 #[derive(SystemSet, Clone, Debug, PartialEq, Eq, Hash)]
 pub(crate) struct InitFields;
 
@@ -69,11 +69,9 @@ impl Plugin for GpuFieldPlugin {
             render_app
                 .insert_resource(shaders)
                 .insert_resource(reports)
+                .init_resource::<Readiness>()
                 .init_resource::<report::RenderedFrame>()
-                .add_systems(
-                    RenderStartup,
-                    (report::report_new_device, (words::init, layout::init).chain().in_set(InitFields)),
-                )
+                .add_systems(RenderStartup, (report::report_new_device, layout::init.in_set(InitFields)))
                 .add_systems(ExtractSchedule, report::extract_frame)
                 .add_systems(
                     Render,

@@ -11,7 +11,7 @@ use bevy::{
 };
 use plenoctree::PlenOctree;
 
-use super::{pipelines, upload::FieldTooLarge};
+use super::{pipelines, readiness::Readiness, upload::FieldTooLarge};
 
 /// A message written in [`PreUpdate`] when all of a field has arrived on the GPU and the pipelines that draw it are
 /// compiled, and again whenever the field is reloaded or a lost GPU device is replaced.
@@ -223,9 +223,14 @@ pub(super) fn extract_frame(status: Extract<Res<GpuStatus>>, mut frame: ResMut<R
 }
 
 /// Reports whether all pipelines were ready when this frame was rendered.
-pub(super) fn report_pipelines(cache: Res<PipelineCache>, frame: Res<RenderedFrame>, reports: Res<FieldReports>) {
+pub(super) fn report_pipelines(
+    cache: Res<PipelineCache>,
+    readiness: Res<Readiness>,
+    frame: Res<RenderedFrame>,
+    reports: Res<FieldReports>,
+) {
     let mut inbox = reports.inbox();
-    if pipelines::waiting(&cache).all(|label| !pipelines::is_ours(label)) {
+    if readiness.is_complete && pipelines::waiting(&cache).all(|label| !pipelines::is_ours(label)) {
         inbox.drawn = frame.0;
     }
     let error = pipelines::failed(&cache).find(|(label, _)| pipelines::is_ours(label));

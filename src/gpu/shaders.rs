@@ -1,6 +1,7 @@
 //! The crate's shaders, embedded in the binary.
 
 use bevy::{
+    platform::collections::HashMap,
     prelude::*,
     shader::{Shader, ShaderDefVal},
 };
@@ -8,95 +9,72 @@ use plenoctree::{Activation, Basis};
 
 use super::{constants, payload::Layout, upload::FieldShape};
 
-/// Handles to the shaders, in the render world. Includes shaders that are only imported by others, to keep them loaded.
+/// Handles to the shaders, in the render world, by the names of their files. Includes shaders that are only imported by
+/// others, to keep them loaded.
 #[derive(Resource, Clone)]
-pub(crate) struct Shaders {
-    pub boxes: Handle<Shader>,
-    pub clear: Handle<Shader>,
-    pub compare: Handle<Shader>,
-    pub solid: Handle<Shader>,
-    pub volume: Handle<Shader>,
-    pub check: Handle<Shader>,
-    pub fill: Handle<Shader>,
-    pub batches: Handle<Shader>,
-    pub outline: Handle<Shader>,
-    pub coverage: Handle<Shader>,
-    pub blend: Handle<Shader>,
-    pub patch: Handle<Shader>,
-    pub fullscreen: Handle<Shader>,
-    pub composite: Handle<Shader>,
-    pub filter: Handle<Shader>,
-    pub label: Handle<Shader>,
-    pub prepass: Handle<Shader>,
-    #[cfg(feature = "shadows")]
-    pub shadow: Handle<Shader>,
-    #[cfg(feature = "shadows")]
-    pub shadow_tile: Handle<Shader>,
-    #[cfg(feature = "shadows")]
-    pub lighting: Handle<Shader>,
-    pub present: Handle<Shader>,
-    pub depth: Handle<Shader>,
-    pub transparent: Handle<Shader>,
-    pub sampling: Handle<Shader>,
-    _imported: [Handle<Shader>; 13],
+pub(crate) struct Shaders(HashMap<&'static str, Handle<Shader>>);
+
+/// Lists shaders: their names, paths and sources.
+macro_rules! sources {
+    ($($name:literal),* $(,)?) => {
+        [$((
+            $name,
+            concat!("bevy_plenoctree/shaders/", $name, ".wgsl"),
+            include_str!(concat!("../../shaders/", $name, ".wgsl")),
+        )),*]
+    };
 }
 
 impl Shaders {
     /// Adds all shaders to the app. They are available immediately, without the asset server.
     pub fn add_to(app: &mut App) -> Self {
         let mut assets = app.world_mut().resource_mut::<Assets<Shader>>();
-        macro_rules! shader {
-            ($name:literal) => {
-                assets.add(Shader::from_wgsl(
-                    include_str!(concat!("../../shaders/", $name)),
-                    concat!("bevy_plenoctree/shaders/", $name),
-                ))
-            };
-        }
-        Self {
-            boxes: shader!("box.wgsl"),
-            clear: shader!("clear.wgsl"),
-            compare: shader!("compare.wgsl"),
-            solid: shader!("solid.wgsl"),
-            volume: shader!("volume.wgsl"),
-            check: shader!("check.wgsl"),
-            fill: shader!("fill.wgsl"),
-            batches: shader!("batches.wgsl"),
-            outline: shader!("outline.wgsl"),
-            coverage: shader!("coverage.wgsl"),
-            blend: shader!("blend.wgsl"),
-            patch: shader!("patch.wgsl"),
-            fullscreen: shader!("fullscreen.wgsl"),
-            composite: shader!("composite.wgsl"),
-            filter: shader!("filter.wgsl"),
-            label: shader!("label.wgsl"),
-            prepass: shader!("prepass.wgsl"),
-            #[cfg(feature = "shadows")]
-            shadow: shader!("shadow.wgsl"),
-            #[cfg(feature = "shadows")]
-            shadow_tile: shader!("shadow_tile.wgsl"),
-            #[cfg(feature = "shadows")]
-            lighting: shader!("lighting.wgsl"),
-            present: shader!("present.wgsl"),
-            depth: shader!("depth.wgsl"),
-            transparent: shader!("transparent.wgsl"),
-            sampling: shader!("sampling.wgsl"),
-            _imported: [
-                shader!("batch.wgsl"),
-                shader!("color.wgsl"),
-                shader!("edge.wgsl"),
-                shader!("filter_texel.wgsl"),
-                shader!("labels.wgsl"),
-                shader!("view.wgsl"),
-                shader!("scene.wgsl"),
-                shader!("prop_ray.wgsl"),
-                shader!("shade.wgsl"),
-                shader!("target.wgsl"),
-                shader!("octree.wgsl"),
-                shader!("radiance.wgsl"),
-                assets.add(Shader::from_wgsl(constants::wgsl(), "bevy_plenoctree/shaders/constants.wgsl")),
-            ],
-        }
+        let constants = constants::wgsl();
+        let sources = sources![
+            "batch",
+            "batches",
+            "blend",
+            "box",
+            "check",
+            "clear",
+            "color",
+            "compare",
+            "composite",
+            "coverage",
+            "depth",
+            "edge",
+            "fill",
+            "filter",
+            "filter_texel",
+            "fullscreen",
+            "label",
+            "labels",
+            "lighting",
+            "objects",
+            "octree",
+            "outline",
+            "owners",
+            "present",
+            "prop_ray",
+            "radiance",
+            "sampling",
+            "scene",
+            "shade",
+            "shadow",
+            "shadow_tile",
+            "solid",
+            "target",
+            "view",
+            "volume",
+        ];
+        let generated = [("constants", "bevy_plenoctree/shaders/constants.wgsl", &*constants)];
+        let all = sources.into_iter().chain(generated);
+        Self(all.map(|(name, path, source)| (name, assets.add(Shader::from_wgsl(source.to_string(), path)))).collect())
+    }
+
+    /// Returns the shader in the file of a name.
+    pub fn get(&self, name: &str) -> Handle<Shader> {
+        self.0.get(name).cloned().unwrap_or_default()
     }
 }
 

@@ -5,14 +5,15 @@ use std::{thread::available_parallelism, time::Duration};
 use bevy::{
     platform::time::Instant,
     prelude::*,
-    render::{render_asset::RenderAssets, render_resource::PipelineCache, renderer::RenderAdapterInfo},
+    render::{render_asset::RenderAssets, renderer::RenderAdapterInfo},
 };
 use wgpu::DeviceType;
 
 use super::{
     budget::{Turn, UploadBudget},
     field::GpuField,
-    pipelines,
+    layout::TreeShape,
+    readiness::Readiness,
     report::FieldReports,
     upload::Uploader,
 };
@@ -46,12 +47,12 @@ pub(super) fn upload_levels(
 /// Reports whether fields fit on the GPU, and the progress of those that are arriving.
 pub(super) fn end_frame(
     mut fields: ResMut<RenderAssets<GpuField>>,
-    cache: Res<PipelineCache>,
+    readiness: Res<Readiness>,
     reports: Res<FieldReports>,
 ) {
-    let has_pipelines = pipelines::waiting(&cache).all(|label| !pipelines::is_ours(label));
     for (id, field) in fields.iter_mut() {
-        field.end_frame(has_pipelines);
+        let shape = field.arriving_shape();
+        field.end_frame(shape.is_none_or(|shape| !readiness.waiting.contains(&TreeShape::from(shape))));
         if let Some(outcome) = field.take_outcome() {
             if let Err(error) = &outcome {
                 error!("field {id} cannot be drawn: {error}");

@@ -6,7 +6,9 @@ use bevy::{
     ecs::system::SystemParam,
     prelude::*,
     render::{
-        render_resource::{BindGroup, BindGroupEntries, PipelineCache, ShaderType, Texture, UniformBuffer},
+        render_resource::{
+            BindGroup, BindGroupEntries, PipelineCache, ShaderType, Texture, TextureUsages, UniformBuffer,
+        },
         renderer::{RenderDevice, RenderQueue},
     },
 };
@@ -20,7 +22,6 @@ use super::{
     payload::Payload,
     records::Records,
     textures::{self, Grid, Layers},
-    words::WordTextures,
 };
 use crate::background;
 
@@ -214,7 +215,6 @@ pub(super) struct Uploader<'w> {
     pub queue: Res<'w, RenderQueue>,
     pipelines: Res<'w, PipelineCache>,
     layouts: Res<'w, FieldLayouts>,
-    words: Res<'w, WordTextures>,
 }
 
 impl Uploader<'_> {
@@ -256,7 +256,7 @@ impl Uploader<'_> {
         uniform.set_label(Some("plenoctree_field"));
         uniform.write_buffer(device, queue);
         let of_leaves = if codebook.is_some() { PACKED_WORDS } else { WORDS };
-        let usage = self.words.usage();
+        let usage = TextureUsages::TEXTURE_BINDING;
         let mut textures = vec![
             layers[0].texture(device, "plenoctree_table", WORDS, usage),
             layers[1].texture(device, "plenoctree_records", WORDS, usage),
@@ -270,7 +270,7 @@ impl Uploader<'_> {
         let shape = FieldShape { payload, activation: field.activation(), inner_records: !records.children.is_empty() };
         let bind_group = self.device.create_bind_group(
             "plenoctree_field",
-            &self.pipelines.get_bind_group_layout(self.layouts.of(shape.into())),
+            &self.pipelines.get_bind_group_layout(self.layouts.get()),
             &BindGroupEntries::sequential((&uniform, &views[0], &views[1], &views[2], &views[3], &views[4])),
         );
         let bytes = textures.iter().map(|texture| {

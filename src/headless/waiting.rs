@@ -9,10 +9,10 @@ use plenoctree::PlenOctree;
 
 use super::error::{HeadlessError, RenderingFailure};
 use crate::{
-    gpu::{GpuField, pipelines},
+    gpu::{GpuField, Readiness, pipelines},
     palette::{PaletteExtraction, Palettes},
     posterize::Posterize,
-    render::ViewMemory,
+    render::PropView,
     stage::PosterizeView,
     state::{PropError, PropState},
 };
@@ -35,8 +35,8 @@ fn check_rendering(app: &App) -> Result<(), HeadlessError> {
         return Err(HeadlessError::Rendering(reason.clone()));
     }
     let Some(render) = app.get_sub_app(RenderApp) else { return Ok(()) };
-    let views = render.world().try_query::<&ViewMemory>();
-    let shortage = views.and_then(|mut views| views.iter(render.world()).find_map(ViewMemory::shortage).cloned());
+    let views = render.world().try_query::<&PropView>();
+    let shortage = views.and_then(|mut views| views.iter(render.world()).find_map(PropView::shortage).cloned());
     shortage.map_or(Ok(()), |shortage| Err(HeadlessError::View(shortage)))
 }
 
@@ -54,7 +54,10 @@ fn for_pipelines(app: &App) -> Result<Option<String>, HeadlessError> {
     if let Some((label, error)) = pipelines::failed(cache).next() {
         return Err(HeadlessError::Prop(PropError::Pipeline(format!("{label}: {error}"))));
     }
-    Ok(pipelines::waiting(cache).next().map(|label| format!("the shaders of {label}")))
+    let waiting = pipelines::waiting(cache).next().map(|label| format!("the shaders of {label}"));
+    let readiness = render.and_then(|render| render.world().get_resource::<Readiness>());
+    let is_complete = readiness.is_none_or(|readiness| readiness.is_complete);
+    Ok(waiting.or_else(|| (!is_complete).then(|| "a frame with all pipelines".to_string())))
 }
 
 fn for_levels(app: &App) -> Option<String> {

@@ -2,8 +2,6 @@
 
 use bevy::{color::Mix, prelude::*};
 
-use super::oklab;
-
 /// The space in which two colors are blended.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
 #[reflect(Default, Clone, PartialEq, Hash)]
@@ -27,7 +25,7 @@ impl BlendSpace {
         if t > 0.0 {
             return match self {
                 Self::Encoded => Srgba::from(from).mix(&to.into(), t).into(),
-                Self::Oklab => oklab::mix(from.into(), to.into(), t).into(),
+                Self::Oklab => Srgba::from(Oklaba::from(from).mix(&to.into(), t)).into(),
             };
         }
         from

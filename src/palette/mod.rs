@@ -3,7 +3,6 @@
 mod blend;
 mod extraction;
 mod file;
-mod oklab;
 mod overrides;
 mod posterized;
 mod ready;

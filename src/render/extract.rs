@@ -6,13 +6,14 @@ use bevy::{
     camera::visibility::VisibleEntities,
     core_pipeline::prepass::MotionVectorPrepass,
     ecs::entity::EntityHashMap,
+    platform::collections::HashMap,
     prelude::*,
     render::{Extract, render_asset::RenderAssets, sync_world::RenderEntity},
 };
 
 use plenoctree::{PlenOctree, palette::Palette};
 
-use super::rays::Placement;
+use super::{plan::PropView, rays::Placement};
 use crate::{
     gpu::{FieldShape, GpuField, Level},
     palette::{FieldPalette, PaletteExtraction, PaletteOverride, Palettes},
@@ -33,9 +34,13 @@ pub(super) struct ExtractedProps {
     pub index: EntityHashMap<usize>,
     /// The transforms of the previous frame, if a camera draws motion vectors.
     transforms: EntityHashMap<GlobalTransform>,
+    /// Where in `colors` the palettes of fields are that have been written in this frame.
+    palettes: HashMap<AssetId<PlenOctree>, (u32, u32)>,
 }
 
 pub(super) struct ExtractedProp {
+    /// Its entity in the main world.
+    pub entity: Entity,
     pub field: AssetId<PlenOctree>,
     pub placement: Placement,
     /// The prop's transform in the previous frame.
@@ -97,29 +102,54 @@ pub(super) struct ExtractedPosterize {
     pub colors: u32,
 }
 
-impl ExtractedPosterize {
+/// The palettes of a frame.
+struct PaletteWriter<'a> {
+    colors: &'a mut Vec<Vec4>,
+    /// Where the palettes of fields are. Those with overrides belong to one entity each.
+    written: &'a mut HashMap<AssetId<PlenOctree>, (u32, u32)>,
+}
+
+impl PaletteWriter<'_> {
+    /// Writes a palette, unless it has been written in this frame.
     fn write(
-        colors: &mut Vec<Vec4>,
+        &mut self,
+        field: AssetId<PlenOctree>,
         settings: &Posterize,
         palette: &FieldPalette,
         own: Option<&PaletteOverride>,
-    ) -> Self {
-        let first_color = colors.len() as u32;
+    ) -> ExtractedPosterize {
+        let (first_color, colors) = match (self.written.get(&field), own) {
+            (Some(written), None) => *written,
+            _ => {
+                let written = self.append(palette, own);
+                if own.is_none() {
+                    self.written.insert(field, written);
+                }
+                written
+            }
+        };
+        let settings = Posterize { blend_steps: settings.blend_steps_of(colors as usize), ..*settings };
+        ExtractedPosterize { settings, first_color, colors }
+    }
+
+    /// Appends source colors and shown colors. Returns the index of the first color, and the number of source colors.
+    fn append(&mut self, palette: &FieldPalette, own: Option<&PaletteOverride>) -> (u32, u32) {
+        let first = self.colors.len() as u32;
         // Drop colors beyond the maximum, which shaders could not process in time.
         let source = palette.palette().colors.get(..Palette::MAX_COLORS).unwrap_or(&palette.palette().colors);
-        colors.extend(source.iter().map(|c| glam::DVec3::from(*c).as_vec3().extend(0.0)));
-        colors.extend(source.iter().enumerate().map(|(index, source)| {
+        self.colors.extend(source.iter().map(|c| glam::DVec3::from(*c).as_vec3().extend(0.0)));
+        self.colors.extend(source.iter().enumerate().map(|(index, source)| {
             let shown = own.and_then(|own| own.get(index)).or_else(|| palette.shown().get(index).copied());
             let encoded = shown.map(|color| Srgba::from(color).to_vec3());
             encoded.unwrap_or_else(|| glam::DVec3::from(*source).as_vec3()).extend(0.0)
         }));
-        let settings = Posterize { blend_steps: settings.blend_steps_of(source.len()), ..*settings };
-        Self { settings, first_color, colors: source.len() as u32 }
+        (first, source.len() as u32)
     }
 }
 
 /// The props that a camera draws, and its settings. A component of cameras in the render world.
 #[derive(Component, Default)]
+#[require(PropView)]
 pub(super) struct VisibleProps {
     /// The props that the camera sees, as indices into [`ExtractedProps::props`].
     pub props: Vec<usize>,
@@ -127,10 +157,14 @@ pub(super) struct VisibleProps {
     pub everything: Option<ExtractedPosterize>,
     pub stage: PropStage,
     pub quality: PropQuality,
-    /// Whether labels are written to textures, for custom stages.
-    pub has_stages: bool,
+    /// The shaders of custom stages.
+    pub stages: Vec<Handle<Shader>>,
     /// Whether the camera draws motion vectors.
     pub has_motion: bool,
+    /// Whether there are point or spot lights.
+    pub has_lamps: bool,
+    /// Whether the scene's shadows have hard edges.
+    pub has_hard_shadows: bool,
 }
 
 impl VisibleProps {
@@ -155,7 +189,7 @@ type CameraSettings = (
     Option<&'static PropQuality>,
     Option<(&'static PosterizeView, &'static Posterize)>,
     Option<&'static PaletteOverride>,
-    Has<LabelStages>,
+    Option<&'static LabelStages>,
     Has<MotionVectorPrepass>,
 );
 
@@ -170,12 +204,14 @@ pub(super) fn extract_props(
     props: Extract<Query<(Entity, (&Prop, &DrawnField), &SolidOpacity, PropColors, &GlobalTransform, &ViewVisibility)>>,
     cameras: Extract<Query<(RenderEntity, &Camera, Has<Camera3d>, &VisibleEntities, CameraSettings)>>,
 ) {
-    let ExtractedProps { props: list, colors, index, transforms } = &mut *extracted;
+    let ExtractedProps { props: list, colors, index, transforms, palettes: written } = &mut *extracted;
     let mut previous = std::mem::take(transforms);
     let has_motion = cameras.iter().any(|(.., (.., has_motion))| has_motion);
     list.clear();
     colors.clear();
+    written.clear();
     index.clear();
+    let mut writer = PaletteWriter { colors, written };
     for (entity, (prop, drawn), solid, (tint, posterize, own), transform, visibility) in &props {
         if !visibility.get() {
             continue;
@@ -187,6 +223,7 @@ pub(super) fn extract_props(
             let (low, high) = field.tree_bounds()?;
             let posterize = posterize.zip(palettes.get(handle));
             list.push(ExtractedProp {
+                entity,
                 field: handle.id(),
                 placement: Placement {
                     world_from_prop: *transform,
@@ -199,8 +236,7 @@ pub(super) fn extract_props(
                 previous: previous.get(&entity).copied().unwrap_or(*transform),
                 solid: *solid,
                 tint: tint.factors(),
-                posterize: posterize
-                    .map(|(settings, palette)| ExtractedPosterize::write(colors, settings, palette, own)),
+                posterize: posterize.map(|(settings, palette)| writer.write(handle.id(), settings, palette, own)),
                 stand_in,
                 #[cfg(feature = "shadows")]
                 lighting: None,
@@ -219,7 +255,7 @@ pub(super) fn extract_props(
         previous.extend(props.iter().map(|(entity, .., transform, _)| (entity, *transform)));
     }
     *transforms = previous;
-    for (entity, camera, is_3d, visible, (stage, quality, everything, own, has_stages, has_motion)) in &cameras {
+    for (entity, camera, is_3d, visible, (stage, quality, everything, own, stages, has_motion)) in &cameras {
         if !camera.is_active || !is_3d {
             // It keeps its textures, but draws nothing.
             if let Ok(mut view) = views.get_mut(entity) {
@@ -230,7 +266,7 @@ pub(super) fn extract_props(
         let seen = visible.iter(TypeId::of::<Prop>()).filter_map(|entity| index.get(entity).copied());
         let everything = everything.and_then(|(view, settings)| {
             let palette = palettes.get(&view.0)?;
-            Some(ExtractedPosterize::write(colors, settings, palette, own))
+            Some(writer.write(view.0.id(), settings, palette, own))
         });
         let stage = stage.copied().unwrap_or_default();
         let quality = quality.copied().unwrap_or_default().clamped();
@@ -238,16 +274,18 @@ pub(super) fn extract_props(
             view.props.clear();
             view.props.extend(seen);
             (view.everything, view.stage, view.quality) = (everything, stage, quality);
-            (view.has_stages, view.has_motion) = (has_stages, has_motion && stage == PropStage::Scene);
+            view.stages.clear();
+            view.stages.extend(stages.iter().flat_map(|stages| &stages.0).cloned());
+            view.has_motion = has_motion && stage == PropStage::Scene;
         } else {
-            commands.entity(entity).insert(VisibleProps {
-                props: seen.collect(),
-                everything,
-                stage,
-                quality,
-                has_stages,
-                has_motion: has_motion && stage == PropStage::Scene,
-            });
+            let props: Vec<_> = seen.collect();
+            // A camera that has seen no prop yet has no component of the plugin.
+            if !props.is_empty() || everything.is_some() {
+                let has_motion = has_motion && stage == PropStage::Scene;
+                let stages = stages.map(|stages| stages.0.clone()).unwrap_or_default();
+                let visible = VisibleProps { props, everything, stage, quality, stages, has_motion, ..default() };
+                commands.entity(entity).insert(visible);
+            }
         }
     }
 }

@@ -9,7 +9,7 @@ use bevy::{prelude::*, render::extract_resource::ExtractResource};
 use plenoctree::{
     MAX_DEPTH, PlenOctree,
     palette::ExtractionSettings,
-    sampling::{Canceled, Histograms, Progress, SamplingPlan},
+    sampling::{Canceled, Histograms, Progress, SamplePoint, SamplingPlan},
 };
 
 use crate::background;
@@ -40,6 +40,8 @@ pub(crate) struct SamplingJob {
     pub leaves: Vec<[u32; 4]>,
     /// Unit vectors toward the observers. Those of one cell of directions are next to each other.
     pub observers: Vec<[f32; 4]>,
+    /// Where in the leaves radiance is sampled.
+    pub point: SamplePoint,
     /// An upper bound on the total weight of all samples.
     pub weight_bound: f64,
     state: Mutex<State>,
@@ -77,6 +79,7 @@ impl SamplingJob {
         Ok(Self {
             leaves,
             observers: observers.map(|ray| ray.as_vec3().extend(0.0).to_array()).collect(),
+            point: plan.point,
             weight_bound: plan.weight_bound,
             id,
             field,

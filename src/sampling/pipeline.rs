@@ -10,7 +10,7 @@ use bevy::{
     shader::Shader,
 };
 
-use crate::gpu::{FieldLayouts, FieldShape, Shaders, field_definitions};
+use crate::gpu::{FieldLayouts, FieldShape, Shaders, TreeShape, field_definitions};
 
 /// Matches `Slice` in `sampling.wgsl`.
 #[derive(ShaderType, Clone, Copy)]
@@ -22,6 +22,7 @@ pub(super) struct SliceUniform {
     pub coarse_bins: u32,
     pub limit: f32,
     pub weight_scale: f32,
+    pub at_entry: u32,
 }
 
 #[derive(Resource)]
@@ -33,7 +34,7 @@ pub(super) struct SamplingPipeline {
 
 pub(super) fn init(mut commands: Commands, shaders: Res<Shaders>, fields: Res<FieldLayouts>) {
     commands.insert_resource(SamplingPipeline {
-        shader: shaders.sampling.clone(),
+        shader: shaders.get("sampling"),
         layout: BindGroupLayoutDescriptor::new(
             "plenoctree_sampling",
             &BindGroupLayoutEntries::sequential(
@@ -56,9 +57,9 @@ impl SpecializedComputePipeline for SamplingPipeline {
     fn specialize(&self, shape: FieldShape) -> ComputePipelineDescriptor {
         ComputePipelineDescriptor {
             label: Some("plenoctree_sampling".into()),
-            layout: vec![self.layout.clone(), self.fields.of(shape.into()).clone()],
+            layout: vec![self.layout.clone(), self.fields.get().clone()],
             shader: self.shader.clone(),
-            shader_defs: [field_definitions(shape), self.fields.definitions(shape.into())].concat(),
+            shader_defs: field_definitions(shape).into_iter().chain(TreeShape::from(shape).definitions()).collect(),
             entry_point: Some("sample".into()),
             ..default()
         }
@@ -88,6 +89,7 @@ fn read() {
     found[6] = f32(slice.coarse_bins);
     found[7] = slice.limit;
     found[8] = slice.weight_scale;
+    found[9] = f32(slice.at_entry);
 }
 ";
 
@@ -104,10 +106,11 @@ fn read() {
             coarse_bins: next() as u32,
             limit: next(),
             weight_scale: next(),
+            at_entry: next() as u32,
         };
         let entries = BindGroupLayoutEntries::single(ShaderStages::COMPUTE, uniform_buffer::<SliceUniform>(false));
         let layout = BindGroupLayoutDescriptor::new("layout_test", &entries);
-        let found: [f32; 9] = read_back(sampling[begin..end].to_string() + SHADER, layout, |device, queue, run| {
+        let found: [f32; 10] = read_back(sampling[begin..end].to_string() + SHADER, layout, |device, queue, run| {
             let mut slice = UniformBuffer::from(slice);
             slice.write_buffer(device, queue);
             run(&[slice.binding().unwrap()]);

@@ -15,7 +15,7 @@ use bevy::{
     },
 };
 
-use plenoctree::sampling::Histograms;
+use plenoctree::sampling::{Histograms, SamplePoint};
 
 use super::{
     SamplingFailure, SamplingJob, SamplingJobs,
@@ -108,7 +108,8 @@ impl Active {
 
         // Leave room for the largest sum. The scale is a power of two, so that scaling is exact.
         let bound = job.weight_bound;
-        let exponent = if bound > 0.0 { bound.log2().ceil().clamp(-30.0, 60.0) } else { 0.0 };
+        // It is a number of 32 bits: at most 2^127.
+        let exponent = if bound > 0.0 { bound.log2().ceil().max(-65.0) } else { 0.0 };
         let weight_scale = (62.0 - exponent).exp2();
         let uniform = SliceUniform {
             frame_scale: job.field.frame().scale.as_vec3(),
@@ -118,6 +119,7 @@ impl Active {
             coarse_bins: settings.coarse_bins as u32,
             limit: (-settings.stop_transmittance.ln()).min(1e30) as f32,
             weight_scale: weight_scale as f32,
+            at_entry: u32::from(job.point == SamplePoint::Entry),
         };
 
         let mut allocator = Allocator::default();

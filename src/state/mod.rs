@@ -1,14 +1,10 @@
-//! Whether props can be drawn, and what they wait for.
+//! Finds out whether props can be drawn, and what they wait for.
 
-mod drawn;
-mod progress;
-mod prop_state;
 mod ready;
 mod update;
 
-pub(crate) use drawn::DrawnField;
-pub use progress::PropProgress;
-pub use prop_state::{PropError, PropState};
+pub(crate) use crate::prop::DrawnField;
+pub use crate::prop::{PropError, PropProgress, PropState};
 pub use ready::props_ready;
 
 use bevy::prelude::*;

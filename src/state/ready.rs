@@ -2,8 +2,7 @@
 
 use bevy::prelude::*;
 
-use super::prop_state::PropState;
-use crate::prop::Prop;
+use crate::prop::{Prop, PropState};
 
 /// A run condition: returns whether no prop is waiting for its field, its palette or its pipelines.
 ///

@@ -3,17 +3,12 @@
 use bevy::{asset::LoadState, platform::collections::HashMap, prelude::*};
 use plenoctree::PlenOctree;
 
-use super::{
-    drawn::DrawnField,
-    progress::PropProgress,
-    prop_state::{PropError, PropState},
-};
 use crate::{
     asset::FilesRead,
     gpu::GpuStatus,
     palette::{PaletteExtraction, Palettes},
     posterize::{BeforePalette, Posterize},
-    prop::Prop,
+    prop::{DrawnField, Prop, PropError, PropProgress, PropState},
 };
 
 pub(super) fn update(

@@ -1,5 +1,7 @@
 //! Runs the code blocks of the README and the guide. The blocks are copied here word for word.
 
+use std::{fs, path::Path};
+
 use bevy::{prelude::*, render::RenderApp};
 use bevy_plenoctree::prelude::*;
 use glam::DVec3;
@@ -64,13 +66,21 @@ fn every_system_of_the_documentation_runs() {
 fn every_block_of_the_documentation_is_here() {
     let words = |text: &str| text.split_whitespace().collect::<String>();
     let here = words(include_str!("documented.rs"));
-    for page in [include_str!("../../README.md"), include_str!("../../docs/guide.md")] {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let guide = fs::read_dir(root.join("docs/guide")).unwrap().map(|entry| entry.unwrap().path());
+    let mut count = 0;
+    for path in guide.chain([root.join("README.md")]) {
+        let page = fs::read_to_string(&path).unwrap();
         let blocks = page.split("```rust").skip(1).filter_map(|rest| rest.split_once('\n')?.1.split("```").next());
-        assert!(blocks.clone().count() >= 2);
         for block in blocks {
+            count += 1;
             assert!(here.contains(&words(block)), "the tests do not run this block:\n{block}");
+            // `cargo test --doc` compiles it.
+            let name = path.strip_prefix(root).unwrap().to_str().unwrap().replace('\\', "/");
+            assert!(include_str!("../../src/lib.rs").contains(&format!("include_str!(\"../{name}\")")), "{name}");
         }
     }
+    assert!(count > 15);
 }
 
 #[allow(dead_code)]

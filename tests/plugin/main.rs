@@ -5,6 +5,7 @@ mod documented;
 mod edges;
 mod extremes;
 mod frames;
+mod idle_stage;
 mod large;
 mod lighting;
 mod loading;

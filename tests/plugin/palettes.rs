@@ -328,11 +328,11 @@ impl Drop for Files {
 #[test]
 fn a_palette_next_to_a_field_replaces_extraction() {
     let mut files = Files::new("beside");
-    files.write("x.palette.json", r#"{"colors": [[0.25, 0.5, 0.75], [1.5, 0, 0]]}"#);
+    files.write("x.palette.json", r#"{"colors": [[0.25, 0.5, 0.75], [0.5, 0, 0]]}"#);
     let field = files.spawn();
     let palette = files.palette(&field);
-    assert_eq!(palette.palette().colors, [[0.25, 0.5, 0.75], [1.5, 0.0, 0.0]]);
-    assert_eq!(palette.shown(), [Color::srgb(0.25, 0.5, 0.75), Color::srgb(1.5, 0.0, 0.0)]);
+    assert_eq!(palette.palette().colors, [[0.25, 0.5, 0.75], [0.5, 0.0, 0.0]]);
+    assert_eq!(palette.shown(), [Color::srgb(0.25, 0.5, 0.75), Color::srgb(0.5, 0.0, 0.0)]);
     assert!(palette.extraction().is_none());
     // It is not extracted later either.
     let loaded = field.clone();
@@ -363,7 +363,7 @@ fn an_extracted_palette_can_be_saved_and_shipped() {
 #[test]
 fn a_palette_is_extracted_if_its_file_is_invalid() {
     let mut files = Files::new("broken");
-    files.write("x.palette.json", r#"{"colors": []}"#);
+    files.write("x.palette.json", r#"{"colors": [[255, 128, 0]]}"#);
     let field = files.spawn();
     assert!(files.palette(&field).extraction().is_some());
 
@@ -374,7 +374,7 @@ fn a_palette_is_extracted_if_its_file_is_invalid() {
     };
     files.run_until("an error", |world| error(world).is_some());
     let error = error(files.app.world()).unwrap();
-    assert!(error.contains("found 0 colors, expected 1 to 64"), "{error}");
+    assert!(error.contains("did you mean 0 to 255?"), "{error}");
 }
 
 #[test]

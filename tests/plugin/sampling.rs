@@ -105,6 +105,10 @@ fn gpu_sampling_matches_the_reference() {
             field = Packed::new(&field, &PackSettings::default(), &Progress::default()).unwrap().field().clone();
         }
         let expected = sample_histograms(&field, &settings.sampling).unwrap();
+        if field.codebook().is_some() {
+            let (sampled, ..) = extract_in_app(&field, &settings, PaletteSampler::Cpu, None);
+            assert!(difference(&sampled.histograms, &expected) < 1e-6);
+        }
         let (sampled, colors, _) = extract_in_app(&field, &settings, PaletteSampler::Gpu, None);
         assert!(sampled.on_gpu);
         assert_eq!(sampled.histograms.samples(), expected.samples());
@@ -125,6 +129,53 @@ fn cpu_sampling_matches_the_reference() {
     let (sampled, ..) = extract_in_app(&field, &settings, PaletteSampler::Cpu, None);
     assert!(!sampled.on_gpu);
     assert!(difference(&sampled.histograms, &expected) < 1e-5);
+}
+
+/// The leaves of a solid field hide their own centers. It has a palette all the same, on both processors.
+#[test]
+fn solid_fields_have_palettes() {
+    for (observers, depth, density) in
+        [(ObserverRegion::UpperHemisphere, 4, 1e4), (ObserverRegion::Sphere, 5, 1e7), (ObserverRegion::Sphere, 5, 1e30)]
+    {
+        let settings = BakeSettings { depth, basis: Basis::Sh4, ..Default::default() };
+        let ball = |at: DVec3| if at.length() < 0.8 { density } else { 0.0 };
+        let field = bake(&settings, ball, |at| move |direction| 0.5 + 0.3 * at + 0.1 * direction).unwrap();
+        let mut settings = ExtractionSettings::default();
+        settings.sampling.observers = observers;
+        let expected = sample_histograms(&field, &settings.sampling).unwrap();
+        assert!(expected.total_weight() > 0.0);
+        for sampler in [PaletteSampler::Gpu, PaletteSampler::Cpu] {
+            let (sampled, colors, _) = extract_in_app(&field, &settings, sampler, None);
+            assert_eq!(sampled.on_gpu, sampler == PaletteSampler::Gpu);
+            let off = difference(&sampled.histograms, &expected);
+            assert!(off < 1e-4, "{sampler:?}, {density}: {off}");
+            assert_eq!(colors.len(), 6);
+        }
+    }
+}
+
+/// The weights of leaves in a tiny box are huge, and their sum still fits. Those in a huge box are tiny.
+#[test]
+fn boxes_of_any_size_are_sampled() {
+    for size in [1e-15, 1e12] {
+        let settings = BakeSettings {
+            depth: 3,
+            min: DVec3::splat(-size),
+            max: DVec3::splat(size),
+            basis: Basis::Sh1,
+            min_density: 0.0,
+            ..Default::default()
+        };
+        let field = bake(&settings, |_| 2.0 / size, |at| move |_| 0.5 + 0.4 * at / size).unwrap();
+        let settings = ExtractionSettings::default();
+        let expected = sample_histograms(&field, &settings.sampling).unwrap();
+        for sampler in [PaletteSampler::Gpu, PaletteSampler::Cpu] {
+            let (sampled, ..) = extract_in_app(&field, &settings, sampler, None);
+            assert_eq!(sampled.on_gpu, sampler == PaletteSampler::Gpu);
+            let off = difference(&sampled.histograms, &expected);
+            assert!(off < 1e-4, "{sampler:?}, {size}: {off}");
+        }
+    }
 }
 
 /// A leaf with a trillionth of another leaf's weight is counted, and just as accurately.

@@ -5,26 +5,23 @@
 //! | crate root | [`PlenOctree`], the field: reading and writing files, baking, levels of detail, ray casts |
 //! | [`sampling`] | radiance sampling: how much of each color is visible from outside |
 //! | [`palette`] | palette extraction, palette files, and the labels blended from a palette |
-//! | [`camera`] | pinhole cameras, and the `transforms.json` files of NeRF datasets |
-//! | [`fit`] | fitting fields to photographs |
-//! | [`splat`] | captures of Gaussian splats: reading, rendering, and converting them to fields |
+//! | [`camera`] | pinhole cameras |
 //! | [`mod@reference`] | rendering, sampling and posterization in float64, as a reference for faster code |
 //!
 //! This crate implements the engine-free half of *Recolorable Posterization of Volumetric Radiance Fields Using
 //! Visibility-Weighted Palette Extraction* (Tojo and Umetani, EGSR 2022). The Bevy plugin is
-//! [`bevy_plenoctree`](https://docs.rs/bevy_plenoctree).
+//! [`bevy_plenoctree`](https://docs.rs/bevy_plenoctree), and
+//! [`plenoctree_fit`](https://docs.rs/plenoctree_fit) makes fields of photographs and captures.
 //!
 //! # Features
 //!
 //! | feature | adds | default |
 //! |---|---|---|
 //! | `bake` | fields from closures | on |
-//! | `camera` | pinhole cameras, and the `transforms.json` files of NeRF datasets | on |
+//! | `camera` | pinhole cameras | on |
 //! | `mesh` | surfaces of fields as triangle meshes | on |
 //! | `reference` | rendering, sampling and posterization in float64 | on |
 //! | `write` | writing and packing fields | on |
-//! | `fit` | fitting fields to photographs | off |
-//! | `splat` | captures of Gaussian splats | off |
 //! | `bevy` | Bevy's `Asset` and `Reflect` for fields, palettes and settings | off |
 //!
 //! The default features are for tools. A game usually needs none of them.
@@ -36,16 +33,14 @@
 mod bake;
 #[cfg(feature = "camera")]
 pub mod camera;
-#[cfg(any(feature = "fit", feature = "splat"))]
-mod exponential;
 mod field;
 mod file;
-#[cfg(feature = "fit")]
-pub mod fit;
+mod histograms;
 mod lod;
 mod march;
 #[cfg(feature = "mesh")]
 mod mesh;
+#[cfg(feature = "write")]
 mod pack;
 pub mod palette;
 mod ray_cast;
@@ -53,8 +48,6 @@ mod ray_cast;
 pub mod reference;
 pub mod sampling;
 mod save;
-#[cfg(feature = "splat")]
-pub mod splat;
 mod text;
 
 #[cfg(feature = "bake")]

@@ -3,16 +3,16 @@
 use std::path::Path;
 
 use clap::{Args, ValueEnum};
-use plenoctree::splat::{SplatSettings, Splats, SpzAxes};
+use plenoctree_fit::splat::{SplatSettings, Splats, SpzAxes};
 
 use crate::{console, progress, result::Result};
 
 /// How to read a capture.
 #[derive(Args, Clone, Copy)]
 pub struct CaptureArguments {
-    /// The axes of an SPZ file that does not record them.
-    #[arg(long, value_enum, default_value_t = Axes::Rub)]
-    spz_axes: Axes,
+    /// The axes of an SPZ file that does not record them. Without this, rub, with a warning.
+    #[arg(long, value_enum)]
+    spz_axes: Option<Axes>,
 }
 
 /// The axes of SPZ files.
@@ -24,15 +24,23 @@ enum Axes {
     Rdf,
 }
 
-/// Reads a capture, with a spinner unless `quiet`. Warns about Gaussians that are left out.
+/// Reads a capture, with a spinner unless `quiet`. Warns about axes that had to be assumed, and about Gaussians that are
+/// left out.
 pub fn load(path: &Path, arguments: CaptureArguments, quiet: bool) -> Result<Splats> {
     let spinner = progress::spinner("loading", quiet);
     let spz_axes = match arguments.spz_axes {
-        Axes::Rub => SpzAxes::RightUpBack,
-        Axes::Rdf => SpzAxes::RightDownFront,
+        None | Some(Axes::Rub) => SpzAxes::RightUpBack,
+        Some(Axes::Rdf) => SpzAxes::RightDownFront,
     };
     let splats = Splats::read(path, &SplatSettings { spz_axes })?;
     spinner.finish_and_clear();
+    if arguments.spz_axes.is_none() && Splats::assumes_axes(path) {
+        console::complain!(
+            "warning: {}: does not record its axes; if it is upside down, as files of splat-transform 3 are, add \
+             --spz-axes rdf (--spz-axes rub silences this)",
+            path.display()
+        );
+    }
     if splats.dropped() > 0 {
         let (dropped, all) = (splats.dropped(), splats.dropped() + splats.len());
         console::complain!(

@@ -2,9 +2,7 @@
 
 use clap::{Parser, Subcommand};
 
-#[cfg(feature = "bevy")]
-use crate::tradeoff;
-use crate::{bake, coherence, convert, evidence, fit, info, pack, palette, render, result::Result, stylize};
+use crate::{convert, fit, info, pack, palette, render, result::Result, stylize};
 
 /// Inspect, stylize, fit, convert and pack PlenOctrees.
 #[derive(Parser)]
@@ -20,11 +18,6 @@ enum Command {
     Info(info::Arguments),
     Palette(palette::Arguments),
     Stylize(stylize::Arguments),
-    #[cfg(feature = "bevy")]
-    Tradeoff(tradeoff::Arguments),
-    Coherence(coherence::Arguments),
-    Evidence(evidence::Arguments),
-    Bake(bake::Arguments),
     Fit(fit::Arguments),
     Convert(convert::Arguments),
     Render(render::Arguments),
@@ -38,11 +31,6 @@ impl CommandLine {
             Command::Info(arguments) => info::run(arguments),
             Command::Palette(arguments) => palette::run(arguments),
             Command::Stylize(arguments) => stylize::run(arguments),
-            #[cfg(feature = "bevy")]
-            Command::Tradeoff(arguments) => tradeoff::run(arguments),
-            Command::Coherence(arguments) => coherence::run(arguments),
-            Command::Evidence(arguments) => evidence::run(arguments),
-            Command::Bake(arguments) => bake::run(arguments),
             Command::Fit(arguments) => fit::run(arguments),
             Command::Convert(arguments) => convert::run(arguments),
             Command::Render(arguments) => render::run(arguments),

@@ -2,6 +2,7 @@
 
 use std::{
     io::{self, ErrorKind, Write},
+    process::ExitCode,
     sync::OnceLock,
 };
 
@@ -11,6 +12,7 @@ use crate::result::Result;
 static FAILURE: OnceLock<io::Error> = OnceLock::new();
 
 /// Prints a line to standard output.
+#[macro_export]
 macro_rules! say {
     ($($part:tt)*) => {
         $crate::console::print(&format!("{}\n", format_args!($($part)*)))
@@ -18,13 +20,14 @@ macro_rules! say {
 }
 
 /// Prints a line to standard error.
+#[macro_export]
 macro_rules! complain {
     ($($part:tt)*) => {
         $crate::console::print_error(&format!($($part)*))
     };
 }
 
-pub(crate) use {complain, say};
+pub use crate::{complain, say};
 
 /// Prints to standard output. Failures are kept for [`check`].
 pub fn print(text: &str) {
@@ -38,8 +41,19 @@ pub fn print_error(text: &str) {
     let _ = writeln!(io::stderr(), "{text}");
 }
 
+/// Ends a program: prints the error of its command, if there is one.
+pub fn exit(result: Result) -> ExitCode {
+    match result.and_then(|()| check()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            complain!("error: {error}");
+            ExitCode::from(2)
+        }
+    }
+}
+
 /// Returns an error if something could not be printed, unless the reader has just read enough.
-pub fn check() -> Result {
+fn check() -> Result {
     let _ = io::stdout().flush().map_err(|error| FAILURE.set(error));
     match FAILURE.get() {
         Some(error) if error.kind() != ErrorKind::BrokenPipe => Err(format!("standard output: {error}").into()),

@@ -30,13 +30,13 @@ pub fn check_outputs(outputs: &[&Path], inputs: &[&Path]) -> Result {
     for (index, output) in outputs.iter().enumerate() {
         let name = output.display();
         if inputs.iter().any(|input| is_same(output, input)) {
-            return Err(format!("{name}: found an input, expected another file to write").into());
+            return Err(format!("{name}: would overwrite its input; choose another --out").into());
         }
         if outputs[..index].iter().any(|other| is_same(output, other)) {
-            return Err(format!("{name}: found one name for two files to write, expected two").into());
+            return Err(format!("{name}: two files would be written under this name; choose two names").into());
         }
         if output.is_dir() {
-            return Err(format!("{name}: found a folder, expected a file to replace, or nothing").into());
+            return Err(format!("{name}: is a folder; choose the name of a file").into());
         }
         check_writable(output).map_err(|error| format!("{name}: cannot be written: {error}"))?;
     }

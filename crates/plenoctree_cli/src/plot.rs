@@ -1,4 +1,4 @@
-//! Line plots as SVG.
+//! Plots as SVG.
 
 use std::fmt::Write;
 
@@ -27,47 +27,95 @@ pub struct Line {
     pub points: Vec<(f64, f64)>,
 }
 
-/// Draws lines over a common x axis. The y axis starts at 0. `title`, `x` and `y` name the plot and its axes.
-pub fn lines(title: &str, x: &str, y: &str, lines: &[Line]) -> String {
-    let points = || lines.iter().flat_map(|line| &line.points);
-    let (first, last) = points().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), p| (a.min(p.0), b.max(p.0)));
-    let (first, last) = match last - first {
-        width if width > 0.0 => (first, last),
-        0.0 => (first - 0.5, first + 0.5),
-        _ => (0.0, 1.0),
-    };
-    let step = tick_step(points().map(|point| point.1).fold(1e-9, f64::max), 6.0);
-    let top = (points().map(|point| point.1).fold(0.0, f64::max) / step).ceil().max(1.0) * step;
-    let at_x = |value: f64| LEFT + (RIGHT - LEFT) * (value - first) / (last - first);
-    let at_y = |value: f64| BOTTOM - (BOTTOM - TOP) * value / top;
+/// A point with a name.
+pub struct Mark {
+    /// Its x and y.
+    pub at: (f64, f64),
+    /// Its name, next to it.
+    pub label: String,
+    /// Its color, one of [`COLORS`].
+    pub color: &'static str,
+}
 
-    let height = HEIGHT + LEGEND * lines.len() as f64;
-    let mut svg = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{WIDTH}\" height=\"{height}\" viewBox=\"0 0 {WIDTH} \
-         {height}\" font-family=\"sans-serif\" font-size=\"12\" fill=\"#28282f\">\n<rect width=\"100%\" \
-         height=\"100%\" fill=\"white\"/>\n"
-    );
-    text(&mut svg, (LEFT, 15.0), "start", 15, title);
-    text(&mut svg, (0.5 * (LEFT + RIGHT), HEIGHT - 12.0), "middle", 12, x);
-    text(&mut svg, (8.0, TOP - 14.0), "start", 12, y);
-    for tick in 0..=(top / step).round() as usize {
-        let value = step * tick as f64;
-        rule(&mut svg, (LEFT, at_y(value)), (RIGHT, at_y(value)));
-        text(&mut svg, (LEFT - 8.0, at_y(value) + 4.0), "end", 12, &label(value, step));
+/// A plot of lines and marks over a common x axis.
+pub struct Plot<'a> {
+    /// Its title.
+    pub title: &'a str,
+    /// The name of the x axis.
+    pub x: &'a str,
+    /// The name of the y axis.
+    pub y: &'a str,
+    /// The lines, which a legend names.
+    pub lines: &'a [Line],
+    /// The marks.
+    pub marks: &'a [Mark],
+    /// Whether the y axis starts at 0, also if no value is near it.
+    pub from_zero: bool,
+}
+
+/// Draws lines. The y axis starts at 0. `title`, `x` and `y` name the plot and its axes.
+pub fn lines(title: &str, x: &str, y: &str, lines: &[Line]) -> String {
+    Plot { title, x, y, lines, marks: &[], from_zero: true }.svg()
+}
+
+impl Plot<'_> {
+    /// Draws the plot.
+    pub fn svg(&self) -> String {
+        let Self { title, x, y, lines, marks, from_zero } = self;
+        let points =
+            || lines.iter().flat_map(|line| line.points.iter().copied()).chain(marks.iter().map(|mark| mark.at));
+        let range = |of: fn((f64, f64)) -> f64| {
+            points().map(of).fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), value| (a.min(value), b.max(value)))
+        };
+        let (first, last) = range(|point| point.0);
+        let (first, last) = match last - first {
+            width if width > 0.0 => (first, last),
+            0.0 => (first - 0.5, first + 0.5),
+            _ => (0.0, 1.0),
+        };
+        let (low, high) = range(|point| point.1);
+        let low = if *from_zero || !low.is_finite() { 0.0 } else { low };
+        let step = tick_step((high - low).max(1e-9), 6.0);
+        let bottom = (low / step).floor() * step;
+        let top = ((high.max(low) / step).ceil() * step).max(bottom + step);
+        let at_x = |value: f64| LEFT + (RIGHT - LEFT) * (value - first) / (last - first);
+        let at_y = |value: f64| BOTTOM - (BOTTOM - TOP) * (value - bottom) / (top - bottom);
+
+        let height = HEIGHT + LEGEND * lines.len() as f64;
+        let mut svg = format!(
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{WIDTH}\" height=\"{height}\" viewBox=\"0 0 {WIDTH} \
+             {height}\" font-family=\"sans-serif\" font-size=\"12\" fill=\"#28282f\">\n<rect width=\"100%\" \
+             height=\"100%\" fill=\"white\"/>\n"
+        );
+        text(&mut svg, (LEFT, 15.0), "start", 15, title);
+        text(&mut svg, (0.5 * (LEFT + RIGHT), HEIGHT - 12.0), "middle", 12, x);
+        text(&mut svg, (8.0, TOP - 14.0), "start", 12, y);
+        for tick in 0..=((top - bottom) / step).round() as usize {
+            let value = bottom + step * tick as f64;
+            rule(&mut svg, (LEFT, at_y(value)), (RIGHT, at_y(value)));
+            text(&mut svg, (LEFT - 8.0, at_y(value) + 4.0), "end", 12, &label(value, step));
+        }
+        let step = tick_step(last - first, 10.0);
+        for tick in (first / step).ceil() as i64..=(last / step).floor() as i64 {
+            let value = step * tick as f64;
+            text(&mut svg, (at_x(value), BOTTOM + 18.0), "middle", 12, &label(value, step));
+        }
+        for (index, line) in lines.iter().enumerate() {
+            let points: Vec<_> = line.points.iter().map(|p| format!("{:.1},{:.1}", at_x(p.0), at_y(p.1))).collect();
+            curve(&mut svg, &points.join(" "), line);
+            let y = HEIGHT + LEGEND * index as f64;
+            curve(&mut svg, &format!("{LEFT},{y} {},{y}", LEFT + 36.0), line);
+            text(&mut svg, (LEFT + 46.0, y + 4.0), "start", 12, &line.label);
+        }
+        for Mark { at, label, color } in *marks {
+            let (x, y) = (at_x(at.0), at_y(at.1));
+            let _ = writeln!(svg, "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"4\" fill=\"{color}\"/>");
+            // Toward the middle, so that the name stays in the frame.
+            let (x, anchor) = if x < 0.5 * WIDTH { (x + 6.0, "start") } else { (x - 6.0, "end") };
+            text(&mut svg, (x, y - 4.0), anchor, 9, label);
+        }
+        svg + "</svg>\n"
     }
-    let step = tick_step(last - first, 10.0);
-    for tick in (first / step).ceil() as i64..=(last / step).floor() as i64 {
-        let value = step * tick as f64;
-        text(&mut svg, (at_x(value), BOTTOM + 18.0), "middle", 12, &label(value, step));
-    }
-    for (index, line) in lines.iter().enumerate() {
-        let points: Vec<_> = line.points.iter().map(|p| format!("{:.1},{:.1}", at_x(p.0), at_y(p.1))).collect();
-        curve(&mut svg, &points.join(" "), line);
-        let y = HEIGHT + LEGEND * index as f64;
-        curve(&mut svg, &format!("{LEFT},{y} {},{y}", LEFT + 36.0), line);
-        text(&mut svg, (LEFT + 46.0, y + 4.0), "start", 12, &line.label);
-    }
-    svg + "</svg>\n"
 }
 
 /// Escapes text for XML and HTML.
@@ -117,7 +165,14 @@ mod tests {
     fn plots_stay_in_their_frame() {
         for points in [vec![], vec![(3.0, 0.0)], vec![(0.0, 1e-7), (1.0, 3e-7)], vec![(0.0, 900.0), (50.0, 0.0)]] {
             let line = Line { label: "a < b".into(), color: COLORS[1], dashed: true, points };
-            let svg = lines("title", "x", "y", &[line]);
+            let marks: Vec<_> =
+                line.points.iter().map(|at| Mark { at: *at, label: "b < c".into(), color: COLORS[0] }).collect();
+            let svg = [true, false].map(|from_zero| {
+                Plot { title: "title", x: "x", y: "y", lines: std::slice::from_ref(&line), marks: &marks, from_zero }
+                    .svg()
+            });
+            let svg = svg.concat();
+            assert_eq!(svg.matches("b &lt; c").count(), 2 * marks.len());
             assert!(svg.contains("a &lt; b") && !svg.contains("NaN") && !svg.contains("inf"), "{svg}");
             for points in svg.lines().filter_map(|line| line.strip_prefix("<polyline points=\"")) {
                 let points = points.split('"').next().unwrap();

@@ -11,7 +11,7 @@ use std::{
 };
 
 use indicatif::ProgressBar;
-use plenoctree::fit::{FitError, FitProgress};
+use plenoctree_fit::{FitError, FitProgress};
 
 use crate::{console, progress, result::Result};
 
@@ -42,7 +42,7 @@ impl Interruption {
                 process::exit(INTERRUPTED);
             }
             progress.stop();
-            console::complain!("stopped by Ctrl-C: the result so far is written (Ctrl-C again ends at once)");
+            console::complain!("stopped by Ctrl-C: writing the result so far (Ctrl-C again ends at once)");
         })?;
         Ok(interruption)
     }

@@ -2,7 +2,7 @@
 
 mod common;
 
-use std::{fs, path::Path};
+use std::{fs, path::Path, process::Command};
 
 use common::{ball, fail, folder, succeed, text};
 use glam::DVec3;
@@ -71,6 +71,33 @@ fn a_field_is_fitted_with_palette_previews_and_report() {
     assert_eq!(names, ["prop.npz", "prop.palette.json", "prop.views", "report.json"]);
 }
 
+/// A fit can be packed at once, without the pictures that are not there. Resuming it with less effort does not replace a
+/// better result.
+#[test]
+fn fits_are_packed_and_kept() {
+    let folder = folder("fit_packed");
+    photograph(&folder);
+    fs::remove_file(folder.join("7.png")).unwrap();
+    fs::remove_file(folder.join("9.png")).unwrap();
+    let out = folder.join("prop.plenoctree");
+    let shared = ["fit", text(&folder), "--out", text(&out), "--depth", "6", "--sh", "1", "--threads", "2"];
+    let fit = |more: &[&str]| {
+        let output = Command::new(env!("CARGO_BIN_EXE_plenoctree")).args(shared).args(more).output().unwrap();
+        assert!(output.status.success());
+        String::from_utf8(output.stderr).unwrap()
+    };
+    let warnings = fit(&["--effort", "0.1"]);
+    assert_eq!(warnings.matches("warning").count(), 1, "{warnings}");
+    assert!(warnings.contains("2 of 16 pictures do not exist") && warnings.contains("such as"), "{warnings}");
+    let packed = fs::read(&out).unwrap();
+    assert!(PlenOctree::read(&out, &LoadSettings::default()).unwrap().codebook().is_some());
+    let warnings = fit(&["--effort", "0.01", "--resume"]);
+    assert!(warnings.contains("kept as it is: the earlier result has"), "{warnings}");
+    assert_eq!(fs::read(&out).unwrap(), packed);
+    fit(&["--effort", "0.01"]);
+    assert_ne!(fs::read(&out).unwrap(), packed);
+}
+
 /// An error leaves existing files unchanged.
 #[test]
 fn errors_name_the_file_and_replace_nothing() {
@@ -78,9 +105,13 @@ fn errors_name_the_file_and_replace_nothing() {
     photograph(&folder);
     let out = folder.join("prop.npz");
     fs::write(&out, "precious").unwrap();
-    fs::remove_file(folder.join("7.png")).unwrap();
+    let other = folder.join("other.obj");
+    assert!(fail(&["fit", text(&folder), "--out", text(&other)]).contains("must end in .npz or .plenoctree"));
+    let transforms = folder.join("transforms.json");
+    let good = fs::read_to_string(&transforms).unwrap();
+    fs::write(&transforms, good.replacen("[[", "[[7,", 1)).unwrap();
     let message = fail(&["fit", text(&folder), "--out", text(&out)]);
-    assert!(message.contains("transforms.json") && message.contains("frames[7].file_path"), "{message}");
+    assert!(message.contains("transforms.json") && message.contains("frames[0].transform_matrix"), "{message}");
     assert_eq!(fs::read(&out).unwrap(), b"precious");
     // What cannot be replaced is found before the work.
     fs::create_dir(folder.join("report.json")).unwrap();

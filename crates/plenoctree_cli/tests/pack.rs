@@ -3,7 +3,10 @@
 mod common;
 
 use common::{ball, fail, folder, succeed, text};
-use plenoctree::{BakeSettings, Basis, LoadSettings, PlenOctree, bake};
+use plenoctree::{
+    BakeSettings, Basis, LoadSettings, PlenOctree, bake,
+    sampling::{Progress, SamplingSettings, sample},
+};
 
 #[test]
 fn a_field_is_packed_and_reported() {
@@ -22,6 +25,7 @@ fn a_field_is_packed_and_reported() {
         "--hidden",
         "0",
     ]);
+    assert!(!printed.contains("HEAD"), "{printed}");
     assert!(printed.contains("0 of ") && printed.contains("leaves dropped") && printed.contains("ball.plenoctree"));
     let read = |name: &str| PlenOctree::read(folder.join(name), &LoadSettings::default()).unwrap();
     let packed = read("ball.plenoctree");
@@ -32,20 +36,40 @@ fn a_field_is_packed_and_reported() {
     assert!(succeed(&["info", text(&folder.join("ball.plenoctree"))]).contains("packed"));
 
     let quantized = folder.join("quantized.npz");
+    let out = text(&folder).to_string() + "/again.plenoctree";
+    let printed = succeed(&["pack", text(&source), "--exact", "--views", "0", "--verbose", "--out", &out]);
+    assert!(printed.contains("sections, in bytes: HEAD "), "{printed}");
     succeed(&["pack", text(&source), "--npz", "--out", text(&quantized), "--views", "0", "--hidden", "0"]);
     assert_eq!(read("quantized.npz").coefficients(), packed.coefficients());
 }
 
-/// A block without a palette is packed, too, but not measured.
+/// The leaves of a solid block hide their own centers. It is packed and measured all the same.
 #[test]
-fn a_field_without_a_palette_is_packed() {
+fn a_solid_field_is_packed() {
     let folder = folder("pack_solid");
     let settings = BakeSettings { depth: 2, basis: Basis::Rgba, directions: 8, ..Default::default() };
     let source = folder.join("solid.npz");
     bake(&settings, |_| 1000.0, |_| |_| glam::DVec3::ONE).unwrap().write(&source).unwrap();
     let printed = succeed(&["pack", text(&source), "--hidden", "0"]);
-    assert!(printed.contains("solid.plenoctree") && !printed.contains("dB"), "{printed}");
+    assert!(printed.contains("solid.plenoctree") && printed.contains("dB"), "{printed}");
     assert!(folder.join("solid.plenoctree").exists());
+}
+
+/// Histograms are recorded before the field is simplified, if they are asked for.
+#[test]
+fn histograms_are_recorded_on_request() {
+    let folder = folder("pack_record");
+    let source = ball(&folder);
+    let field = PlenOctree::read(&source, &LoadSettings::default()).unwrap();
+    let settings = SamplingSettings::default();
+    let expected = sample(&field, &settings, &Progress::default()).unwrap();
+    let packed = |flags: &[&str]| {
+        let out = folder.join("ball.plenoctree");
+        succeed(&[&["pack", text(&source), "--views", "0", "--out", text(&out)], flags].concat());
+        PlenOctree::read(&out, &LoadSettings { density_threshold: 0.0, ..Default::default() }).unwrap()
+    };
+    assert_eq!(packed(&[]).histograms(&settings), None);
+    assert_eq!(packed(&["--record-histograms"]).histograms(&settings).unwrap().fine(), expected.fine());
 }
 
 #[test]
@@ -56,14 +80,17 @@ fn what_cannot_be_packed_is_an_error() {
     assert!(fail(&["pack", text(&source), "--rows", "0"]).contains("found rows = 0"));
     let before = std::fs::read(&source).unwrap();
     let message = fail(&["pack", text(&source), "--npz", "--out", text(&source)]);
-    assert!(message.contains("ball.npz: found an input"), "{message}");
+    assert!(message.contains("ball.npz: would overwrite its input; choose another --out"), "{message}");
     assert_eq!(std::fs::read(&source).unwrap(), before);
     let packed = folder.join("ball.plenoctree");
     succeed(&["pack", text(&source), "--views", "0"]);
     // Packing again would replace it.
-    assert!(fail(&["pack", text(&packed)]).contains("ball.plenoctree: found an input"));
-    assert!(fail(&["pack", text(&source), text(&packed)]).contains("ball.plenoctree: found an input"));
-    assert!(fail(&["pack", text(&source), "--views", "0", "--report", text(&folder)]).contains("--views 0"));
+    assert!(fail(&["pack", text(&packed)]).contains("ball.plenoctree: would overwrite its input"));
+    assert!(fail(&["pack", text(&source), text(&packed)]).contains("ball.plenoctree: would overwrite its input"));
+    assert!(
+        fail(&["pack", text(&source), "--views", "0", "--report", text(&folder)]).contains("--report compares views")
+    );
+    assert!(fail(&["pack", text(&source), text(&source), "--out", text(&packed)]).contains("several fields"));
     std::fs::write(folder.join("bad.plenoctree"), b"\x89PLO\r\n\x1a\n").unwrap();
     let message = fail(&["info", text(&folder.join("bad.plenoctree"))]);
     assert!(message.contains("bad.plenoctree: header: found 8 bytes"), "{message}");

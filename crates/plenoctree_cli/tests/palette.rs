@@ -98,7 +98,7 @@ fn bad_histograms_are_rejected() {
     reject(&[("fine", &[2, 4, 4], 1.0), ("coarse", &[2, 2, 2], 1.0)], "[2, 4, 4]");
     reject(&[("fine", &[4, 4, 4], f64::NAN), ("coarse", &[2, 2, 2], 1.0)], "bin 0");
     reject(&[("fine", &[4, 4, 4], -1.0), ("coarse", &[2, 2, 2], 1.0)], "bin 0");
-    reject(&[("fine", &[4, 4, 4], 0.0), ("coarse", &[2, 2, 2], 0.0)], "nothing is visible");
+    reject(&[("fine", &[4, 4, 4], 0.0), ("coarse", &[2, 2, 2], 0.0)], "nothing of the field is visible");
     fs::write(&path, "no archive").unwrap();
     assert!(fail(&["palette", "--from-histograms", text(&path)]).contains("h.npz"));
     fail(&["palette", "--from-histograms", text(&path), text(&field)]);

@@ -109,6 +109,11 @@ fn captures_become_props_that_stand() {
     Palette::read(folder.join("out/prop.palette.json")).unwrap();
     assert_eq!(fs::read_dir(folder.join("out/prop.views")).unwrap().count(), 8);
 
+    let packed = folder.join("out/prop.plenoctree");
+    let packing = [&["convert", &capture, "--out", text(&packed)], &shared[4..], &["--no-refine"]].concat();
+    succeed(&packing);
+    assert!(PlenOctree::read(&packed, &LoadSettings::default()).unwrap().codebook().is_some());
+
     let message = fail(&["convert", &cameras(&folder), "--out", text(&out)]);
     assert!(message.contains("cameras.json: JSON: found neither `means` nor `asset`"), "{message}");
     let message = fail(&[&shared[..], &["--crop", "7,7,7,8,8,8"]].concat());

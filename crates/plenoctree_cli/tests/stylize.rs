@@ -4,7 +4,7 @@ mod common;
 
 use std::{fs, path::Path, process::Output};
 
-use common::{ball, fail, folder, plenoctree, succeed, text};
+use common::{ball, fail, folder, run, succeed, text};
 use serde_json::Value;
 
 /// Returns the arguments that render two views of 32 x 32 pixels to a folder.
@@ -63,8 +63,8 @@ fn bad_input_is_rejected() {
     assert!(with(&["--cameras", "missing.json"]).contains("missing.json"));
     assert!(with(&["--sampling", "cpu", "--recolor", "99=#000000"]).contains("--recolor 99"));
     assert!(with(&["--palette", "palette.json", "--colors", "4"]).contains("cannot be used with"));
-    assert!(with(&["--smooth-edges"]).contains("--smooth-edges: found the renderer reference"));
-    assert!(with(&["--quality", "fast"]).contains("--quality: found the renderer reference"));
+    assert!(with(&["--smooth-edges"]).contains("--smooth-edges needs --renderer gpu"));
+    assert!(with(&["--quality", "fast"]).contains("--quality needs --renderer gpu"));
     let palette = folder.join("many.json");
     fs::write(&palette, format!(r#"{{"colors": {:?}}}"#, vec![[0.5; 3]; 64])).unwrap();
     let message = "64 colors with 3 blend steps, which make 4096 labels, expected at most 1024: use --blend-steps 1";
@@ -79,6 +79,6 @@ fn bad_input_is_rejected() {
 /// The GPU can be selected only in builds that support it.
 #[test]
 fn builds_without_bevy_have_no_gpu() {
-    let Output { stdout, .. } = plenoctree(&["stylize", "--help"]);
+    let Output { stdout, .. } = run(&["stylize", "--help"]);
     assert_eq!(String::from_utf8(stdout).unwrap().contains("gpu"), cfg!(feature = "bevy"));
 }

@@ -267,7 +267,8 @@ fn processed_apps_load_packed_captures() {
     folder.write("cross.gltf.meta", capture("depth: 6"));
     folder.write("alone.gltf.meta", capture("depth: 6"));
     // The example in the guide.
-    let documented = include_str!("../../../docs/guide.md").split("```").find_map(|block| block.strip_prefix("ron\n"));
+    let documented =
+        include_str!("../../../docs/guide/load.md").split("```").find_map(|block| block.strip_prefix("ron\n"));
     folder.write("cropped.ply.meta", documented.unwrap().replace("depth: 8", "depth: 6"));
     let names = ["cross.ply", "cross.spz", "cross.sog", "cross.gltf", "cropped.ply", "plain.spz"];
     let damaged = ["alone.gltf", "damaged.ply", "damaged.spz", "damaged.sog"];

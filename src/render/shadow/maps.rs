@@ -5,8 +5,7 @@ use bevy::{
     render::{
         render_asset::RenderAssets,
         render_resource::{
-            BindGroup, BindGroupEntries, CachedRenderPipelineId, PipelineCache, SpecializedRenderPipelines,
-            StorageBuffer, UniformBuffer,
+            BindGroup, CachedRenderPipelineId, PipelineCache, SpecializedRenderPipelines, StorageBuffer, UniformBuffer,
         },
         renderer::{RenderDevice, RenderQueue},
         view::ExtractedView,
@@ -20,11 +19,12 @@ use super::{
 };
 use crate::{
     gpu::{Allocator, GpuField, Level},
+    quality::PropQuality,
     render::{
-        bind_group::KeptBindGroup,
         extract::ExtractedProps,
+        frame::BindGroups,
+        plan::{PropUniform, ViewUniform},
         rays::Placement,
-        view::{PropUniform, ViewUniform},
     },
 };
 
@@ -40,7 +40,9 @@ pub(super) struct MapProps {
     allocator: Allocator,
     view: UniformBuffer<ViewUniform>,
     props: StorageBuffer<Vec<PropUniform>>,
-    pub group: KeptBindGroup,
+    groups: BindGroups,
+    /// Bind group 0.
+    pub group: Option<BindGroup>,
 }
 
 /// A prop in a map.
@@ -111,7 +113,7 @@ pub(super) fn prepare_maps(
             let tree = level.shape.into();
             let [march, fill, copy] = [ShadowKey::March(tree), ShadowKey::Fill(tree), ShadowKey::Copy]
                 .map(|key| specialized.specialize(&cache, &pipeline, key));
-            let caster = PropUniform::caster(prop, &seen.rays);
+            let caster = PropUniform::caster(prop, &seen.rays, &PropQuality::EXACT);
             let texels = seen.to_keep();
             let key = CasterKey { caster, field: level.bind_group.id(), texels };
             // At most as much memory as the map itself takes.
@@ -173,10 +175,10 @@ pub(super) fn prepare_bind_groups(
     mut maps: Query<&mut MapProps>,
 ) {
     for mut map in &mut maps {
-        let MapProps { drawn, view, props, group, .. } = &mut *map;
+        let MapProps { drawn, view, props, groups, group, .. } = &mut *map;
+        groups.begin();
         if let (false, Some(view), Some(props)) = (drawn.is_empty(), view.binding(), props.binding()) {
-            let entries = BindGroupEntries::sequential((view, props));
-            group.update(&device, &cache, "plenoctree_shadow", &pipeline.view, &entries);
+            *group = Some(groups.get(&device, &cache, &pipeline.view, &[view, props]));
         }
     }
 }

@@ -26,12 +26,12 @@ use bevy::{
     pbr::{LATE_SHADOW_PASS, ShadowView, per_view_shadow_pass, shared_shadow_pass},
     prelude::*,
     render::{
-        ExtractSchedule, GpuResourceAppExt, Render, RenderApp, RenderStartup,
+        ExtractSchedule, GpuResourceAppExt, Render, RenderApp, RenderStartup, RenderSystems,
         render_resource::SpecializedRenderPipelines,
     },
 };
 
-use super::view::InitViews;
+use super::plan::InitPlans;
 use crate::sets::PlenOctreeRenderSystems;
 
 pub(super) fn plugin(app: &mut App) {
@@ -43,13 +43,13 @@ pub(super) fn plugin(app: &mut App) {
         .init_resource::<casters::Casters>()
         .init_gpu_resource::<SpecializedRenderPipelines<pipeline::ShadowPipeline>>()
         .add_systems(ExtractSchedule, casters::extract_casters)
-        .add_systems(RenderStartup, (maps::forget_maps, pipeline::init).after(InitViews))
+        .add_systems(RenderStartup, (maps::forget_maps, pipeline::init).after(InitPlans))
         .add_systems(
             Render,
             (
                 levels::choose_levels.in_set(PlenOctreeRenderSystems::ChooseLevels),
-                maps::prepare_maps.in_set(PlenOctreeRenderSystems::PrepareViews),
-                maps::prepare_bind_groups.in_set(PlenOctreeRenderSystems::PrepareBindGroups),
+                maps::prepare_maps.in_set(PlenOctreeRenderSystems::PlanViews),
+                maps::prepare_bind_groups.in_set(RenderSystems::PrepareBindGroups),
             ),
         )
         .add_systems(

@@ -6,13 +6,12 @@ use bevy::{
     render::{
         diagnostic::RecordDiagnostics,
         render_phase::TrackedRenderPass,
-        render_resource::{BindGroup, PipelineCache, RenderPassDescriptor, StoreOp},
+        render_resource::{BindGroup, PipelineCache, RenderPassColorAttachment, RenderPassDescriptor, StoreOp},
         renderer::{RenderContext, ViewQuery},
     },
 };
 
 use super::maps::{Drawn, MapProps};
-use crate::render::attachment::cleared;
 
 /// The name of the pass's span in Bevy's render diagnostics. There is one per camera, for all of its cascades, and one
 /// for every map of a point or spot light.
@@ -58,7 +57,7 @@ pub(super) fn draw_shared_map(
 
 fn draw(view: &ShadowView, map: &mut MapProps, cache: &PipelineCache, ctx: &mut RenderContext) {
     let MapProps { filled, drawn, kept, group, .. } = map;
-    let (false, Some(group)) = (drawn.is_empty(), group.get()) else {
+    let (false, Some(group)) = (drawn.is_empty(), &*group) else {
         return;
     };
     for calls in filled.chunk_by(|a, b| a.entity == b.entity) {
@@ -67,7 +66,12 @@ fn draw(view: &ShadowView, map: &mut MapProps, cache: &PipelineCache, ctx: &mut 
         };
         let mut pass = ctx.begin_tracked_render_pass(RenderPassDescriptor {
             label: Some(SHADOW_SPAN),
-            color_attachments: &[cleared(&tile.texture)],
+            color_attachments: &[Some(RenderPassColorAttachment {
+                view: &tile.texture,
+                depth_slice: None,
+                resolve_target: None,
+                ops: default(),
+            })],
             ..default()
         });
         draw_calls(&mut pass, group, calls, cache);

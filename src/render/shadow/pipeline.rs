@@ -4,8 +4,9 @@ use bevy::{
     core_pipeline::core_3d::CORE_3D_DEPTH_FORMAT,
     prelude::*,
     render::render_resource::{
-        BindGroupLayoutDescriptor, BindGroupLayoutEntries, CompareFunction, FragmentState, RenderPipelineDescriptor,
-        ShaderStages, SpecializedRenderPipeline, TextureFormat, TextureSampleType, VertexState,
+        BindGroupLayoutDescriptor, BindGroupLayoutEntries, CompareFunction, DepthStencilState, FragmentState,
+        RenderPipelineDescriptor, ShaderStages, SpecializedRenderPipeline, TextureFormat, TextureSampleType,
+        VertexState,
         binding_types::{storage_buffer_read_only, texture_2d, uniform_buffer},
     },
     shader::{Shader, ShaderDefVal},
@@ -13,11 +14,7 @@ use bevy::{
 
 use crate::{
     gpu::{FieldLayouts, Shaders, TreeShape},
-    render::{
-        attachment::depth_test,
-        fullscreen::target,
-        view::{PropUniform, ViewUniform},
-    },
+    render::plan::{PropUniform, ViewUniform},
 };
 
 /// The format of tiles: distances along the light's axis, from where the rays of a prop begin. Negative where it is not
@@ -42,8 +39,8 @@ pub(super) fn init(mut commands: Commands, fields: Res<FieldLayouts>, shaders: R
     );
     let tile = texture_2d(TextureSampleType::Float { filterable: false });
     commands.insert_resource(ShadowPipeline {
-        march: shaders.shadow.clone(),
-        copy: shaders.shadow_tile.clone(),
+        march: shaders.get("shadow"),
+        copy: shaders.get("shadow_tile"),
         view: BindGroupLayoutDescriptor::new("plenoctree_shadow", &entries),
         fields: fields.clone(),
         tile: BindGroupLayoutDescriptor::new(
@@ -75,8 +72,8 @@ impl SpecializedRenderPipeline for ShadowPipeline {
         }
         let (shader, group) = match key {
             ShadowKey::March(tree) | ShadowKey::Fill(tree) => {
-                definitions.extend(self.fields.definitions(tree));
-                (&self.march, self.fields.of(tree))
+                definitions.extend(tree.definitions());
+                (&self.march, self.fields.get())
             }
             ShadowKey::Copy => (&self.copy, &self.tile),
         };
@@ -93,10 +90,16 @@ impl SpecializedRenderPipeline for ShadowPipeline {
                 shader: shader.clone(),
                 shader_defs: definitions,
                 entry_point: Some("fragment".into()),
-                targets: if is_tile { vec![Some(target(TILE_FORMAT, None))] } else { vec![] },
+                targets: if is_tile { vec![Some(TILE_FORMAT.into())] } else { vec![] },
             }),
             // Bevy's maps have the format and the depth order of the scene's depth texture.
-            depth_stencil: (!is_tile).then(|| depth_test(CORE_3D_DEPTH_FORMAT, true, CompareFunction::Greater)),
+            depth_stencil: (!is_tile).then(|| DepthStencilState {
+                format: CORE_3D_DEPTH_FORMAT,
+                depth_write_enabled: Some(true),
+                depth_compare: Some(CompareFunction::Greater),
+                stencil: default(),
+                bias: default(),
+            }),
             ..default()
         }
     }

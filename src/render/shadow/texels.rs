@@ -4,8 +4,8 @@ use bevy::{prelude::*, render::view::ExtractedView};
 use glam::{DAffine3, DMat4, DVec2, DVec4};
 
 use crate::render::{
+    plan::{covered, extent},
     rays::{Placement, Rays, is_orthographic, near_plane},
-    view::{covered, extent},
 };
 
 /// How the light of a shadow map sees a prop.

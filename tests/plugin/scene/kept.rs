@@ -19,6 +19,8 @@ use glam::DVec3;
 use image::RgbaImage;
 use plenoctree::{BakeSettings, Basis, bake};
 
+use crate::idle_stage::idle_stage;
+
 const SIZE: u32 = 64;
 
 /// Bakes a cube from -1/2 to 1/2 whose color differs from place to place.
@@ -214,7 +216,8 @@ const CHANGES: &[(&str, Change)] = &[
     ("one sample", |view| view.set_camera(Msaa::Off)),
     ("a posterized view", |view| view.set_camera((PosterizeView(view.fields[1].clone()), Posterize::default()))),
     ("custom stages", |view| {
-        view.set_camera((LabelStages, Posterize { softness: 0.0, ..default() }));
+        let idle = idle_stage(view.world());
+        view.set_camera((idle, Posterize { softness: 0.0, ..default() }));
     }),
     ("the viewport", |view| {
         let camera = view.camera;

@@ -4,13 +4,15 @@ use std::time::Duration;
 
 use bevy::{camera::Hdr, prelude::*};
 use bevy_plenoctree::{
-    BeforePalette, BilateralFilter, EdgeSmoothing, FieldPalette, LabelStages, Palettes, PlenOctree, PlenOctreePlugin,
-    Posterize, Prop, PropQuality, SolidOpacity,
+    BeforePalette, BilateralFilter, EdgeSmoothing, FieldPalette, Palettes, PlenOctree, PlenOctreePlugin, Posterize,
+    Prop, PropQuality, SolidOpacity,
     headless::{Headless, exact_camera},
 };
 use glam::DVec3;
 use image::RgbaImage;
 use plenoctree::{BakeSettings, Basis, bake};
+
+use crate::idle_stage::idle_stage;
 
 const SIZE: u32 = 128;
 
@@ -93,7 +95,8 @@ fn nothing_is_left_of_a_prop_that_is_gone() {
                 view.set(Hdr);
             }
             if stages {
-                view.set(LabelStages);
+                let idle = idle_stage(view.headless.app.world_mut());
+                view.set(idle);
             }
             view.spawn(Vec3::new(-0.5, 0.1, 0.0), default());
             view

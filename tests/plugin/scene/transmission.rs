@@ -135,7 +135,7 @@ fn props_are_drawn_after_the_sky_and_before_other_main_passes() {
                 painting = painting.in_set(BeforeProps);
             }
             let render_app = app.sub_app_mut(RenderApp);
-            render_app.configure_sets(Core3d, BeforeProps.before(PlenOctreeRenderSystems::Volume));
+            render_app.configure_sets(Core3d, BeforeProps.before(PlenOctreeRenderSystems::Layer));
             render_app.add_systems(Core3d, painting);
         });
         stage.spawn_prop(&cube(density(0.4), GREEN), default());

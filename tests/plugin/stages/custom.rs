@@ -1,31 +1,17 @@
 //! Tests custom render stages between the labels and the screen.
 
-use bevy::{
-    camera::Viewport,
-    core_pipeline::{FullscreenShader, schedule::Core3d},
-    prelude::*,
-    render::{
-        RenderApp, RenderStartup,
-        render_resource::{
-            BindGroupEntries, BindGroupLayoutDescriptor, BindGroupLayoutEntries, CachedRenderPipelineId,
-            ColorTargetState, ColorWrites, FragmentState, LoadOp, Operations, PipelineCache, RenderPassColorAttachment,
-            RenderPassDescriptor, RenderPipelineDescriptor, ShaderStages, StoreOp, TextureSampleType,
-            binding_types::texture_2d,
-        },
-        renderer::{RenderContext, ViewQuery},
-    },
-};
+use bevy::{camera::Viewport, prelude::*, shader::Shader};
 use bevy_plenoctree::{
-    BeforePalette, BilateralFilter, EdgeSmoothing, LabelStages, LabelTextures, Palette, PaletteLabel,
-    PlenOctreeRenderSystems, Posterize, PosterizeView, PropStage,
+    BeforePalette, BilateralFilter, EdgeSmoothing, LabelStages, Palette, PaletteLabel, Posterize, PosterizeView,
+    PropStage,
 };
 
 use super::scene::{COLOR, PALETTE, SIZE, SOLID, Scene, assert_near, at, middle};
 
 /// Draws the label of a pixel in red and its owner in green, in sixteenths.
-const SHADER: &str = "
-@group(0) @binding(0) var colors: texture_2d<f32>;
-@group(0) @binding(1) var labels: texture_2d<u32>;
+const MARK: &str = "
+@group(1) @binding(0) var colors: texture_2d<f32>;
+@group(1) @binding(1) var labels: texture_2d<u32>;
 
 @fragment
 fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
@@ -35,58 +21,20 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
 }
 ";
 
-#[derive(Resource)]
-struct Stage {
-    shader: Handle<Shader>,
-    pipeline: Option<(BindGroupLayoutDescriptor, CachedRenderPipelineId)>,
-}
+/// Swaps red and blue.
+const SWAP: &str = "
+@group(1) @binding(0) var colors: texture_2d<f32>;
 
-fn init(mut stage: ResMut<Stage>, fullscreen: Res<FullscreenShader>, cache: Res<PipelineCache>) {
-    let textures = (texture_2d(TextureSampleType::Float { filterable: false }), texture_2d(TextureSampleType::Uint));
-    let entries = BindGroupLayoutEntries::sequential(ShaderStages::FRAGMENT, textures);
-    let layout = BindGroupLayoutDescriptor::new("test_stage", &entries);
-    let target = ColorTargetState { format: LabelTextures::COLOR_FORMAT, blend: None, write_mask: ColorWrites::ALL };
-    let pipeline = cache.queue_render_pipeline(RenderPipelineDescriptor {
-        layout: vec![layout.clone()],
-        vertex: fullscreen.to_vertex_state(),
-        fragment: Some(FragmentState { shader: stage.shader.clone(), targets: vec![Some(target)], ..default() }),
-        ..default()
-    });
-    stage.pipeline = Some((layout, pipeline));
+@fragment
+fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
+    return textureLoad(colors, vec2<u32>(position.xy), 0).bgra;
 }
+";
 
-fn run(view: ViewQuery<&LabelTextures>, stage: Res<Stage>, cache: Res<PipelineCache>, mut ctx: RenderContext) {
-    let textures = view.into_inner();
-    let Some((layout, id)) = &stage.pipeline else { return };
-    let Some(pipeline) = cache.get_render_pipeline(*id) else { return };
-    let write = textures.stage_write();
-    let group = ctx.render_device().create_bind_group(
-        None,
-        &cache.get_bind_group_layout(layout),
-        &BindGroupEntries::sequential((write.source, &textures.labels)),
-    );
-    let attachment = RenderPassColorAttachment {
-        view: write.destination,
-        depth_slice: None,
-        resolve_target: None,
-        ops: Operations { load: LoadOp::Load, store: StoreOp::Store },
-    };
-    let mut pass =
-        ctx.begin_tracked_render_pass(RenderPassDescriptor { color_attachments: &[Some(attachment)], ..default() });
-    pass.set_render_pipeline(pipeline);
-    pass.set_bind_group(0, &group, &[]);
-    pass.draw(0..3, 0..1);
-}
-
-fn add_stage(app: &mut App) {
-    let shader = app.world_mut().resource_mut::<Assets<Shader>>().add(Shader::from_wgsl(SHADER, "stage.wgsl"));
-    let render_app = app.sub_app_mut(RenderApp);
-    render_app.insert_resource(Stage { shader, pipeline: None }).add_systems(RenderStartup, init);
-    // Add the system at both places in the frame. It does nothing at the one that the camera does not use.
-    for place in [PropStage::Scene, PropStage::Display] {
-        let at_place = move |view: ViewQuery<&LabelTextures>| view.into_inner().stage == place;
-        render_app.add_systems(Core3d, run.run_if(at_place).in_set(PlenOctreeRenderSystems::LabelStages(place)));
-    }
+/// Adds shaders to an app, and returns them as stages.
+fn stages<const N: usize>(scene: &mut Scene, sources: [&str; N]) -> LabelStages {
+    let mut shaders = scene.world().resource_mut::<Assets<Shader>>();
+    LabelStages(sources.map(|source| shaders.add(Shader::from_wgsl(source.to_string(), "stage.wgsl"))).to_vec())
 }
 
 const HARD: Posterize = Posterize {
@@ -111,28 +59,30 @@ fn marked(label: u32, owner: u32) -> Color {
 
 #[test]
 fn a_stage_reads_labels_and_owners_and_writes_the_screen() {
-    let mut scene = posterized(Scene::with(SOLID, add_stage));
+    let mut scene = posterized(Scene::new(SOLID));
     let without = scene.capture();
     let encoded = |color: Color| Srgba::from(color).to_f32_array_no_alpha().map(f64::from);
     let palette = Palette::new(PALETTE.map(encoded).to_vec()).unwrap();
     let label = PaletteLabel::nearest(encoded(COLOR).into(), &palette, HARD.blend_steps).unwrap();
     for msaa in [Msaa::Off, Msaa::Sample4] {
         for place in [PropStage::Scene, PropStage::Display] {
-            scene.set((msaa, place, LabelStages));
+            let mark = stages(&mut scene, [MARK]);
+            scene.set((msaa, place, mark));
             let frame = scene.capture();
             assert_near(middle(&frame), marked(2 + label.index as u32, 1), 1, &format!("{msaa:?}, {place:?}"));
             assert_eq!(at(&frame, 1, 1), at(&without, 1, 1), "next to the prop");
         }
     }
-    scene.set_if(false, LabelStages);
+    scene.set_if(false, LabelStages::default());
     scene.set((Msaa::Off, PropStage::Scene));
     assert!(scene.capture() == without, "without the stage again");
 }
 
 #[test]
 fn props_as_trained_and_posterized_views_have_different_labels() {
-    let mut scene = Scene::with(SOLID, add_stage);
-    scene.set((Msaa::Off, LabelStages));
+    let mut scene = Scene::new(SOLID);
+    let mark = stages(&mut scene, [MARK]);
+    scene.set((Msaa::Off, mark));
     assert_near(middle(&scene.capture()), marked(1, 0), 1, "as trained");
     let field = scene.field.clone();
     scene.set((PosterizeView(field), HARD));
@@ -140,22 +90,31 @@ fn props_as_trained_and_posterized_views_have_different_labels() {
     assert!(red >= 2 * 16 - 1 && green == 0, "{red} {green}");
 }
 
-/// If no stage is added, `LabelStages` does not change the frame.
+/// Stages run in order, each on the result of the one before it, in viewports of any size, and on smooth edges too. Two
+/// that undo each other change nothing.
 #[test]
-fn label_stages_alone_change_nothing() {
+fn stages_run_in_order() {
     let mut scene = posterized(Scene::new(SOLID));
     let corner =
         Viewport { physical_position: UVec2::new(7, 3), physical_size: UVec2::new(SIZE - 11, SIZE - 9), ..default() };
-    for viewport in [None, Some(corner)] {
+    let prop = scene.prop;
+    for (viewport, edges) in [(None, EdgeSmoothing::Coverage), (Some(corner), EdgeSmoothing::Off)] {
         let camera = scene.camera;
         scene.world().get_mut::<Camera>(camera).unwrap().viewport = viewport;
+        scene.world().entity_mut(prop).insert(Posterize { edges, ..HARD });
         for msaa in [Msaa::Off, Msaa::Sample4] {
             scene.set(msaa);
-            scene.set_if(false, LabelStages);
+            let [once, twice] = [stages(&mut scene, [SWAP]), stages(&mut scene, [SWAP, SWAP])];
+            scene.set_if(false, LabelStages::default());
             let direct = scene.capture();
-            scene.set(LabelStages);
+            scene.set(once);
+            let swapped = scene.capture();
+            let [r, g, b] = middle(&direct);
+            assert_eq!(middle(&swapped), [b, g, r], "{msaa:?}");
+            scene.set(twice);
             let staged = scene.capture();
             assert_ne!(middle(&direct), at(&direct, 0, 0), "the prop is visible");
+            // Stages decide for whole pixels, so that a mesh in front of a prop hides none of their samples.
             let far = direct.iter().zip(staged.iter()).filter(|(a, b)| a.abs_diff(**b) > 1).count();
             assert_eq!(far, 0, "{msaa:?}");
         }

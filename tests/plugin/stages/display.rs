@@ -17,10 +17,12 @@ use bevy::{
         view::{ColorGrading, ColorGradingGlobal, ViewTarget},
     },
 };
-use bevy_plenoctree::{LabelStages, PlenOctreePlugin, Posterize, PropStage, headless::exact_camera};
+use bevy_plenoctree::{PlenOctreePlugin, Posterize, PropStage, headless::exact_camera};
 use image::imageops::crop_imm;
 
 use super::scene::{COLOR, SHOWN, SIZE, SOLID, Scene, assert_near, at, is_near, middle};
+
+use crate::idle_stage::idle_stage;
 
 const TONEMAPPINGS: [Tonemapping; 9] = [
     Tonemapping::None,
@@ -140,7 +142,8 @@ fn glass_is_in_front_of_exact_colors() {
     ] {
         scene.set(msaa);
         scene.set_if(hdr, Hdr);
-        scene.set_if(stages, LabelStages);
+        let idle = idle_stage(scene.world());
+        scene.set_if(stages, idle);
         for viewport in [None, Some(corner.clone())] {
             let (camera, what) = (scene.camera, format!("{msaa:?}, HDR {hdr}, {viewport:?}"));
             let (x, y, size) = viewport.as_ref().map_or((0, 0, SIZE), |viewport| (7, 3, viewport.physical_size.x));

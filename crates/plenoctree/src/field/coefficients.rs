@@ -70,30 +70,35 @@ impl Coefficients {
     /// Calls `visit` with every coefficient of a leaf and the index of its function: those of one channel after
     /// another.
     #[inline]
-    pub fn visit(&self, basis: Basis, leaf: usize, mut visit: impl FnMut(usize, f16)) {
+    pub fn visit(&self, basis: Basis, leaf: usize, mut visit: impl FnMut(usize, f64)) {
         let functions = basis.functions();
         match self {
             Self::Each(all) => {
                 for channel in all[leaf * 3 * functions..][..3 * functions].chunks_exact(functions) {
-                    channel.iter().enumerate().for_each(|(function, k)| visit(function, *k));
+                    channel.iter().enumerate().for_each(|(function, k)| visit(function, k.to_f64()));
                 }
             }
             Self::Shared { colors, rows, tables } => {
-                let rounded = |steps: f64, step: f32| {
-                    let k = f16::from_f64(steps * f64::from(step));
-                    if k.is_finite() { k } else { f16::MAX.copysign(k) }
-                };
                 let color = to_rgb(colors[leaf].map(f64::from));
                 let rows = rows.get(leaf).map(|rows| tables.rows(*rows, functions - 1));
                 for (channel, steps) in color.into_iter().enumerate() {
-                    visit(0, rounded(steps, tables.color_step));
+                    visit(0, steps * f64::from(tables.color_step));
                     for function in 1..functions {
                         let steps = rows.map_or([0.0; 3], |rows| rows.map(|row| f64::from(row[function - 1])));
-                        visit(function, rounded(to_rgb(steps)[channel], tables.table_step));
+                        visit(function, to_rgb(steps)[channel] * f64::from(tables.table_step));
                     }
                 }
             }
         }
+    }
+
+    /// Calls `visit` like [`Self::visit`], with coefficients in half precision: those of codebooks are rounded.
+    #[inline]
+    pub fn visit_halves(&self, basis: Basis, leaf: usize, mut visit: impl FnMut(usize, f16)) {
+        self.visit(basis, leaf, |function, k| {
+            let half = f16::from_f64(k);
+            visit(function, if half.is_finite() { half } else { f16::MAX.copysign(half) });
+        });
     }
 
     /// Returns the sums of the harmonics of a leaf's channels. `y` are the values of the basis functions.
@@ -128,7 +133,7 @@ impl Coefficients {
             Self::Each(all) => Cow::Borrowed(all),
             Self::Shared { colors, .. } => {
                 let mut all = Vec::with_capacity(colors.len() * basis.coefficients());
-                (0..colors.len()).for_each(|leaf| self.visit(basis, leaf, |_, k| all.push(k)));
+                (0..colors.len()).for_each(|leaf| self.visit_halves(basis, leaf, |_, k| all.push(k)));
                 Cow::Owned(all)
             }
         }

@@ -15,7 +15,9 @@ use super::{
     coefficients::{Codebook, Coefficients},
     frame::{Frame, UpAxis},
 };
-use crate::sampling::{Histograms, Recorded, SamplingSettings};
+use crate::histograms::{Histograms, Recorded, SamplingSettings};
+#[cfg(feature = "write")]
+use crate::sampling::{Canceled, Progress, SamplingError, sample};
 
 /// The maximum depth of a field, in levels of cells. The finest cells are at least `2^-MAX_DEPTH` of the cube wide.
 ///
@@ -110,6 +112,18 @@ pub struct PlenOctree {
     recorded: Option<Arc<Recorded>>,
 }
 
+/// Returns an error unless the numbers of a frame are finite, and its scale positive.
+fn check_frame(frame: Frame) -> Result<(), InvalidField> {
+    let number = |what, positive| Err(InvalidField::Number { what, positive });
+    if !frame.offset.is_finite() {
+        return number("the offset", false);
+    }
+    if !frame.scale.is_finite() || frame.scale.min_element() <= 0.0 {
+        return number("the scale", true);
+    }
+    Ok(())
+}
+
 impl PlenOctree {
     /// Creates a field from its parts.
     ///
@@ -151,15 +165,9 @@ impl PlenOctree {
         density: Vec<f32>,
         coefficients: Coefficients,
     ) -> Result<Self, InvalidField> {
-        let number = |what, positive| Err(InvalidField::Number { what, positive });
-        if !frame.offset.is_finite() {
-            return number("the offset", false);
-        }
-        if !frame.scale.is_finite() || frame.scale.min_element() <= 0.0 {
-            return number("the scale", true);
-        }
+        check_frame(frame)?;
         if density.iter().any(|d| !d.is_finite() || *d <= 0.0) {
-            return number("the density of a leaf", true);
+            return Err(InvalidField::Number { what: "the density of a leaf", positive: true });
         }
         let mut field = Self::of_valid(frame, basis, activation, up, 0, nodes, density, coefficients);
         field.depth = field.validate()?;
@@ -325,6 +333,11 @@ impl PlenOctree {
         Self { precision, ..self }
     }
 
+    /// Returns the field with another axis that points up. It stays where it is, in its own frame.
+    pub fn with_up(self, up: UpAxis) -> Self {
+        self.with_settings(None, Some(up))
+    }
+
     /// Returns the field with the properties that the settings override.
     pub(crate) fn with_settings(self, activation: Option<Activation>, up: Option<UpAxis>) -> Self {
         let (activation, up) = (activation.unwrap_or(self.activation), up.unwrap_or(self.up));
@@ -337,14 +350,39 @@ impl PlenOctree {
         Self { recorded, ..self }
     }
 
-    /// Returns the histograms of the field that this packed field was made from, so that its palette stays the same.
-    /// `None` if the file records none, if `settings` ask for other observers or bins than it records, or if the field
-    /// is no longer the one in the file: if it was thinned, or read with another activation or up axis.
+    /// Returns the recorded histograms of the field that this packed field was made from. `None` if none are recorded, if
+    /// `settings` ask for other observers or bins than those, or if the field is no longer the one in the file: if it was
+    /// thinned, or read with another activation or up axis.
     ///
-    /// The file records what [`SamplingSettings::default`] asks for. Bins may also be those that divide its bins.
+    /// What [`SamplingSettings::default`] asks for is recorded, if [`PackSettings::record_histograms`] says so. Bins may also be those that divide its bins.
     /// [`SamplingSettings::sample_fraction`] does not matter, because all leaves were sampled.
+    ///
+    /// [`PackSettings::record_histograms`]: https://docs.rs/plenoctree/latest/plenoctree/struct.PackSettings.html
     pub fn histograms(&self, settings: &SamplingSettings) -> Option<Histograms> {
         self.recorded.as_ref()?.histograms(settings)
+    }
+
+    /// Samples the field with the default settings, and returns it with what was found: [`Self::histograms`] returns
+    /// that, and packed files record it with [`PackSettings::record_histograms`](crate::PackSettings::record_histograms).
+    /// So a field that is changed before it is packed, for example by `fit::simplify`, keeps its palette.
+    ///
+    /// Returns the field unchanged if it has histograms already, or if nothing of it is visible.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error if [`Progress::cancel`](crate::sampling::Progress::cancel) is called.
+    #[cfg(feature = "write")]
+    pub fn recording_histograms(self, progress: &Progress) -> Result<Self, Canceled> {
+        let settings = SamplingSettings::default();
+        if self.recorded.is_some() {
+            return Ok(self);
+        }
+        match sample(&self, &settings, progress) {
+            Ok(histograms) => Ok(Self { recorded: Recorded::new(&settings, &histograms).map(Arc::new), ..self }),
+            Err(SamplingError::Canceled(canceled)) => Err(canceled),
+            // The default settings are valid.
+            Err(SamplingError::Setting(_)) => Ok(self),
+        }
     }
 
     #[cfg(feature = "write")]
@@ -459,9 +497,14 @@ impl PlenOctree {
     }
 
     /// Returns the field moved by `shift`, in its own frame.
-    pub fn shifted(self, shift: DVec3) -> Self {
+    ///
+    /// # Errors
+    ///
+    /// Returns an error if the offset of the moved frame is not finite.
+    pub fn shifted(self, shift: DVec3) -> Result<Self, InvalidField> {
         let frame = Frame { offset: self.frame.offset - self.frame.scale * shift, ..self.frame };
-        Self { frame, ..self }
+        check_frame(frame)?;
+        Ok(Self { frame, ..self })
     }
 
     /// Returns an iterator over all leaves and their cells, in depth-first order.

@@ -12,12 +12,14 @@ mod read;
 mod walk;
 #[cfg(feature = "write")]
 mod write;
-#[cfg(feature = "write")]
-mod write_quantized;
 
 pub use error::{ReadError, ReadFault};
 #[cfg(feature = "write")]
 pub(crate) use frame::check_frame;
+#[cfg(feature = "write")]
+pub(crate) use packed::{COLOR_RANGES, MAX_LEVELS, MAX_ROWS, Quantized, RECENT, Recent};
 pub use read::LoadSettings;
 #[cfg(feature = "write")]
 pub use write::WriteError;
+#[cfg(feature = "write")]
+pub(crate) use write::{Archive, frame_in_float32, half_density};

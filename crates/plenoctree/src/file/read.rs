@@ -60,8 +60,8 @@ impl Default for LoadSettings {
 }
 
 impl LoadSettings {
-    /// Returns the density threshold per world unit, for a field of a frame and a depth.
-    pub(crate) fn density_threshold_in(&self, frame: Frame, depth: u32) -> f32 {
+    /// Returns the density per world unit below which leaves are dropped, for a field of a frame and a depth.
+    pub fn density_threshold_in(&self, frame: Frame, depth: u32) -> f32 {
         let cell = (frame.scale * f64::from(depth).exp2()).recip().max_element();
         self.density_threshold / cell.max(1.0) as f32
     }

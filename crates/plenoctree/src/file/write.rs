@@ -109,7 +109,7 @@ impl PlenOctree {
             let (coefficients, density) = match cell.as_leaf().map(|leaf| leaf as usize) {
                 Some(leaf) => {
                     coefficients.clear();
-                    self.stored().visit(self.basis(), leaf, |_, k| coefficients.push(k));
+                    self.stored().visit_halves(self.basis(), leaf, |_, k| coefficients.push(k));
                     (&coefficients, half_density(self.densities()[leaf]))
                 }
                 None => (&zeros, f16::ZERO),
@@ -124,12 +124,12 @@ impl PlenOctree {
 }
 
 /// Rounds a density to float16, but to neither 0 nor infinity.
-pub(super) fn half_density(density: f32) -> f16 {
+pub(crate) fn half_density(density: f32) -> f16 {
     f16::from_f32(density).clamp(f16::MIN_POSITIVE_SUBNORMAL, f16::MAX)
 }
 
 /// Returns the frame's scale and offset in float32.
-pub(super) fn frame_in_float32(field: &PlenOctree) -> Result<([f32; 3], [f32; 3]), WriteError> {
+pub(crate) fn frame_in_float32(field: &PlenOctree) -> Result<([f32; 3], [f32; 3]), WriteError> {
     let frame = field.frame();
     let (scale, offset) = (frame.scale.as_vec3(), frame.offset.as_vec3());
     let fault = |key, exact: DVec3, at: usize| WriteError::Frame { key, found: exact[at] };
@@ -143,7 +143,7 @@ pub(super) fn frame_in_float32(field: &PlenOctree) -> Result<([f32; 3], [f32; 3]
 }
 
 /// An archive being written.
-pub(super) struct Archive<W: Write + Seek>(ZipWriter<W>);
+pub(crate) struct Archive<W: Write + Seek>(ZipWriter<W>);
 
 impl<W: Write + Seek> Archive<W> {
     pub fn new(writer: W) -> Self {

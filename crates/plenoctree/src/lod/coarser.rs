@@ -53,7 +53,7 @@ impl PlenOctree {
 
     fn leaf_coefficients(&self, leaf: u32) -> Vec<f16> {
         let mut coefficients = Vec::with_capacity(self.basis().coefficients());
-        self.stored().visit(self.basis(), leaf as usize, |_, k| coefficients.push(k));
+        self.stored().visit_halves(self.basis(), leaf as usize, |_, k| coefficients.push(k));
         coefficients
     }
 
@@ -71,7 +71,7 @@ impl PlenOctree {
             let weight = (-(-f64::from(self.densities()[leaf as usize]) * width).exp_m1()).max(f64::MIN_POSITIVE);
             total += weight;
             let mut sums = sums.iter_mut();
-            self.stored().visit(self.basis(), leaf as usize, |_, k| {
+            self.stored().visit_halves(self.basis(), leaf as usize, |_, k| {
                 if let Some(sum) = sums.next() {
                     *sum += weight * k.to_f64();
                 }

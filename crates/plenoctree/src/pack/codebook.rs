@@ -13,11 +13,11 @@ use super::{
     colors::nearest,
     leaves::Leaves,
     metric::{add_diagonal, product, solve},
-    recent::Recent,
     reuse::{Costs, reuse},
     search::Search,
     split::{Points, split},
 };
+use crate::file::Recent;
 use crate::sampling::{Canceled, Progress};
 
 /// Rounds of Lloyd's algorithm.

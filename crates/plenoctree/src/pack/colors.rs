@@ -1,6 +1,7 @@
 //! Rounds the coefficients of the constant function.
 
-use super::{COLOR_RANGES, metric::Metric};
+use super::metric::Metric;
+use crate::file::COLOR_RANGES;
 use crate::{
     field::{Basis, PlenOctree, Tables, from_rgb},
     sampling::Seen,
@@ -22,7 +23,7 @@ pub(super) fn corrected(
     let of_leaf = |(leaf, seen): (usize, &Seen)| {
         metric.of(&seen.views, &mut moments);
         let (mut own, mut place) = ([[0.0f32; 3]; 25], 0);
-        field.stored().visit(field.basis(), leaf, |function, k| {
+        field.stored().visit_halves(field.basis(), leaf, |function, k| {
             own[function][place / functions] = k.to_f32();
             place += 1;
         });

@@ -1,9 +1,9 @@
 //! Packs a field.
 
-use std::{io::Write, path::Path, sync::Arc};
+use std::{io::Write, path::Path};
 
 use super::{
-    PackSettings, Quantized,
+    PackSettings,
     codebook::{self, Book},
     colors, density,
     leaves::Leaves,
@@ -11,11 +11,8 @@ use super::{
 };
 use crate::{
     field::{Frame, PlenOctree, Tables, from_rgb},
-    file::{WriteError, check_frame},
-    sampling::{
-        Canceled, InvalidSetting, Progress, Recorded, SamplingError, SamplingSettings, Seen, Visibility, sample,
-        visibility,
-    },
+    file::{Quantized, WriteError, check_frame},
+    sampling::{Canceled, InvalidSetting, Progress, Seen, Visibility, visibility},
     save::replace_file,
 };
 
@@ -69,7 +66,10 @@ impl Packed {
         let metric = Metric::new(&directions, field.basis().functions());
         let seen: Vec<Seen> =
             (0..).zip(seen.iter().cloned()).filter(|(leaf, _)| keep(*leaf)).map(|(_, seen)| seen).collect();
-        let recorded = recorded(field, progress)?;
+        let recorded = match settings.record_histograms {
+            true => field.clone().recording_histograms(progress)?.recorded().cloned(),
+            false => None,
+        };
         let quantized = Quantized { recorded, ..quantize(&kept, seen, &metric, settings, progress)? };
         let (bytes, sections) = quantized.encode();
         let dropped = field.leaves() - kept.leaves();
@@ -147,17 +147,12 @@ fn quantize(
     })
 }
 
-/// Returns the histograms of a field, so that the packed one has the same palette.
-fn recorded(field: &PlenOctree, progress: &Progress) -> Result<Option<Arc<Recorded>>, Canceled> {
-    if let Some(recorded) = field.recorded() {
-        return Ok(Some(recorded.clone()));
-    }
-    let settings = SamplingSettings::default();
-    match sample(field, &settings, progress) {
-        Ok(histograms) => Ok(Recorded::new(&settings, &histograms).map(Arc::new)),
-        Err(SamplingError::Canceled(canceled)) => Err(canceled),
-        // The default settings are valid.
-        Err(SamplingError::Setting(_)) => Ok(None),
+impl PlenOctree {
+    /// Returns the field with the histograms that [`Self::histograms`] of `original` returns, if it has any.
+    ///
+    /// Use this for a field that was made from `original` and looks like it.
+    pub fn with_histograms_of(self, original: &PlenOctree) -> Self {
+        self.with_recorded(original.recorded().cloned())
     }
 }
 
@@ -173,7 +168,7 @@ fn books(
     for leaf in 0..seen.len() {
         let mut channels = [Vec::new(), Vec::new(), Vec::new()];
         let mut channel = 0;
-        field.stored().visit(field.basis(), leaf, |function, k| {
+        field.stored().visit_halves(field.basis(), leaf, |function, k| {
             if function > 0 {
                 channels[channel].push(k.to_f32());
             }

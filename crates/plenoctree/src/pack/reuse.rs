@@ -4,9 +4,9 @@ use rayon::prelude::*;
 
 use super::{
     leaves::Leaves,
-    recent::{RECENT, Recent},
     search::{features, write_query},
 };
+use crate::file::{RECENT, Recent};
 use crate::sampling::{Canceled, Progress};
 
 /// The number of leaves that are processed one after another. The first of them know no rows of earlier leaves.

@@ -4,9 +4,9 @@
 use bevy_reflect::std_traits::ReflectDefault;
 use serde::{Deserialize, Serialize};
 
-use super::{MAX_LEVELS, MAX_ROWS};
 use crate::{
     field::{Activation, Basis, PlenOctree},
+    file::{MAX_LEVELS, MAX_ROWS},
     sampling::InvalidSetting,
 };
 
@@ -40,6 +40,10 @@ pub struct PackSettings {
     /// Step, in the same unit, to which the colors of a leaf of average visibility are rounded. Those of less visible
     /// leaves are rounded more, and all at least to `color_step`. 0 to 1.
     pub tolerance: f32,
+    /// Whether the file records the [histograms](PlenOctree::histograms) of the field, so that a palette that is
+    /// extracted from the packed field equals that of the field. Then nothing is sampled when a game extracts it. False
+    /// by default: palettes are extracted from what is drawn.
+    pub record_histograms: bool,
 }
 
 impl PackSettings {
@@ -52,6 +56,7 @@ impl PackSettings {
         color_step: 0.03,
         table_step: 0.03,
         tolerance: 0.1,
+        record_histograms: false,
     };
     /// For most fields.
     pub const BALANCED: Self = Self {
@@ -62,6 +67,7 @@ impl PackSettings {
         color_step: 0.015,
         table_step: 0.02,
         tolerance: 0.04,
+        record_histograms: false,
     };
     /// For fields that are seen from close by.
     pub const FINE: Self = Self {
@@ -72,6 +78,7 @@ impl PackSettings {
         color_step: 0.008,
         table_step: 0.01,
         tolerance: 0.03,
+        record_histograms: false,
     };
 
     /// Checks that every setting is in its range.

@@ -13,7 +13,8 @@ use crate::save::replace_file;
 /// A few colors that represent everything visible in a field, the heaviest first.
 ///
 /// Palette files are JSON: `{"colors": [[r, g, b], ...], "weights": [...], "method": "fitted"}`. If a file has no
-/// weights, all colors have the same weight. `method` is left out unless the palette was extracted.
+/// weights, all colors have the same weight. `method` is left out unless the palette was extracted. Channels in files
+/// are from 0 to 1.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "PaletteJson")]
 #[cfg_attr(
@@ -23,8 +24,8 @@ use crate::save::replace_file;
     type_path = "plenoctree"
 )]
 pub struct Palette {
-    /// Colors in encoded sRGB. Extracted colors are in [0, 1]. Handmade colors may exceed this range, such as neon
-    /// colors.
+    /// Colors in encoded sRGB. Extracted colors, and those in files, are in [0, 1]. Handmade colors may exceed this
+    /// range, such as neon colors.
     pub colors: Vec<[f64; 3]>,
     /// Weight of each color: the amount of visible weight that is nearest to it. Finite and not negative. The weights
     /// of an extracted palette sum to 1.
@@ -67,6 +68,14 @@ pub enum InvalidPalette {
         /// The color found.
         found: [f64; 3],
     },
+    /// A channel in a file is not from 0 to 1.
+    #[error("found {found:?} as color {index}, expected channels from 0 to 1{}", meant(found))]
+    Channel {
+        /// Index of the color.
+        index: usize,
+        /// The color found.
+        found: [f64; 3],
+    },
     /// A weight is negative, infinite or NaN.
     #[error("found {found} as weight {index}, expected a finite, non-negative number")]
     Weight {
@@ -75,6 +84,12 @@ pub enum InvalidPalette {
         /// The weight found.
         found: f64,
     },
+}
+
+/// Returns a question for those who write bytes.
+fn meant(color: &[f64; 3]) -> &'static str {
+    let looks_like_bytes = color.iter().all(|channel| (0.0..=255.0).contains(channel));
+    if looks_like_bytes { " (did you mean 0 to 255? Divide by 255)" } else { "" }
 }
 
 /// An error that occurs when reading or writing a palette file.
@@ -116,7 +131,20 @@ impl Palette {
     ///
     /// Returns an error if there are no colors, more than [`Self::MAX_COLORS`], or one that is not finite in float32.
     pub fn new(colors: Vec<[f64; 3]>) -> Result<Self, InvalidPalette> {
-        PaletteJson { colors, weights: None, method: None }.try_into()
+        let weights = equal_weights(colors.len());
+        let palette = Self { colors, weights, method: None };
+        palette.validate()?;
+        Ok(palette)
+    }
+
+    /// Checks what must hold for the palette in a file, too.
+    fn validate_for_file(&self) -> Result<(), InvalidPalette> {
+        self.validate()?;
+        let is_outside = |color: &[f64; 3]| color.iter().any(|channel| !(0.0..=1.0).contains(channel));
+        match self.colors.iter().position(is_outside) {
+            Some(index) => Err(InvalidPalette::Channel { index, found: self.colors[index] }),
+            None => Ok(()),
+        }
     }
 
     /// Checks that the palette is valid. It may not be, because its fields are public.
@@ -175,11 +203,12 @@ impl Palette {
     ///
     /// # Errors
     ///
-    /// Returns an error if the palette is invalid, or if writing fails. An existing file is then unchanged.
+    /// Returns an error if the palette is invalid, if a channel is not from 0 to 1, or if writing fails. An existing file
+    /// is then unchanged.
     pub fn write(&self, path: impl AsRef<Path>) -> Result<(), PaletteFileError> {
         let path = path.as_ref();
         let name = || path.to_path_buf();
-        self.validate().map_err(|source| PaletteFileError::Invalid { path: name(), source })?;
+        self.validate_for_file().map_err(|source| PaletteFileError::Invalid { path: name(), source })?;
         let text =
             serde_json::to_string(self).map_err(|source| PaletteFileError::Json { path: name(), source })? + "\n";
         replace_file(path, |file| file.write_all(text.as_bytes()))
@@ -191,12 +220,15 @@ impl TryFrom<PaletteJson> for Palette {
     type Error = InvalidPalette;
 
     fn try_from(PaletteJson { colors, weights, method }: PaletteJson) -> Result<Self, InvalidPalette> {
-        let equal = || vec![1.0 / colors.len() as f64; colors.len()];
-        let weights = weights.unwrap_or_else(equal);
+        let weights = weights.unwrap_or_else(|| equal_weights(colors.len()));
         let palette = Self { colors, weights, method };
-        palette.validate()?;
+        palette.validate_for_file()?;
         Ok(palette)
     }
+}
+
+fn equal_weights(colors: usize) -> Vec<f64> {
+    vec![1.0 / colors as f64; colors]
 }
 
 #[cfg(test)]
@@ -212,7 +244,7 @@ mod tests {
     proptest! {
         /// A written palette is read back with its colors in the same order.
         #[test]
-        fn files_keep_palettes(colors in prop::collection::vec(prop::array::uniform3(-2.0..3.0f64), 1..=64)) {
+        fn files_keep_palettes(colors in prop::collection::vec(prop::array::uniform3(0.0..=1.0f64), 1..=64)) {
             let mut palette = Palette::new(colors).unwrap();
             palette.weights.iter_mut().enumerate().for_each(|(i, w)| *w = (i as f64).sqrt());
             let read = parse(&serde_json::to_string(&palette).unwrap()).unwrap();
@@ -225,9 +257,9 @@ mod tests {
 
     #[test]
     fn files_have_colors_weights_and_the_method() {
-        let colors = vec![[0.0, 0.5, 1.0], [1.5, -0.25, 0.0]];
+        let colors = vec![[0.0, 0.5, 1.0], [0.75, 0.25, 0.0]];
         let mut palette = Palette { colors, weights: vec![0.75, 0.25], method: None };
-        let handmade = r#"{"colors":[[0.0,0.5,1.0],[1.5,-0.25,0.0]],"weights":[0.75,0.25]}"#;
+        let handmade = r#"{"colors":[[0.0,0.5,1.0],[0.75,0.25,0.0]],"weights":[0.75,0.25]}"#;
         assert_eq!(serde_json::to_string(&palette).unwrap(), handmade);
         palette.method = Some(PaletteMethod::Fitted);
         let extracted = handmade.replace('}', r#","method":"fitted"}"#);
@@ -251,6 +283,13 @@ mod tests {
                 r#"{"colors": [[0, 0, 0]], "weights": [-1]}"#,
                 "found -1 as weight 0, expected a finite, non-negative number",
             ),
+            (
+                r#"{"colors": [[0, 0, 0], [255, 128, 0]]}"#,
+                "found [255.0, 128.0, 0.0] as color 1, expected channels from 0 to 1 (did you mean 0 to 255? Divide by \
+                 255)",
+            ),
+            (r#"{"colors": [[0, 0, 1.01]]}"#, "did you mean 0 to 255?"),
+            (r#"{"colors": [[-0.5, 0, 2]]}"#, "found [-0.5, 0.0, 2.0] as color 0, expected channels from 0 to 1"),
             (r#"{"colors": [[0, 0]]}"#, "invalid length 2, expected an array of length 3"),
             (r#"{"colors": [[0, 0, 1e999]]}"#, "number out of range"),
             (r#"{"colors": [[0, 0, null]]}"#, "invalid type: null, expected f64"),
@@ -282,7 +321,10 @@ mod tests {
         let palette = Palette::new(vec![[0.5; 3]; 2]).unwrap();
         palette.write(&path).unwrap();
         let invalid = Palette { weights: vec![], ..palette.clone() };
-        assert!(matches!(invalid.write(&path), Err(PaletteFileError::Invalid { .. })));
+        let neon = Palette::new(vec![[2.0, 0.5, 0.5]]).unwrap();
+        for palette in [&invalid, &neon] {
+            assert!(matches!(palette.write(&path), Err(PaletteFileError::Invalid { .. })));
+        }
         assert_eq!(Palette::read(&path).unwrap(), palette);
         assert_eq!(std::fs::read_dir(&folder).unwrap().count(), 1);
         std::fs::remove_dir_all(&folder).unwrap();

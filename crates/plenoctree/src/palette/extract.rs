@@ -59,7 +59,7 @@ pub enum ExtractionError {
     #[error(transparent)]
     Setting(#[from] InvalidSetting),
     /// The field has no leaves, or none whose light leaves it.
-    #[error("nothing is visible in the field: it is empty, or every leaf absorbs more than 99% of its light")]
+    #[error("nothing of the field is visible: it is empty, or too faint")]
     NothingVisible,
     /// [`Progress::cancel`] was called.
     #[error(transparent)]

@@ -5,7 +5,7 @@ use std::{f64::consts::TAU, ops::ControlFlow};
 use glam::DVec3;
 
 use crate::{
-    field::{PlenOctree, UpAxis},
+    field::{LeafCell, PlenOctree, UpAxis},
     sampling::{Histograms, InvalidSetting, ObserverRegion, SamplingSettings},
 };
 
@@ -22,6 +22,7 @@ pub fn sample_histograms(field: &PlenOctree, settings: &SamplingSettings) -> Res
     let mut weights = bins.map(|bins| vec![0.0; bins.pow(3)]);
     let cells = f64::from(1u32 << field.depth());
     let directions = observers(field.up(), settings);
+    let at_entry = is_solid(field, &directions, settings.stop_transmittance);
     for cell in field.leaf_cells() {
         let center = field.frame().to_world((cell.corner.as_dvec3() + 0.5 * f64::from(cell.size)) / cells);
         let density = f64::from(field.densities()[cell.leaf as usize]);
@@ -31,7 +32,15 @@ pub fn sample_histograms(field: &PlenOctree, settings: &SamplingSettings) -> Res
             let first = field.radiance(cell.leaf, -rays[0]);
             let (mut weight, mut color) = (0.0, DVec3::ZERO);
             for &observer in rays {
-                let visibility = density * transmittance(field, center, observer, settings.stop_transmittance);
+                let own = density * half_path(field, cell, observer);
+                let visibility = density
+                    * if at_entry {
+                        let entry =
+                            transmittance(field, center, observer, Some(cell.leaf), settings.stop_transmittance);
+                        entry * mean_transmittance(2.0 * own)
+                    } else {
+                        transmittance(field, center, observer, None, settings.stop_transmittance)
+                    };
                 weight += visibility;
                 color += visibility * (field.radiance(cell.leaf, -observer) - first);
             }
@@ -85,11 +94,46 @@ fn observers(up: UpAxis, settings: &SamplingSettings) -> Vec<Vec<DVec3>> {
     cells
 }
 
-/// Returns the transmittance from `point` to the edge of the field, or 0 if it is less than `stop`.
-fn transmittance(field: &PlenOctree, point: DVec3, toward: DVec3, stop: f64) -> f64 {
+/// Returns whether more than half of what observers see is in leaves that hide their own centers, so that leaves are
+/// sampled where rays enter them: step 3.
+fn is_solid(field: &PlenOctree, directions: &[Vec<DVec3>], stop: f64) -> bool {
+    let cells = f64::from(1u32 << field.depth());
+    let least = stop.max(f64::from(f32::MIN_POSITIVE));
+    let (mut seen, mut left_out) = (0.0, 0.0);
+    for cell in field.leaf_cells() {
+        let center = field.frame().to_world((cell.corner.as_dvec3() + 0.5 * f64::from(cell.size)) / cells);
+        for &observer in directions.iter().flatten() {
+            let own = f64::from(field.densities()[cell.leaf as usize]) * half_path(field, cell, observer);
+            let entry = transmittance(field, center, observer, Some(cell.leaf), least);
+            let light = f64::from(cell.size).powi(2) * entry * (1.0 - (-2.0 * own).exp());
+            seen += light;
+            if (-own).exp() < least {
+                left_out += light;
+            }
+        }
+    }
+    left_out > 0.5 * seen
+}
+
+/// Returns the length of the path from the center of a leaf to where it leaves the leaf.
+fn half_path(field: &PlenOctree, cell: LeafCell, toward: DVec3) -> f64 {
+    let half = 0.5 * f64::from(cell.size) / f64::from(1u32 << field.depth()) / field.frame().scale;
+    (half / toward.abs()).min_element()
+}
+
+/// Returns the mean transmittance along a path of this optical depth.
+fn mean_transmittance(depth: f64) -> f64 {
+    if depth > 0.0 { -(-depth).exp_m1() / depth } else { 1.0 }
+}
+
+/// Returns the transmittance from `point` to the edge of the field, or 0 if it is less than `stop`. The leaf `except`
+/// counts as empty.
+fn transmittance(field: &PlenOctree, point: DVec3, toward: DVec3, except: Option<u32>, stop: f64) -> f64 {
     let mut depth = 0.0_f64;
     field.march(point, toward, |crossing| {
-        depth += f64::from(field.densities()[crossing.leaf as usize]) * crossing.length;
+        if Some(crossing.leaf) != except {
+            depth += f64::from(field.densities()[crossing.leaf as usize]) * crossing.length;
+        }
         if (-depth).exp() < stop { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     });
     let transmittance = (-depth).exp();

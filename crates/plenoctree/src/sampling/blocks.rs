@@ -119,20 +119,21 @@ impl Blocks {
         &self.blocks[self.entry(place).map_or(0, |entry| self.map[entry] as usize)]
     }
 
-    /// Adds the optical depths along `path` to those of the rays from the cells of the block at `place`.
+    /// Adds the optical depths along `path`, without its first `skipped` steps, to those of the rays from the cells of
+    /// the block at `place`.
     ///
     /// A row of rays is dropped once all its optical depths are greater than `limit`, or infinite.
-    pub fn march(&self, place: IVec3, path: &Path, limit: f32, depths: &mut Depths) {
+    pub fn march(&self, place: IVec3, path: &Path, skipped: usize, limit: f32, depths: &mut Depths) {
         let hidden = |row: &[f32; SIDE]| row.iter().fold(true, |all, &depth| all & (depth > limit));
         let mut live = (0..ROWS).filter(|&row| !hidden(&depths[row])).fold(0, |live, row| live | 1 << row);
-        for run in &path.runs {
+        for run in path.runs.iter().filter(|run| run.steps.end > skipped) {
             // The shifted block overlaps two by two blocks. Their rows reach into the blocks above.
             let corner = place + run.blocks;
             let blocks = [(0, 0), (0, 1), (1, 0), (1, 1)].map(|(x, y)| self.get(corner + IVec3::new(x, y, 0)));
             if blocks.iter().all(|block| block.occupied == 0) {
                 continue;
             }
-            for step in &path.steps[run.steps.clone()] {
+            for step in &path.steps[run.steps.start.max(skipped)..run.steps.end] {
                 self.cross(blocks, step, live, depths);
             }
             for row in bits(live) {

@@ -4,8 +4,8 @@ use std::f64::consts::TAU;
 
 use glam::DVec3;
 
-use super::settings::{ObserverRegion, SamplingSettings};
 use crate::field::UpAxis;
+use crate::histograms::{ObserverRegion, SamplingSettings};
 
 /// Returns unit vectors from a leaf to the observers, in the field's frame: the rays of every direction cell.
 pub(super) fn observers(up: UpAxis, settings: &SamplingSettings) -> Vec<Vec<DVec3>> {

@@ -1,10 +1,11 @@
 //! Selects the leaves to sample, and bounds their weight.
 
 use super::{
+    point::SamplePoint,
     progress::{Canceled, Progress},
-    settings::SamplingSettings,
 };
 use crate::field::{LeafCell, PlenOctree};
+use crate::histograms::SamplingSettings;
 
 /// Returns the leaves to sample, in the order of the octree. These are all leaves, or one from every stratum of `1 /
 /// sample_fraction` consecutive leaves, which are neighbors in space.
@@ -42,10 +43,12 @@ fn scramble(n: u64) -> u64 {
 }
 
 /// Returns an upper bound of the total weight of a field's radiance samples. The light of a leaf always crosses half of
-/// its own cell, which limits its weight.
+/// its own cell, or, from the point where rays enter the leaf, is the mean along a path through all of it. Both limit its
+/// weight.
 pub(super) fn weight_bound(
     field: &PlenOctree,
     settings: &SamplingSettings,
+    point: SamplePoint,
     progress: &Progress,
 ) -> Result<f64, Canceled> {
     let finest = f64::from(1u32 << field.depth());
@@ -54,7 +57,11 @@ pub(super) fn weight_bound(
     for cell in field.leaf_cells() {
         progress.check()?;
         let density = f64::from(field.densities()[cell.leaf as usize]);
-        sum += density * (-density * half_cell * f64::from(cell.size)).exp();
+        let own = density * half_cell * f64::from(cell.size);
+        sum += match point {
+            SamplePoint::Center => density * (-own).exp(),
+            SamplePoint::Entry => density * point.share(own),
+        };
     }
     Ok(sum * settings.direction_cells() as f64)
 }

@@ -7,24 +7,23 @@
 
 mod blocks;
 mod directions;
-mod histogram;
 mod leaves;
 mod march;
 mod path;
 mod plan;
+mod point;
 mod progress;
-mod recorded;
 mod sampler;
-mod settings;
 #[cfg(feature = "write")]
 mod visibility;
 
-pub(crate) use histogram::Bins;
-pub use histogram::{Histograms, InvalidHistogram, MAX_CHANNEL};
+pub(crate) use crate::histograms::{Bins, Recorded};
+pub use crate::histograms::{
+    Histograms, InvalidHistogram, InvalidSetting, MAX_CHANNEL, ObserverRegion, SamplingSettings,
+};
 pub use plan::SamplingPlan;
+pub use point::SamplePoint;
 pub use progress::{Canceled, Progress};
-pub(crate) use recorded::Recorded;
 pub use sampler::{SamplingError, sample};
-pub use settings::{InvalidSetting, ObserverRegion, SamplingSettings};
 #[cfg(feature = "write")]
 pub(crate) use visibility::{Seen, Visibility, visibility};

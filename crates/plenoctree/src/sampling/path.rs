@@ -67,6 +67,17 @@ impl Path {
         path
     }
 
+    /// Returns the number of steps inside the leaf, `size` finest cells wide, at whose center the path starts.
+    pub fn steps_within(&self, size: u32) -> usize {
+        let low = -((size / 2) as i32);
+        let inside = |run: &Run, step: &Step| {
+            let offset = run.blocks * SIDE as i32 + IVec3::from_array(step.rest.map(i32::from));
+            offset.min_element() >= low && offset.max_element() < low + size as i32
+        };
+        let steps = self.runs.iter().flat_map(|run| self.steps[run.steps.clone()].iter().map(move |step| (run, step)));
+        steps.take_while(|(run, step)| inside(run, step)).count()
+    }
+
     fn push(&mut self, offset: IVec3, length: f64) {
         let side = IVec3::splat(SIDE as i32);
         let (blocks, rest) = (offset.div_euclid(side), offset.rem_euclid(side));

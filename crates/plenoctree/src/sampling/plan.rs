@@ -5,10 +5,11 @@ use glam::DVec3;
 use super::{
     directions::observers,
     leaves::{chosen_leaves, weight_bound},
+    point::SamplePoint,
     progress::{Canceled, Progress},
-    settings::SamplingSettings,
 };
 use crate::field::{LeafCell, PlenOctree};
+use crate::histograms::SamplingSettings;
 
 /// The radiance samples that [`sample`](super::sample) takes of a field, for samplers that run elsewhere, such as on
 /// the GPU.
@@ -18,6 +19,8 @@ pub struct SamplingPlan {
     pub leaves: Vec<LeafCell>,
     /// Unit vectors from every leaf to the observers, in the field's frame, grouped by direction cell.
     pub observers: Vec<Vec<DVec3>>,
+    /// Where in the leaves radiance is sampled.
+    pub point: SamplePoint,
     /// Upper bound of the total weight of all samples.
     pub weight_bound: f64,
 }
@@ -32,10 +35,12 @@ impl SamplingPlan {
     ///
     /// Returns an error if [`Progress::cancel`] is called.
     pub fn new(field: &PlenOctree, settings: &SamplingSettings, progress: &Progress) -> Result<Self, Canceled> {
+        let point = SamplePoint::choose(field, settings, progress)?;
         Ok(Self {
             leaves: chosen_leaves(field, settings, progress)?,
             observers: observers(field.up(), settings),
-            weight_bound: weight_bound(field, settings, progress)?,
+            weight_bound: weight_bound(field, settings, point, progress)?,
+            point,
         })
     }
 }

@@ -6,14 +6,14 @@ use rayon::prelude::*;
 use super::{
     blocks::{Blocks, Depths, ROWS},
     directions::observers,
-    histogram::{Histograms, Tally},
     leaves::{chosen_leaves, weight_bound},
     march::optical_depth,
     path::{Path, SIDE, Start},
+    point::SamplePoint,
     progress::{Canceled, Progress},
-    settings::{InvalidSetting, SamplingSettings},
 };
 use crate::field::{LeafCell, PlenOctree};
+use crate::histograms::{Histograms, InvalidSetting, SamplingSettings, Tally};
 
 /// An error that occurs when sampling a field.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -30,10 +30,11 @@ pub enum SamplingError {
 ///
 /// Every leaf is seen from its center, in all directions of the settings. The weight of its radiance in a direction is
 /// its visibility: its density times the transmittance to the edge of the field. The upper hemisphere is the one above
-/// the field's own up axis.
+/// the field's own up axis. In solid fields, whose leaves hide their own centers, leaves are seen from where rays enter
+/// them: see [`SamplePoint`].
 ///
-/// Packed fields record the histograms of the original field ([`PlenOctree::histograms`]). If these match the settings,
-/// they are returned, and nothing is sampled.
+/// Packed fields may record the histograms of the original field ([`PlenOctree::histograms`]). If these match the
+/// settings, they are returned, and nothing is sampled.
 ///
 /// The result is the same, bit for bit, on any number of cores. It differs from float64 by less than 1e-6 of the total
 /// weight.
@@ -51,12 +52,14 @@ pub fn sample(
         return Ok(histograms);
     }
     let blocks = Blocks::new(field, progress)?;
-    Ok(Sampler::new(field, settings, blocks, progress)?.run()?)
+    let point = SamplePoint::choose(field, settings, progress)?;
+    Ok(Sampler::new(field, settings, point, blocks, progress)?.run()?)
 }
 
 pub(super) struct Sampler<'a> {
     pub field: &'a PlenOctree,
     settings: &'a SamplingSettings,
+    point: SamplePoint,
     pub blocks: Option<Blocks>,
     /// Rays of every direction cell.
     pub cells: Vec<Vec<Ray>>,
@@ -71,44 +74,45 @@ pub(super) struct Ray {
     pub direction: DVec3,
     /// Basis functions for the view from the observer.
     pub basis: [f64; 25],
+    /// Length of the path from the center of a finest cell to the face where it leaves the cell, in world units.
+    half: f64,
     /// From the centers of finest leaves, and from those of larger ones.
     paths: [Path; 2],
 }
 
 impl Ray {
-    /// Returns the path from the centers of leaves.
-    pub fn path(&self, start: Start) -> &Path {
-        &self.paths[usize::from(start == Start::Corner)]
+    /// Returns the path from the centers of leaves that are `size` finest cells wide.
+    fn path(&self, size: u32) -> &Path {
+        &self.paths[usize::from(size > 1)]
     }
 
-    /// Returns the length of the ray from a leaf's center to its surface, in world units.
+    /// Returns the length of the path from the center of a leaf, `size` finest cells wide, to its surface, in world
+    /// units.
     pub fn half(&self, size: u32) -> f64 {
-        0.5 * f64::from(size) * self.direction.abs().recip().min_element()
+        self.half * f64::from(size)
     }
 }
 
 /// Leaves that are sampled together.
 pub(super) enum Unit {
-    /// Leaves whose centers are in the same block.
+    /// Leaves of the same size whose centers are in the same block.
     Block(BlockUnit),
     /// A leaf of any size.
     Alone(LeafCell),
 }
 
-/// Leaves whose centers are in the same block.
+/// Leaves of the same size whose centers are in the same block.
 pub(super) struct BlockUnit {
     /// The block.
-    pub place: IVec3,
-    /// Where their rays start in the cells at their centers.
-    pub start: Start,
+    place: IVec3,
+    /// Their width, in finest cells.
+    pub size: u32,
     pub leaves: Vec<BlockLeaf>,
 }
 
 /// A leaf whose center is in a block.
 pub(super) struct BlockLeaf {
     pub leaf: u32,
-    /// Width, in finest cells.
-    pub size: u32,
     /// The row and the lane of the cell at its center.
     pub row: usize,
     pub lane: usize,
@@ -127,6 +131,7 @@ impl<'a> Sampler<'a> {
     pub fn new(
         field: &'a PlenOctree,
         settings: &'a SamplingSettings,
+        point: SamplePoint,
         blocks: Option<Blocks>,
         progress: &'a Progress,
     ) -> Result<Self, Canceled> {
@@ -138,21 +143,22 @@ impl<'a> Sampler<'a> {
         let ray = |observer: DVec3| {
             progress.check()?;
             let direction = observer * field.frame().scale * finest;
+            let half = 0.5 * direction.abs().recip().min_element();
             let paths = [Start::Center, Start::Corner].map(|start| Path::new(direction, start, extent));
-            Ok(Ray { direction, basis: field.basis().evaluate(-observer), paths })
+            Ok(Ray { direction, basis: field.basis().evaluate(-observer), half, paths })
         };
         let cells = observers(field.up(), settings).into_iter().map(|cell| cell.into_iter().map(ray).collect());
         let cells = cells.collect::<Result<_, Canceled>>()?;
         // Infinite if the threshold is 0. Then no leaf is hidden.
         let limit = -settings.stop_transmittance.ln();
-        Ok(Self { field, settings, blocks, cells, limit, progress })
+        Ok(Self { field, settings, point, blocks, cells, limit, progress })
     }
 
     fn run(&self) -> Result<Histograms, Canceled> {
         let progress = self.progress;
         let chosen = chosen_leaves(self.field, self.settings, progress)?;
         progress.begin(chosen.len());
-        let most = weight_bound(self.field, self.settings, progress)?;
+        let most = weight_bound(self.field, self.settings, self.point, progress)?;
         let start = || Worker {
             tally: Tally::new(self.settings.fine_bins, self.settings.coarse_bins, most),
             depths: vec![[[0.0; SIDE]; ROWS]; self.settings.multisamples.pow(2)],
@@ -179,8 +185,9 @@ impl<'a> Sampler<'a> {
     /// Returns the leaves in groups. Leaves are in the order of the octree.
     pub fn units(&self, leaves: &[LeafCell]) -> Result<Vec<Unit>, Canceled> {
         let mut units = Vec::new();
-        // The groups of the current block, by where their rays start.
-        let mut open: [Option<BlockUnit>; 2] = [None, None];
+        // The groups of the current block, by the size of their leaves. The center of a leaf that is as wide as a block
+        // or wider is in a block of its own.
+        let mut open: [Option<BlockUnit>; SIDE.ilog2() as usize + 1] = Default::default();
         for &cell in leaves {
             self.progress.check()?;
             if self.blocks.is_none() {
@@ -188,19 +195,35 @@ impl<'a> Sampler<'a> {
                 continue;
             }
             let side = SIDE as u32;
-            let start = if cell.size == 1 { Start::Center } else { Start::Corner };
             let center = cell.corner + cell.size / 2;
             let (place, inside) = ((center / side).as_ivec3(), center % side);
             let (row, lane) = ((inside.x * side + inside.y) as usize, inside.z as usize);
-            let leaf = BlockLeaf { leaf: cell.leaf, size: cell.size, row, lane };
+            let leaf = BlockLeaf { leaf: cell.leaf, row, lane };
             // Leaves of a block are consecutive.
-            match &mut open[usize::from(start == Start::Corner)] {
+            match &mut open[cell.size.min(side).ilog2() as usize] {
                 Some(unit) if unit.place == place => unit.leaves.push(leaf),
-                unit => units.extend(unit.replace(BlockUnit { place, start, leaves: vec![leaf] }).map(Unit::Block)),
+                unit => {
+                    let next = BlockUnit { place, size: cell.size, leaves: vec![leaf] };
+                    units.extend(unit.replace(next).map(Unit::Block));
+                }
             }
         }
         units.extend(open.into_iter().flatten().map(Unit::Block));
         Ok(units)
+    }
+
+    /// Computes the optical depths of a ray from the leaves of a unit, as [`optical_depth`] does. Those of all other
+    /// cells are infinite.
+    pub fn march(&self, blocks: &Blocks, unit: &BlockUnit, ray: &Ray, limit: f64, depths: &mut Depths) {
+        depths.as_flattened_mut().fill(f32::INFINITY);
+        unit.leaves.iter().for_each(|leaf| depths[leaf.row][leaf.lane] = 0.0);
+        let path = ray.path(unit.size);
+        // Where rays start at the point where they enter the leaf, it does not hide itself, however dense it is.
+        let skipped = match self.point {
+            SamplePoint::Center => 0,
+            SamplePoint::Entry => path.steps_within(unit.size),
+        };
+        blocks.march(unit.place, path, skipped, limit as f32, depths);
     }
 
     /// Samples leaves in all directions and returns their number.
@@ -209,20 +232,19 @@ impl<'a> Sampler<'a> {
         let Worker { tally, depths, coefficients } = worker;
         coefficients.clear();
         match unit {
-            Unit::Block(BlockUnit { place, start, leaves }) => {
+            Unit::Block(unit) => {
+                let leaves = &unit.leaves;
                 leaves.iter().for_each(|leaf| self.decode(leaf.leaf, coefficients));
                 let per_leaf = self.field.basis().coefficients();
                 let Some(blocks) = &self.blocks else { return Ok(leaves.len()) };
                 for cell in &self.cells {
                     for (ray, depths) in cell.iter().zip(&mut *depths) {
                         self.progress.check()?;
-                        depths.as_flattened_mut().fill(f32::INFINITY);
-                        leaves.iter().for_each(|leaf| depths[leaf.row][leaf.lane] = 0.0);
-                        blocks.march(*place, ray.path(*start), self.limit as f32, depths);
+                        self.march(blocks, unit, ray, self.limit, depths);
                     }
                     for (leaf, coefficients) in leaves.iter().zip(coefficients.chunks_exact(per_leaf)) {
                         let depth = |ray: usize| f64::from(depths[ray][leaf.row][leaf.lane]);
-                        self.add(tally, leaf.leaf, coefficients, cell, depth);
+                        self.add(tally, leaf.leaf, unit.size, coefficients, cell, depth);
                     }
                 }
                 Ok(leaves.len())
@@ -231,8 +253,9 @@ impl<'a> Sampler<'a> {
                 self.decode(leaf.leaf, coefficients);
                 for cell in &self.cells {
                     self.progress.check()?;
-                    let depth = |ray: usize| optical_depth(self.field, *leaf, cell[ray].direction, self.limit);
-                    self.add(tally, leaf.leaf, coefficients, cell, depth);
+                    let depth =
+                        |ray: usize| optical_depth(self.field, *leaf, cell[ray].direction, self.point, self.limit);
+                    self.add(tally, leaf.leaf, leaf.size, coefficients, cell, depth);
                 }
                 Ok(1)
             }
@@ -240,11 +263,21 @@ impl<'a> Sampler<'a> {
     }
 
     fn decode(&self, leaf: u32, coefficients: &mut Vec<f64>) {
-        self.field.stored().visit(self.field.basis(), leaf as usize, |_, k| coefficients.push(k.to_f64()));
+        self.field.stored().visit(self.field.basis(), leaf as usize, |_, k| coefficients.push(k));
     }
 
-    /// Adds the radiance sample of a leaf in a direction cell, given the optical depth along each ray.
-    fn add(&self, tally: &mut Tally, leaf: u32, coefficients: &[f64], cell: &[Ray], depth: impl Fn(usize) -> f64) {
+    /// Adds the radiance sample of a leaf, `size` finest cells wide, in a direction cell, given the optical depth along
+    /// each ray.
+    fn add(
+        &self,
+        tally: &mut Tally,
+        leaf: u32,
+        size: u32,
+        coefficients: &[f64],
+        cell: &[Ray],
+        depth: impl Fn(usize) -> f64,
+    ) {
+        let density = f64::from(self.field.densities()[leaf as usize]);
         let functions = self.field.basis().functions();
         // Averaging differences from the first color keeps a color that is the same in all directions exact, even on
         // the border of two bins.
@@ -256,7 +289,7 @@ impl<'a> Sampler<'a> {
             if depth > self.limit {
                 continue;
             }
-            let visible = (-depth).exp();
+            let visible = (-depth).exp() * self.point.share(density * ray.half(size));
             for (channel, k) in coefficients.chunks_exact(functions).enumerate() {
                 let sum = k.iter().zip(&ray.basis).map(|(k, y)| k * y).sum();
                 let seen = self.field.activation().apply(sum);
@@ -268,7 +301,6 @@ impl<'a> Sampler<'a> {
             transmittance += visible;
         }
         if transmittance > 0.0 {
-            let density = f64::from(self.field.densities()[leaf as usize]);
             let mean = std::array::from_fn(|channel| first[channel] + color[channel] / transmittance);
             tally.add(mean, density * transmittance / cell.len() as f64);
         }
@@ -287,6 +319,7 @@ mod tests {
     use crate::{
         bake::{BakeSettings, bake},
         field::{Activation, Basis, Cell, Frame, UpAxis},
+        pack::{PackSettings, Packed},
         reference::sample_histograms,
         sampling::{ObserverRegion, SamplingPlan},
     };
@@ -370,6 +403,7 @@ mod tests {
             depth in 1u32..6,
             scale in prop::array::uniform3(0.1..3.0f64),
             stop in prop_oneof![Just(0.0), Just(1e-2), 0.0..0.9f64],
+            point in prop_oneof![Just(SamplePoint::Center), Just(SamplePoint::Entry)],
         ) {
             let field = field(seed, depth, scale, UpAxis::Z);
             let settings = SamplingSettings {
@@ -379,7 +413,7 @@ mod tests {
                 ..settings(ObserverRegion::Sphere)
             };
             let progress = Progress::default();
-            let run = |blocks| Sampler::new(&field, &settings, blocks, &progress).unwrap().run().unwrap();
+            let run = |blocks| Sampler::new(&field, &settings, point, blocks, &progress).unwrap().run().unwrap();
             let (blocks, single) = (run(blocks(&field)), run(None));
             prop_assert!((blocks.total_weight() - single.total_weight()).abs() <= 1e-5 * single.total_weight());
         }
@@ -391,7 +425,7 @@ mod tests {
         let field = field(5, 6, [0.4; 3], UpAxis::Z);
         let (settings, progress) = (settings(ObserverRegion::Sphere), Progress::default());
         let leaves = chosen_leaves(&field, &settings, &progress).unwrap();
-        let sampler = Sampler::new(&field, &settings, blocks(&field), &progress).unwrap();
+        let sampler = Sampler::new(&field, &settings, SamplePoint::Center, blocks(&field), &progress).unwrap();
         let units = sampler.units(&leaves).unwrap();
         let mut found = Vec::new();
         for unit in &units {
@@ -401,9 +435,70 @@ mod tests {
         found.sort_unstable();
         assert!(found.iter().copied().eq(0..field.leaves() as u32));
         let larger = leaves.iter().filter(|cell| cell.size > 1).count();
-        let units_of_larger =
-            units.iter().filter(|unit| matches!(unit, Unit::Block(unit) if unit.start == Start::Corner));
+        let units_of_larger = units.iter().filter(|unit| matches!(unit, Unit::Block(unit) if unit.size > 1));
         assert!(larger > 2 * units_of_larger.count(), "{larger}");
+    }
+
+    /// The coefficients of packed fields are not rounded to half precision first.
+    #[test]
+    #[cfg(feature = "write")]
+    fn histograms_of_packed_fields_match_float64() {
+        for (seed, observers, up) in
+            [(4, ObserverRegion::UpperHemisphere, UpAxis::Y), (5, ObserverRegion::Sphere, UpAxis::Z)]
+        {
+            let field = field(seed, 4, [0.4, 0.5, 0.6], up);
+            let settings = settings(observers);
+            let packed = Packed::new(&field, &PackSettings::default(), &Progress::default()).unwrap();
+            let bins = SamplingSettings { fine_bins: 30, ..settings };
+            let found = sample(packed.field(), &bins, &Progress::default()).unwrap();
+            let expected = sample_histograms(packed.field(), &bins).unwrap();
+            assert!(packed.field().codebook().is_some() && found.total_weight() > 0.0);
+            assert!(difference(&found, &expected) < 1e-6, "{}", difference(&found, &expected));
+        }
+    }
+
+    /// Returns a ball of depth 4 of this density, in a haze, in colors that depend on place and direction.
+    fn ball(density: f64, haze: f64) -> PlenOctree {
+        let settings = BakeSettings { depth: 4, basis: Basis::Sh4, ..Default::default() };
+        let tint = |at: DVec3| move |direction: DVec3| 0.5 + 0.3 * at + 0.1 * direction;
+        let inside = |at: DVec3| if at.length() < 0.7 { density } else { haze };
+        bake(&settings, inside, tint).unwrap()
+    }
+
+    /// A solid ball shows its colors however dense it is, as in float64.
+    #[test]
+    fn solid_fields_are_sampled_where_rays_enter_them() {
+        for (observers, haze) in [(ObserverRegion::UpperHemisphere, 0.0), (ObserverRegion::Sphere, 0.02)] {
+            for (density, stop) in [(1e3, 1e-2), (1e4, 1e-2), (1e6, 0.5), (1e6, 0.0), (1e30, 1e-2)] {
+                let field = ball(density, haze);
+                let settings = SamplingSettings { stop_transmittance: stop, ..settings(observers) };
+                let found = sample(&field, &settings, &Progress::default()).unwrap();
+                let expected = sample_histograms(&field, &settings).unwrap();
+                assert!(found.total_weight() > 0.0);
+                assert!(difference(&found, &expected) < 1e-6, "{density}: {}", difference(&found, &expected));
+                let single = {
+                    let progress = Progress::default();
+                    Sampler::new(&field, &settings, SamplePoint::Entry, None, &progress).unwrap().run().unwrap()
+                };
+                assert!(difference(&single, &expected) < 1e-6, "{density}: {}", difference(&single, &expected));
+                // Beyond some density, nothing changes any more: rays see the surface.
+                let denser = sample(&ball(10.0 * density, haze), &settings, &Progress::default()).unwrap();
+                assert!(difference(&found, &denser) < 200.0 / density + 1e-6, "{density}");
+            }
+        }
+    }
+
+    /// Leaves that hide themselves do not matter as long as they are less than half of what observers see.
+    #[test]
+    fn other_fields_are_sampled_at_the_centers_of_leaves() {
+        let settings = BakeSettings { depth: 5, basis: Basis::Rgba, ..Default::default() };
+        let cut = |height: f64| {
+            let inside = move |at: DVec3| if at.z > height { 1e6 } else { 60.0 };
+            let field = bake(&settings, inside, |_| |_| DVec3::ONE).unwrap();
+            let observers = self::settings(ObserverRegion::Sphere);
+            SamplePoint::choose(&field, &observers, &Progress::default()).unwrap()
+        };
+        assert_eq!([cut(1.0), cut(0.4), cut(-0.4)], [SamplePoint::Center, SamplePoint::Center, SamplePoint::Entry]);
     }
 
     /// A leaf that is alone in its field is only occluded by its own cell, so its weight is known.
@@ -485,11 +580,11 @@ mod tests {
         let (settings, progress, canceled) = (SamplingSettings::default(), Progress::default(), Progress::default());
         let leaves = chosen_leaves(&field, &settings, &progress).unwrap();
         canceled.cancel();
-        let sampler = || Sampler::new(&field, &settings, blocks(&field), &progress).unwrap();
+        let sampler = || Sampler::new(&field, &settings, SamplePoint::Center, blocks(&field), &progress).unwrap();
         assert!(Blocks::new(&field, &canceled).is_err());
-        assert!(Sampler::new(&field, &settings, None, &canceled).is_err());
+        assert!(Sampler::new(&field, &settings, SamplePoint::Center, None, &canceled).is_err());
         assert!(chosen_leaves(&field, &settings, &canceled).is_err());
-        assert!(weight_bound(&field, &settings, &canceled).is_err());
+        assert!(weight_bound(&field, &settings, SamplePoint::Center, &canceled).is_err());
         assert!(SamplingPlan::new(&field, &settings, &canceled).is_err());
         let canceled_sampler = Sampler { progress: &canceled, ..sampler() };
         assert!(canceled_sampler.units(&leaves).is_err());

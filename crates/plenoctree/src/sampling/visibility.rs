@@ -7,11 +7,12 @@ use super::{
     blocks::{Blocks, ROWS},
     march::optical_depth,
     path::SIDE,
+    point::SamplePoint,
     progress::{Canceled, Progress},
-    sampler::{BlockUnit, Sampler, Unit},
-    settings::{ObserverRegion, SamplingSettings},
+    sampler::{Sampler, Unit},
 };
 use crate::field::{Activation, PlenOctree};
+use crate::histograms::{ObserverRegion, SamplingSettings};
 
 /// Directions form a grid of `4n x 2n` cells.
 const DIRECTIONS: usize = 3;
@@ -61,7 +62,8 @@ pub(crate) fn visibility(field: &PlenOctree, below: f64, progress: &Progress) ->
         multisamples: 1,
         ..SamplingSettings::default()
     };
-    let sampler = Sampler::new(field, &settings, Blocks::new(field, progress)?, progress)?;
+    // Leaves do not hide themselves.
+    let sampler = Sampler::new(field, &settings, SamplePoint::Entry, Blocks::new(field, progress)?, progress)?;
     let leaves: Vec<_> = field.leaf_cells().collect();
     let units = sampler.units(&leaves)?;
     progress.begin(leaves.len());
@@ -91,21 +93,16 @@ fn of_unit(sampler: &Sampler, unit: &Unit, counts: &[f64]) -> Result<Vec<(usize,
     let count = counts.iter().sum();
     let mut tallies;
     match unit {
-        Unit::Block(BlockUnit { place, start, leaves }) => {
-            tallies = leaves.iter().map(|leaf| Tally::new(field, leaf.leaf, leaf.size)).collect::<Vec<_>>();
+        Unit::Block(unit) => {
+            tallies = unit.leaves.iter().map(|leaf| Tally::new(field, leaf.leaf, unit.size)).collect::<Vec<_>>();
             let Some(blocks) = &sampler.blocks else { return Ok(Vec::new()) };
             let mut depths = [[0.0; SIDE]; ROWS];
             for (ray, count) in rays().zip(counts) {
                 sampler.progress.check()?;
-                depths.as_flattened_mut().fill(f32::INFINITY);
-                for (leaf, tally) in leaves.iter().zip(&tallies) {
-                    // The leaf's own half is passed first, and does not hide it.
-                    depths[leaf.row][leaf.lane] = -((tally.density * ray.half(leaf.size)) as f32);
-                }
-                blocks.march(*place, ray.path(*start), limit as f32, &mut depths);
-                for (leaf, tally) in leaves.iter().zip(&mut tallies) {
+                sampler.march(blocks, unit, ray, limit, &mut depths);
+                for (leaf, tally) in unit.leaves.iter().zip(&mut tallies) {
                     let depth = depths[leaf.row][leaf.lane].into();
-                    tally.add(field, depth, ray.half(leaf.size), &ray.basis, *count);
+                    tally.add(field, depth, ray.half(unit.size), &ray.basis, *count);
                 }
             }
         }
@@ -113,10 +110,8 @@ fn of_unit(sampler: &Sampler, unit: &Unit, counts: &[f64]) -> Result<Vec<(usize,
             let mut tally = Tally::new(field, leaf.leaf, leaf.size);
             for (ray, count) in rays().zip(counts) {
                 sampler.progress.check()?;
-                let half = ray.half(leaf.size);
-                let own = tally.density * half;
-                let depth = optical_depth(field, *leaf, ray.direction, own + limit) - own;
-                tally.add(field, depth, half, &ray.basis, *count);
+                let depth = optical_depth(field, *leaf, ray.direction, SamplePoint::Entry, limit);
+                tally.add(field, depth, ray.half(leaf.size), &ray.basis, *count);
             }
             tallies = vec![tally];
         }

@@ -349,3 +349,17 @@ fn svox_finds_its_bookkeeping() {
     assert_eq!(scalar("n_free"), [0]);
     assert_eq!(scalar("depth_limit"), [10]);
 }
+
+/// Frames that `new` would refuse are not made by moving a field.
+#[test]
+fn fields_are_only_moved_to_valid_places() {
+    let field = read(&example(Basis::Sh4).stored()).unwrap();
+    let moved = field.clone().shifted(DVec3::new(1.0, -2.0, 0.5)).unwrap();
+    let (low, high) = field.bounds().unwrap();
+    let shift = moved.bounds().unwrap().0 - low;
+    assert!((shift - DVec3::new(1.0, -2.0, 0.5)).length() < 1e-9 * (high - low).length());
+    for wrong in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+        let error = field.clone().shifted(DVec3::splat(wrong)).unwrap_err();
+        assert_eq!(error.to_string(), "the offset must be finite");
+    }
+}

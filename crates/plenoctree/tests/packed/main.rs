@@ -12,7 +12,7 @@ use plenoctree::{
     camera::PinholeCamera,
     palette::{ColorCount, Extraction, ExtractionSettings, PaletteMethod, extract},
     reference::render,
-    sampling::{Progress, SamplingSettings},
+    sampling::{Progress, SamplingSettings, sample},
 };
 use proptest::prelude::*;
 use sections::Sections;
@@ -38,9 +38,12 @@ fn pack(field: &PlenOctree, settings: &PackSettings) -> Packed {
     Packed::new(field, settings, &Progress::default()).unwrap()
 }
 
+/// The section `HIST` of a packed `ball(3, Basis::Sh4)`, as files recorded histograms before `BINS`.
+const ROUNDED: &[u8] = include_bytes!("rounded.hist");
+
 /// A small packed field, as sections.
 fn example(basis: Basis) -> Sections {
-    let settings = PackSettings { rows: 16, ..Default::default() };
+    let settings = PackSettings { rows: 16, record_histograms: true, ..Default::default() };
     Sections::parse(pack(&ball(3, basis), &settings).bytes())
 }
 
@@ -67,13 +70,21 @@ fn psnr(field: &PlenOctree, other: &PlenOctree) -> f64 {
 fn packed_fields_come_back() {
     for basis in Basis::ALL {
         let field = ball(4, basis);
-        let packed = pack(&field, &PackSettings::default());
+        let packed = pack(&field, &PackSettings { record_histograms: true, ..Default::default() });
         let again = read(packed.bytes()).unwrap();
         assert_same(packed.field(), &again);
         assert_eq!(again.codebook(), packed.field().codebook());
         assert!(again.codebook().is_some());
         let settings = SamplingSettings::default();
-        assert_eq!(again.histograms(&settings), packed.field().histograms(&settings));
+        let recorded = again.histograms(&settings).unwrap();
+        let sampled = sample(&field, &settings, &Progress::default()).unwrap();
+        assert_eq!((recorded.fine(), recorded.samples()), (sampled.fine(), sampled.samples()));
+        for (found, expected) in recorded.coarse().iter().zip(sampled.coarse()) {
+            // The sum of the fine bins.
+            assert!((found - expected).abs() <= 1e-13 * expected);
+        }
+        assert_eq!(pack(&field, &PackSettings::default()).field().histograms(&settings), None);
+        assert_eq!(pack(&again, &PackSettings::default()).field().histograms(&settings), None);
         assert_eq!((again.basis(), again.up(), again.frame()), (basis, UpAxis::Y, field.frame()));
         assert_eq!(again.leaves() + packed.dropped(), field.leaves());
         // Packed again, with every number already a multiple of its step.
@@ -99,8 +110,8 @@ fn what_a_file_records_can_be_overridden() {
     assert!(field.densities().iter().eq(dense) && field.leaves() > 0);
 }
 
-/// The palette of the packed field is that of the field, also if it is packed again, and although its leaves would give
-/// another one. Read with other settings, it is not the field in the file any more.
+/// With recorded histograms, the palette of the packed field is that of the field, also if it is packed again, and
+/// although its leaves would give another one. Read with other settings, it is not the field in the file any more.
 #[test]
 fn palettes_stay() {
     // Four colors, which one palette suits best.
@@ -127,17 +138,17 @@ fn palettes_stay() {
         };
         a.palette.colors.iter().map(to).fold(0.0, f64::max)
     };
-    let rough = PackSettings { tolerance: 1.0, rows: 1, color_step: 0.2, ..PackSettings::SMALL };
+    let rough =
+        PackSettings { tolerance: 1.0, rows: 1, color_step: 0.2, record_histograms: true, ..PackSettings::SMALL };
     let once = read(pack(&field, &rough).bytes()).unwrap();
     let twice = read(pack(&once, &rough).bytes()).unwrap();
     let fitted = ExtractionSettings { colors: ColorCount::Fixed(4), ..Default::default() };
     let hull = ExtractionSettings { method: PaletteMethod::Hull, ..Default::default() };
     for packed in [&once, &twice] {
         let difference = difference(&palette(packed, &fitted), &palette(&field, &fitted));
-        assert!(difference < 0.01, "{difference}");
-        // Of hulls that are equally good, it may be another one.
+        assert!(difference < 1e-9, "{difference}");
         let [found, expected] = [packed, &field].map(|field| palette(field, &hull).errors.rmse);
-        assert!((found - expected).abs() < 0.02 * expected, "{found} {expected}");
+        assert!((found - expected).abs() < 1e-9 * expected, "{found} {expected}");
     }
     let sampling = SamplingSettings { stop_transmittance: 0.011, ..Default::default() };
     let sampled =
@@ -260,7 +271,10 @@ fn every_truncation_is_an_error() {
         assert!(error.to_string().starts_with("test.plenoctree: "), "{error}");
     }
     let longer = [&bytes[..], &[0]].concat();
-    assert!(read(&longer).unwrap_err().to_string().contains("expected sections up to the end"));
+    assert!(read(&longer).unwrap_err().to_string().contains("something follows the field"));
+    let (short, whole) = (bytes.len() - 1, bytes.len());
+    let message = format!("header: found {short} bytes, expected {whole}: the file is truncated");
+    assert!(read(&bytes[..short]).unwrap_err().to_string().contains(&message));
 }
 
 /// Asserts how the example is rejected after `change` to its sections.
@@ -305,26 +319,36 @@ fn errors_name_the_section() {
         |sections| sections.get("DENS").fill(0xff),
         "DENS: found NaN, expected a positive number",
     );
-    for (at, bytes, message) in [
-        (0, &[2][..], "HIST: found observers 2, expected 0 or 1"),
-        (1, &[0], "HIST: found directions 0"),
-        (3, &[65], "HIST: found fine_bins 65"),
-        (4, &[0xff; 8], "HIST: found stop_transmittance NaN"),
-        (12, &[0; 8], "HIST: found a weight of 0"),
-        (28, &[0; 4], "HIST: found damaged content"),
-    ] {
-        assert_rejected(
-            Basis::Sh4,
-            |sections| sections.get("HIST")[at..at + bytes.len()].copy_from_slice(bytes),
-            message,
-        );
+    let rounded = |change: &dyn Fn(&mut Vec<u8>), message: &str| {
+        let with_rounded = |sections: &mut Sections| {
+            sections.remove("BINS");
+            sections.add("HIST", ROUNDED.to_vec());
+            change(sections.get("HIST"));
+        };
+        assert_rejected(Basis::Sh4, with_rounded, &format!("HIST: {message}"));
+    };
+    let exact = |change: &dyn Fn(&mut Vec<u8>), message: &str| {
+        assert_rejected(Basis::Sh4, |sections| change(sections.get("BINS")), &format!("BINS: {message}"));
+    };
+    let set = |at: usize, bytes: &'static [u8]| {
+        move |content: &mut Vec<u8>| content[at..at + bytes.len()].copy_from_slice(bytes)
+    };
+    for either in [&rounded as &dyn Fn(&dyn Fn(&mut Vec<u8>), &str), &exact] {
+        either(&set(0, &[2]), "found observers 2, expected 0 or 1");
+        either(&set(1, &[0]), "found directions 0");
+        either(&set(3, &[65]), "found fine_bins 65");
+        either(&set(4, &[0xff; 8]), "found stop_transmittance NaN");
+        either(&|content| content.truncate(9), "found 9 bytes, expected at least 2");
+        either(&|content| _ = content.pop(), "found damaged content");
     }
-    assert_rejected(
-        Basis::Sh4,
-        |sections| sections.get("HIST").truncate(9),
-        "HIST: found 9 bytes, expected at least 28",
-    );
-    assert_rejected(Basis::Sh4, |sections| sections.repeat("HIST"), "HIST: found several sections");
+    rounded(&set(12, &[0; 8]), "found a weight of 0");
+    rounded(&set(28, &[0; 4]), "found damaged content");
+    exact(&|content| content[20..20 + 4096].fill(0), "found damaged content");
+    exact(&|content| content[20] |= 1, "found damaged content");
+    let weights = 20 + 4096;
+    exact(&set(weights, &[0xff; 8]), "found a weight of NaN");
+    exact(&|content| content[weights + 7] |= 0x80, "found a weight of");
+    assert_rejected(Basis::Sh4, |sections| sections.repeat("BINS"), "BINS: found several sections");
     for name in ["LEVL", "BASE", "BOOK", "ROWS"] {
         let message = format!("{name}: found damaged content");
         // Too short for what it says, too long, and a wrong sum of frequencies.
@@ -340,13 +364,30 @@ fn errors_name_the_section() {
     assert_rejected(Basis::Sh4, |sections| sections.damaged = Some("BASE"), "BASE: found a damaged deflate stream");
 }
 
+/// Earlier files recorded weights with five significant bits, and left out the faintest.
+#[test]
+fn rounded_histograms_are_read() {
+    let mut sections = example(Basis::Sh4);
+    let settings = SamplingSettings::default();
+    let expected = read(&sections.bytes()).unwrap().histograms(&settings).unwrap();
+    sections.remove("BINS");
+    assert_eq!(read(&sections.bytes()).unwrap().histograms(&settings), None);
+    sections.add("HIST", ROUNDED.to_vec());
+    let found = read(&sections.bytes()).unwrap().histograms(&settings).unwrap();
+    assert_eq!(found.samples(), expected.samples());
+    let total = expected.total_weight();
+    for (found, expected) in found.fine().iter().zip(expected.fine()) {
+        assert!((found - expected).abs() <= 0.032 * expected + 1e-6 * total, "{found} {expected}");
+    }
+}
+
 /// Sections that readers do not know are ignored, so that later files can say more.
 #[test]
 fn unknown_sections_are_ignored() {
     let mut sections = example(Basis::Sh4);
     let expected = read(&sections.bytes()).unwrap();
     sections.add("NOTE", b"made for a test".to_vec());
-    sections.remove("HIST");
+    sections.remove("BINS");
     assert_same(&expected, &read(&sections.bytes()).unwrap());
 }
 
@@ -393,7 +434,7 @@ proptest! {
     #[test]
     fn changed_sections_give_a_field_or_an_error(
         basis in prop::sample::select(vec![Basis::Rgba, Basis::Sh4]),
-        name in prop::sample::select(vec!["HEAD", "TREE", "DENS", "LEVL", "BASE", "BOOK", "ROWS", "HIST"]),
+        name in prop::sample::select(vec!["HEAD", "TREE", "DENS", "LEVL", "BASE", "BOOK", "ROWS", "BINS"]),
         changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..6),
     ) {
         let mut sections = example(basis);

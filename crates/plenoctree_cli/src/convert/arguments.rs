@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use glam::DVec3;
-use plenoctree::splat::Axis;
+use plenoctree_fit::splat::Axis;
 
 use crate::{boxes::parse_box, capture::CaptureArguments, extraction::ExtractionArguments, number::parse_positive};
 
@@ -13,7 +13,8 @@ use crate::{boxes::parse_box, capture::CaptureArguments, extraction::ExtractionA
 pub struct Arguments {
     /// A capture: .ply, .spz, .sog, the meta.json of SOG or its folder, .glb or .gltf.
     pub capture: PathBuf,
-    /// The field to write. Its palette, views and report.json are written next to it.
+    /// The field to write; packed if the name ends in .plenoctree. Its palette, views and report.json are written next
+    /// to it.
     #[arg(long, value_name = "PROP.npz")]
     pub out: PathBuf,
     /// The number of levels of cells: the finest are 2^-DEPTH of the field's cube wide. By default 10, or fewer if cells

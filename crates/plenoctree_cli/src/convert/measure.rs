@@ -1,7 +1,8 @@
 //! Measures how much a field looks like its capture.
 
 use glam::DVec3;
-use plenoctree::{PlenOctree, camera::PinholeCamera, fit::Comparison, reference::render, splat::SplatImage};
+use plenoctree::{PlenOctree, camera::PinholeCamera, reference::render};
+use plenoctree_fit::{Comparison, splat::SplatImage};
 use serde_json::{Value, json};
 
 /// The backgrounds of both.

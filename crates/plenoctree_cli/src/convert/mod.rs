@@ -10,10 +10,9 @@ pub use arguments::Arguments;
 use std::time::{Duration, Instant};
 
 use glam::DVec3;
-use plenoctree::{
-    PlenOctree,
-    camera::PinholeCamera,
-    fit::{RefineSettings, Refined, Shot, refine},
+use plenoctree::{PlenOctree, camera::PinholeCamera};
+use plenoctree_fit::{
+    RefineSettings, Refined, Shot, refine,
     splat::{SplatImage, Splats, Subject, SubjectSettings, VoxelSettings, Voxels, render_splats},
 };
 use serde_json::json;
@@ -111,7 +110,7 @@ pub fn run(arguments: &Arguments) -> Result {
     let mut shift = DVec3::ZERO;
     if arguments.stand {
         shift = -field.foot().unwrap_or_default();
-        field = field.shifted(shift);
+        field = field.shifted(shift)?;
     }
 
     let start = Instant::now();

@@ -1,10 +1,7 @@
 //! Finds how many leaves a field needs to look as much like its capture as is asked for.
 
-use plenoctree::{
-    PlenOctree,
-    camera::PinholeCamera,
-    splat::{SplatError, SplatImage, Voxels},
-};
+use plenoctree::{PlenOctree, camera::PinholeCamera};
+use plenoctree_fit::splat::{SplatError, SplatImage, Voxels};
 
 use super::measure::measure;
 use crate::{console, number::counted};

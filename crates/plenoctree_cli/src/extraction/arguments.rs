@@ -52,7 +52,7 @@ impl ExtractionArguments {
     /// Returns the default settings with the changes from the command line.
     pub fn settings(&self) -> Result<ExtractionSettings, String> {
         if let (Some(colors), Some(_)) = (self.colors, self.tolerance) {
-            return Err(format!("--tolerance: found --colors {colors}, expected --colors auto"));
+            return Err(format!("--tolerance only applies to --colors auto, but found --colors {colors}"));
         }
         let method = self.method;
         let auto = || self.tolerance.map_or(ColorCount::AUTO, |tolerance| ColorCount::Auto { tolerance });

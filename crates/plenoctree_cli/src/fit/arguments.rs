@@ -4,10 +4,8 @@ use std::{path::PathBuf, time::Duration};
 
 use clap::Args;
 use glam::DVec3;
-use plenoctree::{
-    Basis,
-    fit::{FitSettings, InputFolders},
-};
+use plenoctree::Basis;
+use plenoctree_fit::{FitSettings, InputFolders};
 
 use crate::{boxes::parse_box, extraction::ExtractionArguments, hex, number::parse_positive};
 
@@ -16,7 +14,8 @@ use crate::{boxes::parse_box, extraction::ExtractionArguments, hex, number::pars
 pub struct Arguments {
     /// A transforms.json file, a folder with one, a folder with a COLMAP model, or a .gltf or .glb file.
     pub input: PathBuf,
-    /// The field to write. Its palette, previews and report.json are written next to it.
+    /// The field to write; packed if the name ends in .plenoctree. Its palette, previews and report.json are written
+    /// next to it.
     #[arg(long, value_name = "PROP.npz")]
     pub out: PathBuf,
     /// The time for training, in minutes. By default, --effort decides.
@@ -63,7 +62,7 @@ pub struct Arguments {
     /// Turn the field upright, using the mean up direction of the cameras, and place it on the origin.
     #[arg(long)]
     stand: bool,
-    /// Resume an earlier fit to the same file that was stopped.
+    /// Resume an earlier fit to the same file that was stopped. A better result that is there already is kept.
     #[arg(long)]
     resume: bool,
     /// The color behind the object; by default, it is learned from opaque pictures.

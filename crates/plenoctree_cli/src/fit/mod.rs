@@ -11,7 +11,7 @@ pub use arguments::Arguments;
 
 use std::path::{Path, PathBuf};
 
-use plenoctree::fit::{FitInput, FitReport, Fitted, fit};
+use plenoctree_fit::{FitInput, FitReport, Fitted, fit};
 
 use crate::{console, number::counted, result::Result, training::Interruption};
 
@@ -33,13 +33,42 @@ pub fn run(arguments: &Arguments) -> Result {
         None => arguments.input.clone(),
     };
     let input = FitInput::read(&pictures, &folders)?;
+    warn_of_missing(&arguments.input, &input);
     let test = arguments.test.as_deref().map(|path| FitInput::read(path, &folders)).transpose()?;
+    if let (Some(path), Some(test)) = (&arguments.test, &test) {
+        warn_of_missing(path, test);
+    }
+    let earlier = output::earlier(&arguments.out).filter(|_| settings.resume);
     let Fitted { field, previews, report } =
         interruption.watched(arguments.threads, move |progress| fit(&input, test.as_ref(), &settings, progress))?;
+    if let (Some((views, before)), Some(now)) = (earlier, &report.held_out)
+        && now.psnr_db < before
+        && now.views.iter().map(|view| &view.name).eq(&views)
+    {
+        console::complain!(
+            "warning: {}: kept as it is: the earlier result has {before:.2} dB on the held-out views, and this one {:.2} \
+             dB; fit without --resume to replace it",
+            arguments.out.display(),
+            now.psnr_db
+        );
+        return Ok(());
+    }
     let palette = output::palette(&arguments.out, &field, &arguments.extraction);
     output::write(&arguments.out, &field, palette.as_ref(), &previews, &serde_json::to_value(&report)?)?;
     print(arguments, &report);
     Ok(())
+}
+
+/// Warns, once, of pictures that are not there.
+fn warn_of_missing(path: &Path, input: &FitInput) {
+    if let Some(first) = input.missing.first() {
+        let (missing, all) = (input.missing.len(), input.missing.len() + input.views.len());
+        console::complain!(
+            "warning: {}: {missing} of {all} pictures do not exist and are left out, such as {}",
+            path.display(),
+            first.display()
+        );
+    }
 }
 
 /// Renders the input if it is a glTF model. Returns the path of its pictures, next to the output, and how many of their

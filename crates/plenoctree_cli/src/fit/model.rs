@@ -221,7 +221,7 @@ mod tests {
         let model = folder.join("cube.gltf");
         std::fs::write(&model, gltf.to_string()).unwrap();
         let transforms = photograph(&model, &folder.join("pictures"), 3, 24).unwrap();
-        let cameras = plenoctree::camera::read_transforms(&transforms, Some((48, 48))).unwrap();
+        let cameras = plenoctree_fit::read_transforms(&transforms, Some((48, 48))).unwrap();
         assert_eq!(cameras.len(), 3);
         for (view, camera) in cameras.iter().enumerate() {
             let picture = image::open(folder.join(format!("pictures/view_{view:03}.png"))).unwrap().into_rgba8();

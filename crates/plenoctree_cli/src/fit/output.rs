@@ -6,13 +6,14 @@ use std::{
 };
 
 use image::RgbImage;
-use plenoctree::{PlenOctree, fit::Comparison, palette::Palette};
+use plenoctree::{PackSettings, PlenOctree, palette::Palette};
+use plenoctree_fit::Comparison;
 use serde_json::Value;
 
 use crate::{
     console,
     extraction::{self, ExtractionArguments},
-    files,
+    files, pack,
     result::Result,
 };
 
@@ -21,21 +22,21 @@ use crate::{
 pub fn check(out: &Path, inputs: &[&Path], extraction: &ExtractionArguments) -> Result {
     extraction.settings()?;
     files::check_inputs(inputs)?;
-    if out.extension().is_none_or(|extension| extension != "npz") {
-        return Err(format!("{}: found another extension, expected .npz", out.display()).into());
+    if !["npz", "plenoctree"].iter().any(|known| out.extension().is_some_and(|extension| extension == *known)) {
+        return Err(format!("{}: the name of the field must end in .npz or .plenoctree", out.display()).into());
     }
     files::create_folder(&folder(out))?;
     let views = views(out);
     if views.exists() && !views.is_dir() {
-        return Err(format!("{}: found a file, expected a folder to replace, or nothing", views.display()).into());
+        return Err(format!("{}: is a file, but the previews need a folder of this name", views.display()).into());
     }
     let targets = targets(out);
     let outputs: Vec<&Path> = targets.iter().chain(&extraction.histograms).map(PathBuf::as_path).collect();
     files::check_outputs(&outputs, inputs)
 }
 
-/// Extracts the palette of a field. Warns if it has none, like a solid block of one cell: that is no reason to lose the
-/// field.
+/// Extracts the palette of a field. Warns if it has none, because nothing of it is visible: that is no reason to lose
+/// the field.
 pub fn palette(out: &Path, field: &PlenOctree, arguments: &ExtractionArguments) -> Option<Palette> {
     let extracted = extraction::extract(field, out, arguments, None, false);
     extracted
@@ -69,7 +70,13 @@ fn write_all(
     report: &Value,
 ) -> Result {
     let (views, targets) = (views(out), targets(out));
-    field.write(partial(&targets[0])).map_err(|error| format!("{}: {error}", out.display()))?;
+    let field_file = partial(&targets[0]);
+    let written = if is_packed(out) {
+        pack::pack_unchanged(field, &PackSettings::default())?.write(field_file)
+    } else {
+        field.write(field_file)
+    };
+    written.map_err(|error| format!("{}: {error}", out.display()))?;
     if let Some(palette) = palette {
         palette.write(partial(&targets[1]))?;
     }
@@ -104,6 +111,20 @@ fn side_by_side(preview: &Comparison) -> RgbImage {
         };
         image::Rgb(pixels[(y * preview.width + x) as usize])
     })
+}
+
+/// Returns whether the field is to be packed.
+fn is_packed(out: &Path) -> bool {
+    out.extension().is_some_and(|extension| extension == "plenoctree")
+}
+
+/// Returns the held-out views of an earlier result, and their mean PSNR in decibels.
+pub fn earlier(out: &Path) -> Option<(Vec<String>, f64)> {
+    let report: Value = serde_json::from_slice(&fs::read(folder(out).join("report.json")).ok()?).ok()?;
+    let held_out = report.get("held_out").filter(|_| out.exists())?;
+    let name = |view: &Value| Some(view.get("name")?.as_str()?.to_string());
+    let views = held_out.get("views")?.as_array()?.iter().map(name).collect::<Option<_>>()?;
+    Some((views, held_out.get("psnr_db")?.as_f64()?))
 }
 
 /// Returns the paths of the field, its palette and the report.
@@ -142,15 +163,14 @@ mod tests {
         extraction: ExtractionArguments,
     }
 
-    /// Cells so dense that no ray leaves their centers have no palette, but the field is written, without the palette
-    /// of another one.
+    /// A field in which nothing is visible has no palette, but it is written, without the palette of another one.
     #[test]
     fn fields_without_a_palette_are_written() {
         let folder = std::env::temp_dir().join(format!("plenoctree-output-{}", std::process::id()));
         fs::create_dir_all(&folder).unwrap();
         let out = folder.join("solid.npz");
         let settings = BakeSettings { depth: 2, basis: Basis::Rgba, directions: 8, ..Default::default() };
-        let field = bake(&settings, |_| 1000.0, |_| |_| glam::DVec3::ONE).unwrap();
+        let field = bake(&settings, |_| 0.0, |_| |_| glam::DVec3::ONE).unwrap();
         fs::write(folder.join("solid.palette.json"), "another").unwrap();
         let palette = palette(&out, &field, &Arguments::parse_from(["test"]).extraction);
         assert!(palette.is_none());

@@ -3,7 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
-use plenoctree::{PackSettings, fit::SimplifySettings};
+use plenoctree::PackSettings;
+use plenoctree_fit::SimplifySettings;
 
 use crate::{files, result::Result, size::parse_size};
 
@@ -33,6 +34,10 @@ pub struct Arguments {
     /// its own pictures, without leaves of little weight, and with smoother colors.
     #[arg(long)]
     exact: bool,
+    /// Record the color histograms of the field in the file, so that palettes that are extracted from the packed field
+    /// are exactly those of the field, and take no sampling.
+    #[arg(long, conflicts_with = "npz")]
+    pub record_histograms: bool,
     /// Write the quantized .npz layout of volrend instead; requires --out.
     #[arg(long, requires = "out")]
     pub npz: bool,
@@ -46,6 +51,9 @@ pub struct Arguments {
     /// The number of views to measure; 0 for none.
     #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u32).range(0..=1000))]
     pub views: u32,
+    /// Also print the size of every section of the file.
+    #[arg(long)]
+    pub verbose: bool,
     /// Pack with every quality, and write a table and plots of size, accuracy and changed labels to this folder.
     #[arg(long, value_name = "FOLDER")]
     pub report: Option<PathBuf>,
@@ -98,7 +106,7 @@ impl Arguments {
     pub fn check(&self) -> Result {
         let outputs: Vec<PathBuf> = self.fields.iter().map(|field| self.out(field)).collect::<Result<_>>()?;
         if self.report.is_some() && self.views == 0 {
-            return Err("--report: found --views 0, expected at least 1".into());
+            return Err("--report compares views; choose --views 1 or more".into());
         }
         let [outputs, fields] =
             [&outputs, &self.fields].map(|paths| paths.iter().map(PathBuf::as_path).collect::<Vec<_>>());
@@ -108,7 +116,10 @@ impl Arguments {
     /// Returns the path of a field's packed file.
     pub fn out(&self, field: &Path) -> Result<PathBuf> {
         match &self.out {
-            Some(_) if self.fields.len() > 1 => Err("--out: found several fields, expected one".into()),
+            Some(_) if self.fields.len() > 1 => {
+                Err("--out names one file, but there are several fields; without it, each is packed next to its field"
+                    .into())
+            }
             Some(out) => Ok(out.clone()),
             None => Ok(field.with_extension("plenoctree")),
         }
@@ -128,6 +139,7 @@ impl Arguments {
             hidden: self.hidden.unwrap_or(settings.hidden),
             below: self.below.unwrap_or(settings.below),
             rows: self.rows.unwrap_or(settings.rows),
+            record_histograms: self.record_histograms,
             ..settings
         }
     }

@@ -3,10 +3,11 @@
 use glam::DVec3;
 use plenoctree::{
     PlenOctree,
-    camera::{PinholeCamera, read_transforms},
+    camera::PinholeCamera,
     palette::{ExtractionSettings, Palette},
     reference::{Posterization, labels, render},
 };
+use plenoctree_fit::read_transforms;
 
 use super::Arguments;
 use crate::{console, extraction, result::Result, turntable};

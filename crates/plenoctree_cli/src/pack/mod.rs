@@ -9,11 +9,8 @@ pub use arguments::{Arguments, Quality};
 use std::{fs, path::Path, sync::Arc, thread, time::Duration};
 
 use clap::ValueEnum;
-use plenoctree::{
-    PackSettings, Packed, PlenOctree,
-    fit::{FitError, FitProgress, SimplifySettings, simplify},
-    sampling::Progress,
-};
+use plenoctree::{PackSettings, Packed, PlenOctree, sampling::Progress};
+use plenoctree_fit::{FitError, FitProgress, SimplifySettings, simplify};
 
 use crate::{console, field, files, number::counted, progress, result::Result};
 use measure::Views;
@@ -35,12 +32,18 @@ fn pack_file(path: &Path, arguments: &Arguments) -> Result<report::Field> {
     let out = arguments.out(path)?;
     arguments.settings(arguments.quality).validate()?;
     let field = field::load(path, false)?;
+    // Before it is simplified.
+    let field = if arguments.record_histograms { field.recording_histograms(&Progress::default())? } else { field };
     let views = Views::new(&field, arguments)?;
     let packed = pack(&field, path, arguments, arguments.quality)?;
     let written = if arguments.npz { packed.write_npz(&out) } else { packed.write(&out) };
     written.map_err(|error| format!("{}: {error}", out.display()))?;
     let after = fs::metadata(&out).map_err(|error| format!("{}: {error}", out.display()))?.len();
     print_sizes(&field, &packed, [before, after]);
+    if arguments.verbose {
+        let sections: Vec<_> = packed.sections().iter().map(|(name, bytes)| format!("{name} {bytes}")).collect();
+        console::say!("sections, in bytes: {}", sections.join(", "));
+    }
     if let Some(views) = &views {
         let loss = views.compare(packed.field());
         console::say!(
@@ -116,6 +119,4 @@ fn print_sizes(field: &PlenOctree, packed: &Packed, [before, after]: [u64; 2]) {
     let share = 100.0 * dropped as f64 / field.leaves().max(1) as f64;
     console::say!("{dropped} of {} leaves dropped, {share:.0}%", field.leaves());
     console::say!("{before} bytes before, {after} after: {:.1} times smaller", before as f64 / after as f64);
-    let sections: Vec<_> = packed.sections().iter().map(|(name, bytes)| format!("{name} {bytes}")).collect();
-    console::say!("sections: {}", sections.join(", "));
 }

@@ -54,7 +54,7 @@ impl Arguments {
     pub fn check_outputs(&self, out: &Path, input: &Path) -> Result {
         let is_png = |image: &PathBuf| image.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("png"));
         if let Some(image) = self.image.as_ref().filter(|image| !is_png(image)) {
-            return Err(format!("{}: found another extension, expected .png", image.display()).into());
+            return Err(format!("{}: the name of the image must end in .png", image.display()).into());
         }
         let others = [&self.image, &self.extraction.histograms].into_iter().flatten().map(PathBuf::as_path);
         files::check_outputs(&[out].into_iter().chain(others).collect::<Vec<_>>(), &[input])

@@ -6,10 +6,9 @@ pub use arguments::Arguments;
 
 use glam::DVec4;
 use image::{Rgba, RgbaImage};
-use plenoctree::{
-    PlenOctree,
-    camera::{PinholeCamera, read_transforms},
-    reference::render,
+use plenoctree::{PlenOctree, camera::PinholeCamera, reference::render};
+use plenoctree_fit::{
+    read_transforms,
     splat::{Splats, render_splats},
 };
 

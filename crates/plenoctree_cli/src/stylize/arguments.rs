@@ -92,7 +92,7 @@ impl Arguments {
         if self.renderer == Renderer::Reference {
             let ignored = [(self.smooth_edges, "--smooth-edges"), (self.quality != Preset::Exact, "--quality")];
             if let Some((_, name)) = ignored.into_iter().find(|(given, _)| *given) {
-                return Err(format!("{name}: found the renderer reference, expected gpu").into());
+                return Err(format!("{name} needs --renderer gpu").into());
             }
         }
         self.extraction.settings()?;

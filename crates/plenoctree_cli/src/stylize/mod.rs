@@ -9,9 +9,10 @@ pub use arguments::Arguments;
 use image::DynamicImage;
 use plenoctree::{
     PlenOctree,
-    camera::{PinholeCamera, read_transforms},
+    camera::PinholeCamera,
     palette::{Palette, PaletteLabel},
 };
+use plenoctree_fit::read_transforms;
 
 use crate::{
     console, extraction, field, files,

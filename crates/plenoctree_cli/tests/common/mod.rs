@@ -30,20 +30,22 @@ pub fn ball(folder: &Path) -> PathBuf {
 }
 
 /// Runs the program.
-pub fn plenoctree(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_plenoctree")).args(arguments).output().unwrap()
+pub fn run(arguments: &[&str]) -> Output {
+    // `lab` has the same tests.
+    let program = option_env!("CARGO_BIN_EXE_plenoctree").or(option_env!("CARGO_BIN_EXE_lab")).unwrap();
+    Command::new(program).args(arguments).output().unwrap()
 }
 
 /// Runs the program, asserts that it succeeds, and returns what it prints.
 pub fn succeed(arguments: &[&str]) -> String {
-    let output = plenoctree(arguments);
+    let output = run(arguments);
     assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
     String::from_utf8(output.stdout).unwrap()
 }
 
 /// Runs the program, asserts that it rejects its input, and returns the message.
 pub fn fail(arguments: &[&str]) -> String {
-    let output = plenoctree(arguments);
+    let output = run(arguments);
     let message = String::from_utf8(output.stderr).unwrap();
     assert_eq!(output.status.code(), Some(2), "{arguments:?}: {message}");
     assert!(message.starts_with("error: "), "{arguments:?}: {message}");

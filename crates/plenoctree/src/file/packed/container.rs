@@ -88,7 +88,8 @@ impl<R: Read + Seek> Container<R> {
             sections.push(section);
         }
         if start != bytes {
-            return Err(fault(HEADER, format!("sections up to byte {start} of {bytes}"), "sections up to the end"));
+            let why = if start > bytes { "the file is truncated" } else { "something follows the field" };
+            return Err(fault(HEADER, format!("{bytes} bytes"), format!("{start}: {why}")));
         }
         Ok(Self { reader, bytes, sections })
     }

@@ -12,13 +12,12 @@ use super::super::{error::ReadFault, frame::check_frame};
 use super::{
     container::{Container, fault},
     histogram, planes,
-    sections::{CONSTANTS, DENSITIES, HEAD, HEAD_BYTES, HISTOGRAM, LEVELS, ROWS, TABLE, TREE},
+    quantized::{MAX_LEVELS, MAX_ROWS, Quantized},
+    recent::Recent,
+    sections::{BINS, CONSTANTS, DENSITIES, HEAD, HEAD_BYTES, HISTOGRAM, LEVELS, ROWS, TABLE, TREE},
     streams::{self, Rows},
 };
-use crate::{
-    field::{Activation, Basis, Cell, Frame, MAX_DEPTH, PlenOctree, Tables, UpAxis},
-    pack::{MAX_LEVELS, MAX_ROWS, Quantized, Recent},
-};
+use crate::field::{Activation, Basis, Cell, Frame, MAX_DEPTH, PlenOctree, Tables, UpAxis};
 
 /// Reads a packed field, as the file has it.
 pub(in crate::file) fn read_packed(reader: impl Read + Seek) -> Result<PlenOctree, ReadFault> {
@@ -31,8 +30,13 @@ pub(in crate::file) fn read_packed(reader: impl Read + Seek) -> Result<PlenOctre
     let densities = head.densities(&mut file)?;
     let damaged = |section| fault(section, "damaged content", "that of the head");
     let shares = head.rows[0].count > 0;
-    let recorded =
-        if file.has(HISTOGRAM) { Some(Arc::new(histogram::read(&file.read_all(HISTOGRAM)?)?)) } else { None };
+    let recorded = if file.has(BINS) {
+        Some(histogram::read(&file.read_all(BINS)?)?)
+    } else if file.has(HISTOGRAM) {
+        Some(histogram::read_rounded(&file.read_all(HISTOGRAM)?)?)
+    } else {
+        None
+    };
     let [levels, colors, tables, rows] = [LEVELS, CONSTANTS, TABLE, ROWS].map(|section| file.read_all(section));
     let (levels, colors, tables, rows) = (levels?, colors?, tables?, rows?);
     let levels = streams::read_levels(&levels, head.leaves, head.densities).ok_or_else(|| damaged(LEVELS))?;
@@ -54,7 +58,7 @@ pub(in crate::file) fn read_packed(reader: impl Read + Seek) -> Result<PlenOctre
         colors: colors.ok_or_else(|| damaged(CONSTANTS))?,
         rows: rows.ok_or_else(|| damaged(ROWS))?,
         tables: Tables { color_step: head.color_step, table_step: head.table_step, luma, chroma },
-        recorded,
+        recorded: recorded.map(Arc::new),
     };
     Ok(quantized.field())
 }

@@ -2,13 +2,12 @@
 
 use super::{
     container, histogram, planes,
-    sections::{CONSTANTS, DENSITIES, HEAD, HISTOGRAM, LEVELS, ROWS, TABLE, TREE},
+    quantized::Quantized,
+    recent::Recent,
+    sections::{BINS, CONSTANTS, DENSITIES, HEAD, LEVELS, ROWS, TABLE, TREE},
     streams,
 };
-use crate::{
-    field::{Activation, Basis, Cell, UpAxis},
-    pack::{Quantized, Recent},
-};
+use crate::field::{Activation, Basis, Cell, UpAxis};
 
 impl Quantized {
     /// Returns the content of the file, and the name and size of every section in it.
@@ -25,7 +24,7 @@ impl Quantized {
             (TABLE, streams::write_tables(&self.tables.luma, &self.tables.chroma, others)),
             (ROWS, streams::write_rows(&self.rows, levels, count, of)),
         ];
-        sections.extend(self.recorded.as_ref().map(|recorded| (HISTOGRAM, histogram::write(recorded))));
+        sections.extend(self.recorded.as_ref().map(|recorded| (BINS, histogram::write(recorded))));
         container::build(&sections)
     }
 

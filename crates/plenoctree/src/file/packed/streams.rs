@@ -7,7 +7,10 @@ use super::entropy::Encoder;
 #[cfg(feature = "write")]
 use super::planes::fold;
 use super::planes::unfold;
-use crate::pack::{COLOR_RANGES, RECENT, Recent};
+use super::{
+    quantized::COLOR_RANGES,
+    recent::{RECENT, Recent},
+};
 
 /// The number of contexts of levels, colors and rows.
 const LEVEL_CONTEXTS: usize = 9;

@@ -1,0 +1,46 @@
+//! `lab`, the command line tool of the project's own developers. It has one module per subcommand.
+#![forbid(unsafe_code)]
+
+mod bake;
+mod coherence;
+mod evidence;
+mod recolor;
+mod report;
+mod tradeoff;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+use plenoctree_cli::{console, result::Result};
+
+/// Measure what the docs of the project report, and bake its props.
+#[derive(Parser)]
+#[command(name = "lab", version)]
+struct CommandLine {
+    #[command(subcommand)]
+    command: Command,
+}
+
+/// The subcommands, which are described by their arguments.
+#[derive(Subcommand)]
+enum Command {
+    Tradeoff(tradeoff::Arguments),
+    Coherence(coherence::Arguments),
+    Evidence(evidence::Arguments),
+    Bake(bake::Arguments),
+}
+
+impl CommandLine {
+    fn run(&self) -> Result {
+        match &self.command {
+            Command::Tradeoff(arguments) => tradeoff::run(arguments),
+            Command::Coherence(arguments) => coherence::run(arguments),
+            Command::Evidence(arguments) => evidence::run(arguments),
+            Command::Bake(arguments) => bake::run(arguments),
+        }
+    }
+}
+
+fn main() -> ExitCode {
+    console::exit(CommandLine::parse().run())
+}

@@ -1,0 +1,49 @@
+//! Trees whose leaves are all finest cells.
+
+use glam::UVec3;
+#[cfg(feature = "fit")]
+use plenoctree::Cell;
+
+/// Interleaves the bits of a position, x first: the order of leaves.
+#[cfg(feature = "fit")]
+pub fn morton(position: UVec3) -> u64 {
+    let spread = |value: u32| (0..21).map(|bit| u64::from(value >> bit & 1) << (3 * bit)).sum::<u64>();
+    spread(position.x) << 2 | spread(position.y) << 1 | spread(position.z)
+}
+
+/// Returns the position of a code: the inverse of `morton`.
+#[cfg(feature = "splat")]
+pub fn position_of(code: u64) -> UVec3 {
+    let gather = |shift: u32| (0..21).map(|bit| ((code >> (3 * bit + shift) & 1) as u32) << bit).sum();
+    UVec3::new(gather(2), gather(1), gather(0))
+}
+
+/// Returns the nodes of the tree of `depth` levels whose leaves are the cells with these codes, in ascending order.
+#[cfg(feature = "fit")]
+pub fn tree_of_finest(codes: &[u64], depth: u32) -> Vec<[Cell; 8]> {
+    let mut nodes = Vec::new();
+    append_node(&mut nodes, codes, 0, depth);
+    nodes
+}
+
+/// Appends the node that covers `codes` and all below it. `first` is the index of the first leaf.
+#[cfg(feature = "fit")]
+fn append_node(nodes: &mut Vec<[Cell; 8]>, codes: &[u64], first: usize, level: u32) {
+    let node = nodes.len();
+    nodes.push([Cell::EMPTY; 8]);
+    let mut start = 0;
+    for octant in 0..8 {
+        let shift = 3 * (level - 1);
+        let count = codes[start..].partition_point(|code| code >> shift & 7 <= octant);
+        if count > 0 {
+            nodes[node][octant as usize] = if level == 1 {
+                Cell::leaf((first + start) as u32)
+            } else {
+                let child = Cell::node(nodes.len() as u32);
+                append_node(nodes, &codes[start..start + count], first + start, level - 1);
+                child
+            };
+        }
+        start += count;
+    }
+}

@@ -1,0 +1,328 @@
+//! Reads COLMAP models: `cameras`, `images` and `points3D`, as `.bin` or `.txt`.
+
+use std::{
+    collections::BTreeMap,
+    fs,
+    path::{Path, PathBuf},
+    str::FromStr,
+};
+
+use glam::{DMat3, DQuat, DVec2, DVec3};
+
+use super::{
+    lens::{Distortion, Lens},
+    parts::{FitInput, InputFolders},
+    picture,
+    view::{CameraMaker, View},
+};
+use crate::fit::error::FitError;
+
+/// Camera models by their number: the name, and the number of parameters.
+const MODELS: [(&str, usize); 11] = [
+    ("SIMPLE_PINHOLE", 3),
+    ("PINHOLE", 4),
+    ("SIMPLE_RADIAL", 4),
+    ("RADIAL", 5),
+    ("OPENCV", 8),
+    ("OPENCV_FISHEYE", 8),
+    ("FULL_OPENCV", 12),
+    ("FOV", 5),
+    ("SIMPLE_RADIAL_FISHEYE", 4),
+    ("RADIAL_FISHEYE", 5),
+    ("THIN_PRISM_FISHEYE", 12),
+];
+
+/// An entry of `cameras`.
+struct Camera {
+    width: u64,
+    height: u64,
+    lens: Lens,
+}
+
+/// An entry of `images`: the pose takes points of the world to the camera, whose y points down.
+struct Image {
+    rotation: DQuat,
+    translation: DVec3,
+    camera: u64,
+    name: String,
+}
+
+/// Reads the model in a folder. The points may be missing.
+pub fn read(folder: &Path, folders: &InputFolders) -> Result<FitInput, FitError> {
+    let (cameras, images) = if folder.join("cameras.bin").exists() {
+        (cameras_of(Bytes::open(folder.join("cameras.bin"))?)?, images_of(Bytes::open(folder.join("images.bin"))?)?)
+    } else {
+        (
+            cameras_of_text(Lines::open(folder.join("cameras.txt"))?)?,
+            images_of_text(Lines::open(folder.join("images.txt"))?)?,
+        )
+    };
+    let (binary, text) = (folder.join("points3D.bin"), folder.join("points3D.txt"));
+    let points = if binary.exists() {
+        points_of(Bytes::open(binary)?)?
+    } else if text.exists() {
+        points_of_text(Lines::open(text)?)?
+    } else {
+        Vec::new()
+    };
+    if images.is_empty() {
+        return Err(FitError::found(folder, "images", "none", "at least two"));
+    }
+    if let Some(point) = points.iter().find(|point| !point.is_finite()) {
+        return Err(FitError::found(folder, "points3D", point.to_string(), "finite positions"));
+    }
+    let pictures = pictures(folder, folders, &images)?;
+    let mut maker = CameraMaker::default();
+    let views = (images.into_iter())
+        .map(|image| {
+            let what = format!("image {}", image.name);
+            let camera = cameras.get(&image.camera).ok_or_else(|| {
+                FitError::found(folder, what.clone(), format!("camera {}", image.camera), "one of the cameras")
+            })?;
+            let path = pictures.join(&image.name);
+            let size = picture::size(&path)?;
+            if (u64::from(size.0), u64::from(size.1)) != (camera.width, camera.height) {
+                let expected = format!("{}x{}, as camera {} states", camera.width, camera.height, image.camera);
+                return Err(FitError::found(&path, "size", format!("{}x{}", size.0, size.1), expected));
+            }
+            // As in COLMAP, quaternions of any length are rotations.
+            let length = image.rotation.length();
+            if !(1e-6..1e6).contains(&length) || !image.translation.as_vec3().is_finite() {
+                let expected = "a quaternion and a finite translation";
+                return Err(FitError::found(
+                    folder,
+                    what,
+                    format!("{} {}", image.rotation, image.translation),
+                    expected,
+                ));
+            }
+            let to_world = DMat3::from_quat(image.rotation.normalize()).transpose();
+            let position = -(to_world * image.translation);
+            let rotation = DMat3::from_cols(to_world.x_axis, -to_world.y_axis, -to_world.z_axis);
+            let camera = maker.camera(size.0, size.1, camera.lens, rotation, position).map_err(|point| {
+                let found = format!("a lens without a direction at {point}");
+                FitError::found(folder, format!("camera {}", image.camera), found, "a lens that covers the picture")
+            })?;
+            Ok(View { name: image.name, picture: path, mask: None, camera })
+        })
+        .collect::<Result<_, _>>()?;
+    Ok(FitInput { views, points, missing: Vec::new() })
+}
+
+/// Finds the folder of the pictures.
+fn pictures(folder: &Path, folders: &InputFolders, images: &[Image]) -> Result<PathBuf, FitError> {
+    if let Some(pictures) = &folders.pictures {
+        return Ok(pictures.clone());
+    }
+    let absolute = fs::canonicalize(folder).map_err(FitError::io(folder))?;
+    let first = images.first().map_or("", |image| &image.name);
+    let candidates = absolute.ancestors().take(4).flat_map(|above| [above.join("images"), above.into()]);
+    let found = candidates.into_iter().find(|pictures| pictures.join(first).is_file());
+    found.ok_or_else(|| {
+        FitError::found(
+            folder,
+            "pictures",
+            format!("no {first}"),
+            "it in a folder `images` next to the model or above it",
+        )
+    })
+}
+
+/// Makes a lens from the parameters of a camera model.
+fn lens(file: &Path, camera: u64, model: &str, p: &[f64]) -> Result<Lens, FitError> {
+    let what = format!("camera {camera}");
+    let count = MODELS.iter().find(|(name, _)| *name == model).map(|(_, count)| *count);
+    if count.is_some_and(|count| count != p.len()) {
+        return Err(FitError::found(file, what, format!("{} parameters", p.len()), format!("those of {model}")));
+    }
+    let radial = |k1, k2, p1, p2| match [k1, k2, p1, p2] {
+        [0.0, 0.0, 0.0, 0.0] => Distortion::None,
+        _ => Distortion::Radial { radial: [k1, k2, 0.0, 0.0], tangential: [p1, p2] },
+    };
+    let one_focal = || (DVec2::splat(p[0]), DVec2::new(p[1], p[2]));
+    let two_focals = || (DVec2::new(p[0], p[1]), DVec2::new(p[2], p[3]));
+    let ((focal, center), distortion) = match model {
+        "SIMPLE_PINHOLE" => (one_focal(), Distortion::None),
+        "PINHOLE" => (two_focals(), Distortion::None),
+        "SIMPLE_RADIAL" => (one_focal(), radial(p[3], 0.0, 0.0, 0.0)),
+        "RADIAL" => (one_focal(), radial(p[3], p[4], 0.0, 0.0)),
+        "OPENCV" => (two_focals(), radial(p[4], p[5], p[6], p[7])),
+        "OPENCV_FISHEYE" => (two_focals(), Distortion::Fisheye([p[4], p[5], p[6], p[7]])),
+        "SIMPLE_RADIAL_FISHEYE" => (one_focal(), Distortion::Fisheye([p[3], 0.0, 0.0, 0.0])),
+        "RADIAL_FISHEYE" => (one_focal(), Distortion::Fisheye([p[3], p[4], 0.0, 0.0])),
+        other => {
+            let expected = "SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV or OPENCV_FISHEYE (or undistort the \
+                            pictures with COLMAP's image_undistorter)";
+            return Err(FitError::found(file, what, format!("model {other}"), expected));
+        }
+    };
+    if p.iter().any(|p| !p.is_finite() || p.abs() > 1e7) || focal.min_element() < 1e-3 {
+        return Err(FitError::found(
+            file,
+            what,
+            format!("parameters {p:?}"),
+            "finite numbers, and focal lengths above 0",
+        ));
+    }
+    Ok(Lens { focal, center, distortion })
+}
+
+/// A binary file being read.
+struct Bytes {
+    path: PathBuf,
+    bytes: Vec<u8>,
+    at: usize,
+}
+
+impl Bytes {
+    fn open(path: PathBuf) -> Result<Self, FitError> {
+        let bytes = fs::read(&path).map_err(FitError::io(&path))?;
+        Ok(Self { path, bytes, at: 0 })
+    }
+
+    fn take<const N: usize>(&mut self) -> Result<[u8; N], FitError> {
+        let found = self.bytes.get(self.at..).and_then(|rest| rest.first_chunk::<N>()).copied();
+        self.at += N;
+        found.ok_or_else(|| self.truncated())
+    }
+
+    fn skip(&mut self, bytes: u64) -> Result<(), FitError> {
+        let end = usize::try_from(bytes).ok().and_then(|bytes| self.at.checked_add(bytes));
+        self.at = end.filter(|&end| end <= self.bytes.len()).ok_or_else(|| self.truncated())?;
+        Ok(())
+    }
+
+    fn int(&mut self) -> Result<u64, FitError> {
+        self.take().map(u64::from_le_bytes)
+    }
+
+    fn small(&mut self) -> Result<u64, FitError> {
+        self.take().map(|bytes| u32::from_le_bytes(bytes).into())
+    }
+
+    fn float(&mut self) -> Result<f64, FitError> {
+        self.take().map(f64::from_le_bytes)
+    }
+
+    fn vector(&mut self) -> Result<DVec3, FitError> {
+        Ok(DVec3::new(self.float()?, self.float()?, self.float()?))
+    }
+
+    fn text(&mut self) -> Result<String, FitError> {
+        let rest = self.bytes.get(self.at..).unwrap_or_default();
+        let end = rest.iter().position(|&byte| byte == 0).ok_or_else(|| self.truncated())?;
+        let text = String::from_utf8_lossy(&rest[..end]).into_owned();
+        self.at += end + 1;
+        Ok(text)
+    }
+
+    fn truncated(&self) -> FitError {
+        let found = format!("the end of the file after {} bytes", self.bytes.len());
+        FitError::found(&self.path, "file", found, "more entries, as its first bytes state")
+    }
+}
+
+fn cameras_of(mut file: Bytes) -> Result<BTreeMap<u64, Camera>, FitError> {
+    let mut cameras = BTreeMap::new();
+    for _ in 0..file.int()? {
+        let (id, model) = (file.small()?, file.small()?);
+        let (width, height) = (file.int()?, file.int()?);
+        let Some((name, count)) = MODELS.get(model as usize) else {
+            let expected = "one from 0 (SIMPLE_PINHOLE) to 5 (OPENCV_FISHEYE)";
+            return Err(FitError::found(&file.path, format!("camera {id}"), format!("model {model}"), expected));
+        };
+        let parameters = (0..*count).map(|_| file.float()).collect::<Result<Vec<_>, _>>()?;
+        cameras.insert(id, Camera { width, height, lens: lens(&file.path, id, name, &parameters)? });
+    }
+    Ok(cameras)
+}
+
+fn images_of(mut file: Bytes) -> Result<Vec<Image>, FitError> {
+    let mut images = Vec::new();
+    for _ in 0..file.int()? {
+        file.small()?;
+        let [w, x, y, z] = [file.float()?, file.float()?, file.float()?, file.float()?];
+        let (translation, camera, name) = (file.vector()?, file.small()?, file.text()?);
+        let points = file.int()?;
+        file.skip(points.saturating_mul(24))?;
+        images.push(Image { rotation: DQuat::from_xyzw(x, y, z, w), translation, camera, name });
+    }
+    Ok(images)
+}
+
+fn points_of(mut file: Bytes) -> Result<Vec<DVec3>, FitError> {
+    let mut points = Vec::new();
+    for _ in 0..file.int()? {
+        file.int()?;
+        points.push(file.vector()?);
+        // Color and error.
+        file.skip(3 + 8)?;
+        let track = file.int()?;
+        file.skip(track.saturating_mul(8))?;
+    }
+    Ok(points)
+}
+
+/// A text file being read, without comments.
+struct Lines {
+    path: PathBuf,
+    text: String,
+}
+
+impl Lines {
+    fn open(path: PathBuf) -> Result<Self, FitError> {
+        let text = fs::read_to_string(&path).map_err(FitError::io(&path))?;
+        Ok(Self { path, text })
+    }
+
+    /// Returns the numbers and the words of each line. Numbers count from 1.
+    fn entries(&self) -> impl Iterator<Item = (usize, Vec<&str>)> {
+        let lines = (1..).zip(self.text.lines());
+        lines
+            .filter(|(_, line)| !line.trim_start().starts_with('#'))
+            .map(|(number, line)| (number, line.split_whitespace().collect()))
+    }
+
+    fn value<T: FromStr>(&self, (number, words): &(usize, Vec<&str>), index: usize) -> Result<T, FitError> {
+        let word = words.get(index).copied();
+        word.and_then(|word| word.parse().ok()).ok_or_else(|| {
+            let found = word.map_or("the end of the line".into(), |word| format!("`{word}`"));
+            FitError::found(&self.path, format!("line {number}"), found, format!("a number as word {}", index + 1))
+        })
+    }
+}
+
+fn cameras_of_text(file: Lines) -> Result<BTreeMap<u64, Camera>, FitError> {
+    let mut cameras = BTreeMap::new();
+    for line in file.entries().filter(|(_, words)| !words.is_empty()) {
+        let id = file.value(&line, 0)?;
+        let (width, height) = (file.value(&line, 2)?, file.value(&line, 3)?);
+        let parameters = (4..line.1.len()).map(|index| file.value(&line, index)).collect::<Result<Vec<_>, _>>()?;
+        cameras.insert(id, Camera { width, height, lens: lens(&file.path, id, line.1[1], &parameters)? });
+    }
+    Ok(cameras)
+}
+
+fn images_of_text(file: Lines) -> Result<Vec<Image>, FitError> {
+    let mut images = Vec::new();
+    let mut lines = file.entries();
+    while let Some(line) = lines.by_ref().find(|(_, words)| !words.is_empty()) {
+        let number = |index| file.value::<f64>(&line, index);
+        images.push(Image {
+            rotation: DQuat::from_xyzw(number(2)?, number(3)?, number(4)?, number(1)?),
+            translation: DVec3::new(number(5)?, number(6)?, number(7)?),
+            camera: file.value(&line, 8)?,
+            name: file.value::<String>(&line, 9).map(|_| line.1[9..].join(" "))?,
+        });
+        // The line behind an image's lists its points, and may be empty.
+        lines.next();
+    }
+    Ok(images)
+}
+
+fn points_of_text(file: Lines) -> Result<Vec<DVec3>, FitError> {
+    file.entries()
+        .filter(|(_, words)| !words.is_empty())
+        .map(|line| Ok(DVec3::new(file.value(&line, 1)?, file.value(&line, 2)?, file.value(&line, 3)?)))
+        .collect()
+}

@@ -1,0 +1,126 @@
+//! Reads the input of a fit: pictures with their cameras.
+
+mod colmap;
+mod lens;
+mod parts;
+mod picture;
+mod transforms;
+mod view;
+
+use std::path::{Path, PathBuf};
+
+use super::error::FitError;
+
+pub use lens::{Distortion, Lens};
+pub use parts::{FitInput, InputFolders};
+pub use picture::Picture;
+pub(super) use view::CameraMaker;
+pub use view::{View, ViewCamera};
+
+/// Maximum number of pictures in an input.
+const MAX_VIEWS: usize = 100_000;
+
+impl FitInput {
+    /// Reads an input:
+    ///
+    /// - a `transforms.json` file of NeRF, instant-ngp or nerfstudio, or a folder with a `transforms.json` or
+    ///   `transforms_train.json`,
+    /// - a COLMAP model: a folder with `cameras`, `images` and, if there are points, `points3D`, as `.bin` or `.txt`,
+    ///   or one with such a model in `sparse/0`, `sparse` or `colmap/sparse/0`. The pictures are in a folder `images`
+    ///   next to it or above it.
+    ///
+    /// Pictures are PNG or JPEG files.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error that names the file if one cannot be read or has unexpected content, if a picture or mask is
+    /// missing or does not have the stated size, or if a camera has no valid pose or lens. Pictures that a
+    /// `transforms.json` lists may be missing, but not all of them: see [`FitInput::missing`].
+    pub fn read(path: &Path, folders: &InputFolders) -> Result<Self, FitError> {
+        let mut input = if path.is_file() {
+            transforms::read(path, folders)?
+        } else if let Some(file) = ["transforms.json", "transforms_train.json"]
+            .map(|name| path.join(name))
+            .into_iter()
+            .find(|file| file.exists())
+        {
+            transforms::read(&file, folders)?
+        } else if let Some(model) = ["", "sparse/0", "sparse", "colmap/sparse/0"]
+            .map(|name| path.join(name))
+            .into_iter()
+            .find(|folder| ["cameras.bin", "cameras.txt"].iter().any(|name| folder.join(name).exists()))
+        {
+            colmap::read(&model, folders)?
+        } else {
+            std::fs::metadata(path).map_err(FitError::io(path))?;
+            let expected = "transforms.json, transforms_train.json, or a COLMAP model (cameras, images, points3D)";
+            return Err(FitError::found(path, "folder", "none of the known files", expected));
+        };
+        if input.views.is_empty() || input.views.len() > MAX_VIEWS {
+            let found = format!("{} views", input.views.len());
+            return Err(FitError::found(path, "views", found, format!("1 to {MAX_VIEWS}")));
+        }
+        // The order of files varies, so sort them by name, with numbers in numeric order.
+        input.views.sort_by_cached_key(|view| natural(&view.name));
+        if let Some(folder) = &folders.masks {
+            for view in &mut input.views {
+                view.mask = Some(mask_in(folder, &view.name, &view.picture)?);
+            }
+        }
+        for view in &input.views {
+            if let Some(mask) = &view.mask {
+                let (size, expected) = (picture::size(mask)?, (view.camera.width, view.camera.height));
+                if size != expected {
+                    let [found, expected] = [size, expected].map(|(w, h)| format!("{w}x{h} pixels"));
+                    return Err(FitError::found(mask, "size of the mask", found, format!("its picture's {expected}")));
+                }
+            }
+        }
+        Ok(input)
+    }
+}
+
+/// Finds the mask of a picture, in the same folders below `folder` as the input names for the picture, or in some of
+/// them.
+fn mask_in(folder: &Path, name: &str, picture: &Path) -> Result<PathBuf, FitError> {
+    let file = picture.file_name().unwrap_or_default();
+    let candidates = |folder: &Path| {
+        let same = folder.join(file);
+        [same.with_added_extension("png"), same.with_extension("png"), same]
+    };
+    let parts: Vec<&str> = name.split(['/', '\\']).filter(|part| !matches!(*part, "" | "." | "..")).collect();
+    let folders = &parts[..parts.len().saturating_sub(1)];
+    let within = |first: usize| candidates(&folder.join(folders[first..].iter().collect::<PathBuf>()));
+    (0..=folders.len()).flat_map(within).find(|path| path.is_file()).ok_or_else(|| {
+        let [whole, stem, _] = candidates(folder);
+        FitError::found(picture, "mask", "none", format!("{} or {}", whole.display(), stem.display()))
+    })
+}
+
+/// Returns a key that sorts `r_2` before `r_10`.
+fn natural(name: &str) -> Vec<(u64, String)> {
+    let mut parts = Vec::new();
+    let mut rest = name;
+    while !rest.is_empty() {
+        let letters = rest.find(|c: char| c.is_ascii_digit()).unwrap_or(rest.len());
+        let (text, from_digits) = rest.split_at(letters);
+        let digits = from_digits.find(|c: char| !c.is_ascii_digit()).unwrap_or(from_digits.len());
+        let (number, after) = from_digits.split_at(digits);
+        parts.push((0, text.into()));
+        parts.push((number.parse().unwrap_or(u64::MAX), number.into()));
+        rest = after;
+    }
+    parts
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_in_names_count() {
+        let mut names = ["r_10", "r_2", "b/3.png", "r_1", "b/20.png"];
+        names.sort_by_cached_key(|name| natural(name));
+        assert_eq!(names, ["b/3.png", "b/20.png", "r_1", "r_2", "r_10"]);
+    }
+}

@@ -1,0 +1,200 @@
+//! Reads the cameras and the names of the pictures in `transforms.json` files.
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
+
+use glam::{DMat3, DVec2};
+use serde::Deserialize;
+
+use super::{
+    lens::{Distortion, Lens},
+    parts::{FitInput, InputFolders},
+    picture,
+    view::{CameraMaker, View},
+};
+use crate::{
+    fit::error::FitError,
+    transforms::{Intrinsics, WrongValue, pose, without_mark},
+};
+
+/// Extensions that the file names of pictures may lack, as in NeRF-synthetic.
+const ENDINGS: [&str; 6] = ["png", "jpg", "jpeg", "PNG", "JPG", "JPEG"];
+
+/// The camera of all frames or of one, which takes precedence.
+#[derive(Clone, Default, Deserialize)]
+struct Camera {
+    camera_model: Option<String>,
+    is_fisheye: Option<bool>,
+    #[serde(flatten)]
+    intrinsics: Intrinsics,
+    k1: Option<f64>,
+    k2: Option<f64>,
+    k3: Option<f64>,
+    k4: Option<f64>,
+    p1: Option<f64>,
+    p2: Option<f64>,
+}
+
+#[derive(Deserialize)]
+struct File {
+    #[serde(flatten)]
+    camera: Camera,
+    frames: Vec<Frame>,
+}
+
+#[derive(Deserialize)]
+struct Frame {
+    #[serde(flatten)]
+    camera: Camera,
+    file_path: Option<String>,
+    file: Option<String>,
+    mask_path: Option<String>,
+    transform_matrix: Vec<Vec<f64>>,
+}
+
+/// Reads a file of cameras, and the sizes of their pictures.
+pub fn read(path: &Path, folders: &InputFolders) -> Result<FitInput, FitError> {
+    let text = fs::read(path).map_err(FitError::io(path))?;
+    let file: File = serde_json::from_slice(without_mark(&text))
+        .map_err(|error| FitError::found(path, "file", error.to_string(), "a transforms.json file"))?;
+    let mut maker = CameraMaker::default();
+    let (mut frames, mut views, mut missing) = (Vec::new(), Vec::new(), Vec::new());
+    for (index, frame) in file.frames.iter().enumerate() {
+        match view(path, folders, index, frame, &file.camera, &mut maker)? {
+            Listed::View(view) => {
+                frames.push(frame);
+                views.push(*view);
+            }
+            Listed::Missing(picture) => missing.push(picture),
+        }
+    }
+    if let (true, Some(first)) = (views.is_empty(), missing.first()) {
+        let found = format!("no file {}", first.display());
+        return Err(FitError::found(path, "frames[0].file_path", found, "a PNG or JPEG file"));
+    }
+    // A focal length in pixels is for pictures of one size.
+    let sized = |camera: &Camera| camera.intrinsics.w.is_some() || camera.intrinsics.h.is_some();
+    if file.camera.intrinsics.is_in_pixels() && !sized(&file.camera) {
+        let mut common = (frames.iter().zip(&views))
+            .filter(|(frame, _)| !frame.camera.intrinsics.is_in_pixels() && !sized(&frame.camera))
+            .map(|(_, view)| (view, (view.camera.width, view.camera.height)));
+        if let Some((first, size)) = common.next()
+            && let Some((odd, (width, height))) = common.find(|(_, other)| *other != size)
+        {
+            let expected =
+                format!("{}x{} as in {}, or w and h in every frame", size.0, size.1, first.picture.display());
+            return Err(FitError::found(&odd.picture, "size", format!("{width}x{height}"), expected));
+        }
+    }
+    Ok(FitInput { views, points: Vec::new(), missing })
+}
+
+/// A frame of the file.
+enum Listed {
+    View(Box<View>),
+    /// There is no such picture.
+    Missing(PathBuf),
+}
+
+fn view(
+    path: &Path,
+    folders: &InputFolders,
+    index: usize,
+    frame: &Frame,
+    common: &Camera,
+    maker: &mut CameraMaker,
+) -> Result<Listed, FitError> {
+    let own = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let folder = folders.pictures.as_deref().unwrap_or(own);
+    let fault = |key: &str, found: String, expected: &str| {
+        FitError::found(path, format!("frames[{index}].{key}"), found, expected)
+    };
+    let name = frame.file_path.as_ref().or(frame.file.as_ref());
+    let name = name.ok_or_else(|| fault("file_path", "nothing".into(), "the path of a picture"))?;
+    let moved = folders.pictures.is_some();
+    let Some(picture) = find(folder, name, moved) else { return Ok(Listed::Missing(folder.join(name))) };
+    let mask = match &frame.mask_path {
+        Some(name) => Some(
+            find(own, name, false)
+                .or_else(|| find(folder, name, moved))
+                .ok_or_else(|| fault("mask_path", format!("no file {}", own.join(name).display()), "a picture"))?,
+        ),
+        None => None,
+    };
+    let pose = pose(&frame.transform_matrix).map_err(|found| {
+        fault("transform_matrix", found, "a 4x4 camera-to-world matrix, a rotation and a translation")
+    })?;
+    let own = frame.camera.clone().or(common.clone());
+    let size = picture::size(&picture)?;
+    let lens = own.lens(size).map_err(|(key, found, expected)| fault(key, found, expected))?;
+    if let (Some(width), Some(height)) = (own.intrinsics.w, own.intrinsics.h)
+        && (width, height) != (f64::from(size.0), f64::from(size.1))
+    {
+        let expected = format!("{width}x{height}, as w and h in {} state", path.display());
+        return Err(FitError::found(&picture, "size", format!("{}x{}", size.0, size.1), expected));
+    }
+    let camera =
+        maker.camera(size.0, size.1, lens, DMat3::from_mat4(pose), pose.w_axis.truncate()).map_err(|point| {
+            fault("k1", format!("a lens without a direction at {point}"), "a lens that covers the picture")
+        })?;
+    Ok(Listed::View(Box::new(View { name: name.clone(), picture, mask, camera })))
+}
+
+/// Finds a picture whose name may lack its extension, or have the separators of another system. If the name is absolute
+/// or the pictures are `moved`, they may also be in a part of the named folders.
+fn find(folder: &Path, name: &str, moved: bool) -> Option<PathBuf> {
+    let with_ending = |path: PathBuf| {
+        let mut others = ENDINGS.iter().map(|ending| path.with_added_extension(ending));
+        if path.is_file() { Some(path.clone()) } else { others.find(|path| path.is_file()) }
+    };
+    let name = if folder.join(name).exists() { name.into() } else { name.replace('\\', "/") };
+    let windows = name.as_bytes().get(1) == Some(&b':');
+    with_ending(folder.join(&name)).or_else(|| {
+        let parts: Vec<&str> = name.split('/').collect();
+        let fewest = if moved || windows || name.starts_with('/') { parts.len() } else { 0 };
+        (1..fewest).find_map(|first| with_ending(folder.join(parts[first..].join("/"))))
+    })
+}
+
+impl Camera {
+    fn or(self, other: Self) -> Self {
+        Self {
+            camera_model: self.camera_model.or(other.camera_model),
+            is_fisheye: self.is_fisheye.or(other.is_fisheye),
+            intrinsics: self.intrinsics.or(other.intrinsics),
+            k1: self.k1.or(other.k1),
+            k2: self.k2.or(other.k2),
+            k3: self.k3.or(other.k3),
+            k4: self.k4.or(other.k4),
+            p1: self.p1.or(other.p1),
+            p2: self.p2.or(other.p2),
+        }
+    }
+
+    /// Returns the lens for pictures of this size.
+    fn lens(&self, (width, height): (u32, u32)) -> Result<Lens, WrongValue> {
+        let (focal, center) = self.intrinsics.focal_and_center(DVec2::new(width.into(), height.into()))?;
+        let model = self.camera_model.as_deref().unwrap_or("OPENCV");
+        const MODELS: [&str; 6] = ["OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV_FISHEYE"];
+        if !MODELS.contains(&model) {
+            let expected = "OPENCV, PINHOLE, SIMPLE_PINHOLE, SIMPLE_RADIAL, RADIAL or OPENCV_FISHEYE";
+            return Err(("camera_model", model.into(), expected));
+        }
+        let k = [self.k1, self.k2, self.k3, self.k4].map(Option::unwrap_or_default);
+        let tangential = [self.p1, self.p2].map(Option::unwrap_or_default);
+        if let Some(wrong) = k.iter().chain(&tangential).find(|k| !k.is_finite() || k.abs() > 1e3) {
+            return Err(("k1", wrong.to_string(), "coefficients of distortion from -1000 to 1000"));
+        }
+        let fisheye = model == "OPENCV_FISHEYE" || self.is_fisheye == Some(true);
+        let distortion = if fisheye {
+            Distortion::Fisheye(k)
+        } else if k.iter().chain(&tangential).all(|&k| k == 0.0) {
+            Distortion::None
+        } else {
+            Distortion::Radial { radial: k, tangential }
+        };
+        Ok(Lens { focal, center, distortion })
+    }
+}

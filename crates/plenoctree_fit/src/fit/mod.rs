@@ -1,0 +1,29 @@
+//! Fits fields to photographs.
+
+mod checkpoint;
+mod error;
+mod grid;
+mod input;
+mod measure;
+mod progress;
+mod random;
+mod refine;
+mod report;
+mod run;
+mod scene;
+mod settings;
+mod simplify;
+mod stand;
+mod suspects;
+mod to_field;
+mod train;
+
+pub use error::FitError;
+pub use input::{Distortion, FitInput, InputFolders, Lens, Picture, View, ViewCamera};
+pub use measure::{Comparison, ssim};
+pub use progress::{FitProgress, FitStatus};
+pub use refine::{RefineSettings, Refined, Shot, refine};
+pub use report::{FitReport, HeldOut, Seconds, StageReport, SuspiciousView, ViewReport};
+pub use run::{Fitted, fit};
+pub use settings::FitSettings;
+pub use simplify::{SimplifySettings, simplify};

@@ -1,0 +1,203 @@
+//! Refines a field until it looks like pictures that are in memory, such as those of a capture.
+
+use std::{sync::Arc, time::Duration};
+
+use glam::{DVec2, DVec3, Vec3, Vec4};
+use plenoctree::{Activation, Basis, PlenOctree, camera::PinholeCamera};
+
+use super::{
+    error::FitError,
+    grid::{Cube, Grid, VoxelSet},
+    input::{Distortion, Lens, Picture, ViewCamera},
+    measure::quick_psnr,
+    progress::FitProgress,
+    random::Random,
+    report::StageReport,
+    to_field::to_field,
+    train::{
+        Model, Position, Stage, TrainView, backdrop::Backdrop, gallery::Gallery, train, visibility, visibility::Limits,
+    },
+};
+
+/// A picture in memory, and the camera that sees it.
+#[derive(Clone, Debug)]
+pub struct Shot {
+    view: TrainView,
+}
+
+impl Shot {
+    /// Creates a shot. `pixels` are encoded sRGB premultiplied by opacity, and opacity, 0 to 1, row by row.
+    ///
+    /// # Panics
+    ///
+    /// Panics if there are not as many pixels as the camera has.
+    pub fn new(camera: &PinholeCamera, pixels: &[Vec4]) -> Self {
+        let PinholeCamera { width, height, focal_x, focal_y, center_x, center_y, rotation, position } = *camera;
+        assert_eq!(pixels.len(), width as usize * height as usize, "one pixel for each pixel of the camera");
+        let lens = Lens {
+            focal: DVec2::new(focal_x, focal_y),
+            center: DVec2::new(center_x, center_y),
+            distortion: Distortion::None,
+        };
+        let bytes = |pixel: &Vec4| (255.0 * pixel.clamp(Vec4::ZERO, Vec4::ONE)).round().to_array().map(|x| x as u8);
+        let picture = Picture { width, height, pixels: pixels.iter().map(bytes).collect(), knows_opacity: true };
+        let camera = ViewCamera::undistorted(width, height, lens, rotation, position);
+        Self { view: TrainView { number: 0, camera, picture: Arc::new(picture) } }
+    }
+}
+
+/// Settings of [`refine`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RefineSettings {
+    /// How much work to do, as a multiple of the default, which is 60 million rays. Above 0, 1 by default.
+    pub effort: f64,
+    /// Time to work for. The result is then as good as the time allows, but differs from run to run. `None`, the
+    /// default, does the work that `effort` specifies.
+    pub time: Option<Duration>,
+    /// Seed of the random numbers. The same seed gives the same field, on any number of threads, unless `time` is set.
+    pub seed: u64,
+}
+
+impl Default for RefineSettings {
+    fn default() -> Self {
+        Self { effort: 1.0, time: None, seed: 0 }
+    }
+}
+
+/// A refined field.
+#[derive(Clone, Debug)]
+pub struct Refined {
+    /// The field, with the frame and the cells of the original, except for cells that no camera sees.
+    pub field: PlenOctree,
+    /// What was done.
+    pub stage: StageReport,
+}
+
+/// Refines `field`, all of whose leaves are finest cells, until it looks like the shots, on all cores of the current
+/// rayon pool.
+///
+/// Cells change density and color, and those that no camera sees are removed; none are added. `measured` are shots that
+/// the field is not refined to: `progress` reports how well it matches them. If `progress` is stopped, the result is
+/// the field at that time.
+///
+/// # Errors
+///
+/// Returns an error if there are fewer than two shots, if nothing of the field is in view, or if the field is not of
+/// the kind that is fitted: cubes at depths of 6 to 10, with a sigmoid of harmonics up to degree 3.
+pub fn refine(
+    field: &PlenOctree,
+    shots: Vec<Shot>,
+    measured: &[Shot],
+    settings: &RefineSettings,
+    progress: &FitProgress,
+) -> Result<Refined, FitError> {
+    if shots.len() < 2 {
+        return Err(FitError::Views { found: shots.len().to_string(), expected: "at least two shots" });
+    }
+    let grid = Grid::of_field_or_error(field)?;
+    let stage = Stage::refining(grid.resolution(), settings.effort, settings.time);
+    refine_by(grid, shots, measured, &stage, settings.seed, progress)
+}
+
+/// Refines a grid by a stage, like [`refine`].
+pub(super) fn refine_by(
+    grid: Grid,
+    shots: Vec<Shot>,
+    measured: &[Shot],
+    stage: &Stage,
+    seed: u64,
+    progress: &FitProgress,
+) -> Result<Refined, FitError> {
+    let number = |(number, shot): (usize, Shot)| TrainView { number, ..shot.view };
+    let mut gallery = Gallery::held(shots.into_iter().enumerate().map(number).collect());
+    let measured: Vec<TrainView> = measured.iter().map(|shot| shot.view.clone()).collect();
+    let mut model = Model { grid, backdrop: Backdrop::Random, gains: vec![Vec3::ONE; gallery.len()] };
+    let (mut position, mut random) = (Position::default(), Random::new(seed));
+    let mut watch = |model: &Model, _: &Position, fraction: f64, _: &Random| {
+        let psnr = quick_psnr(model, &measured);
+        progress.update(|status| {
+            status.stage = "refining".into();
+            (status.fraction, status.psnr) = (fraction, psnr);
+        });
+        Ok(())
+    };
+    train(&mut model, &mut gallery, stage, &mut position, &mut random, progress, &mut watch)?;
+    let limits = Limits { spacing: 0.7, ..Limits::FAINTEST };
+    let kept = visibility::visible(&model.grid, &gallery.cameras(), limits);
+    let stage = StageReport::new(&model, &position, quick_psnr(&model, &measured));
+    Ok(Refined { field: to_field(&model.grid, &kept)?, stage })
+}
+
+impl Grid {
+    /// Returns the grid of a field's leaves.
+    pub(super) fn of_field_or_error(field: &PlenOctree) -> Result<Self, FitError> {
+        Self::of_field(field).ok_or_else(|| FitError::Setting {
+            setting: "field",
+            found: format!("{} leaves at depth {}, {}", field.leaves(), field.depth(), field.basis().name()),
+            expected: "cubes of one size at depths of 6 to 10, with a sigmoid of SH1, SH4, SH9 or SH16",
+        })
+    }
+
+    /// Returns the grid of a field's leaves, or `None` if the field is not like those that are fitted.
+    fn of_field(field: &PlenOctree) -> Option<Self> {
+        let basis = [Basis::Sh1, Basis::Sh4, Basis::Sh9, Basis::Sh16].contains(&field.basis());
+        let scale = field.frame().scale;
+        let cube = (scale.max_element() - scale.min_element()) <= 1e-9 * scale.max_element();
+        let depth = (6..=10).contains(&field.depth());
+        if !basis || !cube || !depth || field.activation() != Activation::Sigmoid {
+            return None;
+        }
+        let mut set = VoxelSet::new(1 << field.depth());
+        for cell in field.leaf_cells() {
+            if cell.size != 1 {
+                return None;
+            }
+            set.insert(cell.corner);
+        }
+        let size = 1.0 / scale.x;
+        let functions = field.basis().functions();
+        let mut grid = Self::new(Cube { low: field.frame().to_world(DVec3::ZERO), size }, functions, &set);
+        let width = grid.voxel_size();
+        let coefficients = field.coefficients();
+        for cell in field.leaf_cells() {
+            let Some(voxel) = grid.voxel(cell.corner.as_ivec3()) else { continue };
+            let leaf = cell.leaf as usize;
+            let own = &coefficients[leaf * 3 * functions..][..3 * functions];
+            let values = &mut grid.values[voxel as usize * functions..][..functions];
+            for (function, value) in values.iter_mut().enumerate() {
+                let [r, g, b] = [0, 1, 2].map(|channel| own[channel * functions + function].to_f32());
+                *value = Vec4::new(r, g, b, 0.0);
+            }
+            values[0].w = (f64::from(field.densities()[leaf]) * width) as f32;
+        }
+        grid.copy_thickness();
+        Some(grid)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Converting a field to a grid and back restores it.
+    #[test]
+    fn grids_of_fields_give_them_back() {
+        let codes: Vec<u64> = vec![3, 8, 77, 4096, 200_000];
+        let nodes = crate::finest::tree_of_finest(&codes, 6);
+        let frame = plenoctree::Frame::spanning(DVec3::new(-1.0, 2.0, 0.5), DVec3::new(3.0, 6.0, 4.5));
+        let densities: Vec<f32> = (1..=5).map(|index| index as f32).collect();
+        let coefficients: Vec<half::f16> = (0..60).map(|index| half::f16::from_f32(index as f32 * 0.25)).collect();
+        let (basis, up) = (Basis::Sh4, plenoctree::UpAxis::Z);
+        let field = PlenOctree::new(frame, basis, Activation::Sigmoid, up, nodes, densities, coefficients).unwrap();
+        let grid = Grid::of_field(&field).unwrap();
+        let mut all = VoxelSet::new(64);
+        grid.positions().for_each(|position| all.insert(position));
+        let again = to_field(&grid, &all).unwrap();
+        assert_eq!(again.nodes(), field.nodes());
+        assert_eq!(again.coefficients(), field.coefficients());
+        for (a, b) in again.densities().iter().zip(field.densities()) {
+            assert!((a / b - 1.0).abs() < 1e-5, "{a} {b}");
+        }
+        assert!((again.frame().to_world(DVec3::ONE) - DVec3::new(3.0, 6.0, 4.5)).length() < 1e-9);
+    }
+}

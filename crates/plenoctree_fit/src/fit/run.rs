@@ -1,0 +1,295 @@
+//! Runs a fit from input to field.
+
+use std::{
+    fs,
+    hash::{DefaultHasher, Hash, Hasher},
+    sync::Arc,
+    time::{Duration, Instant},
+};
+
+use glam::{DMat3, DVec3, Vec3};
+use plenoctree::PlenOctree;
+
+use super::{
+    checkpoint::Checkpoint,
+    error::FitError,
+    grid::Grid,
+    input::{CameraMaker, FitInput, Picture, View, ViewCamera},
+    measure::{Comparison, compare, quick_psnr},
+    progress::FitProgress,
+    random::Random,
+    report::{FitReport, HeldOut, Seconds, StageReport, ViewReport},
+    scene,
+    settings::FitSettings,
+    stand::{self, TurnedBox},
+    suspects::suspicious,
+    to_field::{cropped, largest_part, to_field},
+    train::{
+        Model, Position, Schedule, TrainView, backdrop::Backdrop, gallery::Gallery, split, train, visibility,
+        visibility::Limits,
+    },
+};
+
+/// Maximum number of held-out views that are kept as previews.
+const MOST_PREVIEWS: usize = 12;
+/// Thickness that voxels start with.
+const FIRST_THICKNESS: f32 = 0.03;
+/// Of this many pictures, at least one must have transparent pixels, so that opacity tells the object from its
+/// background: some photographs have single transparent pixels, and the object may fill most pictures.
+const FEWEST_TRANSPARENT: usize = 4;
+/// How often a checkpoint is written.
+const SAVE_EVERY: Duration = Duration::from_secs(60);
+
+/// A fitted field.
+#[derive(Clone, Debug)]
+pub struct Fitted {
+    /// The field, in the frame of the cameras.
+    pub field: PlenOctree,
+    /// Held-out views next to their photographs: all of them, or some if there are many.
+    pub previews: Vec<Comparison>,
+    /// The report.
+    pub report: FitReport,
+}
+
+/// Fits a field to the views of `input`, on all cores of the current rayon pool.
+///
+/// The result is measured on views that are held out, by default every eighth ([`FitSettings::hold_out`]), or on the
+/// views of `test`. The same input, settings and seed give the same field on any number of threads, unless there is a
+/// time limit. If `progress` is stopped, the result is the field at that time.
+///
+/// # Errors
+///
+/// Returns an error if a setting is out of range, if a picture cannot be read, if there are fewer than two views to fit
+/// to, if they do not show a common object, if nothing is left of the field, or if `progress` is stopped before
+/// training starts.
+pub fn fit(
+    input: &FitInput,
+    test: Option<&FitInput>,
+    settings: &FitSettings,
+    progress: &FitProgress,
+) -> Result<Fitted, FitError> {
+    settings.validate()?;
+    let start = Instant::now();
+    progress.update(|status| status.stage = "reading".into());
+    let turned = settings.stand.then(|| stand::upright(&input.views));
+    let turn = |input: &FitInput| turned.map_or_else(|| input.clone(), |turn| stand::turned(input, turn));
+    let (input, test) = (&turn(input), test.map(turn));
+    let hold_out = settings.hold_out.filter(|_| test.is_none());
+    let is_held_out = |index: usize| hold_out.is_some_and(|every| index.is_multiple_of(every as usize));
+    let numbered = || input.views.iter().enumerate();
+    let numbers: Vec<usize> = numbered().map(|(index, _)| index).filter(|&index| !is_held_out(index)).collect();
+    let training: Vec<View> = numbers.iter().map(|&index| input.views[index].clone()).collect();
+    let held_out: Vec<View> = match &test {
+        Some(test) => test.views.clone(),
+        None => numbered().filter(|(index, _)| is_held_out(*index)).map(|(_, view)| view.clone()).collect(),
+    };
+    if training.len() < 2 {
+        let found = format!("{} to fit to and {} held out", training.len(), held_out.len());
+        return Err(FitError::Views { found, expected: "at least two to fit to" });
+    }
+    let cameras = downscaled(&training, settings.downscale)?;
+    let mut gallery = Gallery::new(training, cameras, settings.downscale, settings.picture_memory);
+    let (mut transparent, mut color, mut weight) = (0, DVec3::ZERO, 0.0);
+    gallery.each(|view| {
+        transparent += usize::from(view.picture.knows_opacity);
+        let (sum, count) = border(&view.picture);
+        color += sum;
+        weight += count;
+    })?;
+    let knows_opacity = transparent * FEWEST_TRANSPARENT >= gallery.len();
+    let in_frame = |corners| TurnedBox::new(corners, turned.unwrap_or(DMat3::IDENTITY));
+    let place = scene::find(&mut gallery, &input.points, knows_opacity, settings.bounds.map(in_frame))?;
+    let measured = load_some(&held_out, settings)?;
+    let preparing = start.elapsed().as_secs_f64();
+
+    let start = Instant::now();
+    let backdrop = match settings.background {
+        _ if knows_opacity => Backdrop::Random,
+        Some(color) => Backdrop::Color(color.as_vec3()),
+        None => Backdrop::learned((color / f64::max(weight, 1.0)).as_vec3()),
+    };
+    let key = key(input, settings);
+    let saved = settings.checkpoint.as_deref();
+    let resumed = match saved {
+        Some(path) if settings.resume && path.exists() => {
+            Some(Checkpoint::read(path, key, gallery.len(), backdrop.clone())?)
+        }
+        _ => None,
+    };
+    let Checkpoint { mut model, mut position, mut random } = match resumed {
+        Some(checkpoint) => checkpoint,
+        None => {
+            let mut grid = Grid::new(place.cube, settings.basis.functions(), &place.voxels);
+            grid.values.iter_mut().step_by(settings.basis.functions()).for_each(|value| value.w = FIRST_THICKNESS);
+            grid.copy_thickness();
+            let model = Model { grid, backdrop, gains: vec![Vec3::ONE; gallery.len()] };
+            Checkpoint { model, position: Position::default(), random: Random::new(settings.seed) }
+        }
+    };
+    if let Some((low, high)) = settings.crop {
+        let (grid, crop) = (&model.grid, in_frame((low, high)));
+        if !grid.positions().any(|position| crop.overlaps(grid.center(position), grid.voxel_size())) {
+            let found = format!("{low} to {high}");
+            return Err(FitError::Setting { setting: "crop", found, expected: "a box with some of what cameras see" });
+        }
+    }
+    if progress.is_stopped() && position == Position::default() {
+        return Err(FitError::Stopped);
+    }
+    let schedule = Schedule::new(settings, !knows_opacity);
+    let mut report = FitReport { views: gallery.len(), ..FitReport::default() };
+    let mut saved_at = Instant::now();
+    while !progress.is_stopped() && position.stage < schedule.stages.len() {
+        let stage = &schedule.stages[position.stage];
+        if model.grid.resolution() < stage.resolution {
+            model.grid = split(&model.grid, &gallery.cameras(), stage);
+        }
+        let (before, share) = schedule.shares(position.stage);
+        let mut psnr = None;
+        let mut measured_at = -1.0;
+        let mut watch = |model: &Model, position: &Position, fraction: f64, random: &Random| {
+            if fraction >= measured_at + 0.1 {
+                measured_at = fraction;
+                psnr = quick_psnr(model, &measured);
+            }
+            progress.update(|status| {
+                status.stage = format!("{0}^3", stage.resolution);
+                status.fraction = before + share * fraction;
+                status.psnr = psnr;
+            });
+            match saved {
+                Some(path) if saved_at.elapsed() > SAVE_EVERY => {
+                    saved_at = Instant::now();
+                    Checkpoint::write(path, key, model, position, random)
+                }
+                _ => Ok(()),
+            }
+        };
+        train(&mut model, &mut gallery, stage, &mut position, &mut random, progress, &mut watch)?;
+        report.stages.push(StageReport::new(&model, &position, quick_psnr(&model, &measured)));
+        if !progress.is_stopped() {
+            position = Position { stage: position.stage + 1, ..Position::default() };
+        }
+    }
+    match saved {
+        Some(path) if progress.is_stopped() => Checkpoint::write(path, key, &model, &position, &random)?,
+        Some(path) if path.exists() => fs::remove_file(path).map_err(FitError::io(path))?,
+        _ => {}
+    }
+    report.stopped = progress.is_stopped();
+    if matches!(model.backdrop, Backdrop::Learned(_) | Backdrop::Color(_)) {
+        report.gains = Some(model.gains.iter().map(|gain| gain.to_array()).collect());
+    }
+
+    progress.update(|status| (status.stage, status.fraction) = ("measuring".into(), 1.0));
+    report.suspicious = suspicious(&model, &mut gallery, &numbers)?;
+    let limits = Limits { spacing: 0.7, ..Limits::default() };
+    let visible = visibility::visible(&model.grid, &gallery.cameras(), limits);
+    let mut kept = settings.crop.map(|crop| cropped(&model.grid, &visible, &in_frame(crop)));
+    if settings.keep_largest {
+        kept = Some(largest_part(&model.grid, kept.as_ref().unwrap_or(&visible), 0.2));
+    }
+    let whole = to_field(&model.grid, &visible)?;
+    let cut = kept.map(|kept| to_field(&model.grid, &kept)).transpose()?;
+    let training = start.elapsed().as_secs_f64();
+
+    let start = Instant::now();
+    let shown = match (&model.backdrop, settings.background) {
+        (Backdrop::Random, color) => Backdrop::Color(color.unwrap_or(DVec3::ONE).as_vec3()),
+        (other, _) => other.clone(),
+    };
+    // The pictures show what is cut away, too.
+    let (held_out, previews) = measure(&whole, &shown, &held_out, settings)?;
+    report.held_out = held_out;
+    let (mut field, mut cube) = (cut.unwrap_or(whole), place.cube);
+    if let Some(turn) = turned {
+        let shift = -field.foot().unwrap_or_default();
+        field = field.shifted(shift)?;
+        cube.low += shift;
+        report.from_input = Some(stand::matrix(turn, shift));
+    }
+    report.leaves = field.leaves();
+    report.depth = field.depth();
+    report.cube = [cube.low.to_array(), (cube.low + cube.size).to_array()];
+    report.seconds = Seconds { preparing, training, measuring: start.elapsed().as_secs_f64() };
+    Ok(Fitted { field, previews, report })
+}
+
+/// Returns a hash of the input and the settings: fits that differ in it cannot resume from each other's checkpoints.
+fn key(input: &FitInput, settings: &FitSettings) -> u64 {
+    let mut hasher = DefaultHasher::new();
+    for view in &input.views {
+        view.name.hash(&mut hasher);
+        view.camera.position.to_array().map(f64::to_bits).hash(&mut hasher);
+    }
+    let FitSettings { depth, basis, downscale, bounds, background, hold_out, stand, .. } = settings;
+    format!("{depth} {basis:?} {downscale} {bounds:?} {background:?} {hold_out:?} {stand}").hash(&mut hasher);
+    hasher.finish()
+}
+
+/// Returns the cameras for the downscaled pictures.
+fn downscaled(views: &[View], downscale: u32) -> Result<Vec<ViewCamera>, FitError> {
+    let mut maker = CameraMaker::default();
+    let small = |view: &View| {
+        view.camera.downscaled_by(&mut maker, downscale).map_err(|point| {
+            FitError::found(&view.picture, "lens", format!("no direction at {point}"), "a lens that covers the picture")
+        })
+    };
+    views.iter().map(small).collect()
+}
+
+fn load(view: &View, number: usize, settings: &FitSettings) -> Result<TrainView, FitError> {
+    let picture = Picture::read(&view.picture, view.mask.as_deref(), settings.downscale)?;
+    let camera = downscaled(std::slice::from_ref(view), settings.downscale)?.remove(0);
+    Ok(TrainView { number, camera, picture: Arc::new(picture) })
+}
+
+/// Loads some views to measure while training.
+fn load_some(views: &[View], settings: &FitSettings) -> Result<Vec<TrainView>, FitError> {
+    let every = views.len().div_ceil(MOST_PREVIEWS).max(1);
+    views.iter().enumerate().step_by(every).map(|(index, view)| load(view, index, settings)).collect()
+}
+
+/// Returns the sum and the number of the colors on the border of a picture.
+fn border(picture: &Picture) -> (DVec3, f64) {
+    let (width, height) = (picture.width as usize, picture.height as usize);
+    let on_border = |index: usize| {
+        let (x, y) = (index % width, index / width);
+        x == 0 || y == 0 || x + 1 == width || y + 1 == height
+    };
+    let pixels = picture.pixels.iter().enumerate().filter(|(index, _)| on_border(*index));
+    pixels.fold((DVec3::ZERO, 0.0), |(sum, count), (_, [r, g, b, _])| {
+        (sum + DVec3::new((*r).into(), (*g).into(), (*b).into()) / 255.0, count + 1.0)
+    })
+}
+
+/// Compares the field with all held-out views.
+fn measure(
+    field: &PlenOctree,
+    backdrop: &Backdrop,
+    views: &[View],
+    settings: &FitSettings,
+) -> Result<(Option<HeldOut>, Vec<Comparison>), FitError> {
+    if views.is_empty() {
+        return Ok((None, Vec::new()));
+    }
+    let every = views.len().div_ceil(MOST_PREVIEWS).max(1);
+    let (mut held_out, mut previews) = (HeldOut::default(), Vec::new());
+    for (index, view) in views.iter().enumerate() {
+        let loaded = load(view, index, settings)?;
+        let compared = compare(field, backdrop, &view.name, &loaded.camera, &loaded.picture);
+        held_out.views.push(ViewReport {
+            name: view.name.clone(),
+            psnr_db: compared.psnr,
+            ssim: compared.ssim,
+            aligned_psnr_db: compared.aligned_psnr,
+        });
+        if index.is_multiple_of(every) {
+            previews.push(compared);
+        }
+    }
+    let mean = |value: fn(&ViewReport) -> f64| held_out.views.iter().map(value).sum::<f64>() / views.len() as f64;
+    (held_out.psnr_db, held_out.ssim) = (mean(|view| view.psnr_db), mean(|view| view.ssim));
+    held_out.aligned_psnr_db = mean(|view| view.aligned_psnr_db);
+    Ok((Some(held_out), previews))
+}

@@ -1,0 +1,76 @@
+//! Projects Gaussians to the image.
+
+use glam::{DMat3, DVec2, DVec3, Vec2, Vec3};
+use plenoctree::camera::PinholeCamera;
+
+use crate::splat::splats::Splats;
+
+/// Depth below which Gaussians are left out, in world units.
+const NEAR: f64 = 0.01;
+/// Added to the variance of every Gaussian, in square pixels.
+const DILATION: f64 = 0.3;
+/// How far outside the image the derivative of the projection is evaluated, in multiples of half its size. Beyond that,
+/// it does not approximate the projection.
+const OUTSIDE: f64 = 1.3;
+/// Opacity below which nothing is drawn.
+pub const FAINTEST: f32 = 1.0 / 255.0;
+
+/// A Gaussian in the image.
+#[derive(Clone, Copy, Debug)]
+pub struct Projected {
+    pub depth: f32,
+    /// Center, in pixels.
+    pub center: Vec2,
+    /// The inverse of its variances: x x, x y and y y.
+    pub conic: Vec3,
+    pub opacity: f32,
+    pub color: Vec3,
+    /// Distance from the center within which it is visible, in pixels.
+    pub reach: Vec2,
+}
+
+/// Projects a Gaussian. Returns `None` if it cannot be in the image.
+pub fn project(splats: &Splats, index: usize, camera: &PinholeCamera) -> Option<Projected> {
+    let gaussian = splats.gaussians()[index];
+    if gaussian.opacity < FAINTEST {
+        return None;
+    }
+    let offset = gaussian.position.as_dvec3() - camera.position;
+    let at = camera.rotation.transpose() * offset;
+    // From here on, y points down and z away from the camera, as in images.
+    let (x, y, depth) = (at.x, -at.y, -at.z);
+    if depth <= NEAR {
+        return None;
+    }
+    let limit = |tangent: f64, size: u32, focal: f64| {
+        let most = OUTSIDE * 0.5 * f64::from(size) / focal;
+        tangent.clamp(-most, most)
+    };
+    let tangent_x = limit(x / depth, camera.width, camera.focal_x);
+    let tangent_y = limit(y / depth, camera.height, camera.focal_y);
+    // The derivative of the pixel, in the axes of the camera, whose y points up and whose z points back.
+    let across = camera.rotation * DVec3::new(1.0, 0.0, tangent_x) * (camera.focal_x / depth);
+    let down = camera.rotation * DVec3::new(0.0, -1.0, tangent_y) * (camera.focal_y / depth);
+    let axes = DMat3::from_quat(gaussian.rotation.as_dquat()).transpose();
+    let scale = gaussian.scale.as_dvec3();
+    let (across, down) = (scale * (axes * across), scale * (axes * down));
+    let (xx, xy, yy) = (across.length_squared() + DILATION, across.dot(down), down.length_squared() + DILATION);
+    let determinant = xx * yy - xy * xy;
+    let conic = DVec3::new(yy, -xy, xx) / determinant;
+    let center = DVec2::new(camera.focal_x * x / depth + camera.center_x, camera.focal_y * y / depth + camera.center_y);
+    // Where the opacity falls below the faintest.
+    let square = 2.0 * f64::from(gaussian.opacity / FAINTEST).ln();
+    let reach = DVec2::new((square * xx).sqrt(), (square * yy).sqrt());
+    let size = DVec2::new(camera.width.into(), camera.height.into());
+    if !conic.is_finite() || (center + reach).cmplt(DVec2::ZERO).any() || (center - reach).cmpgt(size).any() {
+        return None;
+    }
+    Some(Projected {
+        depth: depth as f32,
+        center: center.as_vec2(),
+        conic: conic.as_vec3(),
+        opacity: gaussian.opacity,
+        color: splats.color(index, offset.normalize()),
+        reach: reach.as_vec2(),
+    })
+}

@@ -1,0 +1,252 @@
+//! Adds up Gaussians in blocks of cells.
+//!
+//! The cube is divided into regions, which are processed one at a time on each core, and those into blocks. Only one
+//! block of sums per core is in memory, at any depth.
+
+use glam::{DVec3, USizeVec3, UVec3, Vec3};
+use rayon::prelude::*;
+
+use super::{gaussian::CellGaussian, optics::Profile};
+use crate::{exponential::exp_minus, finest::position_of, splat::splats::Splats};
+
+/// Levels of cells in a block.
+pub const BLOCK: u32 = 5;
+/// Maximum number of levels of regions.
+const REGIONS: u32 = 2;
+
+/// The Gaussians of a capture among the cells of a cube.
+pub struct Lattice<'a> {
+    splats: &'a Splats,
+    /// Levels of cells.
+    depth: u32,
+    gaussians: Vec<CellGaussian>,
+    profile: Profile,
+}
+
+impl<'a> Lattice<'a> {
+    /// Prepares the Gaussians for the cube at `corner` whose finest cells, at this depth, have this `width`.
+    pub fn new(splats: &'a Splats, corner: DVec3, width: f64, depth: u32) -> Self {
+        let gaussians = (splats.gaussians().par_iter().enumerate())
+            .filter_map(|(index, gaussian)| CellGaussian::new(gaussian, index as u32, corner, width, 1 << depth))
+            .collect();
+        Self { splats, depth, gaussians, profile: Profile::new() }
+    }
+
+    /// Calls `visit` with the code and the sums of each block that passes `wanted` and is not empty, and returns the
+    /// results in the order of the codes, on all cores. The sums have `functions` coefficients per channel.
+    pub fn blocks<T: Send>(
+        &self,
+        functions: usize,
+        wanted: impl Fn(u64) -> bool + Sync,
+        visit: impl Fn(u64, &Block) -> T + Sync,
+    ) -> Vec<T> {
+        let split = REGIONS.min(self.depth - BLOCK);
+        let levels = self.depth - split;
+        let of_region = |region: u64| {
+            let near = overlapping(self.gaussians.iter(), position_of(region) << levels, 1 << levels);
+            let mut block = Block::new(functions);
+            let mut results = Vec::new();
+            let first = region << (3 * (levels - BLOCK));
+            for code in (first..first + (1 << (3 * (levels - BLOCK)))).filter(|code| wanted(*code)) {
+                let low = position_of(code) << BLOCK;
+                let near = overlapping(near.iter().copied(), low, 1 << BLOCK);
+                if near.is_empty() {
+                    continue;
+                }
+                block.clear();
+                near.into_iter().for_each(|gaussian| block.add(gaussian, low, self.splats, &self.profile));
+                block.flatten();
+                results.push(visit(code, &block));
+            }
+            results
+        };
+        (0..1u64 << (3 * split)).into_par_iter().map(of_region).collect::<Vec<_>>().into_iter().flatten().collect()
+    }
+}
+
+/// Returns the Gaussians that reach a cube of cells.
+fn overlapping<'a>(gaussians: impl Iterator<Item = &'a CellGaussian>, low: UVec3, size: u32) -> Vec<&'a CellGaussian> {
+    gaussians.filter(|gaussian| gaussian.low.cmplt(low + size).all() && gaussian.high.cmpgt(low).all()).collect()
+}
+
+/// Sums of a block. A Gaussian is added to the cells or, if it is many cells wide, to the points of the coarsest lattice
+/// in which it is still smooth. Otherwise, as many Gaussians at one place would take as many times the cells there.
+pub struct Block {
+    /// The cells, then lattices of points that are 2, 4, 8, 16 and 32 cells apart.
+    rasters: [Raster; BLOCK as usize + 1],
+}
+
+/// Sums at points that are spread evenly: the thickness, and the coefficients times thickness.
+struct Raster {
+    /// Distance of the points, in cells.
+    distance: f32,
+    /// Place of the first point, in cells: the center of a cell, or the corner of the block.
+    first: f32,
+    /// Points per side.
+    side: usize,
+    stride: usize,
+    sums: Vec<f32>,
+    is_empty: bool,
+}
+
+impl Block {
+    fn new(functions: usize) -> Self {
+        let stride = 1 + 3 * functions;
+        let raster = |level: u32| {
+            let (first, side) = if level == 0 { (0.5, 1 << BLOCK) } else { (0.0, (1 << BLOCK >> level) + 1) };
+            let distance = (1u32 << level) as f32;
+            Raster { distance, first, side, stride, sums: vec![0.0; stride * side * side * side], is_empty: true }
+        };
+        Self { rasters: std::array::from_fn(|level| raster(level as u32)) }
+    }
+
+    fn clear(&mut self) {
+        for raster in self.rasters.iter_mut().filter(|raster| !raster.is_empty) {
+            raster.sums.fill(0.0);
+            raster.is_empty = true;
+        }
+    }
+
+    /// Adds the part of a Gaussian that is in the block whose lowest cell is `low`.
+    fn add(&mut self, gaussian: &CellGaussian, low: UVec3, splats: &Splats, profile: &Profile) {
+        self.rasters[gaussian.level.min(BLOCK) as usize].add(gaussian, low, splats, profile);
+    }
+
+    /// Adds the lattices to the cells.
+    fn flatten(&mut self) {
+        for level in (1..self.rasters.len()).rev() {
+            let (finer, coarser) = self.rasters.split_at_mut(level);
+            if !coarser[0].is_empty {
+                finer[level - 1].add_interpolated(&coarser[0]);
+            }
+        }
+    }
+
+    /// Returns the sums of a cell: its thickness, and its coefficients times thickness.
+    pub fn cell(&self, place: UVec3) -> &[f32] {
+        self.rasters[0].point(place.as_usizevec3())
+    }
+}
+
+impl Raster {
+    fn point(&self, place: USizeVec3) -> &[f32] {
+        &self.sums[((place.x * self.side + place.y) * self.side + place.z) * self.stride..][..self.stride]
+    }
+
+    fn add(&mut self, gaussian: &CellGaussian, low: UVec3, splats: &Splats, profile: &Profile) {
+        let (side, stride) = (self.side, self.stride);
+        // From here on, in distances of points.
+        let center = (gaussian.center - low.as_vec3() - self.first) / self.distance;
+        let form = gaussian.inverse * (self.distance * self.distance);
+        let extent = gaussian.extent / self.distance;
+        let first = (center - extent).ceil().max(Vec3::ZERO).as_usizevec3();
+        let most = (side - 1) as f32;
+        let last = (center + extent).floor().min(Vec3::splat(most));
+        if last.min_element() < 0.0 {
+            return;
+        }
+        let last = last.as_usizevec3();
+        self.is_empty = false;
+        let coefficients = &splats.coefficients(gaussian.index as usize)[..stride / 3];
+        let c = form.z_axis.z;
+        for x in first.x..=last.x {
+            let dx = x as f32 - center.x;
+            for y in first.y..=last.y {
+                let dy = y as f32 - center.y;
+                // Distances along the column are a z^2 + 2 b z + c; those within reach are an interval.
+                let b = form.z_axis.x * dx + form.z_axis.y * dy;
+                let a = form.x_axis.x * dx * dx + 2.0 * form.x_axis.y * dx * dy + form.y_axis.y * dy * dy;
+                let discriminant = b * b - c * (a - gaussian.reach);
+                if discriminant <= 0.0 {
+                    continue;
+                }
+                let (middle, half) = (center.z - b / c, discriminant.sqrt() / c);
+                let from = (middle - half).ceil().max(0.0) as usize;
+                let to = (middle + half).floor().min(most);
+                if to < from as f32 {
+                    continue;
+                }
+                let column = ((x * side + y) * side + from) * stride;
+                for (z, sums) in (from..=to as usize).zip(self.sums[column..].chunks_exact_mut(stride)) {
+                    let dz = z as f32 - center.z;
+                    let distance = a + dz * (2.0 * b + c * dz);
+                    let opacity = gaussian.opacity * exp_minus(0.5 * distance.max(0.0));
+                    let thickness = gaussian.scale * profile.density(opacity);
+                    sums[0] += thickness;
+                    for (sums, coefficient) in sums[1..].chunks_exact_mut(3).zip(coefficients) {
+                        (0..3).for_each(|channel| sums[channel] += thickness * coefficient[channel]);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Adds the sums of a lattice with half as many points, interpolated linearly.
+    fn add_interpolated(&mut self, coarser: &Self) {
+        self.is_empty = false;
+        // The points on either side of each of ours, and the weight of the second.
+        let places: Vec<(usize, f32)> = (0..self.side)
+            .map(|index| {
+                let place = (index as f32 * self.distance + self.first) / coarser.distance;
+                let before = (place as usize).min(coarser.side - 2);
+                (before, place - before as f32)
+            })
+            .collect();
+        let points = places.iter().flat_map(|x| places.iter().map(move |y| (x, y)));
+        let points = points.flat_map(|(x, y)| places.iter().map(move |z| [x, y, z]));
+        for (sums, point) in self.sums.chunks_exact_mut(self.stride).zip(points) {
+            for corner in 0..8 {
+                let end = [corner >> 2, corner >> 1 & 1, corner & 1];
+                let weights: [f32; 3] = std::array::from_fn(|axis| match end[axis] {
+                    0 => 1.0 - point[axis].1,
+                    _ => point[axis].1,
+                });
+                let weight: f32 = weights.iter().product();
+                if weight > 0.0 {
+                    let place = USizeVec3::from_array(std::array::from_fn(|axis| point[axis].0 + end[axis]));
+                    sums.iter_mut().zip(coarser.point(place)).for_each(|(sum, value)| *sum += weight * value);
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Quat;
+
+    use super::*;
+    use crate::splat::Gaussian;
+
+    /// Gaussians in lattices give the sums that they give in cells, up to a few percent of the largest.
+    #[test]
+    fn lattices_give_the_sums_of_cells() {
+        for (scale, level) in [(7.0, 1), (17.0, 2), (40.0, 3), (60.0, 4), (250.0, 5)] {
+            let rotation = Quat::from_xyzw(0.1, 0.7, -0.2, 0.6).normalize();
+            let scale = scale * Vec3::new(1.0, 1.3, 1.1);
+            let gaussian = Gaussian { position: Vec3::new(70.0, 50.0, 60.0), scale, rotation, opacity: 0.7 };
+            let mut splats = Splats::new(0);
+            splats.push(gaussian, &[Vec3::new(0.5, -0.2, 0.9)]);
+            let wide = CellGaussian::new(&gaussian, 0, DVec3::ZERO, 1.0, 128).unwrap();
+            assert_eq!(wide.level.min(BLOCK), level);
+            let profile = Profile::new();
+            let mut largest = 0.0f32;
+            let mut differences = Vec::new();
+            for low in [UVec3::new(64, 32, 32), UVec3::new(32, 64, 64), UVec3::new(96, 32, 64)] {
+                let blocks = [CellGaussian { level: 0, ..wide }, wide].map(|gaussian| {
+                    let mut block = Block::new(1);
+                    block.add(&gaussian, low, &splats, &profile);
+                    block.flatten();
+                    block
+                });
+                for (expected, found) in blocks[0].rasters[0].sums.iter().zip(&blocks[1].rasters[0].sums) {
+                    largest = largest.max(expected.abs());
+                    differences.push((expected - found).abs());
+                }
+            }
+            let worst = differences.iter().copied().fold(0.0, f32::max) / largest;
+            let mean = differences.iter().sum::<f32>() / differences.len() as f32 / largest;
+            assert!(worst < 0.08 && mean < 0.01, "{level}: {worst} {mean}");
+        }
+    }
+}

@@ -1,0 +1,334 @@
+//! Reads the camera files of NeRF, nerfstudio and instant-ngp.
+
+use std::{
+    fs, io,
+    ops::RangeInclusive,
+    path::{Path, PathBuf},
+};
+
+use glam::{DMat3, DMat4, DVec2, DVec4};
+use plenoctree::camera::PinholeCamera;
+use serde::Deserialize;
+
+/// An error that occurs when reading a camera file.
+#[derive(Debug, thiserror::Error)]
+pub enum CameraError {
+    /// The file could not be read.
+    #[error("{}: {source}", path.display())]
+    Io {
+        /// Path of the file.
+        path: PathBuf,
+        /// The error of the operating system.
+        source: io::Error,
+    },
+    /// The file is not JSON, or a value has the wrong type.
+    #[error("{}: not a transforms.json: {source}", path.display())]
+    Json {
+        /// Path of the file.
+        path: PathBuf,
+        /// The error of the parser.
+        source: serde_json::Error,
+    },
+    /// A key is missing, or its value is invalid.
+    #[error("{}: {key}: found {found}, expected {expected}", path.display())]
+    Value {
+        /// Path of the file.
+        path: PathBuf,
+        /// Name of the key.
+        key: String,
+        /// The value found.
+        found: String,
+        /// The value expected.
+        expected: &'static str,
+    },
+}
+
+/// A key of the file, what was found there, and what was expected.
+pub(crate) type WrongValue = (&'static str, String, &'static str);
+
+/// Camera intrinsics, for all frames or for a single frame. The latter take precedence.
+#[derive(Clone, Copy, Default, Deserialize)]
+pub(crate) struct Intrinsics {
+    pub w: Option<f64>,
+    pub h: Option<f64>,
+    fl_x: Option<f64>,
+    fl_y: Option<f64>,
+    cx: Option<f64>,
+    cy: Option<f64>,
+    camera_angle_x: Option<f64>,
+    camera_angle_y: Option<f64>,
+}
+
+/// Returns the text of a file without the byte order mark that some editors write.
+pub(crate) fn without_mark(text: &[u8]) -> &[u8] {
+    text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(text)
+}
+
+impl Intrinsics {
+    /// Returns whether the focal length is in pixels, not an angle.
+    pub fn is_in_pixels(&self) -> bool {
+        self.fl_x.is_some()
+    }
+
+    pub fn or(self, other: Self) -> Self {
+        // A focal length in the frame takes precedence over an angle in the file, and vice versa.
+        let angles = if self.fl_x.is_some() { (None, None) } else { (other.camera_angle_x, other.camera_angle_y) };
+        let focals = if self.camera_angle_x.is_some() { (None, None) } else { (other.fl_x, other.fl_y) };
+        Self {
+            w: self.w.or(other.w),
+            h: self.h.or(other.h),
+            fl_x: self.fl_x.or(focals.0),
+            fl_y: self.fl_y.or(focals.1),
+            cx: self.cx.or(other.cx),
+            cy: self.cy.or(other.cy),
+            camera_angle_x: self.camera_angle_x.or(angles.0),
+            camera_angle_y: self.camera_angle_y.or(angles.1),
+        }
+    }
+
+    /// Returns the focal lengths and the point of the optical axis, in pixels of images of this size.
+    pub fn focal_and_center(&self, size: DVec2) -> Result<(DVec2, DVec2), WrongValue> {
+        let focal = |key, focal: f64| {
+            if FOCAL.contains(&focal) { Ok(focal) } else { Err((key, focal.to_string(), "1e-6 to 1e9 pixels")) }
+        };
+        let from_angle = |key, angle: f64, pixels: f64| {
+            let focal = 0.5 * pixels / (0.5 * angle).tan();
+            if angle > 0.0 && angle < std::f64::consts::PI && FOCAL.contains(&focal) {
+                Ok(focal)
+            } else {
+                Err((key, angle.to_string(), "an angle between 0 and pi radians"))
+            }
+        };
+        let center = |key, given: Option<f64>, pixels: f64| {
+            let center = given.unwrap_or(0.5 * pixels);
+            if center.abs() <= MAX_CENTER { Ok(center) } else { Err((key, center.to_string(), "-1e9 to 1e9 pixels")) }
+        };
+        let x = match (self.fl_x, self.camera_angle_x) {
+            (Some(fl_x), _) => focal("fl_x", fl_x)?,
+            (None, Some(angle)) => from_angle("camera_angle_x", angle, size.x)?,
+            (None, None) => return Err(("camera_angle_x", "nothing".into(), "camera_angle_x or fl_x")),
+        };
+        let y = match (self.fl_y, self.camera_angle_y) {
+            (Some(fl_y), _) => focal("fl_y", fl_y)?,
+            (None, Some(angle)) => from_angle("camera_angle_y", angle, size.y)?,
+            (None, None) => x,
+        };
+        Ok((DVec2::new(x, y), DVec2::new(center("cx", self.cx, size.x)?, center("cy", self.cy, size.y)?)))
+    }
+}
+
+#[derive(Deserialize)]
+struct File {
+    #[serde(flatten)]
+    intrinsics: Intrinsics,
+    frames: Vec<Frame>,
+}
+
+#[derive(Deserialize)]
+struct Frame {
+    #[serde(flatten)]
+    intrinsics: Intrinsics,
+    transform_matrix: Vec<Vec<f64>>,
+}
+
+/// Width of images if the file specifies neither width nor height.
+const DEFAULT_WIDTH: f64 = 800.0;
+/// Maximum width and height of an image, in pixels.
+const MAX_SIZE: f64 = 16384.0;
+/// Range of focal lengths, in pixels, in which every ray has a direction.
+const FOCAL: RangeInclusive<f64> = 1e-6..=1e9;
+/// Maximum distance of the optical axis from the image's corner, in pixels.
+const MAX_CENTER: f64 = 1e9;
+
+/// Reads the cameras of a `transforms.json` file, one per frame, in the order and the frame of reference of the file.
+///
+/// `w`, `h`, `fl_x`, `fl_y`, `cx` and `cy` are read from each frame, or else from the top level of the file. Missing
+/// values have defaults:
+///
+/// - `fl_x` is computed from `camera_angle_x`, in radians. One of the two is required.
+/// - `fl_y` is computed from `camera_angle_y` if present, or else equals `fl_x`.
+/// - `cx` and `cy` are the middle of the image.
+/// - `w` is 800 pixels, or follows from `h` and the aspect ratio. `h` follows from `w` and the aspect ratio, which is
+///   that of `size`, or else a square's.
+///
+/// If `size` is given, all views are rescaled to that width and height, so that they show the same at any size. Lens
+/// distortion is ignored.
+///
+/// # Errors
+///
+/// Returns an error if the file cannot be read, is not valid JSON, has no frames, or has a missing or out-of-range
+/// value.
+pub fn read_transforms(path: impl AsRef<Path>, size: Option<(u32, u32)>) -> Result<Vec<PinholeCamera>, CameraError> {
+    let path = path.as_ref();
+    let text = fs::read(path).map_err(|source| CameraError::Io { path: path.into(), source })?;
+    let file: File = serde_json::from_slice(without_mark(&text))
+        .map_err(|source| CameraError::Json { path: path.into(), source })?;
+    let value = |key: String, found: String, expected| CameraError::Value { path: path.into(), key, found, expected };
+    if file.frames.is_empty() {
+        return Err(value("frames".into(), "none".into(), "at least one"));
+    }
+    (file.frames.iter().enumerate())
+        .map(|(index, frame)| {
+            let pose = pose(&frame.transform_matrix).map_err(|found| {
+                let key = format!("frames[{index}].transform_matrix");
+                value(key, found, "a 4x4 camera-to-world matrix, a rotation and a translation")
+            })?;
+            pinhole(frame.intrinsics.or(file.intrinsics), pose, size)
+                .map_err(|(key, found, expected)| value(key.into(), found, expected))
+        })
+        .collect()
+}
+
+/// Makes the matrix a pure rotation and a translation. If that is impossible, returns what was found instead.
+pub(crate) fn pose(rows: &[Vec<f64>]) -> Result<DMat4, String> {
+    if !(3..=4).contains(&rows.len()) || rows.iter().any(|row| row.len() != 4) {
+        return Err(format!("{} rows of {} values", rows.len(), rows.first().map_or(0, Vec::len)));
+    }
+    let row = |i: usize| DVec4::from_slice(&rows[i]);
+    let matrix = DMat4::from_cols(row(0), row(1), row(2), DVec4::W).transpose();
+    if !matrix.as_mat4().is_finite() {
+        return Err("a number beyond the range of float32".into());
+    }
+    let axes = DMat3::from_mat4(matrix);
+    let determinant = axes.determinant();
+    let rotation = axes * determinant.cbrt().recip();
+    let skew = rotation * rotation.transpose() - DMat3::IDENTITY;
+    if determinant <= 0.0 || !skew.to_cols_array().iter().all(|x| x.abs() < 1e-2) {
+        return Err(format!("axes that are not a rotation (determinant {determinant:.3})"));
+    }
+    let mut pose = DMat4::from_mat3(rotation);
+    pose.w_axis = matrix.w_axis;
+    Ok(pose)
+}
+
+fn pinhole(given: Intrinsics, pose: DMat4, size: Option<(u32, u32)>) -> Result<PinholeCamera, WrongValue> {
+    let pixels = |key, value: f64| {
+        if value.fract() == 0.0 && (1.0..=MAX_SIZE).contains(&value) {
+            Ok(value)
+        } else {
+            Err((key, value.to_string(), "a whole number of pixels from 1 to 16384"))
+        }
+    };
+    // Height by width.
+    let aspect = size.map_or(1.0, |(width, height)| f64::from(height) / f64::from(width));
+    let own_width = given.w.map(|w| pixels("w", w)).transpose()?;
+    let own_height = given.h.map(|h| pixels("h", h)).transpose()?;
+    let width = own_width.or(own_height.map(|height| height / aspect)).unwrap_or(DEFAULT_WIDTH);
+    let height = own_height.unwrap_or(width * aspect);
+    let (focal, center) = given.focal_and_center(DVec2::new(width, height))?;
+    // Without a size, the own one is whole: it is given or square.
+    let (new_width, new_height) = size.unwrap_or((width as u32, height as u32));
+    let (x, y) = (f64::from(new_width) / width, f64::from(new_height) / height);
+    Ok(PinholeCamera {
+        width: new_width,
+        height: new_height,
+        focal_x: x * focal.x,
+        focal_y: y * focal.y,
+        center_x: x * center.x,
+        center_y: y * center.y,
+        rotation: DMat3::from_mat4(pose),
+        position: pose.w_axis.truncate(),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(json: &str, size: Option<(u32, u32)>) -> Result<Vec<PinholeCamera>, CameraError> {
+        let directory = std::env::temp_dir().join(format!("plenoctree-cameras-{:?}", std::thread::current().id()));
+        fs::create_dir_all(&directory).unwrap();
+        let path = directory.join("transforms.json");
+        fs::write(&path, json).unwrap();
+        let cameras = read_transforms(&path, size);
+        fs::remove_dir_all(&directory).unwrap();
+        cameras
+    }
+
+    const POSE: &str = r#""transform_matrix": [[1,0,0,4],[0,1,0,5],[0,0,1,6],[0,0,0,1]]"#;
+
+    #[test]
+    fn nerf_files_have_square_pixels_and_a_central_axis() {
+        let json = format!(r#"{{"camera_angle_x": 1.5707963267948966, "frames": [{{"file_path": "a", {POSE}}}]}}"#);
+        let camera = read(&json, Some((200, 100))).unwrap()[0];
+        let (origin, direction) = camera.ray(100.0, 50.0);
+        assert_eq!(origin.to_array(), [4.0, 5.0, 6.0]);
+        assert_eq!(direction.to_array(), [0.0, 0.0, -1.0]);
+        // 45 degrees to the left edge. Pixels are square, so the top edge is half as far.
+        let (_, corner) = camera.ray(0.0, 0.0);
+        assert!((corner / -corner.z - glam::DVec3::new(-1.0, 0.5, -1.0)).length() < 1e-12);
+    }
+
+    #[test]
+    fn intrinsics_are_taken_from_the_file_and_rescaled() {
+        let json = format!(
+            r#"{{"w": 100, "h": 50, "fl_x": 80, "fl_y": 90, "cx": 40, "cy": 30,
+                "frames": [{{{POSE}}}, {{"cx": 10, {POSE}}}]}}"#
+        );
+        let own = read(&json, None).unwrap();
+        assert_eq!((own[0].width, own[0].height, own[0].center_x, own[1].center_x), (100, 50, 40.0, 10.0));
+        let half = read(&json, Some((50, 100))).unwrap()[0];
+        assert_eq!((half.focal_x, half.focal_y, half.center_x, half.center_y), (40.0, 180.0, 20.0, 60.0));
+        // Rescaling maps a ray to the same point of the image.
+        assert!((own[0].ray(70.0, 20.0).1 - half.ray(35.0, 40.0).1).length() < 1e-12);
+    }
+
+    /// A view shows the same at any size, also if the file does not say the size that its focal length is for.
+    #[test]
+    fn views_of_unknown_size_are_rescaled_too() {
+        for (given, (width, height)) in [
+            ("", (800.0, 800.0)),
+            (r#""w": 100,"#, (100.0, 100.0)),
+            (r#""h": 60,"#, (60.0, 60.0)),
+            (r#""w": 100, "h": 50,"#, (100.0, 50.0)),
+        ] {
+            let json = format!(r#"{{{given} "fl_x": 90, "cx": 30, "frames": [{{{POSE}}}]}}"#);
+            let own = read(&json, None).unwrap()[0];
+            assert_eq!((f64::from(own.width), f64::from(own.height)), (width, height), "{given}");
+            for size in [200, 400] {
+                let resized = read(&json, Some((size, size))).unwrap()[0];
+                assert_eq!((resized.width, resized.height), (size, size));
+                let (x, y) = (f64::from(size) / width, f64::from(size) / height);
+                let (ray, same) = (own.ray(7.0, 11.0).1, resized.ray(7.0 * x, 11.0 * y).1);
+                assert!((ray - same).length() < 1e-12, "{given} {size}: {ray} {same}");
+            }
+        }
+        // Of the missing sides, the caller knows the aspect ratio, and pixels stay square.
+        for given in ["", r#""w": 100,"#, r#""h": 50,"#] {
+            let wide =
+                read(&format!(r#"{{{given} "fl_x": 90, "frames": [{{{POSE}}}]}}"#), Some((400, 200))).unwrap()[0];
+            assert!((wide.focal_x - wide.focal_y).abs() < 1e-9, "{given}: {wide:?}");
+            let width = if given.is_empty() { 800.0 } else { 100.0 };
+            assert!((wide.focal_x - 90.0 * 400.0 / width).abs() < 1e-9, "{given}: {wide:?}");
+        }
+    }
+
+    #[test]
+    fn errors_name_the_invalid_key() {
+        for (json, key) in [
+            ("{}", "frames"),
+            (r#"{"frames": []}"#, "frames"),
+            ("[", "transforms.json"),
+            (&format!(r#"{{"frames": [{{{POSE}}}]}}"#), "camera_angle_x"),
+            (&format!(r#"{{"camera_angle_x": 4.0, "frames": [{{{POSE}}}]}}"#), "camera_angle_x"),
+            (&format!(r#"{{"camera_angle_x": 1e-320, "frames": [{{{POSE}}}]}}"#), "camera_angle_x"),
+            (&format!(r#"{{"fl_x": -1, "frames": [{{{POSE}}}]}}"#), "fl_x"),
+            (&format!(r#"{{"fl_x": 1, "fl_y": 1e-320, "frames": [{{{POSE}}}]}}"#), "fl_y"),
+            (&format!(r#"{{"fl_x": 1, "cx": -1e300, "frames": [{{{POSE}}}]}}"#), "cx"),
+            (&format!(r#"{{"fl_x": 1, "cy": 1e300, "frames": [{{{POSE}}}]}}"#), "cy"),
+            (&format!(r#"{{"w": 1e9, "h": 3, "fl_x": 1, "frames": [{{{POSE}}}]}}"#), "w"),
+            (r#"{"fl_x": 1, "frames": [{"transform_matrix": [[1,2],[3,4]]}]}"#, "frames[0].transform_matrix"),
+            (
+                r#"{"fl_x": 1, "frames": [{"transform_matrix": [[0,0,0,0],[0,0,0,0],[0,0,0,0],[0,0,0,1]]}]}"#,
+                "frames[0].transform_matrix",
+            ),
+            (
+                r#"{"fl_x": 1, "frames": [{"transform_matrix": [[1,0,0,1e39],[0,1,0,0],[0,0,1,0]]}]}"#,
+                "frames[0].transform_matrix",
+            ),
+        ] {
+            let message = read(json, None).unwrap_err().to_string();
+            assert!(message.contains(key), "{json}: {message}");
+        }
+    }
+}

@@ -1,0 +1,340 @@
+//! Reads inputs, good and bad.
+
+use std::fs;
+
+use glam::{DVec2, DVec3};
+use plenoctree_fit::{Distortion, FitInput, FitProgress, FitSettings, InputFolders, Picture, fit};
+
+use crate::scene::{SIZE, cameras, folder, write_colmap_binary, write_colmap_text, write_pictures, write_transforms};
+
+fn read(path: &std::path::Path) -> Result<FitInput, String> {
+    FitInput::read(path, &InputFolders::default()).map_err(|error| error.to_string())
+}
+
+/// A COLMAP model, as text or binary, gives the same cameras as a transforms.json file.
+#[test]
+fn colmap_models_have_the_same_cameras() {
+    let expected = cameras(5);
+    let focal = expected[0].focal_x;
+    let models: [(u32, &str, Vec<f64>, Distortion); 6] = [
+        (0, "SIMPLE_PINHOLE", vec![focal, 20.0, 20.0], Distortion::None),
+        (1, "PINHOLE", vec![focal, focal, 20.0, 20.0], Distortion::None),
+        (2, "SIMPLE_RADIAL", vec![focal, 20.0, 20.0, 0.1], radial([0.1, 0.0], [0.0; 2])),
+        (3, "RADIAL", vec![focal, 20.0, 20.0, 0.1, 0.2], radial([0.1, 0.2], [0.0; 2])),
+        (4, "OPENCV", vec![focal, focal, 20.0, 20.0, 0.1, 0.2, 0.01, 0.02], radial([0.1, 0.2], [0.01, 0.02])),
+        (
+            5,
+            "OPENCV_FISHEYE",
+            vec![focal, focal, 20.0, 20.0, 0.1, 0.2, 0.01, 0.02],
+            Distortion::Fisheye([0.1, 0.2, 0.01, 0.02]),
+        ),
+    ];
+    for (number, name, parameters, distortion) in models {
+        let folder = folder(&format!("colmap_{name}"));
+        write_pictures(&folder.join("images"), &expected, None, |_| 1.0);
+        write_colmap_binary(&folder, &expected, number, &parameters);
+        let binary = read(&folder).unwrap();
+        fs::remove_dir_all(folder.join("sparse")).unwrap();
+        let words: Vec<String> = parameters.iter().map(f64::to_string).collect();
+        write_colmap_text(&folder, &expected, &format!("1 {name} {SIZE} {SIZE} {}", words.join(" ")));
+        let text = read(&folder).unwrap();
+        for input in [binary, text] {
+            assert_eq!(input.points, [DVec3::new(0.1, 0.2, 0.3)]);
+            assert_eq!(input.views.len(), 5);
+            for (view, expected) in input.views.iter().zip(&expected) {
+                assert_eq!(view.camera.lens.distortion, distortion);
+                assert!(view.camera.position.distance(expected.position) < 1e-9);
+                if distortion == Distortion::None {
+                    let (_, direction) = expected.ray(3.5, 30.5);
+                    assert!(view.camera.direction(DVec2::new(3.5, 30.5)).distance(direction) < 1e-9, "{name}");
+                }
+            }
+        }
+    }
+}
+
+fn radial([k1, k2]: [f64; 2], tangential: [f64; 2]) -> Distortion {
+    Distortion::Radial { radial: [k1, k2, 0.0, 0.0], tangential }
+}
+
+/// Frames may have their own intrinsics, as nerfstudio writes them.
+#[test]
+fn frames_have_their_own_lenses() {
+    let folder = folder("own_lenses");
+    write_pictures(&folder, &cameras(2), None, |_| 1.0);
+    let pose = "[[1,0,0,0],[0,1,0,0],[0,0,1,4],[0,0,0,1]]";
+    let json = format!(
+        r#"{{"fl_x": 50, "w": 40, "h": 40, "k1": 0.1, "frames": [
+            {{"file_path": "v_0.png", "transform_matrix": {pose}}},
+            {{"file_path": "v_1.png", "camera_angle_x": 1.2, "cx": 19, "k1": 0, "transform_matrix": {pose}}}]}}"#
+    );
+    fs::write(folder.join("transforms.json"), json).unwrap();
+    let views = read(&folder).unwrap().views;
+    assert_eq!(views[0].camera.lens.focal, DVec2::splat(50.0));
+    assert_eq!(views[0].camera.lens.distortion, radial([0.1, 0.0], [0.0; 2]));
+    assert!((views[1].camera.lens.focal.x - 20.0 / 0.6f64.tan()).abs() < 1e-9);
+    assert_eq!(views[1].camera.lens.center, DVec2::new(19.0, 20.0));
+    assert_eq!(views[1].camera.lens.distortion, Distortion::None);
+}
+
+/// Masks make what they leave out transparent, and pictures are averaged with premultiplied colors.
+#[test]
+fn masks_and_downscaling_keep_colors() {
+    let folder = folder("masks");
+    let picture = image::RgbImage::from_fn(4, 2, |x, _| image::Rgb(if x % 2 == 0 { [200, 100, 50] } else { [0; 3] }));
+    picture.save(folder.join("a.png")).unwrap();
+    let mask = image::GrayImage::from_fn(4, 2, |x, _| image::Luma([if x % 2 == 0 { 255 } else { 0 }]));
+    mask.save(folder.join("mask.png")).unwrap();
+    let half = Picture::read(&folder.join("a.png"), Some(&folder.join("mask.png")), 2).unwrap();
+    assert_eq!((half.width, half.height, half.knows_opacity), (2, 1, true));
+    assert_eq!(half.pixels, [[100, 50, 25, 128]; 2]);
+}
+
+/// Masks may consist of zeros and ones, be an opacity, and be in the same folders as their pictures.
+#[test]
+fn masks_of_other_programs_are_read() {
+    let folder = folder("other_masks");
+    let picture = image::RgbImage::from_pixel(2, 1, image::Rgb([200, 100, 50]));
+    fs::create_dir_all(folder.join("images")).unwrap();
+    picture.save(folder.join("images/a.png")).unwrap();
+    let masked = |name: &str, mask: image::DynamicImage| {
+        mask.save(folder.join(name)).unwrap();
+        Picture::read(&folder.join("images/a.png"), Some(&folder.join(name)), 1).unwrap().pixels
+    };
+    let expected = [[200, 100, 50, 255], [0; 4]];
+    assert_eq!(masked("ones.png", image::GrayImage::from_raw(2, 1, vec![1, 0]).unwrap().into()), expected);
+    let cutout = image::RgbaImage::from_raw(2, 1, vec![9, 9, 9, 255, 200, 200, 200, 0]).unwrap();
+    assert_eq!(masked("cutout.png", cutout.into()), expected);
+
+    // Two cameras with pictures of the same name.
+    let cameras = cameras(2);
+    let mask = image::GrayImage::from_pixel(SIZE, SIZE, image::Luma([255]));
+    for side in ["left", "right"] {
+        write_pictures(&folder.join("images").join(side), &cameras[..1], None, |_| 1.0);
+        fs::create_dir_all(folder.join("masks").join(side)).unwrap();
+        mask.save(folder.join("masks").join(side).join("v_0.png.png")).unwrap();
+    }
+    write_colmap_text(&folder, &cameras, "1 SIMPLE_PINHOLE 40 40 50 20 20");
+    let images = folder.join("sparse/0/images.txt");
+    let text = fs::read_to_string(&images).unwrap();
+    fs::write(&images, text.replace("v_0.png", "left/v_0.png").replace("v_1.png", "right/v_0.png")).unwrap();
+    let folders = InputFolders { masks: Some(folder.join("masks")), ..InputFolders::default() };
+    let views = FitInput::read(&folder, &folders).unwrap().views;
+    for (view, side) in views.iter().zip(["left", "right"]) {
+        assert_eq!(view.mask, Some(folder.join("masks").join(side).join("v_0.png.png")));
+    }
+}
+
+/// COLMAP itself accepts quaternions of any length and blank lines. Other programs write models without points.
+#[test]
+fn unusual_colmap_models_are_read() {
+    let expected = cameras(3);
+    let folder = folder("unusual_colmap");
+    write_pictures(&folder.join("images"), &expected, None, |_| 1.0);
+    write_colmap_text(&folder, &expected, "1 SIMPLE_PINHOLE 40 40 50 20 20");
+    let model = folder.join("sparse/0");
+    let text = fs::read_to_string(model.join("images.txt")).unwrap();
+    let doubled = text.lines().map(|line| {
+        let words: Vec<&str> = line.split(' ').collect();
+        if words.len() < 10 {
+            return line.to_string();
+        }
+        let quaternion: Vec<String> =
+            words[1..5].iter().map(|word| (2.0 * word.parse::<f64>().unwrap()).to_string()).collect();
+        format!("{} {} {}", words[0], quaternion.join(" "), words[5..].join(" "))
+    });
+    fs::write(model.join("images.txt"), format!("\n{}\n", doubled.collect::<Vec<_>>().join("\n"))).unwrap();
+    fs::remove_file(model.join("points3D.txt")).unwrap();
+    let input = read(&folder).unwrap();
+    assert!(input.points.is_empty() && input.views.len() == 3);
+    for (view, expected) in input.views.iter().zip(&expected) {
+        assert!(view.camera.position.distance(expected.position) < 1e-9);
+    }
+    fs::write(model.join("images.txt"), "1 0 0 0 0 0 0 4 1 v_0.png\n\n").unwrap();
+    assert!(read(&folder).unwrap_err().contains("quaternion"));
+}
+
+/// Names of pictures from other systems and other places, and files that start with a byte order mark.
+#[test]
+fn moved_pictures_are_found() {
+    let cameras = cameras(3);
+    let folder = folder("moved");
+    write_pictures(&folder.join("train"), &cameras, None, |_| 1.0);
+    write_transforms(&folder, &cameras);
+    let good = fs::read_to_string(folder.join("transforms.json")).unwrap();
+    let pictures = InputFolders { pictures: Some(folder.join("train")), ..InputFolders::default() };
+    for (prefix, folders) in [
+        ("./train/", InputFolders::default()),
+        (r".\\train\\", InputFolders::default()),
+        ("/home/someone/scene/train/", InputFolders::default()),
+        (r"C:\\scene\\train\\", InputFolders::default()),
+        ("./train/", pictures.clone()),
+        ("./", pictures),
+    ] {
+        let json = format!("\u{feff}{}", good.replace("./v_", &format!("{prefix}v_")));
+        fs::write(folder.join("transforms.json"), json).unwrap();
+        let views = FitInput::read(&folder, &folders).unwrap().views;
+        assert_eq!(
+            fs::canonicalize(&views[2].picture).unwrap(),
+            fs::canonicalize(folder.join("train/v_2.png")).unwrap()
+        );
+    }
+    fs::write(folder.join("transforms.json"), good.replace("./v_", "./test/v_")).unwrap();
+    assert!(read(&folder).unwrap_err().contains("frames[0].file_path"));
+    // A focal length in pixels is for one size.
+    let json = good.replace("./v_", "./train/v_").replace(r#""camera_angle_x":0.6"#, r#""fl_x":60"#);
+    assert!(json.contains("fl_x"));
+    fs::write(folder.join("transforms.json"), json).unwrap();
+    assert_eq!(read(&folder).unwrap().views.len(), 3);
+    image::RgbImage::new(20, 20).save(folder.join("train/v_1.png")).unwrap();
+    let message = read(&folder).unwrap_err();
+    assert!(message.contains("v_1.png") && message.contains("20x20") && message.contains("40x40"), "{message}");
+}
+
+/// Every kind of bad input gives an error that names the file and what is wrong with it.
+/// Pictures that are listed and not there are left out, and named, as long as there are others.
+#[test]
+fn missing_pictures_are_left_out() {
+    let cameras = cameras(4);
+    let folder = folder("missing");
+    write_pictures(&folder, &cameras, None, |_| 1.0);
+    write_transforms(&folder, &cameras);
+    let whole = read(&folder).unwrap();
+    assert!(whole.missing.is_empty());
+    fs::remove_file(folder.join("v_1.png")).unwrap();
+    fs::remove_file(folder.join("v_3.png")).unwrap();
+    let part = read(&folder).unwrap();
+    let names: Vec<_> = part.missing.iter().map(|path| path.file_name().unwrap().to_str().unwrap()).collect();
+    assert_eq!(names, ["v_1", "v_3"]);
+    assert_eq!(part.views.iter().map(|view| &view.name).collect::<Vec<_>>(), ["./v_0", "./v_2"]);
+    assert_eq!(part.views[1].camera.position, whole.views[2].camera.position);
+}
+
+#[test]
+fn errors_name_file_and_reason() {
+    let cameras = cameras(4);
+    let folder = folder("bad");
+    write_pictures(&folder, &cameras, None, |_| 1.0);
+    write_transforms(&folder, &cameras);
+    let good = fs::read_to_string(folder.join("transforms.json")).unwrap();
+    let fails = |json: &str, expected: &[&str]| {
+        fs::write(folder.join("transforms.json"), json).unwrap();
+        let message = read(&folder).unwrap_err();
+        assert!(expected.iter().all(|part| message.contains(part)), "{message}");
+    };
+    fails(&good.replace("./v_", "./w_"), &["transforms.json", "frames[0].file_path: found no file", "w_0"]);
+    fails(&good.replacen('{', r#"{"w": 41, "h": 40,"#, 1), &["v_0.png", "size", "40x40", "41x40"]);
+    fails(&good.replace("camera_angle_x", "angle"), &["camera_angle_x"]);
+    fails(r#"{"camera_angle_x": 0.6, "frames": []}"#, &["0 views"]);
+    fails("[", &["transforms.json"]);
+    let flat = r#"{"camera_angle_x": 0.6, "frames": [{"file_path": "v_0",
+        "transform_matrix": [[1,0,0,0],[0,0,0,0],[0,0,1,4],[0,0,0,1]]}]}"#;
+    fails(flat, &["frames[0].transform_matrix", "not a rotation"]);
+    let unknown = good.replacen('{', r#"{"camera_model": "EQUIRECTANGULAR","#, 1);
+    fails(&unknown, &["camera_model", "EQUIRECTANGULAR"]);
+    fs::write(folder.join("v_1.png"), "not a picture").unwrap();
+    fails(&good, &["v_1.png"]);
+    let nowhere = read(&folder.join("nowhere")).unwrap_err();
+    assert!(nowhere.contains("nowhere"), "{nowhere}");
+    fs::remove_file(folder.join("transforms.json")).unwrap();
+    assert!(read(&folder).unwrap_err().contains("transforms.json"));
+
+    write_pictures(&folder.join("images"), &cameras, None, |_| 1.0);
+    write_colmap_text(&folder, &cameras, "1 FOV 40 40 50 50 20 20 0.1");
+    assert!(read(&folder).unwrap_err().contains("FOV"));
+    write_colmap_text(&folder, &cameras, "1 PINHOLE 41 40 50 50 20 20");
+    let message = read(&folder).unwrap_err();
+    assert!(message.contains("v_0.png") && message.contains("41x40"), "{message}");
+    write_colmap_text(&folder, &cameras, "2 PINHOLE 40 40 50 50 20 20");
+    assert!(read(&folder).unwrap_err().contains("camera 1"));
+    write_colmap_text(&folder, &cameras, "\u{7} PINHOLE 40 40 50 50 20 20");
+    let message = read(&folder).unwrap_err();
+    assert!(message.contains("cameras.txt: line 2: found `?`"), "{message:?}");
+    write_colmap_text(&folder, &cameras, "1 PINHOLE 40 40 50 50 20 20");
+    fs::write(folder.join("sparse/0/points3D.txt"), "1 0 0 inf 0 0 0 1\n").unwrap();
+    let message = read(&folder).unwrap_err();
+    assert!(message.contains("points3D") && message.contains("inf"), "{message}");
+    fs::remove_dir_all(folder.join("sparse")).unwrap();
+    write_colmap_binary(&folder, &cameras, 0, &[50.0, 20.0, 20.0]);
+    let images = folder.join("sparse/images.bin");
+    let bytes = fs::read(&images).unwrap();
+    fs::write(&images, &bytes[..bytes.len() - 5]).unwrap();
+    assert!(read(&folder).unwrap_err().contains("images.bin"));
+}
+
+/// A JPEG file of one channel that ends where its pixels would begin.
+fn jpeg_header(width: u16, height: u16) -> Vec<u8> {
+    let [(w, x), (h, y)] = [width, height].map(|side| (side.to_be_bytes()[0], side.to_be_bytes()[1]));
+    let frame = [0xff, 0xc0, 0, 11, 8, h, y, w, x, 1, 1, 0x11, 0];
+    let scan = [0xff, 0xda, 0, 8, 1, 1, 0, 0, 63, 0];
+    [&[0xff, 0xd8][..], &frame, &scan].concat()
+}
+
+/// Panoramas are read, and sizes that would take too much memory are errors of one line, for JPEG and PNG alike.
+#[test]
+fn sizes_of_pictures_are_limited() {
+    let folder = folder("sizes");
+    let name = |path: &str| {
+        format!(
+            r#"{{"camera_angle_x": 1, "frames": [{{"file_path": "{path}", "transform_matrix":
+        [[1,0,0,0],[0,1,0,0],[0,0,1,4],[0,0,0,1]]}}]}}"#
+        )
+    };
+    fs::write(folder.join("transforms.json"), name("wide.jpg")).unwrap();
+    fs::write(folder.join("wide.jpg"), jpeg_header(30_000, 4000)).unwrap();
+    let camera = &read(&folder).unwrap().views[0].camera;
+    assert_eq!((camera.width, camera.height), (30_000, 4000));
+    // A signature, and a header without the rest.
+    let png = |width: u32, height: u32| {
+        let mut header = b"IHDR".to_vec();
+        header.extend([width, height].into_iter().flat_map(u32::to_be_bytes).chain([8, 6, 0, 0, 0]));
+        let mut crc = u32::MAX;
+        for byte in &header {
+            crc = (0..8).fold(crc ^ u32::from(*byte), |crc, _| crc >> 1 ^ (0xedb8_8320 & (crc & 1).wrapping_neg()));
+        }
+        let end = [&(!crc).to_be_bytes()[..], &[0, 0, 0, 0], b"IDAT", &[0x35, 0xaf, 0x06, 0x1e]].concat();
+        [b"\x89PNG\r\n\x1a\n", &13u32.to_be_bytes()[..], &header, &end].concat()
+    };
+    for (content, found) in [
+        (jpeg_header(40_000, 2), "40000x2"),
+        (jpeg_header(20_000, 20_000), "20000x20000"),
+        (png(40_000, 2), "40000x2"),
+        (png(1 << 30, 1 << 30), "1073741824x1073741824"),
+    ] {
+        fs::write(folder.join("wide.jpg"), content).unwrap();
+        let message = read(&folder).unwrap_err();
+        assert!(message.contains("wide.jpg") && message.contains(found), "{message}");
+        assert!(message.contains("at most 32768 pixels a side and 134217728 in all"), "{message}");
+    }
+    fs::write(folder.join("wide.jpg"), &jpeg_header(30, 40)[..18]).unwrap();
+    let message = read(&folder).unwrap_err();
+    assert!(message.contains("wide.jpg: picture: found") && message.lines().count() == 1, "{message}");
+}
+
+/// Views that do not show a common object are rejected.
+#[test]
+fn views_must_overlap() {
+    let fails = |test: &str, cameras: &[plenoctree::camera::PinholeCamera], expected: &str| {
+        let folder = folder(test);
+        write_pictures(&folder, cameras, None, |_| 1.0);
+        write_transforms(&folder, cameras);
+        let input = read(&folder).unwrap();
+        let settings = FitSettings { depth: 6, effort: 0.01, ..FitSettings::default() };
+        let message = fit(&input, None, &settings, &FitProgress::default()).unwrap_err().to_string();
+        assert!(message.contains(expected), "{test}: {message}");
+    };
+    fails("one_view", &cameras(1), "at least two");
+    // From the center, outward.
+    let mut outward = cameras(12);
+    for camera in &mut outward {
+        let direction = camera.position.normalize();
+        *camera = camera.looking_at(0.1 * direction, 5.0 * direction, DVec3::Z);
+    }
+    fails("outward", &outward, "common place");
+    let mut parallel = cameras(6);
+    for (index, camera) in parallel.iter_mut().enumerate() {
+        let at = DVec3::new(20.0 * index as f64, 0.0, 0.0);
+        *camera = camera.looking_at(at, at + DVec3::Y, DVec3::Z);
+    }
+    fails("parallel", &parallel, "common place");
+}

@@ -1,0 +1,144 @@
+//! Damaged files: cut off, with flipped bits, and with headers that claim too much.
+
+use std::time::Instant;
+
+use glam::DVec3;
+use plenoctree_fit::splat::Splats;
+use serde_json::json;
+
+use crate::{
+    TO_GLTF, TO_SPZ,
+    formats::{GltfFormat, PlyFormat, glb, gltf, gzip, ply, sog_bundle, spz},
+    read, small, turned,
+};
+
+/// A small file of every kind, with whether its checksums or framing find every cut.
+fn files() -> Vec<(&'static str, Vec<u8>)> {
+    let splats = small(1);
+    let of_gltf = |format| {
+        let (document, buffer) = gltf(&turned(&splats, TO_GLTF), format, json!([{"mesh": 0}]));
+        glb(&document, &buffer)
+    };
+    vec![
+        ("ply", ply(&splats, PlyFormat::Little)),
+        ("strange ply", ply(&splats, PlyFormat::Strange)),
+        ("ascii ply", ply(&splats, PlyFormat::Ascii)),
+        ("spz 2", spz(&turned(&splats, TO_SPZ), 2, None)),
+        ("spz 3", spz(&turned(&splats, TO_SPZ), 3, Some(4))),
+        ("spz 4", spz(&turned(&splats, TO_SPZ), 4, Some(4))),
+        ("sog", sog_bundle(&splats, 2)),
+        ("sog 1", sog_bundle(&splats, 1)),
+        ("glb", of_gltf(GltfFormat::Floats)),
+        ("glb of integers", of_gltf(GltfFormat::Integers)),
+        ("glb of spz", of_gltf(GltfFormat::Spz)),
+    ]
+}
+
+/// Reads a damaged file: it is a valid capture, or an error of one line that names the file.
+fn check(bytes: &[u8], what: &str) -> Option<Splats> {
+    match read(bytes) {
+        Ok(splats) => {
+            assert!(!splats.is_empty(), "{what}");
+            for (index, gaussian) in splats.gaussians().iter().enumerate() {
+                assert!(gaussian.position.is_finite() && gaussian.scale.is_finite(), "{what}: {gaussian:?}");
+                assert!(gaussian.rotation.is_normalized(), "{what}: {gaussian:?}");
+                assert!((0.0..=1.0).contains(&gaussian.opacity), "{what}: {gaussian:?}");
+                assert!(splats.color(index, DVec3::X).is_finite(), "{what}: {gaussian:?}");
+            }
+            Some(splats)
+        }
+        Err(error) => {
+            let message = error.to_string();
+            assert!(message.starts_with("capture: ") && message.contains("expected"), "{what}: {message}");
+            assert!(message.len() < 1000 && !message.contains(char::is_control), "{what}: {message}");
+            None
+        }
+    }
+}
+
+/// Every file that is cut off is an error, except for what comes after the last number.
+#[test]
+fn files_that_are_cut_off_are_errors() {
+    for (name, bytes) in files() {
+        assert!(check(&bytes, name).is_some(), "{name}");
+        for length in 0..bytes.len() {
+            let found = check(&bytes[..length], &format!("{name} of {length} bytes"));
+            // ASCII numbers can lack digits, and gzip and PLY have something after the last Gaussian.
+            let behind = if name.contains("ply") { 20 } else { 64 };
+            assert!(found.is_none() || length + behind >= bytes.len(), "{name}: {length} of {} bytes", bytes.len());
+        }
+    }
+}
+
+/// No flipped bit, and no byte that is replaced, makes a reader panic or allocate much.
+#[test]
+fn files_with_flipped_bits_are_valid_or_errors() {
+    for (name, bytes) in files() {
+        for place in 0..bytes.len() {
+            for flip in [1, 0x80, 0xff] {
+                let mut damaged = bytes.clone();
+                damaged[place] ^= flip;
+                check(&damaged, &format!("{name}, byte {place} flipped by {flip:02x}"));
+            }
+        }
+    }
+}
+
+/// Headers that claim more than there can be are errors, without delay.
+#[test]
+fn headers_that_claim_too_much_are_errors() {
+    let splats = small(0);
+    let start = Instant::now();
+    let fails = |bytes: &[u8], part: &str| {
+        let message = read(bytes).unwrap_err().to_string();
+        assert!(message.contains(part), "{message}");
+    };
+    let ply_of = |count: &str| {
+        let bytes = ply(&splats, PlyFormat::Little);
+        let text = b"element vertex 5";
+        let at = bytes.windows(text.len()).position(|window| window == text).unwrap();
+        [&bytes[..at], format!("element vertex {count}").as_bytes(), &bytes[at + text.len()..]].concat()
+    };
+    fails(&ply_of("6"), "vertex: found 281 bytes, expected 336 bytes");
+    fails(&ply_of("18446744073709551615"), "expected 18446744073709551615 bytes");
+    fails(&ply_of("99999999999999999999"), "expected a number of elements");
+
+    // Zeros deflate well: a small file unpacks to a lot.
+    let header = |version: u32, count: u32| {
+        let rest = [version, count].into_iter().flat_map(u32::to_le_bytes).chain([0, 12, 0, 0]);
+        b"NGSP".iter().copied().chain(rest).collect::<Vec<u8>>()
+    };
+    fails(&gzip(&[header(2, u32::MAX), vec![0; 1 << 24]].concat()), "expected at most");
+    fails(
+        &gzip(&[header(3, 1 << 20), vec![0; 1 << 20]].concat()),
+        "positions: found 1048576 bytes, expected 9437184 bytes",
+    );
+    let mut streams = spz(&splats, 4, None);
+    streams[8..12].copy_from_slice(&(1u32 << 20).to_le_bytes());
+    fails(&streams, "stream 0: found 45 bytes, expected 9437184 bytes");
+
+    let (mut document, buffer) = gltf(&splats, GltfFormat::Floats, json!([{"mesh": 0}]));
+    document["accessors"][0]["count"] = json!(u64::MAX);
+    fails(&glb(&document, &buffer), "POSITION: found 60 bytes with a stride of 12");
+    let (document, buffer) = gltf(&splats, GltfFormat::Floats, json!([{"mesh": 0, "children": [0]}]));
+    fails(&glb(&document, &buffer), "reached twice");
+    assert!(start.elapsed().as_secs_f64() < 2.0, "{:?}", start.elapsed());
+}
+
+/// Files that are not captures, or not supported ones, are named.
+#[test]
+fn other_files_are_named() {
+    for (bytes, part) in [
+        (&b""[..], "an empty file"),
+        (b"solid stl", "[73, 6f, 6c, 69]"),
+        (b"{\"a\": 1}", "neither `means` nor `asset`"),
+        (b"{\"asset\": {}}", "none with Gaussians"),
+        (b"ply\nformat ascii 1.0\nelement vertex 1\nproperty uint packed_position\nend_header\n1\n", "splat-transform"),
+        (b"ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nend_header\n1\n", "no property"),
+        (b"ply\nformat ascii 1.0\nend_header\n", "no element `vertex`"),
+        (b"ply\nformat middle_endian 1.0\nend_header\n", "`format middle_endian 1.0`"),
+    ] {
+        let message = read(bytes).unwrap_err().to_string();
+        assert!(message.contains(part), "{message}");
+    }
+}

@@ -1,0 +1,258 @@
+//! What views keep from frame to frame, so that nothing is drawn twice.
+//!
+//! A [`Part`] of a frame is stale if anything changes that its passes read: a uniform, a texture, a buffer or a field,
+//! or the part that it is made from. All of this follows from the passes themselves. Bevy redraws the scene in every
+//! frame, so wherever nothing else has changed, a compute shader compares the scene with what it was, and sets a flag if
+//! they differ. Without this flag, the vertex shaders of all passes of the part draw nothing.
+//!
+//! Views in which something changes in every frame, because the camera moves, compare and remember nothing.
+
+use std::hash::{BuildHasher, Hash, Hasher};
+
+use bevy::{
+    platform::hash::FixedHasher,
+    prelude::*,
+    render::{
+        render_resource::{
+            BindGroupLayoutDescriptor, BindGroupLayoutEntries, Buffer, BufferDescriptor, BufferUsages,
+            CachedComputePipelineId, CachedRenderPipelineId, ComputePassDescriptor, ComputePipelineDescriptor,
+            PipelineCache, ShaderStages, TextureSampleType, TextureView,
+            binding_types::{
+                storage_buffer_sized, texture_2d, texture_depth_2d, texture_depth_2d_multisampled, uniform_buffer,
+            },
+        },
+        renderer::{RenderContext, RenderDevice},
+    },
+};
+
+use super::{
+    bind_groups::{BindGroups, bound, bound_buffer},
+    pass::{Input, Output, Part, Pass, StaleUniform, Uniforms},
+    textures::Textures,
+    uniforms::ViewBuffers,
+};
+use crate::{gpu::Shaders, render::plan::ViewUniform};
+
+/// What a view keeps.
+#[derive(Default)]
+pub(in crate::render) struct Cache {
+    parts: [Cached; 3],
+    /// What the scene was, two words per pixel: its depth, then its color.
+    scene: Option<(UVec2, Buffer)>,
+    /// Whether these words are those of the frame that was drawn.
+    knows: [bool; 2],
+}
+
+/// A part of the frame.
+#[derive(Default)]
+struct Cached {
+    /// What determines this frame.
+    key: u64,
+    /// What determined the last frame that was drawn, if it still exists.
+    drawn: Option<u64>,
+    mode: Mode,
+}
+
+/// What to do in a frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum Mode {
+    /// Draw: something has changed.
+    #[default]
+    Draw,
+    /// Draw, and remember the scene: nothing has changed, and may not change in the next frame either.
+    Remember,
+    /// Compare the scene with what it was, and draw only if they differ.
+    Compare,
+}
+
+impl Cache {
+    /// Decides what is drawn in this frame. `is_complete` says whether no pipeline is missing, and `never` which parts
+    /// must be drawn in every frame.
+    pub fn decide(
+        &mut self,
+        device: &RenderDevice,
+        passes: &[(Pass, Vec<CachedRenderPipelineId>)],
+        textures: &mut Textures,
+        buffers: &ViewBuffers,
+        is_complete: bool,
+        never: &[Part],
+        size: UVec2,
+    ) {
+        let mut may_keep = is_complete;
+        for part in Part::ALL {
+            let cached = &mut self.parts[part as usize];
+            cached.key = key(part, passes, textures, buffers);
+            may_keep &= !never.contains(&part) && cached.drawn == Some(cached.key);
+            // The scene is not compared for what does not show it.
+            let knows = self.knows.get(part as usize).copied().unwrap_or(true);
+            cached.mode = match (may_keep, knows) {
+                (false, _) => Mode::Draw,
+                (true, false) => Mode::Remember,
+                (true, true) => Mode::Compare,
+            };
+        }
+        // Whatever is drawn differently now, even if incompletely, replaces what was kept.
+        for part in Part::ALL {
+            self.parts[part as usize].drawn = None;
+        }
+        if self.parts[0].mode == Mode::Draw {
+            self.scene = None;
+        } else if self.scene.as_ref().is_none_or(|(of, _)| *of != size) {
+            let bytes = 8 * u64::from(size.x) * u64::from(size.y);
+            self.scene = textures.allocator.create(device, || {
+                let label = Some("plenoctree_scene");
+                let usage = BufferUsages::STORAGE;
+                (size, device.create_buffer(&BufferDescriptor { label, size: bytes, usage, mapped_at_creation: false }))
+            });
+            self.forget_scene();
+        }
+        if self.scene.is_none() {
+            self.forget_scene();
+        }
+    }
+
+    fn forget_scene(&mut self) {
+        self.knows = default();
+        for cached in &mut self.parts {
+            if cached.mode == Mode::Compare {
+                cached.mode = Mode::Remember;
+            }
+        }
+    }
+
+    /// Returns what must be drawn even if the scene has not changed. Each part is made from those before it.
+    pub fn stale(&self) -> StaleUniform {
+        let [layer, composite, labels] = Part::ALL.map(|part| u32::from(self.is_drawn(part)));
+        StaleUniform { layer, composite, labels }
+    }
+
+    /// Returns whether nothing has changed that is known before the scene is drawn.
+    pub fn rests(&self) -> bool {
+        self.parts[0].mode != Mode::Draw
+    }
+
+    /// Returns whether a part is drawn even if the scene has not changed.
+    pub fn is_drawn(&self, part: Part) -> bool {
+        self.parts[..=part as usize].iter().any(|cached| cached.mode != Mode::Compare)
+    }
+
+    /// Compares the scene with what it was, before the passes of a part.
+    pub fn compare(
+        &mut self,
+        part: Part,
+        scene: &TextureView,
+        samples: u32,
+        buffers: &ViewBuffers,
+        groups: &mut BindGroups,
+        comparison: &Comparison,
+        cache: &PipelineCache,
+        size: UVec2,
+        ctx: &mut RenderContext,
+    ) {
+        let index = part as usize;
+        let is_compared = self.parts[index].mode != Mode::Draw;
+        let words = self.scene.as_ref().filter(|_| is_compared);
+        let (layout, id) = comparison.of(part, samples);
+        let pipeline = cache.get_compute_pipeline(*id);
+        let (Some(view), Some(stale)) = (buffers.view.binding(), buffers.stale.binding()) else {
+            return;
+        };
+        if let (Some((_, words)), Some(pipeline)) = (words, pipeline) {
+            let device = ctx.render_device().clone();
+            let group = groups.get(&device, cache, layout, &[view, stale, bound_buffer(words), bound(scene)]);
+            let encoder = ctx.command_encoder();
+            let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor { label: Some(COMPARE), ..default() });
+            pass.set_pipeline(pipeline);
+            pass.set_bind_group(0, &*group, &[]);
+            let groups = (size + 7) / 8;
+            pass.dispatch_workgroups(groups.x, groups.y, 1);
+            self.knows[index] = true;
+        } else {
+            self.knows[index] = false;
+        }
+    }
+
+    /// Notes that a part was drawn, or is as it was.
+    pub fn finish(&mut self, part: Part) {
+        let cached = &mut self.parts[part as usize];
+        cached.drawn = Some(cached.key);
+    }
+}
+
+/// Returns a number that is different whenever anything changes that the passes of a part read, besides the scene.
+fn key(part: Part, passes: &[(Pass, Vec<CachedRenderPipelineId>)], textures: &Textures, buffers: &ViewBuffers) -> u64 {
+    let mut hasher = FixedHasher.build_hasher();
+    for pass in passes.iter().map(|(pass, _)| pass).filter(|pass| pass.part == Some(part)) {
+        (pass.name, &pass.writes, pass.depth, &pass.reads, pass.samples, &pass.programs).hash(&mut hasher);
+        for draw in &pass.draws {
+            (draw.program, &draw.vertices, draw.instance, draw.scissor.map(|part| (part.min, part.max)))
+                .hash(&mut hasher);
+            draw.field.as_ref().map(|field| field.id()).hash(&mut hasher);
+        }
+        for used in pass.uses {
+            match used {
+                Uniforms::View => buffers.view.hash().hash(&mut hasher),
+                Uniforms::Props => buffers.props.hash().hash(&mut hasher),
+                Uniforms::Screen => buffers.screen.hash().hash(&mut hasher),
+                Uniforms::Filters => buffers.filters.hash().hash(&mut hasher),
+                Uniforms::Labels => (buffers.labelings.hash(), buffers.palettes).hash(&mut hasher),
+            }
+        }
+        let read = pass.reads.iter().flatten().filter_map(|input| match input {
+            Input::Texture(slot) => Some(slot),
+            _ => None,
+        });
+        let written = pass.writes.iter().flatten().chain(&pass.depth).filter_map(|output| match output {
+            Output::Texture(slot) => Some(slot),
+            _ => None,
+        });
+        for slot in read.chain(written) {
+            textures.get(*slot).map(|view| view.id()).hash(&mut hasher);
+        }
+    }
+    hasher.finish()
+}
+
+const COMPARE: &str = "plenoctree_compare";
+
+/// The pipelines that compare the scene with what it was.
+#[derive(Resource)]
+pub(in crate::render) struct Comparison {
+    /// The depth of a single-sampled scene, that of a multisampled one, and colors.
+    pipelines: [(BindGroupLayoutDescriptor, CachedComputePipelineId); 3],
+}
+
+impl Comparison {
+    pub fn new(cache: &PipelineCache, shaders: &Shaders) -> Self {
+        let pipeline = |scene, definition: Option<&str>| {
+            let words = || storage_buffer_sized(false, None);
+            let entries = (uniform_buffer::<ViewUniform>(false), words(), words(), scene);
+            let entries = BindGroupLayoutEntries::sequential(ShaderStages::COMPUTE, entries);
+            let layout = BindGroupLayoutDescriptor::new(COMPARE, &entries);
+            let id = cache.queue_compute_pipeline(ComputePipelineDescriptor {
+                label: Some(COMPARE.into()),
+                layout: vec![layout.clone()],
+                shader: shaders.get("compare"),
+                shader_defs: definition.into_iter().map(Into::into).collect(),
+                entry_point: Some("compare".into()),
+                ..default()
+            });
+            (layout, id)
+        };
+        let colors = texture_2d(TextureSampleType::Float { filterable: false });
+        Self {
+            pipelines: [
+                pipeline(texture_depth_2d(), None),
+                pipeline(texture_depth_2d_multisampled(), Some("MULTISAMPLED")),
+                pipeline(colors, Some("COLORS")),
+            ],
+        }
+    }
+
+    fn of(&self, part: Part, samples: u32) -> &(BindGroupLayoutDescriptor, CachedComputePipelineId) {
+        match part {
+            Part::Layer => &self.pipelines[usize::from(samples > 1)],
+            Part::Composite | Part::Labels => &self.pipelines[2],
+        }
+    }
+}

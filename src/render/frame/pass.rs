@@ -1,0 +1,299 @@
+//! What a pass is: a row of data, which [`run`](super::run) executes.
+
+use bevy::{
+    prelude::*,
+    render::render_resource::{BindGroup, BlendState, CompareFunction, ShaderType},
+    shader::{Shader, ShaderDefVal},
+};
+
+use super::slot::{Buffer, Slot};
+use crate::gpu::TreeShape;
+
+/// A render pass of a view.
+pub(in crate::render) struct Pass {
+    /// The label of the pass and of its pipelines, and the name of its span in Bevy's render diagnostics. Neighboring
+    /// passes of the same name share a span.
+    pub name: &'static str,
+    pub place: Place,
+    pub feature: Feature,
+    /// The result that it contributes to, and that may be cached. Other passes run in every frame.
+    pub part: Option<Part>,
+    /// What it reads: one bind group after another, from group 1, or from group 2 if it marches through fields.
+    pub reads: Vec<Vec<Input>>,
+    /// The uniforms of bind group 0 that it reads.
+    pub uses: &'static [Uniforms],
+    /// Its color attachments.
+    pub writes: Vec<Option<Output>>,
+    /// Its depth attachment.
+    pub depth: Option<Output>,
+    /// What its attachments hold when it begins. If it is `None`, they keep what they hold.
+    pub clear: Option<Clear>,
+    /// Other textures that must exist.
+    pub holds: Vec<Slot>,
+    /// A buffer that is filled with zeros before it.
+    pub zeroes: Option<Buffer>,
+    /// The number of samples per pixel.
+    pub samples: u32,
+    /// The pixels that its fullscreen draws cover.
+    pub area: Area,
+    /// Its pipelines.
+    pub programs: Vec<Program>,
+    pub draws: Vec<Draw>,
+}
+
+impl Pass {
+    /// Returns a pass that draws one triangle over the drawn part of the view.
+    pub fn fullscreen(name: &'static str, place: Place, part: Option<Part>, program: Program) -> Self {
+        Self {
+            name,
+            place,
+            feature: Feature::Base,
+            part,
+            reads: vec![],
+            uses: &[],
+            writes: vec![],
+            depth: None,
+            clear: None,
+            holds: vec![],
+            zeroes: None,
+            samples: 1,
+            area: Area::Drawn,
+            programs: vec![program],
+            draws: vec![Draw::triangle(0)],
+        }
+    }
+
+    /// Returns whether it may leave out props whose pipelines are not ready, and draw the others.
+    pub fn may_leave_out_props(&self) -> bool {
+        self.feature == Feature::Base && self.programs.iter().any(|program| program.tree.is_some())
+    }
+}
+
+/// Where in the frame a pass runs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(in crate::render) enum Place {
+    /// Between the opaque main pass and objects that transmit light.
+    Layer,
+    /// Where the camera's `PropStage` says: before custom stages.
+    Posterize,
+    /// After them.
+    Present,
+    /// Once transparent objects have been drawn over nothing.
+    Objects,
+}
+
+/// What a view can do without until its pipelines are compiled, the dearest first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(in crate::render) enum Feature {
+    /// Drawing props at all.
+    Base,
+    /// Labels.
+    Posterize,
+    /// Lights that fall on props.
+    Lighting,
+    /// Fewer rays than pixels.
+    Sparse,
+    /// Smooth edges.
+    Edges,
+    /// Custom stages.
+    Stages,
+}
+
+/// A result of passes that is kept until something changes that they read. Each is made from those before it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(in crate::render) enum Part {
+    /// The props alone, and their edges.
+    Layer,
+    /// The props over the scene, before and after the filter.
+    Composite,
+    /// What is shown.
+    Labels,
+}
+
+impl Part {
+    pub const ALL: [Self; 3] = [Self::Layer, Self::Composite, Self::Labels];
+
+    /// Returns the definition that makes vertex shaders draw nothing while the result is cached.
+    pub fn definition(self) -> &'static str {
+        match self {
+            Self::Layer => "CACHED_LAYER",
+            Self::Composite => "CACHED_COMPOSITE",
+            Self::Labels => "CACHED_LABELS",
+        }
+    }
+}
+
+/// The uniforms of bind group 0 that a result may depend on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(in crate::render) enum Uniforms {
+    View,
+    Props,
+    Screen,
+    Filters,
+    /// How props are labeled, and the colors of their palettes.
+    Labels,
+}
+
+/// Something that a pass binds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(in crate::render) enum Input {
+    Texture(Slot),
+    /// The colors of the scene, in the camera's target.
+    Scene,
+    /// Read-only, or written by fragments.
+    Buffer(Buffer),
+    WrittenBuffer(Buffer),
+}
+
+/// Something that a pass writes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(in crate::render) enum Output {
+    Texture(Slot),
+    /// The camera's target, or its depth texture.
+    Target,
+    /// The motion vectors of Bevy's prepass.
+    PrepassMotion,
+}
+
+/// What the attachments of a pass hold when it begins: zeros, or a color whose alpha is -1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(in crate::render) enum Clear {
+    Zero,
+    /// White, with an alpha of 0.
+    White,
+    NegativeAlpha,
+}
+
+/// The pixels that a fullscreen draw covers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(in crate::render) enum Area {
+    /// The drawn part of the view, in the view's own textures.
+    Drawn,
+    /// The rays of its grid.
+    Grid,
+    /// The squares of its batches.
+    Batches,
+    /// The drawn part of the view, in the camera's target.
+    Target,
+}
+
+/// A pipeline of a pass, besides what the pass determines.
+#[derive(Clone, PartialEq, Eq, Hash)]
+pub(in crate::render) struct Program {
+    pub fragment: Fragment,
+    /// The name of the vertex shader.
+    pub vertex: &'static str,
+    pub definitions: Vec<ShaderDefVal>,
+    /// The shape of the field through which it marches, in bind group 1.
+    pub tree: Option<TreeShape>,
+    /// Whether bind group 0 has the depth of the scene, and the number of samples of it per pixel.
+    pub scene_depth: Option<u32>,
+    /// Whether bind group 0 also has the batches.
+    pub batches: bool,
+    /// Whether bind group 0 is that of Bevy's lights instead.
+    pub lights: bool,
+    /// Whether it binds what the pass reads.
+    pub reads: bool,
+    /// How it writes to each color attachment. Missing ones replace it.
+    pub blends: Vec<Blend>,
+    pub depth_test: Option<DepthTest>,
+    /// Whether only back faces are drawn.
+    pub back_faces: bool,
+}
+
+/// A fragment shader.
+#[derive(Clone, PartialEq, Eq, Hash)]
+pub(in crate::render) enum Fragment {
+    /// In a file of the plugin.
+    Named(&'static str),
+    /// Of a custom stage.
+    Custom(Handle<Shader>),
+}
+
+impl Program {
+    /// Returns a program that draws a triangle.
+    pub fn new(fragment: &'static str) -> Self {
+        Self {
+            fragment: Fragment::Named(fragment),
+            vertex: "fullscreen",
+            definitions: vec![],
+            tree: None,
+            scene_depth: None,
+            batches: false,
+            lights: false,
+            reads: true,
+            blends: vec![],
+            depth_test: None,
+            back_faces: false,
+        }
+    }
+
+    pub fn define(mut self, name: &str) -> Self {
+        self.definitions.push(name.into());
+        self
+    }
+
+    pub fn define_if(self, holds: bool, name: &str) -> Self {
+        if holds { self.define(name) } else { self }
+    }
+
+    pub fn define_number(mut self, name: &str, value: Option<u32>) -> Self {
+        self.definitions.extend(value.map(|value| ShaderDefVal::UInt(name.into(), value)));
+        self
+    }
+
+    pub fn define_all(mut self, definitions: impl IntoIterator<Item = ShaderDefVal>) -> Self {
+        self.definitions.extend(definitions);
+        self
+    }
+
+    pub fn depth_test(self, compare: CompareFunction, writes: bool) -> Self {
+        Self { depth_test: Some(DepthTest { compare, writes }), ..self }
+    }
+
+    /// Draws only where a prop was drawn.
+    pub fn where_props_are(self) -> Self {
+        self.depth_test(CompareFunction::LessEqual, false)
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(in crate::render) enum Blend {
+    Replace,
+    With(BlendState),
+    /// Writes nothing.
+    Masked,
+}
+
+/// Depths are reversed: nearer ones are greater.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(in crate::render) struct DepthTest {
+    pub compare: CompareFunction,
+    pub writes: bool,
+}
+
+/// A draw call.
+pub(in crate::render) struct Draw {
+    /// The index of the program.
+    pub program: usize,
+    /// The field through which it marches: bind group 1.
+    pub field: Option<BindGroup>,
+    pub vertices: std::ops::Range<u32>,
+    pub instance: u32,
+    /// The pixels that it may write, in the attachments. All of the pass's area if `None`.
+    pub scissor: Option<URect>,
+}
+
+impl Draw {
+    pub fn triangle(program: usize) -> Self {
+        Self { program, field: None, vertices: 0..3, instance: 0, scissor: None }
+    }
+}
+
+/// Matches `Stale` in `view.wgsl`.
+#[derive(ShaderType, Clone, Copy, Debug, Default, PartialEq)]
+pub(in crate::render) struct StaleUniform {
+    pub layer: u32,
+    pub composite: u32,
+    pub labels: u32,
+}

@@ -1,0 +1,260 @@
+//! The pipelines of passes, and whether they are ready.
+
+use bevy::{
+    core_pipeline::{core_3d::CORE_3D_DEPTH_FORMAT, prepass::MOTION_VECTOR_PREPASS_FORMAT},
+    platform::collections::{HashMap, HashSet},
+    prelude::*,
+    render::render_resource::{
+        BindGroupLayoutDescriptor, BindGroupLayoutEntry, CachedPipelineState, CachedRenderPipelineId, ColorTargetState,
+        ColorWrites, DepthStencilState, Face, FragmentState, PipelineCache, PrimitiveState, RenderPipelineDescriptor,
+        ShaderStages, TextureFormat, TextureSampleType, VertexState,
+        binding_types::{
+            storage_buffer_read_only, storage_buffer_read_only_sized, storage_buffer_sized, texture_2d,
+            texture_depth_2d, texture_depth_2d_multisampled, uniform_buffer,
+        },
+    },
+};
+
+use super::{
+    pass::{Blend, Clear, Fragment, Input, Output, Pass, Program, StaleUniform},
+    slot::{Buffer, DEPTH_FORMAT},
+};
+use crate::{
+    gpu::{FieldLayouts, Shaders, TreeShape},
+    render::plan::{FilterUniform, LabelsUniform, PropUniform, ScreenUniform, ViewUniform},
+};
+
+/// The pipelines of all passes, created when a view first needs them.
+#[derive(Resource)]
+pub(in crate::render) struct Pipelines {
+    shaders: Shaders,
+    fields: FieldLayouts,
+    ids: HashMap<Key, CachedRenderPipelineId>,
+    /// The shapes of fields whose pipelines are not ready, among those that were asked for in this frame.
+    pub waiting: HashSet<TreeShape>,
+    /// The layout of bind group 0 for passes that read Bevy's lights.
+    pub lights: Option<BindGroupLayoutDescriptor>,
+}
+
+/// Everything that a pipeline is compiled for.
+#[derive(PartialEq, Eq, Hash)]
+struct Key {
+    name: &'static str,
+    program: Program,
+    reads: Vec<Vec<Kind>>,
+    cached: Option<&'static str>,
+    targets: Vec<Option<TextureFormat>>,
+    depth: Option<TextureFormat>,
+    samples: u32,
+}
+
+impl Pipelines {
+    pub fn new(shaders: &Shaders, fields: &FieldLayouts) -> Self {
+        let (ids, waiting) = default();
+        Self { shaders: shaders.clone(), fields: fields.clone(), ids, waiting, lights: None }
+    }
+
+    /// Returns the pipeline of a program of a pass, if it is ready. Otherwise, it is compiled in the meantime.
+    pub fn get(
+        &mut self,
+        cache: &PipelineCache,
+        pass: &Pass,
+        program: &Program,
+        target: TextureFormat,
+    ) -> Option<CachedRenderPipelineId> {
+        let format = |output: &Output, is_depth| match output {
+            Output::Texture(slot) => slot.format().unwrap_or(target),
+            Output::Target if is_depth => CORE_3D_DEPTH_FORMAT,
+            Output::Target => target,
+            Output::PrepassMotion => MOTION_VECTOR_PREPASS_FORMAT,
+        };
+        let key = Key {
+            name: pass.name,
+            program: program.clone(),
+            reads: pass.reads.iter().map(|inputs| inputs.iter().copied().map(Kind::of).collect()).collect(),
+            cached: pass.part.map(|part| part.definition()),
+            targets: pass.writes.iter().map(|write| write.as_ref().map(|output| format(output, false))).collect(),
+            depth: pass.depth.as_ref().map(|output| format(output, true)),
+            samples: pass.samples,
+        };
+        let id = match self.ids.get(&key) {
+            Some(id) => *id,
+            None => {
+                let id = cache.queue_render_pipeline(self.descriptor(&key));
+                self.ids.insert(key, id);
+                id
+            }
+        };
+        let is_ready = matches!(cache.get_render_pipeline_state(id), CachedPipelineState::Ok(_));
+        if !is_ready {
+            self.waiting.extend(program.tree);
+        }
+        is_ready.then_some(id)
+    }
+
+    /// Returns the pipeline that clears the attachments of a pass whose result may be cached, if it is ready.
+    pub fn clear(
+        &mut self,
+        cache: &PipelineCache,
+        pass: &Pass,
+        target: TextureFormat,
+    ) -> Option<CachedRenderPipelineId> {
+        let clear = pass.clear?;
+        // It draws with bind group 0 of the pass.
+        let first = pass.programs.first();
+        let (scene_depth, batches) = (first.and_then(|of| of.scene_depth), first.is_some_and(|of| of.batches));
+        let mut program = Program { reads: false, scene_depth, batches, ..Program::new("clear") };
+        for (index, output) in pass.writes.iter().enumerate() {
+            let Some(Output::Texture(slot)) = output else {
+                continue;
+            };
+            let kind = match slot.format().and_then(|format| format.sample_type(None, None)) {
+                Some(TextureSampleType::Uint) => "UINT",
+                _ => "FLOAT",
+            };
+            program = program.define(&format!("{kind}_{index}"));
+        }
+        if clear == Clear::NegativeAlpha {
+            program = program.define("NEGATIVE_ALPHA");
+        }
+        if pass.depth.is_some()
+            && pass.programs.iter().any(|program| program.depth_test.is_some_and(|test| test.writes))
+        {
+            program = program.define("DEPTH").depth_test(wgpu::CompareFunction::Always, true);
+        } else if pass.depth.is_some() {
+            program = program.depth_test(wgpu::CompareFunction::Always, false);
+        }
+        self.get(cache, pass, &program, target)
+    }
+
+    /// Returns the layout of bind group 0 for a program.
+    pub fn view_layout(&self, program: &Program) -> BindGroupLayoutDescriptor {
+        if let (true, Some(lights)) = (program.lights, &self.lights) {
+            return lights.clone();
+        }
+        let (both, fragment) = (ShaderStages::VERTEX_FRAGMENT, ShaderStages::FRAGMENT);
+        let mut entries = vec![
+            uniform_buffer::<ViewUniform>(false).build(0, both),
+            storage_buffer_read_only::<Vec<PropUniform>>(false).build(1, both),
+            uniform_buffer::<ScreenUniform>(false).build(2, both),
+            storage_buffer_read_only::<Vec<FilterUniform>>(false).build(3, fragment),
+            storage_buffer_read_only::<Vec<LabelsUniform>>(false).build(4, fragment),
+            storage_buffer_read_only::<Vec<Vec4>>(false).build(5, fragment),
+            uniform_buffer::<StaleUniform>(false).build(6, both),
+        ];
+        match program.scene_depth {
+            Some(1) => entries.push(texture_depth_2d().build(7, fragment)),
+            Some(_) => entries.push(texture_depth_2d_multisampled().build(7, fragment)),
+            None => {}
+        }
+        if program.batches {
+            entries.extend([8, 9].map(|binding| storage_buffer_read_only_sized(false, None).build(binding, both)));
+        }
+        BindGroupLayoutDescriptor::new("plenoctree_view", &entries)
+    }
+
+    /// Returns the layout of a bind group of what a pass reads.
+    pub fn inputs_layout(&self, name: &'static str, inputs: &[Input]) -> BindGroupLayoutDescriptor {
+        kinds_layout(name, inputs.iter().copied().map(Kind::of))
+    }
+
+    fn descriptor(&self, key: &Key) -> RenderPipelineDescriptor {
+        let program = &key.program;
+        let mut definitions = program.definitions.clone();
+        let mut layout = vec![self.view_layout(program)];
+        if let Some(tree) = program.tree {
+            layout.push(self.fields.get().clone());
+            definitions.extend(tree.definitions());
+        }
+        if program.reads {
+            layout.extend(key.reads.iter().map(|kinds| kinds_layout(key.name, kinds.iter().copied())));
+        }
+        if program.scene_depth.is_some_and(|samples| samples > 1) {
+            definitions.push("MULTISAMPLED".into());
+        }
+        if program.batches {
+            definitions.push("BATCHED".into());
+        }
+        let mut vertex_definitions = definitions.clone();
+        vertex_definitions.extend(key.cached.map(Into::into));
+        let blends = program.blends.iter().chain(std::iter::repeat(&Blend::Replace));
+        let targets = key.targets.iter().zip(blends).map(|(format, blend)| {
+            let (blend, write_mask) = match blend {
+                Blend::Replace => (None, ColorWrites::ALL),
+                Blend::With(blend) => (Some(*blend), ColorWrites::ALL),
+                Blend::Masked => (None, ColorWrites::empty()),
+            };
+            format.map(|format| ColorTargetState { format, blend, write_mask })
+        });
+        RenderPipelineDescriptor {
+            label: Some(key.name.into()),
+            layout,
+            vertex: VertexState {
+                shader: self.shaders.get(program.vertex),
+                shader_defs: vertex_definitions,
+                entry_point: Some("vertex".into()),
+                ..default()
+            },
+            primitive: PrimitiveState { cull_mode: program.back_faces.then_some(Face::Front), ..default() },
+            fragment: Some(FragmentState {
+                shader: match &program.fragment {
+                    Fragment::Named(name) => self.shaders.get(name),
+                    Fragment::Custom(shader) => shader.clone(),
+                },
+                shader_defs: definitions,
+                entry_point: Some("fragment".into()),
+                targets: targets.collect(),
+            }),
+            depth_stencil: key.depth.map(|format| DepthStencilState {
+                format,
+                depth_write_enabled: Some(program.depth_test.is_some_and(|test| test.writes)),
+                depth_compare: Some(program.depth_test.map_or(wgpu::CompareFunction::Always, |test| test.compare)),
+                stencil: default(),
+                bias: default(),
+            }),
+            multisample: wgpu::MultisampleState { count: key.samples, ..default() },
+            ..default()
+        }
+    }
+}
+
+/// What the layout of a bind group says about something that a pass reads.
+#[derive(Clone, Copy, PartialEq, Eq, Hash)]
+enum Kind {
+    Floats,
+    Integers,
+    Depth,
+    View,
+    Buffer,
+    WrittenBuffer,
+}
+
+impl Kind {
+    fn of(input: Input) -> Self {
+        match input {
+            Input::Texture(slot) => match slot.format() {
+                Some(DEPTH_FORMAT) => Self::Depth,
+                Some(format) if format.sample_type(None, None) == Some(TextureSampleType::Uint) => Self::Integers,
+                _ => Self::Floats,
+            },
+            Input::Scene => Self::Floats,
+            Input::Buffer(Buffer::View) => Self::View,
+            Input::Buffer(_) => Self::Buffer,
+            Input::WrittenBuffer(_) => Self::WrittenBuffer,
+        }
+    }
+}
+
+fn kinds_layout(name: &'static str, kinds: impl Iterator<Item = Kind>) -> BindGroupLayoutDescriptor {
+    let entry = |kind| match kind {
+        Kind::Floats => texture_2d(TextureSampleType::Float { filterable: false }),
+        Kind::Integers => texture_2d(TextureSampleType::Uint),
+        Kind::Depth => texture_depth_2d(),
+        Kind::View => uniform_buffer::<ViewUniform>(false),
+        Kind::Buffer => storage_buffer_read_only_sized(false, None),
+        Kind::WrittenBuffer => storage_buffer_sized(false, None),
+    };
+    let entries: Vec<BindGroupLayoutEntry> =
+        (0..).zip(kinds).map(|(binding, kind)| entry(kind).build(binding, ShaderStages::FRAGMENT)).collect();
+    BindGroupLayoutDescriptor::new(name, &entries)
+}

@@ -1,0 +1,308 @@
+//! Executes passes.
+
+use bevy::{
+    core_pipeline::prepass::{DepthPrepass, ViewPrepassTextures},
+    prelude::*,
+    render::{
+        diagnostic::RecordDiagnostics,
+        render_resource::{
+            BindGroup, BindingResource, CachedRenderPipelineId, LoadOp, Operations, PipelineCache,
+            RenderPassColorAttachment, RenderPassDepthStencilAttachment, RenderPassDescriptor, StoreOp, TextureView,
+        },
+        renderer::{RenderContext, RenderDevice, ViewQuery},
+        view::{ViewDepthTexture, ViewTarget},
+    },
+};
+
+use super::{
+    bind_groups::{bound, bound_buffer},
+    cache::{Cache, Comparison},
+    pass::{Area, Clear, Input, Output, Part, Pass, Place},
+    pipelines::Pipelines,
+    slot::{BATCH, Buffer, batches, grid_size},
+    uniforms::PaletteBuffer,
+};
+use crate::{render::plan::PropView, stage::PropStage};
+
+/// Bind group 0 of passes that read Bevy's lights, and its offsets. A component of views that have such passes.
+#[derive(Component)]
+pub(in crate::render) struct Lights {
+    pub group: BindGroup,
+    pub offsets: Vec<u32>,
+}
+
+/// What a view has besides its own textures.
+type Others = (
+    &'static ViewTarget,
+    &'static ViewDepthTexture,
+    Option<(&'static ViewPrepassTextures, Has<DepthPrepass>)>,
+    Option<&'static Lights>,
+);
+
+/// What passes need.
+struct Frame<'a> {
+    device: &'a RenderDevice,
+    cache: &'a PipelineCache,
+    pipelines: &'a Pipelines,
+    palettes: &'a PaletteBuffer,
+    target: &'a ViewTarget,
+    depth: &'a ViewDepthTexture,
+    prepass: Option<&'a ViewPrepassTextures>,
+    lights: Option<&'a Lights>,
+}
+
+/// Runs the passes of a view at one place in the frame. Those after the layer run only if the view's props are drawn at
+/// this `stage`.
+pub(in crate::render) fn run(
+    InMut((place, stage)): InMut<(Place, PropStage)>,
+    view: ViewQuery<(&mut PropView, Others)>,
+    cache: Res<PipelineCache>,
+    pipelines: Res<Pipelines>,
+    comparison: Option<Res<Comparison>>,
+    palettes: Res<PaletteBuffer>,
+    mut ctx: RenderContext,
+) {
+    let (mut view, (target, depth, prepass, lights)) = view.into_inner();
+    if view.plan.stage != *stage && *place != Place::Layer {
+        return;
+    }
+    let device = ctx.render_device().clone();
+    let (prepass, has_depth) = prepass.unzip();
+    let frame = Frame {
+        device: &device,
+        cache: &cache,
+        pipelines: &pipelines,
+        palettes: &palettes,
+        target,
+        depth,
+        prepass,
+        lights,
+    };
+    let passes = std::mem::take(&mut view.passes);
+    compare(*place, &passes, &mut view, &frame, comparison.as_deref(), &mut ctx);
+    let diagnostics = ctx.diagnostic_recorder();
+    let diagnostics = diagnostics.as_deref();
+    let here: Vec<_> = passes.iter().filter(|(pass, _)| pass.place == *place).collect();
+    for named in here.chunk_by(|(a, _), (b, _)| a.name == b.name) {
+        let span = diagnostics.time_span(ctx.command_encoder(), named[0].0.name);
+        for (pass, ids) in named {
+            // Nothing is missing: passes are planned only if they can run.
+            let _ = draw(pass, ids, &mut view, &frame, &mut ctx);
+        }
+        span.end(ctx.command_encoder());
+    }
+    if *place == Place::Present && *stage == PropStage::Scene && !here.is_empty() && has_depth == Some(true) {
+        copy_depth(&frame, &mut ctx);
+    }
+    view.passes = passes;
+}
+
+/// Compares the scene with what it was in the last frame, if a part of this frame may be cached.
+fn compare(
+    place: Place,
+    passes: &[(Pass, Vec<CachedRenderPipelineId>)],
+    view: &mut PropView,
+    frame: &Frame,
+    comparison: Option<&Comparison>,
+    ctx: &mut RenderContext,
+) {
+    let PropView { plan, cached, buffers, groups, .. } = view;
+    let mut of = |cached: &mut Cache, part, scene| {
+        if let Some(comparison) = comparison {
+            cached.compare(part, scene, plan.samples, buffers, groups, comparison, frame.cache, plan.rect.size, ctx);
+        }
+    };
+    match place {
+        Place::Layer => {
+            of(cached, Part::Layer, frame.depth.view());
+            cached.finish(Part::Layer);
+        }
+        Place::Posterize => {
+            if passes.iter().any(|(pass, _)| pass.part == Some(Part::Composite)) {
+                of(cached, Part::Composite, frame.target.main_texture_view());
+            }
+            cached.finish(Part::Composite);
+            cached.finish(Part::Labels);
+        }
+        Place::Present | Place::Objects => {}
+    }
+}
+
+/// Draws a pass. Returns `None` if something is missing.
+fn draw(
+    pass: &Pass,
+    ids: &[CachedRenderPipelineId],
+    view: &mut PropView,
+    frame: &Frame,
+    ctx: &mut RenderContext,
+) -> Option<()> {
+    let PropView { plan, textures, buffers, groups, cached, .. } = view;
+    let (device, cache) = (frame.device, frame.cache);
+    if let Some(buffer) = pass.zeroes {
+        ctx.command_encoder().clear_buffer(textures.buffer_of(buffer)?, 0, None);
+    }
+    // What may be cached is cleared by a draw call, because only the GPU knows whether it must be.
+    let may_keep = pass.part.is_some_and(|part| !cached.is_drawn(part));
+    let clear = pass.clear.filter(|_| !may_keep);
+    let attach = |output: &Output| {
+        let load = clear.map_or(LoadOp::Load, |clear| LoadOp::Clear(clear.color()));
+        match output {
+            Output::Texture(slot) => Some(color(textures.get(*slot)?, load)),
+            Output::Target => Some(match plan.stage {
+                PropStage::Scene => frame.target.get_color_attachment(),
+                // Post-processing continues with the resolved texture.
+                PropStage::Display => frame.target.get_unsampled_color_attachment(),
+            }),
+            Output::PrepassMotion => Some(frame.prepass?.motion_vectors.as_ref()?.get_attachment()),
+        }
+    };
+    let colors: Vec<_> = pass.writes.iter().map(|write| write.as_ref().and_then(attach)).collect();
+    let writes_depth = pass.programs.iter().any(|program| program.depth_test.is_some_and(|test| test.writes));
+    let depth = match &pass.depth {
+        Some(Output::Texture(slot)) => {
+            let load = if clear.is_some() { LoadOp::Clear(0.0) } else { LoadOp::Load };
+            Some(depth(textures.get(*slot)?, writes_depth.then_some(load)))
+        }
+        Some(_) => Some(frame.depth.get_attachment(StoreOp::Store)),
+        None => None,
+    };
+    let of_inputs: Vec<_> = pass
+        .reads
+        .iter()
+        .map(|inputs| {
+            let resource = |input: &Input| match input {
+                Input::Texture(slot) => textures.get(*slot).map(bound),
+                Input::Scene => Some(bound(frame.target.main_texture_view())),
+                Input::Buffer(Buffer::View) => buffers.view.binding(),
+                Input::Buffer(Buffer::Lit) => buffers.lit.binding(),
+                Input::Buffer(buffer) | Input::WrittenBuffer(buffer) => textures.buffer_of(*buffer).map(bound_buffer),
+            };
+            let resources: Option<Vec<_>> = inputs.iter().map(resource).collect();
+            let layout = frame.pipelines.inputs_layout(pass.name, inputs);
+            Some(groups.get(device, cache, &layout, &resources?))
+        })
+        .collect::<Option<_>>()?;
+    let of_view: Vec<_> = pass
+        .programs
+        .iter()
+        .map(|program| {
+            if program.lights {
+                return Some(frame.lights.map(|lights| lights.group.clone()));
+            }
+            let mut resources: Vec<BindingResource> = buffers.bindings(frame.palettes)?;
+            resources.extend(program.scene_depth.map(|_| bound(frame.depth.view())));
+            if program.batches {
+                let batches = [Buffer::BatchCounts, Buffer::BatchGaps].map(|buffer| textures.buffer_of(buffer));
+                resources.extend(batches.into_iter().flatten().map(bound_buffer));
+            }
+            Some(Some(groups.get(device, cache, &frame.pipelines.view_layout(program), &resources)))
+        })
+        .collect::<Option<_>>()?;
+    let area = match pass.area {
+        Area::Drawn => URect { min: UVec2::ZERO, max: plan.rect.size },
+        Area::Grid => URect { min: UVec2::ZERO, max: grid_size(plan.rect.size, plan.spacing) },
+        Area::Batches => URect { min: UVec2::ZERO, max: BATCH * batches(plan.rect.size, plan.spacing) },
+        Area::Target => {
+            let corner = plan.corner();
+            // Cameras of one target may disagree about its size for a frame.
+            let size = frame.target.main_texture().size();
+            let most = UVec2::new(size.width, size.height);
+            URect { min: corner.min(most), max: (corner + plan.rect.size).min(most) }
+        }
+    };
+    if area.is_empty() {
+        return None;
+    }
+    record(pass, ids, ctx, cache, &colors, depth, &of_inputs, &of_view, frame.lights, area, may_keep)
+}
+
+/// Records a pass.
+fn record(
+    pass: &Pass,
+    ids: &[CachedRenderPipelineId],
+    ctx: &mut RenderContext,
+    cache: &PipelineCache,
+    colors: &[Option<RenderPassColorAttachment>],
+    depth: Option<RenderPassDepthStencilAttachment>,
+    of_inputs: &[BindGroup],
+    of_view: &[Option<BindGroup>],
+    lights: Option<&Lights>,
+    area: URect,
+    may_keep: bool,
+) -> Option<()> {
+    let mut recorded = ctx.begin_tracked_render_pass(RenderPassDescriptor {
+        label: Some(pass.name),
+        color_attachments: colors,
+        depth_stencil_attachment: depth,
+        ..default()
+    });
+    let (corner, size) = (area.min.as_vec2(), area.size().as_vec2());
+    recorded.set_viewport(corner.x, corner.y, size.x, size.y, 0.0, 1.0);
+    let scissor = |recorded: &mut bevy::render::render_phase::TrackedRenderPass, part: URect| {
+        recorded.set_scissor_rect(part.min.x, part.min.y, part.width(), part.height());
+    };
+    if let (true, Some(id), Some(Some(group))) = (may_keep, ids.get(pass.programs.len()), of_view.first()) {
+        scissor(&mut recorded, area);
+        recorded.set_render_pipeline(cache.get_render_pipeline(*id)?);
+        recorded.set_bind_group(0, group, &[]);
+        recorded.draw(0..3, 0..1);
+    }
+    for draw in &pass.draws {
+        let part = draw.scissor.map_or(area, |part| part.intersect(area));
+        if part.is_empty() {
+            continue;
+        }
+        let program = pass.programs.get(draw.program)?;
+        // Without lights in the scene, nothing is blocked.
+        let Some(of_view) = of_view.get(draw.program)? else {
+            continue;
+        };
+        recorded.set_render_pipeline(cache.get_render_pipeline(*ids.get(draw.program)?)?);
+        let offsets = lights.filter(|_| program.lights).map_or(&[][..], |lights| &lights.offsets);
+        recorded.set_bind_group(0, of_view, offsets);
+        let mut next = 1;
+        if let Some(field) = &draw.field {
+            recorded.set_bind_group(1, field, &[]);
+            next = 2;
+        }
+        if program.reads {
+            for (index, group) in (next..).zip(of_inputs) {
+                recorded.set_bind_group(index, group, &[]);
+            }
+        }
+        scissor(&mut recorded, part);
+        recorded.draw(draw.vertices.clone(), draw.instance..draw.instance + 1);
+    }
+    Some(())
+}
+
+/// Copies the depth of the scene, which now includes props, to the texture that effects read, as Bevy's prepass does.
+fn copy_depth(frame: &Frame, ctx: &mut RenderContext) {
+    if let Some(prepass) = frame.prepass
+        && let Some(depth) = &prepass.depth
+    {
+        let (from, to) = (frame.depth.texture.as_image_copy(), depth.texture.texture.as_image_copy());
+        ctx.command_encoder().copy_texture_to_texture(from, to, prepass.size);
+    }
+}
+
+impl Clear {
+    fn color(self) -> wgpu::Color {
+        match self {
+            Self::Zero => wgpu::Color::TRANSPARENT,
+            Self::White => wgpu::Color { a: 0.0, ..wgpu::Color::WHITE },
+            Self::NegativeAlpha => wgpu::Color { a: -1.0, ..wgpu::Color::TRANSPARENT },
+        }
+    }
+}
+
+fn color(view: &TextureView, load: LoadOp<wgpu::Color>) -> RenderPassColorAttachment<'_> {
+    let ops = Operations { load, store: StoreOp::Store };
+    RenderPassColorAttachment { view, depth_slice: None, resolve_target: None, ops }
+}
+
+/// Returns a depth attachment that is only tested unless it has a `load`.
+fn depth(view: &TextureView, load: Option<LoadOp<f32>>) -> RenderPassDepthStencilAttachment<'_> {
+    let depth_ops = load.map(|load| Operations { load, store: StoreOp::Store });
+    RenderPassDepthStencilAttachment { view, depth_ops, stencil_ops: None }
+}

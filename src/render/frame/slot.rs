@@ -1,0 +1,129 @@
+//! The textures and buffers of a view, by what they hold.
+
+use bevy::{core_pipeline::prepass::MOTION_VECTOR_PREPASS_FORMAT, prelude::*, render::render_resource::TextureFormat};
+
+/// A texture of a view.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(in crate::render) enum Slot {
+    /// A layer: the props alone. Encoded sRGB premultiplied by opacity, and opacity. Half floats, because 8 bits per
+    /// channel would change labels.
+    Color(Rays),
+    /// The owner of a pixel, as packed by `pack_owner` of `view.wgsl`.
+    Owner(Rays),
+    /// The depth of the props, reversed like that of the scene.
+    Depth(Rays),
+    /// How solid props have moved since the previous frame, as a fraction of the viewport.
+    Motion(Rays),
+    /// The nearest solid prop, as packed by `pack_solid` of `view.wgsl`, and where it is solid.
+    Nearest(Rays),
+    NearestDepth(Rays),
+    /// Where others show through that one, the nearest one through which nothing shows, and where it is solid.
+    Opaque(Rays),
+    OpaqueDepth(Rays),
+    /// What is known of the gaps between the rays of the grid, as `batch.wgsl` says.
+    Gaps,
+    /// The owners that may cover parts of a pixel. See `outline.wgsl`.
+    Outline,
+    /// These parts, as bits. Unlike integers, the format can be blended. See `coverage.wgsl`.
+    Coverage,
+    /// What the rays of edges see of the pixel's owner, and of the other owner. See `coverage.wgsl`.
+    OwnRays,
+    OtherRays,
+    /// Where these rays reach the owner of the pixel: eight half floats. See `coverage.wgsl`.
+    Places,
+    /// A depth that is 1 at edges, so that later passes run only there.
+    EdgeMask,
+    /// The color of the light that arrives, and the fraction that is blocked.
+    Light,
+    /// The composite before and after each iteration of the filter. See `filter_texel.wgsl`.
+    Even,
+    /// The same, halfway through an iteration.
+    Odd,
+    /// Encoded sRGB and opacity, before edges are smoothed. The opacity is negative where nothing is drawn.
+    Labeled,
+    /// The same, after edges are smoothed.
+    Shown,
+    /// The same, as every second custom stage writes it.
+    Staged,
+    /// See [`LabelTextures`](crate::LabelTextures).
+    Labels,
+    /// Transparent objects over nothing, in the format and the size of the target, resolved and multisampled.
+    Objects,
+    ObjectSamples,
+}
+
+/// The rays whose results a texture holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(in crate::render) enum Rays {
+    /// One per pixel.
+    Pixels,
+    /// Every `PropQuality::spacing`-th one along each axis.
+    Grid,
+    /// Those of the pixels between them that need one.
+    Batches,
+}
+
+pub(in crate::render) const DEPTH_FORMAT: TextureFormat = TextureFormat::Depth32Float;
+
+impl Slot {
+    /// Returns the format, unless it is that of the target.
+    pub fn format(self) -> Option<TextureFormat> {
+        use TextureFormat::*;
+        Some(match self {
+            Self::Color(_) | Self::OwnRays | Self::OtherRays => Rgba16Float,
+            Self::Labeled | Self::Shown | Self::Staged => Rgba16Float,
+            Self::Owner(_) => Rg16Float,
+            Self::Motion(_) => MOTION_VECTOR_PREPASS_FORMAT,
+            Self::Depth(_) | Self::NearestDepth(_) | Self::OpaqueDepth(_) | Self::EdgeMask => DEPTH_FORMAT,
+            Self::Nearest(_) | Self::Opaque(_) => R32Uint,
+            Self::Gaps => R16Uint,
+            Self::Outline => Rg16Uint,
+            Self::Coverage | Self::Light => Rgba8Unorm,
+            Self::Places | Self::Even | Self::Odd => Rgba32Uint,
+            Self::Labels => Rg32Uint,
+            Self::Objects | Self::ObjectSamples => return None,
+        })
+    }
+
+    pub fn rays(self) -> Rays {
+        match self {
+            Self::Color(rays) | Self::Owner(rays) | Self::Depth(rays) | Self::Motion(rays) => rays,
+            Self::Nearest(rays) | Self::NearestDepth(rays) | Self::Opaque(rays) | Self::OpaqueDepth(rays) => rays,
+            Self::Gaps => Rays::Grid,
+            _ => Rays::Pixels,
+        }
+    }
+}
+
+/// A buffer of a view, besides the uniforms of bind group 0.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(in crate::render) enum Buffer {
+    /// The uniform of the view.
+    View,
+    /// How lights fall on each prop.
+    Lit,
+    /// The number of gaps in each batch.
+    BatchCounts,
+    /// The places of gaps in the squares of their batches.
+    BatchGaps,
+}
+
+/// The pixels along a side of the square in which a batch is drawn. Matches `batch.wgsl`.
+pub(in crate::render) const BATCH: u32 = 32;
+/// The largest number of gaps in a batch. Matches `batch.wgsl`.
+pub(super) const MOST_GAPS: u32 = 256;
+
+/// Returns the number of rays of the grid for `size` pixels, along each axis.
+pub(in crate::render) fn grid_size(size: UVec2, spacing: u32) -> UVec2 {
+    (size + spacing - 1) / spacing
+}
+
+/// Returns the pixels along a side of the square of the view whose gaps form a batch.
+pub(in crate::render) fn batch_side(spacing: u32) -> u32 {
+    BATCH / spacing * spacing
+}
+
+/// Returns the numbers of batches for `size` pixels, along each axis.
+pub(in crate::render) fn batches(size: UVec2, spacing: u32) -> UVec2 {
+    (size + batch_side(spacing) - 1) / batch_side(spacing)
+}

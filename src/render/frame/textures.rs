@@ -1,0 +1,214 @@
+//! The owner of a view's textures and buffers. Where there is too little memory for them, a view draws no props instead
+//! of ending the app.
+//!
+//! They are as large as what the props cover, in steps, so that props that move do not recreate them in every frame.
+
+use bevy::{
+    platform::collections::HashMap,
+    prelude::*,
+    render::{
+        render_resource::{
+            BufferDescriptor, BufferUsages, Extent3d, TextureDescriptor, TextureDimension, TextureFormat,
+            TextureUsages, TextureView,
+        },
+        renderer::RenderDevice,
+    },
+};
+
+use super::{
+    pass::{Input, Output, Pass},
+    slot::{BATCH, Buffer, MOST_GAPS, Rays, Slot, batches, grid_size},
+};
+use crate::gpu::Allocator;
+
+/// The sizes that determine those of textures.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(in crate::render) struct Sizes {
+    /// The drawn part of the view, in pixels.
+    pub drawn: UVec2,
+    pub viewport: UVec2,
+    pub target: UVec2,
+    pub target_format: Option<TextureFormat>,
+    /// The samples of the target per pixel.
+    pub samples: u32,
+    pub spacing: u32,
+}
+
+/// The textures and buffers of a view.
+#[derive(Default)]
+pub(in crate::render) struct Textures {
+    textures: HashMap<Slot, Held>,
+    buffers: HashMap<Buffer, HeldBuffer>,
+    /// The size of textures with one texel per pixel.
+    size: UVec2,
+    pub allocator: Allocator,
+}
+
+struct Held {
+    size: UVec2,
+    format: TextureFormat,
+    samples: u32,
+    view: TextureView,
+    /// The number of frames since a pass last used it.
+    idle: u32,
+}
+
+struct HeldBuffer {
+    buffer: bevy::render::render_resource::Buffer,
+    idle: u32,
+}
+
+/// For how many frames textures are held that no pass uses.
+const HELD_FRAMES: u32 = 2;
+
+/// The sizes of textures are multiples of this, in pixels, unless the viewport is smaller.
+const STEP: u32 = 64;
+
+impl Textures {
+    /// Makes sure that there is everything that `passes` use, and drops the rest. Returns whether there is enough
+    /// memory.
+    pub fn hold<'a>(
+        &mut self,
+        device: &RenderDevice,
+        mut passes: impl Iterator<Item = &'a Pass>,
+        sizes: &Sizes,
+    ) -> bool {
+        self.size = size_in_steps(self.size, sizes.drawn, sizes.viewport);
+        self.textures.values_mut().for_each(|held| held.idle += 1);
+        self.buffers.values_mut().for_each(|held| held.idle += 1);
+        let is_held = passes.all(|pass| {
+            let mut read = pass.reads.iter().flatten().copied();
+            let mut written = pass.writes.iter().flatten().chain(&pass.depth).copied();
+            read.all(|input| match input {
+                Input::Texture(slot) => self.texture(device, slot, sizes),
+                Input::Buffer(buffer) | Input::WrittenBuffer(buffer) => self.buffer(device, buffer, sizes),
+                Input::Scene => true,
+            }) && written.all(|output| match output {
+                Output::Texture(slot) => self.texture(device, slot, sizes),
+                Output::Target | Output::PrepassMotion => true,
+            }) && pass.holds.iter().all(|slot| self.texture(device, *slot, sizes))
+        });
+        self.textures.retain(|_, held| held.idle <= HELD_FRAMES);
+        self.buffers.retain(|_, held| held.idle <= HELD_FRAMES);
+        is_held
+    }
+
+    /// Drops everything.
+    pub fn clear(&mut self) {
+        self.textures.clear();
+        self.buffers.clear();
+        self.size = UVec2::ZERO;
+    }
+
+    pub fn get(&self, slot: Slot) -> Option<&TextureView> {
+        self.textures.get(&slot).map(|held| &held.view)
+    }
+
+    pub fn buffer_of(&self, buffer: Buffer) -> Option<&bevy::render::render_resource::Buffer> {
+        self.buffers.get(&buffer).map(|held| &held.buffer)
+    }
+
+    fn texture(&mut self, device: &RenderDevice, slot: Slot, sizes: &Sizes) -> bool {
+        let (mut size, mut format, mut samples) = (self.size, slot.format(), 1);
+        match slot.rays() {
+            Rays::Pixels => {}
+            Rays::Grid => size = grid_size(size, sizes.spacing),
+            Rays::Batches => size = BATCH * batches(size, sizes.spacing),
+        }
+        if let Slot::Objects | Slot::ObjectSamples = slot {
+            (size, format) = (sizes.target, sizes.target_format);
+            samples = if slot == Slot::ObjectSamples { sizes.samples } else { 1 };
+        }
+        let Some(format) = format else {
+            return false;
+        };
+        if let Some(held) = self.textures.get_mut(&slot)
+            && (held.size, held.format, held.samples) == (size, format, samples)
+        {
+            held.idle = 0;
+            return true;
+        }
+        let created = self.allocator.create(device, || {
+            let texture = device.create_texture(&TextureDescriptor {
+                label: Some("plenoctree_view"),
+                size: Extent3d { width: size.x, height: size.y, depth_or_array_layers: 1 },
+                mip_level_count: 1,
+                sample_count: samples,
+                dimension: TextureDimension::D2,
+                format,
+                usage: TextureUsages::RENDER_ATTACHMENT | TextureUsages::TEXTURE_BINDING,
+                view_formats: &[],
+            });
+            let view = texture.create_view(&default());
+            Held { size, format, samples, view, idle: 0 }
+        });
+        created.map(|held| self.textures.insert(slot, held)).is_some()
+    }
+
+    fn buffer(&mut self, device: &RenderDevice, buffer: Buffer, sizes: &Sizes) -> bool {
+        let batches = batches(self.size, sizes.spacing).element_product();
+        let words = match buffer {
+            Buffer::BatchCounts => batches,
+            Buffer::BatchGaps => batches * MOST_GAPS,
+            Buffer::View | Buffer::Lit => return true,
+        };
+        let size = 4 * u64::from(words);
+        if let Some(held) = self.buffers.get_mut(&buffer).filter(|held| held.buffer.size() == size) {
+            held.idle = 0;
+            return true;
+        }
+        let created = self.allocator.create(device, || {
+            device.create_buffer(&BufferDescriptor {
+                label: Some("plenoctree_batches"),
+                size,
+                usage: BufferUsages::STORAGE | BufferUsages::COPY_DST,
+                mapped_at_creation: false,
+            })
+        });
+        created.map(|created| self.buffers.insert(buffer, HeldBuffer { buffer: created, idle: 0 })).is_some()
+    }
+}
+
+/// Returns the size of textures for `drawn` pixels: that of the `held` ones, unless they are too small or much larger.
+fn size_in_steps(held: UVec2, drawn: UVec2, viewport: UVec2) -> UVec2 {
+    let stepped = (drawn.next_multiple_of(STEP)).min(viewport.max(drawn));
+    let is_enough = held.cmpge(drawn).all() && held.cmple(viewport.max(drawn)).all();
+    let most = 2 * (stepped + STEP).element_product();
+    if is_enough && held.element_product() <= most { held } else { stepped }
+}
+
+trait NextMultiple {
+    fn next_multiple_of(self, step: u32) -> Self;
+}
+
+impl NextMultiple for UVec2 {
+    fn next_multiple_of(self, step: u32) -> Self {
+        (self + step - 1) / step * step
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        /// Textures hold what is drawn, are never much larger, and stay the same while a prop of one size moves.
+        #[test]
+        fn sizes_change_in_steps(
+            held in prop::array::uniform2(0u32..4000),
+            drawn in prop::array::uniform2(1u32..3000),
+            moved in prop::array::uniform2(0u32..16),
+            beyond in prop::array::uniform2(0u32..1000),
+        ) {
+            let (held, drawn, beyond) = (UVec2::from(held), UVec2::from(drawn), UVec2::from(beyond));
+            let viewport = drawn + beyond;
+            let size = size_in_steps(held, drawn, viewport);
+            prop_assert!(size.cmpge(drawn).all() && size.cmple(viewport).all());
+            prop_assert!(size.element_product() <= 2 * (drawn + 2 * STEP).element_product());
+            let smaller = drawn.saturating_sub(UVec2::from(moved)).max(UVec2::ONE);
+            prop_assert_eq!(size_in_steps(size, smaller, viewport), size);
+        }
+    }
+}

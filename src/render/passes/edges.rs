@@ -1,0 +1,134 @@
+//! Finds how much of each edge pixel a posterized prop covers, so that it can be blended with what is behind. This is not
+//! part of the method, whose edges are hard.
+//!
+//! The *outline* pass finds the pixels at the edges of props, and the owners that may cover parts of them. The
+//! *coverage* pass marches several rays through those pixels, and no others. In a view of a single prop, it does both.
+
+use bevy::{
+    prelude::*,
+    render::render_resource::{BlendComponent, BlendFactor, BlendOperation, BlendState, CompareFunction},
+};
+
+use super::volume::index_of;
+use crate::{
+    gpu::field_definitions,
+    render::{
+        frame::{Blend, Clear, Draw, Feature, Input, Output, Part, Pass, Place, Program, Rays, Slot, Uniforms},
+        plan::{Plan, Smooths},
+    },
+};
+
+pub(super) const OUTLINE: &str = "plenoctree_outline";
+pub(super) const COVERAGE: &str = "plenoctree_coverage";
+
+/// The pixels of a prop that a pass draws.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Pixels {
+    /// All of them, of the only prop of a view. Also finds the outline.
+    Alone,
+    /// All of them.
+    All,
+    /// Those that the prop owns, where another one may be before it. Writes where the rays reach it, for those that
+    /// follow.
+    OfOwners,
+    /// The others: those that another prop owns or none does, and those where no other one may be before it.
+    OfOthers,
+}
+
+const LAYER: [Input; 3] = [
+    Input::Texture(Slot::Color(Rays::Pixels)),
+    Input::Texture(Slot::Owner(Rays::Pixels)),
+    Input::Texture(Slot::Depth(Rays::Pixels)),
+];
+
+/// Finds the pixels at edges in views of several props, and clears what the coverage pass adds to.
+pub(super) fn outline(plan: &Plan) -> Option<Pass> {
+    (plan.smooths && plan.props.len() > 1).then(|| Pass {
+        feature: Feature::Edges,
+        reads: vec![LAYER.to_vec()],
+        uses: &[Uniforms::View, Uniforms::Props],
+        writes: [Slot::Outline, Slot::Coverage, Slot::OwnRays, Slot::OtherRays]
+            .map(|slot| Some(Output::Texture(slot)))
+            .to_vec(),
+        depth: Some(Output::Texture(Slot::EdgeMask)),
+        clear: Some(Clear::Zero),
+        ..Pass::fullscreen(
+            OUTLINE,
+            Place::Layer,
+            Some(Part::Layer),
+            Program::new("outline").depth_test(CompareFunction::Always, true),
+        )
+    })
+}
+
+/// Finds which parts of these pixels props cover. Where props overlap, those before others are compared with them ray by
+/// ray.
+pub(super) fn coverage(plan: &Plan) -> Vec<Pass> {
+    let pixels = match plan.props.len() {
+        _ if !plan.smooths => &[][..],
+        1 => &[Pixels::Alone],
+        _ if plan.overlaps => &[Pixels::OfOwners, Pixels::OfOthers],
+        _ => &[Pixels::All],
+    };
+    pixels.iter().map(|pixels| coverage_of(plan, *pixels)).collect()
+}
+
+fn coverage_of(plan: &Plan, pixels: Pixels) -> Pass {
+    let sum =
+        BlendComponent { src_factor: BlendFactor::One, dst_factor: BlendFactor::One, operation: BlendOperation::Add };
+    let add = Blend::With(BlendState { color: sum, alpha: sum });
+    let (outline, owner) = (Input::Texture(Slot::Outline), Input::Texture(Slot::Owner(Rays::Pixels)));
+    let depth = Input::Texture(Slot::Depth(Rays::Pixels));
+    let (definition, reads, writes, blends) = match pixels {
+        Pixels::Alone => {
+            (Some("ALONE"), LAYER.to_vec(), vec![Slot::Coverage, Slot::OwnRays, Slot::OtherRays, Slot::Outline], vec![])
+        }
+        Pixels::All => {
+            (None, vec![outline, owner, depth], vec![Slot::Coverage, Slot::OwnRays, Slot::OtherRays], vec![add; 3])
+        }
+        Pixels::OfOwners => (
+            Some("OF_OWNERS"),
+            vec![outline, owner, depth],
+            vec![Slot::Coverage, Slot::OwnRays, Slot::Places],
+            vec![add, add, Blend::Replace],
+        ),
+        Pixels::OfOthers => (
+            Some("OF_OTHERS"),
+            vec![outline, owner, depth, Input::Texture(Slot::Places)],
+            vec![Slot::Coverage, Slot::OwnRays, Slot::OtherRays],
+            vec![add; 3],
+        ),
+    };
+    let (mut programs, mut draws, mut shapes) = (vec![], vec![], vec![]);
+    for (index, prop) in plan.props.iter().enumerate().filter(|(_, prop)| prop.smooths != Smooths::Nothing) {
+        let program = index_of(&mut shapes, prop.shape, || {
+            let program = Program {
+                vertex: "coverage",
+                tree: Some(prop.shape.into()),
+                scene_depth: Some(plan.samples),
+                blends: blends.clone(),
+                ..Program::new("coverage")
+            };
+            let program = definition.into_iter().fold(program, Program::define);
+            let program = program.define_number("SAMPLES", Some(plan.samples));
+            programs.push(program.define_all(field_definitions(prop.shape)).depth_test(
+                if pixels == Pixels::Alone { CompareFunction::Always } else { CompareFunction::Less },
+                pixels == Pixels::Alone,
+            ));
+        });
+        let scissor = (pixels != Pixels::Alone).then_some(prop.rect);
+        let field = Some(prop.field.clone());
+        draws.push(Draw { field, instance: index as u32, scissor, ..Draw::triangle(program) });
+    }
+    Pass {
+        feature: Feature::Edges,
+        reads: vec![reads],
+        uses: &[Uniforms::View, Uniforms::Props],
+        writes: writes.into_iter().map(|slot| Some(Output::Texture(slot))).collect(),
+        depth: Some(Output::Texture(Slot::EdgeMask)),
+        clear: (pixels == Pixels::Alone).then_some(Clear::Zero),
+        programs,
+        draws,
+        ..Pass::fullscreen(COVERAGE, Place::Layer, Some(Part::Layer), Program::new("coverage"))
+    }
+}

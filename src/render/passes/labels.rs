@@ -1,0 +1,159 @@
+//! Posterization. See section 4 of the method.
+//!
+//! - *composite* blends the layer over the scene.
+//! - *filter* flattens its colors (step 2).
+//! - *label* replaces them by palette colors (steps 1 and 3 to 5). If nothing is posterized, it blends the layer over the
+//!   scene itself.
+//! - *blend* smooths the edges of posterized props. It writes a separate texture, because it reads what neighbors show.
+
+use bevy::{
+    camera::CompositingSpace,
+    prelude::*,
+    render::render_resource::CompareFunction,
+    shader::{Shader, ShaderDefVal},
+};
+
+use crate::render::{
+    frame::{Buffer, Clear, Draw, Feature, Fragment, Input, Output, Part, Pass, Place, Program, Rays, Slot, Uniforms},
+    plan::Plan,
+};
+
+pub(super) const COMPOSITE: &str = "plenoctree_composite";
+pub(super) const FILTER: &str = "plenoctree_filter";
+pub(super) const LABEL: &str = "plenoctree_label";
+pub(super) const BLEND: &str = "plenoctree_blend";
+pub(super) const STAGE: &str = "plenoctree_stage";
+
+const COLOR: Input = Input::Texture(Slot::Color(Rays::Pixels));
+const OWNER: Input = Input::Texture(Slot::Owner(Rays::Pixels));
+const DEPTH: Output = Output::Texture(Slot::Depth(Rays::Pixels));
+
+/// Blends the layer over the scene, in encoded sRGB.
+pub(super) fn composite(plan: &Plan) -> Option<Pass> {
+    let is_filtered = plan.iterations > 0;
+    let program = Program::new("composite").define_all(space(plan.target.space)).define_if(!is_filtered, "UNFILTERED");
+    let mut writes = vec![Some(Output::Texture(Slot::Even))];
+    if is_filtered {
+        // The filter does not write pixels without an owner, but reads them from both of its textures.
+        writes.push(Some(Output::Texture(Slot::Odd)));
+    }
+    plan.posterizes.then(|| Pass {
+        feature: Feature::Posterize,
+        reads: vec![vec![COLOR, OWNER, Input::Scene]],
+        uses: &[Uniforms::View, Uniforms::Screen],
+        writes,
+        ..Pass::fullscreen(COMPOSITE, Place::Posterize, Some(Part::Composite), program)
+    })
+}
+
+/// The bilateral filter: in each iteration along rows, then along columns.
+pub(super) fn filter(plan: &Plan) -> Vec<Pass> {
+    let iterations = if plan.posterizes { plan.iterations } else { 0 };
+    let directions = [(Slot::Even, Slot::Odd, Some("HORIZONTAL")), (Slot::Odd, Slot::Even, None)];
+    let pass = |iteration, (from, to, definition): (_, _, Option<&str>)| {
+        let program = definition.into_iter().fold(Program::new("filter"), Program::define);
+        Pass {
+            feature: Feature::Posterize,
+            reads: vec![vec![Input::Texture(from)]],
+            uses: &[Uniforms::View, Uniforms::Screen, Uniforms::Filters],
+            writes: vec![Some(Output::Texture(to))],
+            depth: Some(DEPTH),
+            draws: vec![Draw { instance: iteration, ..Draw::triangle(0) }],
+            ..Pass::fullscreen(FILTER, Place::Posterize, Some(Part::Composite), program.where_props_are())
+        }
+    };
+    (0..iterations).flat_map(|iteration| directions.map(|direction| pass(iteration, direction))).collect()
+}
+
+/// Assigns labels.
+pub(super) fn label(plan: &Plan) -> Pass {
+    let source = if plan.posterizes { Input::Texture(Slot::Even) } else { Input::Scene };
+    let definitions = if plan.posterizes { vec![] } else { space(plan.target.space) };
+    let program = Program::new("label")
+        .define_all(definitions)
+        .define_if(!plan.posterizes, "UNPOSTERIZED")
+        .define_if(plan.smooths, "SMOOTH")
+        .define_if(!plan.stages.is_empty(), "LABEL_TEXTURES")
+        .define_if(plan.is_lit, "LIGHTING");
+    let shown = if plan.smooths { Slot::Labeled } else { Slot::Shown };
+    let mut writes = vec![Some(Output::Texture(shown))];
+    // The blend pass replaces the pixels at edges.
+    writes.push(plan.smooths.then_some(Output::Texture(Slot::Shown)));
+    if !plan.stages.is_empty() {
+        writes.push(Some(Output::Texture(Slot::Labels)));
+    }
+    writes.truncate(writes.iter().rposition(Option::is_some).map_or(0, |last| last + 1));
+    Pass {
+        feature: match () {
+            () if plan.smooths => Feature::Edges,
+            () if plan.is_lit => Feature::Lighting,
+            () if plan.posterizes => Feature::Posterize,
+            () => Feature::Base,
+        },
+        reads: with_lights(plan, vec![source, COLOR]),
+        uses: &[Uniforms::View, Uniforms::Props, Uniforms::Screen, Uniforms::Labels],
+        writes,
+        depth: Some(DEPTH),
+        clear: Some(Clear::NegativeAlpha),
+        ..Pass::fullscreen(LABEL, Place::Posterize, Some(Part::Labels), program.where_props_are())
+    }
+}
+
+/// Smooths the edges of props.
+pub(super) fn blend(plan: &Plan) -> Option<Pass> {
+    let program = Program::new("blend")
+        .define_all(space(plan.target.space))
+        .define_number("SAMPLES", plan.hidden_samples())
+        .define_if(plan.is_lit, "LIGHTING");
+    let slots = [Slot::Labeled, Slot::Even, Slot::Outline, Slot::Coverage, Slot::OwnRays, Slot::OtherRays];
+    plan.smooths.then(|| Pass {
+        feature: Feature::Edges,
+        reads: with_lights(plan, slots.map(Input::Texture).into_iter().chain([Input::Scene]).collect()),
+        uses: &[Uniforms::View, Uniforms::Props, Uniforms::Screen, Uniforms::Labels],
+        writes: vec![Some(Output::Texture(Slot::Shown))],
+        depth: Some(Output::Texture(Slot::EdgeMask)),
+        ..Pass::fullscreen(
+            BLEND,
+            Place::Posterize,
+            Some(Part::Labels),
+            program.depth_test(CompareFunction::Less, false),
+        )
+    })
+}
+
+/// Custom stages, in turn from one texture to another.
+pub(super) fn stages(plan: &Plan) -> Vec<Pass> {
+    let pass = |(index, shader): (usize, &Handle<Shader>)| {
+        let program = Program { fragment: Fragment::Custom(shader.clone()), ..Program::new("") };
+        Pass {
+            feature: Feature::Stages,
+            reads: vec![[shown_after(index), Slot::Labels].map(Input::Texture).to_vec()],
+            writes: vec![Some(Output::Texture(shown_after(index + 1)))],
+            ..Pass::fullscreen(STAGE, Place::Posterize, None, program)
+        }
+    };
+    plan.stages.iter().enumerate().map(pass).collect()
+}
+
+/// Returns where the result of so many custom stages is.
+pub(super) fn shown_after(stages: usize) -> Slot {
+    if stages.is_multiple_of(2) { Slot::Shown } else { Slot::Staged }
+}
+
+/// Returns what a pass reads, and what it reads about lights.
+fn with_lights(plan: &Plan, inputs: Vec<Input>) -> Vec<Vec<Input>> {
+    let mut reads = vec![inputs];
+    if plan.is_lit {
+        reads.push(vec![Input::Buffer(Buffer::Lit), Input::Texture(Slot::Light), OWNER]);
+    }
+    reads
+}
+
+/// Returns the shader definitions for `target.wgsl`.
+pub(super) fn space(space: Option<CompositingSpace>) -> Vec<ShaderDefVal> {
+    match space {
+        Some(CompositingSpace::Srgb) => vec!["SRGB_TARGET".into()],
+        Some(CompositingSpace::Oklab) => vec!["OKLAB_TARGET".into()],
+        Some(CompositingSpace::Linear) | None => vec![],
+    }
+}

@@ -1,0 +1,186 @@
+//! Finds how much of the scene's light is blocked before it reaches the solid parts of props with a `PropLighting`. Labels
+//! read the result. Requires the feature `shadows`.
+
+use bevy::{
+    light::ShadowFilteringMethod,
+    pbr::{
+        ExtractedPointLight, GlobalClusterableObjectMeta, GpuLights, LightMeta, ShadowSamplers, ViewClusterBindings,
+        ViewLightsUniformOffset, ViewShadowBindings,
+    },
+    prelude::*,
+    render::{
+        Extract, ExtractSchedule, Render, RenderStartup,
+        globals::{GlobalsBuffer, GlobalsUniform},
+        render_resource::{
+            BindGroupEntries, BindGroupLayoutDescriptor, BindGroupLayoutEntries, PipelineCache, SamplerBindingType,
+            ShaderStages, ShaderType, TextureSampleType,
+            binding_types::{
+                sampler, storage_buffer_read_only_sized, texture_2d_array, texture_cube_array, uniform_buffer,
+            },
+        },
+        renderer::RenderDevice,
+        view::{ViewUniform, ViewUniformOffset, ViewUniforms},
+    },
+};
+use glam::DMat4;
+
+use crate::{
+    lighting::PropLighting,
+    prop::Prop,
+    render::{
+        extract::{ExtractedProps, VisibleProps, extract_props},
+        frame::{Buffer, Clear, Draw, Feature, Input, Lights, Output, Pass, Pipelines, Place, Program, Rays, Slot},
+        plan::{Plan, PropView},
+    },
+    sets::PlenOctreeRenderSystems,
+};
+
+pub(super) const LIGHTING: &str = "plenoctree_lighting";
+
+/// Finds the light that reaches props.
+pub(super) fn lighting(plan: &Plan) -> Option<Pass> {
+    // Temporal filtering is not supported: noise that changes from frame to frame would make the edges of bands flicker.
+    let hard = plan.has_hard_shadows;
+    let filter = if hard { "SHADOW_FILTER_METHOD_HARDWARE_2X2" } else { "SHADOW_FILTER_METHOD_GAUSSIAN" };
+    let program = |lamps| {
+        let program = Program { vertex: "lighting", lights: true, ..Program::new("lighting") };
+        program.define(filter).define_if(lamps, "LAMPS").where_props_are()
+    };
+    let textures = [Slot::Depth(Rays::Pixels), Slot::Owner(Rays::Pixels)].map(Input::Texture);
+    plan.is_lit.then(|| Pass {
+        feature: Feature::Lighting,
+        reads: vec![[Buffer::Lit, Buffer::View].map(Input::Buffer).into_iter().chain(textures).collect()],
+        writes: vec![Some(Output::Texture(Slot::Light))],
+        depth: Some(Output::Texture(Slot::Depth(Rays::Pixels))),
+        clear: Some(Clear::White),
+        // Both are compiled from the start, so that props keep their light when the first lamp appears.
+        programs: [false, true].map(program).to_vec(),
+        draws: vec![Draw::triangle(usize::from(plan.has_lamps))],
+        ..Pass::fullscreen(LIGHTING, Place::Layer, None, Program::new("lighting"))
+    })
+}
+
+/// How lights fall on a prop. Matches `Lit` in `shade.wgsl`.
+#[derive(ShaderType, Clone, Copy, Default)]
+pub(in crate::render) struct LitUniform {
+    box_from_world: Mat4,
+    shadows: f32,
+    tint: f32,
+    bands: u32,
+    self_shadow_distance: f32,
+}
+
+/// Returns how lights fall on the props of a view.
+pub(in crate::render) fn lit_props(plan: &Plan, extracted: &ExtractedProps) -> Vec<LitUniform> {
+    let of = |index: usize| {
+        let prop = extracted.props.get(index)?;
+        let PropLighting { shadows, tint, bands, self_shadow_distance } = prop.lighting?;
+        let box_from_world = DMat4::from(prop.placement.box_from_world()).as_mat4();
+        // Shaders may treat infinity as anything.
+        let self_shadow_distance = self_shadow_distance.min(f32::MAX);
+        Some(LitUniform { box_from_world, shadows, tint, bands, self_shadow_distance })
+    };
+    plan.props.iter().map(|prop| of(prop.index).filter(|_| prop.is_lit).unwrap_or_default()).collect()
+}
+
+pub(super) fn plugin(render_app: &mut SubApp) {
+    render_app
+        .add_systems(ExtractSchedule, extract_lighting.after(extract_props))
+        .add_systems(RenderStartup, init.after(crate::render::plan::InitPlans))
+        .add_systems(
+            Render,
+            (
+                find_lamps
+                    .before(PlenOctreeRenderSystems::PlanViews)
+                    .in_set(bevy::render::RenderSystems::PrepareResources),
+                bind_lights.in_set(bevy::render::RenderSystems::PrepareBindGroups),
+            ),
+        );
+}
+
+/// What `bevy_pbr::shadows` reads of Bevy's mesh view, at the same places.
+fn init(mut pipelines: ResMut<Pipelines>) {
+    let lights = BindGroupLayoutEntries::with_indices(
+        ShaderStages::FRAGMENT,
+        (
+            (0, uniform_buffer::<ViewUniform>(true)),
+            (1, uniform_buffer::<GpuLights>(true)),
+            (2, texture_cube_array(TextureSampleType::Depth)),
+            (3, sampler(SamplerBindingType::Comparison)),
+            (5, texture_2d_array(TextureSampleType::Depth)),
+            (6, sampler(SamplerBindingType::Comparison)),
+            (8, storage_buffer_read_only_sized(false, None)),
+            (9, storage_buffer_read_only_sized(false, None)),
+            (10, storage_buffer_read_only_sized(false, None)),
+            (11, uniform_buffer::<GlobalsUniform>(false)),
+        ),
+    );
+    pipelines.lights = Some(BindGroupLayoutDescriptor::new("plenoctree_lights", &lights));
+}
+
+fn extract_lighting(mut extracted: ResMut<ExtractedProps>, props: Extract<Query<(Entity, &PropLighting), With<Prop>>>) {
+    let ExtractedProps { props: list, index, .. } = &mut *extracted;
+    for (entity, lighting) in &props {
+        let own = index.get(&entity).copied();
+        let stand_in = own.and_then(|own| list.get(own)?.stand_in);
+        for prop in [own, stand_in].into_iter().flatten() {
+            if let Some(prop) = list.get_mut(prop) {
+                prop.lighting = Some(lighting.clamped());
+            }
+        }
+    }
+}
+
+fn find_lamps(
+    lamps: Query<(), With<ExtractedPointLight>>,
+    mut views: Query<(&mut VisibleProps, Option<&ShadowFilteringMethod>)>,
+) {
+    for (mut visible, method) in &mut views {
+        visible.has_lamps = !lamps.is_empty();
+        visible.has_hard_shadows = method == Some(&ShadowFilteringMethod::Hardware2x2);
+    }
+}
+
+fn bind_lights(
+    mut commands: Commands,
+    device: Res<RenderDevice>,
+    cache: Res<PipelineCache>,
+    pipelines: Res<Pipelines>,
+    view_uniforms: Res<ViewUniforms>,
+    (meta, clusterable, samplers, globals): (
+        Option<Res<LightMeta>>,
+        Option<Res<GlobalClusterableObjectMeta>>,
+        Option<Res<ShadowSamplers>>,
+        Res<GlobalsBuffer>,
+    ),
+    views: Query<(
+        Entity,
+        &PropView,
+        Option<(&ViewShadowBindings, &ViewClusterBindings, &ViewUniformOffset, &ViewLightsUniformOffset)>,
+    )>,
+) {
+    for (entity, view, bevy) in &views {
+        let group = || {
+            let (maps, clusters, view_offset, lights_offset) = bevy.filter(|_| view.plan.is_lit)?;
+            let entries = BindGroupEntries::with_indices((
+                (0, view_uniforms.uniforms.binding()?),
+                (1, meta.as_ref()?.view_gpu_lights.binding()?),
+                (2, &maps.point_light_depth_texture_view),
+                (3, &samplers.as_ref()?.point_light_comparison_sampler),
+                (5, &maps.directional_light_depth_texture_view),
+                (6, &samplers.as_ref()?.directional_light_comparison_sampler),
+                (8, clusterable.as_ref()?.gpu_clustered_lights.binding()?),
+                (9, clusters.clusterable_object_index_lists_binding()?),
+                (10, clusters.offsets_and_counts_binding()?),
+                (11, globals.buffer.binding()?),
+            ));
+            let layout = cache.get_bind_group_layout(pipelines.lights.as_ref()?);
+            let group = device.create_bind_group("plenoctree_lights", &layout, &entries);
+            Some(Lights { group, offsets: vec![view_offset.offset, lights_offset.offset] })
+        };
+        match group() {
+            Some(lights) => commands.entity(entity).insert(lights),
+            None => commands.entity(entity).remove::<Lights>(),
+        };
+    }
+}

@@ -1,0 +1,136 @@
+//! The passes of a view: which there are, and in which order they run. See each file for what its passes do.
+
+mod edges;
+mod labels;
+#[cfg(feature = "shadows")]
+mod lighting;
+mod objects;
+mod present;
+mod refine;
+mod volume;
+
+#[cfg(feature = "shadows")]
+pub(super) use lighting::lit_props;
+pub(super) use objects::draw_objects;
+pub(super) use volume::request;
+
+use bevy::app::SubApp;
+
+use super::{
+    frame::{Pass, Rays},
+    plan::Plan,
+};
+
+/// The names of the spans in Bevy's render diagnostics whose times add up to the time of drawing props.
+pub const VOLUME_SPANS: &[&str] =
+    &[volume::VOLUME, volume::VOLUME_BATCHES, volume::SOLID, volume::SOLID_BATCHES, refine::CHECK, refine::FILL];
+/// The names of the spans in Bevy's render diagnostics whose times add up to the time of posterizing.
+pub const POSTERIZE_SPANS: &[&str] = &[
+    present::PRESENT,
+    labels::LABEL,
+    labels::COMPOSITE,
+    labels::FILTER,
+    labels::BLEND,
+    edges::OUTLINE,
+    edges::COVERAGE,
+    objects::OBJECTS,
+];
+/// The names of the spans in Bevy's render diagnostics whose times add up to the time of lighting props.
+#[cfg(feature = "shadows")]
+pub const LIGHTING_SPANS: &[&str] = &[lighting::LIGHTING];
+
+/// Returns the passes of a frame, in the order in which they run.
+pub(super) fn of(plan: &Plan) -> Vec<Pass> {
+    let mut passes = vec![];
+    for rays in if plan.is_sparse() { &[Rays::Grid, Rays::Batches][..] } else { &[Rays::Pixels] } {
+        passes.extend(volume::solid(plan, *rays));
+        passes.push(volume::volume(plan, *rays));
+        match rays {
+            Rays::Grid => passes.push(refine::check(plan)),
+            Rays::Batches => passes.push(refine::fill(plan)),
+            Rays::Pixels => {}
+        }
+    }
+    passes.extend(edges::outline(plan));
+    passes.extend(edges::coverage(plan));
+    #[cfg(feature = "shadows")]
+    passes.extend(lighting::lighting(plan));
+    passes.extend(labels::composite(plan));
+    passes.extend(labels::filter(plan));
+    passes.push(labels::label(plan));
+    passes.extend(labels::blend(plan));
+    passes.extend(labels::stages(plan));
+    passes.extend(present::present(plan));
+    passes.extend(objects::objects(plan));
+    passes
+}
+
+/// Adds the systems of passes that need more than a row.
+pub(super) fn plugin(render_app: &mut SubApp) {
+    objects::plugin(render_app);
+    #[cfg(feature = "shadows")]
+    lighting::plugin(render_app);
+}
+
+#[cfg(all(test, feature = "headless"))]
+mod tests {
+    use std::time::Duration;
+
+    use bevy::{prelude::*, render::RenderApp};
+    use glam::DVec3;
+    use plenoctree::{BakeSettings, Basis, bake};
+
+    use super::*;
+    use crate::{
+        EdgeSmoothing, FieldPalette, Palettes, PlenOctree, PlenOctreePlugin, Posterize, Prop,
+        headless::{Headless, exact_camera},
+        render::plan::PropView,
+    };
+
+    /// Returns the names of the passes of a frame in which the camera has moved.
+    fn passes(posterize: Option<Posterize>) -> Vec<&'static str> {
+        let mut headless = Headless::new(UVec2::splat(64), |app| {
+            app.add_plugins(PlenOctreePlugin);
+        })
+        .unwrap();
+        let settings = BakeSettings { depth: 3, basis: Basis::Rgba, ..default() };
+        let inside = |at: DVec3| if at.abs().max_element() < 0.5 { 10.0 } else { 0.0 };
+        let field = bake(&settings, inside, |_| |_| DVec3::new(0.8, 0.2, 0.1)).unwrap();
+        let target = headless.target();
+        let world = headless.app.world_mut();
+        let field = world.resource_mut::<Assets<PlenOctree>>().add(field);
+        let palette = FieldPalette::from_colors([Color::BLACK, Color::WHITE]).unwrap();
+        world.resource_mut::<Palettes>().insert(&field, palette);
+        let mut prop = world.spawn(Prop(field));
+        if let Some(posterize) = posterize {
+            prop.insert(posterize);
+        }
+        let place = Transform::from_xyz(0.0, 0.0, 3.0);
+        let camera = world.spawn((exact_camera(Color::BLACK), target, place)).id();
+        headless.wait_until_ready(Duration::from_secs(120)).unwrap();
+        headless.app.world_mut().get_mut::<Transform>(camera).unwrap().translation.x += 0.01;
+        headless.update();
+        let world = headless.app.sub_app_mut(RenderApp).world_mut();
+        let view = world.query::<&PropView>().single(world).unwrap();
+        assert_eq!(view.cached.stale().layer, 1);
+        view.passes.iter().map(|(pass, _)| pass.name).collect()
+    }
+
+    #[test]
+    fn views_of_one_prop_have_few_passes() {
+        assert_eq!(passes(None), [volume::VOLUME, labels::LABEL, present::PRESENT]);
+        let unfiltered = |posterize| {
+            let mut passes = passes(Some(posterize));
+            passes.retain(|name| *name != labels::FILTER);
+            passes
+        };
+        assert_eq!(
+            unfiltered(Posterize { edges: EdgeSmoothing::Off, ..default() }),
+            [volume::VOLUME, labels::COMPOSITE, labels::LABEL, present::PRESENT]
+        );
+        assert_eq!(
+            unfiltered(default()),
+            [volume::VOLUME, edges::COVERAGE, labels::COMPOSITE, labels::LABEL, labels::BLEND, present::PRESENT]
+        );
+    }
+}

@@ -1,0 +1,58 @@
+//! Writes what labels or custom stages show to the camera's target, and the depth and the motion of props where they are
+//! solid, for everything that is drawn later and for effects.
+
+use bevy::render::render_resource::{BlendComponent, BlendState, CompareFunction};
+
+use super::labels::{shown_after, space};
+use crate::render::{
+    frame::{Area, Blend, Draw, Feature, Input, Output, Pass, Place, Program, Rays, Slot},
+    plan::Plan,
+};
+
+pub(super) const PRESENT: &str = "plenoctree_present";
+
+/// Writes colors and depth: at once, if the target and the depth texture have the same number of samples.
+pub(super) fn present(plan: &Plan) -> Vec<Pass> {
+    // Until custom stages or a posterized view decide what is shown, samples that show something in front of a prop
+    // keep their color.
+    let hidden = plan.hidden_samples().filter(|_| plan.smooths);
+    let colors = Program::new("present").define_all(space(plan.target.space)).define_number("SAMPLES", hidden);
+    let depth = Program::new("depth").define_if(plan.has_motion, "MOTION").depth_test(CompareFunction::Greater, true);
+    // The colors are already composited: they are replaced, and alpha is blended over the target's alpha.
+    let replace = Blend::With(BlendState { color: BlendComponent::REPLACE, alpha: BlendComponent::OVER });
+    let of_edges = if hidden.is_some() { vec![Slot::Outline, Slot::Coverage] } else { vec![] };
+    let of_motion = if plan.has_motion { vec![Slot::Motion(Rays::Pixels)] } else { vec![] };
+    let textures = |slots: Vec<Slot>| slots.into_iter().map(Input::Texture).collect();
+    let mut reads = vec![
+        [shown_after(plan.stages.len()), Slot::Depth(Rays::Pixels)].map(Input::Texture).to_vec(),
+        textures(of_edges),
+        textures(of_motion),
+    ];
+    while reads.last().is_some_and(Vec::is_empty) {
+        reads.pop();
+    }
+    let pass = |programs: Vec<Program>, writes, depth, samples| Pass {
+        feature: if hidden.is_some() { Feature::Edges } else { Feature::Base },
+        reads: reads.clone(),
+        writes,
+        depth,
+        samples,
+        area: Area::Target,
+        draws: (0..programs.len()).map(Draw::triangle).collect(),
+        programs,
+        ..Pass::fullscreen(PRESENT, Place::Present, None, Program::new("present"))
+    };
+    let motion = plan.has_motion.then_some(Output::PrepassMotion);
+    if plan.target.samples == plan.samples {
+        let colors = Program { blends: vec![replace, Blend::Masked], ..colors };
+        let depth = Program { blends: vec![Blend::Masked, Blend::Replace], ..depth };
+        let mut writes = vec![Some(Output::Target)];
+        writes.extend(motion.map(Some));
+        return vec![pass(vec![colors, depth], writes, Some(Output::Target), plan.samples)];
+    }
+    let colors = Program { blends: vec![replace], ..colors };
+    vec![
+        pass(vec![colors], vec![Some(Output::Target)], None, plan.target.samples),
+        pass(vec![depth], vec![], Some(Output::Target), plan.samples),
+    ]
+}

@@ -1,0 +1,56 @@
+//! Rays where the picture needs them, for views that do not cast a ray for every pixel.
+//!
+//! The volume pass first draws a *grid* of rays, one for every `PropQuality::spacing` pixels along each axis. The
+//! *check* pass compares the rays around each *gap* between them, and collects the gaps where they differ in *batches*.
+//! The pixels of these are marched in textures of their own, side by side, because graphics cards gain nothing by
+//! leaving out single pixels. The *fill* pass takes the results to their places in the layer, and interpolates the rays
+//! of the grid across all other gaps.
+
+use bevy::render::render_resource::CompareFunction;
+
+use super::volume::layer;
+use crate::render::{
+    frame::{Area, Buffer, Clear, Feature, Input, Output, Part, Pass, Place, Program, Rays, Slot, Uniforms},
+    plan::Plan,
+};
+
+pub(super) const CHECK: &str = "plenoctree_check";
+pub(super) const FILL: &str = "plenoctree_fill";
+
+/// Finds the gaps whose pixels need rays.
+pub(super) fn check(plan: &Plan) -> Pass {
+    let program = Program { scene_depth: Some(plan.samples), ..Program::new("check") };
+    let textures = [Slot::Color(Rays::Grid), Slot::Owner(Rays::Grid), Slot::Depth(Rays::Grid)].map(Input::Texture);
+    let buffers = [Buffer::BatchCounts, Buffer::BatchGaps].map(Input::WrittenBuffer);
+    Pass {
+        feature: Feature::Sparse,
+        reads: vec![textures.into_iter().chain(buffers).collect()],
+        uses: &[Uniforms::View],
+        writes: vec![Some(Output::Texture(Slot::Gaps))],
+        clear: Some(Clear::Zero),
+        zeroes: Some(Buffer::BatchCounts),
+        area: Area::Grid,
+        ..Pass::fullscreen(CHECK, Place::Layer, Some(Part::Layer), program)
+    }
+}
+
+/// Completes the layer.
+pub(super) fn fill(plan: &Plan) -> Pass {
+    let of = |slot: fn(Rays) -> Slot| [Rays::Grid, Rays::Batches].map(|rays| Input::Texture(slot(rays)));
+    let [[color, batched_color], [owner, batched_owner], [depth, batched_depth]] =
+        [of(Slot::Color), of(Slot::Owner), of(Slot::Depth)];
+    let mut reads = vec![Input::Texture(Slot::Gaps), color, owner, depth, batched_color, batched_owner, batched_depth];
+    if plan.has_motion {
+        reads.extend(of(Slot::Motion));
+    }
+    let program = Program::new("fill").define_if(plan.has_motion, "MOTION");
+    Pass {
+        feature: Feature::Sparse,
+        reads: vec![reads],
+        uses: &[Uniforms::View],
+        writes: layer(plan, Rays::Pixels),
+        depth: Some(Output::Texture(Slot::Depth(Rays::Pixels))),
+        clear: Some(Clear::Zero),
+        ..Pass::fullscreen(FILL, Place::Layer, Some(Part::Layer), program.depth_test(CompareFunction::Always, true))
+    }
+}

@@ -1,0 +1,247 @@
+//! Draws the props into the view's layer, back to front. See section 2 of the method.
+//!
+//! Where props overlap, the *solid* pass first finds, for every pixel, the prop that is solid nearest to the camera, and
+//! where. Where others show through that prop, a second round finds the nearest one that is opaque. The *volume* pass
+//! cuts the props there: it draws all parts behind that depth, then the prop that is solid there, then all parts in
+//! front of it. A solid part thus hides what is behind it and shows what is in front of it, regardless of the order in
+//! which props are drawn.
+
+use bevy::{
+    prelude::*,
+    render::{
+        render_asset::RenderAssets,
+        render_resource::{BlendComponent, BlendFactor, BlendOperation, BlendState, CompareFunction, PipelineCache},
+    },
+};
+
+use crate::{
+    gpu::{FieldShape, GpuField, TreeShape, field_definitions},
+    render::{
+        extract::{ExtractedProps, VisibleProps},
+        frame::{
+            Area, BATCH, Blend, Clear, Draw, Feature, Input, Output, Part, Pass, Pipelines, Place, Program, Rays, Slot,
+            Uniforms, batch_side, batches,
+        },
+        plan::{Overlap, Plan, PlannedProp},
+    },
+    stage::PropStage,
+};
+
+pub(super) const VOLUME: &str = "plenoctree_volume";
+pub(super) const VOLUME_BATCHES: &str = "plenoctree_volume_batches";
+pub(super) const SOLID: &str = "plenoctree_solid";
+pub(super) const SOLID_BATCHES: &str = "plenoctree_solid_batches";
+
+/// The vertices of a box.
+const BOX: std::ops::Range<u32> = 0..36;
+
+/// The pieces of props that overlap, in drawing order. They match `volume.wgsl`.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Piece {
+    /// What is behind the solid depth, where it shows through.
+    Behind,
+    /// All of the prop that is solid there.
+    Solid,
+    /// What is in front of the solid depth, or everything if there is none.
+    Before,
+}
+
+impl Piece {
+    /// Returns whether a prop may have this piece. Props that do not overlap others are drawn in one.
+    fn is_of(self, prop: &PlannedProp) -> bool {
+        match self {
+            Self::Behind => prop.overlap != Overlap::None,
+            Self::Solid => prop.overlap == Overlap::Solid,
+            Self::Before => true,
+        }
+    }
+}
+
+/// Finds the nearest solid props, in two rounds.
+pub(super) fn solid(plan: &Plan, rays: Rays) -> Vec<Pass> {
+    if !plan.overlaps {
+        return vec![];
+    }
+    let rounds = [(Slot::Nearest(rays), Slot::NearestDepth(rays)), (Slot::Opaque(rays), Slot::OpaqueDepth(rays))];
+    let name = if rays == Rays::Batches { SOLID_BATCHES } else { SOLID };
+    let pass = |(round, (prop, depth)): (usize, (Slot, Slot))| {
+        let mut pass = marching(name, plan, rays);
+        pass.writes = vec![Some(Output::Texture(prop))];
+        pass.depth = Some(Output::Texture(depth));
+        if round > 0 {
+            pass.reads = vec![vec![Input::Texture(Slot::Nearest(rays))]];
+        }
+        let mut trees = vec![];
+        // Front to back: of equal depths, the first one stays.
+        for (index, prop) in plan.props.iter().enumerate().rev().filter(|(_, prop)| prop.overlap == Overlap::Solid) {
+            let tree = TreeShape::from(prop.shape);
+            let program = index_of(&mut trees, tree, || {
+                let program = through(Program::new("solid"), plan, rays, prop.shape);
+                let program = Program { reads: round > 0, ..program };
+                pass.programs
+                    .push(program.define_if(round > 0, "SECOND_ROUND").depth_test(CompareFunction::Greater, true));
+            });
+            pass.draws.extend(draw(plan, rays, prop, program, index as u32));
+        }
+        pass
+    };
+    rounds.into_iter().enumerate().map(pass).collect()
+}
+
+/// Draws the props.
+pub(super) fn volume(plan: &Plan, rays: Rays) -> Pass {
+    let mut pass = volume_of(plan, rays);
+    let mut kinds = vec![];
+    let pieces = if plan.overlaps { &[Piece::Behind, Piece::Solid, Piece::Before][..] } else { &[Piece::Before] };
+    for piece in pieces {
+        for (index, prop) in plan.props.iter().enumerate().filter(|(_, prop)| piece.is_of(prop)) {
+            let overlaps = prop.overlap != Overlap::None;
+            let program = index_of(&mut kinds, (prop.shape, overlaps, prop.is_lit), || {
+                pass.programs.push(volume_program(plan, rays, prop.shape, overlaps, prop.is_lit));
+            });
+            pass.draws.extend(draw(plan, rays, prop, program, index as u32 | (*piece as u32) << 16));
+        }
+    }
+    pass
+}
+
+/// Returns the volume pass without its draws.
+fn volume_of(plan: &Plan, rays: Rays) -> Pass {
+    let mut pass = marching(if rays == Rays::Batches { VOLUME_BATCHES } else { VOLUME }, plan, rays);
+    let slots = [Slot::Nearest(rays), Slot::NearestDepth(rays), Slot::Opaque(rays), Slot::OpaqueDepth(rays)];
+    if plan.overlaps {
+        pass.reads = vec![slots.map(Input::Texture).to_vec()];
+    }
+    pass.writes = layer(plan, rays);
+    pass.depth = Some(Output::Texture(Slot::Depth(rays)));
+    pass
+}
+
+/// Returns the color attachments of a layer.
+pub(super) fn layer(plan: &Plan, rays: Rays) -> Vec<Option<Output>> {
+    let mut writes = vec![Some(Output::Texture(Slot::Color(rays)))];
+    writes.push(plan.has_owners().then_some(Output::Texture(Slot::Owner(rays))));
+    writes.push(plan.has_motion.then_some(Output::Texture(Slot::Motion(rays))));
+    while let Some(None) = writes.last() {
+        writes.pop();
+    }
+    writes
+}
+
+/// Returns the program for fields of a shape. A field of SH1 does not pay for the arithmetic of SH9, and a prop that
+/// overlaps no other does not pay for what overlapping props need.
+fn volume_program(plan: &Plan, rays: Rays, shape: FieldShape, overlaps: bool, is_lit: bool) -> Program {
+    let over = |src_factor| {
+        let (dst_factor, operation) = (BlendFactor::OneMinusSrcAlpha, BlendOperation::Add);
+        let color = BlendComponent { src_factor, dst_factor, operation };
+        Blend::With(BlendState { color, alpha: BlendComponent::OVER })
+    };
+    let program = through(Program::new("volume"), plan, rays, shape);
+    Program {
+        reads: overlaps,
+        // The nearest prop that is opaque enough owns the pixel, and so does its motion.
+        blends: vec![over(BlendFactor::One), over(BlendFactor::SrcAlpha), over(BlendFactor::SrcAlpha)],
+        ..program
+    }
+    .define_all(field_definitions(shape))
+    .define_if(overlaps, "OVERLAPPING")
+    .define_if(is_lit, "LIT")
+    .define_if(plan.has_owners(), "OWNERS")
+    .define_if(plan.has_motion, "MOTION")
+    // The depth is written, not tested: all props of a pixel write the same.
+    .depth_test(CompareFunction::Always, true)
+}
+
+/// Returns a pass that marches through props.
+fn marching(name: &'static str, plan: &Plan, rays: Rays) -> Pass {
+    let mut pass = Pass::fullscreen(name, Place::Layer, Some(Part::Layer), Program::new(""));
+    pass.programs.clear();
+    pass.draws.clear();
+    pass.uses = &[Uniforms::View, Uniforms::Props];
+    pass.clear = Some(Clear::Zero);
+    pass.area = match rays {
+        Rays::Pixels => Area::Drawn,
+        Rays::Grid => Area::Grid,
+        Rays::Batches => Area::Batches,
+    };
+    pass.feature = if plan.is_sparse() { Feature::Sparse } else { Feature::Base };
+    pass
+}
+
+/// Returns a program that marches through fields of a shape.
+fn through(program: Program, plan: &Plan, rays: Rays, shape: FieldShape) -> Program {
+    let is_box = rays != Rays::Batches;
+    Program {
+        vertex: if is_box { "box" } else { "batches" },
+        tree: Some(shape.into()),
+        scene_depth: Some(plan.samples),
+        batches: !is_box,
+        // Each pixel of the box is drawn once, even from inside it.
+        back_faces: is_box,
+        ..program
+    }
+}
+
+/// Returns what draws a prop: its box, or all batches that have pixels in it.
+fn draw(plan: &Plan, rays: Rays, prop: &PlannedProp, program: usize, instance: u32) -> Option<Draw> {
+    let draw = Draw { program, field: Some(prop.field.clone()), vertices: BOX, instance, scissor: None };
+    if rays != Rays::Batches {
+        return Some(draw);
+    }
+    if prop.rect.is_empty() {
+        return None;
+    }
+    let (low, high) = (prop.rect.min / batch_side(plan.spacing), batches(prop.rect.max, plan.spacing));
+    let of_row = 6 * batches(plan.rect.size, plan.spacing).x;
+    let scissor = Some(URect { min: BATCH * low, max: BATCH * high });
+    Some(Draw { vertices: low.y * of_row..high.y * of_row, scissor, ..draw })
+}
+
+/// Returns the index of a key in a list. Appends it if it is new, and calls `add`.
+pub(super) fn index_of<K: PartialEq>(keys: &mut Vec<K>, key: K, add: impl FnOnce()) -> usize {
+    keys.iter().position(|known| *known == key).unwrap_or_else(|| {
+        keys.push(key);
+        add();
+        keys.len() - 1
+    })
+}
+
+/// Requests the pipelines of fields that are arriving, so that they can be drawn as soon as they have arrived, and of
+/// the levels of those that are drawn.
+pub(in crate::render) fn request(
+    visible: &VisibleProps,
+    changes_levels: bool,
+    drawn: &Plan,
+    extracted: &ExtractedProps,
+    fields: &RenderAssets<GpuField>,
+    pipelines: &mut Pipelines,
+    cache: &PipelineCache,
+) {
+    let props = || visible.props.iter().filter_map(|index| extracted.props.get(*index));
+    let mut plan = Plan {
+        samples: drawn.samples,
+        target: drawn.target,
+        spacing: 1,
+        posterizes: visible.everything.is_some() || props().any(|prop| prop.posterize.is_some()),
+        is_lit: visible.stage == PropStage::Scene && props().any(|prop| prop.is_lit()),
+        has_motion: visible.has_motion,
+        ..default()
+    };
+    let mut request = |overlaps: bool, shape: FieldShape, is_lit: bool| {
+        plan.overlaps = overlaps;
+        let pass = volume_of(&plan, Rays::Pixels);
+        let program = volume_program(&plan, Rays::Pixels, shape, overlaps, is_lit);
+        pipelines.get(cache, &pass, &program, plan.target.format);
+    };
+    for (shape, is_lit) in extracted.arriving_shapes(&visible.props, fields) {
+        let is_lit = is_lit && visible.stage == PropStage::Scene;
+        request(false, shape, is_lit);
+        if visible.props.len() > 1 {
+            request(true, shape, is_lit);
+        }
+    }
+    for prop in drawn.props.iter().filter(|_| changes_levels) {
+        let shape = FieldShape { inner_records: !prop.shape.inner_records, ..prop.shape };
+        request(drawn.overlaps && prop.overlap != Overlap::None, shape, prop.is_lit);
+    }
+}

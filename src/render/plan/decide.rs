@@ -1,0 +1,324 @@
+//! Decides what a view draws in a frame.
+
+use std::hash::{BuildHasher, Hash, Hasher};
+
+use super::{
+    motion::Motion,
+    overlap::Overlaps,
+    uniforms::{FilterUniform, LabelsUniform, PropUniform, Rect, ScreenUniform, Smooths, ViewUniform},
+    view::{OrderedProp, Overlap, Plan, PlanValues, PlannedProp, Target},
+};
+use crate::{
+    gpu::{GpuField, Level},
+    posterize::{BeforePalette, EdgeSmoothing, MAX_FILTER_RADIUS},
+    prop::SolidOpacity,
+    render::{
+        extract::{ExtractedPosterize, ExtractedProp, ExtractedProps, VisibleProps},
+        frame::Feature,
+        rays::{Placement, Rays},
+    },
+    stage::PropStage,
+};
+use bevy::{
+    camera::{Exposure, Viewport},
+    core_pipeline::prepass::PreviousViewData,
+    ecs::entity::EntityHashSet,
+    platform::{collections::HashSet, hash::FixedHasher},
+    prelude::*,
+    render::{
+        camera::{ExtractedCamera, TemporalJitter},
+        render_asset::RenderAssets,
+        view::ExtractedView,
+    },
+};
+
+/// Memory that is reused from view to view.
+#[derive(Default)]
+pub(super) struct Scratch {
+    rects: Vec<URect>,
+    overlaps: Overlaps,
+}
+
+/// What is known of a view before its frame is planned.
+pub(super) struct Known<'a> {
+    pub view: &'a ExtractedView,
+    pub camera: &'a ExtractedCamera,
+    pub samples: u32,
+    pub viewport: Viewport,
+    pub overrides_resolution: bool,
+    pub jitter: Option<&'a TemporalJitter>,
+    pub previous: Option<&'a PreviousViewData>,
+    pub visible: &'a VisibleProps,
+    pub order: &'a [OrderedProp],
+    pub has_objects: bool,
+    /// The props that the last frame drew as trained.
+    pub as_trained: &'a EntityHashSet,
+}
+
+/// A prop whose rays are known.
+struct Seen<'a> {
+    index: usize,
+    prop: &'a ExtractedProp,
+    field: &'a crate::gpu::GpuLevel,
+    rays: Rays,
+    posterize: Option<&'a ExtractedPosterize>,
+}
+
+/// Plans the frame of a view, without what is `missing`. Returns `None` if it draws nothing.
+pub(super) fn decide(
+    known: &Known,
+    missing: &[Feature],
+    extracted: &ExtractedProps,
+    fields: &RenderAssets<GpuField>,
+    scratch: &mut Scratch,
+) -> Option<Plan> {
+    let Known { view, camera, visible, viewport, .. } = known;
+    let has = |feature| !missing.contains(&feature);
+    let quality = &visible.quality;
+    let size = viewport.physical_size;
+    // After upscaling, textures with the size of the main pass no longer fit the target.
+    let stage = if known.overrides_resolution { PropStage::Scene } else { visible.stage };
+    let spacing = if quality.error > 0.0 && has(Feature::Sparse) { quality.spacing } else { 1 };
+    // At the display, the effects that jitter is for are over.
+    let jitter = known.jitter.filter(|_| stage == PropStage::Scene);
+    let motion = Motion::new(view, jitter, known.previous, size);
+
+    let seen: Vec<_> = known
+        .order
+        .iter()
+        .filter_map(|ordered| see(ordered, known, extracted, fields, &motion, has(Feature::Posterize)))
+        .collect();
+    let Scratch { rects, overlaps } = scratch;
+    rects.clear();
+    rects.extend(seen.iter().map(|seen| covered(seen.rays.clip_from_box, size)));
+    let everything = visible.everything.as_ref().filter(|view| view.colors > 0 && has(Feature::Posterize));
+    let rect = match everything {
+        Some(_) => Rect { low: UVec2::ZERO, size, viewport: size },
+        None => drawn_rect(rects, spacing, size)?,
+    };
+
+    let mut props: Vec<_> = seen
+        .iter()
+        .zip(&*rects)
+        .map(|(seen, covered)| {
+            let is_solid = seen.prop.solid != SolidOpacity::Never;
+            let in_rect = |corner: UVec2| corner.saturating_sub(rect.low).min(rect.size);
+            let is_smooth = seen.posterize.is_some_and(|posterize| posterize.settings.edges == EdgeSmoothing::Coverage);
+            PlannedProp {
+                entity: seen.prop.entity,
+                index: seen.index,
+                field: seen.field.bind_group.clone(),
+                shape: seen.field.shape,
+                overlap: if is_solid { Overlap::Solid } else { Overlap::Thin },
+                is_lit: seen.prop.is_lit() && stage == PropStage::Scene && has(Feature::Lighting),
+                is_posterized: seen.posterize.is_some(),
+                smooths: if is_smooth && has(Feature::Edges) { Smooths::Silhouette } else { Smooths::Nothing },
+                rect: URect { min: in_rect(covered.min), max: in_rect(covered.max) },
+            }
+        })
+        .collect();
+    for (prop, overlaps) in props.iter_mut().zip(overlaps.find(rects)) {
+        if !overlaps {
+            prop.overlap = Overlap::None;
+            if prop.smooths == Smooths::Silhouette {
+                prop.smooths = Smooths::Slits;
+            }
+        }
+    }
+    let overlaps = props.iter().any(|prop| prop.overlap == Overlap::Solid);
+    if !overlaps {
+        props.iter_mut().for_each(|prop| prop.overlap = Overlap::None);
+    }
+
+    let posterized = || seen.iter().map(|seen| seen.posterize).chain(everything.map(Some));
+    let mut uniforms: Vec<_> = seen
+        .iter()
+        .zip(&props)
+        .map(|(seen, prop)| {
+            let previous = motion.previous_from_clip(seen.prop);
+            PropUniform::new(seen.prop, &seen.rays, &rect, previous, quality, seen.posterize, prop.smooths)
+        })
+        .collect();
+    uniforms.extend(everything.map(|_| PropUniform::everything()));
+    let filters: Vec<_> = posterized().map(|posterize| FilterUniform::new(posterize, quality)).collect();
+    let labelings: Vec<_> = posterized().map(LabelsUniform::new).collect();
+    let [z, w] = [view.clip_from_view.z_axis, view.clip_from_view.w_axis];
+    let values = PlanValues {
+        view: ViewUniform {
+            corner: viewport.physical_position + rect.low,
+            size: rect.size,
+            depth: Vec4::new(z.z, w.z, z.w, w.w),
+            spacing,
+            error: quality.error,
+            stop_transmittance: quality.stop_transmittance,
+            edge_rays: if known.samples > 1 { 8 } else { quality.edge_rays },
+            unjittered_from_clip: (motion.unjittered_from_clip * rect.viewport_from_clip()).as_mat4(),
+            // Nothing is divided by an empty range.
+            depth_range: Vec2::new(viewport.depth.start, (viewport.depth.end - viewport.depth.start).max(1e-6)),
+        },
+        screen: ScreenUniform {
+            exposure: exposure(camera, stage),
+            everything: everything.map_or(0, |_| uniforms.len() as u32),
+        },
+        palettes: palettes_hash(posterized().flatten(), &extracted.colors),
+        props: uniforms,
+        filters,
+        labelings,
+    };
+    let posterizes = posterized().any(|posterize| posterize.is_some());
+    Some(Plan {
+        viewport: viewport.clone(),
+        rect,
+        stage,
+        samples: known.samples,
+        target: Target {
+            format: view.target_format,
+            samples: if stage == PropStage::Scene { known.samples } else { 1 },
+            space: camera.compositing_space,
+            size: camera.physical_target_size?,
+        },
+        spacing,
+        iterations: values.filters.iter().map(|filter| filter.iterations).max().unwrap_or(0),
+        posterizes,
+        posterizes_view: everything.is_some(),
+        overlaps,
+        is_lit: props.iter().any(|prop| prop.is_lit),
+        has_lamps: visible.has_lamps,
+        has_hard_shadows: visible.has_hard_shadows,
+        smooths: props.iter().any(|prop| prop.smooths != Smooths::Nothing),
+        has_motion: visible.has_motion && stage == PropStage::Scene,
+        stages: if has(Feature::Stages) { visible.stages.clone() } else { vec![] },
+        // A posterized view shows nothing but labels.
+        has_objects: known.has_objects && stage == PropStage::Display && everything.is_none() && !props.is_empty(),
+        props,
+        values,
+    })
+}
+
+/// Returns a prop with its rays, if it can be drawn. Without `has_labels`, a posterized prop is only drawn if the last
+/// frame drew it as trained, or its settings say so.
+fn see<'a>(
+    ordered: &OrderedProp,
+    known: &Known,
+    extracted: &'a ExtractedProps,
+    fields: &'a RenderAssets<GpuField>,
+    motion: &Motion,
+    has_labels: bool,
+) -> Option<Seen<'a>> {
+    let prop = extracted.props.get(ordered.index)?;
+    let field = fields.get(prop.field)?;
+    let level = field.resolve(ordered.level);
+    let on_gpu = field.level(level)?;
+    // A level with fewer leaves may have a smaller box.
+    let placement = match on_gpu.bounds {
+        Some((low, high)) if level != Level::default() => Placement { low, high, ..prop.placement },
+        _ => prop.placement,
+    };
+    let size = known.viewport.physical_size;
+    let rays = placement.rays(&known.view.world_from_view, motion.clip_from_view, size)?;
+    let posterize = prop.posterize.as_ref().filter(|posterize| posterize.colors > 0);
+    if posterize.is_some_and(|posterize| posterize.settings.before_palette == BeforePalette::Hide)
+        && !has_labels
+        && !known.as_trained.contains(&prop.entity)
+    {
+        return None;
+    }
+    Some(Seen { index: ordered.index, prop, field: on_gpu, rays, posterize: posterize.filter(|_| has_labels) })
+}
+
+/// Returns the part of the viewport to draw: the pixels of `rects`, how far a prop can be seen from them, and how far
+/// from there the filter reads. A pixel between the rays of the grid is interpolated. The grid begins at a multiple of
+/// its spacing, so that it is the same wherever the part begins.
+fn drawn_rect(rects: &[URect], spacing: u32, viewport: UVec2) -> Option<Rect> {
+    let covered = rects.iter().filter(|rect| !rect.is_empty()).copied().reduce(|a, b| a.union(b))?;
+    let reach = spacing + MAX_FILTER_RADIUS;
+    let low = covered.min.saturating_sub(UVec2::splat(reach)) / spacing * spacing;
+    let high = (covered.max + reach).min(viewport);
+    Some(Rect { low, size: high - low, viewport })
+}
+
+/// Returns a number that is different for different colors of the palettes.
+fn palettes_hash<'a>(palettes: impl Iterator<Item = &'a ExtractedPosterize>, colors: &[Vec4]) -> u64 {
+    let (mut hasher, mut hashed) = (FixedHasher.build_hasher(), HashSet::<_>::default());
+    for palette in palettes {
+        let first = palette.first_color as usize;
+        if hashed.insert(first) {
+            let colors = colors.get(first..first + 2 * palette.colors as usize).unwrap_or_default();
+            bytemuck::cast_slice::<_, u8>(colors).hash(&mut hasher);
+        }
+    }
+    hasher.finish()
+}
+
+/// Returns the camera's exposure relative to Bevy's default exposure, or 1 after tonemapping.
+fn exposure(camera: &ExtractedCamera, stage: PropStage) -> f32 {
+    match stage {
+        // Shaders divide by the exposure.
+        PropStage::Scene => (camera.exposure / Exposure::default().exposure()).clamp(1e-6, 1e6),
+        PropStage::Display => 1.0,
+    }
+}
+
+/// Returns the rectangle of pixels that the unit cube can cover.
+pub(in crate::render) fn covered(clip_from_box: glam::DMat4, size: UVec2) -> URect {
+    let everything = URect::from_corners(UVec2::ZERO, size);
+    match extent(clip_from_box, size) {
+        // The casts saturate.
+        Some([low, high]) => everything.intersect(URect::from_corners(low.as_uvec2(), high.as_uvec2())),
+        None => everything,
+    }
+}
+
+/// Returns the corners of the pixels that the unit cube can cover, which may be out of view, or `None` if a part of the
+/// cube is behind the camera.
+pub(in crate::render) fn extent(clip_from_box: glam::DMat4, size: UVec2) -> Option<[glam::DVec2; 2]> {
+    let (mut low, mut high) = (glam::DVec2::INFINITY, glam::DVec2::NEG_INFINITY);
+    for corner in 0..8 {
+        let corner = UVec3::new(corner & 1, corner >> 1 & 1, corner >> 2);
+        let clip = clip_from_box * corner.as_dvec3().extend(1.0);
+        if clip.w <= 0.0 {
+            return None;
+        }
+        let ndc = glam::DVec2::new(clip.x, -clip.y) / clip.w;
+        let point = 0.5 * (ndc + 1.0) * size.as_dvec2();
+        (low, high) = (low.min(point), high.max(point));
+    }
+    Some([low.floor(), high.ceil()])
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::{DMat4, DVec3};
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(20_000))]
+
+        /// Holds even if corners of the box are behind the camera.
+        #[test]
+        fn what_is_seen_of_a_box_is_covered(
+            eye in prop::array::uniform3(-1.0..2.0f64),
+            target in prop::array::uniform3(-0.5..1.5f64),
+            point in prop::array::uniform3(0.0..=1.0f64),
+            size_of_box in prop::array::uniform3(0.01..1.0f64),
+        ) {
+            let (eye, target, size) = (DVec3::from(eye), DVec3::from(target), UVec2::new(1600, 1200));
+            prop_assume!((target - eye).length() > 0.01);
+            let view = DMat4::look_at_rh(eye, target, DVec3::new(0.1, 1.0, 0.2).normalize());
+            let clip_from_box = DMat4::perspective_infinite_reverse_rh(1.0, 4.0 / 3.0, 0.01)
+                * view
+                * DMat4::from_scale(size_of_box.into());
+            let clip = clip_from_box * DVec3::from(point).extend(1.0);
+            let ndc = glam::DVec2::new(clip.x, -clip.y) / clip.w;
+            if clip.w > 0.0 && ndc.abs().max_element() < 1.0 {
+                let pixel = (0.5 * (ndc + 1.0) * size.as_dvec2()).as_uvec2();
+                let rect = covered(clip_from_box, size);
+                // A point between two pixels belongs to both.
+                let (low, high) = (rect.min.saturating_sub(UVec2::ONE), rect.max + 1);
+                prop_assert!(pixel.cmpge(low).all() && pixel.cmplt(high).all(), "{pixel} in {rect:?}");
+            }
+        }
+    }
+}

@@ -1,0 +1,285 @@
+//! Plans the frames of all views, and prepares what their passes need.
+
+use bevy::{
+    camera::MainPassResolutionOverride,
+    core_pipeline::{
+        core_3d::{Transparent3d, prepare_core_3d_depth_textures},
+        prepass::PreviousViewData,
+    },
+    prelude::*,
+    render::{
+        GpuResourceAppExt, Render, RenderStartup, RenderSystems,
+        camera::{ExtractedCamera, TemporalJitter},
+        render_asset::RenderAssets,
+        render_phase::ViewSortedRenderPhases,
+        render_resource::{BufferUsages, CachedRenderPipelineId, PipelineCache, TextureUsages},
+        renderer::{RenderDevice, RenderQueue},
+        sync_world::MainEntity,
+        view::ExtractedView,
+    },
+};
+
+use super::{
+    decide::{Known, Scratch, decide},
+    drawn_viewport,
+    levels::choose_levels,
+    view::{Plan, PlanValues, PropView, Target},
+};
+use crate::{
+    gpu::{FieldLayouts, FieldReports, GpuField, InitFields, Readiness, Shaders, ViewTooLarge},
+    render::{
+        extract::{ExtractedProps, VisibleProps},
+        frame::{Comparison, Feature, PaletteBuffer, Part, Pass, Pipelines, Sizes, Values, ViewBuffers},
+        passes,
+    },
+    sets::PlenOctreeRenderSystems,
+};
+
+/// Plans the frames of views.
+pub(in crate::render) fn plugin(render_app: &mut SubApp) {
+    render_app
+        .init_gpu_resource::<PaletteBuffer>()
+        .add_systems(RenderStartup, (forget_views, init).chain().in_set(InitPlans).after(InitFields))
+        .add_systems(
+            Render,
+            (
+                read_depth.before(prepare_core_3d_depth_textures).in_set(RenderSystems::PrepareResources),
+                choose_levels.in_set(PlenOctreeRenderSystems::ChooseLevels),
+                (write_palettes, plan_views).chain().in_set(PlenOctreeRenderSystems::PlanViews),
+            ),
+        );
+}
+
+/// The systems in `RenderStartup` that create what pipelines have in common.
+#[derive(SystemSet, Clone, Debug, PartialEq, Eq, Hash)]
+pub(in crate::render) struct InitPlans;
+
+fn init(mut commands: Commands, shaders: Res<Shaders>, fields: Res<FieldLayouts>) {
+    commands.insert_resource(Pipelines::new(&shaders, &fields));
+    commands.remove_resource::<Comparison>();
+}
+
+/// Removes the components of views that belong to a lost device. The next extraction adds them again.
+fn forget_views(mut commands: Commands, views: Query<Entity, With<VisibleProps>>) {
+    for view in &views {
+        commands.entity(view).remove_with_requires::<VisibleProps>();
+    }
+}
+
+/// Lets passes read the depth textures of cameras that draw something.
+fn read_depth(mut cameras: Query<(&mut Camera3d, &VisibleProps)>) {
+    for (mut camera, visible) in &mut cameras {
+        if !visible.is_empty() {
+            camera.depth_texture_usages.0 |= TextureUsages::TEXTURE_BINDING.bits();
+        }
+    }
+}
+
+/// Writes the palettes of all props and views, if any color has changed.
+fn write_palettes(
+    extracted: Res<ExtractedProps>,
+    device: Res<RenderDevice>,
+    queue: Res<RenderQueue>,
+    mut palettes: ResMut<PaletteBuffer>,
+) {
+    if extracted.props.is_empty() && extracted.colors.is_empty() {
+        return;
+    }
+    if extracted.colors.is_empty() {
+        palettes.0.set(&device, &queue, "plenoctree_palettes", BufferUsages::STORAGE, &vec![Vec4::ZERO]);
+    } else {
+        palettes.0.set(&device, &queue, "plenoctree_palettes", BufferUsages::STORAGE, &extracted.colors);
+    }
+}
+
+type View = (
+    &'static MainEntity,
+    Option<(&'static ExtractedView, &'static ExtractedCamera, &'static Msaa)>,
+    Option<&'static MainPassResolutionOverride>,
+    (Option<&'static TemporalJitter>, Option<&'static PreviousViewData>),
+    &'static mut VisibleProps,
+    &'static mut PropView,
+);
+
+fn plan_views(
+    mut commands: Commands,
+    extracted: Res<ExtractedProps>,
+    fields: Res<RenderAssets<GpuField>>,
+    (device, queue): (Res<RenderDevice>, Res<RenderQueue>),
+    (cache, shaders): (Res<PipelineCache>, Res<Shaders>),
+    (mut pipelines, comparison): (ResMut<Pipelines>, Option<Res<Comparison>>),
+    phases: Option<Res<ViewSortedRenderPhases<Transparent3d>>>,
+    (reports, mut readiness): (Res<FieldReports>, ResMut<Readiness>),
+    mut scratch: Local<Scratch>,
+    mut views: Query<View>,
+) {
+    pipelines.waiting.clear();
+    let mut rests = false;
+    for (camera_entity, camera, resolution, (jitter, previous), mut visible, mut view) in &mut views {
+        let view = &mut *view;
+        view.groups.begin();
+        let known = camera.zip(camera.and_then(|(_, camera, _)| drawn_viewport(camera, resolution)));
+        let Some(((extracted_view, camera, msaa), viewport)) = known.filter(|_| !visible.is_empty()) else {
+            view.clear();
+            view.textures.clear();
+            view.shortage = None;
+            continue;
+        };
+        if is_short_of_memory(view, viewport.physical_size, visible.props.len()) {
+            visible.clear();
+            view.clear();
+            continue;
+        }
+        let order = std::mem::take(&mut view.order);
+        let phase = phases.as_ref().and_then(|phases| phases.get(&extracted_view.retained_view_entity));
+        let known = Known {
+            view: extracted_view,
+            camera,
+            samples: msaa.samples(),
+            viewport,
+            overrides_resolution: resolution.is_some(),
+            jitter,
+            previous,
+            visible: &visible,
+            order: &order,
+            has_objects: phase.is_some_and(|phase| !phase.items.is_empty()),
+            as_trained: &view.as_trained,
+        };
+        let planned = plan(&known, &extracted, &fields, &mut scratch, &mut pipelines, &cache);
+        view.order = order;
+        let (planned, is_complete) = planned;
+        let Some((plan, passes)) = planned else {
+            let target = Target { format: extracted_view.target_format, ..default() };
+            let nothing = Plan { samples: msaa.samples(), target, ..default() };
+            passes::request(&visible, false, &nothing, &extracted, &fields, &mut pipelines, &cache);
+            view.clear();
+            view.textures.clear();
+            view.is_complete = is_complete;
+            continue;
+        };
+        passes::request(&visible, view.changes_levels, &plan, &extracted, &fields, &mut pipelines, &cache);
+        (view.plan, view.is_complete) = (plan, is_complete);
+        view.as_trained.clear();
+        let as_trained = view.plan.props.iter().filter(|prop| !prop.is_posterized);
+        view.as_trained.extend(as_trained.map(|prop| prop.entity));
+        let sizes = Sizes {
+            drawn: view.plan.rect.size,
+            viewport: view.plan.viewport.physical_size,
+            target: view.plan.target.size,
+            target_format: Some(view.plan.target.format),
+            samples: view.plan.samples,
+            spacing: view.plan.spacing,
+        };
+        view.passes = passes;
+        let PropView { plan, passes, textures, buffers, cached, .. } = view;
+        let is_held = textures.hold(&device, passes.iter().map(|(pass, _)| pass), &sizes);
+        write_uniforms(plan, buffers, &extracted, &device, &queue);
+        if is_held {
+            cached.decide(&device, passes, textures, buffers, is_complete, never_cached(plan), sizes.drawn);
+        }
+        if !is_held || view.textures.allocator.error().is_some() {
+            report_shortage(view, visible.props.len(), camera_entity.id(), &reports);
+            continue;
+        }
+        view.shortage = None;
+        let stale = view.cached.stale();
+        rests |= view.cached.rests();
+        view.buffers.set_stale(&device, &queue, stale);
+    }
+    readiness.waiting.clone_from(&pipelines.waiting);
+    readiness.is_complete = views.iter().all(|(.., view)| view.is_complete());
+    if rests && comparison.is_none() {
+        commands.insert_resource(Comparison::new(&cache, &shaders));
+    }
+}
+
+/// Plans the frame of a view, and its passes with their pipelines. Leaves out what needs a pipeline that is not ready.
+/// Also returns whether nothing was left out. The plan is `None` if nothing is drawn.
+fn plan(
+    known: &Known,
+    extracted: &ExtractedProps,
+    fields: &RenderAssets<GpuField>,
+    scratch: &mut Scratch,
+    pipelines: &mut Pipelines,
+    cache: &PipelineCache,
+) -> (Option<(Plan, Vec<(Pass, Vec<CachedRenderPipelineId>)>)>, bool) {
+    let mut missing = vec![];
+    loop {
+        let Some(plan) = decide(known, &missing, extracted, fields, scratch) else {
+            return (None, missing.is_empty());
+        };
+        let (mut passes, mut is_complete) = (vec![], missing.is_empty());
+        let mut next_missing = None;
+        for mut pass in passes::of(&plan) {
+            let ready: Vec<_> =
+                pass.programs.iter().map(|program| pipelines.get(cache, &pass, program, plan.target.format)).collect();
+            if ready.iter().any(Option::is_none) {
+                is_complete = false;
+                if pass.may_leave_out_props() {
+                    pass.draws.retain(|draw| ready.get(draw.program).is_some_and(Option::is_some));
+                } else {
+                    next_missing = next_missing.or(Some(pass.feature));
+                }
+            }
+            let mut ids: Vec<_> = ready.into_iter().map(|id| id.unwrap_or(CachedRenderPipelineId::INVALID)).collect();
+            if pass.part.is_some() && pass.clear.is_some() {
+                let clear = pipelines.clear(cache, &pass, plan.target.format);
+                is_complete &= clear.is_some();
+                ids.extend(clear);
+            }
+            passes.push((pass, ids));
+        }
+        match next_missing {
+            None => return (Some((plan, passes)), is_complete),
+            Some(Feature::Base) => return (Some((plan, vec![])), false),
+            Some(feature) => missing.push(feature),
+        }
+    }
+}
+
+/// Returns the parts of a frame that are drawn in every frame.
+fn never_cached(plan: &Plan) -> &'static [Part] {
+    // There is no way to tell whether shadows that fall on props have changed. What is only blended over the scene is drawn faster than the scene is compared.
+    if plan.is_lit || !plan.posterizes { &[Part::Labels] } else { &[] }
+}
+
+fn write_uniforms(
+    plan: &Plan,
+    buffers: &mut ViewBuffers,
+    extracted: &ExtractedProps,
+    device: &RenderDevice,
+    queue: &RenderQueue,
+) {
+    let PlanValues { view, screen, props, filters, labelings, palettes } = &plan.values;
+    let values = Values { view: *view, screen: *screen, props, filters, labelings, palettes: *palettes };
+    buffers.set(device, queue, values);
+    #[cfg(feature = "shadows")]
+    if plan.is_lit {
+        buffers.set_lit(device, queue, &passes::lit_props(plan, extracted));
+    }
+    #[cfg(not(feature = "shadows"))]
+    let _ = extracted;
+}
+
+/// Returns whether a view had too little memory a moment ago, and needs as much as then.
+fn is_short_of_memory(view: &mut PropView, size: UVec2, props: usize) -> bool {
+    let needs_same = view.shortage.as_ref().is_some_and(|(error, of)| error.size == size && *of == props);
+    if needs_same && view.textures.allocator.is_pausing() {
+        return true;
+    }
+    view.textures.allocator.try_again();
+    false
+}
+
+/// Lets a view draw nothing because it has too little memory, and gives back what it got.
+fn report_shortage(view: &mut PropView, props: usize, camera: Entity, reports: &FieldReports) {
+    let too_large = ViewTooLarge { size: view.plan.viewport.physical_size };
+    let error = view.textures.allocator.error().unwrap_or("no message").to_string();
+    if view.shortage.is_none() {
+        error!("camera {camera} draws no props: {too_large}: {error}");
+        reports.view(camera, too_large.clone());
+    }
+    view.shortage = Some((too_large, props));
+    view.clear();
+    view.textures.clear();
+}

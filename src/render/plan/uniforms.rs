@@ -1,0 +1,362 @@
+//! The uniforms that `view.wgsl` declares.
+
+use bevy::{prelude::*, render::render_resource::ShaderType};
+use glam::{DMat4, DVec2};
+
+use crate::{
+    prop::SolidOpacity,
+    quality::PropQuality,
+    render::{
+        extract::{ExtractedPosterize, ExtractedProp},
+        rays::Rays,
+    },
+};
+
+/// How rays go through a prop, and where it counts as solid or posterized. Matches `Prop` in `view.wgsl`.
+#[derive(ShaderType, Clone, Copy, Default, PartialEq)]
+pub(in crate::render) struct PropUniform {
+    clip_from_box: Mat4,
+    origin: Mat3,
+    direction: Mat3,
+    scale: Vec3,
+    mirrored: u32,
+    low: Vec3,
+    posterized: u32,
+    high: Vec3,
+    min_opacity: f32,
+    reference: Vec2,
+    near: f32,
+    solid_transmittance: f32,
+    tint: Vec3,
+    smooths: u32,
+    previous_from_clip: Mat4,
+}
+
+/// Which edges of a prop are smooth. Matches `view.wgsl`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::render) enum Smooths {
+    Nothing,
+    Silhouette,
+    /// Also slits through it, behind which there may only be the scene.
+    Slits,
+}
+
+impl PropUniform {
+    /// `rect` is the part of the viewport that is drawn, and `posterize` says how the prop is posterized, if it is.
+    pub fn new(
+        prop: &ExtractedProp,
+        rays: &Rays,
+        rect: &Rect,
+        previous_from_clip: DMat4,
+        quality: &PropQuality,
+        posterize: Option<&ExtractedPosterize>,
+        smooths: Smooths,
+    ) -> Self {
+        let settings = posterize.map(|posterize| posterize.settings).unwrap_or_default().clamped();
+        Self {
+            clip_from_box: (rect.clip_from_viewport() * rays.clip_from_box).as_mat4(),
+            posterized: posterize.is_some().into(),
+            min_opacity: settings.min_opacity,
+            tint: prop.tint,
+            smooths: smooths as u32,
+            previous_from_clip: (previous_from_clip * rect.viewport_from_clip()).as_mat4(),
+            reference: (rays.reference - rect.low.as_dvec2()).as_vec2(),
+            ..Self::caster(prop, rays, quality)
+        }
+    }
+
+    /// Creates the uniform of a prop that casts a shadow.
+    pub fn caster(prop: &ExtractedProp, rays: &Rays, quality: &PropQuality) -> Self {
+        let matrix =
+            |columns: [glam::DVec3; 3]| Mat3::from_cols_array_2d(&columns.map(|column| column.as_vec3().into()));
+        Self {
+            origin: matrix(rays.origin),
+            direction: matrix(rays.direction),
+            scale: prop.placement.frame.scale.as_vec3(),
+            mirrored: u32::from(rays.mirrored),
+            low: rays.low.as_vec3(),
+            high: rays.high.as_vec3(),
+            reference: rays.reference.as_vec2(),
+            near: rays.near as f32,
+            solid_transmittance: solid_transmittance(prop.solid, quality),
+            tint: Vec3::ONE,
+            ..default()
+        }
+    }
+
+    /// Creates the uniform of a posterized view, which no ray goes through.
+    pub fn everything() -> Self {
+        Self { tint: Vec3::ONE, ..default() }
+    }
+
+    /// Returns the same caster with texels counted from another one, and rays that begin at another distance.
+    #[cfg(feature = "shadows")]
+    pub fn at(&self, shift: IVec2, near: f32) -> Self {
+        Self { reference: self.reference + shift.as_vec2(), near, ..*self }
+    }
+
+    /// Returns the same caster, drawn to a part of a texture.
+    #[cfg(feature = "shadows")]
+    pub fn drawn_to(&self, clip_from_part: Mat4) -> Self {
+        Self { clip_from_box: clip_from_part, ..*self }
+    }
+}
+
+/// The bilateral filter of a prop, or of a posterized view. Matches `Filter` in `view.wgsl`.
+#[derive(ShaderType, Clone, Copy, Default, PartialEq)]
+pub(in crate::render) struct FilterUniform {
+    pub iterations: u32,
+    radius: i32,
+    spatial_falloff: f32,
+    range_falloff: f32,
+}
+
+impl FilterUniform {
+    pub fn new(posterize: Option<&ExtractedPosterize>, quality: &PropQuality) -> Self {
+        let Some(posterize) = posterize else {
+            return default();
+        };
+        let filter = posterize.settings.clamped().filter;
+        let falloff = |sigma: f32| 0.5 / (sigma * sigma);
+        Self {
+            iterations: filter.iterations.min(quality.filter_iterations),
+            radius: filter.radius as i32,
+            spatial_falloff: falloff(filter.spatial_sigma),
+            range_falloff: falloff(filter.range_sigma),
+        }
+    }
+}
+
+/// The labels of a prop, or of a posterized view. Matches `Labels` in `view.wgsl`.
+#[derive(ShaderType, Clone, Copy, Default, PartialEq)]
+pub(in crate::render) struct LabelsUniform {
+    colors: u32,
+    first_color: u32,
+    blend_steps: u32,
+    softness: f32,
+}
+
+impl LabelsUniform {
+    pub fn new(posterize: Option<&ExtractedPosterize>) -> Self {
+        let Some(posterize) = posterize else {
+            return default();
+        };
+        let settings = posterize.settings.clamped();
+        Self {
+            colors: posterize.colors,
+            first_color: posterize.first_color,
+            blend_steps: settings.blend_steps,
+            softness: settings.softness,
+        }
+    }
+}
+
+/// The part of a target that is drawn, and the rays through it. Matches `View` in `view.wgsl`.
+#[derive(ShaderType, Clone, Copy, Default, PartialEq)]
+pub(in crate::render) struct ViewUniform {
+    pub corner: UVec2,
+    pub size: UVec2,
+    pub depth: Vec4,
+    pub spacing: u32,
+    pub error: f32,
+    pub stop_transmittance: f32,
+    pub edge_rays: u32,
+    pub unjittered_from_clip: Mat4,
+    pub depth_range: Vec2,
+}
+
+/// How colors are shown. Matches `Screen` in `view.wgsl`.
+#[derive(ShaderType, Clone, Copy, Default, PartialEq)]
+pub(in crate::render) struct ScreenUniform {
+    pub exposure: f32,
+    pub everything: u32,
+}
+
+/// The part of a viewport that is drawn, in pixels. Its pixels are counted from its own corner.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(in crate::render) struct Rect {
+    pub low: UVec2,
+    pub size: UVec2,
+    /// The size of the viewport.
+    pub viewport: UVec2,
+}
+
+impl Rect {
+    /// Returns the transform from the clip space of the viewport to that of this part.
+    fn clip_from_viewport(&self) -> DMat4 {
+        let size = self.size.as_dvec2();
+        let scale = self.viewport.as_dvec2() / size;
+        let shift = (scale - 1.0 - 2.0 * self.low.as_dvec2() / size) * DVec2::new(1.0, -1.0);
+        DMat4::from_translation(shift.extend(0.0)) * DMat4::from_scale(scale.extend(1.0))
+    }
+
+    /// Returns the transform from the clip space of this part to that of the viewport.
+    pub fn viewport_from_clip(&self) -> DMat4 {
+        self.clip_from_viewport().inverse()
+    }
+}
+
+/// Returns the transmittance at which a prop is solid, or a negative value for never. Rays that stop count as solid,
+/// but empty parts of a prop never do.
+fn solid_transmittance(solid: SolidOpacity, quality: &PropQuality) -> f32 {
+    match solid {
+        SolidOpacity::At(opacity) => (1.0 - opacity.clamp(f32::EPSILON, 1.0)).max(quality.stop_transmittance),
+        SolidOpacity::Never => -1.0,
+    }
+}
+
+#[cfg(all(test, feature = "headless"))]
+mod tests {
+    use bevy::render::render_resource::{
+        BindGroupLayoutDescriptor, BindGroupLayoutEntries, ShaderStages, StorageBuffer, UniformBuffer,
+        binding_types::{storage_buffer_read_only, uniform_buffer},
+    };
+
+    use super::*;
+    use crate::tests::layouts::{counting, read_back};
+
+    const SHADER: &str = "
+#import bevy_plenoctree::view::{colors, filters, labelings, props, screen, view}
+
+@group(1) @binding(0) var<storage, read_write> found: array<f32>;
+
+@compute @workgroup_size(1)
+fn read() {
+    // The second element, so that the stride is tested too.
+    let prop = props[1];
+    for (var c = 0u; c < 4u; c++) {
+        for (var r = 0u; r < 4u; r++) {
+            found[4u * c + r] = prop.clip_from_box[c][r];
+            found[53u + 4u * c + r] = prop.previous_from_clip[c][r];
+            found[81u + 4u * c + r] = view.unjittered_from_clip[c][r];
+        }
+    }
+    for (var c = 0u; c < 3u; c++) {
+        for (var r = 0u; r < 3u; r++) {
+            found[16u + 3u * c + r] = prop.origin[c][r];
+            found[25u + 3u * c + r] = prop.direction[c][r];
+        }
+        found[34u + c] = prop.scale[c];
+        found[38u + c] = prop.low[c];
+        found[42u + c] = prop.high[c];
+        found[49u + c] = prop.tint[c];
+    }
+    found[37] = f32(prop.mirrored);
+    found[41] = f32(prop.posterized);
+    found[45] = prop.min_opacity;
+    found[46] = prop.reference.x;
+    found[47] = prop.near;
+    found[48] = prop.solid_transmittance;
+    found[52] = f32(prop.smooths);
+    found[69] = f32(view.corner.x);
+    found[70] = f32(view.corner.y);
+    found[71] = f32(view.size.x);
+    found[72] = f32(view.size.y);
+    for (var i = 0u; i < 4u; i++) {
+        found[73u + i] = view.depth[i];
+    }
+    found[77] = f32(view.spacing);
+    found[78] = view.error;
+    found[79] = view.stop_transmittance;
+    found[80] = f32(view.edge_rays);
+    found[97] = view.depth_range.x;
+    found[98] = view.depth_range.y;
+    found[99] = screen.exposure;
+    found[100] = f32(screen.everything);
+    found[101] = f32(filters[1].iterations);
+    found[102] = f32(filters[1].radius);
+    found[103] = filters[1].spatial_falloff;
+    found[104] = filters[1].range_falloff;
+    found[105] = f32(labelings[1].colors);
+    found[106] = f32(labelings[1].first_color);
+    found[107] = f32(labelings[1].blend_steps);
+    found[108] = labelings[1].softness;
+    found[109] = colors[1].y;
+    found[110] = prop.reference.y;
+}
+";
+
+    #[test]
+    fn shaders_find_every_field_of_uniforms() {
+        let mut next = counting();
+        let prop = PropUniform {
+            clip_from_box: Mat4::from_cols_array(&std::array::from_fn(|_| next())),
+            origin: Mat3::from_cols_array(&std::array::from_fn(|_| next())),
+            direction: Mat3::from_cols_array(&std::array::from_fn(|_| next())),
+            scale: Vec3::new(next(), next(), next()),
+            mirrored: next() as u32,
+            low: Vec3::new(next(), next(), next()),
+            posterized: next() as u32,
+            high: Vec3::new(next(), next(), next()),
+            min_opacity: next(),
+            reference: Vec2::new(next(), 111.0),
+            near: next(),
+            solid_transmittance: next(),
+            tint: Vec3::new(next(), next(), next()),
+            smooths: next() as u32,
+            previous_from_clip: Mat4::from_cols_array(&std::array::from_fn(|_| next())),
+        };
+        let view = ViewUniform {
+            corner: UVec2::new(next() as u32, next() as u32),
+            size: UVec2::new(next() as u32, next() as u32),
+            depth: Vec4::new(next(), next(), next(), next()),
+            spacing: next() as u32,
+            error: next(),
+            stop_transmittance: next(),
+            edge_rays: next() as u32,
+            unjittered_from_clip: Mat4::from_cols_array(&std::array::from_fn(|_| next())),
+            depth_range: Vec2::new(next(), next()),
+        };
+        let screen = ScreenUniform { exposure: next(), everything: next() as u32 };
+        let filter = FilterUniform {
+            iterations: next() as u32,
+            radius: next() as i32,
+            spatial_falloff: next(),
+            range_falloff: next(),
+        };
+        let labels = LabelsUniform {
+            colors: next() as u32,
+            first_color: next() as u32,
+            blend_steps: next() as u32,
+            softness: next(),
+        };
+        let color = next();
+        let layout = BindGroupLayoutDescriptor::new(
+            "layout_test",
+            &BindGroupLayoutEntries::sequential(
+                ShaderStages::COMPUTE,
+                (
+                    uniform_buffer::<ViewUniform>(false),
+                    storage_buffer_read_only::<Vec<PropUniform>>(false),
+                    uniform_buffer::<ScreenUniform>(false),
+                    storage_buffer_read_only::<Vec<FilterUniform>>(false),
+                    storage_buffer_read_only::<Vec<LabelsUniform>>(false),
+                    storage_buffer_read_only::<Vec<Vec4>>(false),
+                ),
+            ),
+        );
+        let found: [f32; 111] = read_back(SHADER.into(), layout, |device, queue, run| {
+            let (mut view, mut screen) = (UniformBuffer::from(view), UniformBuffer::from(screen));
+            let mut props = StorageBuffer::from(vec![PropUniform::default(), prop]);
+            let mut filters = StorageBuffer::from(vec![FilterUniform::default(), filter]);
+            let mut labels = StorageBuffer::from(vec![LabelsUniform::default(), labels]);
+            let mut colors = StorageBuffer::from(vec![Vec4::ZERO, Vec4::new(0.0, color, 0.0, 0.0)]);
+            view.write_buffer(device, queue);
+            props.write_buffer(device, queue);
+            screen.write_buffer(device, queue);
+            filters.write_buffer(device, queue);
+            labels.write_buffer(device, queue);
+            colors.write_buffer(device, queue);
+            run(&[
+                view.binding().unwrap(),
+                props.binding().unwrap(),
+                screen.binding().unwrap(),
+                filters.binding().unwrap(),
+                labels.binding().unwrap(),
+                colors.binding().unwrap(),
+            ]);
+        });
+        let expected: [f32; 111] = std::array::from_fn(|index| (index + 1) as f32);
+        assert_eq!(found, expected);
+    }
+}

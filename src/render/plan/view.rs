@@ -1,0 +1,192 @@
+//! What a view draws.
+
+use bevy::{
+    camera::{CompositingSpace, Viewport},
+    ecs::entity::EntityHashSet,
+    prelude::*,
+    render::render_resource::{BindGroup, CachedRenderPipelineId, TextureFormat},
+    shader::Shader,
+};
+
+use super::uniforms::{FilterUniform, LabelsUniform, PropUniform, Rect, ScreenUniform, Smooths, ViewUniform};
+use crate::{
+    gpu::{FieldShape, Level, ViewTooLarge},
+    render::frame::{BindGroups, Cache, Pass, Textures, ViewBuffers},
+    stage::PropStage,
+};
+
+/// A view that draws props: the plan of its frame, the passes that follow from it, and what they need.
+#[derive(Component, Default)]
+pub(crate) struct PropView {
+    /// The props, back to front.
+    pub(in crate::render) order: Vec<OrderedProp>,
+    /// Whether props may be drawn at levels other than the field itself.
+    pub(in crate::render) changes_levels: bool,
+    pub(in crate::render) plan: Plan,
+    /// The passes in the order in which they run, and the pipelines of each: those of its programs, and the one that
+    /// clears what it writes if that may be cached.
+    pub(in crate::render) passes: Vec<(Pass, Vec<CachedRenderPipelineId>)>,
+    /// Whether nothing is left out because a pipeline is not ready.
+    pub(in crate::render) is_complete: bool,
+    pub(in crate::render) textures: Textures,
+    pub(in crate::render) buffers: ViewBuffers,
+    pub(in crate::render) groups: BindGroups,
+    pub(in crate::render) cached: Cache,
+    /// The props that the last frame drew as trained.
+    pub(in crate::render) as_trained: EntityHashSet,
+    /// What determines the memory that it needs, when there was too little.
+    pub(in crate::render) shortage: Option<(ViewTooLarge, usize)>,
+}
+
+impl PropView {
+    /// Returns what there is too little memory for.
+    #[cfg(feature = "headless")]
+    pub fn shortage(&self) -> Option<&ViewTooLarge> {
+        self.shortage.as_ref().map(|(error, _)| error)
+    }
+
+    /// Returns whether nothing is left out because a pipeline is not ready.
+    pub fn is_complete(&self) -> bool {
+        self.is_complete
+    }
+
+    /// Lets the view draw nothing in this frame, and forgets what it drew.
+    pub(super) fn clear(&mut self) {
+        self.plan = default();
+        self.passes.clear();
+        self.cached = default();
+        self.as_trained.clear();
+        self.is_complete = true;
+    }
+}
+
+/// Everything that is decided about a frame of a view.
+#[derive(Default)]
+pub(in crate::render) struct Plan {
+    /// The part of the target that the camera draws to.
+    pub viewport: Viewport,
+    /// The part of the viewport that is drawn, which includes what the filter reads around the props.
+    pub rect: Rect,
+    /// Where in the frame the props are shown.
+    pub stage: PropStage,
+    /// The props, back to front.
+    pub props: Vec<PlannedProp>,
+    /// The samples per pixel of the scene's depth.
+    pub samples: u32,
+    /// The camera's target, as the last passes see it.
+    pub target: Target,
+    /// Pixels per ray of the grid, along each axis.
+    pub spacing: u32,
+    /// The largest number of filter iterations.
+    pub iterations: u32,
+    /// Whether anything is posterized.
+    pub posterizes: bool,
+    /// Whether a posterized view owns the pixels that no posterized prop owns.
+    pub posterizes_view: bool,
+    /// Whether the nearest solid prop of every pixel must be known before props are drawn.
+    pub overlaps: bool,
+    /// Whether lights fall on any prop.
+    pub is_lit: bool,
+    /// Whether there are point or spot lights.
+    pub has_lamps: bool,
+    /// Whether the scene's shadows have hard edges.
+    pub has_hard_shadows: bool,
+    /// Whether any edge is smooth.
+    pub smooths: bool,
+    /// Whether motion vectors are written.
+    pub has_motion: bool,
+    /// The shaders of custom stages.
+    pub stages: Vec<Handle<Shader>>,
+    /// Whether transparent objects are drawn over props at the display.
+    pub has_objects: bool,
+    pub values: PlanValues,
+}
+
+/// The values of the uniforms of a plan.
+#[derive(Default)]
+pub(in crate::render) struct PlanValues {
+    pub view: ViewUniform,
+    pub screen: ScreenUniform,
+    /// One for each prop, and one for the posterized view, if there is one.
+    pub props: Vec<PropUniform>,
+    pub filters: Vec<FilterUniform>,
+    pub labelings: Vec<LabelsUniform>,
+    pub palettes: u64,
+}
+
+/// The properties of a camera's target that pipelines depend on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::render) struct Target {
+    pub format: TextureFormat,
+    pub samples: u32,
+    pub space: Option<CompositingSpace>,
+    pub size: UVec2,
+}
+
+impl Default for Target {
+    fn default() -> Self {
+        Self { format: TextureFormat::Rgba8UnormSrgb, samples: 1, space: None, size: UVec2::ZERO }
+    }
+}
+
+/// What is drawn of a prop.
+pub(in crate::render) struct PlannedProp {
+    /// The prop's entity in the main world.
+    pub entity: Entity,
+    /// Its index in `ExtractedProps::props`.
+    pub index: usize,
+    /// Bind group 1 of passes that march through it.
+    pub field: BindGroup,
+    pub shape: FieldShape,
+    pub overlap: Overlap,
+    pub is_lit: bool,
+    pub is_posterized: bool,
+    pub smooths: Smooths,
+    /// The pixels of the drawn part of the view that its box can cover.
+    pub rect: URect,
+}
+
+/// Whether a prop may cover the same pixels as another one, in a view where one of the two may be solid.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::render) enum Overlap {
+    None,
+    /// It may, but is never solid itself.
+    Thin,
+    /// It may, and may be solid.
+    Solid,
+}
+
+/// A prop of a view, in drawing order.
+pub(in crate::render) struct OrderedProp {
+    /// The distance of its center along the view direction.
+    pub distance: f64,
+    /// Its index in `ExtractedProps::props`.
+    pub index: usize,
+    /// The level that the view requests.
+    pub level: Level,
+}
+
+impl Plan {
+    /// Returns the corner of the drawn part in the target.
+    pub fn corner(&self) -> UVec2 {
+        self.viewport.physical_position + self.rect.low
+    }
+
+    /// Returns whether rays are cast for some pixels only, at first.
+    pub fn is_sparse(&self) -> bool {
+        self.spacing > 1
+    }
+
+    /// Returns whether layers say who owns a pixel. Rays of different owners are not interpolated.
+    pub fn has_owners(&self) -> bool {
+        self.posterizes || self.is_lit || self.is_sparse()
+    }
+
+    /// Returns the number of samples per pixel of a target in which some samples may show something in front of a prop,
+    /// while others show the prop. `None` if there is only one, or if custom stages or a posterized view decide what is
+    /// shown.
+    pub fn hidden_samples(&self) -> Option<u32> {
+        let shows_scene = self.stage == PropStage::Scene && self.stages.is_empty() && !self.posterizes_view;
+        Some(self.samples).filter(|samples| *samples > 1 && shows_scene)
+    }
+}
