@@ -11,7 +11,7 @@ struct Stale {
 
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<storage, read_write> stale: Stale;
-// What was seen in the last frame: two words per pixel, of its depth and of its color.
+// What was seen in the last frame: a word for the depth of each pixel, then one for the color of each.
 @group(0) @binding(2) var<storage, read_write> before: array<u32>;
 #ifdef COLORS
 @group(0) @binding(3) var scene: texture_2d<f32>;
@@ -32,12 +32,12 @@ fn compare(@builtin(global_invocation_id) id: vec3<u32>) {
     if any(pixel >= view.size) {
         return;
     }
-    var word = 2u * (pixel.y * view.size.x + pixel.x);
+    var word = pixel.y * view.size.x + pixel.x;
 #ifdef COLORS
     // The composite is stored as half floats too.
     let color = textureLoad(scene, pixel + view.corner, 0);
     let seen = mixed(pack2x16float(color.rg), pack2x16float(vec2(color.b, 0.0)));
-    word += 1u;
+    word += view.size.x * view.size.y;
 #else
     var seen = bitcast<u32>(textureLoad(scene, pixel + view.corner, 0));
 #ifdef MULTISAMPLED

@@ -101,7 +101,10 @@ pub use picking::{PropHit, PropRayCast};
 pub use plenoctree::PackSettings;
 pub use plenoctree::{
     Activation, LoadSettings, PlenOctree, Precision, UpAxis,
-    palette::{ColorCount, ExtractionSettings, Palette, PaletteLabel, PaletteMethod},
+    palette::{
+        ColorCount, ExtractionSettings, InvalidRamps, Palette, PaletteLabel, PaletteMethod, Ramp, RampAdjustment,
+        Unmet, UnmetReason, UnmetWishes, Wish,
+    },
     sampling::{ObserverRegion, SamplingSettings},
 };
 #[cfg(feature = "mesh")]

@@ -25,7 +25,8 @@ pub struct Posterize {
     /// The number of steps from one palette color to another, `d` in the method. With 1, the labels are the palette
     /// colors alone, without blends.
     ///
-    /// Defaults to 3. Clamped to 1..=[`MAX_BLEND_STEPS`]. Palettes of more than 17 colors may get fewer steps: no more
+    /// Defaults to 3. Clamped to 1..=[`MAX_BLEND_STEPS`]. Palettes of tones
+    /// ([`PaletteMethod::Tones`](crate::PaletteMethod::Tones)) have no blends, whatever it says. Palettes of more than 17 colors may get fewer steps: no more
     /// than [`PaletteLabel::most_blend_steps`], so that every pixel is compared to at most [`PaletteLabel::MAX_LABELS`]
     /// labels. In that case, an error is logged.
     pub blend_steps: u32,

@@ -68,6 +68,7 @@ fn shown(palette: &FieldPalette, own: Option<&PaletteOverride>) -> Palette {
         colors: colors.map(|color| Srgba::from(color).to_f32_array_no_alpha().map(f64::from)).collect(),
         weights: palette.palette().weights.clone(),
         method: None,
+        ramps: palette.palette().ramps.clone(),
     }
 }
 

@@ -38,7 +38,8 @@ pub struct FieldFailed {
 }
 
 /// A message written in [`PreUpdate`] when the GPU has too little memory for the textures that a camera needs to draw
-/// props: about 50 bytes per pixel, or 120 if anything is posterized, depending on its settings and on what it sees.
+/// props: about 24 bytes for each pixel of the part that they cover, or 100 if anything is posterized, depending on its
+/// settings and on what it sees.
 ///
 /// The camera draws no props then. It tries again every two seconds, and when its size, its
 /// [`PropQuality`](crate::PropQuality) or the number of props that it sees changes. The message is written once per

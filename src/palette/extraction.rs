@@ -13,7 +13,7 @@ use bevy::{
 };
 use plenoctree::{
     PlenOctree,
-    palette::{Extraction, ExtractionError, ExtractionSettings, extract_from_histograms},
+    palette::{Extraction, ExtractionError, ExtractionSettings, extract_from_samples},
     sampling::{Canceled, Histograms, Progress, sample},
 };
 use wgpu::DeviceType;
@@ -258,19 +258,20 @@ fn sample_on_cpu(field: PlenOctree, settings: ExtractionSettings, progress: Arc<
         background::on_cores(|| {
             let start = Instant::now();
             let histograms = sample(&field, &settings.sampling, &progress)?;
-            extract(histograms, false, start.elapsed(), &settings, &progress)
+            extract(&field, histograms, false, start.elapsed(), &settings, &progress)
         })
     }))
 }
 
 fn extract(
+    field: &PlenOctree,
     histograms: Histograms,
     on_gpu: bool,
     sampling: Duration,
     settings: &ExtractionSettings,
     progress: &Progress,
 ) -> Result<(Extraction, ExtractionSamples), ExtractionError> {
-    let mut extraction = extract_from_histograms(&histograms, settings, progress)?;
+    let mut extraction = extract_from_samples(field, &histograms, settings, progress)?;
     extraction.seconds.sampling = sampling.as_secs_f64();
     Ok((extraction, ExtractionSamples { histograms: Arc::new(histograms), on_gpu }))
 }
@@ -334,9 +335,12 @@ pub(super) fn finish(
 fn after_sampling(job: &SamplingJob, outcome: Result<Histograms, SamplingFailure>, sampling: Duration) -> Stage {
     let (settings, progress) = (job.settings.clone(), job.progress.clone());
     match outcome {
-        Ok(histograms) => Stage::Computing(background::spawn(move || {
-            background::on_cores(|| extract(histograms, true, sampling, &settings, &progress))
-        })),
+        Ok(histograms) => {
+            let field = job.field.clone();
+            Stage::Computing(background::spawn(move || {
+                background::on_cores(|| extract(&field, histograms, true, sampling, &settings, &progress))
+            }))
+        }
         Err(failure) => {
             warn!("sampling field {} on the CPU instead of the GPU: {failure}", job.id);
             sample_on_cpu(job.field.clone(), settings, progress)

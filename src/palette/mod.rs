@@ -17,7 +17,7 @@ pub use ready::{PaletteFailed, PaletteReady};
 pub use resource::{FieldPalette, Palettes};
 
 use bevy::{asset::AssetTrackingSystems, prelude::*};
-use plenoctree::palette::{ColorCount, ExtractionSettings, Palette, PaletteMethod};
+use plenoctree::palette::{ColorCount, ExtractionSettings, Palette, PaletteMethod, RampAdjustment};
 
 use crate::sets::PlenOctreeSystems;
 
@@ -35,6 +35,7 @@ impl Plugin for PalettePlugin {
             .register_type::<ExtractionSettings>()
             .register_type::<PaletteMethod>()
             .register_type::<ColorCount>()
+            .register_type::<RampAdjustment>()
             .register_type::<Palettes>()
             .register_type::<PaletteExtraction>()
             .register_type::<PaletteOverride>()

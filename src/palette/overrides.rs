@@ -1,9 +1,12 @@
 //! Overriding the shown colors of a single prop.
 
 use bevy::prelude::*;
-use plenoctree::palette::Palette;
+use plenoctree::palette::{Palette, RampAdjustment, UnmetWishes, Wish};
 
-use super::blend::BlendSpace;
+use super::{
+    blend::BlendSpace,
+    resource::{FieldPalette, decoded, encoded, is_ramp},
+};
 
 /// Overrides shown colors for a single entity, for example to give two props of one field different colors.
 ///
@@ -71,6 +74,53 @@ impl PaletteOverride {
         for (index, color) in space.mix_all(from, to, t).enumerate() {
             self.set(index, color);
         }
+    }
+
+    /// Shows a ramp of the field's palette in another color on this entity: a team color in one line.
+    ///
+    /// ```
+    /// # use bevy::prelude::*;
+    /// # use bevy_plenoctree::{FieldPalette, Palette, PaletteOverride};
+    /// # let mut source = Palette::new(vec![[0.5, 0.1, 0.1], [0.8, 0.2, 0.2]]).unwrap();
+    /// # source.ramps = source.guess_ramps();
+    /// # let (palette, team) = (FieldPalette::new(source), Color::srgb(0.1, 0.2, 0.9));
+    /// let mut colors = PaletteOverride::default();
+    /// colors.set_ramp(&palette, 0, team);
+    /// # assert!((0..2).all(|index| colors.get(index).unwrap().to_srgba().blue > 0.2));
+    /// ```
+    ///
+    /// Its mean becomes the color, and light and dark stay as far apart. If there is no such ramp, changes nothing, logs a
+    /// warning (once per app), and returns false.
+    pub fn set_ramp(&mut self, palette: &FieldPalette, ramp: usize, color: impl Into<Color>) -> bool {
+        self.adjust_ramp(palette, ramp, &RampAdjustment::to_color(encoded(color)))
+    }
+
+    /// Shows a ramp of the field's palette on this entity with an adjustment of its source colors. Once all its colors are
+    /// overridden, it does not allocate.
+    ///
+    /// If there is no such ramp, changes nothing, logs a warning (once per app), and returns false.
+    pub fn adjust_ramp(&mut self, palette: &FieldPalette, ramp: usize, adjustment: &RampAdjustment) -> bool {
+        let palette = palette.palette();
+        let set = |tone: usize, color: [f64; 3]| {
+            self.set(tone, decoded(&color));
+        };
+        palette.show_ramp(ramp, adjustment, set).is_ok() || is_ramp(palette, ramp)
+    }
+
+    /// Moves ramps of the field's palette on this entity so that labels get given colors, like
+    /// [`FieldPalette::recolor`]. Overrides the colors of ramps that have a wish and are not in `locked`.
+    ///
+    /// Returns an error that says which wishes cannot be met. The colors then come as near to all of them as possible.
+    pub fn recolor(&mut self, palette: &FieldPalette, wishes: &[Wish], locked: &[usize]) -> Result<(), UnmetWishes> {
+        let palette = palette.palette();
+        let (colors, result) = match palette.recolored(wishes, locked) {
+            Ok(colors) => (colors, Ok(())),
+            Err(unmet) => (unmet.nearest.clone(), Err(unmet)),
+        };
+        for (index, color) in colors.iter().enumerate().filter(|(index, color)| **color != palette.colors[*index]) {
+            self.set(index, decoded(color));
+        }
+        result
     }
 
     /// Removes the override of color `index`.

@@ -5,7 +5,9 @@ use std::{collections::HashMap, path::Path};
 use bevy::prelude::*;
 use plenoctree::{
     PlenOctree,
-    palette::{Extraction, InvalidPalette, Palette, PaletteFileError},
+    palette::{
+        Extraction, InvalidPalette, InvalidRamps, Palette, PaletteFileError, Ramp, RampAdjustment, UnmetWishes, Wish,
+    },
 };
 
 use super::{blend::BlendSpace, source::PaletteSource};
@@ -80,8 +82,7 @@ pub struct FieldPalette {
 impl FieldPalette {
     /// Creates a palette that was not extracted from the field. The shown colors are the palette's own.
     pub fn new(palette: Palette) -> Self {
-        let encoded = |c: &[f64; 3]| Color::srgb(c[0] as f32, c[1] as f32, c[2] as f32);
-        let source: Vec<_> = palette.colors.iter().map(encoded).collect();
+        let source: Vec<_> = palette.colors.iter().map(decoded).collect();
         Self { palette, shown: source.clone(), source, extraction: None }
     }
 
@@ -89,8 +90,7 @@ impl FieldPalette {
     ///
     /// Returns an error if there are no colors, more than [`Palette::MAX_COLORS`], or any that are not finite.
     pub fn from_colors(colors: impl IntoIterator<Item = impl Into<Color>>) -> Result<Self, InvalidPalette> {
-        let encoded = |color: Color| Srgba::from(color).to_f32_array_no_alpha().map(f64::from);
-        Palette::new(colors.into_iter().map(|color| encoded(color.into())).collect()).map(Self::new)
+        Palette::new(colors.into_iter().map(encoded).collect()).map(Self::new)
     }
 
     /// Creates the palette of an extraction. The shown colors are the source colors.
@@ -162,6 +162,99 @@ impl FieldPalette {
         self.shown.iter_mut().zip(space.mix_all(&self.source, to, t)).for_each(|(shown, color)| *shown = color);
     }
 
+    /// Returns the ramps: which colors are shades of one material, from shadow to highlight. Palettes of
+    /// [`PaletteMethod::Tones`](crate::PaletteMethod::Tones) have some, and so do those of files that list them.
+    pub fn ramps(&self) -> &[Ramp] {
+        &self.palette.ramps
+    }
+
+    /// Returns the index of the ramp with a name.
+    pub fn ramp(&self, name: &str) -> Option<usize> {
+        self.palette.ramp(name)
+    }
+
+    /// Shows a ramp in another color: its mean becomes the color, and light and dark stay as far apart. Replaces what was
+    /// done to its shown colors before. If there is no such ramp, changes nothing, logs a warning (once per app), and
+    /// returns false.
+    ///
+    /// ```
+    /// # use bevy::prelude::*;
+    /// # use bevy_plenoctree::{FieldPalette, Palette};
+    /// # let mut source = Palette::new(vec![[0.5, 0.1, 0.1], [0.8, 0.2, 0.2]]).unwrap();
+    /// # source.ramps = source.guess_ramps();
+    /// # let mut palette = FieldPalette::new(source);
+    /// if let Some(red) = palette.ramp("red") {
+    ///     palette.set_ramp(red, Color::srgb(0.1, 0.2, 0.9));
+    /// }
+    /// # assert!(palette.shown().iter().all(|color| color.to_srgba().blue > color.to_srgba().red));
+    /// ```
+    pub fn set_ramp(&mut self, ramp: usize, color: impl Into<Color>) -> bool {
+        self.adjust_ramp(ramp, &RampAdjustment::to_color(encoded(color)))
+    }
+
+    /// Shows a ramp with an adjustment of its source colors: another color, brightness, contrast or saturation. Replaces
+    /// what was done to its shown colors before, so that a system may call it in every frame. It does not allocate.
+    ///
+    /// If there is no such ramp, changes nothing, logs a warning (once per app), and returns false.
+    pub fn adjust_ramp(&mut self, ramp: usize, adjustment: &RampAdjustment) -> bool {
+        let Self { palette, source, shown, .. } = self;
+        if *adjustment == RampAdjustment::default() {
+            let tones = palette.ramps.get(ramp).map_or(&[][..], |ramp| &ramp.tones);
+            tones.iter().for_each(|&tone| shown[tone] = source[tone]);
+            return is_ramp(palette, ramp);
+        }
+        let set = |tone: usize, color: [f64; 3]| shown[tone] = decoded(&color);
+        palette.show_ramp(ramp, adjustment, set).is_ok() || is_ramp(palette, ramp)
+    }
+
+    /// Moves ramps so that labels get given colors, as exactly as wished: those of a [`PropHit`](crate::PropHit), for
+    /// example. Ramps in `locked`, and those without a wish, show their source colors.
+    ///
+    /// Returns an error that says which wishes cannot be met. The shown colors then come as near to all of them as
+    /// possible.
+    pub fn recolor(&mut self, wishes: &[Wish], locked: &[usize]) -> Result<(), UnmetWishes> {
+        let (colors, result) = match self.palette.recolored(wishes, locked) {
+            Ok(colors) => (colors, Ok(())),
+            Err(unmet) => (unmet.nearest.clone(), Err(unmet)),
+        };
+        let (source, own) = (&self.source, &self.palette.colors);
+        let show =
+            |(index, color): (usize, &[f64; 3])| if *color == own[index] { source[index] } else { decoded(color) };
+        self.shown.clear();
+        self.shown.extend(colors.iter().enumerate().map(show));
+        result
+    }
+
+    /// Changes the ramps: renames, merges or splits them, or moves tones from one to another, with the methods of
+    /// [`Palette`]. Changes neither source colors nor shown colors.
+    ///
+    /// Returns an error, and changes nothing, if the ramps do not fit the palette afterwards.
+    ///
+    /// ```
+    /// # use bevy_plenoctree::{FieldPalette, Palette};
+    /// # let mut source = Palette::new(vec![[0.5, 0.1, 0.1], [0.2, 0.2, 0.8]]).unwrap();
+    /// # source.ramps = source.guess_ramps();
+    /// # let mut palette = FieldPalette::new(source);
+    /// palette.edit_ramps(|palette| palette.rename_ramp(0, "cap"))?;
+    /// assert_eq!(palette.ramp("cap"), Some(0));
+    /// # Ok::<(), bevy_plenoctree::InvalidRamps>(())
+    /// ```
+    pub fn edit_ramps(
+        &mut self,
+        edit: impl FnOnce(&mut Palette) -> Result<(), InvalidRamps>,
+    ) -> Result<(), InvalidRamps> {
+        let mut edited = self.palette.clone();
+        edit(&mut edited)?;
+        let valid = Palette { ramps: edited.ramps, ..self.palette.clone() };
+        match valid.validate() {
+            Err(InvalidPalette::Ramps(error)) => Err(error),
+            _ => {
+                self.palette = valid;
+                Ok(())
+            }
+        }
+    }
+
     /// Resets the shown colors to the source colors.
     pub fn reset(&mut self) {
         self.shown.clone_from(&self.source);
@@ -177,6 +270,25 @@ impl FieldPalette {
     pub fn save(&self, path: impl AsRef<Path>) -> Result<(), PaletteFileError> {
         self.palette.write(path)
     }
+}
+
+/// Returns a color as the channels of encoded sRGB that palettes have.
+pub(super) fn encoded(color: impl Into<Color>) -> [f64; 3] {
+    Srgba::from(color.into()).to_f32_array_no_alpha().map(f64::from)
+}
+
+/// Returns the color of channels in encoded sRGB.
+pub(super) fn decoded(color: &[f64; 3]) -> Color {
+    Color::srgb(color[0] as f32, color[1] as f32, color[2] as f32)
+}
+
+/// Returns whether a palette has a ramp, and logs a warning (once per app) if not.
+pub(super) fn is_ramp(palette: &Palette, ramp: usize) -> bool {
+    let count = palette.ramps.len();
+    if ramp >= count {
+        warn_once!("cannot show ramp {ramp} of a palette with {count} ramps");
+    }
+    ramp < count
 }
 
 impl Palettes {

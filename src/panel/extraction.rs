@@ -90,7 +90,9 @@ fn sliders(ui: &mut egui::Ui, settings: &mut ExtractionSettings) -> bool {
 
 fn choose_method(ui: &mut egui::Ui, method: &mut PaletteMethod) -> bool {
     let before = *method;
-    ui.label("Method").on_hover_text("hull: the corners of all colors; fitted: the colors whose blends fit best");
+    let hint =
+        "hull: the corners of all colors; fitted: the colors whose blends fit best; tones: colors without blends";
+    ui.label("Method").on_hover_text(hint);
     egui::ComboBox::from_id_salt("method").selected_text(before.name()).show_ui(ui, |ui| {
         for choice in PaletteMethod::ALL {
             ui.selectable_value(method, choice, choice.name());
@@ -100,19 +102,31 @@ fn choose_method(ui: &mut egui::Ui, method: &mut PaletteMethod) -> bool {
     *method != before
 }
 
-/// Shows a checkbox, and the slider of the number of colors or of the tolerance.
+/// Shows two checkboxes, and the slider of the number of colors or of the tolerance.
 fn choose_colors(ui: &mut egui::Ui, colors: &mut ColorCount) -> bool {
+    let mut usual = *colors == ColorCount::Usual;
+    let hint = "6 colors, or as many tones as the field needs";
+    ui.label("Usual number").on_hover_text(hint);
+    let mut switched = ui.checkbox(&mut usual, "").on_hover_text(hint).changed();
+    ui.end_row();
+    if switched {
+        *colors = if usual { ColorCount::Usual } else { ColorCount::Fixed(6) };
+    }
+    if usual {
+        return switched;
+    }
     let mut auto = matches!(colors, ColorCount::Auto { .. });
     let hint = "Finds the fewest colors that keep the error within the tolerance";
     ui.label("Find the number").on_hover_text(hint);
-    let switched = ui.checkbox(&mut auto, "").on_hover_text(hint).changed();
-    ui.end_row();
-    if switched {
-        *colors = if auto { ColorCount::AUTO } else { ColorCount::default() };
+    if ui.checkbox(&mut auto, "").on_hover_text(hint).changed() {
+        *colors = if auto { ColorCount::AUTO } else { ColorCount::Fixed(6) };
+        switched = true;
     }
+    ui.end_row();
     let changed = match colors {
+        ColorCount::Usual => false,
         ColorCount::Fixed(colors) => {
-            row(ui, "Colors", "Number of palette colors to extract", egui::Slider::new(colors, 3..=16))
+            row(ui, "Colors", "Number of palette colors to extract", egui::Slider::new(colors, 3..=40))
         }
         ColorCount::Auto { tolerance } => {
             let hint = "Largest difference between the field's colors and their labels";

@@ -11,7 +11,10 @@ use bevy::{
     render::{Extract, render_asset::RenderAssets, sync_world::RenderEntity},
 };
 
-use plenoctree::{PlenOctree, palette::Palette};
+use plenoctree::{
+    PlenOctree,
+    palette::{Palette, PaletteMethod},
+};
 
 use super::{plan::PropView, rays::Placement};
 use crate::{
@@ -128,7 +131,11 @@ impl PaletteWriter<'_> {
                 written
             }
         };
-        let settings = Posterize { blend_steps: settings.blend_steps_of(colors as usize), ..*settings };
+        // Tones are labels as they are.
+        let method = palette.palette().method;
+        let wanted = if method == Some(PaletteMethod::Tones) { 1 } else { settings.blend_steps };
+        let settings = Posterize { blend_steps: wanted, ..*settings };
+        let settings = Posterize { blend_steps: settings.blend_steps_of(colors as usize), ..settings };
         ExtractedPosterize { settings, first_color, colors }
     }
 

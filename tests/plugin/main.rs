@@ -1,7 +1,6 @@
 //! Tests of the plugin on whatever adapter there is. They are one program, so that Bevy is linked once.
 
 mod arrival;
-mod documented;
 mod edges;
 mod extremes;
 mod frames;

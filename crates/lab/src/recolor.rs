@@ -77,6 +77,7 @@ mod tests {
             colors: [red.to_vec(), others.to_vec()].concat(),
             weights: vec![0.3, 0.2, 0.1, 0.19, 0.1, 0.1, 0.01],
             method: None,
+            ramps: vec![],
         };
         let shown = opposite_main_hue(&palette);
         assert_eq!(shown[2..], others);

@@ -44,6 +44,24 @@ fn all_requested_files_are_written() {
     }
 }
 
+/// Tones are printed and drawn by ramp.
+#[test]
+fn tones_are_listed_by_ramp() {
+    let folder = folder("palette_tones");
+    let (field, image) = (ball(&folder), folder.join("p.png"));
+    let printed = succeed(&["palette", text(&field), "--method", "tones", "--image", text(&image)]);
+    let found = Palette::read(field.with_file_name("ball.palette.json")).unwrap();
+    let read = PlenOctree::read(&field, &LoadSettings::default()).unwrap();
+    let settings = ExtractionSettings { method: PaletteMethod::Tones, ..Default::default() };
+    assert_eq!(found, extract(&read, &settings, &Progress::default()).unwrap().palette);
+    assert!(!found.ramps.is_empty());
+    for (index, ramp) in found.ramps.iter().enumerate() {
+        assert!(printed.contains(&format!("ramp {index}: {}, ", ramp.name)), "{printed}");
+    }
+    let longest = found.ramps.iter().map(|ramp| ramp.tones.len() as u32).max().unwrap();
+    assert_eq!(image::image_dimensions(&image).unwrap(), (160 * longest, 192 * found.ramps.len() as u32));
+}
+
 /// Messages agree with their numbers: one color is not "1 colors".
 #[test]
 fn one_color_is_singular() {

@@ -5,6 +5,7 @@ mod common;
 use std::{fs, path::Path, process::Output};
 
 use common::{ball, fail, folder, run, succeed, text};
+use image::RgbImage;
 use serde_json::Value;
 
 /// Returns the arguments that render two views of 32 x 32 pixels to a folder.
@@ -40,6 +41,31 @@ fn the_documented_files_are_written() {
     assert!(report["medians"]["milliseconds"]["total"].as_f64().unwrap() > 0.0);
 }
 
+/// Ramps are recolored by name or index, and palettes of tones are not blended: every pixel has a palette color.
+#[test]
+fn ramps_are_recolored() {
+    let folder = folder("stylize_ramps");
+    let (field, palette) = (ball(&folder), folder.join("palette.json"));
+    let ramps = r#"[{"name": "cap", "tones": [0, 1]}]"#;
+    let colors = "[[0.4, 0.1, 0.1], [0.8, 0.2, 0.2], [0.2, 0.6, 0.2]]";
+    fs::write(&palette, format!(r#"{{"colors": {colors}, "ramps": {ramps}, "method": "tones"}}"#)).unwrap();
+    let recolored = |ramp: &str| {
+        let (out, recolor) = (folder.join("out"), format!("{ramp}=#3060d0"));
+        let options = ["--palette", text(&palette), "--softness", "0", "--recolor", &recolor];
+        succeed(&[&arguments(&field, &out)[..], &options].concat());
+        ["posterized", "recolored"]
+            .map(|kind| image::open(out.join(format!("frame_000.{kind}.png"))).unwrap().into_rgb8())
+    };
+    let [posterized, by_name] = recolored("cap");
+    let allowed = [[102, 26, 26], [204, 51, 51], [51, 153, 51], [255, 255, 255]];
+    let near = |a: &[u8; 3], b: &[u8; 3]| a.iter().zip(b).all(|(a, b)| a.abs_diff(*b) <= 1);
+    let flat = posterized.pixels().filter(|pixel| allowed.iter().any(|color| near(color, &pixel.0))).count();
+    assert!(flat * 10 > 9 * posterized.pixels().len(), "{flat}");
+    let red = |image: &RgbImage| image.pixels().filter(|pixel| pixel[0] > pixel[1].max(pixel[2])).count();
+    assert!(red(&posterized) > 100 && 10 * red(&by_name) < red(&posterized), "{} {}", red(&posterized), red(&by_name));
+    assert_eq!(recolored("ramp:0")[1], by_name);
+}
+
 /// A given palette is used unchanged, and `--quiet` prints nothing.
 #[test]
 fn a_palette_can_be_given() {
@@ -62,6 +88,7 @@ fn bad_input_is_rejected() {
     assert!(with(&["--palette", "missing.json"]).contains("missing.json"));
     assert!(with(&["--cameras", "missing.json"]).contains("missing.json"));
     assert!(with(&["--sampling", "cpu", "--recolor", "99=#000000"]).contains("--recolor 99"));
+    assert!(with(&["--sampling", "cpu", "--recolor", "cap=#000000"]).contains("the palette has no ramps"));
     assert!(with(&["--palette", "palette.json", "--colors", "4"]).contains("cannot be used with"));
     assert!(with(&["--smooth-edges"]).contains("--smooth-edges needs --renderer gpu"));
     assert!(with(&["--quality", "fast"]).contains("--quality needs --renderer gpu"));

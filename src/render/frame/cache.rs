@@ -37,8 +37,8 @@ use crate::{gpu::Shaders, render::plan::ViewUniform};
 #[derive(Default)]
 pub(in crate::render) struct Cache {
     parts: [Cached; 3],
-    /// What the scene was, two words per pixel: its depth, then its color.
-    scene: Option<(UVec2, Buffer)>,
+    /// What the scene was: a word per pixel for its depth, and then, if anything is posterized, one for its color.
+    scene: Option<Buffer>,
     /// Whether these words are those of the frame that was drawn.
     knows: [bool; 2],
 }
@@ -97,12 +97,15 @@ impl Cache {
         }
         if self.parts[0].mode == Mode::Draw {
             self.scene = None;
-        } else if self.scene.as_ref().is_none_or(|(of, _)| *of != size) {
-            let bytes = 8 * u64::from(size.x) * u64::from(size.y);
+            return;
+        }
+        let has_composite = passes.iter().any(|(pass, _)| pass.part == Some(Part::Composite));
+        let words = if has_composite { 2 } else { 1 };
+        let size = 4 * words * u64::from(size.x) * u64::from(size.y);
+        if self.scene.as_ref().is_none_or(|scene| scene.size() != size) {
+            let (label, usage) = (Some("plenoctree_scene"), BufferUsages::STORAGE);
             self.scene = textures.allocator.create(device, || {
-                let label = Some("plenoctree_scene");
-                let usage = BufferUsages::STORAGE;
-                (size, device.create_buffer(&BufferDescriptor { label, size: bytes, usage, mapped_at_creation: false }))
+                device.create_buffer(&BufferDescriptor { label, size, usage, mapped_at_creation: false })
             });
             self.forget_scene();
         }
@@ -124,6 +127,12 @@ impl Cache {
     pub fn stale(&self) -> StaleUniform {
         let [layer, composite, labels] = Part::ALL.map(|part| u32::from(self.is_drawn(part)));
         StaleUniform { layer, composite, labels }
+    }
+
+    /// Returns the bytes of GPU memory that remember the scene.
+    #[cfg(all(test, feature = "headless"))]
+    pub fn bytes(&self) -> u64 {
+        self.scene.as_ref().map_or(0, |scene| scene.size())
     }
 
     /// Returns whether nothing has changed that is known before the scene is drawn.
@@ -157,7 +166,7 @@ impl Cache {
         let (Some(view), Some(stale)) = (buffers.view.binding(), buffers.stale.binding()) else {
             return;
         };
-        if let (Some((_, words)), Some(pipeline)) = (words, pipeline) {
+        if let (Some(words), Some(pipeline)) = (words, pipeline) {
             let device = ctx.render_device().clone();
             let group = groups.get(&device, cache, layout, &[view, stale, bound_buffer(words), bound(scene)]);
             let encoder = ctx.command_encoder();

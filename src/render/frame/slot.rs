@@ -99,6 +99,7 @@ impl Slot {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(in crate::render) enum Buffer {
     /// The uniform of the view.
+    #[cfg_attr(not(feature = "shadows"), allow(dead_code, reason = "only lights need it"))]
     View,
     /// How lights fall on each prop.
     Lit,

@@ -93,6 +93,17 @@ impl Textures {
         is_held
     }
 
+    /// Returns the bytes of GPU memory that they take.
+    #[cfg(all(test, feature = "headless"))]
+    pub fn bytes(&self) -> u64 {
+        let of_texture = |held: &Held| {
+            let bytes = held.format.block_copy_size(None).unwrap_or(4);
+            u64::from(held.size.element_product() * held.samples * bytes)
+        };
+        self.textures.values().map(of_texture).sum::<u64>()
+            + self.buffers.values().map(|held| held.buffer.size()).sum::<u64>()
+    }
+
     /// Drops everything.
     pub fn clear(&mut self) {
         self.textures.clear();
@@ -171,20 +182,10 @@ impl Textures {
 
 /// Returns the size of textures for `drawn` pixels: that of the `held` ones, unless they are too small or much larger.
 fn size_in_steps(held: UVec2, drawn: UVec2, viewport: UVec2) -> UVec2 {
-    let stepped = (drawn.next_multiple_of(STEP)).min(viewport.max(drawn));
+    let stepped = ((drawn + STEP - 1) / STEP * STEP).min(viewport.max(drawn));
     let is_enough = held.cmpge(drawn).all() && held.cmple(viewport.max(drawn)).all();
     let most = 2 * (stepped + STEP).element_product();
     if is_enough && held.element_product() <= most { held } else { stepped }
-}
-
-trait NextMultiple {
-    fn next_multiple_of(self, step: u32) -> Self;
-}
-
-impl NextMultiple for UVec2 {
-    fn next_multiple_of(self, step: u32) -> Self {
-        (self + step - 1) / step * step
-    }
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 use bevy::{
     prelude::*,
     render::{
-        render_resource::{BindingResource, BufferUsages, ShaderType, encase::internal::WriteInto},
+        render_resource::{BindingResource, BufferUsages},
         renderer::{RenderDevice, RenderQueue},
     },
 };
@@ -56,14 +56,6 @@ impl ViewBuffers {
         let usage = BufferUsages::UNIFORM | BufferUsages::STORAGE;
         self.stale.forget();
         self.stale.set(device, queue, "plenoctree_stale", usage, &stale);
-    }
-
-    /// Writes how lights fall on each prop.
-    pub fn set_lit<T: ShaderType + WriteInto>(&mut self, device: &RenderDevice, queue: &RenderQueue, lit: &Vec<T>)
-    where
-        Vec<T>: ShaderType + WriteInto,
-    {
-        self.lit.set(device, queue, "plenoctree_lit", BufferUsages::STORAGE, lit);
     }
 
     /// Returns the bindings of bind group 0, if all have been written.

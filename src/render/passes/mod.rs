@@ -87,9 +87,9 @@ mod tests {
         render::plan::PropView,
     };
 
-    /// Returns the names of the passes of a frame in which the camera has moved.
-    fn passes(posterize: Option<Posterize>) -> Vec<&'static str> {
-        let mut headless = Headless::new(UVec2::splat(64), |app| {
+    /// Returns an app with a prop at a distance, and its camera.
+    fn app(size: UVec2, posterize: Option<Posterize>, distance: f32) -> (Headless, Entity) {
+        let mut headless = Headless::new(size, |app| {
             app.add_plugins(PlenOctreePlugin);
         })
         .unwrap();
@@ -105,15 +105,49 @@ mod tests {
         if let Some(posterize) = posterize {
             prop.insert(posterize);
         }
-        let place = Transform::from_xyz(0.0, 0.0, 3.0);
+        let place = Transform::from_xyz(0.0, 0.0, distance);
         let camera = world.spawn((exact_camera(Color::BLACK), target, place)).id();
         headless.wait_until_ready(Duration::from_secs(120)).unwrap();
+        (headless, camera)
+    }
+
+    /// Returns the names of the passes of a frame in which the camera has moved.
+    fn passes(posterize: Option<Posterize>) -> Vec<&'static str> {
+        let (mut headless, camera) = app(UVec2::splat(64), posterize, 3.0);
         headless.app.world_mut().get_mut::<Transform>(camera).unwrap().translation.x += 0.01;
         headless.update();
         let world = headless.app.sub_app_mut(RenderApp).world_mut();
         let view = world.query::<&PropView>().single(world).unwrap();
         assert_eq!(view.cached.stale().layer, 1);
         view.passes.iter().map(|(pass, _)| pass.name).collect()
+    }
+
+    /// Returns the bytes of GPU memory that a view at rest takes.
+    fn bytes(size: UVec2, posterize: Option<Posterize>, distance: f32) -> u64 {
+        let (mut headless, _) = app(size, posterize, distance);
+        (0..6).for_each(|_| headless.update());
+        let world = headless.app.sub_app_mut(RenderApp).world_mut();
+        let view = world.query::<&PropView>().single(world).unwrap();
+        assert_eq!(view.cached.stale().layer, 0);
+        view.textures.bytes() + view.cached.bytes()
+    }
+
+    /// Textures are as large as what the prop covers.
+    #[test]
+    fn small_props_take_little_memory_and_large_ones_what_their_pixels_need() {
+        let hard = Posterize { edges: EdgeSmoothing::Off, ..default() };
+        let kinds = [("as trained", None, 24), ("hard edges", Some(hard), 64), ("smooth edges", Some(default()), 100)];
+        for (what, posterize, most) in kinds {
+            let size = UVec2::new(512, 320);
+            let filled = bytes(size, posterize, 0.7);
+            let pixels = u64::from(size.element_product());
+            println!("{what}: {} bytes per pixel", filled as f64 / pixels as f64);
+            assert!(filled <= most * pixels, "{what}: {filled} bytes");
+            // In a view of 3840 x 2160 pixels, it covers about 64 x 64.
+            let small = bytes(UVec2::new(3840, 2160), posterize, 41.0);
+            println!("{what}, 64 pixels of 4K: {small} bytes");
+            assert!((64 * 64..8 << 20).contains(&small), "{what}: {small} bytes");
+        }
     }
 
     #[test]

@@ -255,7 +255,8 @@ fn write_uniforms(
     buffers.set(device, queue, values);
     #[cfg(feature = "shadows")]
     if plan.is_lit {
-        buffers.set_lit(device, queue, &passes::lit_props(plan, extracted));
+        let lit = passes::lit_props(plan, extracted);
+        buffers.lit.set(device, queue, "plenoctree_lit", BufferUsages::STORAGE, &lit);
     }
     #[cfg(not(feature = "shadows"))]
     let _ = extracted;

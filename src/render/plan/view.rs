@@ -88,8 +88,10 @@ pub(in crate::render) struct Plan {
     /// Whether lights fall on any prop.
     pub is_lit: bool,
     /// Whether there are point or spot lights.
+    #[cfg_attr(not(feature = "shadows"), allow(dead_code, reason = "only lights need it"))]
     pub has_lamps: bool,
     /// Whether the scene's shadows have hard edges.
+    #[cfg_attr(not(feature = "shadows"), allow(dead_code, reason = "only lights need it"))]
     pub has_hard_shadows: bool,
     /// Whether any edge is smooth.
     pub smooths: bool,
@@ -134,6 +136,7 @@ pub(in crate::render) struct PlannedProp {
     /// The prop's entity in the main world.
     pub entity: Entity,
     /// Its index in `ExtractedProps::props`.
+    #[cfg_attr(not(feature = "shadows"), allow(dead_code, reason = "only lights need it"))]
     pub index: usize,
     /// Bind group 1 of passes that march through it.
     pub field: BindGroup,

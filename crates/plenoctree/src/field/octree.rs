@@ -16,8 +16,6 @@ use super::{
     frame::{Frame, UpAxis},
 };
 use crate::histograms::{Histograms, Recorded, SamplingSettings};
-#[cfg(feature = "write")]
-use crate::sampling::{Canceled, Progress, SamplingError, sample};
 
 /// The maximum depth of a field, in levels of cells. The finest cells are at least `2^-MAX_DEPTH` of the cube wide.
 ///
@@ -360,29 +358,6 @@ impl PlenOctree {
     /// [`PackSettings::record_histograms`]: https://docs.rs/plenoctree/latest/plenoctree/struct.PackSettings.html
     pub fn histograms(&self, settings: &SamplingSettings) -> Option<Histograms> {
         self.recorded.as_ref()?.histograms(settings)
-    }
-
-    /// Samples the field with the default settings, and returns it with what was found: [`Self::histograms`] returns
-    /// that, and packed files record it with [`PackSettings::record_histograms`](crate::PackSettings::record_histograms).
-    /// So a field that is changed before it is packed, for example by `fit::simplify`, keeps its palette.
-    ///
-    /// Returns the field unchanged if it has histograms already, or if nothing of it is visible.
-    ///
-    /// # Errors
-    ///
-    /// Returns an error if [`Progress::cancel`](crate::sampling::Progress::cancel) is called.
-    #[cfg(feature = "write")]
-    pub fn recording_histograms(self, progress: &Progress) -> Result<Self, Canceled> {
-        let settings = SamplingSettings::default();
-        if self.recorded.is_some() {
-            return Ok(self);
-        }
-        match sample(&self, &settings, progress) {
-            Ok(histograms) => Ok(Self { recorded: Recorded::new(&settings, &histograms).map(Arc::new), ..self }),
-            Err(SamplingError::Canceled(canceled)) => Err(canceled),
-            // The default settings are valid.
-            Err(SamplingError::Setting(_)) => Ok(self),
-        }
     }
 
     #[cfg(feature = "write")]

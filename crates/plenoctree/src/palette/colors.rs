@@ -7,14 +7,17 @@ use std::{
 
 use serde::{Deserialize, Serialize};
 
-use super::method::PaletteMethod;
+use super::{
+    method::PaletteMethod,
+    ramps::{self, InvalidRamps, Ramp},
+};
 use crate::save::replace_file;
 
 /// A few colors that represent everything visible in a field, the heaviest first.
 ///
 /// Palette files are JSON: `{"colors": [[r, g, b], ...], "weights": [...], "method": "fitted"}`. If a file has no
-/// weights, all colors have the same weight. `method` is left out unless the palette was extracted. Channels in files
-/// are from 0 to 1.
+/// weights, all colors have the same weight. `method` is left out unless the palette was extracted, and `ramps`, such as
+/// `[{"name": "red", "tones": [3, 0]}]`, if there are none. Channels in files are from 0 to 1.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "PaletteJson")]
 #[cfg_attr(
@@ -33,6 +36,10 @@ pub struct Palette {
     /// How the palette was extracted, or `None` if it was not.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub method: Option<PaletteMethod>,
+    /// Which colors are shades of one material, or none if that is not known. [`PaletteMethod::Tones`] finds them;
+    /// [`find_ramps`](Self::find_ramps) finds those of any palette.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub ramps: Vec<Ramp>,
 }
 
 /// The content of a palette file.
@@ -41,6 +48,8 @@ struct PaletteJson {
     colors: Vec<[f64; 3]>,
     weights: Option<Vec<f64>>,
     method: Option<PaletteMethod>,
+    #[serde(default)]
+    ramps: Vec<Ramp>,
 }
 
 /// An error that occurs when colors and weights do not make a palette.
@@ -84,6 +93,9 @@ pub enum InvalidPalette {
         /// The weight found.
         found: f64,
     },
+    /// The ramps do not fit the colors.
+    #[error(transparent)]
+    Ramps(#[from] InvalidRamps),
 }
 
 /// Returns a question for those who write bytes.
@@ -132,7 +144,7 @@ impl Palette {
     /// Returns an error if there are no colors, more than [`Self::MAX_COLORS`], or one that is not finite in float32.
     pub fn new(colors: Vec<[f64; 3]>) -> Result<Self, InvalidPalette> {
         let weights = equal_weights(colors.len());
-        let palette = Self { colors, weights, method: None };
+        let palette = Self { colors, weights, method: None, ramps: Vec::new() };
         palette.validate()?;
         Ok(palette)
     }
@@ -152,7 +164,7 @@ impl Palette {
     /// # Errors
     ///
     /// Returns an error if there are no colors or more than [`Self::MAX_COLORS`], if there is not one weight per color,
-    /// if a color is not finite in float32, or if a weight is negative or not finite.
+    /// if a color is not finite in float32, if a weight is negative or not finite, or if the ramps do not fit the colors.
     pub fn validate(&self) -> Result<(), InvalidPalette> {
         let (found, expected) = (self.weights.len(), self.colors.len());
         if expected == 0 || expected > Self::MAX_COLORS {
@@ -171,7 +183,7 @@ impl Palette {
                 return Err(InvalidPalette::Weight { index, found });
             }
         }
-        Ok(())
+        Ok(ramps::validate(&self.ramps, self.colors.len())?)
     }
 
     /// Reads a palette file.
@@ -219,9 +231,9 @@ impl Palette {
 impl TryFrom<PaletteJson> for Palette {
     type Error = InvalidPalette;
 
-    fn try_from(PaletteJson { colors, weights, method }: PaletteJson) -> Result<Self, InvalidPalette> {
+    fn try_from(PaletteJson { colors, weights, method, ramps }: PaletteJson) -> Result<Self, InvalidPalette> {
         let weights = weights.unwrap_or_else(|| equal_weights(colors.len()));
-        let palette = Self { colors, weights, method };
+        let palette = Self { colors, weights, method, ramps };
         palette.validate_for_file()?;
         Ok(palette)
     }
@@ -258,13 +270,22 @@ mod tests {
     #[test]
     fn files_have_colors_weights_and_the_method() {
         let colors = vec![[0.0, 0.5, 1.0], [0.75, 0.25, 0.0]];
-        let mut palette = Palette { colors, weights: vec![0.75, 0.25], method: None };
+        let mut palette = Palette { colors, weights: vec![0.75, 0.25], method: None, ramps: vec![] };
         let handmade = r#"{"colors":[[0.0,0.5,1.0],[0.75,0.25,0.0]],"weights":[0.75,0.25]}"#;
         assert_eq!(serde_json::to_string(&palette).unwrap(), handmade);
         palette.method = Some(PaletteMethod::Fitted);
         let extracted = handmade.replace('}', r#","method":"fitted"}"#);
         assert_eq!(serde_json::to_string(&palette).unwrap(), extracted);
         assert_eq!(parse(&extracted).unwrap(), palette);
+    }
+
+    #[test]
+    fn files_may_have_ramps() {
+        let text =
+            r#"{"colors":[[0.0,0.5,1.0],[1.0,0.0,0.0]],"weights":[0.75,0.25],"ramps":[{"name":"sea","tones":[0]}]}"#;
+        let palette = parse(text).unwrap();
+        assert_eq!(palette.ramps, [Ramp { name: "sea".into(), tones: vec![0] }]);
+        assert_eq!(serde_json::to_string(&palette).unwrap(), text);
     }
 
     #[test]
@@ -294,9 +315,23 @@ mod tests {
             (r#"{"colors": [[0, 0, 1e999]]}"#, "number out of range"),
             (r#"{"colors": [[0, 0, null]]}"#, "invalid type: null, expected f64"),
             (r#"{"weights": [1]}"#, "missing field `colors`"),
-            (r#"{"colors": [[0, 0, 0]], "method": "guess"}"#, "unknown variant `guess`, expected `hull` or `fitted`"),
+            (
+                r#"{"colors": [[0, 0, 0]], "method": "guess"}"#,
+                "unknown variant `guess`, expected one of `hull`, `fitted`, `tones`",
+            ),
         ] {
             let error = parse(text).unwrap_err();
+            assert!(error.contains(message), "{error}");
+        }
+        for (ramps, message) in [
+            (r#"[{"name": "a", "tones": [2]}]"#, "found tone 2, expected one of 2 palette colors"),
+            (r#"[{"name": "a", "tones": [1]}, {"name": "b", "tones": [0, 1]}]"#, "found tone 1 twice"),
+            (r#"[{"name": "a", "tones": []}]"#, "found a ramp \"a\" without tones"),
+            (r#"[{"name": "7", "tones": [0]}]"#, "found the name \"7\""),
+            (r#"[{"name": "a", "tones": [1]}, {"name": "a", "tones": [0]}]"#, "found two ramps with the name \"a\""),
+            (r#"[{"tones": [1]}]"#, "missing field `name`"),
+        ] {
+            let error = parse(&format!(r#"{{"colors": [[0, 0, 0], [1, 1, 1]], "ramps": {ramps}}}"#)).unwrap_err();
             assert!(error.contains(message), "{error}");
         }
         let error = Palette::new(vec![[0.0; 3], [0.0, f64::NAN, 0.0]]).unwrap_err();

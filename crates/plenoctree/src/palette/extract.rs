@@ -13,6 +13,7 @@ use super::{
     order::order,
     settings::ExtractionSettings,
     simplify::simplify,
+    tones::{Enough, tones},
 };
 use crate::{
     field::PlenOctree,
@@ -28,7 +29,8 @@ pub struct Extraction {
     pub radiance_samples: u64,
     /// Total weight of all samples.
     pub total_weight: f64,
-    /// How far the fine histogram's colors are from their labels, with the settings' `blend_steps`.
+    /// How far the fine histogram's colors are from their labels, with the settings' `blend_steps`, or
+    /// without blends if the method is [`PaletteMethod::Tones`].
     pub errors: ColorErrors,
     /// K: number of clusters. `None` unless the method is [`PaletteMethod::Hull`].
     pub clusters: Option<usize>,
@@ -48,7 +50,7 @@ pub struct ExtractionTimes {
     pub filtering: f64,
     /// The convex hull, its simplification and the order of the colors: steps 8 and 9.
     pub hull: f64,
-    /// The fit to the labels: step 10.
+    /// The fit to the labels: step 10, or steps 11 and 12.
     pub fitting: f64,
 }
 
@@ -91,17 +93,51 @@ pub fn extract(
     let start = Instant::now();
     let histograms = sample(field, &settings.sampling, progress)?;
     let sampling = start.elapsed().as_secs_f64();
-    let mut extraction = extract_from_histograms(&histograms, settings, progress)?;
+    let mut extraction = extract_from_samples(field, &histograms, settings, progress)?;
     extraction.seconds.sampling = sampling;
     Ok(extraction)
 }
 
-/// Extracts the palette from histograms, which may have any number of bins: steps 6 to 10.
+/// Extracts the palette from the histograms of a field, which may have any number of bins: steps 6 to 12.
+///
+/// # Errors
+///
+/// Returns an error if a setting is out of range, if the histograms have no weight, or if the extraction is canceled.
+pub fn extract_from_samples(
+    field: &PlenOctree,
+    histograms: &Histograms,
+    settings: &ExtractionSettings,
+    progress: &Progress,
+) -> Result<Extraction, ExtractionError> {
+    let mut extraction = find(histograms, settings, progress)?;
+    if settings.method == PaletteMethod::Tones {
+        let start = Instant::now();
+        extraction.palette.ramps = extraction.palette.find_ramps(field, &settings.sampling, progress)?;
+        extraction.seconds.fitting += start.elapsed().as_secs_f64();
+    }
+    Ok(extraction)
+}
+
+/// Extracts the palette from histograms alone, which may have any number of bins: steps 6 to 12. Without the field, the
+/// ramps of tones are [guessed](Palette::guess_ramps).
 ///
 /// # Errors
 ///
 /// Returns an error if a setting is out of range, if the histograms have no weight, or if the extraction is canceled.
 pub fn extract_from_histograms(
+    histograms: &Histograms,
+    settings: &ExtractionSettings,
+    progress: &Progress,
+) -> Result<Extraction, ExtractionError> {
+    let mut extraction = find(histograms, settings, progress)?;
+    if settings.method == PaletteMethod::Tones {
+        extraction.palette.ramps = extraction.palette.guess_ramps();
+    }
+    Ok(extraction)
+}
+
+/// Finds the palette, without ramps.
+fn find(
     histograms: &Histograms,
     settings: &ExtractionSettings,
     progress: &Progress,
@@ -134,10 +170,27 @@ pub fn extract_from_histograms(
             seconds.fitting = start.elapsed().as_secs_f64();
             palette
         }
+        PaletteMethod::Tones => {
+            let within = |tolerance: f64| {
+                move |palette: &Palette| {
+                    let errors = ColorErrors::of_labels_unless_canceled(histograms, palette, 1, progress)?;
+                    Ok(errors.rmse <= tolerance)
+                }
+            };
+            let palette = match settings.colors {
+                ColorCount::Usual => tones(histograms.fine_bins(), Enough::Error(TONE_ERROR), progress)?,
+                ColorCount::Fixed(count) => tones(histograms.fine_bins(), Enough::Count(count), progress)?,
+                ColorCount::Auto { tolerance } => {
+                    tones(histograms.fine_bins(), Enough::Palette(&within(tolerance)), progress)?
+                }
+            };
+            seconds.fitting = start.elapsed().as_secs_f64();
+            palette.ok_or(ExtractionError::NothingVisible)?
+        }
     };
     let palette = Palette { method: Some(settings.method), ..palette };
     Ok(Extraction {
-        errors: ColorErrors::of_labels_unless_canceled(histograms, &palette, settings.blend_steps, progress)?,
+        errors: ColorErrors::of_labels_unless_canceled(histograms, &palette, settings.steps(), progress)?,
         palette,
         radiance_samples: histograms.samples(),
         total_weight: histograms.total_weight(),
@@ -146,6 +199,11 @@ pub fn extract_from_histograms(
         seconds,
     })
 }
+
+/// The number of colors of a palette whose colors are blended, unless settings specify another.
+const USUAL: usize = 6;
+/// The error of tones, as a distance in the uniform space, that is small enough.
+const TONE_ERROR: f64 = 0.036;
 
 /// Returns the palette with the number of colors that the settings specify. `find` finds a palette of at most a number
 /// of colors.
@@ -156,6 +214,7 @@ fn choose(
     mut find: impl FnMut(usize) -> Result<Palette, Canceled>,
 ) -> Result<Palette, Canceled> {
     let tolerance = match settings.colors {
+        ColorCount::Usual => return find(USUAL),
         ColorCount::Fixed(colors) => return find(colors),
         ColorCount::Auto { tolerance } => tolerance,
     };
@@ -358,7 +417,8 @@ mod tests {
         let k_means = ExtractionSettings { coarse_threshold: 0.0, max_iterations: 1000, tolerance: 0.0, ..hull() };
         let hull = ExtractionSettings { max_iterations: 1, ..k_means.clone() };
         let fit = ExtractionSettings { colors: ColorCount::Auto { tolerance: 1e-9 }, ..Default::default() };
-        for (stage, settings) in [("k-means", k_means), ("hull", hull), ("fit", fit)] {
+        let tones = ExtractionSettings { method: PaletteMethod::Tones, ..fit.clone() };
+        for (stage, settings) in [("k-means", k_means), ("hull", hull), ("fit", fit), ("tones", tones)] {
             for after in [0, 100, 500] {
                 let time = || time_to_cancel(&histograms, &settings, Duration::from_millis(after));
                 // Other processes may need the cores at any one time, but not always.
@@ -383,7 +443,7 @@ mod tests {
         for method in PaletteMethod::ALL {
             let alone = on(1, method);
             assert!(
-                alone.clusters.is_none_or(|clusters| clusters > 20) && alone.palette.colors.len() == 6,
+                alone.clusters.is_none_or(|clusters| clusters > 20) && alone.palette.colors.len() >= 6,
                 "{alone:?}"
             );
             for threads in [2, 3, 8] {

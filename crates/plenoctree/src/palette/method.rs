@@ -20,23 +20,35 @@ pub enum PaletteMethod {
     /// The colors whose labels are nearest to the colors of the field: section 3 of the method, step 10. The default.
     #[default]
     Fitted,
+    /// As many colors as the field needs, each of them a label by itself, without blends: section 3 of the method, step
+    /// 11. Keeps small but distinct parts. Its colors form ramps, by material.
+    Tones,
 }
 
 impl PaletteMethod {
     /// All methods.
-    pub const ALL: [Self; 2] = [Self::Hull, Self::Fitted];
+    pub const ALL: [Self; 3] = [Self::Hull, Self::Fitted, Self::Tones];
 
     /// Returns the method's name in palette files and on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::Hull => "hull",
             Self::Fitted => "fitted",
+            Self::Tones => "tones",
+        }
+    }
+
+    /// Returns the usual number of steps from one palette color to another: 3, or 1 for tones, which are not blended.
+    pub fn blend_steps(self) -> u32 {
+        match self {
+            Self::Hull | Self::Fitted => 3,
+            Self::Tones => 1,
         }
     }
 }
 
 /// The number of colors of an extracted palette.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 #[cfg_attr(
     feature = "bevy",
@@ -45,27 +57,28 @@ impl PaletteMethod {
     type_path = "plenoctree"
 )]
 pub enum ColorCount {
+    /// The usual number of the method: at most 6 colors, or for [`PaletteMethod::Tones`], as many as the field needs, up
+    /// to [`ColorCount::MOST_TONES`]. The default.
+    #[default]
+    Usual,
     /// At most this many colors, 1 to 64. A palette has fewer if the field has fewer, and that of
     /// [`PaletteMethod::Hull`] has more if the hull cannot be simplified further: a cloud of colors that has a volume
     /// always keeps at least four.
     Fixed(usize),
     /// As few colors as keep the error to the nearest label ([`ColorErrors::rmse`](super::ColorErrors::rmse)) within
-    /// `tolerance`, but at most [`ColorCount::MOST`].
+    /// `tolerance`, but at most [`ColorCount::MOST`], or [`ColorCount::MOST_TONES`] of [`PaletteMethod::Tones`].
     Auto {
         /// The largest error, as a distance of a channel in encoded sRGB. More than 0 and at most 1.
         tolerance: f64,
     },
 }
 
-impl Default for ColorCount {
-    fn default() -> Self {
-        Self::Fixed(6)
-    }
-}
-
 impl ColorCount {
     /// The largest number of colors that [`ColorCount::Auto`] chooses.
     pub const MOST: usize = 16;
+
+    /// The largest number of tones that a palette of [`PaletteMethod::Tones`] has, unless more are asked for.
+    pub const MOST_TONES: usize = 40;
 
     /// [`ColorCount::Auto`] with the default tolerance, 0.05.
     pub const AUTO: Self = Self::Auto { tolerance: 0.05 };

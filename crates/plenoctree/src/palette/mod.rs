@@ -16,14 +16,19 @@ mod method;
 mod oklab;
 mod order;
 mod polygon;
+mod ramps;
 mod settings;
 mod simplify;
 mod steps;
+mod tones;
 
 pub use colors::{InvalidPalette, Palette, PaletteFileError};
 pub use errors::ColorErrors;
-pub use extract::{Extraction, ExtractionError, ExtractionTimes, extract, extract_from_histograms};
+pub use extract::{
+    Extraction, ExtractionError, ExtractionTimes, extract, extract_from_histograms, extract_from_samples,
+};
 pub use label::PaletteLabel;
 pub use method::{ColorCount, PaletteMethod};
+pub use ramps::{InvalidRamps, Ramp, RampAdjustment, Unmet, UnmetReason, UnmetWishes, Wish};
 pub use settings::ExtractionSettings;
 pub use steps::{initial_centers, k_means, simplify_hull};

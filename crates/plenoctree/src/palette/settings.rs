@@ -32,10 +32,10 @@ pub struct ExtractionSettings {
     pub tolerance: f64,
     /// How the palette is found. [`PaletteMethod::Fitted`] by default.
     pub method: PaletteMethod,
-    /// The number of colors. At most 6 by default.
+    /// The number of colors. The usual number of the method by default.
     pub colors: ColorCount,
     /// d: number of steps from one palette color to another whose labels [`PaletteMethod::Fitted`] fits and
-    /// [`ColorCount::Auto`] measures. 1 to 8, 3 by default.
+    /// [`ColorCount::Auto`] measures. 1 to 8, 3 by default. [`PaletteMethod::Tones`] has no blends, and ignores it.
     pub blend_steps: u32,
 }
 
@@ -57,6 +57,11 @@ impl ExtractionSettings {
     /// Maximum number of clusters, whose convex hull takes seconds to simplify.
     pub const MAX_CLUSTERS: usize = 256;
 
+    /// Returns the number of blend steps of the labels that are fitted and measured.
+    pub(super) fn steps(&self) -> u32 {
+        if self.method == PaletteMethod::Tones { 1 } else { self.blend_steps }
+    }
+
     /// Checks that every setting is in its range.
     ///
     /// # Errors
@@ -73,6 +78,7 @@ impl ExtractionSettings {
         let steps = self.blend_steps;
         InvalidSetting::check((1..=8).contains(&steps), "blend_steps", f64::from(steps), "1 to 8")?;
         match self.colors {
+            ColorCount::Usual => Ok(()),
             ColorCount::Fixed(colors) => {
                 let holds = (1..=Palette::MAX_COLORS).contains(&colors);
                 InvalidSetting::check(holds, "colors", colors as f64, "1 to 64")

@@ -1,8 +1,8 @@
 //! Selects the leaves to sample, and bounds their weight.
 
 use super::{
-    point::SamplePoint,
     progress::{Canceled, Progress},
+    sample_point::SamplePoint,
 };
 use crate::field::{LeafCell, PlenOctree};
 use crate::histograms::SamplingSettings;

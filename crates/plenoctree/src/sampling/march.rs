@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::point::SamplePoint;
+use super::sample_point::SamplePoint;
 use crate::field::{LeafCell, PlenOctree};
 
 /// Returns the optical depth (the integral of density) from a point of `leaf` to the edge of the field, on the way from

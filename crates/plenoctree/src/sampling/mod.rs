@@ -6,13 +6,16 @@
 //! deep for a lattice, are marched ray by ray (`march`).
 
 mod blocks;
+mod choose_point;
 mod directions;
 mod leaves;
 mod march;
 mod path;
 mod plan;
-mod point;
 mod progress;
+#[cfg(feature = "write")]
+mod record;
+mod sample_point;
 mod sampler;
 #[cfg(feature = "write")]
 mod visibility;
@@ -21,9 +24,10 @@ pub(crate) use crate::histograms::{Bins, Recorded};
 pub use crate::histograms::{
     Histograms, InvalidHistogram, InvalidSetting, MAX_CHANNEL, ObserverRegion, SamplingSettings,
 };
+pub(crate) use directions::observers;
 pub use plan::SamplingPlan;
-pub use point::SamplePoint;
 pub use progress::{Canceled, Progress};
+pub use sample_point::SamplePoint;
 pub use sampler::{SamplingError, sample};
 #[cfg(feature = "write")]
 pub(crate) use visibility::{Seen, Visibility, visibility};

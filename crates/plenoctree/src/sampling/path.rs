@@ -16,6 +16,13 @@ pub(super) enum Start {
     Corner,
 }
 
+impl Start {
+    /// Returns where the rays from the center of a leaf start that is `size` finest cells wide.
+    pub fn of(size: u32) -> Self {
+        if size > 1 { Self::Corner } else { Self::Center }
+    }
+}
+
 /// The path of every ray in one direction with the same start: the cells that it crosses, relative to the one where it
 /// starts, and its length in each.
 pub(super) struct Path {

@@ -5,8 +5,8 @@ use glam::DVec3;
 use super::{
     directions::observers,
     leaves::{chosen_leaves, weight_bound},
-    point::SamplePoint,
     progress::{Canceled, Progress},
+    sample_point::SamplePoint,
 };
 use crate::field::{LeafCell, PlenOctree};
 use crate::histograms::SamplingSettings;

@@ -9,8 +9,8 @@ use super::{
     leaves::{chosen_leaves, weight_bound},
     march::optical_depth,
     path::{Path, SIDE, Start},
-    point::SamplePoint,
     progress::{Canceled, Progress},
+    sample_point::SamplePoint,
 };
 use crate::field::{LeafCell, PlenOctree};
 use crate::histograms::{Histograms, InvalidSetting, SamplingSettings, Tally};
@@ -76,16 +76,11 @@ pub(super) struct Ray {
     pub basis: [f64; 25],
     /// Length of the path from the center of a finest cell to the face where it leaves the cell, in world units.
     half: f64,
-    /// From the centers of finest leaves, and from those of larger ones.
+    /// From each [`Start`].
     paths: [Path; 2],
 }
 
 impl Ray {
-    /// Returns the path from the centers of leaves that are `size` finest cells wide.
-    fn path(&self, size: u32) -> &Path {
-        &self.paths[usize::from(size > 1)]
-    }
-
     /// Returns the length of the path from the center of a leaf, `size` finest cells wide, to its surface, in world
     /// units.
     pub fn half(&self, size: u32) -> f64 {
@@ -95,24 +90,28 @@ impl Ray {
 
 /// Leaves that are sampled together.
 pub(super) enum Unit {
-    /// Leaves of the same size whose centers are in the same block.
+    /// Leaves whose centers are in the same block and whose rays have the same path.
     Block(BlockUnit),
     /// A leaf of any size.
     Alone(LeafCell),
 }
 
-/// Leaves of the same size whose centers are in the same block.
+/// Leaves whose centers are in the same block and whose rays have the same path.
 pub(super) struct BlockUnit {
     /// The block.
     place: IVec3,
-    /// Their width, in finest cells.
-    pub size: u32,
+    /// Where the rays start.
+    start: Start,
+    /// The width, in finest cells, of the leaves that rays do not count: their own, with [`SamplePoint::Entry`].
+    skipped: Option<u32>,
     pub leaves: Vec<BlockLeaf>,
 }
 
 /// A leaf whose center is in a block.
 pub(super) struct BlockLeaf {
     pub leaf: u32,
+    /// Its width, in finest cells.
+    pub size: u32,
     /// The row and the lane of the cell at its center.
     pub row: usize,
     pub lane: usize,
@@ -185,8 +184,8 @@ impl<'a> Sampler<'a> {
     /// Returns the leaves in groups. Leaves are in the order of the octree.
     pub fn units(&self, leaves: &[LeafCell]) -> Result<Vec<Unit>, Canceled> {
         let mut units = Vec::new();
-        // The groups of the current block, by the size of their leaves. The center of a leaf that is as wide as a block
-        // or wider is in a block of its own.
+        // The groups of the current block, by size if rays skip their leaf, and else by start. The center of a leaf that
+        // is as wide as a block or wider is in a block of its own.
         let mut open: [Option<BlockUnit>; SIDE.ilog2() as usize + 1] = Default::default();
         for &cell in leaves {
             self.progress.check()?;
@@ -198,12 +197,17 @@ impl<'a> Sampler<'a> {
             let center = cell.corner + cell.size / 2;
             let (place, inside) = ((center / side).as_ivec3(), center % side);
             let (row, lane) = ((inside.x * side + inside.y) as usize, inside.z as usize);
-            let leaf = BlockLeaf { leaf: cell.leaf, row, lane };
+            let leaf = BlockLeaf { leaf: cell.leaf, size: cell.size, row, lane };
+            let start = Start::of(cell.size);
+            let (group, skipped) = match self.point {
+                SamplePoint::Center => (start as usize, None),
+                SamplePoint::Entry => (cell.size.min(side).ilog2() as usize, Some(cell.size)),
+            };
             // Leaves of a block are consecutive.
-            match &mut open[cell.size.min(side).ilog2() as usize] {
+            match &mut open[group] {
                 Some(unit) if unit.place == place => unit.leaves.push(leaf),
                 unit => {
-                    let next = BlockUnit { place, size: cell.size, leaves: vec![leaf] };
+                    let next = BlockUnit { place, start, skipped, leaves: vec![leaf] };
                     units.extend(unit.replace(next).map(Unit::Block));
                 }
             }
@@ -217,12 +221,9 @@ impl<'a> Sampler<'a> {
     pub fn march(&self, blocks: &Blocks, unit: &BlockUnit, ray: &Ray, limit: f64, depths: &mut Depths) {
         depths.as_flattened_mut().fill(f32::INFINITY);
         unit.leaves.iter().for_each(|leaf| depths[leaf.row][leaf.lane] = 0.0);
-        let path = ray.path(unit.size);
+        let path = &ray.paths[unit.start as usize];
         // Where rays start at the point where they enter the leaf, it does not hide itself, however dense it is.
-        let skipped = match self.point {
-            SamplePoint::Center => 0,
-            SamplePoint::Entry => path.steps_within(unit.size),
-        };
+        let skipped = unit.skipped.map_or(0, |size| path.steps_within(size));
         blocks.march(unit.place, path, skipped, limit as f32, depths);
     }
 
@@ -244,7 +245,7 @@ impl<'a> Sampler<'a> {
                     }
                     for (leaf, coefficients) in leaves.iter().zip(coefficients.chunks_exact(per_leaf)) {
                         let depth = |ray: usize| f64::from(depths[ray][leaf.row][leaf.lane]);
-                        self.add(tally, leaf.leaf, unit.size, coefficients, cell, depth);
+                        self.add(tally, leaf.leaf, leaf.size, coefficients, cell, depth);
                     }
                 }
                 Ok(leaves.len())
@@ -435,8 +436,8 @@ mod tests {
         found.sort_unstable();
         assert!(found.iter().copied().eq(0..field.leaves() as u32));
         let larger = leaves.iter().filter(|cell| cell.size > 1).count();
-        let units_of_larger = units.iter().filter(|unit| matches!(unit, Unit::Block(unit) if unit.size > 1));
-        assert!(larger > 2 * units_of_larger.count(), "{larger}");
+        let shared = units.iter().filter(|unit| matches!(unit, Unit::Block(unit) if unit.start == Start::Corner));
+        assert!(larger > 2 * shared.count(), "{larger}");
     }
 
     /// The coefficients of packed fields are not rounded to half precision first.

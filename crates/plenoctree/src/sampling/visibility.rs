@@ -7,8 +7,8 @@ use super::{
     blocks::{Blocks, ROWS},
     march::optical_depth,
     path::SIDE,
-    point::SamplePoint,
     progress::{Canceled, Progress},
+    sample_point::SamplePoint,
     sampler::{Sampler, Unit},
 };
 use crate::field::{Activation, PlenOctree};
@@ -94,7 +94,7 @@ fn of_unit(sampler: &Sampler, unit: &Unit, counts: &[f64]) -> Result<Vec<(usize,
     let mut tallies;
     match unit {
         Unit::Block(unit) => {
-            tallies = unit.leaves.iter().map(|leaf| Tally::new(field, leaf.leaf, unit.size)).collect::<Vec<_>>();
+            tallies = unit.leaves.iter().map(|leaf| Tally::new(field, leaf.leaf, leaf.size)).collect::<Vec<_>>();
             let Some(blocks) = &sampler.blocks else { return Ok(Vec::new()) };
             let mut depths = [[0.0; SIDE]; ROWS];
             for (ray, count) in rays().zip(counts) {
@@ -102,7 +102,7 @@ fn of_unit(sampler: &Sampler, unit: &Unit, counts: &[f64]) -> Result<Vec<(usize,
                 sampler.march(blocks, unit, ray, limit, &mut depths);
                 for (leaf, tally) in unit.leaves.iter().zip(&mut tallies) {
                     let depth = depths[leaf.row][leaf.lane].into();
-                    tally.add(field, depth, ray.half(unit.size), &ray.basis, *count);
+                    tally.add(field, depth, ray.half(leaf.size), &ray.basis, *count);
                 }
             }
         }

@@ -14,13 +14,15 @@ use plenoctree::{
 /// The arguments of every command that extracts a palette.
 #[derive(Args)]
 pub struct ExtractionArguments {
-    /// How the palette is found: `hull`, the corners of the simplified convex hull of all colors, as in the paper; or
-    /// `fitted`, the colors whose labels are nearest to the field's colors.
+    /// How the palette is found: `hull`, the corners of the simplified convex hull of all colors, as in the paper;
+    /// `fitted`, the colors whose labels are nearest to the field's colors; or `tones`, as many colors as the field needs
+    /// without blends, in ramps by material.
     #[arg(long, default_value = PaletteMethod::default().name(), value_parser = methods())]
     method: PaletteMethod,
-    /// The maximum number of colors, 1 to 64, or `auto` for the fewest that keep the error within --tolerance.
-    #[arg(long, value_name = "N|auto", default_value = "6", value_parser = parse_colors)]
-    colors: Count,
+    /// The maximum number of colors, 1 to 64, or `auto` for the fewest that keep the error within --tolerance; by default
+    /// 6, or as many tones as the field needs.
+    #[arg(long, value_name = "N|auto", value_parser = parse_colors)]
+    colors: Option<ColorCount>,
     /// With --colors auto, the largest root mean square difference of a channel between the field's colors and their
     /// labels, above 0 and at most 1; 0.05 by default.
     #[arg(long, requires = "colors", value_parser = parse_fraction)]
@@ -32,9 +34,6 @@ pub struct ExtractionArguments {
     #[arg(long, value_name = "FILE.npz")]
     pub histograms: Option<PathBuf>,
 }
-
-/// A number of colors, or `None` for `auto`.
-type Count = Option<usize>;
 
 /// The sampler of the field's radiance.
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -51,12 +50,14 @@ pub enum Sampling {
 impl ExtractionArguments {
     /// Returns the default settings with the changes from the command line.
     pub fn settings(&self) -> Result<ExtractionSettings, String> {
-        if let (Some(colors), Some(_)) = (self.colors, self.tolerance) {
-            return Err(format!("--tolerance only applies to --colors auto, but found --colors {colors}"));
-        }
+        let colors = match (self.colors.unwrap_or_default(), self.tolerance) {
+            (ColorCount::Fixed(colors), Some(_)) => {
+                return Err(format!("--tolerance only applies to --colors auto, but found --colors {colors}"));
+            }
+            (_, Some(tolerance)) => ColorCount::Auto { tolerance },
+            (colors, None) => colors,
+        };
         let method = self.method;
-        let auto = || self.tolerance.map_or(ColorCount::AUTO, |tolerance| ColorCount::Auto { tolerance });
-        let colors = self.colors.map_or_else(auto, ColorCount::Fixed);
         let sampling = SamplingSettings { sample_fraction: self.sample_fraction, ..SamplingSettings::default() };
         Ok(ExtractionSettings { method, colors, sampling, ..ExtractionSettings::default() })
     }
@@ -68,12 +69,12 @@ fn methods() -> impl TypedValueParser<Value = PaletteMethod> {
     names.map(|name| PaletteMethod::ALL.into_iter().find(|method| method.name() == name).unwrap_or_default())
 }
 
-fn parse_colors(text: &str) -> Result<Count, String> {
+fn parse_colors(text: &str) -> Result<ColorCount, String> {
     if text == "auto" {
-        return Ok(None);
+        return Ok(ColorCount::AUTO);
     }
     let colors = text.parse().ok().filter(|colors| (1..=64).contains(colors));
-    colors.map(Some).ok_or_else(|| "expected a number from 1 to 64, or auto".into())
+    colors.map(ColorCount::Fixed).ok_or_else(|| "expected a number from 1 to 64, or auto".into())
 }
 
 fn parse_fraction(text: &str) -> Result<f64, String> {

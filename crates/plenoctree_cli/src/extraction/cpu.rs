@@ -8,7 +8,7 @@ use std::{
 
 use plenoctree::{
     PlenOctree,
-    palette::{ExtractionSettings, extract_from_histograms},
+    palette::{ExtractionSettings, extract_from_samples},
     reference::sample_histograms,
     sampling::{Histograms, Progress, SamplingSettings, sample},
 };
@@ -25,7 +25,7 @@ pub fn extract(field: &PlenOctree, settings: &ExtractionSettings, quiet: bool) -
         thread::spawn(move || {
             let sampler =
                 |settings: &SamplingSettings| sample(&field, settings, &progress).map_err(|error| error.to_string());
-            sample_and_extract(&settings, sampling_on(&field, &settings), sampler, &progress)
+            sample_and_extract(&field, &settings, sampling_on(&field, &settings), sampler, &progress)
         })
     };
     while !worker.is_finished() {
@@ -46,12 +46,13 @@ pub fn sampling_on(field: &PlenOctree, settings: &ExtractionSettings) -> &'stati
 pub fn extract_by_reference(field: &PlenOctree, settings: &ExtractionSettings, quiet: bool) -> Result<Extracted> {
     let spinner = progress::spinner("extracting", quiet);
     let sampler = |settings: &SamplingSettings| sample_histograms(field, settings).map_err(|error| error.to_string());
-    let extracted = sample_and_extract(settings, "reference", sampler, &Progress::default())?;
+    let extracted = sample_and_extract(field, settings, "reference", sampler, &Progress::default())?;
     spinner.finish_and_clear();
     Ok(extracted)
 }
 
 fn sample_and_extract(
+    field: &PlenOctree,
     settings: &ExtractionSettings,
     sampling_on: &'static str,
     sampler: impl FnOnce(&SamplingSettings) -> Result<Histograms, String>,
@@ -61,7 +62,8 @@ fn sample_and_extract(
     let start = Instant::now();
     let histograms = sampler(&settings.sampling)?;
     let sampling = start.elapsed().as_secs_f64();
-    let mut extraction = extract_from_histograms(&histograms, settings, progress).map_err(|error| error.to_string())?;
+    let extracted = extract_from_samples(field, &histograms, settings, progress);
+    let mut extraction = extracted.map_err(|error| error.to_string())?;
     extraction.seconds.sampling = sampling;
     Ok(Extracted { extraction, histograms: Arc::new(histograms), sampling_on })
 }

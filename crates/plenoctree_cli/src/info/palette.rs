@@ -19,7 +19,8 @@ pub fn report(path: &Path) -> Result<Report> {
         json!({"hex": hex::format(hex::quantize(*color)), "color": color, "weight": weight})
     };
     let colors: Vec<Value> = palette.colors.iter().zip(&palette.weights).map(color).collect();
-    let json = json!({"file": path.display().to_string(), "file_bytes": file_bytes, "colors": colors});
+    let json =
+        json!({"file": path.display().to_string(), "file_bytes": file_bytes, "colors": colors, "ramps": palette.ramps});
 
     let lines = [("file size", text::size(file_bytes)), ("colors", palette.colors.len().to_string())];
     Ok(Report { text: text::table(path, &lines) + &swatches::lines(&palette), json })

@@ -8,12 +8,13 @@ use plenoctree::palette::Palette;
 use crate::{
     extraction::{ExtractionArguments, Sampling},
     files, hex,
-    number::counted,
     preset::Preset,
     renderer::{PosterizeSettings, Renderer},
     result::Result,
     size::parse_size,
 };
+
+use super::recolor::{self, Recoloring};
 
 /// Render views of a field, extract its palette, and posterize and recolor the views.
 #[derive(Args)]
@@ -41,9 +42,9 @@ pub struct Arguments {
     /// The sampler of the field's radiance; by default the GPU, or the CPU if there is no GPU or no support for it.
     #[arg(long, value_enum)]
     pub sampling: Option<Sampling>,
-    /// The number of steps from one palette color to another.
-    #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=8))]
-    blend_steps: u32,
+    /// The number of steps from one palette color to another; by default 3, or 1 for palettes of tones.
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=8))]
+    blend_steps: Option<u32>,
     /// The distance over which labels blend, in encoded sRGB; 0 is a hard edge.
     #[arg(long, default_value_t = 0.2, value_parser = parse_softness)]
     softness: f32,
@@ -53,9 +54,10 @@ pub struct Arguments {
     /// Smooth the edges of the prop, as the plugin does by default; not with --renderer reference.
     #[arg(long)]
     smooth_edges: bool,
-    /// Show a palette color as another color; can be repeated.
-    #[arg(long, value_name = "INDEX=#RRGGBB", value_parser = parse_recolor)]
-    recolor: Vec<(usize, [u8; 3])>,
+    /// Show another color in place of a palette color, given by its index, or of a ramp, given by its name or as
+    /// ramp:INDEX; can be repeated.
+    #[arg(long, value_name = "INDEX|RAMP=#RRGGBB", value_parser = recolor::parse)]
+    recolor: Vec<Recoloring>,
     /// The background color.
     #[arg(long, value_name = "#RRGGBB", default_value = "#ffffff", value_parser = hex::parse)]
     pub background: [u8; 3],
@@ -76,10 +78,10 @@ impl Arguments {
         self.frames.map(|frames| frames as usize)
     }
 
-    /// Returns the settings of posterization.
-    pub fn posterize(&self) -> PosterizeSettings {
+    /// Returns the settings of posterization with a palette.
+    pub fn posterize(&self, palette: &Palette) -> PosterizeSettings {
         PosterizeSettings {
-            blend_steps: self.blend_steps,
+            blend_steps: self.blend_steps.unwrap_or(palette.method.unwrap_or_default().blend_steps()),
             softness: self.softness,
             min_opacity: self.min_opacity,
             smooth_edges: self.smooth_edges,
@@ -104,22 +106,8 @@ impl Arguments {
         if self.recolor.is_empty() {
             return Ok(None);
         }
-        let mut colors = palette.colors.clone();
-        for (index, color) in &self.recolor {
-            let count = colors.len();
-            let slot = colors.get_mut(*index).ok_or_else(|| {
-                let colors = counted(count, "color", "colors");
-                format!("--recolor {index}: the palette has {colors}, 0 to {}", count - 1)
-            })?;
-            *slot = color.map(|c| f64::from(c) / 255.0);
-        }
-        Ok(Some(colors))
+        recolor::apply(&self.recolor, palette).map(Some)
     }
-}
-
-fn parse_recolor(text: &str) -> Result<(usize, [u8; 3]), String> {
-    let (index, color) = text.split_once('=').ok_or("expected INDEX=#RRGGBB")?;
-    Ok((index.parse().map_err(|_| "expected a palette index before the =")?, hex::parse(color)?))
 }
 
 fn parse_number(text: &str, most: f32) -> Result<f32, String> {

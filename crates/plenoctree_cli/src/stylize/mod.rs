@@ -2,6 +2,7 @@
 
 mod arguments;
 mod output;
+mod recolor;
 mod report;
 
 pub use arguments::Arguments;
@@ -48,7 +49,8 @@ pub fn run(arguments: &Arguments) -> Result {
             (extracted.extraction.palette.clone(), Some(extracted))
         }
     };
-    check_labels(&palette, arguments.posterize().blend_steps)?;
+    let settings = arguments.posterize(&palette);
+    check_labels(&palette, settings.blend_steps)?;
     let recolored = arguments.recolored(&palette)?;
 
     files::create_folder(&arguments.out)?;
@@ -57,7 +59,7 @@ pub fn run(arguments: &Arguments) -> Result {
     let scene = Scene { field: field.clone(), quality: arguments.quality, background: arguments.background };
     let mut renderer =
         arguments.renderer.start(scene, &cameras).map_err(|error| format!("{}: {error}", path.display()))?;
-    let look = |shown| Look { source: &palette.colors, shown, settings: arguments.posterize() };
+    let look = |shown| Look { source: &palette.colors, shown, settings };
 
     let bar = progress::bar("rendering", cameras.len() as u64, arguments.quiet);
     let mut times = Vec::new();

@@ -7,6 +7,7 @@ use super::{
     leaves::chosen_leaves,
     march::optical_depth,
     progress::{Canceled, Progress},
+    sample_point::SamplePoint,
 };
 use crate::{
     field::{LeafCell, PlenOctree},
@@ -19,16 +20,6 @@ const EXAMINED: usize = 4096;
 const LEFT_OUT: f64 = 0.5;
 /// Optical depth beyond which nothing is visible, whatever the settings say: the smallest number above 0 in 32 bits.
 const OPAQUE: f64 = 87.0;
-
-/// Where in a leaf its radiance is sampled.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum SamplePoint {
-    /// At its center, as in the paper. The transmittance of a sample is that from the center to the observer.
-    Center,
-    /// Where a ray from the observer enters it. The transmittance of a sample is the mean along the ray's path through
-    /// the leaf. For fields whose visible leaves let hardly any light through, so that their centers are hidden.
-    Entry,
-}
 
 impl SamplePoint {
     /// Chooses the point for a field: [`Self::Entry`] if more than half of what observers see is in leaves that hide
@@ -75,15 +66,6 @@ impl SamplePoint {
         let sums: Vec<_> = leaves.par_iter().map(of_leaf).collect::<Result<_, Canceled>>()?;
         let (seen, left_out) = sums.iter().fold((0.0, 0.0), |sum, leaf| (sum.0 + leaf.0, sum.1 + leaf.1));
         Ok(if left_out > LEFT_OUT * seen { Self::Entry } else { Self::Center })
-    }
-
-    /// Returns the factor by which the transmittance from the point to the observer is multiplied, for a ray on whose
-    /// way from the leaf's center to the observer the leaf itself has an optical depth of `own`.
-    pub(super) fn share(self, own: f64) -> f64 {
-        match self {
-            Self::Entry if own > 0.0 => -(-2.0 * own).exp_m1() / (2.0 * own),
-            _ => 1.0,
-        }
     }
 }
 

@@ -1,0 +1,297 @@
+//! Moves ramps so that given labels get given colors: section 4 of the method, step 8.
+
+use std::fmt;
+
+use glam::{DVec2, DVec3};
+
+use super::{
+    adjustment::{LEAST_CONTRAST, room},
+    gamut,
+    motion::{Motion, Shades},
+};
+use crate::palette::{
+    colors::Palette,
+    label::PaletteLabel,
+    oklab::{from_oklab, oklab},
+};
+
+/// A wish that a label, and so the pixels that have it, gets a color.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Wish {
+    /// The label: a palette color, or a blend of two.
+    pub label: PaletteLabel,
+    /// The color that it should get, in encoded sRGB.
+    pub color: [f64; 3],
+}
+
+impl Wish {
+    /// Returns the wish that a palette color becomes another color in encoded sRGB.
+    pub fn tone(tone: usize, color: [f64; 3]) -> Self {
+        Self { label: PaletteLabel { index: tone, first: tone, second: tone, share: 1.0 }, color }
+    }
+}
+
+/// Some wishes cannot be met.
+#[derive(Clone, Debug, PartialEq)]
+pub struct UnmetWishes {
+    /// The wishes that are not met, in order.
+    pub unmet: Vec<Unmet>,
+    /// The palette's colors in encoded sRGB with which all wishes together are met best, in least squares.
+    pub nearest: Vec<[f64; 3]>,
+}
+
+/// A wish that is not met.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Unmet {
+    /// Its index among the wishes.
+    pub wish: usize,
+    /// The color in encoded sRGB that is nearest to what was wished.
+    pub reached: [f64; 3],
+    /// Why it is not met.
+    pub reason: UnmetReason,
+}
+
+/// Why a wish is not met.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum UnmetReason {
+    /// The palette has no such label.
+    NoLabel,
+    /// The label's ramps are locked, or its colors are in no ramp.
+    Locked,
+    /// Other wishes pull the ramp elsewhere, or the color is none that the ramp can get.
+    Conflict,
+}
+
+impl std::error::Error for UnmetWishes {}
+
+impl fmt::Display for UnmetWishes {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (index, Unmet { wish, reached, reason }) in self.unmet.iter().enumerate() {
+            let reason = match reason {
+                UnmetReason::NoLabel => "the palette has no such label",
+                UnmetReason::Locked => "its colors are in no ramp that may move",
+                UnmetReason::Conflict => "it contradicts another wish, or the ramp cannot get there",
+            };
+            let [r, g, b] = reached;
+            let separator = if index > 0 { "; " } else { "" };
+            write!(f, "{separator}wish {wish} cannot be met: {reason} (nearest: {r:.3}, {g:.3}, {b:.3})")?;
+        }
+        Ok(())
+    }
+}
+
+/// The difference of a channel in encoded sRGB up to which a wish is met.
+const MET: f64 = 1e-3;
+/// The error in Oklab at which the solver stops.
+const EXACT: f64 = 1e-9;
+/// Number of parameters of a motion: the mean, the contrast and the tint.
+const PARAMETERS: usize = 6;
+/// How readily each parameter changes.
+const EASE: [f64; PARAMETERS] = [1.0, 1.0, 1.0, 0.3, 0.3, 0.3];
+
+impl Palette {
+    /// Returns the palette's colors in encoded sRGB after its ramps have moved so that all wishes come true, with as
+    /// little change as possible. Ramps without a wish, those in `locked`, and colors in no ramp keep their source
+    /// colors.
+    ///
+    /// A single wish for a ramp moves it as a whole, like [`show_ramp`](Self::show_ramp). Several also change its
+    /// contrast and the tint of its shadows.
+    ///
+    /// ```
+    /// use plenoctree::palette::{Palette, Wish};
+    ///
+    /// let mut palette = Palette::new(vec![[0.5, 0.1, 0.1], [0.8, 0.2, 0.2], [0.9, 0.9, 0.9]])?;
+    /// palette.ramps = palette.guess_ramps();
+    /// let shown = palette.recolored(&[Wish::tone(0, [0.1, 0.1, 0.4])], &[])?;
+    /// assert_eq!(shown[0], [0.1, 0.1, 0.4]);
+    /// // The lighter red became a lighter blue.
+    /// assert!(shown[1][2] > shown[0][2] && shown[1][2] > shown[1][0]);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
+    /// # Errors
+    ///
+    /// Returns an error that says which wishes cannot be met, and with the colors that are nearest to all of them.
+    pub fn recolored(&self, wishes: &[Wish], locked: &[usize]) -> Result<Vec<[f64; 3]>, UnmetWishes> {
+        let has = |wish: &Wish| wish.label.first.max(wish.label.second) < self.colors.len();
+        let known: Vec<Wish> = wishes.iter().copied().filter(has).collect();
+        let colors = Solver::new(self, &known, locked).solve();
+        let mut unmet = Vec::new();
+        for (index, wish) in wishes.iter().enumerate() {
+            if !has(wish) {
+                unmet.push(Unmet { wish: index, reached: [0.0; 3], reason: UnmetReason::NoLabel });
+                continue;
+            }
+            let reached = wish.label.mix(&colors);
+            if (reached - DVec3::from(wish.color)).abs().max_element() > MET || reached.is_nan() {
+                let may_move = |tone| self.ramp_of(tone).is_some_and(|ramp| !locked.contains(&ramp));
+                let is_free = may_move(wish.label.first) || may_move(wish.label.second);
+                let reason = if is_free { UnmetReason::Conflict } else { UnmetReason::Locked };
+                unmet.push(Unmet { wish: index, reached: reached.into(), reason });
+            }
+        }
+        if unmet.is_empty() { Ok(colors) } else { Err(UnmetWishes { unmet, nearest: colors }) }
+    }
+}
+
+struct Solver<'a> {
+    palette: &'a Palette,
+    wishes: &'a [Wish],
+    /// The ramps that move.
+    ramps: Vec<(Shades<'a>, Motion)>,
+}
+
+impl<'a> Solver<'a> {
+    fn new(palette: &'a Palette, wishes: &'a [Wish], locked: &[usize]) -> Self {
+        let wished = |ramp: &usize| {
+            let has = |tone| palette.ramps[*ramp].tones.contains(&tone);
+            wishes.iter().any(|wish| has(wish.label.first) || has(wish.label.second))
+        };
+        let free = (0..palette.ramps.len()).filter(|ramp| !locked.contains(ramp)).filter(wished);
+        let still = |shades: Shades<'a>| {
+            let motion = Motion { mean: shades.mean(), contrast: 1.0, spread: 1.0, tint: DVec2::ZERO };
+            (shades, motion)
+        };
+        Self { palette, wishes, ramps: free.filter_map(|ramp| Shades::of(palette, ramp)).map(still).collect() }
+    }
+
+    /// Returns the colors that meet the wishes best.
+    fn solve(mut self) -> Vec<[f64; 3]> {
+        // The means alone, then with less contrast where that does not fit between black and white.
+        self.improve(3);
+        let limited = self.wishes.iter().all(|wish| wish.color.iter().all(|channel| (0.0..=1.0).contains(channel)));
+        if limited {
+            for (shades, motion) in &mut self.ramps {
+                let (below, above) = shades.reach();
+                motion.contrast = room(motion.mean.x, below, 1.0 - motion.mean.x, above).clamp(LEAST_CONTRAST, 1.0);
+            }
+            self.improve(3);
+        }
+        if self.error() > EXACT {
+            self.improve(PARAMETERS);
+        }
+        let mut colors = self.palette.colors.clone();
+        self.place(|tone, place| colors[tone] = gamut::shown(place, limited));
+        // What is met but for rounding is met to the bit.
+        for wish in self.wishes {
+            let tone = wish.label.first;
+            let near = |color: [f64; 3]| (DVec3::from(color) - DVec3::from(wish.color)).abs().max_element() <= MET;
+            if tone == wish.label.second && near(colors[tone]) {
+                colors[tone] = wish.color;
+            }
+        }
+        colors
+    }
+
+    fn place(&self, mut place: impl FnMut(usize, DVec3)) {
+        self.ramps.iter().for_each(|(shades, motion)| shades.place(motion, &mut place));
+    }
+
+    /// Returns how far every wish is from coming true, in Oklab.
+    fn residuals(&self) -> Vec<f64> {
+        let mut places: Vec<DVec3> = self.palette.colors.iter().map(|color| oklab((*color).into())).collect();
+        self.place(|tone, place| places[tone] = place);
+        let residual = |wish: &Wish| {
+            let PaletteLabel { first, second, share, .. } = wish.label;
+            let place = if first == second {
+                places[first]
+            } else {
+                oklab(share * from_oklab(places[first]) + (1.0 - share) * from_oklab(places[second]))
+            };
+            (oklab(wish.color.into()) - place).to_array()
+        };
+        self.wishes.iter().flat_map(residual).collect()
+    }
+
+    fn error(&self) -> f64 {
+        self.residuals().iter().map(|residual| residual * residual).sum::<f64>().sqrt()
+    }
+
+    /// Meets the wishes in least squares with the first `free` parameters of every ramp: Gauss-Newton, each step the
+    /// shortest one.
+    fn improve(&mut self, free: usize) {
+        for _ in 0..30 {
+            let residuals = self.residuals();
+            let error = self.error();
+            if error <= EXACT || residuals.is_empty() {
+                return;
+            }
+            let columns = self.columns(free, &residuals);
+            let step = shortest(&columns, &residuals);
+            let before: Vec<Motion> = self.ramps.iter().map(|(_, motion)| *motion).collect();
+            let mut length = 1.0;
+            loop {
+                for (index, (change, (_, ease))) in step.iter().zip(&columns).enumerate() {
+                    let (ramp, parameter) = (index / free, index % free);
+                    if parameter == 0 {
+                        self.ramps[ramp].1 = before[ramp];
+                    }
+                    change_parameter(&mut self.ramps[ramp].1, parameter, length * ease * change);
+                }
+                if self.error() < error * (1.0 - 1e-9) {
+                    break;
+                }
+                length *= 0.5;
+                if length < 1e-4 {
+                    self.ramps.iter_mut().zip(before).for_each(|((_, motion), before)| *motion = before);
+                    return;
+                }
+            }
+        }
+    }
+
+    /// Returns the change of what is reached by every parameter, scaled by how readily it changes, and that scale.
+    fn columns(&mut self, free: usize, residuals: &[f64]) -> Vec<(Vec<f64>, f64)> {
+        const SMALL: f64 = 1e-6;
+        let mut columns = Vec::new();
+        for ramp in 0..self.ramps.len() {
+            for (parameter, ease) in EASE.into_iter().enumerate().take(free) {
+                let before = self.ramps[ramp].1;
+                change_parameter(&mut self.ramps[ramp].1, parameter, SMALL);
+                let column = residuals.iter().zip(self.residuals()).map(|(a, b)| ease * (a - b) / SMALL).collect();
+                self.ramps[ramp].1 = before;
+                columns.push((column, ease));
+            }
+        }
+        columns
+    }
+}
+
+/// Changes a parameter of a motion. Light and dark never swap.
+fn change_parameter(motion: &mut Motion, parameter: usize, by: f64) {
+    match parameter {
+        0..3 => motion.mean[parameter] += by,
+        3 => motion.contrast = (motion.contrast + by).max(0.0),
+        _ => motion.tint[parameter - 4] += by,
+    }
+}
+
+/// Returns the shortest combination of columns that comes nearest to `target`.
+fn shortest(columns: &[(Vec<f64>, f64)], target: &[f64]) -> Vec<f64> {
+    let rows = target.len();
+    let product = |a: usize, b: usize| columns.iter().map(|(column, _)| column[a] * column[b]).sum::<f64>();
+    let mut matrix: Vec<Vec<f64>> = (0..rows).map(|a| (0..rows).map(|b| product(a, b)).collect()).collect();
+    // Wishes that depend on each other make the matrix singular.
+    let ridge = 1e-10 * (0..rows).map(|row| matrix[row][row]).fold(0.0, f64::max) + f64::MIN_POSITIVE;
+    (0..rows).for_each(|row| matrix[row][row] += ridge);
+    let solution = eliminate(matrix, target.to_vec());
+    columns.iter().map(|(column, _)| column.iter().zip(&solution).map(|(a, b)| a * b).sum()).collect()
+}
+
+/// Solves a linear system with a positive definite matrix.
+fn eliminate(mut matrix: Vec<Vec<f64>>, mut right: Vec<f64>) -> Vec<f64> {
+    let rows = right.len();
+    for pivot in 0..rows {
+        for row in pivot + 1..rows {
+            let factor = matrix[row][pivot] / matrix[pivot][pivot];
+            let (upper, lower) = matrix.split_at_mut(row);
+            lower[0].iter_mut().zip(&upper[pivot]).skip(pivot).for_each(|(a, b)| *a -= factor * b);
+            right[row] -= factor * right[pivot];
+        }
+    }
+    for row in (0..rows).rev() {
+        let known: f64 = (row + 1..rows).map(|column| matrix[row][column] * right[column]).sum();
+        right[row] = (right[row] - known) / matrix[row][row];
+    }
+    right
+}

@@ -1,0 +1,135 @@
+//! Palettes of tones: section 3 of the method, step 11.
+
+mod grow;
+mod points;
+
+pub(super) use grow::{Enough, tones};
+pub(super) use points::{Uniform, uniform};
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+    use proptest::prelude::*;
+
+    use crate::{
+        palette::{
+            ColorCount, ColorErrors, ExtractionSettings, Palette, PaletteMethod, extract_from_histograms,
+            oklab::{chroma, oklab},
+        },
+        sampling::{Histograms, Progress},
+    };
+
+    type Weighted = ([f64; 3], f64);
+
+    fn histograms(bins_per_channel: usize, colors: &[Weighted]) -> Histograms {
+        let bins = |n: usize| {
+            let mut weights = vec![0.0; n.pow(3)];
+            for (color, weight) in colors {
+                let [r, g, b] = color.map(|c| ((c * n as f64) as usize).min(n - 1));
+                weights[(r * n + g) * n + b] += weight;
+            }
+            weights
+        };
+        Histograms::new(bins_per_channel, bins(bins_per_channel), 8, bins(8), 0).unwrap()
+    }
+
+    fn extract(bins: usize, colors: &[Weighted], count: ColorCount) -> (Palette, ColorErrors) {
+        let settings = ExtractionSettings { method: PaletteMethod::Tones, colors: count, ..Default::default() };
+        let found = extract_from_histograms(&histograms(bins, colors), &settings, &Progress::default()).unwrap();
+        (found.palette, found.errors)
+    }
+
+    /// Four materials in light and shadow, and a small purple part with 0.4% of the weight.
+    fn materials() -> Vec<Weighted> {
+        let shaded = [[0.85, 0.15, 0.15], [0.9, 0.89, 0.87], [0.3, 0.6, 0.2], [0.55, 0.4, 0.3]];
+        let shades = |color: [f64; 3]| {
+            (0..200).map(move |i| {
+                let light = 0.25 + 0.75 * f64::from(i) / 200.0;
+                let vary = |channel: usize| 0.012 * (2.3 * f64::from(i) + 1.9 * channel as f64).sin();
+                (std::array::from_fn(|channel| light * color[channel] + vary(channel)), 1.0)
+            })
+        };
+        let purple = (0..8).map(|i| ([0.42 + 0.006 * f64::from(i), 0.25, 0.7], 0.4));
+        shaded.into_iter().flat_map(shades).chain(purple).collect()
+    }
+
+    fn noisy(colors: &[Weighted], seed: u32) -> Vec<Weighted> {
+        let factor = |i: usize| 1.0 + 0.02 * (f64::from(seed) * 1e3 * (i as f64 + 0.5).sin()).sin();
+        colors.iter().enumerate().map(|(i, (color, weight))| (*color, weight * factor(i))).collect()
+    }
+
+    /// Returns the largest distance in Oklab from a color of a palette to the nearest of the other.
+    fn moved(a: &Palette, b: &Palette) -> f64 {
+        let place = |color: &[f64; 3]| oklab(DVec3::from(*color));
+        let nearest = |a: &[f64; 3]| b.colors.iter().map(|b| place(a).distance(place(b))).fold(f64::INFINITY, f64::min);
+        a.colors.iter().map(nearest).fold(0.0, f64::max)
+    }
+
+    /// The small part has a tone of its own, grays have no tint, and no hue is off.
+    #[test]
+    fn small_distinct_parts_are_kept() {
+        let (palette, errors) = extract(32, &materials(), ColorCount::Usual);
+        assert!((8..=ColorCount::MOST_TONES).contains(&palette.colors.len()), "{}", palette.colors.len());
+        let purple = chroma(DVec3::new(0.44, 0.25, 0.7));
+        let nearest = |color: &[f64; 3]| chroma(DVec3::from(*color)).distance(purple);
+        assert!(palette.colors.iter().any(|color| nearest(color) < 0.02), "{palette:?}");
+        assert!(errors.hue < 1e-3 && errors.rmse < 0.04, "{errors:?}");
+    }
+
+    /// One percent of noise, and histograms of half as many bins per channel, leave about as many tones in about the
+    /// same places. The same bins give the same bits.
+    #[test]
+    fn noise_and_resolution_move_tones_little() {
+        let (palette, _) = extract(32, &materials(), ColorCount::Usual);
+        assert_eq!(extract(32, &materials(), ColorCount::Usual).0, palette);
+        for seed in 1..=8 {
+            let (other, _) = extract(32, &noisy(&materials(), seed), ColorCount::Usual);
+            assert_eq!(other.colors.len(), palette.colors.len());
+            assert!(moved(&palette, &other).max(moved(&other, &palette)) < 0.02, "{seed}");
+        }
+        let (fine, _) = extract(64, &materials(), ColorCount::Usual);
+        assert!(fine.colors.len().abs_diff(palette.colors.len()) <= 2);
+        let shown = |palette| ColorErrors::of_labels(&histograms(32, &materials()), palette, 1).rmse;
+        assert!(shown(&fine) < 1.1 * shown(&palette));
+        assert!(moved(&palette, &fine).max(moved(&fine, &palette)) < 0.1);
+    }
+
+    /// A lower tolerance takes more tones, and what settings ask for is met.
+    #[test]
+    fn counts_and_tolerances_are_met() {
+        let mut before = 0;
+        for tolerance in [0.1, 0.06, 0.04] {
+            let (palette, errors) = extract(32, &materials(), ColorCount::Auto { tolerance });
+            assert!(errors.rmse <= tolerance && palette.colors.len() >= before, "{tolerance}: {errors:?}");
+            before = palette.colors.len();
+        }
+        for count in [1, 3, 17, 64] {
+            assert_eq!(extract(32, &materials(), ColorCount::Fixed(count)).0.colors.len(), count);
+        }
+    }
+
+    /// Weights may be so large that their sum is infinite, or so small that their squares vanish.
+    #[test]
+    fn the_scale_of_weights_does_not_matter() {
+        let (palette, _) = extract(32, &materials(), ColorCount::Usual);
+        for scale in [1e305, 1e-300] {
+            let scaled: Vec<_> = materials().into_iter().map(|(color, weight)| (color, scale * weight)).collect();
+            assert!(moved(&palette, &extract(32, &scaled, ColorCount::Usual).0) < 1e-6);
+        }
+    }
+
+    proptest! {
+        /// A few flat colors, such as of voxel art, are all found, wherever they are.
+        #[test]
+        fn flat_colors_are_exact(
+            colors in prop::collection::btree_set(prop::array::uniform3(0..16u8), 1..12),
+            weights in prop::array::uniform12(0.01..1.0f64),
+        ) {
+            let center = |i: u8| (2.0 * f64::from(i) + 0.5) / 32.0;
+            let colors: Vec<Weighted> = colors.into_iter().map(|c| c.map(center)).zip(weights).collect();
+            let (palette, errors) = extract(32, &colors, ColorCount::Fixed(12));
+            prop_assert_eq!(palette.colors.len(), colors.len());
+            prop_assert!(errors.rmse < 1e-6, "{errors:?}");
+        }
+    }
+}

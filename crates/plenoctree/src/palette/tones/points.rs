@@ -1,0 +1,105 @@
+//! The colors of a histogram in a space in which distances are those that tones are judged by.
+
+use std::collections::BTreeMap;
+
+use glam::{DVec2, DVec3, swizzles::Vec3Swizzles};
+use rayon::prelude::*;
+
+use crate::{
+    palette::oklab::oklab,
+    sampling::{Bins, Canceled, Progress},
+};
+
+/// A color in the uniform space: lightness, and chroma in Oklab that counts more near gray and less when vivid.
+pub(in crate::palette) type Uniform = DVec3;
+
+/// How much more the chroma of grays counts than lightness.
+const CHROMA: f64 = 2.4;
+/// Chroma in Oklab beyond which it counts logarithmically.
+const VIVID: f64 = 0.1;
+
+/// Places a color of Oklab in the uniform space.
+pub(in crate::palette) fn uniform(oklab: DVec3) -> Uniform {
+    let chroma: DVec2 = oklab.yz();
+    let length = chroma.length();
+    let scale = if length > 0.0 { CHROMA * VIVID * (length / VIVID).ln_1p() / length } else { CHROMA };
+    DVec3::new(oklab.x, scale * chroma.x, scale * chroma.y)
+}
+
+/// A few similar colors of a histogram, merged.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Point {
+    /// The mean in the uniform space.
+    pub place: Uniform,
+    /// The mean in Oklab.
+    pub oklab: DVec3,
+    /// Share of the visible weight.
+    pub weight: f64,
+    /// Share of the weight that the fit uses: rare colors count more than their share.
+    pub salient: f64,
+}
+
+/// Number of points beyond which colors are not told apart better, because it would take too long.
+const MOST: usize = 3000;
+/// The side of the first cells in which colors are merged, if there are more.
+const CELL: f64 = 0.01;
+/// The distance within which colors count as similar, for their salience.
+const SIMILAR: f64 = 0.06;
+/// The weight of similar colors together counts like their share to this power.
+const SALIENCE: f64 = 0.65;
+/// The share of similar colors below which they count in proportion to it, so that specks do not become tones.
+const SPECK: f64 = 1e-3;
+
+/// Returns the colors of a histogram, merged in cells, or none if it has no weight.
+pub(super) fn points(bins: &Bins, progress: &Progress) -> Result<Vec<Point>, Canceled> {
+    // The sum of the heaviest weights might be infinite, but not that of their shares of the largest.
+    let most = bins.weights.iter().copied().fold(0.0, f64::max);
+    let total: f64 = bins.weights.iter().map(|weight| weight / most).sum();
+    let seen = bins.weights.iter().enumerate().filter(|(_, weight)| **weight > 0.0);
+    let color = |(bin, weight): (usize, &f64)| {
+        progress.check()?;
+        Ok((oklab(bins.center(bin).into()), weight / most / total))
+    };
+    let all: Vec<(DVec3, f64)> = seen.map(color).collect::<Result<_, _>>()?;
+    let mut points: Vec<Point> =
+        all.iter().map(|&(oklab, weight)| Point { place: uniform(oklab), oklab, weight, salient: weight }).collect();
+    let mut cell = CELL;
+    while points.len() > MOST {
+        points = merge(&all, cell, progress)?;
+        cell *= 1.25;
+    }
+    weigh(&mut points, progress)?;
+    Ok(points)
+}
+
+/// Merges the colors in every cell of the uniform space into their mean.
+fn merge(colors: &[(DVec3, f64)], side: f64, progress: &Progress) -> Result<Vec<Point>, Canceled> {
+    let mut cells = BTreeMap::<[i32; 3], (DVec3, f64)>::new();
+    for &(oklab, weight) in colors {
+        progress.check()?;
+        let cell = (uniform(oklab) / side).round().as_ivec3().to_array();
+        let (sum, total) = cells.entry(cell).or_default();
+        *sum += weight * oklab;
+        *total += weight;
+    }
+    // The weights of the faintest cells may vanish.
+    let cells = cells.into_values().filter(|(_, weight)| *weight > 0.0);
+    let point = |(sum, weight): (DVec3, f64)| {
+        let oklab = sum / weight;
+        Point { place: uniform(oklab), oklab, weight, salient: weight }
+    };
+    Ok(cells.map(point).collect())
+}
+
+/// Finds how much every point counts.
+fn weigh(points: &mut [Point], progress: &Progress) -> Result<(), Canceled> {
+    let similar = |a: &Point| {
+        progress.check()?;
+        let kernel = |b: &Point| b.weight * (-a.place.distance_squared(b.place) / (2.0 * SIMILAR * SIMILAR)).exp();
+        Ok(a.weight * points.iter().map(kernel).sum::<f64>().max(SPECK).powf(SALIENCE - 1.0))
+    };
+    let salient: Vec<f64> = points.par_iter().map(similar).collect::<Result<_, _>>()?;
+    let total: f64 = salient.iter().sum();
+    points.iter_mut().zip(salient).for_each(|(point, salient)| point.salient = salient / total);
+    Ok(())
+}

@@ -1,0 +1,36 @@
+//! Records histograms in fields that will be packed.
+
+use std::sync::Arc;
+
+use super::{
+    progress::{Canceled, Progress},
+    sampler::{SamplingError, sample},
+};
+use crate::{
+    field::PlenOctree,
+    histograms::{Recorded, SamplingSettings},
+};
+
+impl PlenOctree {
+    /// Samples the field with the default settings, and returns it with what was found: [`Self::histograms`] returns
+    /// that, and packed files record it with [`PackSettings::record_histograms`](crate::PackSettings::record_histograms).
+    /// So a field that is changed before it is packed, for example by `fit::simplify`, keeps its palette.
+    ///
+    /// Returns the field unchanged if it has histograms already, or if nothing of it is visible.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error if [`Progress::cancel`](Progress::cancel) is called.
+    pub fn recording_histograms(self, progress: &Progress) -> Result<Self, Canceled> {
+        let settings = SamplingSettings::default();
+        if self.recorded().is_some() {
+            return Ok(self);
+        }
+        match sample(&self, &settings, progress) {
+            Ok(histograms) => Ok(self.with_recorded(Recorded::new(&settings, &histograms).map(Arc::new))),
+            Err(SamplingError::Canceled(canceled)) => Err(canceled),
+            // The default settings are valid.
+            Err(SamplingError::Setting(_)) => Ok(self),
+        }
+    }
+}

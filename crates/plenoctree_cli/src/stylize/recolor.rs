@@ -1,0 +1,116 @@
+//! The recolorings of the command line.
+
+use plenoctree::palette::{Palette, RampAdjustment};
+
+use crate::{hex, number::counted, result::Result};
+
+/// A color in place of another, or of a ramp.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Recoloring {
+    of: Recolored,
+    color: [u8; 3],
+}
+
+/// What is recolored.
+#[derive(Clone, Debug, PartialEq)]
+enum Recolored {
+    /// A palette color, by its index.
+    Color(usize),
+    /// A ramp, by its index.
+    Ramp(usize),
+    /// A ramp, by its name, which is never a number and has no colon.
+    Name(String),
+}
+
+/// Parses `3=#rrggbb` (a palette color), `ramp:3=#rrggbb` or `red=#rrggbb` (a ramp).
+pub fn parse(text: &str) -> Result<Recoloring, String> {
+    let (of, color) = text.split_once('=').ok_or("expected INDEX=#RRGGBB, RAMP=#RRGGBB or ramp:INDEX=#RRGGBB")?;
+    let index = |digits: &str| digits.parse().map_err(|_| format!("found {digits} as an index, expected a number"));
+    let of = match of.strip_prefix("ramp:") {
+        Some(digits) => Recolored::Ramp(index(digits)?),
+        None if of.is_empty() => return Err("expected a palette index or the name of a ramp before the =".into()),
+        None if of.bytes().all(|byte| byte.is_ascii_digit()) => Recolored::Color(index(of)?),
+        None => Recolored::Name(of.into()),
+    };
+    Ok(Recoloring { of, color: hex::parse(color)? })
+}
+
+/// Returns the palette's colors with all recolorings, one after another.
+pub fn apply(recolorings: &[Recoloring], palette: &Palette) -> Result<Vec<[f64; 3]>, String> {
+    let mut colors = palette.colors.clone();
+    for Recoloring { of, color } in recolorings {
+        let color = color.map(|channel| f64::from(channel) / 255.0);
+        let ramp = match of {
+            Recolored::Color(index) => {
+                *colors.get_mut(*index).ok_or_else(|| missing_color(*index, palette))? = color;
+                continue;
+            }
+            Recolored::Ramp(index) => *index,
+            Recolored::Name(name) => palette.ramp(name).ok_or_else(|| missing_ramp(name, palette))?,
+        };
+        let adjustment = RampAdjustment::to_color(color);
+        let shown = palette.show_ramp(ramp, &adjustment, |tone, color| colors[tone] = color);
+        shown.map_err(|_| missing_ramp(&format!("ramp:{ramp}"), palette))?;
+    }
+    Ok(colors)
+}
+
+fn missing_color(index: usize, palette: &Palette) -> String {
+    let count = palette.colors.len();
+    format!("--recolor {index}: the palette has {}, 0 to {}", counted(count, "color", "colors"), count - 1)
+}
+
+fn missing_ramp(ramp: &str, palette: &Palette) -> String {
+    let names: Vec<&str> = palette.ramps.iter().map(|ramp| ramp.name.as_str()).collect();
+    match &names[..] {
+        [] => format!("--recolor {ramp}: the palette has no ramps; those of --method tones have"),
+        names => format!("--recolor {ramp}: the palette has the ramps {}", names.join(", ")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use plenoctree::palette::Ramp;
+
+    use super::*;
+
+    fn palette() -> Palette {
+        let mut palette = Palette::new(vec![[0.5, 0.1, 0.1], [0.8, 0.2, 0.2], [0.9; 3]]).unwrap();
+        palette.ramps = vec![Ramp { name: "cap".into(), tones: vec![0, 1] }];
+        palette
+    }
+
+    fn recolored(text: &str) -> Result<Vec<[f64; 3]>, String> {
+        apply(&[parse(text)?], &palette())
+    }
+
+    /// Numbers are palette colors. Ramps have names, or an index after a word.
+    #[test]
+    fn colors_and_ramps_are_told_apart() {
+        let before = palette().colors;
+        let color = recolored("1=#0000ff").unwrap();
+        assert_eq!(color, [before[0], [0.0, 0.0, 1.0], before[2]]);
+        let ramp = recolored("cap=#3060d0").unwrap();
+        assert_eq!(recolored("ramp:0=#3060d0").unwrap(), ramp);
+        assert!(ramp[..2].iter().all(|[r, _, b]| b > r) && ramp[0][2] < ramp[1][2] && ramp[2] == before[2], "{ramp:?}");
+    }
+
+    #[test]
+    fn errors_say_what_there_is() {
+        for (text, message) in [
+            ("9=#000000", "--recolor 9: the palette has 3 colors, 0 to 2"),
+            ("stem=#000000", "--recolor stem: the palette has the ramps cap"),
+            ("ramp:1=#000000", "--recolor ramp:1: the palette has the ramps cap"),
+            ("ramp:x=#000000", "found x as an index, expected a number"),
+            ("=#000000", "expected a palette index or the name of a ramp before the ="),
+            ("cap", "expected INDEX=#RRGGBB"),
+            ("cap=red", "expected #RRGGBB"),
+        ] {
+            let error = recolored(text).unwrap_err();
+            assert!(error.contains(message), "{text}: {error}");
+        }
+        let plain = Palette { ramps: vec![], ..palette() };
+        let error = apply(&[parse("cap=#000000").unwrap()], &plain).unwrap_err();
+        assert!(error.contains("has no ramps"), "{error}");
+    }
+}
