@@ -26,7 +26,7 @@ use crate::background::{self, on_cores};
 ///
 /// The Gaussians are added up in the cells of a field, in the background. That takes seconds, and fields of captures are
 /// large, so pack them with the asset processor ([`PackSaver`](crate::PackSaver)), or convert them with
-/// `plenoctree convert`. Invalid files fail to load with a [`SplatError`].
+/// `plenoctree convert`, which also refines them. Invalid files fail to load with a [`SplatError`].
 #[derive(TypePath)]
 #[type_path = "bevy_plenoctree"]
 pub struct CaptureLoader {
@@ -55,11 +55,12 @@ impl FromWorld for CaptureLoader {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct CaptureSettings {
-    /// Number of levels of cells, 6 to 10: the finest are `2^-depth` of the field's cube wide. 8 by default, which takes
-    /// seconds; 10 takes about half a minute.
+    /// Number of levels of cells, 6 to 10: the finest are `2^-depth` of the field's cube wide. 8 by default. The field
+    /// looks like the capture from where a finest cell is about as wide as a pixel.
     pub depth: u32,
-    /// The largest number of leaves, 32768 to 20,000,000. 3 million by default.
-    pub leaves: u32,
+    /// The largest number of leaves of any size, 32768 to 20,000,000, which are small where the capture shows detail.
+    /// By default, `None`, all leaves are finest cells.
+    pub leaves: Option<u32>,
     /// Lowest and highest corner of the box to convert, in the coordinates of the capture. By default, it contains most
     /// Gaussians.
     pub crop: Option<[[f64; 3]; 2]>,
@@ -76,7 +77,7 @@ impl Default for CaptureSettings {
     fn default() -> Self {
         Self {
             depth: 8,
-            leaves: 3_000_000,
+            leaves: None,
             crop: None,
             keep_largest: false,
             stand: Some(Axis::default()),
@@ -92,8 +93,8 @@ impl CaptureSettings {
         let settings = SubjectSettings { crop, keep_largest: self.keep_largest, up: self.stand };
         let Subject { splats, low, high, .. } = splats.subject(&settings)?;
         let bounds = Some((low, high));
-        let leaves = self.leaves as usize;
-        let field = voxelize(&splats, &VoxelSettings { depth: self.depth, leaves, bounds, ..Default::default() })?;
+        let leaves = self.leaves.map(|leaves| leaves as usize);
+        let field = voxelize(&splats, &VoxelSettings { depth: self.depth, leaves, bounds })?;
         let shift = field.foot().filter(|_| self.stand.is_some()).unwrap_or_default();
         Ok(field.shifted(-shift)?)
     }

@@ -134,7 +134,7 @@ fn interrupted_conversions_keep_what_is_there() {
     let convert = |depth: &str, size: &str, until: &str| {
         let mut program = Command::new(env!("CARGO_BIN_EXE_plenoctree"))
             .args(["convert", &capture, "--out", text(&out), "--depth", depth, "--picture-size", size])
-            .args(["--sample-fraction", "0.2", "--effort", "1"])
+            .args(["--sample-fraction", "0.2"])
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
             .spawn()

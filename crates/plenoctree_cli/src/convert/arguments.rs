@@ -17,21 +17,22 @@ pub struct Arguments {
     /// to it.
     #[arg(long, value_name = "PROP.npz")]
     pub out: PathBuf,
-    /// The number of levels of cells: the finest are 2^-DEPTH of the field's cube wide. By default 10, or fewer if cells
-    /// would be smaller than a pixel at the distance --near; 8 if the field is refined, all of whose cells are finest.
+    /// The number of levels of cells: the finest are 2^-DEPTH of the field's cube wide. By default 8; with --leaves,
+    /// --quality or --near, as many as make cells about a pixel wide at the distance --near, at most 10.
     #[arg(long, value_parser = clap::value_parser!(u32).range(6..=10))]
     pub depth: Option<u32>,
-    /// The largest number of leaves.
-    #[arg(long, value_name = "N", default_value_t = 3_000_000, conflicts_with_all = ["minutes", "effort"],
+    /// Make leaves small where the capture shows detail: at most this many. With --near alone, 3 million. Such a field
+    /// looks right from nearby, and is not refined.
+    #[arg(long, value_name = "N", conflicts_with_all = ["minutes", "effort"],
         value_parser = clap::value_parser!(u32).range(32_768..=20_000_000))]
-    pub leaves: u32,
-    /// Use as many leaves as it takes to look this much like the capture, in decibels of PSNR: the mean over pictures
-    /// from the distance --near, over white.
+    pub leaves: Option<u32>,
+    /// Like --leaves, with as many as it takes to look this much like the capture, in decibels of PSNR: the mean over
+    /// pictures from the distance --near, over white.
     #[arg(long, value_name = "DB", value_parser = parse_positive, conflicts_with_all = ["leaves", "minutes", "effort"])]
     pub quality: Option<f64>,
-    /// The distance from the middle of the box at which the field must look right, in the capture's units. By default,
-    /// half the longest side of the box.
-    #[arg(long, value_name = "DISTANCE", value_parser = parse_positive)]
+    /// The distance from the middle of the box at which the field of --leaves or --quality must look right, in the
+    /// capture's units. By default, half the longest side of the box.
+    #[arg(long, value_name = "DISTANCE", value_parser = parse_positive, conflicts_with_all = ["minutes", "effort"])]
     pub near: Option<f64>,
     /// The box to convert, in the coordinates of the capture: x,y,z of its lowest and of its highest corner. By
     /// default, it contains most Gaussians.
@@ -40,16 +41,15 @@ pub struct Arguments {
     /// Keep only the largest connected part, without floaters and backgrounds.
     #[arg(long)]
     pub keep_largest: bool,
-    /// Do not refine the field with pictures of the capture. This is the default without --minutes and --effort.
+    /// Only add up the Gaussians in the cells; do not refine the field with pictures of the capture.
     #[arg(long)]
     pub no_refine: bool,
-    /// Refine the field with pictures of the capture for this time, in minutes. All leaves are then finest cells.
+    /// The time for refining, in minutes. By default, --effort decides.
     #[arg(long, value_parser = parse_positive, conflicts_with = "no_refine")]
     pub minutes: Option<f64>,
-    /// Refine the field with pictures of the capture, with this multiple of the usual work. All leaves are then finest
-    /// cells.
-    #[arg(long, value_parser = parse_positive, conflicts_with = "no_refine")]
-    pub effort: Option<f64>,
+    /// The amount of refining, as a multiple of the default.
+    #[arg(long, default_value_t = 1.0, value_parser = parse_positive, conflicts_with = "no_refine")]
+    pub effort: f64,
     /// The width and height of the capture's pictures, in pixels.
     #[arg(long, value_name = "N", default_value_t = 400, value_parser = clap::value_parser!(u32).range(16..=2048))]
     pub picture_size: u32,
@@ -75,9 +75,9 @@ pub struct Arguments {
 }
 
 impl Arguments {
-    /// Returns whether the field is refined.
-    pub fn refines(&self) -> bool {
-        self.minutes.is_some() || self.effort.is_some()
+    /// Returns whether leaves have many sizes. Otherwise, they have one, and can be refined.
+    pub fn mixes_sizes(&self) -> bool {
+        self.leaves.is_some() || self.quality.is_some() || self.near.is_some()
     }
 }
 

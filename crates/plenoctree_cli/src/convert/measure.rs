@@ -18,19 +18,11 @@ pub struct Measured {
     pub previews: Vec<Comparison>,
 }
 
-/// Renders the field in float64, with one ray through the center of each pixel, and compares. Where cells would be
-/// smaller than pixels, the field is drawn at a coarser level.
+/// Renders the field in float64, with one ray through the center of each pixel, and compares.
 pub fn measure(field: &PlenOctree, cameras: &[PinholeCamera], images: &[SplatImage]) -> Measured {
     let (mut views, mut previews) = (Vec::new(), Vec::new());
-    let mut levels = vec![field.clone()];
     for (index, (camera, image)) in cameras.iter().zip(images).enumerate() {
-        let level = level(field, camera);
-        while levels.len() <= level
-            && let Some(coarser) = levels[levels.len() - 1].coarser(1)
-        {
-            levels.push(coarser);
-        }
-        let rendering = render(&levels[level.min(levels.len() - 1)], camera);
+        let rendering = render(field, camera);
         let mut pictures = Vec::new();
         let psnr = BACKGROUNDS.map(|(_, background)| {
             let (splat, field) = (image.over(background), rendering.over(background));
@@ -54,14 +46,6 @@ pub fn measure(field: &PlenOctree, cameras: &[PinholeCamera], images: &[SplatIma
     }
     let mean = |side: usize| views.iter().map(|psnr| psnr[side]).sum::<f64>() / views.len().max(1) as f64;
     Measured { psnr: [mean(0), mean(1)], views, previews }
-}
-
-/// Returns how often cells can be merged before they are larger than the pixels of a camera, in the middle of the field.
-fn level(field: &PlenOctree, camera: &PinholeCamera) -> usize {
-    let Some((low, high)) = field.dense_bounds() else { return 0 };
-    let pixel = camera.position.distance(0.5 * (low + high)) / camera.focal_x;
-    let cell = (field.frame().scale.max_element() * f64::from(1u32 << field.depth())).recip();
-    (pixel / cell).log2().max(0.0) as usize
 }
 
 impl Measured {

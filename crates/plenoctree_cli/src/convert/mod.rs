@@ -13,12 +13,15 @@ use glam::DVec3;
 use plenoctree::{PlenOctree, camera::PinholeCamera};
 use plenoctree_fit::{
     RefineSettings, Refined, Shot, refine,
-    splat::{SplatImage, Splats, Subject, SubjectSettings, VoxelSettings, Voxels, render_splats},
+    splat::{SplatImage, Splats, Subject, SubjectSettings, VoxelSettings, render_splats, voxelize},
 };
 use serde_json::json;
 
 use self::measure::{Measured, measure};
 use crate::{capture, console, fit::output, number::counted, progress, result::Result, training::Interruption};
+
+/// The largest number of leaves of many sizes, if none is given.
+const MOST_LEAVES: u32 = 3_000_000;
 
 /// Converts the capture, extracts the palette, and writes both with views and a report.
 pub fn run(arguments: &Arguments) -> Result {
@@ -43,26 +46,24 @@ pub fn run(arguments: &Arguments) -> Result {
     );
     let reading = start.elapsed();
 
-    let start = Instant::now();
-    let spinner = progress::spinner("voxelizing", false);
     let side = (high - low).max_element();
     let near = arguments.near.unwrap_or(0.5 * side);
-    let depth = arguments.depth.unwrap_or_else(|| match arguments.refines() {
-        true => 8,
-        false => (side / cameras::pixel(near, arguments.picture_size)).log2().clamp(6.0, 10.0).round() as u32,
-    });
-    let most = arguments.quality.map_or(arguments.leaves, |_| quality::MOST_LEAVES) as usize;
-    let settings = VoxelSettings { depth, leaves: most, uniform: arguments.refines(), bounds: Some((low, high)) };
-    let voxels = Voxels::new(&splats, &settings).map_err(|error| named(&error))?;
-    spinner.finish_and_clear();
     let cameras_near = cameras::near(low, high, near, arguments.picture_size);
     let images_near = photograph(&splats, &cameras_near, "measuring", None);
-    let mut field = match arguments.quality {
-        Some(quality) => quality::field(&voxels, quality, &cameras_near, &images_near),
-        None => voxels.field(most),
-    }
-    .map_err(|error| named(&error))?;
-    drop(voxels);
+    let start = Instant::now();
+    let spinner = progress::spinner("voxelizing", false);
+    let depth = arguments.depth.unwrap_or_else(|| match arguments.mixes_sizes() {
+        true => (side / cameras::pixel(near, arguments.picture_size)).log2().clamp(6.0, 10.0).round() as u32,
+        false => 8,
+    });
+    let bounds = Some((low, high));
+    let leaves = arguments.mixes_sizes().then(|| arguments.leaves.unwrap_or(MOST_LEAVES) as usize);
+    let field = match arguments.quality {
+        Some(quality) => quality::field(&splats, depth, bounds, quality, &cameras_near, &images_near),
+        None => voxelize(&splats, &VoxelSettings { depth, leaves, bounds }),
+    };
+    let mut field = field.map_err(|error| named(&error))?;
+    spinner.finish_and_clear();
     interruption.keep_result();
     let voxelizing = start.elapsed();
 
@@ -77,7 +78,7 @@ pub fn run(arguments: &Arguments) -> Result {
     console::say!("voxelized: {}, {quality} in {:.1} s", leaves(&field), voxelizing.as_secs_f64());
     let mut measuring = start.elapsed();
     let (mut refined, mut refining) = (None, Duration::ZERO);
-    if arguments.refines() {
+    if !arguments.no_refine && !arguments.mixes_sizes() {
         let start = Instant::now();
         let pictures = photograph(&splats, &cameras.training, "rendering", Some(&interruption));
         if interruption.is_requested() {
@@ -87,7 +88,7 @@ pub fn run(arguments: &Arguments) -> Result {
             let held_out = to_shots(&cameras.held_out, &images);
             drop((splats, pictures));
             let settings = RefineSettings {
-                effort: arguments.effort.unwrap_or(1.0),
+                effort: arguments.effort,
                 time: arguments.minutes.map(|minutes| Duration::from_secs_f64(60.0 * minutes)),
                 seed: arguments.seed,
             };

@@ -11,6 +11,8 @@ use crate::{exponential::exp_minus, finest::position_of, splat::splats::Splats};
 
 /// Levels of cells in a block.
 pub const BLOCK: u32 = 5;
+/// The work of finding that a Gaussian is in a block, in sums.
+const WORK_PER_BLOCK: f64 = 200.0;
 /// Maximum number of levels of regions.
 const REGIONS: u32 = 2;
 
@@ -24,12 +26,23 @@ pub struct Lattice<'a> {
 }
 
 impl<'a> Lattice<'a> {
-    /// Prepares the Gaussians for the cube at `corner` whose finest cells, at this depth, have this `width`.
-    pub fn new(splats: &'a Splats, corner: DVec3, width: f64, depth: u32) -> Self {
+    /// Prepares the Gaussians for the cube at `corner` whose finest cells, at this depth, have this `width`. They are
+    /// blurred by this many cells.
+    pub fn new(splats: &'a Splats, corner: DVec3, width: f64, depth: u32, blur: f64) -> Self {
         let gaussians = (splats.gaussians().par_iter().enumerate())
-            .filter_map(|(index, gaussian)| CellGaussian::new(gaussian, index as u32, corner, width, 1 << depth))
+            .filter_map(|(index, gaussian)| CellGaussian::new(gaussian, index as u32, corner, width, 1 << depth, blur))
             .collect();
         Self { splats, depth, gaussians, profile: Profile::new() }
+    }
+
+    /// Returns about how many sums it takes to add up the Gaussians in all blocks.
+    pub fn work(&self) -> f64 {
+        let of = |gaussian: &CellGaussian| {
+            let blocks = (gaussian.high - 1) / (1 << BLOCK) - gaussian.low / (1 << BLOCK) + 1;
+            let points = (gaussian.high - gaussian.low).as_dvec3() / f64::from(1u32 << gaussian.level.min(BLOCK)) + 1.0;
+            WORK_PER_BLOCK * blocks.as_dvec3().element_product() + points.element_product()
+        };
+        self.gaussians.iter().map(of).sum()
     }
 
     /// Calls `visit` with the code and the sums of each block that passes `wanted` and is not empty, and returns the
@@ -227,7 +240,7 @@ mod tests {
             let gaussian = Gaussian { position: Vec3::new(70.0, 50.0, 60.0), scale, rotation, opacity: 0.7 };
             let mut splats = Splats::new(0);
             splats.push(gaussian, &[Vec3::new(0.5, -0.2, 0.9)]);
-            let wide = CellGaussian::new(&gaussian, 0, DVec3::ZERO, 1.0, 128).unwrap();
+            let wide = CellGaussian::new(&gaussian, 0, DVec3::ZERO, 1.0, 128, 0.4).unwrap();
             assert_eq!(wide.level.min(BLOCK), level);
             let profile = Profile::new();
             let mut largest = 0.0f32;

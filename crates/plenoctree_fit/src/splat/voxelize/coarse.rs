@@ -3,7 +3,7 @@
 use glam::{DVec3, IVec3, UVec3};
 
 use super::{
-    THINNEST,
+    BLUR, THINNEST,
     blocks::{BLOCK, Block, Lattice},
     cells::Cells,
     sight::look,
@@ -33,7 +33,7 @@ impl Coarse {
     /// Nothing is visible outside the box from `low` to `high`.
     pub fn new(splats: &Splats, corner: DVec3, width: f64, depth: u32, [low, high]: [DVec3; 2]) -> Self {
         // Merging cells of half the size tells how much light passes through gaps.
-        let lattice = Lattice::new(splats, corner, 2.0 * width, depth - 1);
+        let lattice = Lattice::new(splats, corner, 2.0 * width, depth - 1, BLUR);
         let size = width * f64::from(1 << LEVELS);
         let parts = lattice.blocks(
             0,
@@ -71,9 +71,9 @@ impl Coarse {
         coarse
     }
 
-    /// Returns the number of coarse cells where something is visible.
-    pub fn count(&self) -> usize {
-        self.seen.iter().filter(|seen| **seen > 0.0).count()
+    /// Returns the part of the cube in which something is visible.
+    pub fn filled(&self) -> f64 {
+        self.seen.iter().filter(|seen| **seen > 0.0).count() as f64 / self.seen.len() as f64
     }
 
     /// Returns how visible the finest cell at a position is, or 0 if it is not.
@@ -101,7 +101,7 @@ fn thickness(block: &Block, position: UVec3) -> f32 {
     let through = std::array::from_fn(|part| {
         let part = part as u32;
         let thickness = block.cell(2 * position + UVec3::new(part >> 2, part >> 1 & 1, part & 1))[0];
-        if thickness < 2.0 * THINNEST { 1.0 } else { exp_minus(thickness) }
+        if thickness < THINNEST { 1.0 } else { exp_minus(thickness) }
     });
     merged_thickness(through)
 }
