@@ -46,7 +46,8 @@ impl ColorErrors {
     ) -> Result<Self, Canceled> {
         let blend_steps = blend_steps.min(PaletteLabel::most_blend_steps(palette.colors.len()));
         let labels = PaletteLabel::all(palette.colors.len(), blend_steps).map(|label| label.mix(&palette.colors));
-        let labels: Vec<(DVec3, DVec2)> = labels.map(|label| (label, chroma(label))).collect();
+        let space = palette.label_space();
+        let labels: Vec<_> = labels.map(|label| (space.place(label), label, chroma(label))).collect();
         let bins = histograms.fine_bins();
         let decoded: Vec<f64> = (0..bins.per_channel).map(|i| decode(bins.center(i)[2])).collect();
         let most = bins.weights.iter().copied().fold(0.0, f64::max);
@@ -54,11 +55,15 @@ impl ColorErrors {
         for (bin, &weight) in bins.weights.iter().enumerate().filter(|(_, weight)| **weight > 0.0) {
             progress.check()?;
             let color = DVec3::from(bins.center(bin));
-            let nearest = labels.iter().map(|&(label, chroma)| (color.distance_squared(label), chroma));
-            if let Some((square, shown)) = nearest.reduce(|best, next| if next.0 < best.0 { next } else { best }) {
+            let place = space.place(color);
+            let nearest = labels.iter().map(|label| (place.distance_squared(label.0), label));
+            if let Some((_, &(_, label, shown))) =
+                nearest.reduce(|best, next| if next.0 < best.0 { next } else { best })
+            {
                 // Relative weights, because the sum of the heaviest might be infinite.
                 let n = bins.per_channel;
                 let linear = [bin / (n * n), bin / n % n, bin % n].map(|i| decoded[i]);
+                let square = color.distance_squared(label);
                 sums.add(weight / most, square, chroma_of_linear(linear.into()), shown);
             }
         }

@@ -60,10 +60,12 @@ impl PaletteLabel {
         single.chain(blends).enumerate().map(|(index, (first, second, share))| Self { index, first, second, share })
     }
 
-    /// Returns the label of `palette` that is nearest to `color`, both in encoded sRGB, or `None` if the palette is
-    /// empty. Ties go to the first label.
+    /// Returns the label of `palette` that is nearest to `color` in encoded sRGB, by distance in the palette's
+    /// [`label_space`](Palette::label_space), or `None` if the palette is empty. Ties go to the first label.
     pub fn nearest(color: DVec3, palette: &Palette, blend_steps: u32) -> Option<Self> {
-        let distance = |label: &Self| color.distance_squared(label.mix(&palette.colors));
+        let space = palette.label_space();
+        let place = space.place(color);
+        let distance = |label: &Self| place.distance_squared(space.place(label.mix(&palette.colors)));
         let labels = Self::all(palette.colors.len(), blend_steps).map(|label| (distance(&label), label));
         labels.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, label)| label)
     }

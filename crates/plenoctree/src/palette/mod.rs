@@ -19,6 +19,7 @@ mod polygon;
 mod ramps;
 mod settings;
 mod simplify;
+mod space;
 mod steps;
 mod tones;
 
@@ -31,4 +32,5 @@ pub use label::PaletteLabel;
 pub use method::{ColorCount, PaletteMethod};
 pub use ramps::{InvalidRamps, Ramp, RampAdjustment, Unmet, UnmetReason, UnmetWishes, Wish};
 pub use settings::ExtractionSettings;
+pub use space::{LabelSpace, tone_space};
 pub use steps::{initial_centers, k_means, simplify_hull};

@@ -4,13 +4,16 @@ use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
 use super::render::Rendering;
+use crate::palette::LabelSpace;
 
 /// Settings of posterization, with the values of section 4 of the method as defaults.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Posterization {
     /// `d`: number of steps from one palette color to another. With 1, there are no blends. 3 by default.
     pub blend_steps: u32,
-    /// `D`: width over which labels blend, in encoded RGB. 0 is a hard edge. 0.2 by default.
+    /// The space in which pixels are compared to labels. Encoded sRGB by default.
+    pub space: LabelSpace,
+    /// `D`: width over which labels blend, in that space. 0 is a hard edge. 0.2 by default.
     pub softness: f64,
     /// `lambda`: opacity below which a pixel is shown as rendered. 80/255 by default.
     pub min_opacity: f64,
@@ -28,6 +31,7 @@ impl Default for Posterization {
     fn default() -> Self {
         Self {
             blend_steps: 3,
+            space: LabelSpace::Encoded,
             softness: 0.2,
             min_opacity: 80.0 / 255.0,
             iterations: 4,
@@ -68,16 +72,19 @@ pub fn posterize(
     settings: &Posterization,
 ) -> Vec<DVec3> {
     let filtered = filter(rendering, background, settings);
-    let source = labels(source, settings.blend_steps);
+    let place = |color| settings.space.place(color);
+    let source: Vec<DVec3> = labels(source, settings.blend_steps).into_iter().map(place).collect();
     let shown = labels(shown, settings.blend_steps);
     filtered
         .iter()
         .zip(&rendering.opacity)
-        .map(
-            |(&color, &opacity)| {
-                if opacity < settings.min_opacity { color } else { assign(color, &source, &shown, settings.softness) }
-            },
-        )
+        .map(|(&color, &opacity)| {
+            if opacity < settings.min_opacity {
+                color
+            } else {
+                assign(place(color), &source, &shown, settings.softness)
+            }
+        })
         .collect()
 }
 
@@ -88,11 +95,11 @@ pub fn filter(rendering: &Rendering, background: DVec3, settings: &Posterization
     bilateral(&rendering.over(background), &thin, rendering.width.max(1), settings)
 }
 
-/// Blends the two nearest labels: steps 3 and 4.
-fn assign(color: DVec3, source: &[DVec3], shown: &[DVec3], softness: f64) -> DVec3 {
-    let (mut nearest, mut second) = ((f64::INFINITY, color), (f64::INFINITY, color));
+/// Blends the two nearest labels: steps 3 and 4. `place` and `source` are in the space of the labels.
+fn assign(place: DVec3, source: &[DVec3], shown: &[DVec3], softness: f64) -> DVec3 {
+    let (mut nearest, mut second) = ((f64::INFINITY, DVec3::ZERO), (f64::INFINITY, DVec3::ZERO));
     for (label, &shown) in source.iter().zip(shown) {
-        let distance = color.distance(*label);
+        let distance = place.distance(*label);
         if distance < nearest.0 {
             second = nearest;
             nearest = (distance, shown);

@@ -7,11 +7,7 @@ use rayon::prelude::*;
 
 use crate::{
     field::PlenOctree,
-    palette::{
-        colors::Palette,
-        oklab::oklab,
-        tones::{Uniform, uniform},
-    },
+    palette::{colors::Palette, space::tone_space},
     sampling::{Canceled, Progress, SamplingSettings, observers},
 };
 
@@ -45,7 +41,7 @@ impl Borders {
         settings: &SamplingSettings,
         progress: &Progress,
     ) -> Result<Self, Canceled> {
-        let tones: Vec<Uniform> = palette.colors.iter().map(|color| uniform(oklab((*color).into()))).collect();
+        let tones: Vec<DVec3> = palette.colors.iter().map(|color| tone_space((*color).into())).collect();
         let Some((low, high)) = field.dense_bounds() else { return Ok(Self::none(tones.len())) };
         let settings = SamplingSettings { multisamples: 1, ..settings.clone() };
         let directions = observers(field.up(), &settings).into_iter().flatten();
@@ -99,7 +95,7 @@ impl View {
         }
     }
 
-    fn borders(&self, field: &PlenOctree, tones: &[Uniform], progress: &Progress) -> Result<Borders, Canceled> {
+    fn borders(&self, field: &PlenOctree, tones: &[DVec3], progress: &Progress) -> Result<Borders, Canceled> {
         let mut borders = Borders::none(tones.len());
         let mut above: Vec<Option<(usize, f64)>> = vec![None; SIDE];
         for row in 0..SIDE {
@@ -138,8 +134,8 @@ impl View {
 }
 
 /// Returns the tone nearest to a color in encoded sRGB.
-fn nearest(color: DVec3, tones: &[Uniform]) -> usize {
-    let place = uniform(oklab(color));
+fn nearest(color: DVec3, tones: &[DVec3]) -> usize {
+    let place = tone_space(color);
     let mut best = (0, f64::INFINITY);
     for (index, tone) in tones.iter().enumerate() {
         let distance = place.distance_squared(*tone);

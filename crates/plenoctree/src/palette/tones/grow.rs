@@ -50,7 +50,7 @@ pub(in crate::palette) fn tones(bins: &Bins, enough: Enough, progress: &Progress
 
 struct Tones<'a> {
     points: &'a [Point],
-    /// The tones in the uniform space.
+    /// The tones in tone space.
     places: Vec<DVec3>,
     /// The nearest tone of each point, and the square of its distance.
     own: Vec<(usize, f64)>,

@@ -4,7 +4,6 @@ mod grow;
 mod points;
 
 pub(super) use grow::{Enough, tones};
-pub(super) use points::{Uniform, uniform};
 
 #[cfg(test)]
 mod tests {

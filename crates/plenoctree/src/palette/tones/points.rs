@@ -1,36 +1,20 @@
-//! The colors of a histogram in a space in which distances are those that tones are judged by.
+//! The colors of a histogram in tone space, in which tones are judged by distance.
 
 use std::collections::BTreeMap;
 
-use glam::{DVec2, DVec3, swizzles::Vec3Swizzles};
+use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::{
-    palette::oklab::oklab,
+    palette::{oklab::oklab, space},
     sampling::{Bins, Canceled, Progress},
 };
-
-/// A color in the uniform space: lightness, and chroma in Oklab that counts more near gray and less when vivid.
-pub(in crate::palette) type Uniform = DVec3;
-
-/// How much more the chroma of grays counts than lightness.
-const CHROMA: f64 = 2.4;
-/// Chroma in Oklab beyond which it counts logarithmically.
-const VIVID: f64 = 0.1;
-
-/// Places a color of Oklab in the uniform space.
-pub(in crate::palette) fn uniform(oklab: DVec3) -> Uniform {
-    let chroma: DVec2 = oklab.yz();
-    let length = chroma.length();
-    let scale = if length > 0.0 { CHROMA * VIVID * (length / VIVID).ln_1p() / length } else { CHROMA };
-    DVec3::new(oklab.x, scale * chroma.x, scale * chroma.y)
-}
 
 /// A few similar colors of a histogram, merged.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Point {
-    /// The mean in the uniform space.
-    pub place: Uniform,
+    /// The mean in tone space.
+    pub place: DVec3,
     /// The mean in Oklab.
     pub oklab: DVec3,
     /// Share of the visible weight.
@@ -61,8 +45,10 @@ pub(super) fn points(bins: &Bins, progress: &Progress) -> Result<Vec<Point>, Can
         Ok((oklab(bins.center(bin).into()), weight / most / total))
     };
     let all: Vec<(DVec3, f64)> = seen.map(color).collect::<Result<_, _>>()?;
-    let mut points: Vec<Point> =
-        all.iter().map(|&(oklab, weight)| Point { place: uniform(oklab), oklab, weight, salient: weight }).collect();
+    let mut points: Vec<Point> = all
+        .iter()
+        .map(|&(oklab, weight)| Point { place: space::from_oklab(oklab), oklab, weight, salient: weight })
+        .collect();
     let mut cell = CELL;
     while points.len() > MOST {
         points = merge(&all, cell, progress)?;
@@ -72,12 +58,12 @@ pub(super) fn points(bins: &Bins, progress: &Progress) -> Result<Vec<Point>, Can
     Ok(points)
 }
 
-/// Merges the colors in every cell of the uniform space into their mean.
+/// Merges the colors in every cell of tone space into their mean.
 fn merge(colors: &[(DVec3, f64)], side: f64, progress: &Progress) -> Result<Vec<Point>, Canceled> {
     let mut cells = BTreeMap::<[i32; 3], (DVec3, f64)>::new();
     for &(oklab, weight) in colors {
         progress.check()?;
-        let cell = (uniform(oklab) / side).round().as_ivec3().to_array();
+        let cell = (space::from_oklab(oklab) / side).round().as_ivec3().to_array();
         let (sum, total) = cells.entry(cell).or_default();
         *sum += weight * oklab;
         *total += weight;
@@ -86,7 +72,7 @@ fn merge(colors: &[(DVec3, f64)], side: f64, progress: &Progress) -> Result<Vec<
     let cells = cells.into_values().filter(|(_, weight)| *weight > 0.0);
     let point = |(sum, weight): (DVec3, f64)| {
         let oklab = sum / weight;
-        Point { place: uniform(oklab), oklab, weight, salient: weight }
+        Point { place: space::from_oklab(oklab), oklab, weight, salient: weight }
     };
     Ok(cells.map(point).collect())
 }

@@ -1,0 +1,86 @@
+//! The spaces in which colors are compared to labels.
+
+use glam::{DVec2, DVec3, swizzles::Vec3Swizzles};
+
+use super::{colors::Palette, method::PaletteMethod, oklab::oklab};
+
+/// The space in which pixels are compared to the labels of a palette: section 4 of the method, step 3.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum LabelSpace {
+    /// Encoded sRGB, as in the paper. The default.
+    #[default]
+    Encoded,
+    /// [`tone_space`], in which tones are found, too.
+    Tones,
+}
+
+impl LabelSpace {
+    /// Returns where a color in encoded sRGB is in this space.
+    pub fn place(self, encoded: DVec3) -> DVec3 {
+        match self {
+            Self::Encoded => encoded,
+            Self::Tones => tone_space(encoded),
+        }
+    }
+}
+
+impl Palette {
+    /// Returns the space in which pixels are compared to the palette's labels: [`LabelSpace::Tones`] if the palette was
+    /// extracted by [`PaletteMethod::Tones`], and otherwise [`LabelSpace::Encoded`], whether it has ramps or not.
+    pub fn label_space(&self) -> LabelSpace {
+        if self.method == Some(PaletteMethod::Tones) { LabelSpace::Tones } else { LabelSpace::Encoded }
+    }
+}
+
+/// How much more the chroma of grays counts than lightness.
+const CHROMA: f64 = 2.4;
+/// Chroma in Oklab beyond which it counts logarithmically.
+const VIVID: f64 = 0.1;
+
+/// Returns where a color in encoded sRGB is in tone space: its lightness in Oklab, and its chroma, which counts more near
+/// gray and less when vivid. Section 3 of the method, step 11.
+///
+/// With `L`, `a` and `b` of Oklab and `c = sqrt(a * a + b * b)`, this is `(L, s * a, s * b)`, where
+/// `s = 2.4 * 0.1 * ln(1 + c / 0.1) / c`, or 2.4 for grays. Black is at 0 and white at (1, 0, 0). Channels outside [0, 1]
+/// are valid: negative ones are decoded as the negative of positive ones, and so are their cube roots.
+pub fn tone_space(encoded: DVec3) -> DVec3 {
+    from_oklab(oklab(encoded))
+}
+
+/// Returns where a color of Oklab is in [`tone_space`].
+pub(super) fn from_oklab(oklab: DVec3) -> DVec3 {
+    let chroma: DVec2 = oklab.yz();
+    let length = chroma.length();
+    let scale = if length > 0.0 { CHROMA * VIVID * (length / VIVID).ln_1p() / length } else { CHROMA };
+    DVec3::new(oklab.x, scale * chroma.x, scale * chroma.y)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::palette::PaletteLabel;
+
+    /// Grays are as far apart as their lightness, and a tint of gray is far from it.
+    #[test]
+    fn tints_of_gray_are_far_from_gray() {
+        let [black, gray, white] = [0.0, 0.5, 1.0].map(|level| tone_space(DVec3::splat(level)));
+        assert!(black.length() < 1e-9 && white.distance(DVec3::X) < 1e-6 && gray.yz().length() < 1e-6);
+        let tinted = |chroma| from_oklab(DVec3::new(gray.x, chroma, 0.0)).distance(gray);
+        assert!((tinted(1e-4) / 1e-4 - CHROMA).abs() < 0.01);
+        assert!(tinted(0.3) < 0.5 * CHROMA * 0.3);
+    }
+
+    /// A shaded red is a shade of red, although a gray is nearer in encoded sRGB. Palettes without a method are compared
+    /// as in the paper.
+    #[test]
+    fn the_method_of_a_palette_decides() {
+        let (red, shaded, gray) = ([0.85, 0.2, 0.2], DVec3::new(0.49, 0.1, 0.1), [0.25; 3]);
+        let mut palette = Palette::new(vec![red, gray]).unwrap();
+        let nearest = |palette: &Palette| PaletteLabel::nearest(shaded, palette, 1).map(|label| label.index);
+        assert_eq!((palette.label_space(), nearest(&palette)), (LabelSpace::Encoded, Some(1)));
+        palette.method = Some(PaletteMethod::Tones);
+        assert_eq!((palette.label_space(), nearest(&palette)), (LabelSpace::Tones, Some(0)));
+        palette.method = Some(PaletteMethod::Fitted);
+        assert_eq!((palette.label_space(), nearest(&palette)), (LabelSpace::Encoded, Some(1)));
+    }
+}
