@@ -201,7 +201,8 @@ fn shows_through(texel: u32) -> bool {
     return texel != 0u && (texel & 1u) == 0u;
 }
 
-// The smallest depth of a pixel where a prop was drawn. 0 means that there is no prop.
+// The smallest depth of a pixel where a prop was drawn. 0 means that there is no prop. Where it is not solid, the depth
+// is this, or the result of `packed_haze`.
 const LEAST_DEPTH: f32 = 1e-30;
 // The smallest depth of a pixel where a prop is solid.
 const LEAST_SOLID_DEPTH: f32 = 2e-30;
@@ -214,5 +215,16 @@ fn solid_depth(prop: u32, distance: f32) -> f32 {
 
 // Returns whether the depth of a pixel is that of a solid prop.
 fn is_solid(depth: f32) -> bool {
-    return depth > LEAST_DEPTH;
+    return depth >= LEAST_SOLID_DEPTH;
+}
+
+// Packs the depth of haze between LEAST_DEPTH and LEAST_SOLID_DEPTH. The root keeps the digits of small depths.
+fn packed_haze(depth: f32) -> f32 {
+    return LEAST_DEPTH * (1.0 + 0.99 * sqrt(sqrt(depth)));
+}
+
+// Returns what `packed_haze` packed.
+fn unpacked_haze(packed: f32) -> f32 {
+    let root = max(packed / LEAST_DEPTH - 1.0, 0.0) / 0.99;
+    return root * root * root * root;
 }

@@ -33,9 +33,10 @@
 //! | posterize it | [`Posterize`] on the prop, or [`PosterizeView`] on a camera to posterize everything in view |
 //! | keep its silhouette hard | [`EdgeSmoothing`], in its [`Posterize`] |
 //! | recolor it | [`Palettes`], [`PaletteOverride`], [`PropTint`], [`BlendSpace`], [`PaletteReady`] |
-//! | configure palette extraction | [`PaletteExtraction`] |
+//! | configure palette extraction, and see what it found where | [`PaletteExtraction`], [`SampleOrigin`] |
 //! | cast shadows | the feature `shadows`, [`SolidOpacity`], [`PropQuality`] on a light |
 //! | let the scene's shadows and lights fall on it | `PropLighting` (feature `shadows`) on the prop |
+//! | let it fade in fog | Bevy's `DistanceFog` on a camera (feature `shadows`) |
 //! | choose where in the frame props are drawn | [`PropStage`] on a camera |
 //! | trade accuracy for speed | [`PropQuality`] on a camera |
 //! | cast rays at props | [`PropRayCast`]; `PropPickingPlugin` (feature `picking`) |
@@ -94,7 +95,7 @@ pub use lighting::{MAX_BANDS, PropLighting};
 pub use mesh::surface_mesh;
 pub use palette::{
     BlendSpace, ExtractionSamples, FieldPalette, PaletteExtraction, PaletteFailed, PaletteLoader, PaletteOverride,
-    PaletteReady, PaletteSampler, Palettes,
+    PaletteReady, PaletteSampler, Palettes, SampleOrigin,
 };
 #[cfg(feature = "picking")]
 pub use picking::PropPickingPlugin;

@@ -24,8 +24,8 @@ use crate::background::{self, on_cores};
 /// Loads captures of Gaussian splats as [`PlenOctree`] assets: `.ply`, `.spz` and `.sog` files, and others whose
 /// `.meta` file names this loader, such as glTF with `KHR_gaussian_splatting`, or the `meta.json` file of SOG.
 ///
-/// The Gaussians are spread over the cells of a field, in the background. That takes seconds, and fields of captures
-/// are large, so pack them with the asset processor ([`PackSaver`](crate::PackSaver)), or convert them with
+/// The Gaussians are added up in the cells of a field, in the background. That takes seconds, and fields of captures are
+/// large, so pack them with the asset processor ([`PackSaver`](crate::PackSaver)), or convert them with
 /// `plenoctree convert`, which also refines them. Invalid files fail to load with a [`SplatError`].
 #[derive(TypePath)]
 #[type_path = "bevy_plenoctree"]
@@ -55,8 +55,12 @@ impl FromWorld for CaptureLoader {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct CaptureSettings {
-    /// Number of levels of cells, 6 to 10: the field has `2^depth` cells per side. 8 by default.
+    /// Number of levels of cells, 6 to 10: the finest are `2^-depth` of the field's cube wide. 8 by default. The field
+    /// looks like the capture from where a finest cell is about as wide as a pixel.
     pub depth: u32,
+    /// The largest number of leaves of any size, 32768 to 20,000,000, which are small where the capture shows detail.
+    /// By default, `None`, all leaves are finest cells.
+    pub leaves: Option<u32>,
     /// Lowest and highest corner of the box to convert, in the coordinates of the capture. By default, it contains most
     /// Gaussians.
     pub crop: Option<[[f64; 3]; 2]>,
@@ -71,7 +75,14 @@ pub struct CaptureSettings {
 
 impl Default for CaptureSettings {
     fn default() -> Self {
-        Self { depth: 8, crop: None, keep_largest: false, stand: Some(Axis::default()), spz_axes: SpzAxes::default() }
+        Self {
+            depth: 8,
+            leaves: None,
+            crop: None,
+            keep_largest: false,
+            stand: Some(Axis::default()),
+            spz_axes: SpzAxes::default(),
+        }
     }
 }
 
@@ -81,7 +92,9 @@ impl CaptureSettings {
         let crop = self.crop.map(|[low, high]| (low.into(), high.into()));
         let settings = SubjectSettings { crop, keep_largest: self.keep_largest, up: self.stand };
         let Subject { splats, low, high, .. } = splats.subject(&settings)?;
-        let field = voxelize(&splats, &VoxelSettings { depth: self.depth, bounds: Some((low, high)) })?;
+        let bounds = Some((low, high));
+        let leaves = self.leaves.map(|leaves| leaves as usize);
+        let field = voxelize(&splats, &VoxelSettings { depth: self.depth, leaves, bounds })?;
         let shift = field.foot().filter(|_| self.stand.is_some()).unwrap_or_default();
         Ok(field.shifted(-shift)?)
     }

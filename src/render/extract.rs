@@ -245,6 +245,8 @@ pub(super) struct VisibleProps {
     pub stages: Vec<Handle<Shader>>,
     /// Whether the camera draws motion vectors.
     pub has_motion: bool,
+    /// Whether the camera has fog.
+    pub has_fog: bool,
     /// Whether there are point or spot lights.
     pub has_lamps: bool,
     /// Whether the scene's shadows have hard edges.

@@ -87,6 +87,12 @@ fn captures_become_props_that_stand() {
     let (low, high) = read().bounds().unwrap();
     assert!((-4.4..-3.9).contains(&low.y) && (-3.2..-2.8).contains(&high.y), "{low} {high}");
     assert!(report()["refined"].is_null() && psnr("voxelized", "black") > 15.0);
+    let near = |background: &str| report()["voxelized"]["near_psnr_db"][background].as_f64().unwrap();
+    succeed(&[&shared[..], &["--leaves", "32768", "--near", "5"]].concat());
+    assert!(read().leaves() <= 32_768 && near("white") > 15.0, "{}", report());
+    let (leaves, best) = (read().leaves(), near("white"));
+    succeed(&[&shared[..], &["--quality", &format!("{}", best - 3.0), "--near", "5"]].concat());
+    assert!(read().leaves() < leaves && near("white") >= best - 3.0, "{}", report());
 
     succeed(&[&shared[..], &["--stand", "--keep-largest", "--effort", "0.05", "--threads", "2"]].concat());
     let (low, high) = read().dense_bounds().unwrap();

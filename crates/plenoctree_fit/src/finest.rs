@@ -1,6 +1,7 @@
 //! Trees whose leaves are all finest cells.
 
 use glam::UVec3;
+#[cfg(feature = "fit")]
 use plenoctree::Cell;
 
 /// Interleaves the bits of a position, x first: the order of leaves.
@@ -18,6 +19,7 @@ pub fn position_of(code: u64) -> UVec3 {
 }
 
 /// Returns the nodes of the tree of `depth` levels whose leaves are the cells with these codes, in ascending order.
+#[cfg(feature = "fit")]
 pub fn tree_of_finest(codes: &[u64], depth: u32) -> Vec<[Cell; 8]> {
     let mut nodes = Vec::new();
     append_node(&mut nodes, codes, 0, depth);
@@ -25,6 +27,7 @@ pub fn tree_of_finest(codes: &[u64], depth: u32) -> Vec<[Cell; 8]> {
 }
 
 /// Appends the node that covers `codes` and all below it. `first` is the index of the first leaf.
+#[cfg(feature = "fit")]
 fn append_node(nodes: &mut Vec<[Cell; 8]>, codes: &[u64], first: usize, level: u32) {
     let node = nodes.len();
     nodes.push([Cell::EMPTY; 8]);

@@ -87,6 +87,8 @@ pub(in crate::render) enum Place {
 pub(in crate::render) enum Feature {
     /// Drawing props at all.
     Base,
+    /// Fog before props.
+    Fog,
     /// Labels.
     Posterize,
     /// Lights that fall on props.

@@ -47,6 +47,8 @@ pub(in crate::render) enum Slot {
     Shown,
     /// The same, as every second custom stage writes it.
     Staged,
+    /// The same, in the fog.
+    Fogged,
     /// See [`LabelTextures`](crate::LabelTextures).
     Labels,
     /// Transparent objects over nothing, in the format and the size of the target, resolved and multisampled.
@@ -73,7 +75,7 @@ impl Slot {
         use TextureFormat::*;
         Some(match self {
             Self::Color(_) | Self::OwnRays | Self::OtherRays => Rgba16Float,
-            Self::Labeled | Self::Finished | Self::Shown | Self::Staged => Rgba16Float,
+            Self::Labeled | Self::Finished | Self::Shown | Self::Staged | Self::Fogged => Rgba16Float,
             Self::Owner(_) => Rg16Float,
             Self::Motion(_) => MOTION_VECTOR_PREPASS_FORMAT,
             Self::Depth(_) | Self::NearestDepth(_) | Self::OpaqueDepth(_) | Self::EdgeMask => DEPTH_FORMAT,
@@ -104,6 +106,9 @@ pub(in crate::render) enum Buffer {
     View,
     /// How lights fall on each prop.
     Lit,
+    /// The camera's fog.
+    #[cfg_attr(not(feature = "shadows"), allow(dead_code, reason = "only `bevy_pbr` has fog"))]
+    Fog,
     /// The number of gaps in each batch.
     BatchCounts,
     /// The places of gaps in the squares of their batches.

@@ -2,6 +2,8 @@
 
 mod edges;
 mod finish;
+#[cfg(feature = "shadows")]
+mod fog;
 mod labels;
 #[cfg(feature = "shadows")]
 mod lighting;
@@ -36,6 +38,8 @@ pub const POSTERIZE_SPANS: &[&str] = &[
     edges::OUTLINE,
     edges::COVERAGE,
     objects::OBJECTS,
+    #[cfg(feature = "shadows")]
+    fog::FOG,
 ];
 /// The names of the spans in Bevy's render diagnostics whose times add up to the time of lighting props.
 #[cfg(feature = "shadows")]
@@ -63,6 +67,8 @@ pub(super) fn of(plan: &Plan) -> Vec<Pass> {
     passes.extend(finish::finish(plan));
     passes.extend(labels::blend(plan));
     passes.extend(labels::stages(plan));
+    #[cfg(feature = "shadows")]
+    passes.extend(fog::fog(plan));
     passes.extend(present::present(plan));
     passes.extend(objects::objects(plan));
     passes
@@ -72,7 +78,10 @@ pub(super) fn of(plan: &Plan) -> Vec<Pass> {
 pub(super) fn plugin(render_app: &mut SubApp) {
     objects::plugin(render_app);
     #[cfg(feature = "shadows")]
-    lighting::plugin(render_app);
+    {
+        fog::plugin(render_app);
+        lighting::plugin(render_app);
+    }
 }
 
 #[cfg(all(test, feature = "headless"))]

@@ -190,6 +190,7 @@ pub(super) fn decide(
         posterizes,
         posterizes_view: everything.is_some(),
         overlaps,
+        has_fog: visible.has_fog && stage == PropStage::Scene && has(Feature::Fog),
         is_lit: props.iter().any(|prop| prop.is_lit),
         has_lamps: visible.has_lamps,
         has_hard_shadows: visible.has_hard_shadows,

@@ -85,6 +85,8 @@ pub(in crate::render) struct Plan {
     pub posterizes_view: bool,
     /// Whether the nearest solid prop of every pixel must be known before props are drawn.
     pub overlaps: bool,
+    /// Whether there is fog before the props.
+    pub has_fog: bool,
     /// Whether lights fall on any prop.
     pub is_lit: bool,
     /// Whether there are point or spot lights.

@@ -1,14 +1,12 @@
 //! The finest cells of a field, laid out so that the rays of all leaves in a block can be marched together.
 
-use std::ops::Range;
-
 use glam::{IVec3, UVec3};
 
 use super::{
     path::{Path, SIDE, Step},
     progress::{Canceled, Progress},
 };
-use crate::field::{LeafCell, PlenOctree};
+use crate::field::PlenOctree;
 
 /// Rows of a block, one for each x and y, with index `SIDE x + y`.
 pub(super) const ROWS: usize = SIDE * SIDE;
@@ -23,7 +21,8 @@ type Row = [f32; 2 * SIDE];
 const MAX_ENTRIES: u64 = 1 << 24;
 const MAX_ROWS: u64 = 1 << 22;
 
-/// Densities of the finest cells in blocks of 8 x 8 x 8 cells. Only rows that are not empty are stored.
+/// Densities of the finest cells in blocks of 8 x 8 x 8 cells. Larger leaves are many cells. Only rows that are not empty
+/// are stored, and rows next to each other that are equal are stored once.
 pub(super) struct Blocks {
     /// Lowest position in the map, in blocks, and number of positions along each axis.
     low: IVec3,
@@ -38,9 +37,9 @@ pub(super) struct Blocks {
 struct Block {
     /// Rows that are not empty, as bits.
     occupied: u64,
-    /// Index of the first of them in [`Blocks::rows`].
+    /// Index of the first of its rows in [`Blocks::rows`].
     first: u32,
-    /// Number of occupied rows before each row.
+    /// Index of each row, counted from the first.
     rank: [u8; ROWS],
 }
 
@@ -54,38 +53,58 @@ impl Blocks {
         let low = (low / side).as_ivec3() - IVec3::Z;
         let size = (((high - 1) / side).as_ivec3() - low + 1).as_uvec3();
         let entries: u64 = size.to_array().into_iter().map(u64::from).product();
-        let mut rows = 0;
-        for cell in field.leaf_cells() {
-            progress.check()?;
-            rows += u64::from(cell.size).pow(2) * (u64::from(cell.size / side) + 2);
-        }
-        if entries > MAX_ENTRIES || rows > MAX_ROWS + 2 * field.leaves() as u64 {
+        if entries > MAX_ENTRIES {
             return Ok(None);
         }
+        let most = MAX_ROWS + 2 * field.leaves() as u64;
         let mut blocks =
             Self { low, size, map: vec![0; entries as usize], blocks: vec![Block::EMPTY], rows: Vec::new() };
-        for (place, row, _) in field.leaf_cells().flat_map(touched_rows) {
-            progress.check()?;
-            blocks.occupy(place, row);
-        }
-        let mut count = 0;
-        for block in &mut blocks.blocks {
-            block.first = count;
-            for row in 0..ROWS {
-                block.rank[row] = (block.occupied & ((1 << row) - 1)).count_ones() as u8;
-            }
-            count += block.occupied.count_ones();
-        }
-        blocks.rows = vec![[0.0; 2 * SIDE]; count as usize];
-        for cell in field.leaf_cells() {
-            let density = field.densities()[cell.leaf as usize];
-            for (place, row, lanes) in touched_rows(cell) {
-                progress.check()?;
-                let index = blocks.get(place).index(row);
-                blocks.rows[index][lanes].fill(density);
+        let (mut own, mut above) = ([0.0; SIDE * ROWS], [0.0; SIDE * ROWS]);
+        let mut entry = 0;
+        for x in 0..size.x {
+            for y in 0..size.y {
+                // From the top down, so that each block is read once.
+                above.fill(0.0);
+                for z in (0..size.z).rev() {
+                    progress.check()?;
+                    let filled = read_block(field, low + UVec3::new(x, y, z).as_ivec3(), &mut own);
+                    if filled || above.iter().any(|density| *density > 0.0) {
+                        blocks.map[entry + z as usize] = blocks.blocks.len() as u32;
+                        blocks.push(&own, &above);
+                    }
+                    std::mem::swap(&mut own, &mut above);
+                }
+                if blocks.rows.len() as u64 > most {
+                    return Ok(None);
+                }
+                entry += size.z as usize;
             }
         }
         Ok(Some(blocks))
+    }
+
+    /// Adds a block with the densities of its cells and of those of the next block along z.
+    fn push(&mut self, own: &[f32; SIDE * ROWS], above: &[f32; SIDE * ROWS]) {
+        let first = self.rows.len();
+        let mut block = Block { first: first as u32, ..Block::EMPTY };
+        for row in 0..ROWS {
+            let mut densities = [0.0; 2 * SIDE];
+            densities[..SIDE].copy_from_slice(&own[SIDE * row..][..SIDE]);
+            densities[SIDE..].copy_from_slice(&above[SIDE * row..][..SIDE]);
+            if densities.iter().all(|density| *density == 0.0) {
+                continue;
+            }
+            block.occupied |= 1 << row;
+            // The rows before it along x and along y.
+            let before = [(row % SIDE > 0).then(|| row - 1), row.checked_sub(SIDE)];
+            let mut equal = before.into_iter().flatten().filter(|row| block.occupied >> row & 1 == 1);
+            let same = equal.find(|row| self.rows[block.index(*row)] == densities);
+            block.rank[row] = same.map_or((self.rows.len() - first) as u8, |row| block.rank[row]);
+            if same.is_none() {
+                self.rows.push(densities);
+            }
+        }
+        self.blocks.push(block);
     }
 
     /// Returns the map's entry for the block at `place`, in blocks, or `None` if it is outside the map.
@@ -100,29 +119,21 @@ impl Blocks {
         &self.blocks[self.entry(place).map_or(0, |entry| self.map[entry] as usize)]
     }
 
-    fn occupy(&mut self, place: IVec3, row: usize) {
-        let Some(entry) = self.entry(place) else { return };
-        if self.map[entry] == 0 {
-            self.map[entry] = self.blocks.len() as u32;
-            self.blocks.push(Block::EMPTY);
-        }
-        self.blocks[self.map[entry] as usize].occupied |= 1 << row;
-    }
-
-    /// Adds the optical depths along `path` to those of the rays from the cells of the block at `place`.
+    /// Adds the optical depths along `path`, without its first `skipped` steps, to those of the rays from the cells of
+    /// the block at `place`.
     ///
     /// A row of rays is dropped once all its optical depths are greater than `limit`, or infinite.
-    pub fn march(&self, place: IVec3, path: &Path, limit: f32, depths: &mut Depths) {
+    pub fn march(&self, place: IVec3, path: &Path, skipped: usize, limit: f32, depths: &mut Depths) {
         let hidden = |row: &[f32; SIDE]| row.iter().fold(true, |all, &depth| all & (depth > limit));
         let mut live = (0..ROWS).filter(|&row| !hidden(&depths[row])).fold(0, |live, row| live | 1 << row);
-        for run in &path.runs {
+        for run in path.runs.iter().filter(|run| run.steps.end > skipped) {
             // The shifted block overlaps two by two blocks. Their rows reach into the blocks above.
             let corner = place + run.blocks;
             let blocks = [(0, 0), (0, 1), (1, 0), (1, 1)].map(|(x, y)| self.get(corner + IVec3::new(x, y, 0)));
             if blocks.iter().all(|block| block.occupied == 0) {
                 continue;
             }
-            for step in &path.steps[run.steps.clone()] {
+            for step in &path.steps[run.steps.start.max(skipped)..run.steps.end] {
                 self.cross(blocks, step, live, depths);
             }
             for row in bits(live) {
@@ -179,15 +190,46 @@ impl Block {
     }
 }
 
-/// Returns the blocks, rows and lanes that a cell covers.
-fn touched_rows(cell: LeafCell) -> impl Iterator<Item = (IVec3, usize, Range<usize>)> {
-    let side = SIDE as i32;
-    let (low, size) = (cell.corner.as_ivec3(), cell.size as i32);
-    let columns = (low.x..low.x + size).flat_map(move |x| (low.y..low.y + size).map(move |y| (x, y)));
-    columns.flat_map(move |(x, y)| {
-        ((low.z / side - 1)..=((low.z + size - 1) / side)).map(move |z| {
-            let lane = |at: i32| (at - z * side).clamp(0, 2 * side) as usize;
-            (IVec3::new(x / side, y / side, z), (x % side * side + y % side) as usize, lane(low.z)..lane(low.z + size))
-        })
-    })
+/// Reads the densities of the block at `place`, in blocks. Returns whether there are any.
+fn read_block(field: &PlenOctree, place: IVec3, densities: &mut [f32; SIDE * ROWS]) -> bool {
+    densities.fill(0.0);
+    let (side, depth) = (SIDE as u32, field.depth());
+    if place.min_element() < 0 || (place.as_uvec3() * side).max_element() >= 1 << depth {
+        return false;
+    }
+    let corner = place.as_uvec3() * side;
+    // The cell of the block, or the leaf around it, or the root of a smaller tree.
+    let (mut node, mut level) = (0, depth);
+    while level > SIDE.ilog2() {
+        level -= 1;
+        let part = (corner >> level) & UVec3::ONE;
+        let cell = field.nodes()[node as usize][(4 * part.x + 2 * part.y + part.z) as usize];
+        match cell.as_node() {
+            Some(child) => node = child,
+            None => {
+                let density = cell.as_leaf().map_or(0.0, |leaf| field.densities()[leaf as usize]);
+                densities.fill(density);
+                return density > 0.0;
+            }
+        }
+    }
+    read_node(field, node, UVec3::ZERO, 1 << level, densities);
+    true
+}
+
+/// Reads the densities of a node that is `size` finest cells wide, at `corner` of a block.
+fn read_node(field: &PlenOctree, node: u32, corner: UVec3, size: u32, densities: &mut [f32; SIDE * ROWS]) {
+    let half = size / 2;
+    for (cell, index) in field.nodes()[node as usize].iter().zip(0u32..) {
+        let corner = corner + half * UVec3::new(index >> 2, index >> 1 & 1, index & 1);
+        if let Some(child) = cell.as_node() {
+            read_node(field, child, corner, half, densities);
+        } else if let Some(leaf) = cell.as_leaf() {
+            let [x, y, z] = corner.to_array().map(|at| at as usize);
+            let half = half as usize;
+            for row in (x..x + half).flat_map(|x| (y..y + half).map(move |y| SIDE * x + y)) {
+                densities[SIDE * row + z..][..half].fill(field.densities()[leaf as usize]);
+            }
+        }
+    }
 }

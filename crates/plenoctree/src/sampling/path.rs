@@ -7,8 +7,24 @@ use glam::{DVec3, IVec3, UVec3};
 /// Width of a block, in finest cells.
 pub(super) const SIDE: usize = 8;
 
-/// The path of every ray in one direction that starts at the center of a finest cell: the cells that it crosses,
-/// relative to the first, and its length in each.
+/// Where the rays of a path start.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Start {
+    /// At the center of a finest cell: the center of a leaf of that size.
+    Center,
+    /// At the lowest corner of a finest cell: the center of a larger leaf.
+    Corner,
+}
+
+impl Start {
+    /// Returns where the rays from the center of a leaf start that is `size` finest cells wide.
+    pub fn of(size: u32) -> Self {
+        if size > 1 { Self::Corner } else { Self::Center }
+    }
+}
+
+/// The path of every ray in one direction with the same start: the cells that it crosses, relative to the one where it
+/// starts, and its length in each.
 pub(super) struct Path {
     /// All cells, in order.
     pub steps: Vec<Step>,
@@ -36,21 +52,37 @@ pub(super) struct Run {
 impl Path {
     /// Creates the path along `direction`, in finest cells per world unit. It ends where it leaves a box of `extent`
     /// finest cells, wherever in the box it started.
-    pub fn new(direction: DVec3, extent: UVec3) -> Self {
+    pub fn new(direction: DVec3, start: Start, extent: UVec3) -> Self {
         let sign = direction.signum().as_ivec3();
+        // The distance to the first border on each axis, in cells, and the first cell behind the start.
+        let (border, first) = match start {
+            Start::Center => (0.5, IVec3::ZERO),
+            Start::Corner => (1.0, sign.min(IVec3::ZERO)),
+        };
         let per_cell = direction.abs().recip();
         let mut path = Self { steps: Vec::new(), runs: Vec::new() };
         let mut crossed = UVec3::ZERO;
         let mut traveled = 0.0;
         while crossed.cmplt(extent).all() {
-            let next = (crossed.as_dvec3() + 0.5) * per_cell;
+            let next = (crossed.as_dvec3() + border) * per_cell;
             let exit = next.min_element();
-            path.push(crossed.as_ivec3() * sign, exit - traveled);
+            path.push(first + crossed.as_ivec3() * sign, exit - traveled);
             traveled = exit;
             let axis = next.to_array().iter().position(|&t| t == exit).unwrap_or(0);
             crossed[axis] += 1;
         }
         path
+    }
+
+    /// Returns the number of steps inside the leaf, `size` finest cells wide, at whose center the path starts.
+    pub fn steps_within(&self, size: u32) -> usize {
+        let low = -((size / 2) as i32);
+        let inside = |run: &Run, step: &Step| {
+            let offset = run.blocks * SIDE as i32 + IVec3::from_array(step.rest.map(i32::from));
+            offset.min_element() >= low && offset.max_element() < low + size as i32
+        };
+        let steps = self.runs.iter().flat_map(|run| self.steps[run.steps.clone()].iter().map(move |step| (run, step)));
+        steps.take_while(|(run, step)| inside(run, step)).count()
     }
 
     fn push(&mut self, offset: IVec3, length: f64) {
@@ -75,21 +107,22 @@ mod tests {
         /// The middle of every step is in the cell that the step names, and the lengths add up to the distance to the
         /// edge of the box.
         #[test]
-        fn steps_follow_the_ray(direction in prop::array::uniform3(-1.0..1.0f64), extent in 1u32..40) {
+        fn steps_follow_the_ray(direction in prop::array::uniform3(-1.0..1.0f64), extent in 1u32..40, corner: bool) {
             let direction = DVec3::from_array(direction);
             prop_assume!(direction.length() > 0.1);
-            let path = Path::new(direction, UVec3::splat(extent));
+            let (start, offset) = if corner { (Start::Corner, 0.0) } else { (Start::Center, 0.5) };
+            let path = Path::new(direction, start, UVec3::splat(extent));
             let mut traveled = 0.0;
             for run in &path.runs {
                 for step in &path.steps[run.steps.clone()] {
-                    let middle = 0.5 + direction * (traveled + 0.5 * f64::from(step.length));
+                    let middle = offset + direction * (traveled + 0.5 * f64::from(step.length));
                     let rest = IVec3::from_array(step.rest.map(i32::from));
                     let inside = middle - (run.blocks * 8 + rest).as_dvec3();
                     prop_assert!(inside.min_element() > -1e-4 && inside.max_element() < 1.0 + 1e-4);
                     traveled += f64::from(step.length);
                 }
             }
-            let expected = (f64::from(extent) - 0.5) / direction.abs().max_element();
+            let expected = (f64::from(extent) - offset) / direction.abs().max_element();
             prop_assert!((traveled - expected).abs() < 1e-4 * expected, "{traveled} {expected}");
         }
     }

@@ -8,7 +8,7 @@ use super::{
     directions::observers,
     leaves::{chosen_leaves, weight_bound},
     march::optical_depth,
-    path::{Path, SIDE},
+    path::{Path, SIDE, Start},
     progress::{Canceled, Progress},
     sample_point::SamplePoint,
 };
@@ -76,15 +76,45 @@ pub(super) struct Ray {
     pub basis: [f64; 25],
     /// Length of the path from the center of a finest cell to the face where it leaves the cell, in world units.
     half: f64,
-    pub path: Path,
+    /// From each [`Start`].
+    paths: [Path; 2],
+}
+
+impl Ray {
+    /// Returns the length of the path from the center of a leaf, `size` finest cells wide, to its surface, in world
+    /// units.
+    pub fn half(&self, size: u32) -> f64 {
+        self.half * f64::from(size)
+    }
 }
 
 /// Leaves that are sampled together.
 pub(super) enum Unit {
-    /// Finest leaves in the same block: the block, and each leaf with its row and lane.
-    Block(IVec3, Vec<(u32, usize, usize)>),
+    /// Leaves whose centers are in the same block and whose rays have the same path.
+    Block(BlockUnit),
     /// A leaf of any size.
     Alone(LeafCell),
+}
+
+/// Leaves whose centers are in the same block and whose rays have the same path.
+pub(super) struct BlockUnit {
+    /// The block.
+    place: IVec3,
+    /// Where the rays start.
+    start: Start,
+    /// The width, in finest cells, of the leaves that rays do not count: their own, with [`SamplePoint::Entry`].
+    skipped: Option<u32>,
+    pub leaves: Vec<BlockLeaf>,
+}
+
+/// A leaf whose center is in a block.
+pub(super) struct BlockLeaf {
+    pub leaf: u32,
+    /// Its width, in finest cells.
+    pub size: u32,
+    /// The row and the lane of the cell at its center.
+    pub row: usize,
+    pub lane: usize,
 }
 
 /// The state of a thread.
@@ -113,7 +143,8 @@ impl<'a> Sampler<'a> {
             progress.check()?;
             let direction = observer * field.frame().scale * finest;
             let half = 0.5 * direction.abs().recip().min_element();
-            Ok(Ray { direction, basis: field.basis().evaluate(-observer), half, path: Path::new(direction, extent) })
+            let paths = [Start::Center, Start::Corner].map(|start| Path::new(direction, start, extent));
+            Ok(Ray { direction, basis: field.basis().evaluate(-observer), half, paths })
         };
         let cells = observers(field.up(), settings).into_iter().map(|cell| cell.into_iter().map(ray).collect());
         let cells = cells.collect::<Result<_, Canceled>>()?;
@@ -150,24 +181,50 @@ impl<'a> Sampler<'a> {
         Ok(tally.finish(factor, (chosen.len() * self.cells.len()) as u64))
     }
 
+    /// Returns the leaves in groups. Leaves are in the order of the octree.
     pub fn units(&self, leaves: &[LeafCell]) -> Result<Vec<Unit>, Canceled> {
         let mut units = Vec::new();
+        // The groups of the current block, by size if rays skip their leaf, and else by start. The center of a leaf that
+        // is as wide as a block or wider is in a block of its own.
+        let mut open: [Option<BlockUnit>; SIDE.ilog2() as usize + 1] = Default::default();
         for &cell in leaves {
             self.progress.check()?;
-            if cell.size > 1 || self.blocks.is_none() {
+            if self.blocks.is_none() {
                 units.push(Unit::Alone(cell));
                 continue;
             }
             let side = SIDE as u32;
-            let (place, inside) = ((cell.corner / side).as_ivec3(), cell.corner % side);
-            let leaf = (cell.leaf, (inside.x * side + inside.y) as usize, inside.z as usize);
-            // Leaves are in the order of the octree, so those of a block are consecutive.
-            match units.last_mut() {
-                Some(Unit::Block(block, leaves)) if *block == place => leaves.push(leaf),
-                _ => units.push(Unit::Block(place, vec![leaf])),
+            let center = cell.corner + cell.size / 2;
+            let (place, inside) = ((center / side).as_ivec3(), center % side);
+            let (row, lane) = ((inside.x * side + inside.y) as usize, inside.z as usize);
+            let leaf = BlockLeaf { leaf: cell.leaf, size: cell.size, row, lane };
+            let start = Start::of(cell.size);
+            let (group, skipped) = match self.point {
+                SamplePoint::Center => (start as usize, None),
+                SamplePoint::Entry => (cell.size.min(side).ilog2() as usize, Some(cell.size)),
+            };
+            // Leaves of a block are consecutive.
+            match &mut open[group] {
+                Some(unit) if unit.place == place => unit.leaves.push(leaf),
+                unit => {
+                    let next = BlockUnit { place, start, skipped, leaves: vec![leaf] };
+                    units.extend(unit.replace(next).map(Unit::Block));
+                }
             }
         }
+        units.extend(open.into_iter().flatten().map(Unit::Block));
         Ok(units)
+    }
+
+    /// Computes the optical depths of a ray from the leaves of a unit, as [`optical_depth`] does. Those of all other
+    /// cells are infinite.
+    pub fn march(&self, blocks: &Blocks, unit: &BlockUnit, ray: &Ray, limit: f64, depths: &mut Depths) {
+        depths.as_flattened_mut().fill(f32::INFINITY);
+        unit.leaves.iter().for_each(|leaf| depths[leaf.row][leaf.lane] = 0.0);
+        let path = &ray.paths[unit.start as usize];
+        // Where rays start at the point where they enter the leaf, it does not hide itself, however dense it is.
+        let skipped = unit.skipped.map_or(0, |size| path.steps_within(size));
+        blocks.march(unit.place, path, skipped, limit as f32, depths);
     }
 
     /// Samples leaves in all directions and returns their number.
@@ -176,27 +233,19 @@ impl<'a> Sampler<'a> {
         let Worker { tally, depths, coefficients } = worker;
         coefficients.clear();
         match unit {
-            Unit::Block(place, leaves) => {
-                leaves.iter().for_each(|&(leaf, ..)| self.decode(leaf, coefficients));
+            Unit::Block(unit) => {
+                let leaves = &unit.leaves;
+                leaves.iter().for_each(|leaf| self.decode(leaf.leaf, coefficients));
                 let per_leaf = self.field.basis().coefficients();
                 let Some(blocks) = &self.blocks else { return Ok(leaves.len()) };
                 for cell in &self.cells {
                     for (ray, depths) in cell.iter().zip(&mut *depths) {
                         self.progress.check()?;
-                        depths.as_flattened_mut().fill(f32::INFINITY);
-                        for &(leaf, row, lane) in leaves {
-                            // The leaf's own half is passed first. If rays start where they enter the leaf, it does
-                            // not hide it.
-                            depths[row][lane] = match self.point {
-                                SamplePoint::Center => 0.0,
-                                SamplePoint::Entry => -(self.field.densities()[leaf as usize] * ray.half as f32),
-                            };
-                        }
-                        blocks.march(*place, &ray.path, self.limit as f32, depths);
+                        self.march(blocks, unit, ray, self.limit, depths);
                     }
-                    for (&(leaf, row, lane), coefficients) in leaves.iter().zip(coefficients.chunks_exact(per_leaf)) {
-                        let depth = |ray: usize| f64::from(depths[ray][row][lane]);
-                        self.add(tally, leaf, 1, coefficients, cell, depth);
+                    for (leaf, coefficients) in leaves.iter().zip(coefficients.chunks_exact(per_leaf)) {
+                        let depth = |ray: usize| f64::from(depths[ray][leaf.row][leaf.lane]);
+                        self.add(tally, leaf.leaf, leaf.size, coefficients, cell, depth);
                     }
                 }
                 Ok(leaves.len())
@@ -241,7 +290,7 @@ impl<'a> Sampler<'a> {
             if depth > self.limit {
                 continue;
             }
-            let visible = (-depth).exp() * self.point.share(density * ray.half * f64::from(size));
+            let visible = (-depth).exp() * self.point.share(density * ray.half(size));
             for (channel, k) in coefficients.chunks_exact(functions).enumerate() {
                 let sum = k.iter().zip(&ray.basis).map(|(k, y)| k * y).sum();
                 let seen = self.field.activation().apply(sum);
@@ -369,6 +418,26 @@ mod tests {
             let (blocks, single) = (run(blocks(&field)), run(None));
             prop_assert!((blocks.total_weight() - single.total_weight()).abs() <= 1e-5 * single.total_weight());
         }
+    }
+
+    /// Leaves of all sizes are sampled in blocks, and much of the work of larger ones is shared, too.
+    #[test]
+    fn leaves_of_all_sizes_are_sampled_in_blocks() {
+        let field = field(5, 6, [0.4; 3], UpAxis::Z);
+        let (settings, progress) = (settings(ObserverRegion::Sphere), Progress::default());
+        let leaves = chosen_leaves(&field, &settings, &progress).unwrap();
+        let sampler = Sampler::new(&field, &settings, SamplePoint::Center, blocks(&field), &progress).unwrap();
+        let units = sampler.units(&leaves).unwrap();
+        let mut found = Vec::new();
+        for unit in &units {
+            let Unit::Block(unit) = unit else { panic!("a leaf alone") };
+            found.extend(unit.leaves.iter().map(|leaf| leaf.leaf));
+        }
+        found.sort_unstable();
+        assert!(found.iter().copied().eq(0..field.leaves() as u32));
+        let larger = leaves.iter().filter(|cell| cell.size > 1).count();
+        let shared = units.iter().filter(|unit| matches!(unit, Unit::Block(unit) if unit.start == Start::Corner));
+        assert!(larger > 2 * shared.count(), "{larger}");
     }
 
     /// The coefficients of packed fields are not rounded to half precision first.

@@ -62,11 +62,11 @@ pub(crate) fn visibility(field: &PlenOctree, below: f64, progress: &Progress) ->
         multisamples: 1,
         ..SamplingSettings::default()
     };
-    let sampler = Sampler::new(field, &settings, SamplePoint::Center, Blocks::new(field, progress)?, progress)?;
+    // Leaves do not hide themselves.
+    let sampler = Sampler::new(field, &settings, SamplePoint::Entry, Blocks::new(field, progress)?, progress)?;
     let leaves: Vec<_> = field.leaf_cells().collect();
     let units = sampler.units(&leaves)?;
     progress.begin(leaves.len());
-    // Leaves are in the order of the octree, and so are units and what they return.
     let counts: Vec<f64> = sampler
         .cells
         .iter()
@@ -76,14 +76,16 @@ pub(crate) fn visibility(field: &PlenOctree, below: f64, progress: &Progress) ->
             if observer.y < 0.0 { below } else { 1.0 }
         })
         .collect();
-    let seen: Vec<Vec<Seen>> =
+    let seen: Vec<Vec<(usize, Seen)>> =
         units.par_iter().map(|unit| of_unit(&sampler, unit, &counts)).collect::<Result<_, _>>()?;
+    let mut leaves = vec![Seen::default(); leaves.len()];
+    seen.into_iter().flatten().for_each(|(leaf, seen)| leaves[leaf] = seen);
     let directions = sampler.cells.iter().flatten().map(|ray| ray.basis.map(|y| y as f32)).collect();
-    Ok(Visibility { leaves: seen.into_iter().flatten().collect(), directions })
+    Ok(Visibility { leaves, directions })
 }
 
-/// `counts` are the weights of the views in each direction.
-fn of_unit(sampler: &Sampler, unit: &Unit, counts: &[f64]) -> Result<Vec<Seen>, Canceled> {
+/// Returns the visibility of the leaves of a unit. `counts` are the weights of the views in each direction.
+fn of_unit(sampler: &Sampler, unit: &Unit, counts: &[f64]) -> Result<Vec<(usize, Seen)>, Canceled> {
     sampler.progress.check()?;
     let field = sampler.field;
     let limit = -HIDDEN.ln();
@@ -91,21 +93,16 @@ fn of_unit(sampler: &Sampler, unit: &Unit, counts: &[f64]) -> Result<Vec<Seen>, 
     let count = counts.iter().sum();
     let mut tallies;
     match unit {
-        Unit::Block(place, leaves) => {
-            tallies = leaves.iter().map(|&(leaf, ..)| Tally::new(field, leaf, 1)).collect::<Vec<_>>();
+        Unit::Block(unit) => {
+            tallies = unit.leaves.iter().map(|leaf| Tally::new(field, leaf.leaf, leaf.size)).collect::<Vec<_>>();
             let Some(blocks) = &sampler.blocks else { return Ok(Vec::new()) };
             let mut depths = [[0.0; SIDE]; ROWS];
             for (ray, count) in rays().zip(counts) {
                 sampler.progress.check()?;
-                let half = ray.path.steps.first().map_or(0.0, |step| step.length);
-                depths.as_flattened_mut().fill(f32::INFINITY);
-                for (&(_, row, lane), tally) in leaves.iter().zip(&tallies) {
-                    // The leaf's own half is passed first, and does not hide it.
-                    depths[row][lane] = -(tally.density as f32 * half);
-                }
-                blocks.march(*place, &ray.path, limit as f32, &mut depths);
-                for (&(_, row, lane), tally) in leaves.iter().zip(&mut tallies) {
-                    tally.add(field, depths[row][lane].into(), half.into(), &ray.basis, *count);
+                sampler.march(blocks, unit, ray, limit, &mut depths);
+                for (leaf, tally) in unit.leaves.iter().zip(&mut tallies) {
+                    let depth = depths[leaf.row][leaf.lane].into();
+                    tally.add(field, depth, ray.half(leaf.size), &ray.basis, *count);
                 }
             }
         }
@@ -113,16 +110,14 @@ fn of_unit(sampler: &Sampler, unit: &Unit, counts: &[f64]) -> Result<Vec<Seen>, 
             let mut tally = Tally::new(field, leaf.leaf, leaf.size);
             for (ray, count) in rays().zip(counts) {
                 sampler.progress.check()?;
-                let half = 0.5 * f64::from(leaf.size) * ray.direction.abs().recip().min_element();
-                let own = tally.density * half;
-                let depth = optical_depth(field, *leaf, ray.direction, SamplePoint::Center, own + limit) - own;
-                tally.add(field, depth, half, &ray.basis, *count);
+                let depth = optical_depth(field, *leaf, ray.direction, SamplePoint::Entry, limit);
+                tally.add(field, depth, ray.half(leaf.size), &ray.basis, *count);
             }
             tallies = vec![tally];
         }
     }
     sampler.progress.advance(tallies.len());
-    Ok(tallies.into_iter().map(|tally| tally.finish(count)).collect())
+    Ok(tallies.into_iter().map(|tally| (tally.leaf, tally.finish(count))).collect())
 }
 
 /// The sums for a leaf so far.

@@ -17,9 +17,23 @@ pub struct Arguments {
     /// to it.
     #[arg(long, value_name = "PROP.npz")]
     pub out: PathBuf,
-    /// The number of levels of cells: the field has 2^DEPTH per side.
-    #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u32).range(6..=10))]
-    pub depth: u32,
+    /// The number of levels of cells: the finest are 2^-DEPTH of the field's cube wide. By default 8; with --leaves,
+    /// --quality or --near, as many as make cells about a pixel wide at the distance --near, at most 10.
+    #[arg(long, value_parser = clap::value_parser!(u32).range(6..=10))]
+    pub depth: Option<u32>,
+    /// Make leaves small where the capture shows detail: at most this many. With --near alone, 3 million. Such a field
+    /// looks right from nearby, and is not refined.
+    #[arg(long, value_name = "N", conflicts_with_all = ["minutes", "effort"],
+        value_parser = clap::value_parser!(u32).range(32_768..=20_000_000))]
+    pub leaves: Option<u32>,
+    /// Like --leaves, with as many as it takes to look this much like the capture, in decibels of PSNR: the mean over
+    /// pictures from the distance --near, over white.
+    #[arg(long, value_name = "DB", value_parser = parse_positive, conflicts_with_all = ["leaves", "minutes", "effort"])]
+    pub quality: Option<f64>,
+    /// The distance from the middle of the box at which the field of --leaves or --quality must look right, in the
+    /// capture's units. By default, half the longest side of the box.
+    #[arg(long, value_name = "DISTANCE", value_parser = parse_positive, conflicts_with_all = ["minutes", "effort"])]
+    pub near: Option<f64>,
     /// The box to convert, in the coordinates of the capture: x,y,z of its lowest and of its highest corner. By
     /// default, it contains most Gaussians.
     #[arg(long, value_name = "X,Y,Z,X,Y,Z", value_parser = parse_box, allow_hyphen_values = true)]
@@ -27,7 +41,7 @@ pub struct Arguments {
     /// Keep only the largest connected part, without floaters and backgrounds.
     #[arg(long)]
     pub keep_largest: bool,
-    /// Only spread the Gaussians over the cells; do not refine the field with pictures of the capture.
+    /// Only add up the Gaussians in the cells; do not refine the field with pictures of the capture.
     #[arg(long)]
     pub no_refine: bool,
     /// The time for refining, in minutes. By default, --effort decides.
@@ -58,6 +72,13 @@ pub struct Arguments {
     /// The arguments for extraction.
     #[command(flatten)]
     pub extraction: ExtractionArguments,
+}
+
+impl Arguments {
+    /// Returns whether leaves have many sizes. Otherwise, they have one, and can be refined.
+    pub fn mixes_sizes(&self) -> bool {
+        self.leaves.is_some() || self.quality.is_some() || self.near.is_some()
+    }
 }
 
 /// A direction along an axis.

@@ -15,6 +15,9 @@ const FOV: f64 = 0.6;
 /// Their distances, as multiples of the one at which the whole box is in view.
 const DISTANCES: [f64; 3] = [1.0, 0.85, 0.7];
 
+/// Number of cameras near a capture.
+const NEAR: u32 = 6;
+
 /// Cameras to refine with, and others to measure with.
 pub struct Cameras {
     pub training: Vec<PinholeCamera>,
@@ -37,4 +40,22 @@ pub fn around(low: DVec3, high: DVec3, size: u32) -> Cameras {
         if index % HELD_OUT == HELD_OUT / 2 { &mut held_out } else { &mut training }.push(camera);
     }
     Cameras { training, held_out }
+}
+
+/// Returns cameras that look at the middle of a box from everywhere, at this distance.
+pub fn near(low: DVec3, high: DVec3, distance: f64, size: u32) -> Vec<PinholeCamera> {
+    let spiral = Spiral {
+        center: 0.5 * (low + high),
+        radius: distance * (0.5 * FOV).sin(),
+        up: UpAxis::Z,
+        fov: FOV,
+        elevations: [1.0, -1.0],
+        distances: &[],
+    };
+    spiral.cameras(NEAR, size).collect()
+}
+
+/// Returns the width of a pixel of these cameras at a distance.
+pub fn pixel(distance: f64, size: u32) -> f64 {
+    2.0 * (0.5 * FOV).tan() * distance / f64::from(size)
 }

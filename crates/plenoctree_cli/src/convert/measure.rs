@@ -49,12 +49,13 @@ pub fn measure(field: &PlenOctree, cameras: &[PinholeCamera], images: &[SplatIma
 }
 
 impl Measured {
-    /// Returns the measurements for the report.
-    pub fn json(&self, field: &PlenOctree) -> Value {
+    /// Returns the measurements for the report: these, and those from nearby.
+    pub fn json(&self, field: &PlenOctree, near: &Self) -> Value {
         let object = |psnr: &[f64; 2]| json!({BACKGROUNDS[0].0: psnr[0], BACKGROUNDS[1].0: psnr[1]});
         json!({
             "leaves": field.leaves(),
             "psnr_db": object(&self.psnr),
+            "near_psnr_db": object(&near.psnr),
             "views": self.views.iter().map(object).collect::<Vec<_>>(),
         })
     }

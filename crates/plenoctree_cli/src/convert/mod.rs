@@ -3,6 +3,7 @@
 mod arguments;
 mod cameras;
 mod measure;
+mod quality;
 
 pub use arguments::Arguments;
 
@@ -16,8 +17,11 @@ use plenoctree_fit::{
 };
 use serde_json::json;
 
-use self::measure::measure;
+use self::measure::{Measured, measure};
 use crate::{capture, console, fit::output, number::counted, progress, result::Result, training::Interruption};
+
+/// The largest number of leaves of many sizes, if none is given.
+const MOST_LEAVES: u32 = 3_000_000;
 
 /// Converts the capture, extracts the palette, and writes both with views and a report.
 pub fn run(arguments: &Arguments) -> Result {
@@ -42,10 +46,23 @@ pub fn run(arguments: &Arguments) -> Result {
     );
     let reading = start.elapsed();
 
+    let side = (high - low).max_element();
+    let near = arguments.near.unwrap_or(0.5 * side);
+    let cameras_near = cameras::near(low, high, near, arguments.picture_size);
+    let images_near = photograph(&splats, &cameras_near, "measuring", None);
     let start = Instant::now();
     let spinner = progress::spinner("voxelizing", false);
-    let settings = VoxelSettings { depth: arguments.depth, bounds: Some((low, high)) };
-    let mut field = voxelize(&splats, &settings).map_err(|error| named(&error))?;
+    let depth = arguments.depth.unwrap_or_else(|| match arguments.mixes_sizes() {
+        true => (side / cameras::pixel(near, arguments.picture_size)).log2().clamp(6.0, 10.0).round() as u32,
+        false => 8,
+    });
+    let bounds = Some((low, high));
+    let leaves = arguments.mixes_sizes().then(|| arguments.leaves.unwrap_or(MOST_LEAVES) as usize);
+    let field = match arguments.quality {
+        Some(quality) => quality::field(&splats, depth, bounds, quality, &cameras_near, &images_near),
+        None => voxelize(&splats, &VoxelSettings { depth, leaves, bounds }),
+    };
+    let mut field = field.map_err(|error| named(&error))?;
     spinner.finish_and_clear();
     interruption.keep_result();
     let voxelizing = start.elapsed();
@@ -54,13 +71,14 @@ pub fn run(arguments: &Arguments) -> Result {
     let start = Instant::now();
     let images = photograph(&splats, &cameras.held_out, "measuring", None);
     let mut measured = measure(&field, &cameras.held_out, &images);
-    let voxelized = measured.json(&field);
+    let mut measured_near = measure(&field, &cameras_near, &images_near);
+    let voxelized = measured.json(&field, &measured_near);
     let leaves = |field: &PlenOctree| counted(field.leaves(), "leaf", "leaves");
-    let quality = decibels(&measured);
+    let quality = decibels(&measured, &measured_near);
     console::say!("voxelized: {}, {quality} in {:.1} s", leaves(&field), voxelizing.as_secs_f64());
     let mut measuring = start.elapsed();
     let (mut refined, mut refining) = (None, Duration::ZERO);
-    if !arguments.no_refine {
+    if !arguments.no_refine && !arguments.mixes_sizes() {
         let start = Instant::now();
         let pictures = photograph(&splats, &cameras.training, "rendering", Some(&interruption));
         if interruption.is_requested() {
@@ -80,9 +98,10 @@ pub fn run(arguments: &Arguments) -> Result {
             field = better;
             let start = Instant::now();
             measured = measure(&field, &cameras.held_out, &images);
-            let quality = decibels(&measured);
+            measured_near = measure(&field, &cameras_near, &images_near);
+            let quality = decibels(&measured, &measured_near);
             console::say!("refined: {}, {quality} in {:.0} s", leaves(&field), refining.as_secs_f64());
-            let mut report = measured.json(&field);
+            let mut report = measured.json(&field, &measured_near);
             report["million_rays"] = json!(stage.million_rays);
             refined = Some(report);
             measuring += start.elapsed();
@@ -102,6 +121,7 @@ pub fn run(arguments: &Arguments) -> Result {
     let report = json!({
         "gaussians": all,
         "depth": field.depth(),
+        "near": near,
         "box": [low.to_array(), high.to_array()],
         "from_capture": [row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]],
         "voxelized": voxelized,
@@ -142,7 +162,10 @@ fn to_shots(cameras: &[PinholeCamera], images: &[SplatImage]) -> Vec<Shot> {
     cameras.iter().zip(images).map(|(camera, image)| Shot::new(camera, &image.pixels)).collect()
 }
 
-fn decibels(measured: &measure::Measured) -> String {
-    let [white, black] = measured.psnr;
-    format!("{white:.2} dB over white and {black:.2} dB over black")
+/// Describes how much the field looks like its capture: all of it, and from nearby.
+fn decibels(measured: &Measured, near: &Measured) -> String {
+    let ([white, black], [near_white, near_black]) = (measured.psnr, near.psnr);
+    format!(
+        "{white:.2} dB over white and {black:.2} dB over black, from nearby {near_white:.2} dB and {near_black:.2} dB"
+    )
 }

@@ -27,4 +27,4 @@ pub use read::{SplatSettings, SpzAxes};
 pub use render::{SplatImage, render_splats};
 pub use splats::{Gaussian, Splats};
 pub use subject::{Axis, Subject, SubjectSettings};
-pub use voxelize::{VoxelSettings, voxelize};
+pub use voxelize::{VoxelSettings, Voxels, voxelize};

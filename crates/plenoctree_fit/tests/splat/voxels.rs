@@ -1,8 +1,10 @@
 //! Fields of captures.
 
 use glam::{DAffine3, DVec3, Quat, Vec3};
-use plenoctree::{Basis, PlenOctree, camera::PinholeCamera, reference::render};
-use plenoctree_fit::splat::{Gaussian, Splats, VoxelSettings, render_splats, voxelize};
+use plenoctree::{
+    Basis, LoadSettings, PackSettings, Packed, PlenOctree, camera::PinholeCamera, reference::render, sampling::Progress,
+};
+use plenoctree_fit::splat::{Gaussian, Splats, VoxelSettings, Voxels, render_splats, voxelize};
 
 /// A ball of colored Gaussians on its surface, some of which are thin, and a bar next to it.
 fn ball(degree: u32) -> Splats {
@@ -55,13 +57,15 @@ fn psnr(field: &PlenOctree, splats: &Splats, background: DVec3) -> f64 {
 fn fields_look_like_their_captures() {
     for degree in [0, 1, 3] {
         let splats = ball(degree);
-        let field = voxelize(&splats, &VoxelSettings { depth: 7, bounds: None }).unwrap();
-        let expected = [Basis::Sh1, Basis::Sh4, Basis::Sh9, Basis::Sh9][degree as usize];
-        // Degree 3 is cut to 2.
-        assert_eq!(field.basis(), expected);
-        for background in [DVec3::ONE, DVec3::ZERO] {
-            let found = psnr(&field, &splats, background);
-            assert!(found > 24.0, "degree {degree} over {background}: {found}");
+        for leaves in [None, Some(1_000_000)] {
+            let field = voxelize(&splats, &VoxelSettings { depth: 7, leaves, ..Default::default() }).unwrap();
+            let expected = [Basis::Sh1, Basis::Sh4, Basis::Sh9, Basis::Sh9][degree as usize];
+            // Degree 3 is cut to 2.
+            assert_eq!(field.basis(), expected);
+            for background in [DVec3::ONE, DVec3::ZERO] {
+                let found = psnr(&field, &splats, background);
+                assert!(found > 24.0, "degree {degree} over {background}: {found}");
+            }
         }
     }
 }
@@ -79,7 +83,7 @@ fn opacities_are_kept() {
             let mut splats = Splats::new(0);
             let gaussian = Gaussian { position, scale: Vec3::splat(scale), rotation: Quat::IDENTITY, opacity };
             splats.push(gaussian, &[Vec3::ZERO]);
-            let field = voxelize(&splats, &VoxelSettings { depth: 6, bounds }).unwrap();
+            let field = voxelize(&splats, &VoxelSettings { depth: 6, bounds, ..Default::default() }).unwrap();
             for camera in cameras(1) {
                 let direction = (position.as_dvec3() - camera.position).normalize();
                 sum += field.render_ray(camera.position, direction).1;
@@ -91,28 +95,171 @@ fn opacities_are_kept() {
     }
 }
 
-/// Gaussians that cover the whole capture, all at one place, take about as long as others.
+/// Gaussians as large as the capture, all at one place, become a field of at most as many leaves as asked for: one
+/// cell after another, each of them would take hours.
 #[test]
-fn piles_of_wide_gaussians_do_not_take_long() {
+fn piles_of_wide_gaussians_become_fields() {
     let mut splats = Splats::new(0);
-    for index in 0..8000 {
+    for index in 0..4000 {
         let color = Vec3::splat((0.1 * index as f32).sin());
         let gaussian =
             Gaussian { position: Vec3::ZERO, scale: Vec3::splat(0.1), rotation: Quat::IDENTITY, opacity: 0.5 };
         splats.push(gaussian, &[color]);
     }
-    let start = std::time::Instant::now();
-    voxelize(&splats, &VoxelSettings::default()).unwrap();
-    let seconds = start.elapsed().as_secs_f64();
-    // All cells for each of them would take minutes.
-    assert!(seconds < 30.0, "{seconds:.1} s");
+    let field = voxelize(&splats, &VoxelSettings { leaves: Some(100_000), ..Default::default() }).unwrap();
+    assert!((1000..=100_000).contains(&field.leaves()), "{}", field.leaves());
+    let (_, opacity) = field.render_ray(DVec3::new(3.0, 0.0, 0.0), DVec3::NEG_X);
+    assert!(opacity > 0.99, "{opacity}");
+}
+
+/// Captures that are no props become fields, or errors that say why.
+#[test]
+fn strange_captures_become_fields_or_errors() {
+    let capture = |count: usize, gaussian: &dyn Fn(f32) -> Gaussian| {
+        let mut splats = Splats::new(0);
+        (0..count).for_each(|index| splats.push(gaussian(index as f32), &[Vec3::splat(0.3)]));
+        splats
+    };
+    let turn = |at: f32| Vec3::new(at.sin(), (1.7 * at).sin(), (2.9 * at).cos());
+    let round = |position: Vec3, scale: f32, opacity: f32| Gaussian {
+        position,
+        scale: Vec3::splat(scale),
+        rotation: Quat::IDENTITY,
+        opacity,
+    };
+    let huge = capture(300, &|at| round(turn(at), 1e3, 0.9));
+    let point = capture(300, &|_| round(Vec3::ONE, 0.0, 0.9));
+    let room = capture(6000, &|at| {
+        let wall = turn(at);
+        round(3.0 * wall / wall.abs().max_element(), 0.08, 0.8)
+    });
+    for splats in [huge, point, room] {
+        let settings = VoxelSettings { depth: 8, leaves: Some(1_000_000), ..Default::default() };
+        let field = voxelize(&splats, &settings).unwrap();
+        assert!(field.leaves() > 0 && field.depth() <= 8, "{} at {}", field.leaves(), field.depth());
+        let (low, high) = field.bounds().unwrap();
+        let from = high + 2.0 * (high - low);
+        let (_, opacity) = field.render_ray(from, (0.5 * (low + high) - from).normalize());
+        assert!(opacity > 0.3, "{opacity}");
+    }
+    let faint = capture(300, &|at| round(turn(at), 0.1, 1e-3));
+    let error = voxelize(&faint, &VoxelSettings::default()).unwrap_err().to_string();
+    assert!(error.contains("nothing is left of the capture"), "{error}");
+}
+
+/// A ball, one half of which has one color, while the other is striped.
+fn striped_ball() -> Splats {
+    let ball = ball(0);
+    let mut striped = Splats::new(0);
+    for gaussian in ball.gaussians() {
+        let Vec3 { x, z, .. } = gaussian.position;
+        let light = x < 0.0 || (40.0 * z).sin() > 0.0;
+        striped.push(*gaussian, &[Vec3::splat(if light { 1.2 } else { -1.2 })]);
+    }
+    striped
+}
+
+/// Leaves are smaller where there are stripes, none are inside, and a limit of their number costs quality.
+#[test]
+fn leaves_are_where_the_detail_is() {
+    let splats = striped_ball();
+    let settings = VoxelSettings { depth: 8, leaves: Some(200_000), ..Default::default() };
+    let voxels = Voxels::new(&splats, &settings).unwrap();
+    let fields = [40_000, 200_000].map(|leaves| {
+        let field = voxels.field(leaves).unwrap();
+        assert!(field.leaves() <= leaves, "{} of {leaves}", field.leaves());
+        field
+    });
+    let [few, many] = [&fields[0], &fields[1]].map(|field| psnr(field, &splats, DVec3::ONE));
+    assert!(few > 20.0 && many > few + 0.5, "{few} {many}");
+    let (mut fine, mut all) = ([0.0; 2], [0.0; 2]);
+    let field = &fields[0];
+    let cells = f64::from(1u32 << field.depth());
+    for cell in field.leaf_cells() {
+        let center = field.frame().to_world((cell.corner.as_dvec3() + 0.5 * f64::from(cell.size)) / cells);
+        assert!(center.length() > 0.85, "{center}");
+        let side = usize::from(center.x > 0.0);
+        all[side] += f64::from(cell.size.pow(2));
+        fine[side] += if cell.size == 1 { 1.0 } else { 0.0 };
+    }
+    let [flat, striped] = [fine[0] / all[0], fine[1] / all[1]];
+    assert!(striped > 1.2 * flat, "{striped} {flat}");
+}
+
+/// What is hidden by a closed surface, a few cells thick, is left out.
+#[test]
+fn hidden_cells_are_left_out() {
+    let inside = Gaussian { position: Vec3::ZERO, scale: Vec3::splat(0.1), rotation: Quat::IDENTITY, opacity: 0.9 };
+    let bounds = Some((DVec3::splat(-1.2), DVec3::splat(1.2)));
+    let inner = |shell: bool| {
+        let mut splats = Splats::new(0);
+        splats.push(inside, &[Vec3::ONE]);
+        for gaussian in ball(0).gaussians().iter().filter(|_| shell) {
+            splats.push(Gaussian { scale: Vec3::splat(0.06), opacity: 0.99, ..*gaussian }, &[Vec3::ZERO]);
+        }
+        let field = voxelize(&splats, &VoxelSettings { depth: 7, leaves: Some(1_000_000), bounds }).unwrap();
+        let cells = f64::from(1u32 << field.depth());
+        let center = |corner: glam::UVec3| field.frame().to_world((corner.as_dvec3() + 0.5) / cells);
+        field.leaf_cells().filter(|cell| center(cell.corner).length() < 0.4).count()
+    };
+    assert!(inner(false) > 10);
+    assert_eq!(inner(true), 0);
+}
+
+/// Without a number of leaves, all are finest cells.
+#[test]
+fn uniform_fields_have_leaves_of_one_size() {
+    let field = voxelize(&ball(0), &VoxelSettings { depth: 7, ..Default::default() }).unwrap();
+    assert_eq!(field.depth(), 7);
+    assert!(field.leaf_cells().all(|cell| cell.size == 1));
+    let mixed = VoxelSettings { depth: 7, leaves: Some(1_000_000), ..Default::default() };
+    let mixed = voxelize(&ball(0), &mixed).unwrap();
+    assert!(mixed.leaves() < field.leaves() && mixed.leaf_cells().any(|cell| cell.size > 1));
+}
+
+/// Files, levels of detail, packing and ray casts take leaves of many sizes.
+#[test]
+fn leaves_of_many_sizes_pass_through_everything() {
+    let splats = striped_ball();
+    let field = voxelize(&splats, &VoxelSettings { depth: 8, leaves: Some(40_000), ..Default::default() }).unwrap();
+    let sizes = |field: &PlenOctree| field.leaf_cells().map(|cell| cell.size).collect::<Vec<_>>();
+    assert!((0..3).all(|level| sizes(&field).contains(&(1 << level))));
+    let path = std::env::temp_dir().join(format!("plenoctree-sizes-{}.npz", std::process::id()));
+    field.write(&path).unwrap();
+    let settings = LoadSettings { density_threshold: 0.0, ..Default::default() };
+    let read = PlenOctree::read(&path, &settings).unwrap();
+    std::fs::remove_file(&path).unwrap();
+    assert!(read.leaf_cells().eq(field.leaf_cells()) && read.coefficients() == field.coefficients());
+    // Files store half floats.
+    assert!(read.densities().iter().zip(field.densities()).all(|(a, b)| (a / b - 1.0).abs() < 1e-3));
+
+    let near = |other: &PlenOctree, least: f64| {
+        for camera in cameras(60) {
+            let [a, b] = [&field, other].map(|field| render(field, &camera).over(DVec3::ONE));
+            let squared: f64 = a.iter().zip(&b).map(|(a, b)| a.distance_squared(*b)).sum();
+            let psnr = -10.0 * (squared / (3.0 * a.len() as f64)).log10();
+            assert!(psnr > least, "{psnr}");
+        }
+    };
+    let coarser = field.coarser(1).unwrap();
+    assert!(coarser.leaves() <= field.leaves() && coarser.depth() == 7);
+    near(&coarser, 20.0);
+    let packed = Packed::new(&field, &PackSettings::default(), &Progress::default()).unwrap();
+    assert!(packed.field().leaves() > field.leaves() / 2);
+    near(packed.field(), 25.0);
+
+    for camera in cameras(1) {
+        let direction = -camera.position.normalize();
+        let hit = field.cast_ray(camera.position, direction).unwrap();
+        assert!((hit.distance - (camera.position.length() - 1.0)).abs() < 0.05, "{}", hit.distance);
+    }
 }
 
 /// The field is the same on any number of threads, and the capture's coordinates are those of the field.
 #[test]
 fn fields_do_not_depend_on_threads() {
     let splats = ball(0).transformed(DAffine3::from_translation(DVec3::new(5.0, 6.0, 7.0)));
-    let settings = VoxelSettings { depth: 7, bounds: None };
+    let settings = VoxelSettings { depth: 7, leaves: Some(1_000_000), ..Default::default() };
     let fields = [1, 3].map(|threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| voxelize(&splats, &settings).unwrap())
@@ -149,7 +296,7 @@ fn floaters_and_backgrounds_are_left_out() {
     let largest = inside.largest_part(low, high);
     assert!(largest == ball, "{} of {}", largest.len(), ball.len());
     let (low, high) = (DVec3::splat(-2.0), DVec3::new(2.0, 2.0, 0.0));
-    let field = voxelize(&ball, &VoxelSettings { depth: 6, bounds: Some((low, high)) }).unwrap();
+    let field = voxelize(&ball, &VoxelSettings { depth: 6, bounds: Some((low, high)), ..Default::default() }).unwrap();
     assert!(field.bounds().unwrap().1.z < 1e-6);
 }
 
@@ -158,11 +305,12 @@ fn floaters_and_backgrounds_are_left_out() {
 fn impossible_settings_are_errors() {
     let splats = ball(0);
     let error = |settings: VoxelSettings| voxelize(&splats, &settings).unwrap_err().to_string();
-    assert!(error(VoxelSettings { depth: 11, bounds: None }).contains("6 to 10"));
+    assert!(error(VoxelSettings { depth: 11, ..Default::default() }).contains("6 to 10"));
     let bounds = Some((DVec3::splat(5.0), DVec3::splat(6.0)));
-    assert!(error(VoxelSettings { depth: 6, bounds }).contains("nothing is left of the capture"));
+    assert!(error(VoxelSettings { depth: 6, bounds, ..Default::default() }).contains("nothing is left of the capture"));
+    assert!(error(VoxelSettings { leaves: Some(1), ..Default::default() }).contains("32768 to 20000000"));
     let bounds = Some((DVec3::ONE, DVec3::ZERO));
-    assert!(error(VoxelSettings { depth: 6, bounds }).contains("a lowest and a highest corner"));
+    assert!(error(VoxelSettings { depth: 6, bounds, ..Default::default() }).contains("a lowest and a highest corner"));
 }
 
 /// Captures of one Gaussian or two become fields that show all of them: the box contains more than their centers.
@@ -178,7 +326,7 @@ fn few_gaussians_are_shown() {
         }
         let (low, high) = splats.dense_bounds().unwrap();
         assert!(low.x < -0.4 && high.x > 0.6 && high.y > 0.3 + 0.4 * f64::from(count - 1), "{low} {high}");
-        let field = voxelize(&splats, &VoxelSettings { depth: 6, bounds: None }).unwrap();
+        let field = voxelize(&splats, &VoxelSettings { depth: 6, ..Default::default() }).unwrap();
         let found = psnr(&field, &splats, DVec3::ONE);
         assert!(found > 30.0, "{count}: {found}");
     }

@@ -4,89 +4,76 @@
 //! block of sums per core is in memory, at any depth.
 
 use glam::{DVec3, USizeVec3, UVec3, Vec3};
-use half::f16;
+use rayon::prelude::*;
 
-use super::{colors::Directions, gaussian::CellGaussian, optics::Profile};
-use crate::{
-    exponential::exp_minus,
-    finest::position_of,
-    splat::{harmonics::functions, splats::Splats},
-};
+use super::{gaussian::CellGaussian, optics::Profile};
+use crate::{exponential::exp_minus, finest::position_of, splat::splats::Splats};
 
 /// Levels of cells in a block.
-const BLOCK: u32 = 5;
+pub const BLOCK: u32 = 5;
+/// The work of finding that a Gaussian is in a block, in sums.
+const WORK_PER_BLOCK: f64 = 200.0;
 /// Maximum number of levels of regions.
 const REGIONS: u32 = 2;
-/// Thickness below which a cell is empty.
-const THINNEST: f32 = 2e-3;
 
-/// A part of the cube, and its leaves in the order of their codes.
-pub struct Region {
-    /// Its code among the regions.
-    code: u64,
+/// The Gaussians of a capture among the cells of a cube.
+pub struct Lattice<'a> {
+    splats: &'a Splats,
     /// Levels of cells.
-    levels: u32,
-    /// Code of each leaf among all cells of the cube.
-    pub codes: Vec<u64>,
-    /// Density times the width of a cell.
-    pub thickness: Vec<f32>,
-    pub coefficients: Vec<f16>,
+    depth: u32,
+    gaussians: Vec<CellGaussian>,
+    profile: Profile,
 }
 
-/// Returns all regions of a cube, in the order of their codes.
-pub fn regions(depth: u32) -> Vec<Region> {
-    let split = REGIONS.min(depth - BLOCK);
-    (0..1u64 << (3 * split))
-        .map(|code| Region {
-            code,
-            levels: depth - split,
-            codes: Vec::new(),
-            thickness: Vec::new(),
-            coefficients: Vec::new(),
-        })
-        .collect()
-}
+impl<'a> Lattice<'a> {
+    /// Prepares the Gaussians for the cube at `corner` whose finest cells, at this depth, have this `width`. They are
+    /// blurred by this many cells.
+    pub fn new(splats: &'a Splats, corner: DVec3, width: f64, depth: u32, blur: f64) -> Self {
+        let gaussians = (splats.gaussians().par_iter().enumerate())
+            .filter_map(|(index, gaussian)| CellGaussian::new(gaussian, index as u32, corner, width, 1 << depth, blur))
+            .collect();
+        Self { splats, depth, gaussians, profile: Profile::new() }
+    }
 
-impl Region {
-    /// Adds up the Gaussians. `limits` is the box outside which cells stay empty, in cells.
-    pub fn filled(
-        mut self,
-        splats: &Splats,
-        gaussians: &[CellGaussian],
-        degree: u32,
-        profile: &Profile,
-        limits: [DVec3; 2],
-    ) -> Self {
-        let low = position_of(self.code) << self.levels;
-        let near = overlapping(gaussians.iter(), low, 1 << self.levels);
-        let directions = Directions::new();
-        let mut block = Block::new(degree);
-        for code in 0..1u64 << (3 * (self.levels - BLOCK)) {
-            let code = self.code << (3 * (self.levels - BLOCK)) | code;
-            let low = position_of(code) << BLOCK;
-            let near = overlapping(near.iter().copied(), low, 1 << BLOCK);
-            if near.is_empty() {
-                continue;
-            }
-            block.clear();
-            for gaussian in near {
-                block.add(gaussian, low, splats, profile);
-            }
-            block.flatten();
-            for inside in 0..1u64 << (3 * BLOCK) {
-                let place = position_of(inside);
-                let sums = block.cell(place);
-                let center = (low + place).as_dvec3() + 0.5;
-                if sums[0] < THINNEST || center.cmplt(limits[0]).any() || center.cmpgt(limits[1]).any() {
+    /// Returns about how many sums it takes to add up the Gaussians in all blocks.
+    pub fn work(&self) -> f64 {
+        let of = |gaussian: &CellGaussian| {
+            let blocks = (gaussian.high - 1) / (1 << BLOCK) - gaussian.low / (1 << BLOCK) + 1;
+            let points = (gaussian.high - gaussian.low).as_dvec3() / f64::from(1u32 << gaussian.level.min(BLOCK)) + 1.0;
+            WORK_PER_BLOCK * blocks.as_dvec3().element_product() + points.element_product()
+        };
+        self.gaussians.iter().map(of).sum()
+    }
+
+    /// Calls `visit` with the code and the sums of each block that passes `wanted` and is not empty, and returns the
+    /// results in the order of the codes, on all cores. The sums have `functions` coefficients per channel.
+    pub fn blocks<T: Send>(
+        &self,
+        functions: usize,
+        wanted: impl Fn(u64) -> bool + Sync,
+        visit: impl Fn(u64, &Block) -> T + Sync,
+    ) -> Vec<T> {
+        let split = REGIONS.min(self.depth - BLOCK);
+        let levels = self.depth - split;
+        let of_region = |region: u64| {
+            let near = overlapping(self.gaussians.iter(), position_of(region) << levels, 1 << levels);
+            let mut block = Block::new(functions);
+            let mut results = Vec::new();
+            let first = region << (3 * (levels - BLOCK));
+            for code in (first..first + (1 << (3 * (levels - BLOCK)))).filter(|code| wanted(*code)) {
+                let low = position_of(code) << BLOCK;
+                let near = overlapping(near.iter().copied(), low, 1 << BLOCK);
+                if near.is_empty() {
                     continue;
                 }
-                let colors: Vec<Vec3> = sums[1..].chunks_exact(3).map(|sum| Vec3::from_slice(sum) / sums[0]).collect();
-                self.codes.push(code << (3 * BLOCK) | inside);
-                self.thickness.push(sums[0]);
-                self.coefficients.extend(directions.convert(&colors).into_iter().map(f16::from_f32));
+                block.clear();
+                near.into_iter().for_each(|gaussian| block.add(gaussian, low, self.splats, &self.profile));
+                block.flatten();
+                results.push(visit(code, &block));
             }
-        }
-        self
+            results
+        };
+        (0..1u64 << (3 * split)).into_par_iter().map(of_region).collect::<Vec<_>>().into_iter().flatten().collect()
     }
 }
 
@@ -97,7 +84,7 @@ fn overlapping<'a>(gaussians: impl Iterator<Item = &'a CellGaussian>, low: UVec3
 
 /// Sums of a block. A Gaussian is added to the cells or, if it is many cells wide, to the points of the coarsest lattice
 /// in which it is still smooth. Otherwise, as many Gaussians at one place would take as many times the cells there.
-struct Block {
+pub struct Block {
     /// The cells, then lattices of points that are 2, 4, 8, 16 and 32 cells apart.
     rasters: [Raster; BLOCK as usize + 1],
 }
@@ -116,8 +103,8 @@ struct Raster {
 }
 
 impl Block {
-    fn new(degree: u32) -> Self {
-        let stride = 1 + 3 * functions(degree);
+    fn new(functions: usize) -> Self {
+        let stride = 1 + 3 * functions;
         let raster = |level: u32| {
             let (first, side) = if level == 0 { (0.5, 1 << BLOCK) } else { (0.0, (1 << BLOCK >> level) + 1) };
             let distance = (1u32 << level) as f32;
@@ -148,8 +135,8 @@ impl Block {
         }
     }
 
-    /// Returns the sums of a cell.
-    fn cell(&self, place: UVec3) -> &[f32] {
+    /// Returns the sums of a cell: its thickness, and its coefficients times thickness.
+    pub fn cell(&self, place: UVec3) -> &[f32] {
         self.rasters[0].point(place.as_usizevec3())
     }
 }
@@ -253,14 +240,14 @@ mod tests {
             let gaussian = Gaussian { position: Vec3::new(70.0, 50.0, 60.0), scale, rotation, opacity: 0.7 };
             let mut splats = Splats::new(0);
             splats.push(gaussian, &[Vec3::new(0.5, -0.2, 0.9)]);
-            let wide = CellGaussian::new(&gaussian, 0, DVec3::ZERO, 1.0, 128).unwrap();
+            let wide = CellGaussian::new(&gaussian, 0, DVec3::ZERO, 1.0, 128, 0.4).unwrap();
             assert_eq!(wide.level.min(BLOCK), level);
             let profile = Profile::new();
             let mut largest = 0.0f32;
             let mut differences = Vec::new();
             for low in [UVec3::new(64, 32, 32), UVec3::new(32, 64, 64), UVec3::new(96, 32, 64)] {
                 let blocks = [CellGaussian { level: 0, ..wide }, wide].map(|gaussian| {
-                    let mut block = Block::new(0);
+                    let mut block = Block::new(1);
                     block.add(&gaussian, low, &splats, &profile);
                     block.flatten();
                     block

@@ -7,9 +7,6 @@ use crate::splat::splats::Gaussian;
 
 /// Opacity below which a Gaussian is not drawn.
 const FAINTEST: f64 = 1.0 / 255.0;
-/// The blur of each Gaussian, as a standard deviation in cells: narrower ones would fall between the centers of cells.
-/// Its opacity stays the same, as when it is drawn, where it is blurred by half a pixel.
-const BLUR: f64 = 0.4;
 /// Smallest and largest square of the distance, in deviations, up to which a Gaussian is followed.
 const REACH: [f64; 2] = [4.0, 9.0];
 /// Smallest deviation of a Gaussian in a lattice of points, in their distances: between them, it is interpolated.
@@ -40,7 +37,10 @@ pub struct CellGaussian {
 
 impl CellGaussian {
     /// Returns the Gaussian in the cells of a cube, or `None` if it does not reach the cube or is invisible.
-    pub fn new(gaussian: &Gaussian, index: u32, corner: DVec3, width: f64, cells: u32) -> Option<Self> {
+    ///
+    /// `blur` is a standard deviation in cells by which it is made wider. Its opacity stays the same, as when it is drawn,
+    /// where it is blurred by half a pixel.
+    pub fn new(gaussian: &Gaussian, index: u32, corner: DVec3, width: f64, cells: u32, blur: f64) -> Option<Self> {
         let opacity = f64::from(gaussian.opacity).min(MOST_OPACITY);
         if opacity < FAINTEST {
             return None;
@@ -48,7 +48,7 @@ impl CellGaussian {
         let center = (gaussian.position.as_dvec3() - corner) / width;
         let axes = DMat3::from_quat(gaussian.rotation.as_dquat().normalize());
         let own = gaussian.scale.as_dvec3() / width;
-        let widths = (own * own + BLUR * BLUR).map(f64::sqrt);
+        let widths = (own * own + blur * blur).map(f64::sqrt);
         let reach = (2.0 * (f64::from(gaussian.opacity) / FAINTEST).ln() + 1.0).clamp(REACH[0], REACH[1]);
         let square = |widths: DVec3| axes * DMat3::from_diagonal(widths * widths) * axes.transpose();
         let covariance = square(widths);

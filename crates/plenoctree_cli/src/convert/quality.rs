@@ -1,0 +1,48 @@
+//! Finds how many leaves a field needs to look as much like its capture as is asked for.
+
+use glam::DVec3;
+use plenoctree::{PlenOctree, camera::PinholeCamera};
+use plenoctree_fit::splat::{SplatError, SplatImage, Splats, VoxelSettings, Voxels};
+
+use super::measure::measure;
+use crate::{console, number::counted};
+
+/// The largest number of leaves.
+const MOST_LEAVES: usize = 8_000_000;
+/// Binary logarithm of the smallest.
+const FEWEST: f64 = 15.0;
+/// How often the range of numbers is halved.
+const STEPS: usize = 7;
+
+/// Makes the field with the fewest leaves, within a few percent, whose pictures over white have a mean PSNR of `quality`
+/// decibels, with this `depth` and in these `bounds`. If none has, it has as many leaves as possible.
+pub fn field(
+    splats: &Splats,
+    depth: u32,
+    bounds: Option<(DVec3, DVec3)>,
+    quality: f64,
+    cameras: &[PinholeCamera],
+    images: &[SplatImage],
+) -> Result<PlenOctree, SplatError> {
+    let psnr = |field: &PlenOctree| measure(field, cameras, images).psnr[0];
+    let voxels = Voxels::new(splats, &VoxelSettings { depth, leaves: Some(MOST_LEAVES), bounds })?;
+    let mut best = voxels.field(MOST_LEAVES)?;
+    let found = psnr(&best);
+    if found < quality {
+        let leaves = counted(best.leaves(), "leaf", "leaves");
+        console::complain!("warning: {leaves} give {found:.2} dB, not {quality} dB");
+        return Ok(best);
+    }
+    let most = (best.leaves() as f64).log2();
+    let (mut low, mut high) = (FEWEST.min(most), most);
+    for _ in 0..STEPS {
+        let middle = 0.5 * (low + high);
+        let field = voxels.field(middle.exp2() as usize)?;
+        if psnr(&field) >= quality {
+            (best, high) = (field, middle);
+        } else {
+            low = middle;
+        }
+    }
+    Ok(best)
+}

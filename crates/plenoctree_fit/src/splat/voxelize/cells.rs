@@ -1,0 +1,108 @@
+//! Cells of different sizes.
+
+use plenoctree::Cell;
+
+use super::blocks::BLOCK;
+
+/// Cells of different sizes that do not overlap, in the order of their codes. A code is that of a cell's lowest corner
+/// among the finest cells.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Cells {
+    pub codes: Vec<u64>,
+    /// How often each cell would have to be split to get finest cells.
+    pub levels: Vec<u8>,
+    /// Density times the width of the cell.
+    pub thickness: Vec<f32>,
+    /// How visible each cell is: see [`Sight::mean`](super::sight::Sight::mean).
+    pub seen: Vec<f32>,
+    /// The coefficients of each cell: red, green and blue for each function.
+    pub colors: Vec<f32>,
+}
+
+impl Cells {
+    /// Joins lists of cells, each of which comes after those before.
+    pub fn joined(parts: Vec<Self>) -> Self {
+        let mut all = Self::default();
+        for mut part in parts {
+            all.codes.append(&mut part.codes);
+            all.levels.append(&mut part.levels);
+            all.thickness.append(&mut part.thickness);
+            all.seen.append(&mut part.seen);
+            all.colors.append(&mut part.colors);
+        }
+        all
+    }
+
+    pub fn len(&self) -> usize {
+        self.codes.len()
+    }
+
+    pub fn push(&mut self, code: u64, level: u8, thickness: f32, seen: f32, color: &[f32]) {
+        self.codes.push(code);
+        self.levels.push(level);
+        self.thickness.push(thickness);
+        self.seen.push(seen);
+        self.colors.extend_from_slice(color);
+    }
+
+    /// Adds the cell at an index of another list.
+    pub fn push_from(&mut self, other: &Self, cell: usize) {
+        let Self { codes, levels, thickness, seen, .. } = other;
+        self.push(codes[cell], levels[cell], thickness[cell], seen[cell], other.color(cell));
+    }
+
+    /// Returns the coefficients of a cell.
+    pub fn color(&self, cell: usize) -> &[f32] {
+        let stride = self.stride();
+        &self.colors[cell * stride..][..stride]
+    }
+
+    /// Returns the number of coefficients of a cell.
+    pub fn stride(&self) -> usize {
+        self.colors.len() / self.len().max(1)
+    }
+
+    /// Returns the cells that pass `keep`, by index, in one list for each block.
+    pub fn blocks(&self, keep: impl Fn(usize) -> bool) -> Vec<Self> {
+        let block = |cell: usize| self.codes[cell] >> (3 * BLOCK);
+        let mut blocks: Vec<Self> = Vec::new();
+        let mut last = None;
+        for cell in (0..self.len()).filter(|cell| keep(*cell)) {
+            if last.replace(block(cell)) != Some(block(cell)) {
+                blocks.push(Self::default());
+            }
+            if let Some(own) = blocks.last_mut() {
+                own.push_from(self, cell);
+            }
+        }
+        blocks
+    }
+
+    /// Returns the nodes of the tree whose leaves are the cells. `depth` is the level of its finest cells.
+    pub fn nodes(&self, depth: u32) -> Vec<[Cell; 8]> {
+        let mut nodes = Vec::new();
+        self.append_node(&mut nodes, &mut 0, 0, depth);
+        nodes
+    }
+
+    /// Appends the node of the cell with this code, which is `level` levels above the finest cells, and all below it.
+    fn append_node(&self, nodes: &mut Vec<[Cell; 8]>, next: &mut usize, code: u64, level: u32) {
+        let node = nodes.len();
+        nodes.push([Cell::EMPTY; 8]);
+        let below = level - 1;
+        for octant in 0..8 {
+            let code = code + ((octant as u64) << (3 * below));
+            if self.codes.get(*next).is_none_or(|first| *first >= code + (1 << (3 * below))) {
+                continue;
+            }
+            nodes[node][octant] = if u32::from(self.levels[*next]) == below {
+                *next += 1;
+                Cell::leaf(*next as u32 - 1)
+            } else {
+                let child = Cell::node(nodes.len() as u32);
+                self.append_node(nodes, next, code, below);
+                child
+            };
+        }
+    }
+}

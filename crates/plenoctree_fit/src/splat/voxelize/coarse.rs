@@ -1,0 +1,107 @@
+//! Finds the parts of a cube that are visible from outside, before it is divided into finest cells.
+
+use glam::{DVec3, IVec3, UVec3};
+
+use super::{
+    BLUR, THINNEST,
+    blocks::{BLOCK, Block, Lattice},
+    cells::Cells,
+    sight::look,
+    tree::merged_thickness,
+};
+use crate::{exponential::exp_minus, finest::position_of, splat::splats::Splats};
+
+/// Levels of the finest cells in a coarse one.
+const LEVELS: u32 = 2;
+/// Thickness of a coarse cell below which it is empty.
+const THIN: f32 = 2e-3;
+/// Opacity that a coarse cell must add to some ray.
+const FAINTEST: f32 = 4e-3;
+/// How visible the neighbors of visible cells are, at least: some rays may pass between those that were followed.
+const NEIGHBOR: f32 = 1e-6;
+
+/// How visible each coarse cell is.
+pub struct Coarse {
+    /// Coarse cells per side.
+    side: u32,
+    /// Mean squares of transmittances; 0 where nothing is visible.
+    seen: Vec<f32>,
+}
+
+impl Coarse {
+    /// Looks at the capture in the cube at `corner` whose finest cells, `depth` levels below it, have this `width`.
+    /// Nothing is visible outside the box from `low` to `high`.
+    pub fn new(splats: &Splats, corner: DVec3, width: f64, depth: u32, [low, high]: [DVec3; 2]) -> Self {
+        // Merging cells of half the size tells how much light passes through gaps.
+        let lattice = Lattice::new(splats, corner, 2.0 * width, depth - 1, BLUR);
+        let size = width * f64::from(1 << LEVELS);
+        let parts = lattice.blocks(
+            0,
+            |_| true,
+            |code, block| {
+                let mut cells = Cells::default();
+                for code in code << (3 * (BLOCK - 1))..(code + 1) << (3 * (BLOCK - 1)) {
+                    let thickness = thickness(block, position_of(code) % (1 << (BLOCK - 1)));
+                    let center = corner + size * (position_of(code).as_dvec3() + 0.5);
+                    if thickness >= THIN && center.cmpge(low - size).all() && center.cmple(high + size).all() {
+                        cells.push(code, 0, thickness, 0.0, &[]);
+                    }
+                }
+                cells
+            },
+        );
+        let cells = Cells::joined(parts);
+        let side = 1u32 << (depth - LEVELS);
+        let mut coarse = Self { side, seen: vec![0.0; (side as usize).pow(3)] };
+        for (cell, sight) in look(&cells, side).into_iter().enumerate() {
+            if sight.most * (1.0 - exp_minus(cells.thickness[cell])) < FAINTEST {
+                continue;
+            }
+            let position = position_of(cells.codes[cell]);
+            for code in 0..27 {
+                let offset = IVec3::new(code / 9 - 1, code / 3 % 3 - 1, code % 3 - 1);
+                let place = position.as_ivec3() + offset;
+                if place.min_element() >= 0 && place.max_element() < side as i32 {
+                    let index = coarse.index(place.as_uvec3());
+                    let least = if offset == IVec3::ZERO { sight.mean } else { NEIGHBOR };
+                    coarse.seen[index] = coarse.seen[index].max(least);
+                }
+            }
+        }
+        coarse
+    }
+
+    /// Returns the part of the cube in which something is visible.
+    pub fn filled(&self) -> f64 {
+        self.seen.iter().filter(|seen| **seen > 0.0).count() as f64 / self.seen.len() as f64
+    }
+
+    /// Returns how visible the finest cell at a position is, or 0 if it is not.
+    pub fn seen(&self, position: UVec3) -> f32 {
+        self.seen[self.index(position >> LEVELS)]
+    }
+
+    /// Returns whether anything in a block of finest cells is visible.
+    pub fn sees(&self, block: u64) -> bool {
+        let per_side = 1 << (BLOCK - LEVELS);
+        let low = position_of(block) * per_side;
+        let columns = (0..per_side).flat_map(|x| (0..per_side).map(move |y| UVec3::new(x, y, 0)));
+        columns
+            .map(|column| self.index(low + column))
+            .any(|first| self.seen[first..first + per_side as usize].iter().any(|seen| *seen > 0.0))
+    }
+
+    fn index(&self, position: UVec3) -> usize {
+        ((position.x * self.side + position.y) * self.side + position.z) as usize
+    }
+}
+
+/// Returns the thickness of the cell that merges eight cells of a block.
+fn thickness(block: &Block, position: UVec3) -> f32 {
+    let through = std::array::from_fn(|part| {
+        let part = part as u32;
+        let thickness = block.cell(2 * position + UVec3::new(part >> 2, part >> 1 & 1, part & 1))[0];
+        if thickness < THINNEST { 1.0 } else { exp_minus(thickness) }
+    });
+    merged_thickness(through)
+}

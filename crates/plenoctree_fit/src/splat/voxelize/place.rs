@@ -1,0 +1,124 @@
+//! The cube of a field around a box of a capture.
+
+use glam::{DVec3, Vec3};
+use half::f16;
+use plenoctree::{Activation, Basis, Frame, PlenOctree, UpAxis};
+use rayon::prelude::*;
+
+use super::{
+    VoxelSettings,
+    blocks::{BLOCK, Block},
+    cells::Cells,
+    colors::Directions,
+};
+use crate::{
+    finest::position_of,
+    splat::{error::SplatError, harmonics::functions, splats::Splats},
+};
+
+/// Highest degree of the field's harmonics.
+const MOST_DEGREE: u32 = 2;
+/// The field's least and greatest depth.
+pub const DEPTHS: [u32; 2] = [6, 10];
+/// The largest number of cells in memory.
+pub const MOST_CELLS: usize = 40_000_000;
+
+/// The cube of a field around a box of a capture.
+pub struct Place {
+    /// The corners of the box.
+    pub low: DVec3,
+    pub high: DVec3,
+    /// Lowest corner and width of the cube.
+    pub corner: DVec3,
+    size: f64,
+    /// Number of the field's harmonics.
+    pub functions: usize,
+}
+
+impl Place {
+    /// Returns the cube for a capture.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error if the depth or the box is out of range, or if there is nothing in the capture.
+    pub fn new(splats: &Splats, settings: &VoxelSettings) -> Result<Self, SplatError> {
+        if !(DEPTHS[0]..=DEPTHS[1]).contains(&settings.depth) {
+            return Err(fault("depth", settings.depth.to_string(), "6 to 10"));
+        }
+        let Some((low, high)) = settings.bounds.or_else(|| splats.dense_bounds()) else {
+            return Err(SplatError::Empty { place: "the file".into() });
+        };
+        if !(low.is_finite() && high.is_finite() && low.cmplt(high).all()) {
+            return Err(fault("bounds", format!("{low} to {high}"), "a lowest and a highest corner"));
+        }
+        let size = (high - low).max_element();
+        let corner = 0.5 * (low + high) - 0.5 * size;
+        Ok(Self { low, high, corner, size, functions: functions(splats.degree().min(MOST_DEGREE)) })
+    }
+
+    /// Returns the width of the finest cells at a depth.
+    pub fn width(&self, depth: u32) -> f64 {
+        self.size / f64::from(1u32 << depth)
+    }
+
+    /// Returns the cells of a block at a depth that are in the box and not empty, with how visible each is. `seen` returns
+    /// that of the code of a cell.
+    pub fn cells(&self, depth: u32, code: u64, block: &Block, thinnest: f32, seen: impl Fn(u64) -> f32) -> Cells {
+        let width = self.width(depth);
+        let limits = [(self.low - self.corner) / width, (self.high - self.corner) / width];
+        let mut cells = Cells::default();
+        let mut color = Vec::new();
+        for inside in 0..1u64 << (3 * BLOCK) {
+            let sums = block.cell(position_of(inside));
+            if sums[0] < thinnest {
+                continue;
+            }
+            let code = code << (3 * BLOCK) | inside;
+            let (seen, center) = (seen(code), position_of(code).as_dvec3() + 0.5);
+            if seen > 0.0 && center.cmpge(limits[0]).all() && center.cmple(limits[1]).all() {
+                color.clear();
+                color.extend(sums[1..].iter().map(|sum| sum / sums[0]));
+                cells.push(code, 0, sums[0], seen, &color);
+            }
+        }
+        cells
+    }
+
+    /// Returns the error that there are too many cells at a depth.
+    pub fn too_many(&self, settings: &VoxelSettings) -> SplatError {
+        let found = format!("{} with more than {MOST_CELLS} cells", settings.depth);
+        fault("depth", found, "a lower depth, fewer leaves or a smaller box")
+    }
+
+    /// Returns the error that there are no cells.
+    pub fn empty(&self) -> SplatError {
+        SplatError::Empty { place: format!("the box from {:.3} to {:.3}", self.low, self.high) }
+    }
+
+    /// Makes the field whose leaves are these cells. `depth` is the level of the finest.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error if the cells do not form a field.
+    pub fn field(&self, cells: &Cells, depth: u32) -> Result<PlenOctree, SplatError> {
+        let finest = self.width(depth);
+        let density =
+            |(thickness, level): (&f32, &u8)| (f64::from(*thickness) / (finest * f64::from(1u32 << level))) as f32;
+        let densities = cells.thickness.iter().zip(&cells.levels).map(density).collect();
+        let directions = Directions::new();
+        let coefficients = |color: &[f32]| {
+            let color: Vec<Vec3> = color.chunks_exact(3).map(Vec3::from_slice).collect();
+            directions.convert(&color).into_iter().map(f16::from_f32)
+        };
+        let coefficients = cells.colors.par_chunks(3 * self.functions).flat_map_iter(coefficients).collect();
+        let frame = Frame::spanning(self.corner, self.corner + self.size);
+        let basis = Basis::from_functions(self.functions).unwrap_or(Basis::Sh1);
+        let nodes = cells.nodes(depth);
+        Ok(PlenOctree::new(frame, basis, Activation::Sigmoid, UpAxis::Z, nodes, densities, coefficients)?)
+    }
+}
+
+/// Returns the error of a setting.
+pub fn fault(setting: &'static str, found: String, expected: &'static str) -> SplatError {
+    SplatError::Setting { setting, found, expected }
+}

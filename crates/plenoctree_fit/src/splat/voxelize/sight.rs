@@ -1,0 +1,162 @@
+//! How visible cells are from outside, all around.
+
+use glam::{DVec3, UVec3};
+use rayon::prelude::*;
+
+use super::cells::Cells;
+use crate::{exponential::exp_minus, finest::position_of};
+
+/// Number of directions.
+const DIRECTIONS: usize = 24;
+
+/// How visible a cell is.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Sight {
+    /// Mean square, over directions, of the transmittance of what is in front of the cell.
+    pub mean: f32,
+    /// The largest transmittance of what is in front of any part of it.
+    pub most: f32,
+}
+
+/// Looks at cells from outside, along parallel rays in many directions that are a finest cell apart, on all cores.
+/// `side` is the number of finest cells per side of the cube.
+///
+/// Rays shift from slice to slice by whole cells. A large cell is crossed at once, where its middle slice is.
+pub fn look(cells: &Cells, side: u32) -> Vec<Sight> {
+    let places: Vec<(UVec3, u32)> =
+        cells.codes.iter().zip(&cells.levels).map(|(code, level)| (position_of(*code), 1 << level)).collect();
+    let orders: [Vec<u32>; 3] = std::array::from_fn(|axis| order(&places, axis, side));
+    let mut sights = vec![Sight::default(); cells.len()];
+    // One direction per core at a time: the results of each take as much memory as the cells.
+    let together = rayon::current_num_threads();
+    for first in (0..DIRECTIONS).step_by(together) {
+        let last = (first + together).min(DIRECTIONS);
+        let seen: Vec<Vec<[f32; 2]>> = (first..last)
+            .into_par_iter()
+            .map(|index| look_along(direction(index), cells, &places, &orders, side))
+            .collect();
+        sights.par_iter_mut().enumerate().for_each(|(cell, sight)| {
+            for seen in &seen {
+                let [square, most] = seen[cell];
+                sight.mean += square / DIRECTIONS as f32;
+                sight.most = sight.most.max(most);
+            }
+        });
+    }
+    sights
+}
+
+/// Returns one of the directions, which are spread evenly: a Fibonacci spiral.
+fn direction(index: usize) -> DVec3 {
+    let golden = std::f64::consts::PI * (3.0 - 5.0f64.sqrt());
+    let z = 1.0 - (2.0 * index as f64 + 1.0) / DIRECTIONS as f64;
+    let (level, turn) = ((1.0 - z * z).sqrt(), golden * index as f64);
+    DVec3::new(level * turn.cos(), level * turn.sin(), z)
+}
+
+/// Returns the cells in the order of twice their middles along an axis.
+fn order(places: &[(UVec3, u32)], axis: usize, side: u32) -> Vec<u32> {
+    let key = |&(corner, size): &(UVec3, u32)| (2 * corner[axis] + size) as usize;
+    let mut starts = vec![0u32; 2 * side as usize + 2];
+    places.iter().for_each(|place| starts[key(place) + 1] += 1);
+    (1..starts.len()).for_each(|index| starts[index] += starts[index - 1]);
+    let mut order = vec![0; places.len()];
+    for (place, cell) in places.iter().zip(0u32..) {
+        let start = &mut starts[key(place)];
+        order[*start as usize] = cell;
+        *start += 1;
+    }
+    order
+}
+
+/// Returns, for each cell, the mean square and the largest of the transmittances in front of it, along rays in one
+/// direction.
+fn look_along(
+    direction: DVec3,
+    cells: &Cells,
+    places: &[(UVec3, u32)],
+    orders: &[Vec<u32>; 3],
+    side: u32,
+) -> Vec<[f32; 2]> {
+    let axis = direction.abs().max_position();
+    let (across, down) = ((axis + 1) % 3, (axis + 2) % 3);
+    let slopes = [direction[across] / direction[axis], direction[down] / direction[axis]];
+    // Length of a ray in a slice.
+    let length = (1.0 / direction[axis].abs()) as f32;
+    // The shifts of each slice, twice as many as slices, so that none is negative.
+    let shifts: Vec<[usize; 2]> = (0..=2 * side)
+        .map(|middle| {
+            slopes.map(|slope| {
+                let shift = (0.5 * slope * f64::from(middle)).round();
+                (if slope > 0.0 { (slope * f64::from(side)).round() } else { 0.0 } - shift) as usize
+            })
+        })
+        .collect();
+    let width = 2 * side as usize + 2;
+    let mut through = vec![1.0f32; width * width];
+    let mut seen = vec![[0.0; 2]; places.len()];
+    let order = &orders[axis];
+    let mut cross = |cell: u32| {
+        let (corner, size) = places[cell as usize];
+        let shift = shifts[(2 * corner[axis] + size) as usize];
+        let left = corner[across] as usize + shift[0];
+        let top = corner[down] as usize + shift[1];
+        let passes = exp_minus(cells.thickness[cell as usize] * length);
+        let (mut squares, mut most) = (0.0f32, 0.0f32);
+        for row in top..top + size as usize {
+            for ray in &mut through[row * width + left..][..size as usize] {
+                squares += *ray * *ray;
+                most = most.max(*ray);
+                *ray *= passes;
+            }
+        }
+        seen[cell as usize] = [squares / (size * size) as f32, most];
+    };
+    if direction[axis] > 0.0 {
+        order.iter().for_each(|cell| cross(*cell));
+    } else {
+        order.iter().rev().for_each(|cell| cross(*cell));
+    }
+    seen
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Cells of one size, in order.
+    fn cells(level: u8, thickness: impl Fn(UVec3) -> f32) -> Cells {
+        let mut cells = Cells::default();
+        for code in (0..32u64.pow(3)).step_by(1 << (3 * level)) {
+            let thickness = thickness(position_of(code));
+            if thickness > 0.0 {
+                cells.push(code, level, thickness, 0.0, &[]);
+            }
+        }
+        cells
+    }
+
+    /// Only the outside of a dense ball is visible, and all of a haze, by cells of any size.
+    #[test]
+    fn insides_are_hidden() {
+        for level in [0, 1] {
+            let radius = |at: UVec3| (at.as_dvec3() + 0.5 * f64::from(1 << level) - 16.0).length();
+            let ball = cells(level, |at| if radius(at) < 12.0 { 30.0 } else { 0.0 });
+            for (cell, sight) in look(&ball, 32).into_iter().enumerate() {
+                let radius = radius(position_of(ball.codes[cell]));
+                assert!(radius > 8.0 || sight.most < 1e-3, "{radius} {sight:?}");
+                assert!(radius < 11.5 || sight.most > 0.99 && (0.1..0.9).contains(&sight.mean), "{radius} {sight:?}");
+            }
+            let haze = cells(level, |at| if radius(at) < 12.0 { 1e-4 } else { 0.0 });
+            assert!(look(&haze, 32).iter().all(|sight| sight.mean > 0.98 && sight.most > 0.99));
+        }
+    }
+
+    /// Rays in a slice of finest cells shift, but never past the edge of the picture.
+    #[test]
+    fn corners_are_in_the_picture() {
+        let all = cells(0, |at| if at.to_array().iter().all(|at| [0, 31].contains(at)) { 1.0 } else { 0.0 });
+        assert_eq!(all.len(), 8);
+        assert!(look(&all, 32).iter().all(|sight| sight.most > 0.99));
+    }
+}

@@ -1,0 +1,274 @@
+//! Trees of a block of cells: what each cell would lose if it were not split, and which splits are worth their leaves.
+
+use std::f32::consts::PI;
+
+use super::{blocks::BLOCK, cells::Cells};
+use crate::exponential::exp_minus;
+
+/// Square of the difference, per channel, between a cell and what is seen behind it: what an error of opacity costs.
+const CONTRAST: f32 = 0.06;
+/// The largest number of harmonics.
+const MOST_FUNCTIONS: usize = 9;
+/// Thickness from which on a cell is opaque: hardly any light gets through.
+const OPAQUE: f32 = 40.0;
+
+/// A tree over the cells of a block: the cells, and larger ones that could stand for them.
+pub struct Tree {
+    /// All cells that are not empty, each after those that it is made of.
+    cells: Cells,
+    /// The index of the first cell of each cell's subtree.
+    starts: Vec<u32>,
+    /// What a cell adds to the squared error of pictures, in finest cells, if it stands for its subtree.
+    errors: Vec<f32>,
+}
+
+/// A choice of cells of a [`Tree`] that do not overlap.
+pub struct Cut {
+    count: usize,
+    /// Whether each cell of the tree stands for its subtree.
+    stands: Vec<bool>,
+}
+
+impl Cut {
+    /// Returns the number of cells.
+    pub fn count(&self) -> usize {
+        self.count
+    }
+}
+
+impl Tree {
+    /// Builds the tree of cells that are all in one block.
+    pub fn new(cells: &Cells) -> Self {
+        let mut tree = Self { cells: Cells::default(), starts: Vec::new(), errors: Vec::new() };
+        if let Some(first) = cells.codes.first() {
+            let block = first >> (3 * BLOCK) << (3 * BLOCK);
+            tree.append(cells, &mut 0, block, BLOCK as u8);
+        }
+        tree
+    }
+
+    /// Appends a cell and all below it. Returns its index, or `None` if it is empty.
+    fn append(&mut self, cells: &Cells, next: &mut usize, code: u64, level: u8) -> Option<u32> {
+        let first = *cells.codes.get(*next)?;
+        if first >= code + (1 << (3 * level)) {
+            return None;
+        }
+        let start = self.starts.len() as u32;
+        if cells.levels[*next] == level {
+            self.cells.push_from(cells, *next);
+            self.starts.push(start);
+            self.errors.push(0.0);
+            *next += 1;
+            return Some(start);
+        }
+        let mut parts = [None; 8];
+        for (part, octant) in parts.iter_mut().zip(0u64..) {
+            let below = level - 1;
+            *part = self.append(cells, next, code + (octant << (3 * below)), below);
+        }
+        let merged = Merged::new(&self.cells, parts);
+        let area = (1u64 << (2 * level)) as f32;
+        let below: f32 = parts.iter().flatten().map(|part| self.errors[*part as usize]).sum();
+        self.cells.push(code, level, merged.thickness, merged.seen, &merged.color[..cells.stride()]);
+        self.starts.push(start);
+        self.errors.push(below + area * merged.seen * merged.lost);
+        Some(self.starts.len() as u32 - 1)
+    }
+
+    /// Chooses the cells that have the smallest sum of errors and of `price` per cell, with levels from the first to the
+    /// second of `levels`.
+    pub fn cut(&self, price: f32, [finest, coarsest]: [u8; 2]) -> Cut {
+        let mut stands = vec![false; self.starts.len()];
+        // The costs and counts of the subtrees that are not part of another one yet.
+        let mut open: Vec<(u32, f32, usize)> = Vec::new();
+        for (cell, &start) in self.starts.iter().enumerate() {
+            let (mut cost, mut count) = (0.0, 0);
+            while let Some(&(_, own, parts)) = open.last().filter(|(part, ..)| *part >= start) {
+                (cost, count) = (cost + own, count + parts);
+                open.pop();
+            }
+            let (whole, level) = (price + self.errors[cell], self.cells.levels[cell]);
+            if count == 0 || level <= finest || whole <= cost && level <= coarsest {
+                (cost, count) = (whole, 1);
+                stands[cell] = true;
+            }
+            open.push((start, cost, count));
+        }
+        Cut { count: open.iter().map(|(.., count)| count).sum(), stands }
+    }
+
+    /// Returns the cells of a cut.
+    pub fn cells(&self, cut: &Cut) -> Cells {
+        let mut chosen = Vec::with_capacity(cut.count);
+        let mut end = self.starts.len();
+        while end > 0 {
+            let cell = end - 1;
+            if cut.stands[cell] {
+                chosen.push(cell);
+                end = self.starts[cell] as usize;
+            } else {
+                end = cell;
+            }
+        }
+        let mut cells = Cells::default();
+        for cell in chosen.into_iter().rev() {
+            cells.push_from(&self.cells, cell);
+        }
+        cells
+    }
+}
+
+/// The coefficients of a cell.
+type Color = [f32; 3 * MOST_FUNCTIONS];
+
+/// A cell that stands for eight cells.
+struct Merged {
+    thickness: f32,
+    seen: f32,
+    color: Color,
+    /// The squared error of a picture that this cell fills, summed over its channels.
+    lost: f32,
+}
+
+impl Merged {
+    fn new(cells: &Cells, parts: [Option<u32>; 8]) -> Self {
+        let stride = cells.stride();
+        let of = |values: &[f32]| parts.map(|part| part.map_or(0.0, |part| values[part as usize]));
+        let seen = of(&cells.seen);
+        let through = of(&cells.thickness).map(exp_minus);
+        let opacity = through.map(|through| 1.0 - through);
+        // Half of the cells of a flat surface are in front, and all cells of haze are seen.
+        let most = seen.iter().copied().fold(0.0, f32::max);
+        let mut merged = Self {
+            thickness: merged_thickness(through),
+            seen: most.min(0.25 * seen.iter().sum::<f32>()),
+            color: [0.0; 3 * MOST_FUNCTIONS],
+            lost: 0.0,
+        };
+        let mut colors = [[0.0; 3 * MOST_FUNCTIONS]; 8];
+        let mut total = 0.0;
+        for (index, part) in parts.iter().enumerate() {
+            let Some(part) = *part else { continue };
+            colors[index][..stride].copy_from_slice(cells.color(part as usize));
+            // What is hidden does not show, so it hardly matters.
+            let weight = (opacity[index] * (seen[index] + 1e-3 * most)).max(f32::MIN_POSITIVE);
+            total += weight;
+            merged.color[..stride].iter_mut().zip(&colors[index]).for_each(|(sum, color)| *sum += weight * color);
+        }
+        merged.color[..stride].iter_mut().for_each(|sum| *sum /= total);
+        for (color, _) in colors.iter_mut().zip(parts).filter(|(_, part)| part.is_some()) {
+            color[..stride].iter_mut().zip(&merged.color).for_each(|(color, mean)| *color -= mean);
+        }
+        merged.lost = lost(&colors, stride, through, merged.thickness);
+        merged
+    }
+}
+
+/// Returns the squared error of the pictures that a cell of this `thickness` fills, in place of its parts, along each
+/// axis from either side. `colors` are what the parts' coefficients differ from its own, and `through` is their
+/// transmittance.
+fn lost(colors: &[Color; 8], stride: usize, through: [f32; 8], thickness: f32) -> f32 {
+    // The mean of the product over all directions.
+    let product = |a: usize, b: usize| -> f32 {
+        let pairs = colors[a][..stride].iter().zip(&colors[b][..stride]);
+        pairs.map(|(a, b)| a * b).sum::<f32>() / (4.0 * PI)
+    };
+    let squares: [f32; 8] = std::array::from_fn(|part| product(part, part));
+    let whole = 1.0 - exp_minus(thickness);
+    let mut sum = 0.0;
+    for bit in [4, 2, 1] {
+        for near in (0..8).filter(|part| part & bit == 0) {
+            let far = near | bit;
+            let difference = 1.0 - through[near] * through[far] - whole;
+            let both = 2.0 * product(near, far);
+            for (front, back) in [(near, far), (far, near)] {
+                let (a, b) = (1.0 - through[front], through[front] * (1.0 - through[back]));
+                sum += a * a * squares[front] + b * b * squares[back] + a * b * both;
+            }
+            sum += 2.0 * 3.0 * CONTRAST * difference * difference;
+        }
+    }
+    sum / 24.0
+}
+
+/// Returns the thickness of the cell that lets as much light through as eight cells, averaged over rays along the three
+/// axes. `through` is the transmittance of each.
+pub fn merged_thickness(through: [f32; 8]) -> f32 {
+    let along = |bit: usize| {
+        let columns = (0..8).filter(|cell| cell & bit == 0);
+        let mean = columns.map(|cell| through[cell] * through[cell | bit]).sum::<f32>() / 4.0;
+        -mean.max((-OPAQUE).exp()).ln()
+    };
+    (along(4) + along(2) + along(1)) / 3.0
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    const LEVELS: [u8; 2] = [0, BLOCK as u8];
+
+    /// A cube of 8 x 8 x 8 finest cells.
+    fn cube(thickness: impl Fn(u64) -> f32, light: impl Fn(u64) -> f32) -> Cells {
+        let mut cells = Cells::default();
+        (0..512).for_each(|code| cells.push(code, 0, thickness(code), 0.5, &[light(code); 3]));
+        cells
+    }
+
+    /// Cells that agree become one, which lets as much light through.
+    #[test]
+    fn equal_cells_are_merged() {
+        for thickness in [1e-3, 0.1, 3.0] {
+            let tree = Tree::new(&cube(|_| thickness, |_| 0.7));
+            let merged = tree.cells(&tree.cut(1e-4, [0, 3]));
+            assert_eq!((merged.len(), merged.levels[0]), (1, 3));
+            assert!((merged.thickness[0] / (8.0 * thickness) - 1.0).abs() < 1e-3, "{}", merged.thickness[0]);
+            assert!((merged.colors[0] - 0.7).abs() < 1e-5);
+        }
+    }
+
+    /// Cells are only split where they differ, and where that is visible.
+    #[test]
+    fn cells_are_split_where_that_shows() {
+        let mut cells = cube(|_| 3.0, |code| if code < 256 && code % 2 == 0 { 2.0 } else { 0.0 });
+        let split = |cells: &Cells| Tree::new(cells).cells(&Tree::new(cells).cut(0.01, LEVELS));
+        let chosen = split(&cells);
+        assert!(chosen.codes.iter().zip(&chosen.levels).all(|(code, level)| (*code < 256) == (*level == 0)));
+        cells.seen.fill(1e-6);
+        assert_eq!(split(&cells).len(), 1);
+    }
+
+    proptest! {
+        /// A higher price never buys more cells. Cells of a cut do not overlap, have the levels that were asked for, and
+        /// fill what the tree fills.
+        #[test]
+        fn prices_limit_the_number_of_cells(
+            values in prop::collection::vec((0.0f32..4.0, -1.0f32..1.0), 512),
+            prices in (1e-5f32..1.0, 1e-5f32..1.0),
+            finest in 0u8..3,
+        ) {
+            let mut cells = Cells::default();
+            for (code, (thickness, light)) in (0..512).zip(&values).filter(|(_, (thickness, _))| *thickness > 1.0) {
+                cells.push(code, 0, *thickness, 0.5, &[*light; 3]);
+            }
+            let tree = Tree::new(&cells);
+            let counts = [prices.0.min(prices.1), prices.0.max(prices.1)].map(|price| tree.cut(price, LEVELS).count());
+            prop_assert!(counts[0] >= counts[1]);
+            let cut = tree.cut(prices.0, [finest, 2]);
+            let chosen = tree.cells(&cut);
+            prop_assert_eq!(chosen.len(), cut.count());
+            let mut end = 0;
+            for (code, level) in chosen.codes.iter().zip(&chosen.levels) {
+                prop_assert!(*code >= end && (finest..=2).contains(level));
+                end = code + (1 << (3 * level));
+            }
+            let covered = |code: &u64| {
+                let mut chosen = chosen.codes.iter().zip(&chosen.levels);
+                chosen.any(|(first, level)| (*first..first + (1 << (3 * level))).contains(code))
+            };
+            prop_assert!(cells.codes.iter().all(covered));
+        }
+    }
+}

@@ -1,0 +1,143 @@
+//! A capture in cells of all sizes, from which fields are made.
+
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use plenoctree::PlenOctree;
+use rayon::prelude::*;
+
+use super::{
+    BLUR, THINNEST, VoxelSettings,
+    blocks::{BLOCK, Block, Lattice},
+    cells::Cells,
+    coarse::Coarse,
+    place::{DEPTHS, MOST_CELLS, Place, fault},
+    sight::look,
+    tree::Tree,
+};
+use crate::{
+    exponential::exp_minus,
+    finest::position_of,
+    splat::{error::SplatError, splats::Splats},
+};
+
+/// The smallest number of leaves to ask for: that of all blocks at the greatest depth.
+const FEWEST_LEAVES: usize = 1 << (3 * (DEPTHS[1] - BLOCK));
+/// The largest: 1.2 GB of coefficients of degree 2.
+const MOST_LEAVES: usize = 20_000_000;
+/// The first depth at which to see how much of the cube is filled.
+const FIRST_DEPTH: u32 = 8;
+/// The part of the cube in which something is visible, from which on cells are not divided further: it is full of haze.
+const MOST_FILLED: f64 = 0.35;
+/// The most work of adding up Gaussians, in sums: about half a minute.
+const MOST_WORK: f64 = 8e9;
+/// How many times as many cells as leaves there are at first, before hidden ones are removed.
+const SPARE: f64 = 1.5;
+/// Of this many blocks, one is used to estimate the price of a cell at first.
+const SAMPLED: u64 = 13;
+/// The smallest error, in areas of the cube's face, for which a cell is split.
+const LEAST_PRICE: f64 = 1e-11;
+/// Binary logarithms of the lowest and the highest price to try, and how often to halve the range.
+const PRICES: [f32; 2] = [-40.0, 24.0];
+const PRICE_STEPS: usize = 14;
+/// Opacity that a leaf must add to some ray.
+const FAINTEST: f32 = 1e-3;
+
+/// A capture in cells of all sizes, from which fields with any number of leaves are made.
+pub struct Voxels {
+    place: Place,
+    /// Levels of the finest cells that the Gaussians were added up in.
+    depth: u32,
+    /// The levels of the cells that may become leaves, counted from the finest.
+    levels: [u8; 2],
+    trees: Vec<Tree>,
+    least_price: f32,
+}
+
+impl Voxels {
+    /// Adds up the Gaussians, on all cores of the current rayon pool. The result is the same on any number of threads.
+    /// `settings` are those of [`voxelize`](super::voxelize()); without a number of leaves, it is the largest.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error if a setting is out of range, if nothing in the box is visible, or if there are too many cells
+    /// for memory.
+    pub fn new(splats: &Splats, settings: &VoxelSettings) -> Result<Self, SplatError> {
+        let place = Place::new(splats, settings)?;
+        let leaves = settings.leaves.unwrap_or(MOST_LEAVES);
+        if !(FEWEST_LEAVES..=MOST_LEAVES).contains(&leaves) {
+            return Err(fault("leaves", leaves.to_string(), "32768 to 20000000"));
+        }
+        // Merged cells look better than those that Gaussians are added up in.
+        let mut most = (settings.depth + 1).min(DEPTHS[1]);
+        let lattice = |depth, blur| Lattice::new(splats, place.corner, place.width(depth), depth, blur);
+        while most > DEPTHS[0] && lattice(most, BLUR).work() > MOST_WORK {
+            most -= 1;
+        }
+        let coarse = |depth| Coarse::new(splats, place.corner, place.width(depth), depth, [place.low, place.high]);
+        let mut depth = most.min(FIRST_DEPTH);
+        let mut seen = coarse(depth);
+        while depth < most && seen.filled() < MOST_FILLED {
+            depth += 1;
+            seen = coarse(depth);
+        }
+        let levels = [depth.saturating_sub(settings.depth) as u8, BLOCK as u8];
+        let blur = BLUR * f64::from(depth as i32 - settings.depth as i32).exp2().max(1.0);
+        let lattice = lattice(depth, blur);
+        let tree = |code: u64, block: &Block| {
+            Tree::new(&place.cells(depth, code, block, 0.5 * THINNEST, |code| seen.seen(position_of(code))))
+        };
+        let least_price = (LEAST_PRICE * 4f64.powi(depth as i32)) as f32;
+        let goal = (SPARE * leaves as f64) as usize;
+        let sampled = |code: u64| code.is_multiple_of(SAMPLED) && seen.sees(code);
+        let price = price(&lattice.blocks(place.functions, sampled, tree), goal / SAMPLED as usize, levels);
+        let price = price.max(least_price);
+        let count = AtomicUsize::new(0);
+        let parts = lattice.blocks(
+            place.functions,
+            |code| seen.sees(code) && count.load(Ordering::Relaxed) <= MOST_CELLS,
+            |code, block| {
+                let tree = tree(code, block);
+                let cells = tree.cells(&tree.cut(price, levels));
+                count.fetch_add(cells.len(), Ordering::Relaxed);
+                cells
+            },
+        );
+        if count.into_inner() > MOST_CELLS {
+            return Err(place.too_many(settings));
+        }
+        let mut cells = Cells::joined(parts);
+        let sights = look(&cells, 1 << depth);
+        cells.seen.iter_mut().zip(&sights).for_each(|(seen, sight)| *seen = sight.mean);
+        let shows = |cell: usize| sights[cell].most * (1.0 - exp_minus(cells.thickness[cell])) >= FAINTEST;
+        let blocks = cells.blocks(shows);
+        if blocks.is_empty() {
+            return Err(place.empty());
+        }
+        let trees = blocks.par_iter().map(Tree::new).collect();
+        Ok(Self { place, depth, levels, trees, least_price })
+    }
+
+    /// Makes the field that looks most like the capture with at most this many leaves, or fewer if more would hardly
+    /// look better.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error if the cells do not form a field.
+    pub fn field(&self, leaves: usize) -> Result<PlenOctree, SplatError> {
+        let price = price(&self.trees, leaves, self.levels).max(self.least_price);
+        let cells = |tree: &Tree| tree.cells(&tree.cut(price, self.levels));
+        let cells = Cells::joined(self.trees.par_iter().map(cells).collect());
+        self.place.field(&cells, self.depth)
+    }
+}
+
+/// Returns the lowest price of a cell with which trees have at most `goal` cells. Prices are powers of two.
+fn price(trees: &[Tree], goal: usize, levels: [u8; 2]) -> f32 {
+    let count = |price: f32| trees.par_iter().map(|tree| tree.cut(price, levels).count()).sum::<usize>();
+    let [mut low, mut high] = PRICES;
+    for _ in 0..PRICE_STEPS {
+        let middle = 0.5 * (low + high);
+        if count(middle.exp2()) > goal { low = middle } else { high = middle }
+    }
+    high.exp2()
+}
