@@ -9,6 +9,7 @@ mod idle_stage;
 mod large;
 mod lighting;
 mod loading;
+mod looks;
 mod memory;
 mod palettes;
 mod panel;

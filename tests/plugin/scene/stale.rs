@@ -4,8 +4,8 @@ use std::time::Duration;
 
 use bevy::{camera::Hdr, prelude::*};
 use bevy_plenoctree::{
-    BeforePalette, BilateralFilter, EdgeSmoothing, FieldPalette, Palettes, PlenOctree, PlenOctreePlugin, Posterize,
-    Prop, PropQuality, SolidOpacity,
+    BeforePalette, BilateralFilter, BorderSmoothing, EdgeSmoothing, FieldPalette, Palettes, PlenOctree,
+    PlenOctreePlugin, Posterize, Prop, PropQuality, SolidOpacity,
     headless::{Headless, exact_camera},
 };
 use glam::DVec3;
@@ -76,6 +76,8 @@ const WIDE: Posterize = Posterize {
     min_opacity: 0.01,
     before_palette: BeforePalette::AsTrained,
     edges: EdgeSmoothing::Coverage,
+    borders: BorderSmoothing::Off,
+    method: None,
 };
 
 /// A prop that stays where another one was despawned next to it, or where it moved away from, looks as if it had always

@@ -2,8 +2,8 @@
 
 use bevy::{camera::Viewport, prelude::*, shader::Shader};
 use bevy_plenoctree::{
-    BeforePalette, BilateralFilter, EdgeSmoothing, LabelStages, Palette, PaletteLabel, Posterize, PosterizeView,
-    PropStage,
+    BeforePalette, BilateralFilter, BorderSmoothing, EdgeSmoothing, LabelStages, Palette, PaletteLabel, Posterize,
+    PosterizeView, PropStage,
 };
 
 use super::scene::{COLOR, PALETTE, SIZE, SOLID, Scene, assert_near, at, middle};
@@ -44,6 +44,8 @@ const HARD: Posterize = Posterize {
     filter: BilateralFilter { iterations: 1, radius: 2, spatial_sigma: 3.0, range_sigma: 4.25 },
     before_palette: BeforePalette::Hide,
     edges: EdgeSmoothing::Off,
+    borders: BorderSmoothing::Off,
+    method: None,
 };
 
 fn posterized(mut scene: Scene) -> Scene {

@@ -10,8 +10,8 @@ use bevy::{
     render::diagnostic::RenderDiagnosticsPlugin,
 };
 use bevy_plenoctree::{
-    BeforePalette, BilateralFilter, EdgeSmoothing, FieldPalette, POSTERIZE_SPANS, PaletteOverride, Palettes,
-    PlenOctree, Posterize, PosterizeView, PropStage, VOLUME_SPANS,
+    BeforePalette, BilateralFilter, BorderSmoothing, EdgeSmoothing, FieldPalette, POSTERIZE_SPANS, PaletteOverride,
+    Palettes, PlenOctree, Posterize, PosterizeView, PropStage, VOLUME_SPANS,
 };
 use image::RgbaImage;
 
@@ -24,6 +24,8 @@ const HARD: Posterize = Posterize {
     filter: BilateralFilter { iterations: 2, radius: 2, spatial_sigma: 3.0, range_sigma: 4.25 },
     before_palette: BeforePalette::Hide,
     edges: EdgeSmoothing::Off,
+    borders: BorderSmoothing::Off,
+    method: None,
 };
 /// Nearest to the second color of the palette.
 const SKY: Color = Color::srgb(0.2, 0.2, 0.15);
