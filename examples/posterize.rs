@@ -1,7 +1,7 @@
 //! Posterizes a prop that stands among ordinary meshes.
 //!
-//! The palette is loaded from `toadstool.palette.json`, next to the field. Without that file, the plugin would extract
-//! a palette while the app runs.
+//! The plugin extracts the palette while the app runs: on the GPU, or in the background on the CPU. If there were a file
+//! `toadstool.palette.json` next to the field, it would be loaded instead.
 //!
 //! ```sh
 //! cargo run --release --example posterize

@@ -32,15 +32,15 @@ fn setup(mut commands: Commands, assets: Res<AssetServer>) {
 fn fade_to_night(time: Res<Time>, props: Query<&Prop>, mut palettes: ResMut<Palettes>) {
     let night = [
         Color::srgb(0.35, 0.1, 0.3),
+        Color::srgb(0.05, 0.2, 0.2),
         Color::srgb(0.3, 0.25, 0.35),
         Color::srgb(0.02, 0.02, 0.08),
-        Color::srgb(0.05, 0.2, 0.2),
         Color::srgb(0.45, 0.5, 0.75),
         Color::srgb(0.1, 0.15, 0.5),
     ];
     let darkness = 0.5 - 0.5 * (0.5 * time.elapsed_secs()).cos();
     for prop in &props {
-        // This is `None` until the palette is loaded or extracted.
+        // This is `None` until the palette is extracted.
         if let Some(palette) = palettes.get_mut(&prop.0) {
             palette.blend_from_source(&night, darkness, BlendSpace::Oklab);
         }

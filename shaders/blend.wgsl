@@ -3,6 +3,9 @@
 #import bevy_plenoctree::color::{decode, encode, tinted}
 #import bevy_plenoctree::edge::{FAINTEST, RAYS, bits_of, neighbor, parts_of}
 #import bevy_plenoctree::filter_texel::unpack
+#ifdef INK
+#import bevy_plenoctree::ink::{Surface, ink_at, inked, surface_at}
+#endif
 #import bevy_plenoctree::labels::assign
 #ifdef LIGHTING
 #import bevy_plenoctree::shade::shade_of
@@ -20,6 +23,11 @@
 @group(1) @binding(5) var other_rays: texture_2d<f32>;
 // The target, before the result is written to it.
 @group(1) @binding(6) var scene: texture_2d<f32>;
+#ifdef INK
+// The labels of the label pass, and the depth of the props.
+@group(1) @binding(7) var labels: texture_2d<u32>;
+@group(1) @binding(8) var depth: texture_depth_2d;
+#endif
 
 // What is behind the owners of a pixel's parts.
 struct Behind {
@@ -102,8 +110,31 @@ fn posterized(pixel: vec2<u32>, rays: vec4<f32>, owner: u32, behind: vec3<f32>) 
     tint *= shade.tint;
     missing = shade.missing;
 #endif
-    return decode(tinted(assign(over, owner - 1u, missing).color, tint));
+    let color = decode(tinted(assign(over, owner - 1u, missing).color, tint));
+#ifdef INK
+    let part = ink_at(labels, depth, vec2<i32>(pixel), own_surface(pixel, owner));
+    return inked(owner - 1u, props[owner - 1u].tint, color, part);
+#else
+    return color;
+#endif
 }
+
+#ifdef INK
+// Returns what a pixel at an edge sees of one of its owners: what the neighbors see of it that is nearest.
+fn own_surface(pixel: vec2<u32>, owner: u32) -> Surface {
+    var nearest = surface_at(labels, depth, vec2<i32>(pixel));
+    var is_found = nearest.owner == owner;
+    for (var i = 0; i < 8; i++) {
+        let there = surface_at(labels, depth, neighbor(vec2<i32>(pixel), i));
+        if there.owner == owner && (!is_found || there.distance < nearest.distance) {
+            nearest = there;
+            is_found = true;
+        }
+    }
+    nearest.owner = select(0u, owner, is_found);
+    return nearest;
+}
+#endif
 
 // Returns the parts of a pixel, blended in linear light as multisampling does.
 @fragment

@@ -1,6 +1,7 @@
 // Finds the label of a color, and the color that it shows. See section 4 of the method, steps 3 to 5.
 #define_import_path bevy_plenoctree::labels
 
+#import bevy_plenoctree::color::oklab
 #ifdef LIGHTING
 #import bevy_plenoctree::color::{decode, encode}
 #endif
@@ -13,8 +14,8 @@ struct Label {
     share: f32,
 }
 
-// The two nearest labels so far, as packed by `packed`, and the squares of their distances to the pixel's color, in
-// encoded RGB.
+// The two nearest labels so far, as packed by `packed`, and the squares of their distances to the place of the pixel's
+// color.
 struct Nearest {
     labels: vec2<u32>,
     distances: vec2<f32>,
@@ -33,6 +34,28 @@ fn unpacked(label: u32, steps: u32) -> Label {
     return Label(first, second, select(f32(label >> 16u) / f32(steps), 1.0, first == second));
 }
 
+// How much more the chroma of grays counts than lightness, and the chroma beyond which it counts logarithmically. Match
+// `plenoctree::palette::tone_space`.
+const CHROMA: f32 = 2.4;
+const VIVID: f32 = 0.1;
+
+// Returns where a color, in encoded sRGB, is compared with labels: in encoded RGB, or if the labels are tones, in the
+// space in which tones are fitted.
+fn placed(prop: u32, color: vec3<f32>) -> vec3<f32> {
+    if labelings[prop].first_place == labelings[prop].first_color {
+        return color;
+    }
+    let lab = oklab(color);
+    let chroma = length(lab.yz);
+    let scale = select(1.0, log(1.0 + chroma / VIVID) * VIVID / chroma, chroma > 1e-5);
+    return vec3(lab.x, CHROMA * scale * lab.yz);
+}
+
+// Returns the place of a label. See `placed`.
+fn place_of(prop: u32, label: Label) -> vec3<f32> {
+    return shown(labelings[prop].first_place, label);
+}
+
 // Returns the index of a packed label among all labels of a palette of `count` colors, in the order of equation 7: the
 // palette, then the blends of every pair.
 fn index_of(label: u32, count: u32, steps: u32) -> u32 {
@@ -40,6 +63,22 @@ fn index_of(label: u32, count: u32, steps: u32) -> u32 {
     let second = (label >> 8u) & 255u;
     let pairs = first * (2u * count - first - 1u) / 2u + second - first - 1u;
     return select(count + pairs * (steps - 1u) + (label >> 16u) - 1u, first, first == second);
+}
+
+// Returns the label with an index among all labels. See `index_of`.
+fn label_at(prop: u32, index: u32) -> Label {
+    let count = labelings[prop].colors;
+    let blends = labelings[prop].blend_steps - 1u;
+    if index < count {
+        return Label(index, index, 1.0);
+    }
+    var first = 0u;
+    var rest = index - count;
+    while rest >= (count - first - 1u) * blends && first + 1u < count {
+        rest -= (count - first - 1u) * blends;
+        first++;
+    }
+    return Label(first, first + 1u + rest / blends, f32(rest % blends + 1u) / f32(blends + 1u));
 }
 
 fn consider(nearest: ptr<function, Nearest>, label: u32, distance: f32) {
@@ -56,7 +95,7 @@ fn consider(nearest: ptr<function, Nearest>, label: u32, distance: f32) {
     );
 }
 
-// Returns the color of a label in the palette that begins at `palette`.
+// Returns the blend of a label in the colors, or places, that begin at `palette`.
 fn shown(palette: u32, label: Label) -> vec3<f32> {
     return mix(colors[palette + label.second].rgb, colors[palette + label.first].rgb, label.share);
 }
@@ -132,20 +171,21 @@ fn shown_in(prop: u32, label: Label, missing: f32) -> vec3<f32> {
 
 fn assign(color: vec3<f32>, prop: u32, missing: f32) -> Shown {
     let count = labelings[prop].colors;
-    let source = labelings[prop].first_color;
+    let places = labelings[prop].first_place;
+    let place = placed(prop, color);
     let steps = labelings[prop].blend_steps;
     var nearest = Nearest(vec2(0u), vec2(FAR));
     for (var i = 0u; i < count; i++) {
-        let off = color - colors[source + i].rgb;
+        let off = place - colors[places + i].rgb;
         consider(&nearest, packed(i, i, 0u), dot(off, off));
     }
     for (var i = 0u; i < count; i++) {
-        let first = colors[source + i].rgb;
+        let first = colors[places + i].rgb;
         for (var j = i + 1u; j < count; j++) {
-            let second = colors[source + j].rgb;
+            let second = colors[places + j].rgb;
             for (var k = 1u; k < steps; k++) {
                 let share = f32(k) / f32(steps);
-                let off = color - mix(second, first, share);
+                let off = place - mix(second, first, share);
                 consider(&nearest, packed(i, j, k), dot(off, off));
             }
         }

@@ -3,21 +3,12 @@
 #define_import_path bevy_plenoctree::target
 
 #import bevy_plenoctree::color::{decode, encode}
+#import bevy_plenoctree::space::{light_of, stored_of}
 #import bevy_plenoctree::view::screen
-#ifdef OKLAB_TARGET
-#import bevy_render::color_operations::{linear_rgb_to_oklab, oklab_to_linear_rgb}
-#endif
 
 fn from_target(stored: vec3<f32>) -> vec3<f32> {
-#ifdef SRGB_TARGET
-    let light = decode(stored);
-#else ifdef OKLAB_TARGET
-    let light = oklab_to_linear_rgb(stored);
-#else
-    let light = stored;
-#endif
     // Clamp: behind an opaque prop, infinite light times zero would be NaN.
-    return encode(clamp(light / screen.exposure, vec3(0.0), vec3(65504.0)));
+    return encode(clamp(light_of(stored) / screen.exposure, vec3(0.0), vec3(65504.0)));
 }
 
 // Returns what the layer shows over the scene, in encoded sRGB. `over` is the layer's color, and `stored` the target's.
@@ -27,12 +18,5 @@ fn composited(over: vec4<f32>, stored: vec3<f32>) -> vec3<f32> {
 
 fn to_target(color: vec3<f32>) -> vec3<f32> {
     // Clamp to the range of half floats: bloom would turn infinite light into a hole.
-    let light = clamp(screen.exposure * decode(color), vec3(-65504.0), vec3(65504.0));
-#ifdef SRGB_TARGET
-    return encode(light);
-#else ifdef OKLAB_TARGET
-    return linear_rgb_to_oklab(max(light, vec3(0.0)));
-#else
-    return light;
-#endif
+    return stored_of(clamp(screen.exposure * decode(color), vec3(-65504.0), vec3(65504.0)));
 }

@@ -75,14 +75,32 @@ struct Filter {
     range_falloff: f32,
 }
 
-// The labels of a prop.
+// The labels of a prop, and its ink.
 struct Labels {
     // The number of palette colors.
     colors: u32,
-    // The index in `colors` of the palette's first source color. The shown colors follow the source colors.
+    // The index in `colors` of the palette's first source color. The shown colors follow the source colors. The last
+    // channel of a source color is its ramp.
     first_color: u32,
     blend_steps: u32,
     softness: f32,
+    // The index in `colors` of the place of the first source color. See `placed` of `labels.wgsl`.
+    first_place: u32,
+    // 1 if borders between labels are smooth, otherwise 0.
+    smooth_borders: u32,
+    // INK_SILHOUETTE, INK_CREASES and INK_BORDERS of `ink.wgsl`, added up. 0 if there is no ink.
+    ink: u32,
+    // The index in `colors` of the pairs of ramps between which there are lines.
+    ink_pairs: u32,
+    // In linear light, with opacity.
+    ink_color: vec4<f32>,
+    // The share of the label's own light in the color of the ink.
+    ink_tone: f32,
+    // The width of lines, in pixels at w = 1 in clip space, and the most that it may be, in pixels.
+    ink_width: f32,
+    ink_pixels: f32,
+    // The difference of depth at a crease, in world units.
+    ink_crease: f32,
 }
 
 @group(0) @binding(0) var<uniform> view: View;
@@ -183,7 +201,8 @@ fn shows_through(texel: u32) -> bool {
     return texel != 0u && (texel & 1u) == 0u;
 }
 
-// The smallest depth of a pixel where a prop was drawn. 0 means that there is no prop.
+// The smallest depth of a pixel where a prop was drawn. 0 means that there is no prop. Where it is not solid, the depth
+// is this, or the result of `packed_haze`.
 const LEAST_DEPTH: f32 = 1e-30;
 // The smallest depth of a pixel where a prop is solid.
 const LEAST_SOLID_DEPTH: f32 = 2e-30;
@@ -196,5 +215,16 @@ fn solid_depth(prop: u32, distance: f32) -> f32 {
 
 // Returns whether the depth of a pixel is that of a solid prop.
 fn is_solid(depth: f32) -> bool {
-    return depth > LEAST_DEPTH;
+    return depth >= LEAST_SOLID_DEPTH;
+}
+
+// Packs the depth of haze between LEAST_DEPTH and LEAST_SOLID_DEPTH. The root keeps the digits of small depths.
+fn packed_haze(depth: f32) -> f32 {
+    return LEAST_DEPTH * (1.0 + 0.99 * sqrt(sqrt(depth)));
+}
+
+// Returns what `packed_haze` packed.
+fn unpacked_haze(packed: f32) -> f32 {
+    let root = max(packed / LEAST_DEPTH - 1.0, 0.0) / 0.99;
+    return root * root * root * root;
 }

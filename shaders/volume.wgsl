@@ -8,6 +8,9 @@
 #ifdef LIT
 #import bevy_plenoctree::view::AS_TRAINED
 #endif
+#ifdef FOG
+#import bevy_plenoctree::view::packed_haze
+#endif
 
 #ifdef OVERLAPPING
 // The results of the solid pass's two rounds.
@@ -54,7 +57,8 @@ struct Fragment {
     // The result of `pack_owner`. Blending writes it only where alpha is 1.
     @location(1) owner: vec4<f32>,
 #endif
-    // The depth of the nearest solid part of any prop, or LEAST_DEPTH. All props write the same depth, in any order.
+    // The depth of the nearest solid part of any prop: all props write the same depth, in any order. Where none is solid,
+    // LEAST_DEPTH, or that of the haze.
     @builtin(frag_depth) depth: f32,
 #ifdef MOTION
     // How the solid part has moved. Blending writes it only where alpha is 1.
@@ -85,6 +89,10 @@ fn fragment(in: Varying) -> Fragment {
     var opacity = 0.0;
     var transmittance = 1.0;
     var solid = -1.0;
+#ifdef FOG
+    // Where the color comes from, on average, times opacity.
+    var middle = 0.0;
+#endif
     let stop = view.stop_transmittance;
 #ifndef OVERLAPPING
     let limit = props[in.prop].solid_transmittance;
@@ -100,6 +108,9 @@ fn fragment(in: Varying) -> Fragment {
         let weight = transmittance * absorbed(depth);
         color += weight * radiance(crossing.leaf, &h);
         opacity += weight;
+#ifdef FOG
+        middle += weight * crossing.enter;
+#endif
         let before = transmittance;
         transmittance *= exp(-depth);
 #ifndef OVERLAPPING
@@ -110,6 +121,11 @@ fn fragment(in: Varying) -> Fragment {
     if opacity == 0.0 {
         discard;
     }
+#ifdef FOG
+    let haze = packed_haze(solid_depth_at(seen, in.prop, middle / opacity));
+#else
+    let haze = LEAST_DEPTH;
+#endif
     // Leaves that were not reached take the average color of the others.
     if transmittance < stop {
         color /= opacity;
@@ -140,7 +156,7 @@ fn fragment(in: Varying) -> Fragment {
 #ifdef OWNERS
         vec4(pack_owner(owner), 0.0, select(0.0, 1.0, covers)),
 #endif
-        max(depth, LEAST_DEPTH),
+        select(haze, depth, depth > 0.0),
 #ifdef MOTION
         vec4(motion_of(in.prop, seen.at, depth), 0.0, select(0.0, 1.0, is_nearest)),
 #endif

@@ -33,9 +33,10 @@
 //! | posterize it | [`Posterize`] on the prop, or [`PosterizeView`] on a camera to posterize everything in view |
 //! | keep its silhouette hard | [`EdgeSmoothing`], in its [`Posterize`] |
 //! | recolor it | [`Palettes`], [`PaletteOverride`], [`PropTint`], [`BlendSpace`], [`PaletteReady`] |
-//! | configure palette extraction | [`PaletteExtraction`] |
+//! | configure palette extraction, and see what it found where | [`PaletteExtraction`], [`SampleOrigin`] |
 //! | cast shadows | the feature `shadows`, [`SolidOpacity`], [`PropQuality`] on a light |
 //! | let the scene's shadows and lights fall on it | `PropLighting` (feature `shadows`) on the prop |
+//! | let it fade in fog | Bevy's `DistanceFog` on a camera (feature `shadows`) |
 //! | choose where in the frame props are drawn | [`PropStage`] on a camera |
 //! | trade accuracy for speed | [`PropQuality`] on a camera |
 //! | cast rays at props | [`PropRayCast`]; `PropPickingPlugin` (feature `picking`) |
@@ -57,6 +58,7 @@ mod background;
 mod gpu;
 #[cfg(feature = "headless")]
 pub mod headless;
+mod ink;
 #[cfg(feature = "shadows")]
 mod lighting;
 #[cfg(feature = "mesh")]
@@ -86,13 +88,14 @@ pub use asset::{CaptureLoader, CaptureSettings};
 pub use gpu::{
     FieldFailed, FieldReady, FieldTooLarge, GpuField, MAX_PROPS_IN_VIEW, UploadBudget, ViewFailed, ViewTooLarge,
 };
+pub use ink::{Ink, InkBorders, InkColor, MAX_INK_PIXELS};
 #[cfg(feature = "shadows")]
 pub use lighting::{MAX_BANDS, PropLighting};
 #[cfg(feature = "mesh")]
 pub use mesh::surface_mesh;
 pub use palette::{
     BlendSpace, ExtractionSamples, FieldPalette, PaletteExtraction, PaletteFailed, PaletteLoader, PaletteOverride,
-    PaletteReady, PaletteSampler, Palettes,
+    PaletteReady, PaletteSampler, Palettes, SampleOrigin,
 };
 #[cfg(feature = "picking")]
 pub use picking::PropPickingPlugin;
@@ -112,7 +115,8 @@ pub use plenoctree::{MeshError, SurfaceMesh};
 #[cfg(feature = "splat")]
 pub use plenoctree_fit::splat::{Axis, SplatError, SpzAxes};
 pub use posterize::{
-    BeforePalette, BilateralFilter, EdgeSmoothing, MAX_BLEND_STEPS, MAX_FILTER_ITERATIONS, MAX_FILTER_RADIUS, Posterize,
+    BeforePalette, BilateralFilter, BorderSmoothing, EdgeSmoothing, MAX_BLEND_STEPS, MAX_FILTER_ITERATIONS,
+    MAX_FILTER_RADIUS, Posterize,
 };
 pub use prop::{Prop, PropTint, SolidOpacity};
 pub use quality::{PropQuality, QualityPreset};
@@ -140,6 +144,7 @@ impl Plugin for PlenOctreePlugin {
         app.init_asset_loader::<CaptureLoader>();
         app.init_asset::<PlenOctree>()
             .init_asset_loader::<PlenOctreeLoader>()
+            .register_type::<Ink>()
             .register_type::<LabelStages>()
             .register_type::<LoadSettings>()
             .register_type::<Posterize>()

@@ -1,7 +1,9 @@
 //! Settings of posterization: section 4 of the method.
 
 use bevy::prelude::*;
-use plenoctree::palette::PaletteLabel;
+use plenoctree::palette::{LabelSpace, Palette, PaletteLabel, PaletteMethod};
+
+use crate::ink::Ink;
 
 /// The maximum of [`Posterize::blend_steps`].
 pub const MAX_BLEND_STEPS: u32 = 8;
@@ -48,6 +50,16 @@ pub struct Posterize {
     ///
     /// Defaults to [`EdgeSmoothing::Coverage`]. Posterized views ignore it.
     pub edges: EdgeSmoothing,
+    /// How borders between labels are drawn.
+    ///
+    /// Defaults to [`BorderSmoothing::Off`].
+    pub borders: BorderSmoothing,
+    /// The method with which a palette is extracted, if the field has none. With `None`, that of
+    /// [`PaletteExtraction::settings`](crate::PaletteExtraction::settings). If several props share a field, one of them
+    /// decides.
+    ///
+    /// Defaults to `None`.
+    pub method: Option<PaletteMethod>,
 }
 
 /// How the edges of a posterized prop are drawn: in front of the background, a mesh or another prop, or where a mesh
@@ -64,6 +76,22 @@ pub enum EdgeSmoothing {
     #[default]
     Coverage,
     /// The ray through the center of a pixel decides for the whole pixel, as the method specifies.
+    Off,
+}
+
+/// How the borders between the labels of a posterized prop are drawn.
+///
+/// Pixels away from borders are the same either way.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
+#[reflect(Default, Clone, Debug, PartialEq, Hash)]
+#[type_path = "bevy_plenoctree"]
+pub enum BorderSmoothing {
+    /// Labels are assigned at eight places within a pixel at a border, from interpolated colors, and blended in linear
+    /// light. Islands of up to three pixels take the label around them. Labels that blend into one another
+    /// ([`Posterize::softness`]) have no borders, and are drawn as with [`BorderSmoothing::Off`].
+    Interpolated,
+    /// The center of a pixel decides for the whole pixel, as the method specifies. This is the default.
+    #[default]
     Off,
 }
 
@@ -90,11 +118,61 @@ impl Default for Posterize {
             filter: BilateralFilter::default(),
             before_palette: BeforePalette::default(),
             edges: EdgeSmoothing::default(),
+            borders: BorderSmoothing::Off,
+            method: None,
         }
     }
 }
 
 impl Posterize {
+    /// Returns the look of a cartoon: [tones](PaletteMethod::Tones), and hard labels with smooth
+    /// borders.
+    ///
+    /// Add [`Ink`](crate::Ink) for the look of a comic: [`Posterize::comic`] returns both.
+    pub fn toon() -> Self {
+        Self {
+            softness: 0.0,
+            borders: BorderSmoothing::Interpolated,
+            method: Some(PaletteMethod::Tones),
+            ..Self::paper()
+        }
+    }
+
+    /// Returns the look of a comic, as a bundle: tones, and lines.
+    ///
+    /// ```
+    /// # use bevy::prelude::*;
+    /// # use bevy_plenoctree::{PlenOctreePlugin, Posterize, Prop};
+    /// fn spawn(mut commands: Commands, assets: Res<AssetServer>) {
+    ///     commands.spawn((Prop(assets.load("robot.plenoctree")), Posterize::comic()));
+    /// }
+    /// # let mut app = App::new();
+    /// # app.add_plugins((MinimalPlugins, AssetPlugin::default(), PlenOctreePlugin)).add_systems(Update, spawn);
+    /// # app.update();
+    /// ```
+    pub fn comic() -> (Self, Ink) {
+        (Self::toon(), Ink::default())
+    }
+
+    /// Returns a soft look: tones that blend into one another.
+    pub fn soft() -> Self {
+        Self { softness: 0.12, ..Self::toon() }
+    }
+
+    /// Returns the look of the paper, with which the accuracy of this crate is measured: the labels are the corners of
+    /// the colors' [hull](PaletteMethod::Hull) and their blends, as section 4 of the method specifies. The silhouette is
+    /// smooth, which the paper's is not: see [`EdgeSmoothing`].
+    ///
+    /// With [fitted](PaletteMethod::Fitted) palettes, it looks better.
+    pub fn paper() -> Self {
+        Self { method: Some(PaletteMethod::Hull), ..Self::default() }
+    }
+
+    /// Returns whether there are borders between labels, and they are smooth.
+    pub(crate) fn smooths_borders(&self) -> bool {
+        self.borders == BorderSmoothing::Interpolated && self.softness == 0.0
+    }
+
     /// Clamps every setting to its valid range, so that no shader divides by zero or loops for too long. NaN becomes
     /// the lowest value.
     pub(crate) fn clamped(self) -> Self {
@@ -113,13 +191,19 @@ impl Posterize {
             },
             before_palette: self.before_palette,
             edges: self.edges,
+            borders: self.borders,
+            method: self.method,
         }
     }
 }
 
 impl Posterize {
-    /// Returns the number of blend steps that are drawn with a palette of `colors` colors.
-    pub(crate) fn blend_steps_of(&self, colors: usize) -> u32 {
+    /// Returns the number of blend steps that are drawn with a palette: 1 if its colors are tones, which have no blends.
+    pub(crate) fn blend_steps_of(&self, palette: &Palette) -> u32 {
+        let colors = palette.colors.len().min(Palette::MAX_COLORS);
+        if palette.label_space() == LabelSpace::Tones {
+            return 1;
+        }
         let (wanted, most) = (self.blend_steps.clamp(1, MAX_BLEND_STEPS), PaletteLabel::most_blend_steps(colors));
         if wanted > most {
             error_once!(
@@ -202,7 +286,8 @@ mod tests {
     #[test]
     fn palettes_with_too_many_labels_are_reported_once() {
         let log = Log::default();
-        let of = |colors| Posterize { blend_steps: 8, ..default() }.blend_steps_of(colors);
+        let palette = |colors| Palette::new(vec![[0.5; 3]; colors]).unwrap();
+        let of = |colors| Posterize { blend_steps: 8, ..default() }.blend_steps_of(&palette(colors));
         let steps = with_default(Registry::default().with(log.clone()), || [6, 17, 64, 64].map(of));
         assert_eq!(steps, [8, 8, 1, 1]);
         let expected =

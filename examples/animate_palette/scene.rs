@@ -53,7 +53,7 @@ fn spawn(
     };
     commands.spawn((
         prop("toadstool.plenoctree", -0.75, -0.9, 1.5, 0.25),
-        ByNight(["#43307a", "#c79a5a", "#060814", "#1d4a52", "#8d9cd6", "#1f2c66"].map(color)),
+        ByNight(["#43307a", "#1d4a52", "#c79a5a", "#060814", "#8d9cd6", "#1f2c66"].map(color)),
     ));
     commands.spawn((
         prop("drum.plenoctree", 1.1, 0.6, 0.85, -0.2),

@@ -46,7 +46,7 @@ const TOYS: [Kind; 3] = [
         file: "toadstool.plenoctree",
         x: 0.0,
         turn: 0.0,
-        orders: &[coat([(0, VIOLET)]), coat([(0, YELLOW), (3, BLUE)]), coat([(0, MINT), (3, PINK)])],
+        orders: &[coat([(0, VIOLET)]), coat([(0, YELLOW), (1, BLUE)]), coat([(0, MINT), (1, PINK)])],
     },
     Kind {
         file: "robot.plenoctree",

@@ -64,9 +64,9 @@ fn spawn(mut commands: Commands, assets: Res<AssetServer>) {
     // Some colors are brighter than white, so that the spots and the windows bloom.
     let toadstool = [
         Color::linear_rgb(0.09, 0.03, 0.3),
+        Color::linear_rgb(0.01, 0.1, 0.12),
         Color::linear_rgb(1.1, 0.55, 0.1),
         Color::linear_rgb(0.0, 0.004, 0.02),
-        Color::linear_rgb(0.01, 0.1, 0.12),
         Color::linear_rgb(0.25, 1.5, 1.9),
         Color::linear_rgb(0.02, 0.05, 0.3),
     ];

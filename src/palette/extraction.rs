@@ -22,6 +22,7 @@ use super::{
     posterized::Posterized,
     ready::PaletteFailed,
     resource::{FieldPalette, Palettes},
+    samples::{ExtractionSamples, SampleOrigin},
 };
 use crate::{
     background,
@@ -44,28 +45,20 @@ pub enum PaletteSampler {
     Cpu,
 }
 
-/// The samples that a palette was extracted from.
-#[derive(Clone, Debug)]
-pub struct ExtractionSamples {
-    /// The histograms of all radiance samples, weighted by visibility.
-    pub histograms: Arc<Histograms>,
-    /// Whether the samples were taken on the GPU. If not, they were taken on the CPU, or are those that the file of a
-    /// packed field [records](PlenOctree::histograms).
-    pub on_gpu: bool,
-}
-
 /// Configures palette extraction and reports its progress.
 ///
 /// If the field of a posterized prop or view has no palette, and there is no file to load one from, one is extracted
 /// while the app keeps running, up to four at the same time. The field is sampled on the GPU, a few slices per frame,
-/// or on the CPU. Work on the CPU runs on dedicated threads, which leave one core and Bevy's task pools to the app.
+/// or on the CPU. Work on the CPU runs on dedicated threads, which leave one core and Bevy's task pools to the app. The
+/// log says where a field is sampled, and so does [`PaletteReady`](crate::PaletteReady).
 #[derive(Resource, Reflect)]
 #[reflect(Resource, Default)]
 #[type_path = "bevy_plenoctree"]
 pub struct PaletteExtraction {
     /// The settings of extractions. Extractions that are already running keep theirs.
     ///
-    /// Defaults to a fitted palette of 6 colors, from all leaves.
+    /// Defaults to all leaves. The method is that of the first posterized prop or view of the field that names one
+    /// ([`Posterize::method`](crate::Posterize::method)), unless the extraction was [requested](Self::request).
     pub settings: ExtractionSettings,
     /// The processor that samples fields.
     ///
@@ -219,6 +212,7 @@ pub(super) fn start(
     palettes: Res<Palettes>,
     fields: Res<Assets<PlenOctree>>,
     adapter: Option<Res<RenderAdapterInfo>>,
+    server: Option<Res<AssetServer>>,
     posterized: Posterized,
 ) {
     let missing = posterized.fields().filter(|id| {
@@ -238,27 +232,50 @@ pub(super) fn start(
             continue;
         };
         let progress = Arc::new(Progress::default());
-        let settings = extraction.settings.clone();
-        let stage = match settings.validate() {
-            // The CPU reads what the file records.
-            Ok(()) if on_gpu && field.histograms(&settings.sampling).is_none() => {
+        let purpose = extraction.requested.remove(&id).unwrap_or(Purpose::Missing);
+        let mut settings = extraction.settings.clone();
+        if purpose != Purpose::Requested {
+            let wanted = posterized.methods().find_map(|(field, method)| method.filter(|_| field == id));
+            settings.method = wanted.unwrap_or(settings.method);
+        }
+        // The CPU reads what the file records.
+        let origin = match settings.validate() {
+            Ok(()) if field.histograms(&settings.sampling).is_some() => SampleOrigin::Recorded,
+            Ok(()) if on_gpu => SampleOrigin::Gpu,
+            _ => SampleOrigin::Cpu,
+        };
+        let (name, leaves) = (name(server.as_deref(), id), field.leaves());
+        info!("extracting the palette of {name}: {leaves} leaves, sampled {origin}");
+        let stage = match origin {
+            SampleOrigin::Gpu => {
                 let (field, budget, progress) = (field.clone(), extraction.budget, progress.clone());
                 let plan = move || SamplingJob::new(id, field, settings, budget, progress);
                 Stage::Planning(background::spawn(plan), Instant::now())
             }
-            _ => sample_on_cpu(field.clone(), settings, progress.clone()),
+            _ => sample_on_cpu(field.clone(), origin, settings, progress.clone()),
         };
-        let purpose = extraction.requested.remove(&id).unwrap_or(Purpose::Missing);
         extraction.running.insert(id, Running { purpose, progress, stage });
     }
 }
 
-fn sample_on_cpu(field: PlenOctree, settings: ExtractionSettings, progress: Arc<Progress>) -> Stage {
+/// Returns the path of a field or, if it has none, its id.
+fn name(server: Option<&AssetServer>, field: AssetId<PlenOctree>) -> String {
+    let path = server.and_then(|server| server.get_path(field));
+    path.map_or_else(|| format!("field {field}"), |path| path.to_string())
+}
+
+/// Samples a field on all cores but one, or reads what its file records, and computes the palette.
+fn sample_on_cpu(
+    field: PlenOctree,
+    origin: SampleOrigin,
+    settings: ExtractionSettings,
+    progress: Arc<Progress>,
+) -> Stage {
     Stage::Computing(background::spawn(move || {
         background::on_cores(|| {
             let start = Instant::now();
             let histograms = sample(&field, &settings.sampling, &progress)?;
-            extract(&field, histograms, false, start.elapsed(), &settings, &progress)
+            extract(&field, histograms, origin, start.elapsed(), &settings, &progress)
         })
     }))
 }
@@ -266,14 +283,14 @@ fn sample_on_cpu(field: PlenOctree, settings: ExtractionSettings, progress: Arc<
 fn extract(
     field: &PlenOctree,
     histograms: Histograms,
-    on_gpu: bool,
+    origin: SampleOrigin,
     sampling: Duration,
     settings: &ExtractionSettings,
     progress: &Progress,
 ) -> Result<(Extraction, ExtractionSamples), ExtractionError> {
     let mut extraction = extract_from_samples(field, &histograms, settings, progress)?;
     extraction.seconds.sampling = sampling.as_secs_f64();
-    Ok((extraction, ExtractionSamples { histograms: Arc::new(histograms), on_gpu }))
+    Ok((extraction, ExtractionSamples { histograms: Arc::new(histograms), origin }))
 }
 
 /// Advances running extractions and inserts the palettes of those that have finished.
@@ -282,6 +299,7 @@ pub(super) fn finish(
     mut jobs: ResMut<SamplingJobs>,
     mut palettes: ResMut<Palettes>,
     mut messages: MessageWriter<PaletteFailed>,
+    server: Option<Res<AssetServer>>,
 ) {
     if jobs.0.iter().any(|job| !job.is_open()) {
         jobs.0.retain(|job| job.is_open());
@@ -319,11 +337,19 @@ pub(super) fn finish(
             // The field has been given another palette in the meantime, or one is loading.
             Ok(_) if !running.purpose.applies(*id, &palettes) => {}
             Ok((extraction, samples)) => {
-                palettes.arrive(*id, FieldPalette::from_extraction(extraction));
+                let (count, of) = (extraction.palette.colors.len(), extraction.radiance_samples);
+                let (name, origin, seconds) = (name(server.as_deref(), *id), samples.origin, extraction.seconds);
+                info!(
+                    "extracted {count} colors of {name} from {of} radiance samples, taken {origin}: {:.2} s of \
+                     sampling, {:.2} s of computing",
+                    seconds.sampling,
+                    seconds.filtering + seconds.hull + seconds.fitting
+                );
+                palettes.arrive(*id, FieldPalette::from_extraction(extraction), origin);
                 sampled.insert(*id, samples);
             }
             Err(error) => {
-                error!("failed to extract the palette of field {id}: {error}");
+                error!("failed to extract the palette of {}: {error}", name(server.as_deref(), *id));
                 messages.write(PaletteFailed { field: *id, error: error.clone() });
                 failed.insert(*id, error);
             }
@@ -338,12 +364,12 @@ fn after_sampling(job: &SamplingJob, outcome: Result<Histograms, SamplingFailure
         Ok(histograms) => {
             let field = job.field.clone();
             Stage::Computing(background::spawn(move || {
-                background::on_cores(|| extract(&field, histograms, true, sampling, &settings, &progress))
+                background::on_cores(|| extract(&field, histograms, SampleOrigin::Gpu, sampling, &settings, &progress))
             }))
         }
         Err(failure) => {
             warn!("sampling field {} on the CPU instead of the GPU: {failure}", job.id);
-            sample_on_cpu(job.field.clone(), settings, progress)
+            sample_on_cpu(job.field.clone(), SampleOrigin::Cpu, settings, progress)
         }
     }
 }

@@ -17,6 +17,7 @@ use plenoctree::{
 
 use super::{
     posterized::Posterized,
+    ready::PaletteReady,
     resource::{FieldPalette, Palettes},
     source::PaletteSource,
 };
@@ -136,7 +137,7 @@ pub(super) fn load(
                     // If the source colors did not change, for example after saving, keep the shown colors.
                     if by_field.get(field).is_none_or(|current| current.palette() != palette) {
                         by_field.insert(*field, FieldPalette::new(palette.clone()));
-                        arrived.push(*field);
+                        arrived.push(PaletteReady { field: *field, sampled: None });
                     }
                     *file = PaletteSource::Loaded(handle.clone());
                 } else if server.as_ref().is_some_and(|server| has_failed(server, handle)) {

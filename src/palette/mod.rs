@@ -7,14 +7,16 @@ mod overrides;
 mod posterized;
 mod ready;
 mod resource;
+mod samples;
 mod source;
 
 pub use blend::BlendSpace;
-pub use extraction::{ExtractionSamples, PaletteExtraction, PaletteSampler};
+pub use extraction::{PaletteExtraction, PaletteSampler};
 pub use file::PaletteLoader;
 pub use overrides::PaletteOverride;
 pub use ready::{PaletteFailed, PaletteReady};
 pub use resource::{FieldPalette, Palettes};
+pub use samples::{ExtractionSamples, SampleOrigin};
 
 use bevy::{asset::AssetTrackingSystems, prelude::*};
 use plenoctree::palette::{ColorCount, ExtractionSettings, Palette, PaletteMethod, RampAdjustment};
@@ -43,7 +45,7 @@ impl Plugin for PalettePlugin {
             .configure_sets(PreUpdate, PlenOctreeSystems::UpdatePalettes.after(AssetTrackingSystems))
             .add_systems(
                 PreUpdate,
-                (extraction::forget, file::seek, file::load, extraction::start, extraction::finish, ready::announce)
+                (extraction::forget, file::seek, file::load, extraction::start, extraction::finish, resource::announce)
                     .chain()
                     .in_set(PlenOctreeSystems::UpdatePalettes),
             );

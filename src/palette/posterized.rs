@@ -1,20 +1,26 @@
 //! Finding the fields that need a palette.
 
 use bevy::{ecs::system::SystemParam, prelude::*};
-use plenoctree::PlenOctree;
+use plenoctree::{PlenOctree, palette::PaletteMethod};
 
 use crate::{posterize::Posterize, prop::Prop, stage::PosterizeView};
 
 /// A system parameter that queries everything that needs a palette: posterized props and posterized views.
 #[derive(SystemParam)]
 pub(super) struct Posterized<'w, 's> {
-    props: Query<'w, 's, &'static Prop, With<Posterize>>,
-    views: Query<'w, 's, &'static PosterizeView, With<Posterize>>,
+    props: Query<'w, 's, (&'static Prop, &'static Posterize)>,
+    views: Query<'w, 's, (&'static PosterizeView, &'static Posterize)>,
 }
 
 impl Posterized<'_, '_> {
     /// Returns the fields of posterized props and views. A field can occur more than once.
     pub fn fields(&self) -> impl Iterator<Item = AssetId<PlenOctree>> {
-        self.props.iter().map(|prop| prop.0.id()).chain(self.views.iter().map(|view| view.0.id()))
+        self.methods().map(|(field, _)| field)
+    }
+
+    /// Returns these fields, and the method of the palette that is wanted.
+    pub fn methods(&self) -> impl Iterator<Item = (AssetId<PlenOctree>, Option<PaletteMethod>)> {
+        let props = self.props.iter().map(|(prop, posterize)| (prop.0.id(), posterize.method));
+        props.chain(self.views.iter().map(|(view, posterize)| (view.0.id(), posterize.method)))
     }
 }

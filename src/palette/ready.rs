@@ -3,10 +3,10 @@
 use bevy::prelude::*;
 use plenoctree::{PlenOctree, palette::ExtractionError};
 
-use super::resource::Palettes;
+use super::samples::SampleOrigin;
 
 /// A message that is written when the palette of a field has been extracted or loaded from a file. It is not written
-/// for palettes that are [inserted](Palettes::insert).
+/// for palettes that are [inserted](crate::Palettes::insert).
 ///
 /// Written in [`PreUpdate`], before the palette is first shown. Systems in [`Update`] that read it can still change the
 /// colors of the first frame.
@@ -15,8 +15,8 @@ use super::resource::Palettes;
 /// # use bevy::prelude::*;
 /// # use bevy_plenoctree::{PaletteReady, Palettes, PlenOctreePlugin};
 /// fn save(mut ready: MessageReader<PaletteReady>, palettes: Res<Palettes>) -> Result {
-///     for PaletteReady { field } in ready.read() {
-///         if let Some(palette) = palettes.get(*field).filter(|palette| palette.extraction().is_some()) {
+///     for ready in ready.read().filter(|ready| ready.sampled.is_some()) {
+///         if let Some(palette) = palettes.get(ready.field) {
 ///             palette.save("assets/toadstool.palette.json")?;
 ///         }
 ///     }
@@ -28,6 +28,8 @@ use super::resource::Palettes;
 pub struct PaletteReady {
     /// The field whose palette is ready.
     pub field: AssetId<PlenOctree>,
+    /// Where the field was sampled, or `None` if the palette was loaded from a file.
+    pub sampled: Option<SampleOrigin>,
 }
 
 /// A message that is written in [`PreUpdate`] when no palette could be extracted from a field. Its posterized props are
@@ -38,10 +40,4 @@ pub struct PaletteFailed {
     pub field: AssetId<PlenOctree>,
     /// The reason.
     pub error: ExtractionError,
-}
-
-/// Writes a [`PaletteReady`] for every palette that was loaded or extracted since the last call.
-pub(super) fn announce(mut palettes: ResMut<Palettes>, mut ready: MessageWriter<PaletteReady>) {
-    let arrived = palettes.bypass_change_detection().arrived.drain(..);
-    ready.write_batch(arrived.map(|field| PaletteReady { field }));
 }

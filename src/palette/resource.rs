@@ -10,7 +10,7 @@ use plenoctree::{
     },
 };
 
-use super::{blend::BlendSpace, source::PaletteSource};
+use super::{blend::BlendSpace, ready::PaletteReady, samples::SampleOrigin, source::PaletteSource};
 
 /// Stores the palettes of all fields.
 ///
@@ -50,9 +50,9 @@ pub struct Palettes {
     /// Fields whose palettes were inserted or removed, so that earlier failures no longer matter.
     #[reflect(ignore)]
     pub(super) assigned: Vec<AssetId<PlenOctree>>,
-    /// Fields whose palettes were loaded or extracted since [`PaletteReady`](crate::PaletteReady) was last written.
+    /// What will be written next.
     #[reflect(ignore)]
-    pub(super) arrived: Vec<AssetId<PlenOctree>>,
+    pub(super) arrived: Vec<PaletteReady>,
 }
 
 /// The palette of one field.
@@ -343,14 +343,20 @@ impl Palettes {
     }
 
     /// Inserts a palette that was extracted, for which [`PaletteReady`](crate::PaletteReady) is written.
-    pub(super) fn arrive(&mut self, field: AssetId<PlenOctree>, palette: FieldPalette) {
+    pub(super) fn arrive(&mut self, field: AssetId<PlenOctree>, palette: FieldPalette, sampled: SampleOrigin) {
         self.files.remove(&field);
         self.by_field.insert(field, palette);
-        self.arrived.push(field);
+        self.arrived.push(PaletteReady { field, sampled: Some(sampled) });
     }
 
     /// Returns whether a field has no palette and none is being loaded.
     pub(super) fn lacks(&self, field: AssetId<PlenOctree>) -> bool {
         !self.by_field.contains_key(&field) && matches!(self.files.get(&field), Some(PaletteSource::Missing))
     }
+}
+
+/// Writes a [`PaletteReady`] for every palette that was loaded or extracted since the last call.
+pub(super) fn announce(mut palettes: ResMut<Palettes>, mut ready: MessageWriter<PaletteReady>) {
+    let arrived = palettes.bypass_change_detection().arrived.drain(..);
+    ready.write_batch(arrived);
 }

@@ -20,12 +20,9 @@ pub(super) fn show(ui: &mut egui::Ui, field: AssetId<PlenOctree>, editor: &mut P
     }
     let palette = editor.palettes.get(field);
     if let Some(extraction) = palette.and_then(|palette| palette.extraction()) {
-        let sampler = match editor.extraction.sampled(field) {
-            Some(samples) if samples.on_gpu => ", sampled on the GPU",
-            Some(_) => ", sampled on the CPU",
-            None => "",
-        };
-        ui.weak(format!("{}{sampler}", summary(extraction)));
+        let samples = editor.extraction.sampled(field);
+        let origin = samples.map(|samples| format!(", sampled {}", samples.origin)).unwrap_or_default();
+        ui.weak(format!("{}{origin}", summary(extraction)));
     } else if palette.is_some() {
         ui.weak("The palette was not extracted, but loaded or inserted.");
     }

@@ -5,7 +5,8 @@ use bevy_egui::egui;
 
 use super::editor::PaletteEditor;
 use crate::posterize::{
-    BilateralFilter, EdgeSmoothing, MAX_BLEND_STEPS, MAX_FILTER_ITERATIONS, MAX_FILTER_RADIUS, Posterize,
+    BilateralFilter, BorderSmoothing, EdgeSmoothing, MAX_BLEND_STEPS, MAX_FILTER_ITERATIONS, MAX_FILTER_RADIUS,
+    Posterize,
 };
 
 pub(super) fn show(ui: &mut egui::Ui, prop: Entity, editor: &mut PaletteEditor) {
@@ -31,7 +32,8 @@ pub(super) fn show(ui: &mut egui::Ui, prop: Entity, editor: &mut PaletteEditor) 
 
 /// Shows the settings and returns whether the user changed a value.
 fn sliders(ui: &mut egui::Ui, settings: &mut Posterize) -> bool {
-    let Posterize { blend_steps, softness, min_opacity, filter, before_palette: _, edges } = settings;
+    let Posterize { blend_steps, softness, min_opacity, filter, before_palette: _, edges, borders, method: _ } =
+        settings;
     let BilateralFilter { iterations, radius, spatial_sigma, range_sigma } = filter;
     let labels = egui::Grid::new("labels").num_columns(2).show(ui, |ui| {
         let hint = "Steps from one palette color to another; 1 disables blends";
@@ -47,6 +49,12 @@ fn sliders(ui: &mut egui::Ui, settings: &mut Posterize) -> bool {
     let switched = ui.checkbox(&mut smooth, "Smooth edges").on_hover_text(hint).changed();
     if switched {
         *edges = if smooth { EdgeSmoothing::Coverage } else { EdgeSmoothing::Off };
+    }
+    let mut smooth = *borders == BorderSmoothing::Interpolated;
+    let hint = "Smooths the borders between hard labels: those of softness 0";
+    let switched = switched | ui.checkbox(&mut smooth, "Smooth borders").on_hover_text(hint).changed();
+    if switched {
+        *borders = if smooth { BorderSmoothing::Interpolated } else { BorderSmoothing::Off };
     }
     let filter = egui::CollapsingHeader::new("Filter").show(ui, |ui| {
         egui::Grid::new("filter").num_columns(2).show(ui, |ui| {

@@ -120,8 +120,8 @@ impl PropRayCast<'_, '_> {
             color: Srgba::rgb(red, green, blue),
             opacity: hit.opacity as f32,
             label: posterized.and_then(|(posterize, palette)| {
-                let (palette, colors) = (palette.palette(), palette.palette().colors.len());
-                PaletteLabel::nearest(hit.color, palette, posterize.blend_steps_of(colors))
+                let palette = palette.palette();
+                PaletteLabel::nearest(hit.color, palette, posterize.blend_steps_of(palette))
             }),
         })
     }

@@ -13,12 +13,13 @@ use bevy::{
 
 use plenoctree::{
     PlenOctree,
-    palette::{Palette, PaletteMethod},
+    palette::{LabelSpace, Palette, tone_space},
 };
 
 use super::{plan::PropView, rays::Placement};
 use crate::{
     gpu::{FieldShape, GpuField, Level},
+    ink::{Ink, InkBorders, InkColor, MAX_INK_PIXELS},
     palette::{FieldPalette, PaletteExtraction, PaletteOverride, Palettes},
     posterize::{BeforePalette, Posterize},
     prop::{Prop, PropTint, SolidOpacity},
@@ -38,7 +39,7 @@ pub(super) struct ExtractedProps {
     /// The transforms of the previous frame, if a camera draws motion vectors.
     transforms: EntityHashMap<GlobalTransform>,
     /// Where in `colors` the palettes of fields are that have been written in this frame.
-    palettes: HashMap<AssetId<PlenOctree>, (u32, u32)>,
+    palettes: HashMap<AssetId<PlenOctree>, (u32, u32, u32)>,
 }
 
 pub(super) struct ExtractedProp {
@@ -52,6 +53,7 @@ pub(super) struct ExtractedProp {
     /// The factors of linear light.
     pub tint: Vec3,
     pub posterize: Option<ExtractedPosterize>,
+    pub ink: Option<ExtractedInk>,
     /// The index of the prop with its earlier field, which is drawn until this one is on the GPU.
     pub stand_in: Option<usize>,
     /// How the scene's lights fall on it.
@@ -103,13 +105,80 @@ pub(super) struct ExtractedPosterize {
     pub first_color: u32,
     /// The number of source colors, which is also the number of shown colors.
     pub colors: u32,
+    /// The index of the place of the first source color, where colors are compared with it: itself, or that of a tone.
+    pub first_place: u32,
+}
+
+/// The lines of a prop. See `ink.wgsl`.
+#[derive(Clone, Copy, Default)]
+pub(super) struct ExtractedInk {
+    /// Which edges have lines, as bits.
+    pub lines: u32,
+    /// The index in [`ExtractedProps::colors`] of the pairs of ramps that have lines.
+    pub pairs: u32,
+    /// In linear light, with opacity.
+    pub color: Vec4,
+    /// The share of the label's own light.
+    pub tone: f32,
+    /// The width and the difference of depth at a crease, in world units.
+    pub width: f32,
+    pub crease: f32,
+    pub max_pixels: f32,
+}
+
+/// How many times the width of a line the depth breaks at a crease.
+const CREASE: f32 = 4.0;
+/// The number of ramps that pairs tell apart: as many as a palette has colors.
+const RAMPS: usize = Palette::MAX_COLORS;
+
+impl ExtractedInk {
+    /// Returns the lines of an ink, or `None` if there are none. Appends its pairs to `colors`.
+    fn new(ink: &Ink, colors: &mut Vec<Vec4>) -> Option<Self> {
+        let (color, tone) = match ink.color {
+            InkColor::Flat(color) => (LinearRgba::from(color).to_vec4(), 0.0),
+            InkColor::Tone(share) => (Vec4::W, share.clamp(0.0, 1.0)),
+        };
+        let borders = match &ink.borders {
+            InkBorders::None => 0,
+            InkBorders::Ramps => 4,
+            InkBorders::Labels => 8,
+            InkBorders::Pairs(_) => 16,
+        };
+        let lines = u32::from(ink.silhouette) + 2 * u32::from(ink.creases) + borders;
+        // `f32::max` ignores NaN.
+        let width = ink.width.max(0.0);
+        let ink_of = |pairs| Self {
+            lines,
+            pairs,
+            color: color.clamp(Vec4::ZERO, Vec4::splat(65504.0)).with_w(color.w.clamp(0.0, 1.0)),
+            tone,
+            width,
+            crease: CREASE * width,
+            max_pixels: ink.max_pixels.clamp(1.0, MAX_INK_PIXELS),
+        };
+        if lines == 0 || width == 0.0 || color.w <= 0.0 {
+            return None;
+        }
+        let InkBorders::Pairs(pairs) = &ink.borders else {
+            return Some(ink_of(0));
+        };
+        // Each ramp has 64 bits, 16 in each channel, which floats hold exactly.
+        let mut masks = [[0u32; 4]; RAMPS];
+        for [a, b] in pairs.iter().filter(|pair| pair.iter().all(|ramp| *ramp < RAMPS)) {
+            masks[*a][b >> 4] |= 1 << (b & 15);
+            masks[*b][a >> 4] |= 1 << (a & 15);
+        }
+        let first = colors.len() as u32;
+        colors.extend(masks.map(|mask| Vec4::from(mask.map(|bits| bits as f32))));
+        Some(ink_of(first))
+    }
 }
 
 /// The palettes of a frame.
 struct PaletteWriter<'a> {
     colors: &'a mut Vec<Vec4>,
     /// Where the palettes of fields are. Those with overrides belong to one entity each.
-    written: &'a mut HashMap<AssetId<PlenOctree>, (u32, u32)>,
+    written: &'a mut HashMap<AssetId<PlenOctree>, (u32, u32, u32)>,
 }
 
 impl PaletteWriter<'_> {
@@ -121,7 +190,7 @@ impl PaletteWriter<'_> {
         palette: &FieldPalette,
         own: Option<&PaletteOverride>,
     ) -> ExtractedPosterize {
-        let (first_color, colors) = match (self.written.get(&field), own) {
+        let (first_color, colors, first_place) = match (self.written.get(&field), own) {
             (Some(written), None) => *written,
             _ => {
                 let written = self.append(palette, own);
@@ -131,26 +200,32 @@ impl PaletteWriter<'_> {
                 written
             }
         };
-        // Tones are labels as they are.
-        let method = palette.palette().method;
-        let wanted = if method == Some(PaletteMethod::Tones) { 1 } else { settings.blend_steps };
-        let settings = Posterize { blend_steps: wanted, ..*settings };
-        let settings = Posterize { blend_steps: settings.blend_steps_of(colors as usize), ..settings };
-        ExtractedPosterize { settings, first_color, colors }
+        let settings = Posterize { blend_steps: settings.blend_steps_of(palette.palette()), ..*settings };
+        ExtractedPosterize { settings, first_color, colors, first_place }
     }
 
-    /// Appends source colors and shown colors. Returns the index of the first color, and the number of source colors.
-    fn append(&mut self, palette: &FieldPalette, own: Option<&PaletteOverride>) -> (u32, u32) {
+    /// Appends source colors with their ramps, shown colors and, of tones, their places. Returns the index of the first
+    /// color, the number of source colors, and the index of the first place.
+    fn append(&mut self, palette: &FieldPalette, own: Option<&PaletteOverride>) -> (u32, u32, u32) {
         let first = self.colors.len() as u32;
+        let of = palette.palette();
         // Drop colors beyond the maximum, which shaders could not process in time.
-        let source = palette.palette().colors.get(..Palette::MAX_COLORS).unwrap_or(&palette.palette().colors);
-        self.colors.extend(source.iter().map(|c| glam::DVec3::from(*c).as_vec3().extend(0.0)));
+        let source = of.colors.get(..Palette::MAX_COLORS).unwrap_or(&of.colors);
+        // A color without a ramp is one by itself.
+        let ramp = |color| of.ramps.iter().position(|ramp| ramp.tones.contains(&color)).unwrap_or(RAMPS + color);
+        let numbered = source.iter().enumerate();
+        self.colors.extend(numbered.map(|(i, c)| glam::DVec3::from(*c).as_vec3().extend(ramp(i) as f32)));
         self.colors.extend(source.iter().enumerate().map(|(index, source)| {
             let shown = own.and_then(|own| own.get(index)).or_else(|| palette.shown().get(index).copied());
             let encoded = shown.map(|color| Srgba::from(color).to_vec3());
             encoded.unwrap_or_else(|| glam::DVec3::from(*source).as_vec3()).extend(0.0)
         }));
-        (first, source.len() as u32)
+        let count = source.len() as u32;
+        if of.label_space() == LabelSpace::Encoded {
+            return (first, count, first);
+        }
+        self.colors.extend(source.iter().map(|color| tone_space(glam::DVec3::from(*color)).as_vec3().extend(0.0)));
+        (first, count, first + 2 * count)
     }
 }
 
@@ -164,10 +239,14 @@ pub(super) struct VisibleProps {
     pub everything: Option<ExtractedPosterize>,
     pub stage: PropStage,
     pub quality: PropQuality,
+    /// The lines of props without ink of their own.
+    pub ink: Option<ExtractedInk>,
     /// The shaders of custom stages.
     pub stages: Vec<Handle<Shader>>,
     /// Whether the camera draws motion vectors.
     pub has_motion: bool,
+    /// Whether the camera has fog.
+    pub has_fog: bool,
     /// Whether there are point or spot lights.
     pub has_lamps: bool,
     /// Whether the scene's shadows have hard edges.
@@ -188,7 +267,8 @@ impl VisibleProps {
 }
 
 /// The components that determine a prop's colors, besides the palette of its field.
-type PropColors = (&'static PropTint, Option<&'static Posterize>, Option<&'static PaletteOverride>);
+type PropColors =
+    (&'static PropTint, Option<&'static Posterize>, Option<&'static PaletteOverride>, Option<&'static Ink>);
 
 /// The components that determine what a camera draws.
 type CameraSettings = (
@@ -196,6 +276,7 @@ type CameraSettings = (
     Option<&'static PropQuality>,
     Option<(&'static PosterizeView, &'static Posterize)>,
     Option<&'static PaletteOverride>,
+    Option<&'static Ink>,
     Option<&'static LabelStages>,
     Has<MotionVectorPrepass>,
 );
@@ -219,7 +300,7 @@ pub(super) fn extract_props(
     written.clear();
     index.clear();
     let mut writer = PaletteWriter { colors, written };
-    for (entity, (prop, drawn), solid, (tint, posterize, own), transform, visibility) in &props {
+    for (entity, (prop, drawn), solid, (tint, posterize, own, ink), transform, visibility) in &props {
         if !visibility.get() {
             continue;
         }
@@ -244,6 +325,7 @@ pub(super) fn extract_props(
                 solid: *solid,
                 tint: tint.factors(),
                 posterize: posterize.map(|(settings, palette)| writer.write(handle.id(), settings, palette, own)),
+                ink: ink.filter(|_| posterize.is_some()).and_then(|ink| ExtractedInk::new(ink, writer.colors)),
                 stand_in,
                 #[cfg(feature = "shadows")]
                 lighting: None,
@@ -262,7 +344,7 @@ pub(super) fn extract_props(
         previous.extend(props.iter().map(|(entity, .., transform, _)| (entity, *transform)));
     }
     *transforms = previous;
-    for (entity, camera, is_3d, visible, (stage, quality, everything, own, stages, has_motion)) in &cameras {
+    for (entity, camera, is_3d, visible, (stage, quality, everything, own, ink, stages, has_motion)) in &cameras {
         if !camera.is_active || !is_3d {
             // It keeps its textures, but draws nothing.
             if let Ok(mut view) = views.get_mut(entity) {
@@ -275,12 +357,13 @@ pub(super) fn extract_props(
             let palette = palettes.get(&view.0)?;
             Some(writer.write(view.0.id(), settings, palette, own))
         });
+        let ink = ink.and_then(|ink| ExtractedInk::new(ink, writer.colors));
         let stage = stage.copied().unwrap_or_default();
         let quality = quality.copied().unwrap_or_default().clamped();
         if let Ok(mut view) = views.get_mut(entity) {
             view.props.clear();
             view.props.extend(seen);
-            (view.everything, view.stage, view.quality) = (everything, stage, quality);
+            (view.everything, view.stage, view.quality, view.ink) = (everything, stage, quality, ink);
             view.stages.clear();
             view.stages.extend(stages.iter().flat_map(|stages| &stages.0).cloned());
             view.has_motion = has_motion && stage == PropStage::Scene;
@@ -290,7 +373,7 @@ pub(super) fn extract_props(
             if !props.is_empty() || everything.is_some() {
                 let has_motion = has_motion && stage == PropStage::Scene;
                 let stages = stages.map(|stages| stages.0.clone()).unwrap_or_default();
-                let visible = VisibleProps { props, everything, stage, quality, stages, has_motion, ..default() };
+                let visible = VisibleProps { props, everything, stage, quality, ink, stages, has_motion, ..default() };
                 commands.entity(entity).insert(visible);
             }
         }

@@ -17,7 +17,11 @@ use bevy_plenoctree::{
 };
 use glam::DVec3;
 use image::RgbaImage;
-use plenoctree::{BakeSettings, Basis, bake};
+use plenoctree::{
+    BakeSettings, Basis, bake,
+    palette::{ExtractionSettings, extract},
+    sampling::Progress,
+};
 
 use crate::idle_stage::idle_stage;
 
@@ -92,9 +96,10 @@ impl Stage {
 
     /// Spawns one of the included props.
     fn spawn_included(&mut self, name: &str) {
-        let path = |end| format!("{}/assets/{name}.{end}", env!("CARGO_MANIFEST_DIR"));
-        let field = PlenOctree::read(path("plenoctree"), &LoadSettings::default()).unwrap();
-        self.spawn(&field, Palette::read(path("palette.json")).unwrap(), default());
+        let path = format!("{}/assets/{name}.plenoctree", env!("CARGO_MANIFEST_DIR"));
+        let field = PlenOctree::read(path, &LoadSettings::default()).unwrap();
+        let extraction = extract(&field, &ExtractionSettings::default(), &Progress::default()).unwrap();
+        self.spawn(&field, extraction.palette, default());
     }
 
     /// Spawns an unlit square of this size.

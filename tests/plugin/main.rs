@@ -3,6 +3,7 @@
 mod arrival;
 mod edges;
 mod extremes;
+mod fog;
 mod frames;
 mod idle_stage;
 mod large;

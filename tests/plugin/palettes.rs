@@ -19,8 +19,8 @@ use bevy::{
 };
 use bevy_plenoctree::{
     BilateralFilter, BlendSpace, ColorCount, ExtractionSettings, FieldPalette, InvalidRamps, ObserverRegion, Palette,
-    PaletteExtraction, PaletteMethod, PaletteOverride, PaletteReady, Palettes, PlenOctree, PlenOctreePlugin, Posterize,
-    Prop, Ramp, RampAdjustment, SamplingSettings, Wish,
+    PaletteExtraction, PaletteMethod, PaletteOverride, PaletteReady, PaletteSampler, Palettes, PlenOctree,
+    PlenOctreePlugin, Posterize, Prop, Ramp, RampAdjustment, SampleOrigin, SamplingSettings, Wish,
     headless::{Headless, exact_camera},
 };
 use glam::DVec3;
@@ -291,9 +291,9 @@ fn ramps_are_edited() {
     assert_eq!(palette.ramps(), before);
 }
 
-/// The fields whose palettes were reported as ready.
+/// The palettes that were reported as ready.
 #[derive(Resource, Default)]
-struct Ready(Vec<AssetId<PlenOctree>>);
+struct Ready(Vec<PaletteReady>);
 
 /// An app that loads fields and palettes from a folder without drawing them.
 struct Files {
@@ -315,7 +315,7 @@ impl Files {
     /// Starts another app in the same folder.
     fn restart(&mut self) {
         let hear = |mut ready: MessageReader<PaletteReady>, mut heard: ResMut<Ready>| {
-            heard.0.extend(ready.read().map(|ready| ready.field));
+            heard.0.extend(ready.read());
         };
         self.app = App::new();
         let assets = AssetPlugin { file_path: self.folder.to_string_lossy().into(), ..default() };
@@ -371,7 +371,7 @@ impl Files {
         self.app.world().resource::<Palettes>().get(field).unwrap().clone()
     }
 
-    fn heard(&self) -> &[AssetId<PlenOctree>] {
+    fn heard(&self) -> &[PaletteReady] {
         &self.app.world().resource::<Ready>().0
     }
 }
@@ -398,7 +398,38 @@ fn a_palette_next_to_a_field_replaces_extraction() {
         files.app.update();
         assert!(files.app.world().resource::<PaletteExtraction>().progress(&field).is_none());
     }
-    assert_eq!(files.heard(), [field.id()]);
+    assert_eq!(files.heard(), [PaletteReady { field: field.id(), sampled: None }]);
+}
+
+/// The included toadstool has neither a palette file nor recorded histograms: in an app that loads it, it is sampled, in
+/// compute shaders if so wished, and both processors find the same palette.
+#[test]
+fn the_toadstool_is_sampled_when_it_arrives() {
+    let extracted = |sampler| {
+        let mut headless = Headless::new(UVec2::ONE, |app| {
+            let hear = |mut ready: MessageReader<PaletteReady>, mut heard: ResMut<Ready>| heard.0.extend(ready.read());
+            app.add_plugins(PlenOctreePlugin).init_resource::<Ready>().add_systems(Update, hear);
+        })
+        .unwrap();
+        let world = headless.app.world_mut();
+        let mut extraction = world.resource_mut::<PaletteExtraction>();
+        extraction.sampler = sampler;
+        extraction.settings.sampling.sample_fraction = 0.1;
+        let field = world.resource::<AssetServer>().load("toadstool.plenoctree");
+        world.spawn((Prop(field.clone()), Posterize::default()));
+        headless.wait_until_ready(Duration::from_secs(120)).unwrap();
+        let world = headless.app.world();
+        let [PaletteReady { sampled: Some(origin), .. }] = world.resource::<Ready>().0[..] else {
+            panic!("{:?}", world.resource::<Ready>().0)
+        };
+        (origin, world.resource::<Palettes>().get(&field).unwrap().palette().clone())
+    };
+    let (on_cpu, expected) = extracted(PaletteSampler::Cpu);
+    let (on_gpu, found) = extracted(PaletteSampler::Gpu);
+    assert_eq!((on_cpu, on_gpu), (SampleOrigin::Cpu, SampleOrigin::Gpu));
+    for (found, expected) in found.colors.iter().zip(&expected.colors) {
+        assert!(DVec3::from(*found).distance(DVec3::from(*expected)) < 1e-3, "{found:?}, expected {expected:?}");
+    }
 }
 
 #[test]
@@ -407,7 +438,7 @@ fn an_extracted_palette_can_be_saved_and_shipped() {
     let field = files.spawn();
     let extracted = files.palette(&field);
     assert!(extracted.extraction().is_some());
-    assert_eq!(files.heard(), [field.id()]);
+    assert_eq!(files.heard(), [PaletteReady { field: field.id(), sampled: Some(SampleOrigin::Cpu) }]);
     extracted.save(files.folder.join("x.palette.json")).unwrap();
 
     files.restart();

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use bevy::prelude::*;
 use bevy_plenoctree::{
     Activation, ColorCount, ExtractionSamples, ExtractionSettings, ObserverRegion, PaletteExtraction, PaletteMethod,
-    PaletteSampler, Palettes, PlenOctree, PlenOctreePlugin, Posterize, Prop, SamplingSettings, UpAxis,
+    PaletteSampler, Palettes, PlenOctree, PlenOctreePlugin, Posterize, Prop, SampleOrigin, SamplingSettings, UpAxis,
     headless::Headless,
 };
 use glam::DVec3;
@@ -110,7 +110,7 @@ fn gpu_sampling_matches_the_reference() {
             assert!(difference(&sampled.histograms, &expected) < 1e-6);
         }
         let (sampled, colors, _) = extract_in_app(&field, &settings, PaletteSampler::Gpu, None);
-        assert!(sampled.on_gpu);
+        assert_eq!(sampled.origin, SampleOrigin::Gpu);
         assert_eq!(sampled.histograms.samples(), expected.samples());
         let off = difference(&sampled.histograms, &expected);
         assert!(off < 1e-4, "{basis:?}: {off}");
@@ -127,7 +127,7 @@ fn cpu_sampling_matches_the_reference() {
     let field = lumps(Basis::Sh9);
     let expected = sample_histograms(&field, &settings.sampling).unwrap();
     let (sampled, ..) = extract_in_app(&field, &settings, PaletteSampler::Cpu, None);
-    assert!(!sampled.on_gpu);
+    assert_eq!(sampled.origin, SampleOrigin::Cpu);
     assert!(difference(&sampled.histograms, &expected) < 1e-5);
 }
 
@@ -146,7 +146,7 @@ fn solid_fields_have_palettes() {
         assert!(expected.total_weight() > 0.0);
         for sampler in [PaletteSampler::Gpu, PaletteSampler::Cpu] {
             let (sampled, colors, _) = extract_in_app(&field, &settings, sampler, None);
-            assert_eq!(sampled.on_gpu, sampler == PaletteSampler::Gpu);
+            assert_eq!(sampled.origin == SampleOrigin::Gpu, sampler == PaletteSampler::Gpu);
             let off = difference(&sampled.histograms, &expected);
             assert!(off < 1e-4, "{sampler:?}, {density}: {off}");
             assert_eq!(colors.len(), 6);
@@ -171,7 +171,7 @@ fn boxes_of_any_size_are_sampled() {
         let expected = sample_histograms(&field, &settings.sampling).unwrap();
         for sampler in [PaletteSampler::Gpu, PaletteSampler::Cpu] {
             let (sampled, ..) = extract_in_app(&field, &settings, sampler, None);
-            assert_eq!(sampled.on_gpu, sampler == PaletteSampler::Gpu);
+            assert_eq!(sampled.origin == SampleOrigin::Gpu, sampler == PaletteSampler::Gpu);
             let off = difference(&sampled.histograms, &expected);
             assert!(off < 1e-4, "{sampler:?}, {size}: {off}");
         }
@@ -265,7 +265,9 @@ fn fields_are_sampled_in_sequence_on_the_gpu() {
         .collect();
     headless.wait_until_ready(Duration::from_secs(120)).unwrap();
     let mut extraction = headless.app.world_mut().resource_mut::<PaletteExtraction>();
-    assert!(fields.iter().all(|field| extraction.sampled(field).is_some_and(|sampled| sampled.on_gpu)));
+    assert!(
+        fields.iter().all(|field| extraction.sampled(field).is_some_and(|sampled| sampled.origin == SampleOrigin::Gpu))
+    );
     extraction.settings.colors = ColorCount::Fixed(2);
     extraction.request(&fields[0]);
     let start = Instant::now();

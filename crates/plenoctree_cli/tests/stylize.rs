@@ -64,6 +64,15 @@ fn ramps_are_recolored() {
     let red = |image: &RgbImage| image.pixels().filter(|pixel| pixel[0] > pixel[1].max(pixel[2])).count();
     assert!(red(&posterized) > 100 && 10 * red(&by_name) < red(&posterized), "{} {}", red(&posterized), red(&by_name));
     assert_eq!(recolored("ramp:0")[1], by_name);
+
+    // A pixel gets its color exactly, and so do all others of its tone.
+    let (x, y, tone) = posterized.enumerate_pixels().find(|(_, _, pixel)| near(&pixel.0, &allowed[1])).unwrap();
+    let (out, wish) = (folder.join("out"), format!("{x},{y}=#3060d0"));
+    let options = ["--palette", text(&palette), "--softness", "0", "--pixel", &wish];
+    succeed(&[&arguments(&field, &out)[..], &options].concat());
+    let by_pixel = image::open(out.join("frame_000.recolored.png")).unwrap().into_rgb8();
+    let pixels = posterized.pixels().zip(by_pixel.pixels());
+    assert!(pixels.filter(|(before, _)| *before == tone).all(|(_, after)| after.0 == [0x30, 0x60, 0xd0]));
 }
 
 /// A given palette is used unchanged, and `--quiet` prints nothing.

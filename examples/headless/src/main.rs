@@ -8,6 +8,7 @@ use std::{f32::consts::TAU, fs, path::Path, time::Duration};
 
 use bevy::prelude::*;
 use bevy_plenoctree::{
+    PaletteExtraction,
     headless::{Headless, exact_camera},
     prelude::*,
 };
@@ -31,12 +32,25 @@ fn main() -> Result {
 
     headless.app.world_mut().entity_mut(prop).insert(Posterize::default());
     turn(&mut headless, camera, "posterized", out)?;
+    report(headless.app.world(), &field);
 
     // The palette is complete: color 0 is the red of the cap.
     if let Some(palette) = headless.app.world_mut().resource_mut::<Palettes>().get_mut(&field) {
         palette.set(0, Color::srgb_u8(0x20, 0x50, 0xd0));
     }
     turn(&mut headless, camera, "recolored", out)
+}
+
+/// Prints where the field was sampled, and what its palette was extracted from.
+fn report(world: &World, field: &Handle<PlenOctree>) {
+    let (extraction, palettes) = (world.resource::<PaletteExtraction>(), world.resource::<Palettes>());
+    let leaves = world.resource::<Assets<PlenOctree>>().get(field).map_or(0, PlenOctree::leaves);
+    let found = palettes.get(field).and_then(|palette| palette.extraction());
+    if let (Some(found), Some(samples)) = (found, extraction.sampled(field)) {
+        let (of, seconds) = (found.radiance_samples, found.seconds);
+        println!("Sampled {leaves} leaves {}: {of} radiance samples in {:.2} s", samples.origin, seconds.sampling);
+        println!("Fitted {} colors to them in {:.2} s", found.palette.colors.len(), seconds.fitting);
+    }
 }
 
 /// Captures frames from all around, and saves them to `out`.

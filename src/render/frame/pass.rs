@@ -87,6 +87,8 @@ pub(in crate::render) enum Place {
 pub(in crate::render) enum Feature {
     /// Drawing props at all.
     Base,
+    /// Fog before props.
+    Fog,
     /// Labels.
     Posterize,
     /// Lights that fall on props.
@@ -95,6 +97,8 @@ pub(in crate::render) enum Feature {
     Sparse,
     /// Smooth edges.
     Edges,
+    /// Smooth borders between labels, and ink.
+    Finish,
     /// Custom stages.
     Stages,
 }

@@ -39,12 +39,16 @@ pub(in crate::render) enum Slot {
     Even,
     /// The same, halfway through an iteration.
     Odd,
-    /// Encoded sRGB and opacity, before edges are smoothed. The opacity is negative where nothing is drawn.
+    /// Encoded sRGB and opacity, as labeled. The opacity is negative where nothing is drawn.
     Labeled,
+    /// The same, with smooth borders and ink, before edges are smoothed.
+    Finished,
     /// The same, after edges are smoothed.
     Shown,
     /// The same, as every second custom stage writes it.
     Staged,
+    /// The same, in the fog.
+    Fogged,
     /// See [`LabelTextures`](crate::LabelTextures).
     Labels,
     /// Transparent objects over nothing, in the format and the size of the target, resolved and multisampled.
@@ -71,16 +75,15 @@ impl Slot {
         use TextureFormat::*;
         Some(match self {
             Self::Color(_) | Self::OwnRays | Self::OtherRays => Rgba16Float,
-            Self::Labeled | Self::Shown | Self::Staged => Rgba16Float,
+            Self::Labeled | Self::Finished | Self::Shown | Self::Staged | Self::Fogged => Rgba16Float,
             Self::Owner(_) => Rg16Float,
             Self::Motion(_) => MOTION_VECTOR_PREPASS_FORMAT,
             Self::Depth(_) | Self::NearestDepth(_) | Self::OpaqueDepth(_) | Self::EdgeMask => DEPTH_FORMAT,
             Self::Nearest(_) | Self::Opaque(_) => R32Uint,
             Self::Gaps => R16Uint,
-            Self::Outline => Rg16Uint,
+            Self::Outline | Self::Labels => Rg16Uint,
             Self::Coverage | Self::Light => Rgba8Unorm,
             Self::Places | Self::Even | Self::Odd => Rgba32Uint,
-            Self::Labels => Rg32Uint,
             Self::Objects | Self::ObjectSamples => return None,
         })
     }
@@ -103,6 +106,9 @@ pub(in crate::render) enum Buffer {
     View,
     /// How lights fall on each prop.
     Lit,
+    /// The camera's fog.
+    #[cfg_attr(not(feature = "shadows"), allow(dead_code, reason = "only `bevy_pbr` has fog"))]
+    Fog,
     /// The number of gaps in each batch.
     BatchCounts,
     /// The places of gaps in the squares of their batches.

@@ -13,6 +13,7 @@ use bevy::{
     shader::{Shader, ShaderDefVal},
 };
 
+use super::finish::inked;
 use crate::render::{
     frame::{Buffer, Clear, Draw, Feature, Fragment, Input, Output, Part, Pass, Place, Program, Rays, Slot, Uniforms},
     plan::Plan,
@@ -26,7 +27,7 @@ pub(super) const STAGE: &str = "plenoctree_stage";
 
 const COLOR: Input = Input::Texture(Slot::Color(Rays::Pixels));
 const OWNER: Input = Input::Texture(Slot::Owner(Rays::Pixels));
-const DEPTH: Output = Output::Texture(Slot::Depth(Rays::Pixels));
+pub(super) const DEPTH: Output = Output::Texture(Slot::Depth(Rays::Pixels));
 
 /// Blends the layer over the scene, in encoded sRGB.
 pub(super) fn composite(plan: &Plan) -> Option<Pass> {
@@ -72,14 +73,14 @@ pub(super) fn label(plan: &Plan) -> Pass {
     let program = Program::new("label")
         .define_all(definitions)
         .define_if(!plan.posterizes, "UNPOSTERIZED")
-        .define_if(plan.smooths, "SMOOTH")
-        .define_if(!plan.stages.is_empty(), "LABEL_TEXTURES")
+        .define_if(labels_before_edges(plan), "SMOOTH")
+        .define_if(plan.needs_labels(), "LABEL_TEXTURES")
         .define_if(plan.is_lit, "LIGHTING");
-    let shown = if plan.smooths { Slot::Labeled } else { Slot::Shown };
-    let mut writes = vec![Some(Output::Texture(shown))];
+    let is_last = !plan.smooths && !plan.finishes();
+    let mut writes = vec![Some(Output::Texture(if is_last { Slot::Shown } else { Slot::Labeled }))];
     // The blend pass replaces the pixels at edges.
-    writes.push(plan.smooths.then_some(Output::Texture(Slot::Shown)));
-    if !plan.stages.is_empty() {
+    writes.push(labels_before_edges(plan).then_some(Output::Texture(Slot::Shown)));
+    if plan.needs_labels() {
         writes.push(Some(Output::Texture(Slot::Labels)));
     }
     writes.truncate(writes.iter().rposition(Option::is_some).map_or(0, |last| last + 1));
@@ -99,16 +100,25 @@ pub(super) fn label(plan: &Plan) -> Pass {
     }
 }
 
+/// Returns whether edges are smoothed right after the label pass.
+fn labels_before_edges(plan: &Plan) -> bool {
+    plan.smooths && !plan.finishes()
+}
+
 /// Smooths the edges of props.
 pub(super) fn blend(plan: &Plan) -> Option<Pass> {
     let program = Program::new("blend")
         .define_all(space(plan.target.space))
         .define_number("SAMPLES", plan.hidden_samples())
         .define_if(plan.is_lit, "LIGHTING");
-    let slots = [Slot::Labeled, Slot::Even, Slot::Outline, Slot::Coverage, Slot::OwnRays, Slot::OtherRays];
+    let shown = if plan.finishes() { Slot::Finished } else { Slot::Labeled };
+    let slots = [shown, Slot::Even, Slot::Outline, Slot::Coverage, Slot::OwnRays, Slot::OtherRays];
+    let ink = if plan.has_ink { &[Slot::Labels, Slot::Depth(Rays::Pixels)][..] } else { &[] };
+    let inputs = slots.iter().map(|slot| Input::Texture(*slot)).chain([Input::Scene]);
+    let inputs = inputs.chain(ink.iter().map(|slot| Input::Texture(*slot))).collect();
     plan.smooths.then(|| Pass {
         feature: Feature::Edges,
-        reads: with_lights(plan, slots.map(Input::Texture).into_iter().chain([Input::Scene]).collect()),
+        reads: with_lights(plan, inputs),
         uses: &[Uniforms::View, Uniforms::Props, Uniforms::Screen, Uniforms::Labels],
         writes: vec![Some(Output::Texture(Slot::Shown))],
         depth: Some(Output::Texture(Slot::EdgeMask)),
@@ -116,7 +126,7 @@ pub(super) fn blend(plan: &Plan) -> Option<Pass> {
             BLEND,
             Place::Posterize,
             Some(Part::Labels),
-            program.depth_test(CompareFunction::Less, false),
+            inked(plan, program).depth_test(CompareFunction::Less, false),
         )
     })
 }
@@ -141,7 +151,7 @@ pub(super) fn shown_after(stages: usize) -> Slot {
 }
 
 /// Returns what a pass reads, and what it reads about lights.
-fn with_lights(plan: &Plan, inputs: Vec<Input>) -> Vec<Vec<Input>> {
+pub(super) fn with_lights(plan: &Plan, inputs: Vec<Input>) -> Vec<Vec<Input>> {
     let mut reads = vec![inputs];
     if plan.is_lit {
         reads.push(vec![Input::Buffer(Buffer::Lit), Input::Texture(Slot::Light), OWNER]);

@@ -39,12 +39,9 @@ pub(super) const LIGHTING: &str = "plenoctree_lighting";
 
 /// Finds the light that reaches props.
 pub(super) fn lighting(plan: &Plan) -> Option<Pass> {
-    // Temporal filtering is not supported: noise that changes from frame to frame would make the edges of bands flicker.
-    let hard = plan.has_hard_shadows;
-    let filter = if hard { "SHADOW_FILTER_METHOD_HARDWARE_2X2" } else { "SHADOW_FILTER_METHOD_GAUSSIAN" };
     let program = |lamps| {
         let program = Program { vertex: "lighting", lights: true, ..Program::new("lighting") };
-        program.define(filter).define_if(lamps, "LAMPS").where_props_are()
+        program.define(shadow_filter(plan)).define_if(lamps, "LAMPS").where_props_are()
     };
     let textures = [Slot::Depth(Rays::Pixels), Slot::Owner(Rays::Pixels)].map(Input::Texture);
     plan.is_lit.then(|| Pass {
@@ -58,6 +55,13 @@ pub(super) fn lighting(plan: &Plan) -> Option<Pass> {
         draws: vec![Draw::triangle(usize::from(plan.has_lamps))],
         ..Pass::fullscreen(LIGHTING, Place::Layer, None, Program::new("lighting"))
     })
+}
+
+/// Returns the shader definition of how shadow maps are filtered.
+pub(super) fn shadow_filter(plan: &Plan) -> &'static str {
+    // Temporal filtering is not supported: noise that changes from frame to frame would make the edges of bands flicker.
+    let hard = plan.has_hard_shadows;
+    if hard { "SHADOW_FILTER_METHOD_HARDWARE_2X2" } else { "SHADOW_FILTER_METHOD_GAUSSIAN" }
 }
 
 /// How lights fall on a prop. Matches `Lit` in `shade.wgsl`.
@@ -161,7 +165,8 @@ fn bind_lights(
 ) {
     for (entity, view, bevy) in &views {
         let group = || {
-            let (maps, clusters, view_offset, lights_offset) = bevy.filter(|_| view.plan.is_lit)?;
+            let (maps, clusters, view_offset, lights_offset) =
+                bevy.filter(|_| view.plan.is_lit || view.plan.has_fog)?;
             let entries = BindGroupEntries::with_indices((
                 (0, view_uniforms.uniforms.binding()?),
                 (1, meta.as_ref()?.view_gpu_lights.binding()?),

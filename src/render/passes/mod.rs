@@ -1,6 +1,9 @@
 //! The passes of a view: which there are, and in which order they run. See each file for what its passes do.
 
 mod edges;
+mod finish;
+#[cfg(feature = "shadows")]
+mod fog;
 mod labels;
 #[cfg(feature = "shadows")]
 mod lighting;
@@ -30,10 +33,13 @@ pub const POSTERIZE_SPANS: &[&str] = &[
     labels::LABEL,
     labels::COMPOSITE,
     labels::FILTER,
+    finish::FINISH,
     labels::BLEND,
     edges::OUTLINE,
     edges::COVERAGE,
     objects::OBJECTS,
+    #[cfg(feature = "shadows")]
+    fog::FOG,
 ];
 /// The names of the spans in Bevy's render diagnostics whose times add up to the time of lighting props.
 #[cfg(feature = "shadows")]
@@ -58,8 +64,11 @@ pub(super) fn of(plan: &Plan) -> Vec<Pass> {
     passes.extend(labels::composite(plan));
     passes.extend(labels::filter(plan));
     passes.push(labels::label(plan));
+    passes.extend(finish::finish(plan));
     passes.extend(labels::blend(plan));
     passes.extend(labels::stages(plan));
+    #[cfg(feature = "shadows")]
+    passes.extend(fog::fog(plan));
     passes.extend(present::present(plan));
     passes.extend(objects::objects(plan));
     passes
@@ -69,7 +78,10 @@ pub(super) fn of(plan: &Plan) -> Vec<Pass> {
 pub(super) fn plugin(render_app: &mut SubApp) {
     objects::plugin(render_app);
     #[cfg(feature = "shadows")]
-    lighting::plugin(render_app);
+    {
+        fog::plugin(render_app);
+        lighting::plugin(render_app);
+    }
 }
 
 #[cfg(all(test, feature = "headless"))]

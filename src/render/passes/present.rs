@@ -23,11 +23,9 @@ pub(super) fn present(plan: &Plan) -> Vec<Pass> {
     let of_edges = if hidden.is_some() { vec![Slot::Outline, Slot::Coverage] } else { vec![] };
     let of_motion = if plan.has_motion { vec![Slot::Motion(Rays::Pixels)] } else { vec![] };
     let textures = |slots: Vec<Slot>| slots.into_iter().map(Input::Texture).collect();
-    let mut reads = vec![
-        [shown_after(plan.stages.len()), Slot::Depth(Rays::Pixels)].map(Input::Texture).to_vec(),
-        textures(of_edges),
-        textures(of_motion),
-    ];
+    let shown = if plan.has_fog { Slot::Fogged } else { shown_after(plan.stages.len()) };
+    let mut reads =
+        vec![[shown, Slot::Depth(Rays::Pixels)].map(Input::Texture).to_vec(), textures(of_edges), textures(of_motion)];
     while reads.last().is_some_and(Vec::is_empty) {
         reads.pop();
     }

@@ -146,6 +146,7 @@ fn volume_program(plan: &Plan, rays: Rays, shape: FieldShape, overlaps: bool, is
     .define_all(field_definitions(shape))
     .define_if(overlaps, "OVERLAPPING")
     .define_if(is_lit, "LIT")
+    .define_if(plan.has_fog, "FOG")
     .define_if(plan.has_owners(), "OWNERS")
     .define_if(plan.has_motion, "MOTION")
     // The depth is written, not tested: all props of a pixel write the same.
@@ -164,7 +165,11 @@ fn marching(name: &'static str, plan: &Plan, rays: Rays) -> Pass {
         Rays::Grid => Area::Grid,
         Rays::Batches => Area::Batches,
     };
-    pass.feature = if plan.is_sparse() { Feature::Sparse } else { Feature::Base };
+    pass.feature = match () {
+        () if plan.is_sparse() => Feature::Sparse,
+        () if plan.has_fog => Feature::Fog,
+        () => Feature::Base,
+    };
     pass
 }
 
@@ -224,6 +229,7 @@ pub(in crate::render) fn request(
         spacing: 1,
         posterizes: visible.everything.is_some() || props().any(|prop| prop.posterize.is_some()),
         is_lit: visible.stage == PropStage::Scene && props().any(|prop| prop.is_lit()),
+        has_fog: visible.has_fog && visible.stage == PropStage::Scene,
         has_motion: visible.has_motion,
         ..default()
     };

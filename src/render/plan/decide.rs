@@ -141,7 +141,13 @@ pub(super) fn decide(
         .collect();
     uniforms.extend(everything.map(|_| PropUniform::everything()));
     let filters: Vec<_> = posterized().map(|posterize| FilterUniform::new(posterize, quality)).collect();
-    let labelings: Vec<_> = posterized().map(LabelsUniform::new).collect();
+    let finishes = has(Feature::Finish);
+    let pixels = 0.5 * size.y as f32 * motion.clip_from_view.y_axis.y.abs();
+    let inks = seen.iter().map(|seen| seen.prop.ink.or(visible.ink)).chain(everything.map(|_| None));
+    let labelings: Vec<_> = posterized()
+        .zip(inks)
+        .map(|(posterize, ink)| LabelsUniform::new(posterize, finishes, ink.filter(|_| finishes), pixels))
+        .collect();
     let [z, w] = [view.clip_from_view.z_axis, view.clip_from_view.w_axis];
     let values = PlanValues {
         view: ViewUniform {
@@ -165,6 +171,8 @@ pub(super) fn decide(
         filters,
         labelings,
     };
+    let has_smooth_borders = values.labelings.iter().any(LabelsUniform::has_smooth_borders);
+    let has_ink = values.labelings.iter().any(LabelsUniform::has_ink);
     let posterizes = posterized().any(|posterize| posterize.is_some());
     Some(Plan {
         viewport: viewport.clone(),
@@ -182,10 +190,13 @@ pub(super) fn decide(
         posterizes,
         posterizes_view: everything.is_some(),
         overlaps,
+        has_fog: visible.has_fog && stage == PropStage::Scene && has(Feature::Fog),
         is_lit: props.iter().any(|prop| prop.is_lit),
         has_lamps: visible.has_lamps,
         has_hard_shadows: visible.has_hard_shadows,
         smooths: props.iter().any(|prop| prop.smooths != Smooths::Nothing),
+        has_smooth_borders,
+        has_ink,
         has_motion: visible.has_motion && stage == PropStage::Scene,
         stages: if has(Feature::Stages) { visible.stages.clone() } else { vec![] },
         // A posterized view shows nothing but labels.

@@ -7,7 +7,7 @@ use crate::{
     prop::SolidOpacity,
     quality::PropQuality,
     render::{
-        extract::{ExtractedPosterize, ExtractedProp},
+        extract::{ExtractedInk, ExtractedPosterize, ExtractedProp},
         rays::Rays,
     },
 };
@@ -134,20 +134,49 @@ pub(in crate::render) struct LabelsUniform {
     first_color: u32,
     blend_steps: u32,
     softness: f32,
+    first_place: u32,
+    smooth_borders: u32,
+    ink: u32,
+    ink_pairs: u32,
+    ink_color: Vec4,
+    ink_tone: f32,
+    ink_width: f32,
+    ink_pixels: f32,
+    ink_crease: f32,
 }
 
 impl LabelsUniform {
-    pub fn new(posterize: Option<&ExtractedPosterize>) -> Self {
+    /// `finishes` says whether borders may be smooth, and `pixels` how many of them a world unit covers at w = 1 in clip
+    /// space.
+    pub fn new(posterize: Option<&ExtractedPosterize>, finishes: bool, ink: Option<ExtractedInk>, pixels: f32) -> Self {
         let Some(posterize) = posterize else {
             return default();
         };
         let settings = posterize.settings.clamped();
+        let ink = ink.unwrap_or_default();
         Self {
             colors: posterize.colors,
             first_color: posterize.first_color,
             blend_steps: settings.blend_steps,
             softness: settings.softness,
+            first_place: posterize.first_place,
+            smooth_borders: u32::from(finishes && settings.smooths_borders()),
+            ink: ink.lines,
+            ink_pairs: ink.pairs,
+            ink_color: ink.color,
+            ink_tone: ink.tone,
+            ink_width: ink.width * pixels,
+            ink_pixels: ink.max_pixels,
+            ink_crease: ink.crease,
         }
+    }
+
+    pub fn has_smooth_borders(&self) -> bool {
+        self.smooth_borders > 0
+    }
+
+    pub fn has_ink(&self) -> bool {
+        self.ink > 0
     }
 }
 
@@ -272,6 +301,17 @@ fn read() {
     found[107] = f32(labelings[1].blend_steps);
     found[108] = labelings[1].softness;
     found[109] = colors[1].y;
+    found[111] = f32(labelings[1].first_place);
+    found[112] = f32(labelings[1].smooth_borders);
+    found[113] = f32(labelings[1].ink);
+    found[114] = f32(labelings[1].ink_pairs);
+    for (var i = 0u; i < 4u; i++) {
+        found[115u + i] = labelings[1].ink_color[i];
+    }
+    found[119] = labelings[1].ink_tone;
+    found[120] = labelings[1].ink_width;
+    found[121] = labelings[1].ink_pixels;
+    found[122] = labelings[1].ink_crease;
     found[110] = prop.reference.y;
 }
 ";
@@ -319,6 +359,15 @@ fn read() {
             first_color: next() as u32,
             blend_steps: next() as u32,
             softness: next(),
+            first_place: 112,
+            smooth_borders: 113,
+            ink: 114,
+            ink_pairs: 115,
+            ink_color: Vec4::new(116.0, 117.0, 118.0, 119.0),
+            ink_tone: 120.0,
+            ink_width: 121.0,
+            ink_pixels: 122.0,
+            ink_crease: 123.0,
         };
         let color = next();
         let layout = BindGroupLayoutDescriptor::new(
@@ -335,7 +384,7 @@ fn read() {
                 ),
             ),
         );
-        let found: [f32; 111] = read_back(SHADER.into(), layout, |device, queue, run| {
+        let found: [f32; 123] = read_back(SHADER.into(), layout, |device, queue, run| {
             let (mut view, mut screen) = (UniformBuffer::from(view), UniformBuffer::from(screen));
             let mut props = StorageBuffer::from(vec![PropUniform::default(), prop]);
             let mut filters = StorageBuffer::from(vec![FilterUniform::default(), filter]);
@@ -356,7 +405,7 @@ fn read() {
                 colors.binding().unwrap(),
             ]);
         });
-        let expected: [f32; 111] = std::array::from_fn(|index| (index + 1) as f32);
+        let expected: [f32; 123] = std::array::from_fn(|index| (index + 1) as f32);
         assert_eq!(found, expected);
     }
 }

@@ -85,6 +85,8 @@ pub(in crate::render) struct Plan {
     pub posterizes_view: bool,
     /// Whether the nearest solid prop of every pixel must be known before props are drawn.
     pub overlaps: bool,
+    /// Whether there is fog before the props.
+    pub has_fog: bool,
     /// Whether lights fall on any prop.
     pub is_lit: bool,
     /// Whether there are point or spot lights.
@@ -95,6 +97,10 @@ pub(in crate::render) struct Plan {
     pub has_hard_shadows: bool,
     /// Whether any edge is smooth.
     pub smooths: bool,
+    /// Whether borders between labels are smooth anywhere.
+    pub has_smooth_borders: bool,
+    /// Whether anything has ink.
+    pub has_ink: bool,
     /// Whether motion vectors are written.
     pub has_motion: bool,
     /// The shaders of custom stages.
@@ -173,6 +179,16 @@ impl Plan {
     /// Returns the corner of the drawn part in the target.
     pub fn corner(&self) -> UVec2 {
         self.viewport.physical_position + self.rect.low
+    }
+
+    /// Returns whether borders or ink are drawn after labels.
+    pub fn finishes(&self) -> bool {
+        self.has_smooth_borders || self.has_ink
+    }
+
+    /// Returns whether later passes read the labels of pixels.
+    pub fn needs_labels(&self) -> bool {
+        self.finishes() || !self.stages.is_empty()
     }
 
     /// Returns whether rays are cast for some pixels only, at first.

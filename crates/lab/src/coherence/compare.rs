@@ -76,7 +76,7 @@ fn versions(
     for palette in palettes.iter().map(|palette| palette.palette).chain([&own]) {
         let source = &palette.colors;
         for shown in [source, &opposite_hues(source)] {
-            images.push(renderer.posterized(camera, &Look { source, shown, settings })?.0);
+            images.push(renderer.posterized(camera, &Look { palette, shown, settings })?.0);
         }
     }
     Ok(images)

@@ -59,7 +59,6 @@ pub fn posterize(
     palette: &Palette,
     settings: PosterizeSettings,
 ) -> Result<Posterized> {
-    let colors = &palette.colors;
-    let image = renderer.posterized(camera, &Look { source: colors, shown: colors, settings })?.0;
+    let image = renderer.posterized(camera, &Look { palette, shown: &palette.colors, settings })?.0;
     Ok(Posterized { errors: measures::of_picture(original, &image), image })
 }

@@ -38,7 +38,7 @@ pub fn extract(field: &PlenOctree, settings: &ExtractionSettings, quiet: bool) -
 }
 
 /// Returns where the samples are taken: by the CPU, unless the file records them.
-pub fn sampling_on(field: &PlenOctree, settings: &ExtractionSettings) -> &'static str {
+fn sampling_on(field: &PlenOctree, settings: &ExtractionSettings) -> &'static str {
     if field.histograms(&settings.sampling).is_some() { "file" } else { "cpu" }
 }
 

@@ -7,7 +7,7 @@ use bevy::{
     render::{RenderApp, renderer::RenderAdapterInfo},
 };
 use bevy_plenoctree::{
-    ExtractionSamples, PaletteExtraction, PaletteSampler, Palettes, PlenOctreePlugin, Posterize, Prop,
+    ExtractionSamples, PaletteExtraction, PaletteSampler, Palettes, PlenOctreePlugin, Posterize, Prop, SampleOrigin,
     headless::{Headless, HeadlessError},
 };
 use plenoctree::{PlenOctree, palette::ExtractionSettings};
@@ -59,8 +59,12 @@ fn run(mut headless: Headless, field: &PlenOctree, settings: &ExtractionSettings
             return Err(error.clone().into());
         }
         let found = world.resource::<Palettes>().get(&handle).and_then(|palette| palette.extraction());
-        if let (Some(found), Some(ExtractionSamples { histograms, on_gpu })) = (found, extraction.sampled(&handle)) {
-            let sampling_on = if *on_gpu { "gpu" } else { cpu::sampling_on(field, settings) };
+        if let (Some(found), Some(ExtractionSamples { histograms, origin })) = (found, extraction.sampled(&handle)) {
+            let sampling_on = match origin {
+                SampleOrigin::Gpu => "gpu",
+                SampleOrigin::Cpu => "cpu",
+                SampleOrigin::Recorded => "file",
+            };
             bar.finish_and_clear();
             return Ok(Extracted { extraction: found.clone(), histograms: histograms.clone(), sampling_on });
         }

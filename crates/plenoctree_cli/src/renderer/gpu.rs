@@ -17,7 +17,7 @@ use bevy_plenoctree::{
     headless::{Headless, exact_camera, pinhole_view},
 };
 use image::{DynamicImage, RgbImage, RgbaImage};
-use plenoctree::{PlenOctree, UpAxis, camera::PinholeCamera, palette::Palette};
+use plenoctree::{PlenOctree, UpAxis, camera::PinholeCamera};
 
 use super::interface::{Adapter, FrameTimes, Look, PosterizeSettings, Render, Scene};
 use crate::{preset::Preset, result::Result};
@@ -96,7 +96,7 @@ impl Render for GpuRenderer {
 
     fn posterized(&mut self, camera: &PinholeCamera, look: &Look) -> Result<(RgbImage, FrameTimes)> {
         self.view(camera);
-        let mut palette = FieldPalette::new(Palette::new(look.source.to_vec())?);
+        let mut palette = FieldPalette::new(look.palette.clone());
         for (shown, color) in palette.shown_mut().iter_mut().zip(look.shown) {
             *shown = Color::srgb(color[0] as f32, color[1] as f32, color[2] as f32);
         }

@@ -1,7 +1,7 @@
 //! The interface of renderers.
 
 use image::{RgbImage, RgbaImage};
-use plenoctree::{PlenOctree, camera::PinholeCamera};
+use plenoctree::{PlenOctree, camera::PinholeCamera, palette::Palette};
 
 use crate::{preset::Preset, result::Result};
 
@@ -19,9 +19,9 @@ pub struct Scene {
 /// How to posterize. All colors are encoded sRGB.
 #[derive(Clone, Copy)]
 pub struct Look<'a> {
-    /// The palette's colors that decide which pixels get which label.
-    pub source: &'a [[f64; 3]],
-    /// The colors that appear in their place, as many as `source`.
+    /// The palette, whose colors decide which pixels get which label.
+    pub palette: &'a Palette,
+    /// The colors that appear in their place, as many as the palette has.
     pub shown: &'a [[f64; 3]],
     /// The settings of posterization.
     pub settings: PosterizeSettings,
@@ -32,7 +32,7 @@ pub struct Look<'a> {
 pub struct PosterizeSettings {
     /// The number of steps from one palette color to another.
     pub blend_steps: u32,
-    /// The distance over which labels blend, in encoded sRGB.
+    /// The distance over which labels blend, in the space of the palette's labels.
     pub softness: f32,
     /// The opacity below which pixels are drawn as trained.
     pub min_opacity: f32,

@@ -9,7 +9,7 @@ use plenoctree::{
     reference::{Posterization, Rendering, posterize, render},
 };
 
-use super::interface::{Adapter, FrameTimes, Look, PosterizeSettings, Render, Scene};
+use super::interface::{Adapter, FrameTimes, Look, Render, Scene};
 use crate::{hex, result::Result};
 
 /// Renders with [`plenoctree::reference`].
@@ -60,10 +60,10 @@ impl Render for ReferenceRenderer {
     fn posterized(&mut self, camera: &PinholeCamera, look: &Look) -> Result<(RgbImage, FrameTimes)> {
         let background = self.background();
         let View { rendering, milliseconds: volume, .. } = self.view(camera);
-        let [source, shown] =
-            [look.source, look.shown].map(|colors| colors.iter().map(|&color| color.into()).collect::<Vec<DVec3>>());
+        let [source, shown] = [&look.palette.colors[..], look.shown]
+            .map(|colors| colors.iter().map(|&color| color.into()).collect::<Vec<DVec3>>());
         let start = Instant::now();
-        let colors = posterize(rendering, background, &source, &shown, &posterization(look.settings));
+        let colors = posterize(rendering, background, &source, &shown, &posterization(look));
         let posterize = start.elapsed().as_secs_f64() * 1e3;
         let image = RgbImage::from_fn(camera.width, camera.height, |x, y| {
             Rgb(hex::quantize(colors[y as usize * rendering.width + x as usize].to_array()))
@@ -77,8 +77,10 @@ impl Render for ReferenceRenderer {
     }
 }
 
-fn posterization(settings: PosterizeSettings) -> Posterization {
+fn posterization(look: &Look) -> Posterization {
+    let settings = look.settings;
     Posterization {
+        space: look.palette.label_space(),
         blend_steps: settings.blend_steps,
         softness: settings.softness.into(),
         min_opacity: settings.min_opacity.into(),

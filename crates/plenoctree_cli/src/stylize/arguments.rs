@@ -14,7 +14,10 @@ use crate::{
     size::parse_size,
 };
 
-use super::recolor::{self, Recoloring};
+use super::{
+    pixel::{self, PixelWish},
+    recolor::{self, Recoloring},
+};
 
 /// Render views of a field, extract its palette, and posterize and recolor the views.
 #[derive(Args)]
@@ -58,6 +61,10 @@ pub struct Arguments {
     /// ramp:INDEX; can be repeated.
     #[arg(long, value_name = "INDEX|RAMP=#RRGGBB", value_parser = recolor::parse)]
     recolor: Vec<Recoloring>,
+    /// Give the pixel X,Y of the first view this color, and recolor the ramp of its palette color with it; can be repeated.
+    /// Pixels count from 0 at the top left.
+    #[arg(long, value_name = "X,Y=#RRGGBB", value_parser = pixel::parse)]
+    pub pixel: Vec<PixelWish>,
     /// The background color.
     #[arg(long, value_name = "#RRGGBB", default_value = "#ffffff", value_parser = hex::parse)]
     pub background: [u8; 3],
@@ -101,9 +108,10 @@ impl Arguments {
         self.extraction.histograms.iter().try_for_each(|path| files::check_outputs(&[path], &[field]))
     }
 
-    /// Returns the palette's colors with the changes from the command line, or `None` if there are no changes.
+    /// Returns the palette's colors with the recolorings from the command line, or `None` if nothing is recolored, neither
+    /// by palette color or ramp nor by pixel.
     pub fn recolored(&self, palette: &Palette) -> Result<Option<Vec<[f64; 3]>>, String> {
-        if self.recolor.is_empty() {
+        if self.recolor.is_empty() && self.pixel.is_empty() {
             return Ok(None);
         }
         recolor::apply(&self.recolor, palette).map(Some)

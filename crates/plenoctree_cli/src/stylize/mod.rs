@@ -2,6 +2,7 @@
 
 mod arguments;
 mod output;
+mod pixel;
 mod recolor;
 mod report;
 
@@ -19,7 +20,7 @@ use crate::{
     console, extraction, field, files,
     number::counted,
     progress,
-    renderer::{Look, Scene},
+    renderer::{Look, PosterizeSettings, Scene},
     result::Result,
     turntable,
 };
@@ -51,7 +52,7 @@ pub fn run(arguments: &Arguments) -> Result {
     };
     let settings = arguments.posterize(&palette);
     check_labels(&palette, settings.blend_steps)?;
-    let recolored = arguments.recolored(&palette)?;
+    let mut recolored = arguments.recolored(&palette)?;
 
     files::create_folder(&arguments.out)?;
     output::write_palette(&palette, &arguments.out)?;
@@ -59,7 +60,16 @@ pub fn run(arguments: &Arguments) -> Result {
     let scene = Scene { field: field.clone(), quality: arguments.quality, background: arguments.background };
     let mut renderer =
         arguments.renderer.start(scene, &cameras).map_err(|error| format!("{}: {error}", path.display()))?;
-    let look = |shown| Look { source: &palette.colors, shown, settings };
+    let look = |shown| Look { palette: &palette, shown, settings };
+
+    if let (Some(shown), Some(camera), false) = (&mut recolored, cameras.first(), arguments.pixel.is_empty()) {
+        let hard = PosterizeSettings { softness: 0.0, smooth_edges: false, ..settings };
+        let look = Look { palette: &palette, shown: &palette.colors, settings: hard };
+        let opacity = renderer.original(camera)?;
+        let (labeled, _) = renderer.posterized(camera, &look)?;
+        let is_posterized = |x, y| f32::from(opacity.get_pixel(x, y)[3]) / 255.0 >= settings.min_opacity;
+        pixel::apply(&arguments.pixel, &palette, settings.blend_steps, &labeled, is_posterized, shown)?;
+    }
 
     let bar = progress::bar("rendering", cameras.len() as u64, arguments.quiet);
     let mut times = Vec::new();

@@ -26,8 +26,7 @@ pub fn section(evidence: &mut Evidence) -> Result<Section> {
         let name = format!("{}_recolored", method.name());
         let drawing = evidence.folder.palette(&name, &recolored)?;
         for view in 0..evidence.shots.len() {
-            let look =
-                Look { source: &palette.colors, shown: &recolored.colors, settings: PosterizeSettings::default() };
+            let look = Look { palette: &palette, shown: &recolored.colors, settings: PosterizeSettings::default() };
             let image = evidence.renderer.posterized(&evidence.shots[view].camera, &look)?.0;
             let file = evidence.folder.picture(&format!("view_{view}_{name}"), &image)?;
             let mut posterized = evidence.posterized(view, method)?;

@@ -61,8 +61,8 @@ fn frames_per_second(evidence: &mut Evidence, renderer: Renderer) -> Result<Opti
     if renderer == Renderer::Reference {
         return Ok(None);
     }
-    let colors = &evidence.methods.palette(Method::Hull).colors;
-    let look = Look { source: colors, shown: colors, settings: PosterizeSettings::default() };
+    let palette = evidence.methods.palette(Method::Hull);
+    let look = Look { palette, shown: &palette.colors, settings: PosterizeSettings::default() };
     let camera = evidence.shots[0].camera;
     let mut milliseconds = Vec::new();
     for _ in 0..FRAMES {

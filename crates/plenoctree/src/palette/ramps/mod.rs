@@ -7,6 +7,7 @@ mod group;
 mod motion;
 mod names;
 mod ramp;
+mod soft;
 #[cfg(test)]
 mod tests;
 mod wishes;

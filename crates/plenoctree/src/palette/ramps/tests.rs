@@ -233,3 +233,53 @@ fn wishes_that_contradict_are_named() {
     // A locked label that already has its color needs nothing.
     assert!(palette.recolored(&[Wish::tone(8, palette.colors[8])], &[2]).is_ok());
 }
+
+/// Returns the largest change of membership, in a step so small that a continuous one hardly changes, between two colors:
+/// where it changes most.
+fn largest_jump(palette: &Palette, mut from: DVec3, mut to: DVec3) -> f64 {
+    let change = |a: DVec3, b: DVec3| {
+        let [a, b] = [a, b].map(|color| palette.ramp_weights(color.into()));
+        a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+    };
+    for _ in 0..40 {
+        let middle = 0.5 * (from + to);
+        if change(from, middle) > change(middle, to) { to = middle } else { from = middle }
+    }
+    change(from, to)
+}
+
+proptest! {
+    /// Membership is shared out completely, and passes from ramp to ramp without a seam.
+    #[test]
+    fn membership_is_soft(a in prop::array::uniform3(0.05..1.0f64), b in prop::array::uniform3(0.05..1.0f64)) {
+        let palette = palette();
+        let weights = palette.ramp_weights(a);
+        prop_assert!(weights.iter().all(|weight| *weight >= 0.0));
+        prop_assert!((weights.iter().sum::<f64>() - 1.0).abs() < 1e-12);
+        prop_assert!(largest_jump(&palette, a.into(), b.into()) < 1e-6);
+    }
+
+    /// Without a change, and where nothing near has changed, colors as trained stay the same bits.
+    #[test]
+    fn colors_as_trained_stay_where_nothing_changes(color in prop::array::uniform3(-0.1..1.2f64)) {
+        let palette = palette();
+        prop_assert_eq!(palette.recolored_as_trained(color, &palette.colors), color);
+        let shown = shown(&palette, 0, &RampAdjustment::to_color([0.1, 0.3, 0.9]));
+        let moves = palette.ramp_weights(color)[0] > 0.0;
+        prop_assert_eq!(palette.recolored_as_trained(color, &shown) != color, moves);
+    }
+}
+
+/// Colors as trained move with their ramp, and keep their differences.
+#[test]
+fn colors_as_trained_move_with_their_ramp() {
+    let palette = palette();
+    let wish = [0.2, 0.6, 0.5];
+    let purple = palette.colors[12];
+    let shown = shown(&palette, 3, &RampAdjustment::to_color(wish));
+    let moved = place(palette.recolored_as_trained(purple, &shown));
+    assert!(moved.distance(place(wish)) < 1e-6, "{moved}");
+    let near = [purple[0] + 0.01, purple[1], purple[2] - 0.01];
+    let apart = place(palette.recolored_as_trained(near, &shown)) - moved;
+    assert!(apart.distance(place(near) - place(purple)) < 1e-6, "{apart}");
+}

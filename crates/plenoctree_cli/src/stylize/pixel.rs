@@ -1,0 +1,109 @@
+//! Wishes for single pixels of the first view.
+
+use glam::DVec3;
+use image::{Rgb, RgbImage};
+use plenoctree::palette::{Palette, PaletteLabel, Wish};
+
+use crate::{hex, result::Result};
+
+/// A wish that a pixel of the first view gets a color.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PixelWish {
+    at: (u32, u32),
+    color: [u8; 3],
+}
+
+/// Parses `x,y=#rrggbb`.
+pub fn parse(text: &str) -> Result<PixelWish, String> {
+    const EXPECTED: &str = "expected X,Y=#RRGGBB";
+    let (at, color) = text.split_once('=').ok_or(EXPECTED)?;
+    let (x, y) = at.split_once(',').ok_or(EXPECTED)?;
+    let number = |digits: &str| digits.parse().map_err(|_| EXPECTED.to_string());
+    Ok(PixelWish { at: (number(x)?, number(y)?), color: hex::parse(color)? })
+}
+
+/// Moves the ramps of the pixels' labels so that all wishes come true, and writes their colors to `shown`. `labeled` is the
+/// first view, posterized with hard edges and the palette's own colors, and `is_posterized` says which of its pixels are.
+pub fn apply(
+    wishes: &[PixelWish],
+    palette: &Palette,
+    blend_steps: u32,
+    labeled: &RgbImage,
+    is_posterized: impl Fn(u32, u32) -> bool,
+    shown: &mut [[f64; 3]],
+) -> Result {
+    let wish = |PixelWish { at: (x, y), color }: &PixelWish| {
+        let (width, height) = labeled.dimensions();
+        let pixel = labeled.get_pixel_checked(*x, *y);
+        let Rgb(pixel) = pixel.ok_or_else(|| format!("--pixel {x},{y}: the views have {width} x {height} pixels"))?;
+        if !is_posterized(*x, *y) {
+            return Err(format!("--pixel {x},{y}: the prop is not posterized there"));
+        }
+        let [pixel, color] = [*pixel, *color].map(|color| color.map(|channel| f64::from(channel) / 255.0));
+        let label = shown_label(pixel.into(), palette, blend_steps).ok_or("the palette is empty")?;
+        Ok(Wish { label, color })
+    };
+    let wishes: Vec<Wish> = wishes.iter().map(wish).collect::<Result<_, String>>()?;
+    let moved = palette.recolored(&wishes, &[]).map_err(|error| format!("--pixel: {error}"))?;
+    for ((shown, moved), source) in shown.iter_mut().zip(moved).zip(&palette.colors) {
+        if moved != *source {
+            *shown = moved;
+        }
+    }
+    Ok(())
+}
+
+/// Returns the label whose color is shown, but for rounding.
+fn shown_label(pixel: DVec3, palette: &Palette, blend_steps: u32) -> Option<PaletteLabel> {
+    // Labels are compared in encoded sRGB, in which they are rounded, whatever the space of the palette.
+    let encoded = Palette { method: None, ..palette.clone() };
+    PaletteLabel::nearest(pixel, &encoded, blend_steps)
+}
+
+#[cfg(test)]
+mod tests {
+    use plenoctree::palette::Ramp;
+
+    use super::*;
+
+    fn palette() -> Palette {
+        let mut palette = Palette::new(vec![[0.4, 0.08, 0.08], [0.8, 0.2, 0.2], [0.9; 3]]).unwrap();
+        palette.ramps = vec![Ramp { name: "cap".into(), tones: vec![0, 1] }];
+        palette
+    }
+
+    /// The pixel gets its color, and the rest of its ramp moves with it. Other recolorings stay.
+    #[test]
+    fn the_ramp_of_a_pixel_moves() {
+        let (palette, blue) = (palette(), [0.0, 0.0, 1.0]);
+        let view = RgbImage::from_pixel(2, 2, Rgb([204, 51, 51]));
+        let mut shown = vec![palette.colors[0], palette.colors[1], blue];
+        let wish = parse("1,0=#3060c0").unwrap();
+        apply(&[wish], &palette, 1, &view, |_, _| true, &mut shown).unwrap();
+        assert_eq!(hex::quantize(shown[1]), [0x30, 0x60, 0xc0]);
+        assert!(shown[0][2] > shown[0][0] && shown[0][2] < shown[1][2] && shown[2] == blue, "{shown:?}");
+    }
+
+    #[test]
+    fn errors_say_what_is_wrong() {
+        let view = RgbImage::from_pixel(2, 2, Rgb([230, 230, 230]));
+        for (text, message) in [
+            ("1,0", "expected X,Y=#RRGGBB"),
+            ("1=#000000", "expected X,Y=#RRGGBB"),
+            ("1,-1=#000000", "expected X,Y=#RRGGBB"),
+            ("1,0=blue", "expected #RRGGBB"),
+            ("2,0=#000000", "--pixel 2,0: the views have 2 x 2 pixels"),
+            ("1,1=#000000", "--pixel 1,1: the prop is not posterized there"),
+            ("0,0=#000000", "its colors are in no ramp"),
+        ] {
+            let palette = palette();
+            let posterized = |x, y| (x, y) != (1, 1);
+            let error = match parse(text) {
+                Ok(wish) => apply(&[wish], &palette, 1, &view, posterized, &mut palette.colors.clone()),
+                Err(error) => Err(error.into()),
+            };
+            let error = error.unwrap_err().to_string();
+            assert!(error.contains(message), "{text}: {error}");
+        }
+    }
+}

@@ -1,0 +1,69 @@
+// The finish pass: smooths the borders between labels, and draws ink.
+
+#import bevy_plenoctree::borders::{bordered, is_at_border}
+#import bevy_plenoctree::color::{decode, encode, tinted}
+#ifdef INK
+#import bevy_plenoctree::ink::{ink_at, inked, surface_at}
+#endif
+#ifdef LIGHTING
+#import bevy_plenoctree::shade::{lit_prop, shade_of}
+#endif
+#import bevy_plenoctree::view::{labelings, props, screen}
+
+// The results of the label pass.
+@group(1) @binding(0) var shown: texture_2d<f32>;
+@group(1) @binding(1) var labels: texture_2d<u32>;
+@group(1) @binding(2) var filtered: texture_2d<u32>;
+#ifdef INK
+@group(1) @binding(3) var depth: texture_depth_2d;
+#endif
+
+struct Fragment {
+    @location(0) color: vec4<f32>,
+#ifdef SMOOTH
+    // The same. The blend pass reads the first one, and replaces the pixels at edges in this one.
+    @location(1) shown: vec4<f32>,
+#endif
+}
+
+fn finished(pixel: vec2<u32>) -> vec4<f32> {
+    let seen = textureLoad(shown, pixel, 0);
+    let own = textureLoad(labels, pixel, 0).xy;
+    if own.x < 2u {
+        return seen;
+    }
+    let owner = select(own.y, screen.everything, own.y == 0u);
+    let prop = owner - 1u;
+    var color = seen.rgb;
+    var tint = props[prop].tint;
+    if labelings[prop].smooth_borders == 1u && is_at_border(labels, vec2<i32>(pixel), own) {
+        var missing = 0.0;
+#ifdef LIGHTING
+        let lit = select(owner, lit_prop(pixel), own.y == 0u);
+        if lit > 0u {
+            let shade = shade_of(pixel, lit - 1u, true);
+            tint *= shade.tint;
+            missing = shade.missing;
+        }
+#endif
+        color = tinted(bordered(labels, filtered, vec2<i32>(pixel), own, prop, missing), tint);
+    }
+#ifdef INK
+    let part = ink_at(labels, depth, vec2<i32>(pixel), surface_at(labels, depth, vec2<i32>(pixel)));
+    if part > 0.0 {
+        color = encode(inked(prop, props[prop].tint, decode(color), part));
+    }
+#endif
+    return vec4(color, seen.a);
+}
+
+@fragment
+fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
+    let color = finished(vec2<u32>(position.xy));
+    return Fragment(
+        color,
+#ifdef SMOOTH
+        color,
+#endif
+    );
+}

@@ -1,0 +1,116 @@
+// The fog pass: applies the camera's `DistanceFog` to props, as Bevy's materials do. Bind group 0 has the lights, as
+// Bevy's mesh view has them.
+
+#import bevy_pbr::fog::{atmospheric_fog, exponential_fog, exponential_squared_fog, linear_fog}
+#import bevy_pbr::mesh_view_bindings::{lights, view}
+#import bevy_pbr::mesh_view_types::{
+    DIRECTIONAL_LIGHT_FLAGS_SHADOWS_ENABLED_BIT, FOG_MODE_ATMOSPHERIC, FOG_MODE_EXPONENTIAL,
+    FOG_MODE_EXPONENTIAL_SQUARED, FOG_MODE_LINEAR, Fog,
+}
+#import bevy_pbr::shadows::fetch_directional_shadow
+#import bevy_plenoctree::color::{decode, encode, to_half}
+#import bevy_plenoctree::space::light_of
+#import bevy_plenoctree::view::{View, is_solid, unpacked_haze}
+
+struct Settings {
+    fog: Fog,
+    // The camera's exposure relative to Bevy's default exposure.
+    exposure: f32,
+}
+
+@group(1) @binding(0) var<storage, read> settings: Settings;
+// The part of the viewport that is drawn.
+@group(1) @binding(1) var<uniform> drawn: View;
+// The result of the label pass, or of custom stages.
+@group(1) @binding(2) var shown: texture_2d<f32>;
+@group(1) @binding(3) var depth: texture_depth_2d;
+// The target, before the result is written to it.
+@group(1) @binding(4) var scene: texture_2d<f32>;
+
+@vertex
+fn vertex(@builtin(vertex_index) index: u32) -> @builtin(position) vec4<f32> {
+    return vec4(vec2(f32((index << 1u) & 2u), f32(index & 2u)) * 2.0 - 1.0, 0.0, 1.0);
+}
+
+// Returns the depth of the prop in a pixel: where it is solid, or the middle of its haze. At the edge of a prop, that
+// of a neighbor. Returns 0 if there is none.
+fn depth_near(pixel: vec2<i32>) -> f32 {
+    var found = textureLoad(depth, pixel, 0);
+    let last = vec2<i32>(drawn.size) - 1;
+    for (var reach = 1; reach <= 2 && found == 0.0; reach++) {
+        for (var i = 0; i < 9; i++) {
+            let at = clamp(pixel + reach * vec2(i % 3 - 1, i / 3 - 1), vec2(0), last);
+            found = max(found, textureLoad(depth, at, 0));
+        }
+    }
+    return select(unpacked_haze(found), found, is_solid(found));
+}
+
+// Returns the light of the sun and other directional lights that fog scatters toward the camera.
+fn scattered(point: vec3<f32>, toward: vec3<f32>, at: vec2<f32>) -> vec3<f32> {
+    var sum = vec3(0.0);
+    if settings.fog.directional_light_color.a <= 0.0 {
+        return sum;
+    }
+    let view_z = (view.view_from_world * vec4(point, 1.0)).z;
+    for (var id = 0u; id < lights.n_directional_lights; id++) {
+        let light = &lights.directional_lights[id];
+        let along = max(dot(toward, (*light).direction_to_light), 0.0);
+        var share = 1.0;
+        if ((*light).flags & DIRECTIONAL_LIGHT_FLAGS_SHADOWS_ENABLED_BIT) != 0u {
+            share = fetch_directional_shadow(id, vec4(point, 1.0), -toward, view_z, at);
+        }
+        sum += share * pow(along, settings.fog.directional_light_exponent) * (*light).color.rgb * view.exposure;
+    }
+    return sum;
+}
+
+fn fogged(light: vec4<f32>, distance: f32, scattering: vec3<f32>) -> vec3<f32> {
+    switch settings.fog.mode {
+        case FOG_MODE_LINEAR: {
+            return linear_fog(settings.fog, light, distance, scattering).rgb;
+        }
+        case FOG_MODE_EXPONENTIAL: {
+            return exponential_fog(settings.fog, light, distance, scattering).rgb;
+        }
+        case FOG_MODE_EXPONENTIAL_SQUARED: {
+            return exponential_squared_fog(settings.fog, light, distance, scattering).rgb;
+        }
+        case FOG_MODE_ATMOSPHERIC: {
+            return atmospheric_fog(settings.fog, light, distance, scattering).rgb;
+        }
+        default: {
+            return light.rgb;
+        }
+    }
+}
+
+@fragment
+fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
+    let pixel = vec2<i32>(position.xy);
+    let seen = textureLoad(shown, pixel, 0);
+    if seen.a <= 0.0 {
+        return seen;
+    }
+    let found = depth_near(pixel);
+    if found == 0.0 {
+        return seen;
+    }
+    let at = position.xy + vec2<f32>(drawn.corner);
+    let ndc = (2.0 * (at - view.main_pass_viewport.xy) / view.main_pass_viewport.zw - 1.0) * vec2(1.0, -1.0);
+    let world = view.world_from_clip * vec4(ndc, found, 1.0);
+    let point = world.xyz / world.w;
+    let away = point - view.world_position;
+    let distance = length(away);
+    let scattering = scattered(point, away / max(distance, 1e-30), at);
+
+    // The scene has its own fog already, so its share of the pixel gets none. Fog is linear in what it is in front of:
+    // it adds `added`, and lets a share of the rest through.
+    let light = settings.exposure * decode(seen.rgb);
+    let stored = textureLoad(scene, vec2<u32>(pixel) + drawn.corner, 0).rgb;
+    let behind = (1.0 - min(seen.a, 1.0)) * clamp(light_of(stored), vec3(0.0), vec3(65504.0));
+    let added = fogged(vec4(0.0), distance, scattering);
+    let through = fogged(vec4(1.0), distance, scattering) - added;
+    let result = through * (light - behind) + min(seen.a, 1.0) * added + behind;
+    return to_half(vec4(encode(max(result, vec3(0.0)) / settings.exposure), seen.a));
+}

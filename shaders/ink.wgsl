@@ -1,0 +1,132 @@
+// Draws lines: along silhouettes, where depth breaks, and between ramps. See `Ink`.
+//
+// A pixel looks at others in a disk around it. The share of them that lie beyond an edge tells how far away the edge is:
+// averaged over a disk, edges are smooth.
+#define_import_path bevy_plenoctree::ink
+
+#import bevy_plenoctree::labels::label_at
+#import bevy_plenoctree::scene::scene_value
+#import bevy_plenoctree::view::{colors, is_solid, labelings, view, view_distance}
+
+const INK_SILHOUETTE: u32 = 1u;
+const INK_CREASES: u32 = 2u;
+// Lines between ramps, between all labels, or between the ramps of pairs.
+const INK_RAMPS: u32 = 4u;
+const INK_LABELS: u32 = 8u;
+const INK_PAIRS: u32 = 16u;
+
+// What a pixel sees.
+struct Surface {
+    // 1 + the index of the prop, or 0.
+    owner: u32,
+    label: u32,
+    // Along the view axis: of the prop where it is solid, or else of the scene.
+    distance: f32,
+    has_depth: bool,
+}
+
+// Returns what a pixel sees. `labels` is the result of the label pass.
+fn surface_at(labels: texture_2d<u32>, depth: texture_depth_2d, pixel: vec2<i32>) -> Surface {
+    let at = clamp(pixel, vec2(0), vec2<i32>(view.size) - 1);
+    let texel = textureLoad(labels, at, 0).xy;
+    let solid = textureLoad(depth, at, 0);
+    if is_solid(solid) {
+        return Surface(texel.y, texel.x, view_distance(solid), true);
+    }
+    return Surface(texel.y, texel.x, view_distance(scene_value(vec2<u32>(at), 0u)), false);
+}
+
+// Returns the ramp of a label.
+fn ramp_of(prop: u32, label: u32) -> u32 {
+    let found = label_at(prop, label - 2u);
+    let main = select(found.first, found.second, found.share < 0.5);
+    return u32(colors[labelings[prop].first_color + main].a);
+}
+
+// Returns whether there is a line between two labels of a prop.
+fn is_border(prop: u32, a: u32, b: u32) -> bool {
+    let ink = labelings[prop].ink;
+    if a == b || a < 2u || b < 2u || (ink & (INK_RAMPS | INK_LABELS | INK_PAIRS)) == 0u {
+        return false;
+    }
+    if (ink & INK_LABELS) != 0u {
+        return true;
+    }
+    let ramps = vec2(ramp_of(prop, a), ramp_of(prop, b));
+    if (ink & INK_PAIRS) == 0u {
+        return ramps.x != ramps.y;
+    }
+    let first = min(ramps.x, 63u);
+    let bits = u32(colors[labelings[prop].ink_pairs + first][(ramps.y & 63u) >> 4u]);
+    return ramps.x < 64u && ramps.y < 64u && ((bits >> (ramps.y & 15u)) & 1u) == 1u;
+}
+
+// The numbers of pixels beyond edges behind which something farther away begins, and beyond borders.
+struct Beyond {
+    edges: u32,
+    borders: u32,
+}
+
+// Counts a pixel. `opposite` is on the other side of the center.
+fn count(beyond: ptr<function, Beyond>, center: Surface, there: Surface, opposite: Surface) {
+    let prop = center.owner - 1u;
+    let ink = labelings[prop].ink;
+    let step = there.distance - center.distance;
+    if there.owner != center.owner {
+        let is_line = (ink & INK_SILHOUETTE) != 0u && (step > 0.0 || !center.has_depth);
+        (*beyond).edges += select(0u, 1u, is_line);
+        return;
+    }
+    // On a slope, depth changes as much on the other side.
+    let before = select(0.0, center.distance - opposite.distance, opposite.owner == center.owner && opposite.has_depth);
+    let breaks = step - 2.0 * max(before, 0.0) > labelings[prop].ink_crease && center.has_depth && there.has_depth;
+    let is_crease = (ink & INK_CREASES) != 0u && breaks;
+    (*beyond).edges += select(0u, 1u, is_crease);
+    (*beyond).borders += select(0u, 1u, !is_crease && is_border(prop, center.label, there.label));
+}
+
+// The pixels of the disk, in pairs on opposite sides of the center. If those near the rim show no edge, there is none.
+const PAIRS: u32 = 24u;
+const RIM: u32 = 7u;
+// The angle between two pairs, in radians: no two are in line.
+const TURN: f32 = 2.399963;
+
+// Returns how far an edge is from the center of a disk with a radius of 1, from the share of the disk beyond it.
+fn distance_of(share: f32) -> f32 {
+    let rest = max(1.0 - 2.0 * share, 0.0);
+    return rest * (0.785 + 0.215 * rest * rest);
+}
+
+// Returns the part of a pixel that lines cover. `center` is what it sees of a prop, or would.
+fn ink_at(labels: texture_2d<u32>, depth: texture_depth_2d, pixel: vec2<i32>, center: Surface) -> f32 {
+    if center.owner == 0u || labelings[center.owner - 1u].ink == 0u {
+        return 0.0;
+    }
+    let labeling = labelings[center.owner - 1u];
+    let wanted = labeling.ink_width / max(view.depth.w - center.distance * view.depth.z, 1e-20);
+    let width = clamp(wanted, 1.0, labeling.ink_pixels);
+    let radius = width + 1.0;
+    var beyond = Beyond(0u, 0u);
+    for (var i = 0u; i < PAIRS; i++) {
+        if i == RIM && beyond.edges + beyond.borders == 0u {
+            return 0.0;
+        }
+        let away = radius * sqrt((f32(PAIRS - i) - 0.5) / f32(PAIRS));
+        let angle = TURN * f32(i);
+        let offset = vec2<i32>(round(away * vec2(cos(angle), sin(angle))));
+        let first = surface_at(labels, depth, pixel + offset);
+        let second = surface_at(labels, depth, pixel - offset);
+        count(&beyond, center, first, second);
+        count(&beyond, center, second, first);
+    }
+    let shares = vec2(f32(beyond.edges), f32(beyond.borders)) / f32(2u * PAIRS);
+    let edge = select(0.0, width - radius * distance_of(shares.x) + 0.5, beyond.edges > 0u);
+    let border = select(0.0, 0.5 * width - radius * distance_of(shares.y) + 0.5, beyond.borders > 0u);
+    return clamp(max(edge, border), 0.0, 1.0) * min(2.0 * wanted, 1.0) * labeling.ink_color.a;
+}
+
+// Returns a color of a prop, in linear light, with a line over it that covers a part of the pixel.
+fn inked(prop: u32, tint: vec3<f32>, color: vec3<f32>, part: f32) -> vec3<f32> {
+    let line = labelings[prop].ink_color.rgb * tint + labelings[prop].ink_tone * color;
+    return mix(color, line, part);
+}

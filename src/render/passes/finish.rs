@@ -1,0 +1,32 @@
+//! Smooths the borders between labels inside props, and draws [ink](crate::Ink). This is not part of the method.
+
+use super::labels::{DEPTH, with_lights};
+use crate::render::{
+    frame::{Clear, Feature, Input, Output, Part, Pass, Place, Program, Rays, Slot, Uniforms},
+    plan::Plan,
+};
+
+pub(super) const FINISH: &str = "plenoctree_finish";
+
+/// Draws borders and lines over what the label pass shows.
+pub(super) fn finish(plan: &Plan) -> Option<Pass> {
+    let program = Program::new("finish").define_if(plan.smooths, "SMOOTH").define_if(plan.is_lit, "LIGHTING");
+    let mut reads = [Slot::Labeled, Slot::Labels, Slot::Even].map(Input::Texture).to_vec();
+    reads.extend(plan.has_ink.then_some(Input::Texture(Slot::Depth(Rays::Pixels))));
+    let writes = if plan.smooths { vec![Slot::Finished, Slot::Shown] } else { vec![Slot::Shown] };
+    plan.finishes().then(|| Pass {
+        feature: Feature::Finish,
+        reads: with_lights(plan, reads),
+        uses: &[Uniforms::View, Uniforms::Props, Uniforms::Screen, Uniforms::Labels],
+        writes: writes.into_iter().map(|slot| Some(Output::Texture(slot))).collect(),
+        depth: Some(DEPTH),
+        clear: Some(Clear::NegativeAlpha),
+        ..Pass::fullscreen(FINISH, Place::Posterize, Some(Part::Labels), inked(plan, program).where_props_are())
+    })
+}
+
+/// Lets a program draw ink, if there is any. Lines end where something else is in front of a prop.
+pub(super) fn inked(plan: &Plan, program: Program) -> Program {
+    let program = program.define_if(plan.has_ink, "INK");
+    Program { scene_depth: plan.has_ink.then_some(plan.samples), ..program }
+}

@@ -1,0 +1,165 @@
+//! Tests fog: a prop and a mesh of the same color and at the same depth, side by side, fade alike.
+
+use bevy::{
+    prelude::*,
+    render::{
+        RenderApp,
+        render_resource::{PipelineCache, PipelineDescriptor},
+    },
+};
+use bevy_plenoctree::{EdgeSmoothing, FieldPalette, Palettes, Posterize, Prop, PropQuality, PropStage, SolidOpacity};
+use glam::DVec3;
+use image::RgbaImage;
+
+use super::scene::stage::{BACKGROUND, GREEN, PIXELS, SOLID, Stage, color, cube, density};
+
+/// The x of the centers of the mesh and of the prop, mirrored.
+const ASIDE: f32 = 0.875;
+
+/// A stage with a prop on the left and a mesh on the right, both cubes of the same size, farther away than others.
+fn stage() -> (Stage, Entity, Entity) {
+    let mut stage = Stage::with_meshes();
+    let prop = stage.spawn_prop(&cube(SOLID, GREEN), Transform::from_xyz(-ASIDE, 0.0, 0.0));
+    let world = stage.world();
+    let mesh = world.resource_mut::<Assets<Mesh>>().add(Cuboid::new(1.0, 1.0, 1.0));
+    let material = StandardMaterial { base_color: color(GREEN), unlit: true, ..default() };
+    let material = world.resource_mut::<Assets<StandardMaterial>>().add(material);
+    world.spawn((Mesh3d(mesh), MeshMaterial3d(material), Transform::from_xyz(ASIDE, 0.0, 0.0)));
+    let toward = Vec3::new(0.0, 0.2, -1.0);
+    let sun = DirectionalLight { illuminance: 800.0, ..default() };
+    let sun = world.spawn((sun, Transform::default().looking_to(-toward, Vec3::Y))).id();
+    let palette = FieldPalette::from_colors([color(GREEN), color(BACKGROUND)]).unwrap();
+    let handle = world.get::<Prop>(prop).unwrap().0.clone();
+    world.resource_mut::<Palettes>().insert(&handle, palette);
+    stage.wait();
+    (stage, prop, sun)
+}
+
+fn set_fog(stage: &mut Stage, fog: &DistanceFog) {
+    for camera in stage.cameras {
+        stage.world().entity_mut(camera).insert(fog.clone());
+    }
+}
+
+/// Returns the pixels of the front camera that are well within one cube, and those that mirror them.
+fn pairs() -> impl Iterator<Item = ([u32; 2], [u32; 2])> {
+    // The cubes cover pixels 5 to 12 and 19 to 26 along x, and 12 to 19 along y.
+    (14..18).flat_map(|y| (7..11).map(move |x| ([x, y], [PIXELS - 1 - x, y])))
+}
+
+fn at(frame: &RgbaImage, [x, y]: [u32; 2]) -> DVec3 {
+    let [r, g, b, _] = frame.get_pixel(x, y).0;
+    DVec3::new(r.into(), g.into(), b.into())
+}
+
+/// Expects that the prop looks like the mesh, and, unless fog hides nothing, unlike without it.
+fn check(stage: &mut Stage, what: &str) {
+    let frame = stage.capture();
+    for (of_prop, of_mesh) in pairs() {
+        let (prop, mesh) = (at(&frame, of_prop), at(&frame, of_mesh));
+        assert!((prop - mesh).abs().max_element() <= 2.0, "{what}: {prop} at {of_prop:?}, mesh {mesh}");
+        assert!((mesh - 255.0 * GREEN).abs().max_element() > 20.0, "{what}: no fog: {mesh}");
+    }
+}
+
+fn has_pipeline(stage: &Stage) -> bool {
+    let cache = stage.headless.app.sub_app(RenderApp).world().resource::<PipelineCache>();
+    cache.pipelines().any(|pipeline| match &pipeline.descriptor {
+        PipelineDescriptor::RenderPipelineDescriptor(descriptor) => {
+            descriptor.label.as_deref() == Some("plenoctree_fog")
+        }
+        PipelineDescriptor::ComputePipelineDescriptor(_) => false,
+    })
+}
+
+/// Fog of every falloff, without and with the color of the sun.
+fn fogs() -> Vec<(String, DistanceFog)> {
+    let falloffs = [
+        ("linear", FogFalloff::Linear { start: 2.0, end: 8.0 }),
+        ("exponential", FogFalloff::Exponential { density: 0.15 }),
+        ("squared", FogFalloff::ExponentialSquared { density: 0.15 }),
+        (
+            "atmospheric",
+            FogFalloff::Atmospheric { extinction: Vec3::new(0.1, 0.2, 0.3), inscattering: Vec3::new(0.3, 0.2, 0.1) },
+        ),
+    ];
+    let of = |(name, falloff): (&str, FogFalloff)| {
+        let fog = DistanceFog { color: Color::srgba(0.9, 0.5, 0.7, 0.9), falloff, ..default() };
+        let glow = Color::srgba(1.0, 0.9, 0.3, 0.6);
+        let glowing = DistanceFog { directional_light_color: glow, directional_light_exponent: 6.0, ..fog.clone() };
+        [(name.to_string(), fog), (format!("{name}, with the sun"), glowing)]
+    };
+    falloffs.into_iter().flat_map(of).collect()
+}
+
+#[test]
+fn props_fade_as_meshes_do() {
+    let (mut stage, prop, sun) = stage();
+    let clear = stage.capture();
+    assert!(!has_pipeline(&stage));
+    for (name, fog) in fogs() {
+        set_fog(&mut stage, &fog);
+        check(&mut stage, &format!("{name}, as trained"));
+        stage.world().entity_mut(prop).insert(SolidOpacity::Never);
+        check(&mut stage, &format!("{name}, never solid"));
+        stage.world().entity_mut(prop).insert(SolidOpacity::default());
+        for edges in [EdgeSmoothing::Off, EdgeSmoothing::Coverage] {
+            stage.world().entity_mut(prop).insert(Posterize { edges, ..default() });
+            check(&mut stage, &format!("{name}, posterized, {edges:?}"));
+        }
+        stage.world().entity_mut(prop).remove::<Posterize>();
+    }
+    assert!(has_pipeline(&stage));
+    // Shadows block what the sun scatters. The cubes are in their own.
+    stage.world().get_mut::<DirectionalLight>(sun).unwrap().shadow_maps_enabled = true;
+    check(&mut stage, "shadows");
+    for camera in stage.cameras {
+        stage.world().entity_mut(camera).insert(PropQuality { error: 0.02, spacing: 4, ..PropQuality::EXACT });
+    }
+    check(&mut stage, "a grid of rays");
+    for camera in stage.cameras {
+        stage.world().entity_mut(camera).remove::<(DistanceFog, PropQuality)>();
+    }
+    assert!(stage.capture() == clear, "without fog");
+}
+
+/// The fog in front of haze has the color of fog, and what shows through it has its own fog already.
+#[test]
+fn fog_covers_as_much_as_the_prop_does() {
+    let mut stage = Stage::with_meshes();
+    stage.spawn_prop(&cube(density(0.4), GREEN), default());
+    stage.wait();
+    let thick = DistanceFog {
+        color: Color::linear_rgb(0.25, 0.5, 0.75),
+        falloff: FogFalloff::Linear { start: 0.5, end: 1.0 },
+        ..default()
+    };
+    set_fog(&mut stage, &thick);
+    let background = color(BACKGROUND).to_linear();
+    let mixed = LinearRgba::rgb(
+        0.6 * background.red + 0.4 * 0.25,
+        0.6 * background.green + 0.4 * 0.5,
+        0.6 * background.blue + 0.4 * 0.75,
+    );
+    let mixed = Srgba::from(mixed);
+    let mixed = DVec3::new(mixed.red.into(), mixed.green.into(), mixed.blue.into());
+    stage.check("haze", |_, place| Some(if super::scene::stage::in_cube(place) { mixed } else { BACKGROUND }));
+}
+
+/// A prop that is drawn after tonemapping is in no fog.
+#[test]
+fn fog_ends_with_the_scene() {
+    let (mut stage, ..) = stage();
+    for camera in stage.cameras {
+        stage.world().entity_mut(camera).insert(PropStage::Display);
+    }
+    stage.wait();
+    let clear = stage.capture();
+    let (_, fog) = fogs().remove(0);
+    set_fog(&mut stage, &fog);
+    let frame = stage.capture();
+    for (of_prop, of_mesh) in pairs() {
+        assert_eq!(at(&frame, of_prop), at(&clear, of_prop));
+        assert!(at(&frame, of_mesh) != at(&clear, of_mesh));
+    }
+}
