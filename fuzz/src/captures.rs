@@ -45,10 +45,9 @@ pub fn check_capture(bytes: &[u8]) {
 fn check_converted(splats: Splats) {
     let keep_largest = splats.len().is_multiple_of(2);
     let settings = SubjectSettings { keep_largest, up: Some(Axis::NegativeY), ..SubjectSettings::default() };
-    let convert =
-        |Subject { splats, low, high, .. }| {
-            voxelize(&splats, &VoxelSettings { depth: 6, bounds: Some((low, high)), ..Default::default() })
-        };
+    let convert = |Subject { splats, low, high, .. }| {
+        voxelize(&splats, &VoxelSettings { depth: 6, bounds: Some((low, high)), ..Default::default() })
+    };
     match splats.subject(&settings).and_then(convert) {
         Ok(field) => check_seen(&field),
         Err(error) => check_message(&error, 0),

@@ -10,9 +10,9 @@ use crate::{console, number::counted};
 /// The largest number of leaves.
 const MOST_LEAVES: usize = 8_000_000;
 /// Binary logarithm of the smallest.
-const FEWEST: f64 = 15.0;
+const FEWEST: f64 = 10.0;
 /// How often the range of numbers is halved.
-const STEPS: usize = 7;
+const STEPS: usize = 8;
 
 /// Makes the field with the fewest leaves, within a few percent, whose pictures over white have a mean PSNR of `quality`
 /// decibels, with this `depth` and in these `bounds`. If none has, it has as many leaves as possible.

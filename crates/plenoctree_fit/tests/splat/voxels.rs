@@ -214,7 +214,7 @@ fn uniform_fields_have_leaves_of_one_size() {
     assert!(field.leaf_cells().all(|cell| cell.size == 1));
     let mixed = VoxelSettings { depth: 7, leaves: Some(1_000_000), ..Default::default() };
     let mixed = voxelize(&ball(0), &mixed).unwrap();
-    assert!(mixed.leaves() < field.leaves() && mixed.leaf_cells().any(|cell| cell.size > 1));
+    assert!(mixed.leaf_cells().any(|cell| cell.size > 1), "{} of {}", mixed.leaves(), field.leaves());
 }
 
 /// Files, levels of detail, packing and ray casts take leaves of many sizes.
@@ -242,7 +242,8 @@ fn leaves_of_many_sizes_pass_through_everything() {
         }
     };
     let coarser = field.coarser(1).unwrap();
-    assert!(coarser.leaves() <= field.leaves() && coarser.depth() == 7);
+    assert!(coarser.leaves() <= field.leaves(), "{} of {}", coarser.leaves(), field.leaves());
+    assert_eq!(coarser.depth() + 1, field.depth());
     near(&coarser, 20.0);
     let packed = Packed::new(&field, &PackSettings::default(), &Progress::default()).unwrap();
     assert!(packed.field().leaves() > field.leaves() / 2);
