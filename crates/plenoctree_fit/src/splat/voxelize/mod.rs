@@ -52,8 +52,8 @@ impl Default for VoxelSettings {
 /// Converts a capture to a field, in the capture's coordinates, on all cores of the current rayon pool. The field is
 /// the same on any number of threads.
 ///
-/// The field looks about like the capture. Its colors use [`Activation::Sigmoid`](crate::Activation::Sigmoid), the default
-/// for files that record none, with harmonics up to degree 2.
+/// The field looks about like the capture. Its colors use [`Activation::Sigmoid`](plenoctree::Activation::Sigmoid), the
+/// default for files that record none, with harmonics up to degree 2.
 ///
 /// # Errors
 ///
