@@ -2,7 +2,7 @@
 
 use bevy::prelude::*;
 use bevy_plenoctree::{
-    BeforePalette, BilateralFilter, BlendSpace, EdgeSmoothing, Palettes, Posterize, Prop, PropLighting,
+    BeforePalette, BilateralFilter, BlendSpace, BorderSmoothing, EdgeSmoothing, Palettes, Posterize, Prop, PropLighting,
 };
 
 use crate::{
@@ -24,6 +24,8 @@ const POSTER: Posterize = Posterize {
     filter: BilateralFilter { iterations: 6, radius: 3, spatial_sigma: 3.0, range_sigma: 6.0 },
     before_palette: BeforePalette::Hide,
     edges: EdgeSmoothing::Coverage,
+    borders: BorderSmoothing::Off,
+    method: None,
 };
 
 /// Many tones that blend into each other.
@@ -34,6 +36,8 @@ const PASTEL: Posterize = Posterize {
     filter: BilateralFilter { iterations: 2, radius: 2, spatial_sigma: 3.0, range_sigma: 4.25 },
     before_palette: BeforePalette::Hide,
     edges: EdgeSmoothing::Coverage,
+    borders: BorderSmoothing::Off,
+    method: None,
 };
 
 /// Shadows with one clean edge, and a little of the lamps' color.

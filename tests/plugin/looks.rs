@@ -67,7 +67,7 @@ fn is_sky(pixel: &image::Rgba<u8>) -> bool {
     (0..3).all(|channel| pixel.0[channel].abs_diff(sky[channel]) <= 1)
 }
 
-/// Borders between labels come near those of sixteen labels per pixel, and other pixels stay as they are, to the bit.
+/// Borders between labels come near those of sixteen labels per pixel, and pixels away from borders stay as they are.
 #[test]
 fn smooth_borders_show_what_finer_pixels_show() {
     let hard = Posterize { borders: BorderSmoothing::Off, ..Posterize::toon() };
@@ -80,14 +80,17 @@ fn smooth_borders_show_what_finer_pixels_show() {
     let wanted = reduced(&capture(FINE * SIZE, unfiltered(hard), None));
     let (stairs, smooth) = (capture(SIZE, unfiltered(hard), None), capture(SIZE, unfiltered(Posterize::toon()), None));
     let labels = COLORS.map(|color| color.map(|channel| (255.0 * channel).round() as u8));
-    let is_label = |pixel: &image::Rgba<u8>| labels.iter().any(|label| pixel.0[..3] == label[..]);
+    let is_label =
+        |pixel: &image::Rgba<u8>| labels.iter().any(|label| (0..3).all(|i| pixel.0[i].abs_diff(label[i]) <= 1));
     let (mut errors, mut smoothed) = ([0.0; 2], 0);
     for (index, (before, after)) in stairs.pixels().zip(smooth.pixels()).enumerate() {
         // Pixels at the silhouette are mixed with the sky either way.
         if before == after || !is_label(before) {
-            assert_eq!(before, after);
             continue;
         }
+        let (x, y) = (index as u32 % SIZE, index as u32 / SIZE);
+        let mut around = (0..9).map(|i| stairs.get_pixel(x + i % 3 - 1, y + i / 3 - 1));
+        assert!(around.any(|there| there != before), "{x}, {y} is away from borders");
         smoothed += 1;
         errors[0] += wanted[index].distance_squared(linear(before));
         errors[1] += wanted[index].distance_squared(linear(after));
@@ -105,7 +108,8 @@ fn ink_lies_within_the_silhouette() {
     for max_pixels in [1.0, 3.0] {
         let ink = Ink { width: 1.0, max_pixels, creases: false, borders: InkBorders::None, ..default() };
         let inked = capture(SIZE, Posterize::toon(), Some(ink));
-        let is_black = |x: u32, y: u32| inked.get_pixel(x, y).0[..3] == [0, 0, 0];
+        // The part of a pixel that is black.
+        let line = |x: u32, y: u32| 1.0 - linear(inked.get_pixel(x, y)).x / linear(plain.get_pixel(x, y)).x;
         let mut lines = 0;
         for y in 1..SIZE - 1 {
             let row: Vec<_> = (0..SIZE).filter(|x| !is_sky(plain.get_pixel(*x, y))).collect();
@@ -115,8 +119,8 @@ fn ink_lies_within_the_silhouette() {
             };
             // In the middle, the silhouette is steep.
             if y.abs_diff(SIZE / 2) < SIZE / 8 {
-                let black = (*first..SIZE / 2).filter(|x| is_black(*x, y)).count() as f32;
-                assert!((black - max_pixels).abs() <= 1.5, "{black} of {max_pixels} pixels in row {y}");
+                let width: f32 = (*first..SIZE / 2).map(|x| line(x, y)).sum();
+                assert!((width - max_pixels).abs() <= 1.0, "{width} of {max_pixels} pixels in row {y}");
                 let reach = max_pixels as u32 + 3;
                 let inner = first + reach..last.saturating_sub(reach);
                 assert!(inner.into_iter().all(|x| plain.get_pixel(x, y) == inked.get_pixel(x, y)), "{y}");
@@ -143,6 +147,7 @@ fn ink_divides_ramps() {
     // Colors without ramps are ramps by themselves, which no pair names.
     assert_eq!(count(&with(black, InkBorders::Pairs(vec![[0, 1]]))), 0);
     let toned = with(InkColor::Tone(0.5), InkBorders::Ramps);
-    assert_eq!(count(&toned), count(&lines));
+    // The faintest parts of a tone may round to the label's own color.
+    assert!(count(&toned).abs_diff(count(&lines)) <= 3);
     assert!(toned.pixels().zip(plain.pixels()).all(|(tone, plain)| tone.0.iter().zip(plain.0).all(|(a, b)| *a <= b)));
 }
