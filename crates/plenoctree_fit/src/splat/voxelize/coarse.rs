@@ -3,9 +3,9 @@
 use glam::{DVec3, IVec3, UVec3};
 
 use super::{
-    BLUR, THINNEST,
     blocks::{BLOCK, Block, Lattice},
     cells::Cells,
+    settings::{BLUR, THINNEST},
     sight::look,
     tree::merged_thickness,
 };

@@ -6,10 +6,10 @@ use plenoctree::{Activation, Basis, Frame, PlenOctree, UpAxis};
 use rayon::prelude::*;
 
 use super::{
-    VoxelSettings,
     blocks::{BLOCK, Block},
     cells::Cells,
     colors::Directions,
+    settings::VoxelSettings,
 };
 use crate::{
     finest::position_of,

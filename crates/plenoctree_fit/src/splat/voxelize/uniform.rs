@@ -5,10 +5,10 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use plenoctree::PlenOctree;
 
 use super::{
-    BLUR, THINNEST, VoxelSettings,
     blocks::Lattice,
     cells::Cells,
     place::{MOST_CELLS, Place},
+    settings::{BLUR, THINNEST, VoxelSettings},
 };
 use crate::splat::{error::SplatError, splats::Splats};
 

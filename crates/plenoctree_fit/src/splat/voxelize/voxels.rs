@@ -6,11 +6,11 @@ use plenoctree::PlenOctree;
 use rayon::prelude::*;
 
 use super::{
-    BLUR, THINNEST, VoxelSettings,
     blocks::{BLOCK, Block, Lattice},
     cells::Cells,
     coarse::Coarse,
     place::{DEPTHS, MOST_CELLS, Place, fault},
+    settings::{BLUR, THINNEST, VoxelSettings},
     sight::look,
     tree::Tree,
 };

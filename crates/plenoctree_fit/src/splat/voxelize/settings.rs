@@ -1,0 +1,33 @@
+//! Settings of conversion.
+
+use glam::DVec3;
+
+/// The blur of each Gaussian, as a standard deviation in finest cells: narrower ones would fall between the centers of
+/// cells.
+pub(super) const BLUR: f64 = 0.4;
+/// Thickness below which a cell is empty, if Gaussians are added up in cells of the size of finest leaves.
+pub(super) const THINNEST: f32 = 2e-3;
+
+/// Settings of [`voxelize`](super::voxelize()).
+#[derive(Clone, Debug, PartialEq)]
+pub struct VoxelSettings {
+    /// Number of levels of cells, 6 to 10: the finest are `2^-depth` of the field's cube wide. 8 by default.
+    ///
+    /// Captures look different from different distances: their Gaussians are never narrower than a pixel. The field looks
+    /// like the capture where a finest cell is about as wide as a pixel, so a greater depth is for views from nearer.
+    pub depth: u32,
+    /// The largest number of leaves of any size, 32768 to 20,000,000: they are small where the capture shows detail, and
+    /// what is hidden from outside is left out. By default, `None`, all cells that are not empty become finest leaves, as
+    /// [refining](crate::refine()) needs them.
+    pub leaves: Option<usize>,
+    /// Lowest and highest corner of the box to convert. By default, it is [`Splats::dense_bounds`]. The field's cube is
+    /// around it.
+    pub bounds: Option<(DVec3, DVec3)>,
+}
+
+impl Default for VoxelSettings {
+    /// Finest leaves at depth 8.
+    fn default() -> Self {
+        Self { depth: 8, leaves: None, bounds: None }
+    }
+}
