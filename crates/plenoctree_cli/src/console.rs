@@ -29,7 +29,7 @@ macro_rules! complain {
 
 pub use crate::{complain, say};
 
-/// Prints to standard output. Failures are kept for [`check`].
+/// Prints to standard output. Failures are kept for `check`.
 pub fn print(text: &str) {
     if FAILURE.get().is_none() {
         let _ = io::stdout().write_all(text.as_bytes()).map_err(|error| FAILURE.set(error));

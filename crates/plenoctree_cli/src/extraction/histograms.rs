@@ -34,7 +34,7 @@ fn write_to(histograms: &Histograms, settings: &SamplingSettings, file: &mut Fil
     archive.finish()?.flush()
 }
 
-/// Reads the arrays `fine` and `coarse`, as [`write`] writes them.
+/// Reads the arrays `fine` and `coarse`, as `write` writes them.
 pub fn read(path: &Path) -> Result<Histograms> {
     let named = |error: String| format!("{}: {error}", path.display());
     let file = File::open(path).map_err(|error| named(error.to_string()))?;

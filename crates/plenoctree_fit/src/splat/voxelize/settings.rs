@@ -20,7 +20,7 @@ pub struct VoxelSettings {
     /// what is hidden from outside is left out. By default, `None`, all cells that are not empty become finest leaves, as
     /// [refining](crate::refine()) needs them.
     pub leaves: Option<usize>,
-    /// Lowest and highest corner of the box to convert. By default, it is [`Splats::dense_bounds`]. The field's cube is
+    /// Lowest and highest corner of the box to convert. By default, it is [`Splats::dense_bounds`](crate::splat::Splats::dense_bounds). The field's cube is
     /// around it.
     pub bounds: Option<(DVec3, DVec3)>,
 }
