@@ -27,14 +27,15 @@ pub struct Posterize {
     /// The number of steps from one palette color to another, `d` in the method. With 1, the labels are the palette
     /// colors alone, without blends.
     ///
-    /// Defaults to 3. Clamped to 1..=[`MAX_BLEND_STEPS`]. Palettes of tones
-    /// ([`PaletteMethod::Tones`](crate::PaletteMethod::Tones)) have no blends, whatever it says. Palettes of more than 17 colors may get fewer steps: no more
-    /// than [`PaletteLabel::most_blend_steps`], so that every pixel is compared to at most [`PaletteLabel::MAX_LABELS`]
+    /// Defaults to 3. Clamped to 1..=[`MAX_BLEND_STEPS`]. Palettes of [tones](crate::PaletteMethod::Tones) have no blends,
+    /// whatever it says. Other palettes of more than 17 colors may get fewer steps: no more than
+    /// [`PaletteLabel::most_blend_steps`], so that every pixel is compared to at most [`PaletteLabel::MAX_LABELS`]
     /// labels. In that case, an error is logged.
     pub blend_steps: u32,
-    /// The distance over which neighboring labels blend, in encoded sRGB; `D` in the method. 0 is a hard edge.
+    /// The distance over which neighboring labels blend, `D` in the method: in encoded sRGB, or in Oklab for palettes of
+    /// [tones](crate::PaletteMethod::Tones). 0 is a hard border.
     ///
-    /// Defaults to 0.2. Values up to 0.4 are useful. Negative values count as 0.
+    /// Defaults to 0, which is not the paper's 0.2. Values up to 0.4 are useful. Negative values count as 0.
     pub softness: f32,
     /// The opacity below which pixels are drawn as trained, from 0 to 1; `lambda` in the method.
     ///
@@ -52,11 +53,11 @@ pub struct Posterize {
     pub edges: EdgeSmoothing,
     /// How borders between labels are drawn.
     ///
-    /// Defaults to [`BorderSmoothing::Off`].
+    /// Defaults to [`BorderSmoothing::Interpolated`].
     pub borders: BorderSmoothing,
     /// The method with which a palette is extracted, if the field has none. With `None`, that of
-    /// [`PaletteExtraction::settings`](crate::PaletteExtraction::settings). If several props share a field, one of them
-    /// decides.
+    /// [`PaletteExtraction::settings`](crate::PaletteExtraction::settings), which is [`PaletteMethod::Tones`] by default.
+    /// If several props share a field, one of them decides.
     ///
     /// Defaults to `None`.
     pub method: Option<PaletteMethod>,
@@ -88,10 +89,10 @@ pub enum EdgeSmoothing {
 pub enum BorderSmoothing {
     /// Labels are assigned at eight places within a pixel at a border, from interpolated colors, and blended in linear
     /// light. Islands of up to three pixels take the label around them. Labels that blend into one another
-    /// ([`Posterize::softness`]) have no borders, and are drawn as with [`BorderSmoothing::Off`].
-    Interpolated,
-    /// The center of a pixel decides for the whole pixel, as the method specifies. This is the default.
+    /// ([`Posterize::softness`]) have no borders, and are drawn as with [`BorderSmoothing::Off`]. This is the default.
     #[default]
+    Interpolated,
+    /// The center of a pixel decides for the whole pixel, as the method specifies.
     Off,
 }
 
@@ -110,32 +111,29 @@ pub enum BeforePalette {
 }
 
 impl Default for Posterize {
+    /// Returns the look of a cartoon, with the palette that the field has: see [`Posterize::toon`].
     fn default() -> Self {
         Self {
             blend_steps: 3,
-            softness: 0.2,
+            softness: 0.0,
             min_opacity: 80.0 / 255.0,
             filter: BilateralFilter::default(),
             before_palette: BeforePalette::default(),
             edges: EdgeSmoothing::default(),
-            borders: BorderSmoothing::Off,
+            borders: BorderSmoothing::default(),
             method: None,
         }
     }
 }
 
 impl Posterize {
-    /// Returns the look of a cartoon: [tones](PaletteMethod::Tones), and hard labels with smooth
-    /// borders.
+    /// Returns the look of a cartoon: [tones](PaletteMethod::Tones), and hard labels with smooth borders. It is the
+    /// default, except that the default leaves the method to
+    /// [`PaletteExtraction::settings`](crate::PaletteExtraction::settings).
     ///
     /// Add [`Ink`](crate::Ink) for the look of a comic: [`Posterize::comic`] returns both.
     pub fn toon() -> Self {
-        Self {
-            softness: 0.0,
-            borders: BorderSmoothing::Interpolated,
-            method: Some(PaletteMethod::Tones),
-            ..Self::paper()
-        }
+        Self { method: Some(PaletteMethod::Tones), ..Self::default() }
     }
 
     /// Returns the look of a comic, as a bundle: tones, and lines.
@@ -160,12 +158,10 @@ impl Posterize {
     }
 
     /// Returns the look of the paper, with which the accuracy of this crate is measured: the labels are the corners of
-    /// the colors' [hull](PaletteMethod::Hull) and their blends, as section 4 of the method specifies. The silhouette is
-    /// smooth, which the paper's is not: see [`EdgeSmoothing`].
-    ///
-    /// With [fitted](PaletteMethod::Fitted) palettes, it looks better.
+    /// the colors' [hull](PaletteMethod::Hull) and their blends, and blend into one another, as section 4 of the method
+    /// specifies. The silhouette is smooth, which the paper's is not: see [`EdgeSmoothing`].
     pub fn paper() -> Self {
-        Self { method: Some(PaletteMethod::Hull), ..Self::default() }
+        Self { softness: 0.2, borders: BorderSmoothing::Off, method: Some(PaletteMethod::Hull), ..Self::default() }
     }
 
     /// Returns whether there are borders between labels, and they are smooth.

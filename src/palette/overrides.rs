@@ -5,7 +5,7 @@ use plenoctree::palette::{Palette, RampAdjustment, UnmetWishes, Wish};
 
 use super::{
     blend::BlendSpace,
-    resource::{FieldPalette, decoded, encoded, is_ramp},
+    resource::{FieldPalette, decoded, encoded},
 };
 
 /// Overrides shown colors for a single entity, for example to give two props of one field different colors.
@@ -15,14 +15,15 @@ use super::{
 /// team color works together with a day and night cycle. The field's source colors still decide which pixels get which
 /// label.
 ///
-/// Colors are indexed like those of the palette: from 0, the heaviest first.
+/// Colors are indexed like those of the palette: from 0, the heaviest first. Ramps have names, so that they can be
+/// overridden before there is a palette.
 ///
 /// ```
 /// # use bevy::prelude::*;
 /// # use bevy_plenoctree::{PaletteOverride, PlenOctreePlugin, Posterize, Prop};
 /// fn spawn_teams(mut commands: Commands, assets: Res<AssetServer>) {
 ///     for team in [Color::srgb(0.9, 0.2, 0.2), Color::srgb(0.2, 0.4, 0.9)] {
-///         let colors = PaletteOverride::default().with(0, team);
+///         let colors = PaletteOverride::default().with_ramp("cyan", team);
 ///         commands.spawn((Prop(assets.load("robot.plenoctree")), Posterize::default(), colors));
 ///     }
 /// }
@@ -35,6 +36,8 @@ use super::{
 #[type_path = "bevy_plenoctree"]
 pub struct PaletteOverride {
     colors: Vec<Option<Color>>,
+    /// Ramps by name. Colors of their own go first.
+    ramps: Vec<(String, RampAdjustment)>,
 }
 
 impl PaletteOverride {
@@ -44,7 +47,37 @@ impl PaletteOverride {
         self
     }
 
-    /// Returns the color that overrides color `index`, or `None` if it is not overridden.
+    /// Shows the ramp of this name in another color and returns `self`, like [`set_ramp`](Self::set_ramp).
+    pub fn with_ramp(mut self, name: &str, color: impl Into<Color>) -> Self {
+        self.set_ramp(name, color);
+        self
+    }
+
+    /// Calls `show` with the index and the new color of each color of a palette that is overridden. A color may come
+    /// twice: the later one counts.
+    pub(crate) fn apply(&self, palette: &Palette, mut show: impl FnMut(usize, Color)) {
+        for (name, adjustment) in &self.ramps {
+            let shown = palette
+                .ramp(name)
+                .map(|ramp| palette.show_ramp(ramp, adjustment, |tone, color| show(tone, decoded(&color))));
+            if shown.is_none_or(|shown| shown.is_err()) {
+                let names: Vec<_> = palette.ramps.iter().map(|ramp| ramp.name.as_str()).collect();
+                warn_once!("found no ramp {name:?} in a palette, expected one of {names:?}");
+            }
+        }
+        let own = self.colors.iter().enumerate().take(palette.colors.len());
+        own.for_each(|(index, color)| color.iter().for_each(|color| show(index, *color)));
+    }
+
+    /// Returns the color that is shown in place of color `index` of a palette, or `None` if it is not overridden.
+    #[cfg(feature = "egui")]
+    pub(crate) fn shown(&self, palette: &Palette, index: usize) -> Option<Color> {
+        let mut found = None;
+        self.apply(palette, |shown, color| found = (shown == index).then_some(color).or(found));
+        found
+    }
+
+    /// Returns the color that overrides color `index`, or `None` if it is not overridden by itself.
     pub fn get(&self, index: usize) -> Option<Color> {
         self.colors.get(index).copied().flatten()
     }
@@ -76,35 +109,30 @@ impl PaletteOverride {
         }
     }
 
-    /// Shows a ramp of the field's palette in another color on this entity: a team color in one line.
+    /// Shows the ramp of this name in another color: a team color in one line. Its mean becomes the color, and light and
+    /// dark stay as far apart. Replaces an earlier adjustment of the same ramp.
+    ///
+    /// It has no effect while the field has no palette. If the palette has no such ramp, a warning is logged (once per
+    /// app). Colors that are overridden by themselves keep their color.
     ///
     /// ```
     /// # use bevy::prelude::*;
-    /// # use bevy_plenoctree::{FieldPalette, Palette, PaletteOverride};
-    /// # let mut source = Palette::new(vec![[0.5, 0.1, 0.1], [0.8, 0.2, 0.2]]).unwrap();
-    /// # source.ramps = source.guess_ramps();
-    /// # let (palette, team) = (FieldPalette::new(source), Color::srgb(0.1, 0.2, 0.9));
+    /// # use bevy_plenoctree::PaletteOverride;
+    /// # let team = Color::srgb(0.1, 0.2, 0.9);
     /// let mut colors = PaletteOverride::default();
-    /// colors.set_ramp(&palette, 0, team);
-    /// # assert!((0..2).all(|index| colors.get(index).unwrap().to_srgba().blue > 0.2));
+    /// colors.set_ramp("red", team);
     /// ```
-    ///
-    /// Its mean becomes the color, and light and dark stay as far apart. If there is no such ramp, changes nothing, logs a
-    /// warning (once per app), and returns false.
-    pub fn set_ramp(&mut self, palette: &FieldPalette, ramp: usize, color: impl Into<Color>) -> bool {
-        self.adjust_ramp(palette, ramp, &RampAdjustment::to_color(encoded(color)))
+    pub fn set_ramp(&mut self, name: &str, color: impl Into<Color>) {
+        self.adjust_ramp(name, &RampAdjustment::to_color(encoded(color)));
     }
 
-    /// Shows a ramp of the field's palette on this entity with an adjustment of its source colors. Once all its colors are
-    /// overridden, it does not allocate.
-    ///
-    /// If there is no such ramp, changes nothing, logs a warning (once per app), and returns false.
-    pub fn adjust_ramp(&mut self, palette: &FieldPalette, ramp: usize, adjustment: &RampAdjustment) -> bool {
-        let palette = palette.palette();
-        let set = |tone: usize, color: [f64; 3]| {
-            self.set(tone, decoded(&color));
-        };
-        palette.show_ramp(ramp, adjustment, set).is_ok() || is_ramp(palette, ramp)
+    /// Shows the ramp of this name with an adjustment of its source colors, like [`set_ramp`](Self::set_ramp). Does not
+    /// allocate if the ramp was adjusted before.
+    pub fn adjust_ramp(&mut self, name: &str, adjustment: &RampAdjustment) {
+        match self.ramps.iter_mut().find(|(known, _)| known == name) {
+            Some((_, shown)) => *shown = *adjustment,
+            None => self.ramps.push((name.into(), *adjustment)),
+        }
     }
 
     /// Moves ramps of the field's palette on this entity so that labels get given colors, like
@@ -123,7 +151,7 @@ impl PaletteOverride {
         result
     }
 
-    /// Removes the override of color `index`.
+    /// Removes the override of color `index`. Those of ramps stay.
     pub fn unset(&mut self, index: usize) {
         if let Some(color) = self.colors.get_mut(index) {
             *color = None;
@@ -133,5 +161,6 @@ impl PaletteOverride {
     /// Removes all overrides.
     pub fn reset(&mut self) {
         self.colors.clear();
+        self.ramps.clear();
     }
 }

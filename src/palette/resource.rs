@@ -283,7 +283,7 @@ pub(super) fn decoded(color: &[f64; 3]) -> Color {
 }
 
 /// Returns whether a palette has a ramp, and logs a warning (once per app) if not.
-pub(super) fn is_ramp(palette: &Palette, ramp: usize) -> bool {
+fn is_ramp(palette: &Palette, ramp: usize) -> bool {
     let count = palette.ramps.len();
     if ramp >= count {
         warn_once!("cannot show ramp {ramp} of a palette with {count} ramps");

@@ -47,14 +47,14 @@ struct Colors<'a> {
 
 impl Colors<'_> {
     fn shown(&self, index: usize) -> Color {
-        let own = self.own.and_then(|own| own.get(index));
+        let own = self.own.and_then(|own| own.shown(self.palette.palette(), index));
         own.or_else(|| self.palette.shown().get(index).copied()).unwrap_or_default()
     }
 
     /// Returns whether there is something to reset.
     fn is_edited(&self, index: usize) -> bool {
         match self.own {
-            Some(own) => own.get(index).is_some(),
+            Some(own) => own.shown(self.palette.palette(), index).is_some(),
             None => self.shown(index) != source_color(self.palette, index),
         }
     }

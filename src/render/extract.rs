@@ -215,11 +215,16 @@ impl PaletteWriter<'_> {
         let ramp = |color| of.ramps.iter().position(|ramp| ramp.tones.contains(&color)).unwrap_or(RAMPS + color);
         let numbered = source.iter().enumerate();
         self.colors.extend(numbered.map(|(i, c)| glam::DVec3::from(*c).as_vec3().extend(ramp(i) as f32)));
-        self.colors.extend(source.iter().enumerate().map(|(index, source)| {
-            let shown = own.and_then(|own| own.get(index)).or_else(|| palette.shown().get(index).copied());
-            let encoded = shown.map(|color| Srgba::from(color).to_vec3());
-            encoded.unwrap_or_else(|| glam::DVec3::from(*source).as_vec3()).extend(0.0)
-        }));
+        let encoded = |color: Color| Srgba::from(color).to_vec3().extend(0.0);
+        let shown = self.colors.len();
+        self.colors.extend(palette.shown().iter().take(source.len()).map(|color| encoded(*color)));
+        if let Some(own) = own {
+            own.apply(of, |index, color| {
+                if index < source.len() {
+                    self.colors[shown + index] = encoded(color);
+                }
+            });
+        }
         let count = source.len() as u32;
         if of.label_space() == LabelSpace::Encoded {
             return (first, count, first);

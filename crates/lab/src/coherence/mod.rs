@@ -23,7 +23,7 @@ pub use compare::{FieldPalette, compare, object_pixels, palette_of_frame};
 pub use series::{Series, mean_difference};
 pub use turn::quarter;
 
-use plenoctree::palette::ExtractionSettings;
+use plenoctree::palette::{ExtractionSettings, PaletteMethod};
 use plenoctree_cli::{console, extraction, field, files, preset::Preset, progress, renderer::Scene, result::Result};
 
 /// Renders the frames, compares them, and writes the table and the plot.
@@ -33,7 +33,7 @@ pub fn run(arguments: &Arguments) -> Result {
     let field = field::load(path, arguments.quiet)?;
     let out = &arguments.out;
     files::create_folder(out)?;
-    let settings = ExtractionSettings::default();
+    let settings = ExtractionSettings { method: PaletteMethod::Fitted, ..ExtractionSettings::default() };
     let extracted = extraction::cpu::extract(&field, &settings, arguments.quiet).map_err(named)?;
     let cameras = quarter(&field, arguments.size, arguments.frames as usize)
         .ok_or_else(|| format!("{}: the field is empty", path.display()))?;

@@ -75,7 +75,7 @@ pub fn rendering(
     };
     let truths: Vec<_> = references.iter().map(over_white).collect();
     // With hard edges, the color of a pixel tells its label.
-    let hard = Posterize { softness: 0.0, edges: EdgeSmoothing::Off, ..Posterize::default() };
+    let hard = Posterize { softness: 0.0, edges: EdgeSmoothing::Off, ..Posterize::paper() };
     let colors: Vec<_> = palette.colors.iter().map(|color| DVec3::from(*color)).collect();
     let labels = reference::labels(&colors, hard.blend_steps);
 
@@ -93,7 +93,7 @@ pub fn rendering(
             values += 3 * truths[view].len();
             stage.set(variant, Some(hard));
             let here: Vec<_> = pixels(&stage.capture(camera)?).map(|color| nearest(color, &labels)).collect();
-            stage.set(variant, Some(Posterize::default()));
+            stage.set(variant, Some(Posterize::paper()));
             let (before, after) = (stage.capture(camera)?, stage.capture(&turned(field, camera, TURN))?);
             if variant.setting == "exact" {
                 exact.push(here.clone());
@@ -135,7 +135,7 @@ pub fn rendering(
 
 /// Measures exact frames in which something other than the camera changes.
 fn time_changes(stage: &mut Stage, exact: &Variant, cameras: &[PinholeCamera], rounds: u32) -> Result<Vec<Row>> {
-    stage.set(exact, Some(Posterize::default()));
+    stage.set(exact, Some(Posterize::paper()));
     let changes = [(Change::Palette, "only the palette"), (Change::Nothing, "nothing")];
     let mut times = changes.map(|_| Vec::new());
     for _ in 0..rounds {
@@ -188,7 +188,7 @@ fn time_variants(
     for _ in 0..rounds {
         for (variant, times) in variants.iter().zip(&mut times) {
             let mut total = |variant| -> Result<f64> {
-                stage.set(variant, Some(Posterize::default()));
+                stage.set(variant, Some(Posterize::paper()));
                 stage.capture(&cameras[0])?;
                 cameras.iter().map(|camera| stage.time(camera, Change::Camera)).sum()
             };

@@ -12,7 +12,11 @@ pub use arguments::Arguments;
 use std::f64::consts::TAU;
 
 use crate::report::Folder;
-use plenoctree::{PlenOctree, camera::PinholeCamera, palette::ExtractionSettings};
+use plenoctree::{
+    PlenOctree,
+    camera::PinholeCamera,
+    palette::{ExtractionSettings, PaletteMethod},
+};
 use plenoctree_cli::{console, extraction, field, result::Result, turntable};
 use plenoctree_fit::read_transforms;
 
@@ -21,7 +25,8 @@ pub fn run(arguments: &Arguments) -> Result {
     let field = field::load(&arguments.field(), false)?;
     let cameras = cameras(&field, arguments)?;
     let folder = Folder::create(&arguments.out)?;
-    let exact = extraction::cpu::extract(&field, &ExtractionSettings::default(), false)?.extraction.palette;
+    let fitted = ExtractionSettings { method: PaletteMethod::Fitted, ..ExtractionSettings::default() };
+    let exact = extraction::cpu::extract(&field, &fitted, false)?.extraction.palette;
     let (mut rows, noise) = measure::rendering(&field, &exact, &cameras, arguments.rounds)?;
     rows.extend(measure::extraction(&field, &exact, arguments.rounds)?);
 

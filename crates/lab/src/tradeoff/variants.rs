@@ -1,7 +1,11 @@
 //! The settings to measure, and their values.
 
 use bevy_plenoctree::{PropQuality, QualityPreset};
-use plenoctree::{Precision, palette::ExtractionSettings, sampling::SamplingSettings};
+use plenoctree::{
+    Precision,
+    palette::{ExtractionSettings, PaletteMethod},
+    sampling::SamplingSettings,
+};
 
 /// One value of one setting, or a preset.
 #[derive(Clone)]
@@ -47,7 +51,8 @@ pub fn rendering() -> Vec<Variant> {
 
 /// Returns the variants of extraction, the exact one first.
 pub fn extraction() -> Vec<(&'static str, String, ExtractionSettings)> {
-    let settings = |sampling| ExtractionSettings { sampling, ..ExtractionSettings::default() };
+    let settings =
+        |sampling| ExtractionSettings { sampling, method: PaletteMethod::Fitted, ..ExtractionSettings::default() };
     let exact = SamplingSettings::default();
     let mut all = vec![("extraction", "exact".into(), settings(exact.clone()))];
     for sample_fraction in [0.5, 0.25, 0.1] {

@@ -17,11 +17,11 @@ pub enum PaletteMethod {
     /// The corners of the simplified convex hull of all colors, as in the paper: section 3 of the method, steps 6 to 9.
     /// Misses colors inside the hull, and is sensitive to small changes of the field.
     Hull,
-    /// The colors whose labels are nearest to the colors of the field: section 3 of the method, step 10. The default.
-    #[default]
+    /// The colors whose labels are nearest to the colors of the field: section 3 of the method, step 10.
     Fitted,
     /// As many colors as the field needs, each of them a label by itself, without blends: section 3 of the method, step
-    /// 11. Keeps small but distinct parts. Its colors form ramps, by material.
+    /// 11. Keeps small but distinct parts. Its colors form ramps, by material. The default.
+    #[default]
     Tones,
 }
 
@@ -35,14 +35,6 @@ impl PaletteMethod {
             Self::Hull => "hull",
             Self::Fitted => "fitted",
             Self::Tones => "tones",
-        }
-    }
-
-    /// Returns the usual number of steps from one palette color to another: 3, or 1 for tones, which are not blended.
-    pub fn blend_steps(self) -> u32 {
-        match self {
-            Self::Hull | Self::Fitted => 3,
-            Self::Tones => 1,
         }
     }
 }

@@ -30,7 +30,7 @@ pub struct ExtractionSettings {
     /// k-means stops when the summed squared shift of the centers is at most this factor times the variance of the
     /// bins. Finite and not negative, 1e-4 by default.
     pub tolerance: f64,
-    /// How the palette is found. [`PaletteMethod::Fitted`] by default.
+    /// How the palette is found. [`PaletteMethod::Tones`] by default.
     pub method: PaletteMethod,
     /// The number of colors. The usual number of the method by default.
     pub colors: ColorCount,

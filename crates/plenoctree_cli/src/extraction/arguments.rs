@@ -12,13 +12,13 @@ use plenoctree::{
 };
 
 /// The arguments of every command that extracts a palette.
-#[derive(Args)]
+#[derive(Args, Clone)]
 pub struct ExtractionArguments {
     /// How the palette is found: `hull`, the corners of the simplified convex hull of all colors, as in the paper;
     /// `fitted`, the colors whose labels are nearest to the field's colors; or `tones`, as many colors as the field needs
-    /// without blends, in ramps by material.
-    #[arg(long, default_value = PaletteMethod::default().name(), value_parser = methods())]
-    method: PaletteMethod,
+    /// without blends, in ramps by material. By default `tones`, or that of --look.
+    #[arg(long, value_parser = methods())]
+    method: Option<PaletteMethod>,
     /// The maximum number of colors, 1 to 64, or `auto` for the fewest that keep the error within --tolerance; by default
     /// 6, or as many tones as the field needs.
     #[arg(long, value_name = "N|auto", value_parser = parse_colors)]
@@ -48,6 +48,11 @@ pub enum Sampling {
 }
 
 impl ExtractionArguments {
+    /// Returns these arguments with another method by default.
+    pub fn by_default(&self, method: PaletteMethod) -> Self {
+        Self { method: self.method.or(Some(method)), ..self.clone() }
+    }
+
     /// Returns the default settings with the changes from the command line.
     pub fn settings(&self) -> Result<ExtractionSettings, String> {
         let colors = match (self.colors.unwrap_or_default(), self.tolerance) {
@@ -57,7 +62,7 @@ impl ExtractionArguments {
             (_, Some(tolerance)) => ColorCount::Auto { tolerance },
             (colors, None) => colors,
         };
-        let method = self.method;
+        let method = self.method.unwrap_or_default();
         let sampling = SamplingSettings { sample_fraction: self.sample_fraction, ..SamplingSettings::default() };
         Ok(ExtractionSettings { method, colors, sampling, ..ExtractionSettings::default() })
     }

@@ -12,8 +12,8 @@ use bevy::{
     },
 };
 use bevy_plenoctree::{
-    EdgeSmoothing, FieldPalette, GpuField, POSTERIZE_SPANS, Palettes, PlenOctreePlugin, Posterize, Prop, PropQuality,
-    QualityPreset, VOLUME_SPANS,
+    BorderSmoothing, EdgeSmoothing, FieldPalette, GpuField, Ink, POSTERIZE_SPANS, Palettes, PlenOctreePlugin,
+    Posterize, Prop, PropQuality, QualityPreset, VOLUME_SPANS,
     headless::{Headless, exact_camera, pinhole_view},
 };
 use image::{DynamicImage, RgbImage, RgbaImage};
@@ -102,7 +102,13 @@ impl Render for GpuRenderer {
         }
         let world = self.headless.app.world_mut();
         world.resource_mut::<Palettes>().insert(&self.field, palette);
-        world.entity_mut(self.prop).insert(posterize(look.settings));
+        let mut prop = world.entity_mut(self.prop);
+        prop.insert(posterize(look.settings));
+        if look.settings.ink {
+            prop.insert(Ink::default());
+        } else {
+            prop.remove::<Ink>();
+        }
         let start = Instant::now();
         let image = DynamicImage::from(self.headless.capture()?).into_rgb8();
         let total = start.elapsed().as_secs_f64() * 1e3;
@@ -136,6 +142,7 @@ fn posterize(settings: PosterizeSettings) -> Posterize {
         softness: settings.softness,
         min_opacity: settings.min_opacity,
         edges: if settings.smooth_edges { EdgeSmoothing::Coverage } else { EdgeSmoothing::Off },
+        borders: if settings.smooth_edges { BorderSmoothing::Interpolated } else { BorderSmoothing::Off },
         ..Posterize::default()
     }
 }

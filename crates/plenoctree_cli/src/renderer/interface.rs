@@ -36,14 +36,18 @@ pub struct PosterizeSettings {
     pub softness: f32,
     /// The opacity below which pixels are drawn as trained.
     pub min_opacity: f32,
-    /// Whether the edges of the prop are blended with the background. GPU only.
+    /// Whether the edges of the prop and the borders between hard labels are smooth. GPU only.
     #[cfg_attr(not(feature = "bevy"), allow(dead_code))]
     pub smooth_edges: bool,
+    /// Whether lines are drawn. GPU only.
+    #[cfg_attr(not(feature = "bevy"), allow(dead_code))]
+    pub ink: bool,
 }
 
 impl Default for PosterizeSettings {
+    /// Returns the settings of the paper.
     fn default() -> Self {
-        Self { blend_steps: 3, softness: 0.2, min_opacity: 80.0 / 255.0, smooth_edges: false }
+        Self { blend_steps: 3, softness: 0.2, min_opacity: 80.0 / 255.0, smooth_edges: false, ink: false }
     }
 }
 

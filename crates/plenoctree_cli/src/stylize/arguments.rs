@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use plenoctree::palette::Palette;
+use plenoctree::palette::{LabelSpace, Palette};
 
 use crate::{
     extraction::{ExtractionArguments, Sampling},
@@ -15,6 +15,7 @@ use crate::{
 };
 
 use super::{
+    look::NamedLook,
     pixel::{self, PixelWish},
     recolor::{self, Recoloring},
 };
@@ -39,6 +40,9 @@ pub struct Arguments {
     /// A palette.json file to use instead of extracting a palette.
     #[arg(long, conflicts_with_all = ["method", "colors", "tolerance", "sampling", "sample_fraction", "histograms"])]
     pub palette: Option<PathBuf>,
+    /// The look: it chooses --method and --softness, unless they are given.
+    #[arg(long, value_enum, default_value_t)]
+    pub look: NamedLook,
     /// The arguments for extraction.
     #[command(flatten)]
     pub extraction: ExtractionArguments,
@@ -48,13 +52,15 @@ pub struct Arguments {
     /// The number of steps from one palette color to another; by default 3, or 1 for palettes of tones.
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=8))]
     blend_steps: Option<u32>,
-    /// The distance over which labels blend, in encoded sRGB; 0 is a hard edge.
-    #[arg(long, default_value_t = 0.2, value_parser = parse_softness)]
-    softness: f32,
+    /// The distance over which labels blend, in encoded sRGB, or in Oklab for palettes of tones; 0 is a hard border. By
+    /// default that of --look.
+    #[arg(long, value_parser = parse_softness)]
+    softness: Option<f32>,
     /// The opacity below which pixels are drawn as trained.
     #[arg(long, default_value_t = 80.0 / 255.0, value_parser = parse_share)]
     min_opacity: f32,
-    /// Smooth the edges of the prop, as the plugin does by default; not with --renderer reference.
+    /// Smooth the edges of the prop and the borders between labels, as the plugin does by default and --look comic always
+    /// does; not with --renderer reference.
     #[arg(long)]
     smooth_edges: bool,
     /// Show another color in place of a palette color, given by its index, or of a ramp, given by its name or as
@@ -87,11 +93,17 @@ impl Arguments {
 
     /// Returns the settings of posterization with a palette.
     pub fn posterize(&self, palette: &Palette) -> PosterizeSettings {
+        let usual = match palette.label_space() {
+            LabelSpace::Encoded => PosterizeSettings::default().blend_steps,
+            LabelSpace::Tones => 1,
+        };
+        let ink = self.look == NamedLook::Comic;
         PosterizeSettings {
-            blend_steps: self.blend_steps.unwrap_or(palette.method.unwrap_or_default().blend_steps()),
-            softness: self.softness,
+            blend_steps: self.blend_steps.unwrap_or(usual),
+            softness: self.softness.unwrap_or(self.look.softness()),
             min_opacity: self.min_opacity,
-            smooth_edges: self.smooth_edges,
+            smooth_edges: self.smooth_edges || ink,
+            ink,
         }
     }
 
@@ -99,7 +111,11 @@ impl Arguments {
     /// written.
     pub fn check(&self, field: &Path) -> Result {
         if self.renderer == Renderer::Reference {
-            let ignored = [(self.smooth_edges, "--smooth-edges"), (self.quality != Preset::Exact, "--quality")];
+            let ignored = [
+                (self.smooth_edges, "--smooth-edges"),
+                (self.look == NamedLook::Comic, "--look comic"),
+                (self.quality != Preset::Exact, "--quality"),
+            ];
             if let Some((_, name)) = ignored.into_iter().find(|(given, _)| *given) {
                 return Err(format!("{name} needs --renderer gpu").into());
             }

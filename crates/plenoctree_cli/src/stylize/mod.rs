@@ -1,6 +1,7 @@
 //! `stylize`: renders views of a field as trained, posterized and recolored, and saves them with the palette.
 
 mod arguments;
+mod look;
 mod output;
 mod pixel;
 mod recolor;
@@ -45,8 +46,8 @@ pub fn run(arguments: &Arguments) -> Result {
     let (palette, extracted) = match given {
         Some(palette) => (palette, None),
         None => {
-            let extracted =
-                extraction::extract(&field, path, &arguments.extraction, arguments.sampling, arguments.quiet)?;
+            let extraction = arguments.extraction.by_default(arguments.look.method());
+            let extracted = extraction::extract(&field, path, &extraction, arguments.sampling, arguments.quiet)?;
             (extracted.extraction.palette.clone(), Some(extracted))
         }
     };
@@ -63,7 +64,7 @@ pub fn run(arguments: &Arguments) -> Result {
     let look = |shown| Look { palette: &palette, shown, settings };
 
     if let (Some(shown), Some(camera), false) = (&mut recolored, cameras.first(), arguments.pixel.is_empty()) {
-        let hard = PosterizeSettings { softness: 0.0, smooth_edges: false, ..settings };
+        let hard = PosterizeSettings { softness: 0.0, smooth_edges: false, ink: false, ..settings };
         let look = Look { palette: &palette, shown: &palette.colors, settings: hard };
         let opacity = renderer.original(camera)?;
         let (labeled, _) = renderer.posterized(camera, &look)?;

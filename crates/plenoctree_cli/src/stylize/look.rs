@@ -1,0 +1,37 @@
+//! Looks by name.
+
+use clap::ValueEnum;
+use plenoctree::palette::PaletteMethod;
+
+/// A look, named as in the plugin.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum NamedLook {
+    /// The paper's: the hull of the colors, and blends that blend into one another.
+    Paper,
+    /// A cartoon's: tones with hard borders.
+    #[default]
+    Toon,
+    /// A comic's: tones with smooth borders and lines; not with --renderer reference.
+    Comic,
+    /// Tones that blend into one another.
+    Soft,
+}
+
+impl NamedLook {
+    /// Returns how palettes are extracted for this look.
+    pub fn method(self) -> PaletteMethod {
+        match self {
+            Self::Paper => PaletteMethod::Hull,
+            Self::Toon | Self::Comic | Self::Soft => PaletteMethod::Tones,
+        }
+    }
+
+    /// Returns the distance over which its labels blend, in the space of the palette's labels.
+    pub fn softness(self) -> f32 {
+        match self {
+            Self::Paper => 0.2,
+            Self::Toon | Self::Comic => 0.0,
+            Self::Soft => 0.12,
+        }
+    }
+}
