@@ -19,7 +19,7 @@ use glam::DVec3;
 use image::RgbaImage;
 use plenoctree::{
     BakeSettings, Basis, bake,
-    palette::{ExtractionSettings, extract},
+    palette::{ExtractionSettings, PaletteMethod, extract},
     sampling::Progress,
 };
 
@@ -85,7 +85,7 @@ impl Stage {
         let world = self.headless.app.world_mut();
         let field = world.resource_mut::<Assets<PlenOctree>>().add(field.clone());
         world.resource_mut::<Palettes>().insert(&field, FieldPalette::new(palette));
-        let hard = Posterize { edges: EdgeSmoothing::Off, ..default() };
+        let hard = Posterize { edges: EdgeSmoothing::Off, ..Posterize::paper() };
         self.props.push(world.spawn((Prop(field), hard, place)).id());
         self.headless.wait_until_ready(Duration::from_secs(120)).unwrap();
     }
@@ -98,7 +98,8 @@ impl Stage {
     fn spawn_included(&mut self, name: &str) {
         let path = format!("{}/assets/{name}.plenoctree", env!("CARGO_MANIFEST_DIR"));
         let field = PlenOctree::read(path, &LoadSettings::default()).unwrap();
-        let extraction = extract(&field, &ExtractionSettings::default(), &Progress::default()).unwrap();
+        let fitted = ExtractionSettings { method: PaletteMethod::Fitted, ..default() };
+        let extraction = extract(&field, &fitted, &Progress::default()).unwrap();
         self.spawn(&field, extraction.palette, default());
     }
 
@@ -119,7 +120,7 @@ impl Stage {
 
     fn capture(&mut self, edges: EdgeSmoothing) -> RgbaImage {
         for prop in &self.props {
-            self.headless.app.world_mut().entity_mut(*prop).insert(Posterize { edges, ..default() });
+            self.headless.app.world_mut().entity_mut(*prop).insert(Posterize { edges, ..Posterize::paper() });
         }
         self.headless.capture().unwrap()
     }
@@ -374,8 +375,8 @@ fn edges_have_colors_between_those_on_both_sides_and_others_stay() {
     assert!(mixed > 60, "{mixed} pixels");
     // Rays hit the ball or miss it. Where they miss it, there is nothing to posterize, whatever the settings.
     let prop = stage.props[0];
-    let from_none = (Posterize { min_opacity: 0.0, ..default() }, PropQuality::EXACT);
-    let at_once = (Posterize::default(), PropQuality { stop_transmittance: 1.0, ..default() });
+    let from_none = (Posterize { min_opacity: 0.0, ..Posterize::paper() }, PropQuality::EXACT);
+    let at_once = (Posterize::paper(), PropQuality { stop_transmittance: 1.0, ..default() });
     for (posterize, quality) in [from_none, at_once] {
         stage.world().entity_mut(prop).insert(posterize);
         stage.set(quality);

@@ -186,9 +186,9 @@ fn posterization_and_recoloring_match_the_reference() {
     let mut shown = source.clone();
     let mut scene = Scene::new(&field);
     for (posterize, recolored) in [
-        (Posterize::default(), false),
-        (Posterize { softness: 0.0, blend_steps: 2, ..default() }, true),
-        (Posterize { softness: 0.4, blend_steps: 1, min_opacity: 0.9, ..default() }, true),
+        (Posterize::paper(), false),
+        (Posterize { softness: 0.0, blend_steps: 2, ..Posterize::paper() }, true),
+        (Posterize { softness: 0.4, blend_steps: 1, min_opacity: 0.9, ..Posterize::paper() }, true),
     ] {
         let posterize = Posterize { edges: EdgeSmoothing::Off, ..posterize };
         if recolored {
@@ -349,7 +349,7 @@ fn a_prop_without_a_palette_gets_one() {
     let palettes = scene.world().resource::<Palettes>();
     let palette = palettes.get(&field).unwrap();
     assert!(palette.extraction().is_some());
-    assert!((2..=6).contains(&palette.shown().len()));
+    assert!(palette.shown().len() > 1);
 }
 
 /// Coefficients are stored in rows of a texture, as long as the device allows. Fields look the same in short rows.

@@ -94,7 +94,7 @@ fn five_and_a_half_million_leaves_are_read_drawn_and_sampled() {
     let settings =
         ExtractionSettings { sampling: SamplingSettings { sample_fraction: 0.01, ..default() }, ..default() };
     let extraction = palette::extract(&field, &settings, &default()).unwrap();
-    assert_eq!(extraction.palette.colors.len(), 6);
+    assert!(extraction.palette.colors.len() > 6 && !extraction.palette.ramps.is_empty());
 }
 
 /// The errors that this process has logged.

@@ -320,7 +320,8 @@ fn labels_of_rays_match_the_frame() {
         let field = scene.field.clone();
         scene.world().resource_mut::<Palettes>().insert(&field, palette);
         let filter = if filtered { default() } else { BilateralFilter { iterations: 0, ..default() } };
-        let prop = scene.spawn(0.0, Posterize { softness: 0.0, filter, edges: EdgeSmoothing::Off, ..default() });
+        let prop =
+            scene.spawn(0.0, Posterize { softness: 0.0, filter, edges: EdgeSmoothing::Off, ..Posterize::paper() });
         scene.headless.wait_until_ready(Duration::from_secs(60)).unwrap();
         let frame = scene.headless.capture().unwrap();
 

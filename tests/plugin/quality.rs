@@ -106,7 +106,7 @@ fn presets_are_as_accurate_as_promised() {
 
 fn check_promises(name: &str, field: &PlenOctree, palette: &Palette) {
     let colors: Vec<DVec3> = palette.colors.iter().map(|color| DVec3::from(*color)).collect();
-    let hard = Posterize { softness: 0.0, edges: EdgeSmoothing::Off, ..default() };
+    let hard = Posterize { softness: 0.0, edges: EdgeSmoothing::Off, ..Posterize::paper() };
     let settings = reference::Posterization { softness: 0.0, ..Default::default() };
     let mut broken = vec![];
     for size in [160, 400] {

@@ -149,7 +149,7 @@ fn solid_fields_have_palettes() {
             assert_eq!(sampled.origin == SampleOrigin::Gpu, sampler == PaletteSampler::Gpu);
             let off = difference(&sampled.histograms, &expected);
             assert!(off < 1e-4, "{sampler:?}, {density}: {off}");
-            assert_eq!(colors.len(), 6);
+            assert!(colors.len() > 6, "{} colors", colors.len());
         }
     }
 }

@@ -123,6 +123,11 @@ mod tests {
         (headless, camera)
     }
 
+    /// Hard edges and borders.
+    fn hard() -> Posterize {
+        Posterize { edges: EdgeSmoothing::Off, ..Posterize::paper() }
+    }
+
     /// Returns the names of the passes of a frame in which the camera has moved.
     fn passes(posterize: Option<Posterize>) -> Vec<&'static str> {
         let (mut headless, camera) = app(UVec2::splat(64), posterize, 3.0);
@@ -147,8 +152,12 @@ mod tests {
     /// Textures are as large as what the prop covers.
     #[test]
     fn small_props_take_little_memory_and_large_ones_what_their_pixels_need() {
-        let hard = Posterize { edges: EdgeSmoothing::Off, ..default() };
-        let kinds = [("as trained", None, 24), ("hard edges", Some(hard), 64), ("smooth edges", Some(default()), 100)];
+        let kinds = [
+            ("as trained", None, 24),
+            ("hard edges", Some(hard()), 64),
+            ("smooth edges", Some(Posterize::paper()), 100),
+            ("smooth edges and borders", Some(Posterize::default()), 112),
+        ];
         for (what, posterize, most) in kinds {
             let size = UVec2::new(512, 320);
             let filled = bytes(size, posterize, 0.7);
@@ -170,13 +179,29 @@ mod tests {
             passes.retain(|name| *name != labels::FILTER);
             passes
         };
-        assert_eq!(
-            unfiltered(Posterize { edges: EdgeSmoothing::Off, ..default() }),
-            [volume::VOLUME, labels::COMPOSITE, labels::LABEL, present::PRESENT]
-        );
-        assert_eq!(
-            unfiltered(default()),
-            [volume::VOLUME, edges::COVERAGE, labels::COMPOSITE, labels::LABEL, labels::BLEND, present::PRESENT]
-        );
+        assert_eq!(unfiltered(hard()), [volume::VOLUME, labels::COMPOSITE, labels::LABEL, present::PRESENT]);
+        let (before, after) =
+            ([volume::VOLUME, edges::COVERAGE, labels::COMPOSITE, labels::LABEL], [labels::BLEND, present::PRESENT]);
+        assert_eq!(unfiltered(Posterize::paper()), [&before[..], &after].concat());
+        assert_eq!(unfiltered(Posterize::default()), [&before[..], &[finish::FINISH], &after].concat());
+    }
+
+    /// A view in which nothing moves is not drawn again. If only the palette changes, no ray is traced and nothing is
+    /// filtered.
+    #[test]
+    fn still_views_draw_nothing_and_recoloring_draws_labels() {
+        let (mut headless, _) = app(UVec2::splat(64), Some(Posterize::default()), 3.0);
+        let stale = |headless: &mut Headless| {
+            let world = headless.app.sub_app_mut(RenderApp).world_mut();
+            let stale = world.query::<&PropView>().single(world).unwrap().cached.stale();
+            [stale.layer, stale.composite, stale.labels]
+        };
+        (0..6).for_each(|_| headless.update());
+        assert_eq!(stale(&mut headless), [0, 0, 0]);
+        let world = headless.app.world_mut();
+        let field = world.query::<&Prop>().single(world).unwrap().0.clone();
+        world.resource_mut::<Palettes>().get_mut(&field).unwrap().set(0, Color::srgb(0.2, 0.4, 0.6));
+        headless.update();
+        assert_eq!(stale(&mut headless), [0, 0, 1]);
     }
 }

@@ -42,7 +42,7 @@ fn palettes_and_settings_at_their_limits() {
         let source: Vec<DVec3> = colors.iter().map(|color| DVec3::from(*color)).collect();
         let mut stage = Stage::with_palette(&field, Palette::new(colors).unwrap());
         for (blend_steps, softness) in [(1, 0.0), (8, 0.0), (1, 1e-9), (8, 0.2), (3, 10.0)] {
-            let posterize = Posterize { blend_steps, softness, edges: EdgeSmoothing::Off, ..default() };
+            let posterize = Posterize { blend_steps, softness, edges: EdgeSmoothing::Off, ..Posterize::paper() };
             let settings = reference::Posterization { blend_steps, softness: softness.into(), ..Default::default() };
             let prop = stage.prop;
             stage.headless.app.world_mut().entity_mut(prop).insert(posterize);
@@ -77,7 +77,7 @@ fn a_palette_with_too_many_labels_has_fewer_blends() {
         let source: Vec<DVec3> = palette.colors.iter().map(|color| DVec3::from(*color)).collect();
         let mut stage = Stage::with_palette(&field, palette);
         let prop = stage.prop;
-        let posterize = Posterize { blend_steps: 8, softness: 0.0, edges: EdgeSmoothing::Off, ..default() };
+        let posterize = Posterize { blend_steps: 8, softness: 0.0, edges: EdgeSmoothing::Off, ..Posterize::paper() };
         stage.headless.app.world_mut().entity_mut(prop).insert(posterize);
         let frame = stage.capture(&camera());
         let share = |blend_steps| {
