@@ -1,4 +1,4 @@
-//! Recolors props: fades the palette of a field from day to night, and overrides one color for a single prop.
+//! Recolors props: fades the palette of a field from day to night, and overrides one ramp for a single prop.
 //!
 //! ```sh
 //! cargo run --release --example recolor
@@ -18,11 +18,11 @@ fn main() {
 fn setup(mut commands: Commands, assets: Res<AssetServer>) {
     let field = assets.load("toadstool.plenoctree");
     commands.spawn((Prop(field.clone()), Posterize::default(), Transform::from_xyz(-1.1, 0.0, 0.0)));
-    // Color 0 of this field's palette is the red of the cap. An override applies to its own entity only.
+    // The red of the cap, from shadow to highlight. An override applies to its own entity only.
     commands.spawn((
         Prop(field),
         Posterize::default(),
-        PaletteOverride::default().with(0, Color::srgb(0.15, 0.35, 0.85)),
+        PaletteOverride::default().with_ramp("red", Color::srgb(0.15, 0.35, 0.85)),
         Transform::from_xyz(1.1, 0.0, 0.0),
     ));
     commands.spawn((Camera3d::default(), Transform::from_xyz(0.0, 1.3, 4.5).looking_at(Vec3::ZERO, Vec3::Y)));
@@ -30,19 +30,13 @@ fn setup(mut commands: Commands, assets: Res<AssetServer>) {
 
 /// All props of a field share its palette, and it can change in every frame.
 fn fade_to_night(time: Res<Time>, props: Query<&Prop>, mut palettes: ResMut<Palettes>) {
-    let night = [
-        Color::srgb(0.35, 0.1, 0.3),
-        Color::srgb(0.05, 0.2, 0.2),
-        Color::srgb(0.3, 0.25, 0.35),
-        Color::srgb(0.02, 0.02, 0.08),
-        Color::srgb(0.45, 0.5, 0.75),
-        Color::srgb(0.1, 0.15, 0.5),
-    ];
+    let night = Color::srgb(0.05, 0.07, 0.3);
     let darkness = 0.5 - 0.5 * (0.5 * time.elapsed_secs()).cos();
     for prop in &props {
         // This is `None` until the palette is extracted.
         if let Some(palette) = palettes.get_mut(&prop.0) {
-            palette.blend_from_source(&night, darkness, BlendSpace::Oklab);
+            let dark = palette.source().iter().map(|color| BlendSpace::Oklab.mix(*color, night, 0.7));
+            palette.blend_from_source(&dark.collect::<Vec<_>>(), darkness, BlendSpace::Oklab);
         }
     }
 }

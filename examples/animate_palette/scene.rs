@@ -1,7 +1,7 @@
 //! The scene: props, ground, sky and camera.
 
 use bevy::{core_pipeline::tonemapping::Tonemapping, prelude::*};
-use bevy_plenoctree::{BlendSpace, PaletteOverride, Posterize, Prop};
+use bevy_plenoctree::{BlendSpace, PaletteMethod, PaletteOverride, Posterize, Prop};
 
 use crate::game::{ByNight, Night, Target, Team};
 
@@ -46,10 +46,12 @@ fn spawn(
         disc(SHADOW, Vec3::new(x, 0.005, z), radius);
     }
 
+    // Six colors, each with another one at midnight. The palettes in files have as many.
+    let posterize = Posterize { method: Some(PaletteMethod::Fitted), ..default() };
     let prop = |file: &'static str, x: f32, z: f32, scale: f32, turn: f32| {
         // The origin of the props is 0.9 above the ground.
         let place = Transform::from_xyz(x, 0.9 * scale, z).with_scale(Vec3::splat(scale));
-        (Prop(assets.load(file)), Posterize::default(), place.with_rotation(Quat::from_rotation_y(turn)))
+        (Prop(assets.load(file)), posterize, place.with_rotation(Quat::from_rotation_y(turn)))
     };
     commands.spawn((
         prop("toadstool.plenoctree", -0.75, -0.9, 1.5, 0.25),

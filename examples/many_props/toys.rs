@@ -1,7 +1,7 @@
 //! The toys on the carousel.
 
 use bevy::{light::NotShadowCaster, prelude::*};
-use bevy_plenoctree::{PaletteOverride, Posterize, Prop};
+use bevy_plenoctree::{PaletteMethod, PaletteOverride, Posterize, Prop};
 
 use crate::stand::{Footprint, standing};
 
@@ -49,7 +49,8 @@ pub fn spawn_toy(
     commands
         .spawn((
             Prop(assets.load(file)),
-            Posterize::default(),
+            // The palettes in files have six colors, too.
+            Posterize { method: Some(PaletteMethod::Fitted), ..default() },
             PaletteOverride::default(),
             Footprint::of(file),
             // Casting shadows would cost more than drawing this many props.

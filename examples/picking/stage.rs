@@ -1,7 +1,7 @@
 //! The shop: a bench with toys and tins, and a wall with pictures of the orders.
 
 use bevy::{core_pipeline::tonemapping::Tonemapping, prelude::*};
-use bevy_plenoctree::{BilateralFilter, PaletteOverride, Palettes, PlenOctree, Posterize, Prop};
+use bevy_plenoctree::{BilateralFilter, PaletteMethod, PaletteOverride, Palettes, PlenOctree, Posterize, Prop};
 
 use crate::{
     build::{Builder, color},
@@ -88,13 +88,22 @@ fn spawn_toys(mut commands: Commands, assets: Res<AssetServer>) {
         let hung = Transform::from_xyz(x, 3.15, WALL + 0.1)
             .with_rotation(Quat::from_rotation_y(0.3 * turn))
             .with_scale(Vec3::new(0.52, 0.52, 0.04));
-        let posterize = Posterize { filter: BilateralFilter { iterations: 1, ..default() }, ..default() };
+        // Orders name colors by index. The palettes in files have six, too.
+        let method = Some(PaletteMethod::Fitted);
+        let posterize = Posterize { filter: BilateralFilter { iterations: 1, ..default() }, method, ..default() };
         let picture =
             commands.spawn((Prop(field.clone()), posterize, PaletteOverride::default(), hung, Pickable::IGNORE)).id();
         let home = standing(Vec3::new(x, 0.12, 0.0), 1.0, turn);
         let toy = Toy::new(orders, picture, home);
         commands
-            .spawn((Prop(field), Posterize::default(), PaletteOverride::default(), toy, home, Footprint::of(file)))
+            .spawn((
+                Prop(field),
+                Posterize { method, ..default() },
+                PaletteOverride::default(),
+                toy,
+                home,
+                Footprint::of(file),
+            ))
             .observe(paint);
     }
 }

@@ -2,7 +2,8 @@
 
 use bevy::prelude::*;
 use bevy_plenoctree::{
-    BeforePalette, BilateralFilter, BlendSpace, BorderSmoothing, EdgeSmoothing, Palettes, Posterize, Prop, PropLighting,
+    BeforePalette, BilateralFilter, BlendSpace, BorderSmoothing, EdgeSmoothing, PaletteMethod, Palettes, Posterize,
+    Prop, PropLighting,
 };
 
 use crate::{
@@ -76,7 +77,8 @@ fn spawn(mut commands: Commands, assets: Res<AssetServer>) {
     ];
     commands.spawn((
         Prop(assets.load("toadstool.plenoctree")),
-        Posterize::default(),
+        // Six colors, each with another one at night. The palettes of the others are in files.
+        Posterize { method: Some(PaletteMethod::Fitted), ..default() },
         CARTOON,
         ByNight(toadstool.into()),
         Footprint::of("toadstool.plenoctree"),

@@ -67,7 +67,7 @@ fn place_props(mut commands: Commands, assets: Res<AssetServer>) {
         commands.spawn((
             Prop(assets.load("toadstool.plenoctree")),
             Posterize::default(),
-            PaletteOverride::default().with(0, color(cap)),
+            PaletteOverride::default().with_ramp("red", color(cap)),
             Footprint::of("toadstool.plenoctree"),
             Obstacle(1.25),
             standing(Vec3::new(x, 0.0, z), 1.35, turn),

@@ -31,7 +31,7 @@ fn all_requested_files_are_written() {
     let folder = folder("palette_files");
     let field = ball(&folder);
     let [out, image, histograms] = ["p.json", "p.png", "h.npz"].map(|name| folder.join(name));
-    let sampling = ["--sampling", "reference", "--colors", "8"];
+    let sampling = ["--sampling", "reference", "--method", "fitted", "--colors", "8"];
     let files = ["--out", text(&out), "--image", text(&image), "--histograms", text(&histograms)];
     succeed(&[&["palette", text(&field)][..], &sampling, &files].concat());
     assert!(!field.with_file_name("ball.palette.json").exists());

@@ -97,7 +97,8 @@ fn bad_input_is_rejected() {
     assert!(with(&["--palette", "missing.json"]).contains("missing.json"));
     assert!(with(&["--cameras", "missing.json"]).contains("missing.json"));
     assert!(with(&["--sampling", "cpu", "--recolor", "99=#000000"]).contains("--recolor 99"));
-    assert!(with(&["--sampling", "cpu", "--recolor", "cap=#000000"]).contains("the palette has no ramps"));
+    let without_ramps = ["--sampling", "cpu", "--method", "fitted", "--recolor", "cap=#000000"];
+    assert!(with(&without_ramps).contains("the palette has no ramps"));
     assert!(with(&["--palette", "palette.json", "--colors", "4"]).contains("cannot be used with"));
     assert!(with(&["--smooth-edges"]).contains("--smooth-edges needs --renderer gpu"));
     assert!(with(&["--quality", "fast"]).contains("--quality needs --renderer gpu"));

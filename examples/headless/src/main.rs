@@ -34,9 +34,11 @@ fn main() -> Result {
     turn(&mut headless, camera, "posterized", out)?;
     report(headless.app.world(), &field);
 
-    // The palette is complete: color 0 is the red of the cap.
-    if let Some(palette) = headless.app.world_mut().resource_mut::<Palettes>().get_mut(&field) {
-        palette.set(0, Color::srgb_u8(0x20, 0x50, 0xd0));
+    // The palette is complete. Its red is that of the cap, from shadow to highlight.
+    if let Some(palette) = headless.app.world_mut().resource_mut::<Palettes>().get_mut(&field)
+        && let Some(red) = palette.ramp("red")
+    {
+        palette.set_ramp(red, Color::srgb_u8(0x20, 0x50, 0xd0));
     }
     turn(&mut headless, camera, "recolored", out)
 }
