@@ -20,9 +20,9 @@ const FLASH: f32 = 0.4;
 #[derive(Resource, Default)]
 pub struct Night(pub f32);
 
-/// The palette of a prop's field at midnight.
+/// The ramps of a prop's field, by name, and their colors at midnight.
 #[derive(Component)]
-pub struct ByNight(pub [Color; 6]);
+pub struct ByNight(pub Vec<(&'static str, Color)>);
 
 /// The color of a robot's metal, by day and by night.
 #[derive(Component)]
@@ -43,9 +43,6 @@ struct Hit(Entity);
 #[derive(Component)]
 struct Flashing(f32);
 
-/// The shades of metal in the robots' palette: their indices, and how dark they are.
-const METAL: [(usize, f32); 2] = [(0, 0.5), (1, 0.0)];
-
 fn set_sun(time: Res<Time>, mut night: ResMut<Night>) {
     let height = (std::f32::consts::TAU * time.elapsed_secs() / DAY).cos();
     night.0 = (0.5 - 0.7 * height).clamp(0.0, 1.0);
@@ -54,8 +51,15 @@ fn set_sun(time: Res<Time>, mut night: ResMut<Night>) {
 /// Fades palettes between day and night, for all props of a field at once.
 fn paint_by_night(night: Res<Night>, mut palettes: ResMut<Palettes>, props: Query<(&Prop, &ByNight)>) {
     for (prop, by_night) in &props {
-        if let Some(palette) = palettes.get_mut(&prop.0) {
-            palette.blend_from_source(&by_night.0, night.0, BlendSpace::Oklab);
+        let Some(palette) = palettes.get_mut(&prop.0) else {
+            continue;
+        };
+        for (name, color) in &by_night.0 {
+            if let Some(ramp) = palette.ramp(name)
+                && let Some(by_day) = palette.ramp_color(ramp)
+            {
+                palette.set_ramp(ramp, BlendSpace::Oklab.mix(by_day, *color, night.0));
+            }
         }
     }
 }
@@ -63,10 +67,7 @@ fn paint_by_night(night: Res<Night>, mut palettes: ResMut<Palettes>, props: Quer
 /// Overrides the color of each robot's metal. The robots share a field and its palette.
 fn wear_team_colors(night: Res<Night>, mut robots: Query<(&Team, &mut PaletteOverride)>) {
     for (team, mut colors) in &mut robots {
-        let metal = BlendSpace::Oklab.mix(team.by_day, team.by_night, night.0);
-        for (shade, darkness) in METAL {
-            colors.set(shade, BlendSpace::Oklab.mix(metal, Color::BLACK, darkness));
-        }
+        colors.set_ramp("body", BlendSpace::Oklab.mix(team.by_day, team.by_night, night.0));
     }
 }
 

@@ -1,7 +1,7 @@
 //! The scene: props, ground, sky and camera.
 
 use bevy::{core_pipeline::tonemapping::Tonemapping, prelude::*};
-use bevy_plenoctree::{BlendSpace, PaletteMethod, PaletteOverride, Posterize, Prop};
+use bevy_plenoctree::{BlendSpace, PaletteOverride, Posterize, Prop};
 
 use crate::game::{ByNight, Night, Target, Team};
 
@@ -46,27 +46,25 @@ fn spawn(
         disc(SHADOW, Vec3::new(x, 0.005, z), radius);
     }
 
-    // Six colors, each with another one at midnight. The palettes in files have as many.
-    let posterize = Posterize { method: Some(PaletteMethod::Fitted), ..default() };
     let prop = |file: &'static str, x: f32, z: f32, scale: f32, turn: f32| {
         // The origin of the props is 0.9 above the ground.
         let place = Transform::from_xyz(x, 0.9 * scale, z).with_scale(Vec3::splat(scale));
-        (Prop(assets.load(file)), posterize, place.with_rotation(Quat::from_rotation_y(turn)))
+        (Prop(assets.load(file)), Posterize::default(), place.with_rotation(Quat::from_rotation_y(turn)))
     };
     commands.spawn((
         prop("toadstool.plenoctree", -0.75, -0.9, 1.5, 0.25),
-        ByNight(["#43307a", "#1d4a52", "#c79a5a", "#060814", "#8d9cd6", "#1f2c66"].map(color)),
+        at_midnight([("red", "#43307a"), ("green", "#1d4a52"), ("gray", "#8d9cd6"), ("brown", "#3a2440")]),
     ));
     commands.spawn((
         prop("drum.plenoctree", 1.1, 0.6, 0.85, -0.2),
-        ByNight(["#8d9cd6", "#173a5c", "#4a5488", "#5a2350", "#060814", "#b08a4a"].map(color)),
+        at_midnight([("metal", "#5a649a"), ("rug", "#173a5c"), ("shell", "#5a2350"), ("trim", "#b08a4a")]),
         PaletteOverride::default(),
         Target,
     ));
     for (x, turn, by_day, by_night) in [(-2.6, 0.45, "#e2473f", "#a3295c"), (2.6, -0.5, "#2f78e6", "#2a45b0")] {
         commands.spawn((
             prop("robot.plenoctree", x, 0.0, 1.0, turn),
-            ByNight(["#0f2a44", "#1a4a6a", "#7a2350", "#c08a4a", "#060814", "#7f8cc4"].map(color)),
+            at_midnight([("trim", "#7a2350"), ("metal", "#7f8cc4"), ("rubber", "#12142c"), ("yellow", "#ffcf6a")]),
             PaletteOverride::default(),
             Team { by_day: color(by_day), by_night: color(by_night) },
         ));
@@ -86,6 +84,11 @@ fn paint_sky_and_ground(
             material.base_color = now(colors.0);
         }
     }
+}
+
+/// Names ramps and their colors at midnight.
+fn at_midnight<const N: usize>(ramps: [(&'static str, &str); N]) -> ByNight {
+    ByNight(ramps.map(|(ramp, hex)| (ramp, color(hex))).into())
 }
 
 /// Parses a hex code from this file. Invalid codes become black.

@@ -1,7 +1,7 @@
 //! The toys on the carousel.
 
 use bevy::{light::NotShadowCaster, prelude::*};
-use bevy_plenoctree::{PaletteMethod, PaletteOverride, Posterize, Prop};
+use bevy_plenoctree::{PaletteOverride, Posterize, Prop};
 
 use crate::stand::{Footprint, standing};
 
@@ -9,21 +9,20 @@ pub fn plugin(app: &mut App) {
     app.add_systems(Update, (hop, change_colors));
 }
 
-/// The fields on the rings, from the middle outward: the file, and the indices of the palette colors to paint, each
-/// darker than the one before.
-const TOYS: [(&str, &[usize]); 5] = [
-    ("toadstool.plenoctree", &[0]),
-    ("robot.plenoctree", &[1, 0]),
-    ("gumballs.plenoctree", &[0]),
-    ("drum.plenoctree", &[3]),
-    ("chest.plenoctree", &[1]),
+/// The fields on the rings, from the middle outward: the file, and the ramp to paint.
+const TOYS: [(&str, &str); 5] = [
+    ("toadstool.plenoctree", "red"),
+    ("robot.plenoctree", "body"),
+    ("gumballs.plenoctree", "body"),
+    ("drum.plenoctree", "shell"),
+    ("chest.plenoctree", "wood"),
 ];
 
-/// The hue of a toy in degrees, and the indices of the palette colors that get it.
+/// The hue of a toy in degrees, and the ramp that gets it.
 #[derive(Component)]
 struct Painted {
     hue: f32,
-    shades: &'static [usize],
+    ramp: &'static str,
 }
 
 /// The ground height of a hopping toy, and the phase of its hops in radians.
@@ -42,20 +41,19 @@ pub fn spawn_toy(
     at: Vec3,
     around: f32,
 ) -> Entity {
-    let (file, shades) = TOYS[ring % TOYS.len()];
+    let (file, ramp) = TOYS[ring % TOYS.len()];
     // The toy in the middle is the largest; the others vary in size.
     let scale = if ring == 0 { 1.2 } else { [0.9, 1.05, 0.8][place as usize % 3] };
     let stand = standing(at, scale, around);
     commands
         .spawn((
             Prop(assets.load(file)),
-            // The palettes in files have six colors, too.
-            Posterize { method: Some(PaletteMethod::Fitted), ..default() },
+            Posterize::default(),
             PaletteOverride::default(),
             Footprint::of(file),
             // Casting shadows would cost more than drawing this many props.
             NotShadowCaster,
-            Painted { hue: (around.to_degrees() + 47.0 * ring as f32) % 360.0, shades },
+            Painted { hue: (around.to_degrees() + 47.0 * ring as f32) % 360.0, ramp },
             Hopping { ground: stand.translation.y, phase: 3.0 * around },
             stand,
         ))
@@ -72,9 +70,6 @@ fn hop(time: Res<Time>, mut toys: Query<(&Hopping, &mut Transform)>) {
 fn change_colors(time: Res<Time>, mut toys: Query<(&Painted, &mut PaletteOverride)>) {
     for (painted, mut colors) in &mut toys {
         let hue = (painted.hue + 12.0 * time.elapsed_secs()) % 360.0;
-        for (darker, &shade) in painted.shades.iter().enumerate() {
-            let darker = 0.6f32.powi(darker as i32);
-            colors.set(shade, Color::oklch(0.68 * darker, 0.17 * darker, hue));
-        }
+        colors.set_ramp(painted.ramp, Color::oklch(0.62, 0.15, hue));
     }
 }

@@ -29,13 +29,19 @@ pub struct Brush {
     pub paint: usize,
 }
 
-/// The paint on each color of a toy's palette. `None` is bare wood.
-pub type Coat = [Option<usize>; 6];
+/// The paint on each part of a toy. `None` is bare.
+pub type Coat = [Option<usize>; 3];
+
+/// The ramps of a toy's palette that can be painted, by name.
+pub type Parts = [&'static str; 3];
 
 /// A toy to paint.
 #[derive(Component)]
 pub struct Toy {
+    parts: Parts,
     coat: Coat,
+    /// The color that each part shows, on its way to that of its coat.
+    shown: [Option<Color>; 3],
     orders: &'static [Coat],
     /// The number of orders delivered so far.
     delivered: usize,
@@ -45,8 +51,8 @@ pub struct Toy {
 }
 
 impl Toy {
-    pub fn new(orders: &'static [Coat], picture: Entity, home: Transform) -> Self {
-        Self { coat: [None; 6], orders, delivered: 0, picture, home }
+    pub fn new(parts: Parts, orders: &'static [Coat], picture: Entity, home: Transform) -> Self {
+        Self { parts, coat: [None; 3], shown: [None; 3], orders, delivered: 0, picture, home }
     }
 
     fn order(&self) -> &'static Coat {
@@ -75,17 +81,25 @@ pub fn dip(click: On<Pointer<Click>>, tins: Query<&Tin>, mut brush: ResMut<Brush
     }
 }
 
-/// Paints the region of a toy that is clicked, along with all other regions of its color.
-pub fn paint(click: On<Pointer<Click>>, brush: Res<Brush>, mut toys: Query<&mut Toy>) {
+/// Paints the part of a toy that is clicked.
+pub fn paint(
+    click: On<Pointer<Click>>,
+    brush: Res<Brush>,
+    palettes: Res<Palettes>,
+    mut toys: Query<(&Prop, &mut Toy)>,
+) {
     let hit = click.hit.extra_as::<PropHit>();
-    if let (Ok(mut toy), Some(color)) = (toys.get_mut(click.entity), hit.and_then(region)) {
-        toy.coat[color] = painted(toy.coat[color], &brush);
+    if let Ok((prop, mut toy)) = toys.get_mut(click.entity)
+        && let Some(part) = hit.and_then(|hit| part(hit, palettes.get(&prop.0)?, toy.parts))
+    {
+        toy.coat[part] = painted(toy.coat[part], &brush);
     }
 }
 
-/// Returns the palette color of the region that was hit.
-fn region(hit: &PropHit) -> Option<usize> {
-    hit.label.map(|label| label.main_color()).filter(|color| *color < 6)
+/// Returns the part that was hit, by the ramp of its palette color.
+fn part(hit: &PropHit, palette: &FieldPalette, parts: Parts) -> Option<usize> {
+    let ramp = palette.palette().ramp_of(hit.label?.main_color())?;
+    parts.iter().position(|part| palette.ramp(part) == Some(ramp))
 }
 
 /// Returns the coat after a stroke. Applying the same paint again washes it off.
@@ -93,28 +107,29 @@ fn painted(coat: Option<usize>, brush: &Brush) -> Option<usize> {
     (coat != Some(brush.paint)).then_some(brush.paint)
 }
 
-/// Returns a palette color with a coat on it.
-fn covered(palette: &FieldPalette, color: usize, coat: Option<usize>) -> Option<Color> {
-    let bare = *palette.source().get(color)?;
-    Some(coat.map_or(bare, |paint| PAINTS[paint]))
+/// Returns the color of a part with a coat on it.
+fn covered(palette: &FieldPalette, part: &str, coat: Option<usize>) -> Option<Color> {
+    coat.map(|paint| PAINTS[paint]).or_else(|| palette.ramp_color(palette.ramp(part)?))
 }
 
-/// Fades every color of a toy's palette to the color of its coat.
-fn dry(time: Res<Time>, mut palettes: ResMut<Palettes>, toys: Query<(&Prop, &Toy)>) {
+/// Fades every part of a toy to the color of its coat.
+fn dry(time: Res<Time>, mut palettes: ResMut<Palettes>, mut toys: Query<(&Prop, &mut Toy)>) {
     let share = 1.0 - (-9.0 * time.delta_secs()).exp();
-    for (prop, toy) in &toys {
+    for (prop, mut toy) in &mut toys {
         let Some(palette) = palettes.get_mut(&prop.0) else {
             continue;
         };
-        for (color, coat) in toy.coat.iter().enumerate() {
-            if let (Some(&shown), Some(goal)) = (palette.shown().get(color), covered(palette, color, *coat)) {
-                palette.set(color, BlendSpace::Oklab.mix(shown, goal, share));
+        let Toy { parts, coat, shown, .. } = &mut *toy;
+        for ((part, coat), shown) in parts.iter().zip(coat).zip(shown) {
+            if let (Some(ramp), Some(goal)) = (palette.ramp(part), covered(palette, part, *coat)) {
+                let from = shown.or_else(|| palette.ramp_color(ramp)).unwrap_or(goal);
+                palette.set_ramp(ramp, *shown.insert(BlendSpace::Oklab.mix(from, goal, share)));
             }
         }
     }
 }
 
-/// Hints at what a click would do to the region under the pointer.
+/// Hints at what a click would do to the part under the pointer.
 fn preview(
     time: Res<Time>,
     brush: Res<Brush>,
@@ -126,11 +141,12 @@ fn preview(
     for (entity, prop, toy, mut colors) in &mut toys {
         colors.reset();
         let hit = pointers.iter().filter_map(pointed).find(|hit| hit.entity == entity);
-        if let (Some(color), Some(palette)) = (hit.and_then(region), palettes.get(&prop.0))
-            && let Some(goal) = covered(palette, color, painted(toy.coat[color], &brush))
-            && let Some(&shown) = palette.shown().get(color)
+        if let (Some(hit), Some(palette)) = (hit, palettes.get(&prop.0))
+            && let Some(index) = part(hit, palette, toy.parts)
+            && let Some(goal) = covered(palette, toy.parts[index], painted(toy.coat[index], &brush))
+            && let Some(shown) = toy.shown[index]
         {
-            colors.set(color, BlendSpace::Oklab.mix(shown, goal, share));
+            colors.set_ramp(toy.parts[index], BlendSpace::Oklab.mix(shown, goal, share));
         }
     }
 }
@@ -148,9 +164,9 @@ fn show_orders(
 ) {
     for (prop, toy) in &toys {
         if let (Some(palette), Ok(mut colors)) = (palettes.get(&prop.0), pictures.get_mut(toy.picture)) {
-            for (color, coat) in toy.order().iter().enumerate() {
-                if let Some(goal) = covered(palette, color, *coat) {
-                    colors.set(color, goal);
+            for (part, coat) in toy.parts.iter().zip(toy.order()) {
+                if let Some(goal) = covered(palette, part, *coat) {
+                    colors.set_ramp(part, goal);
                 }
             }
         }

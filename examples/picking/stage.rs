@@ -1,11 +1,11 @@
 //! The shop: a bench with toys and tins, and a wall with pictures of the orders.
 
 use bevy::{core_pipeline::tonemapping::Tonemapping, prelude::*};
-use bevy_plenoctree::{BilateralFilter, PaletteMethod, PaletteOverride, Palettes, PlenOctree, Posterize, Prop};
+use bevy_plenoctree::{BilateralFilter, PaletteOverride, Palettes, PlenOctree, Posterize, Prop};
 
 use crate::{
     build::{Builder, color},
-    game::{BLUE, Coat, MINT, ORANGE, PAINTS, PINK, Tin, Toy, VIOLET, YELLOW, dip, paint},
+    game::{BLUE, Coat, MINT, ORANGE, PAINTS, PINK, Parts, Tin, Toy, VIOLET, YELLOW, dip, paint},
     stand::{Footprint, standing},
     tin,
 };
@@ -14,7 +14,7 @@ pub fn plugin(app: &mut App) {
     app.insert_resource(ClearColor(color("#e9d7bd"))).add_systems(Startup, (spawn_shop, spawn_toys, spawn_tins));
 }
 
-const BARE: Coat = [None; 6];
+const BARE: Coat = [None; 3];
 
 /// A coat of one or two paints.
 const fn coat<const N: usize>(paints: [(usize, usize); N]) -> Coat {
@@ -27,11 +27,13 @@ const fn coat<const N: usize>(paints: [(usize, usize); N]) -> Coat {
     coat
 }
 
-/// A kind of toy: its file, its position on the bench, its rotation about y in radians, and its orders, in sequence.
+/// A kind of toy: its file, its position on the bench, its rotation about y in radians, the parts to
+/// paint, and its orders, in sequence.
 struct Kind {
     file: &'static str,
     x: f32,
     turn: f32,
+    parts: Parts,
     orders: &'static [Coat],
 }
 
@@ -40,19 +42,22 @@ const TOYS: [Kind; 3] = [
         file: "gumballs.plenoctree",
         x: -2.5,
         turn: 0.2,
-        orders: &[coat([(0, PINK)]), coat([(0, MINT), (3, VIOLET)]), coat([(0, ORANGE), (1, BLUE)])],
+        parts: ["body", "brass", "glass"],
+        orders: &[coat([(0, PINK)]), coat([(0, MINT), (1, VIOLET)]), coat([(0, ORANGE), (1, BLUE)])],
     },
     Kind {
         file: "toadstool.plenoctree",
         x: 0.0,
         turn: 0.0,
+        parts: ["red", "green", "gray"],
         orders: &[coat([(0, VIOLET)]), coat([(0, YELLOW), (1, BLUE)]), coat([(0, MINT), (1, PINK)])],
     },
     Kind {
         file: "robot.plenoctree",
         x: 2.5,
         turn: -0.25,
-        orders: &[coat([(1, YELLOW), (2, BLUE)]), coat([(1, PINK), (3, VIOLET)]), coat([(1, ORANGE), (2, MINT)])],
+        parts: ["body", "trim", "metal"],
+        orders: &[coat([(0, YELLOW), (1, BLUE)]), coat([(0, PINK), (2, VIOLET)]), coat([(0, ORANGE), (1, MINT)])],
     },
 ];
 
@@ -82,28 +87,19 @@ fn spawn_shop(mut builder: Builder) {
 }
 
 fn spawn_toys(mut commands: Commands, assets: Res<AssetServer>) {
-    for Kind { file, x, turn, orders } in TOYS {
+    for Kind { file, x, turn, parts, orders } in TOYS {
         let field = assets.load(file);
         // Flatten the prop into a picture.
         let hung = Transform::from_xyz(x, 3.15, WALL + 0.1)
             .with_rotation(Quat::from_rotation_y(0.3 * turn))
             .with_scale(Vec3::new(0.52, 0.52, 0.04));
-        // Orders name colors by index. The palettes in files have six, too.
-        let method = Some(PaletteMethod::Fitted);
-        let posterize = Posterize { filter: BilateralFilter { iterations: 1, ..default() }, method, ..default() };
+        let posterize = Posterize { filter: BilateralFilter { iterations: 1, ..default() }, ..default() };
         let picture =
             commands.spawn((Prop(field.clone()), posterize, PaletteOverride::default(), hung, Pickable::IGNORE)).id();
         let home = standing(Vec3::new(x, 0.12, 0.0), 1.0, turn);
-        let toy = Toy::new(orders, picture, home);
+        let toy = Toy::new(parts, orders, picture, home);
         commands
-            .spawn((
-                Prop(field),
-                Posterize { method, ..default() },
-                PaletteOverride::default(),
-                toy,
-                home,
-                Footprint::of(file),
-            ))
+            .spawn((Prop(field), Posterize::default(), PaletteOverride::default(), toy, home, Footprint::of(file)))
             .observe(paint);
     }
 }

@@ -2,8 +2,7 @@
 
 use bevy::prelude::*;
 use bevy_plenoctree::{
-    BeforePalette, BilateralFilter, BlendSpace, BorderSmoothing, EdgeSmoothing, PaletteMethod, Palettes, Posterize,
-    Prop, PropLighting,
+    BeforePalette, BilateralFilter, BlendSpace, BorderSmoothing, EdgeSmoothing, Palettes, Posterize, Prop, PropLighting,
 };
 
 use crate::{
@@ -47,9 +46,9 @@ const CARTOON: PropLighting = PropLighting { shadows: 0.2, tint: 0.25, bands: 1,
 /// Shadows in soft steps.
 const SOFT: PropLighting = PropLighting { bands: 3, ..CARTOON };
 
-/// The palette of a field at night.
+/// The ramps of a field, by name, and their colors at night.
 #[derive(Component)]
-struct ByNight(Vec<Color>);
+struct ByNight(Vec<(&'static str, Color)>);
 
 /// Marches around the jar at night.
 #[derive(Component)]
@@ -68,37 +67,35 @@ const START: f32 = -0.75;
 fn spawn(mut commands: Commands, assets: Res<AssetServer>) {
     // Some colors are brighter than white, so that the spots and the windows bloom.
     let toadstool = [
-        Color::linear_rgb(0.09, 0.03, 0.3),
-        Color::linear_rgb(0.01, 0.1, 0.12),
-        Color::linear_rgb(1.1, 0.55, 0.1),
-        Color::linear_rgb(0.0, 0.004, 0.02),
-        Color::linear_rgb(0.25, 1.5, 1.9),
-        Color::linear_rgb(0.02, 0.05, 0.3),
+        ("red", Color::linear_rgb(0.09, 0.03, 0.3)),
+        ("green", Color::linear_rgb(0.01, 0.1, 0.12)),
+        ("brown", Color::linear_rgb(1.1, 0.55, 0.1)),
+        ("gray", Color::linear_rgb(0.25, 1.5, 1.9)),
+        ("cyan", Color::linear_rgb(0.02, 0.05, 0.3)),
     ];
     commands.spawn((
         Prop(assets.load("toadstool.plenoctree")),
-        // Six colors, each with another one at night. The palettes of the others are in files.
-        Posterize { method: Some(PaletteMethod::Fitted), ..default() },
+        Posterize::default(),
         CARTOON,
         ByNight(toadstool.into()),
         Footprint::of("toadstool.plenoctree"),
         standing(room::JAR, 1.3, 0.2),
     ));
-    let drum = ["#8391d6", "#173f63", "#46508a", "#632455", "#060814", "#c08a4a"];
+    let drum = [("metal", "#5a66a8"), ("rug", "#173f63"), ("shell", "#632455"), ("trim", "#c08a4a")];
     commands.spawn((
         Prop(assets.load("drum.plenoctree")),
         PASTEL,
         SOFT,
-        ByNight(drum.map(color).into()),
+        ByNight(drum.map(|(ramp, hex)| (ramp, color(hex))).into()),
         Footprint::of("drum.plenoctree"),
         standing(Vec3::new(-3.2, 0.0, -0.5), 1.0, 0.35),
     ));
-    let robot = ["#16405a", "#1f6f8f", "#8f2a4c", "#d0a050", "#1c2048", "#8d9bd0"];
+    let robot = [("body", "#1f6f8f"), ("trim", "#8f2a4c"), ("rubber", "#1c2048"), ("metal", "#8d9bd0")];
     commands.spawn((
         Prop(assets.load("robot.plenoctree")),
         POSTER,
         CARTOON,
-        ByNight(robot.map(color).into()),
+        ByNight(robot.map(|(ramp, hex)| (ramp, color(hex))).into()),
         Footprint::of("robot.plenoctree"),
         Marching { seconds: 0.0 },
         standing(Vec3::ZERO, 0.85, 0.0),
@@ -114,8 +111,15 @@ fn spawn(mut commands: Commands, assets: Res<AssetServer>) {
 
 fn change_colors(night: Res<Night>, mut palettes: ResMut<Palettes>, props: Query<(&Prop, &ByNight)>) {
     for (prop, by_night) in &props {
-        if let Some(palette) = palettes.get_mut(&prop.0) {
-            palette.blend_from_source(&by_night.0, night.0, BlendSpace::Oklab);
+        let Some(palette) = palettes.get_mut(&prop.0) else {
+            continue;
+        };
+        for (name, color) in &by_night.0 {
+            if let Some(ramp) = palette.ramp(name)
+                && let Some(by_day) = palette.ramp_color(ramp)
+            {
+                palette.set_ramp(ramp, BlendSpace::Oklab.mix(by_day, *color, night.0));
+            }
         }
     }
 }

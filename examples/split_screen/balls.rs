@@ -21,9 +21,6 @@ const GRASP: f32 = 0.75;
 /// The number of balls that wins a round.
 const WIN: usize = 7;
 
-/// The index of the body's color in the machine's palette.
-const BODY: usize = 0;
-
 #[derive(Component)]
 pub struct Ball {
     /// The position of the ball at the start of a round.
@@ -103,9 +100,10 @@ fn show_leader(
         return;
     };
     for (prop, mut colors) in &mut machines {
-        if let Some(own) = palettes.get(&prop.0).and_then(|palette| palette.shown().get(BODY)) {
+        let own = palettes.get(&prop.0).and_then(|palette| palette.ramp_color(palette.ramp("body")?));
+        if let Some(own) = own {
             let share = (lead as f32 / 3.0).min(1.0);
-            colors.set(BODY, BlendSpace::Oklab.mix(*own, leader.team, share));
+            colors.set_ramp("body", BlendSpace::Oklab.mix(own, leader.team, share));
         }
     }
 }

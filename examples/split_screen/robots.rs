@@ -1,7 +1,7 @@
 //! The robots and their players.
 
 use bevy::prelude::*;
-use bevy_plenoctree::{BlendSpace, PaletteOverride, Posterize, Prop};
+use bevy_plenoctree::{PaletteOverride, Posterize, Prop};
 
 use crate::{
     arena::{Obstacle, RADIUS},
@@ -13,8 +13,6 @@ pub fn plugin(app: &mut App) {
     app.add_systems(Startup, spawn).add_systems(Update, (press_keys, drive).chain());
 }
 
-/// The shades of metal in the robots' palette: their indices, and how dark they are.
-const METAL: [(usize, f32); 2] = [(0, 0.5), (1, 0.0)];
 /// The height of the top of a robot's head.
 pub const HEAD: f32 = 1.97;
 /// The radius of a robot in collisions.
@@ -58,14 +56,10 @@ fn spawn(mut commands: Commands, assets: Res<AssetServer>) {
     ];
     for (index, (team, keys, at)) in players.into_iter().enumerate() {
         let team = color(team);
-        let mut metal = PaletteOverride::default();
-        for (shade, darkness) in METAL {
-            metal.set(shade, BlendSpace::Oklab.mix(team, Color::BLACK, darkness));
-        }
         commands.spawn((
             Prop(assets.load("robot.plenoctree")),
             Posterize::default(),
-            metal,
+            PaletteOverride::default().with_ramp("body", team),
             Footprint::of("robot.plenoctree"),
             Player { index, team, keys, absent: true },
             Robot { at, ..default() },

@@ -62,10 +62,9 @@ fn save(
 }
 
 fn shown(palette: &FieldPalette, own: Option<&PaletteOverride>) -> Palette {
-    let colors = palette.shown().iter().enumerate();
-    let colors = colors.map(|(index, color)| own.and_then(|own| own.get(index)).unwrap_or(*color));
+    let colors = own.map_or_else(|| palette.shown().to_vec(), |own| own.shown(palette));
     Palette {
-        colors: colors.map(|color| Srgba::from(color).to_f32_array_no_alpha().map(f64::from)).collect(),
+        colors: colors.into_iter().map(|color| Srgba::from(color).to_f32_array_no_alpha().map(f64::from)).collect(),
         weights: palette.palette().weights.clone(),
         method: None,
         ramps: palette.palette().ramps.clone(),

@@ -23,7 +23,7 @@ use super::{
 /// # use bevy_plenoctree::{PaletteOverride, PlenOctreePlugin, Posterize, Prop};
 /// fn spawn_teams(mut commands: Commands, assets: Res<AssetServer>) {
 ///     for team in [Color::srgb(0.9, 0.2, 0.2), Color::srgb(0.2, 0.4, 0.9)] {
-///         let colors = PaletteOverride::default().with_ramp("cyan", team);
+///         let colors = PaletteOverride::default().with_ramp("body", team);
 ///         commands.spawn((Prop(assets.load("robot.plenoctree")), Posterize::default(), colors));
 ///     }
 /// }
@@ -69,12 +69,19 @@ impl PaletteOverride {
         own.for_each(|(index, color)| color.iter().for_each(|color| show(index, *color)));
     }
 
-    /// Returns the color that is shown in place of color `index` of a palette, or `None` if it is not overridden.
-    #[cfg(feature = "egui")]
-    pub(crate) fn shown(&self, palette: &Palette, index: usize) -> Option<Color> {
-        let mut found = None;
-        self.apply(palette, |shown, color| found = (shown == index).then_some(color).or(found));
-        found
+    /// Returns the colors that an entity with these overrides shows, in the order of the field's source colors.
+    ///
+    /// ```
+    /// # use bevy::prelude::*;
+    /// # use bevy_plenoctree::{FieldPalette, PaletteOverride};
+    /// let palette = FieldPalette::from_colors([Color::WHITE, Color::BLACK]).unwrap();
+    /// let own = PaletteOverride::default().with(1, Srgba::RED);
+    /// assert_eq!(own.shown(&palette), [Color::WHITE, Srgba::RED.into()]);
+    /// ```
+    pub fn shown(&self, palette: &FieldPalette) -> Vec<Color> {
+        let mut shown = palette.shown().to_vec();
+        self.apply(palette.palette(), |index, color| shown[index] = color);
+        shown
     }
 
     /// Returns the color that overrides color `index`, or `None` if it is not overridden by itself.
@@ -162,5 +169,26 @@ impl PaletteOverride {
     pub fn reset(&mut self) {
         self.colors.clear();
         self.ramps.clear();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A ramp that one entity overrides looks as if its field showed it, and colors by index go first.
+    #[test]
+    fn overridden_ramps_show_the_colors_of_the_field_s() {
+        let mut source = Palette::new(vec![[0.5, 0.1, 0.1], [0.8, 0.2, 0.2], [0.2, 0.3, 0.7]]).unwrap();
+        source.gather_tones(&[0, 1], "cap").unwrap();
+        let mut palette = FieldPalette::new(source);
+        let green = Color::srgb(0.2, 0.7, 0.3);
+        let own = PaletteOverride::default().with_ramp("cap", green).with_ramp("stem", Color::BLACK);
+        let shown = own.shown(&palette);
+        assert_eq!(own.with(1, Color::WHITE).shown(&palette), [shown[0], Color::WHITE, shown[2]]);
+        assert_eq!(shown[2], palette.source()[2]);
+        palette.set_ramp(0, green);
+        assert_eq!(shown, palette.shown());
+        assert!(shown[0] != palette.source()[0]);
     }
 }

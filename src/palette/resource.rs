@@ -173,6 +173,12 @@ impl FieldPalette {
         self.palette.ramp(name)
     }
 
+    /// Returns the mean source color of a ramp, which [`set_ramp`](Self::set_ramp) replaces, or `None` if there is no such
+    /// ramp.
+    pub fn ramp_color(&self, ramp: usize) -> Option<Color> {
+        self.palette.ramp_color(ramp).as_ref().map(decoded)
+    }
+
     /// Shows a ramp in another color: its mean becomes the color, and light and dark stay as far apart. Replaces what was
     /// done to its shown colors before. If there is no such ramp, changes nothing, logs a warning (once per app), and
     /// returns false.

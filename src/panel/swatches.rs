@@ -13,7 +13,7 @@ const SWATCH: egui::Vec2 = egui::vec2(64.0, 24.0);
 pub(super) fn show(ui: &mut egui::Ui, prop: Entity, field: AssetId<PlenOctree>, editor: &mut PaletteEditor) {
     let mut edit = None;
     let mut overridden = editor.own_colors(prop).is_some();
-    let colors = editor.palettes.get(field).map(|palette| Colors { palette, own: editor.own_colors(prop) });
+    let colors = editor.palettes.get(field).map(|palette| Colors::new(palette, editor.own_colors(prop)));
     ui.horizontal(|ui| {
         ui.strong("Palette");
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
@@ -39,28 +39,28 @@ pub(super) fn show(ui: &mut egui::Ui, prop: Entity, field: AssetId<PlenOctree>, 
     }
 }
 
-/// The palette of a prop's field, and the prop's own overrides.
+/// The palette of a prop's field, and the colors that the prop shows.
 struct Colors<'a> {
     palette: &'a FieldPalette,
-    own: Option<&'a PaletteOverride>,
+    shown: Vec<Color>,
+    /// Whether the prop overrides colors of the field.
+    is_own: bool,
 }
 
-impl Colors<'_> {
-    fn shown(&self, index: usize) -> Color {
-        let own = self.own.and_then(|own| own.shown(self.palette.palette(), index));
-        own.or_else(|| self.palette.shown().get(index).copied()).unwrap_or_default()
+impl<'a> Colors<'a> {
+    fn new(palette: &'a FieldPalette, own: Option<&PaletteOverride>) -> Self {
+        let shown = own.map_or_else(|| palette.shown().to_vec(), |own| own.shown(palette));
+        Self { palette, shown, is_own: own.is_some() }
     }
 
     /// Returns whether there is something to reset.
     fn is_edited(&self, index: usize) -> bool {
-        match self.own {
-            Some(own) => own.shown(self.palette.palette(), index).is_some(),
-            None => self.shown(index) != source_color(self.palette, index),
-        }
+        let before = if self.is_own { self.palette.shown()[index] } else { source_color(self.palette, index) };
+        self.shown[index] != before
     }
 
     fn any_edited(&self) -> bool {
-        (0..self.palette.shown().len()).any(|index| self.is_edited(index))
+        (0..self.shown.len()).any(|index| self.is_edited(index))
     }
 }
 
@@ -74,10 +74,10 @@ fn grid(ui: &mut egui::Ui, colors: &Colors) -> Option<Edit> {
             ui.weak(heading);
         }
         ui.end_row();
-        for index in 0..colors.palette.shown().len() {
+        for index in 0..colors.shown.len() {
             ui.weak(index.to_string());
             swatch(ui, source_color(colors.palette, index));
-            if let Some(color) = edit_swatch(ui, colors.shown(index)) {
+            if let Some(color) = edit_swatch(ui, colors.shown[index]) {
                 edit = Some(Edit::Set(index, color));
             }
             let weight = weights.get(index).copied().unwrap_or_default();

@@ -2,7 +2,7 @@
 
 use clap::{Parser, Subcommand};
 
-use crate::{convert, fit, info, pack, palette, render, result::Result, stylize};
+use crate::{convert, fit, info, pack, palette, ramps, render, result::Result, stylize};
 
 /// Inspect, stylize, fit, convert and pack PlenOctrees.
 #[derive(Parser)]
@@ -17,6 +17,7 @@ pub struct CommandLine {
 enum Command {
     Info(info::Arguments),
     Palette(palette::Arguments),
+    Ramps(ramps::Arguments),
     Stylize(stylize::Arguments),
     Fit(fit::Arguments),
     Convert(convert::Arguments),
@@ -30,6 +31,7 @@ impl CommandLine {
         match &self.command {
             Command::Info(arguments) => info::run(arguments),
             Command::Palette(arguments) => palette::run(arguments),
+            Command::Ramps(arguments) => ramps::run(arguments),
             Command::Stylize(arguments) => stylize::run(arguments),
             Command::Fit(arguments) => fit::run(arguments),
             Command::Convert(arguments) => convert::run(arguments),

@@ -22,6 +22,7 @@ mod palette;
 pub mod plot;
 pub mod preset;
 pub mod progress;
+mod ramps;
 mod render;
 pub mod renderer;
 pub mod result;

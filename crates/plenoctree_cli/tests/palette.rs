@@ -168,3 +168,31 @@ fn outputs_replace_no_input() {
     names.sort();
     assert_eq!(names, ["ball.npz", "other"]);
 }
+
+/// Ramps are listed, and changed ones are saved: to the same file, or to another.
+#[test]
+fn ramps_are_edited() {
+    let folder = folder("palette_ramps");
+    let field = ball(&folder);
+    succeed(&["palette", text(&field)]);
+    let [file, other] = ["ball.palette.json", "other.json"].map(|name| folder.join(name));
+    let before = Palette::read(&file).unwrap();
+    let listed = succeed(&["ramps", text(&file)]);
+    assert!(listed.contains(&format!("ramp 0: {}, ", before.ramps[0].name)), "{listed}");
+    assert_eq!(Palette::read(&file).unwrap(), before);
+
+    let edit = format!("shell={}", before.ramps[0].name);
+    let printed = succeed(&["ramps", text(&file), &edit, "rest=1,2", "--out", text(&other)]);
+    assert!(printed.contains("ramp 0: shell, ") && printed.contains(": rest, "), "{printed}");
+    assert_eq!(Palette::read(&file).unwrap(), before);
+    let mut expected = before.clone();
+    expected.rename_ramp(0, "shell").unwrap();
+    expected.gather_tones(&[1, 2], "rest").unwrap();
+    assert_eq!(Palette::read(&other).unwrap(), expected);
+    succeed(&["ramps", text(&file), &edit, "rest=1,2"]);
+    assert_eq!(Palette::read(&file).unwrap(), expected);
+
+    let error = fail(&["ramps", text(&file), "a=b"]);
+    assert!(error.contains("ball.palette.json: a: found no ramp b, expected one of shell"), "{error}");
+    assert_eq!(Palette::read(&file).unwrap(), expected);
+}

@@ -188,6 +188,45 @@ impl Palette {
         Ok(())
     }
 
+    /// Gathers palette colors in the ramp with a name, whichever ramps they were in. If there is no such ramp, a new one,
+    /// the last, gets them. Ramps that lose their last tone are removed, and later ramps move up.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error, and changes nothing, if there is no such color, if none are given, or if no ramp can have the
+    /// name.
+    ///
+    /// ```
+    /// # use plenoctree::palette::{InvalidRamps, Palette};
+    /// # let mut palette = Palette::new(vec![[0.2, 0.1, 0.1], [0.8, 0.4, 0.4]]).unwrap();
+    /// palette.gather_tones(&[1, 0], "cap")?;
+    /// assert_eq!(palette.ramps[0].tones, [0, 1]);
+    /// # Ok::<(), InvalidRamps>(())
+    /// ```
+    pub fn gather_tones(&mut self, tones: &[usize], name: impl Into<String>) -> Result<(), InvalidRamps> {
+        let (name, expected) = (name.into(), self.colors.len());
+        if let Some(&found) = tones.iter().find(|tone| **tone >= expected) {
+            return Err(InvalidRamps::Tone { found, expected });
+        }
+        if !is_name(&name) {
+            return Err(InvalidRamps::Name { found: name });
+        }
+        if tones.is_empty() {
+            return Err(InvalidRamps::Empty { name });
+        }
+        self.ramps.iter_mut().for_each(|ramp| ramp.tones.retain(|tone| !tones.contains(tone)));
+        let ramp = self.ramp(&name).unwrap_or_else(|| {
+            self.ramps.push(Ramp { name, tones: vec![] });
+            self.ramps.len() - 1
+        });
+        let gathered = &mut self.ramps[ramp].tones;
+        gathered.extend_from_slice(tones);
+        sort(gathered, &self.colors);
+        gathered.dedup();
+        self.ramps.retain(|ramp| !ramp.tones.is_empty());
+        Ok(())
+    }
+
     fn check_ramp(&self, ramp: usize) -> Result<(), InvalidRamps> {
         let expected = self.ramps.len();
         if ramp < expected { Ok(()) } else { Err(InvalidRamps::Ramp { found: ramp, expected }) }

@@ -1,0 +1,27 @@
+//! `ramps`: lists and edits the ramps of a palette.
+
+mod arguments;
+mod edit;
+
+pub use arguments::Arguments;
+
+use plenoctree::palette::Palette;
+
+use crate::{console, files, result::Result, swatches};
+
+/// Edits the ramps, writes the palette if they changed, and prints them.
+pub fn run(arguments: &Arguments) -> Result {
+    let path = &arguments.palette;
+    let mut palette = Palette::read(path)?;
+    for edit in &arguments.edits {
+        edit.apply(&mut palette).map_err(|error| format!("{}: {error}", path.display()))?;
+    }
+    if !arguments.edits.is_empty() {
+        palette.write(arguments.out.as_ref().unwrap_or(path))?;
+    }
+    if let Some(image) = &arguments.image {
+        files::write_image(image, &swatches::draw(&palette))?;
+    }
+    console::print(&swatches::lines(&palette));
+    Ok(())
+}
