@@ -24,7 +24,7 @@ fn setup(
     mut meshes: ResMut<Assets<Mesh>>,
     mut materials: ResMut<Assets<StandardMaterial>>,
 ) {
-    // A softness of 0 would give hard edges between labels.
+    // Labels blend into one another a little. By default, the borders between them are hard.
     let posterize = Posterize { softness: 0.1, ..default() };
     commands.spawn((Prop(assets.load("toadstool.plenoctree")), posterize));
 

@@ -53,7 +53,13 @@ fn spawn(
     };
     commands.spawn((
         prop("toadstool.plenoctree", -0.75, -0.9, 1.5, 0.25),
-        at_midnight([("red", "#43307a"), ("green", "#1d4a52"), ("gray", "#8d9cd6"), ("brown", "#3a2440")]),
+        at_midnight([
+            ("red", "#43307a"),
+            ("green", "#1d4a52"),
+            ("gray", "#8d9cd6"),
+            ("tan", "#5d5a86"),
+            ("brown", "#3a2440"),
+        ]),
     ));
     commands.spawn((
         prop("drum.plenoctree", 1.1, 0.6, 0.85, -0.2),
