@@ -98,8 +98,9 @@ fn psnr(frame: &RgbaImage, truth: &[DVec3]) -> f64 {
 
 #[test]
 fn presets_are_as_accurate_as_promised() {
-    let palette = Palette::read(concat!(env!("CARGO_MANIFEST_DIR"), "/assets/drum.palette.json")).unwrap();
-    check_promises("drum", &drum(), &palette);
+    let colors =
+        [[0.89; 3], [0.03, 0.5, 0.52], [0.5, 0.51, 0.55], [0.74, 0.13, 0.13], [0.09, 0.08, 0.1], [0.87, 0.63, 0.14]];
+    check_promises("drum", &drum(), &Palette::new(colors.to_vec()).unwrap());
     let colors = [[0.8, 0.2, 0.15], [0.95, 0.9, 0.8], [0.15; 3], [0.7; 3], [0.15, 0.35, 0.7]];
     check_promises("thicket", &thicket(), &Palette::new(colors.to_vec()).unwrap());
 }
