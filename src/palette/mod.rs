@@ -16,6 +16,8 @@ pub use file::PaletteLoader;
 pub use overrides::PaletteOverride;
 pub use ready::{PaletteFailed, PaletteReady};
 pub use resource::{FieldPalette, Palettes};
+#[cfg(feature = "egui")]
+pub(crate) use resource::{decoded, encoded};
 pub use samples::{ExtractionSamples, SampleOrigin};
 
 use bevy::{asset::AssetTrackingSystems, prelude::*};

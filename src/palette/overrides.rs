@@ -165,6 +165,11 @@ impl PaletteOverride {
         }
     }
 
+    /// Removes the override of the ramp of this name. Those of its colors stay.
+    pub fn unset_ramp(&mut self, name: &str) {
+        self.ramps.retain(|(known, _)| known != name);
+    }
+
     /// Removes all overrides.
     pub fn reset(&mut self) {
         self.colors.clear();

@@ -279,12 +279,12 @@ impl FieldPalette {
 }
 
 /// Returns a color as the channels of encoded sRGB that palettes have.
-pub(super) fn encoded(color: impl Into<Color>) -> [f64; 3] {
+pub(crate) fn encoded(color: impl Into<Color>) -> [f64; 3] {
     Srgba::from(color.into()).to_f32_array_no_alpha().map(f64::from)
 }
 
 /// Returns the color of channels in encoded sRGB.
-pub(super) fn decoded(color: &[f64; 3]) -> Color {
+pub(crate) fn decoded(color: &[f64; 3]) -> Color {
     Color::srgb(color[0] as f32, color[1] as f32, color[2] as f32)
 }
 

@@ -2,7 +2,7 @@
 
 use bevy::{ecs::system::SystemParam, prelude::*};
 
-use plenoctree::PlenOctree;
+use plenoctree::{PlenOctree, palette::RampAdjustment};
 
 use crate::{
     palette::{FieldPalette, PaletteExtraction, PaletteOverride, Palettes},
@@ -95,29 +95,73 @@ impl PaletteEditor<'_, '_> {
         }
     }
 
-    /// Edits the [`PaletteOverride`] of `prop` or, if it has none, the shown colors of its field.
-    pub(super) fn recolor(&mut self, prop: Entity, field: AssetId<PlenOctree>, edit: Edit) {
-        if let Ok((.., Some(mut own))) = self.props.get_mut(prop) {
-            match edit {
-                Edit::Set(index, color) => _ = own.set(index, color),
-                Edit::Reset(index) => own.unset(index),
-                Edit::ResetAll => own.reset(),
+    /// Edits the [`PaletteOverride`] of `prop` or, if it has none, the shown colors of its field. Ramps are edited in the
+    /// field's palette.
+    pub(super) fn edit(&mut self, prop: Entity, field: AssetId<PlenOctree>, edit: Edit) {
+        let own = self.props.get_mut(prop).ok().and_then(|(.., own)| own);
+        // An edit of the user's that ramps cannot take, such as a name that another one has, changes nothing.
+        match (edit, own) {
+            (Edit::Rename(ramp, name), _) => {
+                let palette = self.palettes.get_mut(field);
+                _ = palette.map(|palette| palette.edit_ramps(|palette| palette.rename_ramp(ramp, name)));
             }
-        } else if let Some(palette) = self.palettes.get_mut(field) {
-            match edit {
-                Edit::Set(index, color) => _ = palette.set(index, color),
-                Edit::Reset(index) => _ = palette.set(index, source_color(palette, index)),
-                Edit::ResetAll => palette.reset(),
+            (Edit::Move(tone, ramp), _) => {
+                let palette = self.palettes.get_mut(field);
+                _ = palette.map(|palette| palette.edit_ramps(|palette| palette.move_tone(tone, ramp)));
+            }
+            (edit, Some(mut own)) => {
+                if let Some(palette) = self.palettes.get(field) {
+                    recolor_own(&mut own, palette, edit);
+                }
+            }
+            (edit, None) => {
+                if let Some(palette) = self.palettes.get_mut(field) {
+                    recolor_field(palette, edit);
+                }
             }
         }
     }
 }
 
-/// An edit of the shown colors by the user.
+fn recolor_own(own: &mut PaletteOverride, palette: &FieldPalette, edit: Edit) {
+    match edit {
+        Edit::Set(index, color) => _ = own.set(index, color),
+        Edit::Reset(index) => own.unset(index),
+        Edit::ResetAll => own.reset(),
+        Edit::SetRamp(ramp, _) | Edit::ResetRamp(ramp) => {
+            if let Some(ramp) = palette.ramps().get(ramp) {
+                ramp.tones.iter().for_each(|tone| own.unset(*tone));
+                match edit {
+                    Edit::SetRamp(_, color) => own.set_ramp(&ramp.name, color),
+                    _ => own.unset_ramp(&ramp.name),
+                }
+            }
+        }
+        Edit::Rename(..) | Edit::Move(..) => {}
+    }
+}
+
+fn recolor_field(palette: &mut FieldPalette, edit: Edit) {
+    match edit {
+        Edit::Set(index, color) => _ = palette.set(index, color),
+        Edit::Reset(index) => _ = palette.set(index, source_color(palette, index)),
+        Edit::ResetAll => palette.reset(),
+        Edit::SetRamp(ramp, color) => _ = palette.set_ramp(ramp, color),
+        Edit::ResetRamp(ramp) => _ = palette.adjust_ramp(ramp, &RampAdjustment::default()),
+        Edit::Rename(..) | Edit::Move(..) => {}
+    }
+}
+
+/// An edit of shown colors, or of ramps, by the user.
 pub(super) enum Edit {
     Set(usize, Color),
     Reset(usize),
     ResetAll,
+    SetRamp(usize, Color),
+    ResetRamp(usize),
+    Rename(usize, String),
+    /// Moves a tone to a ramp.
+    Move(usize, usize),
 }
 
 /// Returns a source color, or black if the palette has no color of that index.

@@ -7,6 +7,7 @@ mod contents;
 mod editor;
 mod extraction;
 mod posterize;
+mod ramps;
 mod swatches;
 #[cfg(test)]
 mod tests;

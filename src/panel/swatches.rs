@@ -3,10 +3,13 @@
 use bevy::prelude::*;
 use bevy_egui::egui;
 
-use plenoctree::PlenOctree;
+use plenoctree::{PlenOctree, palette::Palette};
 
-use super::editor::{Edit, PaletteEditor, source_color};
-use crate::palette::{FieldPalette, PaletteOverride};
+use super::{
+    editor::{Edit, PaletteEditor, source_color},
+    ramps,
+};
+use crate::palette::{FieldPalette, PaletteOverride, decoded, encoded};
 
 const SWATCH: egui::Vec2 = egui::vec2(64.0, 24.0);
 
@@ -24,37 +27,52 @@ pub(super) fn show(ui: &mut egui::Ui, prop: Entity, field: AssetId<PlenOctree>, 
         });
     });
     match &colors {
-        Some(colors) => edit = grid(ui, colors).or(edit),
+        Some(colors) if colors.palette.ramps().is_empty() => edit = grid(ui, colors).or(edit),
+        Some(colors) => edit = ramps::rows(ui, colors).or(edit),
         None => {
             ui.weak("No palette yet. Posterize the prop to get one.");
         }
     }
     // Borrowed mutably only if there is an edit, so that showing the panel does not trigger change detection.
     if let Some(edit) = edit {
-        editor.recolor(prop, field, edit);
+        editor.edit(prop, field, edit);
     }
-    let hint = "Edits colors for this prop only, not for all props of the same field";
+    let hint = "Edits colors for this prop only, not for all props of the same field. Ramps stay those of the field";
     if ui.checkbox(&mut overridden, "Override colors").on_hover_text(hint).changed() {
         editor.set_own_colors(prop, overridden);
     }
 }
 
 /// The palette of a prop's field, and the colors that the prop shows.
-struct Colors<'a> {
-    palette: &'a FieldPalette,
-    shown: Vec<Color>,
+pub(super) struct Colors<'a> {
+    pub(super) palette: &'a FieldPalette,
+    pub(super) shown: Vec<Color>,
     /// Whether the prop overrides colors of the field.
-    is_own: bool,
+    pub(super) is_own: bool,
+    total: f64,
 }
 
 impl<'a> Colors<'a> {
     fn new(palette: &'a FieldPalette, own: Option<&PaletteOverride>) -> Self {
         let shown = own.map_or_else(|| palette.shown().to_vec(), |own| own.shown(palette));
-        Self { palette, shown, is_own: own.is_some() }
+        Self { palette, shown, is_own: own.is_some(), total: palette.palette().weights.iter().sum() }
+    }
+
+    /// Returns the mean of the colors that a ramp shows.
+    pub(super) fn ramp_color(&self, ramp: usize) -> Color {
+        let colors = self.shown.iter().map(|color| encoded(*color)).collect();
+        let shown = Palette { colors, ..self.palette.palette().clone() };
+        shown.ramp_color(ramp).map_or(Color::BLACK, |color| decoded(&color))
+    }
+
+    /// Returns the share of a color in the weight of all, in percent.
+    pub(super) fn share(&self, index: usize) -> f64 {
+        let weight = self.palette.palette().weights.get(index).copied().unwrap_or_default();
+        if self.total > 0.0 { 100.0 * weight / self.total } else { 0.0 }
     }
 
     /// Returns whether there is something to reset.
-    fn is_edited(&self, index: usize) -> bool {
+    pub(super) fn is_edited(&self, index: usize) -> bool {
         let before = if self.is_own { self.palette.shown()[index] } else { source_color(self.palette, index) };
         self.shown[index] != before
     }
@@ -67,8 +85,6 @@ impl<'a> Colors<'a> {
 /// Shows a grid of the palette's colors and returns the user's edit, if any.
 fn grid(ui: &mut egui::Ui, colors: &Colors) -> Option<Edit> {
     let mut edit = None;
-    let weights = &colors.palette.palette().weights;
-    let total: f64 = weights.iter().sum();
     egui::Grid::new("swatches").num_columns(5).min_col_width(0.0).show(ui, |ui| {
         for heading in ["", "source", "shown", "weight"] {
             ui.weak(heading);
@@ -77,12 +93,11 @@ fn grid(ui: &mut egui::Ui, colors: &Colors) -> Option<Edit> {
         for index in 0..colors.shown.len() {
             ui.weak(index.to_string());
             swatch(ui, source_color(colors.palette, index));
-            if let Some(color) = edit_swatch(ui, colors.shown[index]) {
+            if let Some(color) = edit_swatch(ui, colors.shown[index], SWATCH) {
                 edit = Some(Edit::Set(index, color));
             }
-            let weight = weights.get(index).copied().unwrap_or_default();
-            let share = if total > 0.0 { 100.0 * weight / total } else { 0.0 };
-            ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| ui.label(format!("{share:.1}%")));
+            let share = format!("{:.1}%", colors.share(index));
+            ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| ui.label(share));
             if ui.add_enabled(colors.is_edited(index), egui::Button::new("Reset").small()).clicked() {
                 edit = Some(Edit::Reset(index));
             }
@@ -99,9 +114,9 @@ fn swatch(ui: &mut egui::Ui, color: Color) {
 }
 
 /// Shows a color that can be edited and returns the new color if the user edited it.
-fn edit_swatch(ui: &mut egui::Ui, color: Color) -> Option<Color> {
+pub(super) fn edit_swatch(ui: &mut egui::Ui, color: Color, size: egui::Vec2) -> Option<Color> {
     ui.scope(|ui| {
-        ui.spacing_mut().interact_size = SWATCH;
+        ui.spacing_mut().interact_size = size;
         let mut channels = bytes(color);
         let button = ui.color_edit_button_srgb(&mut channels);
         let [r, g, b] = channels;

@@ -63,23 +63,52 @@ impl Panel {
         self.world.run_system_once(show).unwrap()
     }
 
-    fn click(&mut self, label: &str) {
+    /// Returns where a text is shown.
+    fn text(&mut self, label: &str) -> egui::Pos2 {
         self.frame(vec![]);
         let shapes = self.frame(vec![]).shapes;
         let at = shapes.iter().find_map(|clipped| match &clipped.shape {
             egui::Shape::Text(text) if text.galley.text() == label => Some(text.visual_bounding_rect().center()),
             _ => None,
         });
-        let pos = at.unwrap_or_else(|| panic!("{label} is not shown"));
-        let button = |pressed| egui::Event::PointerButton {
+        at.unwrap_or_else(|| panic!("{label} is not shown"))
+    }
+
+    fn click(&mut self, label: &str) {
+        let at = self.text(label);
+        self.drag(at, at);
+    }
+
+    /// Presses the button at one place and releases it at another.
+    fn drag(&mut self, from: egui::Pos2, to: egui::Pos2) {
+        let button = |pos, pressed| egui::Event::PointerButton {
             pos,
             button: egui::PointerButton::Primary,
             pressed,
             modifiers: egui::Modifiers::NONE,
         };
-        self.frame(vec![egui::Event::PointerMoved(pos)]);
-        self.frame(vec![button(true)]);
-        self.frame(vec![button(false)]);
+        self.frame(vec![egui::Event::PointerMoved(from)]);
+        self.frame(vec![button(from, true)]);
+        if to != from {
+            self.frame(vec![egui::Event::PointerMoved(from.lerp(to, 0.5))]);
+            self.frame(vec![egui::Event::PointerMoved(to)]);
+        }
+        self.frame(vec![button(to, false)]);
+    }
+
+    fn palette(&self) -> &FieldPalette {
+        self.world.resource::<Palettes>().get(&self.field).unwrap()
+    }
+
+    /// Makes each of the two colors a ramp.
+    fn split(&mut self) {
+        let mut palettes = self.world.resource_mut::<Palettes>();
+        let palette = palettes.get_mut(&self.field).unwrap();
+        let edited = palette.edit_ramps(|palette| {
+            palette.gather_tones(&[0], "cap")?;
+            palette.gather_tones(&[1], "stem")
+        });
+        edited.unwrap();
     }
 
     fn posterize(&self) -> Option<Posterize> {
@@ -87,7 +116,7 @@ impl Panel {
     }
 
     fn shown(&self) -> Vec<Color> {
-        self.world.resource::<Palettes>().get(&self.field).unwrap().shown().to_vec()
+        self.palette().shown().to_vec()
     }
 }
 
@@ -152,4 +181,61 @@ fn overrides_affect_one_prop() {
     assert_eq!(panel.shown(), field);
     panel.click("Override colors");
     assert!(panel.world.get::<PaletteOverride>(panel.prop).is_none());
+}
+
+#[test]
+fn ramps_are_renamed() {
+    let mut panel = Panel::new();
+    panel.split();
+    let all = || egui::Event::Key {
+        key: egui::Key::A,
+        physical_key: None,
+        pressed: true,
+        repeat: false,
+        modifiers: egui::Modifiers::COMMAND,
+    };
+    panel.click("stem");
+    panel.frame(vec![all(), egui::Event::Text("foot".into())]);
+    assert_eq!(panel.palette().ramps()[1].name, "stem");
+    panel.click("Posterize");
+    assert_eq!(panel.palette().ramps()[1].name, "foot");
+    // Names that another ramp has are refused.
+    panel.click("foot");
+    panel.frame(vec![all(), egui::Event::Text("cap".into())]);
+    panel.click("Posterize");
+    assert_eq!(panel.palette().ramps()[1].name, "foot");
+}
+
+/// Tones stand behind the name and the color of their ramp.
+#[test]
+fn tones_are_dragged_to_other_ramps() {
+    let mut panel = Panel::new();
+    panel.split();
+    let (cap, stem) = (panel.text("cap"), panel.text("stem"));
+    let tone = egui::pos2(150.0, stem.y);
+    panel.drag(tone, cap);
+    assert_eq!(panel.palette().ramps().len(), 1);
+    assert_eq!(panel.palette().ramps()[0].tones, [0, 1]);
+}
+
+#[test]
+fn ramps_are_reset_as_a_whole() {
+    let mut panel = Panel::new();
+    panel.split();
+    let original = panel.shown();
+    let red = Color::srgb(0.7, 0.1, 0.1);
+    for own in [false, true] {
+        if own {
+            panel.click("Override colors");
+            let mut own = panel.world.get_mut::<PaletteOverride>(panel.prop).unwrap();
+            own.set_ramp("cap", red);
+            own.set(0, red);
+        } else {
+            panel.world.resource_mut::<Palettes>().get_mut(&panel.field).unwrap().set_ramp(0, red);
+        }
+        panel.click("Reset");
+        assert_eq!(panel.shown(), original);
+        let own = panel.world.get::<PaletteOverride>(panel.prop);
+        assert!(own.is_none_or(|own| own.shown(panel.palette()) == original));
+    }
 }

@@ -1,0 +1,74 @@
+//! The rows of the panel that show and edit ramps.
+
+use bevy::prelude::*;
+use bevy_egui::egui;
+
+use super::{
+    editor::Edit,
+    swatches::{Colors, edit_swatch},
+};
+
+/// The size of a ramp's color.
+const RAMP: egui::Vec2 = egui::vec2(40.0, 20.0);
+/// The size of a tone.
+const TONE: egui::Vec2 = egui::vec2(16.0, 20.0);
+
+/// A tone that is dragged to another ramp.
+struct Dragged(usize);
+
+/// Shows a row for each ramp and returns the user's edit, if any. A row has the ramp's name and color, and its tones, which
+/// can be dragged to another row.
+pub(super) fn rows(ui: &mut egui::Ui, colors: &Colors) -> Option<Edit> {
+    let mut edit = None;
+    for ramp in 0..colors.palette.ramps().len() {
+        let (row, dropped) = ui.dnd_drop_zone::<Dragged, _>(egui::Frame::new().inner_margin(2.0), |ui| {
+            ui.horizontal(|ui| row(ui, colors, ramp)).inner
+        });
+        edit = dropped.map(|tone| Edit::Move(tone.0, ramp)).or(row.inner).or(edit);
+    }
+    edit
+}
+
+fn row(ui: &mut egui::Ui, colors: &Colors, ramp: usize) -> Option<Edit> {
+    let (name, tones) = (&colors.palette.ramps()[ramp].name, &colors.palette.ramps()[ramp].tones);
+    let mut edit = None;
+    if colors.is_own {
+        // Overrides refer to ramps by name.
+        ui.add_sized([80.0, RAMP.y], egui::Label::new(name).truncate());
+    } else if let Some(name) = edit_name(ui, name, ramp) {
+        edit = Some(Edit::Rename(ramp, name));
+    }
+    if let Some(color) = edit_swatch(ui, colors.ramp_color(ramp), RAMP) {
+        edit = Some(Edit::SetRamp(ramp, color));
+    }
+    ui.spacing_mut().item_spacing.x = 1.0;
+    for &tone in tones {
+        let id = ui.id().with(("tone", tone));
+        let changed = ui.dnd_drag_source(id, Dragged(tone), |ui| edit_swatch(ui, colors.shown[tone], TONE)).inner;
+        edit = changed.map(|color| Edit::Set(tone, color)).or(edit);
+    }
+    ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+        let edited = tones.iter().any(|tone| colors.is_edited(*tone));
+        if ui.add_enabled(edited, egui::Button::new("Reset").small()).clicked() {
+            edit = Some(Edit::ResetRamp(ramp));
+        }
+        let share: f64 = tones.iter().map(|tone| colors.share(*tone)).sum();
+        ui.label(format!("{share:.1}%"));
+    });
+    edit
+}
+
+/// Shows a name that can be edited and returns the new one when the user has finished.
+fn edit_name(ui: &mut egui::Ui, name: &str, ramp: usize) -> Option<String> {
+    let id = ui.id().with(("name", ramp));
+    let mut text = ui.data(|data| data.get_temp(id)).unwrap_or_else(|| name.to_string());
+    let response = ui.add(egui::TextEdit::singleline(&mut text).desired_width(80.0));
+    if response.lost_focus() {
+        ui.data_mut(|data| data.remove::<String>(id));
+        return (text != name).then_some(text);
+    }
+    if response.changed() {
+        ui.data_mut(|data| data.insert_temp(id, text));
+    }
+    None
+}
