@@ -12,7 +12,7 @@ use glam::DVec3;
 use half::f16;
 use plenoctree::{
     BakeSettings, Basis, Cell, Frame, PackSettings, Packed, bake,
-    palette::extract_from_histograms,
+    palette::extract_from_samples,
     reference::sample_histograms,
     sampling::{Histograms, Progress, sample},
 };
@@ -114,7 +114,7 @@ fn gpu_sampling_matches_the_reference() {
         assert_eq!(sampled.histograms.samples(), expected.samples());
         let off = difference(&sampled.histograms, &expected);
         assert!(off < 1e-4, "{basis:?}: {off}");
-        let reference = extract_from_histograms(&expected, &settings, &Progress::default()).unwrap();
+        let reference = extract_from_samples(&field, &expected, &settings, &Progress::default()).unwrap();
         for (color, expected) in colors.iter().zip(&reference.palette.colors) {
             assert!(DVec3::from(*color).distance(DVec3::from(*expected)) < 0.005, "{colors:?}");
         }

@@ -13,7 +13,8 @@ use super::{
     order::order,
     settings::ExtractionSettings,
     simplify::simplify,
-    tones::{Enough, tones},
+    tones::{self, Enough, tones},
+    views::View,
 };
 use crate::{
     field::PlenOctree,
@@ -109,17 +110,20 @@ pub fn extract_from_samples(
     settings: &ExtractionSettings,
     progress: &Progress,
 ) -> Result<Extraction, ExtractionError> {
-    let mut extraction = find(histograms, settings, progress)?;
-    if settings.method == PaletteMethod::Tones {
-        let start = Instant::now();
-        extraction.palette.ramps = extraction.palette.find_ramps(field, &settings.sampling, progress)?;
-        extraction.seconds.fitting += start.elapsed().as_secs_f64();
+    if settings.method != PaletteMethod::Tones {
+        return find(histograms, None, settings, progress);
     }
+    settings.validate()?;
+    let start = Instant::now();
+    let views = View::all(field, &settings.sampling, progress)?;
+    let mut extraction = find(histograms, Some(&views), settings, progress)?;
+    extraction.palette.ramps = extraction.palette.ramps_in_views(&views);
+    extraction.seconds.fitting = start.elapsed().as_secs_f64();
     Ok(extraction)
 }
 
-/// Extracts the palette from histograms alone, which may have any number of bins: steps 6 to 12. Without the field, the
-/// ramps of tones are [guessed](Palette::guess_ramps).
+/// Extracts the palette from histograms alone, which may have any number of bins: steps 6 to 12. Without the field, tones
+/// are those of the histograms, and their ramps are [guessed](Palette::guess_ramps).
 ///
 /// # Errors
 ///
@@ -129,16 +133,17 @@ pub fn extract_from_histograms(
     settings: &ExtractionSettings,
     progress: &Progress,
 ) -> Result<Extraction, ExtractionError> {
-    let mut extraction = find(histograms, settings, progress)?;
+    let mut extraction = find(histograms, None, settings, progress)?;
     if settings.method == PaletteMethod::Tones {
         extraction.palette.ramps = extraction.palette.guess_ramps();
     }
     Ok(extraction)
 }
 
-/// Finds the palette, without ramps.
+/// Finds the palette, without ramps. Tones are those of the views, if there are any in which the field is seen.
 fn find(
     histograms: &Histograms,
+    views: Option<&[View]>,
     settings: &ExtractionSettings,
     progress: &Progress,
 ) -> Result<Extraction, ExtractionError> {
@@ -177,12 +182,14 @@ fn find(
                     Ok(errors.rmse <= tolerance)
                 }
             };
+            let mut colors = views.map(tones::seen_colors).unwrap_or_default();
+            if colors.is_empty() {
+                colors = tones::binned_colors(histograms.fine_bins());
+            }
             let palette = match settings.colors {
-                ColorCount::Usual => tones(histograms.fine_bins(), Enough::Error(TONE_ERROR), progress)?,
-                ColorCount::Fixed(count) => tones(histograms.fine_bins(), Enough::Count(count), progress)?,
-                ColorCount::Auto { tolerance } => {
-                    tones(histograms.fine_bins(), Enough::Palette(&within(tolerance)), progress)?
-                }
+                ColorCount::Usual => tones(&colors, Enough::Error(TONE_ERROR), progress)?,
+                ColorCount::Fixed(count) => tones(&colors, Enough::Count(count), progress)?,
+                ColorCount::Auto { tolerance } => tones(&colors, Enough::Palette(&within(tolerance)), progress)?,
             };
             seconds.fitting = start.elapsed().as_secs_f64();
             palette.ok_or(ExtractionError::NothingVisible)?
@@ -203,7 +210,7 @@ fn find(
 /// The number of colors of a palette whose colors are blended, unless settings specify another.
 const USUAL: usize = 6;
 /// The error of tones, as a distance in tone space, that is small enough.
-const TONE_ERROR: f64 = 0.036;
+const TONE_ERROR: f64 = 0.027;
 
 /// Returns the palette with the number of colors that the settings specify. `find` finds a palette of at most a number
 /// of colors.

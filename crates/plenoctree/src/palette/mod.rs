@@ -22,6 +22,7 @@ mod simplify;
 mod space;
 mod steps;
 mod tones;
+mod views;
 
 pub use colors::{InvalidPalette, Palette, PaletteFileError};
 pub use errors::ColorErrors;

@@ -17,7 +17,7 @@ pub(super) use ramp::validate;
 pub use ramp::{InvalidRamps, Ramp};
 pub use wishes::{Unmet, UnmetReason, UnmetWishes, Wish};
 
-use super::colors::Palette;
+use super::{colors::Palette, views::View};
 use crate::{
     field::PlenOctree,
     sampling::{Canceled, Progress, SamplingSettings},
@@ -40,7 +40,12 @@ impl Palette {
         settings: &SamplingSettings,
         progress: &Progress,
     ) -> Result<Vec<Ramp>, Canceled> {
-        Ok(group::group(self, &Borders::of(field, self, settings, progress)?))
+        Ok(self.ramps_in_views(&View::all(field, settings, progress)?))
+    }
+
+    /// Returns the ramps that the palette's colors form in views of the field: see [`find_ramps`](Self::find_ramps).
+    pub(super) fn ramps_in_views(&self, views: &[View]) -> Vec<Ramp> {
+        group::group(self, &Borders::of(views, self))
     }
 
     /// Returns the ramps that the palette's colors seem to form, the heaviest first, without a field to look at:

@@ -1,12 +1,15 @@
 //! Grows a palette tone by tone, each where it helps most.
 
-use glam::DVec3;
+use glam::{DVec3, swizzles::Vec3Swizzles};
 use rayon::prelude::*;
 
-use super::points::{Point, points};
+use super::{
+    neutral::neutral,
+    points::{Point, points},
+};
 use crate::{
     palette::{colors::Palette, method::ColorCount, oklab::from_oklab},
-    sampling::{Bins, Canceled, Progress},
+    sampling::{Canceled, Progress},
 };
 
 /// When a palette has enough tones.
@@ -24,9 +27,13 @@ const EXACT: f64 = 1e-9;
 /// Number of steps of k-means after each new tone.
 const STEPS: usize = 60;
 
-/// Returns the tones of a histogram, with the heaviest first, or `None` if it has no weight.
-pub(in crate::palette) fn tones(bins: &Bins, enough: Enough, progress: &Progress) -> Result<Option<Palette>, Canceled> {
-    let points = points(bins, progress)?;
+/// Returns the tones of colors in encoded sRGB with weights, with the heaviest first, or `None` if they have no weight.
+pub(in crate::palette) fn tones(
+    colors: &[(DVec3, f64)],
+    enough: Enough,
+    progress: &Progress,
+) -> Result<Option<Palette>, Canceled> {
+    let points = points(colors, progress)?;
     if points.is_empty() {
         return Ok(None);
     }
@@ -148,21 +155,40 @@ impl Tones<'_> {
         (0..costs.len()).filter(|_| costs.len() > 1).reduce(|best, i| if costs[i] < costs[best] { i } else { best })
     }
 
-    /// Returns the palette: the mean colors of what is nearest to each tone.
+    /// Returns the palette: the mean colors of what is nearest to each tone, grays without the tint of a few.
     fn palette(&self) -> Palette {
-        let mut sums = vec![(DVec3::ZERO, 0.0_f64); self.places.len()];
+        let mut sums = vec![Sum::default(); self.places.len()];
         for (point, (own, _)) in self.points.iter().zip(&self.own) {
-            sums[*own].0 += point.weight * point.oklab;
-            sums[*own].1 += point.weight;
+            sums[*own].add(point);
         }
-        sums.retain(|(_, weight)| *weight > 0.0);
-        sums.sort_by(|(_, a), (_, b)| b.total_cmp(a));
-        let total: f64 = sums.iter().map(|(_, weight)| weight).sum();
-        let color = |(sum, weight): &(DVec3, f64)| {
-            let color = from_oklab(*sum / *weight).clamp(DVec3::ZERO, DVec3::ONE);
-            (color.to_array(), weight / total)
-        };
+        sums.retain(|sum| sum.weight > 0.0);
+        sums.sort_by(|a, b| b.weight.total_cmp(&a.weight));
+        let total: f64 = sums.iter().map(|sum| sum.weight).sum();
+        let color = |sum: &Sum| (from_oklab(sum.color()).clamp(DVec3::ZERO, DVec3::ONE).to_array(), sum.weight / total);
         let (colors, weights) = sums.iter().map(color).unzip();
         Palette { colors, weights, method: None, ramps: Vec::new() }
+    }
+}
+
+/// What the members of a tone add up to.
+#[derive(Clone, Copy, Default)]
+struct Sum {
+    weight: f64,
+    oklab: DVec3,
+    /// The squares of their chroma.
+    squares: f64,
+}
+
+impl Sum {
+    fn add(&mut self, point: &Point) {
+        self.weight += point.weight;
+        self.oklab += point.weight * point.oklab;
+        self.squares += point.weight * point.oklab.yz().length_squared();
+    }
+
+    /// Returns the tone's color in Oklab.
+    fn color(&self) -> DVec3 {
+        let mean = self.oklab / self.weight;
+        neutral(mean, self.squares / self.weight - mean.yz().length_squared())
     }
 }

@@ -1,9 +1,11 @@
 //! Palettes of tones: section 3 of the method, step 11.
 
 mod grow;
+mod neutral;
 mod points;
 
 pub(super) use grow::{Enough, tones};
+pub(super) use points::{binned_colors, seen_colors};
 
 #[cfg(test)]
 mod tests {
@@ -11,9 +13,10 @@ mod tests {
     use proptest::prelude::*;
 
     use crate::{
+        bake::{BakeSettings, bake},
         palette::{
-            ColorCount, ColorErrors, ExtractionSettings, Palette, PaletteMethod, extract_from_histograms,
-            oklab::{chroma, oklab},
+            ColorCount, ColorErrors, ExtractionSettings, Palette, PaletteLabel, PaletteMethod, extract_from_histograms,
+            oklab::{chroma, from_oklab, oklab},
         },
         sampling::{Histograms, Progress},
     };
@@ -73,6 +76,45 @@ mod tests {
         let nearest = |color: &[f64; 3]| chroma(DVec3::from(*color)).distance(purple);
         assert!(palette.colors.iter().any(|color| nearest(color) < 0.02), "{palette:?}");
         assert!(errors.hue < 1e-3 && errors.rmse < 0.04, "{errors:?}");
+    }
+
+    /// Grays of all tints, as noise and borders between materials make them, are shown as grays, beside vivid colors and a
+    /// wood that hardly has more chroma than they have.
+    #[test]
+    fn neutrals_stay_neutral() {
+        let spiral = (0..600).map(|i| {
+            let (lightness, turn) = (0.25 + 0.6 * f64::from(i) / 600.0, 2.4 * f64::from(i));
+            let tint = 0.02 * (f64::from(i) * 0.37).sin();
+            let at = DVec3::new(lightness, tint * turn.cos(), tint * turn.sin());
+            (from_oklab(at).to_array(), 1.0)
+        });
+        let wood = (0..200).map(|i| {
+            let light = 0.4 + 0.6 * f64::from(i) / 200.0;
+            (from_oklab(light * DVec3::new(0.7, 0.015, 0.06)).to_array(), 1.0)
+        });
+        let colors: Vec<Weighted> = materials().into_iter().chain(spiral.clone()).chain(wood).collect();
+        let (palette, _) = extract(32, &colors, ColorCount::Usual);
+        let tinted = spiral.clone().filter(|(color, _)| {
+            let shown = PaletteLabel::nearest((*color).into(), &palette, 1).unwrap();
+            chroma(DVec3::from(palette.colors[shown.index])).distance(chroma(DVec3::from(*color))) > 0.03
+        });
+        assert!(tinted.count() <= 12, "{palette:?}");
+    }
+
+    /// Tones are the colors that are seen, not those of the leaves that add up to them.
+    #[test]
+    fn tones_are_what_is_seen() {
+        let (red, blue) = (DVec3::new(0.9, 0.2, 0.2), DVec3::new(0.2, 0.2, 0.9));
+        let settings = BakeSettings { depth: 6, ..Default::default() };
+        let density = |at: DVec3| if at.length() < 0.8 { 6.0 } else { 0.0 };
+        let is_red = |at: DVec3| ((at + 1.0) * 32.0).floor().element_sum().rem_euclid(2.0) < 1.0;
+        let field = bake(&settings, density, |at: DVec3| move |_| if is_red(at) { red } else { blue }).unwrap();
+        let settings = ExtractionSettings { method: PaletteMethod::Tones, ..Default::default() };
+        let found = crate::palette::extract(&field, &settings, &Progress::default()).unwrap().palette;
+        let seen = oklab(0.5 * (red + blue));
+        for (color, weight) in found.colors.iter().zip(&found.weights) {
+            assert!(oklab(DVec3::from(*color)).distance(seen) < 0.1 || *weight < 0.02, "{found:?}");
+        }
     }
 
     /// One percent of noise, and histograms of half as many bins per channel, leave about as many tones in about the

@@ -1,4 +1,4 @@
-//! The colors of a histogram in tone space, in which tones are judged by distance.
+//! The colors of a field in tone space, in which tones are judged by distance.
 
 use std::collections::BTreeMap;
 
@@ -6,11 +6,11 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::{
-    palette::{oklab::oklab, space},
+    palette::{oklab::oklab, space, views::View},
     sampling::{Bins, Canceled, Progress},
 };
 
-/// A few similar colors of a histogram, merged.
+/// A few similar colors of a field, merged.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Point {
     /// The mean in tone space.
@@ -30,21 +30,32 @@ const CELL: f64 = 0.01;
 /// The distance within which colors count as similar, for their salience.
 const SIMILAR: f64 = 0.06;
 /// The weight of similar colors together counts like their share to this power.
-const SALIENCE: f64 = 0.65;
+const SALIENCE: f64 = 0.75;
 /// The share of similar colors below which they count in proportion to it, so that specks do not become tones.
 const SPECK: f64 = 1e-3;
 
-/// Returns the colors of a histogram, merged in cells, or none if it has no weight.
-pub(super) fn points(bins: &Bins, progress: &Progress) -> Result<Vec<Point>, Canceled> {
-    // The sum of the heaviest weights might be infinite, but not that of their shares of the largest.
-    let most = bins.weights.iter().copied().fold(0.0, f64::max);
-    let total: f64 = bins.weights.iter().map(|weight| weight / most).sum();
+/// Returns the colors of what is seen in views, each as often as it is seen.
+pub(in crate::palette) fn seen_colors(views: &[View]) -> Vec<(DVec3, f64)> {
+    let seen = views.iter().flat_map(|view| view.seen.iter().flatten());
+    seen.map(|seen| (seen.color().clamp(DVec3::ZERO, DVec3::ONE), 1.0)).collect()
+}
+
+/// Returns the colors of a histogram that have weight.
+pub(in crate::palette) fn binned_colors(bins: &Bins) -> Vec<(DVec3, f64)> {
     let seen = bins.weights.iter().enumerate().filter(|(_, weight)| **weight > 0.0);
-    let color = |(bin, weight): (usize, &f64)| {
+    seen.map(|(bin, weight)| (bins.center(bin).into(), *weight)).collect()
+}
+
+/// Returns colors in encoded sRGB and their weights, merged in cells.
+pub(super) fn points(colors: &[(DVec3, f64)], progress: &Progress) -> Result<Vec<Point>, Canceled> {
+    // The sum of the heaviest weights might be infinite, but not that of their shares of the largest.
+    let most = colors.iter().map(|(_, weight)| *weight).fold(0.0, f64::max);
+    let total: f64 = colors.iter().map(|(_, weight)| weight / most).sum();
+    let color = |&(color, weight): &(DVec3, f64)| {
         progress.check()?;
-        Ok((oklab(bins.center(bin).into()), weight / most / total))
+        Ok((oklab(color), weight / most / total))
     };
-    let all: Vec<(DVec3, f64)> = seen.map(color).collect::<Result<_, _>>()?;
+    let all: Vec<(DVec3, f64)> = colors.par_iter().map(color).collect::<Result<_, _>>()?;
     let mut points: Vec<Point> = all
         .iter()
         .map(|&(oklab, weight)| Point { place: space::from_oklab(oklab), oklab, weight, salient: weight })
