@@ -6,7 +6,7 @@ use super::{borders::Borders, names, ramp::Ramp, ramp::sort};
 use crate::palette::{colors::Palette, oklab::oklab};
 
 /// The cost above which groups are different materials.
-const DIFFERENT: f64 = 0.055;
+const DIFFERENT: f64 = 0.066;
 /// Lightness in Oklab below which the ratio of chroma to lightness is mostly noise.
 const DARK: f64 = 0.12;
 /// Ratio of chroma to lightness beyond which it counts logarithmically.
@@ -17,12 +17,14 @@ const HUED: f64 = 0.04;
 const HUE: f64 = 2.5;
 /// How much a difference of chroma counts beside a gray, and how much less between colors with a hue.
 const CHROMA: (f64, f64) = (1.3, 0.8);
-/// The share of the shorter border at which two groups cost least.
-const BORDER: f64 = 1.15;
+/// The cost where a border is as long as by chance, and how much less it is if a group borders nothing else, or more.
+const BORDER: (f64, f64) = (1.15, 0.82);
 /// The length of a border in neighboring rays that may be chance.
-const CHANCE: f64 = 30.0;
+const CHANCE: f64 = 15.0;
 /// The distance in Oklab between the nearest tones of two groups that doubles the cost.
 const GAP: f64 = 0.3;
+/// The weight of a group whose gaps count half: small parts have few tones, far apart.
+const SMALL: f64 = 0.02;
 /// How much chroma counts in that distance, compared to lightness.
 const GAP_CHROMA: f64 = 1.7;
 
@@ -79,19 +81,37 @@ fn chroma(oklab: DVec3) -> DVec2 {
 fn cheapest(groups: &[Group], tones: &[DVec3], borders: &Borders) -> Option<(usize, usize)> {
     let mut best = (DIFFERENT, None);
     let own: Vec<f64> = groups.iter().map(|group| outside(group, tones.len(), borders)).collect();
+    let all: f64 = groups.iter().map(|group| group.weight).sum();
     for (second, b) in groups.iter().enumerate() {
         for (first, a) in groups[..second].iter().enumerate() {
             let shared = pairs(a, b).map(|(a, b)| f64::from(borders.between(a, b))).sum::<f64>();
-            let share = shared / (own[first].min(own[second]) + CHANCE);
+            let (short, long) = if own[first] < own[second] { (first, second) } else { (second, first) };
+            let chance = chance(groups[short].weight, groups[long].weight, all);
             let gaps = pairs(a, b).map(|(a, b)| gap(tones[a], tones[b]));
-            let gap = gaps.fold(f64::INFINITY, f64::min);
-            let cost = apart(a.chroma, b.chroma) * (BORDER - share) * (1.0 + gap / GAP);
+            let weight = a.weight.min(b.weight);
+            let gap = gaps.fold(f64::INFINITY, f64::min) * weight / (weight + SMALL);
+            let border = BORDER.0 - BORDER.1 * excess(shared, own[short], chance);
+            let cost = apart(a.chroma, b.chroma) * border * (1.0 + gap / GAP);
             if cost < best.0 {
                 best = (cost, Some((first, second)));
             }
         }
     }
     best.1
+}
+
+/// Returns the share of a group's border that would be with another one if tones were anywhere, given their weights and
+/// that of all groups.
+fn chance(own: f64, other: f64, all: f64) -> f64 {
+    let others = all - own;
+    if others > 0.0 { (other / others).min(1.0) } else { 1.0 }
+}
+
+/// Returns how much more of a border is shared than by chance: 0 by chance, 1 if all of it, and at least -1.
+fn excess(shared: f64, border: f64, chance: f64) -> f64 {
+    let rest = 1.0 - chance;
+    // Of two groups that are all there is, it says nothing that they border each other.
+    if rest < 1e-9 { 0.0 } else { ((shared - chance * border) / ((border + CHANCE) * rest)).max(-1.0) }
 }
 
 fn pairs<'a>(a: &'a Group, b: &'a Group) -> impl Iterator<Item = (usize, usize)> + 'a {

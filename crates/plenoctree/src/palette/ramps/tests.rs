@@ -71,6 +71,66 @@ fn borders_tell_whose_shadow_it_is() {
     }
 }
 
+/// Returns a ball with a color at each place.
+fn ball(color: impl Fn(DVec3) -> [f64; 3] + Sync) -> PlenOctree {
+    let settings = BakeSettings { depth: 6, ..Default::default() };
+    let density = |at: DVec3| if at.length() < 0.8 { 1e3 } else { 0.0 };
+    bake(&settings, density, |at: DVec3| {
+        let color = DVec3::from(color(at));
+        move |_| color
+    })
+    .unwrap()
+}
+
+/// Two materials that are all there is border only each other, which does not make them one, however many shades they
+/// have.
+#[test]
+fn neighbors_are_not_one_material() {
+    let (yellow, tan) = (DVec3::new(0.16, 0.03, 0.14), DVec3::new(0.16, 0.01, 0.05));
+    for shades in 1..=6 {
+        let shade = |of: DVec3, i: usize| {
+            let light = 1.0 + 4.0 * (i as f64 + 0.5) / shades as f64;
+            crate::palette::oklab::from_oklab(light * of).to_array()
+        };
+        let colors = [yellow, tan].into_iter().flat_map(|of| (0..shades).map(move |i| shade(of, i))).collect();
+        let mut palette = Palette::new(colors).unwrap();
+        let index = |at: DVec3| {
+            let lit = ((0.5 + 0.6 * at.z) * shades as f64).clamp(0.0, shades as f64 - 1.0) as usize;
+            if (4.0 * at.x).sin() * (4.0 * at.y).sin() > 0.0 { lit } else { shades + lit }
+        };
+        let field = ball(|at| palette.colors[index(at)]);
+        palette.ramps = palette.find_ramps(&field, &SamplingSettings::default(), &Progress::default()).unwrap();
+        for tone in 0..2 * shades {
+            assert_eq!(palette.ramp_of(tone), palette.ramp_of(tone / shades * shades), "{:?}", palette.ramps);
+        }
+        assert_ne!(palette.ramp_of(0), palette.ramp_of(shades), "{:?}", palette.ramps);
+    }
+}
+
+/// The light and the dark of small flowers are one ramp, although no tone is between them.
+#[test]
+fn small_parts_are_one_ramp() {
+    let colors = [[0.25, 0.55, 0.15], [0.15, 0.35, 0.1], [0.49, 0.32, 0.7], [0.28, 0.18, 0.47]];
+    let mut palette = Palette::new(colors.to_vec()).unwrap();
+    palette.weights = vec![0.5, 0.49, 0.004, 0.006];
+    let index = |at: DVec3| {
+        let petal = (at * 5.0).fract_gl() - 0.5;
+        let meadow = if at.z > 0.0 { 0 } else { 1 };
+        if petal.length() > 0.2 {
+            meadow
+        } else if petal.z > 0.0 {
+            2
+        } else {
+            3
+        }
+    };
+    let field = ball(|at| palette.colors[index(at)]);
+    palette.ramps = palette.find_ramps(&field, &SamplingSettings::default(), &Progress::default()).unwrap();
+    assert_eq!(palette.ramp_of(0), palette.ramp_of(1), "{:?}", palette.ramps);
+    assert_eq!(palette.ramp_of(2), palette.ramp_of(3), "{:?}", palette.ramps);
+    assert_ne!(palette.ramp_of(0), palette.ramp_of(2), "{:?}", palette.ramps);
+}
+
 #[test]
 fn any_number_of_threads_finds_the_same_ramps() {
     let settings = BakeSettings { depth: 5, ..Default::default() };
