@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use bevy::prelude::*;
+use bevy::{math::DVec3, prelude::*};
 use bevy_plenoctree::{FieldPalette, Palette, PaletteOverride, Palettes, PlenOctree, Prop};
 
 use crate::{
@@ -63,12 +63,8 @@ fn save(
 
 fn shown(palette: &FieldPalette, own: Option<&PaletteOverride>) -> Palette {
     let colors = own.map_or_else(|| palette.shown().to_vec(), |own| own.shown(palette));
-    Palette {
-        colors: colors.into_iter().map(|color| Srgba::from(color).to_f32_array_no_alpha().map(f64::from)).collect(),
-        weights: palette.palette().weights.clone(),
-        method: None,
-        ramps: palette.palette().ramps.clone(),
-    }
+    let colors = colors.into_iter().map(|color| Srgba::from(color).to_f32_array_no_alpha().map(f64::from)).collect();
+    Palette { colors, method: None, ..palette.palette().clone() }
 }
 
 /// Returns a message that says what was done.
@@ -83,9 +79,9 @@ fn load(
     let fitting = palettes.get(field).is_some_and(|palette| palette.shown().len() == found);
     match (colors, palettes.get_mut(field)) {
         (Colors::Shown | Colors::Either, Some(palette)) if fitting => {
-            for (index, [r, g, b]) in read.colors.into_iter().enumerate() {
-                palette.set(index, Color::srgb(r as f32, g as f32, b as f32));
-            }
+            palette.show(
+                read.shown_colors().iter().map(|color| Color::from(Srgba::from_vec3(DVec3::from(*color).as_vec3()))),
+            );
             Ok("Loaded the shown colors")
         }
         (Colors::Shown, Some(palette)) => {

@@ -10,6 +10,7 @@ use crate::{message::check_message, scratch::Scratch};
 pub enum PaletteFile<'a> {
     Text(&'a [u8]),
     Numbers { colors: Vec<[f64; 3]>, weights: Option<Vec<f64>> },
+    Shown { colors: Vec<[f64; 3]>, shown: Vec<[f64; 3]> },
 }
 
 impl PaletteFile<'_> {
@@ -17,6 +18,7 @@ impl PaletteFile<'_> {
         match self {
             Self::Text(text) => text.to_vec(),
             Self::Numbers { colors, weights: None } => format!(r#"{{"colors": {colors:?}}}"#).into_bytes(),
+            Self::Shown { colors, shown } => format!(r#"{{"colors": {colors:?}, "shown": {shown:?}}}"#).into_bytes(),
             Self::Numbers { colors, weights: Some(weights) } => {
                 format!(r#"{{"colors": {colors:?}, "weights": {weights:?}}}"#).into_bytes()
             }

@@ -134,9 +134,14 @@ pub(super) fn load(
             }
             PaletteSource::Expected(handle) => {
                 if let Some(palette) = loaded.get(&*handle) {
-                    // If the source colors did not change, for example after saving, keep the shown colors.
-                    if by_field.get(field).is_none_or(|current| current.palette() != palette) {
-                        by_field.insert(*field, FieldPalette::new(palette.clone()));
+                    let new = FieldPalette::new(palette.clone());
+                    // If the file has no shown colors and its source colors did not change, keep the shown colors.
+                    let is_known = |current: &FieldPalette| {
+                        let shows_the_same = palette.shown.is_empty() || current.shown() == new.shown();
+                        current.palette() == new.palette() && shows_the_same
+                    };
+                    if !by_field.get(field).is_some_and(is_known) {
+                        by_field.insert(*field, new);
                         arrived.push(PaletteReady { field: *field, sampled: None });
                     }
                     *file = PaletteSource::Loaded(handle.clone());

@@ -80,10 +80,14 @@ pub struct FieldPalette {
 }
 
 impl FieldPalette {
-    /// Creates a palette that was not extracted from the field. The shown colors are the palette's own.
+    /// Creates a palette that was not extracted from the field. The shown colors are [those of the
+    /// palette](Palette::shown) or, if it has none, the source colors.
     pub fn new(palette: Palette) -> Self {
         let source: Vec<_> = palette.colors.iter().map(decoded).collect();
-        Self { palette, shown: source.clone(), source, extraction: None }
+        let mut new = Self { shown: source.clone(), source, extraction: None, palette };
+        let shown = std::mem::take(&mut new.palette.shown);
+        new.show(shown.iter().map(decoded));
+        new
     }
 
     /// Creates a palette from colors of equal weight. They are both the source colors and the shown colors.
@@ -103,9 +107,23 @@ impl FieldPalette {
         &self.source
     }
 
-    /// Returns the palette of the source colors: their exact values and their weights, as in a file.
+    /// Returns the palette of the source colors: their exact values, their weights and their ramps. It has no shown
+    /// colors.
     pub fn palette(&self) -> &Palette {
         &self.palette
+    }
+
+    /// Returns the palette as [`save`](Self::save) writes it: with the shown colors, unless all are the source colors. A
+    /// game may store it in a file of its own, and pass it to [`new`](Self::new) later.
+    pub fn to_palette(&self) -> Palette {
+        let mut saved = self.palette.clone();
+        if self.shown != self.source {
+            let own = self.palette.colors.iter().zip(&self.source);
+            let shown = self.shown.iter().zip(own);
+            saved.shown =
+                shown.map(|(shown, (own, source))| if shown == source { *own } else { encoded(*shown) }).collect();
+        }
+        saved
     }
 
     /// Returns how the palette was extracted, or `None` if it was loaded or inserted.
@@ -136,6 +154,21 @@ impl FieldPalette {
                 false
             }
         }
+    }
+
+    /// Sets the shown colors, from color 0 on, for example to those of winter. The source colors stay, and with them the
+    /// label of every pixel. Shown colors that `colors` lacks are not changed; colors that the palette lacks are left
+    /// out.
+    ///
+    /// ```
+    /// # use bevy::prelude::*;
+    /// # use bevy_plenoctree::FieldPalette;
+    /// # let mut palette = FieldPalette::from_colors([Color::BLACK, Color::WHITE]).unwrap();
+    /// palette.show([Color::srgb(0.6, 0.8, 1.0)]);
+    /// assert_eq!(palette.shown(), [Color::srgb(0.6, 0.8, 1.0), Color::WHITE]);
+    /// ```
+    pub fn show(&mut self, colors: impl IntoIterator<Item = impl Into<Color>>) {
+        self.shown.iter_mut().zip(colors).for_each(|(shown, color)| *shown = color.into());
     }
 
     /// Sets the shown colors to the blend of two palettes, color by color: `from` at `t` = 0 and `to` at `t` = 1. `t`
@@ -266,15 +299,16 @@ impl FieldPalette {
         self.shown.clone_from(&self.source);
     }
 
-    /// Writes the source colors and their weights to a JSON file, replacing any existing file. `path` is a file system
-    /// path, not an asset path.
+    /// Writes the palette to a JSON file, replacing any existing file: the source colors, their weights and ramps, and the
+    /// shown colors, unless all are the source colors. `path` is a file system path, not an asset path.
     ///
     /// To skip extraction at run time, save the palette next to the field: as `x.palette.json` next to `x.plenoctree`
-    /// or `x.npz`.
+    /// or `x.npz`. It then shows what it showed when it was saved; to ship a palette without the colors of a player,
+    /// [`reset`](Self::reset) a clone of it.
     ///
     /// Returns an error if the file cannot be written, or if the palette is [invalid](Palette::validate).
     pub fn save(&self, path: impl AsRef<Path>) -> Result<(), PaletteFileError> {
-        self.palette.write(path)
+        self.to_palette().write(path)
     }
 }
 
@@ -323,13 +357,13 @@ impl Palettes {
     /// ```
     /// # use bevy::prelude::*;
     /// # use bevy_plenoctree::{Palettes, PlenOctreePlugin, Prop};
-    /// fn winter(props: Query<&Prop>, assets: Res<AssetServer>, mut palettes: ResMut<Palettes>) {
+    /// fn snow(props: Query<&Prop>, assets: Res<AssetServer>, mut palettes: ResMut<Palettes>) {
     ///     for prop in &props {
-    ///         palettes.insert_handle(&prop.0, assets.load("winter.palette.json"));
+    ///         palettes.insert_handle(&prop.0, assets.load("toadstool_in_snow.palette.json"));
     ///     }
     /// }
     /// # let mut app = App::new();
-    /// # app.add_plugins((MinimalPlugins, AssetPlugin::default(), PlenOctreePlugin)).add_systems(Update, winter);
+    /// # app.add_plugins((MinimalPlugins, AssetPlugin::default(), PlenOctreePlugin)).add_systems(Update, snow);
     /// # app.world_mut().spawn(Prop(Handle::default()));
     /// # app.update();
     /// ```

@@ -39,12 +39,8 @@ impl Panel {
         let mut fields = Assets::<PlenOctree>::default();
         let field = fields.add(field.unwrap());
         let mut palettes = Palettes::default();
-        let palette = Palette {
-            colors: vec![[0.1, 0.2, 0.3], [0.9, 0.8, 0.7]],
-            weights: vec![0.75, 0.25],
-            method: None,
-            ramps: vec![],
-        };
+        let mut palette = Palette::new(vec![[0.1, 0.2, 0.3], [0.9, 0.8, 0.7]]).unwrap();
+        palette.weights = vec![0.75, 0.25];
         palettes.insert(&field, FieldPalette::new(palette));
         world.insert_resource(fields);
         world.insert_resource(palettes);

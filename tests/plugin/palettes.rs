@@ -448,6 +448,47 @@ fn an_extracted_palette_can_be_saved_and_shipped() {
     assert_eq!(shipped.palette(), extracted.palette());
 }
 
+/// What a player recolored is in the file, next to the source colors, and comes back with them. Files without shown colors
+/// are as they always were.
+#[test]
+fn shown_colors_and_ramps_are_saved() {
+    let mut files = Files::new("shown");
+    let path = files.folder.join("x.palette.json");
+    let mut palette = ramps();
+    palette.save(&path).unwrap();
+    assert!(!std::fs::read_to_string(&path).unwrap().contains("shown"), "nothing was recolored");
+    palette.edit_ramps(|palette| palette.rename_ramp(0, "cap")).unwrap();
+    palette.adjust_ramp(0, &RampAdjustment { brightness: 0.05, ..default() });
+    // Also colors that no file may have as source colors.
+    palette.set(3, Color::linear_rgb(3.0, 0.25, 0.125));
+    palette.save(&path).unwrap();
+
+    let field = files.spawn();
+    let loaded = files.palette(&field);
+    assert_eq!((loaded.palette(), loaded.source()), (palette.palette(), palette.source()));
+    assert_eq!(loaded.ramp("cap"), Some(0));
+    let shown = |palette: &FieldPalette| palette.shown().iter().map(|color| color.to_srgba()).collect::<Vec<_>>();
+    assert_eq!(shown(&loaded), shown(&palette));
+    let bytes = std::fs::read(&path).unwrap();
+    loaded.save(&path).unwrap();
+    assert_eq!(std::fs::read(&path).unwrap(), bytes, "saving again changes nothing");
+
+    // A file whose shown colors alone change is shown.
+    let mut other = loaded.clone();
+    other.show([Color::BLACK]);
+    other.save(&path).unwrap();
+    files.app.world().resource::<AssetServer>().reload("x.palette.json");
+    let id = field.id();
+    files.run_until("the new colors", move |world| {
+        world.resource::<Palettes>().get(id).is_some_and(|palette| palette.shown()[0] == Color::BLACK)
+    });
+    assert_eq!(files.heard(), [id, id]);
+
+    let registry = files.app.world().resource::<AppTypeRegistry>().read();
+    let reflected: FieldPalette = round_trip(&loaded, &registry);
+    assert_eq!((reflected.palette(), reflected.shown()), (loaded.palette(), loaded.shown()));
+}
+
 #[test]
 fn a_palette_is_extracted_if_its_file_is_invalid() {
     let mut files = Files::new("broken");
@@ -508,16 +549,18 @@ fn invalid_palettes_are_rejected() {
     assert!(FieldPalette::from_colors([Color::srgb(f32::NAN, 0.0, 0.0)]).is_err());
 }
 
+/// Returns a value after a round trip through text.
+fn round_trip<T: FromReflect + TypePath>(value: &T, registry: &TypeRegistry) -> T {
+    let text = serde_json::to_string(&TypedReflectSerializer::new(value, registry)).unwrap();
+    let registration = registry.get(TypeId::of::<T>()).unwrap();
+    let deserializer = TypedReflectDeserializer::new(registration, registry);
+    let read = deserializer.deserialize(&mut serde_json::Deserializer::from_str(&text)).unwrap();
+    T::from_reflect(&*read).unwrap()
+}
+
 /// Settings are registered, as inspectors and scenes require, and survive a round trip through text.
 #[test]
 fn settings_are_reflected() {
-    fn round_trip<T: FromReflect + TypePath>(value: &T, registry: &TypeRegistry) -> T {
-        let text = serde_json::to_string(&TypedReflectSerializer::new(value, registry)).unwrap();
-        let registration = registry.get(TypeId::of::<T>()).unwrap();
-        let deserializer = TypedReflectDeserializer::new(registration, registry);
-        let read = deserializer.deserialize(&mut serde_json::Deserializer::from_str(&text)).unwrap();
-        T::from_reflect(&*read).unwrap()
-    }
     let mut app = App::new();
     app.add_plugins((MinimalPlugins, AssetPlugin::default(), PlenOctreePlugin));
     let registry = app.world().resource::<AppTypeRegistry>().read();

@@ -78,6 +78,7 @@ mod tests {
             weights: vec![0.3, 0.2, 0.1, 0.19, 0.1, 0.1, 0.01],
             method: None,
             ramps: vec![],
+            shown: vec![],
         };
         let shown = opposite_main_hue(&palette);
         assert_eq!(shown[2..], others);

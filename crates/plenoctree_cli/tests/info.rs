@@ -35,8 +35,8 @@ fn a_field_is_described() {
 #[test]
 fn a_palette_is_described() {
     let path = folder("info_palette").join("two.palette.json");
-    let palette =
-        Palette { colors: vec![[0.0, 0.5, 1.0], [1.0; 3]], weights: vec![0.75, 0.25], method: None, ramps: vec![] };
+    let mut palette = Palette::new(vec![[0.0, 0.5, 1.0], [1.0; 3]]).unwrap();
+    palette.weights = vec![0.75, 0.25];
     palette.write(&path).unwrap();
     let printed = succeed(&["info", text(&path)]);
     assert!(printed.contains("#0080ff   75.0%") && printed.contains("#ffffff   25.0%"), "{printed}");

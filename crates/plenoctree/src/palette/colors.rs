@@ -17,7 +17,8 @@ use crate::save::replace_file;
 ///
 /// Palette files are JSON: `{"colors": [[r, g, b], ...], "weights": [...], "method": "fitted"}`. If a file has no
 /// weights, all colors have the same weight. `method` is left out unless the palette was extracted, and `ramps`, such as
-/// `[{"name": "red", "tones": [3, 0]}]`, if there are none. Channels in files are from 0 to 1.
+/// `[{"name": "red", "tones": [3, 0]}]`, and `shown`, such as `[[r, g, b], ...]`, if there are none. Channels of `colors`
+/// in files are from 0 to 1.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "PaletteJson")]
 #[cfg_attr(
@@ -40,6 +41,11 @@ pub struct Palette {
     /// [`find_ramps`](Self::find_ramps) finds those of any palette.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub ramps: Vec<Ramp>,
+    /// Shown colors: what appears in place of each color, or nothing if the colors themselves appear. In encoded sRGB,
+    /// without limits.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    #[cfg_attr(feature = "bevy", reflect(default))]
+    pub shown: Vec<[f64; 3]>,
 }
 
 /// The content of a palette file.
@@ -50,6 +56,8 @@ struct PaletteJson {
     method: Option<PaletteMethod>,
     #[serde(default)]
     ramps: Vec<Ramp>,
+    #[serde(default)]
+    shown: Vec<[f64; 3]>,
 }
 
 /// An error that occurs when colors and weights do not make a palette.
@@ -92,6 +100,22 @@ pub enum InvalidPalette {
         index: usize,
         /// The weight found.
         found: f64,
+    },
+    /// The number of shown colors is not the number of colors.
+    #[error("found {found} shown colors, expected one for each of {expected} colors, or none")]
+    Shown {
+        /// Number of shown colors found.
+        found: usize,
+        /// Number of colors.
+        expected: usize,
+    },
+    /// A shown color is NaN, infinite, or too large for float32.
+    #[error("found {found:?} as shown color {index}, expected finite numbers within the range of float32")]
+    ShownColor {
+        /// Index of the color.
+        index: usize,
+        /// The color found.
+        found: [f64; 3],
     },
     /// The ramps do not fit the colors.
     #[error(transparent)]
@@ -144,9 +168,19 @@ impl Palette {
     /// Returns an error if there are no colors, more than [`Self::MAX_COLORS`], or one that is not finite in float32.
     pub fn new(colors: Vec<[f64; 3]>) -> Result<Self, InvalidPalette> {
         let weights = equal_weights(colors.len());
-        let palette = Self { colors, weights, method: None, ramps: Vec::new() };
+        let palette = Self::weighted(colors, weights);
         palette.validate()?;
         Ok(palette)
+    }
+
+    /// Creates a palette of colors and weights, with nothing else.
+    pub(super) fn weighted(colors: Vec<[f64; 3]>, weights: Vec<f64>) -> Self {
+        Self { colors, weights, method: None, ramps: Vec::new(), shown: Vec::new() }
+    }
+
+    /// Returns the colors that appear: the [shown](Self::shown) ones or, if there are none, the palette's own.
+    pub fn shown_colors(&self) -> &[[f64; 3]] {
+        if self.shown.is_empty() { &self.colors } else { &self.shown }
     }
 
     /// Checks what must hold for the palette in a file, too.
@@ -164,7 +198,8 @@ impl Palette {
     /// # Errors
     ///
     /// Returns an error if there are no colors or more than [`Self::MAX_COLORS`], if there is not one weight per color,
-    /// if a color is not finite in float32, if a weight is negative or not finite, or if the ramps do not fit the colors.
+    /// if a color is not finite in float32, if a weight is negative or not finite, if there are shown colors but not one
+    /// per color, or if the ramps do not fit the colors.
     pub fn validate(&self) -> Result<(), InvalidPalette> {
         let (found, expected) = (self.weights.len(), self.colors.len());
         if expected == 0 || expected > Self::MAX_COLORS {
@@ -173,15 +208,20 @@ impl Palette {
         if found != expected {
             return Err(InvalidPalette::Weights { found, expected });
         }
-        for (index, &found) in self.colors.iter().enumerate() {
-            if !found.iter().all(|channel| (*channel as f32).is_finite()) {
-                return Err(InvalidPalette::Color { index, found });
-            }
+        let is_finite = |color: &[f64; 3]| color.iter().all(|channel| (*channel as f32).is_finite());
+        if let Some(index) = self.colors.iter().position(|color| !is_finite(color)) {
+            return Err(InvalidPalette::Color { index, found: self.colors[index] });
         }
         for (index, &found) in self.weights.iter().enumerate() {
             if !found.is_finite() || found < 0.0 {
                 return Err(InvalidPalette::Weight { index, found });
             }
+        }
+        if ![0, expected].contains(&self.shown.len()) {
+            return Err(InvalidPalette::Shown { found: self.shown.len(), expected });
+        }
+        if let Some(index) = self.shown.iter().position(|color| !is_finite(color)) {
+            return Err(InvalidPalette::ShownColor { index, found: self.shown[index] });
         }
         Ok(ramps::validate(&self.ramps, self.colors.len())?)
     }
@@ -231,9 +271,9 @@ impl Palette {
 impl TryFrom<PaletteJson> for Palette {
     type Error = InvalidPalette;
 
-    fn try_from(PaletteJson { colors, weights, method, ramps }: PaletteJson) -> Result<Self, InvalidPalette> {
+    fn try_from(PaletteJson { colors, weights, method, ramps, shown }: PaletteJson) -> Result<Self, InvalidPalette> {
         let weights = weights.unwrap_or_else(|| equal_weights(colors.len()));
-        let palette = Self { colors, weights, method, ramps };
+        let palette = Self { colors, weights, method, ramps, shown };
         palette.validate_for_file()?;
         Ok(palette)
     }
@@ -270,7 +310,7 @@ mod tests {
     #[test]
     fn files_have_colors_weights_and_the_method() {
         let colors = vec![[0.0, 0.5, 1.0], [0.75, 0.25, 0.0]];
-        let mut palette = Palette { colors, weights: vec![0.75, 0.25], method: None, ramps: vec![] };
+        let mut palette = Palette::weighted(colors, vec![0.75, 0.25]);
         let handmade = r#"{"colors":[[0.0,0.5,1.0],[0.75,0.25,0.0]],"weights":[0.75,0.25]}"#;
         assert_eq!(serde_json::to_string(&palette).unwrap(), handmade);
         palette.method = Some(PaletteMethod::Fitted);
@@ -286,6 +326,16 @@ mod tests {
         let palette = parse(text).unwrap();
         assert_eq!(palette.ramps, [Ramp { name: "sea".into(), tones: vec![0] }]);
         assert_eq!(serde_json::to_string(&palette).unwrap(), text);
+    }
+
+    #[test]
+    fn files_may_have_shown_colors() {
+        let text =
+            r#"{"colors":[[0.0,0.5,1.0],[1.0,0.0,0.0]],"weights":[0.75,0.25],"shown":[[2.0,-0.5,1.0],[0.1,0.2,0.3]]}"#;
+        let palette = parse(text).unwrap();
+        assert_eq!(palette.shown_colors(), [[2.0, -0.5, 1.0], [0.1, 0.2, 0.3]]);
+        assert_eq!(serde_json::to_string(&palette).unwrap(), text);
+        assert_eq!(Palette { shown: vec![], ..palette }.shown_colors(), [[0.0, 0.5, 1.0], [1.0, 0.0, 0.0]]);
     }
 
     #[test]
@@ -315,6 +365,11 @@ mod tests {
             (r#"{"colors": [[0, 0, 1e999]]}"#, "number out of range"),
             (r#"{"colors": [[0, 0, null]]}"#, "invalid type: null, expected f64"),
             (r#"{"weights": [1]}"#, "missing field `colors`"),
+            (
+                r#"{"colors": [[0, 0, 0]], "shown": [[0, 0, 0], [1, 1, 1]]}"#,
+                "found 2 shown colors, expected one for each of 1 colors, or none",
+            ),
+            (r#"{"colors": [[0, 0, 0]], "shown": [[0, 0, 1e39]]}"#, "as shown color 0, expected finite numbers"),
             (
                 r#"{"colors": [[0, 0, 0]], "method": "guess"}"#,
                 "unknown variant `guess`, expected one of `hull`, `fitted`, `tones`",

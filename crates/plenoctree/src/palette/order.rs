@@ -19,5 +19,5 @@ pub(super) fn order(mut colors: Vec<[f64; 3]>, clusters: &Clusters) -> Palette {
     let mut order: Vec<usize> = (0..colors.len()).collect();
     order.sort_by(|&a, &b| f64::total_cmp(&weights[b], &weights[a]));
     let (colors, weights) = order.iter().map(|&i| (colors[i], weights[i])).unzip();
-    Palette { colors, weights, method: None, ramps: Vec::new() }
+    Palette::weighted(colors, weights)
 }

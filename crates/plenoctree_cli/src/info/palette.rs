@@ -19,9 +19,13 @@ pub fn report(path: &Path) -> Result<Report> {
         json!({"hex": hex::format(hex::quantize(*color)), "color": color, "weight": weight})
     };
     let colors: Vec<Value> = palette.colors.iter().zip(&palette.weights).map(color).collect();
-    let json =
-        json!({"file": path.display().to_string(), "file_bytes": file_bytes, "colors": colors, "ramps": palette.ramps});
+    let json = json!({"file": path.display().to_string(), "file_bytes": file_bytes, "colors": colors, "ramps": palette.ramps,
+            "shown": palette.shown});
 
-    let lines = [("file size", text::size(file_bytes)), ("colors", palette.colors.len().to_string())];
+    let hex = |color: &[f64; 3]| hex::format(hex::quantize(*color));
+    let mut lines = vec![("file size", text::size(file_bytes)), ("colors", palette.colors.len().to_string())];
+    if !palette.shown.is_empty() {
+        lines.push(("shown as", palette.shown.iter().map(hex).collect::<Vec<_>>().join(" ")));
+    }
     Ok(Report { text: text::table(path, &lines) + &swatches::lines(&palette), json })
 }

@@ -124,10 +124,10 @@ impl Arguments {
         self.extraction.histograms.iter().try_for_each(|path| files::check_outputs(&[path], &[field]))
     }
 
-    /// Returns the palette's colors with the recolorings from the command line, or `None` if nothing is recolored, neither
-    /// by palette color or ramp nor by pixel.
+    /// Returns the shown colors with the recolorings from the command line, or `None` if nothing is recolored, neither in
+    /// the file of the palette nor by palette color, ramp or pixel.
     pub fn recolored(&self, palette: &Palette) -> Result<Option<Vec<[f64; 3]>>, String> {
-        if self.recolor.is_empty() && self.pixel.is_empty() {
+        if self.recolor.is_empty() && self.pixel.is_empty() && palette.shown.is_empty() {
             return Ok(None);
         }
         recolor::apply(&self.recolor, palette).map(Some)

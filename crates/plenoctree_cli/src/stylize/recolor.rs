@@ -35,9 +35,9 @@ pub fn parse(text: &str) -> Result<Recoloring, String> {
     Ok(Recoloring { of, color: hex::parse(color)? })
 }
 
-/// Returns the palette's colors with all recolorings, one after another.
+/// Returns the palette's shown colors with all recolorings, one after another.
 pub fn apply(recolorings: &[Recoloring], palette: &Palette) -> Result<Vec<[f64; 3]>, String> {
-    let mut colors = palette.colors.clone();
+    let mut colors = palette.shown_colors().to_vec();
     for Recoloring { of, color } in recolorings {
         let color = color.map(|channel| f64::from(channel) / 255.0);
         let ramp = match of {
@@ -93,6 +93,15 @@ mod tests {
         let ramp = recolored("cap=#3060d0").unwrap();
         assert_eq!(recolored("ramp:0=#3060d0").unwrap(), ramp);
         assert!(ramp[..2].iter().all(|[r, _, b]| b > r) && ramp[0][2] < ramp[1][2] && ramp[2] == before[2], "{ramp:?}");
+    }
+
+    /// The colors that a file shows are recolored further.
+    #[test]
+    fn shown_colors_come_first() {
+        let shown = vec![[0.1; 3], [0.2; 3], [0.3; 3]];
+        let palette = Palette { shown: shown.clone(), ..palette() };
+        assert_eq!(apply(&[], &palette).unwrap(), shown);
+        assert_eq!(apply(&[parse("1=#0000ff").unwrap()], &palette).unwrap(), [shown[0], [0.0, 0.0, 1.0], shown[2]]);
     }
 
     #[test]

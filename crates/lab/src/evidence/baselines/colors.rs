@@ -40,7 +40,8 @@ impl WeightedColors {
         let mut order: Vec<usize> = (0..colors.len()).collect();
         order.sort_by(|&a, &b| f64::total_cmp(&weights[b], &weights[a]));
         colors = order.iter().map(|&index| colors[index]).collect();
-        Palette { colors, weights: order.iter().map(|&index| weights[index]).collect(), method: None, ramps: vec![] }
+        let weights = order.iter().map(|&index| weights[index]).collect();
+        Palette { colors, weights, method: None, ramps: vec![], shown: vec![] }
     }
 }
 

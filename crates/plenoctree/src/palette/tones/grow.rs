@@ -166,7 +166,7 @@ impl Tones<'_> {
         let total: f64 = sums.iter().map(|sum| sum.weight).sum();
         let color = |sum: &Sum| (from_oklab(sum.color()).clamp(DVec3::ZERO, DVec3::ONE).to_array(), sum.weight / total);
         let (colors, weights) = sums.iter().map(color).unzip();
-        Palette { colors, weights, method: None, ramps: Vec::new() }
+        Palette::weighted(colors, weights)
     }
 }
 
