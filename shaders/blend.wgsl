@@ -7,6 +7,7 @@
 #import bevy_plenoctree::ink::{Surface, ink_at, inked, surface_at}
 #endif
 #import bevy_plenoctree::labels::assign
+#import bevy_plenoctree::shade::FULL_LIGHT
 #ifdef LIGHTING
 #import bevy_plenoctree::shade::shade_of
 #endif
@@ -104,13 +105,13 @@ fn around(pixel: vec2<u32>, owners: vec2<u32>) -> Around {
 fn posterized(pixel: vec2<u32>, rays: vec4<f32>, owner: u32, behind: vec3<f32>) -> vec3<f32> {
     let over = rays.rgb + max(1.0 - rays.a, 0.0) * behind;
     var tint = props[owner - 1u].tint;
-    var missing = 0.0;
+    var light = FULL_LIGHT;
 #ifdef LIGHTING
     let shade = shade_of(pixel, owner - 1u, true);
     tint *= shade.tint;
-    missing = shade.missing;
+    light = shade.light;
 #endif
-    let color = decode(tinted(assign(over, owner - 1u, missing).color, tint));
+    let color = decode(tinted(assign(over, owner - 1u, light).color, tint));
 #ifdef INK
     let part = ink_at(labels, depth, vec2<i32>(pixel), own_surface(pixel, owner));
     return inked(owner - 1u, props[owner - 1u].tint, color, part);

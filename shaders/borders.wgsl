@@ -10,6 +10,7 @@
 #import bevy_plenoctree::edge::{RAYS, ray_offset}
 #import bevy_plenoctree::filter_texel::unpack
 #import bevy_plenoctree::labels::{label_at, place_of, placed, shown_in}
+#import bevy_plenoctree::shade::Light
 #import bevy_plenoctree::view::view
 
 // The fewest pixels of a label within the 5 x 5 pixels around one of them that are no island.
@@ -40,15 +41,15 @@ fn is_at_border(labels: texture_2d<u32>, pixel: vec2<i32>, own: vec2<u32>) -> bo
     return differs;
 }
 
-// Returns the color of a pixel at a border, in encoded sRGB. `own` is its texel of `labels`, and `missing` the fraction
-// of light that is missing.
+// Returns the color of a pixel at a border, in encoded sRGB. `own` is its texel of `labels`, and `light` the light
+// in which it is seen.
 fn bordered(
     labels: texture_2d<u32>,
     filtered: texture_2d<u32>,
     pixel: vec2<i32>,
     own: vec2<u32>,
     prop: u32,
-    missing: f32,
+    light: Light,
 ) -> vec3<f32> {
     var around: array<u32, 25>;
     for (var i = 0; i < AROUND * AROUND; i++) {
@@ -82,7 +83,7 @@ fn bordered(
         }
     }
     if count == 0u {
-        return shown_in(prop, label_at(prop, own.x - 2u), missing);
+        return shown_in(prop, label_at(prop, own.x - 2u), light);
     }
     for (var ray = 0u; ray < RAYS; ray++) {
         let offset = ray_offset(ray);
@@ -106,10 +107,10 @@ fn bordered(
     for (var c = 0u; c < count; c++) {
         if counts[c] == RAYS {
             // To the bit what pixels away from borders show.
-            return shown_in(prop, label_at(prop, candidates[c] - 2u), missing);
+            return shown_in(prop, label_at(prop, candidates[c] - 2u), light);
         }
         if counts[c] > 0u {
-            sum += f32(counts[c]) * decode(shown_in(prop, label_at(prop, candidates[c] - 2u), missing));
+            sum += f32(counts[c]) * decode(shown_in(prop, label_at(prop, candidates[c] - 2u), light));
         }
     }
     return encode(sum / f32(RAYS));

@@ -60,3 +60,33 @@ fn oklab(encoded: vec3<f32>) -> vec3<f32> {
         dot(root, vec3(0.0259040371, 0.7827717662, -0.8086757660)),
     );
 }
+
+// Converts Oklab to linear light.
+fn linear_of_oklab(lab: vec3<f32>) -> vec3<f32> {
+    let root = vec3(
+        dot(lab, vec3(1.0, 0.3963377774, 0.2158037573)),
+        dot(lab, vec3(1.0, -0.1055613458, -0.0638541728)),
+        dot(lab, vec3(1.0, -0.0894841775, -1.2914855480)),
+    );
+    let lms = root * root * root;
+    return vec3(
+        dot(lms, vec3(4.0767416621, -3.3077115913, 0.2309699292)),
+        dot(lms, vec3(-1.2684380046, 2.6097574011, -0.3413193965)),
+        dot(lms, vec3(-0.0041960863, -0.7034186147, 1.7076147010)),
+    );
+}
+
+// Multiplies the linear light of a color in encoded sRGB, without more than fits: what would get brighter than displays
+// show gets nearer to white in Oklab instead.
+fn lightened(encoded: vec3<f32>, factor: f32) -> vec3<f32> {
+    let linear = decode(encoded);
+    let most = max(linear.r, max(linear.g, linear.b));
+    let fits = clamp(1.0 / max(most, 1e-20), min(factor, 1.0), factor);
+    let color = encode(linear * fits);
+    if fits >= factor {
+        return color;
+    }
+    let lab = oklab(color);
+    let lightness = min(lab.x * pow(factor / fits, 1.0 / 3.0), max(lab.x, 1.0));
+    return encode(max(linear_of_oklab(vec3(lightness, lab.yz)), vec3(0.0)));
+}

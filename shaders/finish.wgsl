@@ -5,6 +5,7 @@
 #ifdef INK
 #import bevy_plenoctree::ink::{ink_at, inked, surface_at}
 #endif
+#import bevy_plenoctree::shade::FULL_LIGHT
 #ifdef LIGHTING
 #import bevy_plenoctree::shade::{lit_prop, shade_of}
 #endif
@@ -37,16 +38,16 @@ fn finished(pixel: vec2<u32>) -> vec4<f32> {
     var color = seen.rgb;
     var tint = props[prop].tint;
     if labelings[prop].smooth_borders == 1u && is_at_border(labels, vec2<i32>(pixel), own) {
-        var missing = 0.0;
+        var light = FULL_LIGHT;
 #ifdef LIGHTING
         let lit = select(owner, lit_prop(pixel), own.y == 0u);
         if lit > 0u {
             let shade = shade_of(pixel, lit - 1u, true);
             tint *= shade.tint;
-            missing = shade.missing;
+            light = shade.light;
         }
 #endif
-        color = tinted(bordered(labels, filtered, vec2<i32>(pixel), own, prop, missing), tint);
+        color = tinted(bordered(labels, filtered, vec2<i32>(pixel), own, prop, light), tint);
     }
 #ifdef INK
     let part = ink_at(labels, depth, vec2<i32>(pixel), surface_at(labels, depth, vec2<i32>(pixel)));

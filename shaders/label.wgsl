@@ -8,6 +8,7 @@
 #import bevy_plenoctree::filter_texel::unpack
 #import bevy_plenoctree::labels::assign
 #endif
+#import bevy_plenoctree::shade::FULL_LIGHT
 #ifdef LIGHTING
 #import bevy_plenoctree::shade::{Shade, lit_prop, shade_of}
 #endif
@@ -36,7 +37,7 @@ fn as_trained(pixel: vec2<u32>, over: vec4<f32>, composite: vec3<f32>) -> Seen {
     if trained > 0u && over.a > 0.0 {
         // What shows through the prop keeps its light.
         let shade = shade_of(pixel, trained - 1u, false);
-        color += over.a * tinted(over.rgb / over.a, shade.tint * (1.0 - shade.missing)) - over.rgb;
+        color += over.a * tinted(over.rgb / over.a, shade.tint * shade.light.factor) - over.rgb;
     }
 #endif
     return Seen(color, over.a, select(0u, 1u, over.a > 0.0), 0u);
@@ -55,17 +56,17 @@ fn seen_at(pixel: vec2<u32>) -> Seen {
     }
     let is_view = value.owner == screen.everything;
     var tint = props[value.owner - 1u].tint;
-    var missing = 0.0;
+    var light = FULL_LIGHT;
 #ifdef LIGHTING
     // In a posterized view, lights fall on props as trained.
     let lit = select(value.owner, lit_prop(pixel), is_view);
     if lit > 0u {
         let shade = shade_of(pixel, lit - 1u, true);
         tint *= shade.tint;
-        missing = shade.missing;
+        light = shade.light;
     }
 #endif
-    let posterized = assign(value.color, value.owner - 1u, missing);
+    let posterized = assign(value.color, value.owner - 1u, light);
     return Seen(
         tinted(posterized.color, tint),
         // Posterized props are opaque. A posterized view keeps the opacity of its pixels.

@@ -3,8 +3,9 @@
 
 #import bevy_plenoctree::color::oklab
 #ifdef LIGHTING
-#import bevy_plenoctree::color::{decode, encode}
+#import bevy_plenoctree::color::{decode, encode, lightened}
 #endif
+#import bevy_plenoctree::shade::Light
 #import bevy_plenoctree::view::{colors, labelings}
 
 // A label: a blend of the palette colors `first` and `second`, where `share` is the weight of `first`.
@@ -114,7 +115,8 @@ const GRAY: f32 = 0.08;
 // The cosine of the angle within which hues count as the same.
 const SAME_HUE: f32 = 0.9;
 
-fn is_darker_shade(color: vec3<f32>, own: vec3<f32>) -> bool {
+// Returns whether a color has the hue of another one and is darker, or lighter if `is_lighter` says so.
+fn is_shade(color: vec3<f32>, own: vec3<f32>, is_lighter: bool) -> bool {
     let chroma = color - dot(color, vec3(1.0 / 3.0));
     let own_chroma = own - dot(own, vec3(1.0 / 3.0));
     let lengths = vec2(length(chroma), length(own_chroma));
@@ -123,17 +125,22 @@ fn is_darker_shade(color: vec3<f32>, own: vec3<f32>) -> bool {
         all(lengths < vec2(GRAY)),
         any(lengths < vec2(GRAY)),
     );
-    return same_hue && dot(color - own, vec3(0.2126, 0.7152, 0.0722)) < 0.0;
+    let step = dot(color - own, vec3(0.2126, 0.7152, 0.0722));
+    return same_hue && select(-step, step, is_lighter) > 0.0;
 }
 
-// Returns the color that a label shows where a fraction of the light is missing: that of the darker label of the same
-// hue that is nearest to the label's color with less light. If there is no such label, its own color with less light.
-fn shaded(prop: u32, label: Label, missing: f32) -> vec3<f32> {
+// Returns the color that a label shows with more or less light: that of the lighter or darker label of the same hue that
+// is nearest to the label's color in that light. If there is no such label, its own color in that light.
+fn shaded(prop: u32, label: Label, factor: f32) -> vec3<f32> {
+    if factor == 1.0 {
+        return shown(labelings[prop].first_color + labelings[prop].colors, label);
+    }
+    let is_lighter = factor > 1.0;
     let count = labelings[prop].colors;
     let source = labelings[prop].first_color;
     let steps = labelings[prop].blend_steps;
     let own = shown(source, label);
-    let wanted = encode(decode(own) * (1.0 - missing));
+    let wanted = encode(decode(own) * factor);
     var nearest = Label(0u, 0u, 1.0);
     var least = dot(own - wanted, own - wanted);
     var is_found = false;
@@ -144,7 +151,7 @@ fn shaded(prop: u32, label: Label, missing: f32) -> vec3<f32> {
                 let share = select(f32(k) / f32(steps), 1.0, j == i);
                 let color = mix(colors[source + j].rgb, colors[source + i].rgb, share);
                 let distance = dot(color - wanted, color - wanted);
-                if distance < least && is_darker_shade(color, own) {
+                if distance < least && is_shade(color, own, is_lighter) {
                     nearest = Label(i, j, share);
                     least = distance;
                     is_found = true;
@@ -155,21 +162,24 @@ fn shaded(prop: u32, label: Label, missing: f32) -> vec3<f32> {
     if is_found {
         return shown(source + count, nearest);
     }
-    return encode(decode(shown(source + count, label)) * (1.0 - missing));
+    return lightened(shown(source + count, label), factor);
 }
 #endif
 
-// Returns the color that a label shows where a fraction of the light is missing.
-fn shown_in(prop: u32, label: Label, missing: f32) -> vec3<f32> {
+// Returns the color that a label shows in a light.
+fn shown_in(prop: u32, label: Label, light: Light) -> vec3<f32> {
 #ifdef LIGHTING
-    if missing > 0.0 {
-        return shaded(prop, label, missing);
+    let color = shaded(prop, label, light.factor);
+    if light.share == 0.0 {
+        return color;
     }
-#endif
+    return encode(mix(decode(color), decode(shaded(prop, label, light.other)), light.share));
+#else
     return shown(labelings[prop].first_color + labelings[prop].colors, label);
+#endif
 }
 
-fn assign(color: vec3<f32>, prop: u32, missing: f32) -> Shown {
+fn assign(color: vec3<f32>, prop: u32, light: Light) -> Shown {
     let count = labelings[prop].colors;
     let places = labelings[prop].first_place;
     let place = placed(prop, color);
@@ -193,12 +203,12 @@ fn assign(color: vec3<f32>, prop: u32, missing: f32) -> Shown {
     let softness = labelings[prop].softness;
     let lead = sqrt(nearest.distances.y) - sqrt(nearest.distances.x);
     let index = index_of(nearest.labels.x, count, steps);
-    let first = shown_in(prop, unpacked(nearest.labels.x, steps), missing);
+    let first = shown_in(prop, unpacked(nearest.labels.x, steps), light);
     // Softness 0 gives a hard edge. A palette of one color has no second label: its distance remains FAR.
     if lead >= softness {
         return Shown(first, index);
     }
     let step = 0.5 + 0.5 * lead / softness;
-    let soft = mix(shown_in(prop, unpacked(nearest.labels.y, steps), missing), first, step * step * (3.0 - 2.0 * step));
+    let soft = mix(shown_in(prop, unpacked(nearest.labels.y, steps), light), first, step * step * (3.0 - 2.0 * step));
     return Shown(soft, index);
 }

@@ -1,6 +1,8 @@
 // The lighting pass: finds how much of the scene's light is blocked from the solid parts of props by things outside
 // their boxes (or nearer, see `self_shadow_distance`), and the color of the rest. Bind group 0 has the lights, as
 // Bevy's mesh view has them.
+//
+// With BRIGHTNESS, it also finds how much light falls on them. The smooth_light pass smooths the result.
 
 #import bevy_pbr::clustered_forward::{
     get_clusterable_object_id, unpack_clusterable_object_index_ranges, view_fragment_cluster_index,
@@ -13,8 +15,12 @@
 #import bevy_pbr::shadows::{
     fetch_point_shadow, fetch_spot_shadow, get_cascade_index, sample_directional_cascade, world_to_directional_light_local,
 }
-#import bevy_plenoctree::shade::Lit
-#import bevy_plenoctree::view::{LEAST_DEPTH, View, is_solid, prop_of}
+#ifdef BRIGHTNESS
+#import bevy_plenoctree::relief::{Relief, center_at, relief_at}
+#endif
+#import bevy_plenoctree::relief::depth_near
+#import bevy_plenoctree::shade::{LIGHT_ZERO, LIGHT_STEPS, Lit}
+#import bevy_plenoctree::view::{LEAST_DEPTH, View, prop_of}
 
 @group(1) @binding(0) var<storage, read> props: array<Lit>;
 // The part of the viewport that is drawn.
@@ -111,30 +117,33 @@ fn share_of_lamp(id: u32, surface: Surface, is_spot: bool) -> f32 {
 }
 #endif
 
+#ifdef BRIGHTNESS
+const PI: f32 = 3.1415927;
+// What light counts for the hue of a point that it passes by, relative to light that falls on it at a right angle. It
+// makes hues fade where surfaces turn away.
+const PASSING: f32 = 0.25;
+
+// The light that falls on a point: its sum, and its hue.
+struct Falls {
+    light: vec3<f32>,
+    hue: vec3<f32>,
+}
+
+fn falls(sum: ptr<function, Falls>, light: vec3<f32>, toward: vec3<f32>, relief: Relief, rim: f32) {
+    let cosine = max(dot(relief.normal, toward), 0.0) + rim * max(dot(relief.outward, toward), 0.0);
+    (*sum).light += cosine * light;
+    (*sum).hue += (cosine + PASSING) * light;
+}
+#endif
+
 fn luminance(light: vec3<f32>) -> f32 {
     return dot(light, vec3(0.2126, 0.7152, 0.0722));
 }
 
-// The largest distance at which a pixel that is not solid takes the depth of a solid one, in pixels.
-const REACH: i32 = 3;
-
-// Returns the depth of a pixel, or that of a solid pixel of the same prop nearby: outlines are drawn where a prop is
-// not solid yet, and must get as dark as what they outline. Returns 0 if there is none.
-fn depth_near(pixel: vec2<i32>, prop: u32) -> f32 {
-    var found = textureLoad(depth, pixel, 0);
-    let last = vec2<i32>(drawn.size) - 1;
-    for (var reach = 1; reach <= REACH; reach++) {
-        if is_solid(found) {
-            break;
-        }
-        for (var i = 0; i < 9; i++) {
-            let at = clamp(pixel + reach * vec2(i % 3 - 1, i / 3 - 1), vec2(0), last);
-            if prop_of(textureLoad(owner, at, 0)) == prop {
-                found = max(found, textureLoad(depth, at, 0));
-            }
-        }
-    }
-    return select(0.0, found, is_solid(found));
+// Returns the color of light, whose largest channel is 1.
+fn hue(light: vec3<f32>) -> vec3<f32> {
+    let brightest = max(light.r, max(light.g, light.b));
+    return select(vec3(1.0), light / max(brightest, 1e-30), brightest > 0.0);
 }
 
 @fragment
@@ -145,7 +154,7 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
     if owned == 0u || props[prop].bands == 0u {
         discard;
     }
-    let solid = depth_near(pixel, owned);
+    let solid = depth_near(depth, owner, vec2<i32>(drawn.size), pixel, owned);
     if solid == 0.0 {
         discard;
     }
@@ -158,11 +167,23 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
 
     var all_light = vec3(0.0);
     var arrives = vec3(0.0);
+#ifdef BRIGHTNESS
+    let center = center_at(pixel, drawn.corner, drawn.size, owned, solid, props[prop].radius);
+    var relief = Relief(vec3(0.0), vec3(0.0));
+    if props[prop].brightness > 0.0 {
+        relief = relief_at(depth, owner, center);
+    }
+    var sum = Falls(vec3(0.0), vec3(0.0));
+#endif
     for (var id = 0u; id < lights.n_directional_lights; id++) {
         let light = lights.directional_lights[id].color.rgb;
         if luminance(light) > 0.0 {
+            let arriving = light * share_of_sun(id, surface);
             all_light += light;
-            arrives += light * share_of_sun(id, surface);
+            arrives += arriving;
+#ifdef BRIGHTNESS
+            falls(&sum, arriving, lights.directional_lights[id].direction_to_light, relief, props[prop].rim);
+#endif
         }
     }
 #ifdef LAMPS
@@ -173,13 +194,27 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
         let is_spot = i >= ranges.first_spot_light_index_offset;
         let light = light_of_lamp(id, surface, is_spot);
         if luminance(light) > 0.0 {
+            let arriving = light * share_of_lamp(id, surface, is_spot);
             all_light += light;
-            arrives += light * share_of_lamp(id, surface, is_spot);
+            arrives += arriving;
+#ifdef BRIGHTNESS
+            let toward = normalize(clustered_lights.data[id].position_radius.xyz - point);
+            falls(&sum, arriving, toward, relief, props[prop].rim);
+#endif
         }
     }
 #endif
-    let blocked = 1.0 - luminance(arrives) / max(luminance(all_light), 1e-30);
-    let brightest = max(arrives.r, max(arrives.g, arrives.b));
-    let color = select(vec3(1.0), arrives / max(brightest, 1e-30), brightest > 0.0);
-    return vec4(color, select(0.0, blocked, luminance(all_light) > 0.0));
+    let has_light = luminance(all_light) > 0.0;
+    let blocked = select(0.0, 1.0 - luminance(arrives) / max(luminance(all_light), 1e-30), has_light);
+#ifdef BRIGHTNESS
+    if props[prop].brightness > 0.0 {
+        // As bright as a white surface that scatters all light evenly, as in Bevy's materials.
+        let ambient = lights.ambient_color.rgb;
+        let seen = (luminance(sum.light) / PI + luminance(ambient)) * view.exposure;
+        let added = 1.0 - exp(-seen);
+        let value = (LIGHT_ZERO + LIGHT_STEPS * (added - blocked)) / 255.0;
+        return vec4(hue(sum.hue / PI + ambient), value);
+    }
+#endif
+    return vec4(hue(arrives), blocked);
 }

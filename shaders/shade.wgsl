@@ -17,18 +17,38 @@ struct Lit {
     bands: u32,
     // The distance from which parts of the prop cast shadows on it, in world units.
     self_shadow_distance: f32,
+    // The fraction of its own light that full light adds. If it is 0, lights add nothing.
+    brightness: f32,
+    // How much light from beside and from behind adds at its outline.
+    rim: f32,
+    // The distance within which its surface is smoothed, in world units.
+    radius: f32,
 }
+
+// Light that is added (up to 1) or missing (down to -1), in the bytes of the lighting pass: 0, and the steps to 1.
+const LIGHT_ZERO: f32 = 128.0;
+const LIGHT_STEPS: f32 = 127.0;
+
+// The factors of linear light in a pixel: on one side of a line between two bands, and on the other side, which covers
+// `share` of the pixel.
+struct Light {
+    factor: f32,
+    other: f32,
+    share: f32,
+}
+
+const FULL_LIGHT: Light = Light(1.0, 1.0, 0.0);
 
 // One per prop of the view.
 @group(2) @binding(0) var<storage, read> lit: array<Lit>;
-// The result of the lighting pass: the color of the light that arrives, and the fraction that is blocked.
+// The result of the lighting pass: the color of the light that arrives, and the fraction that is blocked. With
+// BRIGHTNESS, that of the smooth_light pass: props that lights brighten have the light that is added or missing instead.
 @group(2) @binding(1) var light: texture_2d<f32>;
 @group(2) @binding(2) var owner: texture_2d<f32>;
 
 // The effect of lights and shadows on a prop in a pixel.
 struct Shade {
-    // The fraction of light that is missing.
-    missing: f32,
+    light: Light,
     // The factors of linear light, from the color of the lights.
     tint: vec3<f32>,
 }
@@ -39,7 +59,7 @@ fn lit_prop(pixel: vec2<u32>) -> u32 {
 }
 
 // Returns the effect of lights on a prop in a pixel that it owns or, at its edge, in a neighbor that it owns. The
-// missing light is rounded to steps if `in_steps` says so.
+// light is rounded to steps if `in_steps` says so.
 fn shade_of(pixel: vec2<u32>, prop: u32, in_steps: bool) -> Shade {
     var at = pixel;
     for (var i = 0; i < 8; i++) {
@@ -50,6 +70,29 @@ fn shade_of(pixel: vec2<u32>, prop: u32, in_steps: bool) -> Shade {
     }
     let arrives = textureLoad(light, at, 0);
     let bands = f32(max(lit[prop].bands, 1u));
+    let tint = mix(vec3(1.0), arrives.rgb, lit[prop].tint);
+#ifdef BRIGHTNESS
+    if lit[prop].brightness > 0.0 {
+        if !in_steps {
+            return Shade(Light(factor_of(prop, arrives.a), 1.0, 0.0), tint);
+        }
+        let scaled = bands * arrives.a;
+        let low = floor(scaled + LEAST_SHARE);
+        let share = select(0.0, scaled - low, scaled - low > LEAST_SHARE);
+        let other = factor_of(prop, (low + 1.0) / bands);
+        return Shade(Light(factor_of(prop, low / bands), other, share), tint);
+    }
+#endif
     let blocked = select(arrives.a, floor(arrives.a * bands + 0.5) / bands, in_steps);
-    return Shade(lit[prop].shadows * blocked, mix(vec3(1.0), arrives.rgb, lit[prop].tint));
+    return Shade(Light(1.0 - lit[prop].shadows * blocked, 1.0, 0.0), tint);
 }
+
+#ifdef BRIGHTNESS
+// Less of the other band does not show. Covers the rounding of half floats.
+const LEAST_SHARE: f32 = 0.02;
+
+// Returns the factor of linear light where light is added or missing.
+fn factor_of(prop: u32, added: f32) -> f32 {
+    return 1.0 + added * select(lit[prop].brightness, lit[prop].shadows, added < 0.0);
+}
+#endif

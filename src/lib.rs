@@ -35,7 +35,7 @@
 //! | recolor it | [`Palettes`], [`PaletteOverride`], [`PropTint`], [`BlendSpace`], [`PaletteReady`] |
 //! | configure palette extraction, and see what it found where | [`PaletteExtraction`], [`SampleOrigin`] |
 //! | cast shadows | the feature `shadows`, [`SolidOpacity`], [`PropQuality`] on a light |
-//! | let the scene's shadows and lights fall on it | `PropLighting` (feature `shadows`) on the prop |
+//! | let the scene's shadows and lights darken, tint or brighten it | `PropLighting` (feature `shadows`) on the prop |
 //! | let it fade in fog | Bevy's `DistanceFog` on a camera (feature `shadows`) |
 //! | choose where in the frame props are drawn | [`PropStage`] on a camera |
 //! | trade accuracy for speed | [`PropQuality`] on a camera |
@@ -90,7 +90,7 @@ pub use gpu::{
 };
 pub use ink::{Ink, InkBorders, InkColor, MAX_INK_PIXELS};
 #[cfg(feature = "shadows")]
-pub use lighting::{MAX_BANDS, PropLighting};
+pub use lighting::{MAX_BANDS, MAX_BRIGHTNESS, PropLighting};
 #[cfg(feature = "mesh")]
 pub use mesh::surface_mesh;
 pub use palette::{

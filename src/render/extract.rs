@@ -69,6 +69,14 @@ impl ExtractedProp {
         #[cfg(not(feature = "shadows"))]
         return false;
     }
+
+    /// Returns whether they make it brighter.
+    pub fn is_brightened(&self) -> bool {
+        #[cfg(feature = "shadows")]
+        return self.lighting.is_some_and(|lighting| lighting.brightness > 0.0);
+        #[cfg(not(feature = "shadows"))]
+        return false;
+    }
 }
 
 impl ExtractedProps {

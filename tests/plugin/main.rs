@@ -1,6 +1,7 @@
 //! Tests of the plugin on whatever adapter there is. They are one program, so that Bevy is linked once.
 
 mod arrival;
+mod brightness;
 mod edges;
 mod extremes;
 mod fog;

@@ -33,8 +33,11 @@ pub(in crate::render) enum Slot {
     Places,
     /// A depth that is 1 at edges, so that later passes run only there.
     EdgeMask,
-    /// The color of the light that arrives, and the fraction that is blocked.
+    /// The color of the light that arrives, and the fraction that is blocked, or the light that is added. See
+    /// `lighting.wgsl`.
     Light,
+    /// The same, smoothed. See `smooth_light.wgsl`.
+    SmoothLight,
     /// The composite before and after each iteration of the filter. See `filter_texel.wgsl`.
     Even,
     /// The same, halfway through an iteration.
@@ -74,7 +77,7 @@ impl Slot {
     pub fn format(self) -> Option<TextureFormat> {
         use TextureFormat::*;
         Some(match self {
-            Self::Color(_) | Self::OwnRays | Self::OtherRays => Rgba16Float,
+            Self::Color(_) | Self::OwnRays | Self::OtherRays | Self::SmoothLight => Rgba16Float,
             Self::Labeled | Self::Finished | Self::Shown | Self::Staged | Self::Fogged => Rgba16Float,
             Self::Owner(_) => Rg16Float,
             Self::Motion(_) => MOTION_VECTOR_PREPASS_FORMAT,

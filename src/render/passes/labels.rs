@@ -75,7 +75,7 @@ pub(super) fn label(plan: &Plan) -> Pass {
         .define_if(!plan.posterizes, "UNPOSTERIZED")
         .define_if(labels_before_edges(plan), "SMOOTH")
         .define_if(plan.needs_labels(), "LABEL_TEXTURES")
-        .define_if(plan.is_lit, "LIGHTING");
+        .define_all(lit(plan));
     let is_last = !plan.smooths && !plan.finishes();
     let mut writes = vec![Some(Output::Texture(if is_last { Slot::Shown } else { Slot::Labeled }))];
     // The blend pass replaces the pixels at edges.
@@ -110,7 +110,7 @@ pub(super) fn blend(plan: &Plan) -> Option<Pass> {
     let program = Program::new("blend")
         .define_all(space(plan.target.space))
         .define_number("SAMPLES", plan.hidden_samples())
-        .define_if(plan.is_lit, "LIGHTING");
+        .define_all(lit(plan));
     let shown = if plan.finishes() { Slot::Finished } else { Slot::Labeled };
     let slots = [shown, Slot::Even, Slot::Outline, Slot::Coverage, Slot::OwnRays, Slot::OtherRays];
     let ink = if plan.has_ink { &[Slot::Labels, Slot::Depth(Rays::Pixels)][..] } else { &[] };
@@ -154,9 +154,16 @@ pub(super) fn shown_after(stages: usize) -> Slot {
 pub(super) fn with_lights(plan: &Plan, inputs: Vec<Input>) -> Vec<Vec<Input>> {
     let mut reads = vec![inputs];
     if plan.is_lit {
-        reads.push(vec![Input::Buffer(Buffer::Lit), Input::Texture(Slot::Light), OWNER]);
+        let light = if plan.is_brightened { Slot::SmoothLight } else { Slot::Light };
+        reads.push(vec![Input::Buffer(Buffer::Lit), Input::Texture(light), OWNER]);
     }
     reads
+}
+
+/// Returns the shader definitions of what it reads about lights.
+pub(super) fn lit(plan: &Plan) -> Vec<ShaderDefVal> {
+    let lighting = plan.is_lit.then(|| "LIGHTING".into());
+    lighting.into_iter().chain(plan.is_brightened.then(|| "BRIGHTNESS".into())).collect()
 }
 
 /// Returns the shader definitions for `target.wgsl`.

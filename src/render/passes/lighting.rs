@@ -1,5 +1,5 @@
-//! Finds how much of the scene's light is blocked before it reaches the solid parts of props with a `PropLighting`. Labels
-//! read the result. Requires the feature `shadows`.
+//! Finds how much of the scene's light is blocked before it reaches the solid parts of props with a `PropLighting`, and how
+//! much falls on them. Labels read the result. Requires the feature `shadows`.
 
 use bevy::{
     light::ShadowFilteringMethod,
@@ -41,7 +41,8 @@ pub(super) const LIGHTING: &str = "plenoctree_lighting";
 pub(super) fn lighting(plan: &Plan) -> Option<Pass> {
     let program = |lamps| {
         let program = Program { vertex: "lighting", lights: true, ..Program::new("lighting") };
-        program.define(shadow_filter(plan)).define_if(lamps, "LAMPS").where_props_are()
+        let program = program.define(shadow_filter(plan)).define_if(lamps, "LAMPS");
+        program.define_if(plan.is_brightened, "BRIGHTNESS").where_props_are()
     };
     let textures = [Slot::Depth(Rays::Pixels), Slot::Owner(Rays::Pixels)].map(Input::Texture);
     plan.is_lit.then(|| Pass {
@@ -54,6 +55,25 @@ pub(super) fn lighting(plan: &Plan) -> Option<Pass> {
         programs: [false, true].map(program).to_vec(),
         draws: vec![Draw::triangle(usize::from(plan.has_lamps))],
         ..Pass::fullscreen(LIGHTING, Place::Layer, None, Program::new("lighting"))
+    })
+}
+
+/// Smooths this light, if it makes props brighter.
+pub(super) fn smooth_light(plan: &Plan) -> Option<Pass> {
+    let program = Program { vertex: "smooth_light", lights: true, ..Program::new("smooth_light") };
+    let textures = [Slot::Depth(Rays::Pixels), Slot::Owner(Rays::Pixels), Slot::Light].map(Input::Texture);
+    plan.is_brightened.then(|| Pass {
+        feature: Feature::Lighting,
+        reads: vec![[Buffer::Lit, Buffer::View].map(Input::Buffer).into_iter().chain(textures).collect()],
+        writes: vec![Some(Output::Texture(Slot::SmoothLight))],
+        depth: Some(Output::Texture(Slot::Depth(Rays::Pixels))),
+        clear: Some(Clear::White),
+        ..Pass::fullscreen(
+            LIGHTING,
+            Place::Layer,
+            None,
+            program.define_if(plan.posterizes_view, "POSTERIZED_VIEW").where_props_are(),
+        )
     })
 }
 
@@ -72,17 +92,25 @@ pub(in crate::render) struct LitUniform {
     tint: f32,
     bands: u32,
     self_shadow_distance: f32,
+    brightness: f32,
+    rim: f32,
+    radius: f32,
 }
+
+/// The distance within which a prop's surface is smoothed, relative to the prop's size.
+const SMOOTHED: f64 = 0.03;
 
 /// Returns how lights fall on the props of a view.
 pub(in crate::render) fn lit_props(plan: &Plan, extracted: &ExtractedProps) -> Vec<LitUniform> {
     let of = |index: usize| {
         let prop = extracted.props.get(index)?;
-        let PropLighting { shadows, tint, bands, self_shadow_distance } = prop.lighting?;
-        let box_from_world = DMat4::from(prop.placement.box_from_world()).as_mat4();
+        let PropLighting { shadows, tint, bands, self_shadow_distance, brightness, rim } = prop.lighting?;
+        let box_from_world = DMat4::from(prop.placement.box_from_world());
+        let radius = (SMOOTHED / box_from_world.determinant().abs().cbrt()).min(f32::MAX.into()) as f32;
+        let box_from_world = box_from_world.as_mat4();
         // Shaders may treat infinity as anything.
         let self_shadow_distance = self_shadow_distance.min(f32::MAX);
-        Some(LitUniform { box_from_world, shadows, tint, bands, self_shadow_distance })
+        Some(LitUniform { box_from_world, shadows, tint, bands, self_shadow_distance, brightness, rim, radius })
     };
     plan.props.iter().map(|prop| of(prop.index).filter(|_| prop.is_lit).unwrap_or_default()).collect()
 }

@@ -60,7 +60,7 @@ pub(super) fn of(plan: &Plan) -> Vec<Pass> {
     passes.extend(edges::outline(plan));
     passes.extend(edges::coverage(plan));
     #[cfg(feature = "shadows")]
-    passes.extend(lighting::lighting(plan));
+    passes.extend(lighting::lighting(plan).into_iter().chain(lighting::smooth_light(plan)));
     passes.extend(labels::composite(plan));
     passes.extend(labels::filter(plan));
     passes.push(labels::label(plan));

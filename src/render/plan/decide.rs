@@ -192,6 +192,7 @@ pub(super) fn decide(
         overlaps,
         has_fog: visible.has_fog && stage == PropStage::Scene && has(Feature::Fog),
         is_lit: props.iter().any(|prop| prop.is_lit),
+        is_brightened: seen.iter().zip(&props).any(|(seen, prop)| prop.is_lit && seen.prop.is_brightened()),
         has_lamps: visible.has_lamps,
         has_hard_shadows: visible.has_hard_shadows,
         smooths: props.iter().any(|prop| prop.smooths != Smooths::Nothing),

@@ -89,6 +89,8 @@ pub(in crate::render) struct Plan {
     pub has_fog: bool,
     /// Whether lights fall on any prop.
     pub is_lit: bool,
+    /// Whether lights make any prop brighter.
+    pub is_brightened: bool,
     /// Whether there are point or spot lights.
     #[cfg_attr(not(feature = "shadows"), allow(dead_code, reason = "only lights need it"))]
     pub has_lamps: bool,

@@ -1,0 +1,142 @@
+// The surface of a prop around a pixel: its depth, and where it faces. Uses bind group 0 of the
+// lighting pass.
+#define_import_path bevy_plenoctree::relief
+
+#import bevy_pbr::mesh_view_bindings::view
+#import bevy_plenoctree::view::{is_solid, prop_of}
+
+// A point of a prop, and the disk around it in which its surface is smoothed.
+struct Center {
+    // The pixel of the drawn part of the view, and the corner and the size of that part in the target.
+    pixel: vec2<i32>,
+    corner: vec2<f32>,
+    size: vec2<i32>,
+    // 1 + the index of the prop.
+    owned: u32,
+    depth: f32,
+    // In the camera's space.
+    point: vec3<f32>,
+    // The radius of the disk, in pixels and in the scene.
+    pixels: f32,
+    radius: f32,
+}
+
+// The least and the largest radius of the disk, in pixels.
+const LEAST_PIXELS: f32 = 2.0;
+const MOST_PIXELS: f32 = 24.0;
+
+// Returns the point of a depth in a pixel, in the camera's space.
+fn view_point(center: Center, pixel: vec2<i32>, depth: f32) -> vec3<f32> {
+    let at = vec2<f32>(pixel) + 0.5 + center.corner - view.main_pass_viewport.xy;
+    let ndc = (2.0 * at / view.main_pass_viewport.zw - 1.0) * vec2(1.0, -1.0);
+    let point = view.view_from_clip * vec4(ndc, depth, 1.0);
+    return point.xyz / point.w;
+}
+
+// Returns the disk around the point of a prop that a pixel shows. `radius` is its radius in the scene, before it is
+// clamped to a number of pixels.
+fn center_at(pixel: vec2<i32>, corner: vec2<u32>, size: vec2<u32>, owned: u32, depth: f32, radius: f32) -> Center {
+    var center = Center(pixel, vec2<f32>(corner), vec2<i32>(size), owned, depth, vec3(0.0), 0.0, 0.0);
+    center.point = view_point(center, pixel, depth);
+    let w = (view.clip_from_view * vec4(center.point, 1.0)).w;
+    let scale = 0.5 * view.main_pass_viewport.w * abs(view.clip_from_view[1][1]) / max(w, 1e-20);
+    center.pixels = clamp(radius * scale, LEAST_PIXELS, MOST_PIXELS);
+    center.radius = center.pixels / scale;
+    return center;
+}
+
+// Where a surface faces.
+struct Relief {
+    // In the scene. Its length is 1.
+    normal: vec3<f32>,
+    // Where the prop ends nearby, in the scene. Its length grows to 1 at the end.
+    outward: vec3<f32>,
+}
+
+// Half of the points of the ring, and the cosine and the sine of the angle between two of them.
+const PAIRS: i32 = 6;
+const TURN: vec2<f32> = vec2(0.8660254, 0.5);
+// The sum of the points of a half ring with a radius of 1.
+const HALF_RING: f32 = 3.8637;
+
+// How much the distance may change over the radius of the disk. If it changes more, the surface breaks.
+const MOST_STEEP: f32 = 4.0;
+
+// A point of the ring, relative to the center.
+struct Neighbor {
+    offset: vec3<f32>,
+    // The same, at the depth of the center.
+    flat_offset: vec3<f32>,
+    is_own: bool,
+    // Whether the prop ends before it.
+    is_beyond: bool,
+}
+
+fn neighbor_at(depth: texture_depth_2d, owner: texture_2d<f32>, center: Center, off: vec2<i32>) -> Neighbor {
+    let pixel = center.pixel + off;
+    let at = clamp(pixel, vec2(0), center.size - 1);
+    let is_inside = all(at == pixel);
+    let found = textureLoad(depth, at, 0);
+    let is_own = is_inside && is_solid(found) && prop_of(textureLoad(owner, at, 0)) == center.owned;
+    let flat_offset = view_point(center, pixel, center.depth) - center.point;
+    let offset = view_point(center, pixel, select(center.depth, found, is_own)) - center.point;
+    return Neighbor(offset, flat_offset, is_own, is_inside && !is_own && found < center.depth);
+}
+
+// Returns where the surface faces, smoothed over the disk: the area vector of the ring around it, which is the integral
+// of the normal. Where the surface ends or breaks, it goes on as on the other side of the center.
+fn relief_at(depth: texture_depth_2d, owner: texture_2d<f32>, center: Center) -> Relief {
+    let most = MOST_STEEP * center.radius;
+    var direction = vec2(1.0, 0.0);
+    var area = vec3(0.0);
+    var outward = vec2(0.0);
+    // The first points on both sides of the center, and the last ones.
+    var first = array(vec3(0.0), vec3(0.0));
+    var last = array(vec3(0.0), vec3(0.0));
+    for (var i = 0; i < PAIRS; i++) {
+        let off = vec2<i32>(round(center.pixels * direction));
+        let one = neighbor_at(depth, owner, center, off);
+        let other = neighbor_at(depth, owner, center, -off);
+        let is_even = one.is_own && other.is_own && abs(one.offset.z + other.offset.z) <= most;
+        // Round surfaces are steep at their outline.
+        let keeps_one = is_even || (one.is_own && abs(one.offset.z) <= select(2.0 * most, most, other.is_own));
+        let keeps_other = is_even || (other.is_own && abs(other.offset.z) <= select(2.0 * most, most, one.is_own));
+        let a = select(select(one.flat_offset, -other.offset, keeps_other), one.offset, keeps_one);
+        let b = select(select(other.flat_offset, -one.offset, keeps_one), other.offset, keeps_other);
+        area += cross(last[0], a) + cross(last[1], b);
+        if i == 0 {
+            first = array(a, b);
+        }
+        last = array(a, b);
+        let one_ends = one.is_beyond || (one.is_own && !keeps_one && one.offset.z < 0.0);
+        let other_ends = other.is_beyond || (other.is_own && !keeps_other && other.offset.z < 0.0);
+        outward += direction * (select(0.0, 1.0, one_ends) - select(0.0, 1.0, other_ends));
+        direction = vec2(dot(direction, vec2(TURN.x, -TURN.y)), dot(direction, TURN.yx));
+    }
+    area += cross(last[0], first[1]) + cross(last[1], first[0]);
+    // Seen from the camera, the points run clockwise.
+    let facing = (view.world_from_view * vec4(-area, 0.0)).xyz;
+    let away = (view.world_from_view * vec4(outward * vec2(1.0, -1.0) / HALF_RING, 0.0, 0.0)).xyz;
+    return Relief(facing / max(length(facing), 1e-30), away / max(length(away), 1.0));
+}
+
+// The largest distance at which a pixel that is not solid takes the depth of a solid one, in pixels.
+const REACH: i32 = 3;
+
+// Returns the depth of a pixel, or that of a solid pixel of the same prop nearby: outlines are drawn where a prop is
+// not solid yet, and must get as dark as what they outline. Returns 0 if there is none.
+fn depth_near(depth: texture_depth_2d, owner: texture_2d<f32>, size: vec2<i32>, pixel: vec2<i32>, prop: u32) -> f32 {
+    var found = textureLoad(depth, pixel, 0);
+    for (var reach = 1; reach <= REACH; reach++) {
+        if is_solid(found) {
+            break;
+        }
+        for (var i = 0; i < 9; i++) {
+            let at = clamp(pixel + reach * vec2(i % 3 - 1, i / 3 - 1), vec2(0), size - 1);
+            if prop_of(textureLoad(owner, at, 0)) == prop {
+                found = max(found, textureLoad(depth, at, 0));
+            }
+        }
+    }
+    return select(0.0, found, is_solid(found));
+}

@@ -1,0 +1,95 @@
+// The smooth_light pass: smooths the light that falls on props, so that bands end at smooth lines although surfaces
+// consist of cells. Rounds it to bands where pixels are posterized. Bind group 0 has the lights.
+
+#import bevy_plenoctree::relief::{MOST_STEEP, center_at, depth_near, view_point}
+#import bevy_plenoctree::shade::{LIGHT_STEPS, LIGHT_ZERO, Lit}
+#import bevy_plenoctree::view::{LEAST_DEPTH, View, is_solid, owner_of, prop_of}
+
+@group(1) @binding(0) var<storage, read> props: array<Lit>;
+// The part of the viewport that is drawn.
+@group(1) @binding(1) var<uniform> drawn: View;
+@group(1) @binding(2) var depth: texture_depth_2d;
+@group(1) @binding(3) var owner: texture_2d<f32>;
+// The result of the lighting pass.
+@group(1) @binding(4) var light: texture_2d<f32>;
+
+@vertex
+fn vertex(@builtin(vertex_index) index: u32) -> @builtin(position) vec4<f32> {
+    // Where no prop was drawn, the depth test fails.
+    return vec4(vec2(f32((index << 1u) & 2u), f32(index & 2u)) * 2.0 - 1.0, LEAST_DEPTH, 1.0);
+}
+
+// The pixels of the disk besides the center, and the angle between two of them in radians: no two are in line.
+const POINTS: u32 = 20u;
+const ANGLE: f32 = 2.399963;
+
+// Returns the light that is added in a pixel. Negative if light is missing.
+fn added(texel: vec4<f32>) -> f32 {
+    return (255.0 * texel.a - LIGHT_ZERO) / LIGHT_STEPS;
+}
+
+// Rounds added light to bands. Within a pixel of the line between two of them, it is as far between them as the line
+// divides the pixel. `slope` is how much the light changes from one pixel to the next.
+fn stepped(value: f32, slope: f32, bands: f32) -> f32 {
+    let scaled = value * bands;
+    let low = floor(scaled);
+    let width = clamp(slope * bands, 1e-4, 1.0);
+    return (low + saturate((scaled - low - 0.5) / width + 0.5)) / bands;
+}
+
+@fragment
+fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
+    let pixel = vec2<i32>(position.xy);
+    let texel = textureLoad(owner, pixel, 0);
+    let owned = prop_of(texel);
+    let prop = max(owned, 1u) - 1u;
+    let own = textureLoad(light, pixel, 0);
+    if owned == 0u || props[prop].bands == 0u {
+        discard;
+    }
+    if props[prop].brightness == 0.0 {
+        return own;
+    }
+    let solid = depth_near(depth, owner, vec2<i32>(drawn.size), pixel, owned);
+    if solid == 0.0 {
+        discard;
+    }
+    let center = center_at(pixel, drawn.corner, drawn.size, owned, solid, props[prop].radius);
+    let reach = MOST_STEEP * center.radius;
+    let value = added(own);
+    var sum = vec4(own.rgb, 0.0);
+    var total = 1.0;
+    // The sums of the products of differences and offsets, and of offsets with themselves.
+    var slope = vec2(0.0);
+    var square = vec2(0.0);
+    for (var i = 0u; i < POINTS; i++) {
+        let far = sqrt((f32(i) + 1.0) / f32(POINTS));
+        let angle = ANGLE * f32(i);
+        let off = vec2<i32>(round(center.pixels * far * vec2(cos(angle), sin(angle))));
+        let at = clamp(pixel + off, vec2(0), center.size - 1);
+        let there = textureLoad(depth, at, 0);
+        if prop_of(textureLoad(owner, at, 0)) != owned || !is_solid(there) {
+            continue;
+        }
+        let away = abs(view_point(center, at, there).z - center.point.z);
+        if away > reach {
+            continue;
+        }
+        let found = textureLoad(light, at, 0);
+        let weight = 1.0 - 0.75 * far * far;
+        let difference = added(found) - value;
+        sum += weight * vec4(found.rgb, difference);
+        total += weight;
+        slope += weight * difference * vec2<f32>(off);
+        square += weight * vec2<f32>(off * off);
+    }
+    let mean = sum / total;
+    let smooth_value = value + mean.a;
+#ifdef POSTERIZED_VIEW
+    let in_steps = true;
+#else
+    let in_steps = owner_of(texel) > 0u;
+#endif
+    let steepness = length(slope / max(square, vec2(1.0)));
+    return vec4(mean.rgb, select(smooth_value, stepped(smooth_value, steepness, f32(props[prop].bands)), in_steps));
+}
