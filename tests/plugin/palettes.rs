@@ -482,7 +482,7 @@ fn shown_colors_and_ramps_are_saved() {
     files.run_until("the new colors", move |world| {
         world.resource::<Palettes>().get(id).is_some_and(|palette| palette.shown()[0] == Color::BLACK)
     });
-    assert_eq!(files.heard(), [id, id]);
+    assert_eq!(files.heard(), [PaletteReady { field: id, sampled: None }; 2]);
 
     let registry = files.app.world().resource::<AppTypeRegistry>().read();
     let reflected: FieldPalette = round_trip(&loaded, &registry);
