@@ -1,9 +1,11 @@
-//! Measures the CPU time of shadows: `cargo bench --bench shadows -- [FIELD] [ROUNDS]`.
+//! Measures the CPU time of shadows and lights: `cargo bench --bench shadows -- [FIELD] [ROUNDS] [LAMPS]`.
 //!
 //! Renders a view of 800 x 800 pixels, with a floor and a directional light of four cascades, Bevy's default: without
-//! the prop, with it, with its shadow, and with the shadow of a mesh that falls on it (`PropLighting`), while nothing
-//! moves, the camera turns, the prop spins, or the light moves; as trained, and posterized. Variants alternate, and the
-//! minimum of five rounds counts. It includes reading the frame back. With a GPU, it is the CPU time of the driver.
+//! the prop, with it, with its shadow, with the shadow of a mesh that falls on it (`PropLighting`), and with light that
+//! makes it brighter, while nothing moves, the camera turns, the prop spins, or the light moves; as trained, and
+//! posterized. LAMPS is the number of point lights with shadows besides the directional light, 0 by default. Variants
+//! alternate, and the minimum of five rounds counts. It includes reading the frame back. With a GPU, it is the CPU time of
+//! the driver.
 
 use std::{path::PathBuf, time::Duration};
 
@@ -57,6 +59,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let own = || PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("assets/toadstool.plenoctree");
     let field = PlenOctree::read(arguments.next().unwrap_or_else(own), &LoadSettings::default())?;
     let rounds = arguments.next().and_then(|rounds| rounds.to_str()?.parse().ok()).unwrap_or(ROUNDS);
+    let lamps: u8 = arguments.next().and_then(|lamps| lamps.to_str()?.parse().ok()).unwrap_or(0);
     let (low, high) = field.dense_bounds().ok_or("the field is empty")?;
     let floor = [low, high].map(|corner| (field.up().to_y_up() * corner).y as f32).into_iter().reduce(f32::min);
     let camera = PinholeCamera::around(&field, SIZE, SIZE, 0.5, 0.4).ok_or("the field is empty")?;
@@ -79,6 +82,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         Transform::default().looking_to(-toward, Vec3::Y),
         RenderLayers::from_layers(&[0, 1]),
     ));
+    for lamp in 0..lamps {
+        let place = Transform::from_xyz(-1.5, 1.5, 1.5 - f32::from(lamp));
+        world.spawn((PointLight { shadow_maps_enabled: true, ..default() }, place));
+    }
     // Only the light sees this bar, whose shadow falls on the prop.
     let mesh = world.resource_mut::<Assets<Mesh>>().add(Cuboid::new(0.2, 0.2, 4.0));
     world.spawn((Mesh3d(mesh), MeshMaterial3d(material), Transform::from_translation(4.0 * toward), unseen));
@@ -96,8 +103,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             entity.insert(Posterize::default());
         }
         headless.wait_until_ready(PATIENCE)?;
-        let mut frames: [Option<image::RgbaImage>; 4] = default();
-        let mut least = [[f64::INFINITY; 4]; 4];
+        let mut frames: [Option<image::RgbaImage>; 5] = default();
+        let mut least = [[f64::INFINITY; 5]; 4];
         for _ in 0..rounds {
             for ((_, moves), least) in rows.iter().zip(&mut least) {
                 headless.app.insert_resource(*moves);
@@ -109,6 +116,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                         prop.insert(NotShadowCaster);
                     } else if variant == 3 {
                         prop.insert(PropLighting::default());
+                    } else if variant == 4 {
+                        prop.insert(PropLighting { brightness: 1.0, ..default() });
                     }
                     // What is at rest is drawn, and kept from the next frame on.
                     headless.capture()?;
@@ -128,11 +137,14 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         // The cost of the prop while it is redrawn in every frame.
         let drawing = least[1][1] - least[1][0];
         println!("{style}; drawing the prop costs {drawing:.1} ms");
-        println!("| what moves | without the prop, ms | with it | with its shadow | of drawing | lit | of drawing |");
-        println!("|---|---|---|---|---|---|---|");
-        for ((what, _), [none, plain, shadowed, lit]) in rows.iter().zip(least) {
-            let [shadow, light] = [shadowed - plain, lit - shadowed].map(|time| time / drawing);
-            println!("| {what} | {none:.1} | {plain:.1} | {shadowed:.1} | {shadow:.2} | {lit:.1} | {light:.2} |");
+        let columns = "without the prop, ms | with it | with its shadow | of drawing | lit | of drawing | brighter";
+        println!("| what moves | {columns} | of drawing | of the frame |");
+        println!("|---|---|---|---|---|---|---|---|---|---|");
+        for ((what, _), [none, plain, shadowed, lit, brighter]) in rows.iter().zip(least) {
+            let [shadow, light, bright] = [shadowed - plain, lit - shadowed, brighter - shadowed].map(|t| t / drawing);
+            let share = (brighter - shadowed) / shadowed;
+            print!("| {what} | {none:.1} | {plain:.1} | {shadowed:.1} | {shadow:.2} | {lit:.1} | {light:.2} ");
+            println!("| {brighter:.1} | {bright:.2} | {share:.2} |");
         }
     }
     Ok(())

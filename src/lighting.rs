@@ -91,6 +91,13 @@ impl Default for PropLighting {
 }
 
 impl PropLighting {
+    /// Returns the lighting of a cartoon, for a prop of a size in world units: one clean line between light and dark, one
+    /// between dark and shadow, a thin rim, and a little of the lights' color. The prop shades itself from a tenth of its
+    /// size on.
+    pub const fn toon(size: f32) -> Self {
+        Self { shadows: 0.5, tint: 0.25, bands: 1, self_shadow_distance: 0.1 * size, brightness: 0.6, rim: 0.5 }
+    }
+
     /// Clamps every setting to its valid range. NaN becomes 0, and a distance that is NaN becomes infinite.
     pub(crate) fn clamped(self) -> Self {
         let share = |value: f32| if value.is_nan() { 0.0 } else { value.clamp(0.0, 1.0) };

@@ -40,11 +40,11 @@ const PASTEL: Posterize = Posterize {
     method: None,
 };
 
-/// Shadows with one clean edge, and a little of the lamps' color.
-const CARTOON: PropLighting = PropLighting { shadows: 0.2, tint: 0.25, bands: 1, self_shadow_distance: f32::INFINITY };
+/// Light with clean edges, for props of about this size.
+const CARTOON: PropLighting = PropLighting::toon(2.0);
 
-/// Shadows in soft steps.
-const SOFT: PropLighting = PropLighting { bands: 3, ..CARTOON };
+/// Light in soft steps.
+const SOFT: PropLighting = PropLighting { bands: 3, self_shadow_distance: f32::INFINITY, ..CARTOON };
 
 /// The ramps of a field, by name, and their colors at night.
 #[derive(Component)]
