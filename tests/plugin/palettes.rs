@@ -480,7 +480,7 @@ fn shown_colors_and_ramps_are_saved() {
     files.app.world().resource::<AssetServer>().reload("x.palette.json");
     let id = field.id();
     files.run_until("the new colors", move |world| {
-        world.resource::<Palettes>().get(id).is_some_and(|palette| palette.shown()[0] == Color::BLACK)
+        world.resource::<Palettes>().get(id).is_some_and(|palette| palette.shown()[0].to_srgba() == Srgba::BLACK)
     });
     assert_eq!(files.heard(), [PaletteReady { field: id, sampled: None }; 2]);
 
