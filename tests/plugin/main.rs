@@ -3,6 +3,7 @@
 mod arrival;
 mod brightness;
 mod edges;
+mod extract;
 mod extremes;
 mod fog;
 mod frames;
