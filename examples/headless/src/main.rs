@@ -1,68 +1,136 @@
-//! Captures frames of a prop without a window: as trained, posterized, and with its red turned blue.
+//! Extracts the palette of a field, and draws the field without a window: as trained, posterized, and recolored.
 //!
 //! ```sh
 //! cargo run --release -p headless
+//! cargo run --release -p headless -- field.npz
 //! ```
 
-use std::{f32::consts::TAU, fs, path::Path, time::Duration};
+mod animation;
+mod cameras;
+mod colors;
+mod overview;
+mod palette;
 
-use bevy::prelude::*;
-use bevy_plenoctree::{
-    PaletteExtraction,
-    headless::{Headless, exact_camera},
-    prelude::*,
+use std::{
+    fs,
+    path::{Path, PathBuf},
+    process::ExitCode,
+    time::Instant,
 };
 
-const FRAMES: u32 = 8;
+use bevy::{prelude::*, render::renderer::RenderAdapterInfo};
+use bevy_plenoctree::{
+    LoadSettings, UpAxis,
+    headless::{Headless, exact_camera, pinhole_view},
+    prelude::*,
+};
+use image::RgbaImage;
+use plenoctree::camera::PinholeCamera;
 
-fn main() -> Result {
-    let out = Path::new("out");
-    fs::create_dir_all(out)?;
-    let assets = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets");
-    let mut headless = Headless::with_assets(UVec2::splat(800), &assets, |app| {
+use cameras::Frame;
+
+type Result<T = (), E = Box<dyn std::error::Error>> = std::result::Result<T, E>;
+
+/// The number of views from all around, and their width and height in pixels.
+const VIEWS: (u32, u32) = (8, 800);
+/// The number of frames of the animation, and their width and height in pixels.
+const FRAMES: (u32, u32) = (40, 400);
+/// How far the overview turns the hue of a ramp, in degrees. Red becomes blue.
+const TURN: f32 = 235.0;
+
+fn main() -> ExitCode {
+    let included = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets/toadstool.plenoctree");
+    let file = std::env::args_os().nth(1).map_or_else(included, PathBuf::from);
+    match run(&file, Path::new("out")) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::from(2)
+        }
+    }
+}
+
+fn run(file: &Path, out: &Path) -> Result {
+    let start = Instant::now();
+    let field = PlenOctree::read(file, &LoadSettings::default())?;
+    let [mut views, mut frames] = [VIEWS, FRAMES].map(|views| cameras::around(&field, views).unwrap_or_default());
+    if views.is_empty() {
+        return Err(format!("{}: nothing to see: the field has no dense leaf", file.display()).into());
+    }
+    let up = field.up();
+    let (name, leaves) = (file.file_name().unwrap_or_default().display(), field.leaves());
+    println!("Loaded {name}: {leaves} leaves in {:.2} s", start.elapsed().as_secs_f64());
+    fs::create_dir_all(out).map_err(|error| format!("{}: {error}", out.display()))?;
+
+    let mut headless = Headless::new(UVec2::splat(VIEWS.1), |app| {
         app.add_plugins(PlenOctreePlugin);
     })?;
-
     let target = headless.target();
     let world = headless.app.world_mut();
-    let field = world.resource::<AssetServer>().load("toadstool.plenoctree");
-    let prop = world.spawn(Prop(field.clone())).id();
+    println!("Drawing with {}", world.resource::<RenderAdapterInfo>().name);
+    // Its palette is extracted, because no file was loaded next to which there could be one.
+    let field = world.resource_mut::<Assets<PlenOctree>>().add(field);
+    let prop = world.spawn((Prop(field.clone()), Posterize::default())).id();
     let camera = world.spawn((exact_camera(Color::WHITE), target)).id();
-    turn(&mut headless, camera, "original", out)?;
+    let palette = palette::extract(&mut headless, &field)?;
 
+    let start = Instant::now();
+    // A first look finds out how close the cameras can be.
+    let frame = Frame::of(&capture(&mut headless, camera, &look(&views, up), |_, _| ())?);
+    views.iter_mut().chain(&mut frames).for_each(|camera| *camera = frame.zoom(camera));
+    let turn = |headless: &mut Headless, name: &str| -> Result<Vec<RgbaImage>> {
+        let captured = capture(headless, camera, &look(&views, up), |_, _| ())?;
+        for (index, image) in captured.iter().enumerate() {
+            save(image, &out.join(format!("frame_{index:03}.{name}.png")))?;
+        }
+        Ok(captured)
+    };
+    let posterized = turn(&mut headless, "posterized")?;
+    let ramp = colors::turn_hue(&mut headless, &field, TURN);
+    let recolored = turn(&mut headless, "recolored")?;
+    let shown = headless.app.world().resource::<Palettes>().get(&field).map(|palette| palette.shown().to_vec());
+    headless.app.world_mut().entity_mut(prop).remove::<Posterize>();
+    let original = turn(&mut headless, "original")?;
+    let (ramp, seconds) = (ramp.as_deref().unwrap_or("nothing"), start.elapsed().as_secs_f64());
+    println!("Drew {} views posterized, with {ramp} recolored, and as trained in {seconds:.2} s", VIEWS.0);
+
+    let start = Instant::now();
     headless.app.world_mut().entity_mut(prop).insert(Posterize::default());
-    turn(&mut headless, camera, "posterized", out)?;
-    report(headless.app.world(), &field);
+    headless.resize(UVec2::splat(FRAMES.1));
+    let turned = capture(&mut headless, camera, &look(&frames, up), |headless, turn| {
+        colors::turn_hue(headless, &field, 360.0 * turn);
+    })?;
+    let turntable = out.join("turntable.png");
+    animation::write(&turntable, &turned).map_err(|error| format!("{}: {error}", turntable.display()))?;
+    println!("Drew an animation of {} frames in {:.2} s", FRAMES.0, start.elapsed().as_secs_f64());
 
-    // The palette is complete. Its red is that of the cap, from shadow to highlight.
-    if let Some(palette) = headless.app.world_mut().resource_mut::<Palettes>().get_mut(&field)
-        && let Some(red) = palette.ramp("red")
-    {
-        palette.set_ramp(red, Color::srgb_u8(0x20, 0x50, 0xd0));
-    }
-    turn(&mut headless, camera, "recolored", out)
+    let heroes = [&original[0], &posterized[0], &recolored[0]];
+    let strip: Vec<_> = turned.iter().step_by((FRAMES.0 / VIEWS.0) as usize).collect();
+    let overview = overview::draw(&heroes, &strip, &palette, shown.as_deref().unwrap_or(&[]));
+    save(&overview, &out.join("overview.png"))
 }
 
-/// Prints where the field was sampled, and what its palette was extracted from.
-fn report(world: &World, field: &Handle<PlenOctree>) {
-    let (extraction, palettes) = (world.resource::<PaletteExtraction>(), world.resource::<Palettes>());
-    let leaves = world.resource::<Assets<PlenOctree>>().get(field).map_or(0, PlenOctree::leaves);
-    let found = palettes.get(field).and_then(|palette| palette.extraction());
-    if let (Some(found), Some(samples)) = (found, extraction.sampled(field)) {
-        let (of, seconds) = (found.radiance_samples, found.seconds);
-        println!("Sampled {leaves} leaves {}: {of} radiance samples in {:.2} s", samples.origin, seconds.sampling);
-        println!("Fitted {} colors to them in {:.2} s", found.palette.colors.len(), seconds.fitting);
-    }
+/// Returns the components of cameras around a field.
+fn look(cameras: &[PinholeCamera], up: UpAxis) -> Vec<(Projection, Transform)> {
+    cameras.iter().map(|camera| pinhole_view(camera, up)).collect()
 }
 
-/// Captures frames from all around, and saves them to `out`.
-fn turn(headless: &mut Headless, camera: Entity, name: &str, out: &Path) -> Result {
-    headless.wait_until_ready(Duration::from_secs(120))?;
-    for frame in 0..FRAMES {
-        let turn = Quat::from_rotation_y(TAU * frame as f32 / FRAMES as f32);
-        let view = Transform::from_translation(turn * Vec3::new(1.5, 1.3, 3.2)).looking_at(Vec3::ZERO, Vec3::Y);
-        headless.app.world_mut().entity_mut(camera).insert(view);
-        headless.capture()?.save(out.join(format!("frame_{frame:03}.{name}.png")))?;
+/// Captures a frame from each camera. Calls `prepare` before it, with how far the camera has turned: from 0 to 1.
+fn capture(
+    headless: &mut Headless,
+    camera: Entity,
+    views: &[(Projection, Transform)],
+    mut prepare: impl FnMut(&mut Headless, f32),
+) -> Result<Vec<RgbaImage>> {
+    let mut captured = Vec::new();
+    for (index, view) in views.iter().enumerate() {
+        headless.app.world_mut().entity_mut(camera).insert(view.clone());
+        prepare(headless, index as f32 / views.len() as f32);
+        captured.push(headless.capture()?);
     }
-    Ok(())
+    Ok(captured)
+}
+
+fn save(image: &RgbaImage, file: &Path) -> Result {
+    image.save(file).map_err(|error| format!("{}: {error}", file.display()).into())
 }
