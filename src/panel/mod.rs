@@ -3,6 +3,7 @@
 //! [`PalettePanelPlugin`] shows the panel in a window. To show it elsewhere, leave out the plugin and call
 //! [`palette_ui`] from a system in bevy_egui's `EguiPrimaryContextPass`.
 
+mod colors;
 mod contents;
 mod editor;
 mod extraction;

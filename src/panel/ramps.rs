@@ -4,8 +4,8 @@ use bevy::prelude::*;
 use bevy_egui::egui;
 
 use super::{
+    colors::{Colors, edit_swatch},
     editor::Edit,
-    swatches::{Colors, edit_swatch},
 };
 
 /// The size of a ramp's color.

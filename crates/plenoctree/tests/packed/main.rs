@@ -110,8 +110,8 @@ fn what_a_file_records_can_be_overridden() {
     assert!(field.densities().iter().eq(dense) && field.leaves() > 0);
 }
 
-/// With recorded histograms, the palette of the packed field is that of the field, also if it is packed again, and
-/// although its leaves would give another one. Read with other settings, it is not the field in the file any more.
+/// With recorded histograms, the hull and the fitted palette of the packed field are those of the field, also if it is
+/// packed again, and although its leaves would give others. Tones look at the field itself. Read with other settings, it is not the field in the file any more.
 #[test]
 fn palettes_stay() {
     // Four colors, which one palette suits best.
@@ -142,7 +142,8 @@ fn palettes_stay() {
         PackSettings { tolerance: 1.0, rows: 1, color_step: 0.2, record_histograms: true, ..PackSettings::SMALL };
     let once = read(pack(&field, &rough).bytes()).unwrap();
     let twice = read(pack(&once, &rough).bytes()).unwrap();
-    let fitted = ExtractionSettings { colors: ColorCount::Fixed(4), ..Default::default() };
+    let fitted =
+        ExtractionSettings { method: PaletteMethod::Fitted, colors: ColorCount::Fixed(4), ..Default::default() };
     let hull = ExtractionSettings { method: PaletteMethod::Hull, ..Default::default() };
     for packed in [&once, &twice] {
         let difference = difference(&palette(packed, &fitted), &palette(&field, &fitted));
