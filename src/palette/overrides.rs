@@ -74,9 +74,9 @@ impl PaletteOverride {
     /// ```
     /// # use bevy::prelude::*;
     /// # use bevy_plenoctree::{FieldPalette, PaletteOverride};
-    /// let palette = FieldPalette::from_colors([Color::WHITE, Color::BLACK]).unwrap();
+    /// let palette = FieldPalette::from_colors([Srgba::WHITE, Srgba::BLACK]).unwrap();
     /// let own = PaletteOverride::default().with(1, Srgba::RED);
-    /// assert_eq!(own.shown(&palette), [Color::WHITE, Srgba::RED.into()]);
+    /// assert_eq!(own.shown(&palette), [Srgba::WHITE.into(), Srgba::RED.into()]);
     /// ```
     pub fn shown(&self, palette: &FieldPalette) -> Vec<Color> {
         let mut shown = palette.shown().to_vec();

@@ -163,9 +163,9 @@ impl FieldPalette {
     /// ```
     /// # use bevy::prelude::*;
     /// # use bevy_plenoctree::FieldPalette;
-    /// # let mut palette = FieldPalette::from_colors([Color::BLACK, Color::WHITE]).unwrap();
-    /// palette.show([Color::srgb(0.6, 0.8, 1.0)]);
-    /// assert_eq!(palette.shown(), [Color::srgb(0.6, 0.8, 1.0), Color::WHITE]);
+    /// # let mut palette = FieldPalette::from_colors([Srgba::BLACK, Srgba::WHITE]).unwrap();
+    /// palette.show([Srgba::rgb(0.6, 0.8, 1.0)]);
+    /// assert_eq!(palette.shown(), [Srgba::rgb(0.6, 0.8, 1.0).into(), Srgba::WHITE.into()]);
     /// ```
     pub fn show(&mut self, colors: impl IntoIterator<Item = impl Into<Color>>) {
         self.shown.iter_mut().zip(colors).for_each(|(shown, color)| *shown = color.into());
