@@ -70,7 +70,7 @@ impl ColorCount {
     pub const MOST: usize = 16;
 
     /// The largest number of tones that a palette of [`PaletteMethod::Tones`] has, unless more are asked for.
-    pub const MOST_TONES: usize = 56;
+    pub const MOST_TONES: usize = 40;
 
     /// [`ColorCount::Auto`] with the default tolerance, 0.05.
     pub const AUTO: Self = Self::Auto { tolerance: 0.05 };
