@@ -27,6 +27,7 @@
 //! | to | use |
 //! |---|---|
 //! | draw a field | [`Prop`], [`SolidOpacity`] |
+//! | place it in Blender, or in another scene of text | [`PropPath`] |
 //! | know whether it is drawn | [`PropState`], [`PropProgress`], [`props_ready`], [`FieldReady`], [`FieldFailed`], [`PaletteFailed`], [`ViewFailed`] |
 //! | limit the time per frame that arriving fields take | [`UploadBudget`] |
 //! | survive the loss of the GPU device | [`DeviceRecoveryPlugin`] |
@@ -118,7 +119,7 @@ pub use posterize::{
     BeforePalette, BilateralFilter, BorderSmoothing, EdgeSmoothing, MAX_BLEND_STEPS, MAX_FILTER_ITERATIONS,
     MAX_FILTER_RADIUS, Posterize,
 };
-pub use prop::{Prop, PropTint, SolidOpacity};
+pub use prop::{Prop, PropPath, PropTint, SolidOpacity};
 pub use quality::{PropQuality, QualityPreset};
 pub use recovery::DeviceRecoveryPlugin;
 #[cfg(feature = "shadows")]
@@ -128,7 +129,7 @@ pub use sets::{PlenOctreeRenderSystems, PlenOctreeSystems};
 pub use stage::{LabelStages, PosterizeView, PropStage};
 pub use state::{PropError, PropProgress, PropState, props_ready};
 
-use bevy::prelude::*;
+use bevy::{asset::ReflectHandle, prelude::*};
 
 /// A plugin that loads fields, extracts their palettes, and draws [`Prop`]s.
 ///
@@ -144,6 +145,10 @@ impl Plugin for PlenOctreePlugin {
         app.init_asset_loader::<CaptureLoader>();
         app.init_asset::<PlenOctree>()
             .init_asset_loader::<PlenOctreeLoader>()
+            .register_asset_reflect::<PlenOctree>()
+            // What saved worlds need to hold the handles of `LabelStages`: shaders are not reflected.
+            .register_type::<Handle<Shader>>()
+            .register_type_data::<Handle<Shader>, ReflectHandle>()
             .register_type::<Ink>()
             .register_type::<LabelStages>()
             .register_type::<LoadSettings>()
@@ -179,4 +184,6 @@ mod documentation {
     struct Recolor;
     #[doc = include_str!("../docs/guide/test.md")]
     struct Test;
+    #[doc = include_str!("../docs/guide/worlds.md")]
+    struct Worlds;
 }

@@ -61,7 +61,8 @@ pub struct PropLighting {
     /// shades the stem below. A tenth of the prop's size is a good start. Small distances cause shadow acne on surfaces
     /// that the light grazes, because surfaces consist of cells and shadow maps of texels.
     ///
-    /// Defaults to infinity: the prop casts no shadow on itself. Clamped to at least 0.
+    /// Defaults to [`f32::MAX`]: the prop casts no shadow on itself. Clamped to 0..=[`f32::MAX`], because JSON has no
+    /// infinity.
     pub self_shadow_distance: f32,
     /// The share of its own linear light that a prop gains where the scene's lights fall on it: 1 makes it twice as bright
     /// in full light, where a white mesh would look white. Where the lights make a white mesh half as bright as the
@@ -86,7 +87,7 @@ pub struct PropLighting {
 
 impl Default for PropLighting {
     fn default() -> Self {
-        Self { shadows: 0.6, tint: 0.0, bands: 1, self_shadow_distance: f32::INFINITY, brightness: 0.0, rim: 0.0 }
+        Self { shadows: 0.6, tint: 0.0, bands: 1, self_shadow_distance: f32::MAX, brightness: 0.0, rim: 0.0 }
     }
 }
 
@@ -98,7 +99,7 @@ impl PropLighting {
         Self { shadows: 0.5, tint: 0.25, bands: 1, self_shadow_distance: 0.1 * size, brightness: 0.6, rim: 0.5 }
     }
 
-    /// Clamps every setting to its valid range. NaN becomes 0, and a distance that is NaN becomes infinite.
+    /// Clamps every setting to its valid range. NaN becomes 0, and a distance that is NaN the largest one.
     pub(crate) fn clamped(self) -> Self {
         let share = |value: f32| if value.is_nan() { 0.0 } else { value.clamp(0.0, 1.0) };
         let distance = self.self_shadow_distance;
@@ -106,7 +107,7 @@ impl PropLighting {
             shadows: share(self.shadows),
             tint: share(self.tint),
             bands: self.bands.clamp(1, MAX_BANDS),
-            self_shadow_distance: if distance.is_nan() { f32::INFINITY } else { distance.max(0.0) },
+            self_shadow_distance: if distance.is_nan() { f32::MAX } else { distance.clamp(0.0, f32::MAX) },
             brightness: if self.brightness.is_nan() { 0.0 } else { self.brightness.clamp(0.0, MAX_BRIGHTNESS) },
             rim: share(self.rim),
         }

@@ -4,5 +4,6 @@
 pub use crate::PropLighting;
 pub use crate::{
     BlendSpace, FieldPalette, PaletteOverride, PaletteReady, Palettes, PlenOctree, PlenOctreePlugin, Posterize,
-    PosterizeView, Prop, PropHit, PropProgress, PropQuality, PropRayCast, PropStage, PropState, PropTint, props_ready,
+    PosterizeView, Prop, PropHit, PropPath, PropProgress, PropQuality, PropRayCast, PropStage, PropState, PropTint,
+    props_ready,
 };

@@ -104,7 +104,7 @@ pub struct PosterizeView(pub Handle<PlenOctree>);
 /// # app.add_plugins((MinimalPlugins, AssetPlugin::default())).init_asset::<Shader>();
 /// # app.add_systems(Startup, spawn_camera).update();
 /// ```
-#[derive(Component, Clone, Debug, Default, Reflect)]
+#[derive(Component, Clone, Debug, Default, FromTemplate, Reflect)]
 #[reflect(Component, Default, Clone, Debug)]
 #[type_path = "bevy_plenoctree"]
-pub struct LabelStages(pub Vec<Handle<Shader>>);
+pub struct LabelStages(#[template(built_in)] pub Vec<Handle<Shader>>);

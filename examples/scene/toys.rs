@@ -44,7 +44,7 @@ const PASTEL: Posterize = Posterize {
 const CARTOON: PropLighting = PropLighting::toon(2.0);
 
 /// Light in soft steps.
-const SOFT: PropLighting = PropLighting { bands: 3, self_shadow_distance: f32::INFINITY, ..CARTOON };
+const SOFT: PropLighting = PropLighting { bands: 3, self_shadow_distance: f32::MAX, ..CARTOON };
 
 /// The ramps of a field, by name, and their colors at night.
 #[derive(Component)]

@@ -32,6 +32,7 @@ impl Plugin for PalettePlugin {
     fn build(&self, app: &mut App) {
         app.init_asset::<Palette>()
             .init_asset_loader::<PaletteLoader>()
+            .register_asset_reflect::<Palette>()
             .init_resource::<Palettes>()
             .init_resource::<PaletteExtraction>()
             .add_message::<PaletteFailed>()

@@ -21,6 +21,9 @@ use super::{blend::BlendSpace, ready::PaletteReady, samples::SampleOrigin, sourc
 /// [`PaletteReady`](crate::PaletteReady) is written when it is ready. A palette that you insert takes precedence over
 /// both.
 ///
+/// Saved worlds do not contain it, because fields have other ids in every run of an app. [`FieldPalette::save`] writes a
+/// palette to a file of its own, and saved worlds contain each [`PaletteOverride`](crate::PaletteOverride).
+///
 /// ```
 /// # use bevy::prelude::*;
 /// # use bevy_plenoctree::{FieldPalette, Palettes, PlenOctree, PlenOctreePlugin, Prop};
@@ -41,7 +44,7 @@ use super::{blend::BlendSpace, ready::PaletteReady, samples::SampleOrigin, sourc
 /// # assert_eq!(palette.shown(), [Color::srgb(0.1, 0.2, 0.9)]);
 /// ```
 #[derive(Resource, Default, Reflect)]
-#[reflect(Resource, Default)]
+#[reflect(Default)]
 #[type_path = "bevy_plenoctree"]
 pub struct Palettes {
     pub(super) by_field: HashMap<AssetId<PlenOctree>, FieldPalette>,

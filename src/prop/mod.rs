@@ -1,10 +1,12 @@
 //! Props: entities that place fields in the scene, and their states.
 
 mod drawn;
+mod path;
 mod progress;
 mod state;
 
 pub(crate) use drawn::DrawnField;
+pub use path::PropPath;
 pub use progress::PropProgress;
 pub use state::{PropError, PropState};
 
@@ -122,6 +124,7 @@ pub(crate) struct PropPlugin;
 impl Plugin for PropPlugin {
     fn build(&self, app: &mut App) {
         app.register_type::<Prop>()
+            .register_type::<PropPath>()
             .register_type::<PropTint>()
             .register_type::<SolidOpacity>()
             .add_systems(PostUpdate, update_bounds.in_set(PlenOctreeSystems::UpdateBounds));

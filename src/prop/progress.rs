@@ -5,7 +5,8 @@ use bevy::prelude::*;
 /// The progress of a [`Prop`](crate::Prop) on its way to the screen, for loading screens.
 ///
 /// Every prop has this component; do not change it. It is updated together with [`PropState`](crate::PropState), and
-/// marked as changed only when it changes. When a prop is ready or has failed, all fractions are 1.
+/// marked as changed only when it changes. When a prop is ready or has failed, all fractions are 1. Saved worlds do not
+/// contain it.
 ///
 /// ```
 /// # use bevy::prelude::*;
@@ -26,7 +27,7 @@ use bevy::prelude::*;
 /// # App::new().add_plugins((MinimalPlugins, AssetPlugin::default(), PlenOctreePlugin, plugin)).update();
 /// ```
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Reflect)]
-#[reflect(Component, Default, Clone, Debug, PartialEq)]
+#[reflect(Default, Clone, Debug, PartialEq)]
 #[type_path = "bevy_plenoctree"]
 pub struct PropProgress {
     /// The fraction of the field's file that has been read and parsed, from 0 to 1. Asset sources that cannot seek

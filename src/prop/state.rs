@@ -9,7 +9,8 @@ use crate::gpu::FieldTooLarge;
 ///
 /// Every prop has this component; do not change it. It is updated in [`PreUpdate`], in
 /// [`PlenOctreeSystems::UpdateProps`](crate::PlenOctreeSystems::UpdateProps), and marked as changed only when it
-/// changes. It does not matter whether a prop is in view: props that no camera sees become ready as well.
+/// changes. It does not matter whether a prop is in view: props that no camera sees become ready as well. Saved worlds do
+/// not contain it.
 ///
 /// ```
 /// # use bevy::prelude::*;
@@ -34,7 +35,7 @@ use crate::gpu::FieldTooLarge;
 /// ```
 #[derive(Component, Clone, Debug, Default, PartialEq, Reflect)]
 #[reflect(opaque)]
-#[reflect(Component, Default, Clone, Debug, PartialEq)]
+#[reflect(Default, Clone, Debug, PartialEq)]
 #[type_path = "bevy_plenoctree"]
 pub enum PropState {
     /// The field is not loaded yet. This is the default.

@@ -23,3 +23,4 @@ mod shadows;
 mod stages;
 mod states;
 mod tint;
+mod worlds;

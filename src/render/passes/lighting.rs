@@ -108,8 +108,6 @@ pub(in crate::render) fn lit_props(plan: &Plan, extracted: &ExtractedProps) -> V
         let box_from_world = DMat4::from(prop.placement.box_from_world());
         let radius = (SMOOTHED / box_from_world.determinant().abs().cbrt()).min(f32::MAX.into()) as f32;
         let box_from_world = box_from_world.as_mat4();
-        // Shaders may treat infinity as anything.
-        let self_shadow_distance = self_shadow_distance.min(f32::MAX);
         Some(LitUniform { box_from_world, shadows, tint, bands, self_shadow_distance, brightness, rim, radius })
     };
     plan.props.iter().map(|prop| of(prop.index).filter(|_| prop.is_lit).unwrap_or_default()).collect()

@@ -95,7 +95,13 @@ pub enum InvalidField {
 /// Leaves are numbered in depth-first order. Neighbors in space are therefore mostly neighbors in memory, and the
 /// leaves inside a cell are always contiguous. Cloning is cheap, because clones share the arrays.
 #[derive(Clone, Debug)]
-#[cfg_attr(feature = "bevy", derive(bevy_asset::Asset, bevy_reflect::TypePath), type_path = "plenoctree")]
+#[cfg_attr(
+    feature = "bevy",
+    derive(bevy_asset::Asset, bevy_reflect::Reflect),
+    reflect(opaque),
+    reflect(Clone, Debug),
+    type_path = "plenoctree"
+)]
 pub struct PlenOctree {
     frame: Frame,
     basis: Basis,

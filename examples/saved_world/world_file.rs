@@ -1,0 +1,71 @@
+//! The file that holds the props.
+
+use std::{fs, path::PathBuf};
+
+use bevy::{ecs::entity::EntityHashMap, prelude::*, world_serialization::serde::WorldDeserializer};
+use bevy_plenoctree::{Ink, prelude::*};
+use serde::de::DeserializeSeed;
+
+use crate::toys::{self, Toy};
+
+/// The file to save to and to load from.
+#[derive(Resource)]
+pub struct WorldFile(pub PathBuf);
+
+pub fn plugin(app: &mut App) {
+    // Bevy registers its own types if it has the feature `reflect_auto_register`, which is one of its defaults. The
+    // examples do without most defaults.
+    app.register_type::<Transform>().add_systems(Startup, start).add_systems(Update, save_or_load);
+}
+
+fn start(world: &mut World) -> Result {
+    if world.resource::<WorldFile>().0.exists() {
+        return load(world);
+    }
+    toys::spawn(world);
+    Ok(())
+}
+
+fn save_or_load(world: &mut World) -> Result {
+    let is_pressed = |key| world.get_resource::<ButtonInput<KeyCode>>().is_some_and(|keys| keys.just_pressed(key));
+    match (is_pressed(KeyCode::KeyS), is_pressed(KeyCode::KeyL)) {
+        (true, _) => save(world),
+        (false, true) => load(world),
+        (false, false) => Ok(()),
+    }
+}
+
+/// Writes all toys, with the components that make them what they are.
+fn save(world: &mut World) -> Result {
+    let toys: Vec<Entity> = world.query_filtered::<Entity, With<Toy>>().iter(world).collect();
+    let registry = world.resource::<AppTypeRegistry>().read();
+    let saved = DynamicWorldBuilder::from_world(world, &registry)
+        .allow_component::<Toy>()
+        .allow_component::<Transform>()
+        .allow_component::<Prop>()
+        .allow_component::<Posterize>()
+        .allow_component::<PaletteOverride>()
+        .allow_component::<Ink>()
+        .extract_entities(toys.into_iter())
+        .build();
+    let file = &world.resource::<WorldFile>().0;
+    fs::write(file, saved.serialize(&registry)?)?;
+    info!("saved {} props to {}", saved.entities.len(), file.display());
+    Ok(())
+}
+
+/// Replaces all toys by those in the file.
+fn load(world: &mut World) -> Result {
+    let text = fs::read_to_string(&world.resource::<WorldFile>().0)?;
+    let registry = world.resource::<AppTypeRegistry>().clone();
+    let mut server = world.resource::<AssetServer>().clone();
+    let seed = WorldDeserializer { type_registry: &registry.read(), load_from_path: &mut server };
+    let loaded = seed.deserialize(&mut ron::Deserializer::from_str(&text)?)?;
+
+    let toys: Vec<Entity> = world.query_filtered::<Entity, With<Toy>>().iter(world).collect();
+    for toy in toys {
+        world.despawn(toy);
+    }
+    loaded.write_to_world(world, &mut EntityHashMap::default())?;
+    Ok(())
+}
