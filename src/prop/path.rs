@@ -6,7 +6,7 @@ use bevy::{
     prelude::*,
 };
 
-use super::Prop;
+use super::component::Prop;
 
 /// Becomes a [`Prop`] of the field at an asset path, such as `"robot.plenoctree"`.
 ///
