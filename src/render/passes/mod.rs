@@ -96,7 +96,7 @@ mod tests {
     use crate::{
         EdgeSmoothing, FieldPalette, Palettes, PlenOctree, PlenOctreePlugin, Posterize, Prop,
         headless::{Headless, exact_camera},
-        render::plan::PropView,
+        render::{frame::Output, plan::PropView},
     };
 
     /// Returns an app with a prop at a distance, and its camera.
@@ -128,15 +128,47 @@ mod tests {
         Posterize { edges: EdgeSmoothing::Off, ..Posterize::paper() }
     }
 
-    /// Returns the names of the passes of a frame in which the camera has moved.
-    fn passes(posterize: Option<Posterize>) -> Vec<&'static str> {
+    /// Returns the passes of a frame in which the camera has moved: their names, and the bytes that they write per pixel.
+    fn passes_and_bytes(posterize: Option<Posterize>) -> Vec<(&'static str, u32)> {
         let (mut headless, camera) = app(UVec2::splat(64), posterize, 3.0);
         headless.app.world_mut().get_mut::<Transform>(camera).unwrap().translation.x += 0.01;
         headless.update();
         let world = headless.app.sub_app_mut(RenderApp).world_mut();
         let view = world.query::<&PropView>().single(world).unwrap();
         assert_eq!(view.cached.stale().layer, 1);
-        view.passes.iter().map(|(pass, _)| pass.name).collect()
+        view.passes.iter().map(|(pass, _)| (pass.name, written(pass))).collect()
+    }
+
+    fn passes(posterize: Option<Posterize>) -> Vec<&'static str> {
+        passes_and_bytes(posterize).into_iter().map(|(name, _)| name).collect()
+    }
+
+    /// Returns the bytes that a pass writes to a pixel, if it writes to all of its attachments.
+    fn written(pass: &Pass) -> u32 {
+        let bytes = |output: &Output| match output {
+            Output::Texture(slot) => slot.format().and_then(|format| format.block_copy_size(None)).unwrap_or(4),
+            // Four bytes of color, a float of depth, or two half floats.
+            Output::Target | Output::PrepassMotion => 4,
+        };
+        let writes_depth = pass.programs.iter().any(|program| program.depth_test.is_some_and(|test| test.writes));
+        let depth = pass.depth.iter().filter(|_| writes_depth);
+        pass.writes.iter().flatten().chain(depth).map(bytes).sum()
+    }
+
+    /// `docs/performance.md` lists them.
+    #[test]
+    fn passes_write_few_bytes() {
+        for (what, posterize, most) in [
+            ("as trained", None, 28),
+            ("posterized", Some(Posterize::default()), 248),
+            ("posterized as in the paper", Some(Posterize::paper()), 236),
+        ] {
+            let passes = passes_and_bytes(posterize);
+            passes.iter().for_each(|(name, bytes)| println!("{what}: {name} {bytes} bytes per pixel"));
+            let total: u32 = passes.iter().map(|(_, bytes)| bytes).sum();
+            println!("{what}: {total} bytes per pixel");
+            assert!(total <= most, "{what}: {total} bytes per pixel");
+        }
     }
 
     /// Returns the bytes of GPU memory that a view at rest takes.

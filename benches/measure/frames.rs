@@ -1,0 +1,142 @@
+//! Frames of one prop, of a prop that fills the view, and of many, while the camera moves; and their passes.
+
+use std::{
+    collections::BTreeMap,
+    time::{Duration, Instant},
+};
+
+use bevy::{prelude::*, render::diagnostic::RenderDiagnosticsPlugin};
+use bevy_plenoctree::{
+    POSTERIZE_SPANS, PlenOctree, PlenOctreePlugin, Posterize, Prop, VOLUME_SPANS,
+    headless::{Headless, exact_camera, pinhole_view},
+};
+use plenoctree::camera::PinholeCamera;
+
+use crate::{
+    FIELDS, PATIENCE, Result, SIZES, assets,
+    clock::{Times, milliseconds},
+    common::sway,
+    rays::Rays,
+};
+
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Scene {
+    /// The toadstool, all of it in view, or so near that it fills the view.
+    Whole,
+    Near,
+    /// A square of the included props.
+    Many(u32),
+}
+
+const SCENES: [(&str, Scene); 4] =
+    [("1", Scene::Whole), ("1, fills the view", Scene::Near), ("30", Scene::Many(30)), ("1,000", Scene::Many(1000))];
+const LOOKS: [(&str, bool); 2] = [("as trained", false), ("posterized", true)];
+
+pub fn measure(end: Instant) -> Result {
+    let mut headless = Headless::with_assets(SIZES[0], &assets(), |app| {
+        app.add_plugins((PlenOctreePlugin, RenderDiagnosticsPlugin)).add_systems(Update, sway);
+    })?;
+    let target = headless.target();
+    let camera = headless.app.world_mut().spawn((exact_camera(Color::WHITE), target)).id();
+    let fields: Vec<Handle<PlenOctree>> = FIELDS
+        .map(|name| headless.app.world().resource::<AssetServer>().load(format!("{name}.plenoctree")))
+        .into_iter()
+        .collect();
+    // Their palettes stay.
+    let first: Vec<_> = fields.iter().map(|field| (Prop(field.clone()), Posterize::default())).collect();
+    headless.app.world_mut().spawn_batch(first);
+    headless.wait_until_ready(PATIENCE)?;
+
+    println!("## Frames\n\nMilliseconds of a frame in which the camera moves, with the default quality.\n");
+    println!("| props | pixels | look | wall | GPU | rays | posterizing | frames |\n|---|---|---|---|---|---|---|---|");
+    let mut last = Duration::ZERO;
+    let mut left = (SIZES.len() * SCENES.len() * LOOKS.len()) as u32;
+    let mut passes: BTreeMap<String, [Option<f64>; SIZES.len()]> = BTreeMap::new();
+    // If the time is up, the largest scenes are left out.
+    for (name, scene) in SCENES {
+        for (index, size) in SIZES.into_iter().enumerate() {
+            headless.resize(size);
+            for (look, is_posterized) in LOOKS {
+                let row = format!("| {name} | {} x {} | {look}", size.x, size.y);
+                let now = Instant::now();
+                // This row probably takes no less than the one before it.
+                if now + last > end {
+                    println!("{row} | not measured: the time was up | | | | |");
+                    continue;
+                }
+                let share = end.duration_since(now) / left;
+                left -= 1;
+                show(&mut headless, camera, &fields, scene, size, is_posterized)?;
+                headless.wait_until_ready(PATIENCE)?;
+                let times = Times::measure(&mut headless, now + share)?;
+                last = now.elapsed();
+                let [gpu, rays, posterizing] =
+                    [times.gpu(), times.of(VOLUME_SPANS), times.of(POSTERIZE_SPANS)].map(milliseconds);
+                println!("{row} | {:.1} | {gpu} | {rays} | {posterizing} | {} |", times.wall, times.frames);
+                if scene == Scene::Whole && is_posterized {
+                    times.spans().for_each(|(span, time)| passes.entry(span.into()).or_default()[index] = Some(time));
+                }
+            }
+        }
+    }
+    println!("\n## Passes\n\nMilliseconds of the GPU in frames of one posterized prop, Bevy's own passes included.\n");
+    println!(
+        "| pass | {} |\n|---|{}",
+        SIZES.map(|size| format!("{} x {}", size.x, size.y)).join(" | "),
+        "---|".repeat(2)
+    );
+    for (pass, times) in passes {
+        println!("| {} | {} |", pass.trim_start_matches("plenoctree_"), times.map(milliseconds).join(" | "));
+    }
+    println!("\n## Rays\n\nMeans of the exact rays of the first view that meet a prop's box, counted on the CPU.\n");
+    println!("| field | {} |\n|---|{}", Rays::COLUMNS, "---|".repeat(Rays::COLUMNS.split('|').count()));
+    for (name, field) in FIELDS.iter().zip(&fields) {
+        let field = headless.app.world().resource::<Assets<PlenOctree>>().get(field).ok_or("the field is gone")?;
+        let view = PinholeCamera::around(field, SIZES[0].x, SIZES[0].y, 0.5, 0.4).ok_or("the field is empty")?;
+        println!("| {name} | {} |", Rays::of_view(field, &view));
+    }
+    println!();
+    Ok(())
+}
+
+/// Replaces the scene.
+fn show(
+    headless: &mut Headless,
+    camera: Entity,
+    fields: &[Handle<PlenOctree>],
+    scene: Scene,
+    size: UVec2,
+    is_posterized: bool,
+) -> Result {
+    let world = headless.app.world_mut();
+    let old: Vec<Entity> = world.query_filtered::<Entity, With<Prop>>().iter(world).collect();
+    old.into_iter().for_each(|prop| _ = world.despawn(prop));
+    let count = if let Scene::Many(count) = scene { count } else { 1 };
+    let side = f32::from(count as u16).sqrt().ceil();
+    for index in 0..count {
+        let at = (Vec2::new(index as f32 % side, (index as f32 / side).floor()) - 0.5 * (side - 1.0)) * 2.2;
+        let prop = Prop(fields[index as usize % fields.len()].clone());
+        let mut prop = world.spawn((prop, Transform::from_xyz(at.x, 0.0, at.y)));
+        if is_posterized {
+            prop.insert(Posterize::default());
+        }
+    }
+    let all = side * 2.2;
+    let place = match scene {
+        Scene::Many(_) => Transform::from_xyz(0.0, 0.6 * all, all).looking_at(Vec3::new(0.0, 0.0, 0.05 * all), Vec3::Y),
+        Scene::Whole | Scene::Near => {
+            let field = world.resource::<Assets<PlenOctree>>().get(&fields[0]).ok_or("the field is gone")?;
+            let view = PinholeCamera::around(field, size.x, size.y, 0.5, 0.4).ok_or("the field is empty")?;
+            let (projection, mut place) = pinhole_view(&view, field.up());
+            if scene == Scene::Near {
+                let (low, high) = field.dense_bounds().ok_or("the field is empty")?;
+                let middle = field.up().to_y_up() * (0.5 * (low + high));
+                place.translation = middle.as_vec3().lerp(place.translation, 0.3);
+            }
+            world.entity_mut(camera).insert((projection, place));
+            return Ok(());
+        }
+    };
+    world.entity_mut(camera).insert((Projection::default(), place));
+    Ok(())
+}
