@@ -12,10 +12,11 @@ use plenoctree::PlenOctree;
 
 use super::{
     budget::Turn,
+    layout::FieldShape,
     level::Level,
     levels::Levels,
     records::Records,
-    upload::{self, FieldShape, FieldTooLarge, GpuLevel, Uploader},
+    upload::{self, FieldTooLarge, GpuLevel, Uploader},
 };
 
 /// A [`PlenOctree`] in GPU memory. Stored in the render world, in `RenderAssets<GpuField>`.

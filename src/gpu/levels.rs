@@ -7,9 +7,10 @@ use plenoctree::{Faintness, PlenOctree};
 
 use super::{
     budget::Turn,
+    layout::FieldShape,
     level::Level,
     slices::Upload,
-    upload::{FieldShape, FieldTooLarge, GpuLevel, LevelData, Uploader, field_bytes},
+    upload::{FieldTooLarge, GpuLevel, LevelData, Uploader, field_bytes},
 };
 use crate::background;
 

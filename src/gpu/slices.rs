@@ -10,8 +10,9 @@ use bevy::{
 use super::{
     budget::Turn,
     errors::DriverErrors,
+    layout::FieldShape,
     textures::write,
-    upload::{FieldShape, FieldTooLarge, GpuLevel, LevelData, Textures, Uploader},
+    upload::{FieldTooLarge, GpuLevel, LevelData, Textures, Uploader},
 };
 use crate::background;
 

@@ -31,7 +31,7 @@ use super::{
     textures::Textures,
     uniforms::ViewBuffers,
 };
-use crate::{gpu::Shaders, render::plan::ViewUniform};
+use crate::{gpu::Shaders, render::uniforms::ViewUniform};
 
 /// What a view keeps.
 #[derive(Default)]

@@ -5,7 +5,6 @@ use std::hash::{BuildHasher, Hash, Hasher};
 use super::{
     motion::Motion,
     overlap::Overlaps,
-    uniforms::{FilterUniform, LabelsUniform, PropUniform, Rect, ScreenUniform, Smooths, ViewUniform},
     view::{OrderedProp, Overlap, Plan, PlanValues, PlannedProp, Target},
 };
 use crate::{
@@ -16,6 +15,7 @@ use crate::{
         extract::{ExtractedPosterize, ExtractedProp, ExtractedProps, VisibleProps},
         frame::Feature,
         rays::{Placement, Rays},
+        uniforms::{FilterUniform, LabelsUniform, PropUniform, Rect, ScreenUniform, Smooths, ViewUniform},
     },
     stage::PropStage,
 };
@@ -34,13 +34,13 @@ use bevy::{
 
 /// Memory that is reused from view to view.
 #[derive(Default)]
-pub(super) struct Scratch {
+pub(in crate::render) struct Scratch {
     rects: Vec<URect>,
     overlaps: Overlaps,
 }
 
 /// What is known of a view before its frame is planned.
-pub(super) struct Known<'a> {
+pub(in crate::render) struct Known<'a> {
     pub view: &'a ExtractedView,
     pub camera: &'a ExtractedCamera,
     pub samples: u32,
@@ -65,7 +65,7 @@ struct Seen<'a> {
 }
 
 /// Plans the frame of a view, without what is `missing`. Returns `None` if it draws nothing.
-pub(super) fn decide(
+pub(in crate::render) fn decide(
     known: &Known,
     missing: &[Feature],
     extracted: &ExtractedProps,

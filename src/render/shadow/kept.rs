@@ -13,7 +13,7 @@ use bevy::{
 };
 
 use super::pipeline::{ShadowPipeline, TILE_FORMAT};
-use crate::render::plan::PropUniform;
+use crate::render::uniforms::PropUniform;
 
 /// Everything that the shadow of a caster depends on, besides where the map is among the light's texels.
 #[derive(PartialEq)]

@@ -23,8 +23,8 @@ use crate::{
     render::{
         extract::ExtractedProps,
         frame::BindGroups,
-        plan::{PropUniform, ViewUniform},
         rays::Placement,
+        uniforms::{PropUniform, ViewUniform},
     },
 };
 

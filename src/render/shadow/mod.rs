@@ -31,7 +31,7 @@ use bevy::{
     },
 };
 
-use super::plan::InitPlans;
+use super::frame::InitPipelines;
 use crate::sets::PlenOctreeRenderSystems;
 
 pub(super) fn plugin(app: &mut App) {
@@ -43,7 +43,7 @@ pub(super) fn plugin(app: &mut App) {
         .init_resource::<casters::Casters>()
         .init_gpu_resource::<SpecializedRenderPipelines<pipeline::ShadowPipeline>>()
         .add_systems(ExtractSchedule, casters::extract_casters)
-        .add_systems(RenderStartup, (maps::forget_maps, pipeline::init).after(InitPlans))
+        .add_systems(RenderStartup, (maps::forget_maps, pipeline::init).after(InitPipelines))
         .add_systems(
             Render,
             (

@@ -20,26 +20,22 @@ use bevy::{
 };
 
 use super::{
-    decide::{Known, Scratch, decide},
-    drawn_viewport,
-    levels::choose_levels,
-    view::{Plan, PlanValues, PropView, Target},
+    extract::{ExtractedProps, VisibleProps},
+    frame::{Comparison, Feature, InitPipelines, PaletteBuffer, Part, Pass, Pipelines, Sizes, Values, ViewBuffers},
+    passes,
+    plan::{Known, Plan, PlanValues, PropView, Scratch, Target, choose_levels, decide, drawn_viewport},
 };
 use crate::{
     gpu::{FieldLayouts, FieldReports, GpuField, InitFields, Readiness, Shaders, ViewTooLarge},
-    render::{
-        extract::{ExtractedProps, VisibleProps},
-        frame::{Comparison, Feature, PaletteBuffer, Part, Pass, Pipelines, Sizes, Values, ViewBuffers},
-        passes,
-    },
     sets::PlenOctreeRenderSystems,
 };
 
 /// Plans the frames of views.
-pub(in crate::render) fn plugin(render_app: &mut SubApp) {
+pub(super) fn plugin(render_app: &mut SubApp) {
+    render_app.world_mut().register_required_components::<VisibleProps, PropView>();
     render_app
         .init_gpu_resource::<PaletteBuffer>()
-        .add_systems(RenderStartup, (forget_views, init).chain().in_set(InitPlans).after(InitFields))
+        .add_systems(RenderStartup, (forget_views, init).chain().in_set(InitPipelines).after(InitFields))
         .add_systems(
             Render,
             (
@@ -49,10 +45,6 @@ pub(in crate::render) fn plugin(render_app: &mut SubApp) {
             ),
         );
 }
-
-/// The systems in `RenderStartup` that create what pipelines have in common.
-#[derive(SystemSet, Clone, Debug, PartialEq, Eq, Hash)]
-pub(in crate::render) struct InitPlans;
 
 fn init(mut commands: Commands, shaders: Res<Shaders>, fields: Res<FieldLayouts>) {
     commands.insert_resource(Pipelines::new(&shaders, &fields));
@@ -239,7 +231,8 @@ fn plan(
 
 /// Returns the parts of a frame that are drawn in every frame.
 fn never_cached(plan: &Plan) -> &'static [Part] {
-    // There is no way to tell whether shadows that fall on props have changed. What is only blended over the scene is drawn faster than the scene is compared.
+    // There is no way to tell whether shadows that fall on props have changed. What is only blended over the scene is
+    // drawn faster than the scene is compared.
     if plan.is_lit || !plan.posterizes { &[Part::Labels] } else { &[] }
 }
 
