@@ -23,7 +23,7 @@ use super::{
     extract::{ExtractedProps, VisibleProps},
     frame::{Comparison, Feature, InitPipelines, PaletteBuffer, Part, Pass, Pipelines, Sizes, Values, ViewBuffers},
     passes,
-    plan::{Known, Plan, PlanValues, PropView, Scratch, Target, choose_levels, decide, drawn_viewport},
+    plan::{Known, Plan, PlanValues, PropView, Target, choose_levels, decide, drawn_viewport},
 };
 use crate::{
     gpu::{FieldLayouts, FieldReports, GpuField, InitFields, Readiness, Shaders, ViewTooLarge},
@@ -102,7 +102,6 @@ fn plan_views(
     (mut pipelines, comparison): (ResMut<Pipelines>, Option<Res<Comparison>>),
     phases: Option<Res<ViewSortedRenderPhases<Transparent3d>>>,
     (reports, mut readiness): (Res<FieldReports>, ResMut<Readiness>),
-    mut scratch: Local<Scratch>,
     mut views: Query<View>,
 ) {
     pipelines.waiting.clear();
@@ -137,7 +136,7 @@ fn plan_views(
             has_objects: phase.is_some_and(|phase| !phase.items.is_empty()),
             as_trained: &view.as_trained,
         };
-        let planned = plan(&known, &extracted, &fields, &mut scratch, &mut pipelines, &cache);
+        let planned = plan(&known, &extracted, &fields, &mut pipelines, &cache);
         view.order = order;
         let (planned, is_complete) = planned;
         let Some((plan, passes)) = planned else {
@@ -191,13 +190,12 @@ fn plan(
     known: &Known,
     extracted: &ExtractedProps,
     fields: &RenderAssets<GpuField>,
-    scratch: &mut Scratch,
     pipelines: &mut Pipelines,
     cache: &PipelineCache,
 ) -> (Option<(Plan, Vec<(Pass, Vec<CachedRenderPipelineId>)>)>, bool) {
     let mut missing = vec![];
     loop {
-        let Some(plan) = decide(known, &missing, extracted, fields, scratch) else {
+        let Some(plan) = decide(known, &missing, extracted, fields) else {
             return (None, missing.is_empty());
         };
         let (mut passes, mut is_complete) = (vec![], missing.is_empty());

@@ -91,7 +91,7 @@ impl Cache {
                 (true, true) => Mode::Compare,
             };
         }
-        // Whatever is drawn differently now, even if incompletely, replaces what was kept.
+        // Whatever is drawn differently now, even if incompletely, replaces what was cached.
         for part in Part::ALL {
             self.parts[part as usize].drawn = None;
         }

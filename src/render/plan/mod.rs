@@ -6,7 +6,7 @@ mod motion;
 mod overlap;
 mod view;
 
-pub(super) use decide::{Known, Scratch, decide};
+pub(super) use decide::{Known, decide};
 #[cfg(feature = "shadows")]
 pub(super) use decide::{covered, extent};
 pub(super) use levels::choose_levels;
