@@ -64,12 +64,18 @@ fn prop_ray(in: Varying) -> PropRay {
     return seen;
 }
 
+// Returns the length of a vector whose square may be too large or too small for a float.
+fn any_length(vector: vec3<f32>) -> f32 {
+    let most = max(max(abs(vector.x), abs(vector.y)), abs(vector.z));
+    return most * length(vector / most);
+}
+
 // Returns the ray through a point of the viewport, as if there were nothing else in the scene.
 fn ray_at(prop: Prop, at: vec2<f32>) -> PropRay {
     let point = vec3(1.0, at - prop.reference);
     let cells = f32(1u << field.depth);
     let toward = prop.direction * point;
-    let length = length(toward);
+    let length = any_length(toward);
     let unit = toward / length;
     let ray = make_ray(prop.origin * point * cells, unit * prop.scale * cells);
     return PropRay(at, ray, unit, length, clip(ray, prop.low * cells, prop.high * cells, 0.0));

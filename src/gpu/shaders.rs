@@ -49,6 +49,7 @@ impl Shaders {
             "filter_texel",
             "finish",
             "fog",
+            "front",
             "fullscreen",
             "ink",
             "label",
@@ -71,6 +72,7 @@ impl Shaders {
             "solid",
             "space",
             "target",
+            "under_objects",
             "view",
             "volume",
         ];

@@ -1,11 +1,12 @@
 //! Plans the frames of all views, and prepares what their passes need.
 
 use bevy::{
-    camera::MainPassResolutionOverride,
+    camera::{MainPassResolutionOverride, NormalizedRenderTarget},
     core_pipeline::{
         core_3d::{Transparent3d, prepare_core_3d_depth_textures},
         prepass::PreviousViewData,
     },
+    platform::collections::HashMap,
     prelude::*,
     render::{
         GpuResourceAppExt, Render, RenderStartup, RenderSystems,
@@ -39,6 +40,7 @@ pub(super) fn plugin(render_app: &mut SubApp) {
         .add_systems(
             Render,
             (
+                agree_about_targets.in_set(RenderSystems::CreateViews),
                 read_depth.before(prepare_core_3d_depth_textures).in_set(RenderSystems::PrepareResources),
                 choose_levels.in_set(PlenOctreeRenderSystems::ChooseLevels),
                 (write_palettes, plan_views).chain().in_set(PlenOctreeRenderSystems::PlanViews),
@@ -55,6 +57,21 @@ fn init(mut commands: Commands, shaders: Res<Shaders>, fields: Res<FieldLayouts>
 fn forget_views(mut commands: Commands, views: Query<Entity, With<VisibleProps>>) {
     for view in &views {
         commands.entity(view).remove_with_requires::<VisibleProps>();
+    }
+}
+
+/// Lets the cameras of a target agree about its size. Bevy tells them of a new size a frame later, unless they are new or
+/// change themselves, and the textures that they share are of the size that any of them expects: which one may differ from
+/// texture to texture, because cameras that draw props are listed elsewhere than others.
+fn agree_about_targets(
+    mut cameras: Query<&mut ExtractedCamera>,
+    mut sizes: Local<HashMap<NormalizedRenderTarget, UVec2>>,
+) {
+    sizes.clear();
+    for mut camera in &mut cameras {
+        if let (Some(target), Some(size)) = (camera.target.clone(), camera.physical_target_size) {
+            camera.physical_target_size = Some(*sizes.entry(target).or_insert(size));
+        }
     }
 }
 

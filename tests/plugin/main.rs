@@ -2,6 +2,7 @@
 
 mod arrival;
 mod brightness;
+mod browser;
 mod edges;
 mod extract;
 mod extremes;

@@ -54,7 +54,10 @@ pub(in crate::render) enum Slot {
     Fogged,
     /// See [`LabelTextures`](crate::LabelTextures).
     Labels,
-    /// Transparent objects over nothing, in the format and the size of the target, resolved and multisampled.
+    /// At smooth edges, what the pixel shows of props alone. See `blend.wgsl`.
+    Front,
+    /// Transparent objects over the light of props alone, in the format and the size of the target, resolved and
+    /// multisampled.
     Objects,
     ObjectSamples,
 }
@@ -78,7 +81,7 @@ impl Slot {
         use TextureFormat::*;
         Some(match self {
             Self::Color(_) | Self::OwnRays | Self::OtherRays | Self::SmoothLight => Rgba16Float,
-            Self::Labeled | Self::Finished | Self::Shown | Self::Staged | Self::Fogged => Rgba16Float,
+            Self::Labeled | Self::Finished | Self::Shown | Self::Staged | Self::Fogged | Self::Front => Rgba16Float,
             Self::Owner(_) => Rg16Float,
             Self::Motion(_) => MOTION_VECTOR_PREPASS_FORMAT,
             Self::Depth(_) | Self::NearestDepth(_) | Self::OpaqueDepth(_) | Self::EdgeMask => DEPTH_FORMAT,

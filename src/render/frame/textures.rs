@@ -86,7 +86,7 @@ impl Textures {
             }) && written.all(|output| match output {
                 Output::Texture(slot) => self.texture(device, slot, sizes),
                 Output::Target | Output::PrepassMotion => true,
-            }) && pass.holds.iter().all(|slot| self.texture(device, *slot, sizes))
+            })
         });
         self.textures.retain(|_, held| held.idle <= HELD_FRAMES);
         self.buffers.retain(|_, held| held.idle <= HELD_FRAMES);

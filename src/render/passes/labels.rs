@@ -109,17 +109,19 @@ pub(super) fn blend(plan: &Plan) -> Option<Pass> {
     let program = Program::new("blend")
         .define_all(space(plan.target.space))
         .define_number("SAMPLES", plan.hidden_samples())
+        .define_if(plan.blends_front(), "FRONT")
         .define_all(lit(plan));
     let shown = if plan.finishes() { Slot::Finished } else { Slot::Labeled };
     let slots = [shown, Slot::Even, Slot::Outline, Slot::Coverage, Slot::OwnRays, Slot::OtherRays];
     let ink = if plan.has_ink { &[Slot::Labels, Slot::Depth(Rays::Pixels)][..] } else { &[] };
     let inputs = slots.iter().map(|slot| Input::Texture(*slot)).chain([Input::Scene]);
     let inputs = inputs.chain(ink.iter().map(|slot| Input::Texture(*slot))).collect();
+    let writes = [Slot::Shown].into_iter().chain(plan.blends_front().then_some(Slot::Front));
     plan.smooths.then(|| Pass {
         feature: Feature::Edges,
         reads: with_lights(plan, inputs),
         uses: &[Uniforms::View, Uniforms::Props, Uniforms::Screen, Uniforms::Labels],
-        writes: vec![Some(Output::Texture(Slot::Shown))],
+        writes: writes.map(|slot| Some(Output::Texture(slot))).collect(),
         depth: Some(Output::Texture(Slot::EdgeMask)),
         ..Pass::fullscreen(
             BLEND,

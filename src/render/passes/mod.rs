@@ -37,6 +37,7 @@ pub const POSTERIZE_SPANS: &[&str] = &[
     labels::BLEND,
     edges::OUTLINE,
     edges::COVERAGE,
+    objects::UNDER_OBJECTS,
     objects::OBJECTS,
     #[cfg(feature = "shadows")]
     fog::FOG,
@@ -70,6 +71,7 @@ pub(super) fn of(plan: &Plan) -> Vec<Pass> {
     #[cfg(feature = "shadows")]
     passes.extend(fog::fog(plan));
     passes.extend(present::present(plan));
+    passes.extend(objects::under_objects(plan));
     passes.extend(objects::objects(plan));
     passes
 }

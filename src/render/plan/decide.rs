@@ -68,6 +68,9 @@ pub(in crate::render) fn decide(
     let has = |feature| !missing.contains(&feature);
     let quality = &visible.quality;
     let size = viewport.physical_size;
+    // The viewport may be that of another size. See `agree_about_targets`.
+    let target_size = camera.physical_target_size?;
+    let most = target_size.saturating_sub(viewport.physical_position).min(size);
     // After upscaling, textures with the size of the main pass no longer fit the target.
     let stage = if known.overrides_resolution { PropStage::Scene } else { visible.stage };
     let spacing = if quality.error > 0.0 && has(Feature::Sparse) { quality.spacing } else { 1 };
@@ -83,9 +86,12 @@ pub(in crate::render) fn decide(
     let rects: Vec<_> = seen.iter().map(|seen| covered(seen.rays.clip_from_box, size)).collect();
     let everything = visible.everything.as_ref().filter(|view| view.colors > 0 && has(Feature::Posterize));
     let rect = match everything {
-        Some(_) => Rect { low: UVec2::ZERO, size, viewport: size },
-        None => drawn_rect(&rects, spacing, size)?,
+        Some(_) => Rect { low: UVec2::ZERO, size: most, viewport: size },
+        None => drawn_rect(&rects, spacing, size, most)?,
     };
+    if rect.size.min_element() == 0 {
+        return None;
+    }
 
     let mut props: Vec<_> = seen
         .iter()
@@ -173,7 +179,7 @@ pub(in crate::render) fn decide(
             format: view.target_format,
             samples: if stage == PropStage::Scene { known.samples } else { 1 },
             space: camera.compositing_space,
-            size: camera.physical_target_size?,
+            size: target_size,
         },
         spacing,
         iterations: values.filters.iter().map(|filter| filter.iterations).max().unwrap_or(0),
@@ -229,14 +235,14 @@ fn see<'a>(
 }
 
 /// Returns the part of the viewport to draw: the pixels of `rects`, how far a prop can be seen from them, and how far
-/// from there the filter reads. A pixel between the rays of the grid is interpolated. The grid begins at a multiple of
-/// its spacing, so that it is the same wherever the part begins.
-fn drawn_rect(rects: &[URect], spacing: u32, viewport: UVec2) -> Option<Rect> {
+/// from there the filter reads, but no pixel from `most` on. A pixel between the rays of the grid is interpolated. The
+/// grid begins at a multiple of its spacing, so that it is the same wherever the part begins.
+fn drawn_rect(rects: &[URect], spacing: u32, viewport: UVec2, most: UVec2) -> Option<Rect> {
     let covered = rects.iter().filter(|rect| !rect.is_empty()).copied().reduce(|a, b| a.union(b))?;
     let reach = spacing + MAX_FILTER_RADIUS;
     let low = covered.min.saturating_sub(UVec2::splat(reach)) / spacing * spacing;
-    let high = (covered.max + reach).min(viewport);
-    Some(Rect { low, size: high - low, viewport })
+    let high = (covered.max + reach).min(most);
+    Some(Rect { low, size: high.saturating_sub(low), viewport })
 }
 
 /// Returns a number that is different for different colors of the palettes.

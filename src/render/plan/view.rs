@@ -208,6 +208,12 @@ impl Plan {
         self.posterizes || self.is_lit || self.is_sparse()
     }
 
+    /// Returns whether the light of props alone must be known where their edges are smooth. Custom stages change what is
+    /// shown after that.
+    pub fn blends_front(&self) -> bool {
+        self.has_objects && self.smooths && self.stages.is_empty()
+    }
+
     /// Returns the number of samples per pixel of a target in which some samples may show something in front of a prop,
     /// while others show the prop. `None` if there is only one, or if custom stages or a posterized view decide what is
     /// shown.
