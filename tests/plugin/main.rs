@@ -23,4 +23,5 @@ mod shadows;
 mod stages;
 mod states;
 mod tint;
+mod waiting;
 mod worlds;
