@@ -244,50 +244,17 @@ impl Default for BilateralFilter {
 
 #[cfg(test)]
 mod tests {
-    use std::{
-        fmt::Debug,
-        sync::{Arc, Mutex},
-    };
-
-    use bevy::log::{
-        tracing::{
-            Event, Subscriber,
-            field::{Field, Visit},
-            subscriber::with_default,
-        },
-        tracing_subscriber::{
-            Layer, Registry,
-            layer::{Context, SubscriberExt},
-        },
-    };
-
     use super::*;
-
-    /// Collects what is logged.
-    #[derive(Clone, Default)]
-    struct Log(Arc<Mutex<String>>);
-
-    impl<S: Subscriber> Layer<S> for Log {
-        fn on_event(&self, event: &Event, _: Context<S>) {
-            event.record(&mut self.clone());
-        }
-    }
-
-    impl Visit for Log {
-        fn record_debug(&mut self, _: &Field, value: &dyn Debug) {
-            *self.0.lock().unwrap() += &format!("{value:?}\n");
-        }
-    }
+    use crate::tests::log::logged;
 
     #[test]
     fn palettes_with_too_many_labels_are_reported_once() {
-        let log = Log::default();
         let palette = |colors| Palette::new(vec![[0.5; 3]; colors]).unwrap();
         let of = |colors| Posterize { blend_steps: 8, ..default() }.blend_steps_of(&palette(colors));
-        let steps = with_default(Registry::default().with(log.clone()), || [6, 17, 64, 64].map(of));
+        let (steps, log) = logged(|| [6, 17, 64, 64].map(of));
         assert_eq!(steps, [8, 8, 1, 1]);
         let expected =
             "a palette of 64 colors with 8 blend steps has 14176 labels, expected at most 1024: it is drawn with 1\n";
-        assert_eq!(*log.0.lock().unwrap(), expected);
+        assert_eq!(log, expected);
     }
 }

@@ -113,9 +113,9 @@ impl GpuField {
         self.levels.are_pending()
     }
 
-    /// Returns the number of levels that are being made in the background.
-    pub(super) fn being_made(&self) -> usize {
-        self.levels.being_made()
+    /// Returns, for each level that is being made in the background, whether that is finished.
+    pub(crate) fn making(&self) -> impl Iterator<Item = bool> {
+        self.levels.making()
     }
 
     /// Makes and uploads the field, and the levels that were requested in this frame, as far as the allowance goes. If a

@@ -92,9 +92,12 @@ impl Levels {
         }
     }
 
-    /// Returns the number of levels that are being made.
-    pub fn being_made(&self) -> usize {
-        self.slots.iter().filter(|slot| matches!(slot.state, State::Making(_))).count()
+    /// Returns, for each level that is being made, whether that is finished.
+    pub fn making(&self) -> impl Iterator<Item = bool> {
+        self.slots.iter().filter_map(|slot| match &slot.state {
+            State::Making(task) => Some(task.is_finished()),
+            _ => None,
+        })
     }
 
     /// Requests a level for this frame. It is made if `makes_more`.

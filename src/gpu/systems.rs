@@ -28,7 +28,7 @@ pub(super) fn upload_levels(
     mut last: Local<Option<Instant>>,
 ) {
     let threads = available_parallelism().map_or(1, |cores| cores.get() - 1).max(1);
-    let being_made = fields.iter().map(|(_, field)| field.being_made()).sum();
+    let being_made = fields.iter().flat_map(|(_, field)| field.making()).count();
     let now = Instant::now();
     let last_frame = last.replace(now).map_or(Duration::ZERO, |last| now - last);
     let is_emulated = adapter.device_type == DeviceType::Cpu;

@@ -58,18 +58,20 @@ pub(super) fn update(
             Some(_) => 1.0,
             None => extraction.progress(id).unwrap_or(0.0),
         });
-        progress.set_if_neq(match new {
+        let before = if state.is_waiting() && !prop.is_changed() { *progress } else { PropProgress::default() };
+        let now = match new {
             PropState::Ready | PropState::Failed(_) => {
                 PropProgress { read: 1.0, uploaded: 1.0, palette: palette.map(|_| 1.0) }
             }
             PropState::Loading => {
-                // A few frames pass between the end of reading and the arrival of the asset.
-                let last = if prop.is_changed() { 0.0 } else { progress.read };
-                let read = prop.0.path().and_then(|path| files.share(path)).unwrap_or(last);
+                let read = prop.0.path().and_then(|path| files.share(path)).unwrap_or(0.0);
                 PropProgress { read, uploaded: 0.0, palette }
             }
             _ => PropProgress { read: 1.0, uploaded: gpu.progress(id), palette },
-        });
+        };
+        // A few frames pass between the end of reading and the arrival of the asset, and sampling may start again on another
+        // processor.
+        progress.set_if_neq(now.max(before));
         state.set_if_neq(new);
     }
 }

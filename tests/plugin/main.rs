@@ -24,4 +24,5 @@ mod shadows;
 mod stages;
 mod states;
 mod tint;
+mod waiting;
 mod worlds;

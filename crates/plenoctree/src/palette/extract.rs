@@ -334,6 +334,22 @@ mod tests {
         assert_eq!((extraction.clusters, extraction.hull_vertices, extraction.total_weight), (Some(5), Some(4), 7.5));
     }
 
+    /// Half of the work on a palette of tones comes after sampling, and is counted. Of other palettes, next to nothing does.
+    #[test]
+    fn progress_counts_what_comes_after_sampling() {
+        let settings = BakeSettings { depth: 5, basis: Basis::Rgba, ..Default::default() };
+        let color = |at: DVec3| move |_: DVec3| 0.5 + 0.4 * (4.0 * at).map(f64::sin);
+        let field = bake(&settings, |at| if at.length() < 0.8 { 50.0 } else { 0.0 }, color).unwrap();
+        for (method, sampling) in [(PaletteMethod::Tones, 0.5), (PaletteMethod::Hull, 1.0)] {
+            let settings = ExtractionSettings { method, ..Default::default() };
+            let progress = settings.progress();
+            let histograms = sample(&field, &settings.sampling, &progress).unwrap();
+            assert_eq!(progress.fraction(), sampling);
+            extract_from_samples(&field, &histograms, &settings, &progress).unwrap();
+            assert!((0.75..=1.0).contains(&progress.fraction()), "{method:?}: {}", progress.fraction());
+        }
+    }
+
     #[test]
     fn one_color_is_a_palette() {
         for method in PaletteMethod::ALL {
