@@ -35,10 +35,8 @@ fn unpacked(label: u32, steps: u32) -> Label {
     return Label(first, second, select(f32(label >> 16u) / f32(steps), 1.0, first == second));
 }
 
-// How much more the chroma of grays counts than lightness, and the chroma beyond which it counts logarithmically. Match
-// `plenoctree::palette::tone_space`.
-const CHROMA: f32 = 2.4;
-const VIVID: f32 = 0.1;
+// How much more a difference of chroma counts than one of lightness. Matches `plenoctree::palette::tone_space`.
+const CHROMA: f32 = 2.0;
 
 // Returns where a color, in encoded sRGB, is compared with labels: in encoded RGB, or if the labels are tones, in the
 // space in which tones are fitted.
@@ -46,10 +44,7 @@ fn placed(prop: u32, color: vec3<f32>) -> vec3<f32> {
     if labelings[prop].first_place == labelings[prop].first_color {
         return color;
     }
-    let lab = oklab(color);
-    let chroma = length(lab.yz);
-    let scale = select(1.0, log(1.0 + chroma / VIVID) * VIVID / chroma, chroma > 1e-5);
-    return vec3(lab.x, CHROMA * scale * lab.yz);
+    return oklab(color) * vec3(1.0, CHROMA, CHROMA);
 }
 
 // Returns the place of a label. See `placed`.

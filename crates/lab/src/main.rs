@@ -4,6 +4,7 @@
 mod bake;
 mod coherence;
 mod evidence;
+mod look;
 mod recolor;
 mod report;
 mod tradeoff;
@@ -27,6 +28,7 @@ enum Command {
     Tradeoff(tradeoff::Arguments),
     Coherence(coherence::Arguments),
     Evidence(evidence::Arguments),
+    Look(look::Arguments),
     Bake(bake::Arguments),
 }
 
@@ -36,6 +38,7 @@ impl CommandLine {
             Command::Tradeoff(arguments) => tradeoff::run(arguments),
             Command::Coherence(arguments) => coherence::run(arguments),
             Command::Evidence(arguments) => evidence::run(arguments),
+            Command::Look(arguments) => look::run(arguments),
             Command::Bake(arguments) => bake::run(arguments),
         }
     }

@@ -210,7 +210,7 @@ fn find(
 /// The number of colors of a palette whose colors are blended, unless settings specify another.
 const USUAL: usize = 6;
 /// The error of tones, as a distance in tone space, that is small enough.
-const TONE_ERROR: f64 = 0.027;
+const TONE_ERROR: f64 = 0.03;
 
 /// Returns the palette with the number of colors that the settings specify. `find` finds a palette of at most a number
 /// of colors.
