@@ -54,7 +54,11 @@ fn everything_is_within_the_default_limits_of_webgpu() {
     world.spawn((Mesh3d(mesh), MeshMaterial3d(material), Transform::from_xyz(0.0, 0.0, 2.0)));
     let camera = world.spawn((exact_camera(Color::BLACK), target, flat(), Transform::from_xyz(0.0, 0.0, 5.0))).id();
     let device = headless.app.sub_app(RenderApp).world().resource::<RenderDevice>();
-    assert_eq!(device.limits(), limits);
+    let granted = device.limits();
+    // wgpu does not restrict this one, which is of no use without a feature that browsers do not have.
+    let max_binding_array_sampler_elements_per_shader_stage =
+        granted.max_binding_array_sampler_elements_per_shader_stage;
+    assert_eq!(granted, wgpu::Limits { max_binding_array_sampler_elements_per_shader_stage, ..limits });
 
     let idle = idle_stage(headless.app.world_mut());
     for (msaa, quality) in [(Msaa::Off, PropQuality::EXACT), (Msaa::Sample4, PropQuality::FAST)] {

@@ -20,8 +20,8 @@ enum Event {
 }
 
 /// Resizes the target while something happens to the first or the second camera, or a third one is spawned. Returns the
-/// frames of that moment, and a later one.
-fn resize(stage: &mut Stage, size: UVec2, event: Event, changing: Entity, settings: impl Bundle) -> [RgbaImage; 2] {
+/// frame after that.
+fn resize(stage: &mut Stage, size: UVec2, event: Event, changing: Entity, settings: impl Bundle) -> RgbaImage {
     let (target, cameras) = (stage.headless.target(), stage.cameras);
     stage.headless.resize(size);
     let world = stage.world();
@@ -44,7 +44,7 @@ fn resize(stage: &mut Stage, size: UVec2, event: Event, changing: Entity, settin
     let capture = |stage: &mut Stage| {
         stage.headless.capture().unwrap_or_else(|error| panic!("{size}, {event:?}, {changing}: {error}"))
     };
-    let first = capture(stage);
+    capture(stage);
     for camera in cameras {
         stage.world().get_mut::<Camera>(camera).unwrap().viewport = None;
     }
@@ -52,12 +52,11 @@ fn resize(stage: &mut Stage, size: UVec2, event: Event, changing: Entity, settin
         stage.world().despawn(camera);
     }
     // Rendering stops after the first error, which is reported a frame later.
-    capture(stage);
-    [first, capture(stage)]
+    capture(stage)
 }
 
 /// From large to small, from small to large, and both at once.
-const SIZES: [UVec2; 4] = [UVec2::splat(40), UVec2::splat(20), UVec2::new(41, 17), UVec2::new(17, 41)];
+const SIZES: [UVec2; 3] = [UVec2::splat(40), UVec2::new(41, 17), UVec2::new(17, 25)];
 
 /// A solid prop, haze before it, and a pane before both, all of them larger than the view.
 fn filled() -> (Stage, Handle<bevy_plenoctree::PlenOctree>, Entity) {
@@ -105,7 +104,7 @@ fn cameras_may_disagree_about_the_size_of_their_target() {
         for event in [Event::Spawn, Event::Zoom, Event::Viewport] {
             for (index, size) in SIZES.into_iter().enumerate() {
                 let changing = [first, second][index % 2];
-                let [_, after] = resize(&mut stage, size, event, changing, (msaa, place));
+                let after = resize(&mut stage, size, event, changing, (msaa, place));
                 assert_eq!(after.dimensions(), (size.x, size.y));
                 let middle = after.get_pixel(size.x / 2, size.y / 2);
                 assert!(after.pixels().all(|pixel| (0..3).all(|c| pixel[c].abs_diff(middle[c]) < 40)), "{event:?}");
