@@ -61,6 +61,19 @@ fn oklab(encoded: vec3<f32>) -> vec3<f32> {
     );
 }
 
+// How much more the chroma of grays counts than lightness, and the chroma beyond which it counts logarithmically. Match
+// `plenoctree::palette::tone_space`.
+const CHROMA: f32 = 2.4;
+const VIVID: f32 = 0.1;
+
+// Converts encoded sRGB to the space in which tones are fitted.
+fn tone_space(encoded: vec3<f32>) -> vec3<f32> {
+    let lab = oklab(encoded);
+    let chroma = length(lab.yz);
+    let scale = select(1.0, log(1.0 + chroma / VIVID) * VIVID / chroma, chroma > 1e-5);
+    return vec3(lab.x, CHROMA * scale * lab.yz);
+}
+
 // Converts Oklab to linear light.
 fn linear_of_oklab(lab: vec3<f32>) -> vec3<f32> {
     let root = vec3(

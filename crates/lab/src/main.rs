@@ -6,6 +6,7 @@ mod coherence;
 mod evidence;
 mod recolor;
 mod report;
+mod steady;
 mod tradeoff;
 
 use std::process::ExitCode;
@@ -27,6 +28,7 @@ enum Command {
     Tradeoff(tradeoff::Arguments),
     Coherence(coherence::Arguments),
     Evidence(evidence::Arguments),
+    Steady(steady::Arguments),
     Bake(bake::Arguments),
 }
 
@@ -36,6 +38,7 @@ impl CommandLine {
             Command::Tradeoff(arguments) => tradeoff::run(arguments),
             Command::Coherence(arguments) => coherence::run(arguments),
             Command::Evidence(arguments) => evidence::run(arguments),
+            Command::Steady(arguments) => steady::run(arguments),
             Command::Bake(arguments) => bake::run(arguments),
         }
     }

@@ -29,7 +29,7 @@ use crate::{
     gpu::{FieldLayouts, FieldReports, GpuField, InitFields, Readiness, Shaders, ViewTooLarge},
     render::{
         extract::{ExtractedProps, VisibleProps},
-        frame::{Comparison, Feature, PaletteBuffer, Part, Pass, Pipelines, Sizes, Values, ViewBuffers},
+        frame::{Comparison, Feature, PaletteBuffer, Part, Pass, Pipelines, Rays, Sizes, Slot, Values, ViewBuffers},
         passes,
     },
     sets::PlenOctreeRenderSystems,
@@ -143,6 +143,7 @@ fn plan_views(
             visible: &visible,
             order: &order,
             has_objects: phase.is_some_and(|phase| !phase.items.is_empty()),
+            former: view.former.as_ref(),
             as_trained: &view.as_trained,
         };
         let planned = plan(&known, &extracted, &fields, &mut scratch, &mut pipelines, &cache);
@@ -159,6 +160,8 @@ fn plan_views(
         };
         passes::request(&visible, view.changes_levels, &plan, &extracted, &fields, &mut pipelines, &cache);
         (view.plan, view.is_complete) = (plan, is_complete);
+        // Where nothing moves, the last frame that moved stays: it is the one that was drawn.
+        view.former = view.plan.former.take();
         view.as_trained.clear();
         let as_trained = view.plan.props.iter().filter(|prop| !prop.is_posterized);
         view.as_trained.extend(as_trained.map(|prop| prop.entity));
@@ -172,6 +175,11 @@ fn plan_views(
         };
         view.passes = passes;
         let PropView { plan, passes, textures, buffers, cached, .. } = view;
+        if plan.keeps_labels {
+            [(Slot::Labels, Slot::FormerLabels), (Slot::Depth(Rays::Pixels), Slot::FormerDepth)]
+                .into_iter()
+                .for_each(|(now, former)| textures.swap(now, former));
+        }
         let is_held = textures.hold(&device, passes.iter().map(|(pass, _)| pass), &sizes);
         write_uniforms(plan, buffers, &extracted, &device, &queue);
         if is_held {
