@@ -7,12 +7,13 @@
 #import bevy_plenoctree::ink::{Surface, ink_at, inked, surface_at}
 #endif
 #import bevy_plenoctree::labels::assign
+#import bevy_plenoctree::recolor::recolored
 #import bevy_plenoctree::shade::FULL_LIGHT
 #ifdef LIGHTING
 #import bevy_plenoctree::shade::shade_of
 #endif
 #import bevy_plenoctree::target::from_target
-#import bevy_plenoctree::view::{is_drawn, props, view}
+#import bevy_plenoctree::view::{is_drawn, labelings, props, view}
 
 // The result of the label pass.
 @group(1) @binding(0) var shown: texture_2d<f32>;
@@ -24,10 +25,11 @@
 @group(1) @binding(5) var other_rays: texture_2d<f32>;
 // The target, before the result is written to it.
 @group(1) @binding(6) var scene: texture_2d<f32>;
+@group(1) @binding(7) var layer: texture_2d<f32>;
 #ifdef INK
 // The labels of the label pass, and the depth of the props.
-@group(1) @binding(7) var labels: texture_2d<u32>;
-@group(1) @binding(8) var depth: texture_depth_2d;
+@group(1) @binding(8) var labels: texture_2d<u32>;
+@group(1) @binding(9) var depth: texture_depth_2d;
 #endif
 
 // What is behind the owners of a pixel's parts.
@@ -49,7 +51,16 @@ fn behind_at(pixel: vec2<u32>) -> Behind {
     // See `thinned` of `coverage.wgsl`.
     if value.owner == 0u && owners.x == 0u && owners.y > 0u && thinned.a > 0.0 {
         behind.composite = max(thinned.rgb + thinned.a * value.color, vec3(0.0));
-        behind.shown = vec4(decode(behind.composite), 1.0 - thinned.a * (1.0 - alpha));
+        var thin = behind.composite;
+        let prop = owners.y - 1u;
+        if labelings[prop].recolors == 1u {
+            // What the rays see of the prop. See `thinned`.
+            let center = textureLoad(layer, pixel, 0);
+            let rays = vec4(thinned.rgb + thinned.a * center.rgb, 1.0 - thinned.a * (1.0 - center.a));
+            let own = rays.rgb / max(rays.a, 1e-6);
+            thin = max(thin + rays.a * (recolored(prop, own) - own), vec3(0.0));
+        }
+        behind.shown = vec4(decode(thin), 1.0 - thinned.a * (1.0 - alpha));
     }
     return behind;
 }

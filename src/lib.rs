@@ -80,6 +80,7 @@ mod posterize;
 pub mod prelude;
 mod prop;
 mod quality;
+mod recolor;
 mod recovery;
 mod render;
 mod sampling;
@@ -129,6 +130,7 @@ pub use posterize::{
 };
 pub use prop::{Prop, PropPath, PropTint, SolidOpacity};
 pub use quality::{PropQuality, QualityPreset};
+pub use recolor::Recolor;
 pub use recovery::DeviceRecoveryPlugin;
 #[cfg(feature = "shadows")]
 pub use render::{LIGHTING_SPANS, SHADOW_SPANS};
@@ -164,6 +166,7 @@ impl Plugin for PlenOctreePlugin {
             .register_type::<PosterizeView>()
             .register_type::<PropQuality>()
             .register_type::<PropStage>()
+            .register_type::<Recolor>()
             .add_plugins((
                 gpu::GpuFieldPlugin,
                 sampling::SamplingPlugin,

@@ -55,6 +55,16 @@ pub struct Posterize {
     ///
     /// Defaults to [`BorderSmoothing::Interpolated`].
     pub borders: BorderSmoothing,
+    /// How much nearer another label must be before a pixel changes its label while the prop or the camera moves: in
+    /// encoded sRGB, or in Oklab for palettes of [tones](crate::PaletteMethod::Tones). Otherwise, labels of noisy colors
+    /// flicker. 0 assigns the labels of every frame anew.
+    ///
+    /// Where nothing moves, every pixel has the nearest label. Only hard labels are kept ([`softness`](Self::softness) 0),
+    /// where the prop is [solid](crate::SolidOpacity), and only in views whose
+    /// [`PropQuality::steady_labels`](crate::PropQuality::steady_labels) is true.
+    ///
+    /// Defaults to 0.04. Negative values count as 0.
+    pub steadiness: f32,
     /// The method with which a palette is extracted, if the field has none. With `None`, that of
     /// [`PaletteExtraction::settings`](crate::PaletteExtraction::settings), which is [`PaletteMethod::Tones`] by default.
     /// If several props share a field, one of them decides.
@@ -121,6 +131,7 @@ impl Default for Posterize {
             before_palette: BeforePalette::default(),
             edges: EdgeSmoothing::default(),
             borders: BorderSmoothing::default(),
+            steadiness: 0.04,
             method: None,
         }
     }
@@ -161,12 +172,23 @@ impl Posterize {
     /// the colors' [hull](PaletteMethod::Hull) and their blends, and blend into one another, as section 4 of the method
     /// specifies. The silhouette is smooth, which the paper's is not: see [`EdgeSmoothing`].
     pub fn paper() -> Self {
-        Self { softness: 0.2, borders: BorderSmoothing::Off, method: Some(PaletteMethod::Hull), ..Self::default() }
+        Self {
+            softness: 0.2,
+            borders: BorderSmoothing::Off,
+            steadiness: 0.0,
+            method: Some(PaletteMethod::Hull),
+            ..Self::default()
+        }
     }
 
     /// Returns whether there are borders between labels, and they are smooth.
     pub(crate) fn smooths_borders(&self) -> bool {
         self.borders == BorderSmoothing::Interpolated && self.softness == 0.0
+    }
+
+    /// Returns whether pixels may keep their labels while something moves.
+    pub(crate) fn is_steady(&self) -> bool {
+        self.steadiness > 0.0 && self.softness == 0.0
     }
 
     /// Clamps every setting to its valid range, so that no shader divides by zero or loops for too long. NaN becomes
@@ -188,6 +210,7 @@ impl Posterize {
             before_palette: self.before_palette,
             edges: self.edges,
             borders: self.borders,
+            steadiness: self.steadiness.max(0.0),
             method: self.method,
         }
     }

@@ -22,7 +22,10 @@ use bevy::{
 
 use super::{
     extract::{ExtractedProps, VisibleProps},
-    frame::{Comparison, Feature, InitPipelines, PaletteBuffer, Part, Pass, Pipelines, Sizes, Values, ViewBuffers},
+    frame::{
+        Comparison, Feature, InitPipelines, PaletteBuffer, Part, Pass, Pipelines, Rays, Sizes, Slot, Values,
+        ViewBuffers,
+    },
     passes,
     plan::{Known, Plan, PlanValues, PropView, Target, choose_levels, decide, drawn_viewport},
 };
@@ -151,6 +154,7 @@ fn plan_views(
             visible: &visible,
             order: &order,
             has_objects: phase.is_some_and(|phase| !phase.items.is_empty()),
+            former: view.former.as_ref(),
             as_trained: &view.as_trained,
         };
         let planned = plan(&known, &extracted, &fields, &mut pipelines, &cache);
@@ -167,6 +171,8 @@ fn plan_views(
         };
         passes::request(&visible, view.changes_levels, &plan, &extracted, &fields, &mut pipelines, &cache);
         (view.plan, view.is_complete) = (plan, is_complete);
+        // Where nothing moves, the last frame that moved stays: it is the one that was drawn.
+        view.former = view.plan.former.take();
         view.as_trained.clear();
         let as_trained = view.plan.props.iter().filter(|prop| !prop.is_posterized);
         view.as_trained.extend(as_trained.map(|prop| prop.entity));
@@ -180,6 +186,11 @@ fn plan_views(
         };
         view.passes = passes;
         let PropView { plan, passes, textures, buffers, cached, .. } = view;
+        if plan.keeps_labels {
+            [(Slot::Labels, Slot::FormerLabels), (Slot::Depth(Rays::Pixels), Slot::FormerDepth)]
+                .into_iter()
+                .for_each(|(now, former)| textures.swap(now, former));
+        }
         let is_held = textures.hold(&device, passes.iter().map(|(pass, _)| pass), &sizes);
         write_uniforms(plan, buffers, &extracted, &device, &queue);
         if is_held {

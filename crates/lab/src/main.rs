@@ -7,6 +7,7 @@ mod evidence;
 mod look;
 mod recolor;
 mod report;
+mod steady;
 mod tradeoff;
 
 use std::process::ExitCode;
@@ -29,6 +30,7 @@ enum Command {
     Coherence(coherence::Arguments),
     Evidence(evidence::Arguments),
     Look(look::Arguments),
+    Steady(steady::Arguments),
     Bake(bake::Arguments),
 }
 
@@ -39,6 +41,7 @@ impl CommandLine {
             Command::Coherence(arguments) => coherence::run(arguments),
             Command::Evidence(arguments) => evidence::run(arguments),
             Command::Look(arguments) => look::run(arguments),
+            Command::Steady(arguments) => steady::run(arguments),
             Command::Bake(arguments) => bake::run(arguments),
         }
     }

@@ -94,7 +94,7 @@ pub(in crate::render) enum Feature {
     Sparse,
     /// Smooth edges.
     Edges,
-    /// Smooth borders between labels, and ink.
+    /// Smooth borders between labels, ink, and steady labels.
     Finish,
     /// Custom stages.
     Stages,

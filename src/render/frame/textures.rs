@@ -111,6 +111,13 @@ impl Textures {
         self.size = UVec2::ZERO;
     }
 
+    /// Exchanges what two slots hold.
+    pub fn swap(&mut self, a: Slot, b: Slot) {
+        let (of_a, of_b) = (self.textures.remove(&a), self.textures.remove(&b));
+        self.textures.extend(of_a.map(|held| (b, held)));
+        self.textures.extend(of_b.map(|held| (a, held)));
+    }
+
     pub fn get(&self, slot: Slot) -> Option<&TextureView> {
         self.textures.get(&slot).map(|held| &held.view)
     }

@@ -74,7 +74,13 @@ pub(super) fn label(plan: &Plan) -> Pass {
         .define_if(!plan.posterizes, "UNPOSTERIZED")
         .define_if(labels_before_edges(plan), "SMOOTH")
         .define_if(plan.needs_labels(), "LABEL_TEXTURES")
+        .define_if(plan.steadies(), "STEADY")
         .define_all(lit(plan));
+    let mut reads = vec![source, COLOR];
+    reads.extend(plan.posterizes.then_some(Input::Texture(Slot::Depth(Rays::Pixels))));
+    if plan.steadies() {
+        reads.extend([Slot::FormerLabels, Slot::FormerDepth].map(Input::Texture));
+    }
     let is_last = !plan.smooths && !plan.finishes();
     let mut writes = vec![Some(Output::Texture(if is_last { Slot::Shown } else { Slot::Labeled }))];
     // The blend pass replaces the pixels at edges.
@@ -85,12 +91,13 @@ pub(super) fn label(plan: &Plan) -> Pass {
     writes.truncate(writes.iter().rposition(Option::is_some).map_or(0, |last| last + 1));
     Pass {
         feature: match () {
+            () if plan.steadies() => Feature::Finish,
             () if plan.smooths => Feature::Edges,
             () if plan.is_lit => Feature::Lighting,
             () if plan.posterizes => Feature::Posterize,
             () => Feature::Base,
         },
-        reads: with_lights(plan, vec![source, COLOR]),
+        reads: with_lights(plan, reads),
         uses: &[Uniforms::View, Uniforms::Props, Uniforms::Screen, Uniforms::Labels],
         writes,
         depth: Some(DEPTH),
@@ -114,7 +121,7 @@ pub(super) fn blend(plan: &Plan) -> Option<Pass> {
     let shown = if plan.finishes() { Slot::Finished } else { Slot::Labeled };
     let slots = [shown, Slot::Even, Slot::Outline, Slot::Coverage, Slot::OwnRays, Slot::OtherRays];
     let ink = if plan.has_ink { &[Slot::Labels, Slot::Depth(Rays::Pixels)][..] } else { &[] };
-    let inputs = slots.iter().map(|slot| Input::Texture(*slot)).chain([Input::Scene]);
+    let inputs = slots.iter().map(|slot| Input::Texture(*slot)).chain([Input::Scene, COLOR]);
     let inputs = inputs.chain(ink.iter().map(|slot| Input::Texture(*slot))).collect();
     let writes = [Slot::Shown].into_iter().chain(plan.blends_front().then_some(Slot::Front));
     plan.smooths.then(|| Pass {

@@ -4,6 +4,7 @@ mod decide;
 mod levels;
 mod motion;
 mod overlap;
+mod steady;
 mod view;
 
 pub(super) use decide::{Known, decide};

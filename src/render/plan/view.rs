@@ -11,6 +11,7 @@ use bevy::{
     shader::Shader,
 };
 
+use super::steady::Former;
 use crate::{
     gpu::{FieldShape, Level, ViewTooLarge},
     render::{
@@ -39,6 +40,8 @@ pub(crate) struct PropView {
     pub(in crate::render) cached: Cache,
     /// The props that the last frame drew as trained.
     pub(in crate::render) as_trained: EntityHashSet,
+    /// The last frame, if its labels and its depth still exist.
+    pub(in crate::render) former: Option<Former>,
     /// What determines the memory that it needs, when there was too little.
     pub(in crate::render) shortage: Option<(ViewTooLarge, usize)>,
 }
@@ -61,6 +64,7 @@ impl PropView {
         self.passes.clear();
         self.cached = default();
         self.as_trained.clear();
+        self.former = None;
         self.is_complete = true;
     }
 }
@@ -108,6 +112,12 @@ pub(in crate::render) struct Plan {
     pub has_smooth_borders: bool,
     /// Whether anything has ink.
     pub has_ink: bool,
+    /// Whether the palette of a prop as trained has changed.
+    pub recolors: bool,
+    /// This frame, if the next one may keep its labels.
+    pub former: Option<Former>,
+    /// Whether any pixel may keep the label that it had in the former frame.
+    pub keeps_labels: bool,
     /// Whether motion vectors are written.
     pub has_motion: bool,
     /// The shaders of custom stages.
@@ -193,9 +203,14 @@ impl Plan {
         self.has_smooth_borders || self.has_ink
     }
 
-    /// Returns whether later passes read the labels of pixels.
+    /// Returns whether labels are kept from frame to frame while something moves.
+    pub fn steadies(&self) -> bool {
+        self.former.is_some()
+    }
+
+    /// Returns whether later passes, or the next frame, read the labels of pixels.
     pub fn needs_labels(&self) -> bool {
-        self.finishes() || !self.stages.is_empty()
+        self.finishes() || self.steadies() || !self.stages.is_empty()
     }
 
     /// Returns whether rays are cast for some pixels only, at first.

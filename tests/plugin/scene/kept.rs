@@ -80,7 +80,7 @@ impl View {
         let slanted = Transform::from_xyz(0.3, 0.2, 0.4).with_rotation(Quat::from_rotation_y(1.0));
         world.spawn((Mesh3d(mesh), MeshMaterial3d(glass), slanted));
         let place = Transform::from_xyz(0.3, 0.2, 2.2).looking_at(Vec3::ZERO, Vec3::Y);
-        let camera = world.spawn((exact_camera(Color::srgb(0.4, 0.6, 0.5)), target, place)).id();
+        let camera = world.spawn((exact_camera(Color::srgb(0.4, 0.6, 0.5)), PropQuality::EXACT, target, place)).id();
         let mut view = Self { headless, camera, props, meshes, fields };
         if !posterizes {
             view.show_as_trained();
