@@ -40,8 +40,8 @@ use crate::{gpu::UploadBudget, state::PropError};
 
 /// An app without a window that renders to an image: update it until the assets are ready, then capture a frame.
 ///
-/// Frames run only when you ask for them: [`update`](Self::update) and [`capture`](Self::capture) run one each, and
-/// [`wait_until_ready`](Self::wait_until_ready) as many as it takes. All run on the calling thread and return after
+/// Frames run only when you ask for them: [`update`](Self::update), [`update_without_drawing`](Self::update_without_drawing)
+/// and [`capture`](Self::capture) run one each, and [`wait_until_ready`](Self::wait_until_ready) as many as it takes. All run on the calling thread and return after
 /// rendering. Time follows the wall clock; insert Bevy's `TimeUpdateStrategy::ManualDuration` for reproducible frames.
 /// The app has the plugins of [`HeadlessPlugins`]; add `LitMeshPlugins` (feature
 /// `headless-lit`) for lit meshes.
@@ -152,8 +152,9 @@ impl Headless {
         self.poll();
     }
 
-    /// Runs one frame in which no camera draws. Systems of the main world do not notice.
-    fn update_undrawn(&mut self) {
+    /// Runs one frame in which no camera draws. Systems of the app do not notice. On a GPU that is emulated in software, it
+    /// takes far less time than one that is drawn.
+    pub fn update_without_drawing(&mut self) {
         let apps = self.app.sub_apps_mut();
         apps.main.run_default_schedule();
         let world = apps.main.world_mut();
@@ -191,7 +192,7 @@ impl Headless {
             if is_drawn {
                 self.update();
             } else {
-                self.update_undrawn();
+                self.update_without_drawing();
             }
             match waiting::for_data(&mut self.app) {
                 Ok(None) if is_drawn => match waiting::for_drawing(&mut self.app)? {

@@ -70,7 +70,7 @@ impl Headless {
         if let Some(target) = target.normalize(Some(window)) {
             world.write_message(PointerInput::new(PointerId::Mouse, Location { target, position }, action));
         }
-        self.update_undrawn();
+        self.update_without_drawing();
         Ok(())
     }
 }

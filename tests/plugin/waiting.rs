@@ -11,7 +11,7 @@ use bevy::{
 use bevy_plenoctree::{
     GpuField, PlenOctree, PlenOctreePlugin, Posterize, Prop, PropProgress, PropQuality, PropState,
     headless::{Headless, exact_camera},
-    props_progress, props_ready,
+    props_progress,
 };
 
 const PATIENCE: Duration = Duration::from_secs(120);
@@ -67,11 +67,11 @@ fn waiting_draws_next_to_nothing() {
     assert!(coarse != exact);
     let fields = headless.app.sub_app(RenderApp).world().resource::<RenderAssets<GpuField>>();
     assert!(fields.iter().all(|(_, field)| !field.has_pending_levels()));
-    let levels = 4;
-    assert!(drawn(&headless) - before <= 2 * levels + 2, "drawn {} times", drawn(&headless) - before);
+    // Two fields have a level each.
+    assert!(drawn(&headless) - before <= 6, "drawn {} times", drawn(&headless) - before);
 }
 
-/// From the first frame to the last, progress rises from 0 to 1, and it does not end before everything is ready.
+/// From the first frame to the last, progress rises from 0 to 1, and it does not end before everything is there.
 #[test]
 fn progress_rises_to_the_end() {
     let mut headless = scene(false);
@@ -83,9 +83,9 @@ fn progress_rises_to_the_end() {
     while let Err(error) = headless.wait_until_ready(Duration::ZERO) {
         let world = headless.app.world_mut();
         assert!(error.to_string().contains("timed out"), "{error}");
-        let is_ready = world.run_system_once(props_ready).unwrap();
         let now = world.run_system_once(props_progress).unwrap();
-        assert!(now < 1.0 || is_ready, "{now}");
+        let has_all = |state: &PropState| matches!(state, PropState::Ready | PropState::Compiling);
+        assert!(now < 1.0 || world.query::<&PropState>().iter(world).all(has_all), "{now}");
         progress.push(now);
         palette.extend(world.get::<PropProgress>(toadstool).unwrap().palette);
         std::thread::sleep(Duration::from_millis(2));

@@ -70,7 +70,7 @@ fn the_demo_takes_whatever_there_is() {
         ("photos", "fit --stand", "photos"),
         ("photos/transforms.json", "fit --stand", "photos"),
         // A model stays where it is.
-        ("model.glb", "fit --minutes", "model"),
+        ("model.glb", "fit --depth 7 --minutes", "model"),
     ] {
         let ran = demo(&root, &[input]).unwrap();
         let lines: Vec<_> = ran.lines().collect();
