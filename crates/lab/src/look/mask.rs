@@ -40,10 +40,10 @@ mod tests {
     #[test]
     fn specks_and_holes_do_not_count() {
         let is_dark =
-            |x: u32, y: u32| (10..40).contains(&x) && (10..40).contains(&y) && (x, y) != (20, 20) || (x, y) == (3, 45);
-        let picture = RgbImage::from_fn(50, 50, |x, y| Rgb(if is_dark(x, y) { [250, 40, 40] } else { [255; 3] }));
+            |x: u32, y: u32| (10..40).contains(&x) && (10..40).contains(&y) && (x, y) != (20, 20) || (x, y) == (60, 60);
+        let picture = RgbImage::from_fn(80, 80, |x, y| Rgb(if is_dark(x, y) { [250, 40, 40] } else { [255; 3] }));
         let mask = mask(&picture);
         assert_eq!(mask.iter().filter(|inside| **inside).count(), 30 * 30);
-        assert!(mask[20 * 50 + 20] && !mask[45 * 50 + 3]);
+        assert!(mask[20 * 80 + 20] && !mask[60 * 80 + 60]);
     }
 }

@@ -24,7 +24,7 @@ use plenoctree_cli::{
 };
 
 use mask::mask;
-use measures::{Measures, between, hue_of};
+use measures::{Measures, between, chroma, hue_of};
 
 /// The included props.
 const PROPS: [&str; 5] = ["toadstool", "drum", "robot", "chest", "gumballs"];
@@ -94,16 +94,15 @@ fn palette(path: &Path, field: &PlenOctree, arguments: &Arguments) -> Result<Pal
     Ok(extraction::cpu::extract(field, &settings, arguments.quiet)?.extraction.palette)
 }
 
-/// Returns the ramp with most color, and the color of its middle tone before and after it is recolored.
+/// Returns the ramp with most color, and its mean color before and after it is recolored.
 fn main_ramp(palette: &Palette) -> Option<(usize, [Rgb<u8>; 2])> {
-    let color = |tone: usize| Rgb(hex::quantize(palette.colors[tone]));
     let strength = |ramp: usize| -> f64 {
+        let color = |tone: usize| Rgb(hex::quantize(palette.colors[tone]));
         let tones = palette.ramps[ramp].tones.iter();
-        tones.map(|&tone| palette.weights[tone] * measures::chroma(color(tone)).length()).sum()
+        tones.map(|&tone| palette.weights[tone] * chroma(color(tone)).length()).sum()
     };
     let main = (0..palette.ramps.len()).max_by(|&a, &b| strength(a).total_cmp(&strength(b)))?;
-    let tones = &palette.ramps[main].tones;
-    let old = color(tones[tones.len() / 2]);
+    let old = Rgb(hex::quantize(palette.ramp_color(main)?));
     Some((main, [old, new_color(old)]))
 }
 
