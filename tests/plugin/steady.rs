@@ -126,7 +126,8 @@ fn views_at_rest_forget() {
 fn nothing_lags_behind_a_palette() {
     let mut loose = View::new(0.0);
     let mut view = View::new(0.1);
-    (loose.frames(), view.frames());
+    loose.frames();
+    view.frames();
     let others = [[0.31, 0.3, 0.32], [0.55, 0.5, 0.5]];
     for view in [&mut loose, &mut view] {
         view.turn(FRAMES);
