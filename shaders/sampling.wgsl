@@ -19,6 +19,9 @@ struct Slice {
     weight_scale: f32,
     // 1 if rays start where they enter a leaf, and 0 if they start at its center.
     at_entry: u32,
+    // The lowest corner of the lattice, in finest cells, and its size.
+    lattice_low: vec3<i32>,
+    lattice_size: vec3<i32>,
 }
 
 @group(0) @binding(0) var<uniform> slice: Slice;
@@ -29,6 +32,12 @@ struct Slice {
 // The fine bins, then the coarse bins, two words each, with the low word first. Integer sums do not depend on the order
 // of addition.
 @group(0) @binding(3) var<storage, read_write> bins: array<atomic<u32>>;
+#ifdef LATTICE
+// The finest cells of the field, a word each: its density and, in the low four bits, the base-2 logarithm of the width
+// of the octree's cell around it.
+@group(0) @binding(4) var<storage, read> lattice: array<u32>;
+const SIZE_BITS: u32 = 15u;
+#endif
 
 // No ray is this long.
 const FAR: f32 = 1e30;
@@ -60,21 +69,47 @@ struct Passage {
     total: f32,
 }
 
+// Adds a path of an optical depth.
+fn extend(passage: ptr<function, Passage>, depth: f32, is_own: bool) {
+    (*passage).own += select(0.0, depth, is_own);
+    (*passage).total += select(depth, 0.0, is_own);
+}
+
 // Follows a ray from the center of a leaf to the edge of the field. Stops soon after the total exceeds the limit.
-fn passage(leaf: u32, center: vec3<f32>, observer: vec3<f32>) -> Passage {
+fn passage(center: vec3<f32>, observer: vec3<f32>) -> Passage {
     let ray = make_ray(center, observer * slice.frame_scale * f32(1u << field.depth));
-    var walk = begin(ray, 0.0);
     var passage = Passage(0.0, 0.0);
-    loop {
-        if passage.total > slice.limit || has_ended(ray, walk, FAR) {
-            break;
-        }
-        let crossing = next_leaf(ray, &walk, FAR);
-        let depth = density(crossing.leaf) * (crossing.exit - crossing.enter);
-        let is_own = slice.at_entry == 1u && crossing.leaf == leaf;
-        passage.own += select(0.0, depth, is_own);
-        passage.total += select(depth, 0.0, is_own);
+    // The leaf that a ray crosses first is its own.
+    var is_own = slice.at_entry == 1u;
+#ifdef LATTICE
+    // The ray counts cells in its own direction, so words may be in reverse order along an axis.
+    let rows = vec3(slice.lattice_size.y * slice.lattice_size.z, slice.lattice_size.z, 1);
+    let is_forward = ray.mirror == vec3(0);
+    let steps = select(-rows, rows, is_forward);
+    let first = dot(ray.mirror - slice.lattice_low, rows);
+    let high = slice.lattice_low + slice.lattice_size;
+    let end = select(ray.mirror + 1 - slice.lattice_low, high, is_forward);
+    var cell = vec3<i32>(ray.origin);
+    var enter = 0.0;
+    while passage.total <= slice.limit && all(cell < end) {
+        let word = lattice[first + dot(cell, steps)];
+        let beyond = (cell | vec3((1i << (word & SIZE_BITS)) - 1)) + 1;
+        let planes = (vec3<f32>(beyond) - ray.origin) * ray.inverse;
+        let exit = max(min(min(planes.x, planes.y), planes.z), enter);
+        let next = max(vec3<i32>(ray.origin + exit * ray.direction), cell);
+        cell = select(next, beyond, planes <= vec3(exit));
+        extend(&passage, bitcast<f32>(word & ~SIZE_BITS) * (exit - enter), is_own);
+        enter = exit;
+        is_own = false;
     }
+#else
+    var walk = begin(ray, 0.0);
+    while passage.total <= slice.limit && !has_ended(ray, walk, FAR) {
+        let crossing = next_leaf(ray, &walk, FAR);
+        extend(&passage, density(crossing.leaf) * (crossing.exit - crossing.enter), is_own);
+        is_own = false;
+    }
+#endif
     return passage;
 }
 
@@ -98,7 +133,7 @@ fn sample(@builtin(global_invocation_id) id: vec3<u32>) {
     var visible = 0.0;
     for (var ray = 0u; ray < slice.rays_per_cell; ray++) {
         let observer = observers[id.y * slice.rays_per_cell + ray].xyz;
-        let passage = passage(entry.w, center, observer);
+        let passage = passage(center, observer);
         if passage.total <= slice.limit {
             let transmittance = exp(-passage.total) * mean_transmittance(2.0 * passage.own);
             var h = harmonics(-observer);

@@ -26,6 +26,7 @@ pub use field::GpuField;
 pub(crate) use layout::{FieldLayouts, FieldShape, TreeShape};
 pub(crate) use level::Level;
 pub(crate) use readiness::Readiness;
+pub(crate) use records::tree_depth;
 pub use report::{FieldFailed, FieldReady, ViewFailed, ViewTooLarge};
 pub(crate) use report::{FieldReports, GpuStatus};
 pub(crate) use shaders::{Shaders, field_definitions};

@@ -39,6 +39,11 @@ const _: () = assert!(1 << MOST_TABLE_LEVEL <= 1 << 10);
 /// The size that the table may always have, in bytes.
 const TABLE_ALLOWANCE: u64 = 4 << 20;
 
+/// Returns the depth of the octree that shaders traverse, which is at least two.
+pub(crate) fn tree_depth(field: &PlenOctree) -> u32 {
+    field.depth().max(2)
+}
+
 #[derive(Default)]
 pub(super) struct Records {
     /// The depth of the tree, at least two.
@@ -54,7 +59,7 @@ pub(super) struct Records {
 impl Records {
     /// Creates the records of a field, with a table of at most `allowance` bytes (or 4 MiB, if that is more).
     pub fn new(field: &PlenOctree, allowance: u64) -> Self {
-        let depth = field.depth().max(2);
+        let depth = tree_depth(field);
         let table_level = table_level(depth, allowance);
         let mut records =
             Self { depth, table_level, table: vec![[EMPTY; 4]; 1 << (3 * table_level)], children: Vec::new() };
@@ -66,7 +71,7 @@ impl Records {
 
     /// Returns an upper bound on the size of the table records and child records, in bytes.
     pub fn most_bytes(field: &PlenOctree, allowance: u64) -> u64 {
-        let depth = field.depth().max(2);
+        let depth = tree_depth(field);
         let level = table_level(depth, allowance);
         let children = if level + 2 < depth { 8 * field.nodes().len() as u64 } else { 0 };
         16 * ((1 << (3 * level)) + children)
@@ -74,7 +79,7 @@ impl Records {
 
     /// Returns the number of child records of a field, without creating them.
     pub fn child_count(field: &PlenOctree, allowance: u64) -> usize {
-        let depth = field.depth().max(2);
+        let depth = tree_depth(field);
         count_children(field, 0, 0, table_level(depth, allowance), depth)
     }
 

@@ -9,10 +9,10 @@ use bevy::{prelude::*, render::extract_resource::ExtractResource};
 use plenoctree::{
     MAX_DEPTH, PlenOctree,
     palette::ExtractionSettings,
-    sampling::{Canceled, Histograms, Progress, SamplePoint, SamplingPlan},
+    sampling::{Canceled, Histograms, Lattice, Progress, SamplePoint, SamplingPlan},
 };
 
-use crate::background;
+use crate::{background, gpu::tree_depth};
 
 /// An error that prevents sampling on the GPU. The CPU samples the field instead.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -38,6 +38,8 @@ pub(crate) struct SamplingJob {
     pub progress: Arc<Progress>,
     /// Twice the center of every sampled leaf, in cells of a tree of depth [`MAX_DEPTH`], and the index of the leaf.
     pub leaves: Vec<[u32; 4]>,
+    /// The finest cells of the field, if there are not too many.
+    pub lattice: Option<Lattice>,
     /// Unit vectors toward the observers. Those of one cell of directions are next to each other.
     pub observers: Vec<[f32; 4]>,
     /// Where in the leaves radiance is sampled.
@@ -49,8 +51,9 @@ pub(crate) struct SamplingJob {
 
 impl Drop for SamplingJob {
     fn drop(&mut self) {
-        let bytes = 16 * self.leaves.len() as u64;
-        background::discard((std::mem::take(&mut self.leaves), self.field.clone()), bytes);
+        let cells = self.lattice.as_ref().map_or(0, |lattice| lattice.words.len());
+        let bytes = 16 * self.leaves.len() as u64 + 4 * cells as u64;
+        background::discard((std::mem::take(&mut self.leaves), self.lattice.take(), self.field.clone()), bytes);
     }
 }
 
@@ -75,9 +78,11 @@ impl SamplingJob {
             if progress.is_canceled() { Err(Canceled) } else { Ok([center.x, center.y, center.z, cell.leaf]) }
         });
         let leaves = leaves.collect::<Result<_, _>>()?;
+        let lattice = Lattice::new(&field, tree_depth(&field), &progress)?;
         let observers = plan.observers.into_iter().flatten();
         Ok(Self {
             leaves,
+            lattice,
             observers: observers.map(|ray| ray.as_vec3().extend(0.0).to_array()).collect(),
             point: plan.point,
             weight_bound: plan.weight_bound,

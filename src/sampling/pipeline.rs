@@ -23,6 +23,8 @@ pub(super) struct SliceUniform {
     pub limit: f32,
     pub weight_scale: f32,
     pub at_entry: u32,
+    pub lattice_low: IVec3,
+    pub lattice_size: IVec3,
 }
 
 #[derive(Resource)]
@@ -44,6 +46,7 @@ pub(super) fn init(mut commands: Commands, shaders: Res<Shaders>, fields: Res<Fi
                     storage_buffer_read_only_sized(false, None),
                     storage_buffer_read_only_sized(false, None),
                     storage_buffer_sized(false, None),
+                    storage_buffer_read_only_sized(false, None),
                 ),
             ),
         ),
@@ -52,14 +55,19 @@ pub(super) fn init(mut commands: Commands, shaders: Res<Shaders>, fields: Res<Fi
 }
 
 impl SpecializedComputePipeline for SamplingPipeline {
-    type Key = FieldShape;
+    /// The field, and whether its finest cells are listed.
+    type Key = (FieldShape, bool);
 
-    fn specialize(&self, shape: FieldShape) -> ComputePipelineDescriptor {
+    fn specialize(&self, (shape, lattice): Self::Key) -> ComputePipelineDescriptor {
         ComputePipelineDescriptor {
             label: Some("plenoctree_sampling".into()),
             layout: vec![self.layout.clone(), self.fields.get().clone()],
             shader: self.shader.clone(),
-            shader_defs: field_definitions(shape).into_iter().chain(TreeShape::from(shape).definitions()).collect(),
+            shader_defs: field_definitions(shape)
+                .into_iter()
+                .chain(TreeShape::from(shape).definitions())
+                .chain(lattice.then(|| "LATTICE".into()))
+                .collect(),
             entry_point: Some("sample".into()),
             ..default()
         }
@@ -90,6 +98,10 @@ fn read() {
     found[7] = slice.limit;
     found[8] = slice.weight_scale;
     found[9] = f32(slice.at_entry);
+    for (var axis = 0u; axis < 3u; axis++) {
+        found[10u + axis] = f32(slice.lattice_low[axis]);
+        found[13u + axis] = f32(slice.lattice_size[axis]);
+    }
 }
 ";
 
@@ -107,10 +119,12 @@ fn read() {
             limit: next(),
             weight_scale: next(),
             at_entry: next() as u32,
+            lattice_low: IVec3::from_array(std::array::from_fn(|_| next() as i32)),
+            lattice_size: IVec3::from_array(std::array::from_fn(|_| next() as i32)),
         };
         let entries = BindGroupLayoutEntries::single(ShaderStages::COMPUTE, uniform_buffer::<SliceUniform>(false));
         let layout = BindGroupLayoutDescriptor::new("layout_test", &entries);
-        let found: [f32; 10] = read_back(sampling[begin..end].to_string() + SHADER, layout, |device, queue, run| {
+        let found: [f32; 16] = read_back(sampling[begin..end].to_string() + SHADER, layout, |device, queue, run| {
             let mut slice = UniformBuffer::from(slice);
             slice.write_buffer(device, queue);
             run(&[slice.binding().unwrap()]);

@@ -15,7 +15,7 @@ use bevy::{
     },
 };
 
-use plenoctree::sampling::{Histograms, SamplePoint};
+use plenoctree::sampling::{Histograms, Lattice, SamplePoint};
 
 use super::{
     SamplingFailure, SamplingJob, SamplingJobs,
@@ -29,6 +29,8 @@ use crate::gpu::{Allocator, GpuField, GpuLevel, SAMPLING_WORKGROUP};
 const FEWEST_RAYS: usize = 1 << 16;
 /// The approximate maximum number of rays in a slice. Drivers reset a GPU that is busy for several seconds.
 const MOST_RAYS: usize = 1 << 26;
+/// The number of words of the lattice that are uploaded in a frame, if there is a budget: 4 MiB.
+const MOST_WORDS: usize = 1 << 20;
 /// The maximum number of submitted slices that the GPU has not finished.
 const MOST_IN_FLIGHT: usize = 2;
 
@@ -44,6 +46,9 @@ struct Active {
     allocator: Allocator,
     observers: Buffer,
     bins: Buffer,
+    lattice: Buffer,
+    /// The number of words of the lattice that are uploaded, or `None` if rays follow the records of the octree.
+    words: Option<usize>,
     /// The number of leaves in the smallest and in the largest slice.
     fewest: u32,
     most: u32,
@@ -86,7 +91,7 @@ pub(super) fn advance_sampling(
         }
     }
     let Some(current) = &mut active.0 else { return };
-    let id = pipelines.specialize(&cache, &pipeline, current.field.shape);
+    let id = pipelines.specialize(&cache, &pipeline, (current.field.shape, current.words.is_some()));
     if let CachedPipelineState::Err(error) = cache.get_compute_pipeline_state(id) {
         current.job.end(Err(SamplingFailure::Pipeline(error.to_string())));
     } else if let Some(pipeline) = cache.get_compute_pipeline(id) {
@@ -104,6 +109,7 @@ impl Active {
         queue: &RenderQueue,
     ) -> Result<Self, SamplingFailure> {
         let settings = &job.settings.sampling;
+        let listed = listed(job, device);
         let field = field.arrived().ok_or(SamplingFailure::TooLarge)?;
 
         // Leave room for the largest sum. The scale is a power of two, so that scaling is exact.
@@ -120,9 +126,14 @@ impl Active {
             limit: (-settings.stop_transmittance.ln()).min(1e30) as f32,
             weight_scale: weight_scale as f32,
             at_entry: u32::from(job.point == SamplePoint::Entry),
+            lattice_low: listed.map_or(IVec3::ZERO, |lattice| lattice.low.as_ivec3()),
+            lattice_size: listed.map_or(IVec3::ZERO, |lattice| lattice.size.as_ivec3()),
         };
 
         let mut allocator = Allocator::default();
+        let bytes = listed.map_or(4, |lattice| lattice.words.len() as u64 * 4);
+        let usage = BufferUsages::STORAGE | BufferUsages::COPY_DST;
+        let lattice = buffer(&mut allocator, device, "plenoctree_lattice", bytes, usage)?;
         let bytes = 8 * (settings.fine_bins.pow(3) + settings.coarse_bins.pow(3)) as u64;
         let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC;
         let bins = buffer(&mut allocator, device, "plenoctree_histograms", bytes, usage)?;
@@ -138,6 +149,8 @@ impl Active {
             allocator,
             observers,
             bins,
+            lattice,
+            words: listed.map(|_| 0),
             fewest: slice_for(FEWEST_RAYS, job),
             most: slice_for(MOST_RAYS, job),
             next: 0,
@@ -167,6 +180,9 @@ impl Active {
             }
         }
         self.in_flight.retain(|clock| clock.seconds().is_none());
+        if !self.upload_lattice(queue) {
+            return Ok(());
+        }
         match self.job.budget {
             None => {
                 while self.next < self.leaves() {
@@ -186,6 +202,18 @@ impl Active {
             self.read_back(device, queue)?;
         }
         Ok(())
+    }
+
+    /// Uploads the next words of the lattice, or all of them if there is no budget. Returns whether it is complete.
+    fn upload_lattice(&mut self, queue: &RenderQueue) -> bool {
+        let (Some(uploaded), Some(lattice)) = (&mut self.words, &self.job.lattice) else { return true };
+        let rest = &lattice.words[*uploaded..];
+        let next = &rest[..rest.len().min(self.job.budget.map_or(usize::MAX, |_| MOST_WORDS))];
+        if !next.is_empty() {
+            queue.write_buffer(&self.lattice, 4 * *uploaded as u64, bytemuck::cast_slice(next));
+        }
+        *uploaded += next.len();
+        *uploaded == lattice.words.len()
     }
 
     fn submit(
@@ -213,6 +241,7 @@ impl Active {
                 cells.as_entire_buffer_binding(),
                 self.observers.as_entire_buffer_binding(),
                 self.bins.as_entire_buffer_binding(),
+                self.lattice.as_entire_buffer_binding(),
             )),
         );
         let clock = SliceClock::new(leaves, device);
@@ -264,6 +293,13 @@ impl Active {
         });
         Ok(())
     }
+}
+
+/// Returns the lattice of a job, if it fits in a buffer.
+fn listed<'a>(job: &'a SamplingJob, device: &RenderDevice) -> Option<&'a Lattice> {
+    let limits = device.limits();
+    let most = limits.max_buffer_size.min(limits.max_storage_buffer_binding_size);
+    job.lattice.as_ref().filter(|lattice| lattice.words.len() as u64 * 4 <= most)
 }
 
 fn buffer(

@@ -14,7 +14,7 @@ use plenoctree::{
     BakeSettings, Basis, Cell, Frame, PackSettings, Packed, bake,
     palette::extract_from_samples,
     reference::sample_histograms,
-    sampling::{Histograms, Progress, sample},
+    sampling::{Histograms, Lattice, Progress, SamplePoint, SamplingPlan, sample},
 };
 
 /// Bakes two lumps that occlude each other, in faint fog. Colors depend on position and direction, and the sides of the
@@ -175,6 +175,54 @@ fn boxes_of_any_size_are_sampled() {
             let off = difference(&sampled.histograms, &expected);
             assert!(off < 1e-4, "{sampler:?}, {size}: {off}");
         }
+    }
+}
+
+/// A field with too many cells for a lattice is sampled through its octree, also where rays enter leaves.
+#[test]
+fn fields_with_too_many_cells_are_sampled() {
+    const DEPTH: u32 = 9;
+    for density in [1.0, 1e6] {
+        // A branch toward either corner, each with a leaf at every level.
+        let mut nodes = vec![[Cell::EMPTY; 8]];
+        let mut leaves = 0;
+        for corner in [0, 7] {
+            let mut parent = 0;
+            for level in 1..=DEPTH {
+                let mut leaf = || {
+                    leaves += 1;
+                    Cell::leaf(leaves - 1)
+                };
+                if level == DEPTH {
+                    nodes[parent][corner] = leaf();
+                } else {
+                    nodes[parent][3] = if nodes[parent][3] == Cell::EMPTY { leaf() } else { nodes[parent][3] };
+                    nodes[parent][corner] = Cell::node(nodes.len() as u32);
+                    parent = nodes.len();
+                    nodes.push([Cell::EMPTY; 8]);
+                }
+            }
+        }
+        let densities = (0..leaves).map(|leaf| density / (1 + leaf) as f32).collect();
+        let coefficients = (0..3 * leaves).map(|k| f16::from_f32((k * 7 % 11) as f32 / 11.0)).collect();
+        let frame = Frame::spanning(DVec3::splat(-1.0), DVec3::splat(1.0));
+        let field =
+            PlenOctree::new(frame, Basis::Rgba, Activation::Identity, UpAxis::Z, nodes, densities, coefficients)
+                .unwrap();
+        let progress = Progress::default();
+        assert_eq!(Lattice::new(&field, DEPTH, &progress), Ok(None));
+        let settings = ExtractionSettings {
+            sampling: SamplingSettings { observers: ObserverRegion::Sphere, ..default() },
+            method: PaletteMethod::Hull,
+            ..default()
+        };
+        let point = SamplingPlan::new(&field, &settings.sampling, &progress).unwrap().point;
+        assert_eq!(point == SamplePoint::Entry, density > 1e3);
+        let expected = sample_histograms(&field, &settings.sampling).unwrap();
+        let (sampled, ..) = extract_in_app(&field, &settings, PaletteSampler::Gpu, None);
+        assert_eq!(sampled.origin, SampleOrigin::Gpu);
+        let off = difference(&sampled.histograms, &expected);
+        assert!(off < 1e-4, "{density}: {off}");
     }
 }
 

@@ -2,12 +2,13 @@
 //!
 //! All leaves are seen from the same few directions. Rays in one direction from the centers of equal cells cross the
 //! lattice of cells in the same way. Their path is therefore computed once (`path`) and followed for all leaves of a
-//! block of 8 x 8 x 8 cells together, eight in a row (`blocks`). Leaves larger than the finest cells, and trees too
-//! deep for a lattice, are marched ray by ray (`march`).
+//! block of 8 x 8 x 8 cells together, eight in a row (`blocks`). Trees too deep for a lattice are marched ray by ray
+//! (`march`).
 
 mod blocks;
 mod choose_point;
 mod directions;
+mod lattice;
 mod leaves;
 mod march;
 mod path;
@@ -25,6 +26,7 @@ pub use crate::histograms::{
     Histograms, InvalidHistogram, InvalidSetting, MAX_CHANNEL, ObserverRegion, SamplingSettings,
 };
 pub(crate) use directions::observers;
+pub use lattice::Lattice;
 pub use plan::SamplingPlan;
 pub use progress::{Canceled, Progress};
 pub use sample_point::SamplePoint;
