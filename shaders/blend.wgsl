@@ -159,7 +159,7 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
     let count = parts.own + parts.other + parts.rest;
     let has_other = owners.y > 0u;
     let most = max(max(parts.own, parts.other), parts.rest);
-    // Eight rays that see the same owner know more than neighbors.
+    // Where all eight rays see the same owner, neighbors would only blur what they found.
     let is_sure = view.edge_rays == RAYS && (most == count || (!has_other && parts.rest == 0u));
     if is_sure && parts.is_center && parts.rest == count {
         return seen;

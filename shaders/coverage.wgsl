@@ -92,12 +92,12 @@ fn slope(before: f32, here: f32, after: f32) -> f32 {
 // Returns how the scene's depth changes from pixel to pixel. Depths of planes are linear in pixels.
 fn scene_slope(pixel: vec2<i32>, here: f32) -> vec2<f32> {
     return vec2(
-        slope(held_value(neighbor(pixel, 0)), here, held_value(neighbor(pixel, 1))),
-        slope(held_value(neighbor(pixel, 2)), here, held_value(neighbor(pixel, 3))),
+        slope(scene_depth_at(neighbor(pixel, 0)), here, scene_depth_at(neighbor(pixel, 1))),
+        slope(scene_depth_at(neighbor(pixel, 2)), here, scene_depth_at(neighbor(pixel, 3))),
     );
 }
 
-fn held_value(pixel: vec2<i32>) -> f32 {
+fn scene_depth_at(pixel: vec2<i32>) -> f32 {
     return scene_value(vec2<u32>(clamp(pixel, vec2(0), vec2<i32>(view.size) - 1)), 0u);
 }
 #endif
@@ -269,7 +269,7 @@ fn fragment(in: Varying) -> Fragment {
         farthest = min(farthest, limits[s]);
     }
 #else
-    let scene = held_value(pixel);
+    let scene = scene_depth_at(pixel);
     let across = scene_slope(pixel, scene);
 #endif
 

@@ -7,7 +7,7 @@ use bevy::{
 };
 use plenoctree::{Activation, Basis};
 
-use super::{constants, payload::Layout, upload::FieldShape};
+use super::{constants, layout::FieldShape, payload::Layout};
 
 /// Handles to the shaders, in the render world, by the names of their files. Includes shaders that are only imported by
 /// others, to keep them loaded.

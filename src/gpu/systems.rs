@@ -10,7 +10,7 @@ use bevy::{
 use wgpu::DeviceType;
 
 use super::{
-    budget::{Turn, UploadBudget},
+    budget::{Allowance, UploadBudget},
     field::GpuField,
     layout::TreeShape,
     readiness::Readiness,
@@ -32,9 +32,9 @@ pub(super) fn upload_levels(
     let now = Instant::now();
     let last_frame = last.replace(now).map_or(Duration::ZERO, |last| now - last);
     let is_emulated = adapter.device_type == DeviceType::Cpu;
-    let mut turn = Turn::new(*budget, last_frame, is_emulated, threads.saturating_sub(being_made));
+    let mut allowance = Allowance::new(*budget, last_frame, is_emulated, threads.saturating_sub(being_made));
     for (id, field) in fields.iter_mut() {
-        let failure = field.advance(&uploader, &mut turn);
+        let failure = field.advance(&uploader, &mut allowance);
         // The failure of a field itself is reported at the end of the frame.
         if let Some(error) = failure.filter(|_| !matches!(field.outcome(), Some(Err(_)))) {
             error!("a level of field {id} is not drawn: {error}");

@@ -16,7 +16,7 @@ use plenoctree::{
     palette::{LabelSpace, Palette, tone_space},
 };
 
-use super::{plan::PropView, rays::Placement};
+use super::rays::Placement;
 use crate::{
     gpu::{FieldShape, GpuField, Level},
     ink::{Ink, InkBorders, InkColor, MAX_INK_PIXELS},
@@ -263,7 +263,6 @@ impl PaletteWriter<'_> {
 
 /// The props that a camera draws, and its settings. A component of cameras in the render world.
 #[derive(Component, Default)]
-#[require(PropView)]
 pub(super) struct VisibleProps {
     /// The props that the camera sees, as indices into [`ExtractedProps::props`].
     pub props: Vec<usize>,

@@ -103,7 +103,7 @@ pub(in crate::render) enum Feature {
     Stages,
 }
 
-/// A result of passes that is kept until something changes that they read. Each is made from those before it.
+/// A result of passes that is cached until something changes that they read. Each is made from those before it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(in crate::render) enum Part {
     /// The props alone, and their edges.

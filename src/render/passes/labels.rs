@@ -13,7 +13,6 @@ use bevy::{
     shader::{Shader, ShaderDefVal},
 };
 
-use super::finish::inked;
 use crate::render::{
     frame::{Buffer, Clear, Draw, Feature, Fragment, Input, Output, Part, Pass, Place, Program, Rays, Slot, Uniforms},
     plan::Plan,
@@ -180,4 +179,10 @@ pub(super) fn space(space: Option<CompositingSpace>) -> Vec<ShaderDefVal> {
         Some(CompositingSpace::Oklab) => vec!["OKLAB_TARGET".into()],
         Some(CompositingSpace::Linear) | None => vec![],
     }
+}
+
+/// Lets a program draw ink, if there is any. Lines end where something else is in front of a prop.
+pub(super) fn inked(plan: &Plan, program: Program) -> Program {
+    let program = program.define_if(plan.has_ink, "INK");
+    Program { scene_depth: plan.has_ink.then_some(plan.samples), ..program }
 }

@@ -4,9 +4,8 @@ use std::hash::{BuildHasher, Hash, Hasher};
 
 use super::{
     motion::Motion,
-    overlap::Overlaps,
+    overlap::overlaps,
     steady::{Former, FormerProp},
-    uniforms::{FilterUniform, LabelsUniform, PropUniform, Rect, ScreenUniform, Smooths, ViewUniform},
     view::{OrderedProp, Overlap, Plan, PlanValues, PlannedProp, Target},
 };
 use crate::{
@@ -17,6 +16,7 @@ use crate::{
         extract::{ExtractedPalette, ExtractedPosterize, ExtractedProp, ExtractedProps, VisibleProps},
         frame::Feature,
         rays::{Placement, Rays},
+        uniforms::{FilterUniform, LabelsUniform, PropUniform, Rect, ScreenUniform, Smooths, ViewUniform},
     },
     stage::PropStage,
 };
@@ -33,15 +33,8 @@ use bevy::{
     },
 };
 
-/// Memory that is reused from view to view.
-#[derive(Default)]
-pub(super) struct Scratch {
-    rects: Vec<URect>,
-    overlaps: Overlaps,
-}
-
 /// What is known of a view before its frame is planned.
-pub(super) struct Known<'a> {
+pub(in crate::render) struct Known<'a> {
     pub view: &'a ExtractedView,
     pub camera: &'a ExtractedCamera,
     pub samples: u32,
@@ -70,12 +63,11 @@ struct Seen<'a> {
 }
 
 /// Plans the frame of a view, without what is `missing`. Returns `None` if it draws nothing.
-pub(super) fn decide(
+pub(in crate::render) fn decide(
     known: &Known,
     missing: &[Feature],
     extracted: &ExtractedProps,
     fields: &RenderAssets<GpuField>,
-    scratch: &mut Scratch,
 ) -> Option<Plan> {
     let Known { view, camera, visible, viewport, .. } = known;
     let has = |feature| !missing.contains(&feature);
@@ -93,18 +85,16 @@ pub(super) fn decide(
         .iter()
         .filter_map(|ordered| see(ordered, known, extracted, fields, &motion, has(Feature::Posterize)))
         .collect();
-    let Scratch { rects, overlaps } = scratch;
-    rects.clear();
-    rects.extend(seen.iter().map(|seen| covered(seen.rays.clip_from_box, size)));
+    let rects: Vec<_> = seen.iter().map(|seen| covered(seen.rays.clip_from_box, size)).collect();
     let everything = visible.everything.as_ref().filter(|view| view.palette.colors > 0 && has(Feature::Posterize));
     let rect = match everything {
         Some(_) => Rect { low: UVec2::ZERO, size, viewport: size },
-        None => drawn_rect(rects, spacing, size)?,
+        None => drawn_rect(&rects, spacing, size)?,
     };
 
     let mut props: Vec<_> = seen
         .iter()
-        .zip(&*rects)
+        .zip(&rects)
         .map(|(seen, covered)| {
             let is_solid = seen.prop.solid != SolidOpacity::Never;
             let in_rect = |corner: UVec2| corner.saturating_sub(rect.low).min(rect.size);
@@ -122,7 +112,7 @@ pub(super) fn decide(
             }
         })
         .collect();
-    for (prop, overlaps) in props.iter_mut().zip(overlaps.find(rects)) {
+    for (prop, overlaps) in props.iter_mut().zip(overlaps(&rects)) {
         if !overlaps {
             prop.overlap = Overlap::None;
             if prop.smooths == Smooths::Silhouette {

@@ -3,11 +3,11 @@
 use bevy::{ecs::entity::EntityHashMap, prelude::*, render::render_resource::BindGroupId};
 use glam::DMat4;
 
-use super::{
-    motion::Motion,
+use super::motion::Motion;
+use crate::render::{
+    extract::ExtractedProp,
     uniforms::{Earlier, Rect},
 };
-use crate::render::extract::ExtractedProp;
 
 /// A frame whose labels and depth still exist.
 pub(in crate::render) struct Former {

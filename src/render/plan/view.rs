@@ -1,18 +1,23 @@
 //! What a view draws.
 
 use bevy::{
-    camera::{CompositingSpace, Viewport},
+    camera::{CompositingSpace, MainPassResolutionOverride, Viewport},
     ecs::entity::EntityHashSet,
     prelude::*,
-    render::render_resource::{BindGroup, CachedRenderPipelineId, TextureFormat},
+    render::{
+        camera::ExtractedCamera,
+        render_resource::{BindGroup, CachedRenderPipelineId, TextureFormat},
+    },
     shader::Shader,
 };
 
 use super::steady::Former;
-use super::uniforms::{FilterUniform, LabelsUniform, PropUniform, Rect, ScreenUniform, Smooths, ViewUniform};
 use crate::{
     gpu::{FieldShape, Level, ViewTooLarge},
-    render::frame::{BindGroups, Cache, Pass, Textures, ViewBuffers},
+    render::{
+        frame::{BindGroups, Cache, Pass, Textures, ViewBuffers},
+        uniforms::{FilterUniform, LabelsUniform, PropUniform, Rect, ScreenUniform, Smooths, ViewUniform},
+    },
     stage::PropStage,
 };
 
@@ -54,7 +59,7 @@ impl PropView {
     }
 
     /// Lets the view draw nothing in this frame, and forgets what it drew.
-    pub(super) fn clear(&mut self) {
+    pub(in crate::render) fn clear(&mut self) {
         self.plan = default();
         self.passes.clear();
         self.cached = default();
@@ -225,4 +230,17 @@ impl Plan {
         let shows_scene = self.stage == PropStage::Scene && self.stages.is_empty() && !self.posterizes_view;
         Some(self.samples).filter(|samples| *samples > 1 && shows_scene)
     }
+}
+
+/// Returns the part of a view's target that its main pass draws to, in pixels, or `None` if it is empty.
+pub(in crate::render) fn drawn_viewport(
+    camera: &ExtractedCamera,
+    resolution: Option<&MainPassResolutionOverride>,
+) -> Option<Viewport> {
+    let viewport = camera.viewport.clone().or_else(|| {
+        let physical_size = camera.physical_viewport_size?;
+        Some(Viewport { physical_size, ..default() })
+    });
+    Viewport::from_viewport_and_override(viewport.as_ref(), resolution)
+        .filter(|viewport| viewport.physical_size.min_element() > 0)
 }

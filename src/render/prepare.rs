@@ -20,26 +20,25 @@ use bevy::{
 };
 
 use super::{
-    decide::{Known, Scratch, decide},
-    drawn_viewport,
-    levels::choose_levels,
-    view::{Plan, PlanValues, PropView, Target},
+    extract::{ExtractedProps, VisibleProps},
+    frame::{
+        Comparison, Feature, InitPipelines, PaletteBuffer, Part, Pass, Pipelines, Rays, Sizes, Slot, Values,
+        ViewBuffers,
+    },
+    passes,
+    plan::{Known, Plan, PlanValues, PropView, Target, choose_levels, decide, drawn_viewport},
 };
 use crate::{
     gpu::{FieldLayouts, FieldReports, GpuField, InitFields, Readiness, Shaders, ViewTooLarge},
-    render::{
-        extract::{ExtractedProps, VisibleProps},
-        frame::{Comparison, Feature, PaletteBuffer, Part, Pass, Pipelines, Rays, Sizes, Slot, Values, ViewBuffers},
-        passes,
-    },
     sets::PlenOctreeRenderSystems,
 };
 
 /// Plans the frames of views.
-pub(in crate::render) fn plugin(render_app: &mut SubApp) {
+pub(super) fn plugin(render_app: &mut SubApp) {
+    render_app.world_mut().register_required_components::<VisibleProps, PropView>();
     render_app
         .init_gpu_resource::<PaletteBuffer>()
-        .add_systems(RenderStartup, (forget_views, init).chain().in_set(InitPlans).after(InitFields))
+        .add_systems(RenderStartup, (forget_views, init).chain().in_set(InitPipelines).after(InitFields))
         .add_systems(
             Render,
             (
@@ -49,10 +48,6 @@ pub(in crate::render) fn plugin(render_app: &mut SubApp) {
             ),
         );
 }
-
-/// The systems in `RenderStartup` that create what pipelines have in common.
-#[derive(SystemSet, Clone, Debug, PartialEq, Eq, Hash)]
-pub(in crate::render) struct InitPlans;
 
 fn init(mut commands: Commands, shaders: Res<Shaders>, fields: Res<FieldLayouts>) {
     commands.insert_resource(Pipelines::new(&shaders, &fields));
@@ -110,7 +105,6 @@ fn plan_views(
     (mut pipelines, comparison): (ResMut<Pipelines>, Option<Res<Comparison>>),
     phases: Option<Res<ViewSortedRenderPhases<Transparent3d>>>,
     (reports, mut readiness): (Res<FieldReports>, ResMut<Readiness>),
-    mut scratch: Local<Scratch>,
     mut views: Query<View>,
 ) {
     pipelines.waiting.clear();
@@ -146,7 +140,7 @@ fn plan_views(
             former: view.former.as_ref(),
             as_trained: &view.as_trained,
         };
-        let planned = plan(&known, &extracted, &fields, &mut scratch, &mut pipelines, &cache);
+        let planned = plan(&known, &extracted, &fields, &mut pipelines, &cache);
         view.order = order;
         let (planned, is_complete) = planned;
         let Some((plan, passes)) = planned else {
@@ -207,13 +201,12 @@ fn plan(
     known: &Known,
     extracted: &ExtractedProps,
     fields: &RenderAssets<GpuField>,
-    scratch: &mut Scratch,
     pipelines: &mut Pipelines,
     cache: &PipelineCache,
 ) -> (Option<(Plan, Vec<(Pass, Vec<CachedRenderPipelineId>)>)>, bool) {
     let mut missing = vec![];
     loop {
-        let Some(plan) = decide(known, &missing, extracted, fields, scratch) else {
+        let Some(plan) = decide(known, &missing, extracted, fields) else {
             return (None, missing.is_empty());
         };
         let (mut passes, mut is_complete) = (vec![], missing.is_empty());
@@ -247,7 +240,8 @@ fn plan(
 
 /// Returns the parts of a frame that are drawn in every frame.
 fn never_cached(plan: &Plan) -> &'static [Part] {
-    // There is no way to tell whether shadows that fall on props have changed. What is only blended over the scene is drawn faster than the scene is compared.
+    // There is no way to tell whether shadows that fall on props have changed. What is only blended over the scene is
+    // drawn faster than the scene is compared.
     if plan.is_lit || !plan.posterizes { &[Part::Labels] } else { &[] }
 }
 

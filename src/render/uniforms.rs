@@ -3,18 +3,15 @@
 use bevy::{prelude::*, render::render_resource::ShaderType};
 use glam::{DMat4, DVec2};
 
-use crate::{
-    prop::SolidOpacity,
-    quality::PropQuality,
-    render::{
-        extract::{ExtractedInk, ExtractedPalette, ExtractedPosterize, ExtractedProp},
-        rays::Rays,
-    },
+use super::{
+    extract::{ExtractedInk, ExtractedPalette, ExtractedPosterize, ExtractedProp},
+    rays::Rays,
 };
+use crate::{prop::SolidOpacity, quality::PropQuality};
 
 /// How rays go through a prop, and where it counts as solid or posterized. Matches `Prop` in `view.wgsl`.
 #[derive(ShaderType, Clone, Copy, Default, PartialEq)]
-pub(in crate::render) struct PropUniform {
+pub(super) struct PropUniform {
     clip_from_box: Mat4,
     origin: Mat3,
     direction: Mat3,
@@ -34,7 +31,7 @@ pub(in crate::render) struct PropUniform {
 
 /// Which edges of a prop are smooth. Matches `view.wgsl`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(in crate::render) enum Smooths {
+pub(super) enum Smooths {
     Nothing,
     Silhouette,
     /// Also slits through it, behind which there may only be the scene.
@@ -104,7 +101,7 @@ impl PropUniform {
 
 /// The bilateral filter of a prop, or of a posterized view. Matches `Filter` in `view.wgsl`.
 #[derive(ShaderType, Clone, Copy, Default, PartialEq)]
-pub(in crate::render) struct FilterUniform {
+pub(super) struct FilterUniform {
     pub iterations: u32,
     radius: i32,
     spatial_falloff: f32,
@@ -129,7 +126,7 @@ impl FilterUniform {
 
 /// The labels of a prop, or of a posterized view. Matches `Labels` in `view.wgsl`.
 #[derive(ShaderType, Clone, Copy, Default, PartialEq)]
-pub(in crate::render) struct LabelsUniform {
+pub(super) struct LabelsUniform {
     colors: u32,
     first_color: u32,
     blend_steps: u32,
@@ -223,7 +220,7 @@ pub(super) struct Earlier {
 
 /// The part of a target that is drawn, and the rays through it. Matches `View` in `view.wgsl`.
 #[derive(ShaderType, Clone, Copy, Default, PartialEq)]
-pub(in crate::render) struct ViewUniform {
+pub(super) struct ViewUniform {
     pub corner: UVec2,
     pub size: UVec2,
     pub depth: Vec4,
@@ -239,14 +236,14 @@ pub(in crate::render) struct ViewUniform {
 
 /// How colors are shown. Matches `Screen` in `view.wgsl`.
 #[derive(ShaderType, Clone, Copy, Default, PartialEq)]
-pub(in crate::render) struct ScreenUniform {
+pub(super) struct ScreenUniform {
     pub exposure: f32,
     pub everything: u32,
 }
 
 /// The part of a viewport that is drawn, in pixels. Its pixels are counted from its own corner.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(in crate::render) struct Rect {
+pub(super) struct Rect {
     pub low: UVec2,
     pub size: UVec2,
     /// The size of the viewport.
