@@ -7,7 +7,7 @@
 #else
 #import bevy_plenoctree::filter_texel::unpack
 #import bevy_plenoctree::labels::assign
-#import bevy_plenoctree::recolor::recolored
+#import bevy_plenoctree::recolor::recolored_in_tint
 #import bevy_plenoctree::view::{haze_prop, is_solid, labelings}
 #endif
 #ifdef STEADY
@@ -53,7 +53,7 @@ fn moved(pixel: vec2<u32>, over: vec4<f32>) -> vec3<f32> {
         return vec3(0.0);
     }
     let own = over.rgb / over.a;
-    return over.a * (recolored(prop, own) - own);
+    return over.a * (recolored_in_tint(prop, own) - own);
 }
 #endif
 

@@ -2,8 +2,8 @@
 // step 9.
 #define_import_path bevy_plenoctree::recolor
 
-#import bevy_plenoctree::color::{encode, linear_of_oklab, oklab, tone_space}
-#import bevy_plenoctree::view::{colors, labelings}
+#import bevy_plenoctree::color::{encode, linear_of_oklab, oklab, tinted, tone_space}
+#import bevy_plenoctree::view::{colors, labelings, props}
 
 // The square of the distance in tone space over which membership passes from one palette color to another that is as near.
 // Matches `plenoctree::palette`.
@@ -37,4 +37,12 @@ fn recolored(prop: u32, color: vec3<f32>) -> vec3<f32> {
         return color;
     }
     return encode(max(linear_of_oklab(oklab(color) + moved / total), vec3(0.0)));
+}
+
+// The same for a color that the prop's tint has been applied to.
+fn recolored_in_tint(prop: u32, color: vec3<f32>) -> vec3<f32> {
+    let tint = props[prop].tint;
+    let own = tinted(color, 1.0 / max(tint, vec3(1e-3)));
+    let shown = recolored(prop, own);
+    return select(tinted(shown, tint), color, all(shown == own));
 }

@@ -5,7 +5,7 @@ use std::time::Duration;
 use bevy::prelude::*;
 use bevy_plenoctree::{
     FieldPalette, Palette, PaletteMethod, PaletteOverride, Palettes, PlenOctree, PlenOctreePlugin, Posterize, Prop,
-    Recolor, UpAxis,
+    PropTint, Recolor, UpAxis,
     headless::{Headless, exact_camera},
 };
 use glam::DVec3;
@@ -135,5 +135,8 @@ fn haze_is_recolored_with_the_prop() {
         let recolored = view.set(blue());
         let after = recolored.pixels().filter(|pixel| is_reddish(pixel)).count();
         assert_eq!(after, 0, "{look:?}: reddish pixels, {before} before");
+        let dim = view.set(PropTint(Color::linear_rgb(0.5, 0.5, 0.5)));
+        let after = dim.pixels().filter(|pixel| is_reddish(pixel)).count();
+        assert_eq!(after, 0, "{look:?}, dimmed: reddish pixels");
     }
 }

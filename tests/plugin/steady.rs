@@ -14,7 +14,6 @@ use plenoctree::{BakeSettings, Basis, bake};
 
 const SIZE: u32 = 96;
 const TONES: [[f64; 3]; 2] = [[0.3, 0.3, 0.32], [0.7, 0.7, 0.68]];
-/// The frames of a turn.
 const FRAMES: usize = 6;
 
 /// Returns a ball of noise around the color that is as near to one tone as to the other.
@@ -23,7 +22,7 @@ fn noise() -> PlenOctree {
     let inside = |at: DVec3| if at.length() < 0.7 { 1e3 } else { 0.0 };
     let color = |at: DVec3| {
         let hash = (1e4 * (at.dot(DVec3::new(12.9898, 78.233, 37.719))).sin()).rem_euclid(1.0);
-        DVec3::from(TONES[0]).lerp(TONES[1].into(), 0.5 + 0.3 * (hash - 0.5))
+        DVec3::from(TONES[0]).lerp(TONES[1].into(), 0.5 + 0.04 * (hash - 0.5))
     };
     bake(&settings, inside, move |at| move |_| color(at)).unwrap()
 }
@@ -56,9 +55,9 @@ impl View {
         view
     }
 
-    /// Turns the camera to a frame, by a part of a pixel each.
+    /// Turns the camera back and forth, by a part of a pixel.
     fn turn(&mut self, frame: usize) {
-        let place = Quat::from_rotation_y(0.003 * frame as f32) * Vec3::new(0.3, 0.4, 2.4);
+        let place = Quat::from_rotation_y(0.006 * (frame % 2) as f32) * Vec3::new(0.3, 0.4, 2.4);
         let place = Transform::from_translation(place).looking_at(Vec3::ZERO, Vec3::Y);
         self.headless.app.world_mut().entity_mut(self.camera).insert(place);
     }
@@ -128,7 +127,7 @@ fn nothing_lags_behind_a_palette() {
     let mut view = View::new(0.1);
     loose.frames();
     view.frames();
-    let others = [[0.31, 0.3, 0.32], [0.55, 0.5, 0.5]];
+    let others = [[0.49, 0.49, 0.5], [0.51, 0.51, 0.5]];
     for view in [&mut loose, &mut view] {
         view.turn(FRAMES);
         let palettes = view.headless.app.world_mut().resource_mut::<Palettes>();
