@@ -64,7 +64,7 @@ fn a_tint_reaches_everything_that_is_drawn_of_a_prop() {
             let mut check = |what: &str,
                              field: &Handle<PlenOctree>,
                              posterize: Option<Posterize>,
-                             own: Option<Srgba>,
+                             own: Option<Color>,
                              expected: Vec3| {
                 let world = headless.app.world_mut();
                 world.entity_mut(camera).insert(stage);
