@@ -16,8 +16,8 @@ const MOST_GAPS: u32 = 256u;
 const AGREES: u32 = 0u;
 const EMPTY: u32 = 0xffffu;
 
-// Divides integers below 65536, which software rasterizers do slowly otherwise.
-fn divided(value: vec2<u32>, by: u32) -> vec2<u32> {
+// Divides integers below 65536, as floats: few GPUs can divide integers.
+fn quotient(value: vec2<u32>, by: u32) -> vec2<u32> {
     return vec2<u32>((vec2<f32>(value) + 0.5) / f32(by));
 }
 

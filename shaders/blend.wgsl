@@ -7,12 +7,13 @@
 #import bevy_plenoctree::ink::{Surface, ink_at, inked, surface_at}
 #endif
 #import bevy_plenoctree::labels::assign
+#import bevy_plenoctree::recolor::recolored
 #import bevy_plenoctree::shade::FULL_LIGHT
 #ifdef LIGHTING
 #import bevy_plenoctree::shade::shade_of
 #endif
 #import bevy_plenoctree::target::from_target
-#import bevy_plenoctree::view::{is_drawn, props, view}
+#import bevy_plenoctree::view::{is_drawn, labelings, props, view}
 
 // The result of the label pass.
 @group(1) @binding(0) var shown: texture_2d<f32>;
@@ -24,10 +25,11 @@
 @group(1) @binding(5) var other_rays: texture_2d<f32>;
 // The target, before the result is written to it.
 @group(1) @binding(6) var scene: texture_2d<f32>;
+@group(1) @binding(7) var layer: texture_2d<f32>;
 #ifdef INK
 // The labels of the label pass, and the depth of the props.
-@group(1) @binding(7) var labels: texture_2d<u32>;
-@group(1) @binding(8) var depth: texture_depth_2d;
+@group(1) @binding(8) var labels: texture_2d<u32>;
+@group(1) @binding(9) var depth: texture_depth_2d;
 #endif
 
 // What is behind the owners of a pixel's parts.
@@ -49,7 +51,16 @@ fn behind_at(pixel: vec2<u32>) -> Behind {
     // See `thinned` of `coverage.wgsl`.
     if value.owner == 0u && owners.x == 0u && owners.y > 0u && thinned.a > 0.0 {
         behind.composite = max(thinned.rgb + thinned.a * value.color, vec3(0.0));
-        behind.shown = vec4(decode(behind.composite), 1.0 - thinned.a * (1.0 - alpha));
+        var thin = behind.composite;
+        let prop = owners.y - 1u;
+        if labelings[prop].recolors == 1u {
+            // What the rays see of the prop. See `thinned`.
+            let center = textureLoad(layer, pixel, 0);
+            let rays = vec4(thinned.rgb + thinned.a * center.rgb, 1.0 - thinned.a * (1.0 - center.a));
+            let own = rays.rgb / max(rays.a, 1e-6);
+            thin = max(thin + rays.a * (recolored(prop, own) - own), vec3(0.0));
+        }
+        behind.shown = vec4(decode(thin), 1.0 - thinned.a * (1.0 - alpha));
     }
     return behind;
 }
@@ -137,9 +148,32 @@ fn own_surface(pixel: vec2<u32>, owner: u32) -> Surface {
 }
 #endif
 
+// Returns what of some light, which is given with its opacity, comes from props: the light times opacity, and opacity.
+fn of_props(light: vec4<f32>) -> vec4<f32> {
+    return vec4(light.rgb * light.a, light.a);
+}
+
+struct Fragment {
+    // Encoded sRGB, and opacity. The opacity is negative where nothing is drawn.
+    @location(0) shown: vec4<f32>,
+#ifdef FRONT
+    // What is shown of props alone, in encoded sRGB, and 1, or 0 where parts are not mixed.
+    @location(1) front: vec4<f32>,
+#endif
+}
+
+fn unmixed(seen: vec4<f32>) -> Fragment {
+    return Fragment(
+        seen,
+#ifdef FRONT
+        vec4(0.0),
+#endif
+    );
+}
+
 // Returns the parts of a pixel, blended in linear light as multisampling does.
 @fragment
-fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
+fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
     let pixel = vec2<u32>(position.xy);
     let seen = textureLoad(shown, pixel, 0);
     let owners = textureLoad(outline, pixel, 0).xy;
@@ -148,10 +182,10 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
     let count = parts.own + parts.other + parts.rest;
     let has_other = owners.y > 0u;
     let most = max(max(parts.own, parts.other), parts.rest);
-    // Eight rays that see the same owner know more than neighbors.
+    // Where all eight rays see the same owner, neighbors would only blur what they found.
     let is_sure = view.edge_rays == RAYS && (most == count || (!has_other && parts.rest == 0u));
     if is_sure && parts.is_center && parts.rest == count {
-        return seen;
+        return unmixed(seen);
     }
     let center = behind_at(pixel);
     let around = around(pixel, owners);
@@ -159,7 +193,7 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
     let other = textureLoad(other_rays, pixel, 0);
     let is_slit = !has_other && !around.is_known;
     if is_slit && parts.rest == 0u && 1.0 - own.a - other.a < FAINTEST {
-        return seen;
+        return unmixed(seen);
     }
     var behind = center;
     if !parts.is_center {
@@ -170,28 +204,43 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
             behind = Behind(vec4(decode(color), 0.0), color);
         }
     }
-    var sum = f32(parts.rest) * behind.shown;
+    // What parts of props show, and how much what is behind them and the center count.
+    var own_parts = vec4(0.0);
+    var of_behind = f32(parts.rest);
+    var of_center = 0.0;
     if parts.own > 0u {
         let rays = own * f32(RAYS) / f32(countOneBits(bits.r));
-        sum += f32(parts.own) * vec4(posterized(pixel, rays, owners.x, behind.composite), 1.0);
+        own_parts += f32(parts.own) * vec4(posterized(pixel, rays, owners.x, behind.composite), 1.0);
     }
     if parts.other > 0u {
         let rays = other * f32(RAYS) / f32(countOneBits(bits.b));
         let owner = select(owners.x, owners.y, has_other);
-        sum += f32(parts.other) * vec4(posterized(pixel, rays, owner, behind.composite), 1.0);
+        own_parts += f32(parts.other) * vec4(posterized(pixel, rays, owner, behind.composite), 1.0);
     }
     var total = f32(count);
     if bits.a == 0u {
         // Of four rays, each stands for two.
         let ray = f32(RAYS) / f32(view.edge_rays);
-        let at_center = select(behind.shown, vec4(center.shown.rgb, 1.0), owners.x > 0u);
-        sum += ray * CENTER * at_center;
+        of_center = ray * CENTER;
         total += ray * CENTER;
         if !is_sure {
-            sum += ray * (around.shown + around.rest * behind.shown);
+            own_parts += ray * around.shown;
+            of_behind += ray * around.rest;
             total += ray * NEIGHBORS;
         }
     }
-    sum /= max(total, 1.0);
-    return select(vec4(encode(sum.rgb), sum.a), seen, seen.a < 0.0 && sum.a == 0.0);
+    let at_center = select(behind.shown, vec4(center.shown.rgb, 1.0), owners.x > 0u);
+    let sum = (own_parts + of_behind * behind.shown + of_center * at_center) / max(total, 1.0);
+    if seen.a < 0.0 && sum.a == 0.0 {
+        return unmixed(seen);
+    }
+#ifdef FRONT
+    let front = own_parts + of_behind * of_props(behind.shown) + of_center * of_props(at_center);
+#endif
+    return Fragment(
+        vec4(encode(sum.rgb), sum.a),
+#ifdef FRONT
+        select(vec4(0.0), vec4(encode(front.rgb / max(front.a, 1e-6)), 1.0), front.a > 0.0),
+#endif
+    );
 }

@@ -11,7 +11,7 @@
 #import bevy_plenoctree::filter_texel::unpack
 #import bevy_plenoctree::labels::{label_at, place_of, placed, shown_in}
 #import bevy_plenoctree::shade::Light
-#import bevy_plenoctree::view::view
+#import bevy_plenoctree::view::{labelings, view}
 
 // The fewest pixels of a label within the 5 x 5 pixels around one of them that are no island.
 const LEAST_PIXELS: u32 = 4u;
@@ -85,19 +85,27 @@ fn bordered(
     if count == 0u {
         return shown_in(prop, label_at(prop, own.x - 2u), light);
     }
+    let kept = select(0u, count, labelings[prop].former > 0u);
+    let steadiness = labelings[prop].steadiness;
     for (var ray = 0u; ray < RAYS; ray++) {
         let offset = ray_offset(ray);
         let x = spline(offset.x);
         let y = spline(offset.y);
         var place = vec3(0.0);
+        // How much each candidate is the label here, which counts only while labels are kept from frame to frame.
+        var support: array<f32, MOST_CANDIDATES>;
         for (var i = 0; i < 9; i++) {
             place += x[i % 3] * y[i / 3] * places[i];
+            for (var c = 0u; c < kept; c++) {
+                let there = around[(i / 3 + 1) * AROUND + i % 3 + 1];
+                support[c] += select(0.0, x[i % 3] * y[i / 3], there == candidates[c]);
+            }
         }
         var nearest = 0u;
         var least = 1e30;
         for (var c = 0u; c < count; c++) {
             let off = place - place_of(prop, label_at(prop, candidates[c] - 2u));
-            let distance = dot(off, off);
+            let distance = select(dot(off, off), length(off) - steadiness * support[c], kept > 0u);
             nearest = select(nearest, c, distance < least);
             least = min(least, distance);
         }

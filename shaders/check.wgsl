@@ -2,7 +2,7 @@
 // their own: the gap joins its batch.
 
 #import bevy_plenoctree::batch::{
-    AGREES, EMPTY, MOST_GAPS, batches, divided, gaps_across, packed_gap, ray_around,
+    AGREES, EMPTY, MOST_GAPS, batches, quotient, gaps_across, packed_gap, ray_around,
 }
 #import bevy_plenoctree::scene::scene_value
 #import bevy_plenoctree::view::{is_solid, view}
@@ -63,7 +63,7 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) u32 {
         || scene_depths.y - scene_depths.x > SAME_SURFACE * scene_depths.y;
     var found = select(AGREES, EMPTY, is_empty);
     if needs_rays {
-        let square = divided(gap, gaps_across());
+        let square = quotient(gap, gaps_across());
         let batch = square.y * batches().x + square.x;
         let index = atomicAdd(&counts[batch], 1u);
         gaps[batch * MOST_GAPS + index] = packed_gap(gap - square * gaps_across());

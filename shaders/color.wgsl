@@ -61,6 +61,14 @@ fn oklab(encoded: vec3<f32>) -> vec3<f32> {
     );
 }
 
+// How much more a difference of chroma counts than one of lightness. Matches `plenoctree::palette::tone_space`.
+const CHROMA: f32 = 2.0;
+
+// Converts encoded sRGB to the space in which tones are fitted.
+fn tone_space(encoded: vec3<f32>) -> vec3<f32> {
+    return oklab(encoded) * vec3(1.0, CHROMA, CHROMA);
+}
+
 // Converts Oklab to linear light.
 fn linear_of_oklab(lab: vec3<f32>) -> vec3<f32> {
     let root = vec3(

@@ -13,7 +13,9 @@
 #import bevy_plenoctree::prop_ray::{PropRay, Varying, position_of, ray_at}
 #import bevy_plenoctree::radiance::{Harmonics, harmonics, radiance}
 #import bevy_plenoctree::scene::scene_value
-#import bevy_plenoctree::view::{FAR_AWAY, NOWHERE, Prop, is_solid, owner_of, props, stale, view, view_distance}
+#import bevy_plenoctree::view::{
+    FAR_AWAY, LEAST_SOLID_DEPTH, NOWHERE, Prop, depth_value, is_solid, owner_of, props, stale, view, view_distance,
+}
 
 #ifdef ALONE
 @group(2) @binding(0) var layer: texture_2d<f32>;
@@ -92,12 +94,12 @@ fn slope(before: f32, here: f32, after: f32) -> f32 {
 // Returns how the scene's depth changes from pixel to pixel. Depths of planes are linear in pixels.
 fn scene_slope(pixel: vec2<i32>, here: f32) -> vec2<f32> {
     return vec2(
-        slope(held_value(neighbor(pixel, 0)), here, held_value(neighbor(pixel, 1))),
-        slope(held_value(neighbor(pixel, 2)), here, held_value(neighbor(pixel, 3))),
+        slope(scene_depth_at(neighbor(pixel, 0)), here, scene_depth_at(neighbor(pixel, 1))),
+        slope(scene_depth_at(neighbor(pixel, 2)), here, scene_depth_at(neighbor(pixel, 3))),
     );
 }
 
-fn held_value(pixel: vec2<i32>) -> f32 {
+fn scene_depth_at(pixel: vec2<i32>) -> f32 {
     return scene_value(vec2<u32>(clamp(pixel, vec2(0), vec2<i32>(view.size) - 1)), 0u);
 }
 #endif
@@ -157,6 +159,27 @@ fn start(pixel: vec2<i32>, index: u32, prop: Prop) -> f32 {
     return select(0.0, before - LEAD * cell, nearest < FAR_AWAY);
 }
 
+// Distances in the pixels of an owner are relative to this depth, so that they are as exact as depths, no matter how
+// large the prop's box is: that of what is solid at the center, or that where the owner's rays begin.
+fn base_depth(solid: f32, owner: u32) -> f32 {
+    let begins = clamp(depth_value(props[max(owner, 1u) - 1u].near), LEAST_SOLID_DEPTH, 1.0);
+    return select(begins, solid, is_solid(solid));
+}
+
+// Half floats hold this many times the difference of two depths, relative to one of them: digits of float32 are not lost
+// to small half floats, and up to 64 times the distance has a place.
+const PLACES: f32 = 1024.0;
+
+// Returns the place of a distance along the view axis.
+fn place_of(distance: f32, base: f32) -> f32 {
+    return PLACES * (base / clamp(depth_value(distance), LEAST_SOLID_DEPTH, 1.0) - 1.0);
+}
+
+// Returns the distance along the view axis of a place.
+fn distance_of(place: f32, base: f32) -> f32 {
+    return view_distance(base / (1.0 + place / PLACES));
+}
+
 // Packs a number of a ray at its place among those of eight rays.
 fn packed(ray: u32, value: f32) -> vec4<u32> {
     let half = (pack2x16float(vec2(value, 0.0)) & 0xffffu) << (16u * (ray & 1u));
@@ -211,7 +234,7 @@ struct Fragment {
     // What the rays in r and in b see, as in `Color`. If the pixel has no owner, `own` is the result of `thinned`.
     @location(1) own: vec4<f32>,
 #ifdef OF_OWNERS
-    // Where the rays reach the prop, along the view axis from where its rays begin. Negative if they do not.
+    // Where the rays reach the prop, as `place_of` says. 0 if they do not.
     @location(2) places: vec4<u32>,
 #else
     @location(2) other: vec4<f32>,
@@ -261,6 +284,7 @@ fn fragment(in: Varying) -> Fragment {
         solid_slope = prop_slope(pixel, own, solid);
     }
     let is_before_own = own < in.prop + 1u;
+    let base = base_depth(solid, own);
 #ifdef MULTISAMPLED
     var limits: array<f32, #{SAMPLES}>;
     var farthest = 1.0;
@@ -269,7 +293,7 @@ fn fragment(in: Varying) -> Fragment {
         farthest = min(farthest, limits[s]);
     }
 #else
-    let scene = held_value(pixel);
+    let scene = scene_depth_at(pixel);
     let across = scene_slope(pixel, scene);
 #endif
 
@@ -317,12 +341,12 @@ fn fragment(in: Varying) -> Fragment {
         let distance = prop.near + found.covered_at / seen.length;
         let is_covered = found.covered_at >= 0.0 && distance < view_distance(limit);
 #ifdef OF_OWNERS
-        places |= packed(ray, select(-1.0, found.covered_at / seen.length, is_covered));
+        places |= packed(ray, select(0.0, place_of(distance, base), is_covered));
 #endif
         var own_distance = view_distance(max(solid + dot(solid_slope, offset), 0.0));
         var knows_distance = hides;
 #ifdef OF_OTHERS
-        own_distance = select(own_distance, props[max(own, 1u) - 1u].near + unpacked(ray, places), has_places);
+        own_distance = select(own_distance, distance_of(unpacked(ray, places), base), has_places);
         knows_distance = hides || has_places;
 #endif
         let is_of_second = has_two_colors && is_second(first, second, found.color);

@@ -2,7 +2,7 @@
 // takes the pixels of other gaps from where their batches were drawn.
 
 #import bevy_plenoctree::batch::{
-    AGREES, BATCH, EMPTY, divided, gaps_across, pixels_of_gap, place_in_batch, ray_around,
+    AGREES, BATCH, EMPTY, quotient, gaps_across, pixels_of_gap, place_in_batch, ray_around,
 }
 #import bevy_plenoctree::color::to_half
 #import bevy_plenoctree::view::{is_solid, view}
@@ -34,7 +34,7 @@ struct Fragment {
 @fragment
 fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
     let pixel = vec2<u32>(position.xy);
-    let gap = divided(pixel, view.spacing);
+    let gap = quotient(pixel, view.spacing);
     let beyond = pixel - gap * view.spacing;
     let found = textureLoad(gaps, gap, 0).x;
     let is_batched = found != AGREES && found != EMPTY && any(beyond > vec2(0u));
@@ -44,7 +44,7 @@ fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
     let batched = select(0u, 1u, is_batched);
     for (var i = 0u; i < batched; i++) {
         let index = (found - 1u) * pixels_of_gap() + beyond.y * view.spacing + beyond.x - 1u;
-        let at = BATCH * divided(gap, gaps_across()) + place_in_batch(index);
+        let at = BATCH * quotient(gap, gaps_across()) + place_in_batch(index);
         filled.color = textureLoad(batched_color, at, 0);
         filled.owner = textureLoad(batched_owner, at, 0);
         filled.depth = textureLoad(batched_depth, at, 0);

@@ -43,7 +43,7 @@ fn depth_near(pixel: vec2<i32>) -> f32 {
             found = max(found, textureLoad(depth, at, 0));
         }
     }
-    return select(unpacked_haze(found), found, is_solid(found));
+    return select(unpacked_haze(found, drawn.props), found, is_solid(found));
 }
 
 // Returns the light of the sun and other directional lights that fog scatters toward the camera.

@@ -61,28 +61,34 @@ fn is_border(prop: u32, a: u32, b: u32) -> bool {
     return ramps.x < 64u && ramps.y < 64u && ((bits >> (ramps.y & 15u)) & 1u) == 1u;
 }
 
-// The numbers of pixels beyond edges behind which something farther away begins, and beyond borders.
+// Whether a pixel lies beyond an edge behind which something farther away begins, or beyond a border.
 struct Beyond {
-    edges: u32,
-    borders: u32,
+    edge: bool,
+    border: bool,
 }
 
-// Counts a pixel. `opposite` is on the other side of the center.
-fn count(beyond: ptr<function, Beyond>, center: Surface, there: Surface, opposite: Surface) {
+// `opposite` is on the other side of the center.
+fn beyond(center: Surface, there: Surface, opposite: Surface) -> Beyond {
     let prop = center.owner - 1u;
     let ink = labelings[prop].ink;
     let step = there.distance - center.distance;
     if there.owner != center.owner {
-        let is_line = (ink & INK_SILHOUETTE) != 0u && (step > 0.0 || !center.has_depth);
-        (*beyond).edges += select(0u, 1u, is_line);
-        return;
+        return Beyond((ink & INK_SILHOUETTE) != 0u && (step > 0.0 || !center.has_depth), false);
     }
-    // On a slope, depth changes as much on the other side.
+    // On a slope, depth changes as much on the other side. Where it breaks on both sides, there is noise, or something thin.
     let before = select(0.0, center.distance - opposite.distance, opposite.owner == center.owner && opposite.has_depth);
-    let breaks = step - 2.0 * max(before, 0.0) > labelings[prop].ink_crease && center.has_depth && there.has_depth;
+    let breaks = step - 2.0 * abs(before) > labelings[prop].ink_crease && center.has_depth && there.has_depth;
     let is_crease = (ink & INK_CREASES) != 0u && breaks;
-    (*beyond).edges += select(0u, 1u, is_crease);
-    (*beyond).borders += select(0u, 1u, !is_crease && is_border(prop, center.label, there.label));
+    return Beyond(is_crease, !is_crease && is_border(prop, center.label, there.label));
+}
+
+// How much less a pair counts whose pixels are both beyond an edge.
+const PINCHED: f32 = 0.5;
+
+// Returns what a pair of pixels on opposite sides of the center says about the share of the disk beyond an edge. Where both
+// are beyond it, what is between them is thin, and gets a thinner line.
+fn weight(first: bool, second: bool) -> f32 {
+    return select(select(0.0, 1.0, first || second), -PINCHED, first && second);
 }
 
 // The pixels of the disk, in pairs on opposite sides of the center. If those near the rim show no edge, there is none.
@@ -97,6 +103,9 @@ fn distance_of(share: f32) -> f32 {
     return rest * (0.785 + 0.215 * rest * rest);
 }
 
+// The least radius of the disk, in pixels: smaller ones would take noise for lines.
+const LEAST_RADIUS: f32 = 2.35;
+
 // Returns the part of a pixel that lines cover. `center` is what it sees of a prop, or would.
 fn ink_at(labels: texture_2d<u32>, depth: texture_depth_2d, pixel: vec2<i32>, center: Surface) -> f32 {
     if center.owner == 0u || labelings[center.owner - 1u].ink == 0u {
@@ -105,10 +114,13 @@ fn ink_at(labels: texture_2d<u32>, depth: texture_depth_2d, pixel: vec2<i32>, ce
     let labeling = labelings[center.owner - 1u];
     let wanted = labeling.ink_width / max(view.depth.w - center.distance * view.depth.z, 1e-20);
     let width = clamp(wanted, 1.0, labeling.ink_pixels);
-    let radius = width + 1.0;
-    var beyond = Beyond(0u, 0u);
+    let radius = max(width + 1.0, LEAST_RADIUS);
+    var has_edge = false;
+    var has_border = false;
+    // The weights of edges and of borders.
+    var sums = vec2(0.0);
     for (var i = 0u; i < PAIRS; i++) {
-        if i == RIM && beyond.edges + beyond.borders == 0u {
+        if i == RIM && !has_edge && !has_border {
             return 0.0;
         }
         let away = radius * sqrt((f32(PAIRS - i) - 0.5) / f32(PAIRS));
@@ -116,12 +128,15 @@ fn ink_at(labels: texture_2d<u32>, depth: texture_depth_2d, pixel: vec2<i32>, ce
         let offset = vec2<i32>(round(away * vec2(cos(angle), sin(angle))));
         let first = surface_at(labels, depth, pixel + offset);
         let second = surface_at(labels, depth, pixel - offset);
-        count(&beyond, center, first, second);
-        count(&beyond, center, second, first);
+        let there = beyond(center, first, second);
+        let opposite = beyond(center, second, first);
+        sums += vec2(weight(there.edge, opposite.edge), weight(there.border, opposite.border));
+        has_edge = has_edge || there.edge || opposite.edge;
+        has_border = has_border || there.border || opposite.border;
     }
-    let shares = vec2(f32(beyond.edges), f32(beyond.borders)) / f32(2u * PAIRS);
-    let edge = select(0.0, width - radius * distance_of(shares.x) + 0.5, beyond.edges > 0u);
-    let border = select(0.0, 0.5 * width - radius * distance_of(shares.y) + 0.5, beyond.borders > 0u);
+    let shares = max(sums, vec2(0.0)) / f32(2u * PAIRS);
+    let edge = select(0.0, width - radius * distance_of(shares.x) + 0.5, has_edge);
+    let border = select(0.0, 0.5 * width - radius * distance_of(shares.y) + 0.5, has_border);
     return clamp(max(edge, border), 0.0, 1.0) * min(2.0 * wanted, 1.0) * labeling.ink_color.a;
 }
 

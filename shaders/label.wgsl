@@ -7,6 +7,11 @@
 #else
 #import bevy_plenoctree::filter_texel::unpack
 #import bevy_plenoctree::labels::assign
+#import bevy_plenoctree::recolor::recolored_in_tint
+#import bevy_plenoctree::view::{haze_prop, is_solid, labelings}
+#endif
+#ifdef STEADY
+#import bevy_plenoctree::steady::{former_labels, steadied}
 #endif
 #import bevy_plenoctree::shade::FULL_LIGHT
 #ifdef LIGHTING
@@ -20,6 +25,14 @@
 @group(1) @binding(0) var filtered: texture_2d<u32>;
 #endif
 @group(1) @binding(1) var layer: texture_2d<f32>;
+#ifndef UNPOSTERIZED
+@group(1) @binding(2) var depth: texture_depth_2d;
+#endif
+#ifdef STEADY
+// The results of the former frame.
+@group(1) @binding(3) var labels_before: texture_2d<u32>;
+@group(1) @binding(4) var depth_before: texture_depth_2d;
+#endif
 
 // What a pixel shows: its color in encoded sRGB and its opacity, and what `LabelTextures` says about it.
 struct Seen {
@@ -28,6 +41,21 @@ struct Seen {
     label: u32,
     owner: u32,
 }
+
+#ifndef UNPOSTERIZED
+// Returns how much the color of a thin pixel of a posterized prop changes: the prop that is drawn last there, or where
+// that one is solid, the only one of the view. The volume pass recolors props as trained.
+fn moved(pixel: vec2<u32>, over: vec4<f32>) -> vec3<f32> {
+    let found = textureLoad(depth, pixel, 0);
+    let prop = select(haze_prop(found, view.props), 0u, is_solid(found));
+    let is_known = !is_solid(found) || view.props == 1u;
+    if over.a <= 0.0 || !is_known || props[prop].posterized == 0u || labelings[prop].recolors == 0u {
+        return vec3(0.0);
+    }
+    let own = over.rgb / over.a;
+    return over.a * (recolored_in_tint(prop, own) - own);
+}
+#endif
 
 // Returns what a pixel shows that is not posterized, from the layer and from the composite.
 fn as_trained(pixel: vec2<u32>, over: vec4<f32>, composite: vec3<f32>) -> Seen {
@@ -52,7 +80,8 @@ fn seen_at(pixel: vec2<u32>) -> Seen {
 #else
     let value = unpack(textureLoad(filtered, pixel, 0));
     if value.owner == 0u {
-        return as_trained(pixel, over, value.color);
+        let shift = moved(pixel, over);
+        return as_trained(pixel, over + vec4(shift, 0.0), value.color + shift);
     }
     let is_view = value.owner == screen.everything;
     var tint = props[value.owner - 1u].tint;
@@ -66,7 +95,13 @@ fn seen_at(pixel: vec2<u32>) -> Seen {
         light = shade.light;
     }
 #endif
-    let posterized = assign(value.color, value.owner - 1u, light);
+    var posterized = assign(value.color, value.owner - 1u, light);
+#ifdef STEADY
+    let at = vec2<f32>(pixel) + 0.5;
+    let solid = textureLoad(depth, pixel, 0);
+    let former = former_labels(labels_before, depth_before, value.owner - 1u, at, solid);
+    posterized = steadied(posterized, value.color, value.owner - 1u, light, former);
+#endif
     return Seen(
         tinted(posterized.color, tint),
         // Posterized props are opaque. A posterized view keeps the opacity of its pixels.

@@ -1,7 +1,7 @@
 // Finds the label of a color, and the color that it shows. See section 4 of the method, steps 3 to 5.
 #define_import_path bevy_plenoctree::labels
 
-#import bevy_plenoctree::color::oklab
+#import bevy_plenoctree::color::tone_space
 #ifdef LIGHTING
 #import bevy_plenoctree::color::{decode, encode, lightened}
 #endif
@@ -35,21 +35,13 @@ fn unpacked(label: u32, steps: u32) -> Label {
     return Label(first, second, select(f32(label >> 16u) / f32(steps), 1.0, first == second));
 }
 
-// How much more the chroma of grays counts than lightness, and the chroma beyond which it counts logarithmically. Match
-// `plenoctree::palette::tone_space`.
-const CHROMA: f32 = 2.4;
-const VIVID: f32 = 0.1;
-
 // Returns where a color, in encoded sRGB, is compared with labels: in encoded RGB, or if the labels are tones, in the
 // space in which tones are fitted.
 fn placed(prop: u32, color: vec3<f32>) -> vec3<f32> {
     if labelings[prop].first_place == labelings[prop].first_color {
         return color;
     }
-    let lab = oklab(color);
-    let chroma = length(lab.yz);
-    let scale = select(1.0, log(1.0 + chroma / VIVID) * VIVID / chroma, chroma > 1e-5);
-    return vec3(lab.x, CHROMA * scale * lab.yz);
+    return tone_space(color);
 }
 
 // Returns the place of a label. See `placed`.

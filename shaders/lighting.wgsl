@@ -39,7 +39,7 @@ const MARGIN: f32 = 0.02;
 
 // Returns the distance in a direction from which things cast shadows on a point of the prop: where the point leaves the
 // box, if not before.
-fn way_out(prop: u32, point: vec3<f32>, direction: vec3<f32>) -> f32 {
+fn distance_out(prop: u32, point: vec3<f32>, direction: vec3<f32>) -> f32 {
     let at = (props[prop].box_from_world * vec4(point, 1.0)).xyz;
     let along = (props[prop].box_from_world * vec4(direction, 0.0)).xyz;
     let safe = select(along, vec3(1e-20), abs(along) < vec3(1e-20));
@@ -62,7 +62,7 @@ fn share_of_sun(id: u32, surface: Surface) -> f32 {
         return 1.0;
     }
     let toward = lights.directional_lights[id].direction_to_light;
-    let way = way_out(surface.prop, surface.point, toward);
+    let way = distance_out(surface.prop, surface.point, toward);
     // The way out may lead in front of the near plane of a cascade. Cascades for larger distances reach farther.
     for (var i = get_cascade_index(id, surface.view_z); i < lights.directional_lights[id].num_cascades; i++) {
         let margin = 2.0 * lights.directional_lights[id].cascades[i].texel_size;
@@ -105,7 +105,7 @@ fn share_of_lamp(id: u32, surface: Surface, is_spot: bool) -> f32 {
     let distance = length(to_lamp);
     let toward = to_lamp / distance;
     // Texels grow with the distance.
-    let way = way_out(surface.prop, surface.point, toward) + 0.005 * distance;
+    let way = distance_out(surface.prop, surface.point, toward) + 0.005 * distance;
     if way >= distance - (*lamp).shadow_map_near_z {
         return 1.0;
     }

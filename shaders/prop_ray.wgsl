@@ -3,7 +3,7 @@
 
 #ifdef BATCHED
 #import bevy_plenoctree::batch::{
-    BATCH, MOST_GAPS, batches, divided, gaps_across, index_in_batch, pixels_of_gap, unpacked_gap,
+    BATCH, MOST_GAPS, batches, quotient, gaps_across, index_in_batch, pixels_of_gap, unpacked_gap,
 }
 #endif
 #import bevy_plenoctree::octree::{Crossing, Ray, begin, clip, density, field, has_ended, make_ray, next_leaf}
@@ -45,12 +45,12 @@ fn prop_ray(in: Varying) -> PropRay {
     let square = place / BATCH;
     let batch = square.y * batches().x + square.x;
     let index = index_in_batch(place % BATCH);
-    let element = divided(vec2(index), pixels_of_gap()).x;
+    let element = quotient(vec2(index), pixels_of_gap()).x;
     let is_listed = element < counts[batch];
     let gap = unpacked_gap(gaps[batch * MOST_GAPS + select(0u, element, is_listed)]);
     // The first pixel is the ray of the grid.
     let pixel_of_gap = index - element * pixels_of_gap() + 1u;
-    let row = divided(vec2(pixel_of_gap), view.spacing).x;
+    let row = quotient(vec2(pixel_of_gap), view.spacing).x;
     let beyond = vec2(pixel_of_gap - row * view.spacing, row);
     pixel = (square * gaps_across() + gap) * view.spacing + beyond;
 #endif
@@ -64,12 +64,18 @@ fn prop_ray(in: Varying) -> PropRay {
     return seen;
 }
 
+// Returns the length of a vector whose square may be too large or too small for a float.
+fn any_length(vector: vec3<f32>) -> f32 {
+    let most = max(max(abs(vector.x), abs(vector.y)), abs(vector.z));
+    return most * length(vector / most);
+}
+
 // Returns the ray through a point of the viewport, as if there were nothing else in the scene.
 fn ray_at(prop: Prop, at: vec2<f32>) -> PropRay {
     let point = vec3(1.0, at - prop.reference);
     let cells = f32(1u << field.depth);
     let toward = prop.direction * point;
-    let length = length(toward);
+    let length = any_length(toward);
     let unit = toward / length;
     let ray = make_ray(prop.origin * point * cells, unit * prop.scale * cells);
     return PropRay(at, ray, unit, length, clip(ray, prop.low * cells, prop.high * cells, 0.0));

@@ -56,6 +56,8 @@ struct View {
     unjittered_from_clip: mat4x4<f32>,
     // The least depth that the camera writes to its depth buffer, and how many times the depths from 0 to 1 they are.
     depth_range: vec2<f32>,
+    // The number of `props`.
+    props: u32,
 }
 
 // How colors are shown.
@@ -79,8 +81,8 @@ struct Filter {
 struct Labels {
     // The number of palette colors.
     colors: u32,
-    // The index in `colors` of the palette's first source color. The shown colors follow the source colors. The last
-    // channel of a source color is its ramp.
+    // The index in `colors` of the palette's first source color. The shown colors follow the source colors, and then the
+    // source colors in the space of tones. The last channel of a source color is its ramp.
     first_color: u32,
     blend_steps: u32,
     softness: f32,
@@ -101,6 +103,16 @@ struct Labels {
     ink_pixels: f32,
     // The difference of depth at a crease, in world units.
     ink_crease: f32,
+    // 1 if any shown color is not the source color, otherwise 0.
+    recolors: u32,
+    // How much nearer another label must be than that of the former frame. See `steady.wgsl`.
+    steadiness: f32,
+    // The prop's owner in the former frame, or 0 if no label is kept.
+    former: u32,
+    // The size of what was drawn in the former frame, in pixels.
+    former_size: vec2<f32>,
+    // Transforms a point of the prop from clip space to where it was in the former frame, in that of what was drawn then.
+    former_from_clip: mat4x4<f32>,
 }
 
 @group(0) @binding(0) var<uniform> view: View;
@@ -204,8 +216,9 @@ fn shows_through(texel: u32) -> bool {
 // The smallest depth of a pixel where a prop was drawn. 0 means that there is no prop. Where it is not solid, the depth
 // is this, or the result of `packed_haze`.
 const LEAST_DEPTH: f32 = 1e-30;
-// The smallest depth of a pixel where a prop is solid.
-const LEAST_SOLID_DEPTH: f32 = 2e-30;
+const LEAST_DEPTH_BITS: u32 = 0x0da24260u;
+// The smallest depth of a pixel where a prop is solid: its bits are 1 << 27 more.
+const LEAST_SOLID_DEPTH: f32 = 6.5536e-26;
 
 // Returns the depth where a prop is solid. `distance` is along the view axis, from where its rays
 // begin.
@@ -218,13 +231,29 @@ fn is_solid(depth: f32) -> bool {
     return depth >= LEAST_SOLID_DEPTH;
 }
 
-// Packs the depth of haze between LEAST_DEPTH and LEAST_SOLID_DEPTH. The root keeps the digits of small depths.
-fn packed_haze(depth: f32) -> f32 {
-    return LEAST_DEPTH * (1.0 + 0.99 * sqrt(sqrt(depth)));
+// Returns the largest number for the depth of haze in a view with so many props.
+fn haze_steps(props: u32) -> u32 {
+    return min((1u << 27u) / props, 1u << 23u) - 1u;
 }
 
-// Returns what `packed_haze` packed.
-fn unpacked_haze(packed: f32) -> f32 {
-    let root = max(packed / LEAST_DEPTH - 1.0, 0.0) / 0.99;
+// Packs one of so many props and the depth of its haze between LEAST_DEPTH and LEAST_SOLID_DEPTH. The root keeps the
+// digits of small depths.
+fn packed_haze(prop: u32, depth: f32, props: u32) -> f32 {
+    let root = u32(f32(haze_steps(props)) * sqrt(sqrt(clamp(depth, 0.0, 1.0))));
+    return bitcast<f32>(LEAST_DEPTH_BITS + root * props + prop);
+}
+
+fn haze_bits(packed: f32) -> u32 {
+    return max(bitcast<u32>(packed), LEAST_DEPTH_BITS) - LEAST_DEPTH_BITS;
+}
+
+// Returns the depth that `packed_haze` packed.
+fn unpacked_haze(packed: f32, props: u32) -> f32 {
+    let root = f32(haze_bits(packed) / props) / f32(haze_steps(props));
     return root * root * root * root;
+}
+
+// Returns the prop that `packed_haze` packed.
+fn haze_prop(packed: f32, props: u32) -> u32 {
+    return haze_bits(packed) % props;
 }

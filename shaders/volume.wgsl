@@ -4,12 +4,12 @@
 #import bevy_plenoctree::octree::{begin, density, has_ended, next_leaf}
 #import bevy_plenoctree::prop_ray::{PropRay, Varying, position_at, position_of, prop_ray, solid_depth_at}
 #import bevy_plenoctree::radiance::{harmonics, radiance}
-#import bevy_plenoctree::view::{LEAST_DEPTH, is_solid_prop, motion_of, pack_owner, props, shows_through, view}
+#import bevy_plenoctree::recolor::recolored
+#import bevy_plenoctree::view::{
+    is_solid_prop, labelings, motion_of, pack_owner, packed_haze, props, shows_through, view,
+}
 #ifdef LIT
 #import bevy_plenoctree::view::AS_TRAINED
-#endif
-#ifdef FOG
-#import bevy_plenoctree::view::packed_haze
 #endif
 
 #ifdef OVERLAPPING
@@ -58,7 +58,7 @@ struct Fragment {
     @location(1) owner: vec4<f32>,
 #endif
     // The depth of the nearest solid part of any prop: all props write the same depth, in any order. Where none is solid,
-    // LEAST_DEPTH, or that of the haze.
+    // the result of `packed_haze`.
     @builtin(frag_depth) depth: f32,
 #ifdef MOTION
     // How the solid part has moved. Blending writes it only where alpha is 1.
@@ -122,9 +122,9 @@ fn fragment(in: Varying) -> Fragment {
         discard;
     }
 #ifdef FOG
-    let haze = packed_haze(solid_depth_at(seen, in.prop, middle / opacity));
+    let haze = packed_haze(in.prop, solid_depth_at(seen, in.prop, middle / opacity), view.props);
 #else
-    let haze = LEAST_DEPTH;
+    let haze = packed_haze(in.prop, 0.0, view.props);
 #endif
     // Leaves that were not reached take the average color of the others.
     if transmittance < stop {
@@ -135,7 +135,12 @@ fn fragment(in: Varying) -> Fragment {
     let posterized = select(0u, in.prop + 1u, covers && props[in.prop].posterized > 0u);
     if posterized == 0u {
         // Where the prop is posterized, its label is tinted instead, so that a tint does not change the label.
-        color = opacity * tinted(color / opacity, props[in.prop].tint);
+        var own = color / opacity;
+        // The label pass recolors the thin pixels of posterized props, so that no label depends on shown colors.
+        if labelings[in.prop].recolors == 1u && props[in.prop].posterized == 0u {
+            own = recolored(in.prop, own);
+        }
+        color = opacity * tinted(own, props[in.prop].tint);
     }
 #ifdef OVERLAPPING
     let pixel = vec2<u32>(in.position.xy);

@@ -11,7 +11,7 @@ use bevy::prelude::*;
 /// Lines are smooth, and lie on the nearer side of an edge: a silhouette is drawn on the prop, and the line between two
 /// props on the one in front. They are as wide as `width` says where the prop is, but never wider than `max_pixels`, nor
 /// narrower than a pixel. Lines that would be narrower than half a pixel fade instead, so that distant props do not turn
-/// black. Ink changes colors only: depth, labels and picking stay as they are.
+/// black. They are thinner where what is between them is thin, so that small windows keep their color. Ink changes colors only: depth, labels and picking stay as they are.
 ///
 /// ```
 /// # use bevy::prelude::*;

@@ -28,28 +28,37 @@
 //! |---|---|
 //! | draw a field | [`Prop`], [`SolidOpacity`] |
 //! | place it in Blender, or in another scene of text | [`PropPath`] |
-//! | know whether it is drawn | [`PropState`], [`PropProgress`], [`props_ready`], [`FieldReady`], [`FieldFailed`], [`PaletteFailed`], [`ViewFailed`] |
+//! | know whether it is drawn | [`PropState`], [`PropProgress`], [`props_progress`], [`props_ready`], [`FieldReady`], [`FieldFailed`], [`PaletteFailed`], [`ViewFailed`] |
 //! | limit the time per frame that arriving fields take | [`UploadBudget`] |
 //! | survive the loss of the GPU device | [`DeviceRecoveryPlugin`] |
 //! | posterize it | [`Posterize`] on the prop, or [`PosterizeView`] on a camera to posterize everything in view |
 //! | keep its silhouette hard | [`EdgeSmoothing`], in its [`Posterize`] |
+//! | recolor it as trained | [`Recolor`] on the prop |
 //! | recolor it | [`Palettes`], [`PaletteOverride`], [`PropTint`], [`BlendSpace`], [`PaletteReady`] |
 //! | configure palette extraction, and see what it found where | [`PaletteExtraction`], [`SampleOrigin`] |
 //! | cast shadows | the feature `shadows`, [`SolidOpacity`], [`PropQuality`] on a light |
-//! | let the scene's shadows and lights darken, tint or brighten it | `PropLighting` (feature `shadows`) on the prop |
+//! | let the scene's shadows and lights darken, tint or brighten it | [`PropLighting`] (feature `shadows`) on the prop |
 //! | let it fade in fog | Bevy's `DistanceFog` on a camera (feature `shadows`) |
 //! | choose where in the frame props are drawn | [`PropStage`] on a camera |
 //! | trade accuracy for speed | [`PropQuality`] on a camera |
-//! | cast rays at props | [`PropRayCast`]; `PropPickingPlugin` (feature `picking`) |
+//! | cast rays at props | [`PropRayCast`]; [`PropPickingPlugin`] (feature `picking`) |
 //! | add a render stage | [`LabelStages`] |
-//! | load captures of Gaussian splats | `CaptureLoader` (feature `splat`) |
-//! | ship small files | `PackSaver` (feature `pack`) |
-//! | make colliders | `surface_mesh` (feature `mesh`) |
-//! | capture frames without a window | the module `headless` (feature `headless`) |
-//! | edit palettes in a window | the module `panel` (feature `egui`) |
+//! | load captures of Gaussian splats | [`CaptureLoader`] (feature `splat`) |
+//! | ship small files | [`PackSaver`] (feature `pack`) |
+//! | make colliders | [`surface_mesh`] (feature `mesh`) |
+//! | capture frames without a window, and click on props in tests | the module [`headless`] (feature `headless`) |
+//! | edit palettes in a window | the module [`panel`] (feature `egui`) |
 //!
 //! The crate [`plenoctree`] provides the types of fields and palettes. It also reads, writes, bakes and inspects fields
 //! without an engine.
+//!
+//! [`CaptureLoader`]: https://docs.rs/bevy_plenoctree/latest/bevy_plenoctree/struct.CaptureLoader.html
+//! [`PackSaver`]: https://docs.rs/bevy_plenoctree/latest/bevy_plenoctree/struct.PackSaver.html
+//! [`PropLighting`]: https://docs.rs/bevy_plenoctree/latest/bevy_plenoctree/struct.PropLighting.html
+//! [`PropPickingPlugin`]: https://docs.rs/bevy_plenoctree/latest/bevy_plenoctree/struct.PropPickingPlugin.html
+//! [`headless`]: https://docs.rs/bevy_plenoctree/latest/bevy_plenoctree/headless
+//! [`panel`]: https://docs.rs/bevy_plenoctree/latest/bevy_plenoctree/panel
+//! [`surface_mesh`]: https://docs.rs/bevy_plenoctree/latest/bevy_plenoctree/fn.surface_mesh.html
 #![cfg_attr(docsrs, feature(doc_cfg))]
 #![forbid(unsafe_code)]
 #![warn(missing_docs)]
@@ -72,13 +81,14 @@ mod posterize;
 pub mod prelude;
 mod prop;
 mod quality;
+mod recolor;
 mod recovery;
 mod render;
 mod sampling;
 mod sets;
 mod stage;
 mod state;
-#[cfg(all(test, feature = "headless"))]
+#[cfg(test)]
 mod tests;
 
 #[cfg(feature = "pack")]
@@ -121,13 +131,14 @@ pub use posterize::{
 };
 pub use prop::{Prop, PropPath, PropTint, SolidOpacity};
 pub use quality::{PropQuality, QualityPreset};
+pub use recolor::Recolor;
 pub use recovery::DeviceRecoveryPlugin;
 #[cfg(feature = "shadows")]
 pub use render::{LIGHTING_SPANS, SHADOW_SPANS};
 pub use render::{POSTERIZE_SPANS, VOLUME_SPANS};
 pub use sets::{PlenOctreeRenderSystems, PlenOctreeSystems};
 pub use stage::{LabelStages, PosterizeView, PropStage};
-pub use state::{PropError, PropProgress, PropState, props_ready};
+pub use state::{PropError, PropProgress, PropState, props_progress, props_ready};
 
 use bevy::{asset::ReflectHandle, prelude::*};
 
@@ -156,6 +167,7 @@ impl Plugin for PlenOctreePlugin {
             .register_type::<PosterizeView>()
             .register_type::<PropQuality>()
             .register_type::<PropStage>()
+            .register_type::<Recolor>()
             .add_plugins((
                 gpu::GpuFieldPlugin,
                 sampling::SamplingPlugin,

@@ -55,6 +55,16 @@ pub struct Posterize {
     ///
     /// Defaults to [`BorderSmoothing::Interpolated`].
     pub borders: BorderSmoothing,
+    /// How much nearer another label must be before a pixel changes its label while the prop or the camera moves: in
+    /// encoded sRGB, or in Oklab for palettes of [tones](crate::PaletteMethod::Tones). Otherwise, labels of noisy colors
+    /// flicker. 0 assigns the labels of every frame anew.
+    ///
+    /// Where nothing moves, every pixel has the nearest label. Only hard labels are kept ([`softness`](Self::softness) 0),
+    /// where the prop is [solid](crate::SolidOpacity), and only in views whose
+    /// [`PropQuality::steady_labels`](crate::PropQuality::steady_labels) is true.
+    ///
+    /// Defaults to 0.04. Negative values count as 0.
+    pub steadiness: f32,
     /// The method with which a palette is extracted, if the field has none. With `None`, that of
     /// [`PaletteExtraction::settings`](crate::PaletteExtraction::settings), which is [`PaletteMethod::Tones`] by default.
     /// If several props share a field, one of them decides.
@@ -121,6 +131,7 @@ impl Default for Posterize {
             before_palette: BeforePalette::default(),
             edges: EdgeSmoothing::default(),
             borders: BorderSmoothing::default(),
+            steadiness: 0.04,
             method: None,
         }
     }
@@ -161,12 +172,23 @@ impl Posterize {
     /// the colors' [hull](PaletteMethod::Hull) and their blends, and blend into one another, as section 4 of the method
     /// specifies. The silhouette is smooth, which the paper's is not: see [`EdgeSmoothing`].
     pub fn paper() -> Self {
-        Self { softness: 0.2, borders: BorderSmoothing::Off, method: Some(PaletteMethod::Hull), ..Self::default() }
+        Self {
+            softness: 0.2,
+            borders: BorderSmoothing::Off,
+            steadiness: 0.0,
+            method: Some(PaletteMethod::Hull),
+            ..Self::default()
+        }
     }
 
     /// Returns whether there are borders between labels, and they are smooth.
     pub(crate) fn smooths_borders(&self) -> bool {
         self.borders == BorderSmoothing::Interpolated && self.softness == 0.0
+    }
+
+    /// Returns whether pixels may keep their labels while something moves.
+    pub(crate) fn is_steady(&self) -> bool {
+        self.steadiness > 0.0 && self.softness == 0.0
     }
 
     /// Clamps every setting to its valid range, so that no shader divides by zero or loops for too long. NaN becomes
@@ -188,6 +210,7 @@ impl Posterize {
             before_palette: self.before_palette,
             edges: self.edges,
             borders: self.borders,
+            steadiness: self.steadiness.max(0.0),
             method: self.method,
         }
     }
@@ -244,50 +267,17 @@ impl Default for BilateralFilter {
 
 #[cfg(test)]
 mod tests {
-    use std::{
-        fmt::Debug,
-        sync::{Arc, Mutex},
-    };
-
-    use bevy::log::{
-        tracing::{
-            Event, Subscriber,
-            field::{Field, Visit},
-            subscriber::with_default,
-        },
-        tracing_subscriber::{
-            Layer, Registry,
-            layer::{Context, SubscriberExt},
-        },
-    };
-
     use super::*;
-
-    /// Collects what is logged.
-    #[derive(Clone, Default)]
-    struct Log(Arc<Mutex<String>>);
-
-    impl<S: Subscriber> Layer<S> for Log {
-        fn on_event(&self, event: &Event, _: Context<S>) {
-            event.record(&mut self.clone());
-        }
-    }
-
-    impl Visit for Log {
-        fn record_debug(&mut self, _: &Field, value: &dyn Debug) {
-            *self.0.lock().unwrap() += &format!("{value:?}\n");
-        }
-    }
+    use crate::tests::log::logged;
 
     #[test]
     fn palettes_with_too_many_labels_are_reported_once() {
-        let log = Log::default();
         let palette = |colors| Palette::new(vec![[0.5; 3]; colors]).unwrap();
         let of = |colors| Posterize { blend_steps: 8, ..default() }.blend_steps_of(&palette(colors));
-        let steps = with_default(Registry::default().with(log.clone()), || [6, 17, 64, 64].map(of));
+        let (steps, log) = logged(|| [6, 17, 64, 64].map(of));
         assert_eq!(steps, [8, 8, 1, 1]);
         let expected =
             "a palette of 64 colors with 8 blend steps has 14176 labels, expected at most 1024: it is drawn with 1\n";
-        assert_eq!(*log.0.lock().unwrap(), expected);
+        assert_eq!(log, expected);
     }
 }

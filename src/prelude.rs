@@ -5,5 +5,5 @@ pub use crate::PropLighting;
 pub use crate::{
     BlendSpace, FieldPalette, PaletteOverride, PaletteReady, Palettes, PlenOctree, PlenOctreePlugin, Posterize,
     PosterizeView, Prop, PropHit, PropPath, PropProgress, PropQuality, PropRayCast, PropStage, PropState, PropTint,
-    props_ready,
+    Recolor, props_progress, props_ready,
 };

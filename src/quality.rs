@@ -8,7 +8,8 @@ use crate::posterize::MAX_FILTER_ITERATIONS;
 
 /// Trades accuracy for speed when a camera draws props.
 ///
-/// Add it to an entity with a `Camera3d`. Cameras without it use [`PropQuality::EXACT`].
+/// Add it to an entity with a `Camera3d`. Cameras without it use the default: [`PropQuality::EXACT`], with
+/// steady labels.
 ///
 /// With the feature `shadows`, it can also be added to a light. The settings that select a level then apply to the
 /// props in its shadow maps, and [`cell_size`](Self::cell_size) is in texels. Lights without it use a `cell_size` of 1.
@@ -71,16 +72,22 @@ pub struct PropQuality {
     ///
     /// Defaults to [`MAX_FILTER_ITERATIONS`], which is no limit.
     pub filter_iterations: u32,
+    /// Whether pixels may keep their labels while something moves: see
+    /// [`Posterize::steadiness`](crate::Posterize::steadiness).
+    ///
+    /// Defaults to true, unlike [`EXACT`](Self::EXACT).
+    pub steady_labels: bool,
 }
 
 impl Default for PropQuality {
+    /// Returns [`PropQuality::EXACT`], with steady labels.
     fn default() -> Self {
-        Self::EXACT
+        Self { steady_labels: true, ..Self::EXACT }
     }
 }
 
 impl PropQuality {
-    /// Draws props exactly as the method specifies.
+    /// Draws props exactly as the method specifies, every frame by itself.
     pub const EXACT: Self = Self {
         stop_transmittance: 0.01,
         density_threshold: 0.0,
@@ -90,10 +97,17 @@ impl PropQuality {
         spacing: 2,
         edge_rays: 8,
         filter_iterations: MAX_FILTER_ITERATIONS,
+        steady_labels: false,
     };
     /// Hardly distinguishable from [`EXACT`](Self::EXACT).
-    pub const HIGH: Self =
-        Self { stop_transmittance: 0.03, opacity_loss: 0.01, cell_size: 0.5, edge_rays: 4, ..Self::EXACT };
+    pub const HIGH: Self = Self {
+        stop_transmittance: 0.03,
+        opacity_loss: 0.01,
+        cell_size: 0.5,
+        edge_rays: 4,
+        steady_labels: true,
+        ..Self::EXACT
+    };
     /// A compromise for most games.
     pub const BALANCED: Self = Self {
         stop_transmittance: 0.03,
@@ -102,6 +116,7 @@ impl PropQuality {
         error: 0.18,
         edge_rays: 4,
         filter_iterations: 3,
+        steady_labels: true,
         ..Self::EXACT
     };
     /// For many props, or a slow GPU.
@@ -112,6 +127,7 @@ impl PropQuality {
         error: 0.4,
         edge_rays: 4,
         filter_iterations: 1,
+        steady_labels: true,
         ..Self::EXACT
     };
 
@@ -132,6 +148,7 @@ impl PropQuality {
             spacing: self.spacing.clamp(2, 8),
             edge_rays: if self.edge_rays < 8 { 4 } else { 8 },
             filter_iterations: self.filter_iterations,
+            steady_labels: self.steady_labels,
         }
     }
 }

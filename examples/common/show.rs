@@ -80,7 +80,7 @@ impl Show {
         set_frame_time(&mut headless, Duration::ZERO);
         wait(&mut headless)?;
         set_frame_time(&mut headless, Duration::from_secs(1) / 60);
-        run_without_drawing(&mut headless, self.at_frame);
+        (0..self.at_frame).for_each(|_| headless.update_without_drawing());
         set_frame_time(&mut headless, Duration::ZERO);
         headless.capture()?.save(file).map_err(|error| format!("{}: {error}", file.display()))?;
         Ok(())
@@ -89,25 +89,4 @@ impl Show {
 
 fn set_frame_time(headless: &mut Headless, time: Duration) {
     headless.app.insert_resource(TimeUpdateStrategy::ManualDuration(time));
-}
-
-/// Runs frames with all cameras off, so that nothing is drawn.
-fn run_without_drawing(headless: &mut Headless, frames: u32) {
-    let world = headless.app.world_mut();
-    let mut cameras = world.query::<(Entity, &mut Camera)>();
-    let mut paused = Vec::new();
-    for (entity, mut camera) in cameras.iter_mut(world) {
-        if std::mem::replace(&mut camera.is_active, false) {
-            paused.push(entity);
-        }
-    }
-    for _ in 0..frames {
-        headless.update();
-    }
-    let world = headless.app.world_mut();
-    for entity in paused {
-        if let Some(mut camera) = world.get_mut::<Camera>(entity) {
-            camera.is_active = true;
-        }
-    }
 }

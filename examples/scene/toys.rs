@@ -25,6 +25,7 @@ const POSTER: Posterize = Posterize {
     before_palette: BeforePalette::Hide,
     edges: EdgeSmoothing::Coverage,
     borders: BorderSmoothing::Off,
+    steadiness: 0.04,
     method: None,
 };
 
@@ -37,6 +38,7 @@ const PASTEL: Posterize = Posterize {
     before_palette: BeforePalette::Hide,
     edges: EdgeSmoothing::Coverage,
     borders: BorderSmoothing::Off,
+    steadiness: 0.0,
     method: None,
 };
 

@@ -33,7 +33,7 @@ const MOST_FRAMES: f64 = 10.0;
 const SHARE_IF_EMULATED: f64 = 0.125;
 
 /// What uploads may still do in this frame.
-pub(super) struct Turn {
+pub(super) struct Allowance {
     start: Instant,
     budget: Option<Duration>,
     has_worked: bool,
@@ -43,7 +43,7 @@ pub(super) struct Turn {
     pub is_taken: bool,
 }
 
-impl Turn {
+impl Allowance {
     /// Begins a frame. The last one took `last_frame`.
     pub fn new(budget: UploadBudget, last_frame: Duration, is_emulated: bool, free_threads: usize) -> Self {
         let frames = last_frame.div_duration_f64(FRAME).clamp(1.0, MOST_FRAMES);

@@ -11,11 +11,12 @@ use bevy::{
 use plenoctree::PlenOctree;
 
 use super::{
-    budget::Turn,
+    budget::Allowance,
+    layout::FieldShape,
     level::Level,
     levels::Levels,
     records::Records,
-    upload::{self, FieldShape, FieldTooLarge, GpuLevel, Uploader},
+    upload::{self, FieldTooLarge, GpuLevel, Uploader},
 };
 
 /// A [`PlenOctree`] in GPU memory. Stored in the render world, in `RenderAssets<GpuField>`.
@@ -112,15 +113,15 @@ impl GpuField {
         self.levels.are_pending()
     }
 
-    /// Returns the number of levels that are being made in the background.
-    pub(super) fn being_made(&self) -> usize {
-        self.levels.being_made()
+    /// Returns, for each level that is being made in the background, whether that is finished.
+    pub(crate) fn making(&self) -> impl Iterator<Item = bool> {
+        self.levels.making()
     }
 
-    /// Makes and uploads the field, and the levels that were requested in this frame, as far as the turn allows. If a
+    /// Makes and uploads the field, and the levels that were requested in this frame, as far as the allowance goes. If a
     /// level fails, returns its error.
-    pub(super) fn advance(&mut self, uploader: &Uploader, turn: &mut Turn) -> Option<FieldTooLarge> {
-        self.levels.advance(uploader, turn)
+    pub(super) fn advance(&mut self, uploader: &Uploader, allowance: &mut Allowance) -> Option<FieldTooLarge> {
+        self.levels.advance(uploader, allowance)
     }
 
     /// Ends the frame. If the field has arrived, and `has_pipelines` says that no pipeline for it is missing, it is
@@ -161,7 +162,7 @@ impl RenderAsset for GpuField {
         _: &mut SystemParamItem<Self::Param>,
         previous: Option<&Self>,
     ) -> Result<Self, PrepareAssetError<PlenOctree>> {
-        let earlier = previous.and_then(Self::drawn).map(Levels::kept);
+        let earlier = previous.and_then(Self::drawn).map(Levels::ready);
         Ok(Self { levels: Levels::new(field), earlier, is_drawn: false, is_new: false, reported: false })
     }
 }

@@ -1,15 +1,17 @@
-//! The layouts of fields' bind groups.
+//! The layout of fields' bind groups, and what pipelines know of a field.
 
 use bevy::{
     prelude::*,
     render::render_resource::{
-        BindGroupLayoutDescriptor, BindGroupLayoutEntries, ShaderStages, TextureFormat, TextureSampleType,
+        BindGroupLayoutDescriptor, BindGroupLayoutEntries, ShaderStages, ShaderType, TextureFormat, TextureSampleType,
         binding_types::{texture_2d_array, uniform_buffer},
     },
     shader::ShaderDefVal,
 };
 
-use super::upload::{FieldShape, FieldUniform};
+use plenoctree::Activation;
+
+use super::payload::Payload;
 
 /// The format of densities: one in each word, or two half floats if the field is packed.
 pub(super) const DENSITIES: TextureFormat = TextureFormat::R32Uint;
@@ -17,6 +19,15 @@ pub(super) const DENSITIES: TextureFormat = TextureFormat::R32Uint;
 pub(super) const WORDS: TextureFormat = TextureFormat::Rgba32Uint;
 /// The format of the leaves of packed fields, and of their codebook.
 pub(super) const PACKED_WORDS: TextureFormat = TextureFormat::Rg32Uint;
+
+/// The properties of a field that pipelines are specialized for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(crate) struct FieldShape {
+    pub payload: Payload,
+    pub activation: Activation,
+    /// Whether there are child records besides the table.
+    pub inner_records: bool,
+}
 
 /// The properties of a field that all pipelines that march through it are specialized for. Others also depend on how
 /// radiance is stored.
@@ -32,6 +43,21 @@ impl From<FieldShape> for TreeShape {
     fn from(shape: FieldShape) -> Self {
         Self { inner_records: shape.inner_records, has_codebook: shape.payload.has_codebook() }
     }
+}
+
+/// Matches `Field` in `octree.wgsl`.
+#[derive(Clone, Copy, ShaderType)]
+pub(super) struct FieldUniform {
+    pub depth: u32,
+    pub table_level: u32,
+    pub row: u32,
+    pub record_rows: u32,
+    pub density_rows: u32,
+    pub coefficient_rows: u32,
+    pub codebook_rows: u32,
+    pub chroma: u32,
+    pub color_step: f32,
+    pub table_scale: f32,
 }
 
 /// The layout of fields' bind groups: their uniform, table records, child records, densities, coefficients, and the

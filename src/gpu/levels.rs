@@ -6,15 +6,16 @@ use bevy::tasks::{Task, block_on, poll_once};
 use plenoctree::{Faintness, PlenOctree};
 
 use super::{
-    budget::Turn,
+    budget::Allowance,
+    layout::FieldShape,
     level::Level,
     slices::Upload,
-    upload::{FieldShape, FieldTooLarge, GpuLevel, LevelData, Uploader, field_bytes},
+    upload::{FieldTooLarge, GpuLevel, LevelData, Uploader, field_bytes},
 };
 use crate::background;
 
 /// The number of frames after which an unused level is evicted.
-const KEPT_FRAMES: u32 = 600;
+const IDLE_FRAMES: u32 = 600;
 
 /// The levels of a field in GPU memory. The field itself is always kept; other levels are kept while cameras request
 /// them.
@@ -48,7 +49,7 @@ impl Levels {
     }
 
     /// Returns the levels that are ready, to be drawn until another version of the field is.
-    pub fn kept(&self) -> Self {
+    pub fn ready(&self) -> Self {
         let ready = self.slots.iter().filter_map(|slot| {
             let state = State::Ready(slot.state.ready()?.clone());
             Some(Slot { level: slot.level, state, idle: slot.idle })
@@ -91,9 +92,12 @@ impl Levels {
         }
     }
 
-    /// Returns the number of levels that are being made.
-    pub fn being_made(&self) -> usize {
-        self.slots.iter().filter(|slot| matches!(slot.state, State::Making(_))).count()
+    /// Returns, for each level that is being made, whether that is finished.
+    pub fn making(&self) -> impl Iterator<Item = bool> {
+        self.slots.iter().filter_map(|slot| match &slot.state {
+            State::Making(task) => Some(task.is_finished()),
+            _ => None,
+        })
     }
 
     /// Requests a level for this frame. It is made if `makes_more`.
@@ -105,16 +109,16 @@ impl Levels {
         }
     }
 
-    /// Makes and uploads the field itself and the levels that were requested in this frame, as far as the turn allows.
+    /// Makes and uploads the field itself and the levels that were requested in this frame, as far as the allowance goes.
     /// If one fails, returns its error.
-    pub fn advance(&mut self, uploader: &Uploader, turn: &mut Turn) -> Option<FieldTooLarge> {
+    pub fn advance(&mut self, uploader: &Uploader, allowance: &mut Allowance) -> Option<FieldTooLarge> {
         let Self { source, faintness, slots } = self;
         let mut failure = None;
         for slot in slots.iter_mut().filter(|slot| slot.idle == 0 || slot.level == Level::default()) {
             if matches!(slot.state, State::Ready(_) | State::Failed(_)) {
                 continue;
             }
-            slot.advance(source, faintness, uploader, turn);
+            slot.advance(source, faintness, uploader, allowance);
             if let State::Failed(error) = &slot.state {
                 failure = Some(error.clone());
             }
@@ -138,12 +142,12 @@ impl Levels {
         self.slots.iter().any(|slot| slot.idle <= 1 && waits(&slot.state))
     }
 
-    /// Ends the frame: evicts levels that have not been requested for [`KEPT_FRAMES`].
+    /// Ends the frame: evicts levels that have not been requested for [`IDLE_FRAMES`].
     pub fn age(&mut self) {
         for slot in &mut self.slots {
             slot.idle = slot.idle.saturating_add(1);
         }
-        self.slots.retain(|slot| slot.level == Level::default() || slot.idle < KEPT_FRAMES);
+        self.slots.retain(|slot| slot.level == Level::default() || slot.idle < IDLE_FRAMES);
     }
 
     pub fn iter(&self) -> impl Iterator<Item = &GpuLevel> {
@@ -163,7 +167,7 @@ impl Slot {
         source: &PlenOctree,
         faintness: &Arc<OnceLock<Faintness>>,
         uploader: &Uploader,
-        turn: &mut Turn,
+        allowance: &mut Allowance,
     ) {
         let begin = |data| match Upload::begin(data, uploader) {
             Ok(upload) => State::Uploading(Box::new(upload)),
@@ -171,10 +175,10 @@ impl Slot {
         };
         let is_itself = self.level == Level::default();
         if let State::Requested = self.state {
-            if is_itself && LevelData::is_quick(source) && turn.allows_more() {
+            if is_itself && LevelData::is_quick(source) && allowance.allows_more() {
                 self.state = begin(LevelData::new(source.clone()));
-            } else if turn.free_threads > 0 {
-                turn.free_threads -= 1;
+            } else if allowance.free_threads > 0 {
+                allowance.free_threads -= 1;
                 let (level, field, faintness) = (self.level, source.clone(), faintness.clone());
                 let make = move || LevelData::new(if is_itself { field } else { level.make(&field, &faintness) });
                 self.state = State::Making(background::spawn(make));
@@ -182,18 +186,18 @@ impl Slot {
         }
         if let State::Making(task) = &mut self.state
             && task.is_finished()
-            && turn.allows_more()
+            && allowance.allows_more()
             && let Some(data) = block_on(poll_once(task))
         {
             self.state = begin(data);
         }
         if let State::Uploading(upload) = &mut self.state
-            && !turn.is_taken
+            && !allowance.is_taken
         {
-            match upload.advance(uploader, turn) {
+            match upload.advance(uploader, allowance) {
                 Some(Ok(level)) => self.state = State::Ready(level),
                 Some(Err(error)) => self.state = State::Failed(error),
-                None => turn.is_taken = true,
+                None => allowance.is_taken = true,
             }
         }
     }

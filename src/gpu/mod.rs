@@ -23,7 +23,7 @@ pub use constants::MAX_PROPS_IN_VIEW;
 pub(crate) use constants::SAMPLING_WORKGROUP;
 pub(crate) use errors::Allocator;
 pub use field::GpuField;
-pub(crate) use layout::{FieldLayouts, TreeShape};
+pub(crate) use layout::{FieldLayouts, FieldShape, TreeShape};
 pub(crate) use level::Level;
 pub(crate) use readiness::Readiness;
 pub(crate) use records::tree_depth;
@@ -31,7 +31,7 @@ pub use report::{FieldFailed, FieldReady, ViewFailed, ViewTooLarge};
 pub(crate) use report::{FieldReports, GpuStatus};
 pub(crate) use shaders::{Shaders, field_definitions};
 pub use upload::FieldTooLarge;
-pub(crate) use upload::{FieldShape, GpuLevel};
+pub(crate) use upload::GpuLevel;
 
 use bevy::{
     prelude::*,

@@ -7,7 +7,7 @@ use bevy::{
 };
 use plenoctree::{Activation, Basis};
 
-use super::{constants, payload::Layout, upload::FieldShape};
+use super::{constants, layout::FieldShape, payload::Layout};
 
 /// Handles to the shaders, in the render world, by the names of their files. Includes shaders that are only imported by
 /// others, to keep them loaded.
@@ -49,6 +49,7 @@ impl Shaders {
             "filter_texel",
             "finish",
             "fog",
+            "front",
             "fullscreen",
             "ink",
             "label",
@@ -61,6 +62,7 @@ impl Shaders {
             "present",
             "prop_ray",
             "radiance",
+            "recolor",
             "relief",
             "sampling",
             "scene",
@@ -70,7 +72,9 @@ impl Shaders {
             "smooth_light",
             "solid",
             "space",
+            "steady",
             "target",
+            "under_objects",
             "view",
             "volume",
         ];

@@ -8,10 +8,11 @@ use bevy::{
 };
 
 use super::{
-    budget::Turn,
+    budget::Allowance,
     errors::DriverErrors,
+    layout::FieldShape,
     textures::write,
-    upload::{FieldShape, FieldTooLarge, GpuLevel, LevelData, Textures, Uploader},
+    upload::{FieldTooLarge, GpuLevel, LevelData, Textures, Uploader},
 };
 use crate::background;
 
@@ -84,11 +85,15 @@ impl Upload {
 
     /// Writes the slices for which there is time. Returns the level when it is complete, or an error if the driver
     /// rejects it.
-    pub fn advance(&mut self, uploader: &Uploader, turn: &mut Turn) -> Option<Result<Arc<GpuLevel>, FieldTooLarge>> {
+    pub fn advance(
+        &mut self,
+        uploader: &Uploader,
+        allowance: &mut Allowance,
+    ) -> Option<Result<Arc<GpuLevel>, FieldTooLarge>> {
         if self.errors.first().is_none() {
             self.pack_ahead();
             let mut errors = std::mem::take(&mut self.errors);
-            errors.watch(&uploader.device, || self.write(uploader, turn));
+            errors.watch(&uploader.device, || self.write(uploader, allowance));
             self.errors = errors;
         }
         if let Some(error) = self.errors.first() {
@@ -130,12 +135,12 @@ impl Upload {
         }
     }
 
-    fn write(&mut self, uploader: &Uploader, turn: &mut Turn) {
+    fn write(&mut self, uploader: &Uploader, allowance: &mut Allowance) {
         let mut unsubmitted = 0;
         while let Some(Slice { texture: index, layers, bytes }) = self.slices.front() {
             let plain = self.data.plain(*index);
             let is_packed = plain.is_some() || !self.packed.is_empty();
-            let Some((texture, _)) = self.textures.get(*index).filter(|_| is_packed && turn.allows_more()) else {
+            let Some((texture, _)) = self.textures.get(*index).filter(|_| is_packed && allowance.allows_more()) else {
                 break;
             };
             if let Some(all) = plain {

@@ -10,7 +10,7 @@ use bevy::{
 use wgpu::DeviceType;
 
 use super::{
-    budget::{Turn, UploadBudget},
+    budget::{Allowance, UploadBudget},
     field::GpuField,
     layout::TreeShape,
     readiness::Readiness,
@@ -28,13 +28,13 @@ pub(super) fn upload_levels(
     mut last: Local<Option<Instant>>,
 ) {
     let threads = available_parallelism().map_or(1, |cores| cores.get() - 1).max(1);
-    let being_made = fields.iter().map(|(_, field)| field.being_made()).sum();
+    let being_made = fields.iter().flat_map(|(_, field)| field.making()).count();
     let now = Instant::now();
     let last_frame = last.replace(now).map_or(Duration::ZERO, |last| now - last);
     let is_emulated = adapter.device_type == DeviceType::Cpu;
-    let mut turn = Turn::new(*budget, last_frame, is_emulated, threads.saturating_sub(being_made));
+    let mut allowance = Allowance::new(*budget, last_frame, is_emulated, threads.saturating_sub(being_made));
     for (id, field) in fields.iter_mut() {
-        let failure = field.advance(&uploader, &mut turn);
+        let failure = field.advance(&uploader, &mut allowance);
         // The failure of a field itself is reported at the end of the frame.
         if let Some(error) = failure.filter(|_| !matches!(field.outcome(), Some(Err(_)))) {
             error!("a level of field {id} is not drawn: {error}");

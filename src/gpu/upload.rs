@@ -6,19 +6,17 @@ use bevy::{
     ecs::system::SystemParam,
     prelude::*,
     render::{
-        render_resource::{
-            BindGroup, BindGroupEntries, PipelineCache, ShaderType, Texture, TextureUsages, UniformBuffer,
-        },
+        render_resource::{BindGroup, BindGroupEntries, PipelineCache, Texture, TextureUsages, UniformBuffer},
         renderer::{RenderDevice, RenderQueue},
     },
 };
 use glam::DVec3;
 use half::f16;
-use plenoctree::{Activation, PlenOctree};
+use plenoctree::PlenOctree;
 
 use super::{
     errors::DriverErrors,
-    layout::{DENSITIES, FieldLayouts, PACKED_WORDS, WORDS},
+    layout::{DENSITIES, FieldLayouts, FieldShape, FieldUniform, PACKED_WORDS, WORDS},
     payload::Payload,
     records::Records,
     textures::{self, Grid, Layers},
@@ -61,30 +59,6 @@ impl Drop for GpuLevel {
         let (textures, bytes) = (self.bind_group.clone(), self.bytes);
         self.queue.on_submitted_work_done(move || background::discard(textures, bytes));
     }
-}
-
-/// The properties of a field that pipelines are specialized for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(crate) struct FieldShape {
-    pub payload: Payload,
-    pub activation: Activation,
-    /// Whether there are child records besides the table.
-    pub inner_records: bool,
-}
-
-/// Matches `Field` in `octree.wgsl`.
-#[derive(Clone, Copy, ShaderType)]
-pub(super) struct FieldUniform {
-    depth: u32,
-    table_level: u32,
-    row: u32,
-    record_rows: u32,
-    density_rows: u32,
-    coefficient_rows: u32,
-    codebook_rows: u32,
-    chroma: u32,
-    color_step: f32,
-    table_scale: f32,
 }
 
 /// An array on the GPU: what it holds, its size in bytes, and the size of a texel.

@@ -12,19 +12,22 @@ use plenoctree::{UpAxis, camera::PinholeCamera};
 #[derive(Clone, Copy, Debug)]
 struct PinholeProjection(PinholeCamera);
 
-/// The distance of the near plane, in world units. It clips meshes, but not props.
-const NEAR: f64 = 0.01;
+/// The distance of the near plane, as a share of the camera's distance from the origin: little more than the steps of
+/// its coordinates in float32. At the origin, it is in world units.
+const NEAR: f64 = 2e-7;
 
 impl CameraProjection for PinholeProjection {
     fn get_clip_from_view(&self) -> Mat4 {
         let camera = &self.0;
         let (width, height) = (f64::from(camera.width), f64::from(camera.height));
+        let distance = camera.position.length();
+        let near = NEAR * if distance > 0.0 { distance } else { 1.0 };
         // The image's y axis points down, that of clip space up.
         glam::DMat4::from_cols(
             glam::DVec4::X * (2.0 * camera.focal_x / width),
             glam::DVec4::Y * (2.0 * camera.focal_y / height),
             glam::DVec4::new(1.0 - 2.0 * camera.center_x / width, 2.0 * camera.center_y / height - 1.0, 0.0, -1.0),
-            glam::DVec4::Z * NEAR,
+            glam::DVec4::Z * near,
         )
         .as_mat4()
     }

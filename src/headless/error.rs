@@ -32,6 +32,10 @@ pub enum HeadlessError {
         /// What was not ready.
         waiting_for: String,
     },
+    /// There are no pointers, because the app does not have Bevy's `DefaultPickingPlugins`.
+    #[cfg(feature = "picking")]
+    #[error("there are no pointers; add Bevy's `DefaultPickingPlugins`")]
+    NoPointers,
     /// The frame could not be read back from the GPU.
     #[error("failed to read the frame back: {0}")]
     Readback(String),

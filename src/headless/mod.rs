@@ -3,6 +3,8 @@
 mod camera;
 mod error;
 mod plugins;
+#[cfg(feature = "picking")]
+mod pointer;
 mod readback;
 mod waiting;
 
@@ -38,8 +40,8 @@ use crate::{gpu::UploadBudget, state::PropError};
 
 /// An app without a window that renders to an image: update it until the assets are ready, then capture a frame.
 ///
-/// Frames run only when you ask for them: [`update`](Self::update) and [`capture`](Self::capture) run one each, and
-/// [`wait_until_ready`](Self::wait_until_ready) as many as it takes. All run on the calling thread and return after
+/// Frames run only when you ask for them: [`update`](Self::update), [`update_without_drawing`](Self::update_without_drawing)
+/// and [`capture`](Self::capture) run one each, and [`wait_until_ready`](Self::wait_until_ready) as many as it takes. All run on the calling thread and return after
 /// rendering. Time follows the wall clock; insert Bevy's `TimeUpdateStrategy::ManualDuration` for reproducible frames.
 /// The app has the plugins of [`HeadlessPlugins`]; add `LitMeshPlugins` (feature
 /// `headless-lit`) for lit meshes.
@@ -68,6 +70,9 @@ pub struct Headless {
     /// Defaults to two minutes.
     pub time_limit: Duration,
     target: Handle<Image>,
+    /// Where the mouse pointer was last.
+    #[cfg(feature = "picking")]
+    pointer: Option<Vec2>,
 }
 
 impl Headless {
@@ -117,7 +122,13 @@ impl Headless {
         app.finish();
         app.cleanup();
         let target = app.world_mut().resource_mut::<Assets<Image>>().add(target_image(size));
-        Ok(Self { app, time_limit: Duration::from_secs(120), target })
+        Ok(Self {
+            app,
+            time_limit: Duration::from_secs(120),
+            target,
+            #[cfg(feature = "picking")]
+            pointer: None,
+        })
     }
 
     /// Resizes the target to `size` pixels, starting with the next frame. A size of 0 counts as 1.
@@ -141,20 +152,57 @@ impl Headless {
         self.poll();
     }
 
+    /// Runs one frame in which no camera draws. Systems of the app do not notice. On a GPU that is emulated in software, it
+    /// takes far less time than one that is drawn.
+    pub fn update_without_drawing(&mut self) {
+        let apps = self.app.sub_apps_mut();
+        apps.main.run_default_schedule();
+        let world = apps.main.world_mut();
+        let mut cameras = world.query::<(Entity, &mut Camera)>();
+        let active = cameras.iter_mut(world).filter(|(_, camera)| camera.is_active).map(|(entity, mut camera)| {
+            camera.bypass_change_detection().is_active = false;
+            entity
+        });
+        let active: Vec<_> = active.collect();
+        for app in apps.sub_apps.values_mut() {
+            app.extract(world);
+            app.update();
+        }
+        for entity in active {
+            if let Ok((_, mut camera)) = cameras.get_mut(world, entity) {
+                camera.bypass_change_detection().is_active = true;
+            }
+        }
+        world.clear_trackers();
+        self.poll();
+    }
+
     /// Runs frames until everything is ready to be drawn: all [`Prop`](crate::Prop)s are [`Ready`](crate::PropState),
-    /// all [posterized views](crate::PosterizeView) have their palettes, and all pipelines have their shaders. Runs at
-    /// least one frame.
+    /// all [posterized views](crate::PosterizeView) have their palettes, and all pipelines have their shaders.
+    ///
+    /// Frames are drawn, at least one of them, when all fields and palettes are there. Until then cameras rest, because a
+    /// GPU that is emulated in software takes long to draw what nobody sees.
     ///
     /// Returns an error if a prop, a palette, a pipeline or rendering has failed, or if the scene is not ready after
     /// `timeout`; it says what was not.
     pub fn wait_until_ready(&mut self, timeout: Duration) -> Result<(), HeadlessError> {
         let start = Instant::now();
-        let mut failures = 0;
+        let (mut failures, mut is_drawn) = (0, false);
         loop {
-            self.update();
-            match waiting::for_scene(&mut self.app) {
-                Ok(None) => return Ok(()),
-                Ok(Some(waiting_for)) => pause(start, timeout, waiting_for)?,
+            if is_drawn {
+                self.update();
+            } else {
+                self.update_without_drawing();
+            }
+            match waiting::for_data(&mut self.app) {
+                Ok(None) if is_drawn => match waiting::for_drawing(&mut self.app)? {
+                    Some(waiting_for) => pause(start, timeout, waiting_for)?,
+                    None => return Ok(()),
+                },
+                Ok(waiting_for) => {
+                    is_drawn = waiting_for.is_none();
+                    waiting_for.map_or(Ok(()), |waiting_for| pause(start, timeout, waiting_for))?;
+                }
                 // The render world reports two frames later that a field that was too large has been replaced.
                 Err(HeadlessError::Prop(PropError::TooLarge(_))) if failures < 2 => failures += 1,
                 Err(error) => return Err(error),
@@ -176,7 +224,9 @@ impl Headless {
         let mut shaders: HashSet<_> = self.app.world().resource::<Assets<Shader>>().ids().collect();
         while let Some(waiting_for) = waiting::for_frame(&self.app)? {
             pause(start, self.time_limit, waiting_for)?;
-            self.redraw(&mut shaders);
+            if !waiting::rests(&self.app) {
+                self.redraw(&mut shaders);
+            }
         }
         readback::read(&self.app, &self.target, self.time_limit)
     }
@@ -212,12 +262,15 @@ impl Headless {
     }
 }
 
+/// How long an app waits for what is made in the background before it asks again.
+const PAUSE: Duration = Duration::from_millis(5);
+
 /// Waits a moment. Fails if the time limit is exceeded.
 fn pause(start: Instant, limit: Duration, waiting_for: String) -> Result<(), HeadlessError> {
     if start.elapsed() > limit {
         return Err(HeadlessError::TimedOut { limit, waiting_for });
     }
-    std::thread::sleep(Duration::from_millis(1));
+    std::thread::sleep(PAUSE);
     Ok(())
 }
 

@@ -17,17 +17,33 @@ use crate::{
     state::{PropError, PropState},
 };
 
-/// Returns what the scene waits for, or `None` if everything can be drawn. Fails if waiting does not help.
-pub(super) fn for_scene(app: &mut App) -> Result<Option<String>, HeadlessError> {
+/// Returns which field or palette the scene waits for, or `None` if all are there. Fails if waiting does not help.
+pub(super) fn for_data(app: &mut App) -> Result<Option<String>, HeadlessError> {
     check_rendering(app)?;
-    let pipelines = for_pipelines(app)?;
-    Ok(for_props(app.world_mut())?.or(for_views(app.world_mut())?).or(pipelines).or_else(|| for_arrivals(app)))
+    for_pipelines(app)?;
+    Ok(for_props(app.world_mut(), false)?.or(for_views(app.world_mut())?).or_else(|| for_arrivals(app)))
+}
+
+/// Returns what a scene with all fields and palettes waits for, or `None` if everything can be drawn. Only frames that
+/// are drawn request pipelines.
+pub(super) fn for_drawing(app: &mut App) -> Result<Option<String>, HeadlessError> {
+    Ok(for_props(app.world_mut(), true)?.or(for_pipelines(app)?))
 }
 
 /// Returns what a frame that was just rendered waits for, or `None` if it is complete.
 pub(super) fn for_frame(app: &App) -> Result<Option<String>, HeadlessError> {
     check_rendering(app)?;
     Ok(for_pipelines(app)?.or_else(|| for_arrivals(app)).or_else(|| for_levels(app)))
+}
+
+/// Returns whether another frame would change nothing, because what it waits for is being made in the background.
+pub(super) fn rests(app: &App) -> bool {
+    let render = app.get_sub_app(RenderApp);
+    let fields = render.and_then(|render| render.world().get_resource::<RenderAssets<GpuField>>());
+    fields.is_some_and(|fields| {
+        let mut making = fields.iter().flat_map(|(_, field)| field.making()).peekable();
+        making.peek().is_some() && making.all(|is_finished| !is_finished)
+    })
 }
 
 fn check_rendering(app: &App) -> Result<(), HeadlessError> {
@@ -66,13 +82,15 @@ fn for_levels(app: &App) -> Option<String> {
     Some(format!("a level of {}", name(app.world(), field)))
 }
 
-fn for_props(world: &mut World) -> Result<Option<String>, HeadlessError> {
+/// Props wait for pipelines, or for everything else.
+fn for_props(world: &mut World, for_pipelines: bool) -> Result<Option<String>, HeadlessError> {
     let mut props = world.query::<(&crate::Prop, &PropState)>();
     let mut waits = None;
     for (prop, state) in props.iter(world) {
         let what = match state {
-            PropState::Ready => continue,
             PropState::Failed(error) => return Err(HeadlessError::Prop(error.clone())),
+            PropState::Ready => continue,
+            _ if for_pipelines != (*state == PropState::Compiling) => continue,
             PropState::Loading => "to be loaded",
             PropState::Uploading => "to reach the GPU",
             PropState::AwaitingPalette => "to get a palette",

@@ -231,13 +231,13 @@ pub(super) fn start(
         let Some(field) = fields.get(id) else {
             continue;
         };
-        let progress = Arc::new(Progress::default());
         let purpose = extraction.requested.remove(&id).unwrap_or(Purpose::Missing);
         let mut settings = extraction.settings.clone();
         if purpose != Purpose::Requested {
             let wanted = posterized.methods().find_map(|(field, method)| method.filter(|_| field == id));
             settings.method = wanted.unwrap_or(settings.method);
         }
+        let progress = Arc::new(settings.progress());
         // The CPU reads what the file records.
         let origin = match settings.validate() {
             Ok(()) if field.histograms(&settings.sampling).is_some() => SampleOrigin::Recorded,

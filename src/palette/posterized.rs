@@ -3,24 +3,25 @@
 use bevy::{ecs::system::SystemParam, prelude::*};
 use plenoctree::{PlenOctree, palette::PaletteMethod};
 
-use crate::{posterize::Posterize, prop::Prop, stage::PosterizeView};
+use crate::{posterize::Posterize, prop::Prop, recolor::Recolor, stage::PosterizeView};
 
-/// A system parameter that queries everything that needs a palette: posterized props and posterized views.
+/// A system parameter that queries everything that needs a palette: posterized props, recolored ones, and posterized
+/// views.
 #[derive(SystemParam)]
 pub(super) struct Posterized<'w, 's> {
-    props: Query<'w, 's, (&'static Prop, &'static Posterize)>,
+    props: Query<'w, 's, (&'static Prop, Option<&'static Posterize>), Or<(With<Posterize>, With<Recolor>)>>,
     views: Query<'w, 's, (&'static PosterizeView, &'static Posterize)>,
 }
 
 impl Posterized<'_, '_> {
-    /// Returns the fields of posterized props and views. A field can occur more than once.
+    /// Returns the fields of these props and views. A field can occur more than once.
     pub fn fields(&self) -> impl Iterator<Item = AssetId<PlenOctree>> {
         self.methods().map(|(field, _)| field)
     }
 
     /// Returns these fields, and the method of the palette that is wanted.
     pub fn methods(&self) -> impl Iterator<Item = (AssetId<PlenOctree>, Option<PaletteMethod>)> {
-        let props = self.props.iter().map(|(prop, posterize)| (prop.0.id(), posterize.method));
+        let props = self.props.iter().map(|(prop, posterize)| (prop.0.id(), posterize.and_then(|of| of.method)));
         props.chain(self.views.iter().map(|(view, posterize)| (view.0.id(), posterize.method)))
     }
 }

@@ -32,8 +32,17 @@ pub(super) fn show(ui: &mut egui::Ui, prop: Entity, editor: &mut PaletteEditor) 
 
 /// Shows the settings and returns whether the user changed a value.
 fn sliders(ui: &mut egui::Ui, settings: &mut Posterize) -> bool {
-    let Posterize { blend_steps, softness, min_opacity, filter, before_palette: _, edges, borders, method: _ } =
-        settings;
+    let Posterize {
+        blend_steps,
+        softness,
+        min_opacity,
+        filter,
+        before_palette: _,
+        edges,
+        borders,
+        steadiness: _,
+        method: _,
+    } = settings;
     let BilateralFilter { iterations, radius, spatial_sigma, range_sigma } = filter;
     let labels = egui::Grid::new("labels").num_columns(2).show(ui, |ui| {
         let hint = "Steps from one palette color to another; 1 disables blends";

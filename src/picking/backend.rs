@@ -18,7 +18,7 @@ use crate::prop::Prop;
 /// one half.
 ///
 /// Requires the feature `picking`, and Bevy's `DefaultPickingPlugins`, which `DefaultPlugins` includes with that
-/// feature.
+/// feature. Without them, logs an error, and no prop is picked.
 ///
 /// Props are picked through every `Camera3d` that sees them, unless they are [`Pickable::IGNORE`]. The position and
 /// normal of a hit are those of its [`PropHit`](crate::PropHit), which is attached as extra data:
@@ -38,7 +38,13 @@ pub struct PropPickingPlugin;
 
 impl Plugin for PropPickingPlugin {
     fn build(&self, app: &mut App) {
-        app.add_systems(PreUpdate, find_hits.in_set(PickingSystems::Backend));
+        app.add_systems(PreUpdate, find_hits.in_set(PickingSystems::Backend).run_if(resource_exists::<RayMap>));
+    }
+
+    fn finish(&self, app: &mut App) {
+        if !app.world().contains_resource::<RayMap>() {
+            error!("no prop can be picked: `PropPickingPlugin` needs Bevy's `DefaultPickingPlugins`");
+        }
     }
 }
 
@@ -67,5 +73,22 @@ fn find_hits(
         if !picks.is_empty() {
             hits.write(PointerHits::new(id.pointer, picks, camera.order as f32));
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tests::log::logged;
+
+    #[test]
+    fn without_picking_plugins_there_is_an_error_with_words() {
+        let run = || {
+            let mut app = App::new();
+            app.add_plugins((MinimalPlugins, PropPickingPlugin)).finish();
+            app.update();
+        };
+        let expected = "no prop can be picked: `PropPickingPlugin` needs Bevy's `DefaultPickingPlugins`\n";
+        assert_eq!(logged(run), ((), expected.to_string()));
     }
 }

@@ -2,30 +2,12 @@
 
 use bevy::prelude::*;
 
-/// The progress of a [`Prop`](crate::Prop) on its way to the screen, for loading screens.
+/// The progress of a [`Prop`](crate::Prop) on its way to the screen. For loading screens,
+/// [`props_progress`](crate::props_progress) sums up that of all fields.
 ///
 /// Every prop has this component; do not change it. It is updated together with [`PropState`](crate::PropState), and
-/// marked as changed only when it changes. When a prop is ready or has failed, all fractions are 1. Saved worlds do not
-/// contain it.
-///
-/// ```
-/// # use bevy::prelude::*;
-/// # use bevy_plenoctree::{PlenOctreePlugin, PropProgress, props_ready};
-/// # #[derive(Component)]
-/// # struct LoadingBar;
-/// fn show_progress(props: Query<&PropProgress>, mut bars: Query<&mut Transform, With<LoadingBar>>) {
-///     let shares = props.iter().map(PropProgress::fraction);
-///     let mean = shares.sum::<f32>() / props.iter().len().max(1) as f32;
-///     for mut bar in &mut bars {
-///         bar.scale.x = mean;
-///     }
-/// }
-///
-/// fn plugin(app: &mut App) {
-///     app.add_systems(Update, show_progress.run_if(not(props_ready)));
-/// }
-/// # App::new().add_plugins((MinimalPlugins, AssetPlugin::default(), PlenOctreePlugin, plugin)).update();
-/// ```
+/// marked as changed only when it changes. While a prop waits for a field, no fraction falls. When a prop is ready or has
+/// failed, all are 1. Saved worlds do not contain it.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Reflect)]
 #[reflect(Default, Clone, Debug, PartialEq)]
 #[type_path = "bevy_plenoctree"]
@@ -47,5 +29,11 @@ impl PropProgress {
             Some(palette) => (self.read + self.uploaded + palette) / 3.0,
             None => (self.read + self.uploaded) / 2.0,
         }
+    }
+
+    /// Returns the larger of each fraction.
+    pub(crate) fn max(self, other: Self) -> Self {
+        let palette = self.palette.map(|palette| palette.max(other.palette.unwrap_or(0.0)));
+        Self { read: self.read.max(other.read), uploaded: self.uploaded.max(other.uploaded), palette }
     }
 }

@@ -16,7 +16,7 @@ use plenoctree::{
     palette::{LabelSpace, Palette, tone_space},
 };
 
-use super::{plan::PropView, rays::Placement};
+use super::rays::Placement;
 use crate::{
     gpu::{FieldShape, GpuField, Level},
     ink::{Ink, InkBorders, InkColor, MAX_INK_PIXELS},
@@ -24,6 +24,7 @@ use crate::{
     posterize::{BeforePalette, Posterize},
     prop::{Prop, PropTint, SolidOpacity},
     quality::PropQuality,
+    recolor::{Recolor, before_palette},
     stage::{LabelStages, PosterizeView, PropStage},
     state::DrawnField,
 };
@@ -39,7 +40,7 @@ pub(super) struct ExtractedProps {
     /// The transforms of the previous frame, if a camera draws motion vectors.
     transforms: EntityHashMap<GlobalTransform>,
     /// Where in `colors` the palettes of fields are that have been written in this frame.
-    palettes: HashMap<AssetId<PlenOctree>, (u32, u32, u32)>,
+    palettes: HashMap<AssetId<PlenOctree>, ExtractedPalette>,
 }
 
 pub(super) struct ExtractedProp {
@@ -53,6 +54,8 @@ pub(super) struct ExtractedProp {
     /// The factors of linear light.
     pub tint: Vec3,
     pub posterize: Option<ExtractedPosterize>,
+    /// The palette by which it is recolored as trained.
+    pub recolor: Option<ExtractedPalette>,
     pub ink: Option<ExtractedInk>,
     /// The index of the prop with its earlier field, which is drawn until this one is on the GPU.
     pub stand_in: Option<usize>,
@@ -108,13 +111,21 @@ impl ExtractedProps {
 #[derive(Clone, Copy)]
 pub(super) struct ExtractedPosterize {
     pub settings: Posterize,
-    /// The index in [`ExtractedProps::colors`] of the first source color. The shown colors follow the source colors.
-    /// Both are in encoded sRGB.
+    pub palette: ExtractedPalette,
+}
+
+/// The location of a palette.
+#[derive(Clone, Copy)]
+pub(super) struct ExtractedPalette {
+    /// The index in [`ExtractedProps::colors`] of the first source color. The shown colors follow the source colors, both
+    /// in encoded sRGB, and then the source colors in the space of tones.
     pub first_color: u32,
     /// The number of source colors, which is also the number of shown colors.
     pub colors: u32,
     /// The index of the place of the first source color, where colors are compared with it: itself, or that of a tone.
     pub first_place: u32,
+    /// Whether any shown color is not the source color.
+    pub is_changed: bool,
 }
 
 /// The lines of a prop. See `ink.wgsl`.
@@ -186,19 +197,30 @@ impl ExtractedInk {
 struct PaletteWriter<'a> {
     colors: &'a mut Vec<Vec4>,
     /// Where the palettes of fields are. Those with overrides belong to one entity each.
-    written: &'a mut HashMap<AssetId<PlenOctree>, (u32, u32, u32)>,
+    written: &'a mut HashMap<AssetId<PlenOctree>, ExtractedPalette>,
 }
 
 impl PaletteWriter<'_> {
-    /// Writes a palette, unless it has been written in this frame.
-    fn write(
+    /// Writes the palette of a posterized prop or view.
+    fn posterize(
         &mut self,
         field: AssetId<PlenOctree>,
         settings: &Posterize,
         palette: &FieldPalette,
         own: Option<&PaletteOverride>,
     ) -> ExtractedPosterize {
-        let (first_color, colors, first_place) = match (self.written.get(&field), own) {
+        let settings = Posterize { blend_steps: settings.blend_steps_of(palette.palette()), ..*settings };
+        ExtractedPosterize { settings, palette: self.write(field, palette, own) }
+    }
+
+    /// Writes a palette, unless it has been written in this frame.
+    fn write(
+        &mut self,
+        field: AssetId<PlenOctree>,
+        palette: &FieldPalette,
+        own: Option<&PaletteOverride>,
+    ) -> ExtractedPalette {
+        match (self.written.get(&field), own) {
             (Some(written), None) => *written,
             _ => {
                 let written = self.append(palette, own);
@@ -207,14 +229,11 @@ impl PaletteWriter<'_> {
                 }
                 written
             }
-        };
-        let settings = Posterize { blend_steps: settings.blend_steps_of(palette.palette()), ..*settings };
-        ExtractedPosterize { settings, first_color, colors, first_place }
+        }
     }
 
-    /// Appends source colors with their ramps, shown colors and, of tones, their places. Returns the index of the first
-    /// color, the number of source colors, and the index of the first place.
-    fn append(&mut self, palette: &FieldPalette, own: Option<&PaletteOverride>) -> (u32, u32, u32) {
+    /// Appends source colors with their ramps, shown colors, and the places of the source colors as tones.
+    fn append(&mut self, palette: &FieldPalette, own: Option<&PaletteOverride>) -> ExtractedPalette {
         let first = self.colors.len() as u32;
         let of = palette.palette();
         // Drop colors beyond the maximum, which shaders could not process in time.
@@ -233,18 +252,17 @@ impl PaletteWriter<'_> {
                 }
             });
         }
-        let count = source.len() as u32;
-        if of.label_space() == LabelSpace::Encoded {
-            return (first, count, first);
-        }
+        let (count, first_source) = (source.len() as u32, first as usize);
+        let is_changed = (0..source.len())
+            .any(|index| self.colors[first_source + index].truncate() != self.colors[shown + index].truncate());
         self.colors.extend(source.iter().map(|color| tone_space(glam::DVec3::from(*color)).as_vec3().extend(0.0)));
-        (first, count, first + 2 * count)
+        let first_place = if of.label_space() == LabelSpace::Encoded { first } else { first + 2 * count };
+        ExtractedPalette { first_color: first, colors: count, first_place, is_changed }
     }
 }
 
 /// The props that a camera draws, and its settings. A component of cameras in the render world.
 #[derive(Component, Default)]
-#[require(PropView)]
 pub(super) struct VisibleProps {
     /// The props that the camera sees, as indices into [`ExtractedProps::props`].
     pub props: Vec<usize>,
@@ -280,8 +298,13 @@ impl VisibleProps {
 }
 
 /// The components that determine a prop's colors, besides the palette of its field.
-type PropColors =
-    (&'static PropTint, Option<&'static Posterize>, Option<&'static PaletteOverride>, Option<&'static Ink>);
+type PropColors = (
+    &'static PropTint,
+    Option<&'static Posterize>,
+    Option<&'static Recolor>,
+    Option<&'static PaletteOverride>,
+    Option<&'static Ink>,
+);
 
 /// The components that determine what a camera draws.
 type CameraSettings = (
@@ -313,7 +336,7 @@ pub(super) fn extract_props(
     written.clear();
     index.clear();
     let mut writer = PaletteWriter { colors, written };
-    for (entity, (prop, drawn), solid, (tint, posterize, own, ink), transform, visibility) in &props {
+    for (entity, (prop, drawn), solid, (tint, posterize, recolor, own, ink), transform, visibility) in &props {
         if !visibility.get() {
             continue;
         }
@@ -322,7 +345,9 @@ pub(super) fn extract_props(
             // After a reload, the earlier version is drawn until the new one has arrived.
             let field = on_gpu.get(handle).and_then(GpuField::drawn_field).unwrap_or(field);
             let (low, high) = field.tree_bounds()?;
-            let posterize = posterize.zip(palettes.get(handle));
+            let palette = palettes.get(handle);
+            let posterize = posterize.zip(palette);
+            let recolor = recolor.and(palette).filter(|_| posterize.is_none());
             list.push(ExtractedProp {
                 entity,
                 field: handle.id(),
@@ -337,7 +362,8 @@ pub(super) fn extract_props(
                 previous: previous.get(&entity).copied().unwrap_or(*transform),
                 solid: *solid,
                 tint: tint.factors(),
-                posterize: posterize.map(|(settings, palette)| writer.write(handle.id(), settings, palette, own)),
+                posterize: posterize.map(|(settings, palette)| writer.posterize(handle.id(), settings, palette, own)),
+                recolor: recolor.map(|palette| writer.write(handle.id(), palette, own)),
                 ink: ink.filter(|_| posterize.is_some()).and_then(|ink| ExtractedInk::new(ink, writer.colors)),
                 stand_in,
                 #[cfg(feature = "shadows")]
@@ -346,7 +372,7 @@ pub(super) fn extract_props(
             Some(list.len() - 1)
         };
         let stand_in = drawn.stand_in(&prop.0).and_then(|field| push(field, None));
-        let held_back = is_held_back(&prop.0, posterize, &palettes, &extraction);
+        let held_back = is_held_back(&prop.0, before_palette(posterize, recolor), &palettes, &extraction);
         let own = if held_back { None } else { push(&prop.0, stand_in) };
         if let Some(drawn) = own.or(stand_in) {
             index.insert(entity, drawn);
@@ -368,7 +394,7 @@ pub(super) fn extract_props(
         let seen = visible.iter(TypeId::of::<Prop>()).filter_map(|entity| index.get(entity).copied());
         let everything = everything.and_then(|(view, settings)| {
             let palette = palettes.get(&view.0)?;
-            Some(writer.write(view.0.id(), settings, palette, own))
+            Some(writer.posterize(view.0.id(), settings, palette, own))
         });
         let ink = ink.and_then(|ink| ExtractedInk::new(ink, writer.colors));
         let stage = stage.copied().unwrap_or_default();
@@ -396,11 +422,9 @@ pub(super) fn extract_props(
 /// Returns whether a field is not drawn because its palette is not known yet.
 fn is_held_back(
     field: &Handle<PlenOctree>,
-    posterize: Option<&Posterize>,
+    before: Option<BeforePalette>,
     palettes: &Palettes,
     extraction: &PaletteExtraction,
 ) -> bool {
-    posterize.is_some_and(|posterize| posterize.before_palette == BeforePalette::Hide)
-        && palettes.get(field).is_none()
-        && extraction.error(field).is_none()
+    before == Some(BeforePalette::Hide) && palettes.get(field).is_none() && extraction.error(field).is_none()
 }

@@ -6,8 +6,9 @@
 //! 2. `plan` decides everything: which props are drawn at which levels, on which pixels, and with what.
 //! 3. `passes` lists the passes that follow from the plan, in the order in which they run. Each is a row of data: its
 //!    shader, what it reads and writes, and when it runs.
-//! 4. `frame` executes them. It owns the view's textures, creates pipelines and bind groups, and keeps results that
-//!    are still valid.
+//! 4. `prepare` leaves out what is not ready, and writes `uniforms`.
+//! 5. `frame` executes the passes. It owns the view's textures, creates pipelines and bind groups, and keeps results
+//!    that are still valid.
 //!
 //! `shadow` draws the props into the shadow maps of lights, before the main pass (feature `shadows`).
 
@@ -16,9 +17,11 @@ mod frame;
 mod order;
 mod passes;
 mod plan;
+mod prepare;
 mod rays;
 #[cfg(feature = "shadows")]
 mod shadow;
+mod uniforms;
 
 #[cfg(feature = "shadows")]
 pub use passes::LIGHTING_SPANS;
@@ -50,7 +53,7 @@ impl Plugin for RenderPropsPlugin {
     fn build(&self, app: &mut App) {
         if let Some(render_app) = app.get_sub_app_mut(RenderApp) {
             render_app.init_resource::<extract::ExtractedProps>().add_systems(ExtractSchedule, extract::extract_props);
-            plan::plugin(render_app);
+            prepare::plugin(render_app);
             passes::plugin(render_app);
             add_passes(render_app);
         }

@@ -66,8 +66,11 @@ impl Placement {
     /// Returns the rays of a camera, or `None` if the prop has no volume or is nowhere: if a transform is degenerate or
     /// not finite.
     pub fn rays(&self, world_from_view: &GlobalTransform, clip_from_view: Mat4, viewport: UVec2) -> Option<Rays> {
-        // Perspective rays begin at the eye. Parallel rays begin at the near plane, which may be behind the camera.
-        let begin = if is_orthographic(clip_from_view) { near_plane(clip_from_view) } else { 0.0 };
+        // The near plane of an orthographic camera may be behind it.
+        let least = if is_orthographic(clip_from_view) { f64::NEG_INFINITY } else { 0.0 };
+        // Rays cannot begin at an oblique plane.
+        let is_oblique = clip_from_view.row(2).xy() != Vec2::ZERO;
+        let begin = if is_oblique { least } else { near_plane(clip_from_view).max(least) };
         self.rays_from(begin, world_from_view.affine().as_daffine3(), clip_from_view, viewport)
     }
 

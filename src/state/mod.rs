@@ -5,7 +5,7 @@ mod update;
 
 pub(crate) use crate::prop::DrawnField;
 pub use crate::prop::{PropError, PropProgress, PropState};
-pub use ready::props_ready;
+pub use ready::{props_progress, props_ready};
 
 use bevy::prelude::*;
 

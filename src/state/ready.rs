@@ -1,8 +1,9 @@
-//! Whether all props are ready.
+//! Whether all props are ready, and how far they are from it.
 
-use bevy::prelude::*;
+use bevy::{platform::collections::HashMap, prelude::*};
+use plenoctree::PlenOctree;
 
-use crate::prop::{Prop, PropState};
+use crate::prop::{Prop, PropProgress, PropState};
 
 /// A run condition: returns whether no prop is waiting for its field, its palette or its pipelines.
 ///
@@ -10,4 +11,38 @@ use crate::prop::{Prop, PropState};
 /// true if there are no props. A prop that was spawned in this frame is waiting, even if its field is on the GPU.
 pub fn props_ready(props: Query<&PropState, With<Prop>>) -> bool {
     !props.iter().any(PropState::is_waiting)
+}
+
+/// A system that returns how much of all fields is ready to be drawn, from 0 to 1, for loading screens: the mean of their
+/// [fractions](PropProgress::fraction). Each field counts once, however many props show it. If some of them wait for less
+/// than others, the one that waits for most counts. Returns 1 if there are no props. Pipelines that are being compiled do not
+/// count: they take a few frames at the end.
+///
+/// ```
+/// # use bevy::prelude::*;
+/// # use bevy_plenoctree::{PlenOctreePlugin, props_progress, props_ready};
+/// # #[derive(Component)]
+/// # struct LoadingBar;
+/// fn show_progress(In(progress): In<f32>, mut bars: Query<&mut Transform, With<LoadingBar>>) {
+///     for mut bar in &mut bars {
+///         bar.scale.x = progress;
+///     }
+/// }
+///
+/// fn plugin(app: &mut App) {
+///     app.add_systems(Update, props_progress.pipe(show_progress).run_if(not(props_ready)));
+/// }
+/// # App::new().add_plugins((MinimalPlugins, AssetPlugin::default(), PlenOctreePlugin, plugin)).update();
+/// ```
+pub fn props_progress(
+    props: Query<(&Prop, &PropProgress)>,
+    mut fields: Local<HashMap<AssetId<PlenOctree>, f32>>,
+) -> f32 {
+    fields.clear();
+    for (prop, progress) in &props {
+        let least = fields.entry(prop.0.id()).or_insert(1.0);
+        *least = least.min(progress.fraction());
+    }
+    let sum: f32 = fields.values().sum();
+    if fields.is_empty() { 1.0 } else { sum / fields.len() as f32 }
 }

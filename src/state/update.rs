@@ -9,10 +9,17 @@ use crate::{
     palette::{PaletteExtraction, Palettes},
     posterize::{BeforePalette, Posterize},
     prop::{DrawnField, Prop, PropError, PropProgress, PropState},
+    recolor::{Recolor, before_palette},
 };
 
 pub(super) fn update(
-    mut props: Query<(Ref<Prop>, Option<&Posterize>, &mut PropState, &mut PropProgress, &mut DrawnField)>,
+    mut props: Query<(
+        Ref<Prop>,
+        (Option<&Posterize>, Option<&Recolor>),
+        &mut PropState,
+        &mut PropProgress,
+        &mut DrawnField,
+    )>,
     mut states: Local<HashMap<(AssetId<PlenOctree>, bool), PropState>>,
     fields: Res<Assets<PlenOctree>>,
     server: Option<Res<AssetServer>>,
@@ -23,11 +30,12 @@ pub(super) fn update(
 ) {
     // Many props share few fields. The map's memory is reused.
     states.clear();
-    for (prop, posterize, mut state, mut progress, mut drawn) in &mut props {
+    for (prop, (posterize, recolor), mut state, mut progress, mut drawn) in &mut props {
         let id = prop.0.id();
-        let data = states.entry((id, posterize.is_some())).or_insert_with(|| {
+        let before = before_palette(posterize, recolor);
+        let data = states.entry((id, before.is_some())).or_insert_with(|| {
             let field = field_state(id, &fields, server.as_deref(), &gpu);
-            if field != PropState::Ready || posterize.is_none() || palettes.get(id).is_some() {
+            if field != PropState::Ready || before.is_none() || palettes.get(id).is_some() {
                 return field;
             }
             match extraction.error(id) {
@@ -35,10 +43,9 @@ pub(super) fn update(
                 None => PropState::AwaitingPalette,
             }
         });
-        let as_trained = posterize.is_some_and(|posterize| posterize.before_palette == BeforePalette::AsTrained);
         let is_drawn = match data {
             PropState::Ready | PropState::Failed(PropError::Palette(_)) => true,
-            PropState::AwaitingPalette => as_trained,
+            PropState::AwaitingPalette => before == Some(BeforePalette::AsTrained),
             _ => false,
         };
         if is_drawn && drawn.field.as_ref() != Some(&prop.0) {
@@ -54,27 +61,29 @@ pub(super) fn update(
             },
             other => other.clone(),
         };
-        let palette = posterize.map(|_| match palettes.get(id) {
+        let palette = before.map(|_| match palettes.get(id) {
             Some(_) => 1.0,
             None => extraction.progress(id).unwrap_or(0.0),
         });
-        progress.set_if_neq(match new {
+        let before = if state.is_waiting() && !prop.is_changed() { *progress } else { PropProgress::default() };
+        let now = match new {
             PropState::Ready | PropState::Failed(_) => {
                 PropProgress { read: 1.0, uploaded: 1.0, palette: palette.map(|_| 1.0) }
             }
             PropState::Loading => {
-                // A few frames pass between the end of reading and the arrival of the asset.
-                let last = if prop.is_changed() { 0.0 } else { progress.read };
-                let read = prop.0.path().and_then(|path| files.share(path)).unwrap_or(last);
+                let read = prop.0.path().and_then(|path| files.share(path)).unwrap_or(0.0);
                 PropProgress { read, uploaded: 0.0, palette }
             }
             _ => PropProgress { read: 1.0, uploaded: gpu.progress(id), palette },
-        });
+        };
+        // A few frames pass between the end of reading and the arrival of the asset, and sampling may start again on another
+        // processor.
+        progress.set_if_neq(now.max(before));
         state.set_if_neq(new);
     }
 }
 
-/// Returns the state of a prop that is not posterized and whose pipelines are compiled.
+/// Returns the state of a prop that needs no palette and whose pipelines are compiled.
 fn field_state(
     id: AssetId<PlenOctree>,
     fields: &Assets<PlenOctree>,

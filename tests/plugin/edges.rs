@@ -12,7 +12,7 @@ use bevy::{
 };
 use bevy_plenoctree::{
     EdgeSmoothing, FieldPalette, LabelStages, LoadSettings, Palette, PaletteOverride, Palettes, PlenOctree,
-    PlenOctreePlugin, Posterize, PosterizeView, Prop, PropLighting, PropQuality, PropStage, UpAxis,
+    PlenOctreePlugin, Posterize, PosterizeView, Prop, PropLighting, PropQuality, PropStage, SolidOpacity, UpAxis,
     headless::{Headless, LitMeshPlugins, exact_camera},
 };
 use glam::DVec3;
@@ -471,4 +471,86 @@ fn only_views_with_smooth_edges_pay_for_them() {
     assert!(compiled(&stage).is_empty());
     stage.capture(EdgeSmoothing::Coverage);
     assert_eq!(compiled(&stage), ["plenoctree_blend", "plenoctree_coverage"]);
+}
+
+/// Bakes a plate at the bottom of a box, and a chip in its uppermost corner, which makes the box high.
+fn plate() -> PlenOctree {
+    let settings = BakeSettings { depth: 4, basis: Basis::Rgba, up: UpAxis::Y, ..default() };
+    let is_solid = |at: DVec3| at.y < -0.875 || at.min_element() > 0.875;
+    // Solid within a small part of a cell, which the test makes large.
+    bake(&settings, |at| if is_solid(at) { 1e8 } else { 0.0 }, |_| |_| GREEN.into()).unwrap()
+}
+
+/// Where props meet, which of them is in front is known as exactly as depths are, no matter how high a prop's box is above
+/// that, and how large the scene is.
+#[test]
+fn lines_of_contact_do_not_depend_on_the_size_of_a_box() {
+    let mut stage = Stage::new();
+    let block = bake_solid(BRIGHT, |at| at.abs().max_element() - 0.5);
+    let turned = Quat::from_euler(EulerRot::XYZ, 0.6, 0.3, 0.4);
+    stage.spawn(&plate(), Palette::new(vec![GREEN]).unwrap(), default());
+    stage.spawn(&block, Palette::new(vec![BRIGHT]).unwrap(), default());
+    let (plate, block) = (stage.props[0], stage.props[1]);
+    // The top of the plate is at 0.
+    let place = |stage: &mut Stage, height: f32, scale: f32| {
+        let size = Vec3::new(4.0, height, 4.0);
+        let of_plate = Transform::from_xyz(0.0, 0.875 * height * scale, 0.0).with_scale(scale * size);
+        let of_block = Transform::from_rotation(turned).with_scale(Vec3::splat(scale));
+        stage.world().entity_mut(plate).insert(of_plate);
+        stage.world().entity_mut(block).insert(of_block);
+    };
+    let far = |tilt: f32, distance: f32| {
+        Transform::from_translation(distance * Vec3::new(0.0, 1.0, tilt).normalize()).looking_at(Vec3::ZERO, Vec3::Z)
+    };
+    let scaling_mode = ScalingMode::Fixed { width: 3.0, height: 3.0 };
+    let flat = OrthographicProjection { scaling_mode, far: 1e4, ..OrthographicProjection::default_3d() };
+    let narrow = PerspectiveProjection { fov: 3.0 / 4000.0, ..default() };
+    let wide = PerspectiveProjection::default();
+    let differ = |a: &RgbaImage, b: &RgbaImage| {
+        let is_off = |(a, b): (&image::Rgba<u8>, &image::Rgba<u8>)| (0..3).any(|c| a[c].abs_diff(b[c]) > 8);
+        a.pixels().zip(b.pixels()).filter(|pixels| is_off(*pixels)).count()
+    };
+    let mut wrong = vec![];
+    for (msaa, edge_rays, solid) in [
+        (Msaa::Off, 8, SolidOpacity::default()),
+        (Msaa::Sample4, 8, SolidOpacity::default()),
+        // No depth is known where the plate is.
+        (Msaa::Off, 4, SolidOpacity::Never),
+    ] {
+        stage.set((msaa, PropQuality { edge_rays, ..default() }));
+        stage.world().entity_mut(plate).insert(solid);
+        let what = format!("{msaa:?}, {edge_rays} rays, plate {solid:?}");
+        for (projection, from) in [
+            (Projection::Orthographic(flat.clone()), far(0.02, 4000.0)),
+            (Projection::Perspective(narrow.clone()), far(0.02, 4000.0)),
+        ] {
+            stage.set((projection.clone(), from));
+            place(&mut stage, 1.0, 1.0);
+            let (hard, low) = (stage.capture(EdgeSmoothing::Off), stage.capture(EdgeSmoothing::Coverage));
+            let edges = differ(&hard, &low);
+            assert!(edges > 60, "{what}, {projection:?}: {edges} pixels at edges");
+            place(&mut stage, 1000.0, 1.0);
+            let high = stage.capture(EdgeSmoothing::Coverage);
+            let count = differ(&high, &low);
+            if 10 * count > edges {
+                wrong.push(format!("{what}, {projection:?}: {count} of {edges} pixels differ in a high box"));
+            }
+        }
+        let from = Transform::from_xyz(0.3, 1.8, 2.5).looking_at(Vec3::ZERO, Vec3::Y);
+        stage.set((Projection::Perspective(wide.clone()), from));
+        place(&mut stage, 1.0, 1.0);
+        let usual = stage.capture(EdgeSmoothing::Coverage);
+        for scale in [1e-4, 1e6] {
+            let near = if scale < 1.0 { 0.1 * scale } else { 0.1 };
+            let projection = PerspectiveProjection { near, ..wide.clone() };
+            let at = from.with_translation(scale * from.translation);
+            stage.set((Projection::Perspective(projection), at));
+            place(&mut stage, 1.0, scale);
+            let count = differ(&stage.capture(EdgeSmoothing::Coverage), &usual);
+            if count > 3 {
+                wrong.push(format!("{what}: {count} pixels differ at a scale of {scale}"));
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "{wrong:?}");
 }

@@ -2,6 +2,7 @@
 
 mod arrival;
 mod brightness;
+mod browser;
 mod edges;
 mod extract;
 mod extremes;
@@ -17,10 +18,13 @@ mod palettes;
 mod panel;
 mod picking;
 mod quality;
+mod recolor;
 mod sampling;
 mod scene;
 mod shadows;
 mod stages;
 mod states;
+mod steady;
 mod tint;
+mod waiting;
 mod worlds;

@@ -3,21 +3,16 @@
 use std::{sync::Mutex, time::Duration};
 
 use bevy::{
-    camera::{RenderTarget, visibility::RenderLayers},
+    camera::visibility::RenderLayers,
     ecs::system::RunSystemOnce,
     math::Affine3A,
-    picking::{
-        DefaultPickingPlugins,
-        backend::PointerHits,
-        pointer::{Location, PointerAction, PointerId, PointerInput},
-    },
+    picking::{DefaultPickingPlugins, backend::PointerHits, pointer::PointerId},
     prelude::*,
-    window::PrimaryWindow,
 };
 use bevy_plenoctree::{
     BilateralFilter, EdgeSmoothing, FieldPalette, Palettes, PlenOctree, PlenOctreePlugin, Posterize, Prop, PropHit,
     PropPickingPlugin, PropRayCast, UpAxis,
-    headless::{Headless, exact_camera},
+    headless::{Headless, HeadlessError, exact_camera},
 };
 use glam::{DAffine3, DVec3};
 use plenoctree::{BakeSettings, Basis, bake};
@@ -196,8 +191,6 @@ impl Scene {
         let world = headless.app.world_mut();
         let field = world.resource_mut::<Assets<PlenOctree>>().add(ball(1e3, UpAxis::Y));
         let camera = world.spawn((exact_camera(Color::WHITE), target, Transform::from_xyz(0.0, 0.0, 6.0))).id();
-        // Bevy looks for a window before it looks up a pointer's target.
-        world.spawn((Window::default(), PrimaryWindow));
         Self { headless, camera, field }
     }
 
@@ -210,17 +203,11 @@ impl Scene {
         self.world().spawn(prop).observe(see::<Over>).observe(see::<Click>).id()
     }
 
-    /// Moves the mouse to `position` and performs `actions`. Returns what observers of props received.
-    fn mouse(&mut self, position: Vec2, actions: &[PointerAction]) -> Vec<(&'static str, Entity, PropHit)> {
-        let window = self.world().query_filtered::<Entity, With<PrimaryWindow>>().single(self.world()).unwrap();
-        let target: RenderTarget = self.headless.target();
-        let location = Location { target: target.normalize(Some(window)).unwrap(), position };
+    /// Returns what observers of props receive while the mouse does something.
+    fn seen(&mut self, act: impl FnOnce(&mut Headless) -> Result<(), HeadlessError>) -> Vec<(&'static str, Entity)> {
         self.world().resource_mut::<Seen>().0.clear();
-        for &action in [PointerAction::Move { delta: Vec2::ONE }].iter().chain(actions) {
-            self.world().write_message(PointerInput::new(PointerId::Mouse, location.clone(), action));
-            self.headless.update();
-        }
-        self.world().resource::<Seen>().0.clone()
+        act(&mut self.headless).unwrap();
+        self.world().resource::<Seen>().0.iter().map(|(name, entity, _)| (*name, *entity)).collect()
     }
 }
 
@@ -261,30 +248,35 @@ fn pointers_reach_observers() {
     for _ in 0..3 {
         scene.headless.update();
     }
-    let click = [PointerAction::Press(PointerButton::Primary), PointerAction::Release(PointerButton::Primary)];
-    let middle = 0.5 * SIZE.as_vec2();
-    let seen = scene.mouse(middle, &click);
-    assert_eq!(
-        seen.iter().map(|(name, entity, _)| (*name, *entity)).collect::<Vec<_>>(),
-        [("over", near), ("click", near)]
-    );
-    let hit = seen[0].2;
+    let (middle, beside) = (0.5 * SIZE.as_vec2(), Vec2::splat(2.0));
+    assert_eq!(scene.seen(|headless| headless.click(middle)), [("over", near), ("click", near)]);
+    let hit = scene.world().resource::<Seen>().0[0].2;
     assert!((hit.point - Vec3::new(0.0, 0.0, RADIUS as f32)).length() < CELL as f32, "{hit:?}");
     assert!(hit.normal.z > 0.99, "{hit:?}");
     // There is nothing next to the ball.
-    assert!(scene.mouse(Vec2::splat(2.0), &click).is_empty());
+    assert!(scene.seen(|headless| headless.click(beside)).is_empty());
     // A prop that is ignored, on another layer or hidden lets the pointer through to what is behind it.
     for disable in [
         |near: &mut EntityWorldMut| _ = near.insert(Pickable::IGNORE),
         |near: &mut EntityWorldMut| _ = near.remove::<Pickable>().insert(RenderLayers::layer(1)),
         |near: &mut EntityWorldMut| _ = near.remove::<RenderLayers>().insert(Visibility::Hidden),
     ] {
-        scene.mouse(Vec2::splat(2.0), &[]);
+        scene.headless.pointer_to(beside).unwrap();
         disable(&mut scene.world().entity_mut(near));
         scene.headless.update();
-        let seen = scene.mouse(middle, &[]);
-        assert_eq!(seen.iter().map(|(name, entity, _)| (*name, *entity)).collect::<Vec<_>>(), [("over", far)]);
+        assert_eq!(scene.seen(|headless| headless.pointer_to(middle)), [("over", far)]);
     }
+}
+
+#[test]
+fn without_picking_plugins_clicks_are_errors_with_words() {
+    let mut headless = Headless::new(SIZE, |app| {
+        app.add_plugins((PlenOctreePlugin, PropPickingPlugin));
+    })
+    .unwrap();
+    headless.update();
+    let error = headless.click(Vec2::ONE).unwrap_err();
+    assert_eq!(error.to_string(), "there are no pointers; add Bevy's `DefaultPickingPlugins`");
 }
 
 /// Hits of a camera that draws later are above those of others.
@@ -297,7 +289,7 @@ fn hits_have_the_order_of_their_cameras() {
     for _ in 0..3 {
         scene.headless.update();
     }
-    scene.mouse(0.5 * SIZE.as_vec2(), &[]);
+    scene.headless.pointer_to(0.5 * SIZE.as_vec2()).unwrap();
     let hits = scene.world().resource_mut::<Messages<PointerHits>>().drain().collect::<Vec<_>>();
     let of_prop = hits.iter().find(|hits| hits.picks.iter().any(|(entity, _)| *entity == prop)).unwrap();
     assert_eq!((of_prop.order, of_prop.pointer), (7.0, PointerId::Mouse));

@@ -10,9 +10,9 @@ use bevy::{
     world_serialization::serde::{DynamicWorldSerializer, WorldDeserializer},
 };
 use bevy_plenoctree::{
-    BilateralFilter, EdgeSmoothing, Ink, InkBorders, InkColor, LabelStages, PaletteExtraction, PaletteMethod,
-    PaletteOverride, Palettes, PlenOctreePlugin, Posterize, PosterizeView, Prop, PropLighting, PropPath, PropProgress,
-    PropQuality, PropStage, PropState, PropTint, RampAdjustment, SolidOpacity, UploadBudget,
+    BeforePalette, BilateralFilter, EdgeSmoothing, Ink, InkBorders, InkColor, LabelStages, PaletteExtraction,
+    PaletteMethod, PaletteOverride, Palettes, PlenOctreePlugin, Posterize, PosterizeView, Prop, PropLighting, PropPath,
+    PropProgress, PropQuality, PropStage, PropState, PropTint, RampAdjustment, Recolor, SolidOpacity, UploadBudget,
 };
 use serde::de::DeserializeSeed;
 use serde_json::Value;
@@ -71,6 +71,7 @@ fn spawn(world: &mut World) -> [Entity; 2] {
     let prop = (
         Prop(server.load("robot.plenoctree")),
         posterize,
+        Recolor { before_palette: BeforePalette::AsTrained },
         ink,
         colors,
         PropLighting::default(),

@@ -4,8 +4,10 @@
 mod bake;
 mod coherence;
 mod evidence;
+mod look;
 mod recolor;
 mod report;
+mod steady;
 mod tradeoff;
 
 use std::process::ExitCode;
@@ -27,6 +29,8 @@ enum Command {
     Tradeoff(tradeoff::Arguments),
     Coherence(coherence::Arguments),
     Evidence(evidence::Arguments),
+    Look(look::Arguments),
+    Steady(steady::Arguments),
     Bake(bake::Arguments),
 }
 
@@ -36,6 +40,8 @@ impl CommandLine {
             Command::Tradeoff(arguments) => tradeoff::run(arguments),
             Command::Coherence(arguments) => coherence::run(arguments),
             Command::Evidence(arguments) => evidence::run(arguments),
+            Command::Look(arguments) => look::run(arguments),
+            Command::Steady(arguments) => steady::run(arguments),
             Command::Bake(arguments) => bake::run(arguments),
         }
     }

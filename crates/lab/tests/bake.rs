@@ -24,7 +24,7 @@ fn a_prop_is_baked() {
     assert!(printed.contains(&format!("robot.npz: {} leaves", field.leaves())), "{printed}");
 }
 
-/// Pictures of a prop show what renderings of its field show, from the same cameras.
+/// Pictures of a prop show what renderings of its field show, from the same cameras, and nothing is in the air.
 #[test]
 fn pictures_show_the_prop_where_its_field_is() {
     let folder = folder("bake_pictures");
@@ -38,13 +38,19 @@ fn pictures_show_the_prop_where_its_field_is() {
         let taken = image::open(views.join(format!("view_{index:03}.png"))).unwrap().into_rgba8();
         let drawn = render(&field, camera);
         let (mut seen, mut different, mut difference) = (0.0, 0.0, 0.0);
-        for (pixel, (color, opacity)) in taken.pixels().zip(drawn.color.iter().zip(drawn.opacity)) {
+        for (pixel, (color, opacity)) in taken.pixels().zip(drawn.color.iter().zip(&drawn.opacity)) {
             let [r, g, b, taken_opacity] = pixel.0.map(|byte| f64::from(byte) / 255.0);
             seen += taken_opacity;
             different += (taken_opacity - opacity).abs();
-            if taken_opacity.min(opacity) > 0.99 {
+            if taken_opacity.min(*opacity) > 0.99 {
                 difference += (DVec3::new(r, g, b) - color).abs().element_sum() / 3.0;
             }
+        }
+        for (pixel, &opacity) in drawn.opacity.iter().enumerate().filter(|(_, opacity)| **opacity > 0.0) {
+            let (x, y) = (pixel % 96, pixel / 96);
+            let near = |at: usize| at.saturating_sub(3) as u32..=(at as u32 + 3).min(95);
+            let is_near = near(y).any(|y| near(x).any(|x| taken.get_pixel(x, y)[3] > 0));
+            assert!(is_near, "there is {opacity} at {x}, {y}, where the picture shows nothing");
         }
         assert!(seen > 1000.0, "view {index}: {seen} pixels");
         assert!(different < 0.15 * seen, "view {index}: opacity differs in {different} of {seen} pixels");

@@ -6,9 +6,6 @@ use std::{
     path::{Path, PathBuf},
 };
 
-/// Folders and files that still have circles. Remove an entry when its last circle is gone.
-const KNOWN: [&str; 2] = ["src/gpu/", "src/render/"];
-
 /// A path of modules from the root of a crate.
 type Module = Vec<String>;
 
@@ -239,7 +236,6 @@ fn files_import_each_other_in_no_circle() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").canonicalize().unwrap();
     let crates = fs::read_dir(root.join("crates")).unwrap().map(|entry| entry.unwrap().path().join("src"));
     let folders: Vec<PathBuf> = crates.chain([root.join("src")]).filter(|folder| folder.exists()).collect();
-    let mut known: BTreeSet<&str> = KNOWN.into();
     let mut report = String::new();
     for folder in folders {
         let sources = Crate::read(&folder, &root);
@@ -248,13 +244,7 @@ fn files_import_each_other_in_no_circle() {
         let edges: BTreeMap<&str, BTreeSet<&str>> =
             files.iter().chain(&modules).map(|(a, b)| (*a, b.clone())).collect();
         for circle in circles(&files).into_iter().chain(circles(&modules)) {
-            let is_known = |file: &&str| KNOWN.iter().any(|known| file.starts_with(known));
-            let new: Vec<&&str> = circle.iter().filter(|file| !is_known(file)).collect();
-            known.retain(|known| !circle.iter().any(|file| file.starts_with(known)));
-            if new.is_empty() {
-                continue;
-            }
-            for file in new {
+            for file in &circle {
                 let needs: Vec<_> = edges[*file].intersection(&circle).collect();
                 report += &format!("{file} needs {needs:?}\n");
             }
@@ -262,5 +252,4 @@ fn files_import_each_other_in_no_circle() {
         }
     }
     assert!(report.is_empty(), "circles:\n{report}");
-    assert!(known.is_empty(), "no longer in a circle, remove from KNOWN: {known:?}");
 }

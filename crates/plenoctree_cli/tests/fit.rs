@@ -72,7 +72,7 @@ fn a_field_is_fitted_with_palette_previews_and_report() {
 }
 
 /// A fit can be packed at once, without the pictures that are not there. Resuming it with less effort does not replace a
-/// better result.
+/// better result, whether or not views were held out.
 #[test]
 fn fits_are_packed_and_kept() {
     let folder = folder("fit_packed");
@@ -96,6 +96,15 @@ fn fits_are_packed_and_kept() {
     assert_eq!(fs::read(&out).unwrap(), packed);
     fit(&["--effort", "0.01"]);
     assert_ne!(fs::read(&out).unwrap(), packed);
+
+    // The earlier result was measured on other views, so this one replaces it.
+    let worse = fs::read(&out).unwrap();
+    assert!(!fit(&["--effort", "0.1", "--all", "--resume"]).contains("kept as it is"));
+    let packed = fs::read(&out).unwrap();
+    assert_ne!(packed, worse);
+    let warnings = fit(&["--effort", "0.01", "--all", "--resume"]);
+    assert!(warnings.contains("on the views, and this one"), "{warnings}");
+    assert_eq!(fs::read(&out).unwrap(), packed);
 }
 
 /// An error leaves existing files unchanged.

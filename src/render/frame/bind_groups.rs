@@ -1,4 +1,4 @@
-//! Bind groups that are kept while they bind the same resources.
+//! Bind groups that are cached while they bind the same resources.
 
 use std::num::NonZero;
 
@@ -26,16 +26,16 @@ enum Bound {
     Texture(wgpu::TextureView),
 }
 
-/// For how many frames groups are kept that no pass uses. Post-processing may use another of the target's two textures
+/// For how many frames groups are cached that no pass uses. Post-processing may use another of the target's two textures
 /// in every second frame.
-const KEPT_FRAMES: u32 = 3;
+const CACHED_FRAMES: u32 = 3;
 
 impl BindGroups {
     /// Begins a frame: drops the groups that are not used anymore.
     pub fn begin(&mut self) {
         self.groups.retain(|_, (_, idle)| {
             *idle += 1;
-            *idle <= KEPT_FRAMES
+            *idle <= CACHED_FRAMES
         });
     }
 

@@ -31,7 +31,7 @@ use super::{
     textures::Textures,
     uniforms::ViewBuffers,
 };
-use crate::{gpu::Shaders, render::plan::ViewUniform};
+use crate::{gpu::Shaders, render::uniforms::ViewUniform};
 
 /// What a view keeps.
 #[derive(Default)]
@@ -91,7 +91,7 @@ impl Cache {
                 (true, true) => Mode::Compare,
             };
         }
-        // Whatever is drawn differently now, even if incompletely, replaces what was kept.
+        // Whatever is drawn differently now, even if incompletely, replaces what was cached.
         for part in Part::ALL {
             self.parts[part as usize].drawn = None;
         }

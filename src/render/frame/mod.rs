@@ -15,7 +15,7 @@ pub(super) use cache::{Cache, Comparison};
 pub(super) use pass::{
     Area, Blend, Clear, Draw, Feature, Fragment, Input, Output, Part, Pass, Place, Program, Uniforms,
 };
-pub(super) use pipelines::Pipelines;
+pub(super) use pipelines::{InitPipelines, Pipelines};
 #[cfg(feature = "shadows")]
 pub(super) use run::Lights;
 pub(super) use run::run;

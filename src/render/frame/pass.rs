@@ -28,8 +28,6 @@ pub(in crate::render) struct Pass {
     pub depth: Option<Output>,
     /// What its attachments hold when it begins. If it is `None`, they keep what they hold.
     pub clear: Option<Clear>,
-    /// Other textures that must exist.
-    pub holds: Vec<Slot>,
     /// A buffer that is filled with zeros before it.
     pub zeroes: Option<Buffer>,
     /// The number of samples per pixel.
@@ -54,7 +52,6 @@ impl Pass {
             writes: vec![],
             depth: None,
             clear: None,
-            holds: vec![],
             zeroes: None,
             samples: 1,
             area: Area::Drawn,
@@ -78,7 +75,7 @@ pub(in crate::render) enum Place {
     Posterize,
     /// After them.
     Present,
-    /// Once transparent objects have been drawn over nothing.
+    /// Once transparent objects have been drawn over the light of props.
     Objects,
 }
 
@@ -97,13 +94,13 @@ pub(in crate::render) enum Feature {
     Sparse,
     /// Smooth edges.
     Edges,
-    /// Smooth borders between labels, and ink.
+    /// Smooth borders between labels, ink, and steady labels.
     Finish,
     /// Custom stages.
     Stages,
 }
 
-/// A result of passes that is kept until something changes that they read. Each is made from those before it.
+/// A result of passes that is cached until something changes that they read. Each is made from those before it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(in crate::render) enum Part {
     /// The props alone, and their edges.

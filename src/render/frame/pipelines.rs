@@ -21,8 +21,12 @@ use super::{
 };
 use crate::{
     gpu::{FieldLayouts, Shaders, TreeShape},
-    render::plan::{FilterUniform, LabelsUniform, PropUniform, ScreenUniform, ViewUniform},
+    render::uniforms::{FilterUniform, LabelsUniform, PropUniform, ScreenUniform, ViewUniform},
 };
+
+/// The systems in `RenderStartup` that create what pipelines have in common.
+#[derive(SystemSet, Clone, Debug, PartialEq, Eq, Hash)]
+pub(in crate::render) struct InitPipelines;
 
 /// The pipelines of all passes, created when a view first needs them.
 #[derive(Resource)]

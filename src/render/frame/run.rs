@@ -205,15 +205,9 @@ fn draw(
         Area::Batches => URect { min: UVec2::ZERO, max: BATCH * batches(plan.rect.size, plan.spacing) },
         Area::Target => {
             let corner = plan.corner();
-            // Cameras of one target may disagree about its size for a frame.
-            let size = frame.target.main_texture().size();
-            let most = UVec2::new(size.width, size.height);
-            URect { min: corner.min(most), max: (corner + plan.rect.size).min(most) }
+            URect { min: corner, max: corner + plan.rect.size }
         }
     };
-    if area.is_empty() {
-        return None;
-    }
     record(pass, ids, ctx, cache, &colors, depth, &of_inputs, &of_view, frame.lights, area, may_keep)
 }
 

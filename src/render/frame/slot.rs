@@ -54,7 +54,13 @@ pub(in crate::render) enum Slot {
     Fogged,
     /// See [`LabelTextures`](crate::LabelTextures).
     Labels,
-    /// Transparent objects over nothing, in the format and the size of the target, resolved and multisampled.
+    /// The labels and the depth of the former frame.
+    FormerLabels,
+    FormerDepth,
+    /// At smooth edges, what the pixel shows of props alone. See `blend.wgsl`.
+    Front,
+    /// Transparent objects over the light of props alone, in the format and the size of the target, resolved and
+    /// multisampled.
     Objects,
     ObjectSamples,
 }
@@ -78,13 +84,15 @@ impl Slot {
         use TextureFormat::*;
         Some(match self {
             Self::Color(_) | Self::OwnRays | Self::OtherRays | Self::SmoothLight => Rgba16Float,
-            Self::Labeled | Self::Finished | Self::Shown | Self::Staged | Self::Fogged => Rgba16Float,
+            Self::Labeled | Self::Finished | Self::Shown | Self::Staged | Self::Fogged | Self::Front => Rgba16Float,
             Self::Owner(_) => Rg16Float,
             Self::Motion(_) => MOTION_VECTOR_PREPASS_FORMAT,
-            Self::Depth(_) | Self::NearestDepth(_) | Self::OpaqueDepth(_) | Self::EdgeMask => DEPTH_FORMAT,
+            Self::Depth(_) | Self::NearestDepth(_) | Self::OpaqueDepth(_) | Self::EdgeMask | Self::FormerDepth => {
+                DEPTH_FORMAT
+            }
             Self::Nearest(_) | Self::Opaque(_) => R32Uint,
             Self::Gaps => R16Uint,
-            Self::Outline | Self::Labels => Rg16Uint,
+            Self::Outline | Self::Labels | Self::FormerLabels => Rg16Uint,
             Self::Coverage | Self::Light => Rgba8Unorm,
             Self::Places | Self::Even | Self::Odd => Rgba32Uint,
             Self::Objects | Self::ObjectSamples => return None,

@@ -86,7 +86,7 @@ impl Textures {
             }) && written.all(|output| match output {
                 Output::Texture(slot) => self.texture(device, slot, sizes),
                 Output::Target | Output::PrepassMotion => true,
-            }) && pass.holds.iter().all(|slot| self.texture(device, *slot, sizes))
+            })
         });
         self.textures.retain(|_, held| held.idle <= HELD_FRAMES);
         self.buffers.retain(|_, held| held.idle <= HELD_FRAMES);
@@ -109,6 +109,13 @@ impl Textures {
         self.textures.clear();
         self.buffers.clear();
         self.size = UVec2::ZERO;
+    }
+
+    /// Exchanges what two slots hold.
+    pub fn swap(&mut self, a: Slot, b: Slot) {
+        let (of_a, of_b) = (self.textures.remove(&a), self.textures.remove(&b));
+        self.textures.extend(of_a.map(|held| (b, held)));
+        self.textures.extend(of_b.map(|held| (a, held)));
     }
 
     pub fn get(&self, slot: Slot) -> Option<&TextureView> {

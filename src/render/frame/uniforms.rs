@@ -9,7 +9,7 @@ use bevy::{
 };
 
 use super::{content::Content, pass::StaleUniform};
-use crate::render::plan::{FilterUniform, LabelsUniform, PropUniform, ScreenUniform, ViewUniform};
+use crate::render::uniforms::{FilterUniform, LabelsUniform, PropUniform, ScreenUniform, ViewUniform};
 
 /// The uniforms of a view.
 #[derive(Default)]

@@ -14,7 +14,8 @@ use crate::{
     gpu::field_definitions,
     render::{
         frame::{Blend, Clear, Draw, Feature, Input, Output, Part, Pass, Place, Program, Rays, Slot, Uniforms},
-        plan::{Plan, Smooths},
+        plan::Plan,
+        uniforms::Smooths,
     },
 };
 

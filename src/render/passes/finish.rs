@@ -1,6 +1,6 @@
 //! Smooths the borders between labels inside props, and draws [ink](crate::Ink). This is not part of the method.
 
-use super::labels::{DEPTH, lit, with_lights};
+use super::labels::{DEPTH, inked, lit, with_lights};
 use crate::render::{
     frame::{Clear, Feature, Input, Output, Part, Pass, Place, Program, Rays, Slot, Uniforms},
     plan::Plan,
@@ -23,10 +23,4 @@ pub(super) fn finish(plan: &Plan) -> Option<Pass> {
         clear: Some(Clear::NegativeAlpha),
         ..Pass::fullscreen(FINISH, Place::Posterize, Some(Part::Labels), inked(plan, program).where_props_are())
     })
-}
-
-/// Lets a program draw ink, if there is any. Lines end where something else is in front of a prop.
-pub(super) fn inked(plan: &Plan, program: Program) -> Program {
-    let program = program.define_if(plan.has_ink, "INK");
-    Program { scene_depth: plan.has_ink.then_some(plan.samples), ..program }
 }

@@ -13,7 +13,6 @@ use bevy::{
     shader::{Shader, ShaderDefVal},
 };
 
-use super::finish::inked;
 use crate::render::{
     frame::{Buffer, Clear, Draw, Feature, Fragment, Input, Output, Part, Pass, Place, Program, Rays, Slot, Uniforms},
     plan::Plan,
@@ -75,7 +74,13 @@ pub(super) fn label(plan: &Plan) -> Pass {
         .define_if(!plan.posterizes, "UNPOSTERIZED")
         .define_if(labels_before_edges(plan), "SMOOTH")
         .define_if(plan.needs_labels(), "LABEL_TEXTURES")
+        .define_if(plan.steadies(), "STEADY")
         .define_all(lit(plan));
+    let mut reads = vec![source, COLOR];
+    reads.extend(plan.posterizes.then_some(Input::Texture(Slot::Depth(Rays::Pixels))));
+    if plan.steadies() {
+        reads.extend([Slot::FormerLabels, Slot::FormerDepth].map(Input::Texture));
+    }
     let is_last = !plan.smooths && !plan.finishes();
     let mut writes = vec![Some(Output::Texture(if is_last { Slot::Shown } else { Slot::Labeled }))];
     // The blend pass replaces the pixels at edges.
@@ -86,12 +91,13 @@ pub(super) fn label(plan: &Plan) -> Pass {
     writes.truncate(writes.iter().rposition(Option::is_some).map_or(0, |last| last + 1));
     Pass {
         feature: match () {
+            () if plan.steadies() => Feature::Finish,
             () if plan.smooths => Feature::Edges,
             () if plan.is_lit => Feature::Lighting,
             () if plan.posterizes => Feature::Posterize,
             () => Feature::Base,
         },
-        reads: with_lights(plan, vec![source, COLOR]),
+        reads: with_lights(plan, reads),
         uses: &[Uniforms::View, Uniforms::Props, Uniforms::Screen, Uniforms::Labels],
         writes,
         depth: Some(DEPTH),
@@ -110,17 +116,19 @@ pub(super) fn blend(plan: &Plan) -> Option<Pass> {
     let program = Program::new("blend")
         .define_all(space(plan.target.space))
         .define_number("SAMPLES", plan.hidden_samples())
+        .define_if(plan.blends_front(), "FRONT")
         .define_all(lit(plan));
     let shown = if plan.finishes() { Slot::Finished } else { Slot::Labeled };
     let slots = [shown, Slot::Even, Slot::Outline, Slot::Coverage, Slot::OwnRays, Slot::OtherRays];
     let ink = if plan.has_ink { &[Slot::Labels, Slot::Depth(Rays::Pixels)][..] } else { &[] };
-    let inputs = slots.iter().map(|slot| Input::Texture(*slot)).chain([Input::Scene]);
+    let inputs = slots.iter().map(|slot| Input::Texture(*slot)).chain([Input::Scene, COLOR]);
     let inputs = inputs.chain(ink.iter().map(|slot| Input::Texture(*slot))).collect();
+    let writes = [Slot::Shown].into_iter().chain(plan.blends_front().then_some(Slot::Front));
     plan.smooths.then(|| Pass {
         feature: Feature::Edges,
         reads: with_lights(plan, inputs),
         uses: &[Uniforms::View, Uniforms::Props, Uniforms::Screen, Uniforms::Labels],
-        writes: vec![Some(Output::Texture(Slot::Shown))],
+        writes: writes.map(|slot| Some(Output::Texture(slot))).collect(),
         depth: Some(Output::Texture(Slot::EdgeMask)),
         ..Pass::fullscreen(
             BLEND,
@@ -173,4 +181,10 @@ pub(super) fn space(space: Option<CompositingSpace>) -> Vec<ShaderDefVal> {
         Some(CompositingSpace::Oklab) => vec!["OKLAB_TARGET".into()],
         Some(CompositingSpace::Linear) | None => vec![],
     }
+}
+
+/// Lets a program draw ink, if there is any. Lines end where something else is in front of a prop.
+pub(super) fn inked(plan: &Plan, program: Program) -> Program {
+    let program = program.define_if(plan.has_ink, "INK");
+    Program { scene_depth: plan.has_ink.then_some(plan.samples), ..program }
 }

@@ -29,7 +29,10 @@ use crate::{
     prop::Prop,
     render::{
         extract::{ExtractedProps, VisibleProps, extract_props},
-        frame::{Buffer, Clear, Draw, Feature, Input, Lights, Output, Pass, Pipelines, Place, Program, Rays, Slot},
+        frame::{
+            Buffer, Clear, Draw, Feature, InitPipelines, Input, Lights, Output, Pass, Pipelines, Place, Program, Rays,
+            Slot,
+        },
         plan::{Plan, PropView},
     },
     sets::PlenOctreeRenderSystems,
@@ -116,7 +119,7 @@ pub(in crate::render) fn lit_props(plan: &Plan, extracted: &ExtractedProps) -> V
 pub(super) fn plugin(render_app: &mut SubApp) {
     render_app
         .add_systems(ExtractSchedule, extract_lighting.after(extract_props))
-        .add_systems(RenderStartup, init.after(crate::render::plan::InitPlans))
+        .add_systems(RenderStartup, init.after(InitPipelines))
         .add_systems(
             Render,
             (

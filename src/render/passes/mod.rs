@@ -37,6 +37,7 @@ pub const POSTERIZE_SPANS: &[&str] = &[
     labels::BLEND,
     edges::OUTLINE,
     edges::COVERAGE,
+    objects::UNDER_OBJECTS,
     objects::OBJECTS,
     #[cfg(feature = "shadows")]
     fog::FOG,
@@ -70,6 +71,7 @@ pub(super) fn of(plan: &Plan) -> Vec<Pass> {
     #[cfg(feature = "shadows")]
     passes.extend(fog::fog(plan));
     passes.extend(present::present(plan));
+    passes.extend(objects::under_objects(plan));
     passes.extend(objects::objects(plan));
     passes
 }
@@ -188,7 +190,8 @@ mod tests {
             ("as trained", None, 24),
             ("hard edges", Some(hard()), 64),
             ("smooth edges", Some(Posterize::paper()), 100),
-            ("smooth edges and borders", Some(Posterize::default()), 112),
+            ("smooth edges and borders", Some(Posterize { steadiness: 0.0, ..default() }), 112),
+            ("steady labels", Some(Posterize::default()), 120),
         ];
         for (what, posterize, most) in kinds {
             let size = UVec2::new(512, 320);

@@ -1,8 +1,9 @@
 //! Draws transparent objects again, over props that are drawn at [`PropStage::Display`].
 //!
-//! Bevy draws transparent objects before tonemapping, so that the props cover them. Where a prop is solid, those in front
-//! of it are drawn once more, into a separate texture, and blended over the prop. This happens only for cameras that have
-//! both.
+//! Bevy draws transparent objects before tonemapping, so that the props cover them. They are drawn once more, over the
+//! light of the props alone, because blending depends on what is behind: *under_objects* writes that light to a separate
+//! texture, Bevy's phase draws over it, and *objects* replaces the props' share of each pixel by the result. This happens
+//! only for cameras that have both.
 
 use bevy::{
     core_pipeline::{core_3d::Transparent3d, schedule::Core3d},
@@ -10,40 +11,72 @@ use bevy::{
     render::{
         diagnostic::RecordDiagnostics,
         render_phase::ViewSortedRenderPhases,
-        render_resource::{BlendState, LoadOp, Operations, RenderPassColorAttachment, RenderPassDescriptor, StoreOp},
+        render_resource::{LoadOp, Operations, RenderPassColorAttachment, RenderPassDescriptor, StoreOp},
         renderer::{RenderContext, ViewQuery},
         view::{ExtractedView, ViewDepthTexture},
     },
 };
 
+use super::labels::{shown_after, space};
 use crate::{
     render::{
-        frame::{Area, Blend, Input, Output, Pass, Place, Program, Rays, Slot},
+        frame::{Area, Clear, Input, Output, Pass, Place, Program, Rays, Slot},
         plan::{Plan, PropView},
     },
     sets::PlenOctreeRenderSystems,
 };
 
 pub(super) const OBJECTS: &str = "plenoctree_objects";
+pub(super) const UNDER_OBJECTS: &str = "plenoctree_under_objects";
 
-/// Blends the objects over props.
-pub(super) fn objects(plan: &Plan) -> Option<Pass> {
-    let program =
-        Program { blends: vec![Blend::With(BlendState::PREMULTIPLIED_ALPHA_BLENDING)], ..Program::new("objects") };
+/// Writes what objects are blended over.
+pub(super) fn under_objects(plan: &Plan) -> Option<Pass> {
+    let (slot, samples) = match plan.samples {
+        1 => (Slot::Objects, 1),
+        samples => (Slot::ObjectSamples, samples),
+    };
     plan.has_objects.then(|| Pass {
-        reads: vec![vec![Input::Texture(Slot::Depth(Rays::Pixels)), Input::Texture(Slot::Objects)]],
+        reads: vec![front(plan), vec![Input::Scene]],
+        writes: vec![Some(Output::Texture(slot))],
+        clear: Some(Clear::Zero),
+        samples,
+        area: Area::Target,
+        ..Pass::fullscreen(UNDER_OBJECTS, Place::Present, None, with_front(plan, Program::new("under_objects")))
+    })
+}
+
+/// Shows the objects over props.
+pub(super) fn objects(plan: &Plan) -> Option<Pass> {
+    plan.has_objects.then(|| Pass {
+        reads: vec![front(plan), vec![Input::Texture(Slot::Objects)]],
         writes: vec![Some(Output::Target)],
         area: Area::Target,
-        holds: if plan.samples > 1 { vec![Slot::ObjectSamples] } else { vec![] },
-        ..Pass::fullscreen(OBJECTS, Place::Objects, None, program)
+        ..Pass::fullscreen(OBJECTS, Place::Objects, None, with_front(plan, Program::new("objects")))
     })
+}
+
+/// Returns what `front.wgsl` reads.
+fn front(plan: &Plan) -> Vec<Input> {
+    let mut slots = vec![shown_after(plan.stages.len()), Slot::Color(Rays::Pixels)];
+    slots.extend(plan.has_owners().then_some(Slot::Owner(Rays::Pixels)));
+    slots.extend(plan.blends_front().then_some([Slot::Outline, Slot::Front]).into_iter().flatten());
+    slots.into_iter().map(Input::Texture).collect()
+}
+
+/// Adds the definitions of `front.wgsl`.
+fn with_front(plan: &Plan, program: Program) -> Program {
+    program
+        .define_all(space(plan.target.space))
+        .define_if(plan.has_owners(), "OWNERS")
+        .define_if(plan.blends_front(), "SMOOTH")
+        .define_if(!plan.stages.is_empty(), "STAGED")
 }
 
 pub(super) fn plugin(render_app: &mut SubApp) {
     render_app.add_systems(Core3d, draw_objects.in_set(PlenOctreeRenderSystems::Objects));
 }
 
-/// Draws the objects over nothing.
+/// Draws the objects over what `under_objects` wrote.
 pub(in crate::render) fn draw_objects(
     world: &World,
     view: ViewQuery<(&ExtractedView, &ViewDepthTexture, &PropView)>,
@@ -58,7 +91,7 @@ pub(in crate::render) fn draw_objects(
     else {
         return;
     };
-    let ops = Operations { load: LoadOp::Clear(wgpu::Color::TRANSPARENT), store: StoreOp::Store };
+    let ops = Operations { load: LoadOp::Load, store: StoreOp::Store };
     let (view_of, resolve_target) = match view.textures.get(Slot::ObjectSamples).filter(|_| view.plan.samples > 1) {
         Some(samples) => (samples, Some(&**resolved)),
         None => (resolved, None),

@@ -158,7 +158,10 @@ fn marching(name: &'static str, plan: &Plan, rays: Rays) -> Pass {
     let mut pass = Pass::fullscreen(name, Place::Layer, Some(Part::Layer), Program::new(""));
     pass.programs.clear();
     pass.draws.clear();
-    pass.uses = &[Uniforms::View, Uniforms::Props];
+    pass.uses = match plan.recolors {
+        true => &[Uniforms::View, Uniforms::Props, Uniforms::Labels],
+        false => &[Uniforms::View, Uniforms::Props],
+    };
     pass.clear = Some(Clear::Zero);
     pass.area = match rays {
         Rays::Pixels => Area::Drawn,

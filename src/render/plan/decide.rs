@@ -4,8 +4,8 @@ use std::hash::{BuildHasher, Hash, Hasher};
 
 use super::{
     motion::Motion,
-    overlap::Overlaps,
-    uniforms::{FilterUniform, LabelsUniform, PropUniform, Rect, ScreenUniform, Smooths, ViewUniform},
+    overlap::overlaps,
+    steady::{Former, FormerProp},
     view::{OrderedProp, Overlap, Plan, PlanValues, PlannedProp, Target},
 };
 use crate::{
@@ -13,16 +13,17 @@ use crate::{
     posterize::{BeforePalette, EdgeSmoothing, MAX_FILTER_RADIUS},
     prop::SolidOpacity,
     render::{
-        extract::{ExtractedPosterize, ExtractedProp, ExtractedProps, VisibleProps},
+        extract::{ExtractedPalette, ExtractedPosterize, ExtractedProp, ExtractedProps, VisibleProps},
         frame::Feature,
         rays::{Placement, Rays},
+        uniforms::{FilterUniform, LabelsUniform, PropUniform, Rect, ScreenUniform, Smooths, ViewUniform},
     },
     stage::PropStage,
 };
 use bevy::{
     camera::{Exposure, Viewport},
     core_pipeline::prepass::PreviousViewData,
-    ecs::entity::EntityHashSet,
+    ecs::entity::{EntityHashMap, EntityHashSet},
     platform::{collections::HashSet, hash::FixedHasher},
     prelude::*,
     render::{
@@ -32,15 +33,8 @@ use bevy::{
     },
 };
 
-/// Memory that is reused from view to view.
-#[derive(Default)]
-pub(super) struct Scratch {
-    rects: Vec<URect>,
-    overlaps: Overlaps,
-}
-
 /// What is known of a view before its frame is planned.
-pub(super) struct Known<'a> {
+pub(in crate::render) struct Known<'a> {
     pub view: &'a ExtractedView,
     pub camera: &'a ExtractedCamera,
     pub samples: u32,
@@ -51,6 +45,8 @@ pub(super) struct Known<'a> {
     pub visible: &'a VisibleProps,
     pub order: &'a [OrderedProp],
     pub has_objects: bool,
+    /// The last frame, if its labels and its depth still exist.
+    pub former: Option<&'a Former>,
     /// The props that the last frame drew as trained.
     pub as_trained: &'a EntityHashSet,
 }
@@ -62,20 +58,24 @@ struct Seen<'a> {
     field: &'a crate::gpu::GpuLevel,
     rays: Rays,
     posterize: Option<&'a ExtractedPosterize>,
+    /// The palette by which it is posterized, or recolored as trained.
+    palette: Option<&'a ExtractedPalette>,
 }
 
 /// Plans the frame of a view, without what is `missing`. Returns `None` if it draws nothing.
-pub(super) fn decide(
+pub(in crate::render) fn decide(
     known: &Known,
     missing: &[Feature],
     extracted: &ExtractedProps,
     fields: &RenderAssets<GpuField>,
-    scratch: &mut Scratch,
 ) -> Option<Plan> {
     let Known { view, camera, visible, viewport, .. } = known;
     let has = |feature| !missing.contains(&feature);
     let quality = &visible.quality;
     let size = viewport.physical_size;
+    // The viewport may be that of another size. See `agree_about_targets`.
+    let target_size = camera.physical_target_size?;
+    let most = target_size.saturating_sub(viewport.physical_position).min(size);
     // After upscaling, textures with the size of the main pass no longer fit the target.
     let stage = if known.overrides_resolution { PropStage::Scene } else { visible.stage };
     let spacing = if quality.error > 0.0 && has(Feature::Sparse) { quality.spacing } else { 1 };
@@ -88,18 +88,19 @@ pub(super) fn decide(
         .iter()
         .filter_map(|ordered| see(ordered, known, extracted, fields, &motion, has(Feature::Posterize)))
         .collect();
-    let Scratch { rects, overlaps } = scratch;
-    rects.clear();
-    rects.extend(seen.iter().map(|seen| covered(seen.rays.clip_from_box, size)));
-    let everything = visible.everything.as_ref().filter(|view| view.colors > 0 && has(Feature::Posterize));
+    let rects: Vec<_> = seen.iter().map(|seen| covered(seen.rays.clip_from_box, size)).collect();
+    let everything = visible.everything.as_ref().filter(|view| view.palette.colors > 0 && has(Feature::Posterize));
     let rect = match everything {
-        Some(_) => Rect { low: UVec2::ZERO, size, viewport: size },
-        None => drawn_rect(rects, spacing, size)?,
+        Some(_) => Rect { low: UVec2::ZERO, size: most, viewport: size },
+        None => drawn_rect(&rects, spacing, size, most)?,
     };
+    if rect.size.min_element() == 0 {
+        return None;
+    }
 
     let mut props: Vec<_> = seen
         .iter()
-        .zip(&*rects)
+        .zip(&rects)
         .map(|(seen, covered)| {
             let is_solid = seen.prop.solid != SolidOpacity::Never;
             let in_rect = |corner: UVec2| corner.saturating_sub(rect.low).min(rect.size);
@@ -117,7 +118,7 @@ pub(super) fn decide(
             }
         })
         .collect();
-    for (prop, overlaps) in props.iter_mut().zip(overlaps.find(rects)) {
+    for (prop, overlaps) in props.iter_mut().zip(overlaps(&rects)) {
         if !overlaps {
             prop.overlap = Overlap::None;
             if prop.smooths == Smooths::Silhouette {
@@ -144,10 +145,33 @@ pub(super) fn decide(
     let finishes = has(Feature::Finish);
     let pixels = 0.5 * size.y as f32 * motion.clip_from_view.y_axis.y.abs();
     let inks = seen.iter().map(|seen| seen.prop.ink.or(visible.ink)).chain(everything.map(|_| None));
-    let labelings: Vec<_> = posterized()
+    let palettes = || seen.iter().map(|seen| seen.palette).chain(everything.map(|view| Some(&view.palette)));
+    let mut labelings: Vec<_> = posterized()
+        .zip(palettes())
         .zip(inks)
-        .map(|(posterize, ink)| LabelsUniform::new(posterize, finishes, ink.filter(|_| finishes), pixels))
+        .map(|((posterize, palette), ink)| {
+            LabelsUniform::new(posterize, palette, finishes, ink.filter(|_| finishes), pixels)
+        })
         .collect();
+    let (mut steady, mut keeps_labels) = (EntityHashMap::default(), false);
+    for (index, (seen, labeling)) in seen.iter().zip(&mut labelings).enumerate() {
+        let is_steady = finishes && quality.steady_labels;
+        let Some(posterize) = seen.posterize.filter(|posterize| is_steady && posterize.settings.is_steady()) else {
+            continue;
+        };
+        let now = FormerProp {
+            owner: index as u32 + 1,
+            place: seen.prop.placement.world_from_prop,
+            field: seen.field.bind_group.id(),
+            labels: labels_hash(posterize, &extracted.colors),
+        };
+        if let Some(earlier) = known.former.and_then(|former| former.earlier(&motion, &rect, seen.prop, &now)) {
+            *labeling = labeling.steady(posterize.settings.steadiness, &earlier);
+            keeps_labels = true;
+        }
+        steady.insert(seen.prop.entity, now);
+    }
+    let former = (!steady.is_empty()).then(|| Former::new(&motion, rect, steady));
     let [z, w] = [view.clip_from_view.z_axis, view.clip_from_view.w_axis];
     let values = PlanValues {
         view: ViewUniform {
@@ -161,12 +185,13 @@ pub(super) fn decide(
             unjittered_from_clip: (motion.unjittered_from_clip * rect.viewport_from_clip()).as_mat4(),
             // Nothing is divided by an empty range.
             depth_range: Vec2::new(viewport.depth.start, (viewport.depth.end - viewport.depth.start).max(1e-6)),
+            props: uniforms.len() as u32,
         },
         screen: ScreenUniform {
             exposure: exposure(camera, stage),
             everything: everything.map_or(0, |_| uniforms.len() as u32),
         },
-        palettes: palettes_hash(posterized().flatten(), &extracted.colors),
+        palettes: palettes_hash(palettes().flatten(), &extracted.colors),
         props: uniforms,
         filters,
         labelings,
@@ -183,7 +208,7 @@ pub(super) fn decide(
             format: view.target_format,
             samples: if stage == PropStage::Scene { known.samples } else { 1 },
             space: camera.compositing_space,
-            size: camera.physical_target_size?,
+            size: target_size,
         },
         spacing,
         iterations: values.filters.iter().map(|filter| filter.iterations).max().unwrap_or(0),
@@ -198,6 +223,9 @@ pub(super) fn decide(
         smooths: props.iter().any(|prop| prop.smooths != Smooths::Nothing),
         has_smooth_borders,
         has_ink,
+        former,
+        keeps_labels,
+        recolors: seen.iter().any(|seen| seen.posterize.is_none() && seen.palette.is_some_and(|of| of.is_changed)),
         has_motion: visible.has_motion && stage == PropStage::Scene,
         stages: if has(Feature::Stages) { visible.stages.clone() } else { vec![] },
         // A posterized view shows nothing but labels.
@@ -228,29 +256,40 @@ fn see<'a>(
     };
     let size = known.viewport.physical_size;
     let rays = placement.rays(&known.view.world_from_view, motion.clip_from_view, size)?;
-    let posterize = prop.posterize.as_ref().filter(|posterize| posterize.colors > 0);
+    let posterize = prop.posterize.as_ref().filter(|posterize| posterize.palette.colors > 0);
     if posterize.is_some_and(|posterize| posterize.settings.before_palette == BeforePalette::Hide)
         && !has_labels
         && !known.as_trained.contains(&prop.entity)
     {
         return None;
     }
-    Some(Seen { index: ordered.index, prop, field: on_gpu, rays, posterize: posterize.filter(|_| has_labels) })
+    let palette = posterize.map(|posterize| &posterize.palette).or(prop.recolor.as_ref());
+    Some(Seen { index: ordered.index, prop, field: on_gpu, rays, posterize: posterize.filter(|_| has_labels), palette })
 }
 
 /// Returns the part of the viewport to draw: the pixels of `rects`, how far a prop can be seen from them, and how far
-/// from there the filter reads. A pixel between the rays of the grid is interpolated. The grid begins at a multiple of
-/// its spacing, so that it is the same wherever the part begins.
-fn drawn_rect(rects: &[URect], spacing: u32, viewport: UVec2) -> Option<Rect> {
+/// from there the filter reads, but no pixel from `most` on. A pixel between the rays of the grid is interpolated. The
+/// grid begins at a multiple of its spacing, so that it is the same wherever the part begins.
+fn drawn_rect(rects: &[URect], spacing: u32, viewport: UVec2, most: UVec2) -> Option<Rect> {
     let covered = rects.iter().filter(|rect| !rect.is_empty()).copied().reduce(|a, b| a.union(b))?;
     let reach = spacing + MAX_FILTER_RADIUS;
     let low = covered.min.saturating_sub(UVec2::splat(reach)) / spacing * spacing;
-    let high = (covered.max + reach).min(viewport);
-    Some(Rect { low, size: high - low, viewport })
+    let high = (covered.max + reach).min(most);
+    Some(Rect { low, size: high.saturating_sub(low), viewport })
+}
+
+/// Returns a number that is different for different labels: what their source colors are, and how they blend.
+fn labels_hash(posterize: &ExtractedPosterize, colors: &[Vec4]) -> u64 {
+    let mut hasher = FixedHasher.build_hasher();
+    let (first, count) = (posterize.palette.first_color as usize, posterize.palette.colors as usize);
+    bytemuck::cast_slice::<_, u8>(colors.get(first..first + count).unwrap_or_default()).hash(&mut hasher);
+    let is_of_tones = posterize.palette.first_place != posterize.palette.first_color;
+    (posterize.settings.blend_steps, is_of_tones).hash(&mut hasher);
+    hasher.finish()
 }
 
 /// Returns a number that is different for different colors of the palettes.
-fn palettes_hash<'a>(palettes: impl Iterator<Item = &'a ExtractedPosterize>, colors: &[Vec4]) -> u64 {
+fn palettes_hash<'a>(palettes: impl Iterator<Item = &'a ExtractedPalette>, colors: &[Vec4]) -> u64 {
     let (mut hasher, mut hashed) = (FixedHasher.build_hasher(), HashSet::<_>::default());
     for palette in palettes {
         let first = palette.first_color as usize;

@@ -6,17 +6,14 @@ use bevy::{
     render::{camera::ExtractedCamera, render_asset::RenderAssets, view::ExtractedView},
 };
 
-use super::{
-    drawn_viewport,
-    view::{OrderedProp, PropView},
-};
+use super::view::{OrderedProp, PropView, drawn_viewport};
 use crate::{
     gpu::{GpuField, Level, MAX_PROPS_IN_VIEW},
     render::extract::{ExtractedProps, VisibleProps},
 };
 
 /// Sorts the props of every view back to front, and requests their levels.
-pub(super) fn choose_levels(
+pub(in crate::render) fn choose_levels(
     extracted: Res<ExtractedProps>,
     mut fields: ResMut<RenderAssets<GpuField>>,
     mut views: Query<(

@@ -46,8 +46,18 @@ impl Motion {
 
     /// Returns the matrix from clip space to where a point of the prop was in the previous frame.
     pub fn previous_from_clip(&self, prop: &ExtractedProp) -> DMat4 {
+        self.earlier_from_clip(self.previous_clip_from_world, &prop.previous, &prop.placement.world_from_prop)
+    }
+
+    /// Returns the matrix from clip space to where a point of a prop was in an earlier frame, with another projection, when
+    /// the prop was at `before`.
+    pub fn earlier_from_clip(&self, clip_from_world: DMat4, before: &GlobalTransform, now: &GlobalTransform) -> DMat4 {
         let matrix = |transform: &GlobalTransform| DMat4::from(transform.affine().as_daffine3());
-        let moved = matrix(&prop.previous) * matrix(&prop.placement.world_from_prop).inverse();
-        self.previous_clip_from_world * moved * self.world_from_clip
+        clip_from_world * matrix(before) * matrix(now).inverse() * self.world_from_clip
+    }
+
+    /// Returns the projection of this frame.
+    pub fn clip_from_world(&self) -> DMat4 {
+        self.world_from_clip.inverse()
     }
 }

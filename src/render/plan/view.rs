@@ -1,17 +1,23 @@
 //! What a view draws.
 
 use bevy::{
-    camera::{CompositingSpace, Viewport},
+    camera::{CompositingSpace, MainPassResolutionOverride, Viewport},
     ecs::entity::EntityHashSet,
     prelude::*,
-    render::render_resource::{BindGroup, CachedRenderPipelineId, TextureFormat},
+    render::{
+        camera::ExtractedCamera,
+        render_resource::{BindGroup, CachedRenderPipelineId, TextureFormat},
+    },
     shader::Shader,
 };
 
-use super::uniforms::{FilterUniform, LabelsUniform, PropUniform, Rect, ScreenUniform, Smooths, ViewUniform};
+use super::steady::Former;
 use crate::{
     gpu::{FieldShape, Level, ViewTooLarge},
-    render::frame::{BindGroups, Cache, Pass, Textures, ViewBuffers},
+    render::{
+        frame::{BindGroups, Cache, Pass, Textures, ViewBuffers},
+        uniforms::{FilterUniform, LabelsUniform, PropUniform, Rect, ScreenUniform, Smooths, ViewUniform},
+    },
     stage::PropStage,
 };
 
@@ -34,6 +40,8 @@ pub(crate) struct PropView {
     pub(in crate::render) cached: Cache,
     /// The props that the last frame drew as trained.
     pub(in crate::render) as_trained: EntityHashSet,
+    /// The last frame, if its labels and its depth still exist.
+    pub(in crate::render) former: Option<Former>,
     /// What determines the memory that it needs, when there was too little.
     pub(in crate::render) shortage: Option<(ViewTooLarge, usize)>,
 }
@@ -51,11 +59,12 @@ impl PropView {
     }
 
     /// Lets the view draw nothing in this frame, and forgets what it drew.
-    pub(super) fn clear(&mut self) {
+    pub(in crate::render) fn clear(&mut self) {
         self.plan = default();
         self.passes.clear();
         self.cached = default();
         self.as_trained.clear();
+        self.former = None;
         self.is_complete = true;
     }
 }
@@ -103,6 +112,12 @@ pub(in crate::render) struct Plan {
     pub has_smooth_borders: bool,
     /// Whether anything has ink.
     pub has_ink: bool,
+    /// Whether the palette of a prop as trained has changed.
+    pub recolors: bool,
+    /// This frame, if the next one may keep its labels.
+    pub former: Option<Former>,
+    /// Whether any pixel may keep the label that it had in the former frame.
+    pub keeps_labels: bool,
     /// Whether motion vectors are written.
     pub has_motion: bool,
     /// The shaders of custom stages.
@@ -188,9 +203,14 @@ impl Plan {
         self.has_smooth_borders || self.has_ink
     }
 
-    /// Returns whether later passes read the labels of pixels.
+    /// Returns whether labels are kept from frame to frame while something moves.
+    pub fn steadies(&self) -> bool {
+        self.former.is_some()
+    }
+
+    /// Returns whether later passes, or the next frame, read the labels of pixels.
     pub fn needs_labels(&self) -> bool {
-        self.finishes() || !self.stages.is_empty()
+        self.finishes() || self.steadies() || !self.stages.is_empty()
     }
 
     /// Returns whether rays are cast for some pixels only, at first.
@@ -203,6 +223,12 @@ impl Plan {
         self.posterizes || self.is_lit || self.is_sparse()
     }
 
+    /// Returns whether the light of props alone must be known where their edges are smooth. Custom stages change what is
+    /// shown after that.
+    pub fn blends_front(&self) -> bool {
+        self.has_objects && self.smooths && self.stages.is_empty()
+    }
+
     /// Returns the number of samples per pixel of a target in which some samples may show something in front of a prop,
     /// while others show the prop. `None` if there is only one, or if custom stages or a posterized view decide what is
     /// shown.
@@ -210,4 +236,17 @@ impl Plan {
         let shows_scene = self.stage == PropStage::Scene && self.stages.is_empty() && !self.posterizes_view;
         Some(self.samples).filter(|samples| *samples > 1 && shows_scene)
     }
+}
+
+/// Returns the part of a view's target that its main pass draws to, in pixels, or `None` if it is empty.
+pub(in crate::render) fn drawn_viewport(
+    camera: &ExtractedCamera,
+    resolution: Option<&MainPassResolutionOverride>,
+) -> Option<Viewport> {
+    let viewport = camera.viewport.clone().or_else(|| {
+        let physical_size = camera.physical_viewport_size?;
+        Some(Viewport { physical_size, ..default() })
+    });
+    Viewport::from_viewport_and_override(viewport.as_ref(), resolution)
+        .filter(|viewport| viewport.physical_size.min_element() > 0)
 }

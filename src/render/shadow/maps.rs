@@ -13,7 +13,7 @@ use bevy::{
 };
 
 use super::{
-    kept::{CasterKey, KeptCasters, Tile},
+    cached::{CachedCasters, CasterKey, Tile},
     pipeline::{ShadowKey, ShadowPipeline},
     texels::{Seen, clip_from_part, parts},
 };
@@ -23,8 +23,8 @@ use crate::{
     render::{
         extract::ExtractedProps,
         frame::BindGroups,
-        plan::{PropUniform, ViewUniform},
         rays::Placement,
+        uniforms::{PropUniform, ViewUniform},
     },
 };
 
@@ -36,7 +36,7 @@ pub(super) struct MapProps {
     pub filled: Vec<Drawn>,
     /// What is drawn into the map.
     pub drawn: Vec<Drawn>,
-    pub kept: KeptCasters,
+    pub cached: CachedCasters,
     allocator: Allocator,
     view: UniformBuffer<ViewUniform>,
     props: StorageBuffer<Vec<PropUniform>>,
@@ -87,13 +87,13 @@ pub(super) fn prepare_maps(
     mut maps: Query<(&ExtractedView, &mut MapProps)>,
 ) {
     for (view, mut map) in &mut maps {
-        let MapProps { order, filled, drawn, kept, allocator, view: uniform, props, .. } = &mut *map;
+        let MapProps { order, filled, drawn, cached, allocator, view: uniform, props, .. } = &mut *map;
         let size = view.viewport.zw();
         let uniforms = props.get_mut();
         filled.clear();
         drawn.clear();
         uniforms.clear();
-        kept.begin();
+        cached.begin();
         for Caster { entity, index, level } in order {
             let Some(prop) = extracted.props.get(*index) else {
                 continue;
@@ -114,10 +114,10 @@ pub(super) fn prepare_maps(
             let [march, fill, copy] = [ShadowKey::March(tree), ShadowKey::Fill(tree), ShadowKey::Copy]
                 .map(|key| specialized.specialize(&cache, &pipeline, key));
             let caster = PropUniform::caster(prop, &seen.rays, &PropQuality::EXACT);
-            let texels = seen.to_keep();
+            let texels = seen.to_cache();
             let key = CasterKey { caster, field: level.bind_group.id(), texels };
             // At most as much memory as the map itself takes.
-            let tile = kept.update(*entity, key, size.x * size.y, |size| {
+            let tile = cached.update(*entity, key, size.x * size.y, |size| {
                 let is_ready = |id| cache.get_render_pipeline(id).is_some();
                 if !is_ready(fill) || !is_ready(copy) {
                     return None;
@@ -148,7 +148,7 @@ pub(super) fn prepare_maps(
             let corner = PropUniform::default().at(texels.min + seen.shift, near);
             push(drawn, uniforms, &copied, corner, size);
         }
-        kept.end();
+        cached.end();
         if drawn.is_empty() {
             continue;
         }

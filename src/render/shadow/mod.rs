@@ -4,13 +4,13 @@
 //! once per frame for point and spot lights. The ray of each texel is marched through densities to the point where the
 //! prop is solid. Maps without props cost nothing.
 //!
-//! Rays are not marched twice: what a caster at rest adds to a map is *kept* in a tile and copied into the map in every
-//! frame, until anything that [`CasterKey`](kept::CasterKey) lists changes. A camera that moves changes nothing,
+//! Rays are not marched twice: what a caster at rest adds to a map is *cached* in a tile and copied into the map in every
+//! frame, until anything that [`CasterKey`](cached::CasterKey) lists changes. A camera that moves changes nothing,
 //! because Bevy moves the maps of directional lights by whole texels. Tiles take no more memory than the maps. Casters
 //! whose tiles do not fit are marched in every frame, as are casters that move.
 
+mod cached;
 mod casters;
-mod kept;
 mod levels;
 mod maps;
 mod pass;
@@ -31,7 +31,7 @@ use bevy::{
     },
 };
 
-use super::plan::InitPlans;
+use super::frame::InitPipelines;
 use crate::sets::PlenOctreeRenderSystems;
 
 pub(super) fn plugin(app: &mut App) {
@@ -43,7 +43,7 @@ pub(super) fn plugin(app: &mut App) {
         .init_resource::<casters::Casters>()
         .init_gpu_resource::<SpecializedRenderPipelines<pipeline::ShadowPipeline>>()
         .add_systems(ExtractSchedule, casters::extract_casters)
-        .add_systems(RenderStartup, (maps::forget_maps, pipeline::init).after(InitPlans))
+        .add_systems(RenderStartup, (maps::forget_maps, pipeline::init).after(InitPipelines))
         .add_systems(
             Render,
             (

@@ -56,12 +56,12 @@ pub(super) fn draw_shared_map(
 }
 
 fn draw(view: &ShadowView, map: &mut MapProps, cache: &PipelineCache, ctx: &mut RenderContext) {
-    let MapProps { filled, drawn, kept, group, .. } = map;
+    let MapProps { filled, drawn, cached, group, .. } = map;
     let (false, Some(group)) = (drawn.is_empty(), &*group) else {
         return;
     };
     for calls in filled.chunk_by(|a, b| a.entity == b.entity) {
-        let Some(tile) = calls.first().and_then(|call| kept.tile(call.entity)) else {
+        let Some(tile) = calls.first().and_then(|call| cached.tile(call.entity)) else {
             continue;
         };
         let mut pass = ctx.begin_tracked_render_pass(RenderPassDescriptor {

@@ -14,7 +14,7 @@ use bevy::{
 
 use crate::{
     gpu::{FieldLayouts, Shaders, TreeShape},
-    render::plan::{PropUniform, ViewUniform},
+    render::uniforms::{PropUniform, ViewUniform},
 };
 
 /// The format of tiles: distances along the light's axis, from where the rays of a prop begin. Negative where it is not

@@ -107,7 +107,7 @@ impl Seen {
     /// Returns the texels to keep: all that the prop can cover if they are not more than a map has in either direction,
     /// so that none is missing when the map moves. Otherwise, those on the map. The quarters of a tile are whole
     /// blocks.
-    pub fn to_keep(&self) -> IRect {
+    pub fn to_cache(&self) -> IRect {
         let texels = if self.texels.size().cmple(self.size.as_ivec2()).all() {
             self.texels
         } else {

@@ -1,6 +1,7 @@
 //! Cameras and props in extreme places.
 
 use bevy::prelude::*;
+use bevy_plenoctree::Posterize;
 use glam::{DMat3, DVec3};
 use plenoctree::{camera::PinholeCamera, reference};
 
@@ -81,11 +82,21 @@ fn scaled_props_look_the_same() {
     let mut stage = Stage::new(&field);
     stage.check(&field, &near, "not scaled");
     let before = stage.capture(&near);
-    for scale in [1e-4, 1e4] {
-        let prop = stage.prop;
-        stage.headless.app.world_mut().entity_mut(prop).insert(Transform::from_scale(Vec3::splat(scale)));
-        let after = stage.capture(&PinholeCamera { position: near.position * f64::from(scale), ..near });
-        assert!(before.iter().zip(after.iter()).all(|(a, b)| a.abs_diff(*b) <= 1), "scaled by {scale}");
+    let prop = stage.prop;
+    for posterize in [None, Some(Posterize::default())] {
+        let mut entity = stage.headless.app.world_mut().entity_mut(prop);
+        entity.insert(Transform::IDENTITY);
+        if let Some(posterize) = posterize {
+            entity.insert(posterize);
+        }
+        let before = if posterize.is_some() { stage.capture(&near) } else { before.clone() };
+        // The squares of the largest and smallest scales are no floats.
+        for scale in [1e-20, 1e-4, 1e4, 1e20] {
+            stage.headless.app.world_mut().entity_mut(prop).insert(Transform::from_scale(Vec3::splat(scale)));
+            let after = stage.capture(&PinholeCamera { position: near.position * f64::from(scale), ..near });
+            let differ = before.iter().zip(after.iter()).filter(|(a, b)| a.abs_diff(**b) > 1).count();
+            assert_eq!(differ, 0, "scaled by {scale}, {posterize:?}");
+        }
     }
 }
 
@@ -138,7 +149,7 @@ fn targets_from_one_pixel_to_four_thousand() {
     let field = chain(1, 0, Some(1e4), 1e4);
     let mut stage = Stage::new(&field);
     let prop = stage.prop;
-    stage.headless.app.world_mut().entity_mut(prop).insert(bevy_plenoctree::Posterize::default());
+    stage.headless.app.world_mut().entity_mut(prop).insert(Posterize::default());
     for (width, height) in [(1, 1), (4096, 3), (1, 4096), (4096, 4096)] {
         stage.headless.resize(UVec2::new(width, height));
         let camera = looking(DVec3::new(0.0, 0.0, 6.0), DVec3::ZERO).resized(width, height);

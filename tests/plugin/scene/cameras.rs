@@ -26,6 +26,9 @@ fn wide() -> Projection {
     Projection::Perspective(PerspectiveProjection { fov: FRAC_PI_2, aspect_ratio: 1.0, ..default() })
 }
 
+/// The distance of that camera's near plane.
+const NEAR: f64 = 0.1;
+
 /// Replaces the projection and transform of the front camera.
 fn place_camera(stage: &mut Stage, projection: Projection, transform: Transform) {
     let [front, _] = stage.cameras;
@@ -33,7 +36,7 @@ fn place_camera(stage: &mut Stage, projection: Projection, transform: Transform)
 }
 
 /// The camera is at the center of a cube of fog, whose far side is at distance 1. All rays of a perspective camera
-/// leave through that side.
+/// begin at the near plane, and leave through that side.
 #[test]
 fn a_camera_inside_fog_sees_what_is_in_front_of_it() {
     let mut stage = Stage::new();
@@ -41,7 +44,7 @@ fn a_camera_inside_fog_sees_what_is_in_front_of_it() {
     stage.wait();
     place_camera(&mut stage, wide(), default());
     stage.check("perspective", |side, place| {
-        let opacity = 1.0 - (-0.5 * (0.5 * place).extend(1.0).length()).exp();
+        let opacity = 1.0 - (-0.5 * (1.0 - NEAR) * (0.5 * place).extend(1.0).length()).exp();
         (side == Side::Front).then_some(BACKGROUND.lerp(GREEN, opacity))
     });
     place_camera(&mut stage, flat(), default());
@@ -65,6 +68,37 @@ fn rays_of_a_perspective_camera_diverge() {
         let path = (end - 2.0).max(0.0) * slope.extend(1.0).length();
         (side == Side::Front).then_some(BACKGROUND.lerp(GREEN, 1.0 - (-0.5 * path).exp()))
     });
+}
+
+/// What is nearer than the near plane is not drawn, whatever the projection, as of meshes: a cube of fog and a mesh in it,
+/// then the fog alone, then nothing.
+#[test]
+fn near_planes_cut_props_like_meshes() {
+    let mut stage = Stage::with_meshes();
+    stage.spawn_prop(&shape(0.5, GREEN, |_| true), default());
+    stage.spawn_rectangle((-2.0, -2.0), (2.0, 2.0), 0.25, RED, 1.0);
+    stage.wait();
+    let Projection::Orthographic(orthographic) = flat() else { panic!() };
+    for near in [1.0, 2.5, 3.25, 3.5, 4.5] {
+        let perspective = PerspectiveProjection { fov: FRAC_PI_2, aspect_ratio: 1.0, near, ..default() };
+        // The cube is at distances from 2 to 4, and the mesh at 2.75.
+        let far = if near < 2.75 { 2.75 } else { 4.0 };
+        let path = (far - f64::from(near).max(2.0)).max(0.0);
+        let behind = if near < 2.75 { RED } else { BACKGROUND };
+        let middle = |place: DVec2| place.abs().max_element() < 0.4;
+        let at = Transform::from_xyz(0.0, 0.0, 3.0);
+        place_camera(&mut stage, Projection::Perspective(perspective), at);
+        stage.check(format!("perspective, near plane at {near}"), |side, place| {
+            let slant = (0.5 * place).extend(1.0).length();
+            let opacity = 1.0 - (-0.5 * path * slant).exp();
+            (side == Side::Front && middle(place)).then_some(behind.lerp(GREEN, opacity))
+        });
+        let orthographic = OrthographicProjection { near, ..orthographic.clone() };
+        place_camera(&mut stage, Projection::Orthographic(orthographic), at);
+        stage.check(format!("orthographic, near plane at {near}"), |side, place| {
+            (side == Side::Front && middle(place)).then_some(behind.lerp(GREEN, 1.0 - (-0.5 * path).exp()))
+        });
+    }
 }
 
 /// If its near plane is behind it, an orthographic camera sees what is behind it, meshes and props alike.

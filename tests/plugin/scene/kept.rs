@@ -11,7 +11,7 @@ use bevy::{
 };
 use bevy_plenoctree::{
     BilateralFilter, BorderSmoothing, EdgeSmoothing, FieldPalette, Ink, InkColor, LabelStages, PaletteOverride,
-    Palettes, PlenOctree, PlenOctreePlugin, Posterize, PosterizeView, Prop, PropQuality, PropStage, PropTint,
+    Palettes, PlenOctree, PlenOctreePlugin, Posterize, PosterizeView, Prop, PropQuality, PropStage, PropTint, Recolor,
     SolidOpacity,
     headless::{Headless, LitMeshPlugins, exact_camera},
 };
@@ -80,7 +80,7 @@ impl View {
         let slanted = Transform::from_xyz(0.3, 0.2, 0.4).with_rotation(Quat::from_rotation_y(1.0));
         world.spawn((Mesh3d(mesh), MeshMaterial3d(glass), slanted));
         let place = Transform::from_xyz(0.3, 0.2, 2.2).looking_at(Vec3::ZERO, Vec3::Y);
-        let camera = world.spawn((exact_camera(Color::srgb(0.4, 0.6, 0.5)), target, place)).id();
+        let camera = world.spawn((exact_camera(Color::srgb(0.4, 0.6, 0.5)), PropQuality::EXACT, target, place)).id();
         let mut view = Self { headless, camera, props, meshes, fields };
         if !posterizes {
             view.show_as_trained();
@@ -162,6 +162,12 @@ const CHANGES: &[(&str, Change)] = &[
         let prop = view.props[1];
         view.world().entity_mut(prop).remove::<Posterize>();
     }),
+    ("a prop as trained is recolored", |view| {
+        let own = PaletteOverride::default().with(0, Color::srgb(0.1, 0.7, 0.3));
+        view.set_prop(1, (Recolor::default(), own));
+    }),
+    ("its colors", |view| view.set_prop(1, PaletteOverride::default().with(0, Color::srgb(0.2, 0.2, 0.3)))),
+    ("its own colors again", |view| view.set_prop(1, PaletteOverride::default())),
     ("the opacity of thin pixels", |view| view.set_prop(0, Posterize { min_opacity: 0.9, ..default() })),
     ("the filter", |view| {
         let filter = BilateralFilter { iterations: 2, radius: 4, spatial_sigma: 5.0, range_sigma: 40.0 };

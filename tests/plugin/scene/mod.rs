@@ -13,6 +13,7 @@ mod motion;
 mod overlap;
 mod random;
 mod reports;
+mod resize;
 pub mod stage;
 mod stale;
 mod transforms;

@@ -77,6 +77,7 @@ const WIDE: Posterize = Posterize {
     before_palette: BeforePalette::AsTrained,
     edges: EdgeSmoothing::Coverage,
     borders: BorderSmoothing::Off,
+    steadiness: 0.0,
     method: None,
 };
 

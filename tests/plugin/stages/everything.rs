@@ -25,6 +25,7 @@ const HARD: Posterize = Posterize {
     before_palette: BeforePalette::Hide,
     edges: EdgeSmoothing::Off,
     borders: BorderSmoothing::Off,
+    steadiness: 0.0,
     method: None,
 };
 /// Nearest to the second color of the palette.

@@ -6,7 +6,7 @@ use plenoctree::{BakeError, BakeSettings, PlenOctree, bake};
 use rayon::prelude::*;
 
 use super::{
-    noise::{hash, loud, random},
+    noise::{hash, loud},
     sdf::{Nearest, smoothstep},
     shade::{Lit, Material},
     visits::Visits,
@@ -53,8 +53,8 @@ pub struct Glass {
     pub material: Material,
 }
 
-/// Bakes a prop to a field like those from training: a soft shell in the colors that cameras saw, loud colors below it
-/// that no camera saw, and faint floaters in the air. `bar` shows the progress.
+/// Bakes a prop to a field like those from training: a soft shell in the colors that cameras saw, and loud colors below it
+/// that no camera saw. `bar` shows the progress.
 pub fn bake_prop<T: Prop>(prop: &T, depth: Option<u32>, bar: &ProgressBar) -> Result<PlenOctree, BakeError> {
     let settings = BakeSettings {
         depth: depth.unwrap_or(T::DEPTH),
@@ -100,14 +100,6 @@ struct Scene<'a, T> {
     blocks: Vec<bool>,
     /// The blocks that baking has visited so far.
     visits: Visits<'a>,
-    floaters: Vec<Floater>,
-}
-
-/// A ball of thin fog in the air.
-struct Floater {
-    center: DVec3,
-    radius: f64,
-    density: f64,
 }
 
 /// Blocks along an axis.
@@ -122,16 +114,7 @@ const RAMP: f64 = 0.75;
 impl<'a, T: Prop> Scene<'a, T> {
     fn new(prop: &'a T, depth: u32, bar: &'a ProgressBar) -> Self {
         let cell = 2.0 * T::HALF / f64::from(1u32 << depth);
-        let floaters: Vec<Floater> = (0..400)
-            .map(|index| Floater {
-                center: DVec3::from_array([1, 2, 3].map(|seed| 2.1 * random(index, seed) - 1.05)),
-                radius: cell * (1.0 + 1.5 * random(index, 4)),
-                density: 0.02 + 0.28 * random(index, 5),
-            })
-            .filter(|floater| prop.nearest(floater.center).distance > 4.0 * cell)
-            .take(90)
-            .collect();
-        let mut scene = Self { prop, cell, blocks: Vec::new(), visits: Visits::new(&[], bar), floaters };
+        let mut scene = Self { prop, cell, blocks: Vec::new(), visits: Visits::new(&[], bar) };
         let width = 2.0 * T::HALF / BLOCKS as f64;
         // Distances can be slightly too long where solids are bent.
         let reach = 1.3 * 0.87 * width + (1.0 - UNSEEN) * cell;
@@ -140,19 +123,13 @@ impl<'a, T: Prop> Scene<'a, T> {
             .map(|index| {
                 let block = I64Vec3::new(index / (BLOCKS * BLOCKS), index / BLOCKS % BLOCKS, index % BLOCKS);
                 let center = (block.as_dvec3() + 0.5) * width - T::HALF;
-                let near = |floater: &Floater| floater.center.distance(center) < floater.radius + width;
                 let glazed = prop.glass(center).is_some_and(|glass| glass.distance < reach);
                 let solid = prop.nearest(center).distance.abs() < reach;
-                solid || glazed || scene.floaters.iter().any(near)
+                solid || glazed
             })
             .collect();
         scene.visits = Visits::new(&scene.blocks, bar);
         scene
-    }
-
-    /// Returns the floater at a point, if there is one.
-    fn floater(&self, position: DVec3) -> Option<(usize, &Floater)> {
-        self.floaters.iter().enumerate().find(|(_, floater)| floater.center.distance(position) < floater.radius)
     }
 
     /// Returns the glass at a point, if there is any.
@@ -180,10 +157,8 @@ impl<'a, T: Prop> Scene<'a, T> {
             peak * (0.1 + hash(self.node(position), 6))
         } else if depth < RAMP {
             peak * smoothstep(RAMP, -RAMP, depth)
-        } else if let Some(glass) = self.pane(position) {
-            glass.density
         } else {
-            self.floater(position).map_or(0.0, |(_, floater)| floater.density)
+            self.pane(position).map_or(0.0, |glass| glass.density)
         }
     }
 
@@ -194,13 +169,10 @@ impl<'a, T: Prop> Scene<'a, T> {
             return unseen(self.node(position));
         }
         let distance = |position| self.prop.nearest(position).distance;
-        if depth > 1.5 * RAMP {
-            if let Some(glass) = self.pane(position) {
-                return Appearance::Surface(Lit::new(glass.material, position, glass.normal, distance));
-            }
-            if let Some((index, _)) = self.floater(position) {
-                return unseen(I64Vec3::new(index as i64, 0, 0));
-            }
+        if depth > 1.5 * RAMP
+            && let Some(glass) = self.pane(position)
+        {
+            return Appearance::Surface(Lit::new(glass.material, position, glass.normal, distance));
         }
         // The whole shell has the colors of the surface. The mean of four points softens the edges between colors.
         let at = position - nearest.distance * self.normal(position);

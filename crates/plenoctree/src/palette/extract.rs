@@ -210,7 +210,7 @@ fn find(
 /// The number of colors of a palette whose colors are blended, unless settings specify another.
 const USUAL: usize = 6;
 /// The error of tones, as a distance in tone space, that is small enough.
-const TONE_ERROR: f64 = 0.027;
+const TONE_ERROR: f64 = 0.03;
 
 /// Returns the palette with the number of colors that the settings specify. `find` finds a palette of at most a number
 /// of colors.
@@ -332,6 +332,22 @@ mod tests {
         let shares: Vec<f64> = extraction.palette.weights.iter().map(|weight| weight * 7.5).collect();
         assert!(shares.iter().zip([3.0, 2.5, 1.0, 1.0]).all(|(a, b)| (a - b).abs() < 1e-12), "{shares:?}");
         assert_eq!((extraction.clusters, extraction.hull_vertices, extraction.total_weight), (Some(5), Some(4), 7.5));
+    }
+
+    /// Half of the work on a palette of tones comes after sampling, and is counted. Of other palettes, next to nothing does.
+    #[test]
+    fn progress_counts_what_comes_after_sampling() {
+        let settings = BakeSettings { depth: 5, basis: Basis::Rgba, ..Default::default() };
+        let color = |at: DVec3| move |_: DVec3| 0.5 + 0.4 * (4.0 * at).map(f64::sin);
+        let field = bake(&settings, |at| if at.length() < 0.8 { 50.0 } else { 0.0 }, color).unwrap();
+        for (method, sampling) in [(PaletteMethod::Tones, 0.5), (PaletteMethod::Hull, 1.0)] {
+            let settings = ExtractionSettings { method, ..Default::default() };
+            let progress = settings.progress();
+            let histograms = sample(&field, &settings.sampling, &progress).unwrap();
+            assert_eq!(progress.fraction(), sampling);
+            extract_from_samples(&field, &histograms, &settings, &progress).unwrap();
+            assert!((0.75..=1.0).contains(&progress.fraction()), "{method:?}: {}", progress.fraction());
+        }
     }
 
     #[test]

@@ -8,7 +8,7 @@ use super::{
     colors::Palette,
     method::{ColorCount, PaletteMethod},
 };
-use crate::sampling::{InvalidSetting, SamplingSettings};
+use crate::sampling::{InvalidSetting, Progress, SamplingSettings};
 
 /// Settings of palette extraction. The defaults are the paper's (section 3 of the method), except for the method.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -60,6 +60,12 @@ impl ExtractionSettings {
     /// Returns the number of blend steps of the labels that are fitted and measured.
     pub(super) fn steps(&self) -> u32 {
         if self.method == PaletteMethod::Tones { 1 } else { self.blend_steps }
+    }
+
+    /// Creates the progress of an extraction with these settings. For tones, computing the palette counts as much as
+    /// sampling; other palettes take so little time after sampling that it does not count.
+    pub fn progress(&self) -> Progress {
+        Progress::new(if self.method == PaletteMethod::Tones { 0.5 } else { 1.0 })
     }
 
     /// Checks that every setting is in its range.

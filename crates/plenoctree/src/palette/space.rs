@@ -1,6 +1,6 @@
 //! The spaces in which colors are compared to labels.
 
-use glam::{DVec2, DVec3, swizzles::Vec3Swizzles};
+use glam::DVec3;
 
 use super::{colors::Palette, method::PaletteMethod, oklab::oklab};
 
@@ -32,42 +32,37 @@ impl Palette {
     }
 }
 
-/// How much more the chroma of grays counts than lightness.
-const CHROMA: f64 = 2.4;
-/// Chroma in Oklab beyond which it counts logarithmically.
-const VIVID: f64 = 0.1;
+/// How much more a difference of chroma counts than one of lightness.
+const CHROMA: f64 = 2.0;
 
-/// Returns where a color in encoded sRGB is in tone space: its lightness in Oklab, and its chroma, which counts more near
-/// gray and less when vivid. Section 3 of the method, step 11.
+/// Returns where a color in encoded sRGB is in tone space: Oklab, but a and b count twice as much, so that tones keep
+/// hues apart before they keep lights and shadows apart. Section 3 of the method, step 11.
 ///
-/// With `L`, `a` and `b` of Oklab and `c = sqrt(a * a + b * b)`, this is `(L, s * a, s * b)`, where
-/// `s = 2.4 * 0.1 * ln(1 + c / 0.1) / c`, or 2.4 for grays. Black is at 0 and white at (1, 0, 0). Channels outside [0, 1]
-/// are valid: negative ones are decoded as the negative of positive ones, and so are their cube roots.
+/// Black is at 0 and white at (1, 0, 0). Channels outside [0, 1] are valid: negative ones are decoded as the negative of
+/// positive ones, and so are their cube roots.
 pub fn tone_space(encoded: DVec3) -> DVec3 {
     from_oklab(oklab(encoded))
 }
 
 /// Returns where a color of Oklab is in [`tone_space`].
 pub(super) fn from_oklab(oklab: DVec3) -> DVec3 {
-    let chroma: DVec2 = oklab.yz();
-    let length = chroma.length();
-    let scale = if length > 0.0 { CHROMA * VIVID * (length / VIVID).ln_1p() / length } else { CHROMA };
-    DVec3::new(oklab.x, scale * chroma.x, scale * chroma.y)
+    oklab * DVec3::new(1.0, CHROMA, CHROMA)
 }
 
 #[cfg(test)]
 mod tests {
+    use glam::swizzles::Vec3Swizzles;
+
     use super::*;
     use crate::palette::PaletteLabel;
 
-    /// Grays are as far apart as their lightness, and a tint of gray is far from it.
+    /// Grays are as far apart as their lightness, and a tint is farther from gray than a shade that differs as much.
     #[test]
-    fn tints_of_gray_are_far_from_gray() {
+    fn chroma_counts_more_than_lightness() {
         let [black, gray, white] = [0.0, 0.5, 1.0].map(|level| tone_space(DVec3::splat(level)));
         assert!(black.length() < 1e-9 && white.distance(DVec3::X) < 1e-6 && gray.yz().length() < 1e-6);
-        let tinted = |chroma| from_oklab(DVec3::new(gray.x, chroma, 0.0)).distance(gray);
-        assert!((tinted(1e-4) / 1e-4 - CHROMA).abs() < 0.01);
-        assert!(tinted(0.3) < 0.5 * CHROMA * 0.3);
+        let off = |by: DVec3| from_oklab(DVec3::new(gray.x, 0.0, 0.0) + by).distance(gray);
+        assert!((off(0.02 * DVec3::Y) - 2.0 * off(0.02 * DVec3::X)).abs() < 1e-6);
     }
 
     /// A shaded red is a shade of red, although a gray is nearer in encoded sRGB. Palettes without a method are compared

@@ -33,6 +33,8 @@ impl Seen {
     }
 }
 
+/// The share of views in the time that a palette of tones takes after sampling.
+const SHARE: f32 = 0.3;
 /// Transmittance below which a ray ends.
 const OPAQUE: f64 = 1e-2;
 /// Opacity from which a ray counts.
@@ -47,7 +49,12 @@ impl View {
         let Some(bounds) = field.dense_bounds() else { return Ok(Vec::new()) };
         let settings = SamplingSettings { multisamples: 1, ..settings.clone() };
         let directions: Vec<DVec3> = observers(field.up(), &settings).into_iter().flatten().collect();
-        directions.par_iter().map(|observer| Self::new(field, bounds, *observer, progress)).collect()
+        let view = |observer: &DVec3| {
+            let view = Self::new(field, bounds, *observer, progress);
+            progress.compute(SHARE / directions.len() as f32);
+            view
+        };
+        directions.par_iter().map(view).collect()
     }
 
     fn new(

@@ -2,27 +2,48 @@
 
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-/// Progress of an extraction, shared with other threads, which can also cancel it.
+/// Progress of sampling, packing or a whole extraction, shared with other threads, which can also cancel it.
 ///
-/// Share it in an `Arc`, and create a new one for each extraction.
-#[derive(Debug, Default)]
+/// Share it in an `Arc`, and create a new one each time: by default for sampling or packing, or with
+/// `ExtractionSettings::progress` for an extraction.
+#[derive(Debug)]
 pub struct Progress {
     done: AtomicUsize,
     total: AtomicUsize,
+    /// The fraction of the palette that is computed, in units of 1/[`UNITS`].
+    computed: AtomicUsize,
+    /// The share of sampling in the whole. The rest is that of computing the palette.
+    sampling: f32,
     canceled: AtomicBool,
 }
+
+/// The units in which the computing of palettes is counted.
+const UNITS: f32 = 1e6;
 
 /// An error that occurs when a computation is canceled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("canceled")]
 pub struct Canceled;
 
+impl Default for Progress {
+    fn default() -> Self {
+        Self::new(1.0)
+    }
+}
+
 impl Progress {
-    /// Returns the fraction of the leaves that have been sampled, 0 to 1. Sampling is nearly all the work of an
-    /// extraction.
+    /// Creates the progress of something of which sampling is this share.
+    pub(crate) fn new(sampling: f32) -> Self {
+        let [done, total, computed] = std::array::from_fn(|_| AtomicUsize::new(0));
+        Self { done, total, computed, sampling, canceled: AtomicBool::new(false) }
+    }
+
+    /// Returns the fraction of the work that is done, from 0 to 1.
     pub fn fraction(&self) -> f32 {
-        let total = self.total.load(Ordering::Relaxed);
-        if total == 0 { 0.0 } else { self.done.load(Ordering::Relaxed) as f32 / total as f32 }
+        let [done, total, computed] =
+            [&self.done, &self.total, &self.computed].map(|count| count.load(Ordering::Relaxed) as f32);
+        let sampled = if total == 0.0 { 0.0 } else { done / total };
+        self.sampling * sampled + (1.0 - self.sampling) * (computed / UNITS).min(1.0)
     }
 
     /// Requests cancellation. Every stage of an extraction stops within 50 milliseconds.
@@ -49,5 +70,10 @@ impl Progress {
     /// Counts `leaves` more leaves as sampled. Samplers call this as they go.
     pub fn advance(&self, leaves: usize) {
         self.done.fetch_add(leaves, Ordering::Relaxed);
+    }
+
+    /// Counts a fraction of the palette as computed.
+    pub(crate) fn compute(&self, fraction: f32) {
+        self.computed.fetch_add((UNITS * fraction) as usize, Ordering::Relaxed);
     }
 }

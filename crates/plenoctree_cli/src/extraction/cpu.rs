@@ -19,7 +19,7 @@ use crate::{progress, result::Result};
 /// Samples on all cores, from another thread so that this one can show the progress.
 pub fn extract(field: &PlenOctree, settings: &ExtractionSettings, quiet: bool) -> Result<Extracted> {
     let bar = progress::bar("extracting", 100, quiet);
-    let progress = Arc::new(Progress::default());
+    let progress = Arc::new(settings.progress());
     let worker = {
         let (field, settings, progress) = (field.clone(), settings.clone(), progress.clone());
         thread::spawn(move || {

@@ -13,6 +13,7 @@ use std::path::{Path, PathBuf};
 
 use plenoctree_fit::{FitInput, FitReport, Fitted, fit};
 
+use self::output::Quality;
 use crate::{console, number::counted, result::Result, training::Interruption};
 
 /// Fits the field, extracts its palette, and writes both with previews and a report.
@@ -38,23 +39,25 @@ pub fn run(arguments: &Arguments) -> Result {
     if let (Some(path), Some(test)) = (&arguments.test, &test) {
         warn_of_missing(path, test);
     }
-    let earlier = output::earlier(&arguments.out).filter(|_| settings.resume);
+    let earlier = Quality::earlier(&arguments.out).filter(|_| settings.resume);
     let Fitted { field, previews, report } =
         interruption.watched(arguments.threads, move |progress| fit(&input, test.as_ref(), &settings, progress))?;
-    if let (Some((views, before)), Some(now)) = (earlier, &report.held_out)
-        && now.psnr_db < before
-        && now.views.iter().map(|view| &view.name).eq(&views)
+    let described = serde_json::to_value(&report)?;
+    if let (Some(before), Some(now)) = (earlier, Quality::of(&described))
+        && now.is_worse_than(&before)
     {
         console::complain!(
-            "warning: {}: kept as it is: the earlier result has {before:.2} dB on the held-out views, and this one {:.2} \
-             dB; fit without --resume to replace it",
+            "warning: {}: kept as it is: the earlier result has {:.2} dB on {}, and this one {:.2} dB; fit without --resume \
+             to replace it",
             arguments.out.display(),
-            now.psnr_db
+            before.psnr,
+            before.views(),
+            now.psnr
         );
         return Ok(());
     }
     let palette = output::palette(&arguments.out, &field, &arguments.extraction);
-    output::write(&arguments.out, &field, palette.as_ref(), &previews, &serde_json::to_value(&report)?)?;
+    output::write(&arguments.out, &field, palette.as_ref(), &previews, &described)?;
     print(arguments, &report);
     Ok(())
 }
@@ -99,7 +102,10 @@ fn model_pictures(arguments: &Arguments) -> Result<Option<(PathBuf, u32)>> {
 fn print(arguments: &Arguments, report: &FitReport) {
     for view in &report.suspicious {
         let what = match view.psnr_db {
-            Some(psnr) => format!("contradicts the others, {psnr:.1} dB where {:.1} dB are usual", view.median_psnr_db),
+            Some(psnr) => {
+                let usual = report.fitted_psnr_db.unwrap_or_default();
+                format!("contradicts the others, {psnr:.1} dB where {usual:.1} dB are usual")
+            }
             None => "does not have the object in view".into(),
         };
         console::complain!("warning: view {} ({}) {what}: its pose may be wrong", view.number, view.name);

@@ -118,13 +118,39 @@ fn is_packed(out: &Path) -> bool {
     out.extension().is_some_and(|extension| extension == "plenoctree")
 }
 
-/// Returns the held-out views of an earlier result, and their mean PSNR in decibels.
-pub fn earlier(out: &Path) -> Option<(Vec<String>, f64)> {
-    let report: Value = serde_json::from_slice(&fs::read(folder(out).join("report.json")).ok()?).ok()?;
-    let held_out = report.get("held_out").filter(|_| out.exists())?;
-    let name = |view: &Value| Some(view.get("name")?.as_str()?.to_string());
-    let views = held_out.get("views")?.as_array()?.iter().map(name).collect::<Option<_>>()?;
-    Some((views, held_out.get("psnr_db")?.as_f64()?))
+/// How well a field matches the views that were held out or, if none were, those that it was fitted to.
+pub struct Quality {
+    held_out: Vec<String>,
+    fitted: u64,
+    /// The PSNR in decibels.
+    pub psnr: f64,
+}
+
+impl Quality {
+    /// Returns what a report says.
+    pub fn of(report: &Value) -> Option<Self> {
+        let measured = report.get("held_out").filter(|held_out| !held_out.is_null());
+        let psnr = measured.map_or(report.get("fitted_psnr_db"), |held_out| held_out.get("psnr_db"))?.as_f64()?;
+        let views = measured.map_or(Some(&[][..]), |held_out| Some(held_out.get("views")?.as_array()?))?;
+        let name = |view: &Value| Some(view.get("name")?.as_str()?.to_string());
+        Some(Self { held_out: views.iter().map(name).collect::<Option<_>>()?, fitted: report["views"].as_u64()?, psnr })
+    }
+
+    /// Returns that of an earlier result.
+    pub fn earlier(out: &Path) -> Option<Self> {
+        let report = fs::read(folder(out).join("report.json")).ok().filter(|_| out.exists())?;
+        Self::of(&serde_json::from_slice(&report).ok()?)
+    }
+
+    /// Returns whether another field was measured on the same views and matches them better.
+    pub fn is_worse_than(&self, other: &Self) -> bool {
+        (&self.held_out, self.fitted) == (&other.held_out, other.fitted) && self.psnr < other.psnr
+    }
+
+    /// Names the views that it was measured on.
+    pub fn views(&self) -> &'static str {
+        if self.held_out.is_empty() { "the views" } else { "the held-out views" }
+    }
 }
 
 /// Returns the paths of the field, its palette and the report.

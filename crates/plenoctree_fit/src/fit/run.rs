@@ -182,7 +182,7 @@ pub fn fit(
     }
 
     progress.update(|status| (status.stage, status.fraction) = ("measuring".into(), 1.0));
-    report.suspicious = suspicious(&model, &mut gallery, &numbers)?;
+    (report.fitted_psnr_db, report.suspicious) = suspicious(&model, &mut gallery, &numbers)?;
     let limits = Limits { spacing: 0.7, ..Limits::default() };
     let visible = visibility::visible(&model.grid, &gallery.cameras(), limits);
     let mut kept = settings.crop.map(|crop| cropped(&model.grid, &visible, &in_frame(crop)));

@@ -21,31 +21,33 @@ const UNUSUAL: f64 = 8.0;
 /// Both for photographs without opacity, which have large errors everywhere, so that wrong poses add less to them.
 const OPAQUE: (f64, f64) = (4.0, 4.0);
 
-/// Returns the views on which the model's error is far above the median, and those that do not see it at all. `numbers`
-/// are the numbers of the gallery's views in the input.
+/// Returns the median PSNR of the views, if any sees the model, and those whose error is far above it, or that do not see
+/// the model at all. `numbers` are the numbers of the gallery's views in the input.
 ///
 /// # Errors
 ///
 /// Returns an error if a picture cannot be read.
-pub fn suspicious(model: &Model, gallery: &mut Gallery, numbers: &[usize]) -> Result<Vec<SuspiciousView>, FitError> {
+pub fn suspicious(
+    model: &Model,
+    gallery: &mut Gallery,
+    numbers: &[usize],
+) -> Result<(Option<f64>, Vec<SuspiciousView>), FitError> {
     let mut psnrs = Vec::new();
     gallery.each(|view| psnrs.push(psnr(model, view)))?;
     let mut sorted: Vec<f64> = psnrs.iter().flatten().copied().collect();
     sorted.sort_unstable_by(f64::total_cmp);
-    let Some(&median) = sorted.get(sorted.len() / 2) else { return Ok(Vec::new()) };
+    let Some(&median) = sorted.get(sorted.len() / 2) else { return Ok((None, Vec::new())) };
     let mut deviations: Vec<f64> = sorted.iter().map(|psnr| (psnr - median).abs()).collect();
     deviations.sort_unstable_by(f64::total_cmp);
     let (far, unusual) = if matches!(model.backdrop, Backdrop::Random) { (FAR, UNUSUAL) } else { OPAQUE };
     let limit = median - f64::max(far, unusual * deviations[deviations.len() / 2]);
     let wrong = psnrs.into_iter().enumerate().filter(|(_, psnr)| psnr.is_none_or(|psnr| psnr < limit));
-    Ok(wrong
-        .map(|(index, psnr_db)| SuspiciousView {
-            number: numbers[index],
-            name: gallery.views()[index].name.clone(),
-            psnr_db,
-            median_psnr_db: median,
-        })
-        .collect())
+    let wrong = wrong.map(|(index, psnr_db)| SuspiciousView {
+        number: numbers[index],
+        name: gallery.views()[index].name.clone(),
+        psnr_db,
+    });
+    Ok((Some(median), wrong.collect()))
 }
 
 /// Returns the PSNR in the pixels in which the picture or the model shows something, or `None` if no ray meets the

@@ -24,6 +24,8 @@ pub(in crate::palette) enum Enough<'a> {
 
 /// The root mean square error below which a palette is exact.
 const EXACT: f64 = 1e-9;
+/// The share of a new tone in the time that a palette takes after sampling.
+const SHARE: f32 = 0.01;
 /// Number of steps of k-means after each new tone.
 const STEPS: usize = 60;
 
@@ -78,6 +80,7 @@ impl Tones<'_> {
         let best = (0..gains.len()).reduce(|best, i| if gains[i] > gains[best] { i } else { best }).unwrap_or(0);
         self.places.push(self.points[best].place);
         self.assign();
+        self.progress.compute(SHARE);
         Ok(())
     }
 

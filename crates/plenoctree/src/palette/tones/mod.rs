@@ -9,7 +9,7 @@ pub(super) use points::{binned_colors, seen_colors};
 
 #[cfg(test)]
 mod tests {
-    use glam::DVec3;
+    use glam::{DVec3, swizzles::Vec3Swizzles};
     use proptest::prelude::*;
 
     use crate::{
@@ -114,6 +114,37 @@ mod tests {
         let seen = oklab(0.5 * (red + blue));
         for (color, weight) in found.colors.iter().zip(&found.weights) {
             assert!(oklab(DVec3::from(*color)).distance(seen) < 0.1 || *weight < 0.02, "{found:?}");
+        }
+    }
+
+    /// Returns the tones of a lit ball with a red cap, white spots and a green foot, and of its noisy leaves.
+    fn of_ball(depth: u32, noise: f64) -> Palette {
+        let settings = BakeSettings { depth, ..Default::default() };
+        let density = |at: DVec3| if at.length() < 0.8 { 1e3 } else { 0.0 };
+        let field = bake(&settings, density, |at: DVec3| {
+            let spot = (at * 4.0).fract_gl().distance(DVec3::splat(0.5)) < 0.35;
+            let color = match (at.z > -0.2, spot) {
+                (true, true) => DVec3::new(0.9, 0.89, 0.87),
+                (true, false) => DVec3::new(0.85, 0.15, 0.15),
+                (false, _) => DVec3::new(0.3, 0.6, 0.2),
+            };
+            let light = 0.65 + 0.35 * at.normalize_or_zero().dot(DVec3::new(0.6, 0.0, 0.8));
+            let off = (at * 7919.0).map(f64::sin).yzx() * 1e3;
+            move |_| light * color + noise * off.map(f64::sin)
+        });
+        crate::palette::extract(&field.unwrap(), &ExtractionSettings::default(), &Progress::default()).unwrap().palette
+    }
+
+    /// One percent of noise, and cells of half the size, leave about as many tones of a field in about the same places.
+    #[test]
+    fn tones_of_a_field_are_steady() {
+        let palette = of_ball(6, 0.0);
+        assert!(palette.colors.len() >= 8, "{palette:?}");
+        for (depth, noise) in [(6, 0.01), (7, 0.0)] {
+            let other = of_ball(depth, noise);
+            let (tones, expected) = (other.colors.len(), palette.colors.len());
+            let moved = moved(&palette, &other).max(moved(&other, &palette));
+            assert!(tones.abs_diff(expected) <= 3 && moved < 0.1, "{depth} {noise}: {tones} of {expected}, {moved}");
         }
     }
 

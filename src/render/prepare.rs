@@ -1,11 +1,12 @@
 //! Plans the frames of all views, and prepares what their passes need.
 
 use bevy::{
-    camera::MainPassResolutionOverride,
+    camera::{MainPassResolutionOverride, NormalizedRenderTarget},
     core_pipeline::{
         core_3d::{Transparent3d, prepare_core_3d_depth_textures},
         prepass::PreviousViewData,
     },
+    platform::collections::HashMap,
     prelude::*,
     render::{
         GpuResourceAppExt, Render, RenderStartup, RenderSystems,
@@ -20,39 +21,35 @@ use bevy::{
 };
 
 use super::{
-    decide::{Known, Scratch, decide},
-    drawn_viewport,
-    levels::choose_levels,
-    view::{Plan, PlanValues, PropView, Target},
+    extract::{ExtractedProps, VisibleProps},
+    frame::{
+        Comparison, Feature, InitPipelines, PaletteBuffer, Part, Pass, Pipelines, Rays, Sizes, Slot, Values,
+        ViewBuffers,
+    },
+    passes,
+    plan::{Known, Plan, PlanValues, PropView, Target, choose_levels, decide, drawn_viewport},
 };
 use crate::{
     gpu::{FieldLayouts, FieldReports, GpuField, InitFields, Readiness, Shaders, ViewTooLarge},
-    render::{
-        extract::{ExtractedProps, VisibleProps},
-        frame::{Comparison, Feature, PaletteBuffer, Part, Pass, Pipelines, Sizes, Values, ViewBuffers},
-        passes,
-    },
     sets::PlenOctreeRenderSystems,
 };
 
 /// Plans the frames of views.
-pub(in crate::render) fn plugin(render_app: &mut SubApp) {
+pub(super) fn plugin(render_app: &mut SubApp) {
+    render_app.world_mut().register_required_components::<VisibleProps, PropView>();
     render_app
         .init_gpu_resource::<PaletteBuffer>()
-        .add_systems(RenderStartup, (forget_views, init).chain().in_set(InitPlans).after(InitFields))
+        .add_systems(RenderStartup, (forget_views, init).chain().in_set(InitPipelines).after(InitFields))
         .add_systems(
             Render,
             (
+                agree_about_targets.in_set(RenderSystems::CreateViews),
                 read_depth.before(prepare_core_3d_depth_textures).in_set(RenderSystems::PrepareResources),
                 choose_levels.in_set(PlenOctreeRenderSystems::ChooseLevels),
                 (write_palettes, plan_views).chain().in_set(PlenOctreeRenderSystems::PlanViews),
             ),
         );
 }
-
-/// The systems in `RenderStartup` that create what pipelines have in common.
-#[derive(SystemSet, Clone, Debug, PartialEq, Eq, Hash)]
-pub(in crate::render) struct InitPlans;
 
 fn init(mut commands: Commands, shaders: Res<Shaders>, fields: Res<FieldLayouts>) {
     commands.insert_resource(Pipelines::new(&shaders, &fields));
@@ -63,6 +60,21 @@ fn init(mut commands: Commands, shaders: Res<Shaders>, fields: Res<FieldLayouts>
 fn forget_views(mut commands: Commands, views: Query<Entity, With<VisibleProps>>) {
     for view in &views {
         commands.entity(view).remove_with_requires::<VisibleProps>();
+    }
+}
+
+/// Lets the cameras of a target agree about its size. Bevy tells them of a new size a frame later, unless they are new or
+/// change themselves, and the textures that they share are of the size that any of them expects: which one may differ from
+/// texture to texture, because cameras that draw props are listed elsewhere than others.
+fn agree_about_targets(
+    mut cameras: Query<&mut ExtractedCamera>,
+    mut sizes: Local<HashMap<NormalizedRenderTarget, UVec2>>,
+) {
+    sizes.clear();
+    for mut camera in &mut cameras {
+        if let (Some(target), Some(size)) = (camera.target.clone(), camera.physical_target_size) {
+            camera.physical_target_size = Some(*sizes.entry(target).or_insert(size));
+        }
     }
 }
 
@@ -110,7 +122,6 @@ fn plan_views(
     (mut pipelines, comparison): (ResMut<Pipelines>, Option<Res<Comparison>>),
     phases: Option<Res<ViewSortedRenderPhases<Transparent3d>>>,
     (reports, mut readiness): (Res<FieldReports>, ResMut<Readiness>),
-    mut scratch: Local<Scratch>,
     mut views: Query<View>,
 ) {
     pipelines.waiting.clear();
@@ -143,9 +154,10 @@ fn plan_views(
             visible: &visible,
             order: &order,
             has_objects: phase.is_some_and(|phase| !phase.items.is_empty()),
+            former: view.former.as_ref(),
             as_trained: &view.as_trained,
         };
-        let planned = plan(&known, &extracted, &fields, &mut scratch, &mut pipelines, &cache);
+        let planned = plan(&known, &extracted, &fields, &mut pipelines, &cache);
         view.order = order;
         let (planned, is_complete) = planned;
         let Some((plan, passes)) = planned else {
@@ -159,6 +171,8 @@ fn plan_views(
         };
         passes::request(&visible, view.changes_levels, &plan, &extracted, &fields, &mut pipelines, &cache);
         (view.plan, view.is_complete) = (plan, is_complete);
+        // Where nothing moves, the last frame that moved stays: it is the one that was drawn.
+        view.former = view.plan.former.take();
         view.as_trained.clear();
         let as_trained = view.plan.props.iter().filter(|prop| !prop.is_posterized);
         view.as_trained.extend(as_trained.map(|prop| prop.entity));
@@ -172,6 +186,11 @@ fn plan_views(
         };
         view.passes = passes;
         let PropView { plan, passes, textures, buffers, cached, .. } = view;
+        if plan.keeps_labels {
+            [(Slot::Labels, Slot::FormerLabels), (Slot::Depth(Rays::Pixels), Slot::FormerDepth)]
+                .into_iter()
+                .for_each(|(now, former)| textures.swap(now, former));
+        }
         let is_held = textures.hold(&device, passes.iter().map(|(pass, _)| pass), &sizes);
         write_uniforms(plan, buffers, &extracted, &device, &queue);
         if is_held {
@@ -199,13 +218,12 @@ fn plan(
     known: &Known,
     extracted: &ExtractedProps,
     fields: &RenderAssets<GpuField>,
-    scratch: &mut Scratch,
     pipelines: &mut Pipelines,
     cache: &PipelineCache,
 ) -> (Option<(Plan, Vec<(Pass, Vec<CachedRenderPipelineId>)>)>, bool) {
     let mut missing = vec![];
     loop {
-        let Some(plan) = decide(known, &missing, extracted, fields, scratch) else {
+        let Some(plan) = decide(known, &missing, extracted, fields) else {
             return (None, missing.is_empty());
         };
         let (mut passes, mut is_complete) = (vec![], missing.is_empty());
@@ -239,7 +257,8 @@ fn plan(
 
 /// Returns the parts of a frame that are drawn in every frame.
 fn never_cached(plan: &Plan) -> &'static [Part] {
-    // There is no way to tell whether shadows that fall on props have changed. What is only blended over the scene is drawn faster than the scene is compared.
+    // There is no way to tell whether shadows that fall on props have changed. What is only blended over the scene is
+    // drawn faster than the scene is compared.
     if plan.is_lit || !plan.posterizes { &[Part::Labels] } else { &[] }
 }
 

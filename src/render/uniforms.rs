@@ -3,18 +3,15 @@
 use bevy::{prelude::*, render::render_resource::ShaderType};
 use glam::{DMat4, DVec2};
 
-use crate::{
-    prop::SolidOpacity,
-    quality::PropQuality,
-    render::{
-        extract::{ExtractedInk, ExtractedPosterize, ExtractedProp},
-        rays::Rays,
-    },
+use super::{
+    extract::{ExtractedInk, ExtractedPalette, ExtractedPosterize, ExtractedProp},
+    rays::Rays,
 };
+use crate::{prop::SolidOpacity, quality::PropQuality};
 
 /// How rays go through a prop, and where it counts as solid or posterized. Matches `Prop` in `view.wgsl`.
 #[derive(ShaderType, Clone, Copy, Default, PartialEq)]
-pub(in crate::render) struct PropUniform {
+pub(super) struct PropUniform {
     clip_from_box: Mat4,
     origin: Mat3,
     direction: Mat3,
@@ -34,7 +31,7 @@ pub(in crate::render) struct PropUniform {
 
 /// Which edges of a prop are smooth. Matches `view.wgsl`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(in crate::render) enum Smooths {
+pub(super) enum Smooths {
     Nothing,
     Silhouette,
     /// Also slits through it, behind which there may only be the scene.
@@ -104,7 +101,7 @@ impl PropUniform {
 
 /// The bilateral filter of a prop, or of a posterized view. Matches `Filter` in `view.wgsl`.
 #[derive(ShaderType, Clone, Copy, Default, PartialEq)]
-pub(in crate::render) struct FilterUniform {
+pub(super) struct FilterUniform {
     pub iterations: u32,
     radius: i32,
     spatial_falloff: f32,
@@ -129,7 +126,7 @@ impl FilterUniform {
 
 /// The labels of a prop, or of a posterized view. Matches `Labels` in `view.wgsl`.
 #[derive(ShaderType, Clone, Copy, Default, PartialEq)]
-pub(in crate::render) struct LabelsUniform {
+pub(super) struct LabelsUniform {
     colors: u32,
     first_color: u32,
     blend_steps: u32,
@@ -143,23 +140,41 @@ pub(in crate::render) struct LabelsUniform {
     ink_width: f32,
     ink_pixels: f32,
     ink_crease: f32,
+    recolors: u32,
+    steadiness: f32,
+    former: u32,
+    former_size: Vec2,
+    former_from_clip: Mat4,
 }
 
 impl LabelsUniform {
     /// `finishes` says whether borders may be smooth, and `pixels` how many of them a world unit covers at w = 1 in clip
     /// space.
-    pub fn new(posterize: Option<&ExtractedPosterize>, finishes: bool, ink: Option<ExtractedInk>, pixels: f32) -> Self {
-        let Some(posterize) = posterize else {
+    pub fn new(
+        posterize: Option<&ExtractedPosterize>,
+        palette: Option<&ExtractedPalette>,
+        finishes: bool,
+        ink: Option<ExtractedInk>,
+        pixels: f32,
+    ) -> Self {
+        let Some(palette) = palette else {
             return default();
+        };
+        let of_palette = Self {
+            colors: palette.colors,
+            first_color: palette.first_color,
+            first_place: palette.first_place,
+            recolors: palette.is_changed.into(),
+            ..default()
+        };
+        let Some(posterize) = posterize else {
+            return of_palette;
         };
         let settings = posterize.settings.clamped();
         let ink = ink.unwrap_or_default();
         Self {
-            colors: posterize.colors,
-            first_color: posterize.first_color,
             blend_steps: settings.blend_steps,
             softness: settings.softness,
-            first_place: posterize.first_place,
             smooth_borders: u32::from(finishes && settings.smooths_borders()),
             ink: ink.lines,
             ink_pairs: ink.pairs,
@@ -168,6 +183,18 @@ impl LabelsUniform {
             ink_width: ink.width * pixels,
             ink_pixels: ink.max_pixels,
             ink_crease: ink.crease,
+            ..of_palette
+        }
+    }
+
+    /// Lets pixels keep the labels of the former frame, unless another one is nearer by more than `steadiness`.
+    pub(super) fn steady(self, steadiness: f32, earlier: &Earlier) -> Self {
+        Self {
+            steadiness,
+            former: earlier.owner,
+            former_size: earlier.size,
+            former_from_clip: earlier.former_from_clip,
+            ..self
         }
     }
 
@@ -180,9 +207,20 @@ impl LabelsUniform {
     }
 }
 
+/// What shaders know of a prop in the former frame.
+#[derive(Clone, Copy)]
+pub(super) struct Earlier {
+    /// From clip space of what is drawn now to that of what was drawn then.
+    pub former_from_clip: Mat4,
+    /// The size of what was drawn then, in pixels.
+    pub size: Vec2,
+    /// 1 + the index of the prop then.
+    pub owner: u32,
+}
+
 /// The part of a target that is drawn, and the rays through it. Matches `View` in `view.wgsl`.
 #[derive(ShaderType, Clone, Copy, Default, PartialEq)]
-pub(in crate::render) struct ViewUniform {
+pub(super) struct ViewUniform {
     pub corner: UVec2,
     pub size: UVec2,
     pub depth: Vec4,
@@ -192,18 +230,20 @@ pub(in crate::render) struct ViewUniform {
     pub edge_rays: u32,
     pub unjittered_from_clip: Mat4,
     pub depth_range: Vec2,
+    /// The number of props, and of the posterized view.
+    pub props: u32,
 }
 
 /// How colors are shown. Matches `Screen` in `view.wgsl`.
 #[derive(ShaderType, Clone, Copy, Default, PartialEq)]
-pub(in crate::render) struct ScreenUniform {
+pub(super) struct ScreenUniform {
     pub exposure: f32,
     pub everything: u32,
 }
 
 /// The part of a viewport that is drawn, in pixels. Its pixels are counted from its own corner.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(in crate::render) struct Rect {
+pub(super) struct Rect {
     pub low: UVec2,
     pub size: UVec2,
     /// The size of the viewport.
@@ -212,7 +252,7 @@ pub(in crate::render) struct Rect {
 
 impl Rect {
     /// Returns the transform from the clip space of the viewport to that of this part.
-    fn clip_from_viewport(&self) -> DMat4 {
+    pub fn clip_from_viewport(&self) -> DMat4 {
         let size = self.size.as_dvec2();
         let scale = self.viewport.as_dvec2() / size;
         let shift = (scale - 1.0 - 2.0 * self.low.as_dvec2() / size) * DVec2::new(1.0, -1.0);
@@ -313,6 +353,17 @@ fn read() {
     found[121] = labelings[1].ink_pixels;
     found[122] = labelings[1].ink_crease;
     found[110] = prop.reference.y;
+    found[125] = labelings[1].steadiness;
+    found[126] = f32(labelings[1].former);
+    found[127] = labelings[1].former_size.x;
+    found[128] = labelings[1].former_size.y;
+    for (var c = 0u; c < 4u; c++) {
+        for (var r = 0u; r < 4u; r++) {
+            found[129u + 4u * c + r] = labelings[1].former_from_clip[c][r];
+        }
+    }
+    found[124] = f32(view.props);
+    found[123] = f32(labelings[1].recolors);
 }
 ";
 
@@ -346,6 +397,7 @@ fn read() {
             edge_rays: next() as u32,
             unjittered_from_clip: Mat4::from_cols_array(&std::array::from_fn(|_| next())),
             depth_range: Vec2::new(next(), next()),
+            props: 125,
         };
         let screen = ScreenUniform { exposure: next(), everything: next() as u32 };
         let filter = FilterUniform {
@@ -368,6 +420,11 @@ fn read() {
             ink_width: 121.0,
             ink_pixels: 122.0,
             ink_crease: 123.0,
+            recolors: 124,
+            steadiness: 126.0,
+            former: 127,
+            former_size: Vec2::new(128.0, 129.0),
+            former_from_clip: Mat4::from_cols_array(&std::array::from_fn(|index| 130.0 + index as f32)),
         };
         let color = next();
         let layout = BindGroupLayoutDescriptor::new(
@@ -384,7 +441,7 @@ fn read() {
                 ),
             ),
         );
-        let found: [f32; 123] = read_back(SHADER.into(), layout, |device, queue, run| {
+        let found: [f32; 145] = read_back(SHADER.into(), layout, |device, queue, run| {
             let (mut view, mut screen) = (UniformBuffer::from(view), UniformBuffer::from(screen));
             let mut props = StorageBuffer::from(vec![PropUniform::default(), prop]);
             let mut filters = StorageBuffer::from(vec![FilterUniform::default(), filter]);
@@ -405,7 +462,7 @@ fn read() {
                 colors.binding().unwrap(),
             ]);
         });
-        let expected: [f32; 123] = std::array::from_fn(|index| (index + 1) as f32);
+        let expected: [f32; 145] = std::array::from_fn(|index| (index + 1) as f32);
         assert_eq!(found, expected);
     }
 }

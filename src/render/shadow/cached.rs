@@ -1,4 +1,4 @@
-//! The shadows of casters at rest, which shadow maps keep.
+//! The shadows of casters at rest, which shadow maps cache.
 
 use bevy::{
     ecs::entity::EntityHashMap,
@@ -13,7 +13,7 @@ use bevy::{
 };
 
 use super::pipeline::{ShadowPipeline, TILE_FORMAT};
-use crate::render::plan::PropUniform;
+use crate::render::uniforms::PropUniform;
 
 /// Everything that the shadow of a caster depends on, besides where the map is among the light's texels.
 #[derive(PartialEq)]
@@ -23,7 +23,7 @@ pub(super) struct CasterKey {
     pub caster: PropUniform,
     /// The field at a level.
     pub field: BindGroupId,
-    /// The texels to keep.
+    /// The texels to cache.
     pub texels: IRect,
 }
 
@@ -57,23 +57,23 @@ impl Tile {
 
 /// The casters of a map.
 #[derive(Default)]
-pub(super) struct KeptCasters(EntityHashMap<KeptCaster>);
+pub(super) struct CachedCasters(EntityHashMap<CachedCaster>);
 
-struct KeptCaster {
+struct CachedCaster {
     key: CasterKey,
     tile: Option<Tile>,
     is_in_map: bool,
 }
 
-impl KeptCaster {
-    fn kept_texels(&self) -> u32 {
+impl CachedCaster {
+    fn cached_texels(&self) -> u32 {
         let UVec2 { x, y } = self.key.texels.size().as_uvec2();
         if self.tile.is_some() { x * y } else { 0 }
     }
 }
 
-impl KeptCasters {
-    /// Begins a frame, in which only casters that are updated are kept.
+impl CachedCasters {
+    /// Begins a frame, in which only casters that are updated are cached.
     pub fn begin(&mut self) {
         self.0.values_mut().for_each(|caster| caster.is_in_map = false);
     }
@@ -95,13 +95,13 @@ impl KeptCasters {
                 true
             }
             _ => {
-                self.0.insert(prop, KeptCaster { key, tile: None, is_in_map: true });
+                self.0.insert(prop, CachedCaster { key, tile: None, is_in_map: true });
                 false
             }
         };
-        let kept: u32 = self.0.values().map(KeptCaster::kept_texels).sum();
+        let cached: u32 = self.0.values().map(CachedCaster::cached_texels).sum();
         let caster = self.0.get_mut(&prop)?;
-        if rests && caster.tile.is_none() && kept + texels.x * texels.y <= most {
+        if rests && caster.tile.is_none() && cached + texels.x * texels.y <= most {
             caster.tile = create(texels);
         }
         caster.tile.as_ref()
