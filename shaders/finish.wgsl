@@ -37,7 +37,10 @@ fn finished(pixel: vec2<u32>) -> vec4<f32> {
     let prop = owner - 1u;
     var color = seen.rgb;
     var tint = props[prop].tint;
-    if labelings[prop].smooth_borders == 1u && is_at_border(labels, vec2<i32>(pixel), own) {
+    let is_rough = labelings[prop].smooth_borders == 1u && is_at_border(labels, vec2<i32>(pixel), own);
+    // Few pixels are. A loop that runs once or never costs nothing where it runs for none of a group of pixels, and some
+    // rasterizers compute both sides of branches.
+    for (var rough = select(0u, 1u, is_rough); rough > 0u; rough--) {
         var light = FULL_LIGHT;
 #ifdef LIGHTING
         let lit = select(owner, lit_prop(pixel), own.y == 0u);
