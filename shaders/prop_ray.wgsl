@@ -67,7 +67,9 @@ fn prop_ray(in: Varying) -> PropRay {
 // Returns the length of a vector whose square may be too large or too small for a float.
 fn any_length(vector: vec3<f32>) -> f32 {
     let most = max(max(abs(vector.x), abs(vector.y)), abs(vector.z));
-    return most * length(vector / most);
+    // A power of two, so that no digit is lost: rays whose directions are slightly too long take many more steps.
+    let scale = bitcast<f32>(bitcast<u32>(max(most, 1e-37)) & 0x7f800000u);
+    return scale * length(vector / scale);
 }
 
 // Returns the ray through a point of the viewport, as if there were nothing else in the scene.

@@ -4,10 +4,15 @@
 #import bevy_plenoctree::octree::{begin, density, has_ended, next_leaf}
 #import bevy_plenoctree::prop_ray::{PropRay, Varying, position_at, position_of, prop_ray, solid_depth_at}
 #import bevy_plenoctree::radiance::{harmonics, radiance}
+#ifdef RECOLORED
 #import bevy_plenoctree::recolor::recolored
+#endif
 #import bevy_plenoctree::view::{
-    is_solid_prop, labelings, motion_of, pack_owner, packed_haze, props, shows_through, view,
+    is_solid_prop, motion_of, pack_owner, packed_haze, props, shows_through, view,
 }
+#ifdef RECOLORED
+#import bevy_plenoctree::view::labelings
+#endif
 #ifdef LIT
 #import bevy_plenoctree::view::AS_TRAINED
 #endif
@@ -136,10 +141,11 @@ fn fragment(in: Varying) -> Fragment {
     if posterized == 0u {
         // Where the prop is posterized, its label is tinted instead, so that a tint does not change the label.
         var own = color / opacity;
-        // The label pass recolors the thin pixels of posterized props, so that no label depends on shown colors.
-        if labelings[in.prop].recolors == 1u && props[in.prop].posterized == 0u {
+#ifdef RECOLORED
+        if labelings[in.prop].recolors == 1u {
             own = recolored(in.prop, own);
         }
+#endif
         color = opacity * tinted(own, props[in.prop].tint);
     }
 #ifdef OVERLAPPING

@@ -7,7 +7,7 @@ use super::{
     extract::{ExtractedInk, ExtractedPalette, ExtractedPosterize, ExtractedProp},
     rays::Rays,
 };
-use crate::{prop::SolidOpacity, quality::PropQuality};
+use crate::{posterize::BorderSmoothing, prop::SolidOpacity, quality::PropQuality};
 
 /// How rays go through a prop, and where it counts as solid or posterized. Matches `Prop` in `view.wgsl`.
 #[derive(ShaderType, Clone, Copy, Default, PartialEq)]
@@ -173,6 +173,8 @@ impl LabelsUniform {
         let settings = posterize.settings.clamped();
         let ink = ink.unwrap_or_default();
         Self {
+            // The paper shows thin pixels as rendered.
+            recolors: u32::from(palette.is_changed && settings.borders == BorderSmoothing::Interpolated),
             blend_steps: settings.blend_steps,
             softness: settings.softness,
             smooth_borders: u32::from(finishes && settings.smooths_borders()),

@@ -96,8 +96,9 @@ pub(super) fn volume(plan: &Plan, rays: Rays) -> Pass {
     for piece in pieces {
         for (index, prop) in plan.props.iter().enumerate().filter(|(_, prop)| piece.is_of(prop)) {
             let overlaps = prop.overlap != Overlap::None;
-            let program = index_of(&mut kinds, (prop.shape, overlaps, prop.is_lit), || {
-                pass.programs.push(volume_program(plan, rays, prop.shape, overlaps, prop.is_lit));
+            let program = index_of(&mut kinds, (prop.shape, overlaps, prop.is_lit, prop.may_recolor), || {
+                let program = volume_program(plan, rays, prop.shape, overlaps, prop.is_lit);
+                pass.programs.push(program.define_if(prop.may_recolor, "RECOLORED"));
             });
             pass.draws.extend(draw(plan, rays, prop, program, index as u32 | (*piece as u32) << 16));
         }

@@ -113,6 +113,7 @@ pub(in crate::render) fn decide(
                 overlap: if is_solid { Overlap::Solid } else { Overlap::Thin },
                 is_lit: seen.prop.is_lit() && stage == PropStage::Scene && has(Feature::Lighting),
                 is_posterized: seen.posterize.is_some(),
+                may_recolor: seen.posterize.is_none() && seen.palette.is_some(),
                 smooths: if is_smooth && has(Feature::Edges) { Smooths::Silhouette } else { Smooths::Nothing },
                 rect: URect { min: in_rect(covered.min), max: in_rect(covered.max) },
             }

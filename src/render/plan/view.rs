@@ -167,6 +167,8 @@ pub(in crate::render) struct PlannedProp {
     pub overlap: Overlap,
     pub is_lit: bool,
     pub is_posterized: bool,
+    /// Whether it is drawn as trained, and recolored if its palette has changed.
+    pub may_recolor: bool,
     pub smooths: Smooths,
     /// The pixels of the drawn part of the view that its box can cover.
     pub rect: URect,
