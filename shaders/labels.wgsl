@@ -181,7 +181,8 @@ fn assign(color: vec3<f32>, prop: u32, light: Light) -> Shown {
         let off = place - colors[places + i].rgb;
         consider(&nearest, packed(i, i, 0u), dot(off, off));
     }
-    for (var i = 0u; i < count; i++) {
+    // Tones do not blend, and there are many of them.
+    for (var i = 0u; i < select(0u, count, steps > 1u); i++) {
         let first = colors[places + i].rgb;
         for (var j = i + 1u; j < count; j++) {
             let second = colors[places + j].rgb;
