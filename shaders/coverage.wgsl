@@ -1,5 +1,5 @@
 // The coverage pass: marches several rays through each pixel at the edge of a posterized prop, to find which part of
-// the pixel the prop covers, and its color there. In a view of a single prop, it also finds these pixels.
+// the pixel the prop covers, and its color there.
 
 #import bevy_plenoctree::color::to_half
 #import bevy_plenoctree::edge::{FAINTEST, RAYS, neighbor, offset_of_four, ray_offset}
@@ -7,9 +7,6 @@
 #import bevy_plenoctree::edge::{rays_of, sample_of}
 #endif
 #import bevy_plenoctree::octree::{begin, density, field, has_ended, next_leaf}
-#ifdef ALONE
-#import bevy_plenoctree::owners::owners_at
-#endif
 #import bevy_plenoctree::prop_ray::{PropRay, Varying, position_of, ray_at}
 #import bevy_plenoctree::radiance::{Harmonics, harmonics, radiance}
 #import bevy_plenoctree::scene::scene_value
@@ -17,12 +14,8 @@
     FAR_AWAY, LEAST_SOLID_DEPTH, NOWHERE, Prop, depth_value, is_solid, owner_of, props, stale, view, view_distance,
 }
 
-#ifdef ALONE
-@group(2) @binding(0) var layer: texture_2d<f32>;
-#else
 // The result of the outline pass.
 @group(2) @binding(0) var outline: texture_2d<u32>;
-#endif
 @group(2) @binding(1) var owner: texture_2d<f32>;
 @group(2) @binding(2) var depth: texture_depth_2d;
 #ifdef OF_OTHERS
@@ -239,24 +232,12 @@ struct Fragment {
 #else
     @location(2) other: vec4<f32>,
 #endif
-#ifdef ALONE
-    // As the outline pass writes them.
-    @location(3) owners: vec2<u32>,
-    @builtin(frag_depth) mask: f32,
-#endif
 }
 
 @fragment
 fn fragment(in: Varying) -> Fragment {
     let pixel = vec2<i32>(in.position.xy);
-#ifdef ALONE
-    let owners = owners_at(layer, owner, depth, pixel);
-    if all(owners == vec2(0u)) {
-        return Fragment();
-    }
-#else
     let owners = textureLoad(outline, pixel, 0).xy;
-#endif
     let is_own = owners.x == in.prop + 1u;
 #ifdef OF_OWNERS
     let is_drawn = is_own && owners.y > 0u;
@@ -408,10 +389,6 @@ fn fragment(in: Varying) -> Fragment {
         places,
 #else
         to_half(select(first.sum, second.sum, is_own)),
-#endif
-#ifdef ALONE
-        owners,
-        1.0,
 #endif
     );
 }

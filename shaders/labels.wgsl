@@ -181,17 +181,59 @@ fn shown_in(prop: u32, label: Label, light: Light) -> vec3<f32> {
 #endif
 }
 
+// Considers the palette colors as labels.
+fn consider_colors(nearest: ptr<function, Nearest>, place: vec3<f32>, prop: u32) {
+    let count = labelings[prop].colors;
+    let places = labelings[prop].first_place;
+    for (var i = 0u; i < count; i++) {
+        let off = place - colors[places + i].rgb;
+        consider(nearest, packed(i, i, 0u), dot(off, off));
+    }
+}
+
+// Considers tones as labels, those that are nearest in lightness first, until no other one can be near enough.
+fn consider_tones(nearest: ptr<function, Nearest>, place: vec3<f32>, prop: u32) {
+    let count = labelings[prop].colors;
+    let sorted = labelings[prop].first_place + count;
+    let is_hard = labelings[prop].softness == 0.0;
+    var low = 0u;
+    var high = count;
+    while low < high {
+        let middle = (low + high) / 2u;
+        let is_darker = colors[sorted + middle].x < place.x;
+        low = select(low, middle + 1u, is_darker);
+        high = select(middle, high, is_darker);
+    }
+    var is_done = false;
+    for (var step = 0u; step < count && !is_done; step++) {
+        is_done = true;
+        // A lighter tone, and a darker one. Less than 0 is more than `count`.
+        let sides = vec2(low + step, low - 1u - step);
+        for (var side = 0u; side < 2u; side++) {
+            let tone = colors[sorted + min(sides[side], count - 1u)];
+            let off = place - tone.rgb;
+            let least = select((*nearest).distances.y, (*nearest).distances.x, is_hard);
+            if sides[side] < count && off.x * off.x <= least {
+                let index = u32(tone.w);
+                consider(nearest, packed(index, index, 0u), dot(off, off));
+                is_done = false;
+            }
+        }
+    }
+}
+
 // Returns the label that is nearest to a place.
 fn assign(place: vec3<f32>, prop: u32, light: Light) -> Shown {
     let count = labelings[prop].colors;
     let places = labelings[prop].first_place;
     let steps = labelings[prop].blend_steps;
     var nearest = Nearest(vec2(0u), vec2(FAR));
-    for (var i = 0u; i < count; i++) {
-        let off = place - colors[places + i].rgb;
-        consider(&nearest, packed(i, i, 0u), dot(off, off));
+    if are_tones(prop) {
+        consider_tones(&nearest, place, prop);
+    } else {
+        consider_colors(&nearest, place, prop);
     }
-    // Tones do not blend, and there are many of them.
+    // Tones do not blend.
     for (var i = 0u; i < select(0u, count, steps > 1u); i++) {
         let first = colors[places + i].rgb;
         for (var j = i + 1u; j < count; j++) {

@@ -9,10 +9,12 @@
 struct Fragment {
     // The result of `owners_at`.
     @location(0) owners: vec2<u32>,
+#ifdef SEVERAL
     // As in `coverage.wgsl`, which adds to these.
     @location(1) bits: vec4<f32>,
     @location(2) own_color: vec4<f32>,
     @location(3) other_color: vec4<f32>,
+#endif
     // 1 at the edges of props, and 0 elsewhere, for the depth test of the passes that follow.
     @builtin(frag_depth) mask: f32,
 }

@@ -81,8 +81,9 @@ struct Filter {
 struct Labels {
     // The number of palette colors.
     colors: u32,
-    // The index in `colors` of the palette's first source color. The shown colors follow the source colors, and then the
-    // source colors in the space of tones. The last channel of a source color is its ramp.
+    // The index in `colors` of the palette's first source color. The shown colors follow the source colors, then the source
+    // colors in the space of tones, and then these from dark to light. The last channel of a source color is its ramp, and
+    // that of one of the last ones its index.
     first_color: u32,
     blend_steps: u32,
     softness: f32,

@@ -232,7 +232,8 @@ impl PaletteWriter<'_> {
         }
     }
 
-    /// Appends source colors with their ramps, shown colors, and the places of the source colors as tones.
+    /// Appends source colors with their ramps, shown colors, the places of the source colors as tones, and these from dark to
+    /// light, with their indices.
     fn append(&mut self, palette: &FieldPalette, own: Option<&PaletteOverride>) -> ExtractedPalette {
         let first = self.colors.len() as u32;
         let of = palette.palette();
@@ -255,7 +256,10 @@ impl PaletteWriter<'_> {
         let (count, first_source) = (source.len() as u32, first as usize);
         let is_changed = (0..source.len())
             .any(|index| self.colors[first_source + index].truncate() != self.colors[shown + index].truncate());
-        self.colors.extend(source.iter().map(|color| tone_space(glam::DVec3::from(*color)).as_vec3().extend(0.0)));
+        let places: Vec<Vec3> = source.iter().map(|color| tone_space(glam::DVec3::from(*color)).as_vec3()).collect();
+        let mut sorted: Vec<Vec4> = (0u16..).zip(&places).map(|(index, place)| place.extend(index.into())).collect();
+        sorted.sort_by(|a, b| a.x.total_cmp(&b.x));
+        self.colors.extend(places.iter().map(|place| place.extend(0.0)).chain(sorted));
         let first_place = if of.label_space() == LabelSpace::Encoded { first } else { first + 2 * count };
         ExtractedPalette { first_color: first, colors: count, first_place, is_changed }
     }

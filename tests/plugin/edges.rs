@@ -470,7 +470,7 @@ fn only_views_with_smooth_edges_pay_for_them() {
     stage.headless.capture().unwrap();
     assert!(compiled(&stage).is_empty());
     stage.capture(EdgeSmoothing::Coverage);
-    assert_eq!(compiled(&stage), ["plenoctree_blend", "plenoctree_coverage"]);
+    assert_eq!(compiled(&stage), ["plenoctree_blend", "plenoctree_coverage", "plenoctree_outline"]);
 }
 
 /// Bakes a plate at the bottom of a box, and a chip in its uppermost corner, which makes the box high.

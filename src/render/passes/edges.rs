@@ -2,7 +2,7 @@
 //! part of the method, whose edges are hard.
 //!
 //! The *outline* pass finds the pixels at the edges of props, and the owners that may cover parts of them. The
-//! *coverage* pass marches several rays through those pixels, and no others. In a view of a single prop, it does both.
+//! *coverage* pass marches several rays through those pixels, and no others.
 
 use bevy::{
     prelude::*,
@@ -25,8 +25,6 @@ pub(super) const COVERAGE: &str = "plenoctree_coverage";
 /// The pixels of a prop that a pass draws.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Pixels {
-    /// All of them, of the only prop of a view. Also finds the outline.
-    Alone,
     /// All of them.
     All,
     /// Those that the prop owns, where another one may be before it. Writes where the rays reach it, for those that
@@ -42,32 +40,27 @@ const LAYER: [Input; 3] = [
     Input::Texture(Slot::Depth(Rays::Pixels)),
 ];
 
-/// Finds the pixels at edges in views of several props, and clears what the coverage pass adds to.
+/// Finds the pixels at edges, and clears what the coverage pass adds to if there are several props.
 pub(super) fn outline(plan: &Plan) -> Option<Pass> {
-    (plan.smooths && plan.props.len() > 1).then(|| Pass {
+    let is_several = plan.props.len() > 1;
+    let rays: &[Slot] = if is_several { &[Slot::Coverage, Slot::OwnRays, Slot::OtherRays] } else { &[] };
+    let program = Program::new("outline").define_if(is_several, "SEVERAL");
+    plan.smooths.then(|| Pass {
         feature: Feature::Edges,
         reads: vec![LAYER.to_vec()],
         uses: &[Uniforms::View, Uniforms::Props],
-        writes: [Slot::Outline, Slot::Coverage, Slot::OwnRays, Slot::OtherRays]
-            .map(|slot| Some(Output::Texture(slot)))
-            .to_vec(),
+        writes: [Slot::Outline].iter().chain(rays).map(|slot| Some(Output::Texture(*slot))).collect(),
         depth: Some(Output::Texture(Slot::EdgeMask)),
         clear: Some(Clear::Zero),
-        ..Pass::fullscreen(
-            OUTLINE,
-            Place::Layer,
-            Some(Part::Layer),
-            Program::new("outline").depth_test(CompareFunction::Always, true),
-        )
+        ..Pass::fullscreen(OUTLINE, Place::Layer, Some(Part::Layer), program.depth_test(CompareFunction::Always, true))
     })
 }
 
 /// Finds which parts of these pixels props cover. Where props overlap, those before others are compared with them ray by
 /// ray.
 pub(super) fn coverage(plan: &Plan) -> Vec<Pass> {
-    let pixels = match plan.props.len() {
+    let pixels = match () {
         _ if !plan.smooths => &[][..],
-        1 => &[Pixels::Alone],
         _ if plan.overlaps => &[Pixels::OfOwners, Pixels::OfOthers],
         _ => &[Pixels::All],
     };
@@ -78,14 +71,13 @@ fn coverage_of(plan: &Plan, pixels: Pixels) -> Pass {
     let sum =
         BlendComponent { src_factor: BlendFactor::One, dst_factor: BlendFactor::One, operation: BlendOperation::Add };
     let add = Blend::With(BlendState { color: sum, alpha: sum });
+    // A single prop writes all of the pixels.
+    let blend = if plan.props.len() > 1 { add } else { Blend::Replace };
     let (outline, owner) = (Input::Texture(Slot::Outline), Input::Texture(Slot::Owner(Rays::Pixels)));
     let depth = Input::Texture(Slot::Depth(Rays::Pixels));
     let (definition, reads, writes, blends) = match pixels {
-        Pixels::Alone => {
-            (Some("ALONE"), LAYER.to_vec(), vec![Slot::Coverage, Slot::OwnRays, Slot::OtherRays, Slot::Outline], vec![])
-        }
         Pixels::All => {
-            (None, vec![outline, owner, depth], vec![Slot::Coverage, Slot::OwnRays, Slot::OtherRays], vec![add; 3])
+            (None, vec![outline, owner, depth], vec![Slot::Coverage, Slot::OwnRays, Slot::OtherRays], vec![blend; 3])
         }
         Pixels::OfOwners => (
             Some("OF_OWNERS"),
@@ -112,12 +104,10 @@ fn coverage_of(plan: &Plan, pixels: Pixels) -> Pass {
             };
             let program = definition.into_iter().fold(program, Program::define);
             let program = program.define_number("SAMPLES", Some(plan.samples));
-            programs.push(program.define_all(field_definitions(prop.shape)).depth_test(
-                if pixels == Pixels::Alone { CompareFunction::Always } else { CompareFunction::Less },
-                pixels == Pixels::Alone,
-            ));
+            programs.push(program.define_all(field_definitions(prop.shape)).depth_test(CompareFunction::Less, false));
         });
-        let scissor = (pixels != Pixels::Alone).then_some(prop.rect);
+        // A single prop writes all pixels at its edges, even where its rays do not meet its box.
+        let scissor = (plan.props.len() > 1).then_some(prop.rect);
         let field = Some(prop.field.clone());
         draws.push(Draw { field, instance: index as u32, scissor, ..Draw::triangle(program) });
     }
@@ -127,7 +117,6 @@ fn coverage_of(plan: &Plan, pixels: Pixels) -> Pass {
         uses: &[Uniforms::View, Uniforms::Props],
         writes: writes.into_iter().map(|slot| Some(Output::Texture(slot))).collect(),
         depth: Some(Output::Texture(Slot::EdgeMask)),
-        clear: (pixels == Pixels::Alone).then_some(Clear::Zero),
         programs,
         draws,
         ..Pass::fullscreen(COVERAGE, Place::Layer, Some(Part::Layer), Program::new("coverage"))
