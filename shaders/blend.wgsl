@@ -6,7 +6,7 @@
 #ifdef INK
 #import bevy_plenoctree::ink::{Surface, ink_at, inked, surface_at}
 #endif
-#import bevy_plenoctree::labels::assign
+#import bevy_plenoctree::labels::{assign, place_of_color}
 #import bevy_plenoctree::recolor::recolored
 #import bevy_plenoctree::shade::FULL_LIGHT
 #ifdef LIGHTING
@@ -122,7 +122,7 @@ fn posterized(pixel: vec2<u32>, rays: vec4<f32>, owner: u32, behind: vec3<f32>) 
     tint *= shade.tint;
     light = shade.light;
 #endif
-    let color = decode(tinted(assign(over, owner - 1u, light).color, tint));
+    let color = decode(tinted(assign(place_of_color(owner - 1u, over), owner - 1u, light).color, tint));
 #ifdef INK
     let part = ink_at(labels, depth, vec2<i32>(pixel), own_surface(pixel, owner));
     return inked(owner - 1u, props[owner - 1u].tint, color, part);

@@ -1,13 +1,12 @@
 // Smooths the borders between hard labels inside a prop, and removes islands of a few pixels. This is not part of the
 // method, whose labels are those of the centers of pixels.
 //
-// Labels are assigned at several places within a pixel, from colors that are interpolated between the centers of the
-// filtered pixels around it: the border runs where two labels are equally near. Only labels of neighbors take part, so
-// that no third label appears where a color changes from one to another.
+// Filtered colors are interpolated between the centers of pixels, and a border runs where two labels are equally near.
+// Within a pixel it is a straight line, which gives the part of the pixel on either side. Only labels of neighbors take
+// part, so that no third label appears where a color changes from one to another.
 #define_import_path bevy_plenoctree::borders
 
 #import bevy_plenoctree::color::{decode, encode}
-#import bevy_plenoctree::edge::{RAYS, ray_offset}
 #import bevy_plenoctree::filter_texel::unpack
 #import bevy_plenoctree::labels::{label_at, place_of, placed, shown_in}
 #import bevy_plenoctree::shade::Light
@@ -16,7 +15,6 @@
 // The fewest pixels of a label within the 5 x 5 pixels around one of them that are no island.
 const LEAST_PIXELS: u32 = 4u;
 const AROUND: i32 = 5;
-const MOST_CANDIDATES: u32 = 9u;
 const NO_LABEL: u32 = 0xffffffffu;
 
 // Returns the label of a pixel, as the label pass writes it, if a prop owns it.
@@ -24,11 +22,6 @@ fn label_of(labels: texture_2d<u32>, pixel: vec2<i32>, owner: u32) -> u32 {
     let is_inside = all(pixel >= vec2(0)) && all(pixel < vec2<i32>(view.size));
     let texel = textureLoad(labels, max(pixel, vec2(0)), 0).xy;
     return select(NO_LABEL, texel.x, is_inside && texel.y == owner && texel.x >= 2u);
-}
-
-// Returns the weights of a quadratic B-spline at a distance from the center of a pixel, from -0.5 to 0.5.
-fn spline(t: f32) -> vec3<f32> {
-    return vec3(0.5 * (0.5 - t) * (0.5 - t), 0.75 - t * t, 0.5 * (0.5 + t) * (0.5 + t));
 }
 
 // Returns whether a pixel is at a border between labels of its owner.
@@ -41,6 +34,18 @@ fn is_at_border(labels: texture_2d<u32>, pixel: vec2<i32>, own: vec2<u32>) -> bo
     return differs;
 }
 
+// Returns the part of a pixel on the far side of a line: where a linear function is negative that has a value of at least 0
+// at the center, and a gradient per pixel.
+fn beyond(value: f32, gradient: vec2<f32>) -> f32 {
+    let steep = max(abs(gradient.x), abs(gradient.y));
+    let flat = min(abs(gradient.x), abs(gradient.y));
+    // The line crosses two opposite sides of the pixel, or cuts off a corner.
+    let across = 0.5 - value / max(steep, 1e-20);
+    let rest = max(0.5 * (steep + flat) - value, 0.0);
+    let corner = rest * rest / max(2.0 * steep * flat, 1e-30);
+    return clamp(select(corner, across, 2.0 * value <= steep - flat), 0.0, 0.5);
+}
+
 // Returns the color of a pixel at a border, in encoded sRGB. `own` is its texel of `labels`, and `light` the light
 // in which it is seen.
 fn bordered(
@@ -51,75 +56,77 @@ fn bordered(
     prop: u32,
     light: Light,
 ) -> vec3<f32> {
-    var around: array<u32, 25>;
-    for (var i = 0; i < AROUND * AROUND; i++) {
-        around[i] = label_of(labels, pixel + vec2(i % AROUND - 2, i / AROUND - 2), own.y);
-    }
-    var candidates: array<u32, MOST_CANDIDATES>;
-    var counts: array<u32, MOST_CANDIDATES>;
-    var places: array<vec3<f32>, 9>;
-    let here = placed(prop, unpack(textureLoad(filtered, pixel, 0)).color);
-    var count = 0u;
+    // At most four labels meet in a pixel: its own, and the first others among its neighbors.
+    var candidates = vec4(own.x, vec3(NO_LABEL));
+    var count = 1u;
     for (var i = 0; i < 9; i++) {
-        let offset = vec2(i % 3 - 1, i / 3 - 1);
-        let there = around[(offset.y + 2) * AROUND + offset.x + 2];
-        places[i] = here;
-        if there == NO_LABEL {
-            continue;
-        }
-        places[i] = placed(prop, unpack(textureLoad(filtered, pixel + offset, 0)).color);
-        var is_known = false;
-        for (var c = 0u; c < count; c++) {
-            is_known = is_known || candidates[c] == there;
-        }
-        var pixels = 0u;
-        for (var j = 0; j < AROUND * AROUND; j++) {
-            pixels += select(0u, 1u, around[j] == there);
-        }
-        if !is_known && pixels >= LEAST_PIXELS {
-            candidates[count] = there;
-            counts[count] = 0u;
-            count++;
-        }
+        let there = label_of(labels, pixel + vec2(i % 3 - 1, i / 3 - 1), own.y);
+        let is_new = there != NO_LABEL && all(candidates != vec4(there));
+        candidates = select(candidates, vec4(there), vec4(is_new) & (vec4(0u, 1u, 2u, 3u) == vec4(count)));
+        count += select(0u, 1u, is_new);
     }
-    if count == 0u {
+    var pixels = vec4(0u);
+    for (var i = 0; i < AROUND * AROUND; i++) {
+        let there = label_of(labels, pixel + vec2(i % AROUND - 2, i / AROUND - 2), own.y);
+        pixels += select(vec4(0u), vec4(1u), vec4(there) == candidates);
+    }
+    let is_known = candidates != vec4(NO_LABEL) & pixels >= vec4(LEAST_PIXELS);
+    if !any(is_known) {
         return shown_in(prop, label_at(prop, own.x - 2u), light);
     }
-    let kept = select(0u, count, labelings[prop].former > 0u);
-    let steadiness = labelings[prop].steadiness;
-    for (var ray = 0u; ray < RAYS; ray++) {
-        let offset = ray_offset(ray);
-        let x = spline(offset.x);
-        let y = spline(offset.y);
-        var place = vec3(0.0);
-        // How much each candidate is the label here, which counts only while labels are kept from frame to frame.
-        var support: array<f32, MOST_CANDIDATES>;
-        for (var i = 0; i < 9; i++) {
-            place += x[i % 3] * y[i / 3] * places[i];
-            for (var c = 0u; c < kept; c++) {
-                let there = around[(i / 3 + 1) * AROUND + i % 3 + 1];
-                support[c] += select(0.0, x[i % 3] * y[i / 3], there == candidates[c]);
-            }
+
+    // The color at the center of the pixel and its gradient, from a quadratic B-spline of the colors around it. Likewise,
+    // how much each candidate is the label there, which counts only while labels are kept from frame to frame.
+    let here = placed(prop, unpack(textureLoad(filtered, pixel, 0)));
+    var place = mat3x3<f32>();
+    var support = mat3x4<f32>();
+    for (var i = 0; i < 9; i++) {
+        let offset = vec2(i % 3 - 1, i / 3 - 1);
+        let there = label_of(labels, pixel + offset, own.y);
+        let seen = placed(prop, unpack(textureLoad(filtered, pixel + offset, 0)));
+        let weight = select(vec2(0.75), vec2(0.125), offset != vec2(0));
+        let slope = 0.5 * vec2<f32>(offset);
+        let weights = vec3(weight.x * weight.y, slope.x * weight.y, weight.x * slope.y);
+        let value = select(here, seen, there != NO_LABEL);
+        let is_label = select(vec4(0.0), vec4(1.0), vec4(there) == candidates);
+        for (var k = 0; k < 3; k++) {
+            place[k] += weights[k] * value;
+            support[k] += weights[k] * is_label;
         }
-        var nearest = 0u;
-        var least = 1e30;
-        for (var c = 0u; c < count; c++) {
-            let off = place - place_of(prop, label_at(prop, candidates[c] - 2u));
-            let distance = select(dot(off, off), length(off) - steadiness * support[c], kept > 0u);
-            nearest = select(nearest, c, distance < least);
-            least = min(least, distance);
-        }
-        counts[nearest]++;
     }
+    let steadiness = select(0.0, labelings[prop].steadiness, labelings[prop].former > 0u);
+    var places: array<vec3<f32>, 4>;
+    var nearest = 0u;
+    var least = 1e30;
+    for (var c = 0u; c < 4u; c++) {
+        let candidate = select(own.x, candidates[c], is_known[c]);
+        places[c] = place_of(prop, label_at(prop, candidate - 2u));
+        let off = distance(place[0], places[c]) - steadiness * support[0][c];
+        nearest = select(nearest, c, is_known[c] && off < least);
+        least = select(least, off, is_known[c] && off < least);
+    }
+    let label = candidates[nearest];
+    let to = places[nearest];
     var sum = vec3(0.0);
-    for (var c = 0u; c < count; c++) {
-        if counts[c] == RAYS {
-            // To the bit what pixels away from borders show.
-            return shown_in(prop, label_at(prop, candidates[c] - 2u), light);
-        }
-        if counts[c] > 0u {
-            sum += f32(counts[c]) * decode(shown_in(prop, label_at(prop, candidates[c] - 2u), light));
+    var rest = 1.0;
+    for (var c = 0u; c < 4u; c++) {
+        // The difference of the squares of the distances, less what keeps labels.
+        let other = places[c];
+        let step = steadiness * distance(other, to);
+        let near = vec3(support[0][c], support[1][c], support[2][c]);
+        let kept = near - vec3(support[0][nearest], support[1][nearest], support[2][nearest]);
+        let value = dot(2.0 * place[0] - other - to, to - other) - step * kept.x;
+        let gradient = 2.0 * vec2(dot(place[1], to - other), dot(place[2], to - other)) - step * kept.yz;
+        let share = select(0.0, min(beyond(max(value, 0.0), gradient), rest), is_known[c] && c != nearest);
+        if share > 0.0 {
+            sum += share * decode(shown_in(prop, label_at(prop, candidates[c] - 2u), light));
+            rest -= share;
         }
     }
-    return encode(sum / f32(RAYS));
+    let shown = shown_in(prop, label_at(prop, label - 2u), light);
+    // To the bit what pixels away from borders show.
+    if rest == 1.0 {
+        return shown;
+    }
+    return encode(sum + rest * decode(shown));
 }

@@ -1,6 +1,10 @@
 // The composite pass: blends the layer over the scene, in encoded sRGB. Posterization works on the result.
 
+#ifdef UNFILTERED
+#import bevy_plenoctree::filter_texel::pack_filtered
+#else
 #import bevy_plenoctree::filter_texel::pack
+#endif
 #import bevy_plenoctree::target::composited
 #import bevy_plenoctree::view::{owner_of, screen, view}
 
@@ -27,10 +31,11 @@ fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
     let stored = textureLoad(scene, pixel + view.corner, 0).rgb;
     let prop = owner_of(textureLoad(owner, pixel, 0));
     let posterized = select(prop, screen.everything, prop == 0u);
-    let texel = pack(composited(over, stored), posterized);
+    let color = composited(over, stored);
 #ifdef UNFILTERED
-    return Fragment(texel);
+    return Fragment(pack_filtered(color, posterized));
 #else
+    let texel = pack(color, posterized);
     return Fragment(texel, texel);
 #endif
 }

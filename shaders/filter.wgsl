@@ -1,6 +1,6 @@
 // One direction of the bilateral filter. See section 4 of the method, step 2.
 
-#import bevy_plenoctree::filter_texel::{pack, unpack}
+#import bevy_plenoctree::filter_texel::{pack, pack_filtered, unpack}
 #import bevy_plenoctree::view::{filters, view}
 
 @group(1) @binding(0) var source: texture_2d<u32>;
@@ -35,16 +35,21 @@ fn fragment(
     var sum = Sum(center.color, 1.0);
     for (var offset = 1; offset <= radius; offset++) {
         let closeness = -f32(offset * offset) * spatial;
-        add(&sum, at - offset * ALONG, center.lab, closeness, range);
-        add(&sum, at + offset * ALONG, center.lab, closeness, range);
+        add(&sum, at - offset * ALONG, center.place, closeness, range);
+        add(&sum, at + offset * ALONG, center.place, closeness, range);
     }
-    return select(pack(sum.color / sum.weight, center.owner), texel, is_kept);
+    let color = sum.color / sum.weight;
+#ifdef LAST
+    return pack_filtered(select(color, center.color, is_kept), center.owner);
+#else
+    return select(pack(color, center.owner), texel, is_kept);
+#endif
 }
 
 fn add(sum: ptr<function, Sum>, at: vec2<i32>, lab: vec3<f32>, closeness: f32, range: f32) {
     // Taps outside the viewport have no weight, whatever they load.
     let pixel = unpack(textureLoad(source, at, 0));
-    let difference = pixel.lab - lab;
+    let difference = pixel.place - lab;
     let inside = all(at >= vec2(0)) && all(at < vec2<i32>(view.size));
     let weight = select(0.0, exp(closeness - dot(difference, difference) * range), inside);
     (*sum).color += weight * pixel.color;

@@ -6,7 +6,7 @@
 #import bevy_plenoctree::target::composited
 #else
 #import bevy_plenoctree::filter_texel::unpack
-#import bevy_plenoctree::labels::assign
+#import bevy_plenoctree::labels::{assign, placed}
 #import bevy_plenoctree::recolor::recolored_in_tint
 #import bevy_plenoctree::view::{haze_prop, is_solid, labelings}
 #endif
@@ -95,12 +95,13 @@ fn seen_at(pixel: vec2<u32>) -> Seen {
         light = shade.light;
     }
 #endif
-    var posterized = assign(value.color, value.owner - 1u, light);
+    let place = placed(value.owner - 1u, value);
+    var posterized = assign(place, value.owner - 1u, light);
 #ifdef STEADY
     let at = vec2<f32>(pixel) + 0.5;
     let solid = textureLoad(depth, pixel, 0);
     let former = former_labels(labels_before, depth_before, value.owner - 1u, at, solid);
-    posterized = steadied(posterized, value.color, value.owner - 1u, light, former);
+    posterized = steadied(posterized, place, value.owner - 1u, light, former);
 #endif
     return Seen(
         tinted(posterized.color, tint),

@@ -5,6 +5,7 @@
 #ifdef LIGHTING
 #import bevy_plenoctree::color::{decode, encode, lightened}
 #endif
+#import bevy_plenoctree::filter_texel::{Pixel, TONE}
 #import bevy_plenoctree::shade::Light
 #import bevy_plenoctree::view::{colors, labelings}
 
@@ -15,8 +16,7 @@ struct Label {
     share: f32,
 }
 
-// The two nearest labels so far, as packed by `packed`, and the squares of their distances to the place of the pixel's
-// color.
+// The two nearest labels so far, as packed by `packed`, and the squares of their distances.
 struct Nearest {
     labels: vec2<u32>,
     distances: vec2<f32>,
@@ -35,13 +35,23 @@ fn unpacked(label: u32, steps: u32) -> Label {
     return Label(first, second, select(f32(label >> 16u) / f32(steps), 1.0, first == second));
 }
 
-// Returns where a color, in encoded sRGB, is compared with labels: in encoded RGB, or if the labels are tones, in the
-// space in which tones are fitted.
-fn placed(prop: u32, color: vec3<f32>) -> vec3<f32> {
-    if labelings[prop].first_place == labelings[prop].first_color {
-        return color;
+// Returns whether the labels of a prop are tones, which are compared with colors in the space in which they are fitted.
+// Others are compared in encoded sRGB.
+fn are_tones(prop: u32) -> bool {
+    return labelings[prop].first_place != labelings[prop].first_color;
+}
+
+// Returns where the filtered color of a pixel is compared with labels.
+fn placed(prop: u32, pixel: Pixel) -> vec3<f32> {
+    return select(pixel.color, pixel.place * TONE, are_tones(prop));
+}
+
+// Returns where a color, in encoded sRGB, is compared with labels.
+fn place_of_color(prop: u32, color: vec3<f32>) -> vec3<f32> {
+    if are_tones(prop) {
+        return tone_space(color);
     }
-    return tone_space(color);
+    return color;
 }
 
 // Returns the place of a label. See `placed`.
@@ -171,17 +181,18 @@ fn shown_in(prop: u32, label: Label, light: Light) -> vec3<f32> {
 #endif
 }
 
-fn assign(color: vec3<f32>, prop: u32, light: Light) -> Shown {
+// Returns the label that is nearest to a place.
+fn assign(place: vec3<f32>, prop: u32, light: Light) -> Shown {
     let count = labelings[prop].colors;
     let places = labelings[prop].first_place;
-    let place = placed(prop, color);
     let steps = labelings[prop].blend_steps;
     var nearest = Nearest(vec2(0u), vec2(FAR));
     for (var i = 0u; i < count; i++) {
         let off = place - colors[places + i].rgb;
         consider(&nearest, packed(i, i, 0u), dot(off, off));
     }
-    for (var i = 0u; i < count; i++) {
+    // Tones do not blend, and there are many of them.
+    for (var i = 0u; i < select(0u, count, steps > 1u); i++) {
         let first = colors[places + i].rgb;
         for (var j = i + 1u; j < count; j++) {
             let second = colors[places + j].rgb;

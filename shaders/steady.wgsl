@@ -1,7 +1,7 @@
 // Keeps labels while something moves, so that they do not flicker. See `Posterize::steadiness`.
 #define_import_path bevy_plenoctree::steady
 
-#import bevy_plenoctree::labels::{Shown, label_at, place_of, placed, shown_in}
+#import bevy_plenoctree::labels::{Shown, label_at, place_of, shown_in}
 #import bevy_plenoctree::shade::Light
 #import bevy_plenoctree::view::{is_solid, labelings, view, view_distance}
 
@@ -48,9 +48,8 @@ fn support(former: Former, label: u32) -> f32 {
     return dot(select(vec4(0.0), former.weights, former.labels == vec4(label + 2u)), vec4(1.0));
 }
 
-// Returns the label of a color that is nearest, if those count as nearer that the former frame had there.
-fn steadied(nearest: Shown, color: vec3<f32>, prop: u32, light: Light, former: Former) -> Shown {
-    let place = placed(prop, color);
+// Returns the label that is nearest to a place, if those count as nearer that the former frame had there.
+fn steadied(nearest: Shown, place: vec3<f32>, prop: u32, light: Light, former: Former) -> Shown {
     let steadiness = labelings[prop].steadiness;
     var best = nearest.label;
     var least = distance(place, place_of(prop, label_at(prop, best))) - steadiness * support(former, best);

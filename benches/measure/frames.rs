@@ -33,28 +33,14 @@ const SCENES: [(&str, Scene); 4] =
 const LOOKS: [(&str, bool); 2] = [("as trained", false), ("posterized", true)];
 
 pub fn measure(end: Instant) -> Result {
-    let mut headless = Headless::with_assets(SIZES[0], &assets(), |app| {
-        app.add_plugins((PlenOctreePlugin, RenderDiagnosticsPlugin)).add_systems(Update, sway);
-    })?;
-    let target = headless.target();
-    let camera = headless.app.world_mut().spawn((exact_camera(Color::WHITE), target)).id();
-    let fields: Vec<Handle<PlenOctree>> = FIELDS
-        .map(|name| headless.app.world().resource::<AssetServer>().load(format!("{name}.plenoctree")))
-        .into_iter()
-        .collect();
-    // Their palettes stay.
-    let first: Vec<_> = fields.iter().map(|field| (Prop(field.clone()), Posterize::default())).collect();
-    headless.app.world_mut().spawn_batch(first);
-    headless.wait_until_ready(PATIENCE)?;
-
+    let (mut headless, camera, fields) = begin(&FIELDS)?;
     println!("## Frames\n\nMilliseconds of a frame in which the camera moves, with the default quality.\n");
     println!("| props | pixels | look | wall | GPU | rays | posterizing | frames |\n|---|---|---|---|---|---|---|---|");
     let mut last = Duration::ZERO;
     let mut left = (SIZES.len() * SCENES.len() * LOOKS.len()) as u32;
-    let mut passes: BTreeMap<String, [Option<f64>; SIZES.len()]> = BTreeMap::new();
     // If the time is up, the largest scenes are left out.
     for (name, scene) in SCENES {
-        for (index, size) in SIZES.into_iter().enumerate() {
+        for size in SIZES {
             headless.resize(size);
             for (look, is_posterized) in LOOKS {
                 let row = format!("| {name} | {} x {} | {look}", size.x, size.y);
@@ -66,27 +52,15 @@ pub fn measure(end: Instant) -> Result {
                 }
                 let share = end.duration_since(now) / left;
                 left -= 1;
-                show(&mut headless, camera, &fields, scene, size, is_posterized)?;
+                show(&mut headless, camera, &fields, scene, size, is_posterized.then(Posterize::default))?;
                 headless.wait_until_ready(PATIENCE)?;
                 let times = Times::measure(&mut headless, now + share)?;
                 last = now.elapsed();
                 let [gpu, rays, posterizing] =
                     [times.gpu(), times.of(VOLUME_SPANS), times.of(POSTERIZE_SPANS)].map(milliseconds);
                 println!("{row} | {:.1} | {gpu} | {rays} | {posterizing} | {} |", times.wall, times.frames);
-                if scene == Scene::Whole && is_posterized {
-                    times.spans().for_each(|(span, time)| passes.entry(span.into()).or_default()[index] = Some(time));
-                }
             }
         }
-    }
-    println!("\n## Passes\n\nMilliseconds of the GPU in frames of one posterized prop, Bevy's own passes included.\n");
-    println!(
-        "| pass | {} |\n|---|{}",
-        SIZES.map(|size| format!("{} x {}", size.x, size.y)).join(" | "),
-        "---|".repeat(2)
-    );
-    for (pass, times) in passes {
-        println!("| {} | {} |", pass.trim_start_matches("plenoctree_"), times.map(milliseconds).join(" | "));
     }
     println!("\n## Rays\n\nMeans of the exact rays of the first view that meet a prop's box, counted on the CPU.\n");
     println!("| field | {} |\n|---|{}", Rays::COLUMNS, "---|".repeat(Rays::COLUMNS.split('|').count()));
@@ -99,6 +73,52 @@ pub fn measure(end: Instant) -> Result {
     Ok(())
 }
 
+/// The passes of one prop that is seen as a whole, in each look.
+pub fn passes(end: Instant) -> Result {
+    let (mut headless, camera, fields) = begin(&FIELDS[..1])?;
+    let looks = [("as trained", None), ("`paper`", Some(Posterize::paper())), ("default", Some(Posterize::default()))];
+    println!("## Passes\n\nMilliseconds of the GPU in frames of one prop, Bevy's own passes included.\n");
+    for size in SIZES {
+        headless.resize(size);
+        let mut passes: BTreeMap<String, [Option<f64>; 3]> = BTreeMap::new();
+        for (index, (_, look)) in looks.iter().enumerate() {
+            show(&mut headless, camera, &fields, Scene::Whole, size, *look)?;
+            headless.wait_until_ready(PATIENCE)?;
+            let now = Instant::now();
+            let share = end.saturating_duration_since(now) / if size == SIZES[0] { 6 } else { 3 };
+            let times = Times::measure(&mut headless, now + share)?;
+            times.spans().for_each(|(span, time)| passes.entry(span.into()).or_default()[index] = Some(time));
+            passes.entry("all".into()).or_default()[index] = times.gpu();
+        }
+        println!(
+            "| {} x {} | {} |\n|---|---|---|---|",
+            size.x,
+            size.y,
+            looks.each_ref().map(|(name, _)| *name).join(" | ")
+        );
+        for (pass, times) in passes {
+            println!("| {} | {} |", pass.trim_start_matches("plenoctree_"), times.map(milliseconds).join(" | "));
+        }
+        println!();
+    }
+    Ok(())
+}
+
+/// Returns an app that shows props, with palettes that stay, its camera, and the fields.
+fn begin(fields: &[&str]) -> Result<(Headless, Entity, Vec<Handle<PlenOctree>>)> {
+    let mut headless = Headless::with_assets(SIZES[0], &assets(), |app| {
+        app.add_plugins((PlenOctreePlugin, RenderDiagnosticsPlugin)).add_systems(Update, sway);
+    })?;
+    let target = headless.target();
+    let camera = headless.app.world_mut().spawn((exact_camera(Color::WHITE), target)).id();
+    let server = headless.app.world().resource::<AssetServer>().clone();
+    let fields: Vec<Handle<PlenOctree>> = fields.iter().map(|name| server.load(format!("{name}.plenoctree"))).collect();
+    let first: Vec<_> = fields.iter().map(|field| (Prop(field.clone()), Posterize::default())).collect();
+    headless.app.world_mut().spawn_batch(first);
+    headless.wait_until_ready(PATIENCE)?;
+    Ok((headless, camera, fields))
+}
+
 /// Replaces the scene.
 fn show(
     headless: &mut Headless,
@@ -106,7 +126,7 @@ fn show(
     fields: &[Handle<PlenOctree>],
     scene: Scene,
     size: UVec2,
-    is_posterized: bool,
+    look: Option<Posterize>,
 ) -> Result {
     let world = headless.app.world_mut();
     let old: Vec<Entity> = world.query_filtered::<Entity, With<Prop>>().iter(world).collect();
@@ -117,8 +137,8 @@ fn show(
         let at = (Vec2::new(index as f32 % side, (index as f32 / side).floor()) - 0.5 * (side - 1.0)) * 2.2;
         let prop = Prop(fields[index as usize % fields.len()].clone());
         let mut prop = world.spawn((prop, Transform::from_xyz(at.x, 0.0, at.y)));
-        if is_posterized {
-            prop.insert(Posterize::default());
+        if let Some(look) = look {
+            prop.insert(look);
         }
     }
     let all = side * 2.2;

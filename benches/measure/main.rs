@@ -3,7 +3,8 @@
 //!
 //! The GPU's time is that of the spans in Bevy's render diagnostics, where the adapter has timestamps. Wall time is that
 //! of a frame from its first system until the GPU has drawn it. Everything is measured for a share of ten minutes, so on
-//! slow machines fewer frames count, and what does not fit is left out, which the tables say.
+//! slow machines fewer frames count, and what does not fit is left out, which the tables say. Names of tables as
+//! arguments leave out the others.
 
 #[path = "../common/mod.rs"]
 mod common;
@@ -51,10 +52,23 @@ fn main() -> Result {
         "{:?}, {}, {} {}; {cores} CPU cores. Written by `scripts/measure`; `benches/measure` says what is measured.\n",
         adapter.device_type, adapter.backend, adapter.driver, adapter.driver_info,
     );
-    sampling::measure(minutes(1.5))?;
-    arrival::measure()?;
-    shadows::measure(minutes(4.0))?;
-    frames::measure(minutes(9.0))?;
+    let names: Vec<String> = std::env::args().skip(1).filter(|name| !name.starts_with('-')).collect();
+    let wants = |name: &str| names.is_empty() || names.iter().any(|wanted| wanted == name);
+    if wants("sampling") {
+        sampling::measure(minutes(1.5))?;
+    }
+    if wants("arrival") {
+        arrival::measure()?;
+    }
+    if wants("passes") {
+        frames::passes(minutes(3.5))?;
+    }
+    if wants("shadows") {
+        shadows::measure(minutes(5.0))?;
+    }
+    if wants("frames") {
+        frames::measure(minutes(9.5))?;
+    }
     println!("Measured in {:.0} s.", start.elapsed().as_secs_f64());
     Ok(())
 }

@@ -51,7 +51,8 @@ pub(super) fn filter(plan: &Plan) -> Vec<Pass> {
     let iterations = if plan.posterizes { plan.iterations } else { 0 };
     let directions = [(Slot::Even, Slot::Odd, Some("HORIZONTAL")), (Slot::Odd, Slot::Even, None)];
     let pass = |iteration, (from, to, definition): (_, _, Option<&str>)| {
-        let program = definition.into_iter().fold(Program::new("filter"), Program::define);
+        let is_last = iteration + 1 == iterations && to == Slot::Even;
+        let program = definition.into_iter().fold(Program::new("filter"), Program::define).define_if(is_last, "LAST");
         Pass {
             feature: Feature::Posterize,
             reads: vec![vec![Input::Texture(from)]],
