@@ -31,17 +31,23 @@ const RADIUS: f64 = 210.0;
 
 fn shell() -> PlenOctree {
     let Shell { nodes, leaves } = Shell::new(9, RADIUS, 10.0);
-    let width = Basis::Sh9.coefficients();
     // Each channel varies with the position. The functions of the direction make it glossy.
-    let coefficients = leaves.iter().flat_map(|at| {
-        (0..width).map(move |index| {
-            let (channel, function) = (index / 9, index % 9);
-            let place = (7.0 * at[channel] * 256.0 / RADIUS + function as f64).sin();
+    const STEPS: usize = 1 << 12;
+    let of_step = |step: usize| {
+        let at = (2 * step) as f64 / STEPS as f64 - 1.0;
+        std::array::from_fn::<_, 9, _>(|function| {
+            let place = (7.0 * at * 256.0 / RADIUS + function as f64).sin();
             f16::from_f64(if function == 0 { 4.0 * place } else { 0.5 * place })
         })
-    });
+    };
+    let of_channel: Vec<_> = (0..=STEPS).map(of_step).collect();
+    let mut coefficients = Vec::with_capacity(27 * leaves.len());
+    for leaf in &leaves {
+        let step = ((0.5 * STEPS as f64) * (leaf + 1.0)).as_uvec3();
+        [step.x, step.y, step.z].iter().for_each(|step| coefficients.extend_from_slice(&of_channel[*step as usize]));
+    }
     let frame = Frame::spanning(DVec3::splat(-256.0 / RADIUS), DVec3::splat(256.0 / RADIUS));
-    let (densities, coefficients) = (vec![40.0; leaves.len()], coefficients.collect());
+    let densities = vec![40.0; leaves.len()];
     PlenOctree::new(frame, Basis::Sh9, Activation::Sigmoid, UpAxis::Z, nodes, densities, coefficients).unwrap()
 }
 

@@ -25,15 +25,17 @@ fn drum() -> PlenOctree {
 /// Bakes what no preset was tuned to: a glossy ball with stripes and a checkered plate among rods that are hardly
 /// thicker than a cell, in thin haze.
 fn thicket() -> PlenOctree {
-    let settings = BakeSettings { depth: 7, basis: Basis::Sh9, ..default() };
+    // There are two million leaves.
+    let settings = BakeSettings { depth: 7, basis: Basis::Sh9, directions: 32, ..default() };
     let rod = |at: DVec3| {
         let off = |x: f64| (x / 0.4 - (x / 0.4).round()).abs() * 0.4;
         let (x, y, z) = (off(at.x + 0.2 * at.z), off(at.y), off(at.z + 0.1 * at.x));
         x.hypot(y).min(y.hypot(z)).min(z.hypot(x)) < 0.014
     };
     let density = move |at: DVec3| {
-        let is_solid = at.length() < 0.5 || (at.z.abs() < 0.03 && at.x.hypot(at.y) < 0.9) || rod(at);
-        if is_solid && at.length() < 0.95 { 200.0 } else { 0.02 }
+        let is_plate = at.z.abs() < 0.03 && at.x.hypot(at.y) < 0.9;
+        // Most of the box is outside.
+        if at.length() < 0.95 && (at.length() < 0.5 || is_plate || rod(at)) { 200.0 } else { 0.02 }
     };
     let tint = move |at: DVec3| {
         let base = if at.length() < 0.52 {
