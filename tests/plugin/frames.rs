@@ -1,18 +1,8 @@
 //! Tests the frames that the plugin draws, against the float64 reference and known colors.
 
-use std::time::Duration;
-
-use bevy::{
-    camera::Viewport,
-    prelude::*,
-    render::{
-        error_handler::{RenderErrorHandler, RenderErrorPolicy},
-        render_asset::RenderAssets,
-    },
-};
+use bevy::{camera::Viewport, prelude::*, render::render_asset::RenderAssets};
 use bevy_plenoctree::{
-    Activation, EdgeSmoothing, FieldPalette, GpuField, Palette, Palettes, PlenOctree, Posterize, UpAxis,
-    headless::pinhole_view,
+    Activation, EdgeSmoothing, FieldPalette, GpuField, Palette, PlenOctree, Posterize, UpAxis, headless::pinhole_view,
 };
 use glam::{DMat4, DVec3};
 use plenoctree::{
@@ -22,8 +12,7 @@ use plenoctree::{
 use super::stage::{
     Stage,
     fields::{SOLID, activated, cube, field},
-    pixels::{assert_near, at, difference, differing, encoded, is_off, middle},
-    unlit,
+    pixels::{assert_near, difference, is_off, middle},
 };
 
 const SIZE: u32 = 96;
@@ -64,11 +53,6 @@ fn scene(field: &PlenOctree) -> Stage {
     in_stage(Stage::new(SIZE), field)
 }
 
-/// Creates the same scene, to which meshes may be added.
-fn scene_with_meshes(field: &PlenOctree) -> Stage {
-    in_stage(Stage::with_meshes(SIZE), field)
-}
-
 fn in_stage(mut stage: Stage, field: &PlenOctree) -> Stage {
     stage.set_background(Color::WHITE);
     stage.set(pinhole_view(&pinhole(), field.up()));
@@ -76,13 +60,6 @@ fn in_stage(mut stage: Stage, field: &PlenOctree) -> Stage {
     stage.paint(FieldPalette::new(palette()));
     stage.wait();
     stage
-}
-
-/// Spawns an unlit square of `size` that faces the camera, at a distance from the origin toward it.
-fn spawn_square(stage: &mut Stage, distance: f32, size: f32, color: Color) -> Entity {
-    let place = *stage.get::<Transform>(stage.camera);
-    let place = place.with_translation(distance * place.translation.normalize());
-    stage.spawn_mesh(Rectangle::new(size, size), unlit(color), place)
 }
 
 #[test]
@@ -188,52 +165,6 @@ fn the_same_scene_gives_the_same_bytes() {
 }
 
 #[test]
-fn opaque_meshes_and_props_occlude_each_other() {
-    let (red, blue) = (Color::srgb_u8(200, 20, 20), Color::srgb_u8(51, 128, 229));
-    let mut scene = scene_with_meshes(&cube(SOLID, encoded(blue)));
-    for msaa in [Msaa::Off, Msaa::Sample4] {
-        scene.set(msaa);
-        assert_near(middle(&scene.capture()), blue, 0, &format!("{msaa:?}: alone"));
-        let square = spawn_square(&mut scene, -1.5, 6.0, red);
-        let frame = scene.capture();
-        assert_near(middle(&frame), blue, 0, &format!("{msaa:?}: in front of a mesh"));
-        assert_near(at(&frame, 2, 2), red, 0, &format!("{msaa:?}: the mesh next to the prop"));
-        scene.world().despawn(square);
-        let square = spawn_square(&mut scene, 1.5, 0.5, red);
-        assert_near(middle(&scene.capture()), red, 0, &format!("{msaa:?}: behind a mesh"));
-        scene.world().despawn(square);
-    }
-}
-
-/// Glass in front of the prop tints it, blended in linear light as Bevy does. Glass behind the prop is occluded.
-#[test]
-fn transparent_meshes_blend_over_the_prop() {
-    let (blue, glass) = (Color::srgb_u8(51, 128, 229), Color::srgba_u8(200, 20, 20, 128));
-    let mixed = glass.to_linear().with_alpha(1.0) * (128.0 / 255.0) + blue.to_linear() * (127.0 / 255.0);
-    let mut scene = scene_with_meshes(&cube(SOLID, encoded(blue)));
-    for (distance, expected) in [(1.5, mixed.into()), (-1.5, blue)] {
-        let glass = spawn_square(&mut scene, distance, 0.5, glass);
-        assert_near(middle(&scene.capture()), expected, 1, &format!("at {distance}"));
-        scene.world().despawn(glass);
-    }
-}
-
-/// Scaling a prop and the camera's distance by the same factor changes nothing, because optical depth is measured in
-/// the field's own units.
-#[test]
-fn a_scaled_prop_looks_the_same() {
-    let field = ball(Basis::Sh9);
-    let mut scene = scene(&field);
-    let before = scene.capture();
-    for scale in [1e-2, 50.0] {
-        let mut far = pinhole();
-        far.position *= f64::from(scale);
-        scene.dress(Transform::from_scale(Vec3::splat(scale)));
-        assert_eq!(differing(&before, &scene.capture_from(&far, UpAxis::Z), 1), 0, "scaled by {scale}");
-    }
-}
-
-#[test]
 fn a_viewport_shows_the_same_as_a_whole_target() {
     let mut scene = scene(&ball(Basis::Sh1));
     scene.dress(Posterize::default());
@@ -249,19 +180,6 @@ fn a_viewport_shows_the_same_as_a_whole_target() {
     let frame = scene.capture();
     let part = image::imageops::crop_imm(&frame, SIZE / 2, SIZE / 4, SIZE / 2, SIZE / 2).to_image();
     assert_eq!(part, expected);
-}
-
-#[test]
-fn a_prop_without_a_palette_gets_one() {
-    let mut scene = scene(&ball(Basis::Sh4));
-    let field = scene.field();
-    scene.world().resource_mut::<Palettes>().remove(&field);
-    scene.dress(Posterize::default());
-    scene.wait();
-    let palettes = scene.world().resource::<Palettes>();
-    let palette = palettes.get(&field).unwrap();
-    assert!(palette.extraction().is_some());
-    assert!(palette.shown().len() > 1);
 }
 
 /// Coefficients are stored in rows of a texture, as long as the device allows. Fields look the same in short rows.
@@ -317,20 +235,4 @@ fn a_field_with_too_many_records_is_rejected() {
     assert!(leaves <= 32 * 32);
     assert_eq!(limit(32), Err(("child records", Some(32 * 32 * 16))));
     assert_eq!(limit(256), Ok(()));
-}
-
-#[test]
-fn the_app_recovers_from_a_lost_device() {
-    let mut scene = scene(&ball(Basis::Sh4));
-    scene.dress(Posterize::default());
-    let before = scene.capture();
-    scene.world().insert_resource(RenderErrorHandler(|_, _, _| RenderErrorPolicy::Recover(Default::default())));
-    scene.device().wgpu_device().destroy();
-    // The new device is created while the app runs.
-    for _ in 0..100 {
-        scene.update(1);
-        std::thread::sleep(Duration::from_millis(10));
-    }
-    scene.wait();
-    assert_eq!(scene.capture(), before);
 }

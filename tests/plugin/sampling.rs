@@ -117,9 +117,11 @@ fn gpu_sampling_matches_the_reference() {
             field = Packed::new(&field, &PackSettings::default(), &Progress::default()).unwrap().field().clone();
         }
         let expected = sample_histograms(&field, &settings.sampling).unwrap();
-        if field.codebook().is_some() {
+        if matches!(basis, Basis::Sh9 | Basis::Sh4) {
             let (sampled, ..) = app.extract(&field, &settings, PaletteSampler::Cpu);
-            assert!(difference(&sampled.histograms, &expected) < 1e-6);
+            assert_eq!(sampled.origin, SampleOrigin::Cpu);
+            let most = if field.codebook().is_some() { 1e-6 } else { 1e-5 };
+            assert!(difference(&sampled.histograms, &expected) < most);
         }
         let (sampled, colors, _) = app.extract(&field, &settings, PaletteSampler::Gpu);
         assert_eq!(sampled.origin, SampleOrigin::Gpu);
@@ -131,17 +133,6 @@ fn gpu_sampling_matches_the_reference() {
             assert!(DVec3::from(*color).distance(DVec3::from(*expected)) < 0.005, "{colors:?}");
         }
     }
-}
-
-#[test]
-fn cpu_sampling_matches_the_reference() {
-    let mut app = Extractor::new();
-    let settings = ExtractionSettings::default();
-    let field = lumps(Basis::Sh9);
-    let expected = sample_histograms(&field, &settings.sampling).unwrap();
-    let (sampled, ..) = app.extract(&field, &settings, PaletteSampler::Cpu);
-    assert_eq!(sampled.origin, SampleOrigin::Cpu);
-    assert!(difference(&sampled.histograms, &expected) < 1e-5);
 }
 
 /// The leaves of a solid field hide their own centers. It has a palette all the same, on both processors.
