@@ -11,7 +11,7 @@ use glam::{DVec2, DVec3};
 use image::RgbaImage;
 
 use super::{
-    shadows::{EYE, Light, PIXELS, Scene, direction_at, hit, is_blocked, shape},
+    shadows::{EYE, Light, PIXELS, direction_at, hit, is_blocked, scene, shape, spawn_light, spawn_unseen},
     stage::{
         fields::included,
         pixels::{encoded, linear, places},
@@ -222,7 +222,7 @@ fn compare(
 /// With a `self_shadow_distance`, parts that are farther away toward the light cast shadows.
 #[test]
 fn props_shade_themselves_from_a_distance_on() {
-    let mut scene = Scene::new(1024);
+    let mut scene = scene(1024);
     let field = included("toadstool");
     let place = Transform::from_rotation(Quat::from_rotation_y(0.5));
     let asset = scene.add(field.clone());
@@ -230,7 +230,7 @@ fn props_shade_themselves_from_a_distance_on() {
     scene.wait();
     let unlit = scene.capture();
     for light in Light::ALL {
-        let lit = scene.spawn_light(light);
+        let lit = spawn_light(&mut scene, light);
         scene.insert(prop, PropLighting::default());
         assert_eq!(shades(&scene.capture(), &unlit), 0, "{light:?}: it shades itself");
         for distance in [0.15, 0.4] {
@@ -267,7 +267,7 @@ impl Cuboid {
     }
 }
 
-/// Returns how much of a light from [`Scene::spawn_light`] arrives at a point if nothing blocks it.
+/// Returns how much of a light from [`spawn_light`] arrives at a point if nothing blocks it.
 fn arriving(light: Light, point: DVec3) -> f64 {
     let (toward, distance) = light.from(point);
     if let Light::Sun(_) = light {
@@ -285,7 +285,7 @@ fn arriving(light: Light, point: DVec3) -> f64 {
 /// Many props shade each other in many lights at once. A lamp inside a prop lights that prop alone.
 #[test]
 fn crowds_shade_each_other_and_lamps_light_what_holds_them() {
-    let mut scene = Scene::new(1024);
+    let mut scene = scene(1024);
     let field = shape(|at| if at.abs().max_element() < 0.5 { 1e4 } else { 0.0 });
     let shell = shape(|at| if (0.6..0.9).contains(&at.length()) { 1e4 } else { 0.0 });
     let crowd: Vec<Cuboid> = (0..64)
@@ -302,7 +302,7 @@ fn crowds_shade_each_other_and_lamps_light_what_holds_them() {
     }
     scene.wait();
     let lights = [Light::ALL[0], Light::ALL[1], Light::ALL[2], Light::Lamp(Vec3::new(-2.0, 2.5, -1.0))];
-    let spawned = lights.map(|light| scene.spawn_light(light));
+    let spawned = lights.map(|light| spawn_light(&mut scene, light));
     let frame = scene.capture();
     // What the ray in the middle of a pixel sees: a cube, its side, and which lights others keep from it.
     let look = |at: (i32, i32)| {
@@ -350,7 +350,7 @@ fn crowds_shade_each_other_and_lamps_light_what_holds_them() {
     let place = Transform::from_translation(lamp).with_scale(Vec3::splat(0.5));
     scene.world().spawn((Prop(shell), lighting, place));
     scene.wait();
-    scene.spawn_light(Light::Lamp(lamp));
+    spawn_light(&mut scene, Light::Lamp(lamp));
     let frame = scene.capture();
     let (mut bright, mut dark) = (0, 0);
     for (x, y) in places(PIXELS, PIXELS) {
@@ -376,7 +376,7 @@ fn crowds_shade_each_other_and_lamps_light_what_holds_them() {
 /// A wall of fog is in shadow where it is solid, and keeps its light where it is not.
 #[test]
 fn fog_is_in_shadow_where_it_is_solid() {
-    let mut scene = Scene::new(1024);
+    let mut scene = scene(1024);
     let wall =
         |density: f64| shape(move |at| if at.abs().cmplt(DVec3::new(0.95, 0.95, 0.5)).all() { density } else { 0.0 });
     let (haze, fog, bar) = (wall(0.4), wall(4.0), shape(|at| if at.abs().max_element() < 0.5 { 1e4 } else { 0.0 }));
@@ -384,9 +384,9 @@ fn fog_is_in_shadow_where_it_is_solid() {
     let before = Transform::from_xyz(0.45, 0.75, 1.0).with_scale(Vec3::new(0.8, 0.6, 0.3));
     let [haze_asset, fog_asset, bar_asset] = [&haze, &fog, &bar].map(|field| scene.add(field.clone()));
     let prop = scene.world().spawn((Prop(haze_asset), place)).id();
-    scene.spawn_unseen(&bar_asset, before);
+    spawn_unseen(&mut scene, &bar_asset, before);
     scene.wait();
-    scene.spawn_light(light);
+    spawn_light(&mut scene, light);
     // The floor is in the shadow in every frame.
     let unlit = scene.capture();
     scene.insert(prop, PropLighting::default());

@@ -1,8 +1,6 @@
 //! Tests the shadows that props cast on a lit floor: every pixel is compared with a float64 ray from the floor to the
 //! light.
 
-use std::ops::{Deref, DerefMut};
-
 use bevy::{
     camera::visibility::RenderLayers,
     light::{
@@ -59,104 +57,84 @@ impl Light {
     }
 }
 
-/// A lit floor.
-pub struct Scene(Stage);
-
-impl Deref for Scene {
-    type Target = Stage;
-
-    fn deref(&self) -> &Stage {
-        &self.0
-    }
+/// Creates a scene with a floor and without lights. Shadow maps are `map` texels wide.
+pub fn scene(map: usize) -> Stage {
+    let mut stage = Stage::with_meshes(PIXELS);
+    stage.world().insert_resource(GlobalAmbientLight::NONE);
+    stage.world().insert_resource(DirectionalLightShadowMap { size: map });
+    stage.world().insert_resource(PointLightShadowMap { size: map });
+    let matte = StandardMaterial { perceptual_roughness: 1.0, reflectance: 0.0, ..default() };
+    let place = Transform::from_xyz(0.0, FLOOR as f32, 0.0);
+    let floor = stage.spawn_mesh(Plane3d::default().mesh().size(40.0, 40.0), matte, place);
+    stage.insert(floor, NotShadowCaster);
+    stage.set((
+        ShadowFilteringMethod::Hardware2x2,
+        Projection::from(PerspectiveProjection { fov: FOV, ..default() }),
+        Transform::from_translation(EYE).looking_at(Vec3::ZERO, Vec3::Y),
+    ));
+    stage
 }
 
-impl DerefMut for Scene {
-    fn deref_mut(&mut self) -> &mut Stage {
-        &mut self.0
-    }
+pub fn spawn_light(scene: &mut Stage, light: Light) -> Entity {
+    let layers = RenderLayers::from_layers(&[0, UNSEEN]);
+    let world = scene.world();
+    let spawned = match light {
+        Light::Sun(direction) => world.spawn((
+            DirectionalLight {
+                illuminance: 2000.0,
+                shadow_maps_enabled: true,
+                shadow_depth_bias: 0.0,
+                shadow_normal_bias: 0.0,
+                ..default()
+            },
+            Transform::default().looking_to(-direction, Vec3::Y),
+            // The floor reaches into all four of them.
+            CascadeShadowConfigBuilder { first_cascade_far_bound: 6.0, maximum_distance: 12.0, ..default() }.build(),
+        )),
+        Light::Lamp(place) => world.spawn((
+            PointLight {
+                intensity: 3e5,
+                shadow_maps_enabled: true,
+                shadow_depth_bias: 0.0,
+                shadow_normal_bias: 0.0,
+                ..default()
+            },
+            Transform::from_translation(place),
+        )),
+        Light::Spot(place) => world.spawn((
+            SpotLight {
+                intensity: 3e5,
+                outer_angle: 0.8,
+                shadow_maps_enabled: true,
+                shadow_depth_bias: 0.0,
+                shadow_normal_bias: 0.0,
+                ..default()
+            },
+            Transform::from_translation(place).looking_at(Vec3::ZERO, Vec3::X),
+        )),
+    };
+    let light = spawned.id();
+    // Captures wait for levels, so most tests do without.
+    world.entity_mut(light).insert((layers, PropQuality::EXACT));
+    light
 }
 
-impl Scene {
-    /// Creates a scene without lights. Shadow maps are `map` texels wide.
-    pub fn new(map: usize) -> Self {
-        let mut stage = Stage::with_meshes(PIXELS);
-        stage.world().insert_resource(GlobalAmbientLight::NONE);
-        stage.world().insert_resource(DirectionalLightShadowMap { size: map });
-        stage.world().insert_resource(PointLightShadowMap { size: map });
-        let matte = StandardMaterial { perceptual_roughness: 1.0, reflectance: 0.0, ..default() };
-        let place = Transform::from_xyz(0.0, FLOOR as f32, 0.0);
-        let floor = stage.spawn_mesh(Plane3d::default().mesh().size(40.0, 40.0), matte, place);
-        stage.insert(floor, NotShadowCaster);
-        stage.set((
-            ShadowFilteringMethod::Hardware2x2,
-            Projection::from(PerspectiveProjection { fov: FOV, ..default() }),
-            Transform::from_translation(EYE).looking_at(Vec3::ZERO, Vec3::Y),
-        ));
-        Self(stage)
-    }
+/// Spawns a prop that the camera does not see.
+pub fn spawn_unseen(scene: &mut Stage, field: &Handle<PlenOctree>, place: Transform) -> Entity {
+    scene.spawn((Prop(field.clone()), place, RenderLayers::layer(UNSEEN)))
+}
 
-    pub fn spawn_light(&mut self, light: Light) -> Entity {
-        let layers = RenderLayers::from_layers(&[0, UNSEEN]);
-        let world = self.world();
-        let spawned = match light {
-            Light::Sun(direction) => world.spawn((
-                DirectionalLight {
-                    illuminance: 2000.0,
-                    shadow_maps_enabled: true,
-                    shadow_depth_bias: 0.0,
-                    shadow_normal_bias: 0.0,
-                    ..default()
-                },
-                Transform::default().looking_to(-direction, Vec3::Y),
-                // The floor reaches into all four of them.
-                CascadeShadowConfigBuilder { first_cascade_far_bound: 6.0, maximum_distance: 12.0, ..default() }
-                    .build(),
-            )),
-            Light::Lamp(place) => world.spawn((
-                PointLight {
-                    intensity: 3e5,
-                    shadow_maps_enabled: true,
-                    shadow_depth_bias: 0.0,
-                    shadow_normal_bias: 0.0,
-                    ..default()
-                },
-                Transform::from_translation(place),
-            )),
-            Light::Spot(place) => world.spawn((
-                SpotLight {
-                    intensity: 3e5,
-                    outer_angle: 0.8,
-                    shadow_maps_enabled: true,
-                    shadow_depth_bias: 0.0,
-                    shadow_normal_bias: 0.0,
-                    ..default()
-                },
-                Transform::from_translation(place).looking_at(Vec3::ZERO, Vec3::X),
-            )),
-        };
-        let light = spawned.id();
-        // Captures wait for levels, so most tests do without.
-        world.entity_mut(light).insert((layers, PropQuality::EXACT));
-        light
-    }
+/// Returns the sizes of the tiles that maps keep, in bytes, or `None` if the backend does not report them.
+fn tiles(scene: &Stage) -> Option<Vec<u64>> {
+    scene.device().poll(wgpu::PollType::wait_indefinitely()).unwrap();
+    let report = scene.device().wgpu_device().generate_allocator_report()?;
+    let tiles = report.allocations.iter().filter(|allocation| allocation.name == "plenoctree_shadow_tile");
+    Some(tiles.map(|allocation| allocation.size).collect())
+}
 
-    /// Spawns a prop that the camera does not see.
-    pub fn spawn_unseen(&mut self, field: &Handle<PlenOctree>, place: Transform) -> Entity {
-        self.spawn((Prop(field.clone()), place, RenderLayers::layer(UNSEEN)))
-    }
-
-    /// Returns the sizes of the tiles that maps keep, in bytes, or `None` if the backend does not report them.
-    fn tiles(&self) -> Option<Vec<u64>> {
-        self.device().poll(wgpu::PollType::wait_indefinitely()).unwrap();
-        let report = self.device().wgpu_device().generate_allocator_report()?;
-        let tiles = report.allocations.iter().filter(|allocation| allocation.name == "plenoctree_shadow_tile");
-        Some(tiles.map(|allocation| allocation.size).collect())
-    }
-
-    /// Runs frames until all that rests is kept, and the GPU has given up what is not.
-    fn rest(&mut self) {
-        self.update(4);
-    }
+/// Runs frames until all that rests is kept, and the GPU has given up what is not.
+fn rest(scene: &mut Stage) {
+    scene.update(4);
 }
 
 /// Returns the direction from [`EYE`] to a point of the frame, in pixels.
@@ -219,7 +197,7 @@ pub fn shape(density: impl Fn(DVec3) -> f64 + Sync) -> PlenOctree {
 
 #[test]
 fn shadows_are_where_no_light_arrives() {
-    let mut scene = Scene::new(1024);
+    let mut scene = scene(1024);
     // Fog, which is solid only along rays through its middle.
     let ball = shape(|at| if at.length() < 0.9 { 0.6 } else { 0.0 });
     let cuboid = shape(|at| if at.abs().cmplt(DVec3::new(0.9, 0.3, 0.6)).all() { 1e4 } else { 0.0 });
@@ -238,13 +216,13 @@ fn shadows_are_where_no_light_arrives() {
     let mut props = Vec::new();
     for (_, field, transform) in &cases {
         let field = scene.add((*field).clone());
-        let prop = scene.spawn_unseen(&field, *transform);
+        let prop = spawn_unseen(&mut scene, &field, *transform);
         scene.insert(prop, Visibility::Hidden);
         props.push(prop);
     }
     scene.wait();
     for light in Light::ALL {
-        let entity = scene.spawn_light(light);
+        let entity = spawn_light(&mut scene, light);
         let lit = scene.capture();
         for ((what, field, transform), prop) in cases.iter().zip(&props) {
             if transform.translation.y > 10.0 && !matches!(light, Light::Sun(_)) {
@@ -264,13 +242,13 @@ fn shadows_are_where_no_light_arrives() {
 /// Without a light that casts shadows on a prop's behalf, there is no pipeline, and every byte is the same.
 #[test]
 fn what_casts_no_shadow_changes_nothing() {
-    let mut scene = Scene::new(1024);
+    let mut scene = scene(1024);
     let cube = shape(|at| if at.abs().max_element() < 0.5 { 1e4 } else { 0.0 });
     let field = scene.add(cube.clone());
-    let prop = scene.spawn_unseen(&field, default());
+    let prop = spawn_unseen(&mut scene, &field, default());
     scene.wait();
     scene.insert(prop, Visibility::Hidden);
-    let sun = scene.spawn_light(Light::ALL[0]);
+    let sun = spawn_light(&mut scene, Light::ALL[0]);
     let lit = scene.capture();
     scene.insert(prop, Visibility::Visible);
     type Change = fn(&mut World, Entity, Entity);
@@ -329,19 +307,19 @@ fn what_casts_no_shadow_changes_nothing() {
 #[test]
 fn kept_shadows_are_those_of_new_rays() {
     const MAP: usize = 512;
-    let mut scene = Scene::new(MAP);
+    let mut scene = scene(MAP);
     let cuboid = shape(|at| if at.abs().cmplt(DVec3::new(0.9, 0.3, 0.6)).all() { 1e4 } else { 0.0 });
     let (toadstool, cuboid) = (scene.add(included("toadstool")), scene.add(cuboid));
-    let prop = scene.spawn_unseen(&toadstool, Transform::from_xyz(0.2, 0.0, 0.1));
+    let prop = spawn_unseen(&mut scene, &toadstool, Transform::from_xyz(0.2, 0.0, 0.1));
     // Larger than the maps of the nearer cascades.
     let large = Transform::from_xyz(2.0, 1.0, -9.0).with_scale(Vec3::splat(8.0));
-    scene.spawn_unseen(&cuboid, large);
+    spawn_unseen(&mut scene, &cuboid, large);
     scene.wait();
-    let [sun, lamp, _] = Light::ALL.map(|light| scene.spawn_light(light));
+    let [sun, lamp, _] = Light::ALL.map(|light| spawn_light(&mut scene, light));
     let camera = scene.camera;
     scene.capture();
-    scene.rest();
-    let Some(kept) = scene.tiles() else { return skip("reports of the GPU's memory") };
+    rest(&mut scene);
+    let Some(kept) = tiles(&scene) else { return skip("reports of the GPU's memory") };
     // Four cascades, the faces of the lamp below it, and the spot.
     assert!(kept.len() > 2 * 6, "{kept:?}");
     let size = (MAP * MAP * size_of::<f32>()) as u64;
@@ -353,7 +331,7 @@ fn kept_shadows_are_those_of_new_rays() {
         place.rotate_local_y(0.1 * step.z);
         scene.insert(camera, place);
         let seen = scene.capture();
-        let tiles = scene.tiles().unwrap();
+        let tiles = tiles(&scene).unwrap();
         assert!(
             tiles.len() + 4 >= kept.len(),
             "the camera moves, and {} of {} tiles are left",
@@ -367,14 +345,14 @@ fn kept_shadows_are_those_of_new_rays() {
         scene.insert(prop, Visibility::Visible);
         let marched = scene.capture();
         assert_eq!(differing(&marched, &seen, 0), 0, "{step}: so many pixels differ");
-        scene.rest();
+        rest(&mut scene);
     }
 
     let mut count = |what, change: &dyn Fn(&mut World)| {
-        let before = scene.tiles().unwrap().len();
+        let before = tiles(&scene).unwrap().len();
         change(scene.world());
-        scene.rest();
-        let after = scene.tiles().unwrap().len();
+        rest(&mut scene);
+        let after = tiles(&scene).unwrap().len();
         assert!(after < before, "{what}: {after} of {before} tiles are left");
         after
     };
@@ -392,7 +370,7 @@ fn kept_shadows_are_those_of_new_rays() {
 /// Many props cast shadows in many lights at once. A lamp inside a prop lights nothing outside.
 #[test]
 fn crowds_and_lamps_inside_props_cast_shadows() {
-    let mut scene = Scene::new(1024);
+    let mut scene = scene(1024);
     let cube = shape(|at| if at.abs().max_element() < 0.5 { 1e4 } else { 0.0 });
     let shell = shape(|at| if (0.6..0.9).contains(&at.length()) { 1e4 } else { 0.0 });
     let place = |index: u32| {
@@ -401,18 +379,19 @@ fn crowds_and_lamps_inside_props_cast_shadows() {
     };
     let crowd: Vec<Transform> = (0..64).map(place).collect();
     let [cube_asset, shell_asset] = [&cube, &shell].map(|field| scene.add(field.clone()));
-    let cubes: Vec<Entity> = crowd.iter().map(|transform| scene.spawn_unseen(&cube_asset, *transform)).collect();
+    let cubes: Vec<Entity> = crowd.iter().map(|transform| spawn_unseen(&mut scene, &cube_asset, *transform)).collect();
     let lamp = Light::Lamp(Vec3::new(0.2, 0.9, 0.0));
     let Light::Lamp(center) = lamp else { unreachable!("it is a lamp") };
-    let around = scene.spawn_unseen(&shell_asset, Transform::from_translation(center).with_scale(Vec3::splat(0.5)));
+    let around =
+        spawn_unseen(&mut scene, &shell_asset, Transform::from_translation(center).with_scale(Vec3::splat(0.5)));
     scene.wait();
-    let show = |scene: &mut Scene, props: &[Entity], visibility: Visibility| {
+    let show = |scene: &mut Stage, props: &[Entity], visibility: Visibility| {
         props.iter().for_each(|prop| scene.insert(*prop, visibility));
     };
     show(&mut scene, &cubes, Visibility::Hidden);
     show(&mut scene, &[around], Visibility::Hidden);
 
-    let entity = scene.spawn_light(lamp);
+    let entity = spawn_light(&mut scene, lamp);
     let lit = scene.capture();
     show(&mut scene, &[around], Visibility::Visible);
     let (iou, pixels) = compare(&lit, &scene.capture(), |_| true);
@@ -421,7 +400,7 @@ fn crowds_and_lamps_inside_props_cast_shadows() {
     assert!(pixels > 5000 && iou >= 0.999, "inside a shell: {iou:.4} of {pixels} pixels");
 
     let lights = [Light::ALL[0], Light::ALL[1], Light::ALL[2], Light::Lamp(Vec3::new(-2.0, 2.5, -1.0))];
-    lights.iter().for_each(|light| _ = scene.spawn_light(*light));
+    lights.iter().for_each(|light| _ = spawn_light(&mut scene, *light));
     let lit = scene.capture();
     show(&mut scene, &cubes, Visibility::Visible);
     let dark = scene.capture();
