@@ -1,24 +1,21 @@
 //! Tests the light that lights add to props, on a ball and on a wall, against the light of white meshes in float64.
 
-use std::{f64::consts::PI, time::Duration};
+use std::f64::consts::PI;
 
 use bevy::{
     camera::{Exposure, ScalingMode, visibility::RenderLayers},
     light::{CascadeShadowConfigBuilder, GlobalAmbientLight, ShadowFilteringMethod},
     prelude::*,
-    render::{
-        RenderApp,
-        render_resource::{PipelineCache, PipelineDescriptor},
-    },
 };
-use bevy_plenoctree::{
-    BorderSmoothing, EdgeSmoothing, FieldPalette, Palettes, PlenOctree, PlenOctreePlugin, Posterize, Prop,
-    PropLighting, UpAxis,
-    headless::{Headless, LitMeshPlugins, exact_camera},
-};
+use bevy_plenoctree::{BorderSmoothing, EdgeSmoothing, FieldPalette, PlenOctree, Posterize, PropLighting};
 use glam::{DVec2, DVec3};
 use image::RgbaImage;
-use plenoctree::{BakeSettings, Basis, bake};
+
+use super::stage::{
+    Stage,
+    fields::colored,
+    pixels::{color, linear, places},
+};
 
 /// The width of a frame, which shows x and y from -1 to 1.
 const PIXELS: u32 = 256;
@@ -30,17 +27,9 @@ const TOWARD: DVec3 = DVec3::new(0.8, 0.1, 0.45);
 /// The z of the front of the wall.
 const WALL: f64 = 0.2;
 
-struct Scene {
-    headless: Headless,
-    prop: Entity,
-    field: Handle<PlenOctree>,
-}
-
 /// A field that is solid where a distance is negative, in cells of 1/64. As in trained fields, it gets so gradually.
 fn shape(distance: impl Fn(DVec3) -> f64 + Sync) -> PlenOctree {
-    let settings = BakeSettings { depth: 7, basis: Basis::Rgba, up: UpAxis::Y, ..default() };
-    let density = |at| 400.0 * (0.5 - 32.0 * distance(at)).clamp(0.0, 1.0);
-    bake(&settings, density, |_| |_| DVec3::splat(GRAY)).unwrap()
+    colored(7, |at| 400.0 * (0.5 - 32.0 * distance(at)).clamp(0.0, 1.0), |_| DVec3::splat(GRAY))
 }
 
 fn ball() -> PlenOctree {
@@ -51,77 +40,39 @@ fn wall() -> PlenOctree {
     shape(|at| (at.z - WALL).max(at.x.abs() - 0.9).max(at.y.abs() - 0.9).max(-0.2 - at.z))
 }
 
-impl Scene {
-    /// Creates a scene with a prop and without lights.
-    fn new(field: &PlenOctree) -> Self {
-        let mut headless = Headless::new(UVec2::splat(PIXELS), |app| {
-            app.add_plugins((LitMeshPlugins, PlenOctreePlugin)).insert_resource(GlobalAmbientLight::NONE);
-        })
-        .unwrap();
-        let target = headless.target();
-        let scaling_mode = ScalingMode::Fixed { width: 2.0, height: 2.0 };
-        let world = headless.app.world_mut();
-        let field = world.resource_mut::<Assets<PlenOctree>>().add(field.clone());
-        let prop = world.spawn(Prop(field.clone())).id();
-        world.spawn((
-            exact_camera(Color::BLACK),
-            target,
-            ShadowFilteringMethod::Hardware2x2,
-            Projection::Orthographic(OrthographicProjection { scaling_mode, ..OrthographicProjection::default_3d() }),
-            Transform::from_xyz(0.0, 0.0, 5.0),
-        ));
-        let mut scene = Self { headless, prop, field };
-        scene.wait();
-        scene
-    }
+/// Creates a scene with a prop and without lights.
+fn scene(field: &PlenOctree) -> Stage {
+    let mut stage = Stage::with_meshes(PIXELS);
+    stage.world().insert_resource(GlobalAmbientLight::NONE);
+    stage.spawn_prop(field, ());
+    let scaling_mode = ScalingMode::Fixed { width: 2.0, height: 2.0 };
+    stage.set((
+        ShadowFilteringMethod::Hardware2x2,
+        Projection::Orthographic(OrthographicProjection { scaling_mode, ..OrthographicProjection::default_3d() }),
+        Transform::from_xyz(0.0, 0.0, 5.0),
+    ));
+    stage.wait();
+    stage
+}
 
-    fn world(&mut self) -> &mut World {
-        self.headless.app.world_mut()
-    }
+fn light(stage: &mut Stage, lighting: PropLighting) -> RgbaImage {
+    stage.dress(lighting);
+    stage.capture()
+}
 
-    fn wait(&mut self) {
-        self.headless.wait_until_ready(Duration::from_secs(120)).unwrap();
-    }
+/// Posterizes the prop with hard edges, in a palette of encoded colors.
+fn posterize(stage: &mut Stage, colors: &[DVec3]) {
+    stage.paint(FieldPalette::from_colors(colors.iter().copied().map(color)).unwrap());
+    let (edges, borders) = (EdgeSmoothing::Off, BorderSmoothing::Off);
+    stage.dress(Posterize { blend_steps: 1, softness: 0.0, edges, borders, ..default() });
+    stage.wait();
+}
 
-    fn light(&mut self, lighting: PropLighting) -> RgbaImage {
-        let prop = self.prop;
-        self.world().entity_mut(prop).insert(lighting);
-        self.capture()
-    }
-
-    fn capture(&mut self) -> RgbaImage {
-        self.headless.capture().unwrap()
-    }
-
-    /// Posterizes the prop with hard edges, in a palette of encoded colors.
-    fn posterize(&mut self, colors: &[DVec3]) {
-        let colors = colors.iter().map(|color| Color::srgb(color.x as f32, color.y as f32, color.z as f32));
-        let palette = FieldPalette::from_colors(colors).unwrap();
-        let (prop, field) = (self.prop, self.field.clone());
-        self.world().resource_mut::<Palettes>().insert(&field, palette);
-        let (edges, borders) = (EdgeSmoothing::Off, BorderSmoothing::Off);
-        let posterize = Posterize { blend_steps: 1, softness: 0.0, edges, borders, ..default() };
-        self.world().entity_mut(prop).insert(posterize);
-        self.wait();
-    }
-
-    fn spawn_sun(&mut self, toward: DVec3, illuminance: f64, casts: bool) -> Entity {
-        let illuminance = illuminance as f32;
-        let sun = DirectionalLight { illuminance, shadow_maps_enabled: casts, ..default() };
-        let place = Transform::default().looking_to(-toward.as_vec3(), Vec3::Y);
-        let cascades = CascadeShadowConfigBuilder { first_cascade_far_bound: 4.0, maximum_distance: 12.0, ..default() };
-        self.world().spawn((sun, place, cascades.build(), RenderLayers::from_layers(&[0, 1]))).id()
-    }
-
-    fn has_pipelines(&self) -> bool {
-        let cache = self.headless.app.sub_app(RenderApp).world().resource::<PipelineCache>();
-        cache.pipelines().any(|pipeline| match &pipeline.descriptor {
-            PipelineDescriptor::RenderPipelineDescriptor(descriptor) => {
-                descriptor.fragment.as_ref().is_some_and(|fragment| fragment.shader_defs.contains(&"BRIGHTNESS".into()))
-            }
-            PipelineDescriptor::ComputePipelineDescriptor(_) => false,
-        })
-    }
+fn spawn_sun(stage: &mut Stage, toward: DVec3, illuminance: f64, casts: bool) -> Entity {
+    let sun = DirectionalLight { illuminance: illuminance as f32, shadow_maps_enabled: casts, ..default() };
+    let place = Transform::default().looking_to(-toward.as_vec3(), Vec3::Y);
+    let cascades = CascadeShadowConfigBuilder { first_cascade_far_bound: 4.0, maximum_distance: 12.0, ..default() };
+    stage.spawn((sun, place, cascades.build(), RenderLayers::from_layers(&[0, 1])))
 }
 
 /// Returns the place of the center of a pixel.
@@ -146,32 +97,24 @@ fn illuminance(white: f64) -> f64 {
     white * PI / f64::from(Exposure::default().exposure())
 }
 
-fn linear(encoded: f64) -> f64 {
-    LinearRgba::from(Color::srgb(encoded as f32, 0.0, 0.0)).red.into()
-}
-
 /// Returns the factor by which the light of a pixel exceeds that of the prop.
 fn factor(frame: &RgbaImage, x: u32, y: u32) -> f64 {
-    linear(f64::from(frame.get_pixel(x, y)[1]) / 255.0) / linear(GRAY)
-}
-
-fn pixels() -> impl Iterator<Item = (u32, u32)> {
-    (0..PIXELS * PIXELS).map(|index| (index % PIXELS, index / PIXELS))
+    f64::from(linear(frame.get_pixel(x, y)).y / color(DVec3::splat(GRAY)).to_linear().green)
 }
 
 /// As trained, the light of a ball follows the angle at which the sun's light falls on it.
 #[test]
 fn what_faces_the_sun_gets_brighter() {
-    let mut scene = Scene::new(&ball());
+    let mut scene = scene(&ball());
     let unlit = scene.capture();
     let lighting = PropLighting { shadows: 0.5, ..default() };
-    let sun = scene.spawn_sun(TOWARD, illuminance(2.0), false);
-    assert_eq!(scene.light(lighting), unlit, "no brightness");
-    assert!(!scene.has_pipelines());
-    let lit = scene.light(PropLighting { brightness: 1.5, ..lighting });
-    assert!(scene.has_pipelines());
+    let sun = spawn_sun(&mut scene, TOWARD, illuminance(2.0), false);
+    assert_eq!(light(&mut scene, lighting), unlit, "no brightness");
+    assert!(!scene.has_pipeline("BRIGHTNESS"));
+    let lit = light(&mut scene, PropLighting { brightness: 1.5, ..lighting });
+    assert!(scene.has_pipeline("BRIGHTNESS"));
     let (mut count, mut sum, mut most) = (0, 0.0, 0.0f64);
-    for (x, y) in pixels() {
+    for (x, y) in places(PIXELS, PIXELS) {
         let Some(normal) = normal(x, y) else { continue };
         let cosine = normal.dot(TOWARD.normalize());
         if cosine < -0.15 {
@@ -187,11 +130,11 @@ fn what_faces_the_sun_gets_brighter() {
     assert!(mean < 0.02 && most < 0.1, "the error of the factor is {mean:.3} on average and at most {most:.3}");
     // Nothing else brightens it.
     scene.world().despawn(sun);
-    assert_eq!(scene.light(PropLighting { brightness: 1.5, ..lighting }), unlit, "no light");
+    assert_eq!(light(&mut scene, PropLighting { brightness: 1.5, ..lighting }), unlit, "no light");
     scene.world().insert_resource(GlobalAmbientLight { brightness: (illuminance(0.5) / PI) as f32, ..default() });
     let ambient = scene.capture();
     let expected = 1.0 + 1.5 * (1.0 - (-0.5f64).exp());
-    for (x, y) in pixels().filter(|(x, y)| normal(*x, *y).is_some()) {
+    for (x, y) in places(PIXELS, PIXELS).filter(|(x, y)| normal(*x, *y).is_some()) {
         assert!((factor(&ambient, x, y) - expected).abs() < 0.03, "ambient light at ({x}, {y})");
     }
 }
@@ -200,24 +143,24 @@ fn what_faces_the_sun_gets_brighter() {
 /// can get.
 #[test]
 fn bands_of_a_ball_end_where_the_light_says() {
-    let (gray, light) = (DVec3::splat(GRAY), DVec3::splat(0.52));
-    let mut scene = Scene::new(&ball());
+    let (gray, bright) = (DVec3::splat(GRAY), DVec3::splat(0.52));
+    let mut scene = scene(&ball());
     // The third color is nearer to twice the light, but has another hue.
-    scene.posterize(&[gray, light, DVec3::new(0.6, 0.5, 0.5)]);
-    scene.spawn_sun(TOWARD, illuminance(2.0), false);
+    posterize(&mut scene, &[gray, bright, DVec3::new(0.6, 0.5, 0.5)]);
+    spawn_sun(&mut scene, TOWARD, illuminance(2.0), false);
     let unlit = scene.capture();
     for bands in [1, 2] {
-        let lit = scene.light(PropLighting { brightness: 1.0, bands, ..default() });
+        let lit = light(&mut scene, PropLighting { brightness: 1.0, bands, ..default() });
         let is_lit = |x: u32, y: u32| f64::from(lit.get_pixel(x, y)[1]) > 255.0 * 0.46;
         // Where light of this strength falls on it, the first band begins.
         let first = -(1.0 - 0.5 / f64::from(bands)).ln() / 2.0;
         let mut most = 0.0f64;
-        for (x, y) in pixels() {
+        for (x, y) in places(PIXELS, PIXELS) {
             let Some(normal) = normal(x, y) else { continue };
             let angle = normal.dot(TOWARD.normalize()).acos().to_degrees() - first.acos().to_degrees();
             let shown = lit.get_pixel(x, y);
             if angle.abs() > 6.0 {
-                let band = if angle < 0.0 { light.x } else { GRAY };
+                let band = if angle < 0.0 { bright.x } else { GRAY };
                 if bands == 1 {
                     assert!((f64::from(shown[1]) - 255.0 * band).abs() < 2.0, "{shown:?} at ({x}, {y}), {angle}");
                 }
@@ -229,7 +172,7 @@ fn bands_of_a_ball_end_where_the_light_says() {
                 most = most.max(angle.abs());
             }
         }
-        for (x, y) in pixels() {
+        for (x, y) in places(PIXELS, PIXELS) {
             if normal_within(0.98, x, y).is_some_and(|normal| normal.dot(TOWARD.normalize()) < -0.2) {
                 assert_eq!(lit.get_pixel(x, y), unlit.get_pixel(x, y), "({x}, {y}) is on the dark side");
             }
@@ -242,16 +185,17 @@ fn bands_of_a_ball_end_where_the_light_says() {
     }
 
     // Beyond the end of the ramp, the color itself gets lighter.
-    scene.posterize(&[gray, DVec3::new(0.6, 0.5, 0.5)]);
-    let lit = scene.light(PropLighting { brightness: 1.0, ..default() });
-    let (x, y) = pixels().find(|(x, y)| normal(*x, *y).is_some_and(|normal| normal.dot(TOWARD) > 0.9)).unwrap();
+    posterize(&mut scene, &[gray, DVec3::new(0.6, 0.5, 0.5)]);
+    let lit = light(&mut scene, PropLighting { brightness: 1.0, ..default() });
+    let (x, y) =
+        places(PIXELS, PIXELS).find(|(x, y)| normal(*x, *y).is_some_and(|normal| normal.dot(TOWARD) > 0.9)).unwrap();
     assert!((factor(&lit, x, y) - 2.0).abs() < 0.05, "{:?}", lit.get_pixel(x, y));
 }
 
 /// Lamps reach as far as their range says, several lights add up, and what is in a shadow gets none of them.
 #[test]
 fn lights_add_up_within_their_range() {
-    let mut scene = Scene::new(&wall());
+    let mut scene = scene(&wall());
     let unlit = scene.capture();
     let lighting = PropLighting { shadows: 0.5, brightness: 1.0, ..default() };
     // How bright a lamp makes a white mesh, before it is brought to what is added.
@@ -267,15 +211,15 @@ fn lights_add_up_within_their_range() {
         0.06 * fade * fade * to.z / to.length().powi(3)
     };
     let frames = lamps.map(|at| {
-        let spawned = scene.world().spawn(lamp(at, 0.7)).id();
-        let frame = scene.light(lighting);
+        let spawned = scene.spawn(lamp(at, 0.7));
+        let frame = light(&mut scene, lighting);
         scene.world().despawn(spawned);
         frame
     });
-    let both = lamps.map(|at| scene.world().spawn(lamp(at, 0.7)).id());
+    let both = lamps.map(|at| scene.spawn(lamp(at, 0.7)));
     let sum = scene.capture();
     let (mut far, mut near) = (0, 0);
-    for (x, y) in pixels().filter(|(x, y)| place(*x, *y).abs().max_element() < 0.8) {
+    for (x, y) in places(PIXELS, PIXELS).filter(|(x, y)| place(*x, *y).abs().max_element() < 0.8) {
         let from = lamps.map(|at| at.distance(place(x, y).extend(WALL)));
         for ((at, frame), distance) in lamps.into_iter().zip(&frames).zip(from) {
             if distance > 0.8 {
@@ -293,17 +237,12 @@ fn lights_add_up_within_their_range() {
 
     // A prop that the camera does not see, before the sun.
     both.into_iter().for_each(|lamp| _ = scene.world().despawn(lamp));
-    scene.spawn_sun(DVec3::Z, illuminance(1.0), true);
-    let blocker = shape(|at| at.abs().max_element() - 0.5);
-    let blocker = scene.world().resource_mut::<Assets<PlenOctree>>().add(blocker);
-    scene.world().spawn((
-        Prop(blocker),
-        Transform::from_xyz(0.0, 0.0, 2.0).with_scale(Vec3::splat(0.6)),
-        RenderLayers::layer(1),
-    ));
+    spawn_sun(&mut scene, DVec3::Z, illuminance(1.0), true);
+    let above = Transform::from_xyz(0.0, 0.0, 2.0).with_scale(Vec3::splat(0.6));
+    scene.spawn_prop(&shape(|at| at.abs().max_element() - 0.5), (above, RenderLayers::layer(1)));
     scene.wait();
     let shadowed = scene.capture();
-    for (x, y) in pixels() {
+    for (x, y) in places(PIXELS, PIXELS) {
         let off = place(x, y).abs().max_element();
         if off < 0.25 {
             assert!((factor(&shadowed, x, y) - 0.5).abs() < 0.03, "({x}, {y}) is in the shadow");
@@ -317,19 +256,19 @@ fn lights_add_up_within_their_range() {
 /// A light from behind a ball lights its outline if there is a rim, and nothing else.
 #[test]
 fn rims_light_outlines() {
-    let mut scene = Scene::new(&ball());
+    let mut scene = scene(&ball());
     let unlit = scene.capture();
-    scene.spawn_sun(DVec3::new(1.0, 0.0, -1.0), illuminance(4.0), false);
+    spawn_sun(&mut scene, DVec3::new(1.0, 0.0, -1.0), illuminance(4.0), false);
     let lighting = PropLighting { brightness: 1.0, ..default() };
-    let plain = scene.light(lighting);
-    let rim = scene.light(PropLighting { rim: 1.0, ..lighting });
+    let plain = light(&mut scene, lighting);
+    let rim = light(&mut scene, PropLighting { rim: 1.0, ..lighting });
     let middle = PIXELS / 2;
     let edge = (middle + (RADIUS * f64::from(middle)) as u32) - 3;
     assert!(factor(&rim, edge, middle) > 1.5, "{}", factor(&rim, edge, middle));
-    for (x, y) in pixels().filter(|(x, y)| place(*x, *y).length() < 0.6) {
+    for (x, y) in places(PIXELS, PIXELS).filter(|(x, y)| place(*x, *y).length() < 0.6) {
         assert_eq!(rim.get_pixel(x, y), plain.get_pixel(x, y), "({x}, {y}) is away from the outline");
     }
-    for (x, y) in pixels().filter(|(x, _)| *x < middle - 8) {
+    for (x, y) in places(PIXELS, PIXELS).filter(|(x, _)| *x < middle - 8) {
         assert_eq!(rim.get_pixel(x, y), unlit.get_pixel(x, y), "({x}, {y}) is on the other side");
     }
 }

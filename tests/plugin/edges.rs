@@ -1,29 +1,28 @@
 //! Tests the edges of posterized props, against images with 16 rays per pixel that are posterized separately.
 
-use std::time::Duration;
+use std::ops::{Deref, DerefMut};
 
 use bevy::{
     camera::{Hdr, ScalingMode, visibility::RenderLayers},
     prelude::*,
-    render::{
-        RenderApp,
-        render_resource::{PipelineCache, PipelineDescriptor},
-    },
 };
 use bevy_plenoctree::{
-    EdgeSmoothing, FieldPalette, LabelStages, LoadSettings, Palette, PaletteOverride, Palettes, PlenOctree,
-    PlenOctreePlugin, Posterize, PosterizeView, Prop, PropLighting, PropQuality, PropStage, SolidOpacity, UpAxis,
-    headless::{Headless, LitMeshPlugins, exact_camera},
+    EdgeSmoothing, FieldPalette, LabelStages, Palette, PaletteOverride, Palettes, PlenOctree, Posterize, PosterizeView,
+    Prop, PropLighting, PropQuality, PropStage, SolidOpacity,
 };
 use glam::DVec3;
 use image::RgbaImage;
 use plenoctree::{
-    BakeSettings, Basis, bake,
     palette::{ExtractionSettings, PaletteMethod, extract},
     sampling::Progress,
 };
 
-use crate::idle_stage::idle_stage;
+use super::stage::{
+    Stage,
+    fields::{colored, included},
+    pixels::{differing, linear, places, steps},
+    unlit,
+};
 
 /// The width and height of a frame, in pixels.
 const SIZE: u32 = 96;
@@ -39,106 +38,95 @@ const KEYS: [Color; 2] = [Color::srgb(1.0, 0.0, 1.0), Color::srgb(0.0, 1.0, 1.0)
 
 /// Bakes the inside of a surface, in one color.
 fn bake_solid(color: [f64; 3], distance: impl Fn(DVec3) -> f64 + Sync) -> PlenOctree {
-    let settings = BakeSettings { depth: 6, basis: Basis::Rgba, up: UpAxis::Y, ..default() };
-    bake(&settings, |at| if distance(at) < 0.0 { 1e4 } else { 0.0 }, |_| move |_| color.into()).unwrap()
+    colored(6, |at| if distance(at) < 0.0 { 1e4 } else { 0.0 }, |_| color.into())
 }
 
 fn ball(color: [f64; 3]) -> PlenOctree {
     bake_solid(color, |at| at.length() - 0.7)
 }
 
-struct Stage {
-    headless: Headless,
-    camera: Entity,
-    props: Vec<Entity>,
+struct Scene {
+    stage: Stage,
     meshes: Vec<Entity>,
 }
 
-impl Stage {
+impl Deref for Scene {
+    type Target = Stage;
+
+    fn deref(&self) -> &Stage {
+        &self.stage
+    }
+}
+
+impl DerefMut for Scene {
+    fn deref_mut(&mut self) -> &mut Stage {
+        &mut self.stage
+    }
+}
+
+impl Scene {
     fn new() -> Self {
-        let mut headless = Headless::new(UVec2::splat(SIZE), |app| {
-            app.add_plugins((LitMeshPlugins, PlenOctreePlugin));
-        })
-        .unwrap();
-        let target = headless.target();
-        let place = Transform::from_xyz(0.3, 0.5, 3.0).looking_at(Vec3::ZERO, Vec3::Y);
-        let camera = headless.app.world_mut().spawn((exact_camera(SKY), target, place)).id();
-        Self { headless, camera, props: vec![], meshes: vec![] }
-    }
-
-    fn world(&mut self) -> &mut World {
-        self.headless.app.world_mut()
-    }
-
-    fn set(&mut self, settings: impl Bundle) {
-        let camera = self.camera;
-        self.world().entity_mut(camera).insert(settings);
-    }
-
-    fn unset<T: Bundle>(&mut self) {
-        let camera = self.camera;
-        self.world().entity_mut(camera).remove::<T>();
+        let mut stage = Stage::with_meshes(SIZE);
+        stage.set_background(SKY);
+        stage.set(Transform::from_xyz(0.3, 0.5, 3.0).looking_at(Vec3::ZERO, Vec3::Y));
+        Self { stage, meshes: vec![] }
     }
 
     /// Spawns a posterized prop.
-    fn spawn(&mut self, field: &PlenOctree, palette: Palette, place: Transform) {
-        let world = self.headless.app.world_mut();
-        let field = world.resource_mut::<Assets<PlenOctree>>().add(field.clone());
-        world.resource_mut::<Palettes>().insert(&field, FieldPalette::new(palette));
+    fn spawn_posterized(&mut self, field: &PlenOctree, palette: Palette, place: Transform) {
         let hard = Posterize { edges: EdgeSmoothing::Off, ..Posterize::paper() };
-        self.props.push(world.spawn((Prop(field), hard, place)).id());
-        self.headless.wait_until_ready(Duration::from_secs(120)).unwrap();
+        let prop = self.spawn_prop(field, (hard, place));
+        let world = self.world();
+        let field = world.get::<Prop>(prop).unwrap().0.clone();
+        world.resource_mut::<Palettes>().insert(&field, FieldPalette::new(palette));
+        self.wait();
     }
 
     fn spawn_ball(&mut self, color: [f64; 3], place: Transform) {
-        self.spawn(&ball(color), Palette::new(vec![color]).unwrap(), place);
+        self.spawn_posterized(&ball(color), Palette::new(vec![color]).unwrap(), place);
     }
 
     /// Spawns one of the included props.
     fn spawn_included(&mut self, name: &str) {
-        let path = format!("{}/assets/{name}.plenoctree", env!("CARGO_MANIFEST_DIR"));
-        let field = PlenOctree::read(path, &LoadSettings::default()).unwrap();
+        let field = included(name);
         let fitted = ExtractionSettings { method: PaletteMethod::Fitted, ..default() };
         let extraction = extract(&field, &fitted, &Progress::default()).unwrap();
-        self.spawn(&field, extraction.palette, default());
+        self.spawn_posterized(&field, extraction.palette, default());
     }
 
     /// Spawns an unlit square of this size.
     fn spawn_wall(&mut self, size: f32, place: Transform) {
-        let world = self.headless.app.world_mut();
-        let mesh = world.resource_mut::<Assets<Mesh>>().add(Rectangle::new(size, size));
-        let material = StandardMaterial { base_color: WALL, unlit: true, cull_mode: None, ..default() };
-        let material = world.resource_mut::<Assets<StandardMaterial>>().add(material);
-        self.meshes.push(world.spawn((Mesh3d(mesh), MeshMaterial3d(material), place)).id());
+        let wall = self.spawn_mesh(Rectangle::new(size, size), unlit(WALL), place);
+        self.meshes.push(wall);
     }
 
     fn clear(&mut self) {
-        for entity in self.props.drain(..).chain(self.meshes.drain(..)) {
-            self.headless.app.world_mut().despawn(entity);
+        self.stage.clear();
+        for mesh in self.meshes.drain(..) {
+            self.stage.world().despawn(mesh);
         }
     }
 
-    fn capture(&mut self, edges: EdgeSmoothing) -> RgbaImage {
-        for prop in &self.props {
-            self.headless.app.world_mut().entity_mut(*prop).insert(Posterize { edges, ..Posterize::paper() });
+    fn draw(&mut self, edges: EdgeSmoothing) -> RgbaImage {
+        for prop in self.props.clone() {
+            self.insert(prop, Posterize { edges, ..Posterize::paper() });
         }
-        self.headless.capture().unwrap()
+        self.capture()
     }
 
     /// Returns which prop each pixel shows: 1 for the first, and 0 for none.
     fn owners(&mut self) -> Vec<usize> {
+        let props = self.props.clone();
         let mut lightings = vec![];
-        for (prop, key) in self.props.iter().zip(KEYS) {
+        for (prop, key) in props.iter().zip(KEYS) {
             let own = (0..16).fold(PaletteOverride::default(), |own, index| own.with(index, key));
-            let mut prop = self.headless.app.world_mut().entity_mut(*prop);
-            lightings.push(prop.insert(own).take::<PropLighting>());
+            lightings.push(self.world().entity_mut(*prop).insert(own).take::<PropLighting>());
         }
-        let frame = self.capture(EdgeSmoothing::Off);
-        for (prop, lighting) in self.props.iter().zip(lightings) {
-            let mut prop = self.headless.app.world_mut().entity_mut(*prop);
-            prop.remove::<PaletteOverride>();
+        let frame = self.draw(EdgeSmoothing::Off);
+        for (prop, lighting) in props.into_iter().zip(lightings) {
+            self.world().entity_mut(prop).remove::<PaletteOverride>();
             if let Some(lighting) = lighting {
-                prop.insert(lighting);
+                self.insert(prop, lighting);
             }
         }
         let keys = KEYS.map(|key| Srgba::from(key).to_u8_array());
@@ -152,17 +140,16 @@ impl Stage {
         self.headless.resize(UVec2::splat(FINE * SIZE));
         self.headless.update();
         self.set((Msaa::Off, PropQuality { error: 0.0, ..before.1 }));
-        let (owners, frame) = (self.owners(), self.capture(EdgeSmoothing::Off));
+        let (owners, frame) = (self.owners(), self.draw(EdgeSmoothing::Off));
         self.headless.resize(UVec2::splat(SIZE));
         self.headless.update();
         self.set(before);
-        let places = |x: u32, y: u32| (0..FINE * FINE).map(move |ray| (FINE * x + ray % FINE, FINE * y + ray / FINE));
-        let pixels = || (0..SIZE * SIZE).map(|index| (index % SIZE, index / SIZE));
-        let owners = pixels()
-            .map(|(x, y)| places(x, y).map(|(x, y)| owners[(y * FINE * SIZE + x) as usize]).collect())
+        let rays = |x: u32, y: u32| (0..FINE * FINE).map(move |ray| (FINE * x + ray % FINE, FINE * y + ray / FINE));
+        let owners = places(SIZE, SIZE)
+            .map(|(x, y)| rays(x, y).map(|(x, y)| owners[(y * FINE * SIZE + x) as usize]).collect())
             .collect();
-        let mean = |(x, y)| places(x, y).map(|(x, y)| linear(*frame.get_pixel(x, y))).sum::<Vec3>();
-        let means = pixels().map(|at| mean(at) / (FINE * FINE) as f32).collect();
+        let mean = |(x, y)| rays(x, y).map(|(x, y)| linear(frame.get_pixel(x, y))).sum::<Vec3>();
+        let means = places(SIZE, SIZE).map(|at| mean(at) / (FINE * FINE) as f32).collect();
         (owners, means)
     }
 
@@ -180,12 +167,11 @@ impl Stage {
     fn errors_at(&mut self, what: &str, truth: &[Vec3], are_meant: &[bool]) -> (f64, f64) {
         let count = are_meant.iter().filter(|is_meant| **is_meant).count();
         let [hard, smooth] = [EdgeSmoothing::Off, EdgeSmoothing::Coverage].map(|edges| {
-            let frame = self.capture(edges);
+            let frame = self.draw(edges);
             let squares = frame.pixels().zip(truth).zip(are_meant).filter(|(_, is_meant)| **is_meant).map(
                 |((pixel, truth), _)| {
                     let truth = Srgba::from(LinearRgba::from_vec3(*truth)).to_vec3();
-                    let found = Vec3::new(pixel[0].into(), pixel[1].into(), pixel[2].into());
-                    f64::from((found - 255.0 * truth).length_squared()) / 3.0
+                    (steps(pixel) - 255.0 * truth.as_dvec3()).length_squared() / 3.0
                 },
             );
             (squares.sum::<f64>() / count as f64).sqrt()
@@ -198,10 +184,6 @@ impl Stage {
 /// Returns the pixels that the edge of a prop crosses, from the owners of their rays.
 fn crossed(owners: &[Vec<usize>]) -> Vec<bool> {
     owners.iter().map(|rays| rays.iter().any(|ray| *ray != rays[0])).collect()
-}
-
-fn linear(pixel: image::Rgba<u8>) -> Vec3 {
-    LinearRgba::from(Color::srgb_u8(pixel[0], pixel[1], pixel[2])).to_vec3()
 }
 
 /// A wall that hides the right half of what is at the origin, and is tilted.
@@ -220,9 +202,9 @@ fn floor() -> Transform {
 
 #[test]
 fn edges_are_close_to_supersampled_ones() {
-    let mut stage = Stage::new();
+    let mut stage = Scene::new();
     let mut results = vec![];
-    let mut check = |stage: &mut Stage, what: &str, most: f64| {
+    let mut check = |stage: &mut Scene, what: &str, most: f64| {
         let (hard, smooth) = stage.errors(what);
         results.push((what.to_string(), smooth / hard, most));
     };
@@ -268,9 +250,8 @@ fn edges_are_close_to_supersampled_ones() {
     }
     stage.set(Msaa::Off);
     // Fog, which is posterized only where rays pass through enough of it.
-    let settings = BakeSettings { depth: 6, basis: Basis::Rgba, up: UpAxis::Y, ..default() };
-    let fog = bake(&settings, |at| if at.length() < 0.9 { 0.6 } else { 0.0 }, |_| |_| BRIGHT.into()).unwrap();
-    stage.spawn(&fog, Palette::new(vec![BRIGHT]).unwrap(), default());
+    let fog = colored(6, |at| if at.length() < 0.9 { 0.6 } else { 0.0 }, |_| BRIGHT.into());
+    stage.spawn_posterized(&fog, Palette::new(vec![BRIGHT]).unwrap(), default());
     check(&mut stage, "fog", usual);
     stage.clear();
     // A ball whose near half, and more, is before the near plane.
@@ -284,15 +265,15 @@ fn edges_are_close_to_supersampled_ones() {
     // Half of it in the shadow of a wall that only the light sees.
     stage.spawn_ball(BRIGHT, default());
     let lighting = PropLighting { shadows: 0.7, ..default() };
-    let (prop, unlit) = (stage.props[0], stage.capture(EdgeSmoothing::Coverage));
-    stage.world().entity_mut(prop).insert(lighting);
+    let (prop, unlit) = (stage.props[0], stage.draw(EdgeSmoothing::Coverage));
+    stage.insert(prop, lighting);
     let light = DirectionalLight { shadow_maps_enabled: true, ..default() };
     let sun = (light, Transform::default().looking_to(Vec3::NEG_Z, Vec3::Y), RenderLayers::from_layers(&[0, 1]));
     let sun = stage.world().spawn(sun).id();
     stage.spawn_wall(6.0, Transform::from_xyz(3.1, 0.0, 1.5));
     let wall = stage.meshes[0];
-    stage.world().entity_mut(wall).insert(RenderLayers::layer(1));
-    let lit = stage.capture(EdgeSmoothing::Coverage);
+    stage.insert(wall, RenderLayers::layer(1));
+    let lit = stage.draw(EdgeSmoothing::Coverage);
     let darker = lit.pixels().zip(unlit.pixels()).filter(|(lit, unlit)| lit[0] + 20 < unlit[0]).count();
     assert!((300..3000).contains(&darker), "{darker} pixels are in shadow");
     check(&mut stage, "half in shadow", usual);
@@ -309,7 +290,7 @@ fn edges_are_close_to_supersampled_ones() {
         stage.spawn_wall(1.2, before());
         check(&mut stage, &format!("behind a mesh, {place:?}, HDR {hdr}"), third);
         if !hdr {
-            let idle = idle_stage(stage.world());
+            let idle = stage.idle_stage();
             stage.set(idle);
             check(&mut stage, &format!("behind a mesh, {place:?}, with stages"), third);
         }
@@ -341,7 +322,7 @@ fn outlines(owners: &[usize]) -> Vec<bool> {
 /// between the two.
 #[test]
 fn edges_have_colors_between_those_on_both_sides_and_others_stay() {
-    let mut stage = Stage::new();
+    let mut stage = Scene::new();
     stage.set(Transform::from_xyz(1.0, 1.2, 3.2).looking_at(Vec3::ZERO, Vec3::Y));
     stage.spawn_included("toadstool");
     for (msaa, place) in
@@ -349,7 +330,7 @@ fn edges_have_colors_between_those_on_both_sides_and_others_stay() {
     {
         stage.set((msaa, place));
         let is_edge = outlines(&stage.owners());
-        let [hard, smooth] = [EdgeSmoothing::Off, EdgeSmoothing::Coverage].map(|edges| stage.capture(edges));
+        let [hard, smooth] = [EdgeSmoothing::Off, EdgeSmoothing::Coverage].map(|edges| stage.draw(edges));
         let changed = hard.pixels().zip(smooth.pixels()).map(|(hard, smooth)| hard != smooth);
         let (on, off): (Vec<_>, Vec<_>) = changed.zip(&is_edge).partition(|(_, is_edge)| **is_edge);
         let count = |pixels: &[(bool, &bool)]| pixels.iter().filter(|(changed, _)| *changed).count();
@@ -359,10 +340,10 @@ fn edges_have_colors_between_those_on_both_sides_and_others_stay() {
     stage.clear();
     stage.spawn_ball(BRIGHT, default());
     let [bright, dark] = [Vec3::from_array(BRIGHT.map(|channel| channel as f32)), Srgba::from(SKY).to_vec3()];
-    let (mut mixed, frame) = (0, stage.capture(EdgeSmoothing::Coverage));
+    let (mut mixed, frame) = (0, stage.draw(EdgeSmoothing::Coverage));
     for pixel in frame.pixels() {
         let shares = [0, 1, 2].map(|channel| {
-            let value = linear(*pixel)[channel];
+            let value = linear(pixel)[channel];
             let [dark, bright] =
                 [dark, bright].map(|color| LinearRgba::from(Srgba::from_vec3(color)).to_vec3()[channel]);
             (value - dark) / (bright - dark)
@@ -378,10 +359,10 @@ fn edges_have_colors_between_those_on_both_sides_and_others_stay() {
     let from_none = (Posterize { min_opacity: 0.0, ..Posterize::paper() }, PropQuality::EXACT);
     let at_once = (Posterize::paper(), PropQuality { stop_transmittance: 1.0, ..default() });
     for (posterize, quality) in [from_none, at_once] {
-        stage.world().entity_mut(prop).insert(posterize);
+        stage.insert(prop, posterize);
         stage.set(quality);
-        let found = stage.headless.capture().unwrap();
-        let differ = found.pixels().zip(frame.pixels()).filter(|(found, frame)| found != frame).count();
+        let found = stage.capture();
+        let differ = differing(&found, &frame, 0);
         assert!(10 * differ < mixed, "{differ} of {mixed} pixels differ with {posterize:?}, {quality:?}");
     }
 }
@@ -390,7 +371,7 @@ fn edges_have_colors_between_those_on_both_sides_and_others_stay() {
 /// prop may be behind them, they show nothing.
 #[test]
 fn slits_show_the_scene_behind() {
-    let mut stage = Stage::new();
+    let mut stage = Scene::new();
     stage.set(Transform::from_xyz(1.0, 1.2, 3.2).looking_at(Vec3::ZERO, Vec3::Y));
     stage.spawn_included("drum");
     for has_wall in [false, true] {
@@ -412,7 +393,7 @@ fn slits_show_the_scene_behind() {
     }
     stage.spawn_ball(GREEN, Transform::from_xyz(-0.5, -0.6, -1.8));
     let marked = outlines(&stage.owners());
-    let [hard, smooth] = [EdgeSmoothing::Off, EdgeSmoothing::Coverage].map(|edges| stage.capture(edges));
+    let [hard, smooth] = [EdgeSmoothing::Off, EdgeSmoothing::Coverage].map(|edges| stage.draw(edges));
     let changed = hard.pixels().zip(smooth.pixels()).zip(&marked).filter(|((a, b), is_marked)| a != b && !**is_marked);
     assert_eq!(changed.count(), 0);
 }
@@ -420,7 +401,7 @@ fn slits_show_the_scene_behind() {
 /// When the camera turns slowly, edges change less from frame to frame than hard ones.
 #[test]
 fn smooth_edges_are_steadier() {
-    let mut stage = Stage::new();
+    let mut stage = Scene::new();
     stage.spawn_included("toadstool");
     let mut changes = [0.0; 2];
     let mut before: Option<([RgbaImage; 2], Vec<bool>)> = None;
@@ -428,12 +409,12 @@ fn smooth_edges_are_steadier() {
         let turn = Quat::from_rotation_y(0.6 + 0.004 * step as f32);
         stage.set(Transform::from_translation(turn * Vec3::new(0.0, 1.2, 3.2)).looking_at(Vec3::ZERO, Vec3::Y));
         let is_edge = outlines(&stage.owners());
-        let frames = [EdgeSmoothing::Off, EdgeSmoothing::Coverage].map(|edges| stage.capture(edges));
+        let frames = [EdgeSmoothing::Off, EdgeSmoothing::Coverage].map(|edges| stage.draw(edges));
         if let Some((earlier, was_edge)) = &before {
             for (index, change) in changes.iter_mut().enumerate() {
                 let pixels = frames[index].pixels().zip(earlier[index].pixels()).zip(is_edge.iter().zip(was_edge));
                 let edges = pixels.filter(|(_, (is_edge, was_edge))| **is_edge || **was_edge);
-                *change += edges.map(|((a, b), _)| f64::from(linear(*a).distance_squared(linear(*b)))).sum::<f64>();
+                *change += edges.map(|((a, b), _)| f64::from(linear(a).distance_squared(linear(b)))).sum::<f64>();
             }
         }
         before = Some((frames, is_edge));
@@ -446,58 +427,45 @@ fn smooth_edges_are_steadier() {
 /// Views in which no prop is posterized, or all edges are hard, compile and draw nothing for smooth ones.
 #[test]
 fn only_views_with_smooth_edges_pay_for_them() {
-    let mut stage = Stage::new();
+    let mut stage = Scene::new();
     stage.spawn_ball(BRIGHT, default());
-    let prop = stage.props[0];
-    let compiled = |stage: &Stage| {
-        let cache = stage.headless.app.sub_app(RenderApp).world().resource::<PipelineCache>();
-        let labels = cache.pipelines().filter_map(|pipeline| match &pipeline.descriptor {
-            PipelineDescriptor::RenderPipelineDescriptor(descriptor) => descriptor.label.as_deref(),
-            PipelineDescriptor::ComputePipelineDescriptor(_) => None,
-        });
-        let of_edges = ["plenoctree_blend", "plenoctree_coverage", "plenoctree_outline"];
-        let mut compiled: Vec<_> =
-            labels.filter(|label| of_edges.contains(label)).map(|label| label.to_string()).collect();
-        compiled.sort();
-        compiled.dedup();
-        compiled
-    };
-    stage.capture(EdgeSmoothing::Off);
-    stage.world().entity_mut(prop).remove::<Posterize>();
-    let field = stage.world().get::<Prop>(prop).unwrap().0.clone();
+    let compiled =
+        |stage: &Scene| ["blend", "coverage", "outline"].map(|pass| stage.has_pipeline(&format!("plenoctree_{pass}")));
+    stage.draw(EdgeSmoothing::Off);
+    stage.undress::<Posterize>();
+    let field = stage.field();
     // A posterized view has no edges either.
     stage.set((PosterizeView(field), Posterize::default()));
-    stage.headless.capture().unwrap();
-    assert!(compiled(&stage).is_empty());
-    stage.capture(EdgeSmoothing::Coverage);
-    assert_eq!(compiled(&stage), ["plenoctree_blend", "plenoctree_coverage", "plenoctree_outline"]);
+    stage.capture();
+    assert_eq!(compiled(&stage), [false; 3]);
+    stage.draw(EdgeSmoothing::Coverage);
+    assert_eq!(compiled(&stage), [true; 3]);
 }
 
 /// Bakes a plate at the bottom of a box, and a chip in its uppermost corner, which makes the box high.
 fn plate() -> PlenOctree {
-    let settings = BakeSettings { depth: 4, basis: Basis::Rgba, up: UpAxis::Y, ..default() };
     let is_solid = |at: DVec3| at.y < -0.875 || at.min_element() > 0.875;
     // Solid within a small part of a cell, which the test makes large.
-    bake(&settings, |at| if is_solid(at) { 1e8 } else { 0.0 }, |_| |_| GREEN.into()).unwrap()
+    colored(4, |at| if is_solid(at) { 1e8 } else { 0.0 }, |_| GREEN.into())
 }
 
 /// Where props meet, which of them is in front is known as exactly as depths are, no matter how high a prop's box is above
 /// that, and how large the scene is.
 #[test]
 fn lines_of_contact_do_not_depend_on_the_size_of_a_box() {
-    let mut stage = Stage::new();
+    let mut stage = Scene::new();
     let block = bake_solid(BRIGHT, |at| at.abs().max_element() - 0.5);
     let turned = Quat::from_euler(EulerRot::XYZ, 0.6, 0.3, 0.4);
-    stage.spawn(&plate(), Palette::new(vec![GREEN]).unwrap(), default());
-    stage.spawn(&block, Palette::new(vec![BRIGHT]).unwrap(), default());
+    stage.spawn_posterized(&plate(), Palette::new(vec![GREEN]).unwrap(), default());
+    stage.spawn_posterized(&block, Palette::new(vec![BRIGHT]).unwrap(), default());
     let (plate, block) = (stage.props[0], stage.props[1]);
     // The top of the plate is at 0.
-    let place = |stage: &mut Stage, height: f32, scale: f32| {
+    let place = |stage: &mut Scene, height: f32, scale: f32| {
         let size = Vec3::new(4.0, height, 4.0);
         let of_plate = Transform::from_xyz(0.0, 0.875 * height * scale, 0.0).with_scale(scale * size);
         let of_block = Transform::from_rotation(turned).with_scale(Vec3::splat(scale));
-        stage.world().entity_mut(plate).insert(of_plate);
-        stage.world().entity_mut(block).insert(of_block);
+        stage.insert(plate, of_plate);
+        stage.insert(block, of_block);
     };
     let far = |tilt: f32, distance: f32| {
         Transform::from_translation(distance * Vec3::new(0.0, 1.0, tilt).normalize()).looking_at(Vec3::ZERO, Vec3::Z)
@@ -506,10 +474,6 @@ fn lines_of_contact_do_not_depend_on_the_size_of_a_box() {
     let flat = OrthographicProjection { scaling_mode, far: 1e4, ..OrthographicProjection::default_3d() };
     let narrow = PerspectiveProjection { fov: 3.0 / 4000.0, ..default() };
     let wide = PerspectiveProjection::default();
-    let differ = |a: &RgbaImage, b: &RgbaImage| {
-        let is_off = |(a, b): (&image::Rgba<u8>, &image::Rgba<u8>)| (0..3).any(|c| a[c].abs_diff(b[c]) > 8);
-        a.pixels().zip(b.pixels()).filter(|pixels| is_off(*pixels)).count()
-    };
     let mut wrong = vec![];
     for (msaa, edge_rays, solid) in [
         (Msaa::Off, 8, SolidOpacity::default()),
@@ -518,7 +482,7 @@ fn lines_of_contact_do_not_depend_on_the_size_of_a_box() {
         (Msaa::Off, 4, SolidOpacity::Never),
     ] {
         stage.set((msaa, PropQuality { edge_rays, ..default() }));
-        stage.world().entity_mut(plate).insert(solid);
+        stage.insert(plate, solid);
         let what = format!("{msaa:?}, {edge_rays} rays, plate {solid:?}");
         for (projection, from) in [
             (Projection::Orthographic(flat.clone()), far(0.02, 4000.0)),
@@ -526,12 +490,12 @@ fn lines_of_contact_do_not_depend_on_the_size_of_a_box() {
         ] {
             stage.set((projection.clone(), from));
             place(&mut stage, 1.0, 1.0);
-            let (hard, low) = (stage.capture(EdgeSmoothing::Off), stage.capture(EdgeSmoothing::Coverage));
-            let edges = differ(&hard, &low);
+            let (hard, low) = (stage.draw(EdgeSmoothing::Off), stage.draw(EdgeSmoothing::Coverage));
+            let edges = differing(&hard, &low, 8);
             assert!(edges > 60, "{what}, {projection:?}: {edges} pixels at edges");
             place(&mut stage, 1000.0, 1.0);
-            let high = stage.capture(EdgeSmoothing::Coverage);
-            let count = differ(&high, &low);
+            let high = stage.draw(EdgeSmoothing::Coverage);
+            let count = differing(&high, &low, 8);
             if 10 * count > edges {
                 wrong.push(format!("{what}, {projection:?}: {count} of {edges} pixels differ in a high box"));
             }
@@ -539,14 +503,14 @@ fn lines_of_contact_do_not_depend_on_the_size_of_a_box() {
         let from = Transform::from_xyz(0.3, 1.8, 2.5).looking_at(Vec3::ZERO, Vec3::Y);
         stage.set((Projection::Perspective(wide.clone()), from));
         place(&mut stage, 1.0, 1.0);
-        let usual = stage.capture(EdgeSmoothing::Coverage);
+        let usual = stage.draw(EdgeSmoothing::Coverage);
         for scale in [1e-4, 1e6] {
             let near = if scale < 1.0 { 0.1 * scale } else { 0.1 };
             let projection = PerspectiveProjection { near, ..wide.clone() };
             let at = from.with_translation(scale * from.translation);
             stage.set((Projection::Perspective(projection), at));
             place(&mut stage, 1.0, scale);
-            let count = differ(&stage.capture(EdgeSmoothing::Coverage), &usual);
+            let count = differing(&stage.draw(EdgeSmoothing::Coverage), &usual, 8);
             if count > 3 {
                 wrong.push(format!("{what}: {count} pixels differ at a scale of {scale}"));
             }

@@ -1,44 +1,31 @@
 //! Tests fog: a prop and a mesh of the same color and at the same depth, side by side, fade alike.
 
-use bevy::{
-    prelude::*,
-    render::{
-        RenderApp,
-        render_resource::{PipelineCache, PipelineDescriptor},
-    },
-};
-use bevy_plenoctree::{EdgeSmoothing, FieldPalette, Palettes, Posterize, Prop, PropQuality, PropStage, SolidOpacity};
+use bevy::prelude::*;
+use bevy_plenoctree::{EdgeSmoothing, FieldPalette, Posterize, PropQuality, PropStage, SolidOpacity};
 use glam::DVec3;
 use image::RgbaImage;
 
-use super::scene::stage::{BACKGROUND, GREEN, PIXELS, SOLID, Stage, color, cube, density};
+use crate::stage::{
+    pixels::{encoded, steps},
+    sides::{BACKGROUND, GREEN, PIXELS, SOLID, Sides, color, cube, density, in_cube},
+    unlit,
+};
 
 /// The x of the centers of the mesh and of the prop, mirrored.
 const ASIDE: f32 = 0.875;
 
 /// A stage with a prop on the left and a mesh on the right, both cubes of the same size, farther away than others.
-fn stage() -> (Stage, Entity, Entity) {
-    let mut stage = Stage::with_meshes();
+fn stage() -> (Sides, Entity, Entity) {
+    let mut stage = Sides::with_meshes();
     let prop = stage.spawn_prop(&cube(SOLID, GREEN), Transform::from_xyz(-ASIDE, 0.0, 0.0));
-    let world = stage.world();
-    let mesh = world.resource_mut::<Assets<Mesh>>().add(Cuboid::new(1.0, 1.0, 1.0));
-    let material = StandardMaterial { base_color: color(GREEN), unlit: true, ..default() };
-    let material = world.resource_mut::<Assets<StandardMaterial>>().add(material);
-    world.spawn((Mesh3d(mesh), MeshMaterial3d(material), Transform::from_xyz(ASIDE, 0.0, 0.0)));
+    let cuboid = Cuboid::new(1.0, 1.0, 1.0);
+    stage.spawn_mesh(cuboid, unlit(color(GREEN)), Transform::from_xyz(ASIDE, 0.0, 0.0));
     let toward = Vec3::new(0.0, 0.2, -1.0);
     let sun = DirectionalLight { illuminance: 800.0, ..default() };
-    let sun = world.spawn((sun, Transform::default().looking_to(-toward, Vec3::Y))).id();
-    let palette = FieldPalette::from_colors([color(GREEN), color(BACKGROUND)]).unwrap();
-    let handle = world.get::<Prop>(prop).unwrap().0.clone();
-    world.resource_mut::<Palettes>().insert(&handle, palette);
+    let sun = stage.spawn((sun, Transform::default().looking_to(-toward, Vec3::Y)));
+    stage.paint(FieldPalette::from_colors([color(GREEN), color(BACKGROUND)]).unwrap());
     stage.wait();
     (stage, prop, sun)
-}
-
-fn set_fog(stage: &mut Stage, fog: &DistanceFog) {
-    for camera in stage.cameras {
-        stage.world().entity_mut(camera).insert(fog.clone());
-    }
 }
 
 /// Returns the pixels of the front camera that are well within one cube, and those that mirror them.
@@ -48,28 +35,17 @@ fn pairs() -> impl Iterator<Item = ([u32; 2], [u32; 2])> {
 }
 
 fn at(frame: &RgbaImage, [x, y]: [u32; 2]) -> DVec3 {
-    let [r, g, b, _] = frame.get_pixel(x, y).0;
-    DVec3::new(r.into(), g.into(), b.into())
+    steps(frame.get_pixel(x, y))
 }
 
 /// Expects that the prop looks like the mesh, and, unless fog hides nothing, unlike without it.
-fn check(stage: &mut Stage, what: &str) {
+fn check(stage: &mut Sides, what: &str) {
     let frame = stage.capture();
     for (of_prop, of_mesh) in pairs() {
         let (prop, mesh) = (at(&frame, of_prop), at(&frame, of_mesh));
         assert!((prop - mesh).abs().max_element() <= 2.0, "{what}: {prop} at {of_prop:?}, mesh {mesh}");
         assert!((mesh - 255.0 * GREEN).abs().max_element() > 20.0, "{what}: no fog: {mesh}");
     }
-}
-
-fn has_pipeline(stage: &Stage) -> bool {
-    let cache = stage.headless.app.sub_app(RenderApp).world().resource::<PipelineCache>();
-    cache.pipelines().any(|pipeline| match &pipeline.descriptor {
-        PipelineDescriptor::RenderPipelineDescriptor(descriptor) => {
-            descriptor.label.as_deref() == Some("plenoctree_fog")
-        }
-        PipelineDescriptor::ComputePipelineDescriptor(_) => false,
-    })
 }
 
 /// Fog of every falloff, without and with the color of the sun.
@@ -96,67 +72,60 @@ fn fogs() -> Vec<(String, DistanceFog)> {
 fn props_fade_as_meshes_do() {
     let (mut stage, prop, sun) = stage();
     let clear = stage.capture();
-    assert!(!has_pipeline(&stage));
+    assert!(!stage.has_pipeline("plenoctree_fog"));
     for (name, fog) in fogs() {
-        set_fog(&mut stage, &fog);
+        stage.set_both(fog.clone());
         check(&mut stage, &format!("{name}, as trained"));
-        stage.world().entity_mut(prop).insert(SolidOpacity::Never);
+        stage.insert(prop, SolidOpacity::Never);
         check(&mut stage, &format!("{name}, never solid"));
-        stage.world().entity_mut(prop).insert(SolidOpacity::default());
+        stage.insert(prop, SolidOpacity::default());
         for edges in [EdgeSmoothing::Off, EdgeSmoothing::Coverage] {
-            stage.world().entity_mut(prop).insert(Posterize { edges, ..default() });
+            stage.insert(prop, Posterize { edges, ..default() });
             check(&mut stage, &format!("{name}, posterized, {edges:?}"));
         }
         stage.world().entity_mut(prop).remove::<Posterize>();
     }
-    assert!(has_pipeline(&stage));
+    assert!(stage.has_pipeline("plenoctree_fog"));
     // Shadows block what the sun scatters. The cubes are in their own.
     stage.world().get_mut::<DirectionalLight>(sun).unwrap().shadow_maps_enabled = true;
     check(&mut stage, "shadows");
-    for camera in stage.cameras {
-        stage.world().entity_mut(camera).insert(PropQuality { error: 0.02, spacing: 4, ..PropQuality::EXACT });
-    }
+    stage.set_both(PropQuality { error: 0.02, spacing: 4, ..PropQuality::EXACT });
     check(&mut stage, "a grid of rays");
-    for camera in stage.cameras {
-        stage.world().entity_mut(camera).remove::<(DistanceFog, PropQuality)>();
-    }
+    stage.unset_both::<(DistanceFog, PropQuality)>();
     assert!(stage.capture() == clear, "without fog");
 }
 
 /// The fog in front of haze has the color of fog, and what shows through it has its own fog already.
 #[test]
 fn fog_covers_as_much_as_the_prop_does() {
-    let mut stage = Stage::with_meshes();
-    stage.spawn_prop(&cube(density(0.4), GREEN), default());
+    let mut stage = Sides::with_meshes();
+    stage.spawn_prop(&cube(density(0.4), GREEN), ());
     stage.wait();
     let thick = DistanceFog {
         color: Color::linear_rgb(0.25, 0.5, 0.75),
         falloff: FogFalloff::Linear { start: 0.5, end: 1.0 },
         ..default()
     };
-    set_fog(&mut stage, &thick);
+    stage.set_both(thick);
     let background = color(BACKGROUND).to_linear();
     let mixed = LinearRgba::rgb(
         0.6 * background.red + 0.4 * 0.25,
         0.6 * background.green + 0.4 * 0.5,
         0.6 * background.blue + 0.4 * 0.75,
     );
-    let mixed = Srgba::from(mixed);
-    let mixed = DVec3::new(mixed.red.into(), mixed.green.into(), mixed.blue.into());
-    stage.check("haze", |_, place| Some(if super::scene::stage::in_cube(place) { mixed } else { BACKGROUND }));
+    let mixed = encoded(mixed);
+    stage.check("haze", |_, place| Some(if in_cube(place) { mixed } else { BACKGROUND }));
 }
 
 /// A prop that is drawn after tonemapping is in no fog.
 #[test]
 fn fog_ends_with_the_scene() {
     let (mut stage, ..) = stage();
-    for camera in stage.cameras {
-        stage.world().entity_mut(camera).insert(PropStage::Display);
-    }
+    stage.set_both(PropStage::Display);
     stage.wait();
     let clear = stage.capture();
     let (_, fog) = fogs().remove(0);
-    set_fog(&mut stage, &fog);
+    stage.set_both(fog.clone());
     let frame = stage.capture();
     for (of_prop, of_mesh) in pairs() {
         assert_eq!(at(&frame, of_prop), at(&clear, of_prop));

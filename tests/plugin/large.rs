@@ -1,7 +1,7 @@
 //! Reads, draws and samples a field of the size of the largest published ones, 5.5 million leaves of SH9, and draws
 //! more props than a camera can.
 
-use std::{io::Cursor, sync::Mutex, time::Duration};
+use std::{io::Cursor, sync::Mutex};
 
 use bevy::{
     log::{
@@ -12,55 +12,42 @@ use bevy::{
     prelude::*,
 };
 use bevy_plenoctree::{
-    Activation, ExtractionSettings, FieldPalette, GpuField, LoadSettings, MAX_PROPS_IN_VIEW, PaletteOverride, Palettes,
-    PlenOctree, PlenOctreePlugin, Posterize, Prop, SamplingSettings, UpAxis,
-    headless::{Headless, exact_camera, pinhole_view},
+    Activation, ExtractionSettings, FieldPalette, GpuField, LoadSettings, MAX_PROPS_IN_VIEW, PaletteOverride,
+    PlenOctree, Posterize, Prop, SamplingSettings, UpAxis,
 };
-use glam::{DVec3, UVec3};
+use glam::DVec3;
 use half::f16;
-use plenoctree::{Basis, Cell, Frame, camera::PinholeCamera, palette, reference};
+use plenoctree::{Basis, Frame, camera::PinholeCamera, palette, reference};
+
+use super::stage::{
+    Stage,
+    fields::{Shell, eight},
+    pixels::is_off,
+};
 
 const SIZE: u32 = 64;
-const DEPTH: u32 = 9;
 /// The radius of the shell, in finest cells.
 const RADIUS: f64 = 210.0;
-/// The thickness of the shell, in finest cells.
-const THICKNESS: f64 = 10.0;
-
-/// Adds the nodes under a cell at `corner` that the shell intersects, and returns the index of the first one.
-fn grow(nodes: &mut Vec<[Cell; 8]>, leaves: &mut Vec<DVec3>, corner: UVec3, size: u32) -> u32 {
-    let (node, half) = (nodes.len(), size / 2);
-    nodes.push([Cell::EMPTY; 8]);
-    for index in 0..8 {
-        let corner = corner + half * UVec3::new(index >> 2, index >> 1 & 1, index & 1);
-        let center = corner.as_dvec3() + 0.5 * f64::from(half) - f64::from(1u32 << (DEPTH - 1));
-        let slack = if half == 1 { 0.0 } else { 0.87 * f64::from(half) };
-        if (center.length() - RADIUS).abs() <= 0.5 * THICKNESS + slack {
-            nodes[node][index as usize] = if half == 1 {
-                leaves.push(center / RADIUS);
-                Cell::leaf(leaves.len() as u32 - 1)
-            } else {
-                Cell::node(grow(nodes, leaves, corner, half))
-            };
-        }
-    }
-    node as u32
-}
 
 fn shell() -> PlenOctree {
-    let (mut nodes, mut leaves) = (Vec::new(), Vec::new());
-    grow(&mut nodes, &mut leaves, UVec3::ZERO, 1 << DEPTH);
-    let width = Basis::Sh9.coefficients();
+    let Shell { nodes, leaves } = Shell::new(9, RADIUS, 10.0);
     // Each channel varies with the position. The functions of the direction make it glossy.
-    let coefficients = leaves.iter().flat_map(|at| {
-        (0..width).map(move |index| {
-            let (channel, function) = (index / 9, index % 9);
-            let place = (7.0 * at[channel] + function as f64).sin();
+    const STEPS: usize = 1 << 12;
+    let of_step = |step: usize| {
+        let at = (2 * step) as f64 / STEPS as f64 - 1.0;
+        std::array::from_fn::<_, 9, _>(|function| {
+            let place = (7.0 * at * 256.0 / RADIUS + function as f64).sin();
             f16::from_f64(if function == 0 { 4.0 * place } else { 0.5 * place })
         })
-    });
+    };
+    let of_channel: Vec<_> = (0..=STEPS).map(of_step).collect();
+    let mut coefficients = Vec::with_capacity(27 * leaves.len());
+    for leaf in &leaves {
+        let step = ((0.5 * STEPS as f64) * (leaf + 1.0)).as_uvec3();
+        [step.x, step.y, step.z].iter().for_each(|step| coefficients.extend_from_slice(&of_channel[*step as usize]));
+    }
     let frame = Frame::spanning(DVec3::splat(-256.0 / RADIUS), DVec3::splat(256.0 / RADIUS));
-    let (densities, coefficients) = (vec![40.0; leaves.len()], coefficients.collect());
+    let densities = vec![40.0; leaves.len()];
     PlenOctree::new(frame, Basis::Sh9, Activation::Sigmoid, UpAxis::Z, nodes, densities, coefficients).unwrap()
 }
 
@@ -74,21 +61,9 @@ fn five_and_a_half_million_leaves_are_read_drawn_and_sampled() {
     assert!(GpuField::byte_size(&field) > 2 * (128 << 20));
 
     let camera = PinholeCamera::around(&field, SIZE, SIZE, 0.5, 0.4).unwrap();
-    let mut headless = Headless::new(UVec2::splat(SIZE), |app| {
-        app.add_plugins(PlenOctreePlugin);
-    })
-    .unwrap();
-    let target = headless.target();
-    let world = headless.app.world_mut();
-    let handle = world.resource_mut::<Assets<PlenOctree>>().add(field.clone());
-    world.spawn(Prop(handle));
-    world.spawn((exact_camera(Color::BLACK), target, pinhole_view(&camera, field.up())));
-    headless.wait_until_ready(Duration::from_secs(300)).unwrap();
-    let frame = headless.capture().unwrap();
+    let frame = Stage::of(SIZE, &field).capture_from(&camera, field.up());
     let expected = reference::render(&field, &camera).over(DVec3::ZERO);
-    let wrong = frame.pixels().zip(&expected).filter(|(pixel, color)| {
-        (0..3).any(|channel| (f64::from(pixel[channel]) - 255.0 * color[channel].clamp(0.0, 1.0)).abs() > 1.5)
-    });
+    let wrong = frame.pixels().zip(&expected).filter(|(pixel, color)| is_off(pixel, **color, 1.5));
     assert_eq!(wrong.count(), 0);
 
     let settings =
@@ -121,10 +96,6 @@ impl<S: Subscriber> Layer<S> for Logger {
 #[test]
 fn of_too_many_props_the_nearest_are_drawn() {
     const BEYOND: usize = 100;
-    let node = std::array::from_fn(|cell| Cell::leaf(cell as u32));
-    let frame = Frame::spanning(DVec3::NEG_ONE, DVec3::ONE);
-    let black = vec![f16::ZERO; 24];
-    let cube = PlenOctree::new(frame, Basis::Rgba, Activation::Identity, UpAxis::Y, vec![node], vec![1e4; 8], black);
     // Other apps of this process log to it as well.
     let log = LogPlugin {
         level: Level::ERROR,
@@ -132,32 +103,24 @@ fn of_too_many_props_the_nearest_are_drawn() {
         custom_layer: |_| Some(Box::new(Logger)),
         fmt_layer: |_| Some(Box::new(bevy::log::tracing_subscriber::layer::Identity::new())),
     };
-    let mut headless = Headless::new(UVec2::splat(8), |app| {
-        app.add_plugins((log, PlenOctreePlugin));
-    })
-    .unwrap();
-    let target = headless.target();
-    let world = headless.app.world_mut();
-    let field = world.resource_mut::<Assets<PlenOctree>>().add(cube.unwrap());
-    world.resource_mut::<Palettes>().insert(&field, FieldPalette::from_colors([Color::BLACK]).unwrap());
-    let view = Transform::from_xyz(0.0, 0.0, 10.0).looking_at(Vec3::ZERO, Vec3::Y);
-    world.spawn((exact_camera(Color::WHITE), target, view));
+    let mut stage = Stage::with(UVec2::splat(8), |app| _ = app.add_plugins(log));
+    stage.set_background(Color::WHITE);
+    stage.set(Transform::from_xyz(0.0, 0.0, 10.0).looking_at(Vec3::ZERO, Vec3::Y));
+    let own = PaletteOverride::default().with(0, Color::srgb(0.0, 0.0, 1.0));
+    stage.spawn_prop(&eight(Basis::Rgba, 1e4, &[f16::ZERO; 3]), (Posterize::default(), own));
+    stage.paint(FieldPalette::from_colors([Color::BLACK]).unwrap());
     // One behind the other. The farthest, which are beyond the bound, are beside the others.
     let at = |index: usize| {
         let beside = if index >= MAX_PROPS_IN_VIEW { 4.0 } else { 0.0 };
         Transform::from_xyz(beside, 0.0, -1e-4 * index as f32)
     };
-    let nearest =
-        (Prop(field.clone()), Posterize::default(), PaletteOverride::default().with(0, Color::srgb(0.0, 0.0, 1.0)));
-    world.spawn(nearest);
-    world.spawn_batch(
-        (1..MAX_PROPS_IN_VIEW + BEYOND).map(move |index| (Prop(field.clone()), at(index))).collect::<Vec<_>>(),
-    );
-    headless.wait_until_ready(Duration::from_secs(300)).unwrap();
-    let frame = headless.capture().unwrap();
+    let others = (1..MAX_PROPS_IN_VIEW + BEYOND).map(|index| (Prop(stage.field()), at(index))).collect::<Vec<_>>();
+    stage.world().spawn_batch(others);
+    stage.wait();
+    let frame = stage.capture();
     assert_eq!(frame.get_pixel(4, 4).0, [0, 0, 255, 255], "the nearest");
     assert_eq!(frame.get_pixel(7, 4).0, [255; 4], "those beyond the bound");
-    headless.update();
+    stage.update(1);
     let logged = LOGGED.lock().unwrap();
     let logged: Vec<_> = logged.iter().filter(|error| error.contains("a camera sees")).collect();
     let expected =

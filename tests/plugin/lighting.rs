@@ -5,18 +5,18 @@ use bevy::{
     camera::visibility::RenderLayers,
     light::{CascadeShadowConfigBuilder, DirectionalLightShadowMap, GlobalAmbientLight, ShadowFilteringMethod},
     prelude::*,
-    render::{
-        RenderApp,
-        render_resource::{PipelineCache, PipelineDescriptor},
-    },
 };
-use bevy_plenoctree::{FieldPalette, Palettes, PlenOctree, Posterize, PosterizeView, Prop, PropLighting, PropStage};
+use bevy_plenoctree::{FieldPalette, PlenOctree, Posterize, PosterizeView, Prop, PropLighting, PropStage};
 use glam::{DVec2, DVec3};
 use image::RgbaImage;
 
 use super::{
-    scene::stage::{BACKGROUND, BLUE, GREEN, RED, SOLID, Side, Stage, color, cube, in_cube},
-    shadows::{EYE, Light, PIXELS, Scene, direction_at, hit, is_blocked, shape, toadstool},
+    shadows::{EYE, Light, PIXELS, direction_at, hit, is_blocked, scene, shape, spawn_light, spawn_unseen},
+    stage::{
+        fields::included,
+        pixels::{encoded, linear, places},
+        sides::{BACKGROUND, BLUE, GREEN, RED, SOLID, Side, Sides, color, cube, in_cube},
+    },
 };
 
 /// The direction from the scene to the light.
@@ -29,14 +29,13 @@ const LAMP: DVec3 = DVec3::new(4.0, 0.5, 7.0);
 const UNSEEN: usize = 1;
 
 /// Returns the color with its linear light multiplied by factors.
-fn dimmed(encoded: DVec3, factors: DVec3) -> DVec3 {
-    let light = color(encoded).to_linear();
+fn dimmed(full: DVec3, factors: DVec3) -> DVec3 {
+    let light = color(full).to_linear();
     let [r, g, b] = factors.as_vec3().to_array();
-    let seen = Srgba::from(LinearRgba::rgb(light.red * r, light.green * g, light.blue * b));
-    DVec3::new(seen.red.into(), seen.green.into(), seen.blue.into())
+    encoded(LinearRgba::rgb(light.red * r, light.green * g, light.blue * b))
 }
 
-fn spawn_sun(stage: &mut Stage, light: Color, casts: bool) -> Entity {
+fn spawn_sun(stage: &mut Sides, light: Color, casts: bool) -> Entity {
     let sun = DirectionalLight { color: light, illuminance: 1000.0, shadow_maps_enabled: casts, ..default() };
     let place = Transform::default().looking_to(-TOWARD.as_vec3(), Vec3::Y);
     let cascades = CascadeShadowConfigBuilder { first_cascade_far_bound: 6.0, maximum_distance: 20.0, ..default() };
@@ -44,7 +43,7 @@ fn spawn_sun(stage: &mut Stage, light: Color, casts: bool) -> Entity {
 }
 
 /// Spawns a light at [`LAMP`].
-fn spawn_lamp(stage: &mut Stage, is_spot: bool) -> Entity {
+fn spawn_lamp(stage: &mut Sides, is_spot: bool) -> Entity {
     let place = Transform::from_translation(LAMP.as_vec3()).looking_at(Vec3::ZERO, Vec3::Y);
     let layers = RenderLayers::from_layers(&[0, UNSEEN]);
     let lamp = PointLight { intensity: 1e5, shadow_maps_enabled: true, ..default() };
@@ -64,11 +63,11 @@ fn edge(side: Side, lamp: Option<DVec3>) -> f64 {
 }
 
 /// Expects `lit` and `shaded` on the two parts of the cube's sides, everywhere but within a pixel of the edge.
-fn check(stage: &mut Stage, what: &str, lit: DVec3, shaded: DVec3) {
+fn check(stage: &mut Sides, what: &str, lit: DVec3, shaded: DVec3) {
     check_lamp(stage, what, None, lit, shaded);
 }
 
-fn check_lamp(stage: &mut Stage, what: &str, lamp: Option<DVec3>, lit: DVec3, shaded: DVec3) {
+fn check_lamp(stage: &mut Sides, what: &str, lamp: Option<DVec3>, lit: DVec3, shaded: DVec3) {
     stage.check(what, |side, place: DVec2| {
         let off = place.x - edge(side, lamp);
         let on_cube = if off < 0.0 { shaded } else { lit };
@@ -77,26 +76,14 @@ fn check_lamp(stage: &mut Stage, what: &str, lamp: Option<DVec3>, lit: DVec3, sh
     });
 }
 
-fn has_pipeline(stage: &Stage) -> bool {
-    let cache = stage.headless.app.sub_app(RenderApp).world().resource::<PipelineCache>();
-    cache.pipelines().any(|pipeline| match &pipeline.descriptor {
-        PipelineDescriptor::RenderPipelineDescriptor(descriptor) => {
-            descriptor.label.as_deref() == Some("plenoctree_lighting")
-        }
-        PipelineDescriptor::ComputePipelineDescriptor(_) => false,
-    })
-}
-
 #[test]
 fn shadows_of_meshes_fall_on_props() {
-    let mut stage = Stage::with_meshes();
+    let mut stage = Sides::with_meshes();
     stage.world().insert_resource(GlobalAmbientLight::NONE);
     stage.world().insert_resource(DirectionalLightShadowMap { size: 1024 });
-    for camera in stage.cameras {
-        stage.world().entity_mut(camera).insert(ShadowFilteringMethod::Hardware2x2);
-    }
+    stage.set_both(ShadowFilteringMethod::Hardware2x2);
     let field = cube(SOLID, GREEN);
-    let prop = stage.spawn_prop(&field, default());
+    stage.spawn_prop(&field, ());
     let sun = spawn_sun(&mut stage, Color::WHITE, true);
     // Mesa's software rasterizer loses texels of shadow maps along edges that triangles share. The second rectangle,
     // which is within the shadow of the first one, has them elsewhere.
@@ -107,68 +94,60 @@ fn shadows_of_meshes_fall_on_props() {
     stage.wait();
     let unlit = stage.capture();
     check(&mut stage, "no lighting", GREEN, GREEN);
-    assert!(!has_pipeline(&stage));
+    assert!(!stage.has_pipeline("plenoctree_lighting"));
 
     // As trained.
-    stage.world().entity_mut(prop).insert(PropLighting { shadows: 0.5, ..default() });
+    stage.dress(PropLighting { shadows: 0.5, ..default() });
     check(&mut stage, "as trained", GREEN, dimmed(GREEN, DVec3::splat(0.5)));
-    assert!(has_pipeline(&stage));
-    stage.world().entity_mut(prop).insert(PropLighting { shadows: 0.0, ..default() });
+    assert!(stage.has_pipeline("plenoctree_lighting"));
+    stage.dress(PropLighting { shadows: 0.0, ..default() });
     check(&mut stage, "no shadows", GREEN, GREEN);
-    for camera in stage.cameras {
-        stage.world().entity_mut(camera).insert(PropStage::Display);
-    }
-    stage.world().entity_mut(prop).insert(PropLighting { shadows: 0.5, ..default() });
+    stage.set_both(PropStage::Display);
+    stage.dress(PropLighting { shadows: 0.5, ..default() });
     check(&mut stage, "after tonemapping", GREEN, GREEN);
-    for camera in stage.cameras {
-        stage.world().entity_mut(camera).insert(PropStage::Scene);
-    }
+    stage.set_both(PropStage::Scene);
 
     // Posterized: the darker label of the same hue, although another color is nearer to the color in half of the light.
     let (dark, olive) = (0.45 * GREEN, DVec3::new(0.3, 0.4, 0.08));
-    let handle = stage.world().query::<&bevy_plenoctree::Prop>().single(stage.world()).unwrap().0.clone();
-    let set_palette = |stage: &mut Stage, colors: &[DVec3]| {
+    let set_palette = |stage: &mut Sides, colors: &[DVec3]| {
         let palette = FieldPalette::from_colors(colors.iter().map(|encoded| color(*encoded))).unwrap();
-        stage.world().resource_mut::<Palettes>().insert(&handle, palette);
+        stage.paint(palette);
     };
     let posterize = Posterize { blend_steps: 1, softness: 0.0, ..default() };
     set_palette(&mut stage, &[GREEN, dark, olive]);
-    stage.world().entity_mut(prop).insert(posterize);
+    stage.dress(posterize);
     stage.wait();
     check(&mut stage, "down the palette", GREEN, dark);
     // Recolored, the edge stays where it is.
-    stage.world().resource_mut::<Palettes>().get_mut(&handle).unwrap().set(0, color(BLUE));
-    stage.world().resource_mut::<Palettes>().get_mut(&handle).unwrap().set(1, color(0.5 * BLUE));
+    stage.palette().set(0, color(BLUE));
+    stage.palette().set(1, color(0.5 * BLUE));
     check(&mut stage, "recolored", BLUE, 0.5 * BLUE);
     // Without a darker label of its hue, the shown color gets darker.
     set_palette(&mut stage, &[GREEN, olive]);
-    stage.world().resource_mut::<Palettes>().get_mut(&handle).unwrap().set(0, color(BLUE));
+    stage.palette().set(0, color(BLUE));
     check(&mut stage, "no darker label", BLUE, dimmed(BLUE, DVec3::splat(0.5)));
 
     // As trained, in a view that is posterized with the same palette.
     set_palette(&mut stage, &[GREEN, dark, olive]);
-    stage.world().entity_mut(prop).remove::<Posterize>();
-    for camera in stage.cameras {
-        stage.world().entity_mut(camera).insert((PosterizeView(handle.clone()), posterize));
-    }
+    stage.undress::<Posterize>();
+    let view = stage.field();
+    stage.set_both((PosterizeView(view.clone()), posterize));
     stage.check("a posterized view", |side, place| {
         let off = place.x - edge(side, None);
         // The filter of the view reads beyond the cube.
         let is_clear = off.abs() > 1.0 / 8.0 && in_cube(place);
         is_clear.then_some(if off < 0.0 { dark } else { GREEN })
     });
-    for camera in stage.cameras {
-        stage.world().entity_mut(camera).remove::<(PosterizeView, Posterize)>();
-    }
-    stage.world().entity_mut(prop).insert(posterize);
+    stage.unset_both::<(PosterizeView, Posterize)>();
+    stage.dress(posterize);
 
     // Half of the light is missing: nothing in one step, and a half step of two.
     set_palette(&mut stage, &[GREEN, DVec3::splat(0.35)]);
     let other = spawn_sun(&mut stage, Color::WHITE, false);
     stage.world().get_mut::<DirectionalLight>(other).unwrap().illuminance = 1500.0;
-    stage.world().entity_mut(prop).insert(PropLighting { shadows: 0.5, bands: 1, ..default() });
+    stage.dress(PropLighting { shadows: 0.5, bands: 1, ..default() });
     check(&mut stage, "less than half a band", GREEN, GREEN);
-    stage.world().entity_mut(prop).insert(PropLighting { shadows: 0.5, bands: 2, ..default() });
+    stage.dress(PropLighting { shadows: 0.5, bands: 2, ..default() });
     check(&mut stage, "one of two bands", GREEN, dimmed(GREEN, DVec3::splat(0.75)));
 
     // The lights' color: all of it, and half.
@@ -176,7 +155,7 @@ fn shadows_of_meshes_fall_on_props() {
     stage.world().get_mut::<DirectionalLight>(sun).unwrap().color = Color::linear_rgb(1.0, 0.5, 0.25);
     let warm = DVec3::new(1.0, 0.5, 0.25);
     for tint in [1.0, 0.5] {
-        stage.world().entity_mut(prop).insert(PropLighting { shadows: 0.0, tint, ..default() });
+        stage.dress(PropLighting { shadows: 0.0, tint, ..default() });
         let factors = DVec3::ONE.lerp(warm, f64::from(tint));
         stage.check(format!("tint {tint}"), |side, place| {
             (in_cube(place) && place.x > edge(side, None) + 0.125).then_some(dimmed(GREEN, factors))
@@ -189,9 +168,9 @@ fn shadows_of_meshes_fall_on_props() {
     for is_spot in [false, true] {
         let lamp = spawn_lamp(&mut stage, is_spot);
         let what = if is_spot { "spot light" } else { "point light" };
-        stage.world().entity_mut(prop).insert((PropLighting { shadows: 0.5, ..default() }, posterize));
+        stage.dress((PropLighting { shadows: 0.5, ..default() }, posterize));
         check_lamp(&mut stage, what, Some(LAMP), GREEN, dark);
-        stage.world().entity_mut(prop).remove::<Posterize>();
+        stage.undress::<Posterize>();
         check_lamp(&mut stage, &format!("{what}, as trained"), Some(LAMP), GREEN, dimmed(GREEN, DVec3::splat(0.5)));
         stage.world().despawn(lamp);
     }
@@ -201,11 +180,11 @@ fn shadows_of_meshes_fall_on_props() {
     assert_eq!(stage.capture(), unlit, "a light without shadows");
     stage.world().despawn(sun);
     assert_eq!(stage.capture(), unlit, "no light");
-    stage.world().entity_mut(prop).insert(posterize);
+    stage.dress(posterize);
     let dark = stage.capture();
-    stage.world().entity_mut(prop).remove::<PropLighting>();
+    stage.undress::<PropLighting>();
     assert_eq!(stage.capture(), dark, "posterized, no light");
-    stage.world().entity_mut(prop).remove::<Posterize>();
+    stage.undress::<Posterize>();
     assert_eq!(stage.capture(), unlit);
 }
 
@@ -216,12 +195,7 @@ fn gray() -> f64 {
 
 /// Returns the linear light of a pixel, the mean of its channels.
 fn light_at(frame: &RgbaImage, x: u32, y: u32) -> f64 {
-    let [red, green, blue, _] = frame.get_pixel(x, y).0;
-    f64::from(LinearRgba::from(Color::srgb_u8(red, green, blue)).to_vec3().element_sum()) / 3.0
-}
-
-fn pixels() -> impl Iterator<Item = (u32, u32)> {
-    (0..PIXELS * PIXELS).map(|index| (index % PIXELS, index / PIXELS))
+    f64::from(linear(frame.get_pixel(x, y)).element_sum()) / 3.0
 }
 
 /// Compares where a prop got darker with where float64 rays from what the camera sees of it say so. `is_dark` gets
@@ -233,7 +207,7 @@ fn compare(
     is_dark: impl Fn(DVec3) -> bool,
 ) -> (f64, u32) {
     let (mut both, mut either, mut expected) = (0, 0, 0);
-    for (x, y) in pixels() {
+    for (x, y) in places(PIXELS, PIXELS) {
         let direction = direction_at(DVec2::new(x.into(), y.into()) + 0.5).normalize();
         let Some(distance) = hit(field, place, EYE.as_dvec3(), direction) else { continue };
         let dark = is_dark(EYE.as_dvec3() + distance * direction);
@@ -248,20 +222,20 @@ fn compare(
 /// With a `self_shadow_distance`, parts that are farther away toward the light cast shadows.
 #[test]
 fn props_shade_themselves_from_a_distance_on() {
-    let mut scene = Scene::new(1024, None);
-    let field = toadstool();
+    let mut scene = scene(1024);
+    let field = included("toadstool");
     let place = Transform::from_rotation(Quat::from_rotation_y(0.5));
-    let asset = scene.add(&field);
+    let asset = scene.add(field.clone());
     let prop = scene.world().spawn((Prop(asset), place)).id();
     scene.wait();
     let unlit = scene.capture();
     for light in Light::ALL {
-        let lit = scene.spawn_light(light);
-        scene.world().entity_mut(prop).insert(PropLighting::default());
+        let lit = spawn_light(&mut scene, light);
+        scene.insert(prop, PropLighting::default());
         assert_eq!(shades(&scene.capture(), &unlit), 0, "{light:?}: it shades itself");
         for distance in [0.15, 0.4] {
             let lighting = PropLighting { self_shadow_distance: distance as f32, ..default() };
-            scene.world().entity_mut(prop).insert(lighting);
+            scene.insert(prop, lighting);
             let (iou, pixels) = compare(&field, &place, [&unlit, &scene.capture()], |point| {
                 let (toward, _) = light.from(point);
                 is_blocked(&field, &place, light, point + distance * toward)
@@ -275,7 +249,7 @@ fn props_shade_themselves_from_a_distance_on() {
 
 /// Returns how many pixels are darker than before.
 fn shades(after: &RgbaImage, before: &RgbaImage) -> usize {
-    pixels().filter(|(x, y)| light_at(after, *x, *y) < 0.9 * light_at(before, *x, *y)).count()
+    places(PIXELS, PIXELS).filter(|(x, y)| light_at(after, *x, *y) < 0.9 * light_at(before, *x, *y)).count()
 }
 
 /// A box in the scene, from its center and half of its size.
@@ -293,7 +267,7 @@ impl Cuboid {
     }
 }
 
-/// Returns how much of a light from [`Scene::spawn_light`] arrives at a point if nothing blocks it.
+/// Returns how much of a light from [`spawn_light`] arrives at a point if nothing blocks it.
 fn arriving(light: Light, point: DVec3) -> f64 {
     let (toward, distance) = light.from(point);
     if let Light::Sun(_) = light {
@@ -311,7 +285,7 @@ fn arriving(light: Light, point: DVec3) -> f64 {
 /// Many props shade each other in many lights at once. A lamp inside a prop lights that prop alone.
 #[test]
 fn crowds_shade_each_other_and_lamps_light_what_holds_them() {
-    let mut scene = Scene::new(1024, None);
+    let mut scene = scene(1024);
     let field = shape(|at| if at.abs().max_element() < 0.5 { 1e4 } else { 0.0 });
     let shell = shape(|at| if (0.6..0.9).contains(&at.length()) { 1e4 } else { 0.0 });
     let crowd: Vec<Cuboid> = (0..64)
@@ -320,7 +294,7 @@ fn crowds_shade_each_other_and_lamps_light_what_holds_them() {
             Cuboid(DVec3::new(0.6 * x, 0.3 * f64::from(index % 3) - 0.6, 0.6 * z), 0.175)
         })
         .collect();
-    let [field, shell] = [&field, &shell].map(|field| scene.add(field));
+    let [field, shell] = [&field, &shell].map(|field| scene.add(field.clone()));
     let lighting = PropLighting { shadows: 0.5, ..default() };
     for Cuboid(center, half) in &crowd {
         let place = Transform::from_translation(center.as_vec3()).with_scale(Vec3::splat(2.0 * *half as f32));
@@ -328,11 +302,11 @@ fn crowds_shade_each_other_and_lamps_light_what_holds_them() {
     }
     scene.wait();
     let lights = [Light::ALL[0], Light::ALL[1], Light::ALL[2], Light::Lamp(Vec3::new(-2.0, 2.5, -1.0))];
-    let spawned = lights.map(|light| scene.spawn_light(light));
+    let spawned = lights.map(|light| spawn_light(&mut scene, light));
     let frame = scene.capture();
-    // What a ray of the camera sees: a cube, its side, and which lights others keep from it.
-    let seen = |at: DVec2| {
-        let direction = direction_at(at).normalize();
+    // What the ray in the middle of a pixel sees: a cube, its side, and which lights others keep from it.
+    let look = |at: (i32, i32)| {
+        let direction = direction_at(DVec2::new(at.0.into(), at.1.into()) + 0.5).normalize();
         let hits = crowd.iter().enumerate().filter_map(|(own, cube)| Some((own, cube.hit(EYE.as_dvec3(), direction)?)));
         let (own, (distance, axis)) = hits.min_by(|a, b| a.1.0.total_cmp(&b.1.0))?;
         let point = EYE.as_dvec3() + distance * direction;
@@ -343,14 +317,17 @@ fn crowds_shade_each_other_and_lamps_light_what_holds_them() {
         });
         Some((own, axis, blocked, point))
     };
+    // Also of the pixels around the frame.
+    let size = PIXELS as i32 + 2;
+    let all: Vec<_> = (0..size * size).map(|index| look((index % size - 1, index / size - 1))).collect();
+    let seen =
+        |x: u32, y: u32, right: i32, down: i32| &all[((y as i32 + down + 1) * size + x as i32 + right + 1) as usize];
     let (mut checked, mut wrong, mut mixed) = (0, 0, 0);
-    for (x, y) in pixels() {
-        let corner = DVec2::new(x.into(), y.into());
-        let Some((own, axis, blocked, point)) = seen(corner + 0.5) else { continue };
+    for (x, y) in places(PIXELS, PIXELS) {
+        let Some((own, axis, blocked, point)) = *seen(x, y, 0, 0) else { continue };
         // Shadows end softly, over a texel.
-        let is_clear = [(-0.5, -0.5), (1.5, -0.5), (-0.5, 1.5), (1.5, 1.5)].into_iter().all(|(right, down)| {
-            let there = seen(corner + DVec2::new(right, down));
-            there.is_some_and(|there| (there.0, there.1, there.2) == (own, axis, blocked))
+        let is_clear = [(-1, -1), (1, -1), (-1, 1), (1, 1)].into_iter().all(|(right, down)| {
+            seen(x, y, right, down).is_some_and(|there| (there.0, there.1, there.2) == (own, axis, blocked))
         });
         if !is_clear {
             continue;
@@ -373,10 +350,10 @@ fn crowds_shade_each_other_and_lamps_light_what_holds_them() {
     let place = Transform::from_translation(lamp).with_scale(Vec3::splat(0.5));
     scene.world().spawn((Prop(shell), lighting, place));
     scene.wait();
-    scene.spawn_light(Light::Lamp(lamp));
+    spawn_light(&mut scene, Light::Lamp(lamp));
     let frame = scene.capture();
     let (mut bright, mut dark) = (0, 0);
-    for (x, y) in pixels() {
+    for (x, y) in places(PIXELS, PIXELS) {
         let at = DVec2::new(x.into(), y.into()) + 0.5;
         let direction = direction_at(at).normalize();
         let to_lamp = lamp.as_dvec3() - EYE.as_dvec3();
@@ -385,10 +362,9 @@ fn crowds_shade_each_other_and_lamps_light_what_holds_them() {
             bright += 1;
             assert!((light_at(&frame, x, y) / gray() - 1.0).abs() < 0.02, "({x}, {y}) of the shell");
         } else if passes > 0.5
-            && seen(at).is_some()
-            && [(-1.0, 0.0), (1.0, 0.0), (0.0, -1.0), (0.0, 1.0)]
-                .into_iter()
-                .all(|off| seen(at + DVec2::from(off)).is_some())
+            && [(0, 0), (-1, 0), (1, 0), (0, -1), (0, 1)]
+                .iter()
+                .all(|(right, down)| seen(x, y, *right, *down).is_some())
         {
             dark += 1;
             assert!((light_at(&frame, x, y) / gray() - 0.5).abs() < 0.02, "({x}, {y}) of a cube");
@@ -400,25 +376,25 @@ fn crowds_shade_each_other_and_lamps_light_what_holds_them() {
 /// A wall of fog is in shadow where it is solid, and keeps its light where it is not.
 #[test]
 fn fog_is_in_shadow_where_it_is_solid() {
-    let mut scene = Scene::new(1024, None);
+    let mut scene = scene(1024);
     let wall =
         |density: f64| shape(move |at| if at.abs().cmplt(DVec3::new(0.95, 0.95, 0.5)).all() { density } else { 0.0 });
     let (haze, fog, bar) = (wall(0.4), wall(4.0), shape(|at| if at.abs().max_element() < 0.5 { 1e4 } else { 0.0 }));
     let (place, light) = (Transform::from_xyz(0.0, 0.0, -0.5), Light::Sun(Vec3::new(0.3, 0.5, 1.0)));
     let before = Transform::from_xyz(0.45, 0.75, 1.0).with_scale(Vec3::new(0.8, 0.6, 0.3));
-    let [haze_asset, fog_asset, bar_asset] = [&haze, &fog, &bar].map(|field| scene.add(field));
+    let [haze_asset, fog_asset, bar_asset] = [&haze, &fog, &bar].map(|field| scene.add(field.clone()));
     let prop = scene.world().spawn((Prop(haze_asset), place)).id();
-    scene.spawn_prop(&bar_asset, before);
+    spawn_unseen(&mut scene, &bar_asset, before);
     scene.wait();
-    scene.spawn_light(light);
+    spawn_light(&mut scene, light);
     // The floor is in the shadow in every frame.
     let unlit = scene.capture();
-    scene.world().entity_mut(prop).insert(PropLighting::default());
+    scene.insert(prop, PropLighting::default());
     assert_eq!(scene.capture(), unlit, "haze");
     scene.world().entity_mut(prop).insert(Prop(fog_asset)).remove::<PropLighting>();
     scene.wait();
     let unlit = scene.capture();
-    scene.world().entity_mut(prop).insert(PropLighting::default());
+    scene.insert(prop, PropLighting::default());
     let lit = scene.capture();
     let (iou, pixels) = compare(&fog, &place, [&unlit, &lit], |point| is_blocked(&bar, &before, light, point));
     assert!(pixels > 300, "only {pixels} pixels of the fog should be in shadow");

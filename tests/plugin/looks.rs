@@ -1,16 +1,15 @@
 //! Tests smooth borders and ink.
 
-use std::{sync::LazyLock, time::Duration};
-
 use bevy::prelude::*;
-use bevy_plenoctree::{
-    BorderSmoothing, FieldPalette, Ink, InkBorders, InkColor, Palette, PaletteMethod, Palettes, PlenOctree,
-    PlenOctreePlugin, Posterize, Prop, UpAxis,
-    headless::{Headless, exact_camera},
-};
+use bevy_plenoctree::{BorderSmoothing, FieldPalette, Ink, InkBorders, InkColor, Palette, PaletteMethod, Posterize};
 use glam::DVec3;
 use image::RgbaImage;
-use plenoctree::{BakeSettings, Basis, bake};
+
+use super::stage::{
+    Stage,
+    fields::colored,
+    pixels::{differing, is_near, linear, places},
+};
 
 const SIZE: u32 = 96;
 /// The rays per pixel of the picture to compare with, along each axis.
@@ -18,43 +17,39 @@ const FINE: u32 = 4;
 const COLORS: [[f64; 3]; 2] = [[0.9, 0.2, 0.2], [0.95, 0.9, 0.85]];
 const SKY: Color = Color::srgb(0.3, 0.5, 0.9);
 
-/// A ball whose color changes across a tilted plane. Its cells are smaller than pixels.
-static BALL: LazyLock<PlenOctree> = LazyLock::new(|| {
-    let settings = BakeSettings { depth: 8, basis: Basis::Rgba, up: UpAxis::Y, ..default() };
-    let slope = DVec3::new(0.4, 0.9, 0.2);
-    let color = move |at: DVec3| {
-        let share = (6.0 * at.dot(slope) + 0.5).clamp(0.0, 1.0);
-        DVec3::from(COLORS[0]).lerp(COLORS[1].into(), share)
-    };
-    let inside = |at: DVec3| if (0.68..0.7).contains(&at.length()) { 1e4 } else { 0.0 };
-    bake(&settings, inside, move |at| move |_| color(at)).unwrap()
-});
+/// A ball whose color changes across a tilted plane, in two tones. Its cells are smaller than pixels.
+struct Look(Stage);
 
-/// Draws it in two tones.
-fn capture(size: u32, posterize: Posterize, ink: Option<Ink>) -> RgbaImage {
-    let mut palette = Palette::new(COLORS.to_vec()).unwrap();
-    palette.method = Some(PaletteMethod::Tones);
-
-    let mut headless = Headless::new(UVec2::splat(size), |app| {
-        app.add_plugins(PlenOctreePlugin);
-    })
-    .unwrap();
-    let target = headless.target();
-    let world = headless.app.world_mut();
-    let field = world.resource_mut::<Assets<PlenOctree>>().add(BALL.clone());
-    world.resource_mut::<Palettes>().insert(&field, FieldPalette::new(palette));
-    let prop = world.spawn((Prop(field), posterize)).id();
-    if let Some(ink) = ink {
-        world.entity_mut(prop).insert(ink);
+impl Look {
+    fn new() -> Self {
+        let slope = DVec3::new(0.4, 0.9, 0.2);
+        let color = move |at: DVec3| {
+            let share = (6.0 * at.dot(slope) + 0.5).clamp(0.0, 1.0);
+            DVec3::from(COLORS[0]).lerp(COLORS[1].into(), share)
+        };
+        let mut stage = Stage::new(SIZE);
+        let inside = |at: DVec3| if (0.68..0.7).contains(&at.length()) { 1e4 } else { 0.0 };
+        stage.spawn_prop(&colored(8, inside, color), ());
+        let mut palette = Palette::new(COLORS.to_vec()).unwrap();
+        palette.method = Some(PaletteMethod::Tones);
+        stage.paint(FieldPalette::new(palette));
+        stage.set_background(SKY);
+        stage.set(Transform::from_xyz(0.3, 0.5, 2.4).looking_at(Vec3::ZERO, Vec3::Y));
+        Self(stage)
     }
-    world.spawn((exact_camera(SKY), target, Transform::from_xyz(0.3, 0.5, 2.4).looking_at(Vec3::ZERO, Vec3::Y)));
-    headless.wait_until_ready(Duration::from_secs(120)).unwrap();
-    headless.capture().unwrap()
-}
 
-fn linear(pixel: &image::Rgba<u8>) -> Vec3 {
-    let [red, green, blue, _] = pixel.0;
-    LinearRgba::from(Srgba::rgb_u8(red, green, blue)).to_vec3()
+    fn capture(&mut self, size: u32, posterize: Posterize, ink: Option<Ink>) -> RgbaImage {
+        self.0.headless.resize(UVec2::splat(size));
+        // Cameras learn of a new size a frame later.
+        self.0.update(1);
+        self.0.undress::<Ink>();
+        self.0.dress(posterize);
+        if let Some(ink) = ink {
+            self.0.dress(ink);
+        }
+        self.0.wait();
+        self.0.capture()
+    }
 }
 
 /// Returns the mean of each square of pixels, in linear light.
@@ -63,12 +58,11 @@ fn reduced(fine: &RgbaImage) -> Vec<Vec3> {
         let inside = (0..FINE * FINE).map(|i| linear(fine.get_pixel(FINE * x + i % FINE, FINE * y + i / FINE)));
         inside.sum::<Vec3>() / (FINE * FINE) as f32
     };
-    (0..SIZE * SIZE).map(|i| mean(i % SIZE, i / SIZE)).collect()
+    places(SIZE, SIZE).map(|(x, y)| mean(x, y)).collect()
 }
 
 fn is_sky(pixel: &image::Rgba<u8>) -> bool {
-    let sky = SKY.to_srgba().to_u8_array_no_alpha();
-    (0..3).all(|channel| pixel.0[channel].abs_diff(sky[channel]) <= 1)
+    is_near([pixel[0], pixel[1], pixel[2]], SKY, 1)
 }
 
 /// Borders between labels come nearer to those of sixteen labels per pixel, and pixels away from borders stay as they are.
@@ -81,8 +75,10 @@ fn smooth_borders_show_what_finer_pixels_show() {
         posterize.filter.iterations = 0;
         posterize
     };
-    let wanted = reduced(&capture(FINE * SIZE, unfiltered(hard), None));
-    let (stairs, smooth) = (capture(SIZE, unfiltered(hard), None), capture(SIZE, unfiltered(Posterize::toon()), None));
+    let mut look = Look::new();
+    let wanted = reduced(&look.capture(FINE * SIZE, unfiltered(hard), None));
+    let stairs = look.capture(SIZE, unfiltered(hard), None);
+    let smooth = look.capture(SIZE, unfiltered(Posterize::toon()), None);
     let labels = COLORS.map(|color| color.map(|channel| (255.0 * channel).round() as u8));
     let is_label =
         |pixel: &image::Rgba<u8>| labels.iter().any(|label| (0..3).all(|i| pixel.0[i].abs_diff(label[i]) <= 1));
@@ -108,10 +104,11 @@ fn smooth_borders_show_what_finer_pixels_show() {
 /// Lines are as wide as they may be, on the prop's side of its silhouette, and nothing else changes.
 #[test]
 fn ink_lies_within_the_silhouette() {
-    let plain = capture(SIZE, Posterize::toon(), None);
+    let mut look = Look::new();
+    let plain = look.capture(SIZE, Posterize::toon(), None);
     for max_pixels in [1.0, 3.0] {
         let ink = Ink { width: 1.0, max_pixels, creases: false, borders: InkBorders::None, ..default() };
-        let inked = capture(SIZE, Posterize::toon(), Some(ink));
+        let inked = look.capture(SIZE, Posterize::toon(), Some(ink));
         // The part of a pixel that is black.
         let line = |x: u32, y: u32| 1.0 - linear(inked.get_pixel(x, y)).x / linear(plain.get_pixel(x, y)).x;
         let mut lines = 0;
@@ -138,13 +135,14 @@ fn ink_lies_within_the_silhouette() {
 /// Lines between ramps follow the border, and ramps that are not listed have none. A tone is darker than its label.
 #[test]
 fn ink_divides_ramps() {
-    let plain = capture(SIZE, Posterize::toon(), None);
-    let with = |color, borders| {
+    let mut look = Look::new();
+    let plain = look.capture(SIZE, Posterize::toon(), None);
+    let mut with = |color, borders| {
         let ink = Ink { color, width: 0.05, silhouette: false, creases: false, borders, ..default() };
-        capture(SIZE, Posterize::toon(), Some(ink))
+        look.capture(SIZE, Posterize::toon(), Some(ink))
     };
     let black = InkColor::default();
-    let count = |inked: &RgbaImage| plain.pixels().zip(inked.pixels()).filter(|(a, b)| a != b).count();
+    let count = |inked: &RgbaImage| differing(&plain, inked, 0);
     let lines = with(black, InkBorders::Ramps);
     assert!(count(&lines) > SIZE as usize / 2, "{}", count(&lines));
     assert_eq!(with(black, InkBorders::Labels), lines);

@@ -2,20 +2,17 @@
 
 use std::time::Duration;
 
-use bevy::{
-    camera::Viewport,
-    prelude::*,
-    render::{RenderApp, renderer::RenderDevice},
-};
+use bevy::{camera::Viewport, prelude::*};
 use bevy_plenoctree::{
     Activation, DeviceRecoveryPlugin, FieldFailed, FieldPalette, FieldReady, PaletteExtraction, PaletteSampler,
-    Palettes, PlenOctree, PlenOctreePlugin, Posterize, Prop, PropError, PropQuality, PropState, SampleOrigin, UpAxis,
-    ViewFailed,
-    headless::{Headless, HeadlessError, exact_camera},
+    Palettes, PlenOctree, Posterize, Prop, PropError, PropQuality, PropState, SampleOrigin, UpAxis, ViewFailed,
+    headless::HeadlessError,
 };
 use glam::DVec3;
 use half::f16;
 use plenoctree::{Basis, Cell, Frame};
+
+use super::stage::{PATIENCE, Stage, pixels::at, skip};
 
 const SIZE: u32 = 32;
 
@@ -57,30 +54,34 @@ fn hear(
 }
 
 /// Creates an app with two props side by side, seen along -z.
-fn app(limits: wgpu::Limits, configure: impl FnOnce(&mut App), fields: [PlenOctree; 2]) -> (Headless, [Entity; 2]) {
-    let mut headless = Headless::with_limits(UVec2::splat(SIZE), limits, |app| {
-        app.add_plugins(PlenOctreePlugin).init_resource::<Heard>().add_systems(Last, hear);
+fn app(limits: wgpu::Limits, configure: impl FnOnce(&mut App), fields: [PlenOctree; 2]) -> Stage {
+    let mut stage = Stage::limited(SIZE, limits, |app| {
+        app.init_resource::<Heard>().add_systems(Last, hear);
         configure(app);
-    })
-    .unwrap();
-    let target = headless.target();
-    let world = headless.app.world_mut();
-    world.spawn((exact_camera(Color::BLACK), target, Transform::from_xyz(0.0, 0.5, 4.0)));
-    let mut fields = fields.into_iter();
-    let props = [-1.1, 0.1].map(|x| {
-        let field = world.resource_mut::<Assets<PlenOctree>>().add(fields.next().unwrap());
-        world.spawn((Prop(field), Transform::from_xyz(x, 0.0, 0.0))).id()
     });
-    (headless, props)
+    stage.set(Transform::from_xyz(0.0, 0.5, 4.0));
+    for (field, x) in fields.iter().zip([-1.1, 0.1]) {
+        stage.spawn_prop(field, Transform::from_xyz(x, 0.0, 0.0));
+    }
+    stage
 }
 
 /// Returns the colors of the two props.
-fn colors(headless: &mut Headless) -> [[u8; 3]; 2] {
-    let frame = headless.capture().unwrap();
-    [SIZE / 3, 2 * SIZE / 3].map(|x| {
-        let [r, g, b, _] = frame.get_pixel(x, SIZE / 2).0;
-        [r, g, b]
-    })
+fn colors(stage: &mut Stage) -> [[u8; 3]; 2] {
+    let frame = stage.capture();
+    [SIZE / 3, 2 * SIZE / 3].map(|x| at(&frame, x, SIZE / 2))
+}
+
+fn heard(stage: &Stage) -> &Heard {
+    stage.resource()
+}
+
+fn state(stage: &Stage, prop: usize) -> &PropState {
+    stage.get(stage.props[prop])
+}
+
+fn field(stage: &Stage, prop: usize) -> AssetId<PlenOctree> {
+    stage.get::<Prop>(stage.props[prop]).0.id()
 }
 
 /// If the driver rejects the table of a field, as it does when out of memory, only that field is missing. The limit is
@@ -90,17 +91,15 @@ fn a_field_that_the_driver_rejects_is_skipped() {
     let limits = wgpu::Limits { max_texture_array_layers: 32, ..default() };
     // Tables have two levels less than the tree.
     let (red, blue) = ([1.0, 0.0, 0.0], [0.0, 0.0, 1.0]);
-    let (mut headless, [good, bad]) = app(limits, |_| (), [corner(5, red), corner(8, blue)]);
-    headless.wait_until_ready(Duration::from_secs(60)).unwrap_err();
-    assert_eq!(colors(&mut headless), [[255, 0, 0], [0; 3]]);
-    let world = headless.app.world();
-    assert_eq!(world.get::<PropState>(good), Some(&PropState::Ready));
-    let Some(PropState::Failed(PropError::TooLarge(error))) = world.get::<PropState>(bad) else { panic!() };
+    let mut stage = app(limits, |_| (), [corner(5, red), corner(8, blue)]);
+    stage.headless.wait_until_ready(PATIENCE).unwrap_err();
+    assert_eq!(colors(&mut stage), [[255, 0, 0], [0; 3]]);
+    assert_eq!(state(&stage, 0), &PropState::Ready);
+    let PropState::Failed(PropError::TooLarge(error)) = state(&stage, 1) else { panic!() };
     assert_eq!((error.what, error.limit), ("textures", None));
-    let heard = world.resource::<Heard>();
-    assert_eq!(heard.exits, 0, "the app quits");
-    let field = world.get::<Prop>(bad).unwrap().0.id();
-    assert_eq!(heard.failed, [FieldFailed { field, error: error.clone(), only_level: false }]);
+    assert_eq!(heard(&stage).exits, 0, "the app quits");
+    let failed = FieldFailed { field: field(&stage, 1), error: error.clone(), only_level: false };
+    assert_eq!(heard(&stage).failed, [failed]);
 }
 
 /// Returns a field of SH25 that fills the cube from 0 to 1 with two million leaves of one color, 335 MB on the GPU.
@@ -153,13 +152,6 @@ fn passes_in_child(test: &str) -> bool {
     true
 }
 
-/// Returns whether the memory of the GPU is that of this process.
-#[cfg(target_os = "linux")]
-fn has_software_driver(headless: &Headless) -> bool {
-    let render = headless.app.sub_app(RenderApp).world();
-    render.resource::<bevy::render::renderer::RenderAdapterInfo>().device_type == wgpu::DeviceType::Cpu
-}
-
 /// If the driver has no memory for a field, only its props are missing, and it is drawn once there is memory again.
 #[cfg(target_os = "linux")]
 #[test]
@@ -168,34 +160,33 @@ fn a_field_is_skipped_when_memory_is_full() {
         return;
     }
     let (red, blue) = ([1.0, 0.0, 0.0], [0.0, 0.0, 1.0]);
-    let (mut headless, [good, bad]) = app(default(), |_| (), [corner(5, red), corner(4, blue)]);
-    headless.wait_until_ready(Duration::from_secs(60)).unwrap();
-    if !has_software_driver(&headless) {
-        return;
+    let mut stage = app(default(), |_| (), [corner(5, red), corner(4, blue)]);
+    stage.wait();
+    if !stage.is_on_cpu() {
+        return skip("a GPU whose memory is that of this process");
     }
     let green = large([0.0, 1.0, 0.0]);
     limit_memory(Some(240 << 20));
-    let field = headless.app.world_mut().resource_mut::<Assets<PlenOctree>>().add(green.clone());
-    headless.app.world_mut().get_mut::<Prop>(bad).unwrap().0 = field.clone();
-    headless.wait_until_ready(Duration::from_secs(120)).unwrap_err();
+    let (field, bad) = (stage.add(green.clone()), stage.props[1]);
+    stage.insert(bad, Prop(field.clone()));
+    stage.headless.wait_until_ready(PATIENCE).unwrap_err();
     for _ in 0..3 {
         // The earlier field is still drawn.
-        assert_eq!(colors(&mut headless), [[255, 0, 0], [0, 0, 255]]);
+        assert_eq!(colors(&mut stage), [[255, 0, 0], [0, 0, 255]]);
     }
-    let world = headless.app.world();
-    assert_eq!(world.get::<PropState>(good), Some(&PropState::Ready));
-    let Some(PropState::Failed(PropError::TooLarge(error))) = world.get::<PropState>(bad) else { panic!() };
+    assert_eq!(state(&stage, 0), &PropState::Ready);
+    let PropState::Failed(PropError::TooLarge(error)) = state(&stage, 1) else { panic!() };
     assert!(error.what == "textures" && error.limit.is_none() && error.bytes > 300 << 20, "{error}");
-    let heard = world.resource::<Heard>();
-    assert_eq!(heard.failed, [FieldFailed { field: field.id(), error: error.clone(), only_level: false }]);
-    assert_eq!(heard.exits, 0, "the app quits");
+    let failed = FieldFailed { field: field.id(), error: error.clone(), only_level: false };
+    assert_eq!(heard(&stage).failed, [failed]);
+    assert_eq!(heard(&stage).exits, 0, "the app quits");
 
     limit_memory(None);
-    *headless.app.world_mut().resource_mut::<Assets<PlenOctree>>().get_mut(&field).unwrap() = green;
+    *stage.world().resource_mut::<Assets<PlenOctree>>().get_mut(&field).unwrap() = green;
     // Changes are announced at the end of a frame.
-    (0..2).for_each(|_| headless.update());
-    headless.wait_until_ready(Duration::from_secs(120)).unwrap();
-    assert_eq!(colors(&mut headless), [[255, 0, 0], [0, 255, 0]]);
+    stage.update(2);
+    stage.wait();
+    assert_eq!(colors(&mut stage), [[255, 0, 0], [0, 255, 0]]);
 }
 
 /// If the driver has no memory for the textures of a view, only its props are missing, and they are drawn once there is
@@ -207,58 +198,51 @@ fn a_view_draws_no_props_when_memory_is_full() {
         return;
     }
     const LARGE: UVec2 = UVec2::splat(2048);
-    let (mut headless, _) = app(default(), |_| (), [corner(5, [1.0, 0.0, 0.0]), corner(4, [0.0, 0.0, 1.0])]);
-    headless.resize(LARGE);
-    let world = headless.app.world_mut();
+    let mut stage = app(default(), |_| (), [corner(5, [1.0, 0.0, 0.0]), corner(4, [0.0, 0.0, 1.0])]);
+    stage.headless.resize(LARGE);
     let palette = FieldPalette::from_colors([Color::WHITE]).unwrap();
-    let props: Vec<_> =
-        world.query::<(Entity, &Prop)>().iter(world).map(|(prop, field)| (prop, field.0.clone())).collect();
-    for (prop, field) in props {
-        world.resource_mut::<Palettes>().insert(&field, palette.clone());
-        world.entity_mut(prop).insert(Posterize::default());
+    for index in [0, 1] {
+        let (prop, field) = (stage.props[index], field(&stage, index));
+        stage.world().resource_mut::<Palettes>().insert(field, palette.clone());
+        stage.insert(prop, Posterize::default());
     }
     // The props fill the view.
-    let mut cameras = world.query_filtered::<&mut Transform, With<Camera>>();
-    cameras.single_mut(world).unwrap().translation.z = 1.5;
-    let view = |headless: &mut Headless, size: UVec2| {
-        let world = headless.app.world_mut();
-        let mut camera = world.query::<&mut Camera>().single_mut(world).unwrap();
-        camera.viewport = Some(Viewport { physical_size: size, ..default() });
+    stage.set(Transform::from_xyz(0.0, 0.5, 1.5));
+    let view = |stage: &mut Stage, size: UVec2| {
+        stage.camera_mut().viewport = Some(Viewport { physical_size: size, ..default() });
     };
     // Prepares all but the textures of the large view.
-    view(&mut headless, UVec2::splat(SIZE));
-    headless.wait_until_ready(Duration::from_secs(60)).unwrap();
-    headless.capture().unwrap();
-    if !has_software_driver(&headless) {
-        return;
+    view(&mut stage, UVec2::splat(SIZE));
+    stage.wait();
+    stage.capture();
+    if !stage.is_on_cpu() {
+        return skip("a GPU whose memory is that of this process");
     }
     // Memory ends at the first texture, and at later ones.
     for (failures, megabytes) in [32, 120, 200].into_iter().enumerate() {
         limit_memory(Some(megabytes << 20));
-        view(&mut headless, LARGE);
-        for _ in 0..5 {
-            headless.update();
-        }
-        let frame = headless.capture().map(|_| ());
+        view(&mut stage, LARGE);
+        stage.update(5);
+        let frame = stage.headless.capture().map(|_| ());
         assert!(matches!(frame, Err(HeadlessError::View(_))), "{megabytes} MB: {frame:?}");
-        let heard = headless.app.world().resource::<Heard>();
+        let heard = heard(&stage);
         assert_eq!(heard.failed_views.len(), failures + 1, "{megabytes} MB");
         assert_eq!(heard.failed_views[failures].error.size, LARGE);
         assert_eq!(heard.exits, 0, "the app quits");
         limit_memory(None);
         // A view of another size tries at once.
-        view(&mut headless, UVec2::splat(SIZE));
-        headless.update();
-        assert_eq!(headless.capture().unwrap().get_pixel(SIZE / 3, SIZE / 2).0, [255; 4]);
+        view(&mut stage, UVec2::splat(SIZE));
+        stage.update(1);
+        assert_eq!(stage.capture().get_pixel(SIZE / 3, SIZE / 2).0, [255; 4]);
     }
     limit_memory(Some(160 << 20));
-    view(&mut headless, LARGE);
-    headless.update();
-    headless.capture().unwrap_err();
+    view(&mut stage, LARGE);
+    stage.update(1);
+    stage.headless.capture().unwrap_err();
     limit_memory(None);
     std::thread::sleep(Duration::from_secs(2));
-    headless.update();
-    assert_eq!(headless.capture().unwrap().get_pixel(LARGE.x / 3, LARGE.y / 2).0, [255; 4]);
+    stage.update(1);
+    assert_eq!(stage.capture().get_pixel(LARGE.x / 3, LARGE.y / 2).0, [255; 4]);
 }
 
 /// If a buffer for sampling on the GPU does not fit, the CPU samples the field, and the app goes on.
@@ -274,17 +258,16 @@ fn the_cpu_samples_fields_whose_histograms_the_driver_rejects() {
     };
     // The middle of the leaves is visible.
     let fields = [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]].map(|color| corner_of_density(1.0, 4, color));
-    let (mut headless, props) = app(limits, configure, fields);
-    for prop in props {
-        headless.app.world_mut().entity_mut(prop).insert(Posterize::default());
+    let mut stage = app(limits, configure, fields);
+    for prop in stage.props.clone() {
+        stage.insert(prop, Posterize::default());
     }
-    headless.wait_until_ready(Duration::from_secs(60)).unwrap();
-    let world = headless.app.world();
-    for prop in props {
-        let field = &world.get::<Prop>(prop).unwrap().0;
-        assert_eq!(world.resource::<PaletteExtraction>().sampled(field).unwrap().origin, SampleOrigin::Cpu);
+    stage.wait();
+    for index in [0, 1] {
+        let extraction = stage.resource::<PaletteExtraction>();
+        assert_eq!(extraction.sampled(field(&stage, index)).unwrap().origin, SampleOrigin::Cpu);
     }
-    assert_eq!(world.resource::<Heard>().exits, 0, "the app quits");
+    assert_eq!(heard(&stage).exits, 0, "the app quits");
 }
 
 /// A level that the driver rejects is replaced by the field itself, or by the previous level.
@@ -293,23 +276,20 @@ fn a_level_that_the_driver_rejects_is_skipped() {
     let limits = wgpu::Limits { max_texture_array_layers: 32, ..default() };
     // A tree of depth 9 has a table of 32 cells per side, one of depth 8 has 64: tables skip levels in pairs.
     let (red, blue) = ([1.0, 0.0, 0.0], [0.0, 0.0, 1.0]);
-    let (mut headless, props) = app(limits, |_| (), [corner(9, red), corner(9, blue)]);
-    headless.wait_until_ready(Duration::from_secs(60)).unwrap();
-    let world = headless.app.world_mut();
-    let camera = world.query_filtered::<Entity, With<Camera3d>>().single(world).unwrap();
+    let mut stage = app(limits, |_| (), [corner(9, red), corner(9, blue)]);
+    stage.wait();
     // Cells are about 5 pixels wide.
-    world.entity_mut(camera).insert(PropQuality { cell_size: 15.0, ..default() });
+    stage.set(PropQuality { cell_size: 15.0, ..default() });
     for _ in 0..20 {
-        assert_eq!(colors(&mut headless), [[255, 0, 0], [0, 0, 255]]);
+        assert_eq!(colors(&mut stage), [[255, 0, 0], [0, 0, 255]]);
     }
-    let world = headless.app.world();
-    let mut failed: Vec<_> = world.resource::<Heard>().failed.iter().map(|f| (f.field, f.only_level)).collect();
+    let mut failed: Vec<_> = heard(&stage).failed.iter().map(|failed| (failed.field, failed.only_level)).collect();
     failed.sort_by_key(|(field, _)| *field);
-    let mut expected = props.map(|prop| (world.get::<Prop>(prop).unwrap().0.id(), true));
+    let mut expected = [0, 1].map(|index| (field(&stage, index), true));
     expected.sort_by_key(|(field, _)| *field);
     assert_eq!(failed, expected);
-    assert_eq!(world.resource::<Heard>().exits, 0);
-    assert!(props.iter().all(|prop| world.get::<PropState>(*prop) == Some(&PropState::Ready)));
+    assert_eq!(heard(&stage).exits, 0);
+    assert!([0, 1].iter().all(|index| state(&stage, *index) == &PropState::Ready));
 }
 
 /// One line makes an app survive the loss of its device.
@@ -318,20 +298,17 @@ fn an_app_survives_the_loss_of_its_device() {
     let (red, blue) = ([1.0, 0.0, 0.0], [0.0, 0.0, 1.0]);
     let limits = wgpu::Limits { max_texture_dimension_2d: 4096, ..default() };
     let recover = |app: &mut App| _ = app.add_plugins(DeviceRecoveryPlugin);
-    let (mut headless, _) = app(limits, recover, [corner(4, red), corner(5, blue)]);
-    headless.wait_until_ready(Duration::from_secs(60)).unwrap();
-    let before = colors(&mut headless);
+    let mut stage = app(limits, recover, [corner(4, red), corner(5, blue)]);
+    stage.wait();
+    let before = colors(&mut stage);
     assert_eq!(before, [[255, 0, 0], [0, 0, 255]]);
-    let device = |headless: &Headless| headless.app.sub_app(RenderApp).world().resource::<RenderDevice>().clone();
     for uploads in [4, 6] {
-        device(&headless).wgpu_device().destroy();
-        for _ in 0..50 {
-            headless.update();
-        }
-        assert_eq!(headless.app.world().resource::<Heard>().ready, uploads, "fields reached the new device");
-        assert_eq!(device(&headless).limits().max_texture_dimension_2d, 4096, "the app's own settings");
-        headless.wait_until_ready(Duration::from_secs(60)).unwrap();
-        assert_eq!(colors(&mut headless), before);
+        stage.device().wgpu_device().destroy();
+        stage.update(50);
+        assert_eq!(heard(&stage).ready, uploads, "fields reached the new device");
+        assert_eq!(stage.device().limits().max_texture_dimension_2d, 4096, "the app's own settings");
+        stage.wait();
+        assert_eq!(colors(&mut stage), before);
     }
-    assert_eq!(headless.app.world().resource::<Heard>().exits, 0);
+    assert_eq!(heard(&stage).exits, 0);
 }

@@ -3,7 +3,6 @@
 use std::{
     any::TypeId,
     path::{Path, PathBuf},
-    time::Duration,
 };
 
 use bevy::{
@@ -21,12 +20,16 @@ use bevy_plenoctree::{
     BilateralFilter, BlendSpace, ColorCount, ExtractionSettings, FieldPalette, InvalidRamps, ObserverRegion, Palette,
     PaletteExtraction, PaletteMethod, PaletteOverride, PaletteReady, PaletteSampler, Palettes, PlenOctree,
     PlenOctreePlugin, Posterize, Prop, Ramp, RampAdjustment, SampleOrigin, SamplingSettings, Wish,
-    headless::{Headless, exact_camera},
 };
 use glam::DVec3;
-use image::RgbaImage;
-use plenoctree::{BakeSettings, Basis, bake};
 use serde::de::DeserializeSeed;
+
+use super::stage::{
+    Stage,
+    fields::cube,
+    pixels::{assert_near, at, bytes, encoded},
+    wait_for,
+};
 
 const SIZE: UVec2 = UVec2::new(64, 32);
 const COLORS: [Color; 2] = [Color::srgb(0.8, 0.2, 0.2), Color::srgb(0.1, 0.1, 0.6)];
@@ -34,105 +37,61 @@ const RED: Color = COLORS[0];
 
 /// Bakes a box of the first color.
 fn solid(density: f64) -> PlenOctree {
-    let settings = BakeSettings { depth: 3, basis: Basis::Rgba, ..default() };
-    let [r, g, b] = Srgba::from(RED).to_f32_array_no_alpha().map(f64::from);
-    bake(&settings, |at| if at.abs().max_element() < 0.5 { density } else { 0.0 }, |_| move |_| DVec3::new(r, g, b))
-        .unwrap()
+    cube(density, encoded(RED))
 }
 
 /// Two props of one field, side by side.
-struct Scene {
-    headless: Headless,
-    left: Entity,
-    field: Handle<PlenOctree>,
-}
+struct Scene(Stage);
 
 impl Scene {
     fn new(configure: impl FnOnce(&mut App)) -> Self {
-        let mut headless = Headless::new(SIZE, |app| {
-            app.add_plugins(PlenOctreePlugin);
-            configure(app);
-        })
-        .unwrap();
-        let target = headless.target();
-        let world = headless.app.world_mut();
-        let field = world.resource_mut::<Assets<PlenOctree>>().add(solid(1e4));
-        let palette = FieldPalette::from_colors(COLORS).unwrap();
-        world.resource_mut::<Palettes>().insert(&field, palette);
-        let mut spawn = |x: f32| {
-            // Without a filter, the surroundings of a prop do not affect its color.
-            let posterize = Posterize { filter: BilateralFilter { iterations: 0, ..default() }, ..default() };
-            world.spawn((Prop(field.clone()), posterize, Transform::from_xyz(x, 0.0, 0.0))).id()
-        };
-        let left = spawn(-1.0);
-        spawn(1.0);
-        world.spawn((exact_camera(Color::BLACK), target, Transform::from_xyz(0.0, 0.0, 3.0)));
-        headless.wait_until_ready(Duration::from_secs(120)).unwrap();
-        Self { headless, left, field }
-    }
-
-    fn world(&mut self) -> &mut World {
-        self.headless.app.world_mut()
-    }
-
-    fn palette(&mut self) -> Mut<'_, FieldPalette> {
-        let field = self.field.clone();
-        let palettes = self.headless.app.world_mut().resource_mut::<Palettes>();
-        palettes.map_unchanged(move |palettes| palettes.get_mut(&field).unwrap())
+        let mut stage = Stage::with(SIZE, configure);
+        // Without a filter, the surroundings of a prop do not affect its color.
+        let posterize = Posterize { filter: BilateralFilter { iterations: 0, ..default() }, ..default() };
+        stage.spawn_prop(&solid(1e4), (posterize, Transform::from_xyz(-1.0, 0.0, 0.0)));
+        stage.paint(FieldPalette::from_colors(COLORS).unwrap());
+        stage.spawn((Prop(stage.field()), posterize, Transform::from_xyz(1.0, 0.0, 0.0)));
+        stage.set(Transform::from_xyz(0.0, 0.0, 3.0));
+        stage.wait();
+        Self(stage)
     }
 
     /// Captures the next frame and returns the colors of the two props.
     fn colors(&mut self) -> [[u8; 3]; 2] {
-        let frame = self.headless.capture().unwrap();
-        [SIZE.x / 4, 3 * SIZE.x / 4].map(|x| at(&frame, x))
+        let frame = self.0.capture();
+        [SIZE.x / 4, 3 * SIZE.x / 4].map(|x| at(&frame, x, SIZE.y / 2))
     }
 
     #[track_caller]
     fn assert_both_show(&mut self, expected: Color) {
         for found in self.colors() {
-            assert_shown(found, expected);
+            assert_near(found, expected, 1, "a prop");
         }
     }
 
     /// Runs the `ExtractSchedule`, including Bevy's own systems.
     fn run_extract_schedule(&mut self) {
-        let apps = self.headless.app.sub_apps_mut();
+        let apps = self.0.headless.app.sub_apps_mut();
         let render = apps.sub_apps.get_mut(&RenderApp.intern()).unwrap();
         render.extract(apps.main.world_mut());
     }
 }
 
-fn at(frame: &RgbaImage, x: u32) -> [u8; 3] {
-    let [r, g, b, _] = frame.get_pixel(x, SIZE.y / 2).0;
-    [r, g, b]
-}
-
-fn bytes(color: Color) -> [u8; 3] {
-    Srgba::from(color).to_u8_array_no_alpha()
-}
-
-#[track_caller]
-fn assert_shown(found: [u8; 3], expected: Color) {
-    let expected = bytes(expected);
-    assert!((0..3).all(|c| found[c].abs_diff(expected[c]) <= 1), "{found:?}, expected {expected:?}");
-}
-
 #[test]
 fn copies_of_a_prop_can_have_different_colors() {
     let mut scene = Scene::new(|_| {});
-    let left = scene.left;
     let [ours, theirs] = [Color::srgb(0.2, 0.7, 0.3), Color::srgb(0.9, 0.8, 0.1)];
     scene.assert_both_show(RED);
 
-    scene.world().entity_mut(left).insert(PaletteOverride::default().with(0, ours));
+    scene.0.dress(PaletteOverride::default().with(0, ours));
     let [found_left, found_right] = scene.colors();
-    assert_shown(found_left, ours);
-    assert_shown(found_right, RED);
+    assert_near(found_left, ours, 1, "a prop");
+    assert_near(found_right, RED, 1, "a prop");
 
     // Colors without an override are still the field's.
-    scene.palette().set(0, theirs);
+    scene.0.palette().set(0, theirs);
     let mut own = PaletteOverride::default().with(1, ours);
-    scene.world().entity_mut(left).insert(own.clone());
+    scene.0.dress(own.clone());
     scene.assert_both_show(theirs);
 
     own.set(0, ours);
@@ -159,12 +118,12 @@ fn a_change_is_visible_in_the_same_frame() {
     });
     for step in 0..8u8 {
         let color = Color::srgb_u8(32 * step, 255 - 20 * step, step.wrapping_mul(83));
-        scene.world().insert_resource(Wanted(color));
+        scene.0.world().insert_resource(Wanted(color));
         // This is one update, which runs the system and renders the frame.
         scene.assert_both_show(color);
     }
-    scene.world().remove_resource::<Wanted>();
-    scene.palette().reset();
+    scene.0.world().remove_resource::<Wanted>();
+    scene.0.palette().reset();
     scene.assert_both_show(RED);
 }
 
@@ -176,11 +135,11 @@ fn blends_reach_the_screen() {
     let oklab = Color::from(Oklaba::from(from[0]).mix(&to[0].into(), 0.5));
     for (space, halfway) in [(BlendSpace::Encoded, Color::srgb(0.5, 0.5, 0.5)), (BlendSpace::Oklab, oklab)] {
         for (t, expected) in [(0.0, from[0]), (0.5, halfway), (1.0, to[0]), (7.0, to[0])] {
-            scene.palette().blend(&from, &to, t, space);
+            scene.0.palette().blend(&from, &to, t, space);
             scene.assert_both_show(expected);
         }
         for (t, expected) in [(0.0, RED), (1.0, to[0])] {
-            scene.palette().blend_from_source(&to, t, space);
+            scene.0.palette().blend_from_source(&to, t, space);
             scene.assert_both_show(expected);
         }
     }
@@ -202,14 +161,14 @@ fn blends_with_other_lengths_change_the_colors_in_common() {
 #[test]
 fn a_change_allocates_nothing() {
     let mut scene = Scene::new(|_| {});
-    let left = scene.left;
-    scene.world().entity_mut(left).insert(PaletteOverride::default());
+    scene.0.dress(PaletteOverride::default());
     let change = |scene: &mut Scene, t: f32| {
         let white = [Color::WHITE; 2];
-        scene.palette().blend(&COLORS, &white, t, BlendSpace::Oklab);
-        scene.palette().blend_from_source(&white, t, BlendSpace::Encoded);
-        scene.palette().set(0, Color::hsv(30.0, 1.0, t));
-        let mut own = scene.headless.app.world_mut().get_mut::<PaletteOverride>(left).unwrap();
+        scene.0.palette().blend(&COLORS, &white, t, BlendSpace::Oklab);
+        scene.0.palette().blend_from_source(&white, t, BlendSpace::Encoded);
+        scene.0.palette().set(0, Color::hsv(30.0, 1.0, t));
+        let prop = scene.0.prop();
+        let mut own = scene.0.world().get_mut::<PaletteOverride>(prop).unwrap();
         own.reset();
         own.blend(&COLORS, &white, t, BlendSpace::Encoded);
     };
@@ -341,12 +300,10 @@ impl Files {
 
     /// Updates the app until `done` returns true.
     fn run_until(&mut self, what: &str, done: impl Fn(&World) -> bool) {
-        let start = std::time::Instant::now();
-        while !done(self.app.world()) {
-            assert!(start.elapsed() < Duration::from_secs(120), "timed out waiting for {what}");
+        wait_for(what, || {
             self.app.update();
-            std::thread::sleep(Duration::from_millis(1));
-        }
+            done(self.app.world())
+        });
     }
 
     /// Replaces the field on disk, and updates the app until it has the new one.
@@ -406,23 +363,20 @@ fn a_palette_next_to_a_field_replaces_extraction() {
 #[test]
 fn the_toadstool_is_sampled_when_it_arrives() {
     let extracted = |sampler| {
-        let mut headless = Headless::new(UVec2::ONE, |app| {
+        let mut stage = Stage::with(UVec2::ONE, |app| {
             let hear = |mut ready: MessageReader<PaletteReady>, mut heard: ResMut<Ready>| heard.0.extend(ready.read());
-            app.add_plugins(PlenOctreePlugin).init_resource::<Ready>().add_systems(Update, hear);
-        })
-        .unwrap();
-        let world = headless.app.world_mut();
-        let mut extraction = world.resource_mut::<PaletteExtraction>();
+            app.init_resource::<Ready>().add_systems(Update, hear);
+        });
+        stage.close();
+        let mut extraction = stage.world().resource_mut::<PaletteExtraction>();
         extraction.sampler = sampler;
         extraction.settings.sampling.sample_fraction = 0.1;
-        let field = world.resource::<AssetServer>().load("toadstool.plenoctree");
-        world.spawn((Prop(field.clone()), Posterize::default()));
-        headless.wait_until_ready(Duration::from_secs(120)).unwrap();
-        let world = headless.app.world();
-        let [PaletteReady { sampled: Some(origin), .. }] = world.resource::<Ready>().0[..] else {
-            panic!("{:?}", world.resource::<Ready>().0)
-        };
-        (origin, world.resource::<Palettes>().get(&field).unwrap().palette().clone())
+        let field = stage.resource::<AssetServer>().load("toadstool.plenoctree");
+        stage.spawn((Prop(field.clone()), Posterize::default()));
+        stage.wait();
+        let ready = &stage.resource::<Ready>().0;
+        let [PaletteReady { sampled: Some(origin), .. }] = ready[..] else { panic!("{ready:?}") };
+        (origin, stage.resource::<Palettes>().get(&field).unwrap().palette().clone())
     };
     let (on_cpu, expected) = extracted(PaletteSampler::Cpu);
     let (on_gpu, found) = extracted(PaletteSampler::Gpu);
@@ -654,14 +608,11 @@ fn a_palette_next_to_an_unapproved_field_is_loaded() {
     let path = files.folder.join("x.npz");
     let field: Handle<PlenOctree> = server.load_builder().override_unapproved().load(path);
     app.world_mut().spawn((Prop(field.clone()), Posterize::default()));
-    let start = std::time::Instant::now();
-    let palette = loop {
+    wait_for("a palette", || {
         app.update();
-        if let Some(palette) = app.world().resource::<Palettes>().get(&field) {
-            break palette;
-        }
-        assert!(start.elapsed() < Duration::from_secs(60), "no palette");
-    };
+        app.world().resource::<Palettes>().get(&field).is_some()
+    });
+    let palette = app.world().resource::<Palettes>().get(&field).unwrap();
     assert_eq!(palette.palette().colors, [[0.25, 0.5, 0.75]]);
 }
 

@@ -1,39 +1,41 @@
 //! Tests that quality presets and settings are as accurate as promised, against the float64 reference.
 
-use std::time::Duration;
-
-use bevy::{
-    prelude::*,
-    render::{RenderApp, render_asset::RenderAssets},
-};
+use bevy::{prelude::*, render::render_asset::RenderAssets};
 use bevy_plenoctree::{
-    EdgeSmoothing, FieldPalette, GpuField, LoadSettings, Palette, Palettes, PlenOctree, PlenOctreePlugin, Posterize,
-    Precision, Prop, PropQuality, QualityPreset, SolidOpacity, UpAxis,
-    headless::{Headless, exact_camera, pinhole_view},
+    EdgeSmoothing, FieldPalette, GpuField, Palette, PlenOctree, Posterize, Precision, PropQuality, QualityPreset,
+    SolidOpacity,
 };
 use glam::{DMat4, DVec3};
 use image::RgbaImage;
 use plenoctree::{BakeSettings, Basis, bake, camera::PinholeCamera, reference};
 
+use super::stage::{
+    Stage,
+    fields::{colored, included},
+    pixels::{difference, differing, is_off},
+};
+
 const SIZE: u32 = 160;
 
-/// Reads one of the included props, which has everything that is hard: thin rails, gloss, and regions of one color.
+/// One of the included props, which has everything that is hard: thin rails, gloss, and regions of one color.
 fn drum() -> PlenOctree {
-    PlenOctree::read(concat!(env!("CARGO_MANIFEST_DIR"), "/assets/drum.plenoctree"), &LoadSettings::default()).unwrap()
+    included("drum")
 }
 
 /// Bakes what no preset was tuned to: a glossy ball with stripes and a checkered plate among rods that are hardly
 /// thicker than a cell, in thin haze.
 fn thicket() -> PlenOctree {
-    let settings = BakeSettings { depth: 7, basis: Basis::Sh9, ..default() };
+    // There are two million leaves.
+    let settings = BakeSettings { depth: 7, basis: Basis::Sh9, directions: 32, ..default() };
     let rod = |at: DVec3| {
         let off = |x: f64| (x / 0.4 - (x / 0.4).round()).abs() * 0.4;
         let (x, y, z) = (off(at.x + 0.2 * at.z), off(at.y), off(at.z + 0.1 * at.x));
         x.hypot(y).min(y.hypot(z)).min(z.hypot(x)) < 0.014
     };
     let density = move |at: DVec3| {
-        let is_solid = at.length() < 0.5 || (at.z.abs() < 0.03 && at.x.hypot(at.y) < 0.9) || rod(at);
-        if is_solid && at.length() < 0.95 { 200.0 } else { 0.02 }
+        let is_plate = at.z.abs() < 0.03 && at.x.hypot(at.y) < 0.9;
+        // Most of the box is outside.
+        if at.length() < 0.95 && (at.length() < 0.5 || is_plate || rod(at)) { 200.0 } else { 0.02 }
     };
     let tint = move |at: DVec3| {
         let base = if at.length() < 0.52 {
@@ -52,48 +54,22 @@ fn thicket() -> PlenOctree {
     bake(&settings, density, tint).unwrap()
 }
 
-struct Stage {
-    headless: Headless,
-    camera: Entity,
-    prop: Entity,
-    field: Handle<PlenOctree>,
-    up: UpAxis,
+/// Creates a stage with a prop before white, whose frames are `size` pixels wide and high.
+fn stage(size: u32, field: &PlenOctree) -> Stage {
+    let mut stage = Stage::of(size, field);
+    stage.set_background(Color::WHITE);
+    stage
 }
 
-impl Stage {
-    fn new(field: &PlenOctree, palette: Palette) -> Self {
-        Self::sized(field, palette, SIZE)
-    }
-
-    /// Creates a stage whose frames are `size` pixels wide and high.
-    fn sized(field: &PlenOctree, palette: Palette, size: u32) -> Self {
-        let mut headless = Headless::new(UVec2::splat(size), |app| {
-            app.add_plugins(PlenOctreePlugin);
-        })
-        .unwrap();
-        let target = headless.target();
-        let world = headless.app.world_mut();
-        let handle = world.resource_mut::<Assets<PlenOctree>>().add(field.clone());
-        world.resource_mut::<Palettes>().insert(&handle, FieldPalette::new(palette));
-        let prop = world.spawn(Prop(handle.clone())).id();
-        let camera = world.spawn((exact_camera(Color::WHITE), target)).id();
-        headless.wait_until_ready(Duration::from_secs(120)).unwrap();
-        Self { headless, camera, prop, field: handle, up: field.up() }
-    }
-
-    fn capture(&mut self, camera: &PinholeCamera, quality: PropQuality) -> RgbaImage {
-        let view = pinhole_view(camera, self.up);
-        self.headless.app.world_mut().entity_mut(self.camera).insert((view, quality));
-        self.headless.capture().unwrap()
-    }
+fn capture(stage: &mut Stage, camera: &PinholeCamera, quality: PropQuality) -> RgbaImage {
+    let field = stage.field();
+    let up = stage.resource::<Assets<PlenOctree>>().get(&field).unwrap().up();
+    stage.set(quality);
+    stage.capture_from(camera, up)
 }
 
 fn psnr(frame: &RgbaImage, truth: &[DVec3]) -> f64 {
-    let squares = frame.pixels().zip(truth).map(|(pixel, truth)| {
-        let seen = DVec3::new(pixel[0].into(), pixel[1].into(), pixel[2].into()) / 255.0;
-        (seen - truth.clamp(DVec3::ZERO, DVec3::ONE)).length_squared() / 3.0
-    });
-    -10.0 * (squares.sum::<f64>() / truth.len() as f64).log10()
+    20.0 * (255.0 / difference(frame, truth)).log10()
 }
 
 #[test]
@@ -118,17 +94,16 @@ fn check_promises(name: &str, field: &PlenOctree, palette: &Palette) {
         let expected = reference::posterize(&truth, DVec3::ONE, &colors, &colors, &settings);
         let is_owned = |opacity: f64| opacity >= 80.0 / 255.0;
         let owned = truth.opacity.iter().filter(|opacity| is_owned(**opacity)).count();
-        let mut stage = Stage::sized(field, palette.clone(), size);
+        let mut stage = stage(size, field);
+        stage.paint(FieldPalette::new(palette.clone()));
         for preset in QualityPreset::ALL {
-            let prop = stage.prop;
-            stage.headless.app.world_mut().entity_mut(prop).remove::<Posterize>();
-            let psnr = psnr(&stage.capture(&camera, preset.quality()), &over);
-            stage.headless.app.world_mut().entity_mut(prop).insert(hard);
-            let labels = stage.capture(&camera, preset.quality());
-            let changed = labels.pixels().zip(&expected).zip(&truth.opacity).filter(|((pixel, color), opacity)| {
-                let differs = (0..3).any(|channel| (f64::from(pixel[channel]) - 255.0 * color[channel]).abs() > 2.0);
-                is_owned(**opacity) && differs
-            });
+            stage.undress::<Posterize>();
+            let psnr = psnr(&capture(&mut stage, &camera, preset.quality()), &over);
+            stage.dress(hard);
+            let labels = capture(&mut stage, &camera, preset.quality());
+            let changed = labels.pixels().zip(&expected).zip(&truth.opacity);
+            let changed =
+                changed.filter(|((pixel, color), opacity)| is_owned(**opacity) && is_off(pixel, **color, 2.0));
             let changed = changed.count() as f64 / owned as f64;
             let (least, most) = promise(preset, size);
             let found = format!("{name}, {preset:?}, {size} pixels: {psnr:.1} dB, {:.1}% of labels", 100.0 * changed);
@@ -158,8 +133,7 @@ fn promise(preset: QualityPreset, size: u32) -> (f64, f64) {
 #[test]
 fn averaged_cells_look_like_the_field_from_far_away() {
     let field = drum();
-    let palette = Palette::new(vec![[0.5; 3]]).unwrap();
-    let mut stage = Stage::new(&field, palette);
+    let mut stage = stage(SIZE, &field);
     let far = |size: u32| {
         let near = PinholeCamera::around(&field, size, size, 0.5, 0.4).unwrap();
         PinholeCamera { focal_x: near.focal_x / 6.0, focal_y: near.focal_y / 6.0, ..near }
@@ -173,8 +147,9 @@ fn averaged_cells_look_like_the_field_from_far_away() {
             taps.sum::<DVec3>() / f64::from(FINE * FINE)
         })
         .collect();
-    let leaves = psnr(&stage.capture(&far(SIZE), PropQuality::EXACT), &truth);
-    let averaged = psnr(&stage.capture(&far(SIZE), PropQuality { cell_size: 1.0, ..PropQuality::EXACT }), &truth);
+    let leaves = psnr(&capture(&mut stage, &far(SIZE), PropQuality::EXACT), &truth);
+    let coarse = PropQuality { cell_size: 1.0, ..PropQuality::EXACT };
+    let averaged = psnr(&capture(&mut stage, &far(SIZE), coarse), &truth);
     assert!(averaged > leaves, "{averaged:.1} dB for averaged cells, {leaves:.1} dB for leaves");
 }
 
@@ -190,10 +165,9 @@ fn bytes_come_close_to_half_floats() {
         DVec3::Z,
     );
     let truth = reference::render(&field, &camera).over(DVec3::ONE);
-    let palette = Palette::new(vec![[0.5; 3]]).unwrap();
     for (precision, least) in [(Precision::Half, 55.0), (Precision::Byte, 45.0)] {
-        let mut stage = Stage::new(&field.clone().with_precision(precision), palette.clone());
-        let psnr = psnr(&stage.capture(&camera, PropQuality::EXACT), &truth);
+        let mut stage = stage(SIZE, &field.clone().with_precision(precision));
+        let psnr = psnr(&capture(&mut stage, &camera, PropQuality::EXACT), &truth);
         assert!(psnr >= least, "{precision:?}: {psnr:.1} dB");
     }
 }
@@ -206,13 +180,12 @@ fn dropping_faint_leaves_has_a_bounded_error() {
     let fog = |at: DVec3| if at.length() < 0.9 { 0.4 } else { 0.0 };
     let tint = |at: DVec3| move |_: DVec3| 0.5 + 0.5 * (5.0 * at).map(f64::sin);
     let [haze, fog] = [bake(&settings, haze, tint).unwrap(), bake(&settings, fog, tint).unwrap()];
-    let palette = Palette::new(vec![[0.5; 3]]).unwrap();
     for (field, loss, least) in [(&haze, 0.03, 30.5), (&fog, 0.03, 40.0)] {
         let camera = PinholeCamera::around(field, SIZE, SIZE, 0.5, 0.4).unwrap();
         let truth = reference::render(field, &camera).over(DVec3::ONE);
-        let mut stage = Stage::new(field, palette.clone());
-        let all = stage.capture(&camera, PropQuality::EXACT);
-        let fewer = stage.capture(&camera, PropQuality { opacity_loss: loss, ..PropQuality::EXACT });
+        let mut stage = stage(SIZE, field);
+        let all = capture(&mut stage, &camera, PropQuality::EXACT);
+        let fewer = capture(&mut stage, &camera, PropQuality { opacity_loss: loss, ..PropQuality::EXACT });
         let psnr = psnr(&fewer, &truth);
         assert!(fewer != all && psnr >= least, "{psnr:.1} dB");
     }
@@ -223,34 +196,29 @@ fn dropping_faint_leaves_has_a_bounded_error() {
 fn levels_that_no_camera_requests_are_dropped() {
     let field = drum();
     let camera = PinholeCamera::around(&field, SIZE, SIZE, 0.5, 0.4).unwrap();
-    let mut stage = Stage::new(&field, Palette::new(vec![[0.5; 3]]).unwrap());
-    let bytes = |stage: &Stage| {
-        let render = stage.headless.app.get_sub_app(RenderApp).unwrap().world();
-        render.resource::<RenderAssets<GpuField>>().get(&stage.field).unwrap().bytes()
-    };
-    stage.capture(&camera, PropQuality::EXACT);
+    let mut stage = stage(SIZE, &field);
+    let bytes =
+        |stage: &Stage| stage.render_world().resource::<RenderAssets<GpuField>>().get(&stage.field()).unwrap().bytes();
+    capture(&mut stage, &camera, PropQuality::EXACT);
     let alone = bytes(&stage);
-    stage.capture(&camera, PropQuality { density_threshold: 1.0, cell_size: 5.0, ..PropQuality::EXACT });
-    stage.capture(&camera, PropQuality { opacity_loss: 0.01, ..PropQuality::EXACT });
+    capture(&mut stage, &camera, PropQuality { density_threshold: 1.0, cell_size: 5.0, ..PropQuality::EXACT });
+    capture(&mut stage, &camera, PropQuality { opacity_loss: 0.01, ..PropQuality::EXACT });
     assert!(bytes(&stage) > alone + alone / 2);
-    let camera = stage.camera;
-    stage.headless.app.world_mut().get_mut::<Camera>(camera).unwrap().is_active = false;
-    (0..610).for_each(|_| stage.headless.update());
+    stage.camera_mut().is_active = false;
+    stage.update(610);
     assert_eq!(bytes(&stage), alone);
 }
 
 /// Rays that never stop draw the same as rays that do, even if a prop becomes solid only where no light is left.
 #[test]
 fn rays_that_never_stop_end_in_a_solid_prop() {
-    let settings = BakeSettings { depth: 3, basis: Basis::Rgba, ..default() };
-    let solid = bake(&settings, |_| 1e6, |_| |_| DVec3::new(0.2, 0.4, 0.6)).unwrap();
+    let solid = colored(3, |_| 1e6, |_| DVec3::new(0.2, 0.4, 0.6));
     let camera = PinholeCamera::around(&solid, SIZE, SIZE, 0.5, 0.4).unwrap();
-    let mut stage = Stage::new(&solid, Palette::new(vec![[0.5; 3]]).unwrap());
-    let prop = stage.prop;
-    stage.headless.app.world_mut().entity_mut(prop).insert(SolidOpacity::At(1.0));
-    let stopped = stage.capture(&camera, PropQuality::EXACT);
-    let never = stage.capture(&camera, PropQuality { stop_transmittance: 0.0, ..PropQuality::EXACT });
-    assert!(stopped.iter().zip(never.iter()).all(|(a, b)| a.abs_diff(*b) <= 1));
+    let mut stage = stage(SIZE, &solid);
+    stage.dress(SolidOpacity::At(1.0));
+    let stopped = capture(&mut stage, &camera, PropQuality::EXACT);
+    let never = capture(&mut stage, &camera, PropQuality { stop_transmittance: 0.0, ..PropQuality::EXACT });
+    assert_eq!(differing(&stopped, &never, 1), 0);
 }
 
 /// Beyond its range, every setting does what it does at the end of the range. NaN does what the default does.
@@ -258,10 +226,10 @@ fn rays_that_never_stop_end_in_a_solid_prop() {
 fn settings_beyond_their_range_count_as_its_ends() {
     let field = drum();
     let camera = PinholeCamera::around(&field, SIZE, SIZE, 0.5, 0.4).unwrap();
-    let mut stage = Stage::new(&field, Palette::new(vec![[0.9, 0.1, 0.1], [0.1, 0.1, 0.9]]).unwrap());
-    let prop = stage.prop;
-    stage.headless.app.world_mut().entity_mut(prop).insert(Posterize::default());
-    let exact = stage.capture(&camera, PropQuality::EXACT);
+    let mut stage = stage(SIZE, &field);
+    stage.paint(FieldPalette::new(Palette::new(vec![[0.9, 0.1, 0.1], [0.1, 0.1, 0.9]]).unwrap()));
+    stage.dress(Posterize::default());
+    let exact = capture(&mut stage, &camera, PropQuality::EXACT);
     let drawn = |frame: &RgbaImage| frame.pixels().filter(|pixel| pixel.0 != [255; 4]).count();
     assert!(drawn(&exact) > 4000, "{} pixels", drawn(&exact));
     type Set = fn(f32) -> PropQuality;
@@ -274,18 +242,18 @@ fn settings_beyond_their_range_count_as_its_ends() {
         ("error", |x| PropQuality { error: x, ..default() }, [0.0, f32::MAX], [true, true]),
     ];
     for (name, set, ends, seen) in settings {
-        assert!(stage.capture(&camera, set(f32::NAN)) == exact, "{name}: NaN is not the default");
+        assert!(capture(&mut stage, &camera, set(f32::NAN)) == exact, "{name}: NaN is not the default");
         for ((end, seen), beyond) in ends.into_iter().zip(seen).zip([[-1.0, f32::NEG_INFINITY], [1e38, f32::INFINITY]])
         {
-            let at_end = stage.capture(&camera, set(end));
+            let at_end = capture(&mut stage, &camera, set(end));
             let share = drawn(&at_end) as f64 / drawn(&exact) as f64;
             assert!(if seen { (0.8..4.0).contains(&share) } else { share < 0.05 }, "{name} = {end}: {share}");
             for value in beyond {
-                let frame = stage.capture(&camera, set(value));
+                let frame = capture(&mut stage, &camera, set(value));
                 assert!(frame == at_end, "{name}: {value} is not {end}");
             }
         }
     }
     let most = PropQuality { filter_iterations: u32::MAX, ..default() };
-    assert!(stage.capture(&camera, most) == exact, "the largest count is not the default");
+    assert!(capture(&mut stage, &camera, most) == exact, "the largest count is not the default");
 }

@@ -1,16 +1,13 @@
 //! Tests recoloring without labels.
 
-use std::time::Duration;
-
 use bevy::prelude::*;
 use bevy_plenoctree::{
-    FieldPalette, Palette, PaletteMethod, PaletteOverride, Palettes, PlenOctree, PlenOctreePlugin, Posterize, Prop,
-    PropTint, Recolor, UpAxis,
-    headless::{Headless, exact_camera},
+    FieldPalette, Palette, PaletteMethod, PaletteOverride, PlenOctree, Posterize, PropTint, Recolor,
 };
 use glam::DVec3;
 use image::RgbaImage;
-use plenoctree::{BakeSettings, Basis, bake};
+
+use super::stage::{Stage, fields::colored};
 
 const SIZE: u32 = 96;
 const RED: [f64; 3] = [0.8, 0.15, 0.15];
@@ -19,7 +16,6 @@ const SKY: Color = Color::srgb(0.3, 0.35, 0.32);
 
 /// Returns a ball whose color passes from red to white, in a haze of red.
 fn ball() -> PlenOctree {
-    let settings = BakeSettings { depth: 6, basis: Basis::Rgba, up: UpAxis::Y, ..default() };
     let density = |at: DVec3| match at.length() {
         ..0.6 => 1e3,
         ..0.9 => 0.5,
@@ -29,7 +25,7 @@ fn ball() -> PlenOctree {
         let share = if at.length() < 0.65 { (4.0 * at.y + 0.5).clamp(0.0, 1.0) } else { 0.0 };
         DVec3::from(RED).lerp(WHITE.into(), share)
     };
-    bake(&settings, density, move |at| move |_| color(at)).unwrap()
+    colored(6, density, color)
 }
 
 fn palette() -> Palette {
@@ -39,36 +35,20 @@ fn palette() -> Palette {
     palette
 }
 
-struct View {
-    headless: Headless,
-    prop: Entity,
-    field: Handle<PlenOctree>,
+fn view(look: impl Bundle, sky: Color) -> Stage {
+    let mut stage = Stage::new(SIZE);
+    stage.spawn_prop(&ball(), look);
+    stage.paint(FieldPalette::new(palette()));
+    stage.set_background(sky);
+    stage.set(Transform::from_xyz(0.3, 0.5, 2.6).looking_at(Vec3::ZERO, Vec3::Y));
+    stage.wait();
+    stage
 }
 
-impl View {
-    fn new(look: impl Bundle, sky: Color) -> Self {
-        let mut headless = Headless::new(UVec2::splat(SIZE), |app| {
-            app.add_plugins(PlenOctreePlugin);
-        })
-        .unwrap();
-        let target = headless.target();
-        let world = headless.app.world_mut();
-        let field = world.resource_mut::<Assets<PlenOctree>>().add(ball());
-        world.resource_mut::<Palettes>().insert(&field, FieldPalette::new(palette()));
-        let prop = world.spawn((Prop(field.clone()), look)).id();
-        world.spawn((exact_camera(sky), target, Transform::from_xyz(0.3, 0.5, 2.6).looking_at(Vec3::ZERO, Vec3::Y)));
-        headless.wait_until_ready(Duration::from_secs(120)).unwrap();
-        Self { headless, prop, field }
-    }
-
-    fn capture(&mut self) -> RgbaImage {
-        self.headless.capture().unwrap()
-    }
-
-    fn set(&mut self, bundle: impl Bundle) -> RgbaImage {
-        self.headless.app.world_mut().entity_mut(self.prop).insert(bundle);
-        self.capture()
-    }
+/// Captures the prop with these components.
+fn with(view: &mut Stage, components: impl Bundle) -> RgbaImage {
+    view.dress(components);
+    view.capture()
 }
 
 fn blue() -> PaletteOverride {
@@ -79,16 +59,15 @@ fn blue() -> PaletteOverride {
 /// entity's colors are its own.
 #[test]
 fn props_as_trained_are_recolored_as_the_reference_is() {
-    let mut view = View::new((), Color::NONE);
+    let mut view = view((), Color::NONE);
     let trained = view.capture();
-    assert!(view.set(Recolor::default()) == trained, "nothing is changed");
-    assert!(view.set(blue()) != trained);
+    assert!(with(&mut view, Recolor::default()) == trained, "nothing is changed");
+    assert!(with(&mut view, blue()) != trained);
     let recolored = view.capture();
-    view.headless.app.world_mut().entity_mut(view.prop).remove::<Recolor>();
+    view.undress::<Recolor>();
     assert!(view.capture() == trained, "without the component");
     let shown: Vec<_> = {
-        let world = view.headless.app.world();
-        let own = blue().shown(world.resource::<Palettes>().get(&view.field).unwrap());
+        let own = blue().shown(&view.palette());
         own.iter().map(|color| color.to_srgba().to_f32_array_no_alpha().map(f64::from)).collect()
     };
     let (mut compared, mut kept, mut worst) = (0, 0, 0.0f64);
@@ -127,16 +106,16 @@ fn is_reddish(pixel: &image::Rgba<u8>) -> bool {
 #[test]
 fn haze_is_recolored_with_the_prop() {
     for look in [Posterize::toon(), Posterize::soft()] {
-        let mut view = View::new(look, SKY);
+        let mut view = view(look, SKY);
         let plain = view.capture();
         let before = plain.pixels().filter(|pixel| is_reddish(pixel)).count();
         assert!(before > 2000, "{before}");
         let same = PaletteOverride::default().with(0, Color::srgb(0.8, 0.15, 0.15));
-        assert!(view.set(same) == plain, "the same color");
-        let recolored = view.set(blue());
+        assert!(with(&mut view, same) == plain, "the same color");
+        let recolored = with(&mut view, blue());
         let after = recolored.pixels().filter(|pixel| is_reddish(pixel)).count();
         assert_eq!(after, 0, "{look:?}: reddish pixels, {before} before");
-        let dim = view.set(PropTint(Color::linear_rgb(0.5, 0.5, 0.5)));
+        let dim = with(&mut view, PropTint(Color::linear_rgb(0.5, 0.5, 0.5)));
         let after = dim.pixels().filter(|pixel| is_reddish(pixel)).count();
         assert_eq!(after, 0, "{look:?}, dimmed: reddish pixels");
     }

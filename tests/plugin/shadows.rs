@@ -1,8 +1,6 @@
 //! Tests the shadows that props cast on a lit floor: every pixel is compared with a float64 ray from the floor to the
 //! light.
 
-use std::time::Duration;
-
 use bevy::{
     camera::visibility::RenderLayers,
     light::{
@@ -10,19 +8,17 @@ use bevy::{
         PointLightShadowMap, ShadowFilteringMethod,
     },
     prelude::*,
-    render::{
-        RenderApp,
-        render_resource::{PipelineCache, PipelineDescriptor},
-        renderer::RenderDevice,
-    },
 };
-use bevy_plenoctree::{
-    LoadSettings, PlenOctree, PlenOctreePlugin, Prop, PropQuality, SolidOpacity, UpAxis,
-    headless::{Headless, LitMeshPlugins, exact_camera},
-};
+use bevy_plenoctree::{PlenOctree, Prop, PropQuality, SolidOpacity};
 use glam::{DVec2, DVec3};
 use image::RgbaImage;
-use plenoctree::{BakeSettings, Basis, bake};
+
+use super::stage::{
+    Stage,
+    fields::{colored, included},
+    pixels::{differing, linear, places},
+    skip,
+};
 
 pub const PIXELS: u32 = 192;
 const FLOOR: f64 = -1.0;
@@ -61,140 +57,84 @@ impl Light {
     }
 }
 
-pub struct Scene {
-    headless: Headless,
+/// Creates a scene with a floor and without lights. Shadow maps are `map` texels wide.
+pub fn scene(map: usize) -> Stage {
+    let mut stage = Stage::with_meshes(PIXELS);
+    stage.world().insert_resource(GlobalAmbientLight::NONE);
+    stage.world().insert_resource(DirectionalLightShadowMap { size: map });
+    stage.world().insert_resource(PointLightShadowMap { size: map });
+    let matte = StandardMaterial { perceptual_roughness: 1.0, reflectance: 0.0, ..default() };
+    let place = Transform::from_xyz(0.0, FLOOR as f32, 0.0);
+    let floor = stage.spawn_mesh(Plane3d::default().mesh().size(40.0, 40.0), matte, place);
+    stage.insert(floor, NotShadowCaster);
+    stage.set((
+        ShadowFilteringMethod::Hardware2x2,
+        Projection::from(PerspectiveProjection { fov: FOV, ..default() }),
+        Transform::from_translation(EYE).looking_at(Vec3::ZERO, Vec3::Y),
+    ));
+    stage
 }
 
-impl Scene {
-    /// Creates a scene without lights. Shadow maps are `map` texels wide.
-    pub fn new(map: usize, limits: Option<wgpu::Limits>) -> Self {
-        let configure = move |app: &mut App| {
-            app.add_plugins((LitMeshPlugins, PlenOctreePlugin))
-                .insert_resource(GlobalAmbientLight::NONE)
-                .insert_resource(DirectionalLightShadowMap { size: map })
-                .insert_resource(PointLightShadowMap { size: map });
-        };
-        let size = UVec2::splat(PIXELS);
-        let headless = match limits {
-            Some(limits) => Headless::with_limits(size, limits, configure),
-            None => Headless::new(size, configure),
-        };
-        let mut headless = headless.unwrap();
-        let target = headless.target();
-        let world = headless.app.world_mut();
-        let mesh = world.resource_mut::<Assets<Mesh>>().add(Plane3d::default().mesh().size(40.0, 40.0));
-        let material = world.resource_mut::<Assets<StandardMaterial>>().add(StandardMaterial {
-            perceptual_roughness: 1.0,
-            reflectance: 0.0,
-            ..default()
-        });
-        let place = Transform::from_xyz(0.0, FLOOR as f32, 0.0);
-        world.spawn((Mesh3d(mesh), MeshMaterial3d(material), place, NotShadowCaster));
-        world.spawn((
-            exact_camera(Color::BLACK),
-            target,
-            ShadowFilteringMethod::Hardware2x2,
-            Projection::from(PerspectiveProjection { fov: FOV, ..default() }),
-            Transform::from_translation(EYE).looking_at(Vec3::ZERO, Vec3::Y),
-        ));
-        Self { headless }
-    }
-
-    pub fn world(&mut self) -> &mut World {
-        self.headless.app.world_mut()
-    }
-
-    pub fn spawn_light(&mut self, light: Light) -> Entity {
-        let layers = RenderLayers::from_layers(&[0, UNSEEN]);
-        let world = self.world();
-        let spawned = match light {
-            Light::Sun(direction) => world.spawn((
-                DirectionalLight {
-                    illuminance: 2000.0,
-                    shadow_maps_enabled: true,
-                    shadow_depth_bias: 0.0,
-                    shadow_normal_bias: 0.0,
-                    ..default()
-                },
-                Transform::default().looking_to(-direction, Vec3::Y),
-                // The floor reaches into all four of them.
-                CascadeShadowConfigBuilder { first_cascade_far_bound: 6.0, maximum_distance: 12.0, ..default() }
-                    .build(),
-            )),
-            Light::Lamp(place) => world.spawn((
-                PointLight {
-                    intensity: 3e5,
-                    shadow_maps_enabled: true,
-                    shadow_depth_bias: 0.0,
-                    shadow_normal_bias: 0.0,
-                    ..default()
-                },
-                Transform::from_translation(place),
-            )),
-            Light::Spot(place) => world.spawn((
-                SpotLight {
-                    intensity: 3e5,
-                    outer_angle: 0.8,
-                    shadow_maps_enabled: true,
-                    shadow_depth_bias: 0.0,
-                    shadow_normal_bias: 0.0,
-                    ..default()
-                },
-                Transform::from_translation(place).looking_at(Vec3::ZERO, Vec3::X),
-            )),
-        };
-        let light = spawned.id();
-        // Captures wait for levels, so most tests do without.
-        world.entity_mut(light).insert((layers, PropQuality::EXACT));
-        light
-    }
-
-    /// Spawns a prop that the camera does not see.
-    pub fn spawn_prop(&mut self, field: &Handle<PlenOctree>, transform: Transform) -> Entity {
-        self.world().spawn((Prop(field.clone()), transform, RenderLayers::layer(UNSEEN))).id()
-    }
-
-    pub fn add(&mut self, field: &PlenOctree) -> Handle<PlenOctree> {
-        self.world().resource_mut::<Assets<PlenOctree>>().add(field.clone())
-    }
-
-    /// Waits until all props are ready. Frames without lights take little time.
-    pub fn wait(&mut self) {
-        self.headless.wait_until_ready(Duration::from_secs(120)).unwrap();
-    }
-
-    pub fn capture(&mut self) -> RgbaImage {
-        self.headless.capture().unwrap()
-    }
-
-    /// Whether there is a pipeline of the shadow pass.
-    fn has_pipeline(&self) -> bool {
-        let cache = self.headless.app.sub_app(RenderApp).world().resource::<PipelineCache>();
-        cache.pipelines().any(|pipeline| match &pipeline.descriptor {
-            PipelineDescriptor::RenderPipelineDescriptor(descriptor) => {
-                descriptor.label.as_deref() == Some("plenoctree_shadow")
-            }
-            PipelineDescriptor::ComputePipelineDescriptor(_) => false,
-        })
-    }
+pub fn spawn_light(scene: &mut Stage, light: Light) -> Entity {
+    let layers = RenderLayers::from_layers(&[0, UNSEEN]);
+    let world = scene.world();
+    let spawned = match light {
+        Light::Sun(direction) => world.spawn((
+            DirectionalLight {
+                illuminance: 2000.0,
+                shadow_maps_enabled: true,
+                shadow_depth_bias: 0.0,
+                shadow_normal_bias: 0.0,
+                ..default()
+            },
+            Transform::default().looking_to(-direction, Vec3::Y),
+            // The floor reaches into all four of them.
+            CascadeShadowConfigBuilder { first_cascade_far_bound: 6.0, maximum_distance: 12.0, ..default() }.build(),
+        )),
+        Light::Lamp(place) => world.spawn((
+            PointLight {
+                intensity: 3e5,
+                shadow_maps_enabled: true,
+                shadow_depth_bias: 0.0,
+                shadow_normal_bias: 0.0,
+                ..default()
+            },
+            Transform::from_translation(place),
+        )),
+        Light::Spot(place) => world.spawn((
+            SpotLight {
+                intensity: 3e5,
+                outer_angle: 0.8,
+                shadow_maps_enabled: true,
+                shadow_depth_bias: 0.0,
+                shadow_normal_bias: 0.0,
+                ..default()
+            },
+            Transform::from_translation(place).looking_at(Vec3::ZERO, Vec3::X),
+        )),
+    };
+    let light = spawned.id();
+    // Captures wait for levels, so most tests do without.
+    world.entity_mut(light).insert((layers, PropQuality::EXACT));
+    light
 }
 
-impl Scene {
-    /// Returns the sizes of the tiles that maps keep, in bytes, or `None` if the backend does not report them.
-    fn tiles(&self) -> Option<Vec<u64>> {
-        let device = self.headless.app.sub_app(RenderApp).world().resource::<RenderDevice>();
-        device.poll(wgpu::PollType::wait_indefinitely()).unwrap();
-        let report = device.wgpu_device().generate_allocator_report()?;
-        let tiles = report.allocations.iter().filter(|allocation| allocation.name == "plenoctree_shadow_tile");
-        Some(tiles.map(|allocation| allocation.size).collect())
-    }
+/// Spawns a prop that the camera does not see.
+pub fn spawn_unseen(scene: &mut Stage, field: &Handle<PlenOctree>, place: Transform) -> Entity {
+    scene.spawn((Prop(field.clone()), place, RenderLayers::layer(UNSEEN)))
+}
 
-    /// Runs frames until all that rests is kept, and the GPU has given up what is not.
-    fn rest(&mut self) {
-        for _ in 0..4 {
-            self.headless.update();
-        }
-    }
+/// Returns the sizes of the tiles that maps keep, in bytes, or `None` if the backend does not report them.
+fn tiles(scene: &Stage) -> Option<Vec<u64>> {
+    scene.device().poll(wgpu::PollType::wait_indefinitely()).unwrap();
+    let report = scene.device().wgpu_device().generate_allocator_report()?;
+    let tiles = report.allocations.iter().filter(|allocation| allocation.name == "plenoctree_shadow_tile");
+    Some(tiles.map(|allocation| allocation.size).collect())
+}
+
+/// Runs frames until all that rests is kept, and the GPU has given up what is not.
+fn rest(scene: &mut Stage) {
+    scene.update(4);
 }
 
 /// Returns the direction from [`EYE`] to a point of the frame, in pixels.
@@ -220,6 +160,11 @@ pub fn is_blocked(field: &PlenOctree, prop: &Transform, light: Light, point: DVe
 
 /// Returns the distance at which a ray hits a prop. Its direction has the length 1.
 pub fn hit(field: &PlenOctree, prop: &Transform, from: DVec3, direction: DVec3) -> Option<f64> {
+    // Most rays are far from most props.
+    let (center, reach) = (prop.translation.as_dvec3(), 3f64.sqrt() * f64::from(prop.scale.max_element()));
+    if (center - from).cross(direction).length_squared() > reach * reach {
+        return None;
+    }
     let affine = prop.compute_affine().as_daffine3();
     let to_field = field.up().to_y_up().transpose();
     let inverse = affine.inverse();
@@ -237,8 +182,7 @@ fn compare(lit: &RgbaImage, shadowed: &RgbaImage, blocked: impl Fn(DVec3) -> boo
         let Some(point) = floor_at(x, y).filter(|_| before[0] > 30) else {
             continue;
         };
-        let light = |pixel: &image::Rgba<u8>| Color::srgb_u8(pixel[0], pixel[1], pixel[2]).to_linear().red;
-        let (dark, blocked) = (light(shadowed.get_pixel(x, y)) < 0.5 * light(before), blocked(point));
+        let (dark, blocked) = (linear(shadowed.get_pixel(x, y)).x < 0.5 * linear(before).x, blocked(point));
         both += u32::from(dark && blocked);
         either += u32::from(dark || blocked);
         expected += u32::from(blocked);
@@ -248,18 +192,12 @@ fn compare(lit: &RgbaImage, shadowed: &RgbaImage, blocked: impl Fn(DVec3) -> boo
 
 /// Bakes a field of cells of 1/32 from -1 to 1.
 pub fn shape(density: impl Fn(DVec3) -> f64 + Sync) -> PlenOctree {
-    let settings = BakeSettings { depth: 6, basis: Basis::Rgba, up: UpAxis::Y, ..default() };
-    bake(&settings, density, |_| |_| DVec3::splat(0.5)).unwrap()
-}
-
-pub fn toadstool() -> PlenOctree {
-    PlenOctree::read(concat!(env!("CARGO_MANIFEST_DIR"), "/assets/toadstool.plenoctree"), &LoadSettings::default())
-        .unwrap()
+    colored(6, density, |_| DVec3::splat(0.5))
 }
 
 #[test]
 fn shadows_are_where_no_light_arrives() {
-    let mut scene = Scene::new(1024, None);
+    let mut scene = scene(1024);
     // Fog, which is solid only along rays through its middle.
     let ball = shape(|at| if at.length() < 0.9 { 0.6 } else { 0.0 });
     let cuboid = shape(|at| if at.abs().cmplt(DVec3::new(0.9, 0.3, 0.6)).all() { 1e4 } else { 0.0 });
@@ -271,28 +209,28 @@ fn shadows_are_where_no_light_arrives() {
     let cases = [
         ("a ball", &ball, turned),
         ("a cuboid", &cuboid, turned),
-        ("a toadstool", &toadstool(), Transform::from_rotation(Quat::from_rotation_y(0.5))),
+        ("a toadstool", &included("toadstool"), Transform::from_rotation(Quat::from_rotation_y(0.5))),
         // Behind the near planes of all cascades.
         ("a cuboid far above", &cuboid, above(turned, 40.0)),
     ];
     let mut props = Vec::new();
     for (_, field, transform) in &cases {
-        let field = scene.add(field);
-        let prop = scene.spawn_prop(&field, *transform);
-        scene.world().entity_mut(prop).insert(Visibility::Hidden);
+        let field = scene.add((*field).clone());
+        let prop = spawn_unseen(&mut scene, &field, *transform);
+        scene.insert(prop, Visibility::Hidden);
         props.push(prop);
     }
     scene.wait();
     for light in Light::ALL {
-        let entity = scene.spawn_light(light);
+        let entity = spawn_light(&mut scene, light);
         let lit = scene.capture();
         for ((what, field, transform), prop) in cases.iter().zip(&props) {
             if transform.translation.y > 10.0 && !matches!(light, Light::Sun(_)) {
                 continue;
             }
-            scene.world().entity_mut(*prop).insert(Visibility::Visible);
+            scene.insert(*prop, Visibility::Visible);
             let shadowed = scene.capture();
-            scene.world().entity_mut(*prop).insert(Visibility::Hidden);
+            scene.insert(*prop, Visibility::Hidden);
             let (iou, pixels) = compare(&lit, &shadowed, |point| is_blocked(field, transform, light, point));
             assert!(pixels > 200, "{what}, {light:?}: only {pixels} pixels should be in shadow");
             assert!(iou >= 0.98, "{what}, {light:?}: intersection over union {iou:.4}");
@@ -304,15 +242,15 @@ fn shadows_are_where_no_light_arrives() {
 /// Without a light that casts shadows on a prop's behalf, there is no pipeline, and every byte is the same.
 #[test]
 fn what_casts_no_shadow_changes_nothing() {
-    let mut scene = Scene::new(1024, None);
+    let mut scene = scene(1024);
     let cube = shape(|at| if at.abs().max_element() < 0.5 { 1e4 } else { 0.0 });
-    let field = scene.add(&cube);
-    let prop = scene.spawn_prop(&field, default());
+    let field = scene.add(cube.clone());
+    let prop = spawn_unseen(&mut scene, &field, default());
     scene.wait();
-    scene.world().entity_mut(prop).insert(Visibility::Hidden);
-    let sun = scene.spawn_light(Light::ALL[0]);
+    scene.insert(prop, Visibility::Hidden);
+    let sun = spawn_light(&mut scene, Light::ALL[0]);
     let lit = scene.capture();
-    scene.world().entity_mut(prop).insert(Visibility::Visible);
+    scene.insert(prop, Visibility::Visible);
     type Change = fn(&mut World, Entity, Entity);
     let shadow_maps = |world: &mut World, sun: Entity, enabled: bool| {
         world.get_mut::<DirectionalLight>(sun).unwrap().shadow_maps_enabled = enabled;
@@ -348,16 +286,16 @@ fn what_casts_no_shadow_changes_nothing() {
     for (what, change, undo) in changes {
         change(scene.world(), sun, prop);
         assert_eq!(scene.capture(), lit, "{what}");
-        assert!(!scene.has_pipeline(), "{what}");
+        assert!(!scene.has_pipeline("plenoctree_shadow"), "{what}");
         undo(scene.world(), sun, prop);
     }
     shadow_maps(scene.world(), sun, false);
     scene.capture();
-    assert!(!scene.has_pipeline(), "shadow maps are off");
+    assert!(!scene.has_pipeline("plenoctree_shadow"), "shadow maps are off");
     shadow_maps(scene.world(), sun, true);
-    scene.world().entity_mut(sun).insert(both());
+    scene.insert(sun, both());
     assert_ne!(scene.capture(), lit);
-    assert!(scene.has_pipeline());
+    assert!(scene.has_pipeline("plenoctree_shadow"));
     // The shadow of a level of detail, whose cells are as large as texels, is the same.
     scene.world().entity_mut(sun).remove::<PropQuality>();
     let coarse = scene.capture();
@@ -369,20 +307,19 @@ fn what_casts_no_shadow_changes_nothing() {
 #[test]
 fn kept_shadows_are_those_of_new_rays() {
     const MAP: usize = 512;
-    let mut scene = Scene::new(MAP, None);
-    let (toadstool, cuboid) =
-        (toadstool(), shape(|at| if at.abs().cmplt(DVec3::new(0.9, 0.3, 0.6)).all() { 1e4 } else { 0.0 }));
-    let (toadstool, cuboid) = (scene.add(&toadstool), scene.add(&cuboid));
-    let prop = scene.spawn_prop(&toadstool, Transform::from_xyz(0.2, 0.0, 0.1));
+    let mut scene = scene(MAP);
+    let cuboid = shape(|at| if at.abs().cmplt(DVec3::new(0.9, 0.3, 0.6)).all() { 1e4 } else { 0.0 });
+    let (toadstool, cuboid) = (scene.add(included("toadstool")), scene.add(cuboid));
+    let prop = spawn_unseen(&mut scene, &toadstool, Transform::from_xyz(0.2, 0.0, 0.1));
     // Larger than the maps of the nearer cascades.
     let large = Transform::from_xyz(2.0, 1.0, -9.0).with_scale(Vec3::splat(8.0));
-    scene.spawn_prop(&cuboid, large);
+    spawn_unseen(&mut scene, &cuboid, large);
     scene.wait();
-    let [sun, lamp, _] = Light::ALL.map(|light| scene.spawn_light(light));
-    let camera = scene.world().query_filtered::<Entity, With<Camera3d>>().single(scene.world()).unwrap();
+    let [sun, lamp, _] = Light::ALL.map(|light| spawn_light(&mut scene, light));
+    let camera = scene.camera;
     scene.capture();
-    scene.rest();
-    let Some(kept) = scene.tiles() else { return };
+    rest(&mut scene);
+    let Some(kept) = tiles(&scene) else { return skip("reports of the GPU's memory") };
     // Four cascades, the faces of the lamp below it, and the spot.
     assert!(kept.len() > 2 * 6, "{kept:?}");
     let size = (MAP * MAP * size_of::<f32>()) as u64;
@@ -392,9 +329,9 @@ fn kept_shadows_are_those_of_new_rays() {
         let mut place = *scene.world().get::<Transform>(camera).unwrap();
         place.translation += step;
         place.rotate_local_y(0.1 * step.z);
-        scene.world().entity_mut(camera).insert(place);
+        scene.insert(camera, place);
         let seen = scene.capture();
-        let tiles = scene.tiles().unwrap();
+        let tiles = tiles(&scene).unwrap();
         assert!(
             tiles.len() + 4 >= kept.len(),
             "the camera moves, and {} of {} tiles are left",
@@ -403,20 +340,19 @@ fn kept_shadows_are_those_of_new_rays() {
         );
         // Those of the cascades are there, too: the other lights have at most one per map and prop.
         assert!(tiles.len() > 2 * (3 + 1), "{tiles:?}");
-        scene.world().entity_mut(prop).insert(Visibility::Hidden);
+        scene.insert(prop, Visibility::Hidden);
         assert_ne!(scene.capture(), seen);
-        scene.world().entity_mut(prop).insert(Visibility::Visible);
+        scene.insert(prop, Visibility::Visible);
         let marched = scene.capture();
-        let differ = marched.pixels().zip(seen.pixels()).filter(|(a, b)| a != b).count();
-        assert_eq!(differ, 0, "{step}: so many pixels differ");
-        scene.rest();
+        assert_eq!(differing(&marched, &seen, 0), 0, "{step}: so many pixels differ");
+        rest(&mut scene);
     }
 
     let mut count = |what, change: &dyn Fn(&mut World)| {
-        let before = scene.tiles().unwrap().len();
+        let before = tiles(&scene).unwrap().len();
         change(scene.world());
-        scene.rest();
-        let after = scene.tiles().unwrap().len();
+        rest(&mut scene);
+        let after = tiles(&scene).unwrap().len();
         assert!(after < before, "{what}: {after} of {before} tiles are left");
         after
     };
@@ -434,7 +370,7 @@ fn kept_shadows_are_those_of_new_rays() {
 /// Many props cast shadows in many lights at once. A lamp inside a prop lights nothing outside.
 #[test]
 fn crowds_and_lamps_inside_props_cast_shadows() {
-    let mut scene = Scene::new(1024, None);
+    let mut scene = scene(1024);
     let cube = shape(|at| if at.abs().max_element() < 0.5 { 1e4 } else { 0.0 });
     let shell = shape(|at| if (0.6..0.9).contains(&at.length()) { 1e4 } else { 0.0 });
     let place = |index: u32| {
@@ -442,19 +378,20 @@ fn crowds_and_lamps_inside_props_cast_shadows() {
         Transform::from_xyz(0.6 * x, 0.3 * (index % 3) as f32 - 0.6, 0.6 * z).with_scale(Vec3::splat(0.35))
     };
     let crowd: Vec<Transform> = (0..64).map(place).collect();
-    let [cube_asset, shell_asset] = [&cube, &shell].map(|field| scene.add(field));
-    let cubes: Vec<Entity> = crowd.iter().map(|transform| scene.spawn_prop(&cube_asset, *transform)).collect();
+    let [cube_asset, shell_asset] = [&cube, &shell].map(|field| scene.add(field.clone()));
+    let cubes: Vec<Entity> = crowd.iter().map(|transform| spawn_unseen(&mut scene, &cube_asset, *transform)).collect();
     let lamp = Light::Lamp(Vec3::new(0.2, 0.9, 0.0));
     let Light::Lamp(center) = lamp else { unreachable!("it is a lamp") };
-    let around = scene.spawn_prop(&shell_asset, Transform::from_translation(center).with_scale(Vec3::splat(0.5)));
+    let around =
+        spawn_unseen(&mut scene, &shell_asset, Transform::from_translation(center).with_scale(Vec3::splat(0.5)));
     scene.wait();
-    let show = |scene: &mut Scene, props: &[Entity], visibility: Visibility| {
-        props.iter().for_each(|prop| _ = scene.world().entity_mut(*prop).insert(visibility));
+    let show = |scene: &mut Stage, props: &[Entity], visibility: Visibility| {
+        props.iter().for_each(|prop| scene.insert(*prop, visibility));
     };
     show(&mut scene, &cubes, Visibility::Hidden);
     show(&mut scene, &[around], Visibility::Hidden);
 
-    let entity = scene.spawn_light(lamp);
+    let entity = spawn_light(&mut scene, lamp);
     let lit = scene.capture();
     show(&mut scene, &[around], Visibility::Visible);
     let (iou, pixels) = compare(&lit, &scene.capture(), |_| true);
@@ -463,28 +400,28 @@ fn crowds_and_lamps_inside_props_cast_shadows() {
     assert!(pixels > 5000 && iou >= 0.999, "inside a shell: {iou:.4} of {pixels} pixels");
 
     let lights = [Light::ALL[0], Light::ALL[1], Light::ALL[2], Light::Lamp(Vec3::new(-2.0, 2.5, -1.0))];
-    lights.iter().for_each(|light| _ = scene.spawn_light(*light));
+    lights.iter().for_each(|light| _ = spawn_light(&mut scene, *light));
     let lit = scene.capture();
     show(&mut scene, &cubes, Visibility::Visible);
     let dark = scene.capture();
-    let all = |point: DVec3| {
-        lights.iter().all(|light| crowd.iter().any(|transform| is_blocked(&cube, transform, *light, point)))
-    };
-    let any = |point: DVec3| {
-        lights.iter().any(|light| crowd.iter().any(|transform| is_blocked(&cube, transform, *light, point)))
-    };
+    let blocked: Vec<_> = places(PIXELS, PIXELS)
+        .map(|(x, y)| {
+            let is_dark = |point: DVec3, light: &Light| crowd.iter().any(|at| is_blocked(&cube, at, *light, point));
+            floor_at(x, y).map(|point| lights.iter().filter(|light| is_dark(point, light)).count())
+        })
+        .collect();
     // Floor that no light reaches is dark, and floor that all reach is as bright as before. Shadows end softly, over a
     // texel.
-    let around = |x: u32, y: u32, holds: &dyn Fn(DVec3) -> bool| {
+    let around = |x: u32, y: u32, count: usize| {
         let near = |at: u32| at.saturating_sub(1)..=(at + 1).min(PIXELS - 1);
-        near(y).all(|y| near(x).all(|x| floor_at(x, y).is_some_and(holds)))
+        near(y).all(|y| near(x).all(|x| blocked[(y * PIXELS + x) as usize] == Some(count)))
     };
     let (mut unlit, mut bright, mut untouched, mut dimmed) = (0, 0, 0, 0);
     for (x, y, pixel) in dark.enumerate_pixels() {
-        if around(x, y, &all) {
+        if around(x, y, lights.len()) {
             unlit += 1;
             bright += u32::from(pixel[0] > 40);
-        } else if around(x, y, &|point| !any(point)) {
+        } else if around(x, y, 0) {
             untouched += 1;
             dimmed += u32::from(lit.get_pixel(x, y)[0].abs_diff(pixel[0]) > 6);
         }

@@ -8,80 +8,70 @@ use bevy::{
     prelude::*,
     render::{RenderApp, render_asset::RenderAssets},
 };
-use bevy_plenoctree::{
-    GpuField, PlenOctree, PlenOctreePlugin, Posterize, Prop, PropProgress, PropQuality, PropState,
-    headless::{Headless, exact_camera},
-    props_progress,
-};
+use bevy_plenoctree::{GpuField, PlenOctree, Posterize, Prop, PropProgress, PropQuality, PropState, props_progress};
 
-const PATIENCE: Duration = Duration::from_secs(120);
+use super::stage::Stage;
 
 /// The number of times that the camera has drawn.
 #[derive(Resource, Default)]
 struct Drawn(usize);
 
 /// Two times two props of two included fields.
-fn scene(posterized: bool) -> Headless {
-    let mut headless = Headless::new(UVec2::new(64, 48), |app| {
-        app.add_plugins(PlenOctreePlugin);
+fn scene(posterized: bool) -> Stage {
+    let mut stage = Stage::with(UVec2::new(64, 48), |app| {
         let count = |mut drawn: ResMut<Drawn>| drawn.0 += 1;
         app.sub_app_mut(RenderApp).init_resource::<Drawn>().add_systems(Core3d, count);
-    })
-    .unwrap();
-    let target = headless.target();
-    let world = headless.app.world_mut();
-    let place = Transform::from_xyz(0.0, 2.0, 8.0).looking_at(Vec3::ZERO, Vec3::Y);
-    world.spawn((exact_camera(Color::WHITE), target, place, PropQuality::EXACT));
+    });
+    stage.set_background(Color::WHITE);
+    stage.set((Transform::from_xyz(0.0, 2.0, 8.0).looking_at(Vec3::ZERO, Vec3::Y), PropQuality::EXACT));
     for index in 0..4 {
         let name = ["robot", "drum"][index % 2];
-        let field: Handle<PlenOctree> = world.resource::<AssetServer>().load(format!("{name}.plenoctree"));
-        let mut prop = world.spawn((Prop(field), Transform::from_xyz(2.0 * index as f32 - 3.0, 0.0, 0.0)));
+        let field: Handle<PlenOctree> = stage.resource::<AssetServer>().load(format!("{name}.plenoctree"));
+        let prop = stage.spawn((Prop(field), Transform::from_xyz(2.0 * index as f32 - 3.0, 0.0, 0.0)));
         if posterized {
-            prop.insert(Posterize::default());
+            stage.insert(prop, Posterize::default());
         }
     }
-    headless
+    stage
 }
 
-fn drawn(headless: &Headless) -> usize {
-    headless.app.sub_app(RenderApp).world().resource::<Drawn>().0
+fn drawn(stage: &Stage) -> usize {
+    stage.render_world().resource::<Drawn>().0
 }
 
 /// Frames are drawn when there is something to see, and a frame that waits for levels is not drawn again and again: on a
 /// GPU that is emulated in software, drawing takes the time that props need to get ready.
 #[test]
 fn waiting_draws_next_to_nothing() {
-    let mut headless = scene(true);
-    headless.wait_until_ready(PATIENCE).unwrap();
-    assert!((1..=4).contains(&drawn(&headless)), "drawn {} times", drawn(&headless));
-    let before = drawn(&headless);
-    let exact = headless.capture().unwrap();
-    assert_eq!(drawn(&headless), before + 1);
+    let mut stage = scene(true);
+    stage.wait();
+    assert!((1..=4).contains(&drawn(&stage)), "drawn {} times", drawn(&stage));
+    let before = drawn(&stage);
+    let exact = stage.capture();
+    assert_eq!(drawn(&stage), before + 1);
 
     // Each level is drawn when it is there, and all are when nothing is missing.
-    let world = headless.app.world_mut();
-    let camera = world.query_filtered::<Entity, With<Camera>>().single(world).unwrap();
-    world.entity_mut(camera).insert(PropQuality { cell_size: 2.0, ..PropQuality::EXACT });
-    let before = drawn(&headless);
-    let coarse = headless.capture().unwrap();
+    stage.set(PropQuality { cell_size: 2.0, ..PropQuality::EXACT });
+    let before = drawn(&stage);
+    let coarse = stage.capture();
     assert!(coarse != exact);
-    let fields = headless.app.sub_app(RenderApp).world().resource::<RenderAssets<GpuField>>();
+    let fields = stage.render_world().resource::<RenderAssets<GpuField>>();
     assert!(fields.iter().all(|(_, field)| !field.has_pending_levels()));
     // Two fields have a level each.
-    assert!(drawn(&headless) - before <= 6, "drawn {} times", drawn(&headless) - before);
+    assert!(drawn(&stage) - before <= 6, "drawn {} times", drawn(&stage) - before);
 }
 
 /// From the first frame to the last, progress rises from 0 to 1, and it does not end before everything is there.
 #[test]
 fn progress_rises_to_the_end() {
-    let mut headless = scene(false);
-    let world = headless.app.world_mut();
+    let mut stage = scene(false);
+    let world = stage.world();
     // One of them needs a palette that no file holds.
     let field = world.resource::<AssetServer>().load("toadstool.plenoctree");
     let toadstool = world.spawn((Prop(field), Posterize::default(), Transform::from_xyz(0.0, -9.0, 0.0))).id();
     let (mut progress, mut palette) = (vec![0.0], vec![0.0]);
-    while let Err(error) = headless.wait_until_ready(Duration::ZERO) {
-        let world = headless.app.world_mut();
+    while let Err(error) = stage.headless.wait_until_ready(Duration::ZERO) {
+        let world = stage.world();
         assert!(error.to_string().contains("timed out"), "{error}");
         let now = world.run_system_once(props_progress).unwrap();
         let has_all = |state: &PropState| matches!(state, PropState::Ready | PropState::Compiling);
@@ -90,7 +80,7 @@ fn progress_rises_to_the_end() {
         palette.extend(world.get::<PropProgress>(toadstool).unwrap().palette);
         std::thread::sleep(Duration::from_millis(2));
     }
-    let world = headless.app.world_mut();
+    let world = stage.world();
     assert!(world.query::<&PropState>().iter(world).all(PropState::is_ready));
     progress.push(world.run_system_once(props_progress).unwrap());
     assert_eq!(progress.last(), Some(&1.0));

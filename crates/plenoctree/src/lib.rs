@@ -6,6 +6,7 @@
 //! | [`sampling`] | radiance sampling: how much of each color is visible from outside |
 //! | [`palette`] | palette extraction, palette files, and the labels blended from a palette |
 //! | [`camera`] | pinhole cameras |
+//! | [`random`], [`srgb`] | random numbers that are the same everywhere; the encoding of sRGB |
 //! | [`mod@reference`] | rendering, sampling and posterization in float64, as a reference for faster code |
 //!
 //! This crate implements the engine-free half of *Recolorable Posterization of Volumetric Radiance Fields Using
@@ -43,11 +44,13 @@ mod mesh;
 #[cfg(feature = "write")]
 mod pack;
 pub mod palette;
+pub mod random;
 mod ray_cast;
 #[cfg(feature = "reference")]
 pub mod reference;
 pub mod sampling;
 mod save;
+pub mod srgb;
 mod text;
 
 #[cfg(feature = "bake")]

@@ -2,18 +2,24 @@
 
 use std::ops::ControlFlow;
 
+use bevy::color::Color;
 use bevy_plenoctree::{Activation, PlenOctree, UpAxis};
 use glam::DVec3;
 use half::f16;
-use plenoctree::{BakeSettings, Basis, Cell, Frame, InvalidField, MAX_DEPTH, bake, reference};
+use plenoctree::{Basis, Cell, Frame, InvalidField, MAX_DEPTH, reference};
 
-use super::stage::{Stage, activated, chain, field, is_near, looking};
+use super::stage::{Alone, chain, looking};
+use crate::stage::{
+    fields::{activated, colored, eight, field},
+    pixels::assert_near,
+};
 
 /// Fog transmits exp(-2 sigma) from front to back, at every depth of the tree. In float64, the path is exact to 1e-12,
 /// and pixels are exact to 1/255.
 #[test]
 fn fog_is_equally_dense_at_every_depth() {
     let camera = looking(DVec3::new(0.0, 0.0, 6.0), DVec3::ZERO);
+    let mut stage = Alone::new(&chain(1, 0, None, 1.0));
     for depth in [1, 2, 3, 5, 8, 9, 12, 16] {
         for density in [0.1f32, 1.0] {
             let fog = chain(depth, 6, Some(density), density);
@@ -25,9 +31,8 @@ fn fog_is_equally_dense_at_every_depth() {
                 });
                 assert!((path - 2.0).abs() < 1e-12, "{path} at depth {depth}");
             }
-            let mut stage = Stage::new(&fog);
-            stage.check(&fog, &camera, &format!("depth {depth}"));
-            let middle = *stage.capture(&camera).get_pixel(16, 16);
+            stage.check_field(&fog, &camera, &format!("depth {depth}"));
+            let middle = stage.middle(&camera);
             let blue = 255.0 * (1.0 - (-2.0 * f64::from(density)).exp());
             assert!((f64::from(middle[2]) - blue).abs() <= 1.0, "{middle:?} at depth {depth}, expected {blue}");
         }
@@ -38,20 +43,21 @@ fn fog_is_equally_dense_at_every_depth() {
 #[test]
 fn any_optical_depth_is_drawn() {
     let camera = looking(DVec3::new(0.0, 0.0, 6.0), DVec3::ZERO);
+    let mut stage = Alone::new(&chain(1, 0, None, 1.0));
     for exponent in -12..=4 {
         let depth = 10f64.powi(exponent);
         let fog = chain(1, 0, Some((0.5 * depth) as f32), (0.5 * depth) as f32);
         let (color, opacity) = fog.render_ray(DVec3::new(0.1, 0.2, 6.0), DVec3::NEG_Z);
         let exact = if depth > 4.7 { 1.0 } else { -(-2.0 * f64::from(fog.densities()[0])).exp_m1() };
         assert!((opacity / exact - 1.0).abs() < 1e-12 && (color.z / exact - 1.0).abs() < 1e-12, "{opacity} at {depth}");
-        let middle = *Stage::new(&fog).capture(&camera).get_pixel(16, 16);
+        stage.show(&fog);
+        let middle = stage.middle(&camera);
         let expected = if depth > 4.7 { 255.0 } else { -255.0 * (-depth).exp_m1() };
         assert!((f64::from(middle[2]) - expected).abs() <= 1.0, "{middle:?} at {depth}, expected {expected}");
     }
     // Leaves can be denser than the largest half float that files can hold, which is less than 1e5.
-    let solid = chain(1, 0, Some(5e5), 5e5);
-    let pixel = *Stage::new(&solid).capture(&camera).get_pixel(16, 16);
-    assert!(is_near(pixel.0, [64, 128, 255, 255]), "{pixel:?}");
+    stage.show(&chain(1, 0, Some(5e5), 5e5));
+    assert_near(stage.middle(&camera), Color::srgb(0.25, 0.5, 1.0), 1, "solid");
 }
 
 /// A radiance of 65504 shows what 262,144 thin leaves absorb, with 64 along a ray: one step of a byte is an opacity of
@@ -59,17 +65,16 @@ fn any_optical_depth_is_drawn() {
 #[test]
 fn thin_fog_absorbs_light_accurately() {
     const CELLS: i32 = 64;
-    let settings = BakeSettings { depth: 6, up: UpAxis::Y, basis: Basis::Rgba, min_density: 0.0, ..Default::default() };
     for depth in [1.2e-7, 3e-8] {
         let density = f64::from(CELLS) * depth / 2.0;
-        let fog = bake(&settings, |_| density, |_| |_| DVec3::ONE).unwrap();
+        let fog = colored(6, |_| density, |_| DVec3::ONE);
         assert_eq!(fog.leaves(), CELLS.pow(3) as usize);
         let radiance = vec![f16::MAX; 3 * fog.leaves()];
         let nodes = fog.nodes().to_vec();
         let glow = field(Basis::Rgba, nodes, fog.densities().to_vec(), radiance);
         let expected = 255.0 * f64::from(f16::MAX) * f64::from(CELLS) * depth;
         let camera = looking(DVec3::new(0.01, 0.01, 6.0), DVec3::new(0.01, 0.01, 0.0));
-        let middle = *Stage::new(&glow).capture(&camera).get_pixel(16, 16);
+        let middle = Alone::new(&glow).middle(&camera);
         assert!((f64::from(middle[2]) - expected).abs() <= 2.0, "{middle:?} at {depth}, expected {expected}");
     }
 }
@@ -84,6 +89,7 @@ fn paths_through_fog_are_exact_on_the_gpu() {
     let (g, w) = (f64::from(glow), f64::from(wall));
     let density = -(((g - 0.5) / (g - w)).ln()) as f32;
     let left = g + (w - g) * (-f64::from(density)).exp();
+    let mut stage = Alone::new(&chain(1, 0, None, 1.0));
     for depth in 1..=16 {
         // The root's cells with lower z are the wall. The other cells get smaller toward the middle of its top.
         let (mut nodes, mut densities, mut colors) = (Vec::new(), Vec::new(), Vec::new());
@@ -99,11 +105,10 @@ fn paths_through_fog_are_exact_on_the_gpu() {
                 Cell::leaf(densities.len() as u32 - 1)
             }));
         }
-        let fog = field(Basis::Rgba, nodes, densities, colors);
-        let mut stage = Stage::new(&fog);
+        stage.show(&field(Basis::Rgba, nodes, densities, colors));
         for side in [0.3, 0.02, 1e-3, 2f64.powi(-17)] {
             let at = DVec3::new(side, side, 0.0);
-            let middle = *stage.capture(&looking(at + 6.0 * DVec3::Z, at)).get_pixel(16, 16);
+            let middle = stage.middle(&looking(at + 6.0 * DVec3::Z, at));
             // A fifth of 255.
             assert!((f64::from(middle[0]) - 255.0 * left).abs() < 51.0, "{middle:?} at {side}, depth {depth}");
         }
@@ -113,10 +118,11 @@ fn paths_through_fog_are_exact_on_the_gpu() {
 #[test]
 fn thin_and_dense_leaves_can_be_neighbors() {
     let camera = looking(DVec3::new(1.5, 1.0, 3.0), DVec3::ZERO);
+    let mut stage = Alone::new(&chain(1, 0, None, 1.0));
     for (beside, last) in [(1e-8, 65504.0), (65504.0, 1e-8), (0.01, 65504.0)] {
         for depth in [1, 3, 7] {
             let both = chain(depth, 7, Some(beside), last);
-            Stage::new(&both).check(&both, &camera, &format!("{beside} next to {last}, depth {depth}"));
+            stage.check_field(&both, &camera, &format!("{beside} next to {last}, depth {depth}"));
         }
     }
 }
@@ -128,18 +134,20 @@ fn a_single_chain_of_sixteen_levels_is_one_small_leaf() {
     let side = 2f64.powi(-15);
     let middle = DVec3::splat(1.0 - 0.5 * side);
     let camera = looking(middle + DVec3::new(0.0, 0.0, 2.0 * side), middle);
-    let mut stage = Stage::new(&leaf);
+    let mut stage = Alone::new(&leaf);
     stage.check(&leaf, &camera, "one leaf");
-    assert!(stage.capture(&camera).get_pixel(16, 16)[2] > 200);
+    assert!(stage.middle(&camera)[2] > 200);
 }
 
 #[test]
 fn fields_of_one_leaf_and_of_none_are_drawn() {
     let camera = looking(DVec3::new(1.5, 1.0, 3.0), DVec3::ZERO);
     let one = chain(1, 3, None, 5.0);
-    Stage::new(&one).check(&one, &camera, "one leaf");
+    let mut stage = Alone::new(&one);
+    stage.check(&one, &camera, "one leaf");
     let none = field(Basis::Sh9, vec![[Cell::EMPTY; 8]], vec![], vec![]);
-    let black = Stage::new(&none).capture(&camera);
+    stage.show(&none);
+    let black = stage.see(&camera);
     assert!(black.pixels().all(|pixel| pixel.0 == [0, 0, 0, 255]));
 }
 
@@ -147,16 +155,15 @@ fn fields_of_one_leaf_and_of_none_are_drawn() {
 #[test]
 fn the_largest_harmonics_become_colors() {
     let camera = looking(DVec3::new(1.5, 1.0, 3.0), DVec3::ZERO);
+    let mut stage = Alone::new(&chain(1, 0, None, 1.0));
     for value in [-65504.0, -1e4, 0.0, 1e4, 65504.0] {
-        let node = std::array::from_fn(|cell| Cell::leaf(cell as u32));
-        let coefficients = vec![f16::from_f32(value); 8 * Basis::Sh9.coefficients()];
-        let sums = field(Basis::Sh9, vec![node], vec![3.0; 8], coefficients);
+        let sums = eight(Basis::Sh9, 3.0, &vec![f16::from_f32(value); Basis::Sh9.coefficients()]);
         for activation in [Activation::Sigmoid, Activation::ShiftedRelu, Activation::Identity] {
             let sums = activated(&sums, activation);
             let expected = reference::render(&sums, &camera);
             let covered = expected.opacity.iter().filter(|opacity| **opacity > 0.5).count();
             assert!(covered > 100, "{covered} pixels");
-            Stage::new(&sums).check(&sums, &camera, &format!("{value}, {activation:?}"));
+            stage.check_field(&sums, &camera, &format!("{value}, {activation:?}"));
         }
     }
 }

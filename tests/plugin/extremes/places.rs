@@ -5,14 +5,15 @@ use bevy_plenoctree::Posterize;
 use glam::{DMat3, DVec3};
 use plenoctree::{camera::PinholeCamera, reference};
 
-use super::stage::{SIZE, Stage, chain, difference, is_near, looking};
+use super::stage::{Alone, SIZE, chain, looking};
+use crate::stage::pixels::{assert_near, difference, differing, middle};
 
 /// The center ray runs along an axis, in faces, and through edges and corners of cells. Its components are 0, -0 or
 /// tiny.
 #[test]
 fn rays_along_axes_and_in_faces() {
     let field = chain(6, 7, Some(0.7), 3.0);
-    let mut stage = Stage::new(&field);
+    let mut stage = Alone::new(&field);
     for axis in [DVec3::X, DVec3::Y, DVec3::Z, DVec3::NEG_X, DVec3::NEG_Y, DVec3::NEG_Z] {
         for offset in [DVec3::ZERO, DVec3::splat(1e-30), DVec3::splat(-1e-30), DVec3::splat(0.5), DVec3::splat(0.25)] {
             let offset = offset - axis * offset.dot(axis);
@@ -27,7 +28,7 @@ fn rays_along_axes_and_in_faces() {
 #[test]
 fn cameras_on_faces_in_corners_and_inside() {
     let field = chain(5, 7, Some(0.7), 3.0);
-    let mut stage = Stage::new(&field);
+    let mut stage = Alone::new(&field);
     for position in [
         DVec3::new(0.0, 0.0, 1.0),
         DVec3::ONE,
@@ -44,14 +45,13 @@ fn cameras_on_faces_in_corners_and_inside() {
 #[test]
 fn a_camera_inside_a_mirrored_prop_sees_it() {
     let field = chain(3, 7, Some(0.7), 3.0);
-    let mut stage = Stage::new(&field);
+    let mut stage = Alone::new(&field);
     let position = DVec3::new(0.1, -0.2, 0.3);
     let camera = looking(position, position + DVec3::X);
-    let before = stage.capture(&camera);
-    let prop = stage.prop;
-    stage.headless.app.world_mut().entity_mut(prop).insert(Transform::from_scale(Vec3::new(1.0, 1.0, -1.0)));
+    let before = stage.see(&camera);
+    stage.dress(Transform::from_scale(Vec3::new(1.0, 1.0, -1.0)));
     let other = position * DVec3::new(1.0, 1.0, -1.0);
-    let mirrored = stage.capture(&looking(other, other + DVec3::X));
+    let mirrored = stage.see(&looking(other, other + DVec3::X));
     assert!(before.pixels().all(|pixel| pixel[2] > 50));
     let same = |(x, y, pixel): (u32, u32, &image::Rgba<u8>)| {
         pixel.0.iter().zip(mirrored.get_pixel(SIZE - 1 - x, y).0).all(|(a, b)| a.abs_diff(b) <= 1)
@@ -63,7 +63,7 @@ fn a_camera_inside_a_mirrored_prop_sees_it() {
 #[test]
 fn distant_cameras_see_what_near_ones_see() {
     let field = chain(5, 7, Some(0.7), 3.0);
-    let mut stage = Stage::new(&field);
+    let mut stage = Alone::new(&field);
     // Bevy stores the camera's position and rotation in float32, whose steps eventually move the frame by a pixel.
     for (distance, most) in [(1e2, 0.6), (1e4, 0.6), (1e6, 8.0)] {
         let far = looking(distance * DVec3::new(0.48, 0.36, 0.8), DVec3::ZERO);
@@ -79,23 +79,20 @@ fn distant_cameras_see_what_near_ones_see() {
 fn scaled_props_look_the_same() {
     let field = chain(4, 7, Some(0.7), 3.0);
     let near = looking(DVec3::new(1.5, 1.0, 3.0), DVec3::ZERO);
-    let mut stage = Stage::new(&field);
+    let mut stage = Alone::new(&field);
     stage.check(&field, &near, "not scaled");
-    let before = stage.capture(&near);
-    let prop = stage.prop;
+    let before = stage.see(&near);
     for posterize in [None, Some(Posterize::default())] {
-        let mut entity = stage.headless.app.world_mut().entity_mut(prop);
-        entity.insert(Transform::IDENTITY);
+        stage.dress(Transform::IDENTITY);
         if let Some(posterize) = posterize {
-            entity.insert(posterize);
+            stage.dress(posterize);
         }
-        let before = if posterize.is_some() { stage.capture(&near) } else { before.clone() };
+        let before = if posterize.is_some() { stage.see(&near) } else { before.clone() };
         // The squares of the largest and smallest scales are no floats.
         for scale in [1e-20, 1e-4, 1e4, 1e20] {
-            stage.headless.app.world_mut().entity_mut(prop).insert(Transform::from_scale(Vec3::splat(scale)));
-            let after = stage.capture(&PinholeCamera { position: near.position * f64::from(scale), ..near });
-            let differ = before.iter().zip(after.iter()).filter(|(a, b)| a.abs_diff(**b) > 1).count();
-            assert_eq!(differ, 0, "scaled by {scale}, {posterize:?}");
+            stage.dress(Transform::from_scale(Vec3::splat(scale)));
+            let after = stage.see(&PinholeCamera { position: near.position * f64::from(scale), ..near });
+            assert_eq!(differing(&before, &after, 1), 0, "scaled by {scale}, {posterize:?}");
         }
     }
 }
@@ -106,13 +103,12 @@ fn scaled_props_look_the_same() {
 fn sheared_props_look_like_their_field() {
     let field = chain(4, 7, Some(0.7), 3.0);
     let camera = looking(DVec3::new(1.5, 1.0, 3.0), DVec3::ZERO);
-    let mut stage = Stage::new(&field);
+    let mut stage = Alone::new(&field);
     // The parent is scaled unevenly and rotated, which shears the prop.
     let parent = Transform::from_scale(Vec3::new(1.2, 0.5, -0.9)).with_rotation(Quat::from_rotation_z(0.7));
     let own = Transform::from_rotation(Quat::from_rotation_x(0.4)).with_scale(Vec3::new(0.7, 1.1, 0.5));
-    let (prop, world) = (stage.prop, stage.headless.app.world_mut());
-    let above = world.spawn((parent, Visibility::default())).id();
-    world.entity_mut(prop).insert((own, ChildOf(above)));
+    let above = stage.spawn((parent, Visibility::default()));
+    stage.dress((own, ChildOf(above)));
     let field_from_world = (parent.to_matrix().as_dmat4() * own.to_matrix().as_dmat4()).inverse();
     let sheared = PinholeCamera {
         rotation: DMat3::from_mat4(field_from_world) * camera.rotation,
@@ -124,7 +120,7 @@ fn sheared_props_look_like_their_field() {
     assert!(covered > 100, "{covered} pixels");
     let straight = reference::render(&field, &camera).over(DVec3::ZERO);
     let (found, otherwise) = {
-        let frame = stage.capture(&camera);
+        let frame = stage.see(&camera);
         (difference(&frame, &expected.over(DVec3::ZERO)), difference(&frame, &straight))
     };
     assert!(found < 1.0 && otherwise > 10.0, "{found}, and {otherwise} if it were not sheared");
@@ -134,26 +130,24 @@ fn sheared_props_look_like_their_field() {
 #[test]
 fn far_from_the_origin_of_the_world() {
     let field = chain(1, 0, Some(1e4), 1e4);
-    let mut stage = Stage::new(&field);
+    let mut stage = Alone::new(&field);
     let place = DVec3::new(1e5, -1e5, 1e5);
-    let prop = stage.prop;
-    stage.headless.app.world_mut().entity_mut(prop).insert(Transform::from_translation(place.as_vec3()));
+    stage.dress(Transform::from_translation(place.as_vec3()));
     let camera = looking(DVec3::new(0.0, 0.0, 6.0), DVec3::ZERO);
-    let frame = stage.capture(&PinholeCamera { position: place + camera.position, ..camera });
-    assert!(is_near(frame.get_pixel(16, 16).0, [64, 128, 255, 255]));
+    let frame = stage.see(&PinholeCamera { position: place + camera.position, ..camera });
+    assert_near(middle(&frame), Color::srgb(0.25, 0.5, 1.0), 1, "the prop");
     assert_eq!(frame.get_pixel(1, 1).0, [0, 0, 0, 255]);
 }
 
 #[test]
 fn targets_from_one_pixel_to_four_thousand() {
     let field = chain(1, 0, Some(1e4), 1e4);
-    let mut stage = Stage::new(&field);
-    let prop = stage.prop;
-    stage.headless.app.world_mut().entity_mut(prop).insert(Posterize::default());
+    let mut stage = Alone::new(&field);
+    stage.dress(Posterize::default());
     for (width, height) in [(1, 1), (4096, 3), (1, 4096), (4096, 4096)] {
         stage.headless.resize(UVec2::new(width, height));
         let camera = looking(DVec3::new(0.0, 0.0, 6.0), DVec3::ZERO).resized(width, height);
-        let frame = stage.capture(&camera);
+        let frame = stage.see(&camera);
         assert_eq!(frame.dimensions(), (width, height));
         assert_eq!(frame.get_pixel(width / 2, height / 2)[3], 255);
         assert!(frame.get_pixel(width / 2, height / 2)[2] > 100, "{width} x {height}");

@@ -1,12 +1,15 @@
 //! Random trees, densities, colors and cameras.
 
+use std::cell::RefCell;
+
 use bevy_plenoctree::PlenOctree;
 use glam::DVec3;
 use half::f16;
 use plenoctree::{Basis, Cell};
 use proptest::prelude::*;
 
-use super::stage::{Stage, field, looking};
+use super::stage::{Alone, looking};
+use crate::stage::fields::field;
 
 /// The content of a cell in a random tree: a node, a leaf of some density and color, or nothing.
 #[derive(Clone, Debug)]
@@ -46,6 +49,11 @@ fn tree(choices: &[Choice], depth: usize) -> PlenOctree {
     field(Basis::Rgba, nodes, density, coefficients)
 }
 
+thread_local! {
+    /// One app for all cases.
+    static SHOWN: RefCell<Option<Alone>> = const { RefCell::new(None) };
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { cases: 24, max_shrink_iters: 60, ..Default::default() })]
 
@@ -59,6 +67,9 @@ proptest! {
         let (eye, target) = (DVec3::from(eye), DVec3::from(target));
         prop_assume!((eye - target).length() > 0.1);
         let tree = tree(&choices, depth);
-        Stage::new(&tree).check(&tree, &looking(eye, target), "a random tree");
+        SHOWN.with_borrow_mut(|shown| {
+            let stage = shown.get_or_insert_with(|| Alone::new(&tree));
+            stage.check_field(&tree, &looking(eye, target), "a random tree");
+        });
     }
 }

@@ -16,8 +16,8 @@ use bevy::{
 use bevy_plenoctree::headless::exact_camera;
 use glam::DVec2;
 
-use super::stage::{
-    BACKGROUND, BLUE, GREEN, PIXELS, RED, SOLID, Side, Stage, color, cube, density, flat, in_cube, seen, shape,
+use crate::stage::sides::{
+    BACKGROUND, BLUE, GREEN, PIXELS, RED, SOLID, Side, Sides, color, cube, density, flat, in_cube, seen, shape,
 };
 
 /// Returns a projection with a field of view of 90 degrees. The ray of the pixel at (x, y) goes along
@@ -30,17 +30,16 @@ fn wide() -> Projection {
 const NEAR: f64 = 0.1;
 
 /// Replaces the projection and transform of the front camera.
-fn place_camera(stage: &mut Stage, projection: Projection, transform: Transform) {
-    let [front, _] = stage.cameras;
-    stage.world().entity_mut(front).insert((projection, transform));
+fn place_camera(stage: &mut Sides, projection: Projection, transform: Transform) {
+    stage.set((projection, transform));
 }
 
 /// The camera is at the center of a cube of fog, whose far side is at distance 1. All rays of a perspective camera
 /// begin at the near plane, and leave through that side.
 #[test]
 fn a_camera_inside_fog_sees_what_is_in_front_of_it() {
-    let mut stage = Stage::new();
-    stage.spawn_prop(&shape(0.5, GREEN, |_| true), default());
+    let mut stage = Sides::new();
+    stage.spawn_prop(&shape(0.5, GREEN, |_| true), ());
     stage.wait();
     place_camera(&mut stage, wide(), default());
     stage.check("perspective", |side, place| {
@@ -58,8 +57,8 @@ fn a_camera_inside_fog_sees_what_is_in_front_of_it() {
 /// others leave through the far side or through an adjacent one.
 #[test]
 fn rays_of_a_perspective_camera_diverge() {
-    let mut stage = Stage::new();
-    stage.spawn_prop(&shape(0.5, GREEN, |_| true), default());
+    let mut stage = Sides::new();
+    stage.spawn_prop(&shape(0.5, GREEN, |_| true), ());
     stage.wait();
     place_camera(&mut stage, wide(), Transform::from_xyz(0.0, 0.0, 3.0));
     stage.check("perspective", |side, place| {
@@ -74,8 +73,8 @@ fn rays_of_a_perspective_camera_diverge() {
 /// then the fog alone, then nothing.
 #[test]
 fn near_planes_cut_props_like_meshes() {
-    let mut stage = Stage::with_meshes();
-    stage.spawn_prop(&shape(0.5, GREEN, |_| true), default());
+    let mut stage = Sides::with_meshes();
+    stage.spawn_prop(&shape(0.5, GREEN, |_| true), ());
     stage.spawn_rectangle((-2.0, -2.0), (2.0, 2.0), 0.25, RED, 1.0);
     stage.wait();
     let Projection::Orthographic(orthographic) = flat() else { panic!() };
@@ -104,8 +103,8 @@ fn near_planes_cut_props_like_meshes() {
 /// If its near plane is behind it, an orthographic camera sees what is behind it, meshes and props alike.
 #[test]
 fn rays_start_at_a_near_plane_behind_the_camera() {
-    let mut stage = Stage::new();
-    stage.spawn_prop(&cube(density(0.4), GREEN), default());
+    let mut stage = Sides::new();
+    stage.spawn_prop(&cube(density(0.4), GREEN), ());
     stage.wait();
     let Projection::Orthographic(projection) = flat() else { panic!() };
     place_camera(&mut stage, Projection::Orthographic(OrthographicProjection { near: -10.0, ..projection }), default());
@@ -117,13 +116,12 @@ fn rays_start_at_a_near_plane_behind_the_camera() {
 /// A mirrored camera, such as one that draws a reflection, swaps left and right.
 #[test]
 fn a_mirrored_camera_sees_everything_mirrored() {
-    let mut stage = Stage::new();
+    let mut stage = Sides::new();
     stage.spawn_prop(&cube(density(0.4), GREEN), Transform::from_xyz(0.25, 0.0, 0.0));
     stage.wait();
     let mirrored = Transform::from_xyz(0.0, 0.0, 5.0).with_scale(Vec3::new(-1.0, 1.0, 1.0));
     place_camera(&mut stage, flat(), mirrored);
-    let [front, _] = stage.cameras;
-    stage.world().get_mut::<Camera>(front).unwrap().invert_culling = true;
+    stage.camera_mut().invert_culling = true;
     stage.check("mirrored", |side, place| {
         // The front camera's pixels are mirrored.
         let x = if side == Side::Front { -place.x } else { place.x };
@@ -133,14 +131,14 @@ fn a_mirrored_camera_sees_everything_mirrored() {
 }
 
 /// Captures an image that cameras draw to.
-fn capture(stage: &mut Stage, image: &Handle<Image>) -> Image {
+fn capture(stage: &mut Sides, image: &Handle<Image>) -> Image {
     let captured = Arc::new(Mutex::new(None));
     let result = captured.clone();
     stage.world().spawn(Screenshot::image(image.clone())).observe(move |event: On<ScreenshotCaptured>| {
         *result.lock().unwrap() = Some(event.image.clone());
     });
     for _ in 0..1000 {
-        stage.headless.update();
+        stage.update(1);
         if let Some(image) = captured.lock().unwrap().take() {
             return image;
         }
@@ -151,8 +149,8 @@ fn capture(stage: &mut Stage, image: &Handle<Image>) -> Image {
 /// Each target has its own format and camera, half a unit farther to the right than the previous one.
 #[test]
 fn cameras_draw_to_targets_of_every_format_at_once() {
-    let mut stage = Stage::new();
-    stage.spawn_prop(&cube(density(0.4), GREEN), default());
+    let mut stage = Sides::new();
+    stage.spawn_prop(&cube(density(0.4), GREEN), ());
     stage.spawn_prop(&cube(SOLID, BLUE), Transform::from_xyz(0.0, 0.75, -1.0));
     let targets = [
         (TextureFormat::Rgba16Float, true, Msaa::Sample4),
@@ -163,15 +161,13 @@ fn cameras_draw_to_targets_of_every_format_at_once() {
     ];
     let mut images = Vec::new();
     for (index, (format, hdr, msaa)) in targets.into_iter().enumerate() {
-        let image = Image::new_target_texture(PIXELS, PIXELS, format, None);
-        let world = stage.world();
-        let image = world.resource_mut::<Assets<Image>>().add(image);
+        let image: Handle<Image> = stage.add(Image::new_target_texture(PIXELS, PIXELS, format, None));
         let target = RenderTarget::Image(image.clone().into());
         let transform = Transform::from_xyz(0.5 * index as f32, 0.0, 5.0);
-        let mut camera = world.spawn((exact_camera(color(BACKGROUND)), target, flat(), transform));
-        camera.insert(msaa);
+        let camera = stage.spawn((exact_camera(color(BACKGROUND)), target, flat(), transform));
+        stage.insert(camera, msaa);
         if hdr {
-            camera.insert(Hdr);
+            stage.insert(camera, Hdr);
         }
         images.push(image);
     }
@@ -203,8 +199,8 @@ fn cameras_draw_to_targets_of_every_format_at_once() {
 /// A prop that no camera sees does not change a single byte of the frame.
 #[test]
 fn invisible_props_change_nothing() {
-    let mut stage = Stage::new();
-    stage.spawn_prop(&cube(density(0.4), GREEN), default());
+    let mut stage = Sides::new();
+    stage.spawn_prop(&cube(density(0.4), GREEN), ());
     stage.wait();
     let alone = stage.capture();
     let other = stage.spawn_prop(&cube(SOLID, RED), Transform::from_xyz(0.25, 0.25, 0.75));
@@ -230,13 +226,13 @@ fn invisible_props_change_nothing() {
 
 #[test]
 fn a_camera_sees_the_props_on_its_layers() {
-    let mut stage = Stage::new();
+    let mut stage = Sides::new();
     let red = stage.spawn_prop(&cube(density(0.4), RED), Transform::from_xyz(-0.25, 0.0, 0.0));
     let blue = stage.spawn_prop(&cube(SOLID, BLUE), Transform::from_xyz(0.25, 0.0, 0.0));
     let [_, behind] = stage.cameras;
-    stage.world().entity_mut(red).insert(RenderLayers::from_layers(&[0, 1]));
-    stage.world().entity_mut(blue).insert(RenderLayers::layer(1));
-    stage.world().entity_mut(behind).insert(RenderLayers::layer(1));
+    stage.insert(red, RenderLayers::from_layers(&[0, 1]));
+    stage.insert(blue, RenderLayers::layer(1));
+    stage.insert(behind, RenderLayers::layer(1));
     stage.wait();
     // The props overlap in the view, but each side sees only the props on its layers.
     stage.world().get_mut::<Transform>(blue).unwrap().translation = Vec3::new(0.5, 0.0, -1.0);

@@ -1,17 +1,16 @@
 //! Tests occlusion: meshes, panes, gizmos and props in front of, behind and inside a prop.
 
 use bevy::{
-    camera::Hdr,
     prelude::*,
-    render::{
-        render_resource::TextureFormat,
-        renderer::{RenderAdapter, RenderDevice},
-    },
+    render::{render_resource::TextureFormat, renderer::RenderAdapter},
 };
 use glam::{DVec2, DVec3};
 
-use super::stage::{
-    BACKGROUND, BLUE, GREEN, Layer, RED, SOLID, Side, Stage, color, cube, density, in_cube, seen, shape, within,
+use crate::stage::{
+    pixels::encoded,
+    sides::{
+        BACKGROUND, BLUE, GREEN, Layer, RED, SOLID, Side, Sides, color, cube, density, in_cube, seen, shape, within,
+    },
 };
 
 /// Whether a place is in the left half of the middle of the stage.
@@ -24,20 +23,18 @@ fn in_top(place: DVec2) -> bool {
     within(place, (-1.0, 0.0), (1.0, 1.0))
 }
 
-fn spawn_left(stage: &mut Stage, z: f32, encoded: DVec3, alpha: f32) -> Entity {
-    stage.spawn_rectangle((-1.0, -1.0), (0.0, 1.0), z, encoded, alpha)
+fn spawn_left(stage: &mut Sides, z: f32, color: DVec3, alpha: f32) -> Entity {
+    stage.spawn_rectangle((-1.0, -1.0), (0.0, 1.0), z, color, alpha)
 }
 
-fn spawn_top(stage: &mut Stage, z: f32, encoded: DVec3, alpha: f32) -> Entity {
-    stage.spawn_rectangle((-1.0, 0.0), (1.0, 1.0), z, encoded, alpha)
+fn spawn_top(stage: &mut Sides, z: f32, color: DVec3, alpha: f32) -> Entity {
+    stage.spawn_rectangle((-1.0, 0.0), (1.0, 1.0), z, color, alpha)
 }
 
 /// Returns the sample counts that the adapter supports for all textures that a camera draws to.
-fn sample_counts(stage: &mut Stage) -> Vec<Msaa> {
-    let world = stage.world();
-    let adapter = world.resource::<RenderAdapter>();
-    let any =
-        world.resource::<RenderDevice>().features().contains(wgpu::Features::TEXTURE_ADAPTER_SPECIFIC_FORMAT_FEATURES);
+fn sample_counts(stage: &Sides) -> Vec<Msaa> {
+    let any = stage.device().features().contains(wgpu::Features::TEXTURE_ADAPTER_SPECIFIC_FORMAT_FEATURES);
+    let adapter = stage.render_world().resource::<RenderAdapter>();
     let formats = [TextureFormat::Rgba8UnormSrgb, TextureFormat::Rgba16Float, TextureFormat::Depth32Float];
     let all = [Msaa::Off, Msaa::Sample2, Msaa::Sample4, Msaa::Sample8];
     let supported = |msaa: &Msaa| match msaa {
@@ -52,18 +49,10 @@ fn sample_counts(stage: &mut Stage) -> Vec<Msaa> {
 }
 
 /// Runs `check` with every sample count, with and without HDR.
-pub fn in_every_mode(stage: &mut Stage, mut check: impl FnMut(&mut Stage, &str)) {
+pub fn in_every_mode(stage: &mut Sides, mut check: impl FnMut(&mut Sides, &str)) {
     for msaa in sample_counts(stage) {
         for hdr in [false, true] {
-            for camera in stage.cameras {
-                let mut camera = stage.world().entity_mut(camera);
-                camera.insert(msaa);
-                if hdr {
-                    camera.insert(Hdr)
-                } else {
-                    camera.remove::<Hdr>()
-                };
-            }
+            stage.set_mode(msaa, hdr);
             check(stage, &format!("{msaa:?}, HDR {hdr}"));
         }
     }
@@ -73,8 +62,8 @@ pub fn in_every_mode(stage: &mut Stage, mut check: impl FnMut(&mut Stage, &str))
 /// behind the other. Then the rectangles are swapped.
 #[test]
 fn fog_is_drawn_between_meshes() {
-    let mut stage = Stage::with_meshes();
-    stage.spawn_prop(&cube(density(0.4), GREEN), default());
+    let mut stage = Sides::with_meshes();
+    stage.spawn_prop(&cube(density(0.4), GREEN), ());
     let left = spawn_left(&mut stage, 1.0, RED, 1.0);
     let top = spawn_top(&mut stage, -1.0, BLUE, 1.0);
     stage.wait();
@@ -96,8 +85,8 @@ fn fog_is_drawn_between_meshes() {
 /// A mesh inside fog is behind a quarter of it from one side, and behind three quarters from the other.
 #[test]
 fn fog_ends_at_a_mesh_inside_it() {
-    let mut stage = Stage::with_meshes();
-    stage.spawn_prop(&cube(2.0, GREEN), default());
+    let mut stage = Sides::with_meshes();
+    stage.spawn_prop(&cube(2.0, GREEN), ());
     spawn_left(&mut stage, 0.25, RED, 1.0);
     stage.wait();
     in_every_mode(&mut stage, |stage, mode| {
@@ -117,12 +106,11 @@ fn fog_ends_at_a_mesh_inside_it() {
 /// Light four times as bright as white is 1.8248 when encoded; 45/100 of that passes through the fog.
 #[test]
 fn a_light_brighter_than_white_shines_through_fog() {
-    let mut stage = Stage::new();
-    stage.spawn_prop(&cube(density(0.55), GREEN), default());
+    let mut stage = Sides::new();
+    stage.spawn_prop(&cube(density(0.55), GREEN), ());
+    stage.set_mode(Msaa::Off, true);
     for camera in stage.cameras {
-        let mut camera = stage.world().entity_mut(camera);
-        camera.insert(Hdr);
-        camera.get_mut::<Camera>().unwrap().clear_color = Color::linear_rgb(4.0, 4.0, 4.0).into();
+        stage.world().get_mut::<Camera>(camera).unwrap().clear_color = Color::linear_rgb(4.0, 4.0, 4.0).into();
     }
     stage.wait();
     stage.check("bright", |_, place| {
@@ -133,15 +121,13 @@ fn a_light_brighter_than_white_shines_through_fog() {
 
 /// Returns the encoded color of a pane with an opacity of 1/2 over another color, blended as Bevy does.
 pub fn through_pane(pane: DVec3, behind: DVec3) -> DVec3 {
-    let mixed = color(pane).to_linear() * 0.5 + color(behind).to_linear() * 0.5;
-    let encoded = Srgba::from(mixed);
-    DVec3::new(encoded.red.into(), encoded.green.into(), encoded.blue.into())
+    encoded(color(pane).to_linear() * 0.5 + color(behind).to_linear() * 0.5)
 }
 
 #[test]
 fn panes_blend_over_a_solid_prop_and_are_occluded_by_it() {
-    let mut stage = Stage::with_meshes();
-    stage.spawn_prop(&cube(SOLID, GREEN), default());
+    let mut stage = Sides::with_meshes();
+    stage.spawn_prop(&cube(SOLID, GREEN), ());
     spawn_left(&mut stage, 1.0, RED, 0.5);
     spawn_top(&mut stage, -1.0, BLUE, 0.5);
     stage.wait();
@@ -162,8 +148,8 @@ fn panes_blend_over_a_solid_prop_and_are_occluded_by_it() {
 /// A camera may write only a part of the depths, so that another camera draws over what it draws.
 #[test]
 fn props_and_meshes_occlude_each_other_in_any_range_of_depths() {
-    let mut stage = Stage::with_meshes();
-    stage.spawn_prop(&cube(SOLID, GREEN), default());
+    let mut stage = Sides::with_meshes();
+    stage.spawn_prop(&cube(SOLID, GREEN), ());
     spawn_left(&mut stage, 1.0, RED, 1.0);
     spawn_top(&mut stage, -1.0, BLUE, 0.5);
     stage.wait();
@@ -194,19 +180,18 @@ fn props_and_meshes_occlude_each_other_in_any_range_of_depths() {
 }
 
 /// Spawns a line that is half a unit thick.
-fn spawn_line(stage: &mut Stage, z: f32, encoded: DVec3, vertical: bool) {
+fn spawn_line(stage: &mut Sides, z: f32, encoded: DVec3, vertical: bool) {
     let along = if vertical { Vec3::Y } else { Vec3::X };
     let mut gizmo = GizmoAsset::default();
     gizmo.line(-1.5 * along + z * Vec3::Z, 1.5 * along + z * Vec3::Z, color(encoded));
-    let world = stage.world();
-    let handle = world.resource_mut::<Assets<GizmoAsset>>().add(gizmo);
-    world.spawn(Gizmo { handle, line_config: GizmoLineConfig { width: 4.0, ..default() }, ..default() });
+    let handle = stage.add(gizmo);
+    stage.spawn(Gizmo { handle, line_config: GizmoLineConfig { width: 4.0, ..default() }, ..default() });
 }
 
 #[test]
 fn gizmos_are_drawn_over_a_prop_and_occluded_behind_it() {
-    let mut stage = Stage::with_meshes();
-    stage.spawn_prop(&cube(SOLID, GREEN), default());
+    let mut stage = Sides::with_meshes();
+    stage.spawn_prop(&cube(SOLID, GREEN), ());
     spawn_line(&mut stage, 1.0, RED, false);
     spawn_line(&mut stage, -1.0, BLUE, true);
     stage.wait();
@@ -224,9 +209,10 @@ fn gizmos_are_drawn_over_a_prop_and_occluded_behind_it() {
 /// Pairs of props that are fog or solid, one in front of the other. The cameras see them in both orders.
 #[test]
 fn props_are_composited_over_each_other() {
+    let mut stage = Sides::new();
     for (red, blue) in [(0.4, 0.3), (0.4, 1.0), (1.0, 1.0)] {
+        stage.clear();
         let density = |opacity| if opacity < 1.0 { density(opacity) } else { SOLID };
-        let mut stage = Stage::new();
         stage.spawn_prop(&cube(density(red), RED), Transform::from_xyz(-0.25, 0.0, 0.75));
         stage.spawn_prop(&cube(density(blue), BLUE), Transform::from_xyz(0.25, 0.25, -0.75));
         stage.wait();
@@ -245,9 +231,9 @@ fn props_are_composited_over_each_other() {
 /// however, is farther away than the large prop's in the first case, and nearer in the second.
 #[test]
 fn a_prop_inside_the_bounds_of_another_is_occluded_by_leaves_only() {
-    let mut stage = Stage::new();
+    let mut stage = Sides::new();
     let wall = shape(SOLID, BLUE, |at| at.z < -0.75 || at.min_element() > 0.875);
-    stage.spawn_prop(&wall, default());
+    stage.spawn_prop(&wall, ());
     stage.spawn_prop(&cube(SOLID, RED), Transform::from_xyz(0.0, 0.0, -0.375).with_scale(Vec3::splat(0.5)));
     stage.wait();
     in_every_mode(&mut stage, |stage, mode| {
@@ -263,15 +249,14 @@ fn a_prop_inside_the_bounds_of_another_is_occluded_by_leaves_only() {
 /// Fog so wide that its center is farther from the camera than the center of the fog behind it.
 #[test]
 fn props_are_sorted_along_the_view() {
-    let mut stage = Stage::new();
+    let mut stage = Sides::new();
     stage.spawn_prop(
         &cube(density(0.4), RED),
         Transform::from_xyz(1.75, 0.0, 0.75).with_scale(Vec3::new(4.5, 1.0, 1.0)),
     );
     stage.spawn_prop(&cube(density(0.3), BLUE), Transform::from_xyz(0.0, 0.0, -0.25));
     stage.wait();
-    let [front, _] = stage.cameras;
-    stage.world().entity_mut(front).insert(Transform::from_xyz(0.0, 0.0, 1.5));
+    stage.set(Transform::from_xyz(0.0, 0.0, 1.5));
     stage.check("order", |side, place| {
         let mut layers = Vec::new();
         layers.extend(within(place, (-0.5, -0.5), (4.0, 0.5)).then_some((0.75, RED, 0.4)));

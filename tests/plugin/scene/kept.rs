@@ -1,7 +1,7 @@
 //! Tests that views keep what they drew, that every change is visible immediately, and that frames are the same as if
 //! everything were redrawn.
 
-use std::time::Duration;
+use std::ops::{Deref, DerefMut};
 
 use bevy::{
     camera::{Exposure, Hdr, ScalingMode, Viewport},
@@ -11,114 +11,88 @@ use bevy::{
 };
 use bevy_plenoctree::{
     BilateralFilter, BorderSmoothing, EdgeSmoothing, FieldPalette, Ink, InkColor, LabelStages, PaletteOverride,
-    Palettes, PlenOctree, PlenOctreePlugin, Posterize, PosterizeView, Prop, PropQuality, PropStage, PropTint, Recolor,
-    SolidOpacity,
-    headless::{Headless, LitMeshPlugins, exact_camera},
+    Palettes, PlenOctree, Posterize, PosterizeView, Prop, PropQuality, PropStage, PropTint, Recolor, SolidOpacity,
 };
 use glam::DVec3;
 use image::RgbaImage;
-use plenoctree::{BakeSettings, Basis, bake};
 
-use crate::idle_stage::idle_stage;
+use crate::stage::{Stage, fields::colored, pixels::assert_same, unlit};
 
 const SIZE: u32 = 64;
 
 /// Bakes a cube from -1/2 to 1/2 whose color differs from place to place.
 fn field(hue: f64) -> PlenOctree {
-    let settings = BakeSettings { depth: 4, basis: Basis::Rgba, ..default() };
     let inside = |at: DVec3| if at.abs().max_element() < 0.5 { 2.0 } else { 0.0 };
-    bake(&settings, inside, |at| move |_| 0.5 + 0.5 * (9.0 * at + hue).map(f64::sin)).unwrap()
+    colored(4, inside, |at| 0.5 + 0.5 * (9.0 * at + hue).map(f64::sin))
 }
 
 /// A view of two props that overlap, one of them posterized or none, with a mesh between them, one behind them, and a pane
 /// of glass.
 struct View {
-    headless: Headless,
-    camera: Entity,
-    props: [Entity; 2],
+    stage: Stage,
     meshes: [Entity; 2],
     fields: [Handle<PlenOctree>; 2],
 }
 
+impl Deref for View {
+    type Target = Stage;
+
+    fn deref(&self) -> &Stage {
+        &self.stage
+    }
+}
+
+impl DerefMut for View {
+    fn deref_mut(&mut self) -> &mut Stage {
+        &mut self.stage
+    }
+}
+
 impl View {
     fn new(posterizes: bool) -> Self {
-        let mut headless = Headless::new(UVec2::splat(SIZE), |app| {
-            app.add_plugins((LitMeshPlugins, PlenOctreePlugin));
-        })
-        .unwrap();
-        let target = headless.target();
-        let world = headless.app.world_mut();
+        let mut stage = Stage::with_meshes(SIZE);
         // Otherwise, Bevy would stop rendering, and frames would remain the same.
-        world.insert_resource(RenderErrorHandler(|error, _, _| panic!("{}", error.description)));
+        stage.world().insert_resource(RenderErrorHandler(|error, _, _| panic!("{}", error.description)));
         let colors = [Color::srgb(0.8, 0.2, 0.1), Color::srgb(0.1, 0.3, 0.8), Color::srgb(0.9, 0.9, 0.2)];
-        let fields = [0.0, 1.5].map(|hue| {
-            let field = world.resource_mut::<Assets<PlenOctree>>().add(field(hue));
+        let fields = [(0.0, Vec3::ZERO), (1.5, Vec3::new(0.4, 0.3, -0.8))].map(|(hue, place)| {
+            let prop = stage.spawn_prop(&field(hue), Transform::from_translation(place));
+            let field = stage.get::<Prop>(prop).0.clone();
             let palette = FieldPalette::from_colors(colors).unwrap();
-            world.resource_mut::<Palettes>().insert(&field, palette);
+            stage.world().resource_mut::<Palettes>().insert(&field, palette);
             field
         });
-        let props = [
-            world.spawn((Prop(fields[0].clone()), Posterize::default())).id(),
-            world.spawn((Prop(fields[1].clone()), Transform::from_xyz(0.4, 0.3, -0.8))).id(),
-        ];
+        if posterizes {
+            stage.dress(Posterize::default());
+        }
         let meshes = [Vec3::new(-0.2, -0.4, 0.1), Vec3::new(-0.8, 0.3, -1.2)].map(|place| {
-            let mesh = world.resource_mut::<Assets<Mesh>>().add(Cuboid::from_length(0.5));
-            let material = StandardMaterial { base_color: Color::srgb(0.3, 0.7, 0.4), unlit: true, ..default() };
-            let material = world.resource_mut::<Assets<StandardMaterial>>().add(material);
-            world.spawn((Mesh3d(mesh), MeshMaterial3d(material), Transform::from_translation(place))).id()
+            let material = unlit(Color::srgb(0.3, 0.7, 0.4));
+            stage.spawn_mesh(Cuboid::from_length(0.5), material, Transform::from_translation(place))
         });
         // A pane of glass shows where props are solid.
-        let mesh = world.resource_mut::<Assets<Mesh>>().add(Rectangle::new(1.4, 0.6));
-        let glass = StandardMaterial {
-            base_color: Color::srgba(0.2, 0.1, 0.9, 0.5),
-            unlit: true,
-            cull_mode: None,
-            alpha_mode: AlphaMode::Blend,
-            ..default()
-        };
-        let glass = world.resource_mut::<Assets<StandardMaterial>>().add(glass);
         let slanted = Transform::from_xyz(0.3, 0.2, 0.4).with_rotation(Quat::from_rotation_y(1.0));
-        world.spawn((Mesh3d(mesh), MeshMaterial3d(glass), slanted));
-        let place = Transform::from_xyz(0.3, 0.2, 2.2).looking_at(Vec3::ZERO, Vec3::Y);
-        let camera = world.spawn((exact_camera(Color::srgb(0.4, 0.6, 0.5)), PropQuality::EXACT, target, place)).id();
-        let mut view = Self { headless, camera, props, meshes, fields };
-        if !posterizes {
-            view.show_as_trained();
-        }
-        view
+        stage.spawn_mesh(Rectangle::new(1.4, 0.6), unlit(Color::srgba(0.2, 0.1, 0.9, 0.5)), slanted);
+        stage.set_background(Color::srgb(0.4, 0.6, 0.5));
+        stage.set((PropQuality::EXACT, Transform::from_xyz(0.3, 0.2, 2.2).looking_at(Vec3::ZERO, Vec3::Y)));
+        Self { stage, meshes, fields }
     }
 
     fn show_as_trained(&mut self) {
-        for prop in self.props {
+        for prop in self.props.clone() {
             self.world().entity_mut(prop).remove::<Posterize>();
         }
     }
 
-    fn world(&mut self) -> &mut World {
-        self.headless.app.world_mut()
-    }
-
-    fn capture(&mut self) -> RgbaImage {
-        self.headless.capture().unwrap()
-    }
-
     /// Captures a frame in which nothing is kept: a camera that is not active drops what it has drawn.
     fn capture_anew(&mut self) -> RgbaImage {
-        let camera = self.camera;
-        self.world().get_mut::<Camera>(camera).unwrap().is_active = false;
-        self.headless.update();
-        self.world().get_mut::<Camera>(camera).unwrap().is_active = true;
+        self.camera_mut().is_active = false;
+        self.update(1);
+        self.camera_mut().is_active = true;
         self.capture()
-    }
-
-    fn set_camera(&mut self, components: impl Bundle) {
-        let camera = self.camera;
-        self.world().entity_mut(camera).insert(components);
     }
 
     fn set_prop(&mut self, prop: usize, components: impl Bundle) {
         let prop = self.props[prop];
-        self.world().entity_mut(prop).insert(components);
+        self.insert(prop, components);
     }
 
     fn move_by(&mut self, entity: Entity, by: Vec3) {
@@ -126,15 +100,8 @@ impl View {
     }
 
     fn material(&mut self, mesh: usize) -> Handle<StandardMaterial> {
-        let mesh = self.meshes[mesh];
-        self.world().get::<MeshMaterial3d<StandardMaterial>>(mesh).unwrap().0.clone()
+        self.get::<MeshMaterial3d<StandardMaterial>>(self.meshes[mesh]).0.clone()
     }
-}
-
-#[track_caller]
-fn assert_same(found: &RgbaImage, expected: &RgbaImage, what: &str) {
-    let differ = found.pixels().zip(expected.pixels()).filter(|(a, b)| a != b).count();
-    assert_eq!(differ, 0, "{what}: so many pixels differ");
 }
 
 type Change = fn(&mut View);
@@ -210,45 +177,43 @@ const CHANGES: &[(&str, Change)] = &[
         materials.get_mut(&material).unwrap().base_color = Color::srgb(0.9, 0.8, 0.1);
     }),
     ("the background", |view| {
-        let camera = view.camera;
-        view.world().get_mut::<Camera>(camera).unwrap().clear_color = Color::srgb(0.2, 0.1, 0.3).into();
+        view.camera_mut().clear_color = Color::srgb(0.2, 0.1, 0.3).into();
     }),
     ("a prop is hidden", |view| view.set_prop(1, Visibility::Hidden)),
     ("a prop is shown", |view| view.set_prop(1, Visibility::Visible)),
     ("the camera moves", |view| view.move_by(view.camera, Vec3::new(0.1, 0.0, 0.1))),
     ("the projection", |view| {
-        view.set_camera(Projection::Perspective(PerspectiveProjection { fov: 0.9, ..default() }));
+        view.set(Projection::Perspective(PerspectiveProjection { fov: 0.9, ..default() }));
     }),
-    ("jitter", |view| view.set_camera(TemporalJitter { offset: Vec2::new(0.4, -0.3) })),
-    ("where rays stop", |view| view.set_camera(PropQuality { stop_transmittance: 0.3, ..PropQuality::EXACT })),
-    ("faint leaves", |view| view.set_camera(PropQuality { density_threshold: 1e3, ..PropQuality::EXACT })),
-    ("a level of detail", |view| view.set_camera(PropQuality { cell_size: 20.0, ..PropQuality::EXACT })),
-    ("exact again", |view| view.set_camera(PropQuality::EXACT)),
-    ("samples", |view| view.set_camera(Msaa::Sample4)),
-    ("HDR", |view| view.set_camera(Hdr)),
-    ("exposure", |view| view.set_camera(Exposure { ev100: 10.5 })),
-    ("the place in the frame", |view| view.set_camera(PropStage::Display)),
-    ("one sample", |view| view.set_camera(Msaa::Off)),
-    ("a posterized view", |view| view.set_camera((PosterizeView(view.fields[1].clone()), Posterize::default()))),
+    ("jitter", |view| view.set(TemporalJitter { offset: Vec2::new(0.4, -0.3) })),
+    ("where rays stop", |view| view.set(PropQuality { stop_transmittance: 0.3, ..PropQuality::EXACT })),
+    ("faint leaves", |view| view.set(PropQuality { density_threshold: 1e3, ..PropQuality::EXACT })),
+    ("a level of detail", |view| view.set(PropQuality { cell_size: 20.0, ..PropQuality::EXACT })),
+    ("exact again", |view| view.set(PropQuality::EXACT)),
+    ("samples", |view| view.set(Msaa::Sample4)),
+    ("HDR", |view| view.set(Hdr)),
+    ("exposure", |view| view.set(Exposure { ev100: 10.5 })),
+    ("the place in the frame", |view| view.set(PropStage::Display)),
+    ("one sample", |view| view.set(Msaa::Off)),
+    ("a posterized view", |view| {
+        let field = view.fields[1].clone();
+        view.set((PosterizeView(field), Posterize::default()));
+    }),
     ("custom stages", |view| {
-        let idle = idle_stage(view.world());
-        view.set_camera((idle, Posterize { softness: 0.1, ..default() }));
+        let idle = view.idle_stage();
+        view.set((idle, Posterize { softness: 0.1, ..default() }));
     }),
     ("the viewport", |view| {
-        let camera = view.camera;
-        view.world().get_mut::<Camera>(camera).unwrap().viewport =
+        view.camera_mut().viewport =
             Some(Viewport { physical_position: UVec2::new(8, 4), physical_size: UVec2::splat(SIZE - 16), ..default() });
     }),
     ("the viewport moves", |view| {
-        let camera = view.camera;
-        let mut camera = view.world().get_mut::<Camera>(camera).unwrap();
-        camera.viewport.as_mut().unwrap().physical_position = UVec2::new(0, 10);
+        view.camera_mut().viewport.as_mut().unwrap().physical_position = UVec2::new(0, 10);
     }),
     ("a view that is not posterized", |view| {
-        let camera = view.camera;
-        view.world().entity_mut(camera).remove::<(PosterizeView, LabelStages)>();
+        view.unset::<(PosterizeView, LabelStages)>();
     }),
-    ("motion vectors", |view| view.set_camera((PropStage::Scene, MotionVectorPrepass))),
+    ("motion vectors", |view| view.set((PropStage::Scene, MotionVectorPrepass))),
 ];
 
 /// Those that only posterized props show.
@@ -276,12 +241,12 @@ fn every_change_is_drawn_at_once() {
     // The same again in fresh apps, frame by frame, so that nothing is ever kept, and all at once.
     for changes_per_frame in [1, CHANGES.len()] {
         let mut fresh = View::new(true);
-        fresh.headless.wait_until_ready(Duration::from_secs(120)).unwrap();
+        fresh.wait();
         for changes in CHANGES.chunks(changes_per_frame) {
             changes.iter().for_each(|(_, change)| change(&mut fresh));
-            fresh.headless.update();
+            fresh.update(1);
         }
-        fresh.headless.wait_until_ready(Duration::from_secs(120)).unwrap();
+        fresh.wait();
         assert_same(&fresh.capture(), &before, &format!("a fresh app, {changes_per_frame} changes per frame"));
     }
 }
@@ -295,7 +260,7 @@ fn every_change_of_props_as_trained_is_drawn_at_once() {
 /// Returns the last frame.
 fn draw_every_change(posterizes: bool) -> RgbaImage {
     let mut view = View::new(posterizes);
-    view.headless.wait_until_ready(Duration::from_secs(120)).unwrap();
+    view.wait();
     let mut before = view.capture();
     for (what, change) in CHANGES {
         // A view takes two frames to come to rest.
@@ -305,7 +270,7 @@ fn draw_every_change(posterizes: bool) -> RgbaImage {
             view.show_as_trained();
         }
         // New pipelines, levels and fields take a while. Until then, nothing changes.
-        view.headless.wait_until_ready(Duration::from_secs(120)).unwrap();
+        view.wait();
         let kept: Vec<_> = (0..4).map(|_| view.capture()).collect();
         let anew = view.capture_anew();
         for (frame, kept) in kept.iter().enumerate() {
@@ -326,9 +291,9 @@ fn a_mesh_may_move_by_parts_of_pixels() {
     // The mesh faces the camera, so that its depth stays the same.
     let scaling_mode = ScalingMode::Fixed { width: 3.0, height: 3.0 };
     let flat = OrthographicProjection { scaling_mode, ..OrthographicProjection::default_3d() };
-    view.set_camera((Projection::Orthographic(flat), Transform::from_xyz(0.0, 0.0, 3.0), Msaa::Sample4));
+    view.set((Projection::Orthographic(flat), Transform::from_xyz(0.0, 0.0, 3.0), Msaa::Sample4));
     view.move_by(view.meshes[0], Vec3::new(0.0, 0.0, 0.9));
-    view.headless.wait_until_ready(Duration::from_secs(120)).unwrap();
+    view.wait();
     let (mut before, mut changes) = (view.capture(), 0);
     for step in 0..8 {
         view.move_by(view.meshes[0], Vec3::new(3.0 / SIZE as f32 / 8.0, 0.0, 0.0));
@@ -351,7 +316,7 @@ fn changes_are_undone_at_once() {
 
 fn undo_changes(posterizes: bool) {
     let mut view = View::new(posterizes);
-    view.headless.wait_until_ready(Duration::from_secs(120)).unwrap();
+    view.wait();
     let still: Vec<_> = (0..4).map(|_| view.capture()).collect();
     let there_and_back: &[(&str, Change, Change)] = &[
         (

@@ -14,7 +14,6 @@ mod overlap;
 mod random;
 mod reports;
 mod resize;
-pub mod stage;
 mod stale;
 mod transforms;
 mod transmission;

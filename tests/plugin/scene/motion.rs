@@ -1,8 +1,6 @@
 //! Tests temporal jitter, motion vectors and the depth of the prepass, and the effects that work with them: temporal
 //! antialiasing and motion blur. A prop is to look to them like a mesh of the same shape.
 
-use std::time::Duration;
-
 use bevy::{
     core_pipeline::{
         Core3d, Core3dSystems, FullscreenShader,
@@ -25,13 +23,15 @@ use bevy::{
     },
 };
 use bevy_anti_alias::{AntiAliasPlugin, taa::TemporalAntiAliasing};
-use bevy_plenoctree::{
-    PlenOctree, PlenOctreePlugin, Prop, PropQuality, PropStage,
-    headless::{Headless, LitMeshPlugins, exact_camera},
-};
+use bevy_plenoctree::{PropQuality, PropStage, headless::LitMeshPlugins};
 use image::RgbaImage;
 
-use super::stage::{GREEN, SOLID, color, cube, flat};
+use crate::stage::{
+    Stage,
+    pixels::differing,
+    sides::{GREEN, SOLID, color, cube, flat},
+    unlit,
+};
 
 const SIZE: u32 = 64;
 
@@ -94,16 +94,14 @@ fn run(
 
 /// A cube, as a prop or as a mesh, and a camera. Frames show motion and depth, or colors.
 struct View {
-    headless: Headless,
+    stage: Stage,
     cube: Entity,
-    camera: Entity,
 }
 
 impl View {
     fn new(is_prop: bool, shows_motion: bool) -> Self {
-        let mut headless = Headless::new(UVec2::splat(SIZE), |app| {
+        let mut stage = Stage::with(UVec2::splat(SIZE), |app| {
             app.add_plugins((LitMeshPlugins, AntiAliasPlugin));
-            app.add_plugins(PlenOctreePlugin);
             if shows_motion {
                 let shader = Shader::from_wgsl(SHADER, "motion.wgsl");
                 let shader = app.world_mut().resource_mut::<Assets<Shader>>().add(shader);
@@ -111,36 +109,23 @@ impl View {
                 render_app.insert_resource(Show { shader, pipeline: None }).add_systems(RenderStartup, init);
                 render_app.add_systems(Core3d, run.in_set(Core3dSystems::EarlyPostProcess));
             }
-        })
-        .unwrap();
-        let target = headless.target();
-        let world = headless.app.world_mut();
+        });
         let cube = if is_prop {
-            let field = world.resource_mut::<Assets<PlenOctree>>().add(cube(SOLID, GREEN));
-            world.spawn(Prop(field)).id()
+            stage.spawn_prop(&cube(SOLID, GREEN), ())
         } else {
-            let mesh = world.resource_mut::<Assets<Mesh>>().add(Cuboid::from_length(1.0));
-            let material = StandardMaterial { base_color: color(GREEN), unlit: true, ..default() };
-            let material = world.resource_mut::<Assets<StandardMaterial>>().add(material);
-            world.spawn((Mesh3d(mesh), MeshMaterial3d(material))).id()
+            stage.spawn_mesh(Cuboid::from_length(1.0), unlit(color(GREEN)), default())
         };
-        let camera = world.spawn((exact_camera(Color::BLACK), target, DepthPrepass, MotionVectorPrepass)).id();
-        headless.wait_until_ready(Duration::from_secs(120)).unwrap();
-        Self { headless, cube, camera }
+        stage.set((DepthPrepass, MotionVectorPrepass));
+        stage.wait();
+        Self { stage, cube }
     }
 
     /// Places the cube and the camera, and returns the next frame.
     fn capture(&mut self, cube: Transform, camera: Transform) -> RgbaImage {
-        let world = self.headless.app.world_mut();
-        world.entity_mut(self.cube).insert(cube);
-        world.entity_mut(self.camera).insert(camera);
-        self.headless.capture().unwrap()
+        self.stage.insert(self.cube, cube);
+        self.stage.set(camera);
+        self.stage.capture()
     }
-}
-
-/// Counts the pixels in which two frames differ by more than `tolerance`.
-fn differing(a: &RgbaImage, b: &RgbaImage, tolerance: u8) -> usize {
-    a.pixels().zip(b.pixels()).filter(|(a, b)| (0..3).any(|c| a[c].abs_diff(b[c]) > tolerance)).count()
 }
 
 #[test]
@@ -164,9 +149,7 @@ fn props_move_like_meshes() {
         ] {
             let quality = PropQuality { error, ..PropQuality::EXACT };
             let [prop, mesh] = [&mut prop, &mut mesh].map(|view| {
-                let (camera, jitter) = (view.camera, TemporalJitter { offset: jitter });
-                let world = view.headless.app.world_mut();
-                world.entity_mut(camera).insert((jitter, quality, projection.clone()));
+                view.stage.set((TemporalJitter { offset: jitter }, quality, projection.clone()));
                 view.capture(before.0, before.1);
                 view.capture(before.0, before.1);
                 view.capture(after.0, after.1)
@@ -196,9 +179,7 @@ fn props_are_jittered_like_meshes() {
         let mut frames = Vec::new();
         for offset in OFFSETS {
             let [prop, mesh] = [&mut prop, &mut mesh].map(|view| {
-                let camera = view.camera;
-                let world = view.headless.app.world_mut();
-                world.entity_mut(camera).insert((TemporalJitter { offset }, projection.clone()));
+                view.stage.set((TemporalJitter { offset }, projection.clone()));
                 view.capture(place, eye)
             });
             assert_eq!(differing(&prop, &mesh, 2), 0, "jitter {offset}, {projection:?}");
@@ -208,8 +189,7 @@ fn props_are_jittered_like_meshes() {
     }
     // After the effects that jitter is for, it would make props tremble.
     let frames = OFFSETS.map(|offset| {
-        let (camera, world) = (prop.camera, prop.headless.app.world_mut());
-        world.entity_mut(camera).insert((TemporalJitter { offset }, PropStage::Display));
+        prop.stage.set((TemporalJitter { offset }, PropStage::Display));
         prop.capture(place, eye)
     });
     assert!(frames.iter().all(|frame| *frame == frames[0]), "jitter moves what is drawn at the display");
@@ -230,14 +210,10 @@ fn props_are_smoothed_and_blurred_like_meshes() {
     for has_blur in [false, true] {
         for (what, at) in moves {
             let frames = [&mut prop, &mut mesh].map(|view| {
-                let camera = view.camera;
-                let world = view.headless.app.world_mut();
                 // Jitter follows the count of frames.
-                world.insert_resource(FrameCount(0));
-                world.entity_mut(camera).insert((Projection::default(), Msaa::Off, TemporalAntiAliasing::default()));
-                if has_blur {
-                    world.entity_mut(camera).insert(MotionBlur { shutter_angle: 0.7, samples: 3 });
-                }
+                view.stage.world().insert_resource(FrameCount(0));
+                view.stage.set((Projection::default(), Msaa::Off, TemporalAntiAliasing::default()));
+                view.stage.set_if(has_blur, MotionBlur { shutter_angle: 0.7, samples: 3 });
                 let mut last = None;
                 for step in 0..10u8 {
                     let (cube, eye) = at(step.into());

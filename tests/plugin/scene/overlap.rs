@@ -7,26 +7,24 @@ use bevy::{
     prelude::*,
     render::diagnostic::RenderDiagnosticsPlugin,
 };
-use bevy_plenoctree::{PropQuality, SolidOpacity, VOLUME_SPANS};
+use bevy_plenoctree::{Prop, PropQuality, SolidOpacity, VOLUME_SPANS};
 use glam::{DVec2, DVec3};
 
-use super::{
-    depth::{in_every_mode, through_pane},
-    stage::{BACKGROUND, BLUE, GREEN, RED, SOLID, Side, Stage, cube, density, flat, in_cube, seen, shape, within},
+use super::depth::{in_every_mode, through_pane};
+use crate::stage::{
+    fields::colored,
+    sides::{BACKGROUND, BLUE, GREEN, RED, SOLID, Side, Sides, cube, density, flat, in_cube, seen, shape, within},
 };
 
 /// The prop whose center is farther away has haze in front of the other one.
 #[test]
 fn haze_hides_no_solid_part() {
-    let mut stage = Stage::new();
-    let mut before = Vec::new();
+    let mut stage = Sides::new();
     for opacity in [0.01, 0.03, 0.05, 0.06, 0.2, 0.4] {
-        for prop in before.drain(..) {
-            stage.world().despawn(prop);
-        }
+        stage.clear();
         let haze = shape(8.0 * density(opacity), BLUE, |at| at.z > 0.875 || at.max_element() < -0.875);
-        before.push(stage.spawn_prop(&haze, Transform::from_xyz(0.0, 0.0, -0.4)));
-        before.push(stage.spawn_prop(&cube(SOLID, RED), Transform::from_xyz(0.0, 0.0, -0.1)));
+        stage.spawn_prop(&haze, Transform::from_xyz(0.0, 0.0, -0.4));
+        stage.spawn_prop(&cube(SOLID, RED), Transform::from_xyz(0.0, 0.0, -0.1));
         stage.wait();
         in_every_mode(&mut stage, |stage, mode| {
             stage.check(format!("haze of {opacity}, {mode}"), |side, place| {
@@ -43,22 +41,17 @@ fn haze_hides_no_solid_part() {
 /// Two props with a solid core, and haze all around it that reaches in front of the other one's core.
 #[test]
 fn cores_are_seen_through_haze() {
-    let mut stage = Stage::new();
+    let mut stage = Sides::new();
     for opacity in [0.03, 0.06, 0.3] {
         let trained = |color| {
             let core = |at: DVec3| at.abs().max_element() < 0.5;
             let haze = density(opacity) / 0.5;
-            let settings = plenoctree::BakeSettings {
-                depth: 4,
-                basis: plenoctree::Basis::Rgba,
-                up: bevy_plenoctree::UpAxis::Y,
-                ..default()
-            };
-            plenoctree::bake(&settings, |at| if core(at) { SOLID } else { haze }, |_| move |_| color).unwrap()
+            colored(4, |at| if core(at) { SOLID } else { haze }, |_| color)
         };
         // The cores are side by side, and the cubes of haze overlap for half of their width.
-        let props = [(RED, -0.5, 0.25), (BLUE, 0.5, -0.25)]
-            .map(|(color, x, z)| stage.spawn_prop(&trained(color), Transform::from_xyz(x, 0.0, z)));
+        for (color, x, z) in [(RED, -0.5, 0.25), (BLUE, 0.5, -0.25)] {
+            stage.spawn_prop(&trained(color), Transform::from_xyz(x, 0.0, z));
+        }
         stage.wait();
         stage.check(format!("haze of {opacity}"), |side, place| {
             // A half unit of its own haze is before each core, or a whole unit of it beside the core.
@@ -76,21 +69,18 @@ fn cores_are_seen_through_haze() {
             }
             Some(color)
         });
-        for prop in props {
-            stage.world().despawn(prop);
-        }
+        stage.clear();
     }
 }
 
 /// A solid cube inside of fog. The center of the fog is nearer from one side, and farther away from the other.
 #[test]
 fn a_solid_prop_is_seen_in_fog() {
-    let mut stage = Stage::new();
+    let mut stage = Sides::new();
     for opacity in [0.06, 0.2, 0.4, 0.6, 0.95] {
         let sigma = density(opacity) / 2.0;
-        let fog = stage.spawn_prop(&shape(sigma, GREEN, |_| true), default());
-        let solid =
-            stage.spawn_prop(&cube(SOLID, RED), Transform::from_xyz(0.0, 0.0, 0.25).with_scale(Vec3::splat(0.5)));
+        stage.spawn_prop(&shape(sigma, GREEN, |_| true), ());
+        stage.spawn_prop(&cube(SOLID, RED), Transform::from_xyz(0.0, 0.0, 0.25).with_scale(Vec3::splat(0.5)));
         stage.wait();
         in_every_mode(&mut stage, |stage, mode| {
             stage.check(format!("fog of {opacity}, {mode}"), |side, place| {
@@ -106,16 +96,15 @@ fn a_solid_prop_is_seen_in_fog() {
                 behind.lerp(GREEN, opacity)
             });
         });
-        stage.world().despawn(fog);
-        stage.world().despawn(solid);
+        stage.clear();
     }
 }
 
 /// From the front: fog, a pane, a solid prop, another pane.
 #[test]
 fn panes_are_hidden_by_a_solid_prop_behind_fog() {
-    let mut stage = Stage::with_meshes();
-    stage.spawn_prop(&cube(SOLID, GREEN), default());
+    let mut stage = Sides::with_meshes();
+    stage.spawn_prop(&cube(SOLID, GREEN), ());
     stage.spawn_rectangle((-1.0, -1.0), (0.0, 1.0), 0.75, RED, 0.5);
     stage.spawn_rectangle((-1.0, 0.0), (1.0, 1.0), -0.75, BLUE, 0.5);
     for opacity in [0.1, 0.2, 0.4, 0.45] {
@@ -149,8 +138,8 @@ fn panes_are_hidden_by_a_solid_prop_behind_fog() {
 /// its bounding box, whose center is nearer.
 #[test]
 fn props_show_through_one_that_is_solid_but_not_opaque() {
-    let mut stage = Stage::new();
-    stage.spawn_prop(&cube(density(0.6), RED), default());
+    let mut stage = Sides::new();
+    stage.spawn_prop(&cube(density(0.6), RED), ());
     let wall = shape(SOLID, BLUE, |at| at.z < -0.75 || at.min_element() > 0.875);
     stage.spawn_prop(&wall, Transform::from_xyz(0.0, 0.0, 0.2));
     // Fog behind the wall from one side, and in front of it from the other.
@@ -170,7 +159,7 @@ fn props_show_through_one_that_is_solid_but_not_opaque() {
 /// Neither order of drawing cuts the fog in front of an opaque prop that is never solid.
 #[test]
 fn props_that_are_never_solid_are_cut_by_others() {
-    let mut stage = Stage::new();
+    let mut stage = Sides::new();
     let never = stage.spawn_prop(&cube(density(0.9), BLUE), Transform::from_xyz(0.25, 0.0, 0.0));
     stage.world().entity_mut(never).insert(SolidOpacity::Never);
     stage.spawn_prop(&cube(SOLID, RED), Transform::from_xyz(0.0, 0.0, 0.25));
@@ -192,9 +181,9 @@ fn props_that_are_never_solid_are_cut_by_others() {
 /// fog.
 #[test]
 fn empty_parts_are_never_solid() {
-    let mut stage = Stage::with_meshes();
+    let mut stage = Sides::with_meshes();
     let corner = shape(SOLID, RED, |at| at.abs().max_element() < 0.5 || at.min_element() > 0.875);
-    let prop = stage.spawn_prop(&corner, default());
+    let prop = stage.spawn_prop(&corner, ());
     stage.world().entity_mut(prop).insert(SolidOpacity::At(0.0));
     stage.spawn_prop(&cube(density(0.3), GREEN), Transform::from_xyz(0.25, 0.25, 1.2));
     stage.spawn_rectangle((-1.5, -0.625), (1.5, 0.625), -2.0, BLUE, 0.5);
@@ -213,14 +202,10 @@ fn empty_parts_are_never_solid() {
 
 #[test]
 fn props_that_touch_and_props_in_the_same_place_are_whole() {
-    let mut stage = Stage::new();
-    let field = stage.add(&cube(SOLID, GREEN));
-    let place_at = |stage: &mut Stage, x| {
-        let prop = (bevy_plenoctree::Prop(field.clone()), Transform::from_xyz(x, 0.0, 0.0));
-        stage.world().spawn(prop).id()
-    };
-    let first = place_at(&mut stage, -0.5);
-    let second = place_at(&mut stage, 0.5);
+    let mut stage = Sides::new();
+    let first = stage.spawn_prop(&cube(SOLID, GREEN), Transform::from_xyz(-0.5, 0.0, 0.0));
+    let field = stage.field();
+    let second = stage.spawn((Prop(field), Transform::from_xyz(0.5, 0.0, 0.0)));
     let fog = stage.spawn_prop(&cube(density(0.4), BLUE), Transform::from_xyz(0.0, 1.0, 0.0));
     stage.wait();
     stage.check("side by side", |_, place| {
@@ -240,20 +225,19 @@ fn props_that_touch_and_props_in_the_same_place_are_whole() {
 /// The camera is in fog, then also inside of a solid cube in the fog, which its near plane cuts.
 #[test]
 fn a_camera_inside_of_overlapping_props_sees_what_is_before_it() {
-    let mut stage = Stage::new();
-    stage.spawn_prop(&shape(0.5, GREEN, |_| true), default());
+    let mut stage = Sides::new();
+    stage.spawn_prop(&shape(0.5, GREEN, |_| true), ());
     stage.spawn_prop(&cube(SOLID, RED), Transform::from_xyz(0.0, 0.0, -0.5).with_scale(Vec3::splat(0.5)));
     stage.wait();
-    let [front, _] = stage.cameras;
     let wide = PerspectiveProjection { fov: FRAC_PI_2, aspect_ratio: 1.0, near: 0.001, ..default() };
-    stage.world().entity_mut(front).insert((Projection::Perspective(wide), Transform::default()));
+    stage.set((Projection::Perspective(wide), Transform::default()));
     stage.check("in fog", |side, place| {
         let ray = (0.5 * place).extend(1.0);
         // The cube's face at a distance of 1/4 is as wide as the view.
         let color = RED.lerp(GREEN, 1.0 - (-0.5 * 0.25 * ray.length()).exp());
         (side == Side::Front).then_some(color)
     });
-    stage.world().entity_mut(front).insert((flat(), Transform::from_xyz(0.0, 0.0, -0.5)));
+    stage.set((flat(), Transform::from_xyz(0.0, 0.0, -0.5)));
     stage.check("inside of a solid", |side, place| {
         let is_red = within(place, (-0.25, -0.25), (0.25, 0.25));
         let fog = within(place, (-1.0, -1.0), (1.0, 1.0));
@@ -265,12 +249,10 @@ fn a_camera_inside_of_overlapping_props_sees_what_is_before_it() {
 /// Fewer rays show the same.
 #[test]
 fn fewer_rays_know_solid_parts_too() {
-    let mut stage = Stage::new();
-    stage.spawn_prop(&shape(density(0.3) / 2.0, GREEN, |_| true), default());
+    let mut stage = Sides::new();
+    stage.spawn_prop(&shape(density(0.3) / 2.0, GREEN, |_| true), ());
     stage.spawn_prop(&cube(SOLID, RED), Transform::from_xyz(0.0, 0.0, 0.4));
-    for camera in stage.cameras {
-        stage.world().entity_mut(camera).insert(PropQuality { error: 0.1, ..PropQuality::EXACT });
-    }
+    stage.set_both(PropQuality { error: 0.1, ..PropQuality::EXACT });
     stage.wait();
     stage.check("fewer rays", |side, place| {
         // The cube begins at 0.9 from the front, and at -0.1 from behind.
@@ -282,7 +264,7 @@ fn fewer_rays_know_solid_parts_too() {
 /// The pass that finds solid parts runs only in views in which props overlap, and one of those is ever solid.
 #[test]
 fn only_views_with_overlaps_pay_for_them() {
-    let mut stage = Stage::with(|app| {
+    let mut stage = Sides::with(|app| {
         app.add_plugins(RenderDiagnosticsPlugin);
     });
     let left = stage.spawn_prop(&cube(SOLID, RED), Transform::from_xyz(-0.75, 0.0, 0.0));
@@ -290,8 +272,8 @@ fn only_views_with_overlaps_pay_for_them() {
     stage.wait();
     assert!(VOLUME_SPANS.contains(&"plenoctree_solid"));
     // Returns when the pass was last measured. Measurements arrive a few frames later.
-    let last_run = |stage: &mut Stage| {
-        (0..8).for_each(|_| stage.headless.update());
+    let last_run = |stage: &mut Sides| {
+        stage.update(8);
         let diagnostics = stage.world().resource::<DiagnosticsStore>();
         let path = DiagnosticPath::new("render/plenoctree_solid/elapsed_cpu");
         diagnostics.get(&path).and_then(|diagnostic| Some(diagnostic.measurement()?.time))

@@ -1,21 +1,22 @@
 //! Tests random scenes against rays that are cast through the boxes of their props: opaque cubes in, before and behind
 //! cubes of fog, turned, stretched, mirrored and sheared, seen by two cameras with viewports and layers of their own.
 
-use std::{collections::HashMap, time::Duration};
+use std::collections::HashMap;
 
 use bevy::{
     camera::{Hdr, Viewport, visibility::RenderLayers},
     ecs::system::RunSystemOnce,
     prelude::*,
 };
-use bevy_plenoctree::{
-    PlenOctree, PlenOctreePlugin, Prop, SolidOpacity,
-    headless::{Headless, exact_camera},
-};
+use bevy_plenoctree::{PlenOctree, Prop, SolidOpacity, headless::exact_camera};
 use glam::{DAffine3, DVec3};
 use proptest::{prelude::*, strategy::ValueTree, test_runner::TestRunner};
 
-use super::stage::{BACKGROUND, BLUE, GREEN, RED, SOLID, color, cube, density, flat};
+use crate::stage::{
+    Stage,
+    pixels::is_off,
+    sides::{BACKGROUND, BLUE, GREEN, RED, SOLID, color, cube, density, flat},
+};
 
 /// The layer that only the second camera sees.
 const HIDDEN: usize = 3;
@@ -98,37 +99,33 @@ fn cast(cubes: &[Seen], ray: Ray3d) -> (DVec3, Vec<usize>) {
     (color, shown)
 }
 
-struct Stage {
-    headless: Headless,
+struct Scene {
+    stage: Stage,
     cameras: [Entity; 2],
     fields: HashMap<String, Handle<PlenOctree>>,
 }
 
-impl Stage {
+impl Scene {
     fn new() -> Self {
-        let mut headless = Headless::new(UVec2::new(98, 64), |app| {
-            app.add_plugins(PlenOctreePlugin);
-        })
-        .unwrap();
-        let target = headless.target();
+        let mut stage = Stage::with(UVec2::new(98, 64), |_| ());
         let views = [
             (UVec2::new(3, 5), UVec2::new(50, 41), Transform::from_xyz(1.1, 1.4, 3.4), Projection::default(), vec![0]),
             (UVec2::new(57, 2), UVec2::new(37, 61), Transform::from_xyz(-0.7, 0.5, -5.0), flat(), vec![0, HIDDEN]),
         ];
-        let cameras = views.map(|(physical_position, physical_size, place, projection, layers)| {
-            let world = headless.app.world_mut();
+        let second = (exact_camera(Color::BLACK), stage.headless.target());
+        let cameras = [stage.camera, stage.spawn(second)];
+        for (entity, (physical_position, physical_size, place, projection, layers)) in cameras.into_iter().zip(views) {
             let view = (place.looking_at(Vec3::ZERO, Vec3::Y), projection, RenderLayers::from_layers(&layers));
-            let entity = world.spawn((exact_camera(color(BACKGROUND)), target.clone())).insert(view).id();
-            let mut camera = world.get_mut::<Camera>(entity).unwrap();
-            camera.order = physical_position.x as isize;
+            stage.insert(entity, view);
+            let mut camera = stage.world().get_mut::<Camera>(entity).unwrap();
+            (camera.order, camera.clear_color) = (physical_position.x as isize, color(BACKGROUND).into());
             camera.viewport = Some(Viewport { physical_position, physical_size, ..default() });
-            entity
-        });
-        Self { headless, cameras, fields: HashMap::new() }
+        }
+        Self { stage, cameras, fields: HashMap::new() }
     }
 
     fn spawn(&mut self, shape: &Cube) -> Entity {
-        let world = self.headless.app.world_mut();
+        let world = self.stage.world();
         let field = self
             .fields
             .entry(format!("{:?} {}", shape.fog, shape.color))
@@ -147,7 +144,7 @@ impl Stage {
 
     /// Compares every pixel whose corners show the same cubes as its middle, and returns how many show any.
     fn check(&mut self, cubes: &[Cube], props: &[Entity], what: &str) -> usize {
-        let frame = self.headless.capture().unwrap();
+        let frame = self.stage.capture();
         let mut shown = 0;
         for camera in self.cameras {
             let rays = move |cameras: Query<(&Camera, &GlobalTransform)>| {
@@ -159,8 +156,8 @@ impl Stage {
                 let rays = pixels.map(|pixel| (pixel, around.map(|by| ray(pixel.as_vec2() + by))));
                 (rays.collect::<Vec<_>>(), *place)
             };
-            let (rays, place) = self.headless.app.world_mut().run_system_once(rays).unwrap();
-            let world = self.headless.app.world();
+            let (rays, place) = self.stage.world().run_system_once(rays).unwrap();
+            let world = self.stage.headless.app.world();
             let layers = world.get::<RenderLayers>(camera).unwrap();
             let mut seen: Vec<_> = (cubes.iter().zip(props))
                 .filter(|(_, prop)| world.get::<RenderLayers>(**prop).unwrap().intersects(layers))
@@ -175,10 +172,9 @@ impl Stage {
             for (pixel, rays) in rays {
                 let [(expected, shows), corners @ ..] = rays.map(|ray| cast(&seen, ray));
                 if corners.iter().all(|(_, others)| *others == shows) {
-                    let found = frame.get_pixel(pixel.x, pixel.y).0;
-                    let off = (0..3).map(|c| (f64::from(found[c]) - 255.0 * expected[c]).abs()).fold(0.0, f64::max);
-                    let expected = 255.0 * expected;
-                    assert!(off < 3.0, "{found:?} at {pixel}, expected {expected:.0} of {shows:?} in {what}");
+                    let (found, steps) = (frame.get_pixel(pixel.x, pixel.y), 255.0 * expected);
+                    let is_right = !is_off(found, expected, 3.0);
+                    assert!(is_right, "{found:?} at {pixel}, expected {steps:.0} of {shows:?} in {what}");
                     shown += usize::from(!shows.is_empty());
                 }
             }
@@ -190,22 +186,22 @@ impl Stage {
 #[test]
 fn random_scenes_look_as_rays_say() {
     const SCENES: usize = 12;
-    let (mut stage, mut random, mut shown) = (Stage::new(), TestRunner::deterministic(), 0);
+    let (mut scene, mut random, mut shown) = (Scene::new(), TestRunner::deterministic(), 0);
     let modes = [(Msaa::Off, false), (Msaa::Sample4, true), (Msaa::Sample4, false), (Msaa::Off, true)];
     for (msaa, hdr) in modes.into_iter().cycle().take(SCENES) {
         let cubes = cubes().new_tree(&mut random).unwrap().current();
-        let props: Vec<_> = cubes.iter().map(|cube| stage.spawn(cube)).collect();
-        for camera in stage.cameras {
-            let mut camera = stage.headless.app.world_mut().entity_mut(camera);
+        let props: Vec<_> = cubes.iter().map(|cube| scene.spawn(cube)).collect();
+        for camera in scene.cameras {
+            let mut camera = scene.stage.world().entity_mut(camera);
             camera.remove::<Hdr>().insert(msaa);
             if hdr {
                 camera.insert(Hdr);
             }
         }
-        stage.headless.wait_until_ready(Duration::from_secs(120)).unwrap();
-        shown += stage.check(&cubes, &props, &format!("{msaa:?}, HDR {hdr}, {cubes:#?}"));
+        scene.stage.wait();
+        shown += scene.check(&cubes, &props, &format!("{msaa:?}, HDR {hdr}, {cubes:#?}"));
         for prop in props {
-            stage.headless.app.world_mut().despawn(prop);
+            scene.stage.world().despawn(prop);
         }
     }
     assert!(shown > 800 * SCENES, "{shown} pixels");

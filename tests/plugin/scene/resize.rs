@@ -6,10 +6,10 @@ use bevy::{
     core_pipeline::prepass::{DepthPrepass, MotionVectorPrepass},
     prelude::*,
 };
-use bevy_plenoctree::{Ink, Posterize, PosterizeView, Prop, PropStage, headless::exact_camera};
+use bevy_plenoctree::{Ink, Posterize, PosterizeView, PropStage, headless::exact_camera};
 use image::RgbaImage;
 
-use super::stage::{BACKGROUND, BLUE, GREEN, SOLID, Stage, color, cube, density, flat};
+use crate::stage::sides::{BACKGROUND, BLUE, GREEN, SOLID, Sides, color, cube, density, flat};
 
 /// What happens to another camera in the frame in which the target changes its size.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -21,27 +21,27 @@ enum Event {
 
 /// Resizes the target while something happens to the first or the second camera, or a third one is spawned. Returns the
 /// frame after that.
-fn resize(stage: &mut Stage, size: UVec2, event: Event, changing: Entity, settings: impl Bundle) -> RgbaImage {
+fn resize(stage: &mut Sides, size: UVec2, event: Event, changing: Entity, settings: impl Bundle) -> RgbaImage {
     let (target, cameras) = (stage.headless.target(), stage.cameras);
     stage.headless.resize(size);
-    let world = stage.world();
     let mut spawned = None;
     match event {
         Event::Spawn => {
             let camera = (exact_camera(color(BACKGROUND)), target, flat(), Transform::from_xyz(0.0, 0.0, 5.0));
-            let camera = world.spawn(camera).insert(settings).id();
+            let camera = stage.spawn(camera);
+            stage.insert(camera, settings);
             // It draws first, and the others draw over it.
-            world.get_mut::<Camera>(camera).unwrap().order = -1;
+            stage.world().get_mut::<Camera>(camera).unwrap().order = -1;
             spawned = Some(camera);
         }
-        Event::Zoom => world.get_mut::<Projection>(changing).unwrap().set_changed(),
+        Event::Zoom => stage.world().get_mut::<Projection>(changing).unwrap().set_changed(),
         Event::Viewport => {
             let physical_size = size - UVec2::new(5, 7);
             let viewport = Viewport { physical_position: UVec2::new(3, 2), physical_size, ..default() };
-            world.get_mut::<Camera>(changing).unwrap().viewport = Some(viewport);
+            stage.world().get_mut::<Camera>(changing).unwrap().viewport = Some(viewport);
         }
     }
-    let capture = |stage: &mut Stage| {
+    let capture = |stage: &mut Sides| {
         stage.headless.capture().unwrap_or_else(|error| panic!("{size}, {event:?}, {changing}: {error}"))
     };
     capture(stage);
@@ -59,12 +59,11 @@ fn resize(stage: &mut Stage, size: UVec2, event: Event, changing: Entity, settin
 const SIZES: [UVec2; 3] = [UVec2::splat(40), UVec2::new(41, 17), UVec2::new(17, 25)];
 
 /// A solid prop, haze before it, and a pane before both, all of them larger than the view.
-fn filled() -> (Stage, Handle<bevy_plenoctree::PlenOctree>, Entity) {
-    let mut stage = Stage::with_meshes();
+fn filled() -> Sides {
+    let mut stage = Sides::with_meshes();
     let [first, second] = stage.cameras;
-    let field = stage.add(&cube(SOLID, GREEN));
     let large = Transform::from_scale(Vec3::splat(8.0));
-    let solid = stage.world().spawn((Prop(field.clone()), large)).id();
+    stage.spawn_prop(&cube(SOLID, GREEN), large);
     stage.spawn_prop(&cube(density(0.4), BLUE), large.with_translation(Vec3::new(0.25, 0.25, 0.5)));
     stage.spawn_rectangle((-8.0, -8.0), (8.0, 8.0), 4.75, BLUE, 0.5);
     for camera in [first, second] {
@@ -72,13 +71,13 @@ fn filled() -> (Stage, Handle<bevy_plenoctree::PlenOctree>, Entity) {
     }
     stage.world().get_mut::<Camera>(second).unwrap().clear_color = ClearColorConfig::None;
     stage.wait();
-    (stage, field, solid)
+    stage
 }
 
 /// No frame has an error, and the next ones show what they always show.
 #[test]
 fn cameras_may_disagree_about_the_size_of_their_target() {
-    let (mut stage, field, solid) = filled();
+    let mut stage = filled();
     let [first, second] = stage.cameras;
     for (what, msaa, place) in [
         ("as trained", Msaa::Off, PropStage::Scene),
@@ -87,16 +86,14 @@ fn cameras_may_disagree_about_the_size_of_their_target() {
         ("view", Msaa::Off, PropStage::Display),
     ] {
         match what {
-            "posterized" => drop(stage.world().entity_mut(solid).insert((Posterize::default(), Ink::default()))),
+            "posterized" => stage.dress((Posterize::default(), Ink::default())),
             "view" => {
-                let everything = (PosterizeView(field.clone()), Posterize::default());
-                stage.world().entity_mut(second).insert(everything);
+                let everything = (PosterizeView(stage.field()), Posterize::default());
+                stage.insert(second, everything);
             }
             _ => {}
         }
-        for camera in [first, second] {
-            stage.world().entity_mut(camera).insert((msaa, place));
-        }
+        stage.set_both((msaa, place));
         stage.wait();
         println!("{what}, {msaa:?}, {place:?}");
         for event in [Event::Spawn, Event::Zoom, Event::Viewport] {
@@ -114,12 +111,12 @@ fn cameras_may_disagree_about_the_size_of_their_target() {
 /// Cameras that differ in format, samples and prepasses have textures of their own, but share others.
 #[test]
 fn cameras_of_every_kind_may_disagree() {
-    let (mut stage, _, solid) = filled();
+    let mut stage = filled();
     let [first, second] = stage.cameras;
-    stage.world().entity_mut(solid).insert(Posterize::default());
+    stage.dress(Posterize::default());
     for (kind, msaa) in [("prepasses", Msaa::Sample4), ("hdr", Msaa::Off), ("samples", Msaa::Off)] {
         println!("{kind}, {msaa:?}");
-        stage.world().entity_mut(first).insert(msaa);
+        stage.insert(first, msaa);
         let mut other = stage.world().entity_mut(second);
         other.remove::<(Hdr, DepthPrepass, MotionVectorPrepass)>().insert(msaa);
         match kind {

@@ -8,11 +8,14 @@ use bevy_plenoctree::UpAxis;
 use glam::DVec3;
 use plenoctree::{BakeSettings, Basis, bake};
 
-use super::stage::{BLUE, GREEN, RED, SOLID, Stage, cube, density, in_cube, seen, within};
+use crate::stage::{
+    fields::colored,
+    sides::{BLUE, GREEN, RED, SOLID, Sides, cube, density, in_cube, seen, within},
+};
 
 #[test]
 fn scale_does_not_change_opacity() {
-    let mut stage = Stage::new();
+    let mut stage = Sides::new();
     let scale = Vec3::new(1.5, 0.5, 3.0);
     stage.spawn_prop(&cube(density(0.4), GREEN), Transform::from_scale(scale));
     stage.wait();
@@ -26,12 +29,12 @@ fn scale_does_not_change_opacity() {
 /// wide and three times as deep, which shears it: at x, the path is now as long as it was at x / 2.
 #[test]
 fn a_sheared_prop_is_as_opaque_as_its_field() {
-    let mut stage = Stage::new();
+    let mut stage = Sides::new();
     let parent = Transform::from_scale(Vec3::new(2.0, 1.0, 3.0));
-    let parent = stage.world().spawn((parent, Visibility::default())).id();
+    let parent = stage.spawn((parent, Visibility::default()));
     let rotated = Transform::from_rotation(Quat::from_rotation_y(FRAC_PI_4));
     let prop = stage.spawn_prop(&cube(1.0, GREEN), rotated);
-    stage.world().entity_mut(prop).insert(ChildOf(parent));
+    stage.insert(prop, ChildOf(parent));
     stage.wait();
     stage.check("sheared", |side, place| {
         let path = if place.y.abs() < 0.5 { 2f64.sqrt() - place.x.abs() } else { 0.0 };
@@ -42,16 +45,16 @@ fn a_sheared_prop_is_as_opaque_as_its_field() {
 /// Fog with an opacity of 6/10 on the left and 3/10 on the right, mirrored in various ways and rotated.
 #[test]
 fn a_mirrored_prop_is_mirrored() {
-    let field = bake(
-        &BakeSettings { depth: 4, basis: Basis::Rgba, up: UpAxis::Y, ..default() },
+    let field = colored(
+        4,
         |at| match at.abs().max_element() < 0.5 {
             true => density(if at.x < 0.0 { 0.6 } else { 0.3 }),
             false => 0.0,
         },
-        |at| move |_| if at.x < 0.0 { RED } else { BLUE },
+        |at| if at.x < 0.0 { RED } else { BLUE },
     );
-    let mut stage = Stage::new();
-    let prop = stage.spawn_prop(&field.unwrap(), default());
+    let mut stage = Sides::new();
+    let prop = stage.spawn_prop(&field, ());
     stage.wait();
     let scaled = |x, y, z| Transform::from_scale(Vec3::new(x, y, z));
     for (transform, swapped) in [
@@ -62,7 +65,7 @@ fn a_mirrored_prop_is_mirrored() {
         (scaled(-1.0, -1.0, -1.0), true),
         (scaled(1.0, 1.0, -1.0).with_rotation(Quat::from_rotation_z(PI)), true),
     ] {
-        stage.world().entity_mut(prop).insert(transform);
+        stage.insert(prop, transform);
         stage.check(format!("{transform:?}"), |side, place| {
             let layer = if (place.x < 0.0) != swapped { (0.0, RED, 0.6) } else { (0.0, BLUE, 0.3) };
             seen(side, &in_cube(place).then_some(layer).into_iter().collect::<Vec<_>>())
@@ -82,7 +85,7 @@ fn highlights_rotate_with_the_prop() {
         bake(&settings, |at| if at.abs().max_element() < 0.5 { SOLID } else { 0.0 }, |_| sigmoid).unwrap()
     };
     let rotated = Transform::from_rotation;
-    let mut stage = Stage::new();
+    let mut stage = Sides::new();
     let half = std::f64::consts::FRAC_1_SQRT_2;
     for (what, up, transform, direction) in [
         ("identity", UpAxis::Y, default(), [0.0, 0.0, -1.0]),

@@ -1,7 +1,6 @@
 //! Tests props together with glass that refracts, and their place among the passes of others.
 
 use bevy::{
-    camera::Hdr,
     core_pipeline::{
         Core3d, Core3dSystems,
         core_3d::{main_opaque_pass_3d, main_transparent_pass_3d},
@@ -19,13 +18,14 @@ use bevy::{
 use bevy_plenoctree::PlenOctreeRenderSystems;
 use glam::{DVec2, DVec3};
 
-use super::stage::{BACKGROUND, GREEN, PIXELS, RED, SOLID, Side, Stage, color, cube, density, in_cube};
+use crate::stage::{
+    pixels::encoded,
+    sides::{BACKGROUND, GREEN, PIXELS, RED, SOLID, Side, Sides, color, cube, density, in_cube},
+};
 
 /// Spawns a pane of glass that faces both sides. Its color tints what is seen through it.
-fn spawn_glass(stage: &mut Stage, z: f32, tint: Color, thickness: f32) -> Entity {
-    let world = stage.world();
-    let mesh = world.resource_mut::<Assets<Mesh>>().add(Rectangle::new(1.5, 1.5));
-    let material = world.resource_mut::<Assets<StandardMaterial>>().add(StandardMaterial {
+fn spawn_glass(stage: &mut Sides, z: f32, tint: Color, thickness: f32) -> Entity {
+    let glass = StandardMaterial {
         base_color: tint,
         specular_transmission: 1.0,
         perceptual_roughness: 0.0,
@@ -34,15 +34,14 @@ fn spawn_glass(stage: &mut Stage, z: f32, tint: Color, thickness: f32) -> Entity
         ior: 1.5,
         cull_mode: None,
         ..default()
-    });
-    world.spawn((Mesh3d(mesh), MeshMaterial3d(material), Transform::from_xyz(0.0, 0.0, z))).id()
+    };
+    stage.spawn_mesh(Rectangle::new(1.5, 1.5), glass, Transform::from_xyz(0.0, 0.0, z))
 }
 
 /// Returns what is seen through glass of this tint.
 fn tinted(tint: Color, behind: DVec3) -> DVec3 {
     let (tint, behind) = (tint.to_linear(), color(behind).to_linear());
-    let seen = Srgba::from(LinearRgba::rgb(tint.red * behind.red, tint.green * behind.green, tint.blue * behind.blue));
-    DVec3::new(seen.red.into(), seen.green.into(), seen.blue.into())
+    encoded(LinearRgba::rgb(tint.red * behind.red, tint.green * behind.green, tint.blue * behind.blue))
 }
 
 /// Props are seen through glass in front of them, and hide glass behind them.
@@ -50,21 +49,14 @@ fn tinted(tint: Color, behind: DVec3) -> DVec3 {
 fn props_are_seen_through_glass() {
     let tint = Color::srgb(1.0, 0.8, 0.6);
     let in_glass = |place: DVec2| place.abs().max_element() < 0.75;
+    let mut stage = Sides::with_meshes();
+    spawn_glass(&mut stage, 1.0, tint, 0.0);
     for opacity in [0.4, 1.0] {
-        let mut stage = Stage::with_meshes();
-        stage.spawn_prop(&cube(if opacity < 1.0 { density(opacity) } else { SOLID }, GREEN), default());
-        spawn_glass(&mut stage, 1.0, tint, 0.0);
+        stage.clear();
+        stage.spawn_prop(&cube(if opacity < 1.0 { density(opacity) } else { SOLID }, GREEN), ());
         stage.wait();
         for (msaa, hdr) in [(Msaa::Off, false), (Msaa::Off, true), (Msaa::Sample4, false), (Msaa::Sample4, true)] {
-            for camera in stage.cameras {
-                let mut camera = stage.world().entity_mut(camera);
-                camera.insert(msaa);
-                if hdr {
-                    camera.insert(Hdr)
-                } else {
-                    camera.remove::<Hdr>()
-                };
-            }
+            stage.set_mode(msaa, hdr);
             stage.check(format!("opacity {opacity}, {msaa:?}, HDR {hdr}"), |side, place| {
                 let behind = if in_cube(place) { BACKGROUND.lerp(GREEN, opacity) } else { BACKGROUND };
                 // From behind, glass is farther away than the prop. It is hidden where that is solid.
@@ -83,13 +75,12 @@ fn props_are_seen_through_glass() {
 /// Glass that is turned and thick shows props in another place.
 #[test]
 fn thick_glass_refracts_props() {
-    let mut stage = Stage::with_meshes();
-    stage.spawn_prop(&cube(SOLID, RED), default());
+    let mut stage = Sides::with_meshes();
+    stage.spawn_prop(&cube(SOLID, RED), ());
     let glass = spawn_glass(&mut stage, 1.5, Color::WHITE, 1.5);
     stage.world().get_mut::<Transform>(glass).unwrap().rotation = Quat::from_rotation_y(0.8);
-    let [front, _] = stage.cameras;
-    let steps = |stage: &mut Stage, steps| {
-        stage.world().entity_mut(front).insert(ScreenSpaceTransmission { steps, ..default() });
+    let steps = |stage: &mut Sides, steps| {
+        stage.set(ScreenSpaceTransmission { steps, ..default() });
         let frame = stage.capture();
         let row = (0..PIXELS).filter(|x| {
             let [red, green, ..] = frame.get_pixel(*x, PIXELS / 2).0;
@@ -125,7 +116,7 @@ fn props_are_drawn_after_the_sky_and_before_other_main_passes() {
         |system: ScheduleConfigs<ScheduleSystem>| system.after(main_opaque_pass_3d).before(main_transparent_pass_3d);
     for (what, in_main_pass, is_ordered) in [("sky", false, false), ("main pass", true, false), ("ordered", true, true)]
     {
-        let mut stage = Stage::with(|app| {
+        let mut stage = Sides::with(|app| {
             let mut painting = between(paint(wgpu::Color::BLUE).into_configs());
             if in_main_pass {
                 painting = painting.in_set(Core3dSystems::MainPass);
@@ -138,7 +129,7 @@ fn props_are_drawn_after_the_sky_and_before_other_main_passes() {
             render_app.configure_sets(Core3d, BeforeProps.before(PlenOctreeRenderSystems::Layer));
             render_app.add_systems(Core3d, painting);
         });
-        stage.spawn_prop(&cube(density(0.4), GREEN), default());
+        stage.spawn_prop(&cube(density(0.4), GREEN), ());
         stage.wait();
         stage.check(what, |_, place| {
             let is_over = in_cube(place) && (!in_main_pass || is_ordered);

@@ -6,7 +6,7 @@ use bevy_plenoctree::{
     PosterizeView, PropStage,
 };
 
-use super::scene::{COLOR, PALETTE, SIZE, SOLID, Scene, assert_near, at, middle};
+use super::scene::{COLOR, PALETTE, SIZE, SOLID, Stage, assert_near, at, differing, middle, scene};
 
 /// Draws the label of a pixel in red and its owner in green, in sixteenths.
 const MARK: &str = "
@@ -32,9 +32,8 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
 ";
 
 /// Adds shaders to an app, and returns them as stages.
-fn stages<const N: usize>(scene: &mut Scene, sources: [&str; N]) -> LabelStages {
-    let mut shaders = scene.world().resource_mut::<Assets<Shader>>();
-    LabelStages(sources.map(|source| shaders.add(Shader::from_wgsl(source.to_string(), "stage.wgsl"))).to_vec())
+fn stages<const N: usize>(scene: &mut Stage, sources: [&str; N]) -> LabelStages {
+    LabelStages(sources.map(|source| scene.add(Shader::from_wgsl(source.to_string(), "stage.wgsl"))).to_vec())
 }
 
 const HARD: Posterize = Posterize {
@@ -49,9 +48,9 @@ const HARD: Posterize = Posterize {
     method: None,
 };
 
-fn posterized(mut scene: Scene) -> Scene {
-    let prop = scene.prop;
-    scene.world().entity_mut(prop).insert(HARD);
+fn posterized() -> Stage {
+    let mut scene = scene(SOLID);
+    scene.dress(HARD);
     scene
 }
 
@@ -62,7 +61,7 @@ fn marked(label: u32, owner: u32) -> Color {
 
 #[test]
 fn a_stage_reads_labels_and_owners_and_writes_the_screen() {
-    let mut scene = posterized(Scene::new(SOLID));
+    let mut scene = posterized();
     let without = scene.capture();
     let encoded = |color: Color| Srgba::from(color).to_f32_array_no_alpha().map(f64::from);
     let palette = Palette::new(PALETTE.map(encoded).to_vec()).unwrap();
@@ -76,18 +75,18 @@ fn a_stage_reads_labels_and_owners_and_writes_the_screen() {
             assert_eq!(at(&frame, 1, 1), at(&without, 1, 1), "next to the prop");
         }
     }
-    scene.set_if(false, LabelStages::default());
+    scene.unset::<LabelStages>();
     scene.set((Msaa::Off, PropStage::Scene));
     assert!(scene.capture() == without, "without the stage again");
 }
 
 #[test]
 fn props_as_trained_and_posterized_views_have_different_labels() {
-    let mut scene = Scene::new(SOLID);
+    let mut scene = scene(SOLID);
     let mark = stages(&mut scene, [MARK]);
     scene.set((Msaa::Off, mark));
     assert_near(middle(&scene.capture()), marked(1, 0), 1, "as trained");
-    let field = scene.field.clone();
+    let field = scene.field();
     scene.set((PosterizeView(field), HARD));
     let [red, green, _] = middle(&scene.capture());
     assert!(red >= 2 * 16 - 1 && green == 0, "{red} {green}");
@@ -97,18 +96,16 @@ fn props_as_trained_and_posterized_views_have_different_labels() {
 /// that undo each other change nothing.
 #[test]
 fn stages_run_in_order() {
-    let mut scene = posterized(Scene::new(SOLID));
+    let mut scene = posterized();
     let corner =
         Viewport { physical_position: UVec2::new(7, 3), physical_size: UVec2::new(SIZE - 11, SIZE - 9), ..default() };
-    let prop = scene.prop;
     for (viewport, edges) in [(None, EdgeSmoothing::Coverage), (Some(corner), EdgeSmoothing::Off)] {
-        let camera = scene.camera;
-        scene.world().get_mut::<Camera>(camera).unwrap().viewport = viewport;
-        scene.world().entity_mut(prop).insert(Posterize { edges, ..HARD });
+        scene.camera_mut().viewport = viewport;
+        scene.dress(Posterize { edges, ..HARD });
         for msaa in [Msaa::Off, Msaa::Sample4] {
             scene.set(msaa);
             let [once, twice] = [stages(&mut scene, [SWAP]), stages(&mut scene, [SWAP, SWAP])];
-            scene.set_if(false, LabelStages::default());
+            scene.unset::<LabelStages>();
             let direct = scene.capture();
             scene.set(once);
             let swapped = scene.capture();
@@ -118,8 +115,7 @@ fn stages_run_in_order() {
             let staged = scene.capture();
             assert_ne!(middle(&direct), at(&direct, 0, 0), "the prop is visible");
             // Stages decide for whole pixels, so that a mesh in front of a prop hides none of their samples.
-            let far = direct.iter().zip(staged.iter()).filter(|(a, b)| a.abs_diff(**b) > 1).count();
-            assert_eq!(far, 0, "{msaa:?}");
+            assert_eq!(differing(&direct, &staged, 1), 0, "{msaa:?}");
         }
     }
 }

@@ -20,9 +20,10 @@ use bevy::{
 use bevy_plenoctree::{PlenOctreePlugin, Posterize, PropStage, headless::exact_camera};
 use image::imageops::crop_imm;
 
-use super::scene::{COLOR, SHOWN, SIZE, SOLID, Scene, assert_near, at, is_near, middle};
-
-use crate::idle_stage::idle_stage;
+use super::scene::{
+    COLOR, SHOWN, SIZE, SOLID, Stage, assert_near, at, is_near, middle, scene, scene_with, spawn_square,
+};
+use crate::stage::unlit;
 
 const TONEMAPPINGS: [Tonemapping; 9] = [
     Tonemapping::None,
@@ -43,10 +44,9 @@ fn effects() -> impl Bundle {
 }
 
 /// Returns a scene with a cube that shows the first of [`SHOWN`] at [`PropStage::Display`], in front of a brighter sky.
-fn posterized() -> Scene {
-    let mut scene = Scene::new(SOLID);
-    let prop = scene.prop;
-    scene.world().entity_mut(prop).insert(Posterize { softness: 0.0, ..default() });
+fn posterized() -> Stage {
+    let mut scene = scene(SOLID);
+    scene.dress(Posterize { softness: 0.0, ..default() });
     scene.set_background(Color::linear_rgb(50.0, 50.0, 50.0));
     scene.set(PropStage::Display);
     scene
@@ -95,10 +95,10 @@ fn compositing_spaces_are_honored() {
             scene.set(stage);
             let what = format!("{space:?}, hdr {hdr}, {stage:?}");
             assert_exact(&scene.capture(), &what);
-            let prop = scene.prop;
+            let prop = scene.prop();
             let posterize = scene.world().entity_mut(prop).take::<Posterize>().unwrap();
             assert_near(middle(&scene.capture()), COLOR, 1, &format!("{what}, as trained"));
-            scene.world().entity_mut(prop).insert(posterize);
+            scene.dress(posterize);
         }
     }
 }
@@ -106,18 +106,17 @@ fn compositing_spaces_are_honored() {
 #[test]
 fn opaque_meshes_occlude_props() {
     let mut scene = posterized();
-    let prop = scene.prop;
     scene.set((effects(), Hdr, Tonemapping::AgX));
-    let opaque = scene.spawn_square(Vec3::new(0.0, -0.2, 1.0), 0.4, Color::srgb(0.8, 0.6, 0.1));
+    let opaque = spawn_square(&mut scene, Vec3::new(0.0, -0.2, 1.0), 0.4, unlit(Color::srgb(0.8, 0.6, 0.1)));
     // At 2 units from the camera, 0.2 units are about a quarter of the way to the bottom.
     let below = (SIZE / 2, SIZE * 5 / 8);
     for msaa in [Msaa::Off, Msaa::Sample4] {
         scene.set(msaa);
         let frame = scene.capture();
-        scene.world().entity_mut(prop).insert(Visibility::Hidden);
+        scene.dress(Visibility::Hidden);
         let expected = at(&scene.capture(), below.0, below.1);
         assert_eq!(at(&frame, below.0, below.1), expected, "{msaa:?}: behind a mesh");
-        scene.world().entity_mut(prop).insert(Visibility::Visible);
+        scene.dress(Visibility::Visible);
     }
     scene.world().despawn(opaque);
     assert_exact(&scene.capture(), "without the mesh");
@@ -130,8 +129,8 @@ fn glass_is_in_front_of_exact_colors() {
     let mut scene = posterized();
     let pane = Color::srgba(0.8, 0.6, 0.1, 0.5);
     // They cover the upper half and the left half of the frame's middle.
-    scene.spawn_square(Vec3::new(0.0, 0.2, 1.0), 0.4, pane);
-    scene.spawn_square(Vec3::new(-0.5, 0.0, -1.0), 1.0, Color::srgba(1.0, 0.0, 0.0, 0.9));
+    spawn_square(&mut scene, Vec3::new(0.0, 0.2, 1.0), 0.4, unlit(pane));
+    spawn_square(&mut scene, Vec3::new(-0.5, 0.0, -1.0), 1.0, unlit(Color::srgba(1.0, 0.0, 0.0, 0.9)));
     let tinted = Color::from(SHOWN[0].to_linear() * 0.5 + pane.to_linear().with_alpha(1.0) * 0.5);
     let corner = Viewport { physical_position: UVec2::new(7, 3), physical_size: UVec2::splat(40), ..default() };
     for (msaa, hdr, stages) in [
@@ -142,12 +141,12 @@ fn glass_is_in_front_of_exact_colors() {
     ] {
         scene.set(msaa);
         scene.set_if(hdr, Hdr);
-        let idle = idle_stage(scene.world());
+        let idle = scene.idle_stage();
         scene.set_if(stages, idle);
         for viewport in [None, Some(corner.clone())] {
-            let (camera, what) = (scene.camera, format!("{msaa:?}, HDR {hdr}, {viewport:?}"));
+            let what = format!("{msaa:?}, HDR {hdr}, {viewport:?}");
             let (x, y, size) = viewport.as_ref().map_or((0, 0, SIZE), |viewport| (7, 3, viewport.physical_size.x));
-            scene.world().get_mut::<Camera>(camera).unwrap().viewport = viewport;
+            scene.camera_mut().viewport = viewport;
             let frame = crop_imm(&scene.capture(), x, y, size, size).to_image();
             assert_near(at(&frame, size / 2, size * 3 / 8), tinted, 2, &format!("{what}, behind glass"));
             assert_near(at(&frame, size * 7 / 16, size * 9 / 16), SHOWN[0], 1, &format!("{what}, before glass"));
@@ -201,7 +200,7 @@ fn each_viewport_has_its_own_stage() {
 fn textures_hold_palette_colors() {
     for format in [TextureFormat::Rgba8UnormSrgb, TextureFormat::Bgra8UnormSrgb, TextureFormat::Rgba16Float] {
         let mut scene = posterized();
-        let (prop, camera, target) = (scene.prop, scene.camera, scene.headless.target());
+        let (prop, camera, target) = (scene.prop(), scene.camera, scene.headless.target());
         let world = scene.world();
         let texture = world.resource_mut::<Assets<Image>>().add(Image::new_target_texture(32, 32, format, None));
         world.entity_mut(camera).insert((
@@ -216,7 +215,7 @@ fn textures_hold_palette_colors() {
         world.get_mut::<Transform>(camera).unwrap().translation.x = 100.0;
         world.spawn((exact_camera(Color::BLACK), target, Transform::from_xyz(0.0, 0.0, 3.0)));
         let material = StandardMaterial { base_color_texture: Some(texture), unlit: true, ..default() };
-        scene.spawn_material(0.5 * Vec3::Z, 3.0, material);
+        spawn_square(&mut scene, 0.5 * Vec3::Z, 3.0, material);
         assert_exact(&scene.capture(), &format!("{format:?}"));
     }
 }
@@ -236,7 +235,7 @@ fn paint(color: wgpu::Color) -> impl Fn(ViewQuery<&ViewTarget>, RenderContext) {
 fn effects_of_other_plugins_run_first() {
     #[derive(SystemSet, Clone, Debug, PartialEq, Eq, Hash)]
     struct Red;
-    let mut scene = Scene::with(SOLID, |app| {
+    let mut scene = scene_with(SOLID, |app| {
         let red = paint(wgpu::Color::RED).in_set(Red).in_set(Core3dSystems::PostProcess).after(tonemapping);
         let white = paint(wgpu::Color::WHITE).in_set(Core3dSystems::PostProcess).after(Red);
         app.sub_app_mut(RenderApp).add_systems(Core3d, red);

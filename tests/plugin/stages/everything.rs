@@ -1,7 +1,5 @@
 //! Tests [`PosterizeView`], which posterizes everything in view with one palette.
 
-use std::time::Duration;
-
 use bevy::{
     camera::{Exposure, Hdr, Viewport},
     core_pipeline::tonemapping::{DebandDither, Tonemapping},
@@ -11,11 +9,15 @@ use bevy::{
 };
 use bevy_plenoctree::{
     BeforePalette, BilateralFilter, BorderSmoothing, EdgeSmoothing, FieldPalette, POSTERIZE_SPANS, PaletteOverride,
-    Palettes, PlenOctree, Posterize, PosterizeView, PropStage, VOLUME_SPANS,
+    Palettes, Posterize, PosterizeView, PropStage, VOLUME_SPANS,
 };
 use image::RgbaImage;
 
-use super::scene::{COLOR, PALETTE, SHOWN, SIZE, SOLID, Scene, assert_near, at, cube, is_near, middle, over};
+use super::scene::{
+    COLOR, PALETTE, SHOWN, SIZE, SOLID, Stage, assert_near, at, cube, is_near, middle, over, scene, scene_with,
+    spawn_square,
+};
+use crate::stage::unlit;
 
 const HARD: Posterize = Posterize {
     blend_steps: 1,
@@ -34,13 +36,13 @@ const SKY: Color = Color::srgb(0.2, 0.2, 0.15);
 const STRAW: Color = Color::srgb(0.8, 0.8, 0.4);
 
 /// Returns a scene with a straw-colored square in the left half, and no prop.
-fn without_a_prop() -> Scene {
-    let mut scene = Scene::new(SOLID);
-    let (prop, field) = (scene.prop, scene.field.clone());
+fn without_a_prop() -> Stage {
+    let mut scene = scene(SOLID);
+    let (prop, field) = (scene.prop(), scene.field());
     scene.world().despawn(prop);
     scene.set_background(SKY);
     scene.set((PosterizeView(field), HARD));
-    scene.spawn_square(Vec3::new(-0.6, 0.0, 0.0), 0.8, STRAW);
+    spawn_square(&mut scene, Vec3::new(-0.6, 0.0, 0.0), 0.8, unlit(STRAW));
     scene
 }
 
@@ -93,7 +95,7 @@ fn exposure_scales_the_labels_of_a_view() {
 fn transparent_meshes_are_posterized_only_at_the_display() {
     let mut scene = without_a_prop();
     let red = Color::srgba(1.0, 0.0, 0.0, 0.5);
-    scene.spawn_square(Vec3::new(0.6, 0.0, 0.0), 0.8, red);
+    spawn_square(&mut scene, Vec3::new(0.6, 0.0, 0.0), 0.8, unlit(red));
     let label = SHOWN[1].to_linear();
     let tinted = Color::from(label * 0.5 + red.to_linear().with_alpha(1.0) * 0.5);
     assert_near(at(&scene.capture(), EMPTY.0, EMPTY.1), tinted, 2, "in the scene");
@@ -104,9 +106,8 @@ fn transparent_meshes_are_posterized_only_at_the_display() {
 /// Posterized props keep their own palette, and everything else gets the view's.
 #[test]
 fn props_are_posterized_once() {
-    let mut scene = Scene::new(SOLID);
-    let prop = scene.prop;
-    let other = scene.world().resource_mut::<Assets<PlenOctree>>().add(cube(1.0));
+    let mut scene = scene(SOLID);
+    let other = scene.add(cube(1.0));
     let [pink, teal] = [Color::srgb(0.9, 0.5, 0.6), Color::srgb(0.1, 0.5, 0.5)];
     // With a single color, everything shows that color.
     let single = FieldPalette::from_colors([pink]).unwrap();
@@ -114,7 +115,7 @@ fn props_are_posterized_once() {
     scene.set((PosterizeView(other.clone()), HARD));
     assert!(scene.capture().pixels().all(|pixel| is_near([pixel[0], pixel[1], pixel[2]], pink, 1)));
 
-    scene.world().entity_mut(prop).insert(HARD);
+    scene.dress(HARD);
     let frame = scene.capture();
     assert_near(middle(&frame), SHOWN[0], 1, "the prop");
     assert_near(at(&frame, 1, 1), pink, 1, "next to the prop");
@@ -124,45 +125,43 @@ fn props_are_posterized_once() {
     assert_near(at(&scene.capture(), 1, 1), teal, 1, "recolored");
 
     // A red mesh in front of the prop shows no red, not even where its edge crosses a pixel.
-    let mesh = scene.spawn_square(Vec3::new(0.21, 0.13, 1.0), 0.4, Color::srgb(1.0, 0.0, 0.0));
-    scene.world().entity_mut(prop).insert(Posterize { edges: EdgeSmoothing::Coverage, ..HARD });
+    let mesh = spawn_square(&mut scene, Vec3::new(0.21, 0.13, 1.0), 0.4, unlit(Color::srgb(1.0, 0.0, 0.0)));
+    scene.dress(Posterize { edges: EdgeSmoothing::Coverage, ..HARD });
     for msaa in [Msaa::Sample4, Msaa::Off] {
         scene.set(msaa);
         let red = scene.capture().pixels().map(|pixel| pixel[0]).max();
         assert!(red < Some(40), "{msaa:?}: {red:?}");
     }
     scene.world().despawn(mesh);
-    scene.world().entity_mut(prop).insert(HARD);
+    scene.dress(HARD);
 
     scene.set(PaletteOverride::default().with(0, COLOR));
     assert_near(at(&scene.capture(), 1, 1), COLOR, 1, "overridden");
     assert_near(middle(&scene.capture()), SHOWN[0], 1, "the prop, with an override on the view");
 
     // The view posterizes pixels that are too thin for the prop to posterize.
-    scene.world().entity_mut(prop).insert(Posterize { min_opacity: 2.0, ..HARD });
+    scene.dress(Posterize { min_opacity: 2.0, ..HARD });
     assert_near(middle(&scene.capture()), COLOR, 1, "a thin prop");
 }
 
 #[test]
 fn removing_posterize_restores_the_view() {
-    let mut scene = Scene::new(1.0);
-    let (camera, field) = (scene.camera, scene.field.clone());
+    let mut scene = scene(1.0);
+    let field = scene.field();
     scene.set_background(SKY);
     let before = scene.capture();
     assert_near(middle(&before), over(1.0 - (-1f32).exp(), COLOR, SKY, 1.0), 2, "the fog");
     scene.set(PosterizeView(field));
     assert!(scene.capture() != before);
-    scene.world().entity_mut(camera).remove::<Posterize>();
+    scene.unset::<Posterize>();
     assert!(scene.capture() == before);
 }
 
 #[test]
 fn only_the_viewport_is_posterized() {
     let mut scene = without_a_prop();
-    let camera = scene.camera;
     let (physical_position, physical_size) = (UVec2::new(5, 11), UVec2::new(30, 20));
-    scene.world().get_mut::<Camera>(camera).unwrap().viewport =
-        Some(Viewport { physical_position, physical_size, ..default() });
+    scene.camera_mut().viewport = Some(Viewport { physical_position, physical_size, ..default() });
     for stage in [PropStage::Scene, PropStage::Display] {
         scene.set(stage);
         let frame = scene.capture();
@@ -191,13 +190,14 @@ fn labels_of_a_view_blend() {
 /// The passes run if there is something to draw, and only then.
 #[test]
 fn passes_run_only_if_there_is_something_to_draw() {
-    let mut scene = Scene::with(SOLID, |app| {
+    let mut scene = scene_with(SOLID, |app| {
         app.add_plugins(RenderDiagnosticsPlugin);
     });
+    let (prop, field) = (scene.prop(), scene.field());
     // Returns when each pass was last measured. Measurements arrive a few frames later.
-    let mut last_run = |change: &mut dyn FnMut(&mut Scene)| {
+    let mut last_run = |change: &mut dyn FnMut(&mut Stage)| {
         change(&mut scene);
-        (0..8).for_each(|_| scene.headless.update());
+        scene.update(8);
         let diagnostics = scene.world().resource::<DiagnosticsStore>();
         [VOLUME_SPANS, POSTERIZE_SPANS].map(|spans| {
             let path = DiagnosticPath::new(format!("render/{}/elapsed_cpu", spans[0]));
@@ -206,13 +206,11 @@ fn passes_run_only_if_there_is_something_to_draw() {
     };
     let with_a_prop = last_run(&mut |_| {});
     let without = last_run(&mut |scene| {
-        let prop = scene.prop;
         scene.world().despawn(prop);
     });
     assert_eq!(last_run(&mut |_| {}), without);
     let posterized = last_run(&mut |scene| {
-        let field = scene.field.clone();
-        scene.set(PosterizeView(field));
+        scene.set(PosterizeView(field.clone()));
     });
     assert!((0..2).all(|pass| with_a_prop[pass] <= without[pass] && without[pass] < posterized[pass]));
 }
@@ -220,9 +218,9 @@ fn passes_run_only_if_there_is_something_to_draw() {
 #[test]
 fn a_view_without_a_palette_gets_one() {
     let mut scene = without_a_prop();
-    let fog = scene.world().resource_mut::<Assets<PlenOctree>>().add(cube(1.0));
+    let fog = scene.add(cube(1.0));
     scene.set(PosterizeView(fog.clone()));
-    scene.headless.wait_until_ready(Duration::from_secs(120)).unwrap();
+    scene.wait();
     let palette = scene.world().resource::<Palettes>().get(&fog).unwrap();
     assert!(palette.extraction().is_some());
     let only = palette.shown()[0];

@@ -12,7 +12,9 @@ use bevy::{
 };
 use bevy_plenoctree::{Posterize, PropStage};
 use glam::DVec3;
-use scene::{COLOR, SHOWN, SIZE, SOLID, Scene, assert_near, at, middle, orthographic, over};
+use scene::{COLOR, SHOWN, SIZE, SOLID, assert_near, at, middle, orthographic, over, scene as scene_of, spawn_square};
+
+use crate::stage::{pixels::linear, unlit};
 
 const SKY: Color = Color::srgb(0.25, 0.5, 0.35);
 
@@ -24,7 +26,7 @@ fn exposure(times: f32) -> Exposure {
 #[test]
 fn exposure_scales_a_prop_but_not_the_background() {
     // Half of the light passes through.
-    let mut scene = Scene::new(std::f64::consts::LN_2);
+    let mut scene = scene_of(std::f64::consts::LN_2);
     scene.set(orthographic());
     scene.set_background(SKY);
     for (hdr, msaa) in [(false, Msaa::Off), (false, Msaa::Sample4), (true, Msaa::Off), (true, Msaa::Sample4)] {
@@ -44,9 +46,8 @@ fn exposure_scales_a_prop_but_not_the_background() {
 
 #[test]
 fn exposure_scales_labels_without_moving_them() {
-    let mut scene = Scene::new(SOLID);
-    let prop = scene.prop;
-    scene.world().entity_mut(prop).insert(Posterize { softness: 0.0, ..default() });
+    let mut scene = scene_of(SOLID);
+    scene.dress(Posterize { softness: 0.0, ..default() });
     for times in [0.125, 1.0, 1.25] {
         scene.set(exposure(times));
         let expected = (SHOWN[0].to_linear() * times).into();
@@ -57,16 +58,16 @@ fn exposure_scales_labels_without_moving_them() {
 /// Exposure brightens and darkens props as much as lit meshes.
 #[test]
 fn exposure_scales_a_prop_like_a_lit_mesh() {
-    let mut scene = Scene::new(SOLID);
+    let mut scene = scene_of(SOLID);
     scene.set(Hdr);
     let matte = StandardMaterial { perceptual_roughness: 1.0, reflectance: 0.0, ..default() };
-    scene.spawn_material(Vec3::new(-0.8, 0.0, 0.0), 0.4, matte);
-    scene.world().spawn(DirectionalLight { illuminance: 1200.0, ..default() });
+    spawn_square(&mut scene, Vec3::new(-0.8, 0.0, 0.0), 0.4, matte);
+    scene.spawn(DirectionalLight { illuminance: 1200.0, ..default() });
     let mut light = |times| {
         scene.set(exposure(times));
         let frame = scene.capture();
         // The center of the square is at -0.8 / 3 / tan(22.5 degrees) of half the frame's width.
-        [at(&frame, SIZE * 9 / 50, SIZE / 2), middle(&frame)].map(|[r, g, b]| Color::srgb_u8(r, g, b).to_linear().red)
+        [SIZE * 9 / 50, SIZE / 2].map(|x| linear(frame.get_pixel(x, SIZE / 2)).x)
     };
     let [mesh, prop] = light(1.0);
     for times in [0.3, 2.0] {
@@ -79,15 +80,15 @@ fn exposure_scales_a_prop_like_a_lit_mesh() {
 
 #[test]
 fn an_orthographic_camera_draws_a_prop_in_place() {
-    let mut scene = Scene::new(std::f64::consts::LN_2);
-    let (prop, red) = (scene.prop, Color::srgb(0.8, 0.1, 0.1));
+    let mut scene = scene_of(std::f64::consts::LN_2);
+    let red = Color::srgb(0.8, 0.1, 0.1);
     let far = Transform::from_xyz(7.0, -4.0, 40.0);
     scene.set((orthographic(), far));
     scene.set_background(SKY);
     let place = Transform::from_xyz(7.25, -4.25, 33.0);
-    scene.world().entity_mut(prop).insert(place);
+    scene.dress(place);
     // The square cuts through the lower half of the cube, at its center along z.
-    scene.spawn_square(place.translation - Vec3::Y, 2.0, red);
+    spawn_square(&mut scene, place.translation - Vec3::Y, 2.0, unlit(red));
     for msaa in [Msaa::Off, Msaa::Sample4] {
         scene.set(msaa);
         let frame = scene.capture();
@@ -108,7 +109,7 @@ fn an_orthographic_camera_draws_a_prop_in_place() {
 #[test]
 fn a_camera_inside_sees_the_rest_of_the_field() {
     let density = 1.7;
-    let mut scene = Scene::new(density);
+    let mut scene = scene_of(density);
     scene.set_background(SKY);
     let slope = std::f64::consts::FRAC_PI_8.tan();
     for eye in [DVec3::ZERO, DVec3::new(0.3, -0.4, 0.1)] {
@@ -127,7 +128,7 @@ fn a_camera_inside_sees_the_rest_of_the_field() {
 
 #[test]
 fn both_stages_draw_the_same_if_no_effect_runs_between_them() {
-    let mut scene = Scene::new(2.0);
+    let mut scene = scene_of(2.0);
     scene.set_background(SKY);
     for msaa in [Msaa::Off, Msaa::Sample4] {
         scene.set((msaa, PropStage::Scene));

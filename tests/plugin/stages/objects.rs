@@ -8,7 +8,7 @@ use bevy::{
 use bevy_plenoctree::{EdgeSmoothing, Posterize, PropStage, headless::exact_camera};
 use image::RgbaImage;
 
-use super::scene::{SIZE, SOLID, Scene, at, orthographic};
+use super::scene::{SIZE, SOLID, Stage, at, differing, orthographic, scene, spawn_square};
 
 const SKY: Color = Color::srgb(0.25, 0.5, 0.35);
 const PANE: Color = Color::srgba(0.8, 0.5, 0.2, 0.6);
@@ -18,14 +18,8 @@ fn material(alpha_mode: AlphaMode) -> StandardMaterial {
     StandardMaterial { base_color: PANE, unlit: true, cull_mode: None, alpha_mode, ..default() }
 }
 
-/// Returns the number of pixels that differ by more than `tolerance` in a channel.
-fn differ(a: &RgbaImage, b: &RgbaImage, tolerance: u8) -> usize {
-    let is_off = |(a, b): (&image::Rgba<u8>, &image::Rgba<u8>)| (0..4).any(|c| a[c].abs_diff(b[c]) > tolerance);
-    a.pixels().zip(b.pixels()).filter(|pixels| is_off(*pixels)).count()
-}
-
 /// Captures the frame at both stages.
-fn both(scene: &mut Scene) -> [RgbaImage; 2] {
+fn both(scene: &mut Stage) -> [RgbaImage; 2] {
     [PropStage::Scene, PropStage::Display].map(|stage| {
         scene.set(stage);
         scene.capture()
@@ -37,13 +31,12 @@ fn both(scene: &mut Scene) -> [RgbaImage; 2] {
 /// the prop is estimated from neighbors, and a pane there may be cut.
 #[test]
 fn every_blend_mode_looks_as_in_the_scene() {
-    let mut scene = Scene::new(SOLID);
+    let mut scene = scene(SOLID);
     scene.set_background(SKY);
-    let prop = scene.prop;
     let panes = [
-        scene.spawn_material(Vec3::new(0.2, 0.3, 1.0), 0.8, default()),
-        scene.spawn_material(Vec3::new(-0.3, -0.1, 0.4), 0.9, default()),
-        scene.spawn_material(Vec3::new(0.3, -0.6, -1.0), 1.2, default()),
+        spawn_square(&mut scene, Vec3::new(0.2, 0.3, 1.0), 0.8, default()),
+        spawn_square(&mut scene, Vec3::new(-0.3, -0.1, 0.4), 0.9, default()),
+        spawn_square(&mut scene, Vec3::new(0.3, -0.6, -1.0), 1.2, default()),
     ];
     let corner = Viewport { physical_position: UVec2::new(5, 2), physical_size: UVec2::new(40, 33), ..default() };
     let turned = Transform::from_rotation(Quat::from_euler(EulerRot::XYZ, 0.4, 0.6, 0.1));
@@ -56,13 +49,12 @@ fn every_blend_mode_looks_as_in_the_scene() {
         (Some(EdgeSmoothing::Coverage), Msaa::Sample4, true, true, Some(corner)),
     ];
     for (edges, msaa, hdr, is_flat, viewport) in kinds {
-        let camera = scene.camera;
-        scene.world().get_mut::<Camera>(camera).unwrap().viewport = viewport.clone();
+        scene.camera_mut().viewport = viewport.clone();
         scene.set((msaa, if is_flat { orthographic() } else { default() }));
         scene.set_if(hdr, Hdr);
-        scene.world().entity_mut(prop).insert(if edges.is_some() { turned } else { default() });
+        scene.dress(if edges.is_some() { turned } else { default() });
         if let Some(edges) = edges {
-            scene.world().entity_mut(prop).insert(Posterize { edges, ..default() });
+            scene.dress(Posterize { edges, ..default() });
         }
         let is_smooth = edges == Some(EdgeSmoothing::Coverage);
         scene.set(PropStage::Scene);
@@ -81,8 +73,8 @@ fn every_blend_mode_looks_as_in_the_scene() {
             }
             let what = format!("{mode:?}, {edges:?}, {msaa:?}, HDR {hdr}, flat {is_flat}, {viewport:?}");
             let [expected, found] = both(&mut scene);
-            assert!(differ(&expected, &without, 16) > 200, "{what}: panes do not show");
-            let (some, many) = (differ(&found, &expected, 2), differ(&found, &expected, 12));
+            assert!(differing(&expected, &without, 16) > 200, "{what}: panes do not show");
+            let (some, many) = (differing(&found, &expected, 2), differing(&found, &expected, 12));
             let most = if is_smooth { (10, 3) } else { (0, 0) };
             assert!(some <= most.0 && many <= most.1, "{what}: {some} pixels differ, {many} much");
         }
@@ -93,16 +85,16 @@ fn every_blend_mode_looks_as_in_the_scene() {
 #[test]
 fn objects_are_in_front_of_thin_parts() {
     for density in [0.3, 1.0] {
-        let mut scene = Scene::new(density);
+        let mut scene = scene(density);
         scene.set_background(SKY);
         for mode in MODES {
-            let pane = scene.spawn_material(Vec3::new(0.0, 0.2, 1.0), 0.4, material(mode));
+            let pane = spawn_square(&mut scene, Vec3::new(0.0, 0.2, 1.0), 0.4, material(mode));
             let [expected, found] = both(&mut scene);
             scene.world().despawn(pane);
             let without = scene.capture();
             let what = format!("{mode:?}, density {density}");
-            assert!(differ(&expected, &without, 16) > 60, "{what}: the pane does not show");
-            assert_eq!(differ(&found, &expected, 4), 0, "{what}");
+            assert!(differing(&expected, &without, 16) > 60, "{what}: the pane does not show");
+            assert_eq!(differing(&found, &expected, 4), 0, "{what}");
         }
     }
 }
@@ -110,15 +102,15 @@ fn objects_are_in_front_of_thin_parts() {
 /// Two cameras with different stages share a target, and each shows what it would show alone.
 #[test]
 fn cameras_of_one_target_blend_objects_by_themselves() {
-    let mut scene = Scene::new(SOLID);
+    let mut scene = scene(SOLID);
     scene.set_background(SKY);
-    let (first, target, prop) = (scene.camera, scene.headless.target(), scene.prop);
+    let (first, target) = (scene.camera, scene.headless.target());
     let second = (exact_camera(SKY), target, Transform::from_xyz(0.0, 0.0, 3.0));
     let second = scene.world().spawn(second).id();
     let mut camera = scene.world().get_mut::<Camera>(second).unwrap();
     (camera.order, camera.msaa_writeback) = (1, MsaaWriteback::Off);
-    scene.world().entity_mut(prop).insert(Posterize { edges: EdgeSmoothing::Off, ..default() });
-    scene.spawn_material(Vec3::new(0.0, 0.2, 1.0), 0.8, material(AlphaMode::Multiply));
+    scene.dress(Posterize { edges: EdgeSmoothing::Off, ..default() });
+    spawn_square(&mut scene, Vec3::new(0.0, 0.2, 1.0), 0.8, material(AlphaMode::Multiply));
     for (camera, x) in [(first, 0), (second, SIZE / 2)] {
         let (physical_position, physical_size) = (UVec2::new(x, 4), UVec2::splat(SIZE / 2));
         let viewport = Viewport { physical_position, physical_size, ..default() };

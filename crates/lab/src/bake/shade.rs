@@ -3,6 +3,7 @@
 use std::f64::consts::TAU;
 
 use glam::{DVec2, DVec3};
+use plenoctree::srgb::{decode, encode};
 
 use super::sdf::{hemisphere, smoothstep};
 
@@ -161,7 +162,7 @@ impl Lit {
         let ambient = FLOOR.lerp(SKY, 0.5 + 0.5 * self.normal.z) * open;
         let matte = albedo * (ambient + lambert * self.shadow * KEY_LIGHT);
         let sum = (1.0 - metal) * matte * (1.0 - fresnel) + glossy;
-        (sum + glow * albedo).map(|light| encode(shoulder(light)))
+        (sum + glow * albedo).map(|light| encode(shoulder(light).max(0.0)))
     }
 }
 
@@ -179,7 +180,7 @@ pub fn sky(direction: DVec3) -> DVec3 {
 
 /// Returns how bright light is in a picture, in encoded sRGB.
 pub fn expose(light: f64) -> f64 {
-    encode(shoulder(light)).clamp(0.0, 1.0)
+    encode(shoulder(light).max(0.0)).clamp(0.0, 1.0)
 }
 
 /// Returns what a mirror reflects: a bright sky with the key light's glow in it, a dark floor, and two tall lamps.
@@ -237,13 +238,4 @@ fn openness(point: DVec3, normal: DVec3, distance: &impl Fn(DVec3) -> f64) -> f6
 fn shoulder(light: f64) -> f64 {
     const KNEE: f64 = 0.55;
     if light < KNEE { light } else { KNEE + (0.97 - KNEE) * (1.0 - (-(light - KNEE) / (0.97 - KNEE)).exp()) }
-}
-
-fn decode(encoded: f64) -> f64 {
-    if encoded <= 0.04045 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
-}
-
-fn encode(linear: f64) -> f64 {
-    let linear = linear.max(0.0);
-    if linear <= 0.0031308 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
 }

@@ -2,7 +2,6 @@
 
 mod error;
 mod frame;
-mod inflate;
 mod leaves;
 mod npy;
 mod npz;

@@ -3,10 +3,9 @@
 use std::collections::HashMap;
 use std::io::{self, Read, Seek, SeekFrom, Take};
 
-use zip::{CompressionMethod, ZipArchive, result::ZipError};
+use zip::{CompressionMethod, ZipArchive, read::ZipFile, result::ZipError};
 
 use super::error::{ReadFault, printable};
-use super::inflate::Content;
 use super::npy::{Dtype, Header, Number};
 
 /// Maximum number of members in an archive. A PlenOctree has a dozen.
@@ -109,7 +108,7 @@ impl<R: Read + Seek> Archive<R> {
         }
         let bytes = self.bytes;
         let index = self.members.get(&name).copied();
-        let member = self.zip.by_index_raw(index.unwrap_or(usize::MAX)).map_err(zip_fault)?;
+        let member = self.zip.by_index(index.unwrap_or(usize::MAX)).map_err(zip_fault)?;
         let size = member.size();
         let packed = member.compressed_size();
         let stored = member.compression() == CompressionMethod::Stored;
@@ -120,7 +119,7 @@ impl<R: Read + Seek> Archive<R> {
             return Err(bomb(key, size, packed));
         }
         check_ratio(key, size, packed, LARGE)?;
-        let mut reader = Content::new(member).take(size);
+        let mut reader = member.take(size);
         let (header, length) = Header::read(&mut reader).map_err(|error| member_fault(key, error))?;
         let content = header.elements().and_then(|count| count.checked_mul(header.dtype.size.max(1)));
         if content.and_then(|content| content.checked_add(length)).is_none_or(|whole| whole > size) {
@@ -188,7 +187,11 @@ fn member_fault(key: &'static str, error: io::Error) -> ReadFault {
     }
     let found = match error.kind() {
         io::ErrorKind::UnexpectedEof => "an unexpected end".into(),
-        _ => error.to_string(),
+        _ => match error.to_string().as_str() {
+            // What `zip` says.
+            "Invalid checksum" => "a wrong checksum".into(),
+            other => other.into(),
+        },
     };
     ReadFault::Member { key, found, expected: "a complete npy array" }
 }
@@ -244,7 +247,7 @@ pub(super) struct Array<'a> {
     /// Size that the directory claims, in bytes.
     size: u64,
     /// Reads no more than the claimed size.
-    reader: Take<Content<'a>>,
+    reader: Take<ZipFile<'a>>,
 }
 
 impl Array<'_> {

@@ -188,6 +188,22 @@ impl Counts {
 }
 
 #[cfg(test)]
+impl Histograms {
+    /// Returns histograms of weighted colors, with this many fine bins per channel.
+    pub(crate) fn of(fine: usize, colors: &[([f64; 3], f64)]) -> Self {
+        let bins = |n: usize| {
+            let mut weights = vec![0.0; n.pow(3)];
+            for (color, weight) in colors {
+                let [r, g, b] = color.map(|c| ((c * n as f64) as usize).min(n - 1));
+                weights[(r * n + g) * n + b] += weight;
+            }
+            weights
+        };
+        Self::new(fine, bins(fine), 8, bins(8), 0).unwrap()
+    }
+}
+
+#[cfg(test)]
 mod tests {
     use proptest::prelude::*;
 

@@ -5,9 +5,12 @@ use glam::{DVec2, DVec3};
 use super::{
     colors::Palette,
     label::PaletteLabel,
-    oklab::{CHROMATIC, chroma, chroma_of_linear, decode, is_hue_off},
+    oklab::{CHROMATIC, chroma, chroma_of_linear, is_hue_off},
 };
-use crate::sampling::{Canceled, Histograms, Progress};
+use crate::{
+    sampling::{Canceled, Histograms, Progress},
+    srgb::decode,
+};
 
 /// How far colors are from the ones shown in their place, such as the labels of a palette.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

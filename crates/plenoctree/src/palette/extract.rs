@@ -298,15 +298,7 @@ mod tests {
 
     /// Returns histograms with 24 and 8 bins per channel, so that centers of coarse bins are also centers of fine bins.
     fn histograms(colors: &[([f64; 3], f64)]) -> Histograms {
-        let bins = |n: usize| {
-            let mut weights = vec![0.0; n * n * n];
-            for (color, weight) in colors {
-                let [r, g, b] = color.map(|c| (c * n as f64) as usize);
-                weights[(r * n + g) * n + b] += weight;
-            }
-            weights
-        };
-        Histograms::new(24, bins(24), 8, bins(8), 0).unwrap()
+        Histograms::of(24, colors)
     }
 
     fn hull() -> ExtractionSettings {

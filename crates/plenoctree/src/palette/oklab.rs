@@ -2,6 +2,8 @@
 
 use glam::{DMat3, DVec2, DVec3, swizzles::Vec3Swizzles};
 
+use crate::srgb::{decode, encode};
+
 /// Chroma in Oklab above which a color has a visible hue.
 pub(super) const CHROMATIC: f64 = 0.04;
 
@@ -42,20 +44,6 @@ pub(super) fn chroma(encoded: DVec3) -> DVec2 {
 /// Returns L, a and b in Oklab of a color in encoded sRGB.
 pub(super) fn oklab(encoded: DVec3) -> DVec3 {
     oklab_of_linear(DVec3::from(encoded.to_array().map(decode)))
-}
-
-/// Decodes a channel of encoded sRGB to linear light. Negative channels are decoded like positive ones.
-pub(super) fn decode(encoded: f64) -> f64 {
-    let size = encoded.abs();
-    let linear = if size <= 0.04045 { size / 12.92 } else { ((size + 0.055) / 1.055).powf(2.4) };
-    linear.copysign(encoded)
-}
-
-/// Encodes a channel of linear light as sRGB: the inverse of [`decode`].
-fn encode(linear: f64) -> f64 {
-    let size = linear.abs();
-    let encoded = if size <= 0.0031308 { 12.92 * size } else { 1.055 * size.powf(1.0 / 2.4) - 0.055 };
-    encoded.copysign(linear)
 }
 
 /// Returns a and b in Oklab of a color in linear light.

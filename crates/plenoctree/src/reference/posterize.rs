@@ -4,7 +4,7 @@ use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
 use super::render::Rendering;
-use crate::palette::LabelSpace;
+use crate::{palette::LabelSpace, srgb::decode};
 
 /// Settings of posterization, with the values of section 4 of the method as defaults.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -157,9 +157,7 @@ fn pass(image: &[DVec3], thin: &[bool], width: usize, along_rows: bool, settings
 
 /// Converts encoded sRGB to CIELAB under D65.
 pub fn cielab(encoded: DVec3) -> DVec3 {
-    let linear = DVec3::from_array(
-        encoded.to_array().map(|c| if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }),
-    );
+    let linear = DVec3::from_array(encoded.to_array().map(decode));
     let xyz_from_rgb = DMat3::from_cols_array(&[
         0.4124, 0.2126, 0.0193, //
         0.3576, 0.7152, 0.1192, //

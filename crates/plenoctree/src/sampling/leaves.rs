@@ -6,6 +6,7 @@ use super::{
 };
 use crate::field::{LeafCell, PlenOctree};
 use crate::histograms::SamplingSettings;
+use crate::random::Random;
 
 /// Returns the leaves to sample, in the order of the octree. These are all leaves, or one from every stratum of `1 /
 /// sample_fraction` consecutive leaves, which are neighbors in space.
@@ -25,21 +26,14 @@ pub(super) fn chosen_leaves(
     let strata = (leaves.len() as f64 * settings.sample_fraction).ceil() as usize;
     let begin = |stratum: usize| (stratum as u128 * leaves.len() as u128 / strata as u128) as usize;
     // The same position in every stratum would alias with the order of the octree.
+    let mut random = Random::new(0);
     (0..strata)
         .map(|stratum| {
             progress.check()?;
             let (first, end) = (begin(stratum), begin(stratum + 1));
-            Ok(leaves[first + scramble(stratum as u64) as usize % (end - first)])
+            Ok(leaves[first + random.next() as usize % (end - first)])
         })
         .collect()
-}
-
-/// Returns a pseudorandom number for `n` (splitmix64).
-fn scramble(n: u64) -> u64 {
-    let mut z = n.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    z ^ (z >> 31)
 }
 
 /// Returns an upper bound of the total weight of a field's radiance samples. The light of a leaf always crosses half of

@@ -1,6 +1,11 @@
 //! The sections of a packed field, to change and to write again with valid checksums. Written from `docs/format.md`.
 
-use miniz_oxide::{deflate::compress_to_vec, inflate::decompress_to_vec};
+use std::io::Read;
+
+use flate2::{
+    Compression,
+    read::{DeflateDecoder, DeflateEncoder},
+};
 
 /// A file, as its sections' contents.
 pub struct Sections {
@@ -10,6 +15,12 @@ pub struct Sections {
     /// A section, and the size that its content is to claim.
     pub claimed: Option<(&'static str, u64)>,
     all: Vec<(String, Vec<u8>)>,
+}
+
+fn all_of(mut reader: impl Read) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    reader.read_to_end(&mut bytes).unwrap();
+    bytes
 }
 
 fn number<const N: usize>(bytes: &[u8], at: usize) -> [u8; N] {
@@ -29,7 +40,7 @@ impl Sections {
                 start += length;
                 assert_eq!(crc32fast::hash(stored), u32::from_le_bytes(number(entry, 4)));
                 let size = u64::from_le_bytes(number(entry, 16));
-                let content = if size == length as u64 { stored.to_vec() } else { decompress_to_vec(stored).unwrap() };
+                let content = if size == length as u64 { stored.to_vec() } else { all_of(DeflateDecoder::new(stored)) };
                 assert_eq!(content.len() as u64, size);
                 (String::from_utf8(entry[..4].to_vec()).unwrap(), content)
             })
@@ -58,7 +69,7 @@ impl Sections {
     pub fn bytes(&self) -> Vec<u8> {
         let (mut list, mut body) = (Vec::new(), Vec::new());
         for (name, content) in &self.all {
-            let mut stored = compress_to_vec(content, 6);
+            let mut stored = all_of(DeflateEncoder::new(&content[..], Compression::default()));
             if stored.len() == content.len() {
                 stored.clone_from(content);
             }

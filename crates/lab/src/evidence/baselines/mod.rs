@@ -13,7 +13,6 @@
 
 mod colors;
 mod mean_shift;
-mod random;
 mod raw_samples;
 mod solid;
 mod wang;
@@ -23,8 +22,10 @@ pub use mean_shift::mean_shift;
 pub use raw_samples::{RawSample, RawSamples, transmittance};
 pub use wang::wang;
 
-use plenoctree::palette::{ExtractionSettings, InvalidPalette, Palette, k_means, simplify_hull};
-use random::Random;
+use plenoctree::{
+    palette::{ExtractionSettings, InvalidPalette, Palette, k_means, simplify_hull},
+    random::Random,
+};
 
 /// K: the number of clusters of Chao et al., as in appendix B of the paper.
 const CHAO_CLUSTERS: usize = 40;
@@ -47,6 +48,20 @@ pub fn clustered(input: &WeightedColors, centers: &[[f64; 3]], max_colors: usize
     Ok(input.palette(simplify_hull(&centers, max_colors)?.colors))
 }
 
+/// Returns an index with a probability proportional to its chance, or `None` if all chances are 0.
+fn pick(random: &mut Random, chances: &[f64]) -> Option<usize> {
+    let mut left = random.fraction() * chances.iter().sum::<f64>();
+    let mut last = None;
+    for (index, chance) in chances.iter().enumerate().filter(|(_, chance)| **chance > 0.0) {
+        last = Some(index);
+        left -= chance;
+        if left < 0.0 {
+            break;
+        }
+    }
+    last
+}
+
 /// Chooses initial centers like k-means++: each with a probability proportional to its weight and to its squared
 /// distance from the nearest one before.
 fn seeds(input: &WeightedColors, count: usize) -> Vec<[f64; 3]> {
@@ -55,7 +70,7 @@ fn seeds(input: &WeightedColors, count: usize) -> Vec<[f64; 3]> {
     let mut distances = vec![f64::INFINITY; chances.len()];
     let mut centers = Vec::new();
     while centers.len() < count.min(input.colors.len()) {
-        let Some(chosen) = random.pick(&chances) else { break };
+        let Some(chosen) = pick(&mut random, &chances) else { break };
         let center = input.colors[chosen];
         centers.push(center);
         for (index, color) in input.colors.iter().enumerate() {
@@ -71,7 +86,7 @@ fn seeds(input: &WeightedColors, count: usize) -> Vec<[f64; 3]> {
 mod tests {
     use glam::DVec3;
 
-    use super::{random::Random, solid::Solid, *};
+    use super::{solid::Solid, *};
 
     fn cloud(count: usize) -> Vec<[f64; 3]> {
         let mut random = Random::new(7);

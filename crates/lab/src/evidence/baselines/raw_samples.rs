@@ -5,11 +5,12 @@ use std::ops::ControlFlow;
 use glam::{DVec3, UVec3};
 use plenoctree::{
     LeafCell, PlenOctree,
+    random::Random,
     sampling::{Progress, SamplingPlan, SamplingSettings},
 };
 use rayon::prelude::*;
 
-use super::{colors::WeightedColors, random::Random};
+use super::colors::WeightedColors;
 
 /// The number of samples: as many as an image of 800 x 800 pixels has, as in figures 9 and 10 of the paper.
 pub const COUNT: usize = 640_000;

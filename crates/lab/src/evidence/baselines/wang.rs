@@ -117,7 +117,9 @@ fn evenly(input: &WeightedColors, count: usize) -> Vec<DVec3> {
 
 #[cfg(test)]
 mod tests {
-    use super::{super::random::Random, *};
+    use plenoctree::random::Random;
+
+    use super::*;
 
     /// A dense ball of colors with a few outliers: every round lowers the loss, and the palette leaves the outliers.
     #[test]

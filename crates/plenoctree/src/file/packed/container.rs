@@ -2,7 +2,7 @@
 
 use std::io::{Read, Seek, SeekFrom};
 
-use miniz_oxide::inflate::decompress_to_vec_with_limit;
+use flate2::read::DeflateDecoder;
 
 use super::super::error::ReadFault;
 
@@ -148,13 +148,13 @@ impl<R: Read + Seek> Container<R> {
         if crc32fast::hash(&stored) != checksum {
             return Err(fault(name, "a wrong checksum", "that of the section"));
         }
-        let limit =
-            usize::try_from(length).map_err(|_| fault(name, format!("{length} bytes"), "what fits in memory"))?;
         if raw == size {
             return Ok(stored);
         }
-        match decompress_to_vec_with_limit(&stored, limit) {
-            Ok(content) if content.len() == limit => Ok(content),
+        let mut content = Vec::new();
+        // A byte more shows that the stream is longer.
+        match DeflateDecoder::new(&stored[..]).take(length + 1).read_to_end(&mut content) {
+            Ok(_) if content.len() as u64 == length => Ok(content),
             _ => Err(fault(name, "a damaged deflate stream", format!("one of {length} bytes"))),
         }
     }
@@ -163,15 +163,16 @@ impl<R: Read + Seek> Container<R> {
 /// Deflates the sections and returns the whole file, and the size of every section in it.
 #[cfg(feature = "write")]
 pub(super) fn build(sections: &[(&'static str, Vec<u8>)]) -> (Vec<u8>, Vec<(&'static str, usize)>) {
+    use flate2::{Compression, read::DeflateEncoder};
     use rayon::prelude::*;
 
-    /// The best compression of `miniz_oxide` at a reasonable cost.
-    const LEVEL: u8 = 9;
     /// What deflate must save to be worth the time: the share of a section that is one over this.
     const LEAST_GAIN: usize = 50;
     let stored = |(_, raw): &(_, Vec<u8>)| {
-        let deflated = miniz_oxide::deflate::compress_to_vec(raw, LEVEL);
-        if deflated.len() < raw.len() - raw.len() / LEAST_GAIN { deflated } else { raw.clone() }
+        let mut deflated = Vec::new();
+        let result = DeflateEncoder::new(&raw[..], Compression::best()).read_to_end(&mut deflated);
+        let is_smaller = result.is_ok() && deflated.len() < raw.len() - raw.len() / LEAST_GAIN;
+        if is_smaller { deflated } else { raw.clone() }
     };
     let stored: Vec<Vec<u8>> = sections.par_iter().map(stored).collect();
     let mut list = Vec::new();

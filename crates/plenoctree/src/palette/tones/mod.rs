@@ -23,21 +23,9 @@ mod tests {
 
     type Weighted = ([f64; 3], f64);
 
-    fn histograms(bins_per_channel: usize, colors: &[Weighted]) -> Histograms {
-        let bins = |n: usize| {
-            let mut weights = vec![0.0; n.pow(3)];
-            for (color, weight) in colors {
-                let [r, g, b] = color.map(|c| ((c * n as f64) as usize).min(n - 1));
-                weights[(r * n + g) * n + b] += weight;
-            }
-            weights
-        };
-        Histograms::new(bins_per_channel, bins(bins_per_channel), 8, bins(8), 0).unwrap()
-    }
-
     fn extract(bins: usize, colors: &[Weighted], count: ColorCount) -> (Palette, ColorErrors) {
         let settings = ExtractionSettings { method: PaletteMethod::Tones, colors: count, ..Default::default() };
-        let found = extract_from_histograms(&histograms(bins, colors), &settings, &Progress::default()).unwrap();
+        let found = extract_from_histograms(&Histograms::of(bins, colors), &settings, &Progress::default()).unwrap();
         (found.palette, found.errors)
     }
 
@@ -161,7 +149,7 @@ mod tests {
         }
         let (fine, _) = extract(64, &materials(), ColorCount::Usual);
         assert!(fine.colors.len().abs_diff(palette.colors.len()) <= 2);
-        let shown = |palette| ColorErrors::of_labels(&histograms(32, &materials()), palette, 1).rmse;
+        let shown = |palette| ColorErrors::of_labels(&Histograms::of(32, &materials()), palette, 1).rmse;
         assert!(shown(&fine) < 1.1 * shown(&palette));
         assert!(moved(&palette, &fine).max(moved(&fine, &palette)) < 0.1);
     }

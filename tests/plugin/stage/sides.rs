@@ -1,25 +1,27 @@
 //! A stage that is seen from both sides, for tests that know the color of every pixel.
 
-use std::{fmt::Display, time::Duration};
+use std::{
+    fmt::Display,
+    ops::{Deref, DerefMut},
+};
 
 use bevy::{
-    camera::{ScalingMode, Viewport},
+    camera::{Hdr, ScalingMode, Viewport},
     prelude::*,
 };
-use bevy_plenoctree::{
-    PlenOctree, PlenOctreePlugin, Prop, UpAxis,
-    headless::{Headless, LitMeshPlugins, exact_camera},
-};
+use bevy_plenoctree::headless::{LitMeshPlugins, exact_camera};
 use glam::{DVec2, DVec3};
-use image::RgbaImage;
-use plenoctree::{BakeSettings, Basis, bake};
+
+use super::{Stage, pixels::steps, unlit};
+pub use super::{
+    fields::{SOLID, cube, density, shape},
+    pixels::color,
+};
 
 /// The width and height of a viewport in pixels. It shows x and y from -2 to 2, with eight pixels per unit.
 pub const PIXELS: u32 = 32;
 /// The background color, in encoded sRGB.
 pub const BACKGROUND: DVec3 = DVec3::new(0.8, 0.7, 0.6);
-/// A density that lets no light through.
-pub const SOLID: f64 = 1e4;
 
 pub const RED: DVec3 = DVec3::new(0.8, 0.1, 0.2);
 pub const BLUE: DVec3 = DVec3::new(0.1, 0.3, 0.9);
@@ -68,11 +70,6 @@ pub fn seen(side: Side, layers: &[Layer]) -> DVec3 {
     layers.iter().fold(BACKGROUND, |below, (_, color, opacity)| below.lerp(*color, *opacity))
 }
 
-pub fn color(encoded: DVec3) -> Color {
-    let [red, green, blue] = encoded.as_vec3().to_array();
-    Color::srgb(red, green, blue)
-}
-
 pub fn within(place: DVec2, low: (f64, f64), high: (f64, f64)) -> bool {
     place.cmpgt(low.into()).all() && place.cmplt(high.into()).all()
 }
@@ -88,29 +85,27 @@ pub fn flat() -> Projection {
     Projection::Orthographic(OrthographicProjection { scaling_mode, ..OrthographicProjection::default_3d() })
 }
 
-/// Bakes a field of one color with a `density` wherever `inside` returns true, in cells of 1/8 from -1 to 1.
-pub fn shape(density: f64, color: DVec3, inside: impl Fn(DVec3) -> bool + Sync) -> PlenOctree {
-    let settings = BakeSettings { depth: 4, basis: Basis::Rgba, up: UpAxis::Y, ..default() };
-    bake(&settings, |at| if inside(at) { density } else { 0.0 }, |_| move |_| color).unwrap()
-}
-
-/// Bakes the cube from -1/2 to 1/2.
-pub fn cube(density: f64, color: DVec3) -> PlenOctree {
-    shape(density, color, |at| at.abs().max_element() < 0.5)
-}
-
-/// Returns the density that has this opacity over a path of length 1.
-pub fn density(opacity: f64) -> f64 {
-    -(1.0 - opacity).ln()
-}
-
-/// An app with a stage and its two cameras.
-pub struct Stage {
-    pub headless: Headless,
+/// A stage with two cameras.
+pub struct Sides {
+    pub stage: Stage,
     pub cameras: [Entity; 2],
 }
 
-impl Stage {
+impl Deref for Sides {
+    type Target = Stage;
+
+    fn deref(&self) -> &Stage {
+        &self.stage
+    }
+}
+
+impl DerefMut for Sides {
+    fn deref_mut(&mut self) -> &mut Stage {
+        &mut self.stage
+    }
+}
+
+impl Sides {
     /// Creates a stage for props alone.
     pub fn new() -> Self {
         Self::with(|_| ())
@@ -118,66 +113,48 @@ impl Stage {
 
     /// Creates a stage for props, meshes and gizmos.
     pub fn with_meshes() -> Self {
-        Self::with(|app| {
-            app.add_plugins(LitMeshPlugins);
-        })
+        Self::with(|app| _ = app.add_plugins(LitMeshPlugins))
     }
 
     pub fn with(configure: impl FnOnce(&mut App)) -> Self {
-        let size = Side::Behind.corner() + PIXELS;
-        let mut headless = Headless::new(size, |app| {
-            configure(app);
-            app.add_plugins(PlenOctreePlugin);
-        })
-        .unwrap();
-        let target = headless.target();
-        let cameras = Side::BOTH.map(|side| {
-            let camera = (exact_camera(color(BACKGROUND)), target.clone(), flat(), side.camera());
-            let entity = headless.app.world_mut().spawn(camera).id();
-            let mut camera = headless.app.world_mut().get_mut::<Camera>(entity).unwrap();
-            camera.order = side as isize;
+        let mut stage = Stage::with(Side::Behind.corner() + PIXELS, configure);
+        let other = (exact_camera(Color::BLACK), stage.headless.target());
+        let cameras = [stage.camera, stage.spawn(other)];
+        for (side, camera) in Side::BOTH.into_iter().zip(cameras) {
+            stage.insert(camera, (flat(), side.camera()));
+            let mut camera = stage.world().get_mut::<Camera>(camera).unwrap();
+            (camera.order, camera.clear_color) = (side as isize, color(BACKGROUND).into());
             camera.viewport =
                 Some(Viewport { physical_position: side.corner(), physical_size: UVec2::splat(PIXELS), ..default() });
-            entity
-        });
-        Self { headless, cameras }
+        }
+        Self { stage, cameras }
     }
 
-    pub fn world(&mut self) -> &mut World {
-        self.headless.app.world_mut()
+    /// Inserts components into both cameras.
+    pub fn set_both(&mut self, components: impl Bundle + Clone) {
+        for camera in self.cameras {
+            self.insert(camera, components.clone());
+        }
     }
 
-    pub fn add(&mut self, field: &PlenOctree) -> Handle<PlenOctree> {
-        self.world().resource_mut::<Assets<PlenOctree>>().add(field.clone())
+    /// Removes components from both cameras.
+    pub fn unset_both<T: Bundle>(&mut self) {
+        for camera in self.cameras {
+            self.world().entity_mut(camera).remove::<T>();
+        }
     }
 
-    pub fn spawn_prop(&mut self, field: &PlenOctree, transform: Transform) -> Entity {
-        let field = self.add(field);
-        self.world().spawn((Prop(field), transform)).id()
+    /// Sets how both cameras draw.
+    pub fn set_mode(&mut self, msaa: Msaa, hdr: bool) {
+        self.set_both(msaa);
+        if hdr { self.set_both(Hdr) } else { self.unset_both::<Hdr>() }
     }
 
     /// Spawns an unlit, double-sided rectangle. An `alpha` below 1 makes it a pane of glass.
     pub fn spawn_rectangle(&mut self, low: (f32, f32), high: (f32, f32), z: f32, encoded: DVec3, alpha: f32) -> Entity {
         let (low, high) = (Vec2::from(low), Vec2::from(high));
-        let world = self.world();
-        let mesh = world.resource_mut::<Assets<Mesh>>().add(Rectangle::from_size(high - low));
-        let material = world.resource_mut::<Assets<StandardMaterial>>().add(StandardMaterial {
-            base_color: color(encoded).with_alpha(alpha),
-            unlit: true,
-            cull_mode: None,
-            alpha_mode: if alpha < 1.0 { AlphaMode::Blend } else { AlphaMode::Opaque },
-            ..default()
-        });
-        let transform = Transform::from_translation((0.5 * (low + high)).extend(z));
-        world.spawn((Mesh3d(mesh), MeshMaterial3d(material), transform)).id()
-    }
-
-    pub fn wait(&mut self) {
-        self.headless.wait_until_ready(Duration::from_secs(120)).unwrap();
-    }
-
-    pub fn capture(&mut self) -> RgbaImage {
-        self.headless.capture().unwrap()
+        let place = Transform::from_translation((0.5 * (low + high)).extend(z));
+        self.spawn_mesh(Rectangle::from_size(high - low), unlit(color(encoded).with_alpha(alpha)), place)
     }
 
     /// Captures a frame and asserts that every pixel of both viewports is within 2/255 of the expected color, if there
@@ -190,8 +167,7 @@ impl Stage {
                 let place = (DVec2::new(x.into(), y.into()) + 0.5) / 8.0 - 2.0;
                 let place = DVec2::new(side.sign() * place.x, -place.y);
                 let corner = side.corner();
-                let pixel = frame.get_pixel(corner.x + x, corner.y + y);
-                let pixel = DVec3::new(pixel[0].into(), pixel[1].into(), pixel[2].into());
+                let pixel = steps(frame.get_pixel(corner.x + x, corner.y + y));
                 if let Some(expected) = expected(side, place).into().map(|color| 255.0 * color)
                     && (pixel - expected).abs().max_element() > 2.0
                 {
