@@ -83,7 +83,8 @@ impl Interruption {
 fn show(bar: &ProgressBar, progress: &FitProgress) {
     let status = progress.status();
     let psnr = status.psnr.map_or(String::new(), |psnr| format!("{psnr:.1} dB"));
+    let gain = status.gain.map_or(String::new(), |gain| format!("{gain:+.2} dB a round "));
     let stage = if progress.is_stopped() { "stopping".into() } else { status.stage };
-    bar.set_message(format!("{stage:10} {psnr:8}"));
+    bar.set_message(format!("{stage:10} {psnr:8}{gain}"));
     bar.set_position((STEPS as f64 * status.fraction) as u64);
 }

@@ -51,8 +51,8 @@ mod transforms;
 #[cfg(feature = "fit")]
 pub use fit::{
     Comparison, Distortion, FitError, FitInput, FitProgress, FitReport, FitSettings, FitStatus, Fitted, HeldOut,
-    InputFolders, Lens, Picture, RefineSettings, Refined, Seconds, Shot, SimplifySettings, StageReport, SuspiciousView,
-    View, ViewCamera, ViewReport, fit, refine, simplify, ssim,
+    InputFolders, Lens, Picture, RefineSettings, Refined, RoundReport, Seconds, Shot, SimplifySettings, StageReport,
+    SuspiciousView, View, ViewCamera, ViewReport, fit, refine, simplify, ssim,
 };
 #[cfg(feature = "fit")]
 pub use transforms::{CameraError, read_transforms};

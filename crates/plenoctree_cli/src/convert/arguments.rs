@@ -44,10 +44,12 @@ pub struct Arguments {
     /// Only add up the Gaussians in the cells; do not refine the field with pictures of the capture.
     #[arg(long)]
     pub no_refine: bool,
-    /// The time for refining, in minutes. By default, --effort decides.
+    /// The longest time for refining, in minutes. It ends earlier when it would gain less than 0.02 dB in a tenth of this
+    /// time. By default, --effort limits it.
     #[arg(long, value_parser = parse_positive, conflicts_with = "no_refine")]
     pub minutes: Option<f64>,
-    /// The amount of refining, as a multiple of the default.
+    /// The most refining, as a multiple of the default. It ends earlier when it would gain less than 0.02 dB in a tenth of
+    /// that.
     #[arg(long, default_value_t = 1.0, value_parser = parse_positive, conflicts_with = "no_refine")]
     pub effort: f64,
     /// The width and height of the capture's pictures, in pixels.

@@ -15,8 +15,8 @@ const FOV: f64 = 0.6;
 /// Their distances, as multiples of the one at which the whole box is in view.
 const DISTANCES: [f64; 3] = [1.0, 0.85, 0.7];
 
-/// Number of cameras near a capture.
-const NEAR: u32 = 6;
+/// Number of cameras near a capture to measure with, and of those to refine with.
+const NEAR: [u32; 2] = [6, 64];
 
 /// Cameras to refine with, and others to measure with.
 pub struct Cameras {
@@ -42,9 +42,9 @@ pub fn around(low: DVec3, high: DVec3, size: u32) -> Cameras {
     Cameras { training, held_out }
 }
 
-/// Returns cameras that look at the middle of a box from everywhere, at this distance.
-pub fn near(low: DVec3, high: DVec3, distance: f64, size: u32) -> Vec<PinholeCamera> {
-    let spiral = Spiral {
+/// The same, at this distance.
+pub fn near(low: DVec3, high: DVec3, distance: f64, size: u32) -> Cameras {
+    let spiral = || Spiral {
         center: 0.5 * (low + high),
         radius: distance * (0.5 * FOV).sin(),
         up: UpAxis::Z,
@@ -52,7 +52,8 @@ pub fn near(low: DVec3, high: DVec3, distance: f64, size: u32) -> Vec<PinholeCam
         elevations: [1.0, -1.0],
         distances: &[],
     };
-    spiral.cameras(NEAR, size).collect()
+    let [held_out, training] = NEAR.map(|count| spiral().cameras(count, size).collect());
+    Cameras { training, held_out }
 }
 
 /// Returns the width of a pixel of these cameras at a distance.

@@ -49,7 +49,7 @@ pub fn run(arguments: &Arguments) -> Result {
     let side = (high - low).max_element();
     let near = arguments.near.unwrap_or(0.5 * side);
     let cameras_near = cameras::near(low, high, near, arguments.picture_size);
-    let images_near = photograph(&splats, &cameras_near, "measuring", None);
+    let images_near = photograph(&splats, &cameras_near.held_out, "measuring", None, as_image);
     let start = Instant::now();
     let spinner = progress::spinner("voxelizing", false);
     let depth = arguments.depth.unwrap_or_else(|| match arguments.mixes_sizes() {
@@ -59,7 +59,7 @@ pub fn run(arguments: &Arguments) -> Result {
     let bounds = Some((low, high));
     let leaves = arguments.mixes_sizes().then(|| arguments.leaves.unwrap_or(MOST_LEAVES) as usize);
     let field = match arguments.quality {
-        Some(quality) => quality::field(&splats, depth, bounds, quality, &cameras_near, &images_near),
+        Some(quality) => quality::field(&splats, depth, bounds, quality, &cameras_near.held_out, &images_near),
         None => voxelize(&splats, &VoxelSettings { depth, leaves, bounds }),
     };
     let mut field = field.map_err(|error| named(&error))?;
@@ -69,9 +69,9 @@ pub fn run(arguments: &Arguments) -> Result {
 
     let cameras = cameras::around(low, high, arguments.picture_size);
     let start = Instant::now();
-    let images = photograph(&splats, &cameras.held_out, "measuring", None);
+    let images = photograph(&splats, &cameras.held_out, "measuring", None, as_image);
     let mut measured = measure(&field, &cameras.held_out, &images);
-    let mut measured_near = measure(&field, &cameras_near, &images_near);
+    let mut measured_near = measure(&field, &cameras_near.held_out, &images_near);
     let voxelized = measured.json(&field, &measured_near);
     let leaves = |field: &PlenOctree| counted(field.leaves(), "leaf", "leaves");
     let quality = decibels(&measured, &measured_near);
@@ -80,29 +80,33 @@ pub fn run(arguments: &Arguments) -> Result {
     let (mut refined, mut refining) = (None, Duration::ZERO);
     if !arguments.no_refine && !arguments.mixes_sizes() {
         let start = Instant::now();
-        let pictures = photograph(&splats, &cameras.training, "rendering", Some(&interruption));
+        let training = [cameras.training, cameras_near.training].concat();
+        let shots = photograph(&splats, &training, "rendering", Some(&interruption), as_shot);
         if interruption.is_requested() {
             console::complain!("warning: stopped before refining: the field is as voxelized");
         } else {
-            let shots = to_shots(&cameras.training, &pictures);
-            let held_out = to_shots(&cameras.held_out, &images);
-            drop((splats, pictures));
+            let held_out = cameras.held_out.iter().zip(&images).chain(cameras_near.held_out.iter().zip(&images_near));
+            let held_out: Vec<Shot> = held_out.map(|(camera, image)| Shot::new(camera, &image.pixels)).collect();
+            drop(splats);
             let settings = RefineSettings {
                 effort: arguments.effort,
                 time: arguments.minutes.map(|minutes| Duration::from_secs_f64(60.0 * minutes)),
                 seed: arguments.seed,
             };
-            let Refined { field: better, stage } = interruption
+            let Refined { field: better, rounds } = interruption
                 .watched(arguments.threads, move |progress| refine(&field, shots, &held_out, &settings, progress))?;
             refining = start.elapsed();
             field = better;
             let start = Instant::now();
             measured = measure(&field, &cameras.held_out, &images);
-            measured_near = measure(&field, &cameras_near, &images_near);
+            measured_near = measure(&field, &cameras_near.held_out, &images_near);
             let quality = decibels(&measured, &measured_near);
+            let gains: Vec<String> =
+                rounds.iter().filter_map(|round| Some(format!("{:+.2}", round.gain_db?))).collect();
             console::say!("refined: {}, {quality} in {:.0} s", leaves(&field), refining.as_secs_f64());
+            console::say!("{}: {} dB", counted(rounds.len(), "round", "rounds"), gains.join(", "));
             let mut report = measured.json(&field, &measured_near);
-            report["million_rays"] = json!(stage.million_rays);
+            report["rounds"] = serde_json::to_value(&rounds)?;
             refined = Some(report);
             measuring += start.elapsed();
         }
@@ -140,26 +144,31 @@ pub fn run(arguments: &Arguments) -> Result {
     Ok(())
 }
 
-/// Renders the capture, until it is interrupted.
-fn photograph(
+/// Renders the capture, until it is interrupted, and returns what `keep` makes of the images.
+fn photograph<T>(
     splats: &Splats,
     cameras: &[PinholeCamera],
     message: &'static str,
     interruption: Option<&Interruption>,
-) -> Vec<SplatImage> {
+    keep: impl Fn(&PinholeCamera, SplatImage) -> T,
+) -> Vec<T> {
     let bar = progress::bar(message, cameras.len() as u64, false);
     let goes_on = |_: &&PinholeCamera| interruption.is_none_or(|interruption| !interruption.is_requested());
     let images = cameras.iter().take_while(goes_on).map(|camera| {
         bar.inc(1);
-        render_splats(splats, camera)
+        keep(camera, render_splats(splats, camera))
     });
     let images = images.collect();
     bar.finish_and_clear();
     images
 }
 
-fn to_shots(cameras: &[PinholeCamera], images: &[SplatImage]) -> Vec<Shot> {
-    cameras.iter().zip(images).map(|(camera, image)| Shot::new(camera, &image.pixels)).collect()
+fn as_image(_: &PinholeCamera, image: SplatImage) -> SplatImage {
+    image
+}
+
+fn as_shot(camera: &PinholeCamera, image: SplatImage) -> Shot {
+    Shot::new(camera, &image.pixels)
 }
 
 /// Describes how much the field looks like its capture: all of it, and from nearby.

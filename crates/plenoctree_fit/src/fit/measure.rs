@@ -75,7 +75,7 @@ pub fn compare(
 /// Returns the mean PSNR of the views, from some of their pixels, to report progress.
 pub fn quick_psnr(model: &Model, views: &[TrainView]) -> Option<f64> {
     const STRIDE: u32 = 6;
-    const MOST: usize = 8;
+    const MOST: usize = 16;
     let every = views.len().div_ceil(MOST).max(1);
     let of_view = |view: &TrainView| {
         let camera = &view.camera;

@@ -23,7 +23,7 @@ pub use input::{Distortion, FitInput, InputFolders, Lens, Picture, View, ViewCam
 pub use measure::{Comparison, ssim};
 pub use progress::{FitProgress, FitStatus};
 pub use refine::{RefineSettings, Refined, Shot, refine};
-pub use report::{FitReport, HeldOut, Seconds, StageReport, SuspiciousView, ViewReport};
+pub use report::{FitReport, HeldOut, RoundReport, Seconds, StageReport, SuspiciousView, ViewReport};
 pub use run::{Fitted, fit};
 pub use settings::FitSettings;
 pub use simplify::{SimplifySettings, simplify};

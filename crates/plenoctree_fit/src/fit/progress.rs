@@ -14,6 +14,8 @@ pub struct FitStatus {
     pub fraction: f64,
     /// Mean PSNR of the held-out views so far, in decibels, from some of their pixels.
     pub psnr: Option<f64>,
+    /// What the last round of [refining](crate::refine()) gained, in decibels.
+    pub gain: Option<f64>,
 }
 
 /// Progress of a fit, shared with other threads, which can also stop it.

@@ -12,12 +12,15 @@ use super::{
     measure::quick_psnr,
     progress::FitProgress,
     random::Random,
-    report::StageReport,
+    report::RoundReport,
     to_field::to_field,
     train::{
         Model, Position, Stage, TrainView, backdrop::Backdrop, gallery::Gallery, train, visibility, visibility::Limits,
     },
 };
+
+/// The least that a round must be expected to gain, in decibels.
+const LEAST_GAIN: f64 = 0.02;
 
 /// A picture in memory, and the camera that sees it.
 #[derive(Clone, Debug)]
@@ -49,10 +52,10 @@ impl Shot {
 /// Settings of [`refine`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RefineSettings {
-    /// How much work to do, as a multiple of the default, which is 60 million rays. Above 0, 1 by default.
+    /// The most work to do, as a multiple of the default, which is 60 million rays. Above 0, 1 by default.
     pub effort: f64,
-    /// Time to work for. The result is then as good as the time allows, but differs from run to run. `None`, the
-    /// default, does the work that `effort` specifies.
+    /// The longest time to work for. The result then differs from run to run. `None`, the default, limits the work by
+    /// `effort`.
     pub time: Option<Duration>,
     /// Seed of the random numbers. The same seed gives the same field, on any number of threads, unless `time` is set.
     pub seed: u64,
@@ -69,16 +72,17 @@ impl Default for RefineSettings {
 pub struct Refined {
     /// The field, with the frame and the cells of the original, except for cells that no camera sees.
     pub field: PlenOctree,
-    /// What was done.
-    pub stage: StageReport,
+    /// What was done, round by round.
+    pub rounds: Vec<RoundReport>,
 }
 
 /// Refines `field`, all of whose leaves are finest cells, until it looks like the shots, on all cores of the current
 /// rayon pool.
 ///
 /// Cells change density and color, and those that no camera sees are removed; none are added. `measured` are shots that
-/// the field is not refined to: `progress` reports how well it matches them. If `progress` is stopped, the result is
-/// the field at that time.
+/// the field is not refined to: up to 16 of them tell what each of ten rounds gained. A round that loses something is
+/// undone. Refining ends when the next round would gain less than 0.02 dB, if gains keep falling as they did. If
+/// `progress` is stopped, the result is the field at that time.
 ///
 /// # Errors
 ///
@@ -95,37 +99,73 @@ pub fn refine(
         return Err(FitError::Views { found: shots.len().to_string(), expected: "at least two shots" });
     }
     let grid = Grid::of_field_or_error(field)?;
-    let stage = Stage::refining(grid.resolution(), settings.effort, settings.time);
-    refine_by(grid, shots, measured, &stage, settings.seed, progress)
+    let cameras: Vec<&ViewCamera> = shots.iter().map(|shot| &shot.view.camera).collect();
+    let grid = grid.resampled(&visibility::visible(&grid, &cameras, Limits::FAINTEST));
+    let rounds = Stage::refining(grid.resolution(), settings.effort, settings.time);
+    refine_by(grid, shots, measured, &rounds, settings.seed, progress)
 }
 
-/// Refines a grid by a stage, like [`refine`].
+/// Refines a grid by as many of the stages as pay, like [`refine`].
 pub(super) fn refine_by(
     grid: Grid,
     shots: Vec<Shot>,
     measured: &[Shot],
-    stage: &Stage,
+    stages: &[Stage],
     seed: u64,
     progress: &FitProgress,
 ) -> Result<Refined, FitError> {
     let number = |(number, shot): (usize, Shot)| TrainView { number, ..shot.view };
     let mut gallery = Gallery::held(shots.into_iter().enumerate().map(number).collect());
     let measured: Vec<TrainView> = measured.iter().map(|shot| shot.view.clone()).collect();
-    let mut model = Model { grid, backdrop: Backdrop::Random, gains: vec![Vec3::ONE; gallery.len()] };
-    let (mut position, mut random) = (Position::default(), Random::new(seed));
-    let mut watch = |model: &Model, _: &Position, fraction: f64, _: &Random| {
-        let psnr = quick_psnr(model, &measured);
-        progress.update(|status| {
-            status.stage = "refining".into();
-            (status.fraction, status.psnr) = (fraction, psnr);
+    let gains = vec![Vec3::ONE; gallery.len()];
+    let mut model = Model { grid, backdrop: Backdrop::Random, gains };
+    let mut random = Random::new(seed);
+    let mut psnr = quick_psnr(&model, &measured);
+    let mut rounds: Vec<RoundReport> = Vec::new();
+    for (index, stage) in stages.iter().enumerate() {
+        let before = psnr.map(|psnr| (psnr, model.grid.values.clone()));
+        let gain = rounds.last().and_then(|round| round.gain_db);
+        let mut position = Position::default();
+        let mut watch = |_: &Model, _: &Position, fraction: f64, _: &Random| {
+            progress.update(|status| {
+                status.stage = "refining".into();
+                status.fraction = (index as f64 + fraction) / stages.len() as f64;
+                (status.psnr, status.gain) = (psnr, gain);
+            });
+            Ok(())
+        };
+        train(&mut model, &mut gallery, stage, &mut position, &mut random, progress, &mut watch)?;
+        let after = quick_psnr(&model, &measured);
+        let gain_db = before.as_ref().zip(after).map(|((before, _), after)| after - before);
+        rounds.push(RoundReport {
+            million_rays: position.rays as f64 * 1e-6,
+            seconds: position.seconds,
+            psnr_db: after,
+            gain_db,
         });
-        Ok(())
-    };
-    train(&mut model, &mut gallery, stage, &mut position, &mut random, progress, &mut watch)?;
+        if let Some((_, values)) = before.filter(|_| gain_db.is_some_and(|gain| gain < 0.0)) {
+            model.grid.values = values;
+            model.grid.copy_thickness();
+            break;
+        }
+        psnr = after;
+        let gains: Vec<f64> = rounds.iter().filter_map(|round| round.gain_db).collect();
+        if progress.is_stopped() || next_gain(&gains) < LEAST_GAIN {
+            break;
+        }
+    }
     let limits = Limits { spacing: 0.7, ..Limits::FAINTEST };
     let kept = visibility::visible(&model.grid, &gallery.cameras(), limits);
-    let stage = StageReport::new(&model, &position, quick_psnr(&model, &measured));
-    Ok(Refined { field: to_field(&model.grid, &kept)?, stage })
+    Ok(Refined { field: to_field(&model.grid, &kept)?, rounds })
+}
+
+/// Returns what the next round gains if gains keep falling as they did.
+fn next_gain(gains: &[f64]) -> f64 {
+    match gains {
+        [.., before, last] if last < before => last * last / before,
+        [.., last] => *last,
+        [] => f64::INFINITY,
+    }
 }
 
 impl Grid {

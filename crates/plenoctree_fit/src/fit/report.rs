@@ -78,6 +78,19 @@ pub struct StageReport {
     pub psnr_db: Option<f64>,
 }
 
+/// What a round of refining did.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct RoundReport {
+    /// Rays trained on, in millions.
+    pub million_rays: f64,
+    /// Seconds.
+    pub seconds: f64,
+    /// Mean PSNR of the shots that are measured after the round, from some of their pixels, in decibels.
+    pub psnr_db: Option<f64>,
+    /// What the round gained, in decibels. A round that lost something is undone.
+    pub gain_db: Option<f64>,
+}
+
 impl StageReport {
     /// Reports on a stage that has ended at `position`. `psnr_db` is that of the held-out views.
     pub(super) fn new(model: &Model, position: &Position, psnr_db: Option<f64>) -> Self {

@@ -71,7 +71,7 @@ pub fn simplify(
     let pixels = (size / cells).powi(2) as f32;
     let (direction, color) = (settings.smoothness * pixels, settings.evenness * pixels);
     let stage = Stage::simplifying(grid.resolution(), settings.effort, direction, color);
-    let simple = refine_by(grid, shots, &[], &stage, settings.seed, progress)?.field;
+    let simple = refine_by(grid, shots, &[], &[stage], settings.seed, progress)?.field;
     Ok(simple.with_up(field.up()).with_histograms_of(field))
 }
 

@@ -1,6 +1,7 @@
 //! Fits fields to pictures of a known field.
 
 mod inputs;
+mod refine;
 mod scene;
 
 use glam::{DMat3, DVec3};

@@ -17,8 +17,12 @@ const RAYS: [f64; 5] = [4.0, 24.0, 110.0, 300.0, 600.0];
 const LAST_SPREAD: usize = 2;
 /// The fraction of a stage that the result is not a mean of: until voxels have been removed for the last time.
 const AVERAGE_FROM: f64 = 0.86;
-/// Rays that refine a field with an effort of 1, in millions.
+/// Rays that refine a field with an effort of 1 at most, in millions.
 const REFINING_RAYS: f64 = 60.0;
+/// The most rounds of refining.
+const ROUNDS: u32 = 10;
+/// The fraction of such a round that its result is not a mean of.
+const ROUND_AVERAGE_FROM: f64 = 0.5;
 /// Rays that simplify a field with an effort of 1, in millions.
 const SIMPLIFYING_RAYS: f64 = 8.0;
 
@@ -132,14 +136,31 @@ impl Schedule {
 }
 
 impl Stage {
-    /// Plans the single stage of refining a field that is already nearly right.
-    pub fn refining(resolution: u32, effort: f64, time: Option<Duration>) -> Self {
+    /// Plans the rounds of refining a field that is already nearly right. It may end after any of them.
+    pub fn refining(resolution: u32, effort: f64, time: Option<Duration>) -> Vec<Self> {
+        let mut whole = Self::gentle(resolution);
+        // Larger first steps would lose what later rounds must gain again.
+        whole.optimizer.rates = Rates { constant: 0.02, directional: 0.007, thickness: 0.005 };
+        let rates = |round: u32| whole.rates(f64::from(round) / f64::from(ROUNDS));
+        let round = |round: u32| Self {
+            rays: (REFINING_RAYS * 1e6 * effort / f64::from(ROUNDS)) as u64,
+            time: time.map(|time| time / ROUNDS),
+            average_from: Some(ROUND_AVERAGE_FROM),
+            optimizer: Optimizer { rates: rates(round), ..whole.optimizer },
+            last: rates(round + 1),
+            ..whole.clone()
+        };
+        (0..ROUNDS).map(round).collect()
+    }
+
+    /// Plans a stage for a field that is already nearly right, without rays.
+    fn gentle(resolution: u32) -> Self {
         Self {
             resolution,
-            rays: (REFINING_RAYS * 1e6 * effort) as u64,
-            time,
+            rays: 0,
+            time: None,
             tiles: 1024,
-            prune_at: vec![0.05],
+            prune_at: Vec::new(),
             prune_below: Limits::FAINTEST,
             split_above: 0.01,
             spread: Spread::None,
@@ -157,7 +178,7 @@ impl Stage {
 
     /// Plans the single stage of simplifying a field. `direction` and `color` are penalties.
     pub fn simplifying(resolution: u32, effort: f64, direction: f32, color: f32) -> Self {
-        let stage = Self::refining(resolution, 0.0, None);
+        let stage = Self::gentle(resolution);
         let penalties = Penalties { direction, color, ..stage.optimizer.penalties };
         Self {
             rays: (SIMPLIFYING_RAYS * 1e6 * effort) as u64,

@@ -1,0 +1,62 @@
+//! Refining fields.
+
+use glam::{DVec3, Vec4};
+use plenoctree::{BakeSettings, Basis, PlenOctree, bake, camera::PinholeCamera, reference::render};
+use plenoctree_fit::{FitProgress, RefineSettings, Refined, Shot, refine};
+
+use super::scene::cameras;
+
+/// A ball that is as bright as `light` says.
+fn ball(light: impl Fn(DVec3) -> DVec3 + Sync) -> PlenOctree {
+    let settings = BakeSettings { depth: 6, basis: Basis::Sh1, ..BakeSettings::default() };
+    bake(
+        &settings,
+        |at| if at.length() < 0.6 { 60.0 } else { 0.0 },
+        |at| {
+            let color = light(at);
+            move |_| color
+        },
+    )
+    .unwrap()
+}
+
+/// Refines a field with pictures of another one.
+fn refined(field: &PlenOctree, shown: &PlenOctree, effort: f64) -> Refined {
+    let shot = |camera: &PinholeCamera| {
+        let rendering = render(shown, camera);
+        let pixels = rendering.color.iter().zip(&rendering.opacity);
+        Shot::new(camera, &pixels.map(|(color, opacity)| color.extend(*opacity).as_vec4()).collect::<Vec<Vec4>>())
+    };
+    let (training, measured) = (cameras(24), cameras(30).split_off(24));
+    let shots = training.iter().map(shot).collect();
+    let measured: Vec<Shot> = measured.iter().map(shot).collect();
+    let settings = RefineSettings { effort, ..RefineSettings::default() };
+    refine(field, shots, &measured, &settings, &FitProgress::default()).unwrap()
+}
+
+/// Refining ends after a round if the field is right, and does not make it worse.
+#[test]
+fn refining_ends_when_it_does_not_pay() {
+    let field = ball(|at| 0.5 + 0.4 * at);
+    let Refined { field: same, rounds } = refined(&field, &field, 0.05);
+    assert_eq!(rounds.len(), 1, "{rounds:?}");
+    assert!(rounds[0].gain_db.unwrap() < 0.02, "{rounds:?}");
+    let (origin, direction) = (DVec3::new(0.0, 4.0, 0.1), DVec3::NEG_Y);
+    let [(before, _), (after, _)] = [&field, &same].map(|field| field.render_ray(origin, direction));
+    assert!((before - after).abs().max_element() < 0.01, "{before} {after}");
+}
+
+/// It goes on while a field of the wrong colors becomes better, and reports what each round gained.
+#[test]
+fn refining_goes_on_while_it_pays() {
+    let (gray, colored) = (ball(|_| DVec3::splat(0.5)), ball(|at| 0.5 + 0.4 * at));
+    let Refined { rounds, .. } = refined(&gray, &colored, 0.02);
+    let gains: Vec<f64> = rounds.iter().map(|round| round.gain_db.unwrap()).collect();
+    assert!(gains.len() >= 3, "{gains:?}");
+    assert!(gains[..gains.len() - 1].iter().all(|gain| *gain > 0.02), "{gains:?}");
+    for pair in rounds.windows(2) {
+        let gain = pair[1].psnr_db.unwrap() - pair[0].psnr_db.unwrap();
+        assert!((gain - pair[1].gain_db.unwrap()).abs() < 1e-9, "{rounds:?}");
+    }
+    assert!(gains.iter().sum::<f64>() > 3.0, "{gains:?}");
+}
