@@ -113,7 +113,7 @@ pub(in crate::render) fn decide(
                 overlap: if is_solid { Overlap::Solid } else { Overlap::Thin },
                 is_lit: seen.prop.is_lit() && stage == PropStage::Scene && has(Feature::Lighting),
                 is_posterized: seen.posterize.is_some(),
-                may_recolor: seen.posterize.is_none() && seen.palette.is_some(),
+                may_recolor: seen.posterize.is_none() && seen.prop.recolor.is_some(),
                 smooths: if is_smooth && has(Feature::Edges) { Smooths::Silhouette } else { Smooths::Nothing },
                 rect: URect { min: in_rect(covered.min), max: in_rect(covered.max) },
             }
@@ -226,7 +226,7 @@ pub(in crate::render) fn decide(
         has_ink,
         former,
         keeps_labels,
-        recolors: seen.iter().any(|seen| seen.posterize.is_none() && seen.palette.is_some_and(|of| of.is_changed)),
+        recolors: seen.iter().any(|seen| seen.posterize.is_none() && seen.prop.recolor.is_some_and(|of| of.is_changed)),
         has_motion: visible.has_motion && stage == PropStage::Scene,
         stages: if has(Feature::Stages) { visible.stages.clone() } else { vec![] },
         // A posterized view shows nothing but labels.
