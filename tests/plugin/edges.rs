@@ -1,7 +1,5 @@
 //! Tests the edges of posterized props, against images with 16 rays per pixel that are posterized separately.
 
-use std::ops::{Deref, DerefMut};
-
 use bevy::{
     camera::{Hdr, ScalingMode, visibility::RenderLayers},
     prelude::*,
@@ -45,23 +43,11 @@ fn ball(color: [f64; 3]) -> PlenOctree {
     bake_solid(color, |at| at.length() - 0.7)
 }
 
+#[derive(Deref, DerefMut)]
 struct Scene {
+    #[deref]
     stage: Stage,
     meshes: Vec<Entity>,
-}
-
-impl Deref for Scene {
-    type Target = Stage;
-
-    fn deref(&self) -> &Stage {
-        &self.stage
-    }
-}
-
-impl DerefMut for Scene {
-    fn deref_mut(&mut self) -> &mut Stage {
-        &mut self.stage
-    }
 }
 
 impl Scene {

@@ -1,9 +1,6 @@
 //! Tests ray casts and pointers: what they hit, where, and in which region.
 
-use std::{
-    ops::{Deref, DerefMut},
-    sync::Mutex,
-};
+use std::sync::Mutex;
 
 use bevy::{
     camera::visibility::RenderLayers,
@@ -186,23 +183,11 @@ fn the_nearest_visible_prop_is_hit() {
 const SIZE: UVec2 = UVec2::new(96, 64);
 
 /// A scene with pointers, and a camera at z = 6 that faces -z.
+#[derive(Deref, DerefMut)]
 struct Scene {
+    #[deref]
     stage: Stage,
     field: Handle<PlenOctree>,
-}
-
-impl Deref for Scene {
-    type Target = Stage;
-
-    fn deref(&self) -> &Stage {
-        &self.stage
-    }
-}
-
-impl DerefMut for Scene {
-    fn deref_mut(&mut self) -> &mut Stage {
-        &mut self.stage
-    }
 }
 
 impl Scene {

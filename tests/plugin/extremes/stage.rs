@@ -1,7 +1,6 @@
 //! A stage with one prop and one camera, for small frames.
 
-use std::ops::{Deref, DerefMut};
-
+use bevy::prelude::*;
 use bevy_plenoctree::{FieldPalette, Palette, PlenOctree, UpAxis};
 use glam::{DMat4, DVec3};
 use half::f16;
@@ -17,21 +16,8 @@ use crate::stage::{
 pub const SIZE: u32 = 33;
 
 /// A prop over black.
+#[derive(Deref, DerefMut)]
 pub struct Alone(Stage);
-
-impl Deref for Alone {
-    type Target = Stage;
-
-    fn deref(&self) -> &Stage {
-        &self.0
-    }
-}
-
-impl DerefMut for Alone {
-    fn deref_mut(&mut self) -> &mut Stage {
-        &mut self.0
-    }
-}
 
 impl Alone {
     pub fn new(field: &PlenOctree) -> Self {

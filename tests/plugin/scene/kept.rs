@@ -1,8 +1,6 @@
 //! Tests that views keep what they drew, that every change is visible immediately, and that frames are the same as if
 //! everything were redrawn.
 
-use std::ops::{Deref, DerefMut};
-
 use bevy::{
     camera::{Exposure, Hdr, ScalingMode, Viewport},
     core_pipeline::prepass::MotionVectorPrepass,
@@ -28,24 +26,12 @@ fn field(hue: f64) -> PlenOctree {
 
 /// A view of two props that overlap, one of them posterized or none, with a mesh between them, one behind them, and a pane
 /// of glass.
+#[derive(Deref, DerefMut)]
 struct View {
+    #[deref]
     stage: Stage,
     meshes: [Entity; 2],
     fields: [Handle<PlenOctree>; 2],
-}
-
-impl Deref for View {
-    type Target = Stage;
-
-    fn deref(&self) -> &Stage {
-        &self.stage
-    }
-}
-
-impl DerefMut for View {
-    fn deref_mut(&mut self) -> &mut Stage {
-        &mut self.stage
-    }
 }
 
 impl View {

@@ -1,9 +1,6 @@
 //! A stage that is seen from both sides, for tests that know the color of every pixel.
 
-use std::{
-    fmt::Display,
-    ops::{Deref, DerefMut},
-};
+use std::fmt::Display;
 
 use bevy::{
     camera::{Hdr, ScalingMode, Viewport},
@@ -86,23 +83,11 @@ pub fn flat() -> Projection {
 }
 
 /// A stage with two cameras.
+#[derive(Deref, DerefMut)]
 pub struct Sides {
+    #[deref]
     pub stage: Stage,
     pub cameras: [Entity; 2],
-}
-
-impl Deref for Sides {
-    type Target = Stage;
-
-    fn deref(&self) -> &Stage {
-        &self.stage
-    }
-}
-
-impl DerefMut for Sides {
-    fn deref_mut(&mut self) -> &mut Stage {
-        &mut self.stage
-    }
 }
 
 impl Sides {
