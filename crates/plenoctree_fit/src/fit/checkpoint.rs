@@ -7,11 +7,11 @@ use std::{
 };
 
 use glam::{DVec3, UVec3, Vec3, Vec4};
+use plenoctree::random::Random;
 
 use super::{
     error::FitError,
     grid::{Cube, Grid, VoxelSet},
-    random::Random,
     train::{Model, Position, backdrop::Backdrop},
 };
 

@@ -6,7 +6,6 @@ mod grid;
 mod input;
 mod measure;
 mod progress;
-mod random;
 mod refine;
 mod report;
 mod run;

@@ -3,7 +3,7 @@
 use std::{sync::Arc, time::Duration};
 
 use glam::{DVec2, DVec3, Vec3, Vec4};
-use plenoctree::{Activation, Basis, PlenOctree, camera::PinholeCamera};
+use plenoctree::{Activation, Basis, PlenOctree, camera::PinholeCamera, random::Random};
 
 use super::{
     error::FitError,
@@ -11,7 +11,6 @@ use super::{
     input::{Distortion, Lens, Picture, ViewCamera},
     measure::quick_psnr,
     progress::FitProgress,
-    random::Random,
     report::RoundReport,
     to_field::to_field,
     train::{

@@ -8,7 +8,7 @@ use std::{
 };
 
 use glam::{DMat3, DVec3, Vec3};
-use plenoctree::PlenOctree;
+use plenoctree::{PlenOctree, random::Random};
 
 use super::{
     checkpoint::Checkpoint,
@@ -17,7 +17,6 @@ use super::{
     input::{CameraMaker, FitInput, Picture, View, ViewCamera},
     measure::{Comparison, compare, quick_psnr},
     progress::FitProgress,
-    random::Random,
     report::{FitReport, HeldOut, Seconds, StageReport, ViewReport},
     scene,
     settings::FitSettings,

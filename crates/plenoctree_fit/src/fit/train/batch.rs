@@ -8,7 +8,7 @@
 use std::sync::Mutex;
 
 use glam::{DVec2, DVec3, Vec3, Vec4};
-use plenoctree::Basis;
+use plenoctree::{Basis, random::Random};
 use rayon::prelude::*;
 
 use super::{
@@ -17,7 +17,7 @@ use super::{
 };
 use crate::{
     exponential::{exp_minus, sigmoid},
-    fit::{grid::Grid, random::Random},
+    fit::grid::Grid,
 };
 
 /// Width of a tile, in pixels.
@@ -329,7 +329,7 @@ mod tests {
     fn scene(random: &mut Random) -> (Grid, TrainView) {
         let mut set = VoxelSet::new(8);
         for _ in 0..60 {
-            set.insert(UVec3::from_array(std::array::from_fn(|_| 1 + (random.next() % 6) as u32)));
+            set.insert(UVec3::from_array(std::array::from_fn(|_| 1 + (random.bits() % 6) as u32)));
         }
         let mut grid = Grid::new(Cube { low: DVec3::new(-1.0, -0.8, -1.2), size: 2.0 }, FUNCTIONS, &set);
         for voxel in 0..grid.len() {

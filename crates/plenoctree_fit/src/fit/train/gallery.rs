@@ -2,12 +2,12 @@
 
 use std::sync::Arc;
 
+use plenoctree::random::Random;
 use rayon::prelude::*;
 
 use crate::fit::{
     error::FitError,
     input::{Picture, View, ViewCamera},
-    random::Random,
 };
 
 /// A view whose picture is in memory.

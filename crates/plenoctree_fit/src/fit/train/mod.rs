@@ -11,6 +11,7 @@ pub mod visibility;
 use std::time::Instant;
 
 use glam::{DVec2, Vec3};
+use plenoctree::random::Random;
 use rayon::prelude::*;
 
 use self::{
@@ -29,7 +30,6 @@ use super::{
     grid::{Grid, VoxelSet},
     input::ViewCamera,
     progress::FitProgress,
-    random::Random,
 };
 
 /// What the squared error of an opacity counts, relative to that of a color channel. The random colors behind the field
@@ -97,7 +97,7 @@ pub fn train(
                 gains: &model.gains,
                 opacity: if matches!(model.backdrop, Backdrop::Random) { OPACITY } else { 0.0 },
             };
-            render_batch(&scene, tiles, random.next(), &mut workspace);
+            render_batch(&scene, tiles, random.bits(), &mut workspace);
             let optimizer = Optimizer { rates: stage.rates(fraction), ..stage.optimizer };
             update(&mut model.grid, &workspace.parts, &optimizer, &mut thickness);
             if stage.average_from.is_some_and(|from| fraction >= from) {
