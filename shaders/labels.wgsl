@@ -181,17 +181,29 @@ fn shown_in(prop: u32, label: Label, light: Light) -> vec3<f32> {
 #endif
 }
 
-// Considers the palette colors as labels.
-fn consider_colors(nearest: ptr<function, Nearest>, place: vec3<f32>, prop: u32) {
+// Considers the palette colors as labels, and the blends of every pair.
+fn consider_blends(nearest: ptr<function, Nearest>, place: vec3<f32>, prop: u32) {
     let count = labelings[prop].colors;
     let places = labelings[prop].first_place;
+    let steps = labelings[prop].blend_steps;
     for (var i = 0u; i < count; i++) {
         let off = place - colors[places + i].rgb;
         consider(nearest, packed(i, i, 0u), dot(off, off));
     }
+    for (var i = 0u; i < select(0u, count, steps > 1u); i++) {
+        let first = colors[places + i].rgb;
+        for (var j = i + 1u; j < count; j++) {
+            let second = colors[places + j].rgb;
+            for (var k = 1u; k < steps; k++) {
+                let share = f32(k) / f32(steps);
+                let off = place - mix(second, first, share);
+                consider(nearest, packed(i, j, k), dot(off, off));
+            }
+        }
+    }
 }
 
-// Considers tones as labels, those that are nearest in lightness first, until no other one can be near enough.
+// Considers tones as labels, which do not blend: those that are nearest in lightness first, until no other one can be near enough.
 fn consider_tones(nearest: ptr<function, Nearest>, place: vec3<f32>, prop: u32) {
     let count = labelings[prop].colors;
     let sorted = labelings[prop].first_place + count;
@@ -225,25 +237,12 @@ fn consider_tones(nearest: ptr<function, Nearest>, place: vec3<f32>, prop: u32) 
 // Returns the label that is nearest to a place.
 fn assign(place: vec3<f32>, prop: u32, light: Light) -> Shown {
     let count = labelings[prop].colors;
-    let places = labelings[prop].first_place;
     let steps = labelings[prop].blend_steps;
     var nearest = Nearest(vec2(0u), vec2(FAR));
     if are_tones(prop) {
         consider_tones(&nearest, place, prop);
     } else {
-        consider_colors(&nearest, place, prop);
-    }
-    // Tones do not blend.
-    for (var i = 0u; i < select(0u, count, steps > 1u); i++) {
-        let first = colors[places + i].rgb;
-        for (var j = i + 1u; j < count; j++) {
-            let second = colors[places + j].rgb;
-            for (var k = 1u; k < steps; k++) {
-                let share = f32(k) / f32(steps);
-                let off = place - mix(second, first, share);
-                consider(&nearest, packed(i, j, k), dot(off, off));
-            }
-        }
+        consider_blends(&nearest, place, prop);
     }
     let softness = labelings[prop].softness;
     let lead = sqrt(nearest.distances.y) - sqrt(nearest.distances.x);

@@ -78,6 +78,7 @@ pub fn passes(end: Instant) -> Result {
     let (mut headless, camera, fields) = begin(&FIELDS[..1])?;
     let looks = [("as trained", None), ("`paper`", Some(Posterize::paper())), ("default", Some(Posterize::default()))];
     println!("## Passes\n\nMilliseconds of the GPU in frames of one prop, Bevy's own passes included.\n");
+    let mut left = (SIZES.len() * looks.len()) as u32;
     for size in SIZES {
         headless.resize(size);
         let mut passes: BTreeMap<String, [Option<f64>; 3]> = BTreeMap::new();
@@ -85,7 +86,8 @@ pub fn passes(end: Instant) -> Result {
             show(&mut headless, camera, &fields, Scene::Whole, size, *look)?;
             headless.wait_until_ready(PATIENCE)?;
             let now = Instant::now();
-            let share = end.saturating_duration_since(now) / if size == SIZES[0] { 6 } else { 3 };
+            let share = end.saturating_duration_since(now) / left;
+            left -= 1;
             let times = Times::measure(&mut headless, now + share)?;
             times.spans().for_each(|(span, time)| passes.entry(span.into()).or_default()[index] = Some(time));
             passes.entry("all".into()).or_default()[index] = times.gpu();

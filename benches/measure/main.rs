@@ -54,20 +54,18 @@ fn main() -> Result {
     );
     let names: Vec<String> = std::env::args().skip(1).filter(|name| !name.starts_with('-')).collect();
     let wants = |name: &str| names.is_empty() || names.iter().any(|wanted| wanted == name);
-    if wants("sampling") {
-        sampling::measure(minutes(1.5))?;
-    }
-    if wants("arrival") {
-        arrival::measure()?;
-    }
-    if wants("passes") {
-        frames::passes(minutes(3.5))?;
-    }
-    if wants("shadows") {
-        shadows::measure(minutes(5.0))?;
-    }
-    if wants("frames") {
-        frames::measure(minutes(9.5))?;
+    // When each should end, in minutes.
+    let tables: [(&str, f64, fn(Instant) -> Result); 5] = [
+        ("sampling", 1.5, sampling::measure),
+        ("arrival", 2.0, |_| arrival::measure()),
+        ("passes", 3.5, frames::passes),
+        ("shadows", 5.0, shadows::measure),
+        ("frames", 9.5, frames::measure),
+    ];
+    for (name, end, measure) in tables {
+        if wants(name) {
+            measure(minutes(end))?;
+        }
     }
     println!("Measured in {:.0} s.", start.elapsed().as_secs_f64());
     Ok(())

@@ -71,8 +71,9 @@ fn coverage_of(plan: &Plan, pixels: Pixels) -> Pass {
     let sum =
         BlendComponent { src_factor: BlendFactor::One, dst_factor: BlendFactor::One, operation: BlendOperation::Add };
     let add = Blend::With(BlendState { color: sum, alpha: sum });
-    // A single prop writes all of the pixels.
-    let blend = if plan.props.len() > 1 { add } else { Blend::Replace };
+    // A single prop writes all pixels at its edges, even where its rays do not meet its box.
+    let is_single = plan.props.len() == 1;
+    let blend = if is_single { Blend::Replace } else { add };
     let (outline, owner) = (Input::Texture(Slot::Outline), Input::Texture(Slot::Owner(Rays::Pixels)));
     let depth = Input::Texture(Slot::Depth(Rays::Pixels));
     let (definition, reads, writes, blends) = match pixels {
@@ -106,8 +107,7 @@ fn coverage_of(plan: &Plan, pixels: Pixels) -> Pass {
             let program = program.define_number("SAMPLES", Some(plan.samples));
             programs.push(program.define_all(field_definitions(prop.shape)).depth_test(CompareFunction::Less, false));
         });
-        // A single prop writes all pixels at its edges, even where its rays do not meet its box.
-        let scissor = (plan.props.len() > 1).then_some(prop.rect);
+        let scissor = (!is_single).then_some(prop.rect);
         let field = Some(prop.field.clone());
         draws.push(Draw { field, instance: index as u32, scissor, ..Draw::triangle(program) });
     }
