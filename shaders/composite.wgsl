@@ -30,7 +30,7 @@ fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
     let over = textureLoad(layer, pixel, 0);
     let stored = textureLoad(scene, pixel + view.corner, 0).rgb;
     let prop = owner_of(textureLoad(owner, pixel, 0));
-    let posterized = select(prop, screen.everything, prop == 0u);
+    let posterized = select(prop, screen.view_posterize, prop == 0u);
     let color = composited(over, stored);
 #ifdef UNFILTERED
     return Fragment(pack_filtered(color, posterized));

@@ -33,7 +33,7 @@ fn finished(pixel: vec2<u32>) -> vec4<f32> {
     if own.x < 2u {
         return seen;
     }
-    let owner = select(own.y, screen.everything, own.y == 0u);
+    let owner = select(own.y, screen.view_posterize, own.y == 0u);
     let prop = owner - 1u;
     var color = seen.rgb;
     var tint = props[prop].tint;

@@ -23,6 +23,6 @@ fn vertex(@builtin(vertex_index) index: u32, @builtin(instance_index) instance: 
         return Triangle(NOWHERE, instance);
     }
     // Passes that test the props' depth run only where a prop was drawn, or everywhere if the view is posterized.
-    let depth = select(0.0, LEAST_DEPTH, screen.everything == 0u);
+    let depth = select(0.0, LEAST_DEPTH, screen.view_posterize == 0u);
     return Triangle(vec4(vec2(f32((index << 1u) & 2u), f32(index & 2u)) * 2.0 - 1.0, depth, 1.0), instance);
 }

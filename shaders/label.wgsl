@@ -83,7 +83,7 @@ fn seen_at(pixel: vec2<u32>) -> Seen {
         let shift = moved(pixel, over);
         return as_trained(pixel, over + vec4(shift, 0.0), value.color + shift);
     }
-    let is_view = value.owner == screen.everything;
+    let is_view = value.owner == screen.view_posterize;
     var tint = props[value.owner - 1u].tint;
     var light = FULL_LIGHT;
 #ifdef LIGHTING

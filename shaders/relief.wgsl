@@ -7,15 +7,19 @@
 
 // A point of a prop, and the disk around it in which its surface is smoothed.
 struct Center {
-    // The pixel of the drawn part of the view, and the corner and the size of that part in the target.
     pixel: vec2<i32>,
-    corner: vec2<f32>,
+    // The size of the drawn part of the view.
     size: vec2<i32>,
     // 1 + the index of the prop.
     owned: u32,
     depth: f32,
-    // In the camera's space.
+    // In the camera's space, and the same in homogeneous coordinates.
     point: vec3<f32>,
+    place: vec4<f32>,
+    // How those change from pixel to pixel, and with depth.
+    across: vec4<f32>,
+    down: vec4<f32>,
+    deeper: vec4<f32>,
     // The radius of the disk, in pixels and in the scene.
     pixels: f32,
     radius: f32,
@@ -25,24 +29,31 @@ struct Center {
 const LEAST_PIXELS: f32 = 2.0;
 const MOST_PIXELS: f32 = 24.0;
 
-// Returns the point of a depth in a pixel, in the camera's space.
-fn view_point(center: Center, pixel: vec2<i32>, depth: f32) -> vec3<f32> {
-    let at = vec2<f32>(pixel) + 0.5 + center.corner - view.main_pass_viewport.xy;
-    let ndc = (2.0 * at / view.main_pass_viewport.zw - 1.0) * vec2(1.0, -1.0);
-    let point = view.view_from_clip * vec4(ndc, depth, 1.0);
-    return point.xyz / point.w;
+// Returns the point in another pixel that has the depth of the center, in homogeneous coordinates of the camera's space.
+fn flat_place(center: Center, off: vec2<i32>) -> vec4<f32> {
+    return center.place + f32(off.x) * center.across + f32(off.y) * center.down;
 }
 
-// Returns the disk around the point of a prop that a pixel shows. `radius` is its radius in the scene, before it is
-// clamped to a number of pixels.
+// Returns how far a depth in another pixel is behind the center, along the view axis.
+fn distance_behind(center: Center, off: vec2<i32>, depth: f32) -> f32 {
+    let place = flat_place(center, off).zw + (depth - center.depth) * center.deeper.zw;
+    return center.point.z - place.x / place.y;
+}
+
+// Returns the disk around the point of a prop that a pixel of the drawn part of the view shows. `corner` is that of the
+// part in the target. `radius` is the radius of the disk in the scene, before it is clamped to a number of pixels.
 fn center_at(pixel: vec2<i32>, corner: vec2<u32>, size: vec2<u32>, owned: u32, depth: f32, radius: f32) -> Center {
-    var center = Center(pixel, vec2<f32>(corner), vec2<i32>(size), owned, depth, vec3(0.0), 0.0, 0.0);
-    center.point = view_point(center, pixel, depth);
-    let w = (view.clip_from_view * vec4(center.point, 1.0)).w;
+    let per_pixel = vec2(2.0, -2.0) / view.main_pass_viewport.zw;
+    let at = vec2<f32>(pixel) + 0.5 + vec2<f32>(corner) - view.main_pass_viewport.xy;
+    let place = view.view_from_clip * vec4(at * per_pixel + vec2(-1.0, 1.0), depth, 1.0);
+    let point = place.xyz / place.w;
+    let w = (view.clip_from_view * vec4(point, 1.0)).w;
     let scale = 0.5 * view.main_pass_viewport.w * abs(view.clip_from_view[1][1]) / max(w, 1e-20);
-    center.pixels = clamp(radius * scale, LEAST_PIXELS, MOST_PIXELS);
-    center.radius = center.pixels / scale;
-    return center;
+    let pixels = clamp(radius * scale, LEAST_PIXELS, MOST_PIXELS);
+    let across = per_pixel.x * view.view_from_clip[0];
+    let down = per_pixel.y * view.view_from_clip[1];
+    let deeper = view.view_from_clip[2];
+    return Center(pixel, vec2<i32>(size), owned, depth, point, place, across, down, deeper, pixels, pixels / scale);
 }
 
 // Where a surface faces.
@@ -78,9 +89,10 @@ fn neighbor_at(depth: texture_depth_2d, owner: texture_2d<f32>, center: Center, 
     let is_inside = all(at == pixel);
     let found = textureLoad(depth, at, 0);
     let is_own = is_inside && is_solid(found) && prop_of(textureLoad(owner, at, 0)) == center.owned;
-    let flat_offset = view_point(center, pixel, center.depth) - center.point;
-    let offset = view_point(center, pixel, select(center.depth, found, is_own)) - center.point;
-    return Neighbor(offset, flat_offset, is_own, is_inside && !is_own && found < center.depth);
+    let flat = flat_place(center, off);
+    let place = flat + select(0.0, found - center.depth, is_own) * center.deeper;
+    let is_beyond = is_inside && !is_own && found < center.depth;
+    return Neighbor(place.xyz / place.w - center.point, flat.xyz / flat.w - center.point, is_own, is_beyond);
 }
 
 // Returns where the surface faces, smoothed over the disk: the area vector of the ring around it, which is the integral

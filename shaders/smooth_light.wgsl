@@ -1,7 +1,7 @@
 // The smooth_light pass: smooths the light that falls on props, so that bands end at smooth lines although surfaces
 // consist of cells. Rounds it to bands where pixels are posterized. Bind group 0 has the lights.
 
-#import bevy_plenoctree::relief::{MOST_STEEP, center_at, depth_near, view_point}
+#import bevy_plenoctree::relief::{MOST_STEEP, center_at, depth_near, distance_behind}
 #import bevy_plenoctree::shade::{LIGHT_STEPS, LIGHT_ZERO, Lit}
 #import bevy_plenoctree::view::{LEAST_DEPTH, View, is_solid, owner_of, prop_of}
 
@@ -19,9 +19,10 @@ fn vertex(@builtin(vertex_index) index: u32) -> @builtin(position) vec4<f32> {
     return vec4(vec2(f32((index << 1u) & 2u), f32(index & 2u)) * 2.0 - 1.0, LEAST_DEPTH, 1.0);
 }
 
-// The pixels of the disk besides the center, and the angle between two of them in radians: no two are in line.
+// The pixels of the disk besides the center, and the cosine and the sine of the angle between two of them, the golden
+// one: no two are in line.
 const POINTS: u32 = 20u;
-const ANGLE: f32 = 2.399963;
+const TURN: vec2<f32> = vec2(-0.7373688, 0.6754903);
 
 // Returns the light that is added in a pixel. Negative if light is missing.
 fn added(texel: vec4<f32>) -> f32 {
@@ -62,17 +63,17 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
     // The sums of the products of differences and offsets, and of offsets with themselves.
     var slope = vec2(0.0);
     var square = vec2(0.0);
+    var direction = vec2(1.0, 0.0);
     for (var i = 0u; i < POINTS; i++) {
         let far = sqrt((f32(i) + 1.0) / f32(POINTS));
-        let angle = ANGLE * f32(i);
-        let off = vec2<i32>(round(center.pixels * far * vec2(cos(angle), sin(angle))));
+        let off = vec2<i32>(round(center.pixels * far * direction));
+        direction = vec2(dot(direction, vec2(TURN.x, -TURN.y)), dot(direction, TURN.yx));
         let at = clamp(pixel + off, vec2(0), center.size - 1);
         let there = textureLoad(depth, at, 0);
         if prop_of(textureLoad(owner, at, 0)) != owned || !is_solid(there) {
             continue;
         }
-        let away = abs(view_point(center, at, there).z - center.point.z);
-        if away > reach {
+        if abs(distance_behind(center, at - pixel, there)) > reach {
             continue;
         }
         let found = textureLoad(light, at, 0);

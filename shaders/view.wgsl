@@ -65,7 +65,7 @@ struct Screen {
     // The camera's exposure relative to Bevy's default exposure, or 1 after tonemapping.
     exposure: f32,
     // 1 + the index in `props` of the posterized view, or 0. It owns the pixels that no posterized prop owns.
-    everything: u32,
+    view_posterize: u32,
 }
 
 // The bilateral filter of a prop.

@@ -39,7 +39,7 @@
 //! | cast shadows | the feature `shadows`, [`SolidOpacity`], [`PropQuality`] on a light |
 //! | let the scene's shadows and lights darken, tint or brighten it | [`PropLighting`] (feature `shadows`) on the prop |
 //! | let it fade in fog | Bevy's `DistanceFog` on a camera (feature `shadows`) |
-//! | choose where in the frame props are drawn | [`PropStage`] on a camera |
+//! | choose where in the frame props are drawn | [`PropPlacement`] on a camera |
 //! | trade accuracy for speed | [`PropQuality`] on a camera |
 //! | cast rays at props | [`PropRayCast`]; [`PropPickingPlugin`] (feature `picking`) |
 //! | add a render stage | [`LabelStages`] |
@@ -65,6 +65,7 @@
 
 mod asset;
 mod background;
+mod camera;
 mod gpu;
 #[cfg(feature = "headless")]
 pub mod headless;
@@ -86,7 +87,6 @@ mod recovery;
 mod render;
 mod sampling;
 mod sets;
-mod stage;
 mod state;
 #[cfg(test)]
 mod tests;
@@ -96,6 +96,7 @@ pub use asset::PackSaver;
 pub use asset::PlenOctreeLoader;
 #[cfg(feature = "splat")]
 pub use asset::{CaptureLoader, CaptureSettings};
+pub use camera::{LabelStages, PosterizeView, PropPlacement};
 pub use gpu::{
     FieldFailed, FieldReady, FieldTooLarge, GpuField, MAX_PROPS_IN_VIEW, UploadBudget, ViewFailed, ViewTooLarge,
 };
@@ -137,7 +138,6 @@ pub use recovery::DeviceRecoveryPlugin;
 pub use render::{LIGHTING_SPANS, SHADOW_SPANS};
 pub use render::{POSTERIZE_SPANS, VOLUME_SPANS};
 pub use sets::{PlenOctreeRenderSystems, PlenOctreeSystems};
-pub use stage::{LabelStages, PosterizeView, PropStage};
 pub use state::{PropError, PropProgress, PropState, props_progress, props_ready};
 
 use bevy::{asset::ReflectHandle, prelude::*};
@@ -166,7 +166,7 @@ impl Plugin for PlenOctreePlugin {
             .register_type::<Posterize>()
             .register_type::<PosterizeView>()
             .register_type::<PropQuality>()
-            .register_type::<PropStage>()
+            .register_type::<PropPlacement>()
             .register_type::<Recolor>()
             .add_plugins((
                 gpu::GpuFieldPlugin,

@@ -23,7 +23,7 @@ pub const MAX_BRIGHTNESS: f32 = 16.0;
 /// recoloring moves no edge. Where the palette has no such label, the shown color is darkened or lightened instead. A prop as trained that a
 /// [`PosterizeView`](crate::PosterizeView) posterizes goes down the palette of the view.
 ///
-/// It takes effect where props are solid, for cameras that draw them at [`PropStage::Scene`](crate::PropStage::Scene).
+/// It takes effect where props are solid, for cameras that draw them at [`PropPlacement::Scene`](crate::PropPlacement::Scene).
 ///
 /// ```
 /// # use bevy::prelude::*;

@@ -4,6 +4,6 @@
 pub use crate::PropLighting;
 pub use crate::{
     BlendSpace, FieldPalette, PaletteOverride, PaletteReady, Palettes, PlenOctree, PlenOctreePlugin, Posterize,
-    PosterizeView, Prop, PropHit, PropPath, PropProgress, PropQuality, PropRayCast, PropStage, PropState, PropTint,
+    PosterizeView, Prop, PropHit, PropPath, PropPlacement, PropProgress, PropQuality, PropRayCast, PropState, PropTint,
     Recolor, props_progress, props_ready,
 };

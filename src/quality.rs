@@ -53,14 +53,14 @@ pub struct PropQuality {
     ///
     /// Above 0, only a grid of pixels gets rays at first. Where these differ by more, or belong to different props, or
     /// where a mesh ends in front of a prop, all pixels get rays. What is thinner than the grid's
-    /// [`spacing`](Self::spacing) may be missed where no ray of the grid meets it.
+    /// [`ray_spacing`](Self::ray_spacing) may be missed where no ray of the grid meets it.
     ///
     /// Defaults to 0, which gives every pixel a ray. Below 0.1, hardly any time is saved. Negative values count as 0.
-    pub error: f32,
-    /// The distance in pixels between the rays of the grid, along each axis, if [`error`](Self::error) is above 0.
+    pub ray_tolerance: f32,
+    /// The distance in pixels between the rays of the grid, along each axis, if [`ray_tolerance`](Self::ray_tolerance) is above 0.
     ///
     /// Defaults to 2. Clamped to 2..=8.
-    pub spacing: u32,
+    pub ray_spacing: u32,
     /// The number of rays through a pixel where a posterized prop ends, for
     /// [`EdgeSmoothing::Coverage`](crate::EdgeSmoothing::Coverage): 4 or 8. Views with [`Msaa`] always cast 8. Both
     /// leave about a quarter of the error of hard edges, but four rays miss more details that are thinner than a pixel.
@@ -93,8 +93,8 @@ impl PropQuality {
         density_threshold: 0.0,
         opacity_loss: 0.0,
         cell_size: 0.0,
-        error: 0.0,
-        spacing: 2,
+        ray_tolerance: 0.0,
+        ray_spacing: 2,
         edge_rays: 8,
         filter_iterations: MAX_FILTER_ITERATIONS,
         steady_labels: false,
@@ -113,7 +113,7 @@ impl PropQuality {
         stop_transmittance: 0.03,
         opacity_loss: 0.02,
         cell_size: 1.0,
-        error: 0.18,
+        ray_tolerance: 0.18,
         edge_rays: 4,
         filter_iterations: 3,
         steady_labels: true,
@@ -124,7 +124,7 @@ impl PropQuality {
         stop_transmittance: 0.05,
         opacity_loss: 0.05,
         cell_size: 1.5,
-        error: 0.4,
+        ray_tolerance: 0.4,
         edge_rays: 4,
         filter_iterations: 1,
         steady_labels: true,
@@ -144,8 +144,8 @@ impl PropQuality {
             density_threshold: clamp(self.density_threshold, 0.0, f32::INFINITY, exact.density_threshold),
             opacity_loss: clamp(self.opacity_loss, 0.0, 1.0, exact.opacity_loss),
             cell_size: clamp(self.cell_size, 0.0, f32::INFINITY, exact.cell_size),
-            error: clamp(self.error, 0.0, f32::INFINITY, exact.error),
-            spacing: self.spacing.clamp(2, 8),
+            ray_tolerance: clamp(self.ray_tolerance, 0.0, f32::INFINITY, exact.ray_tolerance),
+            ray_spacing: self.ray_spacing.clamp(2, 8),
             edge_rays: if self.edge_rays < 8 { 4 } else { 8 },
             filter_iterations: self.filter_iterations,
             steady_labels: self.steady_labels,

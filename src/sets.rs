@@ -2,7 +2,7 @@
 
 use bevy::prelude::*;
 
-use crate::stage::PropStage;
+use crate::camera::PropPlacement;
 
 /// The plugin's system sets in the main world.
 #[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -27,8 +27,8 @@ pub enum PlenOctreeSystems {
 /// The plugin's system sets in the render world, in the order in which they run.
 ///
 /// The first three run in the [`Render`] schedule, once for all views. The others run in the [`Core3d`] schedule, once
-/// per view. Sets with a [`PropStage`] exist once per stage; their systems do nothing in views whose props are drawn at
-/// the other stage.
+/// per view. Sets with a [`PropPlacement`] exist once per placement; their systems do nothing in views with the other
+/// placement.
 ///
 /// [`Render`]: bevy::render::Render
 /// [`Core3d`]: bevy::core_pipeline::schedule::Core3d
@@ -44,9 +44,9 @@ pub enum PlenOctreeRenderSystems {
     /// Draws the props into the view's layer, and finds how much of the pixels at their edges posterized props cover.
     Layer,
     /// Blends the layer over the scene, filters it, assigns labels, smooths edges, and runs custom stages.
-    Posterize(PropStage),
+    Posterize(PropPlacement),
     /// Writes the result to the view's target, and the depth of props where they are solid.
-    Present(PropStage),
-    /// Draws transparent objects again, over props at [`PropStage::Display`].
+    Present(PropPlacement),
+    /// Draws transparent objects again, over props at [`PropPlacement::Display`].
     Objects,
 }

@@ -15,6 +15,9 @@ use crate::{
     clock::{Times, milliseconds},
 };
 
+const VARIANTS: [&str; 5] =
+    ["without a shadow", "with its shadow", "lit, too", "lit like a cartoon", "by the point light, too"];
+
 /// Turns the prop in every frame, so that its shadow is drawn again.
 fn turn(mut props: Query<&mut Transform, With<Prop>>) {
     props.iter_mut().for_each(|mut prop| prop.rotate_y(0.02));
@@ -23,7 +26,7 @@ fn turn(mut props: Query<&mut Transform, With<Prop>>) {
 pub fn measure(end: Instant) -> Result {
     println!(
         "## Shadows\n\nMilliseconds of a frame in which a posterized prop turns on a floor, under a directional light of \
-         four cascades.\n"
+         four cascades, and at last a point light too, both with shadows.\n"
     );
     println!("| prop | pixels | wall | GPU | shadows | lights | frames |\n|---|---|---|---|---|---|---|");
     let field = PlenOctree::read(assets().join(format!("{}.plenoctree", FIELDS[0])), &LoadSettings::default())?;
@@ -44,24 +47,32 @@ pub fn measure(end: Instant) -> Result {
     world.spawn((Mesh3d(mesh), MeshMaterial3d(material), Transform::from_xyz(0.0, -1.0, 0.0)));
     let light = DirectionalLight { shadow_maps_enabled: true, ..default() };
     world.spawn((light, Transform::default().looking_to(Vec3::new(-0.5, -1.0, -0.4), Vec3::Y)));
+    let lamp = PointLight { shadow_maps_enabled: true, ..default() };
+    let lamp = world.spawn((lamp, Transform::from_xyz(-1.5, 1.5, 1.5))).id();
     for (index, (size, view)) in SIZES.into_iter().zip(views).enumerate() {
         headless.resize(size);
         let view = pinhole_view(&view.ok_or("the field is empty")?, up);
         headless.app.world_mut().entity_mut(camera).insert(view);
-        for (variant, name) in ["without a shadow", "with its shadow", "lit, too"].into_iter().enumerate() {
+        for (variant, name) in VARIANTS.into_iter().enumerate() {
             let row = format!("| {name} | {} x {}", size.x, size.y);
             let now = Instant::now();
             if now > end {
                 println!("{row} | not measured: the time was up | | | | |");
                 continue;
             }
-            let share = end.duration_since(now) / (6 - 3 * index as u32 - variant as u32);
+            let share = end.duration_since(now) / ((SIZES.len() - index) * VARIANTS.len() - variant) as u32;
+            headless.app.world_mut().entity_mut(lamp).insert(if variant < 4 {
+                Visibility::Hidden
+            } else {
+                Visibility::Visible
+            });
             let mut prop = headless.app.world_mut().entity_mut(prop);
             prop.remove::<(NotShadowCaster, PropLighting)>();
             match variant {
                 0 => _ = prop.insert(NotShadowCaster),
                 1 => {}
-                _ => _ = prop.insert(PropLighting::default()),
+                2 => _ = prop.insert(PropLighting::default()),
+                _ => _ = prop.insert(PropLighting::toon(2.0)),
             }
             headless.wait_until_ready(PATIENCE)?;
             let times = Times::measure(&mut headless, now + share)?;

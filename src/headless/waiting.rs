@@ -9,11 +9,11 @@ use plenoctree::PlenOctree;
 
 use super::error::{HeadlessError, RenderingFailure};
 use crate::{
+    camera::PosterizeView,
     gpu::{GpuField, Readiness, pipelines},
     palette::{PaletteExtraction, Palettes},
     posterize::Posterize,
     render::PropView,
-    stage::PosterizeView,
     state::{PropError, PropState},
 };
 

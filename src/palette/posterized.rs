@@ -3,7 +3,7 @@
 use bevy::{ecs::system::SystemParam, prelude::*};
 use plenoctree::{PlenOctree, palette::PaletteMethod};
 
-use crate::{posterize::Posterize, prop::Prop, recolor::Recolor, stage::PosterizeView};
+use crate::{camera::PosterizeView, posterize::Posterize, prop::Prop, recolor::Recolor};
 
 /// A system parameter that queries everything that needs a palette: posterized props, recolored ones, and posterized
 /// views.

@@ -16,8 +16,9 @@ use plenoctree::{
     palette::{LabelSpace, Palette, tone_space},
 };
 
-use super::rays::Placement;
+use super::rays::Pose;
 use crate::{
+    camera::{LabelStages, PosterizeView, PropPlacement},
     gpu::{FieldShape, GpuField, Level},
     ink::{Ink, InkBorders, InkColor, MAX_INK_PIXELS},
     palette::{FieldPalette, PaletteExtraction, PaletteOverride, Palettes},
@@ -25,7 +26,6 @@ use crate::{
     prop::{Prop, PropTint, SolidOpacity},
     quality::PropQuality,
     recolor::{Recolor, before_palette},
-    stage::{LabelStages, PosterizeView, PropStage},
     state::DrawnField,
 };
 
@@ -47,7 +47,7 @@ pub(super) struct ExtractedProp {
     /// Its entity in the main world.
     pub entity: Entity,
     pub field: AssetId<PlenOctree>,
-    pub placement: Placement,
+    pub pose: Pose,
     /// The prop's transform in the previous frame.
     pub previous: GlobalTransform,
     pub solid: SolidOpacity,
@@ -271,8 +271,8 @@ pub(super) struct VisibleProps {
     /// The props that the camera sees, as indices into [`ExtractedProps::props`].
     pub props: Vec<usize>,
     /// The posterized view: how to posterize the pixels that no posterized prop owns.
-    pub everything: Option<ExtractedPosterize>,
-    pub stage: PropStage,
+    pub view_posterize: Option<ExtractedPosterize>,
+    pub placement: PropPlacement,
     pub quality: PropQuality,
     /// The lines of props without ink of their own.
     pub ink: Option<ExtractedInk>,
@@ -291,13 +291,13 @@ pub(super) struct VisibleProps {
 impl VisibleProps {
     /// Returns whether there is nothing to draw.
     pub fn is_empty(&self) -> bool {
-        self.props.is_empty() && self.everything.is_none()
+        self.props.is_empty() && self.view_posterize.is_none()
     }
 
     /// Lets the camera draw nothing.
     pub fn clear(&mut self) {
         self.props.clear();
-        self.everything = None;
+        self.view_posterize = None;
     }
 }
 
@@ -312,7 +312,7 @@ type PropColors = (
 
 /// The components that determine what a camera draws.
 type CameraSettings = (
-    Option<&'static PropStage>,
+    Option<&'static PropPlacement>,
     Option<&'static PropQuality>,
     Option<(&'static PosterizeView, &'static Posterize)>,
     Option<&'static PaletteOverride>,
@@ -355,7 +355,7 @@ pub(super) fn extract_props(
             list.push(ExtractedProp {
                 entity,
                 field: handle.id(),
-                placement: Placement {
+                pose: Pose {
                     world_from_prop: *transform,
                     up: field.up(),
                     frame: field.frame(),
@@ -387,7 +387,8 @@ pub(super) fn extract_props(
         previous.extend(props.iter().map(|(entity, .., transform, _)| (entity, *transform)));
     }
     *transforms = previous;
-    for (entity, camera, is_3d, visible, (stage, quality, everything, own, ink, stages, has_motion)) in &cameras {
+    for (entity, camera, is_3d, visible, (placement, quality, view_posterize, own, ink, stages, has_motion)) in &cameras
+    {
         if !camera.is_active || !is_3d {
             // It keeps its textures, but draws nothing.
             if let Ok(mut view) = views.get_mut(entity) {
@@ -396,27 +397,28 @@ pub(super) fn extract_props(
             continue;
         }
         let seen = visible.iter(TypeId::of::<Prop>()).filter_map(|entity| index.get(entity).copied());
-        let everything = everything.and_then(|(view, settings)| {
+        let view_posterize = view_posterize.and_then(|(view, settings)| {
             let palette = palettes.get(&view.0)?;
             Some(writer.posterize(view.0.id(), settings, palette, own))
         });
         let ink = ink.and_then(|ink| ExtractedInk::new(ink, writer.colors));
-        let stage = stage.copied().unwrap_or_default();
+        let placement = placement.copied().unwrap_or_default();
         let quality = quality.copied().unwrap_or_default().clamped();
         if let Ok(mut view) = views.get_mut(entity) {
             view.props.clear();
             view.props.extend(seen);
-            (view.everything, view.stage, view.quality, view.ink) = (everything, stage, quality, ink);
+            (view.view_posterize, view.placement, view.quality, view.ink) = (view_posterize, placement, quality, ink);
             view.stages.clear();
             view.stages.extend(stages.iter().flat_map(|stages| &stages.0).cloned());
-            view.has_motion = has_motion && stage == PropStage::Scene;
+            view.has_motion = has_motion && placement == PropPlacement::Scene;
         } else {
             let props: Vec<_> = seen.collect();
             // A camera that has seen no prop yet has no component of the plugin.
-            if !props.is_empty() || everything.is_some() {
-                let has_motion = has_motion && stage == PropStage::Scene;
+            if !props.is_empty() || view_posterize.is_some() {
+                let has_motion = has_motion && placement == PropPlacement::Scene;
                 let stages = stages.map(|stages| stages.0.clone()).unwrap_or_default();
-                let visible = VisibleProps { props, everything, stage, quality, ink, stages, has_motion, ..default() };
+                let visible =
+                    VisibleProps { props, view_posterize, placement, quality, ink, stages, has_motion, ..default() };
                 commands.entity(entity).insert(visible);
             }
         }

@@ -39,7 +39,7 @@ use self::{
     frame::{Place, run},
     order::{order_after_opaque, order_last},
 };
-use crate::{sets::PlenOctreeRenderSystems, stage::PropStage};
+use crate::{camera::PropPlacement, sets::PlenOctreeRenderSystems};
 
 /// The names of the spans in Bevy's render diagnostics whose times add up to the time of drawing props into shadow
 /// maps.
@@ -64,7 +64,7 @@ impl Plugin for RenderPropsPlugin {
 
 /// The passes that show props, at one place in the frame.
 #[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
-struct PassesAt(PropStage);
+struct PassesAt(PropPlacement);
 
 /// All passes that run between the opaque and the transparent main pass.
 #[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -75,20 +75,20 @@ fn add_passes(render_app: &mut SubApp) {
     use PlenOctreeRenderSystems::*;
     render_app
         .configure_sets(Render, (ChooseLevels, UploadLevels, PlanViews).chain().in_set(RenderSystems::PrepareResources))
-        .add_systems(Core3d, run.with_input((Place::Layer, PropStage::Scene)).in_set(Layer))
-        .configure_sets(Core3d, (Layer, PassesAt(PropStage::Scene)).chain().in_set(PassesInScene));
-    for stage in [PropStage::Scene, PropStage::Display] {
+        .add_systems(Core3d, run.with_input((Place::Layer, PropPlacement::Scene)).in_set(Layer))
+        .configure_sets(Core3d, (Layer, PassesAt(PropPlacement::Scene)).chain().in_set(PassesInScene));
+    for placement in [PropPlacement::Scene, PropPlacement::Display] {
         render_app
-            .configure_sets(Core3d, (Posterize(stage), Present(stage)).chain().in_set(PassesAt(stage)))
+            .configure_sets(Core3d, (Posterize(placement), Present(placement)).chain().in_set(PassesAt(placement)))
             .add_systems(
                 Core3d,
                 (
-                    run.with_input((Place::Posterize, stage)).in_set(Posterize(stage)),
-                    run.with_input((Place::Present, stage)).in_set(Present(stage)),
+                    run.with_input((Place::Posterize, placement)).in_set(Posterize(placement)),
+                    run.with_input((Place::Present, placement)).in_set(Present(placement)),
                 ),
             );
     }
-    let display = PropStage::Display;
+    let display = PropPlacement::Display;
     render_app
         .configure_sets(Core3d, Objects.after(Present(display)).in_set(PassesAt(display)))
         .add_systems(Core3d, run.with_input((Place::Objects, display)).after(passes::draw_objects).in_set(Objects))

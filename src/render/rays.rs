@@ -28,9 +28,9 @@ pub(super) struct Rays {
     pub mirrored: bool,
 }
 
-/// The placement of a field in the scene. `world_from_prop` is the entity's transform.
+/// The pose of a field in the scene. `world_from_prop` is the entity's transform.
 #[derive(Clone, Copy)]
-pub(super) struct Placement {
+pub(super) struct Pose {
     pub world_from_prop: GlobalTransform,
     pub up: UpAxis,
     pub frame: Frame,
@@ -41,7 +41,7 @@ pub(super) struct Placement {
     pub cells: f64,
 }
 
-impl Placement {
+impl Pose {
     fn world_from_field(&self) -> DAffine3 {
         world_from_field(&self.world_from_prop, self.up)
     }
@@ -165,7 +165,7 @@ mod tests {
     #[test]
     fn rays_agree_with_a_pinhole_camera() {
         let frame = Frame::spanning(DVec3::new(-1.0, -2.0, -3.0), DVec3::new(2.0, 2.0, 1.0));
-        let placement = Placement {
+        let pose = Pose {
             world_from_prop: GlobalTransform::IDENTITY,
             up: UpAxis::Z,
             frame,
@@ -188,7 +188,7 @@ mod tests {
             (turn * pinhole.rotation).as_mat3(),
             (turn * pinhole.position).as_vec3(),
         ));
-        let rays = placement.rays(&view, projection, viewport).unwrap();
+        let rays = pose.rays(&view, projection, viewport).unwrap();
         for (x, y) in [(0.5, 0.5), (160.0, 100.0), (319.5, 42.5)] {
             let (origin, direction) = pinhole.ray(x, y);
             let of = |a: [DVec3; 3]| a[0] + (x - rays.reference.x) * a[1] + (y - rays.reference.y) * a[2];
@@ -202,7 +202,7 @@ mod tests {
     #[test]
     fn props_without_a_volume_or_a_place_have_no_rays() {
         let has_rays = |prop: Transform, view: Transform, fov: f32| {
-            let placement = Placement {
+            let pose = Pose {
                 world_from_prop: prop.into(),
                 up: UpAxis::Y,
                 frame: Frame::spanning(DVec3::ZERO, DVec3::ONE),
@@ -211,7 +211,7 @@ mod tests {
                 cells: 256.0,
             };
             let projection = Mat4::perspective_infinite_reverse_rh(fov, 1.0, 0.1);
-            placement.rays(&view.into(), projection, UVec2::splat(8)).is_some()
+            pose.rays(&view.into(), projection, UVec2::splat(8)).is_some()
         };
         let (here, nowhere) = (Transform::IDENTITY, Transform::from_xyz(f32::NAN, 0.0, 0.0));
         assert!(has_rays(here, here, 1.0));

@@ -69,7 +69,7 @@ impl PropUniform {
         Self {
             origin: matrix(rays.origin),
             direction: matrix(rays.direction),
-            scale: prop.placement.frame.scale.as_vec3(),
+            scale: prop.pose.frame.scale.as_vec3(),
             mirrored: u32::from(rays.mirrored),
             low: rays.low.as_vec3(),
             high: rays.high.as_vec3(),
@@ -82,7 +82,7 @@ impl PropUniform {
     }
 
     /// Creates the uniform of a posterized view, which no ray goes through.
-    pub fn everything() -> Self {
+    pub fn view_posterize() -> Self {
         Self { tint: Vec3::ONE, ..default() }
     }
 
@@ -240,7 +240,7 @@ pub(super) struct ViewUniform {
 #[derive(ShaderType, Clone, Copy, Default, PartialEq)]
 pub(super) struct ScreenUniform {
     pub exposure: f32,
-    pub everything: u32,
+    pub view_posterize: u32,
 }
 
 /// The part of a viewport that is drawn, in pixels. Its pixels are counted from its own corner.
@@ -333,7 +333,7 @@ fn read() {
     found[97] = view.depth_range.x;
     found[98] = view.depth_range.y;
     found[99] = screen.exposure;
-    found[100] = f32(screen.everything);
+    found[100] = f32(screen.view_posterize);
     found[101] = f32(filters[1].iterations);
     found[102] = f32(filters[1].radius);
     found[103] = filters[1].spatial_falloff;
@@ -401,7 +401,7 @@ fn read() {
             depth_range: Vec2::new(next(), next()),
             props: 125,
         };
-        let screen = ScreenUniform { exposure: next(), everything: next() as u32 };
+        let screen = ScreenUniform { exposure: next(), view_posterize: next() as u32 };
         let filter = FilterUniform {
             iterations: next() as u32,
             radius: next() as i32,

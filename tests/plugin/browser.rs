@@ -7,7 +7,7 @@ use bevy::{
     prelude::*,
 };
 use bevy_plenoctree::{
-    LabelStages, PaletteExtraction, PaletteSampler, Posterize, PosterizeView, PropLighting, PropQuality, PropStage,
+    LabelStages, PaletteExtraction, PaletteSampler, Posterize, PosterizeView, PropLighting, PropPlacement, PropQuality,
     SolidOpacity, headless::LitMeshPlugins,
 };
 
@@ -48,7 +48,7 @@ fn everything_is_within_the_default_limits_of_webgpu() {
 
     let (idle, view) = (stage.idle_stage(), PosterizeView(stage.field()));
     for (msaa, quality) in [(Msaa::Off, PropQuality::EXACT), (Msaa::Sample4, PropQuality::FAST)] {
-        for place in [PropStage::Scene, PropStage::Display] {
+        for place in [PropPlacement::Scene, PropPlacement::Display] {
             for extras in ["none", "fog", "stages", "view"] {
                 stage.set((msaa, quality, place, DepthPrepass, MotionVectorPrepass, Hdr));
                 match extras {

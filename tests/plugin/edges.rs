@@ -6,7 +6,7 @@ use bevy::{
 };
 use bevy_plenoctree::{
     EdgeSmoothing, FieldPalette, LabelStages, Palette, PaletteOverride, Palettes, PlenOctree, Posterize, PosterizeView,
-    Prop, PropLighting, PropQuality, PropStage, SolidOpacity,
+    Prop, PropLighting, PropPlacement, PropQuality, SolidOpacity,
 };
 use glam::DVec3;
 use image::RgbaImage;
@@ -125,7 +125,7 @@ impl Scene {
         let before = (*camera.get::<Msaa>().unwrap(), camera.get::<PropQuality>().copied().unwrap_or_default());
         self.headless.resize(UVec2::splat(FINE * SIZE));
         self.headless.update();
-        self.set((Msaa::Off, PropQuality { error: 0.0, ..before.1 }));
+        self.set((Msaa::Off, PropQuality { ray_tolerance: 0.0, ..before.1 }));
         let (owners, frame) = (self.owners(), self.draw(EdgeSmoothing::Off));
         self.headless.resize(UVec2::splat(SIZE));
         self.headless.update();
@@ -215,7 +215,7 @@ fn edges_are_close_to_supersampled_ones() {
         check(&mut stage, &format!("before the sky, {msaa:?}"), usual);
         stage.spawn_wall(8.0, behind());
         check(&mut stage, &format!("before a mesh, {msaa:?}"), usual);
-        stage.set(PropQuality { error: 0.1, ..default() });
+        stage.set(PropQuality { ray_tolerance: 0.1, ..default() });
         check(&mut stage, &format!("before a mesh, with fewer rays, {msaa:?}"), usual);
         stage.set(four_rays);
         check(&mut stage, &format!("before a mesh, with four rays, {msaa:?}"), usual);
@@ -267,7 +267,7 @@ fn edges_are_close_to_supersampled_ones() {
     stage.clear();
     // The scene's samples show how much of a pixel a mesh covers.
     stage.set(Msaa::Sample4);
-    for (hdr, place) in [(false, PropStage::Scene), (true, PropStage::Scene), (false, PropStage::Display)] {
+    for (hdr, place) in [(false, PropPlacement::Scene), (true, PropPlacement::Scene), (false, PropPlacement::Display)] {
         stage.set(place);
         if hdr {
             stage.set(Hdr);
@@ -284,7 +284,7 @@ fn edges_are_close_to_supersampled_ones() {
         stage.clear();
     }
     // Without samples, the edge of the mesh is jagged.
-    stage.set((Msaa::Off, PropStage::Scene));
+    stage.set((Msaa::Off, PropPlacement::Scene));
     stage.spawn_ball(BRIGHT, default());
     stage.spawn_wall(1.2, before());
     check(&mut stage, "behind a mesh, without samples", 0.75);
@@ -311,9 +311,11 @@ fn edges_have_colors_between_those_on_both_sides_and_others_stay() {
     let mut stage = Scene::new();
     stage.set(Transform::from_xyz(1.0, 1.2, 3.2).looking_at(Vec3::ZERO, Vec3::Y));
     stage.spawn_included("toadstool");
-    for (msaa, place) in
-        [(Msaa::Off, PropStage::Scene), (Msaa::Sample4, PropStage::Scene), (Msaa::Sample4, PropStage::Display)]
-    {
+    for (msaa, place) in [
+        (Msaa::Off, PropPlacement::Scene),
+        (Msaa::Sample4, PropPlacement::Scene),
+        (Msaa::Sample4, PropPlacement::Display),
+    ] {
         stage.set((msaa, place));
         let is_edge = outlines(&stage.owners());
         let [hard, smooth] = [EdgeSmoothing::Off, EdgeSmoothing::Coverage].map(|edges| stage.draw(edges));
@@ -364,9 +366,11 @@ fn slits_show_the_scene_behind() {
         if has_wall {
             stage.spawn_wall(12.0, Transform::from_xyz(0.0, 0.0, -2.0));
         }
-        for (msaa, place) in
-            [(Msaa::Off, PropStage::Scene), (Msaa::Sample4, PropStage::Scene), (Msaa::Off, PropStage::Display)]
-        {
+        for (msaa, place) in [
+            (Msaa::Off, PropPlacement::Scene),
+            (Msaa::Sample4, PropPlacement::Scene),
+            (Msaa::Off, PropPlacement::Display),
+        ] {
             stage.set((msaa, place));
             let (owners, truth) = stage.fine();
             let marked = outlines(&stage.owners());

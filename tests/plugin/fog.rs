@@ -1,7 +1,7 @@
 //! Tests fog: a prop and a mesh of the same color and at the same depth, side by side, fade alike.
 
 use bevy::prelude::*;
-use bevy_plenoctree::{EdgeSmoothing, FieldPalette, Posterize, PropQuality, PropStage, SolidOpacity};
+use bevy_plenoctree::{EdgeSmoothing, FieldPalette, Posterize, PropPlacement, PropQuality, SolidOpacity};
 use glam::DVec3;
 use image::RgbaImage;
 
@@ -89,7 +89,7 @@ fn props_fade_as_meshes_do() {
     // Shadows block what the sun scatters. The cubes are in their own.
     stage.world().get_mut::<DirectionalLight>(sun).unwrap().shadow_maps_enabled = true;
     check(&mut stage, "shadows");
-    stage.set_both(PropQuality { error: 0.02, spacing: 4, ..PropQuality::EXACT });
+    stage.set_both(PropQuality { ray_tolerance: 0.02, ray_spacing: 4, ..PropQuality::EXACT });
     check(&mut stage, "a grid of rays");
     stage.unset_both::<(DistanceFog, PropQuality)>();
     assert!(stage.capture() == clear, "without fog");
@@ -121,7 +121,7 @@ fn fog_covers_as_much_as_the_prop_does() {
 #[test]
 fn fog_ends_with_the_scene() {
     let (mut stage, ..) = stage();
-    stage.set_both(PropStage::Display);
+    stage.set_both(PropPlacement::Display);
     stage.wait();
     let clear = stage.capture();
     let (_, fog) = fogs().remove(0);

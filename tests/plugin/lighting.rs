@@ -6,7 +6,7 @@ use bevy::{
     light::{CascadeShadowConfigBuilder, DirectionalLightShadowMap, GlobalAmbientLight, ShadowFilteringMethod},
     prelude::*,
 };
-use bevy_plenoctree::{FieldPalette, PlenOctree, Posterize, PosterizeView, Prop, PropLighting, PropStage};
+use bevy_plenoctree::{FieldPalette, PlenOctree, Posterize, PosterizeView, Prop, PropLighting, PropPlacement};
 use glam::{DVec2, DVec3};
 use image::RgbaImage;
 
@@ -102,10 +102,10 @@ fn shadows_of_meshes_fall_on_props() {
     assert!(stage.has_pipeline("plenoctree_lighting"));
     stage.dress(PropLighting { shadows: 0.0, ..default() });
     check(&mut stage, "no shadows", GREEN, GREEN);
-    stage.set_both(PropStage::Display);
+    stage.set_both(PropPlacement::Display);
     stage.dress(PropLighting { shadows: 0.5, ..default() });
     check(&mut stage, "after tonemapping", GREEN, GREEN);
-    stage.set_both(PropStage::Scene);
+    stage.set_both(PropPlacement::Scene);
 
     // Posterized: the darker label of the same hue, although another color is nearer to the color in half of the light.
     let (dark, olive) = (0.45 * GREEN, DVec3::new(0.3, 0.4, 0.08));

@@ -239,7 +239,7 @@ fn settings_beyond_their_range_count_as_its_ends() {
         ("density_threshold", |x| PropQuality { density_threshold: x, ..default() }, [0.0, f32::MAX], [true, false]),
         ("opacity_loss", |x| PropQuality { opacity_loss: x, ..default() }, [0.0, 1.0], [true, false]),
         ("cell_size", |x| PropQuality { cell_size: x, ..default() }, [0.0, f32::MAX], [true, true]),
-        ("error", |x| PropQuality { error: x, ..default() }, [0.0, f32::MAX], [true, true]),
+        ("ray_tolerance", |x| PropQuality { ray_tolerance: x, ..default() }, [0.0, f32::MAX], [true, true]),
     ];
     for (name, set, ends, seen) in settings {
         assert!(capture(&mut stage, &camera, set(f32::NAN)) == exact, "{name}: NaN is not the default");

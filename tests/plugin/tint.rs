@@ -2,7 +2,7 @@
 
 use bevy::prelude::*;
 use bevy_plenoctree::{
-    BilateralFilter, FieldPalette, PaletteOverride, PlenOctree, Posterize, Prop, PropStage, PropTint,
+    BilateralFilter, FieldPalette, PaletteOverride, PlenOctree, Posterize, Prop, PropPlacement, PropTint,
 };
 use glam::DVec3;
 
@@ -47,7 +47,7 @@ fn a_tint_reaches_everything_that_is_drawn_of_a_prop() {
     for (tint, factors) in
         [(Color::WHITE, Color::WHITE), (night, night), (bright, bright), (harmless, Color::linear_rgb(0.0, 0.0, 0.5))]
     {
-        for place in [PropStage::Scene, PropStage::Display] {
+        for place in [PropPlacement::Scene, PropPlacement::Display] {
             let mut check = |what: &str,
                              field: &Handle<PlenOctree>,
                              posterize: Option<Posterize>,

@@ -12,7 +12,7 @@ use bevy::{
 use bevy_plenoctree::{
     BeforePalette, BilateralFilter, EdgeSmoothing, Ink, InkBorders, InkColor, LabelStages, PaletteExtraction,
     PaletteMethod, PaletteOverride, Palettes, PlenOctreePlugin, Posterize, PosterizeView, Prop, PropLighting, PropPath,
-    PropProgress, PropQuality, PropStage, PropState, PropTint, RampAdjustment, Recolor, SolidOpacity, UploadBudget,
+    PropPlacement, PropProgress, PropQuality, PropState, PropTint, RampAdjustment, Recolor, SolidOpacity, UploadBudget,
 };
 use serde::de::DeserializeSeed;
 use serde_json::Value;
@@ -82,7 +82,7 @@ fn spawn(world: &mut World) -> [Entity; 2] {
     let camera = (
         PosterizeView(server.load("drum.plenoctree")),
         PropQuality::FAST,
-        PropStage::Display,
+        PropPlacement::Display,
         LabelStages(vec![server.load("lines.wgsl")]),
     );
     [world.spawn(prop).id(), world.spawn(camera).id()]

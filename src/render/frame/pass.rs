@@ -71,7 +71,7 @@ impl Pass {
 pub(in crate::render) enum Place {
     /// Between the opaque main pass and objects that transmit light.
     Layer,
-    /// Where the camera's `PropStage` says: before custom stages.
+    /// Where the camera's `PropPlacement` says: before custom stages.
     Posterize,
     /// After them.
     Present,

@@ -22,7 +22,7 @@ use super::{
     slot::{BATCH, Buffer, batches, grid_size},
     uniforms::PaletteBuffer,
 };
-use crate::{render::plan::PropView, stage::PropStage};
+use crate::{camera::PropPlacement, render::plan::PropView};
 
 /// Bind group 0 of passes that read Bevy's lights, and its offsets. A component of views that have such passes.
 #[derive(Component)]
@@ -52,9 +52,9 @@ struct Frame<'a> {
 }
 
 /// Runs the passes of a view at one place in the frame. Those after the layer run only if the view's props are drawn at
-/// this `stage`.
+/// this `placement`.
 pub(in crate::render) fn run(
-    InMut((place, stage)): InMut<(Place, PropStage)>,
+    InMut((place, placement)): InMut<(Place, PropPlacement)>,
     view: ViewQuery<(&mut PropView, Others)>,
     cache: Res<PipelineCache>,
     pipelines: Res<Pipelines>,
@@ -63,7 +63,7 @@ pub(in crate::render) fn run(
     mut ctx: RenderContext,
 ) {
     let (mut view, (target, depth, prepass, lights)) = view.into_inner();
-    if view.plan.stage != *stage && *place != Place::Layer {
+    if view.plan.placement != *placement && *place != Place::Layer {
         return;
     }
     let device = ctx.render_device().clone();
@@ -91,7 +91,7 @@ pub(in crate::render) fn run(
         }
         span.end(ctx.command_encoder());
     }
-    if *place == Place::Present && *stage == PropStage::Scene && !here.is_empty() && has_depth == Some(true) {
+    if *place == Place::Present && *placement == PropPlacement::Scene && !here.is_empty() && has_depth == Some(true) {
         copy_depth(&frame, &mut ctx);
     }
     view.passes = passes;
@@ -148,10 +148,10 @@ fn draw(
         let load = clear.map_or(LoadOp::Load, |clear| LoadOp::Clear(clear.color()));
         match output {
             Output::Texture(slot) => Some(color(textures.get(*slot)?, load)),
-            Output::Target => Some(match plan.stage {
-                PropStage::Scene => frame.target.get_color_attachment(),
+            Output::Target => Some(match plan.placement {
+                PropPlacement::Scene => frame.target.get_color_attachment(),
                 // Post-processing continues with the resolved texture.
-                PropStage::Display => frame.target.get_unsampled_color_attachment(),
+                PropPlacement::Display => frame.target.get_unsampled_color_attachment(),
             }),
             Output::PrepassMotion => Some(frame.prepass?.motion_vectors.as_ref()?.get_attachment()),
         }

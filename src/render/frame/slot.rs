@@ -70,7 +70,7 @@ pub(in crate::render) enum Slot {
 pub(in crate::render) enum Rays {
     /// One per pixel.
     Pixels,
-    /// Every `PropQuality::spacing`-th one along each axis.
+    /// Every `PropQuality::ray_spacing`-th one along each axis.
     Grid,
     /// Those of the pixels between them that need one.
     Batches,

@@ -108,7 +108,7 @@ pub(in crate::render) fn lit_props(plan: &Plan, extracted: &ExtractedProps) -> V
     let of = |index: usize| {
         let prop = extracted.props.get(index)?;
         let PropLighting { shadows, tint, bands, self_shadow_distance, brightness, rim } = prop.lighting?;
-        let box_from_world = DMat4::from(prop.placement.box_from_world());
+        let box_from_world = DMat4::from(prop.pose.box_from_world());
         let radius = (SMOOTHED / box_from_world.determinant().abs().cbrt()).min(f32::MAX.into()) as f32;
         let box_from_world = box_from_world.as_mat4();
         Some(LitUniform { box_from_world, shadows, tint, bands, self_shadow_distance, brightness, rim, radius })

@@ -1,4 +1,4 @@
-//! Draws transparent objects again, over props that are drawn at [`PropStage::Display`].
+//! Draws transparent objects again, over props that are drawn at [`PropPlacement::Display`].
 //!
 //! Bevy draws transparent objects before tonemapping, so that the props cover them. They are drawn once more, over the
 //! light of the props alone, because blending depends on what is behind: *under_objects* writes that light to a separate

@@ -15,6 +15,7 @@ use bevy::{
 };
 
 use crate::{
+    camera::PropPlacement,
     gpu::{FieldShape, GpuField, TreeShape, field_definitions},
     render::{
         extract::{ExtractedProps, VisibleProps},
@@ -24,7 +25,6 @@ use crate::{
         },
         plan::{Overlap, Plan, PlannedProp},
     },
-    stage::PropStage,
 };
 
 pub(super) const VOLUME: &str = "plenoctree_volume";
@@ -231,9 +231,9 @@ pub(in crate::render) fn request(
         samples: drawn.samples,
         target: drawn.target,
         spacing: 1,
-        posterizes: visible.everything.is_some() || props().any(|prop| prop.posterize.is_some()),
-        is_lit: visible.stage == PropStage::Scene && props().any(|prop| prop.is_lit()),
-        has_fog: visible.has_fog && visible.stage == PropStage::Scene,
+        posterizes: visible.view_posterize.is_some() || props().any(|prop| prop.posterize.is_some()),
+        is_lit: visible.placement == PropPlacement::Scene && props().any(|prop| prop.is_lit()),
+        has_fog: visible.has_fog && visible.placement == PropPlacement::Scene,
         has_motion: visible.has_motion,
         ..default()
     };
@@ -244,7 +244,7 @@ pub(in crate::render) fn request(
         pipelines.get(cache, &pass, &program, plan.target.format);
     };
     for (shape, is_lit) in extracted.arriving_shapes(&visible.props, fields) {
-        let is_lit = is_lit && visible.stage == PropStage::Scene;
+        let is_lit = is_lit && visible.placement == PropPlacement::Scene;
         request(false, shape, is_lit);
         if visible.props.len() > 1 {
             request(true, shape, is_lit);

@@ -9,16 +9,16 @@ use super::{
     view::{OrderedProp, Overlap, Plan, PlanValues, PlannedProp, Target},
 };
 use crate::{
+    camera::PropPlacement,
     gpu::{GpuField, Level},
     posterize::{BeforePalette, EdgeSmoothing, MAX_FILTER_RADIUS},
     prop::SolidOpacity,
     render::{
         extract::{ExtractedPalette, ExtractedPosterize, ExtractedProp, ExtractedProps, VisibleProps},
         frame::Feature,
-        rays::{Placement, Rays},
+        rays::{Pose, Rays},
         uniforms::{FilterUniform, LabelsUniform, PropUniform, Rect, ScreenUniform, Smooths, ViewUniform},
     },
-    stage::PropStage,
 };
 use bevy::{
     camera::{Exposure, Viewport},
@@ -77,10 +77,10 @@ pub(in crate::render) fn decide(
     let target_size = camera.physical_target_size?;
     let most = target_size.saturating_sub(viewport.physical_position).min(size);
     // After upscaling, textures with the size of the main pass no longer fit the target.
-    let stage = if known.overrides_resolution { PropStage::Scene } else { visible.stage };
-    let spacing = if quality.error > 0.0 && has(Feature::Sparse) { quality.spacing } else { 1 };
+    let placement = if known.overrides_resolution { PropPlacement::Scene } else { visible.placement };
+    let spacing = if quality.ray_tolerance > 0.0 && has(Feature::Sparse) { quality.ray_spacing } else { 1 };
     // At the display, the effects that jitter is for are over.
-    let jitter = known.jitter.filter(|_| stage == PropStage::Scene);
+    let jitter = known.jitter.filter(|_| placement == PropPlacement::Scene);
     let motion = Motion::new(view, jitter, known.previous, size);
 
     let seen: Vec<_> = known
@@ -89,8 +89,9 @@ pub(in crate::render) fn decide(
         .filter_map(|ordered| see(ordered, known, extracted, fields, &motion, has(Feature::Posterize)))
         .collect();
     let rects: Vec<_> = seen.iter().map(|seen| covered(seen.rays.clip_from_box, size)).collect();
-    let everything = visible.everything.as_ref().filter(|view| view.palette.colors > 0 && has(Feature::Posterize));
-    let rect = match everything {
+    let view_posterize =
+        visible.view_posterize.as_ref().filter(|view| view.palette.colors > 0 && has(Feature::Posterize));
+    let rect = match view_posterize {
         Some(_) => Rect { low: UVec2::ZERO, size: most, viewport: size },
         None => drawn_rect(&rects, spacing, size, most)?,
     };
@@ -111,7 +112,7 @@ pub(in crate::render) fn decide(
                 field: seen.field.bind_group.clone(),
                 shape: seen.field.shape,
                 overlap: if is_solid { Overlap::Solid } else { Overlap::Thin },
-                is_lit: seen.prop.is_lit() && stage == PropStage::Scene && has(Feature::Lighting),
+                is_lit: seen.prop.is_lit() && placement == PropPlacement::Scene && has(Feature::Lighting),
                 is_posterized: seen.posterize.is_some(),
                 may_recolor: seen.posterize.is_none() && seen.prop.recolor.is_some(),
                 smooths: if is_smooth && has(Feature::Edges) { Smooths::Silhouette } else { Smooths::Nothing },
@@ -132,7 +133,7 @@ pub(in crate::render) fn decide(
         props.iter_mut().for_each(|prop| prop.overlap = Overlap::None);
     }
 
-    let posterized = || seen.iter().map(|seen| seen.posterize).chain(everything.map(Some));
+    let posterized = || seen.iter().map(|seen| seen.posterize).chain(view_posterize.map(Some));
     let mut uniforms: Vec<_> = seen
         .iter()
         .zip(&props)
@@ -141,12 +142,12 @@ pub(in crate::render) fn decide(
             PropUniform::new(seen.prop, &seen.rays, &rect, previous, quality, seen.posterize, prop.smooths)
         })
         .collect();
-    uniforms.extend(everything.map(|_| PropUniform::everything()));
+    uniforms.extend(view_posterize.map(|_| PropUniform::view_posterize()));
     let filters: Vec<_> = posterized().map(|posterize| FilterUniform::new(posterize, quality)).collect();
     let finishes = has(Feature::Finish);
     let pixels = 0.5 * size.y as f32 * motion.clip_from_view.y_axis.y.abs();
-    let inks = seen.iter().map(|seen| seen.prop.ink.or(visible.ink)).chain(everything.map(|_| None));
-    let palettes = || seen.iter().map(|seen| seen.palette).chain(everything.map(|view| Some(&view.palette)));
+    let inks = seen.iter().map(|seen| seen.prop.ink.or(visible.ink)).chain(view_posterize.map(|_| None));
+    let palettes = || seen.iter().map(|seen| seen.palette).chain(view_posterize.map(|view| Some(&view.palette)));
     let mut labelings: Vec<_> = posterized()
         .zip(palettes())
         .zip(inks)
@@ -162,7 +163,7 @@ pub(in crate::render) fn decide(
         };
         let now = FormerProp {
             owner: index as u32 + 1,
-            place: seen.prop.placement.world_from_prop,
+            place: seen.prop.pose.world_from_prop,
             field: seen.field.bind_group.id(),
             labels: labels_hash(posterize, &extracted.colors),
         };
@@ -180,7 +181,7 @@ pub(in crate::render) fn decide(
             size: rect.size,
             depth: Vec4::new(z.z, w.z, z.w, w.w),
             spacing,
-            error: quality.error,
+            error: quality.ray_tolerance,
             stop_transmittance: quality.stop_transmittance,
             edge_rays: if known.samples > 1 { 8 } else { quality.edge_rays },
             unjittered_from_clip: (motion.unjittered_from_clip * rect.viewport_from_clip()).as_mat4(),
@@ -189,8 +190,8 @@ pub(in crate::render) fn decide(
             props: uniforms.len() as u32,
         },
         screen: ScreenUniform {
-            exposure: exposure(camera, stage),
-            everything: everything.map_or(0, |_| uniforms.len() as u32),
+            exposure: exposure(camera, placement),
+            view_posterize: view_posterize.map_or(0, |_| uniforms.len() as u32),
         },
         palettes: palettes_hash(palettes().flatten(), &extracted.colors),
         props: uniforms,
@@ -203,20 +204,20 @@ pub(in crate::render) fn decide(
     Some(Plan {
         viewport: viewport.clone(),
         rect,
-        stage,
+        placement,
         samples: known.samples,
         target: Target {
             format: view.target_format,
-            samples: if stage == PropStage::Scene { known.samples } else { 1 },
+            samples: if placement == PropPlacement::Scene { known.samples } else { 1 },
             space: camera.compositing_space,
             size: target_size,
         },
         spacing,
         iterations: values.filters.iter().map(|filter| filter.iterations).max().unwrap_or(0),
         posterizes,
-        posterizes_view: everything.is_some(),
+        posterizes_view: view_posterize.is_some(),
         overlaps,
-        has_fog: visible.has_fog && stage == PropStage::Scene && has(Feature::Fog),
+        has_fog: visible.has_fog && placement == PropPlacement::Scene && has(Feature::Fog),
         is_lit: props.iter().any(|prop| prop.is_lit),
         is_brightened: seen.iter().zip(&props).any(|(seen, prop)| prop.is_lit && seen.prop.is_brightened()),
         has_lamps: visible.has_lamps,
@@ -227,10 +228,13 @@ pub(in crate::render) fn decide(
         former,
         keeps_labels,
         recolors: seen.iter().any(|seen| seen.posterize.is_none() && seen.prop.recolor.is_some_and(|of| of.is_changed)),
-        has_motion: visible.has_motion && stage == PropStage::Scene,
+        has_motion: visible.has_motion && placement == PropPlacement::Scene,
         stages: if has(Feature::Stages) { visible.stages.clone() } else { vec![] },
         // A posterized view shows nothing but labels.
-        has_objects: known.has_objects && stage == PropStage::Display && everything.is_none() && !props.is_empty(),
+        has_objects: known.has_objects
+            && placement == PropPlacement::Display
+            && view_posterize.is_none()
+            && !props.is_empty(),
         props,
         values,
     })
@@ -251,12 +255,12 @@ fn see<'a>(
     let level = field.resolve(ordered.level);
     let on_gpu = field.level(level)?;
     // A level with fewer leaves may have a smaller box.
-    let placement = match on_gpu.bounds {
-        Some((low, high)) if level != Level::default() => Placement { low, high, ..prop.placement },
-        _ => prop.placement,
+    let pose = match on_gpu.bounds {
+        Some((low, high)) if level != Level::default() => Pose { low, high, ..prop.pose },
+        _ => prop.pose,
     };
     let size = known.viewport.physical_size;
-    let rays = placement.rays(&known.view.world_from_view, motion.clip_from_view, size)?;
+    let rays = pose.rays(&known.view.world_from_view, motion.clip_from_view, size)?;
     let posterize = prop.posterize.as_ref().filter(|posterize| posterize.palette.colors > 0);
     if posterize.is_some_and(|posterize| posterize.settings.before_palette == BeforePalette::Hide)
         && !has_labels
@@ -303,21 +307,21 @@ fn palettes_hash<'a>(palettes: impl Iterator<Item = &'a ExtractedPalette>, color
 }
 
 /// Returns the camera's exposure relative to Bevy's default exposure, or 1 after tonemapping.
-fn exposure(camera: &ExtractedCamera, stage: PropStage) -> f32 {
-    match stage {
+fn exposure(camera: &ExtractedCamera, placement: PropPlacement) -> f32 {
+    match placement {
         // Shaders divide by the exposure.
-        PropStage::Scene => (camera.exposure / Exposure::default().exposure()).clamp(1e-6, 1e6),
-        PropStage::Display => 1.0,
+        PropPlacement::Scene => (camera.exposure / Exposure::default().exposure()).clamp(1e-6, 1e6),
+        PropPlacement::Display => 1.0,
     }
 }
 
 /// Returns the rectangle of pixels that the unit cube can cover.
 pub(in crate::render) fn covered(clip_from_box: glam::DMat4, size: UVec2) -> URect {
-    let everything = URect::from_corners(UVec2::ZERO, size);
+    let whole = URect::from_corners(UVec2::ZERO, size);
     match extent(clip_from_box, size) {
         // The casts saturate.
-        Some([low, high]) => everything.intersect(URect::from_corners(low.as_uvec2(), high.as_uvec2())),
-        None => everything,
+        Some([low, high]) => whole.intersect(URect::from_corners(low.as_uvec2(), high.as_uvec2())),
+        None => whole,
     }
 }
 

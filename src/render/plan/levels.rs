@@ -40,13 +40,13 @@ pub(in crate::render) fn choose_levels(
             let mut coarser = 0;
             if quality.cell_size > 0.0 {
                 let size = viewport.physical_size;
-                let rays = prop.placement.rays(&view.world_from_view, view.clip_from_view, size)?;
-                let most = prop.placement.cells.log2() as u32;
+                let rays = prop.pose.rays(&view.world_from_view, view.clip_from_view, size)?;
+                let most = prop.pose.cells.log2() as u32;
                 coarser = levels_coarser(rays.cell_size, quality.cell_size).min(most);
             }
             let level = Level::new(coarser, quality);
             field.request(level);
-            let distance = (prop.placement.center() - eye.as_dvec3()).dot(forward.as_dvec3());
+            let distance = (prop.pose.center() - eye.as_dvec3()).dot(forward.as_dvec3());
             Some(OrderedProp { distance, index, level })
         }));
         // Break ties by index, so that the order is deterministic. A stable sort would allocate.

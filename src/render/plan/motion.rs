@@ -46,7 +46,7 @@ impl Motion {
 
     /// Returns the matrix from clip space to where a point of the prop was in the previous frame.
     pub fn previous_from_clip(&self, prop: &ExtractedProp) -> DMat4 {
-        self.earlier_from_clip(self.previous_clip_from_world, &prop.previous, &prop.placement.world_from_prop)
+        self.earlier_from_clip(self.previous_clip_from_world, &prop.previous, &prop.pose.world_from_prop)
     }
 
     /// Returns the matrix from clip space to where a point of a prop was in an earlier frame, with another projection, when

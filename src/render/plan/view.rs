@@ -13,12 +13,12 @@ use bevy::{
 
 use super::steady::Former;
 use crate::{
+    camera::PropPlacement,
     gpu::{FieldShape, Level, ViewTooLarge},
     render::{
         frame::{BindGroups, Cache, Pass, Textures, ViewBuffers},
         uniforms::{FilterUniform, LabelsUniform, PropUniform, Rect, ScreenUniform, Smooths, ViewUniform},
     },
-    stage::PropStage,
 };
 
 /// A view that draws props: the plan of its frame, the passes that follow from it, and what they need.
@@ -77,7 +77,7 @@ pub(in crate::render) struct Plan {
     /// The part of the viewport that is drawn, which includes what the filter reads around the props.
     pub rect: Rect,
     /// Where in the frame the props are shown.
-    pub stage: PropStage,
+    pub placement: PropPlacement,
     /// The props, back to front.
     pub props: Vec<PlannedProp>,
     /// The samples per pixel of the scene's depth.
@@ -235,7 +235,7 @@ impl Plan {
     /// while others show the prop. `None` if there is only one, or if custom stages or a posterized view decide what is
     /// shown.
     pub fn hidden_samples(&self) -> Option<u32> {
-        let shows_scene = self.stage == PropStage::Scene && self.stages.is_empty() && !self.posterizes_view;
+        let shows_scene = self.placement == PropPlacement::Scene && self.stages.is_empty() && !self.posterizes_view;
         Some(self.samples).filter(|samples| *samples > 1 && shows_scene)
     }
 }

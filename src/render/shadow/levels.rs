@@ -46,8 +46,8 @@ pub(super) fn choose_levels(
         map.order.extend(in_layers.filter_map(|(entity, _)| {
             let index = extracted.drawn(*extracted.index.get(entity)?, &fields)?;
             let prop = extracted.props.get(index).filter(|prop| prop.solid != SolidOpacity::Never)?;
-            let seen = Seen::new(&prop.placement, view).filter(|seen| is_in(seen, view, reach))?;
-            let most = prop.placement.cells.log2() as u32;
+            let seen = Seen::new(&prop.pose, view).filter(|seen| is_in(seen, view, reach))?;
+            let most = prop.pose.cells.log2() as u32;
             let cell_size = seen.rays.cell_size;
             let coarser = if quality.cell_size > 0.0 { levels_coarser(cell_size, quality.cell_size) } else { 0 };
             let level = Level::new(coarser.min(most), quality);

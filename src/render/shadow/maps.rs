@@ -23,7 +23,7 @@ use crate::{
     render::{
         extract::ExtractedProps,
         frame::BindGroups,
-        rays::Placement,
+        rays::Pose,
         uniforms::{PropUniform, ViewUniform},
     },
 };
@@ -107,7 +107,7 @@ pub(super) fn prepare_maps(
             let Some((low, high)) = level.bounds else {
                 continue;
             };
-            let Some(seen) = Seen::new(&Placement { low, high, ..prop.placement }, view) else {
+            let Some(seen) = Seen::new(&Pose { low, high, ..prop.pose }, view) else {
                 continue;
             };
             let tree = level.shape.into();

@@ -5,7 +5,7 @@ use glam::{DAffine3, DMat4, DVec2, DVec4};
 
 use crate::render::{
     plan::{covered, extent},
-    rays::{Placement, Rays, is_orthographic, near_plane},
+    rays::{Pose, Rays, is_orthographic, near_plane},
 };
 
 /// How the light of a shadow map sees a prop.
@@ -34,32 +34,27 @@ const FAR: f64 = 1e8;
 
 impl Seen {
     /// Returns `None` if the prop has no volume.
-    pub fn new(placement: &Placement, view: &ExtractedView) -> Option<Self> {
+    pub fn new(pose: &Pose, view: &ExtractedView) -> Option<Self> {
         let size = view.viewport.zw();
         let world_from_view = view.world_from_view.affine().as_daffine3();
         match view.clip_from_world {
             Some(clip_from_world) if is_orthographic(view.clip_from_view) => {
-                Self::parallel(placement, world_from_view, view.clip_from_view, clip_from_world, size)
+                Self::parallel(pose, world_from_view, view.clip_from_view, clip_from_world, size)
             }
-            _ => Self::perspective(placement, world_from_view, view.clip_from_view, size),
+            _ => Self::perspective(pose, world_from_view, view.clip_from_view, size),
         }
     }
 
     /// Nothing nearer than the near plane casts a shadow: it may be the lamp's own housing.
-    fn perspective(
-        placement: &Placement,
-        world_from_view: DAffine3,
-        clip_from_view: Mat4,
-        size: UVec2,
-    ) -> Option<Self> {
-        let rays = placement.rays_from(near_plane(clip_from_view), world_from_view, clip_from_view, size)?;
+    fn perspective(pose: &Pose, world_from_view: DAffine3, clip_from_view: Mat4, size: UVec2) -> Option<Self> {
+        let rays = pose.rays_from(near_plane(clip_from_view), world_from_view, clip_from_view, size)?;
         let texels = covered(rays.clip_from_box, size).as_irect();
         Some(Self { near: rays.near, rays, shift: IVec2::ZERO, texels, size })
     }
 
     /// Props nearer than the near plane cast shadows nevertheless, because the sun is farther away.
     fn parallel(
-        placement: &Placement,
+        pose: &Pose,
         world_from_view: DAffine3,
         clip_from_view: Mat4,
         clip_from_world: Mat4,
@@ -73,7 +68,7 @@ impl Seen {
         let begin = (clip_from_view.w_axis.z - clip_from_world.w_axis.z) / clip_from_view.z_axis.z;
         // The texel from which others are counted.
         let rotation = world_from_view.matrix3;
-        let anchor = (rotation.transpose() * placement.center()).truncate() * texels_per_unit;
+        let anchor = (rotation.transpose() * pose.center()).truncate() * texels_per_unit;
         let anchor = anchor.round();
         let world_from_view =
             DAffine3::from_mat3_translation(rotation, rotation * (anchor / texels_per_unit).extend(0.0));
@@ -84,7 +79,7 @@ impl Seen {
             DVec4::Z,
             DVec4::new(0.0, 0.0, 1.0, 1.0),
         );
-        let rays = placement.rays_from(f64::NEG_INFINITY, world_from_view, clip_from_view.as_mat4(), size)?;
+        let rays = pose.rays_from(f64::NEG_INFINITY, world_from_view, clip_from_view.as_mat4(), size)?;
         let limited = |texels: DVec2| texels.clamp(DVec2::splat(-FAR), DVec2::splat(FAR)).as_ivec2();
         let [low, high] = extent(rays.clip_from_box, size)?.map(limited);
         let shift = limited((anchor - center) * DVec2::new(1.0, -1.0));

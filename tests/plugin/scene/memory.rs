@@ -90,7 +90,7 @@ fn memory_goes_with_the_last_prop_in_view() {
             let child = (Prop(stage.field()), Transform::from_xyz(0.1, 0.0, 0.5), ChildOf(stage.prop()));
             stage.spawn(child);
             stage.dress(Visibility::Visible);
-            stage.set(PropQuality { error: 0.1, ..PropQuality::EXACT });
+            stage.set(PropQuality { ray_tolerance: 0.1, ..PropQuality::EXACT });
         },
         // The child is hidden as well.
         hide,
@@ -117,6 +117,6 @@ fn overlaps_and_batches_are_paid_for_while_they_last() {
     check("overlapping", 16.0, 0.25, exact);
     check("side by side", 0.0, 2.0, exact);
     // Owners, a layer and a quarter, what is known of gaps, and their places.
-    check("fewer rays", 25.5, 2.0, PropQuality { error: 0.1, ..exact });
+    check("fewer rays", 25.5, 2.0, PropQuality { ray_tolerance: 0.1, ..exact });
     check("all rays again", 0.0, 2.0, exact);
 }

@@ -4,9 +4,9 @@
 //! plus `1 - a` times the encoded color behind it, where `a` is the opacity. Panes of glass blend in linear light, like
 //! all transparent meshes of Bevy.
 
+mod cached;
 mod cameras;
 mod depth;
-mod kept;
 mod life;
 mod memory;
 mod motion;

@@ -23,7 +23,7 @@ use bevy::{
     },
 };
 use bevy_anti_alias::{AntiAliasPlugin, taa::TemporalAntiAliasing};
-use bevy_plenoctree::{PropQuality, PropStage, headless::LitMeshPlugins};
+use bevy_plenoctree::{PropPlacement, PropQuality, headless::LitMeshPlugins};
 use image::RgbaImage;
 
 use crate::stage::{
@@ -147,7 +147,7 @@ fn props_move_like_meshes() {
             (Vec2::ZERO, 0.0, flat()),
             (Vec2::new(0.4, -0.3), 0.1, Projection::default()),
         ] {
-            let quality = PropQuality { error, ..PropQuality::EXACT };
+            let quality = PropQuality { ray_tolerance: error, ..PropQuality::EXACT };
             let [prop, mesh] = [&mut prop, &mut mesh].map(|view| {
                 view.stage.set((TemporalJitter { offset: jitter }, quality, projection.clone()));
                 view.capture(before.0, before.1);
@@ -189,7 +189,7 @@ fn props_are_jittered_like_meshes() {
     }
     // After the effects that jitter is for, it would make props tremble.
     let frames = OFFSETS.map(|offset| {
-        prop.stage.set((TemporalJitter { offset }, PropStage::Display));
+        prop.stage.set((TemporalJitter { offset }, PropPlacement::Display));
         prop.capture(place, eye)
     });
     assert!(frames.iter().all(|frame| *frame == frames[0]), "jitter moves what is drawn at the display");

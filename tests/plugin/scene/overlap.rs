@@ -252,7 +252,7 @@ fn fewer_rays_know_solid_parts_too() {
     let mut stage = Sides::new();
     stage.spawn_prop(&shape(density(0.3) / 2.0, GREEN, |_| true), ());
     stage.spawn_prop(&cube(SOLID, RED), Transform::from_xyz(0.0, 0.0, 0.4));
-    stage.set_both(PropQuality { error: 0.1, ..PropQuality::EXACT });
+    stage.set_both(PropQuality { ray_tolerance: 0.1, ..PropQuality::EXACT });
     stage.wait();
     stage.check("fewer rays", |side, place| {
         // The cube begins at 0.9 from the front, and at -0.1 from behind.

@@ -6,7 +6,7 @@ use bevy::{
     core_pipeline::prepass::{DepthPrepass, MotionVectorPrepass},
     prelude::*,
 };
-use bevy_plenoctree::{Ink, Posterize, PosterizeView, PropStage, headless::exact_camera};
+use bevy_plenoctree::{Ink, Posterize, PosterizeView, PropPlacement, headless::exact_camera};
 use image::RgbaImage;
 
 use crate::stage::sides::{BACKGROUND, BLUE, GREEN, SOLID, Sides, color, cube, density, flat};
@@ -80,10 +80,10 @@ fn cameras_may_disagree_about_the_size_of_their_target() {
     let mut stage = filled();
     let [first, second] = stage.cameras;
     for (what, msaa, place) in [
-        ("as trained", Msaa::Off, PropStage::Scene),
-        ("as trained", Msaa::Sample4, PropStage::Display),
-        ("posterized", Msaa::Sample4, PropStage::Scene),
-        ("view", Msaa::Off, PropStage::Display),
+        ("as trained", Msaa::Off, PropPlacement::Scene),
+        ("as trained", Msaa::Sample4, PropPlacement::Display),
+        ("posterized", Msaa::Sample4, PropPlacement::Scene),
+        ("view", Msaa::Off, PropPlacement::Display),
     ] {
         match what {
             "posterized" => stage.dress((Posterize::default(), Ink::default())),

@@ -3,7 +3,7 @@
 use bevy::{camera::Viewport, prelude::*, shader::Shader};
 use bevy_plenoctree::{
     BeforePalette, BilateralFilter, BorderSmoothing, EdgeSmoothing, LabelStages, Palette, PaletteLabel, Posterize,
-    PosterizeView, PropStage,
+    PosterizeView, PropPlacement,
 };
 
 use super::scene::{COLOR, PALETTE, SIZE, SOLID, Stage, assert_near, at, differing, middle, scene};
@@ -67,7 +67,7 @@ fn a_stage_reads_labels_and_owners_and_writes_the_screen() {
     let palette = Palette::new(PALETTE.map(encoded).to_vec()).unwrap();
     let label = PaletteLabel::nearest(encoded(COLOR).into(), &palette, HARD.blend_steps).unwrap();
     for msaa in [Msaa::Off, Msaa::Sample4] {
-        for place in [PropStage::Scene, PropStage::Display] {
+        for place in [PropPlacement::Scene, PropPlacement::Display] {
             let mark = stages(&mut scene, [MARK]);
             scene.set((msaa, place, mark));
             let frame = scene.capture();
@@ -76,7 +76,7 @@ fn a_stage_reads_labels_and_owners_and_writes_the_screen() {
         }
     }
     scene.unset::<LabelStages>();
-    scene.set((Msaa::Off, PropStage::Scene));
+    scene.set((Msaa::Off, PropPlacement::Scene));
     assert!(scene.capture() == without, "without the stage again");
 }
 

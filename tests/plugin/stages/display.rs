@@ -1,4 +1,4 @@
-//! Tests that palette colors reach the screen exactly at [`PropStage::Display`].
+//! Tests that palette colors reach the screen exactly at [`PropPlacement::Display`].
 
 use bevy::{
     camera::{CompositingSpace, Exposure, Hdr, MsaaWriteback, RenderTarget, Viewport},
@@ -17,7 +17,7 @@ use bevy::{
         view::{ColorGrading, ColorGradingGlobal, ViewTarget},
     },
 };
-use bevy_plenoctree::{PlenOctreePlugin, Posterize, PropStage, headless::exact_camera};
+use bevy_plenoctree::{PlenOctreePlugin, Posterize, PropPlacement, headless::exact_camera};
 use image::imageops::crop_imm;
 
 use super::scene::{
@@ -43,12 +43,12 @@ fn effects() -> impl Bundle {
     (DebandDither::Enabled, Exposure::OVERCAST, ColorGrading { global, ..default() })
 }
 
-/// Returns a scene with a cube that shows the first of [`SHOWN`] at [`PropStage::Display`], in front of a brighter sky.
+/// Returns a scene with a cube that shows the first of [`SHOWN`] at [`PropPlacement::Display`], in front of a brighter sky.
 fn posterized() -> Stage {
     let mut scene = scene(SOLID);
     scene.dress(Posterize { softness: 0.0, ..default() });
     scene.set_background(Color::linear_rgb(50.0, 50.0, 50.0));
-    scene.set(PropStage::Display);
+    scene.set(PropPlacement::Display);
     scene
 }
 
@@ -72,9 +72,9 @@ fn nothing_changes_palette_colors() {
         scene.set((Hdr, Bloom { intensity: 0.5, ..Bloom::NATURAL }));
         assert_exact(&scene.capture(), &format!("{tonemapping:?}, {msaa:?}, HDR, bloom"));
         // Otherwise the test would prove nothing.
-        scene.set(PropStage::Scene);
+        scene.set(PropPlacement::Scene);
         assert!(!is_near(middle(&scene.capture()), SHOWN[0], 8), "{tonemapping:?}, {msaa:?}: unchanged in the scene");
-        scene.set(PropStage::Display);
+        scene.set(PropPlacement::Display);
     }
 }
 
@@ -91,9 +91,9 @@ fn compositing_spaces_are_honored() {
     ] {
         scene.set(space);
         scene.set_if(hdr, Hdr);
-        for stage in [PropStage::Scene, PropStage::Display] {
-            scene.set(stage);
-            let what = format!("{space:?}, hdr {hdr}, {stage:?}");
+        for placement in [PropPlacement::Scene, PropPlacement::Display] {
+            scene.set(placement);
+            let what = format!("{space:?}, hdr {hdr}, {placement:?}");
             assert_exact(&scene.capture(), &what);
             let prop = scene.prop();
             let posterize = scene.world().entity_mut(prop).take::<Posterize>().unwrap();
@@ -133,7 +133,7 @@ fn glass_is_in_front_of_exact_colors() {
     spawn_square(&mut scene, Vec3::new(-0.5, 0.0, -1.0), 1.0, unlit(Color::srgba(1.0, 0.0, 0.0, 0.9)));
     let tinted = Color::from(SHOWN[0].to_linear() * 0.5 + pane.to_linear().with_alpha(1.0) * 0.5);
     let corner = Viewport { physical_position: UVec2::new(7, 3), physical_size: UVec2::splat(40), ..default() };
-    for (msaa, hdr, stages) in [
+    for (msaa, hdr, placements) in [
         (Msaa::Off, false, false),
         (Msaa::Off, true, false),
         (Msaa::Sample4, false, true),
@@ -142,7 +142,7 @@ fn glass_is_in_front_of_exact_colors() {
         scene.set(msaa);
         scene.set_if(hdr, Hdr);
         let idle = scene.idle_stage();
-        scene.set_if(stages, idle);
+        scene.set_if(placements, idle);
         for viewport in [None, Some(corner.clone())] {
             let what = format!("{msaa:?}, HDR {hdr}, {viewport:?}");
             let (x, y, size) = viewport.as_ref().map_or((0, 0, SIZE), |viewport| (7, 3, viewport.physical_size.x));
@@ -157,7 +157,7 @@ fn glass_is_in_front_of_exact_colors() {
 
 /// Two cameras share their textures, which post-processing swaps.
 #[test]
-fn each_viewport_has_its_own_stage() {
+fn each_viewport_has_its_own_placement() {
     let mut scene = posterized();
     let (camera, target) = (scene.camera, scene.headless.target());
     let settings = || (effects(), Hdr, Tonemapping::AcesFitted, Transform::from_xyz(0.0, 0.0, 3.0));
@@ -174,22 +174,26 @@ fn each_viewport_has_its_own_stage() {
     }
     let views =
         |frame: image::RgbaImage| halves.map(|(_, x, width)| crop_imm(&frame, x, 8, width, SIZE / 2).to_image());
-    for (msaa, stages) in [Msaa::Off, Msaa::Sample4].into_iter().flat_map(|msaa| {
-        use PropStage::{Display, Scene};
-        [[Display, Scene], [Scene, Display]].map(|stages| (msaa, stages))
+    for (msaa, placements) in [Msaa::Off, Msaa::Sample4].into_iter().flat_map(|msaa| {
+        use PropPlacement::{Display, Scene};
+        [[Display, Scene], [Scene, Display]].map(|placements| (msaa, placements))
     }) {
-        for ((camera, ..), stage) in halves.into_iter().zip(stages) {
-            scene.world().entity_mut(camera).insert((msaa, stage));
+        for ((camera, ..), placement) in halves.into_iter().zip(placements) {
+            scene.world().entity_mut(camera).insert((msaa, placement));
         }
         let both = views(scene.capture());
-        for (view, stage) in both.iter().zip(stages) {
-            assert_eq!(is_near(middle(view), SHOWN[0], 1), stage == PropStage::Display, "{msaa:?}, {stages:?}");
+        for (view, placement) in both.iter().zip(placements) {
+            assert_eq!(
+                is_near(middle(view), SHOWN[0], 1),
+                placement == PropPlacement::Display,
+                "{msaa:?}, {placements:?}"
+            );
         }
         // Each view looks the same as alone.
         for (half, other) in [(0, second), (1, camera)] {
             scene.world().get_mut::<Camera>(other).unwrap().is_active = false;
             let alone = views(scene.capture());
-            assert!(alone[half] == both[half], "{msaa:?}, {stages:?}: not the same as alone");
+            assert!(alone[half] == both[half], "{msaa:?}, {placements:?}: not the same as alone");
             scene.world().get_mut::<Camera>(other).unwrap().is_active = true;
         }
     }
@@ -243,11 +247,11 @@ fn effects_of_other_plugins_run_first() {
     });
     for hdr in [false, true] {
         scene.set_if(hdr, Hdr);
-        scene.set(PropStage::Display);
+        scene.set(PropPlacement::Display);
         let frame = scene.capture();
         assert_near(middle(&frame), COLOR, 1, "the prop");
         assert_near(at(&frame, 1, 1), Color::WHITE, 0, "the sky");
-        scene.set(PropStage::Scene);
+        scene.set(PropPlacement::Scene);
         assert_near(middle(&scene.capture()), Color::WHITE, 0, "the prop in the scene");
     }
 }

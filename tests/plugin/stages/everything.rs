@@ -9,7 +9,7 @@ use bevy::{
 };
 use bevy_plenoctree::{
     BeforePalette, BilateralFilter, BorderSmoothing, EdgeSmoothing, FieldPalette, POSTERIZE_SPANS, PaletteOverride,
-    Palettes, Posterize, PosterizeView, PropStage, VOLUME_SPANS,
+    Palettes, Posterize, PosterizeView, PropPlacement, VOLUME_SPANS,
 };
 use image::RgbaImage;
 
@@ -62,7 +62,7 @@ fn meshes_and_sky_show_only_labels() {
     let mut scene = without_a_prop();
     for (msaa, stage) in [Msaa::Off, Msaa::Sample4]
         .into_iter()
-        .flat_map(|msaa| [PropStage::Scene, PropStage::Display].map(|stage| (msaa, stage)))
+        .flat_map(|msaa| [PropPlacement::Scene, PropPlacement::Display].map(|stage| (msaa, stage)))
     {
         scene.set((msaa, stage));
         for hdr in [false, true] {
@@ -76,7 +76,7 @@ fn meshes_and_sky_show_only_labels() {
     // At the display, the scene is posterized after tonemapping.
     scene.set((Hdr, Tonemapping::TonyMcMapface, DebandDither::Enabled, Exposure::OVERCAST));
     assert_eq!(unlabeled(&scene.capture()), 0);
-    scene.set(PropStage::Scene);
+    scene.set(PropPlacement::Scene);
     assert_ne!(unlabeled(&scene.capture()), 0);
 }
 
@@ -99,7 +99,7 @@ fn transparent_meshes_are_posterized_only_at_the_display() {
     let label = SHOWN[1].to_linear();
     let tinted = Color::from(label * 0.5 + red.to_linear().with_alpha(1.0) * 0.5);
     assert_near(at(&scene.capture(), EMPTY.0, EMPTY.1), tinted, 2, "in the scene");
-    scene.set(PropStage::Display);
+    scene.set(PropPlacement::Display);
     assert_eq!(unlabeled(&scene.capture()), 0);
 }
 
@@ -162,7 +162,7 @@ fn only_the_viewport_is_posterized() {
     let mut scene = without_a_prop();
     let (physical_position, physical_size) = (UVec2::new(5, 11), UVec2::new(30, 20));
     scene.camera_mut().viewport = Some(Viewport { physical_position, physical_size, ..default() });
-    for stage in [PropStage::Scene, PropStage::Display] {
+    for stage in [PropPlacement::Scene, PropPlacement::Display] {
         scene.set(stage);
         let frame = scene.capture();
         let view = image::imageops::crop_imm(&frame, 5, 11, 30, 20).to_image();

@@ -10,7 +10,7 @@ use bevy::{
     camera::{Exposure, Hdr},
     prelude::*,
 };
-use bevy_plenoctree::{Posterize, PropStage};
+use bevy_plenoctree::{Posterize, PropPlacement};
 use glam::DVec3;
 use scene::{COLOR, SHOWN, SIZE, SOLID, assert_near, at, middle, orthographic, over, scene as scene_of, spawn_square};
 
@@ -131,9 +131,9 @@ fn both_stages_draw_the_same_if_no_effect_runs_between_them() {
     let mut scene = scene_of(2.0);
     scene.set_background(SKY);
     for msaa in [Msaa::Off, Msaa::Sample4] {
-        scene.set((msaa, PropStage::Scene));
+        scene.set((msaa, PropPlacement::Scene));
         let among_the_scene = scene.capture();
-        scene.set(PropStage::Display);
+        scene.set(PropPlacement::Display);
         assert!(scene.capture() == among_the_scene, "{msaa:?}");
     }
 }

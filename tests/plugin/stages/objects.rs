@@ -1,11 +1,11 @@
-//! Tests that transparent objects look the same over props at [`PropStage::Display`] as at [`PropStage::Scene`], where
+//! Tests that transparent objects look the same over props at [`PropPlacement::Display`] as at [`PropPlacement::Scene`], where
 //! Bevy draws them over props itself.
 
 use bevy::{
     camera::{Hdr, MsaaWriteback, Viewport},
     prelude::*,
 };
-use bevy_plenoctree::{EdgeSmoothing, Posterize, PropStage, headless::exact_camera};
+use bevy_plenoctree::{EdgeSmoothing, Posterize, PropPlacement, headless::exact_camera};
 use image::RgbaImage;
 
 use super::scene::{SIZE, SOLID, Stage, at, differing, orthographic, scene, spawn_square};
@@ -20,7 +20,7 @@ fn material(alpha_mode: AlphaMode) -> StandardMaterial {
 
 /// Captures the frame at both stages.
 fn both(scene: &mut Stage) -> [RgbaImage; 2] {
-    [PropStage::Scene, PropStage::Display].map(|stage| {
+    [PropPlacement::Scene, PropPlacement::Display].map(|stage| {
         scene.set(stage);
         scene.capture()
     })
@@ -57,7 +57,7 @@ fn every_blend_mode_looks_as_in_the_scene() {
             scene.dress(Posterize { edges, ..default() });
         }
         let is_smooth = edges == Some(EdgeSmoothing::Coverage);
-        scene.set(PropStage::Scene);
+        scene.set(PropPlacement::Scene);
         for pane in panes {
             scene.world().entity_mut(pane).insert(Visibility::Hidden);
         }
@@ -117,7 +117,7 @@ fn cameras_of_one_target_blend_objects_by_themselves() {
         scene.world().get_mut::<Camera>(camera).unwrap().viewport = Some(viewport);
     }
     for msaa in [Msaa::Off, Msaa::Sample4] {
-        for stages in [[PropStage::Scene, PropStage::Display], [PropStage::Display, PropStage::Scene]] {
+        for stages in [[PropPlacement::Scene, PropPlacement::Display], [PropPlacement::Display, PropPlacement::Scene]] {
             for (camera, stage) in [first, second].into_iter().zip(stages) {
                 scene.world().entity_mut(camera).insert((msaa, stage));
             }

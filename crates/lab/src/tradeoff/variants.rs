@@ -35,10 +35,10 @@ pub fn rendering() -> Vec<Variant> {
     knob("density_threshold", &[0.5, 2.0, 8.0], |quality, value| quality.density_threshold = value);
     knob("opacity_loss", &[0.002, 0.01, 0.02, 0.05], |quality, value| quality.opacity_loss = value);
     knob("cell_size", &[0.7, 1.0, 1.5, 2.0, 3.0], |quality, value| quality.cell_size = value);
-    knob("error", &[0.03, 0.06, 0.1, 0.2, 0.4, 1.0], |quality, value| quality.error = value);
+    knob("ray_tolerance", &[0.03, 0.06, 0.1, 0.2, 0.4, 1.0], |quality, value| quality.ray_tolerance = value);
     // Of the rays of a grid.
-    knob("spacing", &[3.0, 4.0], |quality, value| {
-        (quality.spacing, quality.error) = (value as u32, 0.4);
+    knob("ray_spacing", &[3.0, 4.0], |quality, value| {
+        (quality.ray_spacing, quality.ray_tolerance) = (value as u32, 0.4);
     });
     knob("edge_rays", &[4.0], |quality, value| quality.edge_rays = value as u32);
     knob("filter_iterations", &[3.0, 2.0, 1.0, 0.0], |quality, value| quality.filter_iterations = value as u32);

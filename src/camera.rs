@@ -8,20 +8,20 @@ use crate::posterize::Posterize;
 
 /// Determines where in a camera's frame props are drawn and [`PosterizeView`] takes effect.
 ///
-/// Add it to an entity with a `Camera3d`. Defaults to [`PropStage::Scene`].
+/// Add it to an entity with a `Camera3d`. Defaults to [`PropPlacement::Scene`].
 ///
 /// ```
 /// # use bevy::{prelude::*, shader::Shader};
-/// # use bevy_plenoctree::PropStage;
+/// # use bevy_plenoctree::PropPlacement;
 /// fn spawn_camera(mut commands: Commands) {
-///     commands.spawn((Camera3d::default(), PropStage::Display));
+///     commands.spawn((Camera3d::default(), PropPlacement::Display));
 /// }
 /// # App::new().add_systems(Startup, spawn_camera).update();
 /// ```
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
 #[reflect(Component, Default, Clone, Debug, PartialEq, Hash)]
 #[type_path = "bevy_plenoctree"]
-pub enum PropStage {
+pub enum PropPlacement {
     /// Draws props after opaque objects and the sky, and before objects that transmit light and transparent ones. This
     /// is the default.
     ///
@@ -56,15 +56,15 @@ pub enum PropStage {
 /// effect off. Add a [`PaletteOverride`](crate::PaletteOverride) to the camera to change the shown colors of this view
 /// only.
 ///
-/// At [`PropStage::Scene`], the effect covers everything that is drawn before the transparent pass. At
-/// [`PropStage::Display`], it covers everything below the UI.
+/// At [`PropPlacement::Scene`], the effect covers everything that is drawn before the transparent pass. At
+/// [`PropPlacement::Display`], it covers everything below the UI.
 ///
 /// ```
 /// # use bevy::{prelude::*, shader::Shader};
-/// # use bevy_plenoctree::{PlenOctreePlugin, Posterize, PosterizeView, PropStage};
+/// # use bevy_plenoctree::{PlenOctreePlugin, Posterize, PosterizeView, PropPlacement};
 /// fn spawn_camera(mut commands: Commands, assets: Res<AssetServer>) {
 ///     let view = (PosterizeView(assets.load("toadstool.plenoctree")), Posterize { softness: 0.1, ..default() });
-///     commands.spawn((Camera3d::default(), PropStage::Display, view));
+///     commands.spawn((Camera3d::default(), PropPlacement::Display, view));
 /// }
 /// # let mut app = App::new();
 /// # app.add_plugins((MinimalPlugins, AssetPlugin::default(), PlenOctreePlugin)).add_systems(Update, spawn_camera);

@@ -9,7 +9,7 @@ use bevy::{
 };
 use bevy_plenoctree::{
     BilateralFilter, BorderSmoothing, EdgeSmoothing, FieldPalette, Ink, InkColor, LabelStages, PaletteOverride,
-    Palettes, PlenOctree, Posterize, PosterizeView, Prop, PropQuality, PropStage, PropTint, Recolor, SolidOpacity,
+    Palettes, PlenOctree, Posterize, PosterizeView, Prop, PropPlacement, PropQuality, PropTint, Recolor, SolidOpacity,
 };
 use glam::DVec3;
 use image::RgbaImage;
@@ -179,7 +179,7 @@ const CHANGES: &[(&str, Change)] = &[
     ("samples", |view| view.set(Msaa::Sample4)),
     ("HDR", |view| view.set(Hdr)),
     ("exposure", |view| view.set(Exposure { ev100: 10.5 })),
-    ("the place in the frame", |view| view.set(PropStage::Display)),
+    ("the place in the frame", |view| view.set(PropPlacement::Display)),
     ("one sample", |view| view.set(Msaa::Off)),
     ("a posterized view", |view| {
         let field = view.fields[1].clone();
@@ -199,7 +199,7 @@ const CHANGES: &[(&str, Change)] = &[
     ("a view that is not posterized", |view| {
         view.unset::<(PosterizeView, LabelStages)>();
     }),
-    ("motion vectors", |view| view.set((PropStage::Scene, MotionVectorPrepass))),
+    ("motion vectors", |view| view.set((PropPlacement::Scene, MotionVectorPrepass))),
 ];
 
 /// Those that only posterized props show.
