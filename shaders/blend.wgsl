@@ -118,7 +118,7 @@ fn posterized(pixel: vec2<u32>, rays: vec4<f32>, owner: u32, behind: vec3<f32>) 
     var tint = props[owner - 1u].tint;
     var light = FULL_LIGHT;
 #ifdef LIGHTING
-    let shade = shade_of(pixel, owner - 1u, true);
+    let shade = shade_of(pixel, owner - 1u);
     tint *= shade.tint;
     light = shade.light;
 #endif

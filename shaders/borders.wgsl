@@ -8,7 +8,7 @@
 
 #import bevy_plenoctree::color::{decode, encode}
 #import bevy_plenoctree::filter_texel::unpack
-#import bevy_plenoctree::labels::{label_at, place_of, placed, shown_in}
+#import bevy_plenoctree::labels::{label_at, place_of, placed, shown_at}
 #import bevy_plenoctree::shade::Light
 #import bevy_plenoctree::view::{labelings, view}
 
@@ -72,7 +72,7 @@ fn bordered(
     }
     let is_known = candidates != vec4(NO_LABEL) & pixels >= vec4(LEAST_PIXELS);
     if !any(is_known) {
-        return shown_in(prop, label_at(prop, own.x - 2u), light);
+        return shown_at(prop, own.x - 2u, light);
     }
 
     // The color at the center of the pixel and its gradient, from a quadratic B-spline of the colors around it. Likewise,
@@ -119,11 +119,11 @@ fn bordered(
         let gradient = 2.0 * vec2(dot(place[1], to - other), dot(place[2], to - other)) - step * kept.yz;
         let share = select(0.0, min(beyond(max(value, 0.0), gradient), rest), is_known[c] && c != nearest);
         if share > 0.0 {
-            sum += share * decode(shown_in(prop, label_at(prop, candidates[c] - 2u), light));
+            sum += share * decode(shown_at(prop, candidates[c] - 2u, light));
             rest -= share;
         }
     }
-    let shown = shown_in(prop, label_at(prop, label - 2u), light);
+    let shown = shown_at(prop, label - 2u, light);
     // To the bit what pixels away from borders show.
     if rest == 1.0 {
         return shown;

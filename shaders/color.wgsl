@@ -83,18 +83,3 @@ fn linear_of_oklab(lab: vec3<f32>) -> vec3<f32> {
         dot(lms, vec3(-0.0041960863, -0.7034186147, 1.7076147010)),
     );
 }
-
-// Multiplies the linear light of a color in encoded sRGB, without more than fits: what would get brighter than displays
-// show gets nearer to white in Oklab instead.
-fn lightened(encoded: vec3<f32>, factor: f32) -> vec3<f32> {
-    let linear = decode(encoded);
-    let most = max(linear.r, max(linear.g, linear.b));
-    let fits = clamp(1.0 / max(most, 1e-20), min(factor, 1.0), factor);
-    let color = encode(linear * fits);
-    if fits >= factor {
-        return color;
-    }
-    let lab = oklab(color);
-    let lightness = min(lab.x * pow(factor / fits, 1.0 / 3.0), max(lab.x, 1.0));
-    return encode(max(linear_of_oklab(vec3(lightness, lab.yz)), vec3(0.0)));
-}

@@ -45,7 +45,7 @@ fn finished(pixel: vec2<u32>) -> vec4<f32> {
 #ifdef LIGHTING
         let lit = select(owner, lit_prop(pixel), own.y == 0u);
         if lit > 0u {
-            let shade = shade_of(pixel, lit - 1u, true);
+            let shade = shade_of(pixel, lit - 1u);
             tint *= shade.tint;
             light = shade.light;
         }

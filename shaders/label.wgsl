@@ -15,7 +15,7 @@
 #endif
 #import bevy_plenoctree::shade::FULL_LIGHT
 #ifdef LIGHTING
-#import bevy_plenoctree::shade::{Shade, lit_prop, shade_of}
+#import bevy_plenoctree::shade::{lit_prop, shade_of, smooth_shade_of}
 #endif
 #import bevy_plenoctree::view::{props, screen, view}
 
@@ -64,8 +64,7 @@ fn as_trained(pixel: vec2<u32>, over: vec4<f32>, composite: vec3<f32>) -> Seen {
     let trained = lit_prop(pixel);
     if trained > 0u && over.a > 0.0 {
         // What shows through the prop keeps its light.
-        let shade = shade_of(pixel, trained - 1u, false);
-        color += over.a * tinted(over.rgb / over.a, shade.tint * shade.light.factor) - over.rgb;
+        color += over.a * tinted(over.rgb / over.a, smooth_shade_of(pixel, trained - 1u)) - over.rgb;
     }
 #endif
     return Seen(color, over.a, select(0u, 1u, over.a > 0.0), 0u);
@@ -90,7 +89,7 @@ fn seen_at(pixel: vec2<u32>) -> Seen {
     // In a posterized view, lights fall on props as trained.
     let lit = select(value.owner, lit_prop(pixel), is_view);
     if lit > 0u {
-        let shade = shade_of(pixel, lit - 1u, true);
+        let shade = shade_of(pixel, lit - 1u);
         tint *= shade.tint;
         light = shade.light;
     }

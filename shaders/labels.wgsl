@@ -3,10 +3,13 @@
 
 #import bevy_plenoctree::color::tone_space
 #ifdef LIGHTING
-#import bevy_plenoctree::color::{decode, encode, lightened}
+#import bevy_plenoctree::color::{decode, encode}
 #endif
 #import bevy_plenoctree::filter_texel::{Pixel, TONE}
 #import bevy_plenoctree::shade::Light
+#ifdef LIGHTING
+#import bevy_plenoctree::shade::shade_in
+#endif
 #import bevy_plenoctree::view::{colors, labelings}
 
 // A label: a blend of the palette colors `first` and `second`, where `share` is the weight of `first`.
@@ -111,74 +114,23 @@ struct Shown {
     label: u32,
 }
 
+// Returns the color that a label shows in a light. `index` is its index among all labels.
+fn shown_in(prop: u32, label: Label, index: u32, light: Light) -> vec3<f32> {
 #ifdef LIGHTING
-// Colors that differ from gray by less than this have no hue.
-const GRAY: f32 = 0.08;
-// The cosine of the angle within which hues count as the same.
-const SAME_HUE: f32 = 0.9;
-
-// Returns whether a color has the hue of another one and is darker, or lighter if `is_lighter` says so.
-fn is_shade(color: vec3<f32>, own: vec3<f32>, is_lighter: bool) -> bool {
-    let chroma = color - dot(color, vec3(1.0 / 3.0));
-    let own_chroma = own - dot(own, vec3(1.0 / 3.0));
-    let lengths = vec2(length(chroma), length(own_chroma));
-    let same_hue = select(
-        dot(chroma, own_chroma) >= SAME_HUE * lengths.x * lengths.y,
-        all(lengths < vec2(GRAY)),
-        any(lengths < vec2(GRAY)),
-    );
-    let step = dot(color - own, vec3(0.2126, 0.7152, 0.0722));
-    return same_hue && select(-step, step, is_lighter) > 0.0;
-}
-
-// Returns the color that a label shows with more or less light: that of the lighter or darker label of the same hue that
-// is nearest to the label's color in that light. If there is no such label, its own color in that light.
-fn shaded(prop: u32, label: Label, factor: f32) -> vec3<f32> {
-    if factor == 1.0 {
-        return shown(labelings[prop].first_color + labelings[prop].colors, label);
-    }
-    let is_lighter = factor > 1.0;
-    let count = labelings[prop].colors;
-    let source = labelings[prop].first_color;
-    let steps = labelings[prop].blend_steps;
-    let own = shown(source, label);
-    let wanted = encode(decode(own) * factor);
-    var nearest = Label(0u, 0u, 1.0);
-    var least = dot(own - wanted, own - wanted);
-    var is_found = false;
-    for (var i = 0u; i < count; i++) {
-        // The palette color itself, and its blends with those after it.
-        for (var j = i; j < count; j++) {
-            for (var k = select(1u, 0u, j == i); k < select(steps, 1u, j == i); k++) {
-                let share = select(f32(k) / f32(steps), 1.0, j == i);
-                let color = mix(colors[source + j].rgb, colors[source + i].rgb, share);
-                let distance = dot(color - wanted, color - wanted);
-                if distance < least && is_shade(color, own, is_lighter) {
-                    nearest = Label(i, j, share);
-                    least = distance;
-                    is_found = true;
-                }
-            }
+    if light.band != 0 || light.share > 0.0 {
+        let color = shade_in(light.prop, light.band, index);
+        if light.share == 0.0 {
+            return color;
         }
+        return encode(mix(decode(color), decode(shade_in(light.prop, light.band + 1, index)), light.share));
     }
-    if is_found {
-        return shown(source + count, nearest);
-    }
-    return lightened(shown(source + count, label), factor);
-}
 #endif
-
-// Returns the color that a label shows in a light.
-fn shown_in(prop: u32, label: Label, light: Light) -> vec3<f32> {
-#ifdef LIGHTING
-    let color = shaded(prop, label, light.factor);
-    if light.share == 0.0 {
-        return color;
-    }
-    return encode(mix(decode(color), decode(shaded(prop, label, light.other)), light.share));
-#else
     return shown(labelings[prop].first_color + labelings[prop].colors, label);
-#endif
+}
+
+// Returns the color that the label with an index shows in a light.
+fn shown_at(prop: u32, index: u32, light: Light) -> vec3<f32> {
+    return shown_in(prop, label_at(prop, index), index, light);
 }
 
 // Considers the palette colors as labels, and the blends of every pair.
@@ -247,12 +199,13 @@ fn assign(place: vec3<f32>, prop: u32, light: Light) -> Shown {
     let softness = labelings[prop].softness;
     let lead = sqrt(nearest.distances.y) - sqrt(nearest.distances.x);
     let index = index_of(nearest.labels.x, count, steps);
-    let first = shown_in(prop, unpacked(nearest.labels.x, steps), light);
+    let first = shown_in(prop, unpacked(nearest.labels.x, steps), index, light);
     // Softness 0 gives a hard edge. A palette of one color has no second label: its distance remains FAR.
     if lead >= softness {
         return Shown(first, index);
     }
     let step = 0.5 + 0.5 * lead / softness;
-    let soft = mix(shown_in(prop, unpacked(nearest.labels.y, steps), light), first, step * step * (3.0 - 2.0 * step));
-    return Shown(soft, index);
+    let other = index_of(nearest.labels.y, count, steps);
+    let second = shown_in(prop, unpacked(nearest.labels.y, steps), other, light);
+    return Shown(mix(second, first, step * step * (3.0 - 2.0 * step)), index);
 }

@@ -23,21 +23,26 @@ struct Lit {
     rim: f32,
     // The distance within which its surface is smoothed, in world units.
     radius: f32,
+    // Where its shades begin in `shades`, and the number of labels.
+    first_shade: u32,
+    labels: u32,
 }
 
 // Light that is added (up to 1) or missing (down to -1), in the bytes of the lighting pass: 0, and the steps to 1.
 const LIGHT_ZERO: f32 = 128.0;
 const LIGHT_STEPS: f32 = 127.0;
 
-// The factors of linear light in a pixel: on one side of a line between two bands, and on the other side, which covers
+// The light in a pixel: on one side of a line between two bands, and on the other side, which is one band brighter and covers
 // `share` of the pixel.
 struct Light {
-    factor: f32,
-    other: f32,
+    // The index of the prop on which it falls.
+    prop: u32,
+    // The bands from the prop's own light to it, up or down.
+    band: i32,
     share: f32,
 }
 
-const FULL_LIGHT: Light = Light(1.0, 1.0, 0.0);
+const FULL_LIGHT: Light = Light(0u, 0, 0.0);
 
 // One per prop of the view.
 @group(2) @binding(0) var<storage, read> lit: array<Lit>;
@@ -45,6 +50,9 @@ const FULL_LIGHT: Light = Light(1.0, 1.0, 0.0);
 // BRIGHTNESS, that of the smooth_light pass: props that lights brighten have the light that is added or missing instead.
 @group(2) @binding(1) var light: texture_2d<f32>;
 @group(2) @binding(2) var owner: texture_2d<f32>;
+// What each label shows in each band of a prop, from the darkest to the brightest one, in encoded sRGB. See
+// `src/render/shades.rs`.
+@group(2) @binding(3) var<storage, read> shades: array<vec4<f32>>;
 
 // The effect of lights and shadows on a prop in a pixel.
 struct Shade {
@@ -58,9 +66,8 @@ fn lit_prop(pixel: vec2<u32>) -> u32 {
     return prop_of(textureLoad(owner, pixel, 0));
 }
 
-// Returns the effect of lights on a prop in a pixel that it owns or, at its edge, in a neighbor that it owns. The
-// light is rounded to steps if `in_steps` says so.
-fn shade_of(pixel: vec2<u32>, prop: u32, in_steps: bool) -> Shade {
+// Returns what the lighting pass has found for a prop in a pixel that it owns or, at its edge, in a neighbor that it owns.
+fn arriving(pixel: vec2<u32>, prop: u32) -> vec4<f32> {
     var at = pixel;
     for (var i = 0; i < 8; i++) {
         if lit_prop(at) == prop + 1u {
@@ -68,31 +75,51 @@ fn shade_of(pixel: vec2<u32>, prop: u32, in_steps: bool) -> Shade {
         }
         at = vec2<u32>(max(neighbor(vec2<i32>(pixel), i), vec2(0)));
     }
-    let arrives = textureLoad(light, at, 0);
-    let bands = f32(max(lit[prop].bands, 1u));
-    let tint = mix(vec3(1.0), arrives.rgb, lit[prop].tint);
-#ifdef BRIGHTNESS
-    if lit[prop].brightness > 0.0 {
-        if !in_steps {
-            return Shade(Light(factor_of(prop, arrives.a), 1.0, 0.0), tint);
-        }
-        let scaled = bands * arrives.a;
-        let low = floor(scaled + LEAST_SHARE);
-        let share = select(0.0, scaled - low, scaled - low > LEAST_SHARE);
-        let other = factor_of(prop, (low + 1.0) / bands);
-        return Shade(Light(factor_of(prop, low / bands), other, share), tint);
-    }
-#endif
-    let blocked = select(arrives.a, floor(arrives.a * bands + 0.5) / bands, in_steps);
-    return Shade(Light(1.0 - lit[prop].shadows * blocked, 1.0, 0.0), tint);
+    return textureLoad(light, at, 0);
 }
 
+// Returns whether lights may make a prop brighter.
+fn is_brightened(prop: u32) -> bool {
 #ifdef BRIGHTNESS
+    return lit[prop].brightness > 0.0;
+#else
+    return false;
+#endif
+}
+
+// Returns the factors of linear light from the color of the lights that arrive.
+fn tint_of(prop: u32, arrives: vec4<f32>) -> vec3<f32> {
+    return mix(vec3(1.0), arrives.rgb, lit[prop].tint);
+}
+
 // Less of the other band does not show. Covers the rounding of half floats.
 const LEAST_SHARE: f32 = 0.02;
+
+// Returns the effect of lights on a prop in a pixel, rounded to bands.
+fn shade_of(pixel: vec2<u32>, prop: u32) -> Shade {
+    let arrives = arriving(pixel, prop);
+    let scaled = f32(max(lit[prop].bands, 1u)) * arrives.a;
+    if !is_brightened(prop) {
+        return Shade(Light(prop, -i32(floor(scaled + 0.5)), 0.0), tint_of(prop, arrives));
+    }
+    let low = floor(scaled + LEAST_SHARE);
+    let share = select(0.0, scaled - low, scaled - low > LEAST_SHARE);
+    return Shade(Light(prop, i32(low), share), tint_of(prop, arrives));
+}
+
+// Returns the factors of linear light of a prop in a pixel that is not posterized.
+fn smooth_shade_of(pixel: vec2<u32>, prop: u32) -> vec3<f32> {
+    let arrives = arriving(pixel, prop);
+    return tint_of(prop, arrives) * factor_of(prop, select(-arrives.a, arrives.a, is_brightened(prop)));
+}
 
 // Returns the factor of linear light where light is added or missing.
 fn factor_of(prop: u32, added: f32) -> f32 {
     return 1.0 + added * select(lit[prop].brightness, lit[prop].shadows, added < 0.0);
 }
-#endif
+
+// Returns what the label with an index shows in a band, in encoded sRGB.
+fn shade_in(prop: u32, band: i32, label: u32) -> vec3<f32> {
+    let bands = i32(lit[prop].bands);
+    return shades[lit[prop].first_shade + u32(clamp(band, -bands, bands) + bands) * lit[prop].labels + label].rgb;
+}

@@ -24,6 +24,15 @@ fn vertex(@builtin(vertex_index) index: u32) -> @builtin(position) vec4<f32> {
 const POINTS: u32 = 20u;
 const TURN: vec2<f32> = vec2(-0.7373688, 0.6754903);
 
+// If these are all in the middle of one band, the others are not needed.
+const FIRST_POINTS: u32 = 6u;
+const MIDDLE: f32 = 0.1;
+
+// Returns whether light between two values rounds to one band, and is not near the next one.
+fn is_one_band(least: f32, most: f32, bands: f32) -> bool {
+    return floor(least * bands + 0.5 - MIDDLE) == floor(most * bands + 0.5 + MIDDLE);
+}
+
 // Returns the light that is added in a pixel. Negative if light is missing.
 fn added(texel: vec4<f32>) -> f32 {
     return (255.0 * texel.a - LIGHT_ZERO) / LIGHT_STEPS;
@@ -55,6 +64,12 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
     if solid == 0.0 {
         discard;
     }
+#ifdef POSTERIZED_VIEW
+    let in_steps = true;
+#else
+    let in_steps = owner_of(texel) > 0u;
+#endif
+    let bands = f32(props[prop].bands);
     let center = center_at(pixel, drawn.corner, drawn.size, owned, solid, props[prop].radius);
     let reach = MOST_STEEP * center.radius;
     let value = added(own);
@@ -63,9 +78,15 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
     // The sums of the products of differences and offsets, and of offsets with themselves.
     var slope = vec2(0.0);
     var square = vec2(0.0);
+    var least = 0.0;
+    var most = 0.0;
     var direction = vec2(1.0, 0.0);
+    // From the border of the disk to its center.
     for (var i = 0u; i < POINTS; i++) {
-        let far = sqrt((f32(i) + 1.0) / f32(POINTS));
+        if i == FIRST_POINTS && in_steps && is_one_band(value + least, value + most, bands) {
+            break;
+        }
+        let far = sqrt(1.0 - f32(i) / f32(POINTS));
         let off = vec2<i32>(round(center.pixels * far * direction));
         direction = vec2(dot(direction, vec2(TURN.x, -TURN.y)), dot(direction, TURN.yx));
         let at = clamp(pixel + off, vec2(0), center.size - 1);
@@ -79,6 +100,8 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
         let found = textureLoad(light, at, 0);
         let weight = 1.0 - 0.75 * far * far;
         let difference = added(found) - value;
+        least = min(least, difference);
+        most = max(most, difference);
         sum += weight * vec4(found.rgb, difference);
         total += weight;
         slope += weight * difference * vec2<f32>(off);
@@ -86,11 +109,6 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
     }
     let mean = sum / total;
     let smooth_value = value + mean.a;
-#ifdef POSTERIZED_VIEW
-    let in_steps = true;
-#else
-    let in_steps = owner_of(texel) > 0u;
-#endif
     let steepness = length(slope / max(square, vec2(1.0)));
-    return vec4(mean.rgb, select(smooth_value, stepped(smooth_value, steepness, f32(props[prop].bands)), in_steps));
+    return vec4(mean.rgb, select(smooth_value, stepped(smooth_value, steepness, bands), in_steps));
 }

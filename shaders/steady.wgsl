@@ -1,7 +1,7 @@
 // Keeps labels while something moves, so that they do not flicker. See `Posterize::steadiness`.
 #define_import_path bevy_plenoctree::steady
 
-#import bevy_plenoctree::labels::{Shown, label_at, place_of, shown_in}
+#import bevy_plenoctree::labels::{Shown, label_at, place_of, shown_at}
 #import bevy_plenoctree::shade::Light
 #import bevy_plenoctree::view::{is_solid, labelings, view, view_distance}
 
@@ -64,5 +64,5 @@ fn steadied(nearest: Shown, place: vec3<f32>, prop: u32, light: Light, former: F
     if best == nearest.label {
         return nearest;
     }
-    return Shown(shown_in(prop, label_at(prop, best), light), best);
+    return Shown(shown_at(prop, best, light), best);
 }

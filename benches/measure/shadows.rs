@@ -4,8 +4,7 @@ use std::time::Instant;
 
 use bevy::{light::NotShadowCaster, prelude::*, render::diagnostic::RenderDiagnosticsPlugin};
 use bevy_plenoctree::{
-    FieldPalette, LIGHTING_SPANS, LoadSettings, Palettes, PlenOctree, PlenOctreePlugin, Posterize, Prop, PropLighting,
-    SHADOW_SPANS,
+    LIGHTING_SPANS, LoadSettings, PlenOctree, PlenOctreePlugin, Posterize, Prop, PropLighting, SHADOW_SPANS,
     headless::{Headless, LitMeshPlugins, exact_camera, pinhole_view},
 };
 use plenoctree::camera::PinholeCamera;
@@ -38,8 +37,6 @@ pub fn measure(end: Instant) -> Result {
     let target = headless.target();
     let world = headless.app.world_mut();
     let handle = world.resource_mut::<Assets<PlenOctree>>().add(field);
-    let colors = [Color::WHITE, Color::BLACK, Color::srgb(0.8, 0.2, 0.1), Color::srgb(0.4, 0.1, 0.05)];
-    world.resource_mut::<Palettes>().insert(&handle, FieldPalette::from_colors(colors)?);
     let prop = world.spawn((Prop(handle), Posterize::default())).id();
     let camera = world.spawn((exact_camera(Color::WHITE), target)).id();
     let mesh = world.resource_mut::<Assets<Mesh>>().add(Plane3d::default().mesh().size(20.0, 20.0));

@@ -20,6 +20,8 @@ mod plan;
 mod prepare;
 mod rays;
 #[cfg(feature = "shadows")]
+mod shades;
+#[cfg(feature = "shadows")]
 mod shadow;
 mod uniforms;
 

@@ -192,7 +192,13 @@ fn plan_views(
                 .for_each(|(now, former)| textures.swap(now, former));
         }
         let is_held = textures.hold(&device, passes.iter().map(|(pass, _)| pass), &sizes);
-        write_uniforms(plan, buffers, &extracted, &device, &queue);
+        write_uniforms(plan, buffers, &device, &queue);
+        #[cfg(feature = "shadows")]
+        if plan.is_lit {
+            let lit = passes::lit_props(plan, &extracted, &mut view.shades);
+            buffers.lit.set(&device, &queue, "plenoctree_lit", BufferUsages::STORAGE, &lit);
+            buffers.shades.set(&device, &queue, "plenoctree_shades", BufferUsages::STORAGE, view.shades.colors());
+        }
         if is_held {
             cached.decide(&device, passes, textures, buffers, is_complete, never_cached(plan), sizes.drawn);
         }
@@ -262,23 +268,10 @@ fn never_cached(plan: &Plan) -> &'static [Part] {
     if plan.is_lit || !plan.posterizes { &[Part::Labels] } else { &[] }
 }
 
-fn write_uniforms(
-    plan: &Plan,
-    buffers: &mut ViewBuffers,
-    extracted: &ExtractedProps,
-    device: &RenderDevice,
-    queue: &RenderQueue,
-) {
+fn write_uniforms(plan: &Plan, buffers: &mut ViewBuffers, device: &RenderDevice, queue: &RenderQueue) {
     let PlanValues { view, screen, props, filters, labelings, palettes } = &plan.values;
     let values = Values { view: *view, screen: *screen, props, filters, labelings, palettes: *palettes };
     buffers.set(device, queue, values);
-    #[cfg(feature = "shadows")]
-    if plan.is_lit {
-        let lit = passes::lit_props(plan, extracted);
-        buffers.lit.set(device, queue, "plenoctree_lit", BufferUsages::STORAGE, &lit);
-    }
-    #[cfg(not(feature = "shadows"))]
-    let _ = extracted;
 }
 
 /// Returns whether a view had too little memory a moment ago, and needs as much as then.

@@ -189,6 +189,12 @@ impl LabelsUniform {
         }
     }
 
+    /// Returns where the source colors of the palette begin, how many there are, and the steps of their blends.
+    #[cfg(feature = "shadows")]
+    pub fn palette(&self) -> (u32, u32, u32) {
+        (self.first_color, self.colors, self.blend_steps)
+    }
+
     /// Lets pixels keep the labels of the former frame, unless another one is nearer by more than `steadiness`.
     pub(super) fn steady(self, steadiness: f32, earlier: &Earlier) -> Self {
         Self {

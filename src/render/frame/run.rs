@@ -175,6 +175,7 @@ fn draw(
                 Input::Scene => Some(bound(frame.target.main_texture_view())),
                 Input::Buffer(Buffer::View) => buffers.view.binding(),
                 Input::Buffer(Buffer::Lit) => buffers.lit.binding(),
+                Input::Buffer(Buffer::Shades) => buffers.shades.binding(),
                 Input::Buffer(Buffer::Fog) => buffers.fog.binding(),
                 Input::Buffer(buffer) | Input::WrittenBuffer(buffer) => textures.buffer_of(*buffer).map(bound_buffer),
             };

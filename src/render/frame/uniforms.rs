@@ -22,6 +22,8 @@ pub(in crate::render) struct ViewBuffers {
     pub stale: Content,
     /// How lights fall on each prop.
     pub lit: Content,
+    /// Which labels show others in more or less light.
+    pub shades: Content,
     /// The camera's fog.
     pub fog: Content,
     /// A number that is different for different colors of the view's palettes.

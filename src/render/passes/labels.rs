@@ -164,7 +164,7 @@ pub(super) fn with_lights(plan: &Plan, inputs: Vec<Input>) -> Vec<Vec<Input>> {
     let mut reads = vec![inputs];
     if plan.is_lit {
         let light = if plan.is_brightened { Slot::SmoothLight } else { Slot::Light };
-        reads.push(vec![Input::Buffer(Buffer::Lit), Input::Texture(light), OWNER]);
+        reads.push(vec![Input::Buffer(Buffer::Lit), Input::Texture(light), OWNER, Input::Buffer(Buffer::Shades)]);
     }
     reads
 }

@@ -34,11 +34,14 @@ use crate::{
             Slot,
         },
         plan::{Plan, PropView},
+        shades::{ShadedPalette, Shades, label_count},
+        uniforms::LabelsUniform,
     },
     sets::PlenOctreeRenderSystems,
 };
 
 pub(super) const LIGHTING: &str = "plenoctree_lighting";
+pub(super) const SMOOTH_LIGHT: &str = "plenoctree_smooth_light";
 
 /// Finds the light that reaches props.
 pub(super) fn lighting(plan: &Plan) -> Option<Pass> {
@@ -72,7 +75,7 @@ pub(super) fn smooth_light(plan: &Plan) -> Option<Pass> {
         depth: Some(Output::Texture(Slot::Depth(Rays::Pixels))),
         clear: Some(Clear::White),
         ..Pass::fullscreen(
-            LIGHTING,
+            SMOOTH_LIGHT,
             Place::Layer,
             None,
             program.define_if(plan.posterizes_view, "POSTERIZED_VIEW").where_props_are(),
@@ -98,22 +101,47 @@ pub(in crate::render) struct LitUniform {
     brightness: f32,
     rim: f32,
     radius: f32,
+    first_shade: u32,
+    labels: u32,
 }
 
 /// The distance within which a prop's surface is smoothed, relative to the prop's size.
 const SMOOTHED: f64 = 0.03;
 
-/// Returns how lights fall on the props of a view.
-pub(in crate::render) fn lit_props(plan: &Plan, extracted: &ExtractedProps) -> Vec<LitUniform> {
-    let of = |index: usize| {
+/// Returns how lights fall on the props of a view, and finds their shades.
+pub(in crate::render) fn lit_props(plan: &Plan, extracted: &ExtractedProps, shades: &mut Shades) -> Vec<LitUniform> {
+    shades.begin();
+    let mut of = |at: usize, index: usize| {
         let prop = extracted.props.get(index)?;
         let PropLighting { shadows, tint, bands, self_shadow_distance, brightness, rim } = prop.lighting?;
         let box_from_world = DMat4::from(prop.pose.box_from_world());
         let radius = (SMOOTHED / box_from_world.determinant().abs().cbrt()).min(f32::MAX.into()) as f32;
         let box_from_world = box_from_world.as_mat4();
-        Some(LitUniform { box_from_world, shadows, tint, bands, self_shadow_distance, brightness, rim, radius })
+        let unlabeled = LitUniform {
+            box_from_world,
+            shadows,
+            tint,
+            bands,
+            self_shadow_distance,
+            brightness,
+            rim,
+            radius,
+            ..default()
+        };
+        let Some((first, colors, blend_steps)) = plan.labeling_of(at).map(LabelsUniform::palette) else {
+            return Some(unlabeled);
+        };
+        let palette = ShadedPalette { colors: &extracted.colors, first, count: colors, blend_steps };
+        // From the darkest band to the brightest one.
+        let factors: Vec<f32> = (0..=2 * bands)
+            .map(|row| row as f32 / bands as f32 - 1.0)
+            .map(|added| 1.0 + added * if added < 0.0 { shadows } else { brightness })
+            .collect();
+        let first_shade = shades.find(palette, &factors)?;
+        Some(LitUniform { first_shade, labels: label_count(colors, blend_steps), ..unlabeled })
     };
-    plan.props.iter().map(|prop| of(prop.index).filter(|_| prop.is_lit).unwrap_or_default()).collect()
+    let props = plan.props.iter().enumerate();
+    props.map(|(at, prop)| of(at, prop.index).filter(|_| prop.is_lit).unwrap_or_default()).collect()
 }
 
 pub(super) fn plugin(render_app: &mut SubApp) {

@@ -44,7 +44,7 @@ pub const POSTERIZE_SPANS: &[&str] = &[
 ];
 /// The names of the spans in Bevy's render diagnostics whose times add up to the time of lighting props.
 #[cfg(feature = "shadows")]
-pub const LIGHTING_SPANS: &[&str] = &[lighting::LIGHTING];
+pub const LIGHTING_SPANS: &[&str] = &[lighting::LIGHTING, lighting::SMOOTH_LIGHT];
 
 /// Returns the passes of a frame, in the order in which they run.
 pub(super) fn of(plan: &Plan) -> Vec<Pass> {

@@ -144,6 +144,8 @@ pub(in crate::render) fn decide(
         .collect();
     uniforms.extend(view_posterize.map(|_| PropUniform::view_posterize()));
     let filters: Vec<_> = posterized().map(|posterize| FilterUniform::new(posterize, quality)).collect();
+    let lit = || seen.iter().zip(&props).filter(|(_, prop)| prop.is_lit).map(|(seen, _)| seen.prop);
+    let is_brightened = lit().any(ExtractedProp::is_brightened);
     let finishes = has(Feature::Finish);
     let pixels = 0.5 * size.y as f32 * motion.clip_from_view.y_axis.y.abs();
     let inks = seen.iter().map(|seen| seen.prop.ink.or(visible.ink)).chain(view_posterize.map(|_| None));
@@ -219,9 +221,10 @@ pub(in crate::render) fn decide(
         overlaps,
         has_fog: visible.has_fog && placement == PropPlacement::Scene && has(Feature::Fog),
         is_lit: props.iter().any(|prop| prop.is_lit),
-        is_brightened: seen.iter().zip(&props).any(|(seen, prop)| prop.is_lit && seen.prop.is_brightened()),
+        is_brightened,
         has_lamps: visible.has_lamps,
-        has_hard_shadows: visible.has_hard_shadows,
+        // Where light is smoothed afterward, so are the edges of shadows.
+        has_hard_shadows: visible.has_hard_shadows || (is_brightened && lit().all(ExtractedProp::is_brightened)),
         smooths: props.iter().any(|prop| prop.smooths != Smooths::Nothing),
         has_smooth_borders,
         has_ink,

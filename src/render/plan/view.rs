@@ -12,6 +12,8 @@ use bevy::{
 };
 
 use super::steady::Former;
+#[cfg(feature = "shadows")]
+use crate::render::shades::Shades;
 use crate::{
     camera::PropPlacement,
     gpu::{FieldShape, Level, ViewTooLarge},
@@ -42,6 +44,8 @@ pub(crate) struct PropView {
     pub(in crate::render) as_trained: EntityHashSet,
     /// The last frame, if its labels and its depth still exist.
     pub(in crate::render) former: Option<Former>,
+    #[cfg(feature = "shadows")]
+    pub(in crate::render) shades: Shades,
     /// What determines the memory that it needs, when there was too little.
     pub(in crate::render) shortage: Option<(ViewTooLarge, usize)>,
 }
@@ -229,6 +233,17 @@ impl Plan {
     /// shown after that.
     pub fn blends_front(&self) -> bool {
         self.has_objects && self.smooths && self.stages.is_empty()
+    }
+
+    /// Returns how the prop at an index of the plan is labeled: by itself, or by the posterized view.
+    #[cfg(feature = "shadows")]
+    pub fn labeling_of(&self, prop: usize) -> Option<&LabelsUniform> {
+        let labelings = &self.values.labelings;
+        match self.props.get(prop) {
+            Some(planned) if planned.is_posterized => labelings.get(prop),
+            _ if self.posterizes_view => labelings.last(),
+            _ => None,
+        }
     }
 
     /// Returns the number of samples per pixel of a target in which some samples may show something in front of a prop,

@@ -1,0 +1,222 @@
+//! What labels show in more or less light: the shown color of a lighter or darker label of the same hue. These labels are
+//! found once per palette and light, so that a pixel takes one load.
+
+use bevy::{platform::collections::HashMap, prelude::*};
+use glam::DVec3;
+use plenoctree::{
+    palette::PaletteLabel,
+    srgb::{decode, encode},
+};
+
+/// Colors that differ from gray by less than this have no hue.
+const GRAY: f64 = 0.08;
+/// The cosine of the angle within which hues count as the same.
+const SAME_HUE: f64 = 0.9;
+
+/// Source colors, the steps of their blends, and the factors of linear light in which they are seen.
+#[derive(PartialEq, Eq, Hash)]
+struct Key {
+    source: Vec<[u32; 3]>,
+    blend_steps: u32,
+    factors: Vec<u32>,
+}
+
+/// For each of these factors and each label, the index of the label that it shows, if there is one.
+struct Table {
+    shades: Vec<Option<u32>>,
+    is_used: bool,
+}
+
+/// The shades of a view's palettes.
+#[derive(Default)]
+pub(super) struct Shades {
+    tables: HashMap<Key, Table>,
+    /// Where the shades of this frame's palettes begin in `colors`, by the palette's first color and the factors.
+    begins: HashMap<(u32, Vec<u32>), u32>,
+    colors: Vec<Vec4>,
+}
+
+/// A palette: its colors among others, and the steps of their blends.
+#[derive(Clone, Copy)]
+pub(super) struct ShadedPalette<'a> {
+    pub colors: &'a [Vec4],
+    pub first: u32,
+    pub count: u32,
+    pub blend_steps: u32,
+}
+
+impl Shades {
+    /// Begins a frame.
+    pub fn begin(&mut self) {
+        self.tables.retain(|_, table| std::mem::take(&mut table.is_used));
+        self.begins.clear();
+        self.colors.clear();
+    }
+
+    /// Returns where in [`Self::colors`] the shades of a palette begin. They have a row for each of the `factors` of linear
+    /// light, and in it, what every label of the palette shows.
+    pub fn find(&mut self, palette: ShadedPalette, factors: &[f32]) -> Option<u32> {
+        let bits: Vec<u32> = factors.iter().map(|factor| factor.to_bits()).collect();
+        let begin = (palette.first, bits);
+        if let Some(first) = self.begins.get(&begin) {
+            return Some(*first);
+        }
+        // The shown colors follow the source colors.
+        let of_palette = palette.colors.get(palette.first as usize..)?.get(..2 * palette.count as usize)?;
+        let (source, shown) = of_palette.split_at(palette.count as usize);
+        let key = Key {
+            source: source.iter().map(|color| color.truncate().to_array().map(f32::to_bits)).collect(),
+            blend_steps: palette.blend_steps,
+            factors: begin.1.clone(),
+        };
+        let table = self.tables.entry(key).or_insert_with(|| {
+            let labels: Vec<_> = labels(source, palette.blend_steps).map(Seen::new).collect();
+            let row = |factor: &f32| -> Vec<_> {
+                labels.iter().map(|label| label.shade(&labels, f64::from(*factor))).collect()
+            };
+            Table { shades: factors.iter().flat_map(row).collect(), is_used: true }
+        });
+        table.is_used = true;
+        let first = self.colors.len() as u32;
+        let shown: Vec<Vec3> = labels(shown, palette.blend_steps).map(|color| color.as_vec3()).collect();
+        for (row, factor) in table.shades.chunks(shown.len().max(1)).zip(factors) {
+            self.colors.extend(row.iter().zip(&shown).map(|(shade, own)| {
+                let shade = shade.and_then(|shade| shown.get(shade as usize)).copied();
+                shade.unwrap_or_else(|| lightened(*own, *factor)).extend(0.0)
+            }));
+        }
+        self.begins.insert(begin, first);
+        Some(first)
+    }
+
+    /// Returns the shades of this frame, in encoded sRGB. Buffers cannot be empty.
+    pub fn colors(&mut self) -> &Vec<Vec4> {
+        if self.colors.is_empty() {
+            self.colors.push(Vec4::ZERO);
+        }
+        &self.colors
+    }
+}
+
+/// Returns the number of labels of a palette.
+pub(super) fn label_count(colors: u32, blend_steps: u32) -> u32 {
+    PaletteLabel::count(colors as usize, blend_steps) as u32
+}
+
+/// Returns the colors of all labels of a palette, in the order of equation 7.
+fn labels(colors: &[Vec4], blend_steps: u32) -> impl Iterator<Item = DVec3> {
+    let color = |index: usize| colors[index].truncate().as_dvec3();
+    let pairs = (0..colors.len()).flat_map(move |i| (i + 1..colors.len()).map(move |j| (color(i), color(j))));
+    let blends = pairs.flat_map(move |(first, second)| {
+        (1..blend_steps).map(move |step| second.lerp(first, f64::from(step) / f64::from(blend_steps)))
+    });
+    (0..colors.len()).map(color).chain(blends)
+}
+
+/// Multiplies the linear light of a color in encoded sRGB, without more than fits: what would get brighter than displays
+/// show gets nearer to white in Oklab instead.
+fn lightened(encoded: Vec3, factor: f32) -> Vec3 {
+    let linear = LinearRgba::from(Srgba::from_vec3(encoded)).to_vec3();
+    let fits = (1.0 / linear.max_element().max(1e-20)).clamp(factor.min(1.0), factor);
+    let color = LinearRgba::from_vec3(linear * fits);
+    if fits >= factor {
+        return Srgba::from(color).to_vec3();
+    }
+    let lab = Oklaba::from(color);
+    let lightness = (lab.lightness * (factor / fits).cbrt()).min(lab.lightness.max(1.0));
+    let lighter = LinearRgba::from(lab.with_lightness(lightness)).to_vec3().max(Vec3::ZERO);
+    Srgba::from(LinearRgba::from_vec3(lighter)).to_vec3()
+}
+
+/// A label as the eye tells hues and lightness apart, in encoded sRGB.
+struct Seen {
+    color: DVec3,
+    /// The difference from gray.
+    chroma: DVec3,
+    luma: f64,
+}
+
+impl Seen {
+    fn new(color: DVec3) -> Self {
+        let luma = color.dot(DVec3::new(0.2126, 0.7152, 0.0722));
+        Self { color, chroma: color - color.element_sum() / 3.0, luma }
+    }
+
+    /// Returns whether it has the hue of another label.
+    fn has_hue_of(&self, other: &Self) -> bool {
+        match [self, other].map(|seen| seen.chroma.length()) {
+            [a, b] if a < GRAY || b < GRAY => a < GRAY && b < GRAY,
+            [a, b] => self.chroma.dot(other.chroma) >= SAME_HUE * a * b,
+        }
+    }
+
+    /// Returns the index of the label that it shows in a light: the one that is nearest to its color there, among those of
+    /// its hue that are darker, or lighter. `None` if none is nearer than itself.
+    fn shade(&self, labels: &[Self], factor: f64) -> Option<u32> {
+        let wanted = DVec3::from(self.color.to_array().map(|channel| encode(decode(channel) * factor)));
+        let is_shade = |label: &Self| {
+            let step = label.luma - self.luma;
+            (if factor > 1.0 { step > 0.0 } else { step < 0.0 }) && label.has_hue_of(self)
+        };
+        let shades = (0..).zip(labels).filter(|(_, label)| factor != 1.0 && is_shade(label));
+        let nearest = shades.map(|(index, label)| (label.color.distance_squared(wanted), index));
+        let nearest = nearest.min_by(|a, b| a.0.total_cmp(&b.0));
+        nearest.filter(|(off, _)| *off < self.color.distance_squared(wanted)).map(|(_, index)| index)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// Returns what the labels of a palette show in light, row by row.
+    fn shades(colors: &[Vec4], blend_steps: u32, factors: &[f32]) -> Vec<Vec4> {
+        let mut shades = Shades::default();
+        shades.begin();
+        let palette = ShadedPalette { colors, first: 0, count: colors.len() as u32 / 2, blend_steps };
+        assert_eq!(shades.find(palette, factors), Some(0));
+        let found = shades.colors().clone();
+        // Once a frame.
+        assert_eq!(shades.find(palette, factors), Some(0));
+        assert_eq!(shades.colors(), &found);
+        shades.begin();
+        assert_eq!(shades.colors().len(), 1);
+        found
+    }
+
+    /// In light and shadow, tones step along those of their hue, and change their own light where these end.
+    #[test]
+    fn tones_step_along_their_hue() {
+        let reds = [0.3, 0.6, 0.9].map(|red| Vec4::new(red, 0.2 * red, 0.1 * red, 0.0));
+        let blues = [0.4, 0.8].map(|blue| Vec4::new(0.1 * blue, 0.3 * blue, blue, 0.0));
+        let shown: [Vec4; 5] = std::array::from_fn(|index| Vec4::new(0.5, 0.1 * index as f32, 0.2, 0.0));
+        let colors = [&reds[..], &blues, &shown].concat();
+        let found = shades(&colors, 1, &[0.4, 1.0, 5.0]);
+        let own = |index: usize, factor| lightened(shown[index].truncate(), factor).extend(0.0);
+        assert_eq!(found[..5], [own(0, 0.4), shown[0], shown[1], own(3, 0.4), shown[3]]);
+        assert!(found[5..10].iter().zip(&shown).all(|(found, shown)| found.abs_diff_eq(*shown, 1e-6)));
+        assert_eq!(found[10..], [shown[1], shown[2], own(2, 5.0), shown[4], own(4, 5.0)]);
+    }
+
+    proptest! {
+        /// Every label shows something: as dark as without light or darker in shadow, and as light or lighter in light.
+        #[test]
+        fn shades_are_on_the_right_side(
+            source in prop::collection::vec(prop::array::uniform3(0.0f32..1.0), 1..7),
+            blend_steps in 1u32..5,
+            factor in prop_oneof![0.0f32..0.95, 1.05f32..3.0],
+        ) {
+            let source: Vec<Vec4> = source.into_iter().map(|color| Vec3::from(color).extend(0.0)).collect();
+            let found = shades(&[&source[..], &source].concat(), blend_steps, &[factor]);
+            let own: Vec<DVec3> = labels(&source, blend_steps).collect();
+            prop_assert_eq!(own.len(), label_count(source.len() as u32, blend_steps) as usize);
+            prop_assert_eq!(own.len(), found.len());
+            for (own, found) in own.into_iter().zip(found) {
+                let step = Seen::new(found.truncate().as_dvec3()).luma - Seen::new(own).luma;
+                prop_assert!(step * f64::from(factor - 1.0) >= -1e-6, "{own} shows {found}");
+            }
+        }
+    }
+}
