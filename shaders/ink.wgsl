@@ -86,9 +86,9 @@ fn beyond(center: Surface, there: Surface, opposite: Surface) -> Beyond {
 const PINCHED: f32 = 0.5;
 
 // Returns what a pair of pixels on opposite sides of the center says about the share of the disk beyond an edge. Where both
-// are beyond it, what is between them is thin, and gets a thinner line.
-fn weight(first: bool, second: bool) -> f32 {
-    return select(select(0.0, 1.0, first || second), -PINCHED, first && second);
+// are beyond it, what is between them is thin, and gets a thinner line, unless it is only a seam between these two.
+fn weight(first: bool, second: bool, is_seam: bool) -> f32 {
+    return select(select(0.0, 1.0, first || second), -PINCHED, first && second && !is_seam);
 }
 
 // The pixels of the disk, in pairs on opposite sides of the center. If those near the rim show no edge, there is none.
@@ -130,7 +130,8 @@ fn ink_at(labels: texture_2d<u32>, depth: texture_depth_2d, pixel: vec2<i32>, ce
         let second = surface_at(labels, depth, pixel - offset);
         let there = beyond(center, first, second);
         let opposite = beyond(center, second, first);
-        sums += vec2(weight(there.edge, opposite.edge), weight(there.border, opposite.border));
+        let is_seam = there.border && opposite.border && is_border(center.owner - 1u, first.label, second.label);
+        sums += vec2(weight(there.edge, opposite.edge, false), weight(there.border, opposite.border, is_seam));
         has_edge = has_edge || there.edge || opposite.edge;
         has_border = has_border || there.border || opposite.border;
     }

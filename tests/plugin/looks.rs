@@ -8,7 +8,7 @@ use image::RgbaImage;
 use super::stage::{
     Stage,
     fields::colored,
-    pixels::{differing, is_near, linear, places},
+    pixels::{at, color, differing, is_near, linear, places},
 };
 
 const SIZE: u32 = 96;
@@ -152,4 +152,23 @@ fn ink_divides_ramps() {
     // The faintest parts of a tone may round to the label's own color.
     assert!(count(&toned).abs_diff(count(&lines)) <= 3);
     assert!(toned.pixels().zip(plain.pixels()).all(|(tone, plain)| tone.0.iter().zip(plain.0).all(|(a, b)| *a <= b)));
+}
+
+/// Between two ramps, pixels of a third one that are no wider than the line are no holes in it.
+#[test]
+fn ink_covers_seams() {
+    let mut look = Look::new();
+    let ink = Ink { width: 1.0, max_pixels: 6.0, silhouette: false, creases: false, ..default() };
+    let lines = look.capture(SIZE, Posterize::toon(), Some(ink.clone()));
+    let mixed = DVec3::from(COLORS[0]).lerp(COLORS[1].into(), 0.5);
+    let mut palette = Palette::new(vec![COLORS[0], mixed.to_array(), COLORS[1]]).unwrap();
+    palette.method = Some(PaletteMethod::Tones);
+    look.0.paint(FieldPalette::new(palette));
+    let plain = look.capture(SIZE, Posterize::toon(), None);
+    let seams = look.capture(SIZE, Posterize::toon(), Some(ink));
+    let seam: Vec<_> = places(SIZE, SIZE).filter(|(x, y)| is_near(at(&plain, *x, *y), color(mixed), 2)).collect();
+    assert!(seam.len() > 20, "{} pixels", seam.len());
+    let holes = |frame: &RgbaImage| seam.iter().filter(|(x, y)| linear(frame.get_pixel(*x, *y)).x > 0.05).count();
+    let (with, without) = (holes(&seams), holes(&lines));
+    assert!(with <= without, "{with} of the seam's {} pixels are not black, and {without} without it", seam.len());
 }
