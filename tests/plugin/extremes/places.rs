@@ -139,17 +139,24 @@ fn far_from_the_origin_of_the_world() {
     assert_eq!(frame.get_pixel(1, 1).0, [0, 0, 0, 255]);
 }
 
-#[test]
-fn targets_from_one_pixel_to_four_thousand() {
-    let field = chain(1, 0, Some(1e4), 1e4);
-    let mut stage = Alone::new(&field);
+/// Renders into a target of this size.
+fn draw_at(width: u32, height: u32) {
+    let mut stage = Alone::new(&chain(1, 0, Some(1e4), 1e4));
     stage.dress(Posterize::default());
-    for (width, height) in [(1, 1), (4096, 3), (1, 4096), (4096, 4096)] {
-        stage.headless.resize(UVec2::new(width, height));
-        let camera = looking(DVec3::new(0.0, 0.0, 6.0), DVec3::ZERO).resized(width, height);
-        let frame = stage.see(&camera);
-        assert_eq!(frame.dimensions(), (width, height));
-        assert_eq!(frame.get_pixel(width / 2, height / 2)[3], 255);
-        assert!(frame.get_pixel(width / 2, height / 2)[2] > 100, "{width} x {height}");
-    }
+    stage.headless.resize(UVec2::new(width, height));
+    let frame = stage.see(&looking(DVec3::new(0.0, 0.0, 6.0), DVec3::ZERO).resized(width, height));
+    assert_eq!(frame.dimensions(), (width, height));
+    let middle = frame.get_pixel(width / 2, height / 2);
+    assert!(middle[3] == 255 && middle[2] > 100, "{width} x {height}: {middle:?}");
+}
+
+#[test]
+fn targets_as_narrow_as_a_pixel() {
+    [(1, 1), (4096, 3), (1, 4096)].into_iter().for_each(|(width, height)| draw_at(width, height));
+}
+
+#[test]
+#[ignore = "takes long: `scripts/test all` runs it"]
+fn a_target_of_sixteen_million_pixels() {
+    draw_at(4096, 4096);
 }
