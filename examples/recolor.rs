@@ -35,8 +35,8 @@ fn fade_to_night(time: Res<Time>, props: Query<&Prop>, mut palettes: ResMut<Pale
     for prop in &props {
         // This is `None` until the palette is extracted.
         if let Some(palette) = palettes.get_mut(&prop.0) {
-            let dark = palette.source().iter().map(|color| BlendSpace::Oklab.mix(*color, night, 0.7));
-            palette.blend_from_source(&dark.collect::<Vec<_>>(), darkness, BlendSpace::Oklab);
+            let dark: Vec<_> = palette.source().map(|color| BlendSpace::Oklab.mix(color, night, 0.7)).collect();
+            palette.blend_from_source(&dark, darkness, BlendSpace::Oklab);
         }
     }
 }

@@ -76,7 +76,6 @@ pub struct Palettes {
 #[type_path = "bevy_plenoctree"]
 pub struct FieldPalette {
     palette: Palette,
-    source: Vec<Color>,
     shown: Vec<Color>,
     #[reflect(ignore)]
     extraction: Option<Extraction>,
@@ -86,8 +85,7 @@ impl FieldPalette {
     /// Creates a palette that was not extracted from the field. The shown colors are [those of the
     /// palette](Palette::shown) or, if it has none, the source colors.
     pub fn new(palette: Palette) -> Self {
-        let source: Vec<_> = palette.colors.iter().map(decoded).collect();
-        let mut new = Self { shown: source.clone(), source, extraction: None, palette };
+        let mut new = Self { shown: palette.colors.iter().map(decoded).collect(), extraction: None, palette };
         let shown = std::mem::take(&mut new.palette.shown);
         new.show(shown.iter().map(decoded));
         new
@@ -106,8 +104,8 @@ impl FieldPalette {
     }
 
     /// Returns the source colors. Each pixel gets the label whose blend of source colors is nearest.
-    pub fn source(&self) -> &[Color] {
-        &self.source
+    pub fn source(&self) -> impl ExactSizeIterator<Item = Color> {
+        self.palette.colors.iter().map(decoded)
     }
 
     /// Returns the palette of the source colors: their exact values, their weights and their ramps. It has no shown
@@ -120,11 +118,10 @@ impl FieldPalette {
     /// game may store it in a file of its own, and pass it to [`new`](Self::new) later.
     pub fn to_palette(&self) -> Palette {
         let mut saved = self.palette.clone();
-        if self.shown != self.source {
-            let own = self.palette.colors.iter().zip(&self.source);
-            let shown = self.shown.iter().zip(own);
+        if !self.source().eq(self.shown.iter().copied()) {
+            let pairs = self.shown.iter().zip(&self.palette.colors);
             saved.shown =
-                shown.map(|(shown, (own, source))| if shown == source { *own } else { encoded(*shown) }).collect();
+                pairs.map(|(shown, own)| if *shown == decoded(own) { *own } else { encoded(*shown) }).collect();
         }
         saved
     }
@@ -195,7 +192,8 @@ impl FieldPalette {
     /// Replaces what [`set`](Self::set) did to these colors. Colors that `to` lacks are not changed. To recolor a field
     /// and fade it as well, [`blend`](Self::blend) from your own colors.
     pub fn blend_from_source(&mut self, to: &[Color], t: f32, space: BlendSpace) {
-        self.shown.iter_mut().zip(space.mix_all(&self.source, to, t)).for_each(|(shown, color)| *shown = color);
+        let pairs = self.palette.colors.iter().zip(to);
+        self.shown.iter_mut().zip(pairs).for_each(|(shown, (own, to))| *shown = space.mix(decoded(own), *to, t));
     }
 
     /// Returns the ramps: which colors are shades of one material, from shadow to highlight. Palettes of
@@ -239,10 +237,10 @@ impl FieldPalette {
     ///
     /// If there is no such ramp, changes nothing, logs a warning (once per app), and returns false.
     pub fn adjust_ramp(&mut self, ramp: usize, adjustment: &RampAdjustment) -> bool {
-        let Self { palette, source, shown, .. } = self;
+        let Self { palette, shown, .. } = self;
         if *adjustment == RampAdjustment::default() {
             let tones = palette.ramps.get(ramp).map_or(&[][..], |ramp| &ramp.tones);
-            tones.iter().for_each(|&tone| shown[tone] = source[tone]);
+            tones.iter().for_each(|&tone| shown[tone] = decoded(&palette.colors[tone]));
             return is_ramp(palette, ramp);
         }
         let set = |tone: usize, color: [f64; 3]| shown[tone] = decoded(&color);
@@ -259,11 +257,7 @@ impl FieldPalette {
             Ok(colors) => (colors, Ok(())),
             Err(unmet) => (unmet.nearest.clone(), Err(unmet)),
         };
-        let (source, own) = (&self.source, &self.palette.colors);
-        let show =
-            |(index, color): (usize, &[f64; 3])| if *color == own[index] { source[index] } else { decoded(color) };
-        self.shown.clear();
-        self.shown.extend(colors.iter().enumerate().map(show));
+        self.show(colors.iter().map(decoded));
         result
     }
 
@@ -299,7 +293,7 @@ impl FieldPalette {
 
     /// Resets the shown colors to the source colors.
     pub fn reset(&mut self) {
-        self.shown.clone_from(&self.source);
+        self.shown.iter_mut().zip(&self.palette.colors).for_each(|(shown, own)| *shown = decoded(own));
     }
 
     /// Writes the palette to a JSON file, replacing any existing file: the source colors, their weights and ramps, and the

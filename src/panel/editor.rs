@@ -166,5 +166,5 @@ pub(super) enum Edit {
 
 /// Returns a source color, or black if the palette has no color of that index.
 pub(super) fn source_color(palette: &FieldPalette, index: usize) -> Color {
-    palette.source().get(index).copied().unwrap_or(Color::BLACK)
+    palette.source().nth(index).unwrap_or(Color::BLACK)
 }

@@ -214,7 +214,7 @@ fn adjusted_ramps_do_not_allocate() {
     let count = allocation_counter::measure(|| assert!((0..40).all(&mut adjust))).count_total;
     assert_eq!(count, 0);
     assert!(palette.adjust_ramp(0, &RampAdjustment::default()));
-    assert_eq!(palette.shown(), palette.source());
+    assert!(palette.source().eq(palette.shown().iter().copied()));
     assert!(!palette.set_ramp(2, Color::WHITE));
 }
 
@@ -225,14 +225,17 @@ fn wishes_come_true_on_fields_and_entities() {
     let wishes = [Wish::tone(1, [0.1, 0.2, 0.6])];
     own.recolor(&palette, &wishes, &[]).unwrap();
     palette.recolor(&wishes, &[]).unwrap();
-    assert_eq!((palette.shown()[1], palette.shown()[3]), (Color::srgb(0.1, 0.2, 0.6), palette.source()[3]));
+    assert_eq!(
+        (palette.shown()[1], palette.shown()[3]),
+        (Color::srgb(0.1, 0.2, 0.6), palette.source().nth(3).unwrap())
+    );
     assert_eq!((0..4).map(|index| own.get(index)).collect::<Vec<_>>(), {
         let shown = palette.shown().iter().copied();
         shown.enumerate().map(|(index, color)| (index < 3).then_some(color)).collect::<Vec<_>>()
     });
     let red = palette.ramp("red").unwrap();
     assert!(palette.recolor(&wishes, &[red]).is_err());
-    assert_eq!(palette.shown(), palette.source());
+    assert!(palette.source().eq(palette.shown().iter().copied()));
 }
 
 /// Ramps can be edited, and edits that do not fit change nothing.
@@ -419,7 +422,7 @@ fn shown_colors_and_ramps_are_saved() {
 
     let field = files.spawn();
     let loaded = files.palette(&field);
-    assert_eq!((loaded.palette(), loaded.source()), (palette.palette(), palette.source()));
+    assert_eq!(loaded.palette(), palette.palette());
     assert_eq!(loaded.ramp("cap"), Some(0));
     let shown = |palette: &FieldPalette| palette.shown().iter().map(|color| color.to_srgba()).collect::<Vec<_>>();
     assert_eq!(shown(&loaded), shown(&palette));
@@ -622,7 +625,8 @@ fn colors_out_of_range_are_rejected() {
     let mut palette = FieldPalette::from_colors(COLORS).unwrap();
     assert!(palette.set(1, Color::WHITE));
     assert!(!palette.set(2, Color::WHITE));
-    assert_eq!((palette.source(), palette.shown()), (&COLORS[..], &[COLORS[0], Color::WHITE][..]));
+    assert!(palette.source().eq(COLORS));
+    assert_eq!(palette.shown(), [COLORS[0], Color::WHITE]);
     let mut own = PaletteOverride::default();
     assert!(own.set(Palette::MAX_COLORS - 1, Color::WHITE));
     assert!(!own.set(Palette::MAX_COLORS, Color::WHITE));
