@@ -64,7 +64,7 @@ impl Records {
         let mut records =
             Self { depth, table_level, table: vec![[EMPTY; 4]; 1 << (3 * table_level)], children: Vec::new() };
         let mut empty = Vec::new();
-        records.fill(field, Part::Node(0), 0, [0; 3], &mut empty);
+        records.fill(field, Content::Node(0), 0, [0; 3], &mut empty);
         records.extend_empty(&empty);
         records
     }
@@ -83,9 +83,9 @@ impl Records {
         count_children(field, 0, 0, table_level(depth, allowance), depth)
     }
 
-    fn fill(&mut self, field: &PlenOctree, part: Part, level: u32, corner: [u32; 3], empty: &mut Vec<Cube>) {
+    fn fill(&mut self, field: &PlenOctree, part: Content, level: u32, corner: [u32; 3], empty: &mut Vec<Cube>) {
         if level < self.table_level
-            && let Part::Node(node) = part
+            && let Content::Node(node) = part
         {
             for (index, cell) in field.nodes()[node as usize].iter().enumerate() {
                 let bits = [index as u32 >> 2, (index as u32 >> 1) & 1, index as u32 & 1];
@@ -143,22 +143,22 @@ impl Records {
         }
     }
 
-    fn record(&mut self, field: &PlenOctree, part: Part, level: u32) -> Record {
+    fn record(&mut self, field: &PlenOctree, part: Content, level: u32) -> Record {
         let node = match part {
-            Part::Empty => return [0, 0, 0, EMPTY | level],
-            Part::Leaf(leaf) => return [0, 0, leaf, LEAF | level],
-            Part::Node(node) => &field.nodes()[node as usize],
+            Content::Empty => return [0, 0, 0, EMPTY | level],
+            Content::Leaf(leaf) => return [0, 0, leaf, LEAF | level],
+            Content::Node(node) => &field.nodes()[node as usize],
         };
         // The 64 parts by octant, and whether each octant is a single leaf.
         let octants = node.map(|cell| match cell.into() {
-            Part::Node(node) => (field.nodes()[node as usize].map(Part::from), false),
-            leaf @ Part::Leaf(_) => ([leaf; 8], true),
-            Part::Empty => ([Part::Empty; 8], false),
+            Content::Node(node) => (field.nodes()[node as usize].map(Content::from), false),
+            leaf @ Content::Leaf(_) => ([leaf; 8], true),
+            Content::Empty => ([Content::Empty; 8], false),
         });
         let (mut mask, mut merged) = (0u64, 0);
         for (octant, (parts, is_leaf)) in octants.iter().enumerate() {
             merged |= u32::from(*is_leaf) << octant;
-            for (index, _) in parts.iter().enumerate().filter(|(_, part)| !matches!(part, Part::Empty)) {
+            for (index, _) in parts.iter().enumerate().filter(|(_, part)| !matches!(part, Content::Empty)) {
                 mask |= 1 << (8 * octant + index);
             }
         }
@@ -168,7 +168,7 @@ impl Records {
                 mask &= !(0xfe << (8 * octant));
             }
             let first = octants.iter().flat_map(|(parts, _)| parts).find_map(|part| match part {
-                Part::Leaf(leaf) => Some(*leaf),
+                Content::Leaf(leaf) => Some(*leaf),
                 _ => None,
             });
             return match first {
@@ -180,7 +180,7 @@ impl Records {
         self.children.resize(first + mask.count_ones() as usize, [EMPTY; 4]);
         let mut next = first;
         for (parts, is_leaf) in octants {
-            for part in parts.into_iter().filter(|part| !matches!(part, Part::Empty)) {
+            for part in parts.into_iter().filter(|part| !matches!(part, Content::Empty)) {
                 self.children[next] = self.record(field, part, level + if is_leaf { 1 } else { 2 });
                 next += 1;
             }
@@ -243,23 +243,23 @@ impl Occupied {
 
 /// Returns the number of child records of a node and of everything below it.
 fn count_children(field: &PlenOctree, node: u32, level: u32, table_level: u32, depth: u32) -> usize {
-    let cells = field.nodes()[node as usize].iter().map(|cell| Part::from(*cell));
+    let cells = field.nodes()[node as usize].iter().map(|cell| Content::from(*cell));
     let count = |node, level| count_children(field, node, level, table_level, depth);
     if level < table_level {
-        return cells.map(|part| if let Part::Node(node) = part { count(node, level + 1) } else { 0 }).sum();
+        return cells.map(|part| if let Content::Node(node) = part { count(node, level + 1) } else { 0 }).sum();
     }
     if level + 2 >= depth {
         return 0;
     }
     let octant = |part| match part {
-        Part::Empty => 0,
-        Part::Leaf(_) => 8,
-        Part::Node(node) => {
-            let parts = field.nodes()[node as usize].iter().map(|cell| Part::from(*cell));
+        Content::Empty => 0,
+        Content::Leaf(_) => 8,
+        Content::Node(node) => {
+            let parts = field.nodes()[node as usize].iter().map(|cell| Content::from(*cell));
             let part = |part| match part {
-                Part::Empty => 0,
-                Part::Leaf(_) => 1,
-                Part::Node(node) => 1 + count(node, level + 2),
+                Content::Empty => 0,
+                Content::Leaf(_) => 1,
+                Content::Node(node) => 1 + count(node, level + 2),
             };
             parts.map(part).sum()
         }
@@ -269,13 +269,13 @@ fn count_children(field: &PlenOctree, node: u32, level: u32, table_level: u32, d
 
 /// The content of a cell.
 #[derive(Clone, Copy)]
-enum Part {
+enum Content {
     Empty,
     Leaf(u32),
     Node(u32),
 }
 
-impl From<Cell> for Part {
+impl From<Cell> for Content {
     fn from(cell: Cell) -> Self {
         match (cell.as_node(), cell.as_leaf()) {
             (Some(node), _) => Self::Node(node),

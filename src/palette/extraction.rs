@@ -119,10 +119,10 @@ impl Purpose {
 struct Running {
     purpose: Purpose,
     progress: Arc<Progress>,
-    stage: Stage,
+    step: Step,
 }
 
-enum Stage {
+enum Step {
     /// A task prepares the job for the render world. Stores when it started.
     Planning(Task<Result<SamplingJob, Canceled>>, Instant),
     /// The render world is sampling. Stores when planning started.
@@ -246,15 +246,15 @@ pub(super) fn start(
         };
         let (name, leaves) = (name(server.as_deref(), id), field.leaves());
         info!("extracting the palette of {name}: {leaves} leaves, sampled {origin}");
-        let stage = match origin {
+        let step = match origin {
             SampleOrigin::Gpu => {
                 let (field, budget, progress) = (field.clone(), extraction.budget, progress.clone());
                 let plan = move || SamplingJob::new(id, field, settings, budget, progress);
-                Stage::Planning(background::spawn(plan), Instant::now())
+                Step::Planning(background::spawn(plan), Instant::now())
             }
             _ => sample_on_cpu(field.clone(), origin, settings, progress.clone()),
         };
-        extraction.running.insert(id, Running { purpose, progress, stage });
+        extraction.running.insert(id, Running { purpose, progress, step });
     }
 }
 
@@ -270,8 +270,8 @@ fn sample_on_cpu(
     origin: SampleOrigin,
     settings: ExtractionSettings,
     progress: Arc<Progress>,
-) -> Stage {
-    Stage::Computing(background::spawn(move || {
+) -> Step {
+    Step::Computing(background::spawn(move || {
         background::on_cores(|| {
             let start = Instant::now();
             let histograms = sample(&field, &settings.sampling, &progress)?;
@@ -309,23 +309,23 @@ pub(super) fn finish(
     }
     let PaletteExtraction { running, failed, sampled, .. } = &mut *extraction;
     running.retain(|id, running| {
-        let task = match &mut running.stage {
-            Stage::Computing(task) => task,
-            Stage::Planning(task, start) => {
+        let task = match &mut running.step {
+            Step::Computing(task) => task,
+            Step::Planning(task, start) => {
                 match block_on(poll_once(task)) {
                     None => {}
                     Some(Ok(job)) => {
                         let job = Arc::new(job);
                         jobs.0.push(job.clone());
-                        running.stage = Stage::Sampling(job, *start);
+                        running.step = Step::Sampling(job, *start);
                     }
                     Some(Err(Canceled)) => return false,
                 }
                 return true;
             }
-            Stage::Sampling(job, start) => {
+            Step::Sampling(job, start) => {
                 if let Some(outcome) = job.take_outcome() {
-                    running.stage = after_sampling(job, outcome, start.elapsed());
+                    running.step = after_sampling(job, outcome, start.elapsed());
                 }
                 return true;
             }
@@ -358,12 +358,12 @@ pub(super) fn finish(
     });
 }
 
-fn after_sampling(job: &SamplingJob, outcome: Result<Histograms, SamplingFailure>, sampling: Duration) -> Stage {
+fn after_sampling(job: &SamplingJob, outcome: Result<Histograms, SamplingFailure>, sampling: Duration) -> Step {
     let (settings, progress) = (job.settings.clone(), job.progress.clone());
     match outcome {
         Ok(histograms) => {
             let field = job.field.clone();
-            Stage::Computing(background::spawn(move || {
+            Step::Computing(background::spawn(move || {
                 background::on_cores(|| extract(&field, histograms, SampleOrigin::Gpu, sampling, &settings, &progress))
             }))
         }

@@ -15,14 +15,14 @@ use bevy::{
 use crate::{prop::Prop, quality::PropQuality};
 
 /// The part of the scene that casts shadows into one shadow map.
-pub(super) struct Lit {
+pub(super) struct LightVolume {
     frustum: Frustum,
     layers: RenderLayers,
     /// The range of a point or spot light. `None` for directional lights.
     reach: Option<Sphere>,
 }
 
-impl Lit {
+impl LightVolume {
     fn contains(&self, bounds: &Aabb, transform: &Affine3A) -> bool {
         self.reach.is_none_or(|reach| reach.intersects_obb(bounds, transform))
             && self.frustum.intersects_obb(bounds, transform, self.reach.is_some(), true)
@@ -33,7 +33,7 @@ type Light<'a, T, F> = (&'a T, &'a F, &'a GlobalTransform, Option<&'a RenderLaye
 
 /// Makes the props that a light sees visible, as Bevy does with meshes: props that no camera sees cast shadows as well.
 pub(super) fn show_casters(
-    mut lit: Local<Vec<Lit>>,
+    mut volumes: Local<Vec<LightVolume>>,
     mut queries: ParamSet<(
         (
             Query<Light<DirectionalLight, CascadesFrusta>>,
@@ -57,25 +57,25 @@ pub(super) fn show_casters(
     cameras: Query<Entity, With<Camera>>,
     ranges: Option<Res<VisibleEntityRanges>>,
 ) {
-    lit.clear();
+    volumes.clear();
     let (suns, lamps, spots) = queries.p0();
     for (light, cascades, _, layers, visibility) in &suns {
         if light.shadow_maps_enabled && visibility.get() {
-            lit.extend(cascades.frusta.values().flatten().map(|frustum| seen(frustum, layers, None)));
+            volumes.extend(cascades.frusta.values().flatten().map(|frustum| seen(frustum, layers, None)));
         }
     }
     for (light, faces, transform, layers, visibility) in &lamps {
         if light.shadow_maps_enabled && visibility.get() {
             let reach = reach(transform, light.range);
-            lit.extend(faces.iter().map(|frustum| seen(frustum, layers, Some(reach))));
+            volumes.extend(faces.iter().map(|frustum| seen(frustum, layers, Some(reach))));
         }
     }
     for (light, frustum, transform, layers, visibility) in &spots {
         if light.shadow_maps_enabled && visibility.get() {
-            lit.push(seen(frustum, layers, Some(reach(transform, light.range))));
+            volumes.push(seen(frustum, layers, Some(reach(transform, light.range))));
         }
     }
-    if lit.is_empty() {
+    if volumes.is_empty() {
         return;
     }
     for (entity, inherited, mut visibility, layers, bounds, transform, everywhere, ranged) in &mut queries.p1() {
@@ -88,17 +88,16 @@ pub(super) fn show_casters(
         }
         let (layers, transform) = (layers.unwrap_or_default(), transform.affine());
         let bounds = bounds.filter(|_| !everywhere);
-        if lit
-            .iter()
-            .any(|lit| lit.layers.intersects(layers) && bounds.is_none_or(|bounds| lit.contains(bounds, &transform)))
-        {
+        if volumes.iter().any(|volume| {
+            volume.layers.intersects(layers) && bounds.is_none_or(|bounds| volume.contains(bounds, &transform))
+        }) {
             visibility.set_visible();
         }
     }
 }
 
-fn seen(frustum: &Frustum, layers: Option<&RenderLayers>, reach: Option<Sphere>) -> Lit {
-    Lit { frustum: *frustum, layers: layers.cloned().unwrap_or_default(), reach }
+fn seen(frustum: &Frustum, layers: Option<&RenderLayers>, reach: Option<Sphere>) -> LightVolume {
+    LightVolume { frustum: *frustum, layers: layers.cloned().unwrap_or_default(), reach }
 }
 
 fn reach(light: &GlobalTransform, range: f32) -> Sphere {

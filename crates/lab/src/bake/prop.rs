@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use super::{
     noise::{hash, loud},
     sdf::{Nearest, smoothstep},
-    shade::{Lit, Material},
+    shade::{LitPoint, Material},
     visits::Visits,
 };
 
@@ -76,7 +76,7 @@ pub fn bake_prop<T: Prop>(prop: &T, depth: Option<u32>, bar: &ProgressBar) -> Re
 
 /// The appearance of a cell.
 enum Appearance {
-    Surface(Lit),
+    Surface(LitPoint),
     /// A cell that no camera saw: a color, and its change with the direction.
     Unseen(DVec3, DVec3),
 }
@@ -172,7 +172,7 @@ impl<'a, T: Prop> Scene<'a, T> {
         if depth > 1.5 * RAMP
             && let Some(glass) = self.pane(position)
         {
-            return Appearance::Surface(Lit::new(glass.material, position, glass.normal, distance));
+            return Appearance::Surface(LitPoint::new(glass.material, position, glass.normal, distance));
         }
         // The whole shell has the colors of the surface. The mean of four points softens the edges between colors.
         let at = position - nearest.distance * self.normal(position);
@@ -181,7 +181,7 @@ impl<'a, T: Prop> Scene<'a, T> {
             let at = at + 0.3 * self.cell * DVec3::new(x, y, z);
             self.prop.material(self.prop.nearest(at).part, at)
         }));
-        Appearance::Surface(Lit::new(material, at, self.normal(at), distance))
+        Appearance::Surface(LitPoint::new(material, at, self.normal(at), distance))
     }
 
     fn normal(&self, position: DVec3) -> DVec3 {

@@ -120,7 +120,7 @@ const SKY: DVec3 = DVec3::new(0.43, 0.47, 0.54);
 const FLOOR: DVec3 = DVec3::new(0.27, 0.25, 0.24);
 
 /// A point of a lit surface, which can be seen from any direction.
-pub struct Lit {
+pub struct LitPoint {
     material: Material,
     normal: DVec3,
     key: DVec3,
@@ -128,7 +128,7 @@ pub struct Lit {
     open: f64,
 }
 
-impl Lit {
+impl LitPoint {
     /// Lights `point`, whose surface has the `normal`. `distance` returns the signed distance to the whole prop.
     pub fn new(material: Material, point: DVec3, normal: DVec3, distance: impl Fn(DVec3) -> f64) -> Self {
         let key = KEY.normalize();
