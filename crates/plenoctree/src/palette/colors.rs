@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     method::PaletteMethod,
-    ramps::{self, InvalidRamps, Ramp},
+    ramp::{self, InvalidRamps, Ramp},
 };
 use crate::save::replace_file;
 
@@ -223,7 +223,7 @@ impl Palette {
         if let Some(index) = self.shown.iter().position(|color| !is_finite(color)) {
             return Err(InvalidPalette::ShownColor { index, found: self.shown[index] });
         }
-        Ok(ramps::validate(&self.ramps, self.colors.len())?)
+        Ok(ramp::validate(&self.ramps, self.colors.len())?)
     }
 
     /// Reads a palette file.

@@ -16,6 +16,7 @@ mod method;
 mod oklab;
 mod order;
 mod polygon;
+mod ramp;
 mod ramps;
 mod settings;
 mod simplify;
@@ -31,7 +32,8 @@ pub use extract::{
 };
 pub use label::PaletteLabel;
 pub use method::{ColorCount, PaletteMethod};
-pub use ramps::{InvalidRamps, Ramp, RampAdjustment, Unmet, UnmetReason, UnmetWishes, Wish};
+pub use ramp::{InvalidRamps, Ramp};
+pub use ramps::{RampAdjustment, Unmet, UnmetReason, UnmetWishes, Wish};
 pub use settings::ExtractionSettings;
 pub use space::{LabelSpace, tone_space};
 pub use steps::{initial_centers, k_means, simplify_hull};

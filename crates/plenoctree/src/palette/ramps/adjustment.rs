@@ -5,11 +5,8 @@ use bevy_reflect::std_traits::ReflectDefault;
 use glam::{DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 
-use super::{
-    motion::{Motion, Shades},
-    ramp::InvalidRamps,
-};
-use crate::palette::{colors::Palette, oklab::oklab};
+use super::motion::{Motion, Shades};
+use crate::palette::{colors::Palette, oklab::oklab, ramp::InvalidRamps};
 
 /// How a ramp is shown, starting from its source colors: section 4 of the method, step 7. The default changes nothing.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

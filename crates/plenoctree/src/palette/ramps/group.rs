@@ -2,8 +2,12 @@
 
 use glam::{DVec2, DVec3, swizzles::Vec3Swizzles};
 
-use super::{borders::Borders, names, ramp::Ramp, ramp::sort};
-use crate::palette::{colors::Palette, oklab::oklab};
+use super::{borders::Borders, names};
+use crate::palette::{
+    colors::Palette,
+    oklab::oklab,
+    ramp::{Ramp, sort},
+};
 
 /// The cost above which groups are different materials.
 const DIFFERENT: f64 = 0.066;

@@ -2,22 +2,20 @@
 
 mod adjustment;
 mod borders;
+mod edit;
 mod gamut;
 mod group;
 mod motion;
 mod names;
-mod ramp;
 mod soft;
 #[cfg(test)]
 mod tests;
 mod wishes;
 
 pub use adjustment::RampAdjustment;
-pub(super) use ramp::validate;
-pub use ramp::{InvalidRamps, Ramp};
 pub use wishes::{Unmet, UnmetReason, UnmetWishes, Wish};
 
-use super::{colors::Palette, views::View};
+use super::{colors::Palette, ramp::Ramp, views::View};
 use crate::{
     field::PlenOctree,
     sampling::{Canceled, Progress, SamplingSettings},
