@@ -58,8 +58,8 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) u32 {
     let spread = most - least;
     let error = max(max(spread.r, spread.g), max(spread.b, spread.a));
     let needs_rays = differ
-        || error > view.error
-        || solid_depths.y - solid_depths.x > view.error * solid_depths.y
+        || error > view.ray_tolerance
+        || solid_depths.y - solid_depths.x > view.ray_tolerance * solid_depths.y
         || scene_depths.y - scene_depths.x > SAME_SURFACE * scene_depths.y;
     var found = select(AGREES, EMPTY, is_empty);
     if needs_rays {

@@ -29,7 +29,8 @@ struct Center {
 const LEAST_PIXELS: f32 = 2.0;
 const MOST_PIXELS: f32 = 24.0;
 
-// Returns the point in another pixel that has the depth of the center, in homogeneous coordinates of the camera's space.
+// Returns the point in another pixel that has the depth of the center, in homogeneous coordinates of the camera's
+// space.
 fn flat_place(center: Center, off: vec2<i32>) -> vec4<f32> {
     return center.place + f32(off.x) * center.across + f32(off.y) * center.down;
 }

@@ -32,8 +32,8 @@ struct Lit {
 const LIGHT_ZERO: f32 = 128.0;
 const LIGHT_STEPS: f32 = 127.0;
 
-// The light in a pixel: on one side of a line between two bands, and on the other side, which is one band brighter and covers
-// `share` of the pixel.
+// The light in a pixel: on one side of a line between two bands, and on the other side, which is one band brighter and
+// covers `share` of the pixel.
 struct Light {
     // The index of the prop on which it falls.
     prop: u32,
@@ -66,7 +66,8 @@ fn lit_prop(pixel: vec2<u32>) -> u32 {
     return prop_of(textureLoad(owner, pixel, 0));
 }
 
-// Returns what the lighting pass has found for a prop in a pixel that it owns or, at its edge, in a neighbor that it owns.
+// Returns what the lighting pass has found for a prop in a pixel that it owns or, at its edge, in a neighbor that it
+// owns.
 fn arriving(pixel: vec2<u32>, prop: u32) -> vec4<f32> {
     var at = pixel;
     for (var i = 0; i < 8; i++) {

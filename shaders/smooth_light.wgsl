@@ -24,8 +24,10 @@ fn vertex(@builtin(vertex_index) index: u32) -> @builtin(position) vec4<f32> {
 const POINTS: u32 = 20u;
 const TURN: vec2<f32> = vec2(-0.7373688, 0.6754903);
 
-// If these are all in the middle of one band, the others are not needed.
+// If these are in the middle of one band, and most of them on the prop, the others are not needed. Hues are those of
+// these.
 const FIRST_POINTS: u32 = 6u;
+const MOST_POINTS: u32 = 4u;
 const MIDDLE: f32 = 0.1;
 
 // Returns whether light between two values rounds to one band, and is not near the next one.
@@ -73,17 +75,20 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
     let center = center_at(pixel, drawn.corner, drawn.size, owned, solid, props[prop].radius);
     let reach = MOST_STEEP * center.radius;
     let value = added(own);
-    var sum = vec4(own.rgb, 0.0);
+    var hues = vec4(own.rgb, 1.0);
+    var sum = 0.0;
     var total = 1.0;
     // The sums of the products of differences and offsets, and of offsets with themselves.
     var slope = vec2(0.0);
     var square = vec2(0.0);
+    var found_points = 0u;
     var least = 0.0;
     var most = 0.0;
     var direction = vec2(1.0, 0.0);
     // From the border of the disk to its center.
     for (var i = 0u; i < POINTS; i++) {
-        if i == FIRST_POINTS && in_steps && is_one_band(value + least, value + most, bands) {
+        let is_settled = found_points >= MOST_POINTS && is_one_band(value + least, value + most, bands);
+        if i == FIRST_POINTS && in_steps && is_settled {
             break;
         }
         let far = sqrt(1.0 - f32(i) / f32(POINTS));
@@ -102,13 +107,14 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
         let difference = added(found) - value;
         least = min(least, difference);
         most = max(most, difference);
-        sum += weight * vec4(found.rgb, difference);
+        hues += select(vec4(0.0), vec4(found.rgb, 1.0), i < FIRST_POINTS);
+        found_points += 1u;
+        sum += weight * difference;
         total += weight;
         slope += weight * difference * vec2<f32>(off);
         square += weight * vec2<f32>(off * off);
     }
-    let mean = sum / total;
-    let smooth_value = value + mean.a;
+    let smooth_value = value + sum / total;
     let steepness = length(slope / max(square, vec2(1.0)));
-    return vec4(mean.rgb, select(smooth_value, stepped(smooth_value, steepness, bands), in_steps));
+    return vec4(hues.rgb / hues.w, select(smooth_value, stepped(smooth_value, steepness, bands), in_steps));
 }

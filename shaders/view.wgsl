@@ -47,7 +47,7 @@ struct View {
     // Pixels per ray of the grid, along each axis.
     spacing: u32,
     // The difference between rays of the grid above which the pixels between them get rays of their own.
-    error: f32,
+    ray_tolerance: f32,
     // From the camera's `PropQuality`.
     stop_transmittance: f32,
     // The number of rays through a pixel where a posterized prop ends: 4 or 8, and 8 with multisampling.

@@ -23,7 +23,8 @@ pub const MAX_BRIGHTNESS: f32 = 16.0;
 /// recoloring moves no edge. Where the palette has no such label, the shown color is darkened or lightened instead. A prop as trained that a
 /// [`PosterizeView`](crate::PosterizeView) posterizes goes down the palette of the view.
 ///
-/// It takes effect where props are solid, for cameras that draw them at [`PropPlacement::Scene`](crate::PropPlacement::Scene).
+/// It takes effect where props are solid, for cameras that draw them at
+/// [`PropPlacement::Scene`](crate::PropPlacement::Scene).
 ///
 /// ```
 /// # use bevy::prelude::*;
@@ -49,7 +50,8 @@ pub struct PropLighting {
     /// Defaults to 0. Clamped to 0..=1.
     pub tint: f32,
     /// The number of steps to full shadow, and to the full [`brightness`](Self::brightness), where the prop is
-    /// posterized. On a prop as trained, shadows have soft edges if the scene's shadows do.
+    /// posterized. On a prop as trained, shadows have soft edges if the scene's shadows do, or with a
+    /// [`brightness`](Self::brightness).
     ///
     /// Defaults to 1: a pixel is in shadow where half of the light is missing. Clamped to 1..=[`MAX_BANDS`].
     pub bands: u32,

@@ -57,7 +57,8 @@ pub struct PropQuality {
     ///
     /// Defaults to 0, which gives every pixel a ray. Below 0.1, hardly any time is saved. Negative values count as 0.
     pub ray_tolerance: f32,
-    /// The distance in pixels between the rays of the grid, along each axis, if [`ray_tolerance`](Self::ray_tolerance) is above 0.
+    /// The distance in pixels between the rays of the grid, along each axis, if [`ray_tolerance`](Self::ray_tolerance)
+    /// is above 0.
     ///
     /// Defaults to 2. Clamped to 2..=8.
     pub ray_spacing: u32,

@@ -25,7 +25,7 @@ fn turn(mut props: Query<&mut Transform, With<Prop>>) {
 pub fn measure(end: Instant) -> Result {
     println!(
         "## Shadows\n\nMilliseconds of a frame in which a posterized prop turns on a floor, under a directional light of \
-         four cascades, and at last a point light too, both with shadows.\n"
+         four cascades, and in the last row under a point light too, both with shadows.\n"
     );
     println!("| prop | pixels | wall | GPU | shadows | lights | frames |\n|---|---|---|---|---|---|---|");
     let field = PlenOctree::read(assets().join(format!("{}.plenoctree", FIELDS[0])), &LoadSettings::default())?;

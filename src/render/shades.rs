@@ -1,5 +1,5 @@
-//! What labels show in more or less light: the shown color of a lighter or darker label of the same hue. These labels are
-//! found once per palette and light, so that a pixel takes one load.
+//! What labels show in more or less light: the shown color of a lighter or darker label of the same hue. These labels
+//! are found once per palette and light, so that a pixel takes one load.
 
 use bevy::{platform::collections::HashMap, prelude::*};
 use glam::DVec3;
@@ -31,10 +31,14 @@ struct Table {
 #[derive(Default)]
 pub(super) struct Shades {
     tables: HashMap<Key, Table>,
-    /// Where the shades of this frame's palettes begin in `colors`, by the palette's first color and the factors.
-    begins: HashMap<(u32, Vec<u32>), u32>,
+    /// Where the shades of this frame's palettes begin in `colors`, by the palette's first color, the steps of its
+    /// blends and the factors.
+    begins: HashMap<(u32, u32, Vec<u32>), u32>,
     colors: Vec<Vec4>,
 }
+
+/// The most shades of a frame: 64 MiB, half of what a WebGPU binding holds.
+const MOST_SHADES: usize = 1 << 22;
 
 /// A palette: its colors among others, and the steps of their blends.
 #[derive(Clone, Copy)]
@@ -53,13 +57,18 @@ impl Shades {
         self.colors.clear();
     }
 
-    /// Returns where in [`Self::colors`] the shades of a palette begin. They have a row for each of the `factors` of linear
-    /// light, and in it, what every label of the palette shows.
+    /// Returns where in [`Self::colors`] the shades of a palette begin. They have a row for each of the `factors` of
+    /// linear light, and in it, what every label of the palette shows. `None` if there are too many.
     pub fn find(&mut self, palette: ShadedPalette, factors: &[f32]) -> Option<u32> {
         let bits: Vec<u32> = factors.iter().map(|factor| factor.to_bits()).collect();
-        let begin = (palette.first, bits);
+        let begin = (palette.first, palette.blend_steps, bits);
         if let Some(first) = self.begins.get(&begin) {
             return Some(*first);
+        }
+        let rows = label_count(palette.count, palette.blend_steps) as usize * factors.len();
+        if self.colors.len() + rows > MOST_SHADES {
+            warn_once!("too many palettes in light: the lights of the scene leave out some props");
+            return None;
         }
         // The shown colors follow the source colors.
         let of_palette = palette.colors.get(palette.first as usize..)?.get(..2 * palette.count as usize)?;
@@ -67,7 +76,7 @@ impl Shades {
         let key = Key {
             source: source.iter().map(|color| color.truncate().to_array().map(f32::to_bits)).collect(),
             blend_steps: palette.blend_steps,
-            factors: begin.1.clone(),
+            factors: begin.2.clone(),
         };
         let table = self.tables.entry(key).or_insert_with(|| {
             let labels: Vec<_> = labels(source, palette.blend_steps).map(Seen::new).collect();
@@ -113,10 +122,13 @@ fn labels(colors: &[Vec4], blend_steps: u32) -> impl Iterator<Item = DVec3> {
     (0..colors.len()).map(color).chain(blends)
 }
 
-/// Multiplies the linear light of a color in encoded sRGB, without more than fits: what would get brighter than displays
-/// show gets nearer to white in Oklab instead.
+/// Multiplies the linear light of a color in encoded sRGB. What would get brighter than displays show moves toward
+/// white in Oklab instead.
 fn lightened(encoded: Vec3, factor: f32) -> Vec3 {
-    let linear = LinearRgba::from(Srgba::from_vec3(encoded)).to_vec3();
+    if factor == 1.0 {
+        return encoded;
+    }
+    let linear = LinearRgba::from(Srgba::from_vec3(encoded.max(Vec3::ZERO))).to_vec3();
     let fits = (1.0 / linear.max_element().max(1e-20)).clamp(factor.min(1.0), factor);
     let color = LinearRgba::from_vec3(linear * fits);
     if fits >= factor {
@@ -128,30 +140,32 @@ fn lightened(encoded: Vec3, factor: f32) -> Vec3 {
     Srgba::from(LinearRgba::from_vec3(lighter)).to_vec3()
 }
 
-/// A label as the eye tells hues and lightness apart, in encoded sRGB.
+/// The hue and the lightness of a label, in encoded sRGB.
 struct Seen {
     color: DVec3,
-    /// The difference from gray.
+    /// The difference from gray, and its length.
     chroma: DVec3,
+    saturation: f64,
     luma: f64,
 }
 
 impl Seen {
     fn new(color: DVec3) -> Self {
         let luma = color.dot(DVec3::new(0.2126, 0.7152, 0.0722));
-        Self { color, chroma: color - color.element_sum() / 3.0, luma }
+        let chroma = color - color.element_sum() / 3.0;
+        Self { color, chroma, saturation: chroma.length(), luma }
     }
 
     /// Returns whether it has the hue of another label.
     fn has_hue_of(&self, other: &Self) -> bool {
-        match [self, other].map(|seen| seen.chroma.length()) {
+        match [self, other].map(|seen| seen.saturation) {
             [a, b] if a < GRAY || b < GRAY => a < GRAY && b < GRAY,
             [a, b] => self.chroma.dot(other.chroma) >= SAME_HUE * a * b,
         }
     }
 
-    /// Returns the index of the label that it shows in a light: the one that is nearest to its color there, among those of
-    /// its hue that are darker, or lighter. `None` if none is nearer than itself.
+    /// Returns the index of the label to show in a light: of the darker or lighter labels of its hue, the one nearest
+    /// to its own color in that light. `None` if no label is nearer than itself.
     fn shade(&self, labels: &[Self], factor: f64) -> Option<u32> {
         let wanted = DVec3::from(self.color.to_array().map(|channel| encode(decode(channel) * factor)));
         let is_shade = |label: &Self| {
@@ -196,8 +210,20 @@ mod tests {
         let found = shades(&colors, 1, &[0.4, 1.0, 5.0]);
         let own = |index: usize, factor| lightened(shown[index].truncate(), factor).extend(0.0);
         assert_eq!(found[..5], [own(0, 0.4), shown[0], shown[1], own(3, 0.4), shown[3]]);
-        assert!(found[5..10].iter().zip(&shown).all(|(found, shown)| found.abs_diff_eq(*shown, 1e-6)));
+        assert_eq!(found[5..10], shown);
         assert_eq!(found[10..], [shown[1], shown[2], own(2, 5.0), shown[4], own(4, 5.0)]);
+    }
+
+    /// Props with the same palette may blend it in different steps.
+    #[test]
+    fn steps_of_blends_have_shades_of_their_own() {
+        let colors: [Vec4; 4] = std::array::from_fn(|index| Vec4::splat(0.25 * index as f32));
+        let mut shades = Shades::default();
+        shades.begin();
+        let palette = ShadedPalette { colors: &colors, first: 0, count: 2, blend_steps: 1 };
+        assert_eq!(shades.find(palette, &[0.5, 1.0]), Some(0));
+        assert_eq!(shades.find(ShadedPalette { blend_steps: 3, ..palette }, &[0.5, 1.0]), Some(4));
+        assert_eq!(shades.colors().len(), 4 + 8);
     }
 
     proptest! {

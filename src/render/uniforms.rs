@@ -233,7 +233,7 @@ pub(super) struct ViewUniform {
     pub size: UVec2,
     pub depth: Vec4,
     pub spacing: u32,
-    pub error: f32,
+    pub ray_tolerance: f32,
     pub stop_transmittance: f32,
     pub edge_rays: u32,
     pub unjittered_from_clip: Mat4,
@@ -333,7 +333,7 @@ fn read() {
         found[73u + i] = view.depth[i];
     }
     found[77] = f32(view.spacing);
-    found[78] = view.error;
+    found[78] = view.ray_tolerance;
     found[79] = view.stop_transmittance;
     found[80] = f32(view.edge_rays);
     found[97] = view.depth_range.x;
@@ -400,7 +400,7 @@ fn read() {
             size: UVec2::new(next() as u32, next() as u32),
             depth: Vec4::new(next(), next(), next(), next()),
             spacing: next() as u32,
-            error: next(),
+            ray_tolerance: next(),
             stop_transmittance: next(),
             edge_rays: next() as u32,
             unjittered_from_clip: Mat4::from_cols_array(&std::array::from_fn(|_| next())),

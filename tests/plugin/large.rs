@@ -52,7 +52,7 @@ fn shell() -> PlenOctree {
 }
 
 #[test]
-#[ignore = "takes long: `scripts/test all` runs it"]
+#[ignore = "slow: `scripts/test all` runs it"]
 fn five_and_a_half_million_leaves_are_read_drawn_and_sampled() {
     let mut file = Cursor::new(Vec::new());
     shell().write_to(&mut file).unwrap();
@@ -95,7 +95,7 @@ impl<S: Subscriber> Layer<S> for Logger {
 /// Beyond the documented bound, the nearest props are drawn, with the colors of their own palettes, and an error is
 /// logged, once.
 #[test]
-#[ignore = "takes long: `scripts/test all` runs it"]
+#[ignore = "slow: `scripts/test all` runs it"]
 fn of_too_many_props_the_nearest_are_drawn() {
     const BEYOND: usize = 100;
     // Other apps of this process log to it as well.

@@ -117,7 +117,7 @@ pub(in crate::render) enum Buffer {
     View,
     /// How lights fall on each prop.
     Lit,
-    /// Which labels show others in more or less light.
+    /// The color that each label shows in each band of light.
     Shades,
     /// The camera's fog.
     #[cfg_attr(not(feature = "shadows"), allow(dead_code, reason = "only `bevy_pbr` has fog"))]

@@ -22,7 +22,7 @@ pub(in crate::render) struct ViewBuffers {
     pub stale: Content,
     /// How lights fall on each prop.
     pub lit: Content,
-    /// Which labels show others in more or less light.
+    /// The color that each label shows in each band of light.
     pub shades: Content,
     /// The camera's fog.
     pub fog: Content,

@@ -45,11 +45,14 @@ pub(super) const SMOOTH_LIGHT: &str = "plenoctree_smooth_light";
 
 /// Finds the light that reaches props.
 pub(super) fn lighting(plan: &Plan) -> Option<Pass> {
-    let program = |lamps| {
+    let program = |(lamps, filter)| {
         let program = Program { vertex: "lighting", lights: true, ..Program::new("lighting") };
-        let program = program.define(shadow_filter(plan)).define_if(lamps, "LAMPS");
+        let program = program.define(filter).define_if(lamps, "LAMPS");
         program.define_if(plan.is_brightened, "BRIGHTNESS").where_props_are()
     };
+    let filters = if plan.is_brightened { &[shadow_filter(plan), HARD][..] } else { &[shadow_filter(plan)] };
+    let programs = [false, true].into_iter().flat_map(|lamps| filters.iter().map(move |filter| (lamps, *filter)));
+    let drawn = usize::from(plan.has_lamps) * filters.len() + usize::from(plan.smooths_all_light);
     let textures = [Slot::Depth(Rays::Pixels), Slot::Owner(Rays::Pixels)].map(Input::Texture);
     plan.is_lit.then(|| Pass {
         feature: Feature::Lighting,
@@ -57,9 +60,10 @@ pub(super) fn lighting(plan: &Plan) -> Option<Pass> {
         writes: vec![Some(Output::Texture(Slot::Light))],
         depth: Some(Output::Texture(Slot::Depth(Rays::Pixels))),
         clear: Some(Clear::White),
-        // Both are compiled from the start, so that props keep their light when the first lamp appears.
-        programs: [false, true].map(program).to_vec(),
-        draws: vec![Draw::triangle(usize::from(plan.has_lamps))],
+        // All are compiled from the start, so that props keep their light when the first lamp appears, or the first
+        // prop whose light is not smoothed.
+        programs: programs.map(program).collect(),
+        draws: vec![Draw::triangle(drawn)],
         ..Pass::fullscreen(LIGHTING, Place::Layer, None, Program::new("lighting"))
     })
 }
@@ -83,11 +87,13 @@ pub(super) fn smooth_light(plan: &Plan) -> Option<Pass> {
     })
 }
 
+/// Hard edges of shadows, which smoothing the light softens.
+const HARD: &str = "SHADOW_FILTER_METHOD_HARDWARE_2X2";
+
 /// Returns the shader definition of how shadow maps are filtered.
 pub(super) fn shadow_filter(plan: &Plan) -> &'static str {
     // Temporal filtering is not supported: noise that changes from frame to frame would make the edges of bands flicker.
-    let hard = plan.has_hard_shadows;
-    if hard { "SHADOW_FILTER_METHOD_HARDWARE_2X2" } else { "SHADOW_FILTER_METHOD_GAUSSIAN" }
+    if plan.has_hard_shadows { HARD } else { "SHADOW_FILTER_METHOD_GAUSSIAN" }
 }
 
 /// How lights fall on a prop. Matches `Lit` in `shade.wgsl`.
@@ -132,8 +138,8 @@ pub(in crate::render) fn lit_props(plan: &Plan, extracted: &ExtractedProps, shad
             return Some(unlabeled);
         };
         let palette = ShadedPalette { colors: &extracted.colors, first, count: colors, blend_steps };
-        // From the darkest band to the brightest one.
-        let factors: Vec<f32> = (0..=2 * bands)
+        // From the darkest band to the brightest one, or to the prop's own light.
+        let factors: Vec<f32> = (0..=if brightness > 0.0 { 2 * bands } else { bands })
             .map(|row| row as f32 / bands as f32 - 1.0)
             .map(|added| 1.0 + added * if added < 0.0 { shadows } else { brightness })
             .collect();

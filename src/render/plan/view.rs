@@ -107,6 +107,9 @@ pub(in crate::render) struct Plan {
     /// Whether there are point or spot lights.
     #[cfg_attr(not(feature = "shadows"), allow(dead_code, reason = "only lights need it"))]
     pub has_lamps: bool,
+    /// Whether all light on props is smoothed afterward, and with it the edges of shadows.
+    #[cfg_attr(not(feature = "shadows"), allow(dead_code, reason = "only lights need it"))]
+    pub smooths_all_light: bool,
     /// Whether the scene's shadows have hard edges.
     #[cfg_attr(not(feature = "shadows"), allow(dead_code, reason = "only lights need it"))]
     pub has_hard_shadows: bool,

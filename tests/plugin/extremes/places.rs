@@ -156,7 +156,7 @@ fn targets_as_narrow_as_a_pixel() {
 }
 
 #[test]
-#[ignore = "takes long: `scripts/test all` runs it"]
+#[ignore = "slow: `scripts/test all` runs it"]
 fn a_target_of_sixteen_million_pixels() {
     draw_at(4096, 4096);
 }

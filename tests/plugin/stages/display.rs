@@ -43,7 +43,8 @@ fn effects() -> impl Bundle {
     (DebandDither::Enabled, Exposure::OVERCAST, ColorGrading { global, ..default() })
 }
 
-/// Returns a scene with a cube that shows the first of [`SHOWN`] at [`PropPlacement::Display`], in front of a brighter sky.
+/// Returns a scene with a cube that shows the first of [`SHOWN`] at [`PropPlacement::Display`], in front of a brighter
+/// sky.
 fn posterized() -> Stage {
     let mut scene = scene(SOLID);
     scene.dress(Posterize { softness: 0.0, ..default() });

@@ -60,14 +60,14 @@ fn unlabeled(frame: &RgbaImage) -> usize {
 #[test]
 fn meshes_and_sky_show_only_labels() {
     let mut scene = without_a_prop();
-    for (msaa, stage) in [Msaa::Off, Msaa::Sample4]
+    for (msaa, placement) in [Msaa::Off, Msaa::Sample4]
         .into_iter()
-        .flat_map(|msaa| [PropPlacement::Scene, PropPlacement::Display].map(|stage| (msaa, stage)))
+        .flat_map(|msaa| [PropPlacement::Scene, PropPlacement::Display].map(|placement| (msaa, placement)))
     {
-        scene.set((msaa, stage));
+        scene.set((msaa, placement));
         for hdr in [false, true] {
             scene.set_if(hdr, Hdr);
-            let (frame, what) = (scene.capture(), format!("{msaa:?}, {stage:?}, hdr {hdr}"));
+            let (frame, what) = (scene.capture(), format!("{msaa:?}, {placement:?}, hdr {hdr}"));
             assert_eq!(unlabeled(&frame), 0, "{what}");
             assert_near(at(&frame, MESH.0, MESH.1), SHOWN[2], 1, &what);
             assert_near(at(&frame, EMPTY.0, EMPTY.1), SHOWN[1], 1, &what);
@@ -162,13 +162,13 @@ fn only_the_viewport_is_posterized() {
     let mut scene = without_a_prop();
     let (physical_position, physical_size) = (UVec2::new(5, 11), UVec2::new(30, 20));
     scene.camera_mut().viewport = Some(Viewport { physical_position, physical_size, ..default() });
-    for stage in [PropPlacement::Scene, PropPlacement::Display] {
-        scene.set(stage);
+    for placement in [PropPlacement::Scene, PropPlacement::Display] {
+        scene.set(placement);
         let frame = scene.capture();
         let view = image::imageops::crop_imm(&frame, 5, 11, 30, 20).to_image();
-        assert_eq!(unlabeled(&view), 0, "{stage:?}");
+        assert_eq!(unlabeled(&view), 0, "{placement:?}");
         let outside = unlabeled(&frame);
-        assert_eq!(outside as u32, SIZE * SIZE - 30 * 20, "{stage:?}");
+        assert_eq!(outside as u32, SIZE * SIZE - 30 * 20, "{placement:?}");
     }
 }
 

@@ -1,5 +1,5 @@
-//! Tests that transparent objects look the same over props at [`PropPlacement::Display`] as at [`PropPlacement::Scene`], where
-//! Bevy draws them over props itself.
+//! Tests that transparent objects look the same over props at [`PropPlacement::Display`] as at
+//! [`PropPlacement::Scene`], where Bevy draws them over props itself.
 
 use bevy::{
     camera::{Hdr, MsaaWriteback, Viewport},
@@ -18,10 +18,10 @@ fn material(alpha_mode: AlphaMode) -> StandardMaterial {
     StandardMaterial { base_color: PANE, unlit: true, cull_mode: None, alpha_mode, ..default() }
 }
 
-/// Captures the frame at both stages.
+/// Captures the frame at both placements.
 fn both(scene: &mut Stage) -> [RgbaImage; 2] {
-    [PropPlacement::Scene, PropPlacement::Display].map(|stage| {
-        scene.set(stage);
+    [PropPlacement::Scene, PropPlacement::Display].map(|placement| {
+        scene.set(placement);
         scene.capture()
     })
 }
