@@ -30,7 +30,7 @@ pub struct Arguments {
     /// Largest number of rows of the codebook of luma; that of color differences has half as many.
     #[arg(long)]
     rows: Option<u32>,
-    /// Pack the field unchanged. By default, it is first simplified, if it is a cube of cells of one size: refined to
+    /// Pack the field unchanged. By default, it is first simplified, if it is a cube: refined to
     /// its own pictures, without leaves of little weight, and with smoother colors.
     #[arg(long)]
     exact: bool,

@@ -56,7 +56,7 @@ impl Default for SimplifySettings {
 ///
 /// # Errors
 ///
-/// Returns an error if the field is not of the kind that is fitted: cubes of one size at depths of 6 to 10, with a
+/// Returns an error if the field is not of the kind that is fitted: cubes at depths of 6 to 10, with a
 /// sigmoid of harmonics up to degree 3.
 pub fn simplify(
     field: &PlenOctree,
