@@ -37,7 +37,8 @@ pub struct Arguments {
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=64))]
     downscale: u32,
     /// The most leaves of the field. They are small where that improves pictures most.
-    #[arg(long, value_name = "N", default_value_t = 1_000_000, value_parser = clap::value_parser!(u32).range(32_768..=20_000_000))]
+    #[arg(long, value_name = "N", default_value_t = 1_000_000,
+        value_parser = clap::value_parser!(u32).range(32_768..=20_000_000))]
     leaves: u32,
     /// The most levels of cells: the finest are 2^-DEPTH of the field's cube wide. By default, as many as make them about
     /// half a pixel wide, 7 to 9.

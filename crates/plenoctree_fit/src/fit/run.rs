@@ -142,7 +142,9 @@ pub fn fit(
     while !progress.is_stopped() && position.stage < schedule.stages.len() {
         let stage = &schedule.stages[position.stage];
         if model.grid.resolution() < stage.resolution {
+            let start = Instant::now();
             model.grid = split(&model.grid, &gallery.cameras(), stage);
+            position.seconds += start.elapsed().as_secs_f64();
         }
         let (before, share) = schedule.shares(position.stage);
         let mut psnr = None;
@@ -223,7 +225,8 @@ fn key(input: &FitInput, settings: &FitSettings) -> u64 {
         view.camera.position.to_array().map(f64::to_bits).hash(&mut hasher);
     }
     let FitSettings { leaves, depth, basis, downscale, bounds, background, hold_out, stand, .. } = settings;
-    format!("{leaves} {depth:?} {basis:?} {downscale} {bounds:?} {background:?} {hold_out:?} {stand}").hash(&mut hasher);
+    format!("{leaves} {depth:?} {basis:?} {downscale} {bounds:?} {background:?} {hold_out:?} {stand}")
+        .hash(&mut hasher);
     hasher.finish()
 }
 

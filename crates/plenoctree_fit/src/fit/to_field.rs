@@ -107,6 +107,7 @@ pub fn largest_part(grid: &Grid, kept: &VoxelSet, thick: f32) -> VoxelSet {
 /// Returns a voxel, and those that it touches, some of them several times.
 fn around(grid: &Grid, voxel: Voxel) -> impl Iterator<Item = u32> {
     let (low, side) = (voxel.corner.as_ivec3() - 1, voxel.size as i32 + 2);
-    let cells = (0..side.pow(3)).map(move |code| low + IVec3::new(code / (side * side), code / side % side, code % side));
+    let cells =
+        (0..side.pow(3)).map(move |code| low + IVec3::new(code / (side * side), code / side % side, code % side));
     cells.filter_map(|cell| grid.voxel(cell))
 }

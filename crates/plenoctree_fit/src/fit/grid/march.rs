@@ -151,7 +151,8 @@ mod tests {
         for &(x, y, z, level) in voxels {
             let size = 1 << level;
             let corner = UVec3::new(x, y, z) / size * size;
-            let mut cells = (0..size.pow(3)).map(|at| corner + UVec3::new(at / size / size, at / size % size, at % size));
+            let mut cells =
+                (0..size.pow(3)).map(|at| corner + UVec3::new(at / size / size, at / size % size, at % size));
             if cells.all(|cell| !set.contains(cell)) {
                 set.insert(Voxel { corner, size });
             }

@@ -39,8 +39,9 @@ impl Voxel {
     /// Returns the eight voxels, half as wide, that it can be split in.
     pub fn children(self) -> impl Iterator<Item = Self> {
         let size = self.size / 2;
-        (0..8).map(move |child| {
-            Self { corner: self.corner + size * UVec3::new(child >> 2, child >> 1 & 1, child & 1), size }
+        (0..8).map(move |child| Self {
+            corner: self.corner + size * UVec3::new(child >> 2, child >> 1 & 1, child & 1),
+            size,
         })
     }
 }

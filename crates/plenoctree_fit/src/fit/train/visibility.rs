@@ -195,6 +195,15 @@ mod tests {
         assert!(kept as f64 > 0.9 * all as f64, "{kept} of {all}");
     }
 
+    /// If there may be only a few voxels, the most visible ones are kept: those that face the camera.
+    #[test]
+    fn the_most_visible_are_kept() {
+        let grid = grid(|at| if at.z >= 40 { 0.5 } else { 0.0 });
+        let kept = visible(&grid, &[&camera()], Limits { spacing: 0.5, most: 1000, ..Limits::default() });
+        assert_eq!(kept.voxels().count(), 1000);
+        assert!(kept.voxels().all(|voxel| voxel.corner.z >= 58));
+    }
+
     /// Thousands of cameras cast about as many rays as hundreds, and see about the same voxels.
     #[test]
     fn many_cameras_take_no_longer() {
