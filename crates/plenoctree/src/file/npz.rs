@@ -187,9 +187,11 @@ fn member_fault(key: &'static str, error: io::Error) -> ReadFault {
     }
     let found = match error.kind() {
         io::ErrorKind::UnexpectedEof => "an unexpected end".into(),
-        // Only checksums that differ are of no other kind.
-        io::ErrorKind::Other => "a wrong checksum".into(),
-        _ => error.to_string(),
+        _ => match error.to_string().as_str() {
+            // What `zip` says.
+            "Invalid checksum" => "a wrong checksum".into(),
+            other => other.into(),
+        },
     };
     ReadFault::Member { key, found, expected: "a complete npy array" }
 }
