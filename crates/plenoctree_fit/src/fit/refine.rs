@@ -2,7 +2,7 @@
 
 use std::{sync::Arc, time::Duration};
 
-use glam::{DVec2, DVec3, UVec3, Vec3, Vec4};
+use glam::{DVec2, DVec3, Vec3, Vec4};
 use plenoctree::{Activation, Basis, LeafCell, PlenOctree, camera::PinholeCamera, random::Random};
 
 use super::{
@@ -69,7 +69,7 @@ impl Default for RefineSettings {
 /// A refined field.
 #[derive(Clone, Debug)]
 pub struct Refined {
-    /// The field, with the frame of the original.
+    /// The field, with the frame and the leaves of the original, except for leaves that no camera sees.
     pub field: PlenOctree,
     /// What was done, round by round.
     pub rounds: Vec<RoundReport>,
@@ -77,8 +77,7 @@ pub struct Refined {
 
 /// Refines `field` until it looks like the shots, on all cores of the current rayon pool.
 ///
-/// Leaves change density and color, and those that no camera sees are removed; none are added, except that leaves of more
-/// than four finest cells per side are split. `measured` are shots that
+/// Leaves change density and color, and those that no camera sees are removed; none are added. `measured` are shots that
 /// the field is not refined to: up to 16 of them tell what each of ten rounds gained. A round that loses something is
 /// undone. Refining ends when the next round would gain less than 0.02 dB, if gains keep falling as they did. If
 /// `progress` is stopped, the result is the field at that time.
@@ -86,7 +85,8 @@ pub struct Refined {
 /// # Errors
 ///
 /// Returns an error if there are fewer than two shots, if nothing of the field is in view, or if the field is not of
-/// the kind that is fitted: cubes at depths of 6 to 10, with a sigmoid of harmonics up to degree 3.
+/// the kind that is fitted: a cube of 6 to 10 levels, with leaves of at most four finest cells a side, and a sigmoid of
+/// harmonics up to degree 3.
 pub fn refine(
     field: &PlenOctree,
     shots: Vec<Shot>,
@@ -168,7 +168,7 @@ impl Grid {
         Self::of_field(field).ok_or_else(|| FitError::Setting {
             setting: "field",
             found: format!("{} leaves at depth {}, {}", field.leaves(), field.depth(), field.basis().name()),
-            expected: "cubes at depths of 6 to 10, with a sigmoid of SH1, SH4, SH9 or SH16",
+            expected: "a cube of 6 to 10 levels, leaves of at most 4 finest cells a side, a sigmoid of SH1, SH4, SH9 or SH16",
         })
     }
 
@@ -181,17 +181,21 @@ impl Grid {
         if !basis || !cube || !depth || field.activation() != Activation::Sigmoid {
             return None;
         }
-        let voxels = || field.leaf_cells().flat_map(|cell| voxels_of(&cell).map(move |voxel| (cell.leaf, voxel)));
         let mut set = VoxelSet::new(1 << field.depth());
-        voxels().for_each(|(_, voxel)| set.insert(voxel));
+        for LeafCell { corner, size, .. } in field.leaf_cells() {
+            if size > Voxel::LARGEST {
+                return None;
+            }
+            set.insert(Voxel { corner, size });
+        }
         let size = 1.0 / scale.x;
         let functions = field.basis().functions();
         let mut grid = Self::new(Cube { low: field.frame().to_world(DVec3::ZERO), size }, functions, &set);
         let width = grid.cell_size();
         let coefficients = field.coefficients();
-        for (leaf, place) in voxels() {
-            let Some(voxel) = grid.voxel(place.corner.as_ivec3()) else { continue };
-            let leaf = leaf as usize;
+        for cell in field.leaf_cells() {
+            let Some(voxel) = grid.voxel(cell.corner.as_ivec3()) else { continue };
+            let leaf = cell.leaf as usize;
             let own = &coefficients[leaf * 3 * functions..][..3 * functions];
             let values = &mut grid.values[voxel as usize * functions..][..functions];
             for (function, value) in values.iter_mut().enumerate() {
@@ -203,16 +207,6 @@ impl Grid {
         grid.copy_thickness();
         Some(grid)
     }
-}
-
-/// Returns the voxels that make up a leaf: one, if it is not too large.
-fn voxels_of(cell: &LeafCell) -> impl Iterator<Item = Voxel> + use<> {
-    let (corner, size) = (cell.corner, cell.size.min(Voxel::LARGEST));
-    let side = cell.size / size;
-    (0..side.pow(3)).map(move |index| {
-        let place = UVec3::new(index / (side * side), index / side % side, index % side);
-        Voxel { corner: corner + size * place, size }
-    })
 }
 
 #[cfg(test)]
