@@ -131,8 +131,7 @@ impl Stage {
     /// Plans the rounds of refining a field that is already nearly right. It may end after any of them.
     pub fn refining(resolution: u32, effort: f64, time: Option<Duration>) -> Vec<Self> {
         let mut whole = Self::gentle(resolution);
-        // Larger first steps would lose what later rounds must gain again. Those of the thickness would turn thin cells,
-        // of which captures have many, into haze.
+        // Larger first steps would lose what later rounds must gain again, above all those of the thickness.
         whole.optimizer.rates = Rates { constant: 0.02, directional: 0.007, thickness: 5e-4 };
         whole.last.thickness = 2e-4;
         let rates = |round: u32| whole.rates(f64::from(round) / f64::from(ROUNDS));
