@@ -1,4 +1,4 @@
-//! Trees whose leaves are all finest cells.
+//! Trees of cells that are given by the codes of their lowest finest cells.
 
 use glam::UVec3;
 #[cfg(feature = "fit")]
@@ -18,29 +18,30 @@ pub fn position_of(code: u64) -> UVec3 {
     UVec3::new(gather(2), gather(1), gather(0))
 }
 
-/// Returns the nodes of the tree of `depth` levels whose leaves are the cells with these codes, in ascending order.
+/// Returns the nodes of the tree of `depth` levels with these leaves, in ascending order: the code of the lowest finest
+/// cell of each, and the binary logarithm of its width in finest cells.
 #[cfg(feature = "fit")]
-pub fn tree_of_finest(codes: &[u64], depth: u32) -> Vec<[Cell; 8]> {
+pub fn tree_of(leaves: &[(u64, u32)], depth: u32) -> Vec<[Cell; 8]> {
     let mut nodes = Vec::new();
-    append_node(&mut nodes, codes, 0, depth);
+    append_node(&mut nodes, leaves, 0, depth);
     nodes
 }
 
-/// Appends the node that covers `codes` and all below it. `first` is the index of the first leaf.
+/// Appends the node that covers `leaves` and all below it. `first` is the index of the first leaf.
 #[cfg(feature = "fit")]
-fn append_node(nodes: &mut Vec<[Cell; 8]>, codes: &[u64], first: usize, level: u32) {
+fn append_node(nodes: &mut Vec<[Cell; 8]>, leaves: &[(u64, u32)], first: usize, level: u32) {
     let node = nodes.len();
     nodes.push([Cell::EMPTY; 8]);
     let mut start = 0;
     for octant in 0..8 {
-        let shift = 3 * (level - 1);
-        let count = codes[start..].partition_point(|code| code >> shift & 7 <= octant);
+        let below = level - 1;
+        let count = leaves[start..].partition_point(|(code, _)| code >> (3 * below) & 7 <= octant);
         if count > 0 {
-            nodes[node][octant as usize] = if level == 1 {
+            nodes[node][octant as usize] = if leaves[start].1 == below {
                 Cell::leaf((first + start) as u32)
             } else {
                 let child = Cell::node(nodes.len() as u32);
-                append_node(nodes, &codes[start..start + count], first + start, level - 1);
+                append_node(nodes, &leaves[start..start + count], first + start, below);
                 child
             };
         }

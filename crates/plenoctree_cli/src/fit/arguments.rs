@@ -36,9 +36,14 @@ pub struct Arguments {
     /// Average every N x N pixels.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=64))]
     downscale: u32,
-    /// The number of levels of cells: the field has 2^DEPTH per side.
-    #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u32).range(6..=10))]
-    depth: u32,
+    /// The most leaves of the field. They are small where that improves pictures most.
+    #[arg(long, value_name = "N", default_value_t = 1_000_000,
+        value_parser = clap::value_parser!(u32).range(32_768..=20_000_000))]
+    leaves: u32,
+    /// The most levels of cells: the finest are 2^-DEPTH of the field's cube wide. By default, as many as make them about
+    /// half a pixel wide, 7 to 9.
+    #[arg(long, value_parser = clap::value_parser!(u32).range(6..=10))]
+    depth: Option<u32>,
     /// The number of spherical harmonics per channel: 1, 4, 9 or 16.
     #[arg(long, default_value = "9", value_parser = parse_basis)]
     sh: Basis,
@@ -89,6 +94,7 @@ impl Arguments {
     /// Returns the settings from the command line.
     pub fn settings(&self) -> FitSettings {
         FitSettings {
+            leaves: self.leaves as usize,
             depth: self.depth,
             basis: self.sh,
             downscale: self.downscale,

@@ -11,12 +11,12 @@ use plenoctree::random::Random;
 
 use super::{
     error::FitError,
-    grid::{Cube, Grid, VoxelSet},
+    grid::{Cube, Grid, Voxel, VoxelSet},
     train::{Model, Position, backdrop::Backdrop},
 };
 
 /// The first bytes of a file, with its version.
-const MAGIC: &[u8; 8] = b"plenfit1";
+const MAGIC: &[u8; 8] = b"plenfit2";
 /// Largest number of voxels in a file.
 const MAX_VOXELS: u64 = 1 << 29;
 
@@ -40,8 +40,9 @@ impl Checkpoint {
             let cube = grid.cube();
             file.ints(&[cube.low.x, cube.low.y, cube.low.z, cube.size].map(f64::to_bits))?;
             file.ints(&[grid.resolution().into(), grid.functions() as u64, grid.len() as u64])?;
-            for position in grid.positions() {
-                file.ints(&[u64::from(position.x) << 42 | u64::from(position.y) << 21 | u64::from(position.z)])?;
+            for Voxel { corner, size } in grid.voxels() {
+                let [x, y, z, size] = [corner.x, corner.y, corner.z, size].map(u64::from);
+                file.ints(&[size << 48 | x << 32 | y << 16 | z])?;
             }
             grid.values.iter().chain(&grid.squares).try_for_each(|value| file.floats(&value.to_array()))?;
             grid.updates.iter().try_for_each(|updates| file.0.write_all(&updates.to_le_bytes()))?;
@@ -86,11 +87,13 @@ impl Checkpoint {
             let mut set = VoxelSet::new(resolution as u32);
             for _ in 0..count {
                 let packed = file.int()?;
-                let place = [packed >> 42, packed >> 21 & 0x1f_ffff, packed & 0x1f_ffff].map(|at| at as u32);
-                if place.iter().any(|at| u64::from(*at) >= resolution) {
+                let [size, x, y, z] = [48, 32, 16, 0].map(|shift| (packed >> shift & 0xffff) as u32);
+                let corner = UVec3::new(x, y, z);
+                let placed = matches!(size, 1 | 2 | 4) && corner % size == UVec3::ZERO;
+                if !placed || u64::from(corner.max_element()) >= resolution {
                     return Ok(Err("a damaged file"));
                 }
-                set.insert(UVec3::from_array(place));
+                set.insert(Voxel { corner, size });
             }
             let mut grid = Grid::new(cube, functions as usize, &set);
             if grid.len() as u64 != count {

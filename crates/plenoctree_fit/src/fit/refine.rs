@@ -3,15 +3,15 @@
 use std::{sync::Arc, time::Duration};
 
 use glam::{DVec2, DVec3, Vec3, Vec4};
-use plenoctree::{Activation, Basis, PlenOctree, camera::PinholeCamera, random::Random};
+use plenoctree::{Activation, Basis, LeafCell, PlenOctree, camera::PinholeCamera, random::Random};
 
 use super::{
     error::FitError,
-    grid::{Cube, Grid, VoxelSet},
+    grid::{Cube, Grid, Voxel, VoxelSet},
     input::{Distortion, Lens, Picture, ViewCamera},
     measure::quick_psnr,
     progress::FitProgress,
-    report::RoundReport,
+    report::{RoundReport, StageReport},
     to_field::to_field,
     train::{
         Model, Position, Stage, TrainView, backdrop::Backdrop, gallery::Gallery, train, visibility, visibility::Limits,
@@ -69,16 +69,15 @@ impl Default for RefineSettings {
 /// A refined field.
 #[derive(Clone, Debug)]
 pub struct Refined {
-    /// The field, with the frame and the cells of the original, except for cells that no camera sees.
+    /// The field, with the frame and the leaves of the original, except for leaves that no camera sees.
     pub field: PlenOctree,
     /// What was done, round by round.
     pub rounds: Vec<RoundReport>,
 }
 
-/// Refines `field`, all of whose leaves are finest cells, until it looks like the shots, on all cores of the current
-/// rayon pool.
+/// Refines `field` until it looks like the shots, on all cores of the current rayon pool.
 ///
-/// Cells change density and color, and those that no camera sees are removed; none are added. `measured` are shots that
+/// Leaves change density and color, and those that no camera sees are removed; none are added. `measured` are shots that
 /// the field is not refined to: up to 16 of them tell what each of ten rounds gained. A round that loses something is
 /// undone. Refining ends when the next round would gain less than 0.02 dB, if gains keep falling as they did. If
 /// `progress` is stopped, the result is the field at that time.
@@ -86,7 +85,8 @@ pub struct Refined {
 /// # Errors
 ///
 /// Returns an error if there are fewer than two shots, if nothing of the field is in view, or if the field is not of
-/// the kind that is fitted: cubes at depths of 6 to 10, with a sigmoid of harmonics up to degree 3.
+/// the kind that is fitted: a cube of 6 to 10 levels, with leaves of at most four finest cells a side, and a sigmoid of
+/// harmonics up to degree 3.
 pub fn refine(
     field: &PlenOctree,
     shots: Vec<Shot>,
@@ -136,12 +136,7 @@ pub(super) fn refine_by(
         train(&mut model, &mut gallery, stage, &mut position, &mut random, progress, &mut watch)?;
         let after = quick_psnr(&model, &measured);
         let gain_db = before.as_ref().zip(after).map(|((before, _), after)| after - before);
-        rounds.push(RoundReport {
-            million_rays: position.rays as f64 * 1e-6,
-            seconds: position.seconds,
-            psnr_db: after,
-            gain_db,
-        });
+        rounds.push(RoundReport { stage: StageReport::new(&model, &position, after), gain_db });
         if let Some((_, values)) = before.filter(|_| gain_db.is_some_and(|gain| gain < 0.0)) {
             model.grid.values = values;
             model.grid.copy_thickness();
@@ -173,7 +168,7 @@ impl Grid {
         Self::of_field(field).ok_or_else(|| FitError::Setting {
             setting: "field",
             found: format!("{} leaves at depth {}, {}", field.leaves(), field.depth(), field.basis().name()),
-            expected: "cubes of one size at depths of 6 to 10, with a sigmoid of SH1, SH4, SH9 or SH16",
+            expected: "a cube of 6 to 10 levels, leaves of at most 4 finest cells a side, a sigmoid of SH1, SH4, SH9 or SH16",
         })
     }
 
@@ -187,16 +182,16 @@ impl Grid {
             return None;
         }
         let mut set = VoxelSet::new(1 << field.depth());
-        for cell in field.leaf_cells() {
-            if cell.size != 1 {
+        for LeafCell { corner, size, .. } in field.leaf_cells() {
+            if size > Voxel::LARGEST {
                 return None;
             }
-            set.insert(cell.corner);
+            set.insert(Voxel { corner, size });
         }
         let size = 1.0 / scale.x;
         let functions = field.basis().functions();
         let mut grid = Self::new(Cube { low: field.frame().to_world(DVec3::ZERO), size }, functions, &set);
-        let width = grid.voxel_size();
+        let width = grid.cell_size();
         let coefficients = field.coefficients();
         for cell in field.leaf_cells() {
             let Some(voxel) = grid.voxel(cell.corner.as_ivec3()) else { continue };
@@ -218,11 +213,11 @@ impl Grid {
 mod tests {
     use super::*;
 
-    /// Converting a field to a grid and back restores it.
+    /// Converting a field to a grid and back restores it, whatever the sizes of its leaves.
     #[test]
     fn grids_of_fields_give_them_back() {
-        let codes: Vec<u64> = vec![3, 8, 77, 4096, 200_000];
-        let nodes = crate::finest::tree_of_finest(&codes, 6);
+        let leaves = [(3, 0), (8, 1), (77, 0), (4096, 2), (200_000, 0)];
+        let nodes = crate::finest::tree_of(&leaves, 6);
         let frame = plenoctree::Frame::spanning(DVec3::new(-1.0, 2.0, 0.5), DVec3::new(3.0, 6.0, 4.5));
         let densities: Vec<f32> = (1..=5).map(|index| index as f32).collect();
         let coefficients: Vec<half::f16> = (0..60).map(|index| half::f16::from_f32(index as f32 * 0.25)).collect();
@@ -230,7 +225,7 @@ mod tests {
         let field = PlenOctree::new(frame, basis, Activation::Sigmoid, up, nodes, densities, coefficients).unwrap();
         let grid = Grid::of_field(&field).unwrap();
         let mut all = VoxelSet::new(64);
-        grid.positions().for_each(|position| all.insert(position));
+        grid.voxels().for_each(|voxel| all.insert(voxel));
         let again = to_field(&grid, &all).unwrap();
         assert_eq!(again.nodes(), field.nodes());
         assert_eq!(again.coefficients(), field.coefficients());

@@ -64,7 +64,7 @@ pub struct ViewReport {
 /// What a stage of training did.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct StageReport {
-    /// Voxels per side.
+    /// Finest voxels per side.
     pub resolution: u32,
     /// Voxels at the end.
     pub voxels: usize,
@@ -74,19 +74,16 @@ pub struct StageReport {
     pub voxels_per_ray: f64,
     /// Seconds.
     pub seconds: f64,
-    /// Mean PSNR of the held-out views after the stage, from some of their pixels.
+    /// Mean PSNR of the held-out views after the stage, from some of their pixels, in decibels.
     pub psnr_db: Option<f64>,
 }
 
 /// What a round of refining did.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct RoundReport {
-    /// Rays trained on, in millions.
-    pub million_rays: f64,
-    /// Seconds.
-    pub seconds: f64,
-    /// Mean PSNR of the shots that are measured after the round, from some of their pixels, in decibels.
-    pub psnr_db: Option<f64>,
+    /// The round as a stage. Its PSNR is that of the shots that are measured.
+    #[serde(flatten)]
+    pub stage: StageReport,
     /// What the round gained, in decibels. A round that lost something is undone.
     pub gain_db: Option<f64>,
 }

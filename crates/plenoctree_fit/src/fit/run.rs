@@ -13,7 +13,7 @@ use plenoctree::{PlenOctree, random::Random};
 use super::{
     checkpoint::Checkpoint,
     error::FitError,
-    grid::Grid,
+    grid::{Cube, Grid},
     input::{CameraMaker, FitInput, Picture, View, ViewCamera},
     measure::{Comparison, compare, quick_psnr},
     progress::FitProgress,
@@ -127,7 +127,7 @@ pub fn fit(
     };
     if let Some((low, high)) = settings.crop {
         let (grid, crop) = (&model.grid, in_frame((low, high)));
-        if !grid.positions().any(|position| crop.overlaps(grid.center(position), grid.voxel_size())) {
+        if !grid.voxels().any(|voxel| crop.overlaps(grid.center(voxel), f64::from(voxel.size) * grid.cell_size())) {
             let found = format!("{low} to {high}");
             return Err(FitError::Setting { setting: "crop", found, expected: "a box with some of what cameras see" });
         }
@@ -135,13 +135,16 @@ pub fn fit(
     if progress.is_stopped() && position == Position::default() {
         return Err(FitError::Stopped);
     }
-    let schedule = Schedule::new(settings, !knows_opacity);
+    let depth = settings.depth.unwrap_or_else(|| depth_of(&gallery.cameras(), place.cube));
+    let schedule = Schedule::new(settings, depth, !knows_opacity);
     let mut report = FitReport { views: gallery.len(), ..FitReport::default() };
     let mut saved_at = Instant::now();
     while !progress.is_stopped() && position.stage < schedule.stages.len() {
         let stage = &schedule.stages[position.stage];
         if model.grid.resolution() < stage.resolution {
+            let start = Instant::now();
             model.grid = split(&model.grid, &gallery.cameras(), stage);
+            position.seconds += start.elapsed().as_secs_f64();
         }
         let (before, share) = schedule.shares(position.stage);
         let mut psnr = None;
@@ -182,7 +185,7 @@ pub fn fit(
 
     progress.update(|status| (status.stage, status.fraction) = ("measuring".into(), 1.0));
     (report.fitted_psnr_db, report.suspicious) = suspicious(&model, &mut gallery, &numbers)?;
-    let limits = Limits { spacing: 0.7, ..Limits::default() };
+    let limits = Limits { spacing: 0.7, most: settings.leaves, ..Limits::default() };
     let visible = visibility::visible(&model.grid, &gallery.cameras(), limits);
     let mut kept = settings.crop.map(|crop| cropped(&model.grid, &visible, &in_frame(crop)));
     if settings.keep_largest {
@@ -221,9 +224,18 @@ fn key(input: &FitInput, settings: &FitSettings) -> u64 {
         view.name.hash(&mut hasher);
         view.camera.position.to_array().map(f64::to_bits).hash(&mut hasher);
     }
-    let FitSettings { depth, basis, downscale, bounds, background, hold_out, stand, .. } = settings;
-    format!("{depth} {basis:?} {downscale} {bounds:?} {background:?} {hold_out:?} {stand}").hash(&mut hasher);
+    let FitSettings { leaves, depth, basis, downscale, bounds, background, hold_out, stand, .. } = settings;
+    format!("{leaves} {depth:?} {basis:?} {downscale} {bounds:?} {background:?} {hold_out:?} {stand}")
+        .hash(&mut hasher);
     hasher.finish()
+}
+
+/// Returns the number of levels of a cube at which the finest cells are about half a pixel wide in its middle.
+fn depth_of(cameras: &[&ViewCamera], cube: Cube) -> u32 {
+    let middle = cube.low + 0.5 * cube.size;
+    let pixels = |camera: &&ViewCamera| cube.size * camera.lens.focal.x / camera.position.distance(middle).max(1e-9);
+    let mean = cameras.iter().map(pixels).sum::<f64>() / cameras.len().max(1) as f64;
+    ((2.0 * mean).log2().round() as u32).clamp(7, 9)
 }
 
 /// Returns the cameras for the downscaled pictures.

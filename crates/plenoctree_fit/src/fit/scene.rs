@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::{
     error::FitError,
-    grid::{Cube, Grid, VoxelSet},
+    grid::{Cube, Grid, Voxel, VoxelSet},
     input::{Picture, ViewCamera},
     stand::TurnedBox,
     train::{TrainView, gallery::Gallery},
@@ -49,8 +49,8 @@ pub fn find(
         let mut voxels = VoxelSet::new(RESOLUTION);
         let grid = Votes::grid(cube);
         for position in votes.possible(&cameras, knows_opacity, None) {
-            if bounds.overlaps(grid.center(position), grid.voxel_size()) {
-                voxels.insert(position);
+            if bounds.overlaps(grid.center(Voxel::cell(position)), grid.cell_size()) {
+                voxels.insert(Voxel::cell(position));
             }
         }
         return nonempty(cube, voxels);
@@ -62,7 +62,7 @@ pub fn find(
         let votes = look(gallery, cube, false)?;
         let mut voxels = VoxelSet::new(RESOLUTION);
         let nearest: Vec<f64> = cameras.par_iter().map(|camera| nearest(camera, points, focus)).collect();
-        votes.possible(&cameras, false, Some(&nearest)).for_each(|position| voxels.insert(position));
+        votes.possible(&cameras, false, Some(&nearest)).for_each(|position| voxels.insert(Voxel::cell(position)));
         return nonempty(cube, voxels);
     }
     // Half of a camera's view at that distance; more if the object turns out to be cut off.
@@ -84,14 +84,14 @@ pub fn find(
             half = (1.5 * half).min(0.95 * distance);
             continue;
         }
-        let margin = 0.5 * grid.voxel_size();
+        let margin = 0.5 * grid.cell_size();
         let cube = around(
-            cube.low + low.as_dvec3() * grid.voxel_size() - margin,
-            cube.low + (high + 1).as_dvec3() * grid.voxel_size() + margin,
+            cube.low + low.as_dvec3() * grid.cell_size() - margin,
+            cube.low + (high + 1).as_dvec3() * grid.cell_size() + margin,
         );
         let votes = look(gallery, cube, true)?;
         let mut voxels = VoxelSet::new(RESOLUTION);
-        votes.possible(&cameras, true, None).for_each(|position| voxels.insert(position));
+        votes.possible(&cameras, true, None).for_each(|position| voxels.insert(Voxel::cell(position)));
         return nonempty(cube, voxels);
     }
     Err(FitError::Views {
@@ -101,7 +101,7 @@ pub fn find(
 }
 
 fn nonempty(cube: Cube, voxels: VoxelSet) -> Result<Place, FitError> {
-    if voxels.positions().next().is_none() {
+    if voxels.voxels().next().is_none() {
         let (low, high) = (cube.low, cube.low + cube.size);
         return Err(FitError::Views {
             found: format!("none that shows something in the box from {low:.3} to {high:.3}"),
@@ -200,7 +200,7 @@ impl Votes {
         positions
             .zip(&self.counts)
             .filter(move |(position, [seen, empty])| {
-                *seen >= needed && *empty <= tolerated(*seen) && clear(grid.center(*position))
+                *seen >= needed && *empty <= tolerated(*seen) && clear(grid.center(Voxel::cell(*position)))
             })
             .map(|(position, _)| position)
     }
@@ -241,11 +241,11 @@ fn look(gallery: &mut Gallery, cube: Cube, knows_opacity: bool) -> Result<Votes,
             if *empty > tolerated {
                 return;
             }
-            let center = grid.center(position(index as u32));
+            let center = grid.center(Voxel::cell(position(index as u32)));
             if let Some((point, depth)) = view.camera.project(center) {
                 *seen += 1;
                 // The whole voxel, and a pixel more.
-                let radius = 0.87 * grid.voxel_size() * focal / depth.max(1e-9) + 1.0;
+                let radius = 0.87 * grid.cell_size() * focal / depth.max(1e-9) + 1.0;
                 let shown = opaque.as_ref().is_none_or(|opaque| opaque.any(point - radius, point + radius));
                 *empty += u32::from(!shown);
             }

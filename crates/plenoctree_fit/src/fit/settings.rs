@@ -7,11 +7,18 @@ use plenoctree::Basis;
 
 use super::error::FitError;
 
+/// The fewest leaves that can be asked for.
+const FEWEST_LEAVES: usize = 1000;
+
 /// Settings of [`fit`](super::fit).
 #[derive(Clone, Debug, PartialEq)]
 pub struct FitSettings {
-    /// Number of levels of cells, 6 to 10: the field has `2^depth` cells per side. 8 by default.
-    pub depth: u32,
+    /// The most leaves of the field. They are small where that improves pictures most. At least 1000, 1 million by
+    /// default.
+    pub leaves: usize,
+    /// The most levels of cells, 6 to 10: the finest are `2^-depth` of the field's cube wide. By default, as many as make
+    /// them about half a pixel wide, 7 to 9.
+    pub depth: Option<u32>,
     /// Basis of the radiance: [`Basis::Sh1`], [`Basis::Sh4`], [`Basis::Sh9`] (the default) or [`Basis::Sh16`].
     pub basis: Basis,
     /// Average this many pixels, across and down, to one. At least 1, the default.
@@ -51,7 +58,8 @@ pub struct FitSettings {
 impl Default for FitSettings {
     fn default() -> Self {
         Self {
-            depth: 8,
+            leaves: 1_000_000,
+            depth: None,
             basis: Basis::Sh9,
             downscale: 1,
             bounds: None,
@@ -74,8 +82,11 @@ impl FitSettings {
     /// Returns an error that names the first setting that is out of range.
     pub(super) fn validate(&self) -> Result<(), FitError> {
         let fault = |setting, found: String, expected| Err(FitError::Setting { setting, found, expected });
-        if !(6..=10).contains(&self.depth) {
-            return fault("depth", self.depth.to_string(), "6 to 10");
+        if self.leaves < FEWEST_LEAVES {
+            return fault("leaves", self.leaves.to_string(), "at least 1000");
+        }
+        if let Some(depth) = self.depth.filter(|depth| !(6..=10).contains(depth)) {
+            return fault("depth", depth.to_string(), "6 to 10");
         }
         if ![Basis::Sh1, Basis::Sh4, Basis::Sh9, Basis::Sh16].contains(&self.basis) {
             return fault("basis", self.basis.name().into(), "SH1, SH4, SH9 or SH16");

@@ -319,7 +319,7 @@ fn views_must_overlap() {
         write_pictures(&folder, cameras, None, |_| 1.0);
         write_transforms(&folder, cameras);
         let input = read(&folder).unwrap();
-        let settings = FitSettings { depth: 6, effort: 0.01, ..FitSettings::default() };
+        let settings = FitSettings { depth: Some(6), effort: 0.01, ..FitSettings::default() };
         let message = fit(&input, None, &settings, &FitProgress::default()).unwrap_err().to_string();
         assert!(message.contains(expected), "{test}: {message}");
     };

@@ -1,6 +1,7 @@
 //! Fits fields to pictures of a known field.
 
 mod inputs;
+mod leaves;
 mod refine;
 mod scene;
 
@@ -11,7 +12,7 @@ use scene::{cameras, folder, write_pictures, write_transforms};
 
 /// A few seconds of work.
 fn quick() -> FitSettings {
-    FitSettings { depth: 6, effort: 0.12, basis: Basis::Sh4, ..FitSettings::default() }
+    FitSettings { depth: Some(6), effort: 0.12, basis: Basis::Sh4, ..FitSettings::default() }
 }
 
 fn fit_folder(path: &std::path::Path, settings: &FitSettings) -> Fitted {
@@ -75,7 +76,7 @@ fn opaque_pictures_are_fitted() {
     odd.get_pixel_mut(3, 3)[3] = 200;
     odd.save(folder.join("v_5.png")).unwrap();
     write_transforms(&folder, &cameras);
-    let settings = FitSettings { depth: 7, effort: 0.08, ..quick() };
+    let settings = FitSettings { depth: Some(7), effort: 0.08, ..quick() };
     let fitted = fit_folder(&folder, &settings);
     let held_out = fitted.report.held_out.unwrap();
     assert!(held_out.aligned_psnr_db > 22.0, "{held_out:?}");
@@ -144,7 +145,7 @@ fn wrong_poses_of_photographs_are_reported() {
     write_pictures(&folder, &cameras, Some(table), |_| 1.0);
     cameras.swap(10, 21);
     write_transforms(&folder, &cameras);
-    let fitted = fit_folder(&folder, &FitSettings { depth: 7, effort: 0.05, ..quick() });
+    let fitted = fit_folder(&folder, &FitSettings { depth: Some(7), effort: 0.05, ..quick() });
     let numbers: Vec<usize> = fitted.report.suspicious.iter().map(|view| view.number).collect();
     assert_eq!(numbers, [10, 21], "{:?}", fitted.report.suspicious);
 }

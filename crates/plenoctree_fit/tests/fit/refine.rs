@@ -55,7 +55,7 @@ fn refining_goes_on_while_it_pays() {
     assert!(gains.len() >= 3, "{gains:?}");
     assert!(gains[..gains.len() - 1].iter().all(|gain| *gain > 0.02), "{gains:?}");
     for pair in rounds.windows(2) {
-        let gain = pair[1].psnr_db.unwrap() - pair[0].psnr_db.unwrap();
+        let gain = pair[1].stage.psnr_db.unwrap() - pair[0].stage.psnr_db.unwrap();
         assert!((gain - pair[1].gain_db.unwrap()).abs() < 1e-9, "{rounds:?}");
     }
     assert!(gains.iter().sum::<f64>() > 3.0, "{gains:?}");

@@ -89,10 +89,20 @@ pub fn write_pictures(
     background: Option<Background>,
     gain: impl Fn(usize) -> f64,
 ) {
+    write_pictures_of(&field(), folder, cameras, background, gain);
+}
+
+/// The same, of another field.
+pub fn write_pictures_of(
+    field: &PlenOctree,
+    folder: &Path,
+    cameras: &[PinholeCamera],
+    background: Option<Background>,
+    gain: impl Fn(usize) -> f64,
+) {
     fs::create_dir_all(folder).unwrap();
-    let field = field();
     for (index, camera) in cameras.iter().enumerate() {
-        photograph(&field, camera, background, gain(index)).save(folder.join(format!("v_{index}.png"))).unwrap();
+        photograph(field, camera, background, gain(index)).save(folder.join(format!("v_{index}.png"))).unwrap();
     }
 }
 

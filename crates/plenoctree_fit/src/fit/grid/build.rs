@@ -2,56 +2,42 @@
 
 use glam::{IVec3, UVec3, Vec4};
 
-use super::sparse::{BRICK, Brick, Cube, FREE, Grid, NO_VOXEL, bit_of, place_of};
+use super::sparse::{BRICK, Brick, Cells, Cube, FREE, Grid, NO_VOXEL, Voxel, bit_of};
 
 /// Largest distance that an entry of the table stores.
 const FARTHEST: u32 = 255;
 
-/// A set of voxels: a bit for each voxel of each brick.
+/// A set of voxels that do not overlap.
 #[derive(Clone)]
 pub struct VoxelSet {
     resolution: u32,
-    masks: Vec<u64>,
+    bricks: Vec<Cells>,
 }
 
 impl VoxelSet {
-    /// Creates an empty set. `resolution` is the number of voxels per side, a multiple of 4.
+    /// Creates an empty set. `resolution` is the number of cells per side, a multiple of 4.
     pub fn new(resolution: u32) -> Self {
         let side = (resolution / BRICK) as usize;
-        Self { resolution, masks: vec![0; side.pow(3)] }
+        Self { resolution, bricks: vec![Cells::default(); side.pow(3)] }
     }
 
-    pub fn insert(&mut self, position: UVec3) {
-        let index = self.index(position / BRICK);
-        self.masks[index] |= 1 << bit_of(position % BRICK);
+    /// Adds a voxel, and removes those that it covers.
+    pub fn insert(&mut self, voxel: Voxel) {
+        let index = self.index(voxel.corner / BRICK);
+        self.bricks[index].insert(voxel.corner % BRICK, voxel.size);
     }
 
-    /// Adds the voxel and its 26 neighbors.
-    pub fn insert_around(&mut self, position: UVec3) {
-        let high = (position + 1).min(UVec3::splat(self.resolution - 1));
-        let low = position.saturating_sub(UVec3::ONE);
-        for x in low.x..=high.x {
-            for y in low.y..=high.y {
-                for z in low.z..=high.z {
-                    self.insert(UVec3::new(x, y, z));
-                }
-            }
-        }
+    /// Returns whether a voxel of the set contains a cell.
+    pub fn contains(&self, cell: UVec3) -> bool {
+        self.bricks[self.index(cell / BRICK)].filled >> bit_of(cell % BRICK) & 1 == 1
     }
 
-    /// Adds the eight voxels that make up the voxel at `position` of a grid with half the resolution.
-    pub fn insert_children(&mut self, position: UVec3) {
-        for child in 0..8 {
-            self.insert(2 * position + UVec3::new(child >> 2, child >> 1 & 1, child & 1));
-        }
-    }
-
-    /// Returns the positions of all voxels.
-    pub fn positions(&self) -> impl Iterator<Item = UVec3> + '_ {
+    /// Returns the places of all voxels.
+    pub fn voxels(&self) -> impl Iterator<Item = Voxel> + '_ {
         let side = self.resolution / BRICK;
-        self.masks.iter().zip(0u32..).filter(|(mask, _)| **mask != 0).flat_map(move |(mask, index)| {
+        self.bricks.iter().zip(0u32..).filter(|(cells, _)| cells.voxels != 0).flat_map(move |(cells, index)| {
             let corner = BRICK * UVec3::new(index / (side * side), index / side % side, index % side);
-            (0..64).filter(|bit| *mask >> bit & 1 == 1).map(move |bit| corner + place_of(bit))
+            cells.places(corner).map(|(_, voxel)| voxel)
         })
     }
 
@@ -66,16 +52,16 @@ impl Grid {
     pub fn new(cube: Cube, functions: usize, set: &VoxelSet) -> Self {
         let resolution = set.resolution;
         let side = resolution / BRICK;
-        let mut table = vec![FREE; set.masks.len()];
+        let mut table = vec![FREE; set.bricks.len()];
         let mut bricks = Vec::new();
         let mut count = 0;
-        for (index, &mask) in set.masks.iter().enumerate() {
-            if mask != 0 {
+        for (index, &cells) in set.bricks.iter().enumerate() {
+            if cells.voxels != 0 {
                 let index32 = index as u32;
                 let corner = [index32 / (side * side), index32 / side % side, index32 % side].map(|at| at as u16);
                 table[index] = bricks.len() as u32;
-                bricks.push(Brick { mask, first: count, corner });
-                count += mask.count_ones();
+                bricks.push(Brick { cells, first: count, corner });
+                count += cells.voxels.count_ones();
             }
         }
         measure_distances(&mut table, side as usize);
@@ -92,29 +78,28 @@ impl Grid {
             thickness: vec![0.0; count],
             neighbors: Vec::new(),
         };
-        grid.neighbors = grid
-            .positions()
-            .map(|position| {
-                [IVec3::NEG_X, IVec3::X, IVec3::NEG_Y, IVec3::Y, IVec3::NEG_Z, IVec3::Z]
-                    .map(|offset| grid.voxel(position.as_ivec3() + offset).unwrap_or(NO_VOXEL))
+        grid.neighbors = (grid.voxels())
+            .map(|Voxel { corner, size }| {
+                let (low, size) = (corner.as_ivec3(), size as i32);
+                [IVec3::NEG_X, size * IVec3::X, IVec3::NEG_Y, size * IVec3::Y, IVec3::NEG_Z, size * IVec3::Z]
+                    .map(|offset| grid.voxel(low + offset).unwrap_or(NO_VOXEL))
             })
             .collect();
         grid
     }
 
-    /// Returns a grid of the voxels in `set`, which either has this grid's resolution or twice as much. Values are
-    /// copied from the voxels of this grid; voxels that it does not have start empty.
+    /// Returns a grid of the voxels in `set`, which either has this grid's resolution or twice as much. No voxel is
+    /// larger than the one of this grid at its place, whose values it gets; where there is none, it starts empty.
     pub fn resampled(&self, set: &VoxelSet) -> Self {
         let finer = set.resolution / self.resolution;
         let functions = self.functions;
         let mut grid = Self::new(self.cube, functions, set);
-        let positions: Vec<UVec3> = grid.positions().collect();
-        for (index, position) in positions.into_iter().enumerate() {
-            let Some(source) = self.voxel((position / finer).as_ivec3()) else { continue };
+        for (index, voxel) in set.voxels().enumerate() {
+            let Some(source) = self.voxel((voxel.corner / finer).as_ivec3()) else { continue };
             let source = source as usize;
             let values = &mut grid.values[index * functions..][..functions];
             values.copy_from_slice(&self.values[source * functions..][..functions]);
-            // The same density in smaller voxels.
+            // The same density in smaller cells.
             values[0].w /= finer as f32;
             grid.thickness[index] = values[0].w;
             if finer == 1 {

@@ -2,9 +2,9 @@
 
 use glam::{DVec3, IVec3, Vec3};
 
-use super::sparse::{BRICK, FREE, Grid, below};
+use super::sparse::{BRICK, FREE, Grid, NO_VOXEL};
 
-/// A ray in voxels: the grid spans 0 to its resolution.
+/// A ray in cells: the grid spans 0 to its resolution.
 #[derive(Clone, Copy, Debug)]
 pub struct GridRay {
     origin: Vec3,
@@ -14,14 +14,34 @@ pub struct GridRay {
 impl Grid {
     /// Converts a ray in the field's frame. `direction` is a unit vector.
     pub fn ray(&self, origin: DVec3, direction: DVec3) -> GridRay {
-        let scale = 1.0 / self.voxel_size();
+        let scale = 1.0 / self.cell_size();
         GridRay { origin: ((origin - self.cube.low) * scale).as_vec3(), direction: direction.as_vec3() }
     }
 
     /// Calls `visit` with each voxel that the ray crosses, in order, and with the length of the ray inside it, in
-    /// voxels. Stops when `visit` returns `false`.
+    /// cells. Stops when `visit` returns `false`.
     #[inline]
     pub fn march(&self, ray: &GridRay, mut visit: impl FnMut(u32, f32) -> bool) {
+        // The voxel that the ray is in, and its length so far: a large voxel has several cells on the ray.
+        let (mut voxel, mut length) = (NO_VOXEL, 0.0);
+        self.march_cells(ray, |next, more| {
+            if next == voxel {
+                length += more;
+                return true;
+            }
+            let goes_on = voxel == NO_VOXEL || visit(voxel, length);
+            (voxel, length) = if goes_on { (next, more) } else { (NO_VOXEL, 0.0) };
+            goes_on
+        });
+        if voxel != NO_VOXEL {
+            visit(voxel, length);
+        }
+    }
+
+    /// Calls `visit` with the voxel of each cell that the ray crosses, in order, and with the length of the ray inside
+    /// the cell. Stops when `visit` returns `false`.
+    #[inline]
+    fn march_cells(&self, ray: &GridRay, mut visit: impl FnMut(u32, f32) -> bool) {
         const SMALL: f32 = 1e-7;
         let origin = ray.origin;
         let direction = Vec3::select(ray.direction.abs().cmplt(Vec3::splat(SMALL)), Vec3::splat(SMALL), ray.direction);
@@ -74,9 +94,9 @@ impl Grid {
             loop {
                 let leave = next_x.min(next_y).min(next_z);
                 let bit = (16 * place.x + 4 * place.y + place.z) as u32;
-                if brick.mask >> bit & 1 == 1 {
+                if brick.cells.filled >> bit & 1 == 1 {
                     let length = leave - t;
-                    if length > 0.0 && !visit(brick.first + below(brick.mask, bit), length) {
+                    if length > 0.0 && !visit(brick.voxel(bit), length) {
                         return;
                     }
                 }
@@ -109,20 +129,34 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::fit::grid::{Cube, build::VoxelSet};
+    use crate::fit::grid::{Cube, Voxel, build::VoxelSet};
 
     /// The voxels and path lengths that a plain search finds: the ray against the box of every voxel, in float64.
     fn crossed(grid: &Grid, origin: DVec3, direction: DVec3) -> Vec<(f64, u32, f64)> {
-        let mut found: Vec<(f64, u32, f64)> = (grid.positions().zip(0..))
-            .filter_map(|(position, voxel)| {
-                let low = grid.cube().low + position.as_dvec3() * grid.voxel_size();
-                let (a, b) = ((low - origin) / direction, (low + grid.voxel_size() - origin) / direction);
+        let mut found: Vec<(f64, u32, f64)> = (grid.voxels().zip(0..))
+            .filter_map(|(Voxel { corner, size }, voxel)| {
+                let low = grid.cube().low + corner.as_dvec3() * grid.cell_size();
+                let high = low + f64::from(size) * grid.cell_size();
+                let (a, b) = ((low - origin) / direction, (high - origin) / direction);
                 let (start, end) = (a.min(b).max_element().max(0.0), a.max(b).min_element());
-                (end > start).then_some((start, voxel, (end - start) / grid.voxel_size()))
+                (end > start).then_some((start, voxel, (end - start) / grid.cell_size()))
             })
             .collect();
         found.sort_by(|a, b| a.0.total_cmp(&b.0));
         found
+    }
+
+    /// Inserts those of the voxels, each given by a cell of it and the logarithm of its size, that overlap none before.
+    fn insert_some(set: &mut VoxelSet, voxels: &[(u32, u32, u32, u32)]) {
+        for &(x, y, z, level) in voxels {
+            let size = 1 << level;
+            let corner = UVec3::new(x, y, z) / size * size;
+            let mut cells =
+                (0..size.pow(3)).map(|at| corner + UVec3::new(at / size / size, at / size % size, at % size));
+            if cells.all(|cell| !set.contains(cell)) {
+                set.insert(Voxel { corner, size });
+            }
+        }
     }
 
     fn coordinate(low: f64, high: f64) -> impl Strategy<Value = DVec3> {
@@ -130,16 +164,16 @@ mod tests {
     }
 
     proptest! {
-        /// Bricks, jumps over free space and steps from face to face find every voxel that the ray crosses by more than
-        /// rounding, in order, with its length.
+        /// Bricks, jumps over free space and steps from face to face find every voxel, whatever its size, that the ray
+        /// crosses by more than rounding, in order, with its length.
         #[test]
         fn marches_cross_every_voxel(
-            voxels in prop::collection::vec((0u32..32, 0u32..32, 0u32..32), 1..200),
+            voxels in prop::collection::vec((0u32..32, 0u32..32, 0u32..32, 0u32..3), 1..200),
             origin in coordinate(-4.0, 4.0),
             target in coordinate(-0.8, 0.8),
         ) {
             let mut set = VoxelSet::new(32);
-            voxels.iter().for_each(|&(x, y, z)| set.insert(UVec3::new(x, y, z)));
+            insert_some(&mut set, &voxels);
             let grid = Grid::new(Cube { low: DVec3::NEG_ONE, size: 2.0 }, 1, &set);
             let direction = (target - origin).normalize();
             let expected: Vec<_> = crossed(&grid, origin, direction).into_iter().filter(|hit| hit.2 > 1e-3).collect();

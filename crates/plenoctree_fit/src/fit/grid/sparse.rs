@@ -18,26 +18,109 @@ pub struct Cube {
     pub size: f64,
 }
 
-/// 4 x 4 x 4 voxels.
+/// The place of a voxel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Voxel {
+    /// Lowest corner, in cells.
+    pub corner: UVec3,
+    /// Width, in cells: 1, 2 or 4. Corners are multiples of it.
+    pub size: u32,
+}
+
+impl Voxel {
+    /// The largest size.
+    pub const LARGEST: u32 = BRICK;
+
+    /// Returns the voxel that is a single cell.
+    pub fn cell(corner: UVec3) -> Self {
+        Self { corner, size: 1 }
+    }
+
+    /// Returns the eight voxels, half as wide, that it can be split in.
+    pub fn children(self) -> impl Iterator<Item = Self> {
+        let size = self.size / 2;
+        (0..8).map(move |child| Self {
+            corner: self.corner + size * UVec3::new(child >> 2, child >> 1 & 1, child & 1),
+            size,
+        })
+    }
+}
+
+/// The voxels of 4 x 4 x 4 cells. Bit `16x + 4y + z` stands for a cell.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Cells {
+    /// The cells that are part of a voxel.
+    pub(super) filled: u64,
+    /// The lowest cell of each voxel.
+    pub(super) voxels: u64,
+}
+
+impl Cells {
+    /// Adds a voxel whose lowest corner is `place`.
+    pub(super) fn insert(&mut self, place: UVec3, size: u32) {
+        let cells = cells_of(place, size);
+        self.filled |= cells;
+        self.voxels = self.voxels & !cells | 1 << bit_of(place);
+    }
+
+    /// Returns the lowest cell of the voxel that a filled cell is part of.
+    #[inline]
+    pub(super) fn lowest(&self, bit: u32) -> u32 {
+        // The lowest cell of the 2 x 2 x 2 that the cell is in.
+        let octant = bit & !0b010101;
+        if self.voxels >> bit & 1 == 1 {
+            bit
+        } else if self.voxels >> octant & 1 == 1 {
+            octant
+        } else {
+            0
+        }
+    }
+
+    /// Returns the width of the voxel whose lowest cell this is.
+    pub(super) fn size(&self, lowest: u32) -> u32 {
+        let place = place_of(lowest);
+        let is_one = |size: &u32| {
+            let cells = cells_of(place, *size);
+            place % *size == UVec3::ZERO && self.filled & cells == cells && self.voxels & cells == 1 << lowest
+        };
+        [BRICK, 2].into_iter().find(is_one).unwrap_or(1)
+    }
+
+    /// Returns the voxels, by the bits of their lowest cells, and their places in the brick at `corner`.
+    pub(super) fn places(self, corner: UVec3) -> impl Iterator<Item = (u32, Voxel)> {
+        let lowest = (0..64).filter(move |bit| self.voxels >> bit & 1 == 1);
+        lowest.map(move |bit| (bit, Voxel { corner: corner + place_of(bit), size: self.size(bit) }))
+    }
+}
+
+/// 4 x 4 x 4 cells.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Brick {
-    /// The voxels that exist: bit `16x + 4y + z`.
-    pub(super) mask: u64,
+    pub(super) cells: Cells,
     /// Index of the first voxel.
     pub(super) first: u32,
     /// Lowest corner, in bricks.
     pub(super) corner: [u16; 3],
 }
 
+impl Brick {
+    /// Returns the voxel that a filled cell is part of.
+    #[inline]
+    pub(super) fn voxel(&self, bit: u32) -> u32 {
+        self.first + below(self.cells.voxels, self.cells.lowest(bit))
+    }
+}
+
 /// A sparse grid of voxels, and the optimizer's state of each.
 ///
 /// The coefficients of a voxel are `functions` vectors: vector `b` holds the coefficients of the basis function `Y_b`
-/// for red, green and blue. The fourth element of the first vector is the voxel's thickness: its density times its
-/// width. The fourth elements of the others are not used.
+/// for red, green and blue. The fourth element of the first vector is the voxel's thickness: its density times the
+/// width of a cell, whatever its own width. The fourth elements of the others are not used.
 #[derive(Clone, Debug)]
 pub struct Grid {
     pub(super) cube: Cube,
-    /// Voxels per side.
+    /// Cells per side.
     pub(super) resolution: u32,
     /// Basis functions per voxel.
     pub(super) functions: usize,
@@ -74,12 +157,12 @@ impl Grid {
         self.thickness.len()
     }
 
-    /// Returns the width of a voxel, in world units.
-    pub fn voxel_size(&self) -> f64 {
+    /// Returns the width of a cell, in world units.
+    pub fn cell_size(&self) -> f64 {
         self.cube.size / f64::from(self.resolution)
     }
 
-    /// Returns the voxel at `position`, if it exists.
+    /// Returns the voxel that the cell at `position` is part of, if there is one.
     pub fn voxel(&self, position: IVec3) -> Option<u32> {
         let side = self.resolution as i32;
         if position.cmplt(IVec3::ZERO).any() || position.cmpge(IVec3::splat(side)).any() {
@@ -88,20 +171,27 @@ impl Grid {
         let entry = self.table[self.table_index(position.as_uvec3() / BRICK)];
         let brick = self.bricks.get(entry as usize)?;
         let bit = bit_of(position.as_uvec3() % BRICK);
-        (brick.mask >> bit & 1 == 1).then(|| brick.first + below(brick.mask, bit))
+        (brick.cells.filled >> bit & 1 == 1).then(|| brick.voxel(bit))
     }
 
-    /// Returns the positions of all voxels, in the order of their numbers.
-    pub fn positions(&self) -> impl Iterator<Item = UVec3> + '_ {
+    /// Returns the places of all voxels, in the order of their numbers.
+    pub fn voxels(&self) -> impl Iterator<Item = Voxel> + '_ {
         self.bricks.iter().flat_map(|brick| {
             let corner = UVec3::from(brick.corner.map(u32::from)) * BRICK;
-            (0..64).filter(|bit| brick.mask >> bit & 1 == 1).map(move |bit| corner + place_of(bit))
+            brick.cells.places(corner).map(|(_, voxel)| voxel)
         })
     }
 
-    /// Returns the center of the voxel at `position`, in the field's frame.
-    pub fn center(&self, position: UVec3) -> DVec3 {
-        self.cube.low + (position.as_dvec3() + 0.5) * self.voxel_size()
+    /// Returns the center of a voxel, in the field's frame.
+    pub fn center(&self, voxel: Voxel) -> DVec3 {
+        self.cube.low + (voxel.corner.as_dvec3() + 0.5 * f64::from(voxel.size)) * self.cell_size()
+    }
+
+    /// Returns the sum of the squares of a voxel's gradients so far, about: how much pictures disagree with its values and
+    /// with each other about them.
+    pub fn power(&self, voxel: usize) -> f32 {
+        let square = self.squares[voxel];
+        f32::from(self.updates[voxel]) * (self.functions as f32 * square.truncate().element_sum() + square.w)
     }
 
     /// Copies the thickness of all voxels from their values.
@@ -120,7 +210,7 @@ impl Grid {
     }
 }
 
-/// Returns the bit of the voxel at `place` in its brick.
+/// Returns the bit of the cell at `place` in its brick.
 pub(super) fn bit_of(place: UVec3) -> u32 {
     16 * place.x + 4 * place.y + place.z
 }
@@ -128,6 +218,16 @@ pub(super) fn bit_of(place: UVec3) -> u32 {
 /// The inverse of [`bit_of`].
 pub(super) fn place_of(bit: u32) -> UVec3 {
     UVec3::new(bit >> 4, bit >> 2 & 3, bit & 3)
+}
+
+/// Returns the bits of the cells of a voxel in its brick.
+fn cells_of(place: UVec3, size: u32) -> u64 {
+    let cells: u64 = match size {
+        1 => 1,
+        2 => 0x0033_0033,
+        _ => u64::MAX,
+    };
+    cells << bit_of(place)
 }
 
 /// Returns how many voxels of a brick come before the one at `bit`.

@@ -50,14 +50,14 @@ mod tests {
     use glam::{DVec3, UVec3};
 
     use super::*;
-    use crate::fit::grid::{Cube, VoxelSet};
+    use crate::fit::grid::{Cube, Voxel, VoxelSet};
 
     /// Values that go back and forth end in the middle, and so does the thickness that rays are marched with; without
     /// batches, nothing changes.
     #[test]
     fn values_end_at_their_mean() {
         let mut set = VoxelSet::new(8);
-        [UVec3::ONE, UVec3::splat(5)].into_iter().for_each(|position| set.insert(position));
+        [UVec3::ONE, UVec3::splat(5)].into_iter().for_each(|cell| set.insert(Voxel::cell(cell)));
         let mut grid = Grid::new(Cube { low: DVec3::ZERO, size: 1.0 }, 4, &set);
         grid.values.fill(Vec4::splat(3.0));
         Average::default().apply(&mut grid);

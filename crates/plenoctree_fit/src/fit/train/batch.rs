@@ -80,7 +80,7 @@ pub struct Part {
 struct Sample {
     /// Index among the voxels of the tile.
     slot: u32,
-    /// Length of the ray in the voxel, in voxels.
+    /// Length of the ray in the voxel, in cells.
     length: f32,
     opacity: f32,
     /// Transmittance before the voxel.
@@ -317,7 +317,7 @@ mod tests {
 
     use super::*;
     use crate::fit::{
-        grid::{Cube, VoxelSet},
+        grid::{Cube, Voxel, VoxelSet},
         input::{Distortion, Lens, Picture, ViewCamera},
         train::backdrop::Backdrop,
     };
@@ -325,12 +325,18 @@ mod tests {
     const FUNCTIONS: usize = 9;
     const SIZE: u32 = 6;
 
-    /// A few voxels with random values, and a camera that looks at them.
+    /// A few voxels of different sizes with random values, and a camera that looks at them.
     fn scene(random: &mut Random) -> (Grid, TrainView) {
         let mut set = VoxelSet::new(8);
         for _ in 0..60 {
-            set.insert(UVec3::from_array(std::array::from_fn(|_| 1 + (random.bits() % 6) as u32)));
+            let cell = UVec3::from_array(std::array::from_fn(|_| 1 + (random.bits() % 6) as u32));
+            if cell.cmpge(UVec3::splat(4)).any() {
+                set.insert(Voxel::cell(cell));
+            }
         }
+        // Larger ones.
+        set.insert(Voxel { corner: UVec3::ZERO, size: 4 });
+        set.insert(Voxel { corner: UVec3::new(4, 2, 2), size: 2 });
         let mut grid = Grid::new(Cube { low: DVec3::new(-1.0, -0.8, -1.2), size: 2.0 }, FUNCTIONS, &set);
         for voxel in 0..grid.len() {
             for value in &mut grid.values[voxel * FUNCTIONS..][..FUNCTIONS] {
@@ -361,7 +367,7 @@ mod tests {
 
     /// The loss in float64, from the definition: no slots, no bricks, no early end. `values` are those of the grid.
     fn loss(grid: &Grid, view: &TrainView, backdrop: DVec3, gain: DVec3, opacity: f64, values: &[[f64; 4]]) -> f64 {
-        let width = grid.voxel_size();
+        let width = grid.cell_size();
         let mut sum = 0.0;
         for tile in tiles() {
             let low = UVec3::new(tile.x.into(), tile.y.into(), 0) * TILE;
@@ -370,10 +376,10 @@ mod tests {
             let basis = Basis::Sh9.evaluate(view.camera.direction(middle));
             for (x, y) in (low.y..high.y).flat_map(|y| (low.x..high.x).map(move |x| (x, y))) {
                 let direction = view.camera.direction(DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5));
-                let mut crossed: Vec<(f64, f64, usize)> = (grid.positions().enumerate())
-                    .filter_map(|(voxel, position)| {
-                        let corner = grid.cube().low + position.as_dvec3() * width - view.camera.position;
-                        let (a, b) = (corner / direction, (corner + width) / direction);
+                let mut crossed: Vec<(f64, f64, usize)> = (grid.voxels().enumerate())
+                    .filter_map(|(voxel, Voxel { corner, size })| {
+                        let corner = grid.cube().low + corner.as_dvec3() * width - view.camera.position;
+                        let (a, b) = (corner / direction, (corner + f64::from(size) * width) / direction);
                         let (start, end) = (a.min(b).max_element(), a.max(b).min_element());
                         (end > start).then_some((start, (end - start) / width, voxel))
                     })

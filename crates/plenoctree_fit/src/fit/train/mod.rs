@@ -10,7 +10,7 @@ pub mod visibility;
 
 use std::time::Instant;
 
-use glam::{DVec2, Vec3};
+use glam::{DVec2, UVec3, Vec3};
 use plenoctree::random::Random;
 use rayon::prelude::*;
 
@@ -20,14 +20,15 @@ use self::{
     batch::{Scene, TILE, Tile, Workspace, render_batch},
     gallery::Gallery,
     update::{Optimizer, update},
+    visibility::Limits,
 };
 pub use self::{
     gallery::TrainView,
-    schedule::{Position, Schedule, Spread, Stage},
+    schedule::{Position, Schedule, Stage},
 };
 use super::{
     error::FitError,
-    grid::{Grid, VoxelSet},
+    grid::{Grid, Voxel, VoxelSet},
     input::ViewCamera,
     progress::FitProgress,
 };
@@ -35,6 +36,9 @@ use super::{
 /// What the squared error of an opacity counts, relative to that of a color channel. The random colors behind the field
 /// require the right opacity, too, but only on average.
 const OPACITY: f32 = 2.0;
+
+/// Weight on some ray above which a voxel is visible enough to be there in the next stage.
+const VISIBLE: f32 = 0.01;
 
 /// The model that is fitted.
 pub struct Model {
@@ -83,9 +87,12 @@ pub fn train(
                 ended = true;
                 break;
             }
-            if stage.prune_at.get(position.prunings).is_some_and(|at| fraction >= *at) {
+            if let Some(&(at, most)) = stage.prune_at.get(position.prunings)
+                && fraction >= at
+            {
                 position.prunings += 1;
-                let set = visibility::visible(&model.grid, &gallery.cameras(), stage.prune_below);
+                let limits = Limits { most, ..stage.prune_below };
+                let set = visibility::visible(&model.grid, &gallery.cameras(), limits);
                 model.grid = model.grid.resampled(&set);
                 average = Average::default();
                 continue 'rounds;
@@ -167,24 +174,52 @@ fn active_tiles(grid: &Grid, views: &[TrainView]) -> Vec<Tile> {
     views.par_iter().enumerate().map(in_view).collect::<Vec<_>>().concat()
 }
 
-/// Returns the grid for the next stage: what is visible, and its neighbors if the stage says so, each voxel split in
-/// eight.
+/// Returns the grid for the next stage, with twice the resolution. Visible voxels are split in eight together with their
+/// neighbors, those first from which most of the gradient comes, as long as there are few enough. The others stay.
 pub fn split(grid: &Grid, cameras: &[&ViewCamera], stage: &Stage) -> Grid {
     let weights = visibility::largest_weights(grid, cameras, 1.0);
-    let mut coarse = VoxelSet::new(grid.resolution());
-    for (position, weight) in grid.positions().zip(weights) {
-        match stage.spread {
-            _ if weight <= stage.split_above => {}
-            Spread::None => coarse.insert(position),
-            Spread::Existing | Spread::All => coarse.insert_around(position),
-        }
-    }
+    let places: Vec<Voxel> = grid.voxels().collect();
+    let mut visible: Vec<usize> = (0..grid.len()).filter(|voxel| weights[*voxel] > VISIBLE).collect();
+    visible.sort_by(|a, b| grid.power(*b).total_cmp(&grid.power(*a)));
     let mut fine = VoxelSet::new(2 * grid.resolution());
-    for position in coarse.positions() {
-        // Voxels that were left out before stay out.
-        if grid.voxel(position.as_ivec3()).is_some() || stage.spread == Spread::All {
-            fine.insert_children(position);
+    let mut is_split = vec![false; grid.len()];
+    let mut count = visible.len();
+    for &voxel in &visible {
+        if count >= stage.most_split {
+            break;
+        }
+        for cell in around(places[voxel], grid.resolution()) {
+            match grid.voxel(cell.as_ivec3()) {
+                Some(neighbor) => {
+                    let was_split = std::mem::replace(&mut is_split[neighbor as usize], true);
+                    count += if was_split { 0 } else { 8 };
+                }
+                // What was left out before may have been there after all, unless the pictures hardly tell.
+                None if stage.adds_neighbors && !fine.contains(2 * cell) => {
+                    Voxel { corner: 2 * cell, size: 2 }.children().for_each(|child| fine.insert(child));
+                    count += 8;
+                }
+                None => {}
+            }
         }
     }
+    let insert = |voxel: usize| {
+        let Voxel { corner, size } = places[voxel];
+        let same = Voxel { corner: 2 * corner, size: 2 * size };
+        if is_split[voxel] || same.size > Voxel::LARGEST {
+            same.children().for_each(|child| fine.insert(child));
+        } else {
+            fine.insert(same);
+        }
+    };
+    (0..grid.len()).filter(|voxel| is_split[*voxel] || weights[*voxel] > VISIBLE).for_each(insert);
     grid.resampled(&fine)
+}
+
+/// Returns the cells of a voxel and those around it.
+fn around(voxel: Voxel, resolution: u32) -> impl Iterator<Item = UVec3> {
+    let low = voxel.corner.saturating_sub(UVec3::ONE);
+    let size = (voxel.corner + voxel.size + 1).min(UVec3::splat(resolution)) - low;
+    let place = move |index: u32| UVec3::new(index / (size.y * size.z), index / size.z % size.y, index % size.z);
+    (0..size.element_product()).map(move |index| low + place(index))
 }

@@ -11,10 +11,12 @@ use crate::fit::settings::FitSettings;
 /// The first stage's voxels per side.
 const COARSEST: u32 = 64;
 /// Rays of each stage with an effort of 1, from the coarsest, in millions.
-const RAYS: [f64; 5] = [4.0, 24.0, 110.0, 300.0, 600.0];
+const RAYS: [f64; 5] = [4.0, 24.0, 50.0, 90.0, 150.0];
+/// The time that a ray takes in each stage, relative to the first.
+const COSTS: [f64; 5] = [1.0, 1.0, 2.0, 3.0, 4.0];
 
-/// The last stage to which neighbors of visible voxels are added: later ones would have too many voxels.
-const LAST_SPREAD: usize = 2;
+/// How many times more voxels a stage may start with than the field may have: most of them turn out to be invisible.
+const OVERFULL: usize = 3;
 /// The fraction of a stage that the result is not a mean of: until voxels have been removed for the last time.
 const AVERAGE_FROM: f64 = 0.86;
 /// Rays that refine a field with an effort of 1 at most, in millions.
@@ -47,10 +49,10 @@ pub struct Schedule {
     pub stages: Vec<Stage>,
 }
 
-/// A part of a fit in which voxels have one size.
+/// A part of a fit in which the finest voxels have one size.
 #[derive(Clone, Debug)]
 pub struct Stage {
-    /// Voxels per side.
+    /// Finest voxels per side.
     pub resolution: u32,
     /// Rays to train on, unless there is a time.
     rays: u64,
@@ -58,14 +60,14 @@ pub struct Stage {
     time: Option<Duration>,
     /// Tiles of a batch.
     pub tiles: usize,
-    /// The fractions of the stage after which invisible voxels are removed.
-    pub prune_at: Vec<f64>,
+    /// The fractions of the stage after which invisible voxels are removed, and the most that are kept.
+    pub prune_at: Vec<(f64, usize)>,
     /// The limits of visibility for that.
     pub prune_below: Limits,
-    /// The largest weight of a voxel of the stage before, above which it is split.
-    pub split_above: f32,
-    /// Which neighbors of these voxels are split, too.
-    pub spread: Spread,
+    /// The number of voxels from which on no more of the stage before are split.
+    pub most_split: usize,
+    /// Whether voxels are added around those that are split.
+    pub adds_neighbors: bool,
     /// The fraction of the stage from which on the result is the mean over batches. Otherwise, it is the last batch's.
     pub average_from: Option<f64>,
     /// Whether exposures are learned.
@@ -76,43 +78,32 @@ pub struct Stage {
     last: Rates,
 }
 
-/// The neighbors of voxels that are split together with them.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Spread {
-    /// None.
-    None,
-    /// Those that exist.
-    Existing,
-    /// All.
-    All,
-}
-
 impl Schedule {
-    /// Plans the stages. Photographs without opacity need smoother fields.
-    pub fn new(settings: &FitSettings, opaque: bool) -> Self {
-        let count = (settings.depth - COARSEST.ilog2() + 1) as usize;
-        let total: f64 = RAYS[..count].iter().sum();
+    /// Plans the stages up to this `depth`. Photographs without opacity need smoother fields.
+    pub fn new(settings: &FitSettings, depth: u32, opaque: bool) -> Self {
+        let count = (depth - COARSEST.ilog2() + 1) as usize;
+        let work = |index: usize| RAYS[index] * COSTS[index];
+        let total: f64 = (0..count).map(work).sum();
         let penalties = if opaque {
             Penalties { variation: 5e-3, presence: 1e-4, direction: 1e-3, color: 0.0 }
         } else {
             Penalties { variation: 1e-3, presence: 1e-4, direction: 1e-4, color: 0.0 }
         };
+        let more = settings.leaves.saturating_add(settings.leaves / 4);
         let stages = (0..count)
             .map(|index| Stage {
                 resolution: COARSEST << index,
                 rays: (RAYS[index] * 1e6 * settings.effort) as u64,
-                time: settings.time.map(|time| time.mul_f64(RAYS[index] / total)),
+                time: settings.time.map(|time| time.mul_f64(work(index) / total)),
                 tiles: [256, 512, 1024][index.min(2)],
-                prune_at: if index == 0 { vec![0.5] } else { vec![0.1, 0.4, 0.85] },
-                prune_below: Limits::default(),
-                split_above: if index <= LAST_SPREAD { 0.01 } else { 0.03 },
-                spread: if index > LAST_SPREAD {
-                    Spread::None
-                } else if opaque {
-                    Spread::Existing
-                } else {
-                    Spread::All
+                prune_at: match index {
+                    0 => vec![(0.5, settings.leaves)],
+                    // Later, some of them are no longer visible.
+                    _ => vec![(0.1, more), (0.4, more), (0.85, settings.leaves)],
                 },
+                prune_below: Limits::default(),
+                most_split: settings.leaves.saturating_mul(OVERFULL),
+                adds_neighbors: !opaque,
                 average_from: Some(AVERAGE_FROM),
                 learns_gains: opaque,
                 optimizer: Optimizer {
@@ -129,9 +120,10 @@ impl Schedule {
 
     /// Returns the fraction of all work that is done before `stage`, and the fraction that is this stage's.
     pub fn shares(&self, stage: usize) -> (f64, f64) {
-        let total: f64 = self.stages.iter().map(|stage| stage.rays as f64).sum();
-        let before: f64 = self.stages[..stage].iter().map(|stage| stage.rays as f64).sum();
-        (before / total, self.stages[stage].rays as f64 / total)
+        let work = |(stage, cost): (&Stage, f64)| stage.rays as f64 * cost;
+        let total: f64 = self.stages.iter().zip(COSTS).map(work).sum();
+        let before: f64 = self.stages[..stage].iter().zip(COSTS).map(work).sum();
+        (before / total, work((&self.stages[stage], COSTS[stage])) / total)
     }
 }
 
@@ -139,8 +131,9 @@ impl Stage {
     /// Plans the rounds of refining a field that is already nearly right. It may end after any of them.
     pub fn refining(resolution: u32, effort: f64, time: Option<Duration>) -> Vec<Self> {
         let mut whole = Self::gentle(resolution);
-        // Larger first steps would lose what later rounds must gain again.
-        whole.optimizer.rates = Rates { constant: 0.02, directional: 0.007, thickness: 0.005 };
+        // Larger first steps would lose what later rounds must gain again, above all those of the thickness.
+        whole.optimizer.rates = Rates { constant: 0.02, directional: 0.007, thickness: 5e-4 };
+        whole.last.thickness = 2e-4;
         let rates = |round: u32| whole.rates(f64::from(round) / f64::from(ROUNDS));
         let round = |round: u32| Self {
             rays: (REFINING_RAYS * 1e6 * effort / f64::from(ROUNDS)) as u64,
@@ -162,8 +155,8 @@ impl Stage {
             tiles: 1024,
             prune_at: Vec::new(),
             prune_below: Limits::FAINTEST,
-            split_above: 0.01,
-            spread: Spread::None,
+            most_split: 0,
+            adds_neighbors: false,
             average_from: None,
             learns_gains: false,
             optimizer: Optimizer {
@@ -182,7 +175,7 @@ impl Stage {
         let penalties = Penalties { direction, color, ..stage.optimizer.penalties };
         Self {
             rays: (SIMPLIFYING_RAYS * 1e6 * effort) as u64,
-            prune_at: vec![0.0, 0.35],
+            prune_at: vec![(0.0, usize::MAX), (0.35, usize::MAX)],
             prune_below: Limits::default(),
             optimizer: Optimizer { penalties, ..stage.optimizer },
             ..stage

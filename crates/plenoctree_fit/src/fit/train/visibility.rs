@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use crate::{
     exponential::exp_minus,
     fit::{
-        grid::{Grid, VoxelSet},
+        grid::{Grid, Voxel, VoxelSet},
         input::ViewCamera,
     },
 };
@@ -30,19 +30,23 @@ pub struct Limits {
     pub thick_weight: f32,
     /// The thickness from which a voxel counts as thick.
     pub thick: f32,
-    /// Distance of the rays, in voxels.
+    /// Distance of the rays, in cells.
     pub spacing: f64,
+    /// The most voxels to keep: those with the largest weights.
+    pub most: usize,
 }
 
 impl Default for Limits {
     fn default() -> Self {
-        Self { weights: [0.03, 0.01, 3e-3, 1e-3], loss: 0.04, thick_weight: 2e-5, thick: 0.05, spacing: 1.0 }
+        let weights = [0.03, 0.01, 3e-3, 1e-3];
+        Self { weights, loss: 0.04, thick_weight: 2e-5, thick: 0.05, spacing: 1.0, most: usize::MAX }
     }
 }
 
 impl Limits {
     /// For fields that are already right: removes only what is hardly visible.
-    pub const FAINTEST: Self = Self { weights: [1e-3; 4], loss: 0.04, thick_weight: 2e-5, thick: 0.05, spacing: 1.0 };
+    pub const FAINTEST: Self =
+        Self { weights: [1e-3; 4], loss: 0.04, thick_weight: 2e-5, thick: 0.05, spacing: 1.0, most: usize::MAX };
 
     /// Returns whether a voxel is worth keeping.
     fn keep(&self, limit: f32, weight: f32, thickness: f32) -> bool {
@@ -50,7 +54,7 @@ impl Limits {
     }
 }
 
-/// Returns the largest weight that each voxel has on any ray of the cameras. Rays are about `spacing` voxels apart, or
+/// Returns the largest weight that each voxel has on any ray of the cameras. Rays are about `spacing` cells apart, or
 /// more if there are many cameras.
 pub fn largest_weights(grid: &Grid, cameras: &[&ViewCamera], spacing: f64) -> Vec<f32> {
     let pool: Mutex<Vec<Vec<f32>>> = Mutex::default();
@@ -80,11 +84,11 @@ fn sparseness(cameras: usize) -> f64 {
     (cameras as f64 / MANY).max(1.0).sqrt()
 }
 
-/// Returns the points of the picture whose rays are about `spacing` voxels apart in the middle of the grid, or
+/// Returns the points of the picture whose rays are about `spacing` cells apart in the middle of the grid, or
 /// `sparseness` times that.
 fn pixels(grid: &Grid, camera: &ViewCamera, spacing: f64, sparseness: f64) -> impl Iterator<Item = DVec2> {
     let middle = grid.cube().low + 0.5 * grid.cube().size;
-    let pixels = spacing * grid.voxel_size() * camera.lens.focal.x / camera.position.distance(middle).max(1e-9);
+    let pixels = spacing * grid.cell_size() * camera.lens.focal.x / camera.position.distance(middle).max(1e-9);
     let step = (pixels.clamp(0.1, 4.0) * sparseness).min(camera.width.min(camera.height).into());
     let count = move |size: u32| (f64::from(size) / step) as u32;
     let every = move |size: u32| (0..count(size)).map(move |index| (f64::from(index) + 0.5) * step);
@@ -136,12 +140,13 @@ fn limit(grid: &Grid, cameras: &[&ViewCamera], weights: &[f32], limits: &Limits)
 pub fn visible(grid: &Grid, cameras: &[&ViewCamera], limits: Limits) -> VoxelSet {
     let weights = largest_weights(grid, cameras, limits.spacing);
     let limit = limit(grid, cameras, &weights, &limits);
+    let mut kept: Vec<(Voxel, f32)> = (grid.voxels().zip(weights).zip(&grid.thickness))
+        .filter(|((_, weight), thickness)| limits.keep(limit, *weight, **thickness))
+        .map(|(kept, _)| kept)
+        .collect();
+    kept.sort_by(|(_, a), (_, b)| b.total_cmp(a));
     let mut set = VoxelSet::new(grid.resolution());
-    for ((position, weight), thickness) in grid.positions().zip(weights).zip(&grid.thickness) {
-        if limits.keep(limit, weight, *thickness) {
-            set.insert(position);
-        }
-    }
+    kept.iter().take(limits.most).for_each(|(voxel, _)| set.insert(*voxel));
     set
 }
 
@@ -165,9 +170,10 @@ mod tests {
     fn grid(thickness: impl Fn(UVec3) -> f32) -> Grid {
         let mut set = VoxelSet::new(64);
         let positions = (0..64u32.pow(3)).map(|code| UVec3::new(code / 4096, code / 64 % 64, code % 64));
-        positions.filter(|position| thickness(*position) > 0.0).for_each(|position| set.insert(position));
+        let filled = positions.filter(|position| thickness(*position) > 0.0);
+        filled.for_each(|position| set.insert(Voxel::cell(position)));
         let mut grid = Grid::new(Cube { low: DVec3::splat(-1.0), size: 2.0 }, 1, &set);
-        let values: Vec<f32> = grid.positions().map(thickness).collect();
+        let values: Vec<f32> = grid.voxels().map(|voxel| thickness(voxel.corner)).collect();
         grid.values.iter_mut().zip(values).for_each(|(value, thickness)| *value = Vec4::new(0.0, 0.0, 0.0, thickness));
         grid.copy_thickness();
         grid
@@ -180,13 +186,22 @@ mod tests {
         let count = |thickness: &dyn Fn(UVec3) -> f32| {
             let grid = grid(thickness);
             let kept = visible(&grid, &[&camera()], Limits { spacing: 0.5, ..Limits::default() });
-            (kept.positions().count(), grid.positions().filter(|position| position.z > 10).count())
+            (kept.voxels().count(), grid.voxels().filter(|voxel| voxel.corner.z > 10).count())
         };
         let wall = |at: UVec3| if at.z == 10 { 40.0 } else { 0.0 };
         let (kept, faint) = count(&|at| wall(at) + if at.z > 10 { 5e-4 } else { 0.0 });
         assert!(kept > 3000 && faint > 100_000 && kept < 4200, "{kept} of {faint}");
         let (kept, all) = count(&|at| if at.z > 10 { 0.01 } else { 0.0 });
         assert!(kept as f64 > 0.9 * all as f64, "{kept} of {all}");
+    }
+
+    /// If there may be only a few voxels, the most visible ones are kept: those that face the camera.
+    #[test]
+    fn the_most_visible_are_kept() {
+        let grid = grid(|at| if at.z >= 40 { 0.5 } else { 0.0 });
+        let kept = visible(&grid, &[&camera()], Limits { spacing: 0.5, most: 1000, ..Limits::default() });
+        assert_eq!(kept.voxels().count(), 1000);
+        assert!(kept.voxels().all(|voxel| voxel.corner.z >= 58));
     }
 
     /// Thousands of cameras cast about as many rays as hundreds, and see about the same voxels.
@@ -204,11 +219,11 @@ mod tests {
             let cameras: Vec<_> = (0..count).map(|index| around(index, count)).collect();
             let rays: usize = cameras.iter().map(|camera| pixels(&grid, camera, 1.0, sparseness(count)).count()).sum();
             let set = visible(&grid, &cameras.iter().collect::<Vec<_>>(), Limits::default());
-            (rays, set.positions().collect::<Vec<_>>())
+            (rays, set.voxels().collect::<Vec<_>>())
         };
         let ((few_rays, few), (many_rays, many)) = (seen(400), seen(6400));
         assert!(many_rays < few_rays * 5 / 4, "{many_rays} rays instead of {few_rays}");
-        let both = few.iter().filter(|position| many.contains(position)).count();
+        let both = few.iter().filter(|voxel| many.contains(voxel)).count();
         assert!(few.len() > 5000, "{}", few.len());
         assert!(both * 100 > few.len() * 95, "{both} of {}", few.len());
     }
