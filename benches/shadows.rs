@@ -1,17 +1,17 @@
 //! Measures the CPU time of shadows and lights: `cargo bench --bench shadows -- [FIELD] [ROUNDS] [LAMPS]`.
 //!
 //! Renders a view of 800 x 800 pixels, with a floor and a directional light of four cascades, Bevy's default: without
-//! the prop, with it, with its shadow, with the shadow of a mesh that falls on it (`PropLighting`), and with light that
-//! makes it brighter, while nothing moves, the camera turns, the prop spins, or the light moves; as trained, and
-//! posterized. LAMPS is the number of point lights with shadows besides the directional light, 0 by default. Variants
-//! alternate, and the minimum of five rounds counts. It includes reading the frame back. With a GPU, it is the CPU time of
-//! the driver.
+//! the prop, with it, with its shadow, with the shadow of a mesh that falls on it (`PropLighting`), and lit like a
+//! cartoon (`PropLighting::toon`), while nothing moves, the camera turns, the prop spins, or the light moves; as
+//! trained, and posterized. LAMPS is the number of point lights with shadows besides the directional light, 0 by
+//! default. Variants alternate, and the minimum of five rounds counts. It includes reading the frame back. With a GPU,
+//! it is the CPU time of the driver.
 
 use std::{path::PathBuf, time::Duration};
 
 use bevy::{camera::visibility::RenderLayers, light::NotShadowCaster, prelude::*};
 use bevy_plenoctree::{
-    FieldPalette, LoadSettings, Palettes, PlenOctree, PlenOctreePlugin, Posterize, Prop, PropLighting,
+    LoadSettings, PlenOctree, PlenOctreePlugin, Posterize, Prop, PropLighting,
     headless::{Headless, LitMeshPlugins, exact_camera, pinhole_view},
 };
 use cpu_time::ProcessTime;
@@ -69,8 +69,6 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let (target, up) = (headless.target(), field.up());
     let world = headless.app.world_mut();
     let handle = world.resource_mut::<Assets<PlenOctree>>().add(field);
-    let colors = [Color::WHITE, Color::BLACK, Color::srgb(0.8, 0.2, 0.1), Color::srgb(0.4, 0.1, 0.05)];
-    world.resource_mut::<Palettes>().insert(&handle, FieldPalette::from_colors(colors)?);
     let prop = world.spawn(Prop(handle)).id();
     world.spawn((exact_camera(Color::WHITE), target, pinhole_view(&camera, up)));
     let mesh = world.resource_mut::<Assets<Mesh>>().add(Plane3d::default().mesh().size(20.0, 20.0));
@@ -117,7 +115,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                     } else if variant == 3 {
                         prop.insert(PropLighting::default());
                     } else if variant == 4 {
-                        prop.insert(PropLighting { brightness: 1.0, ..default() });
+                        prop.insert(PropLighting::toon(2.0));
                     }
                     // What is at rest is drawn, and kept from the next frame on.
                     headless.capture()?;

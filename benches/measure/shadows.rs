@@ -4,7 +4,8 @@ use std::time::Instant;
 
 use bevy::{light::NotShadowCaster, prelude::*, render::diagnostic::RenderDiagnosticsPlugin};
 use bevy_plenoctree::{
-    LIGHTING_SPANS, LoadSettings, PlenOctree, PlenOctreePlugin, Posterize, Prop, PropLighting, SHADOW_SPANS,
+    LIGHTING_SPANS, LoadSettings, POSTERIZE_SPANS, PlenOctree, PlenOctreePlugin, Posterize, Prop, PropLighting,
+    SHADOW_SPANS, VOLUME_SPANS,
     headless::{Headless, LitMeshPlugins, exact_camera, pinhole_view},
 };
 use plenoctree::camera::PinholeCamera;
@@ -27,7 +28,10 @@ pub fn measure(end: Instant) -> Result {
         "## Shadows\n\nMilliseconds of a frame in which a posterized prop turns on a floor, under a directional light of \
          four cascades, and in the last row under a point light too, both with shadows.\n"
     );
-    println!("| prop | pixels | wall | GPU | shadows | lights | frames |\n|---|---|---|---|---|---|---|");
+    println!(
+        "| prop | pixels | wall | GPU | its shadow | its light | rays and posterizing | frames |\n\
+         |---|---|---|---|---|---|---|---|"
+    );
     let field = PlenOctree::read(assets().join(format!("{}.plenoctree", FIELDS[0])), &LoadSettings::default())?;
     let up = field.up();
     let views = SIZES.map(|size| PinholeCamera::around(&field, size.x, size.y, 0.5, 0.4));
@@ -54,7 +58,7 @@ pub fn measure(end: Instant) -> Result {
             let row = format!("| {name} | {} x {}", size.x, size.y);
             let now = Instant::now();
             if now > end {
-                println!("{row} | not measured: the time was up | | | | |");
+                println!("{row} | not measured: the time was up | | | | | |");
                 continue;
             }
             let share = end.duration_since(now) / ((SIZES.len() - index) * VARIANTS.len() - variant) as u32;
@@ -73,9 +77,10 @@ pub fn measure(end: Instant) -> Result {
             }
             headless.wait_until_ready(PATIENCE)?;
             let times = Times::measure(&mut headless, now + share)?;
-            let [gpu, shadows, lights] =
-                [times.gpu(), times.of(SHADOW_SPANS), times.of(LIGHTING_SPANS)].map(milliseconds);
-            println!("{row} | {:.1} | {gpu} | {shadows} | {lights} | {} |", times.wall, times.frames);
+            let spans = [VOLUME_SPANS, POSTERIZE_SPANS].concat();
+            let [gpu, shadows, lights, drawing] =
+                [times.gpu(), times.of(SHADOW_SPANS), times.of(LIGHTING_SPANS), times.of(&spans)].map(milliseconds);
+            println!("{row} | {:.1} | {gpu} | {shadows} | {lights} | {drawing} | {} |", times.wall, times.frames);
         }
     }
     println!();

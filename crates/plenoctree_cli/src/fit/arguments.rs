@@ -40,8 +40,8 @@ pub struct Arguments {
     #[arg(long, value_name = "N", default_value_t = 1_000_000,
         value_parser = clap::value_parser!(u32).range(32_768..=20_000_000))]
     leaves: u32,
-    /// The most levels of cells: the finest are 2^-DEPTH of the field's cube wide. By default, as many as make them about
-    /// half a pixel wide, 7 to 9.
+    /// The most levels of cells: the finest are 2^-DEPTH of the field's cube wide. By default, as many as make them
+    /// about half a pixel wide, 7 to 9.
     #[arg(long, value_parser = clap::value_parser!(u32).range(6..=10))]
     depth: Option<u32>,
     /// The number of spherical harmonics per channel: 1, 4, 9 or 16.

@@ -30,8 +30,8 @@ pub struct Arguments {
     /// Largest number of rows of the codebook of luma; that of color differences has half as many.
     #[arg(long)]
     rows: Option<u32>,
-    /// Pack the field unchanged. By default, it is first simplified, if it is of the kind that is fitted: refined to its
-    /// own pictures, without leaves of little weight, and with smoother colors.
+    /// Pack the field unchanged. By default, it is first simplified, if it is of the kind that is fitted: refined to
+    /// its own pictures, without leaves of little weight, and with smoother colors.
     #[arg(long)]
     exact: bool,
     /// Record the color histograms of the field in the file, so that palettes that are extracted from the packed field

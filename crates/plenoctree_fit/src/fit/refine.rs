@@ -77,9 +77,9 @@ pub struct Refined {
 
 /// Refines `field` until it looks like the shots, on all cores of the current rayon pool.
 ///
-/// Leaves change density and color, and those that no camera sees are removed; none are added. `measured` are shots that
-/// the field is not refined to: up to 16 of them tell what each of ten rounds gained. A round that loses something is
-/// undone. Refining ends when the next round would gain less than 0.02 dB, if gains keep falling as they did. If
+/// Leaves change density and color, and those that no camera sees are removed; none are added. `measured` are shots
+/// that the field is not refined to: up to 16 of them tell what each of ten rounds gained. A round that loses something
+/// is undone. Refining ends when the next round would gain less than 0.02 dB, if gains keep falling as they did. If
 /// `progress` is stopped, the result is the field at that time.
 ///
 /// # Errors

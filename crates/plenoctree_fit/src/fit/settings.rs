@@ -16,8 +16,8 @@ pub struct FitSettings {
     /// The most leaves of the field. They are small where that improves pictures most. At least 1000, 1 million by
     /// default.
     pub leaves: usize,
-    /// The most levels of cells, 6 to 10: the finest are `2^-depth` of the field's cube wide. By default, as many as make
-    /// them about half a pixel wide, 7 to 9.
+    /// The most levels of cells, 6 to 10: the finest are `2^-depth` of the field's cube wide. By default, as many as
+    /// make them about half a pixel wide, 7 to 9.
     pub depth: Option<u32>,
     /// Basis of the radiance: [`Basis::Sh1`], [`Basis::Sh4`], [`Basis::Sh9`] (the default) or [`Basis::Sh16`].
     pub basis: Basis,

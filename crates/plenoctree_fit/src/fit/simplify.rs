@@ -56,8 +56,8 @@ impl Default for SimplifySettings {
 ///
 /// # Errors
 ///
-/// Returns an error if the field is not of the kind that is fitted: a cube of 6 to 10 levels, with leaves of at most four
-/// finest cells a side, and a sigmoid of harmonics up to degree 3.
+/// Returns an error if the field is not of the kind that is fitted: a cube of 6 to 10 levels, with leaves of at most
+/// four finest cells a side, and a sigmoid of harmonics up to degree 3.
 pub fn simplify(
     field: &PlenOctree,
     settings: &SimplifySettings,

@@ -187,8 +187,8 @@ impl Grid {
         self.cube.low + (voxel.corner.as_dvec3() + 0.5 * f64::from(voxel.size)) * self.cell_size()
     }
 
-    /// Returns the sum of the squares of a voxel's gradients so far, about: how much pictures disagree with its values and
-    /// with each other about them.
+    /// Returns the sum of the squares of a voxel's gradients so far, about: how much pictures disagree with its values
+    /// and with each other about them.
     pub fn power(&self, voxel: usize) -> f32 {
         let square = self.squares[voxel];
         f32::from(self.updates[voxel]) * (self.functions as f32 * square.truncate().element_sum() + square.w)

@@ -174,8 +174,9 @@ fn active_tiles(grid: &Grid, views: &[TrainView]) -> Vec<Tile> {
     views.par_iter().enumerate().map(in_view).collect::<Vec<_>>().concat()
 }
 
-/// Returns the grid for the next stage, with twice the resolution. Visible voxels are split in eight together with their
-/// neighbors, those first from which most of the gradient comes, as long as there are few enough. The others stay.
+/// Returns the grid for the next stage, with twice the resolution. Visible voxels are split in eight together with
+/// their neighbors, those first from which most of the gradient comes, as long as there are few enough. The others
+/// stay.
 pub fn split(grid: &Grid, cameras: &[&ViewCamera], stage: &Stage) -> Grid {
     let weights = visibility::largest_weights(grid, cameras, 1.0);
     let places: Vec<Voxel> = grid.voxels().collect();
