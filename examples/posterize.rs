@@ -18,7 +18,7 @@ fn main() {
         .run();
 }
 
-fn setup(
+pub fn setup(
     mut commands: Commands,
     assets: Res<AssetServer>,
     mut meshes: ResMut<Assets<Mesh>>,

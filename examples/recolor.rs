@@ -15,7 +15,7 @@ fn main() {
         .run();
 }
 
-fn setup(mut commands: Commands, assets: Res<AssetServer>) {
+pub fn setup(mut commands: Commands, assets: Res<AssetServer>) {
     let field = assets.load("toadstool.plenoctree");
     commands.spawn((Prop(field.clone()), Posterize::default(), Transform::from_xyz(-1.1, 0.0, 0.0)));
     // The red of the cap, from shadow to highlight. An override applies to its own entity only.

@@ -1,18 +1,33 @@
 //! Draws everything on a device with WebGPU's default limits, as browsers grant them. `scripts/examples` runs the examples
-//! on such a device.
+//! with arguments on such a device.
+
+#[path = "../../examples/custom_stage.rs"]
+#[allow(dead_code, reason = "only its scene is drawn")]
+mod custom_stage;
+#[path = "../../examples/minimal.rs"]
+#[allow(dead_code, reason = "only its scene is drawn")]
+mod minimal;
+#[path = "../../examples/posterize.rs"]
+#[allow(dead_code, reason = "only its scene is drawn")]
+mod posterize;
+#[path = "../../examples/recolor.rs"]
+#[allow(dead_code, reason = "only its scene is drawn")]
+mod recolor;
 
 use bevy::{
     camera::Hdr,
     core_pipeline::prepass::{DepthPrepass, MotionVectorPrepass},
+    ecs::{schedule::IntoScheduleConfigs, system::ScheduleSystem},
     prelude::*,
 };
 use bevy_plenoctree::{
-    LabelStages, PaletteExtraction, PaletteSampler, Posterize, PosterizeView, PropLighting, PropPlacement, PropQuality,
-    SolidOpacity, headless::LitMeshPlugins,
+    LabelStages, PaletteExtraction, PaletteSampler, PlenOctreePlugin, Posterize, PosterizeView, PropLighting,
+    PropPlacement, PropQuality, SolidOpacity,
+    headless::{Headless, LitMeshPlugins},
 };
 
 use super::stage::{
-    Stage,
+    PATIENCE, Stage,
     sides::{BLUE, GREEN, PIXELS, RED, SOLID, cube, density, flat},
 };
 
@@ -65,4 +80,27 @@ fn everything_is_within_the_default_limits_of_webgpu() {
             }
         }
     }
+}
+
+/// Draws the scene of an example.
+fn draw<M>(name: &str, setup: impl IntoScheduleConfigs<ScheduleSystem, M>) {
+    let mut headless = Headless::with_limits(UVec2::splat(PIXELS), wgpu::Limits::default(), |app| {
+        app.add_plugins((LitMeshPlugins, PlenOctreePlugin)).add_systems(Startup, setup);
+    })
+    .unwrap();
+    let target = headless.target();
+    headless.app.add_observer(move |camera: On<Add, Camera>, mut commands: Commands| {
+        commands.entity(camera.entity).insert(target.clone());
+    });
+    headless.wait_until_ready(PATIENCE).unwrap_or_else(|error| panic!("{name}: {error}"));
+    let frame = headless.capture().unwrap_or_else(|error| panic!("{name}: {error}"));
+    assert!(frame.pixels().any(|pixel| pixel != frame.get_pixel(0, 0)), "{name} shows nothing");
+}
+
+#[test]
+fn examples_without_arguments_are_within_these_limits() {
+    draw("custom_stage", custom_stage::setup);
+    draw("minimal", minimal::setup);
+    draw("posterize", posterize::setup);
+    draw("recolor", recolor::setup);
 }
