@@ -62,11 +62,9 @@ pub fn measure(end: Instant) -> Result {
                 continue;
             }
             let share = end.duration_since(now) / ((SIZES.len() - index) * VARIANTS.len() - variant) as u32;
-            headless.app.world_mut().entity_mut(lamp).insert(if variant < 4 {
-                Visibility::Hidden
-            } else {
-                Visibility::Visible
-            });
+            let is_last = variant + 1 == VARIANTS.len();
+            let visibility = if is_last { Visibility::Visible } else { Visibility::Hidden };
+            headless.app.world_mut().entity_mut(lamp).insert(visibility);
             let mut prop = headless.app.world_mut().entity_mut(prop);
             prop.remove::<(NotShadowCaster, PropLighting)>();
             match variant {

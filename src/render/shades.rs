@@ -65,8 +65,8 @@ impl Shades {
         if let Some(first) = self.begins.get(&begin) {
             return Some(*first);
         }
-        let rows = label_count(palette.count, palette.blend_steps) as usize * factors.len();
-        if self.colors.len() + rows > MOST_SHADES {
+        let count = PaletteLabel::count(palette.count as usize, palette.blend_steps) * factors.len();
+        if self.colors.len() + count > MOST_SHADES {
             warn_once!("too many palettes in light: the lights of the scene leave out some props");
             return None;
         }
@@ -107,19 +107,11 @@ impl Shades {
     }
 }
 
-/// Returns the number of labels of a palette.
-pub(super) fn label_count(colors: u32, blend_steps: u32) -> u32 {
-    PaletteLabel::count(colors as usize, blend_steps) as u32
-}
-
-/// Returns the colors of all labels of a palette, in the order of equation 7.
+/// Returns the colors of all labels of a palette.
 fn labels(colors: &[Vec4], blend_steps: u32) -> impl Iterator<Item = DVec3> {
     let color = |index: usize| colors[index].truncate().as_dvec3();
-    let pairs = (0..colors.len()).flat_map(move |i| (i + 1..colors.len()).map(move |j| (color(i), color(j))));
-    let blends = pairs.flat_map(move |(first, second)| {
-        (1..blend_steps).map(move |step| second.lerp(first, f64::from(step) / f64::from(blend_steps)))
-    });
-    (0..colors.len()).map(color).chain(blends)
+    PaletteLabel::all(colors.len(), blend_steps)
+        .map(move |label| color(label.second).lerp(color(label.first), label.share))
 }
 
 /// Multiplies the linear light of a color in encoded sRGB. What would get brighter than displays show moves toward
@@ -237,7 +229,7 @@ mod tests {
             let source: Vec<Vec4> = source.into_iter().map(|color| Vec3::from(color).extend(0.0)).collect();
             let found = shades(&[&source[..], &source].concat(), blend_steps, &[factor]);
             let own: Vec<DVec3> = labels(&source, blend_steps).collect();
-            prop_assert_eq!(own.len(), label_count(source.len() as u32, blend_steps) as usize);
+            prop_assert_eq!(own.len(), PaletteLabel::count(source.len(), blend_steps));
             prop_assert_eq!(own.len(), found.len());
             for (own, found) in own.into_iter().zip(found) {
                 let step = Seen::new(found.truncate().as_dvec3()).luma - Seen::new(own).luma;

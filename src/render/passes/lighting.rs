@@ -23,6 +23,7 @@ use bevy::{
     },
 };
 use glam::DMat4;
+use plenoctree::palette::PaletteLabel;
 
 use crate::{
     lighting::PropLighting,
@@ -34,7 +35,7 @@ use crate::{
             Slot,
         },
         plan::{Plan, PropView},
-        shades::{ShadedPalette, Shades, label_count},
+        shades::{ShadedPalette, Shades},
         uniforms::LabelsUniform,
     },
     sets::PlenOctreeRenderSystems,
@@ -144,7 +145,8 @@ pub(in crate::render) fn lit_props(plan: &Plan, extracted: &ExtractedProps, shad
             .map(|added| 1.0 + added * if added < 0.0 { shadows } else { brightness })
             .collect();
         let first_shade = shades.find(palette, &factors)?;
-        Some(LitUniform { first_shade, labels: label_count(colors, blend_steps), ..unlabeled })
+        let labels = PaletteLabel::count(colors as usize, blend_steps) as u32;
+        Some(LitUniform { first_shade, labels, ..unlabeled })
     };
     let props = plan.props.iter().enumerate();
     props.map(|(at, prop)| of(at, prop.index).filter(|_| prop.is_lit).unwrap_or_default()).collect()
