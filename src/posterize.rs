@@ -42,6 +42,8 @@ pub struct Posterize {
     /// Defaults to 80/255. Negative values count as 0.
     pub min_opacity: f32,
     /// The filter that flattens colors before labels are assigned.
+    ///
+    /// Defaults to 2 iterations, which is not the paper's 4.
     pub filter: BilateralFilter,
     /// What is drawn until the palette is loaded or extracted.
     ///
@@ -127,7 +129,8 @@ impl Default for Posterize {
             blend_steps: 3,
             softness: 0.0,
             min_opacity: 80.0 / 255.0,
-            filter: BilateralFilter::default(),
+            // Tones flatten colors, too. More iterations would lose details, and flatten little more.
+            filter: BilateralFilter { iterations: 2, ..default() },
             before_palette: BeforePalette::default(),
             edges: EdgeSmoothing::default(),
             borders: BorderSmoothing::default(),
@@ -174,6 +177,7 @@ impl Posterize {
     pub fn paper() -> Self {
         Self {
             softness: 0.2,
+            filter: BilateralFilter::default(),
             borders: BorderSmoothing::Off,
             steadiness: 0.0,
             method: Some(PaletteMethod::Hull),

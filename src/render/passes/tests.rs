@@ -74,7 +74,7 @@ fn written(pass: &Pass) -> u32 {
 fn passes_write_few_bytes() {
     for (what, posterize, most) in [
         ("as trained", None, 28),
-        ("posterized", Some(Posterize::default()), 248),
+        ("posterized", Some(Posterize::default()), 184),
         ("posterized as in the paper", Some(Posterize::paper()), 236),
     ] {
         let passes = passes_and_bytes(posterize);

@@ -142,6 +142,7 @@ impl Pictures<'_> {
         let settings = PosterizeSettings {
             blend_steps: steps,
             softness: 0.0,
+            filter_iterations: 2,
             smooth_edges: self.smooth,
             ..PosterizeSettings::default()
         };

@@ -12,8 +12,8 @@ use bevy::{
     },
 };
 use bevy_plenoctree::{
-    BorderSmoothing, EdgeSmoothing, FieldPalette, GpuField, Ink, POSTERIZE_SPANS, Palettes, PlenOctreePlugin,
-    Posterize, Prop, PropQuality, QualityPreset, VOLUME_SPANS,
+    BilateralFilter, BorderSmoothing, EdgeSmoothing, FieldPalette, GpuField, Ink, POSTERIZE_SPANS, Palettes,
+    PlenOctreePlugin, Posterize, Prop, PropQuality, QualityPreset, VOLUME_SPANS,
     headless::{Headless, exact_camera, pinhole_view},
 };
 use image::{DynamicImage, RgbImage, RgbaImage};
@@ -141,6 +141,7 @@ fn posterize(settings: PosterizeSettings) -> Posterize {
         blend_steps: settings.blend_steps,
         softness: settings.softness,
         min_opacity: settings.min_opacity,
+        filter: BilateralFilter { iterations: settings.filter_iterations, ..default() },
         edges: if settings.smooth_edges { EdgeSmoothing::Coverage } else { EdgeSmoothing::Off },
         borders: if settings.smooth_edges { BorderSmoothing::Interpolated } else { BorderSmoothing::Off },
         ..Posterize::default()

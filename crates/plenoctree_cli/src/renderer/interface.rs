@@ -36,6 +36,8 @@ pub struct PosterizeSettings {
     pub softness: f32,
     /// The opacity below which pixels are drawn as trained.
     pub min_opacity: f32,
+    /// The number of iterations of the bilateral filter.
+    pub filter_iterations: u32,
     /// Whether the edges of the prop and the borders between hard labels are smooth. GPU only.
     #[cfg_attr(not(feature = "bevy"), allow(dead_code))]
     pub smooth_edges: bool,
@@ -47,7 +49,14 @@ pub struct PosterizeSettings {
 impl Default for PosterizeSettings {
     /// Returns the settings of the paper.
     fn default() -> Self {
-        Self { blend_steps: 3, softness: 0.2, min_opacity: 80.0 / 255.0, smooth_edges: false, ink: false }
+        Self {
+            blend_steps: 3,
+            softness: 0.2,
+            min_opacity: 80.0 / 255.0,
+            filter_iterations: 4,
+            smooth_edges: false,
+            ink: false,
+        }
     }
 }
 

@@ -84,6 +84,7 @@ fn posterization(look: &Look) -> Posterization {
         blend_steps: settings.blend_steps,
         softness: settings.softness.into(),
         min_opacity: settings.min_opacity.into(),
+        iterations: settings.filter_iterations,
         ..Posterization::default()
     }
 }

@@ -102,6 +102,7 @@ impl Arguments {
             blend_steps: self.blend_steps.unwrap_or(usual),
             softness: self.softness.unwrap_or(self.look.softness()),
             min_opacity: self.min_opacity,
+            filter_iterations: self.look.filter_iterations(),
             smooth_edges: self.smooth_edges || ink,
             ink,
         }

@@ -26,6 +26,14 @@ impl NamedLook {
         }
     }
 
+    /// Returns the number of iterations of the filter.
+    pub fn filter_iterations(self) -> u32 {
+        match self {
+            Self::Paper => 4,
+            Self::Toon | Self::Comic | Self::Soft => 2,
+        }
+    }
+
     /// Returns the distance over which its labels blend, in the space of the palette's labels.
     pub fn softness(self) -> f32 {
         match self {
