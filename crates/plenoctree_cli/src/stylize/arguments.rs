@@ -59,8 +59,8 @@ pub struct Arguments {
     /// The opacity below which pixels are drawn as trained.
     #[arg(long, default_value_t = 80.0 / 255.0, value_parser = parse_share)]
     min_opacity: f32,
-    /// Smooth the edges of the prop and the borders between labels, as the plugin does by default and --look comic always
-    /// does; not with --renderer reference.
+    /// Smooth the edges of the prop and the borders between labels with --look paper, too, as the other looks do; not with
+    /// --renderer reference.
     #[arg(long)]
     smooth_edges: bool,
     /// Show another color in place of a palette color, given by its index, or of a ramp, given by its name or as
@@ -97,14 +97,14 @@ impl Arguments {
             LabelSpace::Encoded => PosterizeSettings::default().blend_steps,
             LabelSpace::Tones => 1,
         };
-        let ink = self.look == NamedLook::Comic;
+        let is_smooth = self.renderer != Renderer::Reference && self.look != NamedLook::Paper;
         PosterizeSettings {
             blend_steps: self.blend_steps.unwrap_or(usual),
             softness: self.softness.unwrap_or(self.look.softness()),
             min_opacity: self.min_opacity,
             filter_iterations: self.look.filter_iterations(),
-            smooth_edges: self.smooth_edges || ink,
-            ink,
+            smooth_edges: self.smooth_edges || is_smooth,
+            ink: self.look == NamedLook::Comic,
         }
     }
 

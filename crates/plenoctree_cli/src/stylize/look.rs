@@ -8,10 +8,10 @@ use plenoctree::palette::PaletteMethod;
 pub enum NamedLook {
     /// The paper's: the hull of the colors, and blends that blend into one another.
     Paper,
-    /// A cartoon's: tones with hard borders.
+    /// A cartoon's: tones with smooth lines between them, or hard ones with --renderer reference.
     #[default]
     Toon,
-    /// A comic's: tones with smooth borders and lines; not with --renderer reference.
+    /// A comic's: those of a cartoon, and ink; not with --renderer reference.
     Comic,
     /// Tones that blend into one another.
     Soft,
