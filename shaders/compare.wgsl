@@ -1,5 +1,5 @@
-// Finds out whether the scene that the props are drawn into has changed since the last frame, and remembers it for the
-// next one.
+// Finds out whether the scene that the props are drawn into, or the light on the props, has changed since the last frame,
+// and remembers it for the next one.
 
 #import bevy_plenoctree::view::View
 
@@ -7,11 +7,13 @@
 struct Stale {
     layer: atomic<u32>,
     composite: atomic<u32>,
+    labels: atomic<u32>,
 }
 
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<storage, read_write> stale: Stale;
-// What was seen in the last frame: a word for the depth of each pixel, then one for the color of each.
+// What was seen in the last frame: a word for the depth of each pixel, then one for the color of each, and one for the
+// light on each.
 @group(0) @binding(2) var<storage, read_write> before: array<u32>;
 #ifdef COLORS
 @group(0) @binding(3) var scene: texture_2d<f32>;
@@ -34,10 +36,15 @@ fn compare(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     var word = pixel.y * view.size.x + pixel.x;
 #ifdef COLORS
-    // The composite is stored as half floats too.
+#ifdef LIGHT
+    let color = textureLoad(scene, pixel, 0);
+    word += 2u * view.size.x * view.size.y;
+#else
     let color = textureLoad(scene, pixel + view.corner, 0);
-    let seen = mixed(pack2x16float(color.rg), pack2x16float(vec2(color.b, 0.0)));
     word += view.size.x * view.size.y;
+#endif
+    // The composite and the light are stored as half floats, too.
+    let seen = mixed(pack2x16float(color.rg), pack2x16float(color.ba));
 #else
     var seen = bitcast<u32>(textureLoad(scene, pixel + view.corner, 0));
 #ifdef MULTISAMPLED
@@ -49,7 +56,9 @@ fn compare(@builtin(global_invocation_id) id: vec3<u32>) {
 #endif
     if before[word] != seen {
         before[word] = seen;
-#ifdef COLORS
+#ifdef LIGHT
+        atomicStore(&stale.labels, 1u);
+#else ifdef COLORS
         atomicStore(&stale.composite, 1u);
 #else
         atomicStore(&stale.layer, 1u);

@@ -263,9 +263,8 @@ fn plan(
 
 /// Returns the parts of a frame that are drawn in every frame.
 fn never_cached(plan: &Plan) -> &'static [Part] {
-    // There is no way to tell whether shadows that fall on props have changed. What is only blended over the scene is
-    // drawn faster than the scene is compared.
-    if plan.is_lit || !plan.posterizes { &[Part::Labels] } else { &[] }
+    // What is only blended over the scene is drawn faster than the scene is compared.
+    if plan.posterizes { &[] } else { &[Part::Labels] }
 }
 
 fn write_uniforms(plan: &Plan, buffers: &mut ViewBuffers, device: &RenderDevice, queue: &RenderQueue) {

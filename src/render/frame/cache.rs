@@ -1,9 +1,10 @@
 //! What views keep from frame to frame, so that nothing is drawn twice.
 //!
 //! A [`Part`] of a frame is stale if anything changes that its passes read: a uniform, a texture, a buffer or a field,
-//! or the part that it is made from. All of this follows from the passes themselves. Bevy redraws the scene in every
-//! frame, so wherever nothing else has changed, a compute shader compares the scene with what it was, and sets a flag if
-//! they differ. Without this flag, the vertex shaders of all passes of the part draw nothing.
+//! or the part that it is made from. All of this follows from the passes themselves. Bevy redraws the scene and its
+//! shadow maps in every frame, so wherever nothing else has changed, a compute shader compares the scene, and the light on
+//! props, with what they were, and sets a flag if they differ. Without this flag, the vertex shaders of all passes of the
+//! part draw nothing.
 //!
 //! Views in which something changes in every frame, because the camera moves, compare and remember nothing.
 
@@ -28,6 +29,7 @@ use bevy::{
 use super::{
     bind_groups::{BindGroups, bound, bound_buffer},
     pass::{Input, Output, Part, Pass, StaleUniform, Uniforms},
+    slot::{self, Slot},
     textures::Textures,
     uniforms::ViewBuffers,
 };
@@ -37,10 +39,11 @@ use crate::{gpu::Shaders, render::uniforms::ViewUniform};
 #[derive(Default)]
 pub(in crate::render) struct Cache {
     parts: [Cached; 3],
-    /// What the scene was: a word per pixel for its depth, and then, if anything is posterized, one for its color.
+    /// What the scene was: a word per pixel for its depth, and then, if anything is posterized, one for its color, and if
+    /// light falls on props, one for this light.
     scene: Option<Buffer>,
-    /// Whether these words are those of the frame that was drawn.
-    knows: [bool; 2],
+    /// Whether the words that each part depends on are those of the frame that was drawn.
+    knows: [bool; 3],
 }
 
 /// A part of the frame.
@@ -79,13 +82,13 @@ impl Cache {
         size: UVec2,
     ) {
         let mut may_keep = is_complete;
+        let has_light = light(passes).is_some();
+        self.knows[Part::Labels as usize] |= !has_light;
         for part in Part::ALL {
             let cached = &mut self.parts[part as usize];
             cached.key = key(part, passes, textures, buffers);
             may_keep &= !never.contains(&part) && cached.drawn == Some(cached.key);
-            // The scene is not compared for what does not show it.
-            let knows = self.knows.get(part as usize).copied().unwrap_or(true);
-            cached.mode = match (may_keep, knows) {
+            cached.mode = match (may_keep, self.knows[part as usize]) {
                 (false, _) => Mode::Draw,
                 (true, false) => Mode::Remember,
                 (true, true) => Mode::Compare,
@@ -100,7 +103,7 @@ impl Cache {
             return;
         }
         let has_composite = passes.iter().any(|(pass, _)| pass.part == Some(Part::Composite));
-        let words = if has_composite { 2 } else { 1 };
+        let words = 1 + u64::from(has_composite) + u64::from(has_light);
         let size = 4 * words * u64::from(size.x) * u64::from(size.y);
         if self.scene.as_ref().is_none_or(|scene| scene.size() != size) {
             let (label, usage) = (Some("plenoctree_scene"), BufferUsages::STORAGE);
@@ -145,7 +148,7 @@ impl Cache {
         self.parts[..=part as usize].iter().any(|cached| cached.mode != Mode::Compare)
     }
 
-    /// Compares the scene with what it was, before the passes of a part.
+    /// Compares the scene, or the light on props, with what it was, before the passes of a part.
     pub fn compare(
         &mut self,
         part: Part,
@@ -207,19 +210,33 @@ fn key(part: Part, passes: &[(Pass, Vec<CachedRenderPipelineId>)], textures: &Te
                 Uniforms::Labels => (buffers.labelings.hash(), buffers.palettes).hash(&mut hasher),
             }
         }
-        let read = pass.reads.iter().flatten().filter_map(|input| match input {
-            Input::Texture(slot) => Some(slot),
-            _ => None,
-        });
+        for input in pass.reads.iter().flatten() {
+            match input {
+                Input::Texture(slot) => textures.get(*slot).map(|view| view.id()).hash(&mut hasher),
+                Input::Buffer(slot::Buffer::Lit) => buffers.lit.hash().hash(&mut hasher),
+                Input::Buffer(slot::Buffer::Shades) => buffers.shades.hash().hash(&mut hasher),
+                // The others are only read where another pass of the same part writes them.
+                _ => (),
+            }
+        }
         let written = pass.writes.iter().flatten().chain(&pass.depth).filter_map(|output| match output {
             Output::Texture(slot) => Some(slot),
             _ => None,
         });
-        for slot in read.chain(written) {
+        for slot in written {
             textures.get(*slot).map(|view| view.id()).hash(&mut hasher);
         }
     }
     hasher.finish()
+}
+
+/// Returns where the light is in which labels are shown, if any falls on props.
+pub(super) fn light(passes: &[(Pass, Vec<CachedRenderPipelineId>)]) -> Option<Slot> {
+    let labels = passes.iter().map(|(pass, _)| pass).filter(|pass| pass.part == Some(Part::Labels));
+    labels.flat_map(|pass| pass.reads.iter().flatten()).find_map(|input| match input {
+        Input::Texture(slot @ (Slot::Light | Slot::SmoothLight)) => Some(*slot),
+        _ => None,
+    })
 }
 
 const COMPARE: &str = "plenoctree_compare";
@@ -227,13 +244,13 @@ const COMPARE: &str = "plenoctree_compare";
 /// The pipelines that compare the scene with what it was.
 #[derive(Resource)]
 pub(in crate::render) struct Comparison {
-    /// The depth of a single-sampled scene, that of a multisampled one, and colors.
-    pipelines: [(BindGroupLayoutDescriptor, CachedComputePipelineId); 3],
+    /// The depth of a single-sampled scene, that of a multisampled one, the scene's colors, and light.
+    pipelines: [(BindGroupLayoutDescriptor, CachedComputePipelineId); 4],
 }
 
 impl Comparison {
     pub fn new(cache: &PipelineCache, shaders: &Shaders) -> Self {
-        let pipeline = |scene, definition: Option<&str>| {
+        let pipeline = |scene, definitions: &[&str]| {
             let words = || storage_buffer_sized(false, None);
             let entries = (uniform_buffer::<ViewUniform>(false), words(), words(), scene);
             let entries = BindGroupLayoutEntries::sequential(ShaderStages::COMPUTE, entries);
@@ -242,18 +259,19 @@ impl Comparison {
                 label: Some(COMPARE.into()),
                 layout: vec![layout.clone()],
                 shader: shaders.get("compare"),
-                shader_defs: definition.into_iter().map(Into::into).collect(),
+                shader_defs: definitions.iter().map(|definition| (*definition).into()).collect(),
                 entry_point: Some("compare".into()),
                 ..default()
             });
             (layout, id)
         };
-        let colors = texture_2d(TextureSampleType::Float { filterable: false });
+        let colors = || texture_2d(TextureSampleType::Float { filterable: false });
         Self {
             pipelines: [
-                pipeline(texture_depth_2d(), None),
-                pipeline(texture_depth_2d_multisampled(), Some("MULTISAMPLED")),
-                pipeline(colors, Some("COLORS")),
+                pipeline(texture_depth_2d(), &[]),
+                pipeline(texture_depth_2d_multisampled(), &["MULTISAMPLED"]),
+                pipeline(colors(), &["COLORS"]),
+                pipeline(colors(), &["COLORS", "LIGHT"]),
             ],
         }
     }
@@ -261,7 +279,8 @@ impl Comparison {
     fn of(&self, part: Part, samples: u32) -> &(BindGroupLayoutDescriptor, CachedComputePipelineId) {
         match part {
             Part::Layer => &self.pipelines[usize::from(samples > 1)],
-            Part::Composite | Part::Labels => &self.pipelines[2],
+            Part::Composite => &self.pipelines[2],
+            Part::Labels => &self.pipelines[3],
         }
     }
 }

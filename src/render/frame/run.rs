@@ -16,7 +16,7 @@ use bevy::{
 
 use super::{
     bind_groups::{bound, bound_buffer},
-    cache::{Cache, Comparison},
+    cache::{Cache, Comparison, light},
     pass::{Area, Clear, Input, Output, Part, Pass, Place},
     pipelines::Pipelines,
     slot::{BATCH, Buffer, batches, grid_size},
@@ -97,7 +97,8 @@ pub(in crate::render) fn run(
     view.passes = passes;
 }
 
-/// Compares the scene with what it was in the last frame, if a part of this frame may be cached.
+/// Compares the scene, and the light on props, with what they were in the last frame, if a part of this frame may be
+/// cached.
 fn compare(
     place: Place,
     passes: &[(Pass, Vec<CachedRenderPipelineId>)],
@@ -106,7 +107,7 @@ fn compare(
     comparison: Option<&Comparison>,
     ctx: &mut RenderContext,
 ) {
-    let PropView { plan, cached, buffers, groups, .. } = view;
+    let PropView { plan, cached, textures, buffers, groups, .. } = view;
     let mut of = |cached: &mut Cache, part, scene| {
         if let Some(comparison) = comparison {
             cached.compare(part, scene, plan.samples, buffers, groups, comparison, frame.cache, plan.rect.size, ctx);
@@ -120,6 +121,9 @@ fn compare(
         Place::Posterize => {
             if passes.iter().any(|(pass, _)| pass.part == Some(Part::Composite)) {
                 of(cached, Part::Composite, frame.target.main_texture_view());
+            }
+            if let Some(light) = light(passes).and_then(|slot| textures.get(slot)) {
+                of(cached, Part::Labels, light);
             }
             cached.finish(Part::Composite);
             cached.finish(Part::Labels);

@@ -16,6 +16,8 @@ use crate::{
 /// Returns an app with a prop at a distance, and its camera.
 fn app(size: UVec2, posterize: Option<Posterize>, distance: f32) -> (Headless, Entity) {
     let mut headless = Headless::new(size, |app| {
+        #[cfg(feature = "headless-lit")]
+        app.add_plugins(crate::headless::LitMeshPlugins);
         app.add_plugins(PlenOctreePlugin);
     })
     .unwrap();
@@ -152,4 +154,21 @@ fn still_views_draw_nothing_and_recoloring_draws_labels() {
     world.resource_mut::<Palettes>().get_mut(&field).unwrap().set(0, Color::srgb(0.2, 0.4, 0.6));
     headless.update();
     assert_eq!(stale(&mut headless), [0, 0, 1]);
+}
+
+/// Nor are labels where light falls on them and stays as it is.
+#[cfg(feature = "headless-lit")]
+#[test]
+fn still_views_in_light_draw_no_labels() {
+    let (mut headless, _) = app(UVec2::splat(64), Some(Posterize::default()), 3.0);
+    let world = headless.app.world_mut();
+    let prop = world.query_filtered::<Entity, With<Prop>>().single(world).unwrap();
+    world.entity_mut(prop).insert(crate::PropLighting::default());
+    headless.wait_until_ready(Duration::from_secs(120)).unwrap();
+    (0..6).for_each(|_| headless.update());
+    let world = headless.app.sub_app_mut(RenderApp).world_mut();
+    let view = world.query::<&PropView>().single(world).unwrap();
+    assert!(view.plan.is_lit);
+    let stale = view.cached.stale();
+    assert_eq!([stale.layer, stale.composite, stale.labels], [0, 0, 0]);
 }

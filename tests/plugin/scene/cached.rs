@@ -9,7 +9,8 @@ use bevy::{
 };
 use bevy_plenoctree::{
     BilateralFilter, BorderSmoothing, EdgeSmoothing, FieldPalette, Ink, InkColor, LabelStages, PaletteOverride,
-    Palettes, PlenOctree, Posterize, PosterizeView, Prop, PropPlacement, PropQuality, PropTint, Recolor, SolidOpacity,
+    Palettes, PlenOctree, Posterize, PosterizeView, Prop, PropLighting, PropPlacement, PropQuality, PropTint, Recolor,
+    SolidOpacity,
 };
 use glam::DVec3;
 use image::RgbaImage;
@@ -32,6 +33,7 @@ struct View {
     stage: Stage,
     meshes: [Entity; 2],
     fields: [Handle<PlenOctree>; 2],
+    posterizes: bool,
 }
 
 impl View {
@@ -59,7 +61,7 @@ impl View {
         stage.spawn_mesh(Rectangle::new(1.4, 0.6), unlit(Color::srgba(0.2, 0.1, 0.9, 0.5)), slanted);
         stage.set_background(Color::srgb(0.4, 0.6, 0.5));
         stage.set((PropQuality::EXACT, Transform::from_xyz(0.3, 0.2, 2.2).looking_at(Vec3::ZERO, Vec3::Y)));
-        Self { stage, meshes, fields }
+        Self { stage, meshes, fields, posterizes }
     }
 
     fn show_as_trained(&mut self) {
@@ -79,6 +81,34 @@ impl View {
     fn set_prop(&mut self, prop: usize, components: impl Bundle) {
         let prop = self.props[prop];
         self.insert(prop, components);
+    }
+
+    /// Makes changes and returns the last frame.
+    fn draw_changes(&mut self, changes: &[(&str, Change)], is_invisible: impl Fn(&str) -> bool) -> RgbaImage {
+        self.wait();
+        let mut before = self.capture();
+        for (what, change) in changes {
+            // A view takes two frames to come to rest.
+            (0..2).for_each(|_| assert_same(&self.capture(), &before, "a view at rest"));
+            change(self);
+            if !self.posterizes {
+                self.show_as_trained();
+            }
+            // New pipelines, levels and fields take a while. Until then, nothing changes.
+            self.wait();
+            let kept: Vec<_> = (0..4).map(|_| self.capture()).collect();
+            let anew = self.capture_anew();
+            for (frame, kept) in kept.iter().enumerate() {
+                assert_same(kept, &anew, &format!("{what}, frame {frame}"));
+            }
+            assert!(is_invisible(what) || anew != before, "{what} changes nothing");
+            before = anew;
+        }
+        before
+    }
+
+    fn find_light(&mut self) -> Entity {
+        self.world().query_filtered::<Entity, With<DirectionalLight>>().single(self.world()).unwrap()
     }
 
     fn move_by(&mut self, entity: Entity, by: Vec3) {
@@ -243,30 +273,53 @@ fn every_change_of_props_as_trained_is_drawn_at_once() {
     draw_every_change(false);
 }
 
+/// Light on props, which no setting of theirs may tell from that of the frame before.
+const CHANGES_OF_LIGHT: &[(&str, Change)] = &[
+    ("the sun turns", |view| {
+        let sun = view.find_light();
+        view.world().get_mut::<Transform>(sun).unwrap().rotate_y(0.7);
+    }),
+    ("the sun's color", |view| {
+        let sun = view.find_light();
+        view.world().get_mut::<DirectionalLight>(sun).unwrap().color = Color::srgb(1.0, 0.6, 0.4);
+    }),
+    ("a mesh moves into the light", |view| {
+        let mesh = view.meshes[1];
+        view.insert(mesh, Transform::from_xyz(0.4, 0.8, 1.2));
+    }),
+    ("a mesh moves in the light", |view| view.move_by(view.meshes[1], Vec3::new(-0.2, 0.0, 0.0))),
+    ("shadows", |view| view.set_prop(0, PropLighting { shadows: 0.3, ..PropLighting::toon(2.0) })),
+    ("a lamp", |view| {
+        let lamp = PointLight { intensity: 1e5, ..default() };
+        view.spawn((lamp, Transform::from_xyz(-0.4, 1.0, 1.5)));
+    }),
+    ("brightness", |view| view.set_prop(0, PropLighting::toon(0.5))),
+    ("bands", |view| view.set_prop(0, PropLighting { bands: 2, ..PropLighting::toon(0.5) })),
+    ("a palette in light", |view| {
+        let field = view.fields[0].clone();
+        view.world().resource_mut::<Palettes>().get_mut(&field).unwrap().set(1, Color::srgb(0.9, 0.1, 0.9));
+    }),
+    ("no sun", |view| {
+        let sun = view.find_light();
+        view.world().despawn(sun);
+    }),
+];
+
+/// The same of light.
+#[test]
+fn every_change_of_light_is_drawn_at_once() {
+    let mut view = View::new(true);
+    let sun = DirectionalLight { illuminance: 3000.0, shadow_maps_enabled: true, ..default() };
+    view.spawn((sun, Transform::default().looking_to(Vec3::new(-0.6, -0.3, -1.0), Vec3::Y)));
+    view.set_prop(0, PropLighting::toon(2.0));
+    view.set_prop(1, PropLighting::default());
+    view.draw_changes(CHANGES_OF_LIGHT, |_| false);
+}
+
 /// Returns the last frame.
 fn draw_every_change(posterizes: bool) -> RgbaImage {
-    let mut view = View::new(posterizes);
-    view.wait();
-    let mut before = view.capture();
-    for (what, change) in CHANGES {
-        // A view takes two frames to come to rest.
-        (0..2).for_each(|_| assert_same(&view.capture(), &before, "a view at rest"));
-        change(&mut view);
-        if !posterizes {
-            view.show_as_trained();
-        }
-        // New pipelines, levels and fields take a while. Until then, nothing changes.
-        view.wait();
-        let kept: Vec<_> = (0..4).map(|_| view.capture()).collect();
-        let anew = view.capture_anew();
-        for (frame, kept) in kept.iter().enumerate() {
-            assert_same(kept, &anew, &format!("{what}, frame {frame}"));
-        }
-        let is_invisible = *what == "motion vectors" || (!posterizes && CHANGES_OF_LABELS.contains(what));
-        assert!(is_invisible || anew != before, "{what} changes nothing");
-        before = anew;
-    }
-    before
+    let is_invisible = |what: &str| what == "motion vectors" || (!posterizes && CHANGES_OF_LABELS.contains(&what));
+    View::new(posterizes).draw_changes(CHANGES, is_invisible)
 }
 
 /// With several samples per pixel, a mesh may uncover some of them while a pixel's first sample, whose depth ends the
