@@ -10,7 +10,7 @@ use crate::palette::{
 };
 
 /// The cost above which groups are different materials.
-const DIFFERENT: f64 = 0.066;
+const DIFFERENT: f64 = 0.063;
 /// Lightness in Oklab below which the ratio of chroma to lightness is mostly noise.
 const DARK: f64 = 0.12;
 /// Ratio of chroma to lightness beyond which it counts logarithmically.
