@@ -1,14 +1,14 @@
 //! Stylized radiance-field props for [Bevy](https://bevy.org).
 //!
 //! The plugin loads PlenOctrees (trained radiance fields) as assets, extracts one palette per field, renders fields
-//! among ordinary meshes, and posterizes them with labels blended from their palettes. Palettes can change in any
+//! among ordinary meshes, and posterizes them with their palettes. Palettes can change in any
 //! frame, so gameplay can turn a red cap blue while all regions stay coherent from frame to frame.
 //!
 #![cfg_attr(
     feature = "doc-images",
-    doc = "![A toadstool house as trained, posterized, and with its red turned blue][toadstool]\n",
+    doc = "![A toadstool house as trained, in the paper's look, as a cartoon, with its red turned blue, and as a comic][looks]\n",
     doc = "![Four props in a room with lamps and glass][scene]\n",
-    doc = ::embed_doc_image::embed_image!("toadstool", "docs/toadstool.png"),
+    doc = ::embed_doc_image::embed_image!("looks", "docs/looks.png"),
     doc = ::embed_doc_image::embed_image!("scene", "docs/scene.png")
 )]
 //!
@@ -35,7 +35,7 @@
 //! | keep its silhouette hard | [`EdgeSmoothing`], in its [`Posterize`] |
 //! | recolor it as trained | [`Recolor`] on the prop |
 //! | recolor it | [`Palettes`], [`PaletteOverride`], [`PropTint`], [`BlendSpace`], [`PaletteReady`] |
-//! | configure palette extraction, and see what it found where | [`PaletteExtraction`], [`SampleOrigin`] |
+//! | configure palette extraction, and see where the field was sampled | [`PaletteExtraction`], [`SampleOrigin`] |
 //! | cast shadows | the feature `shadows`, [`SolidOpacity`], [`PropQuality`] on a light |
 //! | let the scene's shadows and lights darken, tint or brighten it | [`PropLighting`] (feature `shadows`) on the prop |
 //! | let it fade in fog | Bevy's `DistanceFog` on a camera (feature `shadows`) |

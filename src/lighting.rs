@@ -11,8 +11,7 @@ pub const MAX_BRIGHTNESS: f32 = 16.0;
 ///
 /// Props without it keep the light that they were trained with, wherever they are. Props with it keep that light too,
 /// as their own shading, and get darker where something else blocks the scene's lights. Lights are weighted by how much
-/// of their light would arrive; ambient light does not count, and lights without shadow maps are never blocked. With a
-/// [`brightness`](Self::brightness), they get brighter where light falls on them.
+/// of their light would arrive; ambient light does not count, and lights without shadow maps are never blocked. With a [`brightness`](Self::brightness), props also get brighter where light falls on them.
 ///
 /// Nothing inside the box around a prop's leaves casts a shadow on it, neither its own parts nor a mesh that it holds:
 /// the shadows of its own parts are already in its colors. [`self_shadow_distance`](Self::self_shadow_distance) changes
@@ -95,8 +94,7 @@ impl Default for PropLighting {
 
 impl PropLighting {
     /// Returns the lighting of a cartoon, for a prop of a size in world units: one clean line between light and dark, one
-    /// between dark and shadow, a thin rim, and a little of the lights' color. The prop shades itself from a tenth of its
-    /// size on.
+    /// between dark and shadow, a thin rim, and a little of the lights' color. Parts that are at least a tenth of its size away cast shadows on the prop.
     pub const fn toon(size: f32) -> Self {
         Self { shadows: 0.5, tint: 0.25, bands: 1, self_shadow_distance: 0.1 * size, brightness: 0.6, rim: 0.5 }
     }

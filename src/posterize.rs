@@ -32,8 +32,8 @@ pub struct Posterize {
     /// [`PaletteLabel::most_blend_steps`], so that every pixel is compared to at most [`PaletteLabel::MAX_LABELS`]
     /// labels. In that case, an error is logged.
     pub blend_steps: u32,
-    /// The distance over which neighboring labels blend, `D` in the method: in encoded sRGB, or in Oklab for palettes of
-    /// [tones](crate::PaletteMethod::Tones). 0 is a hard border.
+    /// The distance over which neighboring labels blend, `D` in the method: in encoded sRGB, or in [tone
+    /// space](plenoctree::palette::tone_space) for palettes of [tones](crate::PaletteMethod::Tones). 0 is a hard border.
     ///
     /// Defaults to 0, which is not the paper's 0.2. Values up to 0.4 are useful. Negative values count as 0.
     pub softness: f32,
@@ -58,7 +58,8 @@ pub struct Posterize {
     /// Defaults to [`BorderSmoothing::Interpolated`].
     pub borders: BorderSmoothing,
     /// How much nearer another label must be before a pixel changes its label while the prop or the camera moves: in
-    /// encoded sRGB, or in Oklab for palettes of [tones](crate::PaletteMethod::Tones). Otherwise, labels of noisy colors
+    /// encoded sRGB, or in [tone space](plenoctree::palette::tone_space) for palettes of
+    /// [tones](crate::PaletteMethod::Tones). Otherwise, labels of noisy colors
     /// flicker. 0 assigns the labels of every frame anew.
     ///
     /// Where nothing moves, every pixel has the nearest label. Only hard labels are kept ([`softness`](Self::softness) 0),
@@ -99,8 +100,7 @@ pub enum EdgeSmoothing {
 #[reflect(Default, Clone, Debug, PartialEq, Hash)]
 #[type_path = "bevy_plenoctree"]
 pub enum BorderSmoothing {
-    /// Labels are assigned at eight places within a pixel at a border, from interpolated colors, and blended in linear
-    /// light. Islands of up to three pixels take the label around them. Labels that blend into one another
+    /// Borders run where interpolated colors are equally near to two labels: along a straight line within each pixel. The labels on both sides are blended in linear light, by the share of the pixel that they cover. Islands of up to three pixels take the label around them. Labels that blend into one another
     /// ([`Posterize::softness`]) have no borders, and are drawn as with [`BorderSmoothing::Off`]. This is the default.
     #[default]
     Interpolated,

@@ -180,8 +180,8 @@ impl Headless {
     /// Runs frames until everything is ready to be drawn: all [`Prop`](crate::Prop)s are [`Ready`](crate::PropState),
     /// all [posterized views](crate::PosterizeView) have their palettes, and all pipelines have their shaders.
     ///
-    /// Frames are drawn, at least one of them, when all fields and palettes are there. Until then cameras rest, because a
-    /// GPU that is emulated in software takes long to draw what nobody sees.
+    /// Cameras draw only once all fields and palettes have arrived, and then at least one frame: a GPU that is emulated in
+    /// software takes long to draw frames that nobody sees.
     ///
     /// Returns an error if a prop, a palette, a pipeline or rendering has failed, or if the scene is not ready after
     /// `timeout`; it says what was not.

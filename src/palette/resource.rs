@@ -14,9 +14,9 @@ use super::{blend::BlendSpace, ready::PaletteReady, samples::SampleOrigin, sourc
 
 /// Stores the palettes of all fields.
 ///
-/// Any system may change a palette in any frame. Changes are visible in the same frame and do not allocate.
+/// Any system may change a palette in any frame. Changes are visible in the same frame. Those of single colors and ramps do not allocate.
 ///
-/// If the field of a posterized prop or [view](crate::PosterizeView) has no palette, the plugin loads one from the file
+/// If the field of a posterized or recolored prop, or of a posterized [view](crate::PosterizeView), has no palette, the plugin loads one from the file
 /// `x.palette.json` next to the field's `x.plenoctree` or `x.npz` or, if there is no such file, extracts one.
 /// [`PaletteReady`](crate::PaletteReady) is written when it is ready. A palette that you insert takes precedence over
 /// both.

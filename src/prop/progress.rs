@@ -18,7 +18,7 @@ pub struct PropProgress {
     /// The fraction of the field that is on the GPU, from 0 to 1. It is 0 while the field is prepared in the
     /// background.
     pub uploaded: f32,
-    /// The progress of the palette's extraction, from 0 to 1, or `None` if the prop is not posterized.
+    /// The progress of the palette's extraction, from 0 to 1, or `None` if the prop needs no palette.
     pub palette: Option<f32>,
 }
 

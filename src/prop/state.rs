@@ -44,7 +44,7 @@ pub enum PropState {
     /// The field is loaded, but has not arrived on the GPU yet. If it was reloaded, its earlier version is drawn in the
     /// meantime.
     Uploading,
-    /// The palette is being loaded or extracted. Only posterized props wait for one;
+    /// The palette is being loaded or extracted. Only props with a [`Posterize`](crate::Posterize) or a [`Recolor`](crate::Recolor) wait for one;
     /// [`PaletteExtraction::progress`](crate::PaletteExtraction::progress) returns its progress.
     AwaitingPalette,
     /// All data is available, but Bevy has not yet compiled the pipelines of the cameras that see the prop.

@@ -40,7 +40,7 @@ pub struct Arguments {
     /// A palette.json file to use instead of extracting a palette.
     #[arg(long, conflicts_with_all = ["method", "colors", "tolerance", "sampling", "sample_fraction", "histograms"])]
     pub palette: Option<PathBuf>,
-    /// The look: it chooses --method and --softness, unless they are given.
+    /// The look. It sets --method and --softness unless they are given, and the filter, smooth edges and ink.
     #[arg(long, value_enum, default_value_t)]
     pub look: NamedLook,
     /// The arguments for extraction.
@@ -49,18 +49,18 @@ pub struct Arguments {
     /// The sampler of the field's radiance; by default the GPU, or the CPU if there is no GPU or no support for it.
     #[arg(long, value_enum)]
     pub sampling: Option<Sampling>,
-    /// The number of steps from one palette color to another; by default 3, or 1 for palettes of tones.
+    /// The number of steps from one palette color to another; by default 3. Palettes of tones have no blends.
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=8))]
     blend_steps: Option<u32>,
-    /// The distance over which labels blend, in encoded sRGB, or in Oklab for palettes of tones; 0 is a hard border. By
+    /// The distance over which labels blend, in encoded sRGB, or in tone space for palettes of tones; 0 is a hard border. By
     /// default that of --look.
     #[arg(long, value_parser = parse_softness)]
     softness: Option<f32>,
     /// The opacity below which pixels are drawn as trained.
     #[arg(long, default_value_t = 80.0 / 255.0, value_parser = parse_share)]
     min_opacity: f32,
-    /// Smooth the edges of the prop and the borders between labels with --look paper, too, as the other looks do; not with
-    /// --renderer reference.
+    /// Smooth the edges of the prop and the borders between labels with --look paper, too; the other looks always do.
+    /// Requires --renderer gpu.
     #[arg(long)]
     smooth_edges: bool,
     /// Show another color in place of a palette color, given by its index, or of a ramp, given by its name or as
@@ -93,13 +93,14 @@ impl Arguments {
 
     /// Returns the settings of posterization with a palette.
     pub fn posterize(&self, palette: &Palette) -> PosterizeSettings {
-        let usual = match palette.label_space() {
-            LabelSpace::Encoded => PosterizeSettings::default().blend_steps,
+        let blend_steps = match palette.label_space() {
+            LabelSpace::Encoded => self.blend_steps.unwrap_or(PosterizeSettings::default().blend_steps),
+            // Tones do not blend, whatever the argument says.
             LabelSpace::Tones => 1,
         };
         let is_smooth = self.renderer != Renderer::Reference && self.look != NamedLook::Paper;
         PosterizeSettings {
-            blend_steps: self.blend_steps.unwrap_or(usual),
+            blend_steps,
             softness: self.softness.unwrap_or(self.look.softness()),
             min_opacity: self.min_opacity,
             filter_iterations: self.look.filter_iterations(),
