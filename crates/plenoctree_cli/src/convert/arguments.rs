@@ -17,22 +17,22 @@ pub struct Arguments {
     /// to it.
     #[arg(long, value_name = "PROP.npz")]
     pub out: PathBuf,
-    /// The number of levels of cells: the finest are 2^-DEPTH of the field's cube wide. By default 8; with --leaves,
-    /// --quality or --near, as many as make cells about a pixel wide at the distance --near, at most 10.
+    /// The number of levels of cells: the finest are 2^-DEPTH of the field's cube wide. By default, as many as make cells
+    /// about a pixel wide at the distance from which the field looks right, at most 10.
     #[arg(long, value_parser = clap::value_parser!(u32).range(6..=10))]
     pub depth: Option<u32>,
-    /// Make leaves small where the capture shows detail: at most this many. With --near alone, 3 million. Such a field
-    /// looks right from nearby, and is not refined.
-    #[arg(long, value_name = "N", conflicts_with_all = ["minutes", "effort"],
+    /// The most leaves. They are small where the capture shows detail, and there are fewer if more would hardly show.
+    #[arg(long, value_name = "N", default_value_t = 3_000_000,
         value_parser = clap::value_parser!(u32).range(32_768..=20_000_000))]
-    pub leaves: Option<u32>,
-    /// Like --leaves, with as many as it takes to look this much like the capture, in decibels of PSNR: the mean over
-    /// pictures from the distance --near, over white.
-    #[arg(long, value_name = "DB", value_parser = parse_positive, conflicts_with_all = ["leaves", "minutes", "effort"])]
+    pub leaves: u32,
+    /// Instead of a number of leaves: as many as it takes to look this much like the capture, in decibels of PSNR: the
+    /// mean over pictures from the distance --near, over white, before refining.
+    #[arg(long, value_name = "DB", value_parser = parse_positive, conflicts_with = "leaves")]
     pub quality: Option<f64>,
-    /// The distance from the middle of the box at which the field of --leaves or --quality must look right, in the
-    /// capture's units. By default, half the longest side of the box.
-    #[arg(long, value_name = "DISTANCE", value_parser = parse_positive, conflicts_with_all = ["minutes", "effort"])]
+    /// The distance from the middle of the box from which the field must look right, in the capture's units. By default,
+    /// it is a compromise between views of the whole and views from half the longest side of the box. With --quality
+    /// alone, it is the latter.
+    #[arg(long, value_name = "DISTANCE", value_parser = parse_positive)]
     pub near: Option<f64>,
     /// The box to convert, in the coordinates of the capture: x,y,z of its lowest and of its highest corner. By
     /// default, it contains most Gaussians.
@@ -74,13 +74,6 @@ pub struct Arguments {
     /// The arguments for extraction.
     #[command(flatten)]
     pub extraction: ExtractionArguments,
-}
-
-impl Arguments {
-    /// Returns whether leaves have many sizes. Otherwise, they have one, and can be refined.
-    pub fn mixes_sizes(&self) -> bool {
-        self.leaves.is_some() || self.quality.is_some() || self.near.is_some()
-    }
 }
 
 /// A direction along an axis.

@@ -15,8 +15,8 @@ const FOV: f64 = 0.6;
 /// Their distances, as multiples of the one at which the whole box is in view.
 const DISTANCES: [f64; 3] = [1.0, 0.85, 0.7];
 
-/// Number of cameras near a capture to measure with, and of those to refine with.
-const NEAR: [u32; 2] = [6, 64];
+/// Number of cameras at one distance to measure with, and of those to refine with.
+const AT: [u32; 2] = [6, 80];
 
 /// Cameras to refine with, and others to measure with.
 pub struct Cameras {
@@ -43,7 +43,7 @@ pub fn around(low: DVec3, high: DVec3, size: u32) -> Cameras {
 }
 
 /// The same, at this distance.
-pub fn near(low: DVec3, high: DVec3, distance: f64, size: u32) -> Cameras {
+pub fn at(low: DVec3, high: DVec3, distance: f64, size: u32) -> Cameras {
     let spiral = || Spiral {
         center: 0.5 * (low + high),
         radius: distance * (0.5 * FOV).sin(),
@@ -52,8 +52,14 @@ pub fn near(low: DVec3, high: DVec3, distance: f64, size: u32) -> Cameras {
         elevations: [1.0, -1.0],
         distances: &[],
     };
-    let [held_out, training] = NEAR.map(|count| spiral().cameras(count, size).collect());
+    let [held_out, training] = AT.map(|count| spiral().cameras(count, size).collect());
     Cameras { training, held_out }
+}
+
+/// Returns the mean distance of the cameras that see the whole box, from its middle.
+pub fn far(low: DVec3, high: DVec3) -> f64 {
+    let mean = DISTANCES.iter().sum::<f64>() / DISTANCES.len() as f64;
+    mean * 0.5 * (high - low).length() / (0.5 * FOV).sin()
 }
 
 /// Returns the width of a pixel of these cameras at a distance.

@@ -1,62 +1,127 @@
 //! Measures how much a field looks like its capture.
 
+use std::fmt;
+
 use glam::DVec3;
 use plenoctree::{PlenOctree, camera::PinholeCamera, reference::render};
-use plenoctree_fit::{Comparison, splat::SplatImage};
+use plenoctree_fit::{Comparison, Shot, splat::SplatImage};
 use serde_json::{Value, json};
 
 /// The backgrounds of both.
 const BACKGROUNDS: [(&str, DVec3); 2] = [("white", DVec3::ONE), ("black", DVec3::ZERO)];
 
+/// The capture as cameras see it that no field is refined with.
+pub struct Standard {
+    /// From where the whole is in view.
+    pub whole: Pictures,
+    /// From half way in between, as a multiple.
+    pub between: Pictures,
+    /// From nearby.
+    pub near: Pictures,
+}
+
+/// Pictures of the capture, and the cameras that took them.
+pub struct Pictures {
+    pub cameras: Vec<PinholeCamera>,
+    pub images: Vec<SplatImage>,
+}
+
 /// Views of a field next to those of its capture.
 pub struct Measured {
+    whole: Compared,
+    between: Compared,
+    near: Compared,
+}
+
+/// Views of a field next to pictures of its capture.
+pub struct Compared {
     /// Mean PSNR over white, and over black, in decibels.
     pub psnr: [f64; 2],
     /// PSNR of every view over white, and over black.
     views: Vec<[f64; 2]>,
     /// The capture at the left, the field at the right, over white.
-    pub previews: Vec<Comparison>,
+    previews: Vec<Comparison>,
 }
 
-/// Renders the field in float64, with one ray through the center of each pixel, and compares.
-pub fn measure(field: &PlenOctree, cameras: &[PinholeCamera], images: &[SplatImage]) -> Measured {
-    let (mut views, mut previews) = (Vec::new(), Vec::new());
-    for (index, (camera, image)) in cameras.iter().zip(images).enumerate() {
-        let rendering = render(field, camera);
-        let mut pictures = Vec::new();
-        let psnr = BACKGROUNDS.map(|(_, background)| {
-            let (splat, field) = (image.over(background), rendering.over(background));
-            let squared: f64 = splat.iter().zip(&field).map(|(a, b)| a.distance_squared(*b)).sum();
-            pictures.push((splat, field));
-            -10.0 * (squared / (3.0 * rendering.color.len() as f64)).max(1e-10).log10()
-        });
-        views.push(psnr);
-        let (splat, field) = pictures.swap_remove(0);
-        let bytes =
-            |colors: Vec<DVec3>| colors.into_iter().map(|color| crate::hex::quantize(color.to_array())).collect();
-        previews.push(Comparison {
-            name: format!("{index:02}"),
-            width: camera.width,
-            height: camera.height,
-            photographed: bytes(splat),
-            rendered: bytes(field),
-            psnr: psnr[0],
-            ..Comparison::default()
-        });
+impl Standard {
+    /// Compares a field with the capture.
+    pub fn measure(&self, field: &PlenOctree) -> Measured {
+        let [whole, between, near] = self.all().map(|pictures| pictures.compare(field));
+        Measured { whole, between, near }
     }
-    let mean = |side: usize| views.iter().map(|psnr| psnr[side]).sum::<f64>() / views.len().max(1) as f64;
-    Measured { psnr: [mean(0), mean(1)], views, previews }
+
+    /// Returns the pictures, to refine fields by: all, or those from nearby and from half way.
+    pub fn shots(&self, all: bool) -> Vec<Shot> {
+        let shots = |pictures: &Pictures| -> Vec<Shot> {
+            let both = pictures.cameras.iter().zip(&pictures.images);
+            both.map(|(camera, image)| Shot::new(camera, &image.pixels)).collect()
+        };
+        self.all()[usize::from(!all)..].iter().copied().flat_map(shots).collect()
+    }
+
+    fn all(&self) -> [&Pictures; 3] {
+        [&self.whole, &self.between, &self.near]
+    }
+}
+
+impl Pictures {
+    /// Renders the field in float64, with one ray through the center of each pixel, and compares.
+    pub fn compare(&self, field: &PlenOctree) -> Compared {
+        let (mut views, mut previews) = (Vec::new(), Vec::new());
+        for (index, (camera, image)) in self.cameras.iter().zip(&self.images).enumerate() {
+            let rendering = render(field, camera);
+            let mut pictures = Vec::new();
+            let psnr = BACKGROUNDS.map(|(_, background)| {
+                let (splat, field) = (image.over(background), rendering.over(background));
+                let squared: f64 = splat.iter().zip(&field).map(|(a, b)| a.distance_squared(*b)).sum();
+                pictures.push((splat, field));
+                -10.0 * (squared / (3.0 * rendering.color.len() as f64)).max(1e-10).log10()
+            });
+            views.push(psnr);
+            let (splat, field) = pictures.swap_remove(0);
+            let bytes =
+                |colors: Vec<DVec3>| colors.into_iter().map(|color| crate::hex::quantize(color.to_array())).collect();
+            previews.push(Comparison {
+                name: format!("{index:02}"),
+                width: camera.width,
+                height: camera.height,
+                photographed: bytes(splat),
+                rendered: bytes(field),
+                psnr: psnr[0],
+                ..Comparison::default()
+            });
+        }
+        let mean = |side: usize| views.iter().map(|psnr| psnr[side]).sum::<f64>() / views.len().max(1) as f64;
+        Compared { psnr: [mean(0), mean(1)], views, previews }
+    }
 }
 
 impl Measured {
-    /// Returns the measurements for the report: these, and those from nearby.
-    pub fn json(&self, field: &PlenOctree, near: &Self) -> Value {
+    /// Returns the measurements for the report.
+    pub fn json(&self, field: &PlenOctree) -> Value {
         let object = |psnr: &[f64; 2]| json!({BACKGROUNDS[0].0: psnr[0], BACKGROUNDS[1].0: psnr[1]});
         json!({
             "leaves": field.leaves(),
-            "psnr_db": object(&self.psnr),
-            "near_psnr_db": object(&near.psnr),
-            "views": self.views.iter().map(object).collect::<Vec<_>>(),
+            "psnr_db": object(&self.whole.psnr),
+            "between_psnr_db": object(&self.between.psnr),
+            "near_psnr_db": object(&self.near.psnr),
+            "views": self.whole.views.iter().map(object).collect::<Vec<_>>(),
         })
+    }
+
+    /// Returns the views of the whole.
+    pub fn previews(&self) -> &[Comparison] {
+        &self.whole.previews
+    }
+}
+
+impl fmt::Display for Measured {
+    /// Describes how much the field looks like its capture, over white and over black.
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        let [[whole, black], [between, between_black], [near, near_black]] =
+            [&self.whole, &self.between, &self.near].map(|compared| compared.psnr);
+        write!(f, "{whole:.2} dB over white and {black:.2} dB over black, ")?;
+        write!(f, "from half way {between:.2} dB and {between_black:.2} dB, ")?;
+        write!(f, "from nearby {near:.2} dB and {near_black:.2} dB")
     }
 }

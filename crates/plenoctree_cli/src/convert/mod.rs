@@ -17,11 +17,11 @@ use plenoctree_fit::{
 };
 use serde_json::json;
 
-use self::measure::{Measured, measure};
+use self::{
+    cameras::Cameras,
+    measure::{Pictures, Standard},
+};
 use crate::{capture, console, fit::output, number::counted, progress, result::Result, training::Interruption};
-
-/// The largest number of leaves of many sizes, if none is given.
-const MOST_LEAVES: u32 = 3_000_000;
 
 /// Converts the capture, extracts the palette, and writes both with views and a report.
 pub fn run(arguments: &Arguments) -> Result {
@@ -46,48 +46,55 @@ pub fn run(arguments: &Arguments) -> Result {
     );
     let reading = start.elapsed();
 
-    let side = (high - low).max_element();
+    let start = Instant::now();
+    let (side, size) = ((high - low).max_element(), arguments.picture_size);
     let near = arguments.near.unwrap_or(0.5 * side);
-    let cameras_near = cameras::near(low, high, near, arguments.picture_size);
-    let images_near = photograph(&splats, &cameras_near.held_out, "measuring", None, as_image);
+    let between = (near * cameras::far(low, high)).sqrt();
+    let [whole, between_cameras, near_cameras] =
+        [cameras::around(low, high, size), cameras::at(low, high, between, size), cameras::at(low, high, near, size)];
+    let pictures = |cameras: &Cameras| {
+        let images = photograph(&splats, &cameras.held_out, "measuring", None, |_, image| image);
+        Pictures { cameras: cameras.held_out.clone(), images }
+    };
+    let standard =
+        Standard { whole: pictures(&whole), between: pictures(&between_cameras), near: pictures(&near_cameras) };
+    let mut measuring = start.elapsed();
+
     let start = Instant::now();
     let spinner = progress::spinner("voxelizing", false);
-    let depth = arguments.depth.unwrap_or_else(|| match arguments.mixes_sizes() {
-        true => (side / cameras::pixel(near, arguments.picture_size)).log2().clamp(6.0, 10.0).round() as u32,
-        false => 8,
-    });
+    let is_for_near = arguments.near.is_some() || arguments.quality.is_some();
+    let cells = side / cameras::pixel(if is_for_near { near } else { between }, size);
+    let depth = arguments.depth.unwrap_or_else(|| cells.log2().clamp(6.0, 10.0).round() as u32);
     let bounds = Some((low, high));
-    let leaves = arguments.mixes_sizes().then(|| arguments.leaves.unwrap_or(MOST_LEAVES) as usize);
     let field = match arguments.quality {
-        Some(quality) => quality::field(&splats, depth, bounds, quality, &cameras_near.held_out, &images_near),
-        None => voxelize(&splats, &VoxelSettings { depth, leaves, bounds }),
+        Some(quality) => quality::field(&splats, depth, bounds, quality, &standard.near),
+        None => voxelize(&splats, &VoxelSettings { depth, leaves: Some(arguments.leaves as usize), bounds }),
     };
     let mut field = field.map_err(|error| named(&error))?;
     spinner.finish_and_clear();
     interruption.keep_result();
     let voxelizing = start.elapsed();
 
-    let cameras = cameras::around(low, high, arguments.picture_size);
     let start = Instant::now();
-    let images = photograph(&splats, &cameras.held_out, "measuring", None, as_image);
-    let mut measured = measure(&field, &cameras.held_out, &images);
-    let mut measured_near = measure(&field, &cameras_near.held_out, &images_near);
-    let voxelized = measured.json(&field, &measured_near);
+    let mut measured = standard.measure(&field);
+    let voxelized = measured.json(&field);
     let leaves = |field: &PlenOctree| counted(field.leaves(), "leaf", "leaves");
-    let quality = decibels(&measured, &measured_near);
-    console::say!("voxelized: {}, {quality} in {:.1} s", leaves(&field), voxelizing.as_secs_f64());
-    let mut measuring = start.elapsed();
+    console::say!("voxelized: {}, {measured} in {:.1} s", leaves(&field), voxelizing.as_secs_f64());
+    measuring += start.elapsed();
     let (mut refined, mut refining) = (None, Duration::ZERO);
-    if !arguments.no_refine && !arguments.mixes_sizes() {
+    if !arguments.no_refine {
         let start = Instant::now();
-        let training = [cameras.training, cameras_near.training].concat();
-        let shots = photograph(&splats, &training, "rendering", Some(&interruption), as_shot);
+        let mut training = [between_cameras.training, near_cameras.training].concat();
+        if !is_for_near {
+            training.extend(whole.training);
+        }
+        let shot = |camera: &PinholeCamera, image: SplatImage| Shot::new(camera, &image.pixels);
+        let shots = photograph(&splats, &training, "rendering", Some(&interruption), shot);
         if interruption.is_requested() {
             console::complain!("warning: stopped before refining: the field is as voxelized");
         } else {
-            let held_out = cameras.held_out.iter().zip(&images).chain(cameras_near.held_out.iter().zip(&images_near));
-            let held_out: Vec<Shot> = held_out.map(|(camera, image)| Shot::new(camera, &image.pixels)).collect();
             drop(splats);
+            let held_out = standard.shots(!is_for_near);
             let settings = RefineSettings {
                 effort: arguments.effort,
                 time: arguments.minutes.map(|minutes| Duration::from_secs_f64(60.0 * minutes)),
@@ -98,14 +105,12 @@ pub fn run(arguments: &Arguments) -> Result {
             refining = start.elapsed();
             field = better;
             let start = Instant::now();
-            measured = measure(&field, &cameras.held_out, &images);
-            measured_near = measure(&field, &cameras_near.held_out, &images_near);
-            let quality = decibels(&measured, &measured_near);
+            measured = standard.measure(&field);
             let gains: Vec<String> =
                 rounds.iter().filter_map(|round| Some(format!("{:+.2}", round.gain_db?))).collect();
-            console::say!("refined: {}, {quality} in {:.0} s", leaves(&field), refining.as_secs_f64());
+            console::say!("refined: {}, {measured} in {:.0} s", leaves(&field), refining.as_secs_f64());
             console::say!("{}: {} dB", counted(rounds.len(), "round", "rounds"), gains.join(", "));
-            let mut report = measured.json(&field, &measured_near);
+            let mut report = measured.json(&field);
             report["rounds"] = serde_json::to_value(&rounds)?;
             refined = Some(report);
             measuring += start.elapsed();
@@ -139,7 +144,7 @@ pub fn run(arguments: &Arguments) -> Result {
             "palette": seconds(start.elapsed()),
         },
     });
-    output::write(&arguments.out, &field, palette.as_ref(), &measured.previews, &report)?;
+    output::write(&arguments.out, &field, palette.as_ref(), measured.previews(), &report)?;
     console::say!("{}: {}", arguments.out.display(), leaves(&field));
     Ok(())
 }
@@ -161,20 +166,4 @@ fn photograph<T>(
     let images = images.collect();
     bar.finish_and_clear();
     images
-}
-
-fn as_image(_: &PinholeCamera, image: SplatImage) -> SplatImage {
-    image
-}
-
-fn as_shot(camera: &PinholeCamera, image: SplatImage) -> Shot {
-    Shot::new(camera, &image.pixels)
-}
-
-/// Describes how much the field looks like its capture: all of it, and from nearby.
-fn decibels(measured: &Measured, near: &Measured) -> String {
-    let ([white, black], [near_white, near_black]) = (measured.psnr, near.psnr);
-    format!(
-        "{white:.2} dB over white and {black:.2} dB over black, from nearby {near_white:.2} dB and {near_black:.2} dB"
-    )
 }

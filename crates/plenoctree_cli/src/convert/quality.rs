@@ -1,10 +1,10 @@
 //! Finds how many leaves a field needs to look as much like its capture as is asked for.
 
 use glam::DVec3;
-use plenoctree::{PlenOctree, camera::PinholeCamera};
-use plenoctree_fit::splat::{SplatError, SplatImage, Splats, VoxelSettings, Voxels};
+use plenoctree::PlenOctree;
+use plenoctree_fit::splat::{SplatError, Splats, VoxelSettings, Voxels};
 
-use super::measure::measure;
+use super::measure::Pictures;
 use crate::{console, number::counted};
 
 /// The largest number of leaves.
@@ -21,10 +21,9 @@ pub fn field(
     depth: u32,
     bounds: Option<(DVec3, DVec3)>,
     quality: f64,
-    cameras: &[PinholeCamera],
-    images: &[SplatImage],
+    pictures: &Pictures,
 ) -> Result<PlenOctree, SplatError> {
-    let psnr = |field: &PlenOctree| measure(field, cameras, images).psnr[0];
+    let psnr = |field: &PlenOctree| pictures.compare(field).psnr[0];
     let voxels = Voxels::new(splats, &VoxelSettings { depth, leaves: Some(MOST_LEAVES), bounds })?;
     let mut best = voxels.field(MOST_LEAVES)?;
     let found = psnr(&best);

@@ -12,14 +12,16 @@ use super::{
     measure::quick_psnr,
     progress::FitProgress,
     report::{RoundReport, StageReport},
-    to_field::to_field,
-    train::{
-        Model, Position, Stage, TrainView, backdrop::Backdrop, gallery::Gallery, train, visibility, visibility::Limits,
-    },
+    to_field::to_merged_field,
+    train::{Model, Position, Stage, TrainView, backdrop::Backdrop, gallery::Gallery, train},
 };
 
 /// The least that a round must be expected to gain, in decibels.
 const LEAST_GAIN: f64 = 0.02;
+/// The largest leaves, in finest cells a side.
+const LARGEST: u32 = 32;
+/// Levels of a grid.
+const DEPTHS: [u32; 2] = [6, 10];
 
 /// A picture in memory, and the camera that sees it.
 #[derive(Clone, Debug)]
@@ -69,7 +71,7 @@ impl Default for RefineSettings {
 /// A refined field.
 #[derive(Clone, Debug)]
 pub struct Refined {
-    /// The field, with the frame and the leaves of the original, except for leaves that no camera sees.
+    /// The field, with the frame of the original.
     pub field: PlenOctree,
     /// What was done, round by round.
     pub rounds: Vec<RoundReport>,
@@ -77,16 +79,16 @@ pub struct Refined {
 
 /// Refines `field` until it looks like the shots, on all cores of the current rayon pool.
 ///
-/// Leaves change density and color, and those that no camera sees are removed; none are added. `measured` are shots
-/// that the field is not refined to: up to 16 of them tell what each of ten rounds gained. A round that loses something
-/// is undone. Refining ends when the next round would gain less than 0.02 dB, if gains keep falling as they did. If
-/// `progress` is stopped, the result is the field at that time.
+/// Leaves change density and color, and those that become empty are removed. Leaves of more than four finest cells a side
+/// are split, and eight of a cube that agree are merged, so that there are about as many as before. `measured` are shots that the field is not refined to: up to 16 of them tell what each of ten rounds gained. A round that loses
+/// something is undone. Refining ends when the next round would gain less than 0.02 dB, if gains keep falling as they did.
+/// If `progress` is stopped, the result is the field at that time.
 ///
 /// # Errors
 ///
 /// Returns an error if there are fewer than two shots, if nothing of the field is in view, or if the field is not of
-/// the kind that is fitted: a cube of 6 to 10 levels, with leaves of at most four finest cells a side, and a sigmoid of
-/// harmonics up to degree 3.
+/// the kind that is fitted: a cube of at most 10 levels, with leaves of at most 32 finest cells a side, and a sigmoid
+/// of harmonics up to degree 3.
 pub fn refine(
     field: &PlenOctree,
     shots: Vec<Shot>,
@@ -97,24 +99,27 @@ pub fn refine(
     if shots.len() < 2 {
         return Err(FitError::Views { found: shots.len().to_string(), expected: "at least two shots" });
     }
-    let grid = Grid::of_field_or_error(field)?;
-    let cameras: Vec<&ViewCamera> = shots.iter().map(|shot| &shot.view.camera).collect();
-    let grid = grid.resampled(&visibility::visible(&grid, &cameras, Limits::FAINTEST));
+    let grid = Grid::of_field_or_error(field, LARGEST)?;
     let rounds = Stage::refining(grid.resolution(), settings.effort, settings.time);
-    refine_by(grid, shots, measured, &rounds, settings.seed, progress)
+    let (grid, rounds) = refine_by(grid, &mut gallery(shots), measured, &rounds, settings.seed, progress)?;
+    Ok(Refined { field: to_merged_field(&grid, field.leaves())?, rounds })
 }
 
-/// Refines a grid by as many of the stages as pay, like [`refine`].
+/// Returns a gallery of the shots.
+pub(super) fn gallery(shots: Vec<Shot>) -> Gallery {
+    let number = |(number, shot): (usize, Shot)| TrainView { number, ..shot.view };
+    Gallery::held(shots.into_iter().enumerate().map(number).collect())
+}
+
+/// Refines a grid by as many of the stages as pay, like [`refine`], and returns what was done.
 pub(super) fn refine_by(
     grid: Grid,
-    shots: Vec<Shot>,
+    gallery: &mut Gallery,
     measured: &[Shot],
     stages: &[Stage],
     seed: u64,
     progress: &FitProgress,
-) -> Result<Refined, FitError> {
-    let number = |(number, shot): (usize, Shot)| TrainView { number, ..shot.view };
-    let mut gallery = Gallery::held(shots.into_iter().enumerate().map(number).collect());
+) -> Result<(Grid, Vec<RoundReport>), FitError> {
     let measured: Vec<TrainView> = measured.iter().map(|shot| shot.view.clone()).collect();
     let gains = vec![Vec3::ONE; gallery.len()];
     let mut model = Model { grid, backdrop: Backdrop::Random, gains };
@@ -133,7 +138,7 @@ pub(super) fn refine_by(
             });
             Ok(())
         };
-        train(&mut model, &mut gallery, stage, &mut position, &mut random, progress, &mut watch)?;
+        train(&mut model, gallery, stage, &mut position, &mut random, progress, &mut watch)?;
         let after = quick_psnr(&model, &measured);
         let gain_db = before.as_ref().zip(after).map(|((before, _), after)| after - before);
         rounds.push(RoundReport { stage: StageReport::new(&model, &position, after), gain_db });
@@ -148,9 +153,7 @@ pub(super) fn refine_by(
             break;
         }
     }
-    let limits = Limits { spacing: 0.7, ..Limits::FAINTEST };
-    let kept = visibility::visible(&model.grid, &gallery.cameras(), limits);
-    Ok(Refined { field: to_field(&model.grid, &kept)?, rounds })
+    Ok((model.grid, rounds))
 }
 
 /// Returns what the next round gains if gains keep falling as they did.
@@ -163,30 +166,37 @@ fn next_gain(gains: &[f64]) -> f64 {
 }
 
 impl Grid {
-    /// Returns the grid of a field's leaves.
-    pub(super) fn of_field_or_error(field: &PlenOctree) -> Result<Self, FitError> {
-        Self::of_field(field).ok_or_else(|| FitError::Setting {
+    /// Returns the grid of a field's leaves, which are at most `largest` finest cells wide. Larger ones than voxels become
+    /// several.
+    pub(super) fn of_field_or_error(field: &PlenOctree, largest: u32) -> Result<Self, FitError> {
+        Self::of_field(field, largest).ok_or_else(|| FitError::Setting {
             setting: "field",
             found: format!("{} leaves at depth {}, {}", field.leaves(), field.depth(), field.basis().name()),
-            expected: "a cube of 6 to 10 levels, leaves of at most 4 finest cells a side, a sigmoid of SH1, SH4, SH9 or SH16",
+            expected: "a cube of 6 to 10 levels, without much larger leaves, a sigmoid of SH1, SH4, SH9 or SH16",
         })
     }
 
     /// Returns the grid of a field's leaves, or `None` if the field is not like those that are fitted.
-    fn of_field(field: &PlenOctree) -> Option<Self> {
+    fn of_field(field: &PlenOctree, largest: u32) -> Option<Self> {
         let basis = [Basis::Sh1, Basis::Sh4, Basis::Sh9, Basis::Sh16].contains(&field.basis());
         let scale = field.frame().scale;
         let cube = (scale.max_element() - scale.min_element()) <= 1e-9 * scale.max_element();
-        let depth = (6..=10).contains(&field.depth());
+        // What is refined may have large leaves only.
+        let finest = if largest > Voxel::LARGEST { field.depth().max(DEPTHS[0]) } else { field.depth() };
+        let depth = (DEPTHS[0]..=DEPTHS[1]).contains(&finest);
         if !basis || !cube || !depth || field.activation() != Activation::Sigmoid {
             return None;
         }
-        let mut set = VoxelSet::new(1 << field.depth());
-        for LeafCell { corner, size, .. } in field.leaf_cells() {
-            if size > Voxel::LARGEST {
+        let mut set = VoxelSet::new(1 << finest);
+        let place = |LeafCell { corner, size, .. }: LeafCell| {
+            let parts = 1 << (finest - field.depth());
+            Voxel { corner: parts * corner, size: parts * size }
+        };
+        for cell in field.leaf_cells() {
+            if cell.size > largest {
                 return None;
             }
-            set.insert(Voxel { corner, size });
+            place(cell).parts().for_each(|voxel| set.insert(voxel));
         }
         let size = 1.0 / scale.x;
         let functions = field.basis().functions();
@@ -194,15 +204,17 @@ impl Grid {
         let width = grid.cell_size();
         let coefficients = field.coefficients();
         for cell in field.leaf_cells() {
-            let Some(voxel) = grid.voxel(cell.corner.as_ivec3()) else { continue };
             let leaf = cell.leaf as usize;
             let own = &coefficients[leaf * 3 * functions..][..3 * functions];
-            let values = &mut grid.values[voxel as usize * functions..][..functions];
-            for (function, value) in values.iter_mut().enumerate() {
-                let [r, g, b] = [0, 1, 2].map(|channel| own[channel * functions + function].to_f32());
-                *value = Vec4::new(r, g, b, 0.0);
+            for part in place(cell).parts() {
+                let Some(voxel) = grid.voxel(part.corner.as_ivec3()) else { continue };
+                let values = &mut grid.values[voxel as usize * functions..][..functions];
+                for (function, value) in values.iter_mut().enumerate() {
+                    let [r, g, b] = [0, 1, 2].map(|channel| own[channel * functions + function].to_f32());
+                    *value = Vec4::new(r, g, b, 0.0);
+                }
+                values[0].w = (f64::from(field.densities()[leaf]) * width) as f32;
             }
-            values[0].w = (f64::from(field.densities()[leaf]) * width) as f32;
         }
         grid.copy_thickness();
         Some(grid)
@@ -216,17 +228,15 @@ mod tests {
     /// Converting a field to a grid and back restores it, whatever the sizes of its leaves.
     #[test]
     fn grids_of_fields_give_them_back() {
-        let leaves = [(3, 0), (8, 1), (77, 0), (4096, 2), (200_000, 0)];
+        let leaves = [(3, 0), (8, 1), (77, 0), (4096, 4), (200_000, 0)];
         let nodes = crate::finest::tree_of(&leaves, 6);
         let frame = plenoctree::Frame::spanning(DVec3::new(-1.0, 2.0, 0.5), DVec3::new(3.0, 6.0, 4.5));
         let densities: Vec<f32> = (1..=5).map(|index| index as f32).collect();
         let coefficients: Vec<half::f16> = (0..60).map(|index| half::f16::from_f32(index as f32 * 0.25)).collect();
         let (basis, up) = (Basis::Sh4, plenoctree::UpAxis::Z);
         let field = PlenOctree::new(frame, basis, Activation::Sigmoid, up, nodes, densities, coefficients).unwrap();
-        let grid = Grid::of_field(&field).unwrap();
-        let mut all = VoxelSet::new(64);
-        grid.voxels().for_each(|voxel| all.insert(voxel));
-        let again = to_field(&grid, &all).unwrap();
+        let grid = Grid::of_field(&field, LARGEST).unwrap();
+        let again = to_merged_field(&grid, field.leaves()).unwrap();
         assert_eq!(again.nodes(), field.nodes());
         assert_eq!(again.coefficients(), field.coefficients());
         for (a, b) in again.densities().iter().zip(field.densities()) {

@@ -9,10 +9,15 @@ use rayon::prelude::*;
 
 use super::{
     error::FitError,
-    grid::Grid,
+    grid::{Grid, Voxel},
     progress::FitProgress,
-    refine::{Shot, refine_by},
-    train::{Stage, batch::render_ray},
+    refine::{Shot, gallery, refine_by},
+    to_field::to_field,
+    train::{
+        Stage,
+        batch::render_ray,
+        visibility::{self, Limits},
+    },
 };
 
 /// Cameras above the horizon, and below.
@@ -63,7 +68,7 @@ pub fn simplify(
     settings: &SimplifySettings,
     progress: &FitProgress,
 ) -> Result<PlenOctree, FitError> {
-    let grid = Grid::of_field_or_error(field)?;
+    let grid = Grid::of_field_or_error(field, Voxel::LARGEST)?;
     let cells = f64::from(grid.resolution());
     let size = (PIXELS_PER_CELL * cells).min(MOST_PIXELS);
     let shots = cameras(field, size as u32).par_iter().map(|camera| photograph(&grid, camera)).collect();
@@ -71,7 +76,10 @@ pub fn simplify(
     let pixels = (size / cells).powi(2) as f32;
     let (direction, color) = (settings.smoothness * pixels, settings.evenness * pixels);
     let stage = Stage::simplifying(grid.resolution(), settings.effort, direction, color);
-    let simple = refine_by(grid, shots, &[], &[stage], settings.seed, progress)?.field;
+    let limits = Limits { spacing: 0.7, ..Limits::FAINTEST };
+    let mut gallery = gallery(shots);
+    let (grid, _) = refine_by(grid, &mut gallery, &[], &[stage], settings.seed, progress)?;
+    let simple = to_field(&grid, &visibility::visible(&grid, &gallery.cameras(), limits))?;
     Ok(simple.with_up(field.up()).with_histograms_of(field))
 }
 

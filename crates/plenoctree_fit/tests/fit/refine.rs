@@ -1,7 +1,10 @@
 //! Refining fields.
 
 use glam::{DVec3, Vec4};
-use plenoctree::{BakeSettings, Basis, PlenOctree, bake, camera::PinholeCamera, reference::render};
+use half::f16;
+use plenoctree::{
+    Activation, BakeSettings, Basis, Cell, Frame, PlenOctree, UpAxis, bake, camera::PinholeCamera, reference::render,
+};
 use plenoctree_fit::{FitProgress, RefineSettings, Refined, Shot, refine};
 
 use super::scene::cameras;
@@ -59,4 +62,25 @@ fn refining_goes_on_while_it_pays() {
         assert!((gain - pair[1].gain_db.unwrap()).abs() < 1e-9, "{rounds:?}");
     }
     assert!(gains.iter().sum::<f64>() > 3.0, "{gains:?}");
+}
+
+/// A cube that is a single leaf, half as wide as all, and a finest leaf away from it.
+fn large_leaf(depth: usize, light: f32) -> PlenOctree {
+    let mut nodes = vec![[Cell::EMPTY; 8]; depth];
+    (1..depth).for_each(|level| nodes[level - 1][0] = Cell::node(level as u32));
+    nodes[depth - 1][0] = Cell::leaf(0);
+    nodes[0][7] = Cell::leaf(1);
+    let frame = Frame::spanning(DVec3::splat(-1.0), DVec3::splat(1.0));
+    let coefficients = vec![f16::from_f32(light); 6];
+    PlenOctree::new(frame, Basis::Sh1, Activation::Sigmoid, UpAxis::Z, nodes, vec![9.0; 2], coefficients).unwrap()
+}
+
+/// Large leaves are refined, too, and do not become many.
+#[test]
+fn large_leaves_are_refined() {
+    for (depth, size) in [(6, 32), (3, 4)] {
+        let Refined { field, rounds } = refined(&large_leaf(depth, -2.0), &large_leaf(depth, 0.0), 0.05);
+        assert!(rounds[0].gain_db.unwrap() > 3.0, "{rounds:?}");
+        assert!(field.leaf_cells().map(|cell| cell.size).eq([1, size]), "{} leaves", field.leaves());
+    }
 }

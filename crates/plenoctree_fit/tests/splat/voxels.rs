@@ -206,6 +206,19 @@ fn hidden_cells_are_left_out() {
     assert_eq!(inner(true), 0);
 }
 
+/// Simple captures have few leaves, however many there may be.
+#[test]
+fn simple_captures_have_few_leaves() {
+    let mut splats = Splats::new(0);
+    let gaussian = Gaussian { position: Vec3::ZERO, scale: Vec3::splat(0.3), rotation: Quat::IDENTITY, opacity: 0.9 };
+    splats.push(gaussian, &[Vec3::ONE]);
+    let settings = VoxelSettings { depth: 7, leaves: Some(3_000_000), ..Default::default() };
+    let field = voxelize(&splats, &settings).unwrap();
+    assert!(field.leaves() < 100_000, "{}", field.leaves());
+    let found = psnr(&field, &splats, DVec3::ONE);
+    assert!(found > 35.0, "{found}");
+}
+
 /// Without a number of leaves, all are finest cells.
 #[test]
 fn uniform_fields_have_leaves_of_one_size() {

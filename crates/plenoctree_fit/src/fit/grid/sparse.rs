@@ -36,6 +36,16 @@ impl Voxel {
         Self { corner, size: 1 }
     }
 
+    /// Returns the voxels of at most the largest size that make up a cube of any size.
+    pub fn parts(self) -> impl Iterator<Item = Self> {
+        let size = self.size.min(Self::LARGEST);
+        let side = self.size / size;
+        (0..side.pow(3)).map(move |part| Self {
+            corner: self.corner + size * UVec3::new(part / (side * side), part / side % side, part % side),
+            size,
+        })
+    }
+
     /// Returns the eight voxels, half as wide, that it can be split in.
     pub fn children(self) -> impl Iterator<Item = Self> {
         let size = self.size / 2;

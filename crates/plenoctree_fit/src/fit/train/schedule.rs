@@ -25,6 +25,8 @@ const REFINING_RAYS: f64 = 60.0;
 const ROUNDS: u32 = 10;
 /// The fraction of such a round that its result is not a mean of.
 const ROUND_AVERAGE_FROM: f64 = 0.5;
+/// The thickness below which steps of refining are smaller.
+const THIN: f32 = 0.05;
 /// Rays that simplify a field with an effort of 1, in millions.
 const SIMPLIFYING_RAYS: f64 = 8.0;
 
@@ -108,6 +110,7 @@ impl Schedule {
                 learns_gains: opaque,
                 optimizer: Optimizer {
                     rates: Rates { constant: 0.25, directional: 0.08, thickness: 0.06 },
+                    thin: 0.0,
                     penalties,
                     decay: 0.99,
                     floor: 1e-8,
@@ -131,9 +134,14 @@ impl Stage {
     /// Plans the rounds of refining a field that is already nearly right. It may end after any of them.
     pub fn refining(resolution: u32, effort: f64, time: Option<Duration>) -> Vec<Self> {
         let mut whole = Self::gentle(resolution);
-        // Larger first steps would lose what later rounds must gain again, above all those of the thickness.
-        whole.optimizer.rates = Rates { constant: 0.02, directional: 0.007, thickness: 5e-4 };
-        whole.last.thickness = 2e-4;
+        // Larger first steps would lose what later rounds must gain again. Pictures of captures have no noise.
+        whole.optimizer = Optimizer {
+            rates: Rates { constant: 0.04, directional: 0.007, thickness: 3e-3 },
+            thin: THIN,
+            penalties: Penalties { variation: 0.0, presence: 0.0, direction: 0.0, color: 0.0 },
+            ..whole.optimizer
+        };
+        whole.last.thickness = 5e-4;
         let rates = |round: u32| whole.rates(f64::from(round) / f64::from(ROUNDS));
         let round = |round: u32| Self {
             rays: (REFINING_RAYS * 1e6 * effort / f64::from(ROUNDS)) as u64,
@@ -161,6 +169,7 @@ impl Stage {
             learns_gains: false,
             optimizer: Optimizer {
                 rates: Rates { constant: 0.06, directional: 0.02, thickness: 0.015 },
+                thin: 0.0,
                 penalties: Penalties { variation: 2e-5, presence: 5e-5, direction: 0.0, color: 0.0 },
                 decay: 0.99,
                 floor: 1e-8,

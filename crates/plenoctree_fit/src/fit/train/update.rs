@@ -41,6 +41,8 @@ pub struct Penalties {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Optimizer {
     pub rates: Rates,
+    /// The thickness below which the rate of the thickness falls in proportion, so that steps do not empty thin voxels.
+    pub thin: f32,
     pub penalties: Penalties,
     /// Decay of the mean square of the gradient.
     pub decay: f32,
@@ -121,7 +123,7 @@ fn step<const B: usize>(
     old: &Neighbors,
     optimizer: &Optimizer,
 ) {
-    let Optimizer { rates, penalties, decay, floor } = *optimizer;
+    let Optimizer { rates, thin, penalties, decay, floor } = *optimizer;
     let own = values[0].w;
     let mut slope = 0.0;
     for &neighbor in neighbors {
@@ -154,7 +156,8 @@ fn step<const B: usize>(
     *square = decay * *square + (1.0 - decay) * power;
     let scale = (Vec4::from_array(square.to_array().map(f32::sqrt)) + Vec4::splat(floor)).recip();
 
-    let constant = Vec4::new(rates.constant, rates.constant, rates.constant, rates.thickness);
+    let thickness = if own < thin { rates.thickness * own / thin } else { rates.thickness };
+    let constant = Vec4::new(rates.constant, rates.constant, rates.constant, thickness);
     values[0] -= constant * scale * sums[0];
     values[0].w = values[0].w.clamp(0.0, MAX_THICKNESS);
     for (value, sum) in values[1..].iter_mut().zip(&sums[1..]) {

@@ -17,8 +17,8 @@ pub struct VoxelSettings {
     /// like the capture where a finest cell is about as wide as a pixel, so a greater depth is for views from nearer.
     pub depth: u32,
     /// The largest number of leaves of any size, 32768 to 20,000,000: they are small where the capture shows detail, and
-    /// what is hidden from outside is left out. By default, `None`, all cells that are not empty become finest leaves, as
-    /// [refining](crate::refine()) needs them.
+    /// what is hidden from outside is left out. By default, `None`, all cells that are not empty become finest leaves, which
+    /// takes less time.
     pub leaves: Option<usize>,
     /// Lowest and highest corner of the box to convert. By default, it is [`Splats::dense_bounds`](crate::splat::Splats::dense_bounds). The field's cube is
     /// around it.
