@@ -5,7 +5,7 @@ use glam::{DVec3, IVec3, UVec3};
 use super::{
     blocks::{BLOCK, Block, Lattice},
     cells::Cells,
-    settings::{BLUR, THINNEST},
+    settings::{BLUR, THINNEST, per_cell},
     sight::look,
     tree::merged_thickness,
 };
@@ -13,10 +13,10 @@ use crate::{exponential::exp_minus, finest::position_of, splat::splats::Splats};
 
 /// Levels of the finest cells in a coarse one.
 const LEVELS: u32 = 2;
-/// Thickness of a coarse cell below which it is empty.
-const THIN: f32 = 2e-3;
-/// Opacity that a coarse cell must add to some ray.
-const FAINTEST: f32 = 4e-3;
+/// Thickness of a coarse cell below which it is empty, if finest cells are not deeper than eight levels.
+const THIN: f32 = 5e-4;
+/// Opacity that such a cell must add to some ray.
+const FAINTEST: f32 = 1e-3;
 /// How visible the neighbors of visible cells are, at least: some rays may pass between those that were followed.
 const NEIGHBOR: f32 = 1e-6;
 
@@ -35,15 +35,17 @@ impl Coarse {
         // Merging cells of half the size tells how much light passes through gaps.
         let lattice = Lattice::new(splats, corner, 2.0 * width, depth - 1, BLUR);
         let size = width * f64::from(1 << LEVELS);
+        let thinnest = per_cell(THINNEST, depth - 1);
+        let [thin, faintest] = [THIN, FAINTEST].map(|limit| per_cell(limit, depth));
         let parts = lattice.blocks(
             0,
             |_| true,
             |code, block| {
                 let mut cells = Cells::default();
                 for code in code << (3 * (BLOCK - 1))..(code + 1) << (3 * (BLOCK - 1)) {
-                    let thickness = thickness(block, position_of(code) % (1 << (BLOCK - 1)));
+                    let thickness = thickness(block, position_of(code) % (1 << (BLOCK - 1)), thinnest);
                     let center = corner + size * (position_of(code).as_dvec3() + 0.5);
-                    if thickness >= THIN && center.cmpge(low - size).all() && center.cmple(high + size).all() {
+                    if thickness >= thin && center.cmpge(low - size).all() && center.cmple(high + size).all() {
                         cells.push(code, 0, thickness, 0.0, &[]);
                     }
                 }
@@ -54,7 +56,7 @@ impl Coarse {
         let side = 1u32 << (depth - LEVELS);
         let mut coarse = Self { side, seen: vec![0.0; (side as usize).pow(3)] };
         for (cell, sight) in look(&cells, side).into_iter().enumerate() {
-            if sight.most * (1.0 - exp_minus(cells.thickness[cell])) < FAINTEST {
+            if sight.most * (1.0 - exp_minus(cells.thickness[cell])) < faintest {
                 continue;
             }
             let position = position_of(cells.codes[cell]);
@@ -96,12 +98,12 @@ impl Coarse {
     }
 }
 
-/// Returns the thickness of the cell that merges eight cells of a block.
-fn thickness(block: &Block, position: UVec3) -> f32 {
+/// Returns the thickness of the cell that merges eight cells of a block. Those below `thinnest` are empty.
+fn thickness(block: &Block, position: UVec3, thinnest: f32) -> f32 {
     let through = std::array::from_fn(|part| {
         let part = part as u32;
         let thickness = block.cell(2 * position + UVec3::new(part >> 2, part >> 1 & 1, part & 1))[0];
-        if thickness < THINNEST { 1.0 } else { exp_minus(thickness) }
+        if thickness < thinnest { 1.0 } else { exp_minus(thickness) }
     });
     merged_thickness(through)
 }

@@ -5,8 +5,14 @@ use glam::DVec3;
 /// The blur of each Gaussian, as a standard deviation in finest cells: narrower ones would fall between the centers of
 /// cells.
 pub(super) const BLUR: f64 = 0.4;
-/// Thickness below which a cell is empty, if Gaussians are added up in cells of the size of finest leaves.
+/// Thickness below which a cell is empty.
 pub(super) const THINNEST: f32 = 2e-3;
+
+/// Returns what is left of a limit for single cells at a depth: rays pass more cells that are smaller, so that what is left
+/// out would add up.
+pub(super) fn per_cell(limit: f32, depth: u32) -> f32 {
+    limit * (8.0 - depth as f32).min(0.0).exp2()
+}
 
 /// Settings of [`voxelize`](super::voxelize()).
 #[derive(Clone, Debug, PartialEq)]

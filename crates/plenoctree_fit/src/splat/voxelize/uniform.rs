@@ -8,7 +8,7 @@ use super::{
     blocks::Lattice,
     cells::Cells,
     place::{MOST_CELLS, Place},
-    settings::{BLUR, THINNEST, VoxelSettings},
+    settings::{BLUR, THINNEST, VoxelSettings, per_cell},
 };
 use crate::splat::{error::SplatError, splats::Splats};
 
@@ -17,12 +17,12 @@ pub fn field(splats: &Splats, settings: &VoxelSettings) -> Result<PlenOctree, Sp
     let place = Place::new(splats, settings)?;
     let depth = settings.depth;
     let lattice = Lattice::new(splats, place.corner, place.width(depth), depth, BLUR);
-    let count = AtomicUsize::new(0);
+    let (count, thinnest) = (AtomicUsize::new(0), per_cell(THINNEST, depth));
     let parts = lattice.blocks(
         place.functions,
         |_| count.load(Ordering::Relaxed) <= MOST_CELLS,
         |code, block| {
-            let cells = place.cells(depth, code, block, THINNEST, |_| 1.0);
+            let cells = place.cells(depth, code, block, thinnest, |_| 1.0);
             count.fetch_add(cells.len(), Ordering::Relaxed);
             cells
         },

@@ -10,7 +10,7 @@ use super::{
     cells::Cells,
     coarse::Coarse,
     place::{DEPTHS, MOST_CELLS, Place, fault},
-    settings::{BLUR, THINNEST, VoxelSettings},
+    settings::{BLUR, THINNEST, VoxelSettings, per_cell},
     sight::look,
     tree::Tree,
 };
@@ -83,8 +83,9 @@ impl Voxels {
         let levels = [depth.saturating_sub(settings.depth) as u8, BLOCK as u8];
         let blur = BLUR * f64::from(depth as i32 - settings.depth as i32).exp2().max(1.0);
         let lattice = lattice(depth, blur);
+        let thinnest = per_cell(THINNEST, depth);
         let tree = |code: u64, block: &Block| {
-            Tree::new(&place.cells(depth, code, block, 0.5 * THINNEST, |code| seen.seen(position_of(code))))
+            Tree::new(&place.cells(depth, code, block, thinnest, |code| seen.seen(position_of(code))))
         };
         let least_price = (LEAST_PRICE * 4f64.powi(depth as i32)) as f32;
         let goal = (SPARE * leaves as f64) as usize;
@@ -108,7 +109,10 @@ impl Voxels {
         let mut cells = Cells::joined(parts);
         let sights = look(&cells, 1 << depth);
         cells.seen.iter_mut().zip(&sights).for_each(|(seen, sight)| *seen = sight.mean);
-        let shows = |cell: usize| sights[cell].most * (1.0 - exp_minus(cells.thickness[cell])) >= FAINTEST;
+        let shows = |cell: usize| {
+            let faintest = per_cell(FAINTEST, depth - u32::from(cells.levels[cell]));
+            sights[cell].most * (1.0 - exp_minus(cells.thickness[cell])) >= faintest
+        };
         let blocks = cells.blocks(shows);
         if blocks.is_empty() {
             return Err(place.empty());
