@@ -11,16 +11,17 @@ pub const MAX_BRIGHTNESS: f32 = 16.0;
 ///
 /// Props without it keep the light that they were trained with, wherever they are. Props with it keep that light too,
 /// as their own shading, and get darker where something else blocks the scene's lights. Lights are weighted by how much
-/// of their light would arrive; ambient light does not count, and lights without shadow maps are never blocked. With a [`brightness`](Self::brightness), props also get brighter where light falls on them.
+/// of their light would arrive; ambient light does not count, and lights without shadow maps are never blocked. With a
+/// [`brightness`](Self::brightness), props also get brighter where light falls on them.
 ///
 /// Nothing inside the box around a prop's leaves casts a shadow on it, neither its own parts nor a mesh that it holds:
 /// the shadows of its own parts are already in its colors. [`self_shadow_distance`](Self::self_shadow_distance) changes
 /// that.
 ///
 /// A posterized prop goes down its palette: where light is missing, a darker label of the same hue replaces the pixel's
-/// label, in the palette's shown colors. Where light is added, it goes up in the same way. Source colors choose both, so
-/// recoloring moves no edge. Where the palette has no such label, the shown color is darkened or lightened instead. A prop as trained that a
-/// [`PosterizeView`](crate::PosterizeView) posterizes goes down the palette of the view.
+/// label, in the palette's shown colors. Where light is added, it goes up in the same way. Source colors choose both,
+/// so recoloring moves no edge. Where the palette has no such label, the shown color is darkened or lightened instead.
+/// A prop as trained that a [`PosterizeView`](crate::PosterizeView) posterizes goes down the palette of the view.
 ///
 /// It takes effect where props are solid, for cameras that draw them at
 /// [`PropPlacement::Scene`](crate::PropPlacement::Scene).
@@ -65,22 +66,22 @@ pub struct PropLighting {
     /// Defaults to [`f32::MAX`]: the prop casts no shadow on itself. Clamped to 0..=[`f32::MAX`], because JSON has no
     /// infinity.
     pub self_shadow_distance: f32,
-    /// The share of its own linear light that a prop gains where the scene's lights fall on it: 1 makes it twice as bright
-    /// in full light, where a white mesh would look white. Where the lights make a white mesh half as bright as the
-    /// camera shows, it gains 0.4 of that, and so on: `1 - exp(-light)`.
+    /// The share of its own linear light that a prop gains where the scene's lights fall on it: 1 makes it twice as
+    /// bright in full light, where a white mesh would look white. Where the lights make a white mesh half as bright as
+    /// the camera shows, it gains 0.4 of that, and so on: `1 - exp(-light)`.
     ///
     /// Counts directional, point and spot lights with their shadows and their range, by the angle at which their light
-    /// falls on the prop, and ambient light. It does not count environment maps. Light that is missing is subtracted from
-    /// light that is added. The surface is smoothed over 3% of the prop's size, so that steps end at smooth lines although
-    /// it consists of cells. Smaller parts are lit like what is around them.
+    /// falls on the prop, and ambient light. It does not count environment maps. Light that is missing is subtracted
+    /// from light that is added. The surface is smoothed over 3% of the prop's size, so that steps end at smooth lines
+    /// although it consists of cells. Smaller parts are lit like what is around them.
     ///
     /// The light of a lamp comes on top of what the prop was trained with. To make it dark where no lamp shines, dim it
     /// with a [`PropTint`](crate::PropTint).
     ///
     /// Defaults to 0, which costs nothing. Clamped to 0..=[`MAX_BRIGHTNESS`].
     pub brightness: f32,
-    /// How strongly lights from beside and from behind light the prop along its outline, relative to a surface that faces
-    /// them. Takes effect with a [`brightness`](Self::brightness).
+    /// How strongly lights from beside and from behind light the prop along its outline, relative to a surface that
+    /// faces them. Takes effect with a [`brightness`](Self::brightness).
     ///
     /// Defaults to 0. Clamped to 0..=1.
     pub rim: f32,
@@ -93,8 +94,9 @@ impl Default for PropLighting {
 }
 
 impl PropLighting {
-    /// Returns the lighting of a cartoon, for a prop of a size in world units: one clean line between light and dark, one
-    /// between dark and shadow, a thin rim, and a little of the lights' color. Parts that are at least a tenth of its size away cast shadows on the prop.
+    /// Returns the lighting of a cartoon, for a prop of a size in world units: one clean line between light and dark,
+    /// one between dark and shadow, a thin rim, and a little of the lights' color. Parts that are at least a tenth of
+    /// the prop's size away cast shadows on it.
     pub const fn toon(size: f32) -> Self {
         Self { shadows: 0.5, tint: 0.25, bands: 1, self_shadow_distance: 0.1 * size, brightness: 0.6, rim: 0.5 }
     }

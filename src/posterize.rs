@@ -27,13 +27,14 @@ pub struct Posterize {
     /// The number of steps from one palette color to another, `d` in the method. With 1, the labels are the palette
     /// colors alone, without blends.
     ///
-    /// Defaults to 3. Clamped to 1..=[`MAX_BLEND_STEPS`]. Palettes of [tones](crate::PaletteMethod::Tones) have no blends,
-    /// whatever it says. Other palettes of more than 17 colors may get fewer steps: no more than
+    /// Defaults to 3. Clamped to 1..=[`MAX_BLEND_STEPS`]. Palettes of [tones](crate::PaletteMethod::Tones) have no
+    /// blends, whatever it says. Other palettes of more than 17 colors may get fewer steps: no more than
     /// [`PaletteLabel::most_blend_steps`], so that every pixel is compared to at most [`PaletteLabel::MAX_LABELS`]
     /// labels. In that case, an error is logged.
     pub blend_steps: u32,
     /// The distance over which neighboring labels blend, `D` in the method: in encoded sRGB, or in [tone
-    /// space](plenoctree::palette::tone_space) for palettes of [tones](crate::PaletteMethod::Tones). 0 is a hard border.
+    /// space](plenoctree::palette::tone_space) for palettes of [tones](crate::PaletteMethod::Tones). 0 is a hard
+    /// border.
     ///
     /// Defaults to 0, which is not the paper's 0.2. Values up to 0.4 are useful. Negative values count as 0.
     pub softness: f32,
@@ -62,15 +63,15 @@ pub struct Posterize {
     /// [tones](crate::PaletteMethod::Tones). Otherwise, labels of noisy colors
     /// flicker. 0 assigns the labels of every frame anew.
     ///
-    /// Where nothing moves, every pixel has the nearest label. Only hard labels are kept ([`softness`](Self::softness) 0),
-    /// where the prop is [solid](crate::SolidOpacity), and only in views whose
+    /// Where nothing moves, every pixel has the nearest label. Only hard labels are kept ([`softness`](Self::softness)
+    /// 0), where the prop is [solid](crate::SolidOpacity), and only in views whose
     /// [`PropQuality::steady_labels`](crate::PropQuality::steady_labels) is true.
     ///
     /// Defaults to 0.04. Negative values count as 0.
     pub steadiness: f32,
     /// The method with which a palette is extracted, if the field has none. With `None`, that of
-    /// [`PaletteExtraction::settings`](crate::PaletteExtraction::settings), which is [`PaletteMethod::Tones`] by default.
-    /// If several props share a field, one of them decides.
+    /// [`PaletteExtraction::settings`](crate::PaletteExtraction::settings), which is [`PaletteMethod::Tones`] by
+    /// default. If several props share a field, one of them decides.
     ///
     /// Defaults to `None`.
     pub method: Option<PaletteMethod>,
@@ -100,8 +101,10 @@ pub enum EdgeSmoothing {
 #[reflect(Default, Clone, Debug, PartialEq, Hash)]
 #[type_path = "bevy_plenoctree"]
 pub enum BorderSmoothing {
-    /// Borders run where interpolated colors are equally near to two labels: along a straight line within each pixel. The labels on both sides are blended in linear light, by the share of the pixel that they cover. Islands of up to three pixels take the label around them. Labels that blend into one another
-    /// ([`Posterize::softness`]) have no borders, and are drawn as with [`BorderSmoothing::Off`]. This is the default.
+    /// Borders run where interpolated colors are equally near to two labels: along a straight line within each pixel.
+    /// The labels on both sides are blended in linear light, by the share of the pixel that they cover. Islands of up
+    /// to three pixels take the label around them. Labels that blend into one another ([`Posterize::softness`]) have no
+    /// borders, and are drawn as with [`BorderSmoothing::Off`]. This is the default.
     #[default]
     Interpolated,
     /// The center of a pixel decides for the whole pixel, as the method specifies.
@@ -221,7 +224,8 @@ impl Posterize {
 }
 
 impl Posterize {
-    /// Returns the number of blend steps that are drawn with a palette: 1 if its colors are tones, which have no blends.
+    /// Returns the number of blend steps that are drawn with a palette: 1 if its colors are tones, which have no
+    /// blends.
     pub(crate) fn blend_steps_of(&self, palette: &Palette) -> u32 {
         let colors = palette.colors.len().min(Palette::MAX_COLORS);
         if palette.label_space() == LabelSpace::Tones {

@@ -40,8 +40,9 @@ use crate::{gpu::UploadBudget, state::PropError};
 
 /// An app without a window that renders to an image: update it until the assets are ready, then capture a frame.
 ///
-/// Frames run only when you ask for them: [`update`](Self::update), [`update_without_drawing`](Self::update_without_drawing)
-/// and [`capture`](Self::capture) run one each, and [`wait_until_ready`](Self::wait_until_ready) as many as it takes. All run on the calling thread and return after
+/// Frames run only when you ask for them: [`update`](Self::update),
+/// [`update_without_drawing`](Self::update_without_drawing) and [`capture`](Self::capture) run one each, and
+/// [`wait_until_ready`](Self::wait_until_ready) as many as it takes. All run on the calling thread and return after
 /// rendering. Time follows the wall clock; insert Bevy's `TimeUpdateStrategy::ManualDuration` for reproducible frames.
 /// The app has the plugins of [`HeadlessPlugins`]; add `LitMeshPlugins` (feature
 /// `headless-lit`) for lit meshes.
@@ -152,8 +153,8 @@ impl Headless {
         self.poll();
     }
 
-    /// Runs one frame in which no camera draws. Systems of the app do not notice. On a GPU that is emulated in software, it
-    /// takes far less time than one that is drawn.
+    /// Runs one frame in which no camera draws. Systems of the app do not notice. On a GPU that is emulated in
+    /// software, it takes far less time than one that is drawn.
     pub fn update_without_drawing(&mut self) {
         let apps = self.app.sub_apps_mut();
         apps.main.run_default_schedule();
@@ -180,8 +181,8 @@ impl Headless {
     /// Runs frames until everything is ready to be drawn: all [`Prop`](crate::Prop)s are [`Ready`](crate::PropState),
     /// all [posterized views](crate::PosterizeView) have their palettes, and all pipelines have their shaders.
     ///
-    /// Cameras draw only once all fields and palettes have arrived, and then at least one frame: a GPU that is emulated in
-    /// software takes long to draw frames that nobody sees.
+    /// Cameras draw only once all fields and palettes have arrived, and then at least one frame: a GPU that is emulated
+    /// in software takes long to draw frames that nobody sees.
     ///
     /// Returns an error if a prop, a palette, a pipeline or rendering has failed, or if the scene is not ready after
     /// `timeout`; it says what was not.

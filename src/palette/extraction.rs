@@ -47,10 +47,11 @@ pub enum PaletteSampler {
 
 /// Configures palette extraction and reports its progress.
 ///
-/// If the field of a posterized or recolored prop, or of a posterized view, has no palette, and there is no file to load one from, one is extracted
-/// while the app keeps running, up to four at the same time. The field is sampled on the GPU, a few slices per frame,
-/// or on the CPU. Work on the CPU runs on dedicated threads, which leave one core and Bevy's task pools to the app. The
-/// log says where a field is sampled, and so does [`PaletteReady`](crate::PaletteReady).
+/// If the field of a posterized or recolored prop, or of a posterized view, has no palette, and there is no file to
+/// load one from, one is extracted while the app keeps running, up to four at the same time. The field is sampled on
+/// the GPU, a few slices per frame, or on the CPU. Work on the CPU runs on dedicated threads, which leave one core and
+/// Bevy's task pools to the app. The log says where a field is sampled, and so does
+/// [`PaletteReady`](crate::PaletteReady).
 #[derive(Resource, Reflect)]
 #[reflect(Resource, Default)]
 #[type_path = "bevy_plenoctree"]

@@ -14,15 +14,17 @@ use super::{blend::BlendSpace, ready::PaletteReady, samples::SampleOrigin, sourc
 
 /// Stores the palettes of all fields.
 ///
-/// Any system may change a palette in any frame. Changes are visible in the same frame. Those of single colors and ramps do not allocate.
+/// Any system may change a palette in any frame. Changes are visible in the same frame. Those of single colors and
+/// ramps do not allocate.
 ///
-/// If the field of a posterized or recolored prop, or of a posterized [view](crate::PosterizeView), has no palette, the plugin loads one from the file
+/// If the field of a posterized or recolored prop, or of a posterized [view](crate::PosterizeView), has no palette, the
+/// plugin loads one from the file
 /// `x.palette.json` next to the field's `x.plenoctree` or `x.npz` or, if there is no such file, extracts one.
 /// [`PaletteReady`](crate::PaletteReady) is written when it is ready. A palette that you insert takes precedence over
 /// both.
 ///
-/// Saved worlds do not contain it, because fields have other ids in every run of an app. [`FieldPalette::save`] writes a
-/// palette to a file of its own, and saved worlds contain each [`PaletteOverride`](crate::PaletteOverride).
+/// Saved worlds do not contain it, because fields have other ids in every run of an app. [`FieldPalette::save`] writes
+/// a palette to a file of its own, and saved worlds contain each [`PaletteOverride`](crate::PaletteOverride).
 ///
 /// ```
 /// # use bevy::prelude::*;
@@ -114,8 +116,8 @@ impl FieldPalette {
         &self.palette
     }
 
-    /// Returns the palette as [`save`](Self::save) writes it: with the shown colors, unless all are the source colors. A
-    /// game may store it in a file of its own, and pass it to [`new`](Self::new) later.
+    /// Returns the palette as [`save`](Self::save) writes it: with the shown colors, unless all are the source colors.
+    /// A game may store it in a file of its own, and pass it to [`new`](Self::new) later.
     pub fn to_palette(&self) -> Palette {
         let mut saved = self.palette.clone();
         if !self.source().eq(self.shown.iter().copied()) {
@@ -156,9 +158,9 @@ impl FieldPalette {
         }
     }
 
-    /// Sets the shown colors, from color 0 on, for example to those of winter. The source colors stay, and with them the
-    /// label of every pixel. Shown colors that `colors` lacks are not changed; colors that the palette lacks are left
-    /// out.
+    /// Sets the shown colors, from color 0 on, for example to those of winter. The source colors stay, and with them
+    /// the label of every pixel. Shown colors that `colors` lacks are not changed; colors that the palette lacks are
+    /// left out.
     ///
     /// ```
     /// # use bevy::prelude::*;
@@ -207,15 +209,15 @@ impl FieldPalette {
         self.palette.ramp(name)
     }
 
-    /// Returns the mean source color of a ramp, which [`set_ramp`](Self::set_ramp) replaces, or `None` if there is no such
-    /// ramp.
+    /// Returns the mean source color of a ramp, which [`set_ramp`](Self::set_ramp) replaces, or `None` if there is no
+    /// such ramp.
     pub fn ramp_color(&self, ramp: usize) -> Option<Color> {
         self.palette.ramp_color(ramp).as_ref().map(decoded)
     }
 
-    /// Shows a ramp in another color: its mean becomes the color, and light and dark stay as far apart. Replaces what was
-    /// done to its shown colors before. If there is no such ramp, changes nothing, logs a warning (once per app), and
-    /// returns false.
+    /// Shows a ramp in another color: its mean becomes the color, and light and dark stay as far apart. Replaces what
+    /// was done to its shown colors before. If there is no such ramp, changes nothing, logs a warning (once per app),
+    /// and returns false.
     ///
     /// ```
     /// # use bevy::prelude::*;
@@ -232,8 +234,9 @@ impl FieldPalette {
         self.adjust_ramp(ramp, &RampAdjustment::to_color(encoded(color)))
     }
 
-    /// Shows a ramp with an adjustment of its source colors: another color, brightness, contrast or saturation. Replaces
-    /// what was done to its shown colors before, so that a system may call it in every frame. It does not allocate.
+    /// Shows a ramp with an adjustment of its source colors: another color, brightness, contrast or saturation.
+    /// Replaces what was done to its shown colors before, so that a system may call it in every frame. It does not
+    /// allocate.
     ///
     /// If there is no such ramp, changes nothing, logs a warning (once per app), and returns false.
     pub fn adjust_ramp(&mut self, ramp: usize, adjustment: &RampAdjustment) -> bool {
@@ -296,8 +299,8 @@ impl FieldPalette {
         self.shown.iter_mut().zip(&self.palette.colors).for_each(|(shown, own)| *shown = decoded(own));
     }
 
-    /// Writes the palette to a JSON file, replacing any existing file: the source colors, their weights and ramps, and the
-    /// shown colors, unless all are the source colors. `path` is a file system path, not an asset path.
+    /// Writes the palette to a JSON file, replacing any existing file: the source colors, their weights and ramps, and
+    /// the shown colors, unless all are the source colors. `path` is a file system path, not an asset path.
     ///
     /// To skip extraction at run time, save the palette next to the field: as `x.palette.json` next to `x.plenoctree`
     /// or `x.npz`. It then shows what it showed when it was saved; to ship a palette without the colors of a player,

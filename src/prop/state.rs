@@ -9,8 +9,8 @@ use crate::gpu::FieldTooLarge;
 ///
 /// Every prop has this component; do not change it. It is updated in [`PreUpdate`], in
 /// [`PlenOctreeSystems::UpdateProps`](crate::PlenOctreeSystems::UpdateProps), and marked as changed only when it
-/// changes. It does not matter whether a prop is in view: props that no camera sees become ready as well. Saved worlds do
-/// not contain it.
+/// changes. It does not matter whether a prop is in view: props that no camera sees become ready as well. Saved worlds
+/// do not contain it.
 ///
 /// ```
 /// # use bevy::prelude::*;
@@ -44,8 +44,9 @@ pub enum PropState {
     /// The field is loaded, but has not arrived on the GPU yet. If it was reloaded, its earlier version is drawn in the
     /// meantime.
     Uploading,
-    /// The palette is being loaded or extracted. Only props with a [`Posterize`](crate::Posterize) or a [`Recolor`](crate::Recolor) wait for one;
-    /// [`PaletteExtraction::progress`](crate::PaletteExtraction::progress) returns its progress.
+    /// The palette is being loaded or extracted. Only props with a [`Posterize`](crate::Posterize) or a
+    /// [`Recolor`](crate::Recolor) wait for one; [`PaletteExtraction::progress`](crate::PaletteExtraction::progress)
+    /// returns its progress.
     AwaitingPalette,
     /// All data is available, but Bevy has not yet compiled the pipelines of the cameras that see the prop.
     Compiling,

@@ -63,9 +63,9 @@ fn forget_views(mut commands: Commands, views: Query<Entity, With<VisibleProps>>
     }
 }
 
-/// Lets the cameras of a target agree about its size. Bevy tells them of a new size a frame later, unless they are new or
-/// change themselves, and the textures that they share are of the size that any of them expects: which one may differ from
-/// texture to texture, because cameras that draw props are listed elsewhere than others.
+/// Lets the cameras of a target agree about its size. Bevy tells them of a new size a frame later, unless they are new
+/// or change themselves, and the textures that they share are of the size that any of them expects: which one may
+/// differ from texture to texture, because cameras that draw props are listed elsewhere than others.
 fn agree_about_targets(
     mut cameras: Query<&mut ExtractedCamera>,
     mut sizes: Local<HashMap<NormalizedRenderTarget, UVec2>>,

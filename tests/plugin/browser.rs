@@ -1,5 +1,5 @@
-//! Draws everything on a device with WebGPU's default limits, as browsers grant them. `scripts/examples` runs the examples
-//! with arguments on such a device.
+//! Draws everything on a device with WebGPU's default limits, as browsers grant them. `scripts/examples` runs the
+//! examples with arguments on such a device.
 
 #[path = "../../examples/custom_stage.rs"]
 #[allow(dead_code, reason = "only its scene is drawn")]

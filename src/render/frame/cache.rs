@@ -2,9 +2,9 @@
 //!
 //! A [`Part`] of a frame is stale if anything changes that its passes read: a uniform, a texture, a buffer or a field,
 //! or the part that it is made from. All of this follows from the passes themselves. Bevy redraws the scene and its
-//! shadow maps in every frame, so wherever nothing else has changed, a compute shader compares the scene, and the light on
-//! props, with what they were, and sets a flag if they differ. Without this flag, the vertex shaders of all passes of the
-//! part draw nothing.
+//! shadow maps in every frame, so wherever nothing else has changed, a compute shader compares the scene, and the light
+//! on props, with what they were, and sets a flag if they differ. Without this flag, the vertex shaders of all passes
+//! of the part draw nothing.
 //!
 //! Views in which something changes in every frame, because the camera moves, compare and remember nothing.
 
@@ -39,8 +39,8 @@ use crate::{gpu::Shaders, render::uniforms::ViewUniform};
 #[derive(Default)]
 pub(in crate::render) struct Cache {
     parts: [Cached; 3],
-    /// What the scene was: a word per pixel for its depth, and then, if anything is posterized, one for its color, and if
-    /// light falls on props, one for this light.
+    /// What the scene was: a word per pixel for its depth, and then, if anything is posterized, one for its color, and
+    /// if light falls on props, one for this light.
     scene: Option<Buffer>,
     /// Whether the words that each part depends on are those of the frame that was drawn.
     knows: [bool; 3],

@@ -1,5 +1,5 @@
-//! Finds how much of the scene's light is blocked before it reaches the solid parts of props with a `PropLighting`, and how
-//! much falls on them. Labels read the result. Requires the feature `shadows`.
+//! Finds how much of the scene's light is blocked before it reaches the solid parts of props with a `PropLighting`, and
+//! how much falls on them. Labels read the result. Requires the feature `shadows`.
 
 use bevy::{
     light::ShadowFilteringMethod,

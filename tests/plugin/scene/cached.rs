@@ -25,8 +25,8 @@ fn field(hue: f64) -> PlenOctree {
     colored(4, inside, |at| 0.5 + 0.5 * (9.0 * at + hue).map(f64::sin))
 }
 
-/// A view of two props that overlap, one of them posterized or none, with a mesh between them, one behind them, and a pane
-/// of glass.
+/// A view of two props that overlap, one of them posterized or none, with a mesh between them, one behind them, and a
+/// pane of glass.
 #[derive(Deref, DerefMut)]
 struct View {
     #[deref]

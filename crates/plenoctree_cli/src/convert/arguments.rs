@@ -17,8 +17,8 @@ pub struct Arguments {
     /// to it.
     #[arg(long, value_name = "PROP.npz")]
     pub out: PathBuf,
-    /// The number of levels of cells: the finest are 2^-DEPTH of the field's cube wide. By default, as many as make cells
-    /// about a pixel wide at the distance from which the field looks right, at most 10.
+    /// The number of levels of cells: the finest are 2^-DEPTH of the field's cube wide. By default, as many as make
+    /// cells about a pixel wide at the distance from which the field looks right, at most 10.
     #[arg(long, value_parser = clap::value_parser!(u32).range(6..=10))]
     pub depth: Option<u32>,
     /// The most leaves. They are small where the capture shows detail, and there are fewer if more would hardly show.
@@ -29,9 +29,9 @@ pub struct Arguments {
     /// mean over pictures from the distance --near, over white, before refining.
     #[arg(long, value_name = "DB", value_parser = parse_positive, conflicts_with = "leaves")]
     pub quality: Option<f64>,
-    /// The distance from the middle of the box from which the field must look right, in the capture's units. By default,
-    /// it is a compromise between views of the whole and views from half the longest side of the box. With --quality
-    /// alone, it is the latter.
+    /// The distance from the middle of the box from which the field must look right, in the capture's units. By
+    /// default, it is a compromise between views of the whole and views from half the longest side of the box. With
+    /// --quality alone, it is the latter.
     #[arg(long, value_name = "DISTANCE", value_parser = parse_positive)]
     pub near: Option<f64>,
     /// The box to convert, in the coordinates of the capture: x,y,z of its lowest and of its highest corner. By
@@ -44,12 +44,12 @@ pub struct Arguments {
     /// Only add up the Gaussians in the cells; do not refine the field with pictures of the capture.
     #[arg(long)]
     pub no_refine: bool,
-    /// The longest time for refining, in minutes. It ends earlier when it would gain less than 0.02 dB in a tenth of this
-    /// time. By default, --effort limits it.
+    /// The longest time for refining, in minutes. It ends earlier when it would gain less than 0.02 dB in a tenth of
+    /// this time. By default, --effort limits it.
     #[arg(long, value_parser = parse_positive, conflicts_with = "no_refine")]
     pub minutes: Option<f64>,
-    /// The most refining, as a multiple of the default. It ends earlier when it would gain less than 0.02 dB in a tenth of
-    /// that.
+    /// The most refining, as a multiple of the default. It ends earlier when it would gain less than 0.02 dB in a tenth
+    /// of that.
     #[arg(long, default_value_t = 1.0, value_parser = parse_positive, conflicts_with = "no_refine")]
     pub effort: f64,
     /// The width and height of the capture's pictures, in pixels.

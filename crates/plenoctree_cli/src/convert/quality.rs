@@ -14,8 +14,8 @@ const FEWEST: f64 = 10.0;
 /// How often the range of numbers is halved.
 const STEPS: usize = 8;
 
-/// Makes the field with the fewest leaves, within a few percent, whose pictures over white have a mean PSNR of `quality`
-/// decibels, with this `depth` and in these `bounds`. If none has, it has as many leaves as possible.
+/// Makes the field with the fewest leaves, within a few percent, whose pictures over white have a mean PSNR of
+/// `quality` decibels, with this `depth` and in these `bounds`. If none has, it has as many leaves as possible.
 pub fn field(
     splats: &Splats,
     depth: u32,

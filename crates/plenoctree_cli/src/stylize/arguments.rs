@@ -52,8 +52,8 @@ pub struct Arguments {
     /// The number of steps from one palette color to another; by default 3. Palettes of tones have no blends.
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=8))]
     blend_steps: Option<u32>,
-    /// The distance over which labels blend, in encoded sRGB, or in tone space for palettes of tones; 0 is a hard border. By
-    /// default that of --look.
+    /// The distance over which labels blend, in encoded sRGB, or in tone space for palettes of tones; 0 is a hard
+    /// border. By default that of --look.
     #[arg(long, value_parser = parse_softness)]
     softness: Option<f32>,
     /// The opacity below which pixels are drawn as trained.
@@ -67,8 +67,8 @@ pub struct Arguments {
     /// ramp:INDEX; can be repeated.
     #[arg(long, value_name = "INDEX|RAMP=#RRGGBB", value_parser = recolor::parse)]
     recolor: Vec<Recoloring>,
-    /// Give the pixel X,Y of the first view this color, and recolor the ramp of its palette color with it; can be repeated.
-    /// Pixels count from 0 at the top left.
+    /// Give the pixel X,Y of the first view this color, and recolor the ramp of its palette color with it; can be
+    /// repeated. Pixels count from 0 at the top left.
     #[arg(long, value_name = "X,Y=#RRGGBB", value_parser = pixel::parse)]
     pub pixel: Vec<PixelWish>,
     /// The background color.
@@ -126,8 +126,8 @@ impl Arguments {
         self.extraction.histograms.iter().try_for_each(|path| files::check_outputs(&[path], &[field]))
     }
 
-    /// Returns the shown colors with the recolorings from the command line, or `None` if nothing is recolored, neither in
-    /// the file of the palette nor by palette color, ramp or pixel.
+    /// Returns the shown colors with the recolorings from the command line, or `None` if nothing is recolored, neither
+    /// in the file of the palette nor by palette color, ramp or pixel.
     pub fn recolored(&self, palette: &Palette) -> Result<Option<Vec<[f64; 3]>>, String> {
         if self.recolor.is_empty() && self.pixel.is_empty() && palette.shown.is_empty() {
             return Ok(None);

@@ -79,10 +79,11 @@ pub struct Refined {
 
 /// Refines `field` until it looks like the shots, on all cores of the current rayon pool.
 ///
-/// Leaves change density and color, and those that become empty are removed. Leaves of more than four finest cells a side
-/// are split, and eight of a cube that agree are merged, so that there are about as many as before. `measured` are shots that the field is not refined to: up to 16 of them tell what each of ten rounds gained. A round that loses
-/// something is undone. Refining ends when the next round would gain less than 0.02 dB, if gains keep falling as they did.
-/// If `progress` is stopped, the result is the field at that time.
+/// Leaves change density and color, and those that become empty are removed. Leaves of more than four finest cells a
+/// side are split, and eight of a cube that agree are merged, so that there are about as many as before. `measured` are
+/// shots that the field is not refined to: up to 16 of them tell what each of ten rounds gained. A round that loses
+/// something is undone. Refining ends when the next round would gain less than 0.02 dB, if gains keep falling as they
+/// did. If `progress` is stopped, the result is the field at that time.
 ///
 /// # Errors
 ///
@@ -166,8 +167,8 @@ fn next_gain(gains: &[f64]) -> f64 {
 }
 
 impl Grid {
-    /// Returns the grid of a field's leaves, which are at most `largest` finest cells wide. Larger ones than voxels become
-    /// several.
+    /// Returns the grid of a field's leaves, which are at most `largest` finest cells wide. Larger ones than voxels
+    /// become several.
     pub(super) fn of_field_or_error(field: &PlenOctree, largest: u32) -> Result<Self, FitError> {
         Self::of_field(field, largest).ok_or_else(|| FitError::Setting {
             setting: "field",

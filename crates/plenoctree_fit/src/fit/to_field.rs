@@ -25,8 +25,8 @@ pub fn to_field(grid: &Grid, kept: &VoxelSet) -> Result<PlenOctree, FitError> {
     field_of(grid, &leaves_of(grid, kept.voxels())?)
 }
 
-/// Makes a field of all voxels. Cubes of eight leaves that agree are merged, within the smallest tolerance that leaves at
-/// most this many, if any does.
+/// Makes a field of all voxels. Cubes of eight leaves that agree are merged, within the smallest tolerance that leaves
+/// at most this many, if any does.
 ///
 /// # Errors
 ///
@@ -89,8 +89,8 @@ fn field_of(grid: &Grid, leaves: &[Leaf]) -> Result<PlenOctree, FitError> {
     Ok(PlenOctree::new(frame, basis, Activation::Sigmoid, UpAxis::Z, nodes, densities, coefficients)?)
 }
 
-/// Merges cubes of eight leaves, and those of what they become, whose pictures differ by at most `tolerance`. `width` is
-/// that of a cell.
+/// Merges cubes of eight leaves, and those of what they become, whose pictures differ by at most `tolerance`. `width`
+/// is that of a cell.
 fn merged<'a>(leaves: &[Leaf<'a>], width: f64, tolerance: f64) -> Vec<Leaf<'a>> {
     let mut all: Vec<Leaf> = Vec::with_capacity(leaves.len());
     for leaf in leaves {
@@ -207,8 +207,8 @@ mod tests {
     use super::*;
     use crate::fit::grid::Cube;
 
-    /// A cube of 4 x 4 x 4 voxels in a larger grid, and one voxel next to it. Those of the cube are as thick and as bright
-    /// as the functions say.
+    /// A cube of 4 x 4 x 4 voxels in a larger grid, and one voxel next to it. Those of the cube are as thick and as
+    /// bright as the functions say.
     fn grid(thickness: impl Fn(UVec3) -> f32, light: impl Fn(UVec3) -> f32) -> Grid {
         let mut set = VoxelSet::new(64);
         (Voxel { corner: UVec3::splat(8), size: 4 })

@@ -128,8 +128,8 @@ fn outside(group: &Group, tones: usize, borders: &Borders) -> f64 {
     group.tones.iter().flat_map(|&tone| others(tone)).map(|(a, b)| f64::from(borders.between(a, b))).sum()
 }
 
-/// Returns how different two compressed chromas are. If both have a hue, it counts most: shadows and highlights have more
-/// or less chroma. Beside a gray, chroma counts most.
+/// Returns how different two compressed chromas are. If both have a hue, it counts most: shadows and highlights have
+/// more or less chroma. Beside a gray, chroma counts most.
 fn apart(a: DVec2, b: DVec2) -> f64 {
     let (long, short) = (a.length().max(b.length()), a.length().min(b.length()));
     // The chord of the angle between them, at their mean length.

@@ -8,8 +8,8 @@ pub(super) const BLUR: f64 = 0.4;
 /// Thickness below which a cell is empty.
 pub(super) const THINNEST: f32 = 2e-3;
 
-/// Returns what is left of a limit for single cells at a depth: rays pass more cells that are smaller, so that what is left
-/// out would add up.
+/// Returns what is left of a limit for single cells at a depth: rays pass more cells that are smaller, so that what is
+/// left out would add up.
 pub(super) fn per_cell(limit: f32, depth: u32) -> f32 {
     limit * (8.0 - depth as f32).min(0.0).exp2()
 }
@@ -19,15 +19,16 @@ pub(super) fn per_cell(limit: f32, depth: u32) -> f32 {
 pub struct VoxelSettings {
     /// Number of levels of cells, 6 to 10: the finest are `2^-depth` of the field's cube wide. 8 by default.
     ///
-    /// Captures look different from different distances: their Gaussians are never narrower than a pixel. The field looks
-    /// like the capture where a finest cell is about as wide as a pixel, so a greater depth is for views from nearer.
+    /// Captures look different from different distances: their Gaussians are never narrower than a pixel. The field
+    /// looks like the capture where a finest cell is about as wide as a pixel, so a greater depth is for views from
+    /// nearer.
     pub depth: u32,
-    /// The largest number of leaves of any size, 32768 to 20,000,000: they are small where the capture shows detail, and
-    /// what is hidden from outside is left out. By default, `None`, all cells that are not empty become finest leaves, which
-    /// takes less time.
+    /// The largest number of leaves of any size, 32768 to 20,000,000: they are small where the capture shows detail,
+    /// and what is hidden from outside is left out. By default, `None`, all cells that are not empty become finest
+    /// leaves, which takes less time.
     pub leaves: Option<usize>,
-    /// Lowest and highest corner of the box to convert. By default, it is [`Splats::dense_bounds`](crate::splat::Splats::dense_bounds). The field's cube is
-    /// around it.
+    /// Lowest and highest corner of the box to convert. By default, it is
+    /// [`Splats::dense_bounds`](crate::splat::Splats::dense_bounds). The field's cube is around it.
     pub bounds: Option<(DVec3, DVec3)>,
 }
 
