@@ -59,8 +59,8 @@ pub struct CaptureSettings {
     /// looks like the capture from where a finest cell is about as wide as a pixel.
     pub depth: u32,
     /// The largest number of leaves of any size, 32768 to 20,000,000, which are small where the capture shows detail.
-    /// By default, `None`, all leaves are finest cells.
-    pub leaves: Option<u32>,
+    /// 3,000,000 by default.
+    pub leaves: u32,
     /// Lowest and highest corner of the box to convert, in the coordinates of the capture. By default, it contains most
     /// Gaussians.
     pub crop: Option<[[f64; 3]; 2]>,
@@ -77,7 +77,7 @@ impl Default for CaptureSettings {
     fn default() -> Self {
         Self {
             depth: 8,
-            leaves: None,
+            leaves: 3_000_000,
             crop: None,
             keep_largest: false,
             stand: Some(Axis::default()),
@@ -93,8 +93,8 @@ impl CaptureSettings {
         let settings = SubjectSettings { crop, keep_largest: self.keep_largest, up: self.stand };
         let Subject { splats, low, high, .. } = splats.subject(&settings)?;
         let bounds = Some((low, high));
-        let leaves = self.leaves.map(|leaves| leaves as usize);
-        let field = voxelize(&splats, &VoxelSettings { depth: self.depth, leaves, bounds })?;
+        let settings = VoxelSettings { depth: self.depth, leaves: self.leaves as usize, bounds };
+        let field = voxelize(&splats, &settings)?;
         let shift = field.foot().filter(|_| self.stand.is_some()).unwrap_or_default();
         Ok(field.shifted(-shift)?)
     }

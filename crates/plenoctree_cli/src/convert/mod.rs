@@ -68,7 +68,7 @@ pub fn run(arguments: &Arguments) -> Result {
     let bounds = Some((low, high));
     let field = match arguments.quality {
         Some(quality) => quality::field(&splats, depth, bounds, quality, &standard.near),
-        None => voxelize(&splats, &VoxelSettings { depth, leaves: Some(arguments.leaves as usize), bounds }),
+        None => voxelize(&splats, &VoxelSettings { depth, leaves: arguments.leaves as usize, bounds }),
     };
     let mut field = field.map_err(|error| named(&error))?;
     spinner.finish_and_clear();

@@ -24,7 +24,7 @@ pub fn field(
     pictures: &Pictures,
 ) -> Result<PlenOctree, SplatError> {
     let psnr = |field: &PlenOctree| pictures.compare(field).psnr[0];
-    let voxels = Voxels::new(splats, &VoxelSettings { depth, leaves: Some(MOST_LEAVES), bounds })?;
+    let voxels = Voxels::new(splats, &VoxelSettings { depth, leaves: MOST_LEAVES, bounds })?;
     let mut best = voxels.field(MOST_LEAVES)?;
     let found = psnr(&best);
     if found < quality {

@@ -57,7 +57,7 @@ fn psnr(field: &PlenOctree, splats: &Splats, background: DVec3) -> f64 {
 fn fields_look_like_their_captures() {
     for degree in [0, 1, 3] {
         let splats = ball(degree);
-        for leaves in [None, Some(1_000_000)] {
+        for leaves in [100_000, 1_000_000] {
             let field = voxelize(&splats, &VoxelSettings { depth: 7, leaves, ..Default::default() }).unwrap();
             let expected = [Basis::Sh1, Basis::Sh4, Basis::Sh9, Basis::Sh9][degree as usize];
             // Degree 3 is cut to 2.
@@ -75,7 +75,7 @@ fn fields_look_like_their_captures() {
 #[test]
 fn opacities_are_kept() {
     let bounds = Some((DVec3::NEG_ONE, DVec3::ONE));
-    for (scale, opacity, tolerance) in [(0.15, 0.3, 0.05), (0.15, 0.95, 0.05), (0.01, 0.8, 0.4), (0.002, 0.5, 0.5)] {
+    for (scale, opacity, tolerance) in [(0.15, 0.3, 0.05), (0.15, 0.95, 0.05), (0.01, 0.8, 0.4), (0.002, 0.5, 0.55)] {
         let (mut sum, mut count) = (0.0, 0.0);
         for index in 0..20 {
             let at = |step: f32| 0.1 * (step * index as f32).sin();
@@ -106,7 +106,7 @@ fn piles_of_wide_gaussians_become_fields() {
             Gaussian { position: Vec3::ZERO, scale: Vec3::splat(0.1), rotation: Quat::IDENTITY, opacity: 0.5 };
         splats.push(gaussian, &[color]);
     }
-    let field = voxelize(&splats, &VoxelSettings { leaves: Some(100_000), ..Default::default() }).unwrap();
+    let field = voxelize(&splats, &VoxelSettings { leaves: 100_000, ..Default::default() }).unwrap();
     assert!((1000..=100_000).contains(&field.leaves()), "{}", field.leaves());
     let (_, opacity) = field.render_ray(DVec3::new(3.0, 0.0, 0.0), DVec3::NEG_X);
     assert!(opacity > 0.99, "{opacity}");
@@ -134,7 +134,7 @@ fn strange_captures_become_fields_or_errors() {
         round(3.0 * wall / wall.abs().max_element(), 0.08, 0.8)
     });
     for splats in [huge, point, room] {
-        let settings = VoxelSettings { depth: 8, leaves: Some(1_000_000), ..Default::default() };
+        let settings = VoxelSettings { depth: 8, leaves: 1_000_000, ..Default::default() };
         let field = voxelize(&splats, &settings).unwrap();
         assert!(field.leaves() > 0 && field.depth() <= 8, "{} at {}", field.leaves(), field.depth());
         let (low, high) = field.bounds().unwrap();
@@ -163,7 +163,7 @@ fn striped_ball() -> Splats {
 #[test]
 fn leaves_are_where_the_detail_is() {
     let splats = striped_ball();
-    let settings = VoxelSettings { depth: 8, leaves: Some(200_000), ..Default::default() };
+    let settings = VoxelSettings { depth: 8, leaves: 200_000, ..Default::default() };
     let voxels = Voxels::new(&splats, &settings).unwrap();
     let fields = [40_000, 200_000].map(|leaves| {
         let field = voxels.field(leaves).unwrap();
@@ -197,7 +197,7 @@ fn hidden_cells_are_left_out() {
         for gaussian in ball(0).gaussians().iter().filter(|_| shell) {
             splats.push(Gaussian { scale: Vec3::splat(0.06), opacity: 0.99, ..*gaussian }, &[Vec3::ZERO]);
         }
-        let field = voxelize(&splats, &VoxelSettings { depth: 7, leaves: Some(1_000_000), bounds }).unwrap();
+        let field = voxelize(&splats, &VoxelSettings { depth: 7, leaves: 1_000_000, bounds }).unwrap();
         let cells = f64::from(1u32 << field.depth());
         let center = |corner: glam::UVec3| field.frame().to_world((corner.as_dvec3() + 0.5) / cells);
         field.leaf_cells().filter(|cell| center(cell.corner).length() < 0.4).count()
@@ -212,29 +212,18 @@ fn simple_captures_have_few_leaves() {
     let mut splats = Splats::new(0);
     let gaussian = Gaussian { position: Vec3::ZERO, scale: Vec3::splat(0.3), rotation: Quat::IDENTITY, opacity: 0.9 };
     splats.push(gaussian, &[Vec3::ONE]);
-    let settings = VoxelSettings { depth: 7, leaves: Some(3_000_000), ..Default::default() };
+    let settings = VoxelSettings { depth: 7, leaves: 3_000_000, ..Default::default() };
     let field = voxelize(&splats, &settings).unwrap();
     assert!(field.leaves() < 100_000, "{}", field.leaves());
     let found = psnr(&field, &splats, DVec3::ONE);
     assert!(found > 35.0, "{found}");
 }
 
-/// Without a number of leaves, all are finest cells.
-#[test]
-fn uniform_fields_have_leaves_of_one_size() {
-    let field = voxelize(&ball(0), &VoxelSettings { depth: 7, ..Default::default() }).unwrap();
-    assert_eq!(field.depth(), 7);
-    assert!(field.leaf_cells().all(|cell| cell.size == 1));
-    let mixed = VoxelSettings { depth: 7, leaves: Some(1_000_000), ..Default::default() };
-    let mixed = voxelize(&ball(0), &mixed).unwrap();
-    assert!(mixed.leaf_cells().any(|cell| cell.size > 1), "{} of {}", mixed.leaves(), field.leaves());
-}
-
 /// Files, levels of detail, packing and ray casts take leaves of many sizes.
 #[test]
 fn leaves_of_many_sizes_pass_through_everything() {
     let splats = striped_ball();
-    let field = voxelize(&splats, &VoxelSettings { depth: 8, leaves: Some(40_000), ..Default::default() }).unwrap();
+    let field = voxelize(&splats, &VoxelSettings { depth: 8, leaves: 40_000, ..Default::default() }).unwrap();
     let sizes = |field: &PlenOctree| field.leaf_cells().map(|cell| cell.size).collect::<Vec<_>>();
     assert!((0..3).all(|level| sizes(&field).contains(&(1 << level))));
     let path = std::env::temp_dir().join(format!("plenoctree-sizes-{}.npz", std::process::id()));
@@ -273,7 +262,7 @@ fn leaves_of_many_sizes_pass_through_everything() {
 #[test]
 fn fields_do_not_depend_on_threads() {
     let splats = ball(0).transformed(DAffine3::from_translation(DVec3::new(5.0, 6.0, 7.0)));
-    let settings = VoxelSettings { depth: 7, leaves: Some(1_000_000), ..Default::default() };
+    let settings = VoxelSettings { depth: 7, leaves: 1_000_000, ..Default::default() };
     let fields = [1, 3].map(|threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| voxelize(&splats, &settings).unwrap())
@@ -322,7 +311,7 @@ fn impossible_settings_are_errors() {
     assert!(error(VoxelSettings { depth: 11, ..Default::default() }).contains("6 to 10"));
     let bounds = Some((DVec3::splat(5.0), DVec3::splat(6.0)));
     assert!(error(VoxelSettings { depth: 6, bounds, ..Default::default() }).contains("nothing is left of the capture"));
-    assert!(error(VoxelSettings { leaves: Some(1), ..Default::default() }).contains("32768 to 20000000"));
+    assert!(error(VoxelSettings { leaves: 1, ..Default::default() }).contains("32768 to 20000000"));
     let bounds = Some((DVec3::ONE, DVec3::ZERO));
     assert!(error(VoxelSettings { depth: 6, bounds, ..Default::default() }).contains("a lowest and a highest corner"));
 }
@@ -354,8 +343,8 @@ fn wide_gaussians_are_whole_at_every_depth() {
     splats.push(gaussian, &[Vec3::new(0.5, 0.0, -0.5)]);
     let bounds = Some((DVec3::splat(-1.0), DVec3::splat(1.0)));
     for depth in [6, 8, 9] {
-        let field = voxelize(&splats, &VoxelSettings { depth, leaves: Some(200_000), bounds }).unwrap();
+        let field = voxelize(&splats, &VoxelSettings { depth, leaves: 200_000, bounds }).unwrap();
         let found = psnr(&field, &splats, DVec3::ONE);
-        assert!(found > 34.0, "{depth}: {found:.1} dB, {} leaves", field.leaves());
+        assert!(found > 45.0, "{depth}: {found:.1} dB, {} leaves", field.leaves());
     }
 }

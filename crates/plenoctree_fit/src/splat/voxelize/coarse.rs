@@ -5,7 +5,7 @@ use glam::{DVec3, IVec3, UVec3};
 use super::{
     blocks::{BLOCK, Block, Lattice},
     cells::Cells,
-    settings::{BLUR, THINNEST, per_cell},
+    settings::{BLUR, FAINTEST, THINNEST, per_cell},
     sight::look,
     tree::merged_thickness,
 };
@@ -13,10 +13,6 @@ use crate::{exponential::exp_minus, finest::position_of, splat::splats::Splats};
 
 /// Levels of the finest cells in a coarse one.
 const LEVELS: u32 = 2;
-/// Thickness of a coarse cell below which it is empty, if finest cells are not deeper than eight levels.
-const THIN: f32 = 5e-4;
-/// Opacity that such a cell must add to some ray.
-const FAINTEST: f32 = 1e-3;
 /// How visible the neighbors of visible cells are, at least: some rays may pass between those that were followed.
 const NEIGHBOR: f32 = 1e-6;
 
@@ -36,7 +32,7 @@ impl Coarse {
         let lattice = Lattice::new(splats, corner, 2.0 * width, depth - 1, BLUR);
         let size = width * f64::from(1 << LEVELS);
         let thinnest = per_cell(THINNEST, depth - 1);
-        let [thin, faintest] = [THIN, FAINTEST].map(|limit| per_cell(limit, depth));
+        let faintest = per_cell(FAINTEST, depth);
         let parts = lattice.blocks(
             0,
             |_| true,
@@ -45,7 +41,7 @@ impl Coarse {
                 for code in code << (3 * (BLOCK - 1))..(code + 1) << (3 * (BLOCK - 1)) {
                     let thickness = thickness(block, position_of(code) % (1 << (BLOCK - 1)), thinnest);
                     let center = corner + size * (position_of(code).as_dvec3() + 0.5);
-                    if thickness >= thin && center.cmpge(low - size).all() && center.cmple(high + size).all() {
+                    if thickness > 0.0 && center.cmpge(low - size).all() && center.cmple(high + size).all() {
                         cells.push(code, 0, thickness, 0.0, &[]);
                     }
                 }

@@ -11,7 +11,6 @@ mod place;
 mod settings;
 mod sight;
 mod tree;
-mod uniform;
 mod voxels;
 
 use plenoctree::PlenOctree;
@@ -30,8 +29,5 @@ use super::{error::SplatError, splats::Splats};
 /// Returns an error if a setting is out of range, if no Gaussian in the box is visible, or if there are too many cells
 /// for memory.
 pub fn voxelize(splats: &Splats, settings: &VoxelSettings) -> Result<PlenOctree, SplatError> {
-    match settings.leaves {
-        Some(leaves) => Voxels::new(splats, settings)?.field(leaves),
-        None => uniform::field(splats, settings),
-    }
+    Voxels::new(splats, settings)?.field(settings.leaves)
 }

@@ -10,7 +10,7 @@ use super::{
     cells::Cells,
     coarse::Coarse,
     place::{DEPTHS, MOST_CELLS, Place, fault},
-    settings::{BLUR, THINNEST, VoxelSettings, per_cell},
+    settings::{BLUR, FAINTEST, THINNEST, VoxelSettings, per_cell},
     sight::look,
     tree::Tree,
 };
@@ -39,8 +39,6 @@ const LEAST_PRICE: f64 = 1e-11;
 /// Binary logarithms of the lowest and the highest price to try, and how often to halve the range.
 const PRICES: [f32; 2] = [-40.0, 24.0];
 const PRICE_STEPS: usize = 14;
-/// Opacity that a leaf must add to some ray.
-const FAINTEST: f32 = 1e-3;
 
 /// A capture in cells of all sizes, from which fields with any number of leaves are made.
 pub struct Voxels {
@@ -55,7 +53,7 @@ pub struct Voxels {
 
 impl Voxels {
     /// Adds up the Gaussians, on all cores of the current rayon pool. The result is the same on any number of threads.
-    /// `settings` are those of [`voxelize`](super::voxelize()); without a number of leaves, it is the largest.
+    /// `settings` are those of [`voxelize`](super::voxelize()).
     ///
     /// # Errors
     ///
@@ -63,7 +61,7 @@ impl Voxels {
     /// for memory.
     pub fn new(splats: &Splats, settings: &VoxelSettings) -> Result<Self, SplatError> {
         let place = Place::new(splats, settings)?;
-        let leaves = settings.leaves.unwrap_or(MOST_LEAVES);
+        let leaves = settings.leaves;
         if !(FEWEST_LEAVES..=MOST_LEAVES).contains(&leaves) {
             return Err(fault("leaves", leaves.to_string(), "32768 to 20000000"));
         }
