@@ -81,10 +81,14 @@ fn fits_are_packed_and_kept() {
     fs::remove_file(folder.join("9.png")).unwrap();
     let out = folder.join("prop.plenoctree");
     let shared = ["fit", text(&folder), "--out", text(&out), "--depth", "6", "--sh", "1", "--threads", "2"];
-    let fit = |more: &[&str]| {
+    let run = |more: &[&str]| {
         let output = Command::new(env!("CARGO_BIN_EXE_plenoctree")).args(shared).args(more).output().unwrap();
-        assert!(output.status.success());
-        String::from_utf8(output.stderr).unwrap()
+        (output.status.code(), String::from_utf8(output.stderr).unwrap())
+    };
+    let fit = |more: &[&str]| {
+        let (code, warnings) = run(more);
+        assert_eq!(code, Some(0), "{warnings}");
+        warnings
     };
     let warnings = fit(&["--effort", "0.1"]);
     assert_eq!(warnings.matches("warning").count(), 1, "{warnings}");
@@ -97,13 +101,22 @@ fn fits_are_packed_and_kept() {
     fit(&["--effort", "0.01"]);
     assert_ne!(fs::read(&out).unwrap(), packed);
 
-    // The earlier result was measured on other views, so this one replaces it.
-    let worse = fs::read(&out).unwrap();
-    assert!(!fit(&["--effort", "0.1", "--all", "--resume"]).contains("kept as it is"));
+    fit(&["--effort", "0.1", "--all"]);
     let packed = fs::read(&out).unwrap();
-    assert_ne!(packed, worse);
     let warnings = fit(&["--effort", "0.01", "--all", "--resume"]);
     assert!(warnings.contains("on the views, and this one"), "{warnings}");
+    // Where there is no telling which one is better, the earlier result stays.
+    let refused = |more: &[&str], reason: &str| {
+        let (code, message) = run(&[&["--effort", "0.01", "--resume"], more].concat());
+        assert_eq!(code, Some(2));
+        assert!(message.contains(reason) && message.contains("leave --resume out"), "{message}");
+    };
+    refused(&[], "was fitted to other views");
+    refused(&["--holdout", "4"], "was fitted to other views");
+    // The report is that of another field in the folder.
+    let report = fs::read_to_string(folder.join("report.json")).unwrap();
+    fs::write(folder.join("report.json"), report.replace("prop.plenoctree", "other.plenoctree")).unwrap();
+    refused(&["--all"], "is not the field that report.json is about");
     assert_eq!(fs::read(&out).unwrap(), packed);
 }
 

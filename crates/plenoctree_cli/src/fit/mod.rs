@@ -11,7 +11,7 @@ pub use arguments::Arguments;
 
 use std::path::{Path, PathBuf};
 
-use plenoctree_fit::{FitInput, FitReport, Fitted, fit};
+use plenoctree_fit::{FitInput, FitReport, Fitted, View, fit};
 
 use self::output::Quality;
 use crate::{console, number::counted, result::Result, training::Interruption};
@@ -39,12 +39,18 @@ pub fn run(arguments: &Arguments) -> Result {
     if let (Some(path), Some(test)) = (&arguments.test, &test) {
         warn_of_missing(path, test);
     }
-    let earlier = Quality::earlier(&arguments.out).filter(|_| settings.resume);
+    let held_out = match (&test, settings.hold_out) {
+        (Some(test), _) => names(&test.views, 1),
+        (None, Some(every)) => names(&input.views, every as usize),
+        (None, None) => vec![],
+    };
+    let fitted = input.views.len() - if test.is_none() { held_out.len() } else { 0 };
+    let earlier = if settings.resume { Quality::earlier(&arguments.out, &held_out, fitted)? } else { None };
     let Fitted { field, previews, report } =
         interruption.watched(arguments.threads, move |progress| fit(&input, test.as_ref(), &settings, progress))?;
     let described = serde_json::to_value(&report)?;
     if let (Some(before), Some(now)) = (earlier, Quality::of(&described))
-        && now.is_worse_than(&before)
+        && now.psnr < before.psnr
     {
         console::complain!(
             "warning: {}: kept as it is: the earlier result has {:.2} dB on {}, and this one {:.2} dB; fit without --resume \
@@ -60,6 +66,11 @@ pub fn run(arguments: &Arguments) -> Result {
     output::write(&arguments.out, &field, palette.as_ref(), &previews, &described)?;
     print(arguments, &report);
     Ok(())
+}
+
+/// Returns the name of every so many views, from the first one on.
+fn names(views: &[View], every: usize) -> Vec<&str> {
+    views.iter().step_by(every.max(1)).map(|view| view.name.as_str()).collect()
 }
 
 /// Warns, once, of pictures that are not there.

@@ -8,7 +8,7 @@ use std::{
 use image::RgbImage;
 use plenoctree::{PackSettings, PlenOctree, palette::Palette};
 use plenoctree_fit::Comparison;
-use serde_json::Value;
+use serde_json::{Value, json};
 
 use crate::{
     console,
@@ -72,15 +72,17 @@ fn write_all(
     let (views, targets) = (views(out), targets(out));
     let field_file = partial(&targets[0]);
     let written = if is_packed(out) {
-        pack::pack_unchanged(field, &PackSettings::default())?.write(field_file)
+        pack::pack_unchanged(field, &PackSettings::default())?.write(&field_file)
     } else {
-        field.write(field_file)
+        field.write(&field_file)
     };
     written.map_err(|error| format!("{}: {error}", out.display()))?;
+    let mut report = report.clone();
+    report["field"] = identity(out, &field_file);
     if let Some(palette) = palette {
         palette.write(partial(&targets[1]))?;
     }
-    files::write_text(&partial(&targets[2]), &(serde_json::to_string_pretty(report)? + "\n"))?;
+    files::write_text(&partial(&targets[2]), &(serde_json::to_string_pretty(&report)? + "\n"))?;
     if !previews.is_empty() {
         let unfinished = partial(&views);
         let _ = fs::remove_dir_all(&unfinished);
@@ -118,6 +120,12 @@ fn is_packed(out: &Path) -> bool {
     out.extension().is_some_and(|extension| extension == "plenoctree")
 }
 
+/// Returns what tells whose report it is: fields in the same folder share its name.
+fn identity(out: &Path, file: &Path) -> Value {
+    let bytes = fs::metadata(file).ok().map(|metadata| metadata.len());
+    json!({ "file": out.file_name().map(|name| name.to_string_lossy()), "bytes": bytes })
+}
+
 /// How well a field matches the views that were held out or, if none were, those that it was fitted to.
 pub struct Quality {
     held_out: Vec<String>,
@@ -136,15 +144,26 @@ impl Quality {
         Some(Self { held_out: views.iter().map(name).collect::<Option<_>>()?, fitted: report["views"].as_u64()?, psnr })
     }
 
-    /// Returns that of an earlier result.
-    pub fn earlier(out: &Path) -> Option<Self> {
-        let report = fs::read(folder(out).join("report.json")).ok().filter(|_| out.exists())?;
-        Self::of(&serde_json::from_slice(&report).ok()?)
-    }
-
-    /// Returns whether another field was measured on the same views and matches them better.
-    pub fn is_worse_than(&self, other: &Self) -> bool {
-        (&self.held_out, self.fitted) == (&other.held_out, other.fitted) && self.psnr < other.psnr
+    /// Returns that of an earlier result, if there is one.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error if it is unknown, or was measured on other views than those with these names, or fitted to another
+    /// number of views: then there is no telling which result is better.
+    pub fn earlier(out: &Path, held_out: &[&str], fitted: usize) -> Result<Option<Self>> {
+        if !out.exists() {
+            return Ok(None);
+        }
+        let text = fs::read(&targets(out)[2]).ok();
+        let report = text.and_then(|text| serde_json::from_slice(&text).ok()).unwrap_or(Value::Null);
+        let found = Self::of(&report).filter(|_| report["field"] == identity(out, out));
+        let reason = match found {
+            None => "is not the field that report.json is about",
+            Some(found) if found.held_out != held_out || found.fitted != fitted as u64 => "was fitted to other views",
+            Some(found) => return Ok(Some(found)),
+        };
+        let out = out.display();
+        Err(format!("{out}: {reason}, so --resume cannot tell whether to replace it; leave --resume out to do so").into())
     }
 
     /// Names the views that it was measured on.
