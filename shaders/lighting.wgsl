@@ -122,6 +122,8 @@ const PI: f32 = 3.1415927;
 // What light counts for the hue of a point that it passes by, relative to light that falls on it at a right angle. It
 // makes hues fade where surfaces turn away.
 const PASSING: f32 = 0.25;
+// The share of ambient light that such a surface scatters: the diffuse term of Bevy's `ambient_light`.
+const AMBIENT: f32 = 0.45;
 
 // The light that falls on a point: its sum, and its hue.
 struct Falls {
@@ -195,11 +197,16 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
         let light = light_of_lamp(id, surface, is_spot);
         if luminance(light) > 0.0 {
             let arriving = light * share_of_lamp(id, surface, is_spot);
-            all_light += light;
-            arrives += arriving;
 #ifdef BRIGHTNESS
             let toward = normalize(clustered_lights.data[id].position_radius.xyz - point);
             falls(&sum, arriving, toward, relief, props[prop].rim);
+            // A lamp that makes props brighter takes nothing away where it is blocked.
+            let counts = props[prop].brightness == 0.0;
+            all_light += select(vec3(0.0), light, counts);
+            arrives += select(vec3(0.0), arriving, counts);
+#else
+            all_light += light;
+            arrives += arriving;
 #endif
         }
     }
@@ -209,7 +216,7 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
 #ifdef BRIGHTNESS
     if props[prop].brightness > 0.0 {
         // As bright as a white surface that scatters all light evenly, as in Bevy's materials.
-        let ambient = lights.ambient_color.rgb;
+        let ambient = AMBIENT * lights.ambient_color.rgb;
         let seen = (luminance(sum.light) / PI + luminance(ambient)) * view.exposure;
         let added = 1.0 - exp(-seen);
         let value = (LIGHT_ZERO + LIGHT_STEPS * (added - blocked)) / 255.0;

@@ -71,8 +71,9 @@ pub struct PropLighting {
     /// the camera shows, it gains 0.4 of that, and so on: `1 - exp(-light)`.
     ///
     /// Counts directional, point and spot lights with their shadows and their range, by the angle at which their light
-    /// falls on the prop, and ambient light. It does not count environment maps. Light that is missing is subtracted
-    /// from light that is added. The surface is smoothed over 3% of the prop's size, so that steps end at smooth lines
+    /// falls on the prop, and ambient light. It does not count environment maps. Point and spot lights only add: where
+    /// they are blocked, the prop is as without them. Of directional lights, what is missing is subtracted from what is
+    /// added. The surface is smoothed over 3% of the prop's size, so that steps end at smooth lines
     /// although it consists of cells. Smaller parts are lit like what is around them.
     ///
     /// The light of a lamp comes on top of what the prop was trained with. To make it dark where no lamp shines, dim it
@@ -94,11 +95,11 @@ impl Default for PropLighting {
 }
 
 impl PropLighting {
-    /// Returns the lighting of a cartoon, for a prop of a size in world units: one clean line between light and dark,
-    /// one between dark and shadow, a thin rim, and a little of the lights' color. Parts that are at least a tenth of
-    /// the prop's size away cast shadows on it.
+    /// Returns the lighting of a cartoon, for a prop of a size in world units: clean lines between shadow, dark and two
+    /// steps of light, a thin rim, and a little of the lights' color. Parts that are at least a tenth of the prop's size
+    /// away cast shadows on it.
     pub const fn toon(size: f32) -> Self {
-        Self { shadows: 0.5, tint: 0.25, bands: 1, self_shadow_distance: 0.1 * size, brightness: 0.6, rim: 0.5 }
+        Self { shadows: 0.5, tint: 0.25, bands: 2, self_shadow_distance: 0.1 * size, brightness: 0.6, rim: 0.5 }
     }
 
     /// Clamps every setting to its valid range. NaN becomes 0, and a distance that is NaN the largest one.

@@ -3,6 +3,7 @@
 use bevy::prelude::*;
 use bevy_plenoctree::{
     BeforePalette, BilateralFilter, BlendSpace, BorderSmoothing, EdgeSmoothing, Palettes, Posterize, Prop, PropLighting,
+    PropTint,
 };
 
 use crate::{
@@ -13,7 +14,7 @@ use crate::{
 };
 
 pub fn plugin(app: &mut App) {
-    app.add_systems(Startup, spawn).add_systems(Update, (change_colors, march));
+    app.add_systems(Startup, spawn).add_systems(Update, (change_colors, dim, march));
 }
 
 /// Flat areas of palette colors with hard edges.
@@ -47,6 +48,11 @@ const CARTOON: PropLighting = PropLighting::toon(2.0);
 
 /// Light in soft steps.
 const SOFT: PropLighting = PropLighting { bands: 3, self_shadow_distance: f32::MAX, ..CARTOON };
+
+/// The part of their own light that props keep at night.
+const DIM: Color = Color::linear_rgb(0.35, 0.35, 0.45);
+/// How much brighter lamps make them at night.
+const BRIGHT: f32 = 3.0;
 
 /// The ramps of a field, by name, and their colors at night.
 #[derive(Component)]
@@ -88,6 +94,7 @@ fn spawn(mut commands: Commands, assets: Res<AssetServer>) {
         Prop(assets.load("drum.plenoctree")),
         PASTEL,
         SOFT,
+        PropTint::default(),
         ByNight(drum.map(|(ramp, hex)| (ramp, color(hex))).into()),
         Footprint::of("drum.plenoctree"),
         standing(Vec3::new(-3.2, 0.0, -0.5), 1.0, 0.35),
@@ -97,6 +104,7 @@ fn spawn(mut commands: Commands, assets: Res<AssetServer>) {
         Prop(assets.load("robot.plenoctree")),
         POSTER,
         CARTOON,
+        PropTint::default(),
         ByNight(robot.map(|(ramp, hex)| (ramp, color(hex))).into()),
         Footprint::of("robot.plenoctree"),
         Marching { seconds: 0.0 },
@@ -123,6 +131,14 @@ fn change_colors(night: Res<Night>, mut palettes: ResMut<Palettes>, props: Query
                 palette.set_ramp(ramp, BlendSpace::Oklab.mix(by_day, *color, night.0));
             }
         }
+    }
+}
+
+/// Props are darker at night, except where lamps shine on them.
+fn dim(night: Res<Night>, mut props: Query<(&mut PropTint, &mut PropLighting)>) {
+    for (mut tint, mut lighting) in &mut props {
+        tint.0 = BlendSpace::Oklab.mix(Color::WHITE, DIM, night.0);
+        lighting.brightness = CARTOON.brightness.lerp(BRIGHT, night.0);
     }
 }
 

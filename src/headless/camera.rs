@@ -78,7 +78,7 @@ pub fn pinhole_view(camera: &PinholeCamera, up: UpAxis) -> (Projection, Transfor
 }
 
 /// Returns a bundle for a camera that captures exact colors over `background`: one sample per pixel, without
-/// tonemapping or dithering.
+/// tonemapping or dithering. It contains a `Camera` and a `Camera3d`.
 pub fn exact_camera(background: Color) -> impl Bundle {
     (
         Camera3d::default(),

@@ -131,7 +131,8 @@ fn what_faces_the_sun_gets_brighter() {
     // Nothing else brightens it.
     scene.world().despawn(sun);
     assert_eq!(light(&mut scene, PropLighting { brightness: 1.5, ..lighting }), unlit, "no light");
-    scene.world().insert_resource(GlobalAmbientLight { brightness: (illuminance(0.5) / PI) as f32, ..default() });
+    let brightness = (illuminance(0.5) / PI / 0.45) as f32;
+    scene.world().insert_resource(GlobalAmbientLight { brightness, ..default() });
     let ambient = scene.capture();
     let expected = 1.0 + 1.5 * (1.0 - (-0.5f64).exp());
     for (x, y) in places(PIXELS, PIXELS).filter(|(x, y)| normal(*x, *y).is_some()) {
@@ -237,7 +238,7 @@ fn lights_add_up_within_their_range() {
 
     // A prop that the camera does not see, before the sun.
     both.into_iter().for_each(|lamp| _ = scene.world().despawn(lamp));
-    spawn_sun(&mut scene, DVec3::Z, illuminance(1.0), true);
+    let sun = spawn_sun(&mut scene, DVec3::Z, illuminance(1.0), true);
     let above = Transform::from_xyz(0.0, 0.0, 2.0).with_scale(Vec3::splat(0.6));
     scene.spawn_prop(&shape(|at| at.abs().max_element() - 0.5), (above, RenderLayers::layer(1)));
     scene.wait();
@@ -250,6 +251,17 @@ fn lights_add_up_within_their_range() {
             let expected = 2.0 - (-1.0f64).exp();
             assert!((factor(&shadowed, x, y) - expected).abs() < 0.03, "({x}, {y}) is in the sun");
         }
+    }
+
+    // Where it is blocked, a lamp that adds light takes none away.
+    scene.world().despawn(sun);
+    let lamp = PointLight { shadow_maps_enabled: true, range: 20.0, radius: 0.0, ..default() };
+    scene.spawn((lamp, Transform::from_xyz(0.0, 0.0, 4.0), RenderLayers::from_layers(&[0, 1])));
+    let adds = light(&mut scene, lighting);
+    let darkens = light(&mut scene, PropLighting { brightness: 0.0, ..lighting });
+    for (x, y) in places(PIXELS, PIXELS).filter(|(x, y)| place(*x, *y).abs().max_element() < 0.3) {
+        assert_eq!(adds.get_pixel(x, y), unlit.get_pixel(x, y), "({x}, {y}) is behind the other prop");
+        assert!((factor(&darkens, x, y) - 0.5).abs() < 0.03, "({x}, {y}) is in its shadow");
     }
 }
 

@@ -182,6 +182,8 @@ fn ramps_are_edited() {
     assert_eq!(Palette::read(&file).unwrap(), before);
 
     let edit = format!("shell={}", before.ramps[0].name);
+    let message = fail(&["ramps", text(&file), &edit, "--out", text(&folder.join("field.npz"))]);
+    assert!(message.contains("must end in .json"), "{message}");
     let printed = succeed(&["ramps", text(&file), &edit, "rest=1,2", "--out", text(&other)]);
     assert!(printed.contains("ramp 0: shell, ") && printed.contains(": rest, "), "{printed}");
     assert_eq!(Palette::read(&file).unwrap(), before);

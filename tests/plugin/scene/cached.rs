@@ -294,7 +294,7 @@ const CHANGES_OF_LIGHT: &[(&str, Change)] = &[
         view.spawn((lamp, Transform::from_xyz(-0.4, 1.0, 1.5)));
     }),
     ("brightness", |view| view.set_prop(0, PropLighting::toon(0.5))),
-    ("bands", |view| view.set_prop(0, PropLighting { bands: 2, ..PropLighting::toon(0.5) })),
+    ("bands", |view| view.set_prop(0, PropLighting { bands: 3, ..PropLighting::toon(0.5) })),
     ("a palette in light", |view| {
         let field = view.fields[0].clone();
         view.world().resource_mut::<Palettes>().get_mut(&field).unwrap().set(1, Color::srgb(0.9, 0.1, 0.9));

@@ -211,7 +211,14 @@ fn check_directory(reader: &mut (impl Read + Seek)) -> Result<u64, ReadFault> {
     reader.read_exact(&mut tail)?;
     let end = (0..=tail.len().saturating_sub(END)).rev().find(|&at| tail[at..].starts_with(b"PK\x05\x06"));
     let Some((end, record)) = end.and_then(|end| Some((end, tail.get(end..end + END)?))) else {
-        return Err(not_an_archive(if bytes == 0 { "an empty file" } else { "no zip directory at the end" }));
+        let mut start = [0; 4];
+        reader.rewind()?;
+        let is_archive = reader.read_exact(&mut start).is_ok() && start == *b"PK\x03\x04";
+        return Err(not_an_archive(match () {
+            () if is_archive => "no zip directory at the end (the file is truncated)",
+            () if bytes == 0 => "an empty file",
+            () => "no zip directory at the end",
+        }));
     };
     let comment = usize::from(u16::from_le_bytes([record[20], record[21]]));
     if end + END + comment > tail.len() {

@@ -281,7 +281,7 @@ fn files_that_are_not_archives_are_rejected() {
         text,
         "found no zip directory at the end, expected an npz archive or a packed field",
     );
-    assert_changed_rejected("half", |bytes| bytes.truncate(bytes.len() / 2), "found no zip directory at the end");
+    assert_changed_rejected("half", |bytes| bytes.truncate(bytes.len() / 2), "at the end (the file is truncated)");
     assert_changed_rejected(
         "a byte short",
         |bytes| bytes.truncate(bytes.len() - 1),

@@ -51,7 +51,7 @@ impl<R: Read + Seek> Container<R> {
         const HEADER: &str = "header";
         let bytes = reader.seek(SeekFrom::End(0))?;
         reader.rewind()?;
-        let short = || fault(HEADER, format!("{bytes} bytes"), "a complete header");
+        let short = || fault(HEADER, format!("{bytes} bytes"), "a complete header: the file is truncated");
         let mut prefix = [0; PREFIX];
         if bytes < PREFIX as u64 {
             return Err(short());
