@@ -21,10 +21,10 @@ pub fn spawn(world: &mut World) {
     let [robot, drum] =
         ["robot", "drum"].map(|name| world.resource::<AssetServer>().load(format!("{name}.plenoctree")));
     let at = |x| Transform::from_xyz(x, 0.0, 0.0);
-    world.spawn((Toy, Prop(robot.clone()), Posterize::comic(), at(-2.0)));
+    world.spawn((Toy, Name::new("inked robot"), Prop(robot.clone()), Posterize::comic(), at(-2.0)));
     let orange = PaletteOverride::default().with_ramp("body", Color::srgb(0.9, 0.6, 0.1));
-    world.spawn((Toy, Prop(robot), Posterize::toon(), orange, at(0.0)));
-    world.spawn((Toy, Prop(drum), Posterize::soft(), at(2.0)));
+    world.spawn((Toy, Name::new("orange robot"), Prop(robot), Posterize::toon(), orange, at(0.0)));
+    world.spawn((Toy, Name::new("soft drum"), Prop(drum), Posterize::soft(), at(2.0)));
 }
 
 /// Turns all props, recolors them, and takes their ink or gives them some.

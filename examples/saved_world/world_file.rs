@@ -15,7 +15,7 @@ pub struct WorldFile(pub PathBuf);
 pub fn plugin(app: &mut App) {
     // Bevy registers its own types if it has the feature `reflect_auto_register`, which is one of its defaults. The
     // examples do without most defaults.
-    app.register_type::<Transform>().add_systems(Startup, start).add_systems(Update, save_or_load);
+    app.register_type::<Transform>().register_type::<Name>().add_systems(Startup, start).add_systems(Update, save_or_load);
 }
 
 fn start(world: &mut World) -> Result {
@@ -39,8 +39,9 @@ fn save_or_load(world: &mut World) -> Result {
 fn save(world: &mut World) -> Result {
     let toys: Vec<Entity> = world.query_filtered::<Entity, With<Toy>>().iter(world).collect();
     let registry = world.resource::<AppTypeRegistry>().read();
-    let saved = DynamicWorldBuilder::from_world(world, &registry)
+    let mut saved = DynamicWorldBuilder::from_world(world, &registry)
         .allow_component::<Toy>()
+        .allow_component::<Name>()
         .allow_component::<Transform>()
         .allow_component::<Prop>()
         .allow_component::<Posterize>()
@@ -48,6 +49,11 @@ fn save(world: &mut World) -> Result {
         .allow_component::<Ink>()
         .extract_entities(toys.into_iter())
         .build();
+    // Bevy numbers entities anew when it loads them. With these numbers, a world that is saved again has the same bytes.
+    saved.entities.sort_by_key(|saved| world.get::<Name>(saved.entity).cloned());
+    for (number, saved) in (0..).zip(&mut saved.entities) {
+        saved.entity = Entity::from_raw_u32(number).ok_or("too many toys")?;
+    }
     let file = &world.resource::<WorldFile>().0;
     fs::write(file, saved.serialize(&registry)?)?;
     info!("saved {} props to {}", saved.entities.len(), file.display());
