@@ -7,17 +7,19 @@
 
 // The largest difference of distances at which two frames see the same part of a prop, relative to the distance.
 const SAME: f32 = 0.01;
+// The part of the steadiness that counts where a border between labels may have moved.
+const MOVED: f32 = 0.5;
 
 // The labels of the former frame around a point of a prop, plus 2 (0 where it saw something else), and their bilinear
 // weights.
 struct Former {
-    labels: vec4<u32>,
-    weights: vec4<f32>,
+    labels: array<u32, 9>,
+    weights: array<f32, 9>,
 }
 
 // `at` is the place of the point, in pixels.
 fn former_labels(labels: texture_2d<u32>, depths: texture_depth_2d, prop: u32, at: vec2<f32>, depth: f32) -> Former {
-    var found = Former(vec4(0u), vec4(0.0));
+    var found = Former();
     if labelings[prop].former == 0u || !is_solid(depth) {
         return found;
     }
@@ -29,34 +31,45 @@ fn former_labels(labels: texture_2d<u32>, depths: texture_depth_2d, prop: u32, a
     if clip.w <= 0.0 || any(place < vec2(0.0)) || any(place >= size - 1.0) {
         return found;
     }
-    let corner = floor(place);
-    let share = place - corner;
-    for (var i = 0u; i < 4u; i++) {
-        let offset = vec2(i & 1u, i >> 1u);
-        let texel = textureLoad(labels, vec2<u32>(corner) + offset, 0).xy;
-        let solid = textureLoad(depths, vec2<u32>(corner) + offset, 0);
+    let nearest = floor(place + 0.5);
+    for (var i = 0; i < 9; i++) {
+        let there = nearest + vec2(f32(i % 3 - 1), f32(i / 3 - 1));
+        let pixel = vec2<u32>(max(there, vec2(0.0)));
+        let texel = textureLoad(labels, pixel, 0).xy;
+        let solid = textureLoad(depths, pixel, 0);
         let distance = view_distance(solid);
         let is_same = is_solid(solid) && abs(view_distance(before.z) - distance) < SAME * distance;
-        let along = select(1.0 - share, share, offset == vec2(1u));
         found.labels[i] = select(0u, texel.x, is_same && texel.y == labelings[prop].former);
-        found.weights[i] = select(0.0, along.x * along.y, found.labels[i] >= 2u);
+        let along = max(1.0 - abs(place - there), vec2(0.0));
+        found.weights[i] = along.x * along.y;
     }
     return found;
 }
 
+// Returns the share of the bilinear weights that a label has.
 fn support(former: Former, label: u32) -> f32 {
-    return dot(select(vec4(0.0), former.weights, former.labels == vec4(label + 2u)), vec4(1.0));
+    var sum = 0.0;
+    for (var i = 0; i < 9; i++) {
+        sum += select(0.0, former.weights[i], former.labels[i] == label + 2u);
+    }
+    return sum;
 }
 
-// Returns the label that is nearest to a place, if those count as nearer that the former frame had there.
+// Returns the label that is nearest to a place, if those count as nearer that the former frame had there: by all of the
+// steadiness where it had the nearest label nowhere around, and otherwise, where a border has moved, by a part of it.
 fn steadied(nearest: Shown, place: vec3<f32>, prop: u32, light: Light, former: Former) -> Shown {
+    var is_new = true;
+    for (var i = 0; i < 9; i++) {
+        is_new = is_new && former.labels[i] != nearest.label + 2u;
+    }
     let steadiness = labelings[prop].steadiness;
     var best = nearest.label;
-    var least = distance(place, place_of(prop, label_at(prop, best))) - steadiness * support(former, best);
-    for (var i = 0u; i < 4u; i++) {
+    var least = distance(place, place_of(prop, label_at(prop, best))) - MOVED * steadiness * support(former, best);
+    for (var i = 0; i < 9; i++) {
         let label = max(former.labels[i], 2u) - 2u;
         if former.labels[i] >= 2u && label != nearest.label {
-            let off = distance(place, place_of(prop, label_at(prop, label))) - steadiness * support(former, label);
+            let nearer = steadiness * select(MOVED * support(former, label), 1.0, is_new);
+            let off = distance(place, place_of(prop, label_at(prop, label))) - nearer;
             best = select(best, label, off < least);
             least = min(least, off);
         }

@@ -67,7 +67,7 @@ pub struct Posterize {
     /// 0), where the prop is [solid](crate::SolidOpacity), and only in views whose
     /// [`PropQuality::steady_labels`](crate::PropQuality::steady_labels) is true.
     ///
-    /// Defaults to 0.04. Negative values count as 0.
+    /// Defaults to 0.032. Negative values count as 0.
     pub steadiness: f32,
     /// The method with which a palette is extracted, if the field has none. With `None`, that of
     /// [`PaletteExtraction::settings`](crate::PaletteExtraction::settings), which is [`PaletteMethod::Tones`] by
@@ -137,7 +137,7 @@ impl Default for Posterize {
             before_palette: BeforePalette::default(),
             edges: EdgeSmoothing::default(),
             borders: BorderSmoothing::default(),
-            steadiness: 0.04,
+            steadiness: 0.032,
             method: None,
         }
     }

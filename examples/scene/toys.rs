@@ -26,7 +26,7 @@ const POSTER: Posterize = Posterize {
     before_palette: BeforePalette::Hide,
     edges: EdgeSmoothing::Coverage,
     borders: BorderSmoothing::Off,
-    steadiness: 0.04,
+    steadiness: 0.032,
     method: None,
 };
 

@@ -20,7 +20,7 @@ pub struct Arguments {
     #[arg(long, default_value_t = 0.25)]
     pub turn: f64,
     /// The values of `Posterize::steadiness` to compare.
-    #[arg(long, value_delimiter = ',', default_values_t = [0.0, 0.04])]
+    #[arg(long, value_delimiter = ',', default_values_t = [0.0, 0.032])]
     pub steadiness: Vec<f32>,
     /// The width of lines, in world units.
     #[arg(long, default_value_t = 0.012)]
