@@ -144,8 +144,8 @@ pub fn run(arguments: &Arguments) -> Result {
             "palette": seconds(start.elapsed()),
         },
     });
-    output::write(&arguments.out, &field, palette.as_ref(), measured.previews(), &report)?;
-    console::say!("{}: {}", arguments.out.display(), leaves(&field));
+    let written = output::write(&arguments.out, &field, palette.as_ref(), measured.previews(), &report)?;
+    console::say!("{}: {}", arguments.out.display(), counted(written, "leaf", "leaves"));
     Ok(())
 }
 

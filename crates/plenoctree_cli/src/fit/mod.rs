@@ -63,8 +63,8 @@ pub fn run(arguments: &Arguments) -> Result {
         return Ok(());
     }
     let palette = output::palette(&arguments.out, &field, &arguments.extraction);
-    output::write(&arguments.out, &field, palette.as_ref(), &previews, &described)?;
-    print(arguments, &report);
+    let leaves = output::write(&arguments.out, &field, palette.as_ref(), &previews, &described)?;
+    print(arguments, &report, leaves);
     Ok(())
 }
 
@@ -110,7 +110,7 @@ fn model_pictures(arguments: &Arguments) -> Result<Option<(PathBuf, u32)>> {
     Ok(None)
 }
 
-fn print(arguments: &Arguments, report: &FitReport) {
+fn print(arguments: &Arguments, report: &FitReport, leaves: usize) {
     for view in &report.suspicious {
         let what = match view.psnr_db {
             Some(psnr) => {
@@ -130,5 +130,5 @@ fn print(arguments: &Arguments, report: &FitReport) {
         );
     }
     let seconds = report.seconds.preparing + report.seconds.training + report.seconds.measuring;
-    console::say!("{}: {}, {seconds:.0} s", arguments.out.display(), counted(report.leaves, "leaf", "leaves"));
+    console::say!("{}: {}, {seconds:.0} s", arguments.out.display(), counted(leaves, "leaf", "leaves"));
 }

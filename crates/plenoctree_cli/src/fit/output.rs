@@ -46,14 +46,14 @@ pub fn palette(out: &Path, field: &PlenOctree, arguments: &ExtractionArguments) 
 }
 
 /// Writes the field, its palette, previews of the held-out views, and the report. If that fails, nothing incomplete is
-/// left.
+/// left. Returns the number of leaves in the file: packing leaves out hidden ones.
 pub fn write(
     out: &Path,
     field: &PlenOctree,
     palette: Option<&Palette>,
     previews: &[Comparison],
     report: &Value,
-) -> Result {
+) -> Result<usize> {
     write_all(out, field, palette, previews, report).inspect_err(|_| {
         let _ = fs::remove_dir_all(partial(&views(out)));
         for target in targets(out) {
@@ -68,13 +68,14 @@ fn write_all(
     palette: Option<&Palette>,
     previews: &[Comparison],
     report: &Value,
-) -> Result {
+) -> Result<usize> {
     let (views, targets) = (views(out), targets(out));
     let field_file = partial(&targets[0]);
-    let written = if is_packed(out) {
-        pack::pack_unchanged(field, &PackSettings::default())?.write(&field_file)
+    let (leaves, written) = if is_packed(out) {
+        let packed = pack::pack_unchanged(field, &PackSettings::default())?;
+        (packed.field().leaves(), packed.write(&field_file))
     } else {
-        field.write(&field_file)
+        (field.leaves(), field.write(&field_file))
     };
     written.map_err(|error| format!("{}: {error}", out.display()))?;
     let mut report = report.clone();
@@ -101,7 +102,8 @@ fn write_all(
         let _ = fs::remove_file(&targets[1]);
     }
     let written = targets.iter().enumerate().filter(|(index, _)| *index != 1 || palette.is_some());
-    written.map(|(_, target)| target).try_for_each(|target| rename(&partial(target), target))
+    written.map(|(_, target)| target).try_for_each(|target| rename(&partial(target), target))?;
+    Ok(leaves)
 }
 
 /// Draws the photograph at the left and the field at the right.
