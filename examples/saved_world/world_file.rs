@@ -15,7 +15,10 @@ pub struct WorldFile(pub PathBuf);
 pub fn plugin(app: &mut App) {
     // Bevy registers its own types if it has the feature `reflect_auto_register`, which is one of its defaults. The
     // examples do without most defaults.
-    app.register_type::<Transform>().register_type::<Name>().add_systems(Startup, start).add_systems(Update, save_or_load);
+    app.register_type::<Transform>()
+        .register_type::<Name>()
+        .add_systems(Startup, start)
+        .add_systems(Update, save_or_load);
 }
 
 fn start(world: &mut World) -> Result {

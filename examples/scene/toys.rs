@@ -2,8 +2,8 @@
 
 use bevy::prelude::*;
 use bevy_plenoctree::{
-    BeforePalette, BilateralFilter, BlendSpace, BorderSmoothing, EdgeSmoothing, Palettes, Posterize, Prop, PropLighting,
-    PropTint,
+    BeforePalette, BilateralFilter, BlendSpace, BorderSmoothing, EdgeSmoothing, Palettes, Posterize, Prop,
+    PropLighting, PropTint,
 };
 
 use crate::{

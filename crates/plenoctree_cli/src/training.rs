@@ -42,7 +42,9 @@ impl Interruption {
                 process::exit(INTERRUPTED);
             }
             progress.stop();
-            console::complain!("stopped by Ctrl-C: writing the result so far, if there is one (Ctrl-C again ends at once)");
+            console::complain!(
+                "stopped by Ctrl-C: writing the result so far, if there is one (Ctrl-C again ends at once)"
+            );
         })?;
         Ok(interruption)
     }

@@ -165,7 +165,8 @@ impl Quality {
             Some(found) => return Ok(Some(found)),
         };
         let out = out.display();
-        Err(format!("{out}: {reason}, so --resume cannot tell whether to replace it; leave --resume out to do so").into())
+        Err(format!("{out}: {reason}, so --resume cannot tell whether to replace it; leave --resume out to do so")
+            .into())
     }
 
     /// Names the views that it was measured on.

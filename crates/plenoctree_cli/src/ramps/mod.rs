@@ -12,7 +12,8 @@ use crate::{console, files, result::Result, swatches};
 /// Edits the ramps, writes the palette if they changed, and prints them.
 pub fn run(arguments: &Arguments) -> Result {
     let path = &arguments.palette;
-    if let Some(out) = arguments.out.as_ref().filter(|out| out.extension().is_none_or(|extension| extension != "json")) {
+    if let Some(out) = arguments.out.as_ref().filter(|out| out.extension().is_none_or(|extension| extension != "json"))
+    {
         return Err(format!("{}: the name of the palette must end in .json", out.display()).into());
     }
     let mut palette = Palette::read(path)?;
