@@ -1,7 +1,7 @@
 // Smooths the borders between hard labels inside a prop, and removes islands of a few pixels. This is not part of the
 // method, whose labels are those of the centers of pixels.
 //
-// Filtered colors are interpolated between the centers of pixels, and a border runs where two labels are equally near.
+// Filtered colors change from pixel to pixel, and a border runs where two labels are equally near.
 // Within a pixel it is a straight line, which gives the part of the pixel on either side. Only labels of neighbors take
 // part, so that no third label appears where a color changes from one to another.
 #define_import_path bevy_plenoctree::borders
@@ -12,8 +12,10 @@
 #import bevy_plenoctree::shade::Light
 #import bevy_plenoctree::view::{labelings, view}
 
-// The fewest pixels of a label within the 5 x 5 pixels around one of them that are no island.
+// The fewest pixels of a label within the 5 x 5 pixels around one of them that are no island. An island goes to its
+// surroundings, unless their colors differ by more than DETAIL: then it is a detail.
 const LEAST_PIXELS: u32 = 4u;
+const DETAIL: f32 = 0.1;
 const AROUND: i32 = 5;
 const NO_LABEL: u32 = 0xffffffffu;
 
@@ -70,13 +72,11 @@ fn bordered(
         let there = label_of(labels, pixel + vec2(i % AROUND - 2, i / AROUND - 2), own.y);
         pixels += select(vec4(0u), vec4(1u), vec4(there) == candidates);
     }
-    let is_known = candidates != vec4(NO_LABEL) & pixels >= vec4(LEAST_PIXELS);
-    if !any(is_known) {
-        return shown_at(prop, own.x - 2u, light);
-    }
+    let is_label = candidates != vec4(NO_LABEL);
+    let is_island = pixels < vec4(LEAST_PIXELS);
 
-    // The color at the center of the pixel and its gradient, from a quadratic B-spline of the colors around it. Likewise,
-    // how much each candidate is the label there, which counts only while labels are kept from frame to frame.
+    // The color of the pixel, and its gradient from a quadratic B-spline of the colors around it. Likewise, how much each
+    // candidate is the label there, which counts only while labels are kept from frame to frame.
     let here = placed(prop, unpack(textureLoad(filtered, pixel, 0)));
     var place = mat3x3<f32>();
     var support = mat3x4<f32>();
@@ -88,10 +88,10 @@ fn bordered(
         let slope = 0.5 * vec2<f32>(offset);
         let weights = vec3(weight.x * weight.y, slope.x * weight.y, weight.x * slope.y);
         let value = select(here, seen, there != NO_LABEL);
-        let is_label = select(vec4(0.0), vec4(1.0), vec4(there) == candidates);
+        let is_there = select(vec4(0.0), vec4(1.0), vec4(there) == candidates);
         for (var k = 0; k < 3; k++) {
             place[k] += weights[k] * value;
-            support[k] += weights[k] * is_label;
+            support[k] += weights[k] * is_there;
         }
     }
     let steadiness = select(0.0, labelings[prop].steadiness, labelings[prop].former > 0u);
@@ -99,12 +99,20 @@ fn bordered(
     var nearest = 0u;
     var least = 1e30;
     for (var c = 0u; c < 4u; c++) {
-        let candidate = select(own.x, candidates[c], is_known[c]);
+        let candidate = select(own.x, candidates[c], is_label[c]);
         places[c] = place_of(prop, label_at(prop, candidate - 2u));
-        let off = distance(place[0], places[c]) - steadiness * support[0][c];
-        nearest = select(nearest, c, is_known[c] && off < least);
-        least = select(least, off, is_known[c] && off < least);
+        let off = distance(here, places[c]) + select(0.0, DETAIL, is_island[c]);
+        nearest = select(nearest, c, is_label[c] && off < least);
+        least = select(least, off, is_label[c] && off < least);
     }
+    // Only an island can have another label than that of the label pass.
+    nearest = select(0u, nearest, is_island.x);
+    // The spline loses details that are a pixel wide.
+    var is_lost = distance(place[0], here) > 0.5 * DETAIL;
+    for (var c = 0u; c < 4u; c++) {
+        is_lost = is_lost || (is_label[c] && distance(place[0], places[c]) < distance(place[0], places[nearest]));
+    }
+    let center = select(place[0], here, is_lost);
     let label = candidates[nearest];
     let to = places[nearest];
     var sum = vec3(0.0);
@@ -115,10 +123,11 @@ fn bordered(
         let step = steadiness * distance(other, to);
         let near = vec3(support[0][c], support[1][c], support[2][c]);
         let kept = near - vec3(support[0][nearest], support[1][nearest], support[2][nearest]);
-        let value = dot(2.0 * place[0] - other - to, to - other) - step * kept.x;
+        let value = dot(2.0 * center - other - to, to - other) - step * kept.x;
         let gradient = 2.0 * vec2(dot(place[1], to - other), dot(place[2], to - other)) - step * kept.yz;
-        let share = select(0.0, min(beyond(max(value, 0.0), gradient), rest), is_known[c] && c != nearest);
-        if share > 0.0 {
+        let stays = !is_island[c] || distance(other, to) > DETAIL;
+        let share = min(beyond(max(value, 0.0), gradient), rest);
+        if is_label[c] && c != nearest && stays && share > 0.0 {
             sum += share * decode(shown_at(prop, candidates[c] - 2u, light));
             rest -= share;
         }

@@ -1,7 +1,10 @@
 //! Tests smooth borders and ink.
 
 use bevy::prelude::*;
-use bevy_plenoctree::{BorderSmoothing, FieldPalette, Ink, InkBorders, InkColor, Palette, PaletteMethod, Posterize};
+use bevy_plenoctree::{
+    BilateralFilter, BorderSmoothing, EdgeSmoothing, FieldPalette, Ink, InkBorders, InkColor, Palette, PaletteMethod,
+    Posterize,
+};
 use glam::DVec3;
 use image::RgbaImage;
 
@@ -99,6 +102,39 @@ fn smooth_borders_show_what_finer_pixels_show() {
     let [before, after] = errors.map(f32::sqrt);
     println!("error at borders: {before} with stairs, {after} if smooth: {:.2} of it", after / before);
     assert!(after < 0.45 * before, "{after} of {before}");
+}
+
+/// Details of a few pixels keep their color, although islands of similar colors go to their surroundings.
+#[test]
+fn small_details_stay() {
+    const TONES: [[f64; 3]; 2] = [[0.2, 0.3, 0.7], [0.9, 0.85, 0.3]];
+    let dotted = |at: DVec3| {
+        let is_dot = (20.0 * at).to_array().iter().all(|x| x.rem_euclid(2.0) < 0.8);
+        DVec3::from(TONES[usize::from(is_dot)])
+    };
+    let mut stage = Stage::new(SIZE);
+    let inside = |at: DVec3| if (0.66..0.7).contains(&at.length()) { 1e4 } else { 0.0 };
+    stage.spawn_prop(&colored(7, inside, dotted), ());
+    let mut palette = Palette::new(TONES.to_vec()).unwrap();
+    palette.method = Some(PaletteMethod::Tones);
+    stage.paint(FieldPalette::new(palette));
+    stage.set(Transform::from_xyz(0.3, 0.5, 2.4).looking_at(Vec3::ZERO, Vec3::Y));
+    let mut capture = |borders| {
+        let filter = BilateralFilter { iterations: 0, ..default() };
+        stage.dress(Posterize { borders, filter, edges: EdgeSmoothing::Off, ..Posterize::toon() });
+        stage.wait();
+        stage.capture()
+    };
+    let [hard, smooth] = [BorderSmoothing::Off, BorderSmoothing::Interpolated].map(&mut capture);
+    // More red than blue, and less.
+    let is_dot = |frame: &RgbaImage, x, y| frame.get_pixel(x, y)[0] > frame.get_pixel(x, y)[2];
+    let (mut dots, mut kept) = (0, 0);
+    for (x, y) in places(SIZE, SIZE).filter(|(x, y)| is_dot(&hard, *x, *y)) {
+        dots += 1;
+        kept += u32::from(is_dot(&smooth, x, y));
+    }
+    assert!(dots > 100, "{dots}");
+    assert!(10 * kept >= 9 * dots, "{kept} of {dots} pixels of dots");
 }
 
 /// Lines are as wide as they may be, on the prop's side of its silhouette, and nothing else changes.
