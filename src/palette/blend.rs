@@ -1,6 +1,7 @@
 //! Blending colors and palettes.
 
 use bevy::{color::Mix, prelude::*};
+use plenoctree::srgb::{decode, encode};
 
 /// The space in which two colors are blended.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
@@ -25,7 +26,7 @@ impl BlendSpace {
         if t > 0.0 {
             return match self {
                 Self::Encoded => Srgba::from(from).mix(&to.into(), t).into(),
-                Self::Oklab => Srgba::from(Oklaba::from(from).mix(&to.into(), t)).into(),
+                Self::Oklab => encoded(oklab(from).mix(&oklab(to), t)),
             };
         }
         from
@@ -37,6 +38,20 @@ impl BlendSpace {
     }
 }
 
+/// Converts a color to Oklab. Unlike Bevy, decodes negative channels of encoded sRGB like positive ones, as ramps do that
+/// move beyond what displays show.
+fn oklab(color: Color) -> Oklaba {
+    let [red, green, blue] = Srgba::from(color).to_f32_array_no_alpha().map(|channel| decode(channel.into()) as f32);
+    LinearRgba::new(red, green, blue, color.alpha()).into()
+}
+
+/// Converts Oklab to encoded sRGB in the same way.
+fn encoded(lab: Oklaba) -> Color {
+    let linear = LinearRgba::from(lab);
+    let [red, green, blue] = linear.to_f32_array_no_alpha().map(|channel| encode(channel.into()) as f32);
+    Color::srgba(red, green, blue, linear.alpha)
+}
+
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
@@ -44,7 +59,7 @@ mod tests {
     use super::*;
 
     fn color() -> impl Strategy<Value = Color> {
-        prop::array::uniform3(0.0..=1.0f32).prop_map(|[r, g, b]| Color::srgb(r, g, b))
+        prop::array::uniform3(-0.3..=1.3f32).prop_map(|[r, g, b]| Color::srgb(r, g, b))
     }
 
     fn space() -> impl Strategy<Value = BlendSpace> {
@@ -87,5 +102,12 @@ mod tests {
         let (yellow, blue) = (Color::srgb(1.0, 1.0, 0.0), Color::srgb(0.0, 0.0, 1.0));
         assert!(error(BlendSpace::Encoded, yellow, blue, 0.5) < 1e-6);
         assert!(error(BlendSpace::Oklab, yellow, blue, 0.5) > 0.1);
+        // Half way to a color that no display shows, as ramps can have.
+        let [tan, orange] = [Color::srgb(0.86, 0.75, 0.53), Color::srgb(0.85, 0.6, -0.35)];
+        let found = BlendSpace::Oklab.mix(tan, orange, 0.5);
+        let [a, b] = [tan, orange].map(|color| Srgba::from(color).to_vec3().as_dvec3());
+        let between = 0.5 * (plenoctree::palette::tone_space(a) + plenoctree::palette::tone_space(b));
+        let found = plenoctree::palette::tone_space(Srgba::from(found).to_vec3().as_dvec3());
+        assert!(found.distance(between) < 1e-3, "{found} instead of {between}");
     }
 }

@@ -34,8 +34,8 @@ pub struct Arguments {
     /// its own pictures, without leaves of little weight, and with smoother colors.
     #[arg(long)]
     exact: bool,
-    /// Record the color histograms of the field in the file, so that palettes that are extracted from the packed field
-    /// are exactly those of the field, and take no sampling.
+    /// Record the color histograms of the field in the file, so that hulls and fits that are extracted from the packed
+    /// field are exactly those of the field, tones are near them, and nothing is sampled.
     #[arg(long, conflicts_with = "npz")]
     pub record_histograms: bool,
     /// Write the quantized .npz layout of volrend instead; requires --out.
