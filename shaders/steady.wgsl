@@ -59,8 +59,15 @@ fn support(former: Former, label: u32) -> f32 {
 // steadiness where it had the nearest label nowhere around, and otherwise, where a border has moved, by a part of it.
 fn steadied(nearest: Shown, place: vec3<f32>, prop: u32, light: Light, former: Former) -> Shown {
     var is_new = true;
+    var others = 0u;
     for (var i = 0; i < 9; i++) {
-        is_new = is_new && former.labels[i] != nearest.label + 2u;
+        let is_other = former.labels[i] != nearest.label + 2u;
+        is_new = is_new && is_other;
+        others += select(0u, 1u, is_other && former.labels[i] >= 2u);
+    }
+    // As of most pixels.
+    if others == 0u {
+        return nearest;
     }
     let steadiness = labelings[prop].steadiness;
     var best = nearest.label;
