@@ -306,8 +306,8 @@ impl FieldPalette {
     /// or `x.npz`. It then shows what it showed when it was saved; to ship a palette without the colors of a player,
     /// [`reset`](Self::reset) a clone of it.
     ///
-    /// Returns an error if the file cannot be written, if the palette is [invalid](Palette::validate), or if a channel of a
-    /// source color is not from 0 to 1.
+    /// Returns an error if the file cannot be written, if the palette is [invalid](Palette::validate), or if a channel
+    /// of a source color is not from 0 to 1.
     pub fn save(&self, path: impl AsRef<Path>) -> Result<(), PaletteFileError> {
         self.to_palette().write(path)
     }

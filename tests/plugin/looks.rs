@@ -24,21 +24,26 @@ const SKY: Color = Color::srgb(0.3, 0.5, 0.9);
 struct Look(Stage);
 
 impl Look {
+    /// A shell of cells of this depth, with the colors of two tones.
+    fn of(tones: [[f64; 3]; 2], depth: u32, thinnest: f64, color: impl Fn(DVec3) -> DVec3 + Sync) -> Self {
+        let mut stage = Stage::new(SIZE);
+        let inside = |at: DVec3| if (thinnest..0.7).contains(&at.length()) { 1e4 } else { 0.0 };
+        stage.spawn_prop(&colored(depth, inside, color), ());
+        let mut palette = Palette::new(tones.to_vec()).unwrap();
+        palette.method = Some(PaletteMethod::Tones);
+        stage.paint(FieldPalette::new(palette));
+        stage.set_background(SKY);
+        stage.set(Transform::from_xyz(0.3, 0.5, 2.4).looking_at(Vec3::ZERO, Vec3::Y));
+        Self(stage)
+    }
+
     fn new() -> Self {
         let slope = DVec3::new(0.4, 0.9, 0.2);
         let color = move |at: DVec3| {
             let share = (6.0 * at.dot(slope) + 0.5).clamp(0.0, 1.0);
             DVec3::from(COLORS[0]).lerp(COLORS[1].into(), share)
         };
-        let mut stage = Stage::new(SIZE);
-        let inside = |at: DVec3| if (0.68..0.7).contains(&at.length()) { 1e4 } else { 0.0 };
-        stage.spawn_prop(&colored(8, inside, color), ());
-        let mut palette = Palette::new(COLORS.to_vec()).unwrap();
-        palette.method = Some(PaletteMethod::Tones);
-        stage.paint(FieldPalette::new(palette));
-        stage.set_background(SKY);
-        stage.set(Transform::from_xyz(0.3, 0.5, 2.4).looking_at(Vec3::ZERO, Vec3::Y));
-        Self(stage)
+        Self::of(COLORS, 8, 0.68, color)
     }
 
     fn capture(&mut self, size: u32, posterize: Posterize, ink: Option<Ink>) -> RgbaImage {
@@ -112,18 +117,10 @@ fn small_details_stay() {
         let is_dot = (20.0 * at).to_array().iter().all(|x| x.rem_euclid(2.0) < 0.8);
         DVec3::from(TONES[usize::from(is_dot)])
     };
-    let mut stage = Stage::new(SIZE);
-    let inside = |at: DVec3| if (0.66..0.7).contains(&at.length()) { 1e4 } else { 0.0 };
-    stage.spawn_prop(&colored(7, inside, dotted), ());
-    let mut palette = Palette::new(TONES.to_vec()).unwrap();
-    palette.method = Some(PaletteMethod::Tones);
-    stage.paint(FieldPalette::new(palette));
-    stage.set(Transform::from_xyz(0.3, 0.5, 2.4).looking_at(Vec3::ZERO, Vec3::Y));
+    let mut look = Look::of(TONES, 7, 0.66, dotted);
     let mut capture = |borders| {
         let filter = BilateralFilter { iterations: 0, ..default() };
-        stage.dress(Posterize { borders, filter, edges: EdgeSmoothing::Off, ..Posterize::toon() });
-        stage.wait();
-        stage.capture()
+        look.capture(SIZE, Posterize { borders, filter, edges: EdgeSmoothing::Off, ..Posterize::toon() }, None)
     };
     let [hard, smooth] = [BorderSmoothing::Off, BorderSmoothing::Interpolated].map(&mut capture);
     // More red than blue, and less.

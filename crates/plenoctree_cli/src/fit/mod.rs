@@ -11,7 +11,7 @@ pub use arguments::Arguments;
 
 use std::path::{Path, PathBuf};
 
-use plenoctree_fit::{FitInput, FitReport, Fitted, View, fit};
+use plenoctree_fit::{FitInput, FitReport, Fitted, fit};
 
 use self::output::Quality;
 use crate::{console, number::counted, result::Result, training::Interruption};
@@ -39,10 +39,12 @@ pub fn run(arguments: &Arguments) -> Result {
     if let (Some(path), Some(test)) = (&arguments.test, &test) {
         warn_of_missing(path, test);
     }
-    let held_out = match (&test, settings.hold_out) {
-        (Some(test), _) => names(&test.views, 1),
-        (None, Some(every)) => names(&input.views, every as usize),
-        (None, None) => vec![],
+    let held_out: Vec<&str> = match &test {
+        Some(test) => test.views.iter().map(|view| view.name.as_str()).collect(),
+        None => {
+            let views = input.views.iter().enumerate().filter(|(index, _)| settings.holds_out(*index));
+            views.map(|(_, view)| view.name.as_str()).collect()
+        }
     };
     let fitted = input.views.len() - if test.is_none() { held_out.len() } else { 0 };
     let earlier = if settings.resume { Quality::earlier(&arguments.out, &held_out, fitted)? } else { None };
@@ -66,11 +68,6 @@ pub fn run(arguments: &Arguments) -> Result {
     let leaves = output::write(&arguments.out, &field, palette.as_ref(), &previews, &described)?;
     print(arguments, &report, leaves);
     Ok(())
-}
-
-/// Returns the name of every so many views, from the first one on.
-fn names(views: &[View], every: usize) -> Vec<&str> {
-    views.iter().step_by(every.max(1)).map(|view| view.name.as_str()).collect()
 }
 
 /// Warns, once, of pictures that are not there.

@@ -150,8 +150,8 @@ impl Quality {
     ///
     /// # Errors
     ///
-    /// Returns an error if it is unknown, or was measured on other views than those with these names, or fitted to another
-    /// number of views: then there is no telling which result is better.
+    /// Returns an error if it is unknown, or was measured on other views than those with these names, or fitted to
+    /// another number of views: then there is no telling which result is better.
     pub fn earlier(out: &Path, held_out: &[&str], fitted: usize) -> Result<Option<Self>> {
         if !out.exists() {
             return Ok(None);

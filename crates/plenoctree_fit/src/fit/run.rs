@@ -73,8 +73,7 @@ pub fn fit(
     let turned = settings.stand.then(|| stand::upright(&input.views));
     let turn = |input: &FitInput| turned.map_or_else(|| input.clone(), |turn| stand::turned(input, turn));
     let (input, test) = (&turn(input), test.map(turn));
-    let hold_out = settings.hold_out.filter(|_| test.is_none());
-    let is_held_out = |index: usize| hold_out.is_some_and(|every| index.is_multiple_of(every as usize));
+    let is_held_out = |index: usize| test.is_none() && settings.holds_out(index);
     let numbered = || input.views.iter().enumerate();
     let numbers: Vec<usize> = numbered().map(|(index, _)| index).filter(|&index| !is_held_out(index)).collect();
     let training: Vec<View> = numbers.iter().map(|&index| input.views[index].clone()).collect();

@@ -79,6 +79,11 @@ impl Default for FitSettings {
 }
 
 impl FitSettings {
+    /// Returns whether the view with this index is held out, if no others are there to measure.
+    pub fn holds_out(&self, index: usize) -> bool {
+        self.hold_out.is_some_and(|every| index.is_multiple_of(every as usize))
+    }
+
     /// Returns an error that names the first setting that is out of range.
     pub(super) fn validate(&self) -> Result<(), FitError> {
         let fault = |setting, found: String, expected| Err(FitError::Setting { setting, found, expected });
