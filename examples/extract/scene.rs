@@ -32,7 +32,7 @@ fn arrive(mut commands: Commands, assets: Res<AssetServer>) {
 
 /// Draws a part of a line below the prop, from 0 to 1.
 fn draw(gizmos: &mut Gizmos, from: f32, to: f32, color: Color) {
-    let [from, to] = [from, to].map(|x| Vec3::new(3.0 * x - 1.5, -1.3, 0.0));
+    let [from, to] = [from, to].map(|x| Vec3::new(3.0 * x - 1.5, -1.45, 0.0));
     gizmos.line(from, to, color);
 }
 

@@ -2,9 +2,9 @@
 
 mod common;
 
-use std::fs;
+use std::{fs, path::Path, process::Output};
 
-use common::{ball, fail, folder, succeed, text};
+use common::{ball, fail, folder, run, succeed, text};
 use npyz::WriterBuilder;
 use plenoctree::{
     LoadSettings, PlenOctree,
@@ -93,21 +93,45 @@ fn saved_histograms_give_the_same_palette() {
     }
 }
 
+/// Writes arrays whose elements are all equal.
+fn write_histograms(path: &Path, arrays: &[(&str, &[u64], f64)]) {
+    let mut archive = zip::ZipWriter::new(fs::File::create(path).unwrap());
+    for (name, shape, weight) in arrays {
+        archive.start_file(format!("{name}.npy"), zip::write::FileOptions::default()).unwrap();
+        let array = npyz::WriteOptions::new().default_dtype().shape(shape).writer(&mut archive).begin_nd();
+        let mut array = array.unwrap();
+        array.extend(vec![*weight; shape.iter().product::<u64>() as usize]).unwrap();
+        array.finish().unwrap();
+    }
+    archive.finish().unwrap();
+}
+
+/// More colors than palettes have: the program says that they are not met.
+#[test]
+fn unmet_tolerances_are_reported() {
+    let path = folder("palette_tolerance").join("h.npz");
+    write_histograms(&path, &[("fine", &[4, 4, 4], 1.0), ("coarse", &[2, 2, 2], 1.0)]);
+    let said = |tolerance: &str| {
+        let from = ["palette", "--from-histograms", text(&path)];
+        let Output { stderr, status, .. } = run(&[&from[..], &["--colors", "auto", "--tolerance", tolerance]].concat());
+        assert!(status.success());
+        String::from_utf8(stderr).unwrap()
+    };
+    assert_eq!(said("0.9"), "");
+    let warning = said("0.001");
+    assert!(
+        warning.contains("h.npz: the error of 40 colors is 0.") && warning.contains("--tolerance 0.001"),
+        "{warning}"
+    );
+}
+
 #[test]
 fn bad_histograms_are_rejected() {
     let folder = folder("palette_bad_histograms");
     let field = ball(&folder);
     let path = folder.join("h.npz");
     let reject = |arrays: &[(&str, &[u64], f64)], message: &str| {
-        let mut archive = zip::ZipWriter::new(fs::File::create(&path).unwrap());
-        for (name, shape, weight) in arrays {
-            archive.start_file(format!("{name}.npy"), zip::write::FileOptions::default()).unwrap();
-            let array = npyz::WriteOptions::new().default_dtype().shape(shape).writer(&mut archive).begin_nd();
-            let mut array = array.unwrap();
-            array.extend(vec![*weight; shape.iter().product::<u64>() as usize]).unwrap();
-            array.finish().unwrap();
-        }
-        archive.finish().unwrap();
+        write_histograms(&path, arrays);
         let found = fail(&["palette", "--from-histograms", text(&path)]);
         assert!(found.contains("h.npz") && found.contains(message), "{found}");
     };

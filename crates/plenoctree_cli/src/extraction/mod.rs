@@ -12,9 +12,12 @@ pub use extracted::Extracted;
 
 use std::path::Path;
 
-use plenoctree::{PlenOctree, palette::ExtractionSettings};
+use plenoctree::{
+    PlenOctree,
+    palette::{ColorCount, Extraction, ExtractionSettings},
+};
 
-use crate::result::Result;
+use crate::{console, result::Result};
 
 /// Extracts a palette as the command line specifies, writes the histograms if requested, and shows progress unless
 /// `quiet`. Errors name the field's file, `path`.
@@ -33,7 +36,23 @@ pub fn extract(
     if let Some(path) = &arguments.histograms {
         histograms::write(&extracted.histograms, &settings.sampling, path)?;
     }
+    warn_of_error(path, &settings, &extracted.extraction);
     Ok(extracted)
+}
+
+/// Warns if a palette has the largest number of colors and still a larger error than the settings ask for. `path` is the
+/// file that the palette is extracted from.
+pub fn warn_of_error(path: &Path, settings: &ExtractionSettings, extraction: &Extraction) {
+    let error = extraction.errors.rmse;
+    if let ColorCount::Auto { tolerance } = settings.colors
+        && error > tolerance
+    {
+        let colors = extraction.palette.colors.len();
+        console::complain!(
+            "warning: {}: the error of {colors} colors is {error:.3}, more than --tolerance {tolerance}: choose --colors",
+            path.display()
+        );
+    }
 }
 
 fn sample_and_extract(

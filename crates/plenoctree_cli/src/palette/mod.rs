@@ -31,7 +31,9 @@ pub fn run(arguments: &Arguments) -> Result {
         }
         Input::Histograms(path) => {
             let extracted = extract_from_histograms(&histograms::read(path)?, &settings, &Progress::default());
-            extracted.map_err(|error| format!("{}: {error}", path.display()))?
+            let extraction = extracted.map_err(|error| format!("{}: {error}", path.display()))?;
+            extraction::warn_of_error(path, &settings, &extraction);
+            extraction
         }
     };
     let palette = &extraction.palette;

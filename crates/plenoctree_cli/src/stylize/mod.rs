@@ -52,7 +52,10 @@ pub fn run(arguments: &Arguments) -> Result {
         }
     };
     let settings = arguments.posterize(&palette);
-    check_labels(&palette, settings.blend_steps)?;
+    check_labels(&palette, settings.blend_steps).map_err(|error| match &arguments.palette {
+        Some(file) => format!("palette {}: {error}", file.display()),
+        None => error,
+    })?;
     let mut recolored = arguments.recolored(&palette)?;
 
     files::create_folder(&arguments.out)?;
@@ -97,7 +100,7 @@ pub fn run(arguments: &Arguments) -> Result {
 }
 
 /// Returns an error if there are more labels than the renderers allow.
-fn check_labels(palette: &Palette, blend_steps: u32) -> Result {
+fn check_labels(palette: &Palette, blend_steps: u32) -> Result<(), String> {
     let colors = palette.colors.len();
     let (labels, most) = (PaletteLabel::count(colors, blend_steps), PaletteLabel::MAX_LABELS);
     if labels <= most {
@@ -107,8 +110,7 @@ fn check_labels(palette: &Palette, blend_steps: u32) -> Result {
     Err(format!(
         "found {colors} colors with {blend_steps} blend steps, which make {labels} labels, expected at most {most}: use \
          --blend-steps {steps}"
-    )
-    .into())
+    ))
 }
 
 /// Returns the views to render if no cameras are given.

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use image::{Rgb, RgbImage};
-use plenoctree::palette::{Palette, PaletteLabel, Wish};
+use plenoctree::palette::{Palette, PaletteLabel, Unmet, Wish};
 
 use crate::{hex, result::Result};
 
@@ -43,8 +43,14 @@ pub fn apply(
         let label = shown_label(pixel.into(), palette, blend_steps).ok_or("the palette is empty")?;
         Ok(Wish { label, color })
     };
-    let wishes: Vec<Wish> = wishes.iter().map(wish).collect::<Result<_, String>>()?;
-    let moved = palette.recolored(&wishes, &[]).map_err(|error| format!("--pixel: {error}"))?;
+    let found: Vec<Wish> = wishes.iter().map(wish).collect::<Result<_, String>>()?;
+    let moved = palette.recolored(&found, &[]).map_err(|error| {
+        let message = |unmet: &Unmet| {
+            let (x, y) = wishes[unmet.wish].at;
+            format!("--pixel {x},{y} {unmet}")
+        };
+        error.unmet.iter().map(message).collect::<Vec<_>>().join("; ")
+    })?;
     for ((shown, moved), source) in shown.iter_mut().zip(moved).zip(&palette.colors) {
         if moved != *source {
             *shown = moved;
@@ -94,7 +100,7 @@ mod tests {
             ("1,0=blue", "expected #RRGGBB"),
             ("2,0=#000000", "--pixel 2,0: the views have 2 x 2 pixels"),
             ("1,1=#000000", "--pixel 1,1: the prop is not posterized there"),
-            ("0,0=#000000", "its colors are in no ramp"),
+            ("0,0=#000000", "--pixel 0,0 cannot be met: its colors are in no ramp"),
         ] {
             let palette = palette();
             let posterized = |x, y| (x, y) != (1, 1);

@@ -66,17 +66,24 @@ impl std::error::Error for UnmetWishes {}
 
 impl fmt::Display for UnmetWishes {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for (index, Unmet { wish, reached, reason }) in self.unmet.iter().enumerate() {
-            let reason = match reason {
-                UnmetReason::NoLabel => "the palette has no such label",
-                UnmetReason::Locked => "its colors are in no ramp that may move",
-                UnmetReason::Conflict => "it contradicts another wish, or the ramp cannot get there",
-            };
-            let [r, g, b] = reached;
+        for (index, unmet) in self.unmet.iter().enumerate() {
             let separator = if index > 0 { "; " } else { "" };
-            write!(f, "{separator}wish {wish} cannot be met: {reason} (nearest: {r:.3}, {g:.3}, {b:.3})")?;
+            write!(f, "{separator}wish {} {unmet}", unmet.wish)?;
         }
         Ok(())
+    }
+}
+
+impl fmt::Display for Unmet {
+    /// Writes what is to be said of the wish, without its index.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let reason = match self.reason {
+            UnmetReason::NoLabel => "the palette has no such label",
+            UnmetReason::Locked => "its colors are in no ramp that may move",
+            UnmetReason::Conflict => "it contradicts another wish, or the ramp cannot get there",
+        };
+        let [r, g, b] = self.reached;
+        write!(f, "cannot be met: {reason} (nearest: {r:.3}, {g:.3}, {b:.3})")
     }
 }
 
