@@ -6,7 +6,7 @@
 #ifdef INK
 #import bevy_plenoctree::ink::{Surface, ink_at, inked, surface_at}
 #endif
-#import bevy_plenoctree::labels::{assign, place_of_color}
+#import bevy_plenoctree::labels::{are_tones, assign, place_of_color}
 #import bevy_plenoctree::recolor::recolored
 #import bevy_plenoctree::shade::FULL_LIGHT
 #ifdef LIGHTING
@@ -112,9 +112,9 @@ fn around(pixel: vec2<u32>, owners: vec2<u32>) -> Around {
     return found;
 }
 
-// Returns what rays show of their owner, over `behind`: the label of their mean color.
+// Returns what rays show of their owner: the label of their mean color, which is over `behind` unless labels are tones.
 fn posterized(pixel: vec2<u32>, rays: vec4<f32>, owner: u32, behind: vec3<f32>) -> vec3<f32> {
-    let over = rays.rgb + max(1.0 - rays.a, 0.0) * behind;
+    let over = select(rays.rgb + max(1.0 - rays.a, 0.0) * behind, rays.rgb / max(rays.a, 1e-6), are_tones(owner - 1u));
     var tint = props[owner - 1u].tint;
     var light = FULL_LIGHT;
 #ifdef LIGHTING

@@ -64,9 +64,9 @@ fn oklab(encoded: vec3<f32>) -> vec3<f32> {
 // How much more a difference of chroma counts than one of lightness. Matches `plenoctree::palette::tone_space`.
 const CHROMA: f32 = 2.0;
 
-// Converts encoded sRGB to the space in which tones are fitted.
+// Converts encoded sRGB to the space in which tones are fitted. It holds what displays show.
 fn tone_space(encoded: vec3<f32>) -> vec3<f32> {
-    return oklab(encoded) * vec3(1.0, CHROMA, CHROMA);
+    return oklab(saturate(encoded)) * vec3(1.0, CHROMA, CHROMA);
 }
 
 // Converts Oklab to linear light.

@@ -1,10 +1,12 @@
-// The composite pass: blends the layer over the scene, in encoded sRGB. Posterization works on the result.
+// The composite pass: blends the layer over the scene, in encoded sRGB. Posterization works on the result, and where
+// labels are tones, on the layer alone.
 
 #ifdef UNFILTERED
 #import bevy_plenoctree::filter_texel::pack_filtered
 #else
 #import bevy_plenoctree::filter_texel::pack
 #endif
+#import bevy_plenoctree::labels::are_tones
 #import bevy_plenoctree::target::composited
 #import bevy_plenoctree::view::{owner_of, screen, view}
 
@@ -31,7 +33,9 @@ fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
     let stored = textureLoad(scene, pixel + view.corner, 0).rgb;
     let prop = owner_of(textureLoad(owner, pixel, 0));
     let posterized = select(prop, screen.view_posterize, prop == 0u);
-    let color = composited(over, stored);
+    // What is behind a prop would give its edges and haze labels that are not its own.
+    let is_own = prop > 0u && are_tones(max(prop, 1u) - 1u);
+    let color = select(composited(over, stored), over.rgb / max(over.a, 1e-6), is_own);
 #ifdef UNFILTERED
     return Fragment(pack_filtered(color, posterized));
 #else

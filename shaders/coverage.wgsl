@@ -132,14 +132,18 @@ fn thinned(center: vec4<f32>, rays: vec4<f32>) -> vec4<f32> {
 const LEAD: f32 = 4.0;
 
 // Returns where rays through a pixel begin: a little in front of the solid part of the prop there and around it.
-// Whatever is in front of that is haze, which says nothing about coverage.
+// Whatever is in front of that is haze, which says nothing about coverage. Where the prop is all around, as at slits, that
+// may be glass, through which its other parts are seen. Rays then begin at the box.
 fn start(pixel: vec2<i32>, index: u32, prop: Prop) -> f32 {
     var nearest = FAR_AWAY;
     var farthest = -FAR_AWAY;
+    var is_inside = true;
     for (var i = 0; i < 9; i++) {
         let at = clamp(pixel + vec2(i % 3 - 1, i / 3 - 1), vec2(0), vec2<i32>(view.size) - 1);
         let solid = textureLoad(depth, at, 0);
-        if is_solid(solid) && owner_of(textureLoad(owner, at, 0)) == index + 1u {
+        let is_same = owner_of(textureLoad(owner, at, 0)) == index + 1u;
+        is_inside = is_inside && is_same;
+        if is_solid(solid) && is_same {
             let distance = view_distance(solid);
             nearest = min(nearest, distance);
             farthest = max(farthest, distance);
@@ -149,7 +153,7 @@ fn start(pixel: vec2<i32>, index: u32, prop: Prop) -> f32 {
     let before = (2.0 * nearest - farthest - prop.near) * ray_at(prop, vec2<f32>(pixel) + 0.5).length;
     let scale = prop.scale;
     let cell = 1.0 / (max(max(scale.x, scale.y), scale.z) * f32(1u << field.depth));
-    return select(0.0, before - LEAD * cell, nearest < FAR_AWAY);
+    return select(0.0, before - LEAD * cell, nearest < FAR_AWAY && !is_inside);
 }
 
 // Distances in the pixels of an owner are relative to this depth, so that they are as exact as depths, no matter how

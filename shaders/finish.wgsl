@@ -1,6 +1,6 @@
 // The finish pass: smooths the borders between labels, and draws ink.
 
-#import bevy_plenoctree::borders::{bordered, is_at_border}
+#import bevy_plenoctree::borders::{Around, bordered, is_at_border, labels_around}
 #import bevy_plenoctree::color::{decode, encode, tinted}
 #ifdef INK
 #import bevy_plenoctree::ink::{ink_at, inked, surface_at}
@@ -37,10 +37,13 @@ fn finished(pixel: vec2<u32>) -> vec4<f32> {
     let prop = owner - 1u;
     var color = seen.rgb;
     var tint = props[prop].tint;
-    let is_rough = labelings[prop].smooth_borders == 1u && is_at_border(labels, vec2<i32>(pixel), own);
+    var around = Around();
+    if labelings[prop].smooth_borders == 1u {
+        around = labels_around(labels, vec2<i32>(pixel), own.y);
+    }
     // Few pixels are. A loop that runs once or never costs nothing where it runs for none of a group of pixels, and some
     // rasterizers compute both sides of branches.
-    for (var rough = select(0u, 1u, is_rough); rough > 0u; rough--) {
+    for (var rough = select(0u, 1u, is_at_border(around)); rough > 0u; rough--) {
         var light = FULL_LIGHT;
 #ifdef LIGHTING
         let lit = select(owner, lit_prop(pixel), own.y == 0u);
@@ -50,7 +53,7 @@ fn finished(pixel: vec2<u32>) -> vec4<f32> {
             light = shade.light;
         }
 #endif
-        color = tinted(bordered(labels, filtered, vec2<i32>(pixel), own, prop, light), tint);
+        color = tinted(bordered(labels, filtered, vec2<i32>(pixel), around, own, prop, light), tint);
     }
 #ifdef INK
     let part = ink_at(labels, depth, vec2<i32>(pixel), surface_at(labels, depth, vec2<i32>(pixel)));

@@ -134,6 +134,40 @@ fn small_details_stay() {
     assert!(10 * kept >= 9 * dots, "{kept} of {dots} pixels of dots");
 }
 
+/// The labels of glass, and of what is in it, are their own, whatever is behind them, also at edges.
+#[test]
+fn labels_do_not_depend_on_what_is_behind() {
+    let mut stage = Stage::new(SIZE);
+    let density = |at: DVec3| match at.length() {
+        ..0.3 => 1e4,
+        ..0.7 => 0.4,
+        _ => 0.0,
+    };
+    let color = |at: DVec3| DVec3::from(COLORS[usize::from(at.length() >= 0.3)]);
+    stage.spawn_prop(&colored(7, density, color), ());
+    let mut palette = Palette::new([&COLORS[..], &[[0.3, 0.5, 0.9], [0.1; 3]]].concat()).unwrap();
+    palette.method = Some(PaletteMethod::Tones);
+    stage.paint(FieldPalette::new(palette));
+    stage.set(Transform::from_xyz(0.0, 0.0, 2.4).looking_at(Vec3::ZERO, Vec3::Y));
+    let mut look = Look(stage);
+    let mut capture = |background| {
+        look.0.set_background(background);
+        look.capture(SIZE, Posterize::toon(), None)
+    };
+    let [over_sky, over_black, over_red] = [SKY, Color::BLACK, Color::srgb(1.0, 0.0, 0.0)].map(&mut capture);
+    let mut seen = [0; 2];
+    for (x, y) in places(SIZE, SIZE) {
+        let place = [x, y].map(|at| at as f32 + 0.5 - SIZE as f32 / 2.0);
+        let [found, others @ ..] = [&over_sky, &over_black, &over_red].map(|frame| frame.get_pixel(x, y));
+        // Where enough of the glass is in front of what is behind.
+        if place[0].hypot(place[1]) < 23.0 {
+            assert_eq!([found; 2], others, "{x}, {y}");
+            seen[usize::from(found[1] > 128)] += 1;
+        }
+    }
+    assert!(seen.iter().all(|pixels| *pixels > 200), "{seen:?}");
+}
+
 /// Lines are as wide as they may be, on the prop's side of its silhouette, and nothing else changes.
 #[test]
 fn ink_lies_within_the_silhouette() {

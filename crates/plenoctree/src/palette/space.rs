@@ -38,10 +38,10 @@ const CHROMA: f64 = 2.0;
 /// Returns where a color in encoded sRGB is in tone space: Oklab, but a and b count twice as much, so that tones keep
 /// hues apart before they keep lights and shadows apart. Section 3 of the method, step 11.
 ///
-/// Black is at 0 and white at (1, 0, 0). Channels outside [0, 1] are valid: negative ones are decoded as the negative of
-/// positive ones, and so are their cube roots.
+/// Black is at 0 and white at (1, 0, 0). Channels are clamped to [0, 1], as in the histograms that tones are fitted to:
+/// radiance that is brighter than a display can show gets the tone of what the display shows.
 pub fn tone_space(encoded: DVec3) -> DVec3 {
-    from_oklab(oklab(encoded))
+    from_oklab(oklab(encoded.clamp(DVec3::ZERO, DVec3::ONE)))
 }
 
 /// Returns where a color of Oklab is in [`tone_space`].
@@ -63,6 +63,16 @@ mod tests {
         assert!(black.length() < 1e-9 && white.distance(DVec3::X) < 1e-6 && gray.yz().length() < 1e-6);
         let off = |by: DVec3| from_oklab(DVec3::new(gray.x, 0.0, 0.0) + by).distance(gray);
         assert!((off(0.02 * DVec3::Y) - 2.0 * off(0.02 * DVec3::X)).abs() < 1e-6);
+    }
+
+    /// Brighter than white is white: not what its hue would be without limits.
+    #[test]
+    fn colors_are_those_of_displays() {
+        let tones = Palette::new(vec![[1.0, 1.0, 0.3], [1.0, 0.6, 0.1]]).unwrap();
+        let tones = Palette { method: Some(PaletteMethod::Tones), ..tones };
+        let bright = DVec3::new(2.6, 1.7, 0.3);
+        assert_eq!(PaletteLabel::nearest(bright, &tones, 1).map(|label| label.index), Some(0));
+        assert_eq!(tone_space(bright), tone_space(DVec3::new(1.0, 1.0, 0.3)));
     }
 
     /// A shaded red is a shade of red, although a gray is nearer in encoded sRGB. Palettes without a method are compared

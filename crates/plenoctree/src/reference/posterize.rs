@@ -88,11 +88,17 @@ pub fn posterize(
         .collect()
 }
 
-/// Flattens the colors of a rendering over `background` with the bilateral filter: step 2. Thin pixels are left as
-/// rendered.
+/// Flattens the colors of a rendering over `background` with the bilateral filter: steps 1 and 2. Thin pixels are left as
+/// rendered. In tone space, the others have the colors of the field alone, without the background.
 pub fn filter(rendering: &Rendering, background: DVec3, settings: &Posterization) -> Vec<DVec3> {
     let thin: Vec<bool> = rendering.opacity.iter().map(|&a| a < settings.min_opacity).collect();
-    bilateral(&rendering.over(background), &thin, rendering.width.max(1), settings)
+    let mut image = rendering.over(background);
+    if settings.space == LabelSpace::Tones {
+        for (pixel, shown) in image.iter_mut().enumerate().filter(|(pixel, _)| !thin[*pixel]) {
+            *shown = rendering.color[pixel] / rendering.opacity[pixel].max(f64::MIN_POSITIVE);
+        }
+    }
+    bilateral(&image, &thin, rendering.width.max(1), settings)
 }
 
 /// Blends the two nearest labels: steps 3 and 4. `place` and `source` are in the space of the labels.
