@@ -6,7 +6,7 @@
 #ifdef INK
 #import bevy_plenoctree::ink::{Surface, ink_at, inked, surface_at}
 #endif
-#import bevy_plenoctree::labels::{are_tones, assign, place_of_color}
+#import bevy_plenoctree::labels::{are_tones, assign, place_of_color, shown_opacity}
 #import bevy_plenoctree::recolor::recolored
 #import bevy_plenoctree::shade::FULL_LIGHT
 #ifdef LIGHTING
@@ -65,13 +65,20 @@ fn behind_at(pixel: vec2<u32>) -> Behind {
     return behind;
 }
 
+// Returns what of some light, which is given with its opacity, comes from props: the light times opacity, and opacity.
+fn of_props(light: vec4<f32>) -> vec4<f32> {
+    return vec4(light.rgb * light.a, light.a);
+}
+
 // What the neighbors of a pixel show.
 struct Around {
     // What those show that none of the pixel's owners owns, if there are any.
     behind: Behind,
     is_known: bool,
-    // What the others show, in linear light, with opacity: the sum, weighted by `BESIDE` and `ACROSS`.
+    // What the others show, in linear light, with opacity: the sum, weighted by `BESIDE` and `ACROSS`. And what of that
+    // comes from props.
     shown: vec4<f32>,
+    front: vec4<f32>,
     // The weights of all but those.
     rest: f32,
 }
@@ -84,7 +91,7 @@ const ACROSS: f32 = 0.025;
 const NEIGHBORS: f32 = 4.0 * (BESIDE + ACROSS);
 
 fn around(pixel: vec2<u32>, owners: vec2<u32>) -> Around {
-    var found = Around(Behind(vec4(0.0), vec3(0.0)), false, vec4(0.0), NEIGHBORS);
+    var found = Around(Behind(vec4(0.0), vec3(0.0)), false, vec4(0.0), vec4(0.0), NEIGHBORS);
     var total = 0.0;
     for (var i = 0; i < 8; i++) {
         let at = vec2<u32>(neighbor(vec2<i32>(pixel), i));
@@ -102,6 +109,7 @@ fn around(pixel: vec2<u32>, owners: vec2<u32>) -> Around {
             } else {
                 let near = select(BESIDE, ACROSS, i > 3);
                 found.shown += near * there.shown;
+                found.front += near * of_props(there.shown);
                 found.rest -= near;
             }
         }
@@ -112,9 +120,10 @@ fn around(pixel: vec2<u32>, owners: vec2<u32>) -> Around {
     return found;
 }
 
-// Returns what rays show of their owner: the label of their mean color, which is over `behind` unless labels are tones.
-fn posterized(pixel: vec2<u32>, rays: vec4<f32>, owner: u32, behind: vec3<f32>) -> vec3<f32> {
-    let over = select(rays.rgb + max(1.0 - rays.a, 0.0) * behind, rays.rgb / max(rays.a, 1e-6), are_tones(owner - 1u));
+// Returns what rays show of their owner: the label of their mean color, in linear light, with opacity.
+fn posterized(pixel: vec2<u32>, rays: vec4<f32>, owner: u32, behind: Behind) -> vec4<f32> {
+    let composite = rays.rgb + max(1.0 - rays.a, 0.0) * behind.composite;
+    let over = select(composite, rays.rgb / max(rays.a, 1e-6), are_tones(owner - 1u));
     var tint = props[owner - 1u].tint;
     var light = FULL_LIGHT;
 #ifdef LIGHTING
@@ -123,11 +132,12 @@ fn posterized(pixel: vec2<u32>, rays: vec4<f32>, owner: u32, behind: vec3<f32>) 
     light = shade.light;
 #endif
     let color = decode(tinted(assign(place_of_color(owner - 1u, over), owner - 1u, light).color, tint));
+    let shown = mix(behind.shown, vec4(color, 1.0), shown_opacity(owner - 1u, rays.a));
 #ifdef INK
     let part = ink_at(labels, depth, vec2<i32>(pixel), own_surface(pixel, owner));
-    return inked(owner - 1u, props[owner - 1u].tint, color, part);
+    return vec4(inked(owner - 1u, props[owner - 1u].tint, shown.rgb, part), mix(shown.a, 1.0, part));
 #else
-    return color;
+    return shown;
 #endif
 }
 
@@ -147,11 +157,6 @@ fn own_surface(pixel: vec2<u32>, owner: u32) -> Surface {
     return nearest;
 }
 #endif
-
-// Returns what of some light, which is given with its opacity, comes from props: the light times opacity, and opacity.
-fn of_props(light: vec4<f32>) -> vec4<f32> {
-    return vec4(light.rgb * light.a, light.a);
-}
 
 struct Fragment {
     // Encoded sRGB, and opacity. The opacity is negative where nothing is drawn.
@@ -204,18 +209,23 @@ fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
             behind = Behind(vec4(decode(color), 0.0), color);
         }
     }
-    // What parts of props show, and how much what is behind them and the center count.
+    // What parts of props show, what of that comes from props, and how much what is behind them and the center count.
     var own_parts = vec4(0.0);
+    var own_front = vec4(0.0);
     var of_behind = f32(parts.rest);
     var of_center = 0.0;
     if parts.own > 0u {
         let rays = own * f32(RAYS) / f32(countOneBits(bits.r));
-        own_parts += f32(parts.own) * vec4(posterized(pixel, rays, owners.x, behind.composite), 1.0);
+        let part = posterized(pixel, rays, owners.x, behind);
+        own_parts += f32(parts.own) * part;
+        own_front += f32(parts.own) * of_props(part);
     }
     if parts.other > 0u {
         let rays = other * f32(RAYS) / f32(countOneBits(bits.b));
         let owner = select(owners.x, owners.y, has_other);
-        own_parts += f32(parts.other) * vec4(posterized(pixel, rays, owner, behind.composite), 1.0);
+        let part = posterized(pixel, rays, owner, behind);
+        own_parts += f32(parts.other) * part;
+        own_front += f32(parts.other) * of_props(part);
     }
     var total = f32(count);
     if bits.a == 0u {
@@ -225,17 +235,18 @@ fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
         total += ray * CENTER;
         if !is_sure {
             own_parts += ray * around.shown;
+            own_front += ray * around.front;
             of_behind += ray * around.rest;
             total += ray * NEIGHBORS;
         }
     }
-    let at_center = select(behind.shown, vec4(center.shown.rgb, 1.0), owners.x > 0u);
+    let at_center = select(behind.shown, center.shown, owners.x > 0u);
     let sum = (own_parts + of_behind * behind.shown + of_center * at_center) / max(total, 1.0);
     if seen.a < 0.0 && sum.a == 0.0 {
         return unmixed(seen);
     }
 #ifdef FRONT
-    let front = own_parts + of_behind * of_props(behind.shown) + of_center * of_props(at_center);
+    let front = own_front + of_behind * of_props(behind.shown) + of_center * of_props(at_center);
 #endif
     return Fragment(
         vec4(encode(sum.rgb), sum.a),

@@ -26,24 +26,12 @@ fn label_of(labels: texture_2d<u32>, pixel: vec2<i32>, owner: u32) -> u32 {
     return select(NO_LABEL, texel.x, is_inside && texel.y == owner && texel.x >= 2u);
 }
 
-// The labels of a pixel and its neighbors, row by row.
-struct Around {
-    labels: array<u32, 9>,
-}
-
-fn labels_around(labels: texture_2d<u32>, pixel: vec2<i32>, owner: u32) -> Around {
-    var around = Around();
-    for (var i = 0; i < 9; i++) {
-        around.labels[i] = label_of(labels, pixel + vec2(i % 3 - 1, i / 3 - 1), owner);
-    }
-    return around;
-}
-
 // Returns whether a pixel is at a border between labels of its owner.
-fn is_at_border(around: Around) -> bool {
+fn is_at_border(labels: texture_2d<u32>, pixel: vec2<i32>, own: vec2<u32>) -> bool {
     var differs = false;
     for (var i = 0; i < 9; i++) {
-        differs = differs || (around.labels[i] != NO_LABEL && around.labels[i] != around.labels[4]);
+        let there = label_of(labels, pixel + vec2(i % 3 - 1, i / 3 - 1), own.y);
+        differs = differs || (there != NO_LABEL && there != own.x);
     }
     return differs;
 }
@@ -60,13 +48,12 @@ fn beyond(value: f32, gradient: vec2<f32>) -> f32 {
     return clamp(select(corner, across, 2.0 * value <= steep - flat), 0.0, 0.5);
 }
 
-// Returns the color of a pixel at a border, in encoded sRGB. `own` is its texel of `labels`, `around` what
-// `labels_around` returns, and `light` the light in which it is seen.
+// Returns the color of a pixel at a border, in encoded sRGB. `own` is its texel of `labels`, and `light` the light
+// in which it is seen.
 fn bordered(
     labels: texture_2d<u32>,
     filtered: texture_2d<u32>,
     pixel: vec2<i32>,
-    around: Around,
     own: vec2<u32>,
     prop: u32,
     light: Light,
@@ -75,18 +62,14 @@ fn bordered(
     var candidates = vec4(own.x, vec3(NO_LABEL));
     var count = 1u;
     for (var i = 0; i < 9; i++) {
-        let there = around.labels[i];
+        let there = label_of(labels, pixel + vec2(i % 3 - 1, i / 3 - 1), own.y);
         let is_new = there != NO_LABEL && all(candidates != vec4(there));
         candidates = select(candidates, vec4(there), vec4(is_new) & (vec4(0u, 1u, 2u, 3u) == vec4(count)));
         count += select(0u, 1u, is_new);
     }
     var pixels = vec4(0u);
     for (var i = 0; i < AROUND * AROUND; i++) {
-        let offset = vec2(i % AROUND - 2, i / AROUND - 2);
-        var there = around.labels[4 + clamp(offset.x, -1, 1) + 3 * clamp(offset.y, -1, 1)];
-        if any(abs(offset) > vec2(1)) {
-            there = label_of(labels, pixel + offset, own.y);
-        }
+        let there = label_of(labels, pixel + vec2(i % AROUND - 2, i / AROUND - 2), own.y);
         pixels += select(vec4(0u), vec4(1u), vec4(there) == candidates);
     }
     let is_label = candidates != vec4(NO_LABEL);
@@ -99,7 +82,7 @@ fn bordered(
     var support = mat3x4<f32>();
     for (var i = 0; i < 9; i++) {
         let offset = vec2(i % 3 - 1, i / 3 - 1);
-        let there = around.labels[i];
+        let there = label_of(labels, pixel + offset, own.y);
         let seen = placed(prop, unpack(textureLoad(filtered, pixel + offset, 0)));
         let weight = select(vec2(0.75), vec2(0.125), offset != vec2(0));
         let slope = 0.5 * vec2<f32>(offset);

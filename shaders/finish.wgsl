@@ -1,6 +1,6 @@
 // The finish pass: smooths the borders between labels, and draws ink.
 
-#import bevy_plenoctree::borders::{Around, bordered, is_at_border, labels_around}
+#import bevy_plenoctree::borders::{bordered, is_at_border}
 #import bevy_plenoctree::color::{decode, encode, tinted}
 #ifdef INK
 #import bevy_plenoctree::ink::{ink_at, inked, surface_at}
@@ -9,14 +9,17 @@
 #ifdef LIGHTING
 #import bevy_plenoctree::shade::{lit_prop, shade_of}
 #endif
-#import bevy_plenoctree::view::{labelings, props, screen}
+#import bevy_plenoctree::target::over_scene
+#import bevy_plenoctree::view::{labelings, props, screen, view}
 
 // The results of the label pass.
 @group(1) @binding(0) var shown: texture_2d<f32>;
 @group(1) @binding(1) var labels: texture_2d<u32>;
 @group(1) @binding(2) var filtered: texture_2d<u32>;
+// The target, before the result is written to it.
+@group(1) @binding(3) var scene: texture_2d<f32>;
 #ifdef INK
-@group(1) @binding(3) var depth: texture_depth_2d;
+@group(1) @binding(4) var depth: texture_depth_2d;
 #endif
 
 struct Fragment {
@@ -37,13 +40,10 @@ fn finished(pixel: vec2<u32>) -> vec4<f32> {
     let prop = owner - 1u;
     var color = seen.rgb;
     var tint = props[prop].tint;
-    var around = Around();
-    if labelings[prop].smooth_borders == 1u {
-        around = labels_around(labels, vec2<i32>(pixel), own.y);
-    }
+    let is_rough = labelings[prop].smooth_borders == 1u && is_at_border(labels, vec2<i32>(pixel), own);
     // Few pixels are. A loop that runs once or never costs nothing where it runs for none of a group of pixels, and some
     // rasterizers compute both sides of branches.
-    for (var rough = select(0u, 1u, is_at_border(around)); rough > 0u; rough--) {
+    for (var rough = select(0u, 1u, is_rough); rough > 0u; rough--) {
         var light = FULL_LIGHT;
 #ifdef LIGHTING
         let lit = select(owner, lit_prop(pixel), own.y == 0u);
@@ -53,7 +53,10 @@ fn finished(pixel: vec2<u32>) -> vec4<f32> {
             light = shade.light;
         }
 #endif
-        color = tinted(bordered(labels, filtered, vec2<i32>(pixel), around, own, prop, light), tint);
+        color = tinted(bordered(labels, filtered, vec2<i32>(pixel), own, prop, light), tint);
+        // The label pass has done so with its color.
+        let opacity = select(seen.a, 1.0, own.y == 0u);
+        color = over_scene(color, opacity, textureLoad(scene, pixel + view.corner, 0).rgb);
     }
 #ifdef INK
     let part = ink_at(labels, depth, vec2<i32>(pixel), surface_at(labels, depth, vec2<i32>(pixel)));

@@ -6,8 +6,9 @@
 #import bevy_plenoctree::target::composited
 #else
 #import bevy_plenoctree::filter_texel::unpack
-#import bevy_plenoctree::labels::{assign, placed}
+#import bevy_plenoctree::labels::{assign, placed, shown_opacity}
 #import bevy_plenoctree::recolor::recolored_in_tint
+#import bevy_plenoctree::target::over_scene
 #import bevy_plenoctree::view::{haze_prop, is_solid, labelings}
 #endif
 #ifdef STEADY
@@ -27,11 +28,13 @@
 @group(1) @binding(1) var layer: texture_2d<f32>;
 #ifndef UNPOSTERIZED
 @group(1) @binding(2) var depth: texture_depth_2d;
+// The target, before the result is written to it.
+@group(1) @binding(3) var scene: texture_2d<f32>;
 #endif
 #ifdef STEADY
 // The results of the former frame.
-@group(1) @binding(3) var labels_before: texture_2d<u32>;
-@group(1) @binding(4) var depth_before: texture_depth_2d;
+@group(1) @binding(4) var labels_before: texture_2d<u32>;
+@group(1) @binding(5) var depth_before: texture_depth_2d;
 #endif
 
 // What a pixel shows: its color in encoded sRGB and its opacity, and what `LabelTextures` says about it.
@@ -102,10 +105,13 @@ fn seen_at(pixel: vec2<u32>) -> Seen {
     let former = former_labels(labels_before, depth_before, value.owner - 1u, at, solid);
     posterized = steadied(posterized, place, value.owner - 1u, light, former);
 #endif
+    let color = tinted(posterized.color, tint);
+    let opacity = shown_opacity(value.owner - 1u, over.a);
+    let stored = textureLoad(scene, pixel + view.corner, 0).rgb;
     return Seen(
-        tinted(posterized.color, tint),
-        // Posterized props are opaque. A posterized view keeps the opacity of its pixels.
-        select(1.0, over.a, is_view),
+        select(over_scene(color, opacity, stored), color, is_view),
+        // A posterized view keeps the opacity of its pixels.
+        select(opacity, over.a, is_view),
         2u + posterized.label,
         select(value.owner, 0u, is_view),
     );

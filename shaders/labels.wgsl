@@ -44,6 +44,15 @@ fn are_tones(prop: u32) -> bool {
     return labelings[prop].first_place != labelings[prop].first_color;
 }
 
+// The opacity from which posterized pixels are opaque.
+const OPAQUE: f32 = 0.9;
+
+// Returns how opaque a posterized prop is where it was trained to have an opacity. Tones are shown over what is behind
+// them, so that haze and glass stay what they are. Other labels are opaque.
+fn shown_opacity(prop: u32, opacity: f32) -> f32 {
+    return select(1.0, min(opacity / OPAQUE, 1.0), are_tones(prop));
+}
+
 // Returns where the filtered color of a pixel is compared with labels.
 fn placed(prop: u32, pixel: Pixel) -> vec3<f32> {
     return select(pixel.color, pixel.place * TONE, are_tones(prop));

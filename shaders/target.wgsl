@@ -16,6 +16,11 @@ fn composited(over: vec4<f32>, stored: vec3<f32>) -> vec3<f32> {
     return over.rgb + (1.0 - over.a) * from_target(stored);
 }
 
+// Returns a color over the scene. All are in encoded sRGB, but for the target's `stored` color.
+fn over_scene(color: vec3<f32>, opacity: f32, stored: vec3<f32>) -> vec3<f32> {
+    return select(mix(from_target(stored), color, opacity), color, opacity == 1.0);
+}
+
 fn to_target(color: vec3<f32>) -> vec3<f32> {
     // Clamp to the range of half floats: bloom would turn infinite light into a hole.
     return stored_of(clamp(screen.exposure * decode(color), vec3(-65504.0), vec3(65504.0)));

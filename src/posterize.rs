@@ -15,6 +15,9 @@ pub const MAX_FILTER_RADIUS: u32 = 6;
 /// Posterizes a [`Prop`](crate::Prop): filters its pixels and replaces their colors by labels, as described in section
 /// 4 of the method.
 ///
+/// Labels of [tones](crate::PaletteMethod::Tones), the default, do not depend on what is behind the prop, and let as much
+/// of it through as the field does. Others are opaque, and are those of the prop over what is behind it, as in the paper.
+///
 /// Uses the palette of the prop's field in [`Palettes`](crate::Palettes). If the field has none, one is loaded or
 /// extracted; [`before_palette`](Self::before_palette) sets what is drawn until it is ready. Add a
 /// [`PaletteOverride`](crate::PaletteOverride) to change the shown colors of this entity only.

@@ -1,6 +1,6 @@
 //! Smooths the borders between labels inside props, and draws [ink](crate::Ink). This is not part of the method.
 
-use super::labels::{DEPTH, inked, lit, with_lights};
+use super::labels::{DEPTH, inked, lit, space, with_lights};
 use crate::render::{
     frame::{Clear, Feature, Input, Output, Part, Pass, Place, Program, Rays, Slot, Uniforms},
     plan::Plan,
@@ -10,8 +10,12 @@ pub(super) const FINISH: &str = "plenoctree_finish";
 
 /// Draws borders and lines over what the label pass shows.
 pub(super) fn finish(plan: &Plan) -> Option<Pass> {
-    let program = Program::new("finish").define_if(plan.smooths, "SMOOTH").define_all(lit(plan));
+    let program = Program::new("finish")
+        .define_all(space(plan.target.space))
+        .define_if(plan.smooths, "SMOOTH")
+        .define_all(lit(plan));
     let mut reads = [Slot::Labeled, Slot::Labels, Slot::Even].map(Input::Texture).to_vec();
+    reads.push(Input::Scene);
     reads.extend(plan.has_ink.then_some(Input::Texture(Slot::Depth(Rays::Pixels))));
     let writes = if plan.smooths { vec![Slot::Finished, Slot::Shown] } else { vec![Slot::Shown] };
     plan.finishes().then(|| Pass {

@@ -69,16 +69,17 @@ pub(super) fn filter(plan: &Plan) -> Vec<Pass> {
 /// Assigns labels.
 pub(super) fn label(plan: &Plan) -> Pass {
     let source = if plan.posterizes { Input::Texture(Slot::Even) } else { Input::Scene };
-    let definitions = if plan.posterizes { vec![] } else { space(plan.target.space) };
     let program = Program::new("label")
-        .define_all(definitions)
+        .define_all(space(plan.target.space))
         .define_if(!plan.posterizes, "UNPOSTERIZED")
         .define_if(labels_before_edges(plan), "SMOOTH")
         .define_if(plan.needs_labels(), "LABEL_TEXTURES")
         .define_if(plan.steadies(), "STEADY")
         .define_all(lit(plan));
     let mut reads = vec![source, COLOR];
-    reads.extend(plan.posterizes.then_some(Input::Texture(Slot::Depth(Rays::Pixels))));
+    if plan.posterizes {
+        reads.extend([Input::Texture(Slot::Depth(Rays::Pixels)), Input::Scene]);
+    }
     if plan.steadies() {
         reads.extend([Slot::FormerLabels, Slot::FormerDepth].map(Input::Texture));
     }

@@ -59,8 +59,12 @@ pub fn labels(palette: &[DVec3], blend_steps: u32) -> Vec<DVec3> {
     labels
 }
 
+/// The opacity from which pixels that show tones are opaque.
+const OPAQUE: f64 = 0.9;
+
 /// Posterizes a rendering over `background`: filters it, and replaces every pixel with the shown colors of its nearest
-/// labels. Thin pixels are shown as rendered.
+/// labels. Thin pixels are shown as rendered. In tone space, others are shown over the background, too, unless they are
+/// nearly opaque.
 ///
 /// `source` and `shown` are the source colors and the shown colors, of the same length. Colors are encoded sRGB. The
 /// result has the pixel order of [`Rendering`].
@@ -80,9 +84,12 @@ pub fn posterize(
         .zip(&rendering.opacity)
         .map(|(&color, &opacity)| {
             if opacity < settings.min_opacity {
-                color
-            } else {
-                assign(place(color), &source, &shown, settings.softness)
+                return color;
+            }
+            let label = assign(place(color), &source, &shown, settings.softness);
+            match settings.space {
+                LabelSpace::Encoded => label,
+                LabelSpace::Tones => background.lerp(label, (opacity / OPAQUE).min(1.0)),
             }
         })
         .collect()
