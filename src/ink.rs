@@ -1,6 +1,6 @@
 //! Settings of ink: lines around and on posterized props.
 
-use bevy::prelude::*;
+use bevy::{ecs::VariantDefaults, prelude::*};
 
 /// Draws lines on a posterized [`Prop`](crate::Prop), as in a comic: along its silhouette, where its depth breaks, and
 /// between its materials.
@@ -59,7 +59,7 @@ pub struct Ink {
 pub const MAX_INK_PIXELS: f32 = 16.0;
 
 /// The color of [`Ink`].
-#[derive(Clone, Copy, Debug, PartialEq, Reflect)]
+#[derive(Clone, Copy, Debug, PartialEq, Reflect, VariantDefaults)]
 #[reflect(Default, Clone, Debug, PartialEq)]
 #[type_path = "bevy_plenoctree"]
 pub enum InkColor {
@@ -77,7 +77,7 @@ impl Default for InkColor {
 }
 
 /// The borders between labels that [`Ink`] draws lines along. These lines are half as wide on either side.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Reflect)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Reflect, VariantDefaults)]
 #[reflect(Default, Clone, Debug, PartialEq)]
 #[type_path = "bevy_plenoctree"]
 pub enum InkBorders {

@@ -1,6 +1,6 @@
 //! Settings of posterization: section 4 of the method.
 
-use bevy::prelude::*;
+use bevy::{ecs::VariantDefaults, prelude::*};
 use plenoctree::palette::{LabelSpace, Palette, PaletteLabel, PaletteMethod};
 
 use crate::ink::Ink;
@@ -84,7 +84,7 @@ pub struct Posterize {
 /// hides the rest of it.
 ///
 /// Pixels away from edges are the same either way, and so is the prop's depth.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect, VariantDefaults)]
 #[reflect(Default, Clone, Debug, PartialEq, Hash)]
 #[type_path = "bevy_plenoctree"]
 pub enum EdgeSmoothing {
@@ -100,7 +100,7 @@ pub enum EdgeSmoothing {
 /// How the borders between the labels of a posterized prop are drawn.
 ///
 /// Pixels away from borders are the same either way.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect, VariantDefaults)]
 #[reflect(Default, Clone, Debug, PartialEq, Hash)]
 #[type_path = "bevy_plenoctree"]
 pub enum BorderSmoothing {
@@ -117,7 +117,7 @@ pub enum BorderSmoothing {
 /// What is drawn of a posterized prop while the palette of its field is being loaded or extracted.
 ///
 /// If no palette can be extracted, the prop is drawn as trained.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect, VariantDefaults)]
 #[reflect(Default, Clone, Debug, PartialEq, Hash)]
 #[type_path = "bevy_plenoctree"]
 pub enum BeforePalette {

@@ -4,7 +4,7 @@ use std::any::TypeId;
 
 use bevy::{
     camera::visibility::{self, VisibilityClass},
-    ecs::{lifecycle::HookContext, world::DeferredWorld},
+    ecs::{VariantDefaults, lifecycle::HookContext, world::DeferredWorld},
     prelude::*,
 };
 use plenoctree::PlenOctree;
@@ -78,7 +78,7 @@ impl PropTint {
 /// the nearest solid one decides what is drawn in front of and behind the others.
 ///
 /// Defaults to `At(0.5)`.
-#[derive(Component, Clone, Copy, Debug, PartialEq, Reflect)]
+#[derive(Component, Clone, Copy, Debug, PartialEq, Reflect, VariantDefaults)]
 #[reflect(Component, Default, Clone, Debug, PartialEq)]
 #[type_path = "bevy_plenoctree"]
 pub enum SolidOpacity {

@@ -61,6 +61,20 @@ fn waiting_draws_next_to_nothing() {
     assert!(drawn(&stage) - before <= 6, "drawn {} times", drawn(&stage) - before);
 }
 
+/// A level that no camera requests any more, although it is being made, does not keep others waiting.
+#[test]
+fn abandoned_levels_hold_nothing_up() {
+    let mut stage = scene(false);
+    stage.wait();
+    let quality = |cell_size| PropQuality { cell_size, ..PropQuality::EXACT };
+    stage.set(quality(2.0));
+    stage.update(2);
+    stage.set(quality(6.0));
+    let before = drawn(&stage);
+    stage.capture();
+    assert!(drawn(&stage) - before <= 20, "drawn {} times", drawn(&stage) - before);
+}
+
 /// From the first frame to the last, progress rises from 0 to 1, and it does not end before everything is there.
 #[test]
 fn progress_rises_to_the_end() {

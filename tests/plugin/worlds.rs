@@ -156,7 +156,7 @@ fn scenes_in_code_hold_props() {
         PropLighting { shadows: 0.5 }
         PropTint(Color::BLACK)
         Transform { translation: {Vec3::X} }
-        template_value(SolidOpacity::At(0.25))
+        SolidOpacity::At(0.25)
         template_value(PaletteOverride::default().with_ramp("red", Color::WHITE))
     };
     let prop = app.world_mut().spawn_scene(scene).unwrap();
@@ -170,11 +170,15 @@ fn scenes_in_code_hold_props() {
     let camera = bsn! {
         PosterizeView("drum.plenoctree")
         PropQuality { cell_size: 2.0 }
+        PropPlacement::Display
+        Ink { borders: InkBorders::Labels, color: InkColor::Tone(0.25) }
         LabelStages({VecTemplate(vec!["lines.wgsl".into()])})
     };
     let camera = app.world_mut().spawn_scene(camera).unwrap();
     assert_eq!(camera.get::<PosterizeView>().unwrap().0.path().unwrap().to_string(), "drum.plenoctree");
     assert_eq!(camera.get(), Some(&PropQuality { cell_size: 2.0, ..default() }));
+    assert_eq!(camera.get(), Some(&PropPlacement::Display));
+    assert_eq!(camera.get(), Some(&Ink { borders: InkBorders::Labels, color: InkColor::Tone(0.25), ..default() }));
     assert_eq!(camera.get::<LabelStages>().unwrap().0[0].path().unwrap().to_string(), "lines.wgsl");
 }
 

@@ -108,6 +108,21 @@ impl Packed {
     }
 }
 
+/// Returns a step that is hardly smaller, such that no color in steps is on the border of two bins of a histogram. All leaves
+/// with such a color would change bins by the least rounding, if their color is the same in all directions.
+fn between_bins(step: f32) -> f32 {
+    const NEAR: f64 = 2e-6;
+    const TRIES: u32 = 64;
+    let is_near = |step: f32| {
+        let colors = (1..).map(|steps| f64::from(steps) * f64::from(step)).take_while(|color| *color < 1.0);
+        colors.into_iter().any(|color| {
+            (2..=64).map(f64::from).any(|bins| (color * bins - (color * bins).round()).abs() < NEAR * bins)
+        })
+    };
+    let mut steps = (0..TRIES).map(|index| step * (1.0 - index as f32 / 4096.0));
+    steps.find(|step| !is_near(*step)).unwrap_or(step)
+}
+
 fn quantize(
     field: &PlenOctree,
     mut seen: Vec<Seen>,
@@ -122,8 +137,10 @@ fn quantize(
     let opacity_bits = settings.bits(1.0) * 3.0 * CONTRAST * CONTRAST * slope * slope / mean;
     let (densities, levels) = density::quantize(field, &seen, settings.density_levels, opacity_bits);
     let (luma, chroma) = books(field, &seen, metric, settings, progress)?;
+    let has_directions = field.basis().functions() > 1;
+    let color_step = if has_directions { settings.color_step } else { between_bins(settings.color_step) };
     let tables = Tables {
-        color_step: settings.color_step * unit,
+        color_step: color_step * unit,
         table_step: settings.table_step * unit,
         luma: luma.table,
         chroma: chroma.table,
