@@ -11,7 +11,7 @@ use crate::posterize::Posterize;
 /// Add it to an entity with a `Camera3d`. Defaults to [`PropPlacement::Scene`].
 ///
 /// ```
-/// # use bevy::{ecs::VariantDefaults, prelude::*, shader::Shader};
+/// # use bevy::{prelude::*, shader::Shader};
 /// # use bevy_plenoctree::PropPlacement;
 /// fn spawn_camera(mut commands: Commands) {
 ///     commands.spawn((Camera3d::default(), PropPlacement::Display));
@@ -60,7 +60,7 @@ pub enum PropPlacement {
 /// [`PropPlacement::Display`], it covers everything below the UI.
 ///
 /// ```
-/// # use bevy::{ecs::VariantDefaults, prelude::*, shader::Shader};
+/// # use bevy::{prelude::*, shader::Shader};
 /// # use bevy_plenoctree::{PlenOctreePlugin, Posterize, PosterizeView, PropPlacement};
 /// fn spawn_camera(mut commands: Commands, assets: Res<AssetServer>) {
 ///     let view = (PosterizeView(assets.load("toadstool.plenoctree")), Posterize { softness: 0.1, ..default() });
@@ -95,7 +95,7 @@ pub struct PosterizeView(pub Handle<PlenOctree>);
 /// left out.
 ///
 /// ```
-/// # use bevy::{ecs::VariantDefaults, prelude::*, shader::Shader};
+/// # use bevy::{prelude::*, shader::Shader};
 /// # use bevy_plenoctree::LabelStages;
 /// fn spawn_camera(mut commands: Commands, assets: Res<AssetServer>) {
 ///     commands.spawn((Camera3d::default(), LabelStages(vec![assets.load("ink.wgsl")])));

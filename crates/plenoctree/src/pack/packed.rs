@@ -111,13 +111,12 @@ impl Packed {
 /// Returns a step that is hardly smaller, such that no color in steps is on the border of two bins of a histogram. All leaves
 /// with such a color would change bins by the least rounding, if their color is the same in all directions.
 fn between_bins(step: f32) -> f32 {
-    const NEAR: f64 = 2e-6;
+    // In bins. Rounding moves colors by less.
+    const NEAR: f64 = 2e-5;
     const TRIES: u32 = 64;
     let is_near = |step: f32| {
-        let colors = (1..).map(|steps| f64::from(steps) * f64::from(step)).take_while(|color| *color < 1.0);
-        colors.into_iter().any(|color| {
-            (2..=64).map(f64::from).any(|bins| (color * bins - (color * bins).round()).abs() < NEAR * bins)
-        })
+        let mut colors = (1..).map(|steps| f64::from(steps) * f64::from(step)).take_while(|color| *color < 1.0);
+        colors.any(|color| (2..=64).map(|bins| color * f64::from(bins)).any(|at| (at - at.round()).abs() < NEAR))
     };
     let mut steps = (0..TRIES).map(|index| step * (1.0 - index as f32 / 4096.0));
     steps.find(|step| !is_near(*step)).unwrap_or(step)
