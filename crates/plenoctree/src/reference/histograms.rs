@@ -94,8 +94,8 @@ fn observers(up: UpAxis, settings: &SamplingSettings) -> Vec<Vec<DVec3>> {
     cells
 }
 
-/// Returns whether more than a twentieth of what observers see is in leaves that hide their own centers, so that leaves
-/// are sampled where rays enter them: step 3.
+/// Returns whether more than half of what observers see is in leaves that hide their own centers, so that leaves are
+/// sampled where rays enter them: step 3.
 fn is_solid(field: &PlenOctree, directions: &[Vec<DVec3>], stop: f64) -> bool {
     let cells = f64::from(1u32 << field.depth());
     let least = stop.max(f64::from(f32::MIN_POSITIVE));
@@ -112,7 +112,7 @@ fn is_solid(field: &PlenOctree, directions: &[Vec<DVec3>], stop: f64) -> bool {
             }
         }
     }
-    left_out > 0.05 * seen
+    left_out > 0.5 * seen
 }
 
 /// Returns the length of the path from the center of a leaf to where it leaves the leaf.

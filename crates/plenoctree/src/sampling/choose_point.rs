@@ -17,12 +17,12 @@ use crate::{
 /// The largest number of leaves that are examined.
 const EXAMINED: usize = 4096;
 /// The largest share of what observers see that sampling at the centers of leaves may leave out.
-const LEFT_OUT: f64 = 0.05;
+const LEFT_OUT: f64 = 0.5;
 /// Optical depth beyond which nothing is visible, whatever the settings say: the smallest number above 0 in 32 bits.
 const OPAQUE: f64 = 87.0;
 
 impl SamplePoint {
-    /// Chooses the point for a field: [`Self::Entry`] if more than a twentieth of what observers see is in leaves that hide
+    /// Chooses the point for a field: [`Self::Entry`] if more than half of what observers see is in leaves that hide
     /// their own centers, by [`SamplingSettings::stop_transmittance`].
     ///
     /// The light of each leaf is weighted by the area of the leaf, its opacity, and the transmittance to the observer.
