@@ -9,6 +9,9 @@
 }
 #import bevy_pbr::shadows::fetch_directional_shadow
 #import bevy_plenoctree::color::{decode, encode, to_half}
+#ifdef SMOOTH
+#import bevy_plenoctree::edge::{bits_of, parts_of}
+#endif
 #import bevy_plenoctree::space::light_of
 #import bevy_plenoctree::view::{View, is_solid, unpacked_haze}
 
@@ -26,6 +29,11 @@ struct Settings {
 @group(1) @binding(3) var depth: texture_depth_2d;
 // The target, before the result is written to it.
 @group(1) @binding(4) var scene: texture_2d<f32>;
+#ifdef SMOOTH
+// The results of the outline pass and of the coverage pass.
+@group(1) @binding(5) var outline: texture_2d<u32>;
+@group(1) @binding(6) var coverage: texture_2d<f32>;
+#endif
 
 @vertex
 fn vertex(@builtin(vertex_index) index: u32) -> @builtin(position) vec4<f32> {
@@ -85,6 +93,51 @@ fn fogged(light: vec4<f32>, distance: f32, scattering: vec3<f32>) -> vec3<f32> {
     }
 }
 
+// Fog is linear in what it is in front of: it adds some light, and lets a share of the rest through.
+struct Veil {
+    added: vec3<f32>,
+    through: vec3<f32>,
+}
+
+// Returns the fog in front of a depth.
+fn veil_at(depth: f32, at: vec2<f32>) -> Veil {
+    let ndc = (2.0 * (at - view.main_pass_viewport.xy) / view.main_pass_viewport.zw - 1.0) * vec2(1.0, -1.0);
+    let world = view.world_from_clip * vec4(ndc, depth, 1.0);
+    let point = world.xyz / world.w;
+    let away = point - view.world_position;
+    let distance = length(away);
+    let scattering = scattered(point, away / max(distance, 1e-30), at);
+    let added = fogged(vec4(0.0), distance, scattering);
+    return Veil(added, fogged(vec4(1.0), distance, scattering) - added);
+}
+
+#ifdef SMOOTH
+// What is seen in a pixel at a smooth edge besides what its center sees: its depth, and its share.
+struct Beside {
+    depth: f32,
+    share: f32,
+}
+
+fn beside(pixel: vec2<i32>, here: f32, is_opaque: bool) -> Beside {
+    let owners = textureLoad(outline, pixel, 0).xy;
+    if all(owners == vec2(0u)) {
+        return Beside(here, 0.0);
+    }
+    // The depth that differs most.
+    var found = here;
+    let last = vec2<i32>(drawn.size) - 1;
+    for (var i = 0; i < 9; i++) {
+        let there = textureLoad(depth, clamp(pixel + vec2(i % 3 - 1, i / 3 - 1), vec2(0), last), 0);
+        let is_farther = max(there, here) * min(found, here) > max(found, here) * min(there, here);
+        found = select(found, there, is_solid(there) && is_farther);
+    }
+    let parts = parts_of(owners, bits_of(owners, textureLoad(coverage, pixel, 0)));
+    let other = select(0u, parts.other, owners.y > 0u) + select(0u, parts.rest, is_opaque);
+    let own = parts.own + select(parts.other, 0u, owners.y > 0u);
+    return Beside(found, f32(other) / f32(max(own + other, 1u)));
+}
+#endif
+
 @fragment
 fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
     let pixel = vec2<i32>(position.xy);
@@ -97,20 +150,20 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
         return seen;
     }
     let at = position.xy + vec2<f32>(drawn.corner);
-    let ndc = (2.0 * (at - view.main_pass_viewport.xy) / view.main_pass_viewport.zw - 1.0) * vec2(1.0, -1.0);
-    let world = view.world_from_clip * vec4(ndc, found, 1.0);
-    let point = world.xyz / world.w;
-    let away = point - view.world_position;
-    let distance = length(away);
-    let scattering = scattered(point, away / max(distance, 1e-30), at);
+    var veil = veil_at(found, at);
+#ifdef SMOOTH
+    let other = beside(pixel, found, seen.a >= 1.0);
+    if other.share > 0.0 && other.depth != found {
+        let behind = veil_at(other.depth, at);
+        veil.added = mix(veil.added, behind.added, other.share);
+        veil.through = mix(veil.through, behind.through, other.share);
+    }
+#endif
 
-    // The scene has its own fog already, so its share of the pixel gets none. Fog is linear in what it is in front of:
-    // it adds `added`, and lets a share of the rest through.
+    // The scene has its own fog already, so its share of the pixel gets none.
     let light = settings.exposure * decode(seen.rgb);
     let stored = textureLoad(scene, vec2<u32>(pixel) + drawn.corner, 0).rgb;
     let behind = (1.0 - min(seen.a, 1.0)) * clamp(light_of(stored), vec3(0.0), vec3(65504.0));
-    let added = fogged(vec4(0.0), distance, scattering);
-    let through = fogged(vec4(1.0), distance, scattering) - added;
-    let result = through * (light - behind) + min(seen.a, 1.0) * added + behind;
+    let result = veil.through * (light - behind) + min(seen.a, 1.0) * veil.added + behind;
     return to_half(vec4(encode(max(result, vec3(0.0)) / settings.exposure), seen.a));
 }

@@ -1,11 +1,12 @@
 //! Tests fog: a prop and a mesh of the same color and at the same depth, side by side, fade alike.
 
 use bevy::prelude::*;
-use bevy_plenoctree::{EdgeSmoothing, FieldPalette, Posterize, PropPlacement, PropQuality, SolidOpacity};
+use bevy_plenoctree::{EdgeSmoothing, FieldPalette, Posterize, Prop, PropPlacement, PropQuality, SolidOpacity};
 use glam::DVec3;
 use image::RgbaImage;
 
 use crate::stage::{
+    Stage,
     pixels::{encoded, steps},
     sides::{BACKGROUND, GREEN, PIXELS, SOLID, Sides, color, cube, density, in_cube},
     unlit,
@@ -131,4 +132,38 @@ fn fog_ends_with_the_scene() {
         assert_eq!(at(&frame, of_prop), at(&clear, of_prop));
         assert!(at(&frame, of_mesh) != at(&clear, of_mesh));
     }
+}
+
+/// The edge between a near prop and a far one of the same label fades from the fog of one to that of the other, as edges of
+/// meshes do.
+#[test]
+fn edges_between_props_are_smooth_in_fog() {
+    let mut stage = Stage::with_meshes(96);
+    stage.set((Transform::from_xyz(0.0, 0.0, 2.5), Msaa::Sample4));
+    let places = [
+        Transform::from_rotation(Quat::from_euler(EulerRot::XYZ, 0.3, 0.5, 0.2)),
+        Transform::from_xyz(0.0, 0.0, -14.0).with_scale(Vec3::splat(16.0)),
+    ];
+    let near = stage.spawn_prop(&cube(SOLID, GREEN), (places[0], Posterize::default()));
+    let field = stage.field();
+    let far = stage.spawn((Prop(field), places[1], Posterize::default()));
+    stage.paint(FieldPalette::from_colors([color(GREEN), color(BACKGROUND)]).unwrap());
+    let meshes = places.map(|place| stage.spawn_mesh(Cuboid::new(1.0, 1.0, 1.0), unlit(color(GREEN)), place));
+    stage.wait();
+    let mut off = || {
+        let [of_props, of_meshes] = [true, false].map(|shows_props| {
+            for (entities, shows) in [([near, far], shows_props), (meshes, !shows_props)] {
+                let visibility = if shows { Visibility::Visible } else { Visibility::Hidden };
+                entities.into_iter().for_each(|entity| stage.insert(entity, visibility));
+            }
+            stage.capture()
+        });
+        let fog = DistanceFog { falloff: FogFalloff::Exponential { density: 0.15 }, ..default() };
+        stage.set(fog);
+        let pairs = of_props.pixels().zip(of_meshes.pixels());
+        pairs.filter(|(prop, mesh)| (steps(prop) - steps(mesh)).abs().max_element() > 16.0).count()
+    };
+    let (clear, fogged) = (off(), off());
+    println!("{clear} pixels are off without fog, {fogged} in fog");
+    assert!(fogged <= clear + 20, "{clear} pixels are off without fog, {fogged} in fog");
 }

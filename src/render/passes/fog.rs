@@ -30,11 +30,20 @@ pub(super) const FOG: &str = "plenoctree_fog";
 pub(super) fn fog(plan: &Plan) -> Option<Pass> {
     let program = Program { vertex: "fog", lights: true, ..Program::new("fog") };
     let program = program.define(shadow_filter(plan)).define_all(space(plan.target.space));
+    let program = program.define_if(plan.smooths, "SMOOTH");
+    let edges = if plan.smooths { &[Slot::Outline, Slot::Coverage][..] } else { &[] };
     let buffers = [Buffer::Fog, Buffer::View].map(Input::Buffer);
     let textures = [shown_after(plan.stages.len()), Slot::Depth(Rays::Pixels)].map(Input::Texture);
     plan.has_fog.then(|| Pass {
         feature: Feature::Fog,
-        reads: vec![buffers.into_iter().chain(textures).chain([Input::Scene]).collect()],
+        reads: vec![
+            buffers
+                .into_iter()
+                .chain(textures)
+                .chain([Input::Scene])
+                .chain(edges.iter().map(|slot| Input::Texture(*slot)))
+                .collect(),
+        ],
         writes: vec![Some(Output::Texture(Slot::Fogged))],
         clear: Some(Clear::NegativeAlpha),
         ..Pass::fullscreen(FOG, Place::Present, None, program)
