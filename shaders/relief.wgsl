@@ -27,7 +27,7 @@ struct Center {
 
 // The least and the largest radius of the disk, in pixels.
 const LEAST_PIXELS: f32 = 2.0;
-const MOST_PIXELS: f32 = 24.0;
+const MOST_PIXELS: f32 = 64.0;
 
 // Returns the point in another pixel that has the depth of the center, in homogeneous coordinates of the camera's
 // space.

@@ -19,15 +19,16 @@ fn vertex(@builtin(vertex_index) index: u32) -> @builtin(position) vec4<f32> {
     return vec4(vec2(f32((index << 1u) & 2u), f32(index & 2u)) * 2.0 - 1.0, LEAST_DEPTH, 1.0);
 }
 
-// The pixels of the disk besides the center, and the cosine and the sine of the angle between two of them, the golden
-// one: no two are in line.
-const POINTS: u32 = 20u;
+// The pixels of the disk besides the center: as many as its radius has pixels, within these bounds. And the cosine and
+// the sine of the angle between two of them, the golden one: no two are in line.
+const LEAST_POINTS: f32 = 20.0;
+const MOST_POINTS: f32 = 48.0;
 const TURN: vec2<f32> = vec2(-0.7373688, 0.6754903);
 
 // If these are in the middle of one band, and most of them on the prop, the others are not needed. Hues are those of
 // these.
 const FIRST_POINTS: u32 = 6u;
-const MOST_POINTS: u32 = 4u;
+const ENOUGH_POINTS: u32 = 4u;
 const MIDDLE: f32 = 0.1;
 
 // Returns whether light between two values rounds to one band, and is not near the next one.
@@ -86,12 +87,13 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
     var most = 0.0;
     var direction = vec2(1.0, 0.0);
     // From the border of the disk to its center.
-    for (var i = 0u; i < POINTS; i++) {
-        let is_settled = found_points >= MOST_POINTS && is_one_band(value + least, value + most, bands);
+    let points = clamp(center.pixels, LEAST_POINTS, MOST_POINTS);
+    for (var i = 0u; f32(i) < points; i++) {
+        let is_settled = found_points >= ENOUGH_POINTS && is_one_band(value + least, value + most, bands);
         if i == FIRST_POINTS && in_steps && is_settled {
             break;
         }
-        let far = sqrt(1.0 - f32(i) / f32(POINTS));
+        let far = sqrt(1.0 - f32(i) / points);
         let off = vec2<i32>(round(center.pixels * far * direction));
         direction = vec2(dot(direction, vec2(TURN.x, -TURN.y)), dot(direction, TURN.yx));
         let at = clamp(pixel + off, vec2(0), center.size - 1);

@@ -58,6 +58,12 @@ impl Pose {
         (self.world_from_field() * self.field_from_box()).inverse()
     }
 
+    /// Returns how many finest cells are along a side of a cube that is as large as the box around the leaves.
+    #[cfg(feature = "shadows")]
+    pub fn cells_across(&self) -> f64 {
+        (self.high - self.low).element_product().cbrt() * self.cells
+    }
+
     /// Returns the center of the box around the leaves, in the scene.
     pub fn center(&self) -> DVec3 {
         self.world_from_field().transform_point3(self.frame.to_world(0.5 * (self.low + self.high)))

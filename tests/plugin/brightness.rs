@@ -193,6 +193,29 @@ fn bands_of_a_ball_end_where_the_light_says() {
     assert!((factor(&lit, x, y) - 2.0).abs() < 0.05, "{:?}", lit.get_pixel(x, y));
 }
 
+/// The surface of a hard field consists of steps, a few pixels wide. Bands end at a smooth line all the same.
+#[test]
+fn bands_do_not_show_the_steps_of_hard_surfaces() {
+    let hard = |at: DVec3| if at.length() < RADIUS { 1e4 } else { 0.0 };
+    let mut scene = scene(&colored(6, hard, |_| DVec3::splat(GRAY)));
+    posterize(&mut scene, &[DVec3::splat(GRAY), DVec3::splat(0.52)]);
+    spawn_sun(&mut scene, TOWARD, illuminance(2.0), false);
+    let lit = light(&mut scene, PropLighting { brightness: 1.0, bands: 1, ..default() });
+    let is_lit = |x: u32, y: u32| f64::from(lit.get_pixel(x, y)[1]) > 255.0 * 0.46;
+    let end = (0.5f64.ln() / -2.0).acos().to_degrees();
+    let mut most = 0.0f64;
+    for y in 0..PIXELS {
+        let row: Vec<_> = (0..PIXELS).filter_map(|x| Some((x, normal(x, y)?))).collect();
+        for &(x, normal) in &row {
+            let angle = normal.dot(TOWARD.normalize()).acos().to_degrees() - end;
+            most = most.max(if is_lit(x, y) == (angle < 0.0) { 0.0 } else { angle.abs() });
+        }
+        let ends = row.windows(2).filter(|pair| is_lit(pair[0].0, y) != is_lit(pair[1].0, y)).count();
+        assert!(ends <= 1, "in row {y}, the light ends {ends} times");
+    }
+    assert!(most < 3.5, "the line is off by {most:.2} degrees");
+}
+
 /// Lamps reach as far as their range says, several lights add up, and what is in a shadow gets none of them.
 #[test]
 fn lights_add_up_within_their_range() {

@@ -112,8 +112,11 @@ pub(in crate::render) struct LitUniform {
     labels: u32,
 }
 
-/// The distance within which a prop's surface is smoothed, relative to the prop's size.
-const SMOOTHED: f64 = 0.03;
+/// The distance within which a prop's surface is smoothed, in finest cells, so that bands do not show the steps of hard
+/// surfaces. And the least and the largest one, relative to the prop's size.
+const SMOOTHED_CELLS: f64 = 3.0;
+const LEAST_SMOOTHED: f64 = 0.03;
+const MOST_SMOOTHED: f64 = 0.07;
 
 /// Returns how lights fall on the props of a view, and finds their shades.
 pub(in crate::render) fn lit_props(plan: &Plan, extracted: &ExtractedProps, shades: &mut Shades) -> Vec<LitUniform> {
@@ -122,7 +125,8 @@ pub(in crate::render) fn lit_props(plan: &Plan, extracted: &ExtractedProps, shad
         let prop = extracted.props.get(index)?;
         let PropLighting { shadows, tint, bands, self_shadow_distance, brightness, rim } = prop.lighting?;
         let box_from_world = DMat4::from(prop.pose.box_from_world());
-        let radius = (SMOOTHED / box_from_world.determinant().abs().cbrt()).min(f32::MAX.into()) as f32;
+        let smoothed = (SMOOTHED_CELLS / prop.pose.cells_across()).clamp(LEAST_SMOOTHED, MOST_SMOOTHED);
+        let radius = (smoothed / box_from_world.determinant().abs().cbrt()).min(f32::MAX.into()) as f32;
         let box_from_world = box_from_world.as_mat4();
         let unlabeled = LitUniform {
             box_from_world,
