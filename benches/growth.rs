@@ -19,7 +19,7 @@ use half::f16;
 use plenoctree::{
     Basis, Cell, Frame,
     camera::PinholeCamera,
-    palette::{PaletteMethod, extract_from_histograms, simplify_hull},
+    palette::{PaletteMethod, extract_from_samples, simplify_hull},
     sampling::{Histograms, Progress, sample},
 };
 
@@ -221,7 +221,7 @@ fn clusters(bencher: Bencher, bins: usize) {
     }
     let [fine_weights, coarse_weights] = weights;
     let histograms = Histograms::new(fine, fine_weights, coarse, coarse_weights, bins as u64).unwrap();
-    bencher.bench_local(|| extract_from_histograms(&histograms, &settings, &Progress::default()).unwrap());
+    bencher.bench_local(|| extract_from_samples(&histograms, &[], &settings, &Progress::default()).unwrap());
 }
 
 /// Computes a hull and simplifies it to six colors, by number of points.

@@ -232,3 +232,10 @@ fn density(leaf: u32) -> f32 {
     return bitcast<f32>(density_word(leaf));
 #endif
 }
+
+// Returns the share of light that an optical depth absorbs: 1 - exp(-depth), without the cancellation that would erase
+// thin fog.
+fn absorbed(depth: f32) -> f32 {
+    let series = depth * (1.0 - 0.5 * depth * (1.0 - depth / 3.0 * (1.0 - 0.25 * depth)));
+    return select(1.0 - exp(-depth), series, depth < 0.02);
+}

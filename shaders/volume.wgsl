@@ -1,7 +1,7 @@
 // The volume pass: marches a ray for each pixel of the box around a prop's leaves. See section 2 of the method.
 
 #import bevy_plenoctree::color::{tinted, to_half}
-#import bevy_plenoctree::octree::{begin, density, has_ended, next_leaf}
+#import bevy_plenoctree::octree::{absorbed, begin, density, has_ended, next_leaf}
 #import bevy_plenoctree::prop_ray::{PropRay, Varying, position_at, position_of, prop_ray, solid_depth_at}
 #import bevy_plenoctree::radiance::{harmonics, radiance}
 #ifdef RECOLORED
@@ -69,12 +69,6 @@ struct Fragment {
     // How the solid part has moved. Blending writes it only where alpha is 1.
     @location(2) motion: vec4<f32>,
 #endif
-}
-
-// Returns 1 - exp(-depth), without the cancellation that would erase thin fog.
-fn absorbed(depth: f32) -> f32 {
-    let series = depth * (1.0 - 0.5 * depth * (1.0 - depth / 3.0 * (1.0 - 0.25 * depth)));
-    return select(1.0 - exp(-depth), series, depth < 0.02);
 }
 
 @fragment

@@ -202,8 +202,8 @@ impl QualityPreset {
     /// Returns the preset's settings for [`PaletteExtraction`](crate::PaletteExtraction). [`Balanced`](Self::Balanced)
     /// samples half of the leaves, and [`Fast`](Self::Fast) a quarter.
     ///
-    /// Sampling fewer leaves shifts the palette's colors. Extract the palettes that you ship with
-    /// [`Exact`](Self::Exact).
+    /// Sampling fewer leaves shifts the colors of hulls and fitted palettes. Tones do not depend on it, unless
+    /// a tolerance decides how many there are. Extract the palettes that you ship with [`Exact`](Self::Exact).
     pub fn extraction(self) -> ExtractionSettings {
         let sample_fraction = match self {
             Self::Exact | Self::High => 1.0,

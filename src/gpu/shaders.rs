@@ -66,6 +66,7 @@ impl Shaders {
             "relief",
             "sampling",
             "scene",
+            "see",
             "shade",
             "shadow",
             "shadow_tile",

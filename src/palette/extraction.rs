@@ -14,7 +14,7 @@ use bevy::{
 use plenoctree::{
     PlenOctree,
     palette::{Extraction, ExtractionError, ExtractionSettings, extract_from_samples},
-    sampling::{Canceled, Histograms, Progress, sample},
+    sampling::{Canceled, Progress, View, sample},
 };
 use wgpu::DeviceType;
 
@@ -26,7 +26,7 @@ use super::{
 };
 use crate::{
     background,
-    sampling::{SamplingFailure, SamplingJob, SamplingJobs},
+    sampling::{Samples, SamplingFailure, SamplingJob, SamplingJobs},
 };
 
 /// The maximum number of extractions that run at the same time. Each takes additional memory.
@@ -276,20 +276,20 @@ fn sample_on_cpu(
         background::on_cores(|| {
             let start = Instant::now();
             let histograms = sample(&field, &settings.sampling, &progress)?;
-            extract(&field, histograms, origin, start.elapsed(), &settings, &progress)
+            let views = View::all(&field, &settings.view_rays(&field), &progress)?;
+            extract((histograms, views), origin, start.elapsed(), &settings, &progress)
         })
     }))
 }
 
 fn extract(
-    field: &PlenOctree,
-    histograms: Histograms,
+    (histograms, views): Samples,
     origin: SampleOrigin,
     sampling: Duration,
     settings: &ExtractionSettings,
     progress: &Progress,
 ) -> Result<(Extraction, ExtractionSamples), ExtractionError> {
-    let mut extraction = extract_from_samples(field, &histograms, settings, progress)?;
+    let mut extraction = extract_from_samples(&histograms, &views, settings, progress)?;
     extraction.seconds.sampling = sampling.as_secs_f64();
     Ok((extraction, ExtractionSamples { histograms: Arc::new(histograms), origin }))
 }
@@ -359,15 +359,12 @@ pub(super) fn finish(
     });
 }
 
-fn after_sampling(job: &SamplingJob, outcome: Result<Histograms, SamplingFailure>, sampling: Duration) -> Step {
+fn after_sampling(job: &SamplingJob, outcome: Result<Samples, SamplingFailure>, sampling: Duration) -> Step {
     let (settings, progress) = (job.settings.clone(), job.progress.clone());
     match outcome {
-        Ok(histograms) => {
-            let field = job.field.clone();
-            Step::Computing(background::spawn(move || {
-                background::on_cores(|| extract(&field, histograms, SampleOrigin::Gpu, sampling, &settings, &progress))
-            }))
-        }
+        Ok(samples) => Step::Computing(background::spawn(move || {
+            background::on_cores(|| extract(samples, SampleOrigin::Gpu, sampling, &settings, &progress))
+        })),
         Err(failure) => {
             warn!("sampling field {} on the CPU instead of the GPU: {failure}", job.id);
             sample_on_cpu(job.field.clone(), SampleOrigin::Cpu, settings, progress)

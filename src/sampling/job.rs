@@ -9,7 +9,7 @@ use bevy::{prelude::*, render::extract_resource::ExtractResource};
 use plenoctree::{
     MAX_DEPTH, PlenOctree,
     palette::ExtractionSettings,
-    sampling::{Canceled, Histograms, Lattice, Progress, SamplePoint, SamplingPlan},
+    sampling::{Canceled, Histograms, Lattice, Progress, SamplePoint, SamplingPlan, View, ViewRays},
 };
 
 use crate::{background, gpu::tree_depth};
@@ -23,8 +23,8 @@ pub(crate) enum SamplingFailure {
     /// The pipeline could not be created.
     #[error("the sampling pipeline could not be created: {0}")]
     Pipeline(String),
-    /// The histograms could not be read back.
-    #[error("the histograms could not be read back: {0}")]
+    /// The samples could not be read back.
+    #[error("the samples could not be read back: {0}")]
     Readback(String),
 }
 
@@ -42,6 +42,8 @@ pub(crate) struct SamplingJob {
     pub lattice: Option<Lattice>,
     /// Unit vectors toward the observers. Those of one cell of directions are next to each other.
     pub observers: Vec<[f32; 4]>,
+    /// The rays along which the palette needs to know what is seen.
+    pub views: Vec<ViewRays>,
     /// Where in the leaves radiance is sampled.
     pub point: SamplePoint,
     /// An upper bound on the total weight of all samples.
@@ -57,9 +59,12 @@ impl Drop for SamplingJob {
     }
 }
 
+/// The samples of a field: its histograms, and what is seen in its views.
+pub(crate) type Samples = (Histograms, Vec<View>);
+
 enum State {
     Open,
-    Ended(Result<Histograms, SamplingFailure>),
+    Ended(Result<Samples, SamplingFailure>),
     Taken,
 }
 
@@ -84,6 +89,7 @@ impl SamplingJob {
             leaves,
             lattice,
             observers: observers.map(|ray| ray.as_vec3().extend(0.0).to_array()).collect(),
+            views: settings.view_rays(&field),
             point: plan.point,
             weight_bound: plan.weight_bound,
             id,
@@ -95,7 +101,7 @@ impl SamplingJob {
         })
     }
 
-    pub fn end(&self, outcome: Result<Histograms, SamplingFailure>) {
+    pub fn end(&self, outcome: Result<Samples, SamplingFailure>) {
         *self.state() = State::Ended(outcome);
     }
 
@@ -104,7 +110,7 @@ impl SamplingJob {
     }
 
     /// Takes the outcome, if the job has ended.
-    pub fn take_outcome(&self) -> Option<Result<Histograms, SamplingFailure>> {
+    pub fn take_outcome(&self) -> Option<Result<Samples, SamplingFailure>> {
         let mut state = self.state();
         match std::mem::replace(&mut *state, State::Taken) {
             State::Ended(outcome) => Some(outcome),

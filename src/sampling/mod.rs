@@ -1,14 +1,15 @@
 //! Radiance sampling on the GPU, in the render world. See section 3 of the method, steps 1 to 5.
 //!
-//! Leaves are sampled in slices, so that the app keeps rendering frames. Samples are added to histograms on the GPU,
-//! and only the histograms are read back.
+//! Leaves are sampled in slices, so that the app keeps rendering frames. Samples are added to histograms on the GPU.
+//! Only these are read back and, if the palette needs them, [`views`] of the field.
 
 mod clock;
 mod job;
 mod pipeline;
 mod slices;
+mod views;
 
-pub(crate) use job::{SamplingFailure, SamplingJob, SamplingJobs};
+pub(crate) use job::{Samples, SamplingFailure, SamplingJob, SamplingJobs};
 
 use bevy::{
     core_pipeline::schedule::camera_driver,

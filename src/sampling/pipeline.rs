@@ -29,15 +29,18 @@ pub(super) struct SliceUniform {
 
 #[derive(Resource)]
 pub(super) struct SamplingPipeline {
-    shader: Handle<Shader>,
-    pub layout: BindGroupLayoutDescriptor,
+    leaves_shader: Handle<Shader>,
+    views_shader: Handle<Shader>,
+    pub leaves_layout: BindGroupLayoutDescriptor,
+    pub views_layout: BindGroupLayoutDescriptor,
     fields: FieldLayouts,
 }
 
 pub(super) fn init(mut commands: Commands, shaders: Res<Shaders>, fields: Res<FieldLayouts>) {
     commands.insert_resource(SamplingPipeline {
-        shader: shaders.get("sampling"),
-        layout: BindGroupLayoutDescriptor::new(
+        leaves_shader: shaders.get("sampling"),
+        views_shader: shaders.get("see"),
+        leaves_layout: BindGroupLayoutDescriptor::new(
             "plenoctree_sampling",
             &BindGroupLayoutEntries::sequential(
                 ShaderStages::COMPUTE,
@@ -50,25 +53,42 @@ pub(super) fn init(mut commands: Commands, shaders: Res<Shaders>, fields: Res<Fi
                 ),
             ),
         ),
+        views_layout: BindGroupLayoutDescriptor::new(
+            "plenoctree_views",
+            &BindGroupLayoutEntries::sequential(
+                ShaderStages::COMPUTE,
+                (storage_buffer_read_only_sized(false, None), storage_buffer_sized(false, None)),
+            ),
+        ),
         fields: fields.clone(),
     });
 }
 
-impl SpecializedComputePipeline for SamplingPipeline {
-    /// The field, and whether its finest cells are listed.
-    type Key = (FieldShape, bool);
+/// What a pipeline samples.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) enum Sampled {
+    /// Leaves. If the finest cells of the field are listed, rays follow those.
+    Leaves { lattice: bool },
+    /// What rays see from outside.
+    Views,
+}
 
-    fn specialize(&self, (shape, lattice): Self::Key) -> ComputePipelineDescriptor {
+impl SpecializedComputePipeline for SamplingPipeline {
+    type Key = (FieldShape, Sampled);
+
+    fn specialize(&self, (shape, sampled): Self::Key) -> ComputePipelineDescriptor {
+        let (label, layout, shader, entry_point) = match sampled {
+            Sampled::Leaves { .. } => ("plenoctree_sampling", &self.leaves_layout, &self.leaves_shader, "sample"),
+            Sampled::Views => ("plenoctree_views", &self.views_layout, &self.views_shader, "see"),
+        };
+        let lattice = (sampled == Sampled::Leaves { lattice: true }).then(|| "LATTICE".into());
+        let tree = TreeShape::from(shape).definitions();
         ComputePipelineDescriptor {
-            label: Some("plenoctree_sampling".into()),
-            layout: vec![self.layout.clone(), self.fields.get().clone()],
-            shader: self.shader.clone(),
-            shader_defs: field_definitions(shape)
-                .into_iter()
-                .chain(TreeShape::from(shape).definitions())
-                .chain(lattice.then(|| "LATTICE".into()))
-                .collect(),
-            entry_point: Some("sample".into()),
+            label: Some(label.into()),
+            layout: vec![layout.clone(), self.fields.get().clone()],
+            shader: shader.clone(),
+            shader_defs: field_definitions(shape).into_iter().chain(tree).chain(lattice).collect(),
+            entry_point: Some(entry_point.into()),
             ..default()
         }
     }

@@ -15,12 +15,13 @@ use bevy::{
     },
 };
 
-use plenoctree::sampling::{Histograms, Lattice, SamplePoint};
+use plenoctree::sampling::{Histograms, Lattice, SamplePoint, View};
 
 use super::{
     SamplingFailure, SamplingJob, SamplingJobs,
     clock::SliceClock,
-    pipeline::{SamplingPipeline, SliceUniform},
+    pipeline::{Sampled, SamplingPipeline, SliceUniform},
+    views::Views,
 };
 use crate::gpu::{Allocator, GpuField, GpuLevel, SAMPLING_WORKGROUP};
 
@@ -47,6 +48,7 @@ struct Active {
     observers: Buffer,
     bins: Buffer,
     lattice: Buffer,
+    views: Option<Views>,
     /// The number of words of the lattice that are uploaded, or `None` if rays follow the records of the octree.
     words: Option<usize>,
     /// The number of leaves in the smallest and in the largest slice.
@@ -60,7 +62,7 @@ struct Active {
     in_flight: Vec<SliceClock>,
     /// The number of leaves in the last slice.
     last_leaves: u32,
-    /// Whether all slices are submitted and the histograms are being read back.
+    /// Whether all slices are submitted and the samples are being read back.
     reading: bool,
 }
 
@@ -91,11 +93,23 @@ pub(super) fn advance_sampling(
         }
     }
     let Some(current) = &mut active.0 else { return };
-    let id = pipelines.specialize(&cache, &pipeline, (current.field.shape, current.words.is_some()));
-    if let CachedPipelineState::Err(error) = cache.get_compute_pipeline_state(id) {
-        current.job.end(Err(SamplingFailure::Pipeline(error.to_string())));
-    } else if let Some(pipeline) = cache.get_compute_pipeline(id) {
-        current.advance(pipeline, &device, &queue).unwrap_or_else(|failure| current.job.end(Err(failure)));
+    let mut find = |sampled| {
+        let id = pipelines.specialize(&cache, &pipeline, (current.field.shape, sampled));
+        match cache.get_compute_pipeline_state(id) {
+            CachedPipelineState::Err(error) => Err(SamplingFailure::Pipeline(error.to_string())),
+            _ => Ok(cache.get_compute_pipeline(id)),
+        }
+    };
+    let leaves = find(Sampled::Leaves { lattice: current.words.is_some() });
+    let views = current.views.as_ref().map(|_| find(Sampled::Views)).transpose();
+    match (leaves, views) {
+        (Err(failure), _) | (_, Err(failure)) => current.job.end(Err(failure)),
+        // They are being compiled.
+        (Ok(None), _) | (_, Ok(Some(None))) => {}
+        (Ok(Some(leaves)), Ok(views)) => {
+            let views = views.flatten();
+            current.advance(leaves, views, &device, &queue).unwrap_or_else(|failure| current.job.end(Err(failure)));
+        }
     }
 }
 
@@ -139,17 +153,20 @@ impl Active {
         let bins = buffer(&mut allocator, device, "plenoctree_histograms", bytes, usage)?;
         let observers = bytemuck::cast_slice(&job.observers);
         let observers = storage(&mut allocator, device, queue, "plenoctree_observers", observers)?;
+        let layout = cache.get_bind_group_layout(&pipeline.views_layout);
+        let views = Views::new(job, &layout, &mut allocator, device, queue)?;
         let share = job.field.leaves() as f64 / job.leaves.len().max(1) as f64;
         job.progress.begin(job.leaves.len());
         Ok(Self {
             job: job.clone(),
             field: field.clone(),
-            layout: cache.get_bind_group_layout(&pipeline.layout),
+            layout: cache.get_bind_group_layout(&pipeline.leaves_layout),
             uniform,
             allocator,
             observers,
             bins,
             lattice,
+            views,
             words: listed.map(|_| 0),
             fewest: slice_for(FEWEST_RAYS, job),
             most: slice_for(MOST_RAYS, job),
@@ -170,6 +187,7 @@ impl Active {
     fn advance(
         &mut self,
         pipeline: &ComputePipeline,
+        views: Option<&ComputePipeline>,
         device: &RenderDevice,
         queue: &RenderQueue,
     ) -> Result<(), SamplingFailure> {
@@ -199,7 +217,7 @@ impl Active {
         }
         if self.next == self.leaves() && !self.reading {
             self.reading = true;
-            self.read_back(device, queue)?;
+            self.read_back(views, device, queue)?;
         }
         Ok(())
     }
@@ -269,24 +287,37 @@ impl Active {
         Ok(())
     }
 
-    /// Reads back the histograms, and ends the job with them once the GPU is done.
-    fn read_back(&mut self, device: &RenderDevice, queue: &RenderQueue) -> Result<(), SamplingFailure> {
+    /// Looks at the views, reads back the samples, and ends the job with them once the GPU is done.
+    fn read_back(
+        &mut self,
+        pipeline: Option<&ComputePipeline>,
+        device: &RenderDevice,
+        queue: &RenderQueue,
+    ) -> Result<(), SamplingFailure> {
         let usage = BufferUsages::MAP_READ | BufferUsages::COPY_DST;
-        let label = "plenoctree_histograms_readback";
-        let readable = buffer(&mut self.allocator, device, label, self.bins.size(), usage)?;
+        let (bins, seen) = (self.bins.size(), self.views.as_ref().map_or(0, |views| views.seen.size()));
+        let readable = buffer(&mut self.allocator, device, "plenoctree_samples_readback", bins + seen, usage)?;
         let mut encoder = device.create_command_encoder(&CommandEncoderDescriptor::default());
-        encoder.copy_buffer_to_buffer(&self.bins, 0, &readable, 0, self.bins.size());
+        encoder.copy_buffer_to_buffer(&self.bins, 0, &readable, 0, bins);
+        if let (Some(views), Some(pipeline)) = (&self.views, pipeline) {
+            views.record(&mut encoder, pipeline, &self.field);
+            encoder.copy_buffer_to_buffer(&views.seen, 0, &readable, bins, seen);
+        }
         queue.submit([encoder.finish()]);
         let (job, buffer, unit) = (self.job.clone(), readable.clone(), self.unit);
         readable.slice(..).map_async(MapMode::Read, move |result| {
             let outcome = result.map_err(|error| SamplingFailure::Readback(error.to_string())).and_then(|()| {
                 let mapped = buffer.slice(..).get_mapped_range();
+                let (mapped, seen) = mapped.split_at(bins as usize);
+                let texels: Vec<[f32; 4]> = seen.chunks_exact(16).map(bytemuck::pod_read_unaligned).collect();
+                let views = View::from_texels(&job.views, &texels, &job.progress);
                 let weights = mapped.chunks_exact(8).map(bytemuck::pod_read_unaligned::<u64>).map(|n| n as f64 * unit);
                 let mut fine: Vec<f64> = weights.collect();
                 let (fine_bins, coarse_bins) = (job.settings.sampling.fine_bins, job.settings.sampling.coarse_bins);
                 let coarse = fine.split_off(fine_bins.pow(3));
                 let samples = job.leaves.len() * job.settings.sampling.direction_cells();
                 Histograms::new(fine_bins, fine, coarse_bins, coarse, samples as u64)
+                    .map(|histograms| (histograms, views))
                     .map_err(|error| SamplingFailure::Readback(error.to_string()))
             });
             job.end(outcome);
@@ -302,7 +333,7 @@ fn listed<'a>(job: &'a SamplingJob, device: &RenderDevice) -> Option<&'a Lattice
     job.lattice.as_ref().filter(|lattice| lattice.words.len() as u64 * 4 <= most)
 }
 
-fn buffer(
+pub(super) fn buffer(
     allocator: &mut Allocator,
     device: &RenderDevice,
     label: &'static str,
@@ -314,7 +345,7 @@ fn buffer(
 }
 
 /// Returns a buffer with `contents`.
-fn storage(
+pub(super) fn storage(
     allocator: &mut Allocator,
     device: &RenderDevice,
     queue: &RenderQueue,

@@ -13,7 +13,7 @@ use plenoctree::{
     BakeSettings, Basis, Cell, Frame, PackSettings, Packed, bake,
     palette::extract_from_samples,
     reference::sample_histograms,
-    sampling::{Histograms, Lattice, Progress, SamplePoint, SamplingPlan, sample},
+    sampling::{Histograms, Lattice, Progress, SamplePoint, SamplingPlan, View, sample},
 };
 
 use super::stage::{Stage, wait_for};
@@ -129,7 +129,9 @@ fn gpu_sampling_matches_the_reference() {
         assert_eq!(sampled.histograms.samples(), expected.samples());
         let off = difference(&sampled.histograms, &expected);
         assert!(off < 1e-4, "{basis:?}: {off}");
-        let reference = extract_from_samples(&field, &expected, &settings, &Progress::default()).unwrap();
+        let views = View::all(&field, &settings.view_rays(&field), &Progress::default()).unwrap();
+        let reference = extract_from_samples(&expected, &views, &settings, &Progress::default()).unwrap();
+        assert_eq!(colors.len(), reference.palette.colors.len());
         for (color, expected) in colors.iter().zip(&reference.palette.colors) {
             assert!(DVec3::from(*color).distance(DVec3::from(*expected)) < 0.005, "{colors:?}");
         }

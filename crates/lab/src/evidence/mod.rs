@@ -16,7 +16,7 @@ mod views;
 pub use arguments::Arguments;
 
 use plenoctree::{
-    palette::{ColorCount, ExtractionSettings, PaletteMethod, extract_from_histograms},
+    palette::{ColorCount, ExtractionSettings, PaletteMethod, extract_from_samples},
     sampling::Progress,
 };
 
@@ -39,7 +39,7 @@ pub fn run(arguments: &Arguments) -> Result {
     let settings = |method| ExtractionSettings { method, colors: ColorCount::Fixed(colors), ..Default::default() };
     let hull = extraction::cpu::extract(&field, &settings(PaletteMethod::Hull), arguments.quiet).map_err(named)?;
     let histograms = hull.histograms;
-    let mut fitted = extract_from_histograms(&histograms, &settings(PaletteMethod::Fitted), &Progress::default())
+    let mut fitted = extract_from_samples(&histograms, &[], &settings(PaletteMethod::Fitted), &Progress::default())
         .map_err(|error| named(error.into()))?;
     fitted.seconds.sampling = hull.extraction.seconds.sampling;
     let extractions = [hull.extraction, fitted];

@@ -14,11 +14,10 @@ use super::{
     settings::ExtractionSettings,
     simplify::simplify,
     tones::{self, Enough, tones},
-    views::View,
 };
 use crate::{
     field::PlenOctree,
-    sampling::{Bins, Canceled, Histograms, InvalidSetting, Progress, SamplingError, sample},
+    sampling::{Bins, Canceled, Histograms, InvalidSetting, Progress, SamplingError, View, sample},
 };
 
 /// An extracted palette, and how it was made.
@@ -45,7 +44,7 @@ pub struct Extraction {
 /// Time spent on each part of an extraction, in seconds. The parts are those of table 1 of the paper.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ExtractionTimes {
-    /// Radiance samples and histograms: steps 1 to 5. 0 if the histograms were given.
+    /// Radiance samples, histograms and views: steps 1 to 5, and the points of step 11. 0 if these were given.
     pub sampling: f64,
     /// K-means: steps 6 and 7.
     pub filtering: f64,
@@ -93,57 +92,25 @@ pub fn extract(
     settings.validate()?;
     let start = Instant::now();
     let histograms = sample(field, &settings.sampling, progress)?;
+    let views = View::all(field, &settings.view_rays(field), progress)?;
     let sampling = start.elapsed().as_secs_f64();
-    let mut extraction = extract_from_samples(field, &histograms, settings, progress)?;
+    let mut extraction = extract_from_samples(&histograms, &views, settings, progress)?;
     extraction.seconds.sampling = sampling;
     Ok(extraction)
 }
 
-/// Extracts the palette from the histograms of a field, which may have any number of bins: steps 6 to 12.
+/// Extracts the palette from samples of a field: steps 6 to 12.
+///
+/// Histograms may have any number of bins. [`PaletteMethod::Tones`] finds the colors that are seen in views of the field,
+/// along the [rays](ExtractionSettings::view_rays) of the settings. Without views, tones are those of the histograms, and
+/// their ramps are [guessed](Palette::guess_ramps).
 ///
 /// # Errors
 ///
 /// Returns an error if a setting is out of range, if the histograms have no weight, or if the extraction is canceled.
 pub fn extract_from_samples(
-    field: &PlenOctree,
     histograms: &Histograms,
-    settings: &ExtractionSettings,
-    progress: &Progress,
-) -> Result<Extraction, ExtractionError> {
-    if settings.method != PaletteMethod::Tones {
-        return find(histograms, None, settings, progress);
-    }
-    settings.validate()?;
-    let start = Instant::now();
-    let views = View::all(field, &settings.sampling, progress)?;
-    let mut extraction = find(histograms, Some(&views), settings, progress)?;
-    extraction.palette.ramps = extraction.palette.ramps_in_views(&views);
-    extraction.seconds.fitting = start.elapsed().as_secs_f64();
-    Ok(extraction)
-}
-
-/// Extracts the palette from histograms alone, which may have any number of bins: steps 6 to 12. Without the field, tones
-/// are those of the histograms, and their ramps are [guessed](Palette::guess_ramps).
-///
-/// # Errors
-///
-/// Returns an error if a setting is out of range, if the histograms have no weight, or if the extraction is canceled.
-pub fn extract_from_histograms(
-    histograms: &Histograms,
-    settings: &ExtractionSettings,
-    progress: &Progress,
-) -> Result<Extraction, ExtractionError> {
-    let mut extraction = find(histograms, None, settings, progress)?;
-    if settings.method == PaletteMethod::Tones {
-        extraction.palette.ramps = extraction.palette.guess_ramps();
-    }
-    Ok(extraction)
-}
-
-/// Finds the palette, without ramps. Tones are those of the views, if there are any in which the field is seen.
-fn find(
-    histograms: &Histograms,
-    views: Option<&[View]>,
+    views: &[View],
     settings: &ExtractionSettings,
     progress: &Progress,
 ) -> Result<Extraction, ExtractionError> {
@@ -182,7 +149,7 @@ fn find(
                     Ok(errors.rmse <= tolerance)
                 }
             };
-            let mut colors = views.map(tones::seen_colors).unwrap_or_default();
+            let mut colors = tones::seen_colors(views);
             if colors.is_empty() {
                 colors = tones::binned_colors(histograms.fine_bins());
             }
@@ -191,8 +158,10 @@ fn find(
                 ColorCount::Fixed(count) => tones(&colors, Enough::Count(count), progress)?,
                 ColorCount::Auto { tolerance } => tones(&colors, Enough::Palette(&within(tolerance)), progress)?,
             };
+            let mut palette = palette.ok_or(ExtractionError::NothingVisible)?;
+            palette.ramps = palette.ramps_in_views(views);
             seconds.fitting = start.elapsed().as_secs_f64();
-            palette.ok_or(ExtractionError::NothingVisible)?
+            palette
         }
     };
     let palette = Palette { method: Some(settings.method), ..palette };
@@ -293,7 +262,7 @@ mod tests {
         histograms: &Histograms,
         settings: &ExtractionSettings,
     ) -> Result<Extraction, ExtractionError> {
-        super::extract_from_histograms(histograms, settings, &Progress::default())
+        extract_from_samples(histograms, &[], settings, &Progress::default())
     }
 
     /// Returns histograms with 24 and 8 bins per channel, so that centers of coarse bins are also centers of fine bins.
@@ -337,7 +306,8 @@ mod tests {
             let progress = settings.progress();
             let histograms = sample(&field, &settings.sampling, &progress).unwrap();
             assert_eq!(progress.fraction(), sampling);
-            extract_from_samples(&field, &histograms, &settings, &progress).unwrap();
+            let views = View::all(&field, &settings.view_rays(&field), &progress).unwrap();
+            extract_from_samples(&histograms, &views, &settings, &progress).unwrap();
             assert!((0.75..=1.0).contains(&progress.fraction()), "{method:?}: {}", progress.fraction());
         }
     }
@@ -413,7 +383,7 @@ mod tests {
         let progress = Progress::default();
         std::thread::scope(|scope| {
             let worker = scope.spawn(|| {
-                let result = super::extract_from_histograms(histograms, settings, &progress);
+                let result = extract_from_samples(histograms, &[], settings, &progress);
                 (result, Instant::now())
             });
             std::thread::sleep(after);

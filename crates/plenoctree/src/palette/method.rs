@@ -4,7 +4,7 @@
 use bevy_reflect::std_traits::ReflectDefault;
 use serde::{Deserialize, Serialize};
 
-/// How a palette is found from the histograms of a field.
+/// How a palette is found from the samples of a field.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 #[cfg_attr(
@@ -19,8 +19,9 @@ pub enum PaletteMethod {
     Hull,
     /// The colors whose labels are nearest to the colors of the field: section 3 of the method, step 10.
     Fitted,
-    /// As many colors as the field needs, each of them a label by itself, without blends: section 3 of the method, step
-    /// 11. Keeps small but distinct parts. Its colors form ramps, by material. The default.
+    /// The colors that are seen of the field, as many as it needs, up to [`ColorCount::MOST_TONES`]. Each is a label by
+    /// itself, without blends: section 3 of the method, step 11. Keeps small but distinct parts. Its colors form ramps,
+    /// by material. The default.
     #[default]
     Tones,
 }

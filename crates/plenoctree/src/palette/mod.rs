@@ -23,13 +23,10 @@ mod simplify;
 mod space;
 mod steps;
 mod tones;
-mod views;
 
 pub use colors::{InvalidPalette, Palette, PaletteFileError};
 pub use errors::ColorErrors;
-pub use extract::{
-    Extraction, ExtractionError, ExtractionTimes, extract, extract_from_histograms, extract_from_samples,
-};
+pub use extract::{Extraction, ExtractionError, ExtractionTimes, extract, extract_from_samples};
 pub use label::PaletteLabel;
 pub use method::{ColorCount, PaletteMethod};
 pub use ramp::{InvalidRamps, Ramp};

@@ -8,7 +8,10 @@ use super::{
     colors::Palette,
     method::{ColorCount, PaletteMethod},
 };
-use crate::sampling::{InvalidSetting, Progress, SamplingSettings};
+use crate::{
+    field::PlenOctree,
+    sampling::{InvalidSetting, Progress, SamplingSettings, ViewRays},
+};
 
 /// Settings of palette extraction. The defaults are the paper's (section 3 of the method), except for the method.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -66,6 +69,12 @@ impl ExtractionSettings {
     /// sampling; other palettes take so little time after sampling that it does not count.
     pub fn progress(&self) -> Progress {
         Progress::new(if self.method == PaletteMethod::Tones { 0.5 } else { 1.0 })
+    }
+
+    /// Returns the rays along which views show the method a field, besides its histograms: none, unless it is
+    /// [`PaletteMethod::Tones`].
+    pub fn view_rays(&self, field: &PlenOctree) -> Vec<ViewRays> {
+        if self.method == PaletteMethod::Tones { ViewRays::all(field, &self.sampling) } else { Vec::new() }
     }
 
     /// Checks that every setting is in its range.

@@ -175,7 +175,8 @@ mod tests {
             colors.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])).then(a[2].total_cmp(&b[2])));
             colors
         };
-        let extracted = extract::extract_from_histograms(&histograms, &settings, &Progress::default()).unwrap().palette;
+        let extracted =
+            extract::extract_from_samples(&histograms, &[], &settings, &Progress::default()).unwrap().palette;
         assert_eq!(sorted(simplify_hull(&centers, 6).unwrap()), sorted(extracted));
     }
 

@@ -8,7 +8,7 @@ use crate::field::UpAxis;
 use crate::histograms::{ObserverRegion, SamplingSettings};
 
 /// Returns unit vectors from a leaf to the observers, in the field's frame: the rays of every direction cell.
-pub(crate) fn observers(up: UpAxis, settings: &SamplingSettings) -> Vec<Vec<DVec3>> {
+pub(super) fn observers(up: UpAxis, settings: &SamplingSettings) -> Vec<Vec<DVec3>> {
     let (n, m) = (settings.directions, settings.multisamples);
     // cos theta ranges from `lowest` to 1.
     let (rows, lowest) = match settings.observers {

@@ -18,6 +18,7 @@ mod progress;
 mod record;
 mod sample_point;
 mod sampler;
+mod views;
 #[cfg(feature = "write")]
 mod visibility;
 
@@ -25,11 +26,11 @@ pub(crate) use crate::histograms::{Bins, Recorded};
 pub use crate::histograms::{
     Histograms, InvalidHistogram, InvalidSetting, MAX_CHANNEL, ObserverRegion, SamplingSettings,
 };
-pub(crate) use directions::observers;
 pub use lattice::Lattice;
 pub use plan::SamplingPlan;
 pub use progress::{Canceled, Progress};
 pub use sample_point::SamplePoint;
 pub use sampler::{SamplingError, sample};
+pub use views::{View, ViewRays};
 #[cfg(feature = "write")]
 pub(crate) use visibility::{Seen, Visibility, visibility};

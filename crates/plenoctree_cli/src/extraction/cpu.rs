@@ -10,7 +10,7 @@ use plenoctree::{
     PlenOctree,
     palette::{ExtractionSettings, extract_from_samples},
     reference::sample_histograms,
-    sampling::{Histograms, Progress, SamplingSettings, sample},
+    sampling::{Histograms, Progress, SamplingSettings, View, sample},
 };
 
 use super::extracted::Extracted;
@@ -61,8 +61,9 @@ fn sample_and_extract(
     settings.validate().map_err(|error| error.to_string())?;
     let start = Instant::now();
     let histograms = sampler(&settings.sampling)?;
+    let views = View::all(field, &settings.view_rays(field), progress).map_err(|error| error.to_string())?;
     let sampling = start.elapsed().as_secs_f64();
-    let extracted = extract_from_samples(field, &histograms, settings, progress);
+    let extracted = extract_from_samples(&histograms, &views, settings, progress);
     let mut extraction = extracted.map_err(|error| error.to_string())?;
     extraction.seconds.sampling = sampling;
     Ok(Extracted { extraction, histograms: Arc::new(histograms), sampling_on })

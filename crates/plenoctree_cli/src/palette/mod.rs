@@ -4,7 +4,7 @@ mod arguments;
 
 pub use arguments::Arguments;
 
-use plenoctree::{palette::extract_from_histograms, sampling::Progress};
+use plenoctree::{palette::extract_from_samples, sampling::Progress};
 
 use crate::{
     console,
@@ -30,7 +30,7 @@ pub fn run(arguments: &Arguments) -> Result {
             extraction::extract(&field, path, &arguments.extraction, sampling, false)?.extraction
         }
         Input::Histograms(path) => {
-            let extracted = extract_from_histograms(&histograms::read(path)?, &settings, &Progress::default());
+            let extracted = extract_from_samples(&histograms::read(path)?, &[], &settings, &Progress::default());
             let extraction = extracted.map_err(|error| format!("{}: {error}", path.display()))?;
             extraction::warn_of_error(path, &settings, &extraction);
             extraction

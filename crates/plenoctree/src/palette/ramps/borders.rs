@@ -3,7 +3,10 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::palette::{colors::Palette, space::tone_space, views::View};
+use crate::{
+    palette::{colors::Palette, space::tone_space},
+    sampling::{View, ViewRays},
+};
 
 /// How often colors of a palette are seen beside each other: symmetric, with zeros on the diagonal.
 #[derive(Clone, Debug, PartialEq)]
@@ -35,9 +38,9 @@ impl Borders {
     fn in_view(view: &View, tones: &[DVec3]) -> Self {
         let mut borders = Self::none(tones.len());
         // The tone and the depth of the rays above and to the left.
-        let (mut above, mut left): (Vec<Option<(usize, f64)>>, _) = (vec![None; View::SIDE], None);
+        let (mut above, mut left): (Vec<Option<(usize, f64)>>, _) = (vec![None; ViewRays::SIDE], None);
         for (ray, seen) in view.seen.iter().enumerate() {
-            let column = ray % View::SIDE;
+            let column = ray % ViewRays::SIDE;
             let seen = seen.map(|seen| (nearest(seen.color(), tones), f64::from(seen.depth)));
             let before = if column == 0 { None } else { left };
             for (other, depth) in [before, above[column]].into_iter().flatten() {

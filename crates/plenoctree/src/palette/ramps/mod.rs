@@ -15,10 +15,10 @@ mod wishes;
 pub use adjustment::RampAdjustment;
 pub use wishes::{Unmet, UnmetReason, UnmetWishes, Wish};
 
-use super::{colors::Palette, ramp::Ramp, views::View};
+use super::{colors::Palette, ramp::Ramp};
 use crate::{
     field::PlenOctree,
-    sampling::{Canceled, Progress, SamplingSettings},
+    sampling::{Canceled, Progress, SamplingSettings, View, ViewRays},
 };
 use borders::Borders;
 
@@ -38,7 +38,7 @@ impl Palette {
         settings: &SamplingSettings,
         progress: &Progress,
     ) -> Result<Vec<Ramp>, Canceled> {
-        Ok(self.ramps_in_views(&View::all(field, settings, progress)?))
+        Ok(self.ramps_in_views(&View::all(field, &ViewRays::all(field, settings), progress)?))
     }
 
     /// Returns the ramps that the palette's colors form in views of the field: see [`find_ramps`](Self::find_ramps).

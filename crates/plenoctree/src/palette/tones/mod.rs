@@ -15,7 +15,7 @@ mod tests {
     use crate::{
         bake::{BakeSettings, bake},
         palette::{
-            ColorCount, ColorErrors, ExtractionSettings, Palette, PaletteLabel, PaletteMethod, extract_from_histograms,
+            ColorCount, ColorErrors, ExtractionSettings, Palette, PaletteLabel, PaletteMethod, extract_from_samples,
             oklab::{chroma, from_oklab, oklab},
         },
         sampling::{Histograms, Progress},
@@ -25,7 +25,7 @@ mod tests {
 
     fn extract(bins: usize, colors: &[Weighted], count: ColorCount) -> (Palette, ColorErrors) {
         let settings = ExtractionSettings { method: PaletteMethod::Tones, colors: count, ..Default::default() };
-        let found = extract_from_histograms(&Histograms::of(bins, colors), &settings, &Progress::default()).unwrap();
+        let found = extract_from_samples(&Histograms::of(bins, colors), &[], &settings, &Progress::default()).unwrap();
         (found.palette, found.errors)
     }
 

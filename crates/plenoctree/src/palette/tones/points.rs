@@ -6,8 +6,8 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::{
-    palette::{oklab::oklab, space, views::View},
-    sampling::{Bins, Canceled, Progress},
+    palette::{oklab::oklab, space},
+    sampling::{Bins, Canceled, Progress, View},
 };
 
 /// A few similar colors of a field, merged.

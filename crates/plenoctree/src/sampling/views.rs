@@ -1,0 +1,127 @@
+//! What parallel rays see of a field from all directions from which it is sampled.
+
+use std::ops::ControlFlow;
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::{
+    directions::observers,
+    progress::{Canceled, Progress},
+};
+use crate::{field::PlenOctree, histograms::SamplingSettings};
+
+/// Parallel rays into a field, on a square grid of [`SIDE`](Self::SIDE) x `SIDE`, in the field's frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ViewRays {
+    /// The origin of the first ray, outside of the field.
+    pub first: DVec3,
+    /// The step from each ray to the next one of its row.
+    pub right: DVec3,
+    /// The step from each row to the next one.
+    pub down: DVec3,
+    /// The direction of all rays, a unit vector.
+    pub direction: DVec3,
+}
+
+impl ViewRays {
+    /// Number of rays along each side.
+    pub const SIDE: usize = 96;
+
+    /// Returns the rays from every direction from which the settings sample a field, or none if it is empty.
+    pub fn all(field: &PlenOctree, settings: &SamplingSettings) -> Vec<Self> {
+        let Some((low, high)) = field.dense_bounds() else { return Vec::new() };
+        let (center, radius) = (0.5 * (low + high), 0.5 * low.distance(high));
+        let step = 2.0 * radius / Self::SIDE as f64;
+        let settings = SamplingSettings { multisamples: 1, ..settings.clone() };
+        let rays = |observer: DVec3| {
+            let (right, down) = observer.any_orthonormal_pair();
+            let (right, down) = (step * right, step * down);
+            let first = center + radius * observer + (0.5 - 0.5 * Self::SIDE as f64) * (right + down);
+            Self { first, right, down, direction: -observer }
+        };
+        observers(field.up(), &settings).into_iter().flatten().map(rays).collect()
+    }
+}
+
+/// What [rays](ViewRays) see of a field.
+#[derive(Clone, Debug, PartialEq)]
+pub struct View {
+    /// The distance of neighboring rays.
+    pub(crate) step: f64,
+    /// What the rays see, row by row, or `None` where a ray does not become half opaque.
+    pub(crate) seen: Vec<Option<Seen>>,
+}
+
+/// What a ray sees. With 32 bits, because there are many.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Seen {
+    color: [f32; 3],
+    /// The depth at which the ray becomes half opaque.
+    pub depth: f32,
+}
+
+impl Seen {
+    /// Returns the color in encoded sRGB.
+    pub fn color(&self) -> DVec3 {
+        DVec3::from(self.color.map(f64::from))
+    }
+}
+
+/// The share of views in the time that a palette of tones takes after sampling.
+const SHARE: f32 = 0.3;
+/// Transmittance below which a ray ends.
+const OPAQUE: f64 = 1e-2;
+/// Opacity from which a ray counts.
+const SEEN: f64 = 0.5;
+
+impl View {
+    /// Returns what all rays see of a field, on all cores.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error if [`Progress::cancel`] is called.
+    pub fn all(field: &PlenOctree, rays: &[ViewRays], progress: &Progress) -> Result<Vec<Self>, Canceled> {
+        let view = |view: &ViewRays| {
+            let basis = field.basis().evaluate(view.direction);
+            let mut seen = Vec::with_capacity(ViewRays::SIDE * ViewRays::SIDE);
+            for row in 0..ViewRays::SIDE {
+                progress.check()?;
+                for column in 0..ViewRays::SIDE {
+                    let origin = view.first + (row as f64 * view.down + column as f64 * view.right);
+                    seen.push(see(field, origin, view.direction, &basis));
+                }
+            }
+            progress.compute(SHARE / rays.len() as f32);
+            Ok(Self { step: view.right.length(), seen })
+        };
+        rays.par_iter().map(view).collect()
+    }
+
+    /// Returns what all rays see according to another program, such as one on the GPU: `texels` holds their colors in
+    /// encoded sRGB, each with the depth at which the ray becomes half opaque, or a negative number where it does not.
+    ///
+    /// Rays end where less than 1% of the light is left, and their colors are divided by their opacity.
+    pub fn from_texels(rays: &[ViewRays], texels: &[[f32; 4]], progress: &Progress) -> Vec<Self> {
+        let seen = |&[r, g, b, depth]: &[f32; 4]| (depth >= 0.0).then_some(Seen { color: [r, g, b], depth });
+        let view = |(view, texels): (&ViewRays, &[[f32; 4]])| {
+            progress.compute(SHARE / rays.len() as f32);
+            Self { step: view.right.length(), seen: texels.iter().map(seen).collect() }
+        };
+        rays.iter().zip(texels.chunks_exact(ViewRays::SIDE * ViewRays::SIDE)).map(view).collect()
+    }
+}
+
+fn see(field: &PlenOctree, origin: DVec3, direction: DVec3, basis: &[f64; 25]) -> Option<Seen> {
+    let (mut color, mut transmittance, mut depth) = (DVec3::ZERO, 1.0, None);
+    field.march(origin, direction, |crossing| {
+        let opacity = -(-f64::from(field.densities()[crossing.leaf as usize]) * crossing.length).exp_m1();
+        color += transmittance * opacity * field.radiance_with(crossing.leaf, basis);
+        transmittance *= 1.0 - opacity;
+        if depth.is_none() && transmittance < 1.0 - SEEN {
+            depth = Some(crossing.start as f32);
+        }
+        if transmittance < OPAQUE { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    });
+    Some(Seen { color: (color / (1.0 - transmittance)).as_vec3().to_array(), depth: depth? })
+}
