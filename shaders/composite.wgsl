@@ -6,9 +6,8 @@
 #else
 #import bevy_plenoctree::filter_texel::pack
 #endif
-#import bevy_plenoctree::labels::are_tones
 #import bevy_plenoctree::target::composited
-#import bevy_plenoctree::view::{owner_of, screen, view}
+#import bevy_plenoctree::view::{filters, owner_of, screen, view}
 
 @group(1) @binding(0) var layer: texture_2d<f32>;
 @group(1) @binding(1) var owner: texture_2d<f32>;
@@ -34,7 +33,7 @@ fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
     let prop = owner_of(textureLoad(owner, pixel, 0));
     let posterized = select(prop, screen.view_posterize, prop == 0u);
     // What is behind a prop would give its edges and haze labels that are not its own.
-    let is_own = prop > 0u && are_tones(max(prop, 1u) - 1u);
+    let is_own = prop > 0u && filters[max(prop, 1u) - 1u].is_of_tones == 1u;
     let color = select(composited(over, stored), over.rgb / max(over.a, 1e-6), is_own);
 #ifdef UNFILTERED
     return Fragment(pack_filtered(color, posterized));

@@ -75,6 +75,8 @@ struct Filter {
     // 1 / (2 sigma^2) for its two Gaussians.
     spatial_falloff: f32,
     range_falloff: f32,
+    // 1 if labels are tones, otherwise 0.
+    is_of_tones: u32,
 }
 
 // The labels of a prop, and its ink.

@@ -29,3 +29,20 @@ pub(super) fn wgsl() -> String {
         Basis::FACTORS.len()
     )
 }
+
+#[cfg(test)]
+mod tests {
+    use naga::Literal;
+
+    use super::*;
+    use crate::tests::layouts::{constant, parse};
+
+    #[test]
+    fn shaders_find_every_constant() {
+        let module = parse(&wgsl().replace("#define_import_path bevy_plenoctree::constants", ""));
+        let found = ["KIND", "BRICK", "INNER", "WHOLE", "NO_LEAF", "MAX_DEPTH", "SAMPLING_WORKGROUP"];
+        let expected = [KIND, BRICK, INNER, LEAF, u32::MAX, MAX_DEPTH, SAMPLING_WORKGROUP];
+        assert_eq!(found.map(|name| constant(&module, name)), expected.map(|value| Some(Literal::U32(value))));
+        assert_eq!(constant(&module, "MAX_CHANNEL"), Some(Literal::F32(MAX_CHANNEL as f32)));
+    }
+}

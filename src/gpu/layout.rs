@@ -46,6 +46,7 @@ impl From<FieldShape> for TreeShape {
 }
 
 /// Matches `Field` in `octree.wgsl`.
+#[cfg_attr(test, derive(Reflect))]
 #[derive(Clone, Copy, ShaderType)]
 pub(super) struct FieldUniform {
     pub depth: u32,
@@ -85,5 +86,16 @@ impl TreeShape {
     pub fn definitions(self) -> impl Iterator<Item = ShaderDefVal> {
         let names = [(self.inner_records, "INNER_RECORDS"), (self.has_codebook, "HALF_DENSITIES")];
         names.into_iter().filter(|(holds, _)| *holds).map(|(_, name)| name.into())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tests::layouts::assert_layout;
+
+    #[test]
+    fn shaders_find_every_field() {
+        assert_layout!(FieldUniform, "octree", "Field");
     }
 }

@@ -19,7 +19,7 @@ use plenoctree::{
 use super::rays::Pose;
 use crate::{
     camera::{LabelStages, PosterizeView, PropPlacement},
-    gpu::{FieldShape, GpuField, Level},
+    gpu::{GpuField, Level},
     ink::{Ink, InkBorders, InkColor, MAX_INK_PIXELS},
     palette::{FieldPalette, PaletteExtraction, PaletteOverride, Palettes},
     posterize::{BeforePalette, Posterize},
@@ -92,19 +92,6 @@ impl ExtractedProps {
         };
         [Some(index), self.props.get(index)?.stand_in].into_iter().flatten().find(is_ready)
     }
-
-    /// Returns the shapes of the fields that are arriving, among those of some props, and whether the scene's lights
-    /// fall on the prop.
-    pub fn arriving_shapes(
-        &self,
-        props: &[usize],
-        fields: &RenderAssets<GpuField>,
-    ) -> impl Iterator<Item = (FieldShape, bool)> {
-        props.iter().filter_map(|index| {
-            let prop = self.props.get(*index)?;
-            Some((fields.get(prop.field)?.arriving_shape()?, prop.is_lit()))
-        })
-    }
 }
 
 /// How a prop or a view is posterized: its settings, and the location of its palette.
@@ -128,6 +115,13 @@ pub(super) struct ExtractedPalette {
     pub is_changed: bool,
 }
 
+impl ExtractedPalette {
+    /// Returns whether labels are tones.
+    pub fn is_of_tones(&self) -> bool {
+        self.first_place != self.first_color
+    }
+}
+
 /// The lines of a prop. See `ink.wgsl`.
 #[derive(Clone, Copy, Default)]
 pub(super) struct ExtractedInk {
@@ -149,6 +143,8 @@ pub(super) struct ExtractedInk {
 const CREASE: f32 = 4.0;
 /// The number of ramps that pairs tell apart: as many as a palette has colors.
 const RAMPS: usize = Palette::MAX_COLORS;
+/// The bit of lines between pairs of ramps.
+const PAIRS: u32 = 16;
 
 impl ExtractedInk {
     /// Returns the lines of an ink, or `None` if there are none. Appends its pairs to `colors`.
@@ -161,7 +157,7 @@ impl ExtractedInk {
             InkBorders::None => 0,
             InkBorders::Ramps => 4,
             InkBorders::Labels => 8,
-            InkBorders::Pairs(_) => 16,
+            InkBorders::Pairs(_) => PAIRS,
         };
         let lines = u32::from(ink.silhouette) + 2 * u32::from(ink.creases) + borders;
         // `f32::max` ignores NaN.
@@ -190,6 +186,12 @@ impl ExtractedInk {
         let first = colors.len() as u32;
         colors.extend(masks.map(|mask| Vec4::from(mask.map(|bits| bits as f32))));
         Some(ink_of(first))
+    }
+
+    /// Returns the pairs of ramps that have lines.
+    pub fn pairs_in<'a>(&self, colors: &'a [Vec4]) -> &'a [Vec4] {
+        let first = self.pairs as usize;
+        colors.get(first..first + RAMPS).filter(|_| self.lines & PAIRS != 0).unwrap_or_default()
     }
 }
 

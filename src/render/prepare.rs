@@ -156,6 +156,7 @@ fn plan_views(
             has_objects: phase.is_some_and(|phase| !phase.items.is_empty()),
             former: view.former.as_ref(),
             as_trained: &view.as_trained,
+            last: &view.plan,
         };
         let planned = plan(&known, &extracted, &fields, &mut pipelines, &cache);
         view.order = order;
@@ -239,10 +240,13 @@ fn plan(
                 pass.programs.iter().map(|program| pipelines.get(cache, &pass, program, plan.target.format)).collect();
             if ready.iter().any(Option::is_none) {
                 is_complete = false;
-                if pass.may_leave_out_props() {
-                    pass.draws.retain(|draw| ready.get(draw.program).is_some_and(Option::is_some));
-                } else {
+                let new = plan.new_feature(known.last);
+                if !pass.may_leave_out_props() {
                     next_missing = next_missing.or(Some(pass.feature));
+                } else if new.is_some() {
+                    next_missing = next_missing.or(new);
+                } else {
+                    pass.draws.retain(|draw| ready.get(draw.program).is_some_and(Option::is_some));
                 }
             }
             let mut ids: Vec<_> = ready.into_iter().map(|id| id.unwrap_or(CachedRenderPipelineId::INVALID)).collect();

@@ -10,6 +10,7 @@ use super::{
 use crate::{posterize::BorderSmoothing, prop::SolidOpacity, quality::PropQuality};
 
 /// How rays go through a prop, and where it counts as solid or posterized. Matches `Prop` in `view.wgsl`.
+#[cfg_attr(test, derive(Reflect))]
 #[derive(ShaderType, Clone, Copy, Default, PartialEq)]
 pub(super) struct PropUniform {
     clip_from_box: Mat4,
@@ -99,13 +100,15 @@ impl PropUniform {
     }
 }
 
-/// The bilateral filter of a prop, or of a posterized view. Matches `Filter` in `view.wgsl`.
+/// What is filtered before a prop, or a posterized view, is labeled, and how. Matches `Filter` in `view.wgsl`.
+#[cfg_attr(test, derive(Reflect))]
 #[derive(ShaderType, Clone, Copy, Default, PartialEq)]
 pub(super) struct FilterUniform {
     pub iterations: u32,
     radius: i32,
     spatial_falloff: f32,
     range_falloff: f32,
+    is_of_tones: u32,
 }
 
 impl FilterUniform {
@@ -120,11 +123,13 @@ impl FilterUniform {
             radius: filter.radius as i32,
             spatial_falloff: falloff(filter.spatial_sigma),
             range_falloff: falloff(filter.range_sigma),
+            is_of_tones: u32::from(posterize.palette.is_of_tones()),
         }
     }
 }
 
 /// The labels of a prop, or of a posterized view. Matches `Labels` in `view.wgsl`.
+#[cfg_attr(test, derive(Reflect))]
 #[derive(ShaderType, Clone, Copy, Default, PartialEq)]
 pub(super) struct LabelsUniform {
     colors: u32,
@@ -227,6 +232,7 @@ pub(super) struct Earlier {
 }
 
 /// The part of a target that is drawn, and the rays through it. Matches `View` in `view.wgsl`.
+#[cfg_attr(test, derive(Reflect))]
 #[derive(ShaderType, Clone, Copy, Default, PartialEq)]
 pub(super) struct ViewUniform {
     pub corner: UVec2,
@@ -243,6 +249,7 @@ pub(super) struct ViewUniform {
 }
 
 /// How colors are shown. Matches `Screen` in `view.wgsl`.
+#[cfg_attr(test, derive(Reflect))]
 #[derive(ShaderType, Clone, Copy, Default, PartialEq)]
 pub(super) struct ScreenUniform {
     pub exposure: f32,
@@ -282,195 +289,17 @@ fn solid_transmittance(solid: SolidOpacity, quality: &PropQuality) -> f32 {
     }
 }
 
-#[cfg(all(test, feature = "headless"))]
+#[cfg(test)]
 mod tests {
-    use bevy::render::render_resource::{
-        BindGroupLayoutDescriptor, BindGroupLayoutEntries, ShaderStages, StorageBuffer, UniformBuffer,
-        binding_types::{storage_buffer_read_only, uniform_buffer},
-    };
-
     use super::*;
-    use crate::tests::layouts::{counting, read_back};
-
-    const SHADER: &str = "
-#import bevy_plenoctree::view::{colors, filters, labelings, props, screen, view}
-
-@group(1) @binding(0) var<storage, read_write> found: array<f32>;
-
-@compute @workgroup_size(1)
-fn read() {
-    // The second element, so that the stride is tested too.
-    let prop = props[1];
-    for (var c = 0u; c < 4u; c++) {
-        for (var r = 0u; r < 4u; r++) {
-            found[4u * c + r] = prop.clip_from_box[c][r];
-            found[53u + 4u * c + r] = prop.previous_from_clip[c][r];
-            found[81u + 4u * c + r] = view.unjittered_from_clip[c][r];
-        }
-    }
-    for (var c = 0u; c < 3u; c++) {
-        for (var r = 0u; r < 3u; r++) {
-            found[16u + 3u * c + r] = prop.origin[c][r];
-            found[25u + 3u * c + r] = prop.direction[c][r];
-        }
-        found[34u + c] = prop.scale[c];
-        found[38u + c] = prop.low[c];
-        found[42u + c] = prop.high[c];
-        found[49u + c] = prop.tint[c];
-    }
-    found[37] = f32(prop.mirrored);
-    found[41] = f32(prop.posterized);
-    found[45] = prop.min_opacity;
-    found[46] = prop.reference.x;
-    found[47] = prop.near;
-    found[48] = prop.solid_transmittance;
-    found[52] = f32(prop.smooths);
-    found[69] = f32(view.corner.x);
-    found[70] = f32(view.corner.y);
-    found[71] = f32(view.size.x);
-    found[72] = f32(view.size.y);
-    for (var i = 0u; i < 4u; i++) {
-        found[73u + i] = view.depth[i];
-    }
-    found[77] = f32(view.spacing);
-    found[78] = view.ray_tolerance;
-    found[79] = view.stop_transmittance;
-    found[80] = f32(view.edge_rays);
-    found[97] = view.depth_range.x;
-    found[98] = view.depth_range.y;
-    found[99] = screen.exposure;
-    found[100] = f32(screen.view_posterize);
-    found[101] = f32(filters[1].iterations);
-    found[102] = f32(filters[1].radius);
-    found[103] = filters[1].spatial_falloff;
-    found[104] = filters[1].range_falloff;
-    found[105] = f32(labelings[1].colors);
-    found[106] = f32(labelings[1].first_color);
-    found[107] = f32(labelings[1].blend_steps);
-    found[108] = labelings[1].softness;
-    found[109] = colors[1].y;
-    found[111] = f32(labelings[1].first_place);
-    found[112] = f32(labelings[1].smooth_borders);
-    found[113] = f32(labelings[1].ink);
-    found[114] = f32(labelings[1].ink_pairs);
-    for (var i = 0u; i < 4u; i++) {
-        found[115u + i] = labelings[1].ink_color[i];
-    }
-    found[119] = labelings[1].ink_tone;
-    found[120] = labelings[1].ink_width;
-    found[121] = labelings[1].ink_pixels;
-    found[122] = labelings[1].ink_crease;
-    found[110] = prop.reference.y;
-    found[125] = labelings[1].steadiness;
-    found[126] = f32(labelings[1].former);
-    found[127] = labelings[1].former_size.x;
-    found[128] = labelings[1].former_size.y;
-    for (var c = 0u; c < 4u; c++) {
-        for (var r = 0u; r < 4u; r++) {
-            found[129u + 4u * c + r] = labelings[1].former_from_clip[c][r];
-        }
-    }
-    found[124] = f32(view.props);
-    found[123] = f32(labelings[1].recolors);
-}
-";
+    use crate::tests::layouts::assert_layout;
 
     #[test]
-    fn shaders_find_every_field_of_uniforms() {
-        let mut next = counting();
-        let prop = PropUniform {
-            clip_from_box: Mat4::from_cols_array(&std::array::from_fn(|_| next())),
-            origin: Mat3::from_cols_array(&std::array::from_fn(|_| next())),
-            direction: Mat3::from_cols_array(&std::array::from_fn(|_| next())),
-            scale: Vec3::new(next(), next(), next()),
-            mirrored: next() as u32,
-            low: Vec3::new(next(), next(), next()),
-            posterized: next() as u32,
-            high: Vec3::new(next(), next(), next()),
-            min_opacity: next(),
-            reference: Vec2::new(next(), 111.0),
-            near: next(),
-            solid_transmittance: next(),
-            tint: Vec3::new(next(), next(), next()),
-            smooths: next() as u32,
-            previous_from_clip: Mat4::from_cols_array(&std::array::from_fn(|_| next())),
-        };
-        let view = ViewUniform {
-            corner: UVec2::new(next() as u32, next() as u32),
-            size: UVec2::new(next() as u32, next() as u32),
-            depth: Vec4::new(next(), next(), next(), next()),
-            spacing: next() as u32,
-            ray_tolerance: next(),
-            stop_transmittance: next(),
-            edge_rays: next() as u32,
-            unjittered_from_clip: Mat4::from_cols_array(&std::array::from_fn(|_| next())),
-            depth_range: Vec2::new(next(), next()),
-            props: 125,
-        };
-        let screen = ScreenUniform { exposure: next(), view_posterize: next() as u32 };
-        let filter = FilterUniform {
-            iterations: next() as u32,
-            radius: next() as i32,
-            spatial_falloff: next(),
-            range_falloff: next(),
-        };
-        let labels = LabelsUniform {
-            colors: next() as u32,
-            first_color: next() as u32,
-            blend_steps: next() as u32,
-            softness: next(),
-            first_place: 112,
-            smooth_borders: 113,
-            ink: 114,
-            ink_pairs: 115,
-            ink_color: Vec4::new(116.0, 117.0, 118.0, 119.0),
-            ink_tone: 120.0,
-            ink_width: 121.0,
-            ink_pixels: 122.0,
-            ink_crease: 123.0,
-            recolors: 124,
-            steadiness: 126.0,
-            former: 127,
-            former_size: Vec2::new(128.0, 129.0),
-            former_from_clip: Mat4::from_cols_array(&std::array::from_fn(|index| 130.0 + index as f32)),
-        };
-        let color = next();
-        let layout = BindGroupLayoutDescriptor::new(
-            "layout_test",
-            &BindGroupLayoutEntries::sequential(
-                ShaderStages::COMPUTE,
-                (
-                    uniform_buffer::<ViewUniform>(false),
-                    storage_buffer_read_only::<Vec<PropUniform>>(false),
-                    uniform_buffer::<ScreenUniform>(false),
-                    storage_buffer_read_only::<Vec<FilterUniform>>(false),
-                    storage_buffer_read_only::<Vec<LabelsUniform>>(false),
-                    storage_buffer_read_only::<Vec<Vec4>>(false),
-                ),
-            ),
-        );
-        let found: [f32; 145] = read_back(SHADER.into(), layout, |device, queue, run| {
-            let (mut view, mut screen) = (UniformBuffer::from(view), UniformBuffer::from(screen));
-            let mut props = StorageBuffer::from(vec![PropUniform::default(), prop]);
-            let mut filters = StorageBuffer::from(vec![FilterUniform::default(), filter]);
-            let mut labels = StorageBuffer::from(vec![LabelsUniform::default(), labels]);
-            let mut colors = StorageBuffer::from(vec![Vec4::ZERO, Vec4::new(0.0, color, 0.0, 0.0)]);
-            view.write_buffer(device, queue);
-            props.write_buffer(device, queue);
-            screen.write_buffer(device, queue);
-            filters.write_buffer(device, queue);
-            labels.write_buffer(device, queue);
-            colors.write_buffer(device, queue);
-            run(&[
-                view.binding().unwrap(),
-                props.binding().unwrap(),
-                screen.binding().unwrap(),
-                filters.binding().unwrap(),
-                labels.binding().unwrap(),
-                colors.binding().unwrap(),
-            ]);
-        });
-        let expected: [f32; 145] = std::array::from_fn(|index| (index + 1) as f32);
-        assert_eq!(found, expected);
+    fn shaders_find_every_field() {
+        assert_layout!(PropUniform, "view", "Prop");
+        assert_layout!(ViewUniform, "view", "View");
+        assert_layout!(ScreenUniform, "view", "Screen");
+        assert_layout!(FilterUniform, "view", "Filter");
+        assert_layout!(LabelsUniform, "view", "Labels");
     }
 }

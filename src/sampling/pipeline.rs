@@ -13,6 +13,7 @@ use bevy::{
 use crate::gpu::{FieldLayouts, FieldShape, Shaders, TreeShape, field_definitions};
 
 /// Matches `Slice` in `sampling.wgsl`.
+#[cfg_attr(test, derive(Reflect))]
 #[derive(ShaderType, Clone, Copy)]
 pub(super) struct SliceUniform {
     pub frame_scale: Vec3,
@@ -94,61 +95,13 @@ impl SpecializedComputePipeline for SamplingPipeline {
     }
 }
 
-#[cfg(all(test, feature = "headless"))]
+#[cfg(test)]
 mod tests {
-    use bevy::render::render_resource::UniformBuffer;
-
     use super::*;
-    use crate::tests::layouts::{counting, read_back};
-
-    /// The rest of the shader, after the declaration of the struct.
-    const SHADER: &str = "
-@group(0) @binding(0) var<uniform> slice: Slice;
-@group(1) @binding(0) var<storage, read_write> found: array<f32>;
-
-@compute @workgroup_size(1)
-fn read() {
-    found[0] = slice.frame_scale.x;
-    found[1] = slice.frame_scale.y;
-    found[2] = slice.frame_scale.z;
-    found[3] = f32(slice.leaves);
-    found[4] = f32(slice.rays_per_cell);
-    found[5] = f32(slice.fine_bins);
-    found[6] = f32(slice.coarse_bins);
-    found[7] = slice.limit;
-    found[8] = slice.weight_scale;
-    found[9] = f32(slice.at_entry);
-    for (var axis = 0u; axis < 3u; axis++) {
-        found[10u + axis] = f32(slice.lattice_low[axis]);
-        found[13u + axis] = f32(slice.lattice_size[axis]);
-    }
-}
-";
+    use crate::tests::layouts::assert_layout;
 
     #[test]
-    fn shaders_find_every_field_of_slices() {
-        let sampling = include_str!("../../shaders/sampling.wgsl");
-        let (begin, end) = (sampling.find("struct Slice").unwrap(), sampling.find("@group(0)").unwrap());
-        let mut next = counting();
-        let slice = SliceUniform {
-            frame_scale: Vec3::new(next(), next(), next()),
-            leaves: next() as u32,
-            rays_per_cell: next() as u32,
-            fine_bins: next() as u32,
-            coarse_bins: next() as u32,
-            limit: next(),
-            weight_scale: next(),
-            at_entry: next() as u32,
-            lattice_low: IVec3::from_array(std::array::from_fn(|_| next() as i32)),
-            lattice_size: IVec3::from_array(std::array::from_fn(|_| next() as i32)),
-        };
-        let entries = BindGroupLayoutEntries::single(ShaderStages::COMPUTE, uniform_buffer::<SliceUniform>(false));
-        let layout = BindGroupLayoutDescriptor::new("layout_test", &entries);
-        let found: [f32; 16] = read_back(sampling[begin..end].to_string() + SHADER, layout, |device, queue, run| {
-            let mut slice = UniformBuffer::from(slice);
-            slice.write_buffer(device, queue);
-            run(&[slice.binding().unwrap()]);
-        });
-        assert_eq!(found, std::array::from_fn(|index| (index + 1) as f32));
+    fn shaders_find_every_field() {
+        assert_layout!(SliceUniform, "sampling", "Slice");
     }
 }

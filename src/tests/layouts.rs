@@ -1,95 +1,46 @@
-//! Reads structs back from shaders: Rust and WGSL must agree on the offsets of their fields.
+//! Rust and WGSL must agree about what they share: the fields of structs, and constants.
 
-use bevy::{
-    prelude::*,
-    render::{
-        RenderApp,
-        render_resource::{
-            BindGroupEntries, BindGroupLayoutDescriptor, BindGroupLayoutEntries, BindingResource, BufferDescriptor,
-            BufferUsages, CachedPipelineState, CommandEncoderDescriptor, ComputePassDescriptor,
-            ComputePipelineDescriptor, MapMode, PipelineCache, PollType, ShaderStages,
-            binding_types::storage_buffer_sized,
-        },
-        renderer::{RenderDevice, RenderQueue},
-    },
-    shader::Shader,
-};
+use bevy::reflect::{TypeInfo, Typed};
+use naga::{Expression, Literal, Module, TypeInner, front::wgsl::parse_str};
 
-use crate::{PlenOctreePlugin, headless::Headless};
+/// Asserts that a struct of a shader has the fields of a uniform, by name and offset: `assert_layout!(Uniform, "shader",
+/// "Struct")`.
+macro_rules! assert_layout {
+    ($uniform:ty, $shader:literal, $name:literal) => {
+        $crate::tests::layouts::assert_fields::<$uniform>(
+            &<$uniform as bevy::render::render_resource::ShaderType>::METADATA.extra.offsets,
+            include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/shaders/", $shader, ".wgsl")),
+            $name,
+        )
+    };
+}
+pub(crate) use assert_layout;
 
-/// Runs a compute shader with the entry point `read`, which fills `found: array<f32>` at binding 0 of group 1. `bind`
-/// gives the entries of group 0.
-pub(crate) fn read_back<const N: usize>(
-    shader: String,
-    layout: BindGroupLayoutDescriptor,
-    bind: impl FnOnce(&RenderDevice, &RenderQueue, &mut dyn FnMut(&[BindingResource])),
-) -> [f32; N] {
-    let mut headless = Headless::new(UVec2::ONE, |app| {
-        app.add_plugins(PlenOctreePlugin);
-    })
-    .unwrap();
-    let shader =
-        headless.app.world_mut().resource_mut::<Assets<Shader>>().add(Shader::from_wgsl(shader, "layout.wgsl"));
-    let output = BindGroupLayoutDescriptor::new(
-        "found",
-        &BindGroupLayoutEntries::single(ShaderStages::COMPUTE, storage_buffer_sized(false, None)),
-    );
-    let id = headless.app.sub_app(RenderApp).world().resource::<PipelineCache>().queue_compute_pipeline(
-        ComputePipelineDescriptor {
-            layout: vec![layout.clone(), output.clone()],
-            shader,
-            entry_point: Some("read".into()),
-            ..default()
-        },
-    );
-    for _ in 0..100 {
-        headless.update();
-        let cache = headless.app.sub_app(RenderApp).world().resource::<PipelineCache>();
-        if let CachedPipelineState::Err(error) = cache.get_compute_pipeline_state(id) {
-            panic!("{error}");
-        }
-    }
-    let world = headless.app.sub_app(RenderApp).world();
-    let (device, queue) = (world.resource::<RenderDevice>(), world.resource::<RenderQueue>());
-    let cache = world.resource::<PipelineCache>();
-    let pipeline = cache.get_compute_pipeline(id).expect("a pipeline within a hundred frames");
-    let size = 4 * N as u64;
-    let buffer =
-        |usage| device.create_buffer(&BufferDescriptor { label: None, size, usage, mapped_at_creation: false });
-    let found = buffer(BufferUsages::STORAGE | BufferUsages::COPY_SRC);
-    let readable = buffer(BufferUsages::MAP_READ | BufferUsages::COPY_DST);
-    let mut encoder = device.create_command_encoder(&CommandEncoderDescriptor::default());
-    bind(device, queue, &mut |resources| {
-        let entries: Vec<_> = (0u32..)
-            .zip(resources)
-            .map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource: resource.clone() })
-            .collect();
-        let input = device.create_bind_group(None, &cache.get_bind_group_layout(&layout), &entries);
-        let output = device.create_bind_group(
-            None,
-            &cache.get_bind_group_layout(&output),
-            &BindGroupEntries::single(found.as_entire_binding()),
-        );
-        let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor::default());
-        pass.set_pipeline(pipeline);
-        pass.set_bind_group(0, &input, &[]);
-        pass.set_bind_group(1, &output, &[]);
-        pass.dispatch_workgroups(1, 1, 1);
-    });
-    encoder.copy_buffer_to_buffer(&found, 0, &readable, 0, size);
-    queue.submit([encoder.finish()]);
-    readable.slice(..).map_async(MapMode::Read, |result| result.unwrap());
-    device.poll(PollType::wait_indefinitely()).unwrap();
-    let mapped = readable.slice(..).get_mapped_range();
-    let numbers: &[f32] = bytemuck::cast_slice(&mapped);
-    numbers.try_into().unwrap()
+/// Asserts that the struct `name` of a shader has the fields of `T` at these offsets.
+pub(crate) fn assert_fields<T: Typed>(offsets: &[u64], shader: &str, name: &str) {
+    let TypeInfo::Struct(uniform) = T::type_info() else { panic!("{} is no struct", T::type_path()) };
+    let expected: Vec<_> = uniform.field_names().iter().map(|name| name.to_string()).zip(offsets.to_vec()).collect();
+    let begin = shader.find(&format!("struct {name} {{")).expect("the struct of the shader");
+    let end = begin + shader[begin..].find("\n}").expect("its end") + 2;
+    let module = parse(&shader[begin..end]);
+    let found =
+        module.types.iter().find(|(_, found)| found.name.as_deref() == Some(name)).map(|(_, found)| &found.inner);
+    let Some(TypeInner::Struct { members, .. }) = found else { panic!("{name} is no struct") };
+    let found: Vec<_> =
+        members.iter().map(|member| (member.name.clone().unwrap_or_default(), u64::from(member.offset))).collect();
+    assert_eq!(found, expected, "{name}");
 }
 
-/// 1, 2, 3, ...: a distinct value for every number of a struct.
-pub(crate) fn counting() -> impl FnMut() -> f32 {
-    let mut last = 0.0;
-    move || {
-        last += 1.0;
-        last
+/// Returns the value of a constant of a shader.
+pub(crate) fn constant(module: &Module, name: &str) -> Option<Literal> {
+    let (_, constant) = module.constants.iter().find(|(_, constant)| constant.name.as_deref() == Some(name))?;
+    match module.global_expressions[constant.init] {
+        Expression::Literal(literal) => Some(literal),
+        _ => None,
     }
+}
+
+/// Parses a shader that imports nothing.
+pub(crate) fn parse(shader: &str) -> Module {
+    parse_str(shader).unwrap_or_else(|error| panic!("{}", error.emit_to_string(shader)))
 }

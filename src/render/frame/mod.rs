@@ -19,6 +19,6 @@ pub(super) use pipelines::{InitPipelines, Pipelines};
 #[cfg(feature = "shadows")]
 pub(super) use run::Lights;
 pub(super) use run::run;
-pub(super) use slot::{BATCH, Buffer, Rays, Slot, batch_side, batches};
+pub(super) use slot::{BATCH, Buffer, Rays, Slot, Turn, batch_side, batches};
 pub(super) use textures::{Sizes, Textures};
 pub(super) use uniforms::{PaletteBuffer, Values, ViewBuffers};

@@ -79,17 +79,23 @@ pub(in crate::render) enum Place {
     Objects,
 }
 
-/// What a view can do without until its pipelines are compiled, the dearest first.
+/// What a view can do without until its pipelines are compiled. What is given up last comes first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(in crate::render) enum Feature {
     /// Drawing props at all.
     Base,
+    /// Props that hide each other pixel by pixel. Without it, the nearer one is drawn over the other.
+    Overlaps,
     /// Fog before props.
     Fog,
     /// Labels.
     Posterize,
     /// Lights that fall on props.
     Lighting,
+    /// Props as trained that follow their palette.
+    Recolor,
+    /// Transparent objects over props at the display.
+    Objects,
     /// Fewer rays than pixels.
     Sparse,
     /// Smooth edges.

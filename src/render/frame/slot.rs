@@ -48,8 +48,8 @@ pub(in crate::render) enum Slot {
     Finished,
     /// The same, after edges are smoothed.
     Shown,
-    /// The same, as every second custom stage writes it.
-    Staged,
+    /// The same, as custom stages write it, by turns.
+    Staged(Turn),
     /// The same, in the fog.
     Fogged,
     /// See [`LabelTextures`](crate::LabelTextures).
@@ -63,6 +63,13 @@ pub(in crate::render) enum Slot {
     /// multisampled.
     Objects,
     ObjectSamples,
+}
+
+/// Which custom stages write a texture: the first one, and every second one after it, or the others.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(in crate::render) enum Turn {
+    Odd,
+    Even,
 }
 
 /// The rays whose results a texture holds.
@@ -84,7 +91,7 @@ impl Slot {
         use TextureFormat::*;
         Some(match self {
             Self::Color(_) | Self::OwnRays | Self::OtherRays | Self::SmoothLight => Rgba16Float,
-            Self::Labeled | Self::Finished | Self::Shown | Self::Staged | Self::Fogged | Self::Front => Rgba16Float,
+            Self::Labeled | Self::Finished | Self::Shown | Self::Staged(_) | Self::Fogged | Self::Front => Rgba16Float,
             Self::Owner(_) => Rg16Float,
             Self::Motion(_) => MOTION_VECTOR_PREPASS_FORMAT,
             Self::Depth(_) | Self::NearestDepth(_) | Self::OpaqueDepth(_) | Self::EdgeMask | Self::FormerDepth => {

@@ -14,7 +14,9 @@ use bevy::{
 };
 
 use crate::render::{
-    frame::{Buffer, Clear, Draw, Feature, Fragment, Input, Output, Part, Pass, Place, Program, Rays, Slot, Uniforms},
+    frame::{
+        Buffer, Clear, Draw, Feature, Fragment, Input, Output, Part, Pass, Place, Program, Rays, Slot, Turn, Uniforms,
+    },
     plan::Plan,
 };
 
@@ -40,7 +42,7 @@ pub(super) fn composite(plan: &Plan) -> Option<Pass> {
     plan.posterizes.then(|| Pass {
         feature: Feature::Posterize,
         reads: vec![vec![COLOR, OWNER, Input::Scene]],
-        uses: &[Uniforms::View, Uniforms::Screen],
+        uses: &[Uniforms::View, Uniforms::Screen, Uniforms::Filters],
         writes,
         ..Pass::fullscreen(COMPOSITE, Place::Posterize, Some(Part::Composite), program)
     })
@@ -127,7 +129,7 @@ pub(super) fn blend(plan: &Plan) -> Option<Pass> {
     let inputs = inputs.chain(ink.iter().map(|slot| Input::Texture(*slot))).collect();
     let writes = [Slot::Shown].into_iter().chain(plan.blends_front().then_some(Slot::Front));
     plan.smooths.then(|| Pass {
-        feature: Feature::Edges,
+        feature: if plan.blends_front() { Feature::Objects } else { Feature::Edges },
         reads: with_lights(plan, inputs),
         uses: &[Uniforms::View, Uniforms::Props, Uniforms::Screen, Uniforms::Labels],
         writes: writes.map(|slot| Some(Output::Texture(slot))).collect(),
@@ -155,9 +157,14 @@ pub(super) fn stages(plan: &Plan) -> Vec<Pass> {
     plan.stages.iter().enumerate().map(pass).collect()
 }
 
-/// Returns where the result of so many custom stages is.
+/// Returns where the result of so many custom stages is. What is shown without them may be cached, so they leave it as it
+/// is.
 pub(super) fn shown_after(stages: usize) -> Slot {
-    if stages.is_multiple_of(2) { Slot::Shown } else { Slot::Staged }
+    match stages {
+        0 => Slot::Shown,
+        _ if stages.is_multiple_of(2) => Slot::Staged(Turn::Even),
+        _ => Slot::Staged(Turn::Odd),
+    }
 }
 
 /// Returns what a pass reads, and what it reads about lights.

@@ -98,6 +98,7 @@ pub(super) fn shadow_filter(plan: &Plan) -> &'static str {
 }
 
 /// How lights fall on a prop. Matches `Lit` in `shade.wgsl`.
+#[cfg_attr(test, derive(Reflect))]
 #[derive(ShaderType, Clone, Copy, Default)]
 pub(in crate::render) struct LitUniform {
     box_from_world: Mat4,
@@ -256,5 +257,16 @@ fn bind_lights(
             Some(lights) => commands.entity(entity).insert(lights),
             None => commands.entity(entity).remove::<Lights>(),
         };
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tests::layouts::assert_layout;
+
+    #[test]
+    fn shaders_find_every_field() {
+        assert_layout!(LitUniform, "shade", "Lit");
     }
 }

@@ -20,7 +20,7 @@ use bevy::{
 use super::labels::{shown_after, space};
 use crate::{
     render::{
-        frame::{Area, Clear, Input, Output, Pass, Place, Program, Rays, Slot},
+        frame::{Area, Clear, Feature, Input, Output, Pass, Place, Program, Rays, Slot},
         plan::{Plan, PropView},
     },
     sets::PlenOctreeRenderSystems,
@@ -36,6 +36,7 @@ pub(super) fn under_objects(plan: &Plan) -> Option<Pass> {
         samples => (Slot::ObjectSamples, samples),
     };
     plan.has_objects.then(|| Pass {
+        feature: Feature::Objects,
         reads: vec![front(plan), vec![Input::Scene]],
         writes: vec![Some(Output::Texture(slot))],
         clear: Some(Clear::Zero),
@@ -48,6 +49,7 @@ pub(super) fn under_objects(plan: &Plan) -> Option<Pass> {
 /// Shows the objects over props.
 pub(super) fn objects(plan: &Plan) -> Option<Pass> {
     plan.has_objects.then(|| Pass {
+        feature: Feature::Objects,
         reads: vec![front(plan), vec![Input::Texture(Slot::Objects)]],
         writes: vec![Some(Output::Target)],
         area: Area::Target,

@@ -2,13 +2,14 @@
 
 use std::time::Duration;
 
-use bevy::{prelude::*, render::RenderApp};
+use bevy::{platform::collections::HashSet, prelude::*, render::RenderApp};
 use glam::DVec3;
 use plenoctree::{BakeSettings, Basis, bake};
 
 use super::*;
 use crate::{
-    EdgeSmoothing, FieldPalette, Palettes, PlenOctree, PlenOctreePlugin, Posterize, Prop,
+    EdgeSmoothing, FieldPalette, PaletteOverride, Palettes, PlenOctree, PlenOctreePlugin, Posterize, Prop,
+    PropPlacement, Recolor,
     headless::{Headless, exact_camera},
     render::{frame::Output, plan::PropView},
 };
@@ -84,6 +85,74 @@ fn passes_write_few_bytes() {
         let total: u32 = passes.iter().map(|(_, bytes)| bytes).sum();
         println!("{what}: {total} bytes per pixel");
         assert!(total <= most, "{what}: {total} bytes per pixel");
+    }
+}
+
+/// Returns how many props a frame draws.
+fn drawn_props(headless: &mut Headless) -> usize {
+    let world = headless.app.sub_app_mut(RenderApp).world_mut();
+    let view = world.query::<&PropView>().single(world).unwrap();
+    let volume = view.passes.iter().filter(|(pass, _)| pass.name == "plenoctree_volume");
+    let props: HashSet<_> = volume.flat_map(|(pass, _)| &pass.draws).map(|draw| draw.instance & 0xffff).collect();
+    props.len()
+}
+
+/// Returns whether a frame leaves out nothing.
+fn is_complete(headless: &mut Headless) -> bool {
+    let world = headless.app.sub_app_mut(RenderApp).world_mut();
+    world.query::<&PropView>().single(world).unwrap().is_complete()
+}
+
+/// Props that are drawn stay while pipelines are compiled for what is new: another prop before them, labels, colors, fog,
+/// light, and transparent objects.
+#[test]
+#[cfg(feature = "headless-lit")]
+fn props_stay_while_pipelines_are_compiled() {
+    let (mut headless, camera) = app(UVec2::splat(64), None, 3.0);
+    let world = headless.app.world_mut();
+    let first = world.query_filtered::<Entity, With<Prop>>().single(world).unwrap();
+    let field = world.get::<Prop>(first).unwrap().0.clone();
+    type Change = fn(&mut World, [Entity; 3]);
+    let changes: &[(&str, Change)] = &[
+        ("overlaps", |world, [_, second, _]| {
+            world.entity_mut(second).insert(Transform::from_xyz(0.2, 0.0, 0.8));
+        }),
+        ("colors", |world, [_, second, _]| {
+            let own = PaletteOverride::default().with(0, Color::WHITE);
+            world.entity_mut(second).insert((Recolor::default(), own));
+        }),
+        ("fog", |world, [.., camera]| {
+            world.entity_mut(camera).insert(bevy::pbr::DistanceFog::default());
+        }),
+        ("labels", |world, [first, ..]| {
+            world.entity_mut(first).insert(Posterize::default());
+        }),
+        ("light", |world, [first, ..]| {
+            world.entity_mut(first).insert(crate::PropLighting::toon(1.0));
+            world.spawn(DirectionalLight::default());
+        }),
+        ("objects", |world, _| {
+            let mesh = world.resource_mut::<Assets<Mesh>>().add(Rectangle::default());
+            let material = StandardMaterial { alpha_mode: AlphaMode::Blend, ..default() };
+            let material = world.resource_mut::<Assets<StandardMaterial>>().add(material);
+            world.spawn((Mesh3d(mesh), MeshMaterial3d(material), Transform::from_xyz(0.0, 0.0, 1.5)));
+        }),
+    ];
+    let second = headless.app.world_mut().spawn((Prop(field), Transform::from_xyz(1.2, 0.0, 0.0))).id();
+    headless.wait_until_ready(Duration::from_secs(120)).unwrap();
+    assert_eq!(drawn_props(&mut headless), 2);
+    for (what, change) in changes {
+        if *what == "objects" {
+            headless.app.world_mut().entity_mut(camera).insert(PropPlacement::Display);
+            headless.wait_until_ready(Duration::from_secs(120)).unwrap();
+        }
+        change(headless.app.world_mut(), [first, second, camera]);
+        let mut frames = 0;
+        while frames < 5 || !is_complete(&mut headless) {
+            headless.update();
+            assert_eq!(drawn_props(&mut headless), 2, "{what}, frame {frames}");
+            frames += 1;
+        }
     }
 }
 

@@ -95,11 +95,8 @@ pub(super) fn volume(plan: &Plan, rays: Rays) -> Pass {
     let pieces = if plan.overlaps { &[Piece::Behind, Piece::Solid, Piece::Before][..] } else { &[Piece::Before] };
     for piece in pieces {
         for (index, prop) in plan.props.iter().enumerate().filter(|(_, prop)| piece.is_of(prop)) {
-            let overlaps = prop.overlap != Overlap::None;
-            let program = index_of(&mut kinds, (prop.shape, overlaps, prop.is_lit, prop.may_recolor), || {
-                let program = volume_program(plan, rays, prop.shape, overlaps, prop.is_lit);
-                pass.programs.push(program.define_if(prop.may_recolor, "RECOLORED"));
-            });
+            let kind = Kind::of(prop);
+            let program = index_of(&mut kinds, kind, || pass.programs.push(volume_program(plan, rays, kind)));
             pass.draws.extend(draw(plan, rays, prop, program, index as u32 | (*piece as u32) << 16));
         }
     }
@@ -129,9 +126,25 @@ pub(super) fn layer(plan: &Plan, rays: Rays) -> Vec<Option<Output>> {
     writes
 }
 
-/// Returns the program for fields of a shape. A field of SH1 does not pay for the arithmetic of SH9, and a prop that
+/// What the program of a prop is compiled for. A field of SH1 does not pay for the arithmetic of SH9, and a prop that
 /// overlaps no other does not pay for what overlapping props need.
-fn volume_program(plan: &Plan, rays: Rays, shape: FieldShape, overlaps: bool, is_lit: bool) -> Program {
+#[derive(Clone, Copy, PartialEq)]
+struct Kind {
+    shape: FieldShape,
+    overlaps: bool,
+    is_lit: bool,
+    may_recolor: bool,
+}
+
+impl Kind {
+    fn of(prop: &PlannedProp) -> Self {
+        let PlannedProp { shape, overlap, is_lit, may_recolor, .. } = *prop;
+        Self { shape, overlaps: overlap != Overlap::None, is_lit, may_recolor }
+    }
+}
+
+fn volume_program(plan: &Plan, rays: Rays, kind: Kind) -> Program {
+    let Kind { shape, overlaps, is_lit, may_recolor } = kind;
     let over = |src_factor| {
         let (dst_factor, operation) = (BlendFactor::OneMinusSrcAlpha, BlendOperation::Add);
         let color = BlendComponent { src_factor, dst_factor, operation };
@@ -147,6 +160,7 @@ fn volume_program(plan: &Plan, rays: Rays, shape: FieldShape, overlaps: bool, is
     .define_all(field_definitions(shape))
     .define_if(overlaps, "OVERLAPPING")
     .define_if(is_lit, "LIT")
+    .define_if(may_recolor, "RECOLORED")
     .define_if(plan.has_fog, "FOG")
     .define_if(plan.has_owners(), "OWNERS")
     .define_if(plan.has_motion, "MOTION")
@@ -169,11 +183,7 @@ fn marching(name: &'static str, plan: &Plan, rays: Rays) -> Pass {
         Rays::Grid => Area::Grid,
         Rays::Batches => Area::Batches,
     };
-    pass.feature = match () {
-        () if plan.is_sparse() => Feature::Sparse,
-        () if plan.has_fog => Feature::Fog,
-        () => Feature::Base,
-    };
+    pass.feature = if plan.is_sparse() { Feature::Sparse } else { Feature::Base };
     pass
 }
 
@@ -237,21 +247,25 @@ pub(in crate::render) fn request(
         has_motion: visible.has_motion,
         ..default()
     };
-    let mut request = |overlaps: bool, shape: FieldShape, is_lit: bool| {
-        plan.overlaps = overlaps;
+    let mut request = |kind: Kind| {
+        plan.overlaps = kind.overlaps;
         let pass = volume_of(&plan, Rays::Pixels);
-        let program = volume_program(&plan, Rays::Pixels, shape, overlaps, is_lit);
-        pipelines.get(cache, &pass, &program, plan.target.format);
+        pipelines.get(cache, &pass, &volume_program(&plan, Rays::Pixels, kind), plan.target.format);
     };
-    for (shape, is_lit) in extracted.arriving_shapes(&visible.props, fields) {
-        let is_lit = is_lit && visible.placement == PropPlacement::Scene;
-        request(false, shape, is_lit);
+    let arriving = visible.props.iter().filter_map(|index| {
+        let prop = extracted.props.get(*index)?;
+        Some((prop, fields.get(prop.field)?.arriving_shape()?))
+    });
+    for (prop, shape) in arriving {
+        let is_lit = prop.is_lit() && visible.placement == PropPlacement::Scene;
+        let may_recolor = prop.posterize.is_none() && prop.recolor.is_some();
+        request(Kind { shape, overlaps: false, is_lit, may_recolor });
         if visible.props.len() > 1 {
-            request(true, shape, is_lit);
+            request(Kind { shape, overlaps: true, is_lit, may_recolor });
         }
     }
     for prop in drawn.props.iter().filter(|_| changes_levels) {
         let shape = FieldShape { inner_records: !prop.shape.inner_records, ..prop.shape };
-        request(drawn.overlaps && prop.overlap != Overlap::None, shape, prop.is_lit);
+        request(Kind { shape, overlaps: drawn.overlaps && prop.overlap != Overlap::None, ..Kind::of(prop) });
     }
 }

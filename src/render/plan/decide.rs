@@ -14,7 +14,7 @@ use crate::{
     posterize::{BeforePalette, EdgeSmoothing, MAX_FILTER_RADIUS},
     prop::SolidOpacity,
     render::{
-        extract::{ExtractedPalette, ExtractedPosterize, ExtractedProp, ExtractedProps, VisibleProps},
+        extract::{ExtractedInk, ExtractedPalette, ExtractedPosterize, ExtractedProp, ExtractedProps, VisibleProps},
         frame::Feature,
         rays::{Pose, Rays},
         uniforms::{FilterUniform, LabelsUniform, PropUniform, Rect, ScreenUniform, Smooths, ViewUniform},
@@ -49,6 +49,8 @@ pub(in crate::render) struct Known<'a> {
     pub former: Option<&'a Former>,
     /// The props that the last frame drew as trained.
     pub as_trained: &'a EntityHashSet,
+    /// The plan of the last frame.
+    pub last: &'a Plan,
 }
 
 /// A prop whose rays are known.
@@ -114,7 +116,7 @@ pub(in crate::render) fn decide(
                 overlap: if is_solid { Overlap::Solid } else { Overlap::Thin },
                 is_lit: seen.prop.is_lit() && placement == PropPlacement::Scene && has(Feature::Lighting),
                 is_posterized: seen.posterize.is_some(),
-                may_recolor: seen.posterize.is_none() && seen.prop.recolor.is_some(),
+                may_recolor: seen.posterize.is_none() && seen.prop.recolor.is_some() && has(Feature::Recolor),
                 smooths: if is_smooth && has(Feature::Edges) { Smooths::Silhouette } else { Smooths::Nothing },
                 rect: URect { min: in_rect(covered.min), max: in_rect(covered.max) },
             }
@@ -128,7 +130,7 @@ pub(in crate::render) fn decide(
             }
         }
     }
-    let overlaps = props.iter().any(|prop| prop.overlap == Overlap::Solid);
+    let overlaps = has(Feature::Overlaps) && props.iter().any(|prop| prop.overlap == Overlap::Solid);
     if !overlaps {
         props.iter_mut().for_each(|prop| prop.overlap = Overlap::None);
     }
@@ -148,11 +150,11 @@ pub(in crate::render) fn decide(
     let is_brightened = lit().any(ExtractedProp::is_brightened);
     let finishes = has(Feature::Finish);
     let pixels = 0.5 * size.y as f32 * motion.clip_from_view.y_axis.y.abs();
-    let inks = seen.iter().map(|seen| seen.prop.ink.or(visible.ink)).chain(view_posterize.map(|_| None));
+    let inks = || seen.iter().map(|seen| seen.prop.ink.or(visible.ink)).chain(view_posterize.map(|_| None));
     let palettes = || seen.iter().map(|seen| seen.palette).chain(view_posterize.map(|view| Some(&view.palette)));
     let mut labelings: Vec<_> = posterized()
         .zip(palettes())
-        .zip(inks)
+        .zip(inks())
         .map(|((posterize, palette), ink)| {
             LabelsUniform::new(posterize, palette, finishes, ink.filter(|_| finishes), pixels)
         })
@@ -195,7 +197,7 @@ pub(in crate::render) fn decide(
             exposure: exposure(camera, placement),
             view_posterize: view_posterize.map_or(0, |_| uniforms.len() as u32),
         },
-        palettes: palettes_hash(palettes().flatten(), &extracted.colors),
+        palettes: palettes_hash(palettes().flatten(), inks().flatten(), &extracted.colors),
         props: uniforms,
         filters,
         labelings,
@@ -235,6 +237,7 @@ pub(in crate::render) fn decide(
         stages: if has(Feature::Stages) { visible.stages.clone() } else { vec![] },
         // A posterized view shows nothing but labels.
         has_objects: known.has_objects
+            && has(Feature::Objects)
             && placement == PropPlacement::Display
             && view_posterize.is_none()
             && !props.is_empty(),
@@ -291,13 +294,17 @@ fn labels_hash(posterize: &ExtractedPosterize, colors: &[Vec4]) -> u64 {
     let mut hasher = FixedHasher.build_hasher();
     let (first, count) = (posterize.palette.first_color as usize, posterize.palette.colors as usize);
     bytemuck::cast_slice::<_, u8>(colors.get(first..first + count).unwrap_or_default()).hash(&mut hasher);
-    let is_of_tones = posterize.palette.first_place != posterize.palette.first_color;
-    (posterize.settings.blend_steps, is_of_tones).hash(&mut hasher);
+    (posterize.settings.blend_steps, posterize.palette.is_of_tones()).hash(&mut hasher);
     hasher.finish()
 }
 
-/// Returns a number that is different for different colors of the palettes.
-fn palettes_hash<'a>(palettes: impl Iterator<Item = &'a ExtractedPalette>, colors: &[Vec4]) -> u64 {
+/// Returns a number that is different for different colors of the palettes, and for different pairs of ramps between which
+/// ink is drawn.
+fn palettes_hash<'a>(
+    palettes: impl Iterator<Item = &'a ExtractedPalette>,
+    inks: impl Iterator<Item = ExtractedInk>,
+    colors: &[Vec4],
+) -> u64 {
     let (mut hasher, mut hashed) = (FixedHasher.build_hasher(), HashSet::<_>::default());
     for palette in palettes {
         let first = palette.first_color as usize;
@@ -305,6 +312,9 @@ fn palettes_hash<'a>(palettes: impl Iterator<Item = &'a ExtractedPalette>, color
             let colors = colors.get(first..first + 2 * palette.colors as usize).unwrap_or_default();
             bytemuck::cast_slice::<_, u8>(colors).hash(&mut hasher);
         }
+    }
+    for ink in inks {
+        bytemuck::cast_slice::<_, u8>(ink.pairs_in(colors)).hash(&mut hasher);
     }
     hasher.finish()
 }

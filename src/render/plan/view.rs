@@ -18,7 +18,7 @@ use crate::{
     camera::PropPlacement,
     gpu::{FieldShape, Level, ViewTooLarge},
     render::{
-        frame::{BindGroups, Cache, Pass, Textures, ViewBuffers},
+        frame::{BindGroups, Cache, Feature, Pass, Textures, ViewBuffers},
         uniforms::{FilterUniform, LabelsUniform, PropUniform, Rect, ScreenUniform, Smooths, ViewUniform},
     },
 };
@@ -230,6 +230,20 @@ impl Plan {
     /// Returns whether layers say who owns a pixel. Rays of different owners are not interpolated.
     pub fn has_owners(&self) -> bool {
         self.posterizes || self.is_lit || self.is_sparse()
+    }
+
+    /// Returns something that takes other pipelines for the same props, which this frame has and the last one had not. It
+    /// can wait until those are compiled.
+    pub fn new_feature(&self, last: &Self) -> Option<Feature> {
+        let of = |plan: &Self| {
+            let recolors = plan.props.iter().any(|prop| prop.may_recolor);
+            [plan.has_fog, recolors, plan.overlaps, plan.is_lit, plan.posterizes]
+        };
+        let features =
+            [Feature::Fog, Feature::Recolor, Feature::Overlaps, Feature::Lighting, Feature::Posterize].into_iter();
+        let new = features.zip(of(self)).zip(of(last)).find(|((_, has), had)| *has && !*had);
+        // The first frame leaves out props instead, which no one misses yet.
+        new.filter(|_| !last.props.is_empty()).map(|((feature, _), _)| feature)
     }
 
     /// Returns whether the light of props alone must be known where their edges are smooth. Custom stages change what is

@@ -8,9 +8,9 @@ use bevy::{
     render::{camera::TemporalJitter, error_handler::RenderErrorHandler},
 };
 use bevy_plenoctree::{
-    BilateralFilter, BorderSmoothing, EdgeSmoothing, FieldPalette, Ink, InkColor, LabelStages, PaletteOverride,
-    Palettes, PlenOctree, Posterize, PosterizeView, Prop, PropLighting, PropPlacement, PropQuality, PropTint, Recolor,
-    SolidOpacity,
+    BilateralFilter, BorderSmoothing, EdgeSmoothing, FieldPalette, Ink, InkBorders, InkColor, LabelStages, Palette,
+    PaletteMethod, PaletteOverride, Palettes, PlenOctree, Posterize, PosterizeView, Prop, PropLighting, PropPlacement,
+    PropQuality, PropTint, Ramp, Recolor, SolidOpacity,
 };
 use glam::DVec3;
 use image::RgbaImage;
@@ -18,6 +18,8 @@ use image::RgbaImage;
 use crate::stage::{Stage, fields::colored, pixels::assert_same, unlit};
 
 const SIZE: u32 = 64;
+/// The palette of all fields, in encoded sRGB.
+const COLORS: [[f64; 3]; 3] = [[0.8, 0.2, 0.1], [0.1, 0.3, 0.8], [0.9, 0.9, 0.2]];
 
 /// Bakes a cube from -1/2 to 1/2 whose color differs from place to place.
 fn field(hue: f64) -> PlenOctree {
@@ -41,11 +43,13 @@ impl View {
         let mut stage = Stage::with_meshes(SIZE);
         // Otherwise, Bevy would stop rendering, and frames would remain the same.
         stage.world().insert_resource(RenderErrorHandler(|error, _, _| panic!("{}", error.description)));
-        let colors = [Color::srgb(0.8, 0.2, 0.1), Color::srgb(0.1, 0.3, 0.8), Color::srgb(0.9, 0.9, 0.2)];
         let fields = [(0.0, Vec3::ZERO), (1.5, Vec3::new(0.4, 0.3, -0.8))].map(|(hue, place)| {
             let prop = stage.spawn_prop(&field(hue), Transform::from_translation(place));
             let field = stage.get::<Prop>(prop).0.clone();
-            let palette = FieldPalette::from_colors(colors).unwrap();
+            let mut palette = Palette::new(COLORS.to_vec()).unwrap();
+            let ramps = ["red", "blue", "yellow"].into_iter().enumerate();
+            palette.ramps = ramps.map(|(tone, name)| Ramp { name: name.into(), tones: vec![tone] }).collect();
+            let palette = FieldPalette::new(palette);
             stage.world().resource_mut::<Palettes>().insert(&field, palette);
             field
         });
@@ -167,6 +171,12 @@ const CHANGES: &[(&str, Change)] = &[
     ("the color of ink", |view| {
         view.set_prop(0, Ink { width: 0.05, color: InkColor::Flat(Color::WHITE), ..default() })
     }),
+    ("ink between pairs of colors", |view| {
+        view.set_prop(0, Ink { width: 0.05, borders: InkBorders::Pairs(vec![[0, 1], [1, 2]]), ..default() });
+    }),
+    ("ink between other pairs", |view| {
+        view.set_prop(0, Ink { width: 0.05, borders: InkBorders::Pairs(vec![[0, 2]]), ..default() });
+    }),
     ("no ink", |view| {
         let prop = view.props[0];
         view.world().entity_mut(prop).remove::<Ink>();
@@ -175,6 +185,13 @@ const CHANGES: &[(&str, Change)] = &[
     ("a palette", |view| {
         let field = view.fields[0].clone();
         view.world().resource_mut::<Palettes>().get_mut(&field).unwrap().set(1, Color::srgb(0.9, 0.1, 0.9));
+    }),
+    ("a palette of tones", |view| {
+        let field = view.fields[0].clone();
+        let mut palettes = view.world().resource_mut::<Palettes>();
+        let palette = palettes.get(&field).unwrap().palette().clone();
+        let tones = Palette { method: Some(PaletteMethod::Tones), ..palette };
+        palettes.insert(&field, FieldPalette::new(tones));
     }),
     ("an override", |view| {
         let mut own = PaletteOverride::default();
@@ -244,9 +261,12 @@ const CHANGES_OF_LABELS: &[&str] = &[
     "hard borders",
     "ink",
     "the color of ink",
+    "ink between pairs of colors",
+    "ink between other pairs",
     "no ink",
     "softness",
     "a palette",
+    "a palette of tones",
     "an override",
 ];
 

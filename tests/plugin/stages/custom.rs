@@ -31,6 +31,17 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
 }
 ";
 
+/// Halves all channels.
+const HALVE: &str = "
+@group(1) @binding(0) var colors: texture_2d<f32>;
+
+@fragment
+fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
+    let color = textureLoad(colors, vec2<u32>(position.xy), 0);
+    return vec4(0.5 * color.rgb, color.a);
+}
+";
+
 /// Adds shaders to an app, and returns them as stages.
 fn stages<const N: usize>(scene: &mut Stage, sources: [&str; N]) -> LabelStages {
     LabelStages(sources.map(|source| scene.add(Shader::from_wgsl(source.to_string(), "stage.wgsl"))).to_vec())
@@ -117,5 +128,19 @@ fn stages_run_in_order() {
             // Stages decide for whole pixels, so that a mesh in front of a prop hides none of their samples.
             assert_eq!(differing(&direct, &staged, 1), 0, "{msaa:?}");
         }
+    }
+}
+
+/// A view at rest keeps what it shows without stages, so stages never run on their own results.
+#[test]
+fn stages_change_what_is_shown_once() {
+    let mut scene = posterized();
+    let [r, g, b] = middle(&scene.capture()).map(f64::from);
+    let both = stages(&mut scene, [HALVE, SWAP]);
+    scene.set(both);
+    for frame in 0..5 {
+        let found = middle(&scene.capture()).map(f64::from);
+        let off = [0.5 * b - found[0], 0.5 * g - found[1], 0.5 * r - found[2]];
+        assert!(off.iter().all(|off| off.abs() <= 1.0), "frame {frame}: {found:?} of {:?}", [r, g, b]);
     }
 }
