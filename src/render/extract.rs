@@ -267,11 +267,23 @@ impl PaletteWriter<'_> {
     }
 }
 
+/// A prop of a view, in drawing order.
+pub(super) struct OrderedProp {
+    /// The distance of its center along the view direction.
+    pub distance: f64,
+    /// Its index in `ExtractedProps::props`.
+    pub index: usize,
+    /// The level that the view requests.
+    pub level: Level,
+}
+
 /// The props that a camera draws, and its settings. A component of cameras in the render world.
 #[derive(Component, Default)]
 pub(super) struct VisibleProps {
     /// The props that the camera sees, as indices into [`ExtractedProps::props`].
     pub props: Vec<usize>,
+    /// Those of them that can be drawn, back to front.
+    pub order: Vec<OrderedProp>,
     /// The posterized view: how to posterize the pixels that no posterized prop owns.
     pub view_posterize: Option<ExtractedPosterize>,
     pub placement: PropPlacement,

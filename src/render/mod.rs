@@ -25,11 +25,11 @@ mod shades;
 mod shadow;
 mod uniforms;
 
+#[cfg(feature = "headless")]
+pub(crate) use frame::PropView;
 #[cfg(feature = "shadows")]
 pub use passes::LIGHTING_SPANS;
 pub use passes::{POSTERIZE_SPANS, VOLUME_SPANS};
-#[cfg(feature = "headless")]
-pub(crate) use plan::PropView;
 
 use bevy::{
     core_pipeline::schedule::{Core3d, Core3dSystems},

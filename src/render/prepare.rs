@@ -22,12 +22,9 @@ use bevy::{
 
 use super::{
     extract::{ExtractedProps, VisibleProps},
-    frame::{
-        Comparison, Feature, InitPipelines, PaletteBuffer, Part, Pass, Pipelines, Rays, Sizes, Slot, Values,
-        ViewBuffers,
-    },
+    frame::{Comparison, InitPipelines, PaletteBuffer, Part, Pass, Pipelines, PropView, Rays, Slot},
     passes,
-    plan::{Known, Plan, PlanValues, PropView, Target, choose_levels, decide, drawn_viewport},
+    plan::{Feature, Known, Plan, Target, choose_levels, decide, drawn_viewport},
 };
 use crate::{
     gpu::{FieldLayouts, FieldReports, GpuField, InitFields, Readiness, Shaders, ViewTooLarge},
@@ -141,7 +138,6 @@ fn plan_views(
             view.clear();
             continue;
         }
-        let order = std::mem::take(&mut view.order);
         let phase = phases.as_ref().and_then(|phases| phases.get(&extracted_view.retained_view_entity));
         let known = Known {
             view: extracted_view,
@@ -152,39 +148,21 @@ fn plan_views(
             jitter,
             previous,
             visible: &visible,
-            order: &order,
             has_objects: phase.is_some_and(|phase| !phase.items.is_empty()),
-            former: view.former.as_ref(),
-            as_trained: &view.as_trained,
             last: &view.plan,
         };
-        let planned = plan(&known, &extracted, &fields, &mut pipelines, &cache);
-        view.order = order;
-        let (planned, is_complete) = planned;
+        let (planned, is_complete) = plan(&known, &extracted, &fields, &mut pipelines, &cache);
         let Some((plan, passes)) = planned else {
             let target = Target { format: extracted_view.target_format, ..default() };
             let nothing = Plan { samples: msaa.samples(), target, ..default() };
-            passes::request(&visible, false, &nothing, &extracted, &fields, &mut pipelines, &cache);
+            passes::request(&visible, &nothing, &extracted, &fields, &mut pipelines, &cache);
             view.clear();
             view.textures.clear();
             view.is_complete = is_complete;
             continue;
         };
-        passes::request(&visible, view.changes_levels, &plan, &extracted, &fields, &mut pipelines, &cache);
+        passes::request(&visible, &plan, &extracted, &fields, &mut pipelines, &cache);
         (view.plan, view.is_complete) = (plan, is_complete);
-        // Where nothing moves, the last frame that moved stays: it is the one that was drawn.
-        view.former = view.plan.former.take();
-        view.as_trained.clear();
-        let as_trained = view.plan.props.iter().filter(|prop| !prop.is_posterized);
-        view.as_trained.extend(as_trained.map(|prop| prop.entity));
-        let sizes = Sizes {
-            drawn: view.plan.rect.size,
-            viewport: view.plan.viewport.physical_size,
-            target: view.plan.target.size,
-            target_format: Some(view.plan.target.format),
-            samples: view.plan.samples,
-            spacing: view.plan.spacing,
-        };
         view.passes = passes;
         let PropView { plan, passes, textures, buffers, cached, .. } = view;
         if plan.keeps_labels {
@@ -192,8 +170,8 @@ fn plan_views(
                 .into_iter()
                 .for_each(|(now, former)| textures.swap(now, former));
         }
-        let is_held = textures.hold(&device, passes.iter().map(|(pass, _)| pass), &sizes);
-        write_uniforms(plan, buffers, &device, &queue);
+        let is_held = textures.hold(&device, passes.iter().map(|(pass, _)| pass), plan);
+        buffers.set(&device, &queue, &plan.values);
         #[cfg(feature = "shadows")]
         if plan.is_lit {
             let lit = passes::lit_props(plan, &extracted, &mut view.shades);
@@ -201,7 +179,7 @@ fn plan_views(
             buffers.shades.set(&device, &queue, "plenoctree_shades", BufferUsages::STORAGE, view.shades.colors());
         }
         if is_held {
-            cached.decide(&device, passes, textures, buffers, is_complete, never_cached(plan), sizes.drawn);
+            cached.decide(&device, passes, textures, buffers, is_complete, never_cached(plan), plan.rect.size);
         }
         if !is_held || view.textures.allocator.error().is_some() {
             report_shortage(view, visible.props.len(), camera_entity.id(), &reports);
@@ -269,12 +247,6 @@ fn plan(
 fn never_cached(plan: &Plan) -> &'static [Part] {
     // What is only blended over the scene is drawn faster than the scene is compared.
     if plan.posterizes { &[] } else { &[Part::Labels] }
-}
-
-fn write_uniforms(plan: &Plan, buffers: &mut ViewBuffers, device: &RenderDevice, queue: &RenderQueue) {
-    let PlanValues { view, screen, props, filters, labelings, palettes } = &plan.values;
-    let values = Values { view: *view, screen: *screen, props, filters, labelings, palettes: *palettes };
-    buffers.set(device, queue, values);
 }
 
 /// Returns whether a view had too little memory a moment ago, and needs as much as then.

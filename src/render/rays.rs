@@ -162,10 +162,45 @@ pub(super) fn near_plane(clip_from_view: Mat4) -> f64 {
     (w.z - w.w) / (z.z - z.w)
 }
 
+/// Returns how many times the width of cells, `size` pixels, can be doubled without exceeding `wanted` pixels.
+pub(super) fn levels_coarser(size: f64, wanted: f32) -> u32 {
+    // The cast saturates, and converts NaN to 0.
+    (f64::from(wanted) / size).log2().floor().min(32.0) as u32
+}
+
+/// Returns the rectangle of pixels that the unit cube can cover.
+pub(super) fn covered(clip_from_box: DMat4, size: UVec2) -> URect {
+    let whole = URect::from_corners(UVec2::ZERO, size);
+    match extent(clip_from_box, size) {
+        // The casts saturate.
+        Some([low, high]) => whole.intersect(URect::from_corners(low.as_uvec2(), high.as_uvec2())),
+        None => whole,
+    }
+}
+
+/// Returns the corners of the pixels that the unit cube can cover, which may be out of view, or `None` if a part of the
+/// cube is behind the camera.
+pub(super) fn extent(clip_from_box: DMat4, size: UVec2) -> Option<[DVec2; 2]> {
+    let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
+    for corner in 0..8 {
+        let corner = UVec3::new(corner & 1, corner >> 1 & 1, corner >> 2);
+        let clip = clip_from_box * corner.as_dvec3().extend(1.0);
+        if clip.w <= 0.0 {
+            return None;
+        }
+        let ndc = DVec2::new(clip.x, -clip.y) / clip.w;
+        let point = 0.5 * (ndc + 1.0) * size.as_dvec2();
+        (low, high) = (low.min(point), high.max(point));
+    }
+    Some([low.floor(), high.ceil()])
+}
+
 #[cfg(test)]
 mod tests {
-    use super::*;
     use plenoctree::camera::PinholeCamera;
+    use proptest::prelude::*;
+
+    use super::*;
 
     /// The rays of a Bevy camera into a rotated, scaled and translated field are those of the same pinhole camera.
     #[test]
@@ -227,5 +262,34 @@ mod tests {
         }
         assert!(!has_rays(here, nowhere, 1.0));
         assert!(!has_rays(here, here, f32::NAN));
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(20_000))]
+
+        /// Holds even if corners of the box are behind the camera.
+        #[test]
+        fn what_is_seen_of_a_box_is_covered(
+            eye in prop::array::uniform3(-1.0..2.0f64),
+            target in prop::array::uniform3(-0.5..1.5f64),
+            point in prop::array::uniform3(0.0..=1.0f64),
+            size_of_box in prop::array::uniform3(0.01..1.0f64),
+        ) {
+            let (eye, target, size) = (DVec3::from(eye), DVec3::from(target), UVec2::new(1600, 1200));
+            prop_assume!((target - eye).length() > 0.01);
+            let view = DMat4::look_at_rh(eye, target, DVec3::new(0.1, 1.0, 0.2).normalize());
+            let clip_from_box = DMat4::perspective_infinite_reverse_rh(1.0, 4.0 / 3.0, 0.01)
+                * view
+                * DMat4::from_scale(size_of_box.into());
+            let clip = clip_from_box * DVec3::from(point).extend(1.0);
+            let ndc = DVec2::new(clip.x, -clip.y) / clip.w;
+            if clip.w > 0.0 && ndc.abs().max_element() < 1.0 {
+                let pixel = (0.5 * (ndc + 1.0) * size.as_dvec2()).as_uvec2();
+                let rect = covered(clip_from_box, size);
+                // A point between two pixels belongs to both.
+                let (low, high) = (rect.min.saturating_sub(UVec2::ONE), rect.max + 1);
+                prop_assert!(pixel.cmpge(low).all() && pixel.cmplt(high).all(), "{pixel} in {rect:?}");
+            }
+        }
     }
 }

@@ -3,6 +3,7 @@
 //! Leaves are sampled in slices, so that the app keeps rendering frames. Samples are added to histograms on the GPU.
 //! Only these are read back and, if the palette needs them, [`views`] of the field.
 
+mod buffers;
 mod clock;
 mod job;
 mod pipeline;

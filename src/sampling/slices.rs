@@ -7,9 +7,8 @@ use bevy::{
     render::{
         render_asset::RenderAssets,
         render_resource::{
-            BindGroupEntries, BindGroupLayout, Buffer, BufferDescriptor, BufferUsages, CachedPipelineState,
-            CommandEncoderDescriptor, ComputePassDescriptor, ComputePipeline, MapMode, PipelineCache,
-            SpecializedComputePipelines, UniformBuffer,
+            BindGroupEntries, BindGroupLayout, Buffer, BufferUsages, CachedPipelineState, CommandEncoderDescriptor,
+            ComputePassDescriptor, ComputePipeline, MapMode, PipelineCache, SpecializedComputePipelines, UniformBuffer,
         },
         renderer::{RenderDevice, RenderQueue},
     },
@@ -19,6 +18,7 @@ use plenoctree::sampling::{Histograms, Lattice, SamplePoint, View};
 
 use super::{
     SamplingFailure, SamplingJob, SamplingJobs,
+    buffers::{buffer, storage},
     clock::SliceClock,
     pipeline::{Sampled, SamplingPipeline, SliceUniform},
     views::Views,
@@ -331,32 +331,6 @@ fn listed<'a>(job: &'a SamplingJob, device: &RenderDevice) -> Option<&'a Lattice
     let limits = device.limits();
     let most = limits.max_buffer_size.min(limits.max_storage_buffer_binding_size);
     job.lattice.as_ref().filter(|lattice| lattice.words.len() as u64 * 4 <= most)
-}
-
-pub(super) fn buffer(
-    allocator: &mut Allocator,
-    device: &RenderDevice,
-    label: &'static str,
-    size: u64,
-    usage: BufferUsages,
-) -> Result<Buffer, SamplingFailure> {
-    let descriptor = BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false };
-    allocator.create(device, || device.create_buffer(&descriptor)).ok_or(SamplingFailure::TooLarge)
-}
-
-/// Returns a buffer with `contents`.
-pub(super) fn storage(
-    allocator: &mut Allocator,
-    device: &RenderDevice,
-    queue: &RenderQueue,
-    label: &'static str,
-    contents: &[u8],
-) -> Result<Buffer, SamplingFailure> {
-    let contents = if contents.is_empty() { &[0; 16] } else { contents };
-    let usage = BufferUsages::STORAGE | BufferUsages::COPY_DST;
-    let buffer = buffer(allocator, device, label, contents.len() as u64, usage)?;
-    let written = allocator.create(device, || queue.write_buffer(&buffer, 0, contents));
-    written.map(|()| buffer).ok_or(SamplingFailure::TooLarge)
 }
 
 /// Returns the number of leaves that have about `rays` rays in total, in whole workgroups. A dispatch can have at most

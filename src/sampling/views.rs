@@ -14,7 +14,7 @@ use plenoctree::{PlenOctree, sampling::ViewRays};
 
 use super::{
     SamplingFailure, SamplingJob,
-    slices::{buffer, storage},
+    buffers::{buffer, storage},
 };
 use crate::gpu::{Allocator, GpuLevel, tree_depth};
 

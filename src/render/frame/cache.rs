@@ -28,10 +28,10 @@ use bevy::{
 
 use super::{
     bind_groups::{BindGroups, bound, bound_buffer},
+    buffers::ViewBuffers,
     pass::{Input, Output, Part, Pass, StaleUniform, Uniforms},
     slot::{self, Slot},
     textures::Textures,
-    uniforms::ViewBuffers,
 };
 use crate::{gpu::Shaders, render::uniforms::ViewUniform};
 

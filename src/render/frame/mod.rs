@@ -1,6 +1,7 @@
 //! The machinery of frames: what a pass is, and how passes are executed.
 
 mod bind_groups;
+mod buffers;
 mod cache;
 mod content;
 mod pass;
@@ -8,17 +9,16 @@ mod pipelines;
 mod run;
 mod slot;
 mod textures;
-mod uniforms;
+mod view;
 
+#[cfg(feature = "shadows")]
 pub(super) use bind_groups::BindGroups;
-pub(super) use cache::{Cache, Comparison};
-pub(super) use pass::{
-    Area, Blend, Clear, Draw, Feature, Fragment, Input, Output, Part, Pass, Place, Program, Uniforms,
-};
+pub(super) use buffers::PaletteBuffer;
+pub(super) use cache::Comparison;
+pub(super) use pass::{Area, Blend, Clear, Draw, Fragment, Input, Output, Part, Pass, Place, Program, Uniforms};
 pub(super) use pipelines::{InitPipelines, Pipelines};
 #[cfg(feature = "shadows")]
 pub(super) use run::Lights;
 pub(super) use run::run;
 pub(super) use slot::{BATCH, Buffer, Rays, Slot, Turn, batch_side, batches};
-pub(super) use textures::{Sizes, Textures};
-pub(super) use uniforms::{PaletteBuffer, Values, ViewBuffers};
+pub(crate) use view::PropView;

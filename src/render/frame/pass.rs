@@ -7,7 +7,7 @@ use bevy::{
 };
 
 use super::slot::{Buffer, Slot};
-use crate::gpu::TreeShape;
+use crate::{gpu::TreeShape, render::plan::Feature};
 
 /// A render pass of a view.
 pub(in crate::render) struct Pass {
@@ -77,33 +77,6 @@ pub(in crate::render) enum Place {
     Present,
     /// Once transparent objects have been drawn over the light of props.
     Objects,
-}
-
-/// What a view can do without until its pipelines are compiled. What is given up last comes first.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(in crate::render) enum Feature {
-    /// Drawing props at all.
-    Base,
-    /// Props that hide each other pixel by pixel. Without it, the nearer one is drawn over the other.
-    Overlaps,
-    /// Fog before props.
-    Fog,
-    /// Labels.
-    Posterize,
-    /// Lights that fall on props.
-    Lighting,
-    /// Props as trained that follow their palette.
-    Recolor,
-    /// Transparent objects over props at the display.
-    Objects,
-    /// Fewer rays than pixels.
-    Sparse,
-    /// Smooth edges.
-    Edges,
-    /// Smooth borders between labels, ink, and steady labels.
-    Finish,
-    /// Custom stages.
-    Stages,
 }
 
 /// A result of passes that is cached until something changes that they read. Each is made from those before it.

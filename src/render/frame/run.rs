@@ -14,15 +14,16 @@ use bevy::{
     },
 };
 
+use super::view::PropView;
 use super::{
     bind_groups::{bound, bound_buffer},
+    buffers::PaletteBuffer,
     cache::{Cache, Comparison, light},
     pass::{Area, Clear, Input, Output, Part, Pass, Place},
     pipelines::Pipelines,
     slot::{BATCH, Buffer, batches, grid_size},
-    uniforms::PaletteBuffer,
 };
-use crate::{camera::PropPlacement, render::plan::PropView};
+use crate::camera::PropPlacement;
 
 /// Bind group 0 of passes that read Bevy's lights, and its offsets. A component of views that have such passes.
 #[derive(Component)]

@@ -19,20 +19,7 @@ use super::{
     pass::{Input, Output, Pass},
     slot::{BATCH, Buffer, MOST_GAPS, Rays, Slot, batches, grid_size},
 };
-use crate::gpu::Allocator;
-
-/// The sizes that determine those of textures.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(in crate::render) struct Sizes {
-    /// The drawn part of the view, in pixels.
-    pub drawn: UVec2,
-    pub viewport: UVec2,
-    pub target: UVec2,
-    pub target_format: Option<TextureFormat>,
-    /// The samples of the target per pixel.
-    pub samples: u32,
-    pub spacing: u32,
-}
+use crate::{gpu::Allocator, render::plan::Plan};
 
 /// The textures and buffers of a view.
 #[derive(Default)]
@@ -67,24 +54,19 @@ const STEP: u32 = 64;
 impl Textures {
     /// Makes sure that there is everything that `passes` use, and drops the rest. Returns whether there is enough
     /// memory.
-    pub fn hold<'a>(
-        &mut self,
-        device: &RenderDevice,
-        mut passes: impl Iterator<Item = &'a Pass>,
-        sizes: &Sizes,
-    ) -> bool {
-        self.size = size_in_steps(self.size, sizes.drawn, sizes.viewport);
+    pub fn hold<'a>(&mut self, device: &RenderDevice, mut passes: impl Iterator<Item = &'a Pass>, plan: &Plan) -> bool {
+        self.size = size_in_steps(self.size, plan.rect.size, plan.viewport.physical_size);
         self.textures.values_mut().for_each(|held| held.idle += 1);
         self.buffers.values_mut().for_each(|held| held.idle += 1);
         let is_held = passes.all(|pass| {
             let mut read = pass.reads.iter().flatten().copied();
             let mut written = pass.writes.iter().flatten().chain(&pass.depth).copied();
             read.all(|input| match input {
-                Input::Texture(slot) => self.texture(device, slot, sizes),
-                Input::Buffer(buffer) | Input::WrittenBuffer(buffer) => self.buffer(device, buffer, sizes),
+                Input::Texture(slot) => self.texture(device, slot, plan),
+                Input::Buffer(buffer) | Input::WrittenBuffer(buffer) => self.buffer(device, buffer, plan),
                 Input::Scene => true,
             }) && written.all(|output| match output {
-                Output::Texture(slot) => self.texture(device, slot, sizes),
+                Output::Texture(slot) => self.texture(device, slot, plan),
                 Output::Target | Output::PrepassMotion => true,
             })
         });
@@ -126,16 +108,16 @@ impl Textures {
         self.buffers.get(&buffer).map(|held| &held.buffer)
     }
 
-    fn texture(&mut self, device: &RenderDevice, slot: Slot, sizes: &Sizes) -> bool {
+    fn texture(&mut self, device: &RenderDevice, slot: Slot, plan: &Plan) -> bool {
         let (mut size, mut format, mut samples) = (self.size, slot.format(), 1);
         match slot.rays() {
             Rays::Pixels => {}
-            Rays::Grid => size = grid_size(size, sizes.spacing),
-            Rays::Batches => size = BATCH * batches(size, sizes.spacing),
+            Rays::Grid => size = grid_size(size, plan.spacing),
+            Rays::Batches => size = BATCH * batches(size, plan.spacing),
         }
         if let Slot::Objects | Slot::ObjectSamples = slot {
-            (size, format) = (sizes.target, sizes.target_format);
-            samples = if slot == Slot::ObjectSamples { sizes.samples } else { 1 };
+            (size, format) = (plan.target.size, Some(plan.target.format));
+            samples = if slot == Slot::ObjectSamples { plan.samples } else { 1 };
         }
         let Some(format) = format else {
             return false;
@@ -163,8 +145,8 @@ impl Textures {
         created.map(|held| self.textures.insert(slot, held)).is_some()
     }
 
-    fn buffer(&mut self, device: &RenderDevice, buffer: Buffer, sizes: &Sizes) -> bool {
-        let batches = batches(self.size, sizes.spacing).element_product();
+    fn buffer(&mut self, device: &RenderDevice, buffer: Buffer, plan: &Plan) -> bool {
+        let batches = batches(self.size, plan.spacing).element_product();
         let words = match buffer {
             Buffer::BatchCounts => batches,
             Buffer::BatchGaps => batches * MOST_GAPS,

@@ -13,8 +13,8 @@ use super::volume::index_of;
 use crate::{
     gpu::field_definitions,
     render::{
-        frame::{Blend, Clear, Draw, Feature, Input, Output, Part, Pass, Place, Program, Rays, Slot, Uniforms},
-        plan::Plan,
+        frame::{Blend, Clear, Draw, Input, Output, Part, Pass, Place, Program, Rays, Slot, Uniforms},
+        plan::{Feature, Plan},
         uniforms::Smooths,
     },
 };

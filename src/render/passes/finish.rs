@@ -2,8 +2,8 @@
 
 use super::labels::{DEPTH, inked, lit, space, with_lights};
 use crate::render::{
-    frame::{Clear, Feature, Input, Output, Part, Pass, Place, Program, Rays, Slot, Uniforms},
-    plan::Plan,
+    frame::{Clear, Input, Output, Part, Pass, Place, Program, Rays, Slot, Uniforms},
+    plan::{Feature, Plan},
 };
 
 pub(super) const FINISH: &str = "plenoctree_finish";

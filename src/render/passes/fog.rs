@@ -18,8 +18,8 @@ use super::{
 use crate::{
     render::{
         extract::VisibleProps,
-        frame::{Buffer, Clear, Feature, Input, Output, Pass, Place, Program, Rays, Slot},
-        plan::{Plan, PropView},
+        frame::{Buffer, Clear, Input, Output, Pass, Place, Program, PropView, Rays, Slot},
+        plan::{Feature, Plan},
     },
     sets::PlenOctreeRenderSystems,
 };

@@ -14,10 +14,8 @@ use bevy::{
 };
 
 use crate::render::{
-    frame::{
-        Buffer, Clear, Draw, Feature, Fragment, Input, Output, Part, Pass, Place, Program, Rays, Slot, Turn, Uniforms,
-    },
-    plan::Plan,
+    frame::{Buffer, Clear, Draw, Fragment, Input, Output, Part, Pass, Place, Program, Rays, Slot, Turn, Uniforms},
+    plan::{Feature, Plan},
 };
 
 pub(super) const COMPOSITE: &str = "plenoctree_composite";

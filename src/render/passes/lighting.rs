@@ -31,10 +31,10 @@ use crate::{
     render::{
         extract::{ExtractedProps, VisibleProps, extract_props},
         frame::{
-            Buffer, Clear, Draw, Feature, InitPipelines, Input, Lights, Output, Pass, Pipelines, Place, Program, Rays,
+            Buffer, Clear, Draw, InitPipelines, Input, Lights, Output, Pass, Pipelines, Place, Program, PropView, Rays,
             Slot,
         },
-        plan::{Plan, PropView},
+        plan::{Feature, Plan},
         shades::{ShadedPalette, Shades},
         uniforms::LabelsUniform,
     },

@@ -20,8 +20,8 @@ use bevy::{
 use super::labels::{shown_after, space};
 use crate::{
     render::{
-        frame::{Area, Clear, Feature, Input, Output, Pass, Place, Program, Rays, Slot},
-        plan::{Plan, PropView},
+        frame::{Area, Clear, Input, Output, Pass, Place, Program, PropView, Rays, Slot},
+        plan::{Feature, Plan},
     },
     sets::PlenOctreeRenderSystems,
 };

@@ -5,8 +5,8 @@ use bevy::render::render_resource::{BlendComponent, BlendState, CompareFunction}
 
 use super::labels::{shown_after, space};
 use crate::render::{
-    frame::{Area, Blend, Draw, Feature, Input, Output, Pass, Place, Program, Rays, Slot},
-    plan::Plan,
+    frame::{Area, Blend, Draw, Input, Output, Pass, Place, Program, Rays, Slot},
+    plan::{Feature, Plan},
 };
 
 pub(super) const PRESENT: &str = "plenoctree_present";

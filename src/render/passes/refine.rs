@@ -10,8 +10,8 @@ use bevy::render::render_resource::CompareFunction;
 
 use super::volume::layer;
 use crate::render::{
-    frame::{Area, Buffer, Clear, Feature, Input, Output, Part, Pass, Place, Program, Rays, Slot, Uniforms},
-    plan::Plan,
+    frame::{Area, Buffer, Clear, Input, Output, Part, Pass, Place, Program, Rays, Slot, Uniforms},
+    plan::{Feature, Plan},
 };
 
 pub(super) const CHECK: &str = "plenoctree_check";

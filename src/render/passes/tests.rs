@@ -11,7 +11,7 @@ use crate::{
     EdgeSmoothing, FieldPalette, PaletteOverride, Palettes, PlenOctree, PlenOctreePlugin, Posterize, Prop,
     PropPlacement, Recolor,
     headless::{Headless, exact_camera},
-    render::{frame::Output, plan::PropView},
+    render::frame::{Output, PropView},
 };
 
 /// Returns an app with a prop at a distance, and its camera.

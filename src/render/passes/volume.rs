@@ -16,14 +16,14 @@ use bevy::{
 
 use crate::{
     camera::PropPlacement,
-    gpu::{FieldShape, GpuField, TreeShape, field_definitions},
+    gpu::{FieldShape, GpuField, Level, TreeShape, field_definitions},
     render::{
         extract::{ExtractedProps, VisibleProps},
         frame::{
-            Area, BATCH, Blend, Clear, Draw, Feature, Input, Output, Part, Pass, Pipelines, Place, Program, Rays, Slot,
+            Area, BATCH, Blend, Clear, Draw, Input, Output, Part, Pass, Pipelines, Place, Program, Rays, Slot,
             Uniforms, batch_side, batches,
         },
-        plan::{Overlap, Plan, PlannedProp},
+        plan::{Feature, Overlap, Plan, PlannedProp},
     },
 };
 
@@ -229,7 +229,6 @@ pub(super) fn index_of<K: PartialEq>(keys: &mut Vec<K>, key: K, add: impl FnOnce
 /// the levels of those that are drawn.
 pub(in crate::render) fn request(
     visible: &VisibleProps,
-    changes_levels: bool,
     drawn: &Plan,
     extracted: &ExtractedProps,
     fields: &RenderAssets<GpuField>,
@@ -264,6 +263,7 @@ pub(in crate::render) fn request(
             request(Kind { shape, overlaps: true, is_lit, may_recolor });
         }
     }
+    let changes_levels = visible.quality.cell_size > 0.0 || Level::new(0, &visible.quality) != Level::default();
     for prop in drawn.props.iter().filter(|_| changes_levels) {
         let shape = FieldShape { inner_records: !prop.shape.inner_records, ..prop.shape };
         request(Kind { shape, overlaps: drawn.overlaps && prop.overlap != Overlap::None, ..Kind::of(prop) });

@@ -6,7 +6,7 @@ use super::{
     motion::Motion,
     overlap::overlaps,
     steady::{Former, FormerProp},
-    view::{OrderedProp, Overlap, Plan, PlanValues, PlannedProp, Target},
+    view::{Feature, Overlap, Plan, PlanValues, PlannedProp, Target},
 };
 use crate::{
     camera::PropPlacement,
@@ -14,16 +14,18 @@ use crate::{
     posterize::{BeforePalette, EdgeSmoothing, MAX_FILTER_RADIUS},
     prop::SolidOpacity,
     render::{
-        extract::{ExtractedInk, ExtractedPalette, ExtractedPosterize, ExtractedProp, ExtractedProps, VisibleProps},
-        frame::Feature,
-        rays::{Pose, Rays},
+        extract::{
+            ExtractedInk, ExtractedPalette, ExtractedPosterize, ExtractedProp, ExtractedProps, OrderedProp,
+            VisibleProps,
+        },
+        rays::{Pose, Rays, covered},
         uniforms::{FilterUniform, LabelsUniform, PropUniform, Rect, ScreenUniform, Smooths, ViewUniform},
     },
 };
 use bevy::{
     camera::{Exposure, Viewport},
     core_pipeline::prepass::PreviousViewData,
-    ecs::entity::{EntityHashMap, EntityHashSet},
+    ecs::entity::EntityHashMap,
     platform::{collections::HashSet, hash::FixedHasher},
     prelude::*,
     render::{
@@ -43,12 +45,7 @@ pub(in crate::render) struct Known<'a> {
     pub jitter: Option<&'a TemporalJitter>,
     pub previous: Option<&'a PreviousViewData>,
     pub visible: &'a VisibleProps,
-    pub order: &'a [OrderedProp],
     pub has_objects: bool,
-    /// The last frame, if its labels and its depth still exist.
-    pub former: Option<&'a Former>,
-    /// The props that the last frame drew as trained.
-    pub as_trained: &'a EntityHashSet,
     /// The plan of the last frame.
     pub last: &'a Plan,
 }
@@ -85,7 +82,7 @@ pub(in crate::render) fn decide(
     let jitter = known.jitter.filter(|_| placement == PropPlacement::Scene);
     let motion = Motion::new(view, jitter, known.previous, size);
 
-    let seen: Vec<_> = known
+    let seen: Vec<_> = visible
         .order
         .iter()
         .filter_map(|ordered| see(ordered, known, extracted, fields, &motion, has(Feature::Posterize)))
@@ -171,7 +168,9 @@ pub(in crate::render) fn decide(
             field: seen.field.bind_group.id(),
             labels: labels_hash(posterize, &extracted.colors),
         };
-        if let Some(earlier) = known.former.and_then(|former| former.earlier(&motion, &rect, seen.prop, &now)) {
+        if let Some(earlier) =
+            known.last.former.as_ref().and_then(|former| former.earlier(&motion, &rect, seen.prop, &now))
+        {
             *labeling = labeling.steady(posterize.settings.steadiness, &earlier);
             keeps_labels = true;
         }
@@ -270,7 +269,7 @@ fn see<'a>(
     let posterize = prop.posterize.as_ref().filter(|posterize| posterize.palette.colors > 0);
     if posterize.is_some_and(|posterize| posterize.settings.before_palette == BeforePalette::Hide)
         && !has_labels
-        && !known.as_trained.contains(&prop.entity)
+        && !known.last.props.iter().any(|last| last.entity == prop.entity && !last.is_posterized)
     {
         return None;
     }
@@ -325,69 +324,5 @@ fn exposure(camera: &ExtractedCamera, placement: PropPlacement) -> f32 {
         // Shaders divide by the exposure.
         PropPlacement::Scene => (camera.exposure / Exposure::default().exposure()).clamp(1e-6, 1e6),
         PropPlacement::Display => 1.0,
-    }
-}
-
-/// Returns the rectangle of pixels that the unit cube can cover.
-pub(in crate::render) fn covered(clip_from_box: glam::DMat4, size: UVec2) -> URect {
-    let whole = URect::from_corners(UVec2::ZERO, size);
-    match extent(clip_from_box, size) {
-        // The casts saturate.
-        Some([low, high]) => whole.intersect(URect::from_corners(low.as_uvec2(), high.as_uvec2())),
-        None => whole,
-    }
-}
-
-/// Returns the corners of the pixels that the unit cube can cover, which may be out of view, or `None` if a part of the
-/// cube is behind the camera.
-pub(in crate::render) fn extent(clip_from_box: glam::DMat4, size: UVec2) -> Option<[glam::DVec2; 2]> {
-    let (mut low, mut high) = (glam::DVec2::INFINITY, glam::DVec2::NEG_INFINITY);
-    for corner in 0..8 {
-        let corner = UVec3::new(corner & 1, corner >> 1 & 1, corner >> 2);
-        let clip = clip_from_box * corner.as_dvec3().extend(1.0);
-        if clip.w <= 0.0 {
-            return None;
-        }
-        let ndc = glam::DVec2::new(clip.x, -clip.y) / clip.w;
-        let point = 0.5 * (ndc + 1.0) * size.as_dvec2();
-        (low, high) = (low.min(point), high.max(point));
-    }
-    Some([low.floor(), high.ceil()])
-}
-
-#[cfg(test)]
-mod tests {
-    use glam::{DMat4, DVec3};
-    use proptest::prelude::*;
-
-    use super::*;
-
-    proptest! {
-        #![proptest_config(ProptestConfig::with_cases(20_000))]
-
-        /// Holds even if corners of the box are behind the camera.
-        #[test]
-        fn what_is_seen_of_a_box_is_covered(
-            eye in prop::array::uniform3(-1.0..2.0f64),
-            target in prop::array::uniform3(-0.5..1.5f64),
-            point in prop::array::uniform3(0.0..=1.0f64),
-            size_of_box in prop::array::uniform3(0.01..1.0f64),
-        ) {
-            let (eye, target, size) = (DVec3::from(eye), DVec3::from(target), UVec2::new(1600, 1200));
-            prop_assume!((target - eye).length() > 0.01);
-            let view = DMat4::look_at_rh(eye, target, DVec3::new(0.1, 1.0, 0.2).normalize());
-            let clip_from_box = DMat4::perspective_infinite_reverse_rh(1.0, 4.0 / 3.0, 0.01)
-                * view
-                * DMat4::from_scale(size_of_box.into());
-            let clip = clip_from_box * DVec3::from(point).extend(1.0);
-            let ndc = glam::DVec2::new(clip.x, -clip.y) / clip.w;
-            if clip.w > 0.0 && ndc.abs().max_element() < 1.0 {
-                let pixel = (0.5 * (ndc + 1.0) * size.as_dvec2()).as_uvec2();
-                let rect = covered(clip_from_box, size);
-                // A point between two pixels belongs to both.
-                let (low, high) = (rect.min.saturating_sub(UVec2::ONE), rect.max + 1);
-                prop_assert!(pixel.cmpge(low).all() && pixel.cmplt(high).all(), "{pixel} in {rect:?}");
-            }
-        }
     }
 }

@@ -6,34 +6,29 @@ use bevy::{
     render::{camera::ExtractedCamera, render_asset::RenderAssets, view::ExtractedView},
 };
 
-use super::view::{OrderedProp, PropView, drawn_viewport};
+use super::view::drawn_viewport;
 use crate::{
     gpu::{GpuField, Level, MAX_PROPS_IN_VIEW},
-    render::extract::{ExtractedProps, VisibleProps},
+    render::{
+        extract::{ExtractedProps, OrderedProp, VisibleProps},
+        rays::levels_coarser,
+    },
 };
 
 /// Sorts the props of every view back to front, and requests their levels.
 pub(in crate::render) fn choose_levels(
     extracted: Res<ExtractedProps>,
     mut fields: ResMut<RenderAssets<GpuField>>,
-    mut views: Query<(
-        &ExtractedView,
-        &ExtractedCamera,
-        Option<&MainPassResolutionOverride>,
-        &VisibleProps,
-        &mut PropView,
-    )>,
+    mut views: Query<(&ExtractedView, &ExtractedCamera, Option<&MainPassResolutionOverride>, &mut VisibleProps)>,
 ) {
-    for (view, camera, resolution, visible, mut prop_view) in &mut views {
-        let PropView { order, changes_levels, .. } = &mut *prop_view;
-        let quality = &visible.quality;
-        *changes_levels = quality.cell_size > 0.0 || Level::new(0, quality) != Level::default();
+    for (view, camera, resolution, mut visible) in &mut views {
+        let VisibleProps { props, order, quality, .. } = &mut *visible;
         order.clear();
         let Some(viewport) = drawn_viewport(camera, resolution) else {
             continue;
         };
         let (eye, forward) = (view.world_from_view.translation(), view.world_from_view.forward());
-        order.extend(visible.props.iter().filter_map(|&index| {
+        order.extend(props.iter().filter_map(|&index| {
             let index = extracted.drawn(index, &fields)?;
             let prop = extracted.props.get(index)?;
             let field = fields.get_mut(prop.field)?;
@@ -56,10 +51,4 @@ pub(in crate::render) fn choose_levels(
             order.drain(..order.len() - MAX_PROPS_IN_VIEW);
         }
     }
-}
-
-/// Returns how many times the width of cells, `size` pixels, can be doubled without exceeding `wanted` pixels.
-pub(in crate::render) fn levels_coarser(size: f64, wanted: f32) -> u32 {
-    // The cast saturates, and converts NaN to 0.
-    (f64::from(wanted) / size).log2().floor().min(32.0) as u32
 }

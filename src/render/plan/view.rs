@@ -2,76 +2,20 @@
 
 use bevy::{
     camera::{CompositingSpace, MainPassResolutionOverride, Viewport},
-    ecs::entity::EntityHashSet,
     prelude::*,
     render::{
         camera::ExtractedCamera,
-        render_resource::{BindGroup, CachedRenderPipelineId, TextureFormat},
+        render_resource::{BindGroup, TextureFormat},
     },
     shader::Shader,
 };
 
 use super::steady::Former;
-#[cfg(feature = "shadows")]
-use crate::render::shades::Shades;
 use crate::{
     camera::PropPlacement,
-    gpu::{FieldShape, Level, ViewTooLarge},
-    render::{
-        frame::{BindGroups, Cache, Feature, Pass, Textures, ViewBuffers},
-        uniforms::{FilterUniform, LabelsUniform, PropUniform, Rect, ScreenUniform, Smooths, ViewUniform},
-    },
+    gpu::FieldShape,
+    render::uniforms::{FilterUniform, LabelsUniform, PropUniform, Rect, ScreenUniform, Smooths, ViewUniform},
 };
-
-/// A view that draws props: the plan of its frame, the passes that follow from it, and what they need.
-#[derive(Component, Default)]
-pub(crate) struct PropView {
-    /// The props, back to front.
-    pub(in crate::render) order: Vec<OrderedProp>,
-    /// Whether props may be drawn at levels other than the field itself.
-    pub(in crate::render) changes_levels: bool,
-    pub(in crate::render) plan: Plan,
-    /// The passes in the order in which they run, and the pipelines of each: those of its programs, and the one that
-    /// clears what it writes if that may be cached.
-    pub(in crate::render) passes: Vec<(Pass, Vec<CachedRenderPipelineId>)>,
-    /// Whether nothing is left out because a pipeline is not ready.
-    pub(in crate::render) is_complete: bool,
-    pub(in crate::render) textures: Textures,
-    pub(in crate::render) buffers: ViewBuffers,
-    pub(in crate::render) groups: BindGroups,
-    pub(in crate::render) cached: Cache,
-    /// The props that the last frame drew as trained.
-    pub(in crate::render) as_trained: EntityHashSet,
-    /// The last frame, if its labels and its depth still exist.
-    pub(in crate::render) former: Option<Former>,
-    #[cfg(feature = "shadows")]
-    pub(in crate::render) shades: Shades,
-    /// What determines the memory that it needs, when there was too little.
-    pub(in crate::render) shortage: Option<(ViewTooLarge, usize)>,
-}
-
-impl PropView {
-    /// Returns what there is too little memory for.
-    #[cfg(feature = "headless")]
-    pub fn shortage(&self) -> Option<&ViewTooLarge> {
-        self.shortage.as_ref().map(|(error, _)| error)
-    }
-
-    /// Returns whether nothing is left out because a pipeline is not ready.
-    pub fn is_complete(&self) -> bool {
-        self.is_complete
-    }
-
-    /// Lets the view draw nothing in this frame, and forgets what it drew.
-    pub(in crate::render) fn clear(&mut self) {
-        self.plan = default();
-        self.passes.clear();
-        self.cached = default();
-        self.as_trained.clear();
-        self.former = None;
-        self.is_complete = true;
-    }
-}
 
 /// Everything that is decided about a frame of a view.
 #[derive(Default)]
@@ -143,6 +87,7 @@ pub(in crate::render) struct PlanValues {
     pub props: Vec<PropUniform>,
     pub filters: Vec<FilterUniform>,
     pub labelings: Vec<LabelsUniform>,
+    /// A number that is different for different colors of the view's palettes.
     pub palettes: u64,
 }
 
@@ -191,14 +136,31 @@ pub(in crate::render) enum Overlap {
     Solid,
 }
 
-/// A prop of a view, in drawing order.
-pub(in crate::render) struct OrderedProp {
-    /// The distance of its center along the view direction.
-    pub distance: f64,
-    /// Its index in `ExtractedProps::props`.
-    pub index: usize,
-    /// The level that the view requests.
-    pub level: Level,
+/// What a view can do without until its pipelines are compiled. What is given up last comes first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(in crate::render) enum Feature {
+    /// Drawing props at all.
+    Base,
+    /// Props that hide each other pixel by pixel. Without it, the nearer one is drawn over the other.
+    Overlaps,
+    /// Fog before props.
+    Fog,
+    /// Labels.
+    Posterize,
+    /// Lights that fall on props.
+    Lighting,
+    /// Props as trained that follow their palette.
+    Recolor,
+    /// Transparent objects over props at the display.
+    Objects,
+    /// Fewer rays than pixels.
+    Sparse,
+    /// Smooth edges.
+    Edges,
+    /// Smooth borders between labels, ink, and steady labels.
+    Finish,
+    /// Custom stages.
+    Stages,
 }
 
 impl Plan {

@@ -16,7 +16,7 @@ use crate::{
     gpu::{GpuField, Level, MAX_PROPS_IN_VIEW},
     prop::SolidOpacity,
     quality::PropQuality,
-    render::{extract::ExtractedProps, plan::levels_coarser},
+    render::{extract::ExtractedProps, rays::levels_coarser},
 };
 
 /// The quality of shadows of lights without their own: cells are no larger than texels.

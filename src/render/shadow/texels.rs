@@ -3,10 +3,7 @@
 use bevy::{prelude::*, render::view::ExtractedView};
 use glam::{DAffine3, DMat4, DVec2, DVec4};
 
-use crate::render::{
-    plan::{covered, extent},
-    rays::{Pose, Rays, is_orthographic, near_plane},
-};
+use crate::render::rays::{Pose, Rays, covered, extent, is_orthographic, near_plane};
 
 /// How the light of a shadow map sees a prop.
 ///

@@ -1,4 +1,4 @@
-//! The uniforms of bind group 0.
+//! The buffers of a view: the uniforms of bind group 0, and what lights and fog need.
 
 use bevy::{
     prelude::*,
@@ -9,9 +9,9 @@ use bevy::{
 };
 
 use super::{content::Content, pass::StaleUniform};
-use crate::render::uniforms::{FilterUniform, LabelsUniform, PropUniform, ScreenUniform, ViewUniform};
+use crate::render::plan::PlanValues;
 
-/// The uniforms of a view.
+/// The buffers of a view.
 #[derive(Default)]
 pub(in crate::render) struct ViewBuffers {
     pub view: Content,
@@ -34,24 +34,14 @@ pub(in crate::render) struct ViewBuffers {
 #[derive(Resource, Default)]
 pub(in crate::render) struct PaletteBuffer(pub Content);
 
-/// The values of a view's uniforms.
-pub(in crate::render) struct Values<'a> {
-    pub view: ViewUniform,
-    pub props: &'a Vec<PropUniform>,
-    pub screen: ScreenUniform,
-    pub filters: &'a Vec<FilterUniform>,
-    pub labelings: &'a Vec<LabelsUniform>,
-    pub palettes: u64,
-}
-
 impl ViewBuffers {
-    pub fn set(&mut self, device: &RenderDevice, queue: &RenderQueue, values: Values) {
+    pub fn set(&mut self, device: &RenderDevice, queue: &RenderQueue, values: &PlanValues) {
         let storage = BufferUsages::STORAGE;
         self.view.set(device, queue, "plenoctree_view", BufferUsages::UNIFORM, &values.view);
-        self.props.set(device, queue, "plenoctree_props", storage, values.props);
+        self.props.set(device, queue, "plenoctree_props", storage, &values.props);
         self.screen.set(device, queue, "plenoctree_screen", BufferUsages::UNIFORM, &values.screen);
-        self.filters.set(device, queue, "plenoctree_filters", storage, values.filters);
-        self.labelings.set(device, queue, "plenoctree_labels", storage, values.labelings);
+        self.filters.set(device, queue, "plenoctree_filters", storage, &values.filters);
+        self.labelings.set(device, queue, "plenoctree_labels", storage, &values.labelings);
         self.palettes = values.palettes;
     }
 

@@ -1,0 +1,48 @@
+//! A view that draws props.
+
+use bevy::{prelude::*, render::render_resource::CachedRenderPipelineId};
+
+use super::{bind_groups::BindGroups, buffers::ViewBuffers, cache::Cache, pass::Pass, textures::Textures};
+#[cfg(feature = "shadows")]
+use crate::render::shades::Shades;
+use crate::{gpu::ViewTooLarge, render::plan::Plan};
+
+/// A view that draws props: the plan of its frame, the passes that follow from it, and what they need.
+#[derive(Component, Default)]
+pub(crate) struct PropView {
+    pub(in crate::render) plan: Plan,
+    /// The passes in the order in which they run, and the pipelines of each: those of its programs, and the one that
+    /// clears what it writes if that may be cached.
+    pub(in crate::render) passes: Vec<(Pass, Vec<CachedRenderPipelineId>)>,
+    /// Whether nothing is left out because a pipeline is not ready.
+    pub(in crate::render) is_complete: bool,
+    pub(in crate::render) textures: Textures,
+    pub(in crate::render) buffers: ViewBuffers,
+    pub(in crate::render) groups: BindGroups,
+    pub(in crate::render) cached: Cache,
+    #[cfg(feature = "shadows")]
+    pub(in crate::render) shades: Shades,
+    /// What determines the memory that it needs, when there was too little.
+    pub(in crate::render) shortage: Option<(ViewTooLarge, usize)>,
+}
+
+impl PropView {
+    /// Returns what there is too little memory for.
+    #[cfg(feature = "headless")]
+    pub fn shortage(&self) -> Option<&ViewTooLarge> {
+        self.shortage.as_ref().map(|(error, _)| error)
+    }
+
+    /// Returns whether nothing is left out because a pipeline is not ready.
+    pub fn is_complete(&self) -> bool {
+        self.is_complete
+    }
+
+    /// Lets the view draw nothing in this frame, and forgets what it drew.
+    pub(in crate::render) fn clear(&mut self) {
+        self.plan = default();
+        self.passes.clear();
+        self.cached = default();
+        self.is_complete = true;
+    }
+}
