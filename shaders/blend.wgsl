@@ -8,10 +8,7 @@
 #endif
 #import bevy_plenoctree::labels::{are_tones, assign, place_of_color, shown_opacity}
 #import bevy_plenoctree::recolor::recolored
-#import bevy_plenoctree::shade::FULL_LIGHT
-#ifdef LIGHTING
-#import bevy_plenoctree::shade::shade_of
-#endif
+#import bevy_plenoctree::shade::shade_of_owner
 #import bevy_plenoctree::target::from_target
 #import bevy_plenoctree::view::{is_drawn, labelings, props, view}
 
@@ -124,14 +121,9 @@ fn around(pixel: vec2<u32>, owners: vec2<u32>) -> Around {
 fn posterized(pixel: vec2<u32>, rays: vec4<f32>, owner: u32, behind: Behind) -> vec4<f32> {
     let composite = rays.rgb + max(1.0 - rays.a, 0.0) * behind.composite;
     let over = select(composite, rays.rgb / max(rays.a, 1e-6), are_tones(owner - 1u));
-    var tint = props[owner - 1u].tint;
-    var light = FULL_LIGHT;
-#ifdef LIGHTING
-    let shade = shade_of(pixel, owner - 1u);
-    tint *= shade.tint;
-    light = shade.light;
-#endif
-    let color = decode(tinted(assign(place_of_color(owner - 1u, over), owner - 1u, light).color, tint));
+    let shade = shade_of_owner(pixel, owner);
+    let label = assign(place_of_color(owner - 1u, over), owner - 1u, shade.light);
+    let color = decode(tinted(label.color, props[owner - 1u].tint * shade.tint));
     let shown = mix(behind.shown, vec4(color, 1.0), shown_opacity(owner - 1u, rays.a));
 #ifdef INK
     let part = ink_at(labels, depth, vec2<i32>(pixel), own_surface(pixel, owner));

@@ -10,20 +10,11 @@ struct Fragment {
 #ifdef FLOAT_1
     @location(1) second: vec4<f32>,
 #endif
-#ifdef UINT_1
-    @location(1) second: vec4<u32>,
-#endif
 #ifdef FLOAT_2
     @location(2) third: vec4<f32>,
 #endif
 #ifdef UINT_2
     @location(2) third: vec4<u32>,
-#endif
-#ifdef FLOAT_3
-    @location(3) fourth: vec4<f32>,
-#endif
-#ifdef UINT_3
-    @location(3) fourth: vec4<u32>,
 #endif
 #ifdef DEPTH
     @builtin(frag_depth) depth: f32,

@@ -29,12 +29,14 @@ struct Fragment {
 fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
     let pixel = vec2<u32>(position.xy);
     let over = textureLoad(layer, pixel, 0);
-    let stored = textureLoad(scene, pixel + view.corner, 0).rgb;
     let prop = owner_of(textureLoad(owner, pixel, 0));
     let posterized = select(prop, screen.view_posterize, prop == 0u);
     // What is behind a prop would give its edges and haze labels that are not its own.
     let is_own = prop > 0u && filters[max(prop, 1u) - 1u].is_of_tones == 1u;
-    let color = select(composited(over, stored), over.rgb / max(over.a, 1e-6), is_own);
+    var color = over.rgb / max(over.a, 1e-6);
+    if !is_own {
+        color = composited(over, textureLoad(scene, pixel + view.corner, 0).rgb);
+    }
 #ifdef UNFILTERED
     return Fragment(pack_filtered(color, posterized));
 #else

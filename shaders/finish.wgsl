@@ -5,10 +5,7 @@
 #ifdef INK
 #import bevy_plenoctree::ink::{ink_at, inked, surface_at}
 #endif
-#import bevy_plenoctree::shade::FULL_LIGHT
-#ifdef LIGHTING
-#import bevy_plenoctree::shade::{lit_prop, shade_of}
-#endif
+#import bevy_plenoctree::shade::shade_of_owner
 #import bevy_plenoctree::target::over_scene
 #import bevy_plenoctree::view::{labelings, props, screen, view}
 
@@ -39,24 +36,16 @@ fn finished(pixel: vec2<u32>) -> vec4<f32> {
     let owner = select(own.y, screen.view_posterize, own.y == 0u);
     let prop = owner - 1u;
     var color = seen.rgb;
-    var tint = props[prop].tint;
     let is_rough = labelings[prop].smooth_borders == 1u && is_at_border(labels, vec2<i32>(pixel), own);
     // Few pixels are. A loop that runs once or never costs nothing where it runs for none of a group of pixels, and some
     // rasterizers compute both sides of branches.
     for (var rough = select(0u, 1u, is_rough); rough > 0u; rough--) {
-        var light = FULL_LIGHT;
-#ifdef LIGHTING
-        let lit = select(owner, lit_prop(pixel), own.y == 0u);
-        if lit > 0u {
-            let shade = shade_of(pixel, lit - 1u);
-            tint *= shade.tint;
-            light = shade.light;
-        }
-#endif
-        color = tinted(bordered(labels, filtered, vec2<i32>(pixel), own, prop, light), tint);
+        let shade = shade_of_owner(pixel, owner);
+        let border = bordered(labels, filtered, vec2<i32>(pixel), own, prop, shade.light);
+        color = tinted(border, props[prop].tint * shade.tint);
         // The label pass has done so with its color.
         let opacity = select(seen.a, 1.0, own.y == 0u);
-        color = over_scene(color, opacity, textureLoad(scene, pixel + view.corner, 0).rgb);
+        color = over_scene(color, opacity, scene, pixel + view.corner);
     }
 #ifdef INK
     let part = ink_at(labels, depth, vec2<i32>(pixel), surface_at(labels, depth, vec2<i32>(pixel)));

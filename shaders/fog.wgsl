@@ -35,11 +35,6 @@ struct Settings {
 @group(1) @binding(6) var coverage: texture_2d<f32>;
 #endif
 
-@vertex
-fn vertex(@builtin(vertex_index) index: u32) -> @builtin(position) vec4<f32> {
-    return vec4(vec2(f32((index << 1u) & 2u), f32(index & 2u)) * 2.0 - 1.0, 0.0, 1.0);
-}
-
 // Returns the depth of the prop in a pixel: where it is solid, or the middle of its haze. At the edge of a prop, that
 // of a neighbor. Returns 0 if there is none.
 fn depth_near(pixel: vec2<i32>) -> f32 {

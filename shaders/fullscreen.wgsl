@@ -1,4 +1,4 @@
-// One triangle that covers the view.
+// One triangle that covers the view. Bind group 0 of passes that read Bevy's LIGHTS has nothing of the plugin.
 
 #import bevy_plenoctree::view::{LEAST_DEPTH, NOWHERE, screen, stale}
 
@@ -23,6 +23,10 @@ fn vertex(@builtin(vertex_index) index: u32, @builtin(instance_index) instance: 
         return Triangle(NOWHERE, instance);
     }
     // Passes that test the props' depth run only where a prop was drawn, or everywhere if the view is posterized.
+#ifdef LIGHTS
+    let depth = LEAST_DEPTH;
+#else
     let depth = select(0.0, LEAST_DEPTH, screen.view_posterize == 0u);
+#endif
     return Triangle(vec4(vec2(f32((index << 1u) & 2u), f32(index & 2u)) * 2.0 - 1.0, depth, 1.0), instance);
 }

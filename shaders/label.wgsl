@@ -14,9 +14,9 @@
 #ifdef STEADY
 #import bevy_plenoctree::steady::{former_labels, steadied}
 #endif
-#import bevy_plenoctree::shade::FULL_LIGHT
+#import bevy_plenoctree::shade::shade_of_owner
 #ifdef LIGHTING
-#import bevy_plenoctree::shade::{lit_prop, shade_of, smooth_shade_of}
+#import bevy_plenoctree::shade::{lit_prop, smooth_shade_of}
 #endif
 #import bevy_plenoctree::view::{props, screen, view}
 
@@ -86,30 +86,19 @@ fn seen_at(pixel: vec2<u32>) -> Seen {
         return as_trained(pixel, over + vec4(shift, 0.0), value.color + shift);
     }
     let is_view = value.owner == screen.view_posterize;
-    var tint = props[value.owner - 1u].tint;
-    var light = FULL_LIGHT;
-#ifdef LIGHTING
-    // In a posterized view, lights fall on props as trained.
-    let lit = select(value.owner, lit_prop(pixel), is_view);
-    if lit > 0u {
-        let shade = shade_of(pixel, lit - 1u);
-        tint *= shade.tint;
-        light = shade.light;
-    }
-#endif
+    let shade = shade_of_owner(pixel, value.owner);
     let place = placed(value.owner - 1u, value);
-    var posterized = assign(place, value.owner - 1u, light);
+    var posterized = assign(place, value.owner - 1u, shade.light);
 #ifdef STEADY
     let at = vec2<f32>(pixel) + 0.5;
     let solid = textureLoad(depth, pixel, 0);
     let former = former_labels(labels_before, depth_before, value.owner - 1u, at, solid);
-    posterized = steadied(posterized, place, value.owner - 1u, light, former);
+    posterized = steadied(posterized, place, value.owner - 1u, shade.light, former);
 #endif
-    let color = tinted(posterized.color, tint);
+    let color = tinted(posterized.color, props[value.owner - 1u].tint * shade.tint);
     let opacity = shown_opacity(value.owner - 1u, over.a);
-    let stored = textureLoad(scene, pixel + view.corner, 0).rgb;
     return Seen(
-        select(over_scene(color, opacity, stored), color, is_view),
+        over_scene(color, select(opacity, 1.0, is_view), scene, pixel + view.corner),
         // A posterized view keeps the opacity of its pixels.
         select(opacity, over.a, is_view),
         2u + posterized.label,

@@ -44,7 +44,7 @@ fn are_tones(prop: u32) -> bool {
     return labelings[prop].first_place != labelings[prop].first_color;
 }
 
-// The opacity from which posterized pixels are opaque.
+// The opacity from which posterized pixels are opaque. Matches `posterize.rs` of the reference.
 const OPAQUE: f32 = 0.9;
 
 // Returns how opaque a posterized prop is where it was trained to have an opacity. Tones are shown over what is behind

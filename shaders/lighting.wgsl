@@ -20,19 +20,13 @@
 #endif
 #import bevy_plenoctree::relief::depth_near
 #import bevy_plenoctree::shade::{LIGHT_ZERO, LIGHT_STEPS, Lit}
-#import bevy_plenoctree::view::{LEAST_DEPTH, View, prop_of}
+#import bevy_plenoctree::view::{View, prop_of}
 
 @group(1) @binding(0) var<storage, read> props: array<Lit>;
 // The part of the viewport that is drawn.
 @group(1) @binding(1) var<uniform> drawn: View;
 @group(1) @binding(2) var depth: texture_depth_2d;
 @group(1) @binding(3) var owner: texture_2d<f32>;
-
-@vertex
-fn vertex(@builtin(vertex_index) index: u32) -> @builtin(position) vec4<f32> {
-    // Where no prop was drawn, the depth test fails.
-    return vec4(vec2(f32((index << 1u) & 2u), f32(index & 2u)) * 2.0 - 1.0, LEAST_DEPTH, 1.0);
-}
 
 // The margin around its box within which a prop casts no shadow on itself, relative to the box.
 const MARGIN: f32 = 0.02;

@@ -1,9 +1,8 @@
-// Applies the scene's lights and shadows to the color of a pixel. Uses bind group 2 of the label pass and of the blend
-// pass.
+// Applies the scene's lights and shadows to the color of a pixel. Uses bind group 2 of the passes that show labels.
 #define_import_path bevy_plenoctree::shade
 
 #import bevy_plenoctree::edge::neighbor
-#import bevy_plenoctree::view::prop_of
+#import bevy_plenoctree::view::{prop_of, screen}
 
 // The settings of a prop that lights fall on.
 struct Lit {
@@ -106,6 +105,18 @@ fn shade_of(pixel: vec2<u32>, prop: u32) -> Shade {
     let low = floor(scaled + LEAST_SHARE);
     let share = select(0.0, scaled - low, scaled - low > LEAST_SHARE);
     return Shade(Light(prop, i32(low), share), tint_of(prop, arrives));
+}
+
+// Returns the effect of lights on the posterized owner of a pixel, 1 + its index. Where that is the view, lights fall on
+// props as trained.
+fn shade_of_owner(pixel: vec2<u32>, owner: u32) -> Shade {
+#ifdef LIGHTING
+    let prop = select(owner, lit_prop(pixel), owner == screen.view_posterize);
+    if prop > 0u {
+        return shade_of(pixel, prop - 1u);
+    }
+#endif
+    return Shade(FULL_LIGHT, vec3(1.0));
 }
 
 // Returns the factors of linear light of a prop in a pixel that is not posterized.

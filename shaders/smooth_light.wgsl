@@ -3,7 +3,7 @@
 
 #import bevy_plenoctree::relief::{MOST_STEEP, center_at, depth_near, distance_behind}
 #import bevy_plenoctree::shade::{LIGHT_STEPS, LIGHT_ZERO, Lit}
-#import bevy_plenoctree::view::{LEAST_DEPTH, View, is_solid, owner_of, prop_of}
+#import bevy_plenoctree::view::{View, is_solid, owner_of, prop_of}
 
 @group(1) @binding(0) var<storage, read> props: array<Lit>;
 // The part of the viewport that is drawn.
@@ -12,12 +12,6 @@
 @group(1) @binding(3) var owner: texture_2d<f32>;
 // The result of the lighting pass.
 @group(1) @binding(4) var light: texture_2d<f32>;
-
-@vertex
-fn vertex(@builtin(vertex_index) index: u32) -> @builtin(position) vec4<f32> {
-    // Where no prop was drawn, the depth test fails.
-    return vec4(vec2(f32((index << 1u) & 2u), f32(index & 2u)) * 2.0 - 1.0, LEAST_DEPTH, 1.0);
-}
 
 // The pixels of the disk besides the center: as many as its radius has pixels, within these bounds. And the cosine and
 // the sine of the angle between two of them, the golden one: no two are in line.

@@ -16,9 +16,12 @@ fn composited(over: vec4<f32>, stored: vec3<f32>) -> vec3<f32> {
     return over.rgb + (1.0 - over.a) * from_target(stored);
 }
 
-// Returns a color over the scene. All are in encoded sRGB, but for the target's `stored` color.
-fn over_scene(color: vec3<f32>, opacity: f32, stored: vec3<f32>) -> vec3<f32> {
-    return select(mix(from_target(stored), color, opacity), color, opacity == 1.0);
+// Returns a color over a pixel of the scene, in encoded sRGB.
+fn over_scene(color: vec3<f32>, opacity: f32, scene: texture_2d<f32>, pixel: vec2<u32>) -> vec3<f32> {
+    if opacity == 1.0 {
+        return color;
+    }
+    return mix(from_target(textureLoad(scene, pixel, 0).rgb), color, opacity);
 }
 
 fn to_target(color: vec3<f32>) -> vec3<f32> {

@@ -58,7 +58,6 @@ impl Shaders {
             "objects",
             "octree",
             "outline",
-            "owners",
             "present",
             "prop_ray",
             "radiance",

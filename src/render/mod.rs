@@ -12,6 +12,8 @@
 //!
 //! `shadow` draws the props into the shadow maps of lights, before the main pass (feature `shadows`).
 
+#![cfg_attr(not(feature = "shadows"), allow(dead_code, reason = "lights and fog need it"))]
+
 mod extract;
 mod frame;
 mod order;

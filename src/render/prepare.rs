@@ -94,11 +94,7 @@ fn write_palettes(
     if extracted.props.is_empty() && extracted.colors.is_empty() {
         return;
     }
-    if extracted.colors.is_empty() {
-        palettes.0.set(&device, &queue, "plenoctree_palettes", BufferUsages::STORAGE, &vec![Vec4::ZERO]);
-    } else {
-        palettes.0.set(&device, &queue, "plenoctree_palettes", BufferUsages::STORAGE, &extracted.colors);
-    }
+    palettes.0.set(&device, &queue, "plenoctree_palettes", BufferUsages::STORAGE, &extracted.colors);
 }
 
 type View = (

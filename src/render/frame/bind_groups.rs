@@ -5,9 +5,7 @@ use std::num::NonZero;
 use bevy::{
     platform::collections::HashMap,
     render::{
-        render_resource::{
-            BindGroup, BindGroupEntry, BindGroupLayoutDescriptor, BindingResource, Buffer, PipelineCache, TextureView,
-        },
+        render_resource::{BindGroup, BindGroupEntry, BindGroupLayoutDescriptor, BindingResource, PipelineCache},
         renderer::RenderDevice,
     },
 };
@@ -68,14 +66,4 @@ impl BindGroups {
         *idle = 0;
         group.clone()
     }
-}
-
-/// Returns what binds a texture.
-pub(in crate::render) fn bound(view: &TextureView) -> BindingResource<'_> {
-    BindingResource::TextureView(view)
-}
-
-/// Returns what binds a whole buffer.
-pub(in crate::render) fn bound_buffer(buffer: &Buffer) -> BindingResource<'_> {
-    buffer.as_entire_binding()
 }

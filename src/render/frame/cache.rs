@@ -15,7 +15,7 @@ use bevy::{
     prelude::*,
     render::{
         render_resource::{
-            BindGroupLayoutDescriptor, BindGroupLayoutEntries, Buffer, BufferDescriptor, BufferUsages,
+            BindGroupLayoutDescriptor, BindGroupLayoutEntries, BindingResource, Buffer, BufferDescriptor, BufferUsages,
             CachedComputePipelineId, CachedRenderPipelineId, ComputePassDescriptor, ComputePipelineDescriptor,
             PipelineCache, ShaderStages, TextureSampleType, TextureView,
             binding_types::{
@@ -27,7 +27,7 @@ use bevy::{
 };
 
 use super::{
-    bind_groups::{BindGroups, bound, bound_buffer},
+    bind_groups::BindGroups,
     buffers::ViewBuffers,
     pass::{Input, Output, Part, Pass, StaleUniform, Uniforms},
     slot::{self, Slot},
@@ -171,7 +171,12 @@ impl Cache {
         };
         if let (Some(words), Some(pipeline)) = (words, pipeline) {
             let device = ctx.render_device().clone();
-            let group = groups.get(&device, cache, layout, &[view, stale, bound_buffer(words), bound(scene)]);
+            let group = groups.get(
+                &device,
+                cache,
+                layout,
+                &[view, stale, words.as_entire_binding(), BindingResource::TextureView(scene)],
+            );
             let encoder = ctx.command_encoder();
             let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor { label: Some(COMPARE), ..default() });
             pass.set_pipeline(pipeline);

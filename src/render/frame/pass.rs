@@ -140,7 +140,6 @@ pub(in crate::render) enum Output {
 pub(in crate::render) enum Clear {
     Zero,
     /// White, with an alpha of 0.
-    #[cfg_attr(not(feature = "shadows"), allow(dead_code, reason = "only lights need it"))]
     White,
     NegativeAlpha,
 }

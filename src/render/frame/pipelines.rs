@@ -181,6 +181,7 @@ impl Pipelines {
         }
         let mut vertex_definitions = definitions.clone();
         vertex_definitions.extend(key.cached.map(Into::into));
+        vertex_definitions.extend(program.lights.then(|| "LIGHTS".into()));
         let blends = program.blends.iter().chain(std::iter::repeat(&Blend::Replace));
         let targets = key.targets.iter().zip(blends).map(|(format, blend)| {
             let (blend, write_mask) = match blend {

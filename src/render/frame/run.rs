@@ -16,7 +16,6 @@ use bevy::{
 
 use super::view::PropView;
 use super::{
-    bind_groups::{bound, bound_buffer},
     buffers::PaletteBuffer,
     cache::{Cache, Comparison, light},
     pass::{Area, Clear, Input, Output, Part, Pass, Place},
@@ -176,13 +175,15 @@ fn draw(
         .iter()
         .map(|inputs| {
             let resource = |input: &Input| match input {
-                Input::Texture(slot) => textures.get(*slot).map(bound),
-                Input::Scene => Some(bound(frame.target.main_texture_view())),
+                Input::Texture(slot) => textures.get(*slot).map(|view| BindingResource::TextureView(view)),
+                Input::Scene => Some(BindingResource::TextureView(frame.target.main_texture_view())),
                 Input::Buffer(Buffer::View) => buffers.view.binding(),
                 Input::Buffer(Buffer::Lit) => buffers.lit.binding(),
                 Input::Buffer(Buffer::Shades) => buffers.shades.binding(),
                 Input::Buffer(Buffer::Fog) => buffers.fog.binding(),
-                Input::Buffer(buffer) | Input::WrittenBuffer(buffer) => textures.buffer_of(*buffer).map(bound_buffer),
+                Input::Buffer(buffer) | Input::WrittenBuffer(buffer) => {
+                    textures.buffer_of(*buffer).map(|buffer| buffer.as_entire_binding())
+                }
             };
             let resources: Option<Vec<_>> = inputs.iter().map(resource).collect();
             let layout = frame.pipelines.inputs_layout(pass.name, inputs);
@@ -197,10 +198,10 @@ fn draw(
                 return Some(frame.lights.map(|lights| lights.group.clone()));
             }
             let mut resources: Vec<BindingResource> = buffers.bindings(frame.palettes)?;
-            resources.extend(program.scene_depth.map(|_| bound(frame.depth.view())));
+            resources.extend(program.scene_depth.map(|_| BindingResource::TextureView(frame.depth.view())));
             if program.batches {
                 let batches = [Buffer::BatchCounts, Buffer::BatchGaps].map(|buffer| textures.buffer_of(buffer));
-                resources.extend(batches.into_iter().flatten().map(bound_buffer));
+                resources.extend(batches.into_iter().flatten().map(|buffer| buffer.as_entire_binding()));
             }
             Some(Some(groups.get(device, cache, &frame.pipelines.view_layout(program), &resources)))
         })
@@ -214,26 +215,9 @@ fn draw(
             URect { min: corner, max: corner + plan.rect.size }
         }
     };
-    record(pass, ids, ctx, cache, &colors, depth, &of_inputs, &of_view, frame.lights, area, may_keep)
-}
-
-/// Records a pass.
-fn record(
-    pass: &Pass,
-    ids: &[CachedRenderPipelineId],
-    ctx: &mut RenderContext,
-    cache: &PipelineCache,
-    colors: &[Option<RenderPassColorAttachment>],
-    depth: Option<RenderPassDepthStencilAttachment>,
-    of_inputs: &[BindGroup],
-    of_view: &[Option<BindGroup>],
-    lights: Option<&Lights>,
-    area: URect,
-    may_keep: bool,
-) -> Option<()> {
     let mut recorded = ctx.begin_tracked_render_pass(RenderPassDescriptor {
         label: Some(pass.name),
-        color_attachments: colors,
+        color_attachments: &colors,
         depth_stencil_attachment: depth,
         ..default()
     });
@@ -259,7 +243,7 @@ fn record(
             continue;
         };
         recorded.set_render_pipeline(cache.get_render_pipeline(*ids.get(draw.program)?)?);
-        let offsets = lights.filter(|_| program.lights).map_or(&[][..], |lights| &lights.offsets);
+        let offsets = frame.lights.filter(|_| program.lights).map_or(&[][..], |lights| &lights.offsets);
         recorded.set_bind_group(0, of_view, offsets);
         let mut next = 1;
         if let Some(field) = &draw.field {
@@ -267,7 +251,7 @@ fn record(
             next = 2;
         }
         if program.reads {
-            for (index, group) in (next..).zip(of_inputs) {
+            for (index, group) in (next..).zip(&of_inputs) {
                 recorded.set_bind_group(index, group, &[]);
             }
         }

@@ -120,14 +120,12 @@ impl Slot {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(in crate::render) enum Buffer {
     /// The uniform of the view.
-    #[cfg_attr(not(feature = "shadows"), allow(dead_code, reason = "only lights need it"))]
     View,
     /// How lights fall on each prop.
     Lit,
     /// The color that each label shows in each band of light.
     Shades,
     /// The camera's fog.
-    #[cfg_attr(not(feature = "shadows"), allow(dead_code, reason = "only `bevy_pbr` has fog"))]
     Fog,
     /// The number of gaps in each batch.
     BatchCounts,

@@ -13,7 +13,7 @@ use super::volume::index_of;
 use crate::{
     gpu::field_definitions,
     render::{
-        frame::{Blend, Clear, Draw, Input, Output, Part, Pass, Place, Program, Rays, Slot, Uniforms},
+        frame::{Blend, Draw, Input, Output, Part, Pass, Place, Program, Rays, Slot, Uniforms},
         plan::{Feature, Plan},
         uniforms::Smooths,
     },
@@ -51,7 +51,6 @@ pub(super) fn outline(plan: &Plan) -> Option<Pass> {
         uses: &[Uniforms::View, Uniforms::Props],
         writes: [Slot::Outline].iter().chain(rays).map(|slot| Some(Output::Texture(*slot))).collect(),
         depth: Some(Output::Texture(Slot::EdgeMask)),
-        clear: Some(Clear::Zero),
         ..Pass::fullscreen(OUTLINE, Place::Layer, Some(Part::Layer), program.depth_test(CompareFunction::Always, true))
     })
 }

@@ -28,7 +28,7 @@ pub(super) const FOG: &str = "plenoctree_fog";
 
 /// Fades what is shown of props into the fog.
 pub(super) fn fog(plan: &Plan) -> Option<Pass> {
-    let program = Program { vertex: "fog", lights: true, ..Program::new("fog") };
+    let program = Program { lights: true, ..Program::new("fog") };
     let program = program.define(shadow_filter(plan)).define_all(space(plan.target.space));
     let program = program.define_if(plan.smooths, "SMOOTH");
     let edges = if plan.smooths { &[Slot::Outline, Slot::Coverage][..] } else { &[] };

@@ -47,7 +47,7 @@ pub(super) const SMOOTH_LIGHT: &str = "plenoctree_smooth_light";
 /// Finds the light that reaches props.
 pub(super) fn lighting(plan: &Plan) -> Option<Pass> {
     let program = |(lamps, filter)| {
-        let program = Program { vertex: "lighting", lights: true, ..Program::new("lighting") };
+        let program = Program { lights: true, ..Program::new("lighting") };
         let program = program.define(filter).define_if(lamps, "LAMPS");
         program.define_if(plan.is_brightened, "BRIGHTNESS").where_props_are()
     };
@@ -71,7 +71,7 @@ pub(super) fn lighting(plan: &Plan) -> Option<Pass> {
 
 /// Smooths this light, if it makes props brighter.
 pub(super) fn smooth_light(plan: &Plan) -> Option<Pass> {
-    let program = Program { vertex: "smooth_light", lights: true, ..Program::new("smooth_light") };
+    let program = Program { lights: true, ..Program::new("smooth_light") };
     let textures = [Slot::Depth(Rays::Pixels), Slot::Owner(Rays::Pixels), Slot::Light].map(Input::Texture);
     plan.is_brightened.then(|| Pass {
         feature: Feature::Lighting,

@@ -10,7 +10,7 @@ use bevy::render::render_resource::CompareFunction;
 
 use super::volume::layer;
 use crate::render::{
-    frame::{Area, Buffer, Clear, Input, Output, Part, Pass, Place, Program, Rays, Slot, Uniforms},
+    frame::{Area, Buffer, Input, Output, Part, Pass, Place, Program, Rays, Slot, Uniforms},
     plan::{Feature, Plan},
 };
 
@@ -27,7 +27,6 @@ pub(super) fn check(plan: &Plan) -> Pass {
         reads: vec![textures.into_iter().chain(buffers).collect()],
         uses: &[Uniforms::View],
         writes: vec![Some(Output::Texture(Slot::Gaps))],
-        clear: Some(Clear::Zero),
         zeroes: Some(Buffer::BatchCounts),
         area: Area::Grid,
         ..Pass::fullscreen(CHECK, Place::Layer, Some(Part::Layer), program)
@@ -50,7 +49,6 @@ pub(super) fn fill(plan: &Plan) -> Pass {
         uses: &[Uniforms::View],
         writes: layer(plan, Rays::Pixels),
         depth: Some(Output::Texture(Slot::Depth(Rays::Pixels))),
-        clear: Some(Clear::Zero),
         ..Pass::fullscreen(FILL, Place::Layer, Some(Part::Layer), program.depth_test(CompareFunction::Always, true))
     }
 }

@@ -49,13 +49,10 @@ pub(in crate::render) struct Plan {
     /// Whether lights make any prop brighter.
     pub is_brightened: bool,
     /// Whether there are point or spot lights.
-    #[cfg_attr(not(feature = "shadows"), allow(dead_code, reason = "only lights need it"))]
     pub has_lamps: bool,
     /// Whether all light on props is smoothed afterward, and with it the edges of shadows.
-    #[cfg_attr(not(feature = "shadows"), allow(dead_code, reason = "only lights need it"))]
     pub smooths_all_light: bool,
     /// Whether the scene's shadows have hard edges.
-    #[cfg_attr(not(feature = "shadows"), allow(dead_code, reason = "only lights need it"))]
     pub has_hard_shadows: bool,
     /// Whether any edge is smooth.
     pub smooths: bool,
@@ -111,7 +108,6 @@ pub(in crate::render) struct PlannedProp {
     /// The prop's entity in the main world.
     pub entity: Entity,
     /// Its index in `ExtractedProps::props`.
-    #[cfg_attr(not(feature = "shadows"), allow(dead_code, reason = "only lights need it"))]
     pub index: usize,
     /// Bind group 1 of passes that march through it.
     pub field: BindGroup,
