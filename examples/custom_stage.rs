@@ -16,7 +16,7 @@ fn main() {
 }
 
 pub fn setup(mut commands: Commands, assets: Res<AssetServer>, mut shaders: ResMut<Assets<Shader>>) {
-    commands.spawn((Prop(assets.load("toadstool.plenoctree")), Posterize { softness: 0.0, ..default() }));
+    commands.spawn((Prop(assets.load("toadstool.plenoctree")), Posterize::default()));
     // The shader could also be loaded from a file.
     let ink = shaders.add(Shader::from_wgsl(INK, "ink.wgsl"));
     commands.spawn((

@@ -1,7 +1,6 @@
 //! Posterizes a prop that stands among ordinary meshes.
 //!
-//! The plugin extracts the palette while the app runs: on the GPU, or in the background on the CPU. If there were a
-//! file
+//! The plugin extracts the palette while the app runs: on the GPU, or in the background on the CPU. If there were a file
 //! `toadstool.palette.json` next to the field, it would be loaded instead.
 //!
 //! ```sh
@@ -25,7 +24,7 @@ pub fn setup(
     mut meshes: ResMut<Assets<Mesh>>,
     mut materials: ResMut<Assets<StandardMaterial>>,
 ) {
-    // Labels blend into one another a little. By default, the borders between them are hard.
+    // Labels blend into one another a little. By default, they do not.
     let posterize = Posterize { softness: 0.1, ..default() };
     commands.spawn((Prop(assets.load("toadstool.plenoctree")), posterize));
 

@@ -9,9 +9,10 @@ use bevy::{ecs::VariantDefaults, prelude::*};
 /// trained has no lines.
 ///
 /// Lines are smooth, and lie on the nearer side of an edge: a silhouette is drawn on the prop, and the line between two
-/// props on the one in front. They are as wide as `width` says where the prop is, but never wider than `max_pixels`, nor
-/// narrower than a pixel. Lines that would be narrower than half a pixel fade instead, so that distant props do not turn
-/// black. They are thinner where what is between them is thin, so that small windows keep their color. Ink changes colors only: depth, labels and picking stay as they are.
+/// props on the one in front. A line is `width` wide at the prop's distance, but at least a pixel and at most
+/// `max_pixels`. Lines that would be narrower than half a pixel fade, so that distant props do not turn black. Between
+/// lines that are close to each other, such as those around a small window, the lines get thinner. Ink only changes
+/// colors: depth, labels and picking stay as they are.
 ///
 /// ```
 /// # use bevy::prelude::*;
@@ -76,7 +77,7 @@ impl Default for InkColor {
     }
 }
 
-/// The borders between labels that [`Ink`] draws lines along. These lines are half as wide on either side.
+/// The borders between labels that [`Ink`] draws lines along. Half of the width lies on each side of the border.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Reflect, VariantDefaults)]
 #[reflect(Default, Clone, Debug, PartialEq)]
 #[type_path = "bevy_plenoctree"]

@@ -27,11 +27,12 @@
 //! | to | use |
 //! |---|---|
 //! | draw a field | [`Prop`], [`SolidOpacity`] |
-//! | place it in Blender, or in another scene of text | [`PropPath`] |
+//! | reference a field by its path, in glTF extras (Blender) or text scenes | [`PropPath`] |
 //! | know whether it is drawn | [`PropState`], [`PropProgress`], [`props_progress`], [`props_ready`], [`FieldReady`], [`FieldFailed`], [`PaletteFailed`], [`ViewFailed`] |
 //! | limit the time per frame that arriving fields take | [`UploadBudget`] |
 //! | survive the loss of the GPU device | [`DeviceRecoveryPlugin`] |
 //! | posterize it | [`Posterize`] on the prop, or [`PosterizeView`] on a camera to posterize everything in view |
+//! | draw lines | [`Ink`] on the prop, or on a camera |
 //! | keep its silhouette hard | [`EdgeSmoothing`], in its [`Posterize`] |
 //! | recolor it as trained | [`Recolor`] on the prop |
 //! | recolor it | [`Palettes`], [`PaletteOverride`], [`PropTint`], [`BlendSpace`], [`PaletteReady`] |
@@ -190,6 +191,8 @@ mod documentation {
     struct Light;
     #[doc = include_str!("../docs/guide/load.md")]
     struct Load;
+    #[doc = include_str!("../docs/guide/looks.md")]
+    struct Looks;
     #[doc = include_str!("../docs/guide/place.md")]
     struct Place;
     #[doc = include_str!("../docs/guide/recolor.md")]

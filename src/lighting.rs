@@ -66,14 +66,14 @@ pub struct PropLighting {
     /// Defaults to [`f32::MAX`]: the prop casts no shadow on itself. Clamped to 0..=[`f32::MAX`], because JSON has no
     /// infinity.
     pub self_shadow_distance: f32,
-    /// The share of its own linear light that a prop gains where the scene's lights fall on it: 1 makes it twice as
-    /// bright in full light, where a white mesh would look white. Where the lights make a white mesh half as bright as
-    /// the camera shows, it gains 0.4 of that, and so on: `1 - exp(-light)`.
+    /// The share of its own linear light that a prop gains in the brightest light. Where the scene's lights make a white
+    /// mesh `light` times as bright as white, it gains `1 - exp(-light)` of this share: 0.63 of it where a white mesh
+    /// looks just white, and 0.4 in half of that light.
     ///
     /// Counts directional, point and spot lights with their shadows and their range, by the angle at which their light
     /// falls on the prop, and ambient light. It does not count environment maps. Point and spot lights only add: where
-    /// they are blocked, the prop is as without them. Of directional lights, what is missing is subtracted from what is
-    /// added. The surface is smoothed over 3% of the prop's size, so that steps end at smooth lines
+    /// they are blocked, the prop is as without them. Directional light that is blocked is subtracted from
+    /// the added light. The surface is smoothed over at least 3% of the prop's size, so that steps end at smooth lines
     /// although it consists of cells. Smaller parts are lit like what is around them.
     ///
     /// The light of a lamp comes on top of what the prop was trained with. To make it dark where no lamp shines, dim it

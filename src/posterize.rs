@@ -15,8 +15,9 @@ pub const MAX_FILTER_RADIUS: u32 = 6;
 /// Posterizes a [`Prop`](crate::Prop): filters its pixels and replaces their colors by labels, as described in section
 /// 4 of the method.
 ///
-/// Labels of [tones](crate::PaletteMethod::Tones), the default, do not depend on what is behind the prop, and let as much
-/// of it through as the field does. Others are opaque, and are those of the prop over what is behind it, as in the paper.
+/// With [tones](crate::PaletteMethod::Tones), the default, labels do not depend on what is behind the prop, and the prop
+/// stays as transparent as the field. With other palettes, posterized pixels are opaque, and the background affects their
+/// label, as in the paper.
 ///
 /// Uses the palette of the prop's field in [`Palettes`](crate::Palettes). If the field has none, one is loaded or
 /// extracted; [`before_palette`](Self::before_palette) sets what is drawn until it is ready. Add a
@@ -61,10 +62,9 @@ pub struct Posterize {
     ///
     /// Defaults to [`BorderSmoothing::Interpolated`].
     pub borders: BorderSmoothing,
-    /// How much nearer another label must be before a pixel changes its label while the prop or the camera moves: in
-    /// encoded sRGB, or in [tone space](plenoctree::palette::tone_space) for palettes of
-    /// [tones](crate::PaletteMethod::Tones). Otherwise, labels of noisy colors
-    /// flicker. 0 assigns the labels of every frame anew.
+    /// Suppresses flicker: how much nearer another label must be before a pixel changes its label while the prop or the
+    /// camera moves. In encoded sRGB, or in [tone space](plenoctree::palette::tone_space) for palettes of
+    /// [tones](crate::PaletteMethod::Tones). 0 assigns the labels of every frame anew.
     ///
     /// Where nothing moves, every pixel has the nearest label. Only hard labels are kept ([`softness`](Self::softness)
     /// 0), where the prop is [solid](crate::SolidOpacity), and only in views whose
@@ -177,9 +177,9 @@ impl Posterize {
         Self { softness: 0.12, ..Self::toon() }
     }
 
-    /// Returns the look of the paper, with which the accuracy of this crate is measured: the labels are the corners of
-    /// the colors' [hull](PaletteMethod::Hull) and their blends, and blend into one another, as section 4 of the method
-    /// specifies. The silhouette is smooth, which the paper's is not: see [`EdgeSmoothing`].
+    /// Returns the look of the paper, with which the accuracy of this crate is measured: labels are the colors of
+    /// a [hull](PaletteMethod::Hull) and blends of them, with soft transitions, as section 4 of the method specifies. The silhouette is smooth, which the paper's is not: see [`EdgeSmoothing`]. The field gets such a palette
+    /// only if it has none yet.
     pub fn paper() -> Self {
         Self {
             softness: 0.2,

@@ -3,7 +3,7 @@
 #[cfg(feature = "shadows")]
 pub use crate::PropLighting;
 pub use crate::{
-    BlendSpace, FieldPalette, PaletteOverride, PaletteReady, Palettes, PlenOctree, PlenOctreePlugin, Posterize,
+    BlendSpace, FieldPalette, Ink, PaletteOverride, PaletteReady, Palettes, PlenOctree, PlenOctreePlugin, Posterize,
     PosterizeView, Prop, PropHit, PropPath, PropPlacement, PropProgress, PropQuality, PropRayCast, PropState, PropTint,
     Recolor, props_progress, props_ready,
 };

@@ -4,12 +4,12 @@ use bevy::prelude::*;
 
 use crate::posterize::{BeforePalette, Posterize};
 
-/// Recolors a [`Prop`](crate::Prop) without posterizing it: it is drawn as trained, but where its palette has changed, its
-/// colors change as much, so that a photographed helmet gets a team color and stays a photograph.
+/// Recolors a [`Prop`](crate::Prop) without posterizing it. The prop keeps its trained shading and texture, but its colors
+/// follow changes of the palette: a photographed helmet takes on a team color and still looks like a photograph.
 ///
-/// Every color belongs to palette colors by degrees, and moves in Oklab as those do (section 4 of the method, step 9). So
-/// textures stay, there is no seam between two ramps, and colors that belong only to palette colors that have not changed
-/// stay as they are, bit for bit.
+/// Each color is a weighted mix of nearby palette colors, and moves in Oklab as they do (section 4 of the method, step 9).
+/// So textures stay, there are no seams between ramps, and colors near which nothing has changed stay as they are, bit for
+/// bit.
 ///
 /// Uses the palette of the prop's field in [`Palettes`](crate::Palettes), with the
 /// [`PaletteOverride`](crate::PaletteOverride) of the entity. If the field has no palette, one is loaded or extracted, as

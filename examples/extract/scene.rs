@@ -19,7 +19,7 @@ pub fn build(app: &mut App) {
 }
 
 fn set_up(mut commands: Commands, mut extraction: ResMut<PaletteExtraction>, mut gizmos: ResMut<GizmoConfigStore>) {
-    // Adapters that are emulated in software do not sample by default.
+    // Software adapters sample on the CPU by default.
     extraction.sampler = PaletteSampler::Gpu;
     gizmos.config_mut::<DefaultGizmoConfigGroup>().0.line.width = 24.0;
     let place = Transform::from_xyz(0.0, 0.3, 5.0).looking_at(Vec3::new(0.0, -0.1, 0.0), Vec3::Y);

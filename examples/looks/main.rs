@@ -26,7 +26,7 @@ struct Arguments {
 /// The distance between two props.
 const STEP: f32 = 2.1;
 
-/// The field again, as another asset. Fields have one palette each, and the paper's is not the one of the other looks.
+/// A copy of the field: each field has one palette, and the paper's look needs its own.
 #[derive(Resource)]
 struct Again {
     field: Handle<PlenOctree>,

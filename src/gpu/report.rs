@@ -38,7 +38,7 @@ pub struct FieldFailed {
 }
 
 /// A message written in [`PreUpdate`] when the GPU has too little memory for the textures that a camera needs to draw
-/// props: about 24 bytes for each pixel of the part that they cover, or 100 if anything is posterized, depending on its
+/// props: about 24 bytes for each pixel of the part that they cover, or 120 if anything is posterized, depending on its
 /// settings and on what it sees.
 ///
 /// The camera draws no props then. It tries again every two seconds, and when its size, its

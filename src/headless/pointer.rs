@@ -10,7 +10,7 @@ use super::{Headless, HeadlessError};
 
 impl Headless {
     /// Moves the mouse pointer to `position`, in pixels of the target from its upper left corner, and runs one frame, in
-    /// which no camera draws. Observers of what is there have been called when it returns: of
+    /// which no camera draws. By the time it returns, observers of what is there have run: of
     /// [`Pointer<Over>`](Over) and [`Pointer<Move>`](Move), for example.
     ///
     /// Pointers hit what the last frame showed, so run a frame after spawning or moving something. Props are hit if the

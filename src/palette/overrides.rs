@@ -116,8 +116,8 @@ impl PaletteOverride {
         }
     }
 
-    /// Shows the ramp of this name in another color: a team color in one line. Its mean becomes the color, and light and
-    /// dark stay as far apart. Replaces an earlier adjustment of the same ramp.
+    /// Shows the ramp of this name in another color: a team color in one line. Its mean becomes the color, and its
+    /// contrast is kept. Replaces an earlier adjustment of the same ramp.
     ///
     /// It has no effect while the field has no palette. If the palette has no such ramp, a warning is logged (once per
     /// app). Colors that are overridden by themselves keep their color.
@@ -147,12 +147,12 @@ impl PaletteOverride {
     ///
     /// Returns an error that says which wishes cannot be met. The colors then come as near to all of them as possible.
     pub fn recolor(&mut self, palette: &FieldPalette, wishes: &[Wish], locked: &[usize]) -> Result<(), UnmetWishes> {
-        let palette = palette.palette();
-        let (colors, result) = match palette.recolored(wishes, locked) {
+        let before: Vec<_> = palette.shown().iter().map(|color| encoded(*color)).collect();
+        let (colors, result) = match palette.palette().recolored(&before, wishes, locked) {
             Ok(colors) => (colors, Ok(())),
             Err(unmet) => (unmet.nearest.clone(), Err(unmet)),
         };
-        for (index, color) in colors.iter().enumerate().filter(|(index, color)| **color != palette.colors[*index]) {
+        for (index, color) in colors.iter().enumerate().filter(|(index, color)| **color != before[*index]) {
             self.set(index, decoded(color));
         }
         result

@@ -62,9 +62,9 @@ pub struct Palettes {
 
 /// The palette of one field.
 ///
-/// It has two sets of colors of the same size. The *source* colors decide which pixels get which label, and never
-/// change. The *shown* colors appear on screen in their place, and are yours to change. Colors are indexed from 0, the
-/// heaviest first.
+/// It has two sets of colors of the same size. The *source* colors decide which pixels get which label, and recoloring
+/// never changes them. The *shown* colors appear on screen in their place, and are yours to change. Colors are indexed
+/// from 0, the heaviest first.
 ///
 /// The color on screen is the last of these that exists:
 ///
@@ -215,7 +215,7 @@ impl FieldPalette {
         self.palette.ramp_color(ramp).as_ref().map(decoded)
     }
 
-    /// Shows a ramp in another color: its mean becomes the color, and light and dark stay as far apart. Replaces what
+    /// Shows a ramp in another color: its mean becomes the color, and its contrast is kept. Replaces what
     /// was done to its shown colors before. If there is no such ramp, changes nothing, logs a warning (once per app),
     /// and returns false.
     ///
@@ -251,23 +251,25 @@ impl FieldPalette {
     }
 
     /// Moves ramps so that labels get given colors, as exactly as wished: those of a [`PropHit`](crate::PropHit), for
-    /// example. Ramps in `locked`, and those without a wish, show their source colors.
+    /// example. Ramps in `locked`, and those without a wish, keep what they show.
     ///
     /// Returns an error that says which wishes cannot be met. The shown colors then come as near to all of them as
     /// possible.
     pub fn recolor(&mut self, wishes: &[Wish], locked: &[usize]) -> Result<(), UnmetWishes> {
-        let (colors, result) = match self.palette.recolored(wishes, locked) {
+        let before: Vec<_> = self.shown.iter().map(|color| encoded(*color)).collect();
+        let (colors, result) = match self.palette.recolored(&before, wishes, locked) {
             Ok(colors) => (colors, Ok(())),
             Err(unmet) => (unmet.nearest.clone(), Err(unmet)),
         };
-        self.show(colors.iter().map(decoded));
+        let shown = self.shown.iter_mut().zip(colors.iter().zip(&before));
+        shown.filter(|(_, (color, before))| color != before).for_each(|(shown, (color, _))| *shown = decoded(color));
         result
     }
 
     /// Changes the ramps: renames, merges or splits them, or moves tones from one to another, with the methods of
     /// [`Palette`]. Changes neither source colors nor shown colors.
     ///
-    /// Returns an error, and changes nothing, if the ramps do not fit the palette afterwards.
+    /// Returns an error, and changes nothing, if the ramps do not fit the palette afterward.
     ///
     /// ```
     /// # use bevy_plenoctree::{FieldPalette, Palette};

@@ -47,7 +47,7 @@ fn sliders(ui: &mut egui::Ui, settings: &mut Posterize) -> bool {
     let labels = egui::Grid::new("labels").num_columns(2).show(ui, |ui| {
         let hint = "Steps from one palette color to another; 1 disables blends";
         let steps = row(ui, "Blend steps", hint, egui::Slider::new(blend_steps, 1..=MAX_BLEND_STEPS));
-        let hint = "Distance in RGB over which neighboring labels blend; 0 is a hard edge";
+        let hint = "Distance in color over which neighboring labels blend; 0 is a hard edge";
         let softness = row(ui, "Softness", hint, egui::Slider::new(softness, 0.0..=0.4));
         let hint = "Pixels below this opacity are drawn as trained";
         let opacity = row(ui, "Min. opacity", hint, egui::Slider::new(min_opacity, 0.0..=1.0));

@@ -234,8 +234,13 @@ fn wishes_come_true_on_fields_and_entities() {
         shown.enumerate().map(|(index, color)| (index < 3).then_some(color)).collect::<Vec<_>>()
     });
     let red = palette.ramp("red").unwrap();
-    assert!(palette.recolor(&wishes, &[red]).is_err());
-    assert!(palette.source().eq(palette.shown().iter().copied()));
+    // A locked ramp keeps what it shows, and so does one that only other wishes move.
+    let before = palette.shown().to_vec();
+    assert!(palette.recolor(&[Wish::tone(0, [0.9, 0.9, 0.1])], &[red]).is_err());
+    assert_eq!(palette.shown(), before);
+    palette.recolor(&[Wish::tone(3, [0.1, 0.5, 0.2])], &[]).unwrap();
+    assert_eq!(palette.shown()[..3], before[..3]);
+    assert_eq!(palette.shown()[3], Color::srgb(0.1, 0.5, 0.2));
 }
 
 /// Ramps can be edited, and edits that do not fit change nothing.

@@ -44,7 +44,7 @@ pub fn apply(
         Ok(Wish { label, color })
     };
     let found: Vec<Wish> = wishes.iter().map(wish).collect::<Result<_, String>>()?;
-    let moved = palette.recolored(&found, &[]).map_err(|error| {
+    let moved = palette.recolored(&palette.colors, &found, &[]).map_err(|error| {
         let message = |unmet: &Unmet| {
             let (x, y) = wishes[unmet.wish].at;
             format!("--pixel {x},{y} {unmet}")

@@ -227,7 +227,7 @@ proptest! {
     fn single_wishes_come_true(colors in prop::array::uniform3(prop::array::uniform3(0.0..=1.0f64)), tone in 0..4usize) {
         let palette = palette();
         let wishes: Vec<Wish> = (0..3).map(|ramp| Wish::tone(4 * ramp + tone, colors[ramp])).collect();
-        let shown = palette.recolored(&wishes, &[]).unwrap();
+        let shown = palette.recolored(&palette.colors, &wishes, &[]).unwrap();
         prop_assert!((0..3).all(|ramp| shown[4 * ramp + tone] == colors[ramp]));
         prop_assert_eq!(shown[12], palette.colors[12]);
         prop_assert!(shown.as_flattened().iter().all(|channel| (0.0..=1.0).contains(channel)));
@@ -237,7 +237,7 @@ proptest! {
     #[test]
     fn both_ends_of_a_ramp_can_be_wished(dark in prop::array::uniform3(0.1..0.4f64), light in prop::array::uniform3(0.6..0.9f64)) {
         let palette = palette();
-        let shown = palette.recolored(&[Wish::tone(0, dark), Wish::tone(3, light)], &[]).unwrap();
+        let shown = palette.recolored(&palette.colors, &[Wish::tone(0, dark), Wish::tone(3, light)], &[]).unwrap();
         prop_assert!(shown[0] == dark && shown[3] == light);
         prop_assert!(palette.ramps[0].tones.is_sorted_by_key(|tone| place(shown[*tone]).x));
     }
@@ -247,7 +247,7 @@ proptest! {
     fn blends_can_be_wished(color in prop::array::uniform3(0.35..0.6f64)) {
         let palette = palette();
         let label = PaletteLabel { index: 0, first: 2, second: 6, share: 2.0 / 3.0 };
-        let shown = palette.recolored(&[Wish { label, color }], &[1]).unwrap();
+        let shown = palette.recolored(&palette.colors, &[Wish { label, color }], &[1]).unwrap();
         prop_assert!((label.mix(&shown) - DVec3::from(color)).abs().max_element() < 1e-3);
         prop_assert_eq!(&shown[4..8], &palette.colors[4..8]);
     }
@@ -279,7 +279,7 @@ fn wishes_that_contradict_are_named() {
     let (red, blue, gray) = ([0.8, 0.1, 0.1], [0.1, 0.1, 0.8], [0.5; 3]);
     let wishes =
         [Wish::tone(0, red), Wish::tone(5, gray), Wish::tone(0, blue), Wish::tone(8, gray), Wish::tone(13, red)];
-    let error = palette.recolored(&wishes, &[2]).unwrap_err();
+    let error = palette.recolored(&palette.colors, &wishes, &[2]).unwrap_err();
     let reasons: Vec<_> = error.unmet.iter().map(|unmet| (unmet.wish, unmet.reason)).collect();
     let expected =
         [(0, UnmetReason::Conflict), (2, UnmetReason::Conflict), (3, UnmetReason::Locked), (4, UnmetReason::NoLabel)];
@@ -289,9 +289,9 @@ fn wishes_that_contradict_are_named() {
     assert!(place(error.nearest[0]).distance(middle) < 0.02, "{error:?}");
     assert_eq!(error.nearest[5], gray);
     assert!(error.to_string().contains("wish 3 cannot be met: its colors are in no ramp that may move"), "{error}");
-    assert_eq!(palette.recolored(&[], &[]), Ok(palette.colors.clone()));
+    assert_eq!(palette.recolored(&palette.colors, &[], &[]), Ok(palette.colors.clone()));
     // A locked label that already has its color needs nothing.
-    assert!(palette.recolored(&[Wish::tone(8, palette.colors[8])], &[2]).is_ok());
+    assert!(palette.recolored(&palette.colors, &[Wish::tone(8, palette.colors[8])], &[2]).is_ok());
 }
 
 /// Returns the largest change of membership, in a step so small that a continuous one hardly changes, between two colors:

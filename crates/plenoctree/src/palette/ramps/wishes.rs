@@ -97,9 +97,11 @@ const PARAMETERS: usize = 6;
 const EASE: [f64; PARAMETERS] = [1.0, 1.0, 1.0, 0.3, 0.3, 0.3];
 
 impl Palette {
-    /// Returns the palette's colors in encoded sRGB after its ramps have moved so that all wishes come true, with as
-    /// little change as possible. Ramps without a wish, those in `locked`, and colors in no ramp keep their source
-    /// colors.
+    /// Returns what the palette's colors show after its ramps have moved so that all wishes come true, with as little
+    /// change of their source colors as possible. All colors are in encoded sRGB.
+    ///
+    /// Ramps without a wish, those in `locked`, and colors in no ramp keep showing `shown`, or their source colors if it is
+    /// shorter.
     ///
     /// A single wish for a ramp moves it as a whole, like [`show_ramp`](Self::show_ramp). Several also change its
     /// contrast and the tint of its shadows.
@@ -109,7 +111,7 @@ impl Palette {
     ///
     /// let mut palette = Palette::new(vec![[0.5, 0.1, 0.1], [0.8, 0.2, 0.2], [0.9, 0.9, 0.9]])?;
     /// palette.ramps = palette.guess_ramps();
-    /// let shown = palette.recolored(&[Wish::tone(0, [0.1, 0.1, 0.4])], &[])?;
+    /// let shown = palette.recolored(&palette.colors, &[Wish::tone(0, [0.1, 0.1, 0.4])], &[])?;
     /// assert_eq!(shown[0], [0.1, 0.1, 0.4]);
     /// // The lighter red became a lighter blue.
     /// assert!(shown[1][2] > shown[0][2] && shown[1][2] > shown[1][0]);
@@ -119,10 +121,16 @@ impl Palette {
     /// # Errors
     ///
     /// Returns an error that says which wishes cannot be met, and with the colors that are nearest to all of them.
-    pub fn recolored(&self, wishes: &[Wish], locked: &[usize]) -> Result<Vec<[f64; 3]>, UnmetWishes> {
+    pub fn recolored(
+        &self,
+        shown: &[[f64; 3]],
+        wishes: &[Wish],
+        locked: &[usize],
+    ) -> Result<Vec<[f64; 3]>, UnmetWishes> {
         let has = |wish: &Wish| wish.label.first.max(wish.label.second) < self.colors.len();
         let known: Vec<Wish> = wishes.iter().copied().filter(has).collect();
-        let colors = Solver::new(self, &known, locked).solve();
+        let shown = shown.iter().chain(self.colors.iter().skip(shown.len())).take(self.colors.len()).copied().collect();
+        let colors = Solver::new(self, shown, &known, locked).solve();
         let mut unmet = Vec::new();
         for (index, wish) in wishes.iter().enumerate() {
             if !has(wish) {
@@ -142,14 +150,15 @@ impl Palette {
 }
 
 struct Solver<'a> {
-    palette: &'a Palette,
+    /// What colors show that do not move.
+    shown: Vec<[f64; 3]>,
     wishes: &'a [Wish],
     /// The ramps that move.
     ramps: Vec<(Shades<'a>, Motion)>,
 }
 
 impl<'a> Solver<'a> {
-    fn new(palette: &'a Palette, wishes: &'a [Wish], locked: &[usize]) -> Self {
+    fn new(palette: &'a Palette, shown: Vec<[f64; 3]>, wishes: &'a [Wish], locked: &[usize]) -> Self {
         let wished = |ramp: &usize| {
             let has = |tone| palette.ramps[*ramp].tones.contains(&tone);
             wishes.iter().any(|wish| has(wish.label.first) || has(wish.label.second))
@@ -159,7 +168,7 @@ impl<'a> Solver<'a> {
             let motion = Motion { mean: shades.mean(), contrast: 1.0, spread: 1.0, tint: DVec2::ZERO };
             (shades, motion)
         };
-        Self { palette, wishes, ramps: free.filter_map(|ramp| Shades::of(palette, ramp)).map(still).collect() }
+        Self { shown, wishes, ramps: free.filter_map(|ramp| Shades::of(palette, ramp)).map(still).collect() }
     }
 
     /// Returns the colors that meet the wishes best.
@@ -177,7 +186,7 @@ impl<'a> Solver<'a> {
         if self.error() > EXACT {
             self.improve(PARAMETERS);
         }
-        let mut colors = self.palette.colors.clone();
+        let mut colors = self.shown.clone();
         self.place(|tone, place| colors[tone] = gamut::shown(place, limited));
         // What is met but for rounding is met to the bit.
         for wish in self.wishes {
@@ -196,7 +205,7 @@ impl<'a> Solver<'a> {
 
     /// Returns how far every wish is from coming true, in Oklab.
     fn residuals(&self) -> Vec<f64> {
-        let mut places: Vec<DVec3> = self.palette.colors.iter().map(|color| oklab((*color).into())).collect();
+        let mut places: Vec<DVec3> = self.shown.iter().map(|color| oklab((*color).into())).collect();
         self.place(|tone, place| places[tone] = place);
         let residual = |wish: &Wish| {
             let PaletteLabel { first, second, share, .. } = wish.label;
