@@ -18,7 +18,7 @@ pub const MAX_BRIGHTNESS: f32 = 16.0;
 /// the shadows of its own parts are already in its colors. [`self_shadow_distance`](Self::self_shadow_distance) changes
 /// that.
 ///
-/// A posterized prop goes down its palette: where light is missing, a darker label of the same hue replaces the pixel's
+/// A posterized prop goes down its ramps: where light is missing, a darker tone of the same ramp replaces the pixel's
 /// label, in the palette's shown colors. Where light is added, it goes up in the same way. Source colors choose both,
 /// so recoloring moves no edge. Where the palette has no such label, the shown color is darkened or lightened instead.
 /// A prop as trained that a [`PosterizeView`](crate::PosterizeView) posterizes goes down the palette of the view.

@@ -1,10 +1,7 @@
 //! The props, each in its own style.
 
 use bevy::prelude::*;
-use bevy_plenoctree::{
-    BeforePalette, BilateralFilter, BlendSpace, BorderSmoothing, EdgeSmoothing, Palettes, Posterize, Prop,
-    PropLighting, PropTint,
-};
+use bevy_plenoctree::{BlendSpace, Ink, Palettes, Posterize, Prop, PropLighting, PropTint};
 
 use crate::{
     build::color,
@@ -16,32 +13,6 @@ use crate::{
 pub fn plugin(app: &mut App) {
     app.add_systems(Startup, spawn).add_systems(Update, (change_colors, dim, march));
 }
-
-/// Flat areas of palette colors with hard edges.
-const POSTER: Posterize = Posterize {
-    blend_steps: 1,
-    softness: 0.0,
-    min_opacity: 0.4,
-    filter: BilateralFilter { iterations: 6, radius: 3, spatial_sigma: 3.0, range_sigma: 6.0 },
-    before_palette: BeforePalette::Hide,
-    edges: EdgeSmoothing::Coverage,
-    borders: BorderSmoothing::Off,
-    steadiness: 0.032,
-    method: None,
-};
-
-/// Many tones that blend into each other.
-const PASTEL: Posterize = Posterize {
-    blend_steps: 4,
-    softness: 0.35,
-    min_opacity: 0.3,
-    filter: BilateralFilter { iterations: 2, radius: 2, spatial_sigma: 3.0, range_sigma: 4.25 },
-    before_palette: BeforePalette::Hide,
-    edges: EdgeSmoothing::Coverage,
-    borders: BorderSmoothing::Off,
-    steadiness: 0.0,
-    method: None,
-};
 
 /// Light with clean edges, for props of about this size.
 const CARTOON: PropLighting = PropLighting::toon(2.0);
@@ -83,7 +54,7 @@ fn spawn(mut commands: Commands, assets: Res<AssetServer>) {
     ];
     commands.spawn((
         Prop(assets.load("toadstool.plenoctree")),
-        Posterize::default(),
+        Posterize::toon(),
         CARTOON,
         ByNight(toadstool.into()),
         Footprint::of("toadstool.plenoctree"),
@@ -92,7 +63,7 @@ fn spawn(mut commands: Commands, assets: Res<AssetServer>) {
     let drum = [("metal", "#5a66a8"), ("rug", "#173f63"), ("shell", "#632455"), ("trim", "#c08a4a")];
     commands.spawn((
         Prop(assets.load("drum.plenoctree")),
-        PASTEL,
+        Posterize::soft(),
         SOFT,
         PropTint::default(),
         ByNight(drum.map(|(ramp, hex)| (ramp, color(hex))).into()),
@@ -102,7 +73,8 @@ fn spawn(mut commands: Commands, assets: Res<AssetServer>) {
     let robot = [("body", "#1f6f8f"), ("trim", "#8f2a4c"), ("rubber", "#1c2048"), ("metal", "#8d9bd0")];
     commands.spawn((
         Prop(assets.load("robot.plenoctree")),
-        POSTER,
+        Posterize::toon(),
+        Ink { width: 0.02, max_pixels: 2.5, ..default() },
         CARTOON,
         PropTint::default(),
         ByNight(robot.map(|(ramp, hex)| (ramp, color(hex))).into()),

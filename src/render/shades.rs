@@ -1,10 +1,10 @@
-//! What labels show in more or less light: the shown color of a lighter or darker label of the same hue. These labels
-//! are found once per palette and light, so that a pixel takes one load.
+//! What labels show in more or less light: the shown color of a lighter or darker label of the same ramp or, where there
+//! is none, of the same hue. These labels are found once per palette and light, so that a pixel takes one load.
 
 use bevy::{platform::collections::HashMap, prelude::*};
 use glam::DVec3;
 use plenoctree::{
-    palette::PaletteLabel,
+    palette::{Palette, PaletteLabel},
     srgb::{decode, encode},
 };
 
@@ -16,7 +16,7 @@ const SAME_HUE: f64 = 0.9;
 /// Source colors, the steps of their blends, and the factors of linear light in which they are seen.
 #[derive(PartialEq, Eq, Hash)]
 struct Key {
-    source: Vec<[u32; 3]>,
+    source: Vec<[u32; 4]>,
     blend_steps: u32,
     factors: Vec<u32>,
 }
@@ -74,12 +74,13 @@ impl Shades {
         let of_palette = palette.colors.get(palette.first as usize..)?.get(..2 * palette.count as usize)?;
         let (source, shown) = of_palette.split_at(palette.count as usize);
         let key = Key {
-            source: source.iter().map(|color| color.truncate().to_array().map(f32::to_bits)).collect(),
+            source: source.iter().map(|color| color.to_array().map(f32::to_bits)).collect(),
             blend_steps: palette.blend_steps,
             factors: begin.2.clone(),
         };
         let table = self.tables.entry(key).or_insert_with(|| {
-            let labels: Vec<_> = labels(source, palette.blend_steps).map(Seen::new).collect();
+            let ramps = ramps(source, palette.blend_steps);
+            let labels: Vec<_> = labels(source, palette.blend_steps).zip(ramps).map(LabelColor::new).collect();
             let row = |factor: &f32| -> Vec<_> {
                 labels.iter().map(|label| label.shade(&labels, f64::from(*factor))).collect()
             };
@@ -111,6 +112,13 @@ fn labels(colors: &[Vec4], blend_steps: u32) -> impl Iterator<Item = DVec3> {
         .map(move |label| color(label.second).lerp(color(label.first), label.share))
 }
 
+/// Returns the ramp of every label of a palette, unless it blends two, or its colors are in none.
+fn ramps(source: &[Vec4], blend_steps: u32) -> impl Iterator<Item = Option<u32>> {
+    let ramp = |index: usize| Some(source[index].w as u32).filter(|ramp| (*ramp as usize) < Palette::MAX_COLORS);
+    PaletteLabel::all(source.len(), blend_steps)
+        .map(move |label| ramp(label.first).filter(|_| ramp(label.first) == ramp(label.second)))
+}
+
 /// Multiplies the linear light of a color in encoded sRGB. What would get brighter than displays show moves toward
 /// white in Oklab instead.
 fn lightened(encoded: Vec3, factor: f32) -> Vec3 {
@@ -129,8 +137,9 @@ fn lightened(encoded: Vec3, factor: f32) -> Vec3 {
     Srgba::from(LinearRgba::from_vec3(lighter)).to_vec3()
 }
 
-/// The hue and the lightness of a label, in encoded sRGB.
-struct Seen {
+/// The ramp, the hue and the lightness of a label, in encoded sRGB.
+struct LabelColor {
+    ramp: Option<u32>,
     color: DVec3,
     /// The difference from gray, and its length.
     chroma: DVec3,
@@ -138,28 +147,31 @@ struct Seen {
     luma: f64,
 }
 
-impl Seen {
-    fn new(color: DVec3) -> Self {
+impl LabelColor {
+    fn new((color, ramp): (DVec3, Option<u32>)) -> Self {
         let luma = color.dot(DVec3::new(0.2126, 0.7152, 0.0722));
         let chroma = color - color.element_sum() / 3.0;
-        Self { color, chroma, saturation: chroma.length(), luma }
+        Self { ramp, color, chroma, saturation: chroma.length(), luma }
     }
 
-    /// Returns whether it has the hue of another label.
-    fn has_hue_of(&self, other: &Self) -> bool {
-        match [self, other].map(|seen| seen.saturation) {
+    /// Returns whether it is of the material of another label.
+    fn is_like(&self, other: &Self) -> bool {
+        if let (Some(own), Some(ramp)) = (self.ramp, other.ramp) {
+            return own == ramp;
+        }
+        match [self, other].map(|label| label.saturation) {
             [a, b] if a < GRAY || b < GRAY => a < GRAY && b < GRAY,
             [a, b] => self.chroma.dot(other.chroma) >= SAME_HUE * a * b,
         }
     }
 
-    /// Returns the index of the label to show in a light: of the darker or lighter labels of its hue, the one nearest
+    /// Returns the index of the label to show in a light: of the darker or lighter labels of its material, the one nearest
     /// to its own color in that light. `None` if no label is nearer than itself.
     fn shade(&self, labels: &[Self], factor: f64) -> Option<u32> {
         let wanted = DVec3::from(self.color.to_array().map(|channel| encode(decode(channel) * factor)));
         let is_shade = |label: &Self| {
             let step = label.luma - self.luma;
-            (if factor > 1.0 { step > 0.0 } else { step < 0.0 }) && label.has_hue_of(self)
+            (if factor > 1.0 { step > 0.0 } else { step < 0.0 }) && label.is_like(self)
         };
         let shades = (0..).zip(labels).filter(|(_, label)| factor != 1.0 && is_shade(label));
         let nearest = shades.map(|(index, label)| (label.color.distance_squared(wanted), index));
@@ -173,6 +185,9 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+
+    /// The last channel of a color that is in no ramp.
+    const NO_RAMP: f32 = Palette::MAX_COLORS as f32;
 
     /// Returns what the labels of a palette show in light, row by row.
     fn shades(colors: &[Vec4], blend_steps: u32, factors: &[f32]) -> Vec<Vec4> {
@@ -192,8 +207,8 @@ mod tests {
     /// In light and shadow, tones step along those of their hue, and change their own light where these end.
     #[test]
     fn tones_step_along_their_hue() {
-        let reds = [0.3, 0.6, 0.9].map(|red| Vec4::new(red, 0.2 * red, 0.1 * red, 0.0));
-        let blues = [0.4, 0.8].map(|blue| Vec4::new(0.1 * blue, 0.3 * blue, blue, 0.0));
+        let reds = [0.3, 0.6, 0.9].map(|red| Vec4::new(red, 0.2 * red, 0.1 * red, NO_RAMP));
+        let blues = [0.4, 0.8].map(|blue| Vec4::new(0.1 * blue, 0.3 * blue, blue, NO_RAMP));
         let shown: [Vec4; 5] = std::array::from_fn(|index| Vec4::new(0.5, 0.1 * index as f32, 0.2, 0.0));
         let colors = [&reds[..], &blues, &shown].concat();
         let found = shades(&colors, 1, &[0.4, 1.0, 5.0]);
@@ -203,10 +218,23 @@ mod tests {
         assert_eq!(found[10..], [shown[1], shown[2], own(2, 5.0), shown[4], own(4, 5.0)]);
     }
 
+    /// A tone that has the hue of another ramp steps along its own.
+    #[test]
+    fn tones_step_along_their_ramp() {
+        let red = [0.3, 0.6, 0.9].map(|red| Vec4::new(red, 0.2 * red, 0.1 * red, 0.0));
+        let brown = [0.45, 0.75].map(|brown| Vec4::new(brown, 0.3 * brown, 0.2 * brown, 1.0));
+        let colors = [&red[..], &brown, &red, &brown].concat();
+        let found = shades(&colors, 1, &[0.4, 5.0]);
+        let own = |index: usize, factor| lightened(colors[index].truncate(), factor).extend(0.0);
+        let of = |index: usize| colors[index].truncate().extend(0.0);
+        assert_eq!(found[..5], [own(0, 0.4), of(0), of(1), own(3, 0.4), of(3)]);
+        assert_eq!(found[5..], [of(1), of(2), own(2, 5.0), of(4), own(4, 5.0)]);
+    }
+
     /// Props with the same palette may blend it in different steps.
     #[test]
     fn steps_of_blends_have_shades_of_their_own() {
-        let colors: [Vec4; 4] = std::array::from_fn(|index| Vec4::splat(0.25 * index as f32));
+        let colors: [Vec4; 4] = std::array::from_fn(|index| Vec3::splat(0.25 * index as f32).extend(NO_RAMP));
         let mut shades = Shades::default();
         shades.begin();
         let palette = ShadedPalette { colors: &colors, first: 0, count: 2, blend_steps: 1 };
@@ -223,13 +251,14 @@ mod tests {
             blend_steps in 1u32..5,
             factor in prop_oneof![0.0f32..0.95, 1.05f32..3.0],
         ) {
-            let source: Vec<Vec4> = source.into_iter().map(|color| Vec3::from(color).extend(0.0)).collect();
+            let source: Vec<Vec4> = source.into_iter().map(|color| Vec3::from(color).extend(NO_RAMP)).collect();
             let found = shades(&[&source[..], &source].concat(), blend_steps, &[factor]);
             let own: Vec<DVec3> = labels(&source, blend_steps).collect();
             prop_assert_eq!(own.len(), PaletteLabel::count(source.len(), blend_steps));
             prop_assert_eq!(own.len(), found.len());
             for (own, found) in own.into_iter().zip(found) {
-                let step = Seen::new(found.truncate().as_dvec3()).luma - Seen::new(own).luma;
+                let luma = |color: DVec3| LabelColor::new((color, None)).luma;
+                let step = luma(found.truncate().as_dvec3()) - luma(own);
                 prop_assert!(step * f64::from(factor - 1.0) >= -1e-6, "{own} shows {found}");
             }
         }
