@@ -45,7 +45,7 @@ fn sliders(ui: &mut egui::Ui, settings: &mut Posterize) -> bool {
     } = settings;
     let BilateralFilter { iterations, radius, spatial_sigma, range_sigma } = filter;
     let labels = egui::Grid::new("labels").num_columns(2).show(ui, |ui| {
-        let hint = "Steps from one palette color to another; 1 disables blends";
+        let hint = "Steps from one palette color to another; 1 disables blends, which tones never have";
         let steps = row(ui, "Blend steps", hint, egui::Slider::new(blend_steps, 1..=MAX_BLEND_STEPS));
         let hint = "Distance in color over which neighboring labels blend; 0 is a hard edge";
         let softness = row(ui, "Softness", hint, egui::Slider::new(softness, 0.0..=0.4));

@@ -10,8 +10,10 @@ use super::{
 
 /// The size of a ramp's color.
 const RAMP: egui::Vec2 = egui::vec2(40.0, 20.0);
-/// The size of a tone.
+/// The size of a tone, if there is room for all.
 const TONE: egui::Vec2 = egui::vec2(16.0, 20.0);
+/// The width of what follows the tones: the share of the ramp, and a button.
+const REST: f32 = 96.0;
 
 /// A tone that is dragged to another ramp.
 struct Dragged(usize);
@@ -42,9 +44,11 @@ fn row(ui: &mut egui::Ui, colors: &Colors, ramp: usize) -> Option<Edit> {
         edit = Some(Edit::SetRamp(ramp, color));
     }
     ui.spacing_mut().item_spacing.x = 1.0;
+    let room = (ui.available_width() - REST) / tones.len().max(1) as f32 - 1.0;
+    let size = egui::vec2(TONE.x.min(room).max(2.0), TONE.y);
     for &tone in tones {
         let id = ui.id().with(("tone", tone));
-        let changed = ui.dnd_drag_source(id, Dragged(tone), |ui| edit_swatch(ui, colors.shown[tone], TONE)).inner;
+        let changed = ui.dnd_drag_source(id, Dragged(tone), |ui| edit_swatch(ui, colors.shown[tone], size)).inner;
         edit = changed.map(|color| Edit::Set(tone, color)).or(edit);
     }
     ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
