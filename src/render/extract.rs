@@ -404,7 +404,7 @@ pub(super) fn extract_props(
     for (entity, camera, is_3d, visible, (placement, quality, view_posterize, own, ink, stages, has_motion)) in &cameras
     {
         if !camera.is_active || !is_3d {
-            // It keeps its textures, but draws nothing.
+            // It draws nothing.
             if let Ok(mut view) = views.get_mut(entity) {
                 view.clear();
             }

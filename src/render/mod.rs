@@ -3,10 +3,11 @@
 //! In every frame, each view goes the same way:
 //!
 //! 1. `extract` copies props and cameras from the main world.
-//! 2. `plan` decides everything: which props are drawn at which levels, on which pixels, and with what.
-//! 3. `passes` lists the passes that follow from the plan, in the order in which they run. Each is a row of data: its
+//! 2. `prepare` runs the next two steps. If a pipeline is not ready, it runs them again, without what needs it. Then it
+//!    writes `uniforms`.
+//! 3. `plan` decides everything: which props are drawn at which levels, on which pixels, and with what.
+//! 4. `passes` lists the passes that follow from the plan, in the order in which they run. Each is a row of data: its
 //!    shader, what it reads and writes, and when it runs.
-//! 4. `prepare` leaves out what is not ready, and writes `uniforms`.
 //! 5. `frame` executes the passes. It owns the view's textures, creates pipelines and bind groups, and keeps results
 //!    that are still valid.
 //!

@@ -43,6 +43,31 @@ pub fn check_outputs(outputs: &[&Path], inputs: &[&Path]) -> Result {
     Ok(())
 }
 
+/// Checks that nothing in a folder that is read is written, if what is written there has names for which `writes` is true.
+pub fn check_folder(folder: &Path, inputs: &[&Path], writes: impl Fn(&str) -> bool) -> Result {
+    let is_written = |input: &Path| {
+        let name = input.file_name().and_then(|name| name.to_str());
+        name.is_some_and(|name| writes(name) && is_same(input, &folder.join(name)))
+    };
+    match inputs.iter().find(|input| is_written(input)) {
+        Some(input) => Err(format!("{}: would be overwritten; choose another --out", input.display()).into()),
+        None => Ok(()),
+    }
+}
+
+/// Checks that no input is in a folder that is written.
+pub fn check_outside<'a>(folder: &Path, inputs: impl IntoIterator<Item = &'a Path>) -> Result {
+    let place = |path: &Path| fs::canonicalize(path).ok();
+    let Some(folder) = place(folder) else { return Ok(()) };
+    match inputs.into_iter().find(|input| place(input).is_some_and(|input| input.starts_with(&folder))) {
+        Some(input) => {
+            let folder = folder.display();
+            Err(format!("{}: is in {folder}, where the previews go; choose another --out", input.display()).into())
+        }
+        None => Ok(()),
+    }
+}
+
 /// Returns an error if [`write`] would fail.
 fn check_writable(path: &Path) -> io::Result<()> {
     if fs::metadata(path).is_ok_and(|existing| !existing.is_file()) {
@@ -57,7 +82,7 @@ fn check_writable(path: &Path) -> io::Result<()> {
 }
 
 /// Whether two paths lead to the same file, which need not exist.
-fn is_same(a: &Path, b: &Path) -> bool {
+pub fn is_same(a: &Path, b: &Path) -> bool {
     let place = |path: &Path| -> Option<PathBuf> {
         fs::canonicalize(path).ok().or_else(|| {
             let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));

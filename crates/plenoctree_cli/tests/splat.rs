@@ -65,6 +65,11 @@ fn captures_and_fields_are_rendered() {
     let field = ball(&folder);
     succeed(&["render", text(&field), "--cameras", &cameras, "--out", text(&out)]);
 
+    // Nothing that is read is overwritten.
+    fs::copy(&capture, out.join("000.png")).unwrap();
+    let message = fail(&["render", text(&out.join("000.png")), "--cameras", &cameras, "--out", text(&out)]);
+    assert!(message.contains("000.png: would be overwritten; choose another --out"), "{message}");
+
     let bytes = fs::read(&capture).unwrap();
     fs::write(&capture, &bytes[..bytes.len() / 2]).unwrap();
     let message = fail(&["render", &capture, "--cameras", &cameras, "--out", text(&out)]);
@@ -111,6 +116,15 @@ fn captures_become_props_that_stand() {
     assert_eq!(fs::read_dir(folder.join("out/prop.views")).unwrap().count(), 8);
 
     let packed = folder.join("out/prop.plenoctree");
+    // What is in the folder of previews stays, unless it is a preview.
+    fs::write(folder.join("out/prop.views/mine.txt"), "mine").unwrap();
+    let inside = folder.join("out/prop.views/cube.ply");
+    fs::copy(&capture, &inside).unwrap();
+    let message = fail(&[&["convert", text(&inside)], &shared[2..], &["--no-refine"]].concat());
+    assert!(message.contains("cube.ply: is in ") && message.contains("choose another --out"), "{message}");
+    succeed(&[&shared[..], &["--no-refine"]].concat());
+    assert!(inside.exists() && folder.join("out/prop.views/mine.txt").exists());
+
     let packing = [&["convert", &capture, "--out", text(&packed)], &shared[4..], &["--no-refine"]].concat();
     succeed(&packing);
     assert!(PlenOctree::read(&packed, &LoadSettings::default()).unwrap().codebook().is_some());

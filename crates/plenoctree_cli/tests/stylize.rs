@@ -89,6 +89,34 @@ fn a_palette_can_be_given() {
     assert_eq!(report["palette"]["colors"], 2);
 }
 
+/// Nothing that is read is overwritten, and a failure leaves earlier results as they were.
+#[test]
+fn nothing_is_overwritten() {
+    let folder = folder("stylize_overwrite");
+    let (field, out) = (ball(&folder), folder.join("out"));
+    let shared = arguments(&field, &out);
+    let succeed = |more: &[&str]| succeed(&[&shared[..], more].concat());
+    let fail = |more: &[&str]| fail(&[&shared[..], more].concat());
+    succeed(&["--sampling", "cpu", "--colors", "4"]);
+    let palette = out.join("palette.json");
+    let before = fs::read_to_string(&palette).unwrap();
+    fail(&["--sampling", "cpu", "--colors", "5", "--pixel", "0,0=#ff0000"]);
+    assert_eq!(fs::read_to_string(&palette).unwrap(), before);
+
+    let with_author = before.replacen('{', r#"{ "author": "me","#, 1);
+    fs::write(&palette, &with_author).unwrap();
+    succeed(&["--palette", text(&palette)]);
+    assert_eq!(fs::read_to_string(&palette).unwrap(), with_author);
+
+    let (cameras, frame) = (out.join("report.json"), out.join("frame_000.original.png"));
+    for (option, path) in [("--cameras", &cameras), ("--histograms", &frame)] {
+        let before = fs::read(path).unwrap();
+        let message = fail(&["--sampling", "cpu", option, text(path)]);
+        assert!(message.contains("would be overwritten; choose another --out"), "{message}");
+        assert_eq!(fs::read(path).unwrap(), before);
+    }
+}
+
 #[test]
 fn bad_input_is_rejected() {
     let folder = folder("stylize_bad");

@@ -135,12 +135,13 @@ pub(in crate::render) enum Output {
     PrepassMotion,
 }
 
-/// What the attachments of a pass hold when it begins: zeros, or a color whose alpha is -1.
+/// What the attachments of a pass hold when it begins.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(in crate::render) enum Clear {
     Zero,
     /// White, with an alpha of 0.
     White,
+    /// Black, with an alpha of -1.
     NegativeAlpha,
 }
 

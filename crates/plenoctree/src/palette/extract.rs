@@ -145,7 +145,9 @@ pub fn extract_from_samples(
         PaletteMethod::Tones => {
             let within = |tolerance: f64| {
                 move |palette: &Palette| {
-                    let errors = ColorErrors::of_labels_unless_canceled(histograms, palette, 1, progress)?;
+                    // Labels are assigned by method.
+                    let palette = Palette { method: Some(settings.method), ..palette.clone() };
+                    let errors = ColorErrors::of_labels_unless_canceled(histograms, &palette, 1, progress)?;
                     Ok(errors.rmse <= tolerance)
                 }
             };

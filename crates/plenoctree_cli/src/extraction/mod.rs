@@ -49,7 +49,7 @@ pub fn warn_of_error(path: &Path, settings: &ExtractionSettings, extraction: &Ex
     {
         let colors = extraction.palette.colors.len();
         console::complain!(
-            "warning: {}: the error of {colors} colors is {error:.3}, more than --tolerance {tolerance}: choose --colors",
+            "warning: {}: the error of {colors} colors is {error:.4}, more than --tolerance {tolerance}: choose --colors",
             path.display()
         );
     }

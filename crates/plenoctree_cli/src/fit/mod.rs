@@ -36,6 +36,9 @@ pub fn run(arguments: &Arguments) -> Result {
     let input = FitInput::read(&pictures, &folders)?;
     warn_of_missing(&arguments.input, &input);
     let test = arguments.test.as_deref().map(|path| FitInput::read(path, &folders)).transpose()?;
+    let views = input.views.iter().chain(test.iter().flat_map(|test| &test.views));
+    let pictures = views.flat_map(|view| [&view.picture].into_iter().chain(&view.mask));
+    output::check_outside_previews(&arguments.out, pictures.map(PathBuf::as_path))?;
     if let (Some(path), Some(test)) = (&arguments.test, &test) {
         warn_of_missing(path, test);
     }

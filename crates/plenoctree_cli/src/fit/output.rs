@@ -30,9 +30,15 @@ pub fn check(out: &Path, inputs: &[&Path], extraction: &ExtractionArguments) -> 
     if views.exists() && !views.is_dir() {
         return Err(format!("{}: is a file, but the previews need a folder of this name", views.display()).into());
     }
+    check_outside_previews(out, inputs.iter().copied())?;
     let targets = targets(out);
     let outputs: Vec<&Path> = targets.iter().chain(&extraction.histograms).map(PathBuf::as_path).collect();
     files::check_outputs(&outputs, inputs)
+}
+
+/// Checks that nothing is read from the folder of previews.
+pub fn check_outside_previews<'a>(out: &Path, inputs: impl IntoIterator<Item = &'a Path>) -> Result {
+    files::check_outside(&views(out), inputs)
 }
 
 /// Extracts the palette of a field. Warns if it has none, because nothing of it is visible: that is no reason to lose
@@ -55,7 +61,6 @@ pub fn write(
     report: &Value,
 ) -> Result<usize> {
     write_all(out, field, palette, previews, report).inspect_err(|_| {
-        let _ = fs::remove_dir_all(partial(&views(out)));
         for target in targets(out) {
             let _ = fs::remove_file(partial(&target));
         }
@@ -80,22 +85,24 @@ fn write_all(
     written.map_err(|error| format!("{}: {error}", out.display()))?;
     let mut report = report.clone();
     report["field"] = identity(out, &field_file);
+    let name = |preview: &Comparison| {
+        let name = preview.name.chars().map(|c| if c.is_alphanumeric() || c == '_' { c } else { '-' });
+        format!("{}.png", name.collect::<String>().trim_matches('-'))
+    };
+    let names: Vec<String> = previews.iter().map(name).collect();
+    report[PREVIEWS] = json!(names);
     if let Some(palette) = palette {
         palette.write(partial(&targets[1]))?;
     }
     files::write_text(&partial(&targets[2]), &(serde_json::to_string_pretty(&report)? + "\n"))?;
     if !previews.is_empty() {
-        let unfinished = partial(&views);
-        let _ = fs::remove_dir_all(&unfinished);
-        files::create_folder(&unfinished)?;
-        for preview in previews {
-            let name: String =
-                preview.name.chars().map(|c| if c.is_alphanumeric() || c == '_' { c } else { '-' }).collect();
-            let path = unfinished.join(format!("{}.png", name.trim_matches('-')));
-            files::write_image(&path, &side_by_side(preview))?;
+        files::create_folder(&views)?;
+        for (preview, name) in previews.iter().zip(&names) {
+            files::write_image(&views.join(name), &side_by_side(preview))?;
         }
-        let _ = fs::remove_dir_all(&views);
-        rename(&unfinished, &views)?;
+        // Those of the field that is replaced. Other files in the folder stay.
+        let outdated = previews_before(out).into_iter().filter(|name| !names.contains(name));
+        outdated.for_each(|name| _ = fs::remove_file(views.join(name)));
     }
     if palette.is_none() {
         // An older one belongs to another field.
@@ -104,6 +111,21 @@ fn write_all(
     let written = targets.iter().enumerate().filter(|(index, _)| *index != 1 || palette.is_some());
     written.map(|(_, target)| target).try_for_each(|target| rename(&partial(target), target))?;
     Ok(leaves)
+}
+
+/// The previews in a report.
+const PREVIEWS: &str = "previews";
+
+/// Returns the names of the previews of the field that is there.
+fn previews_before(out: &Path) -> Vec<String> {
+    let text = fs::read(&targets(out)[2]).ok();
+    let report: Value = text.and_then(|text| serde_json::from_slice(&text).ok()).unwrap_or_default();
+    if report["field"] != identity(out, out) {
+        return Vec::new();
+    }
+    let names = report[PREVIEWS].as_array().into_iter().flatten().filter_map(Value::as_str);
+    // Nothing outside of the folder.
+    names.filter(|name| Path::new(name).components().count() == 1).map(String::from).collect()
 }
 
 /// Draws the photograph at the left and the field at the right.

@@ -34,6 +34,7 @@ fn pack_file(path: &Path, arguments: &Arguments) -> Result<report::Field> {
     let field = field::load(path, false)?;
     // Before it is simplified.
     let field = if arguments.record_histograms { field.recording_histograms(&Progress::default())? } else { field };
+    warn_of_density(path, &field);
     let views = Views::new(&field, arguments)?;
     let packed = pack(&field, path, arguments, arguments.quality)?;
     let written = if arguments.npz { packed.write_npz(&out) } else { packed.write(&out) };
@@ -112,6 +113,23 @@ pub fn pack_unchanged(field: &PlenOctree, settings: &PackSettings) -> Result<Pac
     }
     bar.finish_and_clear();
     Ok(worker.join().map_err(|_| "packing stopped unexpectedly")??)
+}
+
+/// The optical depth beyond which light that is left does not show.
+const OPAQUE: f64 = 7.0;
+
+/// Warns of densities that packing cuts off where that shows. Packed fields hold half floats, per unit of length.
+fn warn_of_density(path: &Path, field: &PlenOctree) {
+    const MOST: f64 = 65504.0;
+    let cell = 1.0 / (field.frame().scale.max_element() * f64::from(field.depth()).exp2());
+    let densest = field.densities().iter().copied().fold(0.0, f32::max);
+    if f64::from(densest) > MOST && MOST * cell < OPAQUE {
+        console::complain!(
+            "warning: {}: found a density of {densest:.3e} in cells of {cell:.1e} units, expected at most {MOST}, which lets \
+             light through: scale the field up",
+            path.display()
+        );
+    }
 }
 
 fn print_sizes(field: &PlenOctree, packed: &Packed, [before, after]: [u64; 2]) {

@@ -38,6 +38,11 @@ impl Scene {
 /// Renders a view for each camera.
 pub fn run(arguments: &Arguments) -> Result {
     let path = &arguments.input;
+    let is_view = |name: &str| {
+        let digits = name.strip_suffix(".png").filter(|digits| !digits.is_empty());
+        digits.is_some_and(|digits| digits.bytes().all(|byte| byte.is_ascii_digit()))
+    };
+    files::check_folder(&arguments.out, &[path, &arguments.cameras], is_view)?;
     let cameras = read_transforms(&arguments.cameras, arguments.size)?;
     let extension = path.extension().unwrap_or_default();
     let scene = if PlenOctree::EXTENSIONS.iter().any(|known| extension.eq_ignore_ascii_case(known)) {

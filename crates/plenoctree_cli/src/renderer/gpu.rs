@@ -32,7 +32,11 @@ pub struct GpuRenderer {
     prop: Entity,
     camera: Entity,
     field: Handle<PlenOctree>,
+    ink_width: f32,
 }
+
+/// The width of ink, relative to the largest side of the field.
+const INK_WIDTH: f64 = 0.006;
 
 impl GpuRenderer {
     /// Starts the app and uploads the field. `cameras` are those to render later.
@@ -47,6 +51,8 @@ impl GpuRenderer {
         let target = headless.target();
         let world = headless.app.world_mut();
         let up = scene.field.up();
+        let side = scene.field.dense_bounds().map(|(low, high)| (high - low).max_element());
+        let ink_width = side.map_or(Ink::default().width, |side| (INK_WIDTH * side) as f32);
         let field = world.resource_mut::<Assets<PlenOctree>>().add(scene.field);
         let [r, g, b] = scene.background;
         let prop = world.spawn(Prop(field.clone())).id();
@@ -54,7 +60,7 @@ impl GpuRenderer {
         let background = Color::srgb_u8(r, g, b).with_alpha(0.0);
         let camera = world.spawn((exact_camera(background), target, quality(scene.quality))).id();
         headless.wait_until_ready(UPLOAD_TIMEOUT)?;
-        Ok(Self { headless, up, prop, camera, field })
+        Ok(Self { headless, up, prop, camera, field, ink_width })
     }
 
     /// Aims the camera.
@@ -105,7 +111,7 @@ impl Render for GpuRenderer {
         let mut prop = world.entity_mut(self.prop);
         prop.insert(posterize(look.settings));
         if look.settings.ink {
-            prop.insert(Ink::default());
+            prop.insert(Ink { width: self.ink_width, ..default() });
         } else {
             prop.remove::<Ink>();
         }

@@ -16,6 +16,7 @@ use crate::{
 
 use super::{
     look::NamedLook,
+    output,
     pixel::{self, PixelWish},
     recolor::{self, Recoloring},
 };
@@ -123,7 +124,14 @@ impl Arguments {
             }
         }
         self.extraction.settings()?;
-        self.extraction.histograms.iter().try_for_each(|path| files::check_outputs(&[path], &[field]))
+        let histograms = self.extraction.histograms.as_deref();
+        let inputs: Vec<&Path> = [field].into_iter().chain(self.cameras.as_deref()).collect();
+        files::check_folder(&self.out, &inputs, output::writes)?;
+        // The palette is not written if it is there already.
+        let palette: Vec<&Path> = self.palette.as_deref().into_iter().collect();
+        files::check_folder(&self.out, &palette, |name| name != output::PALETTE && output::writes(name))?;
+        files::check_folder(&self.out, &histograms.into_iter().collect::<Vec<_>>(), output::writes)?;
+        histograms.into_iter().try_for_each(|path| files::check_outputs(&[path], &inputs))
     }
 
     /// Returns the shown colors with the recolorings from the command line, or `None` if nothing is recolored, neither

@@ -58,9 +58,6 @@ pub fn run(arguments: &Arguments) -> Result {
     })?;
     let mut recolored = arguments.recolored(&palette)?;
 
-    files::create_folder(&arguments.out)?;
-    output::write_palette(&palette, &arguments.out)?;
-
     let scene = Scene { field: field.clone(), quality: arguments.quality, background: arguments.background };
     let mut renderer =
         arguments.renderer.start(scene, &cameras).map_err(|error| format!("{}: {error}", path.display()))?;
@@ -75,6 +72,8 @@ pub fn run(arguments: &Arguments) -> Result {
         pixel::apply(&arguments.pixel, &palette, settings.blend_steps, &labeled, is_posterized, shown)?;
     }
 
+    files::create_folder(&arguments.out)?;
+    output::write_palette(&palette, arguments.palette.as_deref(), &arguments.out)?;
     let bar = progress::bar("rendering", cameras.len() as u64, arguments.quiet);
     let mut times = Vec::new();
     for (index, camera) in cameras.iter().enumerate() {

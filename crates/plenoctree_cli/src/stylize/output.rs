@@ -35,8 +35,24 @@ pub fn write_frame(views: &Views, index: usize, folder: &Path) -> Result<Vec<Str
     Ok(names)
 }
 
-/// Writes `palette.json` and `palette.png`.
-pub fn write_palette(palette: &Palette, folder: &Path) -> Result {
-    palette.write(folder.join("palette.json"))?;
+/// The name of the palette.
+pub const PALETTE: &str = "palette.json";
+
+/// Returns whether a file of this name may be written.
+pub fn writes(name: &str) -> bool {
+    let is_of_frame = || {
+        let (index, kind) = name.strip_prefix("frame_")?.split_once('.')?;
+        let is_kind = ["original.png", "posterized.png", "recolored.png"].contains(&kind);
+        Some(is_kind && index.bytes().all(|byte| byte.is_ascii_digit()))
+    };
+    [PALETTE, "palette.png", "report.json"].contains(&name) || is_of_frame() == Some(true)
+}
+
+/// Writes `palette.json`, unless the palette was read from there, and `palette.png`.
+pub fn write_palette(palette: &Palette, read_from: Option<&Path>, folder: &Path) -> Result {
+    let path = folder.join(PALETTE);
+    if !read_from.is_some_and(|from| files::is_same(from, &path)) {
+        palette.write(path)?;
+    }
     files::write_image(&folder.join("palette.png"), &swatches::draw(palette))
 }

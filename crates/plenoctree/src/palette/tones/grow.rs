@@ -54,6 +54,13 @@ pub(in crate::palette) fn tones(
         }
     }
     tones.swap()?;
+    // Tones that have moved may miss again what was enough before.
+    if let Enough::Palette(is_enough) = enough {
+        while tones.places.len() < ColorCount::MOST_TONES && tones.error() >= EXACT && !is_enough(&tones.palette())? {
+            tones.add()?;
+            tones.settle()?;
+        }
+    }
     Ok(Some(tones.palette()))
 }
 
