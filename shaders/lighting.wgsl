@@ -22,7 +22,7 @@
 #import bevy_plenoctree::shade::{LIGHT_ZERO, LIGHT_STEPS, Lit}
 #import bevy_plenoctree::view::{View, prop_of}
 
-@group(1) @binding(0) var<storage, read> props: array<Lit>;
+@group(1) @binding(0) var<storage, read> lit: array<Lit>;
 // The part of the viewport that is drawn.
 @group(1) @binding(1) var<uniform> drawn: View;
 @group(1) @binding(2) var depth: texture_depth_2d;
@@ -34,11 +34,11 @@ const MARGIN: f32 = 0.02;
 // Returns the distance in a direction from which things cast shadows on a point of the prop: where the point leaves the
 // box, if not before.
 fn distance_out(prop: u32, point: vec3<f32>, direction: vec3<f32>) -> f32 {
-    let at = (props[prop].box_from_world * vec4(point, 1.0)).xyz;
-    let along = (props[prop].box_from_world * vec4(direction, 0.0)).xyz;
+    let at = (lit[prop].box_from_world * vec4(point, 1.0)).xyz;
+    let along = (lit[prop].box_from_world * vec4(direction, 0.0)).xyz;
     let safe = select(along, vec3(1e-20), abs(along) < vec3(1e-20));
     let ends = (select(vec3(-MARGIN), vec3(1.0 + MARGIN), safe > vec3(0.0)) - at) / safe;
-    return max(min(min(ends.x, min(ends.y, ends.z)), props[prop].self_shadow_distance), 0.0);
+    return max(min(min(ends.x, min(ends.y, ends.z)), lit[prop].self_shadow_distance), 0.0);
 }
 
 // A visible point of a prop.
@@ -147,7 +147,7 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
     let pixel = vec2<i32>(position.xy);
     let owned = prop_of(textureLoad(owner, pixel, 0));
     let prop = max(owned, 1u) - 1u;
-    if owned == 0u || props[prop].bands == 0u {
+    if owned == 0u || lit[prop].bands == 0u {
         discard;
     }
     let solid = depth_near(depth, owner, vec2<i32>(drawn.size), pixel, owned);
@@ -164,9 +164,9 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
     var all_light = vec3(0.0);
     var arrives = vec3(0.0);
 #ifdef BRIGHTNESS
-    let center = center_at(pixel, drawn.corner, drawn.size, owned, solid, props[prop].radius);
+    let center = center_at(pixel, drawn.corner, drawn.size, owned, solid, lit[prop].radius);
     var relief = Relief(vec3(0.0), vec3(0.0));
-    if props[prop].brightness > 0.0 {
+    if lit[prop].brightness > 0.0 {
         relief = relief_at(depth, owner, center);
     }
     var sum = Falls(vec3(0.0), vec3(0.0));
@@ -178,7 +178,7 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
             all_light += light;
             arrives += arriving;
 #ifdef BRIGHTNESS
-            falls(&sum, arriving, lights.directional_lights[id].direction_to_light, relief, props[prop].rim);
+            falls(&sum, arriving, lights.directional_lights[id].direction_to_light, relief, lit[prop].rim);
 #endif
         }
     }
@@ -193,9 +193,9 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
             let arriving = light * share_of_lamp(id, surface, is_spot);
 #ifdef BRIGHTNESS
             let toward = normalize(clustered_lights.data[id].position_radius.xyz - point);
-            falls(&sum, arriving, toward, relief, props[prop].rim);
+            falls(&sum, arriving, toward, relief, lit[prop].rim);
             // A lamp that makes props brighter takes nothing away where it is blocked.
-            let counts = props[prop].brightness == 0.0;
+            let counts = lit[prop].brightness == 0.0;
             all_light += select(vec3(0.0), light, counts);
             arrives += select(vec3(0.0), arriving, counts);
 #else
@@ -208,7 +208,7 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
     let has_light = luminance(all_light) > 0.0;
     let blocked = select(0.0, 1.0 - luminance(arrives) / max(luminance(all_light), 1e-30), has_light);
 #ifdef BRIGHTNESS
-    if props[prop].brightness > 0.0 {
+    if lit[prop].brightness > 0.0 {
         // As bright as a white surface that scatters all light evenly, as in Bevy's materials.
         let ambient = AMBIENT * lights.ambient_color.rgb;
         let seen = (luminance(sum.light) / PI + luminance(ambient)) * view.exposure;

@@ -5,7 +5,7 @@
 #import bevy_plenoctree::shade::{LIGHT_STEPS, LIGHT_ZERO, Lit}
 #import bevy_plenoctree::view::{View, is_solid, owner_of, prop_of}
 
-@group(1) @binding(0) var<storage, read> props: array<Lit>;
+@group(1) @binding(0) var<storage, read> lit: array<Lit>;
 // The part of the viewport that is drawn.
 @group(1) @binding(1) var<uniform> drawn: View;
 @group(1) @binding(2) var depth: texture_depth_2d;
@@ -51,10 +51,10 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
     let owned = prop_of(texel);
     let prop = max(owned, 1u) - 1u;
     let own = textureLoad(light, pixel, 0);
-    if owned == 0u || props[prop].bands == 0u {
+    if owned == 0u || lit[prop].bands == 0u {
         discard;
     }
-    if props[prop].brightness == 0.0 {
+    if lit[prop].brightness == 0.0 {
         return own;
     }
     let solid = depth_near(depth, owner, vec2<i32>(drawn.size), pixel, owned);
@@ -66,8 +66,8 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
 #else
     let in_steps = owner_of(texel) > 0u;
 #endif
-    let bands = f32(props[prop].bands);
-    let center = center_at(pixel, drawn.corner, drawn.size, owned, solid, props[prop].radius);
+    let bands = f32(lit[prop].bands);
+    let center = center_at(pixel, drawn.corner, drawn.size, owned, solid, lit[prop].radius);
     let reach = MOST_STEEP * center.radius;
     let value = added(own);
     var hues = vec4(own.rgb, 1.0);

@@ -22,7 +22,7 @@ use bevy::{
 
 use super::{
     extract::{ExtractedProps, VisibleProps},
-    frame::{Comparison, InitPipelines, PaletteBuffer, Part, Pass, Pipelines, PropView, Rays, Slot},
+    frame::{CachedResult, Comparison, InitPipelines, PaletteBuffer, Pass, Pipelines, PropView, RaySet, Slot},
     passes,
     plan::{Feature, Known, Plan, Target, choose_levels, decide, drawn_viewport},
 };
@@ -146,6 +146,7 @@ fn plan_views(
             visible: &visible,
             has_objects: phase.is_some_and(|phase| !phase.items.is_empty()),
             last: &view.plan,
+            former: view.plan.former.as_ref().filter(|_| view.is_drawn),
         };
         let (planned, is_complete) = plan(&known, &extracted, &fields, &mut pipelines, &cache);
         let Some((plan, passes)) = planned else {
@@ -158,11 +159,11 @@ fn plan_views(
             continue;
         };
         passes::request(&visible, &plan, &extracted, &fields, &mut pipelines, &cache);
-        (view.plan, view.is_complete) = (plan, is_complete);
+        (view.plan, view.is_complete, view.is_drawn) = (plan, is_complete, false);
         view.passes = passes;
         let PropView { plan, passes, textures, buffers, cached, .. } = view;
         if plan.keeps_labels {
-            [(Slot::Labels, Slot::FormerLabels), (Slot::Depth(Rays::Pixels), Slot::FormerDepth)]
+            [(Slot::Labels, Slot::FormerLabels), (Slot::Depth(RaySet::Pixels), Slot::FormerDepth)]
                 .into_iter()
                 .for_each(|(now, former)| textures.swap(now, former));
         }
@@ -224,7 +225,7 @@ fn plan(
                 }
             }
             let mut ids: Vec<_> = ready.into_iter().map(|id| id.unwrap_or(CachedRenderPipelineId::INVALID)).collect();
-            if pass.part.is_some() && pass.clear.is_some() {
+            if pass.result.is_some() && pass.clear.is_some() {
                 let clear = pipelines.clear(cache, &pass, plan.target.format);
                 is_complete &= clear.is_some();
                 ids.extend(clear);
@@ -239,10 +240,10 @@ fn plan(
     }
 }
 
-/// Returns the parts of a frame that are drawn in every frame.
-fn never_cached(plan: &Plan) -> &'static [Part] {
+/// Returns the results that are drawn in every frame.
+fn never_cached(plan: &Plan) -> &'static [CachedResult] {
     // What is only blended over the scene is drawn faster than the scene is compared.
-    if plan.posterizes { &[] } else { &[Part::Labels] }
+    if plan.posterizes { &[] } else { &[CachedResult::Labels] }
 }
 
 /// Returns whether a view had too little memory a moment ago, and needs as much as then.

@@ -1,10 +1,10 @@
 //! What views keep from frame to frame, so that nothing is drawn twice.
 //!
-//! A [`Part`] of a frame is stale if anything changes that its passes read: a uniform, a texture, a buffer or a field,
-//! or the part that it is made from. All of this follows from the passes themselves. Bevy redraws the scene and its
-//! shadow maps in every frame, so wherever nothing else has changed, a compute shader compares the scene, and the light
-//! on props, with what they were, and sets a flag if they differ. Without this flag, the vertex shaders of all passes
-//! of the part draw nothing.
+//! A [`CachedResult`] of a frame is stale if anything changes that its passes read: a uniform, a texture, a buffer or a
+//! field, or the result that it is made from. All of this follows from the passes themselves. Bevy redraws the scene
+//! and its shadow maps in every frame, so wherever nothing else has changed, a compute shader compares the scene, and
+//! the light on props, with what they were, and sets a flag if they differ. Without this flag, the vertex shaders of
+//! all passes of the result draw nothing.
 //!
 //! Views in which something changes in every frame, because the camera moves, compare and remember nothing.
 
@@ -29,7 +29,7 @@ use bevy::{
 use super::{
     bind_groups::BindGroups,
     buffers::ViewBuffers,
-    pass::{Input, Output, Part, Pass, StaleUniform, Uniforms},
+    pass::{CachedResult, Input, Output, Pass, StaleUniform, Uniforms},
     slot::{self, Slot},
     textures::Textures,
 };
@@ -38,15 +38,15 @@ use crate::{gpu::Shaders, render::uniforms::ViewUniform};
 /// What a view keeps.
 #[derive(Default)]
 pub(in crate::render) struct Cache {
-    parts: [Cached; 3],
+    results: [Cached; 3],
     /// What the scene was: a word per pixel for its depth, and then, if anything is posterized, one for its color, and
     /// if light falls on props, one for this light.
     scene: Option<Buffer>,
-    /// Whether the words that each part depends on are those of the frame that was drawn.
+    /// Whether the words that each result depends on are those of the frame that was drawn.
     knows: [bool; 3],
 }
 
-/// A part of the frame.
+/// A result of the frame.
 #[derive(Default)]
 struct Cached {
     /// What determines this frame.
@@ -69,7 +69,7 @@ enum Mode {
 }
 
 impl Cache {
-    /// Decides what is drawn in this frame. `is_complete` says whether no pipeline is missing, and `never` which parts
+    /// Decides what is drawn in this frame. `is_complete` says whether no pipeline is missing, and `never` which results
     /// must be drawn in every frame.
     pub fn decide(
         &mut self,
@@ -78,31 +78,31 @@ impl Cache {
         textures: &mut Textures,
         buffers: &ViewBuffers,
         is_complete: bool,
-        never: &[Part],
+        never: &[CachedResult],
         size: UVec2,
     ) {
         let mut may_keep = is_complete;
         let has_light = light(passes).is_some();
-        self.knows[Part::Labels as usize] |= !has_light;
-        for part in Part::ALL {
-            let cached = &mut self.parts[part as usize];
-            cached.key = key(part, passes, textures, buffers);
-            may_keep &= !never.contains(&part) && cached.drawn == Some(cached.key);
-            cached.mode = match (may_keep, self.knows[part as usize]) {
+        self.knows[CachedResult::Labels as usize] |= !has_light;
+        for result in CachedResult::ALL {
+            let cached = &mut self.results[result as usize];
+            cached.key = key(result, passes, textures, buffers);
+            may_keep &= !never.contains(&result) && cached.drawn == Some(cached.key);
+            cached.mode = match (may_keep, self.knows[result as usize]) {
                 (false, _) => Mode::Draw,
                 (true, false) => Mode::Remember,
                 (true, true) => Mode::Compare,
             };
         }
         // Whatever is drawn differently now, even if incompletely, replaces what was cached.
-        for part in Part::ALL {
-            self.parts[part as usize].drawn = None;
+        for result in CachedResult::ALL {
+            self.results[result as usize].drawn = None;
         }
-        if self.parts[0].mode == Mode::Draw {
+        if self.results[0].mode == Mode::Draw {
             self.scene = None;
             return;
         }
-        let has_composite = passes.iter().any(|(pass, _)| pass.part == Some(Part::Composite));
+        let has_composite = passes.iter().any(|(pass, _)| pass.result == Some(CachedResult::Composite));
         let words = 1 + u64::from(has_composite) + u64::from(has_light);
         let size = 4 * words * u64::from(size.x) * u64::from(size.y);
         if self.scene.as_ref().is_none_or(|scene| scene.size() != size) {
@@ -119,16 +119,16 @@ impl Cache {
 
     fn forget_scene(&mut self) {
         self.knows = default();
-        for cached in &mut self.parts {
+        for cached in &mut self.results {
             if cached.mode == Mode::Compare {
                 cached.mode = Mode::Remember;
             }
         }
     }
 
-    /// Returns what must be drawn even if the scene has not changed. Each part is made from those before it.
+    /// Returns what must be drawn even if the scene has not changed. Each result is made from those before it.
     pub fn stale(&self) -> StaleUniform {
-        let [layer, composite, labels] = Part::ALL.map(|part| u32::from(self.is_drawn(part)));
+        let [layer, composite, labels] = CachedResult::ALL.map(|result| u32::from(self.is_drawn(result)));
         StaleUniform { layer, composite, labels }
     }
 
@@ -140,18 +140,18 @@ impl Cache {
 
     /// Returns whether nothing has changed that is known before the scene is drawn.
     pub fn rests(&self) -> bool {
-        self.parts[0].mode != Mode::Draw
+        self.results[0].mode != Mode::Draw
     }
 
-    /// Returns whether a part is drawn even if the scene has not changed.
-    pub fn is_drawn(&self, part: Part) -> bool {
-        self.parts[..=part as usize].iter().any(|cached| cached.mode != Mode::Compare)
+    /// Returns whether a result is drawn even if the scene has not changed.
+    pub fn is_drawn(&self, result: CachedResult) -> bool {
+        self.results[..=result as usize].iter().any(|cached| cached.mode != Mode::Compare)
     }
 
-    /// Compares the scene, or the light on props, with what it was, before the passes of a part.
+    /// Compares the scene, or the light on props, with what it was, before the passes of a result.
     pub fn compare(
         &mut self,
-        part: Part,
+        result: CachedResult,
         scene: &TextureView,
         samples: u32,
         buffers: &ViewBuffers,
@@ -161,10 +161,10 @@ impl Cache {
         size: UVec2,
         ctx: &mut RenderContext,
     ) {
-        let index = part as usize;
-        let is_compared = self.parts[index].mode != Mode::Draw;
+        let index = result as usize;
+        let is_compared = self.results[index].mode != Mode::Draw;
         let words = self.scene.as_ref().filter(|_| is_compared);
-        let (layout, id) = comparison.of(part, samples);
+        let (layout, id) = comparison.of(result, samples);
         let pipeline = cache.get_compute_pipeline(*id);
         let (Some(view), Some(stale)) = (buffers.view.binding(), buffers.stale.binding()) else {
             return;
@@ -189,20 +189,25 @@ impl Cache {
         }
     }
 
-    /// Notes that a part was drawn, or is as it was.
-    pub fn finish(&mut self, part: Part) {
-        let cached = &mut self.parts[part as usize];
+    /// Notes that a result was drawn, or is as it was.
+    pub fn finish(&mut self, result: CachedResult) {
+        let cached = &mut self.results[result as usize];
         cached.drawn = Some(cached.key);
     }
 }
 
-/// Returns a number that is different whenever anything changes that the passes of a part read, besides the scene.
-fn key(part: Part, passes: &[(Pass, Vec<CachedRenderPipelineId>)], textures: &Textures, buffers: &ViewBuffers) -> u64 {
+/// Returns a number that is different whenever anything changes that the passes of a result read, besides the scene.
+fn key(
+    result: CachedResult,
+    passes: &[(Pass, Vec<CachedRenderPipelineId>)],
+    textures: &Textures,
+    buffers: &ViewBuffers,
+) -> u64 {
     let mut hasher = FixedHasher.build_hasher();
-    for pass in passes.iter().map(|(pass, _)| pass).filter(|pass| pass.part == Some(part)) {
+    for pass in passes.iter().map(|(pass, _)| pass).filter(|pass| pass.result == Some(result)) {
         (pass.name, &pass.writes, pass.depth, &pass.reads, pass.samples, &pass.programs).hash(&mut hasher);
         for draw in &pass.draws {
-            (draw.program, &draw.vertices, draw.instance, draw.scissor.map(|part| (part.min, part.max)))
+            (draw.program, &draw.vertices, draw.instance, draw.scissor.map(|rect| (rect.min, rect.max)))
                 .hash(&mut hasher);
             draw.field.as_ref().map(|field| field.id()).hash(&mut hasher);
         }
@@ -220,7 +225,7 @@ fn key(part: Part, passes: &[(Pass, Vec<CachedRenderPipelineId>)], textures: &Te
                 Input::Texture(slot) => textures.get(*slot).map(|view| view.id()).hash(&mut hasher),
                 Input::Buffer(slot::Buffer::Lit) => buffers.lit.hash().hash(&mut hasher),
                 Input::Buffer(slot::Buffer::Shades) => buffers.shades.hash().hash(&mut hasher),
-                // The others are only read where another pass of the same part writes them.
+                // The others are only read where another pass of the same result writes them.
                 _ => (),
             }
         }
@@ -237,7 +242,7 @@ fn key(part: Part, passes: &[(Pass, Vec<CachedRenderPipelineId>)], textures: &Te
 
 /// Returns where the light is in which labels are shown, if any falls on props.
 pub(super) fn light(passes: &[(Pass, Vec<CachedRenderPipelineId>)]) -> Option<Slot> {
-    let labels = passes.iter().map(|(pass, _)| pass).filter(|pass| pass.part == Some(Part::Labels));
+    let labels = passes.iter().map(|(pass, _)| pass).filter(|pass| pass.result == Some(CachedResult::Labels));
     labels.flat_map(|pass| pass.reads.iter().flatten()).find_map(|input| match input {
         Input::Texture(slot @ (Slot::Light | Slot::SmoothLight)) => Some(*slot),
         _ => None,
@@ -281,11 +286,11 @@ impl Comparison {
         }
     }
 
-    fn of(&self, part: Part, samples: u32) -> &(BindGroupLayoutDescriptor, CachedComputePipelineId) {
-        match part {
-            Part::Layer => &self.pipelines[usize::from(samples > 1)],
-            Part::Composite => &self.pipelines[2],
-            Part::Labels => &self.pipelines[3],
+    fn of(&self, result: CachedResult, samples: u32) -> &(BindGroupLayoutDescriptor, CachedComputePipelineId) {
+        match result {
+            CachedResult::Layer => &self.pipelines[usize::from(samples > 1)],
+            CachedResult::Composite => &self.pipelines[2],
+            CachedResult::Labels => &self.pipelines[3],
         }
     }
 }

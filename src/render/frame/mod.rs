@@ -15,10 +15,12 @@ mod view;
 pub(super) use bind_groups::BindGroups;
 pub(super) use buffers::PaletteBuffer;
 pub(super) use cache::Comparison;
-pub(super) use pass::{Area, Blend, Clear, Draw, Fragment, Input, Output, Part, Pass, Place, Program, Uniforms};
+pub(super) use pass::{
+    Area, Blend, CachedResult, Clear, Draw, Fragment, Input, Output, Pass, Place, Program, Uniforms,
+};
 pub(super) use pipelines::{InitPipelines, Pipelines};
 #[cfg(feature = "shadows")]
 pub(super) use run::Lights;
 pub(super) use run::run;
-pub(super) use slot::{BATCH, Buffer, Rays, Slot, Turn, batch_side, batches};
+pub(super) use slot::{BATCH, Buffer, RaySet, Slot, Turn, batch_side, batches};
 pub(crate) use view::PropView;

@@ -17,7 +17,7 @@ pub(in crate::render) struct Pass {
     pub place: Place,
     pub feature: Feature,
     /// The result that it contributes to, and that may be cached. Other passes run in every frame.
-    pub part: Option<Part>,
+    pub result: Option<CachedResult>,
     /// What it reads: one bind group after another, from group 1, or from group 2 if it marches through fields.
     pub reads: Vec<Vec<Input>>,
     /// The uniforms of bind group 0 that it reads.
@@ -41,12 +41,12 @@ pub(in crate::render) struct Pass {
 
 impl Pass {
     /// Returns a pass that draws one triangle over the drawn part of the view.
-    pub fn fullscreen(name: &'static str, place: Place, part: Option<Part>, program: Program) -> Self {
+    pub fn fullscreen(name: &'static str, place: Place, result: Option<CachedResult>, program: Program) -> Self {
         Self {
             name,
             place,
             feature: Feature::Base,
-            part,
+            result,
             reads: vec![],
             uses: &[],
             writes: vec![],
@@ -81,7 +81,7 @@ pub(in crate::render) enum Place {
 
 /// A result of passes that is cached until something changes that they read. Each is made from those before it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(in crate::render) enum Part {
+pub(in crate::render) enum CachedResult {
     /// The props alone, and their edges.
     Layer,
     /// The props over the scene, before and after the filter.
@@ -90,7 +90,7 @@ pub(in crate::render) enum Part {
     Labels,
 }
 
-impl Part {
+impl CachedResult {
     pub const ALL: [Self; 3] = [Self::Layer, Self::Composite, Self::Labels];
 
     /// Returns the definition that makes vertex shaders draw nothing while the result is cached.

@@ -76,7 +76,7 @@ impl Pipelines {
             name: pass.name,
             program: program.clone(),
             reads: pass.reads.iter().map(|inputs| inputs.iter().copied().map(Kind::of).collect()).collect(),
-            cached: pass.part.map(|part| part.definition()),
+            cached: pass.result.map(|result| result.definition()),
             targets: pass.writes.iter().map(|write| write.as_ref().map(|output| format(output, false))).collect(),
             depth: pass.depth.as_ref().map(|output| format(output, true)),
             samples: pass.samples,

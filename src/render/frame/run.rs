@@ -18,7 +18,7 @@ use super::view::PropView;
 use super::{
     buffers::PaletteBuffer,
     cache::{Cache, Comparison, light},
-    pass::{Area, Clear, Input, Output, Part, Pass, Place},
+    pass::{Area, CachedResult, Clear, Input, Output, Pass, Place},
     pipelines::Pipelines,
     slot::{BATCH, Buffer, batches, grid_size},
 };
@@ -78,6 +78,7 @@ pub(in crate::render) fn run(
         prepass,
         lights,
     };
+    view.is_drawn = true;
     let passes = std::mem::take(&mut view.passes);
     compare(*place, &passes, &mut view, &frame, comparison.as_deref(), &mut ctx);
     let diagnostics = ctx.diagnostic_recorder();
@@ -97,7 +98,7 @@ pub(in crate::render) fn run(
     view.passes = passes;
 }
 
-/// Compares the scene, and the light on props, with what they were in the last frame, if a part of this frame may be
+/// Compares the scene, and the light on props, with what they were in the last frame, if a result of this frame may be
 /// cached.
 fn compare(
     place: Place,
@@ -108,25 +109,25 @@ fn compare(
     ctx: &mut RenderContext,
 ) {
     let PropView { plan, cached, textures, buffers, groups, .. } = view;
-    let mut of = |cached: &mut Cache, part, scene| {
+    let mut of = |cached: &mut Cache, result, scene| {
         if let Some(comparison) = comparison {
-            cached.compare(part, scene, plan.samples, buffers, groups, comparison, frame.cache, plan.rect.size, ctx);
+            cached.compare(result, scene, plan.samples, buffers, groups, comparison, frame.cache, plan.rect.size, ctx);
         }
     };
     match place {
         Place::Layer => {
-            of(cached, Part::Layer, frame.depth.view());
-            cached.finish(Part::Layer);
+            of(cached, CachedResult::Layer, frame.depth.view());
+            cached.finish(CachedResult::Layer);
         }
         Place::Posterize => {
-            if passes.iter().any(|(pass, _)| pass.part == Some(Part::Composite)) {
-                of(cached, Part::Composite, frame.target.main_texture_view());
+            if passes.iter().any(|(pass, _)| pass.result == Some(CachedResult::Composite)) {
+                of(cached, CachedResult::Composite, frame.target.main_texture_view());
             }
             if let Some(light) = light(passes).and_then(|slot| textures.get(slot)) {
-                of(cached, Part::Labels, light);
+                of(cached, CachedResult::Labels, light);
             }
-            cached.finish(Part::Composite);
-            cached.finish(Part::Labels);
+            cached.finish(CachedResult::Composite);
+            cached.finish(CachedResult::Labels);
         }
         Place::Present | Place::Objects => {}
     }
@@ -146,7 +147,7 @@ fn draw(
         ctx.command_encoder().clear_buffer(textures.buffer_of(buffer)?, 0, None);
     }
     // What may be cached is cleared by a draw call, because only the GPU knows whether it must be.
-    let may_keep = pass.part.is_some_and(|part| !cached.is_drawn(part));
+    let may_keep = pass.result.is_some_and(|result| !cached.is_drawn(result));
     let clear = pass.clear.filter(|_| !may_keep);
     let attach = |output: &Output| {
         let load = clear.map_or(LoadOp::Load, |clear| LoadOp::Clear(clear.color()));

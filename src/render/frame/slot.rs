@@ -7,19 +7,19 @@ use bevy::{core_pipeline::prepass::MOTION_VECTOR_PREPASS_FORMAT, prelude::*, ren
 pub(in crate::render) enum Slot {
     /// A layer: the props alone. Encoded sRGB premultiplied by opacity, and opacity. Half floats, because 8 bits per
     /// channel would change labels.
-    Color(Rays),
+    Color(RaySet),
     /// The owner of a pixel, as packed by `pack_owner` of `view.wgsl`.
-    Owner(Rays),
+    Owner(RaySet),
     /// The depth of the props, reversed like that of the scene.
-    Depth(Rays),
+    Depth(RaySet),
     /// How solid props have moved since the previous frame, as a fraction of the viewport.
-    Motion(Rays),
+    Motion(RaySet),
     /// The nearest solid prop, as packed by `pack_solid` of `view.wgsl`, and where it is solid.
-    Nearest(Rays),
-    NearestDepth(Rays),
+    Nearest(RaySet),
+    NearestDepth(RaySet),
     /// Where others show through that one, the nearest one through which nothing shows, and where it is solid.
-    Opaque(Rays),
-    OpaqueDepth(Rays),
+    Opaque(RaySet),
+    OpaqueDepth(RaySet),
     /// What is known of the gaps between the rays of the grid, as `batch.wgsl` says.
     Gaps,
     /// The owners that may cover parts of a pixel. See `outline.wgsl`.
@@ -74,7 +74,7 @@ pub(in crate::render) enum Turn {
 
 /// The rays whose results a texture holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(in crate::render) enum Rays {
+pub(in crate::render) enum RaySet {
     /// One per pixel.
     Pixels,
     /// Every `PropQuality::ray_spacing`-th one along each axis.
@@ -106,12 +106,12 @@ impl Slot {
         })
     }
 
-    pub fn rays(self) -> Rays {
+    pub fn rays(self) -> RaySet {
         match self {
             Self::Color(rays) | Self::Owner(rays) | Self::Depth(rays) | Self::Motion(rays) => rays,
             Self::Nearest(rays) | Self::NearestDepth(rays) | Self::Opaque(rays) | Self::OpaqueDepth(rays) => rays,
-            Self::Gaps => Rays::Grid,
-            _ => Rays::Pixels,
+            Self::Gaps => RaySet::Grid,
+            _ => RaySet::Pixels,
         }
     }
 }

@@ -17,7 +17,7 @@ use bevy::{
 
 use super::{
     pass::{Input, Output, Pass},
-    slot::{BATCH, Buffer, MOST_GAPS, Rays, Slot, batches, grid_size},
+    slot::{BATCH, Buffer, MOST_GAPS, RaySet, Slot, batches, grid_size},
 };
 use crate::{gpu::Allocator, render::plan::Plan};
 
@@ -111,9 +111,9 @@ impl Textures {
     fn texture(&mut self, device: &RenderDevice, slot: Slot, plan: &Plan) -> bool {
         let (mut size, mut format, mut samples) = (self.size, slot.format(), 1);
         match slot.rays() {
-            Rays::Pixels => {}
-            Rays::Grid => size = grid_size(size, plan.spacing),
-            Rays::Batches => size = BATCH * batches(size, plan.spacing),
+            RaySet::Pixels => {}
+            RaySet::Grid => size = grid_size(size, plan.spacing),
+            RaySet::Batches => size = BATCH * batches(size, plan.spacing),
         }
         if let Slot::Objects | Slot::ObjectSamples = slot {
             (size, format) = (plan.target.size, Some(plan.target.format));

@@ -16,6 +16,8 @@ pub(crate) struct PropView {
     pub(in crate::render) passes: Vec<(Pass, Vec<CachedRenderPipelineId>)>,
     /// Whether nothing is left out because a pipeline is not ready.
     pub(in crate::render) is_complete: bool,
+    /// Whether the plan was drawn, or is about to be. Bevy skips cameras of windows that have no size.
+    pub(in crate::render) is_drawn: bool,
     pub(in crate::render) textures: Textures,
     pub(in crate::render) buffers: ViewBuffers,
     pub(in crate::render) groups: BindGroups,

@@ -13,7 +13,7 @@ use super::volume::index_of;
 use crate::{
     gpu::field_definitions,
     render::{
-        frame::{Blend, Draw, Input, Output, Part, Pass, Place, Program, Rays, Slot, Uniforms},
+        frame::{Blend, CachedResult, Draw, Input, Output, Pass, Place, Program, RaySet, Slot, Uniforms},
         plan::{Feature, Plan},
         uniforms::Smooths,
     },
@@ -35,9 +35,9 @@ enum Pixels {
 }
 
 const LAYER: [Input; 3] = [
-    Input::Texture(Slot::Color(Rays::Pixels)),
-    Input::Texture(Slot::Owner(Rays::Pixels)),
-    Input::Texture(Slot::Depth(Rays::Pixels)),
+    Input::Texture(Slot::Color(RaySet::Pixels)),
+    Input::Texture(Slot::Owner(RaySet::Pixels)),
+    Input::Texture(Slot::Depth(RaySet::Pixels)),
 ];
 
 /// Finds the pixels at edges, and clears what the coverage pass adds to if there are several props.
@@ -51,7 +51,12 @@ pub(super) fn outline(plan: &Plan) -> Option<Pass> {
         uses: &[Uniforms::View, Uniforms::Props],
         writes: [Slot::Outline].iter().chain(rays).map(|slot| Some(Output::Texture(*slot))).collect(),
         depth: Some(Output::Texture(Slot::EdgeMask)),
-        ..Pass::fullscreen(OUTLINE, Place::Layer, Some(Part::Layer), program.depth_test(CompareFunction::Always, true))
+        ..Pass::fullscreen(
+            OUTLINE,
+            Place::Layer,
+            Some(CachedResult::Layer),
+            program.depth_test(CompareFunction::Always, true),
+        )
     })
 }
 
@@ -73,8 +78,8 @@ fn coverage_of(plan: &Plan, pixels: Pixels) -> Pass {
     // A single prop writes all pixels at its edges, even where its rays do not meet its box.
     let is_single = plan.props.len() == 1;
     let blend = if is_single { Blend::Replace } else { add };
-    let (outline, owner) = (Input::Texture(Slot::Outline), Input::Texture(Slot::Owner(Rays::Pixels)));
-    let depth = Input::Texture(Slot::Depth(Rays::Pixels));
+    let (outline, owner) = (Input::Texture(Slot::Outline), Input::Texture(Slot::Owner(RaySet::Pixels)));
+    let depth = Input::Texture(Slot::Depth(RaySet::Pixels));
     let (definition, reads, writes, blends) = match pixels {
         Pixels::All => {
             (None, vec![outline, owner, depth], vec![Slot::Coverage, Slot::OwnRays, Slot::OtherRays], vec![blend; 3])
@@ -118,6 +123,6 @@ fn coverage_of(plan: &Plan, pixels: Pixels) -> Pass {
         depth: Some(Output::Texture(Slot::EdgeMask)),
         programs,
         draws,
-        ..Pass::fullscreen(COVERAGE, Place::Layer, Some(Part::Layer), Program::new("coverage"))
+        ..Pass::fullscreen(COVERAGE, Place::Layer, Some(CachedResult::Layer), Program::new("coverage"))
     }
 }

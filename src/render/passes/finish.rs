@@ -2,7 +2,7 @@
 
 use super::labels::{DEPTH, inked, lit, space, with_lights};
 use crate::render::{
-    frame::{Clear, Input, Output, Part, Pass, Place, Program, Rays, Slot, Uniforms},
+    frame::{CachedResult, Clear, Input, Output, Pass, Place, Program, RaySet, Slot, Uniforms},
     plan::{Feature, Plan},
 };
 
@@ -16,7 +16,7 @@ pub(super) fn finish(plan: &Plan) -> Option<Pass> {
         .define_all(lit(plan));
     let mut reads = [Slot::Labeled, Slot::Labels, Slot::Even].map(Input::Texture).to_vec();
     reads.push(Input::Scene);
-    reads.extend(plan.has_ink.then_some(Input::Texture(Slot::Depth(Rays::Pixels))));
+    reads.extend(plan.has_ink.then_some(Input::Texture(Slot::Depth(RaySet::Pixels))));
     let writes = if plan.smooths { vec![Slot::Finished, Slot::Shown] } else { vec![Slot::Shown] };
     plan.finishes().then(|| Pass {
         feature: Feature::Finish,
@@ -25,6 +25,6 @@ pub(super) fn finish(plan: &Plan) -> Option<Pass> {
         writes: writes.into_iter().map(|slot| Some(Output::Texture(slot))).collect(),
         depth: Some(DEPTH),
         clear: Some(Clear::NegativeAlpha),
-        ..Pass::fullscreen(FINISH, Place::Posterize, Some(Part::Labels), inked(plan, program).where_props_are())
+        ..Pass::fullscreen(FINISH, Place::Posterize, Some(CachedResult::Labels), inked(plan, program).where_props_are())
     })
 }

@@ -18,7 +18,7 @@ use super::{
 use crate::{
     render::{
         extract::VisibleProps,
-        frame::{Buffer, Clear, Input, Output, Pass, Place, Program, PropView, Rays, Slot},
+        frame::{Buffer, Clear, Input, Output, Pass, Place, Program, PropView, RaySet, Slot},
         plan::{Feature, Plan},
     },
     sets::PlenOctreeRenderSystems,
@@ -33,7 +33,7 @@ pub(super) fn fog(plan: &Plan) -> Option<Pass> {
     let program = program.define_if(plan.smooths, "SMOOTH");
     let edges = if plan.smooths { &[Slot::Outline, Slot::Coverage][..] } else { &[] };
     let buffers = [Buffer::Fog, Buffer::View].map(Input::Buffer);
-    let textures = [shown_after(plan.stages.len()), Slot::Depth(Rays::Pixels)].map(Input::Texture);
+    let textures = [shown_after(plan.stages.len()), Slot::Depth(RaySet::Pixels)].map(Input::Texture);
     plan.has_fog.then(|| Pass {
         feature: Feature::Fog,
         reads: vec![

@@ -14,7 +14,9 @@ use bevy::{
 };
 
 use crate::render::{
-    frame::{Buffer, Clear, Draw, Fragment, Input, Output, Part, Pass, Place, Program, Rays, Slot, Turn, Uniforms},
+    frame::{
+        Buffer, CachedResult, Clear, Draw, Fragment, Input, Output, Pass, Place, Program, RaySet, Slot, Turn, Uniforms,
+    },
     plan::{Feature, Plan},
 };
 
@@ -24,9 +26,9 @@ pub(super) const LABEL: &str = "plenoctree_label";
 pub(super) const BLEND: &str = "plenoctree_blend";
 pub(super) const STAGE: &str = "plenoctree_stage";
 
-const COLOR: Input = Input::Texture(Slot::Color(Rays::Pixels));
-const OWNER: Input = Input::Texture(Slot::Owner(Rays::Pixels));
-pub(super) const DEPTH: Output = Output::Texture(Slot::Depth(Rays::Pixels));
+const COLOR: Input = Input::Texture(Slot::Color(RaySet::Pixels));
+const OWNER: Input = Input::Texture(Slot::Owner(RaySet::Pixels));
+pub(super) const DEPTH: Output = Output::Texture(Slot::Depth(RaySet::Pixels));
 
 /// Blends the layer over the scene, in encoded sRGB.
 pub(super) fn composite(plan: &Plan) -> Option<Pass> {
@@ -42,7 +44,7 @@ pub(super) fn composite(plan: &Plan) -> Option<Pass> {
         reads: vec![vec![COLOR, OWNER, Input::Scene]],
         uses: &[Uniforms::View, Uniforms::Screen, Uniforms::Filters],
         writes,
-        ..Pass::fullscreen(COMPOSITE, Place::Posterize, Some(Part::Composite), program)
+        ..Pass::fullscreen(COMPOSITE, Place::Posterize, Some(CachedResult::Composite), program)
     })
 }
 
@@ -60,7 +62,7 @@ pub(super) fn filter(plan: &Plan) -> Vec<Pass> {
             writes: vec![Some(Output::Texture(to))],
             depth: Some(DEPTH),
             draws: vec![Draw { instance: iteration, ..Draw::triangle(0) }],
-            ..Pass::fullscreen(FILTER, Place::Posterize, Some(Part::Composite), program.where_props_are())
+            ..Pass::fullscreen(FILTER, Place::Posterize, Some(CachedResult::Composite), program.where_props_are())
         }
     };
     (0..iterations).flat_map(|iteration| directions.map(|direction| pass(iteration, direction))).collect()
@@ -78,7 +80,7 @@ pub(super) fn label(plan: &Plan) -> Pass {
         .define_all(lit(plan));
     let mut reads = vec![source, COLOR];
     if plan.posterizes {
-        reads.extend([Input::Texture(Slot::Depth(Rays::Pixels)), Input::Scene]);
+        reads.extend([Input::Texture(Slot::Depth(RaySet::Pixels)), Input::Scene]);
     }
     if plan.steadies() {
         reads.extend([Slot::FormerLabels, Slot::FormerDepth].map(Input::Texture));
@@ -104,7 +106,7 @@ pub(super) fn label(plan: &Plan) -> Pass {
         writes,
         depth: Some(DEPTH),
         clear: Some(Clear::NegativeAlpha),
-        ..Pass::fullscreen(LABEL, Place::Posterize, Some(Part::Labels), program.where_props_are())
+        ..Pass::fullscreen(LABEL, Place::Posterize, Some(CachedResult::Labels), program.where_props_are())
     }
 }
 
@@ -122,7 +124,7 @@ pub(super) fn blend(plan: &Plan) -> Option<Pass> {
         .define_all(lit(plan));
     let shown = if plan.finishes() { Slot::Finished } else { Slot::Labeled };
     let slots = [shown, Slot::Even, Slot::Outline, Slot::Coverage, Slot::OwnRays, Slot::OtherRays];
-    let ink = if plan.has_ink { &[Slot::Labels, Slot::Depth(Rays::Pixels)][..] } else { &[] };
+    let ink = if plan.has_ink { &[Slot::Labels, Slot::Depth(RaySet::Pixels)][..] } else { &[] };
     let inputs = slots.iter().map(|slot| Input::Texture(*slot)).chain([Input::Scene, COLOR]);
     let inputs = inputs.chain(ink.iter().map(|slot| Input::Texture(*slot))).collect();
     let writes = [Slot::Shown].into_iter().chain(plan.blends_front().then_some(Slot::Front));
@@ -135,7 +137,7 @@ pub(super) fn blend(plan: &Plan) -> Option<Pass> {
         ..Pass::fullscreen(
             BLEND,
             Place::Posterize,
-            Some(Part::Labels),
+            Some(CachedResult::Labels),
             inked(plan, program).depth_test(CompareFunction::Less, false),
         )
     })

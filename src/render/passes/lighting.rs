@@ -31,8 +31,8 @@ use crate::{
     render::{
         extract::{ExtractedProps, VisibleProps, extract_props},
         frame::{
-            Buffer, Clear, Draw, InitPipelines, Input, Lights, Output, Pass, Pipelines, Place, Program, PropView, Rays,
-            Slot,
+            Buffer, Clear, Draw, InitPipelines, Input, Lights, Output, Pass, Pipelines, Place, Program, PropView,
+            RaySet, Slot,
         },
         plan::{Feature, Plan},
         shades::{ShadedPalette, Shades},
@@ -54,12 +54,12 @@ pub(super) fn lighting(plan: &Plan) -> Option<Pass> {
     let filters = if plan.is_brightened { &[shadow_filter(plan), HARD][..] } else { &[shadow_filter(plan)] };
     let programs = [false, true].into_iter().flat_map(|lamps| filters.iter().map(move |filter| (lamps, *filter)));
     let drawn = usize::from(plan.has_lamps) * filters.len() + usize::from(plan.smooths_all_light);
-    let textures = [Slot::Depth(Rays::Pixels), Slot::Owner(Rays::Pixels)].map(Input::Texture);
+    let textures = [Slot::Depth(RaySet::Pixels), Slot::Owner(RaySet::Pixels)].map(Input::Texture);
     plan.is_lit.then(|| Pass {
         feature: Feature::Lighting,
         reads: vec![[Buffer::Lit, Buffer::View].map(Input::Buffer).into_iter().chain(textures).collect()],
         writes: vec![Some(Output::Texture(Slot::Light))],
-        depth: Some(Output::Texture(Slot::Depth(Rays::Pixels))),
+        depth: Some(Output::Texture(Slot::Depth(RaySet::Pixels))),
         clear: Some(Clear::White),
         // All are compiled from the start, so that props keep their light when the first lamp appears, or the first
         // prop whose light is not smoothed.
@@ -72,12 +72,12 @@ pub(super) fn lighting(plan: &Plan) -> Option<Pass> {
 /// Smooths this light, if it makes props brighter.
 pub(super) fn smooth_light(plan: &Plan) -> Option<Pass> {
     let program = Program { lights: true, ..Program::new("smooth_light") };
-    let textures = [Slot::Depth(Rays::Pixels), Slot::Owner(Rays::Pixels), Slot::Light].map(Input::Texture);
+    let textures = [Slot::Depth(RaySet::Pixels), Slot::Owner(RaySet::Pixels), Slot::Light].map(Input::Texture);
     plan.is_brightened.then(|| Pass {
         feature: Feature::Lighting,
         reads: vec![[Buffer::Lit, Buffer::View].map(Input::Buffer).into_iter().chain(textures).collect()],
         writes: vec![Some(Output::Texture(Slot::SmoothLight))],
-        depth: Some(Output::Texture(Slot::Depth(Rays::Pixels))),
+        depth: Some(Output::Texture(Slot::Depth(RaySet::Pixels))),
         clear: Some(Clear::White),
         ..Pass::fullscreen(
             SMOOTH_LIGHT,

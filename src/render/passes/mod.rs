@@ -22,7 +22,7 @@ pub(super) use volume::request;
 use bevy::app::SubApp;
 
 use super::{
-    frame::{Pass, Rays},
+    frame::{Pass, RaySet},
     plan::Plan,
 };
 
@@ -51,13 +51,13 @@ pub const LIGHTING_SPANS: &[&str] = &[lighting::LIGHTING, lighting::SMOOTH_LIGHT
 /// Returns the passes of a frame, in the order in which they run.
 pub(super) fn of(plan: &Plan) -> Vec<Pass> {
     let mut passes = vec![];
-    for rays in if plan.is_sparse() { &[Rays::Grid, Rays::Batches][..] } else { &[Rays::Pixels] } {
+    for rays in if plan.is_sparse() { &[RaySet::Grid, RaySet::Batches][..] } else { &[RaySet::Pixels] } {
         passes.extend(volume::solid(plan, *rays));
         passes.push(volume::volume(plan, *rays));
         match rays {
-            Rays::Grid => passes.push(refine::check(plan)),
-            Rays::Batches => passes.push(refine::fill(plan)),
-            Rays::Pixels => {}
+            RaySet::Grid => passes.push(refine::check(plan)),
+            RaySet::Batches => passes.push(refine::fill(plan)),
+            RaySet::Pixels => {}
         }
     }
     passes.extend(edges::outline(plan));

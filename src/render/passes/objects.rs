@@ -20,7 +20,7 @@ use bevy::{
 use super::labels::{shown_after, space};
 use crate::{
     render::{
-        frame::{Area, Clear, Input, Output, Pass, Place, Program, PropView, Rays, Slot},
+        frame::{Area, Clear, Input, Output, Pass, Place, Program, PropView, RaySet, Slot},
         plan::{Feature, Plan},
     },
     sets::PlenOctreeRenderSystems,
@@ -59,8 +59,8 @@ pub(super) fn objects(plan: &Plan) -> Option<Pass> {
 
 /// Returns what `front.wgsl` reads.
 fn front(plan: &Plan) -> Vec<Input> {
-    let mut slots = vec![shown_after(plan.stages.len()), Slot::Color(Rays::Pixels)];
-    slots.extend(plan.has_owners().then_some(Slot::Owner(Rays::Pixels)));
+    let mut slots = vec![shown_after(plan.stages.len()), Slot::Color(RaySet::Pixels)];
+    slots.extend(plan.has_owners().then_some(Slot::Owner(RaySet::Pixels)));
     slots.extend(plan.blends_front().then_some([Slot::Outline, Slot::Front]).into_iter().flatten());
     slots.into_iter().map(Input::Texture).collect()
 }

@@ -5,7 +5,7 @@ use bevy::render::render_resource::{BlendComponent, BlendState, CompareFunction}
 
 use super::labels::{shown_after, space};
 use crate::render::{
-    frame::{Area, Blend, Draw, Input, Output, Pass, Place, Program, Rays, Slot},
+    frame::{Area, Blend, Draw, Input, Output, Pass, Place, Program, RaySet, Slot},
     plan::{Feature, Plan},
 };
 
@@ -21,11 +21,14 @@ pub(super) fn present(plan: &Plan) -> Vec<Pass> {
     // The colors are already composited: they are replaced, and alpha is blended over the target's alpha.
     let replace = Blend::With(BlendState { color: BlendComponent::REPLACE, alpha: BlendComponent::OVER });
     let of_edges = if hidden.is_some() { vec![Slot::Outline, Slot::Coverage] } else { vec![] };
-    let of_motion = if plan.has_motion { vec![Slot::Motion(Rays::Pixels)] } else { vec![] };
+    let of_motion = if plan.has_motion { vec![Slot::Motion(RaySet::Pixels)] } else { vec![] };
     let textures = |slots: Vec<Slot>| slots.into_iter().map(Input::Texture).collect();
     let shown = if plan.has_fog { Slot::Fogged } else { shown_after(plan.stages.len()) };
-    let mut reads =
-        vec![[shown, Slot::Depth(Rays::Pixels)].map(Input::Texture).to_vec(), textures(of_edges), textures(of_motion)];
+    let mut reads = vec![
+        [shown, Slot::Depth(RaySet::Pixels)].map(Input::Texture).to_vec(),
+        textures(of_edges),
+        textures(of_motion),
+    ];
     while reads.last().is_some_and(Vec::is_empty) {
         reads.pop();
     }

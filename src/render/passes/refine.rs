@@ -10,7 +10,7 @@ use bevy::render::render_resource::CompareFunction;
 
 use super::volume::layer;
 use crate::render::{
-    frame::{Area, Buffer, Input, Output, Part, Pass, Place, Program, Rays, Slot, Uniforms},
+    frame::{Area, Buffer, CachedResult, Input, Output, Pass, Place, Program, RaySet, Slot, Uniforms},
     plan::{Feature, Plan},
 };
 
@@ -20,7 +20,8 @@ pub(super) const FILL: &str = "plenoctree_fill";
 /// Finds the gaps whose pixels need rays.
 pub(super) fn check(plan: &Plan) -> Pass {
     let program = Program { scene_depth: Some(plan.samples), ..Program::new("check") };
-    let textures = [Slot::Color(Rays::Grid), Slot::Owner(Rays::Grid), Slot::Depth(Rays::Grid)].map(Input::Texture);
+    let textures =
+        [Slot::Color(RaySet::Grid), Slot::Owner(RaySet::Grid), Slot::Depth(RaySet::Grid)].map(Input::Texture);
     let buffers = [Buffer::BatchCounts, Buffer::BatchGaps].map(Input::WrittenBuffer);
     Pass {
         feature: Feature::Sparse,
@@ -29,13 +30,13 @@ pub(super) fn check(plan: &Plan) -> Pass {
         writes: vec![Some(Output::Texture(Slot::Gaps))],
         zeroes: Some(Buffer::BatchCounts),
         area: Area::Grid,
-        ..Pass::fullscreen(CHECK, Place::Layer, Some(Part::Layer), program)
+        ..Pass::fullscreen(CHECK, Place::Layer, Some(CachedResult::Layer), program)
     }
 }
 
 /// Completes the layer.
 pub(super) fn fill(plan: &Plan) -> Pass {
-    let of = |slot: fn(Rays) -> Slot| [Rays::Grid, Rays::Batches].map(|rays| Input::Texture(slot(rays)));
+    let of = |slot: fn(RaySet) -> Slot| [RaySet::Grid, RaySet::Batches].map(|rays| Input::Texture(slot(rays)));
     let [[color, batched_color], [owner, batched_owner], [depth, batched_depth]] =
         [of(Slot::Color), of(Slot::Owner), of(Slot::Depth)];
     let mut reads = vec![Input::Texture(Slot::Gaps), color, owner, depth, batched_color, batched_owner, batched_depth];
@@ -47,8 +48,13 @@ pub(super) fn fill(plan: &Plan) -> Pass {
         feature: Feature::Sparse,
         reads: vec![reads],
         uses: &[Uniforms::View],
-        writes: layer(plan, Rays::Pixels),
-        depth: Some(Output::Texture(Slot::Depth(Rays::Pixels))),
-        ..Pass::fullscreen(FILL, Place::Layer, Some(Part::Layer), program.depth_test(CompareFunction::Always, true))
+        writes: layer(plan, RaySet::Pixels),
+        depth: Some(Output::Texture(Slot::Depth(RaySet::Pixels))),
+        ..Pass::fullscreen(
+            FILL,
+            Place::Layer,
+            Some(CachedResult::Layer),
+            program.depth_test(CompareFunction::Always, true),
+        )
     }
 }

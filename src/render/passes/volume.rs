@@ -20,8 +20,8 @@ use crate::{
     render::{
         extract::{ExtractedProps, VisibleProps},
         frame::{
-            Area, BATCH, Blend, Clear, Draw, Input, Output, Part, Pass, Pipelines, Place, Program, Rays, Slot,
-            Uniforms, batch_side, batches,
+            Area, BATCH, Blend, CachedResult, Clear, Draw, Input, Output, Pass, Pipelines, Place, Program, RaySet,
+            Slot, Uniforms, batch_side, batches,
         },
         plan::{Feature, Overlap, Plan, PlannedProp},
     },
@@ -58,12 +58,12 @@ impl Piece {
 }
 
 /// Finds the nearest solid props, in two rounds.
-pub(super) fn solid(plan: &Plan, rays: Rays) -> Vec<Pass> {
+pub(super) fn solid(plan: &Plan, rays: RaySet) -> Vec<Pass> {
     if !plan.overlaps {
         return vec![];
     }
     let rounds = [(Slot::Nearest(rays), Slot::NearestDepth(rays)), (Slot::Opaque(rays), Slot::OpaqueDepth(rays))];
-    let name = if rays == Rays::Batches { SOLID_BATCHES } else { SOLID };
+    let name = if rays == RaySet::Batches { SOLID_BATCHES } else { SOLID };
     let pass = |(round, (prop, depth)): (usize, (Slot, Slot))| {
         let mut pass = marching(name, plan, rays);
         pass.writes = vec![Some(Output::Texture(prop))];
@@ -89,7 +89,7 @@ pub(super) fn solid(plan: &Plan, rays: Rays) -> Vec<Pass> {
 }
 
 /// Draws the props.
-pub(super) fn volume(plan: &Plan, rays: Rays) -> Pass {
+pub(super) fn volume(plan: &Plan, rays: RaySet) -> Pass {
     let mut pass = volume_of(plan, rays);
     let mut kinds = vec![];
     let pieces = if plan.overlaps { &[Piece::Behind, Piece::Solid, Piece::Before][..] } else { &[Piece::Before] };
@@ -104,8 +104,8 @@ pub(super) fn volume(plan: &Plan, rays: Rays) -> Pass {
 }
 
 /// Returns the volume pass without its draws.
-fn volume_of(plan: &Plan, rays: Rays) -> Pass {
-    let mut pass = marching(if rays == Rays::Batches { VOLUME_BATCHES } else { VOLUME }, plan, rays);
+fn volume_of(plan: &Plan, rays: RaySet) -> Pass {
+    let mut pass = marching(if rays == RaySet::Batches { VOLUME_BATCHES } else { VOLUME }, plan, rays);
     let slots = [Slot::Nearest(rays), Slot::NearestDepth(rays), Slot::Opaque(rays), Slot::OpaqueDepth(rays)];
     if plan.overlaps {
         pass.reads = vec![slots.map(Input::Texture).to_vec()];
@@ -116,7 +116,7 @@ fn volume_of(plan: &Plan, rays: Rays) -> Pass {
 }
 
 /// Returns the color attachments of a layer.
-pub(super) fn layer(plan: &Plan, rays: Rays) -> Vec<Option<Output>> {
+pub(super) fn layer(plan: &Plan, rays: RaySet) -> Vec<Option<Output>> {
     let mut writes = vec![Some(Output::Texture(Slot::Color(rays)))];
     writes.push(plan.has_owners().then_some(Output::Texture(Slot::Owner(rays))));
     writes.push(plan.has_motion.then_some(Output::Texture(Slot::Motion(rays))));
@@ -143,7 +143,7 @@ impl Kind {
     }
 }
 
-fn volume_program(plan: &Plan, rays: Rays, kind: Kind) -> Program {
+fn volume_program(plan: &Plan, rays: RaySet, kind: Kind) -> Program {
     let Kind { shape, overlaps, is_lit, may_recolor } = kind;
     let over = |src_factor| {
         let (dst_factor, operation) = (BlendFactor::OneMinusSrcAlpha, BlendOperation::Add);
@@ -169,8 +169,8 @@ fn volume_program(plan: &Plan, rays: Rays, kind: Kind) -> Program {
 }
 
 /// Returns a pass that marches through props.
-fn marching(name: &'static str, plan: &Plan, rays: Rays) -> Pass {
-    let mut pass = Pass::fullscreen(name, Place::Layer, Some(Part::Layer), Program::new(""));
+fn marching(name: &'static str, plan: &Plan, rays: RaySet) -> Pass {
+    let mut pass = Pass::fullscreen(name, Place::Layer, Some(CachedResult::Layer), Program::new(""));
     pass.programs.clear();
     pass.draws.clear();
     pass.uses = match plan.recolors {
@@ -179,17 +179,17 @@ fn marching(name: &'static str, plan: &Plan, rays: Rays) -> Pass {
     };
     pass.clear = Some(Clear::Zero);
     pass.area = match rays {
-        Rays::Pixels => Area::Drawn,
-        Rays::Grid => Area::Grid,
-        Rays::Batches => Area::Batches,
+        RaySet::Pixels => Area::Drawn,
+        RaySet::Grid => Area::Grid,
+        RaySet::Batches => Area::Batches,
     };
     pass.feature = if plan.is_sparse() { Feature::Sparse } else { Feature::Base };
     pass
 }
 
 /// Returns a program that marches through fields of a shape.
-fn through(program: Program, plan: &Plan, rays: Rays, shape: FieldShape) -> Program {
-    let is_box = rays != Rays::Batches;
+fn through(program: Program, plan: &Plan, rays: RaySet, shape: FieldShape) -> Program {
+    let is_box = rays != RaySet::Batches;
     Program {
         vertex: if is_box { "box" } else { "batches" },
         tree: Some(shape.into()),
@@ -202,9 +202,9 @@ fn through(program: Program, plan: &Plan, rays: Rays, shape: FieldShape) -> Prog
 }
 
 /// Returns what draws a prop: its box, or all batches that have pixels in it.
-fn draw(plan: &Plan, rays: Rays, prop: &PlannedProp, program: usize, instance: u32) -> Option<Draw> {
+fn draw(plan: &Plan, rays: RaySet, prop: &PlannedProp, program: usize, instance: u32) -> Option<Draw> {
     let draw = Draw { program, field: Some(prop.field.clone()), vertices: BOX, instance, scissor: None };
-    if rays != Rays::Batches {
+    if rays != RaySet::Batches {
         return Some(draw);
     }
     if prop.rect.is_empty() {
@@ -248,8 +248,8 @@ pub(in crate::render) fn request(
     };
     let mut request = |kind: Kind| {
         plan.overlaps = kind.overlaps;
-        let pass = volume_of(&plan, Rays::Pixels);
-        pipelines.get(cache, &pass, &volume_program(&plan, Rays::Pixels, kind), plan.target.format);
+        let pass = volume_of(&plan, RaySet::Pixels);
+        pipelines.get(cache, &pass, &volume_program(&plan, RaySet::Pixels, kind), plan.target.format);
     };
     let arriving = visible.props.iter().filter_map(|index| {
         let prop = extracted.props.get(*index)?;

@@ -48,10 +48,12 @@ pub(in crate::render) struct Known<'a> {
     pub has_objects: bool,
     /// The plan of the last frame.
     pub last: &'a Plan,
+    /// The last frame, if its labels and its depth exist.
+    pub former: Option<&'a Former>,
 }
 
 /// A prop whose rays are known.
-struct Seen<'a> {
+struct VisibleProp<'a> {
     index: usize,
     prop: &'a ExtractedProp,
     field: &'a crate::gpu::GpuLevel,
@@ -168,9 +170,7 @@ pub(in crate::render) fn decide(
             field: seen.field.bind_group.id(),
             labels: labels_hash(posterize, &extracted.colors),
         };
-        if let Some(earlier) =
-            known.last.former.as_ref().and_then(|former| former.earlier(&motion, &rect, seen.prop, &now))
-        {
+        if let Some(earlier) = known.former.and_then(|former| former.earlier(&motion, &rect, seen.prop, &now)) {
             *labeling = labeling.steady(posterize.settings.steadiness, &earlier);
             keeps_labels = true;
         }
@@ -254,7 +254,7 @@ fn see<'a>(
     fields: &'a RenderAssets<GpuField>,
     motion: &Motion,
     has_labels: bool,
-) -> Option<Seen<'a>> {
+) -> Option<VisibleProp<'a>> {
     let prop = extracted.props.get(ordered.index)?;
     let field = fields.get(prop.field)?;
     let level = field.resolve(ordered.level);
@@ -274,7 +274,14 @@ fn see<'a>(
         return None;
     }
     let palette = posterize.map(|posterize| &posterize.palette).or(prop.recolor.as_ref());
-    Some(Seen { index: ordered.index, prop, field: on_gpu, rays, posterize: posterize.filter(|_| has_labels), palette })
+    Some(VisibleProp {
+        index: ordered.index,
+        prop,
+        field: on_gpu,
+        rays,
+        posterize: posterize.filter(|_| has_labels),
+        palette,
+    })
 }
 
 /// Returns the part of the viewport to draw: the pixels of `rects`, how far a prop can be seen from them, and how far

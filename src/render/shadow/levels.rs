@@ -10,7 +10,7 @@ use bevy::{
 use super::{
     casters::Casters,
     maps::{Caster, MapProps},
-    texels::Seen,
+    texels::LightView,
 };
 use crate::{
     gpu::{GpuField, Level, MAX_PROPS_IN_VIEW},
@@ -46,7 +46,7 @@ pub(super) fn choose_levels(
         map.order.extend(in_layers.filter_map(|(entity, _)| {
             let index = extracted.drawn(*extracted.index.get(entity)?, &fields)?;
             let prop = extracted.props.get(index).filter(|prop| prop.solid != SolidOpacity::Never)?;
-            let seen = Seen::new(&prop.pose, view).filter(|seen| is_in(seen, view, reach))?;
+            let seen = LightView::new(&prop.pose, view).filter(|seen| is_in(seen, view, reach))?;
             let most = prop.pose.cells.log2() as u32;
             let cell_size = seen.rays.cell_size;
             let coarser = if quality.cell_size > 0.0 { levels_coarser(cell_size, quality.cell_size) } else { 0 };
@@ -59,7 +59,7 @@ pub(super) fn choose_levels(
 }
 
 /// Returns whether a prop is in a map and within the range of the light.
-fn is_in(seen: &Seen, view: &ExtractedView, reach: f64) -> bool {
+fn is_in(seen: &LightView, view: &ExtractedView, reach: f64) -> bool {
     let nearest = view.clip_from_view.as_dmat4() * glam::DVec4::new(0.0, 0.0, -seen.near, 1.0);
     seen.near < reach && nearest.z > 0.0 && !seen.on_map().is_empty()
 }

@@ -15,7 +15,7 @@ use bevy::{
 use super::{
     cached::{CachedCasters, CasterKey, Tile},
     pipeline::{ShadowKey, ShadowPipeline},
-    texels::{Seen, clip_from_part, parts},
+    texels::{LightView, clip_from_part, parts},
 };
 use crate::{
     gpu::{Allocator, GpuField, Level},
@@ -107,7 +107,7 @@ pub(super) fn prepare_maps(
             let Some((low, high)) = level.bounds else {
                 continue;
             };
-            let Some(seen) = Seen::new(&Pose { low, high, ..prop.pose }, view) else {
+            let Some(seen) = LightView::new(&Pose { low, high, ..prop.pose }, view) else {
                 continue;
             };
             let tree = level.shape.into();

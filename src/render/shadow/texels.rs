@@ -10,7 +10,7 @@ use crate::render::rays::{Pose, Rays, covered, extent, is_orthographic, near_pla
 /// Bevy moves the maps of a directional light by whole texels when the camera moves, so that shadows do not crawl. The
 /// texels around a prop are counted from one near its center, regardless of where the map is. The rays through them
 /// stay the same, bit for bit, while the light and the prop are at rest.
-pub(super) struct Seen {
+pub(super) struct LightView {
     pub rays: Rays,
     /// The distance along the map's axis at which rays begin.
     pub near: f64,
@@ -29,7 +29,7 @@ const BLOCK: u32 = 8;
 /// Counts of texels are limited, so that sums do not overflow.
 const FAR: f64 = 1e8;
 
-impl Seen {
+impl LightView {
     /// Returns `None` if the prop has no volume.
     pub fn new(pose: &Pose, view: &ExtractedView) -> Option<Self> {
         let size = view.viewport.zw();
