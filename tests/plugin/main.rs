@@ -17,6 +17,7 @@ mod palettes;
 mod panel;
 mod picking;
 mod quality;
+mod ramps;
 mod recolor;
 mod sampling;
 mod scene;
