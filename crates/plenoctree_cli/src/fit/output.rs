@@ -116,10 +116,15 @@ fn write_all(
 /// The previews in a report.
 const PREVIEWS: &str = "previews";
 
+/// Returns the report that is there, or null. It may be about another field.
+fn report_beside(out: &Path) -> Value {
+    let text = fs::read(&targets(out)[2]).ok();
+    text.and_then(|text| serde_json::from_slice(&text).ok()).unwrap_or_default()
+}
+
 /// Returns the names of the previews of the field that is there.
 fn previews_before(out: &Path) -> Vec<String> {
-    let text = fs::read(&targets(out)[2]).ok();
-    let report: Value = text.and_then(|text| serde_json::from_slice(&text).ok()).unwrap_or_default();
+    let report = report_beside(out);
     if report["field"] != identity(out, out) {
         return Vec::new();
     }
@@ -178,8 +183,7 @@ impl Quality {
         if !out.exists() {
             return Ok(None);
         }
-        let text = fs::read(&targets(out)[2]).ok();
-        let report = text.and_then(|text| serde_json::from_slice(&text).ok()).unwrap_or(Value::Null);
+        let report = report_beside(out);
         let found = Self::of(&report).filter(|_| report["field"] == identity(out, out));
         let reason = match found {
             None => "is not the field that report.json is about",
