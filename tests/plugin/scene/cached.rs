@@ -98,8 +98,7 @@ impl View {
             if !self.posterizes {
                 self.show_as_trained();
             }
-            // New pipelines, levels and fields take a while. Until then, nothing changes.
-            self.wait();
+            // A capture waits for new pipelines, levels and fields. Waiting without drawing would drop what is kept.
             let kept: Vec<_> = (0..4).map(|_| self.capture()).collect();
             let anew = self.capture_anew();
             for (frame, kept) in kept.iter().enumerate() {
