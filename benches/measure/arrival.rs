@@ -11,7 +11,7 @@ use bevy_plenoctree::{
     headless::{Headless, exact_camera},
 };
 
-use crate::{FIELDS, PATIENCE, Result, assets, clock::draw};
+use crate::{PATIENCE, Result, clock::draw, files, name};
 
 pub fn measure() -> Result {
     println!(
@@ -25,8 +25,9 @@ pub fn measure() -> Result {
     let place = Transform::from_xyz(1.5, 1.3, 3.2).looking_at(Vec3::ZERO, Vec3::Y);
     headless.app.world_mut().spawn((exact_camera(Color::WHITE), target, place));
     // The first field brings the pipelines, and does not count.
-    for (index, name) in FIELDS[..1].iter().chain(&FIELDS).enumerate() {
-        let field = PlenOctree::read(assets().join(format!("{name}.plenoctree")), &LoadSettings::default())?;
+    for (index, file) in files()[..1].iter().chain(files()).enumerate() {
+        let field = PlenOctree::read(file, &LoadSettings::default())?;
+        let name = name(file);
         let leaves = field.leaves();
         let world = headless.app.world_mut();
         let field = world.resource_mut::<Assets<PlenOctree>>().add(field);

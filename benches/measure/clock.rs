@@ -15,7 +15,7 @@ use bevy_plenoctree::headless::Headless;
 use crate::Result;
 
 /// The largest number of frames that count.
-const MOST: u32 = 30;
+const MOST: u32 = 100;
 
 /// The mean times of frames, in milliseconds.
 pub struct Times {
@@ -26,7 +26,7 @@ pub struct Times {
 }
 
 impl Times {
-    /// Draws frames until `end`, at least one and at most 30, after one that does not count.
+    /// Draws frames until `end`, at least one and at most 100, after one that does not count.
     pub fn measure(headless: &mut Headless, end: Instant) -> Result<Self> {
         draw(headless)?;
         rest(headless)?;

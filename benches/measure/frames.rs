@@ -2,38 +2,44 @@
 
 use std::{
     collections::BTreeMap,
+    path::PathBuf,
     time::{Duration, Instant},
 };
 
 use bevy::{prelude::*, render::diagnostic::RenderDiagnosticsPlugin};
 use bevy_plenoctree::{
-    POSTERIZE_SPANS, PlenOctree, PlenOctreePlugin, Posterize, Prop, VOLUME_SPANS,
+    LoadSettings, POSTERIZE_SPANS, PlenOctree, PlenOctreePlugin, Posterize, Prop, VOLUME_SPANS,
     headless::{Headless, exact_camera, pinhole_view},
 };
 use plenoctree::camera::PinholeCamera;
 
 use crate::{
-    FIELDS, PATIENCE, Result, SIZES, assets,
+    PATIENCE, Result, SIZES,
     clock::{Times, milliseconds},
     common::sway,
+    files, name,
     rays::Rays,
 };
 
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Scene {
-    /// The toadstool, all of it in view, or so near that it fills the view.
+pub enum Scene {
+    /// The first field, all of it in view, or so near that it fills the view.
     Whole,
     Near,
-    /// A square of the included props.
+    /// A square of all fields.
     Many(u32),
 }
 
 const SCENES: [(&str, Scene); 4] =
     [("1", Scene::Whole), ("1, fills the view", Scene::Near), ("30", Scene::Many(30)), ("1,000", Scene::Many(1000))];
-const LOOKS: [(&str, bool); 2] = [("as trained", false), ("posterized", true)];
+/// Whether the camera moves.
+#[derive(Resource, Clone, Copy, PartialEq, Eq)]
+pub struct Sways(pub bool);
+
+pub const LOOKS: [(&str, bool); 2] = [("as trained", false), ("posterized", true)];
 
 pub fn measure(end: Instant) -> Result {
-    let (mut headless, camera, fields) = begin(&FIELDS)?;
+    let (mut headless, camera, fields) = begin(files())?;
     println!("## Frames\n\nMilliseconds of a frame in which the camera moves, with the default quality.\n");
     println!("| props | pixels | look | wall | GPU | rays | posterizing | frames |\n|---|---|---|---|---|---|---|---|");
     let mut last = Duration::ZERO;
@@ -64,10 +70,10 @@ pub fn measure(end: Instant) -> Result {
     }
     println!("\n## Rays\n\nMeans of the exact rays of the first view that meet a prop's box, counted on the CPU.\n");
     println!("| field | {} |\n|---|{}", Rays::COLUMNS, "---|".repeat(Rays::COLUMNS.split('|').count()));
-    for (name, field) in FIELDS.iter().zip(&fields) {
+    for (file, field) in files().iter().zip(&fields) {
         let field = headless.app.world().resource::<Assets<PlenOctree>>().get(field).ok_or("the field is gone")?;
         let view = PinholeCamera::around(field, SIZES[0].x, SIZES[0].y, 0.5, 0.4).ok_or("the field is empty")?;
-        println!("| {name} | {} |", Rays::of_view(field, &view));
+        println!("| {} | {} |", name(file), Rays::of_view(field, &view));
     }
     println!();
     Ok(())
@@ -75,7 +81,7 @@ pub fn measure(end: Instant) -> Result {
 
 /// The passes of one prop that is seen as a whole, in each look.
 pub fn passes(end: Instant) -> Result {
-    let (mut headless, camera, fields) = begin(&FIELDS[..1])?;
+    let (mut headless, camera, fields) = begin(&files()[..1])?;
     let looks = [("as trained", None), ("`paper`", Some(Posterize::paper())), ("default", Some(Posterize::default()))];
     println!("## Passes\n\nMilliseconds of the GPU in frames of one prop, Bevy's own passes included.\n");
     let mut left = (SIZES.len() * looks.len()) as u32;
@@ -107,14 +113,19 @@ pub fn passes(end: Instant) -> Result {
 }
 
 /// Returns an app that shows props, with palettes that stay, its camera, and the fields.
-fn begin(fields: &[&str]) -> Result<(Headless, Entity, Vec<Handle<PlenOctree>>)> {
-    let mut headless = Headless::with_assets(SIZES[0], &assets(), |app| {
-        app.add_plugins((PlenOctreePlugin, RenderDiagnosticsPlugin)).add_systems(Update, sway);
+pub fn begin(files: &[PathBuf]) -> Result<(Headless, Entity, Vec<Handle<PlenOctree>>)> {
+    let mut headless = Headless::new(SIZES[0], |app| {
+        app.add_plugins((PlenOctreePlugin, RenderDiagnosticsPlugin)).insert_resource(Sways(true));
+        app.add_systems(Update, sway.run_if(resource_equals(Sways(true))));
     })?;
     let target = headless.target();
     let camera = headless.app.world_mut().spawn((exact_camera(Color::WHITE), target)).id();
-    let server = headless.app.world().resource::<AssetServer>().clone();
-    let fields: Vec<Handle<PlenOctree>> = fields.iter().map(|name| server.load(format!("{name}.plenoctree"))).collect();
+    let fields: Vec<PlenOctree> = files
+        .iter()
+        .map(|file| PlenOctree::read(file, &LoadSettings::default()))
+        .collect::<std::result::Result<_, _>>()?;
+    let mut assets = headless.app.world_mut().resource_mut::<Assets<PlenOctree>>();
+    let fields: Vec<Handle<PlenOctree>> = fields.into_iter().map(|field| assets.add(field)).collect();
     let first: Vec<_> = fields.iter().map(|field| (Prop(field.clone()), Posterize::default())).collect();
     headless.app.world_mut().spawn_batch(first);
     headless.wait_until_ready(PATIENCE)?;
@@ -122,7 +133,7 @@ fn begin(fields: &[&str]) -> Result<(Headless, Entity, Vec<Handle<PlenOctree>>)>
 }
 
 /// Replaces the scene.
-fn show(
+pub fn show(
     headless: &mut Headless,
     camera: Entity,
     fields: &[Handle<PlenOctree>],

@@ -4,7 +4,7 @@
 //! The GPU's time is that of the spans in Bevy's render diagnostics, where the adapter has timestamps. Wall time is that
 //! of a frame from its first system until the GPU has drawn it. Everything is measured for a share of ten minutes, so on
 //! slow machines fewer frames count, and what does not fit is left out, which the tables say. Names of tables as
-//! arguments leave out the others.
+//! arguments leave out the others. The file of a field as an argument takes the place of the toadstool.
 
 #[path = "../common/mod.rs"]
 mod common;
@@ -14,11 +14,13 @@ mod rays;
 mod arrival;
 mod clock;
 mod frames;
+mod presets;
 mod sampling;
 mod shadows;
 
 use std::{
-    path::PathBuf,
+    path::{Path, PathBuf},
+    sync::OnceLock,
     time::{Duration, Instant},
 };
 
@@ -34,10 +36,31 @@ type Result<T = ()> = std::result::Result<T, Box<dyn std::error::Error>>;
 const SIZES: [UVec2; 2] = [UVec2::new(800, 800), UVec2::new(1920, 1080)];
 const PATIENCE: Duration = Duration::from_secs(300);
 /// The included props.
-const FIELDS: [&str; 5] = ["toadstool", "drum", "robot", "gumballs", "chest"];
+const INCLUDED: [&str; 5] = ["toadstool", "drum", "robot", "gumballs", "chest"];
+const TABLES: [&str; 6] = ["sampling", "arrival", "passes", "presets", "shadows", "frames"];
 
-fn assets() -> PathBuf {
-    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("assets")
+/// Returns the files of the fields that are measured. Tables of one prop show the first one.
+fn files() -> &'static [PathBuf] {
+    static FILES: OnceLock<Vec<PathBuf>> = OnceLock::new();
+    FILES.get_or_init(|| {
+        let assets = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets");
+        let included = INCLUDED.map(|name| assets.join(name).with_extension("plenoctree"));
+        let mut given: Vec<PathBuf> =
+            arguments().filter(|name| !TABLES.contains(&name.as_str())).map(Into::into).collect();
+        let replaced = given.len().min(1);
+        given.extend(included.into_iter().skip(replaced));
+        given
+    })
+}
+
+/// Returns what a table calls the field of a file.
+fn name(file: &Path) -> String {
+    file.file_stem().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+/// Returns the arguments of the command line. Cargo adds `--bench`.
+fn arguments() -> impl Iterator<Item = String> {
+    std::env::args().skip(1).filter(|argument| !argument.starts_with('-'))
 }
 
 fn main() -> Result {
@@ -52,18 +75,18 @@ fn main() -> Result {
         "{:?}, {}, {} {}; {cores} CPU cores. Written by `scripts/measure`; `benches/measure` says what is measured.\n",
         adapter.device_type, adapter.backend, adapter.driver, adapter.driver_info,
     );
-    let names: Vec<String> = std::env::args().skip(1).filter(|name| !name.starts_with('-')).collect();
-    let wants = |name: &str| names.is_empty() || names.iter().any(|wanted| wanted == name);
+    let wanted: Vec<String> = arguments().filter(|name| TABLES.contains(&name.as_str())).collect();
     // When each should end, in minutes.
-    let tables: [(&str, f64, fn(Instant) -> Result); 5] = [
-        ("sampling", 1.5, sampling::measure),
-        ("arrival", 2.0, |_| arrival::measure()),
-        ("passes", 3.5, frames::passes),
-        ("shadows", 5.0, shadows::measure),
-        ("frames", 9.5, frames::measure),
+    let tables: [(f64, fn(Instant) -> Result); TABLES.len()] = [
+        (1.5, sampling::measure),
+        (2.0, |_| arrival::measure()),
+        (3.0, frames::passes),
+        (4.5, presets::measure),
+        (5.5, shadows::measure),
+        (9.5, frames::measure),
     ];
-    for (name, end, measure) in tables {
-        if wants(name) {
+    for (name, (end, measure)) in TABLES.into_iter().zip(tables) {
+        if wanted.is_empty() || wanted.iter().any(|wanted| wanted == name) {
             measure(minutes(end))?;
         }
     }

@@ -8,7 +8,7 @@ use bevy_plenoctree::{
     SamplingSettings, headless::Headless,
 };
 
-use crate::{FIELDS, PATIENCE, Result, assets, rays::Rays};
+use crate::{PATIENCE, Result, files, name, rays::Rays};
 
 pub fn measure(end: Instant) -> Result {
     println!(
@@ -17,8 +17,9 @@ pub fn measure(end: Instant) -> Result {
     println!("| field | million rays | on the GPU | on the CPU | {} |", Rays::COLUMNS);
     println!("|---|---|---|---|{}", "---|".repeat(Rays::COLUMNS.split('|').count()));
     let settings = SamplingSettings::default();
-    for name in FIELDS {
-        let field = PlenOctree::read(assets().join(format!("{name}.plenoctree")), &LoadSettings::default())?;
+    for file in files() {
+        let field = PlenOctree::read(file, &LoadSettings::default())?;
+        let name = name(file);
         let rays = field.leaves() * settings.direction_cells() * settings.multisamples.pow(2);
         if Instant::now() > end {
             println!("| {name} | {:.1} | not measured: the time was up | |", rays as f64 / 1e6);

@@ -11,8 +11,9 @@ use bevy_plenoctree::{
 use plenoctree::camera::PinholeCamera;
 
 use crate::{
-    FIELDS, PATIENCE, Result, SIZES, assets,
+    PATIENCE, Result, SIZES,
     clock::{Times, milliseconds},
+    files,
 };
 
 const VARIANTS: [&str; 5] =
@@ -32,7 +33,7 @@ pub fn measure(end: Instant) -> Result {
         "| prop | pixels | wall | GPU | its shadow | its light | rays and posterizing | frames |\n\
          |---|---|---|---|---|---|---|---|"
     );
-    let field = PlenOctree::read(assets().join(format!("{}.plenoctree", FIELDS[0])), &LoadSettings::default())?;
+    let field = PlenOctree::read(&files()[0], &LoadSettings::default())?;
     let up = field.up();
     let views = SIZES.map(|size| PinholeCamera::around(&field, size.x, size.y, 0.5, 0.4));
     let mut headless = Headless::new(SIZES[0], |app| {
