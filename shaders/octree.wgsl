@@ -190,7 +190,7 @@ fn has_ended(ray: Ray, walk: Walk, end: f32) -> bool {
 }
 
 // How many cells a lane visits in search of a leaf while others wait.
-const PATIENCE: u32 = 8u;
+const PATIENCE: u32 = 4u;
 
 // Returns the next leaf before `end`, if it is near. Lanes that have found a leaf wait here for the others, so that
 // most lanes shade leaves at once.

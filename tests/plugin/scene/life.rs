@@ -1,6 +1,6 @@
 //! Tests props that are spawned, changed and despawned while the app runs.
 
-use std::time::Duration;
+use std::{sync::mpsc, thread, time::Duration};
 
 use bevy::{
     camera::RenderTarget,
@@ -159,8 +159,29 @@ fn a_new_device_shows_what_the_lost_one_did() {
     // The new device is created while the app runs.
     for _ in 0..100 {
         stage.update(1);
-        std::thread::sleep(Duration::from_millis(10));
+        thread::sleep(Duration::from_millis(10));
     }
     stage.wait();
     check(&mut stage, "after");
+}
+
+/// Threads that send fields catch their own errors while Bevy compiles shaders and catches its own. Without the feature
+/// `std` of wgpu, whichever ends first ends the app.
+#[test]
+fn threads_catch_errors_apart() {
+    let stage = Sides::new();
+    let device = stage.device().wgpu_device();
+    let errors = device.push_error_scope(wgpu::ErrorFilter::Validation);
+    thread::scope(|scope| {
+        let (watches, begins) = mpsc::channel();
+        let (stops, ends) = mpsc::channel::<()>();
+        scope.spawn(move || {
+            let _errors = device.push_error_scope(wgpu::ErrorFilter::Validation);
+            watches.send(()).unwrap();
+            _ = ends.recv();
+        });
+        begins.recv().unwrap();
+        drop(errors);
+        drop(stops);
+    });
 }

@@ -5,7 +5,7 @@ use bevy::{
     camera::{Hdr, MsaaWriteback, Viewport},
     prelude::*,
 };
-use bevy_plenoctree::{EdgeSmoothing, Posterize, PropPlacement, headless::exact_camera};
+use bevy_plenoctree::{EdgeSmoothing, Posterize, PropPlacement, SolidOpacity, headless::exact_camera};
 use image::RgbaImage;
 
 use super::scene::{SIZE, SOLID, Stage, at, differing, orthographic, scene, spawn_square};
@@ -96,6 +96,23 @@ fn objects_are_in_front_of_thin_parts() {
             assert!(differing(&expected, &without, 16) > 60, "{what}: the pane does not show");
             assert_eq!(differing(&found, &expected, 4), 0, "{what}");
         }
+    }
+}
+
+/// A prop that is solid hides what is behind it, even if light gets through it.
+#[test]
+fn translucent_props_hide_objects_behind_them() {
+    let mut scene = scene(1.0);
+    scene.set_background(SKY);
+    scene.dress(SolidOpacity::At(0.3));
+    for (msaa, mode) in [Msaa::Off, Msaa::Sample4].into_iter().flat_map(|msaa| MODES.map(|mode| (msaa, mode))) {
+        scene.set((msaa, PropPlacement::Scene));
+        let without = scene.capture();
+        let pane = spawn_square(&mut scene, Vec3::new(0.2, 0.1, -1.0), 3.0, material(mode));
+        let [expected, found] = both(&mut scene);
+        scene.world().despawn(pane);
+        assert!(differing(&expected, &without, 16) > 200, "{msaa:?}, {mode:?}: the pane does not show beside the prop");
+        assert_eq!(differing(&found, &expected, 4), 0, "{msaa:?}, {mode:?}");
     }
 }
 
