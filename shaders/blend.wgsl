@@ -62,20 +62,13 @@ fn behind_at(pixel: vec2<u32>) -> Behind {
     return behind;
 }
 
-// Returns what of some light, which is given with its opacity, comes from props: the light times opacity, and opacity.
-fn of_props(light: vec4<f32>) -> vec4<f32> {
-    return vec4(light.rgb * light.a, light.a);
-}
-
 // What the neighbors of a pixel show.
 struct Around {
     // What those show that none of the pixel's owners owns, if there are any.
     behind: Behind,
     is_known: bool,
-    // What the others show, in linear light, with opacity: the sum, weighted by `BESIDE` and `ACROSS`. And what of that
-    // comes from props.
+    // What the others show, in linear light, with opacity: the sum, weighted by `BESIDE` and `ACROSS`.
     shown: vec4<f32>,
-    front: vec4<f32>,
     // The weights of all but those.
     rest: f32,
 }
@@ -88,7 +81,7 @@ const ACROSS: f32 = 0.025;
 const NEIGHBORS: f32 = 4.0 * (BESIDE + ACROSS);
 
 fn around(pixel: vec2<u32>, owners: vec2<u32>) -> Around {
-    var found = Around(Behind(vec4(0.0), vec3(0.0)), false, vec4(0.0), vec4(0.0), NEIGHBORS);
+    var found = Around(Behind(vec4(0.0), vec3(0.0)), false, vec4(0.0), NEIGHBORS);
     var total = 0.0;
     for (var i = 0; i < 8; i++) {
         let at = vec2<u32>(neighbor(vec2<i32>(pixel), i));
@@ -106,7 +99,6 @@ fn around(pixel: vec2<u32>, owners: vec2<u32>) -> Around {
             } else {
                 let near = select(BESIDE, ACROSS, i > 3);
                 found.shown += near * there.shown;
-                found.front += near * of_props(there.shown);
                 found.rest -= near;
             }
         }
@@ -150,27 +142,10 @@ fn own_surface(pixel: vec2<u32>, owner: u32) -> Surface {
 }
 #endif
 
-struct Fragment {
-    // Encoded sRGB, and opacity. The opacity is negative where nothing is drawn.
-    @location(0) shown: vec4<f32>,
-#ifdef FRONT
-    // What is shown of props alone, in encoded sRGB, and 1, or 0 where parts are not mixed.
-    @location(1) front: vec4<f32>,
-#endif
-}
-
-fn unmixed(seen: vec4<f32>) -> Fragment {
-    return Fragment(
-        seen,
-#ifdef FRONT
-        vec4(0.0),
-#endif
-    );
-}
-
-// Returns the parts of a pixel, blended in linear light as multisampling does.
+// Returns the parts of a pixel, blended in linear light as multisampling does: encoded sRGB, and opacity. The opacity is
+// negative where nothing is drawn.
 @fragment
-fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
+fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
     let pixel = vec2<u32>(position.xy);
     let seen = textureLoad(shown, pixel, 0);
     let owners = textureLoad(outline, pixel, 0).xy;
@@ -182,7 +157,7 @@ fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
     // Where all eight rays see the same owner, neighbors would only blur what they found.
     let is_sure = view.edge_rays == RAYS && (most == count || (!has_other && parts.rest == 0u));
     if is_sure && parts.is_center && parts.rest == count {
-        return unmixed(seen);
+        return seen;
     }
     let center = behind_at(pixel);
     let around = around(pixel, owners);
@@ -190,7 +165,7 @@ fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
     let other = textureLoad(other_rays, pixel, 0);
     let is_slit = !has_other && !around.is_known;
     if is_slit && parts.rest == 0u && 1.0 - own.a - other.a < FAINTEST {
-        return unmixed(seen);
+        return seen;
     }
     var behind = center;
     if !parts.is_center {
@@ -201,23 +176,18 @@ fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
             behind = Behind(vec4(decode(color), 0.0), color);
         }
     }
-    // What parts of props show, what of that comes from props, and how much what is behind them and the center count.
+    // What parts of props show, and how much what is behind them and the center count.
     var own_parts = vec4(0.0);
-    var own_front = vec4(0.0);
     var of_behind = f32(parts.rest);
     var of_center = 0.0;
     if parts.own > 0u {
         let rays = own * f32(RAYS) / f32(countOneBits(bits.r));
-        let part = posterized(pixel, rays, owners.x, behind);
-        own_parts += f32(parts.own) * part;
-        own_front += f32(parts.own) * of_props(part);
+        own_parts += f32(parts.own) * posterized(pixel, rays, owners.x, behind);
     }
     if parts.other > 0u {
         let rays = other * f32(RAYS) / f32(countOneBits(bits.b));
         let owner = select(owners.x, owners.y, has_other);
-        let part = posterized(pixel, rays, owner, behind);
-        own_parts += f32(parts.other) * part;
-        own_front += f32(parts.other) * of_props(part);
+        own_parts += f32(parts.other) * posterized(pixel, rays, owner, behind);
     }
     var total = f32(count);
     if bits.a == 0u {
@@ -227,7 +197,6 @@ fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
         total += ray * CENTER;
         if !is_sure {
             own_parts += ray * around.shown;
-            own_front += ray * around.front;
             of_behind += ray * around.rest;
             total += ray * NEIGHBORS;
         }
@@ -235,15 +204,7 @@ fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
     let at_center = select(behind.shown, center.shown, owners.x > 0u);
     let sum = (own_parts + of_behind * behind.shown + of_center * at_center) / max(total, 1.0);
     if seen.a < 0.0 && sum.a == 0.0 {
-        return unmixed(seen);
+        return seen;
     }
-#ifdef FRONT
-    let front = own_front + of_behind * of_props(behind.shown) + of_center * of_props(at_center);
-#endif
-    return Fragment(
-        vec4(encode(sum.rgb), sum.a),
-#ifdef FRONT
-        select(vec4(0.0), vec4(encode(front.rgb / max(front.a, 1e-6)), 1.0), front.a > 0.0),
-#endif
-    );
+    return vec4(encode(sum.rgb), sum.a);
 }

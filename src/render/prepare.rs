@@ -22,11 +22,12 @@ use bevy::{
 
 use super::{
     extract::{ExtractedProps, VisibleProps},
-    frame::{CachedResult, Comparison, InitPipelines, PaletteBuffer, Pass, Pipelines, PropView, RaySet, Slot},
+    frame::{COPIED, CachedResult, Comparison, InitPipelines, PaletteBuffer, Pass, Pipelines, PropView, RaySet, Slot},
     passes,
     plan::{Feature, Known, Plan, Target, choose_levels, decide, drawn_viewport},
 };
 use crate::{
+    camera::PropPlacement,
     gpu::{FieldLayouts, FieldReports, GpuField, InitFields, Readiness, Shaders, ViewTooLarge},
     sets::PlenOctreeRenderSystems,
 };
@@ -75,11 +76,12 @@ fn agree_about_targets(
     }
 }
 
-/// Lets passes read the depth textures of cameras that draw something.
+/// Lets passes read the depth textures of cameras that draw something, and at the display, save them.
 fn read_depth(mut cameras: Query<(&mut Camera3d, &VisibleProps)>) {
     for (mut camera, visible) in &mut cameras {
         if !visible.is_empty() {
-            camera.depth_texture_usages.0 |= TextureUsages::TEXTURE_BINDING.bits();
+            let copied = if visible.placement == PropPlacement::Display { COPIED } else { TextureUsages::empty() };
+            camera.depth_texture_usages.0 |= (TextureUsages::TEXTURE_BINDING | copied).bits();
         }
     }
 }

@@ -71,11 +71,13 @@ impl Pass {
 pub(in crate::render) enum Place {
     /// Between the opaque main pass and objects that transmit light.
     Layer,
+    /// Before transparent objects are drawn, in views that show props at the display.
+    Hide,
     /// Where the camera's `PropPlacement` says: before custom stages.
     Posterize,
     /// After them.
     Present,
-    /// Once transparent objects have been drawn over the light of props.
+    /// Once transparent objects have been drawn over props.
     Objects,
 }
 

@@ -129,7 +129,7 @@ fn compare(
             cached.finish(CachedResult::Composite);
             cached.finish(CachedResult::Labels);
         }
-        Place::Present | Place::Objects => {}
+        Place::Hide | Place::Present | Place::Objects => {}
     }
 }
 

@@ -57,12 +57,11 @@ pub(in crate::render) enum Slot {
     /// The labels and the depth of the former frame.
     FormerLabels,
     FormerDepth,
-    /// At smooth edges, what the pixel shows of props alone. See `blend.wgsl`.
-    Front,
-    /// Transparent objects over the light of props alone, in the format and the size of the target, resolved and
-    /// multisampled.
+    /// Transparent objects over props, in the format and the size of the target, resolved and multisampled.
     Objects,
     ObjectSamples,
+    /// The depth of the scene without what hides these objects, also in the size of the target.
+    SceneDepth,
 }
 
 /// Which custom stages write a texture: the first one, and every second one after it, or the others.
@@ -91,12 +90,11 @@ impl Slot {
         use TextureFormat::*;
         Some(match self {
             Self::Color(_) | Self::OwnRays | Self::OtherRays | Self::SmoothLight => Rgba16Float,
-            Self::Labeled | Self::Finished | Self::Shown | Self::Staged(_) | Self::Fogged | Self::Front => Rgba16Float,
+            Self::Labeled | Self::Finished | Self::Shown | Self::Staged(_) | Self::Fogged => Rgba16Float,
             Self::Owner(_) => Rg16Float,
             Self::Motion(_) => MOTION_VECTOR_PREPASS_FORMAT,
-            Self::Depth(_) | Self::NearestDepth(_) | Self::OpaqueDepth(_) | Self::EdgeMask | Self::FormerDepth => {
-                DEPTH_FORMAT
-            }
+            Self::Depth(_) | Self::NearestDepth(_) | Self::OpaqueDepth(_) => DEPTH_FORMAT,
+            Self::EdgeMask | Self::FormerDepth | Self::SceneDepth => DEPTH_FORMAT,
             Self::Nearest(_) | Self::Opaque(_) => R32Uint,
             Self::Gaps => R16Uint,
             Self::Outline | Self::Labels | Self::FormerLabels => Rg16Uint,

@@ -48,6 +48,9 @@ struct HeldBuffer {
 /// For how many frames textures are held that no pass uses.
 const HELD_FRAMES: u32 = 2;
 
+/// How the depth of a view is used that transparent objects may not be hidden by.
+pub(in crate::render) const COPIED: TextureUsages = TextureUsages::COPY_SRC.union(TextureUsages::COPY_DST);
+
 /// The sizes of textures are multiples of this, in pixels, unless the viewport is smaller.
 const STEP: u32 = 64;
 
@@ -70,6 +73,7 @@ impl Textures {
                 Output::Target | Output::PrepassMotion => true,
             })
         });
+        let is_held = is_held && (!plan.has_objects || self.texture(device, Slot::SceneDepth, plan));
         self.textures.retain(|_, held| held.idle <= HELD_FRAMES);
         self.buffers.retain(|_, held| held.idle <= HELD_FRAMES);
         is_held
@@ -115,9 +119,10 @@ impl Textures {
             RaySet::Grid => size = grid_size(size, plan.spacing),
             RaySet::Batches => size = BATCH * batches(size, plan.spacing),
         }
-        if let Slot::Objects | Slot::ObjectSamples = slot {
-            (size, format) = (plan.target.size, Some(plan.target.format));
-            samples = if slot == Slot::ObjectSamples { plan.samples } else { 1 };
+        if let Slot::Objects | Slot::ObjectSamples | Slot::SceneDepth = slot {
+            size = plan.target.size;
+            format = format.or(Some(plan.target.format));
+            samples = if slot == Slot::Objects { 1 } else { plan.samples };
         }
         let Some(format) = format else {
             return false;
@@ -136,7 +141,10 @@ impl Textures {
                 sample_count: samples,
                 dimension: TextureDimension::D2,
                 format,
-                usage: TextureUsages::RENDER_ATTACHMENT | TextureUsages::TEXTURE_BINDING,
+                usage: match slot {
+                    Slot::SceneDepth => TextureUsages::RENDER_ATTACHMENT | COPIED,
+                    _ => TextureUsages::RENDER_ATTACHMENT | TextureUsages::TEXTURE_BINDING,
+                },
                 view_formats: &[],
             });
             let view = texture.create_view(&default());

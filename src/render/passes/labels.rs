@@ -120,19 +120,17 @@ pub(super) fn blend(plan: &Plan) -> Option<Pass> {
     let program = Program::new("blend")
         .define_all(space(plan.target.space))
         .define_number("SAMPLES", plan.hidden_samples())
-        .define_if(plan.blends_front(), "FRONT")
         .define_all(lit(plan));
     let shown = if plan.finishes() { Slot::Finished } else { Slot::Labeled };
     let slots = [shown, Slot::Even, Slot::Outline, Slot::Coverage, Slot::OwnRays, Slot::OtherRays];
     let ink = if plan.has_ink { &[Slot::Labels, Slot::Depth(RaySet::Pixels)][..] } else { &[] };
     let inputs = slots.iter().map(|slot| Input::Texture(*slot)).chain([Input::Scene, COLOR]);
     let inputs = inputs.chain(ink.iter().map(|slot| Input::Texture(*slot))).collect();
-    let writes = [Slot::Shown].into_iter().chain(plan.blends_front().then_some(Slot::Front));
     plan.smooths.then(|| Pass {
-        feature: if plan.blends_front() { Feature::Objects } else { Feature::Edges },
+        feature: Feature::Edges,
         reads: with_lights(plan, inputs),
         uses: &[Uniforms::View, Uniforms::Props, Uniforms::Screen, Uniforms::Labels],
-        writes: writes.map(|slot| Some(Output::Texture(slot))).collect(),
+        writes: vec![Some(Output::Texture(Slot::Shown))],
         depth: Some(Output::Texture(Slot::EdgeMask)),
         ..Pass::fullscreen(
             BLEND,

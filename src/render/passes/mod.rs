@@ -39,6 +39,7 @@ pub const POSTERIZE_SPANS: &[&str] = &[
     labels::BLEND,
     edges::OUTLINE,
     edges::COVERAGE,
+    objects::HIDE_OBJECTS,
     objects::UNDER_OBJECTS,
     objects::OBJECTS,
     #[cfg(feature = "shadows")]
@@ -64,6 +65,7 @@ pub(super) fn of(plan: &Plan) -> Vec<Pass> {
     passes.extend(edges::coverage(plan));
     #[cfg(feature = "shadows")]
     passes.extend(lighting::lighting(plan).into_iter().chain(lighting::smooth_light(plan)));
+    passes.extend(objects::hide_objects(plan));
     passes.extend(labels::composite(plan));
     passes.extend(labels::filter(plan));
     passes.push(labels::label(plan));

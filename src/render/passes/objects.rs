@@ -1,33 +1,57 @@
 //! Draws transparent objects again, over props that are drawn at [`PropPlacement::Display`].
 //!
-//! Bevy draws transparent objects before tonemapping, so that the props cover them. They are drawn once more, over the
-//! light of the props alone, because blending depends on what is behind: *under_objects* writes that light to a separate
-//! texture, Bevy's phase draws over it, and *objects* replaces the props' share of each pixel by the result. This happens
-//! only for cameras that have both.
+//! Bevy draws transparent objects before tonemapping, when these props are not yet there. Blending depends on what is
+//! behind, so where props are, they are drawn later: *hide_objects* writes the nearest depth there, and the scene's depth
+//! is restored after Bevy's phase. Once the props are shown, *under_objects* copies the target to a separate texture,
+//! Bevy's phase draws over it, and *objects* shows the result where props are. This happens only for cameras that have
+//! both.
 
 use bevy::{
-    core_pipeline::{core_3d::Transparent3d, schedule::Core3d},
+    core_pipeline::{
+        core_3d::{Transparent3d, main_transparent_pass_3d},
+        schedule::{Core3d, Core3dSystems},
+    },
     prelude::*,
     render::{
         diagnostic::RecordDiagnostics,
         render_phase::ViewSortedRenderPhases,
-        render_resource::{LoadOp, Operations, RenderPassColorAttachment, RenderPassDescriptor, StoreOp},
+        render_resource::{
+            CompareFunction, LoadOp, Operations, RenderPassColorAttachment, RenderPassDescriptor, StoreOp,
+        },
         renderer::{RenderContext, ViewQuery},
         view::{ExtractedView, ViewDepthTexture},
     },
 };
 
-use super::labels::{shown_after, space};
 use crate::{
+    camera::PropPlacement,
     render::{
-        frame::{Area, Clear, Input, Output, Pass, Place, Program, PropView, RaySet, Slot},
+        frame::{Area, Clear, Input, Output, Pass, Place, Program, PropView, RaySet, Slot, run},
         plan::{Feature, Plan},
     },
     sets::PlenOctreeRenderSystems,
 };
 
+pub(super) const HIDE_OBJECTS: &str = "plenoctree_hide_objects";
 pub(super) const OBJECTS: &str = "plenoctree_objects";
 pub(super) const UNDER_OBJECTS: &str = "plenoctree_under_objects";
+
+/// Hides objects where props are.
+pub(super) fn hide_objects(plan: &Plan) -> Option<Pass> {
+    plan.has_objects.then(|| Pass {
+        feature: Feature::Objects,
+        reads: vec![prop_pixels(plan)],
+        depth: Some(Output::Target),
+        samples: plan.samples,
+        area: Area::Target,
+        ..Pass::fullscreen(
+            HIDE_OBJECTS,
+            Place::Hide,
+            None,
+            with_prop_pixels(plan, Program::new("hide_objects")).depth_test(CompareFunction::Always, true),
+        )
+    })
+}
 
 /// Writes what objects are blended over.
 pub(super) fn under_objects(plan: &Plan) -> Option<Pass> {
@@ -37,12 +61,12 @@ pub(super) fn under_objects(plan: &Plan) -> Option<Pass> {
     };
     plan.has_objects.then(|| Pass {
         feature: Feature::Objects,
-        reads: vec![front(plan), vec![Input::Scene]],
+        reads: vec![vec![Input::Scene]],
         writes: vec![Some(Output::Texture(slot))],
         clear: Some(Clear::Zero),
         samples,
         area: Area::Target,
-        ..Pass::fullscreen(UNDER_OBJECTS, Place::Present, None, with_front(plan, Program::new("under_objects")))
+        ..Pass::fullscreen(UNDER_OBJECTS, Place::Present, None, Program::new("under_objects"))
     })
 }
 
@@ -50,32 +74,59 @@ pub(super) fn under_objects(plan: &Plan) -> Option<Pass> {
 pub(super) fn objects(plan: &Plan) -> Option<Pass> {
     plan.has_objects.then(|| Pass {
         feature: Feature::Objects,
-        reads: vec![front(plan), vec![Input::Texture(Slot::Objects)]],
+        reads: vec![prop_pixels(plan), vec![Input::Texture(Slot::Objects)]],
         writes: vec![Some(Output::Target)],
         area: Area::Target,
-        ..Pass::fullscreen(OBJECTS, Place::Objects, None, with_front(plan, Program::new("objects")))
+        ..Pass::fullscreen(OBJECTS, Place::Objects, None, with_prop_pixels(plan, Program::new("objects")))
     })
 }
 
-/// Returns what `front.wgsl` reads.
-fn front(plan: &Plan) -> Vec<Input> {
-    let mut slots = vec![shown_after(plan.stages.len()), Slot::Color(RaySet::Pixels)];
-    slots.extend(plan.has_owners().then_some(Slot::Owner(RaySet::Pixels)));
-    slots.extend(plan.blends_front().then_some([Slot::Outline, Slot::Front]).into_iter().flatten());
-    slots.into_iter().map(Input::Texture).collect()
+/// Returns what `prop_pixels.wgsl` reads.
+fn prop_pixels(plan: &Plan) -> Vec<Input> {
+    let slots = [Slot::Color(RaySet::Pixels)].into_iter().chain(plan.smooths.then_some(Slot::Outline));
+    slots.map(Input::Texture).collect()
 }
 
-/// Adds the definitions of `front.wgsl`.
-fn with_front(plan: &Plan, program: Program) -> Program {
-    program
-        .define_all(space(plan.target.space))
-        .define_if(plan.has_owners(), "OWNERS")
-        .define_if(plan.blends_front(), "SMOOTH")
-        .define_if(!plan.stages.is_empty(), "STAGED")
+fn with_prop_pixels(plan: &Plan, program: Program) -> Program {
+    program.define_if(plan.smooths, "SMOOTH")
 }
 
+/// Adds the systems that run before and after the transparent main pass, and after *under_objects*.
 pub(super) fn plugin(render_app: &mut SubApp) {
-    render_app.add_systems(Core3d, draw_objects.in_set(PlenOctreeRenderSystems::Objects));
+    let display = PropPlacement::Display;
+    let hide = (save_depth, run.with_input((Place::Hide, display))).chain().after(PlenOctreeRenderSystems::Layer);
+    #[cfg(feature = "shadows")]
+    let hide = hide.after(bevy::pbr::main_transmissive_pass_3d);
+    render_app.add_systems(Core3d, draw_objects.in_set(PlenOctreeRenderSystems::Objects)).add_systems(
+        Core3d,
+        (hide.before(main_transparent_pass_3d), restore_depth.after(main_transparent_pass_3d))
+            .in_set(Core3dSystems::MainPass),
+    );
+}
+
+type HiddenView = (&'static ViewDepthTexture, &'static PropView);
+
+fn save_depth(view: ViewQuery<HiddenView>, mut ctx: RenderContext) {
+    if let Some([depth, saved]) = depths(view.into_inner()) {
+        copy(depth, saved, &mut ctx);
+    }
+}
+
+fn restore_depth(view: ViewQuery<HiddenView>, mut ctx: RenderContext) {
+    if let Some([depth, saved]) = depths(view.into_inner()) {
+        copy(saved, depth, &mut ctx);
+    }
+}
+
+/// Returns the depth of a view in which objects are hidden, and where it is saved.
+fn depths<'a>((depth, view): (&'a ViewDepthTexture, &'a PropView)) -> Option<[&'a wgpu::Texture; 2]> {
+    let hides = view.passes.iter().any(|(pass, _)| pass.place == Place::Hide);
+    let saved = view.textures.get(Slot::SceneDepth).filter(|_| hides)?.texture();
+    Some([&*depth.texture, saved]).filter(|[depth, saved]| depth.size() == saved.size())
+}
+
+fn copy(from: &wgpu::Texture, to: &wgpu::Texture, ctx: &mut RenderContext) {
+    ctx.command_encoder().copy_texture_to_texture(from.as_image_copy(), to.as_image_copy(), from.size());
 }
 
 /// Draws the objects over what `under_objects` wrote.

@@ -44,7 +44,7 @@ pub(super) fn present(plan: &Plan) -> Vec<Pass> {
         ..Pass::fullscreen(PRESENT, Place::Present, None, Program::new("present"))
     };
     let motion = plan.has_motion.then_some(Output::PrepassMotion);
-    if plan.target.samples == plan.samples && !plan.has_objects {
+    if plan.target.samples == plan.samples {
         let colors = Program { blends: vec![replace, Blend::Masked], ..colors };
         let depth = Program { blends: vec![Blend::Masked, Blend::Replace], ..depth };
         let mut writes = vec![Some(Output::Target)];
@@ -52,14 +52,8 @@ pub(super) fn present(plan: &Plan) -> Vec<Pass> {
         return vec![pass(vec![colors, depth], writes, Some(Output::Target), plan.samples)];
     }
     let colors = Program { blends: vec![replace], ..colors };
-    // Props at the display hide transparent objects behind them as props of the scene do: before these are drawn.
-    let place = if plan.has_objects { Place::Layer } else { Place::Present };
     vec![
         pass(vec![colors], vec![Some(Output::Target)], None, plan.target.samples),
-        Pass {
-            place,
-            reads: vec![[Slot::Color(RaySet::Pixels), Slot::Depth(RaySet::Pixels)].map(Input::Texture).to_vec()],
-            ..pass(vec![depth], vec![], Some(Output::Target), plan.samples)
-        },
+        pass(vec![depth], vec![], Some(Output::Target), plan.samples),
     ]
 }

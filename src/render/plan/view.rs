@@ -204,12 +204,6 @@ impl Plan {
         new.filter(|_| !last.props.is_empty()).map(|((feature, _), _)| feature)
     }
 
-    /// Returns whether the light of props alone must be known where their edges are smooth. Custom stages change what is
-    /// shown after that.
-    pub fn blends_front(&self) -> bool {
-        self.has_objects && self.smooths && self.stages.is_empty()
-    }
-
     /// Returns how the prop at an index of the plan is labeled: by itself, or by the posterized view.
     #[cfg(feature = "shadows")]
     pub fn labeling_of(&self, prop: usize) -> Option<&LabelsUniform> {
