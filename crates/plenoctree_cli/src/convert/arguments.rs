@@ -21,7 +21,8 @@ pub struct Arguments {
     /// cells about a pixel wide at the distance from which the field looks right, at most 10.
     #[arg(long, value_parser = clap::value_parser!(u32).range(6..=10))]
     pub depth: Option<u32>,
-    /// The most leaves. They are small where the capture shows detail, and there are fewer if more would hardly show.
+    /// The most leaves, 32768 to 20000000. They are small where the capture shows detail, and there are fewer if more
+    /// would hardly show.
     #[arg(long, value_name = "N", default_value_t = 3_000_000,
         value_parser = clap::value_parser!(u32).range(32_768..=20_000_000))]
     pub leaves: u32,

@@ -36,7 +36,7 @@ pub struct Arguments {
     /// Average every N x N pixels.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=64))]
     downscale: u32,
-    /// The most leaves of the field. They are small where that improves pictures most.
+    /// The most leaves of the field, 32768 to 20000000. They are small where that improves pictures most.
     #[arg(long, value_name = "N", default_value_t = 1_000_000,
         value_parser = clap::value_parser!(u32).range(32_768..=20_000_000))]
     leaves: u32,

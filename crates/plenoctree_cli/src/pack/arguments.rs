@@ -120,6 +120,11 @@ impl Arguments {
                 Err("--out names one file, but there are several fields; without it, each is packed next to its field"
                     .into())
             }
+            Some(out) if (out.extension() == Some("npz".as_ref())) != self.npz => {
+                let found =
+                    if self.npz { "with --npz, expected a file that ends in .npz" } else { "expected --npz, too" };
+                Err(format!("found --out {}, {found}", out.display()).into())
+            }
             Some(out) => Ok(out.clone()),
             None => Ok(field.with_extension("plenoctree")),
         }

@@ -23,6 +23,9 @@ enum Source {
 /// Parses `NAME=SOURCE,SOURCE..`, where a source is the name of a ramp or the index of a palette color.
 pub fn parse(text: &str) -> Result<Edit, String> {
     let (name, sources) = text.split_once('=').ok_or("expected NAME=RAMP or NAME=INDEX,INDEX")?;
+    if name.contains(',') {
+        return Err(format!("found the name {name}, expected one without a comma"));
+    }
     let source = |source: &str| match source {
         "" => Err("expected the name of a ramp or a palette index after the = and after every comma".to_string()),
         digits if digits.bytes().all(|byte| byte.is_ascii_digit()) => {
@@ -108,6 +111,7 @@ mod tests {
             ("iron=red", "iron: found no ramp red, expected one of gray, white"),
             ("iron=9", "iron: found tone 9, expected one of 5"),
             ("3=gray", "expected one that is not a number"),
+            ("gray,white=gray", "found the name gray,white, expected one without a comma"),
             ("=gray", "expected one that is not a number"),
         ] {
             let error = edited(&[edit]).unwrap_err();

@@ -35,24 +35,40 @@ pub fn parse(text: &str) -> Result<Recoloring, String> {
     Ok(Recoloring { of, color: hex::parse(color)? })
 }
 
-/// Returns the palette's shown colors with all recolorings, one after another.
+/// Returns the palette's shown colors with all recolorings, one after another: those of ramps, then those of single
+/// colors, which may be in these ramps.
 pub fn apply(recolorings: &[Recoloring], palette: &Palette) -> Result<Vec<[f64; 3]>, String> {
     let mut colors = palette.shown_colors().to_vec();
-    for Recoloring { of, color } in recolorings {
+    let mut found = vec![];
+    let (of_colors, of_ramps): (Vec<_>, Vec<_>) =
+        recolorings.iter().partition(|recoloring| matches!(recoloring.of, Recolored::Color(_)));
+    for Recoloring { of, color } in of_ramps.into_iter().chain(of_colors) {
         let color = color.map(|channel| f64::from(channel) / 255.0);
         let ramp = match of {
             Recolored::Color(index) => {
+                once(&mut found, of, &index.to_string())?;
                 *colors.get_mut(*index).ok_or_else(|| missing_color(*index, palette))? = color;
                 continue;
             }
             Recolored::Ramp(index) => *index,
             Recolored::Name(name) => palette.ramp(name).ok_or_else(|| missing_ramp(name, palette))?,
         };
+        let name = palette.ramps.get(ramp).map_or_else(|| format!("ramp:{ramp}"), |ramp| ramp.name.clone());
+        once(&mut found, &Recolored::Ramp(ramp), &name)?;
         let adjustment = RampAdjustment::to_color(color);
         let shown = palette.show_ramp(ramp, &adjustment, |tone, color| colors[tone] = color);
         shown.map_err(|_| missing_ramp(&format!("ramp:{ramp}"), palette))?;
     }
     Ok(colors)
+}
+
+/// Adds what is recolored, or returns an error if it already is.
+fn once(found: &mut Vec<Recolored>, of: &Recolored, name: &str) -> Result<(), String> {
+    if found.contains(of) {
+        return Err(format!("--recolor {name}: found two colors, expected one"));
+    }
+    found.push(of.clone());
+    Ok(())
 }
 
 fn missing_color(index: usize, palette: &Palette) -> String {
@@ -80,8 +96,9 @@ mod tests {
         palette
     }
 
+    /// Applies recolorings that spaces separate.
     fn recolored(text: &str) -> Result<Vec<[f64; 3]>, String> {
-        apply(&[parse(text)?], &palette())
+        apply(&text.split(' ').map(parse).collect::<Result<Vec<_>, _>>()?, &palette())
     }
 
     /// Numbers are palette colors. Ramps have names, or an index after a word.
@@ -92,6 +109,11 @@ mod tests {
         assert_eq!(color, [before[0], [0.0, 0.0, 1.0], before[2]]);
         let ramp = recolored("cap=#3060d0").unwrap();
         assert_eq!(recolored("ramp:0=#3060d0").unwrap(), ramp);
+        let both = [color[1], ramp[0]];
+        for order in ["1=#0000ff cap=#3060d0", "cap=#3060d0 1=#0000ff"] {
+            let found = recolored(order).unwrap();
+            assert_eq!([found[1], found[0]], both, "{order}");
+        }
         assert!(ramp[..2].iter().all(|[r, _, b]| b > r) && ramp[0][2] < ramp[1][2] && ramp[2] == before[2], "{ramp:?}");
     }
 
@@ -114,6 +136,8 @@ mod tests {
             ("=#000000", "expected a palette index or the name of a ramp before the ="),
             ("cap", "expected INDEX=#RRGGBB"),
             ("cap=red", "expected #RRGGBB"),
+            ("cap=#ff0000 ramp:0=#00ff00", "--recolor cap: found two colors, expected one"),
+            ("1=#ff0000 1=#00ff00", "--recolor 1: found two colors, expected one"),
         ] {
             let error = recolored(text).unwrap_err();
             assert!(error.contains(message), "{text}: {error}");
