@@ -4,8 +4,8 @@ use glam::DVec3;
 use plenoctree::{
     PlenOctree,
     camera::PinholeCamera,
-    palette::{ExtractionSettings, Palette},
-    reference::{Posterization, labels, render},
+    palette::{ExtractionSettings, LabelSpace, Palette, PaletteLabel},
+    reference::{Posterization, render},
 };
 use plenoctree_fit::read_transforms;
 
@@ -24,7 +24,7 @@ pub struct Views {
     palette: Palette,
 }
 
-/// The colors over white and the nearest labels of a view's pixels. Pixels without one are thin.
+/// The colors over white and the nearest labels of a view's pixels, without the filter. Pixels without one are thin.
 struct View {
     colors: Vec<DVec3>,
     labels: Vec<Option<usize>>,
@@ -93,15 +93,16 @@ impl View {
         let rendering = render(field, camera);
         let colors = rendering.over(DVec3::ONE).into_iter().map(|color| color.clamp(DVec3::ZERO, DVec3::ONE));
         let colors: Vec<_> = colors.collect();
-        let source: Vec<_> = palette.colors.iter().map(|color| DVec3::from(*color)).collect();
-        let source = labels(&source, settings.blend_steps);
-        let nearest = |color: &DVec3| {
-            let distance = |label: &usize| color.distance_squared(source[*label]);
-            (0..source.len()).min_by(|a, b| distance(a).total_cmp(&distance(b)))
+        // Tones are labels of the field alone, and have no blends.
+        let nearest = |pixel: usize| match palette.label_space() {
+            LabelSpace::Encoded => PaletteLabel::nearest(colors[pixel], palette, settings.blend_steps),
+            LabelSpace::Tones => {
+                PaletteLabel::nearest(rendering.color[pixel] / rendering.opacity[pixel].max(1e-6), palette, 1)
+            }
         };
-        let labels = colors.iter().zip(&rendering.opacity);
-        let labels = labels.map(|(color, opacity)| nearest(color).filter(|_| *opacity >= settings.min_opacity));
-        Self { labels: labels.collect(), colors }
+        let is_labeled = |pixel: &usize| rendering.opacity[*pixel] >= settings.min_opacity;
+        let label = |pixel| Some(pixel).filter(is_labeled).and_then(nearest).map(|label| label.index);
+        Self { labels: (0..colors.len()).map(label).collect(), colors }
     }
 }
 
