@@ -13,10 +13,14 @@
 // Thinner haze barely shows. If tonemapping changes objects elsewhere, its border would.
 const LEAST_OPACITY: f32 = 1.0 / 128.0;
 
-fn shows_props(pixel: vec2<u32>) -> bool {
-    var shows = textureLoad(layer, pixel, 0).a > LEAST_OPACITY;
+fn is_at_edge(pixel: vec2<u32>) -> bool {
 #ifdef SMOOTH
-    shows = shows || any(textureLoad(outline, pixel, 0).xy > vec2(0u));
+    return any(textureLoad(outline, pixel, 0).xy > vec2(0u));
+#else
+    return false;
 #endif
-    return shows && is_drawn(pixel);
+}
+
+fn shows_props(pixel: vec2<u32>) -> bool {
+    return is_drawn(pixel) && (textureLoad(layer, pixel, 0).a > LEAST_OPACITY || is_at_edge(pixel));
 }

@@ -64,6 +64,7 @@ impl Shaders {
             "radiance",
             "recolor",
             "relief",
+            "restore_depth",
             "sampling",
             "scene",
             "see",

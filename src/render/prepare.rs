@@ -4,6 +4,7 @@ use bevy::{
     camera::{MainPassResolutionOverride, NormalizedRenderTarget},
     core_pipeline::{
         core_3d::{Transparent3d, prepare_core_3d_depth_textures},
+        oit::OrderIndependentTransparencySettings,
         prepass::PreviousViewData,
     },
     platform::collections::HashMap,
@@ -22,7 +23,7 @@ use bevy::{
 
 use super::{
     extract::{ExtractedProps, VisibleProps},
-    frame::{COPIED, CachedResult, Comparison, InitPipelines, PaletteBuffer, Pass, Pipelines, PropView, RaySet, Slot},
+    frame::{CachedResult, Comparison, InitPipelines, PaletteBuffer, Pass, Pipelines, PropView, RaySet, Slot},
     passes,
     plan::{Feature, Known, Plan, Target, choose_levels, decide, drawn_viewport},
 };
@@ -80,8 +81,10 @@ fn agree_about_targets(
 fn read_depth(mut cameras: Query<(&mut Camera3d, &VisibleProps)>) {
     for (mut camera, visible) in &mut cameras {
         if !visible.is_empty() {
-            let copied = if visible.placement == PropPlacement::Display { COPIED } else { TextureUsages::empty() };
-            camera.depth_texture_usages.0 |= (TextureUsages::TEXTURE_BINDING | copied).bits();
+            camera.depth_texture_usages.0 |= TextureUsages::TEXTURE_BINDING.bits();
+            if visible.placement == PropPlacement::Display {
+                camera.depth_texture_usages.0 |= TextureUsages::COPY_SRC.bits();
+            }
         }
     }
 }
@@ -103,7 +106,7 @@ type View = (
     &'static MainEntity,
     Option<(&'static ExtractedView, &'static ExtractedCamera, &'static Msaa)>,
     Option<&'static MainPassResolutionOverride>,
-    (Option<&'static TemporalJitter>, Option<&'static PreviousViewData>),
+    (Option<&'static TemporalJitter>, Option<&'static PreviousViewData>, Has<OrderIndependentTransparencySettings>),
     &'static mut VisibleProps,
     &'static mut PropView,
 );
@@ -121,7 +124,7 @@ fn plan_views(
 ) {
     pipelines.waiting.clear();
     let mut rests = false;
-    for (camera_entity, camera, resolution, (jitter, previous), mut visible, mut view) in &mut views {
+    for (camera_entity, camera, resolution, (jitter, previous, has_oit), mut visible, mut view) in &mut views {
         let view = &mut *view;
         view.groups.begin();
         let known = camera.zip(camera.and_then(|(_, camera, _)| drawn_viewport(camera, resolution)));
@@ -146,7 +149,8 @@ fn plan_views(
             jitter,
             previous,
             visible: &visible,
-            has_objects: phase.is_some_and(|phase| !phase.items.is_empty()),
+            // Their order is resolved once a frame.
+            has_objects: !has_oit && phase.is_some_and(|phase| !phase.items.is_empty()),
             last: &view.plan,
             former: view.plan.former.as_ref().filter(|_| view.is_drawn),
         };

@@ -23,5 +23,4 @@ pub(super) use pipelines::{InitPipelines, Pipelines};
 pub(super) use run::Lights;
 pub(super) use run::run;
 pub(super) use slot::{BATCH, Buffer, RaySet, Slot, Turn, batch_side, batches};
-pub(super) use textures::COPIED;
 pub(crate) use view::PropView;

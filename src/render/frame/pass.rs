@@ -73,6 +73,8 @@ pub(in crate::render) enum Place {
     Layer,
     /// Before transparent objects are drawn, in views that show props at the display.
     Hide,
+    /// After that.
+    Restore,
     /// Where the camera's `PropPlacement` says: before custom stages.
     Posterize,
     /// After them.

@@ -20,7 +20,7 @@ use super::{
     cache::{Cache, Comparison, light},
     pass::{Area, CachedResult, Clear, Input, Output, Pass, Place},
     pipelines::Pipelines,
-    slot::{BATCH, Buffer, batches, grid_size},
+    slot::{BATCH, Buffer, Slot, batches, grid_size},
 };
 use crate::camera::PropPlacement;
 
@@ -129,7 +129,7 @@ fn compare(
             cached.finish(CachedResult::Composite);
             cached.finish(CachedResult::Labels);
         }
-        Place::Hide | Place::Present | Place::Objects => {}
+        Place::Hide | Place::Restore | Place::Present | Place::Objects => {}
     }
 }
 
@@ -199,7 +199,12 @@ fn draw(
                 return Some(frame.lights.map(|lights| lights.group.clone()));
             }
             let mut resources: Vec<BindingResource> = buffers.bindings(frame.palettes)?;
-            resources.extend(program.scene_depth.map(|_| BindingResource::TextureView(frame.depth.view())));
+            if program.scene_depth.is_some() {
+                // A pass that writes the scene's depth reads what was saved of it.
+                let is_saved = matches!(pass.depth, Some(Output::Target));
+                let scene_depth = if is_saved { textures.get(Slot::SceneDepth)? } else { frame.depth.view() };
+                resources.push(BindingResource::TextureView(scene_depth));
+            }
             if program.batches {
                 let batches = [Buffer::BatchCounts, Buffer::BatchGaps].map(|buffer| textures.buffer_of(buffer));
                 resources.extend(batches.into_iter().flatten().map(|buffer| buffer.as_entire_binding()));

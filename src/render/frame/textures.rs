@@ -48,9 +48,6 @@ struct HeldBuffer {
 /// For how many frames textures are held that no pass uses.
 const HELD_FRAMES: u32 = 2;
 
-/// How the depth of a view is used that transparent objects may not be hidden by.
-pub(in crate::render) const COPIED: TextureUsages = TextureUsages::COPY_SRC.union(TextureUsages::COPY_DST);
-
 /// The sizes of textures are multiples of this, in pixels, unless the viewport is smaller.
 const STEP: u32 = 64;
 
@@ -141,10 +138,9 @@ impl Textures {
                 sample_count: samples,
                 dimension: TextureDimension::D2,
                 format,
-                usage: match slot {
-                    Slot::SceneDepth => TextureUsages::RENDER_ATTACHMENT | COPIED,
-                    _ => TextureUsages::RENDER_ATTACHMENT | TextureUsages::TEXTURE_BINDING,
-                },
+                usage: TextureUsages::RENDER_ATTACHMENT
+                    | TextureUsages::TEXTURE_BINDING
+                    | if slot == Slot::SceneDepth { TextureUsages::COPY_DST } else { TextureUsages::empty() },
                 view_formats: &[],
             });
             let view = texture.create_view(&default());

@@ -40,6 +40,7 @@ pub const POSTERIZE_SPANS: &[&str] = &[
     edges::OUTLINE,
     edges::COVERAGE,
     objects::HIDE_OBJECTS,
+    objects::RESTORE_DEPTH,
     objects::UNDER_OBJECTS,
     objects::OBJECTS,
     #[cfg(feature = "shadows")]

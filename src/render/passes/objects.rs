@@ -1,8 +1,8 @@
 //! Draws transparent objects again, over props that are drawn at [`PropPlacement::Display`].
 //!
 //! Bevy draws transparent objects before tonemapping, when these props are not yet there. Blending depends on what is
-//! behind, so where props are, they are drawn later: *hide_objects* writes the nearest depth there, and the scene's depth
-//! is restored after Bevy's phase. Once the props are shown, *under_objects* copies the target to a separate texture,
+//! behind, so where props are, they are drawn later: *hide_objects* changes the scene's depth there, and *restore_depth*
+//! restores it after Bevy's phase. Once the props are shown, *under_objects* copies the target to a separate texture,
 //! Bevy's phase draws over it, and *objects* shows the result where props are. This happens only for cameras that have
 //! both.
 
@@ -33,24 +33,32 @@ use crate::{
 };
 
 pub(super) const HIDE_OBJECTS: &str = "plenoctree_hide_objects";
+pub(super) const RESTORE_DEPTH: &str = "plenoctree_restore_depth";
 pub(super) const OBJECTS: &str = "plenoctree_objects";
 pub(super) const UNDER_OBJECTS: &str = "plenoctree_under_objects";
 
-/// Hides objects where props are.
-pub(super) fn hide_objects(plan: &Plan) -> Option<Pass> {
-    plan.has_objects.then(|| Pass {
-        feature: Feature::Objects,
-        reads: vec![prop_pixels(plan)],
-        depth: Some(Output::Target),
-        samples: plan.samples,
-        area: Area::Target,
-        ..Pass::fullscreen(
-            HIDE_OBJECTS,
-            Place::Hide,
-            None,
-            with_prop_pixels(plan, Program::new("hide_objects")).depth_test(CompareFunction::Always, true),
-        )
-    })
+/// Hides objects where props are, and restores the depth of the scene.
+pub(super) fn hide_objects(plan: &Plan) -> Vec<Pass> {
+    let pass = |name, place, program, reads| {
+        let program = with_prop_pixels(plan, program).depth_test(CompareFunction::Always, true);
+        Pass {
+            feature: Feature::Objects,
+            reads,
+            depth: Some(Output::Target),
+            samples: plan.samples,
+            area: Area::Target,
+            ..Pass::fullscreen(name, place, None, program)
+        }
+    };
+    if !plan.has_objects {
+        return vec![];
+    }
+    let solid = Input::Texture(Slot::Depth(RaySet::Pixels));
+    let restore = Program { scene_depth: Some(plan.samples), ..Program::new("restore_depth") };
+    vec![
+        pass(HIDE_OBJECTS, Place::Hide, Program::new("hide_objects"), vec![prop_pixels(plan), vec![solid]]),
+        pass(RESTORE_DEPTH, Place::Restore, restore, vec![prop_pixels(plan)]),
+    ]
 }
 
 /// Writes what objects are blended over.
@@ -95,38 +103,25 @@ fn with_prop_pixels(plan: &Plan, program: Program) -> Program {
 pub(super) fn plugin(render_app: &mut SubApp) {
     let display = PropPlacement::Display;
     let hide = (save_depth, run.with_input((Place::Hide, display))).chain().after(PlenOctreeRenderSystems::Layer);
+    let restore = run.with_input((Place::Restore, display));
     #[cfg(feature = "shadows")]
     let hide = hide.after(bevy::pbr::main_transmissive_pass_3d);
     render_app.add_systems(Core3d, draw_objects.in_set(PlenOctreeRenderSystems::Objects)).add_systems(
         Core3d,
-        (hide.before(main_transparent_pass_3d), restore_depth.after(main_transparent_pass_3d))
+        (hide.before(main_transparent_pass_3d), restore.after(main_transparent_pass_3d))
             .in_set(Core3dSystems::MainPass),
     );
 }
 
-type HiddenView = (&'static ViewDepthTexture, &'static PropView);
-
-fn save_depth(view: ViewQuery<HiddenView>, mut ctx: RenderContext) {
-    if let Some([depth, saved]) = depths(view.into_inner()) {
-        copy(depth, saved, &mut ctx);
-    }
-}
-
-fn restore_depth(view: ViewQuery<HiddenView>, mut ctx: RenderContext) {
-    if let Some([depth, saved]) = depths(view.into_inner()) {
-        copy(saved, depth, &mut ctx);
-    }
-}
-
-/// Returns the depth of a view in which objects are hidden, and where it is saved.
-fn depths<'a>((depth, view): (&'a ViewDepthTexture, &'a PropView)) -> Option<[&'a wgpu::Texture; 2]> {
+/// Saves the depth of the scene before *hide_objects* changes it.
+fn save_depth(view: ViewQuery<(&ViewDepthTexture, &PropView)>, mut ctx: RenderContext) {
+    let (depth, view) = view.into_inner();
     let hides = view.passes.iter().any(|(pass, _)| pass.place == Place::Hide);
-    let saved = view.textures.get(Slot::SceneDepth).filter(|_| hides)?.texture();
-    Some([&*depth.texture, saved]).filter(|[depth, saved]| depth.size() == saved.size())
-}
-
-fn copy(from: &wgpu::Texture, to: &wgpu::Texture, ctx: &mut RenderContext) {
-    ctx.command_encoder().copy_texture_to_texture(from.as_image_copy(), to.as_image_copy(), from.size());
+    let saved = view.textures.get(Slot::SceneDepth).filter(|_| hides).map(|saved| saved.texture());
+    if let Some(saved) = saved.filter(|saved| saved.size() == depth.texture.size()) {
+        let (from, to) = (depth.texture.as_image_copy(), saved.as_image_copy());
+        ctx.command_encoder().copy_texture_to_texture(from, to, saved.size());
+    }
 }
 
 /// Draws the objects over what `under_objects` wrote.

@@ -3,6 +3,8 @@
 
 use bevy::{
     camera::{Hdr, MsaaWriteback, Viewport},
+    core_pipeline::oit::OrderIndependentTransparencySettings,
+    post_process::bloom::Bloom,
     prelude::*,
 };
 use bevy_plenoctree::{EdgeSmoothing, Posterize, PropPlacement, SolidOpacity, headless::exact_camera};
@@ -113,6 +115,43 @@ fn translucent_props_hide_objects_behind_them() {
         scene.world().despawn(pane);
         assert!(differing(&expected, &without, 16) > 200, "{msaa:?}, {mode:?}: the pane does not show beside the prop");
         assert_eq!(differing(&found, &expected, 1), 0, "{msaa:?}, {mode:?}");
+    }
+}
+
+/// What is bright before a prop glows around it, and what is bright behind it does not.
+#[test]
+fn objects_over_opaque_props_glow() {
+    let mut scene = scene(SOLID);
+    scene.set((Hdr, Bloom { intensity: 0.3, ..Bloom::NATURAL }));
+    let glow = StandardMaterial {
+        base_color: LinearRgba::new(20.0, 10.0, 2.0, 0.9).into(),
+        unlit: true,
+        alpha_mode: AlphaMode::Add,
+        ..default()
+    };
+    // How bright the corner of the frame is, with the light before the prop or behind it.
+    let [before, behind] = [1.0, -1.0].map(|z| {
+        let light = spawn_square(&mut scene, Vec3::new(0.0, 0.0, z), 0.3, glow.clone());
+        let corners = both(&mut scene).map(|frame| at(&frame, 2, 2)[0]);
+        scene.world().despawn(light);
+        corners
+    });
+    // The prop itself is bright, too, in the scene.
+    assert!(before.iter().all(|red| *red > 18) && behind.iter().all(|red| *red < 12), "{before:?}, {behind:?}");
+}
+
+/// Bevy resolves the order of objects once a frame, before the props are shown: they are drawn behind the props, and as
+/// ever beside them.
+#[test]
+fn independent_order_is_left_alone() {
+    let mut scene = scene(SOLID);
+    scene.set_background(SKY);
+    scene.set(OrderIndependentTransparencySettings::default());
+    spawn_square(&mut scene, Vec3::new(0.0, 0.0, 1.0), 3.0, material(AlphaMode::Blend));
+    for _ in 0..3 {
+        let [expected, found] = both(&mut scene);
+        assert_eq!(at(&found, 2, 2), at(&expected, 2, 2));
+        assert_ne!(at(&found, SIZE / 2, SIZE / 2), at(&found, 2, 2));
     }
 }
 
