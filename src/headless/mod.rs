@@ -95,8 +95,8 @@ impl Headless {
         Self::build(size, HeadlessPlugins.set(assets), configure)
     }
 
-    /// Creates an app like [`new`](Self::new), on a device that is restricted to `limits`. Use it to test how an app
-    /// behaves on less capable machines.
+    /// Creates an app like [`new`](Self::new), on a device that is restricted to `limits` and to the features of WebGPU.
+    /// Use it to test how an app behaves on less capable machines, and in browsers.
     ///
     /// Returns [`HeadlessError::NoAdapter`] if there is no graphics adapter.
     pub fn with_limits(
@@ -104,7 +104,11 @@ impl Headless {
         limits: wgpu::Limits,
         configure: impl FnOnce(&mut App),
     ) -> Result<Self, HeadlessError> {
-        let settings = WgpuSettings { constrained_limits: Some(limits), ..default() };
+        let settings = WgpuSettings {
+            constrained_limits: Some(limits),
+            disabled_features: Some(wgpu::Features::all_native_mask()),
+            ..default()
+        };
         Self::build(size, HeadlessPlugins.set(plugins::render_plugin(settings)), configure)
     }
 
@@ -122,6 +126,8 @@ impl Headless {
         configure(&mut app);
         app.finish();
         app.cleanup();
+        #[cfg(feature = "headless-lit")]
+        plugins::light_every_frame(&mut app);
         let target = app.world_mut().resource_mut::<Assets<Image>>().add(target_image(size));
         Ok(Self {
             app,

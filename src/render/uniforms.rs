@@ -52,7 +52,7 @@ impl PropUniform {
     ) -> Self {
         let settings = posterize.map(|posterize| posterize.settings).unwrap_or_default().clamped();
         Self {
-            clip_from_box: (rect.clip_from_viewport() * rays.clip_from_box).as_mat4(),
+            clip_from_box: near_one(rect.clip_from_viewport() * rays.clip_from_box).as_mat4(),
             posterized: posterize.is_some().into(),
             min_opacity: settings.min_opacity,
             tint: prop.tint,
@@ -98,6 +98,15 @@ impl PropUniform {
     pub fn drawn_to(&self, clip_from_part: Mat4) -> Self {
         Self { clip_from_box: clip_from_part, ..*self }
     }
+}
+
+/// Returns the same transform of homogeneous coordinates, with numbers near 1: while a graphics card clips triangles, it
+/// multiplies the coordinates of their vertices, and those of tiny and huge props would leave the range of float32.
+fn near_one(clip_from_box: DMat4) -> DMat4 {
+    let largest =
+        clip_from_box.to_cols_array().into_iter().fold(f64::MIN_POSITIVE, |most, value| most.max(value.abs()));
+    // A power of two rounds no digit.
+    clip_from_box * (-largest.log2().floor()).exp2()
 }
 
 /// What is filtered before a prop, or a posterized view, is labeled, and how. Matches `Filter` in `view.wgsl`.

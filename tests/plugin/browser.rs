@@ -56,10 +56,14 @@ fn everything_is_within_the_default_limits_of_webgpu() {
     stage.spawn_mesh(Rectangle::new(1.0, 1.0), material, Transform::from_xyz(0.0, 0.0, 2.0));
     stage.set((flat(), Transform::from_xyz(0.0, 0.0, 5.0)));
     let granted = stage.device().limits();
-    // wgpu does not restrict this one, which is of no use without a feature that browsers do not have.
-    let max_binding_array_sampler_elements_per_shader_stage =
-        granted.max_binding_array_sampler_elements_per_shader_stage;
-    assert_eq!(granted, wgpu::Limits { max_binding_array_sampler_elements_per_shader_stage, ..limits });
+    // wgpu does not restrict these, which are of no use without features that browsers do not have.
+    let expected = wgpu::Limits {
+        max_binding_array_sampler_elements_per_shader_stage: granted
+            .max_binding_array_sampler_elements_per_shader_stage,
+        max_acceleration_structures_per_shader_stage: granted.max_acceleration_structures_per_shader_stage,
+        ..limits
+    };
+    assert_eq!(granted, expected);
 
     let (idle, view) = (stage.idle_stage(), PosterizeView(stage.field()));
     for (msaa, quality) in [(Msaa::Off, PropQuality::EXACT), (Msaa::Sample4, PropQuality::FAST)] {

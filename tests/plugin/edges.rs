@@ -337,8 +337,9 @@ fn edges_have_colors_between_those_on_both_sides_and_others_stay() {
             (value - dark) / (bright - dark)
         });
         let (least, most) = (shares.into_iter().fold(1.0, f32::min), shares.into_iter().fold(0.0, f32::max));
-        // Nearly the same share in every channel: thin parts are blended in encoded sRGB.
-        assert!(least > -0.01 && most < 1.01 && most - least < 0.1, "{pixel:?}: {shares:?}");
+        // Nearly the same share in every channel: thin parts are blended in encoded sRGB. Green is 229.5 bytes,
+        // which adapters round up or down, by 0.012 of the range.
+        assert!(least > -0.015 && most < 1.015 && most - least < 0.1, "{pixel:?}: {shares:?}");
         mixed += usize::from((0.05..0.95).contains(&least));
     }
     assert!(mixed > 60, "{mixed} pixels");

@@ -3,7 +3,10 @@
 
 use bevy::{
     camera::visibility::RenderLayers,
-    light::{CascadeShadowConfigBuilder, DirectionalLightShadowMap, GlobalAmbientLight, ShadowFilteringMethod},
+    light::{
+        CascadeShadowConfigBuilder, DirectionalLightShadowMap, GlobalAmbientLight, ShadowFilteringMethod,
+        cluster::{GlobalClusterGpuSettings, GlobalClusterSettings},
+    },
     prelude::*,
 };
 use bevy_plenoctree::{FieldPalette, PlenOctree, Posterize, PosterizeView, Prop, PropLighting, PropPlacement};
@@ -14,8 +17,9 @@ use super::{
     shadows::{EYE, Light, PIXELS, direction_at, hit, is_blocked, scene, shape, spawn_light, spawn_unseen},
     stage::{
         fields::included,
-        pixels::{encoded, linear, places},
+        pixels::{differing, encoded, linear, places},
         sides::{BACKGROUND, BLUE, GREEN, RED, SOLID, Side, Sides, color, cube, in_cube},
+        wait_for,
     },
 };
 
@@ -342,6 +346,12 @@ fn crowds_shade_each_other_and_lamps_light_what_holds_them() {
     }
     assert!(checked > 2000 && mixed > 150, "{checked} pixels, {mixed} of them get some lights");
     assert!(50 * wrong < checked, "{wrong} of {checked} pixels are wrong");
+
+    // Games let the GPU find the lights of each part of a view, which takes a few frames.
+    let on_gpu = GlobalClusterGpuSettings { initial_z_slice_list_capacity: 1024, initial_index_list_capacity: 65536 };
+    scene.world().resource_mut::<GlobalClusterSettings>().gpu_clustering = Some(on_gpu);
+    wait_for("all lights", || differing(&scene.capture(), &frame, 1) == 0);
+    scene.world().resource_mut::<GlobalClusterSettings>().gpu_clustering = None;
 
     for light in spawned {
         scene.world().despawn(light);
