@@ -1,9 +1,69 @@
-// Copies what transparent objects are blended over: the target, with the props.
+// Writes what transparent objects are blended over: the target, with the props.
+
+#ifdef MULTISAMPLED
+#import bevy_plenoctree::scene::scene_value
+#import bevy_plenoctree::view::{is_drawn, is_solid, view}
+#endif
 
 // It has the size of what is written.
 @group(1) @binding(0) var scene: texture_2d<f32>;
+// The depth of the props.
+@group(1) @binding(1) var depth: texture_depth_2d;
+
+struct Varying {
+    @builtin(position) position: vec4<f32>,
+#ifdef MULTISAMPLED
+    @builtin(sample_index) sample: u32,
+#endif
+}
+
+#ifdef MULTISAMPLED
+// Returns the number of samples at which a mesh is before the props.
+fn samples_before(pixel: vec2<u32>, props: f32) -> u32 {
+    var count = 0u;
+    for (var i = 0u; i < #{SAMPLES}; i++) {
+        count += select(0u, 1u, scene_value(pixel, i) > props);
+    }
+    return count;
+}
+
+// Returns what a sample shows. At the edges of meshes before props, samples of the mesh keep what is in the target from
+// the objects behind it, and the others show what the prop shows beside the edge. Their mean is what the target shows.
+fn shown_at(pixel: vec2<u32>, sample: u32, target_color: vec4<f32>) -> vec4<f32> {
+    var beside = vec4(0.0);
+    var props = 0.0;
+    var count = 0.0;
+    for (var i = 0; i < 9; i++) {
+        let at = vec2<u32>(vec2<i32>(pixel) + vec2(i % 3 - 1, i / 3 - 1));
+        if is_drawn(at) {
+            let solid = textureLoad(depth, at, 0);
+            if is_solid(solid) && samples_before(at, solid) == 0u {
+                beside += textureLoad(scene, at + view.corner, 0);
+                props += solid;
+                count += 1.0;
+            }
+        }
+    }
+    if count == 0.0 {
+        return target_color;
+    }
+    let prop = beside / count;
+    let share = f32(samples_before(pixel, props / count)) / f32(#{SAMPLES});
+    if share == 0.0 || share == 1.0 {
+        return target_color;
+    }
+    let is_mesh = scene_value(pixel, sample) > props / count;
+    return select(prop, (target_color - (1.0 - share) * prop) / share, is_mesh);
+}
+#endif
 
 @fragment
-fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
-    return textureLoad(scene, vec2<u32>(position.xy), 0);
+fn fragment(in: Varying) -> @location(0) vec4<f32> {
+    let at = vec2<u32>(in.position.xy);
+    let color = textureLoad(scene, at, 0);
+#ifdef MULTISAMPLED
+    return shown_at(at - view.corner, in.sample, color);
+#else
+    return color;
+#endif
 }

@@ -22,7 +22,7 @@ use super::{
     pipelines::Pipelines,
     slot::{BATCH, Buffer, Slot, batches, grid_size},
 };
-use crate::camera::PropPlacement;
+use crate::{camera::PropPlacement, render::plan::Feature};
 
 /// Bind group 0 of passes that read Bevy's lights, and its offsets. A component of views that have such passes.
 #[derive(Component)]
@@ -200,8 +200,8 @@ fn draw(
             }
             let mut resources: Vec<BindingResource> = buffers.bindings(frame.palettes)?;
             if program.scene_depth.is_some() {
-                // A pass that writes the scene's depth reads what was saved of it.
-                let is_saved = matches!(pass.depth, Some(Output::Target));
+                // Where objects are hidden and drawn again, the scene's depth holds props.
+                let is_saved = pass.feature == Feature::Objects;
                 let scene_depth = if is_saved { textures.get(Slot::SceneDepth)? } else { frame.depth.view() };
                 resources.push(BindingResource::TextureView(scene_depth));
             }

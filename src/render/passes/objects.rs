@@ -63,18 +63,21 @@ pub(super) fn hide_objects(plan: &Plan) -> Vec<Pass> {
 
 /// Writes what objects are blended over.
 pub(super) fn under_objects(plan: &Plan) -> Option<Pass> {
-    let (slot, samples) = match plan.samples {
-        1 => (Slot::Objects, 1),
-        samples => (Slot::ObjectSamples, samples),
+    let (slot, program) = match plan.samples {
+        1 => (Slot::Objects, Program::new("under_objects")),
+        samples => {
+            let program = Program::new("under_objects").define_number("SAMPLES", Some(samples));
+            (Slot::ObjectSamples, Program { scene_depth: Some(samples), ..program })
+        }
     };
     plan.has_objects.then(|| Pass {
         feature: Feature::Objects,
-        reads: vec![vec![Input::Scene]],
+        reads: vec![vec![Input::Scene, Input::Texture(Slot::Depth(RaySet::Pixels))]],
         writes: vec![Some(Output::Texture(slot))],
         clear: Some(Clear::Zero),
-        samples,
+        samples: plan.samples,
         area: Area::Target,
-        ..Pass::fullscreen(UNDER_OBJECTS, Place::Present, None, Program::new("under_objects"))
+        ..Pass::fullscreen(UNDER_OBJECTS, Place::Present, None, program)
     })
 }
 

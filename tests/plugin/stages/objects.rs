@@ -11,6 +11,7 @@ use bevy_plenoctree::{EdgeSmoothing, Posterize, PropPlacement, SolidOpacity, hea
 use image::RgbaImage;
 
 use super::scene::{SIZE, SOLID, Stage, at, differing, orthographic, scene, spawn_square};
+use crate::stage::unlit;
 
 const SKY: Color = Color::srgb(0.25, 0.5, 0.35);
 const PANE: Color = Color::srgba(0.8, 0.5, 0.2, 0.6);
@@ -97,6 +98,37 @@ fn objects_are_in_front_of_thin_parts() {
             let what = format!("{mode:?}, density {density}, stages {has_stages}");
             assert!(differing(&expected, &without, 16) > 60, "{what}: the pane does not show");
             assert_eq!(differing(&found, &expected, 1), 0, "{what}");
+        }
+    }
+}
+
+/// With multisampling, objects end at the edges of opaque meshes before them as they do in the scene.
+#[test]
+fn objects_end_at_edges_of_meshes() {
+    for (density, is_posterized, hdr) in
+        [(SOLID, false, false), (SOLID, true, false), (SOLID, true, true), (0.3, true, true)]
+    {
+        let mut scene = scene(density);
+        scene.set_background(SKY);
+        scene.set(Msaa::Sample4);
+        scene.set_if(hdr, Hdr);
+        if is_posterized {
+            scene.dress(Posterize::default());
+        }
+        let turned = Transform::from_xyz(0.0, 0.0, 1.2).with_rotation(Quat::from_rotation_z(0.3));
+        scene.spawn_mesh(Rectangle::new(0.3, 0.3), unlit(Color::WHITE), turned);
+        let most = |[a, b]: &[RgbaImage; 2]| (0..u8::MAX).find(|step| differing(a, b, *step) == 0).unwrap_or(u8::MAX);
+        // Each placement smooths edges of props in its own way.
+        let without = both(&mut scene);
+        for mode in MODES {
+            let pane = StandardMaterial { base_color: Color::srgba(0.2, 0.1, 0.5, 0.9), ..material(mode) };
+            let pane = spawn_square(&mut scene, Vec3::new(0.0, 0.0, 1.0), 0.6, pane);
+            let with = both(&mut scene);
+            scene.world().despawn(pane);
+            let what = format!("{mode:?}, density {density}, posterized {is_posterized}, HDR {hdr}");
+            assert!(differing(&with[0], &without[0], 8) > 60, "{what}: the pane does not show");
+            let [found, expected] = [most(&with), most(&without)];
+            assert!(found <= expected + 2, "{what}: off by {found}, and by {expected} without the pane");
         }
     }
 }
