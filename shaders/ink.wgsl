@@ -61,10 +61,10 @@ fn is_border(prop: u32, a: u32, b: u32) -> bool {
     return ramps.x < 64u && ramps.y < 64u && ((bits >> (ramps.y & 15u)) & 1u) == 1u;
 }
 
-// Whether a pixel lies beyond an edge behind which something farther away begins, or beyond a border.
+// Whether a pixel lies beyond an edge behind which something farther away begins, or beyond a border, from 0 to 1.
 struct Beyond {
-    edge: bool,
-    border: bool,
+    edge: f32,
+    border: f32,
 }
 
 // `opposite` is on the other side of the center.
@@ -73,13 +73,15 @@ fn beyond(center: Surface, there: Surface, opposite: Surface) -> Beyond {
     let ink = labelings[prop].ink;
     let step = there.distance - center.distance;
     if there.owner != center.owner {
-        return Beyond((ink & INK_SILHOUETTE) != 0u && (step > 0.0 || !center.has_depth), false);
+        return Beyond(select(0.0, 1.0, (ink & INK_SILHOUETTE) != 0u && (step > 0.0 || !center.has_depth)), 0.0);
     }
     // On a slope, depth changes as much on the other side. Where it breaks on both sides, there is noise, or something thin.
     let before = select(0.0, center.distance - opposite.distance, opposite.owner == center.owner && opposite.has_depth);
-    let breaks = step - 2.0 * abs(before) > labelings[prop].ink_crease && center.has_depth && there.has_depth;
-    let is_crease = (ink & INK_CREASES) != 0u && breaks;
-    return Beyond(is_crease, !is_crease && is_border(prop, center.label, there.label));
+    // Creases that are hardly deep enough are faint. Where noise decides, lines would be dots.
+    let depth = (step - 2.0 * abs(before)) / labelings[prop].ink_crease;
+    let can_crease = (ink & INK_CREASES) != 0u && center.has_depth && there.has_depth;
+    let crease = select(0.0, clamp(2.0 * depth - 2.0, 0.0, 1.0), can_crease);
+    return Beyond(crease, select(0.0, 1.0, crease == 0.0 && is_border(prop, center.label, there.label)));
 }
 
 // How much less a pair counts whose pixels are both beyond an edge.
@@ -87,8 +89,8 @@ const PINCHED: f32 = 0.5;
 
 // Returns what a pair of pixels on opposite sides of the center says about the share of the disk beyond an edge. Where both
 // are beyond it, what is between them is thin, and gets a thinner line, unless it is only a seam between these two.
-fn weight(first: bool, second: bool, is_seam: bool) -> f32 {
-    return select(select(0.0, 1.0, first || second), -PINCHED, first && second && !is_seam);
+fn weight(first: f32, second: f32, is_seam: bool) -> f32 {
+    return max(first, second) - select(1.0 + PINCHED, 0.0, is_seam) * min(first, second);
 }
 
 // The pixels of the disk, in pairs on opposite sides of the center. If those near the rim show no edge, there is none.
@@ -130,10 +132,10 @@ fn ink_at(labels: texture_2d<u32>, depth: texture_depth_2d, pixel: vec2<i32>, ce
         let second = surface_at(labels, depth, pixel - offset);
         let there = beyond(center, first, second);
         let opposite = beyond(center, second, first);
-        let is_seam = there.border && opposite.border && is_border(center.owner - 1u, first.label, second.label);
+        let is_seam = there.border * opposite.border > 0.0 && is_border(center.owner - 1u, first.label, second.label);
         sums += vec2(weight(there.edge, opposite.edge, false), weight(there.border, opposite.border, is_seam));
-        has_edge = has_edge || there.edge || opposite.edge;
-        has_border = has_border || there.border || opposite.border;
+        has_edge = has_edge || there.edge + opposite.edge > 0.0;
+        has_border = has_border || there.border + opposite.border > 0.0;
     }
     let shares = max(sums, vec2(0.0)) / f32(2u * PAIRS);
     let edge = select(0.0, width - radius * distance_of(shares.x) + 0.5, has_edge);

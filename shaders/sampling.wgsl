@@ -2,7 +2,7 @@
 // 2 to 5. Each thread handles one leaf and one cell of directions. Neighboring threads of a workgroup handle
 // neighboring leaves.
 
-#import bevy_plenoctree::constants::{MAX_CHANNEL, MAX_DEPTH, NO_LEAF, SAMPLING_WORKGROUP}
+#import bevy_plenoctree::constants::{MAX_CHANNEL, MAX_DEPTH, SAMPLING_WORKGROUP}
 #import bevy_plenoctree::octree::{begin, density, field, has_ended, make_ray, next_leaf}
 #import bevy_plenoctree::radiance::{harmonics, radiance}
 

@@ -139,8 +139,8 @@ pub(super) struct ExtractedInk {
     pub max_pixels: f32,
 }
 
-/// How many times the width of a line the depth breaks at a crease.
-const CREASE: f32 = 4.0;
+/// How many times the width of a line the depth breaks at the faintest crease.
+const CREASE: f32 = 8.0;
 /// The number of ramps that pairs tell apart: as many as a palette has colors.
 const RAMPS: usize = Palette::MAX_COLORS;
 /// The bit of lines between pairs of ramps.

@@ -10,7 +10,7 @@ use image::RgbaImage;
 
 use super::stage::{
     Stage,
-    fields::colored,
+    fields::{colored, shape},
     pixels::{at, color, differing, is_near, linear, places},
 };
 
@@ -225,6 +225,30 @@ fn ink_divides_ramps() {
     // The faintest parts of a tone may round to the label's own color.
     assert!(count(&toned).abs_diff(count(&lines)) <= 3);
     assert!(toned.pixels().zip(plain.pixels()).all(|(tone, plain)| tone.0.iter().zip(plain.0).all(|(a, b)| *a <= b)));
+}
+
+/// The deeper a step, the darker its line, from none to a whole one: where noise decides, there are no dots.
+#[test]
+fn ink_fades_in_at_creases() {
+    const STEP: f64 = 0.25;
+    let mut stage = Stage::new(SIZE);
+    let stairs =
+        |at: DVec3| at.truncate().abs().max_element() < 0.75 && at.z < if at.x < 0.0 { 0.5 } else { 0.5 - STEP };
+    stage.spawn_prop(&shape(1e4, COLORS[1].into(), stairs), Posterize::toon());
+    stage.paint(FieldPalette::new(Palette::new(COLORS.to_vec()).unwrap()));
+    stage.set_background(SKY);
+    stage.set(Transform::from_xyz(0.0, 0.0, 4.0).looking_at(Vec3::ZERO, Vec3::Y));
+    let [none, faint, whole] = [7.0, 10.0, 13.0].map(|widths| {
+        let (width, borders) = (STEP as f32 / widths, InkBorders::None);
+        stage.dress(Ink { width, max_pixels: 1.0, silhouette: false, borders, ..default() });
+        let frame = stage.capture();
+        // How much of the pixels of a row is black, within the prop.
+        let inside = SIZE / 2 - 8..SIZE / 2 + 8;
+        inside
+            .map(|x| 1.0 - linear(frame.get_pixel(x, SIZE / 2)).x / linear(frame.get_pixel(SIZE / 2 - 8, SIZE / 2)).x)
+            .sum::<f32>()
+    });
+    assert!(none == 0.0 && (0.1..0.9 * whole).contains(&faint) && whole > 0.7, "{none}, {faint}, {whole}");
 }
 
 /// Between two ramps, pixels of a third one that are no wider than the line are no holes in it.
