@@ -74,8 +74,21 @@ fn is_sky(pixel: &image::Rgba<u8>) -> bool {
 }
 
 /// Borders between labels come nearer to those of sixteen labels per pixel, and pixels away from borders stay as they are.
+/// Where cells are not much smaller than pixels, their own borders are stairs.
 #[test]
 fn smooth_borders_show_what_finer_pixels_show() {
+    let mut look = Look::new();
+    for (distance, pixels, most) in [(1.0, 0.4, 0.45), (2.0, 0.2, 1.0 / 3.0)] {
+        let place = distance * Vec3::new(0.3, 0.5, 2.4);
+        look.0.set(Transform::from_translation(place).looking_at(Vec3::ZERO, Vec3::Y));
+        let [before, after] = border_errors(&mut look);
+        println!("cells of {pixels} pixels: {:.2} of the error of stairs", after / before);
+        assert!(after < most * before, "{after} of {before}");
+    }
+}
+
+/// Returns the errors of hard and of smooth borders.
+fn border_errors(look: &mut Look) -> [f32; 2] {
     let hard = Posterize { borders: BorderSmoothing::Off, ..Posterize::toon() };
     // The filter reaches as far within the ball.
     let unfiltered = |posterize: Posterize| {
@@ -83,7 +96,6 @@ fn smooth_borders_show_what_finer_pixels_show() {
         posterize.filter.iterations = 0;
         posterize
     };
-    let mut look = Look::new();
     let wanted = reduced(&look.capture(FINE * SIZE, unfiltered(hard), None));
     let stairs = look.capture(SIZE, unfiltered(hard), None);
     let smooth = look.capture(SIZE, unfiltered(Posterize::toon()), None);
@@ -103,10 +115,8 @@ fn smooth_borders_show_what_finer_pixels_show() {
         errors[0] += wanted[index].distance_squared(linear(before));
         errors[1] += wanted[index].distance_squared(linear(after));
     }
-    assert!((SIZE / 2..8 * SIZE).contains(&smoothed), "{smoothed}");
-    let [before, after] = errors.map(f32::sqrt);
-    println!("error at borders: {before} with stairs, {after} if smooth: {:.2} of it", after / before);
-    assert!(after < 0.45 * before, "{after} of {before}");
+    assert!((SIZE / 4..8 * SIZE).contains(&smoothed), "{smoothed}");
+    errors.map(f32::sqrt)
 }
 
 /// Details of a few pixels keep their color, although islands of similar colors go to their surroundings.
