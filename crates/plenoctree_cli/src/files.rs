@@ -43,6 +43,37 @@ pub fn check_outputs(outputs: &[&Path], inputs: &[&Path]) -> Result {
     Ok(())
 }
 
+/// Checks that the name of an image says what it is.
+pub fn check_image(image: &Path) -> Result {
+    match image.extension() {
+        Some(extension) if extension.eq_ignore_ascii_case("png") => Ok(()),
+        _ => Err(format!("{}: the name of the image must end in .png", image.display()).into()),
+    }
+}
+
+/// Copies what `path` holds, if `is_lost` says that it would be lost, to a file next to it that does not exist yet. Returns
+/// the name of that file.
+pub fn keep_former(path: &Path, is_lost: impl FnOnce(&[u8]) -> bool) -> Result<Option<PathBuf>> {
+    let Ok(former) = fs::read(path) else { return Ok(None) };
+    if !is_lost(&former) {
+        return Ok(None);
+    }
+    let names =
+        (1..).map(|number| path.with_added_extension(if number == 1 { "old".into() } else { format!("old{number}") }));
+    for name in names.take(1000) {
+        match fs::read(&name) {
+            Ok(kept) if kept == former => return Ok(Some(name)),
+            Ok(_) => {}
+            Err(_) => {
+                write(&name, |file| file.write_all(&former))?;
+                return Ok(Some(name));
+            }
+        }
+    }
+    Err(format!("{}: would be lost: there are a thousand older ones next to it; choose another --out", path.display())
+        .into())
+}
+
 /// Checks that nothing in a folder that is read is written, if what is written there has names for which `writes` is true.
 pub fn check_folder(folder: &Path, inputs: &[&Path], writes: impl Fn(&str) -> bool) -> Result {
     let is_written = |input: &Path| {

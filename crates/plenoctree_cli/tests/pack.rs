@@ -82,6 +82,13 @@ fn what_cannot_be_packed_is_an_error() {
     let message = fail(&["pack", text(&source), "--npz", "--out", text(&source)]);
     assert!(message.contains("ball.npz: would overwrite its input; choose another --out"), "{message}");
     assert_eq!(std::fs::read(&source).unwrap(), before);
+    let notes = folder.join("notes.txt");
+    std::fs::write(&notes, "notes").unwrap();
+    let message = fail(&["pack", text(&source), "--out", text(&notes)]);
+    assert!(message.contains("expected a file that ends in .plenoctree"), "{message}");
+    assert_eq!(std::fs::read(&notes).unwrap(), b"notes");
+    let message = fail(&["pack", text(&source), "--exact", "--hidden", "1", "--views", "0"]);
+    assert!(message.contains("choose a smaller --hidden"), "{message}");
     let packed = folder.join("ball.plenoctree");
     succeed(&["pack", text(&source), "--views", "0"]);
     // Packing again would replace it.

@@ -193,6 +193,28 @@ fn outputs_replace_no_input() {
     assert_eq!(names, ["ball.npz", "other"]);
 }
 
+/// What was edited by hand is kept, however often the palette is extracted anew.
+#[test]
+fn former_palettes_are_kept() {
+    let folder = folder("palette_former");
+    let field = ball(&folder);
+    let [file, old, older] =
+        ["ball.palette.json", "ball.palette.json.old2", "ball.palette.json.old"].map(|name| folder.join(name));
+    succeed(&["palette", text(&field)]);
+    succeed(&["palette", text(&field)]);
+    assert!(!older.exists(), "nothing was lost");
+    let mut edited = Palette::read(&file).unwrap();
+    edited.rename_ramp(0, "shell").unwrap();
+    edited.write(&file).unwrap();
+    for _ in 0..2 {
+        for colors in ["auto", "3"] {
+            succeed(&["palette", text(&field), "--colors", colors]);
+        }
+    }
+    assert_eq!(Palette::read(&older).unwrap(), edited);
+    assert!(old.exists() && Palette::read(&file).unwrap().colors.len() == 3);
+}
+
 /// Ramps are listed, and changed ones are saved: to the same file, or to another.
 #[test]
 fn ramps_are_edited() {
@@ -217,6 +239,14 @@ fn ramps_are_edited() {
     assert_eq!(Palette::read(&other).unwrap(), expected);
     succeed(&["ramps", text(&file), &edit, "rest=1,2"]);
     assert_eq!(Palette::read(&file).unwrap(), expected);
+
+    let image = |path: &Path| fail(&["ramps", text(&file), "--image", text(path)]);
+    assert!(image(&file).contains("must end in .png"));
+    let png = folder.join("palette.png");
+    fs::copy(&file, &png).unwrap();
+    let message = fail(&["ramps", text(&png), "--image", text(&png)]);
+    assert!(message.contains("would overwrite its input"), "{message}");
+    assert_eq!(Palette::read(&png).unwrap(), expected);
 
     let error = fail(&["ramps", text(&file), "a=b"]);
     assert!(error.contains("ball.palette.json: a: found no ramp b, expected one of shell"), "{error}");

@@ -60,8 +60,8 @@ pub struct Arguments {
     /// capture.
     #[arg(long)]
     pub stand: bool,
-    /// The direction that is up in the capture.
-    #[arg(long, value_enum, default_value_t = Up::NegativeY, allow_hyphen_values = true)]
+    /// With --stand, the direction that is up in the capture.
+    #[arg(long, value_enum, default_value_t = Up::NegativeY, allow_hyphen_values = true, requires = "stand")]
     pub up: Up,
     /// The seed of the random numbers.
     #[arg(long, default_value_t = 0)]

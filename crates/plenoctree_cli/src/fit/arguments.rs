@@ -22,7 +22,7 @@ pub struct Arguments {
     #[arg(long, value_parser = parse_positive)]
     minutes: Option<f64>,
     /// The amount of training, as a multiple of the default.
-    #[arg(long, default_value_t = 1.0, value_parser = parse_positive)]
+    #[arg(long, default_value_t = 1.0, value_parser = parse_positive, conflicts_with = "minutes")]
     effort: f64,
     /// Hold out one of every N views, to measure the result.
     #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u32).range(2..))]

@@ -18,6 +18,10 @@ use crate::{console, number::counted, result::Result, training::Interruption};
 
 /// Fits the field, extracts its palette, and writes both with previews and a report.
 pub fn run(arguments: &Arguments) -> Result {
+    let input = &arguments.input;
+    if ["ply", "spz", "sog"].iter().any(|capture| input.extension().is_some_and(|extension| extension == *capture)) {
+        return Err(format!("{}: found a capture of Gaussian splats; use `plenoctree convert`", input.display()).into());
+    }
     let folders = arguments.folders();
     let inputs: Vec<&Path> = [&arguments.input].into_iter().chain(&arguments.test).map(PathBuf::as_path).collect();
     output::check(&arguments.out, &inputs, &arguments.extraction)?;

@@ -120,10 +120,13 @@ impl Arguments {
                 Err("--out names one file, but there are several fields; without it, each is packed next to its field"
                     .into())
             }
-            Some(out) if (out.extension() == Some("npz".as_ref())) != self.npz => {
-                let found =
-                    if self.npz { "with --npz, expected a file that ends in .npz" } else { "expected --npz, too" };
-                Err(format!("found --out {}, {found}", out.display()).into())
+            Some(out) if out.extension() != Some(if self.npz { "npz" } else { "plenoctree" }.as_ref()) => {
+                let expected = match (self.npz, out.extension().is_some_and(|extension| extension == "npz")) {
+                    (true, _) => "with --npz, expected a file that ends in .npz",
+                    (false, true) => "expected --npz, too",
+                    (false, false) => "expected a file that ends in .plenoctree",
+                };
+                Err(format!("found --out {}, {expected}", out.display()).into())
             }
             Some(out) => Ok(out.clone()),
             None => Ok(field.with_extension("plenoctree")),

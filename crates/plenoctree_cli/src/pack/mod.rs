@@ -112,7 +112,14 @@ pub fn pack_unchanged(field: &PlenOctree, settings: &PackSettings) -> Result<Pac
         thread::sleep(Duration::from_millis(20));
     }
     bar.finish_and_clear();
-    Ok(worker.join().map_err(|_| "packing stopped unexpectedly")??)
+    let packed = worker.join().map_err(|_| "packing stopped unexpectedly")??;
+    if packed.field().leaves() == 0 && field.leaves() > 0 {
+        let hidden = settings.hidden;
+        return Err(
+            format!("no leaf adds an opacity of {hidden} to a ray from outside; choose a smaller --hidden").into()
+        );
+    }
+    Ok(packed)
 }
 
 /// The optical depth beyond which light that is left does not show.

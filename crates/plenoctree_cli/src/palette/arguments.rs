@@ -22,7 +22,8 @@ pub struct Arguments {
     /// The sampler of the field's radiance.
     #[arg(long, value_enum, default_value_t = Sampling::Cpu)]
     pub sampling: Sampling,
-    /// The file to save the palette to; by default next to the input, as x.palette.json for x.npz.
+    /// The file to save the palette to; by default next to the input, as x.palette.json for x.npz. Another palette that is
+    /// there is kept as x.palette.json.old.
     #[arg(long, value_name = "FILE.json")]
     out: Option<PathBuf>,
     /// The file to save an image of the palette to.
@@ -52,10 +53,7 @@ pub enum Input<'a> {
 impl Arguments {
     /// Checks that the files can be written: the palette to `out`, its image and the histograms.
     pub fn check_outputs(&self, out: &Path, input: &Path) -> Result {
-        let is_png = |image: &PathBuf| image.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("png"));
-        if let Some(image) = self.image.as_ref().filter(|image| !is_png(image)) {
-            return Err(format!("{}: the name of the image must end in .png", image.display()).into());
-        }
+        self.image.iter().try_for_each(|image| files::check_image(image))?;
         let others = [&self.image, &self.extraction.histograms].into_iter().flatten().map(PathBuf::as_path);
         files::check_outputs(&[out].into_iter().chain(others).collect::<Vec<_>>(), &[input])
     }

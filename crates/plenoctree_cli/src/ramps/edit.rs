@@ -23,6 +23,7 @@ enum Source {
 /// Parses `NAME=SOURCE,SOURCE..`, where a source is the name of a ramp or the index of a palette color.
 pub fn parse(text: &str) -> Result<Edit, String> {
     let (name, sources) = text.split_once('=').ok_or("expected NAME=RAMP or NAME=INDEX,INDEX")?;
+    let name = name.trim();
     if name.contains(',') {
         return Err(format!("found the name {name}, expected one without a comma"));
     }
@@ -34,7 +35,7 @@ pub fn parse(text: &str) -> Result<Edit, String> {
         }
         name => Ok(Source::Ramp(name.into())),
     };
-    Ok(Edit { name: name.into(), sources: sources.split(',').map(source).collect::<Result<_, _>>()? })
+    Ok(Edit { name: name.into(), sources: sources.split(',').map(str::trim).map(source).collect::<Result<_, _>>()? })
 }
 
 impl Edit {

@@ -5,6 +5,8 @@ mod edit;
 
 pub use arguments::Arguments;
 
+use std::path::{Path, PathBuf};
+
 use plenoctree::palette::Palette;
 
 use crate::{console, files, result::Result, swatches};
@@ -17,6 +19,12 @@ pub fn run(arguments: &Arguments) -> Result {
         return Err(format!("{}: the name of the palette must end in .json", out.display()).into());
     }
     let mut palette = Palette::read(path)?;
+    if let Some(image) = &arguments.image {
+        files::check_image(image)?;
+        let outputs: Vec<&Path> = [image].into_iter().chain(&arguments.out).map(PathBuf::as_path).collect();
+        files::check_outputs(&outputs[..1], &[path])?;
+        files::check_outputs(&outputs, &[])?;
+    }
     for edit in &arguments.edits {
         edit.apply(&mut palette).map_err(|error| format!("{}: {error}", path.display()))?;
     }

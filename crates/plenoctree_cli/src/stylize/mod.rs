@@ -46,6 +46,10 @@ pub fn run(arguments: &Arguments) -> Result {
     let (palette, extracted) = match given {
         Some(palette) => (palette, None),
         None => {
+            let beside = path.with_extension("palette.json");
+            if beside.exists() && !arguments.quiet {
+                console::complain!("{}: not used; to use it, pass it to --palette", beside.display());
+            }
             let extraction = arguments.extraction.by_default(arguments.look.method());
             let extracted = extraction::extract(&field, path, &extraction, arguments.sampling, arguments.quiet)?;
             (extracted.extraction.palette.clone(), Some(extracted))

@@ -41,7 +41,8 @@ impl SplatImage {
 ///
 /// Each Gaussian is projected by the derivative of the projection at its center, and made wider by 0.3 square pixels,
 /// so that none falls between pixels. Gaussians are blended from front to back, in the order of their centers' depths,
-/// with an opacity of at most 0.99; below 1/255, they are left out. Those nearer than 0.01 units are left out as well.
+/// with an opacity of at most 0.99; below 1/255, they are left out. Those nearer than 0.01 units and than
+/// their own largest standard deviation are left out as well.
 pub fn render_splats(splats: &Splats, camera: &PinholeCamera) -> SplatImage {
     let mut projected: Vec<Projected> = (0..splats.len())
         .into_par_iter()
@@ -72,7 +73,7 @@ mod tests {
         let to_camera = DMat3::from_diagonal(DVec3::new(1.0, -1.0, -1.0)) * camera.rotation.transpose();
         let mut order: Vec<(f64, usize)> = (splats.gaussians().iter().enumerate())
             .map(|(index, gaussian)| ((to_camera * (gaussian.position.as_dvec3() - camera.position)).z, index))
-            .filter(|(depth, _)| *depth > 0.01)
+            .filter(|(depth, index)| *depth > f64::from(splats.gaussians()[*index].scale.max_element()).min(0.01))
             .collect();
         order.sort_by(|a, b| a.0.total_cmp(&b.0));
         let mut pixels = vec![[0.0, 0.0, 0.0, 1.0]; (camera.width * camera.height) as usize];
@@ -161,22 +162,38 @@ mod tests {
         }
     }
 
-    /// The image is the same on any number of threads.
-    #[test]
-    fn images_do_not_depend_on_threads() {
+    /// Returns many Gaussians within a cube that is two `units` wide, and a camera that sees them.
+    fn scene(unit: f32) -> (Splats, PinholeCamera) {
         let mut splats = Splats::new(0);
         for index in 0..3000 {
             let at = |step: f32| (step * index as f32).sin();
-            let position = Vec3::new(at(0.7), at(1.3), at(2.9));
+            let position = unit * Vec3::new(at(0.7), at(1.3), at(2.9));
             let color = Vec3::new(at(0.2), at(0.3), at(0.5));
-            let scale = Vec3::new(0.02, 0.05, 0.01);
+            let scale = unit * Vec3::new(0.02, 0.05, 0.01);
             splats.push(Gaussian { position, scale, rotation: Quat::IDENTITY, opacity: 0.5 }, &[color]);
         }
-        let camera = PinholeCamera::new(100, 70, 0.9, DMat4::IDENTITY).looking_at(
-            DVec3::new(3.0, 1.0, 1.0),
-            DVec3::ZERO,
-            DVec3::Z,
-        );
+        let position = f64::from(unit) * DVec3::new(3.0, 1.0, 1.0);
+        let camera = PinholeCamera::new(100, 70, 0.9, DMat4::IDENTITY).looking_at(position, DVec3::ZERO, DVec3::Z);
+        (splats, camera)
+    }
+
+    /// Captures may have any unit.
+    #[test]
+    fn images_do_not_depend_on_units() {
+        let [expected, small, large] = [1.0, 1e-3, 1e3].map(|unit| {
+            let (splats, camera) = scene(unit);
+            render_splats(&splats, &camera).pixels
+        });
+        for found in [small, large] {
+            let differs = |(found, expected): &(Vec4, &Vec4)| (*found - **expected).abs().max_element() > 1e-3;
+            assert_eq!(found.into_iter().zip(&expected).filter(differs).count(), 0);
+        }
+    }
+
+    /// The image is the same on any number of threads.
+    #[test]
+    fn images_do_not_depend_on_threads() {
+        let (splats, camera) = scene(1.0);
         let images = [1, 3].map(|threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             pool.install(|| render_splats(&splats, &camera))

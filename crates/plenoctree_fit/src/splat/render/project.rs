@@ -5,7 +5,7 @@ use plenoctree::camera::PinholeCamera;
 
 use crate::splat::splats::Splats;
 
-/// Depth below which Gaussians are left out, in world units.
+/// Depth below which Gaussians are left out, in world units, unless they are smaller.
 const NEAR: f64 = 0.01;
 /// Added to the variance of every Gaussian, in square pixels.
 const DILATION: f64 = 0.3;
@@ -39,7 +39,7 @@ pub fn project(splats: &Splats, index: usize, camera: &PinholeCamera) -> Option<
     let at = camera.rotation.transpose() * offset;
     // From here on, y points down and z away from the camera, as in images.
     let (x, y, depth) = (at.x, -at.y, -at.z);
-    if depth <= NEAR {
+    if depth <= NEAR.min(gaussian.scale.max_element().into()) {
         return None;
     }
     let limit = |tangent: f64, size: u32, focal: f64| {
