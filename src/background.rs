@@ -4,9 +4,13 @@
 //! in them would block all of that. Where a thread can lower its priority, these do, so that they use only the time
 //! that frames leave.
 
-use std::{sync::OnceLock, thread::available_parallelism};
+use std::{
+    sync::{Condvar, Mutex, MutexGuard, OnceLock, PoisonError},
+    thread::available_parallelism,
+    time::Duration,
+};
 
-use bevy::tasks::Task;
+use bevy::{ecs::resource::Resource, tasks::Task};
 
 /// The size in bytes above which memory is freed in the background. Freeing less takes a negligible time.
 const MUCH: u64 = 1 << 20;
@@ -31,16 +35,84 @@ pub(crate) fn spawn<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static
 /// priority of frames, and is done soon.
 pub(crate) fn discard(value: impl Send + 'static, bytes: u64) {
     #[cfg(not(target_arch = "wasm32"))]
-    if bytes >= MUCH {
+    if bytes >= MUCH
+        && let Some(freeing) = FREEING.begin()
+    {
         // If there can be no other thread, this drops it.
-        let _ = std::thread::Builder::new().name("plenoctree".into()).spawn(move || drop(value));
+        let _ = std::thread::Builder::new().name("plenoctree".into()).spawn(move || {
+            let _freeing = freeing;
+            drop(value);
+        });
+    }
+}
+
+/// While an app's render world has it, [`discard`] uses threads. Once the last one is dropped, they have ended: drivers
+/// crash if a program exits while a thread still gives memory back.
+#[derive(Resource)]
+pub(crate) struct FreesInBackground(&'static Freeing);
+
+impl FreesInBackground {
+    pub fn new() -> Self {
+        Self::of(&FREEING)
+    }
+
+    fn of(freeing: &'static Freeing) -> Self {
+        freeing.counts().apps += 1;
+        Self(freeing)
+    }
+}
+
+impl Drop for FreesInBackground {
+    fn drop(&mut self) {
+        let mut counts = self.0.counts();
+        counts.apps -= 1;
+        let is_busy = |counts: &mut Counts| counts.apps == 0 && counts.threads > 0;
+        // A crash is better than a program that does not exit.
+        drop(self.0.changed.wait_timeout_while(counts, Duration::from_secs(5), is_busy));
+    }
+}
+
+static FREEING: Freeing = Freeing { counts: Mutex::new(Counts { apps: 0, threads: 0 }), changed: Condvar::new() };
+
+/// Apps whose memory is freed in the background, and threads that free some.
+struct Freeing {
+    counts: Mutex<Counts>,
+    changed: Condvar,
+}
+
+struct Counts {
+    apps: usize,
+    threads: usize,
+}
+
+impl Freeing {
+    fn counts(&self) -> MutexGuard<'_, Counts> {
+        self.counts.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Returns what a thread holds until it ends, or `None` if there must be no thread.
+    fn begin(&'static self) -> Option<FreeingThread> {
+        let mut counts = self.counts();
+        (counts.apps > 0).then(|| {
+            counts.threads += 1;
+            FreeingThread(self)
+        })
+    }
+}
+
+struct FreeingThread(&'static Freeing);
+
+impl Drop for FreeingThread {
+    fn drop(&mut self) {
+        self.0.counts().threads -= 1;
+        self.0.changed.notify_all();
     }
 }
 
 /// Runs a task on a new thread of low priority, or right here if there can be no other thread.
 #[cfg(not(target_arch = "wasm32"))]
 fn on_thread(task: async_task::Runnable) {
-    use std::sync::{Arc, Mutex, PoisonError};
+    use std::sync::Arc;
     let task = Arc::new(Mutex::new(Some(task)));
     let run = |task: &Mutex<Option<async_task::Runnable>>| {
         let task = task.lock().unwrap_or_else(PoisonError::into_inner).take();
@@ -79,5 +151,30 @@ pub(crate) fn on_cores<T: Send>(work: impl FnOnce() -> T + Send) -> T {
         Some(cores) => cores.install(work),
         // The threads could not be started.
         None => work(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The last app waits for the threads that free its memory, and what is freed after that needs no thread.
+    #[test]
+    fn apps_end_after_what_frees_their_memory() {
+        static LOCAL: Freeing = Freeing { counts: Mutex::new(Counts { apps: 0, threads: 0 }), changed: Condvar::new() };
+        assert!(LOCAL.begin().is_none());
+        let apps = [(); 2].map(|()| FreesInBackground::of(&LOCAL));
+        let thread = LOCAL.begin().unwrap();
+        let [first, last] = apps;
+        drop(first);
+        let freeing = std::thread::spawn(move || {
+            std::thread::sleep(Duration::from_millis(50));
+            drop(thread);
+        });
+        assert_eq!(LOCAL.counts().threads, 1);
+        drop(last);
+        assert_eq!(LOCAL.counts().threads, 0);
+        assert!(LOCAL.begin().is_none());
+        freeing.join().unwrap();
     }
 }

@@ -41,7 +41,10 @@ use bevy::{
     },
 };
 
-use crate::sets::{PlenOctreeRenderSystems, PlenOctreeSystems};
+use crate::{
+    background::FreesInBackground,
+    sets::{PlenOctreeRenderSystems, PlenOctreeSystems},
+};
 
 /// The systems in `RenderStartup` that create the layout of fields.
 #[derive(SystemSet, Clone, Debug, PartialEq, Eq, Hash)]
@@ -70,6 +73,7 @@ impl Plugin for GpuFieldPlugin {
             render_app
                 .insert_resource(shaders)
                 .insert_resource(reports)
+                .insert_resource(FreesInBackground::new())
                 .init_resource::<Readiness>()
                 .init_resource::<report::RenderedFrame>()
                 .add_systems(RenderStartup, (report::report_new_device, layout::init.in_set(InitFields)))
