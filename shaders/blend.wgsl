@@ -109,6 +109,22 @@ fn around(pixel: vec2<u32>, owners: vec2<u32>) -> Around {
     return found;
 }
 
+#ifdef RESOLVED
+// Returns the scene behind the props around a pixel, in linear light. The last channel is 0 if it is not known.
+fn scene_behind(pixel: vec2<u32>) -> vec4<f32> {
+    var sum = vec4(0.0);
+    for (var i = 0; i < 8; i++) {
+        let at = vec2<u32>(neighbor(vec2<i32>(pixel), i));
+        if is_drawn(at) && unpack(textureLoad(filtered, at, 0)).owner > 0u {
+            let hidden = bits_of(textureLoad(outline, at, 0).xy, textureLoad(coverage, at, 0)).a;
+            let color = decode(from_target(textureLoad(scene, at + view.corner, 0).rgb));
+            sum += select(vec4(0.0), vec4(color, 1.0), hidden == 0u);
+        }
+    }
+    return sum / max(sum.a, 1.0);
+}
+#endif
+
 // Returns what rays show of their owner: the label of their mean color, in linear light, with opacity.
 fn posterized(pixel: vec2<u32>, rays: vec4<f32>, owner: u32, behind: Behind) -> vec4<f32> {
     let composite = rays.rgb + max(1.0 - rays.a, 0.0) * behind.composite;
@@ -202,7 +218,16 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
         }
     }
     let at_center = select(behind.shown, center.shown, owners.x > 0u);
-    let sum = (own_parts + of_behind * behind.shown + of_center * at_center) / max(total, 1.0);
+    var sum = (own_parts + of_behind * behind.shown + of_center * at_center) / max(total, 1.0);
+#ifdef RESOLVED
+    // The target mixes a mesh before the props with what is behind them, which they replace.
+    let beyond = scene_behind(pixel);
+    if bits.a != 0u && beyond.a > 0.0 {
+        let mixed = decode(from_target(textureLoad(scene, pixel + view.corner, 0).rgb));
+        let covered = f32(parts.own + parts.other) / f32(count);
+        sum = own_parts / f32(count) + vec4(max(mixed - covered * beyond.rgb, vec3(0.0)), 0.0);
+    }
+#endif
     if seen.a < 0.0 && sum.a == 0.0 {
         return seen;
     }

@@ -18,6 +18,13 @@ struct Varying {
 }
 
 #ifdef MULTISAMPLED
+// The most that the target holds.
+#ifdef FLOATS
+const MOST: f32 = 65504.0;
+#else
+const MOST: f32 = 1.0;
+#endif
+
 // Returns the number of samples at which a mesh is before the props.
 fn samples_before(pixel: vec2<u32>, props: f32) -> u32 {
     var count = 0u;
@@ -52,8 +59,10 @@ fn shown_at(pixel: vec2<u32>, sample: u32, target_color: vec4<f32>) -> vec4<f32>
     if share == 0.0 || share == 1.0 {
         return target_color;
     }
+    // What does not fit in the target is left to the prop, which then fits: both are shares of one color that does.
+    let mesh = clamp((target_color - (1.0 - share) * prop) / share, vec4(0.0), vec4(MOST));
     let is_mesh = scene_value(pixel, sample) > props / count;
-    return select(prop, (target_color - (1.0 - share) * prop) / share, is_mesh);
+    return select((target_color - share * mesh) / (1.0 - share), mesh, is_mesh);
 }
 #endif
 

@@ -138,13 +138,15 @@ impl Headless {
         })
     }
 
-    /// Resizes the target to `size` pixels, starting with the next frame. A size of 0 counts as 1.
+    /// Resizes the target to `size` pixels, starting with the next frame. A size of 0 counts as 1. The viewports of cameras
+    /// must fit in it: otherwise, wgpu reports an error, and rendering ends.
     pub fn resize(&mut self, size: UVec2) {
-        let mut images = self.app.world_mut().resource_mut::<Assets<Image>>();
-        if let Some(mut image) = images.get_mut(&self.target)
-            && image.size() != size
-        {
-            *image = target_image(size);
+        let world = self.app.world_mut();
+        let mut images = world.resource_mut::<Assets<Image>>();
+        if images.get(&self.target).is_some_and(|image| image.size() != size) {
+            _ = images.insert(&self.target, target_image(size));
+            // Cameras would hear of it a frame later.
+            world.write_message(AssetEvent::Modified { id: self.target.id() });
         }
     }
 

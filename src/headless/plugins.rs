@@ -1,5 +1,7 @@
 //! The plugins of an app without a window.
 
+use std::sync::OnceLock;
+
 use bevy::{
     app::{PluginGroupBuilder, TaskPoolPlugin},
     asset::AssetPlugin,
@@ -89,8 +91,13 @@ pub(super) fn render_plugin(settings: WgpuSettings) -> RenderPlugin {
 
 /// Returns an error if there is no graphics adapter on any backend that Bevy uses. Bevy's renderer would panic.
 pub(super) fn check_adapter() -> Result<(), String> {
-    let backends = Backends::from_env().unwrap_or(Backends::all());
-    let instance = Instance::new(InstanceDescriptor { backends, ..InstanceDescriptor::new_without_display_handle() });
+    // It is kept, so that the driver stays loaded: some can be loaded only a few dozen times, and crash if an app ends while
+    // another one begins.
+    static INSTANCE: OnceLock<Instance> = OnceLock::new();
+    let instance = INSTANCE.get_or_init(|| {
+        let backends = Backends::from_env().unwrap_or(Backends::all());
+        Instance::new(InstanceDescriptor { backends, ..InstanceDescriptor::new_without_display_handle() })
+    });
     let request = instance.request_adapter(&RequestAdapterOptions::default());
     block_on(request).map(drop).map_err(|error| error.to_string())
 }

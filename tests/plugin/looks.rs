@@ -48,8 +48,6 @@ impl Look {
 
     fn capture(&mut self, size: u32, posterize: Posterize, ink: Option<Ink>) -> RgbaImage {
         self.0.headless.resize(UVec2::splat(size));
-        // Cameras learn of a new size a frame later.
-        self.0.update(1);
         self.0.undress::<Ink>();
         self.0.dress(posterize);
         if let Some(ink) = ink {

@@ -120,6 +120,7 @@ pub(super) fn blend(plan: &Plan) -> Option<Pass> {
     let program = Program::new("blend")
         .define_all(space(plan.target.space))
         .define_number("SAMPLES", plan.hidden_samples())
+        .define_if(plan.samples > 1 && plan.hidden_samples().is_none() && !plan.posterizes_view, "RESOLVED")
         .define_all(lit(plan));
     let shown = if plan.finishes() { Slot::Finished } else { Slot::Labeled };
     let slots = [shown, Slot::Even, Slot::Outline, Slot::Coverage, Slot::OwnRays, Slot::OtherRays];

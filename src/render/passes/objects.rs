@@ -17,6 +17,7 @@ use bevy::{
         render_phase::ViewSortedRenderPhases,
         render_resource::{
             CompareFunction, LoadOp, Operations, RenderPassColorAttachment, RenderPassDescriptor, StoreOp,
+            TextureFormat,
         },
         renderer::{RenderContext, ViewQuery},
         view::{ExtractedView, ViewDepthTexture},
@@ -67,6 +68,7 @@ pub(super) fn under_objects(plan: &Plan) -> Option<Pass> {
         1 => (Slot::Objects, Program::new("under_objects")),
         samples => {
             let program = Program::new("under_objects").define_number("SAMPLES", Some(samples));
+            let program = program.define_if(plan.target.format == TextureFormat::Rgba16Float, "FLOATS");
             (Slot::ObjectSamples, Program { scene_depth: Some(samples), ..program })
         }
     };

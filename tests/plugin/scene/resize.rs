@@ -5,6 +5,7 @@ use bevy::{
     camera::{Hdr, Viewport},
     core_pipeline::prepass::{DepthPrepass, MotionVectorPrepass},
     prelude::*,
+    render::render_resource::Extent3d,
 };
 use bevy_plenoctree::{Ink, Posterize, PosterizeView, PropPlacement, headless::exact_camera};
 use image::RgbaImage;
@@ -23,7 +24,10 @@ enum Event {
 /// frame after that.
 fn resize(stage: &mut Sides, size: UVec2, event: Event, changing: Entity, settings: impl Bundle) -> RgbaImage {
     let (target, cameras) = (stage.headless.target(), stage.cameras);
-    stage.headless.resize(size);
+    // As windows and games do it. `Headless::resize` tells cameras at once.
+    let image = target.as_image().unwrap().id();
+    let extent = Extent3d { width: size.x, height: size.y, ..default() };
+    stage.world().resource_mut::<Assets<Image>>().get_mut(image).unwrap().resize(extent);
     let mut spawned = None;
     match event {
         Event::Spawn => {
@@ -131,5 +135,18 @@ fn cameras_of_every_kind_may_disagree() {
                 resize(&mut stage, size, event, changing, msaa);
             }
         }
+    }
+}
+
+/// A headless app shows its new size in the next frame, and cameras know it.
+#[test]
+fn headless_apps_are_resized_at_once() {
+    let mut stage = filled();
+    for size in SIZES {
+        stage.headless.resize(size);
+        let first = stage.capture();
+        let camera = stage.cameras[0];
+        assert_eq!(stage.world().get::<Camera>(camera).unwrap().physical_target_size(), Some(size));
+        assert_eq!(first, stage.capture(), "{size}");
     }
 }
