@@ -220,12 +220,13 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
     let at_center = select(behind.shown, center.shown, owners.x > 0u);
     var sum = (own_parts + of_behind * behind.shown + of_center * at_center) / max(total, 1.0);
 #ifdef RESOLVED
-    // The target mixes a mesh before the props with what is behind them, which they replace.
-    let beyond = scene_behind(pixel);
-    if bits.a != 0u && beyond.a > 0.0 {
+    if bits.a != 0u {
+        // The target mixes a mesh before the props with what is behind them, which they replace.
+        let beyond = scene_behind(pixel);
         let mixed = decode(from_target(textureLoad(scene, pixel + view.corner, 0).rgb));
         let covered = f32(parts.own + parts.other) / f32(count);
-        sum = own_parts / f32(count) + vec4(max(mixed - covered * beyond.rgb, vec3(0.0)), 0.0);
+        let replaced = own_parts / f32(count) + vec4(max(mixed - covered * beyond.rgb, vec3(0.0)), 0.0);
+        sum = select(sum, replaced, beyond.a > 0.0);
     }
 #endif
     if seen.a < 0.0 && sum.a == 0.0 {
