@@ -24,7 +24,7 @@ pub fn check_inputs(inputs: &[&Path]) -> Result {
 }
 
 /// Checks that inputs exist and that files can be written, before the work starts: files that are neither inputs nor
-/// each other.
+/// each other. Creates the folders that they go to.
 pub fn check_outputs(outputs: &[&Path], inputs: &[&Path]) -> Result {
     check_inputs(inputs)?;
     for (index, output) in outputs.iter().enumerate() {
@@ -37,6 +37,9 @@ pub fn check_outputs(outputs: &[&Path], inputs: &[&Path]) -> Result {
         }
         if output.is_dir() {
             return Err(format!("{name}: is a folder; choose the name of a file").into());
+        }
+        if let Some(folder) = output.parent().filter(|folder| !folder.as_os_str().is_empty()) {
+            create_folder(folder)?;
         }
         check_writable(output).map_err(|error| format!("{name}: cannot be written: {error}"))?;
     }

@@ -88,7 +88,7 @@ fn what_cannot_be_packed_is_an_error() {
     assert!(message.contains("expected a file that ends in .plenoctree"), "{message}");
     assert_eq!(std::fs::read(&notes).unwrap(), b"notes");
     let message = fail(&["pack", text(&source), "--exact", "--hidden", "1", "--views", "0"]);
-    assert!(message.contains("choose a smaller --hidden"), "{message}");
+    assert!(message.contains("choose a smaller pack --hidden"), "{message}");
     let packed = folder.join("ball.plenoctree");
     succeed(&["pack", text(&source), "--views", "0"]);
     // Packing again would replace it.

@@ -26,11 +26,12 @@ fn the_palette_equals_that_of_the_library() {
     assert_eq!(found, extract(&read, &settings, &Progress::default()).unwrap().palette);
 }
 
+/// Their folders are created.
 #[test]
 fn all_requested_files_are_written() {
     let folder = folder("palette_files");
     let field = ball(&folder);
-    let [out, image, histograms] = ["p.json", "p.png", "h.npz"].map(|name| folder.join(name));
+    let [out, image, histograms] = ["p.json", "images/p.png", "new/folder/h.npz"].map(|name| folder.join(name));
     let sampling = ["--sampling", "reference", "--method", "fitted", "--colors", "8"];
     let files = ["--out", text(&out), "--image", text(&image), "--histograms", text(&histograms)];
     succeed(&[&["palette", text(&field)][..], &sampling, &files].concat());
@@ -178,7 +179,7 @@ fn outputs_replace_no_input() {
         (["--out", text(&link)], "ball.npz"),
         (["--histograms", text(&field)], "ball.npz"),
         (["--out", text(&folder)], "palette_outputs"),
-        (["--out", text(&folder.join("none/p.json"))], "none/p.json"),
+        (["--out", text(&folder.join("ball.npz/p.json"))], "ball.npz: cannot be created"),
         (["--image", text(&folder.join("p.gif"))], "p.gif"),
     ] {
         let message = fail(&["palette", text(&field), arguments[0], arguments[1]]);
@@ -221,7 +222,7 @@ fn ramps_are_edited() {
     let folder = folder("palette_ramps");
     let field = ball(&folder);
     succeed(&["palette", text(&field)]);
-    let [file, other] = ["ball.palette.json", "other.json"].map(|name| folder.join(name));
+    let [file, other] = ["ball.palette.json", "edited/other.json"].map(|name| folder.join(name));
     let before = Palette::read(&file).unwrap();
     let listed = succeed(&["ramps", text(&file)]);
     assert!(listed.contains(&format!("ramp 0: {}, ", before.ramps[0].name)), "{listed}");

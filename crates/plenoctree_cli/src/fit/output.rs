@@ -25,7 +25,6 @@ pub fn check(out: &Path, inputs: &[&Path], extraction: &ExtractionArguments) -> 
     if !["npz", "plenoctree"].iter().any(|known| out.extension().is_some_and(|extension| extension == *known)) {
         return Err(format!("{}: the name of the field must end in .npz or .plenoctree", out.display()).into());
     }
-    files::create_folder(&folder(out))?;
     let views = views(out);
     if views.exists() && !views.is_dir() {
         return Err(format!("{}: is a file, but the previews need a folder of this name", views.display()).into());

@@ -115,9 +115,11 @@ pub fn pack_unchanged(field: &PlenOctree, settings: &PackSettings) -> Result<Pac
     let packed = worker.join().map_err(|_| "packing stopped unexpectedly")??;
     if packed.field().leaves() == 0 && field.leaves() > 0 {
         let hidden = settings.hidden;
-        return Err(
-            format!("no leaf adds an opacity of {hidden} to a ray from outside; choose a smaller --hidden").into()
-        );
+        return Err(format!(
+            "no leaf adds an opacity of {hidden} to a ray from outside, so nothing is left to pack; choose a smaller pack \
+             --hidden"
+        )
+        .into());
     }
     Ok(packed)
 }

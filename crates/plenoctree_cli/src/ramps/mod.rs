@@ -21,10 +21,10 @@ pub fn run(arguments: &Arguments) -> Result {
     let mut palette = Palette::read(path)?;
     if let Some(image) = &arguments.image {
         files::check_image(image)?;
-        let outputs: Vec<&Path> = [image].into_iter().chain(&arguments.out).map(PathBuf::as_path).collect();
-        files::check_outputs(&outputs[..1], &[path])?;
-        files::check_outputs(&outputs, &[])?;
+        files::check_outputs(&[image], &[path])?;
     }
+    let outputs: Vec<&Path> = arguments.image.iter().chain(&arguments.out).map(PathBuf::as_path).collect();
+    files::check_outputs(&outputs, &[])?;
     for edit in &arguments.edits {
         edit.apply(&mut palette).map_err(|error| format!("{}: {error}", path.display()))?;
     }
