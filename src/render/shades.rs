@@ -1,5 +1,6 @@
 //! What labels show in more or less light: the shown color of a lighter or darker label of the same ramp or, where there
-//! is none, of the same hue. These labels are found once per palette and light, so that a pixel takes one load.
+//! is none, of the same hue. Where these end, the rest of the light changes that color. These labels are found once per
+//! palette and light, so that a pixel takes one load.
 
 use bevy::{platform::collections::HashMap, prelude::*};
 use glam::DVec3;
@@ -8,10 +9,17 @@ use plenoctree::{
     srgb::{decode, encode},
 };
 
+use crate::lighting::MAX_BRIGHTNESS;
+
 /// Colors that differ from gray by less than this have no hue.
 const GRAY: f64 = 0.08;
 /// The cosine of the angle within which hues count as the same.
 const SAME_HUE: f64 = 0.9;
+/// The least factor of light that is left past the lightest label, and the inverse past the darkest one: colors of the
+/// palette are shown as they are where they nearly fit.
+const LEAST_REST: f64 = 1.25;
+/// How bright each channel looks.
+const LUMA: DVec3 = DVec3::new(0.2126, 0.7152, 0.0722);
 
 /// Source colors, the steps of their blends, and the factors of linear light in which they are seen.
 #[derive(PartialEq, Eq, Hash)]
@@ -21,10 +29,17 @@ struct Key {
     factors: Vec<u32>,
 }
 
-/// For each of these factors and each label, the index of the label that it shows, if there is one.
+/// What each label shows, for each of these factors.
 struct Table {
-    shades: Vec<Option<u32>>,
+    shades: Vec<Shade>,
     is_used: bool,
+}
+
+/// What a label shows in a light: the shown color of a label, in so much of its linear light.
+#[derive(Clone, Copy)]
+struct Shade {
+    label: usize,
+    factor: f64,
 }
 
 /// The shades of a view's palettes.
@@ -32,7 +47,7 @@ struct Table {
 pub(super) struct Shades {
     tables: HashMap<Key, Table>,
     /// Where the shades of this frame's palettes begin in `colors`, by the palette's first color, the steps of its
-    /// blends and the factors.
+    /// blends, and the bits of the factors and of white.
     begins: HashMap<(u32, u32, Vec<u32>), u32>,
     colors: Vec<Vec4>,
 }
@@ -47,6 +62,8 @@ pub(super) struct ShadedPalette<'a> {
     pub first: u32,
     pub count: u32,
     pub blend_steps: u32,
+    /// What is shown is multiplied by this later, in linear light. If it is dark, shades may be brighter than white.
+    pub tint: Vec3,
 }
 
 impl Shades {
@@ -61,7 +78,9 @@ impl Shades {
     /// linear light, and in it, what every label of the palette shows. `None` if there are too many.
     pub fn find(&mut self, palette: ShadedPalette, factors: &[f32]) -> Option<u32> {
         let bits: Vec<u32> = factors.iter().map(|factor| factor.to_bits()).collect();
-        let begin = (palette.first, palette.blend_steps, bits);
+        // What becomes white. No factor exceeds the limit.
+        let white = palette.tint.max_element().recip().clamp(1.0, 1.0 + MAX_BRIGHTNESS);
+        let begin = (palette.first, palette.blend_steps, [&bits[..], &[white.to_bits()]].concat());
         if let Some(first) = self.begins.get(&begin) {
             return Some(*first);
         }
@@ -76,25 +95,21 @@ impl Shades {
         let key = Key {
             source: source.iter().map(|color| color.to_array().map(f32::to_bits)).collect(),
             blend_steps: palette.blend_steps,
-            factors: begin.2.clone(),
+            factors: bits,
         };
         let table = self.tables.entry(key).or_insert_with(|| {
             let ramps = ramps(source, palette.blend_steps);
             let labels: Vec<_> = labels(source, palette.blend_steps).zip(ramps).map(LabelColor::new).collect();
             let row = |factor: &f32| -> Vec<_> {
-                labels.iter().map(|label| label.shade(&labels, f64::from(*factor))).collect()
+                (0..labels.len()).map(|label| LabelColor::shade(&labels, label, f64::from(*factor))).collect()
             };
             Table { shades: factors.iter().flat_map(row).collect(), is_used: true }
         });
         table.is_used = true;
         let first = self.colors.len() as u32;
         let shown: Vec<Vec3> = labels(shown, palette.blend_steps).map(|color| color.as_vec3()).collect();
-        for (row, factor) in table.shades.chunks(shown.len().max(1)).zip(factors) {
-            self.colors.extend(row.iter().zip(&shown).map(|(shade, own)| {
-                let shade = shade.and_then(|shade| shown.get(shade as usize)).copied();
-                shade.unwrap_or_else(|| lightened(*own, *factor)).extend(0.0)
-            }));
-        }
+        let color = |shade: &Shade| lightened(shown[shade.label], shade.factor as f32, white).extend(0.0);
+        self.colors.extend(table.shades.iter().map(color));
         self.begins.insert(begin, first);
         Some(first)
     }
@@ -119,22 +134,23 @@ fn ramps(source: &[Vec4], blend_steps: u32) -> impl Iterator<Item = Option<u32>>
         .map(move |label| ramp(label.first).filter(|_| ramp(label.first) == ramp(label.second)))
 }
 
-/// Multiplies the linear light of a color in encoded sRGB. What would get brighter than displays show moves toward
-/// white in Oklab instead.
-fn lightened(encoded: Vec3, factor: f32) -> Vec3 {
+/// Multiplies the linear light of a color in encoded sRGB. What would get brighter than white, in linear light, moves
+/// toward it in Oklab instead.
+fn lightened(encoded: Vec3, factor: f32, white: f32) -> Vec3 {
     if factor == 1.0 {
         return encoded;
     }
-    let linear = LinearRgba::from(Srgba::from_vec3(encoded.max(Vec3::ZERO))).to_vec3();
+    let linear = LinearRgba::from(Srgba::from_vec3(encoded.max(Vec3::ZERO))).to_vec3() / white;
     let fits = (1.0 / linear.max_element().max(1e-20)).clamp(factor.min(1.0), factor);
     let color = LinearRgba::from_vec3(linear * fits);
+    let shown =
+        |color: LinearRgba| Srgba::from(LinearRgba::from_vec3(color.to_vec3().max(Vec3::ZERO) * white)).to_vec3();
     if fits >= factor {
-        return Srgba::from(color).to_vec3();
+        return shown(color);
     }
     let lab = Oklaba::from(color);
     let lightness = (lab.lightness * (factor / fits).cbrt()).min(lab.lightness.max(1.0));
-    let lighter = LinearRgba::from(lab.with_lightness(lightness)).to_vec3().max(Vec3::ZERO);
-    Srgba::from(LinearRgba::from_vec3(lighter)).to_vec3()
+    shown(LinearRgba::from(lab.with_lightness(lightness)))
 }
 
 /// The ramp, the hue and the lightness of a label, in encoded sRGB.
@@ -149,7 +165,7 @@ struct LabelColor {
 
 impl LabelColor {
     fn new((color, ramp): (DVec3, Option<u32>)) -> Self {
-        let luma = color.dot(DVec3::new(0.2126, 0.7152, 0.0722));
+        let luma = color.dot(LUMA);
         let chroma = color - color.element_sum() / 3.0;
         Self { ramp, color, chroma, saturation: chroma.length(), luma }
     }
@@ -165,18 +181,31 @@ impl LabelColor {
         }
     }
 
-    /// Returns the index of the label to show in a light: of the darker or lighter labels of its material, the one nearest
-    /// to its own color in that light. `None` if no label is nearer than itself.
-    fn shade(&self, labels: &[Self], factor: f64) -> Option<u32> {
-        let wanted = DVec3::from(self.color.to_array().map(|channel| encode(decode(channel) * factor)));
-        let is_shade = |label: &Self| {
-            let step = label.luma - self.luma;
-            (if factor > 1.0 { step > 0.0 } else { step < 0.0 }) && label.is_like(self)
-        };
-        let shades = (0..).zip(labels).filter(|(_, label)| factor != 1.0 && is_shade(label));
-        let nearest = shades.map(|(index, label)| (label.color.distance_squared(wanted), index));
+    /// Returns what the label at an index shows in a light: of the darker or lighter labels of its material, the one
+    /// nearest to its own color in that light, or itself if none is nearer. Past the darkest or the lightest one, that
+    /// gets the rest of the light.
+    fn shade(labels: &[Self], own: usize, factor: f64) -> Shade {
+        let label = &labels[own];
+        let wanted = DVec3::from(label.color.to_array().map(|channel| encode(decode(channel) * factor)));
+        let step = |from: &Self, to: &Self| (to.luma - from.luma) * (factor - 1.0);
+        let shades = labels.iter().enumerate().filter(|(_, other)| step(label, other) > 0.0 && other.is_like(label));
+        let nearest = shades.map(|(index, other)| (other.color.distance_squared(wanted), index));
         let nearest = nearest.min_by(|a, b| a.0.total_cmp(&b.0));
-        nearest.filter(|(off, _)| *off < self.color.distance_squared(wanted)).map(|(_, index)| index)
+        let Some((_, found)) = nearest.filter(|(off, _)| *off < label.color.distance_squared(wanted)) else {
+            return Shade { label: own, factor };
+        };
+        let shade = &labels[found];
+        if labels.iter().any(|other| step(shade, other) > 0.0 && other.is_like(label)) {
+            return Shade { label: found, factor: 1.0 };
+        }
+        let rest = factor * label.light() / shade.light();
+        let is_left = if factor > 1.0 { rest > LEAST_REST } else { rest < LEAST_REST.recip() };
+        Shade { label: found, factor: if is_left { rest } else { 1.0 } }
+    }
+
+    /// Returns how bright the label is, in linear light.
+    fn light(&self) -> f64 {
+        DVec3::from(self.color.to_array().map(decode)).dot(LUMA).max(1e-6)
     }
 }
 
@@ -193,7 +222,7 @@ mod tests {
     fn shades(colors: &[Vec4], blend_steps: u32, factors: &[f32]) -> Vec<Vec4> {
         let mut shades = Shades::default();
         shades.begin();
-        let palette = ShadedPalette { colors, first: 0, count: colors.len() as u32 / 2, blend_steps };
+        let palette = ShadedPalette { colors, first: 0, count: colors.len() as u32 / 2, blend_steps, tint: Vec3::ONE };
         assert_eq!(shades.find(palette, factors), Some(0));
         let found = shades.colors().clone();
         // Once a frame.
@@ -212,10 +241,35 @@ mod tests {
         let shown: [Vec4; 5] = std::array::from_fn(|index| Vec4::new(0.5, 0.1 * index as f32, 0.2, 0.0));
         let colors = [&reds[..], &blues, &shown].concat();
         let found = shades(&colors, 1, &[0.4, 1.0, 5.0]);
-        let own = |index: usize, factor| lightened(shown[index].truncate(), factor).extend(0.0);
+        let own = |index: usize, factor| lightened(shown[index].truncate(), factor, 1.0).extend(0.0);
         assert_eq!(found[..5], [own(0, 0.4), shown[0], shown[1], own(3, 0.4), shown[3]]);
         assert_eq!(found[5..10], shown);
-        assert_eq!(found[10..], [shown[1], shown[2], own(2, 5.0), shown[4], own(4, 5.0)]);
+        // The lightest ones do not show all of the light.
+        let rest = |from: usize, to: usize| (5.0 * light(colors[from]) / light(colors[to])) as f32;
+        assert!(rest(1, 2) > 1.5 && rest(3, 4) > 1.25);
+        assert_eq!(found[10..], [shown[1], own(2, rest(1, 2)), own(2, 5.0), own(4, rest(3, 4)), own(4, 5.0)]);
+    }
+
+    fn light(color: Vec4) -> f64 {
+        LabelColor::new((color.truncate().as_dvec3(), None)).light()
+    }
+
+    /// At night, a dark tint follows, so what is shown may be brighter than white before it: then light has the same effect
+    /// on all tones.
+    #[test]
+    fn a_dark_tint_leaves_room_for_light() {
+        let reds = [Vec3::new(0.4, 0.06, 0.05), Vec3::new(0.6, 0.12, 0.1), Vec3::new(0.75, 0.2, 0.18)];
+        let colors: Vec<Vec4> = [reds, reds].concat().into_iter().map(|color| color.extend(0.0)).collect();
+        for (tint, is_whole) in [(Vec3::new(0.2, 0.2, 0.25), true), (Vec3::ONE, false)] {
+            let mut shades = Shades::default();
+            shades.begin();
+            let palette = ShadedPalette { colors: &colors, first: 0, count: 3, blend_steps: 1, tint };
+            assert_eq!(shades.find(palette, &[4.0]), Some(0));
+            let gains = shades.colors().iter().zip(&colors).map(|(lit, own)| light(*lit) / light(*own));
+            // The darkest one becomes another one.
+            let mut gains = gains.skip(1);
+            assert_eq!(gains.all(|gain| (gain - 4.0).abs() < 0.01), is_whole, "{tint}");
+        }
     }
 
     /// A tone that has the hue of another ramp steps along its own.
@@ -225,10 +279,11 @@ mod tests {
         let brown = [0.45, 0.75].map(|brown| Vec4::new(brown, 0.3 * brown, 0.2 * brown, 1.0));
         let colors = [&red[..], &brown, &red, &brown].concat();
         let found = shades(&colors, 1, &[0.4, 5.0]);
-        let own = |index: usize, factor| lightened(colors[index].truncate(), factor).extend(0.0);
+        let own = |index: usize, factor| lightened(colors[index].truncate(), factor, 1.0).extend(0.0);
         let of = |index: usize| colors[index].truncate().extend(0.0);
         assert_eq!(found[..5], [own(0, 0.4), of(0), of(1), own(3, 0.4), of(3)]);
-        assert_eq!(found[5..], [of(1), of(2), own(2, 5.0), of(4), own(4, 5.0)]);
+        let rest = |from: usize, to: usize| (5.0 * light(colors[from]) / light(colors[to])) as f32;
+        assert_eq!(found[5..], [of(1), own(2, rest(1, 2)), own(2, 5.0), own(4, rest(3, 4)), own(4, 5.0)]);
     }
 
     /// Props with the same palette may blend it in different steps.
@@ -237,7 +292,7 @@ mod tests {
         let colors: [Vec4; 4] = std::array::from_fn(|index| Vec3::splat(0.25 * index as f32).extend(NO_RAMP));
         let mut shades = Shades::default();
         shades.begin();
-        let palette = ShadedPalette { colors: &colors, first: 0, count: 2, blend_steps: 1 };
+        let palette = ShadedPalette { colors: &colors, first: 0, count: 2, blend_steps: 1, tint: Vec3::ONE };
         assert_eq!(shades.find(palette, &[0.5, 1.0]), Some(0));
         assert_eq!(shades.find(ShadedPalette { blend_steps: 3, ..palette }, &[0.5, 1.0]), Some(4));
         assert_eq!(shades.colors().len(), 4 + 8);

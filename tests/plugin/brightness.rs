@@ -7,13 +7,13 @@ use bevy::{
     light::{CascadeShadowConfigBuilder, GlobalAmbientLight, ShadowFilteringMethod},
     prelude::*,
 };
-use bevy_plenoctree::{BorderSmoothing, EdgeSmoothing, FieldPalette, PlenOctree, Posterize, PropLighting};
+use bevy_plenoctree::{BorderSmoothing, EdgeSmoothing, FieldPalette, PlenOctree, Posterize, PropLighting, PropTint};
 use glam::{DVec2, DVec3};
 use image::RgbaImage;
 
 use super::stage::{
     Stage,
-    fields::colored,
+    fields::{colored, included},
     pixels::{color, linear, places},
 };
 
@@ -305,5 +305,25 @@ fn rims_light_outlines() {
     }
     for (x, y) in places(PIXELS, PIXELS).filter(|(x, _)| *x < middle - 8) {
         assert_eq!(rim.get_pixel(x, y), unlit.get_pixel(x, y), "({x}, {y}) is on the other side");
+    }
+}
+
+/// What the guide says of nights: in the light of a lamp, dark props look as trained, posterized ones, too.
+#[test]
+fn lamps_bring_back_what_night_takes() {
+    let night = PropTint(Color::linear_rgb(0.25, 0.25, 0.3));
+    for name in ["robot", "toadstool", "drum"] {
+        let mut scene = scene(&included(name));
+        scene.dress(Posterize::toon());
+        scene.wait();
+        let mean = |scene: &mut Stage| scene.capture().pixels().map(linear).sum::<Vec3>().element_sum();
+        let by_day = mean(&mut scene);
+        scene.dress((night, PropLighting { brightness: 3.0, ..default() }));
+        let dark = mean(&mut scene) / by_day;
+        let lamp = PointLight { intensity: 3e7, range: 30.0, ..default() };
+        scene.spawn((lamp, Transform::from_xyz(0.3, 0.5, 5.0)));
+        let lit = mean(&mut scene) / by_day;
+        println!("{name}: {dark:.2} of the light of day, and {lit:.2} next to a lamp");
+        assert!(dark < 0.3 && (0.8..1.2).contains(&lit), "{name}: {dark}, {lit}");
     }
 }
