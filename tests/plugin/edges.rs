@@ -43,6 +43,8 @@ fn ball(color: [f64; 3]) -> PlenOctree {
     bake_solid(color, |at| at.length() - 0.7)
 }
 
+type Fine = (Vec<Vec<usize>>, Vec<Vec3>);
+
 #[derive(Deref, DerefMut)]
 struct Scene {
     #[deref]
@@ -120,7 +122,7 @@ impl Scene {
     }
 
     /// Returns the owners of the rays of every pixel, and the mean of what they show in linear light.
-    fn fine(&mut self) -> (Vec<Vec<usize>>, Vec<Vec3>) {
+    fn fine(&mut self) -> Fine {
         let camera = self.headless.app.world().entity(self.camera);
         let before = (*camera.get::<Msaa>().unwrap(), camera.get::<PropQuality>().copied().unwrap_or_default());
         self.headless.resize(UVec2::splat(FINE * SIZE));
@@ -141,12 +143,11 @@ impl Scene {
 
     /// Returns the errors of hard edges and of smooth ones: root mean squares over the pixels that the edge of a prop
     /// crosses, in steps of 8-bit encoded sRGB. Prints both.
-    fn errors(&mut self, what: &str) -> (f64, f64) {
-        let (owners, truth) = self.fine();
-        let is_edge = crossed(&owners);
+    fn errors(&mut self, what: &str, (owners, truth): &Fine) -> (f64, f64) {
+        let is_edge = crossed(owners);
         let edge = is_edge.iter().filter(|is_edge| **is_edge).count();
         assert!(edge > 60, "{what}: {edge} pixels");
-        self.errors_at(what, &truth, &is_edge)
+        self.errors_at(what, truth, &is_edge)
     }
 
     /// Returns the same errors, over some pixels.
@@ -190,8 +191,8 @@ fn floor() -> Transform {
 fn edges_are_close_to_supersampled_ones() {
     let mut stage = Scene::new();
     let mut results = vec![];
-    let mut check = |stage: &mut Scene, what: &str, most: f64| {
-        let (hard, smooth) = stage.errors(what);
+    let mut check = |stage: &mut Scene, fine: &Fine, what: &str, most: f64| {
+        let (hard, smooth) = stage.errors(what, fine);
         results.push((what.to_string(), smooth / hard, most));
     };
     let (third, usual) = (1.0 / 3.0, 0.27);
@@ -200,52 +201,73 @@ fn edges_are_close_to_supersampled_ones() {
     // The drum has a fringe and rails that are thinner than pixels, and the gumballs are behind glass.
     for (name, most) in [("toadstool", usual), ("drum", third), ("robot", usual), ("gumballs", third)] {
         stage.spawn_included(name);
-        check(&mut stage, &format!("{name} before the sky"), most);
+        let fine = stage.fine();
+        check(&mut stage, &fine, &format!("{name} before the sky"), most);
         stage.set(Msaa::Sample4);
-        check(&mut stage, &format!("{name} before the sky, with four samples"), most);
+        check(&mut stage, &fine, &format!("{name} before the sky, with four samples"), most);
         stage.set((Msaa::Off, four_rays));
-        check(&mut stage, &format!("{name} before the sky, with four rays"), most);
+        check(&mut stage, &fine, &format!("{name} before the sky, with four rays"), most);
         stage.unset::<PropQuality>();
         stage.clear();
     }
     stage.set(Transform::from_xyz(0.3, 0.5, 3.0).looking_at(Vec3::ZERO, Vec3::Y));
-    for msaa in [Msaa::Off, Msaa::Sample4] {
+    let both = [Msaa::Off, Msaa::Sample4];
+    stage.spawn_ball(BRIGHT, default());
+    let fine = stage.fine();
+    for msaa in both {
         stage.set(msaa);
-        stage.spawn_ball(BRIGHT, default());
-        check(&mut stage, &format!("before the sky, {msaa:?}"), usual);
-        stage.spawn_wall(8.0, behind());
-        check(&mut stage, &format!("before a mesh, {msaa:?}"), usual);
-        stage.set(PropQuality { ray_tolerance: 0.1, ..default() });
-        check(&mut stage, &format!("before a mesh, with fewer rays, {msaa:?}"), usual);
-        stage.set(four_rays);
-        check(&mut stage, &format!("before a mesh, with four rays, {msaa:?}"), usual);
-        stage.unset::<PropQuality>();
-        stage.spawn_ball(GREEN, Transform::from_xyz(-0.6, -0.4, -0.8));
-        check(&mut stage, &format!("before another prop, {msaa:?}"), usual);
-        let other = stage.props[1];
-        stage.world().get_mut::<Transform>(other).unwrap().translation.z = 0.1;
-        check(&mut stage, &format!("through another prop, {msaa:?}"), usual);
-        stage.set(four_rays);
-        check(&mut stage, &format!("through another prop, with four rays, {msaa:?}"), usual);
-        stage.unset::<PropQuality>();
-        stage.clear();
-        stage.spawn_ball(BRIGHT, default());
-        stage.spawn_wall(4.0, floor());
-        check(&mut stage, &format!("on a mesh, {msaa:?}"), usual);
-        stage.clear();
+        check(&mut stage, &fine, &format!("before the sky, {msaa:?}"), usual);
     }
+    stage.spawn_wall(8.0, behind());
+    let fine = stage.fine();
+    for msaa in both {
+        stage.set(msaa);
+        check(&mut stage, &fine, &format!("before a mesh, {msaa:?}"), usual);
+        stage.set(PropQuality { ray_tolerance: 0.1, ..default() });
+        check(&mut stage, &fine, &format!("before a mesh, with fewer rays, {msaa:?}"), usual);
+        stage.set(four_rays);
+        check(&mut stage, &fine, &format!("before a mesh, with four rays, {msaa:?}"), usual);
+        stage.unset::<PropQuality>();
+    }
+    stage.spawn_ball(GREEN, Transform::from_xyz(-0.6, -0.4, -0.8));
+    let fine = stage.fine();
+    for msaa in both {
+        stage.set(msaa);
+        check(&mut stage, &fine, &format!("before another prop, {msaa:?}"), usual);
+    }
+    let other = stage.props[1];
+    stage.world().get_mut::<Transform>(other).unwrap().translation.z = 0.1;
+    let fine = stage.fine();
+    for msaa in both {
+        stage.set(msaa);
+        check(&mut stage, &fine, &format!("through another prop, {msaa:?}"), usual);
+        stage.set(four_rays);
+        check(&mut stage, &fine, &format!("through another prop, with four rays, {msaa:?}"), usual);
+        stage.unset::<PropQuality>();
+    }
+    stage.clear();
+    stage.spawn_ball(BRIGHT, default());
+    stage.spawn_wall(4.0, floor());
+    let fine = stage.fine();
+    for msaa in both {
+        stage.set(msaa);
+        check(&mut stage, &fine, &format!("on a mesh, {msaa:?}"), usual);
+    }
+    stage.clear();
     stage.set(Msaa::Off);
     // Fog, which is posterized only where rays pass through enough of it.
     let fog = colored(6, |at| if at.length() < 0.9 { 0.6 } else { 0.0 }, |_| BRIGHT.into());
     stage.spawn_posterized(&fog, Palette::new(vec![BRIGHT]).unwrap(), default());
-    check(&mut stage, "fog", usual);
+    let fine = stage.fine();
+    check(&mut stage, &fine, "fog", usual);
     stage.clear();
     // A ball whose near half, and more, is before the near plane.
     let scaling_mode = ScalingMode::Fixed { width: 2.4, height: 2.4 };
     let cut = OrthographicProjection { scaling_mode, near: 3.3, ..OrthographicProjection::default_3d() };
     stage.set(Projection::Orthographic(cut));
     stage.spawn_ball(BRIGHT, default());
-    check(&mut stage, "cut by the near plane", usual);
+    let fine = stage.fine();
+    check(&mut stage, &fine, "cut by the near plane", usual);
     stage.clear();
     stage.set(Projection::default());
     // Half of it in the shadow of a wall that only the light sees.
@@ -262,32 +284,29 @@ fn edges_are_close_to_supersampled_ones() {
     let lit = stage.draw(EdgeSmoothing::Coverage);
     let darker = lit.pixels().zip(unlit.pixels()).filter(|(lit, unlit)| lit[0] + 20 < unlit[0]).count();
     assert!((300..3000).contains(&darker), "{darker} pixels are in shadow");
-    check(&mut stage, "half in shadow", usual);
+    let fine = stage.fine();
+    check(&mut stage, &fine, "half in shadow", usual);
     stage.world().despawn(sun);
     stage.clear();
     // The scene's samples show how much of a pixel a mesh covers.
     stage.set(Msaa::Sample4);
+    stage.spawn_ball(BRIGHT, default());
+    stage.spawn_wall(1.2, before());
+    let fine = stage.fine();
     for (hdr, place) in [(false, PropPlacement::Scene), (true, PropPlacement::Scene), (false, PropPlacement::Display)] {
         stage.set(place);
-        if hdr {
-            stage.set(Hdr);
-        }
-        stage.spawn_ball(BRIGHT, default());
-        stage.spawn_wall(1.2, before());
-        check(&mut stage, &format!("behind a mesh, {place:?}, HDR {hdr}"), third);
+        stage.set_if(hdr, Hdr);
+        check(&mut stage, &fine, &format!("behind a mesh, {place:?}, HDR {hdr}"), third);
         if !hdr {
             let idle = stage.idle_stage();
             stage.set(idle);
-            check(&mut stage, &format!("behind a mesh, {place:?}, with stages"), third);
+            check(&mut stage, &fine, &format!("behind a mesh, {place:?}, with stages"), third);
+            stage.unset::<LabelStages>();
         }
-        stage.unset::<(LabelStages, Hdr)>();
-        stage.clear();
     }
     // Without samples, the edge of the mesh is jagged.
     stage.set((Msaa::Off, PropPlacement::Scene));
-    stage.spawn_ball(BRIGHT, default());
-    stage.spawn_wall(1.2, before());
-    check(&mut stage, "behind a mesh, without samples", 0.75);
+    check(&mut stage, &fine, "behind a mesh, without samples", 0.75);
     stage.clear();
     let wrong: Vec<_> = results.iter().filter(|(_, found, most)| found > most).collect();
     assert!(wrong.is_empty(), "{wrong:?}");

@@ -86,7 +86,10 @@ fn check_promises(name: &str, field: &PlenOctree, palette: &Palette) {
     let hard = Posterize { softness: 0.0, edges: EdgeSmoothing::Off, ..Posterize::paper() };
     let settings = reference::Posterization { softness: 0.0, ..Default::default() };
     let mut broken = vec![];
+    let mut stage = stage(SIZE, field);
+    stage.paint(FieldPalette::new(palette.clone()));
     for size in [160, 400] {
+        stage.headless.resize(UVec2::splat(size));
         let camera = PinholeCamera::around(field, size, size, 0.5, 0.4).unwrap();
         let truth = reference::render(field, &camera);
         let over = truth.over(DVec3::ONE);
@@ -94,8 +97,6 @@ fn check_promises(name: &str, field: &PlenOctree, palette: &Palette) {
         let expected = reference::posterize(&truth, DVec3::ONE, &colors, &colors, &settings);
         let is_owned = |opacity: f64| opacity >= 80.0 / 255.0;
         let owned = truth.opacity.iter().filter(|opacity| is_owned(**opacity)).count();
-        let mut stage = stage(size, field);
-        stage.paint(FieldPalette::new(palette.clone()));
         for preset in QualityPreset::ALL {
             stage.undress::<Posterize>();
             let psnr = psnr(&capture(&mut stage, &camera, preset.quality()), &over);

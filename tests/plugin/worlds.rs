@@ -1,7 +1,7 @@
 //! Tests that props come back whole from saved worlds, from scenes in code, and from the extras of glTF nodes.
 
 use bevy::{
-    camera::visibility::VisibilityClass,
+    camera::{primitives::Aabb, visibility::VisibilityClass},
     ecs::{entity::EntityHashMap, reflect::ReflectCommandExt, template::VecTemplate},
     gltf::GltfExtras,
     prelude::*,
@@ -91,7 +91,12 @@ fn spawn(world: &mut World) -> [Entity; 2] {
 /// Saves entities in the order of their names, numbered by it, as the guide shows.
 fn save(world: &World, entities: [Entity; 2]) -> DynamicWorld {
     let registry = world.resource::<AppTypeRegistry>().read();
-    let saved = DynamicWorldBuilder::from_world(world, &registry).deny_component::<VisibilityClass>();
+    let saved = DynamicWorldBuilder::from_world(world, &registry)
+        .deny_component::<VisibilityClass>()
+        .deny_component::<GlobalTransform>()
+        .deny_component::<InheritedVisibility>()
+        .deny_component::<ViewVisibility>()
+        .deny_component::<Aabb>();
     let saved =
         saved.allow_resource::<PaletteExtraction>().allow_resource::<Palettes>().allow_resource::<UploadBudget>();
     let mut saved = saved.extract_entities(entities.into_iter()).extract_resources().build();
@@ -109,7 +114,8 @@ fn saved_worlds_come_back_whole() {
     for format in [Format::Ron, Format::Json] {
         let mut first = app();
         let entities = spawn(first.world_mut());
-        let registry = first.world().resource::<AppTypeRegistry>().read();
+        let registry = first.world().resource::<AppTypeRegistry>().clone();
+        let registry = registry.read();
         let text = format.write(&save(first.world(), entities), &registry);
         let saved = |name: &str| text.contains(&format!("\"bevy_plenoctree::{name}\""));
         let components = registry.iter().filter(|registration| registration.data::<ReflectComponent>().is_some());
@@ -122,6 +128,13 @@ fn saved_worlds_come_back_whole() {
         // These hold only for one run of an app.
         assert!(["PropState", "PropProgress", "Palettes"].iter().all(|name| !saved(name)), "{format:?}: {text}");
         assert!(text.contains("robot.plenoctree") && text.contains("lines.wgsl"), "{text}");
+        // What is drawn and moved changes nothing that is saved.
+        first.world_mut().entity_mut(entities[0]).insert((
+            Aabb::default(),
+            GlobalTransform::from_translation(Vec3::X),
+            InheritedVisibility::VISIBLE,
+        ));
+        assert_eq!(format.write(&save(first.world(), entities), &registry), text, "{format:?}");
 
         let mut second = app();
         let world = second.world_mut();

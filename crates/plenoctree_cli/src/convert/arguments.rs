@@ -15,7 +15,7 @@ pub struct Arguments {
     pub capture: PathBuf,
     /// The field to write; packed if the name ends in .plenoctree. Its palette, views and report.json are written next
     /// to it.
-    #[arg(long, value_name = "PROP.npz")]
+    #[arg(long, value_name = "PROP")]
     pub out: PathBuf,
     /// The number of levels of cells: the finest are 2^-DEPTH of the field's cube wide. By default, as many as make
     /// cells about a pixel wide at the distance from which the field looks right, at most 10.

@@ -16,7 +16,7 @@ pub struct Arguments {
     pub input: PathBuf,
     /// The field to write; packed if the name ends in .plenoctree. Its palette, previews and report.json are written
     /// next to it.
-    #[arg(long, value_name = "PROP.npz")]
+    #[arg(long, value_name = "PROP")]
     pub out: PathBuf,
     /// The time for training, in minutes. By default, --effort decides.
     #[arg(long, value_parser = parse_positive)]
