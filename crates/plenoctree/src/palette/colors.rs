@@ -117,9 +117,24 @@ pub enum InvalidPalette {
         /// The color found.
         found: [f64; 3],
     },
+    /// The shown colors in a file are bytes. They may be brighter than white, which is 1.
+    #[error("found {found:?} as shown color {index}, expected 1 for white{}", meant(found))]
+    ShownBytes {
+        /// Index of the color.
+        index: usize,
+        /// The color found.
+        found: [f64; 3],
+    },
     /// The ramps do not fit the colors.
     #[error(transparent)]
     Ramps(#[from] InvalidRamps),
+}
+
+/// More than games show in encoded sRGB: it is 776 times as bright as white.
+const BRIGHTEST: f64 = 16.0;
+
+fn is_byte(channel: f64) -> bool {
+    (0.0..=255.0).contains(&channel) && channel.fract() == 0.0
 }
 
 /// Returns a question for those who write bytes.
@@ -187,8 +202,12 @@ impl Palette {
     fn validate_for_file(&self) -> Result<(), InvalidPalette> {
         self.validate()?;
         let is_outside = |color: &[f64; 3]| color.iter().any(|channel| !(0.0..=1.0).contains(channel));
-        match self.colors.iter().position(is_outside) {
-            Some(index) => Err(InvalidPalette::Channel { index, found: self.colors[index] }),
+        if let Some(index) = self.colors.iter().position(is_outside) {
+            return Err(InvalidPalette::Channel { index, found: self.colors[index] });
+        }
+        let too_bright = self.shown.iter().position(|color| color.iter().any(|channel| *channel > BRIGHTEST));
+        match too_bright.filter(|_| self.shown.iter().flatten().all(|channel| is_byte(*channel))) {
+            Some(index) => Err(InvalidPalette::ShownBytes { index, found: self.shown[index] }),
             None => Ok(()),
         }
     }
@@ -370,6 +389,10 @@ mod tests {
                 "found 2 shown colors, expected one for each of 1 colors, or none",
             ),
             (r#"{"colors": [[0, 0, 0]], "shown": [[0, 0, 1e39]]}"#, "as shown color 0, expected finite numbers"),
+            (
+                r#"{"colors": [[0, 0, 0], [1, 1, 1]], "shown": [[1, 0, 0], [255, 64, 0]]}"#,
+                "found [255.0, 64.0, 0.0] as shown color 1, expected 1 for white (did you mean 0 to 255? Divide by 255)",
+            ),
             (
                 r#"{"colors": [[0, 0, 0]], "method": "guess"}"#,
                 "unknown variant `guess`, expected one of `hull`, `fitted`, `tones`",
