@@ -2,7 +2,7 @@
 
 #import bevy_plenoctree::batch::{BATCH, batches, pixels_of_gap, rows_of_batch}
 #import bevy_plenoctree::prop_ray::{Varying, counts}
-#import bevy_plenoctree::view::{NOWHERE, stale}
+#import bevy_plenoctree::view::{NOWHERE, first_drawn}
 
 // Corners of the unit square (bits x, y).
 const CORNERS = array<u32, 6>(0u, 1u, 2u, 2u, 1u, 3u);
@@ -13,7 +13,7 @@ fn vertex(@builtin(vertex_index) index: u32, @builtin(instance_index) instance: 
     let prop = instance & 0xffffu;
     let batch = index / 6u;
     let count = counts[batch];
-    if stale.layer == 0u || count == 0u {
+    if first_drawn > 0u || count == 0u {
         return Varying(NOWHERE, prop, 0u);
     }
     let all = batches();

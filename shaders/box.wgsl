@@ -1,7 +1,7 @@
 // The box around a prop's leaves, for the passes that march a ray for each of its pixels.
 
 #import bevy_plenoctree::prop_ray::Varying
-#import bevy_plenoctree::view::{NOWHERE, props, stale, view}
+#import bevy_plenoctree::view::{NOWHERE, first_drawn, props, view}
 
 // Two triangles per face, as corners of the unit cube (bits x, y, z), wound so that the outside is the front.
 const CORNERS = array<u32, 36>(
@@ -27,7 +27,7 @@ fn to_grid(position: vec4<f32>) -> vec2<f32> {
 @vertex
 fn vertex(@builtin(vertex_index) index: u32, @builtin(instance_index) instance: u32) -> Varying {
     let prop = instance & 0xffffu;
-    if stale.layer == 0u {
+    if first_drawn > 0u {
         return Varying(NOWHERE, prop, 0u);
     }
     var corners = CORNERS;

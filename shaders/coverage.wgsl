@@ -7,11 +7,11 @@
 #import bevy_plenoctree::edge::{rays_of, sample_of}
 #endif
 #import bevy_plenoctree::octree::{begin, density, field, has_ended, next_leaf}
-#import bevy_plenoctree::prop_ray::{PropRay, Varying, position_of, ray_at}
+#import bevy_plenoctree::prop_ray::{PropRay, position_of, ray_at}
 #import bevy_plenoctree::radiance::{Harmonics, harmonics, radiance}
 #import bevy_plenoctree::scene::scene_value
 #import bevy_plenoctree::view::{
-    FAR_AWAY, LEAST_SOLID_DEPTH, NOWHERE, Prop, depth_value, is_solid, owner_of, props, stale, view, view_distance,
+    FAR_AWAY, LEAST_SOLID_DEPTH, Prop, depth_value, is_solid, owner_of, props, view, view_distance,
 }
 
 // The result of the outline pass.
@@ -22,16 +22,6 @@
 // Where the rays reach the owner of the pixel. See `packed`.
 @group(2) @binding(3) var own_places: texture_2d<u32>;
 #endif
-
-// Draws one triangle, clipped to the prop's scissor rectangle. The prop's box would not cover every pixel at its edge.
-@vertex
-fn vertex(@builtin(vertex_index) index: u32, @builtin(instance_index) prop: u32) -> Varying {
-    if stale.layer == 0u {
-        return Varying(NOWHERE, prop, 0u);
-    }
-    let position = vec4(vec2(f32((index << 1u) & 2u), f32(index & 2u)) * 2.0 - 1.0, 0.5, 1.0);
-    return Varying(position, prop, 0u);
-}
 
 // What a ray sees of a prop.
 struct Look {
@@ -239,19 +229,19 @@ struct Fragment {
 }
 
 @fragment
-fn fragment(in: Varying) -> Fragment {
-    let pixel = vec2<i32>(in.position.xy);
+fn fragment(@builtin(position) position: vec4<f32>, @location(0) @interpolate(flat) index: u32) -> Fragment {
+    let pixel = vec2<i32>(position.xy);
     let owners = textureLoad(outline, pixel, 0).xy;
-    let is_own = owners.x == in.prop + 1u;
+    let is_own = owners.x == index + 1u;
 #ifdef OF_OWNERS
     let is_drawn = is_own && owners.y > 0u;
 #else
 #ifdef OF_OTHERS
-    let is_drawn = select(owners.y == in.prop + 1u, owners.y == 0u, is_own);
+    let is_drawn = select(owners.y == index + 1u, owners.y == 0u, is_own);
     let places = textureLoad(own_places, pixel, 0);
     let has_places = owners.x > 0u;
 #else
-    let is_drawn = is_own || owners.y == in.prop + 1u;
+    let is_drawn = is_own || owners.y == index + 1u;
 #endif
 #endif
 #ifdef OF_OWNERS
@@ -268,7 +258,7 @@ fn fragment(in: Varying) -> Fragment {
     if hides {
         solid_slope = prop_slope(pixel, own, solid);
     }
-    let is_before_own = own < in.prop + 1u;
+    let is_before_own = own < index + 1u;
     let base = base_depth(solid, own);
 #ifdef MULTISAMPLED
     var limits: array<f32, #{SAMPLES}>;
@@ -282,11 +272,11 @@ fn fragment(in: Varying) -> Fragment {
     let across = scene_slope(pixel, scene);
 #endif
 
-    let prop = props[in.prop];
-    let begins = start(pixel, in.prop, prop);
+    let prop = props[index];
+    let begins = start(pixel, index, prop);
     let transmittances = transmittances_of(prop);
     // Within a pixel, the direction hardly changes.
-    var h = harmonics(ray_at(prop, in.position.xy).unit);
+    var h = harmonics(ray_at(prop, position.xy).unit);
     var first = Color(0u, vec4(0.0));
     var second = Color(0u, vec4(0.0));
     var thin = vec4(0.0);
@@ -311,7 +301,7 @@ fn fragment(in: Varying) -> Fragment {
             bits = 3u << (2u * ray);
             offset = offset_of_four(ray);
         }
-        var seen = ray_at(prop, in.position.xy + offset);
+        var seen = ray_at(prop, position.xy + offset);
         seen.span.x = max(seen.span.x, begins);
 #ifdef MULTISAMPLED
         let limit = limits[sample_of(ray, #{SAMPLES}u)];
@@ -372,7 +362,7 @@ fn fragment(in: Varying) -> Fragment {
 #else
             let limit = scene;
 #endif
-            var seen = ray_at(prop, in.position.xy);
+            var seen = ray_at(prop, position.xy);
             seen.span.x = max(seen.span.x, begins);
             let end = min(seen.span.y, (view_distance(limit) - prop.near) * seen.length);
             let center = look(seen, end, transmittances, &h);

@@ -1,6 +1,6 @@
 // One triangle that covers the view. Bind group 0 of passes that read Bevy's LIGHTS has nothing of the plugin.
 
-#import bevy_plenoctree::view::{LEAST_DEPTH, NOWHERE, screen, stale}
+#import bevy_plenoctree::view::{LEAST_DEPTH, NOWHERE, first_drawn, screen}
 
 struct Triangle {
     @builtin(position) position: vec4<f32>,
@@ -9,19 +9,12 @@ struct Triangle {
 
 @vertex
 fn vertex(@builtin(vertex_index) index: u32, @builtin(instance_index) instance: u32) -> Triangle {
-    // Later results are made from earlier ones.
-#ifdef CACHED_LAYER
-    let is_cached = stale.layer == 0u;
-#else ifdef CACHED_COMPOSITE
-    let is_cached = (stale.layer | stale.composite) == 0u;
-#else ifdef CACHED_LABELS
-    let is_cached = (stale.layer | stale.composite | stale.labels) == 0u;
-#else
-    let is_cached = false;
-#endif
-    if is_cached {
+    // The result to which the pass contributes.
+#ifdef CACHED
+    if first_drawn > #{CACHED}u {
         return Triangle(NOWHERE, instance);
     }
+#endif
     // Passes that test the props' depth run only where a prop was drawn, or everywhere if the view is posterized.
 #ifdef LIGHTS
     let depth = LEAST_DEPTH;

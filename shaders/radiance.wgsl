@@ -79,11 +79,11 @@ fn harmonics(d: vec3<f32>) -> Harmonics {
 
 #ifdef CODEBOOK
 #ifdef DEGREE_1
-// Returns the sum of all harmonics of a part except the first, relative to the largest coefficient. USED texels hold
-// all of them.
+// Returns the sum of all harmonics of a part except the first, relative to the largest coefficient. TEXELS texels
+// hold all of them.
 fn others(row: u32, h: ptr<function, Harmonics>) -> f32 {
     var sum = 0.0;
-    for (var index = 0u; index < #{USED}u; index++) {
+    for (var index = 0u; index < #{TEXELS}u; index++) {
         let words = codebook_texel(row + index);
         let w = 8u * index;
         sum += dot(unpack4x8snorm(words.x), vec4((*h).y[w + 1u], (*h).y[w + 2u], (*h).y[w + 3u], (*h).y[w + 4u]));
@@ -124,12 +124,12 @@ fn word(leaf: ptr<function, Leaf>, index: u32) -> u32 {
     return (*leaf).texels[index / 4u][index % 4u];
 }
 
-// Returns the sum of a channel's harmonics. USED words hold all of its coefficients.
+// Returns the sum of a channel's harmonics. WORDS words hold all of its coefficients.
 fn channel(leaf: ptr<function, Leaf>, index: u32, h: ptr<function, Harmonics>) -> f32 {
 #ifdef COMPACT
     let constants = vec3(unpack2x16float(word(leaf, 0u)), unpack2x16float(word(leaf, 1u)).x);
     var others = 0.0;
-    for (var w = 0u; w < #{USED}u; w++) {
+    for (var w = 0u; w < #{WORDS}u; w++) {
         let bytes = unpack4x8snorm(word(leaf, 2u + index * #{WORDS}u + w));
         let y = vec4((*h).y[4u * w + 1u], (*h).y[4u * w + 2u], (*h).y[4u * w + 3u], (*h).y[4u * w + 4u]);
         others += dot(bytes, y);
@@ -137,7 +137,7 @@ fn channel(leaf: ptr<function, Leaf>, index: u32, h: ptr<function, Harmonics>) -
     return constants[index] * (*h).y[0] + unpack2x16float(word(leaf, 1u)).y * others;
 #else
     var sum = 0.0;
-    for (var w = 0u; w < #{USED}u; w++) {
+    for (var w = 0u; w < #{WORDS}u; w++) {
         let pair = unpack2x16float(word(leaf, index * #{WORDS}u + w));
         sum += pair.x * (*h).y[2u * w] + pair.y * (*h).y[2u * w + 1u];
     }

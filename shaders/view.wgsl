@@ -125,14 +125,9 @@ struct Labels {
 @group(0) @binding(4) var<storage, read> labelings: array<Labels>;
 @group(0) @binding(5) var<storage, read> colors: array<vec4<f32>>;
 
-// What must be drawn: 1 if it must, or 0 if what was drawn before is still valid. See `src/render/frame/cache.rs`.
-struct Stale {
-    layer: u32,
-    composite: u32,
-    labels: u32,
-}
-
-@group(0) @binding(6) var<uniform> stale: Stale;
+// The first result that must be drawn. Those after it are made from it, and those before it are still valid. See
+// `src/render/frame/cache.rs`.
+@group(0) @binding(6) var<uniform> first_drawn: u32;
 
 // The position of vertices if nothing must be drawn.
 const NOWHERE: vec4<f32> = vec4(2.0, 2.0, 2.0, 1.0);

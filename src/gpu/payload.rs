@@ -47,8 +47,7 @@ impl Payload {
         let functions = self.basis.functions();
         match self.layout {
             Layout::Halves => functions.div_ceil(2),
-            Layout::Bytes => (functions - 1).div_ceil(4),
-            Layout::Codebook => (functions - 1).div_ceil(4),
+            Layout::Bytes | Layout::Codebook => (functions - 1).div_ceil(4),
         }
     }
 

@@ -94,16 +94,8 @@ impl Shaders {
 /// Returns the shader definitions for `radiance.wgsl`, besides those for `octree.wgsl`.
 pub(crate) fn field_definitions(shape: FieldShape) -> Vec<ShaderDefVal> {
     let FieldShape { payload, activation, .. } = shape;
-    let functions = payload.basis.functions();
-    let used = match payload.layout {
-        Layout::Halves => functions.div_ceil(2),
-        Layout::Bytes => (functions - 1).div_ceil(4),
-        // Texels.
-        Layout::Codebook => (functions - 1).div_ceil(8),
-    };
     let number = |name: &str, value: usize| ShaderDefVal::UInt(name.into(), value as u32);
-    let mut definitions =
-        vec![number("TEXELS", payload.texels()), number("WORDS", payload.words_per_channel()), number("USED", used)];
+    let mut definitions = vec![number("TEXELS", payload.texels()), number("WORDS", payload.words_per_channel())];
     let mut define = |name: &str, holds: bool| {
         if holds {
             definitions.push(name.into());
@@ -113,7 +105,7 @@ pub(crate) fn field_definitions(shape: FieldShape) -> Vec<ShaderDefVal> {
     define("CODEBOOK", payload.has_codebook());
     define("RGBA", payload.basis == Basis::Rgba);
     for (degree, name) in ["DEGREE_1", "DEGREE_2", "DEGREE_3", "DEGREE_4"].into_iter().enumerate() {
-        define(name, functions > (degree + 1) * (degree + 1));
+        define(name, payload.basis.functions() > (degree + 1) * (degree + 1));
     }
     define("SIGMOID", activation == Activation::Sigmoid);
     define("SHIFTED_RELU", activation == Activation::ShiftedRelu);

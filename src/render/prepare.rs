@@ -23,7 +23,7 @@ use bevy::{
 
 use super::{
     extract::{ExtractedProps, VisibleProps},
-    frame::{CachedResult, Comparison, InitPipelines, PaletteBuffer, Pass, Pipelines, PropView, RaySet, Slot},
+    frame::{Comparison, InitPipelines, PaletteBuffer, Pass, Pipelines, PropView, RaySet, Slot},
     passes,
     plan::{Feature, Known, Plan, Target, choose_levels, decide, drawn_viewport},
 };
@@ -182,16 +182,16 @@ fn plan_views(
             buffers.shades.set(&device, &queue, "plenoctree_shades", BufferUsages::STORAGE, view.shades.colors());
         }
         if is_held {
-            cached.decide(&device, passes, textures, buffers, is_complete, never_cached(plan), plan.rect.size);
+            cached.decide(&device, passes, textures, buffers, is_complete, plan);
         }
         if !is_held || view.textures.allocator.error().is_some() {
             report_shortage(view, visible.props.len(), camera_entity.id(), &reports);
             continue;
         }
         view.shortage = None;
-        let stale = view.cached.stale();
+        let first_drawn = view.cached.first_drawn();
         rests |= view.cached.rests();
-        view.buffers.set_stale(&device, &queue, stale);
+        view.buffers.set_first_drawn(&device, &queue, first_drawn);
     }
     readiness.waiting.clone_from(&pipelines.waiting);
     readiness.is_complete = views.iter().all(|(.., view)| view.is_complete());
@@ -244,12 +244,6 @@ fn plan(
             Some(feature) => missing.push(feature),
         }
     }
-}
-
-/// Returns the results that are drawn in every frame.
-fn never_cached(plan: &Plan) -> &'static [CachedResult] {
-    // What is only blended over the scene is drawn faster than the scene is compared.
-    if plan.posterizes { &[] } else { &[CachedResult::Labels] }
 }
 
 /// Returns whether a view had too little memory a moment ago, and needs as much as then.

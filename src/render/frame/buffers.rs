@@ -8,7 +8,7 @@ use bevy::{
     },
 };
 
-use super::{content::Content, pass::StaleUniform};
+use super::content::Content;
 use crate::render::plan::PlanValues;
 
 /// The buffers of a view.
@@ -19,7 +19,8 @@ pub(in crate::render) struct ViewBuffers {
     pub screen: Content,
     pub filters: Content,
     pub labelings: Content,
-    pub stale: Content,
+    /// See `Cache::first_drawn`.
+    pub first_drawn: Content,
     /// How lights fall on each prop.
     pub lit: Content,
     /// The color that each label shows in each band of light.
@@ -45,16 +46,17 @@ impl ViewBuffers {
         self.palettes = values.palettes;
     }
 
-    /// Writes what must be drawn. The GPU changes it, so it is written in every frame.
-    pub fn set_stale(&mut self, device: &RenderDevice, queue: &RenderQueue, stale: StaleUniform) {
+    /// Writes the first result that must be drawn. The GPU changes it, so it is written in every frame.
+    pub fn set_first_drawn(&mut self, device: &RenderDevice, queue: &RenderQueue, first: u32) {
         let usage = BufferUsages::UNIFORM | BufferUsages::STORAGE;
-        self.stale.forget();
-        self.stale.set(device, queue, "plenoctree_stale", usage, &stale);
+        self.first_drawn.forget();
+        self.first_drawn.set(device, queue, "plenoctree_first_drawn", usage, &first);
     }
 
     /// Returns the bindings of bind group 0, if all have been written.
     pub fn bindings<'a>(&'a self, palettes: &'a PaletteBuffer) -> Option<Vec<BindingResource<'a>>> {
-        let all = [&self.view, &self.props, &self.screen, &self.filters, &self.labelings, &palettes.0, &self.stale];
+        let Self { view, props, screen, filters, labelings, first_drawn, .. } = self;
+        let all = [view, props, screen, filters, labelings, &palettes.0, first_drawn];
         all.into_iter().map(Content::binding).collect()
     }
 }

@@ -3,8 +3,8 @@
 //! A [`CachedResult`] of a frame is stale if anything changes that its passes read: a uniform, a texture, a buffer or a
 //! field, or the result that it is made from. All of this follows from the passes themselves. Bevy redraws the scene
 //! and its shadow maps in every frame, so wherever nothing else has changed, a compute shader compares the scene, and
-//! the light on props, with what they were, and sets a flag if they differ. Without this flag, the vertex shaders of
-//! all passes of the result draw nothing.
+//! the light on props, with what they were, and notes the first result that must be drawn if they differ. The vertex
+//! shaders of all passes of earlier results draw nothing.
 //!
 //! Views in which something changes in every frame, because the camera moves, compare and remember nothing.
 
@@ -24,16 +24,20 @@ use bevy::{
         },
         renderer::{RenderContext, RenderDevice},
     },
+    shader::ShaderDefVal,
 };
 
 use super::{
     bind_groups::BindGroups,
     buffers::ViewBuffers,
-    pass::{CachedResult, Input, Output, Pass, StaleUniform, Uniforms},
+    pass::{CachedResult, Input, Output, Pass},
     slot::{self, Slot},
     textures::Textures,
 };
-use crate::{gpu::Shaders, render::uniforms::ViewUniform};
+use crate::{
+    gpu::Shaders,
+    render::{plan::Plan, uniforms::ViewUniform},
+};
 
 /// What a view keeps.
 #[derive(Default)]
@@ -69,8 +73,7 @@ enum Mode {
 }
 
 impl Cache {
-    /// Decides what is drawn in this frame. `is_complete` says whether no pipeline is missing, and `never` which results
-    /// must be drawn in every frame.
+    /// Decides what is drawn in this frame. `is_complete` says whether no pipeline is missing.
     pub fn decide(
         &mut self,
         device: &RenderDevice,
@@ -78,16 +81,17 @@ impl Cache {
         textures: &mut Textures,
         buffers: &ViewBuffers,
         is_complete: bool,
-        never: &[CachedResult],
-        size: UVec2,
+        plan: &Plan,
     ) {
         let mut may_keep = is_complete;
         let has_light = light(passes).is_some();
         self.knows[CachedResult::Labels as usize] |= !has_light;
         for result in CachedResult::ALL {
             let cached = &mut self.results[result as usize];
-            cached.key = key(result, passes, textures, buffers);
-            may_keep &= !never.contains(&result) && cached.drawn == Some(cached.key);
+            cached.key = key(result, passes, textures, buffers, plan);
+            // What is only blended over the scene is drawn faster than the scene is compared.
+            may_keep &= plan.posterizes || result != CachedResult::Labels;
+            may_keep &= cached.drawn == Some(cached.key);
             cached.mode = match (may_keep, self.knows[result as usize]) {
                 (false, _) => Mode::Draw,
                 (true, false) => Mode::Remember,
@@ -104,7 +108,7 @@ impl Cache {
         }
         let has_composite = passes.iter().any(|(pass, _)| pass.result == Some(CachedResult::Composite));
         let words = 1 + u64::from(has_composite) + u64::from(has_light);
-        let size = 4 * words * u64::from(size.x) * u64::from(size.y);
+        let size = 4 * words * u64::from(plan.rect.size.x) * u64::from(plan.rect.size.y);
         if self.scene.as_ref().is_none_or(|scene| scene.size() != size) {
             let (label, usage) = (Some("plenoctree_scene"), BufferUsages::STORAGE);
             self.scene = textures.allocator.create(device, || {
@@ -126,10 +130,11 @@ impl Cache {
         }
     }
 
-    /// Returns what must be drawn even if the scene has not changed. Each result is made from those before it.
-    pub fn stale(&self) -> StaleUniform {
-        let [layer, composite, labels] = CachedResult::ALL.map(|result| u32::from(self.is_drawn(result)));
-        StaleUniform { layer, composite, labels }
+    /// Returns the index of the first result that must be drawn even if the scene has not changed, or the number of
+    /// results if none must be. Those after it are made from it.
+    pub fn first_drawn(&self) -> u32 {
+        let first = self.results.iter().position(|cached| cached.mode != Mode::Compare);
+        first.unwrap_or(CachedResult::ALL.len()) as u32
     }
 
     /// Returns the bytes of GPU memory that remember the scene.
@@ -145,7 +150,7 @@ impl Cache {
 
     /// Returns whether a result is drawn even if the scene has not changed.
     pub fn is_drawn(&self, result: CachedResult) -> bool {
-        self.results[..=result as usize].iter().any(|cached| cached.mode != Mode::Compare)
+        self.first_drawn() <= result as u32
     }
 
     /// Compares the scene, or the light on props, with what it was, before the passes of a result.
@@ -166,7 +171,7 @@ impl Cache {
         let words = self.scene.as_ref().filter(|_| is_compared);
         let (layout, id) = comparison.of(result, samples);
         let pipeline = cache.get_compute_pipeline(*id);
-        let (Some(view), Some(stale)) = (buffers.view.binding(), buffers.stale.binding()) else {
+        let (Some(view), Some(first_drawn)) = (buffers.view.binding(), buffers.first_drawn.binding()) else {
             return;
         };
         if let (Some(words), Some(pipeline)) = (words, pipeline) {
@@ -175,7 +180,7 @@ impl Cache {
                 &device,
                 cache,
                 layout,
-                &[view, stale, words.as_entire_binding(), BindingResource::TextureView(scene)],
+                &[view, first_drawn, words.as_entire_binding(), BindingResource::TextureView(scene)],
             );
             let encoder = ctx.command_encoder();
             let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor { label: Some(COMPARE), ..default() });
@@ -202,23 +207,22 @@ fn key(
     passes: &[(Pass, Vec<CachedRenderPipelineId>)],
     textures: &Textures,
     buffers: &ViewBuffers,
+    plan: &Plan,
 ) -> u64 {
     let mut hasher = FixedHasher.build_hasher();
+    let ViewBuffers { view, props, screen, filters, labelings, .. } = buffers;
+    let labels = || (labelings.hash(), buffers.palettes);
+    match result {
+        CachedResult::Layer => (view.hash(), props.hash(), plan.recolors.then(labels)).hash(&mut hasher),
+        CachedResult::Composite => (view.hash(), screen.hash(), filters.hash()).hash(&mut hasher),
+        CachedResult::Labels => (view.hash(), props.hash(), screen.hash(), labels()).hash(&mut hasher),
+    }
     for pass in passes.iter().map(|(pass, _)| pass).filter(|pass| pass.result == Some(result)) {
         (pass.name, &pass.writes, pass.depth, &pass.reads, pass.samples, &pass.programs).hash(&mut hasher);
         for draw in &pass.draws {
             (draw.program, &draw.vertices, draw.instance, draw.scissor.map(|rect| (rect.min, rect.max)))
                 .hash(&mut hasher);
             draw.field.as_ref().map(|field| field.id()).hash(&mut hasher);
-        }
-        for used in pass.uses {
-            match used {
-                Uniforms::View => buffers.view.hash().hash(&mut hasher),
-                Uniforms::Props => buffers.props.hash().hash(&mut hasher),
-                Uniforms::Screen => buffers.screen.hash().hash(&mut hasher),
-                Uniforms::Filters => buffers.filters.hash().hash(&mut hasher),
-                Uniforms::Labels => (buffers.labelings.hash(), buffers.palettes).hash(&mut hasher),
-            }
         }
         for input in pass.reads.iter().flatten() {
             match input {
@@ -260,7 +264,7 @@ pub(in crate::render) struct Comparison {
 
 impl Comparison {
     pub fn new(cache: &PipelineCache, shaders: &Shaders) -> Self {
-        let pipeline = |scene, definitions: &[&str]| {
+        let pipeline = |result, scene, definition: &str| {
             let words = || storage_buffer_sized(false, None);
             let entries = (uniform_buffer::<ViewUniform>(false), words(), words(), scene);
             let entries = BindGroupLayoutEntries::sequential(ShaderStages::COMPUTE, entries);
@@ -269,7 +273,7 @@ impl Comparison {
                 label: Some(COMPARE.into()),
                 layout: vec![layout.clone()],
                 shader: shaders.get("compare"),
-                shader_defs: definitions.iter().map(|definition| (*definition).into()).collect(),
+                shader_defs: vec![definition.into(), ShaderDefVal::UInt("RESULT".into(), result as u32)],
                 entry_point: Some("compare".into()),
                 ..default()
             });
@@ -278,10 +282,10 @@ impl Comparison {
         let colors = || texture_2d(TextureSampleType::Float { filterable: false });
         Self {
             pipelines: [
-                pipeline(texture_depth_2d(), &[]),
-                pipeline(texture_depth_2d_multisampled(), &["MULTISAMPLED"]),
-                pipeline(colors(), &["COLORS"]),
-                pipeline(colors(), &["COLORS", "LIGHT"]),
+                pipeline(CachedResult::Layer, texture_depth_2d(), "DEPTH"),
+                pipeline(CachedResult::Layer, texture_depth_2d_multisampled(), "MULTISAMPLED"),
+                pipeline(CachedResult::Composite, colors(), "COLORS"),
+                pipeline(CachedResult::Labels, colors(), "LIGHT"),
             ],
         }
     }

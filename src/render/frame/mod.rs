@@ -15,12 +15,10 @@ mod view;
 pub(super) use bind_groups::BindGroups;
 pub(super) use buffers::PaletteBuffer;
 pub(super) use cache::Comparison;
-pub(super) use pass::{
-    Area, Blend, CachedResult, Clear, Draw, Fragment, Input, Output, Pass, Place, Program, Uniforms,
-};
+pub(super) use pass::{Area, Blend, CachedResult, Clear, Draw, Fragment, Input, Output, Pass, Place, Program};
 pub(super) use pipelines::{InitPipelines, Pipelines};
 #[cfg(feature = "shadows")]
 pub(super) use run::Lights;
 pub(super) use run::run;
-pub(super) use slot::{BATCH, Buffer, RaySet, Slot, Turn, batch_side, batches};
+pub(super) use slot::{BATCH, Buffer, RaySet, Slot, batch_side, batches};
 pub(crate) use view::PropView;

@@ -2,7 +2,7 @@
 
 use bevy::{
     prelude::*,
-    render::render_resource::{BindGroup, BlendState, CompareFunction, ShaderType},
+    render::render_resource::{BindGroup, BlendState, CompareFunction},
     shader::{Shader, ShaderDefVal},
 };
 
@@ -20,8 +20,6 @@ pub(in crate::render) struct Pass {
     pub result: Option<CachedResult>,
     /// What it reads: one bind group after another, from group 1, or from group 2 if it marches through fields.
     pub reads: Vec<Vec<Input>>,
-    /// The uniforms of bind group 0 that it reads.
-    pub uses: &'static [Uniforms],
     /// Its color attachments.
     pub writes: Vec<Option<Output>>,
     /// Its depth attachment.
@@ -48,7 +46,6 @@ impl Pass {
             feature: Feature::Base,
             result,
             reads: vec![],
-            uses: &[],
             writes: vec![],
             depth: None,
             clear: None,
@@ -58,6 +55,11 @@ impl Pass {
             programs: vec![program],
             draws: vec![Draw::triangle(0)],
         }
+    }
+
+    /// Returns whether it writes depth.
+    pub fn writes_depth(&self) -> bool {
+        self.depth.is_some() && self.programs.iter().any(|program| program.depth_test.writes)
     }
 
     /// Returns whether it may leave out props whose pipelines are not ready, and draw the others.
@@ -96,26 +98,6 @@ pub(in crate::render) enum CachedResult {
 
 impl CachedResult {
     pub const ALL: [Self; 3] = [Self::Layer, Self::Composite, Self::Labels];
-
-    /// Returns the definition that makes vertex shaders draw nothing while the result is cached.
-    pub fn definition(self) -> &'static str {
-        match self {
-            Self::Layer => "CACHED_LAYER",
-            Self::Composite => "CACHED_COMPOSITE",
-            Self::Labels => "CACHED_LABELS",
-        }
-    }
-}
-
-/// The uniforms of bind group 0 that a result may depend on.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(in crate::render) enum Uniforms {
-    View,
-    Props,
-    Screen,
-    Filters,
-    /// How props are labeled, and the colors of their palettes.
-    Labels,
 }
 
 /// Something that a pass binds.
@@ -181,7 +163,7 @@ pub(in crate::render) struct Program {
     pub reads: bool,
     /// How it writes to each color attachment. Missing ones replace it.
     pub blends: Vec<Blend>,
-    pub depth_test: Option<DepthTest>,
+    pub depth_test: DepthTest,
     /// Whether only back faces are drawn.
     pub back_faces: bool,
 }
@@ -208,7 +190,7 @@ impl Program {
             lights: false,
             reads: true,
             blends: vec![],
-            depth_test: None,
+            depth_test: DepthTest { compare: CompareFunction::Always, writes: false },
             back_faces: false,
         }
     }
@@ -233,7 +215,7 @@ impl Program {
     }
 
     pub fn depth_test(self, compare: CompareFunction, writes: bool) -> Self {
-        Self { depth_test: Some(DepthTest { compare, writes }), ..self }
+        Self { depth_test: DepthTest { compare, writes }, ..self }
     }
 
     /// Draws only where a prop was drawn.
@@ -273,12 +255,4 @@ impl Draw {
     pub fn triangle(program: usize) -> Self {
         Self { program, field: None, vertices: 0..3, instance: 0, scissor: None }
     }
-}
-
-/// Matches `Stale` in `view.wgsl`.
-#[derive(ShaderType, Clone, Copy, Debug, Default, PartialEq)]
-pub(in crate::render) struct StaleUniform {
-    pub layer: u32,
-    pub composite: u32,
-    pub labels: u32,
 }

@@ -13,10 +13,11 @@ use bevy::{
             texture_depth_2d, texture_depth_2d_multisampled, uniform_buffer,
         },
     },
+    shader::ShaderDefVal,
 };
 
 use super::{
-    pass::{Blend, Clear, Fragment, Input, Output, Pass, Program, StaleUniform},
+    pass::{Blend, CachedResult, Clear, Fragment, Input, Output, Pass, Program},
     slot::{Buffer, DEPTH_FORMAT},
 };
 use crate::{
@@ -46,7 +47,8 @@ struct Key {
     name: &'static str,
     program: Program,
     reads: Vec<Vec<Kind>>,
-    cached: Option<&'static str>,
+    /// Vertex shaders draw nothing while it is cached.
+    cached: Option<CachedResult>,
     targets: Vec<Option<TextureFormat>>,
     depth: Option<TextureFormat>,
     samples: u32,
@@ -72,11 +74,12 @@ impl Pipelines {
             Output::Target => target,
             Output::PrepassMotion => MOTION_VECTOR_PREPASS_FORMAT,
         };
+        let reads = if program.reads { &pass.reads[..] } else { &[] };
         let key = Key {
             name: pass.name,
             program: program.clone(),
-            reads: pass.reads.iter().map(|inputs| inputs.iter().copied().map(Kind::of).collect()).collect(),
-            cached: pass.result.map(|result| result.definition()),
+            reads: reads.iter().map(|inputs| inputs.iter().copied().map(Kind::of).collect()).collect(),
+            cached: pass.result,
             targets: pass.writes.iter().map(|write| write.as_ref().map(|output| format(output, false))).collect(),
             depth: pass.depth.as_ref().map(|output| format(output, true)),
             samples: pass.samples,
@@ -121,12 +124,8 @@ impl Pipelines {
         if clear == Clear::NegativeAlpha {
             program = program.define("NEGATIVE_ALPHA");
         }
-        if pass.depth.is_some()
-            && pass.programs.iter().any(|program| program.depth_test.is_some_and(|test| test.writes))
-        {
+        if pass.writes_depth() {
             program = program.define("DEPTH").depth_test(wgpu::CompareFunction::Always, true);
-        } else if pass.depth.is_some() {
-            program = program.depth_test(wgpu::CompareFunction::Always, false);
         }
         self.get(cache, pass, &program, target)
     }
@@ -144,7 +143,7 @@ impl Pipelines {
             storage_buffer_read_only::<Vec<FilterUniform>>(false).build(3, fragment),
             storage_buffer_read_only::<Vec<LabelsUniform>>(false).build(4, fragment),
             storage_buffer_read_only::<Vec<Vec4>>(false).build(5, fragment),
-            uniform_buffer::<StaleUniform>(false).build(6, both),
+            uniform_buffer::<u32>(false).build(6, both),
         ];
         match program.scene_depth {
             Some(1) => entries.push(texture_depth_2d().build(7, fragment)),
@@ -170,9 +169,7 @@ impl Pipelines {
             layout.push(self.fields.get().clone());
             definitions.extend(tree.definitions());
         }
-        if program.reads {
-            layout.extend(key.reads.iter().map(|kinds| kinds_layout(key.name, kinds.iter().copied())));
-        }
+        layout.extend(key.reads.iter().map(|kinds| kinds_layout(key.name, kinds.iter().copied())));
         if program.scene_depth.is_some_and(|samples| samples > 1) {
             definitions.push("MULTISAMPLED".into());
         }
@@ -180,7 +177,7 @@ impl Pipelines {
             definitions.push("BATCHED".into());
         }
         let mut vertex_definitions = definitions.clone();
-        vertex_definitions.extend(key.cached.map(Into::into));
+        vertex_definitions.extend(key.cached.map(|result| ShaderDefVal::UInt("CACHED".into(), result as u32)));
         vertex_definitions.extend(program.lights.then(|| "LIGHTS".into()));
         let blends = program.blends.iter().chain(std::iter::repeat(&Blend::Replace));
         let targets = key.targets.iter().zip(blends).map(|(format, blend)| {
@@ -212,8 +209,8 @@ impl Pipelines {
             }),
             depth_stencil: key.depth.map(|format| DepthStencilState {
                 format,
-                depth_write_enabled: Some(program.depth_test.is_some_and(|test| test.writes)),
-                depth_compare: Some(program.depth_test.map_or(wgpu::CompareFunction::Always, |test| test.compare)),
+                depth_write_enabled: Some(program.depth_test.writes),
+                depth_compare: Some(program.depth_test.compare),
                 stencil: default(),
                 bias: default(),
             }),

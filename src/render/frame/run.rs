@@ -162,11 +162,10 @@ fn draw(
         }
     };
     let colors: Vec<_> = pass.writes.iter().map(|write| write.as_ref().and_then(attach)).collect();
-    let writes_depth = pass.programs.iter().any(|program| program.depth_test.is_some_and(|test| test.writes));
     let depth = match &pass.depth {
         Some(Output::Texture(slot)) => {
             let load = if clear.is_some() { LoadOp::Clear(0.0) } else { LoadOp::Load };
-            Some(depth(textures.get(*slot)?, writes_depth.then_some(load)))
+            Some(depth(textures.get(*slot)?, pass.writes_depth().then_some(load)))
         }
         Some(_) => Some(frame.depth.get_attachment(StoreOp::Store)),
         None => None,

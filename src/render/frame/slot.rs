@@ -48,8 +48,8 @@ pub(in crate::render) enum Slot {
     Finished,
     /// The same, after edges are smoothed.
     Shown,
-    /// The same, as custom stages write it, by turns.
-    Staged(Turn),
+    /// The same, as custom stages write it: by turns, those with an odd number and those with an even one.
+    Staged(usize),
     /// The same, in the fog.
     Fogged,
     /// See [`LabelTextures`](crate::LabelTextures).
@@ -62,13 +62,6 @@ pub(in crate::render) enum Slot {
     ObjectSamples,
     /// The depth of the scene without what hides these objects, also in the size of the target.
     SceneDepth,
-}
-
-/// Which custom stages write a texture: the first one, and every second one after it, or the others.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(in crate::render) enum Turn {
-    Odd,
-    Even,
 }
 
 /// The rays whose results a texture holds.

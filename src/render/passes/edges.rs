@@ -13,7 +13,7 @@ use super::volume::index_of;
 use crate::{
     gpu::field_definitions,
     render::{
-        frame::{Blend, CachedResult, Draw, Input, Output, Pass, Place, Program, RaySet, Slot, Uniforms},
+        frame::{Blend, CachedResult, Draw, Input, Output, Pass, Place, Program, RaySet, Slot},
         plan::{Feature, Plan},
         uniforms::Smooths,
     },
@@ -48,7 +48,6 @@ pub(super) fn outline(plan: &Plan) -> Option<Pass> {
     plan.smooths.then(|| Pass {
         feature: Feature::Edges,
         reads: vec![LAYER.to_vec()],
-        uses: &[Uniforms::View, Uniforms::Props],
         writes: [Slot::Outline].iter().chain(rays).map(|slot| Some(Output::Texture(*slot))).collect(),
         depth: Some(Output::Texture(Slot::EdgeMask)),
         ..Pass::fullscreen(
@@ -101,7 +100,6 @@ fn coverage_of(plan: &Plan, pixels: Pixels) -> Pass {
     for (index, prop) in plan.props.iter().enumerate().filter(|(_, prop)| prop.smooths != Smooths::Nothing) {
         let program = index_of(&mut shapes, prop.shape, || {
             let program = Program {
-                vertex: "coverage",
                 tree: Some(prop.shape.into()),
                 scene_depth: Some(plan.samples),
                 blends: blends.clone(),
@@ -118,7 +116,6 @@ fn coverage_of(plan: &Plan, pixels: Pixels) -> Pass {
     Pass {
         feature: Feature::Edges,
         reads: vec![reads],
-        uses: &[Uniforms::View, Uniforms::Props],
         writes: writes.into_iter().map(|slot| Some(Output::Texture(slot))).collect(),
         depth: Some(Output::Texture(Slot::EdgeMask)),
         programs,

@@ -2,7 +2,7 @@
 
 use super::labels::{DEPTH, inked, lit, space, with_lights};
 use crate::render::{
-    frame::{CachedResult, Clear, Input, Output, Pass, Place, Program, RaySet, Slot, Uniforms},
+    frame::{CachedResult, Clear, Input, Output, Pass, Place, Program, RaySet, Slot},
     plan::{Feature, Plan},
 };
 
@@ -21,7 +21,6 @@ pub(super) fn finish(plan: &Plan) -> Option<Pass> {
     plan.finishes().then(|| Pass {
         feature: Feature::Finish,
         reads: with_lights(plan, reads),
-        uses: &[Uniforms::View, Uniforms::Props, Uniforms::Screen, Uniforms::Labels],
         writes: writes.into_iter().map(|slot| Some(Output::Texture(slot))).collect(),
         depth: Some(DEPTH),
         clear: Some(Clear::NegativeAlpha),

@@ -14,9 +14,7 @@ use bevy::{
 };
 
 use crate::render::{
-    frame::{
-        Buffer, CachedResult, Clear, Draw, Fragment, Input, Output, Pass, Place, Program, RaySet, Slot, Turn, Uniforms,
-    },
+    frame::{Buffer, CachedResult, Clear, Draw, Fragment, Input, Output, Pass, Place, Program, RaySet, Slot},
     plan::{Feature, Plan},
 };
 
@@ -42,7 +40,6 @@ pub(super) fn composite(plan: &Plan) -> Option<Pass> {
     plan.posterizes.then(|| Pass {
         feature: Feature::Posterize,
         reads: vec![vec![COLOR, OWNER, Input::Scene]],
-        uses: &[Uniforms::View, Uniforms::Screen, Uniforms::Filters],
         writes,
         ..Pass::fullscreen(COMPOSITE, Place::Posterize, Some(CachedResult::Composite), program)
     })
@@ -58,7 +55,6 @@ pub(super) fn filter(plan: &Plan) -> Vec<Pass> {
         Pass {
             feature: Feature::Posterize,
             reads: vec![vec![Input::Texture(from)]],
-            uses: &[Uniforms::View, Uniforms::Screen, Uniforms::Filters],
             writes: vec![Some(Output::Texture(to))],
             depth: Some(DEPTH),
             draws: vec![Draw { instance: iteration, ..Draw::triangle(0) }],
@@ -102,7 +98,6 @@ pub(super) fn label(plan: &Plan) -> Pass {
             () => Feature::Base,
         },
         reads: with_lights(plan, reads),
-        uses: &[Uniforms::View, Uniforms::Props, Uniforms::Screen, Uniforms::Labels],
         writes,
         depth: Some(DEPTH),
         clear: Some(Clear::NegativeAlpha),
@@ -130,7 +125,6 @@ pub(super) fn blend(plan: &Plan) -> Option<Pass> {
     plan.smooths.then(|| Pass {
         feature: Feature::Edges,
         reads: with_lights(plan, inputs),
-        uses: &[Uniforms::View, Uniforms::Props, Uniforms::Screen, Uniforms::Labels],
         writes: vec![Some(Output::Texture(Slot::Shown))],
         depth: Some(Output::Texture(Slot::EdgeMask)),
         ..Pass::fullscreen(
@@ -161,8 +155,7 @@ pub(super) fn stages(plan: &Plan) -> Vec<Pass> {
 pub(super) fn shown_after(stages: usize) -> Slot {
     match stages {
         0 => Slot::Shown,
-        _ if stages.is_multiple_of(2) => Slot::Staged(Turn::Even),
-        _ => Slot::Staged(Turn::Odd),
+        _ => Slot::Staged(stages % 2),
     }
 }
 

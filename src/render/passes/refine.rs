@@ -10,7 +10,7 @@ use bevy::render::render_resource::CompareFunction;
 
 use super::volume::layer;
 use crate::render::{
-    frame::{Area, Buffer, CachedResult, Input, Output, Pass, Place, Program, RaySet, Slot, Uniforms},
+    frame::{Area, Buffer, CachedResult, Input, Output, Pass, Place, Program, RaySet, Slot},
     plan::{Feature, Plan},
 };
 
@@ -26,7 +26,6 @@ pub(super) fn check(plan: &Plan) -> Pass {
     Pass {
         feature: Feature::Sparse,
         reads: vec![textures.into_iter().chain(buffers).collect()],
-        uses: &[Uniforms::View],
         writes: vec![Some(Output::Texture(Slot::Gaps))],
         zeroes: Some(Buffer::BatchCounts),
         area: Area::Grid,
@@ -47,7 +46,6 @@ pub(super) fn fill(plan: &Plan) -> Pass {
     Pass {
         feature: Feature::Sparse,
         reads: vec![reads],
-        uses: &[Uniforms::View],
         writes: layer(plan, RaySet::Pixels),
         depth: Some(Output::Texture(Slot::Depth(RaySet::Pixels))),
         ..Pass::fullscreen(

@@ -11,7 +11,7 @@ use crate::{
     EdgeSmoothing, FieldPalette, PaletteOverride, Palettes, PlenOctree, PlenOctreePlugin, Posterize, Prop,
     PropPlacement, Recolor,
     headless::{Headless, exact_camera},
-    render::frame::{Output, PropView},
+    render::frame::{CachedResult, Output, PropView},
 };
 
 /// Returns an app with a prop at a distance, and its camera.
@@ -40,6 +40,12 @@ fn app(size: UVec2, posterize: Option<Posterize>, distance: f32) -> (Headless, E
     (headless, camera)
 }
 
+/// Returns what the render world knows of the camera's view.
+fn view(headless: &mut Headless) -> &PropView {
+    let world = headless.app.sub_app_mut(RenderApp).world_mut();
+    world.query::<&PropView>().single(world).unwrap()
+}
+
 /// Hard edges and borders.
 fn hard() -> Posterize {
     Posterize { edges: EdgeSmoothing::Off, ..Posterize::paper() }
@@ -50,14 +56,9 @@ fn passes_and_bytes(posterize: Option<Posterize>) -> Vec<(&'static str, u32)> {
     let (mut headless, camera) = app(UVec2::splat(64), posterize, 3.0);
     headless.app.world_mut().get_mut::<Transform>(camera).unwrap().translation.x += 0.01;
     headless.update();
-    let world = headless.app.sub_app_mut(RenderApp).world_mut();
-    let view = world.query::<&PropView>().single(world).unwrap();
-    assert_eq!(view.cached.stale().layer, 1);
+    let view = view(&mut headless);
+    assert_eq!(view.cached.first_drawn(), 0);
     view.passes.iter().map(|(pass, _)| (pass.name, written(pass))).collect()
-}
-
-fn passes(posterize: Option<Posterize>) -> Vec<&'static str> {
-    passes_and_bytes(posterize).into_iter().map(|(name, _)| name).collect()
 }
 
 /// Returns the bytes that a pass writes to a pixel, if it writes to all of its attachments.
@@ -67,40 +68,41 @@ fn written(pass: &Pass) -> u32 {
         // Four bytes of color, a float of depth, or two half floats.
         Output::Target | Output::PrepassMotion => 4,
     };
-    let writes_depth = pass.programs.iter().any(|program| program.depth_test.is_some_and(|test| test.writes));
-    let depth = pass.depth.iter().filter(|_| writes_depth);
+    let depth = pass.depth.iter().filter(|_| pass.writes_depth());
     pass.writes.iter().flatten().chain(depth).map(bytes).sum()
 }
 
-/// `docs/performance.md` lists them.
+/// Besides those of the filter. `docs/performance.md` lists them.
 #[test]
-fn passes_write_few_bytes() {
-    for (what, posterize, most) in [
-        ("as trained", None, 28),
-        ("posterized", Some(Posterize::default()), 184),
-        ("posterized as in the paper", Some(Posterize::paper()), 236),
+fn views_of_one_prop_have_few_passes_that_write_few_bytes() {
+    let of_edges = [volume::VOLUME, edges::OUTLINE, edges::COVERAGE, labels::COMPOSITE, labels::LABEL];
+    let shown = [labels::BLEND, present::PRESENT];
+    for (what, posterize, most, expected) in [
+        ("as trained", None, 28, vec![volume::VOLUME, labels::LABEL, present::PRESENT]),
+        ("hard edges", Some(hard()), 200, vec![volume::VOLUME, labels::COMPOSITE, labels::LABEL, present::PRESENT]),
+        ("as in the paper", Some(Posterize::paper()), 236, [&of_edges[..], &shown].concat()),
+        ("posterized", Some(Posterize::default()), 184, [&of_edges[..], &[finish::FINISH], &shown].concat()),
     ] {
-        let passes = passes_and_bytes(posterize);
+        let mut passes = passes_and_bytes(posterize);
         passes.iter().for_each(|(name, bytes)| println!("{what}: {name} {bytes} bytes per pixel"));
         let total: u32 = passes.iter().map(|(_, bytes)| bytes).sum();
         println!("{what}: {total} bytes per pixel");
         assert!(total <= most, "{what}: {total} bytes per pixel");
+        passes.retain(|(name, _)| *name != labels::FILTER);
+        assert_eq!(passes.into_iter().map(|(name, _)| name).collect::<Vec<_>>(), expected, "{what}");
     }
 }
 
 /// Returns how many props a frame draws.
 fn drawn_props(headless: &mut Headless) -> usize {
-    let world = headless.app.sub_app_mut(RenderApp).world_mut();
-    let view = world.query::<&PropView>().single(world).unwrap();
-    let volume = view.passes.iter().filter(|(pass, _)| pass.name == "plenoctree_volume");
+    let volume = view(headless).passes.iter().filter(|(pass, _)| pass.name == "plenoctree_volume");
     let props: HashSet<_> = volume.flat_map(|(pass, _)| &pass.draws).map(|draw| draw.instance & 0xffff).collect();
     props.len()
 }
 
 /// Returns whether a frame leaves out nothing.
 fn is_complete(headless: &mut Headless) -> bool {
-    let world = headless.app.sub_app_mut(RenderApp).world_mut();
-    world.query::<&PropView>().single(world).unwrap().is_complete()
+    view(headless).is_complete()
 }
 
 /// Props that are drawn stay while pipelines are compiled for what is new: another prop before them, labels, colors, fog,
@@ -160,9 +162,8 @@ fn props_stay_while_pipelines_are_compiled() {
 fn bytes(size: UVec2, posterize: Option<Posterize>, distance: f32) -> u64 {
     let (mut headless, _) = app(size, posterize, distance);
     (0..6).for_each(|_| headless.update());
-    let world = headless.app.sub_app_mut(RenderApp).world_mut();
-    let view = world.query::<&PropView>().single(world).unwrap();
-    assert_eq!(view.cached.stale().layer, 0);
+    let view = view(&mut headless);
+    assert_ne!(view.cached.first_drawn(), 0);
     view.textures.bytes() + view.cached.bytes()
 }
 
@@ -189,40 +190,22 @@ fn small_props_take_little_memory_and_large_ones_what_their_pixels_need() {
     }
 }
 
-#[test]
-fn views_of_one_prop_have_few_passes() {
-    assert_eq!(passes(None), [volume::VOLUME, labels::LABEL, present::PRESENT]);
-    let unfiltered = |posterize| {
-        let mut passes = passes(Some(posterize));
-        passes.retain(|name| *name != labels::FILTER);
-        passes
-    };
-    assert_eq!(unfiltered(hard()), [volume::VOLUME, labels::COMPOSITE, labels::LABEL, present::PRESENT]);
-    let (before, after) = (
-        [volume::VOLUME, edges::OUTLINE, edges::COVERAGE, labels::COMPOSITE, labels::LABEL],
-        [labels::BLEND, present::PRESENT],
-    );
-    assert_eq!(unfiltered(Posterize::paper()), [&before[..], &after].concat());
-    assert_eq!(unfiltered(Posterize::default()), [&before[..], &[finish::FINISH], &after].concat());
-}
+/// All results are cached.
+const NONE: u32 = CachedResult::ALL.len() as u32;
 
 /// A view in which nothing moves is not drawn again. If only the palette changes, no ray is traced and nothing is
 /// filtered.
 #[test]
 fn still_views_draw_nothing_and_recoloring_draws_labels() {
     let (mut headless, _) = app(UVec2::splat(64), Some(Posterize::default()), 3.0);
-    let stale = |headless: &mut Headless| {
-        let world = headless.app.sub_app_mut(RenderApp).world_mut();
-        let stale = world.query::<&PropView>().single(world).unwrap().cached.stale();
-        [stale.layer, stale.composite, stale.labels]
-    };
+    let first_drawn = |headless: &mut Headless| view(headless).cached.first_drawn();
     (0..6).for_each(|_| headless.update());
-    assert_eq!(stale(&mut headless), [0, 0, 0]);
+    assert_eq!(first_drawn(&mut headless), NONE);
     let world = headless.app.world_mut();
     let field = world.query::<&Prop>().single(world).unwrap().0.clone();
     world.resource_mut::<Palettes>().get_mut(&field).unwrap().set(0, Color::srgb(0.2, 0.4, 0.6));
     headless.update();
-    assert_eq!(stale(&mut headless), [0, 0, 1]);
+    assert_eq!(first_drawn(&mut headless), CachedResult::Labels as u32);
 }
 
 /// Nor are labels where light falls on them and stays as it is.
@@ -235,9 +218,7 @@ fn still_views_in_light_draw_no_labels() {
     world.entity_mut(prop).insert(crate::PropLighting::default());
     headless.wait_until_ready(Duration::from_secs(120)).unwrap();
     (0..6).for_each(|_| headless.update());
-    let world = headless.app.sub_app_mut(RenderApp).world_mut();
-    let view = world.query::<&PropView>().single(world).unwrap();
+    let view = view(&mut headless);
     assert!(view.plan.is_lit);
-    let stale = view.cached.stale();
-    assert_eq!([stale.layer, stale.composite, stale.labels], [0, 0, 0]);
+    assert_eq!(view.cached.first_drawn(), NONE);
 }

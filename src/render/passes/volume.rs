@@ -21,7 +21,7 @@ use crate::{
         extract::{ExtractedProps, VisibleProps},
         frame::{
             Area, BATCH, Blend, CachedResult, Clear, Draw, Input, Output, Pass, Pipelines, Place, Program, RaySet,
-            Slot, Uniforms, batch_side, batches,
+            Slot, batch_side, batches,
         },
         plan::{Feature, Overlap, Plan, PlannedProp},
     },
@@ -173,10 +173,6 @@ fn marching(name: &'static str, plan: &Plan, rays: RaySet) -> Pass {
     let mut pass = Pass::fullscreen(name, Place::Layer, Some(CachedResult::Layer), Program::new(""));
     pass.programs.clear();
     pass.draws.clear();
-    pass.uses = match plan.recolors {
-        true => &[Uniforms::View, Uniforms::Props, Uniforms::Labels],
-        false => &[Uniforms::View, Uniforms::Props],
-    };
     pass.clear = Some(Clear::Zero);
     pass.area = match rays {
         RaySet::Pixels => Area::Drawn,
