@@ -62,11 +62,11 @@ fn rows_of_batch(count: u32) -> u32 {
 }
 
 // Packs the place of a gap in the square of its batch.
-fn packed_gap(place: vec2<u32>) -> u32 {
+fn pack_gap(place: vec2<u32>) -> u32 {
     return place.x | (place.y << 4u);
 }
 
-// Returns what `packed_gap` packed.
-fn unpacked_gap(word: u32) -> vec2<u32> {
+// Returns what `pack_gap` packed.
+fn unpack_gap(word: u32) -> vec2<u32> {
     return vec2(word & 15u, word >> 4u);
 }

@@ -2,15 +2,15 @@
 // their own: the gap joins its batch.
 
 #import bevy_plenoctree::batch::{
-    AGREES, EMPTY, MOST_GAPS, batches, quotient, gaps_across, packed_gap, ray_around,
+    AGREES, EMPTY, MOST_GAPS, batches, quotient, gaps_across, pack_gap, ray_around,
 }
-#import bevy_plenoctree::scene::scene_value
+#import bevy_plenoctree::scene::scene_depth_at
 #import bevy_plenoctree::view::{is_solid, view}
 
 @group(1) @binding(0) var layer: texture_2d<f32>;
 @group(1) @binding(1) var owner: texture_2d<f32>;
 @group(1) @binding(2) var depth: texture_depth_2d;
-// The number of gaps in every batch, and the gaps, as packed by `packed_gap`.
+// The number of gaps in every batch, and the gaps, as packed by `pack_gap`.
 @group(1) @binding(3) var<storage, read_write> counts: array<atomic<u32>>;
 @group(1) @binding(4) var<storage, read_write> gaps: array<u32>;
 
@@ -50,7 +50,7 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) u32 {
     var beyond = vec2(0u);
     for (var i = 0u; i < pixels; i++) {
         let at = min(gap * view.spacing + beyond, view.size - 1u);
-        let there = scene_value(at, 0u);
+        let there = scene_depth_at(at, 0u);
         scene_depths = vec2(min(scene_depths.x, there), max(scene_depths.y, there));
         beyond = select(vec2(0u, beyond.y + 1u), vec2(beyond.x + 1u, beyond.y), beyond.x < view.spacing);
     }
@@ -66,7 +66,7 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) u32 {
         let square = quotient(gap, gaps_across());
         let batch = square.y * batches().x + square.x;
         let index = atomicAdd(&counts[batch], 1u);
-        gaps[batch * MOST_GAPS + index] = packed_gap(gap - square * gaps_across());
+        gaps[batch * MOST_GAPS + index] = pack_gap(gap - square * gaps_across());
         found = index + 1u;
     }
     return found;

@@ -68,18 +68,3 @@ const CHROMA: f32 = 2.0;
 fn tone_space(encoded: vec3<f32>) -> vec3<f32> {
     return oklab(saturate(encoded)) * vec3(1.0, CHROMA, CHROMA);
 }
-
-// Converts Oklab to linear light.
-fn linear_of_oklab(lab: vec3<f32>) -> vec3<f32> {
-    let root = vec3(
-        dot(lab, vec3(1.0, 0.3963377774, 0.2158037573)),
-        dot(lab, vec3(1.0, -0.1055613458, -0.0638541728)),
-        dot(lab, vec3(1.0, -0.0894841775, -1.2914855480)),
-    );
-    let lms = root * root * root;
-    return vec3(
-        dot(lms, vec3(4.0767416621, -3.3077115913, 0.2309699292)),
-        dot(lms, vec3(-1.2684380046, 2.6097574011, -0.3413193965)),
-        dot(lms, vec3(-0.0041960863, -0.7034186147, 1.7076147010)),
-    );
-}

@@ -13,17 +13,13 @@
 @group(1) @binding(1) var owner: texture_2d<f32>;
 @group(1) @binding(2) var scene: texture_2d<f32>;
 
-#ifdef UNFILTERED
 struct Fragment {
     @location(0) even: vec4<u32>,
-}
-#else
-// The filter does not write pixels without an owner, but reads them from both of its textures.
-struct Fragment {
-    @location(0) even: vec4<u32>,
+#ifndef UNFILTERED
+    // The filter does not write pixels without an owner, but reads them from both of its textures.
     @location(1) odd: vec4<u32>,
-}
 #endif
+}
 
 @fragment
 fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {

@@ -9,9 +9,9 @@
 #import bevy_plenoctree::octree::{begin, density, field, has_ended, next_leaf}
 #import bevy_plenoctree::prop_ray::{PropRay, position_of, ray_at}
 #import bevy_plenoctree::radiance::{Harmonics, harmonics, radiance}
-#import bevy_plenoctree::scene::scene_value
+#import bevy_plenoctree::scene::scene_depth_at
 #import bevy_plenoctree::view::{
-    FAR_AWAY, LEAST_SOLID_DEPTH, Prop, depth_value, is_solid, owner_of, props, view, view_distance,
+    FAR_AWAY, LEAST_SOLID_DEPTH, Prop, depth_from_distance, is_solid, owner_of, props, view, distance_from_depth,
 }
 
 // The result of the outline pass.
@@ -77,13 +77,13 @@ fn slope(before: f32, here: f32, after: f32) -> f32 {
 // Returns how the scene's depth changes from pixel to pixel. Depths of planes are linear in pixels.
 fn scene_slope(pixel: vec2<i32>, here: f32) -> vec2<f32> {
     return vec2(
-        slope(scene_depth_at(neighbor(pixel, 0)), here, scene_depth_at(neighbor(pixel, 1))),
-        slope(scene_depth_at(neighbor(pixel, 2)), here, scene_depth_at(neighbor(pixel, 3))),
+        slope(depth_within(neighbor(pixel, 0)), here, depth_within(neighbor(pixel, 1))),
+        slope(depth_within(neighbor(pixel, 2)), here, depth_within(neighbor(pixel, 3))),
     );
 }
 
-fn scene_depth_at(pixel: vec2<i32>) -> f32 {
-    return scene_value(vec2<u32>(clamp(pixel, vec2(0), vec2<i32>(view.size) - 1)), 0u);
+fn depth_within(pixel: vec2<i32>) -> f32 {
+    return scene_depth_at(vec2<u32>(clamp(pixel, vec2(0), vec2<i32>(view.size) - 1)), 0u);
 }
 #endif
 
@@ -134,7 +134,7 @@ fn start(pixel: vec2<i32>, index: u32, prop: Prop) -> f32 {
         let is_same = owner_of(textureLoad(owner, at, 0)) == index + 1u;
         is_inside = is_inside && is_same;
         if is_solid(solid) && is_same {
-            let distance = view_distance(solid);
+            let distance = distance_from_depth(solid);
             nearest = min(nearest, distance);
             farthest = max(farthest, distance);
         }
@@ -149,7 +149,7 @@ fn start(pixel: vec2<i32>, index: u32, prop: Prop) -> f32 {
 // Distances in the pixels of an owner are relative to this depth, so that they are as exact as depths, no matter how
 // large the prop's box is: that of what is solid at the center, or that where the owner's rays begin.
 fn base_depth(solid: f32, owner: u32) -> f32 {
-    let begins = clamp(depth_value(props[max(owner, 1u) - 1u].near), LEAST_SOLID_DEPTH, 1.0);
+    let begins = clamp(depth_from_distance(props[max(owner, 1u) - 1u].near), LEAST_SOLID_DEPTH, 1.0);
     return select(begins, solid, is_solid(solid));
 }
 
@@ -159,12 +159,12 @@ const PLACES: f32 = 1024.0;
 
 // Returns the place of a distance along the view axis.
 fn place_of(distance: f32, base: f32) -> f32 {
-    return PLACES * (base / clamp(depth_value(distance), LEAST_SOLID_DEPTH, 1.0) - 1.0);
+    return PLACES * (base / clamp(depth_from_distance(distance), LEAST_SOLID_DEPTH, 1.0) - 1.0);
 }
 
 // Returns the distance along the view axis of a place.
 fn distance_of(place: f32, base: f32) -> f32 {
-    return view_distance(base / (1.0 + place / PLACES));
+    return distance_from_depth(base / (1.0 + place / PLACES));
 }
 
 // Packs a number of a ray at its place among those of eight rays.
@@ -264,11 +264,11 @@ fn fragment(@builtin(position) position: vec4<f32>, @location(0) @interpolate(fl
     var limits: array<f32, #{SAMPLES}>;
     var farthest = 1.0;
     for (var s = 0u; s < #{SAMPLES}u; s++) {
-        limits[s] = scene_value(vec2<u32>(pixel), s);
+        limits[s] = scene_depth_at(vec2<u32>(pixel), s);
         farthest = min(farthest, limits[s]);
     }
 #else
-    let scene = scene_depth_at(pixel);
+    let scene = depth_within(pixel);
     let across = scene_slope(pixel, scene);
 #endif
 
@@ -311,14 +311,14 @@ fn fragment(@builtin(position) position: vec4<f32>, @location(0) @interpolate(fl
         let limit = max(scene + dot(across, offset), 0.0);
         let last = limit;
 #endif
-        let end = min(seen.span.y, (view_distance(last) - prop.near) * seen.length);
+        let end = min(seen.span.y, (distance_from_depth(last) - prop.near) * seen.length);
         let found = look(seen, end, transmittances, &h);
         let distance = prop.near + found.covered_at / seen.length;
-        let is_covered = found.covered_at >= 0.0 && distance < view_distance(limit);
+        let is_covered = found.covered_at >= 0.0 && distance < distance_from_depth(limit);
 #ifdef OF_OWNERS
         places |= packed(ray, select(0.0, place_of(distance, base), is_covered));
 #endif
-        var own_distance = view_distance(max(solid + dot(solid_slope, offset), 0.0));
+        var own_distance = distance_from_depth(max(solid + dot(solid_slope, offset), 0.0));
         var knows_distance = hides;
 #ifdef OF_OTHERS
         own_distance = select(own_distance, distance_of(unpacked(ray, places), base), has_places);
@@ -364,7 +364,7 @@ fn fragment(@builtin(position) position: vec4<f32>, @location(0) @interpolate(fl
 #endif
             var seen = ray_at(prop, position.xy);
             seen.span.x = max(seen.span.x, begins);
-            let end = min(seen.span.y, (view_distance(limit) - prop.near) * seen.length);
+            let end = min(seen.span.y, (distance_from_depth(limit) - prop.near) * seen.length);
             let center = look(seen, end, transmittances, &h);
             let others = RAYS - countOneBits(covered | hidden);
             if center.covered_at < 0.0 && others > 0u && !hides {

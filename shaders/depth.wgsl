@@ -1,6 +1,6 @@
 // Writes the depth and the motion of props where they are solid, for everything that is drawn later and for effects.
 
-#import bevy_plenoctree::view::{buffered, is_drawn, is_solid, view}
+#import bevy_plenoctree::view::{buffer_from_depth, is_drawn, is_solid, view}
 
 @group(1) @binding(1) var depth: texture_depth_2d;
 #ifdef MOTION
@@ -22,7 +22,7 @@ fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
         discard;
     }
     return Fragment(
-        buffered(solid),
+        buffer_from_depth(solid),
 #ifdef MOTION
         textureLoad(motion, pixel, 0),
 #endif

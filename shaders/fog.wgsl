@@ -13,7 +13,7 @@
 #import bevy_plenoctree::edge::{bits_of, parts_of}
 #endif
 #import bevy_plenoctree::space::light_of
-#import bevy_plenoctree::view::{View, is_solid, unpacked_haze}
+#import bevy_plenoctree::view::{View, is_solid, unpack_haze}
 
 struct Settings {
     fog: Fog,
@@ -46,7 +46,7 @@ fn depth_near(pixel: vec2<i32>) -> f32 {
             found = max(found, textureLoad(depth, at, 0));
         }
     }
-    return select(unpacked_haze(found, drawn.props), found, is_solid(found));
+    return select(unpack_haze(found, drawn.props), found, is_solid(found));
 }
 
 // Returns the light of the sun and other directional lights that fog scatters toward the camera.

@@ -2,7 +2,7 @@
 // shows through, all of them. Bloom then sees objects in front of opaque parts, although the props cover them.
 
 #import bevy_plenoctree::prop_pixels::{is_at_edge, layer, shows_props}
-#import bevy_plenoctree::view::{buffered, is_solid, view}
+#import bevy_plenoctree::view::{buffer_from_depth, is_solid, view}
 
 @group(2) @binding(0) var depth: texture_depth_2d;
 
@@ -16,5 +16,5 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @builtin(frag_depth) f32 
     }
     let solid = textureLoad(depth, pixel, 0);
     let is_opaque = textureLoad(layer, pixel, 0).a == 1.0 && is_solid(solid) && !is_at_edge(pixel);
-    return select(NEAREST, buffered(solid), is_opaque);
+    return select(NEAREST, buffer_from_depth(solid), is_opaque);
 }

@@ -5,8 +5,8 @@
 #define_import_path bevy_plenoctree::ink
 
 #import bevy_plenoctree::labels::label_at
-#import bevy_plenoctree::scene::scene_value
-#import bevy_plenoctree::view::{colors, is_solid, labelings, view, view_distance}
+#import bevy_plenoctree::scene::scene_depth_at
+#import bevy_plenoctree::view::{colors, is_solid, labelings, view, distance_from_depth}
 
 const INK_SILHOUETTE: u32 = 1u;
 const INK_CREASES: u32 = 2u;
@@ -31,9 +31,9 @@ fn surface_at(labels: texture_2d<u32>, depth: texture_depth_2d, pixel: vec2<i32>
     let texel = textureLoad(labels, at, 0).xy;
     let solid = textureLoad(depth, at, 0);
     if is_solid(solid) {
-        return Surface(texel.y, texel.x, view_distance(solid), true);
+        return Surface(texel.y, texel.x, distance_from_depth(solid), true);
     }
-    return Surface(texel.y, texel.x, view_distance(scene_value(vec2<u32>(at), 0u)), false);
+    return Surface(texel.y, texel.x, distance_from_depth(scene_depth_at(vec2<u32>(at), 0u)), false);
 }
 
 // Returns the ramp of a label.

@@ -3,14 +3,14 @@
 
 #ifdef BATCHED
 #import bevy_plenoctree::batch::{
-    BATCH, MOST_GAPS, batches, quotient, gaps_across, index_in_batch, pixels_of_gap, unpacked_gap,
+    BATCH, MOST_GAPS, batches, quotient, gaps_across, index_in_batch, pixels_of_gap, unpack_gap,
 }
 #endif
 #import bevy_plenoctree::octree::{Crossing, Ray, begin, clip, density, field, has_ended, make_ray, next_leaf}
 #ifndef SHADOW_MAP
 #import bevy_plenoctree::scene::scene_distance
 #endif
-#import bevy_plenoctree::view::{Prop, props, solid_depth, view, view_distance}
+#import bevy_plenoctree::view::{Prop, props, solid_depth, view, distance_from_depth}
 
 // What `box.wgsl` passes to fragments.
 struct Varying {
@@ -47,7 +47,7 @@ fn prop_ray(in: Varying) -> PropRay {
     let index = index_in_batch(place % BATCH);
     let element = quotient(vec2(index), pixels_of_gap()).x;
     let is_listed = element < counts[batch];
-    let gap = unpacked_gap(gaps[batch * MOST_GAPS + select(0u, element, is_listed)]);
+    let gap = unpack_gap(gaps[batch * MOST_GAPS + select(0u, element, is_listed)]);
     // The first pixel is the ray of the grid.
     let pixel_of_gap = index - element * pixels_of_gap() + 1u;
     let row = quotient(vec2(pixel_of_gap), view.spacing).x;
@@ -85,7 +85,7 @@ fn ray_at(prop: Prop, at: vec2<f32>) -> PropRay {
 
 // Returns where the ray reaches a depth.
 fn position_at(in: PropRay, prop: u32, depth: f32) -> f32 {
-    return (view_distance(depth) - props[prop].near) * in.length;
+    return (distance_from_depth(depth) - props[prop].near) * in.length;
 }
 
 // Returns where transmittance, which is `before` where the ray enters a leaf, falls to `limit`.

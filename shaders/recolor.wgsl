@@ -2,8 +2,9 @@
 // step 9.
 #define_import_path bevy_plenoctree::recolor
 
-#import bevy_plenoctree::color::{encode, linear_of_oklab, oklab, tinted, tone_space}
+#import bevy_plenoctree::color::{encode, oklab, tinted, tone_space}
 #import bevy_plenoctree::view::{colors, labelings, props}
+#import bevy_render::color_operations::oklab_to_linear_rgb
 
 // The square of the distance in tone space over which membership passes from one palette color to another that is as near.
 // Matches `plenoctree::palette`.
@@ -36,7 +37,7 @@ fn recolored(prop: u32, color: vec3<f32>) -> vec3<f32> {
     if all(moved == vec3(0.0)) {
         return color;
     }
-    return encode(max(linear_of_oklab(oklab(color) + moved / total), vec3(0.0)));
+    return encode(max(oklab_to_linear_rgb(oklab(color) + moved / total), vec3(0.0)));
 }
 
 // The same for a color that the prop's tint has been applied to.

@@ -3,7 +3,7 @@
 
 #import bevy_plenoctree::labels::{Shown, label_at, place_of, shown_at}
 #import bevy_plenoctree::shade::Light
-#import bevy_plenoctree::view::{is_solid, labelings, view, view_distance}
+#import bevy_plenoctree::view::{is_solid, labelings, view, distance_from_depth}
 
 // The largest difference of distances at which two frames see the same part of a prop, relative to the distance.
 const SAME: f32 = 0.01;
@@ -37,8 +37,8 @@ fn former_labels(labels: texture_2d<u32>, depths: texture_depth_2d, prop: u32, a
         let pixel = vec2<u32>(max(there, vec2(0.0)));
         let texel = textureLoad(labels, pixel, 0).xy;
         let solid = textureLoad(depths, pixel, 0);
-        let distance = view_distance(solid);
-        let is_same = is_solid(solid) && abs(view_distance(before.z) - distance) < SAME * distance;
+        let distance = distance_from_depth(solid);
+        let is_same = is_solid(solid) && abs(distance_from_depth(before.z) - distance) < SAME * distance;
         found.labels[i] = select(0u, texel.x, is_same && texel.y == labelings[prop].former);
         let along = max(1.0 - abs(place - there), vec2(0.0));
         found.weights[i] = along.x * along.y;

@@ -1,7 +1,7 @@
 // Writes what transparent objects are blended over: the target, with the props.
 
 #ifdef MULTISAMPLED
-#import bevy_plenoctree::scene::scene_value
+#import bevy_plenoctree::scene::scene_depth_at
 #import bevy_plenoctree::view::{is_drawn, is_solid, view}
 #endif
 
@@ -29,7 +29,7 @@ const MOST: f32 = 1.0;
 fn samples_before(pixel: vec2<u32>, props: f32) -> u32 {
     var count = 0u;
     for (var i = 0u; i < #{SAMPLES}; i++) {
-        count += select(0u, 1u, scene_value(pixel, i) > props);
+        count += select(0u, 1u, scene_depth_at(pixel, i) > props);
     }
     return count;
 }
@@ -61,7 +61,7 @@ fn shown_at(pixel: vec2<u32>, sample: u32, target_color: vec4<f32>) -> vec4<f32>
     }
     // What does not fit in the target is left to the prop, which then fits: both are shares of one color that does.
     let mesh = clamp((target_color - (1.0 - share) * prop) / share, vec4(0.0), vec4(MOST));
-    let is_mesh = scene_value(pixel, sample) > props / count;
+    let is_mesh = scene_depth_at(pixel, sample) > props / count;
     return select((target_color - share * mesh) / (1.0 - share), mesh, is_mesh);
 }
 #endif

@@ -139,17 +139,17 @@ fn is_drawn(pixel: vec2<u32>) -> bool {
 }
 
 // Returns the depth for a value of the depth buffer. Nothing that the camera draws is farther than 0.
-fn depth_of(value: f32) -> f32 {
+fn depth_from_buffer(value: f32) -> f32 {
     return clamp((value - view.depth_range.x) / view.depth_range.y, 0.0, 1.0);
 }
 
 // Returns the value of the depth buffer for a depth.
-fn buffered(depth: f32) -> f32 {
+fn buffer_from_depth(depth: f32) -> f32 {
     return view.depth_range.x + depth * view.depth_range.y;
 }
 
 // Returns the distance along the view axis for a depth (reverse z).
-fn view_distance(ndc: f32) -> f32 {
+fn distance_from_depth(ndc: f32) -> f32 {
     let slope = view.depth.x - ndc * view.depth.z;
     let offset = view.depth.y - ndc * view.depth.w;
     // With an infinite far plane, the slope is 0 where nothing was drawn.
@@ -157,7 +157,7 @@ fn view_distance(ndc: f32) -> f32 {
 }
 
 // Returns the depth for a distance along the view axis.
-fn depth_value(distance: f32) -> f32 {
+fn depth_from_distance(distance: f32) -> f32 {
     return (view.depth.y - distance * view.depth.x) / (view.depth.w - distance * view.depth.z);
 }
 
@@ -179,7 +179,7 @@ fn pack_owner(owner: u32) -> vec2<f32> {
 }
 
 // Returns what `pack_owner` packed.
-fn packed_owner(texel: vec4<f32>) -> u32 {
+fn unpack_owner(texel: vec4<f32>) -> u32 {
     return u32(texel.r) + (u32(texel.g) << 11u);
 }
 
@@ -188,13 +188,13 @@ const AS_TRAINED: u32 = 0x10000u;
 
 // Returns the owner of a posterized pixel, or 0.
 fn owner_of(texel: vec4<f32>) -> u32 {
-    let owner = packed_owner(texel);
+    let owner = unpack_owner(texel);
     return select(owner, 0u, owner >= AS_TRAINED);
 }
 
 // Returns the owner of a pixel, posterized or as trained, or 0.
 fn prop_of(texel: vec4<f32>) -> u32 {
-    return packed_owner(texel) & (AS_TRAINED - 1u);
+    return unpack_owner(texel) & (AS_TRAINED - 1u);
 }
 
 // Packs the prop that is solid nearest to the camera, and whether it lets no light through. 0 means that there is none.
@@ -212,7 +212,7 @@ fn shows_through(texel: u32) -> bool {
 }
 
 // The smallest depth of a pixel where a prop was drawn. 0 means that there is no prop. Where it is not solid, the depth
-// is this, or the result of `packed_haze`.
+// is this, or the result of `pack_haze`.
 const LEAST_DEPTH: f32 = 1e-30;
 const LEAST_DEPTH_BITS: u32 = 0x0da24260u;
 // The smallest depth of a pixel where a prop is solid: its bits are 1 << 27 more.
@@ -221,7 +221,7 @@ const LEAST_SOLID_DEPTH: f32 = 6.5536e-26;
 // Returns the depth where a prop is solid. `distance` is along the view axis, from where its rays
 // begin.
 fn solid_depth(prop: u32, distance: f32) -> f32 {
-    return clamp(depth_value(props[prop].near + distance), LEAST_SOLID_DEPTH, 1.0);
+    return clamp(depth_from_distance(props[prop].near + distance), LEAST_SOLID_DEPTH, 1.0);
 }
 
 // Returns whether the depth of a pixel is that of a solid prop.
@@ -229,14 +229,14 @@ fn is_solid(depth: f32) -> bool {
     return depth >= LEAST_SOLID_DEPTH;
 }
 
-// Returns the largest number for the depth of haze in a view with so many props.
+// Returns the largest number for the depth of haze in a view of `props` props.
 fn haze_steps(props: u32) -> u32 {
     return min((1u << 27u) / props, 1u << 23u) - 1u;
 }
 
-// Packs one of so many props and the depth of its haze between LEAST_DEPTH and LEAST_SOLID_DEPTH. The root keeps the
+// Packs one of `props` props and the depth of its haze between LEAST_DEPTH and LEAST_SOLID_DEPTH. The root keeps the
 // digits of small depths.
-fn packed_haze(prop: u32, depth: f32, props: u32) -> f32 {
+fn pack_haze(prop: u32, depth: f32, props: u32) -> f32 {
     let root = u32(f32(haze_steps(props)) * sqrt(sqrt(clamp(depth, 0.0, 1.0))));
     return bitcast<f32>(LEAST_DEPTH_BITS + root * props + prop);
 }
@@ -245,13 +245,13 @@ fn haze_bits(packed: f32) -> u32 {
     return max(bitcast<u32>(packed), LEAST_DEPTH_BITS) - LEAST_DEPTH_BITS;
 }
 
-// Returns the depth that `packed_haze` packed.
-fn unpacked_haze(packed: f32, props: u32) -> f32 {
+// Returns the depth that `pack_haze` packed.
+fn unpack_haze(packed: f32, props: u32) -> f32 {
     let root = f32(haze_bits(packed) / props) / f32(haze_steps(props));
     return root * root * root * root;
 }
 
-// Returns the prop that `packed_haze` packed.
+// Returns the prop that `pack_haze` packed.
 fn haze_prop(packed: f32, props: u32) -> u32 {
     return haze_bits(packed) % props;
 }

@@ -8,7 +8,7 @@
 #import bevy_plenoctree::recolor::recolored
 #endif
 #import bevy_plenoctree::view::{
-    is_solid_prop, motion_of, pack_owner, packed_haze, props, shows_through, view,
+    is_solid_prop, motion_of, pack_owner, pack_haze, props, shows_through, view,
 }
 #ifdef RECOLORED
 #import bevy_plenoctree::view::labelings
@@ -63,7 +63,7 @@ struct Fragment {
     @location(1) owner: vec4<f32>,
 #endif
     // The depth of the nearest solid part of any prop: all props write the same depth, in any order. Where none is solid,
-    // the result of `packed_haze`.
+    // the result of `pack_haze`.
     @builtin(frag_depth) depth: f32,
 #ifdef MOTION
     // How the solid part has moved. Blending writes it only where alpha is 1.
@@ -121,9 +121,9 @@ fn fragment(in: Varying) -> Fragment {
         discard;
     }
 #ifdef FOG
-    let haze = packed_haze(in.prop, solid_depth_at(seen, in.prop, middle / opacity), view.props);
+    let haze = pack_haze(in.prop, solid_depth_at(seen, in.prop, middle / opacity), view.props);
 #else
-    let haze = packed_haze(in.prop, 0.0, view.props);
+    let haze = pack_haze(in.prop, 0.0, view.props);
 #endif
     // Leaves that were not reached take the average color of the others.
     if transmittance < stop {

@@ -71,7 +71,7 @@ mod gpu;
 #[cfg(feature = "headless")]
 pub mod headless;
 mod ink;
-#[cfg(feature = "shadows")]
+#[cfg_attr(not(feature = "shadows"), allow(dead_code, reason = "only this feature lights props"))]
 mod lighting;
 #[cfg(feature = "mesh")]
 mod mesh;

@@ -21,6 +21,7 @@ use crate::{
     camera::{LabelStages, PosterizeView, PropPlacement},
     gpu::{GpuField, Level},
     ink::{Ink, InkBorders, InkColor, MAX_INK_PIXELS},
+    lighting::PropLighting,
     palette::{FieldPalette, PaletteExtraction, PaletteOverride, Palettes},
     posterize::{BeforePalette, Posterize},
     prop::{Prop, PropTint, SolidOpacity},
@@ -60,25 +61,18 @@ pub(super) struct ExtractedProp {
     /// The index of the prop with its earlier field, which is drawn until this one is on the GPU.
     pub stand_in: Option<usize>,
     /// How the scene's lights fall on it.
-    #[cfg(feature = "shadows")]
-    pub lighting: Option<crate::lighting::PropLighting>,
+    pub lighting: Option<PropLighting>,
 }
 
 impl ExtractedProp {
     /// Returns whether the scene's lights fall on it.
     pub fn is_lit(&self) -> bool {
-        #[cfg(feature = "shadows")]
-        return self.lighting.is_some();
-        #[cfg(not(feature = "shadows"))]
-        return false;
+        self.lighting.is_some()
     }
 
     /// Returns whether they make it brighter.
     pub fn is_brightened(&self) -> bool {
-        #[cfg(feature = "shadows")]
-        return self.lighting.is_some_and(|lighting| lighting.brightness > 0.0);
-        #[cfg(not(feature = "shadows"))]
-        return false;
+        self.lighting.is_some_and(|lighting| lighting.brightness > 0.0)
     }
 }
 
@@ -322,6 +316,7 @@ type PropColors = (
     Option<&'static Recolor>,
     Option<&'static PaletteOverride>,
     Option<&'static Ink>,
+    Option<&'static PropLighting>,
 );
 
 /// The components that determine what a camera draws.
@@ -354,7 +349,8 @@ pub(super) fn extract_props(
     written.clear();
     index.clear();
     let mut writer = PaletteWriter { colors, written };
-    for (entity, (prop, drawn), solid, (tint, posterize, recolor, own, ink), transform, visibility) in &props {
+    for (entity, (prop, drawn), solid, (tint, posterize, recolor, own, ink, lighting), transform, visibility) in &props
+    {
         if !visibility.get() {
             continue;
         }
@@ -384,8 +380,7 @@ pub(super) fn extract_props(
                 recolor: recolor.map(|palette| writer.write(handle.id(), palette, own)),
                 ink: ink.filter(|_| posterize.is_some()).and_then(|ink| ExtractedInk::new(ink, writer.colors)),
                 stand_in,
-                #[cfg(feature = "shadows")]
-                lighting: None,
+                lighting: lighting.filter(|_| cfg!(feature = "shadows")).map(|lighting| lighting.clamped()),
             });
             Some(list.len() - 1)
         };
@@ -418,23 +413,20 @@ pub(super) fn extract_props(
         let ink = ink.and_then(|ink| ExtractedInk::new(ink, writer.colors));
         let placement = placement.copied().unwrap_or_default();
         let quality = quality.copied().unwrap_or_default().clamped();
-        if let Ok(mut view) = views.get_mut(entity) {
-            view.props.clear();
-            view.props.extend(seen);
-            (view.view_posterize, view.placement, view.quality, view.ink) = (view_posterize, placement, quality, ink);
-            view.stages.clear();
-            view.stages.extend(stages.iter().flat_map(|stages| &stages.0).cloned());
-            view.has_motion = has_motion && placement == PropPlacement::Scene;
-        } else {
-            let props: Vec<_> = seen.collect();
-            // A camera that has seen no prop yet has no component of the plugin.
-            if !props.is_empty() || view_posterize.is_some() {
-                let has_motion = has_motion && placement == PropPlacement::Scene;
-                let stages = stages.map(|stages| stages.0.clone()).unwrap_or_default();
-                let visible =
-                    VisibleProps { props, view_posterize, placement, quality, ink, stages, has_motion, ..default() };
-                commands.entity(entity).insert(visible);
-            }
+        let mut new = None;
+        let view = match views.get_mut(entity) {
+            Ok(view) => view.into_inner(),
+            Err(_) => new.insert(VisibleProps::default()),
+        };
+        view.props.clear();
+        view.props.extend(seen);
+        (view.view_posterize, view.placement, view.quality, view.ink) = (view_posterize, placement, quality, ink);
+        view.stages.clear();
+        view.stages.extend(stages.iter().flat_map(|stages| &stages.0).cloned());
+        view.has_motion = has_motion && placement == PropPlacement::Scene;
+        // A camera that has seen no prop yet has no component of the plugin.
+        if let Some(new) = new.filter(|view| !view.is_empty()) {
+            commands.entity(entity).insert(new);
         }
     }
 }

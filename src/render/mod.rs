@@ -35,14 +35,17 @@ pub use passes::LIGHTING_SPANS;
 pub use passes::{POSTERIZE_SPANS, VOLUME_SPANS};
 
 use bevy::{
-    core_pipeline::schedule::{Core3d, Core3dSystems},
+    core_pipeline::{
+        core_3d::{main_opaque_pass_3d, main_transparent_pass_3d},
+        schedule::{Core3d, Core3dSystems},
+    },
     prelude::*,
     render::{ExtractSchedule, Render, RenderApp, RenderSystems},
 };
 
 use self::{
     frame::{Place, run},
-    order::{order_after_opaque, order_last},
+    order::OrderPasses,
 };
 use crate::{camera::PropPlacement, sets::PlenOctreeRenderSystems};
 
@@ -95,12 +98,20 @@ fn add_passes(render_app: &mut SubApp) {
     }
     let display = PropPlacement::Display;
     render_app
-        .configure_sets(Core3d, Objects.after(Present(display)).in_set(PassesAt(display)))
+        .configure_sets(
+            Core3d,
+            (
+                Objects.after(Present(display)).in_set(PassesAt(display)),
+                PassesAt(display).in_set(Core3dSystems::PostProcess),
+                PassesInScene
+                    .after(main_opaque_pass_3d)
+                    .before(main_transparent_pass_3d)
+                    .in_set(Core3dSystems::MainPass),
+            ),
+        )
         .add_systems(Core3d, run.with_input((Place::Objects, display)).after(passes::draw_objects).in_set(Objects))
-        // Tonemapping and effects of other plugins swap the view's textures. A pass that is not ordered relative to
-        // them may draw to the wrong texture.
         .edit_schedule(Core3d, |schedule| {
-            order_last(schedule, PassesAt(display), Core3dSystems::PostProcess);
-            order_after_opaque(schedule, PassesInScene);
+            let order = OrderPasses { scene: PassesInScene.intern(), display: PassesAt(display).intern() };
+            schedule.add_build_pass(order);
         });
 }

@@ -18,34 +18,19 @@ use bevy::{
 };
 use indexmap::IndexSet;
 
-/// Orders the systems in `last` after all other systems in `set`, including those that are added later.
-pub(super) fn order_last(schedule: &mut Schedule, last: impl SystemSet, set: impl SystemSet) {
-    schedule.configure_sets(last.intern().in_set(set.intern()));
-    schedule.add_build_pass(OrderPass(LastInSet { set: set.intern(), last: last.intern() }));
-}
-
-/// Makes the systems in `props` the last ones that draw opaque things. They run between the opaque and the transparent
-/// main pass: before the main pass's own systems there, such as the one for objects that transmit light, which copies
-/// what is behind them; and after all others, such as the one that draws the sky.
-///
-/// An order that another plugin requests takes precedence.
-pub(super) fn order_after_opaque(schedule: &mut Schedule, props: impl SystemSet) {
-    schedule.configure_sets(
-        props.intern().after(main_opaque_pass_3d).before(main_transparent_pass_3d).in_set(Core3dSystems::MainPass),
-    );
-    schedule.add_build_pass(OrderPass(AfterOpaque(props.intern())));
-}
-
-/// Adds dependencies when the schedule is built.
-trait Order: std::fmt::Debug + Send + Sync + 'static {
-    /// Returns pairs of systems, the first of which must run before the second.
-    fn pairs(&self, graph: &mut ScheduleGraph, known: &DiGraph<SystemKey>) -> Vec<(SystemKey, SystemKey)>;
-}
-
+/// Orders the systems that draw props, when the schedule is built. An order that another plugin requests takes precedence.
 #[derive(Debug)]
-struct OrderPass<T>(T);
+pub(super) struct OrderPasses {
+    /// Makes these the last ones that draw opaque things. They run between the opaque and the transparent main pass:
+    /// before the main pass's own systems there, such as the one for objects that transmit light, which copies what is
+    /// behind them; and after all others, such as the one that draws the sky.
+    pub scene: InternedSystemSet,
+    /// Makes these the last ones of post-processing. Tonemapping and effects of other plugins swap the view's textures, so
+    /// a pass that is not ordered relative to them may draw to the wrong texture.
+    pub display: InternedSystemSet,
+}
 
-impl<T: Order> ScheduleBuildPass for OrderPass<T> {
+impl ScheduleBuildPass for OrderPasses {
     type EdgeOptions = ();
 
     fn add_dependency(&mut self, _: NodeId, _: NodeId, _: Option<&()>) {}
@@ -65,44 +50,40 @@ impl<T: Order> ScheduleBuildPass for OrderPass<T> {
         graph: &mut ScheduleGraph,
         mut dependencies: FlattenedDependencies<'_>,
     ) -> Result<(), ScheduleBuildError> {
-        for (first, second) in self.0.pairs(graph, dependencies.graph()) {
+        let mut pairs = after_opaque(graph, dependencies.graph(), self.scene);
+        pairs.extend(last_in(graph, Core3dSystems::PostProcess.intern(), self.display));
+        for (first, second) in pairs {
             dependencies.add_edge(first, second);
         }
         Ok(())
     }
 }
 
-#[derive(Debug)]
-struct LastInSet {
-    set: InternedSystemSet,
-    last: InternedSystemSet,
+/// Returns pairs of systems, the first of which must run before the second, so that those in `last` are the last ones in
+/// `set`.
+fn last_in(graph: &mut ScheduleGraph, set: InternedSystemSet, last: InternedSystemSet) -> Vec<(SystemKey, SystemKey)> {
+    let last = systems_in(graph, last);
+    let others = systems_in(graph, set);
+    others.difference(&last).flat_map(|other| last.iter().map(|system| (*other, *system))).collect()
 }
 
-impl Order for LastInSet {
-    fn pairs(&self, graph: &mut ScheduleGraph, _: &DiGraph<SystemKey>) -> Vec<(SystemKey, SystemKey)> {
-        let last = systems_in(graph, self.last);
-        let others = systems_in(graph, self.set);
-        others.difference(&last).flat_map(|other| last.iter().map(|system| (*other, *system))).collect()
-    }
-}
-
-#[derive(Debug)]
-struct AfterOpaque(InternedSystemSet);
-
-impl Order for AfterOpaque {
-    fn pairs(&self, graph: &mut ScheduleGraph, known: &DiGraph<SystemKey>) -> Vec<(SystemKey, SystemKey)> {
-        let props = systems_in(graph, self.0);
-        let opaque = systems_in(graph, main_opaque_pass_3d.into_system_set().intern());
-        let transparent = systems_in(graph, main_transparent_pass_3d.into_system_set().intern());
-        let main_pass = systems_in(graph, Core3dSystems::MainPass.intern());
-        let (earlier, later) = (linked(known, &props, Direction::Incoming), linked(known, &props, Direction::Outgoing));
-        let after_opaque = linked(known, &opaque, Direction::Outgoing);
-        let before_transparent = linked(known, &transparent, Direction::Incoming);
-        let between = after_opaque.intersection(&before_transparent);
-        let free = between.filter(|other| ![&props, &earlier, &later].iter().any(|set| set.contains(*other)));
-        let pair = |other, system| if main_pass.contains(&other) { (system, other) } else { (other, system) };
-        free.flat_map(|other| props.iter().map(move |system| pair(*other, *system))).collect()
-    }
+/// Returns such pairs that make the systems in `props` the last ones that draw opaque things.
+fn after_opaque(
+    graph: &mut ScheduleGraph,
+    known: &DiGraph<SystemKey>,
+    props: InternedSystemSet,
+) -> Vec<(SystemKey, SystemKey)> {
+    let props = systems_in(graph, props);
+    let opaque = systems_in(graph, main_opaque_pass_3d.into_system_set().intern());
+    let transparent = systems_in(graph, main_transparent_pass_3d.into_system_set().intern());
+    let main_pass = systems_in(graph, Core3dSystems::MainPass.intern());
+    let (earlier, later) = (linked(known, &props, Direction::Incoming), linked(known, &props, Direction::Outgoing));
+    let after_opaque = linked(known, &opaque, Direction::Outgoing);
+    let before_transparent = linked(known, &transparent, Direction::Incoming);
+    let between = after_opaque.intersection(&before_transparent);
+    let free = between.filter(|other| ![&props, &earlier, &later].iter().any(|set| set.contains(*other)));
+    let pair = |other, system| if main_pass.contains(&other) { (system, other) } else { (other, system) };
+    free.flat_map(|other| props.iter().map(move |system| pair(*other, *system))).collect()
 }
 
 /// Returns the systems in a set and in its nested sets.

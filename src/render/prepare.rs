@@ -194,7 +194,7 @@ fn plan_views(
         view.buffers.set_first_drawn(&device, &queue, first_drawn);
     }
     readiness.waiting.clone_from(&pipelines.waiting);
-    readiness.is_complete = views.iter().all(|(.., view)| view.is_complete());
+    readiness.is_complete = views.iter().all(|(.., view)| view.is_complete);
     if rests && comparison.is_none() {
         commands.insert_resource(Comparison::new(&cache, &shaders));
     }

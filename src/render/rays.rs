@@ -164,7 +164,7 @@ pub(super) fn near_plane(clip_from_view: Mat4) -> f64 {
 
 /// Returns how many times the width of cells, `size` pixels, can be doubled without exceeding `wanted` pixels.
 pub(super) fn levels_coarser(size: f64, wanted: f32) -> u32 {
-    // The cast saturates, and converts NaN to 0.
+    // The cast turns less than 0 into 0.
     (f64::from(wanted) / size).log2().floor().min(32.0) as u32
 }
 

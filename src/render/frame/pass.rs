@@ -7,7 +7,10 @@ use bevy::{
 };
 
 use super::slot::{Buffer, Slot};
-use crate::{gpu::TreeShape, render::plan::Feature};
+use crate::{
+    gpu::TreeShape,
+    render::plan::{Feature, Plan},
+};
 
 /// A render pass of a view.
 pub(in crate::render) struct Pass {
@@ -30,8 +33,6 @@ pub(in crate::render) struct Pass {
     pub zeroes: Option<Buffer>,
     /// The number of samples per pixel.
     pub samples: u32,
-    /// The pixels that its fullscreen draws cover.
-    pub area: Area,
     /// Its pipelines.
     pub programs: Vec<Program>,
     pub draws: Vec<Draw>,
@@ -51,7 +52,6 @@ impl Pass {
             clear: None,
             zeroes: None,
             samples: 1,
-            area: Area::Drawn,
             programs: vec![program],
             draws: vec![Draw::triangle(0)],
         }
@@ -60,6 +60,17 @@ impl Pass {
     /// Returns whether it writes depth.
     pub fn writes_depth(&self) -> bool {
         self.depth.is_some() && self.programs.iter().any(|program| program.depth_test.writes)
+    }
+
+    /// Returns the pixels that are drawn of its attachments: of textures of the target's size the drawn part of the view,
+    /// and all of others.
+    pub fn area(&self, plan: &Plan) -> URect {
+        match self.writes.iter().flatten().chain(&self.depth).next() {
+            Some(Output::Texture(slot)) if !slot.is_of_target() => {
+                URect { min: UVec2::ZERO, max: slot.rays().size(plan.rect.size, plan.spacing) }
+            }
+            _ => URect { min: plan.corner(), max: plan.corner() + plan.rect.size },
+        }
     }
 
     /// Returns whether it may leave out props whose pipelines are not ready, and draw the others.
@@ -129,19 +140,6 @@ pub(in crate::render) enum Clear {
     White,
     /// Black, with an alpha of -1.
     NegativeAlpha,
-}
-
-/// The pixels that a fullscreen draw covers.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(in crate::render) enum Area {
-    /// The drawn part of the view, in the view's own textures.
-    Drawn,
-    /// The rays of its grid.
-    Grid,
-    /// The squares of its batches.
-    Batches,
-    /// The drawn part of the view, in the camera's target.
-    Target,
 }
 
 /// A pipeline of a pass, besides what the pass determines.
@@ -247,7 +245,7 @@ pub(in crate::render) struct Draw {
     pub field: Option<BindGroup>,
     pub vertices: std::ops::Range<u32>,
     pub instance: u32,
-    /// The pixels that it may write, in the attachments. All of the pass's area if `None`.
+    /// The pixels that it may write, in the attachments. All that are drawn if `None`.
     pub scissor: Option<URect>,
 }
 

@@ -18,26 +18,21 @@ use super::view::PropView;
 use super::{
     buffers::PaletteBuffer,
     cache::{Cache, Comparison, light},
-    pass::{Area, CachedResult, Clear, Input, Output, Pass, Place},
+    pass::{CachedResult, Clear, Input, Output, Pass, Place},
     pipelines::Pipelines,
-    slot::{BATCH, Buffer, Slot, batches, grid_size},
+    slot::{Buffer, Slot},
 };
 use crate::{camera::PropPlacement, render::plan::Feature};
 
-/// Bind group 0 of passes that read Bevy's lights, and its offsets. A component of views that have such passes.
-#[derive(Component)]
+/// Bind group 0 of passes that read Bevy's lights, and its offsets.
 pub(in crate::render) struct Lights {
     pub group: BindGroup,
     pub offsets: Vec<u32>,
 }
 
 /// What a view has besides its own textures.
-type Others = (
-    &'static ViewTarget,
-    &'static ViewDepthTexture,
-    Option<(&'static ViewPrepassTextures, Has<DepthPrepass>)>,
-    Option<&'static Lights>,
-);
+type Others =
+    (&'static ViewTarget, &'static ViewDepthTexture, Option<(&'static ViewPrepassTextures, Has<DepthPrepass>)>);
 
 /// What passes need.
 struct Frame<'a> {
@@ -48,7 +43,6 @@ struct Frame<'a> {
     target: &'a ViewTarget,
     depth: &'a ViewDepthTexture,
     prepass: Option<&'a ViewPrepassTextures>,
-    lights: Option<&'a Lights>,
 }
 
 /// Runs the passes of a view at one place in the frame. Those after the layer run only if the view's props are drawn at
@@ -62,22 +56,14 @@ pub(in crate::render) fn run(
     palettes: Res<PaletteBuffer>,
     mut ctx: RenderContext,
 ) {
-    let (mut view, (target, depth, prepass, lights)) = view.into_inner();
+    let (mut view, (target, depth, prepass)) = view.into_inner();
     if view.plan.placement != *placement && *place != Place::Layer {
         return;
     }
     let device = ctx.render_device().clone();
     let (prepass, has_depth) = prepass.unzip();
-    let frame = Frame {
-        device: &device,
-        cache: &cache,
-        pipelines: &pipelines,
-        palettes: &palettes,
-        target,
-        depth,
-        prepass,
-        lights,
-    };
+    let frame =
+        Frame { device: &device, cache: &cache, pipelines: &pipelines, palettes: &palettes, target, depth, prepass };
     view.is_drawn = true;
     let passes = std::mem::take(&mut view.passes);
     compare(*place, &passes, &mut view, &frame, comparison.as_deref(), &mut ctx);
@@ -141,7 +127,7 @@ fn draw(
     frame: &Frame,
     ctx: &mut RenderContext,
 ) -> Option<()> {
-    let PropView { plan, textures, buffers, groups, cached, .. } = view;
+    let PropView { plan, textures, buffers, groups, cached, lights, .. } = view;
     let (device, cache) = (frame.device, frame.cache);
     if let Some(buffer) = pass.zeroes {
         ctx.command_encoder().clear_buffer(textures.buffer_of(buffer)?, 0, None);
@@ -195,7 +181,7 @@ fn draw(
         .iter()
         .map(|program| {
             if program.lights {
-                return Some(frame.lights.map(|lights| lights.group.clone()));
+                return Some(lights.as_ref().map(|lights| lights.group.clone()));
             }
             let mut resources: Vec<BindingResource> = buffers.bindings(frame.palettes)?;
             if program.scene_depth.is_some() {
@@ -211,15 +197,7 @@ fn draw(
             Some(Some(groups.get(device, cache, &frame.pipelines.view_layout(program), &resources)))
         })
         .collect::<Option<_>>()?;
-    let area = match pass.area {
-        Area::Drawn => URect { min: UVec2::ZERO, max: plan.rect.size },
-        Area::Grid => URect { min: UVec2::ZERO, max: grid_size(plan.rect.size, plan.spacing) },
-        Area::Batches => URect { min: UVec2::ZERO, max: BATCH * batches(plan.rect.size, plan.spacing) },
-        Area::Target => {
-            let corner = plan.corner();
-            URect { min: corner, max: corner + plan.rect.size }
-        }
-    };
+    let area = pass.area(plan);
     let mut recorded = ctx.begin_tracked_render_pass(RenderPassDescriptor {
         label: Some(pass.name),
         color_attachments: &colors,
@@ -248,7 +226,8 @@ fn draw(
             continue;
         };
         recorded.set_render_pipeline(cache.get_render_pipeline(*ids.get(draw.program)?)?);
-        let offsets = frame.lights.filter(|_| program.lights).map_or(&[][..], |lights| &lights.offsets);
+        let lights = lights.as_ref().filter(|_| program.lights);
+        let offsets = lights.map_or(&[][..], |lights| &lights.offsets);
         recorded.set_bind_group(0, of_view, offsets);
         let mut next = 1;
         if let Some(field) = &draw.field {

@@ -75,6 +75,17 @@ pub(in crate::render) enum RaySet {
     Batches,
 }
 
+impl RaySet {
+    /// Returns the size of what holds those of `pixels`.
+    pub fn size(self, pixels: UVec2, spacing: u32) -> UVec2 {
+        match self {
+            Self::Pixels => pixels,
+            Self::Grid => (pixels + spacing - 1) / spacing,
+            Self::Batches => BATCH * batches(pixels, spacing),
+        }
+    }
+}
+
 pub(in crate::render) const DEPTH_FORMAT: TextureFormat = TextureFormat::Depth32Float;
 
 impl Slot {
@@ -95,6 +106,11 @@ impl Slot {
             Self::Places | Self::Even | Self::Odd => Rgba32Uint,
             Self::Objects | Self::ObjectSamples => return None,
         })
+    }
+
+    /// Returns whether it has the size of the camera's target.
+    pub fn is_of_target(self) -> bool {
+        matches!(self, Self::Objects | Self::ObjectSamples | Self::SceneDepth)
     }
 
     pub fn rays(self) -> RaySet {
@@ -128,11 +144,6 @@ pub(in crate::render) enum Buffer {
 pub(in crate::render) const BATCH: u32 = 32;
 /// The largest number of gaps in a batch. Matches `batch.wgsl`.
 pub(super) const MOST_GAPS: u32 = 256;
-
-/// Returns the number of rays of the grid for `size` pixels, along each axis.
-pub(in crate::render) fn grid_size(size: UVec2, spacing: u32) -> UVec2 {
-    (size + spacing - 1) / spacing
-}
 
 /// Returns the pixels along a side of the square of the view whose gaps form a batch.
 pub(in crate::render) fn batch_side(spacing: u32) -> u32 {

@@ -17,7 +17,7 @@ use bevy::{
 
 use super::{
     pass::{Input, Output, Pass},
-    slot::{BATCH, Buffer, MOST_GAPS, RaySet, Slot, batches, grid_size},
+    slot::{Buffer, MOST_GAPS, Slot, batches},
 };
 use crate::{gpu::Allocator, render::plan::Plan};
 
@@ -110,13 +110,8 @@ impl Textures {
     }
 
     fn texture(&mut self, device: &RenderDevice, slot: Slot, plan: &Plan) -> bool {
-        let (mut size, mut format, mut samples) = (self.size, slot.format(), 1);
-        match slot.rays() {
-            RaySet::Pixels => {}
-            RaySet::Grid => size = grid_size(size, plan.spacing),
-            RaySet::Batches => size = BATCH * batches(size, plan.spacing),
-        }
-        if let Slot::Objects | Slot::ObjectSamples | Slot::SceneDepth = slot {
+        let (mut size, mut format, mut samples) = (slot.rays().size(self.size, plan.spacing), slot.format(), 1);
+        if slot.is_of_target() {
             size = plan.target.size;
             format = format.or(Some(plan.target.format));
             samples = if slot == Slot::Objects { 1 } else { plan.samples };

@@ -2,7 +2,7 @@
 
 use bevy::{prelude::*, render::render_resource::CachedRenderPipelineId};
 
-use super::{bind_groups::BindGroups, buffers::ViewBuffers, cache::Cache, pass::Pass, textures::Textures};
+use super::{bind_groups::BindGroups, buffers::ViewBuffers, cache::Cache, pass::Pass, run::Lights, textures::Textures};
 #[cfg(feature = "shadows")]
 use crate::render::shades::Shades;
 use crate::{gpu::ViewTooLarge, render::plan::Plan};
@@ -22,6 +22,7 @@ pub(crate) struct PropView {
     pub(in crate::render) buffers: ViewBuffers,
     pub(in crate::render) groups: BindGroups,
     pub(in crate::render) cached: Cache,
+    pub(in crate::render) lights: Option<Lights>,
     #[cfg(feature = "shadows")]
     pub(in crate::render) shades: Shades,
     /// What determines the memory that it needs, when there was too little.
@@ -33,11 +34,6 @@ impl PropView {
     #[cfg(feature = "headless")]
     pub fn shortage(&self) -> Option<&ViewTooLarge> {
         self.shortage.as_ref().map(|(error, _)| error)
-    }
-
-    /// Returns whether nothing is left out because a pipeline is not ready.
-    pub fn is_complete(&self) -> bool {
-        self.is_complete
     }
 
     /// Lets the view draw nothing in this frame, and forgets what it drew.

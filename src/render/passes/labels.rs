@@ -48,10 +48,10 @@ pub(super) fn composite(plan: &Plan) -> Option<Pass> {
 /// The bilateral filter: in each iteration along rows, then along columns.
 pub(super) fn filter(plan: &Plan) -> Vec<Pass> {
     let iterations = if plan.posterizes { plan.iterations } else { 0 };
-    let directions = [(Slot::Even, Slot::Odd, Some("HORIZONTAL")), (Slot::Odd, Slot::Even, None)];
-    let pass = |iteration, (from, to, definition): (_, _, Option<&str>)| {
+    let directions = [(Slot::Even, Slot::Odd), (Slot::Odd, Slot::Even)];
+    let pass = |iteration, (from, to)| {
         let is_last = iteration + 1 == iterations && to == Slot::Even;
-        let program = definition.into_iter().fold(Program::new("filter"), Program::define).define_if(is_last, "LAST");
+        let program = Program::new("filter").define_if(to == Slot::Odd, "HORIZONTAL").define_if(is_last, "LAST");
         Pass {
             feature: Feature::Posterize,
             reads: vec![vec![Input::Texture(from)]],
@@ -150,7 +150,7 @@ pub(super) fn stages(plan: &Plan) -> Vec<Pass> {
     plan.stages.iter().enumerate().map(pass).collect()
 }
 
-/// Returns where the result of so many custom stages is. What is shown without them may be cached, so they leave it as it
+/// Returns where the result of the first `stages` custom stages is. What is shown without them may be cached, so they leave it as it
 /// is.
 pub(super) fn shown_after(stages: usize) -> Slot {
     match stages {

@@ -9,7 +9,7 @@ use bevy::{
     },
     prelude::*,
     render::{
-        Extract, ExtractSchedule, Render, RenderStartup,
+        Render, RenderStartup,
         globals::{GlobalsBuffer, GlobalsUniform},
         render_resource::{
             BindGroupEntries, BindGroupLayoutDescriptor, BindGroupLayoutEntries, PipelineCache, SamplerBindingType,
@@ -27,9 +27,8 @@ use plenoctree::palette::PaletteLabel;
 
 use crate::{
     lighting::PropLighting,
-    prop::Prop,
     render::{
-        extract::{ExtractedProps, VisibleProps, extract_props},
+        extract::{ExtractedProps, VisibleProps},
         frame::{
             Buffer, Clear, Draw, InitPipelines, Input, Lights, Output, Pass, Pipelines, Place, Program, PropView,
             RaySet, Slot,
@@ -161,18 +160,13 @@ pub(in crate::render) fn lit_props(plan: &Plan, extracted: &ExtractedProps, shad
 }
 
 pub(super) fn plugin(render_app: &mut SubApp) {
-    render_app
-        .add_systems(ExtractSchedule, extract_lighting.after(extract_props))
-        .add_systems(RenderStartup, init.after(InitPipelines))
-        .add_systems(
-            Render,
-            (
-                find_lamps
-                    .before(PlenOctreeRenderSystems::PlanViews)
-                    .in_set(bevy::render::RenderSystems::PrepareResources),
-                bind_lights.in_set(bevy::render::RenderSystems::PrepareBindGroups),
-            ),
-        );
+    render_app.add_systems(RenderStartup, init.after(InitPipelines)).add_systems(
+        Render,
+        (
+            find_lamps.before(PlenOctreeRenderSystems::PlanViews).in_set(bevy::render::RenderSystems::PrepareResources),
+            bind_lights.in_set(bevy::render::RenderSystems::PrepareBindGroups),
+        ),
+    );
 }
 
 /// What `bevy_pbr::shadows` reads of Bevy's mesh view, at the same places.
@@ -195,19 +189,6 @@ fn init(mut pipelines: ResMut<Pipelines>) {
     pipelines.lights = Some(BindGroupLayoutDescriptor::new("plenoctree_lights", &lights));
 }
 
-fn extract_lighting(mut extracted: ResMut<ExtractedProps>, props: Extract<Query<(Entity, &PropLighting), With<Prop>>>) {
-    let ExtractedProps { props: list, index, .. } = &mut *extracted;
-    for (entity, lighting) in &props {
-        let own = index.get(&entity).copied();
-        let stand_in = own.and_then(|own| list.get(own)?.stand_in);
-        for prop in [own, stand_in].into_iter().flatten() {
-            if let Some(prop) = list.get_mut(prop) {
-                prop.lighting = Some(lighting.clamped());
-            }
-        }
-    }
-}
-
 fn find_lamps(
     lamps: Query<(), With<ExtractedPointLight>>,
     mut views: Query<(&mut VisibleProps, Option<&ShadowFilteringMethod>)>,
@@ -218,8 +199,11 @@ fn find_lamps(
     }
 }
 
+/// What a view knows of Bevy's lights.
+type BevyLights<'a> =
+    (&'a ViewShadowBindings, &'a ViewClusterBindings, &'a ViewUniformOffset, &'a ViewLightsUniformOffset);
+
 fn bind_lights(
-    mut commands: Commands,
     device: Res<RenderDevice>,
     cache: Res<PipelineCache>,
     pipelines: Res<Pipelines>,
@@ -230,36 +214,27 @@ fn bind_lights(
         Option<Res<ShadowSamplers>>,
         Res<GlobalsBuffer>,
     ),
-    views: Query<(
-        Entity,
-        &PropView,
-        Option<(&ViewShadowBindings, &ViewClusterBindings, &ViewUniformOffset, &ViewLightsUniformOffset)>,
-    )>,
+    mut views: Query<(&mut PropView, Option<BevyLights<'static>>)>,
 ) {
-    for (entity, view, bevy) in &views {
-        let group = || {
-            let (maps, clusters, view_offset, lights_offset) =
-                bevy.filter(|_| view.plan.is_lit || view.plan.has_fog)?;
-            let entries = BindGroupEntries::with_indices((
-                (0, view_uniforms.uniforms.binding()?),
-                (1, meta.as_ref()?.view_gpu_lights.binding()?),
-                (2, &maps.point_light_depth_texture_view),
-                (3, &samplers.as_ref()?.point_light_comparison_sampler),
-                (5, &maps.directional_light_depth_texture_view),
-                (6, &samplers.as_ref()?.directional_light_comparison_sampler),
-                (8, clusterable.as_ref()?.gpu_clustered_lights.binding()?),
-                (9, clusters.clusterable_object_index_lists_binding()?),
-                (10, clusters.offsets_and_counts_binding()?),
-                (11, globals.buffer.binding()?),
-            ));
-            let layout = cache.get_bind_group_layout(pipelines.lights.as_ref()?);
-            let group = device.create_bind_group("plenoctree_lights", &layout, &entries);
-            Some(Lights { group, offsets: vec![view_offset.offset, lights_offset.offset] })
-        };
-        match group() {
-            Some(lights) => commands.entity(entity).insert(lights),
-            None => commands.entity(entity).remove::<Lights>(),
-        };
+    let lights = |(maps, clusters, view, lights): BevyLights| {
+        let entries = BindGroupEntries::with_indices((
+            (0, view_uniforms.uniforms.binding()?),
+            (1, meta.as_ref()?.view_gpu_lights.binding()?),
+            (2, &maps.point_light_depth_texture_view),
+            (3, &samplers.as_ref()?.point_light_comparison_sampler),
+            (5, &maps.directional_light_depth_texture_view),
+            (6, &samplers.as_ref()?.directional_light_comparison_sampler),
+            (8, clusterable.as_ref()?.gpu_clustered_lights.binding()?),
+            (9, clusters.clusterable_object_index_lists_binding()?),
+            (10, clusters.offsets_and_counts_binding()?),
+            (11, globals.buffer.binding()?),
+        ));
+        let layout = cache.get_bind_group_layout(pipelines.lights.as_ref()?);
+        let group = device.create_bind_group("plenoctree_lights", &layout, &entries);
+        Some(Lights { group, offsets: vec![view.offset, lights.offset] })
+    };
+    for (mut view, bevy) in &mut views {
+        view.lights = bevy.filter(|_| view.plan.is_lit || view.plan.has_fog).and_then(lights);
     }
 }
 

@@ -27,7 +27,7 @@ use bevy::{
 use crate::{
     camera::PropPlacement,
     render::{
-        frame::{Area, Clear, Input, Output, Pass, Place, Program, PropView, RaySet, Slot, run},
+        frame::{Clear, Input, Output, Pass, Place, Program, PropView, RaySet, Slot, run},
         plan::{Feature, Plan},
     },
     sets::PlenOctreeRenderSystems,
@@ -47,7 +47,6 @@ pub(super) fn hide_objects(plan: &Plan) -> Vec<Pass> {
             reads,
             depth: Some(Output::Target),
             samples: plan.samples,
-            area: Area::Target,
             ..Pass::fullscreen(name, place, None, program)
         }
     };
@@ -78,7 +77,6 @@ pub(super) fn under_objects(plan: &Plan) -> Option<Pass> {
         writes: vec![Some(Output::Texture(slot))],
         clear: Some(Clear::Zero),
         samples: plan.samples,
-        area: Area::Target,
         ..Pass::fullscreen(UNDER_OBJECTS, Place::Present, None, program)
     })
 }
@@ -89,7 +87,6 @@ pub(super) fn objects(plan: &Plan) -> Option<Pass> {
         feature: Feature::Objects,
         reads: vec![prop_pixels(plan), vec![Input::Texture(Slot::Objects)]],
         writes: vec![Some(Output::Target)],
-        area: Area::Target,
         ..Pass::fullscreen(OBJECTS, Place::Objects, None, with_prop_pixels(plan, Program::new("objects")))
     })
 }

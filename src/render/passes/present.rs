@@ -5,7 +5,7 @@ use bevy::render::render_resource::{BlendComponent, BlendState, CompareFunction}
 
 use super::labels::{shown_after, space};
 use crate::render::{
-    frame::{Area, Blend, Draw, Input, Output, Pass, Place, Program, RaySet, Slot},
+    frame::{Blend, Draw, Input, Output, Pass, Place, Program, RaySet, Slot},
     plan::{Feature, Plan},
 };
 
@@ -38,7 +38,6 @@ pub(super) fn present(plan: &Plan) -> Vec<Pass> {
         writes,
         depth,
         samples,
-        area: Area::Target,
         draws: (0..programs.len()).map(Draw::triangle).collect(),
         programs,
         ..Pass::fullscreen(PRESENT, Place::Present, None, Program::new("present"))

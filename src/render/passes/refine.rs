@@ -10,7 +10,7 @@ use bevy::render::render_resource::CompareFunction;
 
 use super::volume::layer;
 use crate::render::{
-    frame::{Area, Buffer, CachedResult, Input, Output, Pass, Place, Program, RaySet, Slot},
+    frame::{Buffer, CachedResult, Input, Output, Pass, Place, Program, RaySet, Slot},
     plan::{Feature, Plan},
 };
 
@@ -28,7 +28,6 @@ pub(super) fn check(plan: &Plan) -> Pass {
         reads: vec![textures.into_iter().chain(buffers).collect()],
         writes: vec![Some(Output::Texture(Slot::Gaps))],
         zeroes: Some(Buffer::BatchCounts),
-        area: Area::Grid,
         ..Pass::fullscreen(CHECK, Place::Layer, Some(CachedResult::Layer), program)
     }
 }

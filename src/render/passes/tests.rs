@@ -102,7 +102,7 @@ fn drawn_props(headless: &mut Headless) -> usize {
 
 /// Returns whether a frame leaves out nothing.
 fn is_complete(headless: &mut Headless) -> bool {
-    view(headless).is_complete()
+    view(headless).is_complete
 }
 
 /// Props that are drawn stay while pipelines are compiled for what is new: another prop before them, labels, colors, fog,

@@ -20,8 +20,8 @@ use crate::{
     render::{
         extract::{ExtractedProps, VisibleProps},
         frame::{
-            Area, BATCH, Blend, CachedResult, Clear, Draw, Input, Output, Pass, Pipelines, Place, Program, RaySet,
-            Slot, batch_side, batches,
+            BATCH, Blend, CachedResult, Clear, Draw, Input, Output, Pass, Pipelines, Place, Program, RaySet, Slot,
+            batch_side, batches,
         },
         plan::{Feature, Overlap, Plan, PlannedProp},
     },
@@ -65,7 +65,7 @@ pub(super) fn solid(plan: &Plan, rays: RaySet) -> Vec<Pass> {
     let rounds = [(Slot::Nearest(rays), Slot::NearestDepth(rays)), (Slot::Opaque(rays), Slot::OpaqueDepth(rays))];
     let name = if rays == RaySet::Batches { SOLID_BATCHES } else { SOLID };
     let pass = |(round, (prop, depth)): (usize, (Slot, Slot))| {
-        let mut pass = marching(name, plan, rays);
+        let mut pass = marching(name, plan);
         pass.writes = vec![Some(Output::Texture(prop))];
         pass.depth = Some(Output::Texture(depth));
         if round > 0 {
@@ -105,7 +105,7 @@ pub(super) fn volume(plan: &Plan, rays: RaySet) -> Pass {
 
 /// Returns the volume pass without its draws.
 fn volume_of(plan: &Plan, rays: RaySet) -> Pass {
-    let mut pass = marching(if rays == RaySet::Batches { VOLUME_BATCHES } else { VOLUME }, plan, rays);
+    let mut pass = marching(if rays == RaySet::Batches { VOLUME_BATCHES } else { VOLUME }, plan);
     let slots = [Slot::Nearest(rays), Slot::NearestDepth(rays), Slot::Opaque(rays), Slot::OpaqueDepth(rays)];
     if plan.overlaps {
         pass.reads = vec![slots.map(Input::Texture).to_vec()];
@@ -169,16 +169,11 @@ fn volume_program(plan: &Plan, rays: RaySet, kind: Kind) -> Program {
 }
 
 /// Returns a pass that marches through props.
-fn marching(name: &'static str, plan: &Plan, rays: RaySet) -> Pass {
+fn marching(name: &'static str, plan: &Plan) -> Pass {
     let mut pass = Pass::fullscreen(name, Place::Layer, Some(CachedResult::Layer), Program::new(""));
     pass.programs.clear();
     pass.draws.clear();
     pass.clear = Some(Clear::Zero);
-    pass.area = match rays {
-        RaySet::Pixels => Area::Drawn,
-        RaySet::Grid => Area::Grid,
-        RaySet::Batches => Area::Batches,
-    };
     pass.feature = if plan.is_sparse() { Feature::Sparse } else { Feature::Base };
     pass
 }

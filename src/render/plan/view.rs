@@ -132,7 +132,7 @@ pub(in crate::render) enum Overlap {
     Solid,
 }
 
-/// What a view can do without until its pipelines are compiled. What is given up last comes first.
+/// What a view can do without until its pipelines are compiled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(in crate::render) enum Feature {
     /// Drawing props at all.
@@ -190,8 +190,8 @@ impl Plan {
         self.posterizes || self.is_lit || self.is_sparse()
     }
 
-    /// Returns something that takes other pipelines for the same props, which this frame has and the last one had not. It
-    /// can wait until those are compiled.
+    /// Returns a feature that is new in this frame and needs other pipelines for props that are already drawn. It can wait
+    /// until those are compiled.
     pub fn new_feature(&self, last: &Self) -> Option<Feature> {
         let of = |plan: &Self| {
             let recolors = plan.props.iter().any(|prop| prop.may_recolor);

@@ -87,13 +87,14 @@ pub(super) fn prepare_maps(
     mut maps: Query<(&ExtractedView, &mut MapProps)>,
 ) {
     for (view, mut map) in &mut maps {
-        let MapProps { order, filled, drawn, cached, allocator, view: uniform, props, .. } = &mut *map;
+        let MapProps { order, filled, drawn, cached, allocator, view: uniform, props, groups, group } = &mut *map;
         let size = view.viewport.zw();
         let uniforms = props.get_mut();
         filled.clear();
         drawn.clear();
         uniforms.clear();
         cached.begin();
+        groups.begin();
         for Caster { entity, index, level } in order {
             let Some(prop) = extracted.props.get(*index) else {
                 continue;
@@ -157,6 +158,8 @@ pub(super) fn prepare_maps(
         *uniform.get_mut() = ViewUniform { size, depth, spacing: 1, ..default() };
         uniform.write_buffer(&device, &queue);
         props.write_buffer(&device, &queue);
+        let bindings = uniform.binding().zip(props.binding());
+        *group = bindings.map(|(view, props)| groups.get(&device, &cache, &pipeline.view, &[view, props]));
     }
 }
 
@@ -165,20 +168,5 @@ fn push(calls: &mut Vec<Drawn>, uniforms: &mut Vec<PropUniform>, call: &Drawn, p
     for rect in parts(call.rect, size) {
         calls.push(Drawn { rect, instance: uniforms.len() as u32, ..call.clone() });
         uniforms.push(prop.drawn_to(clip_from_part(rect, size)));
-    }
-}
-
-pub(super) fn prepare_bind_groups(
-    device: Res<RenderDevice>,
-    cache: Res<PipelineCache>,
-    pipeline: Res<ShadowPipeline>,
-    mut maps: Query<&mut MapProps>,
-) {
-    for mut map in &mut maps {
-        let MapProps { drawn, view, props, groups, group, .. } = &mut *map;
-        groups.begin();
-        if let (false, Some(view), Some(props)) = (drawn.is_empty(), view.binding(), props.binding()) {
-            *group = Some(groups.get(&device, &cache, &pipeline.view, &[view, props]));
-        }
     }
 }

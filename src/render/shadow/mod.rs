@@ -26,7 +26,7 @@ use bevy::{
     pbr::{LATE_SHADOW_PASS, ShadowView, per_view_shadow_pass, shared_shadow_pass},
     prelude::*,
     render::{
-        ExtractSchedule, GpuResourceAppExt, Render, RenderApp, RenderStartup, RenderSystems,
+        ExtractSchedule, GpuResourceAppExt, Render, RenderApp, RenderStartup,
         render_resource::SpecializedRenderPipelines,
     },
 };
@@ -49,7 +49,6 @@ pub(super) fn plugin(app: &mut App) {
             (
                 levels::choose_levels.in_set(PlenOctreeRenderSystems::ChooseLevels),
                 maps::prepare_maps.in_set(PlenOctreeRenderSystems::PlanViews),
-                maps::prepare_bind_groups.in_set(RenderSystems::PrepareBindGroups),
             ),
         )
         .add_systems(
