@@ -9,8 +9,6 @@ use plenoctree::{
     srgb::{decode, encode},
 };
 
-use crate::lighting::MAX_BRIGHTNESS;
-
 /// Colors that differ from gray by less than this have no hue.
 const GRAY: f64 = 0.08;
 /// The cosine of the angle within which hues count as the same.
@@ -78,8 +76,7 @@ impl Shades {
     /// linear light, and in it, what every label of the palette shows. `None` if there are too many.
     pub fn find(&mut self, palette: ShadedPalette, factors: &[f32]) -> Option<u32> {
         let bits: Vec<u32> = factors.iter().map(|factor| factor.to_bits()).collect();
-        // What becomes white. No factor exceeds the limit.
-        let white = palette.tint.max_element().recip().clamp(1.0, 1.0 + MAX_BRIGHTNESS);
+        let white = white(palette.tint, factors);
         let begin = (palette.first, palette.blend_steps, [&bits[..], &[white.to_bits()]].concat());
         if let Some(first) = self.begins.get(&begin) {
             return Some(*first);
@@ -118,6 +115,13 @@ impl Shades {
     pub fn colors(&self) -> &Vec<Vec4> {
         &self.colors
     }
+}
+
+/// Returns the linear light that becomes white. In steps, so that props with different tints share shades.
+fn white(tint: Vec3, factors: &[f32]) -> f32 {
+    let most = factors.iter().copied().fold(1.0, f32::max);
+    let room = tint.max_element().recip().max(1.0).min(most);
+    (0.25 * (4.0 * room.log2()).floor()).exp2()
 }
 
 /// Returns the colors of all labels of a palette.
