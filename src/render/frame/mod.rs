@@ -18,7 +18,8 @@ pub(super) use cache::Comparison;
 pub(super) use pass::{Blend, CachedResult, Clear, Draw, Fragment, Input, Output, Pass, Place, Program};
 pub(super) use pipelines::{InitPipelines, Pipelines};
 #[cfg(feature = "shadows")]
-pub(super) use run::Lights;
 pub(super) use run::run;
 pub(super) use slot::{BATCH, Buffer, RaySet, Slot, batch_side, batches};
+#[cfg(feature = "shadows")]
+pub(super) use view::Lights;
 pub(crate) use view::PropView;

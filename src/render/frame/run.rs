@@ -6,8 +6,8 @@ use bevy::{
     render::{
         diagnostic::RecordDiagnostics,
         render_resource::{
-            BindGroup, BindingResource, CachedRenderPipelineId, LoadOp, Operations, PipelineCache,
-            RenderPassColorAttachment, RenderPassDepthStencilAttachment, RenderPassDescriptor, StoreOp, TextureView,
+            BindingResource, CachedRenderPipelineId, LoadOp, Operations, PipelineCache, RenderPassColorAttachment,
+            RenderPassDepthStencilAttachment, RenderPassDescriptor, StoreOp, TextureView,
         },
         renderer::{RenderContext, RenderDevice, ViewQuery},
         view::{ViewDepthTexture, ViewTarget},
@@ -23,12 +23,6 @@ use super::{
     slot::{Buffer, Slot},
 };
 use crate::{camera::PropPlacement, render::plan::Feature};
-
-/// Bind group 0 of passes that read Bevy's lights, and its offsets.
-pub(in crate::render) struct Lights {
-    pub group: BindGroup,
-    pub offsets: Vec<u32>,
-}
 
 /// What a view has besides its own textures.
 type Others =

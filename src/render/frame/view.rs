@@ -1,8 +1,11 @@
 //! A view that draws props.
 
-use bevy::{prelude::*, render::render_resource::CachedRenderPipelineId};
+use bevy::{
+    prelude::*,
+    render::render_resource::{BindGroup, CachedRenderPipelineId},
+};
 
-use super::{bind_groups::BindGroups, buffers::ViewBuffers, cache::Cache, pass::Pass, run::Lights, textures::Textures};
+use super::{bind_groups::BindGroups, buffers::ViewBuffers, cache::Cache, pass::Pass, textures::Textures};
 #[cfg(feature = "shadows")]
 use crate::render::shades::Shades;
 use crate::{gpu::ViewTooLarge, render::plan::Plan};
@@ -27,6 +30,12 @@ pub(crate) struct PropView {
     pub(in crate::render) shades: Shades,
     /// What determines the memory that it needs, when there was too little.
     pub(in crate::render) shortage: Option<(ViewTooLarge, usize)>,
+}
+
+/// Bind group 0 of passes that read Bevy's lights, and its offsets.
+pub(in crate::render) struct Lights {
+    pub group: BindGroup,
+    pub offsets: Vec<u32>,
 }
 
 impl PropView {
