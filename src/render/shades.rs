@@ -77,7 +77,8 @@ impl Shades {
     pub fn find(&mut self, palette: ShadedPalette, factors: &[f32]) -> Option<u32> {
         let bits: Vec<u32> = factors.iter().map(|factor| factor.to_bits()).collect();
         let white = white(palette.tint, factors);
-        let begin = (palette.first, palette.blend_steps, [&bits[..], &[white.to_bits()]].concat());
+        let bits_of_white = white.to_array().map(f32::to_bits);
+        let begin = (palette.first, palette.blend_steps, [&bits[..], &bits_of_white].concat());
         if let Some(first) = self.begins.get(&begin) {
             return Some(*first);
         }
@@ -117,11 +118,11 @@ impl Shades {
     }
 }
 
-/// Returns the linear light that becomes white. In steps, so that props with different tints share shades.
-fn white(tint: Vec3, factors: &[f32]) -> f32 {
+/// Returns the linear light of each channel that becomes white. In steps, so that props with different tints share shades.
+fn white(tint: Vec3, factors: &[f32]) -> Vec3 {
     let most = factors.iter().copied().fold(1.0, f32::max);
-    let room = tint.max_element().recip().max(1.0).min(most);
-    (0.25 * (4.0 * room.log2()).floor()).exp2()
+    let white = |tint: f32| (0.25 * (4.0 * tint.recip().max(1.0).min(most).log2()).floor()).exp2();
+    tint.to_array().map(white).into()
 }
 
 /// Returns the colors of all labels of a palette.
@@ -140,7 +141,7 @@ fn ramps(source: &[Vec4], blend_steps: u32) -> impl Iterator<Item = Option<u32>>
 
 /// Multiplies the linear light of a color in encoded sRGB. What would get brighter than white, in linear light, moves
 /// toward it in Oklab instead.
-fn lightened(encoded: Vec3, factor: f32, white: f32) -> Vec3 {
+fn lightened(encoded: Vec3, factor: f32, white: Vec3) -> Vec3 {
     if factor == 1.0 {
         return encoded;
     }
@@ -245,7 +246,7 @@ mod tests {
         let shown: [Vec4; 5] = std::array::from_fn(|index| Vec4::new(0.5, 0.1 * index as f32, 0.2, 0.0));
         let colors = [&reds[..], &blues, &shown].concat();
         let found = shades(&colors, 1, &[0.4, 1.0, 5.0]);
-        let own = |index: usize, factor| lightened(shown[index].truncate(), factor, 1.0).extend(0.0);
+        let own = |index: usize, factor| lightened(shown[index].truncate(), factor, Vec3::ONE).extend(0.0);
         assert_eq!(found[..5], [own(0, 0.4), shown[0], shown[1], own(3, 0.4), shown[3]]);
         assert_eq!(found[5..10], shown);
         // The lightest ones do not show all of the light.
@@ -283,7 +284,7 @@ mod tests {
         let brown = [0.45, 0.75].map(|brown| Vec4::new(brown, 0.3 * brown, 0.2 * brown, 1.0));
         let colors = [&red[..], &brown, &red, &brown].concat();
         let found = shades(&colors, 1, &[0.4, 5.0]);
-        let own = |index: usize, factor| lightened(colors[index].truncate(), factor, 1.0).extend(0.0);
+        let own = |index: usize, factor| lightened(colors[index].truncate(), factor, Vec3::ONE).extend(0.0);
         let of = |index: usize| colors[index].truncate().extend(0.0);
         assert_eq!(found[..5], [own(0, 0.4), of(0), of(1), own(3, 0.4), of(3)]);
         let rest = |from: usize, to: usize| (5.0 * light(colors[from]) / light(colors[to])) as f32;
