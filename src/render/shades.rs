@@ -76,9 +76,13 @@ impl Shades {
     /// linear light, and in it, what every label of the palette shows. `None` if there are too many.
     pub fn find(&mut self, palette: ShadedPalette, factors: &[f32]) -> Option<u32> {
         let bits: Vec<u32> = factors.iter().map(|factor| factor.to_bits()).collect();
-        let white = white(palette.tint, factors);
-        let bits_of_white = white.to_array().map(f32::to_bits);
-        let begin = (palette.first, palette.blend_steps, [&bits[..], &bits_of_white].concat());
+        // Light first makes up for a dark tint. Only the rest of it leads to other labels.
+        let most = factors.iter().copied().fold(1.0, f32::max);
+        let room = room_of(palette.tint.dot(LUMA.as_vec3()), most);
+        let white = Vec3::from(palette.tint.to_array().map(|tint| room_of(tint, most)));
+        let steps: Vec<f32> = factors.iter().map(|factor| (factor / room).max(factor.min(1.0))).collect();
+        let of_tint = [room, white.x, white.y, white.z].map(f32::to_bits);
+        let begin = (palette.first, palette.blend_steps, [&bits[..], &of_tint].concat());
         if let Some(first) = self.begins.get(&begin) {
             return Some(*first);
         }
@@ -93,7 +97,7 @@ impl Shades {
         let key = Key {
             source: source.iter().map(|color| color.to_array().map(f32::to_bits)).collect(),
             blend_steps: palette.blend_steps,
-            factors: bits,
+            factors: steps.iter().map(|factor| factor.to_bits()).collect(),
         };
         let table = self.tables.entry(key).or_insert_with(|| {
             let ramps = ramps(source, palette.blend_steps);
@@ -101,13 +105,17 @@ impl Shades {
             let row = |factor: &f32| -> Vec<_> {
                 (0..labels.len()).map(|label| LabelColor::shade(&labels, label, f64::from(*factor))).collect()
             };
-            Table { shades: factors.iter().flat_map(row).collect(), is_used: true }
+            Table { shades: steps.iter().flat_map(row).collect(), is_used: true }
         });
         table.is_used = true;
         let first = self.colors.len() as u32;
         let shown: Vec<Vec3> = labels(shown, palette.blend_steps).map(|color| color.as_vec3()).collect();
-        let color = |shade: &Shade| lightened(shown[shade.label], shade.factor as f32, white).extend(0.0);
-        self.colors.extend(table.shades.iter().map(color));
+        let rows = table.shades.chunks(shown.len().max(1)).zip(factors.iter().zip(&steps));
+        self.colors.extend(rows.flat_map(|(row, (factor, step))| {
+            let made_up = if factor > step { factor / step } else { 1.0 };
+            let color = |shade: &Shade| lightened(shown[shade.label], shade.factor as f32 * made_up, white);
+            row.iter().map(color).map(|color| color.extend(0.0)).collect::<Vec<_>>()
+        }));
         self.begins.insert(begin, first);
         Some(first)
     }
@@ -118,11 +126,10 @@ impl Shades {
     }
 }
 
-/// Returns the linear light of each channel that becomes white. In steps, so that props with different tints share shades.
-fn white(tint: Vec3, factors: &[f32]) -> Vec3 {
-    let most = factors.iter().copied().fold(1.0, f32::max);
-    let white = |tint: f32| (0.25 * (4.0 * tint.recip().max(1.0).min(most).log2()).floor()).exp2();
-    tint.to_array().map(white).into()
+/// Returns the factor of light that makes up for a tint, or nearly: in steps, so that props with different tints share
+/// shades.
+fn room_of(tint: f32, most: f32) -> f32 {
+    (0.25 * (4.0 * tint.recip().max(1.0).min(most).log2()).floor()).exp2()
 }
 
 /// Returns the colors of all labels of a palette.
