@@ -17,7 +17,6 @@ pub(super) use buffers::PaletteBuffer;
 pub(super) use cache::Comparison;
 pub(super) use pass::{Blend, CachedResult, Clear, Draw, Fragment, Input, Output, Pass, Place, Program};
 pub(super) use pipelines::{InitPipelines, Pipelines};
-#[cfg(feature = "shadows")]
 pub(super) use run::run;
 pub(super) use slot::{BATCH, Buffer, RaySet, Slot, batch_side, batches};
 #[cfg(feature = "shadows")]
