@@ -66,31 +66,23 @@ fn everything_is_within_the_default_limits_of_webgpu() {
     assert_eq!(granted, expected);
 
     let (idle, view) = (stage.idle_stage(), PosterizeView(stage.field()));
-    let [plain, multisampled] = [(Msaa::Off, PropQuality::EXACT), (Msaa::Sample4, PropQuality::FAST)];
-    let [scene, display] = [PropPlacement::Scene, PropPlacement::Display];
-    for (kind, place, extras) in [
-        (plain, scene, "fog"),
-        (plain, scene, "view"),
-        (plain, display, "stages"),
-        (plain, display, "none"),
-        (multisampled, scene, "fog"),
-        (multisampled, scene, "stages"),
-        (multisampled, display, "view"),
-        (multisampled, display, "none"),
-    ] {
-        stage.set((kind, place, DepthPrepass, MotionVectorPrepass, Hdr));
-        match extras {
-            "fog" => stage.set(DistanceFog::default()),
-            "stages" => stage.set(idle.clone()),
-            "view" => stage.set((view.clone(), Posterize::default())),
-            _ => {}
+    for (msaa, quality) in [(Msaa::Off, PropQuality::EXACT), (Msaa::Sample4, PropQuality::FAST)] {
+        for place in [PropPlacement::Scene, PropPlacement::Display] {
+            for extras in ["none", "fog", "stages", "view"] {
+                stage.set((msaa, quality, place, DepthPrepass, MotionVectorPrepass, Hdr));
+                match extras {
+                    "fog" => stage.set(DistanceFog::default()),
+                    "stages" => stage.set(idle.clone()),
+                    "view" => stage.set((view.clone(), Posterize::default())),
+                    _ => stage.unset::<(DistanceFog, LabelStages, PosterizeView, Posterize)>(),
+                }
+                stage.wait();
+                // An error stops rendering, and is reported a frame later.
+                for _ in 0..2 {
+                    stage.headless.capture().unwrap_or_else(|error| panic!("{msaa:?}, {place:?}, {extras}: {error}"));
+                }
+            }
         }
-        stage.wait();
-        // An error stops rendering, and is reported a frame later.
-        for _ in 0..2 {
-            stage.headless.capture().unwrap_or_else(|error| panic!("{kind:?}, {place:?}, {extras}: {error}"));
-        }
-        stage.unset::<(DistanceFog, LabelStages, PosterizeView, Posterize)>();
     }
 }
 

@@ -292,9 +292,9 @@ fn crowds_shade_each_other_and_lamps_light_what_holds_them() {
     let mut scene = scene(1024);
     let field = shape(|at| if at.abs().max_element() < 0.5 { 1e4 } else { 0.0 });
     let shell = shape(|at| if (0.6..0.9).contains(&at.length()) { 1e4 } else { 0.0 });
-    let crowd: Vec<Cuboid> = (0..36)
+    let crowd: Vec<Cuboid> = (0..64)
         .map(|index| {
-            let (x, z) = (f64::from(index % 6) - 2.5, f64::from(index / 6) - 2.5);
+            let (x, z) = (f64::from(index % 8) - 3.5, f64::from(index / 8) - 3.5);
             Cuboid(DVec3::new(0.6 * x, 0.3 * f64::from(index % 3) - 0.6, 0.6 * z), 0.175)
         })
         .collect();

@@ -342,7 +342,7 @@ fn wide_gaussians_are_whole_at_every_depth() {
     let gaussian = Gaussian { position: Vec3::ZERO, scale: Vec3::splat(0.3), rotation: Quat::IDENTITY, opacity: 0.9 };
     splats.push(gaussian, &[Vec3::new(0.5, 0.0, -0.5)]);
     let bounds = Some((DVec3::splat(-1.0), DVec3::splat(1.0)));
-    for depth in [6, 8] {
+    for depth in [6, 8, 9] {
         let field = voxelize(&splats, &VoxelSettings { depth, leaves: 200_000, bounds }).unwrap();
         let found = psnr(&field, &splats, DVec3::ONE);
         assert!(found > 45.0, "{depth}: {found:.1} dB, {} leaves", field.leaves());
