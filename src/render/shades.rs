@@ -111,11 +111,11 @@ impl Shades {
         let first = self.colors.len() as u32;
         let shown: Vec<Vec3> = labels(shown, palette.blend_steps).map(|color| color.as_vec3()).collect();
         let rows = table.shades.chunks(shown.len().max(1)).zip(factors.iter().zip(&steps));
-        self.colors.extend(rows.flat_map(|(row, (factor, step))| {
+        for (row, (factor, step)) in rows {
             let made_up = if factor > step { factor / step } else { 1.0 };
             let color = |shade: &Shade| lightened(shown[shade.label], shade.factor as f32 * made_up, white);
-            row.iter().map(color).map(|color| color.extend(0.0)).collect::<Vec<_>>()
-        }));
+            self.colors.extend(row.iter().map(color).map(|color| color.extend(0.0)));
+        }
         self.begins.insert(begin, first);
         Some(first)
     }

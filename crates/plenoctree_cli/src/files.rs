@@ -15,6 +15,11 @@ pub fn create_folder(path: &Path) -> Result {
     Ok(fs::create_dir_all(path).map_err(|error| format!("{}: cannot be created: {error}", path.display()))?)
 }
 
+/// Returns the folder of a file.
+pub fn folder_of(path: &Path) -> &Path {
+    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
 /// Checks that inputs exist.
 pub fn check_inputs(inputs: &[&Path]) -> Result {
     for input in inputs {
@@ -38,9 +43,7 @@ pub fn check_outputs(outputs: &[&Path], inputs: &[&Path]) -> Result {
         if output.is_dir() {
             return Err(format!("{name}: is a folder; choose the name of a file").into());
         }
-        if let Some(folder) = output.parent().filter(|folder| !folder.as_os_str().is_empty()) {
-            create_folder(folder)?;
-        }
+        create_folder(folder_of(output))?;
         check_writable(output).map_err(|error| format!("{name}: cannot be written: {error}"))?;
     }
     Ok(())
@@ -118,10 +121,7 @@ fn check_writable(path: &Path) -> io::Result<()> {
 /// Whether two paths lead to the same file, which need not exist.
 pub fn is_same(a: &Path, b: &Path) -> bool {
     let place = |path: &Path| -> Option<PathBuf> {
-        fs::canonicalize(path).ok().or_else(|| {
-            let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-            Some(fs::canonicalize(folder).ok()?.join(path.file_name()?))
-        })
+        fs::canonicalize(path).ok().or_else(|| Some(fs::canonicalize(folder_of(path)).ok()?.join(path.file_name()?)))
     };
     place(a).is_some_and(|a| place(b).is_some_and(|b| a == b))
 }

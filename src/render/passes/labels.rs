@@ -150,8 +150,8 @@ pub(super) fn stages(plan: &Plan) -> Vec<Pass> {
     plan.stages.iter().enumerate().map(pass).collect()
 }
 
-/// Returns where the result of the first `stages` custom stages is. What is shown without them may be cached, so they leave it as it
-/// is.
+/// Returns where the result of the first `stages` custom stages is. What is shown without them may be cached, so they
+/// leave it as it is.
 pub(super) fn shown_after(stages: usize) -> Slot {
     match stages {
         0 => Slot::Shown,

@@ -79,7 +79,7 @@ fn views_of_one_prop_have_few_passes_that_write_few_bytes() {
     let shown = [labels::BLEND, present::PRESENT];
     for (what, posterize, most, expected) in [
         ("as trained", None, 28, vec![volume::VOLUME, labels::LABEL, present::PRESENT]),
-        ("hard edges", Some(hard()), 200, vec![volume::VOLUME, labels::COMPOSITE, labels::LABEL, present::PRESENT]),
+        ("hard edges", Some(hard()), 192, vec![volume::VOLUME, labels::COMPOSITE, labels::LABEL, present::PRESENT]),
         ("as in the paper", Some(Posterize::paper()), 236, [&of_edges[..], &shown].concat()),
         ("posterized", Some(Posterize::default()), 184, [&of_edges[..], &[finish::FINISH], &shown].concat()),
     ] {

@@ -202,16 +202,12 @@ impl Quality {
 
 /// Returns the paths of the field, its palette and the report.
 fn targets(out: &Path) -> [PathBuf; 3] {
-    [out.into(), out.with_extension("palette.json"), folder(out).join("report.json")]
+    [out.into(), out.with_extension("palette.json"), files::folder_of(out).join("report.json")]
 }
 
 /// Returns the path of the folder of previews.
 fn views(out: &Path) -> PathBuf {
     out.with_extension("views")
-}
-
-fn folder(out: &Path) -> PathBuf {
-    out.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new(".")).into()
 }
 
 /// Returns the temporary name of an incomplete file.
