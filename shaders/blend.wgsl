@@ -8,6 +8,9 @@
 #endif
 #import bevy_plenoctree::labels::{are_tones, assign, place_of_color, shown_opacity}
 #import bevy_plenoctree::recolor::recolored
+#ifdef RESOLVED
+#import bevy_plenoctree::scene::share_before
+#endif
 #import bevy_plenoctree::shade::shade_of_owner
 #import bevy_plenoctree::target::from_target
 #import bevy_plenoctree::view::{is_drawn, labelings, props, view}
@@ -23,10 +26,11 @@
 // The target, before the result is written to it.
 @group(1) @binding(6) var scene: texture_2d<f32>;
 @group(1) @binding(7) var layer: texture_2d<f32>;
+// The depth of the props.
+@group(1) @binding(8) var depth: texture_depth_2d;
 #ifdef INK
-// The labels of the label pass, and the depth of the props.
-@group(1) @binding(8) var labels: texture_2d<u32>;
-@group(1) @binding(9) var depth: texture_depth_2d;
+// The labels of the label pass.
+@group(1) @binding(9) var labels: texture_2d<u32>;
 #endif
 
 // What is behind the owners of a pixel's parts.
@@ -110,18 +114,31 @@ fn around(pixel: vec2<u32>, owners: vec2<u32>) -> Around {
 }
 
 #ifdef RESOLVED
-// Returns the scene behind the props around a pixel, in linear light. The last channel is 0 if it is not known.
-fn scene_behind(pixel: vec2<u32>) -> vec4<f32> {
-    var sum = vec4(0.0);
+// Returns the scene behind the props at the edge of a mesh before them, in linear light: what neighbors show without the
+// mesh, or else what is left of the pixel without what neighbors show of the mesh. The last channel is 0 if neither is
+// known.
+fn scene_behind(pixel: vec2<u32>, mixed: vec3<f32>) -> vec4<f32> {
+    var solid = textureLoad(depth, pixel, 0);
     for (var i = 0; i < 8; i++) {
         let at = vec2<u32>(neighbor(vec2<i32>(pixel), i));
-        if is_drawn(at) && unpack(textureLoad(filtered, at, 0)).owner > 0u {
-            let hidden = bits_of(textureLoad(outline, at, 0).xy, textureLoad(coverage, at, 0)).a;
-            let color = decode(from_target(textureLoad(scene, at + view.corner, 0).rgb));
-            sum += select(vec4(0.0), vec4(color, 1.0), hidden == 0u);
+        solid = max(solid, select(0.0, textureLoad(depth, at, 0), is_drawn(at)));
+    }
+    var behind = vec4(0.0);
+    var mesh = vec4(0.0);
+    for (var i = 0; i < 8; i++) {
+        let at = vec2<u32>(neighbor(vec2<i32>(pixel), i));
+        if is_drawn(at) {
+            let share = share_before(at, solid);
+            let color = vec4(decode(from_target(textureLoad(scene, at + view.corner, 0).rgb)), 1.0);
+            behind += select(vec4(0.0), color, share == 0.0);
+            mesh += select(vec4(0.0), color, share == 1.0);
         }
     }
-    return sum / max(sum.a, 1.0);
+    if behind.a > 0.0 || mesh.a == 0.0 {
+        return behind / max(behind.a, 1.0);
+    }
+    let share = min(share_before(pixel, solid), 0.99);
+    return vec4(max((mixed - share * mesh.rgb / mesh.a) / (1.0 - share), vec3(0.0)), 1.0);
 }
 #endif
 
@@ -222,8 +239,8 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
 #ifdef RESOLVED
     if bits.a != 0u {
         // The target mixes a mesh before the props with what is behind them, which they replace.
-        let beyond = scene_behind(pixel);
         let mixed = decode(from_target(textureLoad(scene, pixel + view.corner, 0).rgb));
+        let beyond = scene_behind(pixel, mixed);
         let covered = f32(parts.own + parts.other) / f32(count);
         let replaced = own_parts / f32(count) + vec4(max(mixed - covered * beyond.rgb, vec3(0.0)), 0.0);
         sum = select(sum, replaced, beyond.a > 0.0);

@@ -1,6 +1,9 @@
 // The fog pass: applies the camera's `DistanceFog` to props, as Bevy's materials do. Bind group 0 has the lights, as
 // Bevy's mesh view has them.
 
+#ifdef TONEMAPPED
+#import bevy_core_pipeline::tonemapping::tone_mapping
+#endif
 #import bevy_pbr::fog::{atmospheric_fog, exponential_fog, exponential_squared_fog, linear_fog}
 #import bevy_pbr::mesh_view_bindings::{lights, view}
 #import bevy_pbr::mesh_view_types::{
@@ -106,6 +109,55 @@ fn veil_at(depth: f32, at: vec2<f32>) -> Veil {
     return Veil(added, fogged(vec4(1.0), distance, scattering) - added);
 }
 
+#ifdef TONEMAPPED
+fn tonemapped(light: vec3<f32>) -> vec3<f32> {
+    return tone_mapping(vec4(light, 1.0), view.color_grading).rgb;
+}
+
+// The most light that any color is taken for.
+const BRIGHTEST: f32 = 64.0;
+
+// Returns the light that tonemapping shows as a color, or almost, if it never shows that color: Broyden's method.
+fn light_before_tonemapping(shown: vec3<f32>) -> vec3<f32> {
+    var light = shown;
+    var off = tonemapped(light) - shown;
+    var nearest = light;
+    var least = dot(off, off);
+    // How light changes with what is shown.
+    var slopes = mat3x3(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0);
+    for (var i = 0; i < 12 && least > 1e-9; i++) {
+        let next = clamp(light - slopes * off, vec3(0.0), min(4.0 * light + 0.25, vec3(BRIGHTEST)));
+        let next_off = tonemapped(next) - shown;
+        let step = next - light;
+        let predicted = slopes * (next_off - off);
+        let along = dot(step, predicted);
+        if abs(along) > 1e-12 {
+            let correction = (step - predicted) / along;
+            let row = step * slopes;
+            slopes += mat3x3(correction * row.x, correction * row.y, correction * row.z);
+        }
+        light = next;
+        off = next_off;
+        if dot(off, off) < least {
+            nearest = light;
+            least = dot(off, off);
+        }
+    }
+    return nearest;
+}
+#endif
+
+// Returns what a veil shows of a prop's color.
+fn seen_through(veil: Veil, color: vec3<f32>) -> vec3<f32> {
+#ifdef TONEMAPPED
+    // Materials of cameras without `Hdr` map tones after fog. Props get the same, but keep their color without fog.
+    let light = light_before_tonemapping(color);
+    return tonemapped(veil.through * light + veil.added) + veil.through * (color - tonemapped(light));
+#else
+    return veil.through * color + veil.added;
+#endif
+}
+
 #ifdef SMOOTH
 // What is seen in a pixel at a smooth edge besides what its center sees: its depth, and its share.
 struct Beside {
@@ -158,7 +210,8 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
     // The scene has its own fog already, so its share of the pixel gets none.
     let light = settings.exposure * decode(seen.rgb);
     let stored = textureLoad(scene, vec2<u32>(pixel) + drawn.corner, 0).rgb;
-    let behind = (1.0 - min(seen.a, 1.0)) * clamp(light_of(stored), vec3(0.0), vec3(65504.0));
-    let result = veil.through * (light - behind) + min(seen.a, 1.0) * veil.added + behind;
+    let opacity = min(seen.a, 1.0);
+    let behind = (1.0 - opacity) * clamp(light_of(stored), vec3(0.0), vec3(65504.0));
+    let result = opacity * seen_through(veil, (light - behind) / opacity) + behind;
     return to_half(vec4(encode(max(result, vec3(0.0)) / settings.exposure), seen.a));
 }

@@ -14,6 +14,18 @@ fn scene_depth_at(pixel: vec2<u32>, sample: u32) -> f32 {
     return depth_from_buffer(textureLoad(scene_depth, pixel + view.corner, sample));
 }
 
+#ifdef MULTISAMPLED
+// Returns the share of a pixel's samples at which a mesh is before this depth.
+fn share_before(pixel: vec2<u32>, depth: f32) -> f32 {
+    let samples = textureNumSamples(scene_depth);
+    var count = 0u;
+    for (var i = 0u; i < samples; i++) {
+        count += select(0u, 1u, scene_depth_at(pixel, i) > depth);
+    }
+    return f32(count) / f32(samples);
+}
+#endif
+
 // Returns the distance of the scene along the view axis at a pixel of the viewport.
 fn scene_distance(pixel: vec2<u32>) -> f32 {
     return distance_from_depth(scene_depth_at(pixel, 0u));

@@ -1,7 +1,7 @@
 // Writes what transparent objects are blended over: the target, with the props.
 
 #ifdef MULTISAMPLED
-#import bevy_plenoctree::scene::scene_depth_at
+#import bevy_plenoctree::scene::{scene_depth_at, share_before}
 #import bevy_plenoctree::view::{is_drawn, is_solid, view}
 #endif
 
@@ -25,15 +25,6 @@ const MOST: f32 = 65504.0;
 const MOST: f32 = 1.0;
 #endif
 
-// Returns the number of samples at which a mesh is before the props.
-fn samples_before(pixel: vec2<u32>, props: f32) -> u32 {
-    var count = 0u;
-    for (var i = 0u; i < #{SAMPLES}; i++) {
-        count += select(0u, 1u, scene_depth_at(pixel, i) > props);
-    }
-    return count;
-}
-
 // Returns what a sample shows. At the edges of meshes before props, samples of the mesh keep what is in the target from
 // the objects behind it, and the others show what the prop shows beside the edge. Their mean is what the target shows.
 fn shown_at(pixel: vec2<u32>, sample: u32, target_color: vec4<f32>) -> vec4<f32> {
@@ -44,7 +35,7 @@ fn shown_at(pixel: vec2<u32>, sample: u32, target_color: vec4<f32>) -> vec4<f32>
         let at = vec2<u32>(vec2<i32>(pixel) + vec2(i % 3 - 1, i / 3 - 1));
         if is_drawn(at) {
             let solid = textureLoad(depth, at, 0);
-            if is_solid(solid) && samples_before(at, solid) == 0u {
+            if is_solid(solid) && share_before(at, solid) == 0.0 {
                 beside += textureLoad(scene, at + view.corner, 0);
                 props += solid;
                 count += 1.0;
@@ -55,7 +46,7 @@ fn shown_at(pixel: vec2<u32>, sample: u32, target_color: vec4<f32>) -> vec4<f32>
         return target_color;
     }
     let prop = beside / count;
-    let share = f32(samples_before(pixel, props / count)) / f32(#{SAMPLES});
+    let share = share_before(pixel, props / count);
     if share == 0.0 || share == 1.0 {
         return target_color;
     }

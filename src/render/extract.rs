@@ -4,7 +4,7 @@ use std::any::TypeId;
 
 use bevy::{
     camera::visibility::VisibleEntities,
-    core_pipeline::prepass::MotionVectorPrepass,
+    core_pipeline::{prepass::MotionVectorPrepass, tonemapping::Tonemapping},
     ecs::entity::EntityHashMap,
     platform::collections::HashMap,
     prelude::*,
@@ -290,6 +290,8 @@ pub(super) struct VisibleProps {
     pub has_motion: bool,
     /// Whether the camera has fog.
     pub has_fog: bool,
+    /// How the camera's materials map tones, if they do so themselves: without `Hdr`.
+    pub tonemapping: Option<Tonemapping>,
     /// Whether there are point or spot lights.
     pub has_lamps: bool,
     /// Whether the scene's shadows have hard edges.

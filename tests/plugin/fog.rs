@@ -1,6 +1,6 @@
 //! Tests fog: a prop and a mesh of the same color and at the same depth, side by side, fade alike.
 
-use bevy::prelude::*;
+use bevy::{core_pipeline::tonemapping::Tonemapping, prelude::*};
 use bevy_plenoctree::{EdgeSmoothing, FieldPalette, Posterize, Prop, PropPlacement, PropQuality, SolidOpacity};
 use glam::DVec3;
 use image::RgbaImage;
@@ -15,12 +15,12 @@ use crate::stage::{
 /// The x of the centers of the mesh and of the prop, mirrored.
 const ASIDE: f32 = 0.875;
 
-/// A stage with a prop on the left and a mesh on the right, both cubes of the same size, farther away than others.
-fn stage() -> (Sides, Entity, Entity) {
+/// A stage with a prop on the left and a mesh on the right, cubes of the same size and color.
+fn stage(encoded: DVec3) -> (Sides, Entity, Entity) {
     let mut stage = Sides::with_meshes();
-    let prop = stage.spawn_prop(&cube(SOLID, GREEN), Transform::from_xyz(-ASIDE, 0.0, 0.0));
+    let prop = stage.spawn_prop(&cube(SOLID, encoded), Transform::from_xyz(-ASIDE, 0.0, 0.0));
     let cuboid = Cuboid::new(1.0, 1.0, 1.0);
-    stage.spawn_mesh(cuboid, unlit(color(GREEN)), Transform::from_xyz(ASIDE, 0.0, 0.0));
+    stage.spawn_mesh(cuboid, unlit(color(encoded)), Transform::from_xyz(ASIDE, 0.0, 0.0));
     let toward = Vec3::new(0.0, 0.2, -1.0);
     let sun = DirectionalLight { illuminance: 800.0, ..default() };
     let sun = stage.spawn((sun, Transform::default().looking_to(-toward, Vec3::Y)));
@@ -39,13 +39,13 @@ fn at(frame: &RgbaImage, [x, y]: [u32; 2]) -> DVec3 {
     steps(frame.get_pixel(x, y))
 }
 
-/// Expects that the prop looks like the mesh, and, unless fog hides nothing, unlike without it.
-fn check(stage: &mut Sides, what: &str) {
+/// Expects that the prop looks like the mesh, and unlike without fog.
+fn check(stage: &mut Sides, clear: DVec3, what: &str) {
     let frame = stage.capture();
     for (of_prop, of_mesh) in pairs() {
         let (prop, mesh) = (at(&frame, of_prop), at(&frame, of_mesh));
         assert!((prop - mesh).abs().max_element() <= 2.0, "{what}: {prop} at {of_prop:?}, mesh {mesh}");
-        assert!((mesh - 255.0 * GREEN).abs().max_element() > 20.0, "{what}: no fog: {mesh}");
+        assert!((mesh - 255.0 * clear).abs().max_element() > 20.0, "{what}: no fog: {mesh}");
     }
 }
 
@@ -71,29 +71,68 @@ fn fogs() -> Vec<(String, DistanceFog)> {
 
 #[test]
 fn props_fade_as_meshes_do() {
-    let (mut stage, prop, sun) = stage();
+    let (mut stage, prop, sun) = stage(GREEN);
     let clear = stage.capture();
     assert!(!stage.has_pipeline("plenoctree_fog"));
     for (name, fog) in fogs() {
         stage.set_both(fog.clone());
-        check(&mut stage, &format!("{name}, as trained"));
+        check(&mut stage, GREEN, &format!("{name}, as trained"));
         stage.insert(prop, SolidOpacity::Never);
-        check(&mut stage, &format!("{name}, never solid"));
+        check(&mut stage, GREEN, &format!("{name}, never solid"));
         stage.insert(prop, SolidOpacity::default());
         for edges in [EdgeSmoothing::Off, EdgeSmoothing::Coverage] {
             stage.insert(prop, Posterize { edges, ..default() });
-            check(&mut stage, &format!("{name}, posterized, {edges:?}"));
+            check(&mut stage, GREEN, &format!("{name}, posterized, {edges:?}"));
         }
         stage.world().entity_mut(prop).remove::<Posterize>();
     }
     assert!(stage.has_pipeline("plenoctree_fog"));
     // Shadows block what the sun scatters. The cubes are in their own.
     stage.world().get_mut::<DirectionalLight>(sun).unwrap().shadow_maps_enabled = true;
-    check(&mut stage, "shadows");
+    check(&mut stage, GREEN, "shadows");
     stage.set_both(PropQuality { ray_tolerance: 0.02, ray_spacing: 4, ..PropQuality::EXACT });
-    check(&mut stage, "a grid of rays");
+    check(&mut stage, GREEN, "a grid of rays");
     stage.unset_both::<(DistanceFog, PropQuality)>();
     assert!(stage.capture() == clear, "without fog");
+}
+
+/// Without `Hdr`, materials map tones after fog. A prop in the color that a mesh shows fades as the mesh does, if it is a
+/// color that tonemapping does not clip.
+#[test]
+fn props_fade_as_meshes_do_whose_tones_are_mapped() {
+    let (mut stage, ..) = stage(DVec3::new(0.45, 0.7, 0.35));
+    for tonemapping in [
+        Tonemapping::Reinhard,
+        Tonemapping::ReinhardLuminance,
+        Tonemapping::AcesFitted,
+        Tonemapping::AgX,
+        Tonemapping::SomewhatBoringDisplayTransform,
+        Tonemapping::TonyMcMapface,
+        Tonemapping::BlenderFilmic,
+        Tonemapping::KhronosPbrNeutral,
+    ] {
+        stage.set_both(tonemapping);
+        stage.unset_both::<DistanceFog>();
+        let clear = stage.capture();
+        let (_, of_mesh) = pairs().next().unwrap();
+        let shown = at(&clear, of_mesh) / 255.0;
+        stage.show(&cube(SOLID, shown));
+        for (name, fog) in fogs() {
+            stage.set_both(fog.clone());
+            check(&mut stage, shown, &format!("{name}, {tonemapping:?}"));
+        }
+    }
+}
+
+/// Where fog hides everything, props have its color as meshes show it, even in colors that tonemapping never shows.
+#[test]
+fn thick_fog_hides_props_whose_tones_are_mapped() {
+    let (mut stage, ..) = stage(DVec3::new(0.0, 1.0, 0.0));
+    let falloff = FogFalloff::Linear { start: 0.5, end: 1.0 };
+    for fog in [Color::srgb(0.9, 0.5, 0.7), Color::linear_rgb(4.0, 9.0, 2.0)] {
+        stage.set_both((Tonemapping::TonyMcMapface, DistanceFog { color: fog, falloff: falloff.clone(), ..default() }));
+        check(&mut stage, DVec3::ZERO, &format!("{fog:?}"));
+    }
 }
 
 /// The fog in front of haze has the color of fog, and what shows through it has its own fog already.
@@ -121,7 +160,7 @@ fn fog_covers_as_much_as_the_prop_does() {
 /// A prop that is drawn after tonemapping is in no fog.
 #[test]
 fn fog_ends_with_the_scene() {
-    let (mut stage, ..) = stage();
+    let (mut stage, ..) = stage(GREEN);
     stage.set_both(PropPlacement::Display);
     stage.wait();
     let clear = stage.capture();

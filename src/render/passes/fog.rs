@@ -2,13 +2,16 @@
 //! what they draw on props fades with them. Requires the feature `shadows`.
 
 use bevy::{
-    pbr::{DistanceFog, FogFalloff},
+    core_pipeline::tonemapping::Tonemapping,
+    pbr::{DistanceFog, FogFalloff, TONEMAPPING_LUT_SAMPLER_BINDING_INDEX, TONEMAPPING_LUT_TEXTURE_BINDING_INDEX},
     prelude::*,
     render::{
         Render,
+        camera::ExtractedCamera,
         render_resource::{BufferUsages, ShaderType},
         renderer::{RenderDevice, RenderQueue},
     },
+    shader::ShaderDefVal,
 };
 
 use super::{
@@ -29,7 +32,8 @@ pub(super) const FOG: &str = "plenoctree_fog";
 /// Fades what is shown of props into the fog.
 pub(super) fn fog(plan: &Plan) -> Option<Pass> {
     let program = Program { lights: true, ..Program::new("fog") };
-    let program = program.define(shadow_filter(plan)).define_all(space(plan.target.space));
+    let program =
+        program.define(shadow_filter(plan)).define_all(space(plan.target.space)).define_all(tonemapping(plan));
     let program = program.define_if(plan.smooths, "SMOOTH");
     let edges = if plan.smooths { &[Slot::Outline, Slot::Coverage][..] } else { &[] };
     let buffers = [Buffer::Fog, Buffer::View].map(Input::Buffer);
@@ -48,6 +52,28 @@ pub(super) fn fog(plan: &Plan) -> Option<Pass> {
         clear: Some(Clear::NegativeAlpha),
         ..Pass::fullscreen(FOG, Place::Present, None, program)
     })
+}
+
+/// Returns the shader definitions of how the camera's materials map tones, as those that Bevy gives to them.
+fn tonemapping(plan: &Plan) -> Vec<ShaderDefVal> {
+    let method = match plan.tonemapping {
+        None | Some(Tonemapping::None) => return vec![],
+        Some(Tonemapping::Reinhard) => "TONEMAP_METHOD_REINHARD",
+        Some(Tonemapping::ReinhardLuminance) => "TONEMAP_METHOD_REINHARD_LUMINANCE",
+        Some(Tonemapping::AcesFitted) => "TONEMAP_METHOD_ACES_FITTED",
+        Some(Tonemapping::AgX) => "TONEMAP_METHOD_AGX",
+        Some(Tonemapping::SomewhatBoringDisplayTransform) => "TONEMAP_METHOD_SOMEWHAT_BORING_DISPLAY_TRANSFORM",
+        Some(Tonemapping::TonyMcMapface) => "TONEMAP_METHOD_TONY_MC_MAPFACE",
+        Some(Tonemapping::BlenderFilmic) => "TONEMAP_METHOD_BLENDER_FILMIC",
+        Some(Tonemapping::KhronosPbrNeutral) => "TONEMAP_METHOD_PBR_NEUTRAL",
+    };
+    let number = |name: &str, value| ShaderDefVal::UInt(name.into(), value);
+    vec![
+        "TONEMAPPED".into(),
+        method.into(),
+        number("TONEMAPPING_LUT_TEXTURE_BINDING_INDEX", TONEMAPPING_LUT_TEXTURE_BINDING_INDEX),
+        number("TONEMAPPING_LUT_SAMPLER_BINDING_INDEX", TONEMAPPING_LUT_SAMPLER_BINDING_INDEX),
+    ]
 }
 
 /// The camera's fog, as `Fog` of Bevy's `mesh_view_types.wgsl` declares it.
@@ -97,9 +123,10 @@ pub(super) fn plugin(render_app: &mut SubApp) {
     );
 }
 
-fn find_fog(mut views: Query<(&mut VisibleProps, Has<DistanceFog>)>) {
-    for (mut visible, has_fog) in &mut views {
+fn find_fog(mut views: Query<(&mut VisibleProps, &ExtractedCamera, Has<DistanceFog>, Option<&Tonemapping>)>) {
+    for (mut visible, camera, has_fog, tonemapping) in &mut views {
         visible.has_fog = has_fog;
+        visible.tonemapping = tonemapping.copied().filter(|_| !camera.hdr);
     }
 }
 

@@ -112,16 +112,20 @@ fn labels_before_edges(plan: &Plan) -> bool {
 
 /// Smooths the edges of props.
 pub(super) fn blend(plan: &Plan) -> Option<Pass> {
+    // The target no longer has samples.
+    let is_resolved = plan.samples > 1 && plan.hidden_samples().is_none() && !plan.posterizes_view;
     let program = Program::new("blend")
         .define_all(space(plan.target.space))
         .define_number("SAMPLES", plan.hidden_samples())
-        .define_if(plan.samples > 1 && plan.hidden_samples().is_none() && !plan.posterizes_view, "RESOLVED")
+        .define_if(is_resolved, "RESOLVED")
+        .define_if(plan.has_ink, "INK")
         .define_all(lit(plan));
+    let program = Program { scene_depth: (is_resolved || plan.has_ink).then_some(plan.samples), ..program };
     let shown = if plan.finishes() { Slot::Finished } else { Slot::Labeled };
     let slots = [shown, Slot::Even, Slot::Outline, Slot::Coverage, Slot::OwnRays, Slot::OtherRays];
-    let ink = if plan.has_ink { &[Slot::Labels, Slot::Depth(RaySet::Pixels)][..] } else { &[] };
-    let inputs = slots.iter().map(|slot| Input::Texture(*slot)).chain([Input::Scene, COLOR]);
-    let inputs = inputs.chain(ink.iter().map(|slot| Input::Texture(*slot))).collect();
+    let inputs = slots.into_iter().map(Input::Texture);
+    let inputs = inputs.chain([Input::Scene, COLOR, Input::Texture(Slot::Depth(RaySet::Pixels))]);
+    let inputs = inputs.chain(plan.has_ink.then_some(Input::Texture(Slot::Labels))).collect();
     plan.smooths.then(|| Pass {
         feature: Feature::Edges,
         reads: with_lights(plan, inputs),
@@ -131,7 +135,7 @@ pub(super) fn blend(plan: &Plan) -> Option<Pass> {
             BLEND,
             Place::Posterize,
             Some(CachedResult::Labels),
-            inked(plan, program).depth_test(CompareFunction::Less, false),
+            program.depth_test(CompareFunction::Less, false),
         )
     })
 }

@@ -2,15 +2,18 @@
 //! how much falls on them. Labels read the result. Requires the feature `shadows`.
 
 use bevy::{
+    core_pipeline::tonemapping::{Tonemapping, TonemappingLuts, get_lut_bind_group_layout_entries, get_lut_bindings},
     light::ShadowFilteringMethod,
     pbr::{
-        ExtractedPointLight, GlobalClusterableObjectMeta, GpuLights, LightMeta, ShadowSamplers, ViewClusterBindings,
+        ExtractedPointLight, GlobalClusterableObjectMeta, GpuLights, LightMeta, ShadowSamplers,
+        TONEMAPPING_LUT_SAMPLER_BINDING_INDEX, TONEMAPPING_LUT_TEXTURE_BINDING_INDEX, ViewClusterBindings,
         ViewLightsUniformOffset, ViewShadowBindings,
     },
     prelude::*,
     render::{
         Render, RenderStartup,
         globals::{GlobalsBuffer, GlobalsUniform},
+        render_asset::RenderAssets,
         render_resource::{
             BindGroupEntries, BindGroupLayoutDescriptor, BindGroupLayoutEntries, PipelineCache, SamplerBindingType,
             ShaderStages, ShaderType, TextureSampleType,
@@ -19,6 +22,7 @@ use bevy::{
             },
         },
         renderer::RenderDevice,
+        texture::{FallbackImage, GpuImage},
         view::{ViewUniform, ViewUniformOffset, ViewUniforms},
     },
 };
@@ -169,8 +173,9 @@ pub(super) fn plugin(render_app: &mut SubApp) {
     );
 }
 
-/// What `bevy_pbr::shadows` reads of Bevy's mesh view, at the same places.
+/// What `bevy_pbr::shadows` and `bevy_core_pipeline::tonemapping` read of Bevy's mesh view, at the same places.
 fn init(mut pipelines: ResMut<Pipelines>) {
+    let [tonemapping_texture, tonemapping_sampler] = get_lut_bind_group_layout_entries();
     let lights = BindGroupLayoutEntries::with_indices(
         ShaderStages::FRAGMENT,
         (
@@ -184,6 +189,8 @@ fn init(mut pipelines: ResMut<Pipelines>) {
             (9, storage_buffer_read_only_sized(false, None)),
             (10, storage_buffer_read_only_sized(false, None)),
             (11, uniform_buffer::<GlobalsUniform>(false)),
+            (TONEMAPPING_LUT_TEXTURE_BINDING_INDEX, tonemapping_texture),
+            (TONEMAPPING_LUT_SAMPLER_BINDING_INDEX, tonemapping_sampler),
         ),
     );
     pipelines.lights = Some(BindGroupLayoutDescriptor::new("plenoctree_lights", &lights));
@@ -200,8 +207,13 @@ fn find_lamps(
 }
 
 /// What a view knows of Bevy's lights.
-type BevyLights<'a> =
-    (&'a ViewShadowBindings, &'a ViewClusterBindings, &'a ViewUniformOffset, &'a ViewLightsUniformOffset);
+type BevyLights<'a> = (
+    &'a ViewShadowBindings,
+    &'a ViewClusterBindings,
+    &'a ViewUniformOffset,
+    &'a ViewLightsUniformOffset,
+    Option<&'a Tonemapping>,
+);
 
 fn bind_lights(
     device: Res<RenderDevice>,
@@ -214,9 +226,12 @@ fn bind_lights(
         Option<Res<ShadowSamplers>>,
         Res<GlobalsBuffer>,
     ),
+    (images, luts, fallback): (Res<RenderAssets<GpuImage>>, Option<Res<TonemappingLuts>>, Res<FallbackImage>),
     mut views: Query<(&mut PropView, Option<BevyLights<'static>>)>,
 ) {
-    let lights = |(maps, clusters, view, lights): BevyLights| {
+    let lights = |(maps, clusters, view, lights, tonemapping): BevyLights| {
+        let tonemapping = tonemapping.unwrap_or(&Tonemapping::None);
+        let (texture, sampler) = get_lut_bindings(&images, luts.as_ref()?, tonemapping, &fallback);
         let entries = BindGroupEntries::with_indices((
             (0, view_uniforms.uniforms.binding()?),
             (1, meta.as_ref()?.view_gpu_lights.binding()?),
@@ -228,6 +243,8 @@ fn bind_lights(
             (9, clusters.clusterable_object_index_lists_binding()?),
             (10, clusters.offsets_and_counts_binding()?),
             (11, globals.buffer.binding()?),
+            (TONEMAPPING_LUT_TEXTURE_BINDING_INDEX, texture),
+            (TONEMAPPING_LUT_SAMPLER_BINDING_INDEX, sampler),
         ));
         let layout = cache.get_bind_group_layout(pipelines.lights.as_ref()?);
         let group = device.create_bind_group("plenoctree_lights", &layout, &entries);

@@ -66,7 +66,7 @@ pub(super) fn under_objects(plan: &Plan) -> Option<Pass> {
     let (slot, program) = match plan.samples {
         1 => (Slot::Objects, Program::new("under_objects")),
         samples => {
-            let program = Program::new("under_objects").define_number("SAMPLES", Some(samples));
+            let program = Program::new("under_objects");
             let program = program.define_if(plan.target.format == TextureFormat::Rgba16Float, "FLOATS");
             (Slot::ObjectSamples, Program { scene_depth: Some(samples), ..program })
         }

@@ -220,6 +220,7 @@ pub(in crate::render) fn decide(
         posterizes,
         posterizes_view: view_posterize.is_some(),
         overlaps,
+        tonemapping: visible.tonemapping,
         has_fog: visible.has_fog && placement == PropPlacement::Scene && has(Feature::Fog),
         is_lit: props.iter().any(|prop| prop.is_lit),
         is_brightened,

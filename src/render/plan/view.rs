@@ -2,6 +2,7 @@
 
 use bevy::{
     camera::{CompositingSpace, MainPassResolutionOverride, Viewport},
+    core_pipeline::tonemapping::Tonemapping,
     prelude::*,
     render::{
         camera::ExtractedCamera,
@@ -44,6 +45,8 @@ pub(in crate::render) struct Plan {
     pub overlaps: bool,
     /// Whether there is fog before the props.
     pub has_fog: bool,
+    /// How the tones of this fog are mapped before it is shown.
+    pub tonemapping: Option<Tonemapping>,
     /// Whether lights fall on any prop.
     pub is_lit: bool,
     /// Whether lights make any prop brighter.

@@ -10,8 +10,12 @@ use bevy::{
 use bevy_plenoctree::{EdgeSmoothing, Posterize, PropPlacement, SolidOpacity, headless::exact_camera};
 use image::RgbaImage;
 
-use super::scene::{SIZE, SOLID, Stage, at, differing, orthographic, palette, scene, spawn_square};
-use crate::stage::{fields::included, pixels::places, unlit};
+use super::scene::{SIZE, SOLID, Stage, at, cube, differing, orthographic, palette, scene, spawn_square};
+use crate::stage::{
+    fields::included,
+    pixels::{encoded, linear, places, steps},
+    unlit,
+};
 
 const SKY: Color = Color::srgb(0.25, 0.5, 0.35);
 const PANE: Color = Color::srgba(0.8, 0.5, 0.2, 0.6);
@@ -136,6 +140,45 @@ fn objects_end_at_edges_of_meshes() {
             assert!(found[0] <= 4 && found[1] <= 24, "{what}: off by {found:?}");
         }
     }
+}
+
+/// With multisampling, edges of meshes before props look as in the scene, and as with more pixels, where they cross edges
+/// of props, too.
+#[test]
+fn meshes_before_props_end_as_in_the_scene() {
+    /// How many times as many pixels there are along a side.
+    const FINER: u32 = 4;
+    let build = |size| {
+        let mut stage = Stage::with_meshes(size);
+        stage.spawn_prop(&cube(SOLID), (Posterize::default(), Transform::from_rotation(Quat::from_rotation_z(0.3))));
+        stage.paint(palette());
+        stage.set((Msaa::Sample4, Transform::from_xyz(0.0, 0.0, 3.0)));
+        stage.set_background(SKY);
+        for bar in 0..12 {
+            let (angle, color) = (0.52 * bar as f32, 0.09 * bar as f32);
+            let place = Transform::from_rotation(Quat::from_rotation_z(angle)) * Transform::from_xyz(0.36, 0.0, 1.0);
+            let place = place * Transform::from_rotation(Quat::from_rotation_z(1.3 * angle));
+            let size = Cuboid::new(0.02 + 0.006 * bar as f32, 0.12, 0.02);
+            stage.spawn_mesh(size, unlit(Color::srgb(color, 1.0 - color, 0.2)), place);
+        }
+        stage.wait();
+        stage
+    };
+    let fine = build(FINER * SIZE).capture();
+    let mean = |x: u32, y: u32| {
+        let part = places(FINER, FINER).map(|(i, j)| linear(fine.get_pixel(FINER * x + i, FINER * y + j)));
+        255.0 * encoded(LinearRgba::from_vec3(part.sum::<Vec3>() / (FINER * FINER) as f32))
+    };
+    let [expected, found] = both(&mut build(SIZE));
+    let error = |frame: &RgbaImage| {
+        let errors = places(SIZE, SIZE).map(|(x, y)| (steps(frame.get_pixel(x, y)) - mean(x, y)).length_squared());
+        errors.sum::<f64>().sqrt()
+    };
+    let errors = [error(&found), error(&expected)];
+    let off = [8, 24, 32].map(|step| differing(&found, &expected, step));
+    println!("off {off:?}, errors {errors:?}");
+    assert!(errors[0] <= 1.01 * errors[1], "errors at the display and in the scene: {errors:?}");
+    assert!(off[0] <= 8 && off[1] == 0, "pixels that are off by more than 8 and 24: {off:?}");
 }
 
 /// An object elsewhere changes nothing at the edges of meshes, whatever colors the prop has there.
