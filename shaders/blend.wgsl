@@ -13,6 +13,9 @@
 #endif
 #import bevy_plenoctree::shade::shade_of_owner
 #import bevy_plenoctree::target::from_target
+#ifdef RESOLVED
+#import bevy_plenoctree::view::is_solid
+#endif
 #import bevy_plenoctree::view::{is_drawn, labelings, props, view}
 
 // The result of the label pass.
@@ -123,12 +126,16 @@ fn scene_behind(pixel: vec2<u32>, mixed: vec3<f32>) -> vec4<f32> {
         let at = vec2<u32>(neighbor(vec2<i32>(pixel), i));
         solid = max(solid, select(0.0, textureLoad(depth, at, 0), is_drawn(at)));
     }
+    let has_depth = is_solid(solid);
     var behind = vec4(0.0);
     var mesh = vec4(0.0);
     for (var i = 0; i < 8; i++) {
         let at = vec2<u32>(neighbor(vec2<i32>(pixel), i));
         if is_drawn(at) {
-            let share = share_before(at, solid);
+            // Where the props have no depth, their own pixels know whether anything is before them.
+            let hidden = bits_of(textureLoad(outline, at, 0).xy, textureLoad(coverage, at, 0)).a;
+            let is_clear = hidden == 0u && unpack(textureLoad(filtered, at, 0)).owner > 0u;
+            let share = select(select(0.5, 0.0, is_clear), share_before(at, solid), has_depth);
             let color = vec4(decode(from_target(textureLoad(scene, at + view.corner, 0).rgb)), 1.0);
             behind += select(vec4(0.0), color, share == 0.0);
             mesh += select(vec4(0.0), color, share == 1.0);

@@ -111,15 +111,18 @@ fn veil_at(depth: f32, at: vec2<f32>) -> Veil {
 
 #ifdef TONEMAPPED
 fn tonemapped(light: vec3<f32>) -> vec3<f32> {
-    return tone_mapping(vec4(light, 1.0), view.color_grading).rgb;
+    // Some methods divide by the light.
+    return tone_mapping(vec4(max(light, vec3(1e-6)), 1.0), view.color_grading).rgb;
 }
 
-// The most light that any color is taken for.
-const BRIGHTEST: f32 = 64.0;
+// The most light that a color is taken for. Bright colors would glow through thick fog if they were taken for all the
+// light that tonemapping shows like them.
+const BRIGHTEST: f32 = 4.0;
 
 // Returns the light that tonemapping shows as a color, or almost, if it never shows that color: Broyden's method.
 fn light_before_tonemapping(shown: vec3<f32>) -> vec3<f32> {
-    var light = shown;
+    // Dark haze before something bright is darker than black.
+    var light = max(shown, vec3(0.0));
     var off = tonemapped(light) - shown;
     var nearest = light;
     var least = dot(off, off);

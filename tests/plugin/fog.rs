@@ -7,7 +7,7 @@ use image::RgbaImage;
 
 use crate::stage::{
     Stage,
-    pixels::{encoded, steps},
+    pixels::{differing, encoded, steps},
     sides::{BACKGROUND, GREEN, PIXELS, SOLID, Sides, color, cube, density, in_cube},
     unlit,
 };
@@ -129,9 +129,33 @@ fn props_fade_as_meshes_do_whose_tones_are_mapped() {
 fn thick_fog_hides_props_whose_tones_are_mapped() {
     let (mut stage, ..) = stage(DVec3::new(0.0, 1.0, 0.0));
     let falloff = FogFalloff::Linear { start: 0.5, end: 1.0 };
-    for fog in [Color::srgb(0.9, 0.5, 0.7), Color::linear_rgb(4.0, 9.0, 2.0)] {
-        stage.set_both((Tonemapping::TonyMcMapface, DistanceFog { color: fog, falloff: falloff.clone(), ..default() }));
-        check(&mut stage, DVec3::ZERO, &format!("{fog:?}"));
+    for (encoded, tonemapping) in [
+        (DVec3::new(0.0, 1.0, 0.0), Tonemapping::TonyMcMapface),
+        (DVec3::ONE, Tonemapping::KhronosPbrNeutral),
+        (DVec3::ZERO, Tonemapping::ReinhardLuminance),
+    ] {
+        stage.show(&cube(SOLID, encoded));
+        for fog in [Color::srgb(0.9, 0.5, 0.7), Color::linear_rgb(4.0, 9.0, 2.0)] {
+            stage.set_both((tonemapping, DistanceFog { color: fog, falloff: falloff.clone(), ..default() }));
+            check(&mut stage, DVec3::ZERO, &format!("{fog:?}, {tonemapping:?}"));
+        }
+    }
+}
+
+/// Fog that hides nothing changes nothing, not even haze that is darker than black.
+#[test]
+fn thin_fog_keeps_colors_whose_tones_are_mapped() {
+    let mut stage = Sides::with_meshes();
+    stage.set_both(Tonemapping::TonyMcMapface);
+    for (opacity, encoded) in [(0.4, DVec3::ZERO), (0.4, GREEN), (0.9, DVec3::ONE)] {
+        stage.clear();
+        stage.spawn_prop(&cube(density(opacity), encoded), ());
+        stage.wait();
+        stage.unset_both::<DistanceFog>();
+        let clear = stage.capture();
+        let none = FogFalloff::Linear { start: 100.0, end: 200.0 };
+        stage.set_both(DistanceFog { color: Color::WHITE, falloff: none, ..default() });
+        assert_eq!(differing(&stage.capture(), &clear, 1), 0, "{opacity}, {encoded}");
     }
 }
 

@@ -145,5 +145,5 @@ fn bad_input_is_rejected() {
 #[test]
 fn builds_without_bevy_have_no_gpu() {
     let Output { stdout, .. } = run(&["stylize", "--help"]);
-    assert_eq!(String::from_utf8(stdout).unwrap().contains("gpu"), cfg!(feature = "bevy"));
+    assert_eq!(String::from_utf8(stdout).unwrap().contains("- gpu:"), cfg!(feature = "bevy"));
 }

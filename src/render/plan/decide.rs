@@ -201,6 +201,8 @@ pub(in crate::render) fn decide(
         filters,
         labelings,
     };
+    // What was drawn with fog still is, while the fog itself is compiled for another tonemapping.
+    let has_fog = visible.has_fog && placement == PropPlacement::Scene && (has(Feature::Fog) || known.last.has_fog);
     let has_smooth_borders = values.labelings.iter().any(LabelsUniform::has_smooth_borders);
     let has_ink = values.labelings.iter().any(LabelsUniform::has_ink);
     let posterizes = posterized().any(|posterize| posterize.is_some());
@@ -221,7 +223,8 @@ pub(in crate::render) fn decide(
         posterizes_view: view_posterize.is_some(),
         overlaps,
         tonemapping: visible.tonemapping,
-        has_fog: visible.has_fog && placement == PropPlacement::Scene && has(Feature::Fog),
+        has_fog,
+        shows_fog: has_fog && has(Feature::Fog),
         is_lit: props.iter().any(|prop| prop.is_lit),
         is_brightened,
         has_lamps: visible.has_lamps,

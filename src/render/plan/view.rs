@@ -45,6 +45,8 @@ pub(in crate::render) struct Plan {
     pub overlaps: bool,
     /// Whether there is fog before the props.
     pub has_fog: bool,
+    /// Whether it is drawn.
+    pub shows_fog: bool,
     /// How the tones of this fog are mapped before it is shown.
     pub tonemapping: Option<Tonemapping>,
     /// Whether lights fall on any prop.

@@ -99,7 +99,7 @@ fn headers_that_claim_too_much_are_errors() {
         let at = bytes.windows(text.len()).position(|window| window == text).unwrap();
         [&bytes[..at], format!("element vertex {count}").as_bytes(), &bytes[at + text.len()..]].concat()
     };
-    fails(&ply_of("6"), "vertex: found 281 bytes, expected 336 bytes");
+    fails(&ply_of("6"), "vertex: found 281 bytes, expected 336 bytes: the file is truncated");
     fails(&ply_of("18446744073709551615"), "expected 18446744073709551615 bytes");
     fails(&ply_of("99999999999999999999"), "expected a number of elements");
 

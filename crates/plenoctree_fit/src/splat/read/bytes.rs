@@ -20,7 +20,8 @@ impl<'a> Bytes<'a> {
     pub fn take(&mut self, count: u64, what: &str) -> Result<&'a [u8], Fault> {
         let split = usize::try_from(count).ok().and_then(|count| self.rest.split_at_checked(count));
         let Some((taken, rest)) = split else {
-            return Err(Fault::found(what, format!("{} bytes", self.rest.len()), format!("{count} bytes")));
+            let expected = format!("{count} bytes: the file is truncated");
+            return Err(Fault::found(what, format!("{} bytes", self.rest.len()), expected));
         };
         self.rest = rest;
         Ok(taken)

@@ -76,7 +76,7 @@ struct Image {
 
 /// Reads a `.sog` file.
 pub fn read_bundle(bytes: &[u8]) -> Result<Splats, Fault> {
-    let damaged = |error: ZipError| Fault::found("zip archive", error.to_string(), "a .sog bundle");
+    let damaged = |error: ZipError| Fault::found("zip archive", error.to_string(), "a complete .sog bundle");
     let mut archive = ZipArchive::new(Cursor::new(bytes)).map_err(damaged)?;
     let meta = archive.file_names().find(|name| name.rsplit('/').next() == Some("meta.json")).map(str::to_string);
     let Some(meta) = meta else {
