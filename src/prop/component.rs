@@ -15,8 +15,8 @@ use super::{drawn::DrawnField, progress::PropProgress, state::PropState};
 ///
 /// The field is placed by the entity's [`Transform`], in the field's own world units, and rotated so that its up axis
 /// becomes Bevy's y axis. Scaling the entity does not change the field's apparent density, and highlights rotate with
-/// the entity. Scales from 1e-18 to 1e18 along each axis are supported: squares of larger lengths are not numbers in
-/// float32. By default, the field is drawn as trained; add [`Posterize`](crate::Posterize) to posterize it.
+/// the entity. Scales from 1e-20 to 1e20 along each axis are supported.
+/// By default, the field is drawn as trained; add [`Posterize`](crate::Posterize) to posterize it.
 ///
 /// [`PropState`] says whether the prop can be drawn yet, and [`PropProgress`] how close it is. If it is given another
 /// field, the previous one is drawn until the new one can be.

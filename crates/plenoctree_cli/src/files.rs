@@ -60,6 +60,10 @@ pub fn check_image(image: &Path) -> Result {
 /// Copies what `path` holds, if `is_lost` says that it would be lost, to a file next to it that does not exist yet. Returns
 /// the name of that file.
 pub fn keep_former(path: &Path, is_lost: impl FnOnce(&[u8]) -> bool) -> Result<Option<PathBuf>> {
+    // Pipes and devices hold nothing.
+    if !path.is_file() {
+        return Ok(None);
+    }
     let Ok(former) = fs::read(path) else { return Ok(None) };
     if !is_lost(&former) {
         return Ok(None);

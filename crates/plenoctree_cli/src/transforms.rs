@@ -1,12 +1,23 @@
-//! Writes pictures' cameras.
+//! Writes pictures' cameras, and finds the pictures of cameras.
 
-use std::path::{Path, PathBuf};
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
 
 use glam::{DMat4, DQuat};
 use plenoctree::camera::PinholeCamera;
-use serde_json::json;
+use serde_json::{Value, json};
 
 use crate::{files, result::Result};
+
+/// Returns the pictures that a camera file may list: as it names them, and with the extension that some leave out.
+pub fn pictures(cameras: &Path) -> Vec<PathBuf> {
+    let json: Value = fs::read(cameras).ok().and_then(|text| serde_json::from_slice(&text).ok()).unwrap_or_default();
+    let frames = json["frames"].as_array().into_iter().flatten();
+    let names = frames.filter_map(|frame| frame["file_path"].as_str());
+    names.flat_map(|name| [name.to_string(), format!("{name}.png")]).map(|name| cameras.with_file_name(name)).collect()
+}
 
 /// Writes `transforms.json` to the folder of the pictures, whose names and cameras are given. `fov` is the cameras'
 /// horizontal field of view in radians. Returns the file's path.

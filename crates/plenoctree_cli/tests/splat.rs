@@ -69,6 +69,15 @@ fn captures_and_fields_are_rendered() {
     fs::copy(&capture, out.join("000.png")).unwrap();
     let message = fail(&["render", text(&out.join("000.png")), "--cameras", &cameras, "--out", text(&out)]);
     assert!(message.contains("000.png: would be overwritten; choose another --out"), "{message}");
+    // Nor is what the cameras belong to.
+    let mut listed: serde_json::Value = serde_json::from_slice(&fs::read(&cameras).unwrap()).unwrap();
+    for name in ["000.png", "./000"] {
+        listed["frames"][0]["file_path"] = name.into();
+        fs::write(out.join("transforms.json"), listed.to_string()).unwrap();
+        let cameras = out.join("transforms.json");
+        let message = fail(&["render", text(&field), "--cameras", text(&cameras), "--out", text(&out)]);
+        assert!(message.contains("000.png: would be overwritten; choose another --out"), "{message}");
+    }
 
     let bytes = fs::read(&capture).unwrap();
     fs::write(&capture, &bytes[..bytes.len() / 2]).unwrap();

@@ -101,7 +101,8 @@ impl CachedCasters {
         };
         let cached: u32 = self.0.values().map(CachedCaster::cached_texels).sum();
         let caster = self.0.get_mut(&prop)?;
-        if rests && caster.tile.is_none() && cached + texels.x * texels.y <= most {
+        // A level may have a smaller box, which misses the map.
+        if rests && caster.tile.is_none() && texels.min_element() > 0 && cached + texels.x * texels.y <= most {
             caster.tile = create(texels);
         }
         caster.tile.as_ref()

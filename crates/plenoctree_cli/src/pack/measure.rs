@@ -48,8 +48,8 @@ impl Views {
             Some(file) => read_transforms(file, arguments.size)?,
             None => around(field, arguments.size.unwrap_or(SIZE), arguments.views),
         };
-        let every = cameras.len().div_ceil(arguments.views.max(1) as usize).max(1);
-        let cameras: Vec<_> = cameras.into_iter().step_by(every).take(arguments.views as usize).collect();
+        let views = cameras.len().min(arguments.views as usize);
+        let cameras: Vec<_> = (0..views).map(|view| cameras[view * cameras.len() / views]).collect();
         if cameras.is_empty() {
             return Ok(None);
         }

@@ -4,6 +4,8 @@ mod arguments;
 
 pub use arguments::Arguments;
 
+use std::path::PathBuf;
+
 use glam::DVec4;
 use image::{Rgba, RgbaImage};
 use plenoctree::{PlenOctree, camera::PinholeCamera, reference::render};
@@ -12,7 +14,7 @@ use plenoctree_fit::{
     splat::{Splats, render_splats},
 };
 
-use crate::{capture, console, field, files, hex, number::counted, progress, result::Result};
+use crate::{capture, console, field, files, hex, number::counted, progress, result::Result, transforms};
 
 /// The scene to render.
 enum Scene {
@@ -42,7 +44,9 @@ pub fn run(arguments: &Arguments) -> Result {
         let digits = name.strip_suffix(".png").filter(|digits| !digits.is_empty());
         digits.is_some_and(|digits| digits.bytes().all(|byte| byte.is_ascii_digit()))
     };
-    files::check_folder(&arguments.out, &[path, &arguments.cameras], is_view)?;
+    let pictures = transforms::pictures(&arguments.cameras);
+    let inputs: Vec<_> = [path, &arguments.cameras].into_iter().chain(&pictures).map(PathBuf::as_path).collect();
+    files::check_folder(&arguments.out, &inputs, is_view)?;
     let cameras = read_transforms(&arguments.cameras, arguments.size)?;
     let extension = path.extension().unwrap_or_default();
     let scene = if PlenOctree::EXTENSIONS.iter().any(|known| extension.eq_ignore_ascii_case(known)) {

@@ -60,7 +60,8 @@ impl Splats {
         });
         let (first, last) = (first.max(low), last.min(high));
         // A box around a single point would be empty.
-        let margin = (0.01 * (last - first).max_element()).max(1e-3);
+        let extent = (last - first).max_element();
+        let margin = if extent > 1e-6 { 0.01 * extent } else { 1e-3 };
         Some((first - margin, last + margin))
     }
 
@@ -112,6 +113,10 @@ impl Splats {
             if weight > largest.0 {
                 largest = (weight, part);
             }
+        }
+        // Nothing is connected in haze.
+        if largest.1.is_empty() {
+            return self.clone();
         }
         let mut kept = vec![false; opacity.len()];
         for &cell in &largest.1 {

@@ -4,7 +4,7 @@ use std::io::{Cursor, Read};
 
 use glam::{Quat, Vec3};
 use image_webp::WebPDecoder;
-use serde::Deserialize;
+use serde::{Deserialize, Deserializer, de::Error};
 use serde_json::Value;
 use zip::{ZipArchive, result::ZipError};
 
@@ -52,6 +52,7 @@ struct Files {
 /// Values by a codebook (version 2), or between bounds (version 1).
 #[derive(Deserialize)]
 struct Values {
+    #[serde(default, deserialize_with = "codebook")]
     codebook: Option<Vec<f32>>,
     mins: Option<Vec<f32>>,
     maxs: Option<Vec<f32>>,
@@ -61,10 +62,23 @@ struct Values {
 #[derive(Deserialize)]
 struct Harmonics {
     bands: Option<u32>,
+    #[serde(default, deserialize_with = "codebook")]
     codebook: Option<Vec<f32>>,
     mins: Option<f32>,
     maxs: Option<f32>,
     files: Vec<String>,
+}
+
+/// Reads a codebook. Some writers made its first number null, which is as far below the second one as the others are apart.
+fn codebook<'de, D: Deserializer<'de>>(source: D) -> Result<Option<Vec<f32>>, D::Error> {
+    let Some(mut values) = Option::<Vec<Option<f32>>>::deserialize(source)? else {
+        return Ok(None);
+    };
+    if let [first @ None, Some(second), .., Some(last)] = &mut values[..] {
+        *first = Some(*second + (*second - *last) / 255.0);
+    }
+    let values: Option<Vec<f32>> = values.into_iter().collect();
+    values.map(Some).ok_or_else(|| D::Error::custom("found null in a codebook, expected a number"))
 }
 
 /// An image with four bytes a pixel.
@@ -85,7 +99,14 @@ pub fn read_bundle(bytes: &[u8]) -> Result<Splats, Fault> {
     let folder = meta.trim_end_matches("meta.json").to_string();
     let mut member = |name: &str, most: u64| -> Result<Vec<u8>, Fault> {
         let damaged = |found: String| Fault::found(name, found, format!("a member of at most {most} bytes"));
-        let member = archive.by_name(&format!("{folder}{name}")).map_err(|error| damaged(error.to_string()))?;
+        let path = format!("{folder}{name}");
+        // `by_name` panics if a member only pretends to be encrypted.
+        match archive.by_name_decrypt(&path, &[]).map(|member| member.is_ok()) {
+            Ok(true) => {}
+            Ok(false) => return Err(damaged("an encrypted member".into())),
+            Err(error) => return Err(damaged(error.to_string())),
+        }
+        let member = archive.by_name(&path).map_err(|error| damaged(error.to_string()))?;
         let mut content = Vec::new();
         // The claimed size may be wrong.
         member.take(most + 1).read_to_end(&mut content).map_err(|error| damaged(error.to_string()))?;
@@ -300,4 +321,25 @@ impl Image {
 
 fn damaged(name: &str, error: image_webp::DecodingError) -> Fault {
     Fault::found(name, error.to_string(), "a WebP image")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn codebook_of(numbers: &str) -> Option<Vec<f32>> {
+        let values: Values = serde_json::from_str(&format!(r#"{{"codebook": {numbers}, "files": []}}"#)).ok()?;
+        values.codebook
+    }
+
+    /// Some writers made the first number of a codebook null. Other nulls are errors.
+    #[test]
+    fn a_codebook_may_begin_with_null() {
+        assert_eq!(codebook_of("[1.0, 2.0, 3.0]"), Some(vec![1.0, 2.0, 3.0]));
+        assert_eq!(codebook_of("[null, 2.0, 257.0]"), Some(vec![1.0, 2.0, 257.0]));
+        assert_eq!(codebook_of("null"), None);
+        for wrong in ["[1.0, null, 3.0]", "[null, null, 3.0]", "[null]"] {
+            assert_eq!(codebook_of(wrong), None, "{wrong}");
+        }
+    }
 }
