@@ -7,6 +7,7 @@ use bevy::{
         oit::OrderIndependentTransparencySettings,
         prepass::PreviousViewData,
     },
+    ecs::entity::EntityHashSet,
     platform::collections::HashMap,
     prelude::*,
     render::{
@@ -23,7 +24,7 @@ use bevy::{
 
 use super::{
     extract::{ExtractedProps, VisibleProps},
-    frame::{Comparison, InitPipelines, PaletteBuffer, Pass, Pipelines, PropView, RaySet, Slot},
+    frame::{Comparison, Draw, InitPipelines, PaletteBuffer, Pass, Pipelines, PropView, RaySet, Slot},
     passes,
     plan::{Feature, Known, Plan, Target, choose_levels, decide, drawn_viewport},
 };
@@ -154,7 +155,7 @@ fn plan_views(
             last: &view.plan,
             former: view.plan.former.as_ref().filter(|_| view.is_drawn),
         };
-        let (planned, is_complete) = plan(&known, &extracted, &fields, &mut pipelines, &cache);
+        let (planned, is_complete) = plan(&known, &mut view.held_frames, &extracted, &fields, &mut pipelines, &cache);
         let Some((plan, passes)) = planned else {
             let target = Target { format: extracted_view.target_format, ..default() };
             let nothing = Plan { samples: msaa.samples(), target, ..default() };
@@ -200,50 +201,91 @@ fn plan_views(
     }
 }
 
-/// Plans the frame of a view, and its passes with their pipelines. Leaves out what needs a pipeline that is not ready.
-/// Also returns whether nothing was left out. The plan is `None` if nothing is drawn.
+/// The plan of a view, and its passes with their pipelines.
+type Planned = (Plan, Vec<(Pass, Vec<CachedRenderPipelineId>)>);
+
+/// The most frames for which a view is drawn as before because of pipelines that are not ready. They may never be.
+const MOST_HELD_FRAMES: u32 = 1000;
+
+/// Plans the frame of a view, without what needs a pipeline that is not ready. If the last frame drew that, all is drawn as
+/// then. Also returns whether nothing was left out. The plan is `None` if nothing is drawn.
 fn plan(
     known: &Known,
+    held_frames: &mut u32,
     extracted: &ExtractedProps,
     fields: &RenderAssets<GpuField>,
     pipelines: &mut Pipelines,
     cache: &PipelineCache,
-) -> (Option<(Plan, Vec<(Pass, Vec<CachedRenderPipelineId>)>)>, bool) {
+) -> (Option<Planned>, bool) {
     let mut missing = vec![];
+    let mut may_hold = !known.last.props.is_empty() && *held_frames < MOST_HELD_FRAMES;
     loop {
-        let Some(plan) = decide(known, &missing, extracted, fields) else {
+        let Some(plan) = decide(known, &missing, None, extracted, fields) else {
             return (None, missing.is_empty());
         };
-        let (mut passes, mut is_complete) = (vec![], missing.is_empty());
-        let mut next_missing = None;
-        for mut pass in passes::of(&plan) {
-            let ready: Vec<_> =
-                pass.programs.iter().map(|program| pipelines.get(cache, &pass, program, plan.target.format)).collect();
-            if ready.iter().any(Option::is_none) {
-                is_complete = false;
-                let new = plan.new_feature(known.last);
-                if !pass.may_leave_out_props() {
-                    next_missing = next_missing.or(Some(pass.feature));
-                } else if new.is_some() {
-                    next_missing = next_missing.or(new);
-                } else {
-                    pass.draws.retain(|draw| ready.get(draw.program).is_some_and(Option::is_some));
-                }
+        let (planned, left_out) = with_pipelines(plan, known.last, pipelines, cache);
+        let is_complete = missing.is_empty() && !left_out.is_any;
+        if left_out.was_drawn && std::mem::take(&mut may_hold) {
+            let held = decide(known, &[], Some(known.last), extracted, fields);
+            let held = held.map(|plan| with_pipelines(plan, known.last, pipelines, cache));
+            if let Some((planned, LeftOut { is_any: false, .. })) = held {
+                *held_frames += 1;
+                return (Some(planned), false);
             }
-            let mut ids: Vec<_> = ready.into_iter().map(|id| id.unwrap_or(CachedRenderPipelineId::INVALID)).collect();
-            if pass.result.is_some() && pass.clear.is_some() {
-                let clear = pipelines.clear(cache, &pass, plan.target.format);
-                is_complete &= clear.is_some();
-                ids.extend(clear);
-            }
-            passes.push((pass, ids));
         }
-        match next_missing {
-            None => return (Some((plan, passes)), is_complete),
-            Some(Feature::Base) => return (Some((plan, vec![])), false),
+        match left_out.feature {
+            None => {
+                *held_frames = 0;
+                return (Some(planned), is_complete);
+            }
+            Some(Feature::Base) => return (Some((planned.0, vec![])), false),
             Some(feature) => missing.push(feature),
         }
     }
+}
+
+/// What a plan must do without because a pipeline is not ready.
+#[derive(Default)]
+struct LeftOut {
+    is_any: bool,
+    /// A feature, without which to plan again.
+    feature: Option<Feature>,
+    /// Whether the last frame drew some of it.
+    was_drawn: bool,
+}
+
+/// Returns a plan and its passes with their pipelines, without the props whose pipelines are not ready.
+fn with_pipelines(plan: Plan, last: &Plan, pipelines: &mut Pipelines, cache: &PipelineCache) -> (Planned, LeftOut) {
+    let (mut passes, mut left_out) = (vec![], LeftOut::default());
+    for mut pass in passes::of(&plan) {
+        let ready: Vec<_> =
+            pass.programs.iter().map(|program| pipelines.get(cache, &pass, program, plan.target.format)).collect();
+        if ready.iter().any(Option::is_none) {
+            left_out.is_any = true;
+            if pass.may_leave_out_props() {
+                let drawn: EntityHashSet = last.props.iter().map(|prop| prop.entity).collect();
+                let was_drawn = |draw: &Draw| {
+                    plan.props.get((draw.instance & 0xffff) as usize).is_some_and(|prop| drawn.contains(&prop.entity))
+                };
+                pass.draws.retain(|draw| {
+                    let is_ready = ready.get(draw.program).is_some_and(Option::is_some);
+                    left_out.was_drawn |= !is_ready && was_drawn(draw);
+                    is_ready
+                });
+            } else {
+                left_out.feature = left_out.feature.or(Some(pass.feature));
+            }
+        }
+        let mut ids: Vec<_> = ready.into_iter().map(|id| id.unwrap_or(CachedRenderPipelineId::INVALID)).collect();
+        if pass.result.is_some() && pass.clear.is_some() {
+            let clear = pipelines.clear(cache, &pass, plan.target.format);
+            left_out.is_any |= clear.is_none();
+            ids.extend(clear);
+        }
+        passes.push((pass, ids));
+    }
+    left_out.was_drawn |= left_out.feature.is_some_and(|feature| last.keeps(feature));
+    ((plan, passes), left_out)
 }
 
 /// Returns whether a view had too little memory a moment ago, and needs as much as then.

@@ -119,8 +119,11 @@ impl Textures {
         let Some(format) = format else {
             return false;
         };
+        // The former frame may have had another size.
+        let is_former = matches!(slot, Slot::FormerLabels | Slot::FormerDepth);
         if let Some(held) = self.textures.get_mut(&slot)
-            && (held.size, held.format, held.samples) == (size, format, samples)
+            && (held.format, held.samples) == (format, samples)
+            && (held.size == size || is_former)
         {
             held.idle = 0;
             return true;

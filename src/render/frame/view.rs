@@ -19,6 +19,8 @@ pub(crate) struct PropView {
     pub(in crate::render) passes: Vec<(Pass, Vec<CachedRenderPipelineId>)>,
     /// Whether nothing is left out because a pipeline is not ready.
     pub(in crate::render) is_complete: bool,
+    /// For how many frames it has been drawn as before, because pipelines are not ready.
+    pub(in crate::render) held_frames: u32,
     /// Whether the plan was drawn, or is about to be. Bevy skips cameras of windows that have no size.
     pub(in crate::render) is_drawn: bool,
     pub(in crate::render) textures: Textures,

@@ -38,7 +38,7 @@ pub(super) fn fog(plan: &Plan) -> Option<Pass> {
     let edges = if plan.smooths { &[Slot::Outline, Slot::Coverage][..] } else { &[] };
     let buffers = [Buffer::Fog, Buffer::View].map(Input::Buffer);
     let textures = [shown_after(plan.stages.len()), Slot::Depth(RaySet::Pixels)].map(Input::Texture);
-    plan.shows_fog.then(|| Pass {
+    plan.has_fog.then(|| Pass {
         feature: Feature::Fog,
         reads: vec![
             buffers
@@ -133,7 +133,7 @@ fn find_fog(mut views: Query<(&mut VisibleProps, &ExtractedCamera, Has<DistanceF
 
 fn write_fog(device: Res<RenderDevice>, queue: Res<RenderQueue>, mut views: Query<(&mut PropView, &DistanceFog)>) {
     for (mut view, fog) in &mut views {
-        if view.plan.shows_fog {
+        if view.plan.has_fog {
             let fog = FogUniform { fog: BevyFog::new(fog), exposure: view.plan.values.screen.exposure };
             view.buffers.fog.set(&device, &queue, "plenoctree_fog", BufferUsages::STORAGE, &fog);
         }

@@ -251,7 +251,7 @@ fn bind_lights(
         Some(Lights { group, offsets: vec![view.offset, lights.offset] })
     };
     for (mut view, bevy) in &mut views {
-        view.lights = bevy.filter(|_| view.plan.is_lit || view.plan.shows_fog).and_then(lights);
+        view.lights = bevy.filter(|_| view.plan.is_lit || view.plan.has_fog).and_then(lights);
     }
 }
 

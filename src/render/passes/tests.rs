@@ -8,8 +8,8 @@ use plenoctree::{BakeSettings, Basis, bake};
 
 use super::*;
 use crate::{
-    EdgeSmoothing, FieldPalette, PaletteOverride, Palettes, PlenOctree, PlenOctreePlugin, Posterize, Prop,
-    PropPlacement, Recolor,
+    BilateralFilter, EdgeSmoothing, FieldPalette, Ink, PaletteOverride, Palettes, PlenOctree, PlenOctreePlugin,
+    Posterize, Prop, PropPlacement, PropQuality, Recolor,
     headless::{Headless, exact_camera},
     render::frame::{CachedResult, Output, PropView},
 };
@@ -105,8 +105,15 @@ fn is_complete(headless: &mut Headless) -> bool {
     view(headless).is_complete
 }
 
+/// Returns what a frame shows that must not go while pipelines are compiled.
+fn features(headless: &mut Headless) -> HashSet<Feature> {
+    use Feature::*;
+    let plan = &view(headless).plan;
+    [Overlaps, Fog, Posterize, Lighting, Recolor, Objects, Edges].into_iter().filter(|of| plan.keeps(*of)).collect()
+}
+
 /// Props that are drawn stay while pipelines are compiled for what is new: another prop before them, labels, colors, fog,
-/// light, and transparent objects.
+/// light, transparent objects, and other settings of these. So does what they show.
 #[test]
 #[cfg(feature = "headless-lit")]
 fn props_stay_while_pipelines_are_compiled() {
@@ -133,6 +140,27 @@ fn props_stay_while_pipelines_are_compiled() {
             world.entity_mut(first).insert(crate::PropLighting::toon(1.0));
             world.spawn(DirectionalLight::default());
         }),
+        ("ink", |world, [first, ..]| _ = world.entity_mut(first).insert(Ink::default())),
+        ("quality", |world, [.., camera]| _ = world.entity_mut(camera).insert(PropQuality::EXACT)),
+        ("tonemapping", |world, [.., camera]| {
+            world.entity_mut(camera).insert(bevy::core_pipeline::tonemapping::Tonemapping::Reinhard);
+        }),
+        ("filter", |world, [first, ..]| {
+            let filter = BilateralFilter { iterations: 0, ..default() };
+            world.entity_mut(first).insert(Posterize { filter, ..default() });
+        }),
+        ("soft labels", |world, [first, ..]| _ = world.entity_mut(first).insert(Posterize::soft())),
+        ("brightness", |world, [first, ..]| _ = world.entity_mut(first).insert(crate::PropLighting::default())),
+        ("no ink", |world, [first, ..]| _ = world.entity_mut(first).remove::<Ink>()),
+        ("hard edges", |world, [first, ..]| _ = world.entity_mut(first).insert(hard())),
+        ("no light", |world, [first, ..]| _ = world.entity_mut(first).remove::<crate::PropLighting>()),
+        ("other labels", |world, [first, second, _]| {
+            world.entity_mut(first).remove::<Posterize>();
+            world.entity_mut(second).insert(Posterize::default());
+        }),
+        ("no labels", |world, [_, second, _]| _ = world.entity_mut(second).remove::<Posterize>()),
+        ("no fog", |world, [.., camera]| _ = world.entity_mut(camera).remove::<bevy::pbr::DistanceFog>()),
+        ("labels again", |world, [first, ..]| _ = world.entity_mut(first).insert(Posterize::default())),
         ("objects", |world, _| {
             let mesh = world.resource_mut::<Assets<Mesh>>().add(Rectangle::default());
             let material = StandardMaterial { alpha_mode: AlphaMode::Blend, ..default() };
@@ -148,12 +176,17 @@ fn props_stay_while_pipelines_are_compiled() {
             headless.app.world_mut().entity_mut(camera).insert(PropPlacement::Display);
             headless.wait_until_ready(Duration::from_secs(120)).unwrap();
         }
+        let mut frames = vec![features(&mut headless)];
         change(headless.app.world_mut(), [first, second, camera]);
-        let mut frames = 0;
-        while frames < 5 || !is_complete(&mut headless) {
+        while frames.len() < 6 || !is_complete(&mut headless) {
             headless.update();
-            assert_eq!(drawn_props(&mut headless), 2, "{what}, frame {frames}");
-            frames += 1;
+            assert_eq!(drawn_props(&mut headless), 2, "{what}, frame {}", frames.len());
+            frames.push(features(&mut headless));
+        }
+        // What is there before and after is there in between.
+        let stays = frames[0].intersection(&frames[frames.len() - 1]).copied().collect();
+        for (index, features) in frames.iter().enumerate() {
+            assert!(features.is_superset(&stays), "{what}, frame {index}: {features:?}, expected {stays:?}");
         }
     }
 }

@@ -64,9 +64,13 @@ struct VisibleProp<'a> {
 }
 
 /// Plans the frame of a view, without what is `missing`. Returns `None` if it draws nothing.
+///
+/// With a `held` plan, that of the last frame, it draws the same props with the same pipelines, in today's places and
+/// colors. What is new waits, and of what is gone, only the pipelines stay: they draw the same without it.
 pub(in crate::render) fn decide(
     known: &Known,
     missing: &[Feature],
+    held: Option<&Plan>,
     extracted: &ExtractedProps,
     fields: &RenderAssets<GpuField>,
 ) -> Option<Plan> {
@@ -79,19 +83,30 @@ pub(in crate::render) fn decide(
     let most = target_size.saturating_sub(viewport.physical_position).min(size);
     // After upscaling, textures with the size of the main pass no longer fit the target.
     let placement = if known.overrides_resolution { PropPlacement::Scene } else { visible.placement };
+    let placement = held.map_or(placement, |held| held.placement);
     let spacing = if quality.ray_tolerance > 0.0 && has(Feature::Sparse) { quality.ray_spacing } else { 1 };
+    let spacing = held.map_or(spacing, |held| held.spacing);
     // At the display, the effects that jitter is for are over.
     let jitter = known.jitter.filter(|_| placement == PropPlacement::Scene);
     let motion = Motion::new(view, jitter, known.previous, size);
 
+    let has_labels = held.map_or(has(Feature::Posterize), |held| held.posterizes);
+    let held_props: Option<EntityHashMap<&PlannedProp>> =
+        held.map(|held| held.props.iter().map(|prop| (prop.entity, prop)).collect());
+    let held_prop = |prop: &ExtractedProp| held_props.as_ref().and_then(|props| props.get(&prop.entity));
     let seen: Vec<_> = visible
         .order
         .iter()
-        .filter_map(|ordered| see(ordered, known, extracted, fields, &motion, has(Feature::Posterize)))
+        .filter_map(|ordered| see(ordered, known, extracted, fields, &motion, has_labels))
+        .filter(|seen| held.is_none() || held_prop(seen.prop).is_some())
+        .map(|mut seen| {
+            seen.posterize = seen.posterize.filter(|_| held_prop(seen.prop).is_none_or(|held| held.is_posterized));
+            seen
+        })
         .collect();
     let rects: Vec<_> = seen.iter().map(|seen| covered(seen.rays.clip_from_box, size)).collect();
-    let view_posterize =
-        visible.view_posterize.as_ref().filter(|view| view.palette.colors > 0 && has(Feature::Posterize));
+    let view_posterize = visible.view_posterize.as_ref().filter(|view| view.palette.colors > 0 && has_labels);
+    let view_posterize = view_posterize.filter(|_| held.is_none_or(|held| held.posterizes_view));
     let rect = match view_posterize {
         Some(_) => Rect { low: UVec2::ZERO, size: most, viewport: size },
         None => drawn_rect(&rects, spacing, size, most)?,
@@ -130,8 +145,17 @@ pub(in crate::render) fn decide(
         }
     }
     let overlaps = has(Feature::Overlaps) && props.iter().any(|prop| prop.overlap == Overlap::Solid);
+    let overlaps = held.map_or(overlaps, |held| held.overlaps);
     if !overlaps {
         props.iter_mut().for_each(|prop| prop.overlap = Overlap::None);
+    }
+    for (prop, seen) in props.iter_mut().zip(&seen) {
+        if let Some(held) = held_prop(seen.prop) {
+            (prop.overlap, prop.is_lit, prop.may_recolor) = (held.overlap, held.is_lit, held.may_recolor);
+            if held.smooths == Smooths::Nothing {
+                prop.smooths = Smooths::Nothing;
+            }
+        }
     }
 
     let posterized = || seen.iter().map(|seen| seen.posterize).chain(view_posterize.map(Some));
@@ -146,8 +170,12 @@ pub(in crate::render) fn decide(
     uniforms.extend(view_posterize.map(|_| PropUniform::view_posterize()));
     let filters: Vec<_> = posterized().map(|posterize| FilterUniform::new(posterize, quality)).collect();
     let lit = || seen.iter().zip(&props).filter(|(_, prop)| prop.is_lit).map(|(seen, _)| seen.prop);
-    let is_brightened = lit().any(ExtractedProp::is_brightened);
-    let finishes = has(Feature::Finish);
+    // What the view does, or did while it is held.
+    let or_held = |wanted: bool, of: fn(&Plan) -> bool| held.map_or(wanted, of);
+    let is_brightened = or_held(lit().any(ExtractedProp::is_brightened), |held| held.is_brightened);
+    let finishes = or_held(has(Feature::Finish), |held| held.finishes() || held.steadies());
+    let draws_ink = finishes && or_held(true, |held| held.has_ink);
+    let keeps = quality.steady_labels && finishes && or_held(true, Plan::steadies);
     let pixels = 0.5 * size.y as f32 * motion.clip_from_view.y_axis.y.abs();
     let inks = || seen.iter().map(|seen| seen.prop.ink.or(visible.ink)).chain(view_posterize.map(|_| None));
     let palettes = || seen.iter().map(|seen| seen.palette).chain(view_posterize.map(|view| Some(&view.palette)));
@@ -155,13 +183,12 @@ pub(in crate::render) fn decide(
         .zip(palettes())
         .zip(inks())
         .map(|((posterize, palette), ink)| {
-            LabelsUniform::new(posterize, palette, finishes, ink.filter(|_| finishes), pixels)
+            LabelsUniform::new(posterize, palette, finishes, ink.filter(|_| draws_ink), pixels)
         })
         .collect();
     let (mut steady, mut keeps_labels) = (EntityHashMap::default(), false);
     for (index, (seen, labeling)) in seen.iter().zip(&mut labelings).enumerate() {
-        let is_steady = finishes && quality.steady_labels;
-        let Some(posterize) = seen.posterize.filter(|posterize| is_steady && posterize.settings.is_steady()) else {
+        let Some(posterize) = seen.posterize.filter(|posterize| keeps && posterize.settings.is_steady()) else {
             continue;
         };
         let now = FormerProp {
@@ -176,7 +203,7 @@ pub(in crate::render) fn decide(
         }
         steady.insert(seen.prop.entity, now);
     }
-    let former = (!steady.is_empty()).then(|| Former::new(&motion, rect, steady));
+    let former = or_held(!steady.is_empty(), Plan::steadies).then(|| Former::new(&motion, rect, steady));
     let [z, w] = [view.clip_from_view.z_axis, view.clip_from_view.w_axis];
     let values = PlanValues {
         view: ViewUniform {
@@ -201,8 +228,8 @@ pub(in crate::render) fn decide(
         filters,
         labelings,
     };
-    // What was drawn with fog still is, while the fog itself is compiled for another tonemapping.
-    let has_fog = visible.has_fog && placement == PropPlacement::Scene && (has(Feature::Fog) || known.last.has_fog);
+    let has_fog = visible.has_fog && placement == PropPlacement::Scene && has(Feature::Fog);
+    let iterations = values.filters.iter().map(|filter| filter.iterations).max().unwrap_or(0);
     let has_smooth_borders = values.labelings.iter().any(LabelsUniform::has_smooth_borders);
     let has_ink = values.labelings.iter().any(LabelsUniform::has_ink);
     let posterizes = posterized().any(|posterize| posterize.is_some());
@@ -218,29 +245,34 @@ pub(in crate::render) fn decide(
             size: target_size,
         },
         spacing,
-        iterations: values.filters.iter().map(|filter| filter.iterations).max().unwrap_or(0),
-        posterizes,
-        posterizes_view: view_posterize.is_some(),
+        iterations: held.map_or(iterations, |held| if held.iterations > 0 { iterations.max(1) } else { 0 }),
+        posterizes: or_held(posterizes, |held| held.posterizes),
+        posterizes_view: or_held(view_posterize.is_some(), |held| held.posterizes_view),
         overlaps,
-        tonemapping: visible.tonemapping,
-        has_fog,
-        shows_fog: has_fog && has(Feature::Fog),
-        is_lit: props.iter().any(|prop| prop.is_lit),
+        tonemapping: held.map_or(visible.tonemapping, |held| held.tonemapping),
+        has_fog: or_held(has_fog, |held| held.has_fog),
+        is_lit: or_held(props.iter().any(|prop| prop.is_lit), |held| held.is_lit),
         is_brightened,
         has_lamps: visible.has_lamps,
         smooths_all_light: is_brightened && lit().all(ExtractedProp::is_brightened),
-        has_hard_shadows: visible.has_hard_shadows,
-        smooths: props.iter().any(|prop| prop.smooths != Smooths::Nothing),
-        has_smooth_borders,
-        has_ink,
+        has_hard_shadows: or_held(visible.has_hard_shadows, |held| held.has_hard_shadows),
+        is_several: or_held(props.len() > 1, |held| held.is_several),
+        smooths: or_held(props.iter().any(|prop| prop.smooths != Smooths::Nothing), |held| held.smooths),
+        has_smooth_borders: or_held(has_smooth_borders, |held| held.has_smooth_borders),
+        has_ink: or_held(has_ink, |held| held.has_ink),
         former,
         keeps_labels,
         recolors: seen.iter().any(|seen| seen.posterize.is_none() && seen.prop.recolor.is_some_and(|of| of.is_changed)),
-        has_motion: visible.has_motion && placement == PropPlacement::Scene,
-        stages: if has(Feature::Stages) { visible.stages.clone() } else { vec![] },
+        has_motion: visible.has_motion && placement == PropPlacement::Scene && or_held(true, |held| held.has_motion),
+        stages: match held {
+            Some(held) => held.stages.clone(),
+            None if has(Feature::Stages) => visible.stages.clone(),
+            None => vec![],
+        },
         // A posterized view shows nothing but labels.
         has_objects: known.has_objects
             && has(Feature::Objects)
+            && or_held(true, |held| held.has_objects)
             && placement == PropPlacement::Display
             && view_posterize.is_none()
             && !props.is_empty(),

@@ -45,8 +45,6 @@ pub(in crate::render) struct Plan {
     pub overlaps: bool,
     /// Whether there is fog before the props.
     pub has_fog: bool,
-    /// Whether it is drawn.
-    pub shows_fog: bool,
     /// How the tones of this fog are mapped before it is shown.
     pub tonemapping: Option<Tonemapping>,
     /// Whether lights fall on any prop.
@@ -59,6 +57,8 @@ pub(in crate::render) struct Plan {
     pub smooths_all_light: bool,
     /// Whether the scene's shadows have hard edges.
     pub has_hard_shadows: bool,
+    /// Whether there are several props.
+    pub is_several: bool,
     /// Whether any edge is smooth.
     pub smooths: bool,
     /// Whether borders between labels are smooth anywhere.
@@ -195,18 +195,22 @@ impl Plan {
         self.posterizes || self.is_lit || self.is_sparse()
     }
 
-    /// Returns a feature that is new in this frame and needs other pipelines for props that are already drawn. It can wait
-    /// until those are compiled.
-    pub fn new_feature(&self, last: &Self) -> Option<Feature> {
-        let of = |plan: &Self| {
-            let recolors = plan.props.iter().any(|prop| prop.may_recolor);
-            [plan.has_fog, recolors, plan.overlaps, plan.is_lit, plan.posterizes]
-        };
-        let features =
-            [Feature::Fog, Feature::Recolor, Feature::Overlaps, Feature::Lighting, Feature::Posterize].into_iter();
-        let new = features.zip(of(self)).zip(of(last)).find(|((_, has), had)| *has && !*had);
-        // The first frame leaves out props instead, which no one misses yet.
-        new.filter(|_| !last.props.is_empty()).map(|((feature, _), _)| feature)
+    /// Returns whether it has a feature that must not go while pipelines are compiled. Custom stages may: their shaders may
+    /// never compile.
+    pub fn keeps(&self, feature: Feature) -> bool {
+        match feature {
+            Feature::Base => !self.props.is_empty(),
+            Feature::Overlaps => self.overlaps,
+            Feature::Fog => self.has_fog,
+            Feature::Posterize => self.posterizes,
+            Feature::Lighting => self.is_lit,
+            Feature::Recolor => self.props.iter().any(|prop| prop.may_recolor),
+            Feature::Objects => self.has_objects,
+            Feature::Sparse => self.is_sparse(),
+            Feature::Edges => self.smooths,
+            Feature::Finish => self.finishes() || self.steadies(),
+            Feature::Stages => false,
+        }
     }
 
     /// Returns how the prop at an index of the plan is labeled: by itself, or by the posterized view.
