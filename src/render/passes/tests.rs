@@ -11,7 +11,10 @@ use crate::{
     BilateralFilter, EdgeSmoothing, FieldPalette, Ink, PaletteOverride, Palettes, PlenOctree, PlenOctreePlugin,
     Posterize, Prop, PropPlacement, PropQuality, Recolor,
     headless::{Headless, exact_camera},
-    render::frame::{CachedResult, Output, PropView},
+    render::{
+        frame::{CachedResult, Output, PropView},
+        plan::Feature,
+    },
 };
 
 /// Returns an app with a prop at a distance, and its camera.
@@ -107,9 +110,17 @@ fn is_complete(headless: &mut Headless) -> bool {
 
 /// Returns what a frame shows that must not go while pipelines are compiled.
 fn features(headless: &mut Headless) -> HashSet<Feature> {
-    use Feature::*;
     let plan = &view(headless).plan;
-    [Overlaps, Fog, Posterize, Lighting, Recolor, Objects, Edges].into_iter().filter(|of| plan.keeps(*of)).collect()
+    let all = [
+        Feature::Overlaps,
+        Feature::Fog,
+        Feature::Posterize,
+        Feature::Lighting,
+        Feature::Recolor,
+        Feature::Objects,
+        Feature::Edges,
+    ];
+    all.into_iter().filter(|of| plan.keeps(*of)).collect()
 }
 
 /// Props that are drawn stay while pipelines are compiled for what is new: another prop before them, labels, colors, fog,
