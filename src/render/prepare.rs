@@ -223,6 +223,9 @@ fn plan(
         let Some(plan) = decide(known, &missing, None, extracted, fields) else {
             return (None, missing.is_empty());
         };
+        // Textures of the scene follow these.
+        let kind = |plan: &Plan| (plan.placement, plan.samples, plan.target.format);
+        may_hold &= kind(&plan) == kind(known.last);
         let (planned, left_out) = with_pipelines(plan, known.last, pipelines, cache);
         let is_complete = missing.is_empty() && !left_out.is_any;
         if left_out.was_drawn && std::mem::take(&mut may_hold) {

@@ -83,7 +83,6 @@ pub(in crate::render) fn decide(
     let most = target_size.saturating_sub(viewport.physical_position).min(size);
     // After upscaling, textures with the size of the main pass no longer fit the target.
     let placement = if known.overrides_resolution { PropPlacement::Scene } else { visible.placement };
-    let placement = held.map_or(placement, |held| held.placement);
     let spacing = if quality.ray_tolerance > 0.0 && has(Feature::Sparse) { quality.ray_spacing } else { 1 };
     let spacing = held.map_or(spacing, |held| held.spacing);
     // At the display, the effects that jitter is for are over.
