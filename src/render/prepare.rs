@@ -250,8 +250,9 @@ fn plan(
 /// What a plan must do without because a pipeline is not ready.
 #[derive(Default)]
 struct LeftOut {
+    /// Whether it does without anything, be it the clearing of results.
     is_any: bool,
-    /// A feature, without which to plan again.
+    /// A feature without which to plan again.
     feature: Option<Feature>,
     /// Whether the last frame drew some of it.
     was_drawn: bool,

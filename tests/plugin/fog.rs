@@ -6,7 +6,7 @@ use glam::DVec3;
 use image::RgbaImage;
 
 use crate::stage::{
-    Stage,
+    Stage, TONEMAPPINGS,
     pixels::{differing, encoded, steps},
     sides::{BACKGROUND, GREEN, PIXELS, SOLID, Sides, color, cube, density, in_cube},
     unlit,
@@ -101,16 +101,7 @@ fn props_fade_as_meshes_do() {
 #[test]
 fn props_fade_as_meshes_do_whose_tones_are_mapped() {
     let (mut stage, ..) = stage(DVec3::new(0.45, 0.7, 0.35));
-    for tonemapping in [
-        Tonemapping::Reinhard,
-        Tonemapping::ReinhardLuminance,
-        Tonemapping::AcesFitted,
-        Tonemapping::AgX,
-        Tonemapping::SomewhatBoringDisplayTransform,
-        Tonemapping::TonyMcMapface,
-        Tonemapping::BlenderFilmic,
-        Tonemapping::KhronosPbrNeutral,
-    ] {
+    for tonemapping in TONEMAPPINGS {
         stage.set_both(tonemapping);
         stage.unset_both::<DistanceFog>();
         let clear = stage.capture();

@@ -7,6 +7,7 @@ pub mod sides;
 use std::time::{Duration, Instant};
 
 use bevy::{
+    core_pipeline::tonemapping::Tonemapping,
     prelude::*,
     render::{
         RenderApp,
@@ -24,6 +25,19 @@ use plenoctree::{UpAxis, camera::PinholeCamera};
 
 /// How long tests wait for something that must happen.
 pub const PATIENCE: Duration = Duration::from_secs(300);
+
+/// All of Bevy's ways to map tones.
+pub const TONEMAPPINGS: [Tonemapping; 9] = [
+    Tonemapping::None,
+    Tonemapping::Reinhard,
+    Tonemapping::ReinhardLuminance,
+    Tonemapping::AcesFitted,
+    Tonemapping::AgX,
+    Tonemapping::SomewhatBoringDisplayTransform,
+    Tonemapping::TonyMcMapface,
+    Tonemapping::BlenderFilmic,
+    Tonemapping::KhronosPbrNeutral,
+];
 
 /// An app without a window, its camera, and its props.
 pub struct Stage {

@@ -23,19 +23,7 @@ use image::imageops::crop_imm;
 use super::scene::{
     COLOR, SHOWN, SIZE, SOLID, Stage, assert_near, at, is_near, middle, scene, scene_with, spawn_square,
 };
-use crate::stage::unlit;
-
-const TONEMAPPINGS: [Tonemapping; 9] = [
-    Tonemapping::None,
-    Tonemapping::Reinhard,
-    Tonemapping::ReinhardLuminance,
-    Tonemapping::AcesFitted,
-    Tonemapping::AgX,
-    Tonemapping::SomewhatBoringDisplayTransform,
-    Tonemapping::TonyMcMapface,
-    Tonemapping::BlenderFilmic,
-    Tonemapping::KhronosPbrNeutral,
-];
+use crate::stage::{TONEMAPPINGS, unlit};
 
 /// Returns all settings of Bevy that change colors, except for tonemapping.
 fn effects() -> impl Bundle {
