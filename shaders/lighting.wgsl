@@ -194,14 +194,13 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
 #ifdef BRIGHTNESS
             let toward = normalize(clustered_lights.data[id].position_radius.xyz - point);
             falls(&sum, arriving, toward, relief, lit[prop].rim);
-            // A lamp that makes props brighter takes nothing away where it is blocked.
-            let counts = lit[prop].brightness == 0.0;
-            all_light += select(vec3(0.0), light, counts);
-            arrives += select(vec3(0.0), arriving, counts);
+            // A lamp that makes props brighter takes nothing away where it is blocked. Where it is not, it makes up for
+            // what is blocked of weaker lights.
+            all_light += select(light, arriving, lit[prop].brightness > 0.0);
 #else
             all_light += light;
-            arrives += arriving;
 #endif
+            arrives += arriving;
         }
     }
 #endif

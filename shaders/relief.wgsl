@@ -140,16 +140,14 @@ const REACH: i32 = 3;
 // not solid yet, and must get as dark as what they outline. Returns 0 if there is none.
 fn depth_near(depth: texture_depth_2d, owner: texture_2d<f32>, size: vec2<i32>, pixel: vec2<i32>, prop: u32) -> f32 {
     var found = textureLoad(depth, pixel, 0);
-    for (var reach = 1; reach <= REACH; reach++) {
-        if is_solid(found) {
+    for (var i = 0; i < 8 * REACH; i++) {
+        if i % 8 == 0 && is_solid(found) {
             break;
         }
-        for (var i = 0; i < 9; i++) {
-            let at = clamp(pixel + reach * vec2(i % 3 - 1, i / 3 - 1), vec2(0), size - 1);
-            if prop_of(textureLoad(owner, at, 0)) == prop {
-                found = max(found, textureLoad(depth, at, 0));
-            }
-        }
+        let side = i % 8 + select(0, 1, i % 8 > 3);
+        let at = clamp(pixel + (i / 8 + 1) * vec2(side % 3 - 1, side / 3 - 1), vec2(0), size - 1);
+        let there = textureLoad(depth, at, 0);
+        found = max(found, select(0.0, there, prop_of(textureLoad(owner, at, 0)) == prop));
     }
     return select(0.0, found, is_solid(found));
 }

@@ -72,9 +72,10 @@ pub struct PropLighting {
     ///
     /// Counts directional, point and spot lights with their shadows and their range, by the angle at which their light
     /// falls on the prop, and ambient light. It does not count environment maps. Point and spot lights only add: where
-    /// they are blocked, the prop is as without them. Directional light that is blocked is subtracted from
-    /// the added light. The surface is smoothed over at least 3% of the prop's size, so that steps end at smooth lines
-    /// although it consists of cells. Smaller parts are lit like what is around them.
+    /// they are blocked, the prop is as without them. Where directional light is blocked, the share of it in all light
+    /// that would arrive is subtracted from the added light, so a shadow of the moon is lost in the light of a lamp. The
+    /// surface is smoothed over at least 3% of the prop's size, so that steps end at smooth lines although it consists of
+    /// cells. Smaller parts are lit like what is around them.
     ///
     /// The light of a lamp comes on top of what the prop was trained with. To make it dark where no lamp shines, dim it
     /// with a [`PropTint`](crate::PropTint).

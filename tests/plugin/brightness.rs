@@ -286,6 +286,17 @@ fn lights_add_up_within_their_range() {
         assert_eq!(adds.get_pixel(x, y), unlit.get_pixel(x, y), "({x}, {y}) is behind the other prop");
         assert!((factor(&darkens, x, y) - 0.5).abs() < 0.03, "({x}, {y}) is in its shadow");
     }
+
+    // The shadow of a moon is lost in the light of a lamp that passes by.
+    let lamp = PointLight { intensity: (PI * illuminance(8.0)) as f32, range: 20.0, radius: 0.0, ..default() };
+    scene.spawn((lamp, Transform::from_xyz(0.0, 0.0, 1.0)));
+    let without = light(&mut scene, lighting);
+    spawn_sun(&mut scene, DVec3::Z, illuminance(0.01), true);
+    let with = scene.capture();
+    for (x, y) in places(PIXELS, PIXELS).filter(|(x, y)| place(*x, *y).abs().max_element() < 0.25) {
+        let [found, expected] = [&with, &without].map(|frame| factor(frame, x, y));
+        assert!(expected > 1.5 && (found - expected).abs() < 0.06, "{found}, expected {expected} at ({x}, {y})");
+    }
 }
 
 /// A light from behind a ball lights its outline if there is a rim, and nothing else.
