@@ -2,7 +2,11 @@
 
 use std::{fs, path::PathBuf};
 
-use bevy::{ecs::entity::EntityHashMap, prelude::*, world_serialization::serde::WorldDeserializer};
+use bevy::{
+    ecs::entity::EntityHashMap,
+    prelude::*,
+    world_serialization::serde::{EntitySerializer, WorldDeserializer},
+};
 use bevy_plenoctree::{Ink, prelude::*};
 use serde::de::DeserializeSeed;
 
@@ -52,8 +56,11 @@ fn save(world: &mut World) -> Result {
         .allow_component::<Ink>()
         .extract_entities(toys.into_iter())
         .build();
-    // Bevy numbers entities anew when it loads them. With these numbers, a world that is saved again has the same bytes.
-    saved.entities.sort_by_key(|saved| world.get::<Name>(saved.entity).cloned());
+    // Bevy numbers entities anew when it loads them. In the order of what they consist of, and with these numbers, a world
+    // that is saved again has the same bytes.
+    saved.entities.sort_by_cached_key(|saved| {
+        ron::to_string(&EntitySerializer { entity: saved, registry: &registry }).unwrap_or_default()
+    });
     for (number, saved) in (0..).zip(&mut saved.entities) {
         saved.entity = Entity::from_raw_u32(number).ok_or("too many toys")?;
     }

@@ -25,7 +25,7 @@ pub(crate) use errors::Allocator;
 pub use field::GpuField;
 pub(crate) use layout::{FieldLayouts, FieldShape, TreeShape};
 pub(crate) use level::Level;
-pub(crate) use readiness::Readiness;
+pub(crate) use readiness::{LeftOut, Readiness};
 pub(crate) use records::tree_depth;
 pub use report::{FieldFailed, FieldReady, ViewFailed, ViewTooLarge};
 pub(crate) use report::{FieldReports, GpuStatus};

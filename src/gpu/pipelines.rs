@@ -5,15 +5,21 @@ use bevy::{
     shader::ShaderCacheError,
 };
 
-/// Returns the labels of the pipelines that are still being compiled, or whose shaders are still being loaded.
-pub(crate) fn waiting(cache: &PipelineCache) -> impl Iterator<Item = &str> {
+/// Returns the labels of the pipelines that are still being compiled.
+pub(crate) fn compiling(cache: &PipelineCache) -> impl Iterator<Item = &str> {
     cache.pipelines().filter_map(|pipeline| match &pipeline.state {
-        CachedPipelineState::Queued
-        | CachedPipelineState::Creating(_)
-        | CachedPipelineState::Err(
+        CachedPipelineState::Queued | CachedPipelineState::Creating(_) => Some(label(&pipeline.descriptor)),
+        CachedPipelineState::Ok(_) | CachedPipelineState::Err(_) => None,
+    })
+}
+
+/// Returns the labels of the pipelines whose shaders are still being loaded.
+pub(crate) fn loading(cache: &PipelineCache) -> impl Iterator<Item = &str> {
+    cache.pipelines().filter_map(|pipeline| match &pipeline.state {
+        CachedPipelineState::Err(
             ShaderCacheError::ShaderNotLoaded(_) | ShaderCacheError::ShaderImportNotYetAvailable,
         ) => Some(label(&pipeline.descriptor)),
-        CachedPipelineState::Ok(_) | CachedPipelineState::Err(_) => None,
+        _ => None,
     })
 }
 
@@ -39,4 +45,10 @@ fn label(descriptor: &PipelineDescriptor) -> &str {
 /// Returns whether a pipeline with this label is one of the plugin's.
 pub(super) fn is_ours(label: &str) -> bool {
     label.starts_with("plenoctree_")
+}
+
+/// Returns whether props cannot be drawn without a pipeline with this label. They can without custom stages, whose
+/// shaders may be missing or wrong, and while palettes are sampled on the CPU.
+pub(super) fn draws_props(label: &str) -> bool {
+    is_ours(label) && !["plenoctree_stage", "plenoctree_sampling", "plenoctree_views"].contains(&label)
 }

@@ -9,6 +9,18 @@ use super::layout::TreeShape;
 pub(crate) struct Readiness {
     /// The shapes of fields whose pipelines are not ready.
     pub waiting: HashSet<TreeShape>,
-    /// Whether no view left anything out because its pipeline was not ready.
-    pub is_complete: bool,
+    /// What views left out because its pipeline was not ready.
+    pub left_out: LeftOut,
+}
+
+/// What a frame is drawn without.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) enum LeftOut {
+    /// The frame is complete.
+    #[default]
+    Nothing,
+    /// Custom stages, whose shaders may be missing or wrong for good.
+    Stages,
+    /// Props, or something that they need.
+    More,
 }

@@ -11,7 +11,11 @@ use bevy::{
 };
 use plenoctree::PlenOctree;
 
-use super::{pipelines, readiness::Readiness, upload::FieldTooLarge};
+use super::{
+    pipelines,
+    readiness::{LeftOut, Readiness},
+    upload::FieldTooLarge,
+};
 
 /// A message written in [`PreUpdate`] when all of a field has arrived on the GPU and the pipelines that draw it are
 /// compiled, and again whenever the field is reloaded or a lost GPU device is replaced.
@@ -231,10 +235,11 @@ pub(super) fn report_pipelines(
     reports: Res<FieldReports>,
 ) {
     let mut inbox = reports.inbox();
-    if readiness.is_complete && pipelines::waiting(&cache).all(|label| !pipelines::is_ours(label)) {
+    let is_compiling = pipelines::compiling(&cache).any(pipelines::is_ours);
+    if readiness.left_out < LeftOut::More && !is_compiling && !pipelines::loading(&cache).any(pipelines::draws_props) {
         inbox.drawn = frame.0;
     }
-    let error = pipelines::failed(&cache).find(|(label, _)| pipelines::is_ours(label));
+    let error = pipelines::failed(&cache).find(|(label, _)| pipelines::draws_props(label));
     match (error, &inbox.pipeline_error) {
         (None, None) | (Some(_), Some(_)) => {}
         (error, _) => inbox.pipeline_error = error.map(|(label, error)| format!("{label}: {error}")),

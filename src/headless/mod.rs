@@ -87,15 +87,18 @@ impl Headless {
         Self::build(size, HeadlessPlugins.build(), configure)
     }
 
-    /// Creates an app like [`new`](Self::new) that loads its assets from `folder`. Tools use it to open files anywhere.
+    /// Creates an app like [`new`](Self::new) that loads its assets from `folder`, relative to the current directory.
+    /// Tools use it to open files anywhere. Its path must be UTF-8.
     ///
     /// Returns [`HeadlessError::NoAdapter`] if there is no graphics adapter.
     pub fn with_assets(size: UVec2, folder: &Path, configure: impl FnOnce(&mut App)) -> Result<Self, HeadlessError> {
+        // Bevy looks for relative paths in the folder of the project or of the program.
+        let folder = std::path::absolute(folder).unwrap_or_else(|_| folder.into());
         let assets = AssetPlugin { file_path: folder.to_string_lossy().into(), ..default() };
         Self::build(size, HeadlessPlugins.set(assets), configure)
     }
 
-    /// Creates an app like [`new`](Self::new), on a device that is restricted to `limits` and to the features of WebGPU.
+    /// Creates an app like [`new`](Self::new), on a device that is restricted to `limits` and has no optional features.
     /// Use it to test how an app behaves on less capable machines, and in browsers.
     ///
     /// Returns [`HeadlessError::NoAdapter`] if there is no graphics adapter.
@@ -105,8 +108,9 @@ impl Headless {
         configure: impl FnOnce(&mut App),
     ) -> Result<Self, HeadlessError> {
         let settings = WgpuSettings {
+            features: wgpu::Features::empty(),
             constrained_limits: Some(limits),
-            disabled_features: Some(wgpu::Features::all_native_mask()),
+            disabled_features: Some(wgpu::Features::all()),
             ..default()
         };
         Self::build(size, HeadlessPlugins.set(plugins::render_plugin(settings)), configure)

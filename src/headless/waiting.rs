@@ -10,7 +10,7 @@ use plenoctree::PlenOctree;
 use super::error::{HeadlessError, RenderingFailure};
 use crate::{
     camera::PosterizeView,
-    gpu::{GpuField, Readiness, pipelines},
+    gpu::{GpuField, LeftOut, Readiness, pipelines},
     palette::{PaletteExtraction, Palettes},
     posterize::Posterize,
     render::PropView,
@@ -70,9 +70,12 @@ fn for_pipelines(app: &App) -> Result<Option<String>, HeadlessError> {
     if let Some((label, error)) = pipelines::failed(cache).next() {
         return Err(HeadlessError::Prop(PropError::Pipeline(format!("{label}: {error}"))));
     }
-    let waiting = pipelines::waiting(cache).next().map(|label| format!("the shaders of {label}"));
+    let waiting = pipelines::compiling(cache)
+        .chain(pipelines::loading(cache))
+        .next()
+        .map(|label| format!("the shaders of {label}"));
     let readiness = render.and_then(|render| render.world().get_resource::<Readiness>());
-    let is_complete = readiness.is_none_or(|readiness| readiness.is_complete);
+    let is_complete = readiness.is_none_or(|readiness| readiness.left_out == LeftOut::Nothing);
     Ok(waiting.or_else(|| (!is_complete).then(|| "a frame with all pipelines".to_string())))
 }
 

@@ -185,12 +185,13 @@ pub(super) fn forget(
         }
     }
     for event in events.read() {
-        let (AssetEvent::Modified { id } | AssetEvent::Removed { id }) = event else {
+        // A field whose handles are gone before it is loaded is unused, but never removed.
+        let (AssetEvent::Modified { id } | AssetEvent::Removed { id } | AssetEvent::Unused { id }) = event else {
             continue;
         };
         let purpose = extraction.cancel(*id);
         extraction.sampled.remove(id);
-        if matches!(event, AssetEvent::Removed { .. }) {
+        if !matches!(event, AssetEvent::Modified { .. }) {
             palettes.remove(*id);
             continue;
         }

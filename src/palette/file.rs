@@ -106,21 +106,27 @@ pub(super) fn load(
 ) {
     let Palettes { by_field, files, arrived, .. } = palettes.bypass_change_detection();
     for event in fields.read() {
-        if let AssetEvent::Removed { id } = event {
+        // A field whose handles are gone before it is loaded is unused, but never removed.
+        if let AssetEvent::Removed { id } | AssetEvent::Unused { id } = event {
             files.remove(id);
         }
     }
     for event in changes.read() {
         for file in files.values_mut() {
-            if let PaletteSource::Loaded(handle) = file
-                && event.is_modified(&*handle)
-            {
-                *file = PaletteSource::Expected(handle.clone());
+            match file {
+                PaletteSource::Loaded(handle) if event.is_modified(&*handle) => {
+                    *file = PaletteSource::Changed(handle.clone());
+                }
+                PaletteSource::Failed(handle) if event.is_added(&*handle) || event.is_modified(&*handle) => {
+                    *file = PaletteSource::Expected(handle.clone());
+                }
+                _ => {}
             }
         }
     }
     let arrived_before = arrived.len();
     for (field, file) in files {
+        let has_changed = matches!(file, PaletteSource::Changed(_));
         match file {
             PaletteSource::Sought(task) => {
                 if let Some(path) = block_on(poll_once(task)) {
@@ -132,12 +138,13 @@ pub(super) fn load(
                     *file = handle.map_or(PaletteSource::Missing, PaletteSource::Expected);
                 }
             }
-            PaletteSource::Expected(handle) => {
+            PaletteSource::Expected(handle) | PaletteSource::Changed(handle) => {
                 if let Some(palette) = loaded.get(&*handle) {
                     let new = FieldPalette::new(palette.clone());
-                    // If the file has no shown colors and its source colors did not change, keep the shown colors.
+                    // If a changed file has no shown colors and the same source colors, keep the shown colors.
                     let is_known = |current: &FieldPalette| {
-                        let shows_the_same = palette.shown.is_empty() || current.shown() == new.shown();
+                        let keeps_shown = has_changed && palette.shown.is_empty();
+                        let shows_the_same = keeps_shown || current.shown() == new.shown();
                         current.palette() == new.palette() && shows_the_same
                     };
                     if !by_field.get(field).is_some_and(is_known) {
@@ -146,10 +153,10 @@ pub(super) fn load(
                     }
                     *file = PaletteSource::Loaded(handle.clone());
                 } else if server.as_ref().is_some_and(|server| has_failed(server, handle)) {
-                    *file = PaletteSource::Missing;
+                    *file = PaletteSource::Failed(handle.clone());
                 }
             }
-            PaletteSource::Loaded(_) | PaletteSource::Missing => {}
+            PaletteSource::Loaded(_) | PaletteSource::Failed(_) | PaletteSource::Missing => {}
         }
     }
     if arrived.len() > arrived_before {

@@ -45,7 +45,10 @@ impl Plugin for PalettePlugin {
             .register_type::<PaletteExtraction>()
             .register_type::<PaletteOverride>()
             // Runs before `Update`, so that systems there can edit a new palette before it is first shown.
-            .configure_sets(PreUpdate, PlenOctreeSystems::UpdatePalettes.after(AssetTrackingSystems))
+            .configure_sets(
+                PreUpdate,
+                PlenOctreeSystems::UpdatePalettes.after(AssetTrackingSystems).after(PlenOctreeSystems::ReportFields),
+            )
             .add_systems(
                 PreUpdate,
                 (extraction::forget, file::seek, file::load, extraction::start, extraction::finish, resource::announce)

@@ -147,7 +147,7 @@ impl PaletteOverride {
     ///
     /// Returns an error that says which wishes cannot be met. The colors then come as near to all of them as possible.
     pub fn recolor(&mut self, palette: &FieldPalette, wishes: &[Wish], locked: &[usize]) -> Result<(), UnmetWishes> {
-        let before: Vec<_> = palette.shown().iter().map(|color| encoded(*color)).collect();
+        let before: Vec<_> = self.shown(palette).into_iter().map(encoded).collect();
         let (colors, result) = match palette.palette().recolored(&before, wishes, locked) {
             Ok(colors) => (colors, Ok(())),
             Err(unmet) => (unmet.nearest.clone(), Err(unmet)),
@@ -196,5 +196,17 @@ mod tests {
         palette.set_ramp(0, green);
         assert_eq!(shown, palette.shown());
         assert!(shown[0] != source[0]);
+    }
+
+    /// Wishes are met on top of what an entity overrides already.
+    #[test]
+    fn wishes_replace_overrides() {
+        let mut source = Palette::new(vec![[0.5, 0.1, 0.1], [0.8, 0.2, 0.2], [0.2, 0.3, 0.7]]).unwrap();
+        source.gather_tones(&[0, 1], "cap").unwrap();
+        let palette = FieldPalette::new(source);
+        let mut own = PaletteOverride::default().with(1, Color::srgb(0.2, 0.2, 0.9));
+        let before = palette.shown()[1];
+        own.recolor(&palette, &[Wish::tone(1, encoded(before))], &[]).unwrap();
+        assert_eq!(own.shown(&palette)[1], before);
     }
 }

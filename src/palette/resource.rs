@@ -85,8 +85,11 @@ pub struct FieldPalette {
 
 impl FieldPalette {
     /// Creates a palette that was not extracted from the field. The shown colors are [those of the
-    /// palette](Palette::shown) or, if it has none, the source colors.
-    pub fn new(palette: Palette) -> Self {
+    /// palette](Palette::shown) or, if it has none, the source colors. Ramps with tones that the palette lacks are left
+    /// out.
+    pub fn new(mut palette: Palette) -> Self {
+        let count = palette.colors.len();
+        palette.ramps.retain(|ramp| ramp.tones.iter().all(|tone| *tone < count));
         let mut new = Self { shown: palette.colors.iter().map(decoded).collect(), extraction: None, palette };
         let shown = std::mem::take(&mut new.palette.shown);
         new.show(shown.iter().map(decoded));
@@ -241,11 +244,6 @@ impl FieldPalette {
     /// If there is no such ramp, changes nothing, logs a warning (once per app), and returns false.
     pub fn adjust_ramp(&mut self, ramp: usize, adjustment: &RampAdjustment) -> bool {
         let Self { palette, shown, .. } = self;
-        if *adjustment == RampAdjustment::default() {
-            let tones = palette.ramps.get(ramp).map_or(&[][..], |ramp| &ramp.tones);
-            tones.iter().for_each(|&tone| shown[tone] = decoded(&palette.colors[tone]));
-            return is_ramp(palette, ramp);
-        }
         let set = |tone: usize, color: [f64; 3]| shown[tone] = decoded(&color);
         palette.show_ramp(ramp, adjustment, set).is_ok() || is_ramp(palette, ramp)
     }
@@ -349,7 +347,8 @@ impl Palettes {
     pub fn insert(&mut self, field: impl Into<AssetId<PlenOctree>>, palette: FieldPalette) {
         let id = field.into();
         self.files.remove(&id);
-        self.by_field.insert(id, palette);
+        // Hot reloading replaces palettes that were extracted.
+        self.by_field.insert(id, FieldPalette { extraction: None, ..palette });
         self.assigned.push(id);
     }
 
@@ -387,14 +386,17 @@ impl Palettes {
 
     /// Inserts a palette that was extracted, for which [`PaletteReady`](crate::PaletteReady) is written.
     pub(super) fn arrive(&mut self, field: AssetId<PlenOctree>, palette: FieldPalette, sampled: SampleOrigin) {
-        self.files.remove(&field);
+        if !matches!(self.files.get(&field), Some(PaletteSource::Failed(_))) {
+            self.files.remove(&field);
+        }
         self.by_field.insert(field, palette);
         self.arrived.push(PaletteReady { field, sampled: Some(sampled) });
     }
 
     /// Returns whether a field has no palette and none is being loaded.
     pub(super) fn lacks(&self, field: AssetId<PlenOctree>) -> bool {
-        !self.by_field.contains_key(&field) && matches!(self.files.get(&field), Some(PaletteSource::Missing))
+        let has_no_file = matches!(self.files.get(&field), Some(PaletteSource::Missing | PaletteSource::Failed(_)));
+        has_no_file && !self.by_field.contains_key(&field)
     }
 }
 

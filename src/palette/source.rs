@@ -9,8 +9,12 @@ pub(super) enum PaletteSource {
     Sought(Task<Option<AssetPath<'static>>>),
     /// The palette is loading.
     Expected(Handle<Palette>),
+    /// The palette was assigned to the field, and its file has changed.
+    Changed(Handle<Palette>),
     /// The palette is loaded and assigned to the field. If the asset changes, it is assigned again.
     Loaded(Handle<Palette>),
-    /// There is no palette file, or it failed to load.
+    /// The palette failed to load. If the file is mended, it is assigned to the field.
+    Failed(Handle<Palette>),
+    /// There is no palette file.
     Missing,
 }

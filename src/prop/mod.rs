@@ -12,7 +12,10 @@ pub use path::PropPath;
 pub use progress::PropProgress;
 pub use state::{PropError, PropState};
 
-use bevy::{camera::primitives::Aabb, prelude::*};
+use bevy::{
+    camera::{primitives::Aabb, visibility::NoAutoAabb},
+    prelude::*,
+};
 
 use glam::DAffine3;
 use plenoctree::{PlenOctree, UpAxis};
@@ -48,7 +51,7 @@ fn update_bounds(
     mut events: MessageReader<AssetEvent<PlenOctree>>,
     mut arrivals: MessageReader<FieldReady>,
     gpu: Res<GpuStatus>,
-    props: Query<(Entity, Ref<Prop>, Ref<DrawnField>, Option<&Aabb>)>,
+    props: Query<(Entity, Ref<Prop>, Ref<DrawnField>, Option<&Aabb>), Without<NoAutoAabb>>,
 ) {
     // Usually empty, so most frames allocate nothing.
     let changed: Vec<_> = events

@@ -30,7 +30,7 @@ use super::{
 };
 use crate::{
     camera::PropPlacement,
-    gpu::{FieldLayouts, FieldReports, GpuField, InitFields, Readiness, Shaders, ViewTooLarge},
+    gpu::{FieldLayouts, FieldReports, GpuField, InitFields, LeftOut, Readiness, Shaders, ViewTooLarge},
     sets::PlenOctreeRenderSystems,
 };
 
@@ -155,18 +155,18 @@ fn plan_views(
             last: &view.plan,
             former: view.plan.former.as_ref().filter(|_| view.is_drawn),
         };
-        let (planned, is_complete) = plan(&known, &mut view.held_frames, &extracted, &fields, &mut pipelines, &cache);
+        let (planned, left_out) = plan(&known, &mut view.held_frames, &extracted, &fields, &mut pipelines, &cache);
         let Some((plan, passes)) = planned else {
             let target = Target { format: extracted_view.target_format, ..default() };
             let nothing = Plan { samples: msaa.samples(), target, ..default() };
             passes::request(&visible, &nothing, &extracted, &fields, &mut pipelines, &cache);
             view.clear();
             view.textures.clear();
-            view.is_complete = is_complete;
+            view.left_out = left_out;
             continue;
         };
         passes::request(&visible, &plan, &extracted, &fields, &mut pipelines, &cache);
-        (view.plan, view.is_complete, view.is_drawn) = (plan, is_complete, false);
+        (view.plan, view.left_out, view.is_drawn) = (plan, left_out, false);
         view.passes = passes;
         let PropView { plan, passes, textures, buffers, cached, .. } = view;
         if plan.keeps_labels {
@@ -183,7 +183,7 @@ fn plan_views(
             buffers.shades.set(&device, &queue, "plenoctree_shades", BufferUsages::STORAGE, view.shades.colors());
         }
         if is_held {
-            cached.decide(&device, passes, textures, buffers, is_complete, plan);
+            cached.decide(&device, passes, textures, buffers, left_out == LeftOut::Nothing, plan);
         }
         if !is_held || view.textures.allocator.error().is_some() {
             report_shortage(view, visible.props.len(), camera_entity.id(), &reports);
@@ -195,7 +195,7 @@ fn plan_views(
         view.buffers.set_first_drawn(&device, &queue, first_drawn);
     }
     readiness.waiting.clone_from(&pipelines.waiting);
-    readiness.is_complete = views.iter().all(|(.., view)| view.is_complete);
+    readiness.left_out = views.iter().map(|(.., view)| view.left_out).max().unwrap_or_default();
     if rests && comparison.is_none() {
         commands.insert_resource(Comparison::new(&cache, &shaders));
     }
@@ -208,7 +208,7 @@ type Planned = (Plan, Vec<(Pass, Vec<CachedRenderPipelineId>)>);
 const MOST_HELD_FRAMES: u32 = 1000;
 
 /// Plans the frame of a view, without what needs a pipeline that is not ready. If the last frame drew that, all is drawn as
-/// then. Also returns whether nothing was left out. The plan is `None` if nothing is drawn.
+/// then. Also returns what was left out. The plan is `None` if nothing is drawn.
 fn plan(
     known: &Known,
     held_frames: &mut u32,
@@ -216,40 +216,48 @@ fn plan(
     fields: &RenderAssets<GpuField>,
     pipelines: &mut Pipelines,
     cache: &PipelineCache,
-) -> (Option<Planned>, bool) {
+) -> (Option<Planned>, LeftOut) {
     let mut missing = vec![];
     let mut may_hold = !known.last.props.is_empty() && *held_frames < MOST_HELD_FRAMES;
     loop {
         let Some(plan) = decide(known, &missing, None, extracted, fields) else {
-            return (None, missing.is_empty());
+            return (None, left_out(&missing));
         };
         // Textures of the scene follow these.
         let kind = |plan: &Plan| (plan.placement, plan.samples, plan.target.format);
         may_hold &= kind(&plan) == kind(known.last);
-        let (planned, left_out) = with_pipelines(plan, known.last, pipelines, cache);
-        let is_complete = missing.is_empty() && !left_out.is_any;
-        if left_out.was_drawn && std::mem::take(&mut may_hold) {
+        let (planned, lack) = with_pipelines(plan, known.last, pipelines, cache);
+        if lack.was_drawn && std::mem::take(&mut may_hold) {
             let held = decide(known, &[], Some(known.last), extracted, fields);
             let held = held.map(|plan| with_pipelines(plan, known.last, pipelines, cache));
-            if let Some((planned, LeftOut { is_any: false, .. })) = held {
+            if let Some((planned, Lack { is_any: false, .. })) = held {
                 *held_frames += 1;
-                return (Some(planned), false);
+                return (Some(planned), LeftOut::More);
             }
         }
-        match left_out.feature {
+        match lack.feature {
             None => {
                 *held_frames = 0;
-                return (Some(planned), is_complete);
+                return (Some(planned), if lack.is_any { LeftOut::More } else { left_out(&missing) });
             }
-            Some(Feature::Base) => return (Some((planned.0, vec![])), false),
+            Some(Feature::Base) => return (Some((planned.0, vec![])), LeftOut::More),
             Some(feature) => missing.push(feature),
         }
     }
 }
 
+/// Returns what a frame without these features is drawn without.
+fn left_out(missing: &[Feature]) -> LeftOut {
+    missing
+        .iter()
+        .map(|missing| if *missing == Feature::Stages { LeftOut::Stages } else { LeftOut::More })
+        .max()
+        .unwrap_or_default()
+}
+
 /// What a plan must do without because a pipeline is not ready.
 #[derive(Default)]
-struct LeftOut {
+struct Lack {
     /// Whether it does without anything, be it the clearing of results.
     is_any: bool,
     /// A feature without which to plan again.
@@ -259,13 +267,13 @@ struct LeftOut {
 }
 
 /// Returns a plan and its passes with their pipelines, without the props whose pipelines are not ready.
-fn with_pipelines(plan: Plan, last: &Plan, pipelines: &mut Pipelines, cache: &PipelineCache) -> (Planned, LeftOut) {
-    let (mut passes, mut left_out) = (vec![], LeftOut::default());
+fn with_pipelines(plan: Plan, last: &Plan, pipelines: &mut Pipelines, cache: &PipelineCache) -> (Planned, Lack) {
+    let (mut passes, mut lack) = (vec![], Lack::default());
     for mut pass in passes::of(&plan) {
         let ready: Vec<_> =
             pass.programs.iter().map(|program| pipelines.get(cache, &pass, program, plan.target.format)).collect();
         if ready.iter().any(Option::is_none) {
-            left_out.is_any = true;
+            lack.is_any = true;
             if pass.may_leave_out_props() {
                 let drawn: EntityHashSet = last.props.iter().map(|prop| prop.entity).collect();
                 let was_drawn = |draw: &Draw| {
@@ -273,23 +281,23 @@ fn with_pipelines(plan: Plan, last: &Plan, pipelines: &mut Pipelines, cache: &Pi
                 };
                 pass.draws.retain(|draw| {
                     let is_ready = ready.get(draw.program).is_some_and(Option::is_some);
-                    left_out.was_drawn |= !is_ready && was_drawn(draw);
+                    lack.was_drawn |= !is_ready && was_drawn(draw);
                     is_ready
                 });
             } else {
-                left_out.feature = left_out.feature.or(Some(pass.feature));
+                lack.feature = lack.feature.or(Some(pass.feature));
             }
         }
         let mut ids: Vec<_> = ready.into_iter().map(|id| id.unwrap_or(CachedRenderPipelineId::INVALID)).collect();
         if pass.result.is_some() && pass.clear.is_some() {
             let clear = pipelines.clear(cache, &pass, plan.target.format);
-            left_out.is_any |= clear.is_none();
+            lack.is_any |= clear.is_none();
             ids.extend(clear);
         }
         passes.push((pass, ids));
     }
-    left_out.was_drawn |= left_out.feature.is_some_and(|feature| last.keeps(feature));
-    ((plan, passes), left_out)
+    lack.was_drawn |= lack.feature.is_some_and(|feature| last.keeps(feature));
+    ((plan, passes), lack)
 }
 
 /// Returns whether a view had too little memory a moment ago, and needs as much as then.

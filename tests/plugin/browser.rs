@@ -64,6 +64,7 @@ fn everything_is_within_the_default_limits_of_webgpu() {
         ..limits
     };
     assert_eq!(granted, expected);
+    assert_eq!(stage.device().features(), wgpu::Features::empty());
 
     let (idle, view) = (stage.idle_stage(), PosterizeView(stage.field()));
     for (msaa, quality) in [(Msaa::Off, PropQuality::EXACT), (Msaa::Sample4, PropQuality::FAST)] {

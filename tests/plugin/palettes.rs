@@ -404,6 +404,56 @@ fn a_palette_is_extracted_if_its_file_is_invalid() {
     files.run_until("an error", |world| error(world).is_some());
     let error = error(files.app.world()).unwrap();
     assert!(error.contains("did you mean 0 to 255?"), "{error}");
+
+    // Mended while the app runs, it replaces the extracted palette.
+    drop(handle);
+    files.write("x.palette.json", r#"{"colors": [[1, 0.5, 0]]}"#);
+    files.app.world().resource::<AssetServer>().reload("x.palette.json");
+    let id = field.id();
+    files.run_until("the palette of the file", move |world| {
+        world.resource::<Palettes>().get(id).is_some_and(|palette| palette.palette().colors == [[1.0, 0.5, 0.0]])
+    });
+}
+
+/// A palette that is given by its handle replaces one with the same source colors and other shown ones.
+#[test]
+fn palettes_of_the_same_source_colors_replace_each_other() {
+    let mut files = Files::new("seasons");
+    files.write("x.palette.json", r#"{"colors": [[0.5, 0.5, 0]]}"#);
+    files.write("winter.palette.json", r#"{"colors": [[0.5, 0.5, 0]], "shown": [[1, 1, 1]]}"#);
+    let field = files.spawn();
+    let summer = files.palette(&field).shown().to_vec();
+    for (name, shown) in [("winter.palette.json", vec![Color::srgb(1.0, 1.0, 1.0)]), ("x.palette.json", summer)] {
+        let handle = files.load::<Palette>(name);
+        files.app.world_mut().resource_mut::<Palettes>().insert_handle(&field, handle);
+        let id = field.id();
+        files.run_until(name, move |world| world.resource::<Palettes>().get(id).unwrap().shown() == shown);
+    }
+}
+
+/// A field that nobody needs any more before it is loaded leaves no palette behind.
+#[test]
+fn fields_that_never_arrive_leave_no_palette() {
+    let mut files = Files::new("never");
+    files.write("y.palette.json", r#"{"colors": [[0.5, 0.5, 0]]}"#);
+    let field = files.load::<PlenOctree>("y.npz");
+    let id = field.id();
+    let prop = files.app.world_mut().spawn((Prop(field.clone()), Posterize::default())).id();
+    assert_eq!(files.palette(&field).palette().colors, [[0.5, 0.5, 0.0]]);
+    drop(field);
+    files.app.world_mut().despawn(prop);
+    files.run_until("its end", move |world| world.resource::<Palettes>().get(id).is_none());
+}
+
+/// Systems that rely on the documented order of the plugin's sets find it.
+#[test]
+fn palettes_are_updated_after_reports() {
+    use bevy_plenoctree::PlenOctreeSystems::{ReportFields, UpdatePalettes};
+    let mut app = App::new();
+    app.add_plugins((MinimalPlugins, AssetPlugin::default(), PlenOctreePlugin));
+    app.add_systems(PreUpdate, (|| {}).after(UpdatePalettes).before(ReportFields));
+    let fails = app.world_mut().schedule_scope(PreUpdate, |world, schedule| schedule.initialize(world).is_err());
+    assert!(fails, "a system runs between the two");
 }
 
 #[test]
@@ -447,6 +497,12 @@ fn invalid_palettes_are_rejected() {
     assert!(FieldPalette::from_colors([Color::NONE; 0]).is_err());
     assert!(FieldPalette::from_colors([Color::WHITE; Palette::MAX_COLORS + 1]).is_err());
     assert!(FieldPalette::from_colors([Color::srgb(f32::NAN, 0.0, 0.0)]).is_err());
+    // Ramps that do not fit are left out.
+    let mut cut = Palette::new(vec![[0.5, 0.1, 0.1], [0.8, 0.2, 0.2]]).unwrap();
+    cut.gather_tones(&[0, 1], "cap").unwrap();
+    cut.colors.truncate(1);
+    let mut palette = FieldPalette::new(cut);
+    assert!(!palette.adjust_ramp(0, &RampAdjustment::default()));
 }
 
 /// Returns a value after a round trip through text.
@@ -508,6 +564,14 @@ fn a_field_is_reloaded() {
     files.reload(&field, &solid(10.0));
     for _ in 0..100 {
         assert_eq!(files.palette(&field).shown(), colors);
+        files.app.update();
+    }
+    // So does a copy of one that was extracted.
+    files.app.world_mut().resource_mut::<Palettes>().insert(&field, extracted.clone());
+    files.reload(&field, &solid(0.5));
+    for _ in 0..100 {
+        let palette = files.palette(&field);
+        assert!(palette.extraction().is_none() && palette.palette() == extracted.palette());
         files.app.update();
     }
 }

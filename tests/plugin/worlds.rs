@@ -2,17 +2,21 @@
 
 use bevy::{
     camera::{primitives::Aabb, visibility::VisibilityClass},
-    ecs::{entity::EntityHashMap, reflect::ReflectCommandExt, template::VecTemplate},
+    ecs::{entity::EntityHashMap, observer::ObservedBy, reflect::ReflectCommandExt, template::VecTemplate},
     gltf::GltfExtras,
     prelude::*,
     reflect::{TypeRegistry, serde::ReflectDeserializer},
     scene::ScenePlugin,
-    world_serialization::serde::{DynamicWorldSerializer, WorldDeserializer},
+    world_serialization::{
+        DynamicEntity,
+        serde::{DynamicWorldSerializer, EntitySerializer, WorldDeserializer},
+    },
 };
 use bevy_plenoctree::{
     BeforePalette, BilateralFilter, EdgeSmoothing, Ink, InkBorders, InkColor, LabelStages, PaletteExtraction,
-    PaletteMethod, PaletteOverride, Palettes, PlenOctreePlugin, Posterize, PosterizeView, Prop, PropLighting, PropPath,
-    PropPlacement, PropProgress, PropQuality, PropState, PropTint, RampAdjustment, Recolor, SolidOpacity, UploadBudget,
+    PaletteMethod, PaletteOverride, Palettes, PlenOctree, PlenOctreePlugin, Posterize, PosterizeView, Prop,
+    PropLighting, PropPath, PropPlacement, PropProgress, PropQuality, PropState, PropTint, RampAdjustment, Recolor,
+    SolidOpacity, UploadBudget,
 };
 use serde::de::DeserializeSeed;
 use serde_json::Value;
@@ -47,6 +51,7 @@ fn app() -> App {
     app.add_plugins((MinimalPlugins, AssetPlugin::default(), ScenePlugin, PlenOctreePlugin));
     // Apps whose Bevy has the feature `reflect_auto_register` need not do this.
     app.init_asset::<Shader>().register_type::<Transform>().register_type::<Name>();
+    app.register_type::<ChildOf>().register_type::<Children>().register_type::<ObservedBy>();
     app
 }
 
@@ -88,23 +93,30 @@ fn spawn(world: &mut World) -> [Entity; 2] {
     [world.spawn((Name::new("a prop"), prop)).id(), world.spawn((Name::new("the camera"), camera)).id()]
 }
 
-/// Saves entities in the order of their names, numbered by it, as the guide shows.
-fn save(world: &World, entities: [Entity; 2]) -> DynamicWorld {
+/// Saves entities in the order of what they consist of, numbered by it, as the guide shows.
+fn save(world: &World, entities: &[Entity]) -> DynamicWorld {
     let registry = world.resource::<AppTypeRegistry>().read();
     let saved = DynamicWorldBuilder::from_world(world, &registry)
         .deny_component::<VisibilityClass>()
         .deny_component::<GlobalTransform>()
         .deny_component::<InheritedVisibility>()
         .deny_component::<ViewVisibility>()
-        .deny_component::<Aabb>();
+        .deny_component::<Aabb>()
+        .deny_component::<ChildOf>()
+        .deny_component::<Children>()
+        .deny_component::<ObservedBy>();
     let saved =
         saved.allow_resource::<PaletteExtraction>().allow_resource::<Palettes>().allow_resource::<UploadBudget>();
-    let mut saved = saved.extract_entities(entities.into_iter()).extract_resources().build();
-    saved.entities.sort_by_key(|saved| world.get::<Name>(saved.entity).cloned());
+    let mut saved = saved.extract_entities(entities.iter().copied()).extract_resources().build();
+    saved.entities.sort_by_cached_key(|saved| text(saved, &registry).unwrap());
     for (number, saved) in (0..).zip(&mut saved.entities) {
         saved.entity = Entity::from_raw_u32(number).unwrap();
     }
     saved
+}
+
+fn text(saved: &DynamicEntity, registry: &TypeRegistry) -> Result<String, ron::Error> {
+    ron::to_string(&EntitySerializer { entity: saved, registry })
 }
 
 /// All components of the plugin are in saved worlds, except what it finds out by itself. Loading such a world in another
@@ -116,7 +128,7 @@ fn saved_worlds_come_back_whole() {
         let entities = spawn(first.world_mut());
         let registry = first.world().resource::<AppTypeRegistry>().clone();
         let registry = registry.read();
-        let text = format.write(&save(first.world(), entities), &registry);
+        let text = format.write(&save(first.world(), &entities), &registry);
         let saved = |name: &str| text.contains(&format!("\"bevy_plenoctree::{name}\""));
         let components = registry.iter().filter(|registration| registration.data::<ReflectComponent>().is_some());
         let paths = components.map(|registration| registration.type_info().type_path_table());
@@ -134,7 +146,7 @@ fn saved_worlds_come_back_whole() {
             GlobalTransform::from_translation(Vec3::X),
             InheritedVisibility::VISIBLE,
         ));
-        assert_eq!(format.write(&save(first.world(), entities), &registry), text, "{format:?}");
+        assert_eq!(format.write(&save(first.world(), &entities), &registry), text, "{format:?}");
 
         let mut second = app();
         let world = second.world_mut();
@@ -144,6 +156,7 @@ fn saved_worlds_come_back_whole() {
         let mut map = EntityHashMap::default();
         loaded.write_to_world_with(world, &mut map, &registry).unwrap();
         let now = [0, 1].map(|number| map[&Entity::from_raw_u32(number).unwrap()]);
+        let now = if world.entity(now[0]).contains::<Prop>() { now } else { [now[1], now[0]] };
         let [prop, camera] = now.map(|entity| world.entity(entity));
         let [first_prop, first_camera] = entities.map(|entity| first.world().entity(entity));
         assert_eq!(prop.get::<Posterize>(), first_prop.get::<Posterize>());
@@ -155,8 +168,33 @@ fn saved_worlds_come_back_whole() {
         let path = |prop: &Prop| prop.0.path().unwrap().to_string();
         assert_eq!(prop.get().map(path).as_deref(), Some("robot.plenoctree"));
 
-        assert_eq!(format.write(&save(world, now), &registry), text, "{format:?}");
+        assert_eq!(format.write(&save(world, &now), &registry), text, "{format:?}");
     }
+}
+
+/// Props without names, in any order, of one parent, and with an observer, are saved again with the same bytes.
+#[test]
+fn worlds_of_unnamed_props_are_saved_again_with_the_same_bytes() {
+    let mut first = app();
+    let world = first.world_mut();
+    let field = server(world).load::<PlenOctree>("robot.plenoctree");
+    let parent = world.spawn(Transform::default()).id();
+    let props = [0.5, 0.25, 1.0, 0.25].map(|softness| {
+        let prop = (Prop(field.clone()), Posterize { softness, ..default() }, ChildOf(parent));
+        world.spawn(prop).observe(|_: On<Add, Name>| {}).id()
+    });
+    let registry = world.resource::<AppTypeRegistry>().clone();
+    let registry = registry.read();
+    let text = Format::Ron.write(&save(world, &props), &registry);
+
+    let mut second = app();
+    let world = second.world_mut();
+    let mut map = EntityHashMap::default();
+    Format::Ron.read(&text, &registry, &server(world)).write_to_world(world, &mut map).unwrap();
+    let loaded: Vec<Entity> = world.query_filtered::<Entity, With<Prop>>().iter(world).collect();
+    assert_eq!(Format::Ron.write(&save(world, &loaded), &registry), text);
+    let backward: Vec<Entity> = loaded.into_iter().rev().collect();
+    assert_eq!(Format::Ron.write(&save(world, &backward), &registry), text);
 }
 
 /// Scenes in code name the field by its path.

@@ -1,6 +1,6 @@
 //! Reads captures.
 
-use std::path::Path;
+use std::{fs, path::Path};
 
 use clap::{Args, ValueEnum};
 use plenoctree_fit::splat::{SplatSettings, Splats, SpzAxes};
@@ -34,7 +34,7 @@ pub fn load(path: &Path, arguments: CaptureArguments, quiet: bool) -> Result<Spl
     };
     let splats = Splats::read(path, &SplatSettings { spz_axes })?;
     spinner.finish_and_clear();
-    if arguments.spz_axes.is_none() && Splats::assumes_axes(path) {
+    if arguments.spz_axes.is_none() && fs::read(path).is_ok_and(|bytes| Splats::assumes_axes(&bytes)) {
         console::complain!(
             "warning: {}: does not record its axes; if it is upside down, as files of splat-transform 3 are, add \
              --spz-axes rdf (--spz-axes rub silences this)",

@@ -8,7 +8,10 @@ use bevy::{
 use super::{bind_groups::BindGroups, buffers::ViewBuffers, cache::Cache, pass::Pass, textures::Textures};
 #[cfg(feature = "shadows")]
 use crate::render::shades::Shades;
-use crate::{gpu::ViewTooLarge, render::plan::Plan};
+use crate::{
+    gpu::{LeftOut, ViewTooLarge},
+    render::plan::Plan,
+};
 
 /// A view that draws props: the plan of its frame, the passes that follow from it, and what they need.
 #[derive(Component, Default)]
@@ -17,8 +20,8 @@ pub(crate) struct PropView {
     /// The passes in the order in which they run, and the pipelines of each: those of its programs, and the one that
     /// clears what it writes if that may be cached.
     pub(in crate::render) passes: Vec<(Pass, Vec<CachedRenderPipelineId>)>,
-    /// Whether nothing is left out because a pipeline is not ready.
-    pub(in crate::render) is_complete: bool,
+    /// What is left out because a pipeline is not ready.
+    pub(in crate::render) left_out: LeftOut,
     /// For how many frames it has been drawn as before, because pipelines are not ready.
     pub(in crate::render) held_frames: u32,
     /// Whether the plan was drawn, or is about to be. Bevy skips cameras of windows that have no size.
@@ -52,6 +55,6 @@ impl PropView {
         self.plan = default();
         self.passes.clear();
         self.cached = default();
-        self.is_complete = true;
+        self.left_out = LeftOut::Nothing;
     }
 }

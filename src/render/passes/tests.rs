@@ -10,6 +10,7 @@ use super::*;
 use crate::{
     BilateralFilter, EdgeSmoothing, FieldPalette, Ink, PaletteOverride, Palettes, PlenOctree, PlenOctreePlugin,
     Posterize, Prop, PropPlacement, PropQuality, Recolor,
+    gpu::LeftOut,
     headless::{Headless, exact_camera},
     render::{
         frame::{CachedResult, Output, PropView},
@@ -105,7 +106,7 @@ fn drawn_props(headless: &mut Headless) -> usize {
 
 /// Returns whether a frame leaves out nothing.
 fn is_complete(headless: &mut Headless) -> bool {
-    view(headless).is_complete
+    view(headless).left_out == LeftOut::Nothing
 }
 
 /// Returns what a frame shows that must not go while pipelines are compiled.

@@ -3,10 +3,11 @@
 use bevy::{camera::Viewport, prelude::*, shader::Shader};
 use bevy_plenoctree::{
     BeforePalette, BilateralFilter, BorderSmoothing, EdgeSmoothing, LabelStages, Palette, PaletteLabel, Posterize,
-    PosterizeView, PropPlacement,
+    PosterizeView, Prop, PropPlacement, PropState,
 };
 
 use super::scene::{COLOR, PALETTE, SIZE, SOLID, Stage, assert_near, at, differing, middle, scene};
+use crate::stage::wait_for;
 
 /// Draws the label of a pixel in red and its owner in green, in sixteenths.
 const MARK: &str = "
@@ -89,6 +90,27 @@ fn a_stage_reads_labels_and_owners_and_writes_the_screen() {
     scene.unset::<LabelStages>();
     scene.set((Msaa::Off, PropPlacement::Scene));
     assert!(scene.capture() == without, "without the stage again");
+}
+
+/// Props are drawn, and ready, without stages whose shaders are missing or wrong.
+#[test]
+fn props_do_not_wait_for_broken_stages() {
+    let mut scene = posterized();
+    scene.wait();
+    let missing = scene.world().resource::<AssetServer>().load("there is no such stage.wgsl");
+    let wrong = stages(&mut scene, ["@fragment fn fragment() { wrong }"]);
+    for stages in [LabelStages(vec![missing]), wrong] {
+        scene.set(stages);
+        let field = scene.field();
+        let later = scene.world().spawn((Prop(field), Visibility::Hidden)).id();
+        wait_for("a prop that is ready", || {
+            scene.update(1);
+            scene.get::<PropState>(later) == &PropState::Ready
+        });
+        scene.update(20);
+        let prop = scene.prop();
+        assert_eq!(scene.get::<PropState>(prop), &PropState::Ready);
+    }
 }
 
 #[test]

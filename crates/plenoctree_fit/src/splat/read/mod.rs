@@ -48,10 +48,10 @@ impl Splats {
         })
     }
 
-    /// Returns whether a capture is an SPZ file that does not record its axes, so that [`Self::read`] takes those of the
-    /// settings. If they are wrong, the capture is upside down. False if the file cannot be read.
-    pub fn assumes_axes(path: impl AsRef<Path>) -> bool {
-        fs::read(path).is_ok_and(|bytes| spz::assumes_axes(&bytes))
+    /// Returns whether a capture is an SPZ file that does not record its axes, so that [`Self::from_bytes`] takes those
+    /// of the settings. If they are wrong, the capture is upside down. False if it is damaged.
+    pub fn assumes_axes(bytes: &[u8]) -> bool {
+        spz::assumes_axes(bytes)
     }
 
     /// Reads a capture from memory, like [`Self::read`].
