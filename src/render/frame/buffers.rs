@@ -27,8 +27,6 @@ pub(in crate::render) struct ViewBuffers {
     pub shades: Content,
     /// The camera's fog.
     pub fog: Content,
-    /// A number that is different for different colors of the view's palettes.
-    pub palettes: u64,
 }
 
 /// The palettes of all props and posterized views.
@@ -43,13 +41,12 @@ impl ViewBuffers {
         self.screen.set(device, queue, "plenoctree_screen", BufferUsages::UNIFORM, &values.screen);
         self.filters.set(device, queue, "plenoctree_filters", storage, &values.filters);
         self.labelings.set(device, queue, "plenoctree_labels", storage, &values.labelings);
-        self.palettes = values.palettes;
     }
 
     /// Writes the first result that must be drawn. The GPU changes it, so it is written in every frame.
     pub fn set_first_drawn(&mut self, device: &RenderDevice, queue: &RenderQueue, first: u32) {
         let usage = BufferUsages::UNIFORM | BufferUsages::STORAGE;
-        self.first_drawn.forget();
+        self.first_drawn.hash = 0;
         self.first_drawn.set(device, queue, "plenoctree_first_drawn", usage, &first);
     }
 

@@ -211,11 +211,11 @@ fn key(
 ) -> u64 {
     let mut hasher = FixedHasher.build_hasher();
     let ViewBuffers { view, props, screen, filters, labelings, .. } = buffers;
-    let labels = || (labelings.hash(), buffers.palettes);
+    let labels = || (labelings.hash, plan.values.palettes);
     match result {
-        CachedResult::Layer => (view.hash(), props.hash(), plan.recolors.then(labels)).hash(&mut hasher),
-        CachedResult::Composite => (view.hash(), screen.hash(), filters.hash()).hash(&mut hasher),
-        CachedResult::Labels => (view.hash(), props.hash(), screen.hash(), labels()).hash(&mut hasher),
+        CachedResult::Layer => (view.hash, props.hash, plan.recolors.then(labels)).hash(&mut hasher),
+        CachedResult::Composite => (view.hash, screen.hash, filters.hash).hash(&mut hasher),
+        CachedResult::Labels => (view.hash, props.hash, screen.hash, labels()).hash(&mut hasher),
     }
     for pass in passes.iter().map(|(pass, _)| pass).filter(|pass| pass.result == Some(result)) {
         (pass.name, &pass.writes, pass.depth, &pass.reads, pass.samples, &pass.programs).hash(&mut hasher);
@@ -227,8 +227,8 @@ fn key(
         for input in pass.reads.iter().flatten() {
             match input {
                 Input::Texture(slot) => textures.get(*slot).map(|view| view.id()).hash(&mut hasher),
-                Input::Buffer(slot::Buffer::Lit) => buffers.lit.hash().hash(&mut hasher),
-                Input::Buffer(slot::Buffer::Shades) => buffers.shades.hash().hash(&mut hasher),
+                Input::Buffer(slot::Buffer::Lit) => buffers.lit.hash.hash(&mut hasher),
+                Input::Buffer(slot::Buffer::Shades) => buffers.shades.hash.hash(&mut hasher),
                 // The others are only read where another pass of the same result writes them.
                 _ => (),
             }

@@ -17,9 +17,9 @@ use bevy::{
 #[derive(Default)]
 pub(in crate::render) struct Content {
     bytes: Vec<u8>,
-    next: Vec<u8>,
     buffer: Option<Buffer>,
-    hash: u64,
+    /// A number that is different for different contents.
+    pub hash: u64,
 }
 
 impl Content {
@@ -32,17 +32,14 @@ impl Content {
         usage: BufferUsages,
         value: &T,
     ) {
-        self.next.clear();
-        if encase::StorageBuffer::new(&mut self.next).write(value).is_err() {
+        self.bytes.clear();
+        if encase::StorageBuffer::new(&mut self.bytes).write(value).is_err() {
             return;
         }
-        if self.next == self.bytes && self.buffer.is_some() {
-            return;
-        }
-        std::mem::swap(&mut self.bytes, &mut self.next);
-        self.hash = FixedHasher.hash_one(&self.bytes);
+        let before = std::mem::replace(&mut self.hash, FixedHasher.hash_one(&self.bytes));
         let size = self.bytes.len() as u64;
         match &self.buffer {
+            Some(_) if before == self.hash => {}
             // The size of an array is that of its buffer.
             Some(buffer) if buffer.size() == size => queue.write_buffer(buffer, 0, &self.bytes),
             _ => {
@@ -57,16 +54,6 @@ impl Content {
                 self.buffer = Some(buffer);
             }
         }
-    }
-
-    /// Forgets the content, so that it is written again.
-    pub fn forget(&mut self) {
-        self.bytes.clear();
-    }
-
-    /// Returns a number that is different for different contents.
-    pub fn hash(&self) -> u64 {
-        self.hash
     }
 
     /// Returns the buffer, if it has been written.
