@@ -42,34 +42,19 @@ use crate::{
 /// What a view keeps.
 #[derive(Default)]
 pub(in crate::render) struct Cache {
-    results: [Cached; 3],
+    /// What determines the results of this frame.
+    keys: [u64; 3],
+    /// What determined those of the last frame that was drawn, if they still exist.
+    drawn: [Option<u64>; 3],
+    /// How many results are as they were, as far as is known before the scene is drawn. Those after them have changed.
+    unchanged: usize,
+    /// How many of these are only drawn if the scene has changed. For the others, what it was is not known.
+    first_drawn: usize,
     /// What the scene was: a word per pixel for its depth, and then, if anything is posterized, one for its color, and
     /// if light falls on props, one for this light.
     scene: Option<Buffer>,
     /// Whether the words that each result depends on are those of the frame that was drawn.
     knows: [bool; 3],
-}
-
-/// A result of the frame.
-#[derive(Default)]
-struct Cached {
-    /// What determines this frame.
-    key: u64,
-    /// What determined the last frame that was drawn, if it still exists.
-    drawn: Option<u64>,
-    mode: Mode,
-}
-
-/// What to do in a frame.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-enum Mode {
-    /// Draw: something has changed.
-    #[default]
-    Draw,
-    /// Draw, and remember the scene: nothing has changed, and may not change in the next frame either.
-    Remember,
-    /// Compare the scene with what it was, and draw only if they differ.
-    Compare,
 }
 
 impl Cache {
@@ -83,58 +68,34 @@ impl Cache {
         is_complete: bool,
         plan: &Plan,
     ) {
-        let mut may_keep = is_complete;
         let has_light = light(passes).is_some();
         self.knows[CachedResult::Labels as usize] |= !has_light;
-        for result in CachedResult::ALL {
-            let cached = &mut self.results[result as usize];
-            cached.key = key(result, passes, textures, buffers, plan);
-            // What is only blended over the scene is drawn faster than the scene is compared.
-            may_keep &= plan.posterizes || result != CachedResult::Labels;
-            may_keep &= cached.drawn == Some(cached.key);
-            cached.mode = match (may_keep, self.knows[result as usize]) {
-                (false, _) => Mode::Draw,
-                (true, false) => Mode::Remember,
-                (true, true) => Mode::Compare,
-            };
-        }
+        self.keys = CachedResult::ALL.map(|result| key(result, passes, textures, buffers, plan));
+        let same = self.keys.iter().zip(&self.drawn).take_while(|(key, drawn)| **drawn == Some(**key)).count();
+        // What is only blended over the scene is drawn faster than the scene is compared.
+        let most = if plan.posterizes { CachedResult::ALL.len() } else { CachedResult::Labels as usize };
+        self.unchanged = if is_complete { same.min(most) } else { 0 };
         // Whatever is drawn differently now, even if incompletely, replaces what was cached.
-        for result in CachedResult::ALL {
-            self.results[result as usize].drawn = None;
-        }
-        if self.results[0].mode == Mode::Draw {
-            self.scene = None;
-            return;
-        }
+        self.drawn = default();
         let has_composite = passes.iter().any(|(pass, _)| pass.result == Some(CachedResult::Composite));
         let words = 1 + u64::from(has_composite) + u64::from(has_light);
         let size = 4 * words * u64::from(plan.rect.size.x) * u64::from(plan.rect.size.y);
-        if self.scene.as_ref().is_none_or(|scene| scene.size() != size) {
+        if self.unchanged == 0 {
+            self.scene = None;
+        } else if self.scene.as_ref().is_none_or(|scene| scene.size() != size) {
             let (label, usage) = (Some("plenoctree_scene"), BufferUsages::STORAGE);
             self.scene = textures.allocator.create(device, || {
                 device.create_buffer(&BufferDescriptor { label, size, usage, mapped_at_creation: false })
             });
-            self.forget_scene();
+            self.knows = default();
         }
-        if self.scene.is_none() {
-            self.forget_scene();
-        }
-    }
-
-    fn forget_scene(&mut self) {
-        self.knows = default();
-        for cached in &mut self.results {
-            if cached.mode == Mode::Compare {
-                cached.mode = Mode::Remember;
-            }
-        }
+        self.first_drawn = self.knows.iter().take(self.unchanged).take_while(|knows| **knows).count();
     }
 
     /// Returns the index of the first result that must be drawn even if the scene has not changed, or the number of
     /// results if none must be. Those after it are made from it.
     pub fn first_drawn(&self) -> u32 {
-        let first = self.results.iter().position(|cached| cached.mode != Mode::Compare);
-        first.unwrap_or(CachedResult::ALL.len()) as u32
+        self.first_drawn as u32
     }
 
     /// Returns the bytes of GPU memory that remember the scene.
@@ -145,12 +106,12 @@ impl Cache {
 
     /// Returns whether nothing has changed that is known before the scene is drawn.
     pub fn rests(&self) -> bool {
-        self.results[0].mode != Mode::Draw
+        self.unchanged > 0
     }
 
     /// Returns whether a result is drawn even if the scene has not changed.
     pub fn is_drawn(&self, result: CachedResult) -> bool {
-        self.first_drawn() <= result as u32
+        self.first_drawn <= result as usize
     }
 
     /// Compares the scene, or the light on props, with what it was, before the passes of a result.
@@ -167,8 +128,7 @@ impl Cache {
         ctx: &mut RenderContext,
     ) {
         let index = result as usize;
-        let is_compared = self.results[index].mode != Mode::Draw;
-        let words = self.scene.as_ref().filter(|_| is_compared);
+        let words = self.scene.as_ref().filter(|_| index < self.unchanged);
         let (layout, id) = comparison.of(result, samples);
         let pipeline = cache.get_compute_pipeline(*id);
         let (Some(view), Some(first_drawn)) = (buffers.view.binding(), buffers.first_drawn.binding()) else {
@@ -196,8 +156,7 @@ impl Cache {
 
     /// Notes that a result was drawn, or is as it was.
     pub fn finish(&mut self, result: CachedResult) {
-        let cached = &mut self.results[result as usize];
-        cached.drawn = Some(cached.key);
+        self.drawn[result as usize] = Some(self.keys[result as usize]);
     }
 }
 
