@@ -1,14 +1,14 @@
-// The fog pass: applies the camera's `DistanceFog` to props, as Bevy's materials do. Bind group 0 has the lights, as
-// Bevy's mesh view has them.
+// The fog pass: applies the camera's `DistanceFog` to props, as Bevy's materials do. Bind group 0 has the lights and the
+// fog, as Bevy's mesh view has them.
 
 #ifdef TONEMAPPED
 #import bevy_core_pipeline::tonemapping::tone_mapping
 #endif
 #import bevy_pbr::fog::{atmospheric_fog, exponential_fog, exponential_squared_fog, linear_fog}
-#import bevy_pbr::mesh_view_bindings::{lights, view}
+#import bevy_pbr::mesh_view_bindings::{fog, lights, view}
 #import bevy_pbr::mesh_view_types::{
     DIRECTIONAL_LIGHT_FLAGS_SHADOWS_ENABLED_BIT, FOG_MODE_ATMOSPHERIC, FOG_MODE_EXPONENTIAL,
-    FOG_MODE_EXPONENTIAL_SQUARED, FOG_MODE_LINEAR, Fog,
+    FOG_MODE_EXPONENTIAL_SQUARED, FOG_MODE_LINEAR,
 }
 #import bevy_pbr::shadows::fetch_directional_shadow
 #import bevy_plenoctree::color::{decode, encode, to_half}
@@ -16,15 +16,9 @@
 #import bevy_plenoctree::edge::{bits_of, parts_of}
 #endif
 #import bevy_plenoctree::space::light_of
-#import bevy_plenoctree::view::{View, is_solid, unpack_haze}
+#import bevy_plenoctree::view::{Screen, View, is_solid, unpack_haze}
 
-struct Settings {
-    fog: Fog,
-    // The camera's exposure relative to Bevy's default exposure.
-    exposure: f32,
-}
-
-@group(1) @binding(0) var<storage, read> settings: Settings;
+@group(1) @binding(0) var<uniform> screen: Screen;
 // The part of the viewport that is drawn.
 @group(1) @binding(1) var<uniform> drawn: View;
 // The result of the label pass, or of custom stages.
@@ -55,7 +49,7 @@ fn depth_near(pixel: vec2<i32>) -> f32 {
 // Returns the light of the sun and other directional lights that fog scatters toward the camera.
 fn scattered(point: vec3<f32>, toward: vec3<f32>, at: vec2<f32>) -> vec3<f32> {
     var sum = vec3(0.0);
-    if settings.fog.directional_light_color.a <= 0.0 {
+    if fog.directional_light_color.a <= 0.0 {
         return sum;
     }
     let view_z = (view.view_from_world * vec4(point, 1.0)).z;
@@ -66,24 +60,24 @@ fn scattered(point: vec3<f32>, toward: vec3<f32>, at: vec2<f32>) -> vec3<f32> {
         if ((*light).flags & DIRECTIONAL_LIGHT_FLAGS_SHADOWS_ENABLED_BIT) != 0u {
             share = fetch_directional_shadow(id, vec4(point, 1.0), -toward, view_z, at);
         }
-        sum += share * pow(along, settings.fog.directional_light_exponent) * (*light).color.rgb * view.exposure;
+        sum += share * pow(along, fog.directional_light_exponent) * (*light).color.rgb * view.exposure;
     }
     return sum;
 }
 
 fn fogged(light: vec4<f32>, distance: f32, scattering: vec3<f32>) -> vec3<f32> {
-    switch settings.fog.mode {
+    switch fog.mode {
         case FOG_MODE_LINEAR: {
-            return linear_fog(settings.fog, light, distance, scattering).rgb;
+            return linear_fog(fog, light, distance, scattering).rgb;
         }
         case FOG_MODE_EXPONENTIAL: {
-            return exponential_fog(settings.fog, light, distance, scattering).rgb;
+            return exponential_fog(fog, light, distance, scattering).rgb;
         }
         case FOG_MODE_EXPONENTIAL_SQUARED: {
-            return exponential_squared_fog(settings.fog, light, distance, scattering).rgb;
+            return exponential_squared_fog(fog, light, distance, scattering).rgb;
         }
         case FOG_MODE_ATMOSPHERIC: {
-            return atmospheric_fog(settings.fog, light, distance, scattering).rgb;
+            return atmospheric_fog(fog, light, distance, scattering).rgb;
         }
         default: {
             return light.rgb;
@@ -211,10 +205,10 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
 #endif
 
     // The scene has its own fog already, so its share of the pixel gets none.
-    let light = settings.exposure * decode(seen.rgb);
+    let light = screen.exposure * decode(seen.rgb);
     let stored = textureLoad(scene, vec2<u32>(pixel) + drawn.corner, 0).rgb;
     let opacity = min(seen.a, 1.0);
     let behind = (1.0 - opacity) * clamp(light_of(stored), vec3(0.0), vec3(65504.0));
     let result = opacity * seen_through(veil, (light - behind) / opacity) + behind;
-    return to_half(vec4(encode(max(result, vec3(0.0)) / settings.exposure), seen.a));
+    return to_half(vec4(encode(max(result, vec3(0.0)) / screen.exposure), seen.a));
 }

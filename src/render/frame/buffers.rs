@@ -25,8 +25,8 @@ pub(in crate::render) struct ViewBuffers {
     pub lit: Content,
     /// The color that each label shows in each band of light.
     pub shades: Content,
-    /// The camera's fog.
-    pub fog: Content,
+    /// Bevy's fog of a camera without any.
+    pub no_fog: Content,
 }
 
 /// The palettes of all props and posterized views.
@@ -41,6 +41,7 @@ impl ViewBuffers {
         self.screen.set(device, queue, "plenoctree_screen", BufferUsages::UNIFORM, &values.screen);
         self.filters.set(device, queue, "plenoctree_filters", storage, &values.filters);
         self.labelings.set(device, queue, "plenoctree_labels", storage, &values.labelings);
+        self.no_fog.set(device, queue, "plenoctree_no_fog", BufferUsages::UNIFORM, &[Vec4::ZERO; 5]);
     }
 
     /// Writes the first result that must be drawn. The GPU changes it, so it is written in every frame.

@@ -19,6 +19,6 @@ pub(super) use pass::{Blend, CachedResult, Clear, Draw, Fragment, Input, Output,
 pub(super) use pipelines::{InitPipelines, Pipelines};
 pub(super) use run::run;
 pub(super) use slot::{BATCH, Buffer, RaySet, Slot, batch_side, batches};
-#[cfg(feature = "shadows")]
-pub(super) use view::Lights;
 pub(crate) use view::PropView;
+#[cfg(feature = "shadows")]
+pub(super) use {content::Content, view::Lights};

@@ -10,7 +10,7 @@ use bevy::{
         ShaderStages, TextureFormat, TextureSampleType, VertexState,
         binding_types::{
             storage_buffer_read_only, storage_buffer_read_only_sized, storage_buffer_sized, texture_2d,
-            texture_depth_2d, texture_depth_2d_multisampled, uniform_buffer,
+            texture_depth_2d, texture_depth_2d_multisampled, uniform_buffer, uniform_buffer_sized,
         },
     },
     shader::ShaderDefVal,
@@ -226,7 +226,7 @@ enum Kind {
     Floats,
     Integers,
     Depth,
-    View,
+    Uniform,
     Buffer,
     WrittenBuffer,
 }
@@ -240,7 +240,7 @@ impl Kind {
                 _ => Self::Floats,
             },
             Input::Scene => Self::Floats,
-            Input::Buffer(Buffer::View) => Self::View,
+            Input::Buffer(Buffer::View | Buffer::Screen) => Self::Uniform,
             Input::Buffer(_) => Self::Buffer,
             Input::WrittenBuffer(_) => Self::WrittenBuffer,
         }
@@ -252,7 +252,7 @@ fn kinds_layout(name: &'static str, kinds: impl Iterator<Item = Kind>) -> BindGr
         Kind::Floats => texture_2d(TextureSampleType::Float { filterable: false }),
         Kind::Integers => texture_2d(TextureSampleType::Uint),
         Kind::Depth => texture_depth_2d(),
-        Kind::View => uniform_buffer::<ViewUniform>(false),
+        Kind::Uniform => uniform_buffer_sized(false, None),
         Kind::Buffer => storage_buffer_read_only_sized(false, None),
         Kind::WrittenBuffer => storage_buffer_sized(false, None),
     };

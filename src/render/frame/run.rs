@@ -158,9 +158,9 @@ fn draw(
                 Input::Texture(slot) => textures.get(*slot).map(|view| BindingResource::TextureView(view)),
                 Input::Scene => Some(BindingResource::TextureView(frame.target.main_texture_view())),
                 Input::Buffer(Buffer::View) => buffers.view.binding(),
+                Input::Buffer(Buffer::Screen) => buffers.screen.binding(),
                 Input::Buffer(Buffer::Lit) => buffers.lit.binding(),
                 Input::Buffer(Buffer::Shades) => buffers.shades.binding(),
-                Input::Buffer(Buffer::Fog) => buffers.fog.binding(),
                 Input::Buffer(buffer) | Input::WrittenBuffer(buffer) => {
                     textures.buffer_of(*buffer).map(|buffer| buffer.as_entire_binding())
                 }

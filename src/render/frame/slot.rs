@@ -126,14 +126,13 @@ impl Slot {
 /// A buffer of a view, besides the uniforms of bind group 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(in crate::render) enum Buffer {
-    /// The uniform of the view.
+    /// The uniforms of the view and of how colors are shown.
     View,
+    Screen,
     /// How lights fall on each prop.
     Lit,
     /// The color that each label shows in each band of light.
     Shades,
-    /// The camera's fog.
-    Fog,
     /// The number of gaps in each batch.
     BatchCounts,
     /// The places of gaps in the squares of their batches.

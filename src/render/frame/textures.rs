@@ -152,7 +152,7 @@ impl Textures {
         let words = match buffer {
             Buffer::BatchCounts => batches,
             Buffer::BatchGaps => batches * MOST_GAPS,
-            Buffer::View | Buffer::Lit | Buffer::Shades | Buffer::Fog => return true,
+            Buffer::View | Buffer::Screen | Buffer::Lit | Buffer::Shades => return true,
         };
         let size = 4 * u64::from(words);
         if let Some(held) = self.buffers.get_mut(&buffer).filter(|held| held.buffer.size() == size) {

@@ -5,13 +5,14 @@ use bevy::{
     core_pipeline::tonemapping::{Tonemapping, TonemappingLuts, get_lut_bind_group_layout_entries, get_lut_bindings},
     light::ShadowFilteringMethod,
     pbr::{
-        ExtractedPointLight, GlobalClusterableObjectMeta, GpuLights, LightMeta, ShadowSamplers,
-        TONEMAPPING_LUT_SAMPLER_BINDING_INDEX, TONEMAPPING_LUT_TEXTURE_BINDING_INDEX, ViewClusterBindings,
-        ViewLightsUniformOffset, ViewShadowBindings,
+        DistanceFog, ExtractedPointLight, FogMeta, GlobalClusterableObjectMeta, GpuFog, GpuLights, LightMeta,
+        ShadowSamplers, TONEMAPPING_LUT_SAMPLER_BINDING_INDEX, TONEMAPPING_LUT_TEXTURE_BINDING_INDEX,
+        ViewClusterBindings, ViewFogUniformOffset, ViewLightsUniformOffset, ViewShadowBindings,
     },
     prelude::*,
     render::{
         Render, RenderStartup,
+        camera::ExtractedCamera,
         globals::{GlobalsBuffer, GlobalsUniform},
         render_asset::RenderAssets,
         render_resource::{
@@ -34,8 +35,8 @@ use crate::{
     render::{
         extract::{ExtractedProps, VisibleProps},
         frame::{
-            Buffer, Clear, Draw, InitPipelines, Input, Lights, Output, Pass, Pipelines, Place, Program, PropView,
-            RaySet, Slot,
+            Buffer, Clear, Content, Draw, InitPipelines, Input, Lights, Output, Pass, Pipelines, Place, Program,
+            PropView, RaySet, Slot,
         },
         plan::{Feature, Plan},
         shades::{ShadedPalette, Shades},
@@ -167,13 +168,15 @@ pub(super) fn plugin(render_app: &mut SubApp) {
     render_app.add_systems(RenderStartup, init.after(InitPipelines)).add_systems(
         Render,
         (
-            find_lamps.before(PlenOctreeRenderSystems::PlanViews).in_set(bevy::render::RenderSystems::PrepareResources),
+            find_lights
+                .before(PlenOctreeRenderSystems::PlanViews)
+                .in_set(bevy::render::RenderSystems::PrepareResources),
             bind_lights.in_set(bevy::render::RenderSystems::PrepareBindGroups),
         ),
     );
 }
 
-/// What `bevy_pbr::shadows` and `bevy_core_pipeline::tonemapping` read of Bevy's mesh view, at the same places.
+/// What the shaders of lights and fog, and what they import from Bevy, read of its mesh view, at the same places.
 fn init(mut pipelines: ResMut<Pipelines>) {
     let [tonemapping_texture, tonemapping_sampler] = get_lut_bind_group_layout_entries();
     let lights = BindGroupLayoutEntries::with_indices(
@@ -189,6 +192,7 @@ fn init(mut pipelines: ResMut<Pipelines>) {
             (9, storage_buffer_read_only_sized(false, None)),
             (10, storage_buffer_read_only_sized(false, None)),
             (11, uniform_buffer::<GlobalsUniform>(false)),
+            (13, uniform_buffer::<GpuFog>(true)),
             (TONEMAPPING_LUT_TEXTURE_BINDING_INDEX, tonemapping_texture),
             (TONEMAPPING_LUT_SAMPLER_BINDING_INDEX, tonemapping_sampler),
         ),
@@ -196,13 +200,16 @@ fn init(mut pipelines: ResMut<Pipelines>) {
     pipelines.lights = Some(BindGroupLayoutDescriptor::new("plenoctree_lights", &lights));
 }
 
-fn find_lamps(
-    lamps: Query<(), With<ExtractedPointLight>>,
-    mut views: Query<(&mut VisibleProps, Option<&ShadowFilteringMethod>)>,
-) {
-    for (mut visible, method) in &mut views {
+/// What decides how lights and fog are drawn in a view.
+type Decides =
+    (&'static ExtractedCamera, Option<&'static ShadowFilteringMethod>, Has<DistanceFog>, Option<&'static Tonemapping>);
+
+fn find_lights(lamps: Query<(), With<ExtractedPointLight>>, mut views: Query<(&mut VisibleProps, Decides)>) {
+    for (mut visible, (camera, method, has_fog, tonemapping)) in &mut views {
         visible.has_lamps = !lamps.is_empty();
         visible.has_hard_shadows = method == Some(&ShadowFilteringMethod::Hardware2x2);
+        visible.has_fog = has_fog;
+        visible.tonemapping = tonemapping.copied().filter(|_| !camera.hdr);
     }
 }
 
@@ -212,6 +219,7 @@ type BevyLights<'a> = (
     &'a ViewClusterBindings,
     &'a ViewUniformOffset,
     &'a ViewLightsUniformOffset,
+    Option<&'a ViewFogUniformOffset>,
     Option<&'a Tonemapping>,
 );
 
@@ -220,8 +228,9 @@ fn bind_lights(
     cache: Res<PipelineCache>,
     pipelines: Res<Pipelines>,
     view_uniforms: Res<ViewUniforms>,
-    (meta, clusterable, samplers, globals): (
+    (meta, fogs, clusterable, samplers, globals): (
         Option<Res<LightMeta>>,
+        Option<Res<FogMeta>>,
         Option<Res<GlobalClusterableObjectMeta>>,
         Option<Res<ShadowSamplers>>,
         Res<GlobalsBuffer>,
@@ -229,7 +238,7 @@ fn bind_lights(
     (images, luts, fallback): (Res<RenderAssets<GpuImage>>, Option<Res<TonemappingLuts>>, Res<FallbackImage>),
     mut views: Query<(&mut PropView, Option<BevyLights<'static>>)>,
 ) {
-    let lights = |(maps, clusters, view, lights, tonemapping): BevyLights| {
+    let lights = |no_fog: &Content, (maps, clusters, view, lights, fog, tonemapping): BevyLights| {
         let tonemapping = tonemapping.unwrap_or(&Tonemapping::None);
         let (texture, sampler) = get_lut_bindings(&images, luts.as_ref()?, tonemapping, &fallback);
         let entries = BindGroupEntries::with_indices((
@@ -243,15 +252,17 @@ fn bind_lights(
             (9, clusters.clusterable_object_index_lists_binding()?),
             (10, clusters.offsets_and_counts_binding()?),
             (11, globals.buffer.binding()?),
+            (13, fog.and(fogs.as_ref()?.gpu_fogs.binding()).or(no_fog.binding())?),
             (TONEMAPPING_LUT_TEXTURE_BINDING_INDEX, texture),
             (TONEMAPPING_LUT_SAMPLER_BINDING_INDEX, sampler),
         ));
         let layout = cache.get_bind_group_layout(pipelines.lights.as_ref()?);
         let group = device.create_bind_group("plenoctree_lights", &layout, &entries);
-        Some(Lights { group, offsets: vec![view.offset, lights.offset] })
+        Some(Lights { group, offsets: vec![view.offset, lights.offset, fog.map_or(0, |fog| fog.offset)] })
     };
     for (mut view, bevy) in &mut views {
-        view.lights = bevy.filter(|_| view.plan.is_lit || view.plan.has_fog).and_then(lights);
+        let bevy = bevy.filter(|_| view.plan.is_lit || view.plan.has_fog);
+        view.lights = bevy.and_then(|bevy| lights(&view.buffers.no_fog, bevy));
     }
 }
 

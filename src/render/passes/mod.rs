@@ -85,8 +85,5 @@ pub(super) fn of(plan: &Plan) -> Vec<Pass> {
 pub(super) fn plugin(render_app: &mut SubApp) {
     objects::plugin(render_app);
     #[cfg(feature = "shadows")]
-    {
-        fog::plugin(render_app);
-        lighting::plugin(render_app);
-    }
+    lighting::plugin(render_app);
 }
