@@ -46,7 +46,7 @@ pub(super) fn plugin(render_app: &mut SubApp) {
                 agree_about_targets.in_set(RenderSystems::CreateViews),
                 read_depth.before(prepare_core_3d_depth_textures).in_set(RenderSystems::PrepareResources),
                 choose_levels.in_set(PlenOctreeRenderSystems::ChooseLevels),
-                (write_palettes, plan_views).chain().in_set(PlenOctreeRenderSystems::PlanViews),
+                plan_views.in_set(PlenOctreeRenderSystems::PlanViews),
             ),
         );
 }
@@ -90,19 +90,6 @@ fn read_depth(mut cameras: Query<(&mut Camera3d, &VisibleProps)>) {
     }
 }
 
-/// Writes the palettes of all props and views, if any color has changed.
-fn write_palettes(
-    extracted: Res<ExtractedProps>,
-    device: Res<RenderDevice>,
-    queue: Res<RenderQueue>,
-    mut palettes: ResMut<PaletteBuffer>,
-) {
-    if extracted.props.is_empty() && extracted.colors.is_empty() {
-        return;
-    }
-    palettes.0.set(&device, &queue, "plenoctree_palettes", BufferUsages::STORAGE, &extracted.colors);
-}
-
 type View = (
     &'static MainEntity,
     Option<(&'static ExtractedView, &'static ExtractedCamera, &'static Msaa)>,
@@ -121,8 +108,10 @@ fn plan_views(
     (mut pipelines, comparison): (ResMut<Pipelines>, Option<Res<Comparison>>),
     phases: Option<Res<ViewSortedRenderPhases<Transparent3d>>>,
     (reports, mut readiness): (Res<FieldReports>, ResMut<Readiness>),
+    mut palettes: ResMut<PaletteBuffer>,
     mut views: Query<View>,
 ) {
+    palettes.0.set(&device, &queue, "plenoctree_palettes", BufferUsages::STORAGE, &extracted.colors);
     pipelines.waiting.clear();
     let mut rests = false;
     for (camera_entity, camera, resolution, (jitter, previous, has_oit), mut visible, mut view) in &mut views {
