@@ -19,7 +19,7 @@ use plenoctree::{
 use super::rays::Pose;
 use crate::{
     camera::{LabelStages, PosterizeView, PropPlacement},
-    gpu::{GpuField, Level},
+    gpu::{GpuField, GpuLevel, Level},
     ink::{Ink, InkBorders, InkColor, MAX_INK_PIXELS},
     lighting::PropLighting,
     palette::{FieldPalette, PaletteExtraction, PaletteOverride, Palettes},
@@ -73,6 +73,14 @@ impl ExtractedProp {
     /// Returns whether they make it brighter.
     pub fn is_brightened(&self) -> bool {
         self.lighting.is_some_and(|lighting| lighting.brightness > 0.0)
+    }
+
+    /// Returns its field at a level, or at one that stands in for it, and its pose: fewer leaves may have a smaller box.
+    pub fn at_level<'a>(&self, level: Level, fields: &'a RenderAssets<GpuField>) -> Option<(&'a GpuLevel, Pose)> {
+        let field = fields.get(self.field)?;
+        let level = field.level(field.resolve(level))?;
+        let (low, high) = level.bounds?;
+        Some((&**level, Pose { low, high, ..self.pose }))
     }
 }
 

@@ -4,7 +4,7 @@ use bevy::prelude::*;
 use glam::{DAffine3, DMat3, DMat4, DVec2, DVec3, DVec4};
 use plenoctree::{Frame, UpAxis};
 
-use crate::prop::world_from_field;
+use crate::{gpu::Level, prop::world_from_field, quality::PropQuality};
 
 /// The rays of a view in a field's frame, as affine functions of the viewport point `reference + (x, y)`, in pixels:
 /// `a[0] + x a[1] + y a[2]`. Rays begin at the box, so that numbers stay small no matter how far away the camera is.
@@ -62,6 +62,14 @@ impl Pose {
     #[cfg(feature = "shadows")]
     pub fn cells_across(&self) -> f64 {
         (self.high - self.low).element_product().cbrt() * self.cells
+    }
+
+    /// Returns the level for a view in which a finest cell is `size` pixels wide: how many times that can be doubled
+    /// without exceeding what `quality` wants.
+    pub fn level(&self, size: f64, quality: &PropQuality) -> Level {
+        // The casts turn less than 0 into 0.
+        let coarser = (f64::from(quality.cell_size) / size).log2() as u32;
+        Level::new(coarser.min(self.cells.log2() as u32), quality)
     }
 
     /// Returns the center of the box around the leaves, in the scene.
@@ -160,12 +168,6 @@ pub(super) fn is_orthographic(clip_from_view: Mat4) -> bool {
 pub(super) fn near_plane(clip_from_view: Mat4) -> f64 {
     let [z, w] = [clip_from_view.z_axis, clip_from_view.w_axis].map(|column| column.as_dvec4());
     (w.z - w.w) / (z.z - z.w)
-}
-
-/// Returns how many times the width of cells, `size` pixels, can be doubled without exceeding `wanted` pixels.
-pub(super) fn levels_coarser(size: f64, wanted: f32) -> u32 {
-    // The cast turns less than 0 into 0.
-    (f64::from(wanted) / size).log2().floor().min(32.0) as u32
 }
 
 /// Returns the rectangle of pixels that the unit cube can cover.

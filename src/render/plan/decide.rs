@@ -10,7 +10,7 @@ use super::{
 };
 use crate::{
     camera::PropPlacement,
-    gpu::{GpuField, Level},
+    gpu::{GpuField, GpuLevel},
     posterize::{BeforePalette, EdgeSmoothing, MAX_FILTER_RADIUS},
     prop::SolidOpacity,
     render::{
@@ -18,7 +18,7 @@ use crate::{
             ExtractedInk, ExtractedPalette, ExtractedPosterize, ExtractedProp, ExtractedProps, OrderedProp,
             VisibleProps,
         },
-        rays::{Pose, Rays, covered},
+        rays::{Rays, covered},
         uniforms::{FilterUniform, LabelsUniform, PropUniform, Rect, ScreenUniform, Smooths, ViewUniform},
     },
 };
@@ -56,7 +56,7 @@ pub(in crate::render) struct Known<'a> {
 struct VisibleProp<'a> {
     index: usize,
     prop: &'a ExtractedProp,
-    field: &'a crate::gpu::GpuLevel,
+    field: &'a GpuLevel,
     rays: Rays,
     posterize: Option<&'a ExtractedPosterize>,
     /// The palette by which it is posterized, or recolored as trained.
@@ -291,14 +291,7 @@ fn see<'a>(
     has_labels: bool,
 ) -> Option<VisibleProp<'a>> {
     let prop = extracted.props.get(ordered.index)?;
-    let field = fields.get(prop.field)?;
-    let level = field.resolve(ordered.level);
-    let on_gpu = field.level(level)?;
-    // A level with fewer leaves may have a smaller box.
-    let pose = match on_gpu.bounds {
-        Some((low, high)) if level != Level::default() => Pose { low, high, ..prop.pose },
-        _ => prop.pose,
-    };
+    let (field, pose) = prop.at_level(ordered.level, fields)?;
     let size = known.viewport.physical_size;
     let rays = pose.rays(&known.view.world_from_view, motion.clip_from_view, size)?;
     let posterize = prop.posterize.as_ref().filter(|posterize| posterize.palette.colors > 0);
@@ -309,14 +302,7 @@ fn see<'a>(
         return None;
     }
     let palette = posterize.map(|posterize| &posterize.palette).or(prop.recolor.as_ref());
-    Some(VisibleProp {
-        index: ordered.index,
-        prop,
-        field: on_gpu,
-        rays,
-        posterize: posterize.filter(|_| has_labels),
-        palette,
-    })
+    Some(VisibleProp { index: ordered.index, prop, field, rays, posterize: posterize.filter(|_| has_labels), palette })
 }
 
 /// Returns the part of the viewport to draw: the pixels of `rects`, how far a prop can be seen from them, and how far

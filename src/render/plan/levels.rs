@@ -8,11 +8,8 @@ use bevy::{
 
 use super::view::drawn_viewport;
 use crate::{
-    gpu::{GpuField, Level, MAX_PROPS_IN_VIEW},
-    render::{
-        extract::{ExtractedProps, OrderedProp, VisibleProps},
-        rays::levels_coarser,
-    },
+    gpu::{GpuField, MAX_PROPS_IN_VIEW},
+    render::extract::{ExtractedProps, OrderedProp, VisibleProps},
 };
 
 /// Sorts the props of every view back to front, and requests their levels.
@@ -32,14 +29,8 @@ pub(in crate::render) fn choose_levels(
             let index = extracted.drawn(index, &fields)?;
             let prop = extracted.props.get(index)?;
             let field = fields.get_mut(prop.field)?;
-            let mut coarser = 0;
-            if quality.cell_size > 0.0 {
-                let size = viewport.physical_size;
-                let rays = prop.pose.rays(&view.world_from_view, view.clip_from_view, size)?;
-                let most = prop.pose.cells.log2() as u32;
-                coarser = levels_coarser(rays.cell_size, quality.cell_size).min(most);
-            }
-            let level = Level::new(coarser, quality);
+            let rays = prop.pose.rays(&view.world_from_view, view.clip_from_view, viewport.physical_size)?;
+            let level = prop.pose.level(rays.cell_size, quality);
             field.request(level);
             let distance = (prop.pose.center() - eye.as_dvec3()).dot(forward.as_dvec3());
             Some(OrderedProp { distance, index, level })

@@ -13,10 +13,10 @@ use super::{
     texels::LightView,
 };
 use crate::{
-    gpu::{GpuField, Level, MAX_PROPS_IN_VIEW},
+    gpu::{GpuField, MAX_PROPS_IN_VIEW},
     prop::SolidOpacity,
     quality::PropQuality,
-    render::{extract::ExtractedProps, rays::levels_coarser},
+    render::extract::ExtractedProps,
 };
 
 /// The quality of shadows of lights without their own: cells are no larger than texels.
@@ -47,10 +47,7 @@ pub(super) fn choose_levels(
             let index = extracted.drawn(*extracted.index.get(entity)?, &fields)?;
             let prop = extracted.props.get(index).filter(|prop| prop.solid != SolidOpacity::Never)?;
             let seen = LightView::new(&prop.pose, view).filter(|seen| is_in(seen, view, reach))?;
-            let most = prop.pose.cells.log2() as u32;
-            let cell_size = seen.rays.cell_size;
-            let coarser = if quality.cell_size > 0.0 { levels_coarser(cell_size, quality.cell_size) } else { 0 };
-            let level = Level::new(coarser.min(most), quality);
+            let level = prop.pose.level(seen.rays.cell_size, quality);
             fields.get_mut(prop.field)?.request(level);
             Some(Caster { entity: *entity, index, level })
         }));

@@ -23,7 +23,6 @@ use crate::{
     render::{
         extract::ExtractedProps,
         frame::BindGroups,
-        rays::Pose,
         uniforms::{PropUniform, ViewUniform},
     },
 };
@@ -99,16 +98,10 @@ pub(super) fn prepare_maps(
             let Some(prop) = extracted.props.get(*index) else {
                 continue;
             };
-            let Some(field) = fields.get(prop.field) else {
+            let Some((level, pose)) = prop.at_level(*level, &fields) else {
                 continue;
             };
-            let Some(level) = field.level(field.resolve(*level)) else {
-                continue;
-            };
-            let Some((low, high)) = level.bounds else {
-                continue;
-            };
-            let Some(seen) = LightView::new(&Pose { low, high, ..prop.pose }, view) else {
+            let Some(seen) = LightView::new(&pose, view) else {
                 continue;
             };
             let tree = level.shape.into();
