@@ -163,7 +163,7 @@ fn plan_views(
                 .into_iter()
                 .for_each(|(now, former)| textures.swap(now, former));
         }
-        let is_held = textures.hold(&device, passes.iter().map(|(pass, _)| pass), plan);
+        let is_held = textures.hold(&device, passes, plan);
         buffers.set(&device, &queue, &plan.values);
         #[cfg(feature = "shadows")]
         if plan.is_lit {
@@ -191,7 +191,7 @@ fn plan_views(
 }
 
 /// The plan of a view, and its passes with their pipelines.
-type Planned = (Plan, Vec<(Pass, Vec<CachedRenderPipelineId>)>);
+type Planned = (Plan, Vec<Pass>);
 
 /// The most frames for which a view is drawn as before because of pipelines that are not ready. They may never be.
 const MOST_HELD_FRAMES: u32 = 1000;
@@ -277,13 +277,13 @@ fn with_pipelines(plan: Plan, last: &Plan, pipelines: &mut Pipelines, cache: &Pi
                 lack.feature = lack.feature.or(Some(pass.feature));
             }
         }
-        let mut ids: Vec<_> = ready.into_iter().map(|id| id.unwrap_or(CachedRenderPipelineId::INVALID)).collect();
+        pass.pipelines = ready.into_iter().map(|id| id.unwrap_or(CachedRenderPipelineId::INVALID)).collect();
         if pass.result.is_some() && pass.clear.is_some() {
             let clear = pipelines.clear(cache, &pass, plan.target.format);
             lack.is_any |= clear.is_none();
-            ids.extend(clear);
+            pass.pipelines.extend(clear);
         }
-        passes.push((pass, ids));
+        passes.push(pass);
     }
     lack.was_drawn |= lack.feature.is_some_and(|feature| last.keeps(feature));
     ((plan, passes), lack)

@@ -16,8 +16,8 @@ use bevy::{
     render::{
         render_resource::{
             BindGroupLayoutDescriptor, BindGroupLayoutEntries, BindingResource, Buffer, BufferDescriptor, BufferUsages,
-            CachedComputePipelineId, CachedRenderPipelineId, ComputePassDescriptor, ComputePipelineDescriptor,
-            PipelineCache, ShaderStages, TextureSampleType, TextureView,
+            CachedComputePipelineId, ComputePassDescriptor, ComputePipelineDescriptor, PipelineCache, ShaderStages,
+            TextureSampleType, TextureView,
             binding_types::{
                 storage_buffer_sized, texture_2d, texture_depth_2d, texture_depth_2d_multisampled, uniform_buffer,
             },
@@ -62,7 +62,7 @@ impl Cache {
     pub fn decide(
         &mut self,
         device: &RenderDevice,
-        passes: &[(Pass, Vec<CachedRenderPipelineId>)],
+        passes: &[Pass],
         textures: &mut Textures,
         buffers: &ViewBuffers,
         is_complete: bool,
@@ -77,7 +77,7 @@ impl Cache {
         self.unchanged = if is_complete { same.min(most) } else { 0 };
         // Whatever is drawn differently now, even if incompletely, replaces what was cached.
         self.drawn = default();
-        let has_composite = passes.iter().any(|(pass, _)| pass.result == Some(CachedResult::Composite));
+        let has_composite = passes.iter().any(|pass| pass.result == Some(CachedResult::Composite));
         let words = 1 + u64::from(has_composite) + u64::from(has_light);
         let size = 4 * words * u64::from(plan.rect.size.x) * u64::from(plan.rect.size.y);
         if self.unchanged == 0 {
@@ -161,13 +161,7 @@ impl Cache {
 }
 
 /// Returns a number that is different whenever anything changes that the passes of a result read, besides the scene.
-fn key(
-    result: CachedResult,
-    passes: &[(Pass, Vec<CachedRenderPipelineId>)],
-    textures: &Textures,
-    buffers: &ViewBuffers,
-    plan: &Plan,
-) -> u64 {
+fn key(result: CachedResult, passes: &[Pass], textures: &Textures, buffers: &ViewBuffers, plan: &Plan) -> u64 {
     let mut hasher = FixedHasher.build_hasher();
     let ViewBuffers { view, props, screen, filters, labelings, .. } = buffers;
     let labels = || (labelings.hash, plan.values.palettes);
@@ -176,8 +170,8 @@ fn key(
         CachedResult::Composite => (view.hash, screen.hash, filters.hash).hash(&mut hasher),
         CachedResult::Labels => (view.hash, props.hash, screen.hash, labels()).hash(&mut hasher),
     }
-    for pass in passes.iter().map(|(pass, _)| pass).filter(|pass| pass.result == Some(result)) {
-        (pass.name, &pass.writes, pass.depth, &pass.reads, pass.samples, &pass.programs).hash(&mut hasher);
+    for pass in passes.iter().filter(|pass| pass.result == Some(result)) {
+        (pass.name, &pass.writes, pass.depth, pass.group, &pass.reads, pass.samples, &pass.programs).hash(&mut hasher);
         for draw in &pass.draws {
             (draw.program, &draw.vertices, draw.instance, draw.scissor.map(|rect| (rect.min, rect.max)))
                 .hash(&mut hasher);
@@ -204,8 +198,8 @@ fn key(
 }
 
 /// Returns where the light is in which labels are shown, if any falls on props.
-pub(super) fn light(passes: &[(Pass, Vec<CachedRenderPipelineId>)]) -> Option<Slot> {
-    let labels = passes.iter().map(|(pass, _)| pass).filter(|pass| pass.result == Some(CachedResult::Labels));
+pub(super) fn light(passes: &[Pass]) -> Option<Slot> {
+    let labels = passes.iter().filter(|pass| pass.result == Some(CachedResult::Labels));
     labels.flat_map(|pass| pass.reads.iter().flatten()).find_map(|input| match input {
         Input::Texture(slot @ (Slot::Light | Slot::SmoothLight)) => Some(*slot),
         _ => None,

@@ -2,7 +2,7 @@
 
 use bevy::{
     prelude::*,
-    render::render_resource::{BindGroup, BlendState, CompareFunction},
+    render::render_resource::{BindGroup, BlendState, CachedRenderPipelineId, CompareFunction},
     shader::{Shader, ShaderDefVal},
 };
 
@@ -21,6 +21,8 @@ pub(in crate::render) struct Pass {
     pub feature: Feature,
     /// The result that it contributes to, and that may be cached. Other passes run in every frame.
     pub result: Option<CachedResult>,
+    /// Bind group 0.
+    pub group: FirstGroup,
     /// What it reads: one bind group after another, from group 1, or from group 2 if it marches through fields.
     pub reads: Vec<Vec<Input>>,
     /// Its color attachments.
@@ -33,8 +35,9 @@ pub(in crate::render) struct Pass {
     pub zeroes: Option<Buffer>,
     /// The number of samples per pixel.
     pub samples: u32,
-    /// Its pipelines.
     pub programs: Vec<Program>,
+    /// The pipelines of these, and the one that clears what it writes if that may be cached.
+    pub pipelines: Vec<CachedRenderPipelineId>,
     pub draws: Vec<Draw>,
 }
 
@@ -46,6 +49,7 @@ impl Pass {
             place,
             feature: Feature::Base,
             result,
+            group: FirstGroup::View,
             reads: vec![],
             writes: vec![],
             depth: None,
@@ -53,6 +57,7 @@ impl Pass {
             zeroes: None,
             samples: 1,
             programs: vec![program],
+            pipelines: vec![],
             draws: vec![Draw::triangle(0)],
         }
     }
@@ -111,6 +116,34 @@ impl CachedResult {
     pub const ALL: [Self; 3] = [Self::Layer, Self::Composite, Self::Labels];
 }
 
+/// Bind group 0 of a pass.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(in crate::render) enum FirstGroup {
+    /// What `view.wgsl` declares.
+    View,
+    /// The same, and the depth of the scene, with so many samples per pixel.
+    SceneDepth(u32),
+    /// The same, and the batches.
+    Batches(u32),
+    /// Bevy's lights and fog.
+    Lights,
+}
+
+impl FirstGroup {
+    /// Returns the one with the depth of the scene, if a pass reads that.
+    pub fn with_depth_if(reads: bool, samples: u32) -> Self {
+        if reads { Self::SceneDepth(samples) } else { Self::View }
+    }
+
+    /// Returns the number of samples per pixel of the scene's depth, if it has that.
+    pub fn samples(self) -> Option<u32> {
+        match self {
+            Self::SceneDepth(samples) | Self::Batches(samples) => Some(samples),
+            Self::View | Self::Lights => None,
+        }
+    }
+}
+
 /// Something that a pass binds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(in crate::render) enum Input {
@@ -151,12 +184,6 @@ pub(in crate::render) struct Program {
     pub definitions: Vec<ShaderDefVal>,
     /// The shape of the field through which it marches, in bind group 1.
     pub tree: Option<TreeShape>,
-    /// Whether bind group 0 has the depth of the scene, and the number of samples of it per pixel.
-    pub scene_depth: Option<u32>,
-    /// Whether bind group 0 also has the batches.
-    pub batches: bool,
-    /// Whether bind group 0 is that of Bevy's lights instead.
-    pub lights: bool,
     /// Whether it binds what the pass reads.
     pub reads: bool,
     /// How it writes to each color attachment. Missing ones replace it.
@@ -183,9 +210,6 @@ impl Program {
             vertex: "fullscreen",
             definitions: vec![],
             tree: None,
-            scene_depth: None,
-            batches: false,
-            lights: false,
             reads: true,
             blends: vec![],
             depth_test: DepthTest { compare: CompareFunction::Always, writes: false },

@@ -17,7 +17,7 @@ use bevy::{
 };
 
 use super::{
-    pass::{Blend, CachedResult, Clear, Fragment, Input, Output, Pass, Program},
+    pass::{Blend, CachedResult, Clear, FirstGroup, Fragment, Input, Output, Pass, Program},
     slot::{Buffer, DEPTH_FORMAT},
 };
 use crate::{
@@ -46,6 +46,7 @@ pub(in crate::render) struct Pipelines {
 struct Key {
     name: &'static str,
     program: Program,
+    group: FirstGroup,
     reads: Vec<Vec<Kind>>,
     /// Vertex shaders draw nothing while it is cached.
     cached: Option<CachedResult>,
@@ -78,6 +79,7 @@ impl Pipelines {
         let key = Key {
             name: pass.name,
             program: program.clone(),
+            group: pass.group,
             reads: reads.iter().map(|inputs| inputs.iter().copied().map(Kind::of).collect()).collect(),
             cached: pass.result,
             targets: pass.writes.iter().map(|write| write.as_ref().map(|output| format(output, false))).collect(),
@@ -107,10 +109,7 @@ impl Pipelines {
         target: TextureFormat,
     ) -> Option<CachedRenderPipelineId> {
         let clear = pass.clear?;
-        // It draws with bind group 0 of the pass.
-        let first = pass.programs.first();
-        let (scene_depth, batches) = (first.and_then(|of| of.scene_depth), first.is_some_and(|of| of.batches));
-        let mut program = Program { reads: false, scene_depth, batches, ..Program::new("clear") };
+        let mut program = Program { reads: false, ..Program::new("clear") };
         for (index, output) in pass.writes.iter().enumerate() {
             let Some(Output::Texture(slot)) = output else {
                 continue;
@@ -130,9 +129,9 @@ impl Pipelines {
         self.get(cache, pass, &program, target)
     }
 
-    /// Returns the layout of bind group 0 for a program.
-    pub fn view_layout(&self, program: &Program) -> BindGroupLayoutDescriptor {
-        if let (true, Some(lights)) = (program.lights, &self.lights) {
+    /// Returns the layout of bind group 0.
+    pub fn first_layout(&self, group: FirstGroup) -> BindGroupLayoutDescriptor {
+        if let (FirstGroup::Lights, Some(lights)) = (group, &self.lights) {
             return lights.clone();
         }
         let (both, fragment) = (ShaderStages::VERTEX_FRAGMENT, ShaderStages::FRAGMENT);
@@ -145,12 +144,12 @@ impl Pipelines {
             storage_buffer_read_only::<Vec<Vec4>>(false).build(5, fragment),
             uniform_buffer::<u32>(false).build(6, both),
         ];
-        match program.scene_depth {
+        match group.samples() {
             Some(1) => entries.push(texture_depth_2d().build(7, fragment)),
             Some(_) => entries.push(texture_depth_2d_multisampled().build(7, fragment)),
             None => {}
         }
-        if program.batches {
+        if let FirstGroup::Batches(_) = group {
             entries.extend([8, 9].map(|binding| storage_buffer_read_only_sized(false, None).build(binding, both)));
         }
         BindGroupLayoutDescriptor::new("plenoctree_view", &entries)
@@ -164,21 +163,21 @@ impl Pipelines {
     fn descriptor(&self, key: &Key) -> RenderPipelineDescriptor {
         let program = &key.program;
         let mut definitions = program.definitions.clone();
-        let mut layout = vec![self.view_layout(program)];
+        let mut layout = vec![self.first_layout(key.group)];
         if let Some(tree) = program.tree {
             layout.push(self.fields.get().clone());
             definitions.extend(tree.definitions());
         }
         layout.extend(key.reads.iter().map(|kinds| kinds_layout(key.name, kinds.iter().copied())));
-        if program.scene_depth.is_some_and(|samples| samples > 1) {
+        if key.group.samples().is_some_and(|samples| samples > 1) {
             definitions.push("MULTISAMPLED".into());
         }
-        if program.batches {
+        if let FirstGroup::Batches(_) = key.group {
             definitions.push("BATCHED".into());
         }
         let mut vertex_definitions = definitions.clone();
         vertex_definitions.extend(key.cached.map(|result| ShaderDefVal::UInt("CACHED".into(), result as u32)));
-        vertex_definitions.extend(program.lights.then(|| "LIGHTS".into()));
+        vertex_definitions.extend((key.group == FirstGroup::Lights).then(|| "LIGHTS".into()));
         let blends = program.blends.iter().chain(std::iter::repeat(&Blend::Replace));
         let targets = key.targets.iter().zip(blends).map(|(format, blend)| {
             let (blend, write_mask) = match blend {

@@ -6,7 +6,7 @@ use bevy::{
     render::{
         diagnostic::RecordDiagnostics,
         render_resource::{
-            BindingResource, CachedRenderPipelineId, LoadOp, Operations, PipelineCache, RenderPassColorAttachment,
+            BindingResource, LoadOp, Operations, PipelineCache, RenderPassColorAttachment,
             RenderPassDepthStencilAttachment, RenderPassDescriptor, StoreOp, TextureView,
         },
         renderer::{RenderContext, RenderDevice, ViewQuery},
@@ -18,7 +18,7 @@ use super::view::PropView;
 use super::{
     buffers::PaletteBuffer,
     cache::{Cache, Comparison, light},
-    pass::{CachedResult, Clear, Input, Output, Pass, Place},
+    pass::{CachedResult, Clear, FirstGroup, Input, Output, Pass, Place},
     pipelines::Pipelines,
     slot::{Buffer, Slot},
 };
@@ -63,12 +63,12 @@ pub(in crate::render) fn run(
     compare(*place, &passes, &mut view, &frame, comparison.as_deref(), &mut ctx);
     let diagnostics = ctx.diagnostic_recorder();
     let diagnostics = diagnostics.as_deref();
-    let here: Vec<_> = passes.iter().filter(|(pass, _)| pass.place == *place).collect();
-    for named in here.chunk_by(|(a, _), (b, _)| a.name == b.name) {
-        let span = diagnostics.time_span(ctx.command_encoder(), named[0].0.name);
-        for (pass, ids) in named {
+    let here: Vec<_> = passes.iter().filter(|pass| pass.place == *place).collect();
+    for named in here.chunk_by(|a, b| a.name == b.name) {
+        let span = diagnostics.time_span(ctx.command_encoder(), named[0].name);
+        for pass in named {
             // Nothing is missing: passes are planned only if they can run.
-            let _ = draw(pass, ids, &mut view, &frame, &mut ctx);
+            let _ = draw(pass, &mut view, &frame, &mut ctx);
         }
         span.end(ctx.command_encoder());
     }
@@ -82,7 +82,7 @@ pub(in crate::render) fn run(
 /// cached.
 fn compare(
     place: Place,
-    passes: &[(Pass, Vec<CachedRenderPipelineId>)],
+    passes: &[Pass],
     view: &mut PropView,
     frame: &Frame,
     comparison: Option<&Comparison>,
@@ -100,7 +100,7 @@ fn compare(
             cached.finish(CachedResult::Layer);
         }
         Place::Posterize => {
-            if passes.iter().any(|(pass, _)| pass.result == Some(CachedResult::Composite)) {
+            if passes.iter().any(|pass| pass.result == Some(CachedResult::Composite)) {
                 of(cached, CachedResult::Composite, frame.target.main_texture_view());
             }
             if let Some(light) = light(passes).and_then(|slot| textures.get(slot)) {
@@ -114,13 +114,7 @@ fn compare(
 }
 
 /// Draws a pass. Returns `None` if something is missing.
-fn draw(
-    pass: &Pass,
-    ids: &[CachedRenderPipelineId],
-    view: &mut PropView,
-    frame: &Frame,
-    ctx: &mut RenderContext,
-) -> Option<()> {
+fn draw(pass: &Pass, view: &mut PropView, frame: &Frame, ctx: &mut RenderContext) -> Option<()> {
     let PropView { plan, textures, buffers, groups, cached, lights, .. } = view;
     let (device, cache) = (frame.device, frame.cache);
     if let Some(buffer) = pass.zeroes {
@@ -170,27 +164,23 @@ fn draw(
             Some(groups.get(device, cache, &layout, &resources?))
         })
         .collect::<Option<_>>()?;
-    let of_view: Vec<_> = pass
-        .programs
-        .iter()
-        .map(|program| {
-            if program.lights {
-                return Some(lights.as_ref().map(|lights| lights.group.clone()));
-            }
+    let first = match pass.group {
+        FirstGroup::Lights => lights.as_ref().map(|lights| (lights.group.clone(), &lights.offsets[..])),
+        group => {
             let mut resources: Vec<BindingResource> = buffers.bindings(frame.palettes)?;
-            if program.scene_depth.is_some() {
+            if group.samples().is_some() {
                 // Where objects are hidden and drawn again, the scene's depth holds props.
                 let is_saved = pass.feature == Feature::Objects;
                 let scene_depth = if is_saved { textures.get(Slot::SceneDepth)? } else { frame.depth.view() };
                 resources.push(BindingResource::TextureView(scene_depth));
             }
-            if program.batches {
+            if let FirstGroup::Batches(_) = group {
                 let batches = [Buffer::BatchCounts, Buffer::BatchGaps].map(|buffer| textures.buffer_of(buffer));
                 resources.extend(batches.into_iter().flatten().map(|buffer| buffer.as_entire_binding()));
             }
-            Some(Some(groups.get(device, cache, &frame.pipelines.view_layout(program), &resources)))
-        })
-        .collect::<Option<_>>()?;
+            Some((groups.get(device, cache, &frame.pipelines.first_layout(group), &resources), &[][..]))
+        }
+    };
     let area = pass.area(plan);
     let mut recorded = ctx.begin_tracked_render_pass(RenderPassDescriptor {
         label: Some(pass.name),
@@ -203,10 +193,12 @@ fn draw(
     let scissor = |recorded: &mut bevy::render::render_phase::TrackedRenderPass, part: URect| {
         recorded.set_scissor_rect(part.min.x, part.min.y, part.width(), part.height());
     };
-    if let (true, Some(id), Some(Some(group))) = (may_keep, ids.get(pass.programs.len()), of_view.first()) {
+    // Without lights in the scene, nothing is blocked.
+    let (group, offsets) = first.as_ref()?;
+    recorded.set_bind_group(0, group, offsets);
+    if let (true, Some(id)) = (may_keep, pass.pipelines.get(pass.programs.len())) {
         scissor(&mut recorded, area);
         recorded.set_render_pipeline(cache.get_render_pipeline(*id)?);
-        recorded.set_bind_group(0, group, &[]);
         recorded.draw(0..3, 0..1);
     }
     for draw in &pass.draws {
@@ -215,14 +207,7 @@ fn draw(
             continue;
         }
         let program = pass.programs.get(draw.program)?;
-        // Without lights in the scene, nothing is blocked.
-        let Some(of_view) = of_view.get(draw.program)? else {
-            continue;
-        };
-        recorded.set_render_pipeline(cache.get_render_pipeline(*ids.get(draw.program)?)?);
-        let lights = lights.as_ref().filter(|_| program.lights);
-        let offsets = lights.map_or(&[][..], |lights| &lights.offsets);
-        recorded.set_bind_group(0, of_view, offsets);
+        recorded.set_render_pipeline(cache.get_render_pipeline(*pass.pipelines.get(draw.program)?)?);
         let mut next = 1;
         if let Some(field) = &draw.field {
             recorded.set_bind_group(1, field, &[]);

@@ -54,11 +54,11 @@ const STEP: u32 = 64;
 impl Textures {
     /// Makes sure that there is everything that `passes` use, and drops the rest. Returns whether there is enough
     /// memory.
-    pub fn hold<'a>(&mut self, device: &RenderDevice, mut passes: impl Iterator<Item = &'a Pass>, plan: &Plan) -> bool {
+    pub fn hold(&mut self, device: &RenderDevice, passes: &[Pass], plan: &Plan) -> bool {
         self.size = size_in_steps(self.size, plan.rect.size, plan.viewport.physical_size);
         self.textures.values_mut().for_each(|held| held.idle += 1);
         self.buffers.values_mut().for_each(|held| held.idle += 1);
-        let is_held = passes.all(|pass| {
+        let is_held = passes.iter().all(|pass| {
             let mut read = pass.reads.iter().flatten().copied();
             let mut written = pass.writes.iter().flatten().chain(&pass.depth).copied();
             read.all(|input| match input {

@@ -1,9 +1,6 @@
 //! A view that draws props.
 
-use bevy::{
-    prelude::*,
-    render::render_resource::{BindGroup, CachedRenderPipelineId},
-};
+use bevy::{prelude::*, render::render_resource::BindGroup};
 
 use super::{bind_groups::BindGroups, buffers::ViewBuffers, cache::Cache, pass::Pass, textures::Textures};
 #[cfg(feature = "shadows")]
@@ -17,9 +14,8 @@ use crate::{
 #[derive(Component, Default)]
 pub(crate) struct PropView {
     pub(in crate::render) plan: Plan,
-    /// The passes in the order in which they run, and the pipelines of each: those of its programs, and the one that
-    /// clears what it writes if that may be cached.
-    pub(in crate::render) passes: Vec<(Pass, Vec<CachedRenderPipelineId>)>,
+    /// The passes in the order in which they run.
+    pub(in crate::render) passes: Vec<Pass>,
     /// What is left out because a pipeline is not ready.
     pub(in crate::render) left_out: LeftOut,
     /// For how many frames it has been drawn as before, because pipelines are not ready.

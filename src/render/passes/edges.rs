@@ -13,7 +13,7 @@ use super::volume::index_of;
 use crate::{
     gpu::field_definitions,
     render::{
-        frame::{Blend, CachedResult, Draw, Input, Output, Pass, Place, Program, RaySet, Slot},
+        frame::{Blend, CachedResult, Draw, FirstGroup, Input, Output, Pass, Place, Program, RaySet, Slot},
         plan::{Feature, Plan},
         uniforms::Smooths,
     },
@@ -99,12 +99,7 @@ fn coverage_of(plan: &Plan, pixels: Pixels) -> Pass {
     let (mut programs, mut draws, mut shapes) = (vec![], vec![], vec![]);
     for (index, prop) in plan.props.iter().enumerate().filter(|(_, prop)| prop.smooths != Smooths::Nothing) {
         let program = index_of(&mut shapes, prop.shape, || {
-            let program = Program {
-                tree: Some(prop.shape.into()),
-                scene_depth: Some(plan.samples),
-                blends: blends.clone(),
-                ..Program::new("coverage")
-            };
+            let program = Program { tree: Some(prop.shape.into()), blends: blends.clone(), ..Program::new("coverage") };
             let program = definition.into_iter().fold(program, Program::define);
             let program = program.define_number("SAMPLES", Some(plan.samples));
             programs.push(program.define_all(field_definitions(prop.shape)).depth_test(CompareFunction::Less, false));
@@ -115,6 +110,7 @@ fn coverage_of(plan: &Plan, pixels: Pixels) -> Pass {
     }
     Pass {
         feature: Feature::Edges,
+        group: FirstGroup::SceneDepth(plan.samples),
         reads: vec![reads],
         writes: writes.into_iter().map(|slot| Some(Output::Texture(slot))).collect(),
         depth: Some(Output::Texture(Slot::EdgeMask)),

@@ -12,7 +12,7 @@ use super::{
     lighting::shadow_filter,
 };
 use crate::render::{
-    frame::{Buffer, Clear, Input, Output, Pass, Place, Program, RaySet, Slot},
+    frame::{Buffer, Clear, FirstGroup, Input, Output, Pass, Place, Program, RaySet, Slot},
     plan::{Feature, Plan},
 };
 
@@ -20,14 +20,15 @@ pub(super) const FOG: &str = "plenoctree_fog";
 
 /// Fades what is shown of props into the fog.
 pub(super) fn fog(plan: &Plan) -> Option<Pass> {
-    let program = Program { lights: true, ..Program::new("fog") };
-    let program = program.define("DISTANCE_FOG").define(shadow_filter(plan)).define_if(plan.smooths, "SMOOTH");
+    let program =
+        Program::new("fog").define("DISTANCE_FOG").define(shadow_filter(plan)).define_if(plan.smooths, "SMOOTH");
     let program = program.define_all(space(plan.target.space)).define_all(tonemapping(plan));
     let edges = if plan.smooths { &[Slot::Outline, Slot::Coverage][..] } else { &[] };
     let buffers = [Buffer::Screen, Buffer::View].map(Input::Buffer);
     let textures = [shown_after(plan.stages.len()), Slot::Depth(RaySet::Pixels)].map(Input::Texture);
     plan.has_fog.then(|| Pass {
         feature: Feature::Fog,
+        group: FirstGroup::Lights,
         reads: vec![
             buffers
                 .into_iter()

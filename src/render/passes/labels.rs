@@ -14,7 +14,9 @@ use bevy::{
 };
 
 use crate::render::{
-    frame::{Buffer, CachedResult, Clear, Draw, Fragment, Input, Output, Pass, Place, Program, RaySet, Slot},
+    frame::{
+        Buffer, CachedResult, Clear, Draw, FirstGroup, Fragment, Input, Output, Pass, Place, Program, RaySet, Slot,
+    },
     plan::{Feature, Plan},
 };
 
@@ -120,7 +122,6 @@ pub(super) fn blend(plan: &Plan) -> Option<Pass> {
         .define_if(is_resolved, "RESOLVED")
         .define_if(plan.has_ink, "INK")
         .define_all(lit(plan));
-    let program = Program { scene_depth: (is_resolved || plan.has_ink).then_some(plan.samples), ..program };
     let shown = if plan.finishes() { Slot::Finished } else { Slot::Labeled };
     let slots = [shown, Slot::Even, Slot::Outline, Slot::Coverage, Slot::OwnRays, Slot::OtherRays];
     let inputs = slots.into_iter().map(Input::Texture);
@@ -128,6 +129,7 @@ pub(super) fn blend(plan: &Plan) -> Option<Pass> {
     let inputs = inputs.chain(plan.has_ink.then_some(Input::Texture(Slot::Labels))).collect();
     plan.smooths.then(|| Pass {
         feature: Feature::Edges,
+        group: FirstGroup::with_depth_if(is_resolved || plan.has_ink, plan.samples),
         reads: with_lights(plan, inputs),
         writes: vec![Some(Output::Texture(Slot::Shown))],
         depth: Some(Output::Texture(Slot::EdgeMask)),
@@ -186,10 +188,4 @@ pub(super) fn space(space: Option<CompositingSpace>) -> Vec<ShaderDefVal> {
         Some(CompositingSpace::Oklab) => vec!["OKLAB_TARGET".into()],
         Some(CompositingSpace::Linear) | None => vec![],
     }
-}
-
-/// Lets a program draw ink, if there is any. Lines end where something else is in front of a prop.
-pub(super) fn inked(plan: &Plan, program: Program) -> Program {
-    let program = program.define_if(plan.has_ink, "INK");
-    Program { scene_depth: plan.has_ink.then_some(plan.samples), ..program }
 }

@@ -35,8 +35,8 @@ use crate::{
     render::{
         extract::{ExtractedProps, VisibleProps},
         frame::{
-            Buffer, Clear, Content, Draw, InitPipelines, Input, Lights, Output, Pass, Pipelines, Place, Program,
-            PropView, RaySet, Slot,
+            Buffer, Clear, Content, Draw, FirstGroup, InitPipelines, Input, Lights, Output, Pass, Pipelines, Place,
+            Program, PropView, RaySet, Slot,
         },
         plan::{Feature, Plan},
         shades::{ShadedPalette, Shades},
@@ -51,8 +51,7 @@ pub(super) const SMOOTH_LIGHT: &str = "plenoctree_smooth_light";
 /// Finds the light that reaches props.
 pub(super) fn lighting(plan: &Plan) -> Option<Pass> {
     let program = |(lamps, filter)| {
-        let program = Program { lights: true, ..Program::new("lighting") };
-        let program = program.define(filter).define_if(lamps, "LAMPS");
+        let program = Program::new("lighting").define(filter).define_if(lamps, "LAMPS");
         program.define_if(plan.is_brightened, "BRIGHTNESS").where_props_are()
     };
     let filters = if plan.is_brightened { &[shadow_filter(plan), HARD][..] } else { &[shadow_filter(plan)] };
@@ -61,6 +60,7 @@ pub(super) fn lighting(plan: &Plan) -> Option<Pass> {
     let textures = [Slot::Depth(RaySet::Pixels), Slot::Owner(RaySet::Pixels)].map(Input::Texture);
     plan.is_lit.then(|| Pass {
         feature: Feature::Lighting,
+        group: FirstGroup::Lights,
         reads: vec![[Buffer::Lit, Buffer::View].map(Input::Buffer).into_iter().chain(textures).collect()],
         writes: vec![Some(Output::Texture(Slot::Light))],
         depth: Some(Output::Texture(Slot::Depth(RaySet::Pixels))),
@@ -75,20 +75,16 @@ pub(super) fn lighting(plan: &Plan) -> Option<Pass> {
 
 /// Smooths this light, if it makes props brighter.
 pub(super) fn smooth_light(plan: &Plan) -> Option<Pass> {
-    let program = Program { lights: true, ..Program::new("smooth_light") };
+    let program = Program::new("smooth_light").define_if(plan.posterizes_view, "POSTERIZED_VIEW").where_props_are();
     let textures = [Slot::Depth(RaySet::Pixels), Slot::Owner(RaySet::Pixels), Slot::Light].map(Input::Texture);
     plan.is_brightened.then(|| Pass {
         feature: Feature::Lighting,
+        group: FirstGroup::Lights,
         reads: vec![[Buffer::Lit, Buffer::View].map(Input::Buffer).into_iter().chain(textures).collect()],
         writes: vec![Some(Output::Texture(Slot::SmoothLight))],
         depth: Some(Output::Texture(Slot::Depth(RaySet::Pixels))),
         clear: Some(Clear::White),
-        ..Pass::fullscreen(
-            SMOOTH_LIGHT,
-            Place::Layer,
-            None,
-            program.define_if(plan.posterizes_view, "POSTERIZED_VIEW").where_props_are(),
-        )
+        ..Pass::fullscreen(SMOOTH_LIGHT, Place::Layer, None, program)
     })
 }
 

@@ -27,7 +27,7 @@ use bevy::{
 use crate::{
     camera::PropPlacement,
     render::{
-        frame::{Clear, Input, Output, Pass, Place, Program, PropView, RaySet, Slot, run},
+        frame::{Clear, FirstGroup, Input, Output, Pass, Place, Program, PropView, RaySet, Slot, run},
         plan::{Feature, Plan},
     },
     sets::PlenOctreeRenderSystems,
@@ -54,25 +54,22 @@ pub(super) fn hide_objects(plan: &Plan) -> Vec<Pass> {
         return vec![];
     }
     let solid = Input::Texture(Slot::Depth(RaySet::Pixels));
-    let restore = Program { scene_depth: Some(plan.samples), ..Program::new("restore_depth") };
+    let restore = pass(RESTORE_DEPTH, Place::Restore, Program::new("restore_depth"), vec![prop_pixels(plan)]);
     vec![
         pass(HIDE_OBJECTS, Place::Hide, Program::new("hide_objects"), vec![prop_pixels(plan), vec![solid]]),
-        pass(RESTORE_DEPTH, Place::Restore, restore, vec![prop_pixels(plan)]),
+        Pass { group: FirstGroup::SceneDepth(plan.samples), ..restore },
     ]
 }
 
 /// Writes what objects are blended over.
 pub(super) fn under_objects(plan: &Plan) -> Option<Pass> {
-    let (slot, program) = match plan.samples {
-        1 => (Slot::Objects, Program::new("under_objects")),
-        samples => {
-            let program = Program::new("under_objects");
-            let program = program.define_if(plan.target.format == TextureFormat::Rgba16Float, "FLOATS");
-            (Slot::ObjectSamples, Program { scene_depth: Some(samples), ..program })
-        }
-    };
+    let has_samples = plan.samples > 1;
+    let is_of_floats = has_samples && plan.target.format == TextureFormat::Rgba16Float;
+    let program = Program::new("under_objects").define_if(is_of_floats, "FLOATS");
+    let slot = if has_samples { Slot::ObjectSamples } else { Slot::Objects };
     plan.has_objects.then(|| Pass {
         feature: Feature::Objects,
+        group: FirstGroup::with_depth_if(has_samples, plan.samples),
         reads: vec![vec![Input::Scene, Input::Texture(Slot::Depth(RaySet::Pixels))]],
         writes: vec![Some(Output::Texture(slot))],
         clear: Some(Clear::Zero),
@@ -118,7 +115,7 @@ pub(super) fn plugin(render_app: &mut SubApp) {
 /// Saves the depth of the scene before *hide_objects* changes it.
 fn save_depth(view: ViewQuery<(&ViewDepthTexture, &PropView)>, mut ctx: RenderContext) {
     let (depth, view) = view.into_inner();
-    let hides = view.passes.iter().any(|(pass, _)| pass.place == Place::Hide);
+    let hides = view.passes.iter().any(|pass| pass.place == Place::Hide);
     let saved = view.textures.get(Slot::SceneDepth).filter(|_| hides).map(|saved| saved.texture());
     if let Some(saved) = saved.filter(|saved| saved.size() == depth.texture.size()) {
         let (from, to) = (depth.texture.as_image_copy(), saved.as_image_copy());
@@ -135,7 +132,7 @@ pub(in crate::render) fn draw_objects(
 ) {
     let entity = view.entity();
     let (extracted, depth, view) = view.into_inner();
-    let has_objects = view.passes.iter().any(|(pass, _)| pass.place == Place::Objects);
+    let has_objects = view.passes.iter().any(|pass| pass.place == Place::Objects);
     let (true, Some(resolved), Some(phase)) =
         (has_objects, view.textures.get(Slot::Objects), phases.get(&extracted.retained_view_entity))
     else {

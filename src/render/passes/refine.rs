@@ -10,7 +10,7 @@ use bevy::render::render_resource::CompareFunction;
 
 use super::volume::layer;
 use crate::render::{
-    frame::{Buffer, CachedResult, Input, Output, Pass, Place, Program, RaySet, Slot},
+    frame::{Buffer, CachedResult, FirstGroup, Input, Output, Pass, Place, Program, RaySet, Slot},
     plan::{Feature, Plan},
 };
 
@@ -19,16 +19,16 @@ pub(super) const FILL: &str = "plenoctree_fill";
 
 /// Finds the gaps whose pixels need rays.
 pub(super) fn check(plan: &Plan) -> Pass {
-    let program = Program { scene_depth: Some(plan.samples), ..Program::new("check") };
     let textures =
         [Slot::Color(RaySet::Grid), Slot::Owner(RaySet::Grid), Slot::Depth(RaySet::Grid)].map(Input::Texture);
     let buffers = [Buffer::BatchCounts, Buffer::BatchGaps].map(Input::WrittenBuffer);
     Pass {
         feature: Feature::Sparse,
+        group: FirstGroup::SceneDepth(plan.samples),
         reads: vec![textures.into_iter().chain(buffers).collect()],
         writes: vec![Some(Output::Texture(Slot::Gaps))],
         zeroes: Some(Buffer::BatchCounts),
-        ..Pass::fullscreen(CHECK, Place::Layer, Some(CachedResult::Layer), program)
+        ..Pass::fullscreen(CHECK, Place::Layer, Some(CachedResult::Layer), Program::new("check"))
     }
 }
 

@@ -62,7 +62,7 @@ fn passes_and_bytes(posterize: Option<Posterize>) -> Vec<(&'static str, u32)> {
     headless.update();
     let view = view(&mut headless);
     assert_eq!(view.cached.first_drawn(), 0);
-    view.passes.iter().map(|(pass, _)| (pass.name, written(pass))).collect()
+    view.passes.iter().map(|pass| (pass.name, written(pass))).collect()
 }
 
 /// Returns the bytes that a pass writes to a pixel, if it writes to all of its attachments.
@@ -99,8 +99,8 @@ fn views_of_one_prop_have_few_passes_that_write_few_bytes() {
 
 /// Returns how many props a frame draws.
 fn drawn_props(headless: &mut Headless) -> usize {
-    let volume = view(headless).passes.iter().filter(|(pass, _)| pass.name == "plenoctree_volume");
-    let props: HashSet<_> = volume.flat_map(|(pass, _)| &pass.draws).map(|draw| draw.instance & 0xffff).collect();
+    let volume = view(headless).passes.iter().filter(|pass| pass.name == "plenoctree_volume");
+    let props: HashSet<_> = volume.flat_map(|pass| &pass.draws).map(|draw| draw.instance & 0xffff).collect();
     props.len()
 }
 

@@ -20,8 +20,8 @@ use crate::{
     render::{
         extract::{ExtractedProps, VisibleProps},
         frame::{
-            BATCH, Blend, CachedResult, Clear, Draw, Input, Output, Pass, Pipelines, Place, Program, RaySet, Slot,
-            batch_side, batches,
+            BATCH, Blend, CachedResult, Clear, Draw, FirstGroup, Input, Output, Pass, Pipelines, Place, Program,
+            RaySet, Slot, batch_side, batches,
         },
         plan::{Feature, Overlap, Plan, PlannedProp},
     },
@@ -65,7 +65,7 @@ pub(super) fn solid(plan: &Plan, rays: RaySet) -> Vec<Pass> {
     let rounds = [(Slot::Nearest(rays), Slot::NearestDepth(rays)), (Slot::Opaque(rays), Slot::OpaqueDepth(rays))];
     let name = if rays == RaySet::Batches { SOLID_BATCHES } else { SOLID };
     let pass = |(round, (prop, depth)): (usize, (Slot, Slot))| {
-        let mut pass = marching(name, plan);
+        let mut pass = marching(name, plan, rays);
         pass.writes = vec![Some(Output::Texture(prop))];
         pass.depth = Some(Output::Texture(depth));
         if round > 0 {
@@ -76,7 +76,7 @@ pub(super) fn solid(plan: &Plan, rays: RaySet) -> Vec<Pass> {
         for (index, prop) in plan.props.iter().enumerate().rev().filter(|(_, prop)| prop.overlap == Overlap::Solid) {
             let tree = TreeShape::from(prop.shape);
             let program = index_of(&mut trees, tree, || {
-                let program = through(Program::new("solid"), plan, rays, prop.shape);
+                let program = through(Program::new("solid"), rays, prop.shape);
                 let program = Program { reads: round > 0, ..program };
                 pass.programs
                     .push(program.define_if(round > 0, "SECOND_ROUND").depth_test(CompareFunction::Greater, true));
@@ -105,7 +105,7 @@ pub(super) fn volume(plan: &Plan, rays: RaySet) -> Pass {
 
 /// Returns the volume pass without its draws.
 fn volume_of(plan: &Plan, rays: RaySet) -> Pass {
-    let mut pass = marching(if rays == RaySet::Batches { VOLUME_BATCHES } else { VOLUME }, plan);
+    let mut pass = marching(if rays == RaySet::Batches { VOLUME_BATCHES } else { VOLUME }, plan, rays);
     let slots = [Slot::Nearest(rays), Slot::NearestDepth(rays), Slot::Opaque(rays), Slot::OpaqueDepth(rays)];
     if plan.overlaps {
         pass.reads = vec![slots.map(Input::Texture).to_vec()];
@@ -150,7 +150,7 @@ fn volume_program(plan: &Plan, rays: RaySet, kind: Kind) -> Program {
         let color = BlendComponent { src_factor, dst_factor, operation };
         Blend::With(BlendState { color, alpha: BlendComponent::OVER })
     };
-    let program = through(Program::new("volume"), plan, rays, shape);
+    let program = through(Program::new("volume"), rays, shape);
     Program {
         reads: overlaps,
         // The nearest prop that is opaque enough owns the pixel, and so does its motion.
@@ -169,23 +169,25 @@ fn volume_program(plan: &Plan, rays: RaySet, kind: Kind) -> Program {
 }
 
 /// Returns a pass that marches through props.
-fn marching(name: &'static str, plan: &Plan) -> Pass {
+fn marching(name: &'static str, plan: &Plan, rays: RaySet) -> Pass {
     let mut pass = Pass::fullscreen(name, Place::Layer, Some(CachedResult::Layer), Program::new(""));
     pass.programs.clear();
     pass.draws.clear();
     pass.clear = Some(Clear::Zero);
+    pass.group = match rays {
+        RaySet::Batches => FirstGroup::Batches(plan.samples),
+        RaySet::Pixels | RaySet::Grid => FirstGroup::SceneDepth(plan.samples),
+    };
     pass.feature = if plan.is_sparse() { Feature::Sparse } else { Feature::Base };
     pass
 }
 
 /// Returns a program that marches through fields of a shape.
-fn through(program: Program, plan: &Plan, rays: RaySet, shape: FieldShape) -> Program {
+fn through(program: Program, rays: RaySet, shape: FieldShape) -> Program {
     let is_box = rays != RaySet::Batches;
     Program {
         vertex: if is_box { "box" } else { "batches" },
         tree: Some(shape.into()),
-        scene_depth: Some(plan.samples),
-        batches: !is_box,
         // Each pixel of the box is drawn once, even from inside it.
         back_faces: is_box,
         ..program
