@@ -15,18 +15,8 @@
 #import bevy_pbr::shadows::{
     fetch_point_shadow, fetch_spot_shadow, get_cascade_index, sample_directional_cascade, world_to_directional_light_local,
 }
-#ifdef BRIGHTNESS
-#import bevy_plenoctree::relief::{Relief, center_at, relief_at}
-#endif
-#import bevy_plenoctree::relief::depth_near
-#import bevy_plenoctree::shade::{LIGHT_ZERO, LIGHT_STEPS, Lit}
-#import bevy_plenoctree::view::{View, prop_of}
-
-@group(1) @binding(0) var<storage, read> lit: array<Lit>;
-// The part of the viewport that is drawn.
-@group(1) @binding(1) var<uniform> drawn: View;
-@group(1) @binding(2) var depth: texture_depth_2d;
-@group(1) @binding(3) var owner: texture_2d<f32>;
+#import bevy_plenoctree::relief::{Relief, center_at, drawn, lit, relief_at}
+#import bevy_plenoctree::shade::{LIGHT_ZERO, LIGHT_STEPS}
 
 // The margin around its box within which a prop casts no shadow on itself, relative to the box.
 const MARGIN: f32 = 0.02;
@@ -144,19 +134,11 @@ fn hue(light: vec3<f32>) -> vec3<f32> {
 
 @fragment
 fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
-    let pixel = vec2<i32>(position.xy);
-    let owned = prop_of(textureLoad(owner, pixel, 0));
-    let prop = max(owned, 1u) - 1u;
-    if owned == 0u || lit[prop].bands == 0u {
-        discard;
-    }
-    let solid = depth_near(depth, owner, vec2<i32>(drawn.size), pixel, owned);
-    if solid == 0.0 {
-        discard;
-    }
+    let center = center_at(vec2<i32>(position.xy));
+    let prop = center.prop;
     let at = position.xy + vec2<f32>(drawn.corner);
     let ndc = (2.0 * (at - view.main_pass_viewport.xy) / view.main_pass_viewport.zw - 1.0) * vec2(1.0, -1.0);
-    let world = view.world_from_clip * vec4(ndc, solid, 1.0);
+    let world = view.world_from_clip * vec4(ndc, center.depth, 1.0);
     let point = world.xyz / world.w;
     let view_z = (view.view_from_world * vec4(point, 1.0)).z;
     let surface = Surface(prop, point, view_z, at);
@@ -164,10 +146,9 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
     var all_light = vec3(0.0);
     var arrives = vec3(0.0);
 #ifdef BRIGHTNESS
-    let center = center_at(pixel, drawn.corner, drawn.size, owned, solid, lit[prop].radius);
     var relief = Relief(vec3(0.0), vec3(0.0));
     if lit[prop].brightness > 0.0 {
-        relief = relief_at(depth, owner, center);
+        relief = relief_at(center);
     }
     var sum = Falls(vec3(0.0), vec3(0.0));
 #endif

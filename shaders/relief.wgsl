@@ -1,17 +1,21 @@
-// The surface of a prop around a pixel: its depth, and where it faces. Uses bind group 0 of the
-// lighting pass.
+// The surface of a prop around a pixel: its depth, and where it faces. Uses the bind groups of the lighting pass and the
+// smooth_light pass.
 #define_import_path bevy_plenoctree::relief
 
 #import bevy_pbr::mesh_view_bindings::view
-#import bevy_plenoctree::view::{is_solid, prop_of}
+#import bevy_plenoctree::shade::Lit
+#import bevy_plenoctree::view::{View, is_solid, prop_of}
+
+@group(1) @binding(0) var<storage, read> lit: array<Lit>;
+// The part of the viewport that is drawn.
+@group(1) @binding(1) var<uniform> drawn: View;
+@group(1) @binding(2) var depth: texture_depth_2d;
+@group(1) @binding(3) var owner: texture_2d<f32>;
 
 // A point of a prop, and the disk around it in which its surface is smoothed.
 struct Center {
     pixel: vec2<i32>,
-    // The size of the drawn part of the view.
-    size: vec2<i32>,
-    // 1 + the index of the prop.
-    owned: u32,
+    prop: u32,
     depth: f32,
     // In the camera's space, and the same in homogeneous coordinates.
     point: vec3<f32>,
@@ -41,20 +45,29 @@ fn distance_behind(center: Center, off: vec2<i32>, depth: f32) -> f32 {
     return center.point.z - place.x / place.y;
 }
 
-// Returns the disk around the point of a prop that a pixel of the drawn part of the view shows. `corner` is that of the
-// part in the target. `radius` is the radius of the disk in the scene, before it is clamped to a number of pixels.
-fn center_at(pixel: vec2<i32>, corner: vec2<u32>, size: vec2<u32>, owned: u32, depth: f32, radius: f32) -> Center {
+// Returns the disk around the point of a prop that a pixel of the drawn part of the view shows. Discards the pixel if no
+// light falls there.
+fn center_at(pixel: vec2<i32>) -> Center {
+    let owned = prop_of(textureLoad(owner, pixel, 0));
+    let prop = max(owned, 1u) - 1u;
+    if owned == 0u || lit[prop].bands == 0u {
+        discard;
+    }
+    let solid = depth_near(pixel, owned);
+    if solid == 0.0 {
+        discard;
+    }
     let per_pixel = vec2(2.0, -2.0) / view.main_pass_viewport.zw;
-    let at = vec2<f32>(pixel) + 0.5 + vec2<f32>(corner) - view.main_pass_viewport.xy;
-    let place = view.view_from_clip * vec4(at * per_pixel + vec2(-1.0, 1.0), depth, 1.0);
+    let at = vec2<f32>(pixel) + 0.5 + vec2<f32>(drawn.corner) - view.main_pass_viewport.xy;
+    let place = view.view_from_clip * vec4(at * per_pixel + vec2(-1.0, 1.0), solid, 1.0);
     let point = place.xyz / place.w;
     let w = (view.clip_from_view * vec4(point, 1.0)).w;
     let scale = 0.5 * view.main_pass_viewport.w * abs(view.clip_from_view[1][1]) / max(w, 1e-20);
-    let pixels = clamp(radius * scale, LEAST_PIXELS, MOST_PIXELS);
+    let pixels = clamp(lit[prop].radius * scale, LEAST_PIXELS, MOST_PIXELS);
     let across = per_pixel.x * view.view_from_clip[0];
     let down = per_pixel.y * view.view_from_clip[1];
     let deeper = view.view_from_clip[2];
-    return Center(pixel, vec2<i32>(size), owned, depth, point, place, across, down, deeper, pixels, pixels / scale);
+    return Center(pixel, prop, solid, point, place, across, down, deeper, pixels, pixels / scale);
 }
 
 // Where a surface faces.
@@ -84,12 +97,12 @@ struct Neighbor {
     is_beyond: bool,
 }
 
-fn neighbor_at(depth: texture_depth_2d, owner: texture_2d<f32>, center: Center, off: vec2<i32>) -> Neighbor {
+fn neighbor_at(center: Center, off: vec2<i32>) -> Neighbor {
     let pixel = center.pixel + off;
-    let at = clamp(pixel, vec2(0), center.size - 1);
+    let at = clamp(pixel, vec2(0), vec2<i32>(drawn.size) - 1);
     let is_inside = all(at == pixel);
     let found = textureLoad(depth, at, 0);
-    let is_own = is_inside && is_solid(found) && prop_of(textureLoad(owner, at, 0)) == center.owned;
+    let is_own = is_inside && is_solid(found) && prop_of(textureLoad(owner, at, 0)) == center.prop + 1u;
     let flat = flat_place(center, off);
     let place = flat + select(0.0, found - center.depth, is_own) * center.deeper;
     let is_beyond = is_inside && !is_own && found < center.depth;
@@ -98,7 +111,7 @@ fn neighbor_at(depth: texture_depth_2d, owner: texture_2d<f32>, center: Center, 
 
 // Returns where the surface faces, smoothed over the disk: the area vector of the ring around it, which is the integral
 // of the normal. Where the surface ends or breaks, it goes on as on the other side of the center.
-fn relief_at(depth: texture_depth_2d, owner: texture_2d<f32>, center: Center) -> Relief {
+fn relief_at(center: Center) -> Relief {
     let most = MOST_STEEP * center.radius;
     var direction = vec2(1.0, 0.0);
     var area = vec3(0.0);
@@ -108,8 +121,8 @@ fn relief_at(depth: texture_depth_2d, owner: texture_2d<f32>, center: Center) ->
     var last = array(vec3(0.0), vec3(0.0));
     for (var i = 0; i < PAIRS; i++) {
         let off = vec2<i32>(round(center.pixels * direction));
-        let one = neighbor_at(depth, owner, center, off);
-        let other = neighbor_at(depth, owner, center, -off);
+        let one = neighbor_at(center, off);
+        let other = neighbor_at(center, -off);
         let is_even = one.is_own && other.is_own && abs(one.offset.z + other.offset.z) <= most;
         // Round surfaces are steep at their outline.
         let keeps_one = is_even || (one.is_own && abs(one.offset.z) <= select(2.0 * most, most, other.is_own));
@@ -138,16 +151,16 @@ const REACH: i32 = 3;
 
 // Returns the depth of a pixel, or that of a solid pixel of the same prop nearby: outlines are drawn where a prop is
 // not solid yet, and must get as dark as what they outline. Returns 0 if there is none.
-fn depth_near(depth: texture_depth_2d, owner: texture_2d<f32>, size: vec2<i32>, pixel: vec2<i32>, prop: u32) -> f32 {
+fn depth_near(pixel: vec2<i32>, owned: u32) -> f32 {
     var found = textureLoad(depth, pixel, 0);
     for (var i = 0; i < 8 * REACH; i++) {
         if i % 8 == 0 && is_solid(found) {
             break;
         }
         let side = i % 8 + select(0, 1, i % 8 > 3);
-        let at = clamp(pixel + (i / 8 + 1) * vec2(side % 3 - 1, side / 3 - 1), vec2(0), size - 1);
+        let at = clamp(pixel + (i / 8 + 1) * vec2(side % 3 - 1, side / 3 - 1), vec2(0), vec2<i32>(drawn.size) - 1);
         let there = textureLoad(depth, at, 0);
-        found = max(found, select(0.0, there, prop_of(textureLoad(owner, at, 0)) == prop));
+        found = max(found, select(0.0, there, prop_of(textureLoad(owner, at, 0)) == owned));
     }
     return select(0.0, found, is_solid(found));
 }

@@ -1,15 +1,10 @@
 // The smooth_light pass: smooths the light that falls on props, so that bands end at smooth lines although surfaces
 // consist of cells. Rounds it to bands where pixels are posterized. Bind group 0 has the lights.
 
-#import bevy_plenoctree::relief::{MOST_STEEP, center_at, depth_near, distance_behind}
-#import bevy_plenoctree::shade::{LIGHT_STEPS, LIGHT_ZERO, Lit}
-#import bevy_plenoctree::view::{View, is_solid, owner_of, prop_of}
+#import bevy_plenoctree::relief::{MOST_STEEP, center_at, depth, distance_behind, drawn, lit, owner}
+#import bevy_plenoctree::shade::{LIGHT_STEPS, LIGHT_ZERO}
+#import bevy_plenoctree::view::{is_solid, owner_of, prop_of}
 
-@group(1) @binding(0) var<storage, read> lit: array<Lit>;
-// The part of the viewport that is drawn.
-@group(1) @binding(1) var<uniform> drawn: View;
-@group(1) @binding(2) var depth: texture_depth_2d;
-@group(1) @binding(3) var owner: texture_2d<f32>;
 // The result of the lighting pass.
 @group(1) @binding(4) var light: texture_2d<f32>;
 
@@ -47,27 +42,17 @@ fn stepped(value: f32, slope: f32, bands: f32) -> f32 {
 @fragment
 fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
     let pixel = vec2<i32>(position.xy);
-    let texel = textureLoad(owner, pixel, 0);
-    let owned = prop_of(texel);
-    let prop = max(owned, 1u) - 1u;
+    let center = center_at(pixel);
     let own = textureLoad(light, pixel, 0);
-    if owned == 0u || lit[prop].bands == 0u {
-        discard;
-    }
-    if lit[prop].brightness == 0.0 {
+    if lit[center.prop].brightness == 0.0 {
         return own;
-    }
-    let solid = depth_near(depth, owner, vec2<i32>(drawn.size), pixel, owned);
-    if solid == 0.0 {
-        discard;
     }
 #ifdef POSTERIZED_VIEW
     let in_steps = true;
 #else
-    let in_steps = owner_of(texel) > 0u;
+    let in_steps = owner_of(textureLoad(owner, pixel, 0)) > 0u;
 #endif
-    let bands = f32(lit[prop].bands);
-    let center = center_at(pixel, drawn.corner, drawn.size, owned, solid, lit[prop].radius);
+    let bands = f32(lit[center.prop].bands);
     let reach = MOST_STEEP * center.radius;
     let value = added(own);
     var hues = vec4(own.rgb, 1.0);
@@ -90,9 +75,9 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
         let far = sqrt(1.0 - f32(i) / points);
         let off = vec2<i32>(round(center.pixels * far * direction));
         direction = vec2(dot(direction, vec2(TURN.x, -TURN.y)), dot(direction, TURN.yx));
-        let at = clamp(pixel + off, vec2(0), center.size - 1);
+        let at = clamp(pixel + off, vec2(0), vec2<i32>(drawn.size) - 1);
         let there = textureLoad(depth, at, 0);
-        if prop_of(textureLoad(owner, at, 0)) != owned || !is_solid(there) {
+        if prop_of(textureLoad(owner, at, 0)) != center.prop + 1u || !is_solid(there) {
             continue;
         }
         if abs(distance_behind(center, at - pixel, there)) > reach {
