@@ -21,4 +21,4 @@ pub(super) use run::run;
 pub(super) use slot::{BATCH, Buffer, RaySet, Slot, batch_side, batches};
 pub(crate) use view::PropView;
 #[cfg(feature = "shadows")]
-pub(super) use {content::Content, view::Lights};
+pub(super) use {content::Content, slot::TILE_FORMAT, view::Lights};

@@ -127,6 +127,8 @@ pub(in crate::render) enum FirstGroup {
     Batches(u32),
     /// Bevy's lights and fog.
     Lights,
+    /// A shadow map and its props.
+    Map,
 }
 
 impl FirstGroup {
@@ -139,7 +141,7 @@ impl FirstGroup {
     pub fn samples(self) -> Option<u32> {
         match self {
             Self::SceneDepth(samples) | Self::Batches(samples) => Some(samples),
-            Self::View | Self::Lights => None,
+            Self::View | Self::Lights | Self::Map => None,
         }
     }
 }

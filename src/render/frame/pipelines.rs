@@ -69,6 +69,22 @@ impl Pipelines {
         program: &Program,
         target: TextureFormat,
     ) -> Option<CachedRenderPipelineId> {
+        let id = self.id(cache, pass, program, target);
+        let is_ready = matches!(cache.get_render_pipeline_state(id), CachedPipelineState::Ok(_));
+        if !is_ready {
+            self.waiting.extend(program.tree);
+        }
+        is_ready.then_some(id)
+    }
+
+    /// Returns this pipeline, whether it is ready or not.
+    pub fn id(
+        &mut self,
+        cache: &PipelineCache,
+        pass: &Pass,
+        program: &Program,
+        target: TextureFormat,
+    ) -> CachedRenderPipelineId {
         let format = |output: &Output, is_depth| match output {
             Output::Texture(slot) => slot.format().unwrap_or(target),
             Output::Target if is_depth => CORE_3D_DEPTH_FORMAT,
@@ -86,19 +102,12 @@ impl Pipelines {
             depth: pass.depth.as_ref().map(|output| format(output, true)),
             samples: pass.samples,
         };
-        let id = match self.ids.get(&key) {
-            Some(id) => *id,
-            None => {
-                let id = cache.queue_render_pipeline(self.descriptor(&key));
-                self.ids.insert(key, id);
-                id
-            }
-        };
-        let is_ready = matches!(cache.get_render_pipeline_state(id), CachedPipelineState::Ok(_));
-        if !is_ready {
-            self.waiting.extend(program.tree);
+        if let Some(id) = self.ids.get(&key) {
+            return *id;
         }
-        is_ready.then_some(id)
+        let id = cache.queue_render_pipeline(self.descriptor(&key));
+        self.ids.insert(key, id);
+        id
     }
 
     /// Returns the pipeline that clears the attachments of a pass whose result may be cached, if it is ready.
@@ -144,6 +153,9 @@ impl Pipelines {
             storage_buffer_read_only::<Vec<Vec4>>(false).build(5, fragment),
             uniform_buffer::<u32>(false).build(6, both),
         ];
+        if group == FirstGroup::Map {
+            entries.truncate(2);
+        }
         match group.samples() {
             Some(1) => entries.push(texture_depth_2d().build(7, fragment)),
             Some(_) => entries.push(texture_depth_2d_multisampled().build(7, fragment)),

@@ -62,6 +62,9 @@ pub(in crate::render) enum Slot {
     ObjectSamples,
     /// The depth of the scene without what hides these objects, also in the size of the target.
     SceneDepth,
+    /// The shadow of a prop: distances along the light's axis, from where the rays of the prop begin. Negative where it
+    /// is not solid. Belongs to a shadow map, not to a view.
+    ShadowTile,
 }
 
 /// The rays whose results a texture holds.
@@ -87,6 +90,7 @@ impl RaySet {
 }
 
 pub(in crate::render) const DEPTH_FORMAT: TextureFormat = TextureFormat::Depth32Float;
+pub(in crate::render) const TILE_FORMAT: TextureFormat = TextureFormat::R32Float;
 
 impl Slot {
     /// Returns the format, unless it is that of the target.
@@ -100,6 +104,7 @@ impl Slot {
             Self::Depth(_) | Self::NearestDepth(_) | Self::OpaqueDepth(_) => DEPTH_FORMAT,
             Self::EdgeMask | Self::FormerDepth | Self::SceneDepth => DEPTH_FORMAT,
             Self::Nearest(_) | Self::Opaque(_) => R32Uint,
+            Self::ShadowTile => TILE_FORMAT,
             Self::Gaps => R16Uint,
             Self::Outline | Self::Labels | Self::FormerLabels => Rg16Uint,
             Self::Coverage | Self::Light => Rgba8Unorm,

@@ -5,15 +5,14 @@ use bevy::{
     prelude::*,
     render::{
         render_resource::{
-            BindGroup, BindGroupEntries, BindGroupId, Extent3d, PipelineCache, TextureDescriptor, TextureDimension,
+            BindGroup, BindGroupEntries, BindGroupId, BindGroupLayout, Extent3d, TextureDescriptor, TextureDimension,
             TextureUsages, TextureView,
         },
         renderer::RenderDevice,
     },
 };
 
-use super::pipeline::{ShadowPipeline, TILE_FORMAT};
-use crate::render::uniforms::PropUniform;
+use crate::render::{frame::TILE_FORMAT, uniforms::PropUniform};
 
 /// Everything that the shadow of a caster depends on, besides where the map is among the light's texels.
 #[derive(PartialEq)]
@@ -37,7 +36,7 @@ pub(super) struct Tile {
 }
 
 impl Tile {
-    pub fn new(device: &RenderDevice, cache: &PipelineCache, pipeline: &ShadowPipeline, size: UVec2) -> Self {
+    pub fn new(device: &RenderDevice, layout: &BindGroupLayout, size: UVec2) -> Self {
         let texture = device.create_texture(&TextureDescriptor {
             label: Some("plenoctree_shadow_tile"),
             size: Extent3d { width: size.x, height: size.y, depth_or_array_layers: 1 },
@@ -49,8 +48,7 @@ impl Tile {
             view_formats: &[],
         });
         let texture = texture.create_view(&default());
-        let layout = cache.get_bind_group_layout(&pipeline.tile);
-        let group = device.create_bind_group("plenoctree_shadow_tile", &layout, &BindGroupEntries::single(&texture));
+        let group = device.create_bind_group("plenoctree_shadow_tile", layout, &BindGroupEntries::single(&texture));
         Self { texture, group, is_filled: false }
     }
 }

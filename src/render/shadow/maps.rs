@@ -1,12 +1,11 @@
 //! The props in every shadow map, and their uniforms.
 
 use bevy::{
+    platform::collections::HashMap,
     prelude::*,
     render::{
         render_asset::RenderAssets,
-        render_resource::{
-            BindGroup, CachedRenderPipelineId, PipelineCache, SpecializedRenderPipelines, StorageBuffer, UniformBuffer,
-        },
+        render_resource::{BindGroup, CachedRenderPipelineId, PipelineCache, StorageBuffer, UniformBuffer},
         renderer::{RenderDevice, RenderQueue},
         view::ExtractedView,
     },
@@ -14,15 +13,15 @@ use bevy::{
 
 use super::{
     cached::{CachedCasters, CasterKey, Tile},
-    pipeline::{ShadowKey, ShadowPipeline},
+    pipeline::{SHADOW_SPAN, TILE, passes},
     texels::{LightView, clip_from_part, parts},
 };
 use crate::{
-    gpu::{Allocator, GpuField, Level},
+    gpu::{Allocator, GpuField, Level, TreeShape},
     quality::PropQuality,
     render::{
         extract::ExtractedProps,
-        frame::BindGroups,
+        frame::{BindGroups, FirstGroup, Pipelines, TILE_FORMAT},
         uniforms::{PropUniform, ViewUniform},
     },
 };
@@ -81,10 +80,12 @@ pub(super) fn prepare_maps(
     fields: Res<RenderAssets<GpuField>>,
     (device, queue): (Res<RenderDevice>, Res<RenderQueue>),
     cache: Res<PipelineCache>,
-    pipeline: Res<ShadowPipeline>,
-    mut specialized: ResMut<SpecializedRenderPipelines<ShadowPipeline>>,
+    mut pipelines: ResMut<Pipelines>,
     mut maps: Query<(&ExtractedView, &mut MapProps)>,
 ) {
+    let layout = pipelines.first_layout(FirstGroup::Map);
+    let layout_of_tile = cache.get_bind_group_layout(&pipelines.inputs_layout(SHADOW_SPAN, &[TILE]));
+    let mut of_trees = HashMap::<TreeShape, [CachedRenderPipelineId; 3]>::default();
     for (view, mut map) in &mut maps {
         let MapProps { order, filled, drawn, cached, allocator, view: uniform, props, groups, group } = &mut *map;
         let size = view.viewport.zw();
@@ -105,8 +106,9 @@ pub(super) fn prepare_maps(
                 continue;
             };
             let tree = level.shape.into();
-            let [march, fill, copy] = [ShadowKey::March(tree), ShadowKey::Fill(tree), ShadowKey::Copy]
-                .map(|key| specialized.specialize(&cache, &pipeline, key));
+            let [march, fill, copy] = *of_trees.entry(tree).or_insert_with(|| {
+                passes(tree).map(|pass| pipelines.id(&cache, &pass, &pass.programs[0], TILE_FORMAT))
+            });
             let caster = PropUniform::caster(prop, &seen.rays, &PropQuality::EXACT);
             let texels = seen.to_cache();
             let key = CasterKey { caster, field: level.bind_group.id(), texels };
@@ -117,7 +119,7 @@ pub(super) fn prepare_maps(
                     return None;
                 }
                 // Without memory, rays are marched in every frame.
-                allocator.create(&device, || Tile::new(&device, &cache, &pipeline, size))
+                allocator.create(&device, || Tile::new(&device, &layout_of_tile, size))
             });
             let near = seen.near as f32;
             let on_map = Drawn {
@@ -152,7 +154,7 @@ pub(super) fn prepare_maps(
         uniform.write_buffer(&device, &queue);
         props.write_buffer(&device, &queue);
         let bindings = uniform.binding().zip(props.binding());
-        *group = bindings.map(|(view, props)| groups.get(&device, &cache, &pipeline.view, &[view, props]));
+        *group = bindings.map(|(view, props)| groups.get(&device, &cache, &layout, &[view, props]));
     }
 }
 

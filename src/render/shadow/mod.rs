@@ -17,7 +17,7 @@ mod pass;
 mod pipeline;
 mod texels;
 
-pub use pass::SHADOW_SPAN;
+pub use pipeline::SHADOW_SPAN;
 
 use bevy::{
     camera::visibility::VisibilitySystems,
@@ -25,13 +25,9 @@ use bevy::{
     light::SimulationLightSystems,
     pbr::{LATE_SHADOW_PASS, ShadowView, per_view_shadow_pass, shared_shadow_pass},
     prelude::*,
-    render::{
-        ExtractSchedule, GpuResourceAppExt, Render, RenderApp, RenderStartup,
-        render_resource::SpecializedRenderPipelines,
-    },
+    render::{ExtractSchedule, Render, RenderApp, RenderStartup},
 };
 
-use super::frame::InitPipelines;
 use crate::sets::PlenOctreeRenderSystems;
 
 pub(super) fn plugin(app: &mut App) {
@@ -41,9 +37,8 @@ pub(super) fn plugin(app: &mut App) {
     render_app.world_mut().register_required_components::<ShadowView, maps::MapProps>();
     render_app
         .init_resource::<casters::Casters>()
-        .init_gpu_resource::<SpecializedRenderPipelines<pipeline::ShadowPipeline>>()
         .add_systems(ExtractSchedule, casters::extract_casters)
-        .add_systems(RenderStartup, (maps::forget_maps, pipeline::init).after(InitPipelines))
+        .add_systems(RenderStartup, maps::forget_maps)
         .add_systems(
             Render,
             (

@@ -11,11 +11,10 @@ use bevy::{
     },
 };
 
-use super::maps::{Drawn, MapProps};
-
-/// The name of the pass's span in Bevy's render diagnostics. There is one per camera, for all of its cascades, and one
-/// for every map of a point or spot light.
-pub const SHADOW_SPAN: &str = "plenoctree_shadow";
+use super::{
+    maps::{Drawn, MapProps},
+    pipeline::SHADOW_SPAN,
+};
 
 /// Draws into the maps of directional lights. Every camera has its own.
 pub(super) fn draw_cascades(
