@@ -162,12 +162,10 @@ pub(super) struct LabelsUniform {
 }
 
 impl LabelsUniform {
-    /// `finishes` says whether borders may be smooth, and `pixels` how many of them a world unit covers at w = 1 in clip
-    /// space.
+    /// `pixels` says how many of them a world unit covers at w = 1 in clip space.
     pub fn new(
         posterize: Option<&ExtractedPosterize>,
         palette: Option<&ExtractedPalette>,
-        finishes: bool,
         ink: Option<ExtractedInk>,
         pixels: f32,
     ) -> Self {
@@ -191,7 +189,7 @@ impl LabelsUniform {
             recolors: u32::from(palette.is_changed && settings.borders == BorderSmoothing::Interpolated),
             blend_steps: settings.blend_steps,
             softness: settings.softness,
-            smooth_borders: u32::from(finishes && settings.smooths_borders()),
+            smooth_borders: settings.smooths_borders().into(),
             ink: ink.lines,
             ink_pairs: ink.pairs,
             ink_color: ink.color,

@@ -98,11 +98,13 @@ fn coverage_of(plan: &Plan, pixels: Pixels) -> Pass {
     };
     let (mut programs, mut draws, mut shapes) = (vec![], vec![], vec![]);
     for (index, prop) in plan.props.iter().enumerate().filter(|(_, prop)| prop.smooths != Smooths::Nothing) {
-        let program = index_of(&mut shapes, prop.shape, || {
-            let program = Program { tree: Some(prop.shape.into()), blends: blends.clone(), ..Program::new("coverage") };
+        let program = index_of(&mut shapes, prop.kind.shape, || {
+            let program =
+                Program { tree: Some(prop.kind.shape.into()), blends: blends.clone(), ..Program::new("coverage") };
             let program = definition.into_iter().fold(program, Program::define);
             let program = program.define_number("SAMPLES", Some(plan.samples));
-            programs.push(program.define_all(field_definitions(prop.shape)).depth_test(CompareFunction::Less, false));
+            programs
+                .push(program.define_all(field_definitions(prop.kind.shape)).depth_test(CompareFunction::Less, false));
         });
         let scissor = (!is_single).then_some(prop.rect);
         let field = Some(prop.field.clone());

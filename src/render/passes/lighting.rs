@@ -157,7 +157,7 @@ pub(in crate::render) fn lit_props(plan: &Plan, extracted: &ExtractedProps, shad
         Some(LitUniform { first_shade, labels, ..unlabeled })
     };
     let props = plan.props.iter().enumerate();
-    props.map(|(at, prop)| of(at, prop.index).filter(|_| prop.is_lit).unwrap_or_default()).collect()
+    props.map(|(at, prop)| of(at, prop.index).filter(|_| prop.kind.is_lit).unwrap_or_default()).collect()
 }
 
 pub(super) fn plugin(render_app: &mut SubApp) {

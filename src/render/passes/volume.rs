@@ -23,7 +23,7 @@ use crate::{
             BATCH, Blend, CachedResult, Clear, Draw, FirstGroup, Input, Output, Pass, Pipelines, Place, Program,
             RaySet, Slot, batch_side, batches,
         },
-        plan::{Feature, Overlap, Plan, PlannedProp},
+        plan::{Feature, Kind, Plan, PlannedProp},
     },
 };
 
@@ -50,8 +50,8 @@ impl Piece {
     /// Returns whether a prop may have this piece. Props that do not overlap others are drawn in one.
     fn is_of(self, prop: &PlannedProp) -> bool {
         match self {
-            Self::Behind => prop.overlap != Overlap::None,
-            Self::Solid => prop.overlap == Overlap::Solid,
+            Self::Behind => prop.kind.overlaps,
+            Self::Solid => prop.may_hide(),
             Self::Before => true,
         }
     }
@@ -73,10 +73,10 @@ pub(super) fn solid(plan: &Plan, rays: RaySet) -> Vec<Pass> {
         }
         let mut trees = vec![];
         // Front to back: of equal depths, the first one stays.
-        for (index, prop) in plan.props.iter().enumerate().rev().filter(|(_, prop)| prop.overlap == Overlap::Solid) {
-            let tree = TreeShape::from(prop.shape);
+        for (index, prop) in plan.props.iter().enumerate().rev().filter(|(_, prop)| prop.may_hide()) {
+            let tree = TreeShape::from(prop.kind.shape);
             let program = index_of(&mut trees, tree, || {
-                let program = through(Program::new("solid"), rays, prop.shape);
+                let program = through(Program::new("solid"), rays, prop.kind.shape);
                 let program = Program { reads: round > 0, ..program };
                 pass.programs
                     .push(program.define_if(round > 0, "SECOND_ROUND").depth_test(CompareFunction::Greater, true));
@@ -95,8 +95,7 @@ pub(super) fn volume(plan: &Plan, rays: RaySet) -> Pass {
     let pieces = if plan.overlaps { &[Piece::Behind, Piece::Solid, Piece::Before][..] } else { &[Piece::Before] };
     for piece in pieces {
         for (index, prop) in plan.props.iter().enumerate().filter(|(_, prop)| piece.is_of(prop)) {
-            let kind = Kind::of(prop);
-            let program = index_of(&mut kinds, kind, || pass.programs.push(volume_program(plan, rays, kind)));
+            let program = index_of(&mut kinds, prop.kind, || pass.programs.push(volume_program(plan, rays, prop.kind)));
             pass.draws.extend(draw(plan, rays, prop, program, index as u32 | (*piece as u32) << 16));
         }
     }
@@ -124,23 +123,6 @@ pub(super) fn layer(plan: &Plan, rays: RaySet) -> Vec<Option<Output>> {
         writes.pop();
     }
     writes
-}
-
-/// What the program of a prop is compiled for. A field of SH1 does not pay for the arithmetic of SH9, and a prop that
-/// overlaps no other does not pay for what overlapping props need.
-#[derive(Clone, Copy, PartialEq)]
-struct Kind {
-    shape: FieldShape,
-    overlaps: bool,
-    is_lit: bool,
-    may_recolor: bool,
-}
-
-impl Kind {
-    fn of(prop: &PlannedProp) -> Self {
-        let PlannedProp { shape, overlap, is_lit, may_recolor, .. } = *prop;
-        Self { shape, overlaps: overlap != Overlap::None, is_lit, may_recolor }
-    }
 }
 
 fn volume_program(plan: &Plan, rays: RaySet, kind: Kind) -> Program {
@@ -258,7 +240,7 @@ pub(in crate::render) fn request(
     }
     let changes_levels = visible.quality.cell_size > 0.0 || Level::new(0, &visible.quality) != Level::default();
     for prop in drawn.props.iter().filter(|_| changes_levels) {
-        let shape = FieldShape { inner_records: !prop.shape.inner_records, ..prop.shape };
-        request(Kind { shape, overlaps: drawn.overlaps && prop.overlap != Overlap::None, ..Kind::of(prop) });
+        let shape = FieldShape { inner_records: !prop.kind.shape.inner_records, ..prop.kind.shape };
+        request(Kind { shape, ..prop.kind });
     }
 }

@@ -6,7 +6,7 @@ use super::{
     motion::Motion,
     overlap::overlaps,
     steady::{Former, FormerProp},
-    view::{Feature, Overlap, Plan, PlanValues, PlannedProp, Target},
+    view::{Feature, Kind, Plan, PlanValues, PlannedProp, Target},
 };
 use crate::{
     camera::PropPlacement,
@@ -61,6 +61,8 @@ struct VisibleProp<'a> {
     posterize: Option<&'a ExtractedPosterize>,
     /// The palette by which it is posterized, or recolored as trained.
     palette: Option<&'a ExtractedPalette>,
+    /// What was planned of it, in a view that is held.
+    held: Option<&'a PlannedProp>,
 }
 
 /// Plans the frame of a view, without what is `missing`. Returns `None` if it draws nothing.
@@ -75,7 +77,7 @@ pub(in crate::render) fn decide(
     fields: &RenderAssets<GpuField>,
 ) -> Option<Plan> {
     let Known { view, camera, visible, viewport, .. } = known;
-    let has = |feature| !missing.contains(&feature);
+    let has = |feature| held.map_or(!missing.contains(&feature), |held| held.keeps(feature));
     let quality = &visible.quality;
     let size = viewport.physical_size;
     // The viewport may be that of another size. See `agree_about_targets`.
@@ -83,25 +85,18 @@ pub(in crate::render) fn decide(
     let most = target_size.saturating_sub(viewport.physical_position).min(size);
     // After upscaling, textures with the size of the main pass no longer fit the target.
     let placement = if known.overrides_resolution { PropPlacement::Scene } else { visible.placement };
+    let in_scene = placement == PropPlacement::Scene;
     let spacing = if quality.ray_tolerance > 0.0 && has(Feature::Sparse) { quality.ray_spacing } else { 1 };
     let spacing = held.map_or(spacing, |held| held.spacing);
     // At the display, the effects that jitter is for are over.
-    let jitter = known.jitter.filter(|_| placement == PropPlacement::Scene);
-    let motion = Motion::new(view, jitter, known.previous, size);
+    let motion = Motion::new(view, known.jitter.filter(|_| in_scene), known.previous, size);
 
-    let has_labels = held.map_or(has(Feature::Posterize), |held| held.posterizes);
-    let held_props: Option<EntityHashMap<&PlannedProp>> =
-        held.map(|held| held.props.iter().map(|prop| (prop.entity, prop)).collect());
-    let held_prop = |prop: &ExtractedProp| held_props.as_ref().and_then(|props| props.get(&prop.entity));
+    let has_labels = has(Feature::Posterize);
+    let last = known.last.props.iter().map(|prop| (prop.entity, prop)).collect();
     let seen: Vec<_> = visible
         .order
         .iter()
-        .filter_map(|ordered| see(ordered, known, extracted, fields, &motion, has_labels))
-        .filter(|seen| held.is_none() || held_prop(seen.prop).is_some())
-        .map(|mut seen| {
-            seen.posterize = seen.posterize.filter(|_| held_prop(seen.prop).is_none_or(|held| held.is_posterized));
-            seen
-        })
+        .filter_map(|ordered| see(ordered, known, &last, held.is_some(), extracted, fields, &motion, has_labels))
         .collect();
     let rects: Vec<_> = seen.iter().map(|seen| covered(seen.rays.clip_from_box, size)).collect();
     let view_posterize = visible.view_posterize.as_ref().filter(|view| view.palette.colors > 0 && has_labels);
@@ -114,48 +109,40 @@ pub(in crate::render) fn decide(
         return None;
     }
 
-    let mut props: Vec<_> = seen
+    let found = overlaps(&rects);
+    let may_be_solid = |seen: &VisibleProp| seen.prop.solid != SolidOpacity::Never;
+    let overlaps = has(Feature::Overlaps) && seen.iter().zip(&found).any(|(seen, found)| *found && may_be_solid(seen));
+    let props: Vec<_> = seen
         .iter()
         .zip(&rects)
-        .map(|(seen, covered)| {
-            let is_solid = seen.prop.solid != SolidOpacity::Never;
+        .zip(found)
+        .map(|((seen, covered), found)| {
+            let held = seen.held;
             let in_rect = |corner: UVec2| corner.saturating_sub(rect.low).min(rect.size);
-            let is_smooth = seen.posterize.is_some_and(|posterize| posterize.settings.edges == EdgeSmoothing::Coverage);
+            let is_smooth = seen.posterize.is_some_and(|posterize| posterize.settings.edges == EdgeSmoothing::Coverage)
+                && held.map_or(has(Feature::Edges), |held| held.smooths != Smooths::Nothing);
+            let kind = Kind {
+                shape: seen.field.shape,
+                overlaps: found && overlaps,
+                is_lit: seen.prop.is_lit() && in_scene && has(Feature::Lighting),
+                may_recolor: seen.posterize.is_none() && seen.prop.recolor.is_some() && has(Feature::Recolor),
+            };
             PlannedProp {
                 entity: seen.prop.entity,
                 index: seen.index,
                 field: seen.field.bind_group.clone(),
-                shape: seen.field.shape,
-                overlap: if is_solid { Overlap::Solid } else { Overlap::Thin },
-                is_lit: seen.prop.is_lit() && placement == PropPlacement::Scene && has(Feature::Lighting),
+                kind: held.map_or(kind, |held| Kind { shape: kind.shape, ..held.kind }),
+                may_be_solid: held.map_or(may_be_solid(seen), |held| held.may_be_solid),
                 is_posterized: seen.posterize.is_some(),
-                may_recolor: seen.posterize.is_none() && seen.prop.recolor.is_some() && has(Feature::Recolor),
-                smooths: if is_smooth && has(Feature::Edges) { Smooths::Silhouette } else { Smooths::Nothing },
+                smooths: match (is_smooth, found) {
+                    (false, _) => Smooths::Nothing,
+                    (true, true) => Smooths::Silhouette,
+                    (true, false) => Smooths::Slits,
+                },
                 rect: URect { min: in_rect(covered.min), max: in_rect(covered.max) },
             }
         })
         .collect();
-    for (prop, overlaps) in props.iter_mut().zip(overlaps(&rects)) {
-        if !overlaps {
-            prop.overlap = Overlap::None;
-            if prop.smooths == Smooths::Silhouette {
-                prop.smooths = Smooths::Slits;
-            }
-        }
-    }
-    let overlaps = has(Feature::Overlaps) && props.iter().any(|prop| prop.overlap == Overlap::Solid);
-    let overlaps = held.map_or(overlaps, |held| held.overlaps);
-    if !overlaps {
-        props.iter_mut().for_each(|prop| prop.overlap = Overlap::None);
-    }
-    for (prop, seen) in props.iter_mut().zip(&seen) {
-        if let Some(held) = held_prop(seen.prop) {
-            (prop.overlap, prop.is_lit, prop.may_recolor) = (held.overlap, held.is_lit, held.may_recolor);
-            if held.smooths == Smooths::Nothing {
-                prop.smooths = Smooths::Nothing;
-            }
-        }
-    }
 
     let posterized = || seen.iter().map(|seen| seen.posterize).chain(view_posterize.map(Some));
     let mut uniforms: Vec<_> = seen
@@ -168,23 +155,16 @@ pub(in crate::render) fn decide(
         .collect();
     uniforms.extend(view_posterize.map(|_| PropUniform::view_posterize()));
     let filters: Vec<_> = posterized().map(|posterize| FilterUniform::new(posterize, quality)).collect();
-    let lit = || seen.iter().zip(&props).filter(|(_, prop)| prop.is_lit).map(|(seen, _)| seen.prop);
-    // What the view does, or did while it is held.
-    let or_held = |wanted: bool, of: fn(&Plan) -> bool| held.map_or(wanted, of);
-    let is_brightened = or_held(lit().any(ExtractedProp::is_brightened), |held| held.is_brightened);
-    let finishes = or_held(has(Feature::Finish), |held| held.finishes() || held.steadies());
-    let draws_ink = finishes && or_held(true, |held| held.has_ink);
-    let keeps = quality.steady_labels && finishes && or_held(true, Plan::steadies);
     let pixels = 0.5 * size.y as f32 * motion.clip_from_view.y_axis.y.abs();
     let inks = || seen.iter().map(|seen| seen.prop.ink.or(visible.ink)).chain(view_posterize.map(|_| None));
     let palettes = || seen.iter().map(|seen| seen.palette).chain(view_posterize.map(|view| Some(&view.palette)));
     let mut labelings: Vec<_> = posterized()
         .zip(palettes())
         .zip(inks())
-        .map(|((posterize, palette), ink)| {
-            LabelsUniform::new(posterize, palette, finishes, ink.filter(|_| draws_ink), pixels)
-        })
+        .map(|((posterize, palette), ink)| LabelsUniform::new(posterize, palette, ink, pixels))
         .collect();
+    let finishes = has(Feature::Finish);
+    let keeps = quality.steady_labels && finishes;
     let (mut steady, mut keeps_labels) = (EntityHashMap::default(), false);
     for (index, (seen, labeling)) in seen.iter().zip(&mut labelings).enumerate() {
         let Some(posterize) = seen.posterize.filter(|posterize| keeps && posterize.settings.is_steady()) else {
@@ -202,7 +182,30 @@ pub(in crate::render) fn decide(
         }
         steady.insert(seen.prop.entity, now);
     }
-    let former = or_held(!steady.is_empty(), Plan::steadies).then(|| Former::new(&motion, rect, steady));
+    let lit = || seen.iter().zip(&props).filter(|(_, prop)| prop.kind.is_lit).map(|(seen, _)| seen.prop);
+    let steadies = held.map_or(!steady.is_empty(), Plan::steadies);
+    let iterations = filters.iter().map(|filter| filter.iterations).max().unwrap_or(0);
+    // What pipelines depend on. A held view keeps it.
+    let pipelines = held.cloned().unwrap_or_else(|| Plan {
+        spacing,
+        iterations,
+        posterizes: posterized().any(|posterize| posterize.is_some()),
+        posterizes_view: view_posterize.is_some(),
+        overlaps,
+        tonemapping: visible.tonemapping,
+        has_fog: visible.has_fog && in_scene && has(Feature::Fog),
+        is_lit: lit().next().is_some(),
+        is_brightened: lit().any(ExtractedProp::is_brightened),
+        has_hard_shadows: visible.has_hard_shadows,
+        is_several: props.len() > 1,
+        smooths: props.iter().any(|prop| prop.smooths != Smooths::Nothing),
+        has_smooth_borders: finishes && labelings.iter().any(LabelsUniform::has_smooth_borders),
+        has_ink: finishes && labelings.iter().any(LabelsUniform::has_ink),
+        has_motion: true,
+        stages: if has(Feature::Stages) { visible.stages.clone() } else { vec![] },
+        has_objects: has(Feature::Objects),
+        ..default()
+    });
     let [z, w] = [view.clip_from_view.z_axis, view.clip_from_view.w_axis];
     let values = PlanValues {
         view: ViewUniform {
@@ -227,11 +230,6 @@ pub(in crate::render) fn decide(
         filters,
         labelings,
     };
-    let has_fog = visible.has_fog && placement == PropPlacement::Scene && has(Feature::Fog);
-    let iterations = values.filters.iter().map(|filter| filter.iterations).max().unwrap_or(0);
-    let has_smooth_borders = values.labelings.iter().any(LabelsUniform::has_smooth_borders);
-    let has_ink = values.labelings.iter().any(LabelsUniform::has_ink);
-    let posterizes = posterized().any(|posterize| posterize.is_some());
     Some(Plan {
         viewport: viewport.clone(),
         rect,
@@ -239,70 +237,65 @@ pub(in crate::render) fn decide(
         samples: known.samples,
         target: Target {
             format: view.target_format,
-            samples: if placement == PropPlacement::Scene { known.samples } else { 1 },
+            samples: if in_scene { known.samples } else { 1 },
             space: camera.compositing_space,
             size: target_size,
         },
-        spacing,
-        iterations: held.map_or(iterations, |held| if held.iterations > 0 { iterations.max(1) } else { 0 }),
-        posterizes: or_held(posterizes, |held| held.posterizes),
-        posterizes_view: or_held(view_posterize.is_some(), |held| held.posterizes_view),
-        overlaps,
-        tonemapping: held.map_or(visible.tonemapping, |held| held.tonemapping),
-        has_fog: or_held(has_fog, |held| held.has_fog),
-        is_lit: or_held(props.iter().any(|prop| prop.is_lit), |held| held.is_lit),
-        is_brightened,
         has_lamps: visible.has_lamps,
-        smooths_all_light: is_brightened && lit().all(ExtractedProp::is_brightened),
-        has_hard_shadows: or_held(visible.has_hard_shadows, |held| held.has_hard_shadows),
-        is_several: or_held(props.len() > 1, |held| held.is_several),
-        smooths: or_held(props.iter().any(|prop| prop.smooths != Smooths::Nothing), |held| held.smooths),
-        has_smooth_borders: or_held(has_smooth_borders, |held| held.has_smooth_borders),
-        has_ink: or_held(has_ink, |held| held.has_ink),
-        former,
-        keeps_labels,
-        recolors: seen.iter().any(|seen| seen.posterize.is_none() && seen.prop.recolor.is_some_and(|of| of.is_changed)),
-        has_motion: visible.has_motion && placement == PropPlacement::Scene && or_held(true, |held| held.has_motion),
-        stages: match held {
-            Some(held) => held.stages.clone(),
-            None if has(Feature::Stages) => visible.stages.clone(),
-            None => vec![],
-        },
+        smooths_all_light: pipelines.is_brightened && lit().all(ExtractedProp::is_brightened),
+        // How often a held view filters may change, but not whether it does.
+        iterations: if pipelines.iterations > 0 { iterations.max(1) } else { 0 },
+        has_motion: visible.has_motion && in_scene && pipelines.has_motion,
         // A posterized view shows nothing but labels.
         has_objects: known.has_objects
-            && has(Feature::Objects)
-            && or_held(true, |held| held.has_objects)
-            && placement == PropPlacement::Display
+            && pipelines.has_objects
+            && !in_scene
             && view_posterize.is_none()
             && !props.is_empty(),
+        former: steadies.then(|| Former::new(&motion, rect, steady)),
+        keeps_labels,
+        recolors: seen.iter().any(|seen| seen.posterize.is_none() && seen.prop.recolor.is_some_and(|of| of.is_changed)),
         props,
         values,
+        ..pipelines
     })
 }
 
-/// Returns a prop with its rays, if it can be drawn. Without `has_labels`, a posterized prop is only drawn if the last
-/// frame drew it as trained, or its settings say so.
+/// Returns a prop with its rays, if it can be drawn. Without `has_labels`, a posterized prop is only drawn if the `last`
+/// frame drew it as trained, or its settings say so. Returns only props of that frame if `is_held`.
 fn see<'a>(
     ordered: &OrderedProp,
     known: &Known,
+    last: &EntityHashMap<&'a PlannedProp>,
+    is_held: bool,
     extracted: &'a ExtractedProps,
     fields: &'a RenderAssets<GpuField>,
     motion: &Motion,
     has_labels: bool,
 ) -> Option<VisibleProp<'a>> {
     let prop = extracted.props.get(ordered.index)?;
+    let last = last.get(&prop.entity).copied();
+    let held = if is_held { Some(last?) } else { None };
     let (field, pose) = prop.at_level(ordered.level, fields)?;
     let size = known.viewport.physical_size;
     let rays = pose.rays(&known.view.world_from_view, motion.clip_from_view, size)?;
     let posterize = prop.posterize.as_ref().filter(|posterize| posterize.palette.colors > 0);
     if posterize.is_some_and(|posterize| posterize.settings.before_palette == BeforePalette::Hide)
         && !has_labels
-        && !known.last.props.iter().any(|last| last.entity == prop.entity && !last.is_posterized)
+        && last.is_none_or(|last| last.is_posterized)
     {
         return None;
     }
     let palette = posterize.map(|posterize| &posterize.palette).or(prop.recolor.as_ref());
-    Some(VisibleProp { index: ordered.index, prop, field, rays, posterize: posterize.filter(|_| has_labels), palette })
+    Some(VisibleProp {
+        index: ordered.index,
+        prop,
+        field,
+        rays,
+        posterize: posterize.filter(|_| has_labels && held.is_none_or(|held| held.is_posterized)),
+        palette,
+        held,
+    })
 }
 
 /// Returns the part of the viewport to draw: the pixels of `rects`, how far a prop can be seen from them, and how far

@@ -9,4 +9,4 @@ mod view;
 
 pub(super) use decide::{Known, decide};
 pub(super) use levels::choose_levels;
-pub(super) use view::{Feature, Overlap, Plan, PlanValues, PlannedProp, Target, drawn_viewport};
+pub(super) use view::{Feature, Kind, Plan, PlanValues, PlannedProp, Target, drawn_viewport};

@@ -10,6 +10,7 @@ use crate::render::{
 };
 
 /// A frame whose labels and depth still exist.
+#[derive(Clone)]
 pub(in crate::render) struct Former {
     clip_from_world: DMat4,
     rect: Rect,
@@ -17,7 +18,7 @@ pub(in crate::render) struct Former {
 }
 
 /// A prop whose labels may be kept.
-#[derive(PartialEq)]
+#[derive(Clone, PartialEq)]
 pub(super) struct FormerProp {
     /// 1 + its index among the props of the view.
     pub owner: u32,

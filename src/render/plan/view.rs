@@ -19,7 +19,7 @@ use crate::{
 };
 
 /// Everything that is decided about a frame of a view.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub(in crate::render) struct Plan {
     /// The part of the target that the camera draws to.
     pub viewport: Viewport,
@@ -81,7 +81,7 @@ pub(in crate::render) struct Plan {
 }
 
 /// The values of the uniforms of a plan.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub(in crate::render) struct PlanValues {
     pub view: ViewUniform,
     pub screen: ScreenUniform,
@@ -109,6 +109,7 @@ impl Default for Target {
 }
 
 /// What is drawn of a prop.
+#[derive(Clone)]
 pub(in crate::render) struct PlannedProp {
     /// The prop's entity in the main world.
     pub entity: Entity,
@@ -116,25 +117,32 @@ pub(in crate::render) struct PlannedProp {
     pub index: usize,
     /// Bind group 1 of passes that march through it.
     pub field: BindGroup,
-    pub shape: FieldShape,
-    pub overlap: Overlap,
-    pub is_lit: bool,
+    pub kind: Kind,
+    /// Whether any part of it may be solid.
+    pub may_be_solid: bool,
     pub is_posterized: bool,
-    /// Whether it is drawn as trained, and recolored if its palette has changed.
-    pub may_recolor: bool,
     pub smooths: Smooths,
     /// The pixels of the drawn part of the view that its box can cover.
     pub rect: URect,
 }
 
-/// Whether a prop may cover the same pixels as another one, in a view where one of the two may be solid.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(in crate::render) enum Overlap {
-    None,
-    /// It may, but is never solid itself.
-    Thin,
-    /// It may, and may be solid.
-    Solid,
+impl PlannedProp {
+    /// Returns whether it may hide others that it overlaps.
+    pub fn may_hide(&self) -> bool {
+        self.kind.overlaps && self.may_be_solid
+    }
+}
+
+/// What the programs of a prop are compiled for. A field of SH1 does not pay for the arithmetic of SH9, and a prop that
+/// overlaps no other does not pay for what overlapping props need.
+#[derive(Clone, Copy, PartialEq)]
+pub(in crate::render) struct Kind {
+    pub shape: FieldShape,
+    /// Whether it may cover the same pixels as another one, in a view where one of the two may be solid.
+    pub overlaps: bool,
+    pub is_lit: bool,
+    /// Whether it is drawn as trained, and recolored if its palette has changed.
+    pub may_recolor: bool,
 }
 
 /// What a view can do without until its pipelines are compiled.
@@ -204,7 +212,7 @@ impl Plan {
             Feature::Fog => self.has_fog,
             Feature::Posterize => self.posterizes,
             Feature::Lighting => self.is_lit,
-            Feature::Recolor => self.props.iter().any(|prop| prop.may_recolor),
+            Feature::Recolor => self.props.iter().any(|prop| prop.kind.may_recolor),
             Feature::Objects => self.has_objects,
             Feature::Sparse => self.is_sparse(),
             Feature::Edges => self.smooths,
