@@ -37,7 +37,7 @@
 @group(1) @binding(5) var depth_before: texture_depth_2d;
 #endif
 
-// What a pixel shows: its color in encoded sRGB and its opacity, and what `LabelTextures` says about it.
+// What a pixel shows: its color in encoded sRGB and its opacity, and what `LabelStages` says about it.
 struct Seen {
     color: vec3<f32>,
     alpha: f32,

@@ -163,7 +163,7 @@ fn plan_views(
                 .into_iter()
                 .for_each(|(now, former)| textures.swap(now, former));
         }
-        let is_held = textures.hold(&device, passes, plan);
+        let has_memory = textures.provide(&device, passes, plan);
         buffers.set(&device, &queue, &plan.values);
         #[cfg(feature = "shadows")]
         if plan.is_lit {
@@ -171,10 +171,10 @@ fn plan_views(
             buffers.lit.set(&device, &queue, "plenoctree_lit", BufferUsages::STORAGE, &lit);
             buffers.shades.set(&device, &queue, "plenoctree_shades", BufferUsages::STORAGE, view.shades.colors());
         }
-        if is_held {
+        if has_memory {
             cached.decide(&device, passes, textures, buffers, left_out == LeftOut::Nothing, plan);
         }
-        if !is_held || view.textures.allocator.error().is_some() {
+        if !has_memory || view.textures.allocator.error().is_some() {
             report_shortage(view, visible.props.len(), camera_entity.id(), &reports);
             continue;
         }

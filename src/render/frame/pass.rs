@@ -93,9 +93,9 @@ pub(in crate::render) enum Place {
     Hide,
     /// After that.
     Restore,
-    /// Where the camera's `PropPlacement` says: before custom stages.
+    /// Where the camera's `PropPlacement` says: labels and custom stages.
     Posterize,
-    /// After them.
+    /// After that.
     Present,
     /// Once transparent objects have been drawn over props.
     Objects,

@@ -52,7 +52,7 @@ pub(in crate::render) enum Slot {
     Staged(usize),
     /// The same, in the fog.
     Fogged,
-    /// See [`LabelTextures`](crate::LabelTextures).
+    /// See [`LabelStages`](crate::LabelStages).
     Labels,
     /// The labels and the depth of the former frame.
     FormerLabels,

@@ -54,11 +54,11 @@ const STEP: u32 = 64;
 impl Textures {
     /// Makes sure that there is everything that `passes` use, and drops the rest. Returns whether there is enough
     /// memory.
-    pub fn hold(&mut self, device: &RenderDevice, passes: &[Pass], plan: &Plan) -> bool {
+    pub fn provide(&mut self, device: &RenderDevice, passes: &[Pass], plan: &Plan) -> bool {
         self.size = size_in_steps(self.size, plan.rect.size, plan.viewport.physical_size);
         self.textures.values_mut().for_each(|held| held.idle += 1);
         self.buffers.values_mut().for_each(|held| held.idle += 1);
-        let is_held = passes.iter().all(|pass| {
+        let has_memory = passes.iter().all(|pass| {
             let mut read = pass.reads.iter().flatten().copied();
             let mut written = pass.writes.iter().flatten().chain(&pass.depth).copied();
             read.all(|input| match input {
@@ -70,10 +70,10 @@ impl Textures {
                 Output::Target | Output::PrepassMotion => true,
             })
         });
-        let is_held = is_held && (!plan.has_objects || self.texture(device, Slot::SceneDepth, plan));
+        let has_memory = has_memory && (!plan.has_objects || self.texture(device, Slot::SceneDepth, plan));
         self.textures.retain(|_, held| held.idle <= HELD_FRAMES);
         self.buffers.retain(|_, held| held.idle <= HELD_FRAMES);
-        is_held
+        has_memory
     }
 
     /// Returns the bytes of GPU memory that they take.

@@ -55,7 +55,11 @@ impl Tile {
 
 /// The casters of a map.
 #[derive(Default)]
-pub(super) struct CachedCasters(EntityHashMap<CachedCaster>);
+pub(super) struct CachedCasters {
+    casters: EntityHashMap<CachedCaster>,
+    /// The number of texels that all tiles have together.
+    texels: u32,
+}
 
 struct CachedCaster {
     key: CasterKey,
@@ -73,7 +77,8 @@ impl CachedCaster {
 impl CachedCasters {
     /// Begins a frame, in which only casters that are updated are cached.
     pub fn begin(&mut self) {
-        self.0.values_mut().for_each(|caster| caster.is_in_map = false);
+        self.casters.values_mut().for_each(|caster| caster.is_in_map = false);
+        self.texels = self.casters.values().map(CachedCaster::cached_texels).sum();
     }
 
     /// Updates a caster. Returns its tile, unless its shadow has changed since the previous frame: in that case, it is
@@ -87,31 +92,28 @@ impl CachedCasters {
         create: impl FnOnce(UVec2) -> Option<Tile>,
     ) -> Option<&Tile> {
         let texels = key.texels.size().as_uvec2();
-        let rests = match self.0.get_mut(&prop) {
-            Some(caster) if caster.key == key => {
-                caster.is_in_map = true;
-                true
-            }
-            _ => {
-                self.0.insert(prop, CachedCaster { key, tile: None, is_in_map: true });
-                false
-            }
-        };
-        let cached: u32 = self.0.values().map(CachedCaster::cached_texels).sum();
-        let caster = self.0.get_mut(&prop)?;
+        let rests = self.casters.get(&prop).is_some_and(|caster| caster.key == key);
+        if !rests {
+            let moved = self.casters.insert(prop, CachedCaster { key, tile: None, is_in_map: true });
+            self.texels -= moved.map_or(0, |caster| caster.cached_texels());
+        }
+        let caster = self.casters.get_mut(&prop)?;
+        caster.is_in_map = true;
         // A level may have a smaller box, which misses the map.
-        if rests && caster.tile.is_none() && texels.min_element() > 0 && cached + texels.x * texels.y <= most {
+        let fits = texels.min_element() > 0 && self.texels + texels.element_product() <= most;
+        if rests && caster.tile.is_none() && fits {
             caster.tile = create(texels);
+            self.texels += caster.cached_texels();
         }
         caster.tile.as_ref()
     }
 
     /// Ends the frame: drops the tiles of casters that are no longer in the map.
     pub fn end(&mut self) {
-        self.0.retain(|_, caster| caster.is_in_map);
+        self.casters.retain(|_, caster| caster.is_in_map);
     }
 
     pub fn tile(&mut self, prop: Entity) -> Option<&mut Tile> {
-        self.0.get_mut(&prop)?.tile.as_mut()
+        self.casters.get_mut(&prop)?.tile.as_mut()
     }
 }
