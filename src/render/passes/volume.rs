@@ -226,9 +226,9 @@ pub(in crate::render) fn request(
         let pass = volume_of(&plan, RaySet::Pixels);
         pipelines.get(cache, &pass, &volume_program(&plan, RaySet::Pixels, kind), plan.target.format);
     };
-    let arriving = visible.props.iter().filter_map(|index| {
-        let prop = extracted.props.get(*index)?;
-        Some((prop, fields.get(prop.field)?.arriving_shape()?))
+    let arriving = props().flat_map(|prop| {
+        let of_prop = [Some(prop.field), prop.awaited].into_iter().flatten();
+        of_prop.filter_map(move |field| Some((prop, fields.get(field)?.arriving_shape()?)))
     });
     for (prop, shape) in arriving {
         let is_lit = prop.is_lit() && visible.placement == PropPlacement::Scene;

@@ -165,8 +165,8 @@ pub(in crate::render) fn decide(
         .collect();
     let finishes = has(Feature::Finish);
     let keeps = quality.steady_labels && finishes;
-    let (mut steady, mut keeps_labels) = (EntityHashMap::default(), false);
-    for (index, (seen, labeling)) in seen.iter().zip(&mut labelings).enumerate() {
+    let mut steady = EntityHashMap::default();
+    for (index, seen) in seen.iter().enumerate() {
         let Some(posterize) = seen.posterize.filter(|posterize| keeps && posterize.settings.is_steady()) else {
             continue;
         };
@@ -175,15 +175,19 @@ pub(in crate::render) fn decide(
             place: seen.prop.pose.world_from_prop,
             field: seen.field.bind_group.id(),
             labels: labels_hash(posterize, &extracted.colors),
+            earlier: None,
         };
-        if let Some(earlier) = known.former.and_then(|former| former.earlier(&motion, &rect, seen.prop, &now)) {
-            *labeling = labeling.steady(posterize.settings.steadiness, &earlier);
-            keeps_labels = true;
-        }
         steady.insert(seen.prop.entity, now);
     }
-    let lit = || seen.iter().zip(&props).filter(|(_, prop)| prop.kind.is_lit).map(|(seen, _)| seen.prop);
     let steadies = held.map_or(!steady.is_empty(), Plan::steadies);
+    let mut now = Former::new(&motion, rect, steady);
+    let keeps_labels = known.former.is_some_and(|former| now.follow(former, &motion));
+    for (seen, labeling) in seen.iter().zip(&mut labelings) {
+        if let (Some(posterize), Some(earlier)) = (seen.posterize, now.earlier(seen.prop.entity)) {
+            *labeling = labeling.steady(posterize.settings.steadiness, earlier);
+        }
+    }
+    let lit = || seen.iter().zip(&props).filter(|(_, prop)| prop.kind.is_lit).map(|(seen, _)| seen.prop);
     let iterations = filters.iter().map(|filter| filter.iterations).max().unwrap_or(0);
     // What pipelines depend on. A held view keeps it.
     let pipelines = held.cloned().unwrap_or_else(|| Plan {
@@ -252,7 +256,7 @@ pub(in crate::render) fn decide(
             && !in_scene
             && view_posterize.is_none()
             && !props.is_empty(),
-        former: steadies.then(|| Former::new(&motion, rect, steady)),
+        former: steadies.then_some(now),
         keeps_labels,
         recolors: seen.iter().any(|seen| seen.posterize.is_none() && seen.prop.recolor.is_some_and(|of| of.is_changed)),
         props,

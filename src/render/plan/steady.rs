@@ -4,21 +4,24 @@ use bevy::{ecs::entity::EntityHashMap, prelude::*, render::render_resource::Bind
 use glam::DMat4;
 
 use super::motion::Motion;
-use crate::render::{
-    extract::ExtractedProp,
-    uniforms::{Earlier, Rect},
-};
+use crate::render::uniforms::{Earlier, Rect};
+
+/// A view at rest shows what a single frame shows, after this many frames: things that physics moves rest between two
+/// steps of it.
+const RESTING_FRAMES: u32 = 10;
 
 /// A frame whose labels and depth still exist.
 #[derive(Clone)]
 pub(in crate::render) struct Former {
     clip_from_world: DMat4,
     rect: Rect,
+    /// For how many frames nothing has moved.
+    rested: u32,
     props: EntityHashMap<FormerProp>,
 }
 
 /// A prop whose labels may be kept.
-#[derive(Clone, PartialEq)]
+#[derive(Clone)]
 pub(super) struct FormerProp {
     /// 1 + its index among the props of the view.
     pub owner: u32,
@@ -27,34 +30,46 @@ pub(super) struct FormerProp {
     pub field: BindGroupId,
     /// A number that is different for other labels.
     pub labels: u64,
+    /// Where it was in the frame whose labels it keeps, if it keeps any.
+    pub earlier: Option<Earlier>,
 }
 
 impl Former {
     pub(super) fn new(motion: &Motion, rect: Rect, props: EntityHashMap<FormerProp>) -> Self {
-        Self { clip_from_world: motion.clip_from_world(), rect, props }
+        Self { clip_from_world: motion.clip_from_world(), rect, rested: 0, props }
     }
 
-    /// Returns where a prop was, if it or the camera has moved since then, and nothing else has changed: a view at rest
-    /// shows what a single frame shows.
-    pub(super) fn earlier(
-        &self,
-        motion: &Motion,
-        rect: &Rect,
-        prop: &ExtractedProp,
-        now: &FormerProp,
-    ) -> Option<Earlier> {
-        let former = self.props.get(&prop.entity)?;
-        let moves = self.clip_from_world != motion.clip_from_world() || former.place != now.place;
-        if !moves || (former.field, former.labels) != (now.field, now.labels) {
-            return None;
+    /// Finds the props that keep labels: if anything moves, those of the former frame, and otherwise those that the former
+    /// frame kept, for some frames. Returns whether it is the former frame.
+    pub(super) fn follow(&mut self, former: &Self, motion: &Motion) -> bool {
+        let same = |entity: &Entity, now: &FormerProp| {
+            let before = former.props.get(entity);
+            before.filter(|before| (before.field, before.labels) == (now.field, now.labels))
+        };
+        let has_moved = |(entity, now)| same(entity, now).is_some_and(|before| before.place != now.place);
+        let is_other_view = (self.clip_from_world, self.rect) != (former.clip_from_world, former.rect);
+        let moves = is_other_view || self.props.iter().any(has_moved);
+        self.rested = if moves { 0 } else { former.rested.saturating_add(1) };
+        if self.rested >= RESTING_FRAMES {
+            return false;
         }
-        let former_from_clip = self.rect.clip_from_viewport()
-            * motion.earlier_from_clip(self.clip_from_world, &former.place, &now.place)
-            * rect.viewport_from_clip();
-        Some(Earlier {
-            former_from_clip: former_from_clip.as_mat4(),
-            size: self.rect.size.as_vec2(),
-            owner: former.owner,
-        })
+        for (entity, now) in &mut self.props {
+            let Some(before) = same(entity, now) else { continue };
+            now.earlier = if moves {
+                let former_from_clip = former.rect.clip_from_viewport()
+                    * motion.earlier_from_clip(former.clip_from_world, &before.place, &now.place)
+                    * self.rect.viewport_from_clip();
+                let former_from_clip = former_from_clip.as_mat4();
+                Some(Earlier { former_from_clip, size: former.rect.size.as_vec2(), owner: before.owner })
+            } else {
+                before.earlier
+            };
+        }
+        moves && self.props.values().any(|now| now.earlier.is_some())
+    }
+
+    /// Returns where a prop was in the frame whose labels it keeps.
+    pub(super) fn earlier(&self, prop: Entity) -> Option<&Earlier> {
+        self.props.get(&prop)?.earlier.as_ref()
     }
 }
