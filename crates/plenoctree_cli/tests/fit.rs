@@ -113,6 +113,10 @@ fn fits_are_packed_and_kept() {
     };
     refused(&[], "was fitted to other views");
     refused(&["--holdout", "4"], "was fitted to other views");
+    // These make the pictures easier to match, or harder.
+    for other in [["--downscale", "2"], ["--background", "#808080"], ["--masks", text(&folder)]] {
+        refused(&[&["--all"], &other[..]].concat(), "was not compared with pictures of the same size");
+    }
     // The report is that of another field in the folder.
     let report = fs::read_to_string(folder.join("report.json")).unwrap();
     fs::write(folder.join("report.json"), report.replace("prop.plenoctree", "other.plenoctree")).unwrap();

@@ -72,13 +72,13 @@ pub struct Arguments {
     resume: bool,
     /// The color behind the object; by default, it is learned from opaque pictures.
     #[arg(long, value_name = "#RRGGBB", value_parser = hex::parse)]
-    background: Option<[u8; 3]>,
+    pub background: Option<[u8; 3]>,
     /// The folder of the pictures, if it is not the usual one.
     #[arg(long, value_name = "FOLDER")]
     pictures: Option<PathBuf>,
     /// A folder of masks, as name.jpg.png, name.png or name.jpg for name.jpg. White shows the object.
     #[arg(long, value_name = "FOLDER")]
-    masks: Option<PathBuf>,
+    pub masks: Option<PathBuf>,
     /// The seed of the random numbers.
     #[arg(long, default_value_t = 0)]
     seed: u64,

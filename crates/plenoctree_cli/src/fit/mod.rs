@@ -9,12 +9,17 @@ pub mod output;
 
 pub use arguments::Arguments;
 
-use std::path::{Path, PathBuf};
+use std::{
+    collections::BTreeSet,
+    fs,
+    path::{Path, PathBuf},
+};
 
-use plenoctree_fit::{FitInput, FitReport, Fitted, fit};
+use plenoctree_fit::{FitInput, FitReport, Fitted, View, fit};
+use serde_json::{Value, json};
 
 use self::output::Quality;
-use crate::{console, number::counted, result::Result, training::Interruption};
+use crate::{console, hex, number::counted, result::Result, training::Interruption};
 
 /// Fits the field, extracts its palette, and writes both with previews and a report.
 pub fn run(arguments: &Arguments) -> Result {
@@ -54,20 +59,24 @@ pub fn run(arguments: &Arguments) -> Result {
         }
     };
     let fitted = input.views.len() - if test.is_none() { held_out.len() } else { 0 };
-    let earlier = if settings.resume { Quality::earlier(&arguments.out, &held_out, fitted)? } else { None };
+    let views = input.views.iter().chain(test.iter().flat_map(|test| &test.views));
+    let compared = compared(views, arguments, settings.downscale);
+    let earlier = if settings.resume { Quality::earlier(&arguments.out, &held_out, fitted, &compared)? } else { None };
     let Fitted { field, previews, report } =
         interruption.watched(arguments.threads, move |progress| fit(&input, test.as_ref(), &settings, progress))?;
-    let described = serde_json::to_value(&report)?;
-    if let (Some(before), Some(now)) = (earlier, Quality::of(&described))
-        && now.psnr < before.psnr
+    let mut described = serde_json::to_value(&report)?;
+    described[output::COMPARED] = compared;
+    let now = Quality::of(&described);
+    if let Some(before) = earlier
+        && before.is_above(now.as_ref())
     {
         console::complain!(
-            "warning: {}: kept as it is: the earlier result has {:.2} dB on {}, and this one {:.2} dB; fit without --resume \
+            "warning: {}: kept as it is: the earlier result has {:.2} dB on {}, and this one {}; fit without --resume \
              to replace it",
             arguments.out.display(),
             before.psnr,
             before.views(),
-            now.psnr
+            now.map_or("is in none of them".into(), |now| format!("{:.2} dB", now.psnr))
         );
         return Ok(());
     }
@@ -75,6 +84,17 @@ pub fn run(arguments: &Arguments) -> Result {
     let leaves = output::write(&arguments.out, &field, palette.as_ref(), &previews, &described)?;
     print(arguments, &report, leaves);
     Ok(())
+}
+
+/// Describes the pictures that the field is compared with. A field matches small pictures more easily than large ones, so
+/// that the quality of two fits compares only where these are the same.
+fn compared<'a>(views: impl Iterator<Item = &'a View>, arguments: &Arguments, downscale: u32) -> Value {
+    let size = |view: &View| [view.camera.width, view.camera.height].map(|side| (side / downscale).max(1));
+    json!({
+        "sizes": views.map(size).collect::<BTreeSet<_>>(),
+        "masks": arguments.masks.as_ref().map(|folder| fs::canonicalize(folder).unwrap_or_else(|_| folder.clone())),
+        "background": arguments.background.map(hex::format),
+    })
 }
 
 /// Warns, once, of pictures that are not there.

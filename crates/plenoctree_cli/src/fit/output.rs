@@ -112,6 +112,8 @@ fn write_all(
     Ok(leaves)
 }
 
+/// The pictures in a report of a fit: their sizes, and what is behind and around the object.
+pub const COMPARED: &str = "pictures";
 /// The previews in a report.
 const PREVIEWS: &str = "previews";
 
@@ -177,8 +179,8 @@ impl Quality {
     /// # Errors
     ///
     /// Returns an error if it is unknown, or was measured on other views than those with these names, or fitted to
-    /// another number of views: then there is no telling which result is better.
-    pub fn earlier(out: &Path, held_out: &[&str], fitted: usize) -> Result<Option<Self>> {
+    /// another number of views, or on other pictures than [`COMPARED`]: then there is no telling which result is better.
+    pub fn earlier(out: &Path, held_out: &[&str], fitted: usize, compared: &Value) -> Result<Option<Self>> {
         if !out.exists() {
             return Ok(None);
         }
@@ -187,11 +189,20 @@ impl Quality {
         let reason = match found {
             None => "is not the field that report.json is about",
             Some(found) if found.held_out != held_out || found.fitted != fitted as u64 => "was fitted to other views",
+            Some(_) if report[COMPARED] != *compared => {
+                "was not compared with pictures of the same size, masks and background"
+            }
             Some(found) => return Ok(Some(found)),
         };
         let out = out.display();
         Err(format!("{out}: {reason}, so --resume cannot tell whether to replace it; leave --resume out to do so")
             .into())
+    }
+
+    /// Returns whether it is higher than that of another fit to the same pictures, which is `None` if its field is not in
+    /// view.
+    pub fn is_above(&self, other: Option<&Self>) -> bool {
+        other.is_none_or(|other| other.psnr < self.psnr)
     }
 
     /// Names the views that it was measured on.
@@ -230,6 +241,15 @@ mod tests {
     struct Arguments {
         #[command(flatten)]
         extraction: ExtractionArguments,
+    }
+
+    /// A field that is in no view is worse than any other.
+    #[test]
+    fn fields_that_are_not_in_view_are_worse() {
+        let of = |psnr: Option<f64>| Quality::of(&json!({ "held_out": null, "fitted_psnr_db": psnr, "views": 9 }));
+        let found = of(Some(12.0)).unwrap();
+        assert!(found.is_above(of(None).as_ref()) && found.is_above(of(Some(11.0)).as_ref()));
+        assert!(!found.is_above(of(Some(12.0)).as_ref()) && !found.is_above(of(Some(13.0)).as_ref()));
     }
 
     /// A field in which nothing is visible has no palette, but it is written, without the palette of another one.
