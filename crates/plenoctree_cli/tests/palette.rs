@@ -23,7 +23,10 @@ fn the_palette_equals_that_of_the_library() {
 
     let read = PlenOctree::read(&field, &LoadSettings::default()).unwrap();
     let settings = ExtractionSettings::default();
-    assert_eq!(found, extract(&read, &settings, &Progress::default()).unwrap().palette);
+    let expected = extract(&read, &settings, &Progress::default()).unwrap();
+    assert_eq!(found, expected.palette);
+    let rmse = format!("a channel of the field is off by {:.2} of 255", 255.0 * expected.errors.rmse);
+    assert!(printed.contains(&rmse), "{printed}");
 }
 
 /// Their folders are created.

@@ -50,7 +50,12 @@ pub fn run(arguments: &Arguments) -> Result {
     }
     console::print(&swatches::lines(palette));
     let errors = extraction.errors;
-    console::say!("error to the nearest label: {:.2} of 255; hue off: {:.1}%", 255.0 * errors.rmse, 100.0 * errors.hue);
+    console::say!(
+        "shown with these colors, a channel of the field is off by {:.2} of 255 (root mean square), and {:.1}% of what is \
+         colorful gets another hue",
+        255.0 * errors.rmse,
+        100.0 * errors.hue
+    );
     let colors = counted(palette.colors.len(), "color", "colors");
     console::say!("{colors} of {} saved to {}", path.display(), out.display());
     Ok(())
