@@ -1,8 +1,17 @@
-//! Trees of cells that are given by the codes of their lowest finest cells.
+//! Trees of cells that are given by the codes of their lowest finest cells, and what files keep of them.
 
 use glam::UVec3;
+use half::f16;
 #[cfg(feature = "fit")]
 use plenoctree::Cell;
+use plenoctree::{Frame, LoadSettings};
+
+/// Returns the lowest density of leaves that readers of files keep. Files round densities to half floats.
+pub fn least_density(frame: Frame, depth: u32) -> f32 {
+    let threshold = LoadSettings::default().density_threshold_in(frame, depth);
+    let nearest = f16::from_f32(threshold);
+    if nearest.to_f32() < threshold { f16::from_bits(nearest.to_bits() + 1).to_f32() } else { nearest.to_f32() }
+}
 
 /// Interleaves the bits of a position, x first: the order of leaves.
 #[cfg(feature = "fit")]

@@ -4,14 +4,14 @@ use std::borrow::Cow;
 
 use glam::{IVec3, Vec4};
 use half::f16;
-use plenoctree::{Activation, Basis, Frame, LoadSettings, PlenOctree, UpAxis};
+use plenoctree::{Activation, Basis, Frame, PlenOctree, UpAxis};
 
 use super::{
     error::FitError,
     grid::{Grid, Voxel, VoxelSet},
     stand::TurnedBox,
 };
-use crate::finest::{morton, tree_of};
+use crate::finest::{least_density, morton, tree_of};
 
 /// The difference of encoded colors and opacities up to which leaves are merged.
 const TOLERANCE: f64 = 0.004;
@@ -59,8 +59,7 @@ struct Leaf<'a> {
 /// Returns the leaves of these voxels in order.
 fn leaves_of(grid: &Grid, voxels: impl Iterator<Item = Voxel>) -> Result<Vec<Leaf<'_>>, FitError> {
     let frame = Frame::spanning(grid.cube().low, grid.cube().low + grid.cube().size);
-    // Readers of files would drop the others.
-    let least = f64::from(LoadSettings::default().density_threshold_in(frame, grid.resolution().ilog2()));
+    let least = f64::from(least_density(frame, grid.resolution().ilog2()));
     let functions = grid.functions();
     let leaf = |Voxel { corner, size }| {
         let voxel = grid.voxel(corner.as_ivec3())?;

@@ -12,7 +12,7 @@ use super::{
     settings::VoxelSettings,
 };
 use crate::{
-    finest::position_of,
+    finest::{least_density, position_of},
     splat::{error::SplatError, harmonics::functions, splats::Splats},
 };
 
@@ -95,11 +95,12 @@ impl Place {
         SplatError::Empty { place: format!("the box from {:.3} to {:.3}", self.low, self.high) }
     }
 
-    /// Makes the field whose leaves are these cells. `depth` is the level of the finest.
+    /// Makes the field whose leaves are these cells, without those that readers of files would drop. `depth` is the level
+    /// of the finest.
     ///
     /// # Errors
     ///
-    /// Returns an error if the cells do not form a field.
+    /// Returns an error if the cells do not form a field, or if none is left.
     pub fn field(&self, cells: &Cells, depth: u32) -> Result<PlenOctree, SplatError> {
         let finest = self.width(depth);
         let density =
@@ -114,11 +115,39 @@ impl Place {
         let frame = Frame::spanning(self.corner, self.corner + self.size);
         let basis = Basis::from_functions(self.functions).unwrap_or(Basis::Sh1);
         let nodes = cells.nodes(depth);
-        Ok(PlenOctree::new(frame, basis, Activation::Sigmoid, UpAxis::Z, nodes, densities, coefficients)?)
+        let field = PlenOctree::new(frame, basis, Activation::Sigmoid, UpAxis::Z, nodes, densities, coefficients)?;
+        let field = field.thinned(least_density(frame, depth));
+        if field.leaves() == 0 { Err(self.empty()) } else { Ok(field) }
     }
 }
 
 /// Returns the error of a setting.
 pub fn fault(setting: &'static str, found: String, expected: &'static str) -> SplatError {
     SplatError::Setting { setting, found, expected }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Quat;
+
+    use super::*;
+    use crate::splat::splats::Gaussian;
+
+    /// What readers of files would drop is not in the field, and a field of nothing else is an error.
+    #[test]
+    fn leaves_are_those_that_files_keep() {
+        let bounds = Some((DVec3::splat(-500.0), DVec3::splat(500.0)));
+        let mut splats = Splats::new(0);
+        let (position, scale) = (Vec3::ZERO, Vec3::ONE);
+        let gaussian = Gaussian { position, scale, rotation: Quat::IDENTITY, opacity: 0.5 };
+        splats.push(gaussian, &[Vec3::ZERO]);
+        let place = Place::new(&splats, &VoxelSettings { depth: 6, bounds, ..Default::default() }).unwrap();
+        let field = |thicknesses: &[f32]| {
+            let mut cells = Cells::default();
+            thicknesses.iter().zip(0..).for_each(|(thickness, code)| cells.push(code, 0, *thickness, 1.0, &[0.5; 3]));
+            place.field(&cells, 6)
+        };
+        assert_eq!(field(&[1e-4, 3e-4, 1.0]).unwrap().leaves(), 2);
+        assert!(matches!(field(&[1e-4]), Err(SplatError::Empty { .. })));
+    }
 }
