@@ -2,7 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use plenoctree::{LoadSettings, PlenOctree};
+use clap::{Args, ValueEnum};
+use plenoctree::{Activation, LoadSettings, PlenOctree, UpAxis};
 
 use crate::{progress, result::Result};
 
@@ -19,10 +20,61 @@ pub fn or_default(path: Option<&Path>) -> PathBuf {
     path.map(Path::to_path_buf).or_else(in_workspace).unwrap_or_else(|| DEFAULT.into())
 }
 
-/// Reads a field, with a spinner unless `quiet`.
+/// How to read a field whose file does not record it.
+#[derive(Args, Clone, Copy, Default)]
+pub struct FieldArguments {
+    /// How the numbers in the field's file become colors. By default, as a packed field records; otherwise sigmoid, or
+    /// identity for RGBA.
+    #[arg(long, value_enum)]
+    activation: Option<Curve>,
+    /// The axis that points up in the field. By default, the one that a packed field records; otherwise z.
+    #[arg(long, value_enum)]
+    up: Option<Up>,
+}
+
+/// What maps numbers to colors.
+#[derive(Clone, Copy, ValueEnum)]
+enum Curve {
+    /// For fields that were trained as PlenOctrees.
+    Sigmoid,
+    /// For fields that were trained as Plenoxels (svox2) and converted.
+    ShiftedRelu,
+    /// For fields that store colors as they are.
+    Identity,
+}
+
+/// An axis that points up.
+#[derive(Clone, Copy, ValueEnum)]
+enum Up {
+    Y,
+    Z,
+}
+
+impl FieldArguments {
+    /// Returns whether any is given.
+    pub fn are_given(self) -> bool {
+        self.activation.is_some() || self.up.is_some()
+    }
+
+    /// Reads a field, with a spinner unless `quiet`.
+    pub fn load(self, path: &Path, quiet: bool) -> Result<PlenOctree> {
+        let activation = self.activation.map(|curve| match curve {
+            Curve::Sigmoid => Activation::Sigmoid,
+            Curve::ShiftedRelu => Activation::ShiftedRelu,
+            Curve::Identity => Activation::Identity,
+        });
+        let up = self.up.map(|up| match up {
+            Up::Y => UpAxis::Y,
+            Up::Z => UpAxis::Z,
+        });
+        let spinner = progress::spinner("loading", quiet);
+        let field = PlenOctree::read(path, &LoadSettings { activation, up, ..LoadSettings::default() })?;
+        spinner.finish_and_clear();
+        Ok(field)
+    }
+}
+
+/// Reads a field with the default settings, with a spinner unless `quiet`.
 pub fn load(path: &Path, quiet: bool) -> Result<PlenOctree> {
-    let spinner = progress::spinner("loading", quiet);
-    let field = PlenOctree::read(path, &LoadSettings::default())?;
-    spinner.finish_and_clear();
-    Ok(field)
+    FieldArguments::default().load(path, quiet)
 }

@@ -4,7 +4,7 @@ mod common;
 
 use common::{ball, fail, folder, succeed, text};
 use plenoctree::{
-    BakeSettings, Basis, LoadSettings, PlenOctree, bake,
+    Activation, BakeSettings, Basis, LoadSettings, PlenOctree, UpAxis, bake,
     sampling::{Progress, SamplingSettings, sample},
 };
 
@@ -41,6 +41,20 @@ fn a_field_is_packed_and_reported() {
     assert!(printed.contains("sections, in bytes: HEAD "), "{printed}");
     succeed(&["pack", text(&source), "--npz", "--out", text(&quantized), "--views", "0", "--hidden", "0"]);
     assert_eq!(read("quantized.npz").coefficients(), packed.coefficients());
+}
+
+/// What `.npz` files do not record is recorded in the packed field.
+#[test]
+fn the_activation_and_the_up_axis_are_recorded() {
+    let folder = folder("pack_reading");
+    let (source, packed) = (ball(&folder), folder.join("ball.plenoctree"));
+    let pack = |options: &[&str]| {
+        succeed(&[&["pack", text(&source), "--exact", "--views", "0"], options].concat());
+        let field = PlenOctree::read(&packed, &LoadSettings::default()).unwrap();
+        (field.activation(), field.up())
+    };
+    assert_eq!(pack(&[]), (Activation::Identity, UpAxis::Z));
+    assert_eq!(pack(&["--activation", "shifted-relu", "--up", "y"]), (Activation::ShiftedRelu, UpAxis::Y));
 }
 
 /// The leaves of a solid block hide their own centers. It is packed and measured all the same.

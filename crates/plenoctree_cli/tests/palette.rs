@@ -66,6 +66,18 @@ fn tones_are_listed_by_ramp() {
     assert_eq!(image::image_dimensions(&image).unwrap(), (160 * longest, 192 * found.ramps.len() as u32));
 }
 
+/// Fields that were trained as Plenoxels have other colors.
+#[test]
+fn colors_depend_on_the_activation() {
+    let field = ball(&folder("palette_activation"));
+    let brightest = |options: &[&str]| {
+        succeed(&[&["palette", text(&field)], options].concat());
+        let palette = Palette::read(field.with_file_name("ball.palette.json")).unwrap();
+        palette.colors.iter().flatten().copied().fold(0.0, f64::max)
+    };
+    assert!(brightest(&[]) < 0.95 && brightest(&["--activation", "shifted-relu"]) > 0.95);
+}
+
 /// Messages agree with their numbers: one color is not "1 colors".
 #[test]
 fn one_color_is_singular() {

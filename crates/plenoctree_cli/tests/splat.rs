@@ -63,7 +63,16 @@ fn captures_and_fields_are_rendered() {
     assert_eq!((image.width(), image.color()), (20, image::ColorType::Rgb8));
     assert_eq!(image.into_rgb8().get_pixel(0, 0).0, [0, 255, 0]);
     let field = ball(&folder);
-    succeed(&["render", text(&field), "--cameras", &cameras, "--out", text(&out)]);
+    let front = folder.join("front.json");
+    fs::write(&front, fs::read_to_string(&cameras).unwrap().replace("-3.0", "0.0")).unwrap();
+    let red = |options: &[&str]| {
+        succeed(&[&["render", text(&field), "--cameras", text(&front), "--out", text(&out)], options].concat());
+        let image = image::open(out.join("000.png")).unwrap().into_rgba8();
+        image.pixels().map(|pixel| pixel[0]).max().unwrap()
+    };
+    assert_eq!([red(&[]), red(&["--activation", "shifted-relu"])], [229, 255]);
+    let message = fail(&["render", &capture, "--cameras", &cameras, "--out", text(&out), "--up", "y"]);
+    assert!(message.contains("cube.ply: --activation and --up are for fields"), "{message}");
 
     // Nothing that is read is overwritten.
     fs::copy(&capture, out.join("000.png")).unwrap();

@@ -6,7 +6,7 @@ use clap::{Args, ValueEnum};
 use plenoctree::PackSettings;
 use plenoctree_fit::SimplifySettings;
 
-use crate::{files, result::Result, size::parse_size};
+use crate::{field::FieldArguments, files, result::Result, size::parse_size};
 
 /// Pack fields into their shipping form, a tenth of the size.
 #[derive(Args)]
@@ -14,6 +14,9 @@ pub struct Arguments {
     /// The fields, .npz files; or packed ones, to pack them again.
     #[arg(required = true)]
     pub fields: Vec<PathBuf>,
+    /// How to read the fields.
+    #[command(flatten)]
+    pub reading: FieldArguments,
     /// The packed file; by default next to the field, with the extension .plenoctree. For a single field.
     #[arg(long)]
     out: Option<PathBuf>,

@@ -12,7 +12,7 @@ use clap::ValueEnum;
 use plenoctree::{PackSettings, Packed, PlenOctree, sampling::Progress};
 use plenoctree_fit::{FitError, FitProgress, SimplifySettings, simplify};
 
-use crate::{console, field, files, number::counted, progress, result::Result};
+use crate::{console, files, number::counted, progress, result::Result};
 use measure::Views;
 
 /// Packs the fields, writes them, and prints the loss.
@@ -31,7 +31,7 @@ fn pack_file(path: &Path, arguments: &Arguments) -> Result<report::Field> {
     let before = fs::metadata(path).map_err(|error| format!("{}: {error}", path.display()))?.len();
     let out = arguments.out(path)?;
     arguments.settings(arguments.quality).validate()?;
-    let field = field::load(path, false)?;
+    let field = arguments.reading.load(path, false)?;
     // Before it is simplified.
     let field = if arguments.record_histograms { field.recording_histograms(&Progress::default())? } else { field };
     warn_of_density(path, &field);

@@ -6,6 +6,7 @@ use clap::Args;
 
 use crate::{
     extraction::{ExtractionArguments, Sampling},
+    field::FieldArguments,
     files,
     result::Result,
 };
@@ -16,6 +17,9 @@ pub struct Arguments {
     /// The field, an .npz or .plenoctree file.
     #[command(flatten)]
     source: Source,
+    /// How to read the field.
+    #[command(flatten)]
+    pub reading: FieldArguments,
     /// The arguments for extraction.
     #[command(flatten)]
     pub extraction: ExtractionArguments,
@@ -38,7 +42,9 @@ struct Source {
     /// The field, an .npz or .plenoctree file.
     field: Option<PathBuf>,
     /// Histograms to use instead of a field, as saved by --histograms.
-    #[arg(long, value_name = "FILE.npz", conflicts_with_all = ["sampling", "sample_fraction", "histograms"])]
+    #[arg(long, value_name = "FILE.npz", conflicts_with_all = [
+        "sampling", "sample_fraction", "histograms", "activation", "up",
+    ])]
     from_histograms: Option<PathBuf>,
 }
 

@@ -12,7 +12,7 @@ use plenoctree::{
 use crate::{
     console,
     extraction::{self, histograms},
-    field, files,
+    files,
     number::counted,
     result::Result,
     swatches,
@@ -28,7 +28,7 @@ pub fn run(arguments: &Arguments) -> Result {
     arguments.check_outputs(&out, path)?;
     let extraction = match input {
         Input::Field(path) => {
-            let field = field::load(path, false)?;
+            let field = arguments.reading.load(path, false)?;
             let sampling = Some(arguments.sampling);
             extraction::extract(&field, path, &arguments.extraction, sampling, false)?.extraction
         }

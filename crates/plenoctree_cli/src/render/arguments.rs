@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use crate::{capture::CaptureArguments, hex, size::parse_size};
+use crate::{capture::CaptureArguments, field::FieldArguments, hex, size::parse_size};
 
 /// Render views of a capture or of a field.
 #[derive(Args)]
@@ -29,4 +29,7 @@ pub struct Arguments {
     /// How to read the capture.
     #[command(flatten)]
     pub capture: CaptureArguments,
+    /// How to read the field.
+    #[command(flatten)]
+    pub field: FieldArguments,
 }

@@ -14,7 +14,7 @@ use plenoctree_fit::{
     splat::{Splats, render_splats},
 };
 
-use crate::{capture, console, field, files, hex, number::counted, progress, result::Result, transforms};
+use crate::{capture, console, files, hex, number::counted, progress, result::Result, transforms};
 
 /// The scene to render.
 enum Scene {
@@ -50,7 +50,9 @@ pub fn run(arguments: &Arguments) -> Result {
     let cameras = read_transforms(&arguments.cameras, arguments.size)?;
     let extension = path.extension().unwrap_or_default();
     let scene = if PlenOctree::EXTENSIONS.iter().any(|known| extension.eq_ignore_ascii_case(known)) {
-        Scene::Field(field::load(path, arguments.quiet)?)
+        Scene::Field(arguments.field.load(path, arguments.quiet)?)
+    } else if arguments.field.are_given() {
+        return Err(format!("{}: --activation and --up are for fields, .npz or .plenoctree", path.display()).into());
     } else {
         Scene::Capture(capture::load(path, arguments.capture, arguments.quiet)?)
     };

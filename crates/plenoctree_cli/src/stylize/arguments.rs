@@ -7,6 +7,7 @@ use plenoctree::palette::{LabelSpace, Palette};
 
 use crate::{
     extraction::{ExtractionArguments, Sampling},
+    field::FieldArguments,
     files, hex,
     preset::Preset,
     renderer::{PosterizeSettings, Renderer},
@@ -26,6 +27,9 @@ use super::{
 pub struct Arguments {
     /// The field, an .npz or .plenoctree file; by default the included toadstool.
     pub field: Option<PathBuf>,
+    /// How to read the field.
+    #[command(flatten)]
+    pub reading: FieldArguments,
     /// The folder for the images, the palette and report.json.
     #[arg(long, default_value = "out")]
     pub out: PathBuf,

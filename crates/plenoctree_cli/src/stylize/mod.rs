@@ -33,7 +33,7 @@ pub fn run(arguments: &Arguments) -> Result {
     arguments.check(path)?;
     let cameras = arguments.cameras.as_ref().map(|path| read_transforms(path, arguments.size)).transpose()?;
     let given = arguments.palette.as_ref().map(Palette::read).transpose()?;
-    let field = field::load(path, arguments.quiet)?;
+    let field = arguments.reading.load(path, arguments.quiet)?;
 
     let mut cameras = match cameras {
         Some(cameras) => cameras,
