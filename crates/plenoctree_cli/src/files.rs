@@ -7,8 +7,9 @@ use std::{
 };
 
 use image::{ImageBuffer, PixelWithColorType, codecs::png::PngEncoder};
+use plenoctree::palette::Palette;
 
-use crate::result::Result;
+use crate::{console, result::Result};
 
 /// Creates a folder and its parents, unless they exist.
 pub fn create_folder(path: &Path) -> Result {
@@ -59,7 +60,7 @@ pub fn check_image(image: &Path) -> Result {
 
 /// Copies what `path` holds, if `is_lost` says that it would be lost, to a file next to it that does not exist yet. Returns
 /// the name of that file.
-pub fn keep_former(path: &Path, is_lost: impl FnOnce(&[u8]) -> bool) -> Result<Option<PathBuf>> {
+fn keep_former(path: &Path, is_lost: impl FnOnce(&[u8]) -> bool) -> Result<Option<PathBuf>> {
     // Pipes and devices hold nothing.
     if !path.is_file() {
         return Ok(None);
@@ -82,6 +83,15 @@ pub fn keep_former(path: &Path, is_lost: impl FnOnce(&[u8]) -> bool) -> Result<O
     }
     Err(format!("{}: would be lost: there are a thousand older ones next to it; choose another --out", path.display())
         .into())
+}
+
+/// Keeps the palette at `path` under another name, and says so, unless it is the same as the one that replaces it.
+pub fn keep_former_palette(path: &Path, new: Option<&Palette>) -> Result {
+    let is_lost = |former: &[u8]| new.is_none_or(|new| Palette::from_json(former, path).ok().as_ref() != Some(new));
+    if let Some(kept) = keep_former(path, is_lost)? {
+        console::complain!("{}: replaced; the palette before is now {}", path.display(), kept.display());
+    }
+    Ok(())
 }
 
 /// Checks that nothing in a folder that is read is written, if what is written there has names for which `writes` is true.

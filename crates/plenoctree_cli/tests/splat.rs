@@ -140,7 +140,16 @@ fn captures_become_props_that_stand() {
     fs::copy(&capture, &inside).unwrap();
     let message = fail(&[&["convert", text(&inside)], &shared[2..], &["--no-refine"]].concat());
     assert!(message.contains("cube.ply: is in ") && message.contains("choose another --out"), "{message}");
+    let palette = folder.join("out/prop.palette.json");
+    let mut edited = Palette::read(&palette).unwrap();
+    edited.rename_ramp(0, "mine").unwrap();
+    edited.write(&palette).unwrap();
     succeed(&[&shared[..], &["--no-refine"]].concat());
+    let kept = fs::read_dir(folder.join("out"))
+        .unwrap()
+        .map(|entry| entry.unwrap().path())
+        .filter(|path| path.to_string_lossy().contains("palette.json.old") && Palette::read(path).unwrap() == edited);
+    assert_eq!(kept.count(), 1);
     assert!(inside.exists() && folder.join("out/prop.views/mine.txt").exists());
 
     let packing = [&["convert", &capture, "--out", text(&packed)], &shared[4..], &["--no-refine"]].concat();

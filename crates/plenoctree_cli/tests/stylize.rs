@@ -6,6 +6,7 @@ use std::{fs, path::Path, process::Output};
 
 use common::{ball, fail, folder, run, succeed, text};
 use image::RgbImage;
+use plenoctree::palette::Palette;
 use serde_json::Value;
 
 /// Returns the arguments that render two views of 32 x 32 pixels to a folder.
@@ -102,6 +103,13 @@ fn nothing_is_overwritten() {
     let before = fs::read_to_string(&palette).unwrap();
     fail(&["--sampling", "cpu", "--colors", "5", "--pixel", "0,0=#ff0000"]);
     assert_eq!(fs::read_to_string(&palette).unwrap(), before);
+
+    let mut edited = Palette::read(&palette).unwrap();
+    edited.rename_ramp(0, "mine").unwrap();
+    edited.write(&palette).unwrap();
+    succeed(&["--sampling", "cpu", "--colors", "4"]);
+    assert_eq!(fs::read_to_string(&palette).unwrap(), before);
+    assert_eq!(Palette::read(out.join("palette.json.old")).unwrap(), edited);
 
     let with_author = before.replacen('{', r#"{ "author": "me","#, 1);
     fs::write(&palette, &with_author).unwrap();

@@ -50,8 +50,8 @@ pub fn palette(out: &Path, field: &PlenOctree, arguments: &ExtractionArguments) 
         .map(|extracted| extracted.extraction.palette)
 }
 
-/// Writes the field, its palette, previews of the held-out views, and the report. If that fails, nothing incomplete is
-/// left. Returns the number of leaves in the file: packing leaves out hidden ones.
+/// Writes the field, its palette, previews of the held-out views, and the report. Another palette that is there is kept
+/// under another name. If that fails, nothing incomplete is left. Returns the number of leaves in the file: packing leaves out hidden ones.
 pub fn write(
     out: &Path,
     field: &PlenOctree,
@@ -103,6 +103,7 @@ fn write_all(
         let outdated = previews_before(out).into_iter().filter(|name| !names.contains(name));
         outdated.for_each(|name| _ = fs::remove_file(views.join(name)));
     }
+    files::keep_former_palette(&targets[1], palette)?;
     if palette.is_none() {
         // An older one belongs to another field.
         let _ = fs::remove_file(&targets[1]);
@@ -267,6 +268,7 @@ mod tests {
         write(&out, &field, palette.as_ref(), &[], &Value::Null).unwrap();
         let names: Vec<_> = fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().file_name()).collect();
         fs::remove_dir_all(&folder).unwrap();
-        assert!(names.len() == 2 && names.contains(&"solid.npz".into()), "{names:?}");
+        assert!(names.len() == 3 && names.contains(&"solid.npz".into()), "{names:?}");
+        assert!(names.contains(&"solid.palette.json.old".into()), "{names:?}");
     }
 }

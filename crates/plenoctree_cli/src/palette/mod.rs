@@ -4,10 +4,7 @@ mod arguments;
 
 pub use arguments::Arguments;
 
-use plenoctree::{
-    palette::{Palette, extract_from_samples},
-    sampling::Progress,
-};
+use plenoctree::{palette::extract_from_samples, sampling::Progress};
 
 use crate::{
     console,
@@ -40,10 +37,7 @@ pub fn run(arguments: &Arguments) -> Result {
         }
     };
     let palette = &extraction.palette;
-    let is_lost = |former: &[u8]| Palette::from_json(former, &out).ok().as_ref() != Some(palette);
-    if let Some(kept) = files::keep_former(&out, is_lost)? {
-        console::complain!("{}: replaced; the palette before is now {}", out.display(), kept.display());
-    }
+    files::keep_former_palette(&out, Some(palette))?;
     palette.write(&out)?;
     if let Some(image) = &arguments.image {
         files::write_image(image, &swatches::draw(palette))?;

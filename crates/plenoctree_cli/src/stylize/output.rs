@@ -52,6 +52,7 @@ pub fn writes(name: &str) -> bool {
 pub fn write_palette(palette: &Palette, read_from: Option<&Path>, folder: &Path) -> Result {
     let path = folder.join(PALETTE);
     if !read_from.is_some_and(|from| files::is_same(from, &path)) {
+        files::keep_former_palette(&path, Some(palette))?;
         palette.write(path)?;
     }
     files::write_image(&folder.join("palette.png"), &swatches::draw(palette))
