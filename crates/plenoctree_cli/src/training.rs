@@ -20,6 +20,11 @@ const STEPS: u64 = 1000;
 /// The exit code of a program that Ctrl-C ended.
 const INTERRUPTED: i32 = 130;
 
+/// From now on, all work is done by this many threads, or one for each core if it is 0.
+pub fn use_threads(threads: u32) -> Result {
+    Ok(rayon::ThreadPoolBuilder::new().num_threads(threads as usize).build_global()?)
+}
+
 /// What Ctrl-C does.
 #[derive(Default)]
 pub struct Interruption {
@@ -59,18 +64,15 @@ impl Interruption {
         self.progress.is_stopped()
     }
 
-    /// Returns the result of `work`, which runs on `threads` threads, or one for each core if that is 0. Ctrl-C ends it
-    /// early.
+    /// Returns the result of `work`. Ctrl-C ends it early.
     pub fn watched<T: Send + 'static>(
         &self,
-        threads: u32,
         work: impl FnOnce(&FitProgress) -> Result<T, FitError> + Send + 'static,
     ) -> Result<T> {
         self.keep_result();
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads as usize).build()?;
         let worker = {
             let progress = self.progress.clone();
-            thread::spawn(move || pool.install(|| work(&progress)))
+            thread::spawn(move || work(&progress))
         };
         let bar = progress::fit_bar(STEPS);
         while !worker.is_finished() {

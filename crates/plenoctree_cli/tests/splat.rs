@@ -207,3 +207,23 @@ fn interrupted_conversions_keep_what_is_there() {
     assert_eq!(report["voxelized"]["leaves"], field.leaves());
     Palette::read(folder.join("prop.palette.json")).unwrap();
 }
+
+/// `--threads` applies to all of the conversion, not only to refining.
+#[cfg(target_os = "linux")]
+#[test]
+fn as_many_threads_convert_as_requested() {
+    let folder = folder("threads");
+    let capture = capture(&folder);
+    let mut program = Command::new(env!("CARGO_BIN_EXE_plenoctree"))
+        .args(["convert", &capture, "--out", text(&folder.join("prop.npz")), "--depth", "6", "--picture-size", "64"])
+        .args(["--no-refine", "--threads", "200"])
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut lines = BufReader::new(program.stdout.take().unwrap()).lines().map(Result::unwrap);
+    assert!(lines.by_ref().any(|line| line.starts_with("voxelized")));
+    let threads = fs::read_dir(format!("/proc/{}/task", program.id())).unwrap().count();
+    lines.for_each(drop);
+    assert!(program.wait().unwrap().success());
+    assert!(threads >= 200, "{threads}");
+}

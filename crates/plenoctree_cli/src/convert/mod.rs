@@ -21,13 +21,21 @@ use self::{
     cameras::Cameras,
     measure::{Pictures, Standard},
 };
-use crate::{capture, console, fit::output, number::counted, progress, result::Result, training::Interruption};
+use crate::{
+    capture, console,
+    fit::output,
+    number::counted,
+    progress,
+    result::Result,
+    training::{Interruption, use_threads},
+};
 
 /// Converts the capture, extracts the palette, and writes both with views and a report.
 pub fn run(arguments: &Arguments) -> Result {
     let path = &arguments.capture;
     let named = |error: &dyn std::error::Error| format!("{}: {error}", path.display());
     output::check(&arguments.out, &[path], &arguments.extraction)?;
+    use_threads(arguments.threads)?;
     let interruption = Interruption::new()?;
     let start = Instant::now();
     let splats = capture::load(path, arguments.reading, false)?;
@@ -100,8 +108,8 @@ pub fn run(arguments: &Arguments) -> Result {
                 time: arguments.minutes.map(|minutes| Duration::from_secs_f64(60.0 * minutes)),
                 seed: arguments.seed,
             };
-            let Refined { field: better, rounds } = interruption
-                .watched(arguments.threads, move |progress| refine(&field, shots, &held_out, &settings, progress))?;
+            let Refined { field: better, rounds } =
+                interruption.watched(move |progress| refine(&field, shots, &held_out, &settings, progress))?;
             refining = start.elapsed();
             field = better;
             let start = Instant::now();

@@ -19,7 +19,12 @@ use plenoctree_fit::{FitInput, FitReport, Fitted, View, fit};
 use serde_json::{Value, json};
 
 use self::output::Quality;
-use crate::{console, hex, number::counted, result::Result, training::Interruption};
+use crate::{
+    console, hex,
+    number::counted,
+    result::Result,
+    training::{Interruption, use_threads},
+};
 
 /// Fits the field, extracts its palette, and writes both with previews and a report.
 pub fn run(arguments: &Arguments) -> Result {
@@ -30,6 +35,7 @@ pub fn run(arguments: &Arguments) -> Result {
     let folders = arguments.folders();
     let inputs: Vec<&Path> = [&arguments.input].into_iter().chain(&arguments.test).map(PathBuf::as_path).collect();
     output::check(&arguments.out, &inputs, &arguments.extraction)?;
+    use_threads(arguments.threads)?;
     let interruption = Interruption::new()?;
     let mut settings = arguments.settings();
     if let Some(checkpoint) = settings.checkpoint.as_ref().filter(|path| settings.resume && !path.exists()) {
@@ -63,7 +69,7 @@ pub fn run(arguments: &Arguments) -> Result {
     let compared = compared(views, arguments, settings.downscale);
     let earlier = if settings.resume { Quality::earlier(&arguments.out, &held_out, fitted, &compared)? } else { None };
     let Fitted { field, previews, report } =
-        interruption.watched(arguments.threads, move |progress| fit(&input, test.as_ref(), &settings, progress))?;
+        interruption.watched(move |progress| fit(&input, test.as_ref(), &settings, progress))?;
     let mut described = serde_json::to_value(&report)?;
     described[output::COMPARED] = compared;
     let now = Quality::of(&described);
