@@ -92,6 +92,7 @@ fn what_cannot_be_packed_is_an_error() {
     let source = ball(&folder);
     assert!(fail(&["pack", text(&folder.join("none.npz"))]).contains("none.npz"));
     assert!(fail(&["pack", text(&source), "--rows", "0"]).contains("found rows = 0"));
+    assert!(fail(&["pack", text(&source), "--hidden", "1.1"]).contains("found hidden = 1.1, expected 0 to 1"));
     let before = std::fs::read(&source).unwrap();
     let message = fail(&["pack", text(&source), "--npz", "--out", text(&source)]);
     assert!(message.contains("ball.npz: would overwrite its input; choose another --out"), "{message}");

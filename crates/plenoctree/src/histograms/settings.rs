@@ -67,7 +67,7 @@ impl Default for SamplingSettings {
 
 /// An error that occurs when a setting is out of range.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error("found {setting} = {found}, expected {expected}")]
+#[error("found {setting} = {}, expected {expected}", shortest(*.found))]
 pub struct InvalidSetting {
     /// Name of the setting.
     pub setting: &'static str,
@@ -75,6 +75,12 @@ pub struct InvalidSetting {
     pub found: f64,
     /// Valid range, in words.
     pub expected: &'static str,
+}
+
+/// Returns the digits of a number, only those that it has in single precision if that is where it is from.
+fn shortest(number: f64) -> String {
+    let single = number as f32;
+    if number.fract() != 0.0 && f64::from(single) == number { single.to_string() } else { number.to_string() }
 }
 
 impl InvalidSetting {
