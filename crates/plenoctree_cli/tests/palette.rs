@@ -78,6 +78,24 @@ fn colors_depend_on_the_activation() {
     assert!(brightest(&[]) < 0.95 && brightest(&["--activation", "shifted-relu"]) > 0.95);
 }
 
+/// Palettes may go to a pipe, of which nothing is kept.
+#[cfg(unix)]
+#[test]
+fn palettes_are_written_to_pipes() {
+    let folder = folder("palette_pipe");
+    let (field, pipe) = (ball(&folder), folder.join("pipe.json"));
+    assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    let reader = std::thread::spawn({
+        let pipe = pipe.clone();
+        move || fs::read(pipe).unwrap()
+    });
+    succeed(&["palette", text(&field), "--out", text(&pipe)]);
+    let written = Palette::from_json(&reader.join().unwrap(), &pipe).unwrap();
+    succeed(&["palette", text(&field)]);
+    assert_eq!(written, Palette::read(field.with_file_name("ball.palette.json")).unwrap());
+    assert_eq!(fs::read_dir(&folder).unwrap().count(), 3);
+}
+
 /// Messages agree with their numbers: one color is not "1 colors".
 #[test]
 fn one_color_is_singular() {

@@ -4,7 +4,7 @@ use glam::{DAffine3, DVec3, Quat, Vec3};
 use plenoctree::{
     Basis, LoadSettings, PackSettings, Packed, PlenOctree, camera::PinholeCamera, reference::render, sampling::Progress,
 };
-use plenoctree_fit::splat::{Gaussian, Splats, VoxelSettings, Voxels, render_splats, voxelize};
+use plenoctree_fit::splat::{Gaussian, Splats, SubjectSettings, VoxelSettings, Voxels, render_splats, voxelize};
 
 /// A ball of colored Gaussians on its surface, some of which are thin, and a bar next to it.
 fn ball(degree: u32) -> Splats {
@@ -301,6 +301,19 @@ fn floaters_and_backgrounds_are_left_out() {
     let (low, high) = (DVec3::splat(-2.0), DVec3::new(2.0, 2.0, 0.0));
     let field = voxelize(&ball, &VoxelSettings { depth: 6, bounds: Some((low, high)), ..Default::default() }).unwrap();
     assert!(field.bounds().unwrap().1.z < 1e-6);
+}
+
+/// Nothing is connected in haze, so that all of it is the largest part.
+#[test]
+fn haze_is_kept_with_keep_largest() {
+    let mut haze = Splats::new(0);
+    for gaussian in ball(0).gaussians().iter().step_by(10) {
+        haze.push(Gaussian { opacity: 0.02, ..*gaussian }, &[Vec3::ONE]);
+    }
+    let settings = SubjectSettings { keep_largest: true, ..Default::default() };
+    let kept = haze.clone().subject(&settings).unwrap().splats;
+    assert_eq!(kept, haze.subject(&SubjectSettings::default()).unwrap().splats);
+    assert!(voxelize(&kept, &VoxelSettings { depth: 6, ..Default::default() }).unwrap().leaves() > 0);
 }
 
 /// Settings out of range and boxes without anything are errors.
