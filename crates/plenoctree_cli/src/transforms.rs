@@ -1,22 +1,28 @@
-//! Writes pictures' cameras, and finds the pictures of cameras.
+//! Writes and reads pictures' cameras.
 
 use std::{
-    fs,
     path::{Path, PathBuf},
+    sync::Once,
 };
 
 use glam::{DMat4, DQuat};
 use plenoctree::camera::PinholeCamera;
-use serde_json::{Value, json};
+use plenoctree_fit::Transforms;
+use serde_json::json;
 
-use crate::{files, result::Result};
+use crate::{console, files, result::Result};
 
-/// Returns the pictures that a camera file may list: as it names them, and with the extension that some leave out.
-pub fn pictures(cameras: &Path) -> Vec<PathBuf> {
-    let json: Value = fs::read(cameras).ok().and_then(|text| serde_json::from_slice(&text).ok()).unwrap_or_default();
-    let frames = json["frames"].as_array().into_iter().flatten();
-    let names = frames.filter_map(|frame| frame["file_path"].as_str());
-    names.flat_map(|name| [name.to_string(), format!("{name}.png")]).map(|name| cameras.with_file_name(name)).collect()
+/// Reads cameras, for images of this size if it is given. Warns, once, of lenses that distort: views do not.
+pub fn read(path: &Path, size: Option<(u32, u32)>) -> Result<Transforms> {
+    static WARNED: Once = Once::new();
+    let transforms = Transforms::read(path, size)?;
+    if transforms.is_distorted {
+        WARNED.call_once(|| {
+            let path = path.display();
+            console::complain!("warning: {path}: lenses distort, but views are rendered without distortion");
+        });
+    }
+    Ok(transforms)
 }
 
 /// Writes `transforms.json` to the folder of the pictures, whose names and cameras are given. `fov` is the cameras'

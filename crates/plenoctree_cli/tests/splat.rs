@@ -9,7 +9,7 @@ use std::{
     process::{Command, Stdio},
 };
 
-use common::{ball, fail, folder, succeed, text};
+use common::{ball, fail, folder, run, succeed, text};
 use plenoctree::{LoadSettings, PlenOctree, palette::Palette};
 use serde_json::{Value, json};
 
@@ -80,13 +80,32 @@ fn captures_and_fields_are_rendered() {
     assert!(message.contains("000.png: would be overwritten; choose another --out"), "{message}");
     // Nor is what the cameras belong to.
     let mut listed: serde_json::Value = serde_json::from_slice(&fs::read(&cameras).unwrap()).unwrap();
-    for name in ["000.png", "./000"] {
-        listed["frames"][0]["file_path"] = name.into();
-        fs::write(out.join("transforms.json"), listed.to_string()).unwrap();
+    for (key, name) in [("file_path", "000.png"), ("file_path", "./000"), ("file", "000.png")] {
+        listed["frames"][0].as_object_mut().unwrap().remove("file_path");
+        listed["frames"][0][key] = name.into();
+        fs::write(out.join("transforms.json"), format!("\u{feff}{listed}")).unwrap();
         let cameras = out.join("transforms.json");
         let message = fail(&["render", text(&field), "--cameras", text(&cameras), "--out", text(&out)]);
         assert!(message.contains("000.png: would be overwritten; choose another --out"), "{message}");
     }
+
+    // Lenses that distort are not silently replaced by others.
+    let warning = |own: &str| {
+        let json = fs::read_to_string(&cameras).unwrap().replacen('{', &format!("{{{own}"), 1);
+        fs::write(out.join("lenses.json"), json).unwrap();
+        let output = run(&["render", text(&field), "--cameras", text(&out.join("lenses.json")), "--out", text(&out)]);
+        assert!(output.status.success());
+        String::from_utf8(output.stderr).unwrap()
+    };
+    assert_eq!(warning("").matches("warning").count(), 0);
+    assert!(warning(r#""k1": 0.1,"#).contains("lenses.json: lenses distort"));
+    let empty = folder.join("empty.npz");
+    PlenOctree::read(&field, &LoadSettings { density_threshold: 1e9, ..Default::default() })
+        .unwrap()
+        .write(&empty)
+        .unwrap();
+    let message = fail(&["render", text(&empty), "--cameras", &cameras, "--out", text(&out)]);
+    assert!(message.contains("empty.npz: nothing is visible in the field"), "{message}");
 
     let bytes = fs::read(&capture).unwrap();
     fs::write(&capture, &bytes[..bytes.len() / 2]).unwrap();

@@ -55,4 +55,4 @@ pub use fit::{
     SuspiciousView, View, ViewCamera, ViewReport, fit, refine, simplify, ssim,
 };
 #[cfg(feature = "fit")]
-pub use transforms::{CameraError, read_transforms};
+pub use transforms::{CameraError, Transforms, read_transforms};

@@ -9,6 +9,7 @@ use std::{
 use glam::{DMat3, DMat4, DVec2, DVec4};
 use plenoctree::camera::PinholeCamera;
 use serde::Deserialize;
+use serde_json::{Map, Value};
 
 /// An error that occurs when reading a camera file.
 #[derive(Debug, thiserror::Error)]
@@ -122,6 +123,8 @@ struct File {
     #[serde(flatten)]
     intrinsics: Intrinsics,
     frames: Vec<Frame>,
+    #[serde(flatten)]
+    others: Map<String, Value>,
 }
 
 #[derive(Deserialize)]
@@ -129,6 +132,19 @@ struct Frame {
     #[serde(flatten)]
     intrinsics: Intrinsics,
     transform_matrix: Vec<Vec<f64>>,
+    #[serde(flatten)]
+    others: Map<String, Value>,
+}
+
+/// What a `transforms.json` file says of its pictures.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Transforms {
+    /// The cameras, one per frame. They do not distort.
+    pub cameras: Vec<PinholeCamera>,
+    /// The paths of the pictures, of frames that name one. They may lack an extension.
+    pub pictures: Vec<PathBuf>,
+    /// Whether the file says that a lens distorts.
+    pub is_distorted: bool,
 }
 
 /// Width of images if the file specifies neither width nor height.
@@ -140,43 +156,72 @@ const FOCAL: RangeInclusive<f64> = 1e-6..=1e9;
 /// Maximum distance of the optical axis from the image's corner, in pixels.
 const MAX_CENTER: f64 = 1e9;
 
-/// Reads the cameras of a `transforms.json` file, one per frame, in the order and the frame of reference of the file.
-///
-/// `w`, `h`, `fl_x`, `fl_y`, `cx` and `cy` are read from each frame, or else from the top level of the file. Missing
-/// values have defaults:
-///
-/// - `fl_x` is computed from `camera_angle_x`, in radians. One of the two is required.
-/// - `fl_y` is computed from `camera_angle_y` if present, or else equals `fl_x`.
-/// - `cx` and `cy` are the middle of the image.
-/// - `w` is 800 pixels, or follows from `h` and the aspect ratio. `h` follows from `w` and the aspect ratio, which is
-///   that of `size`, or else a square's.
-///
-/// If `size` is given, all views are rescaled to that width and height, so that they show the same at any size. Lens
-/// distortion is ignored.
+/// Reads the cameras of a `transforms.json` file, one per frame: those of [`Transforms::read`].
 ///
 /// # Errors
 ///
-/// Returns an error if the file cannot be read, is not valid JSON, has no frames, or has a missing or out-of-range
-/// value.
+/// Returns the same errors.
 pub fn read_transforms(path: impl AsRef<Path>, size: Option<(u32, u32)>) -> Result<Vec<PinholeCamera>, CameraError> {
-    let path = path.as_ref();
-    let text = fs::read(path).map_err(|source| CameraError::Io { path: path.into(), source })?;
-    let file: File = serde_json::from_slice(without_mark(&text))
-        .map_err(|source| CameraError::Json { path: path.into(), source })?;
-    let value = |key: String, found: String, expected| CameraError::Value { path: path.into(), key, found, expected };
-    if file.frames.is_empty() {
-        return Err(value("frames".into(), "none".into(), "at least one"));
-    }
-    (file.frames.iter().enumerate())
-        .map(|(index, frame)| {
-            let pose = pose(&frame.transform_matrix).map_err(|found| {
-                let key = format!("frames[{index}].transform_matrix");
-                value(key, found, "a 4x4 camera-to-world matrix, a rotation and a translation")
-            })?;
-            pinhole(frame.intrinsics.or(file.intrinsics), pose, size)
-                .map_err(|(key, found, expected)| value(key.into(), found, expected))
+    Ok(Transforms::read(path, size)?.cameras)
+}
+
+impl Transforms {
+    /// Reads a file, in its order and frame of reference.
+    ///
+    /// `w`, `h`, `fl_x`, `fl_y`, `cx` and `cy` are read from each frame, or else from the top level of the file. Missing
+    /// values have defaults:
+    ///
+    /// - `fl_x` is computed from `camera_angle_x`, in radians. One of the two is required.
+    /// - `fl_y` is computed from `camera_angle_y` if present, or else equals `fl_x`.
+    /// - `cx` and `cy` are the middle of the image.
+    /// - `w` is 800 pixels, or follows from `h` and the aspect ratio. `h` follows from `w` and the aspect ratio, which is
+    ///   that of `size`, or else a square's.
+    ///
+    /// If `size` is given, all views are rescaled to that width and height, so that they show the same at any size.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error if the file cannot be read, is not valid JSON, has no frames, or has a missing or out-of-range
+    /// value.
+    pub fn read(path: impl AsRef<Path>, size: Option<(u32, u32)>) -> Result<Self, CameraError> {
+        let path = path.as_ref();
+        let text = fs::read(path).map_err(|source| CameraError::Io { path: path.into(), source })?;
+        let file: File = serde_json::from_slice(without_mark(&text))
+            .map_err(|source| CameraError::Json { path: path.into(), source })?;
+        let value =
+            |key: String, found: String, expected| CameraError::Value { path: path.into(), key, found, expected };
+        if file.frames.is_empty() {
+            return Err(value("frames".into(), "none".into(), "at least one"));
+        }
+        let cameras: Result<_, _> = (file.frames.iter().enumerate())
+            .map(|(index, frame)| {
+                let pose = pose(&frame.transform_matrix).map_err(|found| {
+                    let key = format!("frames[{index}].transform_matrix");
+                    value(key, found, "a 4x4 camera-to-world matrix, a rotation and a translation")
+                })?;
+                pinhole(frame.intrinsics.or(file.intrinsics), pose, size)
+                    .map_err(|(key, found, expected)| value(key.into(), found, expected))
+            })
+            .collect();
+        let name = |frame: &Frame| {
+            let name = ["file_path", "file"].iter().find_map(|key| frame.others.get(*key)?.as_str())?;
+            Some(path.with_file_name(name))
+        };
+        Ok(Self {
+            cameras: cameras?,
+            pictures: file.frames.iter().filter_map(name).collect(),
+            is_distorted: distorts(&file.others) || file.frames.iter().any(|frame| distorts(&frame.others)),
         })
-        .collect()
+    }
+}
+
+/// Returns whether a lens with these values distorts.
+fn distorts(values: &Map<String, Value>) -> bool {
+    let coefficients = ["k1", "k2", "k3", "k4", "p1", "p2"];
+    let is_bent = |key: &&str| values.get(*key).and_then(Value::as_f64).is_some_and(|value| value != 0.0);
+    coefficients.iter().any(is_bent)
+        || values.get("is_fisheye") == Some(&Value::Bool(true))
+        || values.get("camera_model").and_then(Value::as_str) == Some("OPENCV_FISHEYE")
 }
 
 /// Makes the matrix a pure rotation and a translation. If that is impossible, returns what was found instead.
@@ -246,6 +291,28 @@ mod tests {
     }
 
     const POSE: &str = r#""transform_matrix": [[1,0,0,4],[0,1,0,5],[0,0,1,6],[0,0,0,1]]"#;
+
+    /// Pictures are those that `fit` reads, and distortion is noticed wherever it is written.
+    #[test]
+    fn pictures_and_distortion_are_told() {
+        let path = std::env::temp_dir().join(format!("plenoctree-transforms-{}.json", std::process::id()));
+        let read = |common: &str, own: &str| {
+            let json = format!(
+                r#"{{{common} "camera_angle_x": 1, "frames": [{{"file_path": "a", "file": "no", {POSE}}},
+                    {{"file": "b/c.png", {own} {POSE}}}, {{{POSE}}}]}}"#
+            );
+            // Some editors write a byte order mark.
+            fs::write(&path, format!("\u{feff}{json}")).unwrap();
+            Transforms::read(&path, None).unwrap()
+        };
+        let found = read(r#""k1": 0, "camera_model": "OPENCV","#, "");
+        assert_eq!(found.pictures, ["a", "b/c.png"].map(|name| path.with_file_name(name)));
+        assert_eq!((found.cameras.len(), found.is_distorted), (3, false));
+        assert!(read(r#""k1": 0.1,"#, "").is_distorted && read("", r#""p2": -1e-3,"#).is_distorted);
+        assert!(read(r#""camera_model": "OPENCV_FISHEYE","#, "").is_distorted);
+        assert!(read("", r#""is_fisheye": true,"#).is_distorted);
+        fs::remove_file(&path).unwrap();
+    }
 
     #[test]
     fn nerf_files_have_square_pixels_and_a_central_axis() {

@@ -7,10 +7,9 @@ use plenoctree::{
     palette::{ExtractionSettings, LabelSpace, Palette, PaletteLabel},
     reference::{Posterization, render},
 };
-use plenoctree_fit::read_transforms;
 
 use super::Arguments;
-use crate::{console, extraction, result::Result, turntable};
+use crate::{console, extraction, result::Result, transforms, turntable};
 
 /// The size of views from around the field.
 const SIZE: (u32, u32) = (200, 200);
@@ -45,7 +44,7 @@ impl Views {
     /// not be compared.
     pub fn new(field: &PlenOctree, arguments: &Arguments) -> Result<Option<Self>> {
         let cameras = match &arguments.cameras {
-            Some(file) => read_transforms(file, arguments.size)?,
+            Some(file) => transforms::read(file, arguments.size)?.cameras,
             None => around(field, arguments.size.unwrap_or(SIZE), arguments.views),
         };
         let views = cameras.len().min(arguments.views as usize);

@@ -10,7 +10,7 @@ use glam::DVec4;
 use image::{Rgba, RgbaImage};
 use plenoctree::{PlenOctree, camera::PinholeCamera, reference::render};
 use plenoctree_fit::{
-    read_transforms,
+    Transforms,
     splat::{Splats, render_splats},
 };
 
@@ -44,13 +44,18 @@ pub fn run(arguments: &Arguments) -> Result {
         let digits = name.strip_suffix(".png").filter(|digits| !digits.is_empty());
         digits.is_some_and(|digits| digits.bytes().all(|byte| byte.is_ascii_digit()))
     };
-    let pictures = transforms::pictures(&arguments.cameras);
-    let inputs: Vec<_> = [path, &arguments.cameras].into_iter().chain(&pictures).map(PathBuf::as_path).collect();
-    files::check_folder(&arguments.out, &inputs, is_view)?;
-    let cameras = read_transforms(&arguments.cameras, arguments.size)?;
+    let Transforms { cameras, pictures, .. } = transforms::read(&arguments.cameras, arguments.size)?;
+    // Some files leave out the extension.
+    let named: Vec<PathBuf> = pictures.iter().map(|picture| picture.with_added_extension("png")).collect();
+    let inputs = [path, &arguments.cameras].into_iter().chain(&pictures).chain(&named);
+    files::check_folder(&arguments.out, &inputs.map(PathBuf::as_path).collect::<Vec<_>>(), is_view)?;
     let extension = path.extension().unwrap_or_default();
     let scene = if PlenOctree::EXTENSIONS.iter().any(|known| extension.eq_ignore_ascii_case(known)) {
-        Scene::Field(arguments.field.load(path, arguments.quiet)?)
+        let field = arguments.field.load(path, arguments.quiet)?;
+        if field.leaves() == 0 {
+            return Err(format!("{}: nothing is visible in the field", path.display()).into());
+        }
+        Scene::Field(field)
     } else if arguments.field.are_given() {
         return Err(format!("{}: --activation and --up are for fields, .npz or .plenoctree", path.display()).into());
     } else {

@@ -15,7 +15,6 @@ use plenoctree::{
     camera::PinholeCamera,
     palette::{Palette, PaletteLabel},
 };
-use plenoctree_fit::read_transforms;
 
 use crate::{
     console, extraction, field, files,
@@ -23,7 +22,7 @@ use crate::{
     progress,
     renderer::{Look, PosterizeSettings, Scene},
     result::Result,
-    turntable,
+    transforms, turntable,
 };
 use output::Views;
 
@@ -31,12 +30,12 @@ use output::Views;
 pub fn run(arguments: &Arguments) -> Result {
     let path = &field::or_default(arguments.field.as_deref());
     arguments.check(path)?;
-    let cameras = arguments.cameras.as_ref().map(|path| read_transforms(path, arguments.size)).transpose()?;
+    let cameras = arguments.cameras.as_ref().map(|path| transforms::read(path, arguments.size)).transpose()?;
     let given = arguments.palette.as_ref().map(Palette::read).transpose()?;
     let field = arguments.reading.load(path, arguments.quiet)?;
 
     let mut cameras = match cameras {
-        Some(cameras) => cameras,
+        Some(transforms) => transforms.cameras,
         None => turntable(&field, arguments).map_err(|error| format!("{}: {error}", path.display()))?,
     };
     if let Some(frames) = arguments.frames() {
