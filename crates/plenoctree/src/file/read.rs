@@ -44,10 +44,9 @@ pub struct LoadSettings {
     /// Axis of the field's frame that points up. `None`, the default, selects the one that a packed field records, and
     /// [`UpAxis::Z`] for other files.
     pub up: Option<UpAxis>,
-    /// Density below which leaves are dropped: per world unit or, if the finest cells are wider than 0.02 world units,
-    /// per 50 of their widths. Cells count as those of a depth of 8 if they are finer. Otherwise, fields in small units,
-    /// such as millimeters, would lose what is faint in every cell. 0.01 by default. Leaves whose density is 0 or
-    /// negative are always dropped. NaN is an error.
+    /// Density below which leaves are dropped: per world unit or, if the finest cells are wider than one world unit,
+    /// per width of a finest cell. Otherwise, fields in small units, such as millimeters, would lose what is faint in
+    /// every cell. 0.01 by default. Leaves whose density is 0 or negative are always dropped. NaN is an error.
     pub density_threshold: f32,
     /// Precision of the coefficients on the GPU. [`Precision::Half`] by default. Does not apply to packed fields, which
     /// take less memory either way.
@@ -63,9 +62,8 @@ impl Default for LoadSettings {
 impl LoadSettings {
     /// Returns the density per world unit below which leaves are dropped, for a field of a frame and a depth.
     pub fn density_threshold_in(&self, frame: Frame, depth: u32) -> f32 {
-        // Rays through haze cross hundreds of cells, and more that are finer, so that what single cells lose adds up.
-        let cell = (frame.scale * f64::from(depth.min(8)).exp2()).recip().max_element();
-        self.density_threshold / (50.0 * cell).max(1.0) as f32
+        let cell = (frame.scale * f64::from(depth).exp2()).recip().max_element();
+        self.density_threshold / cell.max(1.0) as f32
     }
 }
 

@@ -165,9 +165,8 @@ pub fn child() -> Vec<f64> {
 /// Density of each cell of the example: leaves under the threshold, at 0 and below 0 among them; leftovers in cells
 /// that are not leaves.
 pub fn sigma() -> Vec<f64> {
-    let mut sigma: Vec<f64> = (0..CELLS)
-        .map(|cell| [2.5, 0.0, 100.0, -3.0, 1.0 / 8192.0, 0.75, 40000.0, 1.0 / 2048.0][cell * 5 % 8])
-        .collect();
+    let mut sigma: Vec<f64> =
+        (0..CELLS).map(|cell| [2.5, 0.0, 100.0, -3.0, 0.0078125, 0.75, 40000.0, 0.015625][cell * 5 % 8]).collect();
     sigma[3] = f64::NAN;
     sigma[5 * 8 + 1] = f64::INFINITY;
     sigma
