@@ -66,7 +66,7 @@ pub struct Posterize {
     /// camera moves. In encoded sRGB, or in [tone space](plenoctree::palette::tone_space) for palettes of
     /// [tones](crate::PaletteMethod::Tones). 0 assigns the labels of every frame anew.
     ///
-    /// Where nothing has moved for ten frames, every pixel has the nearest label. Only hard labels are kept ([`softness`](Self::softness)
+    /// Where neither has moved for ten frames, every pixel has the nearest label. Only hard labels are kept ([`softness`](Self::softness)
     /// 0), where the prop is [solid](crate::SolidOpacity), and only in views whose
     /// [`PropQuality::steady_labels`](crate::PropQuality::steady_labels) is true.
     ///

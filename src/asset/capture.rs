@@ -69,9 +69,10 @@ pub struct CaptureSettings {
     /// The direction that is up in the capture: the field is turned upright, and placed on the origin.
     /// [`Axis::NegativeY`] by default. With `None`, the field keeps the coordinates of the capture.
     pub stand: Option<Axis>,
-    /// The axes of an SPZ file that does not record them. By default, [`SpzAxes::RightUpBack`], with a warning:
-    /// splat-transform 3 writes [`SpzAxes::RightDownFront`], and such a file comes out upside down.
-    pub spz_axes: Option<SpzAxes>,
+    /// The axes of an SPZ file that does not record them. With [`SpzAxes::Unknown`], the default,
+    /// [`SpzAxes::RightUpBack`], with a warning: splat-transform 3 writes [`SpzAxes::RightDownFront`], and such a file
+    /// comes out upside down.
+    pub spz_axes: SpzAxes,
 }
 
 impl Default for CaptureSettings {
@@ -82,7 +83,7 @@ impl Default for CaptureSettings {
             crop: None,
             keep_largest: false,
             stand: Some(Axis::default()),
-            spz_axes: None,
+            spz_axes: SpzAxes::default(),
         }
     }
 }
@@ -183,15 +184,14 @@ fn convert(
             Err(io::ErrorKind::NotFound.into())
         }
     };
-    let spz_axes = settings.spz_axes.unwrap_or_default();
-    let splats = Splats::from_bytes(bytes, file, &SplatSettings { spz_axes }, &mut beside);
+    let splats = Splats::from_bytes(bytes, file, &SplatSettings { spz_axes: settings.spz_axes }, &mut beside);
     if let Some(name) = unread {
         return Err(Unread(name));
     }
-    if settings.spz_axes.is_none() && Splats::assumes_axes(bytes) {
+    if settings.spz_axes == SpzAxes::Unknown && Splats::assumes_axes(bytes) {
         warn!(
             "{file} does not record its axes; if it is upside down, as files of splat-transform 3 are, load it with \
-             `spz_axes: Some(RightDownFront)` (`Some(RightUpBack)` silences this)"
+             `spz_axes: RightDownFront` (`RightUpBack` silences this)"
         );
     }
     Ok(splats.and_then(|splats| settings.field(splats)))

@@ -42,13 +42,9 @@ fn label(descriptor: &PipelineDescriptor) -> &str {
     label.as_deref().unwrap_or("a pipeline without a label")
 }
 
-/// Returns whether a pipeline with this label is one of the plugin's.
-pub(super) fn is_ours(label: &str) -> bool {
-    label.starts_with("plenoctree_")
-}
-
 /// Returns whether props cannot be drawn without a pipeline with this label. They can without custom stages, whose
 /// shaders may be missing or wrong, and while palettes are sampled on the CPU.
 pub(super) fn draws_props(label: &str) -> bool {
-    is_ours(label) && !["plenoctree_stage", "plenoctree_sampling", "plenoctree_views"].contains(&label)
+    label.starts_with("plenoctree_")
+        && !["plenoctree_stage", "plenoctree_sampling", "plenoctree_views"].contains(&label)
 }

@@ -19,7 +19,7 @@ pub(crate) enum LeftOut {
     /// The frame is complete.
     #[default]
     Nothing,
-    /// Custom stages, whose shaders may be missing or wrong for good.
+    /// Custom stages whose shaders are wrong.
     Stages,
     /// Props, or something that they need.
     More,

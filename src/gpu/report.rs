@@ -235,8 +235,8 @@ pub(super) fn report_pipelines(
     reports: Res<FieldReports>,
 ) {
     let mut inbox = reports.inbox();
-    let is_compiling = pipelines::compiling(&cache).any(pipelines::is_ours);
-    if readiness.left_out < LeftOut::More && !is_compiling && !pipelines::loading(&cache).any(pipelines::draws_props) {
+    let is_waiting = pipelines::compiling(&cache).chain(pipelines::loading(&cache)).any(pipelines::draws_props);
+    if readiness.left_out < LeftOut::More && !is_waiting {
         inbox.drawn = frame.0;
     }
     let error = pipelines::failed(&cache).find(|(label, _)| pipelines::draws_props(label));

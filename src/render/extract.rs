@@ -3,6 +3,7 @@
 use std::any::TypeId;
 
 use bevy::{
+    asset::LoadState,
     camera::visibility::VisibleEntities,
     core_pipeline::{prepass::MotionVectorPrepass, tonemapping::Tonemapping},
     ecs::entity::EntityHashMap,
@@ -350,6 +351,7 @@ pub(super) fn extract_props(
     on_gpu: Res<RenderAssets<GpuField>>,
     palettes: Extract<Res<Palettes>>,
     extraction: Extract<Res<PaletteExtraction>>,
+    server: Extract<Option<Res<AssetServer>>>,
     props: Extract<Query<(Entity, (&Prop, &DrawnField), &SolidOpacity, PropColors, &GlobalTransform, &ViewVisibility)>>,
     cameras: Extract<Query<(RenderEntity, &Camera, Has<Camera3d>, &VisibleEntities, CameraSettings)>>,
 ) {
@@ -438,7 +440,11 @@ pub(super) fn extract_props(
         view.props.extend(seen);
         (view.view_posterize, view.placement, view.quality, view.ink) = (view_posterize, placement, quality, ink);
         view.stages.clear();
-        view.stages.extend(stages.iter().flat_map(|stages| &stages.0).cloned());
+        // Nothing waits for shaders that failed to load.
+        let state = |stage: &Handle<Shader>| server.as_ref()?.get_load_state(stage);
+        let fails = |stage| matches!(state(stage), Some(LoadState::Failed(_)));
+        let stages = stages.map(|stages| &stages.0).filter(|stages| !stages.iter().any(fails));
+        view.stages.extend(stages.into_iter().flatten().cloned());
         view.has_motion = has_motion && placement == PropPlacement::Scene;
         // A camera that has seen no prop yet has no component of the plugin.
         if let Some(new) = new.filter(|view| !view.is_empty()) {

@@ -206,11 +206,11 @@ fn plan(
     pipelines: &mut Pipelines,
     cache: &PipelineCache,
 ) -> (Option<Planned>, LeftOut) {
-    let mut missing = vec![];
+    let (mut missing, mut left_out) = (vec![], LeftOut::Nothing);
     let mut may_hold = !known.last.props.is_empty() && *held_frames < MOST_HELD_FRAMES;
     loop {
         let Some(plan) = decide(known, &missing, None, extracted, fields) else {
-            return (None, left_out(&missing));
+            return (None, left_out);
         };
         // Textures of the scene follow these.
         let kind = |plan: &Plan| (plan.placement, plan.samples, plan.target.format);
@@ -227,21 +227,16 @@ fn plan(
         match lack.feature {
             None => {
                 *held_frames = 0;
-                return (Some(planned), if lack.is_any { LeftOut::More } else { left_out(&missing) });
+                return (Some(planned), if lack.is_any { LeftOut::More } else { left_out });
             }
             Some(Feature::Base) => return (Some((planned.0, vec![])), LeftOut::More),
-            Some(feature) => missing.push(feature),
+            Some(feature) => {
+                missing.push(feature);
+                let fails = feature == Feature::Stages && lack.fails;
+                left_out = left_out.max(if fails { LeftOut::Stages } else { LeftOut::More });
+            }
         }
     }
-}
-
-/// Returns what a frame without these features is drawn without.
-fn left_out(missing: &[Feature]) -> LeftOut {
-    missing
-        .iter()
-        .map(|missing| if *missing == Feature::Stages { LeftOut::Stages } else { LeftOut::More })
-        .max()
-        .unwrap_or_default()
 }
 
 /// What a plan must do without because a pipeline is not ready.
@@ -251,6 +246,8 @@ struct Lack {
     is_any: bool,
     /// A feature without which to plan again.
     feature: Option<Feature>,
+    /// Whether a pipeline of this feature could not be created.
+    fails: bool,
     /// Whether the last frame drew some of it.
     was_drawn: bool,
 }
@@ -273,8 +270,10 @@ fn with_pipelines(plan: Plan, last: &Plan, pipelines: &mut Pipelines, cache: &Pi
                     lack.was_drawn |= !is_ready && was_drawn(draw);
                     is_ready
                 });
-            } else {
-                lack.feature = lack.feature.or(Some(pass.feature));
+            } else if lack.feature.is_none() {
+                lack.feature = Some(pass.feature);
+                lack.fails =
+                    pass.programs.iter().any(|program| pipelines.fails(cache, &pass, program, plan.target.format));
             }
         }
         pass.pipelines = ready.into_iter().map(|id| id.unwrap_or(CachedRenderPipelineId::INVALID)).collect();

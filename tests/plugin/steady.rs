@@ -2,7 +2,7 @@
 
 use bevy::prelude::*;
 use bevy_plenoctree::{
-    BilateralFilter, BorderSmoothing, EdgeSmoothing, FieldPalette, Palette, PaletteMethod, PlenOctree, Posterize,
+    BilateralFilter, BorderSmoothing, EdgeSmoothing, FieldPalette, Palette, PaletteMethod, PlenOctree, Posterize, Prop,
     PropQuality,
 };
 use glam::DVec3;
@@ -91,7 +91,14 @@ fn views_at_rest_forget() {
         assert!(view.capture() == one, "between two steps");
     }
     assert!(kept > 500, "{kept}");
-    view.update(10);
+    // Another prop that goes on turns none of its labels into lasting ones.
+    let field = view.field();
+    let place = |angle| Transform::from_xyz(0.0, -30.0, 0.0).with_rotation(Quat::from_rotation_y(angle));
+    let other = view.spawn((Prop(field), Posterize::toon(), place(0.0)));
+    for frame in 1..12 {
+        view.insert(other, place(0.01 * frame as f32));
+        view.update(1);
+    }
     assert!(differing(&loose.capture(), &view.capture(), 0) == 0, "at rest");
     let one = loose.capture();
     assert!(view.capture() == one && view.capture() == one);

@@ -29,7 +29,8 @@ enum Axes {
 pub fn load(path: &Path, arguments: CaptureArguments, quiet: bool) -> Result<Splats> {
     let spinner = progress::spinner("loading", quiet);
     let spz_axes = match arguments.spz_axes {
-        None | Some(Axes::Rub) => SpzAxes::RightUpBack,
+        None => SpzAxes::Unknown,
+        Some(Axes::Rub) => SpzAxes::RightUpBack,
         Some(Axes::Rdf) => SpzAxes::RightDownFront,
     };
     let splats = Splats::read(path, &SplatSettings { spz_axes })?;

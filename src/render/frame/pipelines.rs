@@ -13,7 +13,7 @@ use bevy::{
             texture_depth_2d, texture_depth_2d_multisampled, uniform_buffer, uniform_buffer_sized,
         },
     },
-    shader::ShaderDefVal,
+    shader::{ShaderCacheError, ShaderDefVal},
 };
 
 use super::{
@@ -75,6 +75,17 @@ impl Pipelines {
             self.waiting.extend(program.tree);
         }
         is_ready.then_some(id)
+    }
+
+    /// Returns whether this pipeline could not be created.
+    pub fn fails(&mut self, cache: &PipelineCache, pass: &Pass, program: &Program, target: TextureFormat) -> bool {
+        let is_loading = |error: &ShaderCacheError| {
+            matches!(error, ShaderCacheError::ShaderNotLoaded(_) | ShaderCacheError::ShaderImportNotYetAvailable)
+        };
+        match cache.get_render_pipeline_state(self.id(cache, pass, program, target)) {
+            CachedPipelineState::Err(error) => !is_loading(error),
+            _ => false,
+        }
     }
 
     /// Returns this pipeline, whether it is ready or not.

@@ -203,7 +203,7 @@ fn props_stay_while_pipelines_are_compiled() {
     }
 }
 
-/// So does a posterized prop that is given a field of another shape, when the palette of that field arrives.
+/// So does a posterized prop that is given fields of other shapes, when their palettes arrive.
 #[test]
 fn props_stay_when_the_palette_of_another_field_arrives() {
     let (mut headless, _) = app(UVec2::splat(64), Some(Posterize::default()), 3.0);
@@ -211,15 +211,23 @@ fn props_stay_when_the_palette_of_another_field_arrives() {
     let settings = BakeSettings { depth: 3, basis: Basis::Sh4, ..default() };
     let inside = |at: DVec3| if at.abs().max_element() < 0.5 { 10.0 } else { 0.0 };
     let other = bake(&settings, inside, |_| |_| DVec3::new(0.2, 0.6, 0.3)).unwrap();
-    let field = world.resource_mut::<Assets<PlenOctree>>().add(other);
-    let mut props = world.query::<&mut Prop>();
-    props.single_mut(world).unwrap().0 = field.clone();
-    let mut frames = 0;
-    while frames < 10 {
-        headless.update();
-        assert_eq!(drawn_props(&mut headless), 1);
-        let is_known = headless.app.world().resource::<Palettes>().get(&field).is_some();
-        frames += u32::from(is_known && is_complete(&mut headless));
+    let settings = BakeSettings { basis: Basis::Sh9, ..settings };
+    let preloaded = bake(&settings, inside, |_| |_| DVec3::new(0.2, 0.6, 0.3)).unwrap();
+    let mut fields = world.resource_mut::<Assets<PlenOctree>>();
+    let fields = [other, preloaded].map(|field| fields.add(field));
+    // The second one arrives before anything shows it.
+    headless.wait_until_ready(Duration::from_secs(120)).unwrap();
+    for field in fields {
+        let world = headless.app.world_mut();
+        let mut props = world.query::<&mut Prop>();
+        props.single_mut(world).unwrap().0 = field.clone();
+        let mut frames = 0;
+        while frames < 10 {
+            headless.update();
+            assert_eq!(drawn_props(&mut headless), 1);
+            let is_known = headless.app.world().resource::<Palettes>().get(&field).is_some();
+            frames += u32::from(is_known && is_complete(&mut headless));
+        }
     }
 }
 

@@ -227,8 +227,12 @@ pub(in crate::render) fn request(
         pipelines.get(cache, &pass, &volume_program(&plan, RaySet::Pixels, kind), plan.target.format);
     };
     let arriving = props().flat_map(|prop| {
-        let of_prop = [Some(prop.field), prop.awaited].into_iter().flatten();
-        of_prop.filter_map(move |field| Some((prop, fields.get(field)?.arriving_shape()?)))
+        let own = fields.get(prop.field).and_then(GpuField::arriving_shape);
+        let awaited = prop.awaited.and_then(|field| fields.get(field)).and_then(|field| {
+            let arrived = || Some(field.level(Level::default())?.shape);
+            field.arriving_shape().or_else(arrived)
+        });
+        own.into_iter().chain(awaited).map(move |shape| (prop, shape))
     });
     for (prop, shape) in arriving {
         let is_lit = prop.is_lit() && visible.placement == PropPlacement::Scene;

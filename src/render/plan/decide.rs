@@ -170,13 +170,8 @@ pub(in crate::render) fn decide(
         let Some(posterize) = seen.posterize.filter(|posterize| keeps && posterize.settings.is_steady()) else {
             continue;
         };
-        let now = FormerProp {
-            owner: index as u32 + 1,
-            place: seen.prop.pose.world_from_prop,
-            field: seen.field.bind_group.id(),
-            labels: labels_hash(posterize, &extracted.colors),
-            earlier: None,
-        };
+        let (place, field) = (seen.prop.pose.world_from_prop, seen.field.bind_group.id());
+        let now = FormerProp::new(index as u32 + 1, place, field, labels_hash(posterize, &extracted.colors));
         steady.insert(seen.prop.entity, now);
     }
     let steadies = held.map_or(!steady.is_empty(), Plan::steadies);

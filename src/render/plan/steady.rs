@@ -15,8 +15,6 @@ const RESTING_FRAMES: u32 = 10;
 pub(in crate::render) struct Former {
     clip_from_world: DMat4,
     rect: Rect,
-    /// For how many frames nothing has moved.
-    rested: u32,
     props: EntityHashMap<FormerProp>,
 }
 
@@ -24,38 +22,45 @@ pub(in crate::render) struct Former {
 #[derive(Clone)]
 pub(super) struct FormerProp {
     /// 1 + its index among the props of the view.
-    pub owner: u32,
-    pub place: GlobalTransform,
+    owner: u32,
+    place: GlobalTransform,
     /// The bind group of its field.
-    pub field: BindGroupId,
+    field: BindGroupId,
     /// A number that is different for other labels.
-    pub labels: u64,
+    labels: u64,
+    /// For how many frames neither it nor the camera has moved.
+    rested: u32,
     /// Where it was in the frame whose labels it keeps, if it keeps any.
-    pub earlier: Option<Earlier>,
+    earlier: Option<Earlier>,
+}
+
+impl FormerProp {
+    pub fn new(owner: u32, place: GlobalTransform, field: BindGroupId, labels: u64) -> Self {
+        Self { owner, place, field, labels, rested: RESTING_FRAMES, earlier: None }
+    }
 }
 
 impl Former {
     pub(super) fn new(motion: &Motion, rect: Rect, props: EntityHashMap<FormerProp>) -> Self {
-        Self { clip_from_world: motion.clip_from_world(), rect, rested: 0, props }
+        Self { clip_from_world: motion.clip_from_world(), rect, props }
     }
 
-    /// Finds the props that keep labels: if anything moves, those of the former frame, and otherwise those that the former
-    /// frame kept, for some frames. Returns whether it is the former frame.
+    /// Finds the props that keep labels: if anything in the view moves, those of the former frame, and otherwise those that
+    /// the former frame kept. Returns whether it is the former frame.
     pub(super) fn follow(&mut self, former: &Self, motion: &Motion) -> bool {
         let same = |entity: &Entity, now: &FormerProp| {
             let before = former.props.get(entity);
             before.filter(|before| (before.field, before.labels) == (now.field, now.labels))
         };
+        let turns = self.clip_from_world != former.clip_from_world;
         let has_moved = |(entity, now)| same(entity, now).is_some_and(|before| before.place != now.place);
-        let is_other_view = (self.clip_from_world, self.rect) != (former.clip_from_world, former.rect);
-        let moves = is_other_view || self.props.iter().any(has_moved);
-        self.rested = if moves { 0 } else { former.rested.saturating_add(1) };
-        if self.rested >= RESTING_FRAMES {
-            return false;
-        }
+        let moves = turns || self.rect != former.rect || self.props.iter().any(has_moved);
         for (entity, now) in &mut self.props {
             let Some(before) = same(entity, now) else { continue };
-            now.earlier = if moves {
+            now.rested = if turns || before.place != now.place { 0 } else { before.rested.saturating_add(1) };
+            now.earlier = if now.rested >= RESTING_FRAMES {
+                None
+            } else if moves {
                 let former_from_clip = former.rect.clip_from_viewport()
                     * motion.earlier_from_clip(former.clip_from_world, &before.place, &now.place)
                     * self.rect.viewport_from_clip();

@@ -97,9 +97,10 @@ fn a_stage_reads_labels_and_owners_and_writes_the_screen() {
 fn props_do_not_wait_for_broken_stages() {
     let mut scene = posterized();
     scene.wait();
-    let missing = scene.world().resource::<AssetServer>().load("there is no such stage.wgsl");
     let wrong = stages(&mut scene, ["@fragment fn fragment() { wrong }"]);
-    for stages in [LabelStages(vec![missing]), wrong] {
+    let missing = ["there is no such stage.wgsl", "nor this one.wgsl"];
+    let missing = missing.map(|path| LabelStages(vec![scene.world().resource::<AssetServer>().load(path)]));
+    for stages in missing.into_iter().chain([wrong]) {
         scene.set(stages);
         let field = scene.field();
         let later = scene.world().spawn((Prop(field), Visibility::Hidden)).id();

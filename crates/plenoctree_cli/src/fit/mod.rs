@@ -98,7 +98,10 @@ fn compared<'a>(views: impl Iterator<Item = &'a View>, arguments: &Arguments, do
     let size = |view: &View| [view.camera.width, view.camera.height].map(|side| (side / downscale).max(1));
     json!({
         "sizes": views.map(size).collect::<BTreeSet<_>>(),
-        "masks": arguments.masks.as_ref().map(|folder| fs::canonicalize(folder).unwrap_or_else(|_| folder.clone())),
+        "masks": arguments.masks.as_ref().map(|folder| {
+            let folder = fs::canonicalize(folder).unwrap_or_else(|_| folder.clone());
+            folder.to_string_lossy().into_owned()
+        }),
         "background": arguments.background.map(hex::format),
     })
 }

@@ -94,6 +94,10 @@ fn write_all(
         palette.write(partial(&targets[1]))?;
     }
     files::write_text(&partial(&targets[2]), &(serde_json::to_string_pretty(&report)? + "\n"))?;
+    // The result is worth more than an edited palette of the one before.
+    if let Err(error) = files::keep_former_palette(&targets[1], palette) {
+        console::complain!("warning: {error}; it is replaced");
+    }
     if !previews.is_empty() {
         files::create_folder(&views)?;
         for (preview, name) in previews.iter().zip(&names) {
@@ -103,7 +107,6 @@ fn write_all(
         let outdated = previews_before(out).into_iter().filter(|name| !names.contains(name));
         outdated.for_each(|name| _ = fs::remove_file(views.join(name)));
     }
-    files::keep_former_palette(&targets[1], palette)?;
     if palette.is_none() {
         // An older one belongs to another field.
         let _ = fs::remove_file(&targets[1]);
@@ -190,7 +193,8 @@ impl Quality {
         let reason = match found {
             None => "is not the field that report.json is about",
             Some(found) if found.held_out != held_out || found.fitted != fitted as u64 => "was fitted to other views",
-            Some(_) if report[COMPARED] != *compared => {
+            // Older reports lack them.
+            Some(_) if report.get(COMPARED).is_some_and(|of| of != compared) => {
                 "was not compared with pictures of the same size, masks and background"
             }
             Some(found) => return Ok(Some(found)),

@@ -5,15 +5,18 @@ use serde::{Deserialize, Serialize};
 /// Settings for reading captures: what their files do not record.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SplatSettings {
-    /// The axes of an SPZ file that does not record them. [`SpzAxes::RightUpBack`] by default.
+    /// The axes of an SPZ file that does not record them. [`SpzAxes::Unknown`] by default.
     pub spz_axes: SpzAxes,
 }
 
 /// The axes of an SPZ file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum SpzAxes {
-    /// Right, up and back, as the format specifies. The default.
+    /// Not known. Right, up and back are assumed, and [`Splats::assumes_axes`](crate::splat::Splats::assumes_axes) says
+    /// whether they are. The default.
     #[default]
+    Unknown,
+    /// Right, up and back, as the format specifies.
     RightUpBack,
     /// Those of `.ply` files: right, down and front. splat-transform 3 writes such files.
     RightDownFront,

@@ -52,7 +52,7 @@ struct Planes {
 pub fn read(bytes: &[u8], axes: SpzAxes) -> Result<Splats, Fault> {
     let (splats, recorded) = read_as_stored(bytes)?;
     let default = match axes {
-        SpzAxes::RightUpBack => RIGHT_UP_BACK,
+        SpzAxes::Unknown | SpzAxes::RightUpBack => RIGHT_UP_BACK,
         SpzAxes::RightDownFront => RIGHT_DOWN_FRONT,
     };
     let turn = to_right_down_front(recorded.unwrap_or(default))?;
