@@ -147,7 +147,7 @@ mod tests {
             thicknesses.iter().zip(0..).for_each(|(thickness, code)| cells.push(code, 0, *thickness, 1.0, &[0.5; 3]));
             place.field(&cells, 6)
         };
-        assert_eq!(field(&[1e-4, 3e-4, 1.0]).unwrap().leaves(), 2);
-        assert!(matches!(field(&[1e-4]), Err(SplatError::Empty { .. })));
+        assert_eq!(field(&[3e-3, 3e-2, 1.0]).unwrap().leaves(), 2);
+        assert!(matches!(field(&[3e-3]), Err(SplatError::Empty { .. })));
     }
 }
