@@ -16,9 +16,7 @@ pub(crate) fn compiling(cache: &PipelineCache) -> impl Iterator<Item = &str> {
 /// Returns the labels of the pipelines whose shaders are still being loaded.
 pub(crate) fn loading(cache: &PipelineCache) -> impl Iterator<Item = &str> {
     cache.pipelines().filter_map(|pipeline| match &pipeline.state {
-        CachedPipelineState::Err(
-            ShaderCacheError::ShaderNotLoaded(_) | ShaderCacheError::ShaderImportNotYetAvailable,
-        ) => Some(label(&pipeline.descriptor)),
+        CachedPipelineState::Err(error) if is_loading(error) => Some(label(&pipeline.descriptor)),
         _ => None,
     })
 }
@@ -26,12 +24,14 @@ pub(crate) fn loading(cache: &PipelineCache) -> impl Iterator<Item = &str> {
 /// Returns the labels of the pipelines that could not be created, and why.
 pub(crate) fn failed(cache: &PipelineCache) -> impl Iterator<Item = (&str, &ShaderCacheError)> {
     cache.pipelines().filter_map(|pipeline| match &pipeline.state {
-        CachedPipelineState::Err(
-            ShaderCacheError::ShaderNotLoaded(_) | ShaderCacheError::ShaderImportNotYetAvailable,
-        ) => None,
-        CachedPipelineState::Err(error) => Some((label(&pipeline.descriptor), error)),
+        CachedPipelineState::Err(error) if !is_loading(error) => Some((label(&pipeline.descriptor), error)),
         _ => None,
     })
+}
+
+/// Returns whether an error only means that a shader is still being loaded.
+pub(crate) fn is_loading(error: &ShaderCacheError) -> bool {
+    matches!(error, ShaderCacheError::ShaderNotLoaded(_) | ShaderCacheError::ShaderImportNotYetAvailable)
 }
 
 fn label(descriptor: &PipelineDescriptor) -> &str {

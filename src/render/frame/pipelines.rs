@@ -13,7 +13,7 @@ use bevy::{
             texture_depth_2d, texture_depth_2d_multisampled, uniform_buffer, uniform_buffer_sized,
         },
     },
-    shader::{ShaderCacheError, ShaderDefVal},
+    shader::ShaderDefVal,
 };
 
 use super::{
@@ -21,7 +21,7 @@ use super::{
     slot::{Buffer, DEPTH_FORMAT},
 };
 use crate::{
-    gpu::{FieldLayouts, Shaders, TreeShape},
+    gpu::{FieldLayouts, Shaders, TreeShape, pipelines},
     render::uniforms::{FilterUniform, LabelsUniform, PropUniform, ScreenUniform, ViewUniform},
 };
 
@@ -79,13 +79,8 @@ impl Pipelines {
 
     /// Returns whether this pipeline could not be created.
     pub fn fails(&mut self, cache: &PipelineCache, pass: &Pass, program: &Program, target: TextureFormat) -> bool {
-        let is_loading = |error: &ShaderCacheError| {
-            matches!(error, ShaderCacheError::ShaderNotLoaded(_) | ShaderCacheError::ShaderImportNotYetAvailable)
-        };
-        match cache.get_render_pipeline_state(self.id(cache, pass, program, target)) {
-            CachedPipelineState::Err(error) => !is_loading(error),
-            _ => false,
-        }
+        let state = cache.get_render_pipeline_state(self.id(cache, pass, program, target));
+        matches!(state, CachedPipelineState::Err(error) if !pipelines::is_loading(error))
     }
 
     /// Returns this pipeline, whether it is ready or not.

@@ -51,7 +51,8 @@ pub fn palette(out: &Path, field: &PlenOctree, arguments: &ExtractionArguments) 
 }
 
 /// Writes the field, its palette, previews of the held-out views, and the report. Another palette that is there is kept
-/// under another name. If that fails, nothing incomplete is left. Returns the number of leaves in the file: packing leaves out hidden ones.
+/// under another name. If that fails, nothing incomplete is left. Returns the number of leaves in the file: packing leaves
+/// out hidden ones.
 pub fn write(
     out: &Path,
     field: &PlenOctree,
