@@ -113,9 +113,16 @@ impl GpuField {
         self.levels.are_pending()
     }
 
-    /// Returns, for each level that is being made in the background, whether that is finished.
-    pub(crate) fn making(&self) -> impl Iterator<Item = bool> {
-        self.levels.making()
+    /// Returns the number of threads that make levels, also those that no camera requests any more.
+    pub(crate) fn threads(&self) -> usize {
+        self.levels.threads()
+    }
+
+    /// Returns whether the field itself, and every level that was requested in the last frame, is ready, or made by a
+    /// thread, or waits for one.
+    #[cfg(feature = "headless")]
+    pub(crate) fn awaits_threads(&self) -> bool {
+        self.levels.await_threads()
     }
 
     /// Makes and uploads the field, and the levels that were requested in this frame, as far as the allowance goes. If a

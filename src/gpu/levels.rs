@@ -92,11 +92,21 @@ impl Levels {
         }
     }
 
-    /// Returns, for each level that is being made, whether that is finished.
-    pub fn making(&self) -> impl Iterator<Item = bool> {
-        self.slots.iter().filter_map(|slot| match &slot.state {
-            State::Making(task) => Some(task.is_finished()),
-            _ => None,
+    /// Returns the number of threads that make levels, also those that no camera requests any more.
+    pub fn threads(&self) -> usize {
+        let is_busy = |state: &State| matches!(state, State::Making(task) if !task.is_finished());
+        self.slots.iter().filter(|slot| is_busy(&slot.state)).count()
+    }
+
+    /// Returns whether the field itself, and every level that was requested in the last frame, is ready, or made by a
+    /// thread, or waits for one.
+    #[cfg(feature = "headless")]
+    pub fn await_threads(&self) -> bool {
+        let is_wanted = |slot: &&Slot| slot.idle <= 1 || slot.level == Level::default();
+        self.slots.iter().filter(is_wanted).all(|slot| match &slot.state {
+            State::Making(task) => !task.is_finished(),
+            State::Uploading(_) => false,
+            State::Requested | State::Ready(_) | State::Failed(_) => true,
         })
     }
 

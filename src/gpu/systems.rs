@@ -28,8 +28,7 @@ pub(super) fn upload_levels(
     mut last: Local<Option<Instant>>,
 ) {
     let threads = available_parallelism().map_or(1, |cores| cores.get() - 1).max(1);
-    // Levels that are finished take no thread, although nothing may collect them: no camera may request them any more.
-    let being_made = fields.iter().flat_map(|(_, field)| field.making()).filter(|is_finished| !is_finished).count();
+    let being_made: usize = fields.iter().map(|(_, field)| field.threads()).sum();
     let now = Instant::now();
     let last_frame = last.replace(now).map_or(Duration::ZERO, |last| now - last);
     let is_emulated = adapter.device_type == DeviceType::Cpu;

@@ -41,8 +41,8 @@ pub(super) fn rests(app: &App) -> bool {
     let render = app.get_sub_app(RenderApp);
     let fields = render.and_then(|render| render.world().get_resource::<RenderAssets<GpuField>>());
     fields.is_some_and(|fields| {
-        let mut making = fields.iter().flat_map(|(_, field)| field.making()).peekable();
-        making.peek().is_some() && making.all(|is_finished| !is_finished)
+        let is_busy = fields.iter().any(|(_, field)| field.threads() > 0);
+        is_busy && fields.iter().all(|(_, field)| field.awaits_threads())
     })
 }
 
