@@ -6,6 +6,7 @@ use super::{
     colors::Palette,
     label::PaletteLabel,
     oklab::{CHROMATIC, chroma, chroma_of_linear, is_hue_off},
+    space::LabelSpace,
 };
 use crate::{
     sampling::{Canceled, Histograms, Progress},
@@ -47,10 +48,7 @@ impl ColorErrors {
         blend_steps: u32,
         progress: &Progress,
     ) -> Result<Self, Canceled> {
-        let blend_steps = blend_steps.min(PaletteLabel::most_blend_steps(palette.colors.len()));
-        let labels = PaletteLabel::all(palette.colors.len(), blend_steps).map(|label| label.mix(&palette.colors));
-        let space = palette.label_space();
-        let labels: Vec<_> = labels.map(|label| (space.place(label), label, chroma(label))).collect();
+        let shown = ShownColors::new(palette, blend_steps);
         let bins = histograms.fine_bins();
         let decoded: Vec<f64> = (0..bins.per_channel).map(|i| decode(bins.center(i)[2])).collect();
         let most = bins.weights.iter().copied().fold(0.0, f64::max);
@@ -58,19 +56,39 @@ impl ColorErrors {
         for (bin, &weight) in bins.weights.iter().enumerate().filter(|(_, weight)| **weight > 0.0) {
             progress.check()?;
             let color = DVec3::from(bins.center(bin));
-            let place = space.place(color);
-            let nearest = labels.iter().map(|label| (place.distance_squared(label.0), label));
-            if let Some((_, &(_, label, shown))) =
-                nearest.reduce(|best, next| if next.0 < best.0 { next } else { best })
-            {
+            if let Some((label, chroma)) = shown.nearest(color) {
                 // Relative weights, because the sum of the heaviest might be infinite.
                 let n = bins.per_channel;
                 let linear = [bin / (n * n), bin / n % n, bin % n].map(|i| decoded[i]);
                 let square = color.distance_squared(label);
-                sums.add(weight / most, square, chroma_of_linear(linear.into()), shown);
+                sums.add(weight / most, square, chroma_of_linear(linear.into()), chroma);
             }
         }
         Ok(sums.errors())
+    }
+}
+
+/// The colors that the labels of a palette show.
+pub(super) struct ShownColors {
+    space: LabelSpace,
+    /// The place of each in the space in which labels are compared, its encoded color, and its chroma.
+    labels: Vec<(DVec3, DVec3, DVec2)>,
+}
+
+impl ShownColors {
+    pub fn new(palette: &Palette, blend_steps: u32) -> Self {
+        let blend_steps = blend_steps.min(PaletteLabel::most_blend_steps(palette.colors.len()));
+        let space = palette.label_space();
+        let labels = PaletteLabel::all(palette.colors.len(), blend_steps).map(|label| label.mix(&palette.colors));
+        Self { space, labels: labels.map(|label| (space.place(label), label, chroma(label))).collect() }
+    }
+
+    /// Returns the encoded color and the chroma of the label that is nearest to a color.
+    pub fn nearest(&self, color: DVec3) -> Option<(DVec3, DVec2)> {
+        let place = self.space.place(color);
+        let nearest = self.labels.iter().map(|label| (place.distance_squared(label.0), label));
+        let nearest = nearest.reduce(|best, next| if next.0 < best.0 { next } else { best });
+        nearest.map(|(_, &(_, label, chroma))| (label, chroma))
     }
 }
 

@@ -143,22 +143,25 @@ pub fn extract_from_samples(
             palette
         }
         PaletteMethod::Tones => {
-            let within = |tolerance: f64| {
-                move |palette: &Palette| {
-                    // Labels are assigned by method.
-                    let palette = Palette { method: Some(settings.method), ..palette.clone() };
-                    let errors = ColorErrors::of_labels_unless_canceled(histograms, &palette, 1, progress)?;
-                    Ok(errors.rmse <= tolerance)
-                }
-            };
             let mut colors = tones::seen_colors(views);
             if colors.is_empty() {
                 colors = tones::binned_colors(histograms.fine_bins());
             }
+            let points = tones::points(&colors, progress)?;
+            let within = |tolerance: f64| {
+                let points = &points;
+                move |palette: &Palette| {
+                    // Labels are assigned by method.
+                    let palette = Palette { method: Some(settings.method), ..palette.clone() };
+                    let errors = ColorErrors::of_labels_unless_canceled(histograms, &palette, 1, progress)?;
+                    let salient = tones::salient_errors(points, &palette);
+                    Ok(errors.rmse.max(salient.rmse).max(salient.hue) <= tolerance)
+                }
+            };
             let palette = match settings.colors {
-                ColorCount::Usual => tones(&colors, Enough::Error(TONE_ERROR), progress)?,
-                ColorCount::Fixed(count) => tones(&colors, Enough::Count(count), progress)?,
-                ColorCount::Auto { tolerance } => tones(&colors, Enough::Palette(&within(tolerance)), progress)?,
+                ColorCount::Usual => tones(&points, Enough::Error(TONE_ERROR), progress)?,
+                ColorCount::Fixed(count) => tones(&points, Enough::Count(count), progress)?,
+                ColorCount::Auto { tolerance } => tones(&points, Enough::Palette(&within(tolerance)), progress)?,
             };
             let mut palette = palette.ok_or(ExtractionError::NothingVisible)?;
             palette.ramps = palette.ramps_in_views(views);

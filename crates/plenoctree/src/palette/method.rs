@@ -59,7 +59,11 @@ pub enum ColorCount {
     /// always keeps at least four.
     Fixed(usize),
     /// As few colors as keep the error to the nearest label ([`ColorErrors::rmse`](super::ColorErrors::rmse)) within
-    /// `tolerance`, but at most [`ColorCount::MOST`], or [`ColorCount::MOST_TONES`] of [`PaletteMethod::Tones`].
+    /// `tolerance`, but at most [`ColorCount::MOST`].
+    ///
+    /// Those of [`PaletteMethod::Tones`], at most [`ColorCount::MOST_TONES`], also keep both errors of what is seen,
+    /// [`rmse`](super::ColorErrors::rmse) and [`hue`](super::ColorErrors::hue), within `tolerance`, where rare colors
+    /// count more than their share. So small parts keep their hue in a field that is dark otherwise.
     Auto {
         /// The largest error, as a distance of a channel in encoded sRGB. More than 0 and at most 1.
         tolerance: f64,

@@ -3,10 +3,7 @@
 use glam::{DVec3, swizzles::Vec3Swizzles};
 use rayon::prelude::*;
 
-use super::{
-    neutral::neutral,
-    points::{Point, points},
-};
+use super::{neutral::neutral, points::Point};
 use crate::{
     palette::{colors::Palette, method::ColorCount, oklab::from_oklab},
     sampling::{Canceled, Progress},
@@ -29,18 +26,16 @@ const SHARE: f32 = 0.01;
 /// Number of steps of k-means after each new tone.
 const STEPS: usize = 60;
 
-/// Returns the tones of colors in encoded sRGB with weights, with the heaviest first, or `None` if they have no weight.
+/// Returns the tones of points, with the heaviest first, or `None` if there are no points.
 pub(in crate::palette) fn tones(
-    colors: &[(DVec3, f64)],
+    points: &[Point],
     enough: Enough,
     progress: &Progress,
 ) -> Result<Option<Palette>, Canceled> {
-    let points = points(colors, progress)?;
     if points.is_empty() {
         return Ok(None);
     }
-    let mut tones =
-        Tones { points: &points, places: Vec::new(), own: vec![(0, f64::INFINITY); points.len()], progress };
+    let mut tones = Tones { points, places: Vec::new(), own: vec![(0, f64::INFINITY); points.len()], progress };
     loop {
         tones.add()?;
         tones.settle()?;

@@ -5,7 +5,7 @@ mod neutral;
 mod points;
 
 pub(super) use grow::{Enough, tones};
-pub(super) use points::{binned_colors, seen_colors};
+pub(super) use points::{binned_colors, points, salient_errors, seen_colors};
 
 #[cfg(test)]
 mod tests {
@@ -166,6 +166,18 @@ mod tests {
         for count in [1, 3, 17, 64] {
             assert_eq!(extract(32, &materials(), ColorCount::Fixed(count)).0.colors.len(), count);
         }
+    }
+
+    /// Colors within a tolerance keep the hue of a few dim parts in the dark, whose channels are hardly off without.
+    #[test]
+    fn tolerances_bound_hues() {
+        let dark = (0..200).map(|i| ([f64::from(i) / 1000.0; 3], 1.0));
+        let dim = [[0.22, 0.16, 0.23], [0.19, 0.2, 0.12], [0.14, 0.2, 0.22]].into_iter().flat_map(|color: [f64; 3]| {
+            (0..20).map(move |i| (color.map(|channel| (0.8 + 0.02 * f64::from(i)) * channel), 0.2))
+        });
+        let colors: Vec<Weighted> = dark.chain(dim).collect();
+        let (palette, errors) = extract(64, &colors, ColorCount::AUTO);
+        assert!(errors.hue < 0.05, "{errors:?} {palette:?}");
     }
 
     /// Weights may be so large that their sum is infinite, or so small that their squares vanish.

@@ -6,13 +6,18 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::{
-    palette::{oklab::oklab, space},
+    palette::{
+        colors::Palette,
+        errors::{ColorErrors, ShownColors},
+        oklab::{from_oklab, oklab},
+        space,
+    },
     sampling::{Bins, Canceled, Progress, View},
 };
 
 /// A few similar colors of a field, merged.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Point {
+pub(in crate::palette) struct Point {
     /// The mean in tone space.
     pub place: DVec3,
     /// The mean in Oklab.
@@ -47,7 +52,7 @@ pub(in crate::palette) fn binned_colors(bins: &Bins) -> Vec<(DVec3, f64)> {
 }
 
 /// Returns colors in encoded sRGB and their weights, merged in cells.
-pub(super) fn points(colors: &[(DVec3, f64)], progress: &Progress) -> Result<Vec<Point>, Canceled> {
+pub(in crate::palette) fn points(colors: &[(DVec3, f64)], progress: &Progress) -> Result<Vec<Point>, Canceled> {
     // The sum of the heaviest weights might be infinite, but not that of their shares of the largest.
     let most = colors.iter().map(|(_, weight)| *weight).fold(0.0, f64::max);
     let total: f64 = colors.iter().map(|(_, weight)| weight / most).sum();
@@ -67,6 +72,15 @@ pub(super) fn points(colors: &[(DVec3, f64)], progress: &Progress) -> Result<Vec
     }
     weigh(&mut points, progress)?;
     Ok(points)
+}
+
+/// Returns how far points are from the tones that show them, if rare colors count more than their share.
+pub(in crate::palette) fn salient_errors(points: &[Point], palette: &Palette) -> ColorErrors {
+    let shown = ShownColors::new(palette, 1);
+    ColorErrors::of(points.iter().filter_map(|point| {
+        let color = from_oklab(point.oklab);
+        Some((point.salient, color, shown.nearest(color)?.0))
+    }))
 }
 
 /// Merges the colors in every cell of tone space into their mean.
