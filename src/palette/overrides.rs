@@ -147,13 +147,12 @@ impl PaletteOverride {
     ///
     /// Returns an error that says which wishes cannot be met. The colors then come as near to all of them as possible.
     pub fn recolor(&mut self, palette: &FieldPalette, wishes: &[Wish], locked: &[usize]) -> Result<(), UnmetWishes> {
-        let before: Vec<_> = self.shown(palette).into_iter().map(encoded).collect();
-        let (colors, result) = match palette.palette().recolored(&before, wishes, locked) {
-            Ok(colors) => (colors, Ok(())),
-            Err(unmet) => (unmet.nearest.clone(), Err(unmet)),
-        };
-        for (index, color) in colors.iter().enumerate().filter(|(index, color)| **color != before[*index]) {
-            self.set(index, decoded(color));
+        let before = self.shown(palette);
+        let mut recolored = palette.clone();
+        recolored.show(before.iter().copied());
+        let result = recolored.recolor(wishes, locked);
+        for (index, color) in recolored.shown().iter().enumerate().filter(|(index, color)| **color != before[*index]) {
+            self.set(index, *color);
         }
         result
     }

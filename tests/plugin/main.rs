@@ -13,6 +13,7 @@ mod lighting;
 mod loading;
 mod looks;
 mod memory;
+mod palette_sources;
 mod palettes;
 mod panel;
 mod picking;

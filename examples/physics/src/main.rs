@@ -19,10 +19,14 @@ fn main() {
     let assets = concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets");
     App::new()
         .add_plugins(DefaultPlugins.set(AssetPlugin { file_path: assets.into(), ..default() }))
-        .add_plugins((PhysicsPlugins::default(), PlenOctreePlugin))
-        .add_systems(Startup, setup)
-        .add_systems(Update, (begin_colliders, finish_colliders, push_ball, drop_again))
+        .add_plugins(drops_props)
         .run();
+}
+
+fn drops_props(app: &mut App) {
+    app.add_plugins((PhysicsPlugins::default(), PlenOctreePlugin))
+        .add_systems(Startup, setup)
+        .add_systems(Update, (begin_colliders, finish_colliders, push_ball, drop_again));
 }
 
 /// The radius of the ball.
@@ -139,5 +143,36 @@ fn drop_again(
             *place = start.0;
             (velocity.0, spin.0) = (Vec3::ZERO, Vec3::ZERO);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use bevy_plenoctree::headless::{Headless, LitMeshPlugins};
+
+    use super::*;
+
+    /// Props fall, on a device with no more than browsers grant.
+    #[test]
+    fn props_fall_within_the_default_limits_of_webgpu() {
+        let mut headless = Headless::with_limits(UVec2::new(320, 200), wgpu::Limits::default(), |app| {
+            app.add_plugins((LitMeshPlugins, drops_props));
+        })
+        .unwrap();
+        let target = headless.target();
+        headless.app.add_observer(move |camera: On<Add, Camera>, mut commands: Commands| {
+            commands.entity(camera.entity).insert(target.clone());
+        });
+        headless.wait_until_ready(Duration::from_secs(600)).unwrap();
+        let before = headless.capture().unwrap();
+        let world = headless.app.world_mut();
+        let mut props = world.query::<(&Start, &Transform)>();
+        while !props.iter(headless.app.world()).all(|(start, place)| place.translation.y < start.0.translation.y - 1.0)
+        {
+            headless.update();
+        }
+        assert!(headless.capture().unwrap() != before);
     }
 }
