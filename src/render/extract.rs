@@ -61,8 +61,6 @@ pub(super) struct ExtractedProp {
     pub ink: Option<ExtractedInk>,
     /// The index of the prop with its earlier field, which is drawn until this one is on the GPU.
     pub stand_in: Option<usize>,
-    /// The field for which this one stands in until the palette of that one is known.
-    pub awaited: Option<AssetId<PlenOctree>>,
     /// How the scene's lights fall on it.
     pub lighting: Option<PropLighting>,
 }
@@ -394,7 +392,6 @@ pub(super) fn extract_props(
                 recolor: recolor.map(|palette| writer.write(handle.id(), palette, own)),
                 ink: ink.filter(|_| posterize.is_some()).and_then(|ink| ExtractedInk::new(ink, writer.colors)),
                 stand_in,
-                awaited: None,
                 lighting: lighting.filter(|_| cfg!(feature = "shadows")).map(|lighting| lighting.clamped()),
             });
             Some(list.len() - 1)
@@ -402,9 +399,6 @@ pub(super) fn extract_props(
         let stand_in = drawn.stand_in(&prop.0).and_then(|field| push(field, None));
         let held_back = is_held_back(&prop.0, before_palette(posterize, recolor), &palettes, &extraction);
         let own = if held_back { None } else { push(&prop.0, stand_in) };
-        if let Some(stand_in) = stand_in.filter(|_| held_back) {
-            list[stand_in].awaited = Some(prop.0.id());
-        }
         if let Some(drawn) = own.or(stand_in) {
             index.insert(entity, drawn);
         }

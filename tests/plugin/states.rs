@@ -4,18 +4,20 @@ use std::time::Duration;
 
 use bevy::{
     prelude::*,
-    render::render_resource::{BufferDescriptor, BufferUsages},
+    render::render_resource::{BufferDescriptor, BufferUsages, PipelineCache},
 };
 use bevy_plenoctree::{
-    BeforePalette, BilateralFilter, ColorCount, FieldPalette, FieldReady, Palette, PaletteExtraction, PaletteFailed,
-    Palettes, PlenOctree, PlenOctreePlugin, Posterize, Prop, PropError, PropQuality, PropState,
+    BeforePalette, BilateralFilter, ColorCount, EdgeSmoothing, FieldPalette, FieldReady, Palette, PaletteExtraction,
+    PaletteFailed, Palettes, PlenOctree, PlenOctreePlugin, Posterize, Prop, PropError, PropQuality, PropState,
     headless::{HeadlessError, LitMeshPlugins},
     props_ready,
 };
+use half::f16;
+use plenoctree::Basis;
 
 use super::stage::{
     PATIENCE, Stage,
-    fields::{self, SOLID, colored},
+    fields::{self, SOLID, colored, eight},
     pixels, wait_for,
 };
 
@@ -134,6 +136,26 @@ fn a_prop_keeps_its_field_until_the_next_one_can_be_drawn() {
     drop(second);
     stage.update(3);
     assert!(!stage.resource::<Assets<PlenOctree>>().contains(new));
+}
+
+/// The pipelines of a field that is loaded ahead are compiled before a prop shows it: the prop does not vanish meanwhile.
+#[test]
+fn fields_that_no_prop_shows_have_pipelines() {
+    let mut stage = app(|_| {});
+    // A field of another shape.
+    let ahead = stage.add(eight(Basis::Sh9, 1e4, &[f16::ZERO; 27]));
+    let palette = FieldPalette::new(Palette::new(vec![encoded(BLUE)]).unwrap());
+    stage.world().resource_mut::<Palettes>().insert(&ahead, palette);
+    stage.update(8);
+    // Smooth edges may follow.
+    let prop = stage.spawn_prop(&cube(RED), Posterize { edges: EdgeSmoothing::Off, ..posterize() });
+    stage.paint(FieldPalette::new(Palette::new(vec![encoded(RED)]).unwrap()));
+    stage.wait();
+    let pipelines = |stage: &Stage| stage.render_world().resource::<PipelineCache>().pipelines().count();
+    let before = pipelines(&stage);
+    stage.insert(prop, Prop(ahead));
+    assert_eq!(middle(&mut stage), BLUE);
+    assert_eq!(pipelines(&stage), before);
 }
 
 /// A prop that no camera sees becomes ready too, and loading screens end although a prop has failed.

@@ -200,8 +200,8 @@ pub(super) fn index_of<K: PartialEq>(keys: &mut Vec<K>, key: K, add: impl FnOnce
     })
 }
 
-/// Requests the pipelines of fields that are arriving, so that they can be drawn as soon as they have arrived, and of
-/// the levels of those that are drawn.
+/// Requests the pipelines of fields that are arriving or that no prop shows yet, so that a prop can show them as soon as
+/// it may, and of the levels of those that are drawn.
 pub(in crate::render) fn request(
     visible: &VisibleProps,
     drawn: &Plan,
@@ -221,25 +221,26 @@ pub(in crate::render) fn request(
         has_motion: visible.has_motion,
         ..default()
     };
+    // What the pipelines of props differ in, but for the shape.
+    let mut kinds = [false; 4];
+    for prop in props() {
+        let may_recolor = prop.posterize.is_none() && prop.recolor.is_some();
+        kinds[2 * usize::from(plan.is_lit && prop.is_lit()) + usize::from(may_recolor)] = true;
+    }
     let mut request = |kind: Kind| {
         plan.overlaps = kind.overlaps;
         let pass = volume_of(&plan, RaySet::Pixels);
         pipelines.get(cache, &pass, &volume_program(&plan, RaySet::Pixels, kind), plan.target.format);
     };
-    let arriving = props().flat_map(|prop| {
-        let own = fields.get(prop.field).and_then(GpuField::arriving_shape);
-        let awaited = prop.awaited.and_then(|field| fields.get(field)).and_then(|field| {
-            let arrived = || Some(field.level(Level::default())?.shape);
-            field.arriving_shape().or_else(arrived)
-        });
-        own.into_iter().chain(awaited).map(move |shape| (prop, shape))
-    });
-    for (prop, shape) in arriving {
-        let is_lit = prop.is_lit() && visible.placement == PropPlacement::Scene;
-        let may_recolor = prop.posterize.is_none() && prop.recolor.is_some();
-        request(Kind { shape, overlaps: false, is_lit, may_recolor });
-        if visible.props.len() > 1 {
-            request(Kind { shape, overlaps: true, is_lit, may_recolor });
+    for (id, field) in fields.iter() {
+        let unseen = || field.level(Level::default()).filter(|_| extracted.props.iter().all(|prop| prop.field != id));
+        let Some(shape) = field.arriving_shape().or_else(|| Some(unseen()?.shape)) else { continue };
+        for kind in (0..kinds.len()).filter(|kind| kinds[*kind]) {
+            let [is_lit, may_recolor] = [kind & 2 != 0, kind & 1 != 0];
+            request(Kind { shape, overlaps: false, is_lit, may_recolor });
+            if visible.props.len() > 1 {
+                request(Kind { shape, overlaps: true, is_lit, may_recolor });
+            }
         }
     }
     let changes_levels = visible.quality.cell_size > 0.0 || Level::new(0, &visible.quality) != Level::default();
