@@ -8,7 +8,7 @@ use bevy::{
     window::WindowEvent,
     winit::{UpdateMode, WinitSettings},
 };
-use bevy_plenoctree::{PaletteExtraction, Prop};
+use bevy_plenoctree::{PaletteExtraction, Prop, PropState};
 
 use crate::loader::Loader;
 
@@ -23,7 +23,7 @@ pub fn set(
     mut last_input: Local<Option<Instant>>,
     loader: Res<Loader>,
     extraction: Res<PaletteExtraction>,
-    props: Query<&Prop>,
+    props: Query<(&Prop, &PropState)>,
     screenshots: Query<(), With<Screenshot>>,
 ) {
     if input.read().last().is_some() {
@@ -31,7 +31,7 @@ pub fn set(
     }
     let busy = loader.reading().is_some()
         || last_input.is_some_and(|last| last.elapsed() < AFTERGLOW)
-        || props.iter().any(|prop| extraction.progress(&prop.0).is_some())
+        || props.iter().any(|(prop, state)| state.is_waiting() || extraction.progress(&prop.0).is_some())
         || !screenshots.is_empty();
     let mode = if busy { UpdateMode::Continuous } else { UpdateMode::reactive(IDLE) };
     *settings = WinitSettings { focused_mode: mode, unfocused_mode: mode };

@@ -1,6 +1,7 @@
 //! Fields on the GPU: their levels, the layout of their data, uploads, and the shaders.
 
 mod budget;
+mod buffers;
 mod constants;
 mod errors;
 mod field;
@@ -19,6 +20,7 @@ mod textures;
 mod upload;
 
 pub use budget::UploadBudget;
+pub(crate) use buffers::{WrittenBuffer, buffer_with};
 pub use constants::MAX_PROPS_IN_VIEW;
 pub(crate) use constants::SAMPLING_WORKGROUP;
 pub(crate) use errors::Allocator;
@@ -36,8 +38,9 @@ pub(crate) use upload::GpuLevel;
 use bevy::{
     prelude::*,
     render::{
-        ExtractSchedule, Render, RenderApp, RenderStartup, RenderSystems, extract_resource::ExtractResourcePlugin,
-        render_asset::RenderAssetPlugin,
+        ExtractSchedule, Render, RenderApp, RenderStartup, RenderSystems,
+        extract_resource::ExtractResourcePlugin,
+        render_asset::{AssetExtractionSystems, RenderAssetPlugin},
     },
 };
 
@@ -77,7 +80,10 @@ impl Plugin for GpuFieldPlugin {
                 .init_resource::<Readiness>()
                 .init_resource::<report::RenderedFrame>()
                 .add_systems(RenderStartup, (report::report_new_device, layout::init.in_set(InitFields)))
-                .add_systems(ExtractSchedule, report::extract_frame)
+                .add_systems(
+                    ExtractSchedule,
+                    (report::extract_frame, systems::extract_missing.after(AssetExtractionSystems)),
+                )
                 .add_systems(
                     Render,
                     (

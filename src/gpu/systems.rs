@@ -5,8 +5,13 @@ use std::{thread::available_parallelism, time::Duration};
 use bevy::{
     platform::time::Instant,
     prelude::*,
-    render::{render_asset::RenderAssets, renderer::RenderAdapterInfo},
+    render::{
+        Extract,
+        render_asset::{ExtractedAssets, RenderAssets},
+        renderer::RenderAdapterInfo,
+    },
 };
+use plenoctree::PlenOctree;
 use wgpu::DeviceType;
 
 use super::{
@@ -17,6 +22,20 @@ use super::{
     report::FieldReports,
     upload::Uploader,
 };
+
+/// Extracts the fields that Bevy extracted while there was no device, and dropped: it extracts only those again that had
+/// reached the device that was lost.
+pub(super) fn extract_missing(
+    mut extracted: ResMut<ExtractedAssets<GpuField>>,
+    on_gpu: Res<RenderAssets<GpuField>>,
+    fields: Extract<Res<Assets<PlenOctree>>>,
+) {
+    for (id, field) in fields.iter().filter(|(id, _)| on_gpu.get(*id).is_none()) {
+        if extracted.added.insert(id) {
+            extracted.extracted.push((id, field.clone()));
+        }
+    }
+}
 
 /// Makes and uploads fields, and the levels that views requested in this frame, as far as the budget allows.
 pub(super) fn upload_levels(

@@ -6,7 +6,7 @@ use bevy::{
     ecs::system::SystemParam,
     prelude::*,
     render::{
-        render_resource::{BindGroup, BindGroupEntries, PipelineCache, Texture, TextureUsages, UniformBuffer},
+        render_resource::{BindGroup, BindGroupEntries, BufferUsages, PipelineCache, Texture, TextureUsages},
         renderer::{RenderDevice, RenderQueue},
     },
 };
@@ -15,6 +15,7 @@ use half::f16;
 use plenoctree::PlenOctree;
 
 use super::{
+    buffers::buffer_with,
     errors::DriverErrors,
     layout::{DENSITIES, FieldLayouts, FieldShape, FieldUniform, PACKED_WORDS, WORDS},
     payload::Payload,
@@ -226,9 +227,7 @@ impl Uploader<'_> {
             color_step: codebook.map_or(0.0, |codebook| codebook.color_step),
             table_scale: codebook.map_or(0.0, |codebook| 127.0 * codebook.table_step),
         };
-        let mut uniform = UniformBuffer::from(uniform);
-        uniform.set_label(Some("plenoctree_field"));
-        uniform.write_buffer(device, queue);
+        let uniform = buffer_with(device, queue, "plenoctree_field", BufferUsages::UNIFORM, &uniform);
         let of_leaves = if codebook.is_some() { PACKED_WORDS } else { WORDS };
         let usage = TextureUsages::TEXTURE_BINDING;
         let mut textures = vec![
@@ -245,7 +244,14 @@ impl Uploader<'_> {
         let bind_group = self.device.create_bind_group(
             "plenoctree_field",
             &self.pipelines.get_bind_group_layout(self.layouts.get()),
-            &BindGroupEntries::sequential((&uniform, &views[0], &views[1], &views[2], &views[3], &views[4])),
+            &BindGroupEntries::sequential((
+                uniform.as_entire_buffer_binding(),
+                &views[0],
+                &views[1],
+                &views[2],
+                &views[3],
+                &views[4],
+            )),
         );
         let bytes = textures.iter().map(|texture| {
             let size = texture.size();

@@ -3,10 +3,11 @@
 use std::{
     collections::{HashMap, HashSet},
     sync::Arc,
-    time::{Duration, Instant},
+    time::Duration,
 };
 
 use bevy::{
+    platform::time::Instant,
     prelude::*,
     render::renderer::RenderAdapterInfo,
     tasks::{Task, block_on, poll_once},

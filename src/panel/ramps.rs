@@ -73,6 +73,9 @@ fn edit_name(ui: &mut egui::Ui, name: &str, ramp: usize) -> Option<String> {
     }
     if response.changed() {
         ui.data_mut(|data| data.insert_temp(id, text));
+    } else if !response.has_focus() {
+        // Another prop was shown while the user typed.
+        ui.data_mut(|data| data.remove::<String>(id));
     }
     None
 }

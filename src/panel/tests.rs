@@ -75,6 +75,18 @@ impl Panel {
         self.drag(at, at);
     }
 
+    /// Replaces the text that is edited.
+    fn replace(&mut self, text: &str) {
+        let all = egui::Event::Key {
+            key: egui::Key::A,
+            physical_key: None,
+            pressed: true,
+            repeat: false,
+            modifiers: egui::Modifiers::COMMAND,
+        };
+        self.frame(vec![all, egui::Event::Text(text.into())]);
+    }
+
     /// Presses the button at one place and releases it at another.
     fn drag(&mut self, from: egui::Pos2, to: egui::Pos2) {
         let button = |pos, pressed| egui::Event::PointerButton {
@@ -183,23 +195,31 @@ fn overrides_affect_one_prop() {
 fn ramps_are_renamed() {
     let mut panel = Panel::new();
     panel.split();
-    let all = || egui::Event::Key {
-        key: egui::Key::A,
-        physical_key: None,
-        pressed: true,
-        repeat: false,
-        modifiers: egui::Modifiers::COMMAND,
-    };
     panel.click("stem");
-    panel.frame(vec![all(), egui::Event::Text("foot".into())]);
+    panel.replace("foot");
     assert_eq!(panel.palette().ramps()[1].name, "stem");
     panel.click("Posterize");
     assert_eq!(panel.palette().ramps()[1].name, "foot");
     // Names that another ramp has are refused.
     panel.click("foot");
-    panel.frame(vec![all(), egui::Event::Text("cap".into())]);
+    panel.replace("cap");
     panel.click("Posterize");
     assert_eq!(panel.palette().ramps()[1].name, "foot");
+}
+
+/// A name that the user has not finished when another entity is shown is forgotten.
+#[test]
+fn unfinished_names_are_forgotten() {
+    let mut panel = Panel::new();
+    panel.split();
+    panel.click("stem");
+    panel.replace("foot");
+    let other = panel.world.spawn_empty().id();
+    let prop = std::mem::replace(&mut panel.prop, other);
+    // For two frames, the name counts as left.
+    (0..3).for_each(|_| _ = panel.frame(vec![]));
+    panel.prop = prop;
+    panel.text("stem");
 }
 
 /// Tones stand behind the name and the color of their ramp.

@@ -1,13 +1,13 @@
 //! Measures how long a slice takes on the GPU.
 
-use std::{
-    sync::{Arc, OnceLock},
-    time::Instant,
-};
+use std::sync::{Arc, OnceLock};
 
-use bevy::render::{
-    render_resource::{Buffer, BufferDescriptor, BufferUsages, CommandEncoder, MapMode},
-    renderer::{RenderDevice, RenderQueue},
+use bevy::{
+    platform::time::Instant,
+    render::{
+        render_resource::{Buffer, BufferDescriptor, BufferUsages, CommandEncoder, MapMode},
+        renderer::{RenderDevice, RenderQueue},
+    },
 };
 use wgpu::{ComputePassTimestampWrites, Features, QuerySet, QuerySetDescriptor, QueryType};
 

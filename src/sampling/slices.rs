@@ -8,7 +8,7 @@ use bevy::{
         render_asset::RenderAssets,
         render_resource::{
             BindGroupEntries, BindGroupLayout, Buffer, BufferUsages, CachedPipelineState, CommandEncoderDescriptor,
-            ComputePassDescriptor, ComputePipeline, MapMode, PipelineCache, SpecializedComputePipelines, UniformBuffer,
+            ComputePassDescriptor, ComputePipeline, MapMode, PipelineCache, SpecializedComputePipelines,
         },
         renderer::{RenderDevice, RenderQueue},
     },
@@ -23,7 +23,7 @@ use super::{
     pipeline::{Sampled, SamplingPipeline, SliceUniform},
     views::Views,
 };
-use crate::gpu::{Allocator, GpuField, GpuLevel, SAMPLING_WORKGROUP};
+use crate::gpu::{Allocator, GpuField, GpuLevel, SAMPLING_WORKGROUP, buffer_with};
 
 /// The approximate minimum number of rays in a slice, and the number in the first one, before the speed of the GPU is
 /// known.
@@ -248,14 +248,13 @@ impl Active {
         let cells = &self.job.leaves[self.next as usize..][..leaves as usize];
         let cells = bytemuck::cast_slice(cells);
         let cells = storage(&mut self.allocator, device, queue, "plenoctree_leaf_cells", cells)?;
-        let mut uniform = UniformBuffer::from(SliceUniform { leaves, ..self.uniform });
-        uniform.write_buffer(device, queue);
-        let slice = uniform.binding().ok_or(SamplingFailure::TooLarge)?;
+        let uniform = SliceUniform { leaves, ..self.uniform };
+        let slice = buffer_with(device, queue, "plenoctree_slice", BufferUsages::UNIFORM, &uniform);
         let bind_group = device.create_bind_group(
             "plenoctree_sampling",
             &self.layout,
             &BindGroupEntries::sequential((
-                slice,
+                slice.as_entire_buffer_binding(),
                 cells.as_entire_buffer_binding(),
                 self.observers.as_entire_buffer_binding(),
                 self.bins.as_entire_buffer_binding(),

@@ -51,7 +51,8 @@ pub(super) fn update(
         if is_drawn && drawn.field.as_ref() != Some(&prop.0) {
             *drawn = DrawnField { field: Some(prop.0.clone()), since: gpu.frame() };
         } else if *data == PropState::Ready && !matches!(*state, PropState::Ready | PropState::Compiling) {
-            drawn.since = gpu.frame();
+            // Its bounds do not change.
+            drawn.bypass_change_detection().since = gpu.frame();
         }
         let new = match data {
             PropState::Ready => match gpu.pipeline_error() {

@@ -312,3 +312,20 @@ fn an_app_survives_the_loss_of_its_device() {
     }
     assert_eq!(heard(&stage).exits, 0);
 }
+
+/// Fields that arrive while there is no device reach the next one.
+#[test]
+fn fields_that_arrive_without_a_device_are_drawn() {
+    let recover = |app: &mut App| _ = app.add_plugins(DeviceRecoveryPlugin);
+    let mut stage =
+        app(wgpu::Limits::default(), recover, [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]].map(|color| corner(4, color)));
+    stage.wait();
+    stage.device().wgpu_device().destroy();
+    for depth in 2..8 {
+        stage.spawn_prop(&corner(depth, [0.0, 1.0, 0.0]), Transform::from_xyz(0.0, 5.0, 0.0));
+        stage.update(1);
+    }
+    stage.update(50);
+    let states: Vec<_> = (0..stage.props.len()).map(|prop| state(&stage, prop)).collect();
+    assert!(states.iter().all(|state| state.is_ready()), "{states:?}");
+}

@@ -8,30 +8,30 @@ use bevy::{
     },
 };
 
-use super::content::Content;
+use crate::gpu::WrittenBuffer;
 use crate::render::plan::PlanValues;
 
 /// The buffers of a view.
 #[derive(Default)]
 pub(in crate::render) struct ViewBuffers {
-    pub view: Content,
-    pub props: Content,
-    pub screen: Content,
-    pub filters: Content,
-    pub labelings: Content,
+    pub view: WrittenBuffer,
+    pub props: WrittenBuffer,
+    pub screen: WrittenBuffer,
+    pub filters: WrittenBuffer,
+    pub labelings: WrittenBuffer,
     /// See `Cache::first_drawn`.
-    pub first_drawn: Content,
+    pub first_drawn: WrittenBuffer,
     /// How lights fall on each prop.
-    pub lit: Content,
+    pub lit: WrittenBuffer,
     /// The color that each label shows in each band of light.
-    pub shades: Content,
+    pub shades: WrittenBuffer,
     /// Bevy's fog of a camera without any.
-    pub no_fog: Content,
+    pub no_fog: WrittenBuffer,
 }
 
 /// The palettes of all props and posterized views.
 #[derive(Resource, Default)]
-pub(in crate::render) struct PaletteBuffer(pub Content);
+pub(in crate::render) struct PaletteBuffer(pub WrittenBuffer);
 
 impl ViewBuffers {
     pub fn set(&mut self, device: &RenderDevice, queue: &RenderQueue, values: &PlanValues) {
@@ -55,6 +55,6 @@ impl ViewBuffers {
     pub fn bindings<'a>(&'a self, palettes: &'a PaletteBuffer) -> Option<Vec<BindingResource<'a>>> {
         let Self { view, props, screen, filters, labelings, first_drawn, .. } = self;
         let all = [view, props, screen, filters, labelings, &palettes.0, first_drawn];
-        all.into_iter().map(Content::binding).collect()
+        all.into_iter().map(WrittenBuffer::binding).collect()
     }
 }

@@ -3,7 +3,6 @@
 mod bind_groups;
 mod buffers;
 mod cache;
-mod content;
 mod pass;
 mod pipelines;
 mod run;
@@ -21,4 +20,4 @@ pub(super) use run::run;
 pub(super) use slot::{BATCH, Buffer, RaySet, Slot, batch_side, batches};
 pub(crate) use view::PropView;
 #[cfg(feature = "shadows")]
-pub(super) use {content::Content, slot::TILE_FORMAT, view::Lights};
+pub(super) use {slot::TILE_FORMAT, view::Lights};

@@ -70,17 +70,19 @@ impl Pipelines {
         target: TextureFormat,
     ) -> Option<CachedRenderPipelineId> {
         let id = self.id(cache, pass, program, target);
-        let is_ready = matches!(cache.get_render_pipeline_state(id), CachedPipelineState::Ok(_));
-        if !is_ready {
-            self.waiting.extend(program.tree);
+        match cache.get_render_pipeline_state(id) {
+            CachedPipelineState::Ok(_) => return Some(id),
+            // Fields do not wait for what never comes.
+            CachedPipelineState::Err(error) if !pipelines::is_loading(error) => {}
+            _ => self.waiting.extend(program.tree),
         }
-        is_ready.then_some(id)
+        None
     }
 
-    /// Returns whether this pipeline could not be created.
+    /// Returns whether this pipeline could not be created, or waits for a shader, which may never come.
     pub fn fails(&mut self, cache: &PipelineCache, pass: &Pass, program: &Program, target: TextureFormat) -> bool {
         let state = cache.get_render_pipeline_state(self.id(cache, pass, program, target));
-        matches!(state, CachedPipelineState::Err(error) if !pipelines::is_loading(error))
+        matches!(state, CachedPipelineState::Err(_))
     }
 
     /// Returns this pipeline, whether it is ready or not.

@@ -31,12 +31,13 @@ use glam::DMat4;
 use plenoctree::palette::PaletteLabel;
 
 use crate::{
+    gpu::WrittenBuffer,
     lighting::PropLighting,
     render::{
         extract::{ExtractedProps, VisibleProps},
         frame::{
-            Buffer, Clear, Content, Draw, FirstGroup, InitPipelines, Input, Lights, Output, Pass, Pipelines, Place,
-            Program, PropView, RaySet, Slot,
+            Buffer, Clear, Draw, FirstGroup, InitPipelines, Input, Lights, Output, Pass, Pipelines, Place, Program,
+            PropView, RaySet, Slot,
         },
         plan::{Feature, Plan},
         shades::{ShadedPalette, Shades},
@@ -234,7 +235,7 @@ fn bind_lights(
     (images, luts, fallback): (Res<RenderAssets<GpuImage>>, Option<Res<TonemappingLuts>>, Res<FallbackImage>),
     mut views: Query<(&mut PropView, Option<BevyLights<'static>>)>,
 ) {
-    let lights = |no_fog: &Content, (maps, clusters, view, lights, fog, tonemapping): BevyLights| {
+    let lights = |no_fog: &WrittenBuffer, (maps, clusters, view, lights, fog, tonemapping): BevyLights| {
         let tonemapping = tonemapping.unwrap_or(&Tonemapping::None);
         let (texture, sampler) = get_lut_bindings(&images, luts.as_ref()?, tonemapping, &fallback);
         let entries = BindGroupEntries::with_indices((

@@ -5,7 +5,7 @@ use bevy::{
     prelude::*,
     render::{
         render_asset::RenderAssets,
-        render_resource::{BindGroup, CachedRenderPipelineId, PipelineCache, StorageBuffer, UniformBuffer},
+        render_resource::{BindGroup, BufferUsages, CachedRenderPipelineId, PipelineCache},
         renderer::{RenderDevice, RenderQueue},
         view::ExtractedView,
     },
@@ -17,7 +17,7 @@ use super::{
     texels::{LightView, clip_from_part, parts},
 };
 use crate::{
-    gpu::{Allocator, GpuField, Level, TreeShape},
+    gpu::{Allocator, GpuField, Level, TreeShape, WrittenBuffer},
     quality::PropQuality,
     render::{
         extract::ExtractedProps,
@@ -36,8 +36,9 @@ pub(super) struct MapProps {
     pub drawn: Vec<Drawn>,
     pub cached: CachedCasters,
     allocator: Allocator,
-    view: UniformBuffer<ViewUniform>,
-    props: StorageBuffer<Vec<PropUniform>>,
+    view: WrittenBuffer,
+    uniforms: Vec<PropUniform>,
+    props: WrittenBuffer,
     groups: BindGroups,
     /// Bind group 0.
     pub group: Option<BindGroup>,
@@ -87,9 +88,9 @@ pub(super) fn prepare_maps(
     let layout_of_tile = cache.get_bind_group_layout(&pipelines.inputs_layout(SHADOW_SPAN, &[TILE]));
     let mut of_trees = HashMap::<TreeShape, [CachedRenderPipelineId; 3]>::default();
     for (view, mut map) in &mut maps {
-        let MapProps { order, filled, drawn, cached, allocator, view: uniform, props, groups, group } = &mut *map;
+        let MapProps { order, filled, drawn, cached, allocator, view: of_view, uniforms, props, groups, group } =
+            &mut *map;
         let size = view.viewport.zw();
-        let uniforms = props.get_mut();
         filled.clear();
         drawn.clear();
         uniforms.clear();
@@ -150,10 +151,10 @@ pub(super) fn prepare_maps(
         }
         let [z, w] = [view.clip_from_view.z_axis, view.clip_from_view.w_axis];
         let depth = Vec4::new(z.z, w.z, z.w, w.w);
-        *uniform.get_mut() = ViewUniform { size, depth, spacing: 1, ..default() };
-        uniform.write_buffer(&device, &queue);
-        props.write_buffer(&device, &queue);
-        let bindings = uniform.binding().zip(props.binding());
+        let uniform = ViewUniform { size, depth, spacing: 1, ..default() };
+        of_view.set(&device, &queue, "plenoctree_map", BufferUsages::UNIFORM, &uniform);
+        props.set(&device, &queue, "plenoctree_map_props", BufferUsages::STORAGE, &*uniforms);
+        let bindings = of_view.binding().zip(props.binding());
         *group = bindings.map(|(view, props)| groups.get(&device, &cache, &layout, &[view, props]));
     }
 }

@@ -97,10 +97,12 @@ fn a_stage_reads_labels_and_owners_and_writes_the_screen() {
 fn props_do_not_wait_for_broken_stages() {
     let mut scene = posterized();
     scene.wait();
-    let wrong = stages(&mut scene, ["@fragment fn fragment() { wrong }"]);
+    let broken = ["@fragment fn fragment() { wrong }", "#import nothing::such\n@fragment fn fragment() {}"];
+    let mut broken = broken.map(|shader| stages(&mut scene, [shader])).to_vec();
+    broken.push(LabelStages(vec![Handle::default()]));
     let missing = ["there is no such stage.wgsl", "nor this one.wgsl"];
     let missing = missing.map(|path| LabelStages(vec![scene.world().resource::<AssetServer>().load(path)]));
-    for stages in missing.into_iter().chain([wrong]) {
+    for stages in missing.into_iter().chain(broken) {
         scene.set(stages);
         let field = scene.field();
         let later = scene.world().spawn((Prop(field), Visibility::Hidden)).id();

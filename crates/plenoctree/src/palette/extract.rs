@@ -1,8 +1,7 @@
 //! Extracts the palette of a field: the steps of section 3 of the method, one after another.
 
-use std::time::Instant;
-
 use glam::DVec3;
+use web_time::Instant;
 
 use super::{
     colors::Palette,
