@@ -30,10 +30,7 @@ pub fn replace_file<E: From<io::Error>>(
     if existing.as_ref().is_some_and(|existing| existing.permissions().readonly()) {
         return Err(io::Error::new(io::ErrorKind::PermissionDenied, "the existing file is read-only").into());
     }
-    let target = match &existing {
-        Some(_) => fs::canonicalize(path)?,
-        None => path.to_path_buf(),
-    };
+    let target = followed(path)?;
     let (mut file, temporary) = create_beside(&target)?;
     let written = fill(&mut file).and_then(|()| Ok(finish(&file, existing)?));
     drop(file);
@@ -46,6 +43,19 @@ pub fn replace_file<E: From<io::Error>>(
     // change.
     let _ = File::options().append(true).open(&target).and_then(|file| file.set_modified(SystemTime::now()));
     Ok(())
+}
+
+/// Returns the path that links at `path` lead to, whether or not there is a file.
+fn followed(path: &Path) -> io::Result<PathBuf> {
+    /// As many as Linux follows.
+    const MOST: usize = 40;
+    let mut target = path.to_path_buf();
+    for _ in 0..MOST {
+        let Ok(next) = fs::read_link(&target) else { return Ok(target) };
+        target.pop();
+        target.push(next);
+    }
+    Err(io::Error::other("too many links"))
 }
 
 /// Creates a temporary file in the folder of `target`.
@@ -174,5 +184,22 @@ mod tests {
         assert_eq!(write(&path, "newer").unwrap_err().kind(), io::ErrorKind::PermissionDenied);
         assert_eq!(fs::read_to_string(&path).unwrap(), "new");
         assert_eq!(folder.names(), ["file", "link"]);
+    }
+
+    /// A link to a file that does not exist yet creates it, wherever it is, and links in a circle are an error.
+    #[cfg(unix)]
+    #[test]
+    fn links_may_lead_to_new_files() {
+        use std::os::unix::fs::symlink;
+        let folder = Folder::new("links");
+        fs::create_dir(folder.0.join("below")).unwrap();
+        symlink("below/second", folder.0.join("first")).unwrap();
+        symlink("../file", folder.0.join("below/second")).unwrap();
+        write(&folder.0.join("first"), "new").unwrap();
+        assert_eq!(fs::read_to_string(folder.0.join("file")).unwrap(), "new");
+        assert!(["first", "below/second"].iter().all(|link| folder.0.join(link).is_symlink()));
+        symlink("circle", folder.0.join("circle")).unwrap();
+        assert!(write(&folder.0.join("circle"), "new").is_err());
+        assert!(folder.0.join("circle").is_symlink());
     }
 }

@@ -35,8 +35,8 @@ pub struct SurfaceMesh {
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum MeshError {
-    /// The opacity is not more than 0 and less than 1.
-    #[error("found opacity {0}, expected more than 0 and less than 1")]
+    /// The opacity, rounded to float32, is not more than 0 and less than 1.
+    #[error("found opacity {0}, expected more than 0 and less than 1 in float32")]
     Opacity(f64),
     /// The cell size is not positive and finite.
     #[error("found cell size {0}, expected a positive number")]
@@ -51,7 +51,7 @@ impl PlenOctree {
     ///
     /// The surface is found in a grid of cubes of width `cell_size`, in world units of the field: larger cubes make
     /// simpler surfaces. The solidity of a cube is the opacity of paths of that length through its content; the surface
-    /// is where it reaches `opacity`, more than 0 and less than 1. Closed hollows count as solid, because trained and
+    /// is where it reaches `opacity`, more than 0 and less than 1 in float32. Closed hollows count as solid, because trained and
     /// packed fields are often empty inside. Walls that are thinner than a cube become as thick as one. An empty field
     /// has an empty surface.
     ///
@@ -61,7 +61,8 @@ impl PlenOctree {
     ///
     /// Returns an error if an argument is out of range, or if there would be more than 67 million cells.
     pub fn surface_mesh(&self, opacity: f64, cell_size: f64) -> Result<SurfaceMesh, MeshError> {
-        if !(opacity > 0.0 && opacity < 1.0) {
+        let solid = opacity as f32;
+        if !(solid > 0.0 && solid < 1.0) {
             return Err(MeshError::Opacity(opacity));
         }
         if !(cell_size > 0.0 && cell_size.is_finite()) {
@@ -75,8 +76,8 @@ impl PlenOctree {
         }
         let mut grid = Grid::new(low, cell_size, size.as_uvec3());
         grid.add(self);
-        grid.fill(opacity as f32);
-        Ok(grid.surface(opacity as f32))
+        grid.fill(solid);
+        Ok(grid.surface(solid))
     }
 }
 
@@ -324,7 +325,7 @@ mod tests {
     #[test]
     fn unusual_arguments_are_errors() {
         let ball = field(|at| if at.length() < 0.5 { 10.0 } else { 0.0 });
-        for opacity in [0.0, 1.0, -1.0, f64::NAN] {
+        for opacity in [0.0, 1.0, -1.0, f64::NAN, 0.999_999_99, 1e-46] {
             assert!(matches!(ball.surface_mesh(opacity, 0.1), Err(MeshError::Opacity(_))));
         }
         for cell_size in [0.0, -1.0, f64::NAN, f64::INFINITY] {

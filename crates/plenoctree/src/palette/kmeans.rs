@@ -117,7 +117,8 @@ pub(super) fn nearest(point: &Point, centers: &[Point]) -> usize {
 /// Returns the weighted mean of every cluster.
 ///
 /// Each center without points moves to one of the points that are farthest from their own centers. If every point
-/// coincides with its center, it moves to the heaviest cluster instead.
+/// coincides with its center, it moves to the heaviest cluster instead. A center whose points have no weight left, but
+/// for rounding, keeps its place.
 fn update(points: &[Point], weights: &[f64], labels: &[usize], centers: &[Point]) -> Vec<Point> {
     let mut sums = vec![[0.0; 3]; centers.len()];
     let mut in_cluster = vec![0.0; centers.len()];
@@ -156,8 +157,9 @@ fn update(points: &[Point], weights: &[f64], labels: &[usize], centers: &[Point]
     let heaviest = (0..centers.len()).fold(0, |best, i| if in_cluster[i] > in_cluster[best] { i } else { best });
     (0..centers.len())
         .map(|center| {
-            let center = if counts[center] > 0 { center } else { heaviest };
-            sums[center].map(|sum| sum / in_cluster[center])
+            let source = if counts[center] > 0 { center } else { heaviest };
+            let weight = in_cluster[source];
+            if weight > 0.0 { sums[source].map(|sum| sum / weight) } else { centers[center] }
         })
         .collect()
 }

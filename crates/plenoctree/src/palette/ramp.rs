@@ -93,9 +93,9 @@ pub(super) fn validate(ramps: &[Ramp], colors: usize) -> Result<(), InvalidRamps
     Ok(())
 }
 
-/// Sorts palette colors from shadow to highlight.
+/// Sorts palette colors from shadow to highlight. Those that the palette does not have come last.
 pub(super) fn sort(tones: &mut [usize], colors: &[[f64; 3]]) {
-    let lightness = |tone: usize| oklab(DVec3::from(colors[tone])).x;
+    let lightness = |tone: usize| colors.get(tone).map_or(f64::INFINITY, |color| oklab(DVec3::from(*color)).x);
     tones.sort_by(|&a, &b| lightness(a).total_cmp(&lightness(b)).then(a.cmp(&b)));
 }
 

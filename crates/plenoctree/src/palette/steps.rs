@@ -180,6 +180,15 @@ mod tests {
         assert_eq!(sorted(simplify_hull(&centers, 6).unwrap()), sorted(extracted));
     }
 
+    /// Next to a heavy color, one of hardly any weight is lost in rounding, and no center with it.
+    #[test]
+    fn centers_are_numbers_whatever_the_weights() {
+        let (colors, centers) = ([[0.0; 3], [1.0; 3]], [[0.4; 3], [5.0; 3]]);
+        let settings = ExtractionSettings { max_iterations: 1, ..Default::default() };
+        let found = k_means(&colors, &[1e-20, 1.0], &centers, &settings).unwrap();
+        assert!(found.iter().flatten().all(|channel| (0.0..=1.0).contains(channel)), "{found:?}");
+    }
+
     #[test]
     fn clusters_of_invalid_colors_are_errors() {
         let settings = ExtractionSettings::default();

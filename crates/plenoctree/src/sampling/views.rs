@@ -11,6 +11,9 @@ use super::{
 };
 use crate::{field::PlenOctree, histograms::SamplingSettings};
 
+/// The most cells of directions from the horizon to the top: 256 views of a hemisphere.
+const MOST_DIRECTIONS: usize = 8;
+
 /// Parallel rays into a field, on a square grid of [`SIDE`](Self::SIDE) x `SIDE`, in the field's frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ViewRays {
@@ -28,12 +31,14 @@ impl ViewRays {
     /// Number of rays along each side.
     pub const SIDE: usize = 96;
 
-    /// Returns the rays from every direction from which the settings sample a field, or none if it is empty.
+    /// Returns the rays from every direction from which the settings sample a field, or none if it is empty. More than
+    /// eight cells of directions count as eight, because more views take gigabytes and show little more.
     pub fn all(field: &PlenOctree, settings: &SamplingSettings) -> Vec<Self> {
         let Some((low, high)) = field.dense_bounds() else { return Vec::new() };
         let (center, radius) = (0.5 * (low + high), 0.5 * low.distance(high));
         let step = 2.0 * radius / Self::SIDE as f64;
-        let settings = SamplingSettings { multisamples: 1, ..settings.clone() };
+        let directions = settings.directions.min(MOST_DIRECTIONS);
+        let settings = SamplingSettings { directions, multisamples: 1, ..settings.clone() };
         let rays = |observer: DVec3| {
             let (right, down) = observer.any_orthonormal_pair();
             let (right, down) = (step * right, step * down);
@@ -124,4 +129,19 @@ fn see(field: &PlenOctree, origin: DVec3, direction: DVec3, basis: &[f64; 25]) -
         if transmittance < OPAQUE { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     });
     Some(Seen { color: (color / (1.0 - transmittance)).as_vec3().to_array(), depth: depth? })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bake::{BakeSettings, bake};
+
+    /// However many directions a field is sampled from, its views fit in memory.
+    #[test]
+    fn there_are_few_views() {
+        let settings = BakeSettings { depth: 1, ..Default::default() };
+        let field = bake(&settings, |_| 1.0, |_| |_| DVec3::ONE).unwrap();
+        let count = |directions| ViewRays::all(&field, &SamplingSettings { directions, ..Default::default() }).len();
+        assert_eq!([1, 2, 8, 9, 32].map(count), [4, 16, 256, 256, 256]);
+    }
 }

@@ -71,7 +71,7 @@ impl Default for RefineSettings {
 /// A refined field.
 #[derive(Clone, Debug)]
 pub struct Refined {
-    /// The field, with the frame of the original.
+    /// The field, with the frame, the up axis and the precision of the original.
     pub field: PlenOctree,
     /// What was done, round by round.
     pub rounds: Vec<RoundReport>,
@@ -103,7 +103,8 @@ pub fn refine(
     let grid = Grid::of_field_or_error(field, LARGEST)?;
     let rounds = Stage::refining(grid.resolution(), settings.effort, settings.time);
     let (grid, rounds) = refine_by(grid, &mut gallery(shots), measured, &rounds, settings.seed, progress)?;
-    Ok(Refined { field: to_merged_field(&grid, field.leaves())?, rounds })
+    let refined = to_merged_field(&grid, field.leaves())?;
+    Ok(Refined { field: refined.with_up(field.up()).with_precision(field.precision()), rounds })
 }
 
 /// Returns a gallery of the shots.

@@ -172,12 +172,11 @@ pub fn fit(
             position = Position { stage: position.stage + 1, ..Position::default() };
         }
     }
-    match saved {
-        Some(path) if progress.is_stopped() => Checkpoint::write(path, key, &model, &position, &random)?,
-        Some(path) if path.exists() => fs::remove_file(path).map_err(FitError::io(path))?,
-        _ => {}
-    }
     report.stopped = progress.is_stopped();
+    // Also when training is complete: what follows may fail, and can then be repeated without training again.
+    if let Some(path) = saved {
+        Checkpoint::write(path, key, &model, &position, &random)?;
+    }
     if matches!(model.backdrop, Backdrop::Learned(_) | Backdrop::Color(_)) {
         report.gains = Some(model.gains.iter().map(|gain| gain.to_array()).collect());
     }
@@ -213,6 +212,9 @@ pub fn fit(
     report.depth = field.depth();
     report.cube = [cube.low.to_array(), (cube.low + cube.size).to_array()];
     report.seconds = Seconds { preparing, training, measuring: start.elapsed().as_secs_f64() };
+    if let Some(path) = saved.filter(|path| !report.stopped && path.exists()) {
+        fs::remove_file(path).map_err(FitError::io(path))?;
+    }
     Ok(Fitted { field, previews, report })
 }
 
@@ -220,9 +222,12 @@ pub fn fit(
 fn key(input: &FitInput, settings: &FitSettings) -> u64 {
     let mut hasher = DefaultHasher::new();
     for view in &input.views {
-        view.name.hash(&mut hasher);
-        view.camera.position.to_array().map(f64::to_bits).hash(&mut hasher);
+        // Folders may move, so paths do not count.
+        let View { name, mask, camera: ViewCamera { width, height, lens, rotation, position, .. }, .. } = view;
+        let is_masked = mask.is_some();
+        format!("{name:?} {is_masked} {width} {height} {lens:?} {rotation:?} {position:?}").hash(&mut hasher);
     }
+    input.points.iter().for_each(|point| point.to_array().map(f64::to_bits).hash(&mut hasher));
     let FitSettings { leaves, depth, basis, downscale, bounds, background, hold_out, stand, .. } = settings;
     format!("{leaves} {depth:?} {basis:?} {downscale} {bounds:?} {background:?} {hold_out:?} {stand}")
         .hash(&mut hasher);
@@ -254,10 +259,17 @@ fn load(view: &View, number: usize, settings: &FitSettings) -> Result<TrainView,
     Ok(TrainView { number, camera, picture: Arc::new(picture) })
 }
 
-/// Loads some views to measure while training.
+/// Loads some views to measure while training. Reads all, so that a damaged one is found before training.
 fn load_some(views: &[View], settings: &FitSettings) -> Result<Vec<TrainView>, FitError> {
     let every = views.len().div_ceil(MOST_PREVIEWS).max(1);
-    views.iter().enumerate().step_by(every).map(|(index, view)| load(view, index, settings)).collect()
+    let mut some = Vec::new();
+    for (index, view) in views.iter().enumerate() {
+        let loaded = load(view, index, settings)?;
+        if index.is_multiple_of(every) {
+            some.push(loaded);
+        }
+    }
+    Ok(some)
 }
 
 /// Returns the sum and the number of the colors on the border of a picture.
@@ -302,4 +314,43 @@ fn measure(
     (held_out.psnr_db, held_out.ssim) = (mean(|view| view.psnr_db), mean(|view| view.ssim));
     held_out.aligned_psnr_db = mean(|view| view.aligned_psnr_db);
     Ok((Some(held_out), previews))
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec2;
+
+    use super::*;
+    use crate::fit::input::{Distortion, Lens};
+
+    /// Everything about a camera, a mask and the points tells inputs apart. Where the files are does not.
+    #[test]
+    fn keys_tell_inputs_apart() {
+        let settings = FitSettings::default();
+        let view = |change: &dyn Fn(&mut ViewCamera)| {
+            let lens = Lens { focal: DVec2::splat(50.0), center: DVec2::splat(20.0), distortion: Distortion::None };
+            let mut camera = ViewCamera::undistorted(40, 40, lens, DMat3::IDENTITY, DVec3::ZERO);
+            change(&mut camera);
+            View { name: "a".into(), picture: "a.png".into(), mask: None, camera }
+        };
+        let input = |view| FitInput { views: vec![view], points: vec![], missing: vec![] };
+        let same = || input(view(&|_| ()));
+        let moved = input(View { picture: "elsewhere/a.png".into(), ..view(&|_| ()) });
+        assert_eq!([key(&same(), &settings), key(&moved, &settings)], [key(&same(), &settings); 2]);
+        let others = [
+            input(view(&|camera| camera.width = 41)),
+            input(view(&|camera| camera.height = 41)),
+            input(view(&|camera| camera.lens.focal.y += 1e-9)),
+            input(view(&|camera| camera.lens.center.x += 1e-9)),
+            input(view(&|camera| camera.lens.distortion = Distortion::Fisheye([0.1, 0.0, 0.0, 0.0]))),
+            input(view(&|camera| camera.rotation = DMat3::from_rotation_x(1e-6))),
+            input(view(&|camera| camera.position.z = 1e-9)),
+            input(View { mask: Some("mask.png".into()), ..view(&|_| ()) }),
+            FitInput { points: vec![DVec3::ONE], ..same() },
+        ];
+        let mut keys: Vec<u64> = others.iter().chain([&same()]).map(|input| key(input, &settings)).collect();
+        keys.sort_unstable();
+        keys.dedup();
+        assert_eq!(keys.len(), others.len() + 1);
+    }
 }

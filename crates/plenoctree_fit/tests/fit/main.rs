@@ -182,6 +182,44 @@ fn a_stopped_fit_returns_a_field() {
     assert!(!checkpoint.exists());
 }
 
+/// A held-out picture that cannot be read is found before training. If it is damaged while training, nothing of that is
+/// lost: the fit resumes behind it.
+#[test]
+fn damaged_pictures_do_not_cost_what_was_trained() {
+    let folder = folder("held_out");
+    let cameras = cameras(32);
+    write_pictures(&folder, &cameras, None, |_| 1.0);
+    write_transforms(&folder, &cameras);
+    let input = FitInput::read(&folder, &InputFolders::default()).unwrap();
+    let checkpoint = folder.join("checkpoint");
+    let settings = FitSettings { hold_out: Some(2), checkpoint: Some(checkpoint.clone()), resume: true, ..quick() };
+    let picture = folder.join("v_2.png");
+    let intact = std::fs::read(&picture).unwrap();
+
+    std::fs::write(&picture, &intact[..intact.len() / 2]).unwrap();
+    let progress = FitProgress::default();
+    let error = fit(&input, None, &settings, &progress).unwrap_err().to_string();
+    assert!(error.contains("v_2.png") && progress.status().stage == "reading", "{error}");
+
+    std::fs::write(&picture, &intact).unwrap();
+    let progress = FitProgress::default();
+    let failed = std::thread::scope(|scope| {
+        let worker = scope.spawn(|| fit(&input, None, &settings, &progress));
+        while progress.status().fraction == 0.0 && !worker.is_finished() {
+            std::thread::sleep(std::time::Duration::from_millis(1));
+        }
+        std::fs::write(&picture, &intact[..intact.len() / 2]).unwrap();
+        worker.join().unwrap()
+    });
+    let error = failed.unwrap_err().to_string();
+    assert!(error.contains("v_2.png") && checkpoint.exists(), "{error}");
+
+    std::fs::write(&picture, &intact).unwrap();
+    let fitted = fit(&input, None, &settings, &FitProgress::default()).unwrap();
+    assert!(fitted.report.stages.is_empty() && fitted.report.held_out.unwrap().psnr_db > 20.0);
+    assert!(!checkpoint.exists());
+}
+
 /// A field of tilted cameras stands upright on the origin, and the report has the transform.
 #[test]
 fn fields_stand_on_the_origin() {

@@ -3,7 +3,8 @@
 use glam::{DVec3, Vec4};
 use half::f16;
 use plenoctree::{
-    Activation, BakeSettings, Basis, Cell, Frame, PlenOctree, UpAxis, bake, camera::PinholeCamera, reference::render,
+    Activation, BakeSettings, Basis, Cell, Frame, PlenOctree, Precision, UpAxis, bake, camera::PinholeCamera,
+    reference::render,
 };
 use plenoctree_fit::{FitProgress, RefineSettings, Refined, Shot, refine};
 
@@ -73,6 +74,14 @@ fn large_leaf(depth: usize, light: f32) -> PlenOctree {
     let frame = Frame::spanning(DVec3::splat(-1.0), DVec3::splat(1.0));
     let coefficients = vec![f16::from_f32(light); 6];
     PlenOctree::new(frame, Basis::Sh1, Activation::Sigmoid, UpAxis::Z, nodes, vec![9.0; 2], coefficients).unwrap()
+}
+
+/// A refined field stands as the original does, and has its precision.
+#[test]
+fn refined_fields_keep_their_up_axis_and_precision() {
+    let field = large_leaf(6, 0.0).with_up(UpAxis::Y).with_precision(Precision::Byte);
+    let Refined { field: same, .. } = refined(&field, &field, 0.001);
+    assert_eq!((same.up(), same.precision()), (UpAxis::Y, Precision::Byte));
 }
 
 /// Large leaves are refined, too, and do not become many.

@@ -35,8 +35,10 @@ const GAP_CHROMA: f64 = 1.7;
 /// Returns ramps of all colors of a palette, the heaviest first.
 pub(super) fn group(palette: &Palette, borders: &Borders) -> Vec<Ramp> {
     let tones: Vec<DVec3> = palette.colors.iter().map(|color| oklab((*color).into())).collect();
+    // Handmade palettes may have fewer weights than colors.
+    let weight = |tone: usize| palette.weights.get(tone).copied().unwrap_or(0.0);
     let mut groups: Vec<Group> = (0..tones.len())
-        .map(|tone| Group { tones: vec![tone], weight: palette.weights[tone], chroma: chroma(tones[tone]) })
+        .map(|tone| Group { tones: vec![tone], weight: weight(tone), chroma: chroma(tones[tone]) })
         .collect();
     while let Some((first, second)) = cheapest(&groups, &tones, borders) {
         let other = groups.remove(second);
@@ -44,7 +46,7 @@ pub(super) fn group(palette: &Palette, borders: &Borders) -> Vec<Ramp> {
     }
     groups.sort_by(|a, b| b.weight.total_cmp(&a.weight));
     let mean = |group: &Group| {
-        let sum: DVec3 = group.tones.iter().map(|&tone| palette.weights[tone] * tones[tone]).sum();
+        let sum: DVec3 = group.tones.iter().map(|&tone| weight(tone) * tones[tone]).sum();
         if group.weight > 0.0 { sum / group.weight } else { tones[group.tones[0]] }
     };
     let names = names::distinct(groups.iter().map(|group| names::name(mean(group))));

@@ -343,3 +343,35 @@ fn colors_as_trained_move_with_their_ramp() {
     let apart = place(palette.recolored_as_trained(near, &shown)) - moved;
     assert!(apart.distance(place(near) - place(purple)) < 1e-6, "{apart}");
 }
+
+/// Colors that may not move keep what they show, to the bit, also if a wish is nearly what they show.
+#[test]
+fn locked_colors_stay_near_wishes() {
+    let palette = palette();
+    let near = palette.colors[0].map(|channel| channel + 5e-4);
+    let locked = palette.ramp_of(0).unwrap();
+    assert_eq!(palette.recolored(&palette.colors, &[Wish::tone(0, near)], &[locked]).unwrap(), palette.colors);
+    assert_eq!(palette.recolored(&palette.colors, &[Wish::tone(0, near)], &[]).unwrap()[0], near);
+    let without = Palette { ramps: vec![], ..palette };
+    assert_eq!(without.recolored(&without.colors, &[Wish::tone(0, near)], &[]).unwrap(), without.colors);
+}
+
+/// Palettes whose parts do not fit each other are no reason to panic: colors without a weight have none, and tones
+/// without a color stay last.
+#[test]
+fn parts_need_not_fit_each_other() {
+    let colors = vec![[0.5, 0.1, 0.1], [0.2, 0.0, 0.0], [0.9, 0.9, 0.9]];
+    let ramp = |name: &str, tones: &[usize]| Ramp { name: name.into(), tones: tones.to_vec() };
+    let ramps = vec![ramp("red", &[9, 0]), ramp("gray", &[2])];
+    let unfit = Palette { weights: vec![], ramps, ..Palette::new(colors).unwrap() };
+    let guessed: usize = unfit.guess_ramps().iter().map(|ramp| ramp.tones.len()).sum();
+    assert_eq!((guessed, unfit.ramps_in_views(&[]).len()), (3, unfit.guess_ramps().len()));
+    let mut palette = unfit.clone();
+    palette.move_tone(1, 0).unwrap();
+    assert_eq!(palette.ramps[0].tones, [1, 0, 9]);
+    palette.merge_ramps(0, 1).unwrap();
+    assert_eq!(palette.ramps[0].tones, [1, 0, 2, 9]);
+    let mut palette = unfit;
+    palette.gather_tones(&[1, 2], "red").unwrap();
+    assert_eq!(palette.ramps[0].tones, [1, 0, 2, 9]);
+}

@@ -188,8 +188,9 @@ impl<'a> Solver<'a> {
         }
         let mut colors = self.shown.clone();
         self.place(|tone, place| colors[tone] = gamut::shown(place, limited));
-        // What is met but for rounding is met to the bit.
-        for wish in self.wishes {
+        // What is met but for rounding is met to the bit. Colors that may not move keep what they show.
+        let moves = |tone| self.ramps.iter().any(|(shades, _)| shades.tones().any(|other| other == tone));
+        for wish in self.wishes.iter().filter(|wish| moves(wish.label.first)) {
             let tone = wish.label.first;
             let near = |color: [f64; 3]| (DVec3::from(color) - DVec3::from(wish.color)).abs().max_element() <= MET;
             if tone == wish.label.second && near(colors[tone]) {

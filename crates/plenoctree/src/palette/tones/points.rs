@@ -61,14 +61,14 @@ pub(in crate::palette) fn points(colors: &[(DVec3, f64)], progress: &Progress) -
         Ok((oklab(color), weight / most / total))
     };
     let all: Vec<(DVec3, f64)> = colors.par_iter().map(color).collect::<Result<_, _>>()?;
-    let mut points: Vec<Point> = all
-        .iter()
-        .map(|&(oklab, weight)| Point { place: space::from_oklab(oklab), oklab, weight, salient: weight })
-        .collect();
     let mut cell = CELL;
+    let mut points = match all.len() {
+        ..=MOST => all.iter().copied().map(point).collect(),
+        _ => merge(&all, cell, progress)?,
+    };
     while points.len() > MOST {
-        points = merge(&all, cell, progress)?;
         cell *= 1.25;
+        points = merge(&all, cell, progress)?;
     }
     weigh(&mut points, progress)?;
     Ok(points)
@@ -95,11 +95,12 @@ fn merge(colors: &[(DVec3, f64)], side: f64, progress: &Progress) -> Result<Vec<
     }
     // The weights of the faintest cells may vanish.
     let cells = cells.into_values().filter(|(_, weight)| *weight > 0.0);
-    let point = |(sum, weight): (DVec3, f64)| {
-        let oklab = sum / weight;
-        Point { place: space::from_oklab(oklab), oklab, weight, salient: weight }
-    };
-    Ok(cells.map(point).collect())
+    Ok(cells.map(|(sum, weight)| point((sum / weight, weight))).collect())
+}
+
+/// Returns the point of a color in Oklab with a weight.
+fn point((oklab, weight): (DVec3, f64)) -> Point {
+    Point { place: space::from_oklab(oklab), oklab, weight, salient: weight }
 }
 
 /// Finds how much every point counts.

@@ -151,8 +151,9 @@ fn lens(file: &Path, camera: u64, model: &str, p: &[f64]) -> Result<Lens, FitErr
         "SIMPLE_RADIAL_FISHEYE" => (one_focal(), Distortion::Fisheye([p[3], 0.0, 0.0, 0.0])),
         "RADIAL_FISHEYE" => (one_focal(), Distortion::Fisheye([p[3], p[4], 0.0, 0.0])),
         other => {
-            let expected = "SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV or OPENCV_FISHEYE (or undistort the \
-                            pictures with COLMAP's image_undistorter)";
+            let expected = "SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV, OPENCV_FISHEYE, \
+                            SIMPLE_RADIAL_FISHEYE or RADIAL_FISHEYE (or undistort the pictures with COLMAP's \
+                            image_undistorter)";
             return Err(FitError::found(file, what, format!("model {other}"), expected));
         }
     };
@@ -228,7 +229,8 @@ fn cameras_of(mut file: Bytes) -> Result<BTreeMap<u64, Camera>, FitError> {
         let (id, model) = (file.small()?, file.small()?);
         let (width, height) = (file.int()?, file.int()?);
         let Some((name, count)) = MODELS.get(model as usize) else {
-            let expected = "one from 0 (SIMPLE_PINHOLE) to 5 (OPENCV_FISHEYE)";
+            let expected =
+                "one from 0 (SIMPLE_PINHOLE) to 5 (OPENCV_FISHEYE), 8 (SIMPLE_RADIAL_FISHEYE) or 9 (RADIAL_FISHEYE)";
             return Err(FitError::found(&file.path, format!("camera {id}"), format!("model {model}"), expected));
         };
         let parameters = (0..*count).map(|_| file.float()).collect::<Result<Vec<_>, _>>()?;

@@ -54,7 +54,7 @@ pub fn render_splats(splats: &Splats, camera: &PinholeCamera) -> SplatImage {
     let width = camera.width as usize;
     let mut pixels = vec![Vec4::ZERO; width * camera.height as usize];
     pixels
-        .par_chunks_mut(width * TILE)
+        .par_chunks_mut(width.max(1) * TILE)
         .enumerate()
         .for_each(|(row, pixels)| draw_row(&projected, row * TILE, width, pixels));
     SplatImage { width: camera.width, height: camera.height, pixels }
@@ -187,6 +187,16 @@ mod tests {
         for found in [small, large] {
             let differs = |(found, expected): &(Vec4, &Vec4)| (*found - **expected).abs().max_element() > 1e-3;
             assert_eq!(found.into_iter().zip(&expected).filter(differs).count(), 0);
+        }
+    }
+
+    /// Cameras without pixels see images without pixels.
+    #[test]
+    fn images_may_be_empty() {
+        let (splats, camera) = scene(1.0);
+        for (width, height) in [(0, 70), (100, 0), (0, 0)] {
+            let image = render_splats(&splats, &PinholeCamera { width, height, ..camera });
+            assert_eq!((image.width, image.height, image.pixels.len()), (width, height, 0));
         }
     }
 
