@@ -33,8 +33,6 @@ pub(super) struct Book {
     /// Rows, in steps.
     pub table: Vec<i8>,
     pub rows: Vec<u16>,
-    /// The least step that is enough for the largest coefficient. It does not depend on the step.
-    pub least_step: f32,
 }
 
 /// Builds a codebook of at most `most` rows, whose coefficients are multiples of `step`.
@@ -52,12 +50,12 @@ pub(super) fn build(leaves: &Leaves, most: usize, step: f32, progress: &Progress
     for _ in 0..ROUNDS {
         let rows = assigned(leaves, &chosen, &table, &costs, progress)?;
         costs = Costs::of(&rows, costs.rows.len());
-        (table, _) = moved(leaves, &rows, table, None, progress)?;
+        table = moved(leaves, &rows, table, None, progress)?;
     }
     let rows = assigned(leaves, &chosen, &table, &costs, progress)?;
-    let (table, largest) = moved(leaves, &rows, table, Some(step), progress)?;
+    let table = moved(leaves, &rows, table, Some(step), progress)?;
     let rows = assigned(leaves, &chosen, &table, &Costs::of(&rows, costs.rows.len()), progress)?;
-    Ok(Book { least_step: largest / LARGEST, ..sorted(leaves.width(), &rows, &table, step) })
+    Ok(sorted(leaves.width(), &rows, &table, step))
 }
 
 /// Returns the row of every leaf. Leaves that are not `chosen` get the first row, or one that an earlier leaf has.
@@ -96,15 +94,14 @@ fn start(leaves: &Leaves, chosen: &[u32], most: usize, progress: &Progress) -> R
 }
 
 /// Moves every row but the first to where the error of its leaves is least. With a `step`, rounds its coefficients to
-/// multiples of it, more coarsely where that saves bits. Rows without leaves stay as they are. Also returns the largest
-/// coefficient before rounding.
+/// multiples of it, more coarsely where that saves bits. Rows without leaves stay as they are.
 fn moved(
     leaves: &Leaves,
     rows: &[u16],
     mut table: Vec<f32>,
     step: Option<f32>,
     progress: &Progress,
-) -> Result<(Vec<f32>, f32), Canceled> {
+) -> Result<Vec<f32>, Canceled> {
     let (others, width) = (leaves.others(), leaves.width());
     // The leaves of each row.
     let mut ends = vec![0; table.len() / width + 1];
@@ -117,7 +114,7 @@ fn moved(
         members[*place] = leaf;
         *place += 1;
     }
-    let move_row = |(row, values): (usize, &mut [f32])| {
+    table.par_chunks_exact_mut(width).enumerate().skip(1).try_for_each(|(row, values)| {
         progress.check()?;
         let members = &members[ends[row]..ends[row + 1]];
         let pairs = others * (others + 1) / 2;
@@ -147,7 +144,6 @@ fn moved(
                 values.iter_mut().zip(vector).for_each(|(value, number)| *value = *number as f32);
             }
         }
-        let largest = values.iter().fold(0.0f32, |largest, value| largest.max(value.abs()));
         if let Some(step) = step {
             for (part, share) in values.chunks_exact_mut(others).zip(leaves.shares) {
                 for (value, mass) in part.iter_mut().zip(&diagonal) {
@@ -156,11 +152,9 @@ fn moved(
                 }
             }
         }
-        Ok(largest)
-    };
-    let rows = table.par_chunks_exact_mut(width).enumerate().skip(1);
-    let largest = rows.map(move_row).try_reduce(|| 0.0, |a, b| Ok(a.max(b)))?;
-    Ok((table, largest))
+        Ok(())
+    })?;
+    Ok(table)
 }
 
 /// Drops unused rows except the first, and sorts the others: first those that the file names often, most often first,
@@ -189,6 +183,5 @@ fn sorted(width: usize, rows: &[u16], table: &[f32], step: f32) -> Book {
             .map(|value| (value / step).round() as i8)
             .collect(),
         rows: rows.iter().map(|row| places[usize::from(*row)].unwrap_or(0)).collect(),
-        least_step: 0.0,
     }
 }

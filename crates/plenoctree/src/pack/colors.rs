@@ -43,12 +43,6 @@ pub(super) fn corrected(
     seen.iter().enumerate().map(of_leaf).collect()
 }
 
-/// Returns the least step with which all colors are in the range of what is stored.
-pub(super) fn least_step(colors: &[[f32; 3]]) -> f32 {
-    let needed = |(color, (low, high)): (f32, (i16, i16))| color / f32::from(if color < 0.0 { low } else { high });
-    colors.iter().flat_map(|color| color.iter().copied().zip(COLOR_RANGES)).map(needed).fold(0.0, f32::max)
-}
-
 /// Rounds colors to multiples of `step`.
 ///
 /// Colors are stored as differences from the previous leaf, so a leaf's numbers are moved toward those of that leaf as

@@ -135,16 +135,18 @@ fn quantize(
     let slope = settings.slope(field);
     let opacity_bits = settings.bits(1.0) * 3.0 * CONTRAST * CONTRAST * slope * slope / mean;
     let (densities, levels) = density::quantize(field, &seen, settings.density_levels, opacity_bits);
-    let (luma, chroma, table_step) = books(field, &seen, metric, settings, progress)?;
+    let (luma, chroma) = books(field, &seen, metric, settings, progress)?;
     let has_directions = field.basis().functions() > 1;
     let color_step = if has_directions { settings.color_step } else { between_bins(settings.color_step) };
-    let tables = Tables { color_step: color_step * unit, table_step, luma: luma.table, chroma: chroma.table };
+    let tables = Tables {
+        color_step: color_step * unit,
+        table_step: settings.table_step * unit,
+        luma: luma.table,
+        chroma: chroma.table,
+    };
     let rows: Vec<[u16; 2]> = luma.rows.into_iter().zip(chroma.rows).map(|(luma, chroma)| [luma, chroma]).collect();
     let colors = colors::corrected(field, &seen, metric, &rows, &tables);
-    let least_step = colors::least_step(&colors);
-    let tables = Tables { color_step: tables.color_step.max(least_step), ..tables };
-    let bits = settings.bits(settings.color_step.max(least_step / unit));
-    let colors = colors::quantize(&colors, &seen, tables.color_step, bits);
+    let colors = colors::quantize(&colors, &seen, tables.color_step, settings.bits(settings.color_step));
     Ok(Quantized {
         frame: field.frame(),
         basis: field.basis(),
@@ -170,14 +172,14 @@ impl PlenOctree {
     }
 }
 
-/// Builds the codebooks of luma and of the differences, and returns their step.
+/// Builds the codebooks of luma and of the differences.
 fn books(
     field: &PlenOctree,
     seen: &[Seen],
     metric: &Metric,
     settings: &PackSettings,
     progress: &Progress,
-) -> Result<(Book, Book, f32), Canceled> {
+) -> Result<(Book, Book), Canceled> {
     let (mut luma, mut chroma) = (Vec::new(), Vec::new());
     for leaf in 0..seen.len() {
         let mut channels = [Vec::new(), Vec::new(), Vec::new()];
@@ -199,18 +201,9 @@ fn books(
     let scale = settings.bits(1.0 / settings.unit(field));
     let leaves = |values, shares| Leaves { metric, seen, shares, values, scale };
     let rows = settings.rows as usize;
-    let (luma, chroma) = (leaves(luma, &[1.0]), leaves(chroma, &[2.0 / 3.0, 1.0]));
-    let build = |step: f32| -> Result<(Book, Book), Canceled> {
-        let luma = codebook::build(&luma, rows, step, progress)?;
-        Ok((luma, codebook::build(&chroma, rows.div_ceil(2), step, progress)?))
-    };
-    let (luma, chroma) = build(step)?;
-    let least_step = luma.least_step.max(chroma.least_step);
-    if least_step <= step {
-        return Ok((luma, chroma, step));
-    }
-    let (luma, chroma) = build(least_step)?;
-    Ok((luma, chroma, least_step))
+    let luma = codebook::build(&leaves(luma, &[1.0]), rows, step, progress)?;
+    let chroma = codebook::build(&leaves(chroma, &[2.0 / 3.0, 1.0]), rows.div_ceil(2), step, progress)?;
+    Ok((luma, chroma))
 }
 
 /// Scales the weights of channels so that their mean over all leaves is 1, and returns the previous mean.

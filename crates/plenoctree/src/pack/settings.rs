@@ -33,19 +33,16 @@ pub struct PackSettings {
     pub rows: u32,
     /// Largest number of densities. 2 to 254.
     pub density_levels: u32,
-    /// Step of leaves' colors, in encoded sRGB. 0.0001 to 1. Fields whose colors reach farther from 0 than files can
-    /// count, which is 511 steps of color differences and 2047 of luma, get the least step that suffices.
+    /// Step of leaves' colors, in encoded sRGB. 0.0001 to 1.
     pub color_step: f32,
-    /// Step of the codebooks' coefficients, in the same unit. 0.0001 to 1. If coefficients reach farther than 127 steps,
-    /// both codebooks get the least step that suffices.
+    /// Step of the codebooks' coefficients, in the same unit. 0.0001 to 1.
     pub table_step: f32,
     /// Step, in the same unit, to which the colors of a leaf of average visibility are rounded. Those of less visible
     /// leaves are rounded more, and all at least to `color_step`. 0 to 1.
     pub tolerance: f32,
-    /// Whether the file records the [histograms](PlenOctree::histograms) of the field, so that hulls and fitted palettes
-    /// of the packed field equal those of the field. Palettes of tones are near those of the field: they also look at the
-    /// packed field itself. Then nothing is sampled when a game extracts a palette. False by default: palettes are
-    /// extracted from what is drawn.
+    /// Whether the file records the [histograms](PlenOctree::histograms) of the field, so that a palette that is
+    /// extracted from the packed field equals that of the field. Then nothing is sampled when a game extracts it. False
+    /// by default: palettes are extracted from what is drawn.
     pub record_histograms: bool,
 }
 

@@ -226,22 +226,6 @@ fn unusual_fields_are_packed() {
     assert!(error.to_string().contains("a frame within the range of float32"), "{error}");
 }
 
-/// Steps that are too fine for what files can count are made coarser, so that no color is cut off: neither constant ones
-/// nor what changes with the direction.
-#[test]
-fn fine_steps_reach_strong_colors() {
-    let settings = BakeSettings { depth: 4, basis: Basis::Sh4, directions: 64, ..Default::default() };
-    let density = |at: DVec3| if at.length() < 0.8 { 60.0 } else { 0.0 };
-    let radiance = |at: DVec3| {
-        let base = if at.x > 0.0 { DVec3::new(0.97, 0.5, 0.03) } else { DVec3::new(0.03, 0.5, 0.97) };
-        move |direction: DVec3| 0.5 + (base - 0.5) * (0.75 + 0.25 * direction.z)
-    };
-    let field = bake(&settings, density, radiance).unwrap();
-    let fine = PackSettings { color_step: 1e-4, table_step: 1e-4, tolerance: 0.0, ..PackSettings::FINE };
-    let found = [PackSettings::FINE, fine].map(|settings| psnr(&field, pack(&field, &settings).field()));
-    assert!(found[1] > 45.0 && found[1] > found[0], "{found:?}");
-}
-
 #[test]
 fn settings_out_of_range_are_rejected() {
     let default = PackSettings::default;
@@ -421,8 +405,8 @@ fn implausible_sizes_are_rejected() {
     assert_rejected(Basis::Sh4, claim(1 << 27, 1 << 29), "expected a plausible size");
     // A section that deflates to a thousandth.
     let zeros = |sections: &mut Sections| {
-        claim(1 << 25, 1 << 25)(sections);
-        *sections.get("TREE") = vec![0; 1 << 25];
+        claim(1 << 22, 1 << 23)(sections);
+        *sections.get("TREE") = vec![0; 1 << 22];
     };
     assert_rejected(Basis::Sh4, zeros, "expected a plausible size");
     let raw = |sections: &mut Sections| sections.claimed = Some(("BASE", u64::MAX));
