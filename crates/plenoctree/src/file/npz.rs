@@ -10,8 +10,8 @@ use super::npy::{Dtype, Header, Number};
 
 /// Maximum number of members in an archive. A PlenOctree has a dozen.
 const MAX_MEMBERS: u64 = 4096;
-/// Maximum compression ratio of a large array. Trained fields stay below 10. Synthetic fields of a single color exceed the
-/// limit, and cannot be read if they are large.
+/// Maximum compression ratio of a large array. Trained fields stay below 10. The only smooth synthetic fields that
+/// exceed the limit are too small to be checked.
 const MAX_RATIO: u64 = 200;
 /// Maximum compression ratio that deflate can reach.
 const DEFLATE_RATIO: u64 = 1032;

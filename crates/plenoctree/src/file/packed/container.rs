@@ -19,8 +19,8 @@ const ENTRY: usize = 24;
 /// Largest compression ratio of deflate.
 const DEFLATE_RATIO: u64 = 1032;
 /// Size above which content counts as large, in bytes, and the largest ratio that it may have to the size of the file.
-/// Packed fields of scenes stay below 20. Those of a single color may exceed the ratio, but hardly ever are as large.
-const LARGE: u64 = 1 << 30;
+/// Packed fields stay below 20.
+const LARGE: u64 = 128 << 20;
 const MAX_RATIO: u64 = 200;
 
 /// A part of the file, not yet read.
