@@ -122,7 +122,7 @@ impl GpuField {
     /// thread, or waits for one.
     #[cfg(feature = "headless")]
     pub(crate) fn awaits_threads(&self) -> bool {
-        self.levels.await_threads()
+        !self.is_new && self.levels.await_threads()
     }
 
     /// Makes and uploads the field, and the levels that were requested in this frame, as far as the allowance goes. If a

@@ -3,7 +3,7 @@
 use std::{thread::available_parallelism, time::Duration};
 
 use bevy::{
-    platform::time::Instant,
+    platform::{collections::HashSet, time::Instant},
     prelude::*,
     render::{
         Extract,
@@ -29,12 +29,18 @@ pub(super) fn extract_missing(
     mut extracted: ResMut<ExtractedAssets<GpuField>>,
     on_gpu: Res<RenderAssets<GpuField>>,
     fields: Extract<Res<Assets<PlenOctree>>>,
+    // Bevy may extract a field one frame late.
+    mut before: Local<HashSet<AssetId<PlenOctree>>>,
 ) {
-    for (id, field) in fields.iter().filter(|(id, _)| on_gpu.get(*id).is_none()) {
-        if extracted.added.insert(id) {
-            extracted.extracted.push((id, field.clone()));
+    let missing: HashSet<_> = fields.ids().filter(|id| on_gpu.get(*id).is_none()).collect();
+    for id in missing.intersection(&before) {
+        if let Some(field) = fields.get(*id)
+            && extracted.added.insert(*id)
+        {
+            extracted.extracted.push((*id, field.clone()));
         }
     }
+    *before = missing;
 }
 
 /// Makes and uploads fields, and the levels that views requested in this frame, as far as the budget allows.

@@ -349,7 +349,7 @@ pub(super) fn extract_props(
     on_gpu: Res<RenderAssets<GpuField>>,
     palettes: Extract<Res<Palettes>>,
     extraction: Extract<Res<PaletteExtraction>>,
-    server: Extract<Option<Res<AssetServer>>>,
+    (server, shaders): (Extract<Option<Res<AssetServer>>>, Extract<Res<Assets<Shader>>>),
     props: Extract<Query<(Entity, (&Prop, &DrawnField), &SolidOpacity, PropColors, &GlobalTransform, &ViewVisibility)>>,
     cameras: Extract<Query<(RenderEntity, &Camera, Has<Camera3d>, &VisibleEntities, CameraSettings)>>,
 ) {
@@ -434,9 +434,11 @@ pub(super) fn extract_props(
         view.props.extend(seen);
         (view.view_posterize, view.placement, view.quality, view.ink) = (view_posterize, placement, quality, ink);
         view.stages.clear();
-        // Nothing waits for shaders that failed to load.
-        let state = |stage: &Handle<Shader>| server.as_ref()?.get_load_state(stage);
-        let fails = |stage| matches!(state(stage), Some(LoadState::Failed(_)));
+        // Nothing waits for shaders that failed to load, or that nothing loads.
+        let fails = |stage: &Handle<Shader>| match server.as_ref().and_then(|server| server.get_load_state(stage)) {
+            Some(state) => matches!(state, LoadState::Failed(_)),
+            None => !shaders.contains(stage),
+        };
         let stages = stages.map(|stages| &stages.0).filter(|stages| !stages.iter().any(fails));
         view.stages.extend(stages.into_iter().flatten().cloned());
         view.has_motion = has_motion && placement == PropPlacement::Scene;

@@ -50,7 +50,7 @@ fn followed(path: &Path) -> io::Result<PathBuf> {
     /// As many as Linux follows.
     const MOST: usize = 40;
     let mut target = path.to_path_buf();
-    for _ in 0..MOST {
+    for _ in 0..=MOST {
         let Ok(next) = fs::read_link(&target) else { return Ok(target) };
         target.pop();
         target.push(next);

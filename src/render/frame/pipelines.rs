@@ -13,7 +13,7 @@ use bevy::{
             texture_depth_2d, texture_depth_2d_multisampled, uniform_buffer, uniform_buffer_sized,
         },
     },
-    shader::ShaderDefVal,
+    shader::{ShaderCacheError, ShaderDefVal},
 };
 
 use super::{
@@ -79,10 +79,10 @@ impl Pipelines {
         None
     }
 
-    /// Returns whether this pipeline could not be created, or waits for a shader, which may never come.
+    /// Returns whether this pipeline could not be created, or imports what may never come.
     pub fn fails(&mut self, cache: &PipelineCache, pass: &Pass, program: &Program, target: TextureFormat) -> bool {
         let state = cache.get_render_pipeline_state(self.id(cache, pass, program, target));
-        matches!(state, CachedPipelineState::Err(_))
+        matches!(state, CachedPipelineState::Err(error) if !matches!(error, ShaderCacheError::ShaderNotLoaded(_)))
     }
 
     /// Returns this pipeline, whether it is ready or not.

@@ -232,9 +232,16 @@ pub(in crate::render) fn request(
         let pass = volume_of(&plan, RaySet::Pixels);
         pipelines.get(cache, &pass, &volume_program(&plan, RaySet::Pixels, kind), plan.target.format);
     };
+    let mut shapes = vec![];
     for (id, field) in fields.iter() {
         let unseen = || field.level(Level::default()).filter(|_| extracted.props.iter().all(|prop| prop.field != id));
-        let Some(shape) = field.arriving_shape().or_else(|| Some(unseen()?.shape)) else { continue };
+        if let Some(shape) = field.arriving_shape().or_else(|| Some(unseen()?.shape))
+            && !shapes.contains(&shape)
+        {
+            shapes.push(shape);
+        }
+    }
+    for shape in shapes {
         for kind in (0..kinds.len()).filter(|kind| kinds[*kind]) {
             let [is_lit, may_recolor] = [kind & 2 != 0, kind & 1 != 0];
             request(Kind { shape, overlaps: false, is_lit, may_recolor });

@@ -51,9 +51,9 @@ impl PlenOctree {
     ///
     /// The surface is found in a grid of cubes of width `cell_size`, in world units of the field: larger cubes make
     /// simpler surfaces. The solidity of a cube is the opacity of paths of that length through its content; the surface
-    /// is where it reaches `opacity`, more than 0 and less than 1 in float32. Closed hollows count as solid, because trained and
-    /// packed fields are often empty inside. Walls that are thinner than a cube become as thick as one. An empty field
-    /// has an empty surface.
+    /// is where it reaches `opacity`, more than 0 and less than 1 in float32. Closed hollows count as solid, because
+    /// trained and packed fields are often empty inside. Walls that are thinner than a cube become as thick as one. An
+    /// empty field has an empty surface.
     ///
     /// The surface is simplified: parts that are flat to within a tenth of a cube consist of few, large triangles.
     ///

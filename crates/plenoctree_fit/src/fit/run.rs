@@ -175,7 +175,11 @@ pub fn fit(
     report.stopped = progress.is_stopped();
     // Also when training is complete: what follows may fail, and can then be repeated without training again.
     if let Some(path) = saved {
-        Checkpoint::write(path, key, &model, &position, &random)?;
+        let written = Checkpoint::write(path, key, &model, &position, &random);
+        // Without it, the result is as good.
+        if report.stopped {
+            written?;
+        }
     }
     if matches!(model.backdrop, Backdrop::Learned(_) | Backdrop::Color(_)) {
         report.gains = Some(model.gains.iter().map(|gain| gain.to_array()).collect());
@@ -212,8 +216,9 @@ pub fn fit(
     report.depth = field.depth();
     report.cube = [cube.low.to_array(), (cube.low + cube.size).to_array()];
     report.seconds = Seconds { preparing, training, measuring: start.elapsed().as_secs_f64() };
-    if let Some(path) = saved.filter(|path| !report.stopped && path.exists()) {
-        fs::remove_file(path).map_err(FitError::io(path))?;
+    if let Some(path) = saved.filter(|_| !report.stopped) {
+        // One that cannot be removed costs nothing but its space.
+        let _ = fs::remove_file(path);
     }
     Ok(Fitted { field, previews, report })
 }

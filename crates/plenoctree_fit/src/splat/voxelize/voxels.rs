@@ -120,8 +120,7 @@ impl Voxels {
     }
 
     /// Makes the field that looks most like the capture with at most this many leaves, or fewer if more would hardly
-    /// look better. If asked for fewer than 32,768 leaves, it may have more than that many, because every block of cells
-    /// keeps one.
+    /// look better. Every block of cells keeps one, so with fewer than 32,768, there may be more than requested.
     ///
     /// # Errors
     ///
