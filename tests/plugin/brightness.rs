@@ -7,7 +7,9 @@ use bevy::{
     light::{CascadeShadowConfigBuilder, GlobalAmbientLight, ShadowFilteringMethod},
     prelude::*,
 };
-use bevy_plenoctree::{BorderSmoothing, EdgeSmoothing, FieldPalette, PlenOctree, Posterize, PropLighting, PropTint};
+use bevy_plenoctree::{
+    BorderSmoothing, EdgeSmoothing, FieldPalette, PlenOctree, Posterize, PropLighting, PropTint, headless::exact_camera,
+};
 use glam::{DVec2, DVec3};
 use image::RgbaImage;
 
@@ -317,6 +319,30 @@ fn rims_light_outlines() {
     for (x, y) in places(PIXELS, PIXELS).filter(|(x, _)| *x < middle - 8) {
         assert_eq!(rim.get_pixel(x, y), unlit.get_pixel(x, y), "({x}, {y}) is on the other side");
     }
+}
+
+/// In the light of a cartoon, the knobs of the robot cast no shadows on its front: only their ends would be seen, as spots.
+#[test]
+fn cartoons_have_no_ends_of_shadows() {
+    const WIDTH: u32 = 480;
+    let mut stage = Stage::with_meshes(WIDTH);
+    stage.spawn_prop(&included("robot"), ());
+    stage.set((exact_camera(Color::WHITE), Transform::from_xyz(0.0, 0.5, 3.0).looking_at(Vec3::ZERO, Vec3::Y)));
+    spawn_sun(&mut stage, DVec3::new(3.0, 5.0, 2.0), 8000.0, true);
+    let toon = PropLighting::toon(2.0);
+    stage.dress((Posterize::toon(), toon));
+    stage.wait();
+    let spots = |stage: &mut Stage, self_shadow_distance: f32| {
+        let with = light(stage, PropLighting { self_shadow_distance, ..toon });
+        let without = light(stage, PropLighting { self_shadow_distance: f32::MAX, ..toon });
+        let front = places(WIDTH, WIDTH).filter(|(x, y)| (165..310).contains(x) && (215..310).contains(y));
+        front.filter(|(x, y)| linear(with.get_pixel(*x, *y)).y < 0.9 * linear(without.get_pixel(*x, *y)).y).count()
+    };
+    let [ours, shorter] = [1.0, 0.67].map(|part| spots(&mut stage, part * toon.self_shadow_distance));
+    assert!(
+        shorter > 500 && ours < shorter / 10,
+        "{ours} pixels are dark, and {shorter} at two thirds of the distance"
+    );
 }
 
 /// What the guide says of nights: in the light of a lamp, dark props look as trained, posterized ones, too.
