@@ -48,7 +48,9 @@ pub struct Posterize {
     pub min_opacity: f32,
     /// The filter that flattens colors before labels are assigned.
     ///
-    /// Defaults to 2 iterations, which is not the paper's 4.
+    /// Defaults to one iteration with a radius of 4, a spatial sigma of 4 and a range sigma of 5: tones flatten colors,
+    /// too, and a second iteration would lose details. [`BilateralFilter::default`] is the paper's filter instead. To
+    /// change a single setting, write `..Posterize::default().filter`.
     pub filter: BilateralFilter,
     /// What is drawn until the palette is loaded or extracted.
     ///
@@ -135,8 +137,7 @@ impl Default for Posterize {
             blend_steps: 3,
             softness: 0.0,
             min_opacity: 80.0 / 255.0,
-            // Tones flatten colors, too. More iterations would lose details, and flatten little more.
-            filter: BilateralFilter { iterations: 2, ..default() },
+            filter: BilateralFilter { iterations: 1, radius: 4, spatial_sigma: 4.0, range_sigma: 5.0 },
             before_palette: BeforePalette::default(),
             edges: EdgeSmoothing::default(),
             borders: BorderSmoothing::default(),
@@ -177,9 +178,10 @@ impl Posterize {
         Self { softness: 0.12, ..Self::toon() }
     }
 
-    /// Returns the look of the paper, with which the accuracy of this crate is measured: labels are the colors of
-    /// a [hull](PaletteMethod::Hull) and blends of them, with soft transitions, as section 4 of the method specifies. The silhouette is smooth, which the paper's is not: see [`EdgeSmoothing`]. The field gets such a palette
-    /// only if it has none yet.
+    /// Returns the look of the paper, with which the accuracy of this crate is measured. Labels are the colors of a
+    /// [hull](PaletteMethod::Hull) and blends of them, with soft transitions, as section 4 of the method specifies. The
+    /// silhouette is smooth, unlike the paper's: see [`EdgeSmoothing`]. The field gets such a palette only if it has none
+    /// yet.
     pub fn paper() -> Self {
         Self {
             softness: 0.2,
@@ -247,7 +249,7 @@ impl Posterize {
     }
 }
 
-/// Settings of the separable bilateral filter: section 4, step 2 of the method.
+/// Settings of the separable bilateral filter: section 4, step 2 of the method. The defaults are the paper's.
 #[derive(Clone, Copy, Debug, PartialEq, Reflect)]
 #[reflect(Default, Clone, Debug, PartialEq)]
 #[type_path = "bevy_plenoctree"]

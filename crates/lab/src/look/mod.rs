@@ -18,7 +18,7 @@ use plenoctree_cli::{
     console, extraction, field, files, hex,
     preset::Preset,
     progress,
-    renderer::{Look, PosterizeSettings, Render, Renderer, Scene},
+    renderer::{Filter, Look, PosterizeSettings, Render, Renderer, Scene},
     result::Result,
     turntable,
 };
@@ -142,7 +142,7 @@ impl Pictures<'_> {
         let settings = PosterizeSettings {
             blend_steps: steps,
             softness: 0.0,
-            filter_iterations: 2,
+            filter: Filter::TONES,
             smooth_edges: self.smooth,
             ..PosterizeSettings::default()
         };

@@ -19,7 +19,7 @@ use bevy_plenoctree::{
 use image::{DynamicImage, RgbImage, RgbaImage};
 use plenoctree::{PlenOctree, UpAxis, camera::PinholeCamera};
 
-use super::interface::{Adapter, FrameTimes, Look, PosterizeSettings, Render, Scene};
+use super::interface::{Adapter, Filter, FrameTimes, Look, PosterizeSettings, Render, Scene};
 use crate::{preset::Preset, result::Result};
 
 /// How long to wait until the field is on the GPU.
@@ -143,11 +143,12 @@ fn elapsed(diagnostics: &DiagnosticsStore, spans: &[&str], start: Instant) -> Op
 }
 
 fn posterize(settings: PosterizeSettings) -> Posterize {
+    let Filter { iterations, radius, spatial_sigma, range_sigma } = settings.filter;
     Posterize {
         blend_steps: settings.blend_steps,
         softness: settings.softness,
         min_opacity: settings.min_opacity,
-        filter: BilateralFilter { iterations: settings.filter_iterations, ..default() },
+        filter: BilateralFilter { iterations, radius, spatial_sigma, range_sigma },
         edges: if settings.smooth_edges { EdgeSmoothing::Coverage } else { EdgeSmoothing::Off },
         borders: if settings.smooth_edges { BorderSmoothing::Interpolated } else { BorderSmoothing::Off },
         ..Posterize::default()
@@ -162,4 +163,16 @@ fn quality(preset: Preset) -> PropQuality {
         Preset::Fast => QualityPreset::Fast,
     };
     preset.quality()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn filters_are_those_of_the_plugin() {
+        let of = |filter| posterize(PosterizeSettings { filter, ..default() }).filter;
+        assert_eq!(of(Filter::TONES), Posterize::toon().filter);
+        assert_eq!(of(Filter::PAPER), Posterize::paper().filter);
+    }
 }

@@ -36,8 +36,8 @@ pub struct PosterizeSettings {
     pub softness: f32,
     /// The opacity below which pixels are drawn as trained.
     pub min_opacity: f32,
-    /// The number of iterations of the bilateral filter.
-    pub filter_iterations: u32,
+    /// The filter that flattens colors.
+    pub filter: Filter,
     /// Whether the edges of the prop and the borders between hard labels are smooth. GPU only.
     #[cfg_attr(not(feature = "bevy"), allow(dead_code))]
     pub smooth_edges: bool,
@@ -53,11 +53,28 @@ impl Default for PosterizeSettings {
             blend_steps: 3,
             softness: 0.2,
             min_opacity: 80.0 / 255.0,
-            filter_iterations: 4,
+            filter: Filter::PAPER,
             smooth_edges: false,
             ink: false,
         }
     }
+}
+
+/// The settings of the bilateral filter, for every renderer: the iterations, the radius in pixels, and the sigmas in pixels
+/// and in CIELAB.
+#[derive(Clone, Copy)]
+pub struct Filter {
+    pub iterations: u32,
+    pub radius: u32,
+    pub spatial_sigma: f32,
+    pub range_sigma: f32,
+}
+
+impl Filter {
+    /// That of the paper.
+    pub const PAPER: Self = Self { iterations: 4, radius: 2, spatial_sigma: 3.0, range_sigma: 4.25 };
+    /// That of the plugin's default, for tones.
+    pub const TONES: Self = Self { iterations: 1, radius: 4, spatial_sigma: 4.0, range_sigma: 5.0 };
 }
 
 /// The times of a posterized view in milliseconds. `None` if they could not be measured.

@@ -84,7 +84,9 @@ fn posterization(look: &Look) -> Posterization {
         blend_steps: settings.blend_steps,
         softness: settings.softness.into(),
         min_opacity: settings.min_opacity.into(),
-        iterations: settings.filter_iterations,
-        ..Posterization::default()
+        iterations: settings.filter.iterations,
+        radius: settings.filter.radius,
+        spatial_sigma: settings.filter.spatial_sigma.into(),
+        range_sigma: settings.filter.range_sigma.into(),
     }
 }

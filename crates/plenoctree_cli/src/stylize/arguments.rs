@@ -108,7 +108,7 @@ impl Arguments {
             blend_steps,
             softness: self.softness.unwrap_or(self.look.softness()),
             min_opacity: self.min_opacity,
-            filter_iterations: self.look.filter_iterations(),
+            filter: self.look.filter(),
             smooth_edges: self.smooth_edges || is_smooth,
             ink: self.look == NamedLook::Comic,
         }

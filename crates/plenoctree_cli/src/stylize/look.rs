@@ -3,6 +3,8 @@
 use clap::ValueEnum;
 use plenoctree::palette::PaletteMethod;
 
+use crate::renderer::Filter;
+
 /// A look, named as in the plugin.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum NamedLook {
@@ -26,11 +28,11 @@ impl NamedLook {
         }
     }
 
-    /// Returns the number of iterations of the filter.
-    pub fn filter_iterations(self) -> u32 {
+    /// Returns the filter that flattens colors.
+    pub fn filter(self) -> Filter {
         match self {
-            Self::Paper => 4,
-            Self::Toon | Self::Comic | Self::Soft => 2,
+            Self::Paper => Filter::PAPER,
+            Self::Toon | Self::Comic | Self::Soft => Filter::TONES,
         }
     }
 
