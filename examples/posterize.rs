@@ -1,7 +1,7 @@
 //! Posterizes a prop that stands among ordinary meshes.
 //!
-//! The plugin extracts the palette while the app runs: on the GPU, or in the background on the CPU. If there were a file
-//! `toadstool.palette.json` next to the field, it would be loaded instead.
+//! The plugin extracts the palette while the app runs: on the GPU, or in the background on the CPU. If there were a
+//! file `toadstool.palette.json` next to the field, it would be loaded instead.
 //!
 //! ```sh
 //! cargo run --release --example posterize

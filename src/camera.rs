@@ -39,8 +39,8 @@ pub enum PropPlacement {
     ///
     /// Opaque meshes still occlude props. Transparent objects are drawn once more and blended over props, in every
     /// `AlphaMode` as in the scene, but without tonemapping; those behind solid parts are hidden. Objects with
-    /// `specular_transmission` are covered by props. Depth is written at this point as well, so depth of field, fog, temporal
-    /// antialiasing and other effects do not see it. Cameras whose main pass has a different resolution
+    /// `specular_transmission` are covered by props. Depth is written at this point as well, so depth of field, fog,
+    /// temporal antialiasing and other effects do not see it. Cameras whose main pass has a different resolution
     /// (`MainPassResolutionOverride`) draw their props at [`Self::Scene`] instead.
     Display,
 }
@@ -90,9 +90,9 @@ pub struct PosterizeView(pub Handle<PlenOctree>);
 ///   prop. Both are those of the center of a pixel. At the edge of a prop, its colors are blended with what is behind
 ///   ([`EdgeSmoothing`](crate::EdgeSmoothing)); labels are not.
 ///
-/// The textures hold the part of the view that props cover, and may be larger: `bevy_plenoctree::view::view.size` is the
-/// size of the part, and `view.corner` the pixel of the target where it begins. Until a shader is loaded, the stages are
-/// left out.
+/// The textures hold the part of the view that props cover, and may be larger: `bevy_plenoctree::view::view.size` is
+/// the size of the part, and `view.corner` the pixel of the target where it begins. Until a shader is loaded, the
+/// stages are left out.
 ///
 /// ```
 /// # use bevy::{prelude::*, shader::Shader};

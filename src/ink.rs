@@ -64,8 +64,8 @@ pub const MAX_INK_PIXELS: f32 = 16.0;
 #[reflect(Default, Clone, Debug, PartialEq)]
 #[type_path = "bevy_plenoctree"]
 pub enum InkColor {
-    /// The same color everywhere. Its alpha is the opacity of the lines. The prop's [`PropTint`](crate::PropTint) applies
-    /// to it.
+    /// The same color everywhere. Its alpha is the opacity of the lines. The prop's [`PropTint`](crate::PropTint)
+    /// applies to it.
     Flat(Color),
     /// The color of the label below the line, with this fraction of its light, from 0 to 1.
     Tone(f32),
@@ -84,8 +84,8 @@ impl Default for InkColor {
 pub enum InkBorders {
     /// None.
     None,
-    /// Those between two [ramps](plenoctree::palette::Palette::ramps), so between materials. A color without a ramp is a
-    /// ramp by itself. This is the default.
+    /// Those between two [ramps](plenoctree::palette::Palette::ramps), so between materials. A color without a ramp is
+    /// a ramp by itself. This is the default.
     #[default]
     Ramps,
     /// All of them.

@@ -60,23 +60,23 @@ pub struct PropLighting {
     ///
     /// The colors of a field already contain the shadows that its parts cast when it was trained, so this adds to them.
     /// Use it if the scene's lights come from elsewhere: the side that faces away from a light gets dark, and a cap
-    /// shades the stem below. 15% of the prop's size is a good start: at smaller distances, knobs and frames cast shadows
-    /// whose nearest part is missing, which look like spots. Very small distances cause shadow acne on surfaces that the
-    /// light grazes, because surfaces consist of cells and shadow maps of texels.
+    /// shades the stem below. 15% of the prop's size is a good start: at smaller distances, knobs and frames cast
+    /// shadows whose nearest part is missing, which look like spots. Very small distances cause shadow acne on surfaces
+    /// that the light grazes, because surfaces consist of cells and shadow maps of texels.
     ///
     /// Defaults to [`f32::MAX`]: the prop casts no shadow on itself. Clamped to 0..=[`f32::MAX`], because JSON has no
     /// infinity.
     pub self_shadow_distance: f32,
-    /// The share of its own linear light that a prop gains in the brightest light. Where the scene's lights make a white
-    /// mesh `light` times as bright as white, it gains `1 - exp(-light)` of this share: 0.63 of it where a white mesh
-    /// looks just white, and 0.4 in half of that light.
+    /// The share of its own linear light that a prop gains in the brightest light. Where the scene's lights make a
+    /// white mesh `light` times as bright as white, it gains `1 - exp(-light)` of this share: 0.63 of it where a white
+    /// mesh looks just white, and 0.4 in half of that light.
     ///
     /// Counts directional, point and spot lights with their shadows and their range, by the angle at which their light
     /// falls on the prop, and ambient light. It does not count environment maps. Point and spot lights only add: where
-    /// they are blocked, the prop is as without them. Where directional light is blocked, the share of it in all light
-    /// that would arrive is subtracted from the added light, so a shadow of the moon is lost in the light of a lamp. The
-    /// surface is smoothed over at least 3% of the prop's size, so that steps end at smooth lines although it consists of
-    /// cells. Smaller parts are lit like what is around them.
+    /// they are blocked, the prop looks as it would without them. Where directional light is blocked, the share of it
+    /// in all light that would arrive is subtracted from the added light, so a shadow of the moon is lost in the light
+    /// of a lamp. The surface is smoothed over at least 3% of the prop's size, so that steps end at smooth lines
+    /// although it consists of cells. Smaller parts are lit like what is around them.
     ///
     /// The light of a lamp comes on top of what the prop was trained with. To make it dark where no lamp shines, dim it
     /// with a [`PropTint`](crate::PropTint).
@@ -97,9 +97,9 @@ impl Default for PropLighting {
 }
 
 impl PropLighting {
-    /// Returns the lighting of a cartoon, for a prop of a size in world units: clean lines between shadow, dark and two
-    /// steps of light, a thin rim, and a little of the lights' color. Parts cast shadows on others that are at least 15%
-    /// of the prop's size away.
+    /// Returns the lighting of a cartoon, for a prop that is `size` world units large: two steps of shadow and two of
+    /// light with clean lines between them, a thin rim, and a little of the lights' color. Parts cast shadows on others
+    /// that are at least 15% of `size` away.
     pub const fn toon(size: f32) -> Self {
         Self { shadows: 0.5, tint: 0.25, bands: 2, self_shadow_distance: 0.15 * size, brightness: 0.6, rim: 0.5 }
     }

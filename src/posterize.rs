@@ -15,9 +15,9 @@ pub const MAX_FILTER_RADIUS: u32 = 6;
 /// Posterizes a [`Prop`](crate::Prop): filters its pixels and replaces their colors by labels, as described in section
 /// 4 of the method.
 ///
-/// With [tones](crate::PaletteMethod::Tones), the default, labels do not depend on what is behind the prop, and the prop
-/// stays as transparent as the field. With other palettes, posterized pixels are opaque, and the background affects their
-/// label, as in the paper.
+/// With [tones](crate::PaletteMethod::Tones), the default, labels do not depend on what is behind the prop, and the
+/// prop stays as transparent as the field. With other palettes, posterized pixels are opaque, and the background
+/// affects their label, as in the paper.
 ///
 /// Uses the palette of the prop's field in [`Palettes`](crate::Palettes). If the field has none, one is loaded or
 /// extracted; [`before_palette`](Self::before_palette) sets what is drawn until it is ready. Add a
@@ -68,8 +68,8 @@ pub struct Posterize {
     /// camera moves. In encoded sRGB, or in [tone space](plenoctree::palette::tone_space) for palettes of
     /// [tones](crate::PaletteMethod::Tones). 0 assigns the labels of every frame anew.
     ///
-    /// Where neither has moved for ten frames, every pixel has the nearest label. Only hard labels are kept ([`softness`](Self::softness)
-    /// 0), where the prop is [solid](crate::SolidOpacity), and only in views whose
+    /// Where neither has moved for ten frames, every pixel has the nearest label. Only hard labels are kept
+    /// ([`softness`](Self::softness) 0), where the prop is [solid](crate::SolidOpacity), and only in views whose
     /// [`PropQuality::steady_labels`](crate::PropQuality::steady_labels) is true.
     ///
     /// Defaults to 0.032. Negative values count as 0.
@@ -180,8 +180,8 @@ impl Posterize {
 
     /// Returns the look of the paper, with which the accuracy of this crate is measured. Labels are the colors of a
     /// [hull](PaletteMethod::Hull) and blends of them, with soft transitions, as section 4 of the method specifies. The
-    /// silhouette is smooth, unlike the paper's: see [`EdgeSmoothing`]. The field gets such a palette only if it has none
-    /// yet.
+    /// silhouette is smooth, unlike the paper's: see [`EdgeSmoothing`]. The field gets such a palette only if it has
+    /// none yet.
     pub fn paper() -> Self {
         Self {
             softness: 0.2,

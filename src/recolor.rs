@@ -4,16 +4,16 @@ use bevy::prelude::*;
 
 use crate::posterize::{BeforePalette, Posterize};
 
-/// Recolors a [`Prop`](crate::Prop) without posterizing it. The prop keeps its trained shading and texture, but its colors
-/// follow changes of the palette: a photographed helmet takes on a team color and still looks like a photograph.
+/// Recolors a [`Prop`](crate::Prop) without posterizing it. The prop keeps its trained shading and texture, but its
+/// colors follow changes of the palette: a photographed helmet takes on a team color and still looks like a photograph.
 ///
-/// Each color is a weighted mix of nearby palette colors, and moves in Oklab as they do (section 4 of the method, step 9).
-/// So textures stay, there are no seams between ramps, and colors near which nothing has changed stay as they are, bit for
-/// bit.
+/// Each color is a weighted mix of nearby palette colors, and moves in Oklab as they do (section 4 of the method, step
+/// 9). So textures stay, there are no seams between ramps, and colors near which nothing has changed stay as they are,
+/// bit for bit.
 ///
 /// Uses the palette of the prop's field in [`Palettes`](crate::Palettes), with the
-/// [`PaletteOverride`](crate::PaletteOverride) of the entity. If the field has no palette, one is loaded or extracted, as
-/// for [`Posterize`]. A prop that also has a [`Posterize`] is posterized.
+/// [`PaletteOverride`](crate::PaletteOverride) of the entity. If the field has no palette, one is loaded or extracted,
+/// as for [`Posterize`]. A prop that also has a [`Posterize`] is posterized.
 ///
 /// ```
 /// # use bevy::prelude::*;

@@ -1,7 +1,7 @@
 //! Animates palettes: day and night, team colors, and a drum that flashes when it is hit (press space, or click).
 //!
-//! The palette of the toadstool is extracted when the app starts. Those of the others are loaded from files next to their
-//! fields in `assets/`.
+//! The palette of the toadstool is extracted when the app starts. Those of the others are loaded from files next to
+//! their fields in `assets/`.
 //!
 //! ```sh
 //! cargo run --release --example animate_palette

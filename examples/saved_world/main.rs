@@ -1,6 +1,7 @@
 //! Saves props with their colors and settings to a file, and loads them again.
 //!
-//! Press space to change the props, S to save them, and L to load them. If the file exists, they are loaded at the start.
+//! Press space to change the props, S to save them, and L to load them. If the file exists, they are loaded at the
+//! start.
 //!
 //! ```sh
 //! cargo run --release --example saved_world

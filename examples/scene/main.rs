@@ -2,8 +2,8 @@
 //! the robot marches. Drag with the mouse to orbit the camera.
 //!
 //! Combines lit meshes with shadows, glass in front of and behind props, HDR with bloom and tonemapping, and props in
-//! four styles: a cartoon that glows in the dark, a comic with lines, soft tones, and a field as trained. The props cast
-//! shadows, and shadows fall on them.
+//! four styles: a cartoon that glows in the dark, a comic with lines, soft tones, and a field as trained. The props
+//! cast shadows, and shadows fall on them.
 //!
 //! ```sh
 //! cargo run --release --example scene

@@ -24,9 +24,9 @@ use crate::background::{self, on_cores};
 /// Loads captures of Gaussian splats as [`PlenOctree`] assets: `.ply`, `.spz` and `.sog` files, and others whose
 /// `.meta` file names this loader, such as glTF with `KHR_gaussian_splatting`, or the `meta.json` file of SOG.
 ///
-/// The Gaussians are added up in the cells of a field, in the background. That takes seconds, and fields of captures are
-/// large, so pack them with the asset processor ([`PackSaver`](crate::PackSaver)), or convert them with
-/// `plenoctree convert`, which also refines them. Invalid files fail to load with a [`SplatError`].
+/// The Gaussians are added up in the cells of a field, in the background. That takes seconds, and fields of captures
+/// are large, so pack them with the asset processor ([`PackSaver`](crate::PackSaver)), or convert them with `plenoctree
+/// convert`, which also refines them. Invalid files fail to load with a [`SplatError`].
 #[derive(TypePath)]
 #[type_path = "bevy_plenoctree"]
 pub struct CaptureLoader {

@@ -18,8 +18,8 @@ use crate::background;
 /// an asset processor has [packed](crate::PackSaver) load under their original names. Invalid files fail to load with a
 /// [`ReadError`].
 ///
-/// The whole file is in memory while it is parsed: half a megabyte of a packed field. The web has no threads, so the app
-/// freezes there while a file is parsed.
+/// The whole file is in memory while it is parsed: those of the included props are about half a megabyte. The web has
+/// no threads, so the app freezes there while a file is parsed.
 #[derive(TypePath)]
 #[type_path = "bevy_plenoctree"]
 pub struct PlenOctreeLoader {

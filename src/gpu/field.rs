@@ -125,8 +125,8 @@ impl GpuField {
         !self.is_new && self.levels.await_threads()
     }
 
-    /// Makes and uploads the field, and the levels that were requested in this frame, as far as the allowance goes. If a
-    /// level fails, returns its error.
+    /// Makes and uploads the field, and the levels that were requested in this frame, as far as the allowance goes. If
+    /// a level fails, returns its error.
     pub(super) fn advance(&mut self, uploader: &Uploader, allowance: &mut Allowance) -> Option<FieldTooLarge> {
         self.levels.advance(uploader, allowance)
     }

@@ -119,8 +119,8 @@ impl Levels {
         }
     }
 
-    /// Makes and uploads the field itself and the levels that were requested in this frame, as far as the allowance goes.
-    /// If one fails, returns its error.
+    /// Makes and uploads the field itself and the levels that were requested in this frame, as far as the allowance
+    /// goes. If one fails, returns its error.
     pub fn advance(&mut self, uploader: &Uploader, allowance: &mut Allowance) -> Option<FieldTooLarge> {
         let Self { source, faintness, slots } = self;
         let mut failure = None;

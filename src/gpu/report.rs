@@ -45,8 +45,8 @@ pub struct FieldFailed {
 /// props: about 24 bytes for each pixel of the part that they cover, or 120 if anything is posterized, depending on its
 /// settings and on what it sees.
 ///
-/// The camera draws no props then. It tries again every two seconds, and when its size, its
-/// [`PropQuality`](crate::PropQuality) or the number of props that it sees changes. The message is written once per
+/// The camera draws no props then. It tries again every two seconds, and when its size or the number of props that it
+/// sees changes. The message is written once per
 /// shortage, which ends when an attempt succeeds, or when the camera has nothing to draw.
 #[derive(Message, Clone, Debug, PartialEq, Eq)]
 pub struct ViewFailed {

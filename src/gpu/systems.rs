@@ -23,8 +23,8 @@ use super::{
     upload::Uploader,
 };
 
-/// Extracts the fields that Bevy extracted while there was no device, and dropped: it extracts only those again that had
-/// reached the device that was lost.
+/// Extracts the fields that Bevy extracted while there was no device, and dropped: it extracts only those again that
+/// had reached the device that was lost.
 pub(super) fn extract_missing(
     mut extracted: ResMut<ExtractedAssets<GpuField>>,
     on_gpu: Res<RenderAssets<GpuField>>,

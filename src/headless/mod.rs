@@ -142,8 +142,8 @@ impl Headless {
         })
     }
 
-    /// Resizes the target to `size` pixels, starting with the next frame. A size of 0 counts as 1. The viewports of cameras
-    /// must fit in it: otherwise, wgpu reports an error, and rendering ends.
+    /// Resizes the target to `size` pixels, starting with the next frame. A size of 0 counts as 1. The viewports of
+    /// cameras must fit in it: otherwise, wgpu reports an error, and rendering ends.
     pub fn resize(&mut self, size: UVec2) {
         let world = self.app.world_mut();
         let mut images = world.resource_mut::<Assets<Image>>();

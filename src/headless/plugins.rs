@@ -75,8 +75,8 @@ impl PluginGroup for LitMeshPlugins {
     }
 }
 
-/// Lets the CPU find the lights that reach each part of a view. On the GPU, Bevy finds them with numbers that it reads back
-/// from former frames: the first frames after a lamp was spawned may lack its light.
+/// Lets the CPU find the lights that reach each part of a view. On the GPU, Bevy finds them with numbers that it reads
+/// back from former frames: the first frames after a lamp was spawned may lack its light.
 #[cfg(feature = "headless-lit")]
 pub(super) fn light_every_frame(app: &mut App) {
     if let Some(mut settings) = app.world_mut().get_resource_mut::<bevy::light::cluster::GlobalClusterSettings>() {

@@ -9,15 +9,15 @@ use bevy::{
 use super::{Headless, HeadlessError};
 
 impl Headless {
-    /// Moves the mouse pointer to `position`, in pixels of the target from its upper left corner, and runs one frame, in
-    /// which no camera draws. By the time it returns, observers of what is there have run: of
+    /// Moves the mouse pointer to `position`, in pixels of the target from its upper left corner, and runs one frame,
+    /// in which no camera draws. By the time it returns, observers of what is there have run: of
     /// [`Pointer<Over>`](Over) and [`Pointer<Move>`](Move), for example.
     ///
     /// Pointers hit what the last frame showed, so run a frame after spawning or moving something. Props are hit if the
     /// app has the [`PropPickingPlugin`](crate::PropPickingPlugin). Requires the feature `picking`.
     ///
-    /// Bevy's picking looks for a primary window even if cameras draw to images. If there is none, one is spawned, which
-    /// is not shown.
+    /// Bevy's picking looks for a primary window even if cameras draw to images. If there is none, one is spawned,
+    /// which is not shown.
     ///
     /// Returns [`HeadlessError::NoPointers`] if the app does not have Bevy's `DefaultPickingPlugins`.
     pub fn pointer_to(&mut self, position: Vec2) -> Result<(), HeadlessError> {

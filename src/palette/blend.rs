@@ -38,8 +38,8 @@ impl BlendSpace {
     }
 }
 
-/// Converts a color to Oklab. Unlike Bevy, decodes negative channels of encoded sRGB like positive ones, as ramps do that
-/// move beyond what displays show.
+/// Converts a color to Oklab. Unlike Bevy, decodes negative channels of encoded sRGB like positive ones, as ramps do
+/// that move beyond what displays show.
 fn oklab(color: Color) -> Oklaba {
     let [red, green, blue] = Srgba::from(color).to_f32_array_no_alpha().map(|channel| decode(channel.into()) as f32);
     LinearRgba::new(red, green, blue, color.alpha()).into()

@@ -95,8 +95,8 @@ impl PaletteEditor<'_, '_> {
         }
     }
 
-    /// Edits the [`PaletteOverride`] of `prop` or, if it has none, the shown colors of its field. Ramps are edited in the
-    /// field's palette.
+    /// Edits the [`PaletteOverride`] of `prop` or, if it has none, the shown colors of its field. Ramps are edited in
+    /// the field's palette.
     pub(super) fn edit(&mut self, prop: Entity, field: AssetId<PlenOctree>, edit: Edit) {
         let own = self.props.get_mut(prop).ok().and_then(|(.., own)| own);
         // An edit of the user's that ramps cannot take, such as a name that another one has, changes nothing.

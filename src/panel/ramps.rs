@@ -18,8 +18,8 @@ const REST: f32 = 96.0;
 /// A tone that is dragged to another ramp.
 struct Dragged(usize);
 
-/// Shows a row for each ramp and returns the user's edit, if any. A row has the ramp's name and color, and its tones, which
-/// can be dragged to another row.
+/// Shows a row for each ramp and returns the user's edit, if any. A row has the ramp's name and color, and its tones,
+/// which can be dragged to another row.
 pub(super) fn rows(ui: &mut egui::Ui, colors: &Colors) -> Option<Edit> {
     let mut edit = None;
     for ramp in 0..colors.palette.ramps().len() {

@@ -40,9 +40,9 @@ pub struct PropHit {
 ///
 /// Uses the fields and transforms of the main world, so it needs neither a GPU nor a camera. Transforms are those of
 /// the last frame, unless the system runs after Bevy's `TransformSystems::Propagate`. Props are hit as soon as their
-/// fields are loaded, even if [`PropState`](crate::PropState) says that they are not drawn yet, but hidden ones are not:
-/// apps with few plugins need Bevy's `TransformPlugin`, and `VisibilityPlugin` or an `InheritedVisibility::VISIBLE` on
-/// each prop. For pointer events, add `PropPickingPlugin` (feature `picking`).
+/// fields are loaded, even if [`PropState`](crate::PropState) says that they are not drawn yet, but hidden ones are
+/// not: apps with few plugins need Bevy's `TransformPlugin`, and `VisibilityPlugin` or an
+/// `InheritedVisibility::VISIBLE` on each prop. For pointer events, add `PropPickingPlugin` (feature `picking`).
 ///
 /// This parameter reads [`Palettes`], so a system that uses it cannot change them. Pipe its hits into another system:
 ///

@@ -10,12 +10,12 @@ use super::component::Prop;
 
 /// Becomes a [`Prop`] of the field at an asset path, such as `"robot.plenoctree"`.
 ///
-/// Use it where components are written as text and handles cannot be: in the extras of glTF nodes, for example, into which
-/// Skein and Blenvy write the components that are added in Blender. When it is inserted, the field starts to load, and a
-/// [`Prop`] replaces this component.
+/// Use it where components are written as text and handles cannot be: in the extras of glTF nodes, for example, into
+/// which Skein and Blenvy write the components that are added in Blender. When it is inserted, the field starts to
+/// load, and a [`Prop`] replaces this component.
 ///
-/// A path that cannot be parsed is logged as an error, and changes nothing. In a world without an [`AssetServer`], such as
-/// that of a glTF scene, the component waits until it is copied to one that has it.
+/// A path that cannot be parsed is logged as an error, and changes nothing. In a world without an [`AssetServer`], such
+/// as that of a glTF scene, the component waits until it is copied to one that has it.
 ///
 /// ```
 /// # use bevy::prelude::*;

@@ -76,7 +76,8 @@ impl ExtractedProp {
         self.lighting.is_some_and(|lighting| lighting.brightness > 0.0)
     }
 
-    /// Returns its field at a level, or at one that stands in for it, and its pose: fewer leaves may have a smaller box.
+    /// Returns its field at a level, or at one that stands in for it, and its pose: fewer leaves may have a smaller
+    /// box.
     pub fn at_level<'a>(&self, level: Level, fields: &'a RenderAssets<GpuField>) -> Option<(&'a GpuLevel, Pose)> {
         let field = fields.get(self.field)?;
         let level = field.level(field.resolve(level))?;
@@ -107,8 +108,8 @@ pub(super) struct ExtractedPosterize {
 /// The location of a palette.
 #[derive(Clone, Copy)]
 pub(super) struct ExtractedPalette {
-    /// The index in [`ExtractedProps::colors`] of the first source color. The shown colors follow the source colors, both
-    /// in encoded sRGB, and then the source colors in the space of tones.
+    /// The index in [`ExtractedProps::colors`] of the first source color. The shown colors follow the source colors,
+    /// both in encoded sRGB, and then the source colors in the space of tones.
     pub first_color: u32,
     /// The number of source colors, which is also the number of shown colors.
     pub colors: u32,
@@ -152,9 +153,11 @@ const PAIRS: u32 = 16;
 impl ExtractedInk {
     /// Returns the lines of an ink, or `None` if there are none. Appends its pairs to `colors`.
     fn new(ink: &Ink, colors: &mut Vec<Vec4>) -> Option<Self> {
+        // `f32::max` ignores NaN.
+        let width = ink.width.max(0.0);
         let (color, tone) = match ink.color {
             InkColor::Flat(color) => (LinearRgba::from(color).to_vec4(), 0.0),
-            InkColor::Tone(share) => (Vec4::W, share.clamp(0.0, 1.0)),
+            InkColor::Tone(share) => (Vec4::W, share.max(0.0).clamp(0.0, 1.0)),
         };
         let borders = match &ink.borders {
             InkBorders::None => 0,
@@ -163,18 +166,16 @@ impl ExtractedInk {
             InkBorders::Pairs(_) => PAIRS,
         };
         let lines = u32::from(ink.silhouette) + 2 * u32::from(ink.creases) + borders;
-        // `f32::max` ignores NaN.
-        let width = ink.width.max(0.0);
         let ink_of = |pairs| Self {
             lines,
             pairs,
-            color: color.clamp(Vec4::ZERO, Vec4::splat(65504.0)).with_w(color.w.clamp(0.0, 1.0)),
+            color: color.max(Vec4::ZERO).min(Vec4::new(65504.0, 65504.0, 65504.0, 1.0)),
             tone,
             width,
             crease: CREASE * width,
-            max_pixels: ink.max_pixels.clamp(1.0, MAX_INK_PIXELS),
+            max_pixels: ink.max_pixels.max(1.0).clamp(1.0, MAX_INK_PIXELS),
         };
-        if lines == 0 || width == 0.0 || color.w <= 0.0 {
+        if lines == 0 || width == 0.0 || color.w.max(0.0) == 0.0 {
             return None;
         }
         let InkBorders::Pairs(pairs) = &ink.borders else {
@@ -237,8 +238,8 @@ impl PaletteWriter<'_> {
         }
     }
 
-    /// Appends source colors with their ramps, shown colors, the places of the source colors as tones, and these from dark to
-    /// light, with their indices.
+    /// Appends source colors with their ramps, shown colors, the places of the source colors as tones, and these from
+    /// dark to light, with their indices.
     fn append(&mut self, palette: &FieldPalette, own: Option<&PaletteOverride>) -> ExtractedPalette {
         let first = self.colors.len() as u32;
         let of = palette.palette();
@@ -322,7 +323,7 @@ impl VisibleProps {
 
 /// The components that determine a prop's colors, besides the palette of its field.
 type PropColors = (
-    &'static PropTint,
+    Option<&'static PropTint>,
     Option<&'static Posterize>,
     Option<&'static Recolor>,
     Option<&'static PaletteOverride>,
@@ -350,7 +351,9 @@ pub(super) fn extract_props(
     palettes: Extract<Res<Palettes>>,
     extraction: Extract<Res<PaletteExtraction>>,
     (server, shaders): (Extract<Option<Res<AssetServer>>>, Extract<Res<Assets<Shader>>>),
-    props: Extract<Query<(Entity, (&Prop, &DrawnField), &SolidOpacity, PropColors, &GlobalTransform, &ViewVisibility)>>,
+    props: Extract<
+        Query<(Entity, (&Prop, &DrawnField), Option<&SolidOpacity>, PropColors, &GlobalTransform, &ViewVisibility)>,
+    >,
     cameras: Extract<Query<(RenderEntity, &Camera, Has<Camera3d>, &VisibleEntities, CameraSettings)>>,
 ) {
     let ExtractedProps { props: list, colors, index, transforms, palettes: written } = &mut *extracted;
@@ -386,11 +389,14 @@ pub(super) fn extract_props(
                     cells: f64::from(1u32 << field.depth()),
                 },
                 previous: previous.get(&entity).copied().unwrap_or(*transform),
-                solid: *solid,
-                tint: tint.factors(),
+                solid: solid.copied().unwrap_or_default(),
+                tint: tint.copied().unwrap_or_default().factors(),
                 posterize: posterize.map(|(settings, palette)| writer.posterize(handle.id(), settings, palette, own)),
                 recolor: recolor.map(|palette| writer.write(handle.id(), palette, own)),
-                ink: ink.filter(|_| posterize.is_some()).and_then(|ink| ExtractedInk::new(ink, writer.colors)),
+                // Ink without lines keeps the camera's ink away.
+                ink: ink
+                    .filter(|_| posterize.is_some())
+                    .map(|ink| ExtractedInk::new(ink, writer.colors).unwrap_or_default()),
                 stand_in,
                 lighting: lighting.filter(|_| cfg!(feature = "shadows")).map(|lighting| lighting.clamped()),
             });

@@ -18,15 +18,16 @@ use bevy::{
 };
 use indexmap::IndexSet;
 
-/// Orders the systems that draw props, when the schedule is built. An order that another plugin requests takes precedence.
+/// Orders the systems that draw props, when the schedule is built. An order that another plugin requests takes
+/// precedence.
 #[derive(Debug)]
 pub(super) struct OrderPasses {
     /// Makes these the last ones that draw opaque things. They run between the opaque and the transparent main pass:
     /// before the main pass's own systems there, such as the one for objects that transmit light, which copies what is
     /// behind them; and after all others, such as the one that draws the sky.
     pub scene: InternedSystemSet,
-    /// Makes these the last ones of post-processing. Tonemapping and effects of other plugins swap the view's textures, so
-    /// a pass that is not ordered relative to them may draw to the wrong texture.
+    /// Makes these the last ones of post-processing. Tonemapping and effects of other plugins swap the view's textures,
+    /// so a pass that is not ordered relative to them may draw to the wrong texture.
     pub display: InternedSystemSet,
 }
 
@@ -59,8 +60,8 @@ impl ScheduleBuildPass for OrderPasses {
     }
 }
 
-/// Returns pairs of systems, the first of which must run before the second, so that those in `last` are the last ones in
-/// `set`.
+/// Returns pairs of systems, the first of which must run before the second, so that those in `last` are the last ones
+/// in `set`.
 fn last_in(graph: &mut ScheduleGraph, set: InternedSystemSet, last: InternedSystemSet) -> Vec<(SystemKey, SystemKey)> {
     let last = systems_in(graph, last);
     let others = systems_in(graph, set);

@@ -172,7 +172,7 @@ fn plan_views(
             buffers.shades.set(&device, &queue, "plenoctree_shades", BufferUsages::STORAGE, view.shades.colors());
         }
         if has_memory {
-            cached.decide(&device, passes, textures, buffers, left_out == LeftOut::Nothing, plan);
+            cached.decide(&device, passes, textures, buffers, left_out < LeftOut::More, plan);
         }
         if !has_memory || view.textures.allocator.error().is_some() {
             report_shortage(view, visible.props.len(), camera_entity.id(), &reports);
@@ -196,8 +196,8 @@ type Planned = (Plan, Vec<Pass>);
 /// The most frames for which a view is drawn as before because of pipelines that are not ready. They may never be.
 const MOST_HELD_FRAMES: u32 = 1000;
 
-/// Plans the frame of a view, without what needs a pipeline that is not ready. If the last frame drew that, all is drawn as
-/// then. Also returns what was left out. The plan is `None` if nothing is drawn.
+/// Plans the frame of a view, without what needs a pipeline that is not ready. If the last frame drew that, all is
+/// drawn as then. Also returns what was left out. The plan is `None` if nothing is drawn.
 fn plan(
     known: &Known,
     held_frames: &mut u32,

@@ -1,6 +1,6 @@
-//! What labels show in more or less light: the shown color of a lighter or darker label of the same ramp or, where there
-//! is none, of the same hue. Where these end, the rest of the light changes that color. These labels are found once per
-//! palette and light, so that a pixel takes one load.
+//! What labels show in more or less light: the shown color of a lighter or darker label of the same ramp or, where
+//! there is none, of the same hue. Where these end, the rest of the light changes that color. These labels are found
+//! once per palette and light, so that a pixel takes one load.
 
 use bevy::{platform::collections::HashMap, prelude::*};
 use glam::DVec3;
@@ -266,8 +266,8 @@ mod tests {
         LabelColor::new((color.truncate().as_dvec3(), None)).light()
     }
 
-    /// At night, a dark tint follows, so what is shown may be brighter than white before it: then light has the same effect
-    /// on all tones.
+    /// At night, a dark tint follows, so what is shown may be brighter than white before it: then light has the same
+    /// effect on all tones.
     #[test]
     fn a_dark_tint_leaves_room_for_light() {
         let reds = [Vec3::new(0.4, 0.06, 0.05), Vec3::new(0.6, 0.12, 0.1), Vec3::new(0.75, 0.2, 0.18)];

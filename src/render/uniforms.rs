@@ -100,8 +100,8 @@ impl PropUniform {
     }
 }
 
-/// Returns the same transform of homogeneous coordinates, with numbers near 1: while a graphics card clips triangles, it
-/// multiplies the coordinates of their vertices, and those of tiny and huge props would leave the range of float32.
+/// Returns the same transform of homogeneous coordinates, with numbers near 1: while a graphics card clips triangles,
+/// it multiplies the coordinates of their vertices, and those of tiny and huge props would leave the range of float32.
 fn near_one(clip_from_box: DMat4) -> DMat4 {
     let largest =
         clip_from_box.to_cols_array().into_iter().fold(f64::MIN_POSITIVE, |most, value| most.max(value.abs()));

@@ -3,8 +3,8 @@
 use bevy::reflect::{TypeInfo, Typed};
 use naga::{Expression, Literal, Module, TypeInner, front::wgsl::parse_str};
 
-/// Asserts that a struct of a shader has the fields of a uniform, by name and offset: `assert_layout!(Uniform, "shader",
-/// "Struct")`.
+/// Asserts that a struct of a shader has the fields of a uniform, by name and offset: `assert_layout!(Uniform,
+/// "shader", "Struct")`.
 macro_rules! assert_layout {
     ($uniform:ty, $shader:literal, $name:literal) => {
         $crate::tests::layouts::assert_fields::<$uniform>(

@@ -321,7 +321,8 @@ fn rims_light_outlines() {
     }
 }
 
-/// In the light of a cartoon, the knobs of the robot cast no shadows on its front: only their ends would be seen, as spots.
+/// In the light of a cartoon, the knobs of the robot cast no shadows on its front: only their ends would be seen, as
+/// spots.
 #[test]
 fn cartoons_have_no_ends_of_shadows() {
     const WIDTH: u32 = 480;

@@ -459,8 +459,8 @@ fn plate() -> PlenOctree {
     colored(4, |at| if is_solid(at) { 1e8 } else { 0.0 }, |_| GREEN.into())
 }
 
-/// Where props meet, which of them is in front is known as exactly as depths are, no matter how high a prop's box is above
-/// that, and how large the scene is.
+/// Where props meet, which of them is in front is known as exactly as depths are, no matter how high a prop's box is
+/// above that, and how large the scene is.
 #[test]
 fn lines_of_contact_do_not_depend_on_the_size_of_a_box() {
     let mut stage = Scene::new();

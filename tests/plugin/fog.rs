@@ -96,8 +96,8 @@ fn props_fade_as_meshes_do() {
     assert!(stage.capture() == clear, "without fog");
 }
 
-/// Without `Hdr`, materials map tones after fog. A prop in the color that a mesh shows fades as the mesh does, if it is a
-/// color that tonemapping does not clip.
+/// Without `Hdr`, materials map tones after fog. A prop in the color that a mesh shows fades as the mesh does, if it is
+/// a color that tonemapping does not clip.
 #[test]
 fn props_fade_as_meshes_do_whose_tones_are_mapped() {
     let (mut stage, ..) = stage(DVec3::new(0.45, 0.7, 0.35));
@@ -188,8 +188,8 @@ fn fog_ends_with_the_scene() {
     }
 }
 
-/// The edge between a near prop and a far one of the same label fades from the fog of one to that of the other, as edges of
-/// meshes do.
+/// The edge between a near prop and a far one of the same label fades from the fog of one to that of the other, as
+/// edges of meshes do.
 #[test]
 fn edges_between_props_are_smooth_in_fog() {
     let mut stage = Stage::with_meshes(96);

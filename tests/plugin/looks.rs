@@ -71,8 +71,8 @@ fn is_sky(pixel: &image::Rgba<u8>) -> bool {
     is_near([pixel[0], pixel[1], pixel[2]], SKY, 1)
 }
 
-/// Borders between labels come nearer to those of sixteen labels per pixel, and pixels away from borders stay as they are.
-/// Where cells are not much smaller than pixels, their own borders are stairs.
+/// Borders between labels come nearer to those of sixteen labels per pixel, and pixels away from borders stay as they
+/// are. Where cells are not much smaller than pixels, their own borders are stairs.
 #[test]
 fn smooth_borders_show_what_finer_pixels_show() {
     let mut look = Look::new();
@@ -144,8 +144,8 @@ fn small_details_stay() {
     assert!(10 * kept >= 9 * dots, "{kept} of {dots} pixels of dots");
 }
 
-/// The labels of glass, and of what is in it, do not depend on what is behind them, also at edges. They let it through as
-/// the field does.
+/// The labels of glass, and of what is in it, do not depend on what is behind them, also at edges. They let it through
+/// as the field does.
 #[test]
 fn labels_do_not_depend_on_what_is_behind() {
     let mut stage = Stage::new(SIZE);
@@ -182,6 +182,22 @@ fn labels_do_not_depend_on_what_is_behind() {
         }
     }
     assert!(opaque > 500 && glass > 500, "{opaque} opaque pixels, {glass} of glass");
+}
+
+/// A camera's ink is for props without their own, even if theirs draws nothing.
+#[test]
+fn props_keep_the_ink_of_a_camera_away() {
+    let mut look = Look::new();
+    let plain = look.capture(SIZE, Posterize::toon(), None);
+    look.0.set(Ink { width: 1.0, max_pixels: 3.0, ..default() });
+    assert_ne!(look.capture(SIZE, Posterize::toon(), None), plain, "the camera's ink");
+    for nothing in [
+        Ink { width: 0.0, ..default() },
+        Ink { color: InkColor::Flat(Color::NONE), ..default() },
+        Ink { silhouette: false, creases: false, borders: InkBorders::None, ..default() },
+    ] {
+        assert_eq!(look.capture(SIZE, Posterize::toon(), Some(nothing.clone())), plain, "{nothing:?}");
+    }
 }
 
 /// Lines are as wide as they may be, on the prop's side of its silhouette, and nothing else changes.

@@ -123,8 +123,8 @@ fn a_palette_next_to_a_field_replaces_extraction() {
     assert_eq!(files.heard(), [PaletteReady { field: field.id(), sampled: None }]);
 }
 
-/// The included toadstool has neither a palette file nor recorded histograms: in an app that loads it, it is sampled, in
-/// compute shaders if so wished, and both processors find the same palette.
+/// The included toadstool has neither a palette file nor recorded histograms: in an app that loads it, it is sampled,
+/// in compute shaders if so wished, and both processors find the same palette.
 #[test]
 fn the_toadstool_is_sampled_when_it_arrives() {
     let extracted = |sampler| {
@@ -167,8 +167,8 @@ fn an_extracted_palette_can_be_saved_and_shipped() {
     assert_eq!(shipped.palette(), extracted.palette());
 }
 
-/// What a player recolored is in the file, next to the source colors, and comes back with them. Files without shown colors
-/// are as they always were.
+/// What a player recolored is in the file, next to the source colors, and comes back with them. Files without shown
+/// colors are as they always were.
 #[test]
 fn shown_colors_and_ramps_are_saved() {
     let mut files = Files::new("shown");

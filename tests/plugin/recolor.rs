@@ -55,8 +55,8 @@ fn blue() -> PaletteOverride {
     PaletteOverride::default().with_ramp("red", Color::srgb(0.15, 0.25, 0.8))
 }
 
-/// Every pixel is what the reference makes of its color as trained, nothing changes where nothing was recolored, and one
-/// entity's colors are its own.
+/// Every pixel is what the reference makes of its color as trained, nothing changes where nothing was recolored, and
+/// one entity's colors are its own.
 #[test]
 fn props_as_trained_are_recolored_as_the_reference_is() {
     let mut view = view((), Color::NONE);
@@ -101,8 +101,8 @@ fn is_reddish(pixel: &image::Rgba<u8>) -> bool {
     red > green.max(blue) + 12
 }
 
-/// The haze around a posterized prop has the colors of its palette, too: none of the old color is left around it. In the
-/// look of the paper, haze is as rendered.
+/// The haze around a posterized prop has the colors of its palette, too: none of the old color is left around it. In
+/// the look of the paper, haze is as rendered.
 #[test]
 fn haze_is_recolored_with_the_prop() {
     for look in [Posterize::toon(), Posterize::soft()] {

@@ -138,7 +138,8 @@ fn a_prop_keeps_its_field_until_the_next_one_can_be_drawn() {
     assert!(!stage.resource::<Assets<PlenOctree>>().contains(new));
 }
 
-/// The pipelines of a field that is loaded ahead are compiled before a prop shows it: the prop does not vanish meanwhile.
+/// The pipelines of a field that is loaded ahead are compiled before a prop shows it: the prop does not vanish
+/// meanwhile.
 #[test]
 fn fields_that_no_prop_shows_have_pipelines() {
     let mut stage = app(|_| {});

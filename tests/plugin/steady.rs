@@ -74,8 +74,8 @@ fn labels_flicker_less_while_the_camera_turns() {
     assert!(frames(&mut view) == loose, "exact");
 }
 
-/// Labels are also kept where the prop moves instead, even if it rests between steps of physics, and a view at rest shows
-/// what one frame shows.
+/// Labels are also kept where the prop moves instead, even if it rests between steps of physics, and a view at rest
+/// shows what one frame shows.
 #[test]
 fn views_at_rest_forget() {
     let [mut loose, mut view] = [0.0, 0.1].map(view);

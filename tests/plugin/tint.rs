@@ -2,7 +2,7 @@
 
 use bevy::prelude::*;
 use bevy_plenoctree::{
-    BilateralFilter, FieldPalette, PaletteOverride, PlenOctree, Posterize, Prop, PropPlacement, PropTint,
+    BilateralFilter, FieldPalette, PaletteOverride, PlenOctree, Posterize, Prop, PropPlacement, PropTint, SolidOpacity,
 };
 use glam::DVec3;
 
@@ -77,4 +77,18 @@ fn a_tint_reaches_everything_that_is_drawn_of_a_prop() {
             check("thin pixels", &fog, Some(thin), Some(FIELD), 0.5 * dimmed(FIELD, factors) + 0.5 * behind);
         }
     }
+}
+
+/// Without a tint, and without a setting of where it is solid, a prop is drawn as with the defaults.
+#[test]
+fn props_are_drawn_without_components_that_were_removed() {
+    let mut stage = Stage::new(16);
+    stage.spawn_prop(&cube(SOLID, encoded(FIELD)), ());
+    stage.wait();
+    let drawn = stage.capture();
+    stage.dress(PropTint(Color::BLACK));
+    assert_ne!(stage.capture(), drawn);
+    stage.undress::<PropTint>();
+    stage.undress::<SolidOpacity>();
+    assert_eq!(stage.capture(), drawn);
 }

@@ -42,8 +42,8 @@ fn drawn(stage: &Stage) -> usize {
     stage.render_world().resource::<Drawn>().0
 }
 
-/// Frames are drawn when there is something to see, and a frame that waits for levels is not drawn again and again: on a
-/// GPU that is emulated in software, drawing takes the time that props need to get ready.
+/// Frames are drawn when there is something to see, and a frame that waits for levels is not drawn again and again: on
+/// a GPU that is emulated in software, drawing takes the time that props need to get ready.
 #[test]
 fn waiting_draws_next_to_nothing() {
     let mut stage = scene(true);

@@ -59,8 +59,8 @@ fn server(world: &World) -> AssetServer {
     world.resource::<AssetServer>().clone()
 }
 
-/// Spawns a prop and a camera that have all components of the plugin between them, none with default settings except for
-/// `PropLighting`.
+/// Spawns a prop and a camera that have all components of the plugin between them, none with default settings except
+/// for `PropLighting`.
 fn spawn(world: &mut World) -> [Entity; 2] {
     let server = server(world);
     let mut colors = PaletteOverride::default().with(2, Color::oklab(0.5, 0.1, -0.1));
@@ -119,8 +119,8 @@ fn text(saved: &DynamicEntity, registry: &TypeRegistry) -> Result<String, ron::E
     ron::to_string(&EntitySerializer { entity: saved, registry })
 }
 
-/// All components of the plugin are in saved worlds, except what it finds out by itself. Loading such a world in another
-/// app and saving it again gives the same bytes.
+/// All components of the plugin are in saved worlds, except what it finds out by itself. Loading such a world in
+/// another app and saving it again gives the same bytes.
 #[test]
 fn saved_worlds_come_back_whole() {
     for format in [Format::Ron, Format::Json] {

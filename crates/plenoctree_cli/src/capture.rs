@@ -24,8 +24,8 @@ enum Axes {
     Rdf,
 }
 
-/// Reads a capture, with a spinner unless `quiet`. Warns about axes that had to be assumed, and about Gaussians that are
-/// left out.
+/// Reads a capture, with a spinner unless `quiet`. Warns about axes that had to be assumed, and about Gaussians that
+/// are left out.
 pub fn load(path: &Path, arguments: CaptureArguments, quiet: bool) -> Result<Splats> {
     let spinner = progress::spinner("loading", quiet);
     let spz_axes = match arguments.spz_axes {

@@ -58,8 +58,8 @@ pub fn check_image(image: &Path) -> Result {
     }
 }
 
-/// Copies what `path` holds, if `is_lost` says that it would be lost, to a file next to it that does not exist yet. Returns
-/// the name of that file.
+/// Copies what `path` holds, if `is_lost` says that it would be lost, to a file next to it that does not exist yet.
+/// Returns the name of that file.
 fn keep_former(path: &Path, is_lost: impl FnOnce(&[u8]) -> bool) -> Result<Option<PathBuf>> {
     // Pipes and devices hold nothing.
     if !path.is_file() {
@@ -94,7 +94,8 @@ pub fn keep_former_palette(path: &Path, new: Option<&Palette>) -> Result {
     Ok(())
 }
 
-/// Checks that nothing in a folder that is read is written, if what is written there has names for which `writes` is true.
+/// Checks that nothing in a folder that is read is written, if what is written there has names for which `writes` is
+/// true.
 pub fn check_folder(folder: &Path, inputs: &[&Path], writes: impl Fn(&str) -> bool) -> Result {
     let is_written = |input: &Path| {
         let name = input.file_name().and_then(|name| name.to_str());

@@ -21,8 +21,8 @@ pub fn fit_bar(length: u64) -> ProgressBar {
     styled(ProgressBar::new(length), "{msg} [{bar:40}] {percent:>3}% {left} left", "")
 }
 
-/// Returns a writer of about how much time is left. `{eta}` goes by the last seconds, but fits pause to remove what is not
-/// seen, and resume with a part done.
+/// Returns a writer of about how much time is left. `{eta}` goes by the last seconds, but fits pause to remove what is
+/// not seen, and resume with a part done.
 fn left() -> impl Fn(&ProgressState, &mut dyn Write) + Clone + Send + Sync + 'static {
     let first: Arc<OnceLock<(Instant, f64)>> = Arc::default();
     move |state, line| {

@@ -1,4 +1,5 @@
-//! Makes PlenOctrees: fits them to photographs, converts captures of Gaussian splats, and simplifies fields for packing.
+//! Makes PlenOctrees: fits them to photographs, converts captures of Gaussian splats, and simplifies fields for
+//! packing.
 //!
 //! | what | contents |
 //! |---|---|

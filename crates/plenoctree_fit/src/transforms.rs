@@ -168,8 +168,8 @@ pub fn read_transforms(path: impl AsRef<Path>, size: Option<(u32, u32)>) -> Resu
 impl Transforms {
     /// Reads a file, in its order and frame of reference.
     ///
-    /// `w`, `h`, `fl_x`, `fl_y`, `cx` and `cy` are read from each frame, or else from the top level of the file. Missing
-    /// values have defaults:
+    /// `w`, `h`, `fl_x`, `fl_y`, `cx` and `cy` are read from each frame, or else from the top level of the file.
+    /// Missing values have defaults:
     ///
     /// - `fl_x` is computed from `camera_angle_x`, in radians. One of the two is required.
     /// - `fl_y` is computed from `camera_angle_y` if present, or else equals `fl_x`.

@@ -16,7 +16,8 @@ pub fn groups(palette: &Palette) -> Vec<(&str, Vec<usize>)> {
     groups
 }
 
-/// Shows the ramp with most color in another hue, so many degrees away. Returns its name, or `None` if there is no ramp.
+/// Shows the ramp with most color in another hue, so many degrees away. Returns its name, or `None` if there is no
+/// ramp.
 pub fn turn_hue(headless: &mut Headless, field: &Handle<PlenOctree>, degrees: f32) -> Option<String> {
     let mut palettes = headless.app.world_mut().resource_mut::<Palettes>();
     let shown = palettes.get_mut(field)?;

@@ -17,7 +17,8 @@ use crate::{Result, colors};
 /// The width of the progress bar, in characters.
 const BAR: usize = 40;
 
-/// Updates the app until the palette of a posterized field is extracted and the field can be drawn. Returns the palette.
+/// Updates the app until the palette of a posterized field is extracted and the field can be drawn. Returns the
+/// palette.
 pub fn extract(headless: &mut Headless, field: &Handle<PlenOctree>) -> Result<Palette> {
     while let Err(error) = headless.wait_until_ready(Duration::from_millis(50)) {
         let HeadlessError::TimedOut { .. } = error else { return Err(error.into()) };

@@ -24,8 +24,8 @@ enum Bound {
     Texture(wgpu::TextureView),
 }
 
-/// For how many frames groups are cached that no pass uses. Post-processing may use another of the target's two textures
-/// in every second frame.
+/// For how many frames groups are cached that no pass uses. Post-processing may use another of the target's two
+/// textures in every second frame.
 const CACHED_FRAMES: u32 = 3;
 
 impl BindGroups {

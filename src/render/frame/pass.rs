@@ -67,8 +67,8 @@ impl Pass {
         self.depth.is_some() && self.programs.iter().any(|program| program.depth_test.writes)
     }
 
-    /// Returns the pixels that are drawn of its attachments: of textures of the target's size the drawn part of the view,
-    /// and all of others.
+    /// Returns the pixels that are drawn of its attachments: of textures of the target's size the drawn part of the
+    /// view, and all of others.
     pub fn area(&self, plan: &Plan) -> URect {
         match self.writes.iter().flatten().chain(&self.depth).next() {
             Some(Output::Texture(slot)) if !slot.is_of_target() => {

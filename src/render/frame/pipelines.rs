@@ -170,7 +170,8 @@ impl Pipelines {
             None => {}
         }
         if let FirstGroup::Batches(_) = group {
-            entries.extend([8, 9].map(|binding| storage_buffer_read_only_sized(false, None).build(binding, both)));
+            entries.push(storage_buffer_read_only_sized(false, None).build(8, both));
+            entries.push(storage_buffer_read_only_sized(false, None).build(9, fragment));
         }
         BindGroupLayoutDescriptor::new("plenoctree_view", &entries)
     }

@@ -1,5 +1,5 @@
-//! Finds how much of each edge pixel a posterized prop covers, so that it can be blended with what is behind. This is not
-//! part of the method, whose edges are hard.
+//! Finds how much of each edge pixel a posterized prop covers, so that it can be blended with what is behind. This is
+//! not part of the method, whose edges are hard.
 //!
 //! The *outline* pass finds the pixels at the edges of props, and the owners that may cover parts of them. The
 //! *coverage* pass marches several rays through those pixels, and no others.
@@ -59,8 +59,8 @@ pub(super) fn outline(plan: &Plan) -> Option<Pass> {
     })
 }
 
-/// Finds which parts of these pixels props cover. Where props overlap, those before others are compared with them ray by
-/// ray.
+/// Finds which parts of these pixels props cover. Where props overlap, those before others are compared with them ray
+/// by ray.
 pub(super) fn coverage(plan: &Plan) -> Vec<Pass> {
     let pixels = match () {
         _ if !plan.smooths => &[][..],

@@ -1,5 +1,5 @@
-//! Applies the camera's `DistanceFog` to props, pixel by pixel, as Bevy's materials do. Runs after custom stages, so that
-//! what they draw on props fades with them. Requires the feature `shadows`.
+//! Applies the camera's `DistanceFog` to props, pixel by pixel, as Bevy's materials do. Runs after custom stages, so
+//! that what they draw on props fades with them. Requires the feature `shadows`.
 
 use bevy::{
     core_pipeline::tonemapping::Tonemapping,

@@ -1,10 +1,10 @@
 //! Draws transparent objects again, over props that are drawn at [`PropPlacement::Display`].
 //!
 //! Bevy draws transparent objects before tonemapping, when these props are not yet there. Blending depends on what is
-//! behind, so where props are, they are drawn later: *hide_objects* changes the scene's depth there, and *restore_depth*
-//! restores it after Bevy's phase. Once the props are shown, *under_objects* copies the target to a separate texture,
-//! Bevy's phase draws over it, and *objects* shows the result where props are. This happens only for cameras that have
-//! both.
+//! behind, so where props are, they are drawn later: *hide_objects* changes the scene's depth there, and
+//! *restore_depth* restores it after Bevy's phase. Once the props are shown, *under_objects* copies the target to a
+//! separate texture, Bevy's phase draws over it, and *objects* shows the result where props are. This happens only for
+//! cameras that have both.
 
 use bevy::{
     core_pipeline::{

@@ -1,5 +1,5 @@
-//! Writes what labels or custom stages show to the camera's target, and the depth and the motion of props where they are
-//! solid, for everything that is drawn later and for effects.
+//! Writes what labels or custom stages show to the camera's target, and the depth and the motion of props where they
+//! are solid, for everything that is drawn later and for effects.
 
 use bevy::render::render_resource::{BlendComponent, BlendState, CompareFunction};
 

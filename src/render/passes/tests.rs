@@ -124,8 +124,8 @@ fn features(headless: &mut Headless) -> HashSet<Feature> {
     all.into_iter().filter(|of| plan.keeps(*of)).collect()
 }
 
-/// Props that are drawn stay while pipelines are compiled for what is new: another prop before them, labels, colors, fog,
-/// light, transparent objects, and other settings of these. So does what they show.
+/// Props that are drawn stay while pipelines are compiled for what is new: another prop before them, labels, colors,
+/// fog, light, transparent objects, and other settings of these. So does what they show.
 #[test]
 #[cfg(feature = "headless-lit")]
 fn props_stay_while_pipelines_are_compiled() {

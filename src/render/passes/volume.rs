@@ -1,10 +1,10 @@
 //! Draws the props into the view's layer, back to front. See section 2 of the method.
 //!
-//! Where props overlap, the *solid* pass first finds, for every pixel, the prop that is solid nearest to the camera, and
-//! where. Where others show through that prop, a second round finds the nearest one that is opaque. The *volume* pass
-//! cuts the props there: it draws all parts behind that depth, then the prop that is solid there, then all parts in
-//! front of it. A solid part thus hides what is behind it and shows what is in front of it, regardless of the order in
-//! which props are drawn.
+//! Where props overlap, the *solid* pass first finds, for every pixel, the prop that is solid nearest to the camera,
+//! and where. Where others show through that prop, a second round finds the nearest one that is opaque. The *volume*
+//! pass cuts the props there: it draws all parts behind that depth, then the prop that is solid there, then all parts
+//! in front of it. A solid part thus hides what is behind it and shows what is in front of it, regardless of the order
+//! in which props are drawn.
 
 use bevy::{
     prelude::*,
@@ -200,8 +200,8 @@ pub(super) fn index_of<K: PartialEq>(keys: &mut Vec<K>, key: K, add: impl FnOnce
     })
 }
 
-/// Requests the pipelines of fields that are arriving or that no prop shows yet, so that a prop can show them as soon as
-/// it may, and of the levels of those that are drawn.
+/// Requests the pipelines of fields that are arriving or that no prop shows yet, so that a prop can show them as soon
+/// as it may, and of the levels of those that are drawn.
 pub(in crate::render) fn request(
     visible: &VisibleProps,
     drawn: &Plan,

@@ -167,7 +167,8 @@ pub(in crate::render) fn decide(
     let keeps = quality.steady_labels && finishes;
     let mut steady = EntityHashMap::default();
     for (index, seen) in seen.iter().enumerate() {
-        let Some(posterize) = seen.posterize.filter(|posterize| keeps && posterize.settings.is_steady()) else {
+        let Some(posterize) = seen.posterize.filter(|posterize| keeps && posterize.settings.clamped().is_steady())
+        else {
             continue;
         };
         let (place, field) = (seen.prop.pose.world_from_prop, seen.field.bind_group.id());
@@ -260,8 +261,8 @@ pub(in crate::render) fn decide(
     })
 }
 
-/// Returns a prop with its rays, if it can be drawn. Without `has_labels`, a posterized prop is only drawn if the `last`
-/// frame drew it as trained, or its settings say so. Returns only props of that frame if `is_held`.
+/// Returns a prop with its rays, if it can be drawn. Without `has_labels`, a posterized prop is only drawn if the
+/// `last` frame drew it as trained, or its settings say so. Returns only props of that frame if `is_held`.
 fn see<'a>(
     ordered: &OrderedProp,
     known: &Known,
@@ -317,8 +318,8 @@ fn labels_hash(posterize: &ExtractedPosterize, colors: &[Vec4]) -> u64 {
     hasher.finish()
 }
 
-/// Returns a number that is different for different colors of the palettes, and for different pairs of ramps between which
-/// ink is drawn.
+/// Returns a number that is different for different colors of the palettes, and for different pairs of ramps between
+/// which ink is drawn.
 fn palettes_hash<'a>(
     palettes: impl Iterator<Item = &'a ExtractedPalette>,
     inks: impl Iterator<Item = ExtractedInk>,

@@ -4,8 +4,9 @@ use bevy::math::URect;
 
 /// Returns for every rectangle whether it shares a pixel with another one. Empty rectangles share none.
 ///
-/// Goes through the rectangles from left to right. Those that overlap none so far are compared with every rectangle that
-/// begins before they end, but there are few: they share no rows. Of the others, the first one that is met is enough.
+/// Goes through the rectangles from left to right. Those that overlap none so far are compared with every rectangle
+/// that begins before they end, but there are few: they share no rows. Of the others, the first one that is met is
+/// enough.
 pub(super) fn overlaps(rects: &[URect]) -> Vec<bool> {
     let mut found = vec![false; rects.len()];
     let mut order: Vec<_> = (0..rects.len()).filter(|index| !rects[*index].is_empty()).collect();

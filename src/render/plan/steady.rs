@@ -45,8 +45,8 @@ impl Former {
         Self { clip_from_world: motion.clip_from_world(), rect, props }
     }
 
-    /// Finds the props that keep labels: if anything in the view moves, those of the former frame, and otherwise those that
-    /// the former frame kept. Returns whether it is the former frame.
+    /// Finds the props that keep labels: if anything in the view moves, those of the former frame, and otherwise those
+    /// that the former frame kept. Returns whether it is the former frame.
     pub(super) fn follow(&mut self, former: &Self, motion: &Motion) -> bool {
         let same = |entity: &Entity, now: &FormerProp| {
             let before = former.props.get(entity);

@@ -203,8 +203,8 @@ impl Plan {
         self.posterizes || self.is_lit || self.is_sparse()
     }
 
-    /// Returns whether it has a feature that must not go while pipelines are compiled. Custom stages may: their shaders may
-    /// never compile.
+    /// Returns whether it has a feature that must not go while pipelines are compiled. Custom stages may: their shaders
+    /// may never compile.
     pub fn keeps(&self, feature: Feature) -> bool {
         match feature {
             Feature::Base => !self.props.is_empty(),

@@ -4,10 +4,10 @@
 //! once per frame for point and spot lights. The ray of each texel is marched through densities to the point where the
 //! prop is solid. Maps without props cost nothing.
 //!
-//! Rays are not marched twice: what a caster at rest adds to a map is *cached* in a tile and copied into the map in every
-//! frame, until anything that [`CasterKey`](cached::CasterKey) lists changes. A camera that moves changes nothing,
-//! because Bevy moves the maps of directional lights by whole texels. Tiles take no more memory than the maps. Casters
-//! whose tiles do not fit are marched in every frame, as are casters that move.
+//! Rays are not marched twice: what a caster at rest adds to a map is *cached* in a tile and copied into the map in
+//! every frame, until anything that [`CasterKey`](cached::CasterKey) lists changes. A camera that moves changes
+//! nothing, because Bevy moves the maps of directional lights by whole texels. Tiles take no more memory than the maps.
+//! Casters whose tiles do not fit are marched in every frame, as are casters that move.
 
 mod cached;
 mod casters;

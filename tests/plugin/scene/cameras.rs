@@ -69,8 +69,8 @@ fn rays_of_a_perspective_camera_diverge() {
     });
 }
 
-/// What is nearer than the near plane is not drawn, whatever the projection, as of meshes: a cube of fog and a mesh in it,
-/// then the fog alone, then nothing.
+/// What is nearer than the near plane is not drawn, whatever the projection, as of meshes: a cube of fog and a mesh in
+/// it, then the fog alone, then nothing.
 #[test]
 fn near_planes_cut_props_like_meshes() {
     let mut stage = Sides::with_meshes();

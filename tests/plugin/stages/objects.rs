@@ -33,8 +33,8 @@ fn both(scene: &mut Stage) -> [RgbaImage; 2] {
     })
 }
 
-/// Every pixel is compared: inside the prop, at its edges, and before the sky. One pane is before the prop, one in it, and
-/// one behind it.
+/// Every pixel is compared: inside the prop, at its edges, and before the sky. One pane is before the prop, one in it,
+/// and one behind it.
 #[test]
 fn every_blend_mode_looks_as_in_the_scene() {
     let mut scene = scene(SOLID);
@@ -142,8 +142,8 @@ fn objects_end_at_edges_of_meshes() {
     }
 }
 
-/// With multisampling, edges of meshes before props look as in the scene, and as with more pixels, where they cross edges
-/// of props, too.
+/// With multisampling, edges of meshes before props look as in the scene, and as with more pixels, where they cross
+/// edges of props, too.
 #[test]
 fn meshes_before_props_end_as_in_the_scene() {
     /// How many times as many pixels there are along a side.

@@ -53,8 +53,8 @@ pub struct Glass {
     pub material: Material,
 }
 
-/// Bakes a prop to a field like those from training: a soft shell in the colors that cameras saw, and loud colors below it
-/// that no camera saw. `bar` shows the progress.
+/// Bakes a prop to a field like those from training: a soft shell in the colors that cameras saw, and loud colors below
+/// it that no camera saw. `bar` shows the progress.
 pub fn bake_prop<T: Prop>(prop: &T, depth: Option<u32>, bar: &ProgressBar) -> Result<PlenOctree, BakeError> {
     let settings = BakeSettings {
         depth: depth.unwrap_or(T::DEPTH),

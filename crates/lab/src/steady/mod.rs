@@ -1,7 +1,7 @@
 //! `steady`: measures how many labels and lines flicker while the camera turns around a field.
 //!
-//! Every pixel of a frame is compared with where the former frame saw the same point of the field, which rays in float64
-//! tell. What the former frame did not see does not count.
+//! Every pixel of a frame is compared with where the former frame saw the same point of the field, which rays in
+//! float64 tell. What the former frame did not see does not count.
 //!
 //! | column | |
 //! |---|---|

@@ -354,12 +354,13 @@ impl PlenOctree {
         Self { recorded, ..self }
     }
 
-    /// Returns the recorded histograms of the field that this packed field was made from. `None` if none are recorded, if
-    /// `settings` ask for other observers or bins than those, or if the field is no longer the one in the file: if it was
-    /// thinned, or read with another activation or up axis.
+    /// Returns the recorded histograms of the field that this packed field was made from. `None` if none are recorded,
+    /// if `settings` ask for other observers or bins than those, or if the field is no longer the one in the file: if
+    /// it was thinned, or read with another activation or up axis.
     ///
-    /// What [`SamplingSettings::default`] asks for is recorded, if [`PackSettings::record_histograms`] says so. Bins may also be those that divide its bins.
-    /// [`SamplingSettings::sample_fraction`] does not matter, because all leaves were sampled.
+    /// What [`SamplingSettings::default`] asks for is recorded, if [`PackSettings::record_histograms`] says so. Bins
+    /// may also be those that divide its bins. [`SamplingSettings::sample_fraction`] does not matter, because all
+    /// leaves were sampled.
     ///
     /// [`PackSettings::record_histograms`]: https://docs.rs/plenoctree/latest/plenoctree/struct.PackSettings.html
     pub fn histograms(&self, settings: &SamplingSettings) -> Option<Histograms> {

@@ -108,8 +108,8 @@ impl Packed {
     }
 }
 
-/// Returns a step that is hardly smaller, such that no color in steps is on the border of two bins of a histogram. All leaves
-/// with such a color would change bins by the least rounding, if their color is the same in all directions.
+/// Returns a step that is hardly smaller, such that no color in steps is on the border of two bins of a histogram. All
+/// leaves with such a color would change bins by the least rounding, if their color is the same in all directions.
 fn between_bins(step: f32) -> f32 {
     // In bins. Rounding moves colors by less.
     const NEAR: f64 = 2e-5;

@@ -16,9 +16,9 @@ use crate::save::replace_file;
 /// A few colors that represent everything visible in a field, the heaviest first.
 ///
 /// Palette files are JSON: `{"colors": [[r, g, b], ...], "weights": [...], "method": "fitted"}`. If a file has no
-/// weights, all colors have the same weight. `method` is left out unless the palette was extracted, and `ramps`, such as
-/// `[{"name": "red", "tones": [3, 0]}]`, and `shown`, such as `[[r, g, b], ...]`, if there are none. Channels of `colors`
-/// in files are from 0 to 1.
+/// weights, all colors have the same weight. `method` is left out unless the palette was extracted, and `ramps`, such
+/// as `[{"name": "red", "tones": [3, 0]}]`, and `shown`, such as `[[r, g, b], ...]`, if there are none. Channels of
+/// `colors` in files are from 0 to 1.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "PaletteJson")]
 #[cfg_attr(
@@ -217,8 +217,8 @@ impl Palette {
     /// # Errors
     ///
     /// Returns an error if there are no colors or more than [`Self::MAX_COLORS`], if there is not one weight per color,
-    /// if a color is not finite in float32, if a weight is negative or not finite, if there are shown colors but not one
-    /// per color, or if the ramps do not fit the colors.
+    /// if a color is not finite in float32, if a weight is negative or not finite, if there are shown colors but not
+    /// one per color, or if the ramps do not fit the colors.
     pub fn validate(&self) -> Result<(), InvalidPalette> {
         let (found, expected) = (self.weights.len(), self.colors.len());
         if expected == 0 || expected > Self::MAX_COLORS {
@@ -274,8 +274,8 @@ impl Palette {
     ///
     /// # Errors
     ///
-    /// Returns an error if the palette is invalid, if a channel is not from 0 to 1, or if writing fails. An existing file
-    /// is then unchanged.
+    /// Returns an error if the palette is invalid, if a channel is not from 0 to 1, or if writing fails. An existing
+    /// file is then unchanged.
     pub fn write(&self, path: impl AsRef<Path>) -> Result<(), PaletteFileError> {
         let path = path.as_ref();
         let name = || path.to_path_buf();

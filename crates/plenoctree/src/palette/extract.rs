@@ -100,9 +100,9 @@ pub fn extract(
 
 /// Extracts the palette from samples of a field: steps 6 to 12.
 ///
-/// Histograms may have any number of bins. [`PaletteMethod::Tones`] finds the colors that are seen in views of the field,
-/// along the [rays](ExtractionSettings::view_rays) of the settings. Without views, tones are those of the histograms, and
-/// their ramps are [guessed](Palette::guess_ramps).
+/// Histograms may have any number of bins. [`PaletteMethod::Tones`] finds the colors that are seen in views of the
+/// field, along the [rays](ExtractionSettings::view_rays) of the settings. Without views, tones are those of the
+/// histograms, and their ramps are [guessed](Palette::guess_ramps).
 ///
 /// # Errors
 ///
@@ -299,7 +299,8 @@ mod tests {
         assert_eq!((extraction.clusters, extraction.hull_vertices, extraction.total_weight), (Some(5), Some(4), 7.5));
     }
 
-    /// Half of the work on a palette of tones comes after sampling, and is counted. Of other palettes, next to nothing does.
+    /// Half of the work on a palette of tones comes after sampling, and is counted. Of other palettes, next to nothing
+    /// does.
     #[test]
     fn progress_counts_what_comes_after_sampling() {
         let settings = BakeSettings { depth: 5, basis: Basis::Rgba, ..Default::default() };

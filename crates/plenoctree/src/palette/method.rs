@@ -50,8 +50,8 @@ impl PaletteMethod {
     type_path = "plenoctree"
 )]
 pub enum ColorCount {
-    /// The usual number of the method: at most 6 colors, or for [`PaletteMethod::Tones`], as many as the field needs, up
-    /// to [`ColorCount::MOST_TONES`]. The default.
+    /// The usual number of the method: at most 6 colors, or for [`PaletteMethod::Tones`], as many as the field needs,
+    /// up to [`ColorCount::MOST_TONES`]. The default.
     #[default]
     Usual,
     /// At most this many colors, 1 to 64. A palette has fewer if the field has fewer, and that of

@@ -75,8 +75,8 @@ mod tests {
         assert_eq!(tone_space(bright), tone_space(DVec3::new(1.0, 1.0, 0.3)));
     }
 
-    /// A shaded red is a shade of red, although a gray is nearer in encoded sRGB. Palettes without a method are compared
-    /// as in the paper.
+    /// A shaded red is a shade of red, although a gray is nearer in encoded sRGB. Palettes without a method are
+    /// compared as in the paper.
     #[test]
     fn the_method_of_a_palette_decides() {
         let (red, shaded, gray) = ([0.85, 0.2, 0.2], DVec3::new(0.49, 0.1, 0.1), [0.25; 3]);

@@ -21,8 +21,8 @@ type Row = [f32; 2 * SIDE];
 const MAX_ENTRIES: u64 = 1 << 24;
 const MAX_ROWS: u64 = 1 << 22;
 
-/// Densities of the finest cells in blocks of 8 x 8 x 8 cells. Larger leaves are many cells. Only rows that are not empty
-/// are stored, and rows next to each other that are equal are stored once.
+/// Densities of the finest cells in blocks of 8 x 8 x 8 cells. Larger leaves are many cells. Only rows that are not
+/// empty are stored, and rows next to each other that are equal are stored once.
 pub(super) struct Blocks {
     /// Lowest position in the map, in blocks, and number of positions along each axis.
     low: IVec3,

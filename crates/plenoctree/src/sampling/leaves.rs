@@ -37,8 +37,8 @@ pub(super) fn chosen_leaves(
 }
 
 /// Returns an upper bound of the total weight of a field's radiance samples. The light of a leaf always crosses half of
-/// its own cell, or, from the point where rays enter the leaf, is the mean along a path through all of it. Both limit its
-/// weight.
+/// its own cell, or, from the point where rays enter the leaf, is the mean along a path through all of it. Both limit
+/// its weight.
 pub(super) fn weight_bound(
     field: &PlenOctree,
     settings: &SamplingSettings,

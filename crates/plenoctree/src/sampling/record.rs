@@ -14,9 +14,9 @@ use crate::{
 impl PlenOctree {
     /// Samples the field with the default settings, and returns it with what was found: [`Self::histograms`] returns
     /// that, and packed files record it with
-    /// [`PackSettings::record_histograms`](crate::PackSettings::record_histograms). So a field that is changed before it
-    /// is packed, for example by `fit::simplify`, keeps its palette if that is a hull or fitted. A palette of tones stays
-    /// near: it also looks at the field itself.
+    /// [`PackSettings::record_histograms`](crate::PackSettings::record_histograms). So a field that is changed before
+    /// it is packed, for example by `fit::simplify`, keeps its palette if that is a hull or fitted. A palette of tones
+    /// stays near: it also looks at the field itself.
     ///
     /// Returns the field unchanged if it has histograms already, or if nothing of it is visible.
     ///

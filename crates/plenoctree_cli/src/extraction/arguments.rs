@@ -15,12 +15,12 @@ use plenoctree::{
 #[derive(Args, Clone)]
 pub struct ExtractionArguments {
     /// How the palette is found: `hull`, the corners of the simplified convex hull of all colors, as in the paper;
-    /// `fitted`, the colors whose labels are nearest to the field's colors; or `tones`, as many colors as the field needs
-    /// without blends, in ramps by material. By default `tones`; with `stylize --look paper`, `hull`.
+    /// `fitted`, the colors whose labels are nearest to the field's colors; or `tones`, as many colors as the field
+    /// needs without blends, in ramps by material. By default `tones`; with `stylize --look paper`, `hull`.
     #[arg(long, value_parser = methods())]
     method: Option<PaletteMethod>,
-    /// The maximum number of colors, 1 to 64, or `auto` for the fewest that keep the error within --tolerance; by default
-    /// 6, or as many tones as the field needs. A hull has at least 4.
+    /// The maximum number of colors, 1 to 64, or `auto` for the fewest that keep the error within --tolerance; by
+    /// default 6, or as many tones as the field needs. A hull has at least 4.
     #[arg(long, value_name = "N|auto", value_parser = parse_colors)]
     colors: Option<ColorCount>,
     /// With --colors auto, the largest root mean square difference of a channel between the field's colors and their

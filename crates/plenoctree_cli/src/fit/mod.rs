@@ -92,8 +92,8 @@ pub fn run(arguments: &Arguments) -> Result {
     Ok(())
 }
 
-/// Describes the pictures that the field is compared with. A field matches small pictures more easily than large ones, so
-/// that the quality of two fits compares only where these are the same.
+/// Describes the pictures that the field is compared with. A field matches small pictures more easily than large ones,
+/// so that the quality of two fits compares only where these are the same.
 fn compared<'a>(views: impl Iterator<Item = &'a View>, arguments: &Arguments, downscale: u32) -> Value {
     let size = |view: &View| [view.camera.width, view.camera.height].map(|side| (side / downscale).max(1));
     json!({

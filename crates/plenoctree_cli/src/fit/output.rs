@@ -51,8 +51,8 @@ pub fn palette(out: &Path, field: &PlenOctree, arguments: &ExtractionArguments) 
 }
 
 /// Writes the field, its palette, previews of the held-out views, and the report. Another palette that is there is kept
-/// under another name. If that fails, nothing incomplete is left. Returns the number of leaves in the file: packing leaves
-/// out hidden ones.
+/// under another name. If that fails, nothing incomplete is left. Returns the number of leaves in the file: packing
+/// leaves out hidden ones.
 pub fn write(
     out: &Path,
     field: &PlenOctree,
@@ -184,7 +184,8 @@ impl Quality {
     /// # Errors
     ///
     /// Returns an error if it is unknown, or was measured on other views than those with these names, or fitted to
-    /// another number of views, or on other pictures than [`COMPARED`]: then there is no telling which result is better.
+    /// another number of views, or on other pictures than [`COMPARED`]: then there is no telling which result is
+    /// better.
     pub fn earlier(out: &Path, held_out: &[&str], fitted: usize, compared: &Value) -> Result<Option<Self>> {
         if !out.exists() {
             return Ok(None);
@@ -205,8 +206,8 @@ impl Quality {
             .into())
     }
 
-    /// Returns whether it is higher than that of another fit to the same pictures, which is `None` if its field is not in
-    /// view.
+    /// Returns whether it is higher than that of another fit to the same pictures, which is `None` if its field is not
+    /// in view.
     pub fn is_above(&self, other: Option<&Self>) -> bool {
         other.is_none_or(|other| other.psnr < self.psnr)
     }

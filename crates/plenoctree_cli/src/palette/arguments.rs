@@ -26,8 +26,8 @@ pub struct Arguments {
     /// The sampler of the field's radiance.
     #[arg(long, value_enum, default_value_t = Sampling::Cpu)]
     pub sampling: Sampling,
-    /// The file to save the palette to; by default next to the input, as x.palette.json for x.npz. Another palette that is
-    /// there is kept as x.palette.json.old.
+    /// The file to save the palette to; by default next to the input, as x.palette.json for x.npz. Another palette that
+    /// is there is kept as x.palette.json.old.
     #[arg(long, value_name = "FILE.json")]
     out: Option<PathBuf>,
     /// The file to save an image of the palette to.

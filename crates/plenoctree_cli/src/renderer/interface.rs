@@ -60,8 +60,8 @@ impl Default for PosterizeSettings {
     }
 }
 
-/// The settings of the bilateral filter, for every renderer: the iterations, the radius in pixels, and the sigmas in pixels
-/// and in CIELAB.
+/// The settings of the bilateral filter, for every renderer: the iterations, the radius in pixels, and the sigmas in
+/// pixels and in CIELAB.
 #[derive(Clone, Copy)]
 pub struct Filter {
     pub iterations: u32,

@@ -22,8 +22,9 @@ pub fn parse(text: &str) -> Result<PixelWish, String> {
     Ok(PixelWish { at: (number(x)?, number(y)?), color: hex::parse(color)? })
 }
 
-/// Moves the ramps of the pixels' labels so that all wishes come true, and writes their colors to `shown`. `labeled` is the
-/// first view, posterized with hard edges and the palette's own colors, and `is_posterized` says which of its pixels are.
+/// Moves the ramps of the pixels' labels so that all wishes come true, and writes their colors to `shown`. `labeled` is
+/// the first view, posterized with hard edges and the palette's own colors, and `is_posterized` says which of its
+/// pixels are.
 pub fn apply(
     wishes: &[PixelWish],
     palette: &Palette,

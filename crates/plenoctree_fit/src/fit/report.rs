@@ -22,8 +22,8 @@ pub struct FitReport {
     /// The views that were held out, or others that were given for measuring, and how well the field matches them
     /// before it is cut. `None` if there are none.
     pub held_out: Option<HeldOut>,
-    /// The median PSNR of the views that were fitted to, in the pixels in which the picture or the field shows something,
-    /// in decibels. `None` if the field is not in view.
+    /// The median PSNR of the views that were fitted to, in the pixels in which the picture or the field shows
+    /// something, in decibels. `None` if the field is not in view.
     pub fitted_psnr_db: Option<f64>,
     /// The stages of training.
     pub stages: Vec<StageReport>,

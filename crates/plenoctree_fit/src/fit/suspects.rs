@@ -21,8 +21,8 @@ const UNUSUAL: f64 = 8.0;
 /// Both for photographs without opacity, which have large errors everywhere, so that wrong poses add less to them.
 const OPAQUE: (f64, f64) = (4.0, 4.0);
 
-/// Returns the median PSNR of the views, if any sees the model, and those whose error is far above it, or that do not see
-/// the model at all. `numbers` are the numbers of the gallery's views in the input.
+/// Returns the median PSNR of the views, if any sees the model, and those whose error is far above it, or that do not
+/// see the model at all. `numbers` are the numbers of the gallery's views in the input.
 ///
 /// # Errors
 ///

@@ -197,8 +197,8 @@ mod tests {
         }
     }
 
-    /// Eight colors at the corners of a cube, of which six are wanted: no palette has fewer just because labels are soft
-    /// while it is fitted.
+    /// Eight colors at the corners of a cube, of which six are wanted: no palette has fewer just because labels are
+    /// soft while it is fitted.
     #[test]
     fn colors_far_apart_are_not_merged() {
         let corner = |i: usize| [i & 1, i >> 1 & 1, i >> 2].map(|bit| if bit == 1 { 28.5 / 32.0 } else { 3.5 / 32.0 });

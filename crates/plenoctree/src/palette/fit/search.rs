@@ -263,8 +263,8 @@ fn farthest(points: &Points, mut distances: Vec<f64>, count: usize, exponent: f6
 }
 
 /// Replaces colors that are the same as another one, or that are nearest to no point, with colors that are shown badly,
-/// and fits them all again. If this does not help, drops them, and adds colors that are shown badly. Also returns whether
-/// there were none.
+/// and fits them all again. If this does not help, drops them, and adds colors that are shown badly. Also returns
+/// whether there were none.
 fn prune(mut fit: Fit, mut palette: Vec<DVec3>, softness: f64, blend_steps: u32) -> (Vec<DVec3>, bool) {
     let (most, progress) = (palette.len(), fit.progress);
     let mut tries = 0;

@@ -23,7 +23,8 @@ pub struct RampAdjustment {
     pub color: Option<[f64; 3]>,
     /// Added to the lightness in Oklab, which is 0 for black and 1 for white. 0 by default.
     pub brightness: f64,
-    /// Factor of the differences of lightness from the mean. 1 by default, 0 for a flat ramp. Negative values count as 0.
+    /// Factor of the differences of lightness from the mean. 1 by default, 0 for a flat ramp. Negative values count as
+    /// 0.
     pub contrast: f64,
     /// Factor of the chroma. 1 by default, 0 for grays. Negative values count as 0.
     pub saturation: f64,
@@ -55,11 +56,12 @@ impl Palette {
         Some(crate::palette::oklab::from_oklab(shades.mean()).into())
     }
 
-    /// Calls `show` with every tone of a ramp and its color, in encoded sRGB, when the ramp is shown with an adjustment.
-    /// Does not allocate.
+    /// Calls `show` with every tone of a ramp and its color, in encoded sRGB, when the ramp is shown with an
+    /// adjustment. Does not allocate.
     ///
     /// Colors stay within [0, 1], unless the adjustment's color is outside. If the ramp would reach beyond black or
-    /// white, it loses up to a quarter of its contrast, and then its mean gives way. Colors that are too vivid lose chroma.
+    /// white, it loses up to a quarter of its contrast, and then its mean gives way. Colors that are too vivid lose
+    /// chroma.
     ///
     /// ```
     /// use plenoctree::palette::{Palette, RampAdjustment};
@@ -117,8 +119,8 @@ fn motion(shades: &Shades, adjustment: &RampAdjustment) -> (Motion, bool) {
     (Motion { mean, contrast, spread: saturation.min(1.0), tint: DVec2::ZERO }, limited)
 }
 
-/// Returns the largest contrast with which a ramp that reaches this far below and above its mean lightness fits into the
-/// space that is there.
+/// Returns the largest contrast with which a ramp that reaches this far below and above its mean lightness fits into
+/// the space that is there.
 pub(super) fn room(space_below: f64, below: f64, space_above: f64, above: f64) -> f64 {
     let fits = |space: f64, reach: f64| if reach > 0.0 { space / reach } else { f64::INFINITY };
     fits(space_below, below).min(fits(space_above, above)).max(0.0)

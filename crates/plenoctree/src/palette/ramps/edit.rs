@@ -55,8 +55,8 @@ impl Palette {
     ///
     /// # Errors
     ///
-    /// Returns an error, and changes nothing, if there is no such ramp, if a part would be empty, or if no ramp can have
-    /// the name.
+    /// Returns an error, and changes nothing, if there is no such ramp, if a part would be empty, or if no ramp can
+    /// have the name.
     pub fn split_ramp(&mut self, ramp: usize, first: usize, name: impl Into<String>) -> Result<(), InvalidRamps> {
         let name = name.into();
         self.check_ramp(ramp)?;
@@ -93,8 +93,8 @@ impl Palette {
         Ok(())
     }
 
-    /// Gathers palette colors in the ramp with a name, whichever ramps they were in. If there is no such ramp, a new one,
-    /// the last, gets them. Ramps that lose their last tone are removed, and later ramps move up.
+    /// Gathers palette colors in the ramp with a name, whichever ramps they were in. If there is no such ramp, a new
+    /// one, the last, gets them. Ramps that lose their last tone are removed, and later ramps move up.
     ///
     /// # Errors
     ///

@@ -27,8 +27,8 @@ fn shares(palette: &Palette, color: [f64; 3], mut add: impl FnMut(usize, f64)) {
 }
 
 impl Palette {
-    /// Returns how much a color in encoded sRGB belongs to each ramp, from 0 to 1. The weights are continuous, and sum to
-    /// 1 if every palette color is in a ramp; what belongs to a palette color in no ramp is missing from them.
+    /// Returns how much a color in encoded sRGB belongs to each ramp, from 0 to 1. The weights are continuous, and sum
+    /// to 1 if every palette color is in a ramp; what belongs to a palette color in no ramp is missing from them.
     pub fn ramp_weights(&self, color: [f64; 3]) -> Vec<f64> {
         let mut weights = vec![0.0; self.ramps.len()];
         shares(self, color, |tone, share| {

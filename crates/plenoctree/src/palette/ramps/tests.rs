@@ -294,8 +294,8 @@ fn wishes_that_contradict_are_named() {
     assert!(palette.recolored(&palette.colors, &[Wish::tone(8, palette.colors[8])], &[2]).is_ok());
 }
 
-/// Returns the largest change of membership, in a step so small that a continuous one hardly changes, between two colors:
-/// where it changes most.
+/// Returns the largest change of membership, in a step so small that a continuous one hardly changes, between two
+/// colors: where it changes most.
 fn largest_jump(palette: &Palette, mut from: DVec3, mut to: DVec3) -> f64 {
     let change = |a: DVec3, b: DVec3| {
         let [a, b] = [a, b].map(|color| palette.ramp_weights(color.into()));

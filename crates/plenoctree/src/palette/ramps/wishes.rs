@@ -100,8 +100,8 @@ impl Palette {
     /// Returns what the palette's colors show after its ramps have moved so that all wishes come true, with as little
     /// change of their source colors as possible. All colors are in encoded sRGB.
     ///
-    /// Ramps without a wish, those in `locked`, and colors in no ramp keep showing `shown`, or their source colors if it is
-    /// shorter.
+    /// Ramps without a wish, those in `locked`, and colors in no ramp keep showing `shown`, or their source colors if
+    /// it is shorter.
     ///
     /// A single wish for a ramp moves it as a whole, like [`show_ramp`](Self::show_ramp). Several also change its
     /// contrast and the tint of its shadows.

@@ -66,8 +66,8 @@ mod tests {
         assert!(errors.hue < 1e-3 && errors.rmse < 0.04, "{errors:?}");
     }
 
-    /// Grays of all tints, as noise and borders between materials make them, are shown as grays, beside vivid colors and a
-    /// wood that hardly has more chroma than they have.
+    /// Grays of all tints, as noise and borders between materials make them, are shown as grays, beside vivid colors
+    /// and a wood that hardly has more chroma than they have.
     #[test]
     fn neutrals_stay_neutral() {
         let spiral = (0..600).map(|i| {

@@ -29,7 +29,8 @@ mod tests {
     use super::*;
 
     proptest! {
-        /// The lightness and the hue stay, chroma never grows, and nothing jumps. Vivid and flat colors stay as they are.
+        /// The lightness and the hue stay, chroma never grows, and nothing jumps. Vivid and flat colors stay as they
+        /// are.
         #[test]
         fn grays_lose_tints(lightness in 0.0..1.0f64, hue in 0.0..6.3f64, chroma in 0.0..0.3f64, deviation in 0.0..0.05f64) {
             let at = |chroma: f64| DVec3::new(lightness, chroma * hue.cos(), chroma * hue.sin());

@@ -69,7 +69,8 @@ struct Harmonics {
     files: Vec<String>,
 }
 
-/// Reads a codebook. Some writers made its first number null, which is as far below the second one as the others are apart.
+/// Reads a codebook. Some writers made its first number null, which is as far below the second one as the others are
+/// apart.
 fn codebook<'de, D: Deserializer<'de>>(source: D) -> Result<Option<Vec<f32>>, D::Error> {
     let Some(mut values) = Option::<Vec<Option<f32>>>::deserialize(source)? else {
         return Ok(None);

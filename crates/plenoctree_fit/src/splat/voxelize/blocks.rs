@@ -82,8 +82,9 @@ fn overlapping<'a>(gaussians: impl Iterator<Item = &'a CellGaussian>, low: UVec3
     gaussians.filter(|gaussian| gaussian.low.cmplt(low + size).all() && gaussian.high.cmpgt(low).all()).collect()
 }
 
-/// Sums of a block. A Gaussian is added to the cells or, if it is many cells wide, to the points of the coarsest lattice
-/// in which it is still smooth. Otherwise, as many Gaussians at one place would take as many times the cells there.
+/// Sums of a block. A Gaussian is added to the cells or, if it is many cells wide, to the points of the coarsest
+/// lattice in which it is still smooth. Otherwise, as many Gaussians at one place would take as many times the cells
+/// there.
 pub struct Block {
     /// The cells, then lattices of points that are 2, 4, 8, 16 and 32 cells apart.
     rasters: [Raster; BLOCK as usize + 1],

@@ -38,8 +38,8 @@ pub struct CellGaussian {
 impl CellGaussian {
     /// Returns the Gaussian in the cells of a cube, or `None` if it does not reach the cube or is invisible.
     ///
-    /// `blur` is a standard deviation in cells by which it is made wider. Its opacity stays the same, as when it is drawn,
-    /// where it is blurred by half a pixel.
+    /// `blur` is a standard deviation in cells by which it is made wider. Its opacity stays the same, as when it is
+    /// drawn, where it is blurred by half a pixel.
     pub fn new(gaussian: &Gaussian, index: u32, corner: DVec3, width: f64, cells: u32, blur: f64) -> Option<Self> {
         let opacity = f64::from(gaussian.opacity).min(MOST_OPACITY);
         if opacity < FAINTEST {

@@ -1,5 +1,5 @@
-//! Converts a capture to a field: adds up the optical depth of its Gaussians in small cells, and merges cells where that
-//! does not show.
+//! Converts a capture to a field: adds up the optical depth of its Gaussians in small cells, and merges cells where
+//! that does not show.
 
 mod blocks;
 mod cells;

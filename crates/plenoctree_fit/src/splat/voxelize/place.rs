@@ -61,8 +61,8 @@ impl Place {
         self.size / f64::from(1u32 << depth)
     }
 
-    /// Returns the cells of a block at a depth that are in the box and not empty, with how visible each is. `seen` returns
-    /// that of the code of a cell.
+    /// Returns the cells of a block at a depth that are in the box and not empty, with how visible each is. `seen`
+    /// returns that of the code of a cell.
     pub fn cells(&self, depth: u32, code: u64, block: &Block, thinnest: f32, seen: impl Fn(u64) -> f32) -> Cells {
         let width = self.width(depth);
         let limits = [(self.low - self.corner) / width, (self.high - self.corner) / width];
@@ -95,8 +95,8 @@ impl Place {
         SplatError::Empty { place: format!("the box from {:.3} to {:.3}", self.low, self.high) }
     }
 
-    /// Makes the field whose leaves are these cells, without those that readers of files would drop. `depth` is the level
-    /// of the finest.
+    /// Makes the field whose leaves are these cells, without those that readers of files would drop. `depth` is the
+    /// level of the finest.
     ///
     /// # Errors
     ///

@@ -75,8 +75,8 @@ impl Tree {
         Some(self.starts.len() as u32 - 1)
     }
 
-    /// Chooses the cells that have the smallest sum of errors and of `price` per cell, with levels from the first to the
-    /// second of `levels`.
+    /// Chooses the cells that have the smallest sum of errors and of `price` per cell, with levels from the first to
+    /// the second of `levels`.
     pub fn cut(&self, price: f32, [finest, coarsest]: [u8; 2]) -> Cut {
         let mut stands = vec![false; self.starts.len()];
         // The costs and counts of the subtrees that are not part of another one yet.
@@ -241,8 +241,8 @@ mod tests {
     }
 
     proptest! {
-        /// A higher price never buys more cells. Cells of a cut do not overlap, have the levels that were asked for, and
-        /// fill what the tree fills.
+        /// A higher price never buys more cells. Cells of a cut do not overlap, have the levels that were asked for,
+        /// and fill what the tree fills.
         #[test]
         fn prices_limit_the_number_of_cells(
             values in prop::collection::vec((0.0f32..4.0, -1.0f32..1.0), 512),

@@ -124,7 +124,8 @@ impl Voxels {
     ///
     /// # Errors
     ///
-    /// Returns an error if the cells do not form a field, or if they are so faint that readers of files would drop them.
+    /// Returns an error if the cells do not form a field, or if they are so faint that readers of files would drop
+    /// them.
     pub fn field(&self, leaves: usize) -> Result<PlenOctree, SplatError> {
         let price = price(&self.trees, leaves, self.levels).max(self.least_price);
         let cells = |tree: &Tree| tree.cells(&tree.cut(price, self.levels));
