@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use bevy_plenoctree::{LoadSettings, UpAxis};
+use bevy_plenoctree::{Activation, LoadSettings, UpAxis};
 use clap::{Parser, ValueEnum};
 
 use crate::{quality::Level, show::Show};
@@ -15,9 +15,13 @@ pub struct Arguments {
     /// A palette.json file to use instead of extracting a palette.
     #[arg(long)]
     pub palette: Option<PathBuf>,
-    /// The up axis of the field.
-    #[arg(long, value_enum, default_value_t = Up::Z)]
-    up: Up,
+    /// How the numbers in the field's file become colors. By default, as a packed field records; otherwise sigmoid, or
+    /// identity for RGBA.
+    #[arg(long, value_enum)]
+    activation: Option<Curve>,
+    /// The axis that points up in the field. By default, the one that a packed field records; otherwise z.
+    #[arg(long, value_enum)]
+    up: Option<Up>,
     /// The quality preset.
     #[arg(long, value_enum, default_value_t)]
     pub quality: Level,
@@ -34,6 +38,13 @@ enum Up {
     Z,
 }
 
+#[derive(Clone, Copy, ValueEnum)]
+enum Curve {
+    Sigmoid,
+    ShiftedRelu,
+    Identity,
+}
+
 impl Arguments {
     pub fn field(&self) -> PathBuf {
         let default = || PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("assets/drum.plenoctree");
@@ -41,10 +52,15 @@ impl Arguments {
     }
 
     pub fn load_settings(&self) -> LoadSettings {
-        let up = match self.up {
+        let up = self.up.map(|up| match up {
             Up::Y => UpAxis::Y,
             Up::Z => UpAxis::Z,
-        };
-        LoadSettings { up: Some(up), ..LoadSettings::default() }
+        });
+        let activation = self.activation.map(|curve| match curve {
+            Curve::Sigmoid => Activation::Sigmoid,
+            Curve::ShiftedRelu => Activation::ShiftedRelu,
+            Curve::Identity => Activation::Identity,
+        });
+        LoadSettings { activation, up, ..LoadSettings::default() }
     }
 }
