@@ -243,8 +243,8 @@ pub(in crate::render) fn decide(
         },
         has_lamps: visible.has_lamps,
         smooths_all_light: pipelines.is_brightened && lit().all(ExtractedProp::is_brightened),
-        // How often a held view filters may change, but not whether it does.
-        iterations: if pipelines.iterations > 0 { iterations.max(1) } else { 0 },
+        // How often a held view filters may change, but not whether it does, or whether it does so more than once.
+        iterations: if pipelines.iterations > 1 { iterations.max(1) } else { pipelines.iterations },
         has_motion: visible.has_motion && in_scene && pipelines.has_motion,
         // A posterized view shows nothing but labels.
         has_objects: known.has_objects
