@@ -6,8 +6,8 @@
 @group(0) @binding(0) var<uniform> view: View;
 // The number that `view.wgsl` declares.
 @group(0) @binding(1) var<storage, read_write> first_drawn: atomic<u32>;
-// What was seen in the last frame: a word for the depth of each pixel, then one for the color of each, and one for the
-// light on each.
+// What was seen in the last frame: words for the depths of pixels, then words for their colors, and words for the light on
+// them. ROWS pixels of a column share a word.
 @group(0) @binding(2) var<storage, read_write> before: array<u32>;
 #ifdef DEPTH
 @group(0) @binding(3) var scene: texture_depth_2d;
@@ -17,18 +17,16 @@
 @group(0) @binding(3) var scene: texture_2d<f32>;
 #endif
 
+// The pixels of a column that share a word. Matches `cache.rs`.
+const ROWS: u32 = 8u;
+
 // Mixes two words into one. A change of one always changes the result, and a change of both nearly always.
 fn mixed(a: u32, b: u32) -> u32 {
     return (a * 0x9e3779b1u) ^ b;
 }
 
-@compute @workgroup_size(8, 8)
-fn compare(@builtin(global_invocation_id) id: vec3<u32>) {
-    let pixel = id.xy;
-    if any(pixel >= view.size) {
-        return;
-    }
-    let word = (#{RESULT}u * view.size.y + pixel.y) * view.size.x + pixel.x;
+// Returns what is seen at a pixel, as a word.
+fn seen_at(pixel: vec2<u32>) -> u32 {
 #ifdef LIGHT
     let at = pixel;
 #else
@@ -47,6 +45,21 @@ fn compare(@builtin(global_invocation_id) id: vec3<u32>) {
     let color = textureLoad(scene, at, 0);
     let seen = mixed(pack2x16float(color.rg), pack2x16float(color.ba));
 #endif
+    return seen;
+}
+
+@compute @workgroup_size(8, 8)
+fn compare(@builtin(global_invocation_id) id: vec3<u32>) {
+    let across = vec2(view.size.x, (view.size.y + ROWS - 1u) / ROWS);
+    if any(id.xy >= across) {
+        return;
+    }
+    let word = (#{RESULT}u * across.y + id.y) * across.x + id.x;
+    let end = min(ROWS * id.y + ROWS, view.size.y);
+    var seen = 0u;
+    for (var y = ROWS * id.y; y < end; y++) {
+        seen = mixed(seen, seen_at(vec2(id.x, y)));
+    }
     if before[word] != seen {
         before[word] = seen;
         atomicMin(&first_drawn, #{RESULT}u);

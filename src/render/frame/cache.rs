@@ -50,8 +50,8 @@ pub(in crate::render) struct Cache {
     unchanged: usize,
     /// How many of these are only drawn if the scene has changed. For the others, what it was is not known.
     first_drawn: usize,
-    /// What the scene was: a word per pixel for its depth, and then, if anything is posterized, one for its color, and
-    /// if light falls on props, one for this light.
+    /// What the scene was: a word per [`ROWS`] pixels of a column for their depths, and then, if anything is posterized,
+    /// one for their colors, and if light falls on props, one for this light.
     scene: Option<Buffer>,
     /// Whether the words that each result depends on are those of the frame that was drawn.
     knows: [bool; 3],
@@ -79,7 +79,7 @@ impl Cache {
         self.drawn = default();
         let has_composite = passes.iter().any(|pass| pass.result == Some(CachedResult::Composite));
         let words = 1 + u64::from(has_composite) + u64::from(has_light);
-        let size = 4 * words * u64::from(plan.rect.size.x) * u64::from(plan.rect.size.y);
+        let size = scene_bytes(words, plan.rect.size);
         if self.unchanged == 0 {
             self.scene = None;
         } else if self.scene.as_ref().is_none_or(|scene| scene.size() != size) {
@@ -146,7 +146,7 @@ impl Cache {
             let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor { label: Some(COMPARE), ..default() });
             pass.set_pipeline(pipeline);
             pass.set_bind_group(0, &*group, &[]);
-            let groups = (size + 7) / 8;
+            let groups = (words_across(size) + 7) / 8;
             pass.dispatch_workgroups(groups.x, groups.y, 1);
             self.knows[index] = true;
         } else {
@@ -206,6 +206,20 @@ pub(super) fn light(passes: &[Pass]) -> Option<Slot> {
     })
 }
 
+/// The pixels of a column that share a word. Matches `compare.wgsl`.
+const ROWS: u32 = 8;
+
+/// Returns the numbers of words for `size` pixels, along each axis.
+fn words_across(size: UVec2) -> UVec2 {
+    UVec2::new(size.x, size.y.div_ceil(ROWS))
+}
+
+/// Returns the bytes that remember `size` pixels, with so many `words` for the pixels that share them.
+fn scene_bytes(words: u64, size: UVec2) -> u64 {
+    let across = words_across(size);
+    4 * words * u64::from(across.x) * u64::from(across.y)
+}
+
 const COMPARE: &str = "plenoctree_compare";
 
 /// The pipelines that compare the scene with what it was.
@@ -249,5 +263,16 @@ impl Comparison {
             CachedResult::Composite => &self.pipelines[2],
             CachedResult::Labels => &self.pipelines[3],
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// WebGPU guarantees that shaders can bind as much.
+    #[test]
+    fn what_views_of_8k_remember_can_be_bound() {
+        assert!(scene_bytes(3, UVec2::new(7680, 4320)) <= 128 << 20);
     }
 }
