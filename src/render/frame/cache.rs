@@ -50,8 +50,8 @@ pub(in crate::render) struct Cache {
     unchanged: usize,
     /// How many of these are only drawn if the scene has changed. For the others, what it was is not known.
     first_drawn: usize,
-    /// What the scene was: a word per [`ROWS`] pixels of a column for their depths, and then, if anything is posterized,
-    /// one for their colors, and if light falls on props, one for this light.
+    /// What the scene was: for [`ROWS`] pixels of a column, a word for their depths, and then, if anything is
+    /// posterized, one for their colors, and one for the light on props, if there is any.
     scene: Option<Buffer>,
     /// Whether the words that each result depends on are those of the frame that was drawn.
     knows: [bool; 3],
@@ -68,7 +68,8 @@ impl Cache {
         is_complete: bool,
         plan: &Plan,
     ) {
-        let has_light = light(passes).is_some();
+        // Where nothing is posterized, labels are drawn in every frame, whatever the light is.
+        let has_light = plan.posterizes && light(passes).is_some();
         self.knows[CachedResult::Labels as usize] |= !has_light;
         self.keys = CachedResult::ALL.map(|result| key(result, passes, textures, buffers, plan));
         let same = self.keys.iter().zip(&self.drawn).take_while(|(key, drawn)| **drawn == Some(**key)).count();
