@@ -31,7 +31,7 @@ pub(in crate::render) enum Slot {
     OtherRays,
     /// Where these rays reach the owner of the pixel: eight half floats. See `coverage.wgsl`.
     Places,
-    /// A depth that is 1 at edges, so that later passes run only there.
+    /// A depth that is 1 at edges and 0 elsewhere, so that later passes run only there.
     EdgeMask,
     /// The color of the light that arrives, and the fraction that is blocked, or the light that is added. See
     /// `lighting.wgsl`.
@@ -102,7 +102,8 @@ impl Slot {
             Self::Owner(_) => Rg16Float,
             Self::Motion(_) => MOTION_VECTOR_PREPASS_FORMAT,
             Self::Depth(_) | Self::NearestDepth(_) | Self::OpaqueDepth(_) => DEPTH_FORMAT,
-            Self::EdgeMask | Self::FormerDepth | Self::SceneDepth => DEPTH_FORMAT,
+            Self::FormerDepth | Self::SceneDepth => DEPTH_FORMAT,
+            Self::EdgeMask => Depth16Unorm,
             Self::Nearest(_) | Self::Opaque(_) => R32Uint,
             Self::ShadowTile => TILE_FORMAT,
             Self::Gaps => R16Uint,
