@@ -29,8 +29,6 @@ pub(in crate::render) enum Slot {
     /// What the rays of edges see of the pixel's owner, and of the other owner. See `coverage.wgsl`.
     OwnRays,
     OtherRays,
-    /// Where these rays reach the owner of the pixel: eight half floats. See `coverage.wgsl`.
-    Places,
     /// A depth that is 1 at edges and 0 elsewhere, so that later passes run only there.
     EdgeMask,
     /// The color of the light that arrives, and the fraction that is blocked, or the light that is added. See
@@ -38,9 +36,10 @@ pub(in crate::render) enum Slot {
     Light,
     /// The same, smoothed. See `smooth_light.wgsl`.
     SmoothLight,
-    /// The composite before and after each iteration of the filter. See `filter_texel.wgsl`.
+    /// The composite before and after each iteration of the filter. See `filter_texel.wgsl`. Before that, where rays of
+    /// edges reach the owner of the pixel: eight half floats. See `coverage.wgsl`.
     Even,
-    /// The same, halfway through an iteration.
+    /// The composite halfway through an iteration.
     Odd,
     /// Encoded sRGB and opacity, as labeled. The opacity is negative where nothing is drawn.
     Labeled,
@@ -109,7 +108,7 @@ impl Slot {
             Self::Gaps => R16Uint,
             Self::Outline | Self::Labels | Self::FormerLabels => Rg16Uint,
             Self::Coverage | Self::Light => Rgba8Unorm,
-            Self::Places | Self::Even | Self::Odd => Rgba32Uint,
+            Self::Even | Self::Odd => Rgba32Uint,
             Self::Objects | Self::ObjectSamples => return None,
         })
     }

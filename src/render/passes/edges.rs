@@ -40,6 +40,9 @@ const LAYER: [Input; 3] = [
     Input::Texture(Slot::Depth(RaySet::Pixels)),
 ];
 
+/// Where the rays of edges reach owners. Whenever the layer is drawn, so is the composite, which replaces all of this.
+const PLACES: Slot = Slot::Even;
+
 /// Finds the pixels at edges, and clears what the coverage pass adds to if there are several props.
 pub(super) fn outline(plan: &Plan) -> Option<Pass> {
     let is_several = plan.is_several;
@@ -86,12 +89,12 @@ fn coverage_of(plan: &Plan, pixels: Pixels) -> Pass {
         Pixels::OfOwners => (
             Some("OF_OWNERS"),
             vec![outline, owner, depth],
-            vec![Slot::Coverage, Slot::OwnRays, Slot::Places],
+            vec![Slot::Coverage, Slot::OwnRays, PLACES],
             vec![add, add, Blend::Replace],
         ),
         Pixels::OfOthers => (
             Some("OF_OTHERS"),
-            vec![outline, owner, depth, Input::Texture(Slot::Places)],
+            vec![outline, owner, depth, Input::Texture(PLACES)],
             vec![Slot::Coverage, Slot::OwnRays, Slot::OtherRays],
             vec![add; 3],
         ),
