@@ -53,7 +53,7 @@ pub(in crate::render) enum Slot {
     Fogged,
     /// See [`LabelStages`](crate::LabelStages).
     Labels,
-    /// The labels and the depth of the former frame.
+    /// The labels and the depth of the former frame. A single pixel while no prop keeps labels.
     FormerLabels,
     FormerDepth,
     /// Transparent objects over props, in the format and the size of the target, resolved and multisampled.

@@ -119,11 +119,16 @@ impl Textures {
         let Some(format) = format else {
             return false;
         };
-        // The former frame may have had another size.
+        // Passes bind what they know of the former frame even if they read nothing of it.
         let is_former = matches!(slot, Slot::FormerLabels | Slot::FormerDepth);
+        if is_former && !plan.reads_former() {
+            size = UVec2::ONE;
+        }
+        // The former frame may have had another size.
+        let may_differ = is_former && plan.reads_former();
         if let Some(held) = self.textures.get_mut(&slot)
             && (held.format, held.samples) == (format, samples)
-            && (held.size == size || is_former)
+            && (held.size == size || may_differ)
         {
             held.idle = 0;
             return true;

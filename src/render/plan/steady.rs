@@ -70,7 +70,12 @@ impl Former {
                 before.earlier
             };
         }
-        moves && self.props.values().any(|now| now.earlier.is_some())
+        moves && self.keeps_labels()
+    }
+
+    /// Returns whether any prop keeps labels.
+    pub(super) fn keeps_labels(&self) -> bool {
+        self.props.values().any(|now| now.earlier.is_some())
     }
 
     /// Returns where a prop was in the frame whose labels it keeps.

@@ -188,6 +188,11 @@ impl Plan {
         self.former.is_some()
     }
 
+    /// Returns whether any prop keeps labels, of the former frame or of the one before the view came to rest.
+    pub fn reads_former(&self) -> bool {
+        self.former.as_ref().is_some_and(Former::keeps_labels)
+    }
+
     /// Returns whether later passes, or the next frame, read the labels of pixels.
     pub fn needs_labels(&self) -> bool {
         self.finishes() || self.steadies() || !self.stages.is_empty()
