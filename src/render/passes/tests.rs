@@ -110,18 +110,18 @@ fn is_complete(headless: &mut Headless) -> bool {
 }
 
 /// Returns what a frame shows that must not go while pipelines are compiled.
-fn features(headless: &mut Headless) -> HashSet<Feature> {
+fn features(headless: &mut Headless) -> HashSet<&'static str> {
     let plan = &view(headless).plan;
     let all = [
-        Feature::Overlaps,
-        Feature::Fog,
-        Feature::Posterize,
-        Feature::Lighting,
-        Feature::Recolor,
-        Feature::Objects,
-        Feature::Edges,
+        ("overlaps", plan.overlaps),
+        ("colors", plan.props.iter().any(|prop| prop.kind.may_recolor)),
+        ("fog", plan.keeps(Feature::Fog)),
+        ("labels", plan.keeps(Feature::Posterize)),
+        ("light", plan.keeps(Feature::Lighting)),
+        ("objects", plan.keeps(Feature::Objects)),
+        ("edges", plan.keeps(Feature::Edges)),
     ];
-    all.into_iter().filter(|of| plan.keeps(*of)).collect()
+    all.into_iter().filter(|(_, is_shown)| *is_shown).map(|(what, _)| what).collect()
 }
 
 /// Props that are drawn stay while pipelines are compiled for what is new: another prop before them, labels, colors,

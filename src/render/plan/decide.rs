@@ -111,7 +111,7 @@ pub(in crate::render) fn decide(
 
     let found = overlaps(&rects);
     let may_be_solid = |seen: &VisibleProp| seen.prop.solid != SolidOpacity::Never;
-    let overlaps = has(Feature::Overlaps) && seen.iter().zip(&found).any(|(seen, found)| *found && may_be_solid(seen));
+    let overlaps = seen.iter().zip(&found).any(|(seen, found)| *found && may_be_solid(seen));
     let props: Vec<_> = seen
         .iter()
         .zip(&rects)
@@ -125,7 +125,7 @@ pub(in crate::render) fn decide(
                 shape: seen.field.shape,
                 overlaps: found && overlaps,
                 is_lit: seen.prop.is_lit() && in_scene && has(Feature::Lighting),
-                may_recolor: seen.posterize.is_none() && seen.prop.recolor.is_some() && has(Feature::Recolor),
+                may_recolor: seen.posterize.is_none() && seen.prop.recolor.is_some(),
             };
             PlannedProp {
                 entity: seen.prop.entity,

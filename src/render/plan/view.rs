@@ -150,16 +150,12 @@ pub(in crate::render) struct Kind {
 pub(in crate::render) enum Feature {
     /// Drawing props at all.
     Base,
-    /// Props that hide each other pixel by pixel. Without it, the nearer one is drawn over the other.
-    Overlaps,
     /// Fog before props.
     Fog,
     /// Labels.
     Posterize,
     /// Lights that fall on props.
     Lighting,
-    /// Props as trained that follow their palette.
-    Recolor,
     /// Transparent objects over props at the display.
     Objects,
     /// Fewer rays than pixels.
@@ -213,11 +209,9 @@ impl Plan {
     pub fn keeps(&self, feature: Feature) -> bool {
         match feature {
             Feature::Base => !self.props.is_empty(),
-            Feature::Overlaps => self.overlaps,
             Feature::Fog => self.has_fog,
             Feature::Posterize => self.posterizes,
             Feature::Lighting => self.is_lit,
-            Feature::Recolor => self.props.iter().any(|prop| prop.kind.may_recolor),
             Feature::Objects => self.has_objects,
             Feature::Sparse => self.is_sparse(),
             Feature::Edges => self.smooths,
