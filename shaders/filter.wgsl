@@ -29,11 +29,14 @@ fn fragment(
     let prop = max(center.owner, 1u) - 1u;
     // Both textures already hold the pixels without an owner.
     let is_kept = center.owner == 0u || iteration >= filters[prop].iterations;
-    let radius = select(filters[prop].radius, 0, is_kept);
+    let taps = select(filters[prop].taps, 0, is_kept);
+    let radius = filters[prop].radius;
     let spatial = filters[prop].spatial_falloff;
     let range = filters[prop].range_falloff;
     var sum = Sum(center.color, 1.0);
-    for (var offset = 1; offset <= radius; offset++) {
+    for (var tap = 1; tap <= taps; tap++) {
+        // Spread over the radius, and rounded.
+        let offset = (2 * tap * radius + taps) / (2 * taps);
         let closeness = -f32(offset * offset) * spatial;
         add(&sum, at - offset * ALONG, center.place, closeness, range);
         add(&sum, at + offset * ALONG, center.place, closeness, range);

@@ -48,9 +48,9 @@ pub struct Posterize {
     pub min_opacity: f32,
     /// The filter that flattens colors before labels are assigned.
     ///
-    /// Defaults to one iteration with a radius of 4, a spatial sigma of 4 and a range sigma of 5: tones flatten colors,
-    /// too, and a second iteration would lose details. [`BilateralFilter::default`] is the paper's filter instead. To
-    /// change a single setting, write `..Posterize::default().filter`.
+    /// Defaults to one iteration with a radius of 6, four taps, a spatial sigma of 5 and a range sigma of 5: tones
+    /// flatten colors, too, and a second iteration would lose details. [`BilateralFilter::default`] is the paper's filter
+    /// instead. To change a single setting, write `..Posterize::default().filter`.
     pub filter: BilateralFilter,
     /// What is drawn until the palette is loaded or extracted.
     ///
@@ -137,7 +137,7 @@ impl Default for Posterize {
             blend_steps: 3,
             softness: 0.0,
             min_opacity: 80.0 / 255.0,
-            filter: BilateralFilter { iterations: 1, radius: 4, spatial_sigma: 4.0, range_sigma: 5.0 },
+            filter: BilateralFilter { iterations: 1, radius: 6, taps: 4, spatial_sigma: 5.0, range_sigma: 5.0 },
             before_palette: BeforePalette::default(),
             edges: EdgeSmoothing::default(),
             borders: BorderSmoothing::default(),
@@ -206,7 +206,7 @@ impl Posterize {
     /// Clamps every setting to its valid range, so that no shader divides by zero or loops for too long. NaN becomes
     /// the lowest value.
     pub(crate) fn clamped(self) -> Self {
-        let BilateralFilter { iterations, radius, spatial_sigma, range_sigma } = self.filter;
+        let BilateralFilter { iterations, radius, taps, spatial_sigma, range_sigma } = self.filter;
         Self {
             blend_steps: self.blend_steps.clamp(1, MAX_BLEND_STEPS),
             // `f32::max` ignores NaN.
@@ -216,6 +216,7 @@ impl Posterize {
             filter: BilateralFilter {
                 iterations: iterations.min(MAX_FILTER_ITERATIONS),
                 radius: radius.min(MAX_FILTER_RADIUS),
+                taps: taps.clamp(1, MAX_FILTER_RADIUS),
                 spatial_sigma: spatial_sigma.max(1e-3),
                 range_sigma: range_sigma.max(1e-3),
             },
@@ -262,6 +263,11 @@ pub struct BilateralFilter {
     ///
     /// Defaults to 2. Clamped to 0..=[`MAX_FILTER_RADIUS`].
     pub radius: u32,
+    /// How many pixels it reads on each side. If there are more within the radius, it skips some, evenly: the cost of an
+    /// iteration depends on the taps, not on the radius.
+    ///
+    /// Defaults to [`MAX_FILTER_RADIUS`], which skips none. Clamped to 1..=[`MAX_FILTER_RADIUS`].
+    pub taps: u32,
     /// The standard deviation of the spatial weight, in pixels.
     ///
     /// Defaults to 3. Clamped to at least 0.001.
@@ -274,7 +280,7 @@ pub struct BilateralFilter {
 
 impl Default for BilateralFilter {
     fn default() -> Self {
-        Self { iterations: 4, radius: 2, spatial_sigma: 3.0, range_sigma: 4.25 }
+        Self { iterations: 4, radius: 2, taps: MAX_FILTER_RADIUS, spatial_sigma: 3.0, range_sigma: 4.25 }
     }
 }
 

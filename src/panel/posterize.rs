@@ -43,7 +43,7 @@ fn sliders(ui: &mut egui::Ui, settings: &mut Posterize) -> bool {
         steadiness: _,
         method: _,
     } = settings;
-    let BilateralFilter { iterations, radius, spatial_sigma, range_sigma } = filter;
+    let BilateralFilter { iterations, radius, taps, spatial_sigma, range_sigma } = filter;
     let labels = egui::Grid::new("labels").num_columns(2).show(ui, |ui| {
         let hint = "Steps from one palette color to another; 1 disables blends, which tones never have";
         let steps = row(ui, "Blend steps", hint, egui::Slider::new(blend_steps, 1..=MAX_BLEND_STEPS));
@@ -71,11 +71,13 @@ fn sliders(ui: &mut egui::Ui, settings: &mut Posterize) -> bool {
             let iterations = row(ui, "Iterations", hint, egui::Slider::new(iterations, 0..=MAX_FILTER_ITERATIONS));
             let hint = "Radius of the filter, in pixels";
             let radius = row(ui, "Radius", hint, egui::Slider::new(radius, 0..=MAX_FILTER_RADIUS));
+            let hint = "Pixels that it reads on each side, spread over the radius";
+            let taps = row(ui, "Taps", hint, egui::Slider::new(taps, 1..=MAX_FILTER_RADIUS));
             let hint = "Spatial sigma, in pixels";
             let spatial = row(ui, "Spatial sigma", hint, egui::Slider::new(spatial_sigma, 0.5..=10.0));
             let hint = "Range sigma, in CIELAB; larger color differences are kept as edges";
             let range = row(ui, "Range sigma", hint, egui::Slider::new(range_sigma, 0.5..=30.0).logarithmic(true));
-            iterations | radius | spatial | range
+            iterations | radius | taps | spatial | range
         })
     });
     labels.inner | switched | filter.body_returned.is_some_and(|grid| grid.inner)

@@ -115,6 +115,7 @@ fn near_one(clip_from_box: DMat4) -> DMat4 {
 pub(super) struct FilterUniform {
     pub iterations: u32,
     radius: i32,
+    taps: i32,
     spatial_falloff: f32,
     range_falloff: f32,
     is_of_tones: u32,
@@ -130,6 +131,7 @@ impl FilterUniform {
         Self {
             iterations: filter.iterations.min(quality.filter_iterations),
             radius: filter.radius as i32,
+            taps: filter.taps.min(filter.radius) as i32,
             spatial_falloff: falloff(filter.spatial_sigma),
             range_falloff: falloff(filter.range_sigma),
             is_of_tones: u32::from(posterize.palette.is_of_tones()),

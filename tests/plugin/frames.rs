@@ -113,6 +113,8 @@ fn posterization_and_recoloring_match_the_reference() {
         (Posterize::paper(), false),
         (Posterize { softness: 0.0, blend_steps: 2, ..Posterize::paper() }, true),
         (Posterize { softness: 0.4, blend_steps: 1, min_opacity: 0.9, ..Posterize::paper() }, true),
+        // It skips pixels.
+        (Posterize { filter: Posterize::default().filter, ..Posterize::paper() }, true),
     ] {
         let posterize = Posterize { edges: EdgeSmoothing::Off, ..posterize };
         if recolored {
@@ -124,6 +126,11 @@ fn posterization_and_recoloring_match_the_reference() {
             blend_steps: posterize.blend_steps,
             softness: posterize.softness.into(),
             min_opacity: posterize.min_opacity.into(),
+            iterations: posterize.filter.iterations,
+            radius: posterize.filter.radius,
+            taps: posterize.filter.taps,
+            spatial_sigma: posterize.filter.spatial_sigma.into(),
+            range_sigma: posterize.filter.range_sigma.into(),
             ..Default::default()
         };
         let expected = reference::posterize(&rendering, DVec3::ONE, &source, &shown, &settings);

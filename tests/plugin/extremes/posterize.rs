@@ -143,6 +143,7 @@ fn settings_beyond_their_range_are_harmless() {
             Posterize { blend_steps: number, softness: 0.0, ..default() },
             Posterize { filter: BilateralFilter { iterations: number, ..filter }, ..default() },
             Posterize { filter: BilateralFilter { radius: number, ..filter }, ..default() },
+            Posterize { filter: BilateralFilter { taps: number, ..filter }, ..default() },
         ]
     });
     for posterize in floats.chain(counts) {

@@ -156,11 +156,11 @@ const CHANGES: &[(&str, Change)] = &[
     ("its own colors again", |view| view.set_prop(1, PaletteOverride::default())),
     ("the opacity of thin pixels", |view| view.set_prop(0, Posterize { min_opacity: 0.9, ..default() })),
     ("the filter", |view| {
-        let filter = BilateralFilter { iterations: 2, radius: 4, spatial_sigma: 5.0, range_sigma: 40.0 };
+        let filter = BilateralFilter { iterations: 2, radius: 4, taps: 6, spatial_sigma: 5.0, range_sigma: 40.0 };
         view.set_prop(0, Posterize { filter, ..default() });
     }),
     ("the width of the filter", |view| {
-        let filter = BilateralFilter { iterations: 2, radius: 4, spatial_sigma: 0.5, range_sigma: 40.0 };
+        let filter = BilateralFilter { iterations: 2, radius: 4, taps: 6, spatial_sigma: 0.5, range_sigma: 40.0 };
         view.set_prop(0, Posterize { filter, ..default() });
     }),
     ("hard edges", |view| view.set_prop(0, Posterize { edges: EdgeSmoothing::Off, ..default() })),

@@ -49,7 +49,7 @@ impl View {
 }
 
 const WIDE: Posterize = Posterize {
-    filter: BilateralFilter { iterations: 4, radius: 6, spatial_sigma: 6.0, range_sigma: 50.0 },
+    filter: BilateralFilter { iterations: 4, radius: 6, taps: 8, spatial_sigma: 6.0, range_sigma: 50.0 },
     blend_steps: 3,
     softness: 0.2,
     min_opacity: 0.01,

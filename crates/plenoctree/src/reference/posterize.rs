@@ -21,6 +21,8 @@ pub struct Posterization {
     pub iterations: u32,
     /// Radius of the filter in pixels. 2 by default.
     pub radius: u32,
+    /// Number of pixels that the filter reads on each side, spread over the radius. All of them by default.
+    pub taps: u32,
     /// Spatial sigma of the filter in pixels. 3 by default.
     pub spatial_sigma: f64,
     /// Range sigma of the filter in CIELAB. 4.25 by default.
@@ -36,6 +38,7 @@ impl Default for Posterization {
             min_opacity: 80.0 / 255.0,
             iterations: 4,
             radius: 2,
+            taps: u32::MAX,
             spatial_sigma: 3.0,
             range_sigma: 4.25,
         }
@@ -143,6 +146,8 @@ fn pass(image: &[DVec3], thin: &[bool], width: usize, along_rows: bool, settings
     let lab: Vec<DVec3> = image.par_iter().map(|&color| cielab(color)).collect();
     let height = image.len() / width;
     let radius = settings.radius as isize;
+    let taps = settings.taps.clamp(1, settings.radius.max(1)) as isize;
+    let offset = |tap: isize| tap.signum() * (2 * tap.abs() * radius + taps) / (2 * taps);
     let gauss = |squared: f64, sigma: f64| (-squared / (2.0 * sigma * sigma)).exp();
     (0..image.len())
         .into_par_iter()
@@ -152,7 +157,7 @@ fn pass(image: &[DVec3], thin: &[bool], width: usize, along_rows: bool, settings
             }
             let (x, y) = ((pixel % width) as isize, (pixel / width) as isize);
             let (mut sum, mut total) = (DVec3::ZERO, 0.0);
-            for offset in -radius..=radius {
+            for offset in (-taps..=taps).map(offset) {
                 let (x, y) = if along_rows { (x + offset, y) } else { (x, y + offset) };
                 if x < 0 || y < 0 || x >= width as isize || y >= height as isize {
                     continue;

@@ -143,12 +143,12 @@ fn elapsed(diagnostics: &DiagnosticsStore, spans: &[&str], start: Instant) -> Op
 }
 
 fn posterize(settings: PosterizeSettings) -> Posterize {
-    let Filter { iterations, radius, spatial_sigma, range_sigma } = settings.filter;
+    let Filter { iterations, radius, taps, spatial_sigma, range_sigma } = settings.filter;
     Posterize {
         blend_steps: settings.blend_steps,
         softness: settings.softness,
         min_opacity: settings.min_opacity,
-        filter: BilateralFilter { iterations, radius, spatial_sigma, range_sigma },
+        filter: BilateralFilter { iterations, radius, taps, spatial_sigma, range_sigma },
         edges: if settings.smooth_edges { EdgeSmoothing::Coverage } else { EdgeSmoothing::Off },
         borders: if settings.smooth_edges { BorderSmoothing::Interpolated } else { BorderSmoothing::Off },
         ..Posterize::default()

@@ -60,21 +60,22 @@ impl Default for PosterizeSettings {
     }
 }
 
-/// The settings of the bilateral filter, for every renderer: the iterations, the radius in pixels, and the sigmas in
-/// pixels and in CIELAB.
+/// The settings of the bilateral filter, for every renderer: the iterations, the radius in pixels, how many pixels it
+/// reads on each side, and the sigmas in pixels and in CIELAB.
 #[derive(Clone, Copy)]
 pub struct Filter {
     pub iterations: u32,
     pub radius: u32,
+    pub taps: u32,
     pub spatial_sigma: f32,
     pub range_sigma: f32,
 }
 
 impl Filter {
     /// That of the paper.
-    pub const PAPER: Self = Self { iterations: 4, radius: 2, spatial_sigma: 3.0, range_sigma: 4.25 };
+    pub const PAPER: Self = Self { iterations: 4, radius: 2, taps: 6, spatial_sigma: 3.0, range_sigma: 4.25 };
     /// That of the plugin's default, for tones.
-    pub const TONES: Self = Self { iterations: 1, radius: 4, spatial_sigma: 4.0, range_sigma: 5.0 };
+    pub const TONES: Self = Self { iterations: 1, radius: 6, taps: 4, spatial_sigma: 5.0, range_sigma: 5.0 };
 }
 
 /// The times of a posterized view in milliseconds. `None` if they could not be measured.

@@ -86,6 +86,7 @@ fn posterization(look: &Look) -> Posterization {
         min_opacity: settings.min_opacity.into(),
         iterations: settings.filter.iterations,
         radius: settings.filter.radius,
+        taps: settings.filter.taps,
         spatial_sigma: settings.filter.spatial_sigma.into(),
         range_sigma: settings.filter.range_sigma.into(),
     }
