@@ -23,7 +23,7 @@ const HARD: Posterize = Posterize {
     blend_steps: 1,
     softness: 0.0,
     min_opacity: 0.3,
-    filter: BilateralFilter { iterations: 2, radius: 2, spatial_sigma: 3.0, range_sigma: 4.25 },
+    filter: BilateralFilter { iterations: 2, radius: 2, taps: 6, spatial_sigma: 3.0, range_sigma: 4.25 },
     before_palette: BeforePalette::Hide,
     edges: EdgeSmoothing::Off,
     borders: BorderSmoothing::Off,
