@@ -34,7 +34,7 @@ fn demo(root: &Path, arguments: &[&str]) -> Result<String, String> {
 #[test]
 fn the_demo_takes_whatever_there_is() {
     let root = folder("demo");
-    for folder in ["scripts", "bin", "target/quick", "data/photos", "data/sog"] {
+    for folder in ["scripts", "bin", "target/quick", "data/photos", "data/my.photos", "data/.hidden", "data/sog"] {
         fs::create_dir_all(root.join(folder)).unwrap();
     }
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scripts/demo");
@@ -48,6 +48,7 @@ fn the_demo_takes_whatever_there_is() {
     for (file, content) in [
         ("my field.npz", ""),
         ("a.ply", ""),
+        (".ply", ""),
         ("b.SPZ", ""),
         ("sog/meta.json", ""),
         ("photos/transforms.json", ""),
@@ -79,6 +80,17 @@ fn the_demo_takes_whatever_there_is() {
         assert!(lines[1].starts_with(&format!("plenoctree {command}")), "{ran}");
         assert!(lines[1].contains(&format!("/data/{input} --out {out}")), "{ran}");
         assert_eq!(lines[2..], [format!("headless {out}")], "{ran}");
+    }
+    // A folder keeps its whole name, and no field is a hidden file.
+    for (input, path, name) in [
+        (".", "", "data"),
+        ("photos/", "/photos", "photos"),
+        ("my.photos", "/my.photos", "my.photos"),
+        (".hidden", "/.hidden", "hidden"),
+        (".ply", "/.ply", "field"),
+    ] {
+        let ran = demo(&root, &[input]).unwrap();
+        assert!(ran.contains(&format!("/data{path} --out out/{name}.plenoctree")), "{ran}");
     }
     for bad in [&["notes.txt"][..], &["missing.npz"], &["a.ply", "b.SPZ"]] {
         let errors = demo(&root, bad).unwrap_err();
