@@ -14,7 +14,7 @@ use crate::{
     histograms::SamplingSettings,
 };
 
-/// The largest number of leaves that are examined.
+/// The largest number of leaves that are examined, as long as any of them is seen.
 const EXAMINED: usize = 4096;
 /// The largest share of what observers see that sampling at the centers of leaves may leave out.
 const LEFT_OUT: f64 = 0.5;
@@ -26,7 +26,8 @@ impl SamplePoint {
     /// their own centers, by [`SamplingSettings::stop_transmittance`].
     ///
     /// The light of each leaf is weighted by the area of the leaf, its opacity, and the transmittance to the observer.
-    /// Every direction cell counts by its first ray. Of large fields, this examines 4096 leaves.
+    /// Every direction cell counts by its first ray. Of large fields, this examines 4096 leaves, or all of them if none
+    /// of these is seen.
     pub(super) fn choose(
         field: &PlenOctree,
         settings: &SamplingSettings,
@@ -41,9 +42,6 @@ impl SamplePoint {
         if !field.leaf_cells().any(|leaf| hides(&leaf)) {
             return Ok(Self::Center);
         }
-        let fraction = (EXAMINED as f64 / field.leaves() as f64).min(1.0);
-        let leaves =
-            chosen_leaves(field, &SamplingSettings { sample_fraction: fraction, ..settings.clone() }, progress)?;
         let rays: Vec<_> = observers(field.up(), settings)
             .into_iter()
             .filter_map(|cell| Some(*cell.first()? * field.frame().scale * finest))
@@ -63,8 +61,18 @@ impl SamplePoint {
             }
             Ok((seen, left_out))
         };
-        let sums: Vec<_> = leaves.par_iter().map(of_leaf).collect::<Result<_, Canceled>>()?;
-        let (seen, left_out) = sums.iter().fold((0.0, 0.0), |sum, leaf| (sum.0 + leaf.0, sum.1 + leaf.1));
+        let examine = |fraction: f64| -> Result<_, Canceled> {
+            let settings = SamplingSettings { sample_fraction: fraction, ..settings.clone() };
+            let leaves = chosen_leaves(field, &settings, progress)?;
+            let sums: Vec<_> = leaves.par_iter().map(of_leaf).collect::<Result<_, Canceled>>()?;
+            Ok(sums.iter().fold((0.0, 0.0), |sum, leaf| (sum.0 + leaf.0, sum.1 + leaf.1)))
+        };
+        let fraction = (EXAMINED as f64 / field.leaves() as f64).min(1.0);
+        let (mut seen, mut left_out) = examine(fraction)?;
+        if seen == 0.0 && fraction < 1.0 {
+            // A few large leaves may hide all others.
+            (seen, left_out) = examine(1.0)?;
+        }
         Ok(if left_out > LEFT_OUT * seen { Self::Entry } else { Self::Center })
     }
 }

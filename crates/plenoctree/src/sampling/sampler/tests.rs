@@ -190,6 +190,36 @@ fn other_fields_are_sampled_at_the_centers_of_leaves() {
     assert_eq!([cut(1.0), cut(0.4), cut(-0.4)], [SamplePoint::Center, SamplePoint::Center, SamplePoint::Entry]);
 }
 
+/// Of a large field, the leaves that are examined first may all be hidden, by leaves too few to be among them.
+#[test]
+fn few_large_leaves_that_hide_all_others_are_found() {
+    // A solid cube. Its surface is 57 leaves, and there are 229,376 inside.
+    let (mut nodes, mut leaves) = (vec![[Cell::EMPTY; 8]], 0u32);
+    let mut queue = vec![(0usize, 0, 0usize)];
+    while let Some((node, level, octant)) = queue.pop() {
+        for part in 0..8 {
+            // Opposite to where an octant is in the cube, its part is at the center.
+            let is_surface = level == 1 && (part + octant != 7 || octant == 7);
+            nodes[node][part] = if is_surface || level == 6 {
+                leaves += 1;
+                Cell::leaf(leaves - 1)
+            } else {
+                queue.push((nodes.len(), level + 1, part));
+                nodes.push([Cell::EMPTY; 8]);
+                Cell::node(nodes.len() as u32 - 1)
+            };
+        }
+    }
+    let frame = Frame { offset: DVec3::splat(0.5), scale: DVec3::splat(0.5) };
+    let (densities, coefficients) = (vec![1e6; leaves as usize], vec![f16::ZERO; 3 * leaves as usize]);
+    let field =
+        PlenOctree::new(frame, Basis::Rgba, Activation::Identity, UpAxis::Z, nodes, densities, coefficients).unwrap();
+    let (settings, progress) = (settings(ObserverRegion::UpperHemisphere), Progress::default());
+    let few = SamplingSettings { sample_fraction: 4096.0 / f64::from(leaves), ..settings.clone() };
+    assert!(chosen_leaves(&field, &few, &progress).unwrap().iter().all(|leaf| leaf.size == 1));
+    assert_eq!(SamplePoint::choose(&field, &settings, &progress), Ok(SamplePoint::Entry));
+}
+
 /// A leaf that is alone in its field is only occluded by its own cell, so its weight is known.
 #[test]
 fn a_single_leaf_is_occluded_by_half_of_its_cell() {
