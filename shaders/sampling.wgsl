@@ -63,15 +63,15 @@ fn bin_of(color: vec3<f32>, count: u32) -> u32 {
 
 // What a leaf's light crosses on its way to an observer.
 struct Passage {
-    // The optical depth between the leaf's center and its border.
+    // If rays start where they enter a leaf, the length of the path between its center and its border, in world units.
     own: f32,
-    // That from the sampled point of the leaf to the edge of the field.
+    // The optical depth from the sampled point of the leaf to the edge of the field.
     total: f32,
 }
 
-// Adds a path of an optical depth.
-fn extend(passage: ptr<function, Passage>, depth: f32, is_own: bool) {
-    (*passage).own += select(0.0, depth, is_own);
+// Adds a path of a length and an optical depth.
+fn extend(passage: ptr<function, Passage>, path: f32, depth: f32, is_own: bool) {
+    (*passage).own += select(0.0, path, is_own);
     (*passage).total += select(depth, 0.0, is_own);
 }
 
@@ -98,7 +98,7 @@ fn passage(center: vec3<f32>, observer: vec3<f32>) -> Passage {
         let exit = max(min(min(planes.x, planes.y), planes.z), enter);
         let next = max(vec3<i32>(ray.origin + exit * ray.direction), cell);
         cell = select(next, beyond, planes <= vec3(exit));
-        extend(&passage, bitcast<f32>(word & ~SIZE_BITS) * (exit - enter), is_own);
+        extend(&passage, exit - enter, bitcast<f32>(word & ~SIZE_BITS) * (exit - enter), is_own);
         enter = exit;
         is_own = false;
     }
@@ -106,17 +106,23 @@ fn passage(center: vec3<f32>, observer: vec3<f32>) -> Passage {
     var walk = begin(ray, 0.0);
     while passage.total <= slice.limit && !has_ended(ray, walk, FAR) {
         let crossing = next_leaf(ray, &walk, FAR);
-        extend(&passage, density(crossing.leaf) * (crossing.exit - crossing.enter), is_own);
+        let path = crossing.exit - crossing.enter;
+        extend(&passage, path, density(crossing.leaf) * path, is_own);
         is_own = false;
     }
 #endif
     return passage;
 }
 
-// Returns the mean transmittance along a path of this optical depth.
-fn mean_transmittance(depth: f32) -> f32 {
-    // The difference from 1 loses its digits if the depth is small.
-    return select((1.0 - exp(-depth)) / max(depth, 1e-3), 1.0 - depth / 2.0 + depth * depth / 6.0, depth < 0.02);
+// Returns the mean of density times transmittance along a path through a leaf, which is finite even where the optical
+// depth is not.
+fn mean_weight(leaf_density: f32, path: f32) -> f32 {
+    let depth = min(leaf_density * path, 100.0);
+    if depth < 0.02 {
+        // The difference from 1 would lose its digits.
+        return leaf_density * (1.0 - depth / 2.0 + depth * depth / 6.0);
+    }
+    return (1.0 - exp(-depth)) / path;
 }
 
 @compute @workgroup_size(SAMPLING_WORKGROUP)
@@ -125,6 +131,8 @@ fn sample(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     let entry = leaves[id.x];
+    let at_entry = slice.at_entry == 1u;
+    let leaf_density = density(entry.w);
     let center = vec3<f32>(entry.xyz) * (f32(1u << field.depth) / f32(2u << MAX_DEPTH));
     // Average colors as differences from the first one. A color that is the same from all directions then stays exactly
     // the same, even on the border between two bins.
@@ -135,18 +143,22 @@ fn sample(@builtin(global_invocation_id) id: vec3<u32>) {
         let observer = observers[id.y * slice.rays_per_cell + ray].xyz;
         let passage = passage(center, observer);
         if passage.total <= slice.limit {
-            let transmittance = exp(-passage.total) * mean_transmittance(2.0 * passage.own);
+            // At the center, the density is the same for all rays, and multiplies their sum.
+            var weight = exp(-passage.total);
+            if at_entry {
+                weight *= mean_weight(leaf_density, 2.0 * passage.own);
+            }
             var h = harmonics(-observer);
             let seen = radiance(entry.w, &h);
             if visible == 0.0 {
                 first = seen;
             }
-            color += transmittance * (seen - first);
-            visible += transmittance;
+            color += weight * (seen - first);
+            visible += weight;
         }
     }
     if visible > 0.0 {
-        let weight = density(entry.w) * visible / f32(slice.rays_per_cell);
+        let weight = select(leaf_density, 1.0, at_entry) * visible / f32(slice.rays_per_cell);
         let mean = first + color / visible;
         let fine = slice.fine_bins * slice.fine_bins * slice.fine_bins;
         add(bin_of(mean, slice.fine_bins), weight);
