@@ -252,7 +252,7 @@ pub(super) fn start(
         let step = match origin {
             SampleOrigin::Gpu => {
                 let (field, budget, progress) = (field.clone(), extraction.budget, progress.clone());
-                let plan = move || SamplingJob::new(id, field, settings, budget, progress);
+                let plan = move || background::on_cores(|| SamplingJob::new(id, field, settings, budget, progress));
                 Step::Planning(background::spawn(plan), Instant::now())
             }
             _ => sample_on_cpu(field.clone(), origin, settings, progress.clone()),
