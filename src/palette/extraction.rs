@@ -241,14 +241,19 @@ pub(super) fn start(
             settings.method = wanted.unwrap_or(settings.method);
         }
         let progress = Arc::new(settings.progress());
-        // The CPU reads what the file records.
-        let origin = match settings.validate() {
-            Ok(()) if field.histograms(&settings.sampling).is_some() => SampleOrigin::Recorded,
-            Ok(()) if on_gpu => SampleOrigin::Gpu,
-            _ => SampleOrigin::Cpu,
+        let is_valid = settings.validate().is_ok();
+        // The CPU reads what the file records, and rejects invalid settings.
+        let origin = if is_valid && field.histograms(&settings.sampling).is_some() {
+            SampleOrigin::Recorded
+        } else if is_valid && on_gpu {
+            SampleOrigin::Gpu
+        } else {
+            SampleOrigin::Cpu
         };
-        let (name, leaves) = (name(server.as_deref(), id), field.leaves());
-        info!("extracting the palette of {name}: {leaves} leaves, sampled {origin}");
+        if is_valid {
+            let (name, leaves) = (name(server.as_deref(), id), field.leaves());
+            info!("extracting the palette of {name}: {leaves} leaves, sampled {origin}");
+        }
         let step = match origin {
             SampleOrigin::Gpu => {
                 let (field, budget, progress) = (field.clone(), extraction.budget, progress.clone());
@@ -276,6 +281,7 @@ fn sample_on_cpu(
 ) -> Step {
     Step::Computing(background::spawn(move || {
         background::on_cores(|| {
+            settings.validate()?;
             let start = Instant::now();
             let histograms = sample(&field, &settings.sampling, &progress)?;
             let views = View::all(&field, &settings.view_rays(&field), &progress)?;
