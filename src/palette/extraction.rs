@@ -14,7 +14,7 @@ use bevy::{
 };
 use plenoctree::{
     PlenOctree,
-    palette::{Extraction, ExtractionError, ExtractionSettings, extract_from_samples},
+    palette::{Extraction, ExtractionError, ExtractionSettings, PaletteMethod, extract_from_samples},
     sampling::{Canceled, Progress, View, sample},
 };
 use wgpu::DeviceType;
@@ -60,7 +60,8 @@ pub struct PaletteExtraction {
     /// The settings of extractions. Extractions that are already running keep theirs.
     ///
     /// Defaults to all leaves. The method is that of the first posterized prop or view of the field that names one
-    /// ([`Posterize::method`](crate::Posterize::method)), unless the extraction was [requested](Self::request).
+    /// ([`Posterize::method`](crate::Posterize::method)), unless the extraction was [requested](Self::request). If all
+    /// of them name other methods before the palette is ready, the extraction starts over.
     pub settings: ExtractionSettings,
     /// The processor that samples fields.
     ///
@@ -120,6 +121,7 @@ impl Purpose {
 
 struct Running {
     purpose: Purpose,
+    method: PaletteMethod,
     progress: Arc<Progress>,
     step: Step,
 }
@@ -209,7 +211,8 @@ pub(super) fn forget(
     }
 }
 
-/// Starts extractions for the fields that need a palette, and those that were requested.
+/// Starts extractions for the fields that need a palette, and those that were requested. Cancels those whose palette
+/// nothing wants any more, because it is of another method.
 pub(super) fn start(
     mut extraction: ResMut<PaletteExtraction>,
     palettes: Res<Palettes>,
@@ -218,6 +221,13 @@ pub(super) fn start(
     server: Option<Res<AssetServer>>,
     posterized: Posterized,
 ) {
+    let is_unwanted = |(id, running): &(&AssetId<PlenOctree>, &Running)| {
+        running.purpose == Purpose::Missing && posterized.reject(**id, running.method)
+    };
+    let unwanted: Vec<_> = extraction.running.iter().filter(is_unwanted).map(|(id, _)| *id).collect();
+    for id in unwanted {
+        extraction.cancel(id);
+    }
     let missing = posterized.fields().filter(|id| {
         palettes.lacks(*id) && !extraction.failed.contains_key(id) && !extraction.running.contains_key(id)
     });
@@ -240,7 +250,7 @@ pub(super) fn start(
             let wanted = posterized.methods().find_map(|(field, method)| method.filter(|_| field == id));
             settings.method = wanted.unwrap_or(settings.method);
         }
-        let progress = Arc::new(settings.progress());
+        let (method, progress) = (settings.method, Arc::new(settings.progress()));
         let is_valid = settings.validate().is_ok();
         // The CPU reads what the file records, and rejects invalid settings.
         let origin = if is_valid && field.histograms(&settings.sampling).is_some() {
@@ -262,7 +272,7 @@ pub(super) fn start(
             }
             _ => sample_on_cpu(field.clone(), origin, settings, progress.clone()),
         };
-        extraction.running.insert(id, Running { purpose, progress, step });
+        extraction.running.insert(id, Running { purpose, method, progress, step });
     }
 }
 

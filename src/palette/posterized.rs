@@ -24,4 +24,10 @@ impl Posterized<'_, '_> {
         let props = self.props.iter().map(|(prop, posterize)| (prop.0.id(), posterize.and_then(|of| of.method)));
         props.chain(self.views.iter().map(|(view, posterize)| (view.0.id(), posterize.method)))
     }
+
+    /// Returns whether there are such props or views of a field, and all of them want a palette of another method.
+    pub fn reject(&self, field: AssetId<PlenOctree>, method: PaletteMethod) -> bool {
+        let mut wanted = self.methods().filter(|(of, _)| *of == field).map(|(_, wanted)| wanted).peekable();
+        wanted.peek().is_some() && wanted.all(|wanted| wanted.is_some_and(|wanted| wanted != method))
+    }
 }

@@ -167,6 +167,27 @@ fn an_extracted_palette_can_be_saved_and_shipped() {
     assert_eq!(shipped.palette(), extracted.palette());
 }
 
+/// A prop whose look is switched before its palette is ready gets a palette of the new look, unless another prop of the
+/// field still wants the old one.
+#[test]
+fn looks_that_are_switched_early_have_their_palettes() {
+    for is_wanted in [false, true] {
+        let mut files = Files::new(if is_wanted { "look-wanted" } else { "look-switched" });
+        let field: Handle<PlenOctree> = files.load("x.npz");
+        let world = files.app.world_mut();
+        let prop = world.spawn((Prop(field.clone()), Posterize::default())).id();
+        if is_wanted {
+            world.spawn((Prop(field.clone()), Posterize::toon()));
+        }
+        let id = field.id();
+        files.run_until("an extraction", move |world| world.resource::<PaletteExtraction>().progress(id).is_some());
+        *files.app.world_mut().get_mut::<Posterize>(prop).unwrap() = Posterize::paper();
+        let palette = files.palette(&field);
+        // Only hulls have clusters.
+        assert_eq!(palette.extraction().unwrap().clusters.is_none(), is_wanted);
+    }
+}
+
 /// What a player recolored is in the file, next to the source colors, and comes back with them. Files without shown
 /// colors are as they always were.
 #[test]
