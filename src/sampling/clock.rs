@@ -13,7 +13,7 @@ use wgpu::{ComputePassTimestampWrites, Features, QuerySet, QuerySetDescriptor, Q
 
 /// Measures one submission: with GPU timestamps if the adapter supports them, otherwise in wall-clock time.
 pub(super) struct SliceClock {
-    /// The number of leaves in the slice.
+    /// The number of leaves in the slice, or 0 if it is one of views.
     pub leaves: u32,
     seconds: Arc<OnceLock<f64>>,
     timestamps: Option<Timestamps>,

@@ -1,4 +1,4 @@
-//! Samples the leaves of a field, slice by slice.
+//! Samples the leaves of a field, and looks at it, slice by slice.
 
 use std::sync::Arc;
 
@@ -14,7 +14,7 @@ use bevy::{
     },
 };
 
-use plenoctree::sampling::{Histograms, Lattice, SamplePoint, View};
+use plenoctree::sampling::{Histograms, Lattice, SamplePoint, View, ViewRays};
 
 use super::{
     SamplingFailure, SamplingJob, SamplingJobs,
@@ -30,6 +30,8 @@ use crate::gpu::{Allocator, GpuField, GpuLevel, SAMPLING_WORKGROUP, buffer_with}
 const FEWEST_RAYS: usize = 1 << 16;
 /// The approximate maximum number of rays in a slice. Drivers reset a GPU that is busy for several seconds.
 const MOST_RAYS: usize = 1 << 26;
+/// The number of views in a slice, if there is a budget.
+const VIEWS: usize = FEWEST_RAYS / (ViewRays::SIDE * ViewRays::SIDE);
 /// The number of words of the lattice that are uploaded in a frame, if there is a budget: 4 MiB.
 const MOST_WORDS: usize = 1 << 20;
 /// The maximum number of submitted slices that the GPU has not finished.
@@ -154,7 +156,8 @@ impl Active {
         let observers = bytemuck::cast_slice(&job.observers);
         let observers = storage(&mut allocator, device, queue, "plenoctree_observers", observers)?;
         let layout = cache.get_bind_group_layout(&pipeline.views_layout);
-        let views = Views::new(job, &layout, &mut allocator, device, queue)?;
+        let most = job.budget.map_or(usize::MAX, |_| VIEWS);
+        let views = Views::new(job, most, &layout, &mut allocator, device, queue)?;
         let share = job.field.leaves() as f64 / job.leaves.len().max(1) as f64;
         job.progress.begin(job.leaves.len());
         Ok(Self {
@@ -206,18 +209,23 @@ impl Active {
                 while self.next < self.leaves() {
                     self.submit(self.most, pipeline, device, queue)?;
                 }
+                while self.look(views, device, queue) {}
             }
             Some(_) if self.in_flight.len() >= MOST_IN_FLIGHT => {}
-            Some(budget) => {
+            Some(budget) if self.next < self.leaves() => {
                 let leaves = self.speed.map_or(0.0, |speed| speed * budget.as_secs_f64());
                 // The measured speed of a small slice is inaccurate, so limit the growth.
                 let leaves = (leaves as u32).clamp(self.fewest, self.most).min((4 * self.last_leaves).max(self.fewest));
                 self.submit(leaves, pipeline, device, queue)?;
             }
+            Some(_) => {
+                self.look(views, device, queue);
+            }
         }
-        if self.next == self.leaves() && !self.reading {
+        let is_done = self.next == self.leaves() && self.views.as_ref().is_none_or(Views::is_done);
+        if is_done && !self.reading {
             self.reading = true;
-            self.read_back(views, device, queue)?;
+            self.read_back(device, queue)?;
         }
         Ok(())
     }
@@ -286,20 +294,28 @@ impl Active {
         Ok(())
     }
 
-    /// Looks at the views, reads back the samples, and ends the job with them once the GPU is done.
-    fn read_back(
-        &mut self,
-        pipeline: Option<&ComputePipeline>,
-        device: &RenderDevice,
-        queue: &RenderQueue,
-    ) -> Result<(), SamplingFailure> {
+    /// Looks at the next slice of views. Returns whether there was one.
+    fn look(&mut self, pipeline: Option<&ComputePipeline>, device: &RenderDevice, queue: &RenderQueue) -> bool {
+        let views = self.views.as_mut().filter(|views| !views.is_done());
+        let Some((views, pipeline)) = views.zip(pipeline) else { return false };
+        let clock = SliceClock::new(0, device);
+        let mut encoder = device.create_command_encoder(&CommandEncoderDescriptor::default());
+        views.record(&mut encoder, pipeline, &self.field, &clock);
+        clock.resolve(&mut encoder);
+        queue.submit([encoder.finish()]);
+        clock.start(queue);
+        self.in_flight.push(clock);
+        true
+    }
+
+    /// Reads back the samples, and ends the job with them once the GPU is done.
+    fn read_back(&mut self, device: &RenderDevice, queue: &RenderQueue) -> Result<(), SamplingFailure> {
         let usage = BufferUsages::MAP_READ | BufferUsages::COPY_DST;
         let (bins, seen) = (self.bins.size(), self.views.as_ref().map_or(0, |views| views.seen.size()));
         let readable = buffer(&mut self.allocator, device, "plenoctree_samples_readback", bins + seen, usage)?;
         let mut encoder = device.create_command_encoder(&CommandEncoderDescriptor::default());
         encoder.copy_buffer_to_buffer(&self.bins, 0, &readable, 0, bins);
-        if let (Some(views), Some(pipeline)) = (&self.views, pipeline) {
-            views.record(&mut encoder, pipeline, &self.field);
+        if let Some(views) = &self.views {
             encoder.copy_buffer_to_buffer(&views.seen, 0, &readable, bins, seen);
         }
         queue.submit([encoder.finish()]);

@@ -1,11 +1,11 @@
-//! What parallel rays see of a field, in a compute pass. Palettes of tones are found among these colors.
+//! What parallel rays see of a field, in compute passes. Palettes of tones are found among these colors.
 
 use std::sync::Arc;
 
 use bevy::render::{
     render_resource::{
-        BindGroup, BindGroupEntries, BindGroupLayout, Buffer, BufferUsages, CommandEncoder, ComputePassDescriptor,
-        ComputePipeline,
+        BindGroup, BindGroupEntries, BindGroupLayout, Buffer, BufferBinding, BufferSize, BufferUsages, CommandEncoder,
+        ComputePassDescriptor, ComputePipeline,
     },
     renderer::{RenderDevice, RenderQueue},
 };
@@ -15,6 +15,7 @@ use plenoctree::{PlenOctree, sampling::ViewRays};
 use super::{
     SamplingFailure, SamplingJob,
     buffers::{buffer, storage},
+    clock::SliceClock,
 };
 use crate::gpu::{Allocator, GpuLevel, tree_depth};
 
@@ -22,18 +23,24 @@ use crate::gpu::{Allocator, GpuLevel, tree_depth};
 const SIDE: usize = 8;
 const _: () = assert!(ViewRays::SIDE.is_multiple_of(SIDE));
 
+/// The bytes of what a view sees. A slice of views is bound at a multiple of them, and bindings start at multiples of
+/// 256.
+const BYTES: usize = 16 * ViewRays::SIDE * ViewRays::SIDE;
+const _: () = assert!(BYTES.is_multiple_of(256));
+
 /// The views of a job.
 pub(super) struct Views {
     /// What rays see: four numbers each. See `View::from_texels`.
     pub seen: Buffer,
-    group: BindGroup,
-    count: u32,
+    /// The slices that are not looked at yet, and the number of views in each.
+    waiting: Vec<(BindGroup, u32)>,
 }
 
 impl Views {
-    /// Returns the views of a job, if its palette needs any.
+    /// Returns the views of a job, in slices of at most `most`, if its palette needs any.
     pub fn new(
         job: &SamplingJob,
+        most: usize,
         layout: &BindGroupLayout,
         allocator: &mut Allocator,
         device: &RenderDevice,
@@ -42,25 +49,42 @@ impl Views {
         if job.views.is_empty() {
             return Ok(None);
         }
-        let rays: Vec<_> = job.views.iter().map(|rays| in_cells(&job.field, rays)).collect();
-        let rays = storage(allocator, device, queue, "plenoctree_view_rays", bytemuck::cast_slice(&rays))?;
-        let bytes = (16 * job.views.len() * ViewRays::SIDE * ViewRays::SIDE) as u64;
         let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC;
-        let seen = buffer(allocator, device, "plenoctree_views", bytes, usage)?;
-        let entries = BindGroupEntries::sequential((rays.as_entire_binding(), seen.as_entire_binding()));
-        let group = device.create_bind_group("plenoctree_views", layout, &entries);
-        Ok(Some(Self { seen, group, count: job.views.len() as u32 }))
+        let seen = buffer(allocator, device, "plenoctree_views", (BYTES * job.views.len()) as u64, usage)?;
+        let (mut waiting, mut offset) = (Vec::new(), 0);
+        for views in job.views.chunks(most) {
+            let rays: Vec<_> = views.iter().map(|rays| in_cells(&job.field, rays)).collect();
+            let rays = storage(allocator, device, queue, "plenoctree_view_rays", bytemuck::cast_slice(&rays))?;
+            let bytes = (BYTES * views.len()) as u64;
+            let seen = BufferBinding { buffer: &seen, offset, size: BufferSize::new(bytes) };
+            let entries = BindGroupEntries::sequential((rays.as_entire_binding(), seen));
+            waiting.push((device.create_bind_group("plenoctree_views", layout, &entries), views.len() as u32));
+            offset += bytes;
+        }
+        Ok(Some(Self { seen, waiting }))
     }
 
-    /// Looks along all rays.
-    pub fn record(&self, encoder: &mut CommandEncoder, pipeline: &ComputePipeline, field: &Arc<GpuLevel>) {
-        let descriptor = ComputePassDescriptor { label: Some("plenoctree_views"), timestamp_writes: None };
+    /// Returns whether all views have been looked at.
+    pub fn is_done(&self) -> bool {
+        self.waiting.is_empty()
+    }
+
+    /// Looks along all rays of another slice.
+    pub fn record(
+        &mut self,
+        encoder: &mut CommandEncoder,
+        pipeline: &ComputePipeline,
+        field: &Arc<GpuLevel>,
+        clock: &SliceClock,
+    ) {
+        let Some((group, count)) = self.waiting.pop() else { return };
+        let descriptor = ComputePassDescriptor { label: Some("plenoctree_views"), timestamp_writes: clock.writes() };
         let mut pass = encoder.begin_compute_pass(&descriptor);
         pass.set_pipeline(pipeline);
-        pass.set_bind_group(0, &self.group, &[]);
+        pass.set_bind_group(0, &group, &[]);
         pass.set_bind_group(1, &field.bind_group, &[]);
         let side = (ViewRays::SIDE / SIDE) as u32;
-        pass.dispatch_workgroups(side, side, self.count);
+        pass.dispatch_workgroups(side, side, count);
     }
 }
 
