@@ -27,7 +27,7 @@ use super::{
 };
 use crate::{
     background,
-    sampling::{Samples, SamplingFailure, SamplingJob, SamplingJobs},
+    sampling::{RawSamples, Samples, SamplingFailure, SamplingJob, SamplingJobs},
 };
 
 /// The maximum number of extractions that run at the same time. Each takes additional memory.
@@ -282,22 +282,32 @@ fn name(server: Option<&AssetServer>, field: AssetId<PlenOctree>) -> String {
     path.map_or_else(|| format!("field {field}"), |path| path.to_string())
 }
 
-/// Samples a field on all cores but one, or reads what its file records, and computes the palette.
+/// Starts a task that samples a field on all cores but one, or reads what its file records, and computes the palette.
 fn sample_on_cpu(
     field: PlenOctree,
     origin: SampleOrigin,
     settings: ExtractionSettings,
     progress: Arc<Progress>,
 ) -> Step {
-    Step::Computing(background::spawn(move || {
-        background::on_cores(|| {
-            settings.validate()?;
-            let start = Instant::now();
-            let histograms = sample(&field, &settings.sampling, &progress)?;
-            let views = View::all(&field, &settings.view_rays(&field), &progress)?;
-            extract((histograms, views), origin, start.elapsed(), &settings, &progress)
-        })
-    }))
+    compute(move || extract_on_cpu(&field, origin, &settings, &progress))
+}
+
+/// Starts a task that computes a palette on all cores but one.
+fn compute(work: impl FnOnce() -> Result<(Extraction, ExtractionSamples), ExtractionError> + Send + 'static) -> Step {
+    Step::Computing(background::spawn(move || background::on_cores(work)))
+}
+
+fn extract_on_cpu(
+    field: &PlenOctree,
+    origin: SampleOrigin,
+    settings: &ExtractionSettings,
+    progress: &Progress,
+) -> Result<(Extraction, ExtractionSamples), ExtractionError> {
+    settings.validate()?;
+    let start = Instant::now();
+    let histograms = sample(field, &settings.sampling, progress)?;
+    let views = View::all(field, &settings.view_rays(field), progress)?;
+    extract((histograms, views), origin, start.elapsed(), settings, progress)
 }
 
 fn extract(
@@ -377,15 +387,13 @@ pub(super) fn finish(
     });
 }
 
-fn after_sampling(job: &SamplingJob, outcome: Result<Samples, SamplingFailure>, sampling: Duration) -> Step {
-    let (settings, progress) = (job.settings.clone(), job.progress.clone());
-    match outcome {
-        Ok(samples) => Step::Computing(background::spawn(move || {
-            background::on_cores(|| extract(samples, SampleOrigin::Gpu, sampling, &settings, &progress))
-        })),
+fn after_sampling(job: &SamplingJob, outcome: Result<RawSamples, SamplingFailure>, sampling: Duration) -> Step {
+    let (id, field, settings, progress) = (job.id, job.field.clone(), job.settings.clone(), job.progress.clone());
+    compute(move || match outcome.and_then(|samples| samples.convert(&settings.sampling, &progress)) {
+        Ok(samples) => extract(samples, SampleOrigin::Gpu, sampling, &settings, &progress),
         Err(failure) => {
-            warn!("sampling field {} on the CPU instead of the GPU: {failure}", job.id);
-            sample_on_cpu(job.field.clone(), SampleOrigin::Cpu, settings, progress)
+            warn!("sampling field {id} on the CPU instead of the GPU: {failure}");
+            extract_on_cpu(&field, SampleOrigin::Cpu, &settings, &progress)
         }
-    }
+    })
 }

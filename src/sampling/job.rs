@@ -9,7 +9,7 @@ use bevy::{prelude::*, render::extract_resource::ExtractResource};
 use plenoctree::{
     MAX_DEPTH, PlenOctree,
     palette::ExtractionSettings,
-    sampling::{Canceled, Histograms, Lattice, Progress, SamplePoint, SamplingPlan, View, ViewRays},
+    sampling::{Canceled, Histograms, Lattice, Progress, SamplePoint, SamplingPlan, SamplingSettings, View, ViewRays},
 };
 
 use crate::{background, gpu::tree_depth};
@@ -62,9 +62,37 @@ impl Drop for SamplingJob {
 /// The samples of a field: its histograms, and what is seen in its views.
 pub(crate) type Samples = (Histograms, Vec<View>);
 
+/// The samples of a field as the GPU wrote them.
+pub(crate) struct RawSamples {
+    /// The bins, two words each, then what rays see, four numbers each.
+    pub bytes: Vec<u8>,
+    /// The factor that converts integers in the histograms to weights.
+    pub unit: f64,
+    /// The number of radiance samples.
+    pub count: u64,
+    pub views: Vec<ViewRays>,
+}
+
+impl RawSamples {
+    /// Returns the histograms, and what is seen. This takes a while if there are many views.
+    pub fn convert(&self, settings: &SamplingSettings, progress: &Progress) -> Result<Samples, SamplingFailure> {
+        let (fine_bins, coarse_bins) = (settings.fine_bins, settings.coarse_bins);
+        let bins = 8 * (fine_bins.pow(3) + coarse_bins.pow(3));
+        let (bins, seen) = self.bytes.split_at(bins.min(self.bytes.len()));
+        let texels: Vec<[f32; 4]> = seen.chunks_exact(16).map(bytemuck::pod_read_unaligned).collect();
+        let views = View::from_texels(&self.views, &texels, progress);
+        let sums = bins.chunks_exact(8).map(bytemuck::pod_read_unaligned::<u64>);
+        let mut fine: Vec<f64> = sums.map(|sum| sum as f64 * self.unit).collect();
+        let coarse = fine.split_off(fine_bins.pow(3));
+        Histograms::new(fine_bins, fine, coarse_bins, coarse, self.count)
+            .map(|histograms| (histograms, views))
+            .map_err(|error| SamplingFailure::Readback(error.to_string()))
+    }
+}
+
 enum State {
     Open,
-    Ended(Result<Samples, SamplingFailure>),
+    Ended(Result<RawSamples, SamplingFailure>),
     Taken,
 }
 
@@ -101,7 +129,7 @@ impl SamplingJob {
         })
     }
 
-    pub fn end(&self, outcome: Result<Samples, SamplingFailure>) {
+    pub fn end(&self, outcome: Result<RawSamples, SamplingFailure>) {
         *self.state() = State::Ended(outcome);
     }
 
@@ -110,7 +138,7 @@ impl SamplingJob {
     }
 
     /// Takes the outcome, if the job has ended.
-    pub fn take_outcome(&self) -> Option<Result<Samples, SamplingFailure>> {
+    pub fn take_outcome(&self) -> Option<Result<RawSamples, SamplingFailure>> {
         let mut state = self.state();
         match std::mem::replace(&mut *state, State::Taken) {
             State::Ended(outcome) => Some(outcome),

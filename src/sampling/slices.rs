@@ -14,10 +14,10 @@ use bevy::{
     },
 };
 
-use plenoctree::sampling::{Histograms, Lattice, SamplePoint, View, ViewRays};
+use plenoctree::sampling::{Lattice, SamplePoint, ViewRays};
 
 use super::{
-    SamplingFailure, SamplingJob, SamplingJobs,
+    RawSamples, SamplingFailure, SamplingJob, SamplingJobs,
     buffers::{buffer, storage},
     clock::SliceClock,
     pipeline::{Sampled, SamplingPipeline, SliceUniform},
@@ -321,19 +321,11 @@ impl Active {
         queue.submit([encoder.finish()]);
         let (job, buffer, unit) = (self.job.clone(), readable.clone(), self.unit);
         readable.slice(..).map_async(MapMode::Read, move |result| {
-            let outcome = result.map_err(|error| SamplingFailure::Readback(error.to_string())).and_then(|()| {
-                let mapped = buffer.slice(..).get_mapped_range();
-                let (mapped, seen) = mapped.split_at(bins as usize);
-                let texels: Vec<[f32; 4]> = seen.chunks_exact(16).map(bytemuck::pod_read_unaligned).collect();
-                let views = View::from_texels(&job.views, &texels, &job.progress);
-                let weights = mapped.chunks_exact(8).map(bytemuck::pod_read_unaligned::<u64>).map(|n| n as f64 * unit);
-                let mut fine: Vec<f64> = weights.collect();
-                let (fine_bins, coarse_bins) = (job.settings.sampling.fine_bins, job.settings.sampling.coarse_bins);
-                let coarse = fine.split_off(fine_bins.pow(3));
-                let samples = job.leaves.len() * job.settings.sampling.direction_cells();
-                Histograms::new(fine_bins, fine, coarse_bins, coarse, samples as u64)
-                    .map(|histograms| (histograms, views))
-                    .map_err(|error| SamplingFailure::Readback(error.to_string()))
+            let outcome = result.map_err(|error| SamplingFailure::Readback(error.to_string())).map(|()| RawSamples {
+                bytes: buffer.slice(..).get_mapped_range().to_vec(),
+                unit,
+                count: (job.leaves.len() * job.settings.sampling.direction_cells()) as u64,
+                views: job.views.clone(),
             });
             job.end(outcome);
         });
