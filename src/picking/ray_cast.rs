@@ -7,7 +7,7 @@ use plenoctree::{PlenOctree, palette::PaletteLabel};
 use crate::{
     palette::Palettes,
     posterize::Posterize,
-    prop::{Prop, world_from_field},
+    prop::{DrawnField, Prop, world_from_field},
 };
 
 /// A hit of a ray on a prop. Positions, distances and directions are in world space.
@@ -26,8 +26,8 @@ pub struct PropHit {
     pub color: Srgba,
     /// The opacity along the whole ray, from 0.5 to 1.
     pub opacity: f32,
-    /// The label nearest to the color, or `None` if the prop is not posterized, has no palette yet, or its opacity is
-    /// below [`Posterize::min_opacity`].
+    /// The label nearest to the color, or `None` if the prop is not posterized, has no palette yet, still shows its
+    /// previous field, or if its opacity is below [`Posterize::min_opacity`].
     ///
     /// It is found without the bilateral filter ([`Posterize::filter`]), so it can differ from the label on screen at
     /// the border of two regions.
@@ -42,7 +42,8 @@ pub struct PropHit {
 /// the last frame, unless the system runs after Bevy's `TransformSystems::Propagate`. Props are hit as soon as their
 /// fields are loaded, even if [`PropState`](crate::PropState) says that they are not drawn yet, but hidden ones are
 /// not: apps with few plugins need Bevy's `TransformPlugin`, and `VisibilityPlugin` or an
-/// `InheritedVisibility::VISIBLE` on each prop. For pointer events, add `PropPickingPlugin` (feature `picking`).
+/// `InheritedVisibility::VISIBLE` on each prop. A prop that was given another field is hit where its previous one is,
+/// as long as that is drawn. For pointer events, add `PropPickingPlugin` (feature `picking`).
 ///
 /// This parameter reads [`Palettes`], so a system that uses it cannot change them. Pipe its hits into another system:
 ///
@@ -76,7 +77,13 @@ pub struct PropRayCast<'w, 's> {
     props: Query<
         'w,
         's,
-        (Entity, &'static Prop, Option<&'static Posterize>, &'static GlobalTransform, &'static InheritedVisibility),
+        (
+            Entity,
+            (&'static Prop, &'static DrawnField),
+            Option<&'static Posterize>,
+            &'static GlobalTransform,
+            &'static InheritedVisibility,
+        ),
     >,
 }
 
@@ -96,8 +103,9 @@ impl PropRayCast<'_, '_> {
     }
 
     fn hit(&self, ray: Ray3d, entity: Entity) -> Option<PropHit> {
-        let (_, prop, posterize, transform, _) = self.props.get(entity).ok()?;
-        let field = self.fields.get(&prop.0)?;
+        let (_, (prop, drawn), posterize, transform, _) = self.props.get(entity).ok()?;
+        let stand_in = drawn.stand_in(&prop.0).and_then(|field| self.fields.get(field));
+        let field = stand_in.or_else(|| self.fields.get(&prop.0))?;
         let world_from_field = world_from_field(transform, field.up());
         if !world_from_field.matrix3.determinant().is_normal() {
             return None;
@@ -111,7 +119,8 @@ impl PropRayCast<'_, '_> {
         let posterize = posterize
             .map(|posterize| posterize.clamped())
             .filter(|posterize| hit.opacity >= f64::from(posterize.min_opacity));
-        let posterized = posterize.zip(self.palettes.get(&prop.0));
+        // Labels are those of the prop's own field.
+        let posterized = posterize.zip(self.palettes.get(&prop.0)).filter(|_| stand_in.is_none());
         let [red, green, blue] = hit.color.as_vec3().to_array();
         Some(PropHit {
             entity,

@@ -269,6 +269,25 @@ fn pointers_reach_observers() {
     }
 }
 
+/// Rays hit the field that is drawn: the previous one of a prop, until the next one can be drawn.
+#[test]
+fn rays_hit_what_is_drawn() {
+    let mut scene = Scene::new();
+    let prop = scene.spawn_watched(0.0, Posterize::default());
+    let field = scene.field.clone();
+    let palette = FieldPalette::from_colors([Color::WHITE, Color::BLACK]).unwrap();
+    scene.world().resource_mut::<Palettes>().insert(&field, palette);
+    scene.wait();
+    let ray = Ray3d::new(Vec3::new(0.0, 0.0, 6.0), Dir3::NEG_Z);
+    assert!(cast(scene.world(), ray).unwrap().label.is_some());
+    let next = scene.resource::<Assets<PlenOctree>>().reserve_handle();
+    scene.insert(prop, Prop(next));
+    scene.update(2);
+    let hit = cast(scene.world(), ray).unwrap();
+    // The palette of the next field has other labels.
+    assert_eq!((hit.entity, hit.label), (prop, None));
+}
+
 #[test]
 fn without_picking_plugins_clicks_are_errors_with_words() {
     let mut stage = Stage::with(SIZE, |app| _ = app.add_plugins(PropPickingPlugin));
