@@ -1,4 +1,4 @@
-// The blend pass: smooths the edges of posterized props.
+// The blend pass: smooths the edges of posterized props, over a copy of what is shown (`copy.wgsl`).
 
 #import bevy_plenoctree::color::{decode, encode, tinted}
 #import bevy_plenoctree::edge::{FAINTEST, RAYS, bits_of, neighbor, parts_of}
@@ -18,7 +18,7 @@
 #endif
 #import bevy_plenoctree::view::{is_drawn, labelings, props, view}
 
-// The result of the label pass.
+// The result of the label pass, or of the finish pass.
 @group(1) @binding(0) var shown: texture_2d<f32>;
 @group(1) @binding(1) var filtered: texture_2d<u32>;
 // The results of the outline pass and of the coverage pass. See `coverage.wgsl`.

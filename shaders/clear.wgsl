@@ -10,11 +10,11 @@ struct Fragment {
 #ifdef FLOAT_1
     @location(1) second: vec4<f32>,
 #endif
+#ifdef UINT_1
+    @location(1) second: vec4<u32>,
+#endif
 #ifdef FLOAT_2
     @location(2) third: vec4<f32>,
-#endif
-#ifdef UINT_2
-    @location(2) third: vec4<u32>,
 #endif
 #ifdef DEPTH
     @builtin(frag_depth) depth: f32,
@@ -26,9 +26,6 @@ fn fragment() -> Fragment {
     var cleared = Fragment();
 #ifdef NEGATIVE_ALPHA
     cleared.first.a = -1.0;
-#ifdef FLOAT_1
-    cleared.second.a = -1.0;
-#endif
 #endif
     return cleared;
 }

@@ -19,15 +19,9 @@
 @group(1) @binding(4) var depth: texture_depth_2d;
 #endif
 
-struct Fragment {
-    @location(0) color: vec4<f32>,
-#ifdef SMOOTH
-    // The same. The blend pass reads the first one, and replaces the pixels at edges in this one.
-    @location(1) shown: vec4<f32>,
-#endif
-}
-
-fn finished(pixel: vec2<u32>) -> vec4<f32> {
+@fragment
+fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
+    let pixel = vec2<u32>(position.xy);
     let seen = textureLoad(shown, pixel, 0);
     let own = textureLoad(labels, pixel, 0).xy;
     if own.x < 2u {
@@ -54,15 +48,4 @@ fn finished(pixel: vec2<u32>) -> vec4<f32> {
     }
 #endif
     return vec4(color, seen.a);
-}
-
-@fragment
-fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
-    let color = finished(vec2<u32>(position.xy));
-    return Fragment(
-        color,
-#ifdef SMOOTH
-        color,
-#endif
-    );
 }

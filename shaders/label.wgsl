@@ -110,14 +110,10 @@ fn seen_at(pixel: vec2<u32>) -> Seen {
 struct Fragment {
     // Encoded sRGB, and opacity. The opacity is negative where nothing is drawn.
     @location(0) color: vec4<f32>,
-#ifdef SMOOTH
-    // The same. The blend pass reads the first one, and replaces the pixels at edges in this one.
-    @location(1) shown: vec4<f32>,
-#endif
 #ifdef LABEL_TEXTURES
     // x: 0 where no prop is drawn, 1 where one is drawn as trained, or 2 + the index of the label. y: 1 + the index of
     // the posterized prop, or 0.
-    @location(2) label: vec2<u32>,
+    @location(1) label: vec2<u32>,
 #endif
 }
 
@@ -127,9 +123,6 @@ fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
     let shown = select(vec4(seen.color, seen.alpha), vec4(0.0, 0.0, 0.0, -1.0), seen.label == 0u);
     return Fragment(
         shown,
-#ifdef SMOOTH
-        shown,
-#endif
 #ifdef LABEL_TEXTURES
         vec2(seen.label, seen.owner),
 #endif

@@ -41,6 +41,7 @@ impl Shaders {
             "color",
             "compare",
             "composite",
+            "copy",
             "coverage",
             "depth",
             "edge",

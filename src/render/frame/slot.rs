@@ -41,11 +41,10 @@ pub(in crate::render) enum Slot {
     Even,
     /// The composite halfway through an iteration.
     Odd,
-    /// Encoded sRGB and opacity, as labeled. The opacity is negative where nothing is drawn.
-    Labeled,
-    /// The same, with smooth borders and ink, before edges are smoothed.
-    Finished,
-    /// The same, after edges are smoothed.
+    /// What is shown, before the last pass that changes it: encoded sRGB and opacity. The opacity is negative where
+    /// nothing is drawn.
+    Interim,
+    /// The same, after that pass.
     Shown,
     /// The same, as custom stages write it: by turns, those with an odd number and those with an even one.
     Staged(usize),
@@ -97,7 +96,7 @@ impl Slot {
         use TextureFormat::*;
         Some(match self {
             Self::Color(_) | Self::OwnRays | Self::OtherRays | Self::SmoothLight => Rgba16Float,
-            Self::Labeled | Self::Finished | Self::Shown | Self::Staged(_) | Self::Fogged => Rgba16Float,
+            Self::Interim | Self::Shown | Self::Staged(_) | Self::Fogged => Rgba16Float,
             Self::Owner(_) => Rg16Float,
             Self::Motion(_) => MOTION_VECTOR_PREPASS_FORMAT,
             Self::Depth(_) | Self::NearestDepth(_) | Self::OpaqueDepth(_) => DEPTH_FORMAT,

@@ -4,7 +4,8 @@
 //! - *filter* flattens its colors (step 2).
 //! - *label* replaces them by palette colors (steps 1 and 3 to 5). If nothing is posterized, it blends the layer over the
 //!   scene itself.
-//! - *blend* smooths the edges of posterized props. It writes a separate texture, because it reads what neighbors show.
+//! - *blend* smooths the edges of posterized props. It first copies all pixels to a separate texture, because it reads
+//!   what neighbors show.
 
 use bevy::{
     camera::CompositingSpace,
@@ -72,7 +73,6 @@ pub(super) fn label(plan: &Plan) -> Pass {
     let program = Program::new("label")
         .define_all(space(plan.target.space))
         .define_if(!plan.posterizes, "UNPOSTERIZED")
-        .define_if(labels_before_edges(plan), "SMOOTH")
         .define_if(plan.needs_labels(), "LABEL_TEXTURES")
         .define_if(plan.steadies(), "STEADY")
         .define_all(lit(plan));
@@ -83,18 +83,13 @@ pub(super) fn label(plan: &Plan) -> Pass {
     if plan.steadies() {
         reads.extend([Slot::FormerLabels, Slot::FormerDepth].map(Input::Texture));
     }
-    let is_last = !plan.smooths && !plan.finishes();
-    let mut writes = vec![Some(Output::Texture(if is_last { Slot::Shown } else { Slot::Labeled }))];
-    // The blend pass replaces the pixels at edges.
-    writes.push(labels_before_edges(plan).then_some(Output::Texture(Slot::Shown)));
+    let mut writes = vec![Some(Output::Texture(labeled(plan)))];
     if plan.needs_labels() {
         writes.push(Some(Output::Texture(Slot::Labels)));
     }
-    writes.truncate(writes.iter().rposition(Option::is_some).map_or(0, |last| last + 1));
     Pass {
         feature: match () {
             () if plan.steadies() => Feature::Finish,
-            () if plan.smooths => Feature::Edges,
             () if plan.is_lit => Feature::Lighting,
             () if plan.posterizes => Feature::Posterize,
             () => Feature::Base,
@@ -107,9 +102,10 @@ pub(super) fn label(plan: &Plan) -> Pass {
     }
 }
 
-/// Returns whether edges are smoothed right after the label pass.
-fn labels_before_edges(plan: &Plan) -> bool {
-    plan.smooths && !plan.finishes()
+/// Returns where the label pass writes colors. It, *finish* and *blend* write to two textures by turns, so that the
+/// last one writes what is shown. They belong to the same result: none of them is ever drawn without those before it.
+pub(super) fn labeled(plan: &Plan) -> Slot {
+    if plan.smooths == plan.finishes() { Slot::Shown } else { Slot::Interim }
 }
 
 /// Smooths the edges of props.
@@ -122,8 +118,7 @@ pub(super) fn blend(plan: &Plan) -> Option<Pass> {
         .define_if(is_resolved, "RESOLVED")
         .define_if(plan.has_ink, "INK")
         .define_all(lit(plan));
-    let shown = if plan.finishes() { Slot::Finished } else { Slot::Labeled };
-    let slots = [shown, Slot::Even, Slot::Outline, Slot::Coverage, Slot::OwnRays, Slot::OtherRays];
+    let slots = [Slot::Interim, Slot::Even, Slot::Outline, Slot::Coverage, Slot::OwnRays, Slot::OtherRays];
     let inputs = slots.into_iter().map(Input::Texture);
     let inputs = inputs.chain([Input::Scene, COLOR, Input::Texture(Slot::Depth(RaySet::Pixels))]);
     let inputs = inputs.chain(plan.has_ink.then_some(Input::Texture(Slot::Labels))).collect();
@@ -133,12 +128,11 @@ pub(super) fn blend(plan: &Plan) -> Option<Pass> {
         reads: with_lights(plan, inputs),
         writes: vec![Some(Output::Texture(Slot::Shown))],
         depth: Some(Output::Texture(Slot::EdgeMask)),
-        ..Pass::fullscreen(
-            BLEND,
-            Place::Posterize,
-            Some(CachedResult::Labels),
-            program.depth_test(CompareFunction::Less, false),
-        )
+        // The copy leaves out pixels beyond the drawn part, which custom stages may read.
+        clear: Some(Clear::NegativeAlpha),
+        programs: vec![Program::new("copy"), program.depth_test(CompareFunction::Less, false)],
+        draws: vec![Draw::triangle(0), Draw::triangle(1)],
+        ..Pass::fullscreen(BLEND, Place::Posterize, Some(CachedResult::Labels), Program::new("blend"))
     })
 }
 

@@ -1,0 +1,8 @@
+// Copies what is shown, for the blend pass.
+
+@group(1) @binding(0) var shown: texture_2d<f32>;
+
+@fragment
+fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
+    return textureLoad(shown, vec2<u32>(position.xy), 0);
+}
