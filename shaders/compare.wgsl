@@ -20,9 +20,10 @@
 // The pixels of a column that share a word. Matches `cache.rs`.
 const ROWS: u32 = 8u;
 
-// Mixes two words into one. A change of one always changes the result, and a change of both nearly always.
+// Mixes two words into one. A change of one always changes the result, and a change of both nearly always. Products carry
+// bits up only, and simple floats differ in high bits, so these are brought down first.
 fn mixed(a: u32, b: u32) -> u32 {
-    return (a * 0x9e3779b1u) ^ b;
+    return ((a ^ (a >> 15u)) * 0x9e3779b1u) ^ b;
 }
 
 // Returns what is seen at a pixel, as a word.

@@ -263,8 +263,9 @@ pub struct BilateralFilter {
     ///
     /// Defaults to 2. Clamped to 0..=[`MAX_FILTER_RADIUS`].
     pub radius: u32,
-    /// How many pixels it reads on each side. If there are more within the radius, it skips some, evenly: the cost of an
-    /// iteration depends on the taps, not on the radius.
+    /// How many pixels it reads on each side. If there are more within the radius, they are spread over it, and the
+    /// nearest may be skipped: four of 6 are 2, 3, 5 and 6 pixels away. The cost of an iteration depends on the taps, not
+    /// on the radius.
     ///
     /// Defaults to [`MAX_FILTER_RADIUS`], which skips none. Clamped to 1..=[`MAX_FILTER_RADIUS`].
     pub taps: u32,

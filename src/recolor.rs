@@ -36,7 +36,7 @@ pub struct Recolor {
     pub before_palette: BeforePalette,
 }
 
-/// Returns what is drawn of a prop until its palette is known, or `None` if it needs none.
+/// Returns what is drawn of a prop until its palette is ready, or `None` if it needs none.
 pub(crate) fn before_palette(posterize: Option<&Posterize>, recolor: Option<&Recolor>) -> Option<BeforePalette> {
     posterize.map(|posterize| posterize.before_palette).or(recolor.map(|recolor| recolor.before_palette))
 }

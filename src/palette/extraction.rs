@@ -50,7 +50,7 @@ pub enum PaletteSampler {
 ///
 /// If the field of a posterized or recolored prop, or of a posterized view, has no palette, and there is no file to
 /// load one from, one is extracted while the app keeps running, up to four at the same time. The field is sampled on
-/// the GPU, a few slices per frame, or on the CPU. Work on the CPU runs on dedicated threads, which leave one core and
+/// the GPU, a slice per frame, or on the CPU. Work on the CPU runs on dedicated threads, which leave one core and
 /// Bevy's task pools to the app. The log says where a field is sampled, and so does
 /// [`PaletteReady`](crate::PaletteReady).
 #[derive(Resource, Reflect)]
@@ -67,8 +67,9 @@ pub struct PaletteExtraction {
     ///
     /// Defaults to [`PaletteSampler::Auto`].
     pub sampler: PaletteSampler,
-    /// The GPU time per frame that sampling may take. With `None`, a field is sampled in a single frame, which is meant
-    /// for apps without a window.
+    /// The GPU time per frame that sampling may take. In addition, palettes of tones look at the field from afar: at seven
+    /// views of 96 x 96 rays per frame. With `None`, all of it happens in a single frame, which is meant for apps without
+    /// a window.
     ///
     /// Defaults to 4 ms.
     pub budget: Option<Duration>,
@@ -211,8 +212,8 @@ pub(super) fn forget(
     }
 }
 
-/// Starts extractions for the fields that need a palette, and those that were requested. Cancels those whose palette
-/// nothing wants any more, because it is of another method.
+/// Starts extractions for the fields that need a palette, and those that were requested. Cancels those that
+/// no prop or view wants any longer, because all of them name another method.
 pub(super) fn start(
     mut extraction: ResMut<PaletteExtraction>,
     palettes: Res<Palettes>,

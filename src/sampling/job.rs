@@ -78,7 +78,7 @@ impl RawSamples {
     pub fn convert(&self, settings: &SamplingSettings, progress: &Progress) -> Result<Samples, SamplingFailure> {
         let (fine_bins, coarse_bins) = (settings.fine_bins, settings.coarse_bins);
         let bins = 8 * (fine_bins.pow(3) + coarse_bins.pow(3));
-        let (bins, seen) = self.bytes.split_at(bins.min(self.bytes.len()));
+        let (bins, seen) = self.bytes.split_at(bins);
         let texels: Vec<[f32; 4]> = seen.chunks_exact(16).map(bytemuck::pod_read_unaligned).collect();
         let views = View::from_texels(&self.views, &texels, progress);
         let sums = bins.chunks_exact(8).map(bytemuck::pod_read_unaligned::<u64>);

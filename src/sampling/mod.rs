@@ -1,7 +1,7 @@
 //! Radiance sampling on the GPU, in the render world. See section 3 of the method, steps 1 to 5.
 //!
 //! Leaves are sampled in slices, so that the app keeps rendering frames. Samples are added to histograms on the GPU.
-//! Only these are read back and, if the palette needs them, [`views`] of the field, which are looked at in slices too.
+//! Only these are read back, and, if the palette needs them, [`views`] of the field. Views come in slices, too.
 
 mod buffers;
 mod clock;

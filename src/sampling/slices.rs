@@ -1,4 +1,4 @@
-//! Samples the leaves of a field, and looks at it, slice by slice.
+//! Samples the leaves of a field and renders its views, slice by slice.
 
 use std::sync::Arc;
 

@@ -100,19 +100,30 @@ fn views_of_one_prop_have_few_passes_that_write_few_bytes() {
 /// Where a later pass replaces what a pass reads, that is written again whenever the pass is drawn.
 #[test]
 fn what_later_passes_replace_is_written_again_for_those_that_read_it() {
-    let (mut headless, _) = app(UVec2::splat(64), Some(Posterize::default()), 3.0);
-    let passes = &view(&mut headless).passes;
-    // Whenever a result is drawn, so are all later ones, and all passes without one.
-    let result = |pass: &Pass| pass.result.map_or(CachedResult::ALL.len(), |result| result as usize);
-    for (index, pass) in passes.iter().enumerate() {
-        for input in pass.reads.iter().flatten() {
-            let Input::Texture(slot) = input else {
-                continue;
-            };
-            let writes = |other: &&Pass| other.writes.contains(&Some(Output::Texture(*slot)));
-            if passes[index + 1..].iter().any(|other| writes(&other)) {
-                let writer = passes[..index].iter().rfind(writes).unwrap();
-                assert!(result(writer) >= result(pass), "{}, {slot:?}", pass.name);
+    for (posterize, overlaps) in
+        [(Posterize::default(), false), (Posterize::default(), true), (Posterize::paper(), true), (hard(), true)]
+    {
+        let (mut headless, _) = app(UVec2::splat(64), Some(posterize), 3.0);
+        if overlaps {
+            let world = headless.app.world_mut();
+            let field = world.query::<&Prop>().single(world).unwrap().clone();
+            world.spawn((field, posterize, Transform::from_xyz(0.2, 0.1, 0.0)));
+            headless.wait_until_ready(Duration::from_secs(120)).unwrap();
+        }
+        let PropView { passes, plan, .. } = view(&mut headless);
+        assert_eq!(plan.overlaps, overlaps);
+        // Whenever a result is drawn, so are all later ones, and all passes without one.
+        let result = |pass: &Pass| pass.result.map_or(CachedResult::ALL.len(), |result| result as usize);
+        for (index, pass) in passes.iter().enumerate() {
+            for input in pass.reads.iter().flatten() {
+                let Input::Texture(slot) = input else {
+                    continue;
+                };
+                let writes = |other: &&Pass| other.writes.contains(&Some(Output::Texture(*slot)));
+                if passes[index + 1..].iter().any(|other| writes(&other)) {
+                    let writer = passes[..index].iter().rfind(writes).unwrap();
+                    assert!(result(writer) >= result(pass), "{}, {slot:?}", pass.name);
+                }
             }
         }
     }
