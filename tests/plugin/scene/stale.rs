@@ -98,27 +98,6 @@ fn nothing_is_left_of_a_prop_that_is_gone() {
     }
 }
 
-/// At rest, the scene is compared with that of the frame before by few words. Simple colors do not look alike to them.
-#[test]
-fn edges_have_the_color_of_a_new_background() {
-    const COLORS: [Color; 4] =
-        [Color::BLACK, Color::srgb(0.0, 1.0, 0.0), Color::srgb(1.0, 0.0, 0.0), Color::srgb(0.0, 0.0, 1.0)];
-    let view = |background| {
-        let mut view = View::new();
-        view.spawn(Vec3::ZERO, default());
-        view.stage.set_background(background);
-        view
-    };
-    let mut used = view(COLORS[0]);
-    for background in COLORS.into_iter().chain(COLORS.into_iter().rev()) {
-        let expected = view(background).capture();
-        used.stage.set_background(background);
-        assert_same(&used.capture(), &expected, &format!("{background:?}"));
-        // Two frames at rest.
-        used.capture();
-    }
-}
-
 /// The same view with fewer rays is the same, whatever was seen before.
 #[test]
 fn fewer_rays_do_not_depend_on_earlier_frames() {
