@@ -30,13 +30,12 @@ fn fragment(
     // Both textures already hold the pixels without an owner.
     let is_kept = center.owner == 0u || iteration >= filters[prop].iterations;
     let taps = select(filters[prop].taps, 0, is_kept);
-    let radius = filters[prop].radius;
+    let spacing = filters[prop].spacing;
     let spatial = filters[prop].spatial_falloff;
     let range = filters[prop].range_falloff;
     var sum = Sum(center.color, 1.0);
     for (var tap = 1; tap <= taps; tap++) {
-        // Spread over the radius, and rounded.
-        let offset = (2 * tap * radius + taps) / (2 * taps);
+        let offset = i32(f32(tap) * spacing + 0.5);
         let closeness = -f32(offset * offset) * spatial;
         add(&sum, at - offset * ALONG, center.place, closeness, range);
         add(&sum, at + offset * ALONG, center.place, closeness, range);

@@ -71,9 +71,9 @@ struct Screen {
 // The bilateral filter of a prop.
 struct Filter {
     iterations: u32,
-    // How far it reads, in pixels, and how many of them on each side: at most the radius.
-    radius: i32,
+    // How many pixels it reads on each side, and the distance between them, before it is rounded.
     taps: i32,
+    spacing: f32,
     // 1 / (2 sigma^2) for its two Gaussians.
     spatial_falloff: f32,
     range_falloff: f32,

@@ -114,8 +114,8 @@ fn near_one(clip_from_box: DMat4) -> DMat4 {
 #[derive(ShaderType, Clone, Copy, Default, PartialEq)]
 pub(super) struct FilterUniform {
     pub iterations: u32,
-    radius: i32,
     taps: i32,
+    spacing: f32,
     spatial_falloff: f32,
     range_falloff: f32,
     is_of_tones: u32,
@@ -127,11 +127,12 @@ impl FilterUniform {
             return default();
         };
         let filter = posterize.settings.clamped().filter;
+        let taps = filter.taps.min(filter.radius);
         let falloff = |sigma: f32| 0.5 / (sigma * sigma);
         Self {
             iterations: filter.iterations.min(quality.filter_iterations),
-            radius: filter.radius as i32,
-            taps: filter.taps.min(filter.radius) as i32,
+            taps: taps as i32,
+            spacing: filter.radius as f32 / taps.max(1) as f32,
             spatial_falloff: falloff(filter.spatial_sigma),
             range_falloff: falloff(filter.range_sigma),
             is_of_tones: u32::from(posterize.palette.is_of_tones()),
