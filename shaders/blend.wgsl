@@ -1,4 +1,4 @@
-// The blend pass: smooths the edges of posterized props, over a copy of what is shown (`copy.wgsl`).
+// The finish pass at the edges of posterized props: smooths them.
 
 #import bevy_plenoctree::color::{decode, encode, tinted}
 #import bevy_plenoctree::edge::{FAINTEST, RAYS, bits_of, neighbor, parts_of}
@@ -18,23 +18,22 @@
 #endif
 #import bevy_plenoctree::view::{is_drawn, labelings, props, view}
 
-// The result of the label pass, or of the finish pass.
+// The results of the label pass.
 @group(1) @binding(0) var shown: texture_2d<f32>;
-@group(1) @binding(1) var filtered: texture_2d<u32>;
-// The results of the outline pass and of the coverage pass. See `coverage.wgsl`.
-@group(1) @binding(2) var outline: texture_2d<u32>;
-@group(1) @binding(3) var coverage: texture_2d<f32>;
-@group(1) @binding(4) var own_rays: texture_2d<f32>;
-@group(1) @binding(5) var other_rays: texture_2d<f32>;
-// The target, before the result is written to it.
-@group(1) @binding(6) var scene: texture_2d<f32>;
-@group(1) @binding(7) var layer: texture_2d<f32>;
-// The depth of the props.
-@group(1) @binding(8) var depth: texture_depth_2d;
 #ifdef INK
-// The labels of the label pass.
-@group(1) @binding(9) var labels: texture_2d<u32>;
+@group(1) @binding(4) var labels: texture_2d<u32>;
 #endif
+@group(1) @binding(1) var filtered: texture_2d<u32>;
+// The depth of the props.
+@group(1) @binding(2) var depth: texture_depth_2d;
+// The target, before the result is written to it.
+@group(1) @binding(3) var scene: texture_2d<f32>;
+// The results of the outline pass and of the coverage pass. See `coverage.wgsl`.
+@group(3) @binding(0) var outline: texture_2d<u32>;
+@group(3) @binding(1) var coverage: texture_2d<f32>;
+@group(3) @binding(2) var own_rays: texture_2d<f32>;
+@group(3) @binding(3) var other_rays: texture_2d<f32>;
+@group(3) @binding(4) var layer: texture_2d<f32>;
 
 // What is behind the owners of a pixel's parts.
 struct Behind {
@@ -87,7 +86,7 @@ const BESIDE: f32 = 0.1;
 const ACROSS: f32 = 0.025;
 const NEIGHBORS: f32 = 4.0 * (BESIDE + ACROSS);
 
-fn around(pixel: vec2<u32>, owners: vec2<u32>) -> Around {
+fn around(pixel: vec2<u32>, owners: vec2<u32>, ink: vec2<f32>) -> Around {
     var found = Around(Behind(vec4(0.0), vec3(0.0)), false, vec4(0.0), NEIGHBORS);
     var total = 0.0;
     for (var i = 0; i < 8; i++) {
@@ -105,7 +104,7 @@ fn around(pixel: vec2<u32>, owners: vec2<u32>) -> Around {
                 total += weight;
             } else {
                 let near = select(BESIDE, ACROSS, i > 3);
-                found.shown += near * there.shown;
+                found.shown += near * with_ink(own, there.shown, select(ink.y, ink.x, own == owners.x));
                 found.rest -= near;
             }
         }
@@ -149,20 +148,34 @@ fn scene_behind(pixel: vec2<u32>, mixed: vec3<f32>) -> vec4<f32> {
 }
 #endif
 
-// Returns what rays show of their owner: the label of their mean color, in linear light, with opacity.
-fn posterized(pixel: vec2<u32>, rays: vec4<f32>, owner: u32, behind: Behind) -> vec4<f32> {
+// Returns what rays show of their owner: the label of their mean color, in linear light, with opacity. Ink covers a part of
+// the pixel.
+fn posterized(pixel: vec2<u32>, rays: vec4<f32>, owner: u32, behind: Behind, ink: f32) -> vec4<f32> {
     let composite = rays.rgb + max(1.0 - rays.a, 0.0) * behind.composite;
     let over = select(composite, rays.rgb / max(rays.a, 1e-6), are_tones(owner - 1u));
     let shade = shade_of_owner(pixel, owner);
     let label = assign(place_of_color(owner - 1u, over), owner - 1u, shade.light);
     let color = decode(tinted(label.color, props[owner - 1u].tint * shade.tint));
-    let shown = mix(behind.shown, vec4(color, 1.0), shown_opacity(owner - 1u, rays.a));
+    return with_ink(owner, mix(behind.shown, vec4(color, 1.0), shown_opacity(owner - 1u, rays.a)), ink);
+}
+
+// Returns what is seen of an owner, in linear light, with opacity, with ink that covers a part of it.
+fn with_ink(owner: u32, shown: vec4<f32>, part: f32) -> vec4<f32> {
 #ifdef INK
-    let part = ink_at(labels, depth, vec2<i32>(pixel), own_surface(pixel, owner));
     return vec4(inked(owner - 1u, props[owner - 1u].tint, shown.rgb, part), mix(shown.a, 1.0, part));
 #else
     return shown;
 #endif
+}
+
+// Returns the part of a pixel that lines of one of its owners cover, or 0 if there is no such owner.
+fn ink_of(pixel: vec2<u32>, owner: u32) -> f32 {
+#ifdef INK
+    if owner > 0u {
+        return ink_at(labels, depth, vec2<i32>(pixel), own_surface(pixel, owner));
+    }
+#endif
+    return 0.0;
 }
 
 #ifdef INK
@@ -182,12 +195,11 @@ fn own_surface(pixel: vec2<u32>, owner: u32) -> Surface {
 }
 #endif
 
-// Returns the parts of a pixel, blended in linear light as multisampling does: encoded sRGB, and opacity. The opacity is
-// negative where nothing is drawn.
+// Returns the parts of a pixel, blended in linear light as multisampling does: encoded sRGB, and opacity. Draws nothing
+// where there is nothing to smooth.
 @fragment
 fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
     let pixel = vec2<u32>(position.xy);
-    let seen = textureLoad(shown, pixel, 0);
     let owners = textureLoad(outline, pixel, 0).xy;
     let bits = bits_of(owners, textureLoad(coverage, pixel, 0));
     let parts = parts_of(owners, bits);
@@ -197,15 +209,16 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
     // Where all eight rays see the same owner, neighbors would only blur what they found.
     let is_sure = view.edge_rays == RAYS && (most == count || (!has_other && parts.rest == 0u));
     if is_sure && parts.is_center && parts.rest == count {
-        return seen;
+        discard;
     }
     let center = behind_at(pixel);
-    let around = around(pixel, owners);
+    let ink = vec2(ink_of(pixel, owners.x), ink_of(pixel, owners.y));
+    let around = around(pixel, owners, ink);
     let own = textureLoad(own_rays, pixel, 0);
     let other = textureLoad(other_rays, pixel, 0);
     let is_slit = !has_other && !around.is_known;
     if is_slit && parts.rest == 0u && 1.0 - own.a - other.a < FAINTEST {
-        return seen;
+        discard;
     }
     var behind = center;
     if !parts.is_center {
@@ -222,12 +235,12 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
     var of_center = 0.0;
     if parts.own > 0u {
         let rays = own * f32(RAYS) / f32(countOneBits(bits.r));
-        own_parts += f32(parts.own) * posterized(pixel, rays, owners.x, behind);
+        own_parts += f32(parts.own) * posterized(pixel, rays, owners.x, behind, ink.x);
     }
     if parts.other > 0u {
         let rays = other * f32(RAYS) / f32(countOneBits(bits.b));
         let owner = select(owners.x, owners.y, has_other);
-        own_parts += f32(parts.other) * posterized(pixel, rays, owner, behind);
+        own_parts += f32(parts.other) * posterized(pixel, rays, owner, behind, select(ink.x, ink.y, has_other));
     }
     var total = f32(count);
     if bits.a == 0u {
@@ -241,7 +254,10 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
             total += ray * NEIGHBORS;
         }
     }
-    let at_center = select(behind.shown, center.shown, owners.x > 0u);
+    var at_center = behind.shown;
+    if owners.x > 0u {
+        at_center = with_ink(owners.x, center.shown, ink.x);
+    }
     var sum = (own_parts + of_behind * behind.shown + of_center * at_center) / max(total, 1.0);
 #ifdef RESOLVED
     if bits.a != 0u {
@@ -253,8 +269,8 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
         sum = select(sum, replaced, beyond.a > 0.0);
     }
 #endif
-    if seen.a < 0.0 && sum.a == 0.0 {
-        return seen;
+    if textureLoad(shown, pixel, 0).a < 0.0 && sum.a == 0.0 {
+        discard;
     }
     return vec4(encode(sum.rgb), sum.a);
 }

@@ -1,10 +1,13 @@
 // The composite pass: blends the layer over the scene, in encoded sRGB. Posterization works on the result, and where
-// labels are tones, on the layer alone.
+// labels are tones, on the layer alone. With OUTLINE, it also finds the pixels at the edges of props.
 
 #ifdef UNFILTERED
 #import bevy_plenoctree::filter_texel::pack_filtered
 #else
 #import bevy_plenoctree::filter_texel::pack
+#endif
+#ifdef OUTLINE
+#import bevy_plenoctree::edge_owners::{mask_of, owners_at}
 #endif
 #import bevy_plenoctree::target::composited
 #import bevy_plenoctree::view::{filters, owner_of, screen, view}
@@ -12,12 +15,16 @@
 @group(1) @binding(0) var layer: texture_2d<f32>;
 @group(1) @binding(1) var owner: texture_2d<f32>;
 @group(1) @binding(2) var scene: texture_2d<f32>;
+#ifdef OUTLINE
+@group(1) @binding(3) var depth: texture_depth_2d;
+#endif
 
 struct Fragment {
-    @location(0) even: vec4<u32>,
-#ifndef UNFILTERED
-    // The filter does not write pixels without an owner, but reads them from both of its textures.
-    @location(1) odd: vec4<u32>,
+    @location(0) texel: vec4<u32>,
+#ifdef OUTLINE
+    // The result of `owners_at`.
+    @location(1) owners: vec2<u32>,
+    @builtin(frag_depth) mask: f32,
 #endif
 }
 
@@ -34,9 +41,14 @@ fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
         color = composited(over, textureLoad(scene, pixel + view.corner, 0).rgb);
     }
 #ifdef UNFILTERED
-    return Fragment(pack_filtered(color, posterized));
+    let texel = pack_filtered(color, posterized);
 #else
     let texel = pack(color, posterized);
-    return Fragment(texel, texel);
+#endif
+#ifdef OUTLINE
+    let owners = owners_at(layer, owner, depth, vec2<i32>(pixel));
+    return Fragment(texel, owners, mask_of(owners, textureLoad(depth, pixel, 0)));
+#else
+    return Fragment(texel);
 #endif
 }

@@ -1,4 +1,4 @@
-// Copies what is shown, for the blend pass.
+// The finish pass where borders are hard and there is no ink: copies what the label pass shows.
 
 @group(1) @binding(0) var shown: texture_2d<f32>;
 

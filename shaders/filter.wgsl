@@ -27,7 +27,7 @@ fn fragment(
     let texel = textureLoad(source, at, 0);
     let center = unpack(texel);
     let prop = max(center.owner, 1u) - 1u;
-    // Both textures already hold the pixels without an owner.
+    // Once the first pass has copied them, both textures hold the pixels without an owner.
     let is_kept = center.owner == 0u || iteration >= filters[prop].iterations;
     let taps = select(filters[prop].taps, 0, is_kept);
     let spacing = filters[prop].spacing;

@@ -1,4 +1,4 @@
-// The finish pass: smooths the borders between labels, and draws ink.
+// The finish pass: smooths the borders between labels, and draws ink. At the edges of props, `blend.wgsl` draws over it.
 
 #import bevy_plenoctree::borders::{bordered, is_at_border}
 #import bevy_plenoctree::color::{decode, encode, tinted}
@@ -11,13 +11,13 @@
 
 // The results of the label pass.
 @group(1) @binding(0) var shown: texture_2d<f32>;
-@group(1) @binding(1) var labels: texture_2d<u32>;
-@group(1) @binding(2) var filtered: texture_2d<u32>;
+@group(1) @binding(4) var labels: texture_2d<u32>;
+@group(1) @binding(1) var filtered: texture_2d<u32>;
+#ifdef INK
+@group(1) @binding(2) var depth: texture_depth_2d;
+#endif
 // The target, before the result is written to it.
 @group(1) @binding(3) var scene: texture_2d<f32>;
-#ifdef INK
-@group(1) @binding(4) var depth: texture_depth_2d;
-#endif
 
 @fragment
 fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {

@@ -15,8 +15,11 @@ fn vertex(@builtin(vertex_index) index: u32, @builtin(instance_index) instance: 
         return Triangle(NOWHERE, instance);
     }
 #endif
-    // Passes that test the props' depth run only where a prop was drawn, or everywhere if the view is posterized.
-#ifdef LIGHTS
+    // Passes that test the props' depth run only where a prop was drawn, or everywhere if the view is posterized. Those
+    // at edges test what `mask_of` of `edge_owners.wgsl` returns.
+#ifdef AT_EDGES
+    let depth = 0.75;
+#else ifdef LIGHTS
     let depth = LEAST_DEPTH;
 #else
     let depth = select(0.0, LEAST_DEPTH, screen.view_posterize == 0u);

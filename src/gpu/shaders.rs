@@ -45,6 +45,7 @@ impl Shaders {
             "coverage",
             "depth",
             "edge",
+            "edge_owners",
             "fill",
             "filter",
             "filter_texel",

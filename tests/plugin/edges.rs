@@ -439,17 +439,16 @@ fn smooth_edges_are_steadier() {
 fn only_views_with_smooth_edges_pay_for_them() {
     let mut stage = Scene::new();
     stage.spawn_ball(BRIGHT, default());
-    let compiled =
-        |stage: &Scene| ["blend", "coverage", "outline"].map(|pass| stage.has_pipeline(&format!("plenoctree_{pass}")));
+    let compiles_coverage = |stage: &Scene| stage.has_pipeline("plenoctree_coverage");
     stage.draw(EdgeSmoothing::Off);
     stage.undress::<Posterize>();
     let field = stage.field();
     // A posterized view has no edges either.
     stage.set((PosterizeView(field), Posterize::default()));
     stage.capture();
-    assert_eq!(compiled(&stage), [false; 3]);
+    assert!(!compiles_coverage(&stage));
     stage.draw(EdgeSmoothing::Coverage);
-    assert_eq!(compiled(&stage), [true; 3]);
+    assert!(compiles_coverage(&stage));
 }
 
 /// Bakes a plate at the bottom of a box, and a chip in its uppermost corner, which makes the box high.

@@ -43,12 +43,13 @@ const LAYER: [Input; 3] = [
 /// Where the rays of edges reach owners. Whenever the layer is drawn, so is the composite, which replaces all of this.
 const PLACES: Slot = Slot::Even;
 
-/// Finds the pixels at edges, and clears what the coverage pass adds to if there are several props.
+/// Finds the pixels at edges, unless the composite pass does. Clears what the coverage pass adds to if there are several
+/// props.
 pub(super) fn outline(plan: &Plan) -> Option<Pass> {
     let is_several = plan.is_several;
     let rays: &[Slot] = if is_several { &[Slot::Coverage, Slot::OwnRays, Slot::OtherRays] } else { &[] };
     let program = Program::new("outline").define_if(is_several, "SEVERAL");
-    plan.smooths.then(|| Pass {
+    (plan.smooths && !plan.outlines_composite()).then(|| Pass {
         feature: Feature::Edges,
         reads: vec![LAYER.to_vec()],
         writes: [Slot::Outline].iter().chain(rays).map(|slot| Some(Output::Texture(*slot))).collect(),
@@ -106,13 +107,13 @@ fn coverage_of(plan: &Plan, pixels: Pixels) -> Pass {
                 Program { tree: Some(prop.kind.shape.into()), blends: blends.clone(), ..Program::new("coverage") };
             let program = definition.into_iter().fold(program, Program::define);
             let program = program.define_number("SAMPLES", Some(plan.samples));
-            programs
-                .push(program.define_all(field_definitions(prop.kind.shape)).depth_test(CompareFunction::Less, false));
+            programs.push(program.define_all(field_definitions(prop.kind.shape)).at_edges());
         });
         let scissor = (!is_single).then_some(prop.rect);
         let field = Some(prop.field.clone());
         draws.push(Draw { field, instance: index as u32, scissor, ..Draw::triangle(program) });
     }
+    let place = if plan.outlines_composite() { Place::Posterize } else { Place::Layer };
     Pass {
         feature: Feature::Edges,
         group: FirstGroup::SceneDepth(plan.samples),
@@ -121,6 +122,6 @@ fn coverage_of(plan: &Plan, pixels: Pixels) -> Pass {
         depth: Some(Output::Texture(Slot::EdgeMask)),
         programs,
         draws,
-        ..Pass::fullscreen(COVERAGE, Place::Layer, Some(CachedResult::Layer), Program::new("coverage"))
+        ..Pass::fullscreen(COVERAGE, place, Some(CachedResult::Layer), Program::new("coverage"))
     }
 }

@@ -1,32 +1,51 @@
-//! Smooths the borders between labels inside props, and draws [ink](crate::Ink). This is not part of the method.
+//! Smooths the borders between labels inside props, draws [ink](crate::Ink), and smooths the edges of props. This is not
+//! part of the method.
 
-use super::labels::{DEPTH, labeled, lit, space, with_lights};
+use super::labels::{DEPTH, lit, space, with_lights};
 use crate::render::{
-    frame::{CachedResult, Clear, FirstGroup, Input, Output, Pass, Place, Program, RaySet, Slot},
+    frame::{CachedResult, Clear, Draw, FirstGroup, Input, Output, Pass, Place, Program, RaySet, Slot},
     plan::{Feature, Plan},
 };
 
 pub(super) const FINISH: &str = "plenoctree_finish";
 
-/// Draws borders and lines over what the label pass shows.
+/// Returns whether there is anything to finish.
+pub(super) fn runs(plan: &Plan) -> bool {
+    plan.finishes() || plan.smooths
+}
+
+/// Draws borders and lines over what the label pass shows, and then pixels at edges.
 pub(super) fn finish(plan: &Plan) -> Option<Pass> {
-    let program = Program::new("finish")
-        .define_all(space(plan.target.space))
-        .define_if(plan.has_ink, "INK")
-        .define_all(lit(plan));
-    let from = labeled(plan);
-    let to = if from == Slot::Shown { Slot::Interim } else { Slot::Shown };
-    let mut reads = [from, Slot::Labels, Slot::Even].map(Input::Texture).to_vec();
-    reads.push(Input::Scene);
-    reads.extend(plan.has_ink.then_some(Input::Texture(Slot::Depth(RaySet::Pixels))));
-    plan.finishes().then(|| Pass {
-        feature: Feature::Finish,
+    // The target no longer has samples.
+    let is_resolved = plan.samples > 1 && plan.hidden_samples().is_none() && !plan.posterizes_view;
+    let program = |name| {
+        let program = Program::new(name).define_all(space(plan.target.space)).define_all(lit(plan));
+        program.define_if(plan.has_ink, "INK")
+    };
+    let inside = if plan.finishes() { program("finish") } else { Program::new("copy") };
+    let at_edges = program("blend").define_number("SAMPLES", plan.hidden_samples()).define_if(is_resolved, "RESOLVED");
+    let mut programs = vec![if plan.smooths { inside.where_mask_has_props() } else { inside.where_props_are() }];
+    programs.extend(plan.smooths.then(|| at_edges.at_edges()));
+    let textures = |slots: &[Slot]| slots.iter().copied().map(Input::Texture).collect::<Vec<_>>();
+    let mut inputs = textures(&[Slot::Interim, Slot::Even, Slot::Depth(RaySet::Pixels)]);
+    inputs.push(Input::Scene);
+    inputs.extend(plan.finishes().then_some(Input::Texture(Slot::Labels)));
+    let mut reads = with_lights(plan, inputs);
+    if plan.smooths {
+        reads.resize(2, vec![]);
+        let slots = [Slot::Outline, Slot::Coverage, Slot::OwnRays, Slot::OtherRays, Slot::Color(RaySet::Pixels)];
+        reads.push(textures(&slots));
+    }
+    runs(plan).then(|| Pass {
+        feature: if plan.smooths { Feature::Edges } else { Feature::Finish },
         // Lines of ink end where something else is in front of a prop.
-        group: FirstGroup::with_depth_if(plan.has_ink, plan.samples),
-        reads: with_lights(plan, reads),
-        writes: vec![Some(Output::Texture(to))],
-        depth: Some(DEPTH),
+        group: FirstGroup::with_depth_if(is_resolved && plan.smooths || plan.has_ink, plan.samples),
+        reads,
+        writes: vec![Some(Output::Texture(Slot::Shown))],
+        depth: Some(if plan.smooths { Output::Texture(Slot::EdgeMask) } else { DEPTH }),
         clear: Some(Clear::NegativeAlpha),
-        ..Pass::fullscreen(FINISH, Place::Posterize, Some(CachedResult::Labels), program.where_props_are())
+        draws: (0..programs.len()).map(Draw::triangle).collect(),
+        programs,
+        ..Pass::fullscreen(FINISH, Place::Posterize, Some(CachedResult::Labels), Program::new("finish"))
     })
 }

@@ -1,11 +1,9 @@
 //! Posterization. See section 4 of the method.
 //!
-//! - *composite* blends the layer over the scene.
+//! - *composite* blends the layer over the scene. If it can, it also finds the pixels at the edges of props.
 //! - *filter* flattens its colors (step 2).
 //! - *label* replaces them by palette colors (steps 1 and 3 to 5). If nothing is posterized, it blends the layer over the
 //!   scene itself.
-//! - *blend* smooths the edges of posterized props. It first copies all pixels to a separate texture, because it reads
-//!   what neighbors show.
 
 use bevy::{
     camera::CompositingSpace,
@@ -14,17 +12,15 @@ use bevy::{
     shader::{Shader, ShaderDefVal},
 };
 
+use super::finish;
 use crate::render::{
-    frame::{
-        Buffer, CachedResult, Clear, Draw, FirstGroup, Fragment, Input, Output, Pass, Place, Program, RaySet, Slot,
-    },
+    frame::{Buffer, CachedResult, Clear, Draw, Fragment, Input, Output, Pass, Place, Program, RaySet, Slot},
     plan::{Feature, Plan},
 };
 
 pub(super) const COMPOSITE: &str = "plenoctree_composite";
 pub(super) const FILTER: &str = "plenoctree_filter";
 pub(super) const LABEL: &str = "plenoctree_label";
-pub(super) const BLEND: &str = "plenoctree_blend";
 pub(super) const STAGE: &str = "plenoctree_stage";
 
 const COLOR: Input = Input::Texture(Slot::Color(RaySet::Pixels));
@@ -33,17 +29,22 @@ pub(super) const DEPTH: Output = Output::Texture(Slot::Depth(RaySet::Pixels));
 
 /// Blends the layer over the scene, in encoded sRGB.
 pub(super) fn composite(plan: &Plan) -> Option<Pass> {
-    let is_filtered = plan.iterations > 0;
-    let program = Program::new("composite").define_all(space(plan.target.space)).define_if(!is_filtered, "UNFILTERED");
-    let mut writes = vec![Some(Output::Texture(Slot::Even))];
-    if is_filtered {
-        // The filter does not write pixels without an owner, but reads them from both of its textures.
-        writes.push(Some(Output::Texture(Slot::Odd)));
-    }
+    let outlines = plan.outlines_composite();
+    let program = Program::new("composite")
+        .define_all(space(plan.target.space))
+        .define_if(plan.iterations == 0, "UNFILTERED")
+        .define_if(outlines, "OUTLINE")
+        .depth_test(CompareFunction::Always, outlines);
+    let depth = outlines.then_some(Input::Texture(Slot::Depth(RaySet::Pixels)));
     plan.posterizes.then(|| Pass {
-        feature: Feature::Posterize,
-        reads: vec![vec![COLOR, OWNER, Input::Scene]],
-        writes,
+        feature: if outlines { Feature::Edges } else { Feature::Posterize },
+        reads: vec![[COLOR, OWNER, Input::Scene].into_iter().chain(depth).collect()],
+        writes: [Some(Slot::Even), outlines.then_some(Slot::Outline)]
+            .into_iter()
+            .flatten()
+            .map(|slot| Some(Output::Texture(slot)))
+            .collect(),
+        depth: outlines.then_some(Output::Texture(Slot::EdgeMask)),
         ..Pass::fullscreen(COMPOSITE, Place::Posterize, Some(CachedResult::Composite), program)
     })
 }
@@ -55,13 +56,16 @@ pub(super) fn filter(plan: &Plan) -> Vec<Pass> {
     let pass = |iteration, (from, to)| {
         let is_last = iteration + 1 == iterations && to == Slot::Even;
         let program = Program::new("filter").define_if(to == Slot::Odd, "HORIZONTAL").define_if(is_last, "LAST");
+        // The first pass copies the pixels without an owner, which the others read from both textures.
+        let is_first = iteration == 0 && to == Slot::Odd;
+        let program = if is_first { program } else { program.where_props_are() };
         Pass {
             feature: Feature::Posterize,
             reads: vec![vec![Input::Texture(from)]],
             writes: vec![Some(Output::Texture(to))],
             depth: Some(DEPTH),
             draws: vec![Draw { instance: iteration, ..Draw::triangle(0) }],
-            ..Pass::fullscreen(FILTER, Place::Posterize, Some(CachedResult::Composite), program.where_props_are())
+            ..Pass::fullscreen(FILTER, Place::Posterize, Some(CachedResult::Composite), program)
         }
     };
     (0..iterations).flat_map(|iteration| directions.map(|direction| pass(iteration, direction))).collect()
@@ -102,38 +106,10 @@ pub(super) fn label(plan: &Plan) -> Pass {
     }
 }
 
-/// Returns where the label pass writes colors. It, *finish* and *blend* write to two textures by turns, so that the
-/// last one writes what is shown. They belong to the same result: none of them is ever drawn without those before it.
-pub(super) fn labeled(plan: &Plan) -> Slot {
-    if plan.smooths == plan.finishes() { Slot::Shown } else { Slot::Interim }
-}
-
-/// Smooths the edges of props.
-pub(super) fn blend(plan: &Plan) -> Option<Pass> {
-    // The target no longer has samples.
-    let is_resolved = plan.samples > 1 && plan.hidden_samples().is_none() && !plan.posterizes_view;
-    let program = Program::new("blend")
-        .define_all(space(plan.target.space))
-        .define_number("SAMPLES", plan.hidden_samples())
-        .define_if(is_resolved, "RESOLVED")
-        .define_if(plan.has_ink, "INK")
-        .define_all(lit(plan));
-    let slots = [Slot::Interim, Slot::Even, Slot::Outline, Slot::Coverage, Slot::OwnRays, Slot::OtherRays];
-    let inputs = slots.into_iter().map(Input::Texture);
-    let inputs = inputs.chain([Input::Scene, COLOR, Input::Texture(Slot::Depth(RaySet::Pixels))]);
-    let inputs = inputs.chain(plan.has_ink.then_some(Input::Texture(Slot::Labels))).collect();
-    plan.smooths.then(|| Pass {
-        feature: Feature::Edges,
-        group: FirstGroup::with_depth_if(is_resolved || plan.has_ink, plan.samples),
-        reads: with_lights(plan, inputs),
-        writes: vec![Some(Output::Texture(Slot::Shown))],
-        depth: Some(Output::Texture(Slot::EdgeMask)),
-        // The copy leaves out pixels beyond the drawn part, which custom stages may read.
-        clear: Some(Clear::NegativeAlpha),
-        programs: vec![Program::new("copy"), program.depth_test(CompareFunction::Less, false)],
-        draws: vec![Draw::triangle(0), Draw::triangle(1)],
-        ..Pass::fullscreen(BLEND, Place::Posterize, Some(CachedResult::Labels), Program::new("blend"))
-    })
+/// Returns where the label pass writes colors: to another texture than the finish pass, which reads those of neighbors.
+/// Both belong to the same result: neither is ever drawn without the other.
+fn labeled(plan: &Plan) -> Slot {
+    if finish::runs(plan) { Slot::Interim } else { Slot::Shown }
 }
 
 /// Custom stages, in turn from one texture to another.

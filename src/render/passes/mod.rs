@@ -36,7 +36,6 @@ pub const POSTERIZE_SPANS: &[&str] = &[
     labels::COMPOSITE,
     labels::FILTER,
     finish::FINISH,
-    labels::BLEND,
     edges::OUTLINE,
     edges::COVERAGE,
     objects::HIDE_OBJECTS,
@@ -62,16 +61,19 @@ pub(super) fn of(plan: &Plan) -> Vec<Pass> {
             RaySet::Pixels => {}
         }
     }
-    passes.extend(edges::outline(plan));
+    let (first, composite) = match plan.outlines_composite() {
+        true => (labels::composite(plan), None),
+        false => (edges::outline(plan), labels::composite(plan)),
+    };
+    passes.extend(first);
     passes.extend(edges::coverage(plan));
     #[cfg(feature = "shadows")]
     passes.extend(lighting::lighting(plan).into_iter().chain(lighting::smooth_light(plan)));
     passes.extend(objects::hide_objects(plan));
-    passes.extend(labels::composite(plan));
+    passes.extend(composite);
     passes.extend(labels::filter(plan));
     passes.push(labels::label(plan));
     passes.extend(finish::finish(plan));
-    passes.extend(labels::blend(plan));
     passes.extend(labels::stages(plan));
     #[cfg(feature = "shadows")]
     passes.extend(fog::fog(plan));

@@ -179,6 +179,12 @@ impl Plan {
         self.has_smooth_borders || self.has_ink
     }
 
+    /// Returns whether the composite pass finds the pixels at edges. With several props, it would write too much at
+    /// once, and at the display, it runs long after the coverage pass.
+    pub fn outlines_composite(&self) -> bool {
+        self.smooths && !self.is_several && self.placement == PropPlacement::Scene
+    }
+
     /// Returns whether labels are kept from frame to frame while something moves.
     pub fn steadies(&self) -> bool {
         self.former.is_some()
