@@ -12,7 +12,9 @@ use glam::DVec3;
 use half::f16;
 use plenoctree::{Basis, Cell, Frame};
 
-use super::stage::{PATIENCE, Stage, pixels::at, skip};
+use super::stage::{PATIENCE, Stage, pixels::at};
+#[cfg(target_os = "linux")]
+use super::stage::{SKIPPED, skip, tell};
 
 const SIZE: u32 = 32;
 
@@ -149,6 +151,7 @@ fn passes_in_child(test: &str) -> bool {
     let output = child.args(["--exact", test, "--nocapture"]).env(CHILD, "1").output().unwrap();
     let [out, error] = [output.stdout, output.stderr].map(|text| String::from_utf8_lossy(&text).into_owned());
     assert!(output.status.success() && out.contains("1 passed"), "{}: {out}\n{error}", output.status);
+    error.lines().filter(|line| line.starts_with(SKIPPED)).for_each(tell);
     true
 }
 

@@ -4,7 +4,10 @@ pub mod fields;
 pub mod pixels;
 pub mod sides;
 
-use std::time::{Duration, Instant};
+use std::{
+    io::Write,
+    time::{Duration, Instant},
+};
 
 use bevy::{
     core_pipeline::tonemapping::Tonemapping,
@@ -272,10 +275,18 @@ pub fn wait_for(what: &str, mut is_done: impl FnMut() -> bool) {
     }
 }
 
+/// How a line about a test that is skipped begins.
+pub const SKIPPED: &str = "skipped: ";
+
 /// Says that a test, or the rest of it, does not run on this adapter.
 pub fn skip(why: &str) {
     let test = std::thread::current();
-    eprintln!("skipped: {} needs {why}", test.name().unwrap_or_default());
+    tell(&format!("{SKIPPED}{} needs {why}", test.name().unwrap_or_default()));
+}
+
+/// Prints a line even if the test passes: what `eprintln` prints is only shown if it fails.
+pub fn tell(line: &str) {
+    _ = writeln!(std::io::stderr(), "{line}");
 }
 
 /// An unlit material that is seen from both sides. It is opaque if its color is.
