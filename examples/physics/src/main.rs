@@ -4,7 +4,7 @@
 //! The colliders are made of the surfaces of the fields, in tasks. The physics engine is `avian3d`.
 //!
 //! ```sh
-//! cargo run --release --manifest-path examples/physics/Cargo.toml
+//! cargo run --profile quick --manifest-path examples/physics/Cargo.toml
 //! ```
 
 use avian3d::prelude::*;
