@@ -1,5 +1,7 @@
 //! The layout of a leaf's coefficients, in texels of four 32-bit words.
 
+use std::ops::Range;
+
 use half::f16;
 
 use plenoctree::{Basis, Codebook, PlenOctree, Precision};
@@ -96,15 +98,22 @@ impl Payload {
         parts.flat_map(texels).collect()
     }
 
-    /// Packs each leaf of a packed field: its color, and its rows.
-    pub fn pack_leaves(codebook: Codebook) -> Vec<[u32; 2]> {
-        let rows = codebook.rows.iter().copied().chain(std::iter::repeat([0; 2]));
+    /// Packs densities of a packed field, which are numbers that half floats hold: two in a word.
+    pub fn pack_densities(densities: &[f32]) -> Vec<u32> {
+        let half = |density: &f32| f16::from_f32(*density);
+        densities.chunks(2).map(|pair| halves(half(&pair[0]), pair.get(1).map_or(f16::ZERO, half))).collect()
+    }
+
+    /// Packs some leaves of a packed field, each in two words: its color, and its rows.
+    pub fn pack_leaves(codebook: Codebook, leaves: Range<usize>) -> Vec<u32> {
+        let rows = codebook.rows.get(leaves.clone()).unwrap_or_default();
+        let rows = rows.iter().copied().chain(std::iter::repeat([0; 2]));
         let leaf = |([y, u, v], [luma, chroma]): (&[i16; 3], [u16; 2])| {
             let bits = |number: i16, bits: u32| number as u32 & ((1 << bits) - 1);
             let color = bits(*y, 12) | bits(*u, 10) << 12 | bits(*v, 10) << 22;
             [color, u32::from(luma) | u32::from(chroma) << 16]
         };
-        codebook.colors.iter().zip(rows).map(leaf).collect()
+        codebook.colors[leaves].iter().zip(rows).flat_map(leaf).collect()
     }
 
     /// Packs the constant coefficients of the three channels and a scale as half floats, then the other coefficients as

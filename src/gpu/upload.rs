@@ -11,7 +11,6 @@ use bevy::{
     },
 };
 use glam::DVec3;
-use half::f16;
 use plenoctree::PlenOctree;
 
 use super::{
@@ -113,58 +112,55 @@ fn check_arrays(field: &PlenOctree, children: u64, limits: &wgpu::Limits) -> Res
 pub(super) struct LevelData {
     pub field: PlenOctree,
     pub records: Records,
-    codebook: Option<CodebookData>,
-}
-
-/// The codebook of a packed field, as its textures store it.
-struct CodebookData {
-    densities: Vec<f16>,
-    leaves: Vec<[u32; 2]>,
-    rows: Vec<[u32; 2]>,
+    /// The rows of a packed field's codebook.
+    rows: Option<Vec<[u32; 2]>>,
 }
 
 impl LevelData {
     /// Creates the records of `field`. Visits every leaf, which takes a moment for a large field.
     pub fn new(field: PlenOctree) -> Self {
         let records = Records::new(&field, table_allowance(&field));
-        let codebook = field.codebook().map(|codebook| CodebookData {
-            // The densities of packed fields are numbers that half floats hold.
-            densities: field.densities().iter().map(|density| f16::from_f32(*density)).collect(),
-            leaves: Payload::pack_leaves(codebook),
-            rows: Payload::of(&field).pack_rows(codebook),
-        });
-        Self { field, records, codebook }
+        let rows = field.codebook().map(|codebook| Payload::of(&field).pack_rows(codebook));
+        Self { field, records, rows }
     }
 
-    /// Returns whether creating the records and packing the coefficients takes little time: 2 ms if leaves are
-    /// scattered.
+    /// Returns whether creating the records and packing the leaves takes little time: 2 ms if leaves are scattered.
     pub fn is_quick(field: &PlenOctree) -> bool {
         field.leaves() <= 1 << 12 && field.nodes().len() <= 1 << 11 && field.depth() <= 7
     }
 
     /// Returns the contents of a texture that is copied as it is, or `None` if they must be packed.
     pub fn plain(&self, texture: usize) -> Option<&[u8]> {
-        match (texture, &self.codebook) {
+        match (texture, &self.rows) {
             (0, _) => Some(bytemuck::cast_slice(&self.records.table)),
             (1, _) => Some(bytemuck::cast_slice(&self.records.children)),
             (2, None) => Some(bytemuck::cast_slice(self.field.densities())),
-            (2, Some(codebook)) => Some(bytemuck::cast_slice(&codebook.densities)),
-            (3, Some(codebook)) => Some(bytemuck::cast_slice(&codebook.leaves)),
-            (4, Some(codebook)) => Some(bytemuck::cast_slice(&codebook.rows)),
+            (4, Some(rows)) => Some(bytemuck::cast_slice(rows)),
             _ => None,
         }
     }
 
-    /// Packs the coefficients of every leaf, in a range of bytes. Those beyond the last leaf are 0. There is no
-    /// codebook.
-    pub fn pack(&self, bytes: Range<usize>) -> Vec<u32> {
-        let (payload, width) = (Payload::of(&self.field), self.field.basis().coefficients());
-        let leaf = 16 * payload.texels();
-        let first = (bytes.start / leaf).min(self.field.leaves());
-        let end = bytes.end.div_ceil(leaf).min(self.field.leaves());
-        let mut words = payload.pack(&self.field.coefficients()[first * width..end * width]);
-        // The first leaf may begin before the first byte.
-        words.drain(..((bytes.start - first * leaf) / 4).min(words.len()));
+    /// Packs a range of bytes of a texture of leaves that is not copied as it is: of the coefficients or, with a
+    /// codebook, also of the densities. Bytes beyond the last leaf are 0.
+    pub fn pack(&self, texture: usize, bytes: Range<usize>) -> Vec<u32> {
+        // The leaves of which bytes are in the range, if each has this many.
+        let leaves = |size: usize| {
+            let [first, end] = [bytes.start / size, bytes.end.div_ceil(size)].map(|leaf| leaf.min(self.field.leaves()));
+            first..end
+        };
+        let mut words = match self.field.codebook() {
+            Some(_) if texture == 2 => Payload::pack_densities(&self.field.densities()[leaves(2)]),
+            Some(codebook) => Payload::pack_leaves(codebook, leaves(8)),
+            None => {
+                let (payload, width) = (Payload::of(&self.field), self.field.basis().coefficients());
+                let leaf = 16 * payload.texels();
+                let Range { start, end } = leaves(leaf);
+                let mut words = payload.pack(&self.field.coefficients()[start * width..end * width]);
+                // The first leaf may begin before the first byte.
+                words.drain(..((bytes.start - start * leaf) / 4).min(words.len()));
+                words
+            }
+        };
         words.resize(bytes.len() / 4, 0);
         words
     }
@@ -172,9 +168,9 @@ impl LevelData {
 
 impl Drop for LevelData {
     fn drop(&mut self) {
-        let (records, codebook) = (std::mem::take(&mut self.records), self.codebook.take());
+        let (records, rows) = (std::mem::take(&mut self.records), self.rows.take());
         let bytes = 16 * (records.table.len() + records.children.len()) as u64 + field_bytes(&self.field);
-        background::discard((self.field.clone(), records, codebook), bytes);
+        background::discard((self.field.clone(), records, rows), bytes);
     }
 }
 
@@ -271,3 +267,41 @@ impl Uploader<'_> {
 
 /// The textures of a level: table records, child records, densities, coefficients, and the codebook of a packed field.
 pub(super) type Textures = Vec<(Texture, Layers)>;
+
+#[cfg(test)]
+mod tests {
+    use half::f16;
+    use plenoctree::{BakeSettings, Basis, PackSettings, Packed, bake, sampling::Progress};
+
+    use super::*;
+
+    /// Slices hold every leaf of a packed field, and zeros behind the last.
+    #[test]
+    fn slices_of_packed_fields_hold_their_leaves() {
+        const SLICE: usize = 256;
+        for basis in [Basis::Sh1, Basis::Sh4] {
+            let settings = BakeSettings { depth: 4, basis, ..Default::default() };
+            let color = |at: DVec3| move |direction: DVec3| 0.5 + 0.3 * at + 0.1 * direction;
+            let field = bake(&settings, |at| 30.0 * (1.0 - at.length()).max(0.0), color).unwrap();
+            let packed = Packed::new(&field, &PackSettings::default(), &Progress::default()).unwrap();
+            let data = LevelData::new(packed.field().clone());
+            let (leaves, codebook) = (data.field.leaves(), data.field.codebook().unwrap());
+            assert!(8 * leaves > 4 * SLICE);
+            let slices = |texture: usize, size: usize| -> Vec<u32> {
+                let starts = (0..size * leaves + SLICE).step_by(SLICE);
+                starts.flat_map(|start| data.pack(texture, start..start + SLICE)).collect()
+            };
+            let densities: Vec<u32> = slices(2, 2).into_iter().flat_map(|pair| [pair & 0xffff, pair >> 16]).collect();
+            let expected = data.field.densities().iter().map(|density| u32::from(f16::from_f32(*density).to_bits()));
+            assert!(densities.iter().copied().take(leaves).eq(expected), "{basis:?}");
+            let words = slices(3, 8);
+            let expected = codebook.colors.iter().enumerate().flat_map(|(leaf, color)| {
+                let [y, u, v] = color.map(|number| number as u32);
+                let [luma, chroma] = codebook.rows.get(leaf).map_or([0; 2], |rows| rows.map(u32::from));
+                [(y & 0xfff) | (u & 0x3ff) << 12 | v << 22, luma | chroma << 16]
+            });
+            assert!(words.iter().copied().take(2 * leaves).eq(expected), "{basis:?}");
+            assert!(densities[leaves..].iter().chain(&words[2 * leaves..]).all(|word| *word == 0), "{basis:?}");
+        }
+    }
+}
