@@ -42,12 +42,12 @@ pub struct FieldFailed {
 }
 
 /// A message written in [`PreUpdate`] when the GPU has too little memory for the textures that a camera needs to draw
-/// props: about 24 bytes for each pixel of the part that they cover, or 120 if anything is posterized, depending on its
-/// settings and on what it sees.
+/// props: about 21 bytes for each pixel of the part that they cover or, if anything is posterized, 95. This depends on
+/// its settings and on what it sees, and is more while something moves.
 ///
 /// The camera draws no props then. It tries again every two seconds, and when its size or the number of props that it
-/// sees changes. The message is written once per
-/// shortage, which ends when an attempt succeeds, or when the camera has nothing to draw.
+/// sees changes. The message is written once per shortage, which ends when an attempt succeeds, or when the camera has
+/// nothing to draw.
 #[derive(Message, Clone, Debug, PartialEq, Eq)]
 pub struct ViewFailed {
     /// The camera.

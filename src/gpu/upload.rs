@@ -11,7 +11,7 @@ use bevy::{
     },
 };
 use glam::DVec3;
-use plenoctree::PlenOctree;
+use plenoctree::{Codebook, PlenOctree};
 
 use super::{
     buffers::buffer_with,
@@ -176,7 +176,13 @@ impl Drop for LevelData {
 
 /// Returns the size of a field in main memory, in bytes.
 pub(super) fn field_bytes(field: &PlenOctree) -> u64 {
-    (32 * field.nodes().len() + (4 + 2 * field.basis().coefficients()) * field.leaves()) as u64
+    let coefficients = match field.codebook() {
+        None => 2 * field.basis().coefficients() * field.leaves(),
+        Some(Codebook { colors, rows, luma, chroma, .. }) => {
+            size_of_val(colors) + size_of_val(rows) + size_of_val(luma) + size_of_val(chroma)
+        }
+    };
+    (32 * field.nodes().len() + 4 * field.leaves() + coefficients) as u64
 }
 
 /// A system parameter that uploads fields to GPU memory.
