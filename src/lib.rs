@@ -131,7 +131,7 @@ pub use posterize::{
     BeforePalette, BilateralFilter, BorderSmoothing, EdgeSmoothing, MAX_BLEND_STEPS, MAX_FILTER_ITERATIONS,
     MAX_FILTER_RADIUS, Posterize,
 };
-pub use prop::{Prop, PropPath, PropTint, SolidOpacity};
+pub use prop::{Prop, PropError, PropPath, PropProgress, PropState, PropTint, SolidOpacity};
 pub use quality::{PropQuality, QualityPreset};
 pub use recolor::Recolor;
 pub use recovery::DeviceRecoveryPlugin;
@@ -139,7 +139,7 @@ pub use recovery::DeviceRecoveryPlugin;
 pub use render::{LIGHTING_SPANS, SHADOW_SPANS};
 pub use render::{POSTERIZE_SPANS, VOLUME_SPANS};
 pub use sets::{PlenOctreeRenderSystems, PlenOctreeSystems};
-pub use state::{PropError, PropProgress, PropState, props_progress, props_ready};
+pub use state::{props_progress, props_ready};
 
 use bevy::{asset::ReflectHandle, prelude::*};
 

@@ -7,7 +7,7 @@ use bevy::{
     render::error_handler::{RenderError, RenderErrorPolicy},
 };
 
-use crate::{gpu::ViewTooLarge, state::PropError};
+use crate::{gpu::ViewTooLarge, prop::PropError};
 
 /// An error of [`Headless`](super::Headless).
 #[derive(Debug, thiserror::Error)]

@@ -36,7 +36,7 @@ use bevy::{
 };
 use image::RgbaImage;
 
-use crate::{gpu::UploadBudget, state::PropError};
+use crate::{gpu::UploadBudget, prop::PropError};
 
 /// An app without a window that renders to an image: update it until the assets are ready, then capture a frame.
 ///

@@ -13,8 +13,8 @@ use crate::{
     gpu::{GpuField, LeftOut, Readiness, pipelines},
     palette::{PaletteExtraction, Palettes},
     posterize::Posterize,
+    prop::{Prop, PropError, PropState},
     render::PropView,
-    state::{PropError, PropState},
 };
 
 /// Returns which field or palette the scene waits for, or `None` if all are there. Fails if waiting does not help.
@@ -87,7 +87,7 @@ fn for_levels(app: &App) -> Option<String> {
 
 /// Props wait for pipelines, or for everything else.
 fn for_props(world: &mut World, for_pipelines: bool) -> Result<Option<String>, HeadlessError> {
-    let mut props = world.query::<(&crate::Prop, &PropState)>();
+    let mut props = world.query::<(&Prop, &PropState)>();
     let mut waits = None;
     for (prop, state) in props.iter(world) {
         let what = match state {

@@ -25,10 +25,9 @@ use crate::{
     lighting::PropLighting,
     palette::{FieldPalette, PaletteExtraction, PaletteOverride, Palettes},
     posterize::{BeforePalette, Posterize},
-    prop::{Prop, PropTint, SolidOpacity},
+    prop::{DrawnField, Prop, PropTint, SolidOpacity},
     quality::PropQuality,
     recolor::{Recolor, before_palette},
-    state::DrawnField,
 };
 
 /// Every prop that a camera may see in this frame.

@@ -3,13 +3,15 @@
 mod ready;
 mod update;
 
-pub(crate) use crate::prop::DrawnField;
-pub use crate::prop::{PropError, PropProgress, PropState};
 pub use ready::{props_progress, props_ready};
 
 use bevy::prelude::*;
 
-use crate::{asset::FilesRead, sets::PlenOctreeSystems};
+use crate::{
+    asset::FilesRead,
+    prop::{PropProgress, PropState},
+    sets::PlenOctreeSystems,
+};
 
 /// Keeps [`PropState`] up to date.
 pub(crate) struct PropStatePlugin;
