@@ -319,7 +319,7 @@ fn extract(
     progress: &Progress,
 ) -> Result<(Extraction, ExtractionSamples), ExtractionError> {
     let mut extraction = extract_from_samples(&histograms, &views, settings, progress)?;
-    extraction.seconds.sampling = sampling.as_secs_f64();
+    extraction.report.seconds.sampling = sampling.as_secs_f64();
     Ok((extraction, ExtractionSamples { histograms: Arc::new(histograms), origin }))
 }
 
@@ -367,8 +367,8 @@ pub(super) fn finish(
             // The field has been given another palette in the meantime, or one is loading.
             Ok(_) if !running.purpose.applies(*id, &palettes) => {}
             Ok((extraction, samples)) => {
-                let (count, of) = (extraction.palette.colors.len(), extraction.radiance_samples);
-                let (name, origin, seconds) = (name(server.as_deref(), *id), samples.origin, extraction.seconds);
+                let (count, of) = (extraction.palette.colors.len(), extraction.report.radiance_samples);
+                let (name, origin, seconds) = (name(server.as_deref(), *id), samples.origin, extraction.report.seconds);
                 info!(
                     "extracted {count} colors of {name} from {of} radiance samples, taken {origin}: {:.2} s of \
                      sampling, {:.2} s of computing",

@@ -6,7 +6,8 @@ use bevy::prelude::*;
 use plenoctree::{
     PlenOctree,
     palette::{
-        Extraction, InvalidPalette, InvalidRamps, Palette, PaletteFileError, Ramp, RampAdjustment, UnmetWishes, Wish,
+        Extraction, ExtractionReport, InvalidPalette, InvalidRamps, Palette, PaletteFileError, Ramp, RampAdjustment,
+        UnmetWishes, Wish,
     },
 };
 
@@ -80,7 +81,7 @@ pub struct FieldPalette {
     palette: Palette,
     shown: Vec<Color>,
     #[reflect(ignore)]
-    extraction: Option<Extraction>,
+    extraction: Option<ExtractionReport>,
 }
 
 impl FieldPalette {
@@ -105,7 +106,7 @@ impl FieldPalette {
 
     /// Creates the palette of an extraction. The shown colors are the source colors.
     pub(super) fn from_extraction(extraction: Extraction) -> Self {
-        Self { extraction: Some(extraction.clone()), ..Self::new(extraction.palette) }
+        Self { extraction: Some(extraction.report), ..Self::new(extraction.palette) }
     }
 
     /// Returns the source colors. Each pixel gets the label whose blend of source colors is nearest.
@@ -132,7 +133,7 @@ impl FieldPalette {
     }
 
     /// Returns how the palette was extracted, or `None` if it was loaded or inserted.
-    pub fn extraction(&self) -> Option<&Extraction> {
+    pub fn extraction(&self) -> Option<&ExtractionReport> {
         self.extraction.as_ref()
     }
 

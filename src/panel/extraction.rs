@@ -6,7 +6,7 @@ use bevy_egui::egui;
 use super::{editor::PaletteEditor, posterize::row};
 use plenoctree::{
     PlenOctree,
-    palette::{ColorCount, Extraction, ExtractionSettings, PaletteMethod},
+    palette::{ColorCount, ExtractionReport, ExtractionSettings, PaletteMethod},
     sampling::{ObserverRegion, SamplingSettings},
 };
 
@@ -19,10 +19,10 @@ pub(super) fn show(ui: &mut egui::Ui, field: AssetId<PlenOctree>, editor: &mut P
         ui.colored_label(ui.visuals().error_fg_color, format!("Extraction failed: {error}"));
     }
     let palette = editor.palettes.get(field);
-    if let Some(extraction) = palette.and_then(|palette| palette.extraction()) {
+    if let Some(report) = palette.and_then(|palette| palette.extraction()) {
         let samples = editor.extraction.sampled(field);
         let origin = samples.map(|samples| format!(", sampled {}", samples.origin)).unwrap_or_default();
-        ui.weak(format!("{}{origin}", summary(extraction)));
+        ui.weak(format!("{}{origin}", summary(report)));
     } else if palette.is_some() {
         ui.weak("The palette was not extracted, but loaded or inserted.");
     }
@@ -43,12 +43,12 @@ pub(super) fn show(ui: &mut egui::Ui, field: AssetId<PlenOctree>, editor: &mut P
     }
 }
 
-fn summary(extraction: &Extraction) -> String {
-    let seconds = extraction.seconds;
-    let clusters = extraction.clusters.map(|clusters| format!(", {clusters} clusters")).unwrap_or_default();
+fn summary(report: &ExtractionReport) -> String {
+    let seconds = report.seconds;
+    let clusters = report.clusters.map(|clusters| format!(", {clusters} clusters")).unwrap_or_default();
     format!(
         "{} radiance samples{clusters}, {:.1} s",
-        rounded(extraction.radiance_samples),
+        rounded(report.radiance_samples),
         seconds.sampling + seconds.filtering + seconds.hull + seconds.fitting
     )
 }

@@ -25,7 +25,7 @@ fn the_palette_equals_that_of_the_library() {
     let settings = ExtractionSettings::default();
     let expected = extract(&read, &settings, &Progress::default()).unwrap();
     assert_eq!(found, expected.palette);
-    let rmse = format!("a channel of the field is off by {:.2} of 255", 255.0 * expected.errors.rmse);
+    let rmse = format!("a channel of the field is off by {:.2} of 255", 255.0 * expected.report.errors.rmse);
     assert!(printed.contains(&rmse), "{printed}");
 }
 

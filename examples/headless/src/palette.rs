@@ -27,21 +27,21 @@ pub fn extract(headless: &mut Headless, field: &Handle<PlenOctree>) -> Result<Pa
     show_progress(None);
     let world = headless.app.world();
     let samples = world.resource::<PaletteExtraction>().sampled(field).ok_or("the field was not sampled")?;
-    let found = world.resource::<Palettes>().get(field).and_then(|palette| palette.extraction());
-    let found = found.ok_or("the field has no palette")?;
+    let found = world.resource::<Palettes>().get(field).ok_or("the field has no palette")?;
+    let (palette, report) = (found.palette(), found.extraction().ok_or("the palette was not extracted")?);
     let place = match samples.origin {
         SampleOrigin::Gpu => "in compute shaders",
         SampleOrigin::Cpu => "on background threads",
         SampleOrigin::Recorded => "when the field was packed",
     };
-    let (seconds, palette) = (&found.seconds, &found.palette);
-    println!("Took {} radiance samples {place} in {:.2} s", found.radiance_samples, seconds.sampling);
+    let seconds = report.seconds;
+    println!("Took {} radiance samples {place} in {:.2} s", report.radiance_samples, seconds.sampling);
     let fitting = seconds.filtering + seconds.hull + seconds.fitting;
     println!("Fitted {} colors in {} ramps to them in {fitting:.2} s:", palette.colors.len(), palette.ramps.len());
     for (name, tones) in colors::groups(palette) {
         println!("  {name:10}{}", tones.iter().map(|&tone| swatch(palette.colors[tone])).collect::<String>());
     }
-    Ok(found.palette.clone())
+    Ok(palette.clone())
 }
 
 /// Draws a bar, or removes it.

@@ -41,7 +41,7 @@ pub fn run(arguments: &Arguments) -> Result {
     let histograms = hull.histograms;
     let mut fitted = extract_from_samples(&histograms, &[], &settings(PaletteMethod::Fitted), &Progress::default())
         .map_err(|error| named(error.into()))?;
-    fitted.seconds.sampling = hull.extraction.seconds.sampling;
+    fitted.report.seconds.sampling = hull.extraction.report.seconds.sampling;
     let extractions = [hull.extraction, fitted];
 
     let cameras = [&views.examples[..], &views.shown].concat();

@@ -24,6 +24,13 @@ use crate::{
 pub struct Extraction {
     /// The palette, with every channel in [0, 1]. Its weights are shares of the visible weight and sum to 1.
     pub palette: Palette,
+    /// How it was extracted.
+    pub report: ExtractionReport,
+}
+
+/// How a palette was extracted.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ExtractionReport {
     /// Number of radiance samples: leaves times direction cells, including samples without weight.
     pub radiance_samples: u64,
     /// Total weight of all samples.
@@ -94,7 +101,7 @@ pub fn extract(
     let views = View::all(field, &settings.view_rays(field), progress)?;
     let sampling = start.elapsed().as_secs_f64();
     let mut extraction = extract_from_samples(&histograms, &views, settings, progress)?;
-    extraction.seconds.sampling = sampling;
+    extraction.report.seconds.sampling = sampling;
     Ok(extraction)
 }
 
@@ -169,15 +176,15 @@ pub fn extract_from_samples(
         }
     };
     let palette = Palette { method: Some(settings.method), ..palette };
-    Ok(Extraction {
-        errors: ColorErrors::of_labels_unless_canceled(histograms, &palette, settings.steps(), progress)?,
-        palette,
+    let report = ExtractionReport {
         radiance_samples: histograms.samples(),
         total_weight: histograms.total_weight(),
+        errors: ColorErrors::of_labels_unless_canceled(histograms, &palette, settings.steps(), progress)?,
         clusters,
         hull_vertices,
         seconds,
-    })
+    };
+    Ok(Extraction { palette, report })
 }
 
 /// The number of colors of a palette whose colors are blended, unless settings specify another.
@@ -296,7 +303,8 @@ mod tests {
         }
         let shares: Vec<f64> = extraction.palette.weights.iter().map(|weight| weight * 7.5).collect();
         assert!(shares.iter().zip([3.0, 2.5, 1.0, 1.0]).all(|(a, b)| (a - b).abs() < 1e-12), "{shares:?}");
-        assert_eq!((extraction.clusters, extraction.hull_vertices, extraction.total_weight), (Some(5), Some(4), 7.5));
+        let report = extraction.report;
+        assert_eq!((report.clusters, report.hull_vertices, report.total_weight), (Some(5), Some(4), 7.5));
     }
 
     /// Half of the work on a palette of tones comes after sampling, and is counted. Of other palettes, next to nothing
@@ -338,10 +346,10 @@ mod tests {
             let settings = |colors| ExtractionSettings { colors, ..Default::default() };
             let auto = extract_from_histograms(&histograms, &settings(ColorCount::Auto { tolerance })).unwrap();
             let count = auto.palette.colors.len();
-            assert!(auto.errors.rmse <= tolerance && count <= before, "{tolerance}: {auto:?}");
+            assert!(auto.report.errors.rmse <= tolerance && count <= before, "{tolerance}: {auto:?}");
             if count > 1 {
                 let fewer = extract_from_histograms(&histograms, &settings(ColorCount::Fixed(count - 1))).unwrap();
-                assert!(fewer.errors.rmse > tolerance, "{tolerance}: {count} colors");
+                assert!(fewer.report.errors.rmse > tolerance, "{tolerance}: {count} colors");
             }
             before = count;
         }
@@ -354,10 +362,10 @@ mod tests {
         let even: Vec<([f64; 3], f64)> =
             (0..512).map(|i| ([i / 64, i / 8 % 8, i % 8].map(|x| (f64::from(x) + 0.5) / 8.0), 1.0)).collect();
         let extraction = extract_from_histograms(&histograms(&even), &hull()).unwrap();
-        assert_eq!(extraction.clusters, Some(125));
+        assert_eq!(extraction.report.clusters, Some(125));
         let all = ExtractionSettings { coarse_threshold: 0.0, ..hull() };
         let extraction = extract_from_histograms(&histograms(&even), &all).unwrap();
-        assert_eq!(extraction.clusters, Some(ExtractionSettings::MAX_CLUSTERS));
+        assert_eq!(extraction.report.clusters, Some(ExtractionSettings::MAX_CLUSTERS));
     }
 
     #[test]
@@ -414,13 +422,14 @@ mod tests {
         let on = |threads: usize, method: PaletteMethod| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             let settings = ExtractionSettings { method, ..Default::default() };
-            let extraction = pool.install(|| extract(&field, &settings, &Progress::default())).unwrap();
-            Extraction { seconds: ExtractionTimes::default(), ..extraction }
+            let mut extraction = pool.install(|| extract(&field, &settings, &Progress::default())).unwrap();
+            extraction.report.seconds = ExtractionTimes::default();
+            extraction
         };
         for method in PaletteMethod::ALL {
             let alone = on(1, method);
             assert!(
-                alone.clusters.is_none_or(|clusters| clusters > 20) && alone.palette.colors.len() >= 6,
+                alone.report.clusters.is_none_or(|clusters| clusters > 20) && alone.palette.colors.len() >= 6,
                 "{alone:?}"
             );
             for threads in [2, 3, 8] {

@@ -26,7 +26,7 @@ mod tones;
 
 pub use colors::{InvalidPalette, Palette, PaletteFileError};
 pub use errors::ColorErrors;
-pub use extract::{Extraction, ExtractionError, ExtractionTimes, extract, extract_from_samples};
+pub use extract::{Extraction, ExtractionError, ExtractionReport, ExtractionTimes, extract, extract_from_samples};
 pub use label::PaletteLabel;
 pub use method::{ColorCount, PaletteMethod};
 pub use ramp::{InvalidRamps, Ramp};

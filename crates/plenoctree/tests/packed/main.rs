@@ -148,7 +148,7 @@ fn palettes_stay() {
     for packed in [&once, &twice] {
         let difference = difference(&palette(packed, &fitted), &palette(&field, &fitted));
         assert!(difference < 1e-9, "{difference}");
-        let [found, expected] = [packed, &field].map(|field| palette(field, &hull).errors.rmse);
+        let [found, expected] = [packed, &field].map(|field| palette(field, &hull).report.errors.rmse);
         assert!((found - expected).abs() < 1e-9 * expected, "{found} {expected}");
     }
     let sampling = SamplingSettings { stop_transmittance: 0.011, ..Default::default() };

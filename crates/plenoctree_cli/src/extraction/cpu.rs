@@ -65,6 +65,6 @@ fn sample_and_extract(
     let sampling = start.elapsed().as_secs_f64();
     let extracted = extract_from_samples(&histograms, &views, settings, progress);
     let mut extraction = extracted.map_err(|error| error.to_string())?;
-    extraction.seconds.sampling = sampling;
+    extraction.report.seconds.sampling = sampling;
     Ok(Extracted { extraction, histograms: Arc::new(histograms), sampling_on })
 }

@@ -10,7 +10,10 @@ use bevy_plenoctree::{
     ExtractionSamples, PaletteExtraction, PaletteSampler, Palettes, PlenOctreePlugin, Posterize, Prop, SampleOrigin,
     headless::{Headless, HeadlessError},
 };
-use plenoctree::{PlenOctree, palette::ExtractionSettings};
+use plenoctree::{
+    PlenOctree,
+    palette::{Extraction, ExtractionSettings},
+};
 
 use super::{cpu, extracted::Extracted};
 use crate::{progress, result::Result};
@@ -58,15 +61,18 @@ fn run(mut headless: Headless, field: &PlenOctree, settings: &ExtractionSettings
         if let Some(error) = extraction.error(&handle) {
             return Err(error.clone().into());
         }
-        let found = world.resource::<Palettes>().get(&handle).and_then(|palette| palette.extraction());
-        if let (Some(found), Some(ExtractionSamples { histograms, origin })) = (found, extraction.sampled(&handle)) {
+        let found = world.resource::<Palettes>().get(&handle);
+        let found = found.and_then(|palette| Some((palette.palette(), *palette.extraction()?)));
+        if let (Some((palette, report)), Some(samples)) = (found, extraction.sampled(&handle)) {
+            let ExtractionSamples { histograms, origin } = samples;
             let sampling_on = match origin {
                 SampleOrigin::Gpu => "gpu",
                 SampleOrigin::Cpu => "cpu",
                 SampleOrigin::Recorded => "file",
             };
             bar.finish_and_clear();
-            return Ok(Extracted { extraction: found.clone(), histograms: histograms.clone(), sampling_on });
+            let extraction = Extraction { palette: palette.clone(), report };
+            return Ok(Extracted { extraction, histograms: histograms.clone(), sampling_on });
         }
         bar.set_position((100.0 * extraction.progress(&handle).unwrap_or(0.0)) as u64);
         thread::sleep(Duration::from_millis(1));

@@ -43,7 +43,7 @@ pub fn run(arguments: &Arguments) -> Result {
         files::write_image(image, &swatches::draw(palette))?;
     }
     console::print(&swatches::lines(palette));
-    let errors = extraction.errors;
+    let errors = extraction.report.errors;
     console::say!(
         "shown with these colors, a channel of the field is off by {:.2} of 255 (root mean square), and {:.1}% of what is \
          colorful gets another hue",

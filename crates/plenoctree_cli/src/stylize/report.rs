@@ -52,20 +52,20 @@ pub fn write(
 
 /// Reports the palette. Entries about extraction are null for a palette that was given.
 fn palette_report(extracted: Option<&Extracted>, palette: &Palette) -> Value {
-    let extraction = extracted.map(|extracted| &extracted.extraction);
+    let report = extracted.map(|extracted| &extracted.extraction.report);
     json!({
         "colors": palette.colors.len(),
         "method": palette.method.map(PaletteMethod::name),
         "sampling_on": extracted.map(|extracted| extracted.sampling_on),
-        "radiance_samples": extraction.map(|e| e.radiance_samples),
-        "total_weight": extraction.map(|e| e.total_weight),
-        "clusters": extraction.and_then(|e| e.clusters),
-        "hull_vertices": extraction.and_then(|e| e.hull_vertices),
-        "seconds": extraction.map(|e| json!({
-            "sampling": e.seconds.sampling,
-            "filtering": e.seconds.filtering,
-            "hull": e.seconds.hull,
-            "fitting": e.seconds.fitting,
+        "radiance_samples": report.map(|r| r.radiance_samples),
+        "total_weight": report.map(|r| r.total_weight),
+        "clusters": report.and_then(|r| r.clusters),
+        "hull_vertices": report.and_then(|r| r.hull_vertices),
+        "seconds": report.map(|r| json!({
+            "sampling": r.seconds.sampling,
+            "filtering": r.seconds.filtering,
+            "hull": r.seconds.hull,
+            "fitting": r.seconds.fitting,
         })),
     })
 }

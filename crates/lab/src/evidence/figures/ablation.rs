@@ -28,7 +28,7 @@ pub fn section(evidence: &Evidence) -> Result<Section> {
         [Method::MeanShift, Method::Hull],
     );
     // Both k-means have the same initial centers.
-    let clusters = evidence.extractions[Method::Hull as usize].clusters;
+    let clusters = evidence.extractions[Method::Hull as usize].report.clusters;
     let mut table = evidence.means(&methods);
     table.head.push(("clusters or modes", "clusters"));
     for (row, count) in table.rows.iter_mut().zip([clusters, clusters, Some(evidence.methods.modes)]) {

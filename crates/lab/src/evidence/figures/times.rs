@@ -39,13 +39,13 @@ pub fn section(evidence: &mut Evidence, renderer: Renderer) -> Result<Section> {
         ("frames per second", "frames_per_second"),
     ];
     let row = |method: Method| {
-        let extraction = &evidence.extractions[method as usize];
-        let seconds = extraction.seconds;
+        let report = &evidence.extractions[method as usize].report;
+        let seconds = report.seconds;
         let times = [seconds.sampling, seconds.filtering, seconds.hull, seconds.fitting];
         let mut row = vec![
             Cell::name(method.label(), method.name()),
             Cell::Number(evidence.field.leaves() as f64, 0),
-            Cell::number(extraction.clusters.map(|clusters| clusters as f64), 0),
+            Cell::number(report.clusters.map(|clusters| clusters as f64), 0),
         ];
         row.extend(times.map(|seconds| Cell::number((seconds > 0.0).then_some(seconds), 3)));
         row.extend([Cell::Number(times.iter().sum(), 3), Cell::number(fps, 1)]);

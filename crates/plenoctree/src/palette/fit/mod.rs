@@ -123,7 +123,7 @@ mod tests {
         let settings = ExtractionSettings { colors: ColorCount::Fixed(count), ..fitted() };
         let extraction =
             extract_from_samples(&Histograms::of(32, colors), &[], &settings, &Progress::default()).unwrap();
-        (extraction.palette, extraction.errors)
+        (extraction.palette, extraction.report.errors)
     }
 
     fn fitted() -> ExtractionSettings {
@@ -158,8 +158,8 @@ mod tests {
         let distance = |c: &[f64; 3]| c.iter().zip([0.5, 0.42, 0.36]).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
         assert!(palette.colors.iter().any(|color| distance(color) < 0.06), "{palette:?}");
         let hull = ExtractionSettings { method: PaletteMethod::Hull, ..Default::default() };
-        let hull =
-            extract_from_samples(&Histograms::of(32, &lumps()), &[], &hull, &Progress::default()).unwrap().errors;
+        let hull = extract_from_samples(&Histograms::of(32, &lumps()), &[], &hull, &Progress::default()).unwrap();
+        let hull = hull.report.errors;
         assert!(errors.rmse < 0.88 * hull.rmse && errors.hue <= hull.hue, "{errors:?}, by the hull {hull:?}");
     }
 
@@ -224,7 +224,8 @@ mod tests {
             let hull = extract_from_samples(&Histograms::of(32, &colors), &[], &hull, &Progress::default()).unwrap();
             // A cloud whose hull cannot be simplified has more colors.
             if hull.palette.colors.len() <= 6 {
-                assert!(errors.rmse < hull.errors.rmse, "{seed}: {errors:?}, by the hull {:?}", hull.errors);
+                let hull = hull.report.errors;
+                assert!(errors.rmse < hull.rmse, "{seed}: {errors:?}, by the hull {hull:?}");
             }
         }
     }

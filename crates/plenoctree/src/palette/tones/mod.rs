@@ -26,7 +26,7 @@ mod tests {
     fn extract(bins: usize, colors: &[Weighted], count: ColorCount) -> (Palette, ColorErrors) {
         let settings = ExtractionSettings { method: PaletteMethod::Tones, colors: count, ..Default::default() };
         let found = extract_from_samples(&Histograms::of(bins, colors), &[], &settings, &Progress::default()).unwrap();
-        (found.palette, found.errors)
+        (found.palette, found.report.errors)
     }
 
     /// Four materials in light and shadow, and a small purple part with 0.4% of the weight.
