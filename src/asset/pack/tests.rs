@@ -95,7 +95,7 @@ fn load<const N: usize>(app: &mut App, names: [&'static str; N]) -> [Result<Plen
             match server.get_load_state(&handle) {
                 Some(LoadState::Loaded) => break None,
                 Some(LoadState::Failed(error)) => break Some(error.to_string()),
-                state => assert!(start.elapsed().as_secs() < 60, "{:?}: {state:?}", handle.path()),
+                state => assert!(start.elapsed().as_secs() < 600, "{:?}: {state:?}", handle.path()),
             }
         };
         app.update();
