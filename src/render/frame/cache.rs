@@ -1,10 +1,11 @@
 //! What views keep from frame to frame, so that nothing is drawn twice.
 //!
 //! A [`CachedResult`] of a frame is stale if anything changes that its passes read: a uniform, a texture, a buffer or a
-//! field, or the result that it is made from. All of this follows from the passes themselves. Bevy redraws the scene
-//! and its shadow maps in every frame, so wherever nothing else has changed, a compute shader compares the scene, and
-//! the light on props, with what they were, and notes the first result that must be drawn if they differ. The vertex
-//! shaders of all passes of earlier results draw nothing.
+//! field, or the result that it is made from. Most of this follows from the passes themselves; `key` lists which
+//! uniforms of bind group 0 each result reads. Bevy redraws the scene and its shadow maps in every frame, so wherever
+//! nothing else has changed, a compute shader compares the scene, and the light on props, with what they were, and
+//! notes the first result that must be drawn if they differ. The vertex shaders of all passes of earlier results draw
+//! nothing.
 //!
 //! Views in which something changes in every frame, because the camera moves, compare and remember nothing.
 
@@ -120,17 +121,16 @@ impl Cache {
         &mut self,
         result: CachedResult,
         scene: &TextureView,
-        samples: u32,
+        plan: &Plan,
         buffers: &ViewBuffers,
         groups: &mut BindGroups,
         comparison: &Comparison,
         cache: &PipelineCache,
-        size: UVec2,
         ctx: &mut RenderContext,
     ) {
         let index = result as usize;
         let words = self.scene.as_ref().filter(|_| index < self.unchanged);
-        let (layout, id) = comparison.of(result, samples);
+        let (layout, id) = comparison.of(result, plan.samples);
         let pipeline = cache.get_compute_pipeline(*id);
         let (Some(view), Some(first_drawn)) = (buffers.view.binding(), buffers.first_drawn.binding()) else {
             return;
@@ -147,7 +147,7 @@ impl Cache {
             let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor { label: Some(COMPARE), ..default() });
             pass.set_pipeline(pipeline);
             pass.set_bind_group(0, &*group, &[]);
-            let groups = (words_across(size) + 7) / 8;
+            let groups = (words_across(plan.rect.size) + 7) / 8;
             pass.dispatch_workgroups(groups.x, groups.y, 1);
             self.knows[index] = true;
         } else {
@@ -164,7 +164,8 @@ impl Cache {
 /// Returns a number that is different whenever anything changes that the passes of a result read, besides the scene.
 fn key(result: CachedResult, passes: &[Pass], textures: &Textures, buffers: &ViewBuffers, plan: &Plan) -> u64 {
     let mut hasher = FixedHasher.build_hasher();
-    let ViewBuffers { view, props, screen, filters, labelings, .. } = buffers;
+    // The first result to draw follows from all keys, and no cached pass reads fog.
+    let ViewBuffers { view, props, screen, filters, labelings, lit, shades, first_drawn: _, no_fog: _ } = buffers;
     let labels = || (labelings.hash, plan.values.palettes);
     match result {
         CachedResult::Layer => (view.hash, props.hash, plan.recolors.then(labels)).hash(&mut hasher),
@@ -181,10 +182,14 @@ fn key(result: CachedResult, passes: &[Pass], textures: &Textures, buffers: &Vie
         for input in pass.reads.iter().flatten() {
             match input {
                 Input::Texture(slot) => textures.get(*slot).map(|view| view.id()).hash(&mut hasher),
-                Input::Buffer(slot::Buffer::Lit) => buffers.lit.hash.hash(&mut hasher),
-                Input::Buffer(slot::Buffer::Shades) => buffers.shades.hash.hash(&mut hasher),
-                // The others are only read where another pass of the same result writes them.
-                _ => (),
+                Input::Buffer(slot::Buffer::View) => view.hash.hash(&mut hasher),
+                Input::Buffer(slot::Buffer::Screen) => screen.hash.hash(&mut hasher),
+                Input::Buffer(slot::Buffer::Lit) => lit.hash.hash(&mut hasher),
+                Input::Buffer(slot::Buffer::Shades) => shades.hash.hash(&mut hasher),
+                // The GPU compares the scene, and batches are only read where a pass of the same result writes them.
+                Input::Scene
+                | Input::Buffer(slot::Buffer::BatchCounts | slot::Buffer::BatchGaps)
+                | Input::WrittenBuffer(_) => {}
             }
         }
         let written = pass.writes.iter().flatten().chain(&pass.depth).filter_map(|output| match output {

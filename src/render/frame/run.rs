@@ -91,7 +91,7 @@ fn compare(
     let PropView { plan, cached, textures, buffers, groups, .. } = view;
     let mut of = |cached: &mut Cache, result, scene| {
         if let Some(comparison) = comparison {
-            cached.compare(result, scene, plan.samples, buffers, groups, comparison, frame.cache, plan.rect.size, ctx);
+            cached.compare(result, scene, plan, buffers, groups, comparison, frame.cache, ctx);
         }
     };
     match place {
