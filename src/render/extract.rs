@@ -17,7 +17,7 @@ use plenoctree::{
     palette::{LabelSpace, Palette, tone_space},
 };
 
-use super::rays::Pose;
+use super::{colors::KeptColors, rays::Pose};
 use crate::{
     camera::{LabelStages, PosterizeView, PropPlacement},
     gpu::{GpuField, GpuLevel, Level},
@@ -35,12 +35,12 @@ use crate::{
 pub(super) struct ExtractedProps {
     pub props: Vec<ExtractedProp>,
     /// The palette colors of all props and posterized views.
-    pub colors: Vec<Vec4>,
+    pub colors: KeptColors,
     /// The index in `props` of each entity of the main world.
     pub index: EntityHashMap<usize>,
     /// The transforms of the previous frame, if a camera draws motion vectors.
     transforms: EntityHashMap<GlobalTransform>,
-    /// Where in `colors` the palettes of fields are that have been written in this frame.
+    /// Where in `colors` the palettes of fields are that have been placed in this frame.
     palettes: HashMap<AssetId<PlenOctree>, ExtractedPalette>,
 }
 
@@ -150,8 +150,8 @@ const RAMPS: usize = Palette::MAX_COLORS;
 const PAIRS: u32 = 16;
 
 impl ExtractedInk {
-    /// Returns the lines of an ink, or `None` if there are none. Appends its pairs to `colors`.
-    fn new(ink: &Ink, colors: &mut Vec<Vec4>) -> Option<Self> {
+    /// Returns the lines of an ink, or `None` if there are none. Places its pairs among `colors`.
+    fn new(ink: &Ink, colors: &mut KeptColors) -> Option<Self> {
         // `f32::max` ignores NaN.
         let width = ink.width.max(0.0);
         let (color, tone) = match ink.color {
@@ -186,9 +186,8 @@ impl ExtractedInk {
             masks[*a][b >> 4] |= 1 << (b & 15);
             masks[*b][a >> 4] |= 1 << (a & 15);
         }
-        let first = colors.len() as u32;
-        colors.extend(masks.map(|mask| Vec4::from(mask.map(|bits| bits as f32))));
-        Some(ink_of(first))
+        let masks = masks.map(|mask| Vec4::from(mask.map(|bits| bits as f32)));
+        Some(ink_of(colors.place(&masks, RAMPS, Vec::new)))
     }
 
     /// Returns the pairs of ramps that have lines.
@@ -200,9 +199,11 @@ impl ExtractedInk {
 
 /// The palettes of a frame.
 struct PaletteWriter<'a> {
-    colors: &'a mut Vec<Vec4>,
-    /// Where the palettes of fields are. Those with overrides belong to one entity each.
+    colors: &'a mut KeptColors,
+    /// Where the palettes of fields are, without overrides.
     written: &'a mut HashMap<AssetId<PlenOctree>, ExtractedPalette>,
+    /// The source colors and the shown colors of the last palette. The memory is reused.
+    given: Vec<Vec4>,
 }
 
 impl PaletteWriter<'_> {
@@ -228,7 +229,7 @@ impl PaletteWriter<'_> {
         match (self.written.get(&field), own) {
             (Some(written), None) => *written,
             _ => {
-                let written = self.append(palette, own);
+                let written = self.place(palette, own);
                 if own.is_none() {
                     self.written.insert(field, written);
                 }
@@ -237,36 +238,40 @@ impl PaletteWriter<'_> {
         }
     }
 
-    /// Appends source colors with their ramps, shown colors, the places of the source colors as tones, and these from
-    /// dark to light, with their indices.
-    fn append(&mut self, palette: &FieldPalette, own: Option<&PaletteOverride>) -> ExtractedPalette {
-        let first = self.colors.len() as u32;
+    /// Places source colors with their ramps, shown colors, the places of the source colors as tones, and these from
+    /// dark to light, with their indices. The last two are only computed for colors that the last frame did not have.
+    fn place(&mut self, palette: &FieldPalette, own: Option<&PaletteOverride>) -> ExtractedPalette {
+        let Self { colors, given, .. } = self;
         let of = palette.palette();
         // Drop colors beyond the maximum, which shaders could not process in time.
         let source = of.colors.get(..Palette::MAX_COLORS).unwrap_or(&of.colors);
+        let count = source.len();
         // A color without a ramp is one by itself.
         let ramp = |color| of.ramps.iter().position(|ramp| ramp.tones.contains(&color)).unwrap_or(RAMPS + color);
+        given.clear();
         let numbered = source.iter().enumerate();
-        self.colors.extend(numbered.map(|(i, c)| glam::DVec3::from(*c).as_vec3().extend(ramp(i) as f32)));
+        given.extend(numbered.map(|(i, c)| glam::DVec3::from(*c).as_vec3().extend(ramp(i) as f32)));
         let encoded = |color: Color| Srgba::from(color).to_vec3().extend(0.0);
-        let shown = self.colors.len();
-        self.colors.extend(palette.shown().iter().take(source.len()).map(|color| encoded(*color)));
+        given.extend(palette.shown().iter().take(count).map(|color| encoded(*color)));
         if let Some(own) = own {
             own.apply(of, |index, color| {
-                if index < source.len() {
-                    self.colors[shown + index] = encoded(color);
+                if index < count {
+                    given[count + index] = encoded(color);
                 }
             });
         }
-        let (count, first_source) = (source.len() as u32, first as usize);
-        let is_changed = (0..source.len())
-            .any(|index| self.colors[first_source + index].truncate() != self.colors[shown + index].truncate());
-        let places: Vec<Vec3> = source.iter().map(|color| tone_space(glam::DVec3::from(*color)).as_vec3()).collect();
-        let mut sorted: Vec<Vec4> = (0u16..).zip(&places).map(|(index, place)| place.extend(index.into())).collect();
-        sorted.sort_by(|a, b| a.x.total_cmp(&b.x));
-        self.colors.extend(places.iter().map(|place| place.extend(0.0)).chain(sorted));
-        let first_place = if of.label_space() == LabelSpace::Encoded { first } else { first + 2 * count };
-        ExtractedPalette { first_color: first, colors: count, first_place, is_changed }
+        let is_changed = (0..count).any(|index| given[index].truncate() != given[count + index].truncate());
+        let first_color = colors.place(given, 4 * count, || {
+            let places: Vec<Vec3> =
+                source.iter().map(|color| tone_space(glam::DVec3::from(*color)).as_vec3()).collect();
+            let mut sorted: Vec<Vec4> =
+                (0u16..).zip(&places).map(|(index, place)| place.extend(index.into())).collect();
+            sorted.sort_by(|a, b| a.x.total_cmp(&b.x));
+            places.iter().map(|place| place.extend(0.0)).chain(sorted).collect()
+        });
+        let colors = count as u32;
+        let first_place = if of.label_space() == LabelSpace::Encoded { first_color } else { first_color + 2 * colors };
+        ExtractedPalette { first_color, colors, first_place, is_changed }
     }
 }
 
@@ -359,10 +364,10 @@ pub(super) fn extract_props(
     let mut previous = std::mem::take(transforms);
     let has_motion = cameras.iter().any(|(.., (.., has_motion))| has_motion);
     list.clear();
-    colors.clear();
+    colors.begin();
     written.clear();
     index.clear();
-    let mut writer = PaletteWriter { colors, written };
+    let mut writer = PaletteWriter { colors, written, given: vec![] };
     for (entity, (prop, drawn), solid, (tint, posterize, recolor, own, ink, lighting), transform, visibility) in &props
     {
         if !visibility.get() {

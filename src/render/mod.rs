@@ -15,6 +15,7 @@
 
 #![cfg_attr(not(feature = "shadows"), allow(dead_code, reason = "lights and fog need it"))]
 
+mod colors;
 mod extract;
 mod frame;
 mod order;

@@ -111,7 +111,7 @@ fn plan_views(
     mut palettes: ResMut<PaletteBuffer>,
     mut views: Query<View>,
 ) {
-    palettes.0.set(&device, &queue, "plenoctree_palettes", BufferUsages::STORAGE, &extracted.colors);
+    palettes.0.set(&device, &queue, "plenoctree_palettes", BufferUsages::STORAGE, &extracted.colors.list);
     pipelines.waiting.clear();
     let mut rests = false;
     for (camera_entity, camera, resolution, (jitter, previous, has_oit), mut visible, mut view) in &mut views {

@@ -147,7 +147,8 @@ pub(in crate::render) fn lit_props(plan: &Plan, extracted: &ExtractedProps, shad
         // The layer of a posterized view already has the tints of its props.
         let is_tinted = plan.props.get(at).is_some_and(|prop| prop.is_posterized);
         let tint_after = if is_tinted { prop.tint } else { Vec3::ONE };
-        let palette = ShadedPalette { colors: &extracted.colors, first, count: colors, blend_steps, tint: tint_after };
+        let palette =
+            ShadedPalette { colors: &extracted.colors.list, first, count: colors, blend_steps, tint: tint_after };
         // From the darkest band to the brightest one, or to the prop's own light.
         let factors: Vec<f32> = (0..=if brightness > 0.0 { 2 * bands } else { bands })
             .map(|row| row as f32 / bands as f32 - 1.0)

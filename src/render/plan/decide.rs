@@ -172,7 +172,7 @@ pub(in crate::render) fn decide(
             continue;
         };
         let (place, field) = (seen.prop.pose.world_from_prop, seen.field.bind_group.id());
-        let now = FormerProp::new(index as u32 + 1, place, field, labels_hash(posterize, &extracted.colors));
+        let now = FormerProp::new(index as u32 + 1, place, field, labels_hash(posterize, &extracted.colors.list));
         steady.insert(seen.prop.entity, now);
     }
     let steadies = held.map_or(!steady.is_empty(), Plan::steadies);
@@ -225,7 +225,7 @@ pub(in crate::render) fn decide(
             exposure: exposure(camera, placement),
             view_posterize: view_posterize.map_or(0, |_| uniforms.len() as u32),
         },
-        palettes: palettes_hash(palettes().flatten(), inks().flatten(), &extracted.colors),
+        palettes: palettes_hash(palettes().flatten(), inks().flatten(), &extracted.colors.list),
         props: uniforms,
         filters,
         labelings,
