@@ -2,7 +2,7 @@
 #define_import_path bevy_plenoctree::view
 
 struct Prop {
-    // Transforms the unit cube to the box around the leaves, in clip space.
+    // Transforms the unit cube to the box around the leaves, in clip space. In shadow maps, see `shadow.wgsl`.
     clip_from_box: mat4x4<f32>,
     // The ray through the point `reference` + p of the view, in pixels, in the field's frame. Its origin is origin[0] +
     // p.x origin[1] + p.y origin[2], in tree units. Its direction has the same form, in world units of the field, and
@@ -220,10 +220,14 @@ const LEAST_DEPTH_BITS: u32 = 0x0da24260u;
 // The smallest depth of a pixel where a prop is solid: its bits are 1 << 27 more.
 const LEAST_SOLID_DEPTH: f32 = 6.5536e-26;
 
-// Returns the depth where a prop is solid. `distance` is along the view axis, from where its rays
-// begin.
+// Returns the depth where something is solid, at a distance along the view axis.
+fn solid_depth_at_distance(distance: f32) -> f32 {
+    return clamp(depth_from_distance(distance), LEAST_SOLID_DEPTH, 1.0);
+}
+
+// Returns the depth where a prop is solid. `distance` is along the view axis, from where its rays begin.
 fn solid_depth(prop: u32, distance: f32) -> f32 {
-    return clamp(depth_from_distance(props[prop].near + distance), LEAST_SOLID_DEPTH, 1.0);
+    return solid_depth_at_distance(props[prop].near + distance);
 }
 
 // Returns whether the depth of a pixel is that of a solid prop.

@@ -24,14 +24,14 @@ pub(super) fn passes(tree: TreeShape) -> [Pass; 3] {
             SHADOW_SPAN,
             Place::Layer,
             None,
-            Program { vertex: "shadow", ..program }.define("SHADOW_MAP").depth_test(CompareFunction::Greater, true),
+            program.define("SHADOW_MAP").depth_test(CompareFunction::Greater, true),
         )
     };
-    let march = || Program { tree: Some(tree), ..Program::new("shadow") };
+    let march = || Program { vertex: "shadow", tree: Some(tree), ..Program::new("shadow") };
     let tile = Some(Output::Texture(Slot::ShadowTile));
     [
         pass(march()),
         Pass { writes: vec![tile], depth: None, ..pass(march().define("TILE")) },
-        Pass { reads: vec![vec![TILE]], ..pass(Program::new("shadow_tile")) },
+        Pass { reads: vec![vec![TILE]], ..pass(Program { vertex: "shadow_tile", ..Program::new("shadow_tile") }) },
     ]
 }
