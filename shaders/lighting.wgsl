@@ -47,7 +47,8 @@ fn share_of_sun(id: u32, surface: Surface) -> f32 {
     }
     let toward = lights.directional_lights[id].direction_to_light;
     let way = distance_out(surface.prop, surface.point, toward);
-    // The way out may lead in front of the near plane of a cascade. Cascades for larger distances reach farther.
+    // The point at this distance may be in front of the near plane of a cascade. Cascades for larger distances begin
+    // nearer to the light.
     for (var i = get_cascade_index(id, surface.view_z); i < lights.directional_lights[id].num_cascades; i++) {
         let margin = 2.0 * lights.directional_lights[id].cascades[i].texel_size;
         let outside = vec4(surface.point + (way + margin) * toward, 1.0);
@@ -109,13 +110,16 @@ const PASSING: f32 = 0.25;
 // The share of ambient light that such a surface scatters: the diffuse term of Bevy's `ambient_light`.
 const AMBIENT: f32 = 0.45;
 
-// The light that falls on a point: its sum, and its hue.
-struct Falls {
+// The light that falls on a point.
+struct Irradiance {
+    // As much as the surface faces it.
     light: vec3<f32>,
+    // The same, and a part of what passes by. Only its hue counts.
     hue: vec3<f32>,
 }
 
-fn falls(sum: ptr<function, Falls>, light: vec3<f32>, toward: vec3<f32>, relief: Relief, rim: f32) {
+// Adds the light of a lamp or of the sun to what falls on a point.
+fn add_light(sum: ptr<function, Irradiance>, light: vec3<f32>, toward: vec3<f32>, relief: Relief, rim: f32) {
     let cosine = max(dot(relief.normal, toward), 0.0) + rim * max(dot(relief.outward, toward), 0.0);
     (*sum).light += cosine * light;
     (*sum).hue += (cosine + PASSING) * light;
@@ -150,7 +154,7 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
     if lit[prop].brightness > 0.0 {
         relief = relief_at(center);
     }
-    var sum = Falls(vec3(0.0), vec3(0.0));
+    var sum = Irradiance(vec3(0.0), vec3(0.0));
 #endif
     for (var id = 0u; id < lights.n_directional_lights; id++) {
         let light = lights.directional_lights[id].color.rgb;
@@ -159,7 +163,7 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
             all_light += light;
             arrives += arriving;
 #ifdef BRIGHTNESS
-            falls(&sum, arriving, lights.directional_lights[id].direction_to_light, relief, lit[prop].rim);
+            add_light(&sum, arriving, lights.directional_lights[id].direction_to_light, relief, lit[prop].rim);
 #endif
         }
     }
@@ -174,7 +178,7 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
             let arriving = light * share_of_lamp(id, surface, is_spot);
 #ifdef BRIGHTNESS
             let toward = normalize(clustered_lights.data[id].position_radius.xyz - point);
-            falls(&sum, arriving, toward, relief, lit[prop].rim);
+            add_light(&sum, arriving, toward, relief, lit[prop].rim);
             // A lamp that makes props brighter takes nothing away where it is blocked. Where it is not, it makes up for
             // what is blocked of weaker lights.
             all_light += select(light, arriving, lit[prop].brightness > 0.0);

@@ -65,7 +65,7 @@ fn steadied(nearest: Shown, place: vec3<f32>, prop: u32, light: Light, former: F
         is_new = is_new && is_other;
         others += select(0u, 1u, is_other && former.labels[i] >= 2u);
     }
-    // As of most pixels.
+    // The former frame knew no other label around the point, as for most pixels.
     if others == 0u {
         return nearest;
     }

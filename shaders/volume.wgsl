@@ -25,8 +25,7 @@
 @group(2) @binding(3) var opaque_depth: texture_depth_2d;
 
 // The parts of props that overlap, in drawing order: what is behind the solid depth, the prop that is solid there, and
-// what is in front of it. They match `Piece` in
-// `passes/volume.rs`.
+// what is in front of it. They match `Piece` in `passes/volume.rs`.
 const BEHIND: u32 = 0u;
 const SOLID: u32 = 1u;
 const BEFORE: u32 = 2u;

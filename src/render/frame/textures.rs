@@ -24,14 +24,14 @@ use crate::{gpu::Allocator, render::plan::Plan};
 /// The textures and buffers of a view.
 #[derive(Default)]
 pub(in crate::render) struct Textures {
-    textures: HashMap<Slot, Held>,
-    buffers: HashMap<Buffer, HeldBuffer>,
+    textures: HashMap<Slot, ViewTexture>,
+    buffers: HashMap<Buffer, ViewBuffer>,
     /// The size of textures with one texel per pixel.
     size: UVec2,
     pub allocator: Allocator,
 }
 
-struct Held {
+struct ViewTexture {
     size: UVec2,
     format: TextureFormat,
     samples: u32,
@@ -40,13 +40,13 @@ struct Held {
     idle: u32,
 }
 
-struct HeldBuffer {
+struct ViewBuffer {
     buffer: bevy::render::render_resource::Buffer,
     idle: u32,
 }
 
-/// For how many frames textures are held that no pass uses.
-const HELD_FRAMES: u32 = 2;
+/// For how many frames textures and buffers stay that no pass uses.
+const IDLE_FRAMES: u32 = 2;
 
 /// The sizes of textures are multiples of this, in pixels, unless the viewport is smaller.
 const STEP: u32 = 64;
@@ -56,8 +56,8 @@ impl Textures {
     /// memory.
     pub fn provide(&mut self, device: &RenderDevice, passes: &[Pass], plan: &Plan) -> bool {
         self.size = size_in_steps(self.size, plan.rect.size, plan.viewport.physical_size);
-        self.textures.values_mut().for_each(|held| held.idle += 1);
-        self.buffers.values_mut().for_each(|held| held.idle += 1);
+        self.textures.values_mut().for_each(|existing| existing.idle += 1);
+        self.buffers.values_mut().for_each(|existing| existing.idle += 1);
         let has_memory = passes.iter().all(|pass| {
             let mut read = pass.reads.iter().flatten().copied();
             let mut written = pass.writes.iter().flatten().chain(&pass.depth).copied();
@@ -71,20 +71,20 @@ impl Textures {
             })
         });
         let has_memory = has_memory && (!plan.has_objects || self.texture(device, Slot::SceneDepth, plan));
-        self.textures.retain(|_, held| held.idle <= HELD_FRAMES);
-        self.buffers.retain(|_, held| held.idle <= HELD_FRAMES);
+        self.textures.retain(|_, existing| existing.idle <= IDLE_FRAMES);
+        self.buffers.retain(|_, existing| existing.idle <= IDLE_FRAMES);
         has_memory
     }
 
     /// Returns the bytes of GPU memory that they take.
     #[cfg(all(test, feature = "headless"))]
     pub fn bytes(&self) -> u64 {
-        let of_texture = |held: &Held| {
-            let bytes = held.format.block_copy_size(None).unwrap_or(4);
-            u64::from(held.size.element_product() * held.samples * bytes)
+        let of_texture = |existing: &ViewTexture| {
+            let bytes = existing.format.block_copy_size(None).unwrap_or(4);
+            u64::from(existing.size.element_product() * existing.samples * bytes)
         };
         self.textures.values().map(of_texture).sum::<u64>()
-            + self.buffers.values().map(|held| held.buffer.size()).sum::<u64>()
+            + self.buffers.values().map(|existing| existing.buffer.size()).sum::<u64>()
     }
 
     /// Drops everything.
@@ -97,16 +97,16 @@ impl Textures {
     /// Exchanges what two slots hold.
     pub fn swap(&mut self, a: Slot, b: Slot) {
         let (of_a, of_b) = (self.textures.remove(&a), self.textures.remove(&b));
-        self.textures.extend(of_a.map(|held| (b, held)));
-        self.textures.extend(of_b.map(|held| (a, held)));
+        self.textures.extend(of_a.map(|existing| (b, existing)));
+        self.textures.extend(of_b.map(|existing| (a, existing)));
     }
 
     pub fn get(&self, slot: Slot) -> Option<&TextureView> {
-        self.textures.get(&slot).map(|held| &held.view)
+        self.textures.get(&slot).map(|existing| &existing.view)
     }
 
     pub fn buffer_of(&self, buffer: Buffer) -> Option<&bevy::render::render_resource::Buffer> {
-        self.buffers.get(&buffer).map(|held| &held.buffer)
+        self.buffers.get(&buffer).map(|existing| &existing.buffer)
     }
 
     fn texture(&mut self, device: &RenderDevice, slot: Slot, plan: &Plan) -> bool {
@@ -126,11 +126,11 @@ impl Textures {
         }
         // The former frame may have had another size.
         let may_differ = is_former && plan.reads_former();
-        if let Some(held) = self.textures.get_mut(&slot)
-            && (held.format, held.samples) == (format, samples)
-            && (held.size == size || may_differ)
+        if let Some(existing) = self.textures.get_mut(&slot)
+            && (existing.format, existing.samples) == (format, samples)
+            && (existing.size == size || may_differ)
         {
-            held.idle = 0;
+            existing.idle = 0;
             return true;
         }
         let created = self.allocator.create(device, || {
@@ -147,9 +147,9 @@ impl Textures {
                 view_formats: &[],
             });
             let view = texture.create_view(&default());
-            Held { size, format, samples, view, idle: 0 }
+            ViewTexture { size, format, samples, view, idle: 0 }
         });
-        created.map(|held| self.textures.insert(slot, held)).is_some()
+        created.map(|existing| self.textures.insert(slot, existing)).is_some()
     }
 
     fn buffer(&mut self, device: &RenderDevice, buffer: Buffer, plan: &Plan) -> bool {
@@ -160,8 +160,8 @@ impl Textures {
             Buffer::View | Buffer::Screen | Buffer::Lit | Buffer::Shades => return true,
         };
         let size = 4 * u64::from(words);
-        if let Some(held) = self.buffers.get_mut(&buffer).filter(|held| held.buffer.size() == size) {
-            held.idle = 0;
+        if let Some(existing) = self.buffers.get_mut(&buffer).filter(|existing| existing.buffer.size() == size) {
+            existing.idle = 0;
             return true;
         }
         let created = self.allocator.create(device, || {
@@ -172,16 +172,16 @@ impl Textures {
                 mapped_at_creation: false,
             })
         });
-        created.map(|created| self.buffers.insert(buffer, HeldBuffer { buffer: created, idle: 0 })).is_some()
+        created.map(|created| self.buffers.insert(buffer, ViewBuffer { buffer: created, idle: 0 })).is_some()
     }
 }
 
-/// Returns the size of textures for `drawn` pixels: that of the `held` ones, unless they are too small or much larger.
-fn size_in_steps(held: UVec2, drawn: UVec2, viewport: UVec2) -> UVec2 {
+/// Returns the size of textures for `drawn` pixels: that of the `existing` ones, unless they are too small or much larger.
+fn size_in_steps(existing: UVec2, drawn: UVec2, viewport: UVec2) -> UVec2 {
     let stepped = ((drawn + STEP - 1) / STEP * STEP).min(viewport.max(drawn));
-    let is_enough = held.cmpge(drawn).all() && held.cmple(viewport.max(drawn)).all();
+    let is_enough = existing.cmpge(drawn).all() && existing.cmple(viewport.max(drawn)).all();
     let most = 2 * (stepped + STEP).element_product();
-    if is_enough && held.element_product() <= most { held } else { stepped }
+    if is_enough && existing.element_product() <= most { existing } else { stepped }
 }
 
 #[cfg(test)]
@@ -194,14 +194,14 @@ mod tests {
         /// Textures hold what is drawn, are never much larger, and stay the same while a prop of one size moves.
         #[test]
         fn sizes_change_in_steps(
-            held in prop::array::uniform2(0u32..4000),
+            existing in prop::array::uniform2(0u32..4000),
             drawn in prop::array::uniform2(1u32..3000),
             moved in prop::array::uniform2(0u32..16),
             beyond in prop::array::uniform2(0u32..1000),
         ) {
-            let (held, drawn, beyond) = (UVec2::from(held), UVec2::from(drawn), UVec2::from(beyond));
+            let (existing, drawn, beyond) = (UVec2::from(existing), UVec2::from(drawn), UVec2::from(beyond));
             let viewport = drawn + beyond;
-            let size = size_in_steps(held, drawn, viewport);
+            let size = size_in_steps(existing, drawn, viewport);
             prop_assert!(size.cmpge(drawn).all() && size.cmple(viewport).all());
             prop_assert!(size.element_product() <= 2 * (drawn + 2 * STEP).element_product());
             let smaller = drawn.saturating_sub(UVec2::from(moved)).max(UVec2::ONE);

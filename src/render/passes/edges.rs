@@ -46,7 +46,7 @@ const PLACES: Slot = Slot::Even;
 /// Finds the pixels at edges, unless the composite pass does. Clears what the coverage pass adds to if there are several
 /// props.
 pub(super) fn outline(plan: &Plan) -> Option<Pass> {
-    let is_several = plan.is_several;
+    let is_several = plan.has_several_props;
     let rays: &[Slot] = if is_several { &[Slot::Coverage, Slot::OwnRays, Slot::OtherRays] } else { &[] };
     let program = Program::new("outline").define_if(is_several, "SEVERAL");
     (plan.smooths && !plan.outlines_composite()).then(|| Pass {
@@ -79,7 +79,7 @@ fn coverage_of(plan: &Plan, pixels: Pixels) -> Pass {
         BlendComponent { src_factor: BlendFactor::One, dst_factor: BlendFactor::One, operation: BlendOperation::Add };
     let add = Blend::With(BlendState { color: sum, alpha: sum });
     // A single prop writes all pixels at its edges, even where its rays do not meet its box.
-    let is_single = !plan.is_several;
+    let is_single = !plan.has_several_props;
     let blend = if is_single { Blend::Replace } else { add };
     let (outline, owner) = (Input::Texture(Slot::Outline), Input::Texture(Slot::Owner(RaySet::Pixels)));
     let depth = Input::Texture(Slot::Depth(RaySet::Pixels));

@@ -199,10 +199,10 @@ fn init(mut pipelines: ResMut<Pipelines>) {
 }
 
 /// What decides how lights and fog are drawn in a view.
-type Decides =
+type LightSettings =
     (&'static ExtractedCamera, Option<&'static ShadowFilteringMethod>, Has<DistanceFog>, Option<&'static Tonemapping>);
 
-fn find_lights(lamps: Query<(), With<ExtractedPointLight>>, mut views: Query<(&mut VisibleProps, Decides)>) {
+fn find_lights(lamps: Query<(), With<ExtractedPointLight>>, mut views: Query<(&mut VisibleProps, LightSettings)>) {
     for (mut visible, (camera, method, has_fog, tonemapping)) in &mut views {
         visible.has_lamps = !lamps.is_empty();
         visible.has_hard_shadows = method == Some(&ShadowFilteringMethod::Hardware2x2);

@@ -67,8 +67,8 @@ struct VisibleProp<'a> {
 
 /// Plans the frame of a view, without what is `missing`. Returns `None` if it draws nothing.
 ///
-/// With a `held` plan, that of the last frame, it draws the same props with the same pipelines, in today's places and
-/// colors. What is new waits, and of what is gone, only the pipelines stay: they draw the same without it.
+/// With a `held` plan, that of the last frame, it draws the same props with the same pipelines, in their current places
+/// and colors. What is new waits, and of what is gone, only the pipelines stay: they draw the same without it.
 pub(in crate::render) fn decide(
     known: &Known,
     missing: &[Feature],
@@ -197,7 +197,7 @@ pub(in crate::render) fn decide(
         is_lit: lit().next().is_some(),
         is_brightened: lit().any(ExtractedProp::is_brightened),
         has_hard_shadows: visible.has_hard_shadows,
-        is_several: props.len() > 1,
+        has_several_props: props.len() > 1,
         smooths: props.iter().any(|prop| prop.smooths != Smooths::Nothing),
         has_smooth_borders: finishes && labelings.iter().any(LabelsUniform::has_smooth_borders),
         has_ink: finishes && labelings.iter().any(LabelsUniform::has_ink),

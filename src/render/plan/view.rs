@@ -58,7 +58,7 @@ pub(in crate::render) struct Plan {
     /// Whether the scene's shadows have hard edges.
     pub has_hard_shadows: bool,
     /// Whether there are several props.
-    pub is_several: bool,
+    pub has_several_props: bool,
     /// Whether any edge is smooth.
     pub smooths: bool,
     /// Whether borders between labels are smooth anywhere.
@@ -182,7 +182,7 @@ impl Plan {
     /// Returns whether the composite pass finds the pixels at edges. With several props, it would write too much at
     /// once, and at the display, it runs long after the coverage pass.
     pub fn outlines_composite(&self) -> bool {
-        self.smooths && !self.is_several && self.placement == PropPlacement::Scene
+        self.smooths && !self.has_several_props && self.placement == PropPlacement::Scene
     }
 
     /// Returns whether labels are kept from frame to frame while something moves.
