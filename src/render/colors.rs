@@ -10,7 +10,7 @@ use bevy::{
 /// The colors of a frame. Those that stay the same keep their place from frame to frame, so that views do not draw
 /// labels again because of palettes that they do not show.
 #[derive(Default)]
-pub(super) struct KeptColors {
+pub(super) struct PlacedColors {
     pub list: Vec<Vec4>,
     /// Where colors are, by a number that is different for different ones, and by how many there are.
     places: HashMap<(u64, usize), Place>,
@@ -23,7 +23,7 @@ struct Place {
     is_used: bool,
 }
 
-impl KeptColors {
+impl PlacedColors {
     /// Begins a frame. Colors that the last one did not use make room for as many others.
     pub fn begin(&mut self) {
         self.places.retain(|(_, count), place| {
@@ -64,25 +64,25 @@ mod tests {
     /// Colors keep their place while they are used, and the list does not grow while others change in every frame.
     #[test]
     fn colors_keep_their_place_and_make_room_for_others() {
-        let mut kept = KeptColors::default();
-        let place = |kept: &mut KeptColors, gray: f32| {
-            let first = kept.place(&[Vec4::splat(gray)], 2, || vec![Vec4::splat(-gray)]);
-            assert_eq!(kept.list[first as usize..][..2], [Vec4::splat(gray), Vec4::splat(-gray)]);
+        let mut placed = PlacedColors::default();
+        let place = |placed: &mut PlacedColors, gray: f32| {
+            let first = placed.place(&[Vec4::splat(gray)], 2, || vec![Vec4::splat(-gray)]);
+            assert_eq!(placed.list[first as usize..][..2], [Vec4::splat(gray), Vec4::splat(-gray)]);
             first
         };
-        kept.begin();
-        assert_eq!([0.1, 0.2, 0.1].map(|gray| place(&mut kept, gray)), [0, 2, 0]);
+        placed.begin();
+        assert_eq!([0.1, 0.2, 0.1].map(|gray| place(&mut placed, gray)), [0, 2, 0]);
         // A single one that looks the same is another one.
-        assert_eq!(kept.place(&[Vec4::splat(0.1)], 1, Vec::new), 4);
-        kept.begin();
-        assert_eq!(kept.place(&[Vec4::splat(0.2)], 2, || panic!("it is not new")), 2);
+        assert_eq!(placed.place(&[Vec4::splat(0.1)], 1, Vec::new), 4);
+        placed.begin();
+        assert_eq!(placed.place(&[Vec4::splat(0.2)], 2, || panic!("it is not new")), 2);
         for frame in 1..100 {
-            kept.begin();
-            assert_eq!(place(&mut kept, 0.2), 2);
-            place(&mut kept, frame as f32);
+            placed.begin();
+            assert_eq!(place(&mut placed, 0.2), 2);
+            place(&mut placed, frame as f32);
         }
-        assert!(kept.list.len() <= 7);
-        (0..2).for_each(|_| kept.begin());
-        assert!(kept.list.is_empty());
+        assert!(placed.list.len() <= 7);
+        (0..2).for_each(|_| placed.begin());
+        assert!(placed.list.is_empty());
     }
 }

@@ -17,7 +17,7 @@ use plenoctree::{
     palette::{LabelSpace, Palette, tone_space},
 };
 
-use super::{colors::KeptColors, rays::Pose};
+use super::{colors::PlacedColors, rays::Pose};
 use crate::{
     camera::{LabelStages, PosterizeView, PropPlacement},
     gpu::{GpuField, GpuLevel, Level},
@@ -35,7 +35,7 @@ use crate::{
 pub(super) struct ExtractedProps {
     pub props: Vec<ExtractedProp>,
     /// The palette colors of all props and posterized views.
-    pub colors: KeptColors,
+    pub colors: PlacedColors,
     /// The index in `props` of each entity of the main world.
     pub index: EntityHashMap<usize>,
     /// The transforms of the previous frame, if a camera draws motion vectors.
@@ -151,7 +151,7 @@ const PAIRS: u32 = 16;
 
 impl ExtractedInk {
     /// Returns the lines of an ink, or `None` if there are none. Places its pairs among `colors`.
-    fn new(ink: &Ink, colors: &mut KeptColors) -> Option<Self> {
+    fn new(ink: &Ink, colors: &mut PlacedColors) -> Option<Self> {
         // `f32::max` ignores NaN.
         let width = ink.width.max(0.0);
         let (color, tone) = match ink.color {
@@ -199,7 +199,7 @@ impl ExtractedInk {
 
 /// The palettes of a frame.
 struct PaletteWriter<'a> {
-    colors: &'a mut KeptColors,
+    colors: &'a mut PlacedColors,
     /// Where the palettes of fields are, without overrides.
     written: &'a mut HashMap<AssetId<PlenOctree>, ExtractedPalette>,
     /// The source colors and the shown colors of the last palette. The memory is reused.
