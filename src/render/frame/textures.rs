@@ -176,7 +176,8 @@ impl Textures {
     }
 }
 
-/// Returns the size of textures for `drawn` pixels: that of the `existing` ones, unless they are too small or much larger.
+/// Returns the size of textures for `drawn` pixels: that of the `existing` ones, unless they are too small or much
+/// larger.
 fn size_in_steps(existing: UVec2, drawn: UVec2, viewport: UVec2) -> UVec2 {
     let stepped = ((drawn + STEP - 1) / STEP * STEP).min(viewport.max(drawn));
     let is_enough = existing.cmpge(drawn).all() && existing.cmple(viewport.max(drawn)).all();
