@@ -41,9 +41,11 @@ pub enum PlenOctreeRenderSystems {
     UploadLevels,
     /// Plans the frame of each view, and prepares what its passes need.
     PlanViews,
-    /// Draws the props into the view's layer, and finds how much of the pixels at their edges posterized props cover.
+    /// Draws the props into the view's layer, and finds how much light falls on them. In views of several props, or at
+    /// [`PropPlacement::Display`], also finds how much of the pixels at their edges posterized props cover.
     Layer,
-    /// Blends the layer over the scene, filters it, assigns labels, smooths edges, and runs custom stages.
+    /// Blends the layer over the scene, finds how much of the pixels at the edges of a single prop it covers, filters,
+    /// assigns labels, smooths borders and edges, draws ink, and runs custom stages.
     Posterize(PropPlacement),
     /// Writes the result to the view's target, and the depth of props where they are solid.
     Present(PropPlacement),
