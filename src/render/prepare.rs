@@ -147,7 +147,7 @@ fn plan_views(
         let (planned, left_out) = plan(&known, &mut view.held_frames, &extracted, &fields, &mut pipelines, &cache);
         let Some((plan, passes)) = planned else {
             let target = Target { format: extracted_view.target_format, ..default() };
-            let nothing = Plan { samples: msaa.samples(), target, ..default() };
+            let nothing = Plan { placement: known.placement(), samples: msaa.samples(), target, ..default() };
             passes::request(&visible, &nothing, &extracted, &fields, &mut pipelines, &cache);
             view.clear();
             view.textures.clear();

@@ -211,14 +211,15 @@ pub(in crate::render) fn request(
     cache: &PipelineCache,
 ) {
     let props = || visible.props.iter().filter_map(|index| extracted.props.get(*index));
+    let in_scene = drawn.placement == PropPlacement::Scene;
     let mut plan = Plan {
         samples: drawn.samples,
         target: drawn.target,
         spacing: 1,
         posterizes: visible.view_posterize.is_some() || props().any(|prop| prop.posterize.is_some()),
-        is_lit: visible.placement == PropPlacement::Scene && props().any(|prop| prop.is_lit()),
-        has_fog: visible.has_fog && visible.placement == PropPlacement::Scene,
-        has_motion: visible.has_motion,
+        is_lit: in_scene && props().any(|prop| prop.is_lit()),
+        has_fog: in_scene && visible.has_fog,
+        has_motion: in_scene && visible.has_motion,
         ..default()
     };
     // What the pipelines of props differ in, but for the shape.
