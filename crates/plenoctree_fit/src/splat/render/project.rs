@@ -25,7 +25,9 @@ pub struct Projected {
     pub conic: Vec3,
     pub opacity: f32,
     pub color: Vec3,
-    /// Distance from the center within which it is visible, in pixels.
+    /// Square of the distance from the center within which it is visible, in deviations.
+    pub square: f32,
+    /// The same distance along each axis, in pixels.
     pub reach: Vec2,
 }
 
@@ -71,6 +73,7 @@ pub fn project(splats: &Splats, index: usize, camera: &PinholeCamera) -> Option<
         conic: conic.as_vec3(),
         opacity: gaussian.opacity,
         color: splats.color(index, offset.normalize()),
+        square: square as f32,
         reach: reach.as_vec2(),
     })
 }
