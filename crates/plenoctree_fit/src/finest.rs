@@ -23,8 +23,21 @@ pub fn morton(position: UVec3) -> u64 {
 /// Returns the position of a code: the inverse of `morton`.
 #[cfg(feature = "splat")]
 pub fn position_of(code: u64) -> UVec3 {
-    let gather = |shift: u32| (0..21).map(|bit| ((code >> (3 * bit + shift) & 1) as u32) << bit).sum();
-    UVec3::new(gather(2), gather(1), gather(0))
+    UVec3::new(gather(code >> 2), gather(code >> 1), gather(code))
+}
+
+/// Returns every third of the lowest 63 bits: groups of 1, 2, 4, 8 and 16 are moved next to each other.
+#[cfg(feature = "splat")]
+fn gather(code: u64) -> u32 {
+    const GROUPS: [(u32, u64); 5] = [
+        (2, 0x10c3_0c30_c30c_30c3),
+        (4, 0x100f_00f0_0f00_f00f),
+        (8, 0x1f_0000_ff00_00ff),
+        (16, 0x1f_0000_0000_ffff),
+        (32, 0x1f_ffff),
+    ];
+    let bits = code & 0x1249_2492_4924_9249;
+    GROUPS.iter().fold(bits, |bits, (shift, mask)| (bits | bits >> shift) & mask) as u32
 }
 
 /// Returns the nodes of the tree of `depth` levels with these leaves, in ascending order: the code of the lowest finest
@@ -55,5 +68,21 @@ fn append_node(nodes: &mut Vec<[Cell; 8]>, leaves: &[(u64, u32)], first: usize, 
             };
         }
         start += count;
+    }
+}
+
+#[cfg(all(test, feature = "splat"))]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        /// Positions are made of every third bit.
+        #[test]
+        fn positions_are_every_third_bit(code in any::<u64>()) {
+            let gather = |shift: u32| (0..21).map(|bit| ((code >> (3 * bit + shift) & 1) as u32) << bit).sum();
+            prop_assert_eq!(position_of(code), UVec3::new(gather(2), gather(1), gather(0)));
+        }
     }
 }
