@@ -11,8 +11,8 @@ use crate::{exponential::exp_minus, finest::position_of, splat::splats::Splats};
 
 /// Levels of cells in a block.
 pub const BLOCK: u32 = 5;
-/// The work of finding that a Gaussian is in a block, in sums.
-const WORK_PER_BLOCK: f64 = 200.0;
+/// The work of a Gaussian in a block apart from its sums, in sums.
+const WORK_PER_BLOCK: f64 = 50.0;
 /// Maximum number of levels of regions.
 const REGIONS: u32 = 2;
 
@@ -39,8 +39,14 @@ impl<'a> Lattice<'a> {
     pub fn work(&self) -> f64 {
         let of = |gaussian: &CellGaussian| {
             let blocks = (gaussian.high - 1) / (1 << BLOCK) - gaussian.low / (1 << BLOCK) + 1;
-            let points = (gaussian.high - gaussian.low).as_dvec3() / f64::from(1u32 << gaussian.level.min(BLOCK)) + 1.0;
-            WORK_PER_BLOCK * blocks.as_dvec3().element_product() + points.element_product()
+            let blocks = blocks.as_dvec3();
+            let cells = (gaussian.high - gaussian.low).as_dvec3();
+            let points = match gaussian.level.min(BLOCK) {
+                0 => cells,
+                // Every block has the points of its boundary, which its neighbors have as well.
+                level => cells / f64::from(1u32 << level) + blocks,
+            };
+            WORK_PER_BLOCK * blocks.element_product() + points.element_product()
         };
         self.gaussians.iter().map(of).sum()
     }
@@ -261,6 +267,33 @@ mod tests {
             let worst = differences.iter().copied().fold(0.0, f32::max) / largest;
             let mean = differences.iter().sum::<f32>() / differences.len() as f32 / largest;
             assert!(worst < 0.08 && mean < 0.01, "{level}: {worst} {mean}");
+        }
+    }
+
+    /// The work of a Gaussian is that of all blocks: about the points in its box, those of boundaries once per block.
+    #[test]
+    fn work_is_that_of_all_blocks() {
+        for scale in [1.0, 3.0, 7.0, 17.0, 40.0, 60.0, 250.0] {
+            let position = Vec3::new(70.0, 50.0, 60.0);
+            let gaussian = Gaussian { position, scale: Vec3::splat(scale), rotation: Quat::IDENTITY, opacity: 0.7 };
+            let mut splats = Splats::new(0);
+            splats.push(gaussian, &[Vec3::ONE]);
+            let lattice = Lattice::new(&splats, DVec3::ZERO, 1.0, 7, 0.4);
+            let own = lattice.gaussians[0];
+            let count = |low: UVec3| {
+                let raster = &Block::new(0).rasters[own.level.min(BLOCK) as usize];
+                let near = |axis: usize| {
+                    let place = |point: usize| low[axis] as f32 + raster.first + raster.distance * point as f32;
+                    let is_near = |point: &usize| (place(*point) - own.center[axis]).abs() <= own.extent[axis];
+                    (0..raster.side).filter(is_near).count() as f64
+                };
+                WORK_PER_BLOCK + near(0) * near(1) * near(2)
+            };
+            let lows = (0..64).map(|code| position_of(code) << BLOCK);
+            let expected: f64 =
+                lows.filter(|low| !overlapping([own].iter(), *low, 1 << BLOCK).is_empty()).map(count).sum();
+            let ratio = lattice.work() / expected;
+            assert!((0.95..1.3).contains(&ratio), "{scale}: {ratio}");
         }
     }
 }

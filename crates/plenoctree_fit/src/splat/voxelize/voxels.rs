@@ -28,8 +28,8 @@ const MOST_LEAVES: usize = 20_000_000;
 const FIRST_DEPTH: u32 = 8;
 /// The part of the cube in which something is visible, from which on cells are not divided further: it is full of haze.
 const MOST_FILLED: f64 = 0.35;
-/// The most work of adding up Gaussians, in sums: about half a minute.
-const MOST_WORK: f64 = 8e9;
+/// The most work of adding up Gaussians, in sums: about half a minute on two cores.
+const MOST_WORK: f64 = 4e9;
 /// How many times as many cells as leaves there are at first, before hidden ones are removed.
 const SPARE: f64 = 1.5;
 /// Of this many blocks, one is used to estimate the price of a cell at first.
@@ -68,7 +68,13 @@ impl Voxels {
         // Merged cells look better than those that Gaussians are added up in.
         let mut most = (settings.depth + 1).min(DEPTHS[1]);
         let lattice = |depth, blur| Lattice::new(splats, place.corner, place.width(depth), depth, blur);
-        while most > DEPTHS[0] && lattice(most, BLUR).work() > MOST_WORK {
+        let work = |depth| lattice(depth, BLUR).work();
+        // Everything is added up once, after a sample of the blocks, and before that for each coarse look.
+        let all_work = |depth: u32| {
+            let looks: f64 = (depth.min(FIRST_DEPTH)..=depth).map(|depth| work(depth - 1)).sum();
+            looks + (1.0 + 1.0 / SAMPLED as f64) * work(depth)
+        };
+        while most > DEPTHS[0] && all_work(most) > MOST_WORK {
             most -= 1;
         }
         let coarse = |depth| Coarse::new(splats, place.corner, place.width(depth), depth, [place.low, place.high]);
