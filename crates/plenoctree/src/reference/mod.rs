@@ -8,5 +8,5 @@ mod posterize;
 mod render;
 
 pub use histograms::sample_histograms;
-pub use posterize::{Posterization, cielab, filter, labels, posterize};
+pub use posterize::{Posterization, cielab, filter, labels, posterize, shown_opacity};
 pub use render::{Rendering, render};

@@ -65,6 +65,16 @@ pub fn labels(palette: &[DVec3], blend_steps: u32) -> Vec<DVec3> {
 /// The opacity from which pixels that show tones are opaque.
 const OPAQUE: f64 = 0.9;
 
+/// Returns how opaque labels in this space are shown where the field has an `opacity`, from 0 to 1: tones over what is
+/// behind them, so that haze and glass stay what they are. Others are always opaque. See section 4 of the method.
+#[must_use]
+pub fn shown_opacity(space: LabelSpace, opacity: f64) -> f64 {
+    match space {
+        LabelSpace::Tones => (opacity / OPAQUE).min(1.0),
+        LabelSpace::Encoded => 1.0,
+    }
+}
+
 /// Posterizes a rendering over `background`: filters it, and replaces every pixel with the shown colors of its nearest
 /// labels. Thin pixels are shown as rendered. In tone space, others are shown over the background, too, unless they are
 /// nearly opaque.
@@ -92,7 +102,7 @@ pub fn posterize(
             let label = assign(place(color), &source, &shown, settings.softness);
             match settings.space {
                 LabelSpace::Encoded => label,
-                LabelSpace::Tones => background.lerp(label, (opacity / OPAQUE).min(1.0)),
+                LabelSpace::Tones => background.lerp(label, shown_opacity(settings.space, opacity)),
             }
         })
         .collect()

@@ -9,11 +9,13 @@ mod report;
 
 pub use arguments::Arguments;
 
+use glam::DVec3;
 use image::DynamicImage;
 use plenoctree::{
     PlenOctree,
     camera::PinholeCamera,
     palette::{Palette, PaletteLabel},
+    reference::shown_opacity,
 };
 
 use crate::{
@@ -71,8 +73,15 @@ pub fn run(arguments: &Arguments) -> Result {
         let look = Look { palette: &palette, shown: &palette.colors, settings: hard };
         let opacity = renderer.original(camera)?;
         let (labeled, _) = renderer.posterized(camera, &look)?;
-        let is_posterized = |x, y| f32::from(opacity.get_pixel(x, y)[3]) / 255.0 >= settings.min_opacity;
-        pixel::apply(&arguments.pixel, &palette, settings.blend_steps, &labeled, is_posterized, shown)?;
+        let unit = |color: &[u8; 3]| DVec3::from(color.map(|channel| f64::from(channel) / 255.0));
+        let label_at = |x, y| {
+            let opacity = f64::from(opacity.get_pixel(x, y)[3]) / 255.0;
+            let shown = shown_opacity(palette.label_space(), opacity);
+            // Without the background, which shows through glass and haze.
+            let own = (unit(&labeled.get_pixel(x, y).0) - (1.0 - shown) * unit(&arguments.background)) / shown;
+            (opacity >= f64::from(settings.min_opacity) && shown > 0.0).then_some(own)
+        };
+        pixel::apply(&arguments.pixel, &palette, settings.blend_steps, labeled.dimensions(), label_at, shown)?;
     }
 
     files::create_folder(&arguments.out)?;

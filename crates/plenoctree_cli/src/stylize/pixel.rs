@@ -1,7 +1,6 @@
 //! Wishes for single pixels of the first view.
 
 use glam::DVec3;
-use image::{Rgb, RgbImage};
 use plenoctree::palette::{Palette, PaletteLabel, Unmet, Wish};
 
 use crate::{hex, result::Result};
@@ -22,27 +21,24 @@ pub fn parse(text: &str) -> Result<PixelWish, String> {
     Ok(PixelWish { at: (number(x)?, number(y)?), color: hex::parse(color)? })
 }
 
-/// Moves the ramps of the pixels' labels so that all wishes come true, and writes their colors to `shown`. `labeled` is
-/// the first view, posterized with hard edges and the palette's own colors, and `is_posterized` says which of its
-/// pixels are.
+/// Moves the ramps of the pixels' labels so that all wishes come true, and writes their colors to `shown`. The views have
+/// `width` and `height`, and `label_at` returns the color of the label of a pixel of the first one, in the palette's own
+/// colors, or `None` where the prop is not posterized.
 pub fn apply(
     wishes: &[PixelWish],
     palette: &Palette,
     blend_steps: u32,
-    labeled: &RgbImage,
-    is_posterized: impl Fn(u32, u32) -> bool,
+    (width, height): (u32, u32),
+    label_at: impl Fn(u32, u32) -> Option<DVec3>,
     shown: &mut [[f64; 3]],
 ) -> Result {
     let wish = |PixelWish { at: (x, y), color }: &PixelWish| {
-        let (width, height) = labeled.dimensions();
-        let pixel = labeled.get_pixel_checked(*x, *y);
-        let Rgb(pixel) = pixel.ok_or_else(|| format!("--pixel {x},{y}: the views have {width} x {height} pixels"))?;
-        if !is_posterized(*x, *y) {
-            return Err(format!("--pixel {x},{y}: the prop is not posterized there"));
+        if *x >= width || *y >= height {
+            return Err(format!("--pixel {x},{y}: the views have {width} x {height} pixels"));
         }
-        let [pixel, color] = [*pixel, *color].map(|color| color.map(|channel| f64::from(channel) / 255.0));
-        let label = shown_label(pixel.into(), palette, blend_steps).ok_or("the palette is empty")?;
-        Ok(Wish { label, color })
+        let shown = label_at(*x, *y).ok_or_else(|| format!("--pixel {x},{y}: the prop is not posterized there"))?;
+        let label = shown_label(shown, palette, blend_steps).ok_or("the palette is empty")?;
+        Ok(Wish { label, color: color.map(|channel| f64::from(channel) / 255.0) })
     };
     let found: Vec<Wish> = wishes.iter().map(wish).collect::<Result<_, String>>()?;
     let moved = palette.recolored(&palette.colors, &found, &[]).map_err(|error| {
@@ -83,17 +79,15 @@ mod tests {
     #[test]
     fn the_ramp_of_a_pixel_moves() {
         let (palette, blue) = (palette(), [0.0, 0.0, 1.0]);
-        let view = RgbImage::from_pixel(2, 2, Rgb([204, 51, 51]));
         let mut shown = vec![palette.colors[0], palette.colors[1], blue];
         let wish = parse("1,0=#3060c0").unwrap();
-        apply(&[wish], &palette, 1, &view, |_, _| true, &mut shown).unwrap();
+        apply(&[wish], &palette, 1, (2, 2), |_, _| Some(DVec3::new(0.8, 0.2, 0.2)), &mut shown).unwrap();
         assert_eq!(hex::quantize(shown[1]), [0x30, 0x60, 0xc0]);
         assert!(shown[0][2] > shown[0][0] && shown[0][2] < shown[1][2] && shown[2] == blue, "{shown:?}");
     }
 
     #[test]
     fn errors_say_what_is_wrong() {
-        let view = RgbImage::from_pixel(2, 2, Rgb([230, 230, 230]));
         for (text, message) in [
             ("1,0", "expected X,Y=#RRGGBB"),
             ("1=#000000", "expected X,Y=#RRGGBB"),
@@ -104,9 +98,9 @@ mod tests {
             ("0,0=#000000", "--pixel 0,0 cannot be met: its colors are in no ramp"),
         ] {
             let palette = palette();
-            let posterized = |x, y| (x, y) != (1, 1);
+            let label_at = |x, y| ((x, y) != (1, 1)).then_some(DVec3::splat(0.9));
             let error = match parse(text) {
-                Ok(wish) => apply(&[wish], &palette, 1, &view, posterized, &mut palette.colors.clone()),
+                Ok(wish) => apply(&[wish], &palette, 1, (2, 2), label_at, &mut palette.colors.clone()),
                 Err(error) => Err(error.into()),
             };
             let error = error.unwrap_err().to_string();
