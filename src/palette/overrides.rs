@@ -143,7 +143,8 @@ impl PaletteOverride {
     }
 
     /// Moves ramps of the field's palette on this entity so that labels get given colors, like
-    /// [`FieldPalette::recolor`]. Overrides the colors of ramps that have a wish and are not in `locked`.
+    /// [`FieldPalette::recolor`]. Overrides the colors of ramps that have a wish and are not in `locked`, so later
+    /// adjustments of these ramps only show once their colors are [`unset`](Self::unset).
     ///
     /// Returns an error that says which wishes cannot be met. The colors then come as near to all of them as possible.
     pub fn recolor(&mut self, palette: &FieldPalette, wishes: &[Wish], locked: &[usize]) -> Result<(), UnmetWishes> {
