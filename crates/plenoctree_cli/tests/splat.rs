@@ -16,7 +16,6 @@ use serde_json::{Value, json};
 /// Writes a cube of red and blue Gaussians as ASCII, above the origin: -y is up.
 fn capture(folder: &Path) -> String {
     let mut rows = String::new();
-    let mut count = 0;
     let steps = || (-6..=6).map(|step| f64::from(step) / 6.0);
     for (x, y, z) in
         steps().flat_map(|x| steps().map(move |y| (x, y))).flat_map(|(x, y)| steps().map(move |z| (x, y, z)))
@@ -24,9 +23,14 @@ fn capture(folder: &Path) -> String {
         if f64::max(x.abs(), f64::max(y.abs(), z.abs())) > 0.99 {
             let red = if y < 0.0 { 1.4 } else { -1.4 };
             rows += &format!("{x} {} {z} {red} -1.4 {} 3.0 -2.6 -2.6 -2.6 1 0 0 0\n", y - 3.0, -red);
-            count += 1;
         }
     }
+    write_capture(folder, &rows)
+}
+
+/// Writes a capture with these Gaussians, one a line.
+fn write_capture(folder: &Path, rows: &str) -> String {
+    let count = rows.lines().count();
     let properties = "x y z f_dc_0 f_dc_1 f_dc_2 opacity scale_0 scale_1 scale_2 rot_0 rot_1 rot_2 rot_3";
     let properties: String = properties.split(' ').map(|name| format!("property float {name}\n")).collect();
     let path = folder.join("cube.ply");
@@ -182,6 +186,25 @@ fn captures_become_props_that_stand() {
         message.contains("cube.ply: nothing is left of the capture: found no visible Gaussian in the box"),
         "{message}"
     );
+}
+
+/// A field that hardly looks like its capture is written with a warning that says what to do. Of Gaussians at one
+/// place, pictures show the first in the file, and the field the mean.
+#[test]
+fn useless_fields_are_written_with_a_warning() {
+    let folder = folder("useless");
+    let out = folder.join("prop.npz");
+    let warning = |capture: &str| {
+        let shared = ["--out", text(&out), "--no-refine", "--picture-size", "64", "--depth", "6"];
+        let output = run(&[&["convert", capture], &shared[..]].concat());
+        assert!(output.status.success() && out.exists(), "{output:?}");
+        String::from_utf8(output.stderr).unwrap()
+    };
+    let point = |red: f64| format!("0 0 0 {red} -1.4 {} 3.0 -2.6 -2.6 -2.6 1 0 0 0\n", -red);
+    let useless = warning(&write_capture(&folder, &(point(1.4) + &point(-1.4).repeat(300))));
+    assert!(useless.contains("hardly looks like the capture") && useless.contains("--crop"), "{useless}");
+    let useful = warning(&capture(&folder));
+    assert!(!useful.contains("hardly looks"), "{useful}");
 }
 
 /// Ctrl-C before refining keeps the voxelized field, and before that ends the program with an error.

@@ -109,6 +109,11 @@ impl Measured {
         })
     }
 
+    /// Returns the mean PSNR over white, from where the whole is in view, in decibels.
+    pub fn whole(&self) -> f64 {
+        self.whole.psnr[0]
+    }
+
     /// Returns the views of the whole.
     pub fn previews(&self) -> &[Comparison] {
         &self.whole.previews

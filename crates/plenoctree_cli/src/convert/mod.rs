@@ -30,6 +30,9 @@ use crate::{
     training::{Interruption, use_threads},
 };
 
+/// The least mean PSNR over white from where the whole is in view, in decibels, that a field has without a warning.
+const LEAST_PSNR: f64 = 20.0;
+
 /// Converts the capture, extracts the palette, and writes both with views and a report.
 pub fn run(arguments: &Arguments) -> Result {
     let path = &arguments.capture;
@@ -123,6 +126,14 @@ pub fn run(arguments: &Arguments) -> Result {
             refined = Some(report);
             measuring += start.elapsed();
         }
+    }
+    if measured.whole() < LEAST_PSNR {
+        console::complain!(
+            "warning: {}: the field hardly looks like the capture, with {:.2} dB over white; if much of the box is \
+             empty, or of no use, --crop or --keep-largest leave more of the field for the rest",
+            path.display(),
+            measured.whole()
+        );
     }
     let stopped = interruption.is_requested();
     let mut shift = DVec3::ZERO;
