@@ -9,11 +9,6 @@ use crate::render::{
 
 pub(super) const FINISH: &str = "plenoctree_finish";
 
-/// Returns whether there is anything to finish.
-pub(super) fn runs(plan: &Plan) -> bool {
-    plan.finishes() || plan.smooths
-}
-
 /// Draws borders and lines over what the label pass shows, and then pixels at edges.
 pub(super) fn finish(plan: &Plan) -> Option<Pass> {
     // The target no longer has samples.
@@ -36,7 +31,7 @@ pub(super) fn finish(plan: &Plan) -> Option<Pass> {
         let slots = [Slot::Outline, Slot::Coverage, Slot::OwnRays, Slot::OtherRays, Slot::Color(RaySet::Pixels)];
         reads.push(textures(&slots));
     }
-    runs(plan).then(|| Pass {
+    plan.changes_labels().then(|| Pass {
         feature: if plan.smooths { Feature::Edges } else { Feature::Finish },
         // Lines of ink end where something else is in front of a prop.
         group: FirstGroup::with_depth_if(is_resolved && plan.smooths || plan.has_ink, plan.samples),

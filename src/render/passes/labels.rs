@@ -12,7 +12,6 @@ use bevy::{
     shader::{Shader, ShaderDefVal},
 };
 
-use super::finish;
 use crate::render::{
     frame::{Buffer, CachedResult, Clear, Draw, Fragment, Input, Output, Pass, Place, Program, RaySet, Slot},
     plan::{Feature, Plan},
@@ -109,7 +108,7 @@ pub(super) fn label(plan: &Plan) -> Pass {
 /// Returns where the label pass writes colors: to another texture than the finish pass, which reads those of neighbors.
 /// Both belong to the same result: neither is ever drawn without the other.
 fn labeled(plan: &Plan) -> Slot {
-    if finish::runs(plan) { Slot::Interim } else { Slot::Shown }
+    if plan.changes_labels() { Slot::Interim } else { Slot::Shown }
 }
 
 /// Custom stages, in turn from one texture to another.

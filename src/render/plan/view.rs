@@ -185,6 +185,11 @@ impl Plan {
         self.smooths && !self.has_several_props && self.placement == PropPlacement::Scene
     }
 
+    /// Returns whether anything is drawn over what the label pass shows: borders, ink, or smooth edges.
+    pub fn changes_labels(&self) -> bool {
+        self.finishes() || self.smooths
+    }
+
     /// Returns whether labels are kept from frame to frame while something moves.
     pub fn steadies(&self) -> bool {
         self.former.is_some()
