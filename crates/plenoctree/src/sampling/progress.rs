@@ -46,7 +46,7 @@ impl Progress {
         self.sampling * sampled + (1.0 - self.sampling) * (computed / UNITS).min(1.0)
     }
 
-    /// Requests cancellation. Every stage of an extraction stops within 50 milliseconds.
+    /// Requests cancellation. Every stage of an extraction stops soon after that.
     pub fn cancel(&self) {
         self.canceled.store(true, Ordering::Relaxed);
     }
