@@ -49,7 +49,7 @@ pub(super) fn outline(plan: &Plan) -> Option<Pass> {
     let is_several = plan.has_several_props;
     let rays: &[Slot] = if is_several { &[Slot::Coverage, Slot::OwnRays, Slot::OtherRays] } else { &[] };
     let program = Program::new("outline").define_if(is_several, "SEVERAL");
-    (plan.smooths && !plan.outlines_composite()).then(|| Pass {
+    (plan.smooths && !plan.composite_outlines()).then(|| Pass {
         feature: Feature::Edges,
         reads: vec![LAYER.to_vec()],
         writes: [Slot::Outline].iter().chain(rays).map(|slot| Some(Output::Texture(*slot))).collect(),
@@ -113,7 +113,7 @@ fn coverage_of(plan: &Plan, pixels: Pixels) -> Pass {
         let field = Some(prop.field.clone());
         draws.push(Draw { field, instance: index as u32, scissor, ..Draw::triangle(program) });
     }
-    let place = if plan.outlines_composite() { Place::Posterize } else { Place::Layer };
+    let place = if plan.composite_outlines() { Place::Posterize } else { Place::Layer };
     Pass {
         feature: Feature::Edges,
         group: FirstGroup::SceneDepth(plan.samples),

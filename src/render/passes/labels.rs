@@ -28,7 +28,7 @@ pub(super) const DEPTH: Output = Output::Texture(Slot::Depth(RaySet::Pixels));
 
 /// Blends the layer over the scene, in encoded sRGB.
 pub(super) fn composite(plan: &Plan) -> Option<Pass> {
-    let outlines = plan.outlines_composite();
+    let outlines = plan.composite_outlines();
     let program = Program::new("composite")
         .define_all(space(plan.target.space))
         .define_if(plan.iterations == 0, "UNFILTERED")

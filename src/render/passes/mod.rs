@@ -61,7 +61,7 @@ pub(super) fn of(plan: &Plan) -> Vec<Pass> {
             RaySet::Pixels => {}
         }
     }
-    let (first, composite) = match plan.outlines_composite() {
+    let (first, composite) = match plan.composite_outlines() {
         true => (labels::composite(plan), None),
         false => (edges::outline(plan), labels::composite(plan)),
     };

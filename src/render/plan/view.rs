@@ -181,7 +181,7 @@ impl Plan {
 
     /// Returns whether the composite pass finds the pixels at edges. With several props, it would write too much at
     /// once, and at the display, it runs long after the coverage pass.
-    pub fn outlines_composite(&self) -> bool {
+    pub fn composite_outlines(&self) -> bool {
         self.smooths && !self.has_several_props && self.placement == PropPlacement::Scene
     }
 
