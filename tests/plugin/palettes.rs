@@ -180,9 +180,9 @@ fn a_change_allocates_nothing() {
         let count = allocation_counter::measure(|| scene.run_extract_schedule()).count_total;
         extracting[changed].push(count);
     }
-    // Bevy's own systems allocate more in some frames than in others, but not in most of them.
-    extracting.iter_mut().for_each(|counts| counts.sort_unstable());
-    let [without, with] = extracting.map(|counts| counts[counts.len() / 2]);
+    // Bevy's own systems allocate more in some frames than in others, depending on what other threads do. What a
+    // change costs, it costs in every frame, so the frames with the fewest allocations show it.
+    let [without, with] = extracting.map(|counts| counts.into_iter().min());
     assert_eq!(with, without, "extraction allocates after a change");
 }
 
