@@ -143,16 +143,25 @@ impl PaletteOverride {
     }
 
     /// Moves ramps of the field's palette on this entity so that labels get given colors, like
-    /// [`FieldPalette::recolor`]. Overrides the colors of ramps that have a wish and are not in `locked`, so later
+    /// [`FieldPalette::recolor`]. Overrides all colors of ramps that have a wish and are not in `locked`, even if they
+    /// show what was wished already: wishes are the entity's own, and outlast changes of the field's palette. Later
     /// adjustments of these ramps only show once their colors are [`unset`](Self::unset).
     ///
     /// Returns an error that says which wishes cannot be met. The colors then come as near to all of them as possible.
     pub fn recolor(&mut self, palette: &FieldPalette, wishes: &[Wish], locked: &[usize]) -> Result<(), UnmetWishes> {
-        let before = self.shown(palette);
         let mut recolored = palette.clone();
-        recolored.show(before.iter().copied());
+        recolored.show(self.shown(palette));
         let result = recolored.recolor(wishes, locked);
-        for (index, color) in recolored.shown().iter().enumerate().filter(|(index, color)| **color != before[*index]) {
+        let has = |wish: &&Wish| wish.label.first.max(wish.label.second) < palette.shown().len();
+        let is_wished = |tone: usize| {
+            wishes.iter().filter(has).any(|Wish { label, .. }| [label.first, label.second].contains(&tone))
+        };
+        let is_own = |tone: usize| match palette.palette().ramp_of(tone) {
+            Some(ramp) => !locked.contains(&ramp) && palette.ramps()[ramp].tones.iter().any(|tone| is_wished(*tone)),
+            // Colors in no ramp never move, but may show what was wished.
+            None => result.is_ok() && is_wished(tone),
+        };
+        for (index, color) in recolored.shown().iter().enumerate().filter(|(index, _)| is_own(*index)) {
             self.set(index, *color);
         }
         result
@@ -208,5 +217,28 @@ mod tests {
         let before = palette.shown()[1];
         own.recolor(&palette, &[Wish::tone(1, encoded(before))], &[]).unwrap();
         assert_eq!(own.shown(&palette)[1], before);
+    }
+
+    /// A wish stays met when the field's palette changes, even if it was for what was shown already. The rest of its
+    /// ramp stays with it, and other colors follow the field.
+    #[test]
+    fn wishes_outlast_changes_of_the_field() {
+        let colors = vec![[0.5, 0.1, 0.1], [0.8, 0.2, 0.2], [0.2, 0.3, 0.7], [0.4; 3], [0.6; 3]];
+        let mut source = Palette::new(colors).unwrap();
+        source.gather_tones(&[0, 1], "cap").unwrap();
+        source.gather_tones(&[2], "stem").unwrap();
+        let mut palette = FieldPalette::new(source);
+        let (mut own, mut locked) = (PaletteOverride::default(), PaletteOverride::default());
+        let before = palette.shown().to_vec();
+        let wishes = [1, 3].map(|tone| Wish::tone(tone, encoded(before[tone])));
+        own.recolor(&palette, &wishes, &[]).unwrap();
+        locked.recolor(&palette, &wishes[..1], &[0]).unwrap();
+        let unknown = locked.recolor(&palette, &[Wish::tone(9, [0.0; 3])], &[]);
+        assert!(unknown.is_err() && locked == PaletteOverride::default());
+        palette.shown_mut().fill(Color::BLACK);
+        let shown = own.shown(&palette);
+        assert_eq!([shown[1], shown[2], shown[3], shown[4]], [before[1], Color::BLACK, before[3], Color::BLACK]);
+        // But for rounding, as the ramp moves to where it was.
+        assert!(Srgba::from(shown[0]).to_vec3().distance(Srgba::from(before[0]).to_vec3()) < 1e-5, "{:?}", shown[0]);
     }
 }
