@@ -69,7 +69,9 @@ fn edit_name(ui: &mut egui::Ui, name: &str, ramp: usize) -> Option<String> {
     let response = ui.add(egui::TextEdit::singleline(&mut text).desired_width(80.0));
     if response.lost_focus() {
         ui.data_mut(|data| data.remove::<String>(id));
-        return (text != name).then_some(text);
+        // Names have no spaces at their ends.
+        let text = text.trim();
+        return (text != name).then(|| text.to_string());
     }
     if response.changed() {
         ui.data_mut(|data| data.insert_temp(id, text));

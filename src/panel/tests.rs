@@ -196,7 +196,8 @@ fn ramps_are_renamed() {
     let mut panel = Panel::new();
     panel.split();
     panel.click("stem");
-    panel.replace("foot");
+    // Spaces at the ends are no part of the name.
+    panel.replace(" foot ");
     assert_eq!(panel.palette().ramps()[1].name, "stem");
     panel.click("Posterize");
     assert_eq!(panel.palette().ramps()[1].name, "foot");

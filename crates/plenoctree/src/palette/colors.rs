@@ -406,6 +406,11 @@ mod tests {
             (r#"[{"name": "a", "tones": [1]}, {"name": "b", "tones": [0, 1]}]"#, "found tone 1 twice"),
             (r#"[{"name": "a", "tones": []}]"#, "found a ramp \"a\" without tones"),
             (r#"[{"name": "7", "tones": [0]}]"#, "found the name \"7\""),
+            (
+                r#"[{"name": "a,b", "tones": [0]}]"#,
+                "found the name \"a,b\", expected one that is not a number, without",
+            ),
+            (r#"[{"name": "a ", "tones": [0]}]"#, "without `=`, `:`, `,`, control characters and spaces at its ends"),
             (r#"[{"name": "a", "tones": [1]}, {"name": "a", "tones": [0]}]"#, "found two ramps with the name \"a\""),
             (r#"[{"tones": [1]}]"#, "missing field `name`"),
         ] {

@@ -10,7 +10,8 @@ use super::oklab::oklab;
 #[cfg_attr(feature = "bevy", derive(bevy_reflect::Reflect), reflect(Clone, Debug, PartialEq), type_path = "plenoctree")]
 pub struct Ramp {
     /// A name that no other ramp of the palette has, such as `red` or `cap`. Not empty, not a number, and without `=`,
-    /// `:` and control characters, so that it can be told from an index on the command line.
+    /// `:`, `,`, control characters and spaces at its ends, so that it can be told from an index and from other names
+    /// on the command line.
     pub name: String,
     /// Indices of palette colors, the darkest first. At least one, and none that another ramp of the palette has.
     pub tones: Vec<usize>,
@@ -48,8 +49,8 @@ pub enum InvalidRamps {
         name: String,
     },
     /// A name is empty, a number, or has characters that it must not have.
-    #[error("found the name \"{}\", expected one that is not a number, without `=`, `:` and control characters",
-        found.escape_debug())]
+    #[error("found the name \"{}\", expected one that is not a number, without `=`, `:`, `,`, control characters and \
+        spaces at its ends", found.escape_debug())]
     Name {
         /// The name found.
         found: String,
@@ -101,8 +102,9 @@ pub(super) fn sort(tones: &mut [usize], colors: &[[f64; 3]]) {
 
 /// Returns whether a ramp can have this name.
 pub(super) fn is_name(name: &str) -> bool {
-    let reserved = |c: char| matches!(c, '=' | ':') || c.is_control();
-    !name.trim().is_empty() && !name.contains(reserved) && name.bytes().any(|byte| !byte.is_ascii_digit())
+    let reserved = |c: char| matches!(c, '=' | ':' | ',') || c.is_control();
+    let is_number = name.bytes().all(|byte| byte.is_ascii_digit());
+    !name.is_empty() && !is_number && !name.contains(reserved) && name == name.trim()
 }
 
 #[cfg(test)]
@@ -113,5 +115,11 @@ mod tests {
     fn names_can_be_told_from_numbers() {
         assert!(["cap", "red 2", "2nd", "Kappe"].into_iter().all(is_name));
         assert!(!["", " ", "3", "a=b", "ramp:1", "a\nb"].into_iter().any(is_name));
+    }
+
+    /// The command line separates names by commas, which spaces may surround.
+    #[test]
+    fn names_can_be_told_from_each_other() {
+        assert!(!["a,b", ",", " cap", "cap ", "cap\u{3000}"].into_iter().any(is_name));
     }
 }
