@@ -48,16 +48,14 @@ pub struct Palette {
     pub shown: Vec<[f64; 3]>,
 }
 
-/// The content of a palette file.
+/// The content of a palette file. What is null counts as left out.
 #[derive(Deserialize)]
 struct PaletteJson {
     colors: Vec<[f64; 3]>,
     weights: Option<Vec<f64>>,
     method: Option<PaletteMethod>,
-    #[serde(default)]
-    ramps: Vec<Ramp>,
-    #[serde(default)]
-    shown: Vec<[f64; 3]>,
+    ramps: Option<Vec<Ramp>>,
+    shown: Option<Vec<[f64; 3]>>,
 }
 
 /// An error that occurs when colors and weights do not make a palette.
@@ -292,6 +290,7 @@ impl TryFrom<PaletteJson> for Palette {
 
     fn try_from(PaletteJson { colors, weights, method, ramps, shown }: PaletteJson) -> Result<Self, InvalidPalette> {
         let weights = weights.unwrap_or_else(|| equal_weights(colors.len()));
+        let (ramps, shown) = (ramps.unwrap_or_default(), shown.unwrap_or_default());
         let palette = Self { colors, weights, method, ramps, shown };
         palette.validate_for_file()?;
         Ok(palette)
@@ -360,6 +359,13 @@ mod tests {
     #[test]
     fn weights_are_optional() {
         assert_eq!(parse(r#"{"colors": [[0, 0, 0], [1, 1, 1]]}"#).unwrap().weights, [0.5, 0.5]);
+    }
+
+    #[test]
+    fn null_counts_as_left_out() {
+        let colors = r#""colors": [[0, 0, 0], [1, 1, 1]]"#;
+        let null = r#""weights": null, "method": null, "ramps": null, "shown": null"#;
+        assert_eq!(parse(&format!("{{{colors}, {null}}}")).unwrap(), parse(&format!("{{{colors}}}")).unwrap());
     }
 
     #[test]
