@@ -31,8 +31,8 @@ pub struct Palette {
     /// Colors in encoded sRGB. Extracted colors, and those in files, are in [0, 1]. Handmade colors may exceed this
     /// range, such as neon colors.
     pub colors: Vec<[f64; 3]>,
-    /// Weight of each color: the amount of visible weight that is nearest to it. Finite and not negative. The weights
-    /// of an extracted palette sum to 1.
+    /// Weight of each color: the amount of visible weight that is nearest to it. Finite and not negative, with a sum
+    /// that is finite in float32. The weights of an extracted palette sum to 1.
     pub weights: Vec<f64>,
     /// How the palette was extracted, or `None` if it was not.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -97,6 +97,12 @@ pub enum InvalidPalette {
         /// Index of the weight.
         index: usize,
         /// The weight found.
+        found: f64,
+    },
+    /// The sum of the weights is too large for float32.
+    #[error("found weights that sum to {found:e}, expected a sum within the range of float32")]
+    WeightSum {
+        /// The sum found.
         found: f64,
     },
     /// The number of shown colors is not the number of colors.
@@ -215,8 +221,8 @@ impl Palette {
     /// # Errors
     ///
     /// Returns an error if there are no colors or more than [`Self::MAX_COLORS`], if there is not one weight per color,
-    /// if a color is not finite in float32, if a weight is negative or not finite, if there are shown colors but not
-    /// one per color, or if the ramps do not fit the colors.
+    /// if a color is not finite in float32, if a weight is negative or not finite, if the sum of the weights is not
+    /// finite in float32, if there are shown colors but not one per color, or if the ramps do not fit the colors.
     pub fn validate(&self) -> Result<(), InvalidPalette> {
         let (found, expected) = (self.weights.len(), self.colors.len());
         if expected == 0 || expected > Self::MAX_COLORS {
@@ -233,6 +239,11 @@ impl Palette {
             if !found.is_finite() || found < 0.0 {
                 return Err(InvalidPalette::Weight { index, found });
             }
+        }
+        // Means of ramps and shares of colors multiply weights.
+        let sum: f64 = self.weights.iter().sum();
+        if !(sum as f32).is_finite() {
+            return Err(InvalidPalette::WeightSum { found: sum });
         }
         if ![0, expected].contains(&self.shown.len()) {
             return Err(InvalidPalette::Shown { found: self.shown.len(), expected });
@@ -379,6 +390,11 @@ mod tests {
                 r#"{"colors": [[0, 0, 0]], "weights": [-1]}"#,
                 "found -1 as weight 0, expected a finite, non-negative number",
             ),
+            (
+                r#"{"colors": [[0, 0, 0], [1, 1, 1]], "weights": [1e308, 1e308]}"#,
+                "found weights that sum to inf, expected a sum within the range of float32",
+            ),
+            (r#"{"colors": [[0, 0, 0]], "weights": [1e39]}"#, "found weights that sum to 1e39, expected a sum within"),
             (
                 r#"{"colors": [[0, 0, 0], [255, 128, 0]]}"#,
                 "found [255.0, 128.0, 0.0] as color 1, expected channels from 0 to 1 (did you mean 0 to 255? Divide by \
