@@ -239,9 +239,12 @@ impl Posterize {
         }
         let (wanted, most) = (self.blend_steps.clamp(1, MAX_BLEND_STEPS), PaletteLabel::most_blend_steps(colors));
         if wanted > most {
+            // Palettes by hand may be meant as tones.
+            let by_hand = palette.method.is_none();
+            let hint = if by_hand { "; if its colors are not to blend, its method must be \"tones\"" } else { "" };
             error_once!(
                 "a palette of {colors} colors with {wanted} blend steps has {} labels, expected at most {}: it is drawn \
-                 with {most}",
+                 with {most}{hint}",
                 PaletteLabel::count(colors, wanted),
                 PaletteLabel::MAX_LABELS
             );
@@ -296,8 +299,8 @@ mod tests {
         let of = |colors| Posterize { blend_steps: 8, ..default() }.blend_steps_of(&palette(colors));
         let (steps, log) = logged(|| [6, 17, 64, 64].map(of));
         assert_eq!(steps, [8, 8, 1, 1]);
-        let expected =
-            "a palette of 64 colors with 8 blend steps has 14176 labels, expected at most 1024: it is drawn with 1\n";
+        let expected = "a palette of 64 colors with 8 blend steps has 14176 labels, expected at most 1024: it is drawn \
+                        with 1; if its colors are not to blend, its method must be \"tones\"\n";
         assert_eq!(log, expected);
     }
 }

@@ -143,6 +143,10 @@ fn bad_input_is_rejected() {
     let message = "64 colors with 3 blend steps, which make 4096 labels, expected at most 1024: use --blend-steps 1";
     let printed = with(&["--palette", text(&palette)]);
     assert!(printed.contains(message) && printed.contains("many.json"), "{printed}");
+    assert!(printed.contains("add \"method\": \"tones\" to the file"), "{printed}");
+    fs::write(&palette, format!(r#"{{"colors": {:?}, "method": "hull"}}"#, vec![[0.5; 3]; 64])).unwrap();
+    let printed = with(&["--palette", text(&palette)]);
+    assert!(printed.contains(message) && !printed.contains("tones"), "{printed}");
     for wrong in [["--size", "0x1"], ["--background", "red"], ["--softness", "-1"], ["--frames", "0"]] {
         fail(&["stylize", text(&field), wrong[0], wrong[1]]);
     }

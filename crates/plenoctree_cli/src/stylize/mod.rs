@@ -118,9 +118,12 @@ fn check_labels(palette: &Palette, blend_steps: u32) -> Result<(), String> {
         return Ok(());
     }
     let steps = PaletteLabel::most_blend_steps(colors);
+    // Palettes by hand may be meant as tones.
+    let by_hand = palette.method.is_none();
+    let hint = if by_hand { "; if its colors are not to blend, add \"method\": \"tones\" to the file" } else { "" };
     Err(format!(
         "found {colors} colors with {blend_steps} blend steps, which make {labels} labels, expected at most {most}: use \
-         --blend-steps {steps}"
+         --blend-steps {steps}{hint}"
     ))
 }
 
