@@ -29,6 +29,17 @@ fn the_palette_equals_that_of_the_library() {
     assert!(printed.contains(&rmse), "{printed}");
 }
 
+/// With `--quiet`, the same palette is saved, and nothing is printed.
+#[test]
+fn quiet_prints_nothing() {
+    let folder = folder("palette_quiet");
+    let (field, out) = (ball(&folder), folder.join("quiet.json"));
+    let Output { status, stdout, stderr } = run(&["palette", text(&field), "--quiet", "--out", text(&out)]);
+    assert!(status.success() && stdout.is_empty() && stderr.is_empty(), "{stdout:?} {stderr:?}");
+    succeed(&["palette", text(&field)]);
+    assert_eq!(Palette::read(&out).unwrap(), Palette::read(field.with_file_name("ball.palette.json")).unwrap());
+}
+
 /// Their folders are created.
 #[test]
 fn all_requested_files_are_written() {

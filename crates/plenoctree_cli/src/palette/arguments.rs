@@ -33,6 +33,9 @@ pub struct Arguments {
     /// The file to save an image of the palette to.
     #[arg(long, value_name = "FILE.png")]
     pub image: Option<PathBuf>,
+    /// Print only errors.
+    #[arg(long)]
+    pub quiet: bool,
 }
 
 /// The input of palette extraction.

@@ -4,7 +4,12 @@ mod arguments;
 
 pub use arguments::Arguments;
 
-use plenoctree::{palette::extract_from_samples, sampling::Progress};
+use std::path::Path;
+
+use plenoctree::{
+    palette::{Extraction, extract_from_samples},
+    sampling::Progress,
+};
 
 use crate::{
     console,
@@ -25,9 +30,9 @@ pub fn run(arguments: &Arguments) -> Result {
     arguments.check_outputs(&out, path)?;
     let extraction = match input {
         Input::Field(path) => {
-            let field = arguments.reading.load(path, false)?;
+            let field = arguments.reading.load(path, arguments.quiet)?;
             let sampling = Some(arguments.sampling);
-            extraction::extract(&field, path, &arguments.extraction, sampling, false)?.extraction
+            extraction::extract(&field, path, &arguments.extraction, sampling, arguments.quiet)?.extraction
         }
         Input::Histograms(path) => {
             let extracted = extract_from_samples(&histograms::read(path)?, &[], &settings, &Progress::default());
@@ -42,6 +47,15 @@ pub fn run(arguments: &Arguments) -> Result {
     if let Some(image) = &arguments.image {
         files::write_image(image, &swatches::draw(palette))?;
     }
+    if !arguments.quiet {
+        report(path, &out, &extraction);
+    }
+    Ok(())
+}
+
+/// Prints the palette that was extracted from the file `path` and saved to `out`, and how near it comes to the field.
+fn report(path: &Path, out: &Path, extraction: &Extraction) {
+    let palette = &extraction.palette;
     console::print(&swatches::lines(palette));
     let errors = extraction.report.errors;
     console::say!(
@@ -52,5 +66,4 @@ pub fn run(arguments: &Arguments) -> Result {
     );
     let colors = counted(palette.colors.len(), "color", "colors");
     console::say!("{colors} of {} saved to {}", path.display(), out.display());
-    Ok(())
 }
