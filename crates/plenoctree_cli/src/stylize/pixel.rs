@@ -21,9 +21,9 @@ pub fn parse(text: &str) -> Result<PixelWish, String> {
     Ok(PixelWish { at: (number(x)?, number(y)?), color: hex::parse(color)? })
 }
 
-/// Moves the ramps of the pixels' labels so that all wishes come true, and writes their colors to `shown`. The views have
-/// `width` and `height`, and `label_at` returns the color of the label of a pixel of the first one, in the palette's own
-/// colors, or `None` where the prop is not posterized.
+/// Moves the ramps of the pixels' labels so that all wishes come true, and writes their colors to `shown`, where others
+/// stay. The views have `width` and `height`, and `label_at` returns the color of the label of a pixel of the first
+/// one, in the palette's own colors, or `None` where the prop is not posterized.
 pub fn apply(
     wishes: &[PixelWish],
     palette: &Palette,
@@ -41,18 +41,14 @@ pub fn apply(
         Ok(Wish { label, color: color.map(|channel| f64::from(channel) / 255.0) })
     };
     let found: Vec<Wish> = wishes.iter().map(wish).collect::<Result<_, String>>()?;
-    let moved = palette.recolored(&palette.colors, &found, &[]).map_err(|error| {
+    let moved = palette.recolored(shown, &found, &[]).map_err(|error| {
         let message = |unmet: &Unmet| {
             let (x, y) = wishes[unmet.wish].at;
             format!("--pixel {x},{y} {unmet}")
         };
         error.unmet.iter().map(message).collect::<Vec<_>>().join("; ")
     })?;
-    for ((shown, moved), source) in shown.iter_mut().zip(moved).zip(&palette.colors) {
-        if moved != *source {
-            *shown = moved;
-        }
-    }
+    shown.iter_mut().zip(moved).for_each(|(shown, moved)| *shown = moved);
     Ok(())
 }
 
@@ -84,6 +80,19 @@ mod tests {
         apply(&[wish], &palette, 1, (2, 2), |_, _| Some(DVec3::new(0.8, 0.2, 0.2)), &mut shown).unwrap();
         assert_eq!(hex::quantize(shown[1]), [0x30, 0x60, 0xc0]);
         assert!(shown[0][2] > shown[0][0] && shown[0][2] < shown[1][2] && shown[2] == blue, "{shown:?}");
+    }
+
+    /// Whatever a ramp showed before, a pixel can get the color back that it has in the palette, and colors in no ramp
+    /// the one that they show.
+    #[test]
+    fn what_is_there_can_be_wished() {
+        let (palette, blue) = (palette(), [0.0, 0.0, 1.0]);
+        let mut shown = vec![blue; 3];
+        let wishes = ["0,0=#cc3333", "1,0=#0000ff"].map(|wish| parse(wish).unwrap());
+        let label_at = |x: u32, _: u32| Some(if x == 0 { DVec3::new(0.8, 0.2, 0.2) } else { DVec3::splat(0.9) });
+        apply(&wishes, &palette, 1, (2, 2), label_at, &mut shown).unwrap();
+        let expected = [palette.colors[0], palette.colors[1], blue].map(hex::quantize);
+        assert_eq!([shown[0], shown[1], shown[2]].map(hex::quantize), expected);
     }
 
     #[test]
