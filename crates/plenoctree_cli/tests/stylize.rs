@@ -5,8 +5,9 @@ mod common;
 use std::{fs, path::Path, process::Output};
 
 use common::{ball, fail, folder, run, succeed, text};
+use glam::DVec3;
 use image::RgbImage;
-use plenoctree::palette::Palette;
+use plenoctree::{BakeSettings, Basis, bake, palette::Palette};
 use serde_json::Value;
 
 /// Returns the arguments that render two views of 32 x 32 pixels to a folder.
@@ -74,6 +75,36 @@ fn ramps_are_recolored() {
     let by_pixel = image::open(out.join("frame_000.recolored.png")).unwrap().into_rgb8();
     let pixels = posterized.pixels().zip(by_pixel.pixels());
     assert!(pixels.filter(|(before, _)| *before == tone).all(|(_, after)| after.0 == [0x30, 0x60, 0xd0]));
+}
+
+/// A pixel of haze belongs to the ramp of the haze, whatever shows through. With the background, its color is nearer to
+/// another ramp.
+#[test]
+fn pixels_of_haze_move_its_ramp() {
+    let folder = folder("stylize_haze");
+    let (field, palette) = (folder.join("haze.npz"), folder.join("palette.json"));
+    let settings = BakeSettings { depth: 1, basis: Basis::Rgba, directions: 8, ..Default::default() };
+    bake(&settings, |_| 0.4, |_| |_| DVec3::new(0.2, 0.6, 0.2)).unwrap().write(&field).unwrap();
+    let colors = "[[0.2, 0.6, 0.2], [0.51, 0.37, 0.12], [0.12, 0.37, 0.51]]";
+    let ramps = ["haze", "brown", "slate"].iter().enumerate();
+    let ramps: Vec<_> = ramps.map(|(tone, name)| format!(r#"{{"name": "{name}", "tones": [{tone}]}}"#)).collect();
+    let ramps = ramps.join(", ");
+    fs::write(&palette, format!(r#"{{"colors": {colors}, "ramps": [{ramps}], "method": "tones"}}"#)).unwrap();
+    for (background, other) in [("#ff0000", [130, 94, 31]), ("#0000ff", [31, 94, 130])] {
+        let recolored = |option: &str, wish: &str| {
+            let out = folder.join("out");
+            let options = ["--palette", text(&palette), "--background", background, option, wish];
+            succeed(&[&arguments(&field, &out)[..], &options].concat());
+            ["posterized", "recolored"]
+                .map(|kind| image::open(out.join(format!("frame_000.{kind}.png"))).unwrap().into_rgb8())
+        };
+        let [posterized, by_ramp] = recolored("--recolor", "haze=#c040a0");
+        let seen = posterized.get_pixel(16, 16).0;
+        let distance = |color: [u8; 3]| color.iter().zip(seen).map(|(a, b)| u32::from(a.abs_diff(b))).sum::<u32>();
+        assert!(2 * distance(other) < distance([51, 153, 51]), "{seen:?} over {background}");
+        assert!(by_ramp.get_pixel(16, 16).0 != seen);
+        assert_eq!(recolored("--pixel", "16,16=#c040a0"), [posterized, by_ramp]);
+    }
 }
 
 /// A given palette is used unchanged, and `--quiet` prints nothing.
