@@ -140,7 +140,8 @@ fn captures_become_props_that_stand() {
     succeed(&[&shared[..], &["--no-refine", "--quality", &format!("{}", best - 3.0), "--near", "5"]].concat());
     assert!(read().leaves() < leaves && near("white") >= best - 3.0, "{}", report());
 
-    succeed(&[&shared[..], &["--stand", "--keep-largest", "--effort", "0.05", "--threads", "2"]].concat());
+    let refining = ["--stand", "--keep-largest", "--near", "5", "--effort", "0.05", "--threads", "2"];
+    succeed(&[&shared[..], &refining].concat());
     let (low, high) = read().dense_bounds().unwrap();
     assert!(
         low.z.abs() < 1e-3 && (low + high).truncate().length() < 0.05 && (2.0..2.6).contains(&high.z),
@@ -186,6 +187,28 @@ fn captures_become_props_that_stand() {
         message.contains("cube.ply: nothing is left of the capture: found no visible Gaussian in the box"),
         "{message}"
     );
+}
+
+/// No field is refined for some distances at the cost of another one: here, for views of the whole and from nearby, in
+/// which the voxelized field is worst.
+#[test]
+fn refined_fields_are_no_worse_from_any_distance() {
+    let folder = folder("distances");
+    let capture = capture(&folder);
+    let out = folder.join("prop.npz");
+    let shared = ["--depth", "6", "--picture-size", "64", "--sample-fraction", "0.2", "--effort", "0.05"];
+    let printed = succeed(&[&["convert", &capture, "--out", text(&out)], &shared[..]].concat());
+    assert!(printed.contains("gained over white") && printed.contains(" kept"), "{printed}");
+    let report: Value = serde_json::from_slice(&fs::read(folder.join("report.json")).unwrap()).unwrap();
+    for distance in ["psnr_db", "between_psnr_db", "near_psnr_db"] {
+        let psnr = |part: &str| report[part][distance]["white"].as_f64().unwrap();
+        assert!(psnr("refined") >= psnr("voxelized") - 0.1, "{report}");
+    }
+    let rounds = report["refined"]["rounds"].as_array().unwrap();
+    assert!(report["refined"]["kept"].as_u64().unwrap() <= rounds.len() as u64, "{report}");
+    assert!(rounds.iter().all(|round| round["group_psnr_db"].as_array().unwrap().len() == 3), "{report}");
+    let leaves = PlenOctree::read(&out, &LoadSettings::default()).unwrap().leaves();
+    assert_eq!(report["refined"]["leaves"], leaves);
 }
 
 /// A field that hardly looks like its capture is written with a warning that says what to do. Of Gaussians at one

@@ -50,13 +50,13 @@ impl Standard {
         Measured { whole, between, near }
     }
 
-    /// Returns the pictures, to refine fields by: all, or those from nearby and from half way.
-    pub fn shots(&self, all: bool) -> Vec<Shot> {
+    /// Returns the pictures from each distance, to refine fields by: all, or those from nearby and from half way.
+    pub fn shots(&self, all: bool) -> Vec<Vec<Shot>> {
         let shots = |pictures: &Pictures| -> Vec<Shot> {
             let both = pictures.cameras.iter().zip(&pictures.images);
             both.map(|(camera, image)| Shot::new(camera, &image.pixels)).collect()
         };
-        self.all()[usize::from(!all)..].iter().copied().flat_map(shots).collect()
+        self.all()[usize::from(!all)..].iter().copied().map(shots).collect()
     }
 
     fn all(&self) -> [&Pictures; 3] {
@@ -112,6 +112,14 @@ impl Measured {
     /// Returns the mean PSNR over white, from where the whole is in view, in decibels.
     pub fn whole(&self) -> f64 {
         self.whole.psnr[0]
+    }
+
+    /// Returns what this field gains over another one at each distance, in the mean PSNR over white, in decibels: from
+    /// where the whole is in view, from half way and from nearby.
+    pub fn gains(&self, before: &Self) -> [f64; 3] {
+        let psnrs = |measured: &Self| [&measured.whole, &measured.between, &measured.near].map(|views| views.psnr[0]);
+        let (before, after) = (psnrs(before), psnrs(self));
+        std::array::from_fn(|distance| after[distance] - before[distance])
     }
 
     /// Returns the views of the whole.

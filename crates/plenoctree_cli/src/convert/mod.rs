@@ -32,6 +32,8 @@ use crate::{
 
 /// The least mean PSNR over white from where the whole is in view, in decibels, that a field has without a warning.
 const LEAST_PSNR: f64 = 20.0;
+/// The most that a refined field may lose at any distance, in the mean PSNR over white, in decibels.
+const MOST_LOSS: f64 = 0.1;
 
 /// Converts the capture, extracts the palette, and writes both with views and a report.
 pub fn run(arguments: &Arguments) -> Result {
@@ -111,18 +113,36 @@ pub fn run(arguments: &Arguments) -> Result {
                 time: arguments.minutes.map(|minutes| Duration::from_secs_f64(60.0 * minutes)),
                 seed: arguments.seed,
             };
-            let Refined { field: better, rounds } =
-                interruption.watched(move |progress| refine(&field, shots, &held_out, &settings, progress))?;
+            let (Refined { field: better, rounds, kept }, before) = interruption.watched(move |progress| {
+                refine(&field, shots, &held_out, &settings, progress).map(|refined| (refined, field))
+            })?;
             refining = start.elapsed();
-            field = better;
             let start = Instant::now();
-            measured = standard.measure(&field);
+            let after = standard.measure(&better);
             let gains: Vec<String> =
                 rounds.iter().filter_map(|round| Some(format!("{:+.2}", round.gain_db?))).collect();
-            console::say!("refined: {}, {measured} in {:.0} s", leaves(&field), refining.as_secs_f64());
-            console::say!("{}: {} dB", counted(rounds.len(), "round", "rounds"), gains.join(", "));
+            console::say!("refined: {}, {after} in {:.0} s", leaves(&better), refining.as_secs_f64());
+            let all_rounds = counted(rounds.len(), "round", "rounds");
+            console::say!("{all_rounds}: {} dB in the mean of the distances, {kept} kept", gains.join(", "));
+            let gains = after.gains(&measured);
+            let [whole, between, near] = gains;
+            console::say!(
+                "gained over white: {whole:+.2} dB, from half way {between:+.2} dB, from nearby {near:+.2} dB"
+            );
+            // Fields for views from nearby are not refined with views of the whole.
+            let counting = &gains[usize::from(is_for_near)..];
+            let is_worse = counting.iter().any(|gain| *gain < -MOST_LOSS);
+            let kept = if is_worse { 0 } else { kept };
+            (field, measured) = if is_worse { (before, measured) } else { (better, after) };
+            if is_worse {
+                console::complain!(
+                    "warning: refining loses more than {MOST_LOSS} dB at one distance: the field is as voxelized; with \
+                     --near, it can be refined for another distance"
+                );
+            }
             let mut report = measured.json(&field);
             report["rounds"] = serde_json::to_value(&rounds)?;
+            report["kept"] = kept.into();
             refined = Some(report);
             measuring += start.elapsed();
         }

@@ -18,6 +18,8 @@ use super::{
 
 /// The least that a round must be expected to gain, in decibels.
 const LEAST_GAIN: f64 = 0.02;
+/// The most that rounds may lose in any group of measured shots, compared to the field before refining, in decibels.
+const MOST_LOSS: f64 = 0.05;
 /// The largest leaves, in finest cells a side.
 const LARGEST: u32 = 32;
 /// Levels of a grid.
@@ -75,15 +77,19 @@ pub struct Refined {
     pub field: PlenOctree,
     /// What was done, round by round.
     pub rounds: Vec<RoundReport>,
+    /// The number of rounds that the field has gone through. Those after them are undone; if it is 0, all are.
+    pub kept: usize,
 }
 
 /// Refines `field` until it looks like the shots, on all cores of the current rayon pool.
 ///
 /// Leaves change density and color, and those that become empty are removed. Leaves of more than four finest cells a
 /// side are split, and eight of a cube that agree are merged, so that there are about as many as before. `measured` are
-/// shots that the field is not refined to: up to 16 of them tell what each of ten rounds gained. A round that loses
-/// something is undone. Refining ends when the next round would gain less than 0.02 dB, if gains keep falling as they
-/// did. If `progress` is stopped, the result is the field at that time.
+/// groups of shots that the field is not refined to, such as those from one distance: up to 16 of each group tell what
+/// each of ten rounds gained in the mean of the groups. Refining ends when a round loses something, or when the next one
+/// would gain less than 0.02 dB, if gains keep falling as they did. The result is the field after the round with the
+/// best mean among those after which no group is worse than at first, by more than 0.05 dB, or the original if there is
+/// none. If `progress` is stopped, refining ends with the field at that time.
 ///
 /// # Errors
 ///
@@ -93,7 +99,7 @@ pub struct Refined {
 pub fn refine(
     field: &PlenOctree,
     shots: Vec<Shot>,
-    measured: &[Shot],
+    measured: &[Vec<Shot>],
     settings: &RefineSettings,
     progress: &FitProgress,
 ) -> Result<Refined, FitError> {
@@ -102,9 +108,9 @@ pub fn refine(
     }
     let grid = Grid::of_field_or_error(field, LARGEST)?;
     let rounds = Stage::refining(grid.resolution(), settings.effort, settings.time);
-    let (grid, rounds) = refine_by(grid, &mut gallery(shots), measured, &rounds, settings.seed, progress)?;
+    let (grid, rounds, kept) = refine_by(grid, &mut gallery(shots), measured, &rounds, settings.seed, progress)?;
     let refined = to_merged_field(&grid, field.leaves())?;
-    Ok(Refined { field: refined.with_up(field.up()).with_precision(field.precision()), rounds })
+    Ok(Refined { field: refined.with_up(field.up()).with_precision(field.precision()), rounds, kept })
 }
 
 /// Returns a gallery of the shots.
@@ -113,23 +119,30 @@ pub(super) fn gallery(shots: Vec<Shot>) -> Gallery {
     Gallery::held(shots.into_iter().enumerate().map(number).collect())
 }
 
-/// Refines a grid by as many of the stages as pay, like [`refine`], and returns what was done.
+/// Refines a grid by as many of the stages as pay, like [`refine`], and returns what was done, and the number of stages
+/// that are kept. Without shots to measure, all are.
 pub(super) fn refine_by(
     grid: Grid,
     gallery: &mut Gallery,
-    measured: &[Shot],
+    measured: &[Vec<Shot>],
     stages: &[Stage],
     seed: u64,
     progress: &FitProgress,
-) -> Result<(Grid, Vec<RoundReport>), FitError> {
-    let measured: Vec<TrainView> = measured.iter().map(|shot| shot.view.clone()).collect();
+) -> Result<(Grid, Vec<RoundReport>, usize), FitError> {
+    let measured: Vec<Vec<TrainView>> =
+        measured.iter().map(|shots| shots.iter().map(|shot| shot.view.clone()).collect()).collect();
+    let measure =
+        |model: &Model| -> Vec<f64> { measured.iter().filter_map(|views| quick_psnr(model, views)).collect() };
     let gains = vec![Vec3::ONE; gallery.len()];
     let mut model = Model { grid, backdrop: Backdrop::Random, gains };
     let mut random = Random::new(seed);
-    let mut psnr = quick_psnr(&model, &measured);
+    let first = measure(&model);
+    let mut psnr = mean(&first);
+    // What is kept: the number of rounds, the mean and the values.
+    let (mut kept, mut most) = (0, psnr);
+    let mut best = if psnr.is_some() { model.grid.values.clone() } else { Vec::new() };
     let mut rounds: Vec<RoundReport> = Vec::new();
     for (index, stage) in stages.iter().enumerate() {
-        let before = psnr.map(|psnr| (psnr, model.grid.values.clone()));
         let gain = rounds.last().and_then(|round| round.gain_db);
         let mut position = Position::default();
         let mut watch = |_: &Model, _: &Position, fraction: f64, _: &Random| {
@@ -141,21 +154,35 @@ pub(super) fn refine_by(
             Ok(())
         };
         train(&mut model, gallery, stage, &mut position, &mut random, progress, &mut watch)?;
-        let after = quick_psnr(&model, &measured);
-        let gain_db = before.as_ref().zip(after).map(|((before, _), after)| after - before);
-        rounds.push(RoundReport { stage: StageReport::new(&model, &position, after), gain_db });
-        if let Some((_, values)) = before.filter(|_| gain_db.is_some_and(|gain| gain < 0.0)) {
-            model.grid.values = values;
-            model.grid.copy_thickness();
-            break;
+        let groups = measure(&model);
+        let after = mean(&groups);
+        let gain_db = psnr.zip(after).map(|(before, after)| after - before);
+        let loses = groups.iter().zip(&first).any(|(after, before)| *after < before - MOST_LOSS);
+        let stage = StageReport::new(&model, &position, after);
+        rounds.push(RoundReport { stage, gain_db, group_psnr_db: groups });
+        if after.is_none() {
+            kept = rounds.len();
+        } else if !loses && after >= most {
+            (kept, most) = (rounds.len(), after);
+            best.clone_from(&model.grid.values);
         }
         psnr = after;
         let gains: Vec<f64> = rounds.iter().filter_map(|round| round.gain_db).collect();
-        if progress.is_stopped() || next_gain(&gains) < LEAST_GAIN {
+        let ends = gain_db.is_some_and(|gain| gain < 0.0) || next_gain(&gains) < LEAST_GAIN;
+        if progress.is_stopped() || ends {
             break;
         }
     }
-    Ok((model.grid, rounds))
+    if kept < rounds.len() {
+        model.grid.values = best;
+        model.grid.copy_thickness();
+    }
+    Ok((model.grid, rounds, kept))
+}
+
+/// Returns the mean, if there are values.
+fn mean(values: &[f64]) -> Option<f64> {
+    (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
 }
 
 /// Returns what the next round gains if gains keep falling as they did.

@@ -24,25 +24,34 @@ fn ball(light: impl Fn(DVec3) -> DVec3 + Sync) -> PlenOctree {
     .unwrap()
 }
 
-/// Refines a field with pictures of another one.
-fn refined(field: &PlenOctree, shown: &PlenOctree, effort: f64) -> Refined {
+/// Returns pictures of a field.
+fn shots(shown: &PlenOctree, cameras: &[PinholeCamera]) -> Vec<Shot> {
     let shot = |camera: &PinholeCamera| {
         let rendering = render(shown, camera);
         let pixels = rendering.color.iter().zip(&rendering.opacity);
         Shot::new(camera, &pixels.map(|(color, opacity)| color.extend(*opacity).as_vec4()).collect::<Vec<Vec4>>())
     };
-    let (training, measured) = (cameras(24), cameras(30).split_off(24));
-    let shots = training.iter().map(shot).collect();
-    let measured: Vec<Shot> = measured.iter().map(shot).collect();
+    cameras.iter().map(shot).collect()
+}
+
+/// Refines a field with pictures of another one, and measures it with pictures of each of these.
+fn refined_by(field: &PlenOctree, shown: &PlenOctree, measured: &[&PlenOctree], effort: f64) -> Refined {
+    let others = cameras(30).split_off(24);
+    let measured: Vec<Vec<Shot>> = measured.iter().map(|shown| shots(shown, &others)).collect();
     let settings = RefineSettings { effort, ..RefineSettings::default() };
-    refine(field, shots, &measured, &settings, &FitProgress::default()).unwrap()
+    refine(field, shots(shown, &cameras(24)), &measured, &settings, &FitProgress::default()).unwrap()
+}
+
+/// Refines a field with pictures of another one.
+fn refined(field: &PlenOctree, shown: &PlenOctree, effort: f64) -> Refined {
+    refined_by(field, shown, &[shown], effort)
 }
 
 /// Refining ends after a round if the field is right, and does not make it worse.
 #[test]
 fn refining_ends_when_it_does_not_pay() {
     let field = ball(|at| 0.5 + 0.4 * at);
-    let Refined { field: same, rounds } = refined(&field, &field, 0.05);
+    let Refined { field: same, rounds, .. } = refined(&field, &field, 0.05);
     assert_eq!(rounds.len(), 1, "{rounds:?}");
     assert!(rounds[0].gain_db.unwrap() < 0.02, "{rounds:?}");
     let (origin, direction) = (DVec3::new(0.0, 4.0, 0.1), DVec3::NEG_Y);
@@ -54,7 +63,7 @@ fn refining_ends_when_it_does_not_pay() {
 #[test]
 fn refining_goes_on_while_it_pays() {
     let (gray, colored) = (ball(|_| DVec3::splat(0.5)), ball(|at| 0.5 + 0.4 * at));
-    let Refined { rounds, .. } = refined(&gray, &colored, 0.02);
+    let Refined { rounds, kept, .. } = refined(&gray, &colored, 0.02);
     let gains: Vec<f64> = rounds.iter().map(|round| round.gain_db.unwrap()).collect();
     assert!(gains.len() >= 3, "{gains:?}");
     assert!(gains[..gains.len() - 1].iter().all(|gain| *gain > 0.02), "{gains:?}");
@@ -63,6 +72,22 @@ fn refining_goes_on_while_it_pays() {
         assert!((gain - pair[1].gain_db.unwrap()).abs() < 1e-9, "{rounds:?}");
     }
     assert!(gains.iter().sum::<f64>() > 3.0, "{gains:?}");
+    // A last round that loses something is undone.
+    assert_eq!(kept, gains.iter().take_while(|gain| **gain >= 0.0).count(), "{gains:?}");
+}
+
+/// What makes one group of shots worse is undone, even if others gain more: here, a gray ball becomes brighter, while
+/// some shots show a dark one.
+#[test]
+fn no_group_of_shots_pays_for_others() {
+    let [dark, gray, bright] = [0.05, 0.5, 0.55].map(|light| ball(move |_| DVec3::splat(light)));
+    let Refined { field: same, rounds, kept } = refined_by(&gray, &bright, &[&bright, &dark], 0.04);
+    assert!(rounds[0].gain_db.unwrap() > 0.0, "{rounds:?}");
+    assert!(rounds.iter().all(|round| round.group_psnr_db.len() == 2), "{rounds:?}");
+    assert_eq!(kept, 0, "{rounds:?}");
+    let (origin, direction) = (DVec3::new(0.0, 4.0, 0.1), DVec3::NEG_Y);
+    let [(before, _), (after, _)] = [&gray, &same].map(|field| field.render_ray(origin, direction));
+    assert!((before - after).abs().max_element() < 0.01, "{before} {after}");
 }
 
 /// A cube that is a single leaf, half as wide as all, and a finest leaf away from it.
@@ -88,7 +113,7 @@ fn refined_fields_keep_their_up_axis_and_precision() {
 #[test]
 fn large_leaves_are_refined() {
     for (depth, size) in [(6, 32), (3, 4)] {
-        let Refined { field, rounds } = refined(&large_leaf(depth, -2.0), &large_leaf(depth, 0.0), 0.05);
+        let Refined { field, rounds, .. } = refined(&large_leaf(depth, -2.0), &large_leaf(depth, 0.0), 0.05);
         assert!(rounds[0].gain_db.unwrap() > 3.0, "{rounds:?}");
         assert!(field.leaf_cells().map(|cell| cell.size).eq([1, size]), "{} leaves", field.leaves());
     }
