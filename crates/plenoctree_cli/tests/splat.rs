@@ -226,6 +226,21 @@ fn useless_fields_are_written_with_a_warning() {
     let point = |red: f64| format!("0 0 0 {red} -1.4 {} 3.0 -2.6 -2.6 -2.6 1 0 0 0\n", -red);
     let useless = warning(&write_capture(&folder, &(point(1.4) + &point(-1.4).repeat(300))));
     assert!(useless.contains("hardly looks like the capture") && useless.contains("--crop"), "{useless}");
+    // Of two cubes that are small and far apart, cells are too large to show more than a speck.
+    let cubes = fs::read_to_string(capture(&folder)).unwrap();
+    let rows = cubes.split_once("end_header\n").unwrap().1.lines();
+    let far = rows.flat_map(|row| {
+        let (x, rest) = row.split_once(' ').unwrap();
+        let x: f64 = x.parse().unwrap();
+        [-500.0, 500.0].map(|shift| format!("{} {rest}\n", x + shift))
+    });
+    let far = far.collect::<String>();
+    let specks = warning(&write_capture(&folder, &far));
+    assert!(specks.contains("hardly looks like the capture") && specks.contains("--crop"), "{specks}");
+    let report: Value = serde_json::from_slice(&fs::read(folder.join("report.json")).unwrap()).unwrap();
+    let number = |value: &Value| value.as_f64().unwrap();
+    assert!(number(&report["voxelized"]["psnr_db"]["white"]) > 20.0, "{report}");
+    assert!(number(&report["voxelized"]["shown"]["share"]) < 0.02, "{report}");
     let useful = warning(&capture(&folder));
     assert!(!useful.contains("hardly looks"), "{useful}");
 }

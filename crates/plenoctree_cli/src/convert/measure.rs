@@ -9,6 +9,8 @@ use serde_json::{Value, json};
 
 /// The backgrounds of both.
 const BACKGROUNDS: [(&str, DVec3); 2] = [("white", DVec3::ONE), ("black", DVec3::ZERO)];
+/// Opacity below which a pixel shows nothing.
+const CLEAR: f64 = 0.01;
 
 /// The capture as cameras see it that no field is refined with.
 pub struct Standard {
@@ -39,8 +41,20 @@ pub struct Compared {
     pub psnr: [f64; 2],
     /// PSNR of every view over white, and over black.
     views: Vec<[f64; 2]>,
+    /// Where they show something.
+    shown: Shown,
     /// The capture at the left, the field at the right, over white.
     previews: Vec<Comparison>,
+}
+
+/// The pixels of all views in which the capture or the field shows something. Small things far apart leave most of a
+/// view empty, which raises its PSNR, however little the field looks like them.
+#[derive(Clone, Copy)]
+pub struct Shown {
+    /// Their share of all pixels.
+    pub share: f64,
+    /// PSNR over white and black together, in decibels, or 0 if there are none.
+    pub psnr: f64,
 }
 
 impl Standard {
@@ -68,14 +82,21 @@ impl Pictures {
     /// Renders the field in float64, with one ray through the center of each pixel, and compares.
     pub fn compare(&self, field: &PlenOctree) -> Compared {
         let (mut views, mut previews) = (Vec::new(), Vec::new());
+        let (mut shown_squared, mut shown_count, mut count) = (0.0, 0.0, 0.0);
         for (index, (camera, image)) in self.cameras.iter().zip(&self.images).enumerate() {
             let rendering = render(field, camera);
+            let opacities = image.pixels.iter().zip(&rendering.opacity);
+            let is_shown: Vec<bool> = opacities.map(|(a, b)| f64::from(a.w).max(*b) >= CLEAR).collect();
+            shown_count += is_shown.iter().filter(|shown| **shown).count() as f64;
+            count += is_shown.len() as f64;
             let mut pictures = Vec::new();
             let psnr = BACKGROUNDS.map(|(_, background)| {
                 let (splat, field) = (image.over(background), rendering.over(background));
-                let squared: f64 = splat.iter().zip(&field).map(|(a, b)| a.distance_squared(*b)).sum();
+                let squared: Vec<f64> = splat.iter().zip(&field).map(|(a, b)| a.distance_squared(*b)).collect();
+                let shown = squared.iter().zip(&is_shown).filter(|(_, shown)| **shown);
+                shown_squared += shown.map(|(squared, _)| squared).sum::<f64>();
                 pictures.push((splat, field));
-                -10.0 * (squared / (3.0 * rendering.color.len() as f64)).max(1e-10).log10()
+                decibels(squared.iter().sum::<f64>() / (3.0 * rendering.color.len() as f64))
             });
             views.push(psnr);
             let (splat, field) = pictures.swap_remove(0);
@@ -92,8 +113,17 @@ impl Pictures {
             });
         }
         let mean = |side: usize| views.iter().map(|psnr| psnr[side]).sum::<f64>() / views.len().max(1) as f64;
-        Compared { psnr: [mean(0), mean(1)], views, previews }
+        let shown = Shown {
+            share: shown_count / f64::max(count, 1.0),
+            psnr: if shown_count > 0.0 { decibels(shown_squared / (6.0 * shown_count)) } else { 0.0 },
+        };
+        Compared { psnr: [mean(0), mean(1)], views, shown, previews }
     }
+}
+
+/// Converts a mean squared error.
+fn decibels(mean_squared: f64) -> f64 {
+    -10.0 * mean_squared.max(1e-10).log10()
 }
 
 impl Measured {
@@ -105,13 +135,14 @@ impl Measured {
             "psnr_db": object(&self.whole.psnr),
             "between_psnr_db": object(&self.between.psnr),
             "near_psnr_db": object(&self.near.psnr),
+            "shown": {"share": self.whole.shown.share, "psnr_db": self.whole.shown.psnr},
             "views": self.whole.views.iter().map(object).collect::<Vec<_>>(),
         })
     }
 
-    /// Returns the mean PSNR over white, from where the whole is in view, in decibels.
-    pub fn whole(&self) -> f64 {
-        self.whole.psnr[0]
+    /// Returns what views of the whole show.
+    pub fn shown(&self) -> Shown {
+        self.whole.shown
     }
 
     /// Returns what this field gains over another one at each distance, in the mean PSNR over white, in decibels: from

@@ -30,8 +30,8 @@ use crate::{
     training::{Interruption, use_threads},
 };
 
-/// The least mean PSNR over white from where the whole is in view, in decibels, that a field has without a warning.
-const LEAST_PSNR: f64 = 20.0;
+/// The least PSNR where views of the whole show something, in decibels, that a field has without a warning.
+const LEAST_PSNR: f64 = 16.0;
 /// The most that a refined field may lose at any distance, in the mean PSNR over white, in decibels.
 const MOST_LOSS: f64 = 0.1;
 
@@ -147,12 +147,15 @@ pub fn run(arguments: &Arguments) -> Result {
             measuring += start.elapsed();
         }
     }
-    if measured.whole() < LEAST_PSNR {
+    let shown = measured.shown();
+    if shown.psnr < LEAST_PSNR {
         console::complain!(
-            "warning: {}: the field hardly looks like the capture, with {:.2} dB over white; if much of the box is \
-             empty, or of no use, --crop or --keep-largest leave more of the field for the rest",
+            "warning: {}: the field hardly looks like the capture, with {:.2} dB in the {:.2}% of views of the whole \
+             that show something; if much of the box is empty, or of no use, --crop or --keep-largest leave more of \
+             the field for the rest",
             path.display(),
-            measured.whole()
+            shown.psnr,
+            100.0 * shown.share
         );
     }
     let stopped = interruption.is_requested();
