@@ -1,4 +1,4 @@
-//! Colors as hex codes.
+//! Colors as hex codes and in 8 bits.
 
 /// Parses `#RRGGBB`, with or without the `#`.
 pub fn parse(text: &str) -> Result<[u8; 3], String> {
@@ -20,6 +20,11 @@ pub fn quantize(color: [f64; 3]) -> [u8; 3] {
     color.map(|channel| (255.0 * channel.clamp(0.0, 1.0)).round() as u8)
 }
 
+/// Returns channels of 8 bits as numbers from 0 to 1.
+pub fn unit<const CHANNELS: usize>(color: [u8; CHANNELS]) -> [f64; CHANNELS] {
+    color.map(|channel| f64::from(channel) / 255.0)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -36,5 +41,11 @@ mod tests {
     #[test]
     fn neon_colors_are_clamped() {
         assert_eq!(quantize([-0.5, 0.5, 1.5]), [0, 128, 255]);
+    }
+
+    #[test]
+    fn bytes_come_back() {
+        assert_eq!(unit([0, 51, 255]), [0.0, 0.2, 1.0]);
+        assert!((0..=255).all(|byte| quantize(unit([byte; 3])) == [byte; 3]));
     }
 }

@@ -7,6 +7,7 @@ use plenoctree::{
     palette::{Palette, simplify_hull},
 };
 use plenoctree_cli::{
+    hex,
     renderer::{Look, PosterizeSettings, Render},
     result::Result,
 };
@@ -93,8 +94,7 @@ pub fn palette_of_frame(original: &RgbaImage, colors: usize) -> Result<Palette> 
 
 /// Returns the colors of the pixels that are posterized, in encoded sRGB from 0 to 1.
 pub fn object_pixels(original: &RgbaImage) -> Vec<[f64; 3]> {
-    let share = |channel: u8| f64::from(channel) / 255.0;
     let least = f64::from(PosterizeSettings::default().min_opacity);
-    let pixels = original.pixels().filter(|pixel| share(pixel[3]) >= least);
-    pixels.map(|pixel| [pixel[0], pixel[1], pixel[2]].map(share)).collect()
+    let pixels = original.pixels().map(|pixel| hex::unit(pixel.0)).filter(|[.., opacity]| *opacity >= least);
+    pixels.map(|[r, g, b, _]| [r, g, b]).collect()
 }

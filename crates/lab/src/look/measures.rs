@@ -3,6 +3,7 @@
 use bevy::color::{Oklaba, Srgba};
 use glam::{DVec2, DVec3};
 use image::{Rgb, RgbImage};
+use plenoctree_cli::hex;
 
 /// Chroma in Oklab below which a color is gray, and a change of chroma by which a gray becomes tinted.
 const GRAY: f64 = 0.03;
@@ -105,7 +106,7 @@ fn is_flat(picture: &RgbImage, x: u32, y: u32) -> bool {
 }
 
 fn encoded(Rgb(pixel): Rgb<u8>) -> DVec3 {
-    DVec3::from_array(pixel.map(|channel| f64::from(channel) / 255.0))
+    DVec3::from_array(hex::unit(pixel))
 }
 
 /// Returns a and b of Oklab of a color.

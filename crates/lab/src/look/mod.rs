@@ -113,8 +113,7 @@ fn new_color(old: Rgb<u8>) -> Rgb<u8> {
 /// Returns the shown colors of a palette with a ramp moved to a color.
 fn with_ramp(palette: &Palette, ramp: usize, Rgb(color): Rgb<u8>) -> Result<Vec<[f64; 3]>> {
     let mut shown = palette.colors.clone();
-    let color = color.map(|channel| f64::from(channel) / 255.0);
-    palette.show_ramp(ramp, &RampAdjustment::to_color(color), |tone, color| shown[tone] = color)?;
+    palette.show_ramp(ramp, &RampAdjustment::to_color(hex::unit(color)), |tone, color| shown[tone] = color)?;
     Ok(shown)
 }
 

@@ -22,7 +22,7 @@ use image::RgbaImage;
 use indicatif::ProgressBar;
 use plenoctree::palette::{ExtractionSettings, Palette, tone_space};
 use plenoctree_cli::{
-    console, extraction, field, progress,
+    console, extraction, field, hex, progress,
     result::Result,
     turntable::{ELEVATION, START, around},
 };
@@ -135,7 +135,8 @@ fn labels(frame: &RgbaImage, palette: &Palette) -> Vec<Option<usize>> {
 /// Returns which pixels have lines.
 fn lines(plain: &RgbaImage, inked: &RgbaImage) -> Vec<bool> {
     let light = |pixel: &image::Rgba<u8>| -> f64 {
-        pixel.0[..3].iter().map(|channel| (f64::from(*channel) / 255.0).powf(2.2)).sum()
+        let [r, g, b, _] = hex::unit(pixel.0);
+        [r, g, b].map(|channel| channel.powf(2.2)).iter().sum()
     };
     plain.pixels().zip(inked.pixels()).map(|(plain, inked)| light(inked) < 0.5 * light(plain)).collect()
 }

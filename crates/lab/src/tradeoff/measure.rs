@@ -11,7 +11,7 @@ use plenoctree::{
     palette::{self, Palette},
     reference::{self, Rendering},
 };
-use plenoctree_cli::{progress, result::Result, turntable::turned};
+use plenoctree_cli::{hex, progress, result::Result, turntable::turned};
 use plenoctree_fit::ssim;
 
 use super::{
@@ -236,7 +236,10 @@ pub fn extraction(field: &PlenOctree, exact: &Palette, rounds: u32) -> Result<Ve
 }
 
 fn pixels(image: &RgbaImage) -> impl Iterator<Item = DVec3> {
-    image.pixels().map(|pixel| DVec3::new(pixel[0].into(), pixel[1].into(), pixel[2].into()) / 255.0)
+    image.pixels().map(|pixel| {
+        let [r, g, b, _] = hex::unit(pixel.0);
+        DVec3::new(r, g, b)
+    })
 }
 
 fn nearest(color: DVec3, labels: &[DVec3]) -> usize {

@@ -99,7 +99,7 @@ impl Arguments {
             basis: self.sh,
             downscale: self.downscale,
             bounds: self.bounds,
-            background: self.background.map(|color| DVec3::from_array(color.map(f64::from)) / 255.0),
+            background: self.background.map(|color| DVec3::from_array(hex::unit(color))),
             hold_out: (!self.all).then_some(self.holdout),
             effort: self.effort,
             time: self.minutes.map(|minutes| Duration::from_secs_f64(60.0 * minutes)),

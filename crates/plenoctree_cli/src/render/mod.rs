@@ -69,7 +69,7 @@ pub fn run(arguments: &Arguments) -> Result {
         let pixel = |x: u32, y: u32| pixels[(y * camera.width + x) as usize];
         match arguments.background {
             Some(background) => {
-                let background = glam::DVec3::from_array(background.map(|byte| f64::from(byte) / 255.0));
+                let background = glam::DVec3::from_array(hex::unit(background));
                 files::write_image(
                     &file,
                     &image::RgbImage::from_fn(camera.width, camera.height, |x, y| {

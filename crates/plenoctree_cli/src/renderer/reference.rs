@@ -41,7 +41,7 @@ impl ReferenceRenderer {
     }
 
     fn background(&self) -> DVec3 {
-        DVec3::from(self.scene.background.map(|c| f64::from(c) / 255.0))
+        DVec3::from(hex::unit(self.scene.background))
     }
 }
 

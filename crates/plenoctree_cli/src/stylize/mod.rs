@@ -19,7 +19,7 @@ use plenoctree::{
 };
 
 use crate::{
-    console, extraction, field, files,
+    console, extraction, field, files, hex,
     number::counted,
     progress,
     renderer::{Look, PosterizeSettings, Scene},
@@ -73,12 +73,12 @@ pub fn run(arguments: &Arguments) -> Result {
         let look = Look { palette: &palette, shown: &palette.colors, settings: hard };
         let opacity = renderer.original(camera)?;
         let (labeled, _) = renderer.posterized(camera, &look)?;
-        let unit = |color: &[u8; 3]| DVec3::from(color.map(|channel| f64::from(channel) / 255.0));
+        let unit = |color: [u8; 3]| DVec3::from(hex::unit(color));
         let label_at = |x, y| {
-            let opacity = f64::from(opacity.get_pixel(x, y)[3]) / 255.0;
+            let [.., opacity] = hex::unit(opacity.get_pixel(x, y).0);
             let shown = shown_opacity(palette.label_space(), opacity);
             // Without the background, which shows through glass and haze.
-            let own = (unit(&labeled.get_pixel(x, y).0) - (1.0 - shown) * unit(&arguments.background)) / shown;
+            let own = (unit(labeled.get_pixel(x, y).0) - (1.0 - shown) * unit(arguments.background)) / shown;
             (opacity >= f64::from(settings.min_opacity) && shown > 0.0).then_some(own)
         };
         pixel::apply(&arguments.pixel, &palette, settings.blend_steps, labeled.dimensions(), label_at, shown)?;

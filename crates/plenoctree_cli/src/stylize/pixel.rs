@@ -38,7 +38,7 @@ pub fn apply(
         }
         let shown = label_at(*x, *y).ok_or_else(|| format!("--pixel {x},{y}: the prop is not posterized there"))?;
         let label = shown_label(shown, palette, blend_steps).ok_or("the palette is empty")?;
-        Ok(Wish { label, color: color.map(|channel| f64::from(channel) / 255.0) })
+        Ok(Wish { label, color: hex::unit(*color) })
     };
     let found: Vec<Wish> = wishes.iter().map(wish).collect::<Result<_, String>>()?;
     let moved = palette.recolored(shown, &found, &[]).map_err(|error| {

@@ -43,7 +43,7 @@ pub fn apply(recolorings: &[Recoloring], palette: &Palette) -> Result<Vec<[f64; 
     let (of_colors, of_ramps): (Vec<_>, Vec<_>) =
         recolorings.iter().partition(|recoloring| matches!(recoloring.of, Recolored::Color(_)));
     for Recoloring { of, color } in of_ramps.into_iter().chain(of_colors) {
-        let color = color.map(|channel| f64::from(channel) / 255.0);
+        let color = hex::unit(*color);
         let ramp = match of {
             Recolored::Color(index) => {
                 once(&mut found, of, &index.to_string())?;

@@ -85,8 +85,7 @@ pub fn quick_psnr(model: &Model, views: &[TrainView]) -> Option<f64> {
                 let direction = camera.direction(DVec2::new(x.into(), y.into()) + 0.5);
                 let behind = model.backdrop.color(direction, Vec3::ONE);
                 let (seen, transmittance) = render_ray(&model.grid, camera.position, direction);
-                let [r, g, b, a] =
-                    view.picture.pixels[(y * camera.width + x) as usize].map(|byte| f32::from(byte) / 255.0);
+                let [r, g, b, a] = view.picture.pixel(x, y);
                 let error = seen + transmittance * behind - Vec3::new(r, g, b) - (1.0 - a) * behind;
                 squared += f64::from(error.length_squared());
                 count += 3.0;

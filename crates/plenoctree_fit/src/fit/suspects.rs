@@ -61,8 +61,7 @@ fn psnr(model: &Model, view: &TrainView) -> Option<f64> {
         for x in (stride / 2..camera.width).step_by(stride as usize) {
             let direction = camera.direction(DVec2::new(x.into(), y.into()) + 0.5);
             let (seen, transmittance) = render_ray(&model.grid, camera.position, direction);
-            let pixel = view.picture.pixels[(y * camera.width + x) as usize];
-            let [r, g, b, a] = pixel.map(|byte| f32::from(byte) / 255.0);
+            let [r, g, b, a] = view.picture.pixel(x, y);
             let visible = transmittance < 1.0 - CLEAR;
             sees |= visible;
             let (error, channels) = if matches!(model.backdrop, Backdrop::Random) {

@@ -72,6 +72,11 @@ impl Picture {
         }
         Ok(Self { width, height, pixels, knows_opacity })
     }
+
+    /// Returns a pixel, in numbers from 0 to 1.
+    pub(in crate::fit) fn pixel(&self, x: u32, y: u32) -> [f32; 4] {
+        self.pixels[(y * self.width + x) as usize].map(|byte| f32::from(byte) / 255.0)
+    }
 }
 
 /// Reads a mask: 255 shows the object.

@@ -209,8 +209,7 @@ fn render_tile<const B: usize>(scene: &Scene, tile: Tile, mut random: Random, sc
     for ((x, y), (end, transmittance)) in pixels().zip(ends) {
         let samples = &samples[start..end];
         start = end;
-        let [r, g, b, a] =
-            view.picture.pixels[(y * view.picture.width + x) as usize].map(|byte| f32::from(byte) / 255.0);
+        let [r, g, b, a] = view.picture.pixel(x, y);
         let backdrop = match (scene.backdrop, &lookup) {
             (_, Some((color, _))) => *color,
             (Backdrop::Color(color), _) => *color,
