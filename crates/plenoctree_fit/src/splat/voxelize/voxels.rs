@@ -1,6 +1,9 @@
 //! A capture in cells of all sizes, from which fields are made.
 
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::{
+    cell::OnceCell,
+    sync::atomic::{AtomicUsize, Ordering},
+};
 
 use plenoctree::PlenOctree;
 use rayon::prelude::*;
@@ -68,7 +71,9 @@ impl Voxels {
         // Merged cells look better than those that Gaussians are added up in.
         let mut most = (settings.depth + 1).min(DEPTHS[1]);
         let lattice = |depth, blur| Lattice::new(splats, place.corner, place.width(depth), depth, blur);
-        let work = |depth| lattice(depth, BLUR).work();
+        // Lattices are not kept until they are added up: there are several, of about 100 bytes per Gaussian each.
+        let works: [OnceCell<f64>; DEPTHS[1] as usize + 1] = Default::default();
+        let work = |depth: u32| *works[depth as usize].get_or_init(|| lattice(depth, BLUR).work());
         // Everything is added up once, after a sample of the blocks, and before that for each coarse look.
         let all_work = |depth: u32| {
             let looks: f64 = (depth.min(FIRST_DEPTH)..=depth).map(|depth| work(depth - 1)).sum();
