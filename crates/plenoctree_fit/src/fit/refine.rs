@@ -86,10 +86,10 @@ pub struct Refined {
 /// Leaves change density and color, and those that become empty are removed. Leaves of more than four finest cells a
 /// side are split, and eight of a cube that agree are merged, so that there are about as many as before. `measured` are
 /// groups of shots that the field is not refined to, such as those from one distance: up to 16 of each group tell what
-/// each of ten rounds gained in the mean of the groups. Refining ends when a round loses something, or when the next one
-/// would gain less than 0.02 dB, if gains keep falling as they did. The result is the field after the round with the
-/// best mean among those after which no group is worse than at first, by more than 0.05 dB, or the original if there is
-/// none. If `progress` is stopped, refining ends with the field at that time.
+/// each of ten rounds gained in the mean of the groups. Refining ends when a round loses something, when the next one
+/// would gain less than 0.02 dB if gains keep falling as they did, or when `progress` is stopped. The result is the
+/// field after the best round. Rounds after which some group is worse than at first by more than 0.05 dB do not count;
+/// if none counts, the result is the field as it was. Without measured shots, it is the field after the last round.
 ///
 /// # Errors
 ///
