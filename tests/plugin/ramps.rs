@@ -57,7 +57,7 @@ fn wishes_come_true_on_fields_and_entities() {
 #[test]
 fn ramps_are_edited() {
     let mut palette = ramps();
-    palette.edit_ramps(|palette| palette.split_ramp(0, 1, "light")).unwrap();
+    palette.edit_ramps(|palette| palette.gather_tones(&[1, 2], "light")).unwrap();
     assert_eq!(palette.ramps()[2], Ramp { name: "light".into(), tones: vec![1, 2] });
     let before = palette.ramps().to_vec();
     let twice = palette.edit_ramps(|palette| {

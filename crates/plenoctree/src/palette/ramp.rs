@@ -61,14 +61,6 @@ pub enum InvalidRamps {
         /// The name.
         name: String,
     },
-    /// A ramp was to be split before its first or after its last tone.
-    #[error("found {found} tones for the first part, expected 1 to {}", expected.saturating_sub(1))]
-    Split {
-        /// Number of tones that the first part would have.
-        found: usize,
-        /// Number of the ramp's tones.
-        expected: usize,
-    },
 }
 
 /// Checks that ramps fit a palette of `colors` colors.

@@ -34,47 +34,6 @@ impl Palette {
         Ok(())
     }
 
-    /// Adds the tones of the ramp `from` to the ramp `into`, and removes `from`. Later ramps move up by one.
-    ///
-    /// # Errors
-    ///
-    /// Returns an error, and changes nothing, if there is no such ramp.
-    pub fn merge_ramps(&mut self, into: usize, from: usize) -> Result<(), InvalidRamps> {
-        self.check_ramp(into)?;
-        self.check_ramp(from)?;
-        if into != from {
-            let tones = std::mem::take(&mut self.ramps[from].tones);
-            self.ramps[into].tones.extend(tones);
-            sort(&mut self.ramps[into].tones, &self.colors);
-            self.ramps.remove(from);
-        }
-        Ok(())
-    }
-
-    /// Splits a ramp: it keeps its `first` darkest tones, and a new ramp, the last one, gets the others and `name`.
-    ///
-    /// # Errors
-    ///
-    /// Returns an error, and changes nothing, if there is no such ramp, if a part would be empty, or if no ramp can
-    /// have the name.
-    pub fn split_ramp(&mut self, ramp: usize, first: usize, name: impl Into<String>) -> Result<(), InvalidRamps> {
-        let name = name.into();
-        self.check_ramp(ramp)?;
-        let expected = self.ramps[ramp].tones.len();
-        if first == 0 || first >= expected {
-            return Err(InvalidRamps::Split { found: first, expected });
-        }
-        if !is_name(&name) {
-            return Err(InvalidRamps::Name { found: name });
-        }
-        if self.ramp(&name).is_some() {
-            return Err(InvalidRamps::SameName { name });
-        }
-        let tones = self.ramps[ramp].tones.split_off(first);
-        self.ramps.push(Ramp { name, tones });
-        Ok(())
-    }
-
     /// Moves a palette color to a ramp, whichever ramp it was in. A ramp that loses its last tone is removed, and later
     /// ramps move up by one.
     ///
@@ -83,18 +42,12 @@ impl Palette {
     /// Returns an error, and changes nothing, if there is no such color or no such ramp.
     pub fn move_tone(&mut self, tone: usize, ramp: usize) -> Result<(), InvalidRamps> {
         self.check_ramp(ramp)?;
-        if tone >= self.colors.len() {
-            return Err(InvalidRamps::Tone { found: tone, expected: self.colors.len() });
-        }
-        self.ramps.iter_mut().for_each(|ramp| ramp.tones.retain(|other| *other != tone));
-        self.ramps[ramp].tones.push(tone);
-        sort(&mut self.ramps[ramp].tones, &self.colors);
-        self.ramps.retain(|ramp| !ramp.tones.is_empty());
-        Ok(())
+        self.gather_tones(&[tone], self.ramps[ramp].name.clone())
     }
 
-    /// Gathers palette colors in the ramp with a name, whichever ramps they were in. If there is no such ramp, a new
-    /// one, the last, gets them. Ramps that lose their last tone are removed, and later ramps move up.
+    /// Gathers palette colors in the ramp with a name, whichever ramps they were in: all those of several ramps to merge
+    /// these, or some of one to split it. If there is no such ramp, a new one, the last, gets them. Ramps that lose
+    /// their last tone are removed, and later ramps move up.
     ///
     /// # Errors
     ///
