@@ -38,7 +38,7 @@ pub struct Palette {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub method: Option<PaletteMethod>,
     /// Which colors are shades of one material, or none if that is not known. [`PaletteMethod::Tones`] finds them;
-    /// [`find_ramps`](Self::find_ramps) finds those of any palette.
+    /// [`guess_ramps`](Self::guess_ramps) guesses those of any palette.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub ramps: Vec<Ramp>,
     /// Shown colors: what appears in place of each color, or nothing if the colors themselves appear. In encoded sRGB,

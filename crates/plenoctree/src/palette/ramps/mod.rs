@@ -16,32 +16,12 @@ pub use adjustment::RampAdjustment;
 pub use wishes::{Unmet, UnmetReason, UnmetWishes, Wish};
 
 use super::{colors::Palette, ramp::Ramp};
-use crate::{
-    field::PlenOctree,
-    sampling::{Canceled, Progress, SamplingSettings, View, ViewRays},
-};
+use crate::sampling::View;
 use borders::Borders;
 
 impl Palette {
-    /// Returns the ramps that the palette's colors form, the heaviest first, as section 3 of the method says, step 12.
-    /// Every color is in one of them.
-    ///
-    /// Looks at the field from the directions of `settings` to find which colors are beside each other. On all cores,
-    /// this takes a fraction of a second. The same field and palette give the same ramps.
-    ///
-    /// # Errors
-    ///
-    /// Returns an error if [`Progress::cancel`] is called.
-    pub fn find_ramps(
-        &self,
-        field: &PlenOctree,
-        settings: &SamplingSettings,
-        progress: &Progress,
-    ) -> Result<Vec<Ramp>, Canceled> {
-        Ok(self.ramps_in_views(&View::all(field, &ViewRays::all(field, settings), progress)?))
-    }
-
-    /// Returns the ramps that the palette's colors form in views of the field: see [`find_ramps`](Self::find_ramps).
+    /// Returns the ramps that the palette's colors form in views of the field, the heaviest first, as section 3 of the
+    /// method says, step 12. Every color is in one of them.
     pub(super) fn ramps_in_views(&self, views: &[View]) -> Vec<Ramp> {
         group::group(self, &Borders::of(views, self))
     }

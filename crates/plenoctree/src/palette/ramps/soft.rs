@@ -12,7 +12,7 @@ use crate::palette::{
 const REACH: f64 = 0.08;
 
 /// Calls `add` with every palette color that a color in encoded sRGB belongs to, and its share. Shares sum to 1.
-fn shares(palette: &Palette, color: [f64; 3], mut add: impl FnMut(usize, f64)) {
+pub(super) fn shares(palette: &Palette, color: [f64; 3], mut add: impl FnMut(usize, f64)) {
     let place = tone_space(color.into());
     let square = |tone: &[f64; 3]| place.distance_squared(tone_space((*tone).into()));
     let nearest = palette.colors.iter().map(square).fold(f64::INFINITY, f64::min);
@@ -27,18 +27,6 @@ fn shares(palette: &Palette, color: [f64; 3], mut add: impl FnMut(usize, f64)) {
 }
 
 impl Palette {
-    /// Returns how much a color in encoded sRGB belongs to each ramp, from 0 to 1. The weights are continuous, and sum
-    /// to 1 if every palette color is in a ramp; what belongs to a palette color in no ramp is missing from them.
-    pub fn ramp_weights(&self, color: [f64; 3]) -> Vec<f64> {
-        let mut weights = vec![0.0; self.ramps.len()];
-        shares(self, color, |tone, share| {
-            if let Some(ramp) = self.ramp_of(tone) {
-                weights[ramp] += share;
-            }
-        });
-        weights
-    }
-
     /// Returns a color as trained after the palette's colors have changed to `shown`, all in encoded sRGB: it moves in
     /// Oklab as the palette colors do that it belongs to, so that textures stay. Its channels may be outside [0, 1].
     ///
