@@ -1,7 +1,5 @@
 //! Moves ramps so that given labels get given colors: section 4 of the method, step 8.
 
-use std::fmt;
-
 use glam::{DVec2, DVec3};
 
 use super::{
@@ -32,7 +30,8 @@ impl Wish {
 }
 
 /// Some wishes cannot be met.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("{}", unmet.iter().map(|unmet| format!("wish {} {unmet}", unmet.wish)).collect::<Vec<_>>().join("; "))]
 pub struct UnmetWishes {
     /// The wishes that are not met, in order.
     pub unmet: Vec<Unmet>,
@@ -40,8 +39,9 @@ pub struct UnmetWishes {
     pub nearest: Vec<[f64; 3]>,
 }
 
-/// A wish that is not met.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// A wish that is not met. Its message says why, without its index.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error("cannot be met: {reason} (nearest: {:.3}, {:.3}, {:.3})", reached[0], reached[1], reached[2])]
 pub struct Unmet {
     /// Its index among the wishes.
     pub wish: usize,
@@ -52,39 +52,17 @@ pub struct Unmet {
 }
 
 /// Why a wish is not met.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum UnmetReason {
     /// The palette has no such label.
+    #[error("the palette has no such label")]
     NoLabel,
     /// The label's ramps are locked, or its colors are in no ramp.
+    #[error("its colors are in no ramp that may move")]
     Locked,
     /// Other wishes pull the ramp elsewhere, or the color is none that the ramp can get.
+    #[error("it contradicts another wish, or the ramp cannot get there")]
     Conflict,
-}
-
-impl std::error::Error for UnmetWishes {}
-
-impl fmt::Display for UnmetWishes {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for (index, unmet) in self.unmet.iter().enumerate() {
-            let separator = if index > 0 { "; " } else { "" };
-            write!(f, "{separator}wish {} {unmet}", unmet.wish)?;
-        }
-        Ok(())
-    }
-}
-
-impl fmt::Display for Unmet {
-    /// Writes what is to be said of the wish, without its index.
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let reason = match self.reason {
-            UnmetReason::NoLabel => "the palette has no such label",
-            UnmetReason::Locked => "its colors are in no ramp that may move",
-            UnmetReason::Conflict => "it contradicts another wish, or the ramp cannot get there",
-        };
-        let [r, g, b] = self.reached;
-        write!(f, "cannot be met: {reason} (nearest: {r:.3}, {g:.3}, {b:.3})")
-    }
 }
 
 /// The difference of a channel in encoded sRGB up to which a wish is met.
