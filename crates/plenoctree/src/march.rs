@@ -30,13 +30,20 @@ impl PlenOctree {
     /// Positions are counted in whole cells: each step leaves a cell through one of its faces and enters the neighbor
     /// on the other side. No cell is skipped or visited twice, however small it is, and the lengths add up to the path
     /// through the tree's cube.
-    pub fn march(&self, origin: DVec3, direction: DVec3, mut visit: impl FnMut(Crossing) -> ControlFlow<()>) {
-        // In finest cells. `t` is the same as in world units.
+    pub fn march(&self, origin: DVec3, direction: DVec3, visit: impl FnMut(Crossing) -> ControlFlow<()>) {
         let cells = f64::from(1u32 << self.depth());
         let frame = self.frame();
-        let origin = frame.to_tree(origin) * cells;
-        let direction = direction * frame.scale * cells;
+        self.march_cells(frame.to_tree(origin) * cells, direction * frame.scale * cells, visit);
+    }
 
+    /// Marches like [`Self::march`]. `origin` and `direction` are in finest cells.
+    pub(crate) fn march_cells(
+        &self,
+        origin: DVec3,
+        direction: DVec3,
+        mut visit: impl FnMut(Crossing) -> ControlFlow<()>,
+    ) {
+        let cells = f64::from(1u32 << self.depth());
         let (mut t, mut end) = (0.0_f64, f64::INFINITY);
         for axis in 0..3 {
             if direction[axis] != 0.0 {
