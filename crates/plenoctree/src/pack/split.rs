@@ -1,6 +1,6 @@
 //! Splits points into parts, as rows to start from.
 
-use std::{cmp::Ordering, collections::BinaryHeap};
+use std::{cmp::Reverse, collections::BinaryHeap};
 
 use half::f16;
 
@@ -45,51 +45,34 @@ struct Part {
     mean: f32,
 }
 
-impl PartialEq for Part {
-    fn eq(&self, other: &Self) -> bool {
-        self.cmp(other) == Ordering::Equal
-    }
-}
-
-impl Eq for Part {}
-
-impl PartialOrd for Part {
-    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
-        Some(self.cmp(other))
-    }
-}
-
-impl Ord for Part {
-    fn cmp(&self, other: &Self) -> Ordering {
-        self.error.total_cmp(&other.error).then(other.first.cmp(&self.first))
-    }
-}
-
 /// Splits the points into at most `most` parts: always the part with the largest error, where it varies most.
 /// Returns their means, and the part of every point.
 pub(super) fn split(points: &Points, most: usize, progress: &Progress) -> Result<(Vec<f32>, Vec<u32>), Canceled> {
     let mut order: Vec<usize> = (0..points.weights.len()).collect();
-    let mut parts = BinaryHeap::from([part(points, &order, 0)]);
-    while parts.len() < most {
+    let mut parts = vec![part(points, &order, 0)];
+    // What may be split, by error. Errors are not negative, so that their bits are in the same order.
+    let rank = |parts: &[Part], index: usize| (parts[index].error.to_bits(), Reverse(parts[index].first), index);
+    let mut open = BinaryHeap::from([rank(&parts, 0)]);
+    while parts.len() < most
+        && let Some((_, _, index)) = open.pop()
+    {
         progress.check()?;
-        let Some(Part { error, first, count, axis, mean }) = parts.pop() else { break };
+        let Part { error, first, count, axis, mean } = parts[index];
+        if error <= 0.0 {
+            break;
+        }
         let members = &mut order[first..first + count];
         let (low, high): (Vec<usize>, Vec<usize>) =
             members.iter().partition(|point| points.value(**point)[axis] < mean);
-        if error <= 0.0 || low.is_empty() || high.is_empty() {
-            // Nothing else has a larger error.
-            parts.push(Part { error: 0.0, first, count, axis, mean });
-            if error <= 0.0 {
-                break;
-            }
+        if low.is_empty() || high.is_empty() {
             continue;
         }
         members[..low.len()].copy_from_slice(&low);
         members[low.len()..].copy_from_slice(&high);
-        parts.push(part(points, &low, first));
+        parts[index] = part(points, &low, first);
         parts.push(part(points, &high, first + low.len()));
+        open.extend([index, parts.len() - 1].map(|index| rank(&parts, index)));
     }
-    let mut parts = parts.into_vec();
     parts.sort_by_key(|part| part.first);
     let mut rows = vec![0; points.weights.len()];
     let mut means = Vec::with_capacity(parts.len() * points.width);
