@@ -6,7 +6,10 @@ use glam::{DVec3, UVec3};
 use half::f16;
 use rayon::prelude::*;
 
-use crate::field::{Basis, Cell, Frame, InvalidField, MAX_DEPTH, PlenOctree, UpAxis};
+use crate::{
+    cholesky,
+    field::{Basis, Cell, Frame, InvalidField, MAX_DEPTH, PlenOctree, UpAxis},
+};
 
 /// Settings of [`bake`].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -252,17 +255,19 @@ impl Projection {
         }
         let mut columns: Vec<(DVec3, [f64; 25])> =
             sphere(directions).map(|direction| (direction, basis.evaluate(direction))).collect();
-        let mut gram = [[0.0; 25]; 25];
+        let mut gram = vec![0.0; functions * functions];
         for (_, y) in &columns {
             for i in 0..functions {
                 for j in 0..=i {
-                    gram[i][j] += y[i] * y[j];
+                    gram[i * functions + j] += y[i] * y[j];
                 }
             }
         }
-        let factor = cholesky(gram, functions).ok_or(too_few)?;
+        if cholesky::decompose(&mut gram, functions) <= 1e-9 {
+            return Err(too_few);
+        }
         for (_, column) in &mut columns {
-            solve(&factor, functions, column);
+            cholesky::solve(&gram, &mut column[..functions]);
         }
         Ok(Self { basis, columns })
     }
@@ -294,36 +299,6 @@ fn sphere(count: u32) -> impl Iterator<Item = DVec3> {
         let phi = golden * f64::from(index);
         DVec3::new(r * phi.cos(), r * phi.sin(), z)
     })
-}
-
-/// Returns the lower triangle `L` with `L L^T = matrix`, or `None` if the matrix is singular. Only the lower triangle
-/// of `matrix` is read.
-fn cholesky(mut matrix: [[f64; 25]; 25], n: usize) -> Option<[[f64; 25]; 25]> {
-    for i in 0..n {
-        for j in 0..=i {
-            let rest = matrix[i][j] - (0..j).map(|k| matrix[i][k] * matrix[j][k]).sum::<f64>();
-            matrix[i][j] = if i > j {
-                rest / matrix[j][j]
-            } else if rest > 1e-9 {
-                rest.sqrt()
-            } else {
-                return None;
-            };
-        }
-    }
-    Some(matrix)
-}
-
-/// Solves `L L^T x = values` in place.
-fn solve(factor: &[[f64; 25]; 25], n: usize, values: &mut [f64; 25]) {
-    for i in 0..n {
-        let known: f64 = (0..i).map(|k| factor[i][k] * values[k]).sum();
-        values[i] = (values[i] - known) / factor[i][i];
-    }
-    for i in (0..n).rev() {
-        let known: f64 = (i + 1..n).map(|k| factor[k][i] * values[k]).sum();
-        values[i] = (values[i] - known) / factor[i][i];
-    }
 }
 
 #[cfg(test)]

@@ -34,6 +34,7 @@
 mod bake;
 #[cfg(feature = "camera")]
 pub mod camera;
+mod cholesky;
 mod field;
 mod file;
 mod histograms;

@@ -4,6 +4,8 @@ use std::f32::consts::PI;
 
 use half::f16;
 
+use crate::cholesky;
+
 /// The share of a leaf's views that may come from any direction, because few directions are sampled, and because rays
 /// also pass next to its center.
 const ANYWHERE: f32 = 0.3;
@@ -72,26 +74,12 @@ pub(super) fn product(matrix: &[f32], vector: &[f32], result: &mut [f32]) {
 /// Solves `matrix x = vector` in place. The matrix is symmetric and positive, and given as its [`pairs`].
 pub(super) fn solve(matrix: &[f64], vector: &mut [f64]) {
     let count = vector.len();
-    // Cholesky's decomposition: the matrix is `l l^T`.
     let mut l = vec![0.0; count * count];
     for (number, (a, b)) in matrix.iter().zip(pairs(count)) {
         l[b * count + a] = *number;
     }
-    for a in 0..count {
-        for b in a..count {
-            let sum: f64 = (0..a).map(|k| l[a * count + k] * l[b * count + k]).sum();
-            let rest = l[b * count + a] - sum;
-            l[b * count + a] = if a == b { rest.max(1e-30).sqrt() } else { rest / l[a * count + a] };
-        }
-    }
-    for a in 0..count {
-        let sum: f64 = (0..a).map(|k| l[a * count + k] * vector[k]).sum();
-        vector[a] = (vector[a] - sum) / l[a * count + a];
-    }
-    for a in (0..count).rev() {
-        let sum: f64 = (a + 1..count).map(|k| l[k * count + a] * vector[k]).sum();
-        vector[a] = (vector[a] - sum) / l[a * count + a];
-    }
+    cholesky::decompose(&mut l, count);
+    cholesky::solve(&l, vector);
 }
 
 /// Adds a number to the diagonal of a symmetric matrix, given as its [`pairs`].

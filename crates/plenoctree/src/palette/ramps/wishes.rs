@@ -7,10 +7,13 @@ use super::{
     gamut,
     motion::{Motion, Shades},
 };
-use crate::palette::{
-    colors::Palette,
-    label::PaletteLabel,
-    oklab::{from_oklab, oklab},
+use crate::{
+    cholesky,
+    palette::{
+        colors::Palette,
+        label::PaletteLabel,
+        oklab::{from_oklab, oklab},
+    },
 };
 
 /// A wish that a label, and so the pixels that have it, gets a color.
@@ -265,28 +268,13 @@ fn change_parameter(motion: &mut Motion, parameter: usize, by: f64) {
 fn shortest(columns: &[(Vec<f64>, f64)], target: &[f64]) -> Vec<f64> {
     let rows = target.len();
     let product = |a: usize, b: usize| columns.iter().map(|(column, _)| column[a] * column[b]).sum::<f64>();
-    let mut matrix: Vec<Vec<f64>> = (0..rows).map(|a| (0..rows).map(|b| product(a, b)).collect()).collect();
+    let mut matrix: Vec<f64> = (0..rows * rows).map(|place| product(place / rows, place % rows)).collect();
+    let diagonal = |row: usize| row * rows + row;
     // Wishes that depend on each other make the matrix singular.
-    let ridge = 1e-10 * (0..rows).map(|row| matrix[row][row]).fold(0.0, f64::max) + f64::MIN_POSITIVE;
-    (0..rows).for_each(|row| matrix[row][row] += ridge);
-    let solution = eliminate(matrix, target.to_vec());
+    let ridge = 1e-10 * (0..rows).map(|row| matrix[diagonal(row)]).fold(0.0, f64::max);
+    (0..rows).for_each(|row| matrix[diagonal(row)] += ridge);
+    cholesky::decompose(&mut matrix, rows);
+    let mut solution = target.to_vec();
+    cholesky::solve(&matrix, &mut solution);
     columns.iter().map(|(column, _)| column.iter().zip(&solution).map(|(a, b)| a * b).sum()).collect()
-}
-
-/// Solves a linear system with a positive definite matrix.
-fn eliminate(mut matrix: Vec<Vec<f64>>, mut right: Vec<f64>) -> Vec<f64> {
-    let rows = right.len();
-    for pivot in 0..rows {
-        for row in pivot + 1..rows {
-            let factor = matrix[row][pivot] / matrix[pivot][pivot];
-            let (upper, lower) = matrix.split_at_mut(row);
-            lower[0].iter_mut().zip(&upper[pivot]).skip(pivot).for_each(|(a, b)| *a -= factor * b);
-            right[row] -= factor * right[pivot];
-        }
-    }
-    for row in (0..rows).rev() {
-        let known: f64 = (row + 1..rows).map(|column| matrix[row][column] * right[column]).sum();
-        right[row] = (right[row] - known) / matrix[row][row];
-    }
-    right
 }
