@@ -156,23 +156,11 @@ impl PlenOctree {
             let (leaves, found) = (density.len(), coefficients.len());
             return Err(InvalidField::Lengths { leaves, what: "coefficients", found, expected });
         }
-        Self::assemble(frame, basis, activation, up, nodes, density, Coefficients::Each(Arc::new(coefficients)))
-    }
-
-    /// Creates a field from its parts like [`Self::new`]. The coefficients are known to be finite and complete.
-    fn assemble(
-        frame: Frame,
-        basis: Basis,
-        activation: Activation,
-        up: UpAxis,
-        nodes: Vec<[Cell; 8]>,
-        density: Vec<f32>,
-        coefficients: Coefficients,
-    ) -> Result<Self, InvalidField> {
         check_frame(frame)?;
         if density.iter().any(|d| !d.is_finite() || *d <= 0.0) {
             return Err(InvalidField::Number { what: "the density of a leaf", positive: true });
         }
+        let coefficients = Coefficients::Each(Arc::new(coefficients));
         let mut field = Self::of_valid(frame, basis, activation, up, 0, nodes, density, coefficients);
         field.depth = field.validate()?;
         field.sort_leaves();
