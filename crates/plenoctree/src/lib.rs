@@ -52,7 +52,6 @@ pub mod reference;
 pub mod sampling;
 mod save;
 pub mod srgb;
-mod text;
 
 #[cfg(feature = "bake")]
 pub use bake::{BakeError, BakeSettings, bake};

@@ -2,7 +2,7 @@
 
 use std::io;
 
-use crate::{field::InvalidField, sampling::InvalidSetting, text::one_line};
+use crate::{field::InvalidField, sampling::InvalidSetting};
 
 /// An error that occurs when reading a PlenOctree file.
 #[derive(Debug, thiserror::Error)]
@@ -17,7 +17,8 @@ pub struct ReadError {
 
 impl ReadError {
     pub(super) fn new(file: &str, fault: ReadFault) -> Self {
-        Self { file: one_line(file), fault }
+        // Names of files may hold control characters, but messages are one line.
+        Self { file: file.replace(char::is_control, "?"), fault }
     }
 }
 

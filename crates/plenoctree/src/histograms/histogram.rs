@@ -9,9 +9,9 @@ pub const MAX_CHANNEL: f64 = 0.999;
 /// Both histograms contain the total weight of all samples. They are not normalized.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Histograms {
-    fine: Bins,
-    coarse: Bins,
-    samples: u64,
+    pub(super) fine: Bins,
+    pub(super) coarse: Bins,
+    pub(super) samples: u64,
 }
 
 /// A single histogram.
@@ -70,10 +70,6 @@ impl Histograms {
     ) -> Self {
         let bins = |per_channel, weights| Bins { per_channel, weights };
         Self { fine: bins(fine_bins, fine), coarse: bins(coarse_bins, coarse), samples }
-    }
-
-    pub(super) fn of_bins(fine: Bins, coarse: Bins, samples: u64) -> Self {
-        Self { fine, coarse, samples }
     }
 
     /// Returns the weights of the fine bins, which k-means clusters.

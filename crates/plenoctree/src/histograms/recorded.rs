@@ -36,7 +36,7 @@ impl Recorded {
         let divides = |bins: usize| bins > 0 && own.fine_bins.is_multiple_of(bins);
         (same && divides(settings.fine_bins) && divides(settings.coarse_bins)).then(|| {
             let [fine, coarse] = [settings.fine_bins, settings.coarse_bins].map(|bins| self.bins(bins));
-            Histograms::of_bins(fine, coarse, self.samples)
+            Histograms { fine, coarse, samples: self.samples }
         })
     }
 

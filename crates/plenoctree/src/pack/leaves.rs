@@ -20,10 +20,6 @@ impl Leaves<'_> {
         self.metric.others()
     }
 
-    pub fn shares(&self) -> &[f32] {
-        self.shares
-    }
-
     /// Returns the number of coefficients of a leaf.
     pub fn width(&self) -> usize {
         self.shares.len() * self.others()

@@ -24,7 +24,7 @@ const CHUNK: usize = 1024;
 /// the bits of its number.
 pub(super) fn features(leaves: &Leaves, row: &[f32], bits: f32) -> Vec<f32> {
     let mut features = row.to_vec();
-    let parts = || row.chunks_exact(leaves.others()).zip(leaves.shares());
+    let parts = || row.chunks_exact(leaves.others()).zip(leaves.shares);
     let products = |(a, b)| parts().map(|(part, share): (&[f32], _)| share * part[a] * part[b]).sum::<f32>();
     features.extend(pairs(leaves.others()).map(products));
     features.push(bits);
@@ -150,7 +150,7 @@ pub(super) fn write_query(leaves: &Leaves, leaf: usize, moments: &mut Vec<f32>, 
     let weight = leaves.weight(leaf);
     query.clear();
     query.resize(leaves.width(), 0.0);
-    let parts = leaves.value(leaf).chunks_exact(others).zip(leaves.shares());
+    let parts = leaves.value(leaf).chunks_exact(others).zip(leaves.shares);
     for (query, (part, share)) in query.chunks_exact_mut(others).zip(parts) {
         product(covariances, part, query);
         query.iter_mut().for_each(|number| *number *= -2.0 * share * weight);
