@@ -43,7 +43,6 @@ pub struct Packed {
     field: PlenOctree,
     bytes: Vec<u8>,
     sections: Vec<(&'static str, usize)>,
-    dropped: usize,
 }
 
 impl Packed {
@@ -72,8 +71,7 @@ impl Packed {
         };
         let quantized = Quantized { recorded, ..quantize(&kept, seen, &metric, settings, progress)? };
         let (bytes, sections) = quantized.encode();
-        let dropped = field.leaves() - kept.leaves();
-        Ok(Self { field: quantized.field(), bytes, sections, dropped })
+        Ok(Self { field: quantized.field(), bytes, sections })
     }
 
     /// Returns the content of the file.
@@ -84,11 +82,6 @@ impl Packed {
     /// Returns the names of the file's sections and their sizes in bytes.
     pub fn sections(&self) -> &[(&'static str, usize)] {
         &self.sections
-    }
-
-    /// Returns the number of leaves that were dropped because they are not visible.
-    pub fn dropped(&self) -> usize {
-        self.dropped
     }
 
     /// Returns the packed field, as it is read from the file.
