@@ -101,6 +101,17 @@ impl Coefficients {
         });
     }
 
+    /// Returns red, green and blue of a leaf's coefficients of every function, in half precision.
+    #[cfg(feature = "write")]
+    pub fn of_functions(&self, basis: Basis, leaf: usize) -> [[f16; 3]; 25] {
+        let (mut colors, mut place) = ([[f16::ZERO; 3]; 25], 0);
+        self.visit_halves(basis, leaf, |function, k| {
+            colors[function][place / basis.functions()] = k;
+            place += 1;
+        });
+        colors
+    }
+
     /// Returns the sums of the harmonics of a leaf's channels. `y` are the values of the basis functions.
     #[inline]
     pub fn sums(&self, basis: Basis, leaf: usize, y: &[f64; 25]) -> [f64; 3] {

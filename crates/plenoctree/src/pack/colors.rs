@@ -1,5 +1,7 @@
 //! Rounds the coefficients of the constant function.
 
+use half::f16;
+
 use super::metric::Metric;
 use crate::file::COLOR_RANGES;
 use crate::{
@@ -16,17 +18,12 @@ pub(super) fn corrected(
     rows: &[[u16; 2]],
     tables: &Tables,
 ) -> Vec<[f32; 3]> {
-    let functions = field.basis().functions();
-    let others = functions - 1;
+    let others = metric.others();
     let constant = if field.basis() == Basis::Rgba { 1.0 } else { Basis::FACTORS[0] as f32 };
     let mut moments = Vec::new();
     let of_leaf = |(leaf, seen): (usize, &Seen)| {
         metric.of(&seen.views, &mut moments);
-        let (mut own, mut place) = ([[0.0f32; 3]; 25], 0);
-        field.stored().visit_halves(field.basis(), leaf, |function, k| {
-            own[function][place / functions] = k.to_f32();
-            place += 1;
-        });
+        let own = field.stored().of_functions(field.basis(), leaf).map(|color| color.map(f16::to_f32));
         let mut color = from_rgb(own[0]);
         if let Some(rows) = rows.get(leaf) {
             let shared = tables.rows(*rows, others);

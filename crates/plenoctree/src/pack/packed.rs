@@ -2,6 +2,8 @@
 
 use std::{io::Write, path::Path};
 
+use half::f16;
+
 use super::{
     PackSettings,
     codebook::{self, Book},
@@ -175,20 +177,11 @@ fn books(
 ) -> Result<(Book, Book), Canceled> {
     let (mut luma, mut chroma) = (Vec::new(), Vec::new());
     for leaf in 0..seen.len() {
-        let mut channels = [Vec::new(), Vec::new(), Vec::new()];
-        let mut channel = 0;
-        field.stored().visit_halves(field.basis(), leaf, |function, k| {
-            if function > 0 {
-                channels[channel].push(k.to_f32());
-            }
-            if function + 1 == field.basis().functions() {
-                channel += 1;
-            }
-        });
-        let parts = |function: usize| from_rgb([0, 1, 2].map(|channel| channels[channel][function]));
-        luma.extend((0..metric.others()).map(|function| parts(function)[0]));
-        chroma.extend((0..metric.others()).map(|function| parts(function)[1]));
-        chroma.extend((0..metric.others()).map(|function| parts(function)[2]));
+        let colors = field.stored().of_functions(field.basis(), leaf);
+        let parts = || colors[1..=metric.others()].iter().map(|color| from_rgb(color.map(f16::to_f32)));
+        luma.extend(parts().map(|parts| parts[0]));
+        chroma.extend(parts().map(|parts| parts[1]));
+        chroma.extend(parts().map(|parts| parts[2]));
     }
     let step = settings.table_step * settings.unit(field);
     let scale = settings.bits(1.0 / settings.unit(field));

@@ -44,11 +44,7 @@ fn write_quantized(field: &PlenOctree, writer: impl Write + Seek) -> Result<(), 
     // For each function, the colors in its codebook, and the color of each leaf.
     let mut of_functions = vec![Vec::with_capacity(field.leaves()); functions];
     for leaf in 0..field.leaves() {
-        let (mut colors, mut place) = ([[f16::ZERO; 3]; 25], 0);
-        field.stored().visit_halves(field.basis(), leaf, |function, k| {
-            colors[function][place / functions] = k;
-            place += 1;
-        });
+        let colors = field.stored().of_functions(field.basis(), leaf);
         of_functions.iter_mut().zip(colors).for_each(|(all, color)| all.push(color));
     }
     let books: Vec<_> = of_functions.par_iter().map(|colors| shared(colors, MAX_ROWS)).collect();
