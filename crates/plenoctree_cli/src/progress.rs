@@ -2,7 +2,9 @@
 
 use std::{
     fmt::Write,
+    panic,
     sync::{Arc, OnceLock},
+    thread,
     time::{Duration, Instant},
 };
 
@@ -14,6 +16,22 @@ pub fn bar(message: &'static str, length: u64, quiet: bool) -> ProgressBar {
         return ProgressBar::hidden();
     }
     styled(ProgressBar::new(length), "{msg:12} [{bar:40}] {pos}/{len} {eta}", message)
+}
+
+/// Returns the result of `work`, which another thread does, so that this one can `show` the progress on a bar.
+pub fn watched<T: Send>(bar: &ProgressBar, work: impl FnOnce() -> T + Send, show: impl Fn()) -> T {
+    thread::scope(|scope| {
+        let worker = scope.spawn(work);
+        while !worker.is_finished() {
+            show();
+            thread::sleep(Duration::from_millis(20));
+        }
+        bar.finish_and_clear();
+        match worker.join() {
+            Ok(result) => result,
+            Err(message) => panic::resume_unwind(message),
+        }
+    })
 }
 
 /// Returns a bar of `length` steps whose message says what a fit is doing.

@@ -6,8 +6,6 @@ use std::{
         Arc,
         atomic::{AtomicBool, Ordering},
     },
-    thread,
-    time::Duration,
 };
 
 use indicatif::ProgressBar;
@@ -65,22 +63,10 @@ impl Interruption {
     }
 
     /// Returns the result of `work`. Ctrl-C ends it early.
-    pub fn watched<T: Send + 'static>(
-        &self,
-        work: impl FnOnce(&FitProgress) -> Result<T, FitError> + Send + 'static,
-    ) -> Result<T> {
+    pub fn watched<T: Send>(&self, work: impl FnOnce(&FitProgress) -> Result<T, FitError> + Send) -> Result<T> {
         self.keep_result();
-        let worker = {
-            let progress = self.progress.clone();
-            thread::spawn(move || work(&progress))
-        };
         let bar = progress::fit_bar(STEPS);
-        while !worker.is_finished() {
-            show(&bar, &self.progress);
-            thread::sleep(Duration::from_millis(100));
-        }
-        bar.finish_and_clear();
-        Ok(worker.join().map_err(|_| "the fit stopped unexpectedly")??)
+        Ok(progress::watched(&bar, || work(&self.progress), || show(&bar, &self.progress))?)
     }
 }
 

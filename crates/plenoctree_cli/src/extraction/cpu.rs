@@ -1,10 +1,6 @@
 //! Sampling on the CPU, without an app.
 
-use std::{
-    sync::Arc,
-    thread,
-    time::{Duration, Instant},
-};
+use std::{sync::Arc, time::Instant};
 
 use plenoctree::{
     PlenOctree,
@@ -16,25 +12,14 @@ use plenoctree::{
 use super::extracted::Extracted;
 use crate::{progress, result::Result};
 
-/// Samples on all cores, from another thread so that this one can show the progress.
+/// Samples on all cores and shows the progress.
 pub fn extract(field: &PlenOctree, settings: &ExtractionSettings, quiet: bool) -> Result<Extracted> {
     let bar = progress::bar("extracting", 100, quiet);
-    let progress = Arc::new(settings.progress());
-    let worker = {
-        let (field, settings, progress) = (field.clone(), settings.clone(), progress.clone());
-        thread::spawn(move || {
-            let sampler =
-                |settings: &SamplingSettings| sample(&field, settings, &progress).map_err(|error| error.to_string());
-            sample_and_extract(&field, &settings, sampling_on(&field, &settings), sampler, &progress)
-        })
-    };
-    while !worker.is_finished() {
-        bar.set_position((100.0 * progress.fraction()) as u64);
-        thread::sleep(Duration::from_millis(20));
-    }
-    let extracted = worker.join().map_err(|_| "extraction stopped unexpectedly")??;
-    bar.finish_and_clear();
-    Ok(extracted)
+    let progress = settings.progress();
+    let sampler = |settings: &SamplingSettings| sample(field, settings, &progress).map_err(|error| error.to_string());
+    let work = || sample_and_extract(field, settings, sampling_on(field, settings), sampler, &progress);
+    let show = || bar.set_position((100.0 * progress.fraction()) as u64);
+    Ok(progress::watched(&bar, work, show)?)
 }
 
 /// Returns where the samples are taken: by the CPU, unless the file records them.

@@ -6,7 +6,7 @@ mod report;
 
 pub use arguments::{Arguments, Quality};
 
-use std::{fs, path::Path, sync::Arc, thread, time::Duration};
+use std::{fs, path::Path};
 
 use clap::ValueEnum;
 use plenoctree::{PackSettings, Packed, PlenOctree, sampling::Progress};
@@ -71,7 +71,7 @@ fn pack_file(path: &Path, arguments: &Arguments) -> Result<report::Field> {
 fn pack(field: &PlenOctree, path: &Path, arguments: &Arguments, quality: Quality) -> Result<Packed> {
     let settings = arguments.settings(quality);
     let simple = match arguments.simplification(quality) {
-        Some(simplification) => simplified(field, simplification)?
+        Some(simplification) => simplified(field, &simplification)
             .inspect_err(|error| console::complain!("warning: {}: packed as it is: {error}", path.display()))
             .ok(),
         None => None,
@@ -80,39 +80,25 @@ fn pack(field: &PlenOctree, path: &Path, arguments: &Arguments, quality: Quality
     Ok(packed.map_err(|error| format!("{}: {error}", path.display()))?)
 }
 
-/// Simplifies from another thread, so that this one can show the progress.
-fn simplified(field: &PlenOctree, settings: SimplifySettings) -> Result<Result<PlenOctree, FitError>> {
+/// Simplifies the field and shows the progress.
+fn simplified(field: &PlenOctree, settings: &SimplifySettings) -> Result<PlenOctree, FitError> {
     let bar = progress::bar("simplifying", 100, false);
-    let progress = Arc::new(FitProgress::default());
-    let worker = {
-        let (field, progress) = (field.clone(), progress.clone());
-        thread::spawn(move || simplify(&field, &settings, &progress))
-    };
-    while !worker.is_finished() {
-        bar.set_position((100.0 * progress.status().fraction) as u64);
-        thread::sleep(Duration::from_millis(20));
-    }
-    bar.finish_and_clear();
-    Ok(worker.join().map_err(|_| "simplifying stopped unexpectedly")?)
+    let progress = FitProgress::default();
+    let show = || bar.set_position((100.0 * progress.status().fraction) as u64);
+    progress::watched(&bar, || simplify(field, settings, &progress), show)
 }
 
-/// Packs from another thread, so that this one can show the progress.
+/// Packs the field as it is and shows the progress.
 pub fn pack_unchanged(field: &PlenOctree, settings: &PackSettings) -> Result<Packed> {
     let bar = progress::bar("measuring visibility", 100, false);
-    let progress = Arc::new(Progress::default());
-    let worker = {
-        let (field, settings, progress) = (field.clone(), settings.clone(), progress.clone());
-        thread::spawn(move || Packed::new(&field, &settings, &progress))
-    };
-    while !worker.is_finished() {
+    let progress = Progress::default();
+    let show = || {
         bar.set_position((100.0 * progress.fraction()) as u64);
         if progress.fraction() == 1.0 {
             bar.set_message("learning the codebooks");
         }
-        thread::sleep(Duration::from_millis(20));
-    }
-    bar.finish_and_clear();
-    let packed = worker.join().map_err(|_| "packing stopped unexpectedly")??;
+    };
+    let packed = progress::watched(&bar, || Packed::new(field, settings, &progress), show)?;
     if packed.field().leaves() == 0 && field.leaves() > 0 {
         let hidden = settings.hidden;
         return Err(format!(
