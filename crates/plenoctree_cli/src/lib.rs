@@ -28,7 +28,7 @@ pub mod renderer;
 pub mod result;
 pub mod size;
 mod stylize;
-pub mod swatches;
+mod swatches;
 mod text;
 mod training;
 pub mod transforms;

@@ -4,9 +4,12 @@ use std::path::{Path, PathBuf};
 
 use image::RgbImage;
 use plenoctree::palette::Palette;
-use plenoctree_cli::{files, result::Result, swatches};
+use plenoctree_cli::{files, result::Result};
 
-use super::content::{Cell, Table};
+use super::{
+    content::{Cell, Table},
+    swatches,
+};
 
 /// The folder of a report. Paths that its methods return are relative to it.
 pub struct Folder(PathBuf);

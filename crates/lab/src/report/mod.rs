@@ -4,6 +4,7 @@ mod content;
 mod folder;
 mod html;
 mod markdown;
+mod swatches;
 
 pub use content::{Cell, Picture, Report, Section, Table};
 pub use folder::Folder;
