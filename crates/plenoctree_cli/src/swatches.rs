@@ -53,7 +53,7 @@ pub fn draw(palette: &Palette) -> RgbImage {
     for group in &groups {
         let below = top + height(group);
         if let Some(name) = &group.name {
-            text::write(&mut image, name, (8.0, f64::from(top + HEAD / 2)), 0.0, Rgb([0; 3]));
+            text::write(&mut image, name, (8, top + 8), Rgb([0; 3]));
         }
         for (column, &tone) in group.tones.iter().enumerate() {
             swatch(&mut image, palette, tone, (SWATCH * column as u32, below - SWATCH));
@@ -73,9 +73,8 @@ fn swatch(image: &mut RgbImage, palette: &Palette, tone: usize, (left, top): (u3
     let luma = color.iter().zip([0.3, 0.59, 0.11]).map(|(c, share)| f32::from(*c) * share).sum::<f32>();
     let ink = if luma > 128.0 { [0; 3] } else { [255; 3] };
     let lines = [tone.to_string(), hex::format(color), format!("{:.1}%", share(palette, tone))];
-    for (line, content) in lines.iter().enumerate() {
-        let place = (f64::from(left + 8), f64::from(top) + 16.0 + 24.0 * line as f64);
-        text::write(image, content, place, 0.0, Rgb(ink));
+    for (line, content) in (0..).zip(&lines) {
+        text::write(image, content, (left + 8, top + 8 + 24 * line), Rgb(ink));
     }
 }
 
