@@ -24,12 +24,9 @@ pub fn write(
     palette: &Palette,
     frames: &[(Vec<String>, FrameTimes)],
 ) -> Result {
-    let times =
-        |times: &FrameTimes| json!({"volume": times.volume, "posterize": times.posterize, "total": times.total});
-    let medians = FrameTimes {
-        volume: median(frames.iter().filter_map(|(_, times)| times.volume)),
-        posterize: median(frames.iter().filter_map(|(_, times)| times.posterize)),
-        total: median(frames.iter().filter_map(|(_, times)| times.total)),
+    let frame = |(files, times): &(Vec<String>, FrameTimes)| {
+        let milliseconds = json!({"volume": times.volume, "posterize": times.posterize, "total": times.total});
+        json!({"file": files[0], "files": files, "milliseconds": milliseconds})
     };
     let report = json!({
         "adapter": {"name": adapter.name, "backend": adapter.backend, "driver": adapter.driver},
@@ -40,11 +37,7 @@ pub fn write(
             "gpu_bytes": gpu_memory::bytes(field),
         },
         "palette": palette_report(extracted, palette),
-        "frames": frames
-            .iter()
-            .map(|(files, milliseconds)| json!({"file": files[0], "files": files, "milliseconds": times(milliseconds)}))
-            .collect::<Vec<_>>(),
-        "medians": {"milliseconds": times(&medians)},
+        "frames": frames.iter().map(frame).collect::<Vec<_>>(),
     });
     let text = serde_json::to_string_pretty(&report)?;
     files::write_text(&folder.join("report.json"), &(text + "\n"))
@@ -68,15 +61,4 @@ fn palette_report(extracted: Option<&Extracted>, palette: &Palette) -> Value {
             "fitting": r.seconds.fitting,
         })),
     })
-}
-
-fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
-    let mut values: Vec<f64> = values.collect();
-    values.sort_by(f64::total_cmp);
-    let middle = values.len() / 2;
-    match values.len() {
-        0 => None,
-        n if n % 2 == 1 => Some(values[middle]),
-        _ => Some(0.5 * (values[middle - 1] + values[middle])),
-    }
 }
