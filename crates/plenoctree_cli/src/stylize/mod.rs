@@ -26,7 +26,6 @@ use crate::{
     result::Result,
     transforms, turntable,
 };
-use output::Views;
 
 /// Renders the views and writes them, the palette and the report.
 pub fn run(arguments: &Arguments) -> Result {
@@ -91,12 +90,11 @@ pub fn run(arguments: &Arguments) -> Result {
     for (index, camera) in cameras.iter().enumerate() {
         let original = DynamicImage::from(renderer.original(camera)?).into_rgb8();
         let (posterized, milliseconds) = renderer.posterized(camera, &look(&palette.colors))?;
-        let recolored = match &recolored {
-            Some(colors) => Some(renderer.posterized(camera, &look(colors))?.0),
-            None => None,
-        };
-        let views = Views { original, posterized, recolored };
-        let files = output::write_frame(&views, index, &arguments.out)?;
+        let mut images = vec![("original", original), ("posterized", posterized)];
+        if let Some(colors) = &recolored {
+            images.push(("recolored", renderer.posterized(camera, &look(colors))?.0));
+        }
+        let files = output::write_frame(&images, index, &arguments.out)?;
         times.push((files, milliseconds));
         bar.inc(1);
     }

@@ -7,32 +7,14 @@ use plenoctree::palette::Palette;
 
 use crate::{files, result::Result, swatches};
 
-/// The images of one view.
-pub struct Views {
-    /// As trained.
-    pub original: RgbImage,
-    /// Posterized with the field's palette.
-    pub posterized: RgbImage,
-    /// Posterized and recolored.
-    pub recolored: Option<RgbImage>,
-}
-
-/// Writes the images of a view and returns the names of their files, the original first.
-pub fn write_frame(views: &Views, index: usize, folder: &Path) -> Result<Vec<String>> {
-    let kinds = [
-        ("original", Some(&views.original)),
-        ("posterized", Some(&views.posterized)),
-        ("recolored", views.recolored.as_ref()),
-    ];
-    let mut names = Vec::new();
-    for (kind, image) in kinds {
-        if let Some(image) = image {
-            let name = format!("frame_{index:03}.{kind}.png");
-            files::write_image(&folder.join(&name), image)?;
-            names.push(name);
-        }
-    }
-    Ok(names)
+/// Writes the images of a view, named by their kinds, and returns the names of their files.
+pub fn write_frame(images: &[(&str, RgbImage)], index: usize, folder: &Path) -> Result<Vec<String>> {
+    let write = |(kind, image): &(&str, RgbImage)| -> Result<String> {
+        let name = format!("frame_{index:03}.{kind}.png");
+        files::write_image(&folder.join(&name), image)?;
+        Ok(name)
+    };
+    images.iter().map(write).collect()
 }
 
 /// The name of the palette.
