@@ -29,6 +29,11 @@ pub fn check_inputs(inputs: &[&Path]) -> Result {
     Ok(())
 }
 
+/// Returns the size of a file in bytes.
+pub fn size(path: &Path) -> Result<u64> {
+    Ok(fs::metadata(path).map_err(|error| format!("{}: {error}", path.display()))?.len())
+}
+
 /// Checks that inputs exist and that files can be written, before the work starts: files that are neither inputs nor
 /// each other. Creates the folders that they go to.
 pub fn check_outputs(outputs: &[&Path], inputs: &[&Path]) -> Result {

@@ -6,31 +6,21 @@ use glam::DVec3;
 use plenoctree::PlenOctree;
 use serde_json::{Value, json};
 
-use super::{
-    report::{Report, file_size},
-    text,
-};
-use crate::{field, gpu_memory, result::Result};
+use super::report::{NONE, Report, size, table};
+use crate::{field, files, gpu_memory, result::Result};
 
 /// The lowest and the highest corner of a box.
 type Bounds = (DVec3, DVec3);
 
-/// The lowest, the median and the highest density.
-struct Densities {
-    min: f32,
-    median: f32,
-    max: f32,
-}
-
 /// Reads a field and describes it.
 pub fn report(path: &Path) -> Result<Report> {
     let field = field::load(path, false)?;
-    let file_bytes = file_size(path)?;
+    let file_bytes = files::size(path)?;
     let gpu_bytes = gpu_memory::bytes(&field);
     let densities = densities(&field);
 
     let mut lines = vec![
-        ("file size", text::size(file_bytes)),
+        ("file size", size(file_bytes)),
         ("basis", field.basis().name().into()),
         ("leaves", field.leaves().to_string()),
         ("nodes", field.nodes().len().to_string()),
@@ -38,9 +28,9 @@ pub fn report(path: &Path) -> Result<Report> {
         ("bounds", bounds_text(field.bounds())),
         ("dense bounds", bounds_text(field.dense_bounds())),
         ("coefficients", codebook_text(&field)),
-        ("density", densities.as_ref().map_or(text::NONE.into(), Densities::text)),
+        ("density", densities.map_or(NONE.into(), densities_text)),
     ];
-    lines.extend(gpu_bytes.map(|bytes| ("GPU memory", text::size(bytes))));
+    lines.extend(gpu_bytes.map(|bytes| ("GPU memory", size(bytes))));
 
     let json = json!({
         "file": path.display().to_string(),
@@ -52,10 +42,10 @@ pub fn report(path: &Path) -> Result<Report> {
         "bounds": bounds_json(field.bounds()),
         "dense_bounds": bounds_json(field.dense_bounds()),
         "codebook_rows": rows(&field),
-        "density": densities.as_ref().map(Densities::json),
+        "density": densities.map(|[min, median, max]| json!({"min": min, "median": median, "max": max})),
         "gpu_bytes": gpu_bytes,
     });
-    Ok(Report { text: text::table(path, &lines), json })
+    Ok(Report { text: table(path, &lines), json })
 }
 
 /// Returns the number of rows of a packed field's codebooks: of luma, and of differences.
@@ -69,28 +59,22 @@ fn codebook_text(field: &PlenOctree) -> String {
     rows(field).map_or("of every leaf".into(), |[luma, chroma]| format!("packed, {luma} and {chroma} rows"))
 }
 
-/// Returns `None` for an empty field.
-fn densities(field: &PlenOctree) -> Option<Densities> {
+/// Returns the lowest, the median and the highest density, or `None` for an empty field.
+fn densities(field: &PlenOctree) -> Option<[f32; 3]> {
     let mut all = field.densities().to_vec();
     let min = all.iter().copied().min_by(f32::total_cmp)?;
     let max = all.iter().copied().max_by(f32::total_cmp)?;
     let middle = all.len() / 2;
-    Some(Densities { min, median: *all.select_nth_unstable_by(middle, f32::total_cmp).1, max })
+    Some([min, *all.select_nth_unstable_by(middle, f32::total_cmp).1, max])
 }
 
-impl Densities {
-    fn text(&self) -> String {
-        format!("min {:.4}, median {:.4}, max {:.4}", self.min, self.median, self.max)
-    }
-
-    fn json(&self) -> Value {
-        json!({"min": self.min, "median": self.median, "max": self.max})
-    }
+fn densities_text([min, median, max]: [f32; 3]) -> String {
+    format!("min {min:.4}, median {median:.4}, max {max:.4}")
 }
 
 fn bounds_text(bounds: Option<Bounds>) -> String {
     let corner = |corner: DVec3| format!("{:.4} {:.4} {:.4}", corner.x, corner.y, corner.z);
-    bounds.map_or(text::NONE.into(), |(low, high)| format!("{} to {}", corner(low), corner(high)))
+    bounds.map_or(NONE.into(), |(low, high)| format!("{} to {}", corner(low), corner(high)))
 }
 
 fn bounds_json(bounds: Option<Bounds>) -> Value {

@@ -4,7 +4,6 @@ mod arguments;
 mod field;
 mod palette;
 mod report;
-mod text;
 
 pub use arguments::Arguments;
 

@@ -5,16 +5,13 @@ use std::path::Path;
 use plenoctree::palette::Palette;
 use serde_json::{Value, json};
 
-use super::{
-    report::{Report, file_size},
-    text,
-};
-use crate::{hex, result::Result, swatches};
+use super::report::{Report, size, table};
+use crate::{files, hex, result::Result, swatches};
 
 /// Reads a palette and describes it.
 pub fn report(path: &Path) -> Result<Report> {
     let palette = Palette::read(path)?;
-    let file_bytes = file_size(path)?;
+    let file_bytes = files::size(path)?;
     let color = |(color, weight): (&[f64; 3], &f64)| -> Value {
         json!({"hex": hex::format(hex::quantize(*color)), "color": color, "weight": weight})
     };
@@ -23,9 +20,9 @@ pub fn report(path: &Path) -> Result<Report> {
             "shown": palette.shown});
 
     let hex = |color: &[f64; 3]| hex::format(hex::quantize(*color));
-    let mut lines = vec![("file size", text::size(file_bytes)), ("colors", palette.colors.len().to_string())];
+    let mut lines = vec![("file size", size(file_bytes)), ("colors", palette.colors.len().to_string())];
     if !palette.shown.is_empty() {
         lines.push(("shown as", palette.shown.iter().map(hex).collect::<Vec<_>>().join(" ")));
     }
-    Ok(Report { text: text::table(path, &lines) + &swatches::lines(&palette), json })
+    Ok(Report { text: table(path, &lines) + &swatches::lines(&palette), json })
 }

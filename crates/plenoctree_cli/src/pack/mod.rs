@@ -6,7 +6,7 @@ mod report;
 
 pub use arguments::{Arguments, Quality};
 
-use std::{fs, path::Path};
+use std::path::Path;
 
 use clap::ValueEnum;
 use plenoctree::{PackSettings, Packed, PlenOctree, sampling::Progress};
@@ -28,7 +28,7 @@ pub fn run(arguments: &Arguments) -> Result {
 
 /// Packs a field. Returns what each quality gives, if there is to be a report.
 fn pack_file(path: &Path, arguments: &Arguments) -> Result<report::Field> {
-    let before = fs::metadata(path).map_err(|error| format!("{}: {error}", path.display()))?.len();
+    let before = files::size(path)?;
     let out = arguments.out(path)?;
     arguments.settings(arguments.quality).validate()?;
     let field = arguments.reading.load(path, false)?;
@@ -39,7 +39,7 @@ fn pack_file(path: &Path, arguments: &Arguments) -> Result<report::Field> {
     let packed = pack(&field, path, arguments, arguments.quality)?;
     let written = if arguments.npz { packed.write_npz(&out) } else { packed.write(&out) };
     written.map_err(|error| format!("{}: {error}", out.display()))?;
-    let after = fs::metadata(&out).map_err(|error| format!("{}: {error}", out.display()))?.len();
+    let after = files::size(&out)?;
     print_sizes(&field, &packed, [before, after]);
     if arguments.verbose {
         let sections: Vec<_> = packed.sections().iter().map(|(name, bytes)| format!("{name} {bytes}")).collect();

@@ -59,10 +59,10 @@ pub struct Arguments {
     blend_steps: Option<u32>,
     /// The distance over which labels blend, in encoded sRGB, or in tone space for palettes of tones; 0 is a hard
     /// border. By default that of --look.
-    #[arg(long, value_parser = parse_softness)]
+    #[arg(long, value_parser = |text: &str| parse_number(text, 10.0))]
     softness: Option<f32>,
     /// The opacity below which pixels are drawn as trained.
-    #[arg(long, default_value_t = 80.0 / 255.0, value_parser = parse_share)]
+    #[arg(long, default_value_t = 80.0 / 255.0, value_parser = |text: &str| parse_number(text, 1.0))]
     min_opacity: f32,
     /// Smooth the edges of the prop and the borders between labels with --look paper, too; the other looks always do.
     /// Requires --renderer gpu.
@@ -153,12 +153,4 @@ fn parse_number(text: &str, most: f32) -> Result<f32, String> {
         .ok()
         .filter(|number| (0.0..=most).contains(number))
         .ok_or_else(|| format!("expected a number from 0 to {most}"))
-}
-
-fn parse_softness(text: &str) -> Result<f32, String> {
-    parse_number(text, 10.0)
-}
-
-fn parse_share(text: &str) -> Result<f32, String> {
-    parse_number(text, 1.0)
 }
