@@ -28,14 +28,7 @@ impl Basis {
     /// Returns the spherical-harmonic basis with `functions` functions per color channel, or `None` unless that is 1,
     /// 4, 9, 16 or 25.
     pub fn from_functions(functions: usize) -> Option<Self> {
-        match functions {
-            1 => Some(Self::Sh1),
-            4 => Some(Self::Sh4),
-            9 => Some(Self::Sh9),
-            16 => Some(Self::Sh16),
-            25 => Some(Self::Sh25),
-            _ => None,
-        }
+        Self::ALL.into_iter().find(|basis| *basis != Self::Rgba && basis.functions() == functions)
     }
 
     /// Returns the name that files use: `RGBA`, `SH1`, ... `SH25`.
