@@ -1,5 +1,7 @@
 //! Compares views of a packed field with those of the field.
 
+use std::f64::consts::TAU;
+
 use glam::DVec3;
 use plenoctree::{
     PlenOctree,
@@ -9,7 +11,7 @@ use plenoctree::{
 };
 
 use super::Arguments;
-use crate::{console, extraction, result::Result, transforms, turntable};
+use crate::{console, extraction, result::Result, transforms};
 
 /// The size of views from around the field.
 const SIZE: (u32, u32) = (200, 200);
@@ -106,12 +108,12 @@ impl View {
 }
 
 /// Returns views from around, half of them from higher up. None if the field is empty.
-fn around(field: &PlenOctree, size: (u32, u32), views: u32) -> Vec<PinholeCamera> {
-    let azimuth = |view: u32| std::f64::consts::TAU * f64::from(view) / f64::from(views);
+fn around(field: &PlenOctree, (width, height): (u32, u32), views: u32) -> Vec<PinholeCamera> {
     let of_view = |view: u32| {
-        turntable::around(field, size, [azimuth(view)].into_iter(), ELEVATIONS[view as usize % 2]).unwrap_or_default()
+        let azimuth = TAU * f64::from(view) / f64::from(views);
+        PinholeCamera::around(field, width, height, azimuth, ELEVATIONS[view as usize % 2])
     };
-    (0..views).flat_map(of_view).collect()
+    (0..views).filter_map(of_view).collect()
 }
 
 fn palette(field: &PlenOctree) -> Result<Palette> {
