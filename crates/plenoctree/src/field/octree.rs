@@ -503,6 +503,19 @@ impl PlenOctree {
         })
     }
 
+    /// Calls `visit` with every cell below a node that is not subdivided, its lowest corner and its width. The node is
+    /// `width` finest cells wide, at `corner`.
+    pub(crate) fn visit_cells(&self, node: u32, corner: UVec3, width: u32, visit: &mut impl FnMut(Cell, UVec3, u32)) {
+        let half = width / 2;
+        for (cell, index) in self.nodes[node as usize].iter().zip(0u32..) {
+            let corner = corner + half * UVec3::new(index >> 2, index >> 1 & 1, index & 1);
+            match cell.as_node() {
+                Some(child) => self.visit_cells(child, corner, half, visit),
+                None => visit(*cell, corner, half),
+            }
+        }
+    }
+
     /// Returns the cell at `position`, its lowest corner and its width, all in finest cells.
     ///
     /// Every coordinate of `position` must be less than `2^depth`.

@@ -213,23 +213,12 @@ fn read_block(field: &PlenOctree, place: IVec3, densities: &mut [f32; SIDE * ROW
             }
         }
     }
-    read_node(field, node, UVec3::ZERO, 1 << level, densities);
-    true
-}
-
-/// Reads the densities of a node that is `size` finest cells wide, at `corner` of a block.
-fn read_node(field: &PlenOctree, node: u32, corner: UVec3, size: u32, densities: &mut [f32; SIDE * ROWS]) {
-    let half = size / 2;
-    for (cell, index) in field.nodes()[node as usize].iter().zip(0u32..) {
-        let corner = corner + half * UVec3::new(index >> 2, index >> 1 & 1, index & 1);
-        if let Some(child) = cell.as_node() {
-            read_node(field, child, corner, half, densities);
-        } else if let Some(leaf) = cell.as_leaf() {
-            let [x, y, z] = corner.to_array().map(|at| at as usize);
-            let half = half as usize;
-            for row in (x..x + half).flat_map(|x| (y..y + half).map(move |y| SIDE * x + y)) {
-                densities[SIDE * row + z..][..half].fill(field.densities()[leaf as usize]);
-            }
+    field.visit_cells(node, UVec3::ZERO, 1 << level, &mut |cell, corner, width| {
+        let Some(leaf) = cell.as_leaf() else { return };
+        let ([x, y, z], width) = (corner.to_array().map(|at| at as usize), width as usize);
+        for row in (x..x + width).flat_map(|x| (y..y + width).map(move |y| SIDE * x + y)) {
+            densities[SIDE * row + z..][..width].fill(field.densities()[leaf as usize]);
         }
-    }
+    });
+    true
 }

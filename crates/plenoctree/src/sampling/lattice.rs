@@ -42,29 +42,13 @@ impl Lattice {
             return Ok(None);
         }
         let mut lattice = Self { low, size, words: vec![0; cells as usize] };
-        lattice.fill(field, 0, UVec3::ZERO, 1 << depth, progress)?;
-        Ok(Some(lattice))
-    }
-
-    /// Writes the cells of a node that is `width` finest cells wide.
-    fn fill(
-        &mut self,
-        field: &PlenOctree,
-        node: u32,
-        corner: UVec3,
-        width: u32,
-        progress: &Progress,
-    ) -> Result<(), Canceled> {
-        progress.check()?;
-        let half = width / 2;
-        for (cell, index) in field.nodes()[node as usize].iter().zip(0u32..) {
-            let corner = corner + half * UVec3::new(index >> 2, index >> 1 & 1, index & 1);
-            match cell.as_node() {
-                Some(child) => self.fill(field, child, corner, half, progress)?,
-                None => self.set(corner, half, word(field, *cell, half)),
+        field.visit_cells(0, UVec3::ZERO, 1 << depth, &mut |cell, corner, width| {
+            if !progress.is_canceled() {
+                lattice.set(corner, width, word(field, cell, width));
             }
-        }
-        Ok(())
+        });
+        progress.check()?;
+        Ok(Some(lattice))
     }
 
     /// Writes a cube of cells, as far as it is in the box.
