@@ -46,24 +46,17 @@ pub fn find(
         let (low, high) = bounds.bounds();
         let cube = around(low, high);
         let votes = look(gallery, cube, knows_opacity)?;
-        let mut voxels = VoxelSet::new(RESOLUTION);
         let grid = Votes::grid(cube);
-        for position in votes.possible(&cameras, knows_opacity, None) {
-            if bounds.overlaps(grid.center(Voxel::cell(position)), grid.cell_size()) {
-                voxels.insert(Voxel::cell(position));
-            }
-        }
-        return nonempty(cube, voxels);
+        let is_inside = |position: &UVec3| bounds.overlaps(grid.center(Voxel::cell(*position)), grid.cell_size());
+        return nonempty(cube, votes.possible(&cameras, knows_opacity, None).filter(is_inside));
     }
 
     let (focus, distance) = focus(&cameras)?;
     if !knows_opacity {
         let cube = photographed(points, focus, distance);
         let votes = look(gallery, cube, false)?;
-        let mut voxels = VoxelSet::new(RESOLUTION);
         let nearest: Vec<f64> = cameras.par_iter().map(|camera| nearest(camera, points, focus)).collect();
-        votes.possible(&cameras, false, Some(&nearest)).for_each(|position| voxels.insert(Voxel::cell(position)));
-        return nonempty(cube, voxels);
+        return nonempty(cube, votes.possible(&cameras, false, Some(&nearest)));
     }
     // Half of a camera's view at that distance; more if the object turns out to be cut off.
     let wide = median(cameras.iter().map(|camera| {
@@ -90,9 +83,7 @@ pub fn find(
             cube.low + (high + 1).as_dvec3() * grid.cell_size() + margin,
         );
         let votes = look(gallery, cube, true)?;
-        let mut voxels = VoxelSet::new(RESOLUTION);
-        votes.possible(&cameras, true, None).for_each(|position| voxels.insert(Voxel::cell(position)));
-        return nonempty(cube, voxels);
+        return nonempty(cube, votes.possible(&cameras, true, None));
     }
     Err(FitError::Views {
         found: format!("no place near {focus:.3} that they agree on: everywhere, some picture shows nothing"),
@@ -100,7 +91,9 @@ pub fn find(
     })
 }
 
-fn nonempty(cube: Cube, voxels: VoxelSet) -> Result<Place, FitError> {
+/// Returns the place with the voxels at these positions, or an error if there are none.
+fn nonempty(cube: Cube, positions: impl Iterator<Item = UVec3>) -> Result<Place, FitError> {
+    let voxels = VoxelSet::of(RESOLUTION, positions.map(Voxel::cell));
     if voxels.voxels().next().is_none() {
         let (low, high) = (cube.low, cube.low + cube.size);
         return Err(FitError::Views {

@@ -138,13 +138,7 @@ fn density(grid: &Grid, voxel: u32) -> f64 {
 
 /// Returns the voxels of `kept` whose centers are in a box.
 pub fn cropped(grid: &Grid, kept: &VoxelSet, to: &TurnedBox) -> VoxelSet {
-    let mut inside = VoxelSet::new(grid.resolution());
-    for voxel in kept.voxels() {
-        if to.overlaps(grid.center(voxel), 0.0) {
-            inside.insert(voxel);
-        }
-    }
-    inside
+    VoxelSet::of(grid.resolution(), kept.voxels().filter(|voxel| to.overlaps(grid.center(*voxel), 0.0)))
 }
 
 /// Returns the largest part of `kept` that is connected through voxels at least `thick`, and the thinner voxels around
@@ -179,16 +173,8 @@ pub fn largest_part(grid: &Grid, kept: &VoxelSet, thick: f32) -> VoxelSet {
         }
     }
     let largest = (1..sizes.len()).max_by_key(|&part| sizes[part]).unwrap_or(0) as u32;
-    let mut result = VoxelSet::new(grid.resolution());
-    if largest == NONE {
-        return result;
-    }
-    for voxel in kept.voxels() {
-        if around(grid, voxel).any(|next| part_of[next as usize] == largest) {
-            result.insert(voxel);
-        }
-    }
-    result
+    let is_near = |voxel: &Voxel| around(grid, *voxel).any(|next| part_of[next as usize] == largest);
+    VoxelSet::of(grid.resolution(), kept.voxels().filter(|voxel| largest != NONE && is_near(voxel)))
 }
 
 /// Returns a voxel, and those that it touches, some of them several times.

@@ -21,6 +21,13 @@ impl VoxelSet {
         Self { resolution, bricks: vec![Cells::default(); side.pow(3)] }
     }
 
+    /// Creates the set of these voxels.
+    pub fn of(resolution: u32, voxels: impl IntoIterator<Item = Voxel>) -> Self {
+        let mut set = Self::new(resolution);
+        voxels.into_iter().for_each(|voxel| set.insert(voxel));
+        set
+    }
+
     /// Adds a voxel, and removes those that it covers.
     pub fn insert(&mut self, voxel: Voxel) {
         let index = self.index(voxel.corner / BRICK);

@@ -56,8 +56,7 @@ mod tests {
     /// batches, nothing changes.
     #[test]
     fn values_end_at_their_mean() {
-        let mut set = VoxelSet::new(8);
-        [UVec3::ONE, UVec3::splat(5)].into_iter().for_each(|cell| set.insert(Voxel::cell(cell)));
+        let set = VoxelSet::of(8, [UVec3::ONE, UVec3::splat(5)].map(Voxel::cell));
         let mut grid = Grid::new(Cube { low: DVec3::ZERO, size: 1.0 }, 4, &set);
         grid.values.fill(Vec4::splat(3.0));
         Average::default().apply(&mut grid);

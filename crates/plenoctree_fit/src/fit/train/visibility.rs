@@ -145,9 +145,7 @@ pub fn visible(grid: &Grid, cameras: &[&ViewCamera], limits: Limits) -> VoxelSet
         .map(|(kept, _)| kept)
         .collect();
     kept.sort_by(|(_, a), (_, b)| b.total_cmp(a));
-    let mut set = VoxelSet::new(grid.resolution());
-    kept.iter().take(limits.most).for_each(|(voxel, _)| set.insert(*voxel));
-    set
+    VoxelSet::of(grid.resolution(), kept.into_iter().take(limits.most).map(|(voxel, _)| voxel))
 }
 
 #[cfg(test)]
@@ -168,10 +166,9 @@ mod tests {
 
     /// A grid of 64 voxels per side. `thickness` is that of the voxel at a position, or 0 if there is none.
     fn grid(thickness: impl Fn(UVec3) -> f32) -> Grid {
-        let mut set = VoxelSet::new(64);
         let positions = (0..64u32.pow(3)).map(|code| UVec3::new(code / 4096, code / 64 % 64, code % 64));
         let filled = positions.filter(|position| thickness(*position) > 0.0);
-        filled.for_each(|position| set.insert(Voxel::cell(position)));
+        let set = VoxelSet::of(64, filled.map(Voxel::cell));
         let mut grid = Grid::new(Cube { low: DVec3::splat(-1.0), size: 2.0 }, 1, &set);
         let values: Vec<f32> = grid.voxels().map(|voxel| thickness(voxel.corner)).collect();
         grid.values.iter_mut().zip(values).for_each(|(value, thickness)| *value = Vec4::new(0.0, 0.0, 0.0, thickness));
