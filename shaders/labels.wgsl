@@ -19,23 +19,10 @@ struct Label {
     share: f32,
 }
 
-// The two nearest labels so far, as packed by `packed`, and the squares of their distances.
+// The indices of the two nearest labels so far, and the squares of their distances.
 struct Nearest {
     labels: vec2<u32>,
     distances: vec2<f32>,
-}
-
-// Packs a label: the palette colors that it blends, and how many of the steps from the second to the first one it
-// takes.
-fn packed(first: u32, second: u32, step: u32) -> u32 {
-    return first | (second << 8u) | (step << 16u);
-}
-
-// Returns the label that `packed` packed. A palette color is a blend with itself.
-fn unpacked(label: u32, steps: u32) -> Label {
-    let first = label & 255u;
-    let second = (label >> 8u) & 255u;
-    return Label(first, second, select(f32(label >> 16u) / f32(steps), 1.0, first == second));
 }
 
 // Returns whether the labels of a prop are tones, which are compared with colors in the space in which they are fitted.
@@ -71,16 +58,8 @@ fn place_of(prop: u32, label: Label) -> vec3<f32> {
     return shown(labelings[prop].first_place, label);
 }
 
-// Returns the index of a packed label among all labels of a palette of `count` colors, in the order of equation 7: the
-// palette, then the blends of every pair.
-fn index_of(label: u32, count: u32, steps: u32) -> u32 {
-    let first = label & 255u;
-    let second = (label >> 8u) & 255u;
-    let pairs = first * (2u * count - first - 1u) / 2u + second - first - 1u;
-    return select(count + pairs * (steps - 1u) + (label >> 16u) - 1u, first, first == second);
-}
-
-// Returns the label with an index among all labels. See `index_of`.
+// Returns the label with an index among all labels of a palette, in the order of equation 7: the palette, whose colors
+// are blends with themselves, then the blends of every pair.
 fn label_at(prop: u32, index: u32) -> Label {
     let count = labelings[prop].colors;
     let blends = labelings[prop].blend_steps - 1u;
@@ -123,8 +102,8 @@ struct Shown {
     label: u32,
 }
 
-// Returns the color that a label shows in a light. `index` is its index among all labels.
-fn shown_in(prop: u32, label: Label, index: u32, light: Light) -> vec3<f32> {
+// Returns the color that the label with an index shows in a light.
+fn shown_at(prop: u32, index: u32, light: Light) -> vec3<f32> {
 #ifdef LIGHTING
     if light.band != 0 || light.share > 0.0 {
         let color = shade_in(light.prop, light.band, index);
@@ -134,12 +113,7 @@ fn shown_in(prop: u32, label: Label, index: u32, light: Light) -> vec3<f32> {
         return encode(mix(decode(color), decode(shade_in(light.prop, light.band + 1, index)), light.share));
     }
 #endif
-    return shown(labelings[prop].first_color + labelings[prop].colors, label);
-}
-
-// Returns the color that the label with an index shows in a light.
-fn shown_at(prop: u32, index: u32, light: Light) -> vec3<f32> {
-    return shown_in(prop, label_at(prop, index), index, light);
+    return shown(labelings[prop].first_color + labelings[prop].colors, label_at(prop, index));
 }
 
 // Considers the palette colors as labels, and the blends of every pair.
@@ -149,8 +123,10 @@ fn consider_blends(nearest: ptr<function, Nearest>, place: vec3<f32>, prop: u32)
     let steps = labelings[prop].blend_steps;
     for (var i = 0u; i < count; i++) {
         let off = place - colors[places + i].rgb;
-        consider(nearest, packed(i, i, 0u), dot(off, off));
+        consider(nearest, i, dot(off, off));
     }
+    // The order is that of `label_at`.
+    var index = count;
     for (var i = 0u; i < select(0u, count, steps > 1u); i++) {
         let first = colors[places + i].rgb;
         for (var j = i + 1u; j < count; j++) {
@@ -158,7 +134,8 @@ fn consider_blends(nearest: ptr<function, Nearest>, place: vec3<f32>, prop: u32)
             for (var k = 1u; k < steps; k++) {
                 let share = f32(k) / f32(steps);
                 let off = place - mix(second, first, share);
-                consider(nearest, packed(i, j, k), dot(off, off));
+                consider(nearest, index, dot(off, off));
+                index++;
             }
         }
     }
@@ -187,8 +164,7 @@ fn consider_tones(nearest: ptr<function, Nearest>, place: vec3<f32>, prop: u32) 
             let off = place - tone.rgb;
             let least = select((*nearest).distances.y, (*nearest).distances.x, is_hard);
             if sides[side] < count && off.x * off.x <= least {
-                let index = u32(tone.w);
-                consider(nearest, packed(index, index, 0u), dot(off, off));
+                consider(nearest, u32(tone.w), dot(off, off));
                 is_done = false;
             }
         }
@@ -197,8 +173,6 @@ fn consider_tones(nearest: ptr<function, Nearest>, place: vec3<f32>, prop: u32) 
 
 // Returns the label that is nearest to a place.
 fn assign(place: vec3<f32>, prop: u32, light: Light) -> Shown {
-    let count = labelings[prop].colors;
-    let steps = labelings[prop].blend_steps;
     var nearest = Nearest(vec2(0u), vec2(FAR));
     if are_tones(prop) {
         consider_tones(&nearest, place, prop);
@@ -207,14 +181,12 @@ fn assign(place: vec3<f32>, prop: u32, light: Light) -> Shown {
     }
     let softness = labelings[prop].softness;
     let lead = sqrt(nearest.distances.y) - sqrt(nearest.distances.x);
-    let index = index_of(nearest.labels.x, count, steps);
-    let first = shown_in(prop, unpacked(nearest.labels.x, steps), index, light);
+    let first = shown_at(prop, nearest.labels.x, light);
     // Softness 0 gives a hard edge. A palette of one color has no second label: its distance remains FAR.
     if lead >= softness {
-        return Shown(first, index);
+        return Shown(first, nearest.labels.x);
     }
     let step = 0.5 + 0.5 * lead / softness;
-    let other = index_of(nearest.labels.y, count, steps);
-    let second = shown_in(prop, unpacked(nearest.labels.y, steps), other, light);
-    return Shown(mix(second, first, step * step * (3.0 - 2.0 * step)), index);
+    let second = shown_at(prop, nearest.labels.y, light);
+    return Shown(mix(second, first, step * step * (3.0 - 2.0 * step)), nearest.labels.x);
 }
