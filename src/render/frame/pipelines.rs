@@ -5,9 +5,9 @@ use bevy::{
     platform::collections::{HashMap, HashSet},
     prelude::*,
     render::render_resource::{
-        BindGroupLayoutDescriptor, BindGroupLayoutEntry, CachedPipelineState, CachedRenderPipelineId, ColorTargetState,
-        ColorWrites, DepthStencilState, Face, FragmentState, PipelineCache, PrimitiveState, RenderPipelineDescriptor,
-        ShaderStages, TextureFormat, TextureSampleType, VertexState,
+        BindGroupLayoutDescriptor, CachedPipelineState, CachedRenderPipelineId, ColorTargetState, ColorWrites,
+        DepthStencilState, Face, FragmentState, PipelineCache, PrimitiveState, RenderPipelineDescriptor, ShaderStages,
+        TextureFormat, TextureSampleType, VertexState,
         binding_types::{
             storage_buffer_read_only, storage_buffer_read_only_sized, storage_buffer_sized, texture_2d,
             texture_depth_2d, texture_depth_2d_multisampled, uniform_buffer, uniform_buffer_sized,
@@ -47,7 +47,8 @@ struct Key {
     name: &'static str,
     program: Program,
     group: FirstGroup,
-    reads: Vec<Vec<Kind>>,
+    /// The layouts of what it reads.
+    reads: Vec<BindGroupLayoutDescriptor>,
     /// Vertex shaders draw nothing while it is cached.
     cached: Option<CachedResult>,
     targets: Vec<Option<TextureFormat>>,
@@ -104,7 +105,7 @@ impl Pipelines {
             name: pass.name,
             program: program.clone(),
             group: pass.group,
-            reads: reads.iter().map(|inputs| inputs.iter().copied().map(Kind::of).collect()).collect(),
+            reads: reads.iter().map(|inputs| self.inputs_layout(pass.name, inputs)).collect(),
             cached: pass.result,
             targets: pass.writes.iter().map(|write| write.as_ref().map(|output| format(output, false))).collect(),
             depth: pass.depth.as_ref().map(|output| format(output, true)),
@@ -179,7 +180,24 @@ impl Pipelines {
 
     /// Returns the layout of a bind group of what a pass reads.
     pub fn inputs_layout(&self, name: &'static str, inputs: &[Input]) -> BindGroupLayoutDescriptor {
-        kinds_layout(name, inputs.iter().copied().map(Kind::of))
+        let floats = TextureSampleType::Float { filterable: false };
+        let entry = |input: &Input| match input {
+            Input::Texture(slot) => match slot.format() {
+                Some(DEPTH_FORMAT) => texture_depth_2d(),
+                Some(format) if format.sample_type(None, None) == Some(TextureSampleType::Uint) => {
+                    texture_2d(TextureSampleType::Uint)
+                }
+                _ => texture_2d(floats),
+            },
+            Input::Scene => texture_2d(floats),
+            Input::Buffer(Buffer::View | Buffer::Screen) => uniform_buffer_sized(false, None),
+            Input::Buffer(_) => storage_buffer_read_only_sized(false, None),
+            Input::WrittenBuffer(_) => storage_buffer_sized(false, None),
+        };
+        let bindings = (0..).zip(inputs);
+        let entries: Vec<_> =
+            bindings.map(|(binding, input)| entry(input).build(binding, ShaderStages::FRAGMENT)).collect();
+        BindGroupLayoutDescriptor::new(name, &entries)
     }
 
     fn descriptor(&self, key: &Key) -> RenderPipelineDescriptor {
@@ -190,7 +208,7 @@ impl Pipelines {
             layout.push(self.fields.get().clone());
             definitions.extend(tree.definitions());
         }
-        layout.extend(key.reads.iter().map(|kinds| kinds_layout(key.name, kinds.iter().copied())));
+        layout.extend(key.reads.iter().cloned());
         if key.group.samples().is_some_and(|samples| samples > 1) {
             definitions.push("MULTISAMPLED".into());
         }
@@ -239,45 +257,4 @@ impl Pipelines {
             ..default()
         }
     }
-}
-
-/// What the layout of a bind group says about something that a pass reads.
-#[derive(Clone, Copy, PartialEq, Eq, Hash)]
-enum Kind {
-    Floats,
-    Integers,
-    Depth,
-    Uniform,
-    Buffer,
-    WrittenBuffer,
-}
-
-impl Kind {
-    fn of(input: Input) -> Self {
-        match input {
-            Input::Texture(slot) => match slot.format() {
-                Some(DEPTH_FORMAT) => Self::Depth,
-                Some(format) if format.sample_type(None, None) == Some(TextureSampleType::Uint) => Self::Integers,
-                _ => Self::Floats,
-            },
-            Input::Scene => Self::Floats,
-            Input::Buffer(Buffer::View | Buffer::Screen) => Self::Uniform,
-            Input::Buffer(_) => Self::Buffer,
-            Input::WrittenBuffer(_) => Self::WrittenBuffer,
-        }
-    }
-}
-
-fn kinds_layout(name: &'static str, kinds: impl Iterator<Item = Kind>) -> BindGroupLayoutDescriptor {
-    let entry = |kind| match kind {
-        Kind::Floats => texture_2d(TextureSampleType::Float { filterable: false }),
-        Kind::Integers => texture_2d(TextureSampleType::Uint),
-        Kind::Depth => texture_depth_2d(),
-        Kind::Uniform => uniform_buffer_sized(false, None),
-        Kind::Buffer => storage_buffer_read_only_sized(false, None),
-        Kind::WrittenBuffer => storage_buffer_sized(false, None),
-    };
-    let entries: Vec<BindGroupLayoutEntry> =
-        (0..).zip(kinds).map(|(binding, kind)| entry(kind).build(binding, ShaderStages::FRAGMENT)).collect();
-    BindGroupLayoutDescriptor::new(name, &entries)
 }
