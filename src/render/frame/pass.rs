@@ -6,7 +6,7 @@ use bevy::{
     shader::{Shader, ShaderDefVal},
 };
 
-use super::slot::{Buffer, Slot};
+use super::slot::{Buffer, RaySet, Slot};
 use crate::{
     gpu::TreeShape,
     render::plan::{Feature, Plan},
@@ -157,6 +157,13 @@ pub(in crate::render) enum Input {
     WrittenBuffer(Buffer),
 }
 
+/// The layer of all pixels.
+impl Input {
+    pub const COLOR: Self = Self::Texture(Slot::Color(RaySet::Pixels));
+    pub const OWNER: Self = Self::Texture(Slot::Owner(RaySet::Pixels));
+    pub const DEPTH: Self = Self::Texture(Slot::Depth(RaySet::Pixels));
+}
+
 /// Something that a pass writes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(in crate::render) enum Output {
@@ -165,6 +172,11 @@ pub(in crate::render) enum Output {
     Target,
     /// The motion vectors of Bevy's prepass.
     PrepassMotion,
+}
+
+impl Output {
+    /// The depth of the layer of all pixels.
+    pub const DEPTH: Self = Self::Texture(Slot::Depth(RaySet::Pixels));
 }
 
 /// What the attachments of a pass hold when it begins.

@@ -13,7 +13,7 @@ use super::volume::index_of;
 use crate::{
     gpu::field_definitions,
     render::{
-        frame::{Blend, CachedResult, Draw, FirstGroup, Input, Output, Pass, Place, Program, RaySet, Slot},
+        frame::{Blend, CachedResult, Draw, FirstGroup, Input, Output, Pass, Place, Program, Slot},
         plan::{Feature, Plan},
         uniforms::Smooths,
     },
@@ -34,12 +34,6 @@ enum Pixels {
     OfOthers,
 }
 
-const LAYER: [Input; 3] = [
-    Input::Texture(Slot::Color(RaySet::Pixels)),
-    Input::Texture(Slot::Owner(RaySet::Pixels)),
-    Input::Texture(Slot::Depth(RaySet::Pixels)),
-];
-
 /// Where the rays of edges reach owners. Whenever the layer is drawn, so is the composite, which replaces all of this.
 const PLACES: Slot = Slot::Even;
 
@@ -51,7 +45,7 @@ pub(super) fn outline(plan: &Plan) -> Option<Pass> {
     let program = Program::new("outline").define_if(is_several, "SEVERAL");
     (plan.smooths && !plan.composite_outlines()).then(|| Pass {
         feature: Feature::Edges,
-        reads: vec![LAYER.to_vec()],
+        reads: vec![vec![Input::COLOR, Input::OWNER, Input::DEPTH]],
         writes: [Slot::Outline].iter().chain(rays).map(|slot| Some(Output::Texture(*slot))).collect(),
         depth: Some(Output::Texture(Slot::EdgeMask)),
         ..Pass::fullscreen(
@@ -81,30 +75,18 @@ fn coverage_of(plan: &Plan, pixels: Pixels) -> Pass {
     // A single prop writes all pixels at its edges, even where its rays do not meet its box.
     let is_single = !plan.has_several_props;
     let blend = if is_single { Blend::Replace } else { add };
-    let (outline, owner) = (Input::Texture(Slot::Outline), Input::Texture(Slot::Owner(RaySet::Pixels)));
-    let depth = Input::Texture(Slot::Depth(RaySet::Pixels));
-    let (definition, reads, writes, blends) = match pixels {
-        Pixels::All => {
-            (None, vec![outline, owner, depth], vec![Slot::Coverage, Slot::OwnRays, Slot::OtherRays], vec![blend; 3])
-        }
-        Pixels::OfOwners => (
-            Some("OF_OWNERS"),
-            vec![outline, owner, depth],
-            vec![Slot::Coverage, Slot::OwnRays, PLACES],
-            vec![add, add, Blend::Replace],
-        ),
-        Pixels::OfOthers => (
-            Some("OF_OTHERS"),
-            vec![outline, owner, depth, Input::Texture(PLACES)],
-            vec![Slot::Coverage, Slot::OwnRays, Slot::OtherRays],
-            vec![add; 3],
-        ),
+    let (definition, third, blends) = match pixels {
+        Pixels::All => (None, Slot::OtherRays, [blend; 3]),
+        Pixels::OfOwners => (Some("OF_OWNERS"), PLACES, [add, add, Blend::Replace]),
+        Pixels::OfOthers => (Some("OF_OTHERS"), Slot::OtherRays, [add; 3]),
     };
+    let mut reads = vec![Input::Texture(Slot::Outline), Input::OWNER, Input::DEPTH];
+    reads.extend((pixels == Pixels::OfOthers).then_some(Input::Texture(PLACES)));
     let (mut programs, mut draws, mut shapes) = (vec![], vec![], vec![]);
     for (index, prop) in plan.props.iter().enumerate().filter(|(_, prop)| prop.smooths != Smooths::Nothing) {
         let program = index_of(&mut shapes, prop.kind.shape, || {
             let program =
-                Program { tree: Some(prop.kind.shape.into()), blends: blends.clone(), ..Program::new("coverage") };
+                Program { tree: Some(prop.kind.shape.into()), blends: blends.to_vec(), ..Program::new("coverage") };
             let program = definition.into_iter().fold(program, Program::define);
             let program = program.define_number("SAMPLES", Some(plan.samples));
             programs.push(program.define_all(field_definitions(prop.kind.shape)).at_edges());
@@ -118,7 +100,7 @@ fn coverage_of(plan: &Plan, pixels: Pixels) -> Pass {
         feature: Feature::Edges,
         group: FirstGroup::SceneDepth(plan.samples),
         reads: vec![reads],
-        writes: writes.into_iter().map(|slot| Some(Output::Texture(slot))).collect(),
+        writes: [Slot::Coverage, Slot::OwnRays, third].map(|slot| Some(Output::Texture(slot))).to_vec(),
         depth: Some(Output::Texture(Slot::EdgeMask)),
         programs,
         draws,

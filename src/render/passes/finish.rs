@@ -1,9 +1,9 @@
 //! Smooths the borders between labels inside props, draws [ink](crate::Ink), and smooths the edges of props. This is not
 //! part of the method.
 
-use super::labels::{DEPTH, lit, space, with_lights};
+use super::labels::{lit, space, with_lights};
 use crate::render::{
-    frame::{CachedResult, Clear, Draw, FirstGroup, Input, Output, Pass, Place, Program, RaySet, Slot},
+    frame::{CachedResult, Clear, Draw, FirstGroup, Input, Output, Pass, Place, Program, Slot},
     plan::{Feature, Plan},
 };
 
@@ -21,15 +21,13 @@ pub(super) fn finish(plan: &Plan) -> Option<Pass> {
     let at_edges = program("blend").define_number("SAMPLES", plan.hidden_samples()).define_if(is_resolved, "RESOLVED");
     let mut programs = vec![if plan.smooths { inside.where_mask_has_props() } else { inside.where_props_are() }];
     programs.extend(plan.smooths.then(|| at_edges.at_edges()));
-    let textures = |slots: &[Slot]| slots.iter().copied().map(Input::Texture).collect::<Vec<_>>();
-    let mut inputs = textures(&[Slot::Interim, Slot::Even, Slot::Depth(RaySet::Pixels)]);
-    inputs.push(Input::Scene);
+    let mut inputs = vec![Input::Texture(Slot::Interim), Input::Texture(Slot::Even), Input::DEPTH, Input::Scene];
     inputs.extend(plan.finishes().then_some(Input::Texture(Slot::Labels)));
     let mut reads = with_lights(plan, inputs);
     if plan.smooths {
         reads.resize(2, vec![]);
-        let slots = [Slot::Outline, Slot::Coverage, Slot::OwnRays, Slot::OtherRays, Slot::Color(RaySet::Pixels)];
-        reads.push(textures(&slots));
+        let slots = [Slot::Outline, Slot::Coverage, Slot::OwnRays, Slot::OtherRays];
+        reads.push(slots.map(Input::Texture).into_iter().chain([Input::COLOR]).collect());
     }
     plan.changes_labels().then(|| Pass {
         feature: if plan.smooths { Feature::Edges } else { Feature::Finish },
@@ -37,7 +35,7 @@ pub(super) fn finish(plan: &Plan) -> Option<Pass> {
         group: FirstGroup::with_depth_if(is_resolved && plan.smooths || plan.has_ink, plan.samples),
         reads,
         writes: vec![Some(Output::Texture(Slot::Shown))],
-        depth: Some(if plan.smooths { Output::Texture(Slot::EdgeMask) } else { DEPTH }),
+        depth: Some(if plan.smooths { Output::Texture(Slot::EdgeMask) } else { Output::DEPTH }),
         clear: Some(Clear::NegativeAlpha),
         draws: (0..programs.len()).map(Draw::triangle).collect(),
         programs,

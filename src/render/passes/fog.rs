@@ -12,7 +12,7 @@ use super::{
     lighting::shadow_filter,
 };
 use crate::render::{
-    frame::{Buffer, Clear, FirstGroup, Input, Output, Pass, Place, Program, RaySet, Slot},
+    frame::{Buffer, Clear, FirstGroup, Input, Output, Pass, Place, Program, Slot},
     plan::{Feature, Plan},
 };
 
@@ -23,20 +23,15 @@ pub(super) fn fog(plan: &Plan) -> Option<Pass> {
     let program =
         Program::new("fog").define("DISTANCE_FOG").define(shadow_filter(plan)).define_if(plan.smooths, "SMOOTH");
     let program = program.define_all(space(plan.target.space)).define_all(tonemapping(plan));
-    let edges = if plan.smooths { &[Slot::Outline, Slot::Coverage][..] } else { &[] };
-    let buffers = [Buffer::Screen, Buffer::View].map(Input::Buffer);
-    let textures = [shown_after(plan.stages.len()), Slot::Depth(RaySet::Pixels)].map(Input::Texture);
+    let [screen, view] = [Buffer::Screen, Buffer::View].map(Input::Buffer);
+    let mut reads = vec![screen, view, Input::Texture(shown_after(plan.stages.len())), Input::DEPTH, Input::Scene];
+    if plan.smooths {
+        reads.extend([Slot::Outline, Slot::Coverage].map(Input::Texture));
+    }
     plan.has_fog.then(|| Pass {
         feature: Feature::Fog,
         group: FirstGroup::Lights,
-        reads: vec![
-            buffers
-                .into_iter()
-                .chain(textures)
-                .chain([Input::Scene])
-                .chain(edges.iter().map(|slot| Input::Texture(*slot)))
-                .collect(),
-        ],
+        reads: vec![reads],
         writes: vec![Some(Output::Texture(Slot::Fogged))],
         clear: Some(Clear::NegativeAlpha),
         ..Pass::fullscreen(FOG, Place::Present, None, program)

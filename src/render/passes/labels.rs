@@ -13,7 +13,7 @@ use bevy::{
 };
 
 use crate::render::{
-    frame::{Buffer, CachedResult, Clear, Draw, Fragment, Input, Output, Pass, Place, Program, RaySet, Slot},
+    frame::{Buffer, CachedResult, Clear, Draw, Fragment, Input, Output, Pass, Place, Program, Slot},
     plan::{Feature, Plan},
 };
 
@@ -21,10 +21,6 @@ pub(super) const COMPOSITE: &str = "plenoctree_composite";
 pub(super) const FILTER: &str = "plenoctree_filter";
 pub(super) const LABEL: &str = "plenoctree_label";
 pub(super) const STAGE: &str = "plenoctree_stage";
-
-const COLOR: Input = Input::Texture(Slot::Color(RaySet::Pixels));
-const OWNER: Input = Input::Texture(Slot::Owner(RaySet::Pixels));
-pub(super) const DEPTH: Output = Output::Texture(Slot::Depth(RaySet::Pixels));
 
 /// Blends the layer over the scene, in encoded sRGB.
 pub(super) fn composite(plan: &Plan) -> Option<Pass> {
@@ -34,10 +30,10 @@ pub(super) fn composite(plan: &Plan) -> Option<Pass> {
         .define_if(plan.iterations == 0, "UNFILTERED")
         .define_if(outlines, "OUTLINE")
         .depth_test(CompareFunction::Always, outlines);
-    let depth = outlines.then_some(Input::Texture(Slot::Depth(RaySet::Pixels)));
+    let depth = outlines.then_some(Input::DEPTH);
     plan.posterizes.then(|| Pass {
         feature: if outlines { Feature::Edges } else { Feature::Posterize },
-        reads: vec![[COLOR, OWNER, Input::Scene].into_iter().chain(depth).collect()],
+        reads: vec![[Input::COLOR, Input::OWNER, Input::Scene].into_iter().chain(depth).collect()],
         writes: [Some(Slot::Even), outlines.then_some(Slot::Outline)]
             .into_iter()
             .flatten()
@@ -62,7 +58,7 @@ pub(super) fn filter(plan: &Plan) -> Vec<Pass> {
             feature: Feature::Posterize,
             reads: vec![vec![Input::Texture(from)]],
             writes: vec![Some(Output::Texture(to))],
-            depth: Some(DEPTH),
+            depth: Some(Output::DEPTH),
             draws: vec![Draw { instance: iteration, ..Draw::triangle(0) }],
             ..Pass::fullscreen(FILTER, Place::Posterize, Some(CachedResult::Composite), program)
         }
@@ -79,9 +75,9 @@ pub(super) fn label(plan: &Plan) -> Pass {
         .define_if(plan.needs_labels(), "LABEL_TEXTURES")
         .define_if(plan.steadies(), "STEADY")
         .define_all(lit(plan));
-    let mut reads = vec![source, COLOR];
+    let mut reads = vec![source, Input::COLOR];
     if plan.posterizes {
-        reads.extend([Input::Texture(Slot::Depth(RaySet::Pixels)), Input::Scene]);
+        reads.extend([Input::DEPTH, Input::Scene]);
     }
     if plan.steadies() {
         reads.extend([Slot::FormerLabels, Slot::FormerDepth].map(Input::Texture));
@@ -99,7 +95,7 @@ pub(super) fn label(plan: &Plan) -> Pass {
         },
         reads: with_lights(plan, reads),
         writes,
-        depth: Some(DEPTH),
+        depth: Some(Output::DEPTH),
         clear: Some(Clear::NegativeAlpha),
         ..Pass::fullscreen(LABEL, Place::Posterize, Some(CachedResult::Labels), program.where_props_are())
     }
@@ -138,8 +134,9 @@ pub(super) fn shown_after(stages: usize) -> Slot {
 pub(super) fn with_lights(plan: &Plan, inputs: Vec<Input>) -> Vec<Vec<Input>> {
     let mut reads = vec![inputs];
     if plan.is_lit {
-        let light = if plan.is_brightened { Slot::SmoothLight } else { Slot::Light };
-        reads.push(vec![Input::Buffer(Buffer::Lit), Input::Texture(light), OWNER, Input::Buffer(Buffer::Shades)]);
+        let light = Input::Texture(if plan.is_brightened { Slot::SmoothLight } else { Slot::Light });
+        let [settings, shades] = [Buffer::Lit, Buffer::Shades].map(Input::Buffer);
+        reads.push(vec![settings, light, Input::OWNER, shades]);
     }
     reads
 }

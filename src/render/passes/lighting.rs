@@ -37,7 +37,7 @@ use crate::{
         extract::{ExtractedProps, VisibleProps},
         frame::{
             Buffer, Clear, Draw, FirstGroup, InitPipelines, Input, Lights, Output, Pass, Pipelines, Place, Program,
-            PropView, RaySet, Slot,
+            PropView, Slot,
         },
         plan::{Feature, Plan},
         shades::{ShadedPalette, Shades},
@@ -49,6 +49,9 @@ use crate::{
 pub(super) const LIGHTING: &str = "plenoctree_lighting";
 pub(super) const SMOOTH_LIGHT: &str = "plenoctree_smooth_light";
 
+/// What `relief.wgsl` reads.
+const RELIEF: [Input; 4] = [Input::Buffer(Buffer::Lit), Input::Buffer(Buffer::View), Input::DEPTH, Input::OWNER];
+
 /// Finds the light that reaches props.
 pub(super) fn lighting(plan: &Plan) -> Option<Pass> {
     let program = |(lamps, filter)| {
@@ -58,13 +61,12 @@ pub(super) fn lighting(plan: &Plan) -> Option<Pass> {
     let filters = if plan.is_brightened { &[shadow_filter(plan), HARD][..] } else { &[shadow_filter(plan)] };
     let programs = [false, true].into_iter().flat_map(|lamps| filters.iter().map(move |filter| (lamps, *filter)));
     let drawn = usize::from(plan.has_lamps) * filters.len() + usize::from(plan.smooths_all_light);
-    let textures = [Slot::Depth(RaySet::Pixels), Slot::Owner(RaySet::Pixels)].map(Input::Texture);
     plan.is_lit.then(|| Pass {
         feature: Feature::Lighting,
         group: FirstGroup::Lights,
-        reads: vec![[Buffer::Lit, Buffer::View].map(Input::Buffer).into_iter().chain(textures).collect()],
+        reads: vec![RELIEF.to_vec()],
         writes: vec![Some(Output::Texture(Slot::Light))],
-        depth: Some(Output::Texture(Slot::Depth(RaySet::Pixels))),
+        depth: Some(Output::DEPTH),
         clear: Some(Clear::White),
         // All are compiled from the start, so that props keep their light when the first lamp appears, or the first
         // prop whose light is not smoothed.
@@ -77,13 +79,12 @@ pub(super) fn lighting(plan: &Plan) -> Option<Pass> {
 /// Smooths this light, if it makes props brighter.
 pub(super) fn smooth_light(plan: &Plan) -> Option<Pass> {
     let program = Program::new("smooth_light").define_if(plan.posterizes_view, "POSTERIZED_VIEW").where_props_are();
-    let textures = [Slot::Depth(RaySet::Pixels), Slot::Owner(RaySet::Pixels), Slot::Light].map(Input::Texture);
     plan.is_brightened.then(|| Pass {
         feature: Feature::Lighting,
         group: FirstGroup::Lights,
-        reads: vec![[Buffer::Lit, Buffer::View].map(Input::Buffer).into_iter().chain(textures).collect()],
+        reads: vec![RELIEF.into_iter().chain([Input::Texture(Slot::Light)]).collect()],
         writes: vec![Some(Output::Texture(Slot::SmoothLight))],
-        depth: Some(Output::Texture(Slot::Depth(RaySet::Pixels))),
+        depth: Some(Output::DEPTH),
         clear: Some(Clear::White),
         ..Pass::fullscreen(SMOOTH_LIGHT, Place::Layer, None, program)
     })

@@ -27,7 +27,7 @@ use bevy::{
 use crate::{
     camera::PropPlacement,
     render::{
-        frame::{Clear, FirstGroup, Input, Output, Pass, Place, Program, PropView, RaySet, Slot, run},
+        frame::{Clear, FirstGroup, Input, Output, Pass, Place, Program, PropView, Slot, run},
         plan::{Feature, Plan},
     },
     sets::PlenOctreeRenderSystems,
@@ -53,10 +53,9 @@ pub(super) fn hide_objects(plan: &Plan) -> Vec<Pass> {
     if !plan.has_objects {
         return vec![];
     }
-    let solid = Input::Texture(Slot::Depth(RaySet::Pixels));
     let restore = pass(RESTORE_DEPTH, Place::Restore, Program::new("restore_depth"), vec![prop_pixels(plan)]);
     vec![
-        pass(HIDE_OBJECTS, Place::Hide, Program::new("hide_objects"), vec![prop_pixels(plan), vec![solid]]),
+        pass(HIDE_OBJECTS, Place::Hide, Program::new("hide_objects"), vec![prop_pixels(plan), vec![Input::DEPTH]]),
         Pass { group: FirstGroup::SceneDepth(plan.samples), ..restore },
     ]
 }
@@ -70,7 +69,7 @@ pub(super) fn under_objects(plan: &Plan) -> Option<Pass> {
     plan.has_objects.then(|| Pass {
         feature: Feature::Objects,
         group: FirstGroup::with_depth_if(has_samples, plan.samples),
-        reads: vec![vec![Input::Scene, Input::Texture(Slot::Depth(RaySet::Pixels))]],
+        reads: vec![vec![Input::Scene, Input::DEPTH]],
         writes: vec![Some(Output::Texture(slot))],
         clear: Some(Clear::Zero),
         samples: plan.samples,
@@ -90,8 +89,7 @@ pub(super) fn objects(plan: &Plan) -> Option<Pass> {
 
 /// Returns what `prop_pixels.wgsl` reads.
 fn prop_pixels(plan: &Plan) -> Vec<Input> {
-    let slots = [Slot::Color(RaySet::Pixels)].into_iter().chain(plan.smooths.then_some(Slot::Outline));
-    slots.map(Input::Texture).collect()
+    [Input::COLOR].into_iter().chain(plan.smooths.then_some(Input::Texture(Slot::Outline))).collect()
 }
 
 fn with_prop_pixels(plan: &Plan, program: Program) -> Program {

@@ -24,11 +24,7 @@ pub(super) fn present(plan: &Plan) -> Vec<Pass> {
     let of_motion = if plan.has_motion { vec![Slot::Motion(RaySet::Pixels)] } else { vec![] };
     let textures = |slots: Vec<Slot>| slots.into_iter().map(Input::Texture).collect();
     let shown = if plan.has_fog { Slot::Fogged } else { shown_after(plan.stages.len()) };
-    let mut reads = vec![
-        [shown, Slot::Depth(RaySet::Pixels)].map(Input::Texture).to_vec(),
-        textures(of_edges),
-        textures(of_motion),
-    ];
+    let mut reads = vec![vec![Input::Texture(shown), Input::DEPTH], textures(of_edges), textures(of_motion)];
     while reads.last().is_some_and(Vec::is_empty) {
         reads.pop();
     }

@@ -46,7 +46,7 @@ pub(super) fn fill(plan: &Plan) -> Pass {
         feature: Feature::Sparse,
         reads: vec![reads],
         writes: layer(plan, RaySet::Pixels),
-        depth: Some(Output::Texture(Slot::Depth(RaySet::Pixels))),
+        depth: Some(Output::DEPTH),
         ..Pass::fullscreen(
             FILL,
             Place::Layer,
