@@ -6,6 +6,12 @@ use bevy::{
     platform::{collections::HashMap, hash::FixedHasher},
     prelude::*,
 };
+use plenoctree::{
+    PlenOctree,
+    palette::{LabelSpace, Palette, tone_space},
+};
+
+use crate::palette::{FieldPalette, PaletteOverride};
 
 /// The colors of a frame. Those that stay the same keep their place from frame to frame, so that views do not draw
 /// labels again because of palettes that they do not show.
@@ -16,11 +22,36 @@ pub(super) struct PlacedColors {
     places: HashMap<(u64, usize), Place>,
     /// Where others were, by how many.
     free: HashMap<usize, Vec<usize>>,
+    /// Where the palettes of fields are, without overrides, that have been placed in this frame.
+    palettes: HashMap<AssetId<PlenOctree>, PlacedPalette>,
+    /// The source colors and the shown colors of the last palette. The memory is reused.
+    given: Vec<Vec4>,
 }
 
 struct Place {
     first: usize,
     is_used: bool,
+}
+
+/// The location of a palette.
+#[derive(Clone, Copy)]
+pub(super) struct PlacedPalette {
+    /// The index in [`PlacedColors::list`] of the first source color. The shown colors follow the source colors,
+    /// both in encoded sRGB, and then the source colors in the space of tones.
+    pub first_color: u32,
+    /// The number of source colors, which is also the number of shown colors.
+    pub colors: u32,
+    /// The index of the place of the first source color, where colors are compared with it: itself, or that of a tone.
+    pub first_place: u32,
+    /// Whether any shown color is not the source color.
+    pub is_changed: bool,
+}
+
+impl PlacedPalette {
+    /// Returns whether labels are tones.
+    pub fn is_of_tones(&self) -> bool {
+        self.first_place != self.first_color
+    }
 }
 
 impl PlacedColors {
@@ -37,6 +68,58 @@ impl PlacedColors {
             self.list.clear();
             self.free.clear();
         }
+        self.palettes.clear();
+    }
+
+    /// Places the palette of a field, unless this frame has done so, or with overrides: source colors with their ramps,
+    /// shown colors, the places of the source colors as tones, and these from dark to light, with their indices. The
+    /// last two are only computed for colors that the last frame did not have.
+    pub fn place_palette(
+        &mut self,
+        field: AssetId<PlenOctree>,
+        palette: &FieldPalette,
+        own: Option<&PaletteOverride>,
+    ) -> PlacedPalette {
+        if let (Some(placed), None) = (self.palettes.get(&field), own) {
+            return *placed;
+        }
+        let of = palette.palette();
+        // Drop colors beyond the maximum, which shaders could not process in time.
+        let source = of.colors.get(..Palette::MAX_COLORS).unwrap_or(&of.colors);
+        let count = source.len();
+        // A color without a ramp is one by itself.
+        let ramp =
+            |color| of.ramps.iter().position(|ramp| ramp.tones.contains(&color)).unwrap_or(Palette::MAX_COLORS + color);
+        let mut given = std::mem::take(&mut self.given);
+        given.clear();
+        let numbered = source.iter().enumerate();
+        given.extend(numbered.map(|(i, c)| glam::DVec3::from(*c).as_vec3().extend(ramp(i) as f32)));
+        let encoded = |color: Color| Srgba::from(color).to_vec3().extend(0.0);
+        given.extend(palette.shown().iter().take(count).map(|color| encoded(*color)));
+        if let Some(own) = own {
+            own.apply(of, |index, color| {
+                if index < count {
+                    given[count + index] = encoded(color);
+                }
+            });
+        }
+        let is_changed = (0..count).any(|index| given[index].truncate() != given[count + index].truncate());
+        let first_color = self.place(&given, 4 * count, || {
+            let places: Vec<Vec3> =
+                source.iter().map(|color| tone_space(glam::DVec3::from(*color)).as_vec3()).collect();
+            let mut sorted: Vec<Vec4> =
+                (0u16..).zip(&places).map(|(index, place)| place.extend(index.into())).collect();
+            sorted.sort_by(|a, b| a.x.total_cmp(&b.x));
+            places.iter().map(|place| place.extend(0.0)).chain(sorted).collect()
+        });
+        self.given = given;
+        let colors = count as u32;
+        let first_place = if of.label_space() == LabelSpace::Encoded { first_color } else { first_color + 2 * colors };
+        let placed = PlacedPalette { first_color, colors, first_place, is_changed };
+        if own.is_none() {
+            self.palettes.insert(field, placed);
+        }
+        placed
     }
 
     /// Returns the index of the first of `count` colors. They begin with the `given` ones, which determine the `rest`:

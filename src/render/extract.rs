@@ -7,17 +7,16 @@ use bevy::{
     camera::visibility::VisibleEntities,
     core_pipeline::{prepass::MotionVectorPrepass, tonemapping::Tonemapping},
     ecs::entity::EntityHashMap,
-    platform::collections::HashMap,
     prelude::*,
     render::{Extract, render_asset::RenderAssets, sync_world::RenderEntity},
 };
 
-use plenoctree::{
-    PlenOctree,
-    palette::{LabelSpace, Palette, tone_space},
-};
+use plenoctree::{PlenOctree, palette::Palette};
 
-use super::{colors::PlacedColors, rays::Pose};
+use super::{
+    colors::{PlacedColors, PlacedPalette},
+    rays::Pose,
+};
 use crate::{
     camera::{LabelStages, PosterizeView, PropPlacement},
     gpu::{GpuField, GpuLevel, Level},
@@ -40,8 +39,6 @@ pub(super) struct ExtractedProps {
     pub index: EntityHashMap<usize>,
     /// The transforms of the previous frame, if a camera draws motion vectors.
     transforms: EntityHashMap<GlobalTransform>,
-    /// Where in `colors` the palettes of fields are that have been placed in this frame.
-    palettes: HashMap<AssetId<PlenOctree>, ExtractedPalette>,
 }
 
 pub(super) struct ExtractedProp {
@@ -56,7 +53,7 @@ pub(super) struct ExtractedProp {
     pub tint: Vec3,
     pub posterize: Option<ExtractedPosterize>,
     /// The palette by which it is recolored as trained.
-    pub recolor: Option<ExtractedPalette>,
+    pub recolor: Option<PlacedPalette>,
     pub ink: Option<ExtractedInk>,
     /// The index of the prop with its earlier field, which is drawn until this one is on the GPU.
     pub stand_in: Option<usize>,
@@ -97,31 +94,24 @@ impl ExtractedProps {
     }
 }
 
-/// How a prop or a view is posterized: its settings, and the location of its palette.
+/// How a prop or a view is posterized: its settings, clamped, and the location of its palette.
 #[derive(Clone, Copy)]
 pub(super) struct ExtractedPosterize {
     pub settings: Posterize,
-    pub palette: ExtractedPalette,
+    pub palette: PlacedPalette,
 }
 
-/// The location of a palette.
-#[derive(Clone, Copy)]
-pub(super) struct ExtractedPalette {
-    /// The index in [`ExtractedProps::colors`] of the first source color. The shown colors follow the source colors,
-    /// both in encoded sRGB, and then the source colors in the space of tones.
-    pub first_color: u32,
-    /// The number of source colors, which is also the number of shown colors.
-    pub colors: u32,
-    /// The index of the place of the first source color, where colors are compared with it: itself, or that of a tone.
-    pub first_place: u32,
-    /// Whether any shown color is not the source color.
-    pub is_changed: bool,
-}
-
-impl ExtractedPalette {
-    /// Returns whether labels are tones.
-    pub fn is_of_tones(&self) -> bool {
-        self.first_place != self.first_color
+impl ExtractedPosterize {
+    fn new(
+        settings: &Posterize,
+        field: AssetId<PlenOctree>,
+        palette: &FieldPalette,
+        own: Option<&PaletteOverride>,
+        colors: &mut PlacedColors,
+    ) -> Self {
+        let blend_steps = settings.blend_steps_of(palette.palette());
+        let settings = Posterize { blend_steps, ..*settings }.clamped();
+        Self { settings, palette: colors.place_palette(field, palette, own) }
     }
 }
 
@@ -194,84 +184,6 @@ impl ExtractedInk {
     pub fn pairs_in<'a>(&self, colors: &'a [Vec4]) -> &'a [Vec4] {
         let first = self.pairs as usize;
         colors.get(first..first + RAMPS).filter(|_| self.lines & PAIRS != 0).unwrap_or_default()
-    }
-}
-
-/// The palettes of a frame.
-struct PaletteWriter<'a> {
-    colors: &'a mut PlacedColors,
-    /// Where the palettes of fields are, without overrides.
-    written: &'a mut HashMap<AssetId<PlenOctree>, ExtractedPalette>,
-    /// The source colors and the shown colors of the last palette. The memory is reused.
-    given: Vec<Vec4>,
-}
-
-impl PaletteWriter<'_> {
-    /// Writes the palette of a posterized prop or view.
-    fn posterize(
-        &mut self,
-        field: AssetId<PlenOctree>,
-        settings: &Posterize,
-        palette: &FieldPalette,
-        own: Option<&PaletteOverride>,
-    ) -> ExtractedPosterize {
-        let settings = Posterize { blend_steps: settings.blend_steps_of(palette.palette()), ..*settings };
-        ExtractedPosterize { settings, palette: self.write(field, palette, own) }
-    }
-
-    /// Writes a palette, unless it has been written in this frame.
-    fn write(
-        &mut self,
-        field: AssetId<PlenOctree>,
-        palette: &FieldPalette,
-        own: Option<&PaletteOverride>,
-    ) -> ExtractedPalette {
-        match (self.written.get(&field), own) {
-            (Some(written), None) => *written,
-            _ => {
-                let written = self.place(palette, own);
-                if own.is_none() {
-                    self.written.insert(field, written);
-                }
-                written
-            }
-        }
-    }
-
-    /// Places source colors with their ramps, shown colors, the places of the source colors as tones, and these from
-    /// dark to light, with their indices. The last two are only computed for colors that the last frame did not have.
-    fn place(&mut self, palette: &FieldPalette, own: Option<&PaletteOverride>) -> ExtractedPalette {
-        let Self { colors, given, .. } = self;
-        let of = palette.palette();
-        // Drop colors beyond the maximum, which shaders could not process in time.
-        let source = of.colors.get(..Palette::MAX_COLORS).unwrap_or(&of.colors);
-        let count = source.len();
-        // A color without a ramp is one by itself.
-        let ramp = |color| of.ramps.iter().position(|ramp| ramp.tones.contains(&color)).unwrap_or(RAMPS + color);
-        given.clear();
-        let numbered = source.iter().enumerate();
-        given.extend(numbered.map(|(i, c)| glam::DVec3::from(*c).as_vec3().extend(ramp(i) as f32)));
-        let encoded = |color: Color| Srgba::from(color).to_vec3().extend(0.0);
-        given.extend(palette.shown().iter().take(count).map(|color| encoded(*color)));
-        if let Some(own) = own {
-            own.apply(of, |index, color| {
-                if index < count {
-                    given[count + index] = encoded(color);
-                }
-            });
-        }
-        let is_changed = (0..count).any(|index| given[index].truncate() != given[count + index].truncate());
-        let first_color = colors.place(given, 4 * count, || {
-            let places: Vec<Vec3> =
-                source.iter().map(|color| tone_space(glam::DVec3::from(*color)).as_vec3()).collect();
-            let mut sorted: Vec<Vec4> =
-                (0u16..).zip(&places).map(|(index, place)| place.extend(index.into())).collect();
-            sorted.sort_by(|a, b| a.x.total_cmp(&b.x));
-            places.iter().map(|place| place.extend(0.0)).chain(sorted).collect()
-        });
-        let colors = count as u32;
-        let first_place = if of.label_space() == LabelSpace::Encoded { first_color } else { first_color + 2 * colors };
-        ExtractedPalette { first_color, colors, first_place, is_changed }
     }
 }
 
@@ -360,14 +272,12 @@ pub(super) fn extract_props(
     >,
     cameras: Extract<Query<(RenderEntity, &Camera, Has<Camera3d>, &VisibleEntities, CameraSettings)>>,
 ) {
-    let ExtractedProps { props: list, colors, index, transforms, palettes: written } = &mut *extracted;
+    let ExtractedProps { props: list, colors, index, transforms } = &mut *extracted;
     let mut previous = std::mem::take(transforms);
     let has_motion = cameras.iter().any(|(.., (.., has_motion))| has_motion);
     list.clear();
     colors.begin();
-    written.clear();
     index.clear();
-    let mut writer = PaletteWriter { colors, written, given: vec![] };
     for (entity, (prop, drawn), solid, (tint, posterize, recolor, own, ink, lighting), transform, visibility) in &props
     {
         if !visibility.get() {
@@ -395,12 +305,11 @@ pub(super) fn extract_props(
                 previous: previous.get(&entity).copied().unwrap_or(*transform),
                 solid: solid.copied().unwrap_or_default(),
                 tint: tint.copied().unwrap_or_default().factors(),
-                posterize: posterize.map(|(settings, palette)| writer.posterize(handle.id(), settings, palette, own)),
-                recolor: recolor.map(|palette| writer.write(handle.id(), palette, own)),
+                posterize: posterize
+                    .map(|(settings, palette)| ExtractedPosterize::new(settings, handle.id(), palette, own, colors)),
+                recolor: recolor.map(|palette| colors.place_palette(handle.id(), palette, own)),
                 // Ink without lines keeps the camera's ink away.
-                ink: ink
-                    .filter(|_| posterize.is_some())
-                    .map(|ink| ExtractedInk::new(ink, writer.colors).unwrap_or_default()),
+                ink: ink.filter(|_| posterize.is_some()).map(|ink| ExtractedInk::new(ink, colors).unwrap_or_default()),
                 stand_in,
                 lighting: lighting.filter(|_| cfg!(feature = "shadows")).map(|lighting| lighting.clamped()),
             });
@@ -430,9 +339,9 @@ pub(super) fn extract_props(
         let seen = visible.iter(TypeId::of::<Prop>()).filter_map(|entity| index.get(entity).copied());
         let view_posterize = view_posterize.and_then(|(view, settings)| {
             let palette = palettes.get(&view.0)?;
-            Some(writer.posterize(view.0.id(), settings, palette, own))
+            Some(ExtractedPosterize::new(settings, view.0.id(), palette, own, colors))
         });
-        let ink = ink.and_then(|ink| ExtractedInk::new(ink, writer.colors));
+        let ink = ink.and_then(|ink| ExtractedInk::new(ink, colors));
         let placement = placement.copied().unwrap_or_default();
         let quality = quality.copied().unwrap_or_default().clamped();
         let mut new = None;

@@ -4,7 +4,8 @@ use bevy::{prelude::*, render::render_resource::ShaderType};
 use glam::{DMat4, DVec2};
 
 use super::{
-    extract::{ExtractedInk, ExtractedPalette, ExtractedPosterize, ExtractedProp},
+    colors::PlacedPalette,
+    extract::{ExtractedInk, ExtractedPosterize, ExtractedProp},
     rays::Rays,
 };
 use crate::{posterize::BorderSmoothing, prop::SolidOpacity, quality::PropQuality};
@@ -50,7 +51,7 @@ impl PropUniform {
         posterize: Option<&ExtractedPosterize>,
         smooths: Smooths,
     ) -> Self {
-        let settings = posterize.map(|posterize| posterize.settings).unwrap_or_default().clamped();
+        let settings = posterize.map(|posterize| posterize.settings).unwrap_or_default();
         Self {
             clip_from_box: near_one(rect.clip_from_viewport() * rays.clip_from_box).as_mat4(),
             posterized: posterize.is_some().into(),
@@ -126,7 +127,7 @@ impl FilterUniform {
         let Some(posterize) = posterize else {
             return default();
         };
-        let filter = posterize.settings.clamped().filter;
+        let filter = posterize.settings.filter;
         let taps = filter.taps.min(filter.radius);
         let falloff = |sigma: f32| 0.5 / (sigma * sigma);
         Self {
@@ -168,7 +169,7 @@ impl LabelsUniform {
     /// `pixels` says how many of them a world unit covers at w = 1 in clip space.
     pub fn new(
         posterize: Option<&ExtractedPosterize>,
-        palette: Option<&ExtractedPalette>,
+        palette: Option<&PlacedPalette>,
         ink: Option<ExtractedInk>,
         pixels: f32,
     ) -> Self {
@@ -185,7 +186,7 @@ impl LabelsUniform {
         let Some(posterize) = posterize else {
             return of_palette;
         };
-        let settings = posterize.settings.clamped();
+        let settings = &posterize.settings;
         let ink = ink.unwrap_or_default();
         Self {
             // The paper shows thin pixels as rendered.

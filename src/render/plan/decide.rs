@@ -14,10 +14,8 @@ use crate::{
     posterize::{BeforePalette, EdgeSmoothing, MAX_FILTER_RADIUS},
     prop::SolidOpacity,
     render::{
-        extract::{
-            ExtractedInk, ExtractedPalette, ExtractedPosterize, ExtractedProp, ExtractedProps, OrderedProp,
-            VisibleProps,
-        },
+        colors::PlacedPalette,
+        extract::{ExtractedInk, ExtractedPosterize, ExtractedProp, ExtractedProps, OrderedProp, VisibleProps},
         rays::{Rays, covered},
         uniforms::{FilterUniform, LabelsUniform, PropUniform, Rect, ScreenUniform, Smooths, ViewUniform},
     },
@@ -68,7 +66,7 @@ struct VisibleProp<'a> {
     rays: Rays,
     posterize: Option<&'a ExtractedPosterize>,
     /// The palette by which it is posterized, or recolored as trained.
-    palette: Option<&'a ExtractedPalette>,
+    palette: Option<&'a PlacedPalette>,
     /// What was planned of it, in a view that is held.
     held: Option<&'a PlannedProp>,
 }
@@ -174,8 +172,7 @@ pub(in crate::render) fn decide(
     let keeps = quality.steady_labels && finishes;
     let mut steady = EntityHashMap::default();
     for (index, seen) in seen.iter().enumerate() {
-        let Some(posterize) = seen.posterize.filter(|posterize| keeps && posterize.settings.clamped().is_steady())
-        else {
+        let Some(posterize) = seen.posterize.filter(|posterize| keeps && posterize.settings.is_steady()) else {
             continue;
         };
         let (place, field) = (seen.prop.pose.world_from_prop, seen.field.bind_group.id());
@@ -328,7 +325,7 @@ fn labels_hash(posterize: &ExtractedPosterize, colors: &[Vec4]) -> u64 {
 /// Returns a number that is different for different colors of the palettes, and for different pairs of ramps between
 /// which ink is drawn.
 fn palettes_hash<'a>(
-    palettes: impl Iterator<Item = &'a ExtractedPalette>,
+    palettes: impl Iterator<Item = &'a PlacedPalette>,
     inks: impl Iterator<Item = ExtractedInk>,
     colors: &[Vec4],
 ) -> u64 {
