@@ -270,7 +270,7 @@ pub(super) fn extract_props(
     props: Extract<
         Query<(Entity, (&Prop, &DrawnField), Option<&SolidOpacity>, PropColors, &GlobalTransform, &ViewVisibility)>,
     >,
-    cameras: Extract<Query<(RenderEntity, &Camera, Has<Camera3d>, &VisibleEntities, CameraSettings)>>,
+    cameras: Extract<Query<(RenderEntity, &Camera, &VisibleEntities, CameraSettings), With<Camera3d>>>,
 ) {
     let ExtractedProps { props: list, colors, index, transforms } = &mut *extracted;
     let mut previous = std::mem::take(transforms);
@@ -316,8 +316,9 @@ pub(super) fn extract_props(
             Some(list.len() - 1)
         };
         let stand_in = drawn.stand_in(&prop.0).and_then(|field| push(field, None));
-        let held_back = is_held_back(&prop.0, before_palette(posterize, recolor), &palettes, &extraction);
-        let own = if held_back { None } else { push(&prop.0, stand_in) };
+        let hides = before_palette(posterize, recolor) == Some(BeforePalette::Hide);
+        let waits = hides && palettes.get(&prop.0).is_none() && extraction.error(&prop.0).is_none();
+        let own = if waits { None } else { push(&prop.0, stand_in) };
         if let Some(drawn) = own.or(stand_in) {
             index.insert(entity, drawn);
         }
@@ -327,15 +328,9 @@ pub(super) fn extract_props(
         previous.extend(props.iter().map(|(entity, .., transform, _)| (entity, *transform)));
     }
     *transforms = previous;
-    for (entity, camera, is_3d, visible, (placement, quality, view_posterize, own, ink, stages, has_motion)) in &cameras
-    {
-        if !camera.is_active || !is_3d {
-            // It draws nothing.
-            if let Ok(mut view) = views.get_mut(entity) {
-                view.clear();
-            }
-            continue;
-        }
+    views.iter_mut().for_each(|mut view| view.clear());
+    let active = cameras.iter().filter(|(_, camera, ..)| camera.is_active);
+    for (entity, _, visible, (placement, quality, view_posterize, own, ink, stages, has_motion)) in active {
         let seen = visible.iter(TypeId::of::<Prop>()).filter_map(|entity| index.get(entity).copied());
         let view_posterize = view_posterize.and_then(|(view, settings)| {
             let palette = palettes.get(&view.0)?;
@@ -349,7 +344,6 @@ pub(super) fn extract_props(
             Ok(view) => view.into_inner(),
             Err(_) => new.insert(VisibleProps::default()),
         };
-        view.props.clear();
         view.props.extend(seen);
         (view.view_posterize, view.placement, view.quality, view.ink) = (view_posterize, placement, quality, ink);
         view.stages.clear();
@@ -366,14 +360,4 @@ pub(super) fn extract_props(
             commands.entity(entity).insert(new);
         }
     }
-}
-
-/// Returns whether a field is not drawn because its palette is not known yet.
-fn is_held_back(
-    field: &Handle<PlenOctree>,
-    before: Option<BeforePalette>,
-    palettes: &Palettes,
-    extraction: &PaletteExtraction,
-) -> bool {
-    before == Some(BeforePalette::Hide) && palettes.get(field).is_none() && extraction.error(field).is_none()
 }
