@@ -64,7 +64,7 @@ pub(super) struct FieldUniform {
 /// The layout of fields' bind groups: their uniform, table records, child records, densities, coefficients, and the
 /// codebook of a packed field. Other fields bind their coefficients in its place.
 #[derive(Resource, Clone)]
-pub(crate) struct FieldLayouts(BindGroupLayoutDescriptor);
+pub(crate) struct FieldLayouts(pub BindGroupLayoutDescriptor);
 
 pub(super) fn init(mut commands: Commands) {
     let words = || texture_2d_array(TextureSampleType::Uint);
@@ -73,12 +73,6 @@ pub(super) fn init(mut commands: Commands) {
         (uniform_buffer::<FieldUniform>(false), words(), words(), words(), words(), words()),
     );
     commands.insert_resource(FieldLayouts(BindGroupLayoutDescriptor::new("plenoctree_field", &entries)));
-}
-
-impl FieldLayouts {
-    pub fn get(&self) -> &BindGroupLayoutDescriptor {
-        &self.0
-    }
 }
 
 impl TreeShape {

@@ -245,7 +245,7 @@ impl Uploader<'_> {
         let shape = FieldShape { payload, activation: field.activation(), inner_records: !records.children.is_empty() };
         let bind_group = self.device.create_bind_group(
             "plenoctree_field",
-            &self.pipelines.get_bind_group_layout(self.layouts.get()),
+            &self.pipelines.get_bind_group_layout(&self.layouts.0),
             &BindGroupEntries::sequential((
                 uniform.as_entire_buffer_binding(),
                 &views[0],

@@ -169,7 +169,7 @@ fn plan_views(
         if plan.is_lit {
             let lit = passes::lit_props(plan, &extracted, &mut view.shades);
             buffers.lit.set(&device, &queue, "plenoctree_lit", BufferUsages::STORAGE, &lit);
-            buffers.shades.set(&device, &queue, "plenoctree_shades", BufferUsages::STORAGE, view.shades.colors());
+            buffers.shades.set(&device, &queue, "plenoctree_shades", BufferUsages::STORAGE, &view.shades.colors);
         }
         if has_memory {
             cached.decide(&device, passes, textures, buffers, left_out < LeftOut::More, plan);

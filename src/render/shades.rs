@@ -47,7 +47,8 @@ pub(super) struct Shades {
     /// Where the shades of this frame's palettes begin in `colors`, by the palette's first color, the steps of its
     /// blends, and the bits of the factors and of white.
     begins: HashMap<(u32, u32, Vec<u32>), u32>,
-    colors: Vec<Vec4>,
+    /// The shades of this frame, in encoded sRGB.
+    pub colors: Vec<Vec4>,
 }
 
 /// The most shades of a frame: 64 MiB, half of what a WebGPU binding holds.
@@ -118,11 +119,6 @@ impl Shades {
         }
         self.begins.insert(begin, first);
         Some(first)
-    }
-
-    /// Returns the shades of this frame, in encoded sRGB.
-    pub fn colors(&self) -> &Vec<Vec4> {
-        &self.colors
     }
 }
 
@@ -236,12 +232,12 @@ mod tests {
         shades.begin();
         let palette = ShadedPalette { colors, first: 0, count: colors.len() as u32 / 2, blend_steps, tint: Vec3::ONE };
         assert_eq!(shades.find(palette, factors), Some(0));
-        let found = shades.colors().clone();
+        let found = shades.colors.clone();
         // Once a frame.
         assert_eq!(shades.find(palette, factors), Some(0));
-        assert_eq!(shades.colors(), &found);
+        assert_eq!(shades.colors, found);
         shades.begin();
-        assert!(shades.colors().is_empty());
+        assert!(shades.colors.is_empty());
         found
     }
 
@@ -277,7 +273,7 @@ mod tests {
             shades.begin();
             let palette = ShadedPalette { colors: &colors, first: 0, count: 3, blend_steps: 1, tint };
             assert_eq!(shades.find(palette, &[4.0]), Some(0));
-            let gains = shades.colors().iter().zip(&colors).map(|(lit, own)| light(*lit) / light(*own));
+            let gains = shades.colors.iter().zip(&colors).map(|(lit, own)| light(*lit) / light(*own));
             // The darkest one becomes another one.
             let mut gains = gains.skip(1);
             assert_eq!(gains.all(|gain| (gain - 4.0).abs() < 0.01), is_whole, "{tint}");
@@ -307,7 +303,7 @@ mod tests {
         let palette = ShadedPalette { colors: &colors, first: 0, count: 2, blend_steps: 1, tint: Vec3::ONE };
         assert_eq!(shades.find(palette, &[0.5, 1.0]), Some(0));
         assert_eq!(shades.find(ShadedPalette { blend_steps: 3, ..palette }, &[0.5, 1.0]), Some(4));
-        assert_eq!(shades.colors().len(), 4 + 8);
+        assert_eq!(shades.colors.len(), 4 + 8);
     }
 
     proptest! {

@@ -145,13 +145,13 @@ impl FilterUniform {
 #[cfg_attr(test, derive(Reflect))]
 #[derive(ShaderType, Clone, Copy, Default, PartialEq)]
 pub(super) struct LabelsUniform {
-    colors: u32,
-    first_color: u32,
-    blend_steps: u32,
+    pub colors: u32,
+    pub first_color: u32,
+    pub blend_steps: u32,
     softness: f32,
     first_place: u32,
-    smooth_borders: u32,
-    ink: u32,
+    pub smooth_borders: u32,
+    pub ink: u32,
     ink_pairs: u32,
     ink_color: Vec4,
     ink_tone: f32,
@@ -205,12 +205,6 @@ impl LabelsUniform {
         }
     }
 
-    /// Returns where the source colors of the palette begin, how many there are, and the steps of their blends.
-    #[cfg(feature = "shadows")]
-    pub fn palette(&self) -> (u32, u32, u32) {
-        (self.first_color, self.colors, self.blend_steps)
-    }
-
     /// Lets pixels keep the labels of the former frame, unless another one is nearer by more than `steadiness`.
     pub(super) fn steady(self, steadiness: f32, earlier: &Earlier) -> Self {
         Self {
@@ -220,14 +214,6 @@ impl LabelsUniform {
             former_from_clip: earlier.former_from_clip,
             ..self
         }
-    }
-
-    pub fn has_smooth_borders(&self) -> bool {
-        self.smooth_borders > 0
-    }
-
-    pub fn has_ink(&self) -> bool {
-        self.ink > 0
     }
 }
 

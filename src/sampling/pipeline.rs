@@ -86,7 +86,7 @@ impl SpecializedComputePipeline for SamplingPipeline {
         let tree = TreeShape::from(shape).definitions();
         ComputePipelineDescriptor {
             label: Some(label.into()),
-            layout: vec![layout.clone(), self.fields.get().clone()],
+            layout: vec![layout.clone(), self.fields.0.clone()],
             shader: shader.clone(),
             shader_defs: field_definitions(shape).into_iter().chain(tree).chain(lattice).collect(),
             entry_point: Some(entry_point.into()),

@@ -205,7 +205,7 @@ impl Pipelines {
         let mut definitions = program.definitions.clone();
         let mut layout = vec![self.first_layout(key.group)];
         if let Some(tree) = program.tree {
-            layout.push(self.fields.get().clone());
+            layout.push(self.fields.0.clone());
             definitions.extend(tree.definitions());
         }
         layout.extend(key.reads.iter().cloned());

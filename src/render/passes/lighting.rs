@@ -142,14 +142,18 @@ pub(in crate::render) fn lit_props(plan: &Plan, extracted: &ExtractedProps, shad
             radius,
             ..default()
         };
-        let Some((first, colors, blend_steps)) = plan.labeling_of(at).map(LabelsUniform::palette) else {
+        let Some(&LabelsUniform { first_color, colors, blend_steps, .. }) = plan.labeling_of(at) else {
             return Some(unlabeled);
         };
         // The layer of a posterized view already has the tints of its props.
         let is_tinted = plan.props.get(at).is_some_and(|prop| prop.is_posterized);
-        let tint_after = if is_tinted { prop.tint } else { Vec3::ONE };
-        let palette =
-            ShadedPalette { colors: &extracted.colors.list, first, count: colors, blend_steps, tint: tint_after };
+        let palette = ShadedPalette {
+            colors: &extracted.colors.list,
+            first: first_color,
+            count: colors,
+            blend_steps,
+            tint: if is_tinted { prop.tint } else { Vec3::ONE },
+        };
         // From the darkest band to the brightest one, or to the prop's own light.
         let factors: Vec<f32> = (0..=if brightness > 0.0 { 2 * bands } else { bands })
             .map(|row| row as f32 / bands as f32 - 1.0)

@@ -203,8 +203,8 @@ pub(in crate::render) fn decide(
         has_hard_shadows: visible.has_hard_shadows,
         has_several_props: props.len() > 1,
         smooths: props.iter().any(|prop| prop.smooths != Smooths::Nothing),
-        has_smooth_borders: finishes && labelings.iter().any(LabelsUniform::has_smooth_borders),
-        has_ink: finishes && labelings.iter().any(LabelsUniform::has_ink),
+        has_smooth_borders: finishes && labelings.iter().any(|labels| labels.smooth_borders > 0),
+        has_ink: finishes && labelings.iter().any(|labels| labels.ink > 0),
         has_motion: true,
         stages: if has(Feature::Stages) { visible.stages.clone() } else { vec![] },
         has_objects: has(Feature::Objects),
@@ -315,11 +315,9 @@ fn drawn_rect(rects: &[URect], spacing: u32, viewport: UVec2, most: UVec2) -> Op
 
 /// Returns a number that is different for different labels: what their source colors are, and how they blend.
 fn labels_hash(posterize: &ExtractedPosterize, colors: &[Vec4]) -> u64 {
-    let mut hasher = FixedHasher.build_hasher();
     let (first, count) = (posterize.palette.first_color as usize, posterize.palette.colors as usize);
-    bytemuck::cast_slice::<_, u8>(colors.get(first..first + count).unwrap_or_default()).hash(&mut hasher);
-    (posterize.settings.blend_steps, posterize.palette.is_of_tones()).hash(&mut hasher);
-    hasher.finish()
+    let source = bytemuck::cast_slice::<_, u8>(colors.get(first..first + count).unwrap_or_default());
+    FixedHasher.hash_one((source, posterize.settings.blend_steps, posterize.palette.is_of_tones()))
 }
 
 /// Returns a number that is different for different colors of the palettes, and for different pairs of ramps between
