@@ -2,12 +2,9 @@
 // the pixel the prop covers, and its color there.
 
 #import bevy_plenoctree::color::to_half
-#import bevy_plenoctree::edge::{FAINTEST, RAYS, neighbor, offset_of_four, ray_offset}
-#ifdef MULTISAMPLED
-#import bevy_plenoctree::edge::{rays_of, sample_of}
-#endif
+#import bevy_plenoctree::edge::{FAINTEST, RAYS, neighbor, offset_of_four, ray_offset, rays_of, sample_of}
 #import bevy_plenoctree::octree::{begin, density, field, has_ended, next_leaf}
-#import bevy_plenoctree::prop_ray::{PropRay, position_of, ray_at}
+#import bevy_plenoctree::prop_ray::{position_of, ray_at}
 #import bevy_plenoctree::radiance::{Harmonics, harmonics, radiance}
 #import bevy_plenoctree::scene::scene_depth_at
 #import bevy_plenoctree::view::{
@@ -25,31 +22,27 @@
 
 // What a ray sees of a prop.
 struct Look {
-    // Where its opacity reaches the one from which the prop is posterized, or -1.
-    covered_at: f32,
+    // Whether its opacity reaches the one from which the prop is posterized, and at which distance along the view axis.
+    is_covered: bool,
+    distance: f32,
     // Encoded sRGB premultiplied by opacity, and opacity.
     color: vec4<f32>,
 }
 
-// The transmittances at which a ray counts as covered, and at which it stops and counts as opaque.
-struct Transmittances {
-    covered: f32,
-    stop: f32,
-}
-
-fn transmittances_of(prop: Prop) -> Transmittances {
-    let covered = max(1.0 - prop.min_opacity, view.stop_transmittance);
-    return Transmittances(covered, max(min(FAINTEST, covered), view.stop_transmittance));
-}
-
-// Marches as the volume pass does, but stops earlier.
-fn look(seen: PropRay, end: f32, limits: Transmittances, h: ptr<function, Harmonics>) -> Look {
+// Marches through a point of the view as the volume pass does, but stops earlier. Begins at `begins` or at the box, and
+// ends at the depth `last`.
+fn look(prop: Prop, at: vec2<f32>, begins: f32, last: f32, h: ptr<function, Harmonics>) -> Look {
+    let seen = ray_at(prop, at);
+    let end = min(seen.span.y, (distance_from_depth(last) - prop.near) * seen.length);
+    // The transmittances at which a ray counts as covered, and at which it stops and counts as opaque.
+    let limit = max(1.0 - prop.min_opacity, view.stop_transmittance);
+    let stop = max(min(FAINTEST, limit), view.stop_transmittance);
     var color = vec4(0.0);
     var transmittance = 1.0;
     var covered_at = -1.0;
-    var walk = begin(seen.ray, seen.span.x);
+    var walk = begin(seen.ray, max(seen.span.x, begins));
     loop {
-        if transmittance < limits.stop || has_ended(seen.ray, walk, end) {
+        if transmittance < stop || has_ended(seen.ray, walk, end) {
             break;
         }
         let crossing = next_leaf(seen.ray, &walk, end);
@@ -58,11 +51,11 @@ fn look(seen: PropRay, end: f32, limits: Transmittances, h: ptr<function, Harmon
         transmittance *= exp(-sigma * (crossing.exit - crossing.enter));
         let weight = before - transmittance;
         color += weight * vec4(radiance(crossing.leaf, h), 1.0);
-        let inside = position_of(limits.covered, before, crossing, sigma);
-        covered_at = select(covered_at, inside, covered_at < 0.0 && transmittance <= limits.covered);
+        let inside = position_of(limit, before, crossing, sigma);
+        covered_at = select(covered_at, inside, covered_at < 0.0 && transmittance <= limit);
     }
-    let gone = select(1.0 - transmittance, 1.0, transmittance < limits.stop);
-    return Look(covered_at, color * gone / max(color.a, 1e-6));
+    let gone = select(1.0 - transmittance, 1.0, transmittance < stop);
+    return Look(covered_at >= 0.0, prop.near + covered_at / seen.length, color * gone / max(color.a, 1e-6));
 }
 
 // Returns the slope of a surface along one axis, from its depth at a pixel and at two neighbors. At the edge of the
@@ -235,19 +228,15 @@ fn fragment(@builtin(position) position: vec4<f32>, @location(0) @interpolate(fl
     let is_own = owners.x == index + 1u;
 #ifdef OF_OWNERS
     let is_drawn = is_own && owners.y > 0u;
-#else
-#ifdef OF_OTHERS
+    if !is_drawn {
+        discard;
+    }
+#else ifdef OF_OTHERS
     let is_drawn = select(owners.y == index + 1u, owners.y == 0u, is_own);
     let places = textureLoad(own_places, pixel, 0);
     let has_places = owners.x > 0u;
 #else
     let is_drawn = is_own || owners.y == index + 1u;
-#endif
-#endif
-#ifdef OF_OWNERS
-    if !is_drawn {
-        discard;
-    }
 #endif
 
     // What is seen at the center of the pixel, if that is another prop.
@@ -274,7 +263,6 @@ fn fragment(@builtin(position) position: vec4<f32>, @location(0) @interpolate(fl
 
     let prop = props[index];
     let begins = start(pixel, index, prop);
-    let transmittances = transmittances_of(prop);
     // Within a pixel, the direction hardly changes.
     var h = harmonics(ray_at(prop, position.xy).unit);
     var first = Color(0u, vec4(0.0));
@@ -283,11 +271,7 @@ fn fragment(@builtin(position) position: vec4<f32>, @location(0) @interpolate(fl
     let has_two_colors = is_own && owners.y == 0u;
     var hidden = 0u;
     var before = 0u;
-#ifdef MULTISAMPLED
-    let rays = RAYS;
-#else
     let rays = view.edge_rays;
-#endif
     let share = 1.0 / f32(rays);
 #ifdef OF_OWNERS
     var places = vec4(0u);
@@ -301,8 +285,6 @@ fn fragment(@builtin(position) position: vec4<f32>, @location(0) @interpolate(fl
             bits = 3u << (2u * ray);
             offset = offset_of_four(ray);
         }
-        var seen = ray_at(prop, position.xy + offset);
-        seen.span.x = max(seen.span.x, begins);
 #ifdef MULTISAMPLED
         let limit = limits[sample_of(ray, #{SAMPLES}u)];
         // To tell hidden parts from missing ones, march as far as anything is seen.
@@ -311,10 +293,9 @@ fn fragment(@builtin(position) position: vec4<f32>, @location(0) @interpolate(fl
         let limit = max(scene + dot(across, offset), 0.0);
         let last = limit;
 #endif
-        let end = min(seen.span.y, (distance_from_depth(last) - prop.near) * seen.length);
-        let found = look(seen, end, transmittances, &h);
-        let distance = prop.near + found.covered_at / seen.length;
-        let is_covered = found.covered_at >= 0.0 && distance < distance_from_depth(limit);
+        let found = look(prop, position.xy + offset, begins, last, &h);
+        let distance = found.distance;
+        let is_covered = found.is_covered && distance < distance_from_depth(limit);
 #ifdef OF_OWNERS
         places |= packed(ray, select(0.0, place_of(distance, base), is_covered));
 #endif
@@ -330,8 +311,8 @@ fn fragment(@builtin(position) position: vec4<f32>, @location(0) @interpolate(fl
         second.sum += select(vec4(0.0), color, is_of_second);
         first.bits |= select(0u, bits, is_covered && !is_of_second);
         second.bits |= select(0u, bits, is_covered && is_of_second);
-        thin += select(found.color * share, vec4(0.0), found.covered_at >= 0.0);
-        hidden |= select(0u, bits, found.covered_at >= 0.0 && !is_covered);
+        thin += select(found.color * share, vec4(0.0), found.is_covered);
+        hidden |= select(0u, bits, found.is_covered && !is_covered);
         before |= select(0u, bits, is_covered && select(is_before_own, distance < own_distance, knows_distance));
     }
 
@@ -362,12 +343,9 @@ fn fragment(@builtin(position) position: vec4<f32>, @location(0) @interpolate(fl
 #else
             let limit = scene;
 #endif
-            var seen = ray_at(prop, position.xy);
-            seen.span.x = max(seen.span.x, begins);
-            let end = min(seen.span.y, (distance_from_depth(limit) - prop.near) * seen.length);
-            let center = look(seen, end, transmittances, &h);
+            let center = look(prop, position.xy, begins, limit, &h);
             let others = RAYS - countOneBits(covered | hidden);
-            if center.covered_at < 0.0 && others > 0u && !hides {
+            if !center.is_covered && others > 0u && !hides {
                 own_color = thinned(center.color, thin * f32(RAYS) / f32(others));
             }
         }
