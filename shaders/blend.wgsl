@@ -13,10 +13,7 @@
 #endif
 #import bevy_plenoctree::shade::shade_of_owner
 #import bevy_plenoctree::target::from_target
-#ifdef RESOLVED
-#import bevy_plenoctree::view::is_solid
-#endif
-#import bevy_plenoctree::view::{is_drawn, labelings, props, view}
+#import bevy_plenoctree::view::{is_drawn, is_solid, labelings, props, view}
 
 // The results of the label pass.
 @group(1) @binding(0) var shown: texture_2d<f32>;

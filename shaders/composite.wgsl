@@ -1,11 +1,7 @@
 // The composite pass: blends the layer over the scene, in encoded sRGB. Posterization works on the result, and where
 // labels are tones, on the layer alone. With OUTLINE, it also finds the pixels at the edges of props.
 
-#ifdef UNFILTERED
-#import bevy_plenoctree::filter_texel::pack_filtered
-#else
-#import bevy_plenoctree::filter_texel::pack
-#endif
+#import bevy_plenoctree::filter_texel::{pack, pack_filtered}
 #ifdef OUTLINE
 #import bevy_plenoctree::edge_owners::{mask_of, owners_at}
 #endif

@@ -14,10 +14,7 @@
 #ifdef STEADY
 #import bevy_plenoctree::steady::{former_labels, steadied}
 #endif
-#import bevy_plenoctree::shade::shade_of_owner
-#ifdef LIGHTING
-#import bevy_plenoctree::shade::{lit_prop, smooth_shade_of}
-#endif
+#import bevy_plenoctree::shade::{lit_prop, shade_of_owner, smooth_shade_of}
 #import bevy_plenoctree::view::{props, screen, view}
 
 #ifdef UNPOSTERIZED

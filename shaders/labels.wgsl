@@ -1,15 +1,9 @@
 // Finds the label of a color, and the color that it shows. See section 4 of the method, steps 3 to 5.
 #define_import_path bevy_plenoctree::labels
 
-#import bevy_plenoctree::color::tone_space
-#ifdef LIGHTING
-#import bevy_plenoctree::color::{decode, encode}
-#endif
+#import bevy_plenoctree::color::{decode, encode, tone_space}
 #import bevy_plenoctree::filter_texel::{Pixel, TONE}
-#import bevy_plenoctree::shade::Light
-#ifdef LIGHTING
-#import bevy_plenoctree::shade::shade_in
-#endif
+#import bevy_plenoctree::shade::{Light, shade_in}
 #import bevy_plenoctree::view::{colors, labelings}
 
 // A label: a blend of the palette colors `first` and `second`, where `share` is the weight of `first`.

@@ -122,12 +122,9 @@ fn shade_of_owner(pixel: vec2<u32>, owner: u32) -> Shade {
 // Returns the factors of linear light of a prop in a pixel that is not posterized.
 fn smooth_shade_of(pixel: vec2<u32>, prop: u32) -> vec3<f32> {
     let arrives = arriving(pixel, prop);
-    return tint_of(prop, arrives) * factor_of(prop, select(-arrives.a, arrives.a, is_brightened(prop)));
-}
-
-// Returns the factor of linear light where light is added or missing.
-fn factor_of(prop: u32, added: f32) -> f32 {
-    return 1.0 + added * select(lit[prop].brightness, lit[prop].shadows, added < 0.0);
+    let added = select(-arrives.a, arrives.a, is_brightened(prop));
+    let factor = 1.0 + added * select(lit[prop].brightness, lit[prop].shadows, added < 0.0);
+    return tint_of(prop, arrives) * factor;
 }
 
 // Returns what the label with an index shows in a band, in encoded sRGB.

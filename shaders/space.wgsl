@@ -1,9 +1,7 @@
 // The color spaces in which the view's target holds light.
 #define_import_path bevy_plenoctree::space
 
-#ifdef SRGB_TARGET
 #import bevy_plenoctree::color::{decode, encode}
-#endif
 #ifdef OKLAB_TARGET
 #import bevy_render::color_operations::{linear_rgb_to_oklab, oklab_to_linear_rgb}
 #endif

@@ -8,14 +8,8 @@
 #import bevy_plenoctree::recolor::recolored
 #endif
 #import bevy_plenoctree::view::{
-    is_solid_prop, motion_of, pack_owner, pack_haze, props, shows_through, view,
+    AS_TRAINED, is_solid_prop, labelings, motion_of, pack_owner, pack_haze, props, shows_through, view,
 }
-#ifdef RECOLORED
-#import bevy_plenoctree::view::labelings
-#endif
-#ifdef LIT
-#import bevy_plenoctree::view::AS_TRAINED
-#endif
 
 #ifdef OVERLAPPING
 // The results of the solid pass's two rounds.
