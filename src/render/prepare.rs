@@ -120,7 +120,6 @@ fn plan_views(
         let known = camera.zip(camera.and_then(|(_, camera, _)| drawn_viewport(camera, resolution)));
         let Some(((extracted_view, camera, msaa), viewport)) = known.filter(|_| !visible.is_empty()) else {
             view.clear();
-            view.textures.clear();
             view.shortage = None;
             continue;
         };
@@ -150,7 +149,6 @@ fn plan_views(
             let nothing = Plan { placement: known.placement(), samples: msaa.samples(), target, ..default() };
             passes::request(&visible, &nothing, &extracted, &fields, &mut pipelines, &cache);
             view.clear();
-            view.textures.clear();
             view.left_out = left_out;
             continue;
         };
@@ -190,14 +188,11 @@ fn plan_views(
     }
 }
 
-/// The plan of a view, and its passes with their pipelines.
-type Planned = (Plan, Vec<Pass>);
-
 /// The most frames for which a view is drawn as before because of pipelines that are not ready. They may never be.
 const MOST_HELD_FRAMES: u32 = 1000;
 
 /// Plans the frame of a view, without what needs a pipeline that is not ready. If the last frame drew that, all is
-/// drawn as then. Also returns what was left out. The plan is `None` if nothing is drawn.
+/// drawn as then. Returns the plan with its passes, or `None` if nothing is drawn, and what was left out.
 fn plan(
     known: &Known,
     held_frames: &mut u32,
@@ -205,7 +200,7 @@ fn plan(
     fields: &RenderAssets<GpuField>,
     pipelines: &mut Pipelines,
     cache: &PipelineCache,
-) -> (Option<Planned>, LeftOut) {
+) -> (Option<(Plan, Vec<Pass>)>, LeftOut) {
     let (mut missing, mut left_out) = (vec![], LeftOut::Nothing);
     let mut may_hold = !known.last.props.is_empty() && *held_frames < MOST_HELD_FRAMES;
     loop {
@@ -215,21 +210,21 @@ fn plan(
         // Textures of the scene follow these.
         let kind = |plan: &Plan| (plan.placement, plan.samples, plan.target.format);
         may_hold &= kind(&plan) == kind(known.last);
-        let (planned, lack) = with_pipelines(plan, known.last, pipelines, cache);
-        if lack.was_drawn && std::mem::take(&mut may_hold) {
-            let held = decide(known, &[], Some(known.last), extracted, fields);
-            let held = held.map(|plan| with_pipelines(plan, known.last, pipelines, cache));
-            if let Some((planned, Lack { is_any: false, .. })) = held {
-                *held_frames += 1;
-                return (Some(planned), LeftOut::More);
-            }
+        let (passes, lack) = with_pipelines(&plan, known.last, pipelines, cache);
+        if lack.was_drawn
+            && std::mem::take(&mut may_hold)
+            && let Some(plan) = decide(known, &[], Some(known.last), extracted, fields)
+            && let (passes, Lack { is_any: false, .. }) = with_pipelines(&plan, known.last, pipelines, cache)
+        {
+            *held_frames += 1;
+            return (Some((plan, passes)), LeftOut::More);
         }
         match lack.feature {
             None => {
                 *held_frames = 0;
-                return (Some(planned), if lack.is_any { LeftOut::More } else { left_out });
+                return (Some((plan, passes)), if lack.is_any { LeftOut::More } else { left_out });
             }
-            Some(Feature::Base) => return (Some((planned.0, vec![])), LeftOut::More),
+            Some(Feature::Base) => return (Some((plan, vec![])), LeftOut::More),
             Some(feature) => {
                 missing.push(feature);
                 let fails = feature == Feature::Stages && lack.fails;
@@ -252,12 +247,12 @@ struct Lack {
     was_drawn: bool,
 }
 
-/// Returns a plan and its passes with their pipelines, without the props whose pipelines are not ready.
-fn with_pipelines(plan: Plan, last: &Plan, pipelines: &mut Pipelines, cache: &PipelineCache) -> (Planned, Lack) {
-    let (mut passes, mut lack) = (vec![], Lack::default());
-    for mut pass in passes::of(&plan) {
-        let ready: Vec<_> =
-            pass.programs.iter().map(|program| pipelines.get(cache, &pass, program, plan.target.format)).collect();
+/// Returns the passes of a plan with their pipelines, without the props whose pipelines are not ready.
+fn with_pipelines(plan: &Plan, last: &Plan, pipelines: &mut Pipelines, cache: &PipelineCache) -> (Vec<Pass>, Lack) {
+    let (mut passes, mut lack) = (passes::of(plan), Lack::default());
+    let target = plan.target.format;
+    for pass in &mut passes {
+        let ready: Vec<_> = pass.programs.iter().map(|program| pipelines.get(cache, pass, program, target)).collect();
         if ready.iter().any(Option::is_none) {
             lack.is_any = true;
             if pass.may_leave_out_props() {
@@ -272,20 +267,18 @@ fn with_pipelines(plan: Plan, last: &Plan, pipelines: &mut Pipelines, cache: &Pi
                 });
             } else if lack.feature.is_none() {
                 lack.feature = Some(pass.feature);
-                lack.fails =
-                    pass.programs.iter().any(|program| pipelines.fails(cache, &pass, program, plan.target.format));
+                lack.fails = pass.programs.iter().any(|program| pipelines.fails(cache, pass, program, target));
             }
         }
         pass.pipelines = ready.into_iter().map(|id| id.unwrap_or(CachedRenderPipelineId::INVALID)).collect();
         if pass.result.is_some() && pass.clear.is_some() {
-            let clear = pipelines.clear(cache, &pass, plan.target.format);
+            let clear = pipelines.clear(cache, pass, target);
             lack.is_any |= clear.is_none();
             pass.pipelines.extend(clear);
         }
-        passes.push(pass);
     }
     lack.was_drawn |= lack.feature.is_some_and(|feature| last.keeps(feature));
-    ((plan, passes), lack)
+    (passes, lack)
 }
 
 /// Returns whether a view had too little memory a moment ago, and needs as much as then.
@@ -308,5 +301,4 @@ fn report_shortage(view: &mut PropView, props: usize, camera: Entity, reports: &
     }
     view.shortage = Some((too_large, props));
     view.clear();
-    view.textures.clear();
 }

@@ -50,6 +50,7 @@ impl PropView {
     pub(in crate::render) fn clear(&mut self) {
         self.plan = default();
         self.passes.clear();
+        self.textures.clear();
         self.cached = default();
         self.left_out = LeftOut::Nothing;
     }
