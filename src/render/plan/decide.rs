@@ -71,6 +71,9 @@ struct VisibleProp<'a> {
     held: Option<&'a PlannedProp>,
 }
 
+/// How pixels look that a prop or the posterized view owns: how they are posterized, the palette, and the lines.
+type Owner<'a> = (Option<&'a ExtractedPosterize>, Option<&'a PlacedPalette>, Option<ExtractedInk>);
+
 /// Plans the frame of a view, without what is `missing`. Returns `None` if it draws nothing.
 ///
 /// With a `held` plan, that of the last frame, it draws the same props with the same pipelines, in their current places
@@ -149,7 +152,6 @@ pub(in crate::render) fn decide(
         })
         .collect();
 
-    let posterized = || seen.iter().map(|seen| seen.posterize).chain(view_posterize.map(Some));
     let mut uniforms: Vec<_> = seen
         .iter()
         .zip(&props)
@@ -159,26 +161,22 @@ pub(in crate::render) fn decide(
         })
         .collect();
     uniforms.extend(view_posterize.map(|_| PropUniform::view_posterize()));
-    let filters: Vec<_> = posterized().map(|posterize| FilterUniform::new(posterize, quality)).collect();
+    let colors = &extracted.colors.list;
+    let of_props = seen.iter().map(|seen| (seen.posterize, seen.palette, seen.prop.ink.or(visible.ink)));
+    let of_view = view_posterize.map(|view| (Some(view), Some(&view.palette), None));
+    let owners: Vec<Owner> = of_props.chain(of_view).collect();
+    let filters: Vec<_> = owners.iter().map(|(posterize, ..)| FilterUniform::new(*posterize, quality)).collect();
     let pixels = 0.5 * size.y as f32 * motion.clip_from_view.y_axis.y.abs();
-    let inks = || seen.iter().map(|seen| seen.prop.ink.or(visible.ink)).chain(view_posterize.map(|_| None));
-    let palettes = || seen.iter().map(|seen| seen.palette).chain(view_posterize.map(|view| Some(&view.palette)));
-    let mut labelings: Vec<_> = posterized()
-        .zip(palettes())
-        .zip(inks())
-        .map(|((posterize, palette), ink)| LabelsUniform::new(posterize, palette, ink, pixels))
-        .collect();
+    let label = |(posterize, palette, ink): &Owner| LabelsUniform::new(*posterize, *palette, *ink, pixels);
+    let mut labelings: Vec<_> = owners.iter().map(label).collect();
     let finishes = has(Feature::Finish);
     let keeps = quality.steady_labels && finishes;
-    let mut steady = EntityHashMap::default();
-    for (index, seen) in seen.iter().enumerate() {
-        let Some(posterize) = seen.posterize.filter(|posterize| keeps && posterize.settings.is_steady()) else {
-            continue;
-        };
+    let steady = (1..).zip(&seen).filter_map(|(owner, seen)| {
+        let posterize = seen.posterize.filter(|posterize| keeps && posterize.settings.is_steady())?;
         let (place, field) = (seen.prop.pose.world_from_prop, seen.field.bind_group.id());
-        let now = FormerProp::new(index as u32 + 1, place, field, labels_hash(posterize, &extracted.colors.list));
-        steady.insert(seen.prop.entity, now);
-    }
+        Some((seen.prop.entity, FormerProp::new(owner, place, field, labels_hash(posterize, colors))))
+    });
+    let steady: EntityHashMap<_> = steady.collect();
     let steadies = held.map_or(!steady.is_empty(), Plan::steadies);
     let mut now = Former::new(&motion, rect, steady);
     let keeps_labels = known.former.is_some_and(|former| now.follow(former, &motion));
@@ -193,7 +191,7 @@ pub(in crate::render) fn decide(
     let pipelines = held.cloned().unwrap_or_else(|| Plan {
         spacing,
         iterations,
-        posterizes: posterized().any(|posterize| posterize.is_some()),
+        posterizes: owners.iter().any(|(posterize, ..)| posterize.is_some()),
         posterizes_view: view_posterize.is_some(),
         overlaps,
         tonemapping: visible.tonemapping,
@@ -226,10 +224,14 @@ pub(in crate::render) fn decide(
             props: uniforms.len() as u32,
         },
         screen: ScreenUniform {
-            exposure: exposure(camera, placement),
+            // Relative to Bevy's default exposure, or 1 after tonemapping. Shaders divide by it.
+            exposure: match placement {
+                PropPlacement::Scene => (camera.exposure / Exposure::default().exposure()).clamp(1e-6, 1e6),
+                PropPlacement::Display => 1.0,
+            },
             view_posterize: view_posterize.map_or(0, |_| uniforms.len() as u32),
         },
-        palettes: palettes_hash(palettes().flatten(), inks().flatten(), &extracted.colors.list),
+        palettes: palettes_hash(&owners, colors),
         props: uniforms,
         filters,
         labelings,
@@ -322,30 +324,17 @@ fn labels_hash(posterize: &ExtractedPosterize, colors: &[Vec4]) -> u64 {
 
 /// Returns a number that is different for different colors of the palettes, and for different pairs of ramps between
 /// which ink is drawn.
-fn palettes_hash<'a>(
-    palettes: impl Iterator<Item = &'a PlacedPalette>,
-    inks: impl Iterator<Item = ExtractedInk>,
-    colors: &[Vec4],
-) -> u64 {
+fn palettes_hash(owners: &[Owner], colors: &[Vec4]) -> u64 {
     let (mut hasher, mut hashed) = (FixedHasher.build_hasher(), HashSet::<_>::default());
-    for palette in palettes {
+    for palette in owners.iter().filter_map(|(_, palette, _)| *palette) {
         let first = palette.first_color as usize;
         if hashed.insert(first) {
             let colors = colors.get(first..first + 2 * palette.colors as usize).unwrap_or_default();
             bytemuck::cast_slice::<_, u8>(colors).hash(&mut hasher);
         }
     }
-    for ink in inks {
+    for ink in owners.iter().filter_map(|(.., ink)| *ink) {
         bytemuck::cast_slice::<_, u8>(ink.pairs_in(colors)).hash(&mut hasher);
     }
     hasher.finish()
-}
-
-/// Returns the camera's exposure relative to Bevy's default exposure, or 1 after tonemapping.
-fn exposure(camera: &ExtractedCamera, placement: PropPlacement) -> f32 {
-    match placement {
-        // Shaders divide by the exposure.
-        PropPlacement::Scene => (camera.exposure / Exposure::default().exposure()).clamp(1e-6, 1e6),
-        PropPlacement::Display => 1.0,
-    }
 }
