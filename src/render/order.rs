@@ -51,7 +51,8 @@ impl ScheduleBuildPass for OrderPasses {
         graph: &mut ScheduleGraph,
         mut dependencies: FlattenedDependencies<'_>,
     ) -> Result<(), ScheduleBuildError> {
-        let mut pairs = after_opaque(graph, dependencies.graph(), self.scene);
+        let known = dependencies.analyze().map_err(ScheduleBuildError::FlatDependencySort)?;
+        let mut pairs = after_opaque(graph, known.transitive_closure(), self.scene);
         pairs.extend(last_in(graph, Core3dSystems::PostProcess.intern(), self.display));
         for (first, second) in pairs {
             dependencies.add_edge(first, second);
@@ -68,7 +69,8 @@ fn last_in(graph: &mut ScheduleGraph, set: InternedSystemSet, last: InternedSyst
     others.difference(&last).flat_map(|other| last.iter().map(|system| (*other, *system))).collect()
 }
 
-/// Returns such pairs that make the systems in `props` the last ones that draw opaque things.
+/// Returns such pairs that make the systems in `props` the last ones that draw opaque things. `known` has an edge from
+/// every system to each that runs after it.
 fn after_opaque(
     graph: &mut ScheduleGraph,
     known: &DiGraph<SystemKey>,
@@ -78,9 +80,12 @@ fn after_opaque(
     let opaque = systems_in(graph, main_opaque_pass_3d.into_system_set().intern());
     let transparent = systems_in(graph, main_transparent_pass_3d.into_system_set().intern());
     let main_pass = systems_in(graph, Core3dSystems::MainPass.intern());
-    let (earlier, later) = (linked(known, &props, Direction::Incoming), linked(known, &props, Direction::Outgoing));
-    let after_opaque = linked(known, &opaque, Direction::Outgoing);
-    let before_transparent = linked(known, &transparent, Direction::Incoming);
+    let linked = |systems: &HashSet<SystemKey>, direction: Direction| -> HashSet<SystemKey> {
+        systems.iter().flat_map(|system| known.neighbors_directed(*system, direction)).collect()
+    };
+    let (earlier, later) = (linked(&props, Direction::Incoming), linked(&props, Direction::Outgoing));
+    let after_opaque = linked(&opaque, Direction::Outgoing);
+    let before_transparent = linked(&transparent, Direction::Incoming);
     let between = after_opaque.intersection(&before_transparent);
     let free = between.filter(|other| ![&props, &earlier, &later].iter().any(|set| set.contains(*other)));
     let pair = |other, system| if main_pass.contains(&other) { (system, other) } else { (other, system) };
@@ -102,14 +107,4 @@ fn systems_in(graph: &mut ScheduleGraph, set: InternedSystemSet) -> HashSet<Syst
         }
     }
     systems
-}
-
-/// Returns the systems that run before (incoming) or after (outgoing) any of `systems`.
-fn linked(known: &DiGraph<SystemKey>, systems: &HashSet<SystemKey>, direction: Direction) -> HashSet<SystemKey> {
-    let mut found = HashSet::default();
-    let mut next: Vec<_> = systems.iter().copied().collect();
-    while let Some(system) = next.pop() {
-        next.extend(known.neighbors_directed(system, direction).filter(|neighbor| found.insert(*neighbor)));
-    }
-    found
 }
