@@ -32,7 +32,7 @@ use super::{
     bind_groups::BindGroups,
     buffers::ViewBuffers,
     pass::{CachedResult, Input, Output, Pass},
-    slot::{self, Slot},
+    slot,
     textures::Textures,
 };
 use crate::{
@@ -70,7 +70,7 @@ impl Cache {
         plan: &Plan,
     ) {
         // Where nothing is posterized, labels are drawn in every frame, whatever the light is.
-        let has_light = plan.posterizes && light(passes).is_some();
+        let has_light = plan.posterizes && plan.is_lit;
         self.knows[CachedResult::Labels as usize] |= !has_light;
         self.keys = CachedResult::ALL.map(|result| key(result, passes, textures, buffers, plan));
         let same = self.keys.iter().zip(&self.drawn).take_while(|(key, drawn)| **drawn == Some(**key)).count();
@@ -79,8 +79,7 @@ impl Cache {
         self.unchanged = if is_complete { same.min(most) } else { 0 };
         // Whatever is drawn differently now, even if incompletely, replaces what was cached.
         self.drawn = default();
-        let has_composite = passes.iter().any(|pass| pass.result == Some(CachedResult::Composite));
-        let words = 1 + u64::from(has_composite) + u64::from(has_light);
+        let words = 1 + u64::from(plan.posterizes) + u64::from(has_light);
         let size = scene_bytes(words, plan.rect.size);
         if self.unchanged == 0 {
             self.scene = None;
@@ -201,15 +200,6 @@ fn key(result: CachedResult, passes: &[Pass], textures: &Textures, buffers: &Vie
         }
     }
     hasher.finish()
-}
-
-/// Returns where the light is in which labels are shown, if any falls on props.
-pub(super) fn light(passes: &[Pass]) -> Option<Slot> {
-    let labels = passes.iter().filter(|pass| pass.result == Some(CachedResult::Labels));
-    labels.flat_map(|pass| pass.reads.iter().flatten()).find_map(|input| match input {
-        Input::Texture(slot @ (Slot::Light | Slot::SmoothLight)) => Some(*slot),
-        _ => None,
-    })
 }
 
 /// The pixels of a column that share a word. Matches `compare.wgsl`.

@@ -17,7 +17,7 @@ use bevy::{
 use super::view::PropView;
 use super::{
     buffers::PaletteBuffer,
-    cache::{Cache, Comparison, light},
+    cache::{Cache, Comparison},
     pass::{CachedResult, Clear, FirstGroup, Input, Output, Pass, Place},
     pipelines::Pipelines,
     slot::{Buffer, Slot},
@@ -60,7 +60,7 @@ pub(in crate::render) fn run(
         Frame { device: &device, cache: &cache, pipelines: &pipelines, palettes: &palettes, target, depth, prepass };
     view.is_drawn = true;
     let passes = std::mem::take(&mut view.passes);
-    compare(*place, &passes, &mut view, &frame, comparison.as_deref(), &mut ctx);
+    compare(*place, &mut view, &frame, comparison.as_deref(), &mut ctx);
     let diagnostics = ctx.diagnostic_recorder();
     let diagnostics = diagnostics.as_deref();
     let here: Vec<_> = passes.iter().filter(|pass| pass.place == *place).collect();
@@ -80,14 +80,7 @@ pub(in crate::render) fn run(
 
 /// Compares the scene, and the light on props, with what they were in the last frame, if a result of this frame may be
 /// cached.
-fn compare(
-    place: Place,
-    passes: &[Pass],
-    view: &mut PropView,
-    frame: &Frame,
-    comparison: Option<&Comparison>,
-    ctx: &mut RenderContext,
-) {
+fn compare(place: Place, view: &mut PropView, frame: &Frame, comparison: Option<&Comparison>, ctx: &mut RenderContext) {
     let PropView { plan, cached, textures, buffers, groups, .. } = view;
     let mut of = |cached: &mut Cache, result, scene| {
         if let Some(comparison) = comparison {
@@ -100,10 +93,10 @@ fn compare(
             cached.finish(CachedResult::Layer);
         }
         Place::Posterize => {
-            if passes.iter().any(|pass| pass.result == Some(CachedResult::Composite)) {
+            if plan.posterizes {
                 of(cached, CachedResult::Composite, frame.target.main_texture_view());
             }
-            if let Some(light) = light(passes).and_then(|slot| textures.get(slot)) {
+            if let Some(light) = Slot::of_light(plan).and_then(|slot| textures.get(slot)) {
                 of(cached, CachedResult::Labels, light);
             }
             cached.finish(CachedResult::Composite);

@@ -2,6 +2,8 @@
 
 use bevy::{core_pipeline::prepass::MOTION_VECTOR_PREPASS_FORMAT, prelude::*, render::render_resource::TextureFormat};
 
+use crate::render::plan::Plan;
+
 /// A texture of a view.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(in crate::render) enum Slot {
@@ -110,6 +112,12 @@ impl Slot {
             Self::Even | Self::Odd => Rgba32Uint,
             Self::Objects | Self::ObjectSamples => return None,
         })
+    }
+
+    /// Returns where the light is in which labels are shown, if any falls on props.
+    pub fn of_light(plan: &Plan) -> Option<Self> {
+        let light = if plan.is_brightened { Self::SmoothLight } else { Self::Light };
+        plan.is_lit.then_some(light)
     }
 
     /// Returns whether it has the size of the camera's target.

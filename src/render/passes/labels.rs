@@ -133,10 +133,9 @@ pub(super) fn shown_after(stages: usize) -> Slot {
 /// Returns what a pass reads, and what it reads about lights.
 pub(super) fn with_lights(plan: &Plan, inputs: Vec<Input>) -> Vec<Vec<Input>> {
     let mut reads = vec![inputs];
-    if plan.is_lit {
-        let light = Input::Texture(if plan.is_brightened { Slot::SmoothLight } else { Slot::Light });
+    if let Some(light) = Slot::of_light(plan) {
         let [settings, shades] = [Buffer::Lit, Buffer::Shades].map(Input::Buffer);
-        reads.push(vec![settings, light, Input::OWNER, shades]);
+        reads.push(vec![settings, Input::Texture(light), Input::OWNER, shades]);
     }
     reads
 }

@@ -20,14 +20,10 @@ pub(super) fn present(plan: &Plan) -> Vec<Pass> {
     let depth = Program::new("depth").define_if(plan.has_motion, "MOTION").depth_test(CompareFunction::Greater, true);
     // The colors are already composited: they are replaced, and alpha is blended over the target's alpha.
     let replace = Blend::With(BlendState { color: BlendComponent::REPLACE, alpha: BlendComponent::OVER });
-    let of_edges = if hidden.is_some() { vec![Slot::Outline, Slot::Coverage] } else { vec![] };
-    let of_motion = if plan.has_motion { vec![Slot::Motion(RaySet::Pixels)] } else { vec![] };
-    let textures = |slots: Vec<Slot>| slots.into_iter().map(Input::Texture).collect();
+    let of_edges = hidden.map_or(vec![], |_| [Slot::Outline, Slot::Coverage].map(Input::Texture).to_vec());
+    let of_motion = plan.has_motion.then_some(Input::Texture(Slot::Motion(RaySet::Pixels)));
     let shown = if plan.has_fog { Slot::Fogged } else { shown_after(plan.stages.len()) };
-    let mut reads = vec![vec![Input::Texture(shown), Input::DEPTH], textures(of_edges), textures(of_motion)];
-    while reads.last().is_some_and(Vec::is_empty) {
-        reads.pop();
-    }
+    let reads = vec![vec![Input::Texture(shown), Input::DEPTH], of_edges, of_motion.into_iter().collect()];
     let pass = |programs: Vec<Program>, writes, depth, samples| Pass {
         feature: if hidden.is_some() { Feature::Edges } else { Feature::Base },
         reads: reads.clone(),
