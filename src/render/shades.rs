@@ -226,15 +226,18 @@ mod tests {
     /// The last channel of a color that is in no ramp.
     const NO_RAMP: f32 = Palette::MAX_COLORS as f32;
 
+    /// Returns a palette without others.
+    fn palette(colors: &[Vec4], blend_steps: u32) -> ShadedPalette<'_> {
+        ShadedPalette { colors, first: 0, count: colors.len() as u32 / 2, blend_steps, tint: Vec3::ONE }
+    }
+
     /// Returns what the labels of a palette show in light, row by row.
     fn shades(colors: &[Vec4], blend_steps: u32, factors: &[f32]) -> Vec<Vec4> {
         let mut shades = Shades::default();
-        shades.begin();
-        let palette = ShadedPalette { colors, first: 0, count: colors.len() as u32 / 2, blend_steps, tint: Vec3::ONE };
-        assert_eq!(shades.find(palette, factors), Some(0));
+        assert_eq!(shades.find(palette(colors, blend_steps), factors), Some(0));
         let found = shades.colors.clone();
         // Once a frame.
-        assert_eq!(shades.find(palette, factors), Some(0));
+        assert_eq!(shades.find(palette(colors, blend_steps), factors), Some(0));
         assert_eq!(shades.colors, found);
         shades.begin();
         assert!(shades.colors.is_empty());
@@ -270,9 +273,7 @@ mod tests {
         let colors: Vec<Vec4> = [reds, reds].concat().into_iter().map(|color| color.extend(0.0)).collect();
         for (tint, is_whole) in [(Vec3::new(0.2, 0.2, 0.25), true), (Vec3::ONE, false)] {
             let mut shades = Shades::default();
-            shades.begin();
-            let palette = ShadedPalette { colors: &colors, first: 0, count: 3, blend_steps: 1, tint };
-            assert_eq!(shades.find(palette, &[4.0]), Some(0));
+            assert_eq!(shades.find(ShadedPalette { tint, ..palette(&colors, 1) }, &[4.0]), Some(0));
             let gains = shades.colors.iter().zip(&colors).map(|(lit, own)| light(*lit) / light(*own));
             // The darkest one becomes another one.
             let mut gains = gains.skip(1);
@@ -299,10 +300,8 @@ mod tests {
     fn steps_of_blends_have_shades_of_their_own() {
         let colors: [Vec4; 4] = std::array::from_fn(|index| Vec3::splat(0.25 * index as f32).extend(NO_RAMP));
         let mut shades = Shades::default();
-        shades.begin();
-        let palette = ShadedPalette { colors: &colors, first: 0, count: 2, blend_steps: 1, tint: Vec3::ONE };
-        assert_eq!(shades.find(palette, &[0.5, 1.0]), Some(0));
-        assert_eq!(shades.find(ShadedPalette { blend_steps: 3, ..palette }, &[0.5, 1.0]), Some(4));
+        assert_eq!(shades.find(palette(&colors, 1), &[0.5, 1.0]), Some(0));
+        assert_eq!(shades.find(palette(&colors, 3), &[0.5, 1.0]), Some(4));
         assert_eq!(shades.colors.len(), 4 + 8);
     }
 

@@ -18,6 +18,12 @@ use crate::{
     },
 };
 
+/// Returns a field that is a cube of one color.
+fn cube(basis: Basis, color: DVec3) -> PlenOctree {
+    let inside = |at: DVec3| if at.abs().max_element() < 0.5 { 10.0 } else { 0.0 };
+    bake(&BakeSettings { depth: 3, basis, ..default() }, inside, |_| move |_| color).unwrap()
+}
+
 /// Returns an app with a prop at a distance, and its camera.
 fn app(size: UVec2, posterize: Option<Posterize>, distance: f32) -> (Headless, Entity) {
     let mut headless = Headless::new(size, |app| {
@@ -26,12 +32,9 @@ fn app(size: UVec2, posterize: Option<Posterize>, distance: f32) -> (Headless, E
         app.add_plugins(PlenOctreePlugin);
     })
     .unwrap();
-    let settings = BakeSettings { depth: 3, basis: Basis::Rgba, ..default() };
-    let inside = |at: DVec3| if at.abs().max_element() < 0.5 { 10.0 } else { 0.0 };
-    let field = bake(&settings, inside, |_| |_| DVec3::new(0.8, 0.2, 0.1)).unwrap();
     let target = headless.target();
     let world = headless.app.world_mut();
-    let field = world.resource_mut::<Assets<PlenOctree>>().add(field);
+    let field = world.resource_mut::<Assets<PlenOctree>>().add(cube(Basis::Rgba, DVec3::new(0.8, 0.2, 0.1)));
     let palette = FieldPalette::from_colors([Color::BLACK, Color::WHITE]).unwrap();
     world.resource_mut::<Palettes>().insert(&field, palette);
     let mut prop = world.spawn(Prop(field));
@@ -239,13 +242,8 @@ fn props_stay_while_pipelines_are_compiled() {
 fn props_stay_when_the_palette_of_another_field_arrives() {
     let (mut headless, _) = app(UVec2::splat(64), Some(Posterize::default()), 3.0);
     let world = headless.app.world_mut();
-    let settings = BakeSettings { depth: 3, basis: Basis::Sh4, ..default() };
-    let inside = |at: DVec3| if at.abs().max_element() < 0.5 { 10.0 } else { 0.0 };
-    let other = bake(&settings, inside, |_| |_| DVec3::new(0.2, 0.6, 0.3)).unwrap();
-    let settings = BakeSettings { basis: Basis::Sh9, ..settings };
-    let preloaded = bake(&settings, inside, |_| |_| DVec3::new(0.2, 0.6, 0.3)).unwrap();
     let mut fields = world.resource_mut::<Assets<PlenOctree>>();
-    let fields = [other, preloaded].map(|field| fields.add(field));
+    let fields = [Basis::Sh4, Basis::Sh9].map(|basis| fields.add(cube(basis, DVec3::new(0.2, 0.6, 0.3))));
     // The second one arrives before anything shows it.
     headless.wait_until_ready(Duration::from_secs(120)).unwrap();
     for field in fields {
