@@ -42,18 +42,13 @@ const PLACES: Slot = Slot::Even;
 pub(super) fn outline(plan: &Plan) -> Option<Pass> {
     let is_several = plan.has_several_props;
     let rays: &[Slot] = if is_several { &[Slot::Coverage, Slot::OwnRays, Slot::OtherRays] } else { &[] };
-    let program = Program::new("outline").define_if(is_several, "SEVERAL");
+    let program = Program::new("outline").define_if(is_several, "SEVERAL").depth_test(CompareFunction::Always, true);
     (plan.smooths && !plan.composite_outlines()).then(|| Pass {
         feature: Feature::Edges,
         reads: vec![vec![Input::COLOR, Input::OWNER, Input::DEPTH]],
         writes: [Slot::Outline].iter().chain(rays).map(|slot| Some(Output::Texture(*slot))).collect(),
         depth: Some(Output::Texture(Slot::EdgeMask)),
-        ..Pass::fullscreen(
-            OUTLINE,
-            Place::Layer,
-            Some(CachedResult::Layer),
-            program.depth_test(CompareFunction::Always, true),
-        )
+        ..Pass::fullscreen(OUTLINE, Place::Layer, Some(CachedResult::Layer), program)
     })
 }
 

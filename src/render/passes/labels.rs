@@ -30,15 +30,13 @@ pub(super) fn composite(plan: &Plan) -> Option<Pass> {
         .define_if(plan.iterations == 0, "UNFILTERED")
         .define_if(outlines, "OUTLINE")
         .depth_test(CompareFunction::Always, outlines);
-    let depth = outlines.then_some(Input::DEPTH);
+    let mut reads = vec![Input::COLOR, Input::OWNER, Input::Scene];
+    reads.extend(outlines.then_some(Input::DEPTH));
+    let slots: &[Slot] = if outlines { &[Slot::Even, Slot::Outline] } else { &[Slot::Even] };
     plan.posterizes.then(|| Pass {
         feature: if outlines { Feature::Edges } else { Feature::Posterize },
-        reads: vec![[Input::COLOR, Input::OWNER, Input::Scene].into_iter().chain(depth).collect()],
-        writes: [Some(Slot::Even), outlines.then_some(Slot::Outline)]
-            .into_iter()
-            .flatten()
-            .map(|slot| Some(Output::Texture(slot)))
-            .collect(),
+        reads: vec![reads],
+        writes: slots.iter().map(|slot| Some(Output::Texture(*slot))).collect(),
         depth: outlines.then_some(Output::Texture(Slot::EdgeMask)),
         ..Pass::fullscreen(COMPOSITE, Place::Posterize, Some(CachedResult::Composite), program)
     })

@@ -41,17 +41,12 @@ pub(super) fn fill(plan: &Plan) -> Pass {
     if plan.has_motion {
         reads.extend(of(Slot::Motion));
     }
-    let program = Program::new("fill").define_if(plan.has_motion, "MOTION");
+    let program = Program::new("fill").define_if(plan.has_motion, "MOTION").depth_test(CompareFunction::Always, true);
     Pass {
         feature: Feature::Sparse,
         reads: vec![reads],
         writes: layer(plan, RaySet::Pixels),
         depth: Some(Output::DEPTH),
-        ..Pass::fullscreen(
-            FILL,
-            Place::Layer,
-            Some(CachedResult::Layer),
-            program.depth_test(CompareFunction::Always, true),
-        )
+        ..Pass::fullscreen(FILL, Place::Layer, Some(CachedResult::Layer), program)
     }
 }
