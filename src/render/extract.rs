@@ -148,14 +148,17 @@ impl ExtractedInk {
             InkColor::Flat(color) => (LinearRgba::from(color).to_vec4(), 0.0),
             InkColor::Tone(share) => (Vec4::W, share.max(0.0).clamp(0.0, 1.0)),
         };
-        let borders = match &ink.borders {
-            InkBorders::None => 0,
-            InkBorders::Ramps => 4,
-            InkBorders::Labels => 8,
-            InkBorders::Pairs(_) => PAIRS,
+        if width == 0.0 || color.w.max(0.0) == 0.0 {
+            return None;
+        }
+        let (borders, pairs) = match &ink.borders {
+            InkBorders::None => (0, 0),
+            InkBorders::Ramps => (4, 0),
+            InkBorders::Labels => (8, 0),
+            InkBorders::Pairs(pairs) => (PAIRS, colors.place(&masks(pairs), RAMPS, Vec::new)),
         };
         let lines = u32::from(ink.silhouette) + 2 * u32::from(ink.creases) + borders;
-        let ink_of = |pairs| Self {
+        (lines > 0).then(|| Self {
             lines,
             pairs,
             color: color.max(Vec4::ZERO).min(Vec4::new(65504.0, 65504.0, 65504.0, 1.0)),
@@ -163,21 +166,7 @@ impl ExtractedInk {
             width,
             crease: CREASE * width,
             max_pixels: ink.max_pixels.max(1.0).clamp(1.0, MAX_INK_PIXELS),
-        };
-        if lines == 0 || width == 0.0 || color.w.max(0.0) == 0.0 {
-            return None;
-        }
-        let InkBorders::Pairs(pairs) = &ink.borders else {
-            return Some(ink_of(0));
-        };
-        // Each ramp has 64 bits, 16 in each channel, which floats hold exactly.
-        let mut masks = [[0u32; 4]; RAMPS];
-        for [a, b] in pairs.iter().filter(|pair| pair.iter().all(|ramp| *ramp < RAMPS)) {
-            masks[*a][b >> 4] |= 1 << (b & 15);
-            masks[*b][a >> 4] |= 1 << (a & 15);
-        }
-        let masks = masks.map(|mask| Vec4::from(mask.map(|bits| bits as f32)));
-        Some(ink_of(colors.place(&masks, RAMPS, Vec::new)))
+        })
     }
 
     /// Returns the pairs of ramps that have lines.
@@ -185,6 +174,16 @@ impl ExtractedInk {
         let first = self.pairs as usize;
         colors.get(first..first + RAMPS).filter(|_| self.lines & PAIRS != 0).unwrap_or_default()
     }
+}
+
+/// Returns the ramps to which each ramp has lines: 64 bits, 16 in each channel, which floats hold exactly.
+fn masks(pairs: &[[usize; 2]]) -> [Vec4; RAMPS] {
+    let mut masks = [[0u32; 4]; RAMPS];
+    for [a, b] in pairs.iter().filter(|pair| pair.iter().all(|ramp| *ramp < RAMPS)) {
+        masks[*a][b >> 4] |= 1 << (b & 15);
+        masks[*b][a >> 4] |= 1 << (a & 15);
+    }
+    masks.map(|mask| Vec4::from(mask.map(|bits| bits as f32)))
 }
 
 /// A prop of a view, in drawing order.
