@@ -134,7 +134,8 @@ fn plan_views(
             camera,
             samples: msaa.samples(),
             viewport,
-            overrides_resolution: resolution.is_some(),
+            // After upscaling, textures with the size of the main pass no longer fit the target.
+            placement: resolution.map_or(visible.placement, |_| PropPlacement::Scene),
             jitter,
             previous,
             visible: &visible,
@@ -146,7 +147,7 @@ fn plan_views(
         let (planned, left_out) = plan(&known, &mut view.held_frames, &extracted, &fields, &mut pipelines, &cache);
         let Some((plan, passes)) = planned else {
             let target = Target { format: extracted_view.target_format, ..default() };
-            let nothing = Plan { placement: known.placement(), samples: msaa.samples(), target, ..default() };
+            let nothing = Plan { placement: known.placement, samples: msaa.samples(), target, ..default() };
             passes::request(&visible, &nothing, &extracted, &fields, &mut pipelines, &cache);
             view.clear();
             view.left_out = left_out;
@@ -157,9 +158,8 @@ fn plan_views(
         view.passes = passes;
         let PropView { plan, passes, textures, buffers, cached, .. } = view;
         if plan.keeps_labels {
-            [(Slot::Labels, Slot::FormerLabels), (Slot::Depth(RaySet::Pixels), Slot::FormerDepth)]
-                .into_iter()
-                .for_each(|(now, former)| textures.swap(now, former));
+            textures.swap(Slot::Labels, Slot::FormerLabels);
+            textures.swap(Slot::Depth(RaySet::Pixels), Slot::FormerDepth);
         }
         let has_memory = textures.provide(&device, passes, plan);
         buffers.set(&device, &queue, &plan.values);

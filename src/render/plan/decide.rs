@@ -39,7 +39,8 @@ pub(in crate::render) struct Known<'a> {
     pub camera: &'a ExtractedCamera,
     pub samples: u32,
     pub viewport: Viewport,
-    pub overrides_resolution: bool,
+    /// Where in the frame the props are shown.
+    pub placement: PropPlacement,
     pub jitter: Option<&'a TemporalJitter>,
     pub previous: Option<&'a PreviousViewData>,
     pub visible: &'a VisibleProps,
@@ -48,14 +49,6 @@ pub(in crate::render) struct Known<'a> {
     pub last: &'a Plan,
     /// The last frame, if its labels and its depth exist.
     pub former: Option<&'a Former>,
-}
-
-impl Known<'_> {
-    /// Returns where in the frame the props are shown.
-    pub fn placement(&self) -> PropPlacement {
-        // After upscaling, textures with the size of the main pass no longer fit the target.
-        if self.overrides_resolution { PropPlacement::Scene } else { self.visible.placement }
-    }
 }
 
 /// A prop whose rays are known.
@@ -92,7 +85,7 @@ pub(in crate::render) fn decide(
     // The viewport may be that of another size. See `agree_about_targets`.
     let target_size = camera.physical_target_size?;
     let most = target_size.saturating_sub(viewport.physical_position).min(size);
-    let placement = known.placement();
+    let placement = known.placement;
     let in_scene = placement == PropPlacement::Scene;
     let spacing = if quality.ray_tolerance > 0.0 && has(Feature::Sparse) { quality.ray_spacing } else { 1 };
     let spacing = held.map_or(spacing, |held| held.spacing);
