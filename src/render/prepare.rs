@@ -170,16 +170,14 @@ fn plan_views(
             buffers.shades.set(&device, &queue, "plenoctree_shades", BufferUsages::STORAGE, &view.shades.colors);
         }
         if has_memory {
-            cached.decide(&device, passes, textures, buffers, left_out < LeftOut::More, plan);
+            rests |= cached.decide(&device, passes, textures, buffers, left_out < LeftOut::More, plan);
         }
         if !has_memory || view.textures.allocator.error().is_some() {
             report_shortage(view, visible.props.len(), camera_entity.id(), &reports);
             continue;
         }
         view.shortage = None;
-        let first_drawn = view.cached.first_drawn();
-        rests |= view.cached.rests();
-        view.buffers.set_first_drawn(&device, &queue, first_drawn);
+        view.buffers.set_first_drawn(&device, &queue, view.cached.first_drawn());
     }
     readiness.waiting.clone_from(&pipelines.waiting);
     readiness.left_out = views.iter().map(|(.., view)| view.left_out).max().unwrap_or_default();

@@ -59,7 +59,8 @@ pub(in crate::render) struct Cache {
 }
 
 impl Cache {
-    /// Decides what is drawn in this frame. `is_complete` says whether no pipeline is missing.
+    /// Decides what is drawn in this frame. `is_complete` says whether no pipeline is missing. Returns whether nothing
+    /// has changed that is known before the scene is drawn.
     pub fn decide(
         &mut self,
         device: &RenderDevice,
@@ -68,7 +69,7 @@ impl Cache {
         buffers: &ViewBuffers,
         is_complete: bool,
         plan: &Plan,
-    ) {
+    ) -> bool {
         // Where nothing is posterized, labels are drawn in every frame, whatever the light is.
         let has_light = plan.posterizes && plan.is_lit;
         self.knows[CachedResult::Labels as usize] |= !has_light;
@@ -91,6 +92,7 @@ impl Cache {
             self.knows = default();
         }
         self.first_drawn = self.knows.iter().take(self.unchanged).take_while(|knows| **knows).count();
+        self.unchanged > 0
     }
 
     /// Returns the index of the first result that must be drawn even if the scene has not changed, or the number of
@@ -103,11 +105,6 @@ impl Cache {
     #[cfg(all(test, feature = "headless"))]
     pub fn bytes(&self) -> u64 {
         self.scene.as_ref().map_or(0, |scene| scene.size())
-    }
-
-    /// Returns whether nothing has changed that is known before the scene is drawn.
-    pub fn rests(&self) -> bool {
-        self.unchanged > 0
     }
 
     /// Returns whether a result is drawn even if the scene has not changed.

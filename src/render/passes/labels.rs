@@ -80,7 +80,10 @@ pub(super) fn label(plan: &Plan) -> Pass {
     if plan.steadies() {
         reads.extend([Slot::FormerLabels, Slot::FormerDepth].map(Input::Texture));
     }
-    let mut writes = vec![Some(Output::Texture(labeled(plan)))];
+    // The finish pass reads colors of neighbors, so it writes to another texture. Both belong to the same result: neither
+    // is ever drawn without the other.
+    let shown = if plan.changes_labels() { Slot::Interim } else { Slot::Shown };
+    let mut writes = vec![Some(Output::Texture(shown))];
     if plan.needs_labels() {
         writes.push(Some(Output::Texture(Slot::Labels)));
     }
@@ -97,12 +100,6 @@ pub(super) fn label(plan: &Plan) -> Pass {
         clear: Some(Clear::NegativeAlpha),
         ..Pass::fullscreen(LABEL, Place::Posterize, Some(CachedResult::Labels), program.where_props_are())
     }
-}
-
-/// Returns where the label pass writes colors: to another texture than the finish pass, which reads those of neighbors.
-/// Both belong to the same result: neither is ever drawn without the other.
-fn labeled(plan: &Plan) -> Slot {
-    if plan.changes_labels() { Slot::Interim } else { Slot::Shown }
 }
 
 /// Custom stages, in turn from one texture to another.

@@ -41,7 +41,7 @@ pub(super) const UNDER_OBJECTS: &str = "plenoctree_under_objects";
 /// Hides objects where props are, and restores the depth of the scene.
 pub(super) fn hide_objects(plan: &Plan) -> Vec<Pass> {
     let pass = |name, place, program, reads| {
-        let program = with_prop_pixels(plan, program).depth_test(CompareFunction::Always, true);
+        let program = program.define_if(plan.smooths, "SMOOTH").depth_test(CompareFunction::Always, true);
         Pass {
             feature: Feature::Objects,
             reads,
@@ -79,21 +79,18 @@ pub(super) fn under_objects(plan: &Plan) -> Option<Pass> {
 
 /// Shows the objects over props.
 pub(super) fn objects(plan: &Plan) -> Option<Pass> {
+    let program = Program::new("objects").define_if(plan.smooths, "SMOOTH");
     plan.has_objects.then(|| Pass {
         feature: Feature::Objects,
         reads: vec![prop_pixels(plan), vec![Input::Texture(Slot::Objects)]],
         writes: vec![Some(Output::Target)],
-        ..Pass::fullscreen(OBJECTS, Place::Objects, None, with_prop_pixels(plan, Program::new("objects")))
+        ..Pass::fullscreen(OBJECTS, Place::Objects, None, program)
     })
 }
 
-/// Returns what `prop_pixels.wgsl` reads.
+/// Returns what `prop_pixels.wgsl` reads, the second texture if `SMOOTH` is defined.
 fn prop_pixels(plan: &Plan) -> Vec<Input> {
     [Input::COLOR].into_iter().chain(plan.smooths.then_some(Input::Texture(Slot::Outline))).collect()
-}
-
-fn with_prop_pixels(plan: &Plan, program: Program) -> Program {
-    program.define_if(plan.smooths, "SMOOTH")
 }
 
 /// Adds the systems that run before and after the transparent main pass, and after *under_objects*.
