@@ -20,10 +20,9 @@ struct Center {
     // In the camera's space, and the same in homogeneous coordinates.
     point: vec3<f32>,
     place: vec4<f32>,
-    // How those change from pixel to pixel, and with depth.
+    // How those change from pixel to pixel.
     across: vec4<f32>,
     down: vec4<f32>,
-    deeper: vec4<f32>,
     // The radius of the disk, in pixels and in the scene.
     pixels: f32,
     radius: f32,
@@ -41,7 +40,7 @@ fn flat_place(center: Center, off: vec2<i32>) -> vec4<f32> {
 
 // Returns how far a depth in another pixel is behind the center, along the view axis.
 fn distance_behind(center: Center, off: vec2<i32>, depth: f32) -> f32 {
-    let place = flat_place(center, off).zw + (depth - center.depth) * center.deeper.zw;
+    let place = flat_place(center, off).zw + (depth - center.depth) * view.view_from_clip[2].zw;
     return center.point.z - place.x / place.y;
 }
 
@@ -66,8 +65,7 @@ fn center_at(pixel: vec2<i32>) -> Center {
     let pixels = clamp(lit[prop].radius * scale, LEAST_PIXELS, MOST_PIXELS);
     let across = per_pixel.x * view.view_from_clip[0];
     let down = per_pixel.y * view.view_from_clip[1];
-    let deeper = view.view_from_clip[2];
-    return Center(pixel, prop, solid, point, place, across, down, deeper, pixels, pixels / scale);
+    return Center(pixel, prop, solid, point, place, across, down, pixels, pixels / scale);
 }
 
 // Where a surface faces.
@@ -104,7 +102,7 @@ fn neighbor_at(center: Center, off: vec2<i32>) -> Neighbor {
     let found = textureLoad(depth, at, 0);
     let is_own = is_inside && is_solid(found) && prop_of(textureLoad(owner, at, 0)) == center.prop + 1u;
     let flat = flat_place(center, off);
-    let place = flat + select(0.0, found - center.depth, is_own) * center.deeper;
+    let place = flat + select(0.0, found - center.depth, is_own) * view.view_from_clip[2];
     let is_beyond = is_inside && !is_own && found < center.depth;
     return Neighbor(place.xyz / place.w - center.point, flat.xyz / flat.w - center.point, is_own, is_beyond);
 }

@@ -71,9 +71,9 @@ impl PlacedColors {
         self.palettes.clear();
     }
 
-    /// Places the palette of a field, unless this frame has done so, or with overrides: source colors with their ramps,
-    /// shown colors, the places of the source colors as tones, and these from dark to light, with their indices. The
-    /// last two are only computed for colors that the last frame did not have.
+    /// Places the palette of a field with a prop's or a view's own colors, or once a frame without any: source colors
+    /// with their ramps, shown colors, the places of the source colors as tones, and these from dark to light, with
+    /// their indices. The last two are only computed for colors that the last frame did not have.
     pub fn place_palette(
         &mut self,
         field: AssetId<PlenOctree>,
