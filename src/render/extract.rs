@@ -272,8 +272,6 @@ pub(super) fn extract_props(
     cameras: Extract<Query<(RenderEntity, &Camera, &VisibleEntities, CameraSettings), With<Camera3d>>>,
 ) {
     let ExtractedProps { props: list, colors, index, transforms } = &mut *extracted;
-    let mut previous = std::mem::take(transforms);
-    let has_motion = cameras.iter().any(|(.., (.., has_motion))| has_motion);
     list.clear();
     colors.begin();
     index.clear();
@@ -301,7 +299,7 @@ pub(super) fn extract_props(
                     high,
                     cells: f64::from(1u32 << field.depth()),
                 },
-                previous: previous.get(&entity).copied().unwrap_or(*transform),
+                previous: transforms.get(&entity).copied().unwrap_or(*transform),
                 solid: solid.copied().unwrap_or_default(),
                 tint: tint.copied().unwrap_or_default().factors(),
                 posterize: posterize
@@ -322,11 +320,10 @@ pub(super) fn extract_props(
             index.insert(entity, drawn);
         }
     }
-    previous.clear();
-    if has_motion {
-        previous.extend(props.iter().map(|(entity, .., transform, _)| (entity, *transform)));
+    transforms.clear();
+    if cameras.iter().any(|(.., (.., has_motion))| has_motion) {
+        transforms.extend(props.iter().map(|(entity, .., transform, _)| (entity, *transform)));
     }
-    *transforms = previous;
     views.iter_mut().for_each(|mut view| view.clear());
     let active = cameras.iter().filter(|(_, camera, ..)| camera.is_active);
     for (entity, _, visible, (placement, quality, view_posterize, own, ink, stages, has_motion)) in active {
