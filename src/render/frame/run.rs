@@ -1,7 +1,7 @@
 //! Executes passes.
 
 use bevy::{
-    core_pipeline::prepass::{DepthPrepass, ViewPrepassTextures},
+    core_pipeline::prepass::ViewPrepassTextures,
     prelude::*,
     render::{
         diagnostic::RecordDiagnostics,
@@ -25,8 +25,7 @@ use super::{
 use crate::{camera::PropPlacement, render::plan::Feature};
 
 /// What a view has besides its own textures.
-type Others =
-    (&'static ViewTarget, &'static ViewDepthTexture, Option<(&'static ViewPrepassTextures, Has<DepthPrepass>)>);
+type Others = (&'static ViewTarget, &'static ViewDepthTexture, Option<&'static ViewPrepassTextures>);
 
 /// What passes need.
 struct Frame<'a> {
@@ -55,7 +54,6 @@ pub(in crate::render) fn run(
         return;
     }
     let device = ctx.render_device().clone();
-    let (prepass, has_depth) = prepass.unzip();
     let frame =
         Frame { device: &device, cache: &cache, pipelines: &pipelines, palettes: &palettes, target, depth, prepass };
     view.is_drawn = true;
@@ -72,7 +70,7 @@ pub(in crate::render) fn run(
         }
         span.end(ctx.command_encoder());
     }
-    if *place == Place::Present && *placement == PropPlacement::Scene && !here.is_empty() && has_depth == Some(true) {
+    if *place == Place::Present && *placement == PropPlacement::Scene && !here.is_empty() {
         copy_depth(&frame, &mut ctx);
     }
     view.passes = passes;
@@ -217,7 +215,8 @@ fn draw(pass: &Pass, view: &mut PropView, frame: &Frame, ctx: &mut RenderContext
     Some(())
 }
 
-/// Copies the depth of the scene, which now includes props, to the texture that effects read, as Bevy's prepass does.
+/// Copies the depth of the scene, which now includes props, to the texture that effects read, as Bevy's prepass does, if
+/// there is one.
 fn copy_depth(frame: &Frame, ctx: &mut RenderContext) {
     if let Some(prepass) = frame.prepass
         && let Some(depth) = &prepass.depth
