@@ -17,6 +17,10 @@
 const LEAST_PIXELS: u32 = 4u;
 const DETAIL: f32 = 0.1;
 const AROUND: i32 = 5;
+// The bits of the AROUND x AROUND pixels that are not the last of their row.
+const NOT_LAST: u32 = 0x7bdefu;
+// A seam is between two other labels: the way by its color is at most this many times as long as the direct one.
+const DETOUR: f32 = 1.2;
 const NO_LABEL: u32 = 0xffffffffu;
 
 // Returns the label of a pixel, as the label pass writes it, if a prop owns it.
@@ -48,6 +52,16 @@ fn beyond(value: f32, gradient: vec2<f32>) -> f32 {
     return clamp(select(corner, across, 2.0 * value <= steep - flat), 0.0, 0.5);
 }
 
+// Returns the distances from a place to the first four of others.
+fn distances(place: vec3<f32>, places: array<vec3<f32>, 5>) -> vec4<f32> {
+    return vec4(
+        distance(place, places[0]),
+        distance(place, places[1]),
+        distance(place, places[2]),
+        distance(place, places[3]),
+    );
+}
+
 // Returns the color of a pixel at a border, in encoded sRGB. `own` is its texel of `labels`, and `light` the light
 // in which it is seen.
 fn bordered(
@@ -67,13 +81,20 @@ fn bordered(
         candidates = select(candidates, vec4(there), vec4(is_new) & (vec4(0u, 1u, 2u, 3u) == vec4(count)));
         count += select(0u, 1u, is_new);
     }
+    // The pixels of each, a bit for each, and another label farther away.
     var pixels = vec4(0u);
-    for (var i = 0; i < AROUND * AROUND; i++) {
-        let there = label_of(labels, pixel + vec2(i % AROUND - 2, i / AROUND - 2), own.y);
-        pixels += select(vec4(0u), vec4(1u), vec4(there) == candidates);
+    var farther = NO_LABEL;
+    for (var i = 0u; i < u32(AROUND * AROUND); i++) {
+        let there = label_of(labels, pixel + vec2(i32(i) % AROUND - 2, i32(i) / AROUND - 2), own.y);
+        let is_candidate = vec4(there) == candidates;
+        pixels |= select(vec4(0u), vec4(1u << i), is_candidate);
+        farther = select(farther, there, there != NO_LABEL && !any(is_candidate));
     }
     let is_label = candidates != vec4(NO_LABEL);
-    let is_island = pixels < vec4(LEAST_PIXELS);
+    let is_island = countOneBits(pixels) < vec4(LEAST_PIXELS);
+    // Lines do not fill any square of 2 x 2 pixels.
+    let squares = pixels & (pixels >> vec4(1u)) & (pixels >> vec4(5u)) & (pixels >> vec4(6u)) & vec4(NOT_LAST);
+    let is_line = squares == vec4(0u);
 
     // The color of the pixel, and its gradient from a quadratic B-spline of the colors around it. Likewise, how much each
     // candidate is the label there, which counts only while labels are kept from frame to frame.
@@ -95,18 +116,33 @@ fn bordered(
         }
     }
     let steadiness = select(0.0, labelings[prop].steadiness, labelings[prop].former > 0u);
-    var places: array<vec3<f32>, 4>;
+    var places: array<vec3<f32>, 5>;
+    for (var c = 0u; c < 5u; c++) {
+        let candidate = select(farther, candidates[min(c, 3u)], c < 4u);
+        places[c] = place_of(prop, label_at(prop, select(candidate, own.x, candidate == NO_LABEL) - 2u));
+    }
+    // Where one material borders on another, colors in between can be nearest to a third, which would draw a line.
+    var is_seam = vec4(false);
+    if count > 2u || farther != NO_LABEL {
+        for (var i = 0u; i < 5u; i++) {
+            for (var k = 0u; k < i; k++) {
+                let from_one = distances(places[i], places);
+                let from_other = distances(places[k], places);
+                let direct = distance(places[i], places[k]);
+                let is_between = (min(from_one, from_other) > vec4(0.0)) & (from_one + from_other < vec4(DETOUR * direct));
+                is_seam = is_seam | (is_line & is_between);
+            }
+        }
+    }
     var nearest = 0u;
     var least = 1e30;
     for (var c = 0u; c < 4u; c++) {
-        let candidate = select(own.x, candidates[c], is_label[c]);
-        places[c] = place_of(prop, label_at(prop, candidate - 2u));
-        let off = distance(here, places[c]) + select(0.0, DETAIL, is_island[c]);
+        let off = distance(here, places[c]) + select(0.0, DETAIL, is_island[c]) + select(0.0, 1e3, is_seam[c]);
         nearest = select(nearest, c, is_label[c] && off < least);
         least = select(least, off, is_label[c] && off < least);
     }
-    // Only an island can have another label than that of the label pass.
-    nearest = select(0u, nearest, is_island.x);
+    // Only an island or a seam can have another label than that of the label pass.
+    nearest = select(0u, nearest, is_island.x || is_seam.x);
     // The spline loses details that are a pixel wide.
     var is_lost = distance(place[0], here) > 0.5 * DETAIL;
     for (var c = 0u; c < 4u; c++) {
@@ -125,7 +161,7 @@ fn bordered(
         let kept = near - vec3(support[0][nearest], support[1][nearest], support[2][nearest]);
         let value = dot(2.0 * center - other - to, to - other) - step * kept.x;
         let gradient = 2.0 * vec2(dot(place[1], to - other), dot(place[2], to - other)) - step * kept.yz;
-        let stays = !is_island[c] || distance(other, to) > DETAIL;
+        let stays = !is_seam[c] && (!is_island[c] || distance(other, to) > DETAIL);
         let share = min(beyond(max(value, 0.0), gradient), rest);
         if is_label[c] && c != nearest && stays && share > 0.0 {
             sum += share * decode(shown_at(prop, candidates[c] - 2u, light));

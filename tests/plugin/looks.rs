@@ -24,8 +24,13 @@ const SKY: Color = Color::srgb(0.3, 0.5, 0.9);
 struct Look(Stage);
 
 impl Look {
-    /// A shell of cells of this depth, with the colors of two tones.
-    fn of(tones: [[f64; 3]; 2], depth: u32, thinnest: f64, color: impl Fn(DVec3) -> DVec3 + Sync) -> Self {
+    /// A shell of cells of this depth, with the colors of tones.
+    fn of<const N: usize>(
+        tones: [[f64; 3]; N],
+        depth: u32,
+        thinnest: f64,
+        color: impl Fn(DVec3) -> DVec3 + Sync,
+    ) -> Self {
         let mut stage = Stage::new(SIZE);
         let inside = |at: DVec3| if (thinnest..0.7).contains(&at.length()) { 1e4 } else { 0.0 };
         stage.spawn_prop(&colored(depth, inside, color), ());
@@ -142,6 +147,37 @@ fn small_details_stay() {
     }
     assert!(dots > 100, "{dots}");
     assert!(10 * kept >= 9 * dots, "{kept} of {dots} pixels of dots");
+}
+
+/// Where the colors of two materials meet, those in between do not draw a line in the color of a third, unless it is as
+/// wide as a detail.
+#[test]
+fn no_third_label_lines_a_border() {
+    const TONES: [[f64; 3]; 3] = [[0.9, 0.2, 0.2], [0.55, 0.45, 0.4], [0.2, 0.7, 0.6]];
+    // The width of what is between, in pixels.
+    let share_of_seam = |width: f64| {
+        let slope = DVec3::new(0.2, 0.5, 0.0).normalize();
+        let color = move |at: DVec3| {
+            let side = 0.0098 * width - (at.dot(slope) - 0.05).abs();
+            let index = if side > 0.0 { 1 } else { 2 * usize::from(at.dot(slope) > 0.05) };
+            DVec3::from(TONES[index])
+        };
+        let mut look = Look::of(TONES, 8, 0.66, color);
+        let mut capture = |borders| {
+            let filter = BilateralFilter { iterations: 0, ..default() };
+            look.capture(SIZE, Posterize { borders, filter, edges: EdgeSmoothing::Off, ..Posterize::toon() }, None)
+        };
+        let middle = Color::srgb_from_array(TONES[1].map(|channel| channel as f32));
+        let count = |frame: RgbaImage| {
+            frame.pixels().filter(|pixel| is_near([pixel[0], pixel[1], pixel[2]], middle, 8)).count()
+        };
+        let [hard, smooth] = [BorderSmoothing::Off, BorderSmoothing::Interpolated].map(&mut capture).map(count);
+        println!("{width} pixels wide: {hard} pixels of the third label, {smooth} with smooth borders");
+        assert!(hard > 20, "{hard}");
+        smooth as f64 / hard as f64
+    };
+    assert!(share_of_seam(0.6) < 0.05);
+    assert!(share_of_seam(4.0) > 0.6);
 }
 
 /// The labels of glass, and of what is in it, do not depend on what is behind them, also at edges. They let it through
