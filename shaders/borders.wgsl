@@ -8,7 +8,7 @@
 
 #import bevy_plenoctree::color::{decode, encode}
 #import bevy_plenoctree::filter_texel::unpack
-#import bevy_plenoctree::labels::{label_at, place_of, placed, shown_at}
+#import bevy_plenoctree::labels::{RAMPS, label_at, place_of, placed, ramp_of, shown_at}
 #import bevy_plenoctree::shade::Light
 #import bevy_plenoctree::view::{labelings, view}
 
@@ -117,20 +117,24 @@ fn bordered(
     }
     let steadiness = select(0.0, labelings[prop].steadiness, labelings[prop].former > 0u);
     var places: array<vec3<f32>, 5>;
+    var ramps: array<u32, 5>;
     for (var c = 0u; c < 5u; c++) {
         let candidate = select(farther, candidates[min(c, 3u)], c < 4u);
-        places[c] = place_of(prop, label_at(prop, select(candidate, own.x, candidate == NO_LABEL) - 2u));
+        let label = select(candidate, own.x, candidate == NO_LABEL) - 2u;
+        places[c] = place_of(prop, label_at(prop, label));
+        ramps[c] = ramp_of(prop, label);
     }
-    // Where one material borders on another, colors in between can be nearest to a third, which would draw a line.
+    // Where one material borders on another, colors in between can be nearest to a label of a third, which would draw a
+    // line. Those of the same two materials smooth the border.
+    let own_ramps = vec4(ramps[0], ramps[1], ramps[2], ramps[3]);
     var is_seam = vec4(false);
     if count > 2u || farther != NO_LABEL {
         for (var i = 0u; i < 5u; i++) {
             for (var k = 0u; k < i; k++) {
-                let from_one = distances(places[i], places);
-                let from_other = distances(places[k], places);
-                let direct = distance(places[i], places[k]);
-                let is_between = (min(from_one, from_other) > vec4(0.0)) & (from_one + from_other < vec4(DETOUR * direct));
-                is_seam = is_seam | (is_line & is_between);
+                let way = distances(places[i], places) + distances(places[k], places);
+                let is_between = way < vec4(DETOUR * distance(places[i], places[k]));
+                let is_third = (own_ramps != vec4(ramps[i])) & (own_ramps != vec4(ramps[k])) & (own_ramps < vec4(RAMPS));
+                is_seam = is_seam | (is_line & is_between & is_third);
             }
         }
     }

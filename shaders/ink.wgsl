@@ -4,7 +4,7 @@
 // averaged over a disk, edges are smooth.
 #define_import_path bevy_plenoctree::ink
 
-#import bevy_plenoctree::labels::label_at
+#import bevy_plenoctree::labels::{RAMPS, ramp_of}
 #import bevy_plenoctree::scene::scene_depth_at
 #import bevy_plenoctree::view::{colors, is_solid, labelings, view, distance_from_depth}
 
@@ -36,13 +36,6 @@ fn surface_at(labels: texture_2d<u32>, depth: texture_depth_2d, pixel: vec2<i32>
     return Surface(texel.y, texel.x, distance_from_depth(scene_depth_at(vec2<u32>(at), 0u)), false);
 }
 
-// Returns the ramp of a label.
-fn ramp_of(prop: u32, label: u32) -> u32 {
-    let found = label_at(prop, label - 2u);
-    let main = select(found.first, found.second, found.share < 0.5);
-    return u32(colors[labelings[prop].first_color + main].a);
-}
-
 // Returns whether there is a line between two labels of a prop.
 fn is_border(prop: u32, a: u32, b: u32) -> bool {
     let ink = labelings[prop].ink;
@@ -52,13 +45,13 @@ fn is_border(prop: u32, a: u32, b: u32) -> bool {
     if (ink & INK_LABELS) != 0u {
         return true;
     }
-    let ramps = vec2(ramp_of(prop, a), ramp_of(prop, b));
+    let ramps = vec2(ramp_of(prop, a - 2u), ramp_of(prop, b - 2u));
     if (ink & INK_PAIRS) == 0u {
         return ramps.x != ramps.y;
     }
-    let first = min(ramps.x, 63u);
+    let first = min(ramps.x, RAMPS - 1u);
     let bits = u32(colors[labelings[prop].ink_pairs + first][(ramps.y & 63u) >> 4u]);
-    return ramps.x < 64u && ramps.y < 64u && ((bits >> (ramps.y & 15u)) & 1u) == 1u;
+    return max(ramps.x, ramps.y) < RAMPS && ((bits >> (ramps.y & 15u)) & 1u) == 1u;
 }
 
 // Whether a pixel lies beyond an edge behind which something farther away begins, or beyond a border, from 0 to 1.

@@ -13,6 +13,9 @@ struct Label {
     share: f32,
 }
 
+// The largest number of ramps. Larger ones than their indices stand for a color each that is in no ramp.
+const RAMPS: u32 = 64u;
+
 // The indices of the two nearest labels so far, and the squares of their distances.
 struct Nearest {
     labels: vec2<u32>,
@@ -67,6 +70,13 @@ fn label_at(prop: u32, index: u32) -> Label {
         first++;
     }
     return Label(first, first + 1u + rest / blends, f32(rest % blends + 1u) / f32(blends + 1u));
+}
+
+// Returns the ramp of a label, of which it has most. See `RAMPS` for colors in none.
+fn ramp_of(prop: u32, index: u32) -> u32 {
+    let label = label_at(prop, index);
+    let most = select(label.first, label.second, label.share < 0.5);
+    return u32(colors[labelings[prop].first_color + most].a);
 }
 
 fn consider(nearest: ptr<function, Nearest>, label: u32, distance: f32) {

@@ -3,7 +3,7 @@
 use bevy::prelude::*;
 use bevy_plenoctree::{
     BilateralFilter, BorderSmoothing, EdgeSmoothing, FieldPalette, Ink, InkBorders, InkColor, Palette, PaletteMethod,
-    Posterize,
+    Posterize, Ramp,
 };
 use glam::DVec3;
 use image::RgbaImage;
@@ -23,6 +23,12 @@ const SKY: Color = Color::srgb(0.3, 0.5, 0.9);
 /// A ball whose color changes across a tilted plane, in two tones. Its cells are smaller than pixels.
 struct Look(Stage);
 
+fn of_tones(tones: &[[f64; 3]]) -> Palette {
+    let mut palette = Palette::new(tones.to_vec()).unwrap();
+    palette.method = Some(PaletteMethod::Tones);
+    palette
+}
+
 impl Look {
     /// A shell of cells of this depth, with the colors of tones.
     fn of<const N: usize>(
@@ -34,9 +40,7 @@ impl Look {
         let mut stage = Stage::new(SIZE);
         let inside = |at: DVec3| if (thinnest..0.7).contains(&at.length()) { 1e4 } else { 0.0 };
         stage.spawn_prop(&colored(depth, inside, color), ());
-        let mut palette = Palette::new(tones.to_vec()).unwrap();
-        palette.method = Some(PaletteMethod::Tones);
-        stage.paint(FieldPalette::new(palette));
+        stage.paint(FieldPalette::new(of_tones(&tones)));
         stage.set_background(SKY);
         stage.set(Transform::from_xyz(0.3, 0.5, 2.4).looking_at(Vec3::ZERO, Vec3::Y));
         Self(stage)
@@ -163,6 +167,9 @@ fn no_third_label_lines_a_border() {
             DVec3::from(TONES[index])
         };
         let mut look = Look::of(TONES, 8, 0.66, color);
+        let mut palette = of_tones(&TONES);
+        palette.ramps = (0..3).map(|tone| Ramp { name: format!("material {tone}"), tones: vec![tone] }).collect();
+        look.0.paint(FieldPalette::new(palette));
         let mut capture = |borders| {
             let filter = BilateralFilter { iterations: 0, ..default() };
             look.capture(SIZE, Posterize { borders, filter, edges: EdgeSmoothing::Off, ..Posterize::toon() }, None)
@@ -192,9 +199,7 @@ fn labels_do_not_depend_on_what_is_behind() {
     };
     let color = |at: DVec3| DVec3::from(COLORS[usize::from(at.length() >= 0.3)]);
     stage.spawn_prop(&colored(7, density, color), ());
-    let mut palette = Palette::new([&COLORS[..], &[[0.3, 0.5, 0.9], [0.1; 3]]].concat()).unwrap();
-    palette.method = Some(PaletteMethod::Tones);
-    stage.paint(FieldPalette::new(palette));
+    stage.paint(FieldPalette::new(of_tones(&[&COLORS[..], &[[0.3, 0.5, 0.9], [0.1; 3]]].concat())));
     stage.set(Transform::from_xyz(0.0, 0.0, 2.4).looking_at(Vec3::ZERO, Vec3::Y));
     let mut look = Look(stage);
     let mut capture = |background| {

@@ -40,7 +40,7 @@ pub(super) const UNDER_OBJECTS: &str = "plenoctree_under_objects";
 
 /// Hides objects where props are, and restores the depth of the scene.
 pub(super) fn hide_objects(plan: &Plan) -> Vec<Pass> {
-    let pass = |name, place, program, reads| {
+    let pass = |name, place, program: Program, reads| {
         let program = program.define_if(plan.smooths, "SMOOTH").depth_test(CompareFunction::Always, true);
         Pass {
             feature: Feature::Objects,
