@@ -4,7 +4,7 @@
 #import bevy_plenoctree::edge::{FAINTEST, RAYS, bits_of, neighbor, parts_of}
 #import bevy_plenoctree::filter_texel::unpack
 #ifdef INK
-#import bevy_plenoctree::ink::{Surface, ink_at, inked, surface_at}
+#import bevy_plenoctree::ink::{ink_at, inked, surface_at}
 #endif
 #import bevy_plenoctree::labels::{are_tones, assign, place_of_color, shown_opacity}
 #import bevy_plenoctree::recolor::recolored
@@ -169,26 +169,30 @@ fn with_ink(owner: u32, shown: vec4<f32>, part: f32) -> vec4<f32> {
 fn ink_of(pixel: vec2<u32>, owner: u32) -> f32 {
 #ifdef INK
     if owner > 0u {
-        return ink_at(labels, depth, vec2<i32>(pixel), own_surface(pixel, owner));
+        let at = pixel_of(pixel, owner);
+        var center = surface_at(labels, depth, at);
+        center.owner = select(0u, owner, center.owner == owner);
+        return ink_at(labels, depth, vec2<i32>(pixel), center, textureLoad(shown, at, 0).a >= 1.0);
     }
 #endif
     return 0.0;
 }
 
 #ifdef INK
-// Returns what a pixel at an edge sees of one of its owners: what the neighbors see of it that is nearest.
-fn own_surface(pixel: vec2<u32>, owner: u32) -> Surface {
+// Returns the pixel that shows what a pixel at an edge sees of one of its owners: itself or the neighbor that sees what is
+// nearest of it.
+fn pixel_of(pixel: vec2<u32>, owner: u32) -> vec2<i32> {
     var nearest = surface_at(labels, depth, vec2<i32>(pixel));
-    var is_found = nearest.owner == owner;
+    var found = vec2<i32>(pixel);
     for (var i = 0; i < 8; i++) {
-        let there = surface_at(labels, depth, neighbor(vec2<i32>(pixel), i));
-        if there.owner == owner && (!is_found || there.distance < nearest.distance) {
+        let at = clamp(neighbor(vec2<i32>(pixel), i), vec2(0), vec2<i32>(view.size) - 1);
+        let there = surface_at(labels, depth, at);
+        if there.owner == owner && (nearest.owner != owner || there.distance < nearest.distance) {
             nearest = there;
-            is_found = true;
+            found = at;
         }
     }
-    nearest.owner = select(0u, owner, is_found);
-    return nearest;
+    return found;
 }
 #endif
 

@@ -42,7 +42,8 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
         color = over_scene(color, opacity, scene, pixel + view.corner);
     }
 #ifdef INK
-    let part = ink_at(labels, depth, vec2<i32>(pixel), surface_at(labels, depth, vec2<i32>(pixel)));
+    let center = surface_at(labels, depth, vec2<i32>(pixel));
+    let part = ink_at(labels, depth, vec2<i32>(pixel), center, seen.a >= 1.0);
     if part > 0.0 {
         color = encode(inked(prop, props[prop].tint, decode(color), part));
     }

@@ -61,7 +61,7 @@ struct Beyond {
 }
 
 // `opposite` is on the other side of the center.
-fn beyond(center: Surface, there: Surface, opposite: Surface) -> Beyond {
+fn beyond(center: Surface, is_opaque: bool, there: Surface, opposite: Surface) -> Beyond {
     let prop = center.owner - 1u;
     let ink = labelings[prop].ink;
     let step = there.distance - center.distance;
@@ -72,7 +72,8 @@ fn beyond(center: Surface, there: Surface, opposite: Surface) -> Beyond {
     let before = select(0.0, center.distance - opposite.distance, opposite.owner == center.owner && opposite.has_depth);
     // Creases that are hardly deep enough are faint. Where noise decides, lines would be dots.
     let depth = (step - 2.0 * abs(before)) / labelings[prop].ink_crease;
-    let can_crease = (ink & INK_CREASES) != 0u && center.has_depth && there.has_depth;
+    // The depth of glass is that of its front or its back, wherever enough of it is.
+    let can_crease = (ink & INK_CREASES) != 0u && is_opaque && center.has_depth && there.has_depth;
     let crease = select(0.0, clamp(2.0 * depth - 2.0, 0.0, 1.0), can_crease);
     return Beyond(crease, select(0.0, 1.0, crease == 0.0 && is_border(prop, center.label, there.label)));
 }
@@ -101,8 +102,15 @@ fn distance_of(share: f32) -> f32 {
 // The least radius of the disk, in pixels: smaller ones would take noise for lines.
 const LEAST_RADIUS: f32 = 2.35;
 
-// Returns the part of a pixel that lines cover. `center` is what it sees of a prop, or would.
-fn ink_at(labels: texture_2d<u32>, depth: texture_depth_2d, pixel: vec2<i32>, center: Surface) -> f32 {
+// Returns the part of a pixel that lines cover. `center` is what it sees of a prop, or would, and `is_opaque` says whether
+// nothing shows through that.
+fn ink_at(
+    labels: texture_2d<u32>,
+    depth: texture_depth_2d,
+    pixel: vec2<i32>,
+    center: Surface,
+    is_opaque: bool,
+) -> f32 {
     if center.owner == 0u || labelings[center.owner - 1u].ink == 0u {
         return 0.0;
     }
@@ -123,8 +131,8 @@ fn ink_at(labels: texture_2d<u32>, depth: texture_depth_2d, pixel: vec2<i32>, ce
         let offset = vec2<i32>(round(away * vec2(cos(angle), sin(angle))));
         let first = surface_at(labels, depth, pixel + offset);
         let second = surface_at(labels, depth, pixel - offset);
-        let there = beyond(center, first, second);
-        let opposite = beyond(center, second, first);
+        let there = beyond(center, is_opaque, first, second);
+        let opposite = beyond(center, is_opaque, second, first);
         let is_seam = there.border * opposite.border > 0.0 && is_border(center.owner - 1u, first.label, second.label);
         sums += vec2(weight(there.edge, opposite.edge, false), weight(there.border, opposite.border, is_seam));
         has_edge = has_edge || there.edge + opposite.edge > 0.0;

@@ -47,6 +47,7 @@ pub struct Ink {
     pub silhouette: bool,
     /// Whether there are lines where the prop's depth breaks: where a part of it is in front of another one that is
     /// farther away by at least eight times `width`. These lines are faint, and those from twelve times on are not.
+    /// There are none on glass and haze, through which something shows.
     ///
     /// Defaults to true.
     pub creases: bool,

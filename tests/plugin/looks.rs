@@ -318,6 +318,25 @@ fn ink_fades_in_at_creases() {
     assert!(none == 0.0 && (0.1..0.9 * whole).contains(&faint) && whole > 0.7, "{none}, {faint}, {whole}");
 }
 
+/// Where the front of glass is just solid, its depth jumps to that of the back. This is no crease.
+#[test]
+fn glass_has_no_creases() {
+    let mut stage = Stage::new(SIZE);
+    let density = |at: DVec3| match at.length() {
+        0.66..0.7 => 3.0,
+        _ => 0.0,
+    };
+    stage.spawn_prop(&colored(7, density, |_| COLORS[1].into()), ());
+    stage.paint(FieldPalette::new(of_tones(&COLORS)));
+    stage.set_background(SKY);
+    stage.set(Transform::from_xyz(0.0, 0.0, 2.4).looking_at(Vec3::ZERO, Vec3::Y));
+    let mut look = Look(stage);
+    let ink = Ink { width: 0.02, silhouette: false, borders: InkBorders::None, ..default() };
+    let [none, creases] = [None, Some(ink)].map(|ink| look.capture(SIZE, Posterize::toon(), ink));
+    assert!(none.pixels().filter(|pixel| !is_sky(pixel)).count() > 1000);
+    assert_eq!(differing(&none, &creases, 0), 0);
+}
+
 /// Between two ramps, pixels of a third one that are no wider than the line are no holes in it.
 #[test]
 fn ink_covers_seams() {
